@@ -1,0 +1,317 @@
+/* SPDX-License-Identifier: Apache-2.0
+ * decode.h: reading .l4d streams. Safe on untrusted input: every failure is a status.
+ *
+ *   l4d_decoder_options options; l4d_decoder_options_init(&options);
+ *   l4d_decoder* decoder;
+ *   l4d_decoder_create(&options, &decoder);
+ *   l4d_decoder_open_file(decoder, "scene.l4d");
+ *   l4d_query query; l4d_query_init(&query);
+ *   query.kind = L4D_QUERY_TIME; query.time_begin = 2.5;
+ *   l4d_selection selection; l4d_selection_init(&selection);
+ *   l4d_decoder_select(decoder, &query, &selection);      // how many, how many bytes
+ *   ... allocate arrays of selection.num_gaussians ...
+ *   l4d_decoder_decode(decoder, &query, &buffers);
+ *   l4d_decoder_destroy(decoder);
+ */
+#ifndef L4D_DECODE_H
+#define L4D_DECODE_H
+
+#include "l4d/l4d.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef struct l4d_decoder l4d_decoder;
+
+enum { L4D_BACKEND_AUTO = 0, L4D_BACKEND_REFERENCE = 1, L4D_BACKEND_CPU = 2 };
+
+typedef struct l4d_decoder_options {
+  size_t struct_size;
+  l4d_limits limits;
+  uint32_t threads;     /* 0 = one per core; never changes the output */
+  uint32_t backend;     /* L4D_BACKEND_*; never changes the output */
+  uint64_t cache_bytes; /* budget of the bucket cache that time stepping uses; 0 = 512 MiB */
+} l4d_decoder_options;
+L4D_API void l4d_decoder_options_init_(l4d_decoder_options* options, size_t struct_size);
+#define l4d_decoder_options_init(options) l4d_decoder_options_init_((options), sizeof(*(options)))
+
+/* Makes a decoder with no stream. options may be NULL. */
+L4D_API l4d_status l4d_decoder_create(const l4d_decoder_options* options, l4d_decoder** out);
+L4D_API void l4d_decoder_destroy(l4d_decoder* decoder); /* accepts NULL */
+
+/* Detail of the last failure on this handle, "" if none: UTF-8, owned by the handle, valid until the
+ * next call on it. For people; never parse it. */
+L4D_API const char* l4d_decoder_error_detail(const l4d_decoder* decoder);
+
+/* Opens a stream: reads the file header and the scene header, O(layers) bytes and time. A stream
+ * already open is closed. `reader` is copied; what it refers to must live until close or destroy.
+ * `data` of open_memory is borrowed likewise.
+ * Fails with NOT_L4D, VERSION_UNSUPPORTED, FEATURE_UNSUPPORTED, TRUNCATED, CORRUPT, CHECKSUM,
+ * LIMIT_EXCEEDED, IO, OUT_OF_MEMORY. */
+L4D_API l4d_status l4d_decoder_open(l4d_decoder* decoder, const l4d_reader* reader);
+L4D_API l4d_status l4d_decoder_open_memory(l4d_decoder* decoder, const void* data, size_t size);
+L4D_API l4d_status l4d_decoder_open_file(l4d_decoder* decoder, const char* path);
+
+/* ---- what the stream is -------------------------------------------------------------------- */
+
+/* Coding tools (spec chapter "Tools"). A tool that is off costs no byte and runs no code. */
+enum {
+  L4D_TOOL_MOTION = 1u << 0,           /* some layer has temporal rotors */
+  L4D_TOOL_TEMPORAL_OPACITY = 1u << 1, /* some layer has mean times and temporal scales */
+  L4D_TOOL_VIEW_DEPENDENCE = 1u << 2,  /* SH degree above 0 */
+  L4D_TOOL_RESIDUAL_STAGES = 1u << 3,  /* some component has more than one stage */
+  L4D_TOOL_LITERALS = 1u << 4,         /* some component has literal escapes */
+  L4D_TOOL_RCQ = 1u << 5,              /* some block has its own codebook */
+  L4D_TOOL_LOSSLESS = 1u << 6          /* attributes are coded as raw float32 */
+};
+
+typedef struct l4d_info {
+  size_t struct_size;
+  uint32_t format_major;
+  uint32_t format_minor;
+  uint32_t development; /* 1: made by a draft of the format, no guarantee */
+  uint32_t sh_degree;
+  uint32_t flags; /* of the decoded arrays: L4D_POSITION_AT_MEAN_TIME, L4D_OPACITY_LOGIT */
+  uint32_t tools; /* L4D_TOOL_* */
+  uint32_t num_layers;
+  uint32_t reserved;
+  uint64_t num_gaussians;
+  uint64_t file_bytes;
+  l4d_timeline timeline;
+  double duration; /* seconds */
+  l4d_placement placement;
+} l4d_info;
+L4D_API void l4d_info_init_(l4d_info* info, size_t struct_size);
+#define l4d_info_init(info) l4d_info_init_((info), sizeof(*(info)))
+L4D_API l4d_status l4d_decoder_get_info(const l4d_decoder* decoder, l4d_info* info);
+
+typedef struct l4d_layer_info {
+  size_t struct_size;
+  uint32_t index;
+  uint32_t level;     /* temporal level: bucket width is duration / 2^(level + 1), level 0 one bucket */
+  uint32_t tools;     /* L4D_TOOL_* of this layer */
+  uint32_t permanent; /* 1: always visible, no temporal falloff */
+  uint64_t num_buckets;
+  uint64_t num_gaussians;
+  double bucket_width;      /* seconds */
+  uint64_t codebook_bytes;  /* stored */
+  uint32_t num_stages[L4D_COMPONENT_COUNT];
+  uint32_t codebook_size[L4D_COMPONENT_COUNT]; /* entries of stage 0; 0 = no codebook */
+} l4d_layer_info;
+L4D_API void l4d_layer_info_init_(l4d_layer_info* info, size_t struct_size);
+#define l4d_layer_info_init(info) l4d_layer_info_init_((info), sizeof(*(info)))
+L4D_API l4d_status l4d_decoder_get_layer_info(const l4d_decoder* decoder, uint32_t layer,
+                                              l4d_layer_info* info);
+
+/* Stored bytes of the whole file by what they hold; they add up to the file. Reads every directory
+ * page and every page's head. */
+enum {
+  L4D_SECTION_HEADER = 0, /* file header and scene header */
+  L4D_SECTION_DIRECTORY,  /* page tables, directory pages */
+  L4D_SECTION_CODEBOOKS,
+  L4D_SECTION_RCQ_TABLES,
+  L4D_SECTION_PAGE_OVERHEAD,
+  L4D_SECTION_POSITION,
+  L4D_SECTION_MEAN_T,
+  L4D_SECTION_OPACITY,
+  L4D_SECTION_SCALE_FACTOR,
+  L4D_SECTION_SH,
+  L4D_SECTION_SCALE,
+  L4D_SECTION_ROTOR_SPATIAL,
+  L4D_SECTION_ROTOR_TEMPORAL,
+  L4D_SECTION_COUNT
+};
+L4D_API const char* l4d_section_name(uint32_t section); /* "codebooks"; static; NULL if unknown */
+/* sections: [L4D_SECTION_COUNT]. layer_bytes: [num_layers] or NULL: directory, codebooks, tables and
+ * pages of each layer. */
+L4D_API l4d_status l4d_decoder_get_sections(l4d_decoder* decoder, uint64_t* sections,
+                                            uint64_t* layer_bytes);
+
+/* ---- selecting and decoding ---------------------------------------------------------------- */
+enum {
+  L4D_QUERY_ALL = 0,  /* the whole stream */
+  L4D_QUERY_TIME = 1, /* all buckets that may be visible at time_begin */
+  L4D_QUERY_RANGE = 2 /* all buckets that may be visible in [time_begin, time_end] */
+};
+typedef struct l4d_query {
+  size_t struct_size;
+  uint32_t kind;
+  uint32_t max_level;  /* finest temporal level wanted; UINT32_MAX (the default) = all */
+  double time_begin;   /* seconds; clamped to the sequence */
+  double time_end;
+} l4d_query;
+L4D_API void l4d_query_init_(l4d_query* query, size_t struct_size);
+#define l4d_query_init(query) l4d_query_init_((query), sizeof(*(query)))
+
+/* Gaussians of one bucket, contiguous in the decoded arrays: layer by layer, bucket by bucket, in
+ * stored order. */
+typedef struct l4d_range {
+  uint64_t first;
+  uint64_t count;
+  double center; /* bucket centre, seconds; mean_t_local is relative to it */
+  double width;  /* bucket width, seconds */
+  uint32_t layer;
+  uint32_t bucket;
+  uint32_t block; /* RCQ block of the layer, or L4D_NO_BLOCK */
+  uint32_t level; /* temporal level of the layer */
+} l4d_range;
+#define L4D_NO_BLOCK 0xffffffffu
+
+/* What a query costs, from the directory alone. */
+typedef struct l4d_selection {
+  size_t struct_size;
+  uint64_t num_gaussians;
+  uint64_t num_ranges;
+  uint64_t num_chunks;       /* pages */
+  uint64_t bytes;            /* stored bytes of those pages */
+  uint64_t directory_bytes;  /* stored bytes of directory read for this query, cached or not */
+} l4d_selection;
+L4D_API void l4d_selection_init_(l4d_selection* selection, size_t struct_size);
+#define l4d_selection_init(selection) l4d_selection_init_((selection), sizeof(*(selection)))
+L4D_API l4d_status l4d_decoder_select(l4d_decoder* decoder, const l4d_query* query,
+                                      l4d_selection* selection);
+
+/* Destination arrays, owned by the caller. A NULL array is not decoded and costs no time. */
+typedef struct l4d_gaussian_buffers {
+  size_t struct_size;
+  uint64_t capacity;     /* Gaussians each array can hold */
+  uint64_t count;        /* out */
+  float* position;       /* [N, 3] */
+  float* mean_t;         /* [N] seconds */
+  float* mean_t_local;   /* [N] seconds from the centre of the range: full precision at any time */
+  float* log_scale;      /* [N, 4] */
+  float* rotor;          /* [N, 8] unit, unless the stream is lossless */
+  float* opacity;        /* [N] */
+  float* sh;             /* [N, (D+1)^2, 3] */
+  l4d_range* ranges;     /* [range_capacity] or NULL */
+  uint64_t range_capacity;
+  uint64_t num_ranges;   /* out, where ranges is given */
+} l4d_gaussian_buffers;
+L4D_API void l4d_gaussian_buffers_init_(l4d_gaussian_buffers* buffers, size_t struct_size);
+#define l4d_gaussian_buffers_init(buffers) \
+  l4d_gaussian_buffers_init_((buffers), sizeof(*(buffers)))
+
+/* Decodes what the query selects. Reads only the pages of those buckets, and codebooks on first use.
+ * On failure the arrays hold unspecified values. Fails with INVALID_ARGUMENT where capacity is below
+ * the selection. */
+L4D_API l4d_status l4d_decoder_decode(l4d_decoder* decoder, const l4d_query* query,
+                                      l4d_gaussian_buffers* out);
+
+/* Packed form: what the stream holds, unpacked to whole integers and not dequantised, for players
+ * that keep data quantised. The codebooks come from l4d_decoder_get_codebook. */
+typedef struct l4d_packed_component {
+  uint8_t* depth;     /* [N]: number of stages summed, 255 = literal. NULL = not wanted */
+  uint16_t* index;    /* [num_stages][N], stage s of Gaussian i at s * capacity + i; 0 where unused */
+  uint16_t* literal;  /* [literal_capacity, dim] binary16 bits, in order of their Gaussians */
+  uint64_t literal_capacity;
+  uint64_t num_literals; /* out: also set when literal is NULL */
+} l4d_packed_component;
+typedef struct l4d_packed_buffers {
+  size_t struct_size;
+  uint64_t capacity;
+  uint64_t count;          /* out */
+  uint16_t* position;      /* [N, 3] binary16 bits in the coded frame */
+  uint16_t* mean_t;        /* [N] binary16 bits, bucket widths from the bucket centre */
+  uint16_t* opacity;       /* [N] SQ code */
+  uint16_t* scale_factor;  /* [N] SQ code */
+  l4d_packed_component component[L4D_COMPONENT_COUNT];
+  l4d_range* ranges;
+  uint64_t range_capacity;
+  uint64_t num_ranges;     /* out, where ranges is given */
+} l4d_packed_buffers;
+L4D_API void l4d_packed_buffers_init_(l4d_packed_buffers* buffers, size_t struct_size);
+#define l4d_packed_buffers_init(buffers) l4d_packed_buffers_init_((buffers), sizeof(*(buffers)))
+/* Fails with FEATURE_UNSUPPORTED on a lossless stream, which has no packed form. */
+L4D_API l4d_status l4d_decoder_decode_packed(l4d_decoder* decoder, const l4d_query* query,
+                                             l4d_packed_buffers* out);
+
+/* One codebook as float32, owned by the decoder, valid until it is closed, reopened or destroyed.
+ * `block`: L4D_NO_BLOCK, or (stage 0 of a component with RCQ) a block of the layer. SH codebooks are
+ * the same for every layer. */
+typedef struct l4d_codebook {
+  size_t struct_size;
+  const float* entries; /* [num_entries, dim]; NULL where the component has no such stage */
+  uint32_t num_entries;
+  uint32_t dim;
+} l4d_codebook;
+L4D_API void l4d_codebook_init_(l4d_codebook* codebook, size_t struct_size);
+#define l4d_codebook_init(codebook) l4d_codebook_init_((codebook), sizeof(*(codebook)))
+L4D_API l4d_status l4d_decoder_get_codebook(l4d_decoder* decoder, uint32_t layer,
+                                            uint32_t component, uint32_t stage, uint32_t block,
+                                            l4d_codebook* out);
+
+/* What turns packed integers of a layer into values: position = center + scale * half,
+ * opacity = opacity_offset + code * opacity_step, factor likewise. */
+typedef struct l4d_dequantization {
+  size_t struct_size;
+  float position_center[3];
+  float position_scale;
+  float opacity_offset, opacity_step;
+  float scale_factor_offset, scale_factor_step;
+} l4d_dequantization;
+L4D_API void l4d_dequantization_init_(l4d_dequantization* out, size_t struct_size);
+#define l4d_dequantization_init(out) l4d_dequantization_init_((out), sizeof(*(out)))
+L4D_API l4d_status l4d_decoder_get_dequantization(l4d_decoder* decoder, uint32_t layer,
+                                                  l4d_dequantization* out);
+
+/* ---- slicing ------------------------------------------------------------------------------- */
+
+/* 3D Gaussians at one instant (engineering: projected rows, positive semi-definite by
+ * construction). Not normative: equal within rounding between implementations, identical between the
+ * backends and thread counts of this library. */
+typedef struct l4d_splat_buffers {
+  size_t struct_size;
+  uint64_t capacity;
+  uint64_t count;     /* out: Gaussians visible at the time asked for */
+  float* position;    /* [M, 3] */
+  float* covariance;  /* [M, 6] xx xy xz yy yz zz */
+  float* opacity;     /* [M] in [0, 1], temporal falloff applied */
+  float* sh;          /* [M, (D+1)^2, 3] */
+} l4d_splat_buffers;
+L4D_API void l4d_splat_buffers_init_(l4d_splat_buffers* buffers, size_t struct_size);
+#define l4d_splat_buffers_init(buffers) l4d_splat_buffers_init_((buffers), sizeof(*(buffers)))
+/* Slices at `time` seconds (clamped to the sequence). Buckets come from a cache, so stepping forward
+ * decodes each bucket once. An upper bound of count is l4d_selection.num_gaussians of a TIME query.
+ * With all arrays NULL only `count` is computed. */
+L4D_API l4d_status l4d_decoder_slice(l4d_decoder* decoder, double time, l4d_splat_buffers* out);
+
+/* ---- counters and checking ----------------------------------------------------------------- */
+typedef struct l4d_counters {
+  size_t struct_size;
+  uint64_t reads;           /* calls of the reader */
+  uint64_t bytes_read;
+  uint64_t pages_decoded;
+  uint64_t buckets_decoded;
+  uint64_t cache_hits;      /* buckets */
+  uint64_t memory_bytes;    /* held now */
+  uint64_t peak_memory_bytes;
+} l4d_counters;
+L4D_API void l4d_counters_init_(l4d_counters* counters, size_t struct_size);
+#define l4d_counters_init(counters) l4d_counters_init_((counters), sizeof(*(counters)))
+L4D_API l4d_status l4d_decoder_get_counters(const l4d_decoder* decoder, l4d_counters* counters);
+
+/* One violation. Strings are valid during the callback. */
+typedef struct l4d_violation {
+  size_t struct_size;
+  l4d_status status;
+  uint32_t reserved;
+  const char* clause;  /* id of the MUST, "" if none */
+  uint64_t offset;     /* byte offset in the file, UINT64_MAX if none */
+  const char* message;
+} l4d_violation;
+typedef void (*l4d_violation_fn)(void* user, const l4d_violation* violation);
+
+/* Checks a whole stream against every MUST that a stream can break, including those a decoder need
+ * not check. Calls `fn` for each violation; goes on after those that leave the rest readable.
+ * Returns OK when the check ran to its end, whatever it found; *num_violations counts them. */
+L4D_API l4d_status l4d_validate(const l4d_reader* reader, const l4d_decoder_options* options,
+                                l4d_violation_fn fn, void* user, uint64_t* num_violations);
+
+/* Registered progress of decode calls; NULL removes it. */
+L4D_API l4d_status l4d_decoder_set_progress(l4d_decoder* decoder, l4d_progress_fn fn, void* user);
+
+#ifdef __cplusplus
+}
+#endif
+#endif /* L4D_DECODE_H */

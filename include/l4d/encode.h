@@ -1,0 +1,146 @@
+/* SPDX-License-Identifier: Apache-2.0
+ * encode.h: writing .l4d streams.
+ *
+ *   l4d_encoder* encoder;
+ *   l4d_encoder_create(NULL, &encoder);
+ *   l4d_encoder_set_preset(encoder, "default");
+ *   l4d_encoder_set_scene(encoder, &gaussians, &timeline, NULL);
+ *   l4d_encoder_encode_file(encoder, "scene.l4d");
+ *   l4d_encoder_destroy(encoder);
+ */
+#ifndef L4D_ENCODE_H
+#define L4D_ENCODE_H
+
+#include "l4d/l4d.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef struct l4d_encoder l4d_encoder;
+
+typedef struct l4d_encoder_options {
+  size_t struct_size;
+  uint32_t threads; /* 0 = one per core; never changes the output */
+  uint32_t reserved;
+  uint64_t seed;    /* equal seeds give equal files on one machine */
+} l4d_encoder_options;
+L4D_API void l4d_encoder_options_init_(l4d_encoder_options* options, size_t struct_size);
+#define l4d_encoder_options_init(options) l4d_encoder_options_init_((options), sizeof(*(options)))
+
+L4D_API l4d_status l4d_encoder_create(const l4d_encoder_options* options, l4d_encoder** out);
+L4D_API void l4d_encoder_destroy(l4d_encoder* encoder); /* accepts NULL */
+/* As l4d_decoder_error_detail. */
+L4D_API const char* l4d_encoder_error_detail(const l4d_encoder* encoder);
+L4D_API l4d_status l4d_encoder_set_progress(l4d_encoder* encoder, l4d_progress_fn fn, void* user);
+
+/* ---- parameters ---------------------------------------------------------------------------- */
+
+/* Replaces all parameters by those of a preset: "default" (one stage of 4096 per component),
+ * "high" (stages for 100, 50 and 25 % of 4096), "lossless" (float32 bits exactly, in any order).
+ * l4d_encoder_preset_name(i) lists them, NULL after the last. */
+L4D_API l4d_status l4d_encoder_set_preset(l4d_encoder* encoder, const char* name);
+L4D_API const char* l4d_encoder_preset_name(uint32_t index);
+L4D_API const char* l4d_encoder_preset_description(uint32_t index);
+
+/* Parameters are ids with a value, so that a new one changes no layout. `component` is an
+ * L4D_COMPONENT_*, or L4D_ALL_COMPONENTS; it must be the latter for parameters that have none. */
+#define L4D_ALL_COMPONENTS (-1)
+typedef enum l4d_encoder_parameter {
+  L4D_ENC_LOSSLESS = 0,         /* 0 | 1: raw float32 attributes */
+  L4D_ENC_CODEBOOK_SIZE = 1,    /* per component: entries of each stage, 1..65536 */
+  L4D_ENC_LITERAL_THRESHOLD = 2,/* per component: weight above which a vector stays literal; 0 = never */
+  L4D_ENC_RCQ = 3,              /* 0 never, 1 where it pays, 2 wherever allowed */
+  L4D_ENC_RCQ_SIZE = 4,         /* entries of a residual codebook, 1..4096 */
+  L4D_ENC_MERGE_FRACTION = 5,   /* a finest layer with fewer than this share is merged, 0..1 */
+  L4D_ENC_MERGE_COUNT = 6,      /* ... or with fewer Gaussians than this */
+  L4D_ENC_PRUNE_WEIGHT = 7,     /* drop Gaussians with alpha_t weight <= this; < 0 = never */
+  L4D_ENC_PAGE_SIZE = 8,        /* Gaussians per page, 64..65536 */
+  L4D_ENC_CLOSED_LOOP = 9,      /* 0 | 1: choose means so that decoded Gaussians are in place */
+  L4D_ENC_GAUGE = 10,           /* rotors: 0 as given, 1 sign, 2 nearest identity, 3 sorted scales */
+  L4D_ENC_OPACITY_BITS = 11,    /* 1..16 */
+  L4D_ENC_SCALE_FACTOR_BITS = 12, /* 1..16 */
+  L4D_ENC_KMEANS_ITERATIONS = 13, /* 0..1000 */
+  L4D_ENC_KMEANS_SAMPLE = 14,   /* training points per codeword, 1..1000000 */
+  L4D_ENC_ZSTD_LEVEL = 15,      /* 1..22 */
+  L4D_ENC_DROP_INVALID = 16,    /* 0 | 1: drop Gaussians with NaN, Inf or values out of range */
+  L4D_ENC_PARAMETER_COUNT = 17
+} l4d_encoder_parameter;
+L4D_API l4d_status l4d_encoder_set(l4d_encoder* encoder, l4d_encoder_parameter id,
+                                   int32_t component, double value);
+L4D_API l4d_status l4d_encoder_get(const l4d_encoder* encoder, l4d_encoder_parameter id,
+                                   int32_t component, double* value);
+typedef struct l4d_parameter_info {
+  size_t struct_size;
+  const char* name;        /* "codebook-size"; static */
+  const char* description; /* static */
+  double min, max;
+  uint32_t per_component;
+  uint32_t integer;
+} l4d_parameter_info;
+L4D_API void l4d_parameter_info_init_(l4d_parameter_info* info, size_t struct_size);
+#define l4d_parameter_info_init(info) l4d_parameter_info_init_((info), sizeof(*(info)))
+L4D_API l4d_status l4d_encoder_parameter_info(l4d_encoder_parameter id, l4d_parameter_info* info);
+
+/* Residual stages: stage s of a component is coded for the share fractions[s] of all Gaussians, those
+ * with the largest weight x squared residual. fractions: [num_stages], 1..L4D_MAX_STAGES of them,
+ * each in [0, 1] and none above the one before; the first is 1. */
+L4D_API l4d_status l4d_encoder_set_stages(l4d_encoder* encoder, int32_t component,
+                                          uint32_t num_stages, const float* fractions);
+
+/* ---- input --------------------------------------------------------------------------------- */
+
+/* Sets the scene. Arrays are borrowed until encode returns or another scene is set. placement may be
+ * NULL (identity). NaN, Inf and log scales outside [-16, 16] are refused by encode with
+ * INVALID_SCENE naming Gaussian and attribute, or dropped where DROP_INVALID is set. */
+L4D_API l4d_status l4d_encoder_set_scene(l4d_encoder* encoder, const l4d_gaussians* gaussians,
+                                         const l4d_timeline* timeline,
+                                         const l4d_placement* placement);
+
+/* Importance of each Gaussian, larger = more visible; finite and >= 0. weights: [count], borrowed as
+ * the scene is, NULL removes. ALPHA_T (accumulated alpha times transmittance, per pixel) serves
+ * pruning, and SH where that is not given. Where a component's own weights are missing ALPHA_T
+ * stands in, and without that a proxy of opacity, projected area and lifetime. */
+enum { L4D_WEIGHT_SH = 0, L4D_WEIGHT_SCALE = 1, L4D_WEIGHT_ROTOR_SPATIAL = 2,
+       L4D_WEIGHT_ROTOR_TEMPORAL = 3, L4D_WEIGHT_ALPHA_T = 4, L4D_WEIGHT_COUNT = 5 };
+L4D_API l4d_status l4d_encoder_set_weights(l4d_encoder* encoder, uint32_t which,
+                                           const float* weights, uint64_t count);
+
+/* A key and a UTF-8 value that go into the stream's metadata. Both are copied. */
+L4D_API l4d_status l4d_encoder_add_metadata(l4d_encoder* encoder, const char* key,
+                                            const char* value);
+
+/* ---- encoding ------------------------------------------------------------------------------ */
+L4D_API l4d_status l4d_encoder_encode(l4d_encoder* encoder, const l4d_writer* writer);
+/* Writes to a temporary file beside `path` and renames it on success; nothing is left on failure. */
+L4D_API l4d_status l4d_encoder_encode_file(l4d_encoder* encoder, const char* path);
+
+/* What the last successful encode did. */
+typedef struct l4d_encode_report {
+  size_t struct_size;
+  uint64_t input_gaussians;
+  uint64_t coded_gaussians;
+  uint64_t invalid_dropped;
+  uint64_t pruned;
+  uint64_t moved_to_coarser; /* decoded extent left the layer chosen from the input */
+  uint64_t raw_bytes;        /* 4 (17 + 3 (D+1)^2) per input Gaussian */
+  uint64_t file_bytes;
+  uint32_t num_stages;       /* timed steps, see l4d_encoder_get_stage */
+  uint32_t num_layers;
+  double total_seconds;
+} l4d_encode_report;
+L4D_API void l4d_encode_report_init_(l4d_encode_report* report, size_t struct_size);
+#define l4d_encode_report_init(report) l4d_encode_report_init_((report), sizeof(*(report)))
+L4D_API l4d_status l4d_encoder_get_report(const l4d_encoder* encoder, l4d_encode_report* report);
+/* order[i] = index in the scene given of the Gaussian that a decoder hands out as number i.
+ * order: [capacity], capacity >= coded_gaussians. */
+L4D_API l4d_status l4d_encoder_get_order(const l4d_encoder* encoder, uint32_t* order,
+                                         uint64_t capacity);
+/* Name (static) and wall seconds of step `index`. */
+L4D_API l4d_status l4d_encoder_get_stage(const l4d_encoder* encoder, uint32_t index,
+                                         const char** name, double* seconds);
+
+#ifdef __cplusplus
+}
+#endif
+#endif /* L4D_ENCODE_H */

@@ -1,0 +1,174 @@
+// SPDX-License-Identifier: Apache-2.0
+// l4d.hpp: owning handles over the C API, header-only C++17. Functions that can fail throw l4d::Error.
+#ifndef L4D_L4D_HPP
+#define L4D_L4D_HPP
+
+#include <memory>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "l4d/decode.h"
+#include "l4d/encode.h"
+
+namespace l4d {
+
+class Error : public std::runtime_error {
+ public:
+  Error(l4d_status status, const std::string& detail)
+      : std::runtime_error(std::string(l4d_status_name(status)) +
+                           (detail.empty() ? "" : ": " + detail)),
+        status_(status) {}
+  l4d_status status() const noexcept { return status_; }
+
+ private:
+  l4d_status status_;
+};
+
+// Decoded Gaussians with their arrays. Shapes as in l4d_gaussian_buffers.
+struct GaussianArrays {
+  uint32_t sh_degree = 0;
+  uint32_t flags = 0;
+  std::vector<float> position, mean_t, mean_t_local, log_scale, rotor, opacity, sh;
+  std::vector<l4d_range> ranges;
+  size_t count() const { return mean_t.size(); }
+};
+
+// 3D Gaussians of an instant. Shapes as in l4d_splat_buffers.
+struct SplatArrays {
+  uint32_t sh_degree = 0;
+  std::vector<float> position, covariance, opacity, sh;
+  size_t count() const { return opacity.size(); }
+};
+
+class DecoderHandle {
+ public:
+  explicit DecoderHandle(const l4d_decoder_options* options = nullptr) {
+    l4d_decoder* d = nullptr;
+    const l4d_status status = l4d_decoder_create(options, &d);
+    if (status != L4D_OK) throw Error(status, "");
+    handle_.reset(d);
+  }
+  l4d_decoder* get() const noexcept { return handle_.get(); }
+
+  void open_file(const std::string& path) { check(l4d_decoder_open_file(get(), path.c_str())); }
+  // Borrows the bytes for as long as the stream is open.
+  void open_memory(const void* data, size_t size) {
+    check(l4d_decoder_open_memory(get(), data, size));
+  }
+  void open(const l4d_reader& reader) { check(l4d_decoder_open(get(), &reader)); }
+
+  l4d_info info() const {
+    l4d_info i;
+    l4d_info_init(&i);
+    check(l4d_decoder_get_info(get(), &i));
+    return i;
+  }
+  l4d_selection select(const l4d_query& query) const {
+    l4d_selection s;
+    l4d_selection_init(&s);
+    check(l4d_decoder_select(get(), &query, &s));
+    return s;
+  }
+  GaussianArrays decode(const l4d_query& query) const {
+    const l4d_info i = info();
+    const l4d_selection s = select(query);
+    const size_t n = static_cast<size_t>(s.num_gaussians);
+    GaussianArrays a;
+    a.sh_degree = i.sh_degree;
+    a.flags = i.flags;
+    a.position.resize(3 * n);
+    a.mean_t.resize(n);
+    a.mean_t_local.resize(n);
+    a.log_scale.resize(4 * n);
+    a.rotor.resize(8 * n);
+    a.opacity.resize(n);
+    a.sh.resize(3 * (i.sh_degree + 1) * (i.sh_degree + 1) * n);
+    a.ranges.resize(static_cast<size_t>(s.num_ranges));
+    l4d_gaussian_buffers b;
+    l4d_gaussian_buffers_init(&b);
+    b.capacity = n;
+    b.position = a.position.data();
+    b.mean_t = a.mean_t.data();
+    b.mean_t_local = a.mean_t_local.data();
+    b.log_scale = a.log_scale.data();
+    b.rotor = a.rotor.data();
+    b.opacity = a.opacity.data();
+    b.sh = a.sh.data();
+    b.ranges = a.ranges.data();
+    b.range_capacity = a.ranges.size();
+    check(l4d_decoder_decode(get(), &query, &b));
+    return a;
+  }
+  SplatArrays slice(double time) const {
+    const l4d_info i = info();
+    l4d_splat_buffers b;
+    l4d_splat_buffers_init(&b);
+    check(l4d_decoder_slice(get(), time, &b));
+    const size_t n = static_cast<size_t>(b.count);
+    SplatArrays a;
+    a.sh_degree = i.sh_degree;
+    a.position.resize(3 * n);
+    a.covariance.resize(6 * n);
+    a.opacity.resize(n);
+    a.sh.resize(3 * (i.sh_degree + 1) * (i.sh_degree + 1) * n);
+    b.capacity = n;
+    b.position = a.position.data();
+    b.covariance = a.covariance.data();
+    b.opacity = a.opacity.data();
+    b.sh = a.sh.data();
+    check(l4d_decoder_slice(get(), time, &b));
+    return a;
+  }
+  void check(l4d_status status) const {
+    if (status != L4D_OK) throw Error(status, l4d_decoder_error_detail(get()));
+  }
+
+ private:
+  struct Destroy {
+    void operator()(l4d_decoder* d) const noexcept { l4d_decoder_destroy(d); }
+  };
+  std::unique_ptr<l4d_decoder, Destroy> handle_;
+};
+
+class EncoderHandle {
+ public:
+  explicit EncoderHandle(const l4d_encoder_options* options = nullptr) {
+    l4d_encoder* e = nullptr;
+    const l4d_status status = l4d_encoder_create(options, &e);
+    if (status != L4D_OK) throw Error(status, "");
+    handle_.reset(e);
+  }
+  l4d_encoder* get() const noexcept { return handle_.get(); }
+  void check(l4d_status status) const {
+    if (status != L4D_OK) throw Error(status, l4d_encoder_error_detail(get()));
+  }
+  // The whole stream in memory.
+  std::vector<unsigned char> encode() const {
+    std::vector<unsigned char> out;
+    l4d_writer w{};
+    w.struct_size = sizeof w;
+    w.user = &out;
+    w.write = [](void* user, const void* src, size_t n) -> int {
+      auto& bytes = *static_cast<std::vector<unsigned char>*>(user);
+      const auto* p = static_cast<const unsigned char*>(src);
+      try {
+        bytes.insert(bytes.end(), p, p + n);
+      } catch (...) {
+        return 1;
+      }
+      return 0;
+    };
+    check(l4d_encoder_encode(get(), &w));
+    return out;
+  }
+
+ private:
+  struct Destroy {
+    void operator()(l4d_encoder* e) const noexcept { l4d_encoder_destroy(e); }
+  };
+  std::unique_ptr<l4d_encoder, Destroy> handle_;
+};
+
+}  // namespace l4d
+#endif  // L4D_L4D_HPP
