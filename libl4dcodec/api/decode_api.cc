@@ -1,0 +1,298 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "decoder/decoder.h"
+#include "l4d/decode.h"
+#include "libl4dcodec/api/common.h"
+
+using l4d::Status;
+using l4d::api::guard;
+using l4d::api::init_struct;
+using l4d::api::read_struct;
+using l4d::api::write_struct;
+
+struct l4d_decoder {
+  explicit l4d_decoder(const l4d_decoder_options& options) : impl(options) {}
+  l4d::Decoder impl;
+  l4d::api::ErrorDetail error;
+};
+
+namespace {
+
+l4d_query default_query() {
+  l4d_query q{};
+  q.struct_size = sizeof q;
+  q.kind = L4D_QUERY_ALL;
+  q.max_level = UINT32_MAX;
+  return q;
+}
+
+// The work of a call on an open decoder, its failure kept on the handle.
+template <typename Body>
+l4d_status with_stream(l4d_decoder* decoder, bool arguments_ok, const Body& body) {
+  if (decoder == nullptr) return L4D_ERR_INVALID_ARGUMENT;
+  return decoder->error.keep(guard([&]() -> Status {
+    if (!arguments_ok) return l4d::invalid_argument("a required pointer is NULL");
+    if (!decoder->impl.is_open()) return Status(L4D_ERR_INVALID_STATE, "no stream is open");
+    return body(decoder->impl);
+  }));
+}
+
+uint32_t layer_tools(const l4d::SceneHeader& header, const l4d::LayerHeader& layer) {
+  uint32_t tools = 0;
+  const auto& spatial = layer.component[L4D_COMPONENT_ROTOR_SPATIAL];
+  const auto& temporal = layer.component[L4D_COMPONENT_ROTOR_TEMPORAL];
+  if (temporal.coding != l4d::ComponentCodingId::kZero) tools |= L4D_TOOL_MOTION;
+  if (!layer.permanent) tools |= L4D_TOOL_TEMPORAL_OPACITY;
+  if (header.sh_degree > 0) tools |= L4D_TOOL_VIEW_DEPENDENCE;
+  if (spatial.coding == l4d::ComponentCodingId::kRaw32) tools |= L4D_TOOL_LOSSLESS;
+  for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
+    const l4d::ComponentCoding& coding = header.component(layer, c);
+    if (coding.stages.size() > 1) tools |= L4D_TOOL_RESIDUAL_STAGES;
+    if (coding.literals) tools |= L4D_TOOL_LITERALS;
+    if (coding.has_rcq) tools |= L4D_TOOL_RCQ;
+  }
+  return tools;
+}
+
+}  // namespace
+
+extern "C" {
+
+void l4d_decoder_options_init_(l4d_decoder_options* options, size_t struct_size) {
+  l4d_decoder_options d{};
+  d.limits.struct_size = sizeof d.limits;
+  init_struct(options, struct_size, d);
+}
+void l4d_info_init_(l4d_info* info, size_t struct_size) { init_struct(info, struct_size, {}); }
+void l4d_layer_info_init_(l4d_layer_info* info, size_t struct_size) {
+  init_struct(info, struct_size, {});
+}
+void l4d_query_init_(l4d_query* query, size_t struct_size) {
+  init_struct(query, struct_size, default_query());
+}
+void l4d_selection_init_(l4d_selection* s, size_t struct_size) { init_struct(s, struct_size, {}); }
+void l4d_gaussian_buffers_init_(l4d_gaussian_buffers* b, size_t struct_size) {
+  init_struct(b, struct_size, {});
+}
+void l4d_packed_buffers_init_(l4d_packed_buffers* b, size_t struct_size) {
+  init_struct(b, struct_size, {});
+}
+void l4d_codebook_init_(l4d_codebook* c, size_t struct_size) { init_struct(c, struct_size, {}); }
+void l4d_dequantization_init_(l4d_dequantization* d, size_t struct_size) {
+  init_struct(d, struct_size, {});
+}
+void l4d_splat_buffers_init_(l4d_splat_buffers* b, size_t struct_size) {
+  init_struct(b, struct_size, {});
+}
+void l4d_counters_init_(l4d_counters* c, size_t struct_size) { init_struct(c, struct_size, {}); }
+
+l4d_status l4d_decoder_create(const l4d_decoder_options* options, l4d_decoder** out) {
+  if (out == nullptr) return L4D_ERR_INVALID_ARGUMENT;
+  l4d_decoder_options resolved{};
+  if (options != nullptr) resolved = read_struct(*options, resolved);
+  if (resolved.backend > L4D_BACKEND_CPU) return L4D_ERR_FEATURE_UNSUPPORTED;
+  return guard([&]() -> Status {
+           *out = new l4d_decoder(resolved);
+           return {};
+         })
+      .code();
+}
+
+void l4d_decoder_destroy(l4d_decoder* decoder) { delete decoder; }
+
+const char* l4d_decoder_error_detail(const l4d_decoder* decoder) {
+  return decoder == nullptr ? "" : decoder->error.c_str();
+}
+
+l4d_status l4d_decoder_open(l4d_decoder* decoder, const l4d_reader* reader) {
+  if (decoder == nullptr) return L4D_ERR_INVALID_ARGUMENT;
+  return decoder->error.keep(guard([&]() -> Status {
+    if (reader == nullptr) return l4d::invalid_argument("reader is NULL");
+    l4d::ByteSource source;
+    L4D_RETURN_IF_ERROR(l4d::ByteSource::from_reader(*reader, &source));
+    return decoder->impl.open(std::move(source));
+  }));
+}
+
+l4d_status l4d_decoder_open_memory(l4d_decoder* decoder, const void* data, size_t size) {
+  if (decoder == nullptr) return L4D_ERR_INVALID_ARGUMENT;
+  return decoder->error.keep(guard([&]() -> Status {
+    if (data == nullptr && size > 0) return l4d::invalid_argument("data is NULL");
+    return decoder->impl.open(l4d::ByteSource::from_memory(
+        l4d::ByteSpan(static_cast<const unsigned char*>(data), size)));
+  }));
+}
+
+l4d_status l4d_decoder_open_file(l4d_decoder* decoder, const char* path) {
+  if (decoder == nullptr) return L4D_ERR_INVALID_ARGUMENT;
+  return decoder->error.keep(guard([&]() -> Status {
+    if (path == nullptr) return l4d::invalid_argument("path is NULL");
+    return decoder->impl.open_file(path);
+  }));
+}
+
+l4d_status l4d_decoder_get_info(const l4d_decoder* decoder, l4d_info* info) {
+  if (decoder == nullptr || info == nullptr) return L4D_ERR_INVALID_ARGUMENT;
+  if (!decoder->impl.is_open()) return L4D_ERR_INVALID_STATE;
+  const l4d::FileHeader& file = decoder->impl.file().file_header();
+  const l4d::SceneHeader& header = decoder->impl.file().header();
+  l4d_info i{};
+  i.format_major = file.version_major;
+  i.format_minor = file.version_minor;
+  i.development = (file.flags & l4d::FileHeader::kDevelopmentFlag) != 0;
+  i.sh_degree = header.sh_degree;
+  i.flags = (header.position_at_mean_time ? uint32_t{L4D_POSITION_AT_MEAN_TIME} : 0u) |
+            (header.opacity_logit ? uint32_t{L4D_OPACITY_LOGIT} : 0u);
+  i.num_layers = static_cast<uint32_t>(header.layers.size());
+  if (header.sh_degree > 0) i.tools |= L4D_TOOL_VIEW_DEPENDENCE;
+  for (const l4d::LayerHeader& layer : header.layers) {
+    if (layer.num_gaussians > 0) i.tools |= layer_tools(header, layer);
+  }
+  i.num_gaussians = header.num_gaussians;
+  i.file_bytes = decoder->impl.file().source().size();
+  i.timeline = header.timeline;
+  i.duration = l4d::sequence_duration(header.timeline);
+  i.placement = header.placement;
+  write_struct(i, info);
+  return L4D_OK;
+}
+
+l4d_status l4d_decoder_get_layer_info(const l4d_decoder* decoder, uint32_t index,
+                                      l4d_layer_info* info) {
+  if (decoder == nullptr || info == nullptr) return L4D_ERR_INVALID_ARGUMENT;
+  if (!decoder->impl.is_open()) return L4D_ERR_INVALID_STATE;
+  const l4d::SceneHeader& header = decoder->impl.file().header();
+  if (index >= header.layers.size()) return L4D_ERR_INVALID_ARGUMENT;
+  const l4d::LayerHeader& layer = header.layers[index];
+  l4d_layer_info i{};
+  i.index = index;
+  i.level = layer.level;
+  i.permanent = layer.permanent;
+  i.tools = layer_tools(header, layer);
+  i.num_buckets = l4d::num_buckets(layer.level);
+  i.num_gaussians = layer.num_gaussians;
+  i.bucket_width = l4d::bucket_width(header.timeline, layer.level);
+  i.codebook_bytes = decoder->impl.file().codebook_stored_bytes(index);
+  for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
+    const l4d::ComponentCoding& coding = header.component(layer, c);
+    i.num_stages[c] = static_cast<uint32_t>(coding.stages.size());
+    i.codebook_size[c] = coding.stages.empty() ? 0 : coding.stages[0].num_entries;
+  }
+  write_struct(i, info);
+  return L4D_OK;
+}
+
+l4d_status l4d_decoder_get_sections(l4d_decoder* decoder, uint64_t* sections,
+                                    uint64_t* layer_bytes) {
+  return with_stream(decoder, sections != nullptr,
+                     [&](l4d::Decoder& d) { return d.sections(sections, layer_bytes); });
+}
+
+l4d_status l4d_decoder_select(l4d_decoder* decoder, const l4d_query* query,
+                              l4d_selection* selection) {
+  return with_stream(decoder, query != nullptr && selection != nullptr,
+                     [&](l4d::Decoder& d) -> Status {
+                       l4d_selection s{};
+                       L4D_RETURN_IF_ERROR(d.select(read_struct(*query, default_query()), &s));
+                       write_struct(s, selection);
+                       return {};
+                     });
+}
+
+l4d_status l4d_decoder_decode(l4d_decoder* decoder, const l4d_query* query,
+                              l4d_gaussian_buffers* out) {
+  return with_stream(decoder, query != nullptr && out != nullptr, [&](l4d::Decoder& d) -> Status {
+    l4d_gaussian_buffers buffers = read_struct(*out, l4d_gaussian_buffers{});
+    L4D_RETURN_IF_ERROR(d.decode(read_struct(*query, default_query()), &buffers));
+    write_struct(buffers, out);
+    return {};
+  });
+}
+
+l4d_status l4d_decoder_decode_packed(l4d_decoder* decoder, const l4d_query* query,
+                                     l4d_packed_buffers* out) {
+  return with_stream(decoder, query != nullptr && out != nullptr, [&](l4d::Decoder& d) -> Status {
+    l4d_packed_buffers buffers = read_struct(*out, l4d_packed_buffers{});
+    L4D_RETURN_IF_ERROR(d.decode_packed(read_struct(*query, default_query()), &buffers));
+    write_struct(buffers, out);
+    return {};
+  });
+}
+
+l4d_status l4d_decoder_get_codebook(l4d_decoder* decoder, uint32_t layer, uint32_t component,
+                                    uint32_t stage, uint32_t block, l4d_codebook* out) {
+  return with_stream(decoder, out != nullptr, [&](l4d::Decoder& d) -> Status {
+    l4d_codebook book{};
+    L4D_RETURN_IF_ERROR(d.codebook(layer, component, stage, block, &book));
+    write_struct(book, out);
+    return {};
+  });
+}
+
+l4d_status l4d_decoder_get_dequantization(l4d_decoder* decoder, uint32_t layer,
+                                          l4d_dequantization* out) {
+  return with_stream(decoder, out != nullptr, [&](l4d::Decoder& d) -> Status {
+    const l4d::SceneHeader& header = d.file().header();
+    if (layer >= header.layers.size()) return l4d::invalid_argument("no such layer");
+    const l4d::ScalarCoding& factor = header.layers[layer].scale_factor;
+    l4d_dequantization q{};
+    std::copy_n(header.position_center, 3, q.position_center);
+    q.position_scale = header.position_scale;
+    q.opacity_offset = header.opacity.offset;
+    q.opacity_step = header.opacity.step;
+    q.scale_factor_offset = factor.offset;
+    q.scale_factor_step = factor.step;
+    write_struct(q, out);
+    return {};
+  });
+}
+
+l4d_status l4d_decoder_slice(l4d_decoder* decoder, double time, l4d_splat_buffers* out) {
+  return with_stream(decoder, out != nullptr, [&](l4d::Decoder& d) -> Status {
+    l4d_splat_buffers buffers = read_struct(*out, l4d_splat_buffers{});
+    L4D_RETURN_IF_ERROR(d.slice(time, &buffers));
+    write_struct(buffers, out);
+    return {};
+  });
+}
+
+l4d_status l4d_decoder_get_counters(const l4d_decoder* decoder, l4d_counters* counters) {
+  if (decoder == nullptr || counters == nullptr) return L4D_ERR_INVALID_ARGUMENT;
+  if (!decoder->impl.is_open()) return L4D_ERR_INVALID_STATE;
+  l4d_counters c{};
+  decoder->impl.counters(&c);
+  write_struct(c, counters);
+  return L4D_OK;
+}
+
+l4d_status l4d_decoder_set_progress(l4d_decoder* decoder, l4d_progress_fn fn, void* user) {
+  if (decoder == nullptr) return L4D_ERR_INVALID_ARGUMENT;
+  decoder->impl.set_progress(fn, user);
+  return L4D_OK;
+}
+
+l4d_status l4d_validate(const l4d_reader* reader, const l4d_decoder_options* options,
+                        l4d_violation_fn fn, void* user, uint64_t* num_violations) {
+  if (reader == nullptr || num_violations == nullptr) return L4D_ERR_INVALID_ARGUMENT;
+  l4d_decoder_options resolved{};
+  if (options != nullptr) resolved = read_struct(*options, resolved);
+  uint64_t count = 0;
+  const Status status = guard([&]() -> Status {
+    l4d::ByteSource source;
+    L4D_RETURN_IF_ERROR(l4d::ByteSource::from_reader(*reader, &source));
+    return l4d::validate_stream(std::move(source), resolved, [&](const Status& s) {
+      ++count;
+      if (fn == nullptr) return;
+      l4d_violation v{};
+      v.struct_size = sizeof v;
+      v.status = s.code();
+      v.clause = s.clause();
+      v.offset = s.offset();
+      v.message = s.message().c_str();
+      fn(user, &v);
+    });
+  });
+  *num_violations = count;
+  return status.code();
+}
+
+}  // extern "C"

@@ -1,0 +1,261 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "l4d/encode.h"
+
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstdio>
+#include <string>
+
+#include "encoder/encoder.h"
+#include "libl4dcodec/api/common.h"
+
+using l4d::Status;
+using l4d::api::guard;
+using l4d::api::init_struct;
+using l4d::api::read_struct;
+using l4d::api::write_struct;
+
+struct l4d_encoder {
+  explicit l4d_encoder(const l4d_encoder_options& options) : impl(options) {}
+  l4d::Encoder impl;
+  l4d::api::ErrorDetail error;
+};
+
+namespace {
+
+template <typename Body>
+l4d_status with_encoder(l4d_encoder* encoder, const Body& body) {
+  if (encoder == nullptr) return L4D_ERR_INVALID_ARGUMENT;
+  return encoder->error.keep(guard([&] { return body(encoder->impl); }));
+}
+
+// A file that takes its name only when it is whole, and leaves nothing behind otherwise.
+class AtomicFile {
+ public:
+  ~AtomicFile() {
+    if (fd_ >= 0) ::close(fd_);
+    if (!temporary_.empty()) ::unlink(temporary_.c_str());
+  }
+  Status open(const std::string& path) {
+    path_ = path;
+    for (int attempt = 0; attempt < 1000 && fd_ < 0; ++attempt) {
+      temporary_ = path + ".tmp-" + std::to_string(::getpid()) + "-" + std::to_string(attempt);
+      fd_ = ::open(temporary_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+      if (fd_ < 0 && errno != EEXIST) break;
+    }
+    if (fd_ < 0) {
+      temporary_.clear();  // not ours
+      return failure("cannot create a temporary file beside");
+    }
+    return {};
+  }
+  bool write(const unsigned char* data, size_t n) {
+    while (n > 0) {
+      const ssize_t done = ::write(fd_, data, n);
+      if (done < 0 && errno == EINTR) continue;
+      if (done <= 0) return false;
+      data += done;
+      n -= static_cast<size_t>(done);
+    }
+    return true;
+  }
+  Status commit() {
+    const int fd = fd_;
+    fd_ = -1;
+    if (::close(fd) != 0) return failure("cannot finish writing");
+    if (std::rename(temporary_.c_str(), path_.c_str()) != 0) return failure("cannot rename to");
+    temporary_.clear();
+    return {};
+  }
+  Status failure(const char* what) const {
+    return Status(L4D_ERR_IO, std::string(what) + " '" + path_ + "': " + std::strerror(errno));
+  }
+
+ private:
+  std::string path_, temporary_;
+  int fd_ = -1;
+};
+
+}  // namespace
+
+extern "C" {
+
+void l4d_encoder_options_init_(l4d_encoder_options* options, size_t struct_size) {
+  init_struct(options, struct_size, {});
+}
+void l4d_parameter_info_init_(l4d_parameter_info* info, size_t struct_size) {
+  init_struct(info, struct_size, {});
+}
+void l4d_encode_report_init_(l4d_encode_report* report, size_t struct_size) {
+  init_struct(report, struct_size, {});
+}
+
+l4d_status l4d_encoder_create(const l4d_encoder_options* options, l4d_encoder** out) {
+  if (out == nullptr) return L4D_ERR_INVALID_ARGUMENT;
+  l4d_encoder_options resolved{};
+  if (options != nullptr) resolved = read_struct(*options, resolved);
+  return guard([&]() -> Status {
+           *out = new l4d_encoder(resolved);
+           return {};
+         })
+      .code();
+}
+
+void l4d_encoder_destroy(l4d_encoder* encoder) { delete encoder; }
+
+const char* l4d_encoder_error_detail(const l4d_encoder* encoder) {
+  return encoder == nullptr ? "" : encoder->error.c_str();
+}
+
+l4d_status l4d_encoder_set_progress(l4d_encoder* encoder, l4d_progress_fn fn, void* user) {
+  if (encoder == nullptr) return L4D_ERR_INVALID_ARGUMENT;
+  encoder->impl.set_progress(fn, user);
+  return L4D_OK;
+}
+
+l4d_status l4d_encoder_set_preset(l4d_encoder* encoder, const char* name) {
+  return with_encoder(encoder, [&](l4d::Encoder& e) -> Status {
+    if (name == nullptr) return l4d::invalid_argument("name is NULL");
+    return e.settings().set_preset(name);
+  });
+}
+
+const char* l4d_encoder_preset_name(uint32_t index) {
+  const l4d::PresetDescription* p = l4d::describe_preset(index);
+  return p == nullptr ? nullptr : p->name;
+}
+
+const char* l4d_encoder_preset_description(uint32_t index) {
+  const l4d::PresetDescription* p = l4d::describe_preset(index);
+  return p == nullptr ? nullptr : p->description;
+}
+
+l4d_status l4d_encoder_set(l4d_encoder* encoder, l4d_encoder_parameter id, int32_t component,
+                           double value) {
+  return with_encoder(encoder,
+                      [&](l4d::Encoder& e) { return e.settings().set(id, component, value); });
+}
+
+l4d_status l4d_encoder_get(const l4d_encoder* encoder, l4d_encoder_parameter id, int32_t component,
+                           double* value) {
+  if (encoder == nullptr || value == nullptr || static_cast<int>(id) < 0 ||
+      id >= L4D_ENC_PARAMETER_COUNT || component < L4D_ALL_COMPONENTS ||
+      component >= L4D_COMPONENT_COUNT) {
+    return L4D_ERR_INVALID_ARGUMENT;
+  }
+  *value = encoder->impl.settings().get(id, std::max(component, 0));
+  return L4D_OK;
+}
+
+l4d_status l4d_encoder_parameter_info(l4d_encoder_parameter id, l4d_parameter_info* info) {
+  if (info == nullptr || static_cast<int>(id) < 0 || id >= L4D_ENC_PARAMETER_COUNT) {
+    return L4D_ERR_INVALID_ARGUMENT;
+  }
+  const l4d::ParameterDescription& p = l4d::describe_parameter(id);
+  l4d_parameter_info i{};
+  i.name = p.name;
+  i.description = p.description;
+  i.min = p.min;
+  i.max = p.max;
+  i.per_component = p.per_component;
+  i.integer = p.integer;
+  write_struct(i, info);
+  return L4D_OK;
+}
+
+l4d_status l4d_encoder_set_stages(l4d_encoder* encoder, int32_t component, uint32_t num_stages,
+                                  const float* fractions) {
+  return with_encoder(encoder, [&](l4d::Encoder& e) -> Status {
+    if (fractions == nullptr || num_stages > L4D_MAX_STAGES) {
+      return l4d::invalid_argument("stages: 1 to 8 fractions, the first of them 1");
+    }
+    return e.settings().set_stages(component,
+                                   std::vector<float>(fractions, fractions + num_stages));
+  });
+}
+
+l4d_status l4d_encoder_set_scene(l4d_encoder* encoder, const l4d_gaussians* gaussians,
+                                 const l4d_timeline* timeline, const l4d_placement* placement) {
+  return with_encoder(encoder, [&](l4d::Encoder& e) -> Status {
+    if (gaussians == nullptr || timeline == nullptr) {
+      return l4d::invalid_argument("gaussians or timeline is NULL");
+    }
+    l4d_placement p{};
+    p.scale = 1;
+    return e.set_scene(read_struct(*gaussians, l4d_gaussians{}), *timeline,
+                       placement == nullptr ? p : *placement);
+  });
+}
+
+l4d_status l4d_encoder_set_weights(l4d_encoder* encoder, uint32_t which, const float* weights,
+                                   uint64_t count) {
+  return with_encoder(encoder,
+                      [&](l4d::Encoder& e) { return e.set_weights(which, weights, count); });
+}
+
+l4d_status l4d_encoder_add_metadata(l4d_encoder* encoder, const char* key, const char* value) {
+  return with_encoder(encoder, [&](l4d::Encoder& e) -> Status {
+    if (key == nullptr || value == nullptr) return l4d::invalid_argument("key or value is NULL");
+    e.add_metadata(key, value);
+    return {};
+  });
+}
+
+l4d_status l4d_encoder_encode(l4d_encoder* encoder, const l4d_writer* writer) {
+  return with_encoder(encoder, [&](l4d::Encoder& e) -> Status {
+    if (writer == nullptr || writer->struct_size < sizeof(l4d_writer) || writer->write == nullptr) {
+      return l4d::invalid_argument("the writer lacks its callback or its struct_size");
+    }
+    return e.encode([&](const unsigned char* data, size_t n) {
+      return writer->write(writer->user, data, n) == 0;
+    });
+  });
+}
+
+l4d_status l4d_encoder_encode_file(l4d_encoder* encoder, const char* path) {
+  return with_encoder(encoder, [&](l4d::Encoder& e) -> Status {
+    if (path == nullptr) return l4d::invalid_argument("path is NULL");
+    AtomicFile file;
+    L4D_RETURN_IF_ERROR(file.open(path));
+    Status failed;
+    const Status status = e.encode([&](const unsigned char* data, size_t n) {
+      if (file.write(data, n)) return true;
+      failed = file.failure("cannot write");
+      return false;
+    });
+    if (!failed.ok()) return failed;
+    if (!status.ok()) return status;
+    return file.commit();
+  });
+}
+
+l4d_status l4d_encoder_get_report(const l4d_encoder* encoder, l4d_encode_report* report) {
+  if (encoder == nullptr || report == nullptr) return L4D_ERR_INVALID_ARGUMENT;
+  if (encoder->impl.report() == nullptr) return L4D_ERR_INVALID_STATE;
+  write_struct(encoder->impl.report()->totals, report);
+  return L4D_OK;
+}
+
+l4d_status l4d_encoder_get_order(const l4d_encoder* encoder, uint32_t* order, uint64_t capacity) {
+  if (encoder == nullptr || order == nullptr) return L4D_ERR_INVALID_ARGUMENT;
+  if (encoder->impl.report() == nullptr) return L4D_ERR_INVALID_STATE;
+  const std::vector<uint32_t>& from = encoder->impl.report()->order;
+  if (capacity < from.size()) return L4D_ERR_INVALID_ARGUMENT;
+  std::copy(from.begin(), from.end(), order);
+  return L4D_OK;
+}
+
+l4d_status l4d_encoder_get_stage(const l4d_encoder* encoder, uint32_t index, const char** name,
+                                 double* seconds) {
+  if (encoder == nullptr || name == nullptr || seconds == nullptr) return L4D_ERR_INVALID_ARGUMENT;
+  if (encoder->impl.report() == nullptr) return L4D_ERR_INVALID_STATE;
+  const auto& stages = encoder->impl.report()->stages;
+  if (index >= stages.size()) return L4D_ERR_INVALID_ARGUMENT;
+  *name = stages[index].first;
+  *seconds = stages[index].second;
+  return L4D_OK;
+}
+
+}  // extern "C"

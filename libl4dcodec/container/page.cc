@@ -1,0 +1,263 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "libl4dcodec/container/page.h"
+
+#include <algorithm>
+
+#include "libl4dcodec/quant/ordered.h"
+
+namespace l4d {
+namespace {
+
+template <typename T>
+void grow(std::vector<T>& v, size_t n) {
+  if (v.size() < n) v.resize(n);
+}
+
+// Reads the streams of one page in their order, counting bytes by section.
+class PageParser {
+ public:
+  PageParser(StreamDecoder& decoder, ByteSpan raw, uint64_t base, size_t n, PageColumns* out,
+             SectionBytes* sections)
+      : decoder_(decoder), in_(raw), base_(base), n_(n), out_(*out), sections_(sections) {}
+
+  Status parse(const SceneHeader& header, const LayerHeader& layer, const BlockRecord* block,
+               const PageWants& wants) {
+    out_.n = n_;
+    for (unsigned axis = 0; axis < 3; ++axis) {
+      L4D_RETURN_IF_ERROR(mean(header.position, wants.position, &out_.position[axis],
+                               &out_.raw_position[axis]));
+    }
+    count(L4D_SECTION_POSITION);
+    if (layer.mean_t != MeanCodingId::kNone) {
+      L4D_RETURN_IF_ERROR(mean(layer.mean_t, wants.mean_t, &out_.mean_t, &out_.raw_mean_t));
+    }
+    count(L4D_SECTION_MEAN_T);
+    L4D_RETURN_IF_ERROR(scalar(header.opacity, wants.opacity, &out_.opacity, &out_.raw_opacity));
+    count(L4D_SECTION_OPACITY);
+    L4D_RETURN_IF_ERROR(
+        scalar(layer.scale_factor, wants.scale, &out_.scale_factor, &out_.raw_scale_factor));
+    count(L4D_SECTION_SCALE_FACTOR);
+    const bool want[L4D_COMPONENT_COUNT] = {wants.sh, wants.scale, wants.rotor, wants.rotor};
+    for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
+      L4D_RETURN_IF_ERROR(component(header.component(layer, c), header.component_dim(layer, c),
+                                    stage0_entries(header, layer, c, block), want[c],
+                                    &out_.component[c]));
+      count(L4D_SECTION_SH + c);
+    }
+    if (in_.remaining() != 0) {
+      return corrupt("PAGE-1", base_ + in_.position(),
+                     std::to_string(in_.remaining()) + " bytes left over at the end of a page");
+    }
+    return {};
+  }
+
+ private:
+  void count(unsigned section) {
+    if (sections_ != nullptr) (*sections_)[section] += in_.position() - counted_;
+    counted_ = in_.position();
+  }
+
+  Status halves(bool wanted, size_t n, const char* clause, uint16_t* dst) {
+    if (!wanted) return skip_stream(in_, base_, n, 16);
+    const uint64_t at = base_ + in_.position();
+    L4D_RETURN_IF_ERROR(decode_stream(decoder_, in_, base_, n, 16, 0, "", dst));
+    if (decoder_.kernels->unorder_halves(dst, n) >= 0x7c00u) {
+      return corrupt(clause, at, "a coded value is not finite");
+    }
+    return {};
+  }
+
+  Status raw(bool wanted, size_t n, float* dst, size_t stride) {
+    if (!wanted) return skip_stream(in_, base_, n, 32);
+    grow(raw_bits_, n);
+    L4D_RETURN_IF_ERROR(decode_stream32(decoder_, in_, base_, n, raw_bits_.data()));
+    for (size_t i = 0; i < n; ++i) dst[i * stride] = unorder_float(raw_bits_[i]);
+    return {};
+  }
+
+  Status mean(MeanCodingId coding, bool wanted, std::vector<uint16_t>* coded,
+              std::vector<float>* raw_values) {
+    if (coding == MeanCodingId::kF16) {
+      grow(*coded, n_);
+      return halves(wanted, n_, "VAL-1", coded->data());
+    }
+    grow(*raw_values, n_);
+    return raw(wanted, n_, raw_values->data(), 1);
+  }
+
+  Status scalar(const ScalarCoding& coding, bool wanted, std::vector<uint16_t>* codes,
+                std::vector<float>* raw_values) {
+    if (coding.coding == ScalarCodingId::kRaw32) {
+      grow(*raw_values, n_);
+      return raw(wanted, n_, raw_values->data(), 1);
+    }
+    if (coding.coding != ScalarCodingId::kSq) return {};
+    grow(*codes, n_);
+    if (!wanted) return skip_stream(in_, base_, n_, coding.bits);
+    return decode_stream(decoder_, in_, base_, n_, coding.bits, 0, "", codes->data());
+  }
+
+  Status component(const ComponentCoding& coding, unsigned dim, uint32_t entries0, bool wanted,
+                   ComponentColumns* out) {
+    if (coding.coding == ComponentCodingId::kRaw32) {
+      grow(out->raw, n_ * dim);
+      for (unsigned d = 0; d < dim; ++d) L4D_RETURN_IF_ERROR(raw(wanted, n_, out->raw.data() + d, dim));
+      return {};
+    }
+    if (!coding.vq()) return {};
+    const size_t stages = coding.stages.size();
+    std::fill(out->index_count.begin(), out->index_count.end(), size_t{0});
+    out->num_literals = 0;
+    if (coding.has_depth()) {
+      // Depths say how long the other streams are, so they are read even when those are skipped.
+      L4D_RETURN_IF_ERROR(depths(coding, stages, out));
+    } else {
+      std::fill(out->index_count.begin(), out->index_count.begin() + static_cast<long>(stages), n_);
+    }
+    for (size_t s = 0; s < stages; ++s) {
+      const uint32_t limit = s == 0 ? entries0 : coding.stages[s].num_entries;
+      if (!wanted) {
+        L4D_RETURN_IF_ERROR(skip_stream(in_, base_, out->index_count[s], bit_width(limit)));
+        continue;
+      }
+      grow(out->index[s], out->index_count[s]);
+      L4D_RETURN_IF_ERROR(decode_stream(decoder_, in_, base_, out->index_count[s], bit_width(limit),
+                                        limit, "VQ-2", out->index[s].data()));
+    }
+    return literals(dim, wanted, out);
+  }
+
+  Status depths(const ComponentCoding& coding, size_t stages, ComponentColumns* out) {
+    const uint64_t at = base_ + in_.position();
+    grow(codes_, n_);
+    grow(out->depth, n_);
+    L4D_RETURN_IF_ERROR(decode_stream(decoder_, in_, base_, n_, 4, 0, "", codes_.data()));
+    for (size_t i = 0; i < n_; ++i) {
+      const unsigned depth = codes_[i];
+      out->depth[i] = static_cast<uint8_t>(depth);
+      if (depth == kLiteralDepth && coding.literals) {
+        ++out->num_literals;
+      } else if (depth <= stages) {
+        for (size_t s = 0; s < depth; ++s) ++out->index_count[s];
+      } else {
+        return corrupt("VQ-1", at, "depth " + std::to_string(depth) + " of a component with " +
+                                       std::to_string(stages) + " stages");
+      }
+    }
+    return {};
+  }
+
+  Status literals(unsigned dim, bool wanted, ComponentColumns* out) {
+    const size_t n = out->num_literals;
+    grow(out->literal, n * dim);
+    grow(codes_, n);
+    for (unsigned d = 0; d < dim; ++d) {
+      L4D_RETURN_IF_ERROR(halves(wanted, n, "VAL-2", codes_.data()));
+      if (!wanted) continue;
+      for (size_t i = 0; i < n; ++i) out->literal[i * dim + d] = codes_[i];
+    }
+    return {};
+  }
+
+  StreamDecoder& decoder_;
+  ByteReader in_;
+  uint64_t base_;
+  size_t n_;
+  PageColumns& out_;
+  SectionBytes* sections_;
+  size_t counted_ = 0;
+  std::vector<uint32_t> raw_bits_;
+  std::vector<uint16_t> codes_;
+};
+
+class PageWriter {
+ public:
+  PageWriter(StreamEncoder& encoder, size_t n) : encoder_(encoder), n_(n), codes_(n) {}
+
+  // Neighbours in Morton order are close in space, so differences are tried for means; for other
+  // attributes they only cost encoding time.
+  void mean(MeanCodingId coding, const std::vector<uint16_t>& halves, const std::vector<float>& raw) {
+    if (coding == MeanCodingId::kF16) {
+      half_stream(halves.data(), 1, n_, true);
+    } else if (coding == MeanCodingId::kRaw32) {
+      raw_stream(raw.data(), 1, true);
+    }
+  }
+
+  void scalar(const ScalarCoding& coding, const std::vector<uint16_t>& codes,
+              const std::vector<float>& raw) {
+    if (coding.coding == ScalarCodingId::kRaw32) raw_stream(raw.data(), 1, false);
+    if (coding.coding == ScalarCodingId::kSq) {
+      encoder_.encode(codes.data(), n_, coding.bits, false, out_);
+    }
+  }
+
+  void component(const ComponentCoding& coding, unsigned dim, uint32_t entries0,
+                 const ComponentColumns& c) {
+    if (coding.coding == ComponentCodingId::kRaw32) {
+      for (unsigned d = 0; d < dim; ++d) raw_stream(c.raw.data() + d, dim, false);
+    }
+    if (!coding.vq()) return;
+    if (coding.has_depth()) {
+      for (size_t i = 0; i < n_; ++i) codes_[i] = c.depth[i];
+      encoder_.encode(codes_.data(), n_, 4, false, out_);
+    }
+    for (size_t s = 0; s < coding.stages.size(); ++s) {
+      const uint32_t limit = s == 0 ? entries0 : coding.stages[s].num_entries;
+      encoder_.encode(c.index[s].data(), c.index_count[s], bit_width(limit), false, out_);
+    }
+    for (unsigned d = 0; d < dim; ++d) half_stream(c.literal.data() + d, dim, c.num_literals, false);
+  }
+
+  Bytes take() { return std::move(out_); }
+
+ private:
+  void half_stream(const uint16_t* halves, size_t stride, size_t n, bool try_delta) {
+    for (size_t i = 0; i < n; ++i) codes_[i] = order_half(halves[i * stride]);
+    encoder_.encode(codes_.data(), n, 16, try_delta, out_);
+  }
+  void raw_stream(const float* values, size_t stride, bool try_delta) {
+    raw_bits_.resize(n_);
+    for (size_t i = 0; i < n_; ++i) raw_bits_[i] = order_float(values[i * stride]);
+    encoder_.encode32(raw_bits_.data(), n_, try_delta, out_);
+  }
+
+  StreamEncoder& encoder_;
+  size_t n_;
+  std::vector<uint16_t> codes_;
+  std::vector<uint32_t> raw_bits_;
+  Bytes out_;
+};
+
+}  // namespace
+
+uint32_t stage0_entries(const SceneHeader& header, const LayerHeader& layer, unsigned c,
+                        const BlockRecord* block) {
+  if (block != nullptr && block->tables[c].num_entries != 0) return block->tables[c].num_entries;
+  const ComponentCoding& coding = header.component(layer, c);
+  return coding.stages.empty() ? 0 : coding.stages[0].num_entries;
+}
+
+Status decode_page(StreamDecoder& decoder, ByteSpan raw, uint64_t base, const SceneHeader& header,
+                   const LayerHeader& layer, const BlockRecord* block, size_t n,
+                   const PageWants& wants, PageColumns* out, SectionBytes* sections) {
+  return PageParser(decoder, raw, base, n, out, sections).parse(header, layer, block, wants);
+}
+
+Bytes encode_page(StreamEncoder& encoder, const SceneHeader& header, const LayerHeader& layer,
+                  const BlockRecord* block, const PageColumns& columns) {
+  PageWriter writer(encoder, columns.n);
+  for (unsigned axis = 0; axis < 3; ++axis) {
+    writer.mean(header.position, columns.position[axis], columns.raw_position[axis]);
+  }
+  writer.mean(layer.mean_t, columns.mean_t, columns.raw_mean_t);
+  writer.scalar(header.opacity, columns.opacity, columns.raw_opacity);
+  writer.scalar(layer.scale_factor, columns.scale_factor, columns.raw_scale_factor);
+  for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
+    writer.component(header.component(layer, c), header.component_dim(layer, c),
+                     stage0_entries(header, layer, c, block), columns.component[c]);
+  }
+  return writer.take();
+}
+
+}  // namespace l4d

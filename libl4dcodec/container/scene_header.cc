@@ -1,0 +1,297 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "libl4dcodec/container/scene_header.h"
+
+#include <cmath>
+
+#include "l4d_generated.h"
+
+namespace l4d {
+namespace {
+
+constexpr char kIdentifier[] = "L4DH";
+
+// ---- writing ----
+
+fbs::ChunkRef to_fbs(const ChunkRef& c) {
+  return fbs::ChunkRef(c.offset, c.hash, c.stored_bytes, c.raw_bytes, c.codec, 0);
+}
+
+flatbuffers::Offset<fbs::ScalarCoding> to_fbs(flatbuffers::FlatBufferBuilder& b,
+                                              const ScalarCoding& s) {
+  return fbs::CreateScalarCoding(b, static_cast<uint8_t>(s.coding), static_cast<uint8_t>(s.bits),
+                                 s.offset, s.step);
+}
+
+flatbuffers::Offset<fbs::Stage> to_fbs(flatbuffers::FlatBufferBuilder& b, const StageCoding& s) {
+  const fbs::ChunkRef ref = to_fbs(s.codebook);
+  return fbs::CreateStage(b, s.num_entries, static_cast<uint8_t>(s.element), &ref);
+}
+
+flatbuffers::Offset<fbs::ComponentCoding> to_fbs(flatbuffers::FlatBufferBuilder& b,
+                                                 const ComponentCoding& c) {
+  flatbuffers::Offset<flatbuffers::Vector<flatbuffers::Offset<fbs::Stage>>> stages;
+  flatbuffers::Offset<fbs::Stage> rcq;
+  if (!c.stages.empty()) {
+    std::vector<flatbuffers::Offset<fbs::Stage>> list;
+    for (const StageCoding& s : c.stages) list.push_back(to_fbs(b, s));
+    stages = b.CreateVector(list);
+  }
+  if (c.has_rcq) rcq = to_fbs(b, c.rcq);
+  return fbs::CreateComponentCoding(b, static_cast<uint8_t>(c.coding), stages, c.literals, rcq);
+}
+
+// ---- parsing ----
+
+class HeaderParser {
+ public:
+  HeaderParser(uint64_t base, SceneHeader* out) : base_(base), out_(*out) {}
+
+  Status parse(const fbs::Header& h) {
+    out_.num_gaussians = h.num_gaussians();
+    L4D_RETURN_IF_ERROR(parse_timeline(h));
+    L4D_RETURN_IF_ERROR(parse_frame(h));
+    if (h.sh_degree() > 3) return bad("HEAD-4", "SH degree " + std::to_string(h.sh_degree()));
+    out_.sh_degree = h.sh_degree();
+    L4D_RETURN_IF_ERROR(parse_scalar(*h.opacity(), "opacity", &out_.opacity));
+    L4D_RETURN_IF_ERROR(parse_component(*h.sh(), "sh", &out_.sh));
+    if (out_.sh.has_rcq) return bad("RCQ-2", "RCQ on the global SH component");
+    L4D_RETURN_IF_ERROR(parse_layers(*h.layers()));
+    out_.payload_offset = h.payload_offset();
+    if (h.extensions() != nullptr) {
+      for (const fbs::Extension* e : *h.extensions()) {
+        if (e->critical()) {
+          return Status(L4D_ERR_FEATURE_UNSUPPORTED, "HEAD-8", base_,
+                        "critical extension " + std::to_string(e->id()));
+        }
+      }
+    }
+    if (h.metadata() != nullptr) {
+      for (const fbs::KeyValue* kv : *h.metadata()) {
+        out_.metadata.emplace_back(kv->key()->str(), kv->value()->str());
+      }
+    }
+    return {};
+  }
+
+ private:
+  Status bad(const char* clause, std::string message) const {
+    return corrupt(clause, base_, std::move(message));
+  }
+  Status unknown(const std::string& what, unsigned id) const {
+    return Status(L4D_ERR_FEATURE_UNSUPPORTED, "HEAD-7", base_, what + " " + std::to_string(id));
+  }
+  // Zero, or a magnitude far from the ends of the range: then no sum or product of the decoding
+  // process overflows or is subnormal, and flushing subnormals to zero cannot change a result.
+  static bool sound(double v) {
+    const double magnitude = std::fabs(v);
+    return v == 0.0 || (magnitude >= 0x1p-60 && magnitude <= 0x1p60);
+  }
+
+  Status parse_timeline(const fbs::Header& h) {
+    if (h.num_frames() < 1 || h.num_frames() > kMaxFrames || h.fps_num() == 0 || h.fps_den() == 0) {
+      return bad("HEAD-2", "number of frames or frame rate out of range");
+    }
+    if (!sound(h.time_begin())) return bad("HEAD-3", "time_begin is out of range");
+    out_.timeline.time_begin = h.time_begin();
+    out_.timeline.num_frames = h.num_frames();
+    out_.timeline.fps_num = h.fps_num();
+    out_.timeline.fps_den = h.fps_den();
+    if (!(h.gate() > 0.0f && h.gate() <= 16.0f)) return bad("HEAD-9", "gate is not in (0, 16]");
+    out_.gate = h.gate();
+    return {};
+  }
+
+  Status parse_frame(const fbs::Header& h) {
+    const float center[3] = {h.position_center()->x(), h.position_center()->y(),
+                             h.position_center()->z()};
+    const double origin[3] = {h.origin()->x(), h.origin()->y(), h.origin()->z()};
+    for (int i = 0; i < 3; ++i) {
+      if (!sound(center[i]) || !std::isfinite(origin[i])) return bad("HEAD-3", "position_center or origin is out of range");
+      out_.position_center[i] = center[i];
+      out_.placement.origin[i] = origin[i];
+    }
+    if (!sound(h.position_scale()) || h.position_scale() <= 0 || !std::isfinite(h.world_scale())) {
+      return bad("HEAD-3", "position_scale or world_scale is out of range");
+    }
+    out_.position_scale = h.position_scale();
+    out_.placement.scale = h.world_scale();
+    out_.placement.coordinate_system = h.coordinate_system();
+    out_.placement.color_space = h.color_space();
+    out_.position_at_mean_time = h.position_at_mean_time();
+    out_.opacity_logit = h.opacity_logit();
+    if (h.position() != static_cast<uint8_t>(MeanCodingId::kRaw32) &&
+        h.position() != static_cast<uint8_t>(MeanCodingId::kF16)) {
+      return unknown("position coding", h.position());
+    }
+    out_.position = static_cast<MeanCodingId>(h.position());
+    return {};
+  }
+
+  Status parse_scalar(const fbs::ScalarCoding& s, const char* what, ScalarCoding* out) const {
+    if (s.coding() > static_cast<uint8_t>(ScalarCodingId::kSq)) {
+      return unknown(std::string(what) + " coding", s.coding());
+    }
+    out->coding = static_cast<ScalarCodingId>(s.coding());
+    out->bits = s.bits();
+    out->offset = s.offset();
+    out->step = s.step();
+    if (!sound(s.offset()) || !sound(s.step())) {
+      return bad("HEAD-3", std::string(what) + " offset or step is out of range");
+    }
+    if (out->coding == ScalarCodingId::kSq && (out->bits < 1 || out->bits > kMaxScaleBits)) {
+      return bad("CODE-1", std::string(what) + " code of " + std::to_string(out->bits) + " bits");
+    }
+    return {};
+  }
+
+  Status parse_stage(const fbs::Stage& s, const char* what, uint32_t max_entries,
+                     StageCoding* out) const {
+    if (s.num_entries() < 1 || s.num_entries() > max_entries) {
+      return bad("CODE-2", std::string(what) + " codebook of " + std::to_string(s.num_entries()) +
+                               " entries");
+    }
+    if (s.element() != static_cast<uint8_t>(ElementType::kF16)) {
+      return unknown(std::string(what) + " codebook element", s.element());
+    }
+    const fbs::ChunkRef& c = *s.codebook();
+    out->num_entries = s.num_entries();
+    out->element = static_cast<ElementType>(s.element());
+    out->codebook = {c.offset(), c.hash(), c.stored_bytes(), c.raw_bytes(), c.codec()};
+    return {};
+  }
+
+  Status parse_component(const fbs::ComponentCoding& c, const char* what,
+                         ComponentCoding* out) const {
+    if (c.coding() > static_cast<uint8_t>(ComponentCodingId::kVq)) {
+      return unknown(std::string(what) + " coding", c.coding());
+    }
+    out->coding = static_cast<ComponentCodingId>(c.coding());
+    if (!out->vq()) return {};
+    const size_t stages = c.stages() == nullptr ? 0 : c.stages()->size();
+    if (stages < 1 || stages > L4D_MAX_STAGES) {
+      return bad("CODE-3", std::string(what) + " with " + std::to_string(stages) + " stages");
+    }
+    out->stages.resize(stages);
+    for (size_t s = 0; s < stages; ++s) {
+      L4D_RETURN_IF_ERROR(parse_stage(*c.stages()->Get(static_cast<flatbuffers::uoffset_t>(s)), what,
+                                      kMaxCodebookEntries, &out->stages[s]));
+    }
+    out->literals = c.literals();
+    out->has_rcq = c.rcq() != nullptr;
+    if (out->has_rcq) {
+      L4D_RETURN_IF_ERROR(parse_stage(*c.rcq(), what, kMaxResidualEntries, &out->rcq));
+    }
+    return {};
+  }
+
+  Status parse_layers(const flatbuffers::Vector<flatbuffers::Offset<fbs::Layer>>& layers) {
+    const unsigned levels = num_layers(out_.timeline.num_frames);
+    // A level may hold several layers (permanent beside temporal), and no more than these few.
+    if (layers.size() > 2 * levels) return bad("HEAD-6", "more layers than levels allow");
+    uint64_t total = 0;
+    out_.layers.resize(layers.size());
+    for (size_t i = 0; i < layers.size(); ++i) {
+      LayerHeader& out = out_.layers[i];
+      L4D_RETURN_IF_ERROR(parse_layer(*layers.Get(static_cast<flatbuffers::uoffset_t>(i)), &out));
+      if (out.level >= levels || (i > 0 && out.level < out_.layers[i - 1].level)) {
+        return bad("HEAD-6", "level " + std::to_string(out.level) + " of layer " +
+                                 std::to_string(i) + " is out of range or order");
+      }
+      if (out.num_gaussians > out_.num_gaussians - total) {
+        return bad("HEAD-5", "layers hold more Gaussians than the scene");
+      }
+      total += out.num_gaussians;
+    }
+    if (total != out_.num_gaussians) return bad("HEAD-5", "layers hold fewer Gaussians than the scene");
+    return {};
+  }
+
+  Status parse_layer(const fbs::Layer& l, LayerHeader* out) const {
+    out->level = l.level();
+    out->permanent = l.permanent();
+    out->num_gaussians = l.num_gaussians();
+    if (l.mean_t() > static_cast<uint8_t>(MeanCodingId::kF16)) {
+      return unknown("mean_t coding", l.mean_t());
+    }
+    out->mean_t = static_cast<MeanCodingId>(l.mean_t());
+    if (out->permanent != (out->mean_t == MeanCodingId::kNone) || (out->permanent && out->level != 0)) {
+      return bad("HEAD-10", "a permanent layer has level 0 and no mean times, and no other has none");
+    }
+    if (!sound(l.log_scale_t())) return bad("HEAD-3", "log_scale_t is out of range");
+    out->log_scale_t = l.log_scale_t();
+    L4D_RETURN_IF_ERROR(parse_scalar(*l.scale_factor(), "scale_factor", &out->scale_factor));
+    const fbs::ComponentCoding* parts[] = {nullptr, l.scale(), l.rotor_spatial(), l.rotor_temporal()};
+    static constexpr const char* kNames[] = {"", "scale", "rotor_spatial", "rotor_temporal"};
+    for (unsigned c = L4D_COMPONENT_SCALE; c < L4D_COMPONENT_COUNT; ++c) {
+      L4D_RETURN_IF_ERROR(parse_component(*parts[c], kNames[c], &out->component[c]));
+      if (out->component[c].has_rcq && out->level == 0) return bad("RCQ-2", "RCQ in level 0");
+    }
+    const bool raw_spatial =
+        out->component[L4D_COMPONENT_ROTOR_SPATIAL].coding == ComponentCodingId::kRaw32;
+    const bool raw_temporal =
+        out->component[L4D_COMPONENT_ROTOR_TEMPORAL].coding == ComponentCodingId::kRaw32;
+    if (raw_temporal && !raw_spatial) {
+      return bad("HEAD-11", "a raw temporal rotor beside a coded spatial one");
+    }
+    out->directory_bits = l.directory_bits();
+    if (out->directory_bits > kMaxDirectoryBits) {
+      return bad("HEAD-12", "directory pages of 2^" + std::to_string(l.directory_bits()) + " buckets");
+    }
+    out->page_table_offset = l.page_table_offset();
+    return {};
+  }
+
+  static constexpr unsigned kMaxDirectoryBits = 16;
+  uint64_t base_;
+  SceneHeader& out_;
+};
+
+}  // namespace
+
+Bytes serialize_scene_header(const SceneHeader& h) {
+  flatbuffers::FlatBufferBuilder b(4096);
+  std::vector<flatbuffers::Offset<fbs::Layer>> layers;
+  for (const LayerHeader& l : h.layers) {
+    const auto factor = to_fbs(b, l.scale_factor);
+    const auto scale = to_fbs(b, l.component[L4D_COMPONENT_SCALE]);
+    const auto spatial = to_fbs(b, l.component[L4D_COMPONENT_ROTOR_SPATIAL]);
+    const auto temporal = to_fbs(b, l.component[L4D_COMPONENT_ROTOR_TEMPORAL]);
+    layers.push_back(fbs::CreateLayer(b, static_cast<uint8_t>(l.level), l.permanent, l.num_gaussians,
+                                      static_cast<uint8_t>(l.mean_t), l.log_scale_t, factor, scale,
+                                      spatial, temporal, static_cast<uint8_t>(l.directory_bits),
+                                      l.page_table_offset));
+  }
+  const auto layer_vector = b.CreateVector(layers);
+  const auto opacity = to_fbs(b, h.opacity);
+  const auto sh = to_fbs(b, h.sh);
+  flatbuffers::Offset<flatbuffers::Vector<flatbuffers::Offset<fbs::KeyValue>>> metadata;
+  if (!h.metadata.empty()) {
+    std::vector<flatbuffers::Offset<fbs::KeyValue>> list;
+    for (const auto& [key, value] : h.metadata) {
+      list.push_back(fbs::CreateKeyValueDirect(b, key.c_str(), value.c_str()));
+    }
+    metadata = b.CreateVector(list);
+  }
+  const fbs::DVec3 origin(h.placement.origin[0], h.placement.origin[1], h.placement.origin[2]);
+  const fbs::Vec3 center(h.position_center[0], h.position_center[1], h.position_center[2]);
+  b.Finish(fbs::CreateHeader(
+               b, h.num_gaussians, h.timeline.time_begin, h.timeline.num_frames, h.timeline.fps_num,
+               h.timeline.fps_den, h.gate, &origin, h.placement.scale,
+               static_cast<uint8_t>(h.placement.coordinate_system),
+               static_cast<uint8_t>(h.placement.color_space), h.position_at_mean_time,
+               h.opacity_logit, static_cast<uint8_t>(h.position), &center, h.position_scale, opacity,
+               static_cast<uint8_t>(h.sh_degree), sh, layer_vector, h.payload_offset, metadata),
+           kIdentifier);
+  return Bytes(b.GetBufferPointer(), b.GetBufferPointer() + b.GetSize());
+}
+
+Status parse_scene_header(ByteSpan bytes, uint64_t base, SceneHeader* out) {
+  flatbuffers::Verifier verifier(bytes.data(), bytes.size(), 16, 100000);
+  if (!verifier.VerifyBuffer<fbs::Header>(kIdentifier)) {
+    return corrupt("HEAD-1", base, "the scene header is no valid FlatBuffer of its schema");
+  }
+  *out = SceneHeader();
+  return HeaderParser(base, out).parse(*flatbuffers::GetRoot<fbs::Header>(bytes.data()));
+}
+
+}  // namespace l4d

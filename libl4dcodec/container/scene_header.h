@@ -1,0 +1,112 @@
+// SPDX-License-Identifier: Apache-2.0
+// The scene header: everything that is global to a file or a layer, O(layers) in size.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "libl4dcodec/base/bytes.h"
+#include "libl4dcodec/base/status.h"
+#include "libl4dcodec/math/layers.h"
+
+namespace l4d {
+
+// Registry values (spec/registry/*.json). Constants of the format.
+enum class ScalarCodingId : uint8_t { kConstant = 0, kRaw32 = 1, kSq = 2 };
+enum class ComponentCodingId : uint8_t { kZero = 0, kRaw32 = 1, kVq = 2 };
+enum class ElementType : uint8_t { kF16 = 0 };
+enum class MeanCodingId : uint8_t { kNone = 0, kRaw32 = 1, kF16 = 2 };
+
+constexpr uint32_t kMaxCodebookEntries = 65536;
+constexpr uint32_t kMaxResidualEntries = 4096;
+constexpr uint32_t kMaxPageGaussians = 65536;
+constexpr uint32_t kMaxScaleBits = 16;
+constexpr uint8_t kLiteralDepth = 15;
+
+struct ChunkRef {
+  uint64_t offset = 0;
+  uint64_t hash = 0;
+  uint32_t stored_bytes = 0;
+  uint32_t raw_bytes = 0;
+  uint32_t codec = 0;
+};
+
+struct ScalarCoding {
+  ScalarCodingId coding = ScalarCodingId::kConstant;
+  unsigned bits = 0;
+  float offset = 0;
+  float step = 0;
+};
+
+struct StageCoding {
+  uint32_t num_entries = 0;
+  ElementType element = ElementType::kF16;
+  ChunkRef codebook;
+};
+
+struct ComponentCoding {
+  ComponentCodingId coding = ComponentCodingId::kZero;
+  std::vector<StageCoding> stages;
+  bool literals = false;
+  bool has_rcq = false;
+  StageCoding rcq;
+
+  bool vq() const { return coding == ComponentCodingId::kVq; }
+  // Whether each page carries a depth per Gaussian.
+  bool has_depth() const { return vq() && (stages.size() > 1 || literals); }
+};
+
+struct LayerHeader {
+  unsigned level = 0;
+  bool permanent = false;
+  uint64_t num_gaussians = 0;
+  MeanCodingId mean_t = MeanCodingId::kF16;
+  float log_scale_t = 0;
+  ScalarCoding scale_factor;
+  std::array<ComponentCoding, L4D_COMPONENT_COUNT> component;  // SH unused: it is global
+  unsigned directory_bits = 0;
+  uint64_t page_table_offset = 0;
+
+  // Numbers of a normalised scale vector: permanent layers carry no temporal scale.
+  unsigned scale_dim() const { return permanent ? 3 : 4; }
+};
+
+struct SceneHeader {
+  uint64_t num_gaussians = 0;
+  l4d_timeline timeline{};
+  float gate = 16;
+  l4d_placement placement{};
+  bool position_at_mean_time = false;
+  bool opacity_logit = false;
+  MeanCodingId position = MeanCodingId::kF16;
+  float position_center[3] = {0, 0, 0};
+  float position_scale = 1;
+  ScalarCoding opacity;
+  unsigned sh_degree = 0;
+  ComponentCoding sh;
+  std::vector<LayerHeader> layers;
+  // Directory pages count offsets from here, so their bytes do not depend on what lies before them.
+  uint64_t payload_offset = 0;
+  std::vector<std::pair<std::string, std::string>> metadata;
+
+  unsigned sh_dim() const { return 3 * (sh_degree + 1) * (sh_degree + 1); }
+  const ComponentCoding& component(const LayerHeader& layer, unsigned c) const {
+    return c == L4D_COMPONENT_SH ? sh : layer.component[c];
+  }
+  unsigned component_dim(const LayerHeader& layer, unsigned c) const {
+    return c == L4D_COMPONENT_SH ? sh_dim() : c == L4D_COMPONENT_SCALE ? layer.scale_dim() : 4;
+  }
+  // Raw float32 rotors are handed out as they are; coded ones are normalised.
+  static bool normalizes_rotor(const LayerHeader& layer) {
+    return layer.component[L4D_COMPONENT_ROTOR_SPATIAL].coding != ComponentCodingId::kRaw32;
+  }
+};
+
+Bytes serialize_scene_header(const SceneHeader& header);
+// `base`: file offset of the bytes, for messages. Checks every rule of the header that needs no other
+// part of the file.
+Status parse_scene_header(ByteSpan bytes, uint64_t base, SceneHeader* out);
+
+}  // namespace l4d

@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "libl4dcodec/entropy/zstd_codec.h"
+
+#include <zstd.h>
+
+#include <new>
+
+namespace l4d {
+
+ZstdCompressor::ZstdCompressor(int level) : context_(ZSTD_createCCtx()) {
+  if (context_ == nullptr) throw std::bad_alloc();
+  ZSTD_CCtx_setParameter(context_, ZSTD_c_compressionLevel, level);
+}
+
+ZstdCompressor::~ZstdCompressor() { ZSTD_freeCCtx(context_); }
+
+Bytes ZstdCompressor::compress(ByteSpan source) {
+  Bytes out(ZSTD_compressBound(source.size()));
+  const size_t n = ZSTD_compress2(context_, out.data(), out.size(), source.data(), source.size());
+  if (ZSTD_isError(n)) throw std::bad_alloc();
+  out.resize(n);
+  return out;
+}
+
+ZstdDecompressor::ZstdDecompressor() : context_(ZSTD_createDCtx()) {
+  if (context_ == nullptr) throw std::bad_alloc();
+}
+
+ZstdDecompressor::~ZstdDecompressor() { ZSTD_freeDCtx(context_); }
+
+bool ZstdDecompressor::decompress(ByteSpan frame, unsigned char* dst, size_t size) {
+  // ZSTD_decompressDCtx would accept several frames in a row; the format allows one.
+  if (ZSTD_findFrameCompressedSize(frame.data(), frame.size()) != frame.size()) return false;
+  const size_t n = ZSTD_decompressDCtx(context_, dst, size, frame.data(), frame.size());
+  return !ZSTD_isError(n) && n == size;
+}
+
+}  // namespace l4d
