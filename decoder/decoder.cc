@@ -1,0 +1,205 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "decoder/decoder.h"
+
+#include <algorithm>
+
+#include "libl4dcodec/base/threads.h"
+
+namespace l4d {
+namespace {
+
+constexpr uint64_t kDefaultMemory = uint64_t{16} << 30;
+constexpr uint64_t kDefaultGaussians = uint64_t{1} << 30;
+constexpr uint64_t kDefaultCache = uint64_t{512} << 20;
+
+template <typename T>
+void replace_zero(T& value, T by) {
+  if (value == 0) value = by;
+}
+
+}  // namespace
+
+Decoder::Decoder(const l4d_decoder_options& options) : options_(options) {
+  replace_zero(options_.limits.max_memory_bytes, kDefaultMemory);
+  replace_zero(options_.limits.max_gaussians, kDefaultGaussians);
+  replace_zero(options_.limits.max_frames, kMaxFrames);
+  replace_zero(options_.cache_bytes, kDefaultCache);
+  const bool reference = options_.backend == L4D_BACKEND_REFERENCE;
+  stream_kernels_ = reference ? &stream_kernels_reference() : &stream_kernels_simd();
+  reconstruct_kernels_ = reference ? &reconstruct_kernels_reference() : &reconstruct_kernels_simd();
+}
+
+Status Decoder::open(ByteSource source) {
+  cache_.clear();
+  cache_bytes_ = 0;
+  pages_.reset();
+  file_ = std::make_unique<SceneFile>(std::move(source), options_.limits, *stream_kernels_);
+  Status status = file_->open();
+  if (!status.ok()) {
+    file_.reset();
+    return status;
+  }
+  pages_ = std::make_unique<PageDecoder>(*file_, *stream_kernels_, *reconstruct_kernels_,
+                                         static_cast<int>(options_.threads));
+  return {};
+}
+
+Status Decoder::open_file(const char* path) {
+  auto reader = std::make_unique<FileReader>();
+  L4D_RETURN_IF_ERROR(reader->open(path));
+  ByteSource source;
+  L4D_RETURN_IF_ERROR(ByteSource::from_reader(reader->reader(), &source));
+  file_.reset();
+  own_file_ = std::move(reader);
+  return open(std::move(source));
+}
+
+PageDecoder::Progress Decoder::progress(const char* stage) const {
+  if (progress_ == nullptr) return nullptr;
+  return [this, stage](uint64_t done, uint64_t total) {
+    return progress_(progress_user_, done, total, stage) == 0;
+  };
+}
+
+Status Decoder::select(const l4d_query& query, l4d_selection* out) {
+  file_->trim();
+  Plan plan;
+  L4D_RETURN_IF_ERROR(make_plan(*file_, query, &plan));
+  out->num_gaussians = plan.num_gaussians;
+  out->num_ranges = plan.ranges.size();
+  out->num_chunks = plan.tasks.size();
+  out->bytes = plan.bytes;
+  out->directory_bytes = plan.directory_bytes;
+  return {};
+}
+
+namespace {
+
+template <typename Buffers>
+Status begin_output(const Plan& plan, Buffers* out) {
+  if (plan.num_gaussians > out->capacity) {
+    return invalid_argument("capacity is " + std::to_string(out->capacity) + ", the query selects " +
+                            std::to_string(plan.num_gaussians) + " Gaussians");
+  }
+  if (out->ranges != nullptr) {
+    if (plan.ranges.size() > out->range_capacity) {
+      return invalid_argument("range_capacity is " + std::to_string(out->range_capacity) +
+                              ", the query selects " + std::to_string(plan.ranges.size()));
+    }
+    std::copy(plan.ranges.begin(), plan.ranges.end(), out->ranges);
+    out->num_ranges = plan.ranges.size();
+  }
+  out->count = plan.num_gaussians;
+  return {};
+}
+
+}  // namespace
+
+Status Decoder::decode(const l4d_query& query, l4d_gaussian_buffers* out) {
+  file_->trim();
+  Plan plan;
+  L4D_RETURN_IF_ERROR(make_plan(*file_, query, &plan));
+  L4D_RETURN_IF_ERROR(begin_output(plan, out));
+  L4D_RETURN_IF_ERROR(pages_->expand(plan, 0, plan.tasks.size(), *out, progress("decode")));
+  buckets_decoded_ += plan.ranges.size();
+  return {};
+}
+
+Status Decoder::decode_packed(const l4d_query& query, l4d_packed_buffers* out) {
+  file_->trim();
+  Plan plan;
+  L4D_RETURN_IF_ERROR(make_plan(*file_, query, &plan));
+  L4D_RETURN_IF_ERROR(begin_output(plan, out));
+  L4D_RETURN_IF_ERROR(pages_->pack(plan, *out, progress("decode")));
+  buckets_decoded_ += plan.ranges.size();
+  return {};
+}
+
+Status Decoder::codebook(uint32_t layer, uint32_t component, uint32_t stage, uint32_t block,
+                         l4d_codebook* out) {
+  const SceneHeader& header = file_->header();
+  if (layer >= header.layers.size() || component >= L4D_COMPONENT_COUNT || stage >= L4D_MAX_STAGES) {
+    return invalid_argument("no such layer, component or stage");
+  }
+  const ComponentCoding& coding = header.component(header.layers[layer], component);
+  out->entries = nullptr;
+  out->num_entries = 0;
+  out->dim = header.component_dim(header.layers[layer], component);
+  if (stage >= coding.stages.size()) return {};
+  const CodebookData* book = nullptr;
+  if (block == L4D_NO_BLOCK || stage > 0) {
+    L4D_RETURN_IF_ERROR(file_->codebook(layer, component, stage, &book));
+  } else {
+    const uint32_t directory_index = block >> 8;
+    const uint32_t index = block & 0xff;
+    if (directory_index >= num_directory_pages(header.layers[layer])) {
+      return invalid_argument("no such block");
+    }
+    std::vector<const DirectoryPage*> pages;
+    L4D_RETURN_IF_ERROR(file_->directory_pages(layer, directory_index, directory_index, &pages));
+    if (pages[0] == nullptr || index >= pages[0]->blocks.size()) {
+      return invalid_argument("no such block");
+    }
+    if (pages[0]->blocks[index].tables[component].num_entries == 0) {
+      L4D_RETURN_IF_ERROR(file_->codebook(layer, component, stage, &book));
+    } else {
+      L4D_RETURN_IF_ERROR(file_->block_codebook(layer, component, directory_index, index, &book));
+    }
+  }
+  out->entries = book->entries.data();
+  out->num_entries = book->num_entries;
+  return {};
+}
+
+Status Decoder::sections(uint64_t* sections, uint64_t* layer_bytes) {
+  const SceneHeader& header = file_->header();
+  l4d_query all{};
+  all.struct_size = sizeof all;
+  all.kind = L4D_QUERY_ALL;
+  all.max_level = ~0u;
+  Plan plan;
+  L4D_RETURN_IF_ERROR(make_plan(*file_, all, &plan));
+  SectionBytes bytes{};
+  std::vector<uint64_t> layers(header.layers.size(), 0);
+  L4D_RETURN_IF_ERROR(pages_->measure(plan, &bytes, &layers));
+  bytes[L4D_SECTION_HEADER] = FileHeader::kBytes + file_->file_header().header_bytes;
+  for (const StageCoding& s : header.sh.stages) {
+    bytes[L4D_SECTION_CODEBOOKS] += s.codebook.stored_bytes;
+  }
+  for (uint32_t l = 0; l < header.layers.size(); ++l) {
+    const uint64_t books = file_->codebook_stored_bytes(l);
+    bytes[L4D_SECTION_CODEBOOKS] += books;
+    layers[l] += books;
+    if (header.layers[l].num_gaussians == 0) continue;
+    std::vector<const DirectoryPage*> page;
+    for (uint32_t d = 0; d < num_directory_pages(header.layers[l]); ++d) {
+      L4D_RETURN_IF_ERROR(file_->directory_pages(l, d, d, &page));
+      const uint64_t directory = file_->directory_bytes(l, d);
+      bytes[L4D_SECTION_DIRECTORY] += directory;
+      layers[l] += directory;
+      if (page[0] == nullptr) continue;
+      for (const BlockRecord& block : page[0]->blocks) {
+        for (const RcqTableRef& t : block.tables) {
+          bytes[L4D_SECTION_RCQ_TABLES] += t.chunk.stored_bytes;
+          layers[l] += t.chunk.stored_bytes;
+        }
+      }
+      file_->trim();
+    }
+  }
+  std::copy(bytes.begin(), bytes.end(), sections);
+  if (layer_bytes != nullptr) std::copy(layers.begin(), layers.end(), layer_bytes);
+  return {};
+}
+
+void Decoder::counters(l4d_counters* out) const {
+  out->reads = file_->source().reads();
+  out->bytes_read = file_->source().bytes_read();
+  out->pages_decoded = pages_->pages_decoded();
+  out->buckets_decoded = buckets_decoded_;
+  out->cache_hits = cache_hits_;
+  out->memory_bytes = file_->memory().used();
+  out->peak_memory_bytes = file_->memory().peak();
+}
+
+}  // namespace l4d

@@ -1,0 +1,93 @@
+// SPDX-License-Identifier: Apache-2.0
+// What an l4d_decoder handle is: an open stream, the loops of a backend, and the bucket cache.
+#pragma once
+
+#include <list>
+#include <map>
+#include <memory>
+#include <vector>
+
+#include "decoder/page_decoder.h"
+#include "decoder/plan.h"
+#include "decoder/scene_file.h"
+#include "l4d/decode.h"
+
+namespace l4d {
+
+// One decoded bucket made ready for slicing: everything of a Gaussian that does not change with time.
+struct PreparedBucket {
+  size_t count = 0;
+  bool permanent = false;
+  double center = 0;
+  std::vector<float> position;    // [n, 3] at t_ref
+  std::vector<float> mean;        // [n] seconds from center
+  std::vector<float> reference;   // [n] t_ref, seconds from center
+  std::vector<float> velocity;    // [n, 3]; empty where the layer has no motion
+  std::vector<float> lambda;      // [n]; empty where permanent
+  std::vector<float> covariance;  // [n, 6]
+  std::vector<float> opacity;     // [n] in [0, 1]
+  std::vector<float> sh;          // [n, sh_dim]
+  static uint64_t memory_bytes(size_t n, unsigned sh_dim) {
+    return uint64_t{n} * (3 + 1 + 1 + 3 + 1 + 6 + 1 + sh_dim) * sizeof(float);
+  }
+};
+
+class Decoder {
+ public:
+  explicit Decoder(const l4d_decoder_options& options);
+
+  Status open(ByteSource source);
+  Status open_file(const char* path);
+  bool is_open() const { return file_ != nullptr; }
+  SceneFile& file() { return *file_; }
+  const SceneFile& file() const { return *file_; }
+
+  Status select(const l4d_query& query, l4d_selection* out);
+  Status decode(const l4d_query& query, l4d_gaussian_buffers* out);
+  Status decode_packed(const l4d_query& query, l4d_packed_buffers* out);
+  Status slice(double time, l4d_splat_buffers* out);
+  Status codebook(uint32_t layer, uint32_t component, uint32_t stage, uint32_t block,
+                  l4d_codebook* out);
+  Status sections(uint64_t* sections, uint64_t* layer_bytes);
+  void counters(l4d_counters* out) const;
+  void set_progress(l4d_progress_fn fn, void* user) {
+    progress_ = fn;
+    progress_user_ = user;
+  }
+
+ private:
+  using BucketKey = std::pair<uint32_t, uint32_t>;  // layer, bucket
+  struct CacheEntry {
+    PreparedBucket bucket;
+    uint64_t memory_bytes = 0;
+    uint64_t last_use = 0;
+  };
+  PageDecoder::Progress progress(const char* stage) const;
+  // Makes every bucket of the plan present in the cache; *out points into it, one per range.
+  Status prepare(const Plan& plan, std::vector<const PreparedBucket*>* out);
+  Status prepare_range(const Plan& plan, size_t range, size_t first_task, size_t end_task,
+                       PreparedBucket* out);
+  void evict(uint64_t needed);
+
+  l4d_decoder_options options_;
+  const StreamKernels* stream_kernels_;
+  const ReconstructKernels* reconstruct_kernels_;
+  std::unique_ptr<FileReader> own_file_;
+  std::unique_ptr<SceneFile> file_;
+  std::unique_ptr<PageDecoder> pages_;
+  l4d_progress_fn progress_ = nullptr;
+  void* progress_user_ = nullptr;
+  // Keyed by range: RCQ blocks never split a bucket, so (layer, bucket) names one range.
+  std::map<BucketKey, CacheEntry> cache_;
+  uint64_t cache_bytes_ = 0;
+  uint64_t clock_ = 0;
+  uint64_t buckets_decoded_ = 0;
+  uint64_t cache_hits_ = 0;
+};
+
+// Every check of the specification that a stream can fail; calls `report` for each.
+using ViolationFn = std::function<void(const Status&)>;
+Status validate_stream(ByteSource source, const l4d_decoder_options& options,
+                       const ViolationFn& report);
+
+}  // namespace l4d

@@ -1,0 +1,149 @@
+// SPDX-License-Identifier: Apache-2.0
+// Packed decoding: columns to caller arrays, nothing dequantised.
+#include <algorithm>
+
+#include "decoder/page_decoder.h"
+
+namespace l4d {
+namespace {
+
+void copy_scalar(const ScalarCoding& coding, const std::vector<uint16_t>& codes, size_t n,
+                 uint16_t* dst) {
+  if (dst == nullptr) return;
+  if (coding.coding == ScalarCodingId::kSq) {
+    std::copy(codes.begin(), codes.begin() + static_cast<std::ptrdiff_t>(n), dst);
+  } else {
+    std::fill(dst, dst + n, uint16_t{0});
+  }
+}
+
+void pack_component(const ComponentCoding& coding, const ComponentColumns& columns, size_t n,
+                    size_t first, size_t capacity, const l4d_packed_component& out) {
+  const size_t stages = coding.stages.size();
+  const uint8_t full_depth = static_cast<uint8_t>(stages);
+  if (out.depth != nullptr) {
+    uint8_t* dst = out.depth + first;
+    if (coding.has_depth()) {
+      for (size_t i = 0; i < n; ++i) {
+        dst[i] = columns.depth[i] == kLiteralDepth ? uint8_t{255} : columns.depth[i];
+      }
+    } else {
+      std::fill(dst, dst + n, full_depth);
+    }
+  }
+  if (out.index == nullptr) return;
+  for (size_t s = 0; s < stages; ++s) {
+    uint16_t* dst = out.index + s * capacity + first;
+    const uint16_t* src = columns.index[s].data();
+    if (!coding.has_depth()) {
+      std::copy(src, src + n, dst);
+      continue;
+    }
+    for (size_t i = 0; i < n; ++i) {
+      const bool present = columns.depth[i] != kLiteralDepth && columns.depth[i] > s;
+      dst[i] = present ? *src++ : uint16_t{0};
+    }
+  }
+}
+
+bool has_raw(const SceneHeader& header) {
+  const auto raw = [](const ComponentCoding& c) { return c.coding == ComponentCodingId::kRaw32; };
+  if (header.position == MeanCodingId::kRaw32 || raw(header.sh) ||
+      header.opacity.coding == ScalarCodingId::kRaw32) {
+    return true;
+  }
+  for (const LayerHeader& layer : header.layers) {
+    if (layer.mean_t == MeanCodingId::kRaw32 ||
+        layer.scale_factor.coding == ScalarCodingId::kRaw32 ||
+        std::any_of(layer.component.begin(), layer.component.end(), raw)) {
+      return true;
+    }
+  }
+  return false;
+}
+
+}  // namespace
+
+Status PageDecoder::pack(const Plan& plan, l4d_packed_buffers& out, const Progress& progress) {
+  const SceneHeader& header = file_.header();
+  if (has_raw(header)) {
+    return Status(L4D_ERR_FEATURE_UNSUPPORTED, "a lossless stream has no packed form");
+  }
+  const auto wanted = [&](unsigned c) {
+    const l4d_packed_component& p = out.component[c];
+    return p.depth != nullptr || p.index != nullptr || p.literal != nullptr;
+  };
+  PageWants wants;
+  wants.position = out.position != nullptr;
+  wants.mean_t = out.mean_t != nullptr;
+  wants.opacity = out.opacity != nullptr;
+  wants.scale = out.scale_factor != nullptr || wanted(L4D_COMPONENT_SCALE);
+  wants.rotor = wanted(L4D_COMPONENT_ROTOR_SPATIAL) || wanted(L4D_COMPONENT_ROTOR_TEMPORAL);
+  wants.sh = wanted(L4D_COMPONENT_SH);
+  const size_t capacity = static_cast<size_t>(out.capacity);
+
+  // Where a page's literals go depends on the pages before it, so they are gathered first.
+  std::vector<std::array<std::vector<uint16_t>, L4D_COMPONENT_COUNT>> literals(plan.tasks.size());
+  L4D_RETURN_IF_ERROR(for_each_page(
+      plan, 0, plan.tasks.size(), wants, false, nullptr,
+      [&](size_t t, const PageColumns& columns, const PageBooks&, PageScratch&) {
+        const PageTask& task = plan.tasks[t];
+        const LayerHeader& layer = header.layers[task.layer];
+        const size_t n = columns.n;
+        const size_t first = static_cast<size_t>(task.first);
+        if (out.position != nullptr) {
+          uint16_t* dst = out.position + 3 * first;
+          const uint16_t* x = columns.position[0].data();
+          const uint16_t* y = columns.position[1].data();
+          const uint16_t* z = columns.position[2].data();
+          for (size_t i = 0; i < n; ++i) {
+            dst[3 * i] = x[i];
+            dst[3 * i + 1] = y[i];
+            dst[3 * i + 2] = z[i];
+          }
+        }
+        if (out.mean_t != nullptr) {
+          uint16_t* dst = out.mean_t + first;
+          if (layer.mean_t == MeanCodingId::kF16) {
+            std::copy_n(columns.mean_t.data(), n, dst);
+          } else {
+            std::fill(dst, dst + n, uint16_t{0});
+          }
+        }
+        copy_scalar(header.opacity, columns.opacity, n,
+                    out.opacity == nullptr ? nullptr : out.opacity + first);
+        copy_scalar(layer.scale_factor, columns.scale_factor, n,
+                    out.scale_factor == nullptr ? nullptr : out.scale_factor + first);
+        for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
+          if (!wanted(c)) continue;
+          const ComponentColumns& from = columns.component[c];
+          pack_component(header.component(layer, c), from, n, first, capacity, out.component[c]);
+          const size_t dim = header.component_dim(layer, c);
+          literals[t][c].assign(from.literal.begin(),
+                                from.literal.begin() +
+                                    static_cast<std::ptrdiff_t>(from.num_literals * dim));
+        }
+      },
+      progress));
+  for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
+    l4d_packed_component& p = out.component[c];
+    uint64_t at = 0;
+    p.num_literals = 0;
+    for (size_t t = 0; t < literals.size(); ++t) {
+      const std::vector<uint16_t>& from = literals[t][c];
+      const unsigned dim = header.component_dim(header.layers[plan.tasks[t].layer], c);
+      const uint64_t rows = from.size() / dim;
+      if (p.literal != nullptr) {
+        if (p.num_literals + rows > p.literal_capacity) {
+          return invalid_argument("literal_capacity is below the number of literals");
+        }
+        std::copy(from.begin(), from.end(), p.literal + at);
+      }
+      at += from.size();
+      p.num_literals += rows;
+    }
+  }
+  return {};
+}
+
+}  // namespace l4d

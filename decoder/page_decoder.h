@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: Apache-2.0
+// Pages to attribute arrays, in parallel. The arrays are disjoint per page, so neither the number of
+// threads nor the order of pages changes a bit.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <vector>
+
+#include "decoder/plan.h"
+#include "decoder/reconstruct.h"
+#include "libl4dcodec/container/page.h"
+
+namespace l4d {
+
+// Codebooks a page needs, resolved before the parallel part.
+struct PageBooks {
+  std::array<std::array<const CodebookData*, L4D_MAX_STAGES>, L4D_COMPONENT_COUNT> book{};
+};
+
+// Per-thread working memory.
+struct PageScratch {
+  StreamDecoder stream;
+  PageColumns columns;
+  Bytes storage;
+  std::vector<float> rows_a, rows_b, factor, means;
+};
+
+class PageDecoder {
+ public:
+  using Progress = std::function<bool(uint64_t done, uint64_t total)>;  // false = cancel
+
+  PageDecoder(SceneFile& file, const StreamKernels& stream, const ReconstructKernels& reconstruct,
+              int threads)
+      : file_(file), stream_(stream), reconstruct_(reconstruct), threads_(threads) {}
+
+  // Expands tasks [begin, end) of the plan into `out`, whose arrays hold at least plan.num_gaussians.
+  Status expand(const Plan& plan, size_t begin, size_t end, const l4d_gaussian_buffers& out,
+                const Progress& progress);
+  // The packed form; literal arrays are filled in stored order.
+  Status pack(const Plan& plan, l4d_packed_buffers& out, const Progress& progress);
+  // Parses every page for its section bytes and rules alone.
+  Status measure(const Plan& plan, SectionBytes* sections, std::vector<uint64_t>* layer_bytes);
+
+  uint64_t pages_decoded() const { return pages_decoded_; }
+
+ private:
+  using PageBody = std::function<void(size_t task, const PageColumns& columns,
+                                      const PageBooks& books, PageScratch& scratch)>;
+  // Reads pages in batches, checks and parses them in parallel and hands their columns to `body`.
+  Status for_each_page(const Plan& plan, size_t begin, size_t end, const PageWants& wants,
+                       bool need_books, SectionBytes* sections, const PageBody& body,
+                       const Progress& progress);
+  Status parse_page(const PageTask& task, ByteSpan bytes, const PageWants& wants,
+                    PageScratch& scratch, SectionBytes* sections);
+  Status resolve_books(const PageTask& task, const PageWants& wants, PageBooks* out);
+  const BlockRecord* block_of(const PageTask& task) const;
+  void expand_page(const PageTask& task, const l4d_range& range, const PageColumns& columns,
+                   const PageBooks& books, PageScratch& scratch, const l4d_gaussian_buffers& out);
+  std::unique_ptr<PageScratch> take_scratch();
+  void give_scratch(std::unique_ptr<PageScratch> scratch);
+
+  SceneFile& file_;
+  const StreamKernels& stream_;
+  const ReconstructKernels& reconstruct_;
+  int threads_;
+  uint64_t pages_decoded_ = 0;
+  std::mutex scratch_mutex_;
+  std::vector<std::unique_ptr<PageScratch>> scratch_;
+  // Block records of the pages at hand, copied: the directory cache may be trimmed meanwhile.
+  std::map<std::pair<std::pair<uint32_t, uint32_t>, uint32_t>, BlockRecord> blocks_;
+};
+
+}  // namespace l4d

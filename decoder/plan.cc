@@ -1,0 +1,121 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "decoder/plan.h"
+
+#include <algorithm>
+
+namespace l4d {
+namespace {
+
+// The instants a query asks for, clamped to the sequence.
+struct Interval {
+  double begin = 0;
+  double end = 0;
+  bool everything = false;
+};
+
+Status query_interval(const l4d_query& query, const l4d_timeline& timeline, Interval* out) {
+  const double begin = timeline.time_begin;
+  const double end = begin + sequence_duration(timeline);
+  if (query.kind == L4D_QUERY_ALL) {
+    *out = {begin, end, true};
+    return {};
+  }
+  if (query.kind != L4D_QUERY_TIME && query.kind != L4D_QUERY_RANGE) {
+    return invalid_argument("unknown kind of query");
+  }
+  const double last = query.kind == L4D_QUERY_TIME ? query.time_begin : query.time_end;
+  if (!(query.time_begin <= last)) {
+    return invalid_argument("time_end is before time_begin, or one is not a number");
+  }
+  *out = {std::clamp(query.time_begin, begin, end), std::clamp(last, begin, end), false};
+  return {};
+}
+
+bool may_be_visible(const PageRecord& page, const Interval& t, double center, double width) {
+  const double unit = width / 64;
+  return t.end >= center + (page.visible_begin - 128) * unit &&
+         t.begin <= center + (page.visible_end - 128) * unit;
+}
+
+class Planner {
+ public:
+  Planner(SceneFile& file, const Interval& interval, Plan* out)
+      : file_(file), timeline_(file.header().timeline), interval_(interval), out_(*out) {}
+
+  Status add_layer(uint32_t index) {
+    const LayerHeader& layer = file_.header().layers[index];
+    if (layer.num_gaussians == 0) return {};
+    BucketRange buckets{0, num_buckets(layer.level) - 1};
+    if (!interval_.everything) {
+      buckets = buckets_of_phases(phase_of_time(timeline_, interval_.begin),
+                                  phase_of_time(timeline_, interval_.end), layer.level);
+    }
+    const uint32_t first = buckets.first >> layer.directory_bits;
+    const uint32_t last = buckets.last >> layer.directory_bits;
+    // A whole-file query of a long file would hold every directory page at once; a window bounds it.
+    constexpr uint32_t kWindow = 64;
+    std::vector<const DirectoryPage*> pages;
+    for (uint32_t begin = first; begin <= last; begin += kWindow) {
+      const uint32_t end = std::min(last, begin + kWindow - 1);
+      L4D_RETURN_IF_ERROR(file_.directory_pages(index, begin, end, &pages));
+      for (uint32_t d = begin; d <= end; ++d) {
+        out_.directory_bytes += file_.directory_bytes(index, d);
+        if (pages[d - begin] != nullptr) add_pages(index, layer, d, *pages[d - begin], buckets);
+      }
+      if (interval_.everything) file_.trim();
+    }
+    return {};
+  }
+
+ private:
+  void add_pages(uint32_t index, const LayerHeader& layer, uint32_t directory_index,
+                 const DirectoryPage& page, const BucketRange& buckets) {
+    const double width = bucket_width(timeline_, layer.level);
+    for (const PageRecord& record : page.pages) {
+      if (record.bucket < buckets.first || record.bucket > buckets.last) continue;
+      const double center = bucket_center(timeline_, layer.level, record.bucket);
+      if (!interval_.everything && !layer.permanent &&
+          !may_be_visible(record, interval_, center, width)) {
+        continue;
+      }
+      const uint32_t block =
+          record.block == kNoBlock ? L4D_NO_BLOCK : block_id(directory_index, record.block);
+      if (out_.ranges.empty() || out_.ranges.back().layer != index ||
+          out_.ranges.back().bucket != record.bucket || out_.ranges.back().block != block) {
+        out_.ranges.push_back({out_.num_gaussians, 0, center, width, index, record.bucket, block,
+                               layer.level});
+      }
+      out_.tasks.push_back({record, index, directory_index,
+                            static_cast<uint32_t>(out_.ranges.size() - 1), out_.num_gaussians});
+      out_.ranges.back().count += record.num_gaussians;
+      out_.num_gaussians += record.num_gaussians;
+      out_.bytes += record.chunk.stored_bytes;
+    }
+  }
+
+  SceneFile& file_;
+  const l4d_timeline& timeline_;
+  const Interval interval_;
+  Plan& out_;
+};
+
+}  // namespace
+
+Status make_plan(SceneFile& file, const l4d_query& query, Plan* out) {
+  *out = Plan();
+  Interval interval;
+  L4D_RETURN_IF_ERROR(query_interval(query, file.header().timeline, &interval));
+  Planner planner(file, interval, out);
+  const auto& layers = file.header().layers;
+  for (uint32_t i = 0; i < layers.size(); ++i) {
+    if (layers[i].level > query.max_level) continue;
+    L4D_RETURN_IF_ERROR(planner.add_layer(i));
+    if (out->num_gaussians > file.header().num_gaussians) {
+      return corrupt("DIR-5", layers[i].page_table_offset,
+                     "the directory holds more Gaussians than the scene header says");
+    }
+  }
+  return {};
+}
+
+}  // namespace l4d

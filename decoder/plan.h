@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: Apache-2.0
+// Which pages a query needs, in stored order, from the directory alone.
+#pragma once
+
+#include <vector>
+
+#include "decoder/scene_file.h"
+#include "l4d/decode.h"
+
+namespace l4d {
+
+struct PageTask {
+  PageRecord record;
+  uint32_t layer = 0;
+  uint32_t directory_index = 0;
+  uint32_t range = 0;   // index in Plan.ranges
+  uint64_t first = 0;   // first Gaussian in the decoded arrays
+};
+
+struct Plan {
+  std::vector<PageTask> tasks;
+  std::vector<l4d_range> ranges;
+  uint64_t num_gaussians = 0;
+  uint64_t bytes = 0;
+  uint64_t directory_bytes = 0;
+};
+
+Status make_plan(SceneFile& file, const l4d_query& query, Plan* out);
+
+// Id of a block, unique in its layer: what l4d_range.block holds.
+inline uint32_t block_id(uint32_t directory_index, uint32_t block) {
+  return directory_index << 8 | block;
+}
+constexpr uint32_t kMaxBlocksPerPage = 256;
+
+}  // namespace l4d

@@ -1,0 +1,211 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <cstring>
+
+#include "decoder/reconstruct.h"
+#include "libl4dcodec/base/half.h"
+#include "libl4dcodec/container/scene_header.h"
+#include "libl4dcodec/math/rotor.h"
+
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "decoder/reconstruct_simd.cc"
+#include <hwy/foreach_target.h>
+#include <hwy/highway.h>
+
+HWY_BEFORE_NAMESPACE();
+namespace l4d {
+namespace HWY_NAMESPACE {
+namespace {
+namespace hn = hwy::HWY_NAMESPACE;
+
+// binary16 bits to binary32, finite values. Integer form, so that every target gives the same bits
+// whatever its conversion instructions and its flush-to-zero mode do with subnormal halves: these are
+// made by an exact conversion of the integer mantissa.
+template <class D32, class V16>
+HWY_INLINE hn::Vec<D32> halves_to_floats(D32 df, V16 halves) {
+  const hn::RebindToUnsigned<D32> du;
+  const hn::RebindToSigned<D32> di;
+  const auto bits = hn::PromoteTo(du, halves);
+  const auto sign = hn::ShiftLeft<16>(hn::And(bits, hn::Set(du, 0x8000)));
+  const auto magnitude = hn::And(bits, hn::Set(du, 0x7fff));
+  const auto normal =
+      hn::Add(hn::ShiftLeft<13>(magnitude), hn::Set(du, uint32_t{127 - 15} << 23));
+  const auto subnormal = hn::BitCast(
+      du, hn::Mul(hn::ConvertTo(df, hn::BitCast(di, magnitude)), hn::Set(df, 1.0f / 16777216.0f)));
+  const auto is_normal = hn::Gt(hn::BitCast(di, magnitude), hn::Set(di, 0x03ff));
+  const auto value = hn::IfThenElse(hn::RebindMask(du, is_normal), normal, subnormal);
+  return hn::BitCast(df, hn::Or(sign, value));
+}
+
+void positions(const uint16_t* const columns[3], size_t n, const float center[3], float scale,
+               float* dst) {
+  const hn::ScalableTag<float> df;
+  const hn::Rebind<uint16_t, decltype(df)> dh;
+  const size_t lanes = hn::Lanes(df);
+  const auto vscale = hn::Set(df, scale);
+  const auto cx = hn::Set(df, center[0]);
+  const auto cy = hn::Set(df, center[1]);
+  const auto cz = hn::Set(df, center[2]);
+  size_t i = 0;
+  for (; i + lanes <= n; i += lanes) {
+    const auto x = halves_to_floats(df, hn::LoadU(dh, columns[0] + i));
+    const auto y = halves_to_floats(df, hn::LoadU(dh, columns[1] + i));
+    const auto z = halves_to_floats(df, hn::LoadU(dh, columns[2] + i));
+    hn::StoreInterleaved3(hn::Add(cx, hn::Mul(vscale, x)), hn::Add(cy, hn::Mul(vscale, y)),
+                          hn::Add(cz, hn::Mul(vscale, z)), df, dst + 3 * i);
+  }
+  for (; i < n; ++i) {
+    for (size_t axis = 0; axis < 3; ++axis) {
+      dst[3 * i + axis] = center[axis] + scale * half_to_float(columns[axis][i]);
+    }
+  }
+}
+
+void means(const uint16_t* halves, size_t n, float width, float* dst) {
+  const hn::ScalableTag<float> df;
+  const hn::Rebind<uint16_t, decltype(df)> dh;
+  const size_t lanes = hn::Lanes(df);
+  const auto w = hn::Set(df, width);
+  size_t i = 0;
+  for (; i + lanes <= n; i += lanes) {
+    hn::StoreU(hn::Mul(w, halves_to_floats(df, hn::LoadU(dh, halves + i))), df, dst + i);
+  }
+  for (; i < n; ++i) dst[i] = width * half_to_float(halves[i]);
+}
+
+void scalars(const uint16_t* codes, size_t n, float offset, float step, float* dst) {
+  const hn::ScalableTag<float> df;
+  const hn::RebindToSigned<decltype(df)> di;
+  const hn::Rebind<uint16_t, decltype(df)> dh;
+  const size_t lanes = hn::Lanes(df);
+  const auto o = hn::Set(df, offset);
+  const auto st = hn::Set(df, step);
+  size_t i = 0;
+  for (; i + lanes <= n; i += lanes) {
+    const auto code = hn::ConvertTo(df, hn::PromoteTo(di, hn::LoadU(dh, codes + i)));
+    hn::StoreU(hn::Add(o, hn::Mul(st, code)), df, dst + i);
+  }
+  for (; i < n; ++i) dst[i] = offset + step * static_cast<float>(codes[i]);
+}
+
+// Copies one codeword. Whole vectors first, the rest by single floats: dst may end with the row.
+template <class D>
+HWY_INLINE void copy_row(D d, const float* HWY_RESTRICT row, size_t dim, float* HWY_RESTRICT dst) {
+  size_t k = 0;
+  for (; k + hn::Lanes(d) <= dim; k += hn::Lanes(d)) hn::StoreU(hn::LoadU(d, row + k), d, dst + k);
+  for (; k < dim; ++k) dst[k] = row[k];
+}
+
+template <class D>
+HWY_INLINE void add_row(D d, const float* HWY_RESTRICT row, size_t dim, float* HWY_RESTRICT dst) {
+  size_t k = 0;
+  for (; k + hn::Lanes(d) <= dim; k += hn::Lanes(d)) {
+    hn::StoreU(hn::Add(hn::LoadU(d, dst + k), hn::LoadU(d, row + k)), d, dst + k);
+  }
+  for (; k < dim; ++k) dst[k] = dst[k] + row[k];
+}
+
+template <class D>
+HWY_INLINE void vq_rows_with(D d, const VqSource& source, size_t dim, VqCursor& cursor, size_t begin,
+                             size_t end, float* dst) {
+  if (source.depth == nullptr && source.num_stages == 1) {
+    const uint16_t* HWY_RESTRICT index = source.index[0] + cursor.index[0];
+    const float* HWY_RESTRICT book = source.book[0];
+    for (size_t i = 0; i < end - begin; ++i) copy_row(d, book + dim * index[i], dim, dst + dim * i);
+    cursor.index[0] += end - begin;
+    return;
+  }
+  for (size_t i = begin; i < end; ++i, dst += dim) {
+    const size_t depth = source.depth == nullptr ? source.num_stages : source.depth[i];
+    if (depth == kLiteralDepth) {
+      const uint16_t* row = source.literal + dim * cursor.literal++;
+      for (size_t k = 0; k < dim; ++k) dst[k] = half_to_float(row[k]);
+    } else if (depth == 0) {
+      std::memset(dst, 0, dim * sizeof(float));
+    } else {
+      copy_row(d, source.book[0] + dim * source.index[0][cursor.index[0]++], dim, dst);
+      for (size_t s = 1; s < depth; ++s) {
+        add_row(d, source.book[s] + dim * source.index[s][cursor.index[s]++], dim, dst);
+      }
+    }
+  }
+}
+
+void vq_rows(const VqSource& source, VqCursor& cursor, size_t begin, size_t end, float* dst) {
+  // Constants let the compiler unroll the rows that occur in practice.
+  switch (source.dim) {
+    case 4:
+      return vq_rows_with(hn::CappedTag<float, 4>(), source, 4, cursor, begin, end, dst);
+    case 12:
+      return vq_rows_with(hn::CappedTag<float, 4>(), source, 12, cursor, begin, end, dst);
+    case 48:
+      return vq_rows_with(hn::ScalableTag<float>(), source, 48, cursor, begin, end, dst);
+    default:
+      return vq_rows_with(hn::CappedTag<float, 4>(), source, source.dim, cursor, begin, end, dst);
+  }
+}
+
+void log_scales(const float* factor, const float* normalized, size_t n, float* dst) {
+  const hn::CappedTag<float, 4> d;
+  for (size_t i = 0; i < n; ++i) {
+    const auto f = hn::Set(d, factor[i]);
+    for (size_t k = 0; k < 4; k += hn::Lanes(d)) {
+      hn::StoreU(hn::Add(f, hn::LoadU(d, normalized + 4 * i + k)), d, dst + 4 * i + k);
+    }
+  }
+}
+
+void rotors(const float* spatial, const float* temporal, size_t n, float* dst) {
+#if HWY_TARGET == HWY_SCALAR
+  for (size_t i = 0; i < n; ++i) {
+    float rotor[8];
+    std::memcpy(rotor, spatial + 4 * i, 4 * sizeof(float));
+    std::memcpy(rotor + 4, temporal + 4 * i, 4 * sizeof(float));
+    normalize_rotor(rotor, dst + 8 * i);
+  }
+#else
+  // One Gaussian per 128-bit vector. With Q = (p, -b23, b13, -b03), the reversed temporal half with
+  // alternating signs, A = S + Q and B = S - Q; x + (-y) and x - y are the same bits.
+  const hn::Full128<float> d;
+  alignas(16) static constexpr float kSigns[4] = {0.0f, -0.0f, 0.0f, -0.0f};
+  alignas(16) static constexpr float kIdentity[4] = {1.0f, 0.0f, 0.0f, 0.0f};
+  const auto signs = hn::Load(d, kSigns);
+  const auto identity = hn::Load(d, kIdentity);
+  const auto half = hn::Set(d, 0.5f);
+  const auto smallest = hn::Set(d, 1e-12f);
+  const auto normalize = [&](auto v) HWY_ATTR {
+    const auto squares = hn::Mul(v, v);
+    // ((0 + 1) + (2 + 3)) in every lane: addition commutes, so the swapped lanes agree.
+    const auto pairs = hn::Add(squares, hn::Shuffle2301(squares));
+    const auto norm2 = hn::Add(pairs, hn::Shuffle1032(pairs));
+    return hn::IfThenElse(hn::Lt(norm2, smallest), identity, hn::Div(v, hn::Sqrt(norm2)));
+  };
+  for (size_t i = 0; i < n; ++i) {
+    const auto s = hn::LoadU(d, spatial + 4 * i);
+    const auto q = hn::Xor(hn::Reverse(d, hn::LoadU(d, temporal + 4 * i)), signs);
+    const auto a = normalize(hn::Add(s, q));
+    const auto b = normalize(hn::Sub(s, q));
+    hn::StoreU(hn::Mul(hn::Add(a, b), half), d, dst + 8 * i);
+    // p = A0 - B0 and b13 = A2 - B2, but b23 = B1 - A1 and b03 = B3 - A3: signs before subtracting.
+    const auto difference = hn::Sub(hn::Xor(a, signs), hn::Xor(b, signs));
+    hn::StoreU(hn::Reverse(d, hn::Mul(difference, half)), d, dst + 8 * i + 4);
+  }
+#endif
+}
+
+const ReconstructKernels* kernels() {
+  static constexpr ReconstructKernels kKernels = {positions, means,      scalars,
+                                                  vq_rows,   log_scales, rotors};
+  return &kKernels;
+}
+
+}  // namespace
+}  // namespace HWY_NAMESPACE
+}  // namespace l4d
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace l4d {
+HWY_EXPORT(kernels);
+const ReconstructKernels& reconstruct_kernels_simd() { return *HWY_DYNAMIC_DISPATCH(kernels)(); }
+}  // namespace l4d
+#endif

@@ -1,0 +1,243 @@
+// SPDX-License-Identifier: Apache-2.0
+// 3D Gaussians at an instant, from cached buckets.
+#include <algorithm>
+#include <cmath>
+
+#include "decoder/decoder.h"
+#include "libl4dcodec/base/threads.h"
+#include "libl4dcodec/math/slice.h"
+
+namespace l4d {
+namespace {
+
+constexpr size_t kSliceGrain = 4096;
+
+// The constant part of n Gaussians, from their decoded attributes.
+void prepare_gaussians(const SceneHeader& header, const LayerHeader& layer, const float* rotor,
+                       const float* log_scale, size_t begin, size_t end, PreparedBucket* out) {
+  const double sequence_begin = header.timeline.time_begin;
+  const double sequence_end = sequence_begin + sequence_duration(header.timeline);
+  const float lo = static_cast<float>(sequence_begin - out->center);
+  const float hi = static_cast<float>(sequence_end - out->center);
+  for (size_t i = begin; i < end; ++i) {
+    float scale[4];
+    for (size_t k = 0; k < 4; ++k) scale[k] = std::exp(log_scale[4 * i + k]);
+    const Slice4D<float> s = slice_gaussian(normalized_halves(rotor + 8 * i), scale);
+    std::copy_n(s.covariance, 6, out->covariance.data() + 6 * i);
+    if (!out->velocity.empty()) std::copy_n(s.velocity, 3, out->velocity.data() + 3 * i);
+    if (!layer.permanent) out->lambda[i] = s.lambda;
+    out->reference[i] = header.position_at_mean_time ? out->mean[i]
+                                                     : std::clamp(out->mean[i], lo, hi);
+    if (header.opacity_logit) out->opacity[i] = 1.0f / (1.0f + std::exp(-out->opacity[i]));
+  }
+}
+
+// What one piece of a bucket shows at the instant.
+class Slicer {
+ public:
+  Slicer(const PreparedBucket& bucket, double time, float gate)
+      : bucket_(bucket), t_(static_cast<float>(time - bucket.center)), gate_(gate) {}
+
+  bool visible(size_t i) const {
+    if (bucket_.permanent) return true;
+    const float dt = t_ - bucket_.mean[i];
+    return bucket_.lambda[i] * (dt * dt) <= gate_;
+  }
+  size_t count(size_t begin, size_t end) const {
+    size_t n = 0;
+    for (size_t i = begin; i < end; ++i) n += visible(i);
+    return n;
+  }
+  void write(size_t begin, size_t end, size_t at, size_t sh_dim, const l4d_splat_buffers& out) const {
+    for (size_t i = begin; i < end; ++i) {
+      if (!visible(i)) continue;
+      if (out.position != nullptr) {
+        for (size_t k = 0; k < 3; ++k) {
+          float p = bucket_.position[3 * i + k];
+          if (!bucket_.velocity.empty()) {
+            p += bucket_.velocity[3 * i + k] * (t_ - bucket_.reference[i]);
+          }
+          out.position[3 * at + k] = p;
+        }
+      }
+      if (out.covariance != nullptr) {
+        std::copy_n(bucket_.covariance.data() + 6 * i, 6, out.covariance + 6 * at);
+      }
+      if (out.opacity != nullptr) {
+        float o = bucket_.opacity[i];
+        if (!bucket_.permanent) {
+          const float dt = t_ - bucket_.mean[i];
+          o *= std::exp(-0.5f * (bucket_.lambda[i] * (dt * dt)));
+        }
+        out.opacity[at] = o;
+      }
+      if (out.sh != nullptr) {
+        std::copy_n(bucket_.sh.data() + sh_dim * i, sh_dim, out.sh + sh_dim * at);
+      }
+      ++at;
+    }
+  }
+
+ private:
+  const PreparedBucket& bucket_;
+  float t_;
+  float gate_;
+};
+
+}  // namespace
+
+void Decoder::evict(uint64_t needed) {
+  while (!cache_.empty() && cache_bytes_ + needed > options_.cache_bytes) {
+    auto oldest = cache_.end();
+    for (auto it = cache_.begin(); it != cache_.end(); ++it) {
+      if (it->second.last_use == clock_) continue;  // wanted by the query at hand
+      if (oldest == cache_.end() || it->second.last_use < oldest->second.last_use) oldest = it;
+    }
+    if (oldest == cache_.end()) return;
+    cache_bytes_ -= oldest->second.memory_bytes;
+    file_->memory().release(oldest->second.memory_bytes);
+    cache_.erase(oldest);
+  }
+}
+
+Status Decoder::prepare_range(const Plan& plan, size_t range, size_t first_task, size_t end_task,
+                              PreparedBucket* out) {
+  const l4d_range& r = plan.ranges[range];
+  const SceneHeader& header = file_->header();
+  const LayerHeader& layer = header.layers[r.layer];
+  const size_t n = static_cast<size_t>(r.count);
+  out->count = n;
+  out->permanent = layer.permanent;
+  out->center = r.center;
+  out->position.resize(3 * n);
+  out->mean.resize(n);
+  out->reference.resize(n);
+  out->covariance.resize(6 * n);
+  out->opacity.resize(n);
+  out->sh.resize(header.sh_dim() * n);
+  if (!layer.permanent) out->lambda.resize(n);
+  if (layer.component[L4D_COMPONENT_ROTOR_TEMPORAL].coding != ComponentCodingId::kZero) {
+    out->velocity.resize(3 * n);
+  }
+  const uint64_t scratch = uint64_t{n} * 12 * sizeof(float);
+  L4D_RETURN_IF_ERROR(file_->memory().charge(scratch, "a bucket"));
+  std::vector<float> log_scale(4 * n), rotor(8 * n);
+  l4d_gaussian_buffers buffers{};
+  buffers.struct_size = sizeof buffers;
+  buffers.position = out->position.data();
+  buffers.mean_t_local = out->mean.data();
+  buffers.opacity = out->opacity.data();
+  buffers.sh = out->sh.data();
+  buffers.log_scale = log_scale.data();
+  buffers.rotor = rotor.data();
+  // The arrays hold this range alone.
+  Plan part;
+  part.ranges.push_back(r);
+  for (size_t t = first_task; t < end_task; ++t) {
+    part.tasks.push_back(plan.tasks[t]);
+    part.tasks.back().range = 0;
+    part.tasks.back().first -= r.first;
+  }
+  const Status status = pages_->expand(part, 0, part.tasks.size(), buffers, progress("decode"));
+  file_->memory().release(scratch);
+  if (!status.ok()) return status;
+  parallel_for(static_cast<int>(options_.threads), n, kSliceGrain, [&](size_t begin, size_t end) {
+    prepare_gaussians(header, layer, rotor.data(), log_scale.data(), begin, end, out);
+  });
+  ++buckets_decoded_;
+  return {};
+}
+
+Status Decoder::prepare(const Plan& plan, std::vector<const PreparedBucket*>* out) {
+  ++clock_;
+  const unsigned sh_dim = file_->header().sh_dim();
+  for (const l4d_range& r : plan.ranges) {
+    const auto it = cache_.find({r.layer, r.bucket});
+    if (it != cache_.end()) it->second.last_use = clock_;
+  }
+  size_t task = 0;
+  for (size_t i = 0; i < plan.ranges.size(); ++i) {
+    const l4d_range& r = plan.ranges[i];
+    const size_t first_task = task;
+    while (task < plan.tasks.size() && plan.tasks[task].range == i) ++task;
+    const BucketKey key(r.layer, r.bucket);
+    const auto it = cache_.find(key);
+    if (it != cache_.end()) {
+      ++cache_hits_;
+      out->push_back(&it->second.bucket);
+      continue;
+    }
+    CacheEntry entry;
+    entry.memory_bytes = PreparedBucket::memory_bytes(static_cast<size_t>(r.count), sh_dim);
+    entry.last_use = clock_;
+    evict(entry.memory_bytes);
+    L4D_RETURN_IF_ERROR(file_->memory().charge(entry.memory_bytes, "the bucket cache"));
+    const Status status = prepare_range(plan, i, first_task, task, &entry.bucket);
+    if (!status.ok()) {
+      file_->memory().release(entry.memory_bytes);
+      return status;
+    }
+    cache_bytes_ += entry.memory_bytes;
+    out->push_back(&(cache_[key] = std::move(entry)).bucket);
+  }
+  return {};
+}
+
+Status Decoder::slice(double time, l4d_splat_buffers* out) {
+  const SceneHeader& header = file_->header();
+  const double begin = header.timeline.time_begin;
+  if (!(time == time)) return invalid_argument("the time is not a number");
+  time = std::clamp(time, begin, begin + sequence_duration(header.timeline));
+  l4d_query query{};
+  query.struct_size = sizeof query;
+  query.kind = L4D_QUERY_TIME;
+  query.max_level = ~0u;
+  query.time_begin = time;
+  file_->trim();
+  Plan plan;
+  L4D_RETURN_IF_ERROR(make_plan(*file_, query, &plan));
+  std::vector<const PreparedBucket*> buckets;
+  L4D_RETURN_IF_ERROR(prepare(plan, &buckets));
+
+  // Pieces of fixed size: first how many each shows, then all write at their offsets.
+  struct Piece {
+    size_t bucket, begin, end, at;
+  };
+  std::vector<Piece> pieces;
+  for (size_t b = 0; b < buckets.size(); ++b) {
+    for (size_t i = 0; i < buckets[b]->count; i += kSliceGrain) {
+      pieces.push_back({b, i, std::min(buckets[b]->count, i + kSliceGrain), 0});
+    }
+  }
+  const int threads = static_cast<int>(options_.threads);
+  parallel_for(threads, pieces.size(), 1, [&](size_t first, size_t last) {
+    for (size_t p = first; p < last; ++p) {
+      pieces[p].at = Slicer(*buckets[pieces[p].bucket], time, header.gate)
+                         .count(pieces[p].begin, pieces[p].end);
+    }
+  });
+  size_t total = 0;
+  for (Piece& p : pieces) {
+    const size_t n = p.at;
+    p.at = total;
+    total += n;
+  }
+  const bool wants_arrays = out->position != nullptr || out->covariance != nullptr ||
+                            out->opacity != nullptr || out->sh != nullptr;
+  if (wants_arrays) {
+    if (total > out->capacity) {
+      return invalid_argument("capacity is " + std::to_string(out->capacity) + ", " +
+                              std::to_string(total) + " Gaussians are visible");
+    }
+    parallel_for(threads, pieces.size(), 1, [&](size_t first, size_t last) {
+      for (size_t p = first; p < last; ++p) {
+        Slicer(*buckets[pieces[p].bucket], time, header.gate)
+            .write(pieces[p].begin, pieces[p].end, pieces[p].at, header.sh_dim(), *out);
+      }
+    });
+  }
+  out->count = total;
+  return {};
+}
+
+}  // namespace l4d
