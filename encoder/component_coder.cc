@@ -1,0 +1,348 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "encoder/component_coder.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "encoder/kmeans.h"
+#include "encoder/nearest.h"
+#include "encoder/rcq.h"
+#include "libl4dcodec/base/half.h"
+
+namespace l4d {
+
+void round_to_half(std::vector<float>& values) {
+  for (float& v : values) v = half_to_float(float_to_half_saturate(v));
+}
+
+uint32_t useful_entries(uint32_t wanted, size_t n) {
+  // A codeword costs about as much as the index bits of eight Gaussians.
+  constexpr size_t kGaussiansPerEntry = 8;
+  return static_cast<uint32_t>(
+      std::clamp<size_t>(n / kGaussiansPerEntry, 1, std::max<size_t>(wanted, 1)));
+}
+
+std::vector<float> train_half_codebook(const float* rows, const float* weights, size_t n, size_t dim,
+                                       uint32_t entries, const ComponentSettings& settings,
+                                       uint64_t salt) {
+  KMeansOptions options;
+  options.num_codewords = entries;
+  options.iterations = settings.iterations;
+  options.sample_per_codeword = settings.sample_per_codeword;
+  options.seed = settings.seed * 0x9e3779b97f4a7c15u + salt;
+  options.threads = settings.threads;
+  options.cancelled = settings.cancelled;
+  std::vector<float> book = train_codebook(rows, weights, n, dim, options).entries;
+  // Assignments are made to the values a decoder has.
+  round_to_half(book);
+  return book;
+}
+
+namespace {
+
+struct Selection {
+  std::vector<uint32_t> members;  // indices in the set
+  std::vector<float> rows;        // [members, dim]
+  std::vector<float> weights;
+};
+
+void gather(const std::vector<float>& rows, const float* weights, size_t dim, Selection* s) {
+  s->rows.resize(s->members.size() * dim);
+  s->weights.resize(s->members.size());
+  for (size_t j = 0; j < s->members.size(); ++j) {
+    const size_t i = s->members[j];
+    std::copy_n(rows.data() + i * dim, dim, s->rows.data() + j * dim);
+    s->weights[j] = weights[i];
+  }
+}
+
+// The `count` members with the largest weight x squared residual; ties by index.
+std::vector<uint32_t> neediest(const std::vector<uint32_t>& members, const std::vector<float>& need,
+                               size_t count) {
+  std::vector<uint32_t> chosen = members;
+  const auto more = [&](uint32_t a, uint32_t b) {
+    return need[a] != need[b] ? need[a] > need[b] : a < b;
+  };
+  if (count < chosen.size()) {
+    std::nth_element(chosen.begin(), chosen.begin() + static_cast<std::ptrdiff_t>(count),
+                     chosen.end(), more);
+    chosen.resize(count);
+  }
+  std::sort(chosen.begin(), chosen.end());
+  return chosen;
+}
+
+class ComponentCoder {
+ public:
+  ComponentCoder(const float* rows, const float* weights, size_t n, size_t dim,
+                 const std::vector<BlockRange>& blocks, const ComponentSettings& settings)
+      : rows_(rows), weights_(weights), blocks_(blocks), settings_(settings) {
+    out_.n = n;
+    out_.dim = dim;
+    out_.depth.assign(n, 0);
+    out_.decoded.assign(n * dim, 0.0f);
+  }
+
+  CodedComponent run() {
+    choose_literals();
+    code_stage0();
+    code_residual_stages();
+    code_literals();
+    for (size_t i = 0; i < out_.n; ++i) {
+      out_.weighted_distortion += static_cast<double>(weights_[i]) * squared_error(i);
+    }
+    return std::move(out_);
+  }
+
+ private:
+  double squared_error(size_t i) const {
+    double sum = 0;
+    for (size_t k = 0; k < out_.dim; ++k) {
+      const double e = static_cast<double>(rows_[i * out_.dim + k]) -
+                       static_cast<double>(out_.decoded[i * out_.dim + k]);
+      sum += e * e;
+    }
+    return sum;
+  }
+
+  void choose_literals() {
+    coded_.clear();
+    for (uint32_t i = 0; i < out_.n; ++i) {
+      if (settings_.literal_threshold > 0 &&
+          static_cast<double>(weights_[i]) > settings_.literal_threshold) {
+        out_.depth[i] = kLiteralDepth;
+        out_.any_literal = true;
+      } else {
+        coded_.push_back(i);
+      }
+    }
+  }
+
+  // Rows that are not literals; the input itself where all are coded.
+  Selection coded_rows() const {
+    Selection s;
+    s.members = coded_;
+    s.rows.resize(coded_.size() * out_.dim);
+    s.weights.resize(coded_.size());
+    for (size_t j = 0; j < coded_.size(); ++j) {
+      std::copy_n(rows_ + coded_[j] * out_.dim, out_.dim, s.rows.data() + j * out_.dim);
+      s.weights[j] = weights_[coded_[j]];
+    }
+    return s;
+  }
+
+  void code_stage0() {
+    const size_t dim = out_.dim;
+    out_.index.emplace_back(out_.n, uint16_t{0});
+    if (coded_.empty()) {  // a codebook of one entry keeps the syntax whole
+      out_.books.emplace_back(dim, 0.0f);
+      return;
+    }
+    const bool direct = coded_.size() == out_.n;
+    Selection gathered;
+    if (!direct) gathered = coded_rows();
+    const float* rows = direct ? rows_ : gathered.rows.data();
+    const float* weights = direct ? weights_ : gathered.weights.data();
+    const size_t n = coded_.size();
+    out_.books.push_back(train_half_codebook(rows, weights, n, dim,
+                                             useful_entries(settings_.codebook_size, n), settings_,
+                                             1));
+    const std::vector<float>& book = out_.books[0];
+    std::vector<uint32_t> labels(n);
+    std::vector<float> distance(n);
+    assign_nearest(rows, n, dim, book.data(), book.size() / dim, settings_.threads, nullptr,
+                   labels.data(), distance.data());
+    for (size_t j = 0; j < n; ++j) {
+      const size_t i = coded_[j];
+      out_.depth[i] = 1;
+      out_.index[0][i] = static_cast<uint16_t>(labels[j]);
+      std::copy_n(book.data() + labels[j] * dim, dim, out_.decoded.data() + i * dim);
+    }
+    // Block codebooks work on whole blocks, so literals and RCQ do not meet.
+    if (settings_.rcq != 0 && direct && !blocks_.empty()) {
+      code_blocks(rows_, weights_, blocks_, settings_, distance, &out_);
+    }
+  }
+
+  void code_residual_stages() {
+    const size_t dim = out_.dim;
+    std::vector<uint32_t> members = coded_;
+    std::vector<float> need(out_.n), residual(out_.n * dim);
+    for (size_t s = 1; s < settings_.stages.size(); ++s) {
+      for (const uint32_t i : members) {
+        need[i] = static_cast<float>(static_cast<double>(weights_[i]) * squared_error(i));
+        for (size_t k = 0; k < dim; ++k) {
+          residual[i * dim + k] = rows_[i * dim + k] - out_.decoded[i * dim + k];
+        }
+      }
+      const size_t count = static_cast<size_t>(
+          std::llround(static_cast<double>(settings_.stages[s]) * static_cast<double>(out_.n)));
+      Selection chosen;
+      chosen.members = neediest(members, need, count);
+      if (chosen.members.empty()) break;
+      gather(residual, weights_, dim, &chosen);
+      const size_t n = chosen.members.size();
+      out_.books.push_back(train_half_codebook(chosen.rows.data(), chosen.weights.data(), n, dim,
+                                               useful_entries(settings_.codebook_size, n),
+                                               settings_, 1 + s));
+      const std::vector<float>& book = out_.books[s];
+      std::vector<uint32_t> labels(n);
+      std::vector<float> distance(n);
+      assign_nearest(chosen.rows.data(), n, dim, book.data(), book.size() / dim, settings_.threads,
+                     nullptr, labels.data(), distance.data());
+      out_.index.emplace_back(out_.n, uint16_t{0});
+      for (size_t j = 0; j < n; ++j) {
+        const size_t i = chosen.members[j];
+        out_.depth[i] = static_cast<uint8_t>(s + 1);
+        out_.index[s][i] = static_cast<uint16_t>(labels[j]);
+        for (size_t k = 0; k < dim; ++k) {
+          out_.decoded[i * dim + k] = out_.decoded[i * dim + k] + book[labels[j] * dim + k];
+        }
+      }
+      members = chosen.members;
+    }
+  }
+
+  void code_literals() {
+    for (size_t i = 0; i < out_.n; ++i) {
+      if (out_.depth[i] != kLiteralDepth) continue;
+      for (size_t k = 0; k < out_.dim; ++k) {
+        out_.decoded[i * out_.dim + k] =
+            half_to_float(float_to_half_saturate(rows_[i * out_.dim + k]));
+      }
+    }
+  }
+
+  const float* rows_;
+  const float* weights_;
+  const std::vector<BlockRange>& blocks_;
+  const ComponentSettings& settings_;
+  std::vector<uint32_t> coded_;
+  CodedComponent out_;
+};
+
+// old index -> new index, most used first; unused entries are dropped. At least one entry stays.
+std::vector<uint32_t> rank_by_use(const std::vector<uint64_t>& use, uint32_t* kept) {
+  std::vector<uint32_t> order(use.size());
+  std::iota(order.begin(), order.end(), 0u);
+  std::stable_sort(order.begin(), order.end(), [&](uint32_t a, uint32_t b) { return use[a] > use[b]; });
+  std::vector<uint32_t> rank(use.size());
+  *kept = 0;
+  for (uint32_t r = 0; r < order.size(); ++r) {
+    rank[order[r]] = r;
+    if (use[order[r]] > 0) *kept = r + 1;
+  }
+  *kept = std::max(*kept, 1u);
+  return rank;
+}
+
+void permute_book(std::vector<float>& book, size_t dim, const std::vector<uint32_t>& rank,
+                  uint32_t kept) {
+  std::vector<float> ranked(size_t{kept} * dim);
+  for (size_t e = 0; e < rank.size(); ++e) {
+    if (rank[e] < kept) std::copy_n(book.data() + e * dim, dim, ranked.data() + rank[e] * dim);
+  }
+  book = std::move(ranked);
+}
+
+}  // namespace
+
+CodedComponent code_component(const float* rows, const float* weights, size_t n, size_t dim,
+                              const std::vector<BlockRange>& blocks,
+                              const ComponentSettings& settings) {
+  return ComponentCoder(rows, weights, n, dim, blocks, settings).run();
+}
+
+void drop_gaussians(CodedComponent& c, const std::vector<uint8_t>& keep) {
+  size_t to = 0;
+  for (size_t i = 0; i < c.n; ++i) {
+    if (!keep[i]) continue;
+    c.depth[to] = c.depth[i];
+    for (auto& index : c.index) index[to] = index[i];
+    std::copy_n(c.decoded.begin() + static_cast<std::ptrdiff_t>(i * c.dim), c.dim,
+                c.decoded.begin() + static_cast<std::ptrdiff_t>(to * c.dim));
+    ++to;
+  }
+  c.n = to;
+  c.depth.resize(to);
+  for (auto& index : c.index) index.resize(to);
+  c.decoded.resize(to * c.dim);
+}
+
+void rank_codebooks(CodedComponent& c, const std::vector<BlockRange>& blocks) {
+  // Which Gaussians index a block codebook instead of the layer's.
+  std::vector<uint8_t> in_block(c.n, 0);
+  for (size_t b = 0; b < c.block_tables.size(); ++b) {
+    if (c.block_tables[b].empty()) continue;
+    std::fill(in_block.begin() + static_cast<std::ptrdiff_t>(blocks[b].begin),
+              in_block.begin() + static_cast<std::ptrdiff_t>(blocks[b].end), uint8_t{1});
+  }
+  // Block tables first: what they do not use need not stay in the codebooks behind them.
+  for (size_t b = 0; b < c.block_tables.size(); ++b) {
+    std::vector<RcqPair>& table = c.block_tables[b];
+    if (table.empty()) continue;
+    std::vector<uint64_t> use(table.size(), 0);
+    for (size_t i = blocks[b].begin; i < blocks[b].end; ++i) ++use[c.index[0][i]];
+    uint32_t kept = 0;
+    const std::vector<uint32_t> rank = rank_by_use(use, &kept);
+    std::vector<RcqPair> ranked(kept);
+    for (size_t e = 0; e < table.size(); ++e) {
+      if (rank[e] < kept) ranked[rank[e]] = table[e];
+    }
+    table = std::move(ranked);
+    for (size_t i = blocks[b].begin; i < blocks[b].end; ++i) {
+      c.index[0][i] = static_cast<uint16_t>(rank[c.index[0][i]]);
+    }
+  }
+  for (size_t s = 0; s < c.books.size(); ++s) {
+    const auto uses_book = [&](size_t i) {
+      return c.depth[i] != kLiteralDepth && c.depth[i] > s && !(s == 0 && in_block[i]);
+    };
+    std::vector<uint64_t> use(c.books[s].size() / c.dim, 0);
+    for (size_t i = 0; i < c.n; ++i) use[c.index[s][i]] += uses_book(i);
+    if (s == 0) {
+      for (const auto& table : c.block_tables) {
+        for (const RcqPair& p : table) ++use[p.global];
+      }
+    }
+    uint32_t kept = 0;
+    const std::vector<uint32_t> rank = rank_by_use(use, &kept);
+    permute_book(c.books[s], c.dim, rank, kept);
+    for (size_t i = 0; i < c.n; ++i) {
+      if (uses_book(i)) c.index[s][i] = static_cast<uint16_t>(rank[c.index[s][i]]);
+    }
+    if (s == 0) {
+      for (auto& table : c.block_tables) {
+        for (RcqPair& p : table) p.global = static_cast<uint16_t>(rank[p.global]);
+      }
+    }
+  }
+  if (!c.residual_book.empty()) {
+    std::vector<uint64_t> use(c.residual_book.size() / c.dim, 0);
+    for (const auto& table : c.block_tables) {
+      for (const RcqPair& p : table) ++use[p.residual];
+    }
+    uint32_t kept = 0;
+    const std::vector<uint32_t> rank = rank_by_use(use, &kept);
+    permute_book(c.residual_book, c.dim, rank, kept);
+    for (auto& table : c.block_tables) {
+      for (RcqPair& p : table) p.residual = static_cast<uint16_t>(rank[p.residual]);
+    }
+  }
+}
+
+void describe_vq(const CodedComponent& c, ComponentCoding* coding) {
+  if (!coding->vq()) return;
+  coding->literals = c.any_literal;
+  coding->stages.resize(c.books.size());
+  for (size_t s = 0; s < c.books.size(); ++s) {
+    coding->stages[s].num_entries = static_cast<uint32_t>(c.books[s].size() / c.dim);
+  }
+  coding->has_rcq = !c.residual_book.empty();
+  if (coding->has_rcq) {
+    coding->rcq.num_entries = static_cast<uint32_t>(c.residual_book.size() / c.dim);
+  }
+}
+
+}  // namespace l4d

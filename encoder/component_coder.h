@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: Apache-2.0
+// Vector quantisation of one component over one set of Gaussians: stage 0 (optionally through block
+// codebooks), residual stages for those that need them most, literals above a weight.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <vector>
+
+#include "libl4dcodec/container/scene_header.h"
+#include "libl4dcodec/quant/codebook.h"
+
+namespace l4d {
+
+struct ComponentSettings {
+  uint32_t codebook_size = 4096;
+  std::vector<float> stages{1.0f};
+  double literal_threshold = 0;  // 0 = never
+  int rcq = 0;                   // 0 never, 1 where it pays, 2 always; needs blocks
+  uint32_t rcq_size = 512;
+  int iterations = 10;
+  size_t sample_per_codeword = 24;
+  uint64_t seed = 0;
+  int threads = 0;
+  const std::function<bool()>* cancelled = nullptr;
+};
+
+// Gaussians [begin, end) of the set form an RCQ block.
+struct BlockRange {
+  size_t begin = 0;
+  size_t end = 0;
+};
+
+struct CodedComponent {
+  size_t n = 0;
+  size_t dim = 0;
+  std::vector<std::vector<float>> books;       // per stage [entries, dim], binary16 values
+  std::vector<uint8_t> depth;                  // [n]; kLiteralDepth = literal
+  std::vector<std::vector<uint16_t>> index;    // per stage [n], valid where depth > stage
+  bool any_literal = false;
+  std::vector<float> residual_book;            // RCQ, [entries, dim]; empty = no RCQ
+  // One per block; empty = that block indexes the layer's codebook.
+  std::vector<std::vector<RcqPair>> block_tables;
+  std::vector<float> decoded;                  // [n, dim], bit-exact
+  double weighted_distortion = 0;
+};
+
+// rows: [n, dim]; weights: [n].
+CodedComponent code_component(const float* rows, const float* weights, size_t n, size_t dim,
+                              const std::vector<BlockRange>& blocks,
+                              const ComponentSettings& settings);
+
+// Drops Gaussians (keep[i] = 0) from a coded set.
+void drop_gaussians(CodedComponent& component, const std::vector<uint8_t>& keep);
+
+// Orders every codebook by use, most used first, without the entries nobody uses: small numbers become
+// frequent, which any entropy coder after this likes. Changes no decoded value.
+void rank_codebooks(CodedComponent& component, const std::vector<BlockRange>& blocks);
+
+// Number of stages, entries, literals and RCQ of a coded component, as the header will say them.
+void describe_vq(const CodedComponent& component, ComponentCoding* coding);
+
+}  // namespace l4d

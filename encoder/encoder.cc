@@ -1,0 +1,203 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "encoder/encoder.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cstring>
+
+namespace l4d {
+namespace {
+
+// Thrown out of the innermost loops; caught in encode().
+struct Cancelled {};
+
+// Rough share of the work of each step, for the progress callback. Gaussians times numbers of a
+// component times codebook is what vector quantisation costs, so SH outweighs the rest.
+constexpr uint64_t kPrepareWork = 2;
+constexpr uint64_t kShWork = 60;
+constexpr uint64_t kLayersWork = 30;
+constexpr uint64_t kWriteWork = 8;
+constexpr uint64_t kTotalWork = kPrepareWork + kShWork + kLayersWork + kWriteWork;
+
+}  // namespace
+
+// Times the steps and tells the caller about them.
+class Encoder::Steps {
+ public:
+  Steps(l4d_progress_fn fn, void* user) : fn_(fn), user_(user) {}
+
+  void begin(const char* name) {
+    end();
+    name_ = name;
+    started_ = Clock::now();
+    report(done_);
+  }
+  void end() {
+    if (name_ == nullptr) return;
+    const double seconds = std::chrono::duration<double>(Clock::now() - started_).count();
+    const auto same = std::find_if(stages_.begin(), stages_.end(), [&](const auto& s) {
+      return std::strcmp(s.first, name_) == 0;
+    });
+    if (same == stages_.end()) {
+      stages_.emplace_back(name_, seconds);
+    } else {
+      same->second += seconds;
+    }
+    name_ = nullptr;
+  }
+  void advance(uint64_t work) { done_ += work; }
+  void report(uint64_t done) const {
+    if (fn_ != nullptr && name_ != nullptr && fn_(user_, done, kTotalWork, name_) != 0) {
+      throw Cancelled();
+    }
+  }
+  // Called now and then inside long loops.
+  bool cancelled() const {
+    return fn_ != nullptr && fn_(user_, done_, kTotalWork, name_) != 0;
+  }
+  std::vector<std::pair<const char*, double>> take() { return std::move(stages_); }
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  l4d_progress_fn fn_;
+  void* user_;
+  const char* name_ = nullptr;
+  Clock::time_point started_;
+  uint64_t done_ = 0;
+  std::vector<std::pair<const char*, double>> stages_;
+};
+
+Status Encoder::set_scene(const l4d_gaussians& gaussians, const l4d_timeline& timeline,
+                          const l4d_placement& placement) {
+  EncoderInput input;
+  input.gaussians = gaussians;
+  input.timeline = timeline;
+  input.placement = placement;
+  L4D_RETURN_IF_ERROR(check_input(input));
+  input_ = input;
+  return {};
+}
+
+Status Encoder::set_weights(uint32_t which, const float* weights, uint64_t count) {
+  if (which >= L4D_WEIGHT_COUNT) return invalid_argument("unknown kind of weights");
+  if (input_.gaussians.count == 0) return Status(L4D_ERR_INVALID_STATE, "set the scene first");
+  if (weights != nullptr && count != input_.gaussians.count) {
+    return invalid_argument(std::to_string(count) + " weights for " +
+                            std::to_string(input_.gaussians.count) + " Gaussians");
+  }
+  EncoderInput input = input_;
+  input.weights[which] = weights;
+  L4D_RETURN_IF_ERROR(check_input(input));
+  input_ = input;
+  return {};
+}
+
+Status Encoder::encode(const WriteFn& write) {
+  if (input_.gaussians.count == 0) return Status(L4D_ERR_INVALID_STATE, "no scene is set");
+  const auto started = std::chrono::steady_clock::now();
+  const int threads = static_cast<int>(options_.threads);
+  const bool lossless = settings_.get_bool(L4D_ENC_LOSSLESS);
+  Steps steps(progress_, progress_user_);
+  const std::function<bool()> cancelled = [&] { return steps.cancelled(); };
+  EncodeReport report;
+  try {
+    steps.begin("prepare");
+    EncoderScene scene;
+    L4D_RETURN_IF_ERROR(prepare_scene(input_, settings_, threads, &scene));
+    std::vector<LayerPlan> plans = plan_layers(scene, settings_);
+    steps.advance(kPrepareWork);
+
+    SceneHeader header;
+    header.num_gaussians = scene.count;
+    header.timeline = scene.timeline;
+    header.placement = input_.placement;
+    header.sh_degree = scene.sh_degree;
+    header.metadata = metadata_;
+    CodedComponent sh;
+    if (lossless) {
+      header.position_at_mean_time = (input_.gaussians.flags & L4D_POSITION_AT_MEAN_TIME) != 0;
+      header.opacity_logit = (input_.gaussians.flags & L4D_OPACITY_LOGIT) != 0;
+      header.opacity.coding = ScalarCodingId::kRaw32;
+      header.sh.coding = ComponentCodingId::kRaw32;
+    } else {
+      steps.begin("sh_vq");
+      ComponentSettings s;
+      s.codebook_size =
+          static_cast<uint32_t>(settings_.get(L4D_ENC_CODEBOOK_SIZE, L4D_COMPONENT_SH));
+      s.stages = settings_.stages(L4D_COMPONENT_SH);
+      s.literal_threshold = settings_.get(L4D_ENC_LITERAL_THRESHOLD, L4D_COMPONENT_SH);
+      s.iterations = settings_.get_int(L4D_ENC_KMEANS_ITERATIONS);
+      s.sample_per_codeword = static_cast<size_t>(settings_.get(L4D_ENC_KMEANS_SAMPLE));
+      s.seed = options_.seed * 131 + 7;
+      s.threads = threads;
+      s.cancelled = &cancelled;
+      sh = code_component(scene.sh.data(), scene.weight[L4D_COMPONENT_SH].data(), scene.count,
+                          scene.sh_dim(), {}, s);
+      rank_codebooks(sh, {});
+      header.sh.coding = ComponentCodingId::kVq;
+      describe_vq(sh, &header.sh);
+    }
+    steps.advance(kShWork);
+
+    LayerCoderOptions layer_options;
+    layer_options.settings = &settings_;
+    layer_options.threads = threads;
+    layer_options.seed = options_.seed;
+    layer_options.cancelled = &cancelled;
+    layer_options.step = [&](const char* name) { steps.begin(name); };
+    // Finest first: what no longer fits moves to the next coarser layer before that is coded.
+    std::vector<CodedLayer> layers(plans.size());
+    for (size_t l = plans.size(); l-- > 0;) {
+      if (plans[l].members.empty()) {
+        layers[l].header.level = plans[l].level;
+        continue;
+      }
+      steps.begin("layering");
+      std::vector<uint32_t> misfits;
+      layers[l] = code_layer(scene, plans[l], layer_options, &misfits);
+      if (!misfits.empty()) {
+        std::vector<uint32_t>& to = plans[l - 1].members;
+        std::vector<uint32_t> all(to.size() + misfits.size());
+        std::merge(to.begin(), to.end(), misfits.begin(), misfits.end(), all.begin());
+        to = std::move(all);
+        report.totals.moved_to_coarser += misfits.size();
+      }
+      steps.advance(kLayersWork / plans.size());
+    }
+    layers.erase(std::remove_if(layers.begin(), layers.end(),
+                                [](const CodedLayer& l) { return l.members.empty(); }),
+                 layers.end());
+
+    steps.begin("write");
+    choose_frame(layers, lossless, &header);
+    if (!lossless) {
+      choose_opacity(layers, static_cast<unsigned>(settings_.get_int(L4D_ENC_OPACITY_BITS)),
+                     &header);
+    }
+    report.totals.num_layers = static_cast<uint32_t>(layers.size());
+    FileParts parts = build_file(scene, settings_, header, layers, sh, threads);
+    for (const Bytes& chunk : parts.chunks) {
+      steps.report(kTotalWork - kWriteWork);
+      if (!write(chunk.data(), chunk.size())) return Status(L4D_ERR_IO, "writing failed");
+    }
+    steps.end();
+    report.order = std::move(parts.order);
+    report.totals.file_bytes = parts.bytes;
+    report.totals.input_gaussians = input_.gaussians.count;
+    report.totals.coded_gaussians = scene.count;
+    report.totals.invalid_dropped = scene.invalid_dropped;
+    report.totals.pruned = scene.pruned;
+    report.totals.raw_bytes = 4 * (17 + scene.sh_dim()) * input_.gaussians.count;
+  } catch (const Cancelled&) {
+    return Status(L4D_ERR_CANCELLED, "cancelled by the progress callback");
+  }
+  report.stages = steps.take();
+  report.totals.num_stages = static_cast<uint32_t>(report.stages.size());
+  report.totals.total_seconds =
+      std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count();
+  report_ = std::move(report);
+  has_report_ = true;
+  return {};
+}
+
+}  // namespace l4d

@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: Apache-2.0
+// What an l4d_encoder handle is.
+#pragma once
+
+#include <functional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "encoder/file_builder.h"
+#include "encoder/scene.h"
+#include "encoder/settings.h"
+
+namespace l4d {
+
+struct EncodeReport {
+  l4d_encode_report totals{};
+  std::vector<std::pair<const char*, double>> stages;  // name, seconds
+  std::vector<uint32_t> order;
+};
+
+class Encoder {
+ public:
+  explicit Encoder(const l4d_encoder_options& options) : options_(options) {}
+
+  EncoderSettings& settings() { return settings_; }
+  const EncoderSettings& settings() const { return settings_; }
+  Status set_scene(const l4d_gaussians& gaussians, const l4d_timeline& timeline,
+                   const l4d_placement& placement);
+  Status set_weights(uint32_t which, const float* weights, uint64_t count);
+  void add_metadata(std::string key, std::string value) {
+    metadata_.emplace_back(std::move(key), std::move(value));
+  }
+  void set_progress(l4d_progress_fn fn, void* user) {
+    progress_ = fn;
+    progress_user_ = user;
+  }
+
+  using WriteFn = std::function<bool(const unsigned char* data, size_t n)>;
+  Status encode(const WriteFn& write);
+  // The report of the last successful encode; null before the first.
+  const EncodeReport* report() const { return has_report_ ? &report_ : nullptr; }
+
+ private:
+  class Steps;
+
+  l4d_encoder_options options_;
+  EncoderSettings settings_;
+  EncoderInput input_;
+  std::vector<std::pair<std::string, std::string>> metadata_;
+  l4d_progress_fn progress_ = nullptr;
+  void* progress_user_ = nullptr;
+  EncodeReport report_;
+  bool has_report_ = false;
+};
+
+}  // namespace l4d

@@ -1,0 +1,240 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "encoder/file_builder.h"
+
+#include <algorithm>
+#include <map>
+
+#include "libl4dcodec/base/hash.h"
+#include "libl4dcodec/container/file_header.h"
+#include "libl4dcodec/quant/codebook.h"
+
+namespace l4d {
+namespace {
+
+class FileBuilder {
+ public:
+  FileBuilder(const EncoderScene& scene, const EncoderSettings& settings, SceneHeader header,
+              const std::vector<CodedLayer>& layers, const CodedComponent& sh, int threads)
+      : scene_(scene),
+        settings_(settings),
+        header_(std::move(header)),
+        layers_(layers),
+        sh_(sh),
+        threads_(threads),
+        streams_(settings.get_int(L4D_ENC_ZSTD_LEVEL)),
+        zstd_(settings.get_int(L4D_ENC_ZSTD_LEVEL)) {}
+
+  FileParts run() {
+    for (const CodedLayer& layer : layers_) header_.layers.push_back(layer.header);
+    add_codebooks();
+    build_pages();
+    build_payload();
+    build_directory();
+    return assemble();
+  }
+
+ private:
+  // A chunk whose place in the file is not yet known.
+  ChunkRef make_chunk(Bytes raw, std::vector<Bytes>* to) {
+    ChunkRef ref;
+    ref.raw_bytes = static_cast<uint32_t>(raw.size());
+    Bytes frame = zstd_.compress(raw);
+    if (frame.size() < raw.size()) {
+      raw = std::move(frame);
+      ref.codec = static_cast<uint32_t>(ChunkCodec::kZstd);
+    }
+    ref.stored_bytes = static_cast<uint32_t>(raw.size());
+    ref.hash = hash64(raw);
+    to->push_back(std::move(raw));
+    return ref;
+  }
+
+  void add_component(const CodedComponent& c, ComponentCoding* coding) {
+    if (!coding->vq()) return;
+    const uint32_t dim = static_cast<uint32_t>(c.dim);
+    for (size_t s = 0; s < c.books.size(); ++s) {
+      StageCoding& stage = coding->stages[s];
+      stage.codebook = make_chunk(
+          encode_codebook(streams_, c.books[s].data(), stage.num_entries, dim), &codebooks_);
+    }
+    if (coding->has_rcq) {
+      coding->rcq.codebook =
+          make_chunk(encode_codebook(streams_, c.residual_book.data(), coding->rcq.num_entries, dim),
+                     &codebooks_);
+    }
+  }
+
+  void add_codebooks() {
+    add_component(sh_, &header_.sh);
+    for (size_t l = 0; l < layers_.size(); ++l) {
+      for (unsigned c = L4D_COMPONENT_SCALE; c < L4D_COMPONENT_COUNT; ++c) {
+        add_component(layers_[l].component[c], &header_.layers[l].component[c]);
+      }
+    }
+  }
+
+  void build_pages() {
+    const size_t page_size = static_cast<size_t>(settings_.get(L4D_ENC_PAGE_SIZE));
+    for (size_t l = 0; l < layers_.size(); ++l) {
+      built_.push_back(build_layer(scene_, header_, header_.layers[l], layers_[l], sh_, page_size,
+                                   settings_.get_int(L4D_ENC_ZSTD_LEVEL), threads_));
+      for (const uint32_t i : built_.back().order) parts_.order.push_back(scene_.source[i]);
+    }
+  }
+
+  // Level 0 first, then buckets by the time they begin, so that playback reads forward. The tables of
+  // a block lie before its first page.
+  void build_payload() {
+    struct Item {
+      uint64_t phase;
+      size_t layer, page;
+    };
+    std::vector<Item> items;
+    for (size_t l = 0; l < built_.size(); ++l) {
+      const unsigned level = header_.layers[l].level;
+      for (size_t p = 0; p < built_[l].pages.size(); ++p) {
+        const uint64_t bucket = built_[l].pages[p].record.bucket;
+        const uint64_t phase =
+            level == 0 ? 0 : 1 + (bucket << (kPhaseBits - bucket_bits(level)));
+        items.push_back({phase, l, p});
+      }
+    }
+    std::stable_sort(items.begin(), items.end(),
+                     [](const Item& a, const Item& b) { return a.phase < b.phase; });
+    block_tables_.resize(layers_.size());
+    for (const Item& item : items) {
+      BuiltPage& page = built_[item.layer].pages[item.page];
+      if (page.record.block != kNoBlock) add_block(item.layer, page.record.block);
+      page.record.chunk.offset = payload_bytes_;
+      payload_bytes_ += page.bytes.size();
+      payload_.push_back(std::move(page.bytes));
+    }
+  }
+
+  void add_block(size_t l, uint32_t block) {
+    if (block_tables_[l].count(block) != 0) return;
+    BlockRecord record = block_entries(layers_[l], block);
+    for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
+      if (record.tables[c].num_entries == 0) continue;
+      const ComponentCoding& coding = header_.layers[l].component[c];
+      ChunkRef ref = make_chunk(
+          encode_rcq_table(streams_, layers_[l].component[c].block_tables[block],
+                           coding.stages[0].num_entries, coding.rcq.num_entries),
+          &payload_);
+      ref.offset = payload_bytes_;
+      payload_bytes_ += ref.stored_bytes;
+      record.tables[c].chunk = ref;
+    }
+    block_tables_[l][block] = record;
+  }
+
+  void build_directory() {
+    tables_.resize(layers_.size());
+    for (size_t l = 0; l < layers_.size(); ++l) {
+      if (header_.layers[l].num_gaussians == 0) continue;
+      const unsigned bits = header_.layers[l].directory_bits;
+      const auto& pages = built_[l].pages;
+      size_t p = 0;
+      for (uint32_t d = 0; d < num_directory_pages(header_.layers[l]); ++d) {
+        DirectoryPage page;
+        std::map<uint32_t, uint32_t> local;  // block of the layer -> block of this page
+        for (; p < pages.size() && pages[p].record.bucket >> bits == d; ++p) {
+          PageRecord record = pages[p].record;
+          if (record.block != kNoBlock) {
+            const auto [it, added] =
+                local.emplace(record.block, static_cast<uint32_t>(page.blocks.size()));
+            if (added) page.blocks.push_back(block_tables_[l][record.block]);
+            record.block = it->second;
+          }
+          page.pages.push_back(record);
+        }
+        PageTableEntry entry;
+        if (!page.pages.empty()) {
+          entry.chunk = make_chunk(serialize_directory_page(page, static_cast<uint32_t>(l), d),
+                                   &directory_);
+        }
+        tables_[l].push_back(entry);
+      }
+    }
+  }
+
+  // Gives every chunk its place. The header's size does not depend on the offsets in it as long as
+  // none is zero, so it is serialised once to learn its size and once for good.
+  FileParts assemble() {
+    for (LayerHeader& layer : header_.layers) layer.page_table_offset = layer.num_gaussians != 0;
+    header_.payload_offset = 1;
+    FileHeader file;
+    file.flags = FileHeader::kDevelopmentFlag;
+    file.header_bytes = static_cast<uint32_t>(serialize_scene_header(header_).size());
+    uint64_t at = FileHeader::kBytes + file.header_bytes;
+
+    const auto place = [&](ChunkRef& ref) {
+      ref.offset = at;
+      at += ref.stored_bytes;
+    };
+    const auto place_component = [&](ComponentCoding& coding) {
+      for (StageCoding& s : coding.stages) place(s.codebook);
+      if (coding.has_rcq) place(coding.rcq.codebook);
+    };
+    place_component(header_.sh);
+    for (LayerHeader& layer : header_.layers) {
+      for (ComponentCoding& c : layer.component) place_component(c);
+    }
+    Bytes tables;
+    uint64_t table_bytes = 0;
+    for (const auto& table : tables_) table_bytes += table.size() * PageTableEntry::kBytes;
+    uint64_t directory_at = at + table_bytes;
+    for (size_t l = 0; l < tables_.size(); ++l) {
+      if (tables_[l].empty()) continue;
+      header_.layers[l].page_table_offset = at + tables.size();
+      for (PageTableEntry& entry : tables_[l]) {
+        if (entry.chunk.stored_bytes != 0) {
+          entry.chunk.offset = directory_at;
+          directory_at += entry.chunk.stored_bytes;
+        }
+        entry.append(tables);
+      }
+    }
+    header_.payload_offset = directory_at;
+
+    Bytes scene_header = serialize_scene_header(header_);
+    file.header_hash = hash64(scene_header);
+    Bytes head;
+    file.append(head);
+    const auto add = [&](Bytes bytes) {
+      parts_.bytes += bytes.size();
+      parts_.chunks.push_back(std::move(bytes));
+    };
+    add(std::move(head));
+    add(std::move(scene_header));
+    for (Bytes& b : codebooks_) add(std::move(b));
+    add(std::move(tables));
+    for (Bytes& b : directory_) add(std::move(b));
+    for (Bytes& b : payload_) add(std::move(b));
+    return std::move(parts_);
+  }
+
+  const EncoderScene& scene_;
+  const EncoderSettings& settings_;
+  SceneHeader header_;
+  const std::vector<CodedLayer>& layers_;
+  const CodedComponent& sh_;
+  int threads_;
+  StreamEncoder streams_;
+  ZstdCompressor zstd_;
+  FileParts parts_;
+  std::vector<Bytes> codebooks_, directory_, payload_;
+  uint64_t payload_bytes_ = 0;
+  std::vector<BuiltLayer> built_;
+  std::vector<std::map<uint32_t, BlockRecord>> block_tables_;
+  std::vector<std::vector<PageTableEntry>> tables_;
+};
+
+}  // namespace
+
+FileParts build_file(const EncoderScene& scene, const EncoderSettings& settings, SceneHeader header,
+                     const std::vector<CodedLayer>& layers, const CodedComponent& sh, int threads) {
+  return FileBuilder(scene, settings, std::move(header), layers, sh, threads).run();
+}
+
+}  // namespace l4d

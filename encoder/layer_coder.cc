@@ -1,0 +1,362 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "encoder/layer_coder.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "encoder/scalar.h"
+#include "libl4dcodec/base/half.h"
+#include "libl4dcodec/base/threads.h"
+#include "libl4dcodec/math/layers.h"
+#include "libl4dcodec/math/slice.h"
+
+namespace l4d {
+namespace {
+
+constexpr size_t kGrain = 4096;
+// Directory pages of about this many buckets in use keep a seek to a few kilobytes.
+constexpr double kBucketsPerDirectoryPage = 128;
+// Fewer Gaussians than this do not earn a codebook of their own.
+constexpr size_t kMinBlockGaussians = 8192;
+constexpr size_t kMaxBlocksPerDirectoryPage = 256;
+
+class LayerCoder {
+ public:
+  LayerCoder(const EncoderScene& scene, const LayerPlan& plan, const LayerCoderOptions& options)
+      : scene_(scene), plan_(plan), options_(options), settings_(*options.settings) {}
+
+  CodedLayer run(std::vector<uint32_t>* misfits) {
+    lossless_ = settings_.get_bool(L4D_ENC_LOSSLESS);
+    out_.header.level = plan_.level;
+    out_.header.permanent = plan_.permanent;
+    place_in_buckets();
+    code_mean_times();
+    if (lossless_) {
+      describe_lossless();
+    } else {
+      code_components();
+    }
+    decode();
+    drop_misfits(misfits);
+    if (!lossless_) {
+      for (unsigned c = L4D_COMPONENT_SCALE; c < L4D_COMPONENT_COUNT; ++c) {
+        rank_codebooks(out_.component[c], out_.blocks);
+      }
+      describe_components();
+    }
+    place_means();
+    return std::move(out_);
+  }
+
+ private:
+  size_t count() const { return out_.members.size(); }
+  const l4d_timeline& timeline() const { return scene_.timeline; }
+
+  void place_in_buckets() {
+    const unsigned level = plan_.level;
+    std::vector<std::pair<uint32_t, uint32_t>> order;
+    order.reserve(plan_.members.size());
+    for (const uint32_t i : plan_.members) {
+      order.emplace_back(bucket_of_time(timeline(), scene_.mean_t[i], level), i);
+    }
+    std::sort(order.begin(), order.end());
+    size_t used = 0;
+    for (size_t j = 0; j < order.size(); ++j) {
+      used += j == 0 || order[j].first != order[j - 1].first;
+      out_.bucket.push_back(order[j].first);
+      out_.members.push_back(order[j].second);
+    }
+    const double buckets = num_buckets(level);
+    const double span = kBucketsPerDirectoryPage * buckets / std::max<double>(1, static_cast<double>(used));
+    unsigned bits = 0;
+    while (bits < 16 && static_cast<double>(1u << bits) < std::min(span, buckets)) ++bits;
+    out_.header.directory_bits = bits;
+  }
+
+  // Runs of whole buckets within one directory page, each large enough to earn a codebook.
+  void make_blocks() {
+    if (plan_.level == 0 || settings_.get_int(L4D_ENC_RCQ) == 0) return;
+    const unsigned bits = out_.header.directory_bits;
+    size_t blocks_in_page = 0;
+    for (size_t j = 0; j < count();) {
+      size_t end = j;
+      const uint32_t page = out_.bucket[j] >> bits;
+      while (end < count() && out_.bucket[end] >> bits == page) {
+        const bool bucket_starts = end == j || out_.bucket[end] != out_.bucket[end - 1];
+        if (bucket_starts && end - j >= kMinBlockGaussians) break;
+        ++end;
+      }
+      const bool same_page = !out_.blocks.empty() &&
+                             out_.bucket[out_.blocks.back().begin] >> bits == page;
+      blocks_in_page = same_page ? blocks_in_page : 0;
+      const bool too_thin = end - j < kMinBlockGaussians / 2;
+      if (same_page && (too_thin || blocks_in_page == kMaxBlocksPerDirectoryPage)) {
+        out_.blocks.back().end = end;
+      } else {
+        out_.blocks.push_back({j, end});
+        ++blocks_in_page;
+      }
+      j = end;
+    }
+  }
+
+  void code_mean_times() {
+    const size_t n = count();
+    out_.header.mean_t = plan_.permanent ? MeanCodingId::kNone
+                         : lossless_     ? MeanCodingId::kRaw32
+                                         : MeanCodingId::kF16;
+    out_.decoded_mean_t.resize(n);
+    out_.mean_t.resize(out_.header.mean_t == MeanCodingId::kF16 ? n : 0);
+    const double width = bucket_width(timeline(), plan_.level);
+    const float width32 = static_cast<float>(width);
+    for (size_t j = 0; j < n; ++j) {
+      const double mean = scene_.mean_t[out_.members[j]];
+      const double center = bucket_center(timeline(), plan_.level, out_.bucket[j]);
+      if (plan_.permanent) {
+        out_.decoded_mean_t[j] = center;
+      } else if (lossless_) {
+        out_.decoded_mean_t[j] = mean;
+      } else {
+        out_.mean_t[j] = float_to_half_saturate(static_cast<float>((mean - center) / width));
+        const float local = width32 * half_to_float(out_.mean_t[j]);
+        out_.decoded_mean_t[j] = center + static_cast<double>(local);
+      }
+    }
+  }
+
+  void describe_lossless() {
+    out_.header.scale_factor.coding = ScalarCodingId::kConstant;
+    for (unsigned c = L4D_COMPONENT_SCALE; c < L4D_COMPONENT_COUNT; ++c) {
+      out_.header.component[c].coding = ComponentCodingId::kRaw32;
+    }
+  }
+
+  ComponentSettings component_settings(unsigned c) const {
+    const int ci = static_cast<int>(c);
+    ComponentSettings s;
+    s.codebook_size = static_cast<uint32_t>(settings_.get(L4D_ENC_CODEBOOK_SIZE, ci));
+    s.stages = settings_.stages(ci);
+    s.literal_threshold = settings_.get(L4D_ENC_LITERAL_THRESHOLD, ci);
+    s.rcq = settings_.get_int(L4D_ENC_RCQ);
+    s.rcq_size = static_cast<uint32_t>(settings_.get(L4D_ENC_RCQ_SIZE));
+    s.iterations = settings_.get_int(L4D_ENC_KMEANS_ITERATIONS);
+    s.sample_per_codeword = static_cast<size_t>(settings_.get(L4D_ENC_KMEANS_SAMPLE));
+    s.seed = options_.seed * 131 + plan_.level * 8 + c + (plan_.permanent ? 4096 : 0);
+    s.threads = options_.threads;
+    s.cancelled = options_.cancelled;
+    return s;
+  }
+
+  void code_components() {
+    make_blocks();
+    const size_t n = count();
+    const size_t scale_dim = out_.header.scale_dim();
+    std::vector<float> factor(n), rows(n * 4), weights(n);
+    for (size_t j = 0; j < n; ++j) {
+      const float* s = scene_.log_scale.data() + 4 * size_t{out_.members[j]};
+      float sum = 0;
+      for (size_t k = 0; k < scale_dim; ++k) sum += s[k];
+      factor[j] = sum / static_cast<float>(scale_dim);
+    }
+    const unsigned bits = static_cast<unsigned>(settings_.get_int(L4D_ENC_SCALE_FACTOR_BITS));
+    out_.factor = quantize_scalar(factor, bits, &out_.header.scale_factor);
+    for (size_t j = 0; j < n; ++j) factor[j] = decoded_factor(j);
+    if (plan_.permanent) out_.header.log_scale_t = largest_log_scale_t();
+
+    for (unsigned c = L4D_COMPONENT_SCALE; c < L4D_COMPONENT_COUNT; ++c) {
+      static constexpr const char* kSteps[] = {"", "scale_vq", "rotor_spatial_vq",
+                                               "rotor_temporal_vq"};
+      options_.step(kSteps[c]);
+      const size_t dim = c == L4D_COMPONENT_SCALE ? scale_dim : 4;
+      bool any = false;
+      for (size_t j = 0; j < n; ++j) {
+        const size_t i = out_.members[j];
+        weights[j] = scene_.weight[c][i];
+        for (size_t k = 0; k < dim; ++k) {
+          const float v = c == L4D_COMPONENT_SCALE ? scene_.log_scale[4 * i + k] - factor[j]
+                          : c == L4D_COMPONENT_ROTOR_SPATIAL ? scene_.rotor[8 * i + k]
+                                                             : scene_.rotor[8 * i + 4 + k];
+          rows[j * dim + k] = v;
+          any = any || v != 0;
+        }
+      }
+      out_.header.component[c].coding =
+          any && !(plan_.permanent && c == L4D_COMPONENT_ROTOR_TEMPORAL) ? ComponentCodingId::kVq
+                                                                         : ComponentCodingId::kZero;
+      if (!out_.header.component[c].vq()) {
+        out_.component[c].n = n;
+        out_.component[c].dim = dim;
+        out_.component[c].decoded.assign(n * dim, 0.0f);
+        out_.component[c].depth.assign(n, 0);
+        continue;
+      }
+      out_.component[c] =
+          code_component(rows.data(), weights.data(), n, dim, out_.blocks, component_settings(c));
+    }
+  }
+
+  static std::vector<uint16_t> quantize_scalar(const std::vector<float>& values, unsigned bits,
+                                               ScalarCoding* coding) {
+    std::vector<uint16_t> codes(values.size());
+    *coding = choose_scalar_coding(values, bits);
+    for (size_t j = 0; j < values.size(); ++j) codes[j] = scalar_code(*coding, values[j]);
+    return codes;
+  }
+
+  float decoded_factor(size_t j) const {
+    const ScalarCoding& f = out_.header.scale_factor;
+    return f.coding == ScalarCodingId::kConstant
+               ? f.offset
+               : f.offset + f.step * static_cast<float>(out_.factor[j]);
+  }
+
+  float largest_log_scale_t() const {
+    float largest = scene_.log_scale[4 * size_t{out_.members[0]} + 3];
+    for (const uint32_t i : out_.members) {
+      largest = std::max(largest, scene_.log_scale[4 * size_t{i} + 3]);
+    }
+    return largest;
+  }
+
+  // The decoder's float arithmetic, then the slice in double.
+  void decode() {
+    const size_t n = count();
+    out_.decoded_lambda.resize(n);
+    out_.decoded_velocity.resize(3 * n);
+    parallel_for(options_.threads, n, kGrain, [&](size_t begin, size_t end) {
+      for (size_t j = begin; j < end; ++j) {
+        float rotor[8], log_scale[4];
+        decoded_gaussian(j, rotor, log_scale);
+        double r[8], s[4];
+        for (size_t k = 0; k < 8; ++k) r[k] = static_cast<double>(rotor[k]);
+        for (size_t k = 0; k < 4; ++k) s[k] = std::exp(static_cast<double>(log_scale[k]));
+        const Slice4D<double> slice = slice_gaussian(normalized_halves(r), s);
+        out_.decoded_lambda[j] = slice.lambda;
+        std::copy_n(slice.velocity, 3, out_.decoded_velocity.data() + 3 * j);
+      }
+    });
+  }
+
+  void decoded_gaussian(size_t j, float* rotor, float* log_scale) const {
+    const size_t i = out_.members[j];
+    if (lossless_) {
+      std::copy_n(scene_.rotor.data() + 8 * i, 8, rotor);
+      std::copy_n(scene_.log_scale.data() + 4 * i, 4, log_scale);
+      return;
+    }
+    const float factor = decoded_factor(j);
+    const size_t dim = out_.header.scale_dim();
+    for (size_t k = 0; k < dim; ++k) {
+      log_scale[k] = factor + out_.component[L4D_COMPONENT_SCALE].decoded[j * dim + k];
+    }
+    if (plan_.permanent) log_scale[3] = out_.header.log_scale_t;
+    float merged[8];
+    std::copy_n(out_.component[L4D_COMPONENT_ROTOR_SPATIAL].decoded.data() + 4 * j, 4, merged);
+    std::copy_n(out_.component[L4D_COMPONENT_ROTOR_TEMPORAL].decoded.data() + 4 * j, 4, merged + 4);
+    normalize_rotor(merged, rotor);
+  }
+
+  void drop_misfits(std::vector<uint32_t>* misfits) {
+    misfits->clear();
+    if (plan_.level == 0) return;
+    const size_t n = count();
+    std::vector<uint8_t> keep(n);
+    for (size_t j = 0; j < n; ++j) {
+      keep[j] = fits_layer(out_.decoded_mean_t[j], 1 / std::sqrt(out_.decoded_lambda[j]),
+                           out_.bucket[j], plan_.level, timeline());
+      if (!keep[j]) misfits->push_back(out_.members[j]);
+    }
+    if (misfits->empty()) return;
+    std::sort(misfits->begin(), misfits->end());
+    std::vector<size_t> before(n + 1, 0);  // kept Gaussians before j
+    for (size_t j = 0; j < n; ++j) before[j + 1] = before[j] + keep[j];
+    for (BlockRange& b : out_.blocks) b = {before[b.begin], before[b.end]};
+    size_t to = 0;
+    for (size_t j = 0; j < n; ++j) {
+      if (!keep[j]) continue;
+      out_.members[to] = out_.members[j];
+      out_.bucket[to] = out_.bucket[j];
+      if (!out_.factor.empty()) out_.factor[to] = out_.factor[j];
+      if (!out_.mean_t.empty()) out_.mean_t[to] = out_.mean_t[j];
+      out_.decoded_mean_t[to] = out_.decoded_mean_t[j];
+      out_.decoded_lambda[to] = out_.decoded_lambda[j];
+      for (size_t k = 0; k < 3; ++k) {
+        out_.decoded_velocity[3 * to + k] = out_.decoded_velocity[3 * j + k];
+      }
+      ++to;
+    }
+    out_.members.resize(to);
+    out_.bucket.resize(to);
+    if (!out_.factor.empty()) out_.factor.resize(to);
+    if (!out_.mean_t.empty()) out_.mean_t.resize(to);
+    out_.decoded_mean_t.resize(to);
+    out_.decoded_lambda.resize(to);
+    out_.decoded_velocity.resize(3 * to);
+    if (lossless_) return;
+    for (unsigned c = L4D_COMPONENT_SCALE; c < L4D_COMPONENT_COUNT; ++c) {
+      drop_gaussians(out_.component[c], keep);
+    }
+  }
+
+  void describe_components() {
+    out_.header.num_gaussians = count();
+    for (unsigned c = L4D_COMPONENT_SCALE; c < L4D_COMPONENT_COUNT; ++c) {
+      describe_vq(out_.component[c], &out_.header.component[c]);
+    }
+  }
+
+  // Position and opacity last: they absorb what the other components got wrong where it is seen, at the
+  // middle of the visible part of the sequence.
+  void place_means() {
+    out_.header.num_gaussians = count();
+    const size_t n = count();
+    out_.position.resize(3 * n);
+    out_.opacity.resize(n);
+    const double begin = timeline().time_begin;
+    const double end = begin + scene_.duration;
+    const bool closed_loop = settings_.get_bool(L4D_ENC_CLOSED_LOOP) && !lossless_;
+    for (size_t j = 0; j < n; ++j) {
+      const size_t i = out_.members[j];
+      const double mean = scene_.mean_t[i];
+      const double reference = reference_time(timeline(), mean);
+      const double decoded_reference = reference_time(timeline(), out_.decoded_mean_t[j]);
+      const double reach = 4 * scene_.sigma_t(i);
+      const double first = std::max(begin, mean - reach);
+      const double last = std::min(end, mean + reach);
+      const double seen = first <= last ? 0.5 * (first + last) : reference;
+      out_.opacity[j] = scene_.opacity[i];
+      for (size_t k = 0; k < 3; ++k) {
+        double p = scene_.position[3 * i + k];
+        if (closed_loop) {
+          p += scene_.velocity[3 * i + k] * (seen - reference) -
+               out_.decoded_velocity[3 * j + k] * (seen - decoded_reference);
+        }
+        out_.position[3 * j + k] = p;
+      }
+      if (closed_loop && !plan_.permanent) {
+        const double was = scene_.lambda[i] * (seen - mean) * (seen - mean);
+        const double dt = seen - out_.decoded_mean_t[j];
+        const double is = out_.decoded_lambda[j] * dt * dt;
+        const double factor = std::exp(0.5 * (is - was));
+        out_.opacity[j] = static_cast<float>(
+            std::clamp(static_cast<double>(out_.opacity[j]) * factor, 0.0, 1.0));
+      }
+    }
+  }
+
+  const EncoderScene& scene_;
+  const LayerPlan& plan_;
+  const LayerCoderOptions& options_;
+  const EncoderSettings& settings_;
+  bool lossless_ = false;
+  CodedLayer out_;
+};
+
+}  // namespace
+
+CodedLayer code_layer(const EncoderScene& scene, const LayerPlan& plan,
+                      const LayerCoderOptions& options, std::vector<uint32_t>* misfits) {
+  return LayerCoder(scene, plan, options).run(misfits);
+}
+
+}  // namespace l4d

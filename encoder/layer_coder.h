@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: Apache-2.0
+// One layer from Gaussians to codes, as a decoder will see it.
+#pragma once
+
+#include <array>
+#include <vector>
+
+#include "encoder/component_coder.h"
+#include "encoder/layering.h"
+#include "encoder/scene.h"
+
+namespace l4d {
+
+struct CodedLayer {
+  LayerHeader header;              // without chunk references and page table
+  std::vector<uint32_t> members;   // [m] scene indices, ordered by bucket
+  std::vector<uint32_t> bucket;    // [m]
+  std::vector<BlockRange> blocks;  // runs of members; empty where the layer has no RCQ
+  std::vector<uint16_t> factor;    // [m] SQ codes
+  std::array<CodedComponent, L4D_COMPONENT_COUNT> component;  // SH stays empty
+  std::vector<uint16_t> mean_t;    // [m] binary16, bucket widths from the bucket centre
+  // What the decoder will find, in double: the means follow from these.
+  std::vector<double> decoded_mean_t;   // [m] seconds
+  std::vector<double> decoded_lambda;   // [m]
+  std::vector<double> decoded_velocity; // [m, 3]
+  std::vector<double> position;         // [m, 3] to be coded
+  std::vector<float> opacity;           // [m] to be coded
+};
+
+struct LayerCoderOptions {
+  const EncoderSettings* settings = nullptr;
+  int threads = 0;
+  uint64_t seed = 0;
+  const std::function<bool()>* cancelled = nullptr;
+  // Called before each component with its name.
+  std::function<void(const char*)> step;
+};
+
+// Codes the members of a plan. Those whose decoded form no longer fits the layer are left out and
+// returned in `misfits` (ascending) for the next coarser layer.
+CodedLayer code_layer(const EncoderScene& scene, const LayerPlan& plan,
+                      const LayerCoderOptions& options, std::vector<uint32_t>* misfits);
+
+}  // namespace l4d

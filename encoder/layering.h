@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: Apache-2.0
+// Which layer each Gaussian belongs to, from its temporal extent (spec: "Layers and buckets").
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "encoder/scene.h"
+
+namespace l4d {
+
+struct LayerPlan {
+  unsigned level = 0;
+  bool permanent = false;
+  std::vector<uint32_t> members;  // indices in the scene, ascending
+};
+
+// Layers by ascending level, the permanent one first; thin finest layers merged into coarser ones.
+// Level 0 is always there, possibly empty: it takes what fits nowhere else.
+std::vector<LayerPlan> plan_layers(const EncoderScene& scene, const EncoderSettings& settings);
+
+}  // namespace l4d

@@ -1,0 +1,332 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "encoder/page_builder.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "encoder/scalar.h"
+#include "libl4dcodec/base/half.h"
+#include "libl4dcodec/base/hash.h"
+#include "libl4dcodec/base/threads.h"
+#include "libl4dcodec/math/layers.h"
+#include "libl4dcodec/quant/ordered.h"
+
+namespace l4d {
+namespace {
+
+uint64_t spread16(uint64_t v) {
+  v = (v | v << 32) & 0x00001f00000000ffffull;
+  v = (v | v << 16) & 0x001f0000ff0000ffull;
+  v = (v | v << 8) & 0x100f00f00f00f00full;
+  v = (v | v << 4) & 0x10c30c30c30c30c3ull;
+  v = (v | v << 2) & 0x1249249249249249ull;
+  return v;
+}
+
+uint64_t morton(uint16_t x, uint16_t y, uint16_t z) {
+  return spread16(x) | spread16(y) << 1 | spread16(z) << 2;
+}
+
+// binary16 not above (or not below) a value.
+uint16_t half_outward(double value, bool up) {
+  const float rounded = static_cast<float>(value);
+  uint16_t h = float_to_half_saturate(rounded);
+  const double back = static_cast<double>(half_to_float(h));
+  const uint16_t ordered = order_half(h);
+  if (up && back < value && ordered < order_half(kHalfMax)) {
+    h = unorder_half(static_cast<uint16_t>(ordered + 1));
+  } else if (!up && back > value && ordered > order_half(kHalfMax | 0x8000u)) {
+    h = unorder_half(static_cast<uint16_t>(ordered - 1));
+  }
+  return h;
+}
+
+class LayerBuilder {
+ public:
+  LayerBuilder(const EncoderScene& scene, const SceneHeader& header, const LayerHeader& layer_header,
+               const CodedLayer& layer, const CodedComponent& sh, int zstd_level)
+      : scene_(scene),
+        header_(header),
+        layer_header_(layer_header),
+        layer_(layer),
+        sh_(sh),
+        zstd_level_(zstd_level) {}
+
+  BuiltLayer run(size_t page_size, int threads) {
+    code_positions();
+    cut(page_size);
+    BuiltLayer out;
+    out.pages.resize(cuts_.size());
+    parallel_for(threads, cuts_.size(), 1, [&](size_t begin, size_t end) {
+      StreamEncoder streams(zstd_level_);
+      ZstdCompressor whole(zstd_level_);
+      for (size_t p = begin; p < end; ++p) out.pages[p] = build_page(cuts_[p], streams, whole);
+    });
+    for (const uint32_t j : order_) out.order.push_back(layer_.members[j]);
+    return out;
+  }
+
+ private:
+  bool lossless() const { return header_.position == MeanCodingId::kRaw32; }
+
+  // Coded positions, and the order inside buckets along a Morton curve over their ordered integers.
+  void code_positions() {
+    const size_t n = layer_.members.size();
+    half_.resize(3 * n);
+    std::vector<uint64_t> key(n);
+    for (size_t j = 0; j < n; ++j) {
+      uint16_t code[3];
+      for (size_t k = 0; k < 3; ++k) {
+        const double scaled =
+            (layer_.position[3 * j + k] - static_cast<double>(header_.position_center[k])) /
+            static_cast<double>(header_.position_scale);
+        half_[3 * j + k] = float_to_half_saturate(static_cast<float>(scaled));
+        code[k] = lossless()
+                      ? static_cast<uint16_t>(
+                            order_float(static_cast<float>(layer_.position[3 * j + k])) >> 16)
+                      : order_half(half_[3 * j + k]);
+      }
+      key[j] = morton(code[0], code[1], code[2]);
+    }
+    order_.resize(n);
+    std::iota(order_.begin(), order_.end(), 0u);
+    std::sort(order_.begin(), order_.end(), [&](uint32_t a, uint32_t b) {
+      if (layer_.bucket[a] != layer_.bucket[b]) return layer_.bucket[a] < layer_.bucket[b];
+      return key[a] != key[b] ? key[a] < key[b] : a < b;
+    });
+  }
+
+  struct Cut {
+    size_t begin, end;
+  };
+  void cut(size_t page_size) {
+    for (size_t begin = 0; begin < order_.size();) {
+      const uint32_t bucket = layer_.bucket[order_[begin]];
+      size_t end = begin;
+      while (end < order_.size() && layer_.bucket[order_[end]] == bucket) ++end;
+      // Equal pages: a short last one would compress badly.
+      const size_t pages = (end - begin + page_size - 1) / page_size;
+      const size_t count = end - begin;
+      for (size_t p = 0; p < pages; ++p) {
+        cuts_.push_back({begin + count * p / pages, begin + count * (p + 1) / pages});
+      }
+      begin = end;
+    }
+  }
+
+  // Members are ordered by bucket and blocks are runs of members; the order changes only inside
+  // buckets, so a member's place in the list still tells its block.
+  uint32_t block_of(size_t member) const {
+    for (size_t b = 0; b < layer_.blocks.size(); ++b) {
+      if (member < layer_.blocks[b].begin || member >= layer_.blocks[b].end) continue;
+      const BlockRecord entries = block_entries(layer_, b);
+      for (const RcqTableRef& t : entries.tables) {
+        if (t.num_entries != 0) return static_cast<uint32_t>(b);
+      }
+    }
+    return kNoBlock;
+  }
+
+  BuiltPage build_page(const Cut& cut, StreamEncoder& streams, ZstdCompressor& whole) const {
+    BuiltPage page;
+    PageColumns columns;
+    const size_t n = cut.end - cut.begin;
+    columns.n = n;
+    std::vector<float> opacities(n);
+    for (size_t k = 0; k < 3; ++k) {
+      for (size_t i = 0; i < n; ++i) {
+        const size_t j = order_[cut.begin + i];
+        if (lossless()) {
+          columns.raw_position[k].push_back(static_cast<float>(layer_.position[3 * j + k]));
+        } else {
+          columns.position[k].push_back(half_[3 * j + k]);
+        }
+      }
+    }
+    for (size_t i = 0; i < n; ++i) {
+      const size_t j = order_[cut.begin + i];
+      if (layer_header_.mean_t == MeanCodingId::kF16) columns.mean_t.push_back(layer_.mean_t[j]);
+      if (layer_header_.mean_t == MeanCodingId::kRaw32) {
+        columns.raw_mean_t.push_back(static_cast<float>(layer_.decoded_mean_t[j]));
+      }
+      if (lossless()) {
+        columns.raw_opacity.push_back(layer_.opacity[j]);
+      } else {
+        columns.opacity.push_back(scalar_code(header_.opacity, layer_.opacity[j]));
+        columns.scale_factor.push_back(layer_.factor[j]);
+      }
+    }
+    for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) add_component(c, cut, &columns);
+    page.record.block = block_of(order_[cut.begin]);
+    BlockRecord entries;
+    if (page.record.block != kNoBlock) entries = block_entries(layer_, page.record.block);
+    Bytes raw = encode_page(streams, header_, layer_header_,
+                            page.record.block == kNoBlock ? nullptr : &entries, columns);
+    finish(cut, std::move(raw), whole, &page);
+    return page;
+  }
+
+  void add_component(unsigned c, const Cut& cut, PageColumns* columns) const {
+    const ComponentCoding& coding = header_.component(layer_header_, c);
+    const unsigned dim = header_.component_dim(layer_header_, c);
+    ComponentColumns& to = columns->component[c];
+    if (coding.coding == ComponentCodingId::kRaw32) {
+      for (size_t i = cut.begin; i < cut.end; ++i) {
+        const size_t s = layer_.members[order_[i]];
+        const float* from = c == L4D_COMPONENT_SH      ? scene_.sh.data() + dim * s
+                            : c == L4D_COMPONENT_SCALE ? scene_.log_scale.data() + 4 * s
+                            : c == L4D_COMPONENT_ROTOR_SPATIAL ? scene_.rotor.data() + 8 * s
+                                                               : scene_.rotor.data() + 8 * s + 4;
+        to.raw.insert(to.raw.end(), from, from + dim);
+      }
+      return;
+    }
+    if (!coding.vq()) return;
+    const CodedComponent& from = c == L4D_COMPONENT_SH ? sh_ : layer_.component[c];
+    for (size_t i = cut.begin; i < cut.end; ++i) {
+      const size_t j = c == L4D_COMPONENT_SH ? layer_.members[order_[i]] : order_[i];
+      const uint8_t depth = from.depth[j];
+      to.depth.push_back(depth);
+      if (depth == kLiteralDepth) {
+        for (size_t k = 0; k < dim; ++k) {
+          to.literal.push_back(float_to_half(from.decoded[dim * j + k]));
+        }
+        ++to.num_literals;
+        continue;
+      }
+      for (size_t s = 0; s < depth; ++s) {
+        to.index[s].push_back(from.index[s][j]);
+        ++to.index_count[s];
+      }
+    }
+  }
+
+  void finish(const Cut& cut, Bytes raw, ZstdCompressor& whole, BuiltPage* page) const {
+    // Streams of a large page were compressed one by one; a small page may do better as a whole.
+    page->record.chunk.raw_bytes = static_cast<uint32_t>(raw.size());
+    page->record.chunk.codec = static_cast<uint32_t>(ChunkCodec::kStored);
+    if (raw.size() < 65536) {
+      Bytes frame = whole.compress(raw);
+      if (frame.size() < raw.size()) {
+        raw = std::move(frame);
+        page->record.chunk.codec = static_cast<uint32_t>(ChunkCodec::kZstd);
+      }
+    }
+    page->record.chunk.stored_bytes = static_cast<uint32_t>(raw.size());
+    page->record.chunk.hash = hash64(raw);
+    page->record.num_gaussians = static_cast<uint32_t>(cut.end - cut.begin);
+    page->record.bucket = layer_.bucket[order_[cut.begin]];
+    page->bytes = std::move(raw);
+    bound(cut, &page->record);
+  }
+
+  // Visible interval and the box of all centres over it, both rounded outward.
+  void bound(const Cut& cut, PageRecord* record) const {
+    const double begin = scene_.timeline.time_begin;
+    const double end = begin + scene_.duration;
+    const double center = bucket_center(scene_.timeline, layer_header_.level, record->bucket);
+    const double unit = bucket_width(scene_.timeline, layer_header_.level) / 64;
+    double first = end, last = begin;
+    double low[3], high[3];
+    std::fill_n(low, 3, HUGE_VAL);
+    std::fill_n(high, 3, -HUGE_VAL);
+    for (size_t i = cut.begin; i < cut.end; ++i) {
+      const size_t j = order_[i];
+      const double mean = layer_.decoded_mean_t[j];
+      const double reach = 4 * kExtentGuard / std::sqrt(layer_.decoded_lambda[j]);
+      const double a = layer_header_.permanent ? begin : std::clamp(mean - reach, begin, end);
+      const double b = layer_header_.permanent ? end : std::clamp(mean + reach, begin, end);
+      first = std::min(first, a);
+      last = std::max(last, b);
+      const double reference = lossless() ? mean : reference_time(scene_.timeline, mean);
+      for (size_t k = 0; k < 3; ++k) {
+        const double v = layer_.decoded_velocity[3 * j + k];
+        for (const double t : {a, b}) {
+          const double x = layer_.position[3 * j + k] + v * (t - reference);
+          low[k] = std::min(low[k], x);
+          high[k] = std::max(high[k], x);
+        }
+      }
+    }
+    record->visible_begin = static_cast<uint8_t>(
+        std::clamp(std::floor((first - center) / unit) + 128, 0.0, 255.0));
+    record->visible_end = static_cast<uint8_t>(
+        std::clamp(std::ceil((last - center) / unit) + 128, 0.0, 255.0));
+    for (size_t k = 0; k < 3; ++k) {
+      // A position is rounded to binary16 after the box is taken: one more part in 2^11 outward.
+      const auto scaled = [&](double x, double sign) {
+        const double s = (x - static_cast<double>(header_.position_center[k])) /
+                         static_cast<double>(header_.position_scale);
+        return s + sign * (std::fabs(s) * 0x1p-10 + 0x1p-24);
+      };
+      record->bounds[k] = half_outward(scaled(low[k], -1), false);
+      record->bounds[3 + k] = half_outward(scaled(high[k], 1), true);
+    }
+  }
+
+  const EncoderScene& scene_;
+  const SceneHeader& header_;
+  const LayerHeader& layer_header_;
+  const CodedLayer& layer_;
+  const CodedComponent& sh_;
+  int zstd_level_;
+  std::vector<uint16_t> half_;    // [m, 3]
+  std::vector<uint32_t> order_;   // stored order: indices of members
+  std::vector<Cut> cuts_;
+};
+
+}  // namespace
+
+BlockRecord block_entries(const CodedLayer& layer, size_t block) {
+  BlockRecord record;
+  for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
+    const auto& tables = layer.component[c].block_tables;
+    if (block < tables.size()) {
+      record.tables[c].num_entries = static_cast<uint32_t>(tables[block].size());
+    }
+  }
+  return record;
+}
+
+void choose_frame(const std::vector<CodedLayer>& layers, bool lossless, SceneHeader* header) {
+  header->position = lossless ? MeanCodingId::kRaw32 : MeanCodingId::kF16;
+  std::vector<double> axis;
+  double reach = 0;
+  for (size_t k = 0; k < 3; ++k) {
+    axis.clear();
+    for (const CodedLayer& layer : layers) {
+      for (size_t j = k; j < layer.position.size(); j += 3) axis.push_back(layer.position[j]);
+    }
+    const auto middle = axis.begin() + static_cast<std::ptrdiff_t>(axis.size() / 2);
+    std::nth_element(axis.begin(), middle, axis.end());
+    // Half of all Gaussians on either side: binary16 is finest around its zero.
+    float center = static_cast<float>(*middle);
+    if (std::fabs(center) < 0x1p-40f) center = 0;
+    header->position_center[k] = lossless ? 0.0f : center;
+    for (const double x : axis) reach = std::max(reach, std::fabs(x - static_cast<double>(center)));
+  }
+  // A power of two, so that scaling is exact, under which the farthest Gaussian is near the top of the
+  // range of binary16 and the finest steps are used around the centre.
+  header->position_scale = 1;
+  if (!lossless && reach > 0) {
+    const int exponent = std::clamp(static_cast<int>(std::ceil(std::log2(reach / 32768))), -40, 60);
+    header->position_scale = std::ldexp(1.0f, exponent);
+  }
+}
+
+void choose_opacity(const std::vector<CodedLayer>& layers, unsigned bits, SceneHeader* header) {
+  std::vector<float> all;
+  for (const CodedLayer& layer : layers) {
+    all.insert(all.end(), layer.opacity.begin(), layer.opacity.end());
+  }
+  header->opacity = choose_scalar_coding(all, bits);
+}
+
+BuiltLayer build_layer(const EncoderScene& scene, const SceneHeader& header,
+                       const LayerHeader& layer_header, const CodedLayer& layer,
+                       const CodedComponent& sh, size_t page_size, int zstd_level, int threads) {
+  return LayerBuilder(scene, header, layer_header, layer, sh, zstd_level).run(page_size, threads);
+}
+
+}  // namespace l4d

@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: Apache-2.0
+// Coded layers to pages: order inside buckets, columns, page records.
+#pragma once
+
+#include <vector>
+
+#include "encoder/layer_coder.h"
+#include "libl4dcodec/container/directory.h"
+#include "libl4dcodec/container/page.h"
+
+namespace l4d {
+
+struct BuiltPage {
+  PageRecord record;  // offset open, block as index in the layer
+  Bytes bytes;        // stored form
+};
+
+struct BuiltLayer {
+  std::vector<BuiltPage> pages;       // by bucket
+  std::vector<uint32_t> order;        // scene index of each Gaussian in stored order
+};
+
+// Frame of the coded positions and opacity coding, chosen over all layers.
+void choose_frame(const std::vector<CodedLayer>& layers, bool lossless, SceneHeader* header);
+void choose_opacity(const std::vector<CodedLayer>& layers, unsigned bits, SceneHeader* header);
+
+BuiltLayer build_layer(const EncoderScene& scene, const SceneHeader& header,
+                       const LayerHeader& layer_header, const CodedLayer& layer,
+                       const CodedComponent& sh, size_t page_size, int zstd_level, int threads);
+
+// The record of block b as far as pages need it: entries, no chunks.
+BlockRecord block_entries(const CodedLayer& layer, size_t block);
+
+}  // namespace l4d

@@ -1,0 +1,175 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "encoder/scene.h"
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+
+#include "libl4dcodec/base/threads.h"
+#include "libl4dcodec/math/gauge.h"
+#include "libl4dcodec/math/layers.h"
+#include "libl4dcodec/math/slice.h"
+
+namespace l4d {
+namespace {
+
+constexpr float kMaxLogScale = 16;
+constexpr double kMaxCoordinate = 0x1p60;
+constexpr size_t kGrain = 4096;
+
+// Name of the first attribute of Gaussian i that cannot be coded, or null.
+const char* invalid_attribute(const l4d_gaussians& g, size_t sh_dim, size_t i) {
+  for (size_t k = 0; k < 3; ++k) {
+    if (!(std::fabs(g.position[3 * i + k]) <= kMaxCoordinate)) return "position";
+  }
+  if (!(std::fabs(g.mean_t[i]) <= kMaxCoordinate)) return "mean_t";
+  for (size_t k = 0; k < 4; ++k) {
+    if (!(std::fabs(g.log_scale[4 * i + k]) <= kMaxLogScale)) return "log_scale";
+  }
+  for (size_t k = 0; k < 8; ++k) {
+    if (!(std::fabs(g.rotor[8 * i + k]) <= 1e15f)) return "rotor";
+  }
+  const bool logit = (g.flags & L4D_OPACITY_LOGIT) != 0;
+  if (!(logit ? std::isfinite(g.opacity[i]) : g.opacity[i] >= 0 && g.opacity[i] <= 1)) {
+    return "opacity";
+  }
+  for (size_t k = 0; k < sh_dim; ++k) {
+    // The codebooks hold binary16.
+    if (!(std::fabs(g.sh[sh_dim * i + k]) <= 65504.0f)) return "sh";
+  }
+  return nullptr;
+}
+
+void slice_in_double(const float* rotor, const float* log_scale, double* velocity, double* lambda) {
+  double r[8], s[4];
+  for (size_t k = 0; k < 8; ++k) r[k] = static_cast<double>(rotor[k]);
+  for (size_t k = 0; k < 4; ++k) s[k] = std::exp(static_cast<double>(log_scale[k]));
+  const Slice4D<double> slice = slice_gaussian(normalized_halves(r), s);
+  std::copy_n(slice.velocity, 3, velocity);
+  *lambda = slice.lambda;
+}
+
+// Stand-in for a measured importance: how much of the picture, for how long, how opaque.
+float proxy_weight(const EncoderScene& s, size_t i) {
+  double scale[3];
+  for (size_t k = 0; k < 3; ++k) scale[k] = static_cast<double>(s.log_scale[4 * i + k]);
+  std::sort(scale, scale + 3);
+  const double area = std::exp(scale[1] + scale[2]);
+  const double life = std::min(1.0, 8 * s.sigma_t(i) / s.duration);
+  return static_cast<float>(static_cast<double>(s.opacity[i]) * area * life);
+}
+
+}  // namespace
+
+double EncoderScene::sigma_t(size_t i) const { return 1.0 / std::sqrt(lambda[i]); }
+
+Status check_input(const EncoderInput& input) {
+  const l4d_gaussians& g = input.gaussians;
+  if (g.count == 0) return invalid_argument("the scene holds no Gaussian");
+  if (g.count > (uint64_t{1} << 30)) return invalid_argument("more than 2^30 Gaussians");
+  if (g.sh_degree > 3) return invalid_argument("sh_degree must be 0 to 3");
+  if (g.position == nullptr || g.mean_t == nullptr || g.log_scale == nullptr ||
+      g.rotor == nullptr || g.opacity == nullptr || g.sh == nullptr) {
+    return invalid_argument("an attribute array is NULL");
+  }
+  const l4d_timeline& t = input.timeline;
+  if (t.num_frames < 1 || t.num_frames > kMaxFrames || t.fps_num == 0 || t.fps_den == 0 ||
+      !(std::fabs(t.time_begin) <= 0x1p60) ||
+      (t.time_begin != 0 && std::fabs(t.time_begin) < 0x1p-60)) {
+    return invalid_argument("timeline out of range: 1 to 2^24 frames, a positive frame rate");
+  }
+  for (const float* w : input.weights) {
+    if (w == nullptr) continue;
+    for (uint64_t i = 0; i < g.count; ++i) {
+      if (!(w[i] >= 0 && std::isfinite(w[i]))) {
+        return Status(L4D_ERR_INVALID_SCENE,
+                      "the weight of Gaussian " + std::to_string(i) + " is not a number >= 0");
+      }
+    }
+  }
+  return {};
+}
+
+Status prepare_scene(const EncoderInput& input, const EncoderSettings& settings, int threads,
+                     EncoderScene* out) {
+  const l4d_gaussians& g = input.gaussians;
+  EncoderScene& s = *out;
+  const bool lossless = settings.get_bool(L4D_ENC_LOSSLESS);
+  s = EncoderScene();
+  s.sh_degree = g.sh_degree;
+  s.timeline = input.timeline;
+  s.duration = sequence_duration(input.timeline);
+  const size_t sh_dim = s.sh_dim();
+  const double prune = settings.get(L4D_ENC_PRUNE_WEIGHT);
+  const float* alpha_t = input.weights[L4D_WEIGHT_ALPHA_T];
+  if (prune >= 0 && alpha_t == nullptr) {
+    return invalid_argument("prune-weight needs alpha_t weights");
+  }
+  for (uint32_t i = 0; i < g.count; ++i) {
+    if (const char* attribute = invalid_attribute(g, sh_dim, i)) {
+      if (!settings.get_bool(L4D_ENC_DROP_INVALID)) {
+        return Status(L4D_ERR_INVALID_SCENE, "Gaussian " + std::to_string(i) + " has an invalid " +
+                                                 attribute + " (NaN, Inf or out of range)");
+      }
+      ++s.invalid_dropped;
+    } else if (prune >= 0 && static_cast<double>(alpha_t[i]) <= prune) {
+      ++s.pruned;
+    } else {
+      s.source.push_back(i);
+    }
+  }
+  const size_t n = s.source.size();
+  if (n == 0) return Status(L4D_ERR_INVALID_SCENE, "no Gaussian is left to code");
+  s.count = n;
+  s.position.resize(3 * n);
+  s.mean_t.resize(n);
+  s.log_scale.resize(4 * n);
+  s.rotor.resize(8 * n);
+  s.opacity.resize(n);
+  s.sh.resize(sh_dim * n);
+  s.velocity.resize(3 * n);
+  s.lambda.resize(n);
+  const bool logit = (g.flags & L4D_OPACITY_LOGIT) != 0;
+  const bool at_mean = (g.flags & L4D_POSITION_AT_MEAN_TIME) != 0;
+  const int gauge = settings.get_int(L4D_ENC_GAUGE);
+  parallel_for(threads, n, kGrain, [&](size_t begin, size_t end) {
+    for (size_t i = begin; i < end; ++i) {
+      const size_t from = s.source[i];
+      float* rotor = s.rotor.data() + 8 * i;
+      float* log_scale = s.log_scale.data() + 4 * i;
+      std::copy_n(g.rotor + 8 * from, 8, rotor);
+      std::copy_n(g.log_scale + 4 * from, 4, log_scale);
+      std::copy_n(g.sh + sh_dim * from, sh_dim, s.sh.data() + sh_dim * i);
+      s.mean_t[i] = static_cast<double>(g.mean_t[from]);
+      for (size_t k = 0; k < 3; ++k) {
+        s.position[3 * i + k] = static_cast<double>(g.position[3 * from + k]);
+      }
+      s.opacity[i] = g.opacity[from];
+      slice_in_double(rotor, log_scale, s.velocity.data() + 3 * i, &s.lambda[i]);
+      if (lossless) continue;
+      if (logit) {
+        s.opacity[i] = static_cast<float>(1 / (1 + std::exp(-static_cast<double>(s.opacity[i]))));
+      }
+      normalize_rotor(rotor, rotor);
+      if (gauge == 1) canonicalize_sign(rotor);
+      if (gauge == 2) canonicalize(rotor, log_scale, GaugeMode::kNearestIdentity);
+      if (gauge == 3) canonicalize(rotor, log_scale, GaugeMode::kSortedScales);
+      if (at_mean) {
+        const double dt = reference_time(s.timeline, s.mean_t[i]) - s.mean_t[i];
+        for (size_t k = 0; k < 3; ++k) s.position[3 * i + k] += s.velocity[3 * i + k] * dt;
+      }
+    }
+  });
+  static constexpr unsigned kOwn[L4D_COMPONENT_COUNT] = {
+      L4D_WEIGHT_SH, L4D_WEIGHT_SCALE, L4D_WEIGHT_ROTOR_SPATIAL, L4D_WEIGHT_ROTOR_TEMPORAL};
+  for (size_t c = 0; c < L4D_COMPONENT_COUNT && !lossless; ++c) {
+    const float* given = input.weights[kOwn[c]] != nullptr ? input.weights[kOwn[c]] : alpha_t;
+    s.weight[c].resize(n);
+    for (size_t i = 0; i < n; ++i) {
+      s.weight[c][i] = given != nullptr ? given[s.source[i]] : proxy_weight(s, i);
+    }
+  }
+  return {};
+}
+
+}  // namespace l4d

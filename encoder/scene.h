@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: Apache-2.0
+// The scene as the encoder works on it: checked, pruned, in one gauge, with a weight per component.
+#pragma once
+
+#include <array>
+#include <vector>
+
+#include "encoder/settings.h"
+#include "l4d/encode.h"
+#include "libl4dcodec/base/status.h"
+
+namespace l4d {
+
+struct EncoderInput {
+  l4d_gaussians gaussians{};
+  l4d_timeline timeline{};
+  l4d_placement placement{};
+  std::array<const float*, L4D_WEIGHT_COUNT> weights{};  // [count] or null
+};
+
+struct EncoderScene {
+  size_t count = 0;
+  uint32_t sh_degree = 0;
+  l4d_timeline timeline{};
+  double duration = 0;
+  std::vector<uint32_t> source;   // [n] index in the input
+  std::vector<double> position;   // [n, 3] at t_ref; lossless: as given
+  std::vector<double> mean_t;     // [n]
+  std::vector<float> log_scale;   // [n, 4]
+  std::vector<float> rotor;       // [n, 8] normalised; lossless: as given
+  std::vector<float> opacity;     // [n] linear; lossless: as given
+  std::vector<float> sh;          // [n, sh_dim]
+  std::vector<double> velocity;   // [n, 3]
+  std::vector<double> lambda;     // [n]
+  std::array<std::vector<float>, L4D_COMPONENT_COUNT> weight;  // [n]
+  uint64_t invalid_dropped = 0;
+  uint64_t pruned = 0;
+
+  size_t sh_dim() const { return 3 * (sh_degree + 1) * (sh_degree + 1); }
+  double sigma_t(size_t i) const;
+};
+
+Status check_input(const EncoderInput& input);
+Status prepare_scene(const EncoderInput& input, const EncoderSettings& settings, int threads,
+                     EncoderScene* out);
+
+}  // namespace l4d

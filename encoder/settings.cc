@@ -1,0 +1,114 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "encoder/settings.h"
+
+#include <cmath>
+#include <cstring>
+#include <string>
+
+namespace l4d {
+namespace {
+
+constexpr ParameterDescription kParameters[L4D_ENC_PARAMETER_COUNT] = {
+    {"lossless", "code float32 attributes exactly", 0, 1, 0, false, true},
+    {"codebook-size", "entries of each stage's codebook", 1, 65536, 4096, true, true},
+    {"literal-threshold", "keep vectors of a larger weight unquantised; 0 = never", 0, 1e30, 0, true,
+     false},
+    {"rcq", "block codebooks: 0 never, 1 where they pay, 2 wherever allowed", 0, 2, 1, false, true},
+    {"rcq-size", "entries of a residual codebook", 1, 4096, 512, false, true},
+    {"merge-fraction", "merge a finest layer with a smaller share of all Gaussians", 0, 1, 0.005,
+     false, false},
+    {"merge-count", "merge a finest layer with fewer Gaussians", 0, 1e9, 4096, false, true},
+    {"prune-weight", "drop Gaussians whose alpha_t weight is at most this; negative = never", -1, 1e30,
+     -1, false, false},
+    {"page-size", "Gaussians per page", 64, 65536, 16384, false, true},
+    {"closed-loop", "choose means and opacities so that decoded Gaussians are in place", 0, 1, 1,
+     false, true},
+    {"gauge", "rotors: 0 as given, 1 sign, 2 nearest identity, 3 sorted scales", 0, 3, 1, false,
+     true},
+    {"opacity-bits", "bits of an opacity code", 1, 16, 8, false, true},
+    {"scale-factor-bits", "bits of a scale factor code", 1, 16, 8, false, true},
+    {"kmeans-iterations", "Lloyd iterations at most", 0, 1000, 10, false, true},
+    {"kmeans-sample", "training points per codeword", 1, 1e6, 24, false, true},
+    {"zstd-level", "effort of zstd", 1, 22, 12, false, true},
+    {"drop-invalid", "drop Gaussians that cannot be coded instead of refusing the scene", 0, 1, 0,
+     false, true},
+};
+
+constexpr PresetDescription kPresets[] = {
+    {"default", "one stage of 4096 codewords per component"},
+    {"high", "residual stages for 100, 50 and 25 % of the Gaussians, 4096 codewords each"},
+    {"lossless", "the float32 bits of the input, in any order"},
+};
+
+}  // namespace
+
+const ParameterDescription& describe_parameter(l4d_encoder_parameter id) {
+  return kParameters[static_cast<size_t>(id)];
+}
+
+const PresetDescription* describe_preset(uint32_t index) {
+  return index < std::size(kPresets) ? &kPresets[index] : nullptr;
+}
+
+EncoderSettings::EncoderSettings() {
+  for (size_t id = 0; id < L4D_ENC_PARAMETER_COUNT; ++id) values_[id].fill(kParameters[id].initial);
+  stages_.fill({1.0f});
+}
+
+Status EncoderSettings::set(l4d_encoder_parameter id, int component, double value) {
+  if (static_cast<int>(id) < 0 || id >= L4D_ENC_PARAMETER_COUNT) {
+    return invalid_argument("unknown parameter");
+  }
+  const ParameterDescription& p = describe_parameter(id);
+  if (component < L4D_ALL_COMPONENTS || component >= L4D_COMPONENT_COUNT ||
+      (!p.per_component && component != L4D_ALL_COMPONENTS)) {
+    return invalid_argument(std::string(p.name) + ": no such component");
+  }
+  if (!(value >= p.min && value <= p.max) || (p.integer && value != std::floor(value))) {
+    return invalid_argument(std::string(p.name) + " must be " +
+                            (p.integer ? "an integer" : "a number") + " from " +
+                            std::to_string(p.min) + " to " + std::to_string(p.max));
+  }
+  auto& values = values_[static_cast<size_t>(id)];
+  if (component == L4D_ALL_COMPONENTS) {
+    values.fill(value);
+  } else {
+    values[static_cast<size_t>(component)] = value;
+  }
+  return {};
+}
+
+Status EncoderSettings::set_stages(int component, const std::vector<float>& fractions) {
+  if (component < L4D_ALL_COMPONENTS || component >= L4D_COMPONENT_COUNT) {
+    return invalid_argument("stages: no such component");
+  }
+  if (fractions.empty() || fractions.size() > L4D_MAX_STAGES || fractions[0] != 1.0f) {
+    return invalid_argument("stages: 1 to 8 fractions, the first of them 1");
+  }
+  for (size_t s = 1; s < fractions.size(); ++s) {
+    if (!(fractions[s] >= 0 && fractions[s] <= fractions[s - 1])) {
+      return invalid_argument("stages: fractions must lie in [0, 1] and not grow");
+    }
+  }
+  if (component == L4D_ALL_COMPONENTS) {
+    stages_.fill(fractions);
+  } else {
+    stages_[static_cast<size_t>(component)] = fractions;
+  }
+  return {};
+}
+
+Status EncoderSettings::set_preset(const char* name) {
+  EncoderSettings fresh;
+  if (std::strcmp(name, "high") == 0) {
+    fresh.stages_.fill({1.0f, 0.5f, 0.25f});
+  } else if (std::strcmp(name, "lossless") == 0) {
+    fresh.values_[L4D_ENC_LOSSLESS].fill(1);
+  } else if (std::strcmp(name, "default") != 0) {
+    return invalid_argument("unknown preset '" + std::string(name) + "'");
+  }
+  *this = fresh;
+  return {};
+}
+
+}  // namespace l4d

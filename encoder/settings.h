@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "l4d/encode.h"
+#include "libl4dcodec/base/status.h"
+
+namespace l4d {
+
+// Values of all L4D_ENC_* parameters, per component where they have one.
+class EncoderSettings {
+ public:
+  EncoderSettings();
+
+  double get(l4d_encoder_parameter id, int component = 0) const {
+    return values_[static_cast<size_t>(id)][static_cast<size_t>(component)];
+  }
+  int get_int(l4d_encoder_parameter id, int component = 0) const {
+    return static_cast<int>(get(id, component));
+  }
+  bool get_bool(l4d_encoder_parameter id) const { return get(id) != 0; }
+  Status set(l4d_encoder_parameter id, int component, double value);
+  // component: L4D_ALL_COMPONENTS or one.
+  Status set_stages(int component, const std::vector<float>& fractions);
+  const std::vector<float>& stages(int component) const {
+    return stages_[static_cast<size_t>(component)];
+  }
+
+  Status set_preset(const char* name);
+
+ private:
+  std::array<std::array<double, L4D_COMPONENT_COUNT>, L4D_ENC_PARAMETER_COUNT> values_;
+  std::array<std::vector<float>, L4D_COMPONENT_COUNT> stages_;
+};
+
+struct ParameterDescription {
+  const char* name;
+  const char* description;
+  double min, max, initial;
+  bool per_component;
+  bool integer;
+};
+const ParameterDescription& describe_parameter(l4d_encoder_parameter id);
+
+struct PresetDescription {
+  const char* name;
+  const char* description;
+};
+// Null after the last.
+const PresetDescription* describe_preset(uint32_t index);
+
+}  // namespace l4d
