@@ -15,8 +15,6 @@ namespace {
 constexpr uint64_t kBatchBytes = uint64_t{32} << 20;
 // Neighbouring pages are read in one call where no more than this lies between them.
 constexpr uint64_t kMaxReadGap = 4096;
-// Gaussians reconstructed at a time: the rows between two steps stay in the first-level cache.
-constexpr size_t kRowBlock = 256;
 
 // Pages of a batch and where their bytes lie.
 struct Batch {
@@ -175,179 +173,6 @@ Status PageDecoder::for_each_page(const Plan& plan, size_t begin, size_t end,
   return {};
 }
 
-namespace {
-
-VqSource vq_source(const ComponentCoding& coding, unsigned dim, const ComponentColumns& columns,
-                   const std::array<const CodebookData*, L4D_MAX_STAGES>& books) {
-  VqSource source;
-  source.dim = dim;
-  source.num_stages = coding.stages.size();
-  for (size_t s = 0; s < source.num_stages; ++s) {
-    source.book[s] = books[s]->entries.data();
-    source.index[s] = columns.index[s].data();
-  }
-  if (coding.has_depth()) source.depth = columns.depth.data();
-  source.literal = columns.literal.data();
-  return source;
-}
-
-// One component of a page, block by block of rows.
-class ComponentRows {
- public:
-  ComponentRows(const ReconstructKernels& kernels, const ComponentCoding& coding, unsigned dim,
-                const ComponentColumns& columns, const PageBooks& books, unsigned c)
-      : kernels_(kernels), coding_(coding.coding), dim_(dim), raw_(columns.raw.data()) {
-    if (coding.vq()) source_ = vq_source(coding, dim, columns, books.book[c]);
-  }
-  void rows(size_t begin, size_t end, float* dst) {
-    switch (coding_) {
-      case ComponentCodingId::kZero:
-        std::fill(dst, dst + (end - begin) * dim_, 0.0f);
-        break;
-      case ComponentCodingId::kRaw32:
-        std::copy(raw_ + begin * dim_, raw_ + end * dim_, dst);
-        break;
-      case ComponentCodingId::kVq:
-        kernels_.vq_rows(source_, cursor_, begin, end, dst);
-        break;
-    }
-  }
-
- private:
-  const ReconstructKernels& kernels_;
-  ComponentCodingId coding_;
-  unsigned dim_;
-  const float* raw_;
-  VqSource source_;
-  VqCursor cursor_;
-};
-
-void expand_scalar(const ReconstructKernels& kernels, const ScalarCoding& coding,
-                   const std::vector<uint16_t>& codes, const std::vector<float>& raw, size_t n,
-                   float* dst) {
-  switch (coding.coding) {
-    case ScalarCodingId::kConstant:
-      std::fill(dst, dst + n, coding.offset);
-      break;
-    case ScalarCodingId::kRaw32:
-      std::copy(raw.begin(), raw.begin() + static_cast<std::ptrdiff_t>(n), dst);
-      break;
-    case ScalarCodingId::kSq:
-      kernels.scalars(codes.data(), n, coding.offset, coding.step, dst);
-      break;
-  }
-}
-
-}  // namespace
-
-void PageDecoder::expand_page(const PageTask& task, const l4d_range& range,
-                              const PageColumns& columns, const PageBooks& books,
-                              PageScratch& scratch, const l4d_gaussian_buffers& out) {
-  const SceneHeader& header = file_.header();
-  const LayerHeader& layer = header.layers[task.layer];
-  const size_t n = columns.n;
-  const size_t first = static_cast<size_t>(task.first);
-  if (out.position != nullptr) {
-    float* dst = out.position + 3 * first;
-    if (header.position == MeanCodingId::kF16) {
-      const uint16_t* axes[3] = {columns.position[0].data(), columns.position[1].data(),
-                                 columns.position[2].data()};
-      reconstruct_.positions(axes, n, header.position_center, header.position_scale, dst);
-    } else {
-      for (size_t i = 0; i < n; ++i) {
-        for (size_t k = 0; k < 3; ++k) dst[3 * i + k] = columns.raw_position[k][i];
-      }
-    }
-  }
-  if (out.mean_t != nullptr || out.mean_t_local != nullptr) {
-    scratch.means.resize(n);
-    float* local = out.mean_t_local != nullptr ? out.mean_t_local + first : scratch.means.data();
-    if (layer.mean_t == MeanCodingId::kF16) {
-      reconstruct_.means(columns.mean_t.data(), n, static_cast<float>(range.width), local);
-    } else if (layer.mean_t == MeanCodingId::kRaw32) {
-      for (size_t i = 0; i < n; ++i) {
-        local[i] = static_cast<float>(static_cast<double>(columns.raw_mean_t[i]) - range.center);
-      }
-    } else {
-      std::fill(local, local + n, 0.0f);
-    }
-    if (out.mean_t != nullptr) {
-      float* dst = out.mean_t + first;
-      if (layer.mean_t == MeanCodingId::kRaw32) {
-        std::copy(columns.raw_mean_t.begin(),
-                  columns.raw_mean_t.begin() + static_cast<std::ptrdiff_t>(n), dst);
-      } else {
-        for (size_t i = 0; i < n; ++i) {
-          dst[i] = static_cast<float>(range.center + static_cast<double>(local[i]));
-        }
-      }
-    }
-  }
-  if (out.opacity != nullptr) {
-    expand_scalar(reconstruct_, header.opacity, columns.opacity, columns.raw_opacity, n,
-                  out.opacity + first);
-  }
-  if (out.sh != nullptr) {
-    const unsigned dim = header.sh_dim();
-    ComponentRows sh(reconstruct_, header.sh, dim, columns.component[L4D_COMPONENT_SH], books,
-                     L4D_COMPONENT_SH);
-    sh.rows(0, n, out.sh + dim * first);
-  }
-  const auto component = [&](unsigned c) {
-    return ComponentRows(reconstruct_, layer.component[c], header.component_dim(layer, c),
-                         columns.component[c], books, c);
-  };
-  if (out.log_scale != nullptr) {
-    ComponentRows scale = component(L4D_COMPONENT_SCALE);
-    const unsigned dim = layer.scale_dim();
-    scratch.rows_a.resize(4 * kRowBlock);
-    scratch.factor.resize(n);
-    expand_scalar(reconstruct_, layer.scale_factor, columns.scale_factor, columns.raw_scale_factor, n,
-                  scratch.factor.data());
-    const bool raw = layer.component[L4D_COMPONENT_SCALE].coding == ComponentCodingId::kRaw32;
-    for (size_t begin = 0; begin < n; begin += kRowBlock) {
-      const size_t count = std::min(kRowBlock, n - begin);
-      float* dst = out.log_scale + 4 * (first + begin);
-      float* rows = scratch.rows_a.data();
-      scale.rows(begin, begin + count, rows);
-      if (dim == 3) {  // spread three numbers to rows of four, from the back
-        for (size_t i = count; i-- > 0;) {
-          for (size_t k = 3; k-- > 0;) rows[4 * i + k] = rows[3 * i + k];
-          rows[4 * i + 3] = 0.0f;
-        }
-      }
-      if (raw) {
-        std::copy(rows, rows + 4 * count, dst);
-      } else {
-        reconstruct_.log_scales(scratch.factor.data() + begin, rows, count, dst);
-      }
-      if (dim == 3) {
-        for (size_t i = 0; i < count; ++i) dst[4 * i + 3] = layer.log_scale_t;
-      }
-    }
-  }
-  if (out.rotor != nullptr) {
-    ComponentRows spatial = component(L4D_COMPONENT_ROTOR_SPATIAL);
-    ComponentRows temporal = component(L4D_COMPONENT_ROTOR_TEMPORAL);
-    scratch.rows_a.resize(4 * kRowBlock);
-    scratch.rows_b.resize(4 * kRowBlock);
-    for (size_t begin = 0; begin < n; begin += kRowBlock) {
-      const size_t count = std::min(kRowBlock, n - begin);
-      float* dst = out.rotor + 8 * (first + begin);
-      spatial.rows(begin, begin + count, scratch.rows_a.data());
-      temporal.rows(begin, begin + count, scratch.rows_b.data());
-      if (SceneHeader::normalizes_rotor(layer)) {
-        reconstruct_.rotors(scratch.rows_a.data(), scratch.rows_b.data(), count, dst);
-      } else {
-        for (size_t i = 0; i < count; ++i) {
-          std::copy_n(scratch.rows_a.data() + 4 * i, 4, dst + 8 * i);
-          std::copy_n(scratch.rows_b.data() + 4 * i, 4, dst + 8 * i + 4);
-        }
-      }
-    }
-  }
-}
-
 Status PageDecoder::expand(const Plan& plan, size_t begin, size_t end,
                            const l4d_gaussian_buffers& out, const Progress& progress) {
   PageWants wants;
@@ -361,7 +186,9 @@ Status PageDecoder::expand(const Plan& plan, size_t begin, size_t end,
       plan, begin, end, wants, true, nullptr,
       [&](size_t i, const PageColumns& columns, const PageBooks& books, PageScratch& scratch) {
         const PageTask& task = plan.tasks[i];
-        expand_page(task, plan.ranges[task.range], columns, books, scratch, out);
+        PageExpander(file_.header(), file_.header().layers[task.layer], columns, books,
+                     reconstruct_, scratch.expand)
+            .run(plan.ranges[task.range], static_cast<size_t>(task.first), out);
       },
       progress);
 }

@@ -8,23 +8,18 @@
 #include <mutex>
 #include <vector>
 
+#include "decoder/expand.h"
 #include "decoder/plan.h"
-#include "decoder/reconstruct.h"
 #include "libl4dcodec/container/page.h"
 
 namespace l4d {
-
-// Codebooks a page needs, resolved before the parallel part.
-struct PageBooks {
-  std::array<std::array<const CodebookData*, L4D_MAX_STAGES>, L4D_COMPONENT_COUNT> book{};
-};
 
 // Per-thread working memory.
 struct PageScratch {
   StreamDecoder stream;
   PageColumns columns;
   Bytes storage;
-  std::vector<float> rows_a, rows_b, factor, means;
+  ExpandScratch expand;
 };
 
 class PageDecoder {
@@ -56,8 +51,6 @@ class PageDecoder {
                     PageScratch& scratch, SectionBytes* sections);
   Status resolve_books(const PageTask& task, const PageWants& wants, PageBooks* out);
   const BlockRecord* block_of(const PageTask& task) const;
-  void expand_page(const PageTask& task, const l4d_range& range, const PageColumns& columns,
-                   const PageBooks& books, PageScratch& scratch, const l4d_gaussian_buffers& out);
   std::unique_ptr<PageScratch> take_scratch();
   void give_scratch(std::unique_ptr<PageScratch> scratch);
 

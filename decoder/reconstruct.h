@@ -28,6 +28,7 @@ struct VqCursor {
   size_t literal = 0;
 };
 
+// `past_cache`: dst is larger than the cache and not read again soon, so it may be written around it.
 struct ReconstructKernels {
   // dst[i] = center + scale * half, [n, 3] from three columns of binary16.
   void (*positions)(const uint16_t* const columns[3], size_t n, const float center[3], float scale,
@@ -39,11 +40,14 @@ struct ReconstructKernels {
   // Rows i = begin..end-1 of the page to dst [end - begin, dim]: the literal, or the codewords of all
   // stages below the depth summed in order of stages (zeros at depth 0). Rows are taken in order: the
   // cursor carries the place from one call to the next.
-  void (*vq_rows)(const VqSource& source, VqCursor& cursor, size_t begin, size_t end, float* dst);
+  void (*vq_rows)(const VqSource& source, VqCursor& cursor, size_t begin, size_t end, float* dst,
+                  bool past_cache);
   // dst[i, k] = factor[i] + normalized[i, k], [n, 4].
-  void (*log_scales)(const float* factor, const float* normalized, size_t n, float* dst);
+  void (*log_scales)(const float* factor, const float* normalized, size_t n, float* dst,
+                     bool past_cache);
   // dst[i] = normalised rotor of spatial[i] (s b01 b02 b12) and temporal[i] (b03 b13 b23 p), [n, 8].
-  void (*rotors)(const float* spatial, const float* temporal, size_t n, float* dst);
+  void (*rotors)(const float* spatial, const float* temporal, size_t n, float* dst,
+                 bool past_cache);
 };
 
 // Scalar loops in the words of the specification.

@@ -24,7 +24,8 @@ void scalars(const uint16_t* codes, size_t n, float offset, float step, float* d
   for (size_t i = 0; i < n; ++i) dst[i] = offset + step * static_cast<float>(codes[i]);
 }
 
-void vq_rows(const VqSource& source, VqCursor& cursor, size_t begin, size_t end, float* dst) {
+void vq_rows(const VqSource& source, VqCursor& cursor, size_t begin, size_t end, float* dst,
+             bool) {
   for (size_t i = begin; i < end; ++i, dst += source.dim) {
     const size_t depth = source.depth == nullptr ? source.num_stages : source.depth[i];
     if (depth == kLiteralDepth) {
@@ -43,13 +44,13 @@ void vq_rows(const VqSource& source, VqCursor& cursor, size_t begin, size_t end,
   }
 }
 
-void log_scales(const float* factor, const float* normalized, size_t n, float* dst) {
+void log_scales(const float* factor, const float* normalized, size_t n, float* dst, bool) {
   for (size_t i = 0; i < n; ++i) {
     for (size_t k = 0; k < 4; ++k) dst[4 * i + k] = factor[i] + normalized[4 * i + k];
   }
 }
 
-void rotors(const float* spatial, const float* temporal, size_t n, float* dst) {
+void rotors(const float* spatial, const float* temporal, size_t n, float* dst, bool) {
   for (size_t i = 0; i < n; ++i) {
     float rotor[8];
     for (size_t k = 0; k < 4; ++k) {

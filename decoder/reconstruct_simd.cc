@@ -9,6 +9,7 @@
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "decoder/reconstruct_simd.cc"
 #include <hwy/foreach_target.h>
+#include <hwy/cache_control.h>
 #include <hwy/highway.h>
 
 HWY_BEFORE_NAMESPACE();
@@ -104,12 +105,39 @@ HWY_INLINE void add_row(D d, const float* HWY_RESTRICT row, size_t dim, float* H
   for (; k < dim; ++k) dst[k] = dst[k] + row[k];
 }
 
+// Writing around the cache saves reading every line of the destination first. Needs alignment, which
+// whole rows keep.
+HWY_INLINE bool can_stream(bool past_cache, const float* dst) {
+  return past_cache && reinterpret_cast<uintptr_t>(dst) % (4 * sizeof(float)) == 0;
+}
+
+// The SH codebook is larger than the second-level cache, so rows are fetched a little ahead.
+constexpr size_t kPrefetchRows = 8;
+
+template <class D>
+HWY_INLINE void stream_rows(D d, const uint16_t* HWY_RESTRICT index, const float* HWY_RESTRICT book,
+                            size_t n, size_t dim, float* HWY_RESTRICT dst) {
+  for (size_t i = 0; i < n; ++i, dst += dim) {
+    const float* HWY_RESTRICT row = book + dim * index[i];
+    const float* ahead = book + dim * index[i + kPrefetchRows < n ? i + kPrefetchRows : i];
+    for (size_t k = 0; k < dim; k += 16) hwy::Prefetch(ahead + k);
+    for (size_t k = 0; k < dim; k += hn::Lanes(d)) hn::Stream(hn::LoadU(d, row + k), d, dst + k);
+  }
+  hwy::FlushStream();
+}
+
 template <class D>
 HWY_INLINE void vq_rows_with(D d, const VqSource& source, size_t dim, VqCursor& cursor, size_t begin,
-                             size_t end, float* dst) {
+                             size_t end, float* dst, bool past_cache) {
   if (source.depth == nullptr && source.num_stages == 1) {
     const uint16_t* HWY_RESTRICT index = source.index[0] + cursor.index[0];
     const float* HWY_RESTRICT book = source.book[0];
+    const hn::CappedTag<float, 4> d4;
+    if (dim % 16 == 0 && can_stream(past_cache, dst)) {
+      stream_rows(d4, index, book, end - begin, dim, dst);
+      cursor.index[0] += end - begin;
+      return;
+    }
     for (size_t i = 0; i < end - begin; ++i) copy_row(d, book + dim * index[i], dim, dst + dim * i);
     cursor.index[0] += end - begin;
     return;
@@ -130,67 +158,113 @@ HWY_INLINE void vq_rows_with(D d, const VqSource& source, size_t dim, VqCursor& 
   }
 }
 
-void vq_rows(const VqSource& source, VqCursor& cursor, size_t begin, size_t end, float* dst) {
+void vq_rows(const VqSource& source, VqCursor& cursor, size_t begin, size_t end, float* dst,
+             bool past_cache) {
   // Constants let the compiler unroll the rows that occur in practice.
   switch (source.dim) {
     case 4:
-      return vq_rows_with(hn::CappedTag<float, 4>(), source, 4, cursor, begin, end, dst);
+      return vq_rows_with(hn::CappedTag<float, 4>(), source, 4, cursor, begin, end, dst,
+                          past_cache);
     case 12:
-      return vq_rows_with(hn::CappedTag<float, 4>(), source, 12, cursor, begin, end, dst);
+      return vq_rows_with(hn::CappedTag<float, 4>(), source, 12, cursor, begin, end, dst,
+                          past_cache);
     case 48:
-      return vq_rows_with(hn::ScalableTag<float>(), source, 48, cursor, begin, end, dst);
+      return vq_rows_with(hn::ScalableTag<float>(), source, 48, cursor, begin, end, dst,
+                          past_cache);
     default:
-      return vq_rows_with(hn::CappedTag<float, 4>(), source, source.dim, cursor, begin, end, dst);
+      return vq_rows_with(hn::CappedTag<float, 4>(), source, source.dim, cursor, begin, end, dst,
+                          past_cache);
   }
 }
 
-void log_scales(const float* factor, const float* normalized, size_t n, float* dst) {
+void log_scales(const float* factor, const float* normalized, size_t n, float* dst,
+                bool past_cache) {
   const hn::CappedTag<float, 4> d;
+  const bool stream = can_stream(past_cache, dst);
   for (size_t i = 0; i < n; ++i) {
     const auto f = hn::Set(d, factor[i]);
     for (size_t k = 0; k < 4; k += hn::Lanes(d)) {
-      hn::StoreU(hn::Add(f, hn::LoadU(d, normalized + 4 * i + k)), d, dst + 4 * i + k);
+      const auto v = hn::Add(f, hn::LoadU(d, normalized + 4 * i + k));
+      if (stream) {
+        hn::Stream(v, d, dst + 4 * i + k);
+      } else {
+        hn::StoreU(v, d, dst + 4 * i + k);
+      }
     }
   }
+  if (stream) hwy::FlushStream();
 }
 
-void rotors(const float* spatial, const float* temporal, size_t n, float* dst) {
 #if HWY_TARGET == HWY_SCALAR
+
+void rotors(const float* spatial, const float* temporal, size_t n, float* dst, bool) {
   for (size_t i = 0; i < n; ++i) {
     float rotor[8];
     std::memcpy(rotor, spatial + 4 * i, 4 * sizeof(float));
     std::memcpy(rotor + 4, temporal + 4 * i, 4 * sizeof(float));
     normalize_rotor(rotor, dst + 8 * i);
   }
+}
+
 #else
-  // One Gaussian per 128-bit vector. With Q = (p, -b23, b13, -b03), the reversed temporal half with
-  // alternating signs, A = S + Q and B = S - Q; x + (-y) and x - y are the same bits.
-  const hn::Full128<float> d;
-  alignas(16) static constexpr float kSigns[4] = {0.0f, -0.0f, 0.0f, -0.0f};
+
+alignas(16) constexpr float kSigns[4] = {0.0f, -0.0f, 0.0f, -0.0f};
+
+// Each block of four lanes divided by its length, or (1, 0, 0, 0) where that vanishes.
+template <class D>
+HWY_INLINE hn::Vec<D> normalize_blocks(D d, hn::Vec<D> v) {
   alignas(16) static constexpr float kIdentity[4] = {1.0f, 0.0f, 0.0f, 0.0f};
+  const auto squares = hn::Mul(v, v);
+  // ((0 + 1) + (2 + 3)) in every lane: addition commutes, so the swapped lanes agree.
+  const auto pairs = hn::Add(squares, hn::Shuffle2301(squares));
+  const auto norm2 = hn::Add(pairs, hn::Shuffle1032(pairs));
+  return hn::IfThenElse(hn::Lt(norm2, hn::Set(d, 1e-12f)), hn::LoadDup128(d, kIdentity),
+                        hn::Div(v, hn::Sqrt(norm2)));
+}
+
+// With Q = (p, -b23, b13, -b03), the reversed temporal half with alternating signs, A = S + Q and
+// B = S - Q; x + (-y) and x - y are the same bits. Both halves go through one vector where it is wide
+// enough: division and square root are what costs here.
+HWY_INLINE void normalize_pair(hn::Vec128<float> s, hn::Vec128<float> q, hn::Vec128<float>& a,
+                               hn::Vec128<float>& b) {
+  const hn::Full128<float> d;
+#if HWY_TARGET <= HWY_AVX2
+  const hn::FixedTag<float, 8> d2;
+  const auto both = normalize_blocks(d2, hn::Combine(d2, hn::Sub(s, q), hn::Add(s, q)));
+  a = hn::LowerHalf(d, both);
+  b = hn::UpperHalf(d, both);
+#else
+  a = normalize_blocks(d, hn::Add(s, q));
+  b = normalize_blocks(d, hn::Sub(s, q));
+#endif
+}
+
+void rotors(const float* spatial, const float* temporal, size_t n, float* dst, bool past_cache) {
+  const hn::Full128<float> d;
   const auto signs = hn::Load(d, kSigns);
-  const auto identity = hn::Load(d, kIdentity);
   const auto half = hn::Set(d, 0.5f);
-  const auto smallest = hn::Set(d, 1e-12f);
-  const auto normalize = [&](auto v) HWY_ATTR {
-    const auto squares = hn::Mul(v, v);
-    // ((0 + 1) + (2 + 3)) in every lane: addition commutes, so the swapped lanes agree.
-    const auto pairs = hn::Add(squares, hn::Shuffle2301(squares));
-    const auto norm2 = hn::Add(pairs, hn::Shuffle1032(pairs));
-    return hn::IfThenElse(hn::Lt(norm2, smallest), identity, hn::Div(v, hn::Sqrt(norm2)));
-  };
+  const bool stream = can_stream(past_cache, dst);
   for (size_t i = 0; i < n; ++i) {
     const auto s = hn::LoadU(d, spatial + 4 * i);
     const auto q = hn::Xor(hn::Reverse(d, hn::LoadU(d, temporal + 4 * i)), signs);
-    const auto a = normalize(hn::Add(s, q));
-    const auto b = normalize(hn::Sub(s, q));
-    hn::StoreU(hn::Mul(hn::Add(a, b), half), d, dst + 8 * i);
+    hn::Vec128<float> a, b;
+    normalize_pair(s, q, a, b);
+    const auto first = hn::Mul(hn::Add(a, b), half);
     // p = A0 - B0 and b13 = A2 - B2, but b23 = B1 - A1 and b03 = B3 - A3: signs before subtracting.
     const auto difference = hn::Sub(hn::Xor(a, signs), hn::Xor(b, signs));
-    hn::StoreU(hn::Reverse(d, hn::Mul(difference, half)), d, dst + 8 * i + 4);
+    const auto second = hn::Reverse(d, hn::Mul(difference, half));
+    if (stream) {
+      hn::Stream(first, d, dst + 8 * i);
+      hn::Stream(second, d, dst + 8 * i + 4);
+    } else {
+      hn::StoreU(first, d, dst + 8 * i);
+      hn::StoreU(second, d, dst + 8 * i + 4);
+    }
   }
-#endif
+  if (stream) hwy::FlushStream();
 }
+
+#endif  // HWY_TARGET == HWY_SCALAR
 
 const ReconstructKernels* kernels() {
   static constexpr ReconstructKernels kKernels = {positions, means,      scalars,

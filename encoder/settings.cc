@@ -20,7 +20,7 @@ constexpr ParameterDescription kParameters[L4D_ENC_PARAMETER_COUNT] = {
     {"merge-count", "merge a finest layer with fewer Gaussians", 0, 1e9, 4096, false, true},
     {"prune-weight", "drop Gaussians whose alpha_t weight is at most this; negative = never", -1, 1e30,
      -1, false, false},
-    {"page-size", "Gaussians per page", 64, 65536, 16384, false, true},
+    {"page-size", "Gaussians per page", 64, 65536, 32768, false, true},
     {"closed-loop", "choose means and opacities so that decoded Gaussians are in place", 0, 1, 1,
      false, true},
     {"gauge", "rotors: 0 as given, 1 sign, 2 nearest identity, 3 sorted scales", 0, 3, 1, false,

@@ -7,6 +7,11 @@
 namespace l4d {
 namespace {
 
+// A byte plane is compressed if that saves one part in this many. Below it the bytes saved are not
+// worth the time: a stored plane is read in place, a compressed one costs a decoder about a nanosecond
+// per value.
+constexpr size_t kMinPlaneSaving = 12;
+
 struct StreamHead {
   StreamLayout layout = StreamLayout::kPacked;
   bool delta = false;
@@ -206,7 +211,7 @@ Bytes StreamEncoder::encode_form(const T* values, size_t n, unsigned width, bool
   for (unsigned p = 0; p < (width + 7) / 8; ++p) {
     for (size_t i = 0; i < n; ++i) plane[i] = static_cast<unsigned char>(coded[i] >> (8 * p));
     const Bytes frame = zstd_.compress(plane);
-    if (frame.size() + n / 100 < n) {
+    if (frame.size() + n / kMinPlaneSaving < n) {
       planes_form.push_back(static_cast<uint8_t>(ChunkCodec::kZstd));
       append_vlq(frame.size(), planes_form);
       planes_form.insert(planes_form.end(), frame.begin(), frame.end());

@@ -42,8 +42,8 @@ Status skip_stream(ByteReader& in, uint64_t base, size_t n, unsigned width);
 class StreamEncoder {
  public:
   explicit StreamEncoder(int zstd_level) : zstd_(zstd_level) {}
-  // Appends the smallest form to out; planes that zstd shortens by less than 1 % stay stored, and
-  // packed wins against planes unless these save 2 %, since plain bits decode fastest.
+  // Appends the smallest form to out, with a preference for what decodes fast: planes that zstd hardly
+  // shortens stay stored, and packed wins against planes unless these save 2 %.
   void encode(const uint16_t* values, size_t n, unsigned width, bool try_delta, Bytes& out);
   void encode32(const uint32_t* values, size_t n, bool try_delta, Bytes& out);
 

@@ -1,0 +1,193 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "decoder/expand.h"
+
+#include <algorithm>
+
+namespace l4d {
+namespace {
+
+// From this many Gaussians on (260 bytes each) the output is larger than the caches of a core.
+constexpr uint64_t kPastCacheGaussians = 32768;
+// Gaussians reconstructed at a time: the rows between two steps stay in the first-level cache.
+constexpr size_t kRowBlock = 256;
+
+// The rows of one component, taken front to back.
+class ComponentRows {
+ public:
+  ComponentRows(const ReconstructKernels& kernels, const ComponentCoding& coding, unsigned dim,
+                const ComponentColumns& columns,
+                const std::array<const CodebookData*, L4D_MAX_STAGES>& books)
+      : kernels_(kernels), coding_(coding.coding), dim_(dim), raw_(columns.raw.data()) {
+    if (!coding.vq()) return;
+    source_.dim = dim;
+    source_.num_stages = coding.stages.size();
+    for (size_t s = 0; s < source_.num_stages; ++s) {
+      source_.book[s] = books[s]->entries.data();
+      source_.index[s] = columns.index[s].data();
+    }
+    if (coding.has_depth()) source_.depth = columns.depth.data();
+    source_.literal = columns.literal.data();
+  }
+
+  void rows(size_t begin, size_t end, float* dst, bool past_cache) {
+    switch (coding_) {
+      case ComponentCodingId::kZero:
+        std::fill(dst, dst + (end - begin) * dim_, 0.0f);
+        break;
+      case ComponentCodingId::kRaw32:
+        std::copy(raw_ + begin * dim_, raw_ + end * dim_, dst);
+        break;
+      case ComponentCodingId::kVq:
+        kernels_.vq_rows(source_, cursor_, begin, end, dst, past_cache);
+        break;
+    }
+  }
+
+ private:
+  const ReconstructKernels& kernels_;
+  ComponentCodingId coding_;
+  unsigned dim_;
+  const float* raw_;
+  VqSource source_;
+  VqCursor cursor_;
+};
+
+// Rows of three numbers to rows of four, in place: from the back, so that none is overwritten unread.
+void spread_rows(float* rows, size_t n) {
+  for (size_t i = n; i-- > 0;) {
+    for (size_t k = 3; k-- > 0;) rows[4 * i + k] = rows[3 * i + k];
+    rows[4 * i + 3] = 0.0f;
+  }
+}
+
+}  // namespace
+
+void PageExpander::run(const l4d_range& range, size_t first, const l4d_gaussian_buffers& out) {
+  past_cache_ = out.capacity >= kPastCacheGaussians;
+  if (out.position != nullptr) positions(out.position + 3 * first);
+  if (out.mean_t != nullptr || out.mean_t_local != nullptr) {
+    means(range, out.mean_t == nullptr ? nullptr : out.mean_t + first,
+          out.mean_t_local == nullptr ? nullptr : out.mean_t_local + first);
+  }
+  if (out.opacity != nullptr) {
+    scalars(header_.opacity, columns_.opacity, columns_.raw_opacity, out.opacity + first);
+  }
+  if (out.sh != nullptr) spherical_harmonics(out.sh + header_.sh_dim() * first);
+  if (out.log_scale != nullptr) log_scales(out.log_scale + 4 * first);
+  if (out.rotor != nullptr) rotors(out.rotor + 8 * first);
+}
+
+void PageExpander::positions(float* dst) const {
+  if (header_.position == MeanCodingId::kF16) {
+    const uint16_t* axes[3] = {columns_.position[0].data(), columns_.position[1].data(),
+                               columns_.position[2].data()};
+    kernels_.positions(axes, columns_.n, header_.position_center, header_.position_scale, dst);
+    return;
+  }
+  for (size_t i = 0; i < columns_.n; ++i) {
+    for (size_t k = 0; k < 3; ++k) dst[3 * i + k] = columns_.raw_position[k][i];
+  }
+}
+
+void PageExpander::means(const l4d_range& range, float* mean_t, float* mean_t_local) {
+  const size_t n = columns_.n;
+  if (layer_.mean_t == MeanCodingId::kRaw32) {
+    for (size_t i = 0; i < n; ++i) {
+      const float mean = columns_.raw_mean_t[i];
+      if (mean_t != nullptr) mean_t[i] = mean;
+      if (mean_t_local != nullptr) {
+        mean_t_local[i] = static_cast<float>(static_cast<double>(mean) - range.center);
+      }
+    }
+    return;
+  }
+  scratch_.means.resize(n);
+  float* local = mean_t_local != nullptr ? mean_t_local : scratch_.means.data();
+  if (layer_.mean_t == MeanCodingId::kF16) {
+    kernels_.means(columns_.mean_t.data(), n, static_cast<float>(range.width), local);
+  } else {
+    std::fill(local, local + n, 0.0f);
+  }
+  if (mean_t == nullptr) return;
+  for (size_t i = 0; i < n; ++i) {
+    mean_t[i] = static_cast<float>(range.center + static_cast<double>(local[i]));
+  }
+}
+
+void PageExpander::scalars(const ScalarCoding& coding, const std::vector<uint16_t>& codes,
+                           const std::vector<float>& raw, float* dst) const {
+  switch (coding.coding) {
+    case ScalarCodingId::kConstant:
+      std::fill(dst, dst + columns_.n, coding.offset);
+      break;
+    case ScalarCodingId::kRaw32:
+      std::copy_n(raw.data(), columns_.n, dst);
+      break;
+    case ScalarCodingId::kSq:
+      kernels_.scalars(codes.data(), columns_.n, coding.offset, coding.step, dst);
+      break;
+  }
+}
+
+void PageExpander::spherical_harmonics(float* dst) const {
+  ComponentRows sh(kernels_, header_.sh, header_.sh_dim(), columns_.component[L4D_COMPONENT_SH],
+                   books_.book[L4D_COMPONENT_SH]);
+  sh.rows(0, columns_.n, dst, past_cache_);
+}
+
+void PageExpander::log_scales(float* dst) {
+  const size_t n = columns_.n;
+  const unsigned dim = layer_.scale_dim();
+  const ComponentCoding& coding = layer_.component[L4D_COMPONENT_SCALE];
+  const bool raw = coding.coding == ComponentCodingId::kRaw32;
+  ComponentRows scale(kernels_, coding, dim, columns_.component[L4D_COMPONENT_SCALE],
+                      books_.book[L4D_COMPONENT_SCALE]);
+  scratch_.rows_a.resize(4 * kRowBlock);
+  scratch_.factor.resize(n);
+  scalars(layer_.scale_factor, columns_.scale_factor, columns_.raw_scale_factor,
+          scratch_.factor.data());
+  for (size_t begin = 0; begin < n; begin += kRowBlock, dst += 4 * kRowBlock) {
+    const size_t count = std::min(kRowBlock, n - begin);
+    float* rows = scratch_.rows_a.data();
+    scale.rows(begin, begin + count, rows, false);
+    if (dim == 3) spread_rows(rows, count);
+    if (raw) {
+      std::copy(rows, rows + 4 * count, dst);
+    } else {
+      // Permanent layers are patched afterwards: those lines are wanted in the cache.
+      kernels_.log_scales(scratch_.factor.data() + begin, rows, count, dst,
+                          past_cache_ && !layer_.permanent);
+    }
+    if (layer_.permanent) {
+      for (size_t i = 0; i < count; ++i) dst[4 * i + 3] = layer_.log_scale_t;
+    }
+  }
+}
+
+void PageExpander::rotors(float* dst) {
+  const size_t n = columns_.n;
+  const auto rows_of = [&](unsigned c) {
+    return ComponentRows(kernels_, layer_.component[c], 4, columns_.component[c], books_.book[c]);
+  };
+  ComponentRows spatial = rows_of(L4D_COMPONENT_ROTOR_SPATIAL);
+  ComponentRows temporal = rows_of(L4D_COMPONENT_ROTOR_TEMPORAL);
+  scratch_.rows_a.resize(4 * kRowBlock);
+  scratch_.rows_b.resize(4 * kRowBlock);
+  float* a = scratch_.rows_a.data();
+  float* b = scratch_.rows_b.data();
+  for (size_t begin = 0; begin < n; begin += kRowBlock, dst += 8 * kRowBlock) {
+    const size_t count = std::min(kRowBlock, n - begin);
+    spatial.rows(begin, begin + count, a, false);
+    temporal.rows(begin, begin + count, b, false);
+    if (SceneHeader::normalizes_rotor(layer_)) {
+      kernels_.rotors(a, b, count, dst, past_cache_);
+      continue;
+    }
+    for (size_t i = 0; i < count; ++i) {
+      std::copy_n(a + 4 * i, 4, dst + 8 * i);
+      std::copy_n(b + 4 * i, 4, dst + 8 * i + 4);
+    }
+  }
+}
+
+}  // namespace l4d

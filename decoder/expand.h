@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: Apache-2.0
+// The columns of one page to float attributes (spec: "Reconstruction").
+#pragma once
+
+#include <array>
+#include <vector>
+
+#include "decoder/reconstruct.h"
+#include "l4d/decode.h"
+#include "libl4dcodec/container/page.h"
+#include "libl4dcodec/quant/codebook.h"
+
+namespace l4d {
+
+// Codebooks a page needs, resolved before pages are worked on in parallel.
+struct PageBooks {
+  std::array<std::array<const CodebookData*, L4D_MAX_STAGES>, L4D_COMPONENT_COUNT> book{};
+};
+
+// Buffers kept from page to page.
+struct ExpandScratch {
+  std::vector<float> rows_a, rows_b, factor, means;
+};
+
+class PageExpander {
+ public:
+  PageExpander(const SceneHeader& header, const LayerHeader& layer, const PageColumns& columns,
+               const PageBooks& books, const ReconstructKernels& kernels, ExpandScratch& scratch)
+      : header_(header),
+        layer_(layer),
+        columns_(columns),
+        books_(books),
+        kernels_(kernels),
+        scratch_(scratch) {}
+
+  // Fills the arrays of `out` that are given, from Gaussian `first` on.
+  void run(const l4d_range& range, size_t first, const l4d_gaussian_buffers& out);
+
+ private:
+  void positions(float* dst) const;
+  void means(const l4d_range& range, float* mean_t, float* mean_t_local);
+  void scalars(const ScalarCoding& coding, const std::vector<uint16_t>& codes,
+               const std::vector<float>& raw, float* dst) const;
+  void spherical_harmonics(float* dst) const;
+  void log_scales(float* dst);
+  void rotors(float* dst);
+
+  const SceneHeader& header_;
+  const LayerHeader& layer_;
+  const PageColumns& columns_;
+  const PageBooks& books_;
+  const ReconstructKernels& kernels_;
+  ExpandScratch& scratch_;
+  bool past_cache_ = false;
+};
+
+}  // namespace l4d

@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "io/scene.h"
+
+namespace l4d::io {
+
+// Timeline to use for formats that carry none (3DGS PLY), and for those whose time is normalised.
+struct ImportOptions {
+  double seconds = 0;  // 0 = what the file says, else 1 second
+  double fps = 0;      // 0 = what the file says, else 30
+};
+
+// Reads any scene PLY, told apart by its header: l4d_ply, .ftgs.ply, SpacetimeGaussians lite, 3DGS.
+// Throws Error: L4D_ERR_IO, L4D_ERR_CORRUPT (with line or byte), L4D_ERR_FEATURE_UNSUPPORTED.
+Scene read_scene_ply(const std::string& path, const ImportOptions& options = {});
+
+// Per-Gaussian importance, a PLY with `comment l4d_weights 1`. Empty vectors where a column lacks.
+struct Weights {
+  std::vector<float> alpha_t, sh, scale, rotor_spatial, rotor_temporal;
+  size_t count = 0;
+};
+Weights read_weights_ply(const std::string& path);
+
+// Writers go to a temporary name and rename on success. Each converts what its format demands.
+void write_l4d_ply(const std::string& path, const Scene& scene);
+void write_ftgs_ply(const std::string& path, const Scene& scene);
+// Scales and rotations come from the eigen-decomposition of each covariance, in double.
+void write_3dgs_ply(const std::string& path, const Splats& splats);
+
+// Deterministic dynamic scenes for demos, tests and benchmarks: equal options give equal bits on
+// every machine (no library transcendental or distribution whose bits are unspecified decides a
+// value).
+struct SynthOptions {
+  double seconds = 5;
+  double fps = 30;
+  uint64_t gaussians = 100000;
+  uint64_t seed = 1;
+  // Gaussians of the room, for scenes that differ in length alone; 0 = a fixed share of all.
+  uint64_t static_gaussians = 0;
+  // Subset of: static, rigid, deform, flicker, appear, view. Empty = all of them.
+  std::vector<std::string> effects;
+};
+extern const std::array<const char*, 6> kSynthEffects;
+Scene synthesize(const SynthOptions& options);
+
+}  // namespace l4d::io
