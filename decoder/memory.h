@@ -23,6 +23,12 @@ class MemoryBudget {
     peak_ = std::max(peak_, used_);
     return {};
   }
+  // Whether `bytes` more would be allowed; charges nothing.
+  Status check(uint64_t bytes, const char* what) {
+    L4D_RETURN_IF_ERROR(charge(bytes, what));
+    release(bytes);
+    return {};
+  }
   void release(uint64_t bytes) { used_ -= std::min(bytes, used_); }
   uint64_t used() const { return used_; }
   uint64_t peak() const { return peak_; }

@@ -102,9 +102,10 @@ Status PageDecoder::parse_page(const PageTask& task, ByteSpan bytes, const PageW
     return Status(L4D_ERR_CHECKSUM, "CHNK-2", chunk.offset, "checksum of a page does not match");
   }
   ByteSpan raw;
-  L4D_RETURN_IF_ERROR(decode_chunk(scratch.stream, chunk.codec, bytes, chunk.raw_bytes, chunk.offset,
-                                   scratch.storage, &raw));
   const SceneHeader& header = file_.header();
+  L4D_RETURN_IF_ERROR(decode_chunk(scratch.stream, chunk.codec, bytes, chunk.raw_bytes,
+                                   max_page_bytes(header, task.record.num_gaussians), chunk.offset,
+                                   scratch.storage, &raw));
   return decode_page(scratch.stream, raw, chunk.offset, header, header.layers[task.layer],
                      block_of(task), task.record.num_gaussians, wants, &scratch.columns, sections);
 }
@@ -119,8 +120,10 @@ Status PageDecoder::for_each_page(const Plan& plan, size_t begin, size_t end,
     batch.begin = batch.end;
     uint64_t bytes = 0;
     while (batch.end < end && (batch.end == batch.begin || bytes < kBatchBytes)) {
-      bytes += uint64_t{plan.tasks[batch.end].record.chunk.stored_bytes} +
-               plan.tasks[batch.end].record.chunk.raw_bytes;
+      const PageRecord& record = plan.tasks[batch.end].record;
+      bytes += record.chunk.stored_bytes +
+               std::min<uint64_t>(record.chunk.raw_bytes,
+                                  max_page_bytes(file_.header(), record.num_gaussians));
       ++batch.end;
     }
     L4D_RETURN_IF_ERROR(file_.memory().charge(bytes, "a batch of pages"));

@@ -60,7 +60,10 @@ class Planner {
       L4D_RETURN_IF_ERROR(file_.directory_pages(index, begin, end, &pages));
       for (uint32_t d = begin; d <= end; ++d) {
         out_.directory_bytes += file_.directory_bytes(index, d);
-        if (pages[d - begin] != nullptr) add_pages(index, layer, d, *pages[d - begin], buckets);
+        if (pages[d - begin] == nullptr) continue;
+        L4D_RETURN_IF_ERROR(file_.memory().check(
+            (out_.tasks.size() + pages[d - begin]->pages.size()) * sizeof(PageTask), "a plan"));
+        add_pages(index, layer, d, *pages[d - begin], buckets);
       }
       if (interval_.everything) file_.trim();
     }

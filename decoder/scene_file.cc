@@ -48,9 +48,10 @@ Status SceneFile::open() {
   return {};
 }
 
-Status SceneFile::read_chunk(const ChunkRef& chunk, Bytes& stored, Bytes& storage, ByteSpan* raw) {
+Status SceneFile::read_chunk(const ChunkRef& chunk, uint64_t max_raw_bytes, Bytes& stored,
+                             Bytes& storage, ByteSpan* raw) {
   // The buffers are short-lived, but their sizes come from the file.
-  const uint64_t scratch = uint64_t{chunk.stored_bytes} + chunk.raw_bytes;
+  const uint64_t scratch = chunk.stored_bytes + std::min<uint64_t>(chunk.raw_bytes, max_raw_bytes);
   L4D_RETURN_IF_ERROR(memory_.charge(scratch, "a chunk"));
   ByteSpan bytes;
   Status status = source_.read(chunk.offset, chunk.stored_bytes, stored, &bytes);
@@ -58,7 +59,8 @@ Status SceneFile::read_chunk(const ChunkRef& chunk, Bytes& stored, Bytes& storag
     status = Status(L4D_ERR_CHECKSUM, "CHNK-2", chunk.offset, "checksum of a chunk does not match");
   }
   if (status.ok()) {
-    status = decode_chunk(decoder_, chunk.codec, bytes, chunk.raw_bytes, chunk.offset, storage, raw);
+    status = decode_chunk(decoder_, chunk.codec, bytes, chunk.raw_bytes, max_raw_bytes,
+                          chunk.offset, storage, raw);
   }
   memory_.release(scratch);
   return status;
@@ -69,13 +71,14 @@ Status SceneFile::load_directory_page(uint32_t layer, uint32_t index, const Page
   cached.stored_bytes = PageTableEntry::kBytes + entry.chunk.stored_bytes;
   if (entry.chunk.stored_bytes != 0) {
     // Raw bytes and their parsed form, which is no larger.
-    cached.memory_bytes = 2 * uint64_t{entry.chunk.raw_bytes};
+    cached.memory_bytes =
+        2 * std::min<uint64_t>(entry.chunk.raw_bytes, kMaxDirectoryPageBytes);
     L4D_RETURN_IF_ERROR(memory_.charge(cached.memory_bytes, "a directory page"));
     directory_memory_ += cached.memory_bytes;
     Bytes stored, storage;
     ByteSpan raw;
     cached.page = std::make_unique<DirectoryPage>();
-    Status status = read_chunk(entry.chunk, stored, storage, &raw);
+    Status status = read_chunk(entry.chunk, kMaxDirectoryPageBytes, stored, storage, &raw);
     if (status.ok()) {
       status = parse_directory_page(raw, entry.chunk.offset, header_, layer, index, cached.page.get());
     }
@@ -142,7 +145,8 @@ Status SceneFile::codebook(uint32_t layer, unsigned component, unsigned stage,
   Bytes stored, storage;
   ByteSpan raw;
   CodebookData book;
-  Status status = read_chunk(s.codebook, stored, storage, &raw);
+  Status status = read_chunk(s.codebook, max_codebook_bytes(s.num_entries, dim), stored, storage,
+                             &raw);
   if (status.ok()) status = decode_codebook(decoder_, raw, s.codebook.offset, s, dim, &book);
   if (!status.ok()) {
     memory_.release(bytes);
@@ -173,7 +177,8 @@ Status SceneFile::block_codebook(uint32_t layer, unsigned component, uint32_t di
   Bytes stored, storage;
   ByteSpan raw;
   CodebookData book;
-  Status status = read_chunk(ref.chunk, stored, storage, &raw);
+  Status status =
+      read_chunk(ref.chunk, max_rcq_table_bytes(ref.num_entries), stored, storage, &raw);
   if (status.ok()) {
     status = decode_rcq_table(decoder_, raw, ref.chunk.offset, ref.num_entries, *global, *residual,
                               &book);

@@ -32,7 +32,8 @@ class SceneFile {
   const MemoryBudget& memory() const { return memory_; }
 
   // Reads a chunk, checks its hash and undoes its codec. *raw aliases the source or `storage`.
-  Status read_chunk(const ChunkRef& chunk, Bytes& stored, Bytes& storage, ByteSpan* raw);
+  Status read_chunk(const ChunkRef& chunk, uint64_t max_raw_bytes, Bytes& stored, Bytes& storage,
+                    ByteSpan* raw);
 
   // The directory pages [first, last] of a layer, in order; null where no bucket of one holds
   // Gaussians. Pointers live until the next trim().

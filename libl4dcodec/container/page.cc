@@ -238,6 +238,13 @@ uint32_t stage0_entries(const SceneHeader& header, const LayerHeader& layer, uns
   return coding.stages.empty() ? 0 : coding.stages[0].num_entries;
 }
 
+uint64_t max_page_bytes(const SceneHeader& header, size_t n) {
+  // Numbers of a Gaussian at four bytes, and one depth and all stages of four components at two.
+  const uint64_t numbers = 17 + uint64_t{header.sh_dim()};
+  const uint64_t indices = uint64_t{L4D_COMPONENT_COUNT} * (1 + L4D_MAX_STAGES);
+  return n * (4 * numbers + 2 * indices) + (numbers + indices) * kMaxStreamOverhead;
+}
+
 Status decode_page(StreamDecoder& decoder, ByteSpan raw, uint64_t base, const SceneHeader& header,
                    const LayerHeader& layer, const BlockRecord* block, size_t n,
                    const PageWants& wants, PageColumns* out, SectionBytes* sections) {

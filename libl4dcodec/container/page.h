@@ -56,6 +56,10 @@ using SectionBytes = std::array<uint64_t, L4D_SECTION_COUNT>;
 uint32_t stage0_entries(const SceneHeader& header, const LayerHeader& layer, unsigned c,
                         const BlockRecord* block);
 
+// What n Gaussians can take at most (spec: CHNK-8): every attribute as float32, or all stages of all
+// components, whichever is longer.
+uint64_t max_page_bytes(const SceneHeader& header, size_t n);
+
 // Parses the raw bytes of a page. `base` is the file offset used in messages; sections may be null.
 Status decode_page(StreamDecoder& decoder, ByteSpan raw, uint64_t base, const SceneHeader& header,
                    const LayerHeader& layer, const BlockRecord* block, size_t n,

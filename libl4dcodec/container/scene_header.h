@@ -33,6 +33,17 @@ struct ChunkRef {
   uint32_t codec = 0;
 };
 
+// Upper bounds of raw_bytes (spec: CHNK-8). A codec can blow up a few bytes without end; these are what
+// the content of each kind of chunk can take in its longest form, so nothing larger is ever allocated.
+constexpr uint64_t kMaxStreamOverhead = 32;  // mode, plane codecs and sizes of one stream
+constexpr uint64_t kMaxDirectoryPageBytes = uint64_t{1} << 26;
+inline uint64_t max_codebook_bytes(uint32_t num_entries, uint32_t dim) {
+  return uint64_t{dim} * (2 * uint64_t{num_entries} + kMaxStreamOverhead);
+}
+inline uint64_t max_rcq_table_bytes(uint32_t num_entries) {
+  return 2 * (2 * uint64_t{num_entries} + kMaxStreamOverhead);
+}
+
 struct ScalarCoding {
   ScalarCodingId coding = ScalarCodingId::kConstant;
   unsigned bits = 0;

@@ -262,7 +262,12 @@ void StreamEncoder::encode32(const uint32_t* values, size_t n, bool try_delta, B
 }
 
 Status decode_chunk(StreamDecoder& decoder, uint32_t codec, ByteSpan stored, uint64_t raw_bytes,
-                    uint64_t offset, Bytes& storage, ByteSpan* out) {
+                    uint64_t max_raw_bytes, uint64_t offset, Bytes& storage, ByteSpan* out) {
+  if (raw_bytes > max_raw_bytes) {
+    return corrupt("CHNK-8", offset, "chunk of " + std::to_string(raw_bytes) +
+                                         " bytes, its content takes at most " +
+                                         std::to_string(max_raw_bytes));
+  }
   if (codec == static_cast<uint32_t>(ChunkCodec::kStored)) {
     if (stored.size() != raw_bytes) {
       return corrupt("CHNK-3", offset, "stored chunk whose sizes differ");

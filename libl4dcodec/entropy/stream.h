@@ -55,8 +55,9 @@ class StreamEncoder {
   ZstdCompressor zstd_;
 };
 
-// Whole-chunk codec: undoes `codec` into exactly raw_bytes. For kStored the result aliases `stored`.
+// Whole-chunk codec: undoes `codec` into exactly raw_bytes, which may be at most max_raw_bytes. For
+// kStored the result aliases `stored`.
 Status decode_chunk(StreamDecoder& decoder, uint32_t codec, ByteSpan stored, uint64_t raw_bytes,
-                    uint64_t offset, Bytes& storage, ByteSpan* out);
+                    uint64_t max_raw_bytes, uint64_t offset, Bytes& storage, ByteSpan* out);
 
 }  // namespace l4d
