@@ -46,24 +46,30 @@ class Encoder::Steps {
     name_ = nullptr;
   }
   void advance(uint64_t work) { done_ += work; }
-  void report(uint64_t done) const {
-    if (fn_ != nullptr && name_ != nullptr && fn_(user_, done, kTotalWork, name_) != 0) {
-      throw Cancelled();
-    }
+  void report(uint64_t done) {
+    if (cancelled(done)) throw Cancelled();
   }
-  // Called now and then inside long loops.
-  bool cancelled() const {
-    return fn_ != nullptr && fn_(user_, done_, kTotalWork, name_) != 0;
-  }
+  // Called now and then inside long loops, which then return early with what they have. One nonzero
+  // answer of the callback is enough: the next report ends the call.
+  bool cancelled() { return cancelled(done_); }
   std::vector<std::pair<const char*, double>> take() { return std::move(stages_); }
 
  private:
   using Clock = std::chrono::steady_clock;
+
+  bool cancelled(uint64_t done) {
+    if (!cancelled_ && fn_ != nullptr && name_ != nullptr) {
+      cancelled_ = fn_(user_, done, kTotalWork, name_) != 0;
+    }
+    return cancelled_;
+  }
+
   l4d_progress_fn fn_;
   void* user_;
   const char* name_ = nullptr;
   Clock::time_point started_;
   uint64_t done_ = 0;
+  bool cancelled_ = false;
   std::vector<std::pair<const char*, double>> stages_;
 };
 

@@ -1,0 +1,226 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "encoder/kmeans.h"
+
+#include <algorithm>
+#include <numeric>
+
+#include "encoder/kmeans_seed.h"
+#include "encoder/nearest.h"
+#include "encoder/principal_axes.h"
+#include "encoder/random.h"
+#include "libl4dcodec/base/threads.h"
+
+namespace l4d {
+namespace {
+
+// Below this a rotation costs more than it helps the search.
+constexpr size_t kMinRotatedDim = 9;
+constexpr double kMinGain = 1e-3;
+
+// Points with their weights, all finite and positive in sum.
+struct Points {
+  const float* rows;     // [n, dim]
+  const float* weights;  // [n]
+  size_t n;
+  size_t dim;
+  int threads;
+};
+
+// Indices of points in order of their label, ascending within one; start [k + 1].
+struct Cells {
+  std::vector<uint32_t> member;
+  std::vector<size_t> start;
+};
+
+Cells sort_into_cells(const std::vector<uint32_t>& labels, size_t k) {
+  Cells cells;
+  cells.start.assign(k + 1, 0);
+  for (const uint32_t label : labels) ++cells.start[label + 1];
+  for (size_t c = 0; c < k; ++c) cells.start[c + 1] += cells.start[c];
+  cells.member.resize(labels.size());
+  std::vector<size_t> next(cells.start.begin(), cells.start.end() - 1);
+  for (size_t i = 0; i < labels.size(); ++i) {
+    cells.member[next[labels[i]]++] = static_cast<uint32_t>(i);
+  }
+  return cells;
+}
+
+struct CellMeans {
+  std::vector<float> mean;         // [k, dim]
+  std::vector<double> weight;      // [k], 0: the mean is not set
+  std::vector<double> distortion;  // [k] weighted, to the mean as stored
+};
+
+// Each cell is summed in index order by whoever gets it, so the sums do not depend on the threads.
+CellMeans cell_means(const Points& p, const std::vector<uint32_t>& labels, size_t k) {
+  constexpr size_t kCellGrain = 32;
+  const Cells cells = sort_into_cells(labels, k);
+  CellMeans out;
+  out.mean.assign(k * p.dim, 0.0f);
+  out.weight.assign(k, 0.0);
+  out.distortion.assign(k, 0.0);
+  parallel_for(p.threads, k, kCellGrain, [&](size_t begin, size_t end) {
+    std::vector<double> sum(p.dim);
+    for (size_t c = begin; c < end; ++c) {
+      std::fill(sum.begin(), sum.end(), 0.0);
+      double weight = 0;
+      for (size_t m = cells.start[c]; m < cells.start[c + 1]; ++m) {
+        const size_t i = cells.member[m];
+        const double w = static_cast<double>(p.weights[i]);
+        const float* row = p.rows + i * p.dim;
+        for (size_t j = 0; j < p.dim; ++j) sum[j] += w * static_cast<double>(row[j]);
+        weight += w;
+      }
+      if (!(weight > 0)) continue;
+      float* mean = out.mean.data() + c * p.dim;
+      for (size_t j = 0; j < p.dim; ++j) mean[j] = static_cast<float>(sum[j] / weight);
+      double distortion = 0;
+      for (size_t m = cells.start[c]; m < cells.start[c + 1]; ++m) {
+        const size_t i = cells.member[m];
+        double squares = 0;
+        for (size_t j = 0; j < p.dim; ++j) {
+          const double e =
+              static_cast<double>(p.rows[i * p.dim + j]) - static_cast<double>(mean[j]);
+          squares += e * e;
+        }
+        distortion += static_cast<double>(p.weights[i]) * squares;
+      }
+      out.weight[c] = weight;
+      out.distortion[c] = distortion;
+    }
+  });
+  return out;
+}
+
+// Gives empty cells the points that are served worst: largest weight x squared distance, then lowest
+// index. Cells for which no badly served point is left keep weight 0.
+void fill_empty_cells(const Points& p, const std::vector<float>& sq_dist, CellMeans* cells) {
+  std::vector<size_t> empty;
+  for (size_t c = 0; c < cells->weight.size(); ++c) {
+    if (!(cells->weight[c] > 0)) empty.push_back(c);
+  }
+  if (empty.empty()) return;
+  const auto need = [&](uint32_t i) {
+    return static_cast<double>(p.weights[i]) * static_cast<double>(sq_dist[i]);
+  };
+  std::vector<uint32_t> worst(p.n);
+  std::iota(worst.begin(), worst.end(), 0u);
+  const size_t count = std::min(empty.size(), p.n);
+  std::partial_sort(worst.begin(), worst.begin() + static_cast<std::ptrdiff_t>(count), worst.end(),
+                    [&](uint32_t a, uint32_t b) {
+                      const double na = need(a), nb = need(b);
+                      return na != nb ? na > nb : a < b;
+                    });
+  for (size_t e = 0; e < count && need(worst[e]) > 0; ++e) {
+    std::copy_n(p.rows + worst[e] * p.dim, p.dim, cells->mean.data() + empty[e] * p.dim);
+    cells->weight[empty[e]] = static_cast<double>(p.weights[worst[e]]);
+  }
+}
+
+// Removes cells of no weight. Labels of points in cells that stay are moved along.
+void drop_empty_cells(size_t dim, CellMeans* cells, std::vector<uint32_t>* labels) {
+  const size_t k = cells->weight.size();
+  std::vector<uint32_t> moved(k, 0);
+  size_t kept = 0;
+  for (size_t c = 0; c < k; ++c) {
+    if (!(cells->weight[c] > 0)) continue;
+    std::copy_n(cells->mean.data() + c * dim, dim, cells->mean.data() + kept * dim);
+    cells->weight[kept] = cells->weight[c];
+    cells->distortion[kept] = cells->distortion[c];
+    moved[c] = static_cast<uint32_t>(kept++);
+  }
+  cells->mean.resize(kept * dim);
+  cells->weight.resize(kept);
+  cells->distortion.resize(kept);
+  for (uint32_t& label : *labels) label = moved[label];
+}
+
+double weighted_sum(const float* weights, const std::vector<float>& sq_dist) {
+  double sum = 0;
+  for (size_t i = 0; i < sq_dist.size(); ++i) {
+    sum += static_cast<double>(weights[i]) * static_cast<double>(sq_dist[i]);
+  }
+  return sum;
+}
+
+// Labels of the points after seeding and Lloyd iterations; *k becomes the number of cells.
+std::vector<uint32_t> cluster(const Points& p, const KMeansOptions& options, Random& random,
+                              size_t* k) {
+  const auto cancelled = [&] { return options.cancelled != nullptr && (*options.cancelled)(); };
+  Seeding s = seed_centroids(p.rows, p.weights, p.n, p.dim, *k, p.threads, random);
+  // Points that defeat seeding (sums beyond the range of a double) are one cell.
+  *k = std::max<size_t>(1, s.centroids.size() / p.dim);
+  double distortion = weighted_sum(p.weights, s.sq_dist);
+  for (int i = 0; i < options.iterations && *k > 1 && !cancelled(); ++i) {
+    CellMeans cells = cell_means(p, s.labels, *k);
+    fill_empty_cells(p, s.sq_dist, &cells);
+    drop_empty_cells(p.dim, &cells, &s.labels);
+    *k = cells.weight.size();
+    assign_nearest(p.rows, p.n, p.dim, cells.mean.data(), *k, p.threads, s.labels.data(),
+                   s.labels.data(), s.sq_dist.data(), Axes::kPrincipal);
+    const double before = distortion;
+    distortion = weighted_sum(p.weights, s.sq_dist);
+    if (!(before - distortion >= kMinGain * before)) break;
+  }
+  return s.labels;
+}
+
+}  // namespace
+
+Codebook train_codebook(const float* points, const float* weights, size_t n, size_t dim,
+                        const KMeansOptions& options) {
+  Codebook out;
+  out.dim = dim;
+  if (n == 0 || dim == 0) return out;
+  std::vector<float> ones;
+  if (weights == nullptr || std::none_of(weights, weights + n, [](float w) { return w > 0; })) {
+    ones.assign(n, 1.0f);
+    weights = ones.data();
+  }
+  Random random(options.seed);
+  size_t k = std::clamp<size_t>(options.num_codewords, 1, n);
+  const size_t per_codeword = std::max<size_t>(options.sample_per_codeword, 1);
+  const size_t size = k > n / per_codeword ? n : k * per_codeword;
+  const PointSample sample = draw_sample(points, weights, n, dim, size, options.threads, random);
+  const size_t m = sample.index.size();
+  const bool all = static_cast<size_t>(std::count_if(weights, weights + n, [](float w) {
+                     return w > 0;
+                   })) == m;
+
+  std::vector<float> rows(m * dim);
+  for (size_t i = 0; i < m; ++i) {
+    std::copy_n(points + size_t{sample.index[i]} * dim, dim, rows.data() + i * dim);
+  }
+  // Clusters are found along principal axes, where the search is fastest; means are then taken of the
+  // points as they came, so that nothing is rounded twice.
+  std::vector<float> rotated;
+  if (dim >= kMinRotatedDim && k > 1) {
+    const PrincipalAxes axes = find_principal_axes(rows.data(), m, dim);
+    if (!axes.basis.empty()) {
+      rotated.resize(rows.size());
+      rotate_to_axes(axes, rows.data(), m, dim, options.threads, rotated.data());
+    }
+  }
+  const Points subset = {rows.data(), sample.weight.data(), m, dim, options.threads};
+  Points training = subset;
+  if (!rotated.empty()) training.rows = rotated.data();
+
+  std::vector<uint32_t> labels = cluster(training, options, random, &k);
+  CellMeans cells = cell_means(subset, labels, k);
+  drop_empty_cells(dim, &cells, &labels);
+  if (!all && !(options.cancelled != nullptr && (*options.cancelled)())) {
+    const Points everything = {points, weights, n, dim, options.threads};
+    labels.resize(n);
+    std::vector<float> sq_dist(n);
+    assign_nearest(points, n, dim, cells.mean.data(), cells.weight.size(), options.threads, nullptr,
+                   labels.data(), sq_dist.data());
+    cells = cell_means(everything, labels, cells.weight.size());
+    drop_empty_cells(dim, &cells, &labels);
+  }
+  out.entries = std::move(cells.mean);
+  out.weighted_distortion =
+      std::accumulate(cells.distortion.begin(), cells.distortion.end(), 0.0);
+  return out;
+}
+
+}  // namespace l4d

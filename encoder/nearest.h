@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+namespace l4d {
+
+// What a search may assume about coordinates. It decides the speed alone.
+enum class Axes {
+  kAny,
+  kPrincipal  // uncorrelated and in order of falling energy: nothing is gained by rotating them
+};
+
+// For each point the nearest codeword in squared Euclidean distance.
+//   points   [n, dim]   row-major
+//   codebook [k, dim]   row-major, k >= 1
+//   hint     [n] or nullptr: likely labels, such as those of the previous iteration. They make the
+//            search faster and never change its result; values >= k are ignored.
+//   labels   [n]        index of the nearest codeword, the lowest one on ties
+//   sq_dist  [n]        its squared distance
+// The search is exact: its result is what a scan of all codewords in the same float arithmetic gives,
+// for any number of threads. A point with a coordinate that is not a number gets label 0 and
+// distance infinity, as does one whose every distance overflows.
+void assign_nearest(const float* points, size_t n, size_t dim, const float* codebook, size_t k,
+                    int threads, const uint32_t* hint, uint32_t* labels, float* sq_dist,
+                    Axes axes = Axes::kAny);
+
+// The same by its definition, one pair at a time in double precision: what the tests compare with.
+void assign_nearest_reference(const float* points, size_t n, size_t dim, const float* codebook,
+                              size_t k, int threads, const uint32_t* hint, uint32_t* labels,
+                              float* sq_dist);
+
+// Takes codewords that join a codebook into account: where one of them is strictly nearer than
+// sq_dist[i], labels[i] becomes first_label + its index in `codebook` and sq_dist[i] its distance.
+// Meant for a few codewords at a time: it takes the axes as they are.
+void update_nearest(const float* points, size_t n, size_t dim, const float* codebook, size_t k,
+                    uint32_t first_label, int threads, uint32_t* labels, float* sq_dist);
+
+}  // namespace l4d
