@@ -16,6 +16,14 @@ if(NOT CMAKE_BUILD_TYPE AND NOT CMAKE_CONFIGURATION_TYPES)
   set(CMAKE_BUILD_TYPE Release)
 endif()
 
+set(L4D_SANITIZE "" CACHE STRING
+  "Sanitizers for all code, as in -fsanitize= (address,undefined); empty for none")
+if(L4D_SANITIZE)
+  # Recovery is off, so that a report is a failed test and not a line in a log.
+  add_compile_options(-fsanitize=${L4D_SANITIZE} -fno-sanitize-recover=all -fno-omit-frame-pointer)
+  add_link_options(-fsanitize=${L4D_SANITIZE})
+endif()
+
 add_library(l4d_settings INTERFACE)
 target_include_directories(l4d_settings INTERFACE
   $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}>
@@ -26,3 +34,6 @@ target_include_directories(l4d_settings INTERFACE
 target_compile_options(l4d_settings INTERFACE
   -ffp-contract=off -Wall -Wextra -Wshadow -Wconversion -Wsign-conversion -Wundef
   $<$<BOOL:${L4D_WERROR}>:-Werror>)
+# What turns L4D_API into "export" while the library itself is compiled, or into nothing in a static one.
+target_compile_definitions(l4d_settings INTERFACE
+  $<IF:$<BOOL:${BUILD_SHARED_LIBS}>,l4dcodec_EXPORTS,L4D_STATIC_DEFINE>)

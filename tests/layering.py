@@ -1,0 +1,230 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""Holds the include edges of the source tree against the layers of docs/architecture.md.
+
+usage: layering.py [--self-test]
+
+Exit status 1 where a file includes what its layer must not know, or where a file lies in no layer.
+"""
+
+import pathlib
+import re
+import sys
+import tempfile
+
+ROOT = pathlib.Path(__file__).resolve().parent.parent
+
+# Layer -> layers it may include, besides itself. A layer is a folder, or a single header that is so
+# basic that its folder's rank does not matter. A file belongs to the longest matching name.
+LAYERS = {
+    "include/l4d": set(),
+    "libl4dcodec/math/hd.h": set(),
+    "libl4dcodec/base": {"include/l4d", "libl4dcodec/math/hd.h"},
+    "libl4dcodec/math": {"include/l4d", "libl4dcodec/base", "libl4dcodec/math/hd.h"},
+    "libl4dcodec/quant/ordered.h": set(),
+    "libl4dcodec/entropy": {"include/l4d", "libl4dcodec/base", "libl4dcodec/quant/ordered.h"},
+}
+
+
+def _above(name, *below):
+    """Adds a layer that may include `below` and all that those may include."""
+    allowed = set()
+    for layer in below:
+        allowed |= {layer} | LAYERS[layer]
+    LAYERS[name] = allowed
+
+
+_above("libl4dcodec/container", "libl4dcodec/entropy", "libl4dcodec/math")
+_above("libl4dcodec/quant", "libl4dcodec/container", "libl4dcodec/quant/ordered.h")
+_above("decoder", "libl4dcodec/quant")
+_above("encoder", "decoder")
+_above("libl4dcodec/api", "encoder")
+# Customers of the public API: of internals they know nothing.
+_above("io", "include/l4d")
+_above("cli", "io")
+_above("bench/tables", "io")
+_above("bench/micro", "encoder", "io", "bench/tables")
+_above("tests", "libl4dcodec/api", "io")
+_above("tests/api", "include/l4d")
+LAYERS["tests/api"].add("tests/common")
+_above("tests/common", "libl4dcodec/api", "io")
+_above("tests/cli", "cli")
+LAYERS["tests"].add("tests/common")
+
+# Headers from outside -> layers that may include them. Others of the outside (the standard library, the
+# operating system) are not restricted.
+OUTSIDE = {
+    "l4d_generated.h": {"libl4dcodec/container", "tests", "tests/common"},
+    "flatbuffers/": {"libl4dcodec/container", "tests", "tests/common"},
+    "zstd.h": {"libl4dcodec/entropy", "tests", "tests/common", "bench/micro"},
+    "xxhash.h": {"libl4dcodec/base", "tests", "tests/common"},
+    "hwy/": {"libl4dcodec/entropy", "libl4dcodec/api", "decoder", "encoder", "tests", "tests/common",
+             "bench/micro"},
+    "omp.h": {"libl4dcodec/base", "tests", "bench/micro"},
+    "Eigen/": {"encoder", "io", "tests", "tests/common", "bench/micro"},
+    "CLI/": {"cli"},
+    "nlohmann/": {"cli", "tests", "tests/cli", "tests/common", "bench/tables"},
+    "gtest/": {"tests", "tests/api", "tests/cli", "tests/common"},
+    "gmock/": {"tests", "tests/api", "tests/cli", "tests/common"},
+    "benchmark/": {"bench/micro"},
+}
+
+SOURCE_SUFFIXES = {".h", ".hpp", ".c", ".cc", ".inc", ".cu", ".cuh"}
+TOP_FOLDERS = sorted({name.split("/")[0] for name in LAYERS})
+# Programs of a stranger: they are compiled against an installed library and no file of the tree.
+EXCLUDED = ("tests/install/",)
+
+INCLUDE = re.compile(r'^\s*#\s*include\s*["<]([^">]+)[">]')
+
+
+def layer_of(path):
+    """The layer of a path relative to the root, or None."""
+    best = None
+    for name in LAYERS:
+        if (path == name or path.startswith(name + "/")) and (best is None or len(name) > len(best)):
+            best = name
+    return best
+
+
+def target_of(header, includer):
+    """Root-relative path that an include line names, or None for a header from outside."""
+    if header.startswith("l4d/"):
+        return "include/" + header
+    if header.split("/")[0] in TOP_FOLDERS:
+        return header
+    if header.startswith("."):
+        return (pathlib.PurePosixPath(includer).parent / header).as_posix()
+    return None
+
+
+def check_file(path, text):
+    """Yields one message per forbidden include of the file at the root-relative `path`."""
+    layer = layer_of(path)
+    if layer is None:
+        yield f"{path}: lies in no layer of tests/layering.py"
+        return
+    for number, line in enumerate(text.splitlines(), start=1):
+        match = INCLUDE.match(line)
+        if not match:
+            continue
+        header = match.group(1)
+        where = f"{path}:{number}"
+        if ".." in header.split("/"):
+            yield f"{where}: {header}: include paths start at the root"
+            continue
+        target = target_of(header, path)
+        if target is not None:
+            other = layer_of(target)
+            if other is None:
+                yield f"{where}: {header}: lies in no layer"
+            elif other != layer and other not in LAYERS[layer]:
+                yield f"{where}: {layer} must not include {other} ({header})"
+            continue
+        for prefix, allowed in OUTSIDE.items():
+            # Folder prefixes end in "/", the rest are whole names.
+            hit = header.startswith(prefix) if prefix.endswith("/") else header == prefix
+            if hit and layer not in allowed:
+                yield f"{where}: {layer} must not include {header}"
+
+
+def check_tree(root):
+    """(number of files looked at, messages)"""
+    files = 0
+    messages = []
+    for top in TOP_FOLDERS:
+        for path in sorted((root / top).rglob("*")):
+            relative = path.relative_to(root).as_posix()
+            if path.suffix not in SOURCE_SUFFIXES or relative.startswith(EXCLUDED):
+                continue
+            files += 1
+            messages += check_file(relative, path.read_text(encoding="utf-8"))
+    return files, messages
+
+
+def find_cycle():
+    """A list of layers that may include each other in a circle, or None."""
+    state = {}
+
+    def visit(layer, path):
+        state[layer] = "open"
+        for other in sorted(LAYERS[layer]):
+            if state.get(other) == "open":
+                return path + [layer, other]
+            if other not in state:
+                cycle = visit(other, path + [layer])
+                if cycle:
+                    return cycle
+        state[layer] = "done"
+        return None
+
+    for layer in LAYERS:
+        if layer not in state:
+            cycle = visit(layer, [])
+            if cycle:
+                return cycle
+    return None
+
+
+def self_test():
+    """Small trees of one file, each with a known verdict."""
+    cases = [
+        ("decoder/a.cc", '#include "libl4dcodec/container/page.h"', True),
+        ("decoder/a.cc", '#include "encoder/encoder.h"', False),
+        ("decoder/a.cc", '  #  include  "encoder/encoder.h"', False),
+        ("decoder/a.cc", '// #include "encoder/encoder.h"', True),
+        ("decoder/a.cc", '#include "../encoder/encoder.h"', False),
+        ("encoder/a.cc", '#include "decoder/plan.h"', True),
+        ("encoder/a.cc", "#include <Eigen/Core>", True),
+        ("decoder/a.cc", "#include <Eigen/Core>", False),
+        ("decoder/a.cc", "#include <vector>", True),
+        ("libl4dcodec/entropy/a.h", '#include "libl4dcodec/quant/ordered.h"', True),
+        ("libl4dcodec/entropy/a.h", '#include "libl4dcodec/quant/codebook.h"', False),
+        ("libl4dcodec/base/a.h", '#include "libl4dcodec/math/hd.h"', True),
+        ("libl4dcodec/base/a.h", '#include "libl4dcodec/math/rotor.h"', False),
+        ("libl4dcodec/container/a.h", '#include "libl4dcodec/quant/codebook.h"', False),
+        ("libl4dcodec/container/a.cc", "#include <zstd.h>", False),
+        ("include/l4d/a.h", '#include "libl4dcodec/base/status.h"', False),
+        ("io/a.cc", '#include "l4d/decode.h"', True),
+        ("io/a.cc", '#include "libl4dcodec/base/half.h"', False),
+        ("cli/a.cc", '#include "io/scene.h"', True),
+        ("cli/a.cc", '#include "decoder/decoder.h"', False),
+        ("cli/a.cc", "#include <CLI/CLI.hpp>", True),
+        ("io/a.cc", "#include <nlohmann/json.hpp>", False),
+        ("tests/math/a.cc", '#include "libl4dcodec/math/rotor.h"', True),
+        ("tests/math/a.cc", '#include "cli/common.h"', False),
+        ("tests/api/a.cc", '#include "decoder/decoder.h"', False),
+        ("libl4dcodec/novel/a.cc", "", False),
+    ]
+    failures = 0
+    for path, line, good in cases:
+        with tempfile.TemporaryDirectory() as folder:
+            file = pathlib.Path(folder) / path
+            file.parent.mkdir(parents=True)
+            file.write_text(line + "\n", encoding="utf-8")
+            files, messages = check_tree(pathlib.Path(folder))
+        if files != 1 or (not messages) != good:
+            failures += 1
+            print(f"self-test: {path}: {line}: expected {'no ' if good else ''}complaint")
+    cycle = find_cycle()
+    if cycle:
+        failures += 1
+        print("self-test: the layers have a cycle: " + " -> ".join(cycle))
+    print(f"{len(cases) + 1 - failures} of {len(cases) + 1} cases right")
+    return failures == 0
+
+
+def main(arguments):
+    if arguments == ["--self-test"]:
+        return 0 if self_test() else 1
+    if arguments:
+        print(__doc__.strip())
+        return 2
+    files, messages = check_tree(ROOT)
+    for message in messages:
+        print(message)
+    print(f"{files} files, {len(messages)} forbidden includes")
+    return 1 if messages or files == 0 else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
