@@ -158,10 +158,33 @@ HWY_INLINE void vq_rows_with(D d, const VqSource& source, size_t dim, VqCursor& 
   }
 }
 
+// Rows of three in one load and one store each: the fourth number is overwritten by the next row. The
+// last row must not reach beyond its end. (A codebook is padded, so the load always stays inside.)
+void copy_rows_of_3(const VqSource& source, VqCursor& cursor, size_t begin, size_t end, float* dst) {
+  const hn::CappedTag<float, 4> d;
+  const uint16_t* HWY_RESTRICT index = source.index[0] + cursor.index[0];
+  const float* HWY_RESTRICT book = source.book[0];
+  const size_t n = end - begin;
+  for (size_t i = 0; i < n; ++i) {
+    const float* row = book + 3 * size_t{index[i]};
+    if (hn::Lanes(d) == 4 && i + 1 < n) {
+      hn::StoreU(hn::LoadU(d, row), d, dst + 3 * i);
+    } else {
+      for (size_t k = 0; k < 3; ++k) dst[3 * i + k] = row[k];
+    }
+  }
+  cursor.index[0] += n;
+}
+
 void vq_rows(const VqSource& source, VqCursor& cursor, size_t begin, size_t end, float* dst,
              bool past_cache) {
   // Constants let the compiler unroll the rows that occur in practice.
   switch (source.dim) {
+    case 3:
+      if (source.depth == nullptr && source.num_stages == 1) {
+        return copy_rows_of_3(source, cursor, begin, end, dst);
+      }
+      break;
     case 4:
       return vq_rows_with(hn::CappedTag<float, 4>(), source, 4, cursor, begin, end, dst,
                           past_cache);
@@ -171,10 +194,12 @@ void vq_rows(const VqSource& source, VqCursor& cursor, size_t begin, size_t end,
     case 48:
       return vq_rows_with(hn::ScalableTag<float>(), source, 48, cursor, begin, end, dst,
                           past_cache);
+    case 27:
+      return vq_rows_with(hn::CappedTag<float, 4>(), source, 27, cursor, begin, end, dst, false);
     default:
-      return vq_rows_with(hn::CappedTag<float, 4>(), source, source.dim, cursor, begin, end, dst,
-                          past_cache);
+      break;
   }
+  vq_rows_with(hn::CappedTag<float, 4>(), source, source.dim, cursor, begin, end, dst, false);
 }
 
 void log_scales(const float* factor, const float* normalized, size_t n, float* dst,
