@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+
+namespace l4d::io {
+
+// Rotor mathematics of the importers and exporters, in double precision. Everything but
+// log_scale -> scale uses + - * / sqrt only, so results are the same bits on every machine.
+
+using Vec3 = std::array<double, 3>;
+using Vec4 = std::array<double, 4>;
+using Rotor = std::array<double, 8>;     // s b01 b02 b12 b03 b13 b23 p
+using Matrix3 = std::array<double, 9>;   // row-major
+using Matrix4 = std::array<double, 16>;  // row-major; row = world axis x y z t, column = local axis
+
+// Rotation of a rotor of any length: each of its two quaternion halves is normalised, which makes
+// it the nearest valid one. A half of length zero counts as the identity.
+Matrix4 rotor_to_matrix(const Rotor& rotor);
+// Of the two rotors of a rotation the one with s >= 0. The matrix is orthogonal, determinant +1.
+Rotor matrix_to_rotor(const Matrix4& matrix);
+
+// Rotation of space alone; `wxyz` of any length, zero counts as the identity.
+Rotor quaternion_to_rotor(const Vec4& wxyz);
+Matrix3 quaternion_to_matrix(const Vec4& wxyz);
+Vec4 matrix_to_quaternion(const Matrix3& matrix);  // w >= 0
+
+// A 4D Gaussian at an instant: mean(t) = mean + velocity (t - mean_t), opacity falls off with
+// exp(-(t - mean_t)^2 / (2 sigma_t^2)), covariance = rows rows^T.
+struct Slice {
+  Vec3 velocity;
+  double sigma_t;
+  std::array<Vec4, 3> rows;  // of rotation * scale, less their part along time
+};
+// `scale`: standard deviations along the local axes x y z t.
+Slice slice(const Rotor& rotor, const Vec4& scale);
+// Only its velocity: what importers and position conversions need most.
+Vec3 velocity_of(const Rotor& rotor, const Vec4& scale);
+
+struct Shape4 {
+  Rotor rotor;
+  Vec4 scale;  // standard deviations
+};
+// The 4D Gaussian whose slice is the 3D Gaussian (rotation, scale) moving with `velocity` and
+// fading with `sigma_t` (> 0): exact. Of the 192 ways to name its axes, the one nearest to the
+// arguments: the most time-like axis last, the others nearest to the columns of `rotation`.
+Shape4 shape_of_moving(const Matrix3& rotation, const Vec3& scale, const Vec3& velocity,
+                       double sigma_t);
+
+}  // namespace l4d::io

@@ -1,0 +1,103 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "io/scene.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "io/rotor_math.h"
+
+namespace l4d::io {
+namespace {
+
+// Just beyond what float32 tells from 0 and 1, so that conversions there and back keep both.
+constexpr double kMinLogit = -104;
+constexpr double kMaxLogit = 18;
+
+// Moves positions from one instant to another along the Gaussians' velocities. A Gaussian that does
+// not move keeps its bits.
+void shift_positions(Scene& scene, double direction) {
+  const double begin = scene.timeline.time_begin;
+  const double end = begin + duration(scene.timeline);
+  for (size_t i = 0; i < scene.count(); ++i) {
+    const double mean_t = static_cast<double>(scene.mean_t[i]);
+    const double dt = (std::clamp(mean_t, begin, end) - mean_t) * direction;
+    if (!(dt != 0)) continue;
+    Rotor rotor;
+    Vec4 scale;
+    for (size_t k = 0; k < 8; ++k) rotor[k] = static_cast<double>(scene.rotor[8 * i + k]);
+    for (size_t k = 0; k < 4; ++k) {
+      scale[k] = std::exp(static_cast<double>(scene.log_scale[4 * i + k]));
+    }
+    const Vec3 velocity = velocity_of(rotor, scale);
+    for (size_t k = 0; k < 3; ++k) {
+      if (velocity[k] == 0) continue;
+      float& x = scene.position[3 * i + k];
+      x = static_cast<float>(static_cast<double>(x) + velocity[k] * dt);
+    }
+  }
+}
+
+}  // namespace
+
+void Scene::resize(size_t count) {
+  position.resize(count * 3);
+  mean_t.resize(count);
+  log_scale.resize(count * 4);
+  rotor.resize(count * 8);
+  opacity.resize(count);
+  sh.resize(count * sh_coefficients() * 3);
+}
+
+l4d_gaussians Scene::view() const {
+  l4d_gaussians view{};
+  view.struct_size = sizeof(view);
+  view.count = count();
+  view.sh_degree = sh_degree;
+  view.flags = flags;
+  view.position = position.data();
+  view.mean_t = mean_t.data();
+  view.log_scale = log_scale.data();
+  view.rotor = rotor.data();
+  view.opacity = opacity.data();
+  view.sh = sh.data();
+  return view;
+}
+
+double duration(const l4d_timeline& timeline) {
+  return static_cast<double>(timeline.num_frames) * static_cast<double>(timeline.fps_den) /
+         static_cast<double>(timeline.fps_num);
+}
+
+void positions_to_reference_time(Scene& scene) {
+  if ((scene.flags & L4D_POSITION_AT_MEAN_TIME) == 0) return;
+  shift_positions(scene, 1);
+  scene.flags &= ~static_cast<uint32_t>(L4D_POSITION_AT_MEAN_TIME);
+}
+
+void positions_to_mean_time(Scene& scene) {
+  if ((scene.flags & L4D_POSITION_AT_MEAN_TIME) != 0) return;
+  shift_positions(scene, -1);
+  scene.flags |= L4D_POSITION_AT_MEAN_TIME;
+}
+
+void opacity_to_linear(Scene& scene) {
+  if ((scene.flags & L4D_OPACITY_LOGIT) == 0) return;
+  for (float& o : scene.opacity) {
+    o = static_cast<float>(1 / (1 + std::exp(-static_cast<double>(o))));
+  }
+  scene.flags &= ~static_cast<uint32_t>(L4D_OPACITY_LOGIT);
+}
+
+void opacity_to_logit(Scene& scene) {
+  if ((scene.flags & L4D_OPACITY_LOGIT) != 0) return;
+  for (float& o : scene.opacity) o = static_cast<float>(logit(static_cast<double>(o)));
+  scene.flags |= L4D_OPACITY_LOGIT;
+}
+
+double logit(double opacity) {
+  if (opacity <= 0) return kMinLogit;
+  if (opacity >= 1) return kMaxLogit;
+  return std::clamp(std::log(opacity / (1 - opacity)), kMinLogit, kMaxLogit);
+}
+
+}  // namespace l4d::io

@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <new>
+
+#include "io/formats.h"
+#include "io/ply.h"
+
+namespace l4d::io {
+namespace {
+
+struct Column {
+  const char* property;
+  std::vector<float> Weights::*values;
+};
+// Where two properties serve one column the first one present counts.
+constexpr Column kColumns[] = {{"alpha_t", &Weights::alpha_t},
+                               {"weight_sh", &Weights::sh},
+                               {"weight_sh_gradient", &Weights::sh},
+                               {"weight_scale", &Weights::scale},
+                               {"weight_rotor_spatial", &Weights::rotor_spatial},
+                               {"weight_rotor_temporal", &Weights::rotor_temporal}};
+
+Weights read_weights(const std::string& path) {
+  PlyReader reader(InputFile(path), "vertex");
+  const char* version = reader.header().comment("l4d_weights");
+  if (version == nullptr) {
+    reader.fail(L4D_ERR_CORRUPT, "no file of weights: the comment l4d_weights is missing");
+  }
+  if (std::string(version) != "1") {
+    reader.fail(L4D_ERR_FEATURE_UNSUPPORTED, "a version of l4d_weights other than 1");
+  }
+  Weights weights;
+  weights.count = static_cast<size_t>(reader.element().count);
+  std::vector<PlyColumn> columns;
+  std::vector<Column> present;
+  for (const Column& known : kColumns) {
+    PlyColumn column;
+    column.property = reader.element().find(known.property);
+    std::vector<float>& values = weights.*known.values;
+    if (column.property == PlyElement::kNone || !values.empty()) continue;
+    values.resize(weights.count);
+    column.to_float = values.data();
+    columns.push_back(column);
+    present.push_back(known);
+  }
+  if (columns.empty()) reader.fail(L4D_ERR_CORRUPT, "there is no property of weights");
+  reader.read_rows(columns);
+  for (const Column& column : present) {
+    const std::vector<float>& values = weights.*column.values;
+    for (size_t i = 0; i < values.size(); ++i) {
+      if (values[i] >= 0 && values[i] - values[i] == 0) continue;
+      reader.fail(L4D_ERR_CORRUPT, std::string(column.property) + " of row " + std::to_string(i) +
+                                       " is negative or not finite");
+    }
+  }
+  return weights;
+}
+
+}  // namespace
+
+Weights read_weights_ply(const std::string& path) {
+  try {
+    return read_weights(path);
+  } catch (const std::bad_alloc&) {
+    throw Error(L4D_ERR_OUT_OF_MEMORY, path + ": not enough memory for the weights");
+  }
+}
+
+}  // namespace l4d::io
