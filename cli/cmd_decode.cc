@@ -1,0 +1,131 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <memory>
+
+#include "cli/common.h"
+#include "cli/files.h"
+#include "cli/progress.h"
+#include "cli/scene_source.h"
+#include "cli/units.h"
+#include "io/formats.h"
+
+namespace l4d::cli {
+namespace {
+
+struct DecodeArguments {
+  std::string input;
+  std::string output;
+  std::string format = "l4d";
+  std::string time, from, to;
+  uint32_t max_level = UINT32_MAX;
+  ImportArguments import;
+};
+
+l4d_query make_query(Context& context, const DecodeArguments& arguments,
+                     const l4d_timeline& timeline) {
+  l4d_query query;
+  l4d_query_init(&query);
+  query.kind = L4D_QUERY_ALL;
+  query.max_level = arguments.max_level;
+  const auto seconds = [&](const std::string& text, const char* option) {
+    return clamp_to_sequence(context, timeline, parse_seconds(text, option), option);
+  };
+  if (!arguments.time.empty()) {
+    query.kind = L4D_QUERY_TIME;
+    query.time_begin = query.time_end = seconds(arguments.time, "--time");
+  } else if (!arguments.from.empty() || !arguments.to.empty()) {
+    query.kind = L4D_QUERY_RANGE;
+    query.time_begin =
+        arguments.from.empty() ? timeline.time_begin : seconds(arguments.from, "--from");
+    query.time_end = arguments.to.empty() ? timeline.time_begin + io::duration(timeline)
+                                          : seconds(arguments.to, "--to");
+    if (query.time_end < query.time_begin) throw usage_error("--to lies before --from");
+  }
+  return query;
+}
+
+Outcome run_decode(Context& context, const DecodeArguments& arguments) {
+  const Stopwatch watch;
+  const Input input(arguments.input);
+  const std::string name = !arguments.output.empty()    ? arguments.output
+                           : arguments.format == "ftgs" ? derived_name(arguments.input, ".ftgs.ply")
+                                                        : derived_name(arguments.input, ".ply");
+  Output output(context, name, {&input});
+
+  SceneStream stream(context, input, arguments.import);
+  const l4d_query query = make_query(context, arguments, stream.info().timeline);
+  LoadedScene loaded;
+  double decode_seconds = 0;
+  {
+    const Stopwatch decode_watch;
+    Progress progress(context, "decode");
+    const DecoderHandle& decoder = stream.decoder();
+    decoder.check(l4d_decoder_set_progress(decoder.get(), &Progress::callback, &progress));
+    loaded = about(input.name(), [&] { return decode_scene(decoder, &query); });
+    decoder.check(l4d_decoder_set_progress(decoder.get(), nullptr, nullptr));
+    decode_seconds = decode_watch.seconds();
+    check_interrupt();
+    progress.step("writing");
+    if (arguments.format == "ftgs") {
+      io::write_ftgs_ply(output.path(), loaded.scene);
+    } else {
+      io::write_l4d_ply(output.path(), loaded.scene);
+    }
+  }
+  const uint64_t bytes = output.finish();
+  const size_t count = loaded.scene.count();
+
+  Outcome outcome;
+  outcome.stdout_is_data = output.is_stdout();
+  outcome.json = {{"schema", "l4dcodec.decode/1"},
+                  {"input", input.name()},
+                  {"output", name},
+                  {"format", arguments.format},
+                  {"num_gaussians", count},
+                  {"lossless", (stream.info().tools & L4D_TOOL_LOSSLESS) != 0},
+                  {"file_bytes", bytes},
+                  {"decode_s", decode_seconds},
+                  {"total_s", watch.seconds()}};
+  outcome.text =
+      format("%s: %s Gaussians, %s, decoded in %s\n", name.c_str(), format_count(count).c_str(),
+             format_bytes(bytes).c_str(), format_seconds(decode_seconds).c_str());
+  return outcome;
+}
+
+}  // namespace
+
+void add_decode(Registry& registry) {
+  auto arguments = std::make_shared<DecodeArguments>();
+  CLI::App* verb =
+      add_verb(registry, "decode", "Decode a stream, or part of it, to a PLY",
+               [arguments](Context& context) { return run_decode(context, *arguments); });
+  verb->add_option("input", arguments->input, "Scene: .l4d or PLY, '-' = stdin")->required();
+  verb->add_option("-o,--output", arguments->output,
+                   "PLY to write, '-' = stdout (default: input's name with .ply)")
+      ->type_name("FILE");
+  verb->add_option("--format", arguments->format,
+                   "l4d: every attribute, bit for bit where the stream is lossless; ftgs: "
+                   "FreeTimeGS, converted")
+      ->type_name("NAME")
+      ->check(CLI::IsMember({"l4d", "ftgs"}))
+      ->capture_default_str();
+  auto* time = verb->add_option("--time", arguments->time,
+                                "Only buckets that may be visible at this time: 2.5, 1:30")
+                   ->type_name("T");
+  auto* from = verb->add_option("--from", arguments->from,
+                                "Only buckets that may be visible from this time on")
+                   ->type_name("T");
+  auto* to = verb->add_option("--to", arguments->to, "... and up to this one")->type_name("T");
+  time->excludes(from)->excludes(to);
+  verb->add_option("--max-level", arguments->max_level,
+                   "Leave out temporal levels finer than this: a preview without fast detail")
+      ->type_name("N")
+      ->check(CLI::Range(0, 63));
+  add_import_options(verb, arguments->import);
+  verb->footer(
+      "Examples:\n"
+      "  l4dcodec decode scene.l4d -o scene.ply\n"
+      "  l4dcodec decode long.l4d --from 1:30 --to 1:35 -o part.ply\n"
+      "A lossless stream gives back the input's bits; rows may be in another order.");
+}
+
+}  // namespace l4d::cli

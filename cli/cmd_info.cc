@@ -1,0 +1,232 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <memory>
+
+#include "cli/common.h"
+#include "cli/files.h"
+#include "cli/scene_source.h"
+#include "cli/units.h"
+
+namespace l4d::cli {
+namespace {
+
+struct InfoArguments {
+  std::string input;
+  std::string time;
+  ImportArguments import;
+};
+
+struct Tool {
+  uint32_t bit;
+  const char* name;
+};
+constexpr Tool kTools[] = {{L4D_TOOL_MOTION, "motion"},
+                           {L4D_TOOL_TEMPORAL_OPACITY, "temporal-opacity"},
+                           {L4D_TOOL_VIEW_DEPENDENCE, "view-dependence"},
+                           {L4D_TOOL_RESIDUAL_STAGES, "residual-stages"},
+                           {L4D_TOOL_LITERALS, "literals"},
+                           {L4D_TOOL_RCQ, "rcq"},
+                           {L4D_TOOL_LOSSLESS, "lossless"}};
+
+std::vector<l4d_layer_info> read_layers(const SceneStream& stream) {
+  std::vector<l4d_layer_info> layers(stream.info().num_layers);
+  for (uint32_t l = 0; l < layers.size(); ++l) {
+    l4d_layer_info_init(&layers[l]);
+    const DecoderHandle& decoder = stream.decoder();
+    decoder.check(l4d_decoder_get_layer_info(decoder.get(), l, &layers[l]));
+  }
+  return layers;
+}
+
+// Why a tool is on, from what the layers use.
+std::string reason(uint32_t tool, const l4d_info& info, const std::vector<l4d_layer_info>& layers) {
+  size_t users = 0;
+  for (const l4d_layer_info& layer : layers) users += (layer.tools & tool) != 0;
+  const std::string share = format("%zu of %zu layers ", users, layers.size());
+  switch (tool) {
+    case L4D_TOOL_MOTION:
+      return share + "have temporal rotors";
+    case L4D_TOOL_TEMPORAL_OPACITY:
+      return share + "have mean times and temporal scales";
+    case L4D_TOOL_VIEW_DEPENDENCE:
+      return format("SH degree %u", info.sh_degree);
+    case L4D_TOOL_RESIDUAL_STAGES: {
+      std::string most;
+      for (uint32_t c = 0; c < L4D_COMPONENT_COUNT; ++c) {
+        uint32_t stages = 0;
+        for (const l4d_layer_info& layer : layers) {
+          stages = std::max(stages, layer.num_stages[c]);
+        }
+        if (stages < 2) continue;
+        most += (most.empty() ? "" : ", ") + format("%s %u", component_name(c), stages);
+      }
+      return "stages of components: " + most;
+    }
+    case L4D_TOOL_LITERALS:
+      return share + "keep vectors unquantised";
+    case L4D_TOOL_RCQ:
+      return share + "have blocks with their own codebooks";
+    default:
+      return "attributes are raw float32";
+  }
+}
+
+Json layer_json(const l4d_layer_info& layer, uint64_t bytes) {
+  Json j = {{"index", layer.index},
+            {"level", layer.level},
+            {"num_buckets", layer.num_buckets},
+            {"bucket_width_s", layer.bucket_width},
+            {"num_gaussians", layer.num_gaussians},
+            {"permanent", layer.permanent != 0},
+            {"bytes", bytes},
+            {"codebook_bytes", layer.codebook_bytes},
+            {"tools", Json::array()},
+            {"components", Json::object()}};
+  for (const Tool& tool : kTools) {
+    if ((layer.tools & tool.bit) != 0) j["tools"].push_back(tool.name);
+  }
+  for (uint32_t c = 0; c < L4D_COMPONENT_COUNT; ++c) {
+    j["components"][component_name(c)] = {{"stages", layer.num_stages[c]},
+                                          {"codebook_size", layer.codebook_size[c]}};
+  }
+  return j;
+}
+
+Json seek_json(const SceneStream& stream, double seconds) {
+  const DecoderHandle& decoder = stream.decoder();
+  l4d_query query;
+  l4d_query_init(&query);
+  query.kind = L4D_QUERY_TIME;
+  query.time_begin = query.time_end = seconds;
+  const l4d_selection selection = decoder.select(query);
+  l4d_splat_buffers splats;
+  l4d_splat_buffers_init(&splats);
+  decoder.check(l4d_decoder_slice(decoder.get(), seconds, &splats));
+  return {{"time", seconds},
+          {"bytes", selection.bytes},
+          {"chunks", selection.num_chunks},
+          {"buckets", selection.num_ranges},
+          {"gaussians", selection.num_gaussians},
+          {"visible", splats.count},
+          {"directory_bytes", selection.directory_bytes}};
+}
+
+std::string share_of(uint64_t bytes, uint64_t total) {
+  return format("%5.1f %%",
+                100 * static_cast<double>(bytes) / std::max(1.0, static_cast<double>(total)));
+}
+
+std::string layer_table(const std::vector<l4d_layer_info>& layers,
+                        const std::vector<uint64_t>& layer_bytes) {
+  std::string text = format("\n%-6s %-6s %10s %12s %12s %12s %12s\n", "layer", "level", "buckets",
+                            "bucket", "gaussians", "bytes", "codebooks");
+  for (size_t l = 0; l < layers.size(); ++l) {
+    const l4d_layer_info& layer = layers[l];
+    text += format(
+        "%-6u %-6u %10s %12s %12s %12s %12s%s\n", layer.index, layer.level,
+        format_count(layer.num_buckets).c_str(), (format_number(layer.bucket_width) + " s").c_str(),
+        format_count(layer.num_gaussians).c_str(), format_count(layer_bytes[l]).c_str(),
+        format_count(layer.codebook_bytes).c_str(), layer.permanent != 0 ? "  permanent" : "");
+  }
+  return text;
+}
+
+Outcome run_info(Context& context, const InfoArguments& arguments) {
+  const Input input(arguments.input);
+  return about(input.name(), [&] {
+    const SceneStream stream(context, input, arguments.import);
+    const l4d_info& info = stream.info();
+    const DecoderHandle& decoder = stream.decoder();
+    const bool is_ply = input.is_ply();
+    if (is_ply)
+      context.note("layers, sections and seek are those of a lossless encoding of the PLY");
+    const std::vector<l4d_layer_info> layers = read_layers(stream);
+    std::vector<uint64_t> sections(L4D_SECTION_COUNT);
+    std::vector<uint64_t> layer_bytes(layers.size());
+    decoder.check(l4d_decoder_get_sections(decoder.get(), sections.data(), layer_bytes.data()));
+    const uint64_t file_bytes = is_ply ? input.bytes() : info.file_bytes;
+    const double bits = info.num_gaussians == 0 ? 0
+                                                : 8 * static_cast<double>(file_bytes) /
+                                                      static_cast<double>(info.num_gaussians);
+
+    Outcome outcome;
+    Json& j = outcome.json;
+    j = {{"schema", "l4dcodec.info/1"},
+         {"input", input.name()},
+         {"source", stream.source()},
+         {"format_version", format("%u.%u", info.format_major, info.format_minor)},
+         {"development", info.development != 0},
+         {"num_gaussians", info.num_gaussians},
+         {"num_layers", info.num_layers}};
+    j.update(timeline_json(info.timeline));
+    j["sh_degree"] = info.sh_degree;
+    j["file_bytes"] = file_bytes;
+    j["bits_per_gaussian"] = bits;
+    j["tools"] = Json::array();
+    j["tool_reasons"] = Json::object();
+    j["placement"] = {{"origin", info.placement.origin},
+                      {"scale", info.placement.scale},
+                      {"coordinate_system", info.placement.coordinate_system},
+                      {"color_space", info.placement.color_space}};
+    j["layers"] = Json::array();
+    for (size_t l = 0; l < layers.size(); ++l) {
+      j["layers"].push_back(layer_json(layers[l], layer_bytes[l]));
+    }
+    j["stream_bytes"] = info.file_bytes;
+    j["sections"] = Json::object();
+
+    std::string& t = outcome.text;
+    t = format("%s: %s, %s, %.1f bits per Gaussian\n", input.name().c_str(),
+               is_ply ? stream.source().c_str()
+                      : format("l4d %u.%u%s", info.format_major, info.format_minor,
+                               info.development != 0 ? " (development)" : "")
+                            .c_str(),
+               format_bytes(file_bytes).c_str(), bits);
+    t += format_count(info.num_gaussians) + " Gaussians, " + describe_timeline(info.timeline) +
+         format(", SH degree %u\n", info.sh_degree);
+    t += "\ntools\n";
+    for (const Tool& tool : kTools) {
+      if ((info.tools & tool.bit) == 0) continue;
+      const std::string why = reason(tool.bit, info, layers);
+      j["tools"].push_back(tool.name);
+      j["tool_reasons"][tool.name] = why;
+      t += format("  %-18s %s\n", tool.name, why.c_str());
+    }
+    t += layer_table(layers, layer_bytes);
+    t += format("\n%-18s %14s\n", "section", "bytes");
+    for (uint32_t s = 0; s < L4D_SECTION_COUNT; ++s) {
+      j["sections"][l4d_section_name(s)] = sections[s];
+      if (sections[s] == 0) continue;
+      t += format("%-18s %14s  %s\n", l4d_section_name(s), format_count(sections[s]).c_str(),
+                  share_of(sections[s], info.file_bytes).c_str());
+    }
+    if (!arguments.time.empty()) {
+      const double seconds = clamp_to_sequence(context, info.timeline,
+                                               parse_seconds(arguments.time, "--time"), "--time");
+      const Json seek = seek_json(stream, seconds);
+      const auto count = [&](const char* key) { return format_count(seek[key].get<uint64_t>()); };
+      t += "\nseek to " + format_number(seconds) + " s: " + count("bytes") + " bytes in " +
+           count("chunks") + " chunks of " + count("buckets") + " buckets, after " +
+           count("directory_bytes") + " bytes of directory; " + count("gaussians") +
+           " Gaussians, " + count("visible") + " visible\n";
+      j["seek"] = seek;
+    }
+    return outcome;
+  });
+}
+
+}  // namespace
+
+void add_info(Registry& registry) {
+  auto arguments = std::make_shared<InfoArguments>();
+  CLI::App* verb = add_verb(
+      registry, "info", "Print what a scene holds, where its bytes go, and what a seek costs",
+      [arguments](Context& context) { return run_info(context, *arguments); });
+  verb->add_option("input", arguments->input, "Scene: .l4d or PLY, '-' = stdin")->required();
+  verb->add_option("--time", arguments->time, "Also the cost of a seek to this time: 2.5, 1:30")
+      ->type_name("T");
+  add_import_options(verb, arguments->import);
+  verb->footer(
+      "Sections add up to the file. A PLY is encoded losslessly in memory to be looked at.");
+}
+
+}  // namespace l4d::cli

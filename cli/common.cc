@@ -1,0 +1,129 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "cli/common.h"
+
+#include <cstdio>
+#include <new>
+
+#include "cli/progress.h"
+#include "cli/units.h"
+
+namespace l4d::cli {
+
+ExitCode exit_code_of(l4d_status status) {
+  switch (status) {
+    case L4D_OK:
+      return kExitOk;
+    case L4D_ERR_INVALID_ARGUMENT:
+      return kExitUsage;
+    case L4D_ERR_IO:
+      return kExitIo;
+    case L4D_ERR_NOT_L4D:
+    case L4D_ERR_TRUNCATED:
+    case L4D_ERR_CORRUPT:
+    case L4D_ERR_CHECKSUM:
+    case L4D_ERR_INVALID_SCENE:
+      return kExitCorrupt;
+    case L4D_ERR_VERSION_UNSUPPORTED:
+    case L4D_ERR_FEATURE_UNSUPPORTED:
+      return kExitUnsupported;
+    case L4D_ERR_LIMIT_EXCEEDED:
+      return kExitLimit;
+    case L4D_ERR_CANCELLED:
+      return kExitCancelled;
+    default:
+      return kExitRuntime;
+  }
+}
+
+Failure usage_error(const std::string& detail) { return Failure(kExitUsage, "USAGE", detail); }
+
+Failure current_failure(const std::string& subject) {
+  // Import errors begin with the path already.
+  const auto prefixed = [&](const std::string& detail) {
+    return subject.empty() || detail.compare(0, subject.size(), subject) == 0
+               ? detail
+               : subject + ": " + detail;
+  };
+  try {
+    throw;
+  } catch (const Failure& e) {
+    return Failure(e.code(), e.name(), prefixed(e.what()));
+  } catch (const io::Error& e) {
+    return Failure(e.status(), prefixed(e.what()));
+  } catch (const Error& e) {
+    // what() is "NAME: detail"; the name is told apart by those who print.
+    const std::string name = l4d_status_name(e.status());
+    std::string detail = e.what();
+    if (detail.compare(0, name.size(), name) == 0) detail.erase(0, name.size());
+    if (detail.compare(0, 2, ": ") == 0) detail.erase(0, 2);
+    if (detail.empty()) detail = l4d_status_description(e.status());
+    return Failure(e.status(), prefixed(detail));
+  } catch (const std::bad_alloc&) {
+    return Failure(L4D_ERR_OUT_OF_MEMORY, prefixed("out of memory"));
+  } catch (const std::exception& e) {
+    return Failure(L4D_ERR_INTERNAL, prefixed(e.what()));
+  }
+}
+
+void Context::note(const std::string& text) {
+  notes_.push_back(text);
+  if (!options.json && !options.quiet) std::fprintf(stderr, "note: %s\n", text.c_str());
+}
+
+l4d_decoder_options Context::decoder_options() const {
+  l4d_decoder_options o;
+  l4d_decoder_options_init(&o);
+  o.threads = options.threads;
+  o.backend = options.backend == "reference" ? L4D_BACKEND_REFERENCE
+              : options.backend == "cpu"     ? L4D_BACKEND_CPU
+                                             : L4D_BACKEND_AUTO;
+  if (!options.limit_memory.empty()) {
+    o.limits.max_memory_bytes = parse_size(options.limit_memory, "--limit-memory");
+  }
+  return o;
+}
+
+void add_common_options(CLI::App* verb, CommonOptions& o) {
+  const std::string group = "Common options";
+  verb->add_flag("--json", o.json, "One JSON document on stdout and nothing else")->group(group);
+  verb->add_flag("-q,--quiet", o.quiet, "Print errors only")->group(group);
+  verb->add_flag("-f,--force", o.force, "Overwrite existing output")->group(group);
+  verb->add_option("-t,--threads", o.threads, "Threads, 0 = one per core; never changes the output")
+      ->type_name("N")
+      ->check(CLI::Range(0, 4096))
+      ->group(group);
+  verb->add_option("--backend", o.backend,
+                   "Decoder to use: auto, reference, cpu; never changes the output")
+      ->type_name("NAME")
+      ->check(CLI::IsMember({"auto", "reference", "cpu", "cuda"}))
+      ->group(group);
+  verb->add_option("--limit-memory", o.limit_memory,
+                   "Memory that reading a stream may take, as 4GiB (default: 16GiB)")
+      ->type_name("SIZE")
+      ->group(group);
+  verb->add_option("--progress", o.progress,
+                   "Progress on stderr: auto (a line where it is a terminal), plain, json, none")
+      ->type_name("FORM")
+      ->check(CLI::IsMember({"auto", "plain", "json", "none"}))
+      ->group(group);
+}
+
+CLI::App* add_verb(Registry& registry, const std::string& name, const std::string& description,
+                   std::function<Outcome(Context&)> run) {
+  CLI::App* verb = registry.app->add_subcommand(name, description);
+  verb->group("Commands");
+  Context* context = registry.context;
+  verb->callback([&registry, context, name, run = std::move(run)] {
+    registry.verb = name;
+    registry.run = [context, run] {
+      if (context->options.backend == "cuda") {
+        throw Failure(L4D_ERR_FEATURE_UNSUPPORTED,
+                      "this build has no CUDA backend; use --backend auto, reference or cpu");
+      }
+      return run(*context);
+    };
+  });
+  return verb;
+}
+
+}  // namespace l4d::cli

@@ -1,0 +1,118 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <cstdint>
+#include <functional>
+#include <nlohmann/json.hpp>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "io/scene.h"
+#include "l4d/l4d.hpp"
+
+namespace l4d::cli {
+
+// Keys keep the order in which they are written: documents are read by people too.
+using Json = nlohmann::ordered_json;
+
+// Documented in docs/cli.md; scripts depend on them.
+enum ExitCode : int {
+  kExitOk = 0,
+  kExitNo = 1,  // the answer is no: invalid stream, scenes differ
+  kExitUsage = 2,
+  kExitIo = 3,
+  kExitCorrupt = 4,
+  kExitUnsupported = 5,
+  kExitLimit = 6,
+  kExitRuntime = 7,
+  kExitCancelled = 130
+};
+ExitCode exit_code_of(l4d_status status);
+
+// What ends a command early. `name` is stable and for scripts, what() is for people.
+class Failure : public std::runtime_error {
+ public:
+  Failure(ExitCode code, std::string name, const std::string& detail)
+      : std::runtime_error(detail), code_(code), name_(std::move(name)) {}
+  Failure(l4d_status status, const std::string& detail)
+      : Failure(exit_code_of(status), l4d_status_name(status), detail) {}
+  ExitCode code() const { return code_; }
+  const std::string& name() const { return name_; }
+
+ private:
+  ExitCode code_;
+  std::string name_;
+};
+Failure usage_error(const std::string& detail);
+// The exception being handled, as a Failure whose detail begins with `subject`: a file, mostly.
+// Library messages say what is wrong, and rarely with which of several files.
+Failure current_failure(const std::string& subject);
+
+template <typename Body>
+auto about(const std::string& subject, const Body& body) {
+  try {
+    return body();
+  } catch (...) {
+    throw current_failure(subject);
+  }
+}
+
+// Options that every verb has.
+struct CommonOptions {
+  bool json = false;
+  bool quiet = false;
+  bool force = false;
+  uint32_t threads = 0;
+  std::string backend = "auto";
+  std::string progress = "auto";
+  std::string limit_memory;
+};
+
+// Result of a verb: both forms of the answer, of which main prints one.
+struct Outcome {
+  Json json = Json::object();
+  std::string text;
+  ExitCode code = kExitOk;
+  bool stdout_is_data = false;  // the text then goes to stderr
+};
+
+class Context {
+ public:
+  CommonOptions options;
+
+  // A remark on what was done, for people and, in a list, for --json.
+  void note(const std::string& text);
+  const std::vector<std::string>& notes() const { return notes_; }
+
+  l4d_decoder_options decoder_options() const;
+
+ private:
+  std::vector<std::string> notes_;
+};
+
+// A verb adds its subcommand and stores here what to run once the whole line is parsed.
+struct Registry {
+  CLI::App* app;
+  Context* context;
+  std::function<Outcome()> run;
+  std::string verb;
+};
+// Subcommand; `run` is called when it was chosen.
+CLI::App* add_verb(Registry& registry, const std::string& name, const std::string& description,
+                   std::function<Outcome(Context&)> run);
+
+// Called last for each verb, so that help shows them last.
+void add_common_options(CLI::App* verb, CommonOptions& options);
+
+void add_version(Registry& registry);
+void add_encode(Registry& registry);
+void add_decode(Registry& registry);
+void add_info(Registry& registry);
+void add_slice(Registry& registry);
+void add_validate(Registry& registry);
+void add_compare(Registry& registry);
+void add_synth(Registry& registry);
+
+}  // namespace l4d::cli

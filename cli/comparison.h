@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "cli/common.h"
+#include "cli/pairing.h"
+#include "cli/scene_source.h"
+
+namespace l4d::cli {
+
+struct AttributeError {
+  const char* name;
+  const char* meaning;  // how it is measured; for people
+  double max = 0;
+  double rmse = 0;
+};
+
+// Distance between where A's Gaussian is and where B puts it, while A's is visible.
+struct VisibleError {
+  uint32_t layer = 0;
+  uint32_t level = 0;
+  uint64_t gaussians = 0;  // matched and visible at some time
+  double max = 0;
+  double p999 = 0;
+  double rmse = 0;
+};
+
+struct Comparison {
+  uint64_t count_a = 0;
+  uint64_t count_b = 0;
+  Pairing pairing;
+  std::vector<AttributeError> attributes;
+  VisibleError visible;
+  std::vector<VisibleError> layers;  // of B, where it is a stream
+
+  // Same Gaussians bit for bit, in any order.
+  bool identical() const { return pairing.equal_rows == count_a && count_a == count_b; }
+  Json json() const;
+  std::string text() const;
+};
+
+Comparison compare_scenes(const io::Scene& a, const LoadedScene& b, Pairing pairing,
+                          uint32_t threads);
+
+}  // namespace l4d::cli

@@ -1,0 +1,163 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "cli/encode_parameters.h"
+
+#include "cli/help.h"
+#include "cli/units.h"
+
+namespace l4d::cli {
+namespace {
+
+l4d_parameter_info describe(l4d_encoder_parameter id) {
+  l4d_parameter_info info;
+  l4d_parameter_info_init(&info);
+  if (l4d_encoder_parameter_info(id, &info) != L4D_OK) {
+    throw Failure(L4D_ERR_INTERNAL, "the library does not know its own parameters");
+  }
+  return info;
+}
+
+l4d_encoder_parameter find_parameter(const std::string& name) {
+  for (int id = 0; id < L4D_ENC_PARAMETER_COUNT; ++id) {
+    const auto parameter = static_cast<l4d_encoder_parameter>(id);
+    if (name == describe(parameter).name) return parameter;
+  }
+  throw usage_error("--set: '" + name + "' is no parameter; `l4dcodec encode --help` lists them");
+}
+
+void set(const EncoderHandle& encoder, l4d_encoder_parameter id, int32_t component,
+         const std::string& text, const std::string& option) {
+  // Suffixes make sense for counts only; other values may be negative or fractions.
+  const bool counts = describe(id).integer != 0 && !text.empty() && text[0] != '-';
+  const double value =
+      counts ? static_cast<double>(parse_size(text, option)) : parse_number(text, option);
+  about(option, [&] { encoder.check(l4d_encoder_set(encoder.get(), id, component, value)); });
+}
+
+// "--codebook sh=4096"
+void set_per_component(const EncoderHandle& encoder, l4d_encoder_parameter id,
+                       const std::vector<std::string>& texts, const std::string& option) {
+  for (const std::string& text : texts) {
+    const auto [name, value] = parse_assignment(text, option);
+    set(encoder, id, parse_component(name, option), value, option + " " + name);
+  }
+}
+
+void set_stages(const EncoderHandle& encoder, const std::string& text) {
+  const auto [name, list] = parse_assignment(text, "--stages");
+  std::vector<float> fractions;
+  for (size_t begin = 0; begin <= list.size();) {
+    const size_t comma = std::min(list.find(',', begin), list.size());
+    fractions.push_back(
+        static_cast<float>(parse_number(list.substr(begin, comma - begin), "--stages " + name)));
+    begin = comma + 1;
+  }
+  const int32_t component = parse_component(name, "--stages");
+  about("--stages " + name, [&] {
+    encoder.check(l4d_encoder_set_stages(
+        encoder.get(), component, static_cast<uint32_t>(fractions.size()), fractions.data()));
+  });
+}
+
+// "--set page-size=4096", "--set codebook-size.sh=8192"
+void set_generic(const EncoderHandle& encoder, const std::string& text) {
+  const auto [target, value] = parse_assignment(text, "--set");
+  const size_t dot = target.find('.');
+  const l4d_encoder_parameter id = find_parameter(target.substr(0, dot));
+  const int32_t component = dot == std::string::npos
+                                ? L4D_ALL_COMPONENTS
+                                : parse_component(target.substr(dot + 1), "--set");
+  set(encoder, id, component, value, "--set " + target);
+}
+
+}  // namespace
+
+void EncodeParameters::add_options(CLI::App* verb) {
+  const std::string group = "Coding";
+  std::vector<std::string> presets;
+  for (uint32_t i = 0; l4d_encoder_preset_name(i) != nullptr; ++i) {
+    presets.push_back(l4d_encoder_preset_name(i));
+  }
+  verb->add_option("--preset", preset, "Where the parameters start; listed below")
+      ->type_name("NAME")
+      ->check(CLI::IsMember(presets))
+      ->capture_default_str()
+      ->group(group);
+  verb->add_option("--codebook", codebook,
+                   "C=K: codebook entries of each stage of component C (sh, scale, rotor-spatial, "
+                   "rotor-temporal, all)")
+      ->type_name("C=K")
+      ->allow_extra_args(false)
+      ->group(group);
+  verb->add_option("--stages", stages,
+                   "C=1,f1,f2..: residual stages of component C, each for this share of the "
+                   "Gaussians, up to 8")
+      ->type_name("C=1,F..")
+      ->allow_extra_args(false)
+      ->group(group);
+  verb->add_option("--literal-threshold", literal_threshold,
+                   "C=W: keep vectors of C with a weight above W unquantised; 0 = never")
+      ->type_name("C=W")
+      ->allow_extra_args(false)
+      ->group(group);
+  verb->add_option("--rcq", rcq, "Block codebooks: never, auto (where they pay), always")
+      ->type_name("WHEN")
+      ->check(CLI::IsMember({"never", "auto", "always"}))
+      ->group(group);
+  verb->add_option("--rcq-size", rcq_size, "Entries of a residual codebook, 1..4096")
+      ->type_name("N")
+      ->group(group);
+  verb->add_option("--prune-weight", prune_weight,
+                   "Drop Gaussians with an alpha_t weight of at most this; needs --weights")
+      ->type_name("W")
+      ->group(group);
+  verb->add_flag("--drop-invalid", drop_invalid,
+                 "Drop Gaussians that cannot be coded (NaN, infinite, out of range) instead of "
+                 "refusing the scene")
+      ->group(group);
+  verb->add_option("--set", set,
+                   "NAME=VALUE or NAME.C=VALUE: any parameter listed below; may be repeated, as "
+                   "the others that take C")
+      ->type_name("NAME[.C]=V")
+      ->allow_extra_args(false)
+      ->group(group);
+}
+
+void EncodeParameters::apply(const EncoderHandle& encoder) const {
+  encoder.check(l4d_encoder_set_preset(encoder.get(), preset.c_str()));
+  set_per_component(encoder, L4D_ENC_CODEBOOK_SIZE, codebook, "--codebook");
+  for (const std::string& text : stages) set_stages(encoder, text);
+  set_per_component(encoder, L4D_ENC_LITERAL_THRESHOLD, literal_threshold, "--literal-threshold");
+  if (!rcq.empty()) {
+    const char* value = rcq == "never" ? "0" : rcq == "auto" ? "1" : "2";
+    cli::set(encoder, L4D_ENC_RCQ, L4D_ALL_COMPONENTS, value, "--rcq");
+  }
+  if (!rcq_size.empty()) {
+    cli::set(encoder, L4D_ENC_RCQ_SIZE, L4D_ALL_COMPONENTS, rcq_size, "--rcq-size");
+  }
+  if (!prune_weight.empty()) {
+    cli::set(encoder, L4D_ENC_PRUNE_WEIGHT, L4D_ALL_COMPONENTS, prune_weight, "--prune-weight");
+  }
+  if (drop_invalid) {
+    cli::set(encoder, L4D_ENC_DROP_INVALID, L4D_ALL_COMPONENTS, "1", "--drop-invalid");
+  }
+  for (const std::string& text : set) set_generic(encoder, text);
+}
+
+std::string parameter_help() {
+  std::string text = "Presets:\n";
+  for (uint32_t i = 0; l4d_encoder_preset_name(i) != nullptr; ++i) {
+    text += format("  %-20s %s\n", l4d_encoder_preset_name(i), l4d_encoder_preset_description(i));
+  }
+  text += "\nParameters of --set, their range, C where a component can be named:\n";
+  for (int id = 0; id < L4D_ENC_PARAMETER_COUNT; ++id) {
+    const l4d_parameter_info info = describe(static_cast<l4d_encoder_parameter>(id));
+    const std::string range = format_number(info.min) + ".." + format_number(info.max);
+    text += format("  %-20s %-12s %-2s ", info.name, range.c_str(),
+                   info.per_component != 0 ? "C" : "") +
+            wrap(info.description, 39) + "\n";
+  }
+  text.pop_back();
+  return text;
+}
+
+}  // namespace l4d::cli

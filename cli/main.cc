@@ -1,0 +1,177 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+#include <cstdio>
+#include <string_view>
+
+#include "cli/common.h"
+#include "cli/help.h"
+#include "cli/progress.h"
+#include "cli/units.h"
+
+namespace l4d::cli {
+namespace {
+
+// Levenshtein distance, for "did you mean".
+size_t edit_distance(const std::string& a, const std::string& b) {
+  std::vector<size_t> row(b.size() + 1);
+  for (size_t j = 0; j <= b.size(); ++j) row[j] = j;
+  for (size_t i = 1; i <= a.size(); ++i) {
+    size_t diagonal = row[0];
+    row[0] = i;
+    for (size_t j = 1; j <= b.size(); ++j) {
+      const size_t above = row[j];
+      row[j] = std::min({above + 1, row[j - 1] + 1, diagonal + (a[i - 1] != b[j - 1])});
+      diagonal = above;
+    }
+  }
+  return row[b.size()];
+}
+
+std::string suggestion(const std::string& given, const std::vector<std::string>& known) {
+  std::string best;
+  // A third of the letters may be wrong; beyond that a suggestion is noise.
+  size_t best_distance = given.size() / 3 + 1;
+  for (const std::string& name : known) {
+    const size_t distance = edit_distance(given, name);
+    if (distance < best_distance || (distance == best_distance && best.empty())) {
+      best = name;
+      best_distance = distance;
+    }
+  }
+  return best.empty() ? "" : "; did you mean " + best + "?";
+}
+
+// What CLI11 says, in our words where ours are better.
+std::string describe_usage_error(const CLI::ParseError& error, const CLI::App& app,
+                                 const CLI::App* verb) {
+  const auto* extras = dynamic_cast<const CLI::ExtrasError*>(&error);
+  if (extras == nullptr) return error.what();
+  std::string given;
+  for (const std::string& token : app.remaining(true)) {
+    if (given.empty() || token[0] == '-') given = token;
+    if (given[0] == '-') break;
+  }
+  if (given.empty()) return error.what();
+  std::vector<std::string> known;
+  if (given[0] == '-') {
+    given = given.substr(0, given.find('='));
+    if (verb != nullptr) {
+      for (const CLI::Option* option : verb->get_options()) {
+        for (const std::string& name : option->get_lnames()) known.push_back("--" + name);
+      }
+    }
+    return "unknown option " + given + suggestion(given, known);
+  }
+  if (verb != nullptr) return "unexpected argument '" + given + "'";
+  for (const CLI::App* each : app.get_subcommands(nullptr)) known.push_back(each->get_name());
+  return "unknown command '" + given + "'" + suggestion(given, known);
+}
+
+void print_document(const Json& document) {
+  // Names come from the command line and files: bytes that are no UTF-8 must not end the tool.
+  const std::string text = document.dump(2, ' ', false, Json::error_handler_t::replace);
+  std::fwrite(text.data(), 1, text.size(), stdout);
+  std::fputc('\n', stdout);
+}
+
+int report_failure(const Failure& failure, bool json, const std::string& verb) {
+  // Whatever a call made of it, the cause of its failure was the user's Ctrl-C.
+  const bool cancelled = interrupted();
+  const ExitCode code = cancelled ? kExitCancelled : failure.code();
+  const std::string name = cancelled ? l4d_status_name(L4D_ERR_CANCELLED) : failure.name();
+  const std::string detail = cancelled ? "cancelled" : failure.what();
+  if (json) {
+    print_document(
+        {{"schema", "l4dcodec.error/1"},
+         {"error", {{"code", static_cast<int>(code)}, {"name", name}, {"detail", detail}}}});
+  } else if (code == kExitUsage) {
+    std::fprintf(stderr, "l4dcodec: %s\nsee l4dcodec %s%s--help\n", detail.c_str(), verb.c_str(),
+                 verb.empty() ? "" : " ");
+  } else {
+    std::fprintf(stderr, "l4dcodec: %s\n", detail.c_str());
+  }
+  std::fflush(stdout);
+  return code;
+}
+
+int print_outcome(Outcome& outcome, const Context& context) {
+  if (context.options.json) {
+    outcome.json["notes"] = context.notes();
+    print_document(outcome.json);
+  } else if (!context.options.quiet) {
+    std::fputs(outcome.text.c_str(), outcome.stdout_is_data ? stderr : stdout);
+  }
+  if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0) {
+    std::fprintf(stderr, "l4dcodec: stdout: cannot write\n");
+    return kExitIo;
+  }
+  return outcome.code;
+}
+
+int run(int argc, char** argv) {
+  std::vector<std::string> words(argv + std::min(argc, 1), argv + argc);
+  const bool json = std::find(words.begin(), words.end(), "--json") != words.end();
+  // "help", "help encode": the forms people try first.
+  if (!words.empty() && words[0] == "help") {
+    words.erase(words.begin());
+    words.push_back("--help");
+  } else if (!words.empty() && words[0] == "--version") {
+    words[0] = "version";
+  }
+  CLI::App app("Codec for long dynamic Gaussian-splat scenes", "l4dcodec");
+  app.require_subcommand(0, 1);
+  app.formatter(std::make_shared<HelpFormatter>());
+  app.footer(
+      "Exit codes: 0 done, 1 the answer is no, 2 usage, 3 I/O, 4 corrupt input,\n"
+      "5 valid but unsupported, 6 over a limit, 7 runtime, 130 cancelled.\n"
+      "See l4dcodec COMMAND --help; l4dcodec --version.");
+
+  Context context;
+  Registry registry{&app, &context, nullptr, ""};
+  add_encode(registry);
+  add_decode(registry);
+  add_info(registry);
+  add_slice(registry);
+  add_validate(registry);
+  add_compare(registry);
+  add_synth(registry);
+  add_version(registry);
+  for (CLI::App* verb : app.get_subcommands(nullptr)) {
+    add_common_options(verb, context.options);
+  }
+
+  try {
+    // CLI11 takes them last first.
+    std::reverse(words.begin(), words.end());
+    app.parse(words);
+    if (!registry.run) throw usage_error("no command given");
+  } catch (const CLI::Success& help) {
+    return app.exit(help) == 0 ? kExitOk : kExitUsage;
+  } catch (const CLI::ParseError& error) {
+    const std::vector<CLI::App*> chosen = app.get_subcommands();
+    const CLI::App* verb = chosen.empty() ? nullptr : chosen[0];
+    return report_failure(usage_error(describe_usage_error(error, app, verb)), json,
+                          verb == nullptr ? "" : verb->get_name());
+  } catch (const Failure& failure) {
+    return report_failure(failure, json, "");
+  }
+  try {
+    install_interrupt_handler();
+    Outcome outcome = registry.run();
+    return print_outcome(outcome, context);
+  } catch (...) {
+    return report_failure(current_failure(""), json, registry.verb);
+  }
+}
+
+}  // namespace
+}  // namespace l4d::cli
+
+int main(int argc, char** argv) {
+  try {
+    return l4d::cli::run(argc, argv);
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "l4dcodec: %s\n", error.what());
+    return l4d::cli::kExitRuntime;
+  }
+}

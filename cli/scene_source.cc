@@ -1,0 +1,148 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "cli/scene_source.h"
+
+#include <algorithm>
+
+#include "cli/progress.h"
+#include "cli/units.h"
+
+namespace l4d::cli {
+namespace {
+
+io::Scene import_ply(Context& context, const Input& input, const ImportArguments& arguments) {
+  io::ImportOptions options;
+  if (!arguments.seconds.empty()) options.seconds = parse_seconds(arguments.seconds, "--seconds");
+  if (!arguments.fps.empty()) options.fps = parse_number(arguments.fps, "--fps");
+  if (!arguments.seconds.empty() && !(options.seconds > 0)) {
+    throw usage_error("--seconds must be positive");
+  }
+  if (!arguments.fps.empty() && !(options.fps > 0)) throw usage_error("--fps must be positive");
+  io::Scene scene;
+  {
+    Progress progress(context, "read");
+    progress.step("reading");
+    scene = about(input.name(), [&] { return io::read_scene_ply(input.path(), options); });
+  }
+  check_interrupt();
+  for (const std::string& note : scene.notes) context.note(note);
+  return scene;
+}
+
+}  // namespace
+
+void add_import_options(CLI::App* verb, ImportArguments& arguments) {
+  const std::string group = "Import of PLY files that carry no timeline";
+  verb->add_option("--seconds", arguments.seconds, "Duration of the sequence (default: 1)")
+      ->type_name("T")
+      ->group(group);
+  verb->add_option("--fps", arguments.fps, "Frame rate (default: 30)")
+      ->type_name("F")
+      ->group(group);
+}
+
+LoadedScene load_scene(Context& context, const Input& input, const ImportArguments& arguments) {
+  if (input.is_ply()) {
+    LoadedScene loaded;
+    loaded.scene = import_ply(context, input, arguments);
+    return loaded;
+  }
+  return about(input.name(), [&] {
+    const l4d_decoder_options options = context.decoder_options();
+    const DecoderHandle decoder(&options);
+    Progress progress(context, "read");
+    decoder.check(l4d_decoder_set_progress(decoder.get(), &Progress::callback, &progress));
+    decoder.check(l4d_decoder_open_file(decoder.get(), input.path().c_str()));
+    return decode_scene(decoder);
+  });
+}
+
+LoadedScene decode_scene(const DecoderHandle& decoder, const l4d_query* query) {
+  l4d_query all;
+  l4d_query_init(&all);
+  all.kind = L4D_QUERY_ALL;
+  const l4d_info info = decoder.info();
+  LoadedScene loaded;
+  GaussianArrays arrays = decoder.decode(query != nullptr ? *query : all);
+  io::Scene& scene = loaded.scene;
+  scene.timeline = info.timeline;
+  scene.placement = info.placement;
+  scene.sh_degree = info.sh_degree;
+  scene.flags = info.flags;
+  scene.position = std::move(arrays.position);
+  scene.mean_t = std::move(arrays.mean_t);
+  scene.log_scale = std::move(arrays.log_scale);
+  scene.rotor = std::move(arrays.rotor);
+  scene.opacity = std::move(arrays.opacity);
+  scene.sh = std::move(arrays.sh);
+  scene.source = "l4d";
+  loaded.ranges = std::move(arrays.ranges);
+  for (uint32_t l = 0; l < info.num_layers; ++l) {
+    l4d_layer_info layer;
+    l4d_layer_info_init(&layer);
+    decoder.check(l4d_decoder_get_layer_info(decoder.get(), l, &layer));
+    loaded.levels.push_back(layer.level);
+  }
+  return loaded;
+}
+
+SceneStream::SceneStream(Context& context, const Input& input, const ImportArguments& arguments)
+    : decoder_([&] {
+        const l4d_decoder_options options = context.decoder_options();
+        return DecoderHandle(&options);
+      }()) {
+  if (!input.is_ply()) {
+    about(input.name(), [&] { decoder_.open_file(input.path()); });
+    source_ = "l4d";
+  } else {
+    const io::Scene scene = import_ply(context, input, arguments);
+    source_ = scene.source;
+    about(input.name(), [&] {
+      l4d_encoder_options options;
+      l4d_encoder_options_init(&options);
+      options.threads = context.options.threads;
+      const EncoderHandle encoder(&options);
+      Progress progress(context, "read");
+      encoder.check(l4d_encoder_set_progress(encoder.get(), &Progress::callback, &progress));
+      encoder.check(l4d_encoder_set_preset(encoder.get(), "lossless"));
+      // The stream lives for one command and stays in memory: speed is all that counts.
+      encoder.check(l4d_encoder_set(encoder.get(), L4D_ENC_ZSTD_LEVEL, L4D_ALL_COMPONENTS, 1));
+      const l4d_gaussians view = scene.view();
+      encoder.check(l4d_encoder_set_scene(encoder.get(), &view, &scene.timeline, &scene.placement));
+      stream_ = encoder.encode();
+    });
+    decoder_.open_memory(stream_.data(), stream_.size());
+  }
+  info_ = decoder_.info();
+}
+
+double frames_per_second(const l4d_timeline& timeline) {
+  return static_cast<double>(timeline.fps_num) / static_cast<double>(timeline.fps_den);
+}
+
+std::string describe_timeline(const l4d_timeline& timeline) {
+  return format_number(io::duration(timeline)) + " s, " + format_count(timeline.num_frames) +
+         " frames at " + format_number(frames_per_second(timeline)) + " fps";
+}
+
+Json timeline_json(const l4d_timeline& timeline) {
+  return {{"time_begin", timeline.time_begin},
+          {"num_frames", timeline.num_frames},
+          {"fps", frames_per_second(timeline)},
+          {"fps_rational", {timeline.fps_num, timeline.fps_den}},
+          {"duration_s", io::duration(timeline)}};
+}
+
+double clamp_to_sequence(Context& context, const l4d_timeline& timeline, double seconds,
+                         const char* option) {
+  const double begin = timeline.time_begin;
+  const double end = begin + io::duration(timeline);
+  const double clamped = std::clamp(seconds, begin, end);
+  if (clamped != seconds) {
+    context.note(std::string(option) + " " + format_number(seconds) +
+                 " lies outside the sequence [" + format_number(begin) + ", " + format_number(end) +
+                 "]; " + format_number(clamped) + " is used");
+  }
+  return clamped;
+}
+
+}  // namespace l4d::cli

@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "cli/common.h"
+#include "cli/files.h"
+#include "io/formats.h"
+
+namespace l4d::cli {
+
+// Options of verbs that may read a PLY which has no timeline.
+struct ImportArguments {
+  std::string seconds;
+  std::string fps;
+};
+void add_import_options(CLI::App* verb, ImportArguments& arguments);
+
+// A scene in memory, and how its stream arranges it.
+struct LoadedScene {
+  io::Scene scene;
+  std::vector<l4d_range> ranges;  // of a stream; empty for a PLY
+  std::vector<uint32_t> levels;   // of a stream: temporal level of each layer
+};
+
+// Reads a whole scene from a PLY of any known kind or from a stream. Import notes go to the
+// context.
+LoadedScene load_scene(Context& context, const Input& input, const ImportArguments& arguments = {});
+
+// Reads all of an open stream, or what `query` selects.
+LoadedScene decode_scene(const DecoderHandle& decoder, const l4d_query* query = nullptr);
+
+// A decoder with any scene open in it: verbs that look into streams so take a PLY too, which is
+// encoded losslessly in memory.
+class SceneStream {
+ public:
+  SceneStream(Context& context, const Input& input, const ImportArguments& arguments = {});
+  const DecoderHandle& decoder() const { return decoder_; }
+  const l4d_info& info() const { return info_; }
+  // Where the scene came from: "l4d", or the kind of PLY.
+  const std::string& source() const { return source_; }
+
+ private:
+  std::vector<unsigned char> stream_;  // of a PLY; the decoder borrows it
+  DecoderHandle decoder_;
+  l4d_info info_{};
+  std::string source_;
+};
+
+double frames_per_second(const l4d_timeline& timeline);
+// "5 s, 150 frames at 30 fps"
+std::string describe_timeline(const l4d_timeline& timeline);
+Json timeline_json(const l4d_timeline& timeline);
+
+// `seconds` limited to the sequence, as the library does it, with a note where that changes it.
+double clamp_to_sequence(Context& context, const l4d_timeline& timeline, double seconds,
+                         const char* option);
+
+}  // namespace l4d::cli

@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <utility>
+
+namespace l4d::cli {
+
+// Parsers of option values. `option` names the option in the message of the usage error they throw.
+
+// "4096", "4k", "1.5M", "64KiB", "2GB": SI suffixes k M G T, IEC suffixes Ki Mi Gi Ti, an optional
+// B.
+uint64_t parse_size(const std::string& text, const std::string& option);
+double parse_number(const std::string& text, const std::string& option);
+// Seconds: "2.5", "2.5s", "1:30", "1:02:03.5".
+double parse_seconds(const std::string& text, const std::string& option);
+// "key=value", split at the first '='.
+std::pair<std::string, std::string> parse_assignment(const std::string& text,
+                                                     const std::string& option);
+// sh, scale, rotor-spatial, rotor-temporal, all -> L4D_COMPONENT_*, L4D_ALL_COMPONENTS.
+int32_t parse_component(const std::string& text, const std::string& option);
+const char* component_name(uint32_t component);
+
+// "55.6 MB", "213,874", "1.25e-03", "3.2 s": for people.
+std::string format_bytes(uint64_t bytes);
+std::string format_count(uint64_t count);
+std::string format_error(double value);
+std::string format_seconds(double seconds);
+// As few digits as tell the value apart for a person: "29.97", "5", "0.008333".
+std::string format_number(double value);
+// printf into a string.
+[[gnu::format(printf, 1, 2)]] std::string format(const char* pattern, ...);
+
+}  // namespace l4d::cli

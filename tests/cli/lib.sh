@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: Apache-2.0
+# shellcheck shell=bash
+# What the test scripts share. Each runs in an empty folder, under -euo pipefail.
+
+die() {
+  echo "  $*" >&2
+  exit 1
+}
+
+skip() {
+  echo "  SKIPPED: $*" >&2
+  exit 77
+}
+
+l4d() { "$L4DCODEC" "$@"; }
+
+# expect STATUS ARGUMENTS...: runs the tool, keeps stdout in `out` and stderr in `err`.
+expect() {
+  local want=$1 status=0
+  shift
+  l4d "$@" > out 2> err || status=$?
+  if [ "$status" -ne "$want" ]; then
+    cat out err >&2
+    die "l4dcodec $*: exit status $status, not $want"
+  fi
+}
+
+# expect_text FILE PATTERN: an extended regular expression that some line matches.
+expect_text() {
+  grep -Eq -- "$2" "$1" || {
+    cat "$1" >&2
+    die "$1: nothing matches $2"
+  }
+}
+
+expect_empty() {
+  [ ! -s "$1" ] || {
+    cat "$1" >&2
+    die "$1 is not empty"
+  }
+}
+
+expect_equal() {
+  [ "$1" = "$2" ] || die "'$1' is not '$2'"
+}
+
+expect_missing() {
+  local name
+  for name in "$@"; do
+    [ ! -e "$name" ] || die "$name exists"
+  done
+}
+
+# json FILE EXPRESSION: value of a Python expression of the document d.
+json() {
+  "$PYTHON" -c 'import json, sys
+d = json.load(open(sys.argv[1]))
+print(eval(sys.argv[2]))' "$1" "$2"
+}
+
+# expect_json FILE EXPRESSION: a Python expression of the document d that must be true.
+expect_json() {
+  [ "$(json "$1" "bool($2)")" = True ] || {
+    cat "$1" >&2
+    die "$1: not true: $2"
+  }
+}
+
+# expect_document STATUS ARGUMENTS...: as expect, with --json; stdout must be one document that fits
+# its schema and knows no key that the schema does not, and stderr must be empty.
+expect_document() {
+  local want=$1
+  shift
+  expect "$want" "$@" --json
+  expect_empty err
+  "$PYTHON" "$ROOT/tests/cli/check_schema.py" "$ROOT/docs/schema" out || die "l4dcodec $* --json"
+}
+
+# A scene of N Gaussians (default 3000) with every effect.
+make_scene() {
+  l4d synth -q -n "${2:-3000}" --seconds 2 --fps 30 --seed 7 -o "$1"
+}
+
+need_data() {
+  [ -e "$DATA/$1" ] || skip "no $1 in $DATA"
+}

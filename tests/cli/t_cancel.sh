@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: Apache-2.0
+# shellcheck shell=bash
+# SIGINT: exit status 130, no temporary, no output; progress only where it was asked for.
+mkdir d
+make_scene d/s.ply 60k
+
+# Commands in the background of a script ignore SIGINT, so a small program sends it.
+interrupt() {
+  "$PYTHON" - "$L4DCODEC" "$@" << 'END'
+import signal
+import subprocess
+import sys
+
+signal.signal(signal.SIGINT, signal.default_int_handler)
+process = subprocess.Popen(sys.argv[1:] + ["--progress", "json"], stdout=subprocess.PIPE,
+                           stderr=subprocess.PIPE, text=True)
+# The first line of progress that counts something: the command is in the middle of its work.
+for line in process.stderr:
+    if '"encode"' in line:
+        break
+process.send_signal(signal.SIGINT)
+out, err = process.communicate(timeout=60)
+open("out", "w").write(out)
+print(process.returncode)
+END
+}
+expect_equal "$(interrupt encode d/s.ply -o d/s.l4d --set kmeans-iterations=1000 --set kmeans-sample=1000)" 130
+expect_empty out
+expect_equal "$(cd d && echo *)" s.ply
+expect_equal "$(interrupt encode d/s.ply -o d/s.l4d --json --set kmeans-iterations=1000)" 130
+expect_json out 'd["error"]["code"] == 130 and d["error"]["name"] == "L4D_ERR_CANCELLED"'
+expect_equal "$(cd d && echo *)" s.ply
+
+# stderr is no terminal here: nothing by default, lines when asked for.
+make_scene small.ply 2000
+expect 0 encode small.ply -o a.l4d --codebook all=64
+expect_empty err
+expect 0 encode small.ply -o b.l4d --codebook all=64 --progress plain
+expect_text err '^encode: '
+expect 0 encode small.ply -o c.l4d --codebook all=64 --progress json
+"$PYTHON" -c 'import json
+lines = [json.loads(line) for line in open("err")]
+assert any(l["verb"] == "encode" and l["total"] > 0 for l in lines)
+assert all(0 <= l["done"] <= l["total"] for l in lines)'
+cmp a.l4d b.l4d
+cmp a.l4d c.l4d

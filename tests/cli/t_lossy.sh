@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: Apache-2.0
+# shellcheck shell=bash
+# Quantised streams: parameters act, errors are measured, results are reproducible.
+make_scene s.ply 20k
+expect_document 0 encode s.ply -o s.l4d --codebook all=256 --order s.order --verify
+expect_json out 'd["ratio"] > 4 and d["preset"] == "default"'
+cp out encode.json
+expect_document 0 compare s.ply s.l4d --order s.order
+expect_json out 'd["match"] == "order" and d["matched"] == 20000 and not d["identical"]'
+cp out compare.json
+# --verify and compare --order are one measurement.
+"$PYTHON" -c 'import json
+a = json.load(open("encode.json"))["verify"]
+b = json.load(open("compare.json"))
+for key in ("attributes", "visible_position", "match", "matched"):
+    assert a[key] == b[key], key
+v = b["visible_position"]
+assert 0 < v["rmse"] <= v["p999"] <= v["max"]
+assert sum(l["gaussians"] for l in v["layers"]) == v["gaussians"] <= 20000
+assert max(l["max"] for l in v["layers"]) == v["max"]'
+
+# Without the order nearly all are paired right: the figures are close to the exact ones.
+expect_document 0 compare s.ply s.l4d
+expect_json out 'd["match"] == "nearest" and d["matched"] == 20000 and d["unmatched"] == 0'
+nearest=$(json out 'd["visible_position"]["rmse"]')
+exact=$(json compare.json 'd["visible_position"]["rmse"]')
+"$PYTHON" -c "assert $nearest < 1.5 * $exact, ($nearest, $exact)"
+
+# Bounds decide the exit status.
+expect 0 compare s.ply s.l4d --order s.order --max-error opacity=1 --max-error visible_position=1e6
+expect_document 1 compare s.ply s.l4d --order s.order --max-error opacity=1 --max-error sh=1e-9
+expect_json out 'd["not_met"] == ["max error of sh <= 1e-09"]'
+expect 1 compare s.ply s.l4d --exact
+# An order of another scene is refused.
+head -c 400 s.order > short.order
+expect 2 compare s.ply s.l4d --order short.order
+printf 'abc' > odd.order
+expect 4 compare s.ply s.l4d --order odd.order
+
+# Reproducible: seed and threads.
+expect 0 encode s.ply -o t1.l4d --codebook all=256 --threads 1
+expect 0 encode s.ply -o t3.l4d --codebook all=256 --threads 3
+cmp s.l4d t1.l4d
+cmp s.l4d t3.l4d
+
+# Ways to say the same.
+expect 0 encode s.ply -o set.l4d --set codebook-size=256
+cmp s.l4d set.l4d
+expect 0 encode s.ply -o each.l4d --codebook sh=256 --codebook scale=256 \
+  --set codebook-size.rotor-spatial=256 --set codebook-size.rotor-temporal=0.25Ki
+cmp s.l4d each.l4d
+
+# Parameters do what they say.
+expect 0 encode s.ply -o stages.l4d --codebook all=256 --stages all=1,1,0.5 --order stages.order
+expect_document 0 info stages.l4d
+expect_json out '"residual-stages" in d["tools"]'
+expect_json out 'all(l["components"]["sh"]["stages"] == 3 for l in d["layers"])'
+expect_document 0 compare s.ply stages.l4d --order stages.order
+"$PYTHON" -c 'import json
+few = json.load(open("compare.json"))["attributes"]
+more = json.load(open("out"))["attributes"]
+assert more["sh"]["rmse"] < few["sh"]["rmse"]
+assert more["log_scale"]["rmse"] < few["log_scale"]["rmse"]'
+expect 0 encode s.ply -o never.l4d --codebook all=256 --rcq never
+expect_document 0 info never.l4d
+expect_json out '"rcq" not in d["tools"]'
+expect 0 encode s.ply -o literal.l4d --codebook all=256 --literal-threshold sh=1e-30
+expect_document 0 info literal.l4d
+expect_json out '"literals" in d["tools"]'
+
+# Transcoding a stream, and a stream as A of a comparison.
+expect 0 encode stages.l4d -o transcoded.l4d --codebook all=64
+expect_document 0 compare stages.l4d transcoded.l4d
+expect_json out 'd["matched"] == 20000'
+
+# FreeTimeGS has normalised time, so its export is an approximation, and a good one.
+expect_document 0 decode s.l4d -o s.ftgs.ply --format ftgs
+expect_document 0 compare s.l4d s.ftgs.ply
+expect_json out 'd["matched"] == 20000 and d["attributes"]["opacity"]["max"] < 1e-3'

@@ -1,0 +1,55 @@
+# SPDX-License-Identifier: Apache-2.0
+# shellcheck shell=bash
+# slice and decode of parts.
+make_scene s.ply 5000
+expect 0 encode s.ply -o s.l4d --preset lossless
+expect_document 0 slice s.l4d --time 1 -o one.ply
+expect_json out 'd["num_frames"] == 1 and d["frames"][0]["time"] == 1'
+visible=$(json out 'd["frames"][0]["gaussians"]')
+expect_text one.ply "^element vertex $visible\$"
+for property in x y z f_dc_0 opacity scale_0 scale_2 rot_0 rot_3 f_rest_44; do
+  expect_text one.ply "^property float $property\$"
+done
+expect_document 0 info s.l4d --time 1
+expect_json out "d['seek']['visible'] == $visible"
+# The PLY itself slices to the same.
+expect 0 slice s.ply --time 1 -o direct.ply
+cmp one.ply direct.ply
+
+# A sequence: numbered from 0, its end not a frame of it, each bucket decoded once.
+expect_document 0 slice s.l4d --from 0.5 --to 1.5 --fps 10 -o f_%03d.ply
+expect_json out 'd["num_frames"] == 10 and [f["index"] for f in d["frames"]] == list(range(10))'
+expect_json out 'd["frames"][5]["time"] == 1 and d["frames"][5]["output"] == "f_005.ply"'
+expect_json out 'd["cache_hits"] > 0'
+cmp one.ply f_005.ply
+expect_missing f_010.ply
+buckets=$(json out 'd["buckets_decoded"]')
+expect_document 0 slice s.l4d --from 0.5 --to 1.5 --fps 20 -o g_%d.ply
+# Twice the instants, but not twice the buckets.
+expect_json out "d['num_frames'] == 20 and d['buckets_decoded'] < 1.5 * $buckets + 4"
+expect_document 0 slice s.l4d --fps 5 -o h_%02d%%.ply
+expect_json out 'd["num_frames"] == 10 and d["frames"][9]["output"] == "h_09%.ply"'
+# Nothing is written where one of the names exists.
+rm f_00*.ply
+touch f_003.ply
+expect 3 slice s.l4d --from 0.5 --to 1.5 --fps 10 -o f_%03d.ply
+expect_missing f_000.ply
+
+# decode of a time or range holds at least what is visible there.
+expect_document 0 decode s.l4d --time 1 -o part.ply
+part=$(json out 'd["num_gaussians"]')
+if [ "$part" -lt "$visible" ] || [ "$part" -ge 5000 ]; then die "$part Gaussians at 1 s"; fi
+expect_document 0 decode s.l4d --from 0.9 --to 1.1 -o range.ply
+range=$(json out 'd["num_gaussians"]')
+if [ "$range" -lt "$part" ] || [ "$range" -gt 5000 ]; then die "$range in the range"; fi
+expect 0 slice part.ply --time 1 -o from_part.ply
+expect_text from_part.ply "^element vertex $visible\$"
+expect_document 0 decode s.l4d --max-level 0 -o coarse.ply
+expect_json out 'd["num_gaussians"] < 5000'
+
+# Threads and backends agree.
+for options in '--threads 1' '--threads 3' '--backend reference' '--backend cpu'; do
+  # shellcheck disable=SC2086
+  expect 0 slice s.l4d --time 1 -o other.ply --force $options
+  cmp one.ply other.ply
+done

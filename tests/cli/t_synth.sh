@@ -1,0 +1,21 @@
+# SPDX-License-Identifier: Apache-2.0
+# shellcheck shell=bash
+# synth: deterministic, and as asked for.
+expect_document 0 synth -n 2k --seconds 3 --fps 29.97 --seed 5 -o a.ply
+expect_json out 'd["num_gaussians"] == 2000 and d["fps_rational"] == [30000, 1001]'
+expect_json out 'len(d["effects"]) == 6 and d["seed"] == 5'
+expect_json out "d['file_bytes'] == $(wc -c < a.ply)"
+expect 0 synth -n 2000 --seconds 0:03 --fps 29.97 --seed 5 -o b.ply --threads 1
+cmp a.ply b.ply
+expect 0 synth -n 2000 --seconds 3 --fps 29.97 --seed 6 -o c.ply
+if cmp -s a.ply c.ply; then die "the seed does nothing"; fi
+expect_document 0 synth -n 1000 --effects static,rigid -o d.ply
+expect_json out 'd["effects"] == ["static", "rigid"] and d["sh_degree"] == 0'
+l4d synth -n 1000 --effects static --effects rigid -o - > e.ply 2> err
+cmp d.ply e.ply
+expect_document 0 synth -n 1000 --seconds 1:00:00 -o long.ply
+expect_json out 'd["duration_s"] == 3600 and d["num_frames"] == 108000'
+expect 0 encode long.ply -o long.l4d --codebook all=16
+expect_document 0 info long.l4d --time 59:59
+expect_json out 'd["duration_s"] == 3600 and d["seek"]["time"] == 3599'
+expect 0 validate long.l4d

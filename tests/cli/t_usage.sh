@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: Apache-2.0
+# shellcheck shell=bash
+# Wrong usage: two lines on stderr, nothing on stdout, exit status 2. Help: stdout, 0.
+
+misuse() {
+  expect 2 "$@"
+  expect_empty out
+  expect_equal "$(wc -l < err)" 2
+  expect_text err '^see l4dcodec .*--help$'
+}
+
+misuse
+misuse frobnicate
+misuse encod scene.ply
+expect_text err 'did you mean encode\?'
+misuse encode
+misuse encode a.ply --presett high
+expect_text err 'unknown option --presett; did you mean --preset\?'
+expect_text err '^see l4dcodec encode --help$'
+misuse encode a.ply b.ply
+misuse encode a.ply --preset best
+misuse decode a.l4d --time 1 --from 0
+misuse info a.l4d -t many
+misuse info a.l4d --backend gpu
+misuse validate
+
+make_scene s.ply 500
+misuse encode s.ply -o s.l4d --codebook colour=4096
+misuse encode s.ply -o s.l4d --codebook sh=0
+misuse encode s.ply -o s.l4d --codebook sh
+misuse encode s.ply -o s.l4d --codebook sh=12x
+misuse encode s.ply -o s.l4d --stages all=1,0.5,0.6
+misuse encode s.ply -o s.l4d --stages all=1,,0.5
+misuse encode s.ply -o s.l4d --set nothing=1
+misuse encode s.ply -o s.l4d --set page-size.sh=4096
+misuse encode s.ply -o s.l4d --prune-weight 1e-8
+misuse encode s.ply -o s.l4d --metadata =x
+misuse slice s.ply -o o.ply
+misuse slice s.ply --from 0 --to 1 -o o.ply
+misuse slice s.ply --from 0 --to 1 -o o_%d_%d.ply
+misuse slice s.ply --from 1 --to 0.5 -o o_%d.ply
+misuse slice s.ply --time 1:75 -o o.ply
+misuse decode s.ply --time nan -o o.ply
+misuse synth -n 10 --effects static,rain -o o.ply
+misuse synth -n 10 --seconds 0 -o o.ply
+misuse compare - - < s.ply
+misuse compare s.ply s.ply --max-error beauty=1
+expect_missing s.l4d o.ply o_0.ply
+
+# A usage error is a document too where one was asked for.
+for arguments in '' 'frobnicate' 'encode' 'encode a.ply --presett high' 'synth --seconds 0 -o x'; do
+  # shellcheck disable=SC2086
+  expect_document 2 $arguments
+  expect_json out 'd["error"]["code"] == 2 and d["error"]["name"] == "USAGE"'
+done
+
+for verb in encode decode info slice validate compare synth version; do
+  expect 0 "$verb" --help
+  expect_empty err
+  expect_text out "^Usage: l4dcodec $verb"
+  # Every verb has the common options, and no line is wider than a terminal of 100 columns.
+  for option in --json --quiet --force --threads --backend --progress; do
+    expect_text out "$option"
+  done
+  if grep -E '.{101}' out; then die "help of $verb is too wide"; fi
+  cp out by_option
+  expect 0 help "$verb"
+  cmp out by_option
+done
+expect 0 help
+for verb in encode decode info slice validate compare synth version; do
+  expect_text out "^  $verb "
+done
+expect 0 --version
+expect_text out '^l4dcodec [0-9]+\.[0-9]+\.[0-9]+$'
+expect_document 0 version
+expect_json out 'd["bitstream"].count(".") == 1'
+
+# No CUDA in this build: valid, but not supported.
+expect_document 5 info s.ply --backend cuda
+expect_json out 'd["error"]["name"] == "L4D_ERR_FEATURE_UNSUPPORTED"'

@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: Apache-2.0
+# shellcheck shell=bash
+# Importance weights, pruning, and input that cannot be coded.
+make_scene s.ply 3000
+"$PYTHON" -c 'import struct
+header = ("ply\nformat binary_little_endian 1.0\ncomment l4d_weights 1\nelement vertex 3000\n"
+          "property float alpha_t\nproperty float weight_sh_gradient\nproperty float weight_scale\n"
+          "property float weight_rotor_spatial\nproperty float weight_rotor_temporal\nend_header\n")
+with open("w.ply", "wb") as f:
+    f.write(header.encode())
+    for i in range(3000):
+        alpha = 0.0 if i < 100 else 1e-6 * i
+        f.write(struct.pack("<5f", alpha, 0.0, alpha, alpha, alpha))'
+expect_document 0 encode s.ply -o pruned.l4d --codebook all=64 --weights w.ply --prune-weight 0 \
+  --order pruned.order --verify
+expect_json out 'd["pruned"] == 100 and d["coded_gaussians"] == 2900 == d["verify"]["matched"]'
+expect_json out 'd["verify"]["unmatched_a"] == 100 and d["verify"]["unmatched_b"] == 0'
+# The order names none of those left out.
+"$PYTHON" -c 'import struct
+data = open("pruned.order", "rb").read()
+order = struct.unpack("<%dI" % (len(data) // 4), data)
+assert sorted(order) == list(range(100, 3000))'
+expect 0 encode s.ply -o pruned.l4d --codebook all=64 --weights w.ply --prune-weight 0 --force
+expect_text out 'left out 100 of 3,000: 0 invalid, 100 pruned'
+
+# Weights must fit the scene and be weights.
+make_scene other.ply 2000
+expect_document 4 encode other.ply -o x.l4d --weights w.ply
+expect_document 3 encode s.ply -o x.l4d --weights missing.ply
+# A scene is no weights file.
+status=0
+l4d encode s.ply -o x.l4d --weights s.ply 2> err || status=$?
+case $status in 4 | 5) ;; *) die "a scene as weights: exit status $status" ;; esac
+expect_missing x.l4d
+
+# NaN in the first coordinate of the first row.
+"$PYTHON" -c 'import struct
+data = bytearray(open("s.ply", "rb").read())
+at = data.index(b"end_header\n") + 11
+data[at:at + 4] = struct.pack("<f", float("nan"))
+open("nan.ply", "wb").write(data)'
+expect_document 4 encode nan.ply -o x.l4d --preset lossless
+expect_json out 'd["error"]["name"] == "L4D_ERR_INVALID_SCENE"'
+expect_missing x.l4d
+expect_document 0 encode nan.ply -o x.l4d --codebook all=64 --drop-invalid
+expect_json out 'd["invalid_dropped"] == 1 and d["coded_gaussians"] == 2999'
