@@ -1,0 +1,136 @@
+# SPDX-License-Identifier: Apache-2.0
+"""FlatBuffers by hand: reads spec/l4d.fbs and decodes buffers of its tables, byte by byte."""
+
+import re
+import struct
+from pathlib import Path
+
+SCALARS = {"ubyte": "<B", "bool": "<?", "ushort": "<H", "uint": "<I", "ulong": "<Q",
+           "float": "<f", "double": "<d"}
+
+
+class Field:
+    def __init__(self, line):
+        m = re.fullmatch(r"(\w+):\s*(\[?)(\w+)(?::(\d+))?\]?(?:\s*=\s*([\w.]+))?"
+                         r"(\s*\(required\))?", line)
+        self.name, bracket, self.type, count, default, required = m.groups()
+        self.count = int(count) if count else 0       # of a fixed array in a struct
+        self.vector = bool(bracket) and not count
+        self.required = required is not None
+        self.default = float(default) if default else 0
+
+
+class Schema:
+    def __init__(self, path):
+        text = re.sub(r"//.*", "", Path(path).read_text(encoding="utf-8"))
+        self.kinds = {}
+        self.fields = {}
+        for kind, name, body in re.findall(r"(struct|table)\s+(\w+)\s*{(.*?)}", text, re.S):
+            self.kinds[name] = kind
+            self.fields[name] = [Field(" ".join(f.split())) for f in body.split(";") if f.strip()]
+
+    def size_align(self, name):
+        if name in SCALARS:
+            size = struct.calcsize(SCALARS[name])
+            return size, size
+        at, largest = 0, 1
+        for f in self.fields[name]:
+            size, align = self.size_align(f.type)
+            at = -(-at // align) * align + size * max(f.count, 1)
+            largest = max(largest, align)
+        return -(-at // largest) * largest, largest
+
+
+class Invalid(Exception):
+    def __init__(self, clause, message):
+        super().__init__(f"{clause}: {message}")
+        self.clause = clause
+
+
+class FlatBuffer:
+    """claim(begin, end, text) hears of every byte that is read."""
+
+    def __init__(self, schema, data, clause, claim):
+        self.schema, self.data, self.clause, self.claim = schema, data, clause, claim
+
+    def unpack(self, form, at):
+        size = struct.calcsize(form)
+        if at < 0 or at + size > len(self.data):
+            raise Invalid(self.clause, f"byte {at} of a FlatBuffer of {len(self.data)}")
+        return struct.unpack_from(form, self.data, at)[0]
+
+    def root(self, name, identifier):
+        at = self.unpack("<I", 0)
+        if self.data[4:8] != identifier:
+            raise Invalid(self.clause, "file identifier")
+        self.claim(0, 4, f"root table {name} at +0x{at:x}")
+        self.claim(4, 8, f'file identifier "{identifier.decode()}"')
+        return self.table(name, at, name)
+
+    def table(self, name, at, path):
+        vtable = at - self.unpack("<i", at)
+        vtable_bytes = self.unpack("<H", vtable)
+        self.unpack("<B", vtable + vtable_bytes - 1)
+        self.claim(vtable, vtable + vtable_bytes, f"vtable of {path}: {vtable_bytes} bytes, table "
+                   f"of {self.unpack('<H', vtable + 2)}, offset of each field")
+        self.claim(at, at + 4, f"{path}: table {name}, its vtable is 0x{at - vtable:x} before")
+        out = {}
+        for i, f in enumerate(self.schema.fields[name]):
+            slot = 4 + 2 * i
+            offset = self.unpack("<H", vtable + slot) if slot + 2 <= vtable_bytes else 0
+            out[f.name] = self.field(f, at + offset if offset else None, f"{path}.{f.name}")
+        return out
+
+    def field(self, f, at, path):
+        if at is None:
+            if f.required:
+                raise Invalid(self.clause, f"{path} is missing")
+            return f.default if f.type in SCALARS and not f.vector else None
+        if f.type in SCALARS and not f.vector:
+            return self.scalar(f.type, at, path)
+        if not f.vector and self.schema.kinds.get(f.type) == "struct":
+            return self.struct(f.type, at, path)
+        target = at + self.unpack("<I", at)
+        self.claim(at, at + 4, f"{path}: at +0x{target:x}")
+        if f.vector:
+            return self.vector(f.type, target, path)
+        return self.string(target, path) if f.type == "string" else self.table(f.type, target, path)
+
+    def scalar(self, kind, at, path):
+        value = self.unpack(SCALARS[kind], at)
+        shown = f"0x{value:016x}" if path.endswith("hash") else f"{value}"
+        self.claim(at, at + struct.calcsize(SCALARS[kind]), f"{path} = {shown}")
+        return value
+
+    def struct(self, name, begin, path):
+        out, at = {}, begin
+        for f in self.schema.fields[name]:
+            size, align = self.schema.size_align(f.type)
+            at += -(at - begin) % align
+            names = [f"{path}.{f.name}" + f"[{i}]" * bool(f.count) for i in range(max(f.count, 1))]
+            values = [self.scalar(f.type, at + i * size, name) for i, name in enumerate(names)]
+            out[f.name] = values if f.count else values[0]
+            at += size * max(f.count, 1)
+        return out
+
+    def vector(self, kind, at, path):
+        n = self.unpack("<I", at)
+        self.claim(at, at + 4, f"{path}: {n} elements")
+        if self.schema.kinds[kind] == "struct":
+            size = self.schema.size_align(kind)[0]
+            return [self.struct(kind, at + 4 + size * i, f"{path}[{i}]") for i in range(n)]
+        out = []
+        for i in range(n):
+            slot = at + 4 + 4 * i
+            target = slot + self.unpack("<I", slot)
+            self.claim(slot, slot + 4, f"{path}[{i}]: at +0x{target:x}")
+            out.append(self.table(kind, target, f"{path}[{i}]"))
+        return out
+
+    def string(self, at, path):
+        n = self.unpack("<I", at)
+        self.unpack("<B", at + 4 + n)
+        text = bytes(self.data[at + 4:at + 4 + n]).decode("utf-8")
+        self.claim(at, at + 4, f"{path}: {n} bytes")
+        self.claim(at + 4, at + 5 + n, f'{path} = "{text}", NUL')
+        return text

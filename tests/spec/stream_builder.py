@@ -1,0 +1,197 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Streams built from a description, field by field: valid ones that no encoder would make, and
+broken ones whose checksums are right.
+
+A scene is the dictionary of a Header (names of spec/l4d.fbs) in which a component coding holds the
+rows of its codebooks, and a layer its pages and blocks. build() turns it into a file. To break a
+rule, put a "patch" of fields into a coding (for its stages), a page (for its record) or a layer
+(for its directory pages)."""
+
+import random
+import struct
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "spec" / "examples"))
+
+import make_tiny                                    # noqa: E402
+from flatbuffer import SCALARS, Schema              # noqa: E402
+from make_tiny import Struct, Table, chunk_ref, write_flatbuffer, zigzag_deltas  # noqa: E402
+from xxh3 import xxh3_64                            # noqa: E402
+
+SCHEMA = Schema(ROOT / "spec" / "l4d.fbs")
+COMPONENTS = ("scale", "rotor_spatial", "rotor_temporal")
+NO_BLOCK = 0xFFFFFFFF
+
+
+# ---- FlatBuffers from dictionaries ---------------------------------------------------------------
+
+def pack_struct(name, d):
+    out = b""
+    for f in SCHEMA.fields[name]:
+        size, align = SCHEMA.size_align(f.type)
+        out += bytes(-len(out) % align)
+        values = d[f.name] if f.count else [d.get(f.name, 0)]
+        out += b"".join(struct.pack(SCALARS[f.type], v) for v in values)
+    return Struct(out + bytes(-len(out) % SCHEMA.size_align(name)[1]))
+
+
+def table(name, d):
+    fields = []
+    for slot, f in enumerate(SCHEMA.fields[name]):
+        value = d.get(f.name)
+        if value is None:
+            continue
+        form = pack_struct if SCHEMA.kinds.get(f.type) == "struct" else table
+        if f.type in SCALARS:
+            fields.append((slot, SCALARS[f.type][1:], value))
+        elif f.type == "string":
+            fields.append((slot, "offset", value.encode("utf-8")))
+        elif f.vector:
+            fields.append((slot, "offset", [form(f.type, v) for v in value]))
+        else:
+            kind = "struct" if form is pack_struct else "offset"
+            fields.append((slot, kind, form(f.type, value)))
+    return Table(*fields)
+
+
+# ---- streams -------------------------------------------------------------------------------------
+
+def order32(value):
+    bits = struct.unpack("<I", struct.pack("<f", value))[0]
+    return bits ^ (0xFFFFFFFF if bits >> 31 else 0x80000000)
+
+
+def stream(rng, values, width):
+    """A stream in one of the forms that can hold the values."""
+    if not values or width == 0:
+        return b""
+    if len(set(values)) == 1 and rng.random() < 0.7:
+        return make_tiny.constant(values[0], width)
+    delta = 4 if width in (16, 32) and rng.random() < 0.4 else 0
+    coded = zigzag_deltas(values, width) if delta else values
+    form = make_tiny.packed if rng.random() < 0.6 else make_tiny.planes
+    out = form(coded, width)
+    return bytes([out[0] | delta]) + out[1:]
+
+
+def halves(rng, values):
+    return stream(rng, [make_tiny.order(v) for v in values], 16)
+
+
+def codebook(rng, rows):
+    return b"".join(halves(rng, column) for column in zip(*rows))
+
+
+def bit_width(limit):
+    return (limit - 1).bit_length()
+
+
+def rcq_table(rng, pairs, num_global, num_residual):
+    return (stream(rng, [p[0] for p in pairs], bit_width(num_global)) +
+            stream(rng, [p[1] for p in pairs], bit_width(num_residual)))
+
+
+# ---- the file ------------------------------------------------------------------------------------
+
+def build(scene, version=(1, 0), flags=1, rng=random.Random(0), unknown_fields=False):
+    header = dict(scene)
+    payload, codebooks = [], []           # (reference to fill, raw)
+
+    def chunk(raw, to):
+        ref = {"hash": xxh3_64(raw), "stored_bytes": len(raw), "raw_bytes": len(raw), "codec": 0,
+               "offset": 1}
+        to.append((ref, raw))
+        return ref
+
+    def coding(c):
+        if c["coding"] != 2:
+            return {"coding": c["coding"]}
+        stage = lambda rows: {"num_entries": len(rows), "element": 0, "codebook": chunk(
+            codebook(rng, rows) + c.get("suffix", b""), codebooks), **c.get("patch", {})}
+        out = {"coding": 2, "literals": c["literals"],
+               "stages": [stage(rows) for rows in c["stages"]]}
+        if c.get("rcq"):
+            out["rcq"] = stage(c["rcq"])
+        return out
+
+    header["sh"] = coding(scene["sh"])
+    header["layers"] = [
+        dict(layer, **{c: coding(layer[c]) for c in COMPONENTS}, page_table_offset=1)
+        for layer in scene["layers"]]
+    directories = [
+        [directory_page(index, layer, d, chunk, payload) for d in range(layer["table_size"])]
+        for index, layer in enumerate(scene["layers"])]
+
+    # Payload first, for its offsets are relative, then the directory, which holds them.
+    at = rng.randrange(20)
+    shuffled = payload[:]
+    rng.shuffle(shuffled)
+    tail = bytearray(rng.randbytes(at))
+    for ref, raw in shuffled:
+        ref["offset"] = len(tail)
+        tail += raw + rng.randbytes(rng.randrange(3))
+
+    header["payload_offset"] = 1
+    def scene_header():
+        root = table("Header", header)
+        if unknown_fields:                # of a later minor version
+            root.fields.extend([(30, "Q", 0xFFFFFFFFFFFFFFFF), (31, "offset", Table((0, "B", 1)))])
+        return write_flatbuffer(root, b"L4DH")
+
+    size = len(scene_header())
+    at = 40 + size
+    body = bytearray()
+    for ref, raw in codebooks:
+        body += rng.randbytes(rng.randrange(3))
+        ref["offset"] = at + len(body)
+        body += raw
+    for index, pages in enumerate(directories):
+        raws = [write_flatbuffer(table("DirectoryPage", p), b"L4DD") if p else b"" for p in pages]
+        places = []
+        for raw in raws:
+            places.append(at + len(body))
+            body += raw + rng.randbytes(rng.randrange(3) if raw else 0)
+        header["layers"][index]["page_table_offset"] = at + len(body)
+        for raw, place in zip(raws, places):
+            entry = struct.pack("<QQIII", *((place, xxh3_64(raw), len(raw), len(raw), 0) if raw else
+                                            (0, 0, 0, 0, 0)))
+            body += entry + struct.pack("<I", xxh3_64(entry) & 0xFFFFFFFF)
+    header["payload_offset"] = at + len(body)
+    raw = scene_header()
+    assert len(raw) == size
+    return file_header(raw, version, flags) + raw + bytes(body) + bytes(tail)
+
+
+def file_header(scene_header, version=(1, 0), flags=1):
+    head = struct.pack("<8sBBHIQQ", bytes.fromhex("894c34440d0a1a0a"), *version, flags,
+                       len(scene_header), 40, xxh3_64(scene_header))
+    return head + struct.pack("<Q", xxh3_64(head))
+
+
+def directory_page(index, layer, d, chunk, payload):
+    records = [p for p in layer["pages"] if p["bucket"] >> layer["directory_bits"] == d]
+    if not records:
+        return None
+    out = {"layer": index, "index": d, "blocks": [], "pages": [], **layer.get("patch", {})}
+    for tables in layer["blocks"].get(d, []):
+        out["blocks"].append({"tables": [
+            {"component": c, "num_entries": n, "table": chunk(raw, payload)}
+            for c, n, raw in tables]})
+    for p in records:
+        out["pages"].append(PageRecord(p, chunk(p["raw"], payload)))
+    return out
+
+
+class PageRecord(dict):
+    """A record whose chunk gets its place later."""
+
+    def __init__(self, page, ref):
+        super().__init__({k: v for k, v in page.items() if k not in ("raw", "patch")})
+        self.ref = ref
+        self.update(page.get("patch", {}))
+
+    def get(self, key, default=None):
+        return self[key] if key in self else self.ref.get(key, default)
+
