@@ -1,0 +1,335 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "libl4dcodec/container/scene_header.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <functional>
+#include <limits>
+
+#include "tests/common/headers.h"
+#include "tests/common/random.h"
+
+namespace l4d {
+namespace {
+
+using test::example_header;
+
+void expect_equal(const ChunkRef& a, const ChunkRef& b) {
+  EXPECT_EQ(a.offset, b.offset);
+  EXPECT_EQ(a.hash, b.hash);
+  EXPECT_EQ(a.stored_bytes, b.stored_bytes);
+  EXPECT_EQ(a.raw_bytes, b.raw_bytes);
+  EXPECT_EQ(a.codec, b.codec);
+}
+
+void expect_equal(const StageCoding& a, const StageCoding& b) {
+  EXPECT_EQ(a.num_entries, b.num_entries);
+  EXPECT_EQ(a.element, b.element);
+  expect_equal(a.codebook, b.codebook);
+}
+
+void expect_equal(const ComponentCoding& a, const ComponentCoding& b) {
+  EXPECT_EQ(a.coding, b.coding);
+  EXPECT_EQ(a.literals, b.literals);
+  EXPECT_EQ(a.has_rcq, b.has_rcq);
+  if (a.has_rcq) expect_equal(a.rcq, b.rcq);
+  ASSERT_EQ(a.stages.size(), b.stages.size());
+  for (size_t s = 0; s < a.stages.size(); ++s) expect_equal(a.stages[s], b.stages[s]);
+}
+
+void expect_equal(const ScalarCoding& a, const ScalarCoding& b) {
+  EXPECT_EQ(a.coding, b.coding);
+  EXPECT_EQ(a.bits, b.bits);
+  EXPECT_EQ(a.offset, b.offset);
+  EXPECT_EQ(a.step, b.step);
+}
+
+TEST(SceneHeader, RoundTrip) {
+  const SceneHeader a = example_header();
+  SceneHeader b;
+  const Status s = parse_scene_header(serialize_scene_header(a), 0, &b);
+  ASSERT_TRUE(s.ok()) << s.detail();
+  EXPECT_EQ(a.num_gaussians, b.num_gaussians);
+  EXPECT_EQ(a.timeline.time_begin, b.timeline.time_begin);
+  EXPECT_EQ(a.timeline.num_frames, b.timeline.num_frames);
+  EXPECT_EQ(a.timeline.fps_num, b.timeline.fps_num);
+  EXPECT_EQ(a.timeline.fps_den, b.timeline.fps_den);
+  EXPECT_EQ(a.gate, b.gate);
+  for (int i = 0; i < 3; ++i) {
+    EXPECT_EQ(a.placement.origin[i], b.placement.origin[i]);
+    EXPECT_EQ(a.position_center[i], b.position_center[i]);
+  }
+  EXPECT_EQ(a.placement.scale, b.placement.scale);
+  EXPECT_EQ(a.placement.coordinate_system, b.placement.coordinate_system);
+  EXPECT_EQ(a.placement.color_space, b.placement.color_space);
+  EXPECT_EQ(a.position_at_mean_time, b.position_at_mean_time);
+  EXPECT_EQ(a.opacity_logit, b.opacity_logit);
+  EXPECT_EQ(a.position, b.position);
+  EXPECT_EQ(a.position_scale, b.position_scale);
+  expect_equal(a.opacity, b.opacity);
+  EXPECT_EQ(a.sh_degree, b.sh_degree);
+  expect_equal(a.sh, b.sh);
+  EXPECT_EQ(a.payload_offset, b.payload_offset);
+  EXPECT_EQ(a.metadata, b.metadata);
+  ASSERT_EQ(a.layers.size(), b.layers.size());
+  for (size_t i = 0; i < a.layers.size(); ++i) {
+    const LayerHeader& x = a.layers[i];
+    const LayerHeader& y = b.layers[i];
+    EXPECT_EQ(x.level, y.level);
+    EXPECT_EQ(x.permanent, y.permanent);
+    EXPECT_EQ(x.num_gaussians, y.num_gaussians);
+    EXPECT_EQ(x.mean_t, y.mean_t);
+    EXPECT_EQ(x.log_scale_t, y.log_scale_t);
+    expect_equal(x.scale_factor, y.scale_factor);
+    for (unsigned c = L4D_COMPONENT_SCALE; c < L4D_COMPONENT_COUNT; ++c) {
+      expect_equal(x.component[c], y.component[c]);
+    }
+    EXPECT_EQ(x.directory_bits, y.directory_bits);
+    EXPECT_EQ(x.page_table_offset, y.page_table_offset);
+  }
+}
+
+TEST(SceneHeader, FlagsRoundTrip) {
+  for (const bool at_mean : {false, true}) {
+    for (const bool logit : {false, true}) {
+      SceneHeader a = example_header();
+      a.position = MeanCodingId::kRaw32;
+      a.position_at_mean_time = at_mean;
+      a.opacity_logit = logit;
+      SceneHeader b;
+      ASSERT_TRUE(parse_scene_header(serialize_scene_header(a), 0, &b).ok());
+      EXPECT_EQ(b.position_at_mean_time, at_mean);
+      EXPECT_EQ(b.opacity_logit, logit);
+      EXPECT_EQ(b.position, MeanCodingId::kRaw32);
+    }
+  }
+}
+
+TEST(SceneHeader, SerializationIsDeterministic) {
+  EXPECT_EQ(serialize_scene_header(example_header()), serialize_scene_header(example_header()));
+}
+
+TEST(SceneHeader, SizeDoesNotDependOnOffsets) {
+  SceneHeader a = example_header();
+  const size_t size = serialize_scene_header(a).size();
+  a.payload_offset = ~uint64_t{0} >> 1;
+  a.layers[1].page_table_offset = uint64_t{1} << 60;
+  a.sh.stages[0].codebook.offset = 40;
+  EXPECT_EQ(serialize_scene_header(a).size(), size);
+}
+
+struct Rule {
+  const char* clause;
+  const char* what;
+  std::function<void(SceneHeader&)> change;
+  l4d_status status = L4D_ERR_CORRUPT;
+};
+
+constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+constexpr float kInf = std::numeric_limits<float>::infinity();
+
+std::vector<Rule> rules() {
+  using H = SceneHeader;
+  const auto unsupported = L4D_ERR_FEATURE_UNSUPPORTED;
+  const auto spatial = [](H& h) -> ComponentCoding& {
+    return h.layers[1].component[L4D_COMPONENT_ROTOR_SPATIAL];
+  };
+  std::vector<Rule> r = {
+      {"HEAD-2", "no frames", [](H& h) { h.timeline.num_frames = 0; }},
+      {"HEAD-2", "too many frames", [](H& h) { h.timeline.num_frames = kMaxFrames + 1; }},
+      {"HEAD-2", "rate 0", [](H& h) { h.timeline.fps_num = 0; }},
+      {"HEAD-2", "rate 1/0", [](H& h) { h.timeline.fps_den = 0; }},
+      {"HEAD-3", "origin NaN", [](H& h) { h.placement.origin[1] = static_cast<double>(kNan); }},
+      {"HEAD-3", "origin infinite", [](H& h) { h.placement.origin[2] = static_cast<double>(kInf); }},
+      {"HEAD-3", "world scale NaN", [](H& h) { h.placement.scale = static_cast<double>(kNan); }},
+      {"HEAD-3", "position scale 0", [](H& h) { h.position_scale = 0; }},
+      {"HEAD-3", "position scale negative", [](H& h) { h.position_scale = -1; }},
+      {"HEAD-4", "SH degree 4", [](H& h) { h.sh_degree = 4; }},
+      {"HEAD-5", "one Gaussian more than the scene", [](H& h) { h.layers[2].num_gaussians += 1; }},
+      {"HEAD-5", "one Gaussian less than the scene", [](H& h) { h.layers[2].num_gaussians -= 1; }},
+      {"HEAD-5", "counts that overflow",
+       [](H& h) {
+         h.layers[0].num_gaussians = ~uint64_t{0};
+         h.layers[1].num_gaussians = 501;
+         h.layers[2].num_gaussians = 100;
+       }},
+      {"HEAD-6", "level above the finest", [](H& h) { h.layers[2].level = 7; }},
+      {"HEAD-6", "levels descend",
+       [](H& h) {
+         h.layers.push_back(h.layers[2]);
+         h.layers[3].num_gaussians = 0;
+         h.layers[3].level = 2;
+       }},
+      {"HEAD-6", "more layers than two per level",
+       [](H& h) {
+         while (h.layers.size() <= 14) {
+           h.layers.push_back(h.layers[2]);
+           h.layers.back().num_gaussians = 0;
+         }
+       }},
+      {"HEAD-7", "position coding none", [](H& h) { h.position = MeanCodingId::kNone; }, unsupported},
+      {"HEAD-7", "position coding 3", [](H& h) { h.position = MeanCodingId{3}; }, unsupported},
+      {"HEAD-7", "mean coding 3", [](H& h) { h.layers[1].mean_t = MeanCodingId{3}; }, unsupported},
+      {"HEAD-7", "opacity coding 3", [](H& h) { h.opacity.coding = ScalarCodingId{3}; }, unsupported},
+      {"HEAD-7", "scale factor coding 200",
+       [](H& h) { h.layers[2].scale_factor.coding = ScalarCodingId{200}; }, unsupported},
+      {"HEAD-7", "SH coding 3", [](H& h) { h.sh.coding = ComponentCodingId{3}; }, unsupported},
+      {"HEAD-7", "rotor coding 9",
+       [=](H& h) { spatial(h).coding = ComponentCodingId{9}; }, unsupported},
+      {"HEAD-7", "element type 1",
+       [=](H& h) { spatial(h).stages[1].element = ElementType{1}; }, unsupported},
+      {"HEAD-7", "residual element type 1",
+       [](H& h) { h.layers[2].component[L4D_COMPONENT_SCALE].rcq.element = ElementType{1}; },
+       unsupported},
+      {"HEAD-9", "gate 0", [](H& h) { h.gate = 0; }},
+      {"HEAD-9", "gate negative", [](H& h) { h.gate = -1; }},
+      {"HEAD-9", "gate above 16", [](H& h) { h.gate = std::nextafter(16.0f, 17.0f); }},
+      {"HEAD-9", "gate NaN", [](H& h) { h.gate = kNan; }},
+      {"HEAD-10", "permanent with mean times", [](H& h) { h.layers[0].mean_t = MeanCodingId::kF16; }},
+      {"HEAD-10", "temporal without mean times",
+       [](H& h) { h.layers[1].mean_t = MeanCodingId::kNone; }},
+      {"HEAD-10", "permanent at level 3",
+       [](H& h) {
+         h.layers[2].permanent = true;
+         h.layers[2].mean_t = MeanCodingId::kNone;
+         h.layers[2].component[L4D_COMPONENT_SCALE].has_rcq = false;
+       }},
+      {"HEAD-11", "raw temporal rotor beside a coded spatial one",
+       [](H& h) {
+         h.layers[1].component[L4D_COMPONENT_ROTOR_TEMPORAL] = ComponentCoding();
+         h.layers[1].component[L4D_COMPONENT_ROTOR_TEMPORAL].coding = ComponentCodingId::kRaw32;
+       }},
+      {"HEAD-12", "directory pages of 2^17 buckets", [](H& h) { h.layers[2].directory_bits = 17; }},
+      {"CODE-1", "opacity of 0 bits", [](H& h) { h.opacity.bits = 0; }},
+      {"CODE-1", "scale factor of 17 bits", [](H& h) { h.layers[0].scale_factor.bits = 17; }},
+      {"CODE-2", "codebook of 0 entries", [](H& h) { h.sh.stages[1].num_entries = 0; }},
+      {"CODE-2", "codebook of 65537 entries", [=](H& h) { spatial(h).stages[0].num_entries = 65537; }},
+      {"CODE-2", "residual codebook of 0 entries",
+       [](H& h) { h.layers[2].component[L4D_COMPONENT_SCALE].rcq.num_entries = 0; }},
+      {"CODE-2", "residual codebook of 4097 entries",
+       [](H& h) { h.layers[2].component[L4D_COMPONENT_SCALE].rcq.num_entries = 4097; }},
+      {"CODE-3", "no stage", [](H& h) { h.sh.stages.clear(); }},
+      {"CODE-3", "nine stages", [](H& h) { h.sh.stages.resize(9, h.sh.stages[0]); }},
+      {"RCQ-2", "RCQ on SH",
+       [](H& h) {
+         h.sh.has_rcq = true;
+         h.sh.rcq = h.layers[2].component[L4D_COMPONENT_SCALE].rcq;
+       }},
+      {"RCQ-2", "RCQ in level 0",
+       [=](H& h) {
+         spatial(h).has_rcq = true;
+         spatial(h).rcq = h.layers[2].component[L4D_COMPONENT_SCALE].rcq;
+       }},
+  };
+  // Numbers of the decoding arithmetic: zero or a sound magnitude.
+  const std::pair<const char*, std::function<void(H&, float)>> kNumbers[] = {
+      {"time_begin", [](H& h, float v) { h.timeline.time_begin = static_cast<double>(v); }},
+      {"position_center", [](H& h, float v) { h.position_center[2] = v; }},
+      {"position_scale", [](H& h, float v) { h.position_scale = v; }},
+      {"opacity offset", [](H& h, float v) { h.opacity.offset = v; }},
+      {"opacity step", [](H& h, float v) { h.opacity.step = v; }},
+      {"scale factor offset", [](H& h, float v) { h.layers[2].scale_factor.offset = v; }},
+      {"scale factor step", [](H& h, float v) { h.layers[2].scale_factor.step = v; }},
+      {"log_scale_t", [](H& h, float v) { h.layers[0].log_scale_t = v; }}};
+  for (const auto& [name, change] : kNumbers) {
+    for (const float v : {kNan, kInf, -kInf, 0x1p-61f, -0x1p-61f, 1e-45f, 0x1.000002p60f}) {
+      r.push_back({"HEAD-3", name, [change = change, v](H& h) { change(h, v); }});
+    }
+  }
+  return r;
+}
+
+// spec: HEAD-2, HEAD-3, HEAD-4, HEAD-5, HEAD-6, HEAD-7, HEAD-9, HEAD-10, HEAD-11, HEAD-12
+// spec: CODE-1, CODE-2, CODE-3, RCQ-2
+TEST(SceneHeader, EveryRuleIsChecked) {
+  for (const Rule& rule : rules()) {
+    SceneHeader h = example_header();
+    rule.change(h);
+    SceneHeader parsed;
+    const Status s = parse_scene_header(serialize_scene_header(h), 40, &parsed);
+    EXPECT_EQ(s.code(), rule.status) << rule.clause << " " << rule.what << ": " << s.detail();
+    EXPECT_STREQ(s.clause(), rule.clause) << rule.what << ": " << s.detail();
+    EXPECT_EQ(s.offset(), 40u);
+  }
+}
+
+TEST(SceneHeader, ExtremesAreAccepted) {
+  const std::vector<std::function<void(SceneHeader&)>> kChanges = {
+      [](SceneHeader& h) { h.timeline.num_frames = kMaxFrames; },
+      [](SceneHeader& h) { h.timeline.time_begin = -0x1p60; },
+      [](SceneHeader& h) { h.timeline.time_begin = 0x1p-60; },
+      [](SceneHeader& h) { h.position_center[0] = 0x1p60f; },
+      [](SceneHeader& h) { h.position_scale = 0x1p-60f; },
+      [](SceneHeader& h) { h.opacity.bits = 16; },
+      [](SceneHeader& h) { h.opacity = ScalarCoding(); },
+      [](SceneHeader& h) { h.gate = 16; },
+      [](SceneHeader& h) { h.gate = 1e-6f; },
+      [](SceneHeader& h) { h.sh.stages.resize(8, h.sh.stages[0]); },
+      [](SceneHeader& h) { h.sh.stages[0].num_entries = 65536; },
+      [](SceneHeader& h) { h.sh = ComponentCoding(); },
+      [](SceneHeader& h) { h.layers[2].level = 6; },
+      [](SceneHeader& h) { h.layers[2].directory_bits = 16; },
+      [](SceneHeader& h) { h.layers[2].component[L4D_COMPONENT_SCALE].rcq.num_entries = 4096; },
+      [](SceneHeader& h) {
+        h.layers.clear();
+        h.num_gaussians = 0;
+      }};
+  for (size_t i = 0; i < kChanges.size(); ++i) {
+    SceneHeader h = example_header();
+    kChanges[i](h);
+    SceneHeader parsed;
+    const Status s = parse_scene_header(serialize_scene_header(h), 0, &parsed);
+    EXPECT_TRUE(s.ok()) << i << ": " << s.detail();
+  }
+}
+
+// spec: HEAD-1
+TEST(SceneHeader, TruncatedAtEveryLength) {
+  const Bytes bytes = serialize_scene_header(example_header());
+  for (size_t n = 0; n < bytes.size(); ++n) {
+    const Bytes cut(bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(n));
+    SceneHeader h;
+    const Status s = parse_scene_header(cut, 0, &h);
+    // Padding at the end may be cut without harm.
+    if (n + 8 < bytes.size()) {
+      ASSERT_EQ(s.code(), L4D_ERR_CORRUPT) << n;
+      ASSERT_STREQ(s.clause(), "HEAD-1") << n;
+    }
+  }
+}
+
+// spec: HEAD-1
+TEST(SceneHeader, OtherIdentifierIsRefused) {
+  Bytes bytes = serialize_scene_header(example_header());
+  bytes[7] = 'D';
+  SceneHeader h;
+  EXPECT_STREQ(parse_scene_header(bytes, 0, &h).clause(), "HEAD-1");
+}
+
+TEST(SceneHeader, DamagedBytesAreRefusedOrParsedSafely) {
+  const Bytes bytes = serialize_scene_header(example_header());
+  test::Random random(4);
+  int refused = 0;
+  for (int round = 0; round < 20000; ++round) {
+    Bytes damaged = bytes;
+    for (uint32_t k = random.below(4); k < 4; ++k) {
+      damaged[random.below(static_cast<uint32_t>(damaged.size()))] =
+          static_cast<unsigned char>(random.bits());
+    }
+    SceneHeader h;
+    const Status s = parse_scene_header(damaged, 0, &h);
+    if (s.ok()) {
+      ASSERT_LE(h.layers.size(), 50u);
+      ASSERT_LE(h.sh.stages.size(), 8u);
+    } else {
+      ++refused;
+      ASSERT_TRUE(s.code() == L4D_ERR_CORRUPT || s.code() == L4D_ERR_FEATURE_UNSUPPORTED);
+      ASSERT_STRNE(s.clause(), "");
+    }
+  }
+  EXPECT_GT(refused, 1000);
+}
+
+}  // namespace
+}  // namespace l4d

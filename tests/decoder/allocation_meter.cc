@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tests/decoder/allocation_meter.h"
+
+#include <malloc.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cstdlib>
+#include <new>
+
+namespace {
+
+std::atomic<int64_t> held{0};
+std::atomic<int64_t> most{0};
+
+void* allocate(size_t n) {
+  void* p = std::malloc(n == 0 ? 1 : n);
+  if (p == nullptr) throw std::bad_alloc();
+  const int64_t now = held += static_cast<int64_t>(malloc_usable_size(p));
+  int64_t seen = most.load();
+  while (now > seen && !most.compare_exchange_weak(seen, now)) {
+  }
+  return p;
+}
+
+void release(void* p) {
+  if (p != nullptr) held -= static_cast<int64_t>(malloc_usable_size(p));
+  std::free(p);
+}
+
+}  // namespace
+
+void* operator new(size_t n) { return allocate(n); }
+void* operator new[](size_t n) { return allocate(n); }
+void operator delete(void* p) noexcept { release(p); }
+void operator delete[](void* p) noexcept { release(p); }
+void operator delete(void* p, size_t) noexcept { release(p); }
+void operator delete[](void* p, size_t) noexcept { release(p); }
+
+namespace l4d::test {
+
+AllocationMeter::AllocationMeter() : at_start_(held.load()) { most = at_start_; }
+
+uint64_t AllocationMeter::peak() const {
+  return static_cast<uint64_t>(std::max<int64_t>(0, most.load() - at_start_));
+}
+
+}  // namespace l4d::test

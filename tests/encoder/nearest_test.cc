@@ -1,0 +1,274 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "encoder/nearest.h"
+
+#include <gtest/gtest.h>
+#include <hwy/highway.h>
+#include <hwy/targets.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <ostream>
+#include <vector>
+
+#include "tests/encoder/vectors.h"
+
+namespace l4d {
+namespace {
+
+using test::blobs;
+using test::heavy_tails;
+using test::lattice;
+
+constexpr float kInfinity = std::numeric_limits<float>::infinity();
+constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+
+struct Result {
+  std::vector<uint32_t> labels;
+  std::vector<float> sq_dist;
+  bool operator==(const Result& o) const { return labels == o.labels && sq_dist == o.sq_dist; }
+};
+// How a failed comparison is shown.
+std::ostream& operator<<(std::ostream& out, const Result& r) {
+  return out << r.labels.size() << " labels";
+}
+
+Result assign(const std::vector<float>& points, size_t dim, const std::vector<float>& codebook,
+              int threads = 1, const std::vector<uint32_t>* hint = nullptr,
+              Axes axes = Axes::kAny) {
+  Result r;
+  const size_t n = points.size() / dim;
+  r.labels.assign(n, 12345u);
+  r.sq_dist.assign(n, -1.0f);
+  assign_nearest(points.data(), n, dim, codebook.data(), codebook.size() / dim, threads,
+                 hint == nullptr ? nullptr : hint->data(), r.labels.data(), r.sq_dist.data(), axes);
+  return r;
+}
+
+Result reference(const std::vector<float>& points, size_t dim, const std::vector<float>& codebook) {
+  Result r;
+  const size_t n = points.size() / dim;
+  r.labels.resize(n);
+  r.sq_dist.resize(n);
+  assign_nearest_reference(points.data(), n, dim, codebook.data(), codebook.size() / dim, 0,
+                           nullptr, r.labels.data(), r.sq_dist.data());
+  return r;
+}
+
+// Distances to 1e-5, labels except where the two are that close to a tie.
+void expect_close(const std::vector<float>& points, size_t dim, const std::vector<float>& codebook,
+                  const Result& got) {
+  const Result want = reference(points, dim, codebook);
+  for (size_t i = 0; i < want.labels.size(); ++i) {
+    const double d = static_cast<double>(want.sq_dist[i]);
+    ASSERT_NEAR(static_cast<double>(got.sq_dist[i]), d, 1e-5 * d + 1e-37) << "point " << i;
+    if (got.labels[i] == want.labels[i]) continue;
+    ASSERT_LT(got.labels[i], codebook.size() / dim);
+    double other = 0;
+    for (size_t j = 0; j < dim; ++j) {
+      const double e = static_cast<double>(points[i * dim + j]) -
+                       static_cast<double>(codebook[got.labels[i] * dim + j]);
+      other += e * e;
+    }
+    ASSERT_NEAR(other, d, 1e-5 * d) << "point " << i << " is not near a tie";
+  }
+}
+
+// Every SIMD target that is compiled in and that this machine has.
+class NearestTest : public testing::TestWithParam<int64_t> {
+ protected:
+  void SetUp() override {
+    if ((hwy::SupportedTargets() & GetParam()) == 0) {
+      GTEST_SKIP() << hwy::TargetName(GetParam()) << " is not available on this machine";
+    }
+    hwy::SetSupportedTargetsForTest(GetParam());
+    hwy::GetChosenTarget().Update(hwy::SupportedTargets());
+  }
+  void TearDown() override {
+    hwy::SetSupportedTargetsForTest(0);
+    hwy::GetChosenTarget().Update(hwy::SupportedTargets());
+  }
+};
+
+TEST_P(NearestTest, MatchesReferenceInAllShapes) {
+  for (const size_t dim : {1u, 2u, 3u, 4u, 5u, 8u, 9u, 12u, 16u, 27u, 48u, 65u}) {
+    for (const size_t k : {1u, 2u, 15u, 16u, 17u, 257u, 700u}) {
+      SCOPED_TRACE(testing::Message() << "dim " << dim << " k " << k);
+      // Enough points for a rotation at some dimensions, too few at others.
+      const auto points = blobs(1100, dim, 300, dim);
+      const auto codebook = blobs(k, dim, 300, dim);  // the same blobs
+      expect_close(points, dim, codebook, assign(points, dim, codebook));
+      const auto tails = heavy_tails(500, dim, 7);
+      const auto tail_book = heavy_tails(k, dim, 8);
+      expect_close(tails, dim, tail_book, assign(tails, dim, tail_book));
+    }
+  }
+}
+
+// Small integers have exact distances, so labels are those of the reference to the last tie,
+// whatever the rotation of the search does to them.
+TEST_P(NearestTest, TiesGoToTheLowestIndex) {
+  for (const size_t dim : {1u, 3u, 4u, 6u, 12u, 27u, 48u}) {
+    for (const int range : {1, 3}) {
+      SCOPED_TRACE(testing::Message() << "dim " << dim << " range " << range);
+      const auto points = lattice(2000, dim, range, 1);
+      auto codebook = lattice(500, dim, range, 2);
+      codebook.insert(codebook.end(), codebook.begin(), codebook.end());  // every one twice
+      const Result want = reference(points, dim, codebook);
+      EXPECT_EQ(assign(points, dim, codebook), want);
+      EXPECT_EQ(assign(points, dim, codebook, 1, nullptr, Axes::kPrincipal), want);
+      for (const uint32_t label : want.labels) ASSERT_LT(label, 500u);
+    }
+  }
+}
+
+TEST_P(NearestTest, HintsAxesAndThreadsChangeNothing) {
+  for (const size_t dim : {3u, 4u, 7u, 12u, 48u}) {
+    SCOPED_TRACE(dim);
+    const auto points = blobs(5000, dim, 50, 3);
+    const auto codebook = blobs(900, dim, 50, 4);
+    const Result want = assign(points, dim, codebook);
+    test::Random random(5);
+    std::vector<uint32_t> hint(5000);
+    for (uint32_t& h : hint) h = random.below(900);
+    EXPECT_EQ(assign(points, dim, codebook, 1, &hint), want);
+    for (uint32_t& h : hint) h = static_cast<uint32_t>(random.bits());  // mostly no codeword
+    EXPECT_EQ(assign(points, dim, codebook, 2, &hint), want);
+    hint = want.labels;
+    EXPECT_EQ(assign(points, dim, codebook, 7, &hint), want);
+    EXPECT_EQ(assign(points, dim, codebook, 2, nullptr, Axes::kPrincipal), want);
+  }
+}
+
+TEST_P(NearestTest, HintMayBeTheOutput) {
+  const auto points = blobs(3000, 48, 50, 3);
+  const auto codebook = blobs(300, 48, 50, 4);
+  const Result want = assign(points, 48, codebook);
+  Result got = want;
+  assign_nearest(points.data(), 3000, 48, codebook.data(), 300, 2, got.labels.data(),
+                 got.labels.data(), got.sq_dist.data());
+  EXPECT_EQ(got, want);
+}
+
+// Far from the origin, and far from each other, the slack for rounding has to widen.
+TEST_P(NearestTest, OffsetsAndScalesKeepTheResultExact) {
+  for (const size_t dim : {4u, 12u, 48u}) {
+    for (const float scale : {1e-25f, 1e-18f, 1e-3f, 1e15f}) {
+      SCOPED_TRACE(testing::Message() << "dim " << dim << " scale " << scale);
+      auto points = lattice(2500, dim, 2, 6);
+      auto codebook = lattice(400, dim, 2, 7);
+      const Result want = reference(points, dim, codebook);
+      // Powers of two apart, a lattice stays exact: labels must not move. Subnormal squares lose
+      // their ties, so those are only required to be in range.
+      const float power = std::exp2(std::round(std::log2(scale)));
+      for (float& v : points) v *= power;
+      for (float& v : codebook) v *= power;
+      const Result got = assign(points, dim, codebook);
+      if (scale > 1e-20f) {
+        EXPECT_EQ(got.labels, want.labels);
+      } else {
+        for (const uint32_t label : got.labels) ASSERT_LT(label, 400u);
+      }
+    }
+    auto points = lattice(2500, dim, 2, 6);
+    auto codebook = lattice(400, dim, 2, 7);
+    const Result want = reference(points, dim, codebook);
+    for (float& v : points) v += 65536.0f;
+    for (float& v : codebook) v += 65536.0f;
+    EXPECT_EQ(assign(points, dim, codebook), want);
+  }
+}
+
+TEST_P(NearestTest, NumbersThatAreNone) {
+  for (const size_t dim : {4u, 48u}) {
+    SCOPED_TRACE(dim);
+    auto points = blobs(2000, dim, 20, 8);
+    auto codebook = blobs(200, dim, 20, 9);
+    std::fill_n(codebook.begin(), dim, kNan);
+    codebook[5 * dim + 2] = kInfinity;
+    const Result want = reference(points, dim, codebook);
+    expect_close(points, dim, codebook, assign(points, dim, codebook));
+    for (const uint32_t label : want.labels) {
+      ASSERT_NE(label, 0u);
+      ASSERT_NE(label, 5u);
+    }
+    points[3 * dim + 1] = kNan;
+    points[4 * dim] = kInfinity;
+    points[6 * dim] = 1e30f;  // its distances overflow
+    std::vector<uint32_t> hint(2000, 7);
+    for (const auto* h : {static_cast<const std::vector<uint32_t>*>(nullptr),
+                          const_cast<const std::vector<uint32_t>*>(&hint)}) {
+      const Result got = assign(points, dim, codebook, 2, h);
+      for (const size_t i : {3u, 4u, 6u}) {
+        EXPECT_EQ(got.labels[i], 0u);
+        EXPECT_EQ(got.sq_dist[i], kInfinity);
+      }
+      EXPECT_EQ(got.labels[5], want.labels[5]);
+    }
+  }
+}
+
+TEST_P(NearestTest, UpdateEqualsAssignmentToTheWholeCodebook) {
+  for (const size_t dim : {4u, 12u, 48u}) {
+    SCOPED_TRACE(dim);
+    const auto points = lattice(3000, dim, 2, 10);
+    const auto codebook = lattice(420, dim, 2, 11);
+    const Result want = assign(points, dim, codebook);
+    Result got;
+    got.labels.assign(3000, 0);
+    got.sq_dist.assign(3000, kInfinity);
+    size_t first = 0;
+    for (const size_t count : {1u, 1u, 3u, 15u, 100u, 300u}) {
+      update_nearest(points.data(), 3000, dim, codebook.data() + first * dim, count,
+                     static_cast<uint32_t>(first), 2, got.labels.data(), got.sq_dist.data());
+      first += count;
+    }
+    ASSERT_EQ(first, 420u);
+    EXPECT_EQ(got, want);
+  }
+}
+
+TEST_P(NearestTest, LargestCodebook) {
+  const auto points = blobs(300, 4, 5000, 12);
+  const auto codebook = blobs(65536, 4, 5000, 12);
+  expect_close(points, 4, codebook, assign(points, 4, codebook));
+  const auto sh = blobs(60, 48, 5000, 13);
+  const auto sh_book = blobs(20000, 48, 5000, 13);
+  expect_close(sh, 48, sh_book, assign(sh, 48, sh_book));
+}
+
+TEST_P(NearestTest, NoPoints) {
+  const std::vector<float> codebook(4, 1.0f);
+  assign_nearest(nullptr, 0, 4, codebook.data(), 1, 0, nullptr, nullptr, nullptr);
+  update_nearest(nullptr, 0, 4, codebook.data(), 1, 0, 0, nullptr, nullptr);
+}
+
+TEST_P(NearestTest, RealVectors) {
+  const std::string folder = test::basketball_folder();
+  if (folder.empty()) GTEST_SKIP() << "no basketball scene in $L4D_DATA_DIR or ../shared/data";
+  const test::RealVectors real = test::read_basketball(folder, 97);
+  const auto check = [&](const std::vector<float>& points, size_t dim) {
+    std::vector<float> codebook;
+    for (size_t i = 0; i < real.n; i += 3) {
+      codebook.insert(codebook.end(), points.begin() + static_cast<std::ptrdiff_t>(i * dim),
+                      points.begin() + static_cast<std::ptrdiff_t>((i + 1) * dim));
+    }
+    expect_close(points, dim, codebook, assign(points, dim, codebook, 2));
+  };
+  check(real.sh, 48);
+  check(real.temporal_rotor, 4);
+}
+
+std::vector<int64_t> compiled_targets() {
+  std::vector<int64_t> targets;
+  for (int64_t rest = HWY_TARGETS; rest != 0; rest &= rest - 1) targets.push_back(rest & -rest);
+  return targets;
+}
+
+INSTANTIATE_TEST_SUITE_P(Targets, NearestTest, testing::ValuesIn(compiled_targets()),
+                         [](const testing::TestParamInfo<int64_t>& target) {
+                           return std::string(hwy::TargetName(target.param));
+                         });
+
+}  // namespace
+}  // namespace l4d
