@@ -137,6 +137,10 @@ Status PageDecoder::for_each_page(const Plan& plan, size_t begin, size_t end,
           std::vector<const DirectoryPage*> pages;
           L4D_RETURN_IF_ERROR(file_.directory_pages(task.layer, task.directory_index,
                                                     task.directory_index, &pages));
+          // A file that changes under the reader can lose the block between two reads.
+          if (pages[0] == nullptr || task.record.block >= pages[0]->blocks.size()) {
+            return corrupt("DIR-6", Status::kNoOffset, "a block does not exist any more");
+          }
           blocks_[{{task.layer, task.directory_index}, task.record.block}] =
               pages[0]->blocks[task.record.block];
         }

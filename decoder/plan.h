@@ -31,6 +31,5 @@ Status make_plan(SceneFile& file, const l4d_query& query, Plan* out);
 inline uint32_t block_id(uint32_t directory_index, uint32_t block) {
   return directory_index << 8 | block;
 }
-constexpr uint32_t kMaxBlocksPerPage = 256;
 
 }  // namespace l4d

@@ -166,7 +166,12 @@ Status SceneFile::block_codebook(uint32_t layer, unsigned component, uint32_t di
   }
   std::vector<const DirectoryPage*> pages;
   L4D_RETURN_IF_ERROR(directory_pages(layer, directory_index, directory_index, &pages));
-  const RcqTableRef& ref = pages[0]->blocks[block].tables[component];
+  // A file that changes under the reader can lose the block between two reads.
+  if (pages[0] == nullptr || block >= pages[0]->blocks.size() ||
+      pages[0]->blocks[block].tables[component].num_entries == 0) {
+    return corrupt("DIR-6", Status::kNoOffset, "block " + std::to_string(block) + " does not exist");
+  }
+  const RcqTableRef ref = pages[0]->blocks[block].tables[component];
   const CodebookData* global = nullptr;
   const CodebookData* residual = nullptr;
   L4D_RETURN_IF_ERROR(codebook(layer, component, 0, &global));

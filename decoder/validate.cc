@@ -21,10 +21,10 @@ class Validator {
     take({0, 0, FileHeader::kBytes, 0, 0}, "the file header");
     take({file_.file_header().header_offset, 0, file_.file_header().header_bytes, 0, 0},
          "the scene header");
-    check_codebooks(header.sh, 0, L4D_COMPONENT_SH);
+    L4D_RETURN_IF_ERROR(check_codebooks(header.sh, 0, L4D_COMPONENT_SH));
     for (uint32_t l = 0; l < header.layers.size(); ++l) {
       for (unsigned c = L4D_COMPONENT_SCALE; c < L4D_COMPONENT_COUNT; ++c) {
-        check_codebooks(header.layers[l].component[c], l, c);
+        L4D_RETURN_IF_ERROR(check_codebooks(header.layers[l].component[c], l, c));
       }
       L4D_RETURN_IF_ERROR(check_layer(l));
     }
@@ -59,18 +59,15 @@ class Validator {
     taken_.push_back({chunk.offset, chunk.offset + chunk.stored_bytes, what});
   }
 
-  void check_codebooks(const ComponentCoding& coding, uint32_t layer, unsigned c) {
+  Status check_codebooks(const ComponentCoding& coding, uint32_t layer, unsigned c) {
+    const CodebookData* book = nullptr;
     for (unsigned s = 0; s < coding.stages.size(); ++s) {
       take(coding.stages[s].codebook, "a codebook");
-      const CodebookData* book = nullptr;
-      const Status status = file_.codebook(layer, c, s, &book);
-      if (!status.ok()) report_(status);
+      L4D_RETURN_IF_ERROR(note(file_.codebook(layer, c, s, &book)));
     }
-    if (!coding.has_rcq) return;
+    if (!coding.has_rcq) return {};
     take(coding.rcq.codebook, "a residual codebook");
-    const CodebookData* book = nullptr;
-    const Status status = file_.codebook(layer, c, SceneFile::kRcqStage, &book);
-    if (!status.ok()) report_(status);
+    return note(file_.codebook(layer, c, SceneFile::kRcqStage, &book));
   }
 
   Status check_layer(uint32_t l) {
@@ -165,15 +162,19 @@ class Validator {
     return slice_gaussian(normalized_halves(r), s);
   }
 
+  // Mean time of Gaussian i at full precision.
+  double mean_of(const LayerHeader& layer, const l4d_range& range, size_t i) const {
+    return layer.mean_t == MeanCodingId::kRaw32 ? static_cast<double>(mean_[i])
+                                                : range.center + static_cast<double>(local_[i]);
+  }
+
   Status check_times(const SceneHeader& header, const LayerHeader& layer, const PageRecord& record,
                      const l4d_range& range) {
     const double unit = range.width / 64;
     const double begin = header.timeline.time_begin;
     const double end = begin + sequence_duration(header.timeline);
     for (size_t i = 0; i < record.num_gaussians; ++i) {
-      const double mean = header.position == MeanCodingId::kRaw32
-                              ? static_cast<double>(mean_[i])
-                              : range.center + static_cast<double>(local_[i]);
+      const double mean = mean_of(layer, range, i);
       const double sigma = 1 / std::sqrt(slice_of(i).lambda);
       if (!fits_layer(mean, sigma, record.bucket, layer.level, header.timeline)) {
         return corrupt("LAYR-1", record.chunk.offset,
@@ -204,9 +205,7 @@ class Validator {
     const double end = begin + sequence_duration(header.timeline);
     for (size_t i = 0; i < record.num_gaussians; ++i) {
       const Slice4D<double> s = slice_of(i);
-      const double mean = header.position == MeanCodingId::kRaw32 && !layer.permanent
-                              ? static_cast<double>(mean_[i])
-                              : range.center + static_cast<double>(local_[i]);
+      const double mean = mean_of(layer, range, i);
       const double reach = 4 / std::sqrt(s.lambda);
       const double reference =
           header.position_at_mean_time ? mean : reference_time(header.timeline, mean);

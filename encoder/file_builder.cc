@@ -11,6 +11,9 @@
 namespace l4d {
 namespace {
 
+// Far below kMaxDirectoryPageBytes at the 56 bytes of a page record.
+constexpr size_t kMaxPagesPerDirectoryPage = size_t{1} << 19;
+
 class FileBuilder {
  public:
   FileBuilder(const EncoderScene& scene, const EncoderSettings& settings, SceneHeader header,
@@ -74,8 +77,11 @@ class FileBuilder {
   }
 
   void build_pages() {
-    const size_t page_size = static_cast<size_t>(settings_.get(L4D_ENC_PAGE_SIZE));
     for (size_t l = 0; l < layers_.size(); ++l) {
+      // A bucket's pages are described in one directory page, whose size the format bounds.
+      const size_t page_size =
+          std::max(static_cast<size_t>(settings_.get(L4D_ENC_PAGE_SIZE)),
+                   layers_[l].members.size() / kMaxPagesPerDirectoryPage + 1);
       built_.push_back(build_layer(scene_, header_, header_.layers[l], layers_[l], sh_, page_size,
                                    settings_.get_int(L4D_ENC_ZSTD_LEVEL), threads_));
       for (const uint32_t i : built_.back().order) parts_.order.push_back(scene_.source[i]);

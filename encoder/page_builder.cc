@@ -239,7 +239,8 @@ class LayerBuilder {
       const double b = layer_header_.permanent ? end : std::clamp(mean + reach, begin, end);
       first = std::min(first, a);
       last = std::max(last, b);
-      const double reference = lossless() ? mean : reference_time(scene_.timeline, mean);
+      const double reference =
+          header_.position_at_mean_time ? mean : reference_time(scene_.timeline, mean);
       for (size_t k = 0; k < 3; ++k) {
         const double v = layer_.decoded_velocity[3 * j + k];
         for (const double t : {a, b}) {

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "encoder/nearest.h"
+#include "libl4dcodec/base/threads.h"
 
 namespace l4d {
 namespace {
@@ -109,12 +110,18 @@ void code_blocks(const float* rows, const float* weights, const std::vector<Bloc
   CodedComponent& c = *component;
   const size_t dim = c.dim;
   const std::vector<float>& global = c.books[0];
+  // Blocks side by side, each on one thread: they are too small to share among several.
+  ComponentSettings serial = settings;
+  serial.threads = 1;
+  serial.cancelled = nullptr;  // the callback belongs to the calling thread
   std::vector<LocalBook> locals(blocks.size());
-  std::vector<float> residuals, residual_weights;
-  for (size_t b = 0; b < blocks.size(); ++b) {
+  parallel_for(settings.threads, blocks.size(), 1, [&](size_t b, size_t) {
     const size_t begin = blocks[b].begin;
     locals[b] = make_local(rows + begin * dim, weights + begin, blocks[b].end - begin, dim, global,
-                           settings, b);
+                           serial, b);
+  });
+  std::vector<float> residuals, residual_weights;
+  for (size_t b = 0; b < blocks.size(); ++b) {
     residuals.insert(residuals.end(), locals[b].residual.begin(), locals[b].residual.end());
     residual_weights.insert(residual_weights.end(), locals[b].weight.begin(),
                             locals[b].weight.end());
@@ -128,13 +135,17 @@ void code_blocks(const float* rows, const float* weights, const std::vector<Bloc
                            std::log2(static_cast<double>(residual_book.size() / dim));
 
   std::vector<CodedBlock> coded(blocks.size());
+  parallel_for(settings.threads, blocks.size(), 1, [&](size_t b, size_t) {
+    const size_t begin = blocks[b].begin;
+    coded[b] = code_block(rows + begin * dim, blocks[b].end - begin, dim, locals[b], global,
+                          residual_book, serial);
+  });
   std::vector<uint8_t> use(blocks.size(), 0);
   BlockCost plain_total, local_total;
   size_t used_gaussians = 0;
   for (size_t b = 0; b < blocks.size(); ++b) {
     const size_t begin = blocks[b].begin;
     const size_t n = blocks[b].end - begin;
-    coded[b] = code_block(rows + begin * dim, n, dim, locals[b], global, residual_book, settings);
     BlockCost plain, local;
     std::vector<uint16_t> index(coded[b].labels.begin(), coded[b].labels.end());
     plain.bits = index_bits(c.index[0].data() + begin, n, global.size() / dim);

@@ -4,7 +4,11 @@
 #include <algorithm>
 
 #include "l4d_generated.h"
+#include "libl4dcodec/base/checked.h"
+#include "libl4dcodec/base/half.h"
 #include "libl4dcodec/base/hash.h"
+#include "libl4dcodec/container/aligned_bytes.h"
+#include "libl4dcodec/quant/ordered.h"
 
 namespace l4d {
 namespace {
@@ -15,9 +19,10 @@ fbs::ChunkRef to_fbs(const ChunkRef& c) {
   return fbs::ChunkRef(c.offset, c.hash, c.stored_bytes, c.raw_bytes, c.codec, 0);
 }
 
-// Wraps around for absurd offsets; what comes out is checked against the file's size when it is read.
-uint64_t absolute(const SceneHeader& header, uint64_t offset) {
-  return header.payload_offset + offset;
+// From the payload to the file. What comes out is held against the file's size when it is read.
+Status make_absolute(const SceneHeader& header, uint64_t base, ChunkRef* chunk) {
+  if (checked_add(header.payload_offset, chunk->offset, &chunk->offset)) return {};
+  return corrupt("CHNK-1", base, "an offset beyond every file");
 }
 
 Status parse_block(const fbs::Block& block, uint64_t base, const SceneHeader& header,
@@ -32,9 +37,13 @@ Status parse_block(const fbs::Block& block, uint64_t base, const SceneHeader& he
       return corrupt("RCQ-4", base, "block codebook of " + std::to_string(t->num_entries()) +
                                         " entries");
     }
+    if (out->tables[c].num_entries != 0) {
+      return corrupt("RCQ-5", base, "two block codebooks of component " + std::to_string(c));
+    }
     const fbs::ChunkRef& r = *t->table();
     out->tables[c].num_entries = t->num_entries();
-    out->tables[c].chunk = {absolute(header, r.offset()), r.hash(), r.stored_bytes(), r.raw_bytes(), r.codec()};
+    out->tables[c].chunk = {r.offset(), r.hash(), r.stored_bytes(), r.raw_bytes(), r.codec()};
+    L4D_RETURN_IF_ERROR(make_absolute(header, base, &out->tables[c].chunk));
   }
   return {};
 }
@@ -96,11 +105,13 @@ Bytes serialize_directory_page(const DirectoryPage& page, uint32_t layer, uint32
   return Bytes(b.GetBufferPointer(), b.GetBufferPointer() + b.GetSize());
 }
 
-Status parse_directory_page(ByteSpan bytes, uint64_t base, const SceneHeader& header,
+Status parse_directory_page(ByteSpan unaligned, uint64_t base, const SceneHeader& header,
                             uint32_t layer_index, uint32_t index, DirectoryPage* out) {
   const LayerHeader& layer = header.layers[layer_index];
-  // Directory pages hold one table per block and no deeper nesting.
-  flatbuffers::Verifier verifier(bytes.data(), bytes.size(), 16, 1u << 24);
+  const AlignedBytes bytes(unaligned);
+  // The page, its blocks, and their tables for three components.
+  constexpr flatbuffers::uoffset_t kMaxTables = 1 + kMaxBlocksPerPage * (1 + 3);
+  flatbuffers::Verifier verifier(bytes.data(), bytes.size(), 16, kMaxTables);
   if (!verifier.VerifyBuffer<fbs::DirectoryPage>(kIdentifier)) {
     return corrupt("DIR-2", base, "the directory page is no valid FlatBuffer of its schema");
   }
@@ -110,6 +121,9 @@ Status parse_directory_page(ByteSpan bytes, uint64_t base, const SceneHeader& he
   }
   *out = DirectoryPage();
   if (page.blocks() != nullptr) {
+    if (page.blocks()->size() > kMaxBlocksPerPage) {
+      return corrupt("DIR-11", base, std::to_string(page.blocks()->size()) + " blocks in one page");
+    }
     out->blocks.resize(page.blocks()->size());
     for (size_t i = 0; i < out->blocks.size(); ++i) {
       L4D_RETURN_IF_ERROR(parse_block(*page.blocks()->Get(static_cast<flatbuffers::uoffset_t>(i)),
@@ -141,7 +155,8 @@ Status parse_directory_page(ByteSpan bytes, uint64_t base, const SceneHeader& he
       return corrupt("DIR-7", base, "visible interval ends before it begins");
     }
     PageRecord r;
-    r.chunk = {absolute(header, p->offset()), p->hash(), p->stored_bytes(), p->raw_bytes(), p->codec()};
+    r.chunk = {p->offset(), p->hash(), p->stored_bytes(), p->raw_bytes(), p->codec()};
+    L4D_RETURN_IF_ERROR(make_absolute(header, base, &r.chunk));
     r.num_gaussians = p->num_gaussians();
     r.bucket = p->bucket();
     r.block = p->block();
@@ -149,6 +164,12 @@ Status parse_directory_page(ByteSpan bytes, uint64_t base, const SceneHeader& he
     r.visible_end = p->visible_end();
     for (unsigned i = 0; i < 6; ++i) {
       r.bounds[i] = p->bounds()->Get(static_cast<flatbuffers::uoffset_t>(i));
+    }
+    for (unsigned k = 0; k < 3; ++k) {
+      if (!half_is_finite(r.bounds[k]) || !half_is_finite(r.bounds[3 + k]) ||
+          half_to_float(r.bounds[k]) > half_to_float(r.bounds[3 + k])) {
+        return corrupt("DIR-12", base, "the box of a page is not finite or inside out");
+      }
     }
     out->pages.push_back(r);
   }

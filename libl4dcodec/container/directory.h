@@ -14,6 +14,7 @@
 namespace l4d {
 
 constexpr uint32_t kNoBlock = 0xffffffffu;
+constexpr uint32_t kMaxBlocksPerPage = 256;
 
 // One entry of a page table, 32 bytes. stored_bytes = 0: no bucket of this range holds Gaussians.
 struct PageTableEntry {

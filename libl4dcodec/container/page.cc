@@ -2,6 +2,7 @@
 #include "libl4dcodec/container/page.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "libl4dcodec/quant/ordered.h"
 
@@ -69,9 +70,14 @@ class PageParser {
 
   Status raw(bool wanted, size_t n, float* dst, size_t stride) {
     if (!wanted) return skip_stream(in_, base_, n, 32);
+    const uint64_t at = base_ + in_.position();
     grow(raw_bits_, n);
     L4D_RETURN_IF_ERROR(decode_stream32(decoder_, in_, base_, n, raw_bits_.data()));
-    for (size_t i = 0; i < n; ++i) dst[i * stride] = unorder_float(raw_bits_[i]);
+    for (size_t i = 0; i < n; ++i) {
+      const float v = unorder_float(raw_bits_[i]);
+      if (!std::isfinite(v)) return corrupt("VAL-3", at, "a raw value is not finite");
+      dst[i * stride] = v;
+    }
     return {};
   }
 

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "l4d_generated.h"
+#include "libl4dcodec/container/aligned_bytes.h"
 
 namespace l4d {
 namespace {
@@ -44,7 +45,9 @@ flatbuffers::Offset<fbs::ComponentCoding> to_fbs(flatbuffers::FlatBufferBuilder&
 
 class HeaderParser {
  public:
-  HeaderParser(uint64_t base, SceneHeader* out) : base_(base), out_(*out) {}
+  // size: of the serialised header, in bytes.
+  HeaderParser(uint64_t base, size_t size, SceneHeader* out)
+      : base_(base), size_(size), out_(*out) {}
 
   Status parse(const fbs::Header& h) {
     out_.num_gaussians = h.num_gaussians();
@@ -66,7 +69,11 @@ class HeaderParser {
       }
     }
     if (h.metadata() != nullptr) {
+      // Entries may share their strings, so a small header could spell out a large text.
+      size_t length = 0;
       for (const fbs::KeyValue* kv : *h.metadata()) {
+        length += kv->key()->size() + kv->value()->size();
+        if (length > size_) return bad("HEAD-13", "metadata longer than the scene header");
         out_.metadata.emplace_back(kv->key()->str(), kv->value()->str());
       }
     }
@@ -187,7 +194,9 @@ class HeaderParser {
   Status parse_layers(const flatbuffers::Vector<flatbuffers::Offset<fbs::Layer>>& layers) {
     const unsigned levels = num_layers(out_.timeline.num_frames);
     // A level may hold several layers (permanent beside temporal), and no more than these few.
-    if (layers.size() > 2 * levels) return bad("HEAD-6", "more layers than levels allow");
+    if (layers.size() == 0 || layers.size() > 2 * levels) {
+      return bad("HEAD-6", "no layer, or more than the levels allow");
+    }
     uint64_t total = 0;
     out_.layers.resize(layers.size());
     for (size_t i = 0; i < layers.size(); ++i) {
@@ -208,6 +217,7 @@ class HeaderParser {
 
   Status parse_layer(const fbs::Layer& l, LayerHeader* out) const {
     out->level = l.level();
+    if (out->level >= kMaxLayers) return bad("HEAD-6", "level " + std::to_string(out->level));
     out->permanent = l.permanent();
     out->num_gaussians = l.num_gaussians();
     if (l.mean_t() > static_cast<uint8_t>(MeanCodingId::kF16)) {
@@ -233,8 +243,13 @@ class HeaderParser {
     if (raw_temporal && !raw_spatial) {
       return bad("HEAD-11", "a raw temporal rotor beside a coded spatial one");
     }
+    const bool raw_scale = out->component[L4D_COMPONENT_SCALE].coding == ComponentCodingId::kRaw32;
+    if (out->scale_factor.coding == ScalarCodingId::kRaw32 && !raw_scale) {
+      return bad("HEAD-14", "a raw scale factor beside a coded scale");
+    }
     out->directory_bits = l.directory_bits();
-    if (out->directory_bits > kMaxDirectoryBits) {
+    const int table_bits = bucket_bits(out->level) - static_cast<int>(out->directory_bits);
+    if (out->directory_bits > kMaxDirectoryBits || table_bits > kMaxPageTableBits) {
       return bad("HEAD-12", "directory pages of 2^" + std::to_string(l.directory_bits()) + " buckets");
     }
     out->page_table_offset = l.page_table_offset();
@@ -242,7 +257,9 @@ class HeaderParser {
   }
 
   static constexpr unsigned kMaxDirectoryBits = 16;
+  static constexpr int kMaxPageTableBits = 20;
   uint64_t base_;
+  size_t size_;
   SceneHeader& out_;
 };
 
@@ -285,13 +302,14 @@ Bytes serialize_scene_header(const SceneHeader& h) {
   return Bytes(b.GetBufferPointer(), b.GetBufferPointer() + b.GetSize());
 }
 
-Status parse_scene_header(ByteSpan bytes, uint64_t base, SceneHeader* out) {
+Status parse_scene_header(ByteSpan unaligned, uint64_t base, SceneHeader* out) {
+  const AlignedBytes bytes(unaligned);
   flatbuffers::Verifier verifier(bytes.data(), bytes.size(), 16, 100000);
   if (!verifier.VerifyBuffer<fbs::Header>(kIdentifier)) {
     return corrupt("HEAD-1", base, "the scene header is no valid FlatBuffer of its schema");
   }
   *out = SceneHeader();
-  return HeaderParser(base, out).parse(*flatbuffers::GetRoot<fbs::Header>(bytes.data()));
+  return HeaderParser(base, bytes.size(), out).parse(*flatbuffers::GetRoot<fbs::Header>(bytes.data()));
 }
 
 }  // namespace l4d

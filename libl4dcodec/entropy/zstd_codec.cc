@@ -29,7 +29,9 @@ ZstdDecompressor::ZstdDecompressor() : context_(ZSTD_createDCtx()) {
 ZstdDecompressor::~ZstdDecompressor() { ZSTD_freeDCtx(context_); }
 
 bool ZstdDecompressor::decompress(ByteSpan frame, unsigned char* dst, size_t size) {
-  // ZSTD_decompressDCtx would accept several frames in a row; the format allows one.
+  // ZSTD_decompressDCtx would accept several frames in a row, skippable ones, and with some builds
+  // those of versions before RFC 8878. The format allows one frame of that document.
+  if (frame.size() < 4 || load_le<uint32_t>(frame.data()) != ZSTD_MAGICNUMBER) return false;
   if (ZSTD_findFrameCompressedSize(frame.data(), frame.size()) != frame.size()) return false;
   const size_t n = ZSTD_decompressDCtx(context_, dst, size, frame.data(), frame.size());
   return !ZSTD_isError(n) && n == size;
