@@ -91,7 +91,7 @@ Json layer_json(const l4d_layer_info& layer, uint64_t bytes) {
   return j;
 }
 
-Json seek_json(const SceneStream& stream, double seconds) {
+Json seek_json(const SceneStream& stream, double seconds, uint64_t codebook_bytes) {
   const DecoderHandle& decoder = stream.decoder();
   l4d_query query;
   l4d_query_init(&query);
@@ -107,7 +107,8 @@ Json seek_json(const SceneStream& stream, double seconds) {
           {"buckets", selection.num_ranges},
           {"gaussians", selection.num_gaussians},
           {"visible", splats.count},
-          {"directory_bytes", selection.directory_bytes}};
+          {"directory_bytes", selection.directory_bytes},
+          {"codebook_bytes", codebook_bytes}};
 }
 
 std::string share_of(uint64_t bytes, uint64_t total) {
@@ -202,12 +203,13 @@ Outcome run_info(Context& context, const InfoArguments& arguments) {
     if (!arguments.time.empty()) {
       const double seconds = clamp_to_sequence(context, info.timeline,
                                                parse_seconds(arguments.time, "--time"), "--time");
-      const Json seek = seek_json(stream, seconds);
+      const Json seek = seek_json(stream, seconds, sections[L4D_SECTION_CODEBOOKS]);
       const auto count = [&](const char* key) { return format_count(seek[key].get<uint64_t>()); };
       t += "\nseek to " + format_number(seconds) + " s: " + count("bytes") + " bytes in " +
-           count("chunks") + " chunks of " + count("buckets") + " buckets, after " +
-           count("directory_bytes") + " bytes of directory; " + count("gaussians") +
-           " Gaussians, " + count("visible") + " visible\n";
+           count("chunks") + " chunks, " + count("buckets") + " buckets (and " +
+           count("directory_bytes") + " of directory, " + count("codebook_bytes") +
+           " of codebooks); " + count("gaussians") + " Gaussians, " + count("visible") +
+           " visible\n";
       j["seek"] = seek;
     }
     return outcome;
