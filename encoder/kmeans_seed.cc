@@ -63,48 +63,69 @@ double chance_factor(const std::vector<double>& share, size_t size) {
   return factor;
 }
 
-// Systematic sampling: visits the indices where the running sum of `mass` passes start + a whole
-// number of steps. Neighbours in the order, which are mostly neighbours in the scene, seldom come
-// together.
-template <typename Visit>
-void systematic(const std::vector<double>& mass, double step, double start, const Visit& visit) {
-  double sum = 0, next = start * step;
-  for (size_t i = 0; i < mass.size(); ++i) {
+// `count` indices by `mass`, one from each of as many equal parts of the running sum: neighbours in
+// the order, which are mostly neighbours in the scene, seldom come together. Few may come twice.
+std::vector<uint32_t> draw_by_mass(const std::vector<double>& mass, double total, size_t count,
+                                   Random& random) {
+  const double part = total / static_cast<double>(count);
+  std::vector<uint32_t> out;
+  double sum = 0;
+  double next = random.uniform() * part;
+  for (size_t i = 0; i < mass.size() && out.size() < count; ++i) {
     sum += mass[i];
-    if (!(sum > next)) continue;
-    visit(i);
-    next += step * std::ceil((sum - next) / step);
+    while (sum > next && out.size() < count) {
+      out.push_back(static_cast<uint32_t>(i));
+      next = (static_cast<double>(out.size()) + random.uniform()) * part;
+    }
+  }
+  if (out.empty()) {  // rounding at the very end of the sum
+    out.push_back(static_cast<uint32_t>(std::max_element(mass.begin(), mass.end()) - mass.begin()));
+  }
+  return out;
+}
+
+// Candidates come in index order; the first ones of a round are the surest to stay.
+void shuffle(std::vector<uint32_t>& v, Random& random) {
+  for (size_t i = v.size(); i > 1; --i) {
+    std::swap(v[i - 1], v[static_cast<size_t>(random.uniform() * static_cast<double>(i))]);
   }
 }
 
-// Two equal points may be drawn in one round; the second one then attracts nothing. Removes such seeds
-// and returns how many are left. Seed s has the label `first` + s.
-size_t drop_repeated(size_t first, size_t dim, std::vector<float>& seeds,
-                     std::vector<uint32_t>& labels) {
-  const size_t count = seeds.size() / dim;
-  std::vector<uint32_t> moved(count, 0);
-  for (const uint32_t label : labels) {
-    if (label >= first) moved[label - first] = 1;
+// Squared distance, or any value above `enough` once it is known to exceed that.
+float bounded_distance(const float* a, const float* b, size_t dim, float enough) {
+  constexpr size_t kStep = 8;
+  float total = 0;
+  for (size_t begin = 0; begin < dim && total <= enough; begin += kStep) {
+    const size_t end = std::min(dim, begin + kStep);
+    for (size_t j = begin; j < end; ++j) total += (a[j] - b[j]) * (a[j] - b[j]);
   }
-  size_t kept = 0;
-  for (size_t s = 0; s < count; ++s) {
-    if (moved[s] == 0) continue;
-    std::copy_n(seeds.begin() + static_cast<std::ptrdiff_t>(s * dim), dim,
-                seeds.begin() + static_cast<std::ptrdiff_t>(kept * dim));
-    moved[s] = static_cast<uint32_t>(first + kept++);
+  return total;
+}
+
+// Turns draws by the distances before this round into draws one after the other: a candidate stays
+// with the probability by which those that stayed before it have left its distance. What remains is
+// distributed as k-means++ has it, and no two are equal.
+std::vector<float> thin_out(const float* points, const std::vector<float>& sq_dist, size_t dim,
+                            const std::vector<uint32_t>& candidates, Random& random) {
+  std::vector<float> seeds;
+  for (const uint32_t i : candidates) {
+    const float* p = points + size_t{i} * dim;
+    const float known = sq_dist[i];
+    // The draw comes first: distances beyond the one that decides need not be known.
+    const float limit = static_cast<float>(random.uniform() * static_cast<double>(known));
+    bool stays = true;
+    for (size_t s = 0; s < seeds.size() && stays; s += dim) {
+      stays = bounded_distance(p, seeds.data() + s, dim, limit) > limit;
+    }
+    if (stays) seeds.insert(seeds.end(), p, p + dim);
   }
-  seeds.resize(kept * dim);
-  if (kept == count) return kept;
-  for (uint32_t& label : labels) {
-    if (label >= first) label = moved[label - first];
-  }
-  return kept;
+  return seeds;
 }
 
 }  // namespace
 
-PointSample draw_sample(const float* points, const float* weights, size_t n, size_t dim, size_t size,
-                        int threads, Random& random) {
+PointSample draw_sample(const float* points, const float* weights, size_t n, size_t dim,
+                        size_t size, int threads, Random& random) {
   PointSample out;
   size_t positive = 0;
   for (size_t i = 0; i < n; ++i) positive += weights[i] > 0;
@@ -140,8 +161,11 @@ PointSample draw_sample(const float* points, const float* weights, size_t n, siz
     out.index.push_back(static_cast<uint32_t>(i));
     out.weight.push_back(static_cast<float>(static_cast<double>(weights[i]) / share[i]));
   };
-  systematic(share, 1.0, random.uniform(), take);
-  if (out.index.empty()) {  // rounding, in a sample of one
+  // Every point for itself: drawing at regular steps meets the period of periodic data.
+  for (size_t i = 0; i < n; ++i) {
+    if (random.uniform() < share[i]) take(i);
+  }
+  if (out.index.empty()) {  // chance, in a sample of a few
     take(static_cast<size_t>(std::max_element(share.begin(), share.end()) - share.begin()));
   }
   return out;
@@ -149,8 +173,8 @@ PointSample draw_sample(const float* points, const float* weights, size_t n, siz
 
 Seeding seed_centroids(const float* points, const float* weights, size_t n, size_t dim, size_t k,
                        int threads, Random& random) {
-  // Seeds of one round do not know of each other. Half as many again a round
-  // does, within 0.3 % after Lloyd, and takes some twenty rounds for 4096.
+  // Candidates of a round, as a part of the seeds there are: the fewer, the fewer are in each
+  // other's way; the more, the fewer passes over all points.
   constexpr size_t kGrowth = 2;
   Seeding out;
   out.labels.assign(n, 0);
@@ -163,22 +187,14 @@ Seeding seed_centroids(const float* points, const float* weights, size_t n, size
     double total = 0;
     for (const double m : mass) total += m;
     if (!(total > 0) || !std::isfinite(total)) break;  // mostly: every point is a seed
-    std::vector<float> seeds;
-    systematic(mass, total / static_cast<double>(wanted), random.uniform(), [&](size_t i) {
-      if (seeds.size() < wanted * dim) {
-        seeds.insert(seeds.end(), points + i * dim, points + (i + 1) * dim);
-      }
-    });
-    if (seeds.empty()) {  // rounding at the very end of the sum
-      const size_t i = static_cast<size_t>(std::max_element(mass.begin(), mass.end()) - mass.begin());
-      seeds.assign(points + i * dim, points + (i + 1) * dim);
-    }
-    update_nearest(points, n, dim, seeds.data(), seeds.size() / dim, static_cast<uint32_t>(have),
-                   threads, out.labels.data(), out.sq_dist.data());
-    const size_t added = drop_repeated(have, dim, seeds, out.labels);
-    if (added == 0) break;
+    std::vector<uint32_t> candidates = draw_by_mass(mass, total, wanted, random);
+    shuffle(candidates, random);
+    const std::vector<float> seeds = thin_out(points, out.sq_dist, dim, candidates, random);
+    const size_t count = seeds.size() / dim;
+    update_nearest(points, n, dim, seeds.data(), count, static_cast<uint32_t>(have), threads,
+                   out.labels.data(), out.sq_dist.data());
     out.centroids.insert(out.centroids.end(), seeds.begin(), seeds.end());
-    have += added;
+    have += count;
     wanted = std::min(k - have, std::max<size_t>(1, have / kGrowth));
     for (size_t i = 0; i < n; ++i) {
       mass[i] = static_cast<double>(weights[i]) * static_cast<double>(out.sq_dist[i]);

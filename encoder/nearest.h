@@ -19,8 +19,8 @@ enum class Axes {
 //            search faster and never change its result; values >= k are ignored.
 //   labels   [n]        index of the nearest codeword, the lowest one on ties
 //   sq_dist  [n]        its squared distance
-// The search is exact: its result is what a scan of all codewords in the same float arithmetic gives,
-// for any number of threads. A point with a coordinate that is not a number gets label 0 and
+// The search is exact: its result is what a scan of all codewords in the same float arithmetic
+// gives, for any number of threads. A point with a coordinate that is not a number gets label 0 and
 // distance infinity, as does one whose every distance overflows.
 void assign_nearest(const float* points, size_t n, size_t dim, const float* codebook, size_t k,
                     int threads, const uint32_t* hint, uint32_t* labels, float* sq_dist,

@@ -11,8 +11,8 @@ namespace {
 
 constexpr size_t kFan = NearestIndex::kFan;
 
-// The share of the codebook's energy that may stay behind the leading coordinates. Measured on SH of
-// trained scenes: 1 % leaves about two codewords per point to be looked at in full.
+// The share of the codebook's energy that may stay behind the leading coordinates. Measured on SH
+// of trained scenes: 1 % leaves about two codewords per point to be looked at in full.
 constexpr double kTailEnergy = 0.01;
 constexpr size_t kMaxLead = 24;
 
@@ -92,8 +92,8 @@ std::vector<float> make_sketches(const NearestIndex& index, const std::vector<do
   return sketch;
 }
 
-// Orders slots [begin, end), begin a multiple of kFan, so that leaves hold neighbours. Splits keep a
-// power of two of leaves on the left: then kFan consecutive nodes are a subtree on every level.
+// Orders slots [begin, end), begin a multiple of kFan, so that leaves hold neighbours. Splits keep
+// a power of two of leaves on the left: then kFan consecutive nodes are a subtree on every level.
 void order_leaves(const std::vector<float>& sketch, size_t width, size_t split_dims, size_t begin,
                   size_t end, std::vector<uint32_t>& order) {
   const size_t leaves = (end - begin + kFan - 1) / kFan;
@@ -170,8 +170,7 @@ void build_boxes(NearestIndex& index) {
 
 }  // namespace
 
-NearestIndex::NearestIndex(const float* book, size_t num_codewords, size_t dimensions,
-                           bool rotate)
+NearestIndex::NearestIndex(const float* book, size_t num_codewords, size_t dimensions, bool rotate)
     : codebook(book), k(num_codewords), dim(dimensions) {
   if (!plain() && rotate) axes = find_principal_axes(codebook, k, dim);
   const std::vector<double> coordinates = rotate_codebook(*this);
@@ -179,8 +178,9 @@ NearestIndex::NearestIndex(const float* book, size_t num_codewords, size_t dimen
   const size_t width = sketch_dim();
   const std::vector<float> sketch = make_sketches(*this, coordinates);
 
-  // Every rotated coordinate is a sum of dim products, off by dim roundings of the vector's length at
-  // most. Twice that over all coordinates, to hold the rounding of axes, codewords and lengths too.
+  // Every rotated coordinate is a sum of dim products, off by dim roundings of the vector's length
+  // at most. Twice that over all coordinates, to hold the rounding of axes, codewords and lengths
+  // too.
   constexpr double kUnitRoundoff = 0x1p-24;
   if (!plain()) {
     error_scale = static_cast<float>(2 * static_cast<double>(dim + 4) *

@@ -14,9 +14,10 @@ namespace l4d {
 // A codebook arranged for exact search.
 //
 // Every vector has a short *sketch*, whose distances never exceed the true ones: its leading
-// coordinates and the length of what is left over (by the triangle inequality that length is as good
-// as one more coordinate). Up to kMaxPlainDim dimensions the sketch is the vector itself. Above, a
-// rotation to principal axes, which keeps distances, first moves most of the energy to the front.
+// coordinates and the length of what is left over (by the triangle inequality that length is as
+// good as one more coordinate). Up to kMaxPlainDim dimensions the sketch is the vector itself.
+// Above, a rotation to principal axes, which keeps distances, first moves most of the energy to the
+// front.
 //
 // The codewords are the leaves of a tree of fan-out kFan over the sketches with a bounding box for
 // each node; a leaf holds kFan codewords. All arrays have kFan values side by side, for SIMD.
@@ -47,8 +48,9 @@ struct NearestIndex {
 
   PrincipalAxes axes;  // empty where not rotated
 
-  // boxes[0] bounds leaves, boxes[l] bounds kFan nodes of level l - 1; the last one is a single group.
-  // Each is [groups, box_dim, 2 (low, high), kFan]; lanes beyond level_size[l] are never looked at.
+  // boxes[0] bounds leaves, boxes[l] bounds kFan nodes of level l - 1; the last one is a single
+  // group. Each is [groups, box_dim, 2 (low, high), kFan]; lanes beyond level_size[l] are never
+  // looked at.
   std::vector<hwy::AlignedFreeUniquePtr<float[]>> boxes;
   std::vector<size_t> level_size;
 

@@ -45,7 +45,8 @@ using D = hn::CappedTag<float, 8>;
 using V = hn::Vec<D>;
 
 // Squared distance in the one order of operations all searches use above kMaxPlainDim dimensions.
-HWY_INLINE float row_distance(const float* HWY_RESTRICT a, const float* HWY_RESTRICT b, size_t dim) {
+HWY_INLINE float row_distance(const float* HWY_RESTRICT a, const float* HWY_RESTRICT b,
+                              size_t dim) {
   const D d;
   const size_t lanes = hn::Lanes(d);
   V sum = hn::Zero(d);
@@ -54,33 +55,27 @@ HWY_INLINE float row_distance(const float* HWY_RESTRICT a, const float* HWY_REST
     const V e = hn::Sub(hn::LoadU(d, a + j), hn::LoadU(d, b + j));
     sum = hn::MulAdd(e, e, sum);
   }
-  if (j < dim) {
-    const auto mask = hn::FirstN(d, dim - j);
-    const V e = hn::Sub(hn::MaskedLoad(mask, d, a + j), hn::MaskedLoad(mask, d, b + j));
-    sum = hn::MulAdd(e, e, sum);
-  }
-  return hn::GetLane(hn::SumOfLanes(d, sum));
+  float rest = 0;
+  for (; j < dim; ++j) rest += (a[j] - b[j]) * (a[j] - b[j]);
+  return hn::GetLane(hn::SumOfLanes(d, sum)) + rest;
 }
 
 HWY_INLINE float sum_of_squares(const float* HWY_RESTRICT v, size_t count) {
   const D d;
   const size_t lanes = hn::Lanes(d);
-  V sum0 = hn::Zero(d), sum1 = hn::Zero(d);
+  V sum = hn::Zero(d);
   size_t j = 0;
-  for (; j + 2 * lanes <= count; j += 2 * lanes) {
-    const V a = hn::LoadU(d, v + j), b = hn::LoadU(d, v + j + lanes);
-    sum0 = hn::MulAdd(a, a, sum0);
-    sum1 = hn::MulAdd(b, b, sum1);
+  for (; j + lanes <= count; j += lanes) {
+    const V a = hn::LoadU(d, v + j);
+    sum = hn::MulAdd(a, a, sum);
   }
-  for (; j < count; j += lanes) {
-    const V a = hn::MaskedLoad(hn::FirstN(d, count - j), d, v + j);
-    sum0 = hn::MulAdd(a, a, sum0);
-  }
-  return hn::GetLane(hn::SumOfLanes(d, hn::Add(sum0, sum1)));
+  float rest = 0;
+  for (; j < count; ++j) rest += v[j] * v[j];
+  return hn::GetLane(hn::SumOfLanes(d, sum)) + rest;
 }
 
-// One point on its way through the tree. kDim is the dimension where it is known at compile time and
-// the vectors are their own sketches; 0 for any.
+// One point on its way through the tree. kDim is the dimension where it is known at compile time
+// and the vectors are their own sketches; 0 for any.
 template <size_t kDim, bool kPlain>
 class Search {
  public:
@@ -182,11 +177,11 @@ class Search {
         const float* low = box + j * 2 * kFan + l;
         const float* high = low + kFan;
         const V p = hn::Set(d, sketch_[j]);
-        const V out0 = hn::Max(hn::Max(hn::Sub(hn::Load(d, low), p), hn::Sub(p, hn::Load(d, high))),
-                               zero);
-        const V out1 = hn::Max(hn::Max(hn::Sub(hn::Load(d, low + lanes), p),
-                                       hn::Sub(p, hn::Load(d, high + lanes))),
-                               zero);
+        const V out0 =
+            hn::Max(hn::Max(hn::Sub(hn::Load(d, low), p), hn::Sub(p, hn::Load(d, high))), zero);
+        const V out1 = hn::Max(
+            hn::Max(hn::Sub(hn::Load(d, low + lanes), p), hn::Sub(p, hn::Load(d, high + lanes))),
+            zero);
         sum0 = hn::MulAdd(out0, out0, sum0);
         sum1 = hn::MulAdd(out1, out1, sum1);
       }
@@ -303,7 +298,8 @@ class Search {
 // Points a tile, so that a tile of rotated vectors stays in the first-level cache.
 constexpr size_t kTile = 32;
 
-// out [count, axes.stride] = (rows - mean) basis. Four points at a time share each load of the basis.
+// out [count, axes.stride] = (rows - mean) basis. Four points at a time share each load of the
+// basis.
 void rotate(const NearestIndex& index, const float* rows, size_t count, float* HWY_RESTRICT centred,
             float* HWY_RESTRICT out) {
   const D d;
@@ -311,7 +307,8 @@ void rotate(const NearestIndex& index, const float* rows, size_t count, float* H
   const size_t dim = index.dim;
   const size_t padded = index.axes.stride;
   for (size_t i = 0; i < count; ++i) {
-    for (size_t j = 0; j < dim; ++j) centred[i * padded + j] = rows[i * dim + j] - index.axes.mean[j];
+    for (size_t j = 0; j < dim; ++j)
+      centred[i * padded + j] = rows[i * dim + j] - index.axes.mean[j];
   }
   // Rows past the last one are scratch: the tile is a multiple of four.
   for (size_t i = 0; i < count; i += 4) {

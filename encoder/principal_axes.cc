@@ -9,7 +9,7 @@
 namespace l4d {
 
 PrincipalAxes find_principal_axes(const float* rows, size_t n, size_t dim) {
-  // Twenty rows per entry of a 20-D covariance, still two for SH: the axes only decide speed.
+  // Seven rows per entry of the covariance of SH: the axes only decide speed.
   constexpr size_t kMaxRows = 8192;
   const size_t step = std::max<size_t>(1, (n + kMaxRows - 1) / kMaxRows);
   const double count = static_cast<double>((n + step - 1) / step);

@@ -13,8 +13,8 @@ struct PrincipalAxes {
   std::vector<float> basis;  // [dim, stride], axis j is column j, zero from column dim on
 };
 
-// Of rows [n, dim], or of every so manieth where there are many. Empty if they have none, which takes
-// values that are not numbers.
+// Of rows [n, dim], or of evenly spaced ones where there are many. Empty where values that are not
+// numbers leave no axes.
 PrincipalAxes find_principal_axes(const float* rows, size_t n, size_t dim);
 
 // out [n, dim]

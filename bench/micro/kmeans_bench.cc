@@ -3,11 +3,16 @@
 // to keep up (3 operations per coordinate and pair). Training on as many points.
 #include <benchmark/benchmark.h>
 
+#include <algorithm>
+#include <cstdlib>
+#include <filesystem>
+#include <string>
 #include <vector>
 
 #include "encoder/kmeans.h"
 #include "encoder/nearest.h"
-#include "tests/encoder/vectors.h"
+#include "encoder/random.h"
+#include "io/formats.h"
 
 namespace l4d {
 namespace {
@@ -22,18 +27,38 @@ struct Vectors {
   std::vector<float> sq_dist;
 };
 
-// The real scene where there is one: how much can be skipped depends on the data.
+// The real scene ($L4D_DATA_DIR, else ../shared/data) where there is one, as how much can be
+// skipped depends on the data; else points around random centres.
 Vectors make_vectors(size_t dim) {
   Vectors v;
-  const std::string folder = test::basketball_folder();
-  if (!folder.empty()) {
-    test::RealVectors real = test::read_basketball(folder, 1);
-    v.points = dim == 48 ? std::move(real.sh) : std::move(real.temporal_rotor);
-    v.weights = std::move(real.sh_weight);
-  } else {
-    v.points = test::blobs(200000, dim, 20000, 1);
-    v.weights.assign(200000, 1.0f);
+  const char* set = std::getenv("L4D_DATA_DIR");
+  const std::string folder = std::string(set != nullptr ? set : "../shared/data") + "/basketball/";
+  if (std::filesystem::exists(folder + "basketball.ply")) {
+    io::Scene scene = io::read_scene_ply(folder + "basketball.ply");
+    v.weights = io::read_weights_ply(folder + "basketball-weights.ply").alpha_t;
+    if (dim == 48) {
+      v.points = std::move(scene.sh);
+      return v;
+    }
+    for (size_t i = 0; i < scene.count(); ++i) {  // the temporal half of the rotor
+      v.points.insert(v.points.end(), scene.rotor.data() + i * 8 + 4,
+                      scene.rotor.data() + i * 8 + 8);
+    }
+    return v;
   }
+  constexpr size_t kPoints = 200000, kCentres = 20000;
+  Random random(1);
+  std::vector<float> centre(kCentres * dim);
+  for (size_t j = 0; j < centre.size(); ++j) {
+    centre[j] = static_cast<float>((random.uniform() - 0.5) / static_cast<double>(1 + j % dim));
+  }
+  for (size_t i = 0; i < kPoints; ++i) {
+    const float* c = centre.data() + random.next() % kCentres * dim;
+    for (size_t j = 0; j < dim; ++j) {
+      v.points.push_back(c[j] + static_cast<float>(0.02 * (random.uniform() - 0.5)));
+    }
+  }
+  v.weights.assign(kPoints, 1.0f);
   return v;
 }
 

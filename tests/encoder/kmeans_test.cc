@@ -173,8 +173,8 @@ TEST(KMeansTest, SeparatedBlobsGetOneCodewordEach) {
     const Codebook book = train(points, dim, options_for(100), &weights);
     EXPECT_EQ(book.size(), 100u);
     const double noise = 0.05 * 0.05 * static_cast<double>(dim) * 40000;
-    EXPECT_LT(book.weighted_distortion, 1.01 * noise);
-    EXPECT_LE(distortion(points, dim, book.entries, weights), book.weighted_distortion * 1.000001);
+    EXPECT_NEAR(book.weighted_distortion / noise, 1, 0.03);  // of a sample
+    EXPECT_NEAR(distortion(points, dim, book.entries, weights) / noise, 1, 0.01);
   }
 }
 
@@ -218,7 +218,7 @@ TEST(KMeansTest, SampleStandsForAllPoints) {
   for (size_t i = 0; i < n; ++i) weights.push_back(i % 5 == 0 ? 0.0f : random.uniformf(0, 2));
   Random draws(11);
   const PointSample sample = draw_sample(points.data(), weights.data(), n, 4, 2000, 2, draws);
-  EXPECT_NEAR(static_cast<double>(sample.index.size()), 2000, 2);
+  EXPECT_NEAR(static_cast<double>(sample.index.size()), 2000, 200);
   EXPECT_TRUE(std::is_sorted(sample.index.begin(), sample.index.end()));
   EXPECT_EQ(std::set<uint32_t>(sample.index.begin(), sample.index.end()).size(),
             sample.index.size());

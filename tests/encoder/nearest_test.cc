@@ -196,8 +196,8 @@ TEST_P(NearestTest, NumbersThatAreNone) {
     points[4 * dim] = kInfinity;
     points[6 * dim] = 1e30f;  // its distances overflow
     std::vector<uint32_t> hint(2000, 7);
-    for (const auto* h : {static_cast<const std::vector<uint32_t>*>(nullptr),
-                          const_cast<const std::vector<uint32_t>*>(&hint)}) {
+    const std::vector<uint32_t>* const hints[] = {nullptr, &hint};
+    for (const auto* h : hints) {
       const Result got = assign(points, dim, codebook, 2, h);
       for (const size_t i : {3u, 4u, 6u}) {
         EXPECT_EQ(got.labels[i], 0u);

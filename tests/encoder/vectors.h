@@ -72,7 +72,7 @@ struct RealVectors {
   size_t n = 0;
   std::vector<float> sh;              // [n, 48], coefficient-major as the codec has it
   std::vector<float> temporal_rotor;  // [n, 4]
-  std::vector<float> sh_weight;       // [n] alpha_t^0.6
+  std::vector<float> sh_weight;  // [n] 0.6 alpha_t: blending weight times a mean SH basis value
 };
 
 // One vertex element of nothing but float32 in little-endian order, as the real scene's files have
@@ -117,7 +117,7 @@ inline RealVectors read_basketball(const std::string& folder, size_t step) {
                                         : row[rest + channel * 15 + coefficient - 1]);
     }
     out.temporal_rotor.insert(out.temporal_rotor.end(), row + rotor, row + rotor + 4);
-    out.sh_weight.push_back(std::pow(weights.values[i * weights.names.size() + alpha], 0.6f));
+    out.sh_weight.push_back(0.6f * weights.values[i * weights.names.size() + alpha]);
   }
   return out;
 }

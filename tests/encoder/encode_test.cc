@@ -1,0 +1,726 @@
+// SPDX-License-Identifier: Apache-2.0
+// Whole encodes: what the report says, what the decoder gets, and what happens to odd scenes.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <string>
+
+#include "libl4dcodec/math/layers.h"
+#include "libl4dcodec/math/slice.h"
+#include "tests/common/codec.h"
+#include "tests/common/random.h"
+
+namespace l4d {
+namespace {
+
+using namespace test;
+
+constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+constexpr float kInf = std::numeric_limits<float>::infinity();
+
+void expect_valid(const Bytes& bytes) {
+  for (const Violation& v : validate(bytes)) ADD_FAILURE() << v.clause << ": " << v.message;
+}
+
+TestScene scene_of(uint64_t count, uint64_t seed = 1) {
+  SceneOptions o;
+  o.count = count;
+  o.seed = seed;
+  return make_scene(o);
+}
+
+// ---- determinism -------------------------------------------------------------------------------
+
+TEST(Determinism, AnyNumberOfThreadsAndAnyRun) {
+  EncodeOptions plain = small_options();
+  EncodeOptions staged = small_options();
+  staged.stages = {{L4D_ALL_COMPONENTS, {1, 0.5f, 0.2f}}};
+  EncodeOptions rcq = small_options();
+  rcq.settings.push_back({L4D_ENC_RCQ, 2});
+  EncodeOptions lossless;
+  lossless.preset = "lossless";
+  lossless.settings = {{L4D_ENC_ZSTD_LEVEL, 3}};
+  const TestScene scene = scene_of(3000);
+  for (EncodeOptions o : {plain, staged, rcq, lossless}) {
+    o.threads = 1;
+    const Encoded want = encode(scene, o);
+    for (const uint32_t threads : {1u, 2u, 7u}) {
+      o.threads = threads;
+      const Encoded got = encode(scene, o);
+      EXPECT_TRUE(got.bytes == want.bytes) << threads << " threads";
+      EXPECT_EQ(got.order, want.order);
+    }
+  }
+}
+
+TEST(Determinism, AHandleCanEncodeAgain) {
+  const EncoderHandle e;
+  const TestScene scene = scene_of(500);
+  prepare_encoder(scene, small_options(), e);
+  const Bytes first = e.encode();
+  EXPECT_TRUE(first == e.encode());
+  const TestScene other = scene_of(400, 9);
+  prepare_encoder(other, small_options(), e);
+  EXPECT_TRUE(e.encode() == encode(other, small_options()).bytes);
+}
+
+TEST(Determinism, SeedsAreUsed) {
+  EncodeOptions a = small_options();
+  EncodeOptions b = a;
+  b.seed = 12345;
+  const TestScene scene = scene_of(3000);
+  const Encoded x = encode(scene, a), y = encode(scene, b);
+  EXPECT_FALSE(x.bytes == y.bytes);
+  expect_valid(y.bytes);
+}
+
+// ---- reports -----------------------------------------------------------------------------------
+
+TEST(Report, CountsAndSteps) {
+  const TestScene scene = scene_of(1500);
+  const EncoderHandle e;
+  l4d_encode_report r;
+  l4d_encode_report_init(&r);
+  EXPECT_EQ(l4d_encoder_get_report(e.get(), &r), L4D_ERR_INVALID_STATE);
+  prepare_encoder(scene, small_options(), e);
+  EXPECT_EQ(l4d_encoder_get_report(e.get(), &r), L4D_ERR_INVALID_STATE);
+  const Bytes bytes = e.encode();
+  e.check(l4d_encoder_get_report(e.get(), &r));
+  EXPECT_EQ(r.input_gaussians, 1500u);
+  EXPECT_EQ(r.coded_gaussians, 1500u);
+  EXPECT_EQ(r.invalid_dropped, 0u);
+  EXPECT_EQ(r.pruned, 0u);
+  EXPECT_EQ(r.file_bytes, bytes.size());
+  EXPECT_EQ(r.raw_bytes, 4u * (17 + 12) * 1500);
+  EXPECT_GT(r.total_seconds, 0);
+  DecoderHandle d;
+  d.open_memory(bytes.data(), bytes.size());
+  EXPECT_EQ(r.num_layers, d.info().num_layers);
+  double sum = 0;
+  ASSERT_GT(r.num_stages, 3u);
+  for (uint32_t i = 0; i < r.num_stages; ++i) {
+    const char* name = nullptr;
+    double seconds = -1;
+    e.check(l4d_encoder_get_stage(e.get(), i, &name, &seconds));
+    EXPECT_NE(std::string(name), "");
+    EXPECT_GE(seconds, 0);
+    sum += seconds;
+  }
+  EXPECT_LE(sum, r.total_seconds * 1.01 + 1e-3);
+  const char* name = nullptr;
+  double seconds = 0;
+  EXPECT_EQ(l4d_encoder_get_stage(e.get(), r.num_stages, &name, &seconds), L4D_ERR_INVALID_ARGUMENT);
+  std::vector<uint32_t> order(1500);
+  EXPECT_EQ(l4d_encoder_get_order(e.get(), order.data(), 1499), L4D_ERR_INVALID_ARGUMENT);
+  EXPECT_EQ(l4d_encoder_get_order(e.get(), order.data(), 1500), L4D_OK);
+  std::sort(order.begin(), order.end());
+  for (uint32_t i = 0; i < 1500; ++i) EXPECT_EQ(order[i], i);
+}
+
+// The order relates decoded Gaussians to the input: each is near the one it is said to come from.
+TEST(Report, OrderNamesTheSource) {
+  const TestScene scene = scene_of(1000);
+  EncodeOptions o = small_options();
+  o.settings.push_back({L4D_ENC_CLOSED_LOOP, 0});
+  const Encoded e = encode(scene, o);
+  const GaussianArrays a = decode(e.bytes, all_query());
+  ASSERT_EQ(a.count(), e.order.size());
+  for (size_t i = 0; i < a.count(); ++i) {
+    const size_t from = e.order[i];
+    for (size_t k = 0; k < 3; ++k) {
+      EXPECT_NEAR(a.position[3 * i + k], scene.position[3 * from + k], 0.02);
+    }
+    EXPECT_NEAR(a.opacity[i], scene.opacity[from], 0.004);
+  }
+}
+
+TEST(Report, MetadataIsStored) {
+  const EncoderHandle e;
+  const TestScene scene = scene_of(50);
+  prepare_encoder(scene, small_options(), e);
+  const size_t before = e.encode().size();
+  const std::string value(1000, 'x');
+  e.check(l4d_encoder_add_metadata(e.get(), "note", value.c_str()));
+  const Bytes bytes = e.encode();
+  EXPECT_GT(bytes.size(), before + 1000);
+  EXPECT_NE(std::search(bytes.begin(), bytes.end(), value.begin(), value.end()), bytes.end());
+  expect_valid(bytes);
+}
+
+// ---- refusing and dropping ---------------------------------------------------------------------
+
+struct BadValue {
+  const char* attribute;
+  std::vector<float> TestScene::* array;
+  size_t dim;
+  float value;
+};
+
+std::vector<BadValue> bad_values() {
+  std::vector<BadValue> all;
+  for (const float v : {kNan, kInf, -kInf}) {
+    all.push_back({"position", &TestScene::position, 3, v});
+    all.push_back({"mean_t", &TestScene::mean_t, 1, v});
+    all.push_back({"log_scale", &TestScene::log_scale, 4, v});
+    all.push_back({"rotor", &TestScene::rotor, 8, v});
+    all.push_back({"opacity", &TestScene::opacity, 1, v});
+    all.push_back({"sh", &TestScene::sh, 12, v});
+  }
+  all.push_back({"log_scale", &TestScene::log_scale, 4, 16.01f});
+  all.push_back({"log_scale", &TestScene::log_scale, 4, -16.01f});
+  all.push_back({"opacity", &TestScene::opacity, 1, -0.001f});
+  all.push_back({"opacity", &TestScene::opacity, 1, 1.001f});
+  all.push_back({"sh", &TestScene::sh, 12, 70000.0f});
+  return all;
+}
+
+TEST(InvalidInput, IsRefusedByName) {
+  for (const BadValue& bad : bad_values()) {
+    for (const char* preset : {"default", "lossless"}) {
+      TestScene scene = scene_of(100);
+      (scene.*bad.array)[bad.dim * 57 + bad.dim - 1] = bad.value;
+      EncodeOptions o = small_options();
+      o.preset = preset;
+      try {
+        encode(scene, o);
+        ADD_FAILURE() << bad.attribute << " " << bad.value << " was accepted";
+      } catch (const Error& e) {
+        EXPECT_EQ(e.status(), L4D_ERR_INVALID_SCENE);
+        const std::string what = e.what();
+        EXPECT_NE(what.find("Gaussian 57"), std::string::npos) << what;
+        EXPECT_NE(what.find(bad.attribute), std::string::npos) << what;
+      }
+    }
+  }
+}
+
+TEST(InvalidInput, IsDroppedOnDemand) {
+  for (const BadValue& bad : bad_values()) {
+    TestScene scene = scene_of(100);
+    (scene.*bad.array)[bad.dim * 57] = bad.value;
+    (scene.*bad.array)[bad.dim * 99 + bad.dim - 1] = bad.value;
+    EncodeOptions o = small_options();
+    o.settings.push_back({L4D_ENC_DROP_INVALID, 1});
+    const Encoded e = encode(scene, o);
+    EXPECT_EQ(e.report.input_gaussians, 100u);
+    EXPECT_EQ(e.report.coded_gaussians, 98u);
+    EXPECT_EQ(e.report.invalid_dropped, 2u);
+    for (const uint32_t i : e.order) EXPECT_TRUE(i != 57 && i != 99);
+    EXPECT_EQ(decode(e.bytes, all_query()).count(), 98u);
+  }
+}
+
+TEST(InvalidInput, NothingLeftIsAnError) {
+  TestScene scene = scene_of(3);
+  for (float& v : scene.mean_t) v = kNan;
+  EncodeOptions o = small_options();
+  o.settings.push_back({L4D_ENC_DROP_INVALID, 1});
+  try {
+    encode(scene, o);
+    ADD_FAILURE();
+  } catch (const Error& e) {
+    EXPECT_EQ(e.status(), L4D_ERR_INVALID_SCENE);
+  }
+}
+
+TEST(InvalidInput, ScenesAndTimelines) {
+  const EncoderHandle e;
+  const TestScene scene = scene_of(10);
+  const auto set = [&](const std::function<void(l4d_gaussians&, l4d_timeline&)>& change) {
+    l4d_gaussians g = scene.view();
+    l4d_timeline t = scene.timeline;
+    change(g, t);
+    return l4d_encoder_set_scene(e.get(), &g, &t, nullptr);
+  };
+  using G = l4d_gaussians;
+  using T = l4d_timeline;
+  const std::function<void(G&, T&)> kWrong[] = {
+      [](G& g, T&) { g.count = 0; },
+      [](G& g, T&) { g.count = uint64_t{1} << 31; },
+      [](G& g, T&) { g.sh_degree = 4; },
+      [](G& g, T&) { g.position = nullptr; },
+      [](G& g, T&) { g.mean_t = nullptr; },
+      [](G& g, T&) { g.log_scale = nullptr; },
+      [](G& g, T&) { g.rotor = nullptr; },
+      [](G& g, T&) { g.opacity = nullptr; },
+      [](G& g, T&) { g.sh = nullptr; },
+      [](G&, T& t) { t.num_frames = 0; },
+      [](G&, T& t) { t.num_frames = (1u << 24) + 1; },
+      [](G&, T& t) { t.fps_num = 0; },
+      [](G&, T& t) { t.fps_den = 0; },
+      [](G&, T& t) { t.time_begin = static_cast<double>(kNan); },
+      [](G&, T& t) { t.time_begin = 1e30; },
+      [](G&, T& t) { t.time_begin = 1e-30; }};
+  for (const auto& wrong : kWrong) EXPECT_EQ(set(wrong), L4D_ERR_INVALID_ARGUMENT);
+  EXPECT_EQ(set([](G&, T&) {}), L4D_OK);
+}
+
+// Nothing that encode accepts may make a file that the decoder refuses.
+TEST(InvalidInput, PlacementsAreRefusedOrReadBack) {
+  const TestScene scene = scene_of(20);
+  const double nan = static_cast<double>(kNan), inf = static_cast<double>(kInf);
+  const l4d_placement kPlacements[] = {
+      {{1e9, -2.5, 0}, 0.01, L4D_COORDINATES_RIGHT_UP_BACK, L4D_COLOR_LINEAR_SRGB},
+      {{nan, 0, 0}, 1, 0, 0},
+      {{0, inf, 0}, 1, 0, 0},
+      {{0, 0, 0}, nan, 0, 0},
+      {{0, 0, 0}, -inf, 0, 0},
+      {{0, 0, 0}, 1, 300, 0},
+      {{0, 0, 0}, 1, 0, 257}};
+  for (const l4d_placement& p : kPlacements) {
+    const EncoderHandle e;
+    const l4d_gaussians g = scene.view();
+    Bytes bytes;
+    try {
+      e.check(l4d_encoder_set_scene(e.get(), &g, &scene.timeline, &p));
+      bytes = e.encode();
+    } catch (const Error& error) {
+      EXPECT_TRUE(error.status() == L4D_ERR_INVALID_ARGUMENT ||
+                  error.status() == L4D_ERR_INVALID_SCENE);
+      continue;
+    }
+    DecoderHandle d;
+    const l4d_status opened = l4d_decoder_open_memory(d.get(), bytes.data(), bytes.size());
+    EXPECT_EQ(opened, L4D_OK) << "the encoder wrote what the decoder refuses: "
+                              << l4d_decoder_error_detail(d.get());
+    if (opened != L4D_OK) continue;
+    const l4d_placement got = d.info().placement;
+    for (int k = 0; k < 3; ++k) EXPECT_EQ(got.origin[k], p.origin[k]);
+    EXPECT_EQ(got.scale, p.scale);
+    EXPECT_EQ(got.coordinate_system, p.coordinate_system);
+    EXPECT_EQ(got.color_space, p.color_space);
+  }
+}
+
+TEST(Weights, AreChecked) {
+  const EncoderHandle e;
+  const TestScene scene = scene_of(10);
+  std::vector<float> w(10, 1.0f);
+  const auto set = [&](uint32_t which, uint64_t count) {
+    return l4d_encoder_set_weights(e.get(), which, w.data(), count);
+  };
+  EXPECT_EQ(set(L4D_WEIGHT_SH, 10), L4D_ERR_INVALID_STATE);
+  const l4d_gaussians g = scene.view();
+  e.check(l4d_encoder_set_scene(e.get(), &g, &scene.timeline, nullptr));
+  EXPECT_EQ(set(L4D_WEIGHT_COUNT, 10), L4D_ERR_INVALID_ARGUMENT);
+  EXPECT_EQ(set(L4D_WEIGHT_SH, 9), L4D_ERR_INVALID_ARGUMENT);
+  for (const float bad : {-1.0f, kNan, kInf}) {
+    w[7] = bad;
+    EXPECT_EQ(set(L4D_WEIGHT_SH, 10), L4D_ERR_INVALID_SCENE);
+    EXPECT_NE(std::string(l4d_encoder_error_detail(e.get())).find("Gaussian 7"), std::string::npos);
+  }
+  w[7] = 0;
+  EXPECT_EQ(set(L4D_WEIGHT_SH, 10), L4D_OK);
+  EXPECT_EQ(l4d_encoder_set_weights(e.get(), L4D_WEIGHT_SH, nullptr, 0), L4D_OK);
+}
+
+TEST(Weights, PruneByAlpha) {
+  const TestScene scene = scene_of(400);
+  std::vector<float> alpha(400);
+  for (size_t i = 0; i < alpha.size(); ++i) alpha[i] = static_cast<float>(i % 4);
+  EncodeOptions o = small_options();
+  o.settings.push_back({L4D_ENC_PRUNE_WEIGHT, 1});
+  try {
+    encode(scene, o);
+    ADD_FAILURE() << "pruning without weights";
+  } catch (const Error& e) {
+    EXPECT_EQ(e.status(), L4D_ERR_INVALID_ARGUMENT);
+  }
+  o.weights = {{L4D_WEIGHT_ALPHA_T, &alpha}};
+  const Encoded e = encode(scene, o);
+  EXPECT_EQ(e.report.pruned, 200u);
+  EXPECT_EQ(e.report.coded_gaussians, 200u);
+  for (const uint32_t i : e.order) EXPECT_GE(i % 4, 2u);
+}
+
+TEST(Weights, AllZero) {
+  const TestScene scene = scene_of(800);
+  const std::vector<float> zero(800, 0.0f);
+  EncodeOptions o = small_options();
+  o.stages = {{L4D_ALL_COMPONENTS, {1, 0.5f}}};
+  for (uint32_t w = 0; w < L4D_WEIGHT_COUNT; ++w) o.weights.emplace_back(w, &zero);
+  const Encoded e = encode(scene, o);
+  EXPECT_EQ(e.report.coded_gaussians, 800u);
+  expect_valid(e.bytes);
+  for (const float v : decode(e.bytes, all_query()).rotor) EXPECT_TRUE(std::isfinite(v));
+}
+
+// ---- odd scenes --------------------------------------------------------------------------------
+
+TEST(OddScenes, FewGaussiansInEveryDegreeAndPreset) {
+  for (const char* preset : {"default", "high", "lossless"}) {
+    for (uint32_t degree = 0; degree <= 3; ++degree) {
+      for (uint64_t count = 1; count <= 3; ++count) {
+        SceneOptions s;
+        s.count = count;
+        s.sh_degree = degree;
+        s.seed = 50 + count;
+        const TestScene scene = make_scene(s);
+        EncodeOptions o;
+        o.preset = preset;
+        const Encoded e = encode(scene, o);
+        expect_valid(e.bytes);
+        const GaussianArrays a = decode(e.bytes, all_query());
+        ASSERT_EQ(a.count(), count);
+        EXPECT_EQ(a.sh.size(), count * scene.sh_dim());
+        for (size_t i = 0; i < count; ++i) {
+          const size_t from = e.order[i];
+          for (size_t k = 0; k < 3; ++k) {
+            const float want = scene.position[3 * from + k];
+            EXPECT_NEAR(a.position[3 * i + k], want, 0.2 + 0.01 * std::fabs(want));
+          }
+        }
+      }
+    }
+  }
+}
+
+TEST(OddScenes, AllEqual) {
+  const TestScene one = scene_of(1);
+  TestScene scene = scene_of(300);
+  const auto repeat = [](const std::vector<float>& from, std::vector<float>* to) {
+    for (size_t i = 0; i < to->size(); ++i) (*to)[i] = from[i % from.size()];
+  };
+  repeat(one.position, &scene.position);
+  repeat(one.mean_t, &scene.mean_t);
+  repeat(one.log_scale, &scene.log_scale);
+  repeat(one.rotor, &scene.rotor);
+  repeat(one.opacity, &scene.opacity);
+  repeat(one.sh, &scene.sh);
+  EncodeOptions o = small_options();
+  o.stages = {{L4D_ALL_COMPONENTS, {1, 1, 1}}};
+  const Encoded e = encode(scene, o);
+  expect_valid(e.bytes);
+  EXPECT_LT(e.bytes.size(), 6000u);
+  const GaussianArrays a = decode(e.bytes, all_query());
+  ASSERT_EQ(a.count(), 300u);
+  for (size_t i = 3; i < a.position.size(); ++i) EXPECT_EQ(a.position[i], a.position[i % 3]);
+}
+
+TEST(OddScenes, ExtremeValues) {
+  TestScene scene = scene_of(60);
+  for (size_t i = 0; i < 60; ++i) {
+    const float sign = i % 2 == 0 ? 1.0f : -1.0f;
+    if (i % 5 == 0) scene.position[3 * i] = sign * 1e18f;
+    if (i % 5 == 1) scene.mean_t[i] = sign * 1e18f;
+    if (i % 5 == 2) std::fill_n(scene.log_scale.begin() + static_cast<std::ptrdiff_t>(4 * i), 4, sign * 16);
+    if (i % 5 == 3) scene.sh[12 * i] = sign * 65504;
+    if (i % 5 == 4) scene.opacity[i] = i % 2 == 0 ? 0.0f : 1.0f;
+    if (i % 7 == 0) std::fill_n(scene.rotor.begin() + static_cast<std::ptrdiff_t>(8 * i), 8, 0.0f);
+  }
+  for (const char* preset : {"default", "high", "lossless"}) {
+    EncodeOptions o;
+    o.preset = preset;
+    o.settings = {{L4D_ENC_MERGE_COUNT, 0}, {L4D_ENC_MERGE_FRACTION, 0}};
+    const Encoded e = encode(scene, o);
+    expect_valid(e.bytes);
+    const GaussianArrays a = decode(e.bytes, all_query());
+    for (const float v : a.position) EXPECT_TRUE(std::isfinite(v));
+    for (const float v : a.rotor) EXPECT_TRUE(std::isfinite(v));
+    for (const float v : a.sh) EXPECT_TRUE(std::isfinite(v));
+    for (const float v : a.mean_t) EXPECT_TRUE(std::isfinite(v));
+  }
+}
+
+// A static scene pays for no time.
+TEST(OddScenes, StaticScenesCostNothingTemporal) {
+  SceneOptions s;
+  s.count = 1000;
+  s.permanent = 1;
+  const TestScene scene = make_scene(s);
+  const Encoded e = encode(scene, small_options());
+  expect_valid(e.bytes);
+  DecoderHandle d;
+  d.open_memory(e.bytes.data(), e.bytes.size());
+  EXPECT_EQ(d.info().tools & (L4D_TOOL_MOTION | L4D_TOOL_TEMPORAL_OPACITY), 0u);
+  EXPECT_EQ(d.info().num_layers, 1u);
+  uint64_t sections[L4D_SECTION_COUNT];
+  d.check(l4d_decoder_get_sections(d.get(), sections, nullptr));
+  EXPECT_EQ(sections[L4D_SECTION_MEAN_T], 0u);
+  EXPECT_EQ(sections[L4D_SECTION_ROTOR_TEMPORAL], 0u);
+  l4d_codebook book;
+  l4d_codebook_init(&book);
+  d.check(l4d_decoder_get_codebook(d.get(), 0, L4D_COMPONENT_SCALE, 0, L4D_NO_BLOCK, &book));
+  EXPECT_EQ(book.dim, 3u);
+  const GaussianArrays a = d.decode(all_query());
+  for (size_t i = 0; i < a.count(); ++i) {
+    for (size_t k = 4; k < 8; ++k) EXPECT_EQ(a.rotor[8 * i + k], 0.0f);
+  }
+  for (const double t : {0.0, 1.0, 2.0}) EXPECT_EQ(d.slice(t).count(), 1000u);
+}
+
+TEST(OddScenes, NoMotionNoTemporalRotor) {
+  SceneOptions s;
+  s.permanent = 0;
+  s.moving = false;
+  const Encoded e = encode(make_scene(s), small_options());
+  DecoderHandle d;
+  d.open_memory(e.bytes.data(), e.bytes.size());
+  EXPECT_EQ(d.info().tools & L4D_TOOL_MOTION, 0u);
+  EXPECT_NE(d.info().tools & L4D_TOOL_TEMPORAL_OPACITY, 0u);
+  uint64_t sections[L4D_SECTION_COUNT];
+  d.check(l4d_decoder_get_sections(d.get(), sections, nullptr));
+  EXPECT_EQ(sections[L4D_SECTION_ROTOR_TEMPORAL], 0u);
+}
+
+// The temporal scale of a permanent layer is a number of the header, where tiny ones are forbidden.
+TEST(OddScenes, TinyTemporalLogScaleOfAPermanentLayer) {
+  SceneOptions s;
+  s.count = 20;
+  s.num_frames = 1;
+  s.permanent = 1;
+  TestScene scene = make_scene(s);
+  for (size_t i = 0; i < scene.count(); ++i) {
+    scene.log_scale[4 * i + 3] = -1e-30f;
+    scene.mean_t[i] = 0;
+  }
+  const Encoded e = encode(scene, small_options());
+  expect_valid(e.bytes);
+}
+
+TEST(OddScenes, LongSequences) {
+  SceneOptions s;
+  s.count = 500;
+  s.num_frames = 1u << 24;
+  s.fps_num = 60;
+  const TestScene scene = make_scene(s);
+  EncodeOptions o = small_options();
+  o.settings.push_back({L4D_ENC_MERGE_COUNT, 0});
+  o.settings.push_back({L4D_ENC_MERGE_FRACTION, 0});
+  const Encoded e = encode(scene, o);
+  expect_valid(e.bytes);
+  DecoderHandle d;
+  d.open_memory(e.bytes.data(), e.bytes.size());
+  EXPECT_GE(d.info().num_layers, 15u);
+  EXPECT_EQ(d.decode(all_query()).count(), 500u);
+  const l4d_selection now = d.select(time_query(scene.duration() / 3));
+  EXPECT_LT(now.num_gaussians, 450u);
+}
+
+TEST(OddScenes, LogitOpacitiesAndPositionsAtTheMean) {
+  TestScene plain = scene_of(800);
+  TestScene other = plain;
+  other.flags = L4D_OPACITY_LOGIT | L4D_POSITION_AT_MEAN_TIME;
+  for (size_t i = 0; i < plain.count(); ++i) {
+    const double o = std::min(static_cast<double>(plain.opacity[i]), 0.999999);
+    other.opacity[i] = static_cast<float>(std::log(o / (1 - o)));
+    double rotor[8], scale[4];
+    for (size_t k = 0; k < 8; ++k) rotor[k] = static_cast<double>(plain.rotor[8 * i + k]);
+    for (size_t k = 0; k < 4; ++k) scale[k] = std::exp(static_cast<double>(plain.log_scale[4 * i + k]));
+    const auto slice = slice_gaussian(normalized_halves(rotor), scale);
+    const double mean = static_cast<double>(plain.mean_t[i]);
+    const double dt = mean - reference_time(plain.timeline, mean);
+    for (size_t k = 0; k < 3; ++k) {
+      other.position[3 * i + k] += static_cast<float>(slice.velocity[k] * dt);
+    }
+  }
+  const Encoded a = encode(plain, small_options()), b = encode(other, small_options());
+  const GaussianArrays x = decode(a.bytes, all_query()), y = decode(b.bytes, all_query());
+  EXPECT_EQ(y.flags, 0u);  // lossy streams have one meaning
+  ASSERT_EQ(x.count(), y.count());
+  // Order may differ where positions round differently: compare by source.
+  std::vector<size_t> of_source(plain.count());
+  for (size_t i = 0; i < y.count(); ++i) of_source[b.order[i]] = i;
+  for (size_t i = 0; i < x.count(); ++i) {
+    const size_t j = of_source[a.order[i]];
+    EXPECT_NEAR(x.opacity[i], y.opacity[j], 0.01);
+    for (size_t k = 0; k < 3; ++k) {
+      EXPECT_NEAR(x.position[3 * i + k], y.position[3 * j + k], 0.05);
+    }
+  }
+}
+
+// ---- geometry ----------------------------------------------------------------------------------
+
+// Layers are chosen from the input, but a decoder sees quantised extents: those that no longer fit
+// move to a coarser layer.
+TEST(Misfits, MoveToCoarserLayers) {
+  EncodeOptions o = small_options();
+  o.settings.push_back({L4D_ENC_CODEBOOK_SIZE, 2});
+  o.settings.push_back({L4D_ENC_SCALE_FACTOR_BITS, 2});
+  for (const int rcq : {0, 2}) {
+    o.settings.push_back({L4D_ENC_RCQ, static_cast<double>(rcq)});
+    const TestScene scene = scene_of(3000);
+    const Encoded e = encode(scene, o);
+    EXPECT_GT(e.report.moved_to_coarser, 20u);
+    EXPECT_EQ(decode(e.bytes, all_query()).count(), 3000u);
+    for (const Violation& v : validate(e.bytes)) EXPECT_NE(v.clause, "LAYR-1") << v.message;
+  }
+}
+
+// Gaussians that fly from far away to the centre of the coded frame: the box must allow for the
+// rounding of the large coordinate, though it ends at a small one.
+TEST(Bounds, HoldForFastGaussians) {
+  for (uint64_t seed = 70; seed < 73; ++seed) {
+    SceneOptions s;
+    s.count = 2000;
+    s.permanent = 0;
+    s.speed = 0.5;
+    s.seed = seed;
+    TestScene scene = make_scene(s);
+    for (size_t i = 0; i < scene.count(); ++i) {
+      double rotor[8], scale[4];
+      for (size_t k = 0; k < 8; ++k) rotor[k] = static_cast<double>(scene.rotor[8 * i + k]);
+      for (size_t k = 0; k < 4; ++k) {
+        scale[k] = std::exp(static_cast<double>(scene.log_scale[4 * i + k]));
+      }
+      const auto slice = slice_gaussian(normalized_halves(rotor), scale);
+      // At the end of its visible time it is at the origin.
+      const double mean = static_cast<double>(scene.mean_t[i]);
+      const double end = std::min(scene.duration(), mean + 4 / std::sqrt(slice.lambda));
+      for (size_t k = 0; k < 3; ++k) {
+        scene.position[3 * i + k] = static_cast<float>(
+            slice.velocity[k] * (reference_time(scene.timeline, mean) - end));
+      }
+    }
+    EncodeOptions o = small_options();
+    o.settings.push_back({L4D_ENC_PAGE_SIZE, 64});
+    o.settings.push_back({L4D_ENC_CODEBOOK_SIZE, 256});
+    const auto found = validate(encode(scene, o).bytes);
+    for (size_t i = 0; i < found.size() && i < 3; ++i) {
+      ADD_FAILURE() << found[i].clause << ": " << found[i].message;
+    }
+  }
+}
+
+// Mean error of the place at the middle of what is seen, weighted by nothing.
+double visible_error(const TestScene& scene, const Encoded& e) {
+  DecoderHandle d;
+  d.open_memory(e.bytes.data(), e.bytes.size());
+  const GaussianArrays a = d.decode(all_query());
+  const auto velocity = [](const float* rotor, const float* log_scale) {
+    double r[8], s[4];
+    for (size_t k = 0; k < 8; ++k) r[k] = static_cast<double>(rotor[k]);
+    for (size_t k = 0; k < 4; ++k) s[k] = std::exp(static_cast<double>(log_scale[k]));
+    return slice_gaussian(normalized_halves(r), s);
+  };
+  double sum = 0;
+  for (size_t i = 0; i < a.count(); ++i) {
+    const size_t from = e.order[i];
+    const auto was = velocity(scene.rotor.data() + 8 * from, scene.log_scale.data() + 4 * from);
+    const auto is = velocity(a.rotor.data() + 8 * i, a.log_scale.data() + 4 * i);
+    const double mean = static_cast<double>(scene.mean_t[from]);
+    const double reach = 4 / std::sqrt(was.lambda);
+    const double first = std::max(0.0, mean - reach), last = std::min(scene.duration(), mean + reach);
+    if (first > last) continue;
+    const double t = 0.5 * (first + last);
+    double e2 = 0;
+    for (size_t k = 0; k < 3; ++k) {
+      const double want = static_cast<double>(scene.position[3 * from + k]) +
+                          was.velocity[k] * (t - reference_time(scene.timeline, mean));
+      const double got =
+          static_cast<double>(a.position[3 * i + k]) +
+          is.velocity[k] * (t - reference_time(scene.timeline, static_cast<double>(a.mean_t[i])));
+      e2 += (want - got) * (want - got);
+    }
+    sum += std::sqrt(e2);
+  }
+  return sum / static_cast<double>(a.count());
+}
+
+TEST(ClosedLoop, PutsGaussiansInPlaceWhereTheyAreSeen) {
+  SceneOptions s;
+  s.permanent = 0;
+  s.outside = 0.5;
+  const TestScene scene = make_scene(s);
+  EncodeOptions o = small_options();
+  o.settings.push_back({L4D_ENC_CLOSED_LOOP, 0});
+  const double open = visible_error(scene, encode(scene, o));
+  o.settings.push_back({L4D_ENC_CLOSED_LOOP, 1});
+  const double closed = visible_error(scene, encode(scene, o));
+  EXPECT_LT(closed, 0.2 * open);
+  EXPECT_LT(closed, 0.01);
+}
+
+TEST(Gauge, ChangesParametersButNotTheShape) {
+  const TestScene scene = scene_of(500);
+  for (int gauge = 0; gauge < 4; ++gauge) {
+    SCOPED_TRACE("gauge " + std::to_string(gauge));
+    EncodeOptions o = small_options();
+    o.settings.push_back({L4D_ENC_GAUGE, static_cast<double>(gauge)});
+    o.stages = {{L4D_ALL_COMPONENTS, {1, 1, 1, 1}}};
+    const Encoded e = encode(scene, o);
+    const GaussianArrays a = decode(e.bytes, all_query());
+    double volume_error = 0;
+    size_t negative = 0, unsorted = 0;
+    for (size_t i = 0; i < a.count(); ++i) {
+      const float* l = a.log_scale.data() + 4 * i;
+      const float* m = scene.log_scale.data() + 4 * size_t{e.order[i]};
+      volume_error += std::fabs(static_cast<double>((l[0] + l[1] + l[2]) - (m[0] + m[1] + m[2])));
+      negative += a.rotor[8 * i] < -0.05f;
+      unsorted += l[0] + 0.3f < l[1] || l[1] + 0.3f < l[2];
+    }
+    EXPECT_LT(volume_error / 500, 0.2);
+    if (gauge == 0) {
+      EXPECT_GT(negative, 100u);  // as given
+    } else {
+      EXPECT_LT(negative, 25u);
+    }
+    if (gauge == 3) {
+      EXPECT_LT(unsorted, 25u);
+    } else {
+      EXPECT_GT(unsorted, 100u);
+    }
+  }
+}
+
+TEST(Quality, MoreStagesAndCodewordsGiveLessError) {
+  const TestScene scene = scene_of(3000);
+  const auto sh_error = [&](const EncodeOptions& o) {
+    const Encoded e = encode(scene, o);
+    const GaussianArrays a = decode(e.bytes, all_query());
+    double sum = 0;
+    for (size_t i = 0; i < a.count(); ++i) {
+      for (size_t k = 0; k < 12; ++k) {
+        const double d = static_cast<double>(a.sh[12 * i + k]) -
+                         static_cast<double>(scene.sh[12 * size_t{e.order[i]} + k]);
+        sum += d * d;
+      }
+    }
+    return sum;
+  };
+  EncodeOptions small = small_options();
+  EncodeOptions books = small_options();
+  books.settings.push_back({L4D_ENC_CODEBOOK_SIZE, 256});
+  EncodeOptions stages = small_options();
+  stages.stages = {{L4D_ALL_COMPONENTS, {1, 1, 1}}};
+  const double base = sh_error(small);
+  EXPECT_LT(sh_error(books), 0.9 * base);
+  EXPECT_LT(sh_error(stages), 0.8 * base);
+}
+
+// RCQ in a whole file, where it pays: the seconds of the scene have shapes of their own.
+TEST(RcqFile, PaysInASceneWhoseTimesDiffer) {
+  SceneOptions s;
+  s.count = 40000;
+  s.sh_degree = 0;
+  s.permanent = 0;
+  s.outside = 0;
+  s.num_frames = 8;
+  TestScene scene = make_scene(s);
+  for (size_t i = 0; i < scene.count(); ++i) {
+    scene.log_scale[4 * i + 3] = static_cast<float>(std::log(scene.duration() / 40));
+    // In each quarter 60 shapes that occur in no other.
+    const double quarter = std::floor(4 * static_cast<double>(scene.mean_t[i]) / scene.duration());
+    Random shape(static_cast<uint64_t>(quarter) * 1000 + i % 60);
+    for (size_t k = 0; k < 3; ++k) {
+      scene.log_scale[4 * i + k] = shape.uniformf(-7, -2) + 0.001f * static_cast<float>(i % 10);
+    }
+  }
+  EncodeOptions o;
+  o.settings = {{L4D_ENC_CODEBOOK_SIZE, 64}, {L4D_ENC_KMEANS_ITERATIONS, 4},
+                {L4D_ENC_MERGE_COUNT, 100},  {L4D_ENC_ZSTD_LEVEL, 1},
+                {L4D_ENC_RCQ, 1},            {L4D_ENC_RCQ_SIZE, 64}};
+  const Encoded e = encode(scene, o);
+  expect_valid(e.bytes);
+  DecoderHandle d;
+  d.open_memory(e.bytes.data(), e.bytes.size());
+  EXPECT_NE(d.info().tools & L4D_TOOL_RCQ, 0u);
+  EXPECT_TRUE(same_bits(decode(e.bytes, all_query(), L4D_BACKEND_REFERENCE),
+                        decode(e.bytes, all_query(), L4D_BACKEND_CPU, 2)));
+}
+
+}  // namespace
+}  // namespace l4d

@@ -1,0 +1,156 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "encoder/settings.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <set>
+#include <string>
+
+#include "l4d/l4d.hpp"
+
+namespace l4d {
+namespace {
+
+l4d_encoder_parameter parameter(int id) { return static_cast<l4d_encoder_parameter>(id); }
+
+l4d_parameter_info describe(int id) {
+  l4d_parameter_info info;
+  l4d_parameter_info_init(&info);
+  EXPECT_EQ(l4d_encoder_parameter_info(parameter(id), &info), L4D_OK);
+  return info;
+}
+
+TEST(Settings, EveryParameterIsDescribed) {
+  std::set<std::string> names;
+  for (int id = 0; id < L4D_ENC_PARAMETER_COUNT; ++id) {
+    const l4d_parameter_info info = describe(id);
+    ASSERT_NE(info.name, nullptr);
+    ASSERT_NE(info.description, nullptr);
+    EXPECT_TRUE(names.insert(info.name).second) << info.name << " twice";
+    EXPECT_GT(std::string(info.description).size(), 10u);
+    EXPECT_LT(info.min, info.max) << info.name;
+  }
+  l4d_parameter_info info;
+  l4d_parameter_info_init(&info);
+  EXPECT_EQ(l4d_encoder_parameter_info(parameter(-1), &info), L4D_ERR_INVALID_ARGUMENT);
+  EXPECT_EQ(l4d_encoder_parameter_info(L4D_ENC_PARAMETER_COUNT, &info), L4D_ERR_INVALID_ARGUMENT);
+  EXPECT_EQ(l4d_encoder_parameter_info(L4D_ENC_RCQ, nullptr), L4D_ERR_INVALID_ARGUMENT);
+}
+
+TEST(Settings, RangesAreThoseOfTheHeader) {
+  const auto range = [](int id) {
+    const l4d_parameter_info i = describe(id);
+    return std::pair<double, double>(i.min, i.max);
+  };
+  using R = std::pair<double, double>;
+  EXPECT_EQ(range(L4D_ENC_CODEBOOK_SIZE), R(1, 65536));
+  EXPECT_EQ(range(L4D_ENC_RCQ), R(0, 2));
+  EXPECT_EQ(range(L4D_ENC_RCQ_SIZE), R(1, 4096));
+  EXPECT_EQ(range(L4D_ENC_MERGE_FRACTION), R(0, 1));
+  EXPECT_EQ(range(L4D_ENC_PAGE_SIZE), R(64, 65536));
+  EXPECT_EQ(range(L4D_ENC_GAUGE), R(0, 3));
+  EXPECT_EQ(range(L4D_ENC_OPACITY_BITS), R(1, 16));
+  EXPECT_EQ(range(L4D_ENC_SCALE_FACTOR_BITS), R(1, 16));
+  EXPECT_EQ(range(L4D_ENC_KMEANS_ITERATIONS), R(0, 1000));
+  EXPECT_EQ(range(L4D_ENC_KMEANS_SAMPLE), R(1, 1000000));
+  EXPECT_EQ(range(L4D_ENC_ZSTD_LEVEL), R(1, 22));
+  for (const int id : {L4D_ENC_LOSSLESS, L4D_ENC_CLOSED_LOOP, L4D_ENC_DROP_INVALID}) {
+    EXPECT_EQ(range(id), R(0, 1));
+  }
+}
+
+TEST(Settings, ValuesAreSetWithinTheirRangesOnly) {
+  const EncoderHandle e;
+  for (int id = 0; id < L4D_ENC_PARAMETER_COUNT; ++id) {
+    const l4d_parameter_info info = describe(id);
+    SCOPED_TRACE(info.name);
+    const auto set = [&](double v) {
+      return l4d_encoder_set(e.get(), parameter(id), L4D_ALL_COMPONENTS, v);
+    };
+    const auto get = [&](int32_t component) {
+      double v = -99;
+      EXPECT_EQ(l4d_encoder_get(e.get(), parameter(id), component, &v), L4D_OK);
+      return v;
+    };
+    for (const double v : {info.min, info.max}) {
+      EXPECT_EQ(set(v), L4D_OK);
+      for (int32_t c = L4D_ALL_COMPONENTS; c < L4D_COMPONENT_COUNT; ++c) EXPECT_EQ(get(c), v);
+    }
+    const double kept = get(0);
+    const double inf = std::numeric_limits<double>::infinity();
+    for (const double v : {std::nextafter(info.min, -inf), std::nextafter(info.max, inf), -inf, inf,
+                           std::numeric_limits<double>::quiet_NaN()}) {
+      EXPECT_EQ(set(v), L4D_ERR_INVALID_ARGUMENT) << v;
+      EXPECT_NE(std::string(l4d_encoder_error_detail(e.get())).find(info.name), std::string::npos);
+      EXPECT_EQ(get(0), kept);
+    }
+    EXPECT_EQ(set(0.5 * (info.min + info.min + 1)),
+              info.integer != 0 || info.min + 0.5 > info.max ? L4D_ERR_INVALID_ARGUMENT : L4D_OK);
+    // One component alone, where there are components.
+    EXPECT_EQ(set(info.min), L4D_OK);
+    const l4d_status one = l4d_encoder_set(e.get(), parameter(id), L4D_COMPONENT_SCALE, info.max);
+    EXPECT_EQ(one, info.per_component != 0 ? L4D_OK : L4D_ERR_INVALID_ARGUMENT);
+    EXPECT_EQ(get(L4D_COMPONENT_SH), info.min);
+    EXPECT_EQ(get(L4D_COMPONENT_SCALE), info.per_component != 0 ? info.max : info.min);
+  }
+  double v = 0;
+  EXPECT_EQ(l4d_encoder_set(e.get(), parameter(-1), -1, 0), L4D_ERR_INVALID_ARGUMENT);
+  EXPECT_EQ(l4d_encoder_set(e.get(), L4D_ENC_PARAMETER_COUNT, -1, 0), L4D_ERR_INVALID_ARGUMENT);
+  EXPECT_EQ(l4d_encoder_set(e.get(), L4D_ENC_CODEBOOK_SIZE, 4, 8), L4D_ERR_INVALID_ARGUMENT);
+  EXPECT_EQ(l4d_encoder_set(e.get(), L4D_ENC_CODEBOOK_SIZE, -2, 8), L4D_ERR_INVALID_ARGUMENT);
+  EXPECT_EQ(l4d_encoder_get(e.get(), L4D_ENC_PARAMETER_COUNT, 0, &v), L4D_ERR_INVALID_ARGUMENT);
+  EXPECT_EQ(l4d_encoder_get(e.get(), L4D_ENC_RCQ, 4, &v), L4D_ERR_INVALID_ARGUMENT);
+  EXPECT_EQ(l4d_encoder_get(e.get(), L4D_ENC_RCQ, 0, nullptr), L4D_ERR_INVALID_ARGUMENT);
+}
+
+TEST(Settings, PresetsReplaceEverything) {
+  std::set<std::string> names;
+  for (uint32_t i = 0; l4d_encoder_preset_name(i) != nullptr; ++i) {
+    names.insert(l4d_encoder_preset_name(i));
+    EXPECT_NE(l4d_encoder_preset_description(i), nullptr);
+    const EncoderHandle e;
+    EXPECT_EQ(l4d_encoder_set_preset(e.get(), l4d_encoder_preset_name(i)), L4D_OK);
+  }
+  EXPECT_EQ(names, (std::set<std::string>{"default", "high", "lossless"}));
+  EXPECT_EQ(l4d_encoder_preset_description(3), nullptr);
+
+  EncoderSettings s;
+  ASSERT_TRUE(s.set_preset("lossless").ok());
+  EXPECT_TRUE(s.get_bool(L4D_ENC_LOSSLESS));
+  ASSERT_TRUE(s.set(L4D_ENC_PAGE_SIZE, L4D_ALL_COMPONENTS, 64).ok());
+  ASSERT_TRUE(s.set_preset("high").ok());
+  EXPECT_FALSE(s.get_bool(L4D_ENC_LOSSLESS));
+  EXPECT_EQ(s.get(L4D_ENC_PAGE_SIZE), EncoderSettings().get(L4D_ENC_PAGE_SIZE));
+  for (int c = 0; c < L4D_COMPONENT_COUNT; ++c) {
+    EXPECT_EQ(s.stages(c), (std::vector<float>{1.0f, 0.5f, 0.25f}));
+  }
+  ASSERT_TRUE(s.set_preset("default").ok());
+  for (int c = 0; c < L4D_COMPONENT_COUNT; ++c) EXPECT_EQ(s.stages(c), (std::vector<float>{1.0f}));
+  for (int id = 0; id < L4D_ENC_PARAMETER_COUNT; ++id) {
+    EXPECT_EQ(s.get(parameter(id)), describe_parameter(parameter(id)).initial);
+  }
+  const Status unknown = s.set_preset("fastest");
+  EXPECT_EQ(unknown.code(), L4D_ERR_INVALID_ARGUMENT);
+  EXPECT_NE(unknown.message().find("fastest"), std::string::npos);
+}
+
+TEST(Settings, StagesAreChecked) {
+  const EncoderHandle e;
+  const auto set = [&](int32_t component, const std::vector<float>& f) {
+    return l4d_encoder_set_stages(e.get(), component, static_cast<uint32_t>(f.size()), f.data());
+  };
+  EXPECT_EQ(set(L4D_ALL_COMPONENTS, {1}), L4D_OK);
+  EXPECT_EQ(set(L4D_COMPONENT_SH, {1, 1, 0.5f, 0.5f, 0.1f, 0, 0, 0}), L4D_OK);
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  const std::vector<float> kWrong[] = {{}, {0.5f}, {1, 0.2f, 0.3f}, {1, -0.1f}, {1, 1.5f}, {1, nan},
+                                       {nan}, {1, 1, 1, 1, 1, 1, 1, 1, 1}};
+  for (const auto& wrong : kWrong) EXPECT_EQ(set(0, wrong), L4D_ERR_INVALID_ARGUMENT);
+  EXPECT_EQ(set(4, {1}), L4D_ERR_INVALID_ARGUMENT);
+  EXPECT_EQ(set(-2, {1}), L4D_ERR_INVALID_ARGUMENT);
+  EXPECT_EQ(l4d_encoder_set_stages(e.get(), 0, 1, nullptr), L4D_ERR_INVALID_ARGUMENT);
+}
+
+}  // namespace
+}  // namespace l4d
