@@ -29,10 +29,17 @@ Decoder::Decoder(const l4d_decoder_options& options) : options_(options) {
   reconstruct_kernels_ = reference ? &reconstruct_kernels_reference() : &reconstruct_kernels_simd();
 }
 
-Status Decoder::open(ByteSource source) {
+void Decoder::close() {
   cache_.clear();
   cache_bytes_ = 0;
+  buckets_decoded_ = 0;
+  cache_hits_ = 0;
   pages_.reset();
+  file_.reset();
+}
+
+Status Decoder::open(ByteSource source) {
+  close();
   file_ = std::make_unique<SceneFile>(std::move(source), options_.limits, *stream_kernels_);
   Status status = file_->open();
   if (!status.ok()) {
@@ -45,11 +52,11 @@ Status Decoder::open(ByteSource source) {
 }
 
 Status Decoder::open_file(const char* path) {
+  close();
   auto reader = std::make_unique<FileReader>();
   L4D_RETURN_IF_ERROR(reader->open(path));
   ByteSource source;
   L4D_RETURN_IF_ERROR(ByteSource::from_reader(reader->reader(), &source));
-  file_.reset();
   own_file_ = std::move(reader);
   return open(std::move(source));
 }
@@ -64,7 +71,7 @@ PageDecoder::Progress Decoder::progress(const char* stage) const {
 Status Decoder::select(const l4d_query& query, l4d_selection* out) {
   file_->trim();
   Plan plan;
-  L4D_RETURN_IF_ERROR(make_plan(*file_, query, &plan));
+  L4D_RETURN_IF_ERROR(make_plan(*file_, query, PlanUnit::kPages, &plan));
   out->num_gaussians = plan.num_gaussians;
   out->num_ranges = plan.ranges.size();
   out->num_chunks = plan.tasks.size();
@@ -98,7 +105,7 @@ Status begin_output(const Plan& plan, Buffers* out) {
 Status Decoder::decode(const l4d_query& query, l4d_gaussian_buffers* out) {
   file_->trim();
   Plan plan;
-  L4D_RETURN_IF_ERROR(make_plan(*file_, query, &plan));
+  L4D_RETURN_IF_ERROR(make_plan(*file_, query, PlanUnit::kPages, &plan));
   L4D_RETURN_IF_ERROR(begin_output(plan, out));
   L4D_RETURN_IF_ERROR(pages_->expand(plan, 0, plan.tasks.size(), *out, progress("decode")));
   buckets_decoded_ += plan.ranges.size();
@@ -108,7 +115,7 @@ Status Decoder::decode(const l4d_query& query, l4d_gaussian_buffers* out) {
 Status Decoder::decode_packed(const l4d_query& query, l4d_packed_buffers* out) {
   file_->trim();
   Plan plan;
-  L4D_RETURN_IF_ERROR(make_plan(*file_, query, &plan));
+  L4D_RETURN_IF_ERROR(make_plan(*file_, query, PlanUnit::kPages, &plan));
   L4D_RETURN_IF_ERROR(begin_output(plan, out));
   L4D_RETURN_IF_ERROR(pages_->pack(plan, *out, progress("decode")));
   buckets_decoded_ += plan.ranges.size();
@@ -158,7 +165,7 @@ Status Decoder::sections(uint64_t* sections, uint64_t* layer_bytes) {
   all.kind = L4D_QUERY_ALL;
   all.max_level = ~0u;
   Plan plan;
-  L4D_RETURN_IF_ERROR(make_plan(*file_, all, &plan));
+  L4D_RETURN_IF_ERROR(make_plan(*file_, all, PlanUnit::kPages, &plan));
   SectionBytes bytes{};
   std::vector<uint64_t> layers(header.layers.size(), 0);
   L4D_RETURN_IF_ERROR(pages_->measure(plan, &bytes, &layers));

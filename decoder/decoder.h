@@ -38,6 +38,7 @@ class Decoder {
 
   Status open(ByteSource source);
   Status open_file(const char* path);
+  void close();
   bool is_open() const { return file_ != nullptr; }
   SceneFile& file() { return *file_; }
   const SceneFile& file() const { return *file_; }

@@ -14,7 +14,7 @@ class MemoryBudget {
  public:
   void set_limit(uint64_t bytes) { limit_ = bytes; }
   Status charge(uint64_t bytes, const char* what) {
-    if (bytes > limit_ - std::min(used_, limit_)) {
+    if (!has_room(bytes)) {
       return Status(L4D_ERR_LIMIT_EXCEEDED, std::string(what) + " needs " + std::to_string(bytes) +
                                                 " bytes more than the " + std::to_string(used_) +
                                                 " held; the limit is " + std::to_string(limit_));
@@ -23,6 +23,7 @@ class MemoryBudget {
     peak_ = std::max(peak_, used_);
     return {};
   }
+  bool has_room(uint64_t bytes) const { return bytes <= limit_ - std::min(used_, limit_); }
   // Whether `bytes` more would be allowed; charges nothing.
   Status check(uint64_t bytes, const char* what) {
     L4D_RETURN_IF_ERROR(charge(bytes, what));

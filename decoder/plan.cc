@@ -39,8 +39,12 @@ bool may_be_visible(const PageRecord& page, const Interval& t, double center, do
 
 class Planner {
  public:
-  Planner(SceneFile& file, const Interval& interval, Plan* out)
-      : file_(file), timeline_(file.header().timeline), interval_(interval), out_(*out) {}
+  Planner(SceneFile& file, const Interval& interval, PlanUnit unit, Plan* out)
+      : file_(file),
+        timeline_(file.header().timeline),
+        interval_(interval),
+        unit_(unit),
+        out_(*out) {}
 
   Status add_layer(uint32_t index) {
     const LayerHeader& layer = file_.header().layers[index];
@@ -74,13 +78,26 @@ class Planner {
   void add_pages(uint32_t index, const LayerHeader& layer, uint32_t directory_index,
                  const DirectoryPage& page, const BucketRange& buckets) {
     const double width = bucket_width(timeline_, layer.level);
-    for (const PageRecord& record : page.pages) {
-      if (record.bucket < buckets.first || record.bucket > buckets.last) continue;
+    const auto wanted = [&](const PageRecord& record) {
       const double center = bucket_center(timeline_, layer.level, record.bucket);
-      if (!interval_.everything && !layer.permanent &&
-          !may_be_visible(record, interval_, center, width)) {
-        continue;
+      return interval_.everything || layer.permanent ||
+             may_be_visible(record, interval_, center, width);
+    };
+    // Pages of a bucket lie next to each other.
+    size_t bucket_begin = 0;
+    bool bucket_wanted = false;
+    for (size_t p = 0; p < page.pages.size(); ++p) {
+      const PageRecord& record = page.pages[p];
+      if (record.bucket < buckets.first || record.bucket > buckets.last) continue;
+      if (p == 0 || record.bucket != page.pages[bucket_begin].bucket) {
+        bucket_begin = p;
+        bucket_wanted = false;
+        for (size_t q = p; q < page.pages.size() && page.pages[q].bucket == record.bucket; ++q) {
+          bucket_wanted = bucket_wanted || wanted(page.pages[q]);
+        }
       }
+      if (!(unit_ == PlanUnit::kBuckets ? bucket_wanted : wanted(record))) continue;
+      const double center = bucket_center(timeline_, layer.level, record.bucket);
       const uint32_t block =
           record.block == kNoBlock ? L4D_NO_BLOCK : block_id(directory_index, record.block);
       if (out_.ranges.empty() || out_.ranges.back().layer != index ||
@@ -99,16 +116,17 @@ class Planner {
   SceneFile& file_;
   const l4d_timeline& timeline_;
   const Interval interval_;
+  const PlanUnit unit_;
   Plan& out_;
 };
 
 }  // namespace
 
-Status make_plan(SceneFile& file, const l4d_query& query, Plan* out) {
+Status make_plan(SceneFile& file, const l4d_query& query, PlanUnit unit, Plan* out) {
   *out = Plan();
   Interval interval;
   L4D_RETURN_IF_ERROR(query_interval(query, file.header().timeline, &interval));
-  Planner planner(file, interval, out);
+  Planner planner(file, interval, unit, out);
   const auto& layers = file.header().layers;
   for (uint32_t i = 0; i < layers.size(); ++i) {
     if (layers[i].level > query.max_level) continue;

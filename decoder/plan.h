@@ -25,7 +25,10 @@ struct Plan {
   uint64_t directory_bytes = 0;
 };
 
-Status make_plan(SceneFile& file, const l4d_query& query, Plan* out);
+// kPages leaves out pages whose visible interval misses the query. kBuckets takes all pages of a bucket
+// where one is wanted: what a cache of whole buckets needs.
+enum class PlanUnit { kPages, kBuckets };
+Status make_plan(SceneFile& file, const l4d_query& query, PlanUnit unit, Plan* out);
 
 // Id of a block, unique in its layer: what l4d_range.block holds.
 inline uint32_t block_id(uint32_t directory_index, uint32_t block) {

@@ -87,7 +87,11 @@ class Slicer {
 }  // namespace
 
 void Decoder::evict(uint64_t needed) {
-  while (!cache_.empty() && cache_bytes_ + needed > options_.cache_bytes) {
+  // The cache gives way to its own budget and to the limit on all memory.
+  const auto fits = [&] {
+    return cache_bytes_ + needed <= options_.cache_bytes && file_->memory().has_room(needed);
+  };
+  while (!cache_.empty() && !fits()) {
     auto oldest = cache_.end();
     for (auto it = cache_.begin(); it != cache_.end(); ++it) {
       if (it->second.last_use == clock_) continue;  // wanted by the query at hand
@@ -170,7 +174,8 @@ Status Decoder::prepare(const Plan& plan, std::vector<const PreparedBucket*>* ou
     CacheEntry entry;
     entry.memory_bytes = PreparedBucket::memory_bytes(static_cast<size_t>(r.count), sh_dim);
     entry.last_use = clock_;
-    evict(entry.memory_bytes);
+    // Decoding a bucket takes scratch of less than its own size beside it.
+    evict(2 * entry.memory_bytes);
     L4D_RETURN_IF_ERROR(file_->memory().charge(entry.memory_bytes, "the bucket cache"));
     const Status status = prepare_range(plan, i, first_task, task, &entry.bucket);
     if (!status.ok()) {
@@ -195,7 +200,7 @@ Status Decoder::slice(double time, l4d_splat_buffers* out) {
   query.time_begin = time;
   file_->trim();
   Plan plan;
-  L4D_RETURN_IF_ERROR(make_plan(*file_, query, &plan));
+  L4D_RETURN_IF_ERROR(make_plan(*file_, query, PlanUnit::kBuckets, &plan));
   std::vector<const PreparedBucket*> buckets;
   L4D_RETURN_IF_ERROR(prepare(plan, &buckets));
 

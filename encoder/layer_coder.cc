@@ -215,7 +215,7 @@ class LayerCoder {
     for (const uint32_t i : out_.members) {
       largest = std::max(largest, scene_.log_scale[4 * size_t{i} + 3]);
     }
-    return largest;
+    return sound_constant(largest);
   }
 
   // The decoder's float arithmetic, then the slice in double.

@@ -84,7 +84,7 @@ class LayerBuilder {
         half_[3 * j + k] = float_to_half_saturate(static_cast<float>(scaled));
         code[k] = lossless()
                       ? static_cast<uint16_t>(
-                            order_float(static_cast<float>(layer_.position[3 * j + k])) >> 16)
+                            order_float(scene_.raw_position[3 * layer_.members[j] + k]) >> 16)
                       : order_half(half_[3 * j + k]);
       }
       key[j] = morton(code[0], code[1], code[2]);
@@ -138,7 +138,7 @@ class LayerBuilder {
       for (size_t i = 0; i < n; ++i) {
         const size_t j = order_[cut.begin + i];
         if (lossless()) {
-          columns.raw_position[k].push_back(static_cast<float>(layer_.position[3 * j + k]));
+          columns.raw_position[k].push_back(scene_.raw_position[3 * layer_.members[j] + k]);
         } else {
           columns.position[k].push_back(half_[3 * j + k]);
         }
@@ -148,7 +148,7 @@ class LayerBuilder {
       const size_t j = order_[cut.begin + i];
       if (layer_header_.mean_t == MeanCodingId::kF16) columns.mean_t.push_back(layer_.mean_t[j]);
       if (layer_header_.mean_t == MeanCodingId::kRaw32) {
-        columns.raw_mean_t.push_back(static_cast<float>(layer_.decoded_mean_t[j]));
+        columns.raw_mean_t.push_back(scene_.raw_mean_t[layer_.members[j]]);
       }
       if (lossless()) {
         columns.raw_opacity.push_back(layer_.opacity[j]);
@@ -221,6 +221,12 @@ class LayerBuilder {
     bound(cut, &page->record);
   }
 
+  double decoded_position(size_t j, size_t k) const {
+    if (lossless()) return layer_.position[3 * j + k];
+    return static_cast<double>(header_.position_center[k] +
+                               header_.position_scale * half_to_float(half_[3 * j + k]));
+  }
+
   // Visible interval and the box of all centres over it, both rounded outward.
   void bound(const Cut& cut, PageRecord* record) const {
     const double begin = scene_.timeline.time_begin;
@@ -242,9 +248,10 @@ class LayerBuilder {
       const double reference =
           header_.position_at_mean_time ? mean : reference_time(scene_.timeline, mean);
       for (size_t k = 0; k < 3; ++k) {
+        const double p = decoded_position(j, k);
         const double v = layer_.decoded_velocity[3 * j + k];
         for (const double t : {a, b}) {
-          const double x = layer_.position[3 * j + k] + v * (t - reference);
+          const double x = p + v * (t - reference);
           low[k] = std::min(low[k], x);
           high[k] = std::max(high[k], x);
         }
@@ -255,11 +262,10 @@ class LayerBuilder {
     record->visible_end = static_cast<uint8_t>(
         std::clamp(std::ceil((last - center) / unit) + 128, 0.0, 255.0));
     for (size_t k = 0; k < 3; ++k) {
-      // A position is rounded to binary16 after the box is taken: one more part in 2^11 outward.
       const auto scaled = [&](double x, double sign) {
         const double s = (x - static_cast<double>(header_.position_center[k])) /
                          static_cast<double>(header_.position_scale);
-        return s + sign * (std::fabs(s) * 0x1p-10 + 0x1p-24);
+        return s + sign * std::fabs(s) * 0x1p-20;
       };
       record->bounds[k] = half_outward(scaled(low[k], -1), false);
       record->bounds[3 + k] = half_outward(scaled(high[k], 1), true);
@@ -302,8 +308,7 @@ void choose_frame(const std::vector<CodedLayer>& layers, bool lossless, SceneHea
     const auto middle = axis.begin() + static_cast<std::ptrdiff_t>(axis.size() / 2);
     std::nth_element(axis.begin(), middle, axis.end());
     // Half of all Gaussians on either side: binary16 is finest around its zero.
-    float center = static_cast<float>(*middle);
-    if (std::fabs(center) < 0x1p-40f) center = 0;
+    const float center = sound_constant(static_cast<float>(*middle));
     header->position_center[k] = lossless ? 0.0f : center;
     for (const double x : axis) reach = std::max(reach, std::fabs(x - static_cast<double>(center)));
   }

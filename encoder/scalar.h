@@ -11,14 +11,15 @@
 
 namespace l4d {
 
+// The format forbids tiny non-zero constants, whose arithmetic could be subnormal.
+inline float sound_constant(float v) { return std::fabs(v) < 0x1p-40f ? 0.0f : v; }
+
 // A constant where all values agree, else 2^bits codes from the smallest to the largest value.
 inline ScalarCoding choose_scalar_coding(const std::vector<float>& values, unsigned bits) {
   ScalarCoding coding;
   if (values.empty()) return coding;
   const auto [low, high] = std::minmax_element(values.begin(), values.end());
-  // The format forbids tiny non-zero constants, whose arithmetic could be subnormal.
-  const auto sound = [](float v) { return std::fabs(v) < 0x1p-40f ? 0.0f : v; };
-  coding.offset = sound(*low);
+  coding.offset = sound_constant(*low);
   const float step = (*high - coding.offset) / static_cast<float>((1u << bits) - 1u);
   if (step < 0x1p-40f) return coding;
   coding.coding = ScalarCodingId::kSq;

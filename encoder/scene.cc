@@ -78,6 +78,14 @@ Status check_input(const EncoderInput& input) {
       (t.time_begin != 0 && std::fabs(t.time_begin) < 0x1p-60)) {
     return invalid_argument("timeline out of range: 1 to 2^24 frames, a positive frame rate");
   }
+  const l4d_placement& p = input.placement;
+  if (!std::isfinite(p.origin[0]) || !std::isfinite(p.origin[1]) || !std::isfinite(p.origin[2]) ||
+      !std::isfinite(p.scale)) {
+    return invalid_argument("placement: origin and scale must be finite");
+  }
+  if (p.coordinate_system > 255 || p.color_space > 255) {
+    return invalid_argument("placement: coordinate_system and color_space are ids below 256");
+  }
   for (const float* w : input.weights) {
     if (w == nullptr) continue;
     for (uint64_t i = 0; i < g.count; ++i) {
@@ -129,6 +137,10 @@ Status prepare_scene(const EncoderInput& input, const EncoderSettings& settings,
   s.sh.resize(sh_dim * n);
   s.velocity.resize(3 * n);
   s.lambda.resize(n);
+  if (lossless) {
+    s.raw_position.resize(3 * n);
+    s.raw_mean_t.resize(n);
+  }
   const bool logit = (g.flags & L4D_OPACITY_LOGIT) != 0;
   const bool at_mean = (g.flags & L4D_POSITION_AT_MEAN_TIME) != 0;
   const int gauge = settings.get_int(L4D_ENC_GAUGE);
@@ -146,7 +158,11 @@ Status prepare_scene(const EncoderInput& input, const EncoderSettings& settings,
       }
       s.opacity[i] = g.opacity[from];
       slice_in_double(rotor, log_scale, s.velocity.data() + 3 * i, &s.lambda[i]);
-      if (lossless) continue;
+      if (lossless) {
+        std::copy_n(g.position + 3 * from, 3, s.raw_position.data() + 3 * i);
+        s.raw_mean_t[i] = g.mean_t[from];
+        continue;
+      }
       if (logit) {
         s.opacity[i] = static_cast<float>(1 / (1 + std::exp(-static_cast<double>(s.opacity[i]))));
       }

@@ -26,6 +26,9 @@ struct EncoderScene {
   std::vector<uint32_t> source;   // [n] index in the input
   std::vector<double> position;   // [n, 3] at t_ref; lossless: as given
   std::vector<double> mean_t;     // [n]
+  // The float32 values given, bit for bit (conversion through double may flush subnormals).
+  std::vector<float> raw_position;  // [n, 3], lossless only
+  std::vector<float> raw_mean_t;    // [n], lossless only
   std::vector<float> log_scale;   // [n, 4]
   std::vector<float> rotor;       // [n, 8] normalised; lossless: as given
   std::vector<float> opacity;     // [n] linear; lossless: as given

@@ -107,6 +107,7 @@ l4d_status l4d_decoder_open(l4d_decoder* decoder, const l4d_reader* reader) {
   if (decoder == nullptr) return L4D_ERR_INVALID_ARGUMENT;
   return decoder->error.keep(guard([&]() -> Status {
     if (reader == nullptr) return l4d::invalid_argument("reader is NULL");
+    decoder->impl.close();
     l4d::ByteSource source;
     L4D_RETURN_IF_ERROR(l4d::ByteSource::from_reader(*reader, &source));
     return decoder->impl.open(std::move(source));

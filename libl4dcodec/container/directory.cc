@@ -22,7 +22,7 @@ fbs::ChunkRef to_fbs(const ChunkRef& c) {
 // From the payload to the file. What comes out is held against the file's size when it is read.
 Status make_absolute(const SceneHeader& header, uint64_t base, ChunkRef* chunk) {
   if (checked_add(header.payload_offset, chunk->offset, &chunk->offset)) return {};
-  return corrupt("CHNK-1", base, "an offset beyond every file");
+  return Status(L4D_ERR_TRUNCATED, "CHNK-1", base, "an offset beyond every file");
 }
 
 Status parse_block(const fbs::Block& block, uint64_t base, const SceneHeader& header,

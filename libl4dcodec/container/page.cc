@@ -105,6 +105,9 @@ class PageParser {
 
   Status component(const ComponentCoding& coding, unsigned dim, uint32_t entries0, bool wanted,
                    ComponentColumns* out) {
+    // The buffers keep what the page before left in them; the counts say what is of this page.
+    out->index_count.fill(0);
+    out->num_literals = 0;
     if (coding.coding == ComponentCodingId::kRaw32) {
       grow(out->raw, n_ * dim);
       for (unsigned d = 0; d < dim; ++d) L4D_RETURN_IF_ERROR(raw(wanted, n_, out->raw.data() + d, dim));
@@ -112,8 +115,6 @@ class PageParser {
     }
     if (!coding.vq()) return {};
     const size_t stages = coding.stages.size();
-    std::fill(out->index_count.begin(), out->index_count.end(), size_t{0});
-    out->num_literals = 0;
     if (coding.has_depth()) {
       // Depths say how long the other streams are, so they are read even when those are skipped.
       L4D_RETURN_IF_ERROR(depths(coding, stages, out));
