@@ -30,8 +30,7 @@ Decoder::Decoder(const l4d_decoder_options& options) : options_(options) {
 }
 
 void Decoder::close() {
-  cache_.clear();
-  cache_bytes_ = 0;
+  drop_cache();
   buckets_decoded_ = 0;
   cache_hits_ = 0;
   pages_.reset();

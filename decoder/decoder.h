@@ -69,6 +69,7 @@ class Decoder {
   Status prepare_range(const Plan& plan, size_t range, size_t first_task, size_t end_task,
                        PreparedBucket* out);
   void evict(uint64_t needed);
+  void drop_cache();
 
   l4d_decoder_options options_;
   const StreamKernels* stream_kernels_;

@@ -104,6 +104,12 @@ void Decoder::evict(uint64_t needed) {
   }
 }
 
+void Decoder::drop_cache() {
+  cache_.clear();
+  if (file_ != nullptr) file_->memory().release(cache_bytes_);
+  cache_bytes_ = 0;
+}
+
 Status Decoder::prepare_range(const Plan& plan, size_t range, size_t first_task, size_t end_task,
                               PreparedBucket* out) {
   const l4d_range& r = plan.ranges[range];
@@ -200,9 +206,19 @@ Status Decoder::slice(double time, l4d_splat_buffers* out) {
   query.time_begin = time;
   file_->trim();
   Plan plan;
-  L4D_RETURN_IF_ERROR(make_plan(*file_, query, PlanUnit::kBuckets, &plan));
   std::vector<const PreparedBucket*> buckets;
-  L4D_RETURN_IF_ERROR(prepare(plan, &buckets));
+  const auto load = [&]() -> Status {
+    L4D_RETURN_IF_ERROR(make_plan(*file_, query, PlanUnit::kBuckets, &plan));
+    buckets.clear();
+    return prepare(plan, &buckets);
+  };
+  Status status = load();
+  if (status.code() == L4D_ERR_LIMIT_EXCEEDED && !cache_.empty()) {
+    // What earlier instants left must not keep this one from being shown.
+    drop_cache();
+    status = load();
+  }
+  if (!status.ok()) return status;
 
   // Pieces of fixed size: first how many each shows, then all write at their offsets.
   struct Piece {

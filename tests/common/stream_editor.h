@@ -82,7 +82,4 @@ class StreamEditor {
   const BlockRecord* block_of(const Place& place, size_t page) const;
 };
 
-// A scene header with one extension more.
-void add_extension(Bytes& scene_header, uint32_t id, bool critical);
-
 }  // namespace l4d::test

@@ -6,6 +6,7 @@
 #include <functional>
 
 #include "libl4dcodec/base/hash.h"
+#include "tests/common/flat.h"
 #include "tests/common/headers.h"
 #include "tests/common/random.h"
 
@@ -138,7 +139,7 @@ struct Rule {
   std::function<void(DirectoryPage&)> change;
 };
 
-// spec: DIR-3, DIR-4, DIR-6, DIR-7, DIR-8, RCQ-3, RCQ-4
+// spec: DIR-3, DIR-4, DIR-6, DIR-7, DIR-8, DIR-12, RCQ-3, RCQ-4
 TEST(Directory, EveryRuleIsChecked) {
   const Rule kRules[] = {
       {"DIR-3", [](DirectoryPage& d) { d.pages[0].bucket = 3; }},
@@ -152,6 +153,9 @@ TEST(Directory, EveryRuleIsChecked) {
       {"DIR-7", [](DirectoryPage& d) { d.pages[2].visible_begin = 254; }},
       {"DIR-8", [](DirectoryPage& d) { d.pages[1].block = kNoBlock; }},
       {"DIR-8", [](DirectoryPage& d) { d.pages[4].block = 0; }},
+      {"DIR-12", [](DirectoryPage& d) { d.pages[3].bounds[1] = 0x7c00; }},
+      {"DIR-12", [](DirectoryPage& d) { d.pages[3].bounds[5] = 0x7e01; }},
+      {"DIR-12", [](DirectoryPage& d) { d.pages[3].bounds[0] = 0x4800; }},  // above the greatest
       {"RCQ-3",
        [](DirectoryPage& d) { d.blocks[0].tables[L4D_COMPONENT_SH] = {3, {500, 1, 60, 61, 0}}; }},
       {"RCQ-3",
@@ -172,8 +176,9 @@ TEST(Directory, EveryRuleIsChecked) {
   }
 }
 
-// Block ids handed out by the decoder hold the block in 8 bits (block_id in decoder/plan.h), so a page
-// with more blocks would make two blocks of a layer look like one.
+// Block ids handed out by a decoder hold the block in 8 bits, so with more of them two blocks of a layer
+// would look like one.
+// spec: DIR-11
 TEST(Directory, MoreThan256BlocksAreRefused) {
   for (const size_t blocks : {size_t{256}, size_t{257}}) {
     DirectoryPage page = example_page();
@@ -181,6 +186,37 @@ TEST(Directory, MoreThan256BlocksAreRefused) {
     DirectoryPage parsed;
     const Status s = parse(serialize_directory_page(page, kLayer, kIndex), &parsed);
     EXPECT_EQ(s.ok(), blocks == 256) << blocks << " blocks: " << s.detail();
+    if (!s.ok()) {
+      EXPECT_STREQ(s.clause(), "DIR-11");
+    }
+  }
+}
+
+// spec: RCQ-5
+TEST(Directory, TwoTablesOfOneComponentAreRefused) {
+  SceneHeader header = example_header();
+  header.layers[kLayer].component[L4D_COMPONENT_ROTOR_SPATIAL].has_rcq = true;
+  DirectoryPage page = example_page();
+  page.blocks[1].tables[L4D_COMPONENT_ROTOR_SPATIAL] = {9, {500, 1, 60, 61, 0}};
+  Bytes bytes = serialize_directory_page(page, kLayer, kIndex);
+  DirectoryPage parsed;
+  ASSERT_TRUE(parse_directory_page(bytes, 0, header, kLayer, kIndex, &parsed).ok());
+  test::repeat_component(bytes, 1);
+  const Status s = parse_directory_page(bytes, 0, header, kLayer, kIndex, &parsed);
+  EXPECT_EQ(s.code(), L4D_ERR_CORRUPT);
+  EXPECT_STREQ(s.clause(), "RCQ-5") << s.detail();
+}
+
+// spec: CHNK-1
+TEST(Directory, OffsetsBeyondEveryFileAreRefused) {
+  for (const bool of_table : {false, true}) {
+    DirectoryPage page = example_page();
+    (of_table ? page.blocks[1].tables[L4D_COMPONENT_SCALE].chunk : page.pages[4].chunk).offset =
+        ~uint64_t{0} - 100;
+    DirectoryPage parsed;
+    const Status s = parse(serialize_directory_page(page, kLayer, kIndex), &parsed);
+    EXPECT_EQ(s.code(), L4D_ERR_TRUNCATED);
+    EXPECT_STREQ(s.clause(), "CHNK-1");
   }
 }
 

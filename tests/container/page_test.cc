@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cstring>
+#include <limits>
 #include <numeric>
 
 #include "libl4dcodec/base/half.h"
@@ -21,8 +22,9 @@ uint16_t random_half(Random& random) {
   return half_is_finite(bits) ? bits : static_cast<uint16_t>(bits & 0x83ffu);
 }
 
-float random_bits(Random& random) {  // any pattern, NaN and subnormal too
-  const uint32_t bits = static_cast<uint32_t>(random.bits());
+float random_bits(Random& random) {  // any finite pattern, subnormal too
+  uint32_t bits = static_cast<uint32_t>(random.bits());
+  if ((bits & 0x7f800000u) == 0x7f800000u) bits &= 0x807fffffu;
   float v;
   std::memcpy(&v, &bits, sizeof v);
   return v;
@@ -329,45 +331,63 @@ class PageRules : public testing::Test {
   PageColumns columns(const LayerHeader& layer, uint64_t seed) const {
     return random_columns(header_, layer, nullptr, 40, seed);
   }
+  const LayerHeader& layer() const { return header_.layers[1]; }
   SceneHeader header_ = test::example_header();
-  const LayerHeader& layer_ = header_.layers[1];
 };
 
 // spec: VAL-1
 TEST_F(PageRules, MeansAreFinite) {
   for (const uint16_t bad : std::vector<uint16_t>{0x7c00, 0xfc00, 0x7fff}) {
     for (size_t axis = 0; axis < 4; ++axis) {
-      PageColumns c = columns(layer_, axis);
+      PageColumns c = columns(layer(), axis);
       (axis < 3 ? c.position[axis] : c.mean_t)[33] = bad;
-      expect("VAL-1", c, layer_);
+      expect("VAL-1", c, layer());
     }
   }
 }
 
 // spec: VAL-2
 TEST_F(PageRules, LiteralsAreFinite) {
-  PageColumns c = columns(layer_, 9);
+  PageColumns c = columns(layer(), 9);
   c.component[L4D_COMPONENT_SH].literal.back() = 0x7c00;
-  expect("VAL-2", c, layer_);
+  expect("VAL-2", c, layer());
+}
+
+// spec: VAL-3
+TEST_F(PageRules, RawValuesAreFinite) {
+  header_ = lossless_header();
+  for (const float bad : {std::numeric_limits<float>::infinity(),
+                          -std::numeric_limits<float>::infinity(),
+                          std::numeric_limits<float>::quiet_NaN()}) {
+    for (int array = 0; array < 5; ++array) {
+      PageColumns c = columns(layer(), 20);
+      std::vector<float>* const kArrays[] = {&c.raw_position[1], &c.raw_mean_t, &c.raw_opacity,
+                                             &c.raw_scale_factor,
+                                             &c.component[L4D_COMPONENT_SH].raw};
+      if (kArrays[array]->empty()) continue;  // not an array of this layer
+      kArrays[array]->back() = bad;
+      expect("VAL-3", c, layer());
+    }
+  }
 }
 
 // spec: VQ-1
 TEST_F(PageRules, DepthsAreKnown) {
-  PageColumns c = columns(layer_, 10);
+  PageColumns c = columns(layer(), 10);
   c.component[L4D_COMPONENT_SH].depth[0] = 4;  // of 3 stages
-  expect("VQ-1", c, layer_);
-  c = columns(layer_, 11);
+  expect("VQ-1", c, layer());
+  c = columns(layer(), 11);
   c.component[L4D_COMPONENT_ROTOR_SPATIAL].depth[5] = kLiteralDepth;  // which has no literals
-  expect("VQ-1", c, layer_);
+  expect("VQ-1", c, layer());
 }
 
 // spec: VQ-2
 TEST_F(PageRules, IndicesAreInTheirCodebooks) {
   for (size_t stage = 0; stage < 3; ++stage) {
-    PageColumns c = columns(layer_, 12 + stage);
+    PageColumns c = columns(layer(), 12 + stage);
     const uint32_t entries = header_.sh.stages[stage].num_entries;
     c.component[L4D_COMPONENT_SH].index[stage].back() = static_cast<uint16_t>(entries);
-    expect("VQ-2", c, layer_);
+    expect("VQ-2", c, layer());
   }
 }
 

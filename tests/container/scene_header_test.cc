@@ -7,6 +7,7 @@
 #include <functional>
 #include <limits>
 
+#include "tests/common/flat.h"
 #include "tests/common/headers.h"
 #include "tests/common/random.h"
 
@@ -155,6 +156,11 @@ std::vector<Rule> rules() {
          h.layers[2].num_gaussians = 100;
        }},
       {"HEAD-6", "level above the finest", [](H& h) { h.layers[2].level = 7; }},
+      {"HEAD-6", "no layer",
+       [](H& h) {
+         h.layers.clear();
+         h.num_gaussians = 0;
+       }},
       {"HEAD-6", "levels descend",
        [](H& h) {
          h.layers.push_back(h.layers[2]);
@@ -201,6 +207,14 @@ std::vector<Rule> rules() {
          h.layers[1].component[L4D_COMPONENT_ROTOR_TEMPORAL].coding = ComponentCodingId::kRaw32;
        }},
       {"HEAD-12", "directory pages of 2^17 buckets", [](H& h) { h.layers[2].directory_bits = 17; }},
+      {"HEAD-12", "a page table of 2^21 entries",
+       [](H& h) {
+         h.timeline.num_frames = kMaxFrames;
+         h.layers[2].level = 24;
+         h.layers[2].directory_bits = 4;
+       }},
+      {"HEAD-14", "raw scale factor beside a coded scale",
+       [](H& h) { h.layers[1].scale_factor.coding = ScalarCodingId::kRaw32; }},
       {"CODE-1", "opacity of 0 bits", [](H& h) { h.opacity.bits = 0; }},
       {"CODE-1", "scale factor of 17 bits", [](H& h) { h.layers[0].scale_factor.bits = 17; }},
       {"CODE-2", "codebook of 0 entries", [](H& h) { h.sh.stages[1].num_entries = 0; }},
@@ -241,6 +255,7 @@ std::vector<Rule> rules() {
 }
 
 // spec: HEAD-2, HEAD-3, HEAD-4, HEAD-5, HEAD-6, HEAD-7, HEAD-9, HEAD-10, HEAD-11, HEAD-12
+// spec: HEAD-14
 // spec: CODE-1, CODE-2, CODE-3, RCQ-2
 TEST(SceneHeader, EveryRuleIsChecked) {
   for (const Rule& rule : rules()) {
@@ -270,11 +285,7 @@ TEST(SceneHeader, ExtremesAreAccepted) {
       [](SceneHeader& h) { h.sh = ComponentCoding(); },
       [](SceneHeader& h) { h.layers[2].level = 6; },
       [](SceneHeader& h) { h.layers[2].directory_bits = 16; },
-      [](SceneHeader& h) { h.layers[2].component[L4D_COMPONENT_SCALE].rcq.num_entries = 4096; },
-      [](SceneHeader& h) {
-        h.layers.clear();
-        h.num_gaussians = 0;
-      }};
+      [](SceneHeader& h) { h.layers[2].component[L4D_COMPONENT_SCALE].rcq.num_entries = 4096; }};
   for (size_t i = 0; i < kChanges.size(); ++i) {
     SceneHeader h = example_header();
     kChanges[i](h);
@@ -305,6 +316,20 @@ TEST(SceneHeader, OtherIdentifierIsRefused) {
   bytes[7] = 'D';
   SceneHeader h;
   EXPECT_STREQ(parse_scene_header(bytes, 0, &h).clause(), "HEAD-1");
+}
+
+// Entries of the metadata may share their bytes; what they spell out may not exceed the header.
+// spec: HEAD-13
+TEST(SceneHeader, SharedMetadataDoesNotMultiply) {
+  SceneHeader h = example_header();
+  h.metadata = {{"text", std::string(3000, 'x')}, {"a", "b"}, {"c", "d"}};
+  Bytes bytes = serialize_scene_header(h);
+  SceneHeader parsed;
+  ASSERT_TRUE(parse_scene_header(bytes, 0, &parsed).ok());
+  test::share_metadata(bytes);
+  const Status s = parse_scene_header(bytes, 0, &parsed);
+  EXPECT_EQ(s.code(), L4D_ERR_CORRUPT);
+  EXPECT_STREQ(s.clause(), "HEAD-13") << s.detail();
 }
 
 TEST(SceneHeader, DamagedBytesAreRefusedOrParsedSafely) {

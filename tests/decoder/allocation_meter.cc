@@ -13,13 +13,19 @@ namespace {
 std::atomic<int64_t> held{0};
 std::atomic<int64_t> most{0};
 
-void* allocate(size_t n) {
+void* try_allocate(size_t n) {
   void* p = std::malloc(n == 0 ? 1 : n);
-  if (p == nullptr) throw std::bad_alloc();
+  if (p == nullptr) return nullptr;
   const int64_t now = held += static_cast<int64_t>(malloc_usable_size(p));
   int64_t seen = most.load();
   while (now > seen && !most.compare_exchange_weak(seen, now)) {
   }
+  return p;
+}
+
+void* allocate(size_t n) {
+  void* p = try_allocate(n);
+  if (p == nullptr) throw std::bad_alloc();
   return p;
 }
 
@@ -30,10 +36,15 @@ void release(void* p) {
 
 }  // namespace
 
+// The other forms of new and delete call these, or are a pair of their own.
 void* operator new(size_t n) { return allocate(n); }
 void* operator new[](size_t n) { return allocate(n); }
+void* operator new(size_t n, const std::nothrow_t&) noexcept { return try_allocate(n); }
+void* operator new[](size_t n, const std::nothrow_t&) noexcept { return try_allocate(n); }
 void operator delete(void* p) noexcept { release(p); }
 void operator delete[](void* p) noexcept { release(p); }
+void operator delete(void* p, const std::nothrow_t&) noexcept { release(p); }
+void operator delete[](void* p, const std::nothrow_t&) noexcept { release(p); }
 void operator delete(void* p, size_t) noexcept { release(p); }
 void operator delete[](void* p, size_t) noexcept { release(p); }
 

@@ -3,10 +3,13 @@
 // the validator names the rule, and so does a decoder that has to notice.
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 #include "libl4dcodec/base/half.h"
 #include "libl4dcodec/base/hash.h"
 #include "libl4dcodec/quant/ordered.h"
 #include "tests/common/codec.h"
+#include "tests/common/flat.h"
 #include "tests/common/stream_editor.h"
 #include "tests/common/stream_writer.h"
 
@@ -148,6 +151,10 @@ TEST(Clause, HEAD_5) {
 // spec: HEAD-6
 TEST(Clause, HEAD_6) {
   expect_header_rule("HEAD-6", [](SceneHeader& h) { h.layers.back().level = 30; });
+  expect_header_rule("HEAD-6", [](SceneHeader& h) {
+    h.layers.clear();
+    h.num_gaussians = 0;
+  });
 }
 
 // spec: HEAD-7
@@ -189,6 +196,21 @@ TEST(Clause, HEAD_11) {
 // spec: HEAD-12
 TEST(Clause, HEAD_12) {
   expect_header_rule("HEAD-12", [](SceneHeader& h) { h.layers[0].directory_bits = 17; });
+}
+
+// spec: HEAD-13
+TEST(Clause, HEAD_13) {
+  StreamEditor editor(tiny_file());
+  editor.header.metadata = {{"text", std::string(5000, 'x')}, {"a", "b"}, {"c", "d"}};
+  EXPECT_TRUE(validate(editor.build()).empty());
+  editor.on_scene_header = share_metadata;
+  expect_clause(editor.build(), "HEAD-13", L4D_ERR_CORRUPT);
+}
+
+// spec: HEAD-14
+TEST(Clause, HEAD_14) {
+  expect_header_rule(
+      "HEAD-14", [](SceneHeader& h) { h.layers[0].scale_factor.coding = ScalarCodingId::kRaw32; });
 }
 
 // ---- codings and codebooks ---------------------------------------------------------------------
@@ -270,8 +292,14 @@ TEST(Clause, CHNK_1) {
 // at 2^64 lies outside of it.
 // spec: CHNK-1
 TEST(Clause, CHNK_1_NoWrapAround) {
-  expect_chunk_rule("CHNK-1", L4D_ERR_TRUNCATED,
-                    [](EditedChunk& c) { c.offset = ~uint64_t{0} - 10; });
+  StreamEditor page(rcq_file());
+  page.at(page.find(temporal)).pages[0].offset = ~uint64_t{0} - 10;
+  expect_clause(page.build(), "CHNK-1", L4D_ERR_TRUNCATED);
+  StreamEditor table(rcq_file());
+  for (EditedDirectoryPage& d : table.layers.back().directory) {
+    if (!d.tables.empty()) d.tables[0][L4D_COMPONENT_SCALE].offset = ~uint64_t{0} - 10;
+  }
+  expect_clause(table.build(), "CHNK-1", L4D_ERR_TRUNCATED);
 }
 
 // spec: CHNK-1
@@ -468,6 +496,22 @@ TEST(Clause, VAL_2) {
   FAIL() << "no page has literals";
 }
 
+// spec: VAL-3
+TEST(Clause, VAL_3) {
+  for (const char* name : {"position.y", "mean_t", "opacity", "sh.raw.5", "scale.raw.3",
+                           "rotor_spatial.raw.0", "rotor_temporal.raw.2"}) {
+    for (const float bad : {HUGE_VALF, -HUGE_VALF, NAN}) {
+      expect_clause(with_stream(lossless_file(), name,
+                                [&](const PageStream& s) {
+                                  std::vector<uint32_t> v(s.n, order_float(0.5f));
+                                  v.back() = order_float(bad);
+                                  return packed_stream(v, 32);
+                                }),
+                    "VAL-3", L4D_ERR_CORRUPT);
+    }
+  }
+}
+
 // spec: VQ-1
 TEST(Clause, VQ_1) {
   expect_clause(with_stream(staged_file(), "sh.depth",
@@ -551,6 +595,13 @@ TEST(Clause, RCQ_4) {
   StreamEditor editor(rcq_file());
   editor.at(block_place(editor)).page.blocks[0].tables[L4D_COMPONENT_SCALE].num_entries = 65537;
   expect_clause(editor.build(), "RCQ-4", L4D_ERR_CORRUPT);
+}
+
+// spec: RCQ-5
+TEST(Clause, RCQ_5) {
+  StreamEditor editor(rcq_file());
+  editor.at(block_place(editor)).on_bytes = [](Bytes& b) { repeat_component(b, 0); };
+  expect_clause(editor.build(), "RCQ-5", L4D_ERR_CORRUPT);
 }
 
 // ---- directory ---------------------------------------------------------------------------------
@@ -650,6 +701,22 @@ TEST(Clause, DIR_10) {
         },
         Seen::kByValidatorAlone);
   }
+}
+
+// spec: DIR-11
+TEST(Clause, DIR_11) {
+  expect_directory_rule("DIR-11", [](EditedDirectoryPage& d) {
+    d.page.blocks.resize(257);
+    d.tables.resize(257);
+  });
+}
+
+// spec: DIR-12
+TEST(Clause, DIR_12) {
+  expect_directory_rule("DIR-12", [](EditedDirectoryPage& d) { d.page.pages[0].bounds[4] = 0x7c00; });
+  expect_directory_rule("DIR-12", [](EditedDirectoryPage& d) {
+    std::swap(d.page.pages[0].bounds[0], d.page.pages[0].bounds[3]);
+  });
 }
 
 // ---- layers ------------------------------------------------------------------------------------

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "tests/common/codec.h"
+#include "tests/common/flat.h"
 #include "tests/common/stream_editor.h"
 #include "tests/common/stream_writer.h"
 

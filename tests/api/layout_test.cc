@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: Apache-2.0
+// The layout of public structs is part of the binary interface: later versions append fields, and a
+// change of what is here breaks programs that are already compiled.
+#include <gtest/gtest.h>
+
+#include <cstddef>
+#include <type_traits>
+
+#include "l4d/decode.h"
+#include "l4d/encode.h"
+
+namespace {
+
+template <typename T>
+constexpr bool plain() {
+  return std::is_standard_layout_v<T> && std::is_trivially_copyable_v<T>;
+}
+
+#if defined(__LP64__) || defined(_WIN64)
+#define L4D_LAYOUT(type, bytes) \
+  static_assert(plain<type>() && sizeof(type) == (bytes), #type " changed its size")
+#define L4D_FIELD(type, field, offset) \
+  static_assert(offsetof(type, field) == (offset), #type "." #field " moved")
+L4D_LAYOUT(l4d_reader, 32);
+L4D_LAYOUT(l4d_writer, 24);
+L4D_LAYOUT(l4d_limits, 32);
+L4D_LAYOUT(l4d_timeline, 24);
+L4D_LAYOUT(l4d_gaussians, 72);
+L4D_LAYOUT(l4d_placement, 40);
+L4D_LAYOUT(l4d_decoder_options, 56);
+L4D_FIELD(l4d_decoder_options, threads, 40);
+L4D_FIELD(l4d_decoder_options, cache_bytes, 48);
+L4D_LAYOUT(l4d_info, 128);
+L4D_FIELD(l4d_info, num_gaussians, 40);
+L4D_FIELD(l4d_info, timeline, 56);
+L4D_FIELD(l4d_info, placement, 88);
+L4D_LAYOUT(l4d_layer_info, 88);
+L4D_FIELD(l4d_layer_info, num_stages, 56);
+L4D_LAYOUT(l4d_query, 32);
+L4D_FIELD(l4d_query, time_begin, 16);
+L4D_LAYOUT(l4d_range, 48);
+L4D_FIELD(l4d_range, layer, 32);
+L4D_LAYOUT(l4d_selection, 48);
+L4D_LAYOUT(l4d_gaussian_buffers, 104);
+L4D_FIELD(l4d_gaussian_buffers, ranges, 80);
+L4D_LAYOUT(l4d_packed_component, 40);
+L4D_LAYOUT(l4d_packed_buffers, 240);
+L4D_FIELD(l4d_packed_buffers, component, 56);
+L4D_FIELD(l4d_packed_buffers, ranges, 216);
+L4D_LAYOUT(l4d_codebook, 24);
+L4D_LAYOUT(l4d_splat_buffers, 56);
+L4D_LAYOUT(l4d_counters, 64);
+L4D_LAYOUT(l4d_violation, 40);
+L4D_FIELD(l4d_violation, clause, 16);
+L4D_LAYOUT(l4d_encoder_options, 24);
+L4D_LAYOUT(l4d_parameter_info, 48);
+L4D_LAYOUT(l4d_encode_report, 80);
+L4D_FIELD(l4d_encode_report, total_seconds, 72);
+#endif
+static_assert(sizeof(l4d_status) == 4);
+
+// Numbers that files, scripts and compiled programs hold.
+TEST(Layout, ConstantsKeepTheirValues) {
+  EXPECT_EQ(L4D_ERR_INVALID_ARGUMENT, -1);
+  EXPECT_EQ(L4D_ERR_CORRUPT, -14);
+  EXPECT_EQ(L4D_ERR_INTERNAL, -99);
+  EXPECT_EQ(L4D_COMPONENT_SH, 0);
+  EXPECT_EQ(L4D_COMPONENT_ROTOR_TEMPORAL, 3);
+  EXPECT_EQ(L4D_TOOL_LOSSLESS, 1u << 6);
+  EXPECT_EQ(L4D_SECTION_ROTOR_TEMPORAL, 12);
+  EXPECT_EQ(L4D_ENC_DROP_INVALID, 16);
+  EXPECT_EQ(L4D_WEIGHT_ALPHA_T, 4);
+  EXPECT_EQ(L4D_QUERY_RANGE, 2);
+  EXPECT_EQ(L4D_MAX_STAGES, 8);
+}
+
+// struct_size comes first in every struct that has one.
+TEST(Layout, StructSizeComesFirst) {
+  EXPECT_EQ(offsetof(l4d_reader, struct_size), 0u);
+  EXPECT_EQ(offsetof(l4d_limits, struct_size), 0u);
+  EXPECT_EQ(offsetof(l4d_gaussians, struct_size), 0u);
+  EXPECT_EQ(offsetof(l4d_decoder_options, struct_size), 0u);
+  EXPECT_EQ(offsetof(l4d_info, struct_size), 0u);
+  EXPECT_EQ(offsetof(l4d_query, struct_size), 0u);
+  EXPECT_EQ(offsetof(l4d_gaussian_buffers, struct_size), 0u);
+  EXPECT_EQ(offsetof(l4d_packed_buffers, struct_size), 0u);
+  EXPECT_EQ(offsetof(l4d_encode_report, struct_size), 0u);
+}
+
+}  // namespace
