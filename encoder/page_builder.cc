@@ -42,6 +42,9 @@ uint16_t half_outward(double value, bool up) {
   return h;
 }
 
+// Compressing a page as a whole adds a pass over all of it: one part in sixteen must be saved.
+constexpr size_t kMinPageSaving = 16;
+
 class LayerBuilder {
  public:
   LayerBuilder(const EncoderScene& scene, const SceneHeader& header, const LayerHeader& layer_header,
@@ -208,7 +211,7 @@ class LayerBuilder {
     page->record.chunk.codec = static_cast<uint32_t>(ChunkCodec::kStored);
     if (raw.size() < 65536) {
       Bytes frame = whole.compress(raw);
-      if (frame.size() < raw.size()) {
+      if (frame.size() + raw.size() / kMinPageSaving < raw.size()) {
         raw = std::move(frame);
         page->record.chunk.codec = static_cast<uint32_t>(ChunkCodec::kZstd);
       }

@@ -2,6 +2,7 @@
 #include "encoder/settings.h"
 
 #include <cmath>
+#include <cstdio>
 #include <cstring>
 #include <string>
 
@@ -65,9 +66,10 @@ Status EncoderSettings::set(l4d_encoder_parameter id, int component, double valu
     return invalid_argument(std::string(p.name) + ": no such component");
   }
   if (!(value >= p.min && value <= p.max) || (p.integer && value != std::floor(value))) {
-    return invalid_argument(std::string(p.name) + " must be " +
-                            (p.integer ? "an integer" : "a number") + " from " +
-                            std::to_string(p.min) + " to " + std::to_string(p.max));
+    char text[160];
+    std::snprintf(text, sizeof text, "%s must be %s from %g to %g", p.name,
+                  p.integer ? "an integer" : "a number", p.min, p.max);
+    return invalid_argument(text);
   }
   auto& values = values_[static_cast<size_t>(id)];
   if (component == L4D_ALL_COMPONENTS) {

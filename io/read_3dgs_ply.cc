@@ -4,6 +4,31 @@
 #include "io/read_ply.h"
 
 namespace l4d::io {
+namespace {
+
+// Viewers' exporters write flat Gaussians with a scale of e^-20 and less; the codec's least is e^-16,
+// which is as flat to any eye. Says how many it raised.
+void raise_flat_scales(Scene& scene) {
+  constexpr float kLeast = -16;
+  size_t raised = 0;
+  for (size_t i = 0; i < scene.count(); ++i) {
+    bool flat = false;
+    for (size_t k = 0; k < 3; ++k) {
+      float& s = scene.log_scale[4 * i + k];
+      if (s < kLeast) {
+        s = kLeast;
+        flat = true;
+      }
+    }
+    raised += flat;
+  }
+  if (raised > 0) {
+    scene.notes.push_back(std::to_string(raised) +
+                          " Gaussians had a scale below e^-16, which was raised to that.");
+  }
+}
+
+}  // namespace
 
 Scene read_3dgs_ply(PlyReader& reader, const ImportOptions& options) {
   Scene scene;
@@ -23,6 +48,8 @@ Scene read_3dgs_ply(PlyReader& reader, const ImportOptions& options) {
   columns.add("opacity", scene.opacity.data(), 1);
   columns.add_sh(scene);
   columns.read();
+
+  raise_flat_scales(scene);
 
   // Centred, and 16 sequences wide: the falloff never reaches 1 - exp(-1/2048).
   const double seconds = duration(scene.timeline);

@@ -10,7 +10,7 @@ namespace {
 // A byte plane is compressed if that saves one part in this many. Below it the bytes saved are not
 // worth the time: a stored plane is read in place, a compressed one costs a decoder about a nanosecond
 // per value.
-constexpr size_t kMinPlaneSaving = 12;
+constexpr size_t kMinPlaneSaving = 10;
 
 struct StreamHead {
   StreamLayout layout = StreamLayout::kPacked;
@@ -199,10 +199,10 @@ Bytes StreamEncoder::encode_form(const T* values, size_t n, unsigned width, bool
   if (delta) {
     T previous = 0;
     for (T& v : coded) {
-      const T d = static_cast<T>(v - previous);
+      const uint32_t d = static_cast<T>(uint32_t{v} - uint32_t{previous});
       previous = v;
-      const T sign = static_cast<T>(0u - (static_cast<uint32_t>(d) >> (8 * sizeof(T) - 1)));
-      v = static_cast<T>(static_cast<T>(d << 1) ^ sign);
+      const uint32_t sign = 0u - (d >> (8 * sizeof(T) - 1));
+      v = static_cast<T>((d << 1) ^ sign);
     }
   }
   const uint8_t delta_bit = delta ? kStreamDeltaBit : uint8_t{0};
@@ -227,7 +227,8 @@ Bytes StreamEncoder::encode_form(const T* values, size_t n, unsigned width, bool
   for (size_t i = 0; i < n; ++i) {
     for (unsigned b = 0; b < width; ++b) {
       const size_t bit = i * width + b;
-      packed[1 + bit / 8] |= static_cast<unsigned char>(((coded[i] >> b) & 1u) << (bit % 8));
+      unsigned char& byte = packed[1 + bit / 8];
+      byte = static_cast<unsigned char>(byte | (((uint32_t{coded[i]} >> b) & 1u) << (bit % 8)));
     }
   }
   return packed;

@@ -216,12 +216,12 @@ TEST(Names, StatusesSectionsAndVersions) {
     EXPECT_TRUE(sections.insert(l4d_section_name(i)).second);
   }
   EXPECT_EQ(l4d_section_name(L4D_SECTION_COUNT), nullptr);
-  EXPECT_EQ(l4d_version_number(),
-            uint32_t{L4D_VERSION_MAJOR} << 24 | uint32_t{L4D_VERSION_MINOR} << 16 |
-                uint32_t{L4D_VERSION_PATCH} << 8);
-  EXPECT_EQ(std::string(l4d_version_string()),
-            std::to_string(L4D_VERSION_MAJOR) + "." + std::to_string(L4D_VERSION_MINOR) + "." +
-                std::to_string(L4D_VERSION_PATCH));
+  EXPECT_EQ(l4d_version_number(), uint32_t{L4D_VERSION_MAJOR} << 24 |
+                                      uint32_t{L4D_VERSION_MINOR} << 16 |
+                                      uint32_t{L4D_VERSION_PATCH} << 8);
+  EXPECT_EQ(std::string(l4d_version_string()), std::to_string(L4D_VERSION_MAJOR) + "." +
+                                                   std::to_string(L4D_VERSION_MINOR) + "." +
+                                                   std::to_string(L4D_VERSION_PATCH));
   EXPECT_NE(std::string(l4d_build_info()).find("simd"), std::string::npos);
 }
 

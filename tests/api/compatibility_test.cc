@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Programs compiled against an older or a newer header than the library: their structs are smaller or
-// larger, and nothing beyond struct_size is read or written.
+// Programs compiled against an older or a newer header than the library: their structs are smaller
+// or larger, and nothing beyond struct_size is read or written.
 #include <gtest/gtest.h>
 
 #include <cstddef>
@@ -90,10 +90,10 @@ TEST(StructSize, ResultsStayWithinIt) {
     EXPECT_TRUE(s.intact());
     EXPECT_TRUE(s.zero_between(std::min(size, sizeof(l4d_info)), size));
     const size_t known = std::min(size, sizeof(l4d_info));
-    EXPECT_EQ(std::memcmp(reinterpret_cast<const char*>(s.get()) + sizeof(size_t),
-                          reinterpret_cast<const char*>(&want) + sizeof(size_t),
-                          known - sizeof(size_t)),
-              0);
+    EXPECT_EQ(
+        std::memcmp(reinterpret_cast<const char*>(s.get()) + sizeof(size_t),
+                    reinterpret_cast<const char*>(&want) + sizeof(size_t), known - sizeof(size_t)),
+        0);
   }
   Sized<l4d_selection> selection(offsetof(l4d_selection, bytes), l4d_selection_init_);
   const l4d_query q = all_query();
@@ -111,7 +111,8 @@ TEST(StructSize, ResultsStayWithinIt) {
   ASSERT_EQ(l4d_decoder_get_codebook(d.get(), 0, 0, 0, L4D_NO_BLOCK, book.get()), L4D_OK);
   EXPECT_NE(book->entries, nullptr);
   EXPECT_TRUE(book.intact());
-  Sized<l4d_dequantization> q2(offsetof(l4d_dequantization, opacity_offset), l4d_dequantization_init_);
+  Sized<l4d_dequantization> q2(offsetof(l4d_dequantization, opacity_offset),
+                               l4d_dequantization_init_);
   ASSERT_EQ(l4d_decoder_get_dequantization(d.get(), 0, q2.get()), L4D_OK);
   EXPECT_TRUE(q2.intact());
 }
@@ -139,9 +140,9 @@ TEST(StructSize, ShorterAndLongerBuffers) {
   const DecoderHandle d = opened();
   const l4d_query q = time_query(1.0);
   const GaussianArrays want = d.decode(q);
-  for (const size_t size : {offsetof(l4d_gaussian_buffers, log_scale),
-                            offsetof(l4d_gaussian_buffers, ranges), sizeof(l4d_gaussian_buffers),
-                            sizeof(l4d_gaussian_buffers) + 16}) {
+  for (const size_t size :
+       {offsetof(l4d_gaussian_buffers, log_scale), offsetof(l4d_gaussian_buffers, ranges),
+        sizeof(l4d_gaussian_buffers), sizeof(l4d_gaussian_buffers) + 16}) {
     Sized<l4d_gaussian_buffers> b(size, l4d_gaussian_buffers_init_);
     std::vector<float> position(want.position.size());
     b->capacity = want.count();

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
- * The public API as a C99 program uses it: a small scene is encoded to memory and to a file, read back
- * through a callback, queried, decoded, sliced and validated. Prints the first failure and exits 1. */
+ * The public API as a C99 program uses it: a small scene is encoded to memory and to a file, read
+ * back through a callback, queried, decoded, sliced and validated. Prints the first failure and
+ * exits 1. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -10,21 +11,21 @@
 #include "l4d/encode.h"
 #include "l4d/l4d.h"
 
-#define CHECK(condition)                                                          \
-  do {                                                                            \
-    if (!(condition)) {                                                           \
+#define CHECK(condition)                                                            \
+  do {                                                                              \
+    if (!(condition)) {                                                             \
       fprintf(stderr, "%s:%d: %s does not hold\n", __FILE__, __LINE__, #condition); \
-      exit(1);                                                                    \
-    }                                                                             \
+      exit(1);                                                                      \
+    }                                                                               \
   } while (0)
-#define CHECK_OK(call)                                                                       \
-  do {                                                                                       \
-    const l4d_status check_status = (call);                                                  \
-    if (check_status != L4D_OK) {                                                            \
-      fprintf(stderr, "%s:%d: %s: %s\n", __FILE__, __LINE__, #call,                          \
-              l4d_status_name(check_status));                                                \
-      exit(1);                                                                               \
-    }                                                                                        \
+#define CHECK_OK(call)                                              \
+  do {                                                              \
+    const l4d_status check_status = (call);                         \
+    if (check_status != L4D_OK) {                                   \
+      fprintf(stderr, "%s:%d: %s: %s\n", __FILE__, __LINE__, #call, \
+              l4d_status_name(check_status));                       \
+      exit(1);                                                      \
+    }                                                               \
   } while (0)
 
 enum { kCount = 300, kShDim = 12 };

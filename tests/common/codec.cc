@@ -10,14 +10,15 @@ namespace l4d::test {
 
 EncodeOptions small_options() {
   EncodeOptions o;
-  o.settings = {{L4D_ENC_CODEBOOK_SIZE, 64}, {L4D_ENC_KMEANS_ITERATIONS, 4},
-                {L4D_ENC_MERGE_COUNT, 40},   {L4D_ENC_PAGE_SIZE, 128},
+  o.settings = {{L4D_ENC_CODEBOOK_SIZE, 64},
+                {L4D_ENC_KMEANS_ITERATIONS, 4},
+                {L4D_ENC_MERGE_COUNT, 40},
+                {L4D_ENC_PAGE_SIZE, 128},
                 {L4D_ENC_ZSTD_LEVEL, 3}};
   return o;
 }
 
-void prepare_encoder(const TestScene& scene, const EncodeOptions& options,
-                     const EncoderHandle& e) {
+void prepare_encoder(const TestScene& scene, const EncodeOptions& options, const EncoderHandle& e) {
   e.check(l4d_encoder_set_preset(e.get(), options.preset));
   for (const Setting& s : options.settings) {
     e.check(l4d_encoder_set(e.get(), s.id, s.component, s.value));
@@ -153,8 +154,8 @@ GaussianArrays decode(const Bytes& bytes, const l4d_query& query, uint32_t backe
 testing::AssertionResult same_bits(const char* what, const std::vector<float>& a,
                                    const std::vector<float>& b) {
   if (a.size() != b.size()) {
-    return testing::AssertionFailure() << what << ": " << a.size() << " and " << b.size()
-                                       << " numbers";
+    return testing::AssertionFailure()
+           << what << ": " << a.size() << " and " << b.size() << " numbers";
   }
   for (size_t i = 0; i < a.size(); ++i) {
     if (std::memcmp(&a[i], &b[i], sizeof(float)) != 0) {
@@ -167,9 +168,12 @@ testing::AssertionResult same_bits(const char* what, const std::vector<float>& a
 
 testing::AssertionResult same_bits(const GaussianArrays& a, const GaussianArrays& b) {
   const std::pair<const char*, std::vector<float> GaussianArrays::*> kArrays[] = {
-      {"position", &GaussianArrays::position},   {"mean_t", &GaussianArrays::mean_t},
-      {"mean_t_local", &GaussianArrays::mean_t_local}, {"log_scale", &GaussianArrays::log_scale},
-      {"rotor", &GaussianArrays::rotor},         {"opacity", &GaussianArrays::opacity},
+      {"position", &GaussianArrays::position},
+      {"mean_t", &GaussianArrays::mean_t},
+      {"mean_t_local", &GaussianArrays::mean_t_local},
+      {"log_scale", &GaussianArrays::log_scale},
+      {"rotor", &GaussianArrays::rotor},
+      {"opacity", &GaussianArrays::opacity},
       {"sh", &GaussianArrays::sh}};
   for (const auto& [name, array] : kArrays) {
     const testing::AssertionResult result = same_bits(name, a.*array, b.*array);

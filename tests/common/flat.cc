@@ -43,8 +43,8 @@ constexpr size_t kHeaderReferences[] = {15, 17, 18, 20};  // opacity, sh, layers
 
 }  // namespace
 
-// Offsets to tables and vectors are unsigned and point forward, so a root table that is written anew
-// before everything else can refer to all that the old one did. Its vtable gains the field.
+// Offsets to tables and vectors are unsigned and point forward, so a root table that is written
+// anew before everything else can refer to all that the old one did. Its vtable gains the field.
 void add_extension(Bytes& b, uint32_t id, bool critical) {
   constexpr size_t kVtable = 16;  // where the new vtable goes
   const size_t old_root = u32(b, 0);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Edits of serialised FlatBuffers that no builder would make: fields the library never writes, tables
-// and strings used twice.
+// Edits of serialised FlatBuffers that no builder would make: fields the library never writes,
+// tables and strings used twice.
 #pragma once
 
 #include "libl4dcodec/base/bytes.h"

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Sets flush-to-zero and denormals-are-zero for a scope, as libraries built with -ffast-math do to the
-// whole process of a host application.
+// Sets flush-to-zero and denormals-are-zero for a scope, as libraries built with -ffast-math do to
+// the whole process of a host application.
 #pragma once
 
 #if defined(__SSE2__) || defined(_M_X64)

@@ -16,8 +16,8 @@ inline ComponentCoding example_vq(uint32_t entries, size_t stages, bool literals
   c.coding = ComponentCodingId::kVq;
   c.literals = literals;
   for (size_t s = 0; s < stages; ++s) {
-    c.stages.push_back({entries + static_cast<uint32_t>(s), ElementType::kF16,
-                        example_chunk(seed + s)});
+    c.stages.push_back(
+        {entries + static_cast<uint32_t>(s), ElementType::kF16, example_chunk(seed + s)});
   }
   return c;
 }
@@ -28,8 +28,8 @@ inline SceneHeader example_header() {
   h.num_gaussians = 600;
   h.timeline = {12.5, 60, 30000, 1001, 0};
   h.gate = 9;
-  h.placement = {{1e6, -2e6, 0.125}, 0.01, L4D_COORDINATES_RIGHT_DOWN_FORWARD,
-                 L4D_COLOR_LINEAR_SRGB};
+  h.placement = {
+      {1e6, -2e6, 0.125}, 0.01, L4D_COORDINATES_RIGHT_DOWN_FORWARD, L4D_COLOR_LINEAR_SRGB};
   h.position_center[0] = 1.5f;
   h.position_center[1] = -2.25f;
   h.position_center[2] = 0;

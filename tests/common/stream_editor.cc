@@ -31,8 +31,8 @@ EditedChunk take(const Bytes& file, const ChunkRef& ref) {
   chunk.codec = ref.codec;
   Bytes storage;
   ByteSpan raw;
-  require(decode_chunk(decoder(), ref.codec, part(file, ref.offset, ref.stored_bytes), ref.raw_bytes,
-                       ref.raw_bytes, ref.offset, storage, &raw));
+  require(decode_chunk(decoder(), ref.codec, part(file, ref.offset, ref.stored_bytes),
+                       ref.raw_bytes, ref.raw_bytes, ref.offset, storage, &raw));
   chunk.raw.assign(raw.begin(), raw.end());
   return chunk;
 }
@@ -55,8 +55,8 @@ ChunkRef put(const EditedChunk& chunk, uint64_t base, Bytes* out) {
   return ref;
 }
 
-EditedDirectoryPage take_directory_page(const Bytes& file, const SceneHeader& header, uint32_t layer,
-                                        uint32_t index) {
+EditedDirectoryPage take_directory_page(const Bytes& file, const SceneHeader& header,
+                                        uint32_t layer, uint32_t index) {
   EditedDirectoryPage out;
   out.says_layer = layer;
   out.says_index = index;

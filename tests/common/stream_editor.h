@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Takes a file apart, lets a test change any part, and puts it together again with sizes, offsets and
-// checksums repaired, so that exactly one rule is broken.
+// Takes a file apart, lets a test change any part, and puts it together again with sizes, offsets
+// and checksums repaired, so that exactly one rule is broken.
 #pragma once
 
 #include <array>
@@ -21,20 +21,20 @@ namespace l4d::test {
 struct EditedChunk {
   Bytes raw;
   uint32_t codec = 0;
-  std::optional<Bytes> stored;         // instead of raw under codec
-  std::optional<uint32_t> raw_bytes;   // instead of raw.size()
-  std::optional<uint64_t> offset;      // instead of its place
+  std::optional<Bytes> stored;        // instead of raw under codec
+  std::optional<uint32_t> raw_bytes;  // instead of raw.size()
+  std::optional<uint64_t> offset;     // instead of its place
   bool wrong_hash = false;
 };
 
 struct EditedDirectoryPage {
-  bool present = false;  // false: the page table says that it is empty
-  DirectoryPage page;    // chunk references are filled in by build()
-  std::vector<EditedChunk> pages;                                       // beside page.pages
-  std::vector<std::array<EditedChunk, L4D_COMPONENT_COUNT>> tables;     // beside page.blocks
+  bool present = false;            // false: the page table says that it is empty
+  DirectoryPage page;              // chunk references are filled in by build()
+  std::vector<EditedChunk> pages;  // beside page.pages
+  std::vector<std::array<EditedChunk, L4D_COMPONENT_COUNT>> tables;  // beside page.blocks
   uint32_t says_layer = 0, says_index = 0;
-  EditedChunk chunk;                      // raw is made by build()
-  std::function<void(Bytes&)> on_bytes;   // after serialisation
+  EditedChunk chunk;                     // raw is made by build()
+  std::function<void(Bytes&)> on_bytes;  // after serialisation
 };
 
 struct EditedLayer {

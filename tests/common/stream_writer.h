@@ -20,7 +20,8 @@ std::vector<T> delta_of(const std::vector<T>& values) {
   for (const T v : values) {
     const T d = static_cast<T>(v - previous);
     const bool negative = (d >> (8 * sizeof(T) - 1)) != 0;
-    out.push_back(static_cast<T>(static_cast<T>(d << 1) ^ (negative ? static_cast<T>(~T{0}) : T{0})));
+    out.push_back(
+        static_cast<T>(static_cast<T>(d << 1) ^ (negative ? static_cast<T>(~T{0}) : T{0})));
     previous = v;
   }
   return out;

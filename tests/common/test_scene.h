@@ -18,9 +18,9 @@ struct SceneOptions {
   double time_begin = 0;
   uint64_t seed = 1;
   // Shares of all Gaussians; the rest moves and lives for a part of the sequence.
-  double permanent = 0.3;     // no motion, no end
-  double outside = 0.1;       // long-lived, mean time up to 20 durations outside the sequence
-  double speed = 0.05;        // size of the temporal part of the rotors
+  double permanent = 0.3;  // no motion, no end
+  double outside = 0.1;    // long-lived, mean time up to 20 durations outside the sequence
+  double speed = 0.05;     // size of the temporal part of the rotors
   bool moving = true;
 };
 

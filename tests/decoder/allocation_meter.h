@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Counts what operator new hands out in this program, to hold the library's memory limit against what
-// it really allocates. (zstd contexts use malloc and are not seen.)
+// Counts what operator new hands out in this program, to hold the library's memory limit against
+// what it really allocates. (zstd contexts use malloc and are not seen.)
 #pragma once
 
 #include <cstdint>

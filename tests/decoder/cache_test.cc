@@ -38,8 +38,8 @@ std::vector<double> frames(const Bytes& bytes, uint32_t step) {
   return times;
 }
 
-// One bucket of many pages that come into sight one after the other: where a Gaussian is tells when it
-// lives, and pages follow places.
+// One bucket of many pages that come into sight one after the other: where a Gaussian is tells when
+// it lives, and pages follow places.
 const Bytes& wandering_file() {
   static const Bytes kBytes = [] {
     SceneOptions o;
@@ -114,7 +114,8 @@ TEST_P(Cache, SteppingDecodesEachBucketOnce) {
   EXPECT_EQ(c.cache_hits, uses - buckets.size());
 }
 
-INSTANTIATE_TEST_SUITE_P(Streams, Cache, testing::Values(NamedFile{"dynamic", dynamic_file},
+INSTANTIATE_TEST_SUITE_P(Streams, Cache,
+                         testing::Values(NamedFile{"dynamic", dynamic_file},
                                          NamedFile{"rcq", rcq_file},
                                          NamedFile{"lossless", lossless_file},
                                          NamedFile{"wandering", wandering_file}),

@@ -102,6 +102,7 @@ TEST(Damage, ValidatorFindsIt) {
 }
 
 // A time query does not need, and so does not miss, what lies in other buckets.
+// spec: PAGE-3
 TEST(Damage, OtherBucketsAreNotRead) {
   const Bytes& whole = dynamic_file();
   const GaussianArrays want = decode(whole, time_query(0));
@@ -177,7 +178,8 @@ TEST(Reader, FailureOfAnyCallIsReported) {
     EXPECT_EQ(status, L4D_ERR_IO) << "call " << k;
     // The handle goes on working when the reader does.
     if (odd.calls > 2) {
-      EXPECT_TRUE(same_bits(decode(tiny_file(), all_query()), d.decode(all_query()))) << "call " << k;
+      EXPECT_TRUE(same_bits(decode(tiny_file(), all_query()), d.decode(all_query())))
+          << "call " << k;
     }
   }
 }

@@ -46,6 +46,7 @@ INSTANTIATE_TEST_SUITE_P(Streams, Editor,
                          file_name);
 
 // A reader knows no extension, so it passes over those that are not critical.
+// spec: VER-2
 TEST(Editor, ExtensionsThatAreNotCriticalAreIgnored) {
   StreamEditor editor(tiny_file());
   editor.on_scene_header = [](Bytes& b) { add_extension(b, 77, false); };

@@ -33,6 +33,7 @@ Cost cost_of(const Bytes& bytes, uint64_t limit) {
   return cost;
 }
 
+// spec: DEC-6
 TEST(Hostile, LargeCodebooksAreRefusedBeforeTheyAreAllocated) {
   StreamEditor editor(dynamic_file());
   editor.header.sh.stages[0].num_entries = 65536;
@@ -53,27 +54,30 @@ TEST(Hostile, LargeCodebooksAreRefusedBeforeTheyAreAllocated) {
 TEST(Hostile, SharedTablesOfADirectoryPageDoNotMultiply) {
   constexpr uint32_t kBlocks = 1000000;
   StreamEditor editor(dynamic_file());
-  EditedDirectoryPage& d = editor.at(editor.find([](const LayerHeader& l) { return !l.permanent; }));
+  EditedDirectoryPage& d =
+      editor.at(editor.find([](const LayerHeader& l) { return !l.permanent; }));
   const uint32_t layer = d.says_layer, index = d.says_index;
   d.chunk.codec = 1;
   d.on_bytes = [=](Bytes& b) {
     b.clear();
     append_le<uint32_t>(20, b);  // root
     for (const char c : {'L', '4', 'D', 'D'}) b.push_back(static_cast<unsigned char>(c));
-    for (const uint16_t v : std::vector<uint16_t>{12, 20, 4, 8, 12, 16}) append_le<uint16_t>(v, b);  // its vtable
-    append_le<uint32_t>(12, b);                 // root table, at 20
+    for (const uint16_t v : std::vector<uint16_t>{12, 20, 4, 8, 12, 16})
+      append_le<uint16_t>(v, b);  // its vtable
+    append_le<uint32_t>(12, b);   // root table, at 20
     append_le<uint32_t>(layer, b);
     append_le<uint32_t>(index, b);
-    append_le<uint32_t>(8, b);                  // pages, at 40
-    append_le<uint32_t>(8, b);                  // blocks, at 44
-    append_le<uint32_t>(0, b);                  // no page
+    append_le<uint32_t>(8, b);  // pages, at 40
+    append_le<uint32_t>(8, b);  // blocks, at 44
+    append_le<uint32_t>(0, b);  // no page
     append_le<uint32_t>(kBlocks, b);
     const uint32_t block = 48 + 4 * kBlocks + 8;
     for (uint32_t i = 0; i < kBlocks; ++i) append_le<uint32_t>(block - (48 + 4 * i), b);
-    for (const uint16_t v : std::vector<uint16_t>{6, 8, 4, 0}) append_le<uint16_t>(v, b);  // vtable of the one block
-    append_le<uint32_t>(8, b);                  // the block
-    append_le<uint32_t>(4, b);                  // its tables
-    append_le<uint32_t>(0, b);                  // none
+    for (const uint16_t v : std::vector<uint16_t>{6, 8, 4, 0})
+      append_le<uint16_t>(v, b);  // vtable of the one block
+    append_le<uint32_t>(8, b);    // the block
+    append_le<uint32_t>(4, b);    // its tables
+    append_le<uint32_t>(0, b);    // none
   };
   const Bytes bytes = editor.build();
   ASSERT_LT(bytes.size(), 4u << 20);
@@ -126,7 +130,8 @@ TEST(Hostile, RandomContentIsSafe) {
         if (!editor.sh_books.empty()) damage(editor.sh_books[0].raw);
         break;
       default:
-        if (!d.pages.empty()) damage(d.pages[random.below(static_cast<uint32_t>(d.pages.size()))].raw);
+        if (!d.pages.empty())
+          damage(d.pages[random.below(static_cast<uint32_t>(d.pages.size()))].raw);
         break;
     }
     const Bytes bytes = editor.build();
@@ -141,7 +146,8 @@ TEST(Hostile, RandomContentIsSafe) {
       ++accepted;
     } catch (const Error& e) {
       ++refused;
-      EXPECT_TRUE(e.status() <= L4D_ERR_NOT_L4D || e.status() == L4D_ERR_LIMIT_EXCEEDED) << e.what();
+      EXPECT_TRUE(e.status() <= L4D_ERR_NOT_L4D || e.status() == L4D_ERR_LIMIT_EXCEEDED)
+          << e.what();
       EXPECT_NE(e.status(), L4D_ERR_INTERNAL) << e.what();
     }
   }

@@ -62,8 +62,9 @@ void expect_exact(const TestScene& scene) {
 
 TEST(Lossless, EveryDegreeAndMeaning) {
   for (uint32_t degree = 0; degree <= 3; ++degree) {
-    for (const uint32_t flags : {0u, uint32_t{L4D_POSITION_AT_MEAN_TIME}, uint32_t{L4D_OPACITY_LOGIT},
-                                 uint32_t{L4D_POSITION_AT_MEAN_TIME | L4D_OPACITY_LOGIT}}) {
+    for (const uint32_t flags :
+         {0u, uint32_t{L4D_POSITION_AT_MEAN_TIME}, uint32_t{L4D_OPACITY_LOGIT},
+          uint32_t{L4D_POSITION_AT_MEAN_TIME | L4D_OPACITY_LOGIT}}) {
       SCOPED_TRACE("degree " + std::to_string(degree) + ", flags " + std::to_string(flags));
       SceneOptions o;
       o.count = 600;
@@ -98,15 +99,16 @@ TEST(Lossless, OddBitsSurvive) {
   scene.flags = L4D_POSITION_AT_MEAN_TIME;
   Random random(2);
   for (size_t i = 0; i < scene.count(); ++i) {
-    const float odd[] = {-0.0f, std::numeric_limits<float>::denorm_min(), -1e-40f,
-                         std::numeric_limits<float>::min(), 0.0f, 1.0f / 3};
+    const float odd[] = {-0.0f,   std::numeric_limits<float>::denorm_min(),
+                         -1e-40f, std::numeric_limits<float>::min(),
+                         0.0f,    1.0f / 3};
     scene.position[3 * i + random.below(3)] = odd[random.below(6)];
     scene.sh[scene.sh_dim() * i + random.below(12)] = odd[random.below(6)];
     scene.log_scale[4 * i + random.below(3)] = odd[random.below(6)];
     scene.rotor[8 * i + random.below(8)] = odd[random.below(6)];
     if (i % 3 == 0) scene.opacity[i] = odd[4 - 3 * random.below(2)];
   }
-  for (size_t k = 0; k < 8; ++k) scene.rotor[k] = 0;  // no direction at all
+  for (size_t k = 0; k < 8; ++k) scene.rotor[k] = 0;          // no direction at all
   for (size_t k = 0; k < 8; ++k) scene.rotor[8 + k] *= 1000;  // far from unit length
   expect_exact(scene);
 }
@@ -117,10 +119,14 @@ TEST(Lossless, EqualGaussiansStayApart) {
   TestScene scene = make_scene(o);
   const TestScene one = head(scene, 1);
   for (size_t i = 0; i < scene.count(); ++i) {
-    std::copy(one.position.begin(), one.position.end(), scene.position.begin() + 3 * static_cast<std::ptrdiff_t>(i));
-    std::copy(one.log_scale.begin(), one.log_scale.end(), scene.log_scale.begin() + 4 * static_cast<std::ptrdiff_t>(i));
-    std::copy(one.rotor.begin(), one.rotor.end(), scene.rotor.begin() + 8 * static_cast<std::ptrdiff_t>(i));
-    std::copy(one.sh.begin(), one.sh.end(), scene.sh.begin() + static_cast<std::ptrdiff_t>(scene.sh_dim() * i));
+    std::copy(one.position.begin(), one.position.end(),
+              scene.position.begin() + 3 * static_cast<std::ptrdiff_t>(i));
+    std::copy(one.log_scale.begin(), one.log_scale.end(),
+              scene.log_scale.begin() + 4 * static_cast<std::ptrdiff_t>(i));
+    std::copy(one.rotor.begin(), one.rotor.end(),
+              scene.rotor.begin() + 8 * static_cast<std::ptrdiff_t>(i));
+    std::copy(one.sh.begin(), one.sh.end(),
+              scene.sh.begin() + static_cast<std::ptrdiff_t>(scene.sh_dim() * i));
     scene.mean_t[i] = one.mean_t[0];
     scene.opacity[i] = one.opacity[0];
   }

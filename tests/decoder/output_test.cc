@@ -23,8 +23,8 @@ std::vector<std::vector<float>*> arrays(GaussianArrays& a) {
   return {&a.position, &a.mean_t, &a.mean_t_local, &a.log_scale, &a.rotor, &a.opacity, &a.sh};
 }
 void attach(GaussianArrays& a, unsigned mask, l4d_gaussian_buffers* b) {
-  float** const to[] = {&b->position, &b->mean_t,  &b->mean_t_local, &b->log_scale,
-                        &b->rotor,    &b->opacity, &b->sh};
+  float** const to[] = {&b->position, &b->mean_t, &b->mean_t_local, &b->log_scale, &b->rotor,
+                        &b->opacity,  &b->sh};
   const auto from = arrays(a);
   for (size_t i = 0; i < from.size(); ++i) {
     *to[i] = (mask >> i & 1) != 0 ? from[i]->data() : nullptr;
@@ -117,7 +117,8 @@ TEST_P(Output, SliceArraysAndCapacity) {
   for (unsigned mask = 1; mask < 16; ++mask) {
     SplatArrays part = all;
     std::vector<float>* const got[] = {&part.position, &part.covariance, &part.opacity, &part.sh};
-    const std::vector<float>* const want[] = {&all.position, &all.covariance, &all.opacity, &all.sh};
+    const std::vector<float>* const want[] = {&all.position, &all.covariance, &all.opacity,
+                                              &all.sh};
     for (auto* v : got) std::fill(v->begin(), v->end(), -77.0f);
     l4d_splat_buffers_init(&b);
     float** const to[] = {&b.position, &b.covariance, &b.opacity, &b.sh};
@@ -204,6 +205,7 @@ TEST_P(Output, LayersAddUpToTheScene) {
             L4D_ERR_INVALID_ARGUMENT);
 }
 
+// spec: ENC-1
 TEST_P(Output, ValidStreamsHaveNoViolation) {
   for (const Violation& v : validate(GetParam().bytes())) {
     ADD_FAILURE() << v.clause << ": " << v.message;
@@ -235,8 +237,7 @@ TEST(Codebook, BlocksHaveTheirOwn) {
     EXPECT_NE(global.entries, block.entries);
     EXPECT_EQ(global.dim, block.dim);
     // Of SH there is one for all.
-    d.check(
-        l4d_decoder_get_codebook(d.get(), r.layer, L4D_COMPONENT_SH, 0, L4D_NO_BLOCK, &global));
+    d.check(l4d_decoder_get_codebook(d.get(), r.layer, L4D_COMPONENT_SH, 0, L4D_NO_BLOCK, &global));
     d.check(l4d_decoder_get_codebook(d.get(), r.layer, L4D_COMPONENT_SH, 0, r.block, &block));
     EXPECT_EQ(global.entries, block.entries);
   }

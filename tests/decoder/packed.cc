@@ -107,8 +107,8 @@ class Expander {
     for (uint32_t s = 0; s < depth; ++s) {
       l4d_codebook book;
       l4d_codebook_init(&book);
-      d_.check(l4d_decoder_get_codebook(d_.get(), r.layer, c, s,
-                                        s == 0 ? r.block : L4D_NO_BLOCK, &book));
+      d_.check(l4d_decoder_get_codebook(d_.get(), r.layer, c, s, s == 0 ? r.block : L4D_NO_BLOCK,
+                                        &book));
       const float* entry = book.entries + size_t{dim} * p_.index[c][s * p_.count() + i];
       for (unsigned k = 0; k < dim; ++k) dst[k] = s == 0 ? entry[k] : dst[k] + entry[k];
     }
@@ -151,7 +151,8 @@ PackedArrays decode_packed(const DecoderHandle& decoder, const l4d_query& query)
     b.component[c].literal_capacity = n;
   }
   decoder.check(l4d_decoder_decode_packed(decoder.get(), &query, &b));
-  for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) p.num_literals[c] = b.component[c].num_literals;
+  for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c)
+    p.num_literals[c] = b.component[c].num_literals;
   return p;
 }
 

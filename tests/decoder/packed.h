@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Packed decoding through the public API, and its expansion to floats written from the specification.
+// Packed decoding through the public API, and its expansion to floats written from the
+// specification.
 #pragma once
 
 #include <array>

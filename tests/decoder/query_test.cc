@@ -87,6 +87,7 @@ class Query : public testing::TestWithParam<NamedFile> {
   double begin_ = 0, end_ = 0;
 };
 
+// spec: DEC-2
 TEST_P(Query, AllHoldsEveryGaussian) {
   EXPECT_EQ(all_.count(), info_.num_gaussians);
   uint64_t first = 0;
@@ -97,6 +98,7 @@ TEST_P(Query, AllHoldsEveryGaussian) {
   EXPECT_EQ(first, all_.count());
 }
 
+// spec: LAYR-2
 TEST_P(Query, TimeHoldsAllThatIsVisible) {
   const Rows whole = rows(all_);
   for (const double t : times()) {
@@ -108,6 +110,7 @@ TEST_P(Query, TimeHoldsAllThatIsVisible) {
   }
 }
 
+// spec: LAYR-2
 TEST_P(Query, RangeHoldsAllThatIsVisibleInIt) {
   Random random(8);
   std::vector<double> t = times();

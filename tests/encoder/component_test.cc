@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "encoder/component_coder.h"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -9,6 +7,7 @@
 #include <set>
 
 #include "decoder/reconstruct.h"
+#include "encoder/component_coder.h"
 #include "libl4dcodec/base/half.h"
 #include "tests/common/random.h"
 
@@ -51,7 +50,8 @@ CodedComponent code(const Data& d, const ComponentSettings& s,
   return code_component(d.rows.data(), d.weights.data(), d.n, d.dim, blocks, s);
 }
 
-// Rows as a decoder makes them from what is coded: books, tables, indices and literals of the input.
+// Rows as a decoder makes them from what is coded: books, tables, indices and literals of the
+// input.
 std::vector<float> reconstruct(const CodedComponent& c, const Data& d,
                                const std::vector<BlockRange>& blocks = {}) {
   std::vector<float> out(c.n * c.dim);
@@ -91,7 +91,8 @@ std::vector<float> reconstruct(const CodedComponent& c, const Data& d,
       book.clear();
       for (const RcqPair& p : c.block_tables[b]) {
         for (size_t k = 0; k < c.dim; ++k) {
-          book.push_back(c.books[0][p.global * c.dim + k] + c.residual_book[p.residual * c.dim + k]);
+          book.push_back(c.books[0][p.global * c.dim + k] +
+                         c.residual_book[p.residual * c.dim + k]);
         }
       }
     }
@@ -151,8 +152,8 @@ TEST(Component, StageFractionsAreHonoured) {
   const CodedComponent c = code(d, s);
   ASSERT_EQ(c.books.size(), 4u);
   for (size_t stage = 0; stage < 4; ++stage) {
-    const auto deeper = std::count_if(c.depth.begin(), c.depth.end(),
-                                      [&](uint8_t depth) { return depth > stage; });
+    const auto deeper =
+        std::count_if(c.depth.begin(), c.depth.end(), [&](uint8_t depth) { return depth > stage; });
     EXPECT_EQ(static_cast<double>(deeper), std::round(2000 * static_cast<double>(s.stages[stage])));
   }
 }
@@ -168,7 +169,8 @@ TEST(Component, StagesGoToTheNeediest) {
   for (size_t i = 0; i < d.n; ++i) {
     double e2 = 0;
     for (size_t k = 0; k < d.dim; ++k) {
-      const double e = static_cast<double>(d.rows[4 * i + k]) - static_cast<double>(c1.decoded[4 * i + k]);
+      const double e =
+          static_cast<double>(d.rows[4 * i + k]) - static_cast<double>(c1.decoded[4 * i + k]);
       e2 += e * e;
     }
     const float need = static_cast<float>(static_cast<double>(d.weights[i]) * e2);
@@ -203,7 +205,8 @@ TEST(Component, MoreWeightMeansLessError) {
   double error[2] = {0, 0};
   for (size_t i = 0; i < d.n; ++i) {
     for (size_t k = 0; k < 4; ++k) {
-      const double e = static_cast<double>(d.rows[4 * i + k]) - static_cast<double>(c.decoded[4 * i + k]);
+      const double e =
+          static_cast<double>(d.rows[4 * i + k]) - static_cast<double>(c.decoded[4 * i + k]);
       error[i % 2] += e * e;
     }
   }
@@ -328,8 +331,7 @@ TEST(Component, EqualForAnyNumberOfThreadsAndUnequalForOtherSeeds) {
 Data block_data(size_t num_blocks, size_t n, bool own_places, std::vector<BlockRange>* blocks) {
   Data all{0, 4, {}, {}};
   for (size_t b = 0; b < num_blocks; ++b) {
-    const Data d = own_places ? clustered(n, 4, 24, 100 + b, 0.01)
-                              : clustered(n, 4, 24, 100, 0.01);
+    const Data d = own_places ? clustered(n, 4, 24, 100 + b, 0.01) : clustered(n, 4, 24, 100, 0.01);
     blocks->push_back({all.n, all.n + n});
     all.n += n;
     all.rows.insert(all.rows.end(), d.rows.begin(), d.rows.end());

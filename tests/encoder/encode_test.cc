@@ -78,6 +78,7 @@ TEST(Determinism, SeedsAreUsed) {
 
 // ---- reports -----------------------------------------------------------------------------------
 
+// spec: VER-3
 TEST(Report, CountsAndSteps) {
   const TestScene scene = scene_of(1500);
   const EncoderHandle e;
@@ -98,6 +99,8 @@ TEST(Report, CountsAndSteps) {
   DecoderHandle d;
   d.open_memory(bytes.data(), bytes.size());
   EXPECT_EQ(r.num_layers, d.info().num_layers);
+  EXPECT_EQ(d.info().development, 1u);
+  EXPECT_EQ(d.info().format_major, uint32_t{L4D_BITSTREAM_MAJOR});
   double sum = 0;
   ASSERT_GT(r.num_stages, 3u);
   for (uint32_t i = 0; i < r.num_stages; ++i) {
@@ -111,7 +114,8 @@ TEST(Report, CountsAndSteps) {
   EXPECT_LE(sum, r.total_seconds * 1.01 + 1e-3);
   const char* name = nullptr;
   double seconds = 0;
-  EXPECT_EQ(l4d_encoder_get_stage(e.get(), r.num_stages, &name, &seconds), L4D_ERR_INVALID_ARGUMENT);
+  EXPECT_EQ(l4d_encoder_get_stage(e.get(), r.num_stages, &name, &seconds),
+            L4D_ERR_INVALID_ARGUMENT);
   std::vector<uint32_t> order(1500);
   EXPECT_EQ(l4d_encoder_get_order(e.get(), order.data(), 1499), L4D_ERR_INVALID_ARGUMENT);
   EXPECT_EQ(l4d_encoder_get_order(e.get(), order.data(), 1500), L4D_OK);
@@ -153,7 +157,7 @@ TEST(Report, MetadataIsStored) {
 
 struct BadValue {
   const char* attribute;
-  std::vector<float> TestScene::* array;
+  std::vector<float> TestScene::*array;
   size_t dim;
   float value;
 };
@@ -405,7 +409,8 @@ TEST(OddScenes, ExtremeValues) {
     const float sign = i % 2 == 0 ? 1.0f : -1.0f;
     if (i % 5 == 0) scene.position[3 * i] = sign * 1e18f;
     if (i % 5 == 1) scene.mean_t[i] = sign * 1e18f;
-    if (i % 5 == 2) std::fill_n(scene.log_scale.begin() + static_cast<std::ptrdiff_t>(4 * i), 4, sign * 16);
+    if (i % 5 == 2)
+      std::fill_n(scene.log_scale.begin() + static_cast<std::ptrdiff_t>(4 * i), 4, sign * 16);
     if (i % 5 == 3) scene.sh[12 * i] = sign * 65504;
     if (i % 5 == 4) scene.opacity[i] = i % 2 == 0 ? 0.0f : 1.0f;
     if (i % 7 == 0) std::fill_n(scene.rotor.begin() + static_cast<std::ptrdiff_t>(8 * i), 8, 0.0f);
@@ -508,7 +513,8 @@ TEST(OddScenes, LogitOpacitiesAndPositionsAtTheMean) {
     other.opacity[i] = static_cast<float>(std::log(o / (1 - o)));
     double rotor[8], scale[4];
     for (size_t k = 0; k < 8; ++k) rotor[k] = static_cast<double>(plain.rotor[8 * i + k]);
-    for (size_t k = 0; k < 4; ++k) scale[k] = std::exp(static_cast<double>(plain.log_scale[4 * i + k]));
+    for (size_t k = 0; k < 4; ++k)
+      scale[k] = std::exp(static_cast<double>(plain.log_scale[4 * i + k]));
     const auto slice = slice_gaussian(normalized_halves(rotor), scale);
     const double mean = static_cast<double>(plain.mean_t[i]);
     const double dt = mean - reference_time(plain.timeline, mean);
@@ -536,6 +542,7 @@ TEST(OddScenes, LogitOpacitiesAndPositionsAtTheMean) {
 
 // Layers are chosen from the input, but a decoder sees quantised extents: those that no longer fit
 // move to a coarser layer.
+// spec: ENC-2
 TEST(Misfits, MoveToCoarserLayers) {
   EncodeOptions o = small_options();
   o.settings.push_back({L4D_ENC_CODEBOOK_SIZE, 2});
@@ -552,6 +559,7 @@ TEST(Misfits, MoveToCoarserLayers) {
 
 // Gaussians that fly from far away to the centre of the coded frame: the box must allow for the
 // rounding of the large coordinate, though it ends at a small one.
+// spec: ENC-2
 TEST(Bounds, HoldForFastGaussians) {
   for (uint64_t seed = 70; seed < 73; ++seed) {
     SceneOptions s;
@@ -571,8 +579,8 @@ TEST(Bounds, HoldForFastGaussians) {
       const double mean = static_cast<double>(scene.mean_t[i]);
       const double end = std::min(scene.duration(), mean + 4 / std::sqrt(slice.lambda));
       for (size_t k = 0; k < 3; ++k) {
-        scene.position[3 * i + k] = static_cast<float>(
-            slice.velocity[k] * (reference_time(scene.timeline, mean) - end));
+        scene.position[3 * i + k] =
+            static_cast<float>(slice.velocity[k] * (reference_time(scene.timeline, mean) - end));
       }
     }
     EncodeOptions o = small_options();
@@ -603,7 +611,8 @@ double visible_error(const TestScene& scene, const Encoded& e) {
     const auto is = velocity(a.rotor.data() + 8 * i, a.log_scale.data() + 4 * i);
     const double mean = static_cast<double>(scene.mean_t[from]);
     const double reach = 4 / std::sqrt(was.lambda);
-    const double first = std::max(0.0, mean - reach), last = std::min(scene.duration(), mean + reach);
+    const double first = std::max(0.0, mean - reach),
+                 last = std::min(scene.duration(), mean + reach);
     if (first > last) continue;
     const double t = 0.5 * (first + last);
     double e2 = 0;
@@ -710,9 +719,12 @@ TEST(RcqFile, PaysInASceneWhoseTimesDiffer) {
     }
   }
   EncodeOptions o;
-  o.settings = {{L4D_ENC_CODEBOOK_SIZE, 64}, {L4D_ENC_KMEANS_ITERATIONS, 4},
-                {L4D_ENC_MERGE_COUNT, 100},  {L4D_ENC_ZSTD_LEVEL, 1},
-                {L4D_ENC_RCQ, 1},            {L4D_ENC_RCQ_SIZE, 64}};
+  o.settings = {{L4D_ENC_CODEBOOK_SIZE, 64},
+                {L4D_ENC_KMEANS_ITERATIONS, 4},
+                {L4D_ENC_MERGE_COUNT, 100},
+                {L4D_ENC_ZSTD_LEVEL, 1},
+                {L4D_ENC_RCQ, 1},
+                {L4D_ENC_RCQ_SIZE, 64}};
   const Encoded e = encode(scene, o);
   expect_valid(e.bytes);
   DecoderHandle d;

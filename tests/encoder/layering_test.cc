@@ -49,8 +49,8 @@ void expect_sound(const Planned& p) {
       ++seen[i];
       if (l.permanent) continue;
       const uint32_t bucket = bucket_of_time(p.scene.timeline, p.scene.mean_t[i], l.level);
-      EXPECT_TRUE(fits_layer(p.scene.mean_t[i], p.scene.sigma_t(i), bucket, l.level,
-                             p.scene.timeline))
+      EXPECT_TRUE(
+          fits_layer(p.scene.mean_t[i], p.scene.sigma_t(i), bucket, l.level, p.scene.timeline))
           << "Gaussian " << i << " at level " << l.level;
     }
   }
@@ -111,7 +111,8 @@ TEST(Layering, ThinFineLayersMergeTowardsCoarserOnes) {
   for (const LayerPlan& l : apart.plans) {
     for (const uint32_t i : l.members) level[i] = l.level;
   }
-  for (const auto& [fraction, count] : {std::pair<double, double>{0.2, 0}, {0, 400}, {0, 1e9}, {1, 0}}) {
+  for (const auto& [fraction, count] :
+       {std::pair<double, double>{0.2, 0}, {0, 400}, {0, 1e9}, {1, 0}}) {
     const Planned p = plan(scene, fraction, count);
     expect_sound(p);
     const double least = std::max(fraction * static_cast<double>(scene.count()), count);

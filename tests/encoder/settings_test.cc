@@ -34,7 +34,7 @@ TEST(Settings, EveryParameterIsDescribed) {
   }
   l4d_parameter_info info;
   l4d_parameter_info_init(&info);
-  EXPECT_EQ(l4d_encoder_parameter_info(parameter(-1), &info), L4D_ERR_INVALID_ARGUMENT);
+  EXPECT_EQ(l4d_encoder_parameter_info(parameter(31), &info), L4D_ERR_INVALID_ARGUMENT);
   EXPECT_EQ(l4d_encoder_parameter_info(L4D_ENC_PARAMETER_COUNT, &info), L4D_ERR_INVALID_ARGUMENT);
   EXPECT_EQ(l4d_encoder_parameter_info(L4D_ENC_RCQ, nullptr), L4D_ERR_INVALID_ARGUMENT);
 }
@@ -96,7 +96,7 @@ TEST(Settings, ValuesAreSetWithinTheirRangesOnly) {
     EXPECT_EQ(get(L4D_COMPONENT_SCALE), info.per_component != 0 ? info.max : info.min);
   }
   double v = 0;
-  EXPECT_EQ(l4d_encoder_set(e.get(), parameter(-1), -1, 0), L4D_ERR_INVALID_ARGUMENT);
+  EXPECT_EQ(l4d_encoder_set(e.get(), parameter(31), -1, 0), L4D_ERR_INVALID_ARGUMENT);
   EXPECT_EQ(l4d_encoder_set(e.get(), L4D_ENC_PARAMETER_COUNT, -1, 0), L4D_ERR_INVALID_ARGUMENT);
   EXPECT_EQ(l4d_encoder_set(e.get(), L4D_ENC_CODEBOOK_SIZE, 4, 8), L4D_ERR_INVALID_ARGUMENT);
   EXPECT_EQ(l4d_encoder_set(e.get(), L4D_ENC_CODEBOOK_SIZE, -2, 8), L4D_ERR_INVALID_ARGUMENT);
@@ -144,8 +144,9 @@ TEST(Settings, StagesAreChecked) {
   EXPECT_EQ(set(L4D_ALL_COMPONENTS, {1}), L4D_OK);
   EXPECT_EQ(set(L4D_COMPONENT_SH, {1, 1, 0.5f, 0.5f, 0.1f, 0, 0, 0}), L4D_OK);
   const float nan = std::numeric_limits<float>::quiet_NaN();
-  const std::vector<float> kWrong[] = {{}, {0.5f}, {1, 0.2f, 0.3f}, {1, -0.1f}, {1, 1.5f}, {1, nan},
-                                       {nan}, {1, 1, 1, 1, 1, 1, 1, 1, 1}};
+  const std::vector<float> kWrong[] = {
+      {},        {0.5f},   {1, 0.2f, 0.3f}, {1, -0.1f},
+      {1, 1.5f}, {1, nan}, {nan},           {1, 1, 1, 1, 1, 1, 1, 1, 1}};
   for (const auto& wrong : kWrong) EXPECT_EQ(set(0, wrong), L4D_ERR_INVALID_ARGUMENT);
   EXPECT_EQ(set(4, {1}), L4D_ERR_INVALID_ARGUMENT);
   EXPECT_EQ(set(-2, {1}), L4D_ERR_INVALID_ARGUMENT);

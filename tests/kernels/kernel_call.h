@@ -32,7 +32,7 @@ constexpr Fill kFills[] = {Fill::kRandom, Fill::kLow, Fill::kHigh, Fill::kEdges}
 struct CallOptions {
   size_t n = 0;
   Fill fill = Fill::kRandom;
-  size_t offset = 0;       // elements by which arrays are off their alignment
+  size_t offset = 0;  // elements by which arrays are off their alignment
   bool past_cache = false;
   uint64_t seed = 0;
   std::string text() const;
@@ -42,7 +42,8 @@ struct CallOptions {
 template <typename T>
 class Guarded {
  public:
-  Guarded(size_t n, size_t offset) : n_(n), bytes_(n * sizeof(T) + offset * sizeof(T) + 4 * kGuard) {
+  Guarded(size_t n, size_t offset)
+      : n_(n), bytes_(n * sizeof(T) + offset * sizeof(T) + 4 * kGuard) {
     const uintptr_t at = reinterpret_cast<uintptr_t>(bytes_.data()) + kGuard;
     const uintptr_t aligned = (at + 63) / 64 * 64 + offset * sizeof(T);
     begin_ = static_cast<size_t>(aligned - reinterpret_cast<uintptr_t>(bytes_.data()));
@@ -69,7 +70,8 @@ class Guarded {
 class Call {
  public:
   virtual ~Call() = default;
-  // Resets the outputs and calls. The result: all output bytes with their canaries, and return values.
+  // Resets the outputs and calls. The result: all output bytes with their canaries, and return
+  // values.
   virtual std::vector<unsigned char> check(const Kernels& kernels) = 0;
   // The call alone, on whatever the outputs hold.
   virtual void run(const Kernels& kernels) = 0;

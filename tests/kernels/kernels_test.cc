@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reference against SIMD loops, for every SIMD target that is compiled in and that this machine has.
+// Reference against SIMD loops, for every SIMD target that is compiled in and that this machine
+// has.
 #include <gtest/gtest.h>
 #include <hwy/highway.h>
 #include <hwy/targets.h>

@@ -67,13 +67,13 @@ std::unique_ptr<Call> make_scalars(const CallOptions& o) {
   Random random(o.seed);
   const float offset = parameter(o, random);
   const float step = parameter(o, random);
-  return std::make_unique<ArrayCall<float>>(
-      o.n, o.offset, std::vector<float>(),
-      [in = integers(o, o.n + o.offset, 16), offset, step, o](const Kernels& k,
-                                                              float* out) -> uint64_t {
-        k.reconstruct->scalars(in.data() + o.offset, o.n, offset, step, out);
-        return 0;
-      });
+  return std::make_unique<ArrayCall<float>>(o.n, o.offset, std::vector<float>(),
+                                            [in = integers(o, o.n + o.offset, 16), offset, step, o](
+                                                const Kernels& k, float* out) -> uint64_t {
+                                              k.reconstruct->scalars(in.data() + o.offset, o.n,
+                                                                     offset, step, out);
+                                              return 0;
+                                            });
 }
 
 // A VQ component; rows are taken in two calls to see that the cursor is carried.
@@ -143,7 +143,7 @@ std::unique_ptr<Call> make_log_scales(const CallOptions& o) {
   return std::make_unique<ArrayCall<float>>(
       4 * o.n, o.offset, std::vector<float>(),
       [factor, rows = floats_of_halves(o, 4 * (o.n + o.offset), 7), o](const Kernels& k,
-                                                                      float* out) -> uint64_t {
+                                                                       float* out) -> uint64_t {
         k.reconstruct->log_scales(factor.data() + o.offset, rows.data() + 4 * o.offset, o.n, out,
                                   o.past_cache);
         return 0;

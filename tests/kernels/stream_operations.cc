@@ -75,7 +75,8 @@ std::unique_ptr<Call> make_unpack(const CallOptions& o) {
   for (size_t i = 0; i < values.size(); ++i) {
     for (unsigned b = 0; b < kWidth; ++b) {
       const size_t bit = i * kWidth + b;
-      packed[bit / 8] = static_cast<unsigned char>(packed[bit / 8] | (values[i] >> b & 1) << (bit % 8));
+      packed[bit / 8] =
+          static_cast<unsigned char>(packed[bit / 8] | (values[i] >> b & 1) << (bit % 8));
     }
   }
   for (size_t i = 0; i < extra; ++i) packed[packed.size() - 1 - i] = 0xff;
@@ -97,7 +98,8 @@ std::vector<unsigned char> bytes_of(const CallOptions& o, uint64_t salt) {
 std::unique_ptr<Call> make_merge(const CallOptions& o) {
   return std::make_unique<ArrayCall<uint16_t>>(
       o.n, o.offset, std::vector<uint16_t>(),
-      [low = bytes_of(o, 1), high = bytes_of(o, 2), o](const Kernels& k, uint16_t* out) -> uint64_t {
+      [low = bytes_of(o, 1), high = bytes_of(o, 2), o](const Kernels& k,
+                                                       uint16_t* out) -> uint64_t {
         k.stream->merge_bytes(low.data() + o.offset, high.data() + o.offset, o.n, out);
         return 0;
       });
@@ -138,18 +140,27 @@ std::unique_ptr<Call> make_max(const CallOptions& o) {
 }  // namespace
 
 const std::vector<Operation>& stream_operations() {
-  static const std::vector<Operation> kOperations = {
-      {"unpack_bits_1", make_unpack<1>},   {"unpack_bits_2", make_unpack<2>},
-      {"unpack_bits_3", make_unpack<3>},   {"unpack_bits_4", make_unpack<4>},
-      {"unpack_bits_5", make_unpack<5>},   {"unpack_bits_6", make_unpack<6>},
-      {"unpack_bits_7", make_unpack<7>},   {"unpack_bits_8", make_unpack<8>},
-      {"unpack_bits_9", make_unpack<9>},   {"unpack_bits_10", make_unpack<10>},
-      {"unpack_bits_11", make_unpack<11>}, {"unpack_bits_12", make_unpack<12>},
-      {"unpack_bits_13", make_unpack<13>}, {"unpack_bits_14", make_unpack<14>},
-      {"unpack_bits_15", make_unpack<15>}, {"unpack_bits_16", make_unpack<16>},
-      {"merge_bytes", make_merge},         {"widen_bytes", make_widen},
-      {"undelta", make_undelta},           {"unorder_halves", make_unorder},
-      {"max_value", make_max}};
+  static const std::vector<Operation> kOperations = {{"unpack_bits_1", make_unpack<1>},
+                                                     {"unpack_bits_2", make_unpack<2>},
+                                                     {"unpack_bits_3", make_unpack<3>},
+                                                     {"unpack_bits_4", make_unpack<4>},
+                                                     {"unpack_bits_5", make_unpack<5>},
+                                                     {"unpack_bits_6", make_unpack<6>},
+                                                     {"unpack_bits_7", make_unpack<7>},
+                                                     {"unpack_bits_8", make_unpack<8>},
+                                                     {"unpack_bits_9", make_unpack<9>},
+                                                     {"unpack_bits_10", make_unpack<10>},
+                                                     {"unpack_bits_11", make_unpack<11>},
+                                                     {"unpack_bits_12", make_unpack<12>},
+                                                     {"unpack_bits_13", make_unpack<13>},
+                                                     {"unpack_bits_14", make_unpack<14>},
+                                                     {"unpack_bits_15", make_unpack<15>},
+                                                     {"unpack_bits_16", make_unpack<16>},
+                                                     {"merge_bytes", make_merge},
+                                                     {"widen_bytes", make_widen},
+                                                     {"undelta", make_undelta},
+                                                     {"unorder_halves", make_unorder},
+                                                     {"max_value", make_max}};
   return kOperations;
 }
 
