@@ -226,9 +226,9 @@ L4D_API void l4d_packed_buffers_init_(l4d_packed_buffers* buffers, size_t struct
 L4D_API l4d_status l4d_decoder_decode_packed(l4d_decoder* decoder, const l4d_query* query,
                                              l4d_packed_buffers* out);
 
-/* One codebook as float32, owned by the decoder, valid until it is closed, reopened or destroyed.
- * `block`: L4D_NO_BLOCK, or (stage 0 of a component with RCQ) a block of the layer. SH codebooks are
- * the same for every layer. */
+/* One codebook as float32, owned by the decoder: valid until the stream is closed, those of blocks
+ * until the next call that selects, decodes or slices. `block`: L4D_NO_BLOCK, or (stage 0 of a
+ * component with RCQ) a block of the layer. SH codebooks are the same for every layer. */
 typedef struct l4d_codebook {
   size_t struct_size;
   const float* entries; /* [num_entries, dim]; NULL where the component has no such stage */
