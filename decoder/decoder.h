@@ -2,7 +2,6 @@
 // What an l4d_decoder handle is: an open stream, the loops of a backend, and the bucket cache.
 #pragma once
 
-#include <list>
 #include <map>
 #include <memory>
 #include <vector>

@@ -248,6 +248,19 @@ void permute_book(std::vector<float>& book, size_t dim, const std::vector<uint32
 
 }  // namespace
 
+ComponentSettings component_settings(const EncoderSettings& settings, unsigned component) {
+  const int c = static_cast<int>(component);
+  ComponentSettings s;
+  s.codebook_size = static_cast<uint32_t>(settings.get(L4D_ENC_CODEBOOK_SIZE, c));
+  s.stages = settings.stages(c);
+  s.literal_threshold = settings.get(L4D_ENC_LITERAL_THRESHOLD, c);
+  s.rcq = settings.get_int(L4D_ENC_RCQ);
+  s.rcq_size = static_cast<uint32_t>(settings.get(L4D_ENC_RCQ_SIZE));
+  s.iterations = settings.get_int(L4D_ENC_KMEANS_ITERATIONS);
+  s.sample_per_codeword = static_cast<size_t>(settings.get(L4D_ENC_KMEANS_SAMPLE));
+  return s;
+}
+
 CodedComponent code_component(const float* rows, const float* weights, size_t n, size_t dim,
                               const std::vector<BlockRange>& blocks,
                               const ComponentSettings& settings) {

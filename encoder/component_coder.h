@@ -7,6 +7,7 @@
 #include <functional>
 #include <vector>
 
+#include "encoder/settings.h"
 #include "libl4dcodec/container/scene_header.h"
 #include "libl4dcodec/quant/codebook.h"
 
@@ -24,6 +25,9 @@ struct ComponentSettings {
   int threads = 0;
   const std::function<bool()>* cancelled = nullptr;
 };
+
+// What the parameters say of a component, but for seed, threads and cancelling.
+ComponentSettings component_settings(const EncoderSettings& settings, unsigned component);
 
 // Gaussians [begin, end) of the set form an RCQ block.
 struct BlockRange {

@@ -127,13 +127,7 @@ Status Encoder::encode(const WriteFn& write) {
       header.sh.coding = ComponentCodingId::kRaw32;
     } else {
       steps.begin("sh_vq");
-      ComponentSettings s;
-      s.codebook_size =
-          static_cast<uint32_t>(settings_.get(L4D_ENC_CODEBOOK_SIZE, L4D_COMPONENT_SH));
-      s.stages = settings_.stages(L4D_COMPONENT_SH);
-      s.literal_threshold = settings_.get(L4D_ENC_LITERAL_THRESHOLD, L4D_COMPONENT_SH);
-      s.iterations = settings_.get_int(L4D_ENC_KMEANS_ITERATIONS);
-      s.sample_per_codeword = static_cast<size_t>(settings_.get(L4D_ENC_KMEANS_SAMPLE));
+      ComponentSettings s = component_settings(settings_, L4D_COMPONENT_SH);
       s.seed = options_.seed * 131 + 7;
       s.threads = threads;
       s.cancelled = &cancelled;

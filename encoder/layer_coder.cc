@@ -131,16 +131,8 @@ class LayerCoder {
     }
   }
 
-  ComponentSettings component_settings(unsigned c) const {
-    const int ci = static_cast<int>(c);
-    ComponentSettings s;
-    s.codebook_size = static_cast<uint32_t>(settings_.get(L4D_ENC_CODEBOOK_SIZE, ci));
-    s.stages = settings_.stages(ci);
-    s.literal_threshold = settings_.get(L4D_ENC_LITERAL_THRESHOLD, ci);
-    s.rcq = settings_.get_int(L4D_ENC_RCQ);
-    s.rcq_size = static_cast<uint32_t>(settings_.get(L4D_ENC_RCQ_SIZE));
-    s.iterations = settings_.get_int(L4D_ENC_KMEANS_ITERATIONS);
-    s.sample_per_codeword = static_cast<size_t>(settings_.get(L4D_ENC_KMEANS_SAMPLE));
+  ComponentSettings settings_of(unsigned c) const {
+    ComponentSettings s = component_settings(settings_, c);
     s.seed = options_.seed * 131 + plan_.level * 8 + c + (plan_.permanent ? 4096 : 0);
     s.threads = options_.threads;
     s.cancelled = options_.cancelled;
@@ -191,7 +183,7 @@ class LayerCoder {
         continue;
       }
       out_.component[c] =
-          code_component(rows.data(), weights.data(), n, dim, out_.blocks, component_settings(c));
+          code_component(rows.data(), weights.data(), n, dim, out_.blocks, settings_of(c));
     }
   }
 

@@ -8,8 +8,7 @@ namespace l4d {
 namespace {
 
 // A byte plane is compressed if that saves one part in this many. Below it the bytes saved are not
-// worth the time: a stored plane is read in place, a compressed one costs a decoder about a nanosecond
-// per value.
+// worth the time: a stored plane is read in place.
 constexpr size_t kMinPlaneSaving = 10;
 
 struct StreamHead {
