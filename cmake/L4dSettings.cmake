@@ -34,6 +34,9 @@ target_include_directories(l4d_settings INTERFACE
 target_compile_options(l4d_settings INTERFACE
   -ffp-contract=off -Wall -Wextra -Wshadow -Wconversion -Wsign-conversion -Wundef
   $<$<BOOL:${L4D_WERROR}>:-Werror>)
+if(L4D_OPENMP)
+  target_compile_definitions(l4d_settings INTERFACE L4D_OPENMP)
+endif()
 # What turns L4D_API into "export" while the library itself is compiled, or into nothing in a static one.
 target_compile_definitions(l4d_settings INTERFACE
   $<IF:$<BOOL:${BUILD_SHARED_LIBS}>,l4dcodec_EXPORTS,L4D_STATIC_DEFINE>)

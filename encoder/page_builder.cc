@@ -10,7 +10,7 @@
 #include "libl4dcodec/base/hash.h"
 #include "libl4dcodec/base/threads.h"
 #include "libl4dcodec/math/layers.h"
-#include "libl4dcodec/quant/ordered.h"
+#include "libl4dcodec/base/ordered.h"
 
 namespace l4d {
 namespace {

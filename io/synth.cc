@@ -6,6 +6,7 @@
 #include "io/formats.h"
 #include "io/read_ply.h"
 #include "io/synth_parts.h"
+#include "libl4dcodec/base/threads.h"
 
 namespace l4d::io {
 
@@ -239,16 +240,16 @@ Scene synthesize(const SynthOptions& options) {
     const uint64_t end = ends[p];
     const std::unique_ptr<Part> part = portion.make(setting);
     const size_t sh_size = 3 * scene.sh_coefficients();
-#ifdef _OPENMP
-#pragma omp parallel for schedule(static)  // each Gaussian depends on its number alone
-#endif
-    for (uint64_t i = first; i < end; ++i) {
-      const Particle particle = part->particle(i - first, end - first);
-      const size_t at = static_cast<size_t>(i);
-      put_particle(particle, scene, at);
-      Rng rng(options.seed, 80, i);
-      put_sh(rng, particle, scene.sh_degree, &scene.sh[sh_size * at]);
-    }
+    // Each Gaussian depends on its number alone.
+    parallel_for(0, static_cast<size_t>(end - first), 4096, [&](size_t begin, size_t stop) {
+      for (uint64_t i = first + begin; i < first + stop; ++i) {
+        const Particle particle = part->particle(i - first, end - first);
+        const size_t at = static_cast<size_t>(i);
+        put_particle(particle, scene, at);
+        Rng rng(options.seed, 80, i);
+        put_sh(rng, particle, scene.sh_degree, &scene.sh[sh_size * at]);
+      }
+    });
     first = end;
   }
   return scene;

@@ -34,7 +34,7 @@ const char* l4d_build_info(void) {
     }
     const int64_t best = supported & -supported;
     s += std::string("; using ") + hwy::TargetName(best);
-#ifdef _OPENMP
+#ifdef L4D_OPENMP
     s += "; openmp";
 #endif
     return s;

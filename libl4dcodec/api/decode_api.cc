@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "decoder/decoder.h"
 #include "l4d/decode.h"
-#include "libl4dcodec/api/common.h"
+#include "libl4dcodec/base/c_api.h"
 
 using l4d::Status;
 using l4d::api::guard;

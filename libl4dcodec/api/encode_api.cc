@@ -9,7 +9,7 @@
 #include <string>
 
 #include "encoder/encoder.h"
-#include "libl4dcodec/api/common.h"
+#include "libl4dcodec/base/c_api.h"
 
 using l4d::Status;
 using l4d::api::guard;

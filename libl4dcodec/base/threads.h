@@ -2,11 +2,14 @@
 #pragma once
 
 #include <algorithm>
+#include <atomic>
 #include <cstddef>
 #include <exception>
 #include <mutex>
+#include <thread>
+#include <vector>
 
-#ifdef _OPENMP
+#ifdef L4D_OPENMP
 #include <omp.h>
 #endif
 
@@ -14,11 +17,32 @@ namespace l4d {
 
 // Number of workers for a `threads` option: 0 means one per core.
 inline int resolve_threads(int threads) {
-#ifdef _OPENMP
-  return threads > 0 ? threads : std::max(1, omp_get_num_procs());
+  if (threads > 0) return threads;
+#ifdef L4D_OPENMP
+  return std::max(1, omp_get_num_procs());
 #else
-  (void)threads;
-  return 1;
+  return std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+#endif
+}
+
+// Runs work() on `workers` threads, the caller's among them, and returns when all have ended. It must
+// not throw. Threads are made for the call: that costs some 20 us each, asks for no state between calls,
+// and nobody waits in a loop that takes the core from whoever works (docs/decisions/0005).
+template <typename Work>
+void run_workers(int workers, const Work& work) {
+#ifdef L4D_OPENMP
+#pragma omp parallel num_threads(workers)
+  work();
+#else
+  std::vector<std::thread> others;
+  others.reserve(static_cast<size_t>(workers));
+  try {
+    for (int i = 1; i < workers; ++i) others.emplace_back(work);
+  } catch (...) {
+    // The system gives no more threads: those that there are do the work.
+  }
+  work();
+  for (std::thread& thread : others) thread.join();
 #endif
 }
 
@@ -37,21 +61,21 @@ void parallel_for(int threads, size_t count, size_t grain, const Body& body) {
     for (size_t i = 0; i < pieces; ++i) body(i * grain, std::min(count, (i + 1) * grain));
     return;
   }
-#ifdef _OPENMP
+  std::atomic<size_t> next{0};
   std::exception_ptr error;
   std::mutex error_mutex;
-#pragma omp parallel for schedule(dynamic, 1) num_threads(workers)
-  for (std::ptrdiff_t i = 0; i < static_cast<std::ptrdiff_t>(pieces); ++i) {
-    try {
-      const size_t begin = static_cast<size_t>(i) * grain;
-      body(begin, std::min(count, begin + grain));
-    } catch (...) {
-      std::lock_guard<std::mutex> lock(error_mutex);
-      if (!error) error = std::current_exception();
+  run_workers(workers, [&] {
+    for (size_t i = next++; i < pieces; i = next++) {
+      try {
+        const size_t begin = i * grain;
+        body(begin, std::min(count, begin + grain));
+      } catch (...) {
+        const std::lock_guard<std::mutex> lock(error_mutex);
+        if (!error) error = std::current_exception();
+      }
     }
-  }
+  });
   if (error) std::rethrow_exception(error);
-#endif
 }
 
 }  // namespace l4d

@@ -8,7 +8,7 @@
 #include "libl4dcodec/base/half.h"
 #include "libl4dcodec/base/hash.h"
 #include "libl4dcodec/container/aligned_bytes.h"
-#include "libl4dcodec/quant/ordered.h"
+#include "libl4dcodec/base/ordered.h"
 
 namespace l4d {
 namespace {

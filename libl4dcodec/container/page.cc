@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "libl4dcodec/quant/ordered.h"
+#include "libl4dcodec/base/ordered.h"
 
 namespace l4d {
 namespace {

@@ -2,7 +2,7 @@
 #include <algorithm>
 
 #include "libl4dcodec/entropy/stream_kernels.h"
-#include "libl4dcodec/quant/ordered.h"
+#include "libl4dcodec/base/ordered.h"
 
 namespace l4d {
 namespace {

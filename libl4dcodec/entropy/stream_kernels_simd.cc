@@ -3,7 +3,7 @@
 #include <cstring>
 
 #include "libl4dcodec/entropy/stream_kernels.h"
-#include "libl4dcodec/quant/ordered.h"
+#include "libl4dcodec/base/ordered.h"
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "libl4dcodec/entropy/stream_kernels_simd.cc"

@@ -2,7 +2,7 @@
 #include "libl4dcodec/quant/codebook.h"
 
 #include "libl4dcodec/base/half.h"
-#include "libl4dcodec/quant/ordered.h"
+#include "libl4dcodec/base/ordered.h"
 
 namespace l4d {
 namespace {

@@ -6,7 +6,7 @@
 #include <cstring>
 
 #include "libl4dcodec/base/half.h"
-#include "libl4dcodec/quant/ordered.h"
+#include "libl4dcodec/base/ordered.h"
 #include "tests/common/random.h"
 #include "tests/common/stream_writer.h"
 

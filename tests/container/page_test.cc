@@ -8,7 +8,7 @@
 #include <numeric>
 
 #include "libl4dcodec/base/half.h"
-#include "libl4dcodec/quant/ordered.h"
+#include "libl4dcodec/base/ordered.h"
 #include "tests/common/headers.h"
 #include "tests/common/random.h"
 

@@ -7,7 +7,7 @@
 
 #include "libl4dcodec/base/half.h"
 #include "libl4dcodec/base/hash.h"
-#include "libl4dcodec/quant/ordered.h"
+#include "libl4dcodec/base/ordered.h"
 #include "tests/common/codec.h"
 #include "tests/common/flat.h"
 #include "tests/common/stream_editor.h"

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <sstream>
 
-#include "libl4dcodec/quant/ordered.h"
+#include "libl4dcodec/base/ordered.h"
 #include "tests/kernels/kernel_call.h"
 
 namespace l4d::test {

@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cmath>
+#include <cstddef>
+
+#include "l4d/l4d.h"
+
+namespace l4d {
+
+constexpr float kMaxLogScale = 16;
+constexpr double kMaxCoordinate = 0x1p60;
+
+// Name of the first attribute of Gaussian i that is no value a scene may hold, or null.
+inline const char* invalid_attribute(const l4d_gaussians& g, size_t i) {
+  for (size_t k = 0; k < 3; ++k) {
+    if (!(std::fabs(g.position[3 * i + k]) <= kMaxCoordinate)) return "position";
+  }
+  if (!(std::fabs(g.mean_t[i]) <= kMaxCoordinate)) return "mean_t";
+  for (size_t k = 0; k < 4; ++k) {
+    if (!(std::fabs(g.log_scale[4 * i + k]) <= kMaxLogScale)) return "log_scale";
+  }
+  for (size_t k = 0; k < 8; ++k) {
+    if (!(std::fabs(g.rotor[8 * i + k]) <= 1e15f)) return "rotor";
+  }
+  const bool logit = (g.flags & L4D_OPACITY_LOGIT) != 0;
+  if (!(logit ? std::isfinite(g.opacity[i]) : g.opacity[i] >= 0 && g.opacity[i] <= 1)) {
+    return "opacity";
+  }
+  const size_t sh_dim = size_t{3} * (g.sh_degree + 1) * (g.sh_degree + 1);
+  for (size_t k = 0; k < sh_dim; ++k) {
+    // The codebooks hold binary16.
+    if (!(std::fabs(g.sh[sh_dim * i + k]) <= 65504.0f)) return "sh";
+  }
+  return nullptr;
+}
+
+}  // namespace l4d
