@@ -23,9 +23,14 @@ Scene read_scene_ply(const std::string& path, const ImportOptions& options = {})
 // Per-Gaussian importance, a PLY with `comment l4d_weights 1`. Empty vectors where a column lacks.
 struct Weights {
   std::vector<float> alpha_t, sh, scale, rotor_spatial, rotor_temporal;
+  // sh is the column weight_sh_gradient, zero for Gaussians whose colour is clamped, and not
+  // weight_sh.
+  bool sh_is_clamped = false;
   size_t count = 0;
 };
 Weights read_weights_ply(const std::string& path);
+// All columns must be there; sh is written as weight_sh.
+void write_weights_ply(const std::string& path, const Weights& weights);
 
 // Writers go to a temporary name and rename on success. Each converts what its format demands.
 void write_l4d_ply(const std::string& path, const Scene& scene);

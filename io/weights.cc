@@ -43,6 +43,7 @@ Weights read_weights(const std::string& path) {
     present.push_back(known);
   }
   if (columns.empty()) reader.fail(L4D_ERR_CORRUPT, "there is no property of weights");
+  weights.sh_is_clamped = !weights.sh.empty() && !reader.element().has("weight_sh");
   reader.read_rows(columns);
   for (const Column& column : present) {
     const std::vector<float>& values = weights.*column.values;
@@ -63,6 +64,27 @@ Weights read_weights_ply(const std::string& path) {
   } catch (const std::bad_alloc&) {
     throw Error(L4D_ERR_OUT_OF_MEMORY, path + ": not enough memory for the weights");
   }
+}
+
+void write_weights_ply(const std::string& path, const Weights& weights) {
+  std::vector<std::string> names;
+  std::vector<const std::vector<float>*> columns;
+  for (const Column& column : kColumns) {
+    const std::vector<float>& values = weights.*column.values;
+    if (!columns.empty() && columns.back() == &values) continue;
+    if (values.size() != weights.count) {
+      throw Error(L4D_ERR_INVALID_ARGUMENT,
+                  path + ": " + column.property + " has not one value per Gaussian");
+    }
+    names.push_back(column.property);
+    columns.push_back(&values);
+  }
+  PlyWriter writer(path, {"l4d_weights 1"}, weights.count, names);
+  for (size_t i = 0; i < weights.count; ++i) {
+    float* out = writer.next_row();
+    for (const std::vector<float>* column : columns) *out++ = (*column)[i];
+  }
+  writer.finish();
 }
 
 }  // namespace l4d::io

@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "io/scene.h"
+#include "l4d/render.h"
+
+namespace l4d::io {
+
+struct Camera {
+  l4d_camera camera{};
+  int id = 0;         // unique in its set
+  std::string split;  // "train", "test", "val" or "": the file says nothing
+  // What the camera saw; paths relative to the file are resolved, and need not exist.
+  std::string video;  // all frames; "" = none
+  std::string image;  // the one frame of a camera that exists for an instant; "" = none
+  // The instant, where the camera has one: see CameraSet::time_is_fraction.
+  std::optional<double> time;
+};
+
+struct CameraSet {
+  std::vector<Camera> cameras;
+  double fps = 0;       // 0 = unknown
+  uint32_t frames = 0;  // 0 = unknown
+  // Times of cameras are shares of the sequence in [0, 1]; otherwise seconds since its begin.
+  bool time_is_fraction = false;
+  std::string source;              // "cameras_json", "transforms", "poses_bounds", "orbit"
+  std::vector<std::string> notes;  // assumptions made, one sentence each, for people
+};
+
+// Reads cameras.json (K and w2c per camera), transforms*.json of Blender, D-NeRF and their kin, or
+// poses_bounds.npy of LLFF, told apart by what they hold. Throws Error that names path and camera:
+// L4D_ERR_IO, L4D_ERR_CORRUPT, L4D_ERR_FEATURE_UNSUPPORTED.
+CameraSet read_cameras(const std::string& path);
+
+// Cameras around a scene that has none: on one ring at the height of the centre, or from 12 cameras
+// on also on rings 30 degrees below and above. They look at the opacity-weighted median position
+// with a field of view of 60 degrees in the smaller direction, from where the ball that holds 90 %
+// of the opacity fits. The rings' axis is y or z, whichever way the scene extends less (y where
+// equal); its up end follows from the scene's coordinates, and is +z or, as in most captures, -y
+// where they are unknown.
+CameraSet orbit_cameras(const Scene& scene, uint32_t count, uint32_t width, uint32_t height);
+
+struct ViewSelection {
+  std::string split = "all";  // train, test, val, all
+  std::string ids;            // "0,10,15", "0-3"; "" = all
+  std::string frames;         // "7", "first:end", "first:end:step", end exclusive; "" = all
+};
+
+struct View {
+  size_t camera = 0;  // index into CameraSet::cameras
+  double time = 0;    // seconds, of the timeline
+  uint32_t frame = 0;
+};
+
+// Views by frame, then by time, then by camera: all cameras of an instant follow each other. Frame
+// k is at time_begin + k / fps with the cameras' frame rate, else the timeline's; there are as many
+// as both the cameras and the timeline have. A camera that has a time gives one view there, and
+// counts as being of the frame nearest to it. Throws Error(L4D_ERR_INVALID_ARGUMENT) on text that
+// is none and where nothing is selected.
+std::vector<View> select_views(const CameraSet& set, const ViewSelection& selection,
+                               const l4d_timeline& timeline);
+
+}  // namespace l4d::io

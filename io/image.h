@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "io/scene.h"
+
+namespace l4d::io {
+
+// Colours as they are stored and shown, nominally in [0, 1]: no transfer function is ever applied.
+struct Image {
+  uint32_t width = 0, height = 0;
+  std::vector<float> rgb;  // [height, width, 3]
+
+  Image() = default;
+  Image(uint32_t w, uint32_t h) : width(w), height(h), rgb(size_t{3} * w * h) {}
+  bool same_size(const Image& other) const {
+    return width == other.width && height == other.height;
+  }
+};
+
+// Between values and bytes: clamped, rounded to the nearest, NaN is 0.
+void to_bytes(const float* values, size_t count, uint8_t* bytes);
+void from_bytes(const uint8_t* bytes, size_t count, float* values);
+
+// 8 bits a channel; appears under its name when it is complete.
+void write_png(const std::string& path, const Image& image);
+// Any PNG of up to 16384 pixels a side. 16-bit values keep their precision, what is transparent
+// lies on black, gamma and colour profiles are left aside as most programs of the field do.
+Image read_png(const std::string& path);
+
+// Images of one height beside each other.
+Image side_by_side(const std::vector<Image>& images);
+// Mean absolute difference of the channels times `gain`, as colours from black (0) over violet and
+// orange to pale yellow (1 and more). The lightness of the colours rises evenly.
+Image error_map(const Image& a, const Image& b, double gain);
+
+}  // namespace l4d::io

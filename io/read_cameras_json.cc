@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <nlohmann/json.hpp>
+#include <unordered_set>
+
+#include "io/read_cameras.h"
+
+namespace l4d::io {
+namespace {
+
+using Json = nlohmann::json;
+
+void set_intrinsics(const CameraPlace& place, const Json& object, l4d_camera& camera) {
+  double k[9];
+  matrix(place, object, "K", 3, 3, k);
+  camera.fx = k[0];
+  camera.fy = k[4];
+  camera.cx = k[2];
+  camera.cy = k[5];
+  if (k[3] != 0 || k[6] != 0 || k[7] != 0 || k[8] != 1) {
+    place.fail("K is no matrix of a pinhole camera");
+  }
+  if (!(std::abs(k[1]) <= 1e-6 * std::abs(k[0]))) {
+    place.fail(L4D_ERR_FEATURE_UNSUPPORTED, "K has a skew");
+  }
+}
+
+}  // namespace
+
+CameraSet read_cameras_json(const std::string& path, const Json& root) {
+  const CameraPlace file{path, ""};
+  CameraSet set;
+  set.source = "cameras_json";
+  set.fps = number_or(file, root, "fps", 0);
+  if (set.fps < 0) file.fail("fps is negative");
+  if (root.contains("frames")) set.frames = whole_number(file, root, "frames", kMaxFrames);
+
+  const Json& cameras = member(file, root, "cameras");
+  if (!cameras.is_array()) file.fail("cameras is not a list");
+  std::unordered_set<int> ids;
+  for (size_t i = 0; i < cameras.size(); ++i) {
+    const Json& object = cameras[i];
+    CameraPlace place{path, "entry " + std::to_string(i) + " of cameras"};
+    Camera camera;
+    camera.id = static_cast<int>(
+        whole_number(place, object, "id", static_cast<uint32_t>(std::numeric_limits<int>::max())));
+    place.camera = "camera " + std::to_string(camera.id);
+    if (!ids.insert(camera.id).second) place.fail("the id is there twice");
+
+    camera.split = text_or(place, object, "split", "");
+    if (!camera.split.empty() && camera.split != "train" && camera.split != "test" &&
+        camera.split != "val") {
+      place.fail("split is not one of train, test, val");
+    }
+    camera.video = beside(path, text_or(place, object, "video", ""));
+
+    camera.camera = default_camera();
+    camera.camera.width =
+        whole_number(place, object.contains("width") ? object : root, "width", kMaxImageSize);
+    camera.camera.height =
+        whole_number(place, object.contains("height") ? object : root, "height", kMaxImageSize);
+    set_intrinsics(place, object, camera.camera);
+    double w2c[16];
+    matrix(place, object, "w2c", 4, 4, w2c);
+    check_last_row(place, "w2c", w2c + 12);
+    std::copy(w2c, w2c + 12, camera.camera.world_to_camera);
+    check_camera(place, camera.camera);
+    set.cameras.push_back(std::move(camera));
+  }
+  return set;
+}
+
+}  // namespace l4d::io

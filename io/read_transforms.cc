@@ -1,0 +1,184 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+#include "io/read_cameras.h"
+
+namespace l4d::io {
+namespace {
+
+using Json = nlohmann::json;
+namespace fs = std::filesystem;
+
+constexpr uint32_t kBlenderSize = 800;  // pixels: what the renderings of NeRF and D-NeRF have
+
+std::string split_of(const std::string& path) {
+  const std::string name = fs::path(path).stem().string();
+  for (const char* split : {"train", "test", "val"}) {
+    if (name == std::string("transforms_") + split) return split;
+  }
+  return "";
+}
+
+// The path of an image; the format leaves out the extension of most.
+std::string image_of(const std::string& path, const std::string& name) {
+  std::string image = beside(path, name);
+  if (image.empty() || fs::path(image).has_extension()) return image;
+  return image + ".png";
+}
+
+// Width and height of a PNG; false where there is none.
+bool png_size(const std::string& path, uint32_t* size) {
+  std::error_code error;
+  if (!fs::is_regular_file(path, error)) return false;
+  const uint8_t begin[16] = {0x89, 'P', 'N', 'G', '\r', '\n', 0x1a, '\n',
+                             0,    0,   0,   13,  'I',  'H',  'D',  'R'};
+  uint8_t bytes[24];
+  InputFile file(path);
+  if (file.read(bytes, sizeof(bytes)) != sizeof(bytes)) return false;
+  if (!std::equal(begin, begin + 16, bytes)) return false;
+  for (size_t k = 0; k < 2; ++k) {
+    size[k] = 0;
+    for (size_t b = 0; b < 4; ++b) size[k] = size[k] << 8 | bytes[16 + 4 * k + b];
+  }
+  return true;
+}
+
+// A frame's own number, else that of the file.
+const Json& owner_of(const Json& frame, const Json& root, const char* key) {
+  return frame.contains(key) ? frame : root;
+}
+
+// Focal length in pixels along one direction, where the file says.
+std::optional<double> focal_length(const CameraPlace& place, const Json& frame, const Json& root,
+                                   const char* focal_key, const char* angle_key, uint32_t size) {
+  const Json& focal_owner = owner_of(frame, root, focal_key);
+  if (focal_owner.contains(focal_key)) return number(place, focal_owner, focal_key);
+  const Json& angle_owner = owner_of(frame, root, angle_key);
+  if (!angle_owner.contains(angle_key)) return std::nullopt;
+  const double angle = number(place, angle_owner, angle_key);
+  if (!(angle > 0 && angle < 3.14159)) {
+    place.fail(std::string(angle_key) + " is no angle between 0 and pi");
+  }
+  return 0.5 * static_cast<double>(size) / std::tan(0.5 * angle);
+}
+
+// The matrix is camera to world with x right, y up, z back.
+void set_opengl_pose(const CameraPlace& place, const Json& frame, l4d_camera& camera) {
+  double c2w[16];
+  matrix(place, frame, "transform_matrix", 4, 4, c2w);
+  check_last_row(place, "transform_matrix", c2w + 12);
+  double axes[9], center[3];
+  for (size_t r = 0; r < 3; ++r) {
+    axes[3 * r] = c2w[4 * r];
+    axes[3 * r + 1] = -c2w[4 * r + 1];
+    axes[3 * r + 2] = -c2w[4 * r + 2];
+    center[r] = c2w[4 * r + 3];
+  }
+  set_pose(camera, axes, center);
+}
+
+class TransformsReader {
+ public:
+  TransformsReader(const std::string& path, const Json& root) : path_(path), root_(root) {}
+
+  CameraSet read() {
+    const CameraPlace file{path_, ""};
+    const Json& frames = member(file, root_, "frames");
+    if (!frames.is_array()) file.fail("frames is not a list");
+    set_.source = "transforms";
+    const std::string split = split_of(path_);
+    for (size_t i = 0; i < frames.size(); ++i) {
+      const CameraPlace place{path_, "camera " + std::to_string(i)};
+      Camera camera = read_frame(place, frames[i]);
+      camera.id = static_cast<int>(i);
+      camera.split = split;
+      set_.cameras.push_back(std::move(camera));
+    }
+    finish(file);
+    return std::move(set_);
+  }
+
+ private:
+  Camera read_frame(const CameraPlace& place, const Json& frame) {
+    if (!frame.is_object()) place.fail("not an object");
+    Camera out;
+    out.image = image_of(path_, text_or(place, frame, "file_path", ""));
+    if (frame.contains("time")) {
+      out.time = number(place, frame, "time");
+      if (*out.time < 0) place.fail("time is negative");
+      max_time_ = std::max(max_time_, *out.time);
+      ++with_time_;
+    }
+
+    l4d_camera& camera = out.camera = default_camera();
+    set_size(place, frame, out.image, camera);
+    const auto fx = focal_length(place, frame, root_, "fl_x", "camera_angle_x", camera.width);
+    if (!fx) place.fail("neither fl_x nor camera_angle_x is there");
+    const auto fy = focal_length(place, frame, root_, "fl_y", "camera_angle_y", camera.height);
+    camera.fx = *fx;
+    camera.fy = fy.value_or(*fx);
+    const double width = static_cast<double>(camera.width);
+    const double height = static_cast<double>(camera.height);
+    camera.cx = number_or(place, owner_of(frame, root_, "cx"), "cx", width / 2);
+    camera.cy = number_or(place, owner_of(frame, root_, "cy"), "cy", height / 2);
+    for (const char* key : {"k1", "k2", "k3", "k4", "p1", "p2"}) {
+      distorted_ |= number_or(place, owner_of(frame, root_, key), key, 0) != 0;
+    }
+    set_opengl_pose(place, frame, camera);
+    check_camera(place, camera);
+    return out;
+  }
+
+  void set_size(const CameraPlace& place, const Json& frame, const std::string& image,
+                l4d_camera& camera) {
+    const Json& owner = owner_of(frame, root_, "w");
+    if (owner.contains("w")) {
+      camera.width = whole_number(place, owner, "w", kMaxImageSize);
+      camera.height = whole_number(place, owner_of(frame, root_, "h"), "h", kMaxImageSize);
+      return;
+    }
+    uint32_t size[2] = {kBlenderSize, kBlenderSize};
+    if (!png_size(image, size)) ++without_size_;
+    camera.width = size[0];
+    camera.height = size[1];
+  }
+
+  void finish(const CameraPlace& file) {
+    if (without_size_ > 0) {
+      set_.notes.push_back("Neither the file nor an image tells the size of " +
+                           std::to_string(without_size_) +
+                           " cameras; they are taken to have 800 x 800 pixels.");
+    }
+    if (distorted_) {
+      set_.notes.push_back(
+          "The lens distortion that the file gives is left out; images must be undistorted.");
+    }
+    if (with_time_ == 0) {
+      set_.frames = 1;  // a scene at rest
+      return;
+    }
+    if (with_time_ != set_.cameras.size()) file.fail("some cameras have a time and some have none");
+    set_.time_is_fraction = max_time_ <= 1;
+    set_.notes.push_back(set_.time_is_fraction
+                             ? "No time is above 1: times are shares of the sequence."
+                             : "Some times are above 1: times are seconds since the begin.");
+  }
+
+  std::string path_;
+  const Json& root_;
+  CameraSet set_;
+  size_t without_size_ = 0, with_time_ = 0;
+  double max_time_ = 0;
+  bool distorted_ = false;
+};
+
+}  // namespace
+
+CameraSet read_transforms(const std::string& path, const Json& root) {
+  return TransformsReader(path, root).read();
+}
+
+}  // namespace l4d::io

@@ -1,0 +1,210 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "io/video.h"
+
+#include <algorithm>
+#include <cerrno>
+#include <charconv>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <system_error>
+#include <utility>
+
+#include "io/ffmpeg_process.h"
+#include "io/file.h"
+
+namespace l4d::io {
+namespace fs = std::filesystem;
+namespace {
+
+constexpr uint32_t kMaxSize = 16384;  // pixels a side
+
+// Without the scheme a name such as concat:a would be more than a name to ffmpeg.
+std::string url_of(const std::string& path) { return "file:" + path; }
+
+std::string decimal(double value) {
+  char text[32];
+  const auto result = std::to_chars(text, text + sizeof(text), value);
+  return {text, result.ptr};
+}
+
+void check_size(const std::string& path, uint32_t width, uint32_t height) {
+  if (width >= 1 && height >= 1 && width <= kMaxSize && height <= kMaxSize) return;
+  throw Error(L4D_ERR_INVALID_ARGUMENT,
+              path + ": a video has 1 to " + std::to_string(kMaxSize) + " pixels a side");
+}
+
+[[noreturn]] void fail(const std::string& path, const char* action, int error) {
+  throw Error(L4D_ERR_IO, path + ": " + action + ": " + std::generic_category().message(error));
+}
+
+}  // namespace
+
+bool ffmpeg_available() {
+  try {
+    FfmpegProcess process("", {"-version"}, FfmpegProcess::Direction::kFrom);
+    char text[4096];
+    while (process.read(text, sizeof(text)) > 0) {
+    }
+    process.finish();
+    return true;
+  } catch (const Error&) {
+    return false;
+  }
+}
+
+VideoReader::VideoReader(const std::string& path, uint32_t width, uint32_t height)
+    : path_(path), width_(width), height_(height) {
+  check_size(path, width, height);
+  std::error_code error;
+  if (!fs::is_regular_file(path, error)) {
+    fail(path, "cannot open the video", error ? error.value() : ENOENT);
+  }
+  // PPM and not raw frames: it tells the size of each frame, so that a video of another size than
+  // the camera's is an error and not a scrambled picture.
+  process_ = std::make_unique<FfmpegProcess>(
+      path,
+      std::vector<std::string>{"-protocol_whitelist", "file", "-i", url_of(path), "-map", "0:v:0",
+                               "-f", "image2pipe", "-c:v", "ppm", "-pix_fmt", "rgb24", "-"},
+      FfmpegProcess::Direction::kFrom);
+  header_ = "P6\n" + std::to_string(width) + " " + std::to_string(height) + "\n255\n";
+  frame_.resize(header_.size() + size_t{3} * width * height);
+}
+
+VideoReader::~VideoReader() = default;
+VideoReader::VideoReader(VideoReader&&) noexcept = default;
+VideoReader& VideoReader::operator=(VideoReader&&) noexcept = default;
+
+bool VideoReader::next(Image* image) {
+  if (process_ == nullptr) return false;
+  // The header first: where frames are smaller, a whole frame would be more than there is.
+  const size_t header_bytes = process_->read(frame_.data(), header_.size());
+  if (header_bytes == 0) {
+    process_->finish();
+    process_.reset();
+    return false;
+  }
+  if (!std::equal(header_.begin(), header_.end(), frame_.begin())) {
+    throw Error(L4D_ERR_CORRUPT, path_ + ": the frames are not of the camera's size, " +
+                                     std::to_string(width_) + " x " + std::to_string(height_));
+  }
+  const size_t pixel_bytes = frame_.size() - header_.size();
+  if (process_->read(&frame_[header_.size()], pixel_bytes) != pixel_bytes) {
+    process_->finish();
+    throw Error(L4D_ERR_IO, path_ + ": ffmpeg stopped within frame " + std::to_string(position_));
+  }
+  ++position_;
+  if (image == nullptr) return true;
+  if (image->width != width_ || image->height != height_) *image = Image(width_, height_);
+  from_bytes(&frame_[header_.size()], pixel_bytes, image->rgb.data());
+  return true;
+}
+
+void VideoReader::read(uint32_t frame, Image* image) {
+  if (frame < position_) {
+    throw Error(L4D_ERR_INVALID_ARGUMENT,
+                path_ + ": frame " + std::to_string(frame) + " is already past");
+  }
+  while (position_ < frame && next(nullptr)) {
+  }
+  if (position_ == frame && next(image)) return;
+  throw Error(L4D_ERR_IO, path_ + ": there is no frame " + std::to_string(frame) +
+                              "; the video ends after " + std::to_string(position_));
+}
+
+VideoWriter::VideoWriter(const std::string& path, uint32_t width, uint32_t height,
+                         const VideoOptions& options)
+    : path_(path), final_path_(path), width_(width), height_(height) {
+  check_size(path, width, height);
+  if (!(std::isfinite(options.fps) && options.fps > 0) || options.crf > 51) {
+    throw Error(L4D_ERR_INVALID_ARGUMENT, path + ": the frame rate is above 0, crf is 0 to 51");
+  }
+  std::error_code error;
+  const fs::file_status status = fs::status(path, error);
+  if (fs::exists(status) && !fs::is_regular_file(status)) {
+    throw Error(L4D_ERR_IO, path + ": an .mp4 can only be written to a regular file");
+  }
+  if (fs::is_symlink(fs::symlink_status(path, error)) && fs::exists(status)) {
+    final_path_ = fs::canonical(path, error).string();
+    if (error) fail(path, "cannot resolve", error.value());
+  }
+  // Reserved by creating it, as OutputFile does; ffmpeg must open it itself, to go back in it.
+  FileHandle reserved;
+  for (int attempt = 0; !reserved; ++attempt) {
+    const std::string name = final_path_ + ".tmp" + std::to_string(attempt);
+    errno = 0;
+    reserved.reset(std::fopen(name.c_str(), "wbx"));
+    if (reserved) temporary_path_ = name;
+    if (!reserved && (errno != EEXIST || attempt == 1000)) fail(path, "cannot create", errno);
+  }
+  reserved.reset();
+  const std::string size = std::to_string(width) + "x" + std::to_string(height);
+  try {
+    process_ = std::make_unique<FfmpegProcess>(
+        path,
+        std::vector<std::string>{
+            "-f",
+            "rawvideo",
+            "-pix_fmt",
+            "rgb24",
+            "-video_size",
+            size,
+            "-framerate",
+            decimal(options.fps),
+            "-i",
+            "pipe:0",
+            "-vf",
+            "pad=ceil(iw/2)*2:ceil(ih/2)*2,scale=out_color_matrix=bt709:out_range=tv",
+            "-c:v",
+            "libx264",
+            "-crf",
+            std::to_string(options.crf),
+            "-pix_fmt",
+            "yuv420p",
+            "-colorspace",
+            "bt709",
+            "-color_primaries",
+            "bt709",
+            "-color_trc",
+            "bt709",
+            "-color_range",
+            "tv",
+            "-movflags",
+            "+faststart",
+            "-f",
+            "mp4",
+            "-y",
+            url_of(temporary_path_)},
+        FfmpegProcess::Direction::kTo);
+  } catch (...) {
+    std::remove(temporary_path_.c_str());
+    throw;
+  }
+  frame_.resize(size_t{3} * width * height);
+}
+
+VideoWriter::~VideoWriter() {
+  process_.reset();
+  if (!temporary_path_.empty()) std::remove(temporary_path_.c_str());
+}
+
+void VideoWriter::write(const Image& image) {
+  if (process_ == nullptr) throw Error(L4D_ERR_INVALID_STATE, path_ + ": the video is finished");
+  if (image.width != width_ || image.height != height_) {
+    throw Error(L4D_ERR_INVALID_ARGUMENT, path_ + ": a frame differs in size from the video");
+  }
+  to_bytes(image.rgb.data(), image.rgb.size(), frame_.data());
+  process_->write(frame_.data(), frame_.size());
+}
+
+void VideoWriter::finish() {
+  if (process_ == nullptr) throw Error(L4D_ERR_INVALID_STATE, path_ + ": the video is finished");
+  const std::unique_ptr<FfmpegProcess> process = std::move(process_);
+  process->finish();
+  std::error_code error;
+  fs::rename(temporary_path_, final_path_, error);
+  if (error) fail(path_, "cannot rename the finished file", error.value());
+  temporary_path_.clear();
+}
+
+}  // namespace l4d::io

@@ -1,0 +1,71 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "io/image.h"
+
+namespace l4d::io {
+
+// Videos are decoded and encoded by the program ffmpeg, found through PATH.
+bool ffmpeg_available();
+
+class FfmpegProcess;  // io/ffmpeg_process.h
+
+// The frames of a video in order, from the first on. Throws Error: L4D_ERR_IO where ffmpeg is
+// missing or fails, with its words; L4D_ERR_CORRUPT where frames are not of the size that the
+// camera has.
+class VideoReader {
+ public:
+  VideoReader(const std::string& path, uint32_t width, uint32_t height);
+  ~VideoReader();
+  VideoReader(VideoReader&&) noexcept;
+  VideoReader& operator=(VideoReader&&) noexcept;
+
+  // The next frame; false at the end of the video. Null passes it over without converting it.
+  bool next(Image* image);
+  // Frame number `frame`, which must not lie before the next one. Throws where the video has fewer.
+  void read(uint32_t frame, Image* image);
+  uint32_t position() const { return position_; }  // number of the next frame
+
+ private:
+  std::string path_;
+  uint32_t width_, height_;
+  uint32_t position_ = 0;
+  std::unique_ptr<FfmpegProcess> process_;  // null once the end was reached
+  std::string header_;                      // that every frame must have
+  std::vector<uint8_t> frame_;
+};
+
+struct VideoOptions {
+  double fps = 30;
+  uint32_t crf = 18;  // constant rate factor of H.264, 0 (lossless) to 51
+};
+
+// Writes H.264 in an .mp4 that plays everywhere (yuv420p; odd sizes get a black row or column). It
+// appears under its name when finish() returns, and not at all without it.
+class VideoWriter {
+ public:
+  VideoWriter(const std::string& path, uint32_t width, uint32_t height,
+              const VideoOptions& options = {});
+  ~VideoWriter();
+  VideoWriter(const VideoWriter&) = delete;
+  VideoWriter& operator=(const VideoWriter&) = delete;
+
+  void write(const Image& image);
+  void finish();
+
+ private:
+  std::string path_;            // as the caller named it, for messages
+  std::string final_path_;      // symbolic links resolved
+  std::string temporary_path_;  // "" when there is none to remove
+  uint32_t width_, height_;
+  std::unique_ptr<FfmpegProcess> process_;
+  std::vector<uint8_t> frame_;
+};
+
+}  // namespace l4d::io

@@ -1,0 +1,268 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "io/cameras.h"
+
+#include <cmath>
+#include <limits>
+
+#include "io/image.h"
+#include "tests/io/camera_files.h"
+
+namespace l4d::io {
+namespace {
+
+class CamerasTest : public test::IoTest {
+ protected:
+  l4d_status status(const std::string& name, const std::string& bytes, std::string* message) const {
+    const std::string file = write(name, bytes);
+    return test::status_of([&] { read_cameras(file); }, message);
+  }
+};
+
+// ---- cameras.json ----
+
+TEST_F(CamerasTest, JsonOfKAndW2c) {
+  const CameraSet set = read_cameras(write("cameras.json", test::kCamerasJson));
+  EXPECT_EQ(set.source, "cameras_json");
+  EXPECT_EQ(set.fps, 25);
+  EXPECT_EQ(set.frames, 50U);
+  ASSERT_EQ(set.cameras.size(), 2U);
+  const Camera& a = set.cameras[0];
+  EXPECT_EQ(a.id, 7);
+  EXPECT_EQ(a.split, "test");
+  EXPECT_EQ(a.video, path("sub/a.mp4"));
+  EXPECT_FALSE(a.time.has_value());
+  EXPECT_EQ(a.camera.struct_size, sizeof(l4d_camera));
+  EXPECT_EQ(a.camera.width, 640U);
+  EXPECT_EQ(a.camera.height, 480U);
+  EXPECT_EQ(a.camera.near_plane, 0.02);
+  test::expect_pixel(a.camera, 300 + 500 * 0.4 / 4, 200 - 400 * 0.6 / 4);
+  const Camera& b = set.cameras[1];
+  EXPECT_EQ(b.id, 3);
+  EXPECT_EQ(b.split, "");
+  EXPECT_EQ(b.video, "");
+  EXPECT_EQ(b.camera.width, 1280U);
+  EXPECT_EQ(b.camera.height, 720U);
+  EXPECT_EQ(b.camera.fx, 500.5);
+  EXPECT_EQ(b.camera.world_to_camera[11], 3);
+}
+
+TEST_F(CamerasTest, JsonThatIsWrongIsNamed) {
+  const struct {
+    const char *from, *to, *message;
+  } cases[] = {
+      {"500, 0, 300", "1e999, 0, 300", "out_of_range"},
+      {"500, 0, 300", "0, 0, 300", "camera 7: the focal length 0"},
+      {"500, 0, 300", "-500, 0, 300", "camera 7: the focal length -500"},
+      {"500, 0, 300", "500, 2, 300", "camera 7: K has a skew"},
+      {"500, 0, 300", "500, 0", "camera 7: K is no matrix of 3 x 3"},
+      {"500, 0, 300", "500, 0, \"x\"", "camera 7: K is not a number"},
+      {"[0, 0, 1]]", "[0, 0, 2]]", "camera 7: K is no matrix of a pinhole"},
+      {"[0, 1, 0, 0]", "[0, 1.002, 0, 0]", "camera 7: the rotation is not orthonormal"},
+      {"[0, 1, 0, 0]", "[0, 1, 0.002, 0]", "camera 7: the rotation is not orthonormal"},
+      {"[0, 1, 0, 0]", "[0, -1, 0, 0]", "camera 7: the rotation mirrors"},
+      {"[0, 1, 0, 0]", "[0, null, 0, 0]", "camera 7: w2c is not a number"},
+      {"[0, 0, 0, 1]]", "[0, 0, 1, 1]]", "camera 7: w2c does not end in the row"},
+      {"\"K\"", "\"k\"", "camera 7: K is missing"},
+      {"\"id\": 3", "\"id\": 7", "camera 7: the id is there twice"},
+      {"\"id\": 3", "\"id\": 1.5", "entry 1 of cameras: id is no whole number"},
+      {"\"width\": 640", "\"width\": 16385", "camera 7: width is no whole number"},
+      {"\"width\": 640", "\"width\": 0", "camera 7: an image of 0 x 480"},
+      {"\"width\": 640,", "", "camera 7: width is missing"},
+      {"\"test\"", "\"exam\"", "camera 7: split"},
+      {"\"sub/a.mp4\"", "4", "camera 7: video is not a text"},
+      {"\"frames\": 50", "\"frames\": -1", "frames is no whole number"},
+      {"\"fps\": 25", "\"fps\": -25", "fps is negative"},
+      {"\"cameras\"", "\"Cameras\"", "frames is not a list"},
+      {"\"cameras\": [", "\"cameras\": [5,", "entry 0 of cameras: not an object"},
+  };
+  for (const auto& c : cases) {
+    std::string message;
+    const l4d_status status =
+        this->status("cameras.json", test::replaced(test::kCamerasJson, c.from, c.to), &message);
+    EXPECT_TRUE(status == L4D_ERR_CORRUPT || status == L4D_ERR_FEATURE_UNSUPPORTED) << c.to;
+    EXPECT_NE(message.find(c.message), std::string::npos) << c.to << ": " << message;
+    EXPECT_EQ(message.find(path("cameras.json")), 0U) << message;
+  }
+}
+
+TEST_F(CamerasTest, TruncatedAndForeignFiles) {
+  std::string message;
+  for (size_t size = 0; size < test::kCamerasJson.size(); size += 7) {
+    EXPECT_EQ(status("cameras.json", test::kCamerasJson.substr(0, size), &message), L4D_ERR_CORRUPT)
+        << size;
+  }
+  for (const char* text : {"[]", "3", "{}", "{\"cameras\": []}", "{\"cameras\": {}}",
+                           "{\"frames\": []}", "{\"frames\": [1], \"camera_angle_x\": 1}"}) {
+    EXPECT_EQ(status("cameras.json", text, &message), L4D_ERR_CORRUPT) << text;
+  }
+  // Depth alone must not exhaust the stack.
+  EXPECT_EQ(status("cameras.json", std::string(1000000, '['), &message), L4D_ERR_CORRUPT);
+  EXPECT_EQ(test::status_of([&] { read_cameras(path("absent.json")); }), L4D_ERR_IO);
+}
+
+TEST_F(CamerasTest, Basketball) {
+  const std::string file = test::data_file("basketball/cameras.json");
+  if (file.empty()) GTEST_SKIP() << "no data set";
+  const CameraSet set = read_cameras(file);
+  EXPECT_EQ(set.fps, 30);
+  EXPECT_EQ(set.frames, 150U);
+  ASSERT_EQ(set.cameras.size(), 31U);
+  std::vector<int> test_ids;
+  for (const Camera& camera : set.cameras) {
+    if (camera.split == "test") test_ids.push_back(camera.id);
+    EXPECT_EQ(camera.camera.width, 640U);
+    EXPECT_EQ(camera.camera.height, 360U);
+    EXPECT_TRUE(std::filesystem::exists(camera.video)) << camera.video;
+  }
+  EXPECT_EQ(test_ids, (std::vector<int>{0, 10, 15, 30}));
+}
+
+// ---- transforms.json ----
+
+TEST_F(CamerasTest, TransformsOfBlender) {
+  const CameraSet set = read_cameras(write("transforms_train.json", test::kTransforms));
+  EXPECT_EQ(set.source, "transforms");
+  EXPECT_TRUE(set.time_is_fraction);
+  EXPECT_EQ(set.fps, 0);
+  EXPECT_EQ(set.frames, 0U);
+  ASSERT_EQ(set.cameras.size(), 2U);
+  const Camera& a = set.cameras[0];
+  EXPECT_NEAR(a.camera.fx, 500, 1e-9);
+  EXPECT_EQ(a.camera.fy, a.camera.fx);
+  test::expect_pixel(a.camera, 320 + 500 * 0.4 / 4, 240 - 500 * 0.6 / 4);
+  EXPECT_EQ(a.split, "train");
+  EXPECT_EQ(a.image, path("train/r_000.png"));
+  EXPECT_EQ(a.time.value_or(-1), 0.25);
+  EXPECT_EQ(set.cameras[1].image, path("train/r_001.jpg"));
+  EXPECT_EQ(set.cameras[1].id, 1);
+}
+
+TEST_F(CamerasTest, TransformsWithIntrinsicsPerFileAndFrame) {
+  std::string text = test::replaced(test::kTransforms, "\"w\": 640, \"h\": 480,",
+                                    "\"w\": 640, \"h\": 480, \"fl_x\": 600, \"fl_y\": 610, "
+                                    "\"cx\": 310, \"cy\": 250, \"k1\": 0.01,");
+  text = test::replaced(text, "\"time\": 1.0", "\"time\": 2.5, \"fl_x\": 900, \"w\": 100");
+  const CameraSet set = read_cameras(write("transforms_val.json", text));
+  test::expect_pixel(set.cameras[0].camera, 310 + 600 * 0.4 / 4, 250 - 610 * 0.6 / 4);
+  EXPECT_EQ(set.cameras[1].camera.fx, 900);
+  EXPECT_EQ(set.cameras[1].camera.width, 100U);
+  EXPECT_EQ(set.cameras[1].camera.height, 480U);
+  EXPECT_EQ(set.cameras[0].split, "val");
+  EXPECT_FALSE(set.time_is_fraction);
+  ASSERT_EQ(set.notes.size(), 2U);
+  EXPECT_NE(set.notes[0].find("distortion"), std::string::npos);
+}
+
+TEST_F(CamerasTest, TransformsTakeSizesFromImages) {
+  const std::string text = test::replaced(test::kTransforms, "\"w\": 640, \"h\": 480,", "");
+  std::filesystem::create_directory(path("train"));
+  write_png(path("train/r_000.png"), Image(320, 200));
+  const CameraSet set = read_cameras(write("transforms.json", text));
+  EXPECT_EQ(set.cameras[0].camera.width, 320U);
+  EXPECT_EQ(set.cameras[0].camera.height, 200U);
+  EXPECT_EQ(set.cameras[0].camera.cx, 160);
+  EXPECT_NEAR(set.cameras[0].camera.fx, 250, 1e-9);  // the angle is that of the width
+  EXPECT_EQ(set.cameras[1].camera.width, 800U);
+  EXPECT_EQ(set.cameras[0].split, "");
+  ASSERT_EQ(set.notes.size(), 2U);
+  EXPECT_NE(set.notes[0].find("1 cameras"), std::string::npos) << set.notes[0];
+}
+
+TEST_F(CamerasTest, TransformsThatAreWrongAreNamed) {
+  const struct {
+    const char *from, *to, *message;
+  } cases[] = {
+      {"\"time\": 0.25,", "", "some cameras have a time"},
+      {"0.25", "-0.25", "camera 0: time is negative"},
+      {"1.1386263822013238", "3.5", "camera 0: camera_angle_x is no angle"},
+      {"camera_angle_x", "angle", "camera 0: neither fl_x nor"},
+      {"\"h\": 480,", "", "camera 0: h is missing"},
+      {"[0, 0, 1, 5]", "[0, 0, 1.1, 5]", "camera 0: the rotation is not orthonormal"},
+      {"[0, 0, 1, 5]", "[0, 0, -1, 5]", "camera 0: the rotation mirrors"},
+      {"transform_matrix", "matrix", "camera 0: transform_matrix is missing"},
+  };
+  for (const auto& c : cases) {
+    std::string message;
+    EXPECT_EQ(status("transforms.json", test::replaced(test::kTransforms, c.from, c.to), &message),
+              L4D_ERR_CORRUPT)
+        << c.to;
+    EXPECT_NE(message.find(c.message), std::string::npos) << c.to << ": " << message;
+  }
+}
+
+// ---- poses_bounds.npy ----
+
+TEST_F(CamerasTest, PosesBounds) {
+  const std::string f8 = "{'descr': '<f8', 'fortran_order': False, 'shape': (3, 17), }";
+  const std::string f4 = "{\"shape\": (3,17), 'fortran_order':False,'descr':'<f4'}   ";
+  for (const std::string& bytes :
+       {test::npy_header(f8) + test::npy_rows<double>(test::kLlffRow, 3),
+        test::npy_header(f8, 2) + test::npy_rows<double>(test::kLlffRow, 3),
+        test::npy_header(f4) + test::npy_rows<float>(test::kLlffRow, 3)}) {
+    const CameraSet set = read_cameras(write("poses_bounds.npy", bytes));
+    EXPECT_EQ(set.source, "poses_bounds");
+    ASSERT_EQ(set.cameras.size(), 3U);
+    EXPECT_EQ(set.cameras[0].split, "test");
+    EXPECT_EQ(set.cameras[2].split, "train");
+    EXPECT_EQ(set.cameras[2].id, 2);
+    EXPECT_EQ(set.cameras[0].camera.width, 640U);
+    EXPECT_EQ(set.cameras[0].camera.height, 480U);
+    EXPECT_EQ(set.cameras[0].video, "");
+    test::expect_pixel(set.cameras[1].camera, 320 + 500 * 0.4 / 4, 240 - 500 * 0.6 / 4);
+  }
+  for (const char* name : {"cam10.mp4", "cam02.mp4", "cam00.mp4"}) write(name, "");
+  EXPECT_EQ(read_cameras(path("poses_bounds.npy")).cameras[2].video, path("cam10.mp4"));
+}
+
+TEST_F(CamerasTest, PosesBoundsThatAreWrong) {
+  const std::string good = "{'descr': '<f8', 'fortran_order': False, 'shape': (2, 17), }";
+  const std::string rows = test::npy_rows<double>(test::kLlffRow, 2);
+  std::string message;
+  const auto with = [&](const char* from, const char* to) {
+    return status("p.npy", test::npy_header(test::replaced(good, from, to)) + rows, &message);
+  };
+  ASSERT_EQ(status("p.npy", test::npy_header(good) + rows, &message), L4D_OK);
+  EXPECT_EQ(with("<f8", "<f4"), L4D_ERR_CORRUPT);
+  EXPECT_EQ(with("<f8", ">f8"), L4D_ERR_FEATURE_UNSUPPORTED);
+  EXPECT_EQ(with("False", "True"), L4D_ERR_FEATURE_UNSUPPORTED);
+  for (const char* shape :
+       {"(2, 16)", "(34,)", "()", "(3, 17)", "(1, 17)", "(4611686018427387904, 17)",
+        "(99999999999999999999999, 17)", "(2, 17", "2, 17)", "(-2, 17)"}) {
+    EXPECT_EQ(with("(2, 17)", shape), L4D_ERR_CORRUPT) << shape;
+  }
+  EXPECT_EQ(with("'shape'", "'form'"), L4D_ERR_CORRUPT);
+  EXPECT_EQ(with("'descr': '<f8', ", ""), L4D_ERR_CORRUPT);
+  EXPECT_EQ(with("}", ""), L4D_ERR_CORRUPT);
+
+  const std::string whole = test::npy_header(good) + rows;
+  for (size_t size = 0; size < whole.size(); size += 3) {
+    EXPECT_EQ(status("p.npy", whole.substr(0, size), &message), L4D_ERR_CORRUPT) << size;
+  }
+  EXPECT_EQ(status("p.npy", whole + "x", &message), L4D_ERR_CORRUPT);
+  std::string huge = test::npy_header(good, 2) + rows;
+  huge.replace(8, 4, "\xff\xff\xff\xff");
+  EXPECT_EQ(status("p.npy", huge, &message), L4D_ERR_CORRUPT);
+  EXPECT_EQ(status("p.npy", test::npy_header(good, 3) + rows, &message),
+            L4D_ERR_FEATURE_UNSUPPORTED);
+
+  const struct {
+    size_t at;
+    double value;
+  } numbers[] = {{3, NAN}, {4, 480.5}, {9, 0},
+                 {9, 1e9}, {14, 0},    {14, -5},
+                 {2, 1.1}, {2, -1},    {7, std::numeric_limits<double>::infinity()}};
+  for (const auto& n : numbers) {
+    std::vector<double> row = test::kLlffRow;
+    row[n.at] = n.value;
+    EXPECT_EQ(status("p.npy",
+                     test::npy_header(good) + test::npy_rows<double>(test::kLlffRow, 1) +
+                         test::npy_rows<double>(row, 1),
+                     &message),
+              L4D_ERR_CORRUPT)
+        << n.at << " " << n.value;
+    EXPECT_NE(message.find("camera 1: "), std::string::npos) << message;
+  }
+}
+
+}  // namespace
+}  // namespace l4d::io

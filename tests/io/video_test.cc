@@ -1,0 +1,183 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "io/video.h"
+
+#include <cmath>
+
+#include "io/cameras.h"
+#include "io/metrics.h"
+#include "tests/io/support.h"
+
+namespace l4d::io {
+namespace {
+
+class VideoTest : public test::IoTest {
+ protected:
+  void SetUp() override {
+    if (!ffmpeg_available()) GTEST_SKIP() << "no ffmpeg";
+  }
+};
+
+// A picture that tells its number: level and slope change from frame to frame.
+Image frame(uint32_t width, uint32_t height, uint32_t number) {
+  Image image(width, height);
+  for (size_t y = 0; y < height; ++y) {
+    for (size_t x = 0; x < width; ++x) {
+      float* rgb = &image.rgb[3 * (y * width + x)];
+      rgb[0] = 0.1F + 0.07F * static_cast<float>(number);
+      rgb[1] = 0.2F + 0.6F * static_cast<float>(x) / static_cast<float>(width);
+      rgb[2] = 0.8F - 0.6F * static_cast<float>(y) / static_cast<float>(height);
+    }
+  }
+  return image;
+}
+
+std::string write_video(const std::string& path, uint32_t width, uint32_t height, uint32_t frames) {
+  VideoWriter writer(path, width, height);
+  for (uint32_t k = 0; k < frames; ++k) writer.write(frame(width, height, k));
+  writer.finish();
+  return path;
+}
+
+TEST_F(VideoTest, RoundTrip) {
+  VideoReader reader(write_video(path("a.mp4"), 96, 64, 10), 96, 64);
+  EXPECT_EQ(files_in_directory(), 1U);
+  Image image;
+  for (uint32_t k = 0; k < 10; ++k) {
+    EXPECT_EQ(reader.position(), k);
+    ASSERT_TRUE(reader.next(&image));
+    ASSERT_TRUE(image.same_size(frame(96, 64, k)));
+    EXPECT_GT(psnr_of_mse(mse(image, frame(96, 64, k))), 36) << k;
+    if (k > 0) {
+      EXPECT_LT(psnr_of_mse(mse(image, frame(96, 64, k - 1))), 30) << k;
+    }
+  }
+  EXPECT_FALSE(reader.next(&image));
+  EXPECT_FALSE(reader.next(&image));
+}
+
+TEST_F(VideoTest, SelectedFrames) {
+  VideoReader reader(write_video(path("a.mp4"), 96, 64, 10), 96, 64);
+  Image image;
+  for (const uint32_t k : {0U, 3U, 4U, 9U}) {
+    reader.read(k, &image);
+    EXPECT_GT(psnr_of_mse(mse(image, frame(96, 64, k))), 36) << k;
+  }
+  EXPECT_EQ(test::status_of([&] { reader.read(9, &image); }), L4D_ERR_INVALID_ARGUMENT);
+  std::string message;
+  EXPECT_EQ(test::status_of([&] { reader.read(10, &image); }, &message), L4D_ERR_IO);
+  EXPECT_NE(message.find("ends after 10"), std::string::npos) << message;
+}
+
+TEST_F(VideoTest, OddSizesArePadded) {
+  VideoReader reader(write_video(path("a.mp4"), 33, 21, 2), 34, 22);
+  Image image;
+  ASSERT_TRUE(reader.next(&image));
+  for (size_t y = 0; y < 22; ++y) EXPECT_LT(image.rgb[3 * (y * 34 + 33) + 1], 0.3F);
+  const Image expected = frame(33, 21, 0);
+  double sum = 0;
+  for (size_t y = 0; y < 20; ++y) {
+    for (size_t i = 0; i < 3 * 32; ++i) {
+      sum += std::pow(static_cast<double>(image.rgb[y * 34 * 3 + i] - expected.rgb[y * 33 * 3 + i]),
+                      2);
+    }
+  }
+  EXPECT_GT(psnr_of_mse(sum / (20 * 3 * 32)), 30);
+}
+
+TEST_F(VideoTest, AnotherSizeIsAnError) {
+  write_video(path("a.mp4"), 96, 64, 2);
+  Image image;
+  std::string message;
+  for (const uint32_t width : {64U, 48U, 192U}) {
+    VideoReader reader(path("a.mp4"), width, 6144 / width);
+    EXPECT_EQ(test::status_of([&] { reader.next(&image); }, &message), L4D_ERR_CORRUPT);
+    EXPECT_NE(message.find("camera's size"), std::string::npos);
+  }
+}
+
+TEST_F(VideoTest, FilesThatAreNoVideo) {
+  Image image;
+  std::string message;
+  const std::string text = write("a.mp4", "no video at all");
+  VideoReader reader(text, 16, 16);
+  EXPECT_EQ(test::status_of([&] { reader.next(&image); }, &message), L4D_ERR_IO);
+  EXPECT_NE(message.find(text + ": ffmpeg failed: "), std::string::npos) << message;
+  EXPECT_EQ(test::status_of([&] { VideoReader(path("absent.mp4"), 16, 16); }), L4D_ERR_IO);
+  EXPECT_EQ(test::status_of([&] { VideoReader(text, 0, 16); }), L4D_ERR_INVALID_ARGUMENT);
+}
+
+TEST_F(VideoTest, NamesAreNamesOnly) {
+  // A scheme of ffmpeg's, a pattern of numbers and characters of shells, were they not just a name.
+  const std::string name = path("concat:a%03d $(b) 'c.mp4");
+  VideoReader reader(write_video(name, 32, 32, 1), 32, 32);
+  Image image;
+  EXPECT_TRUE(reader.next(&image));
+  EXPECT_TRUE(std::filesystem::exists(name));
+}
+
+TEST_F(VideoTest, UnfinishedLeavesNothing) {
+  write("a.mp4", "before");
+  {
+    VideoWriter writer(path("a.mp4"), 32, 32);
+    writer.write(frame(32, 32, 0));
+    EXPECT_EQ(test::status_of([&] { writer.write(frame(32, 30, 0)); }), L4D_ERR_INVALID_ARGUMENT);
+  }
+  EXPECT_EQ(test::read_bytes(path("a.mp4")), "before");
+  EXPECT_EQ(files_in_directory(), 1U);
+  EXPECT_EQ(test::status_of([&] { VideoWriter(path("no/a.mp4"), 32, 32); }), L4D_ERR_IO);
+  EXPECT_EQ(test::status_of([&] { VideoWriter("/dev/null", 32, 32); }), L4D_ERR_IO);
+}
+
+TEST_F(VideoTest, AnEncoderThatDiesIsAnError) {
+  // A stand-in for an ffmpeg that reads nothing: writing to it must not end this process.
+  const std::string tools = path("tools");
+  std::filesystem::create_directory(tools);
+  std::ofstream(tools + "/ffmpeg") << "#!/bin/sh\nexec 0<&-\necho out of luck >&2\nexit 3\n";
+  std::filesystem::permissions(tools + "/ffmpeg", std::filesystem::perms::owner_all);
+  const std::string before = std::getenv("PATH");
+  ASSERT_EQ(setenv("PATH", tools.c_str(), 1), 0);
+  std::string message;
+  const l4d_status status = test::status_of(
+      [&] {
+        VideoWriter writer(path("a.mp4"), 640, 480);
+        for (int k = 0; k < 20; ++k) writer.write(Image(640, 480));
+        writer.finish();
+      },
+      &message);
+  setenv("PATH", before.c_str(), 1);
+  EXPECT_EQ(status, L4D_ERR_IO);
+  EXPECT_NE(message.find("ffmpeg failed: out of luck"), std::string::npos) << message;
+  EXPECT_EQ(files_in_directory(), 1U);
+}
+
+TEST_F(VideoTest, WithoutFfmpeg) {
+  write_video(path("a.mp4"), 32, 32, 1);
+  const std::string before = std::getenv("PATH");
+  ASSERT_EQ(setenv("PATH", path("empty").c_str(), 1), 0);
+  const bool available = ffmpeg_available();
+  std::string message;
+  const l4d_status reading = test::status_of([&] { VideoReader(path("a.mp4"), 32, 32); }, &message);
+  const l4d_status writing = test::status_of([&] { VideoWriter(path("b.mp4"), 32, 32); });
+  setenv("PATH", before.c_str(), 1);
+  EXPECT_FALSE(available);
+  EXPECT_EQ(reading, L4D_ERR_IO);
+  EXPECT_EQ(writing, L4D_ERR_IO);
+  EXPECT_NE(message.find("install ffmpeg"), std::string::npos) << message;
+  EXPECT_EQ(files_in_directory(), 1U);
+}
+
+TEST_F(VideoTest, OfBasketball) {
+  const std::string file = test::data_file("basketball/cameras.json");
+  if (file.empty()) GTEST_SKIP() << "no data set";
+  const Camera camera = read_cameras(file).cameras[0];
+  VideoReader reader(camera.video, camera.camera.width, camera.camera.height);
+  Image first, other;
+  reader.read(0, &first);
+  reader.read(149, &other);
+  EXPECT_FALSE(reader.next(&other));
+  EXPECT_LT(psnr_of_mse(mse(first, other)), 30);  // people have moved
+  EXPECT_GT(psnr_of_mse(mse(first, other)), 10);
+}
+
+}  // namespace
+}  // namespace l4d::io
