@@ -74,6 +74,7 @@ class Slicer {
       if (out.sh != nullptr) {
         std::copy_n(bucket_.sh.data() + sh_dim * i, sh_dim, out.sh + sh_dim * at);
       }
+      if (out.sh_rows != nullptr) out.sh_rows[at] = bucket_.sh.data() + sh_dim * i;
       ++at;
     }
   }
@@ -244,7 +245,8 @@ Status Decoder::slice(double time, l4d_splat_buffers* out) {
     total += n;
   }
   const bool wants_arrays = out->position != nullptr || out->covariance != nullptr ||
-                            out->opacity != nullptr || out->sh != nullptr;
+                            out->opacity != nullptr || out->sh != nullptr ||
+                            out->sh_rows != nullptr;
   if (wants_arrays) {
     if (total > out->capacity) {
       return invalid_argument("capacity is " + std::to_string(out->capacity) + ", " +

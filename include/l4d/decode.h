@@ -268,6 +268,9 @@ typedef struct l4d_splat_buffers {
   float* covariance;  /* [M, 6] xx xy xz yy yz zz */
   float* opacity;     /* [M] in [0, 1], temporal falloff applied */
   float* sh;          /* [M, (D+1)^2, 3] */
+  /* [M] where the SH coefficients of each lie in the decoder's cache, [(D+1)^2, 3] each: spares the copy.
+   * Valid until the next call that selects, decodes, slices or closes. */
+  const float** sh_rows;
 } l4d_splat_buffers;
 L4D_API void l4d_splat_buffers_init_(l4d_splat_buffers* buffers, size_t struct_size);
 #define l4d_splat_buffers_init(buffers) l4d_splat_buffers_init_((buffers), sizeof(*(buffers)))

@@ -36,9 +36,9 @@ L4D_API l4d_status l4d_encoder_set_progress(l4d_encoder* encoder, l4d_progress_f
 
 /* ---- parameters ---------------------------------------------------------------------------- */
 
-/* Replaces all parameters by those of a preset: "default" (one stage of 4096 per component),
- * "high" (stages for 100, 50 and 25 % of 4096), "lossless" (float32 bits exactly, in any order).
- * l4d_encoder_preset_name(i) lists them, NULL after the last. */
+/* Replaces all parameters by those of a preset. l4d_encoder_preset_name(i) lists them, NULL after the
+ * last: "default", "high", "paper-small" and "paper-large" (the paper's own settings, appendix
+ * "Compression"; they need measured weights), "lossless" (float32 bits exactly, in any order). */
 L4D_API l4d_status l4d_encoder_set_preset(l4d_encoder* encoder, const char* name);
 L4D_API const char* l4d_encoder_preset_name(uint32_t index);
 L4D_API const char* l4d_encoder_preset_description(uint32_t index);
@@ -46,7 +46,8 @@ L4D_API const char* l4d_encoder_preset_description(uint32_t index);
 /* Parameters are ids with a value, so that a new one changes no layout. `component` is an
  * L4D_COMPONENT_*, or L4D_ALL_COMPONENTS; it must be the latter for parameters that have none. */
 #define L4D_ALL_COMPONENTS (-1)
-typedef enum l4d_encoder_parameter {
+typedef int32_t l4d_encoder_parameter;
+enum {
   L4D_ENC_LOSSLESS = 0,         /* 0 | 1: raw float32 attributes */
   L4D_ENC_CODEBOOK_SIZE = 1,    /* per component: entries of each stage, 1..65536 */
   L4D_ENC_LITERAL_THRESHOLD = 2,/* per component: weight above which a vector stays literal; 0 = never */
@@ -64,8 +65,11 @@ typedef enum l4d_encoder_parameter {
   L4D_ENC_KMEANS_SAMPLE = 14,   /* training points per codeword, 1..1000000 */
   L4D_ENC_ZSTD_LEVEL = 15,      /* 1..22 */
   L4D_ENC_DROP_INVALID = 16,    /* 0 | 1: drop Gaussians with NaN, Inf or values out of range */
-  L4D_ENC_PARAMETER_COUNT = 17
-} l4d_encoder_parameter;
+  /* 1..9: setting it sets how hard k-means and zstd try (13, 14, 15), from a measured front of time
+   * against quality; those may be set after it. */
+  L4D_ENC_EFFORT = 17,
+  L4D_ENC_PARAMETER_COUNT = 18
+};
 L4D_API l4d_status l4d_encoder_set(l4d_encoder* encoder, l4d_encoder_parameter id,
                                    int32_t component, double value);
 L4D_API l4d_status l4d_encoder_get(const l4d_encoder* encoder, l4d_encoder_parameter id,
@@ -97,12 +101,10 @@ L4D_API l4d_status l4d_encoder_set_scene(l4d_encoder* encoder, const l4d_gaussia
                                          const l4d_timeline* timeline,
                                          const l4d_placement* placement);
 
-/* Importance of each Gaussian, larger = more visible; finite and >= 0. weights: [count], borrowed as
- * the scene is, NULL removes. ALPHA_T (accumulated alpha times transmittance, per pixel) serves
- * pruning, and SH where that is not given. Where a component's own weights are missing ALPHA_T
- * stands in, and without that a proxy of opacity, projected area and lifetime. */
-enum { L4D_WEIGHT_SH = 0, L4D_WEIGHT_SCALE = 1, L4D_WEIGHT_ROTOR_SPATIAL = 2,
-       L4D_WEIGHT_ROTOR_TEMPORAL = 3, L4D_WEIGHT_ALPHA_T = 4, L4D_WEIGHT_COUNT = 5 };
+/* Importance of each Gaussian, larger = more visible; finite and >= 0. which: L4D_WEIGHT_*. weights:
+ * [count], borrowed as the scene is, NULL removes. ALPHA_T serves pruning, and SH where that is not
+ * given. Where a component's own weights are missing ALPHA_T stands in, and without that a proxy of
+ * opacity, projected area and lifetime. */
 L4D_API l4d_status l4d_encoder_set_weights(l4d_encoder* encoder, uint32_t which,
                                            const float* weights, uint64_t count);
 

@@ -146,6 +146,16 @@ enum {
 
 #define L4D_MAX_STAGES 8
 
+/* Kinds of importance weights: one per component, and the light a Gaussian adds to images. */
+enum {
+  L4D_WEIGHT_SH = 0,
+  L4D_WEIGHT_SCALE = 1,
+  L4D_WEIGHT_ROTOR_SPATIAL = 2,
+  L4D_WEIGHT_ROTOR_TEMPORAL = 3,
+  L4D_WEIGHT_ALPHA_T = 4, /* accumulated alpha times transmittance, per pixel */
+  L4D_WEIGHT_COUNT = 5
+};
+
 #ifdef __cplusplus
 }
 #endif

@@ -48,7 +48,7 @@ L4D_LAYOUT(l4d_packed_buffers, 240);
 L4D_FIELD(l4d_packed_buffers, component, 56);
 L4D_FIELD(l4d_packed_buffers, ranges, 216);
 L4D_LAYOUT(l4d_codebook, 24);
-L4D_LAYOUT(l4d_splat_buffers, 56);
+L4D_LAYOUT(l4d_splat_buffers, 64);
 L4D_LAYOUT(l4d_counters, 64);
 L4D_LAYOUT(l4d_violation, 40);
 L4D_FIELD(l4d_violation, clause, 16);

@@ -59,22 +59,39 @@ fi
 # The same list for both kinds: what the archive offers as the C API is what the shared object exports,
 # and a shared object exports nothing else.
 echo "== symbols"
-if [[ $kind == shared ]]; then
-  nm -D --defined-only "$library/libl4dcodec.so" | awk '$2 != "A" { sub(/@.*/, "", $3); print $3 }'
-else
-  nm -g --defined-only "$library/libl4dcodec.a" 2>"$work/nm.log" | awk '$2 == "T" && $3 ~ /^l4d_/ { print $3 }'
-fi | LC_ALL=C sort | compare symbols.txt
-grep -hoE 'L4D_API [^(]*\(' "$prefix"/include/l4d/*.h | grep -oE 'l4d_[a-z0-9_]+\($' | tr -d '(' |
-  LC_ALL=C sort | diff -u - "$here/symbols.txt" >&2 || fail "declared (<) and defined (>) functions differ"
+# symbols LIBRARY
+symbols() {
+  if [[ $kind == shared ]]; then
+    nm -D --defined-only "$library/lib$1.so" | awk '$2 != "A" { sub(/@.*/, "", $3); print $3 }'
+  else
+    nm -g --defined-only "$library/lib$1.a" 2>"$work/nm.log" |
+      awk '$2 == "T" && $3 ~ /^l4d_/ { print $3 }'
+  fi | LC_ALL=C sort
+}
+# declared HEADER...
+declared() {
+  grep -hoE 'L4D_API [^(]*\(' "${@/#/$prefix/include/l4d/}" | grep -oE 'l4d_[a-z0-9_]+\($' | tr -d '(' |
+    LC_ALL=C sort
+}
+symbols l4dcodec | compare symbols.txt
+symbols l4drender | compare symbols-render.txt
+declared l4d.h decode.h encode.h | diff -u - "$here/symbols.txt" >&2 ||
+  fail "declared (<) and defined (>) functions differ"
+declared render.h | diff -u - "$here/symbols-render.txt" >&2 ||
+  fail "declared (<) and defined (>) functions of the renderer differ"
 
 echo "== pkg-config"
 export PKG_CONFIG_PATH=$library/pkgconfig
 static=()
 [[ $kind == static ]] && static=(--static)
 [[ $(pkg-config --modversion l4dcodec) == "$version" ]] || fail "version in l4dcodec.pc"
-read -ra flags <<<"$(pkg-config "${static[@]}" --define-prefix --cflags --libs l4dcodec)"
-"$cc" -std=c99 -pedantic -Wall -Wextra -Werror "$here/consumer.c" -o "$work/consumer" "${flags[@]}"
-LD_LIBRARY_PATH=$library "$work/consumer"
+for package in l4dcodec l4drender; do
+  source=consumer.c
+  [[ $package == l4drender ]] && source=consumer_render.c
+  read -ra flags <<<"$(pkg-config "${static[@]}" --define-prefix --cflags --libs $package)"
+  "$cc" -std=c99 -pedantic -Wall -Wextra -Werror "$here/$source" -o "$work/consumer" "${flags[@]}"
+  LD_LIBRARY_PATH=$library "$work/consumer"
+done
 
 echo "== find_package"
 cmake -S "$here/consumer" -B "$work/consumer-build" -G Ninja -DCMAKE_BUILD_TYPE=Release \

@@ -1,0 +1,240 @@
+/* SPDX-License-Identifier: Apache-2.0
+ * render.h: images of a scene, gradients of images, and the importance of each Gaussian.
+ * A separate library (libl4drender): neither a decoder nor an encoder needs it.
+ *
+ *   l4d_renderer* renderer;
+ *   l4d_renderer_create(NULL, &renderer);
+ *   l4d_renderer_set_decoder(renderer, decoder);       // or l4d_renderer_set_gaussians
+ *   l4d_renderer_set_time(renderer, 2.5);              // shared by all cameras of that instant
+ *   l4d_renderer_render(renderer, &camera, &image);
+ *   l4d_renderer_destroy(renderer);
+ *
+ * Conventions of the image are those of 3D Gaussian splatting: perspective projection by its local
+ * affine approximation (EWA), 0.3 pixels^2 added to the variances, alpha below 1/255 skipped and above
+ * 0.999 cut, front-to-back blending that stops before transmittance would fall to 1e-4, colour 0.5 + SH
+ * in the direction from the camera to the sliced mean, clamped below at 0. Images are not clamped above.
+ * Rendering is not normative: paths agree within rounding, not bit for bit. Each path is deterministic:
+ * the number of threads never changes its result.
+ */
+#ifndef L4D_RENDER_H
+#define L4D_RENDER_H
+
+#include "l4d/decode.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef struct l4d_renderer l4d_renderer;
+
+enum {
+  L4D_RENDER_AUTO = 0,      /* FAST */
+  L4D_RENDER_REFERENCE = 1, /* double precision, one loop per formula: slow, for checking others */
+  L4D_RENDER_FAST = 2       /* float, SIMD, tiles, threads */
+};
+enum {
+  L4D_RENDER_EXP_ACCURATE = 0, /* relative error below 2e-7 */
+  L4D_RENDER_EXP_FAST = 1      /* relative error below 1e-4, far under what 8-bit images show */
+};
+
+typedef struct l4d_renderer_options {
+  size_t struct_size;
+  uint32_t threads;     /* 0 = one per core; never changes the result */
+  uint32_t path;        /* L4D_RENDER_* */
+  uint32_t exponential; /* L4D_RENDER_EXP_*, of the FAST path */
+  uint32_t reserved;
+} l4d_renderer_options;
+L4D_API void l4d_renderer_options_init_(l4d_renderer_options* options, size_t struct_size);
+#define l4d_renderer_options_init(options) \
+  l4d_renderer_options_init_((options), sizeof(*(options)))
+
+/* options may be NULL. */
+L4D_API l4d_status l4d_renderer_create(const l4d_renderer_options* options, l4d_renderer** out);
+L4D_API void l4d_renderer_destroy(l4d_renderer* renderer); /* accepts NULL */
+/* As l4d_decoder_error_detail. */
+L4D_API const char* l4d_renderer_error_detail(const l4d_renderer* renderer);
+
+/* ---- what is rendered ---------------------------------------------------------------------- */
+
+/* A scene of 4D Gaussians. Its arrays are borrowed until another scene is set or the renderer is
+ * destroyed, and must not change meanwhile; what does not depend on time is prepared here. Fails with
+ * INVALID_SCENE on NaN, Inf and log scales outside [-16, 16], naming Gaussian and attribute. */
+L4D_API l4d_status l4d_renderer_set_gaussians(l4d_renderer* renderer,
+                                              const l4d_gaussians* gaussians,
+                                              const l4d_timeline* timeline);
+/* An open stream: each instant reads the buckets visible then, through the decoder's own cache. The
+ * decoder is borrowed likewise, and used on the calling thread only. */
+L4D_API l4d_status l4d_renderer_set_decoder(l4d_renderer* renderer, l4d_decoder* decoder);
+/* Light behind the scene; black unless set. */
+L4D_API l4d_status l4d_renderer_set_background(l4d_renderer* renderer, const float* rgb /* [3] */);
+
+/* Slices the scene at `time` seconds (clamped to the sequence) for all calls that follow. */
+L4D_API l4d_status l4d_renderer_set_time(l4d_renderer* renderer, double time);
+
+/* ---- images -------------------------------------------------------------------------------- */
+
+/* A pinhole camera. Camera axes: x right, y down, z forward. A point p of the scene is at
+ * world_to_camera (p, 1), and z > near_plane projects to (fx x/z + cx, fy y/z + cy) in pixels, the
+ * centre of the first pixel being (0.5, 0.5). */
+typedef struct l4d_camera {
+  size_t struct_size;
+  uint32_t width, height;       /* pixels, 1..16384 each */
+  double fx, fy, cx, cy;        /* pixels */
+  double world_to_camera[12];   /* [3, 4] row-major, a rotation and a translation */
+  double near_plane;            /* scene units; 0.02 unless set */
+} l4d_camera;
+L4D_API void l4d_camera_init_(l4d_camera* camera, size_t struct_size);
+#define l4d_camera_init(camera) l4d_camera_init_((camera), sizeof(*(camera)))
+
+/* Destination, owned by the caller. */
+typedef struct l4d_image {
+  size_t struct_size;
+  float* rgb;   /* [height, width, 3], linear in the scene's colour space; may be NULL */
+  float* alpha; /* [height, width] opacity of all Gaussians together; may be NULL */
+} l4d_image;
+L4D_API void l4d_image_init_(l4d_image* image, size_t struct_size);
+#define l4d_image_init(image) l4d_image_init_((image), sizeof(*(image)))
+
+/* Renders the instant of the last set_time. Fails with INVALID_STATE without one, INVALID_ARGUMENT on
+ * a camera that is none. */
+L4D_API l4d_status l4d_renderer_render(l4d_renderer* renderer, const l4d_camera* camera,
+                                       const l4d_image* image);
+
+/* ---- gradients ----------------------------------------------------------------------------- */
+
+/* Gradients of a scalar with respect to the attributes as they were given: [N, ...] as in
+ * l4d_gaussians, so to logits where opacities are logits, and to unnormalised rotors. The call adds to
+ * the arrays. NULL = not wanted. */
+typedef struct l4d_gradients {
+  size_t struct_size;
+  uint64_t count;     /* N, must be the scene's */
+  float* position;    /* [N, 3] */
+  float* mean_t;      /* [N] */
+  float* log_scale;   /* [N, 4] */
+  float* rotor;       /* [N, 8] */
+  float* opacity;     /* [N] */
+  float* sh;          /* [N, (D+1)^2, 3] */
+} l4d_gradients;
+L4D_API void l4d_gradients_init_(l4d_gradients* gradients, size_t struct_size);
+#define l4d_gradients_init(gradients) l4d_gradients_init_((gradients), sizeof(*(gradients)))
+
+/* Renders the view and goes back: rgb_gradient [height, width, 3] is the derivative of the scalar by
+ * each pixel. Needs a scene of set_gaussians (INVALID_STATE otherwise). */
+L4D_API l4d_status l4d_renderer_backward(l4d_renderer* renderer, const l4d_camera* camera,
+                                         const float* rgb_gradient, l4d_gradients* gradients);
+
+/* ---- importance ---------------------------------------------------------------------------- */
+
+/* How much images change with each Gaussian: the sensitivity of the paper (section 3.3), as C3DGS
+ * defines it. Of each view the sum of all pixels is taken on black; the magnitude of its derivative by
+ * every number of a component is added up over views and divided by the number of pixels, and the
+ * largest over the component's numbers is its weight. SH derivatives are those without the clamp of
+ * colours at 0: a Gaussian that is clamped to black still hides what lies behind it. */
+typedef struct l4d_sensitivity l4d_sensitivity;
+
+enum {
+  L4D_SENSITIVITY_SUM = 0,          /* derivative of the sum of pixels, as above */
+  /* The square root of the summed squared derivatives of sums with random signs per pixel: an unbiased
+   * estimate of the diagonal of the Gauss-Newton matrix. */
+  L4D_SENSITIVITY_GAUSS_NEWTON = 1
+};
+typedef struct l4d_sensitivity_options {
+  size_t struct_size;
+  uint32_t measure; /* L4D_SENSITIVITY_* */
+  uint32_t reserved;
+  uint64_t seed;    /* of the random signs */
+} l4d_sensitivity_options;
+L4D_API void l4d_sensitivity_options_init_(l4d_sensitivity_options* options, size_t struct_size);
+#define l4d_sensitivity_options_init(options) \
+  l4d_sensitivity_options_init_((options), sizeof(*(options)))
+
+/* For a scene of `count` Gaussians of degree sh_degree. options may be NULL. */
+L4D_API l4d_status l4d_sensitivity_create(const l4d_sensitivity_options* options, uint64_t count,
+                                          uint32_t sh_degree, l4d_sensitivity** out);
+L4D_API void l4d_sensitivity_destroy(l4d_sensitivity* sensitivity); /* accepts NULL */
+
+/* Adds the view at the renderer's time; the renderer holds the scene the accumulator was made for
+ * (set_gaussians), without background. seen_only: only asks which of the Gaussians that no view has
+ * shown so far this one shows, which needs no derivatives and little time: what to call for the views
+ * one has no time for, before Gaussians without weight are dropped. On failure the detail is the
+ * renderer's. */
+L4D_API l4d_status l4d_sensitivity_add_view(l4d_sensitivity* sensitivity, l4d_renderer* renderer,
+                                            const l4d_camera* camera, int seen_only);
+/* Adds what `other` has gathered; both are for the same scene and measure. */
+L4D_API l4d_status l4d_sensitivity_merge(l4d_sensitivity* sensitivity,
+                                         const l4d_sensitivity* other);
+/* out: [count], weights of `which`: L4D_WEIGHT_*. ALPHA_T is the sum of alpha times transmittance per
+ * pixel: of the full views, and of Gaussians that only seen_only views show, of all views. Fails with
+ * INVALID_STATE before the first full view. */
+L4D_API l4d_status l4d_sensitivity_get_weights(const l4d_sensitivity* sensitivity, uint32_t which,
+                                               float* out, uint64_t count);
+
+/* Measures a scene over many views, or as many of them as it takes. Every instant is looked at from
+ * cameras that take turns, in rounds; after each round the weights of two independent halves of the
+ * views are compared, and where they agree the rest is left out. The views left out are then asked which
+ * of the Gaussians not seen so far they show. */
+typedef struct l4d_view {
+  double time;      /* seconds */
+  uint32_t camera;  /* index into the cameras */
+  uint32_t reserved;
+} l4d_view;
+
+typedef struct l4d_measure_options {
+  size_t struct_size;
+  l4d_sensitivity_options sensitivity;
+  /* Rank correlation of the halves' weights, the smallest over components, at which measuring stops;
+   * above 1 = never, all views count. 0.95 unless set. */
+  double agreement;
+  double max_share;     /* stop at this share of the views, agreed or not; 1 unless set */
+  uint32_t skip_unseen; /* 1: do not ask the views left out */
+  uint32_t reserved;
+} l4d_measure_options;
+L4D_API void l4d_measure_options_init_(l4d_measure_options* options, size_t struct_size);
+#define l4d_measure_options_init(options) l4d_measure_options_init_((options), sizeof(*(options)))
+
+typedef struct l4d_measure_report {
+  size_t struct_size;
+  uint64_t views;           /* given */
+  uint64_t views_measured;  /* with derivatives */
+  uint64_t views_asked;     /* of the others, what they show */
+  uint32_t rounds;
+  uint32_t agreed;          /* 1: the halves agreed */
+  double agreement[4];      /* rank correlation of the halves, by L4D_COMPONENT_*; 0 before the first test */
+  uint64_t unseen;          /* Gaussians that no view shows */
+} l4d_measure_report;
+L4D_API void l4d_measure_report_init_(l4d_measure_report* report, size_t struct_size);
+#define l4d_measure_report_init(report) l4d_measure_report_init_((report), sizeof(*(report)))
+
+/* The renderer holds the scene (set_gaussians), without background; its instant is moved. cameras:
+ * [num_cameras], views: [num_views], in any order. options, progress and report may be NULL; progress
+ * counts views. *out is the caller's to destroy. */
+L4D_API l4d_status l4d_measure(l4d_renderer* renderer, const l4d_camera* cameras,
+                               uint32_t num_cameras, const l4d_view* views, uint64_t num_views,
+                               const l4d_measure_options* options, l4d_progress_fn progress,
+                               void* user, l4d_measure_report* report, l4d_sensitivity** out);
+
+/* ---- what a call did ----------------------------------------------------------------------- */
+enum {
+  L4D_RENDER_STAGE_SLICE = 0, /* of the last set_time; decoding included */
+  L4D_RENDER_STAGE_PROJECT,
+  L4D_RENDER_STAGE_SORT,
+  L4D_RENDER_STAGE_BIN,
+  L4D_RENDER_STAGE_BLEND,
+  L4D_RENDER_STAGE_BACKWARD,
+  L4D_RENDER_STAGE_COUNT
+};
+typedef struct l4d_render_stats {
+  size_t struct_size;
+  uint64_t visible;   /* Gaussians visible at the time */
+  uint64_t projected; /* of these, those that touch a pixel of the last view's frame */
+  uint64_t instances; /* pairs of Gaussian and tile; 0 on the reference path */
+  double seconds[L4D_RENDER_STAGE_COUNT];
+} l4d_render_stats;
+L4D_API void l4d_render_stats_init_(l4d_render_stats* stats, size_t struct_size);
+#define l4d_render_stats_init(stats) l4d_render_stats_init_((stats), sizeof(*(stats)))
+L4D_API l4d_status l4d_renderer_get_stats(const l4d_renderer* renderer, l4d_render_stats* stats);
+
+#ifdef __cplusplus
+}
+#endif
+#endif /* L4D_RENDER_H */

@@ -1,0 +1,206 @@
+// SPDX-License-Identifier: Apache-2.0
+// The C entry points of the renderer.
+#include <memory>
+
+#include "l4d/render.h"
+#include "libl4dcodec/base/c_api.h"
+#include "render/measure.h"
+#include "render/renderer.h"
+#include "render/sensitivity.h"
+
+using l4d::Status;
+using l4d::api::ErrorDetail;
+using l4d::api::guard;
+using l4d::api::init_struct;
+using l4d::api::read_struct;
+using l4d::api::write_struct;
+
+struct l4d_renderer {
+  explicit l4d_renderer(const l4d_renderer_options& options) : renderer(options) {}
+  l4d::render::Renderer renderer;
+  ErrorDetail error;
+};
+
+struct l4d_sensitivity {
+  explicit l4d_sensitivity(l4d::render::Sensitivity&& s) : sensitivity(std::move(s)) {}
+  l4d::render::Sensitivity sensitivity;
+};
+
+namespace {
+
+l4d_renderer_options default_renderer_options() {
+  return {sizeof(l4d_renderer_options), 0, L4D_RENDER_AUTO, L4D_RENDER_EXP_ACCURATE, 0};
+}
+l4d_camera default_camera() {
+  l4d_camera camera{};
+  camera.near_plane = 0.02;
+  for (int k = 0; k < 3; ++k) camera.world_to_camera[5 * k] = 1;
+  return camera;
+}
+
+l4d_measure_options default_measure_options() {
+  l4d_measure_options options{};
+  options.sensitivity.struct_size = sizeof options.sensitivity;
+  options.agreement = 0.95;
+  options.max_share = 1;
+  return options;
+}
+
+// Runs body(renderer) for a call on the handle, and keeps what it says.
+template <typename Body>
+l4d_status call(l4d_renderer* handle, bool arguments_ok, const Body& body) {
+  if (handle == nullptr) return L4D_ERR_INVALID_ARGUMENT;
+  return handle->error.keep(guard([&]() -> Status {
+    if (!arguments_ok) return l4d::invalid_argument("a pointer is NULL");
+    return body(handle->renderer);
+  }));
+}
+
+}  // namespace
+
+void l4d_renderer_options_init_(l4d_renderer_options* options, size_t struct_size) {
+  init_struct(options, struct_size, default_renderer_options());
+}
+void l4d_camera_init_(l4d_camera* camera, size_t struct_size) {
+  init_struct(camera, struct_size, default_camera());
+}
+void l4d_image_init_(l4d_image* image, size_t struct_size) {
+  init_struct(image, struct_size, l4d_image{});
+}
+void l4d_gradients_init_(l4d_gradients* gradients, size_t struct_size) {
+  init_struct(gradients, struct_size, l4d_gradients{});
+}
+void l4d_sensitivity_options_init_(l4d_sensitivity_options* options, size_t struct_size) {
+  init_struct(options, struct_size, l4d_sensitivity_options{});
+}
+void l4d_measure_options_init_(l4d_measure_options* options, size_t struct_size) {
+  init_struct(options, struct_size, default_measure_options());
+}
+void l4d_measure_report_init_(l4d_measure_report* report, size_t struct_size) {
+  init_struct(report, struct_size, l4d_measure_report{});
+}
+void l4d_render_stats_init_(l4d_render_stats* stats, size_t struct_size) {
+  init_struct(stats, struct_size, l4d_render_stats{});
+}
+
+l4d_status l4d_renderer_create(const l4d_renderer_options* options, l4d_renderer** out) {
+  if (out == nullptr) return L4D_ERR_INVALID_ARGUMENT;
+  const l4d_renderer_options o = options == nullptr
+                                     ? default_renderer_options()
+                                     : read_struct(*options, default_renderer_options());
+  if (o.path > L4D_RENDER_FAST || o.exponential > L4D_RENDER_EXP_FAST || o.threads > 4096) {
+    return L4D_ERR_INVALID_ARGUMENT;
+  }
+  return guard([&]() -> Status {
+           *out = new l4d_renderer(o);
+           return {};
+         })
+      .code();
+}
+void l4d_renderer_destroy(l4d_renderer* renderer) { delete renderer; }
+const char* l4d_renderer_error_detail(const l4d_renderer* renderer) {
+  return renderer == nullptr ? "" : renderer->error.c_str();
+}
+
+l4d_status l4d_renderer_set_gaussians(l4d_renderer* renderer, const l4d_gaussians* gaussians,
+                                      const l4d_timeline* timeline) {
+  return call(renderer, gaussians != nullptr && timeline != nullptr, [&](auto& r) {
+    return r.set_gaussians(read_struct(*gaussians, l4d_gaussians{}), *timeline);
+  });
+}
+l4d_status l4d_renderer_set_decoder(l4d_renderer* renderer, l4d_decoder* decoder) {
+  return call(renderer, decoder != nullptr, [&](auto& r) { return r.set_decoder(decoder); });
+}
+l4d_status l4d_renderer_set_background(l4d_renderer* renderer, const float* rgb) {
+  return call(renderer, rgb != nullptr, [&](auto& r) -> Status {
+    for (int c = 0; c < 3; ++c) {
+      if (!std::isfinite(rgb[c])) return l4d::invalid_argument("the background is not finite");
+    }
+    r.set_background(rgb);
+    return {};
+  });
+}
+l4d_status l4d_renderer_set_time(l4d_renderer* renderer, double time) {
+  return call(renderer, true, [&](auto& r) { return r.set_time(time); });
+}
+l4d_status l4d_renderer_render(l4d_renderer* renderer, const l4d_camera* camera,
+                               const l4d_image* image) {
+  return call(renderer, camera != nullptr && image != nullptr, [&](auto& r) {
+    return r.render(read_struct(*camera, default_camera()), read_struct(*image, l4d_image{}));
+  });
+}
+l4d_status l4d_renderer_backward(l4d_renderer* renderer, const l4d_camera* camera,
+                                 const float* rgb_gradient, l4d_gradients* gradients) {
+  const bool ok = camera != nullptr && rgb_gradient != nullptr && gradients != nullptr;
+  return call(renderer, ok, [&](auto& r) {
+    l4d_gradients g = read_struct(*gradients, l4d_gradients{});
+    return r.backward(read_struct(*camera, default_camera()), rgb_gradient, &g);
+  });
+}
+l4d_status l4d_renderer_get_stats(const l4d_renderer* renderer, l4d_render_stats* stats) {
+  if (renderer == nullptr || stats == nullptr) return L4D_ERR_INVALID_ARGUMENT;
+  l4d_render_stats s{};
+  renderer->renderer.stats(&s);
+  write_struct(s, stats);
+  return L4D_OK;
+}
+
+l4d_status l4d_sensitivity_create(const l4d_sensitivity_options* options, uint64_t count,
+                                  uint32_t sh_degree, l4d_sensitivity** out) {
+  if (out == nullptr || sh_degree > 3 || count > UINT32_MAX) return L4D_ERR_INVALID_ARGUMENT;
+  const l4d_sensitivity_options o = options == nullptr
+                                        ? l4d_sensitivity_options{}
+                                        : read_struct(*options, l4d_sensitivity_options{});
+  if (o.measure > L4D_SENSITIVITY_GAUSS_NEWTON) return L4D_ERR_INVALID_ARGUMENT;
+  return guard([&]() -> Status {
+           *out = new l4d_sensitivity(
+               l4d::render::Sensitivity(o, static_cast<size_t>(count), sh_degree));
+           return {};
+         })
+      .code();
+}
+void l4d_sensitivity_destroy(l4d_sensitivity* sensitivity) { delete sensitivity; }
+l4d_status l4d_sensitivity_add_view(l4d_sensitivity* sensitivity, l4d_renderer* renderer,
+                                    const l4d_camera* camera, int seen_only) {
+  return call(renderer, sensitivity != nullptr && camera != nullptr, [&](auto& r) {
+    return sensitivity->sensitivity.add_view(r, read_struct(*camera, default_camera()),
+                                             seen_only != 0);
+  });
+}
+l4d_status l4d_sensitivity_merge(l4d_sensitivity* sensitivity, const l4d_sensitivity* other) {
+  if (sensitivity == nullptr || other == nullptr) return L4D_ERR_INVALID_ARGUMENT;
+  return sensitivity->sensitivity.merge(other->sensitivity).code();
+}
+l4d_status l4d_sensitivity_get_weights(const l4d_sensitivity* sensitivity, uint32_t which,
+                                       float* out, uint64_t count) {
+  if (sensitivity == nullptr || out == nullptr || which >= L4D_WEIGHT_COUNT ||
+      count != sensitivity->sensitivity.count()) {
+    return L4D_ERR_INVALID_ARGUMENT;
+  }
+  return guard([&] { return sensitivity->sensitivity.weights(which, out); }).code();
+}
+
+l4d_status l4d_measure(l4d_renderer* renderer, const l4d_camera* cameras, uint32_t num_cameras,
+                       const l4d_view* views, uint64_t num_views,
+                       const l4d_measure_options* options, l4d_progress_fn progress, void* user,
+                       l4d_measure_report* report, l4d_sensitivity** out) {
+  const bool ok = cameras != nullptr && views != nullptr && out != nullptr;
+  return call(renderer, ok, [&](auto& r) -> Status {
+    const l4d_measure_options o = options == nullptr
+                                      ? default_measure_options()
+                                      : read_struct(*options, default_measure_options());
+    if (o.sensitivity.measure > L4D_SENSITIVITY_GAUSS_NEWTON || !(o.max_share > 0) ||
+        !(o.agreement >= 0)) {
+      return l4d::invalid_argument("measure options out of range");
+    }
+    std::vector<l4d_camera> own(cameras, cameras + num_cameras);
+    l4d_measure_report result{};
+    std::unique_ptr<l4d::render::Sensitivity> measured;
+    L4D_RETURN_IF_ERROR(l4d::render::measure(r, own.data(), num_cameras, views,
+                                             static_cast<size_t>(num_views), o, progress, user,
+                                             &result, &measured));
+    *out = new l4d_sensitivity(std::move(*measured));
+    if (report != nullptr) write_struct(result, report);
+    return {};
+  });
+}

@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+namespace l4d::render {
+
+// 3D Gaussians at one instant, structure of arrays: what every rasteriser takes. All cameras of an
+// instant share one. The order is that of the scene.
+template <typename T>
+struct Frame {
+  uint32_t sh_degree = 0;
+  std::vector<uint32_t> id;        // index in the scene
+  std::vector<T> position[3];      // scene units
+  std::vector<T> covariance[6];    // xx xy xz yy yz zz, scene units^2
+  std::vector<T> opacity;          // temporal falloff applied
+  std::vector<const float*> sh;    // [(D+1)^2, 3] of each, owned by the scene
+
+  // Numbers that vectors may read beyond the last row, without meaning.
+  static constexpr size_t kPadding = 16;
+
+  size_t count() const { return id.size(); }
+  void resize(size_t n) {
+    id.resize(n);
+    for (auto& axis : position) axis.resize(n + kPadding);
+    for (auto& entry : covariance) entry.resize(n + kPadding);
+    opacity.resize(n + kPadding);
+    sh.resize(n);
+  }
+};
+
+// Derivatives of a scalar by what a Frame holds of one Gaussian.
+template <typename T>
+struct SplatGradient3D {
+  T position[3]{};
+  T covariance[6]{};  // of xy, xz, yz: by the number itself, which stands for both places
+  T opacity{};
+};
+
+}  // namespace l4d::render

@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: Apache-2.0
+// The contract of all rasterisers.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "l4d/render.h"
+#include "render/frame.h"
+#include "render/project.h"
+
+namespace l4d::render {
+
+struct Stats {
+  uint64_t projected = 0;
+  uint64_t instances = 0;
+  double seconds[L4D_RENDER_STAGE_COUNT] = {};
+};
+
+// Derivatives by the splats of one view, in the order of the frame's Gaussians.
+template <typename T>
+struct ViewGradients {
+  std::vector<SplatGradient2D<T>> splat;  // [frame.count()], zero where a Gaussian is not in view
+  // [frame.count()] sum over pixels of alpha times transmittance
+  std::vector<T> coverage;
+};
+
+// What the way back needs to know of the scalar that is derived.
+struct BackwardInput {
+  // [height, width, 3] derivative of the scalar by each pixel, or NULL: the scalar is the sum of all
+  // pixels and channels.
+  const float* rgb_gradient = nullptr;
+  // Not NULL: [height, width] signs with which pixels count, where rgb_gradient is NULL.
+  const float* pixel_sign = nullptr;
+  // false: fills `coverage` only.
+  bool geometry = true;
+  // Not NULL: [Gaussians of the scene]; coverage of those marked 1 is not wanted and may stay 0.
+  const uint8_t* seen = nullptr;
+};
+
+template <typename T>
+class Rasterizer {
+ public:
+  virtual ~Rasterizer() = default;
+  // rgb [height, width, 3] and alpha [height, width], either may be NULL. background [3].
+  virtual void forward(const Frame<T>& frame, const View<T>& view, const float* background,
+                       float* rgb, float* alpha, Stats* stats) = 0;
+  virtual void backward(const Frame<T>& frame, const View<T>& view, const float* background,
+                        const BackwardInput& input, ViewGradients<T>* out, Stats* stats) = 0;
+};
+
+}  // namespace l4d::render

@@ -1,0 +1,278 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/renderer.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <string>
+
+#include "libl4dcodec/base/threads.h"
+#include "render/fast/fast.h"
+#include "render/project_gradient.h"
+#include "render/reference.h"
+
+namespace l4d::render {
+namespace {
+
+constexpr size_t kGrain = 1024;
+constexpr uint32_t kMaxImageSide = 16384;
+// Cameras come from files with few digits.
+constexpr double kRotationTolerance = 1e-3;
+
+Status check_camera(const l4d_camera& c) {
+  if (c.width < 1 || c.height < 1 || c.width > kMaxImageSide || c.height > kMaxImageSide) {
+    return invalid_argument("camera: width and height must be 1 to 16384");
+  }
+  if (!(c.fx > 0 && c.fy > 0) || !std::isfinite(c.fx) || !std::isfinite(c.fy) ||
+      !std::isfinite(c.cx) || !std::isfinite(c.cy)) {
+    return invalid_argument("camera: focal lengths must be above 0 and the principal point finite");
+  }
+  if (!(c.near_plane > 0) || !std::isfinite(c.near_plane)) {
+    return invalid_argument("camera: near_plane must be above 0");
+  }
+  for (const double v : c.world_to_camera) {
+    if (!std::isfinite(v)) return invalid_argument("camera: world_to_camera is not finite");
+  }
+  for (int i = 0; i < 3; ++i) {
+    for (int j = i; j < 3; ++j) {
+      const double* a = c.world_to_camera + 4 * i;
+      const double* b = c.world_to_camera + 4 * j;
+      const double dot = a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+      if (std::fabs(dot - (i == j ? 1 : 0)) > kRotationTolerance) {
+        return invalid_argument("camera: world_to_camera does not begin with a rotation");
+      }
+    }
+  }
+  return {};
+}
+
+void slice_into(Scene& scene, double time, int threads, Frame<float>* out) {
+  scene.slice(time, threads, out);
+}
+void slice_into(Scene& scene, double time, int, Frame<double>* out) { scene.slice(time, out); }
+
+}  // namespace
+
+Renderer::Renderer(const l4d_renderer_options& options)
+    : threads_(static_cast<int>(options.threads)) {
+  if (options.path == L4D_RENDER_REFERENCE) {
+    double_.rasterizer = make_reference_rasterizer();
+  } else {
+    float_.rasterizer =
+        make_fast_rasterizer(threads_, options.exponential == L4D_RENDER_EXP_FAST);
+  }
+}
+
+Status Renderer::set_gaussians(const l4d_gaussians& gaussians, const l4d_timeline& timeline) {
+  source_ = Source::kNone;
+  has_time_ = false;
+  L4D_RETURN_IF_ERROR(scene_.prepare(gaussians, timeline, threads_));
+  source_ = Source::kGaussians;
+  return {};
+}
+
+Status Renderer::set_decoder(l4d_decoder* decoder) {
+  l4d_info info;
+  l4d_info_init(&info);
+  const l4d_status status = l4d_decoder_get_info(decoder, &info);
+  if (status != L4D_OK) return Status(status, "the decoder has no open stream");
+  has_time_ = false;
+  decoder_ = decoder;
+  source_ = Source::kDecoder;
+  return {};
+}
+
+Status Renderer::set_time(double time) {
+  if (source_ == Source::kNone) {
+    return Status(L4D_ERR_INVALID_STATE, "no scene: call set_gaussians or set_decoder first");
+  }
+  if (std::isnan(time)) return invalid_argument("the time is not a number");
+  has_time_ = false;
+  const auto begin = std::chrono::steady_clock::now();
+  if (source_ == Source::kGaussians) {
+    time_ = std::clamp(time, scene_.timeline().time_begin, scene_.time_end());
+    with_path([&](auto& path) { slice_into(scene_, time_, threads_, &path.frame); });
+  } else {
+    time_ = time;  // the decoder clamps
+    L4D_RETURN_IF_ERROR(slice_stream(decoder_, time, threads_, &scratch_, &float_.frame));
+    if (double_.rasterizer != nullptr) widen(float_.frame, &double_.frame);
+  }
+  stats_ = Stats();
+  stats_.seconds[L4D_RENDER_STAGE_SLICE] =
+      std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  has_time_ = true;
+  return {};
+}
+
+Status Renderer::ready(const l4d_camera& camera) const {
+  if (!has_time_) return Status(L4D_ERR_INVALID_STATE, "no instant: call set_time first");
+  return check_camera(camera);
+}
+
+void Renderer::begin_view() {
+  const double slice = stats_.seconds[L4D_RENDER_STAGE_SLICE];
+  stats_ = Stats();
+  stats_.seconds[L4D_RENDER_STAGE_SLICE] = slice;
+}
+
+Status Renderer::render(const l4d_camera& camera, const l4d_image& image) {
+  L4D_RETURN_IF_ERROR(ready(camera));
+  begin_view();
+  with_path([&](auto& path) {
+    using T = typename std::decay_t<decltype(path.frame.opacity)>::value_type;
+    path.rasterizer->forward(path.frame, make_view<T>(camera), background_, image.rgb, image.alpha,
+                             &stats_);
+  });
+  return {};
+}
+
+template <typename T>
+Instant<T> Renderer::instant() const {
+  const l4d_gaussians& g = scene_.gaussians();
+  // Times count from the instant itself: that is where differences matter.
+  return {T(0), static_cast<T>(scene_.timeline().time_begin - time_),
+          static_cast<T>(scene_.time_end() - time_), (g.flags & L4D_POSITION_AT_MEAN_TIME) != 0,
+          (g.flags & L4D_OPACITY_LOGIT) != 0};
+}
+
+template <typename T>
+Gaussian4D<T> Renderer::attributes(size_t id) const {
+  const l4d_gaussians& g = scene_.gaussians();
+  Gaussian4D<T> out;
+  for (size_t k = 0; k < 3; ++k) out.position[k] = static_cast<T>(g.position[3 * id + k]);
+  out.mean_t = static_cast<T>(static_cast<double>(g.mean_t[id]) - time_);
+  for (size_t k = 0; k < 4; ++k) out.log_scale[k] = static_cast<T>(g.log_scale[4 * id + k]);
+  for (size_t k = 0; k < 8; ++k) out.rotor[k] = static_cast<T>(g.rotor[8 * id + k]);
+  out.opacity = static_cast<T>(g.opacity[id]);
+  return out;
+}
+
+namespace {
+// From derivatives by a splat to those by the slice. In double, and from the slice in double: behind a
+// long splat stand small differences of large numbers, which binary32 does not hold.
+template <typename T>
+bool back_to_slice(const View<double>& view, const Slice3D<double>& slice, uint32_t sh_degree,
+                   const float* sh, const SplatGradient2D<T>& by_splat,
+                   SplatGradient3D<double>* out, double* sh_gradient) {
+  Projection<double> projection;
+  if (!project_geometry(view, slice.position, slice.covariance, &projection)) return false;
+  SplatGradient2D<double> g;
+  for (size_t k = 0; k < 2; ++k) g.mean[k] = static_cast<double>(by_splat.mean[k]);
+  for (size_t k = 0; k < 3; ++k) g.conic[k] = static_cast<double>(by_splat.conic[k]);
+  for (size_t k = 0; k < 3; ++k) g.color[k] = static_cast<double>(by_splat.color[k]);
+  geometry_gradient(view, slice.covariance, projection, g, out);
+  out->opacity = static_cast<double>(by_splat.opacity);
+  shade_gradient(view, sh_degree, slice.position, sh, g.color, true, out->position, sh_gradient);
+  return true;
+}
+}  // namespace
+
+template <typename T>
+void Renderer::add_gradients(Path<T>& path, const View<double>& view, l4d_gradients* out) {
+  const Instant<double> at = instant<double>();
+  const size_t sh_dim = size_t{3} * sh_terms(path.frame.sh_degree);
+  const auto add = [](float* to, const double* from, size_t n) {
+    for (size_t k = 0; k < n && to != nullptr; ++k) to[k] += static_cast<float>(from[k]);
+  };
+  const auto of = [](float* base, size_t i, size_t n) {
+    return base == nullptr ? nullptr : base + n * i;
+  };
+  parallel_for(threads_, path.frame.count(), kGrain, [&](size_t begin, size_t end) {
+    for (size_t i = begin; i < end; ++i) {
+      if (!(path.gradients.coverage[i] > 0)) continue;
+      SplatGradient3D<double> by_slice;
+      double sh[3 * kMaxShTerms] = {};
+      const size_t id = path.frame.id[i];
+      const Gaussian4D<double> gaussian = attributes<double>(id);
+      if (!back_to_slice(view, slice_at(gaussian, at), path.frame.sh_degree, path.frame.sh[i],
+                         path.gradients.splat[i], &by_slice, out->sh != nullptr ? sh : nullptr)) {
+        continue;
+      }
+      const Gradient4D<double> g = slice_gradient(gaussian, at, by_slice);
+      add(of(out->position, id, 3), g.position, 3);
+      add(of(out->mean_t, id, 1), &g.mean_t, 1);
+      add(of(out->log_scale, id, 4), g.log_scale, 4);
+      add(of(out->rotor, id, 8), g.rotor, 8);
+      add(of(out->opacity, id, 1), &g.opacity, 1);
+      add(of(out->sh, id, sh_dim), sh, sh_dim);
+    }
+  });
+}
+
+Status Renderer::backward(const l4d_camera& camera, const float* rgb_gradient,
+                          l4d_gradients* gradients) {
+  L4D_RETURN_IF_ERROR(ready(camera));
+  if (source_ != Source::kGaussians) {
+    return Status(L4D_ERR_INVALID_STATE, "gradients need the scene's Gaussians: set_gaussians");
+  }
+  if (gradients->count != scene_.count()) {
+    return invalid_argument("gradients.count is not the scene's");
+  }
+  begin_view();
+  BackwardInput input;
+  input.rgb_gradient = rgb_gradient;
+  with_path([&](auto& path) {
+    using T = typename std::decay_t<decltype(path.frame.opacity)>::value_type;
+    const View<T> view = make_view<T>(camera);
+    path.rasterizer->backward(path.frame, view, background_, input, &path.gradients, &stats_);
+    add_gradients(path, make_view<double>(camera), gradients);
+  });
+  return {};
+}
+
+template <typename T>
+void Renderer::collect(Path<T>& path, const View<double>& view, bool geometry,
+                       std::vector<Importance>* out) {
+  const Instant<double> at = instant<double>();
+  const std::vector<T>& coverage = path.gradients.coverage;
+  out->resize(path.frame.count());
+  parallel_for(threads_, path.frame.count(), kGrain, [&](size_t begin, size_t end) {
+    for (size_t i = begin; i < end; ++i) {
+      Importance& item = (*out)[i];
+      item.id = path.frame.id[i];
+      item.coverage = static_cast<float>(coverage[i]);
+      if (!geometry || !(coverage[i] > 0)) continue;
+      SplatGradient3D<double> by_slice;
+      const SplatGradient2D<T>& by_splat = path.gradients.splat[i];
+      const Gaussian4D<double> gaussian = attributes<double>(item.id);
+      const Slice3D<double> slice = slice_at(gaussian, at);
+      if (!back_to_slice(view, slice, path.frame.sh_degree, path.frame.sh[i], by_splat, &by_slice,
+                         nullptr)) {
+        by_slice = {};
+      }
+      item.color = static_cast<float>(by_splat.color[0]);
+      double direction[3];
+      view_direction(view, slice.position, direction);
+      for (size_t k = 0; k < 3; ++k) item.direction[k] = static_cast<float>(direction[k]);
+      const Gradient4D<double> g = slice_gradient(gaussian, at, by_slice);
+      for (size_t k = 0; k < 4; ++k) item.gradient.log_scale[k] = static_cast<float>(g.log_scale[k]);
+      for (size_t k = 0; k < 8; ++k) item.gradient.rotor[k] = static_cast<float>(g.rotor[k]);
+    }
+  });
+}
+
+Status Renderer::importance(const l4d_camera& camera, const uint8_t* seen, const float* pixel_sign,
+                            std::vector<Importance>* out) {
+  L4D_RETURN_IF_ERROR(ready(camera));
+  begin_view();
+  BackwardInput input;
+  input.pixel_sign = pixel_sign;
+  input.geometry = seen == nullptr;
+  input.seen = seen;
+  with_path([&](auto& path) {
+    using T = typename std::decay_t<decltype(path.frame.opacity)>::value_type;
+    const View<T> view = make_view<T>(camera);
+    path.rasterizer->backward(path.frame, view, background_, input, &path.gradients, &stats_);
+    collect(path, make_view<double>(camera), input.geometry, out);
+  });
+  return {};
+}
+
+void Renderer::stats(l4d_render_stats* out) const {
+  out->visible = double_.rasterizer != nullptr ? double_.frame.count() : float_.frame.count();
+  out->projected = stats_.projected;
+  out->instances = stats_.instances;
+  std::copy_n(stats_.seconds, L4D_RENDER_STAGE_COUNT, out->seconds);
+}
+
+}  // namespace l4d::render

@@ -1,0 +1,86 @@
+// SPDX-License-Identifier: Apache-2.0
+// What an l4d_renderer handle is: a source of Gaussians, the instant, and a rasteriser.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "libl4dcodec/base/status.h"
+#include "render/rasterizer.h"
+#include "render/scene.h"
+#include "render/slice_gradient.h"
+
+namespace l4d::render {
+
+class Renderer {
+ public:
+  explicit Renderer(const l4d_renderer_options& options);
+
+  Status set_gaussians(const l4d_gaussians& gaussians, const l4d_timeline& timeline);
+  Status set_decoder(l4d_decoder* decoder);
+  void set_background(const float* rgb) { std::copy_n(rgb, 3, background_); }
+  Status set_time(double time);
+  Status render(const l4d_camera& camera, const l4d_image& image);
+  Status backward(const l4d_camera& camera, const float* rgb_gradient, l4d_gradients* gradients);
+  void stats(l4d_render_stats* out) const;
+
+  // What a Gaussian means to a view.
+  struct Importance {
+    uint32_t id;                   // index in the scene
+    float coverage;                // sum of alpha times transmittance
+    float color;                   // derivative by a colour channel, not clamped
+    float direction[3];            // in which the camera sees it
+    Gradient4D<float> gradient;    // derivatives, not of SH; zero where coverage alone is asked for
+  };
+  // Of all Gaussians of the frame, in its order. pixel_sign: [height, width] or NULL. seen: not NULL
+  // asks for coverage alone, of those not marked (BackwardInput).
+  Status importance(const l4d_camera& camera, const uint8_t* seen, const float* pixel_sign,
+                    std::vector<Importance>* out);
+
+  const Scene& scene() const { return scene_; }
+  bool has_scene() const { return source_ == Source::kGaussians; }
+  bool has_background() const {
+    return background_[0] != 0 || background_[1] != 0 || background_[2] != 0;
+  }
+  int threads() const { return threads_; }
+
+ private:
+  enum class Source { kNone, kGaussians, kDecoder };
+  // One of the two precisions.
+  template <typename T>
+  struct Path {
+    std::unique_ptr<Rasterizer<T>> rasterizer;
+    Frame<T> frame;
+    ViewGradients<T> gradients;
+  };
+
+  // Calls body(path) with the path in use.
+  template <typename Body>
+  auto with_path(const Body& body) {
+    return double_.rasterizer != nullptr ? body(double_) : body(float_);
+  }
+  Status ready(const l4d_camera& camera) const;
+  void begin_view();  // forgets the figures of the last one, not those of the instant
+  template <typename T>
+  Instant<T> instant() const;
+  template <typename T>
+  Gaussian4D<T> attributes(size_t id) const;
+  template <typename T>
+  void add_gradients(Path<T>& path, const View<double>& view, l4d_gradients* out);
+  template <typename T>
+  void collect(Path<T>& path, const View<double>& view, bool geometry, std::vector<Importance>* out);
+
+  int threads_;
+  Source source_ = Source::kNone;
+  Scene scene_;
+  l4d_decoder* decoder_ = nullptr;
+  StreamScratch scratch_;
+  Path<float> float_;
+  Path<double> double_;  // of the reference; its rasteriser is absent on the fast path
+  float background_[3] = {0, 0, 0};
+  bool has_time_ = false;
+  double time_ = 0;
+  Stats stats_;
+};
+
+}  // namespace l4d::render

@@ -1,0 +1,260 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/scene.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <string>
+
+#include "libl4dcodec/base/threads.h"
+#include "libl4dcodec/math/attributes.h"
+#include "libl4dcodec/math/layers.h"
+#include "libl4dcodec/math/slice.h"
+#include "render/view.h"
+
+namespace l4d::render {
+namespace {
+
+constexpr size_t kGrain = 4096;
+
+// Everything of a Gaussian that does not change with time, in double.
+struct Prepared {
+  Slice4D<double> slice;
+  double position[3];  // at reference
+  double reference;    // seconds
+  double opacity;
+  double half_life;    // alpha may reach kMinAlpha within this of the mean time; negative: never
+};
+
+Prepared prepare_gaussian(const l4d_gaussians& g, double begin, double end, size_t i) {
+  double rotor[8], scale[4];
+  for (size_t k = 0; k < 8; ++k) rotor[k] = static_cast<double>(g.rotor[8 * i + k]);
+  for (size_t k = 0; k < 4; ++k) scale[k] = std::exp(static_cast<double>(g.log_scale[4 * i + k]));
+  Prepared p;
+  p.slice = slice_gaussian(normalized_halves(rotor), scale);
+  const double mean = static_cast<double>(g.mean_t[i]);
+  // Seen from within the sequence, whatever the form of the input: with the mean 200 s away, a
+  // position there and a velocity in binary32 would not say where the Gaussian is now.
+  p.reference = std::clamp(mean, begin, end);
+  const bool at_mean = (g.flags & L4D_POSITION_AT_MEAN_TIME) != 0;
+  for (size_t k = 0; k < 3; ++k) {
+    p.position[k] = static_cast<double>(g.position[3 * i + k]);
+    if (at_mean) p.position[k] += p.slice.velocity[k] * (p.reference - mean);
+  }
+  p.opacity = static_cast<double>(g.opacity[i]);
+  if ((g.flags & L4D_OPACITY_LOGIT) != 0) p.opacity = 1 / (1 + std::exp(-p.opacity));
+  const double fade = 2 * std::log(p.opacity / kMinAlpha);
+  p.half_life =
+      fade < 0 ? -1
+               : std::sqrt(std::min(fade, static_cast<double>(kVisibilityGate)) / p.slice.lambda);
+  return p;
+}
+
+enum Group : uint8_t { kStill, kFading, kMoving };
+
+// What of a Gaussian can be seen to change while the sequence lasts. Rounding decides: what binary32
+// cannot show is not worked out.
+Group group_of(const Prepared& p, double mean, double begin, double end) {
+  const double* v = p.slice.velocity;
+  if (v[0] != 0 || v[1] != 0 || v[2] != 0) return kMoving;
+  const double farthest = std::max(std::fabs(begin - mean), std::fabs(end - mean));
+  const bool fades = 0.5 * p.slice.lambda * farthest * farthest >= 0x1p-25;
+  return fades || p.half_life < farthest ? kFading : kStill;
+}
+
+}  // namespace
+
+Status Scene::prepare(const l4d_gaussians& gaussians, const l4d_timeline& timeline, int threads) {
+  if (gaussians.sh_degree > 3) return invalid_argument("sh_degree is above 3");
+  if (gaussians.count > std::numeric_limits<uint32_t>::max()) {
+    return Status(L4D_ERR_LIMIT_EXCEEDED, "more than 2^32 - 1 Gaussians");
+  }
+  const size_t n = static_cast<size_t>(gaussians.count);
+  if (n > 0 && (gaussians.position == nullptr || gaussians.mean_t == nullptr ||
+                gaussians.log_scale == nullptr || gaussians.rotor == nullptr ||
+                gaussians.opacity == nullptr || gaussians.sh == nullptr)) {
+    return invalid_argument("an attribute array is NULL");
+  }
+  if (timeline.num_frames == 0 || timeline.num_frames > kMaxFrames || timeline.fps_num == 0 ||
+      timeline.fps_den == 0 || !std::isfinite(timeline.time_begin)) {
+    return invalid_argument("timeline out of range: 1 to 2^24 frames, a positive frame rate");
+  }
+  for (size_t i = 0; i < n; ++i) {
+    if (const char* attribute = invalid_attribute(gaussians, i)) {
+      return Status(L4D_ERR_INVALID_SCENE, "Gaussian " + std::to_string(i) + ": " + attribute +
+                                               " is not a number or out of range");
+    }
+  }
+  gaussians_ = gaussians;
+  timeline_ = timeline;
+  const double begin = timeline.time_begin;
+  time_end_ = begin + sequence_duration(timeline);
+  center_ = begin + 0.5 * (time_end_ - begin);
+  still_frame_ = nullptr;
+
+  std::vector<Group> group(n);
+  const auto prepared = [&](size_t i) { return prepare_gaussian(gaussians_, begin, time_end_, i); };
+  parallel_for(threads, n, kGrain, [&](size_t first, size_t last) {
+    for (size_t i = first; i < last; ++i) {
+      group[i] = group_of(prepared(i), static_cast<double>(gaussians_.mean_t[i]), begin, time_end_);
+    }
+  });
+  id_.clear();
+  id_.reserve(n);
+  for (const Group wanted : {kStill, kFading, kMoving}) {
+    for (size_t i = 0; i < n; ++i) {
+      if (group[i] == wanted) id_.push_back(static_cast<uint32_t>(i));
+    }
+    if (wanted == kStill) num_still_ = id_.size();
+    if (wanted == kFading) num_unmoving_ = id_.size();
+  }
+  for (auto& axis : position_) axis.resize(n);
+  for (auto& axis : velocity_) axis.resize(n - num_unmoving_);
+  for (auto& entry : covariance_) entry.resize(n);
+  for (auto* column : {&opacity_, &mean_, &lambda_, &begin_, &end_}) column->resize(n);
+  reference_.resize(n - num_unmoving_);
+  parallel_for(threads, n, kGrain, [&](size_t first, size_t last) {
+    for (size_t row = first; row < last; ++row) {
+      const Prepared p = prepared(id_[row]);
+      const double mean = static_cast<double>(gaussians_.mean_t[id_[row]]) - center_;
+      for (size_t k = 0; k < 3; ++k) position_[k][row] = static_cast<float>(p.position[k]);
+      for (size_t k = 0; k < 6; ++k) covariance_[k][row] = static_cast<float>(p.slice.covariance[k]);
+      if (row >= num_unmoving_) {
+        const size_t at = row - num_unmoving_;
+        for (size_t k = 0; k < 3; ++k) velocity_[k][at] = static_cast<float>(p.slice.velocity[k]);
+        reference_[at] = static_cast<float>(p.reference - center_);
+      }
+      opacity_[row] = static_cast<float>(p.opacity);
+      mean_[row] = static_cast<float>(mean);
+      lambda_[row] = static_cast<float>(p.slice.lambda);
+      const bool ever = p.half_life >= 0;
+      begin_[row] = ever ? static_cast<float>(mean - p.half_life) : 1.0f;
+      end_[row] = ever ? static_cast<float>(mean + p.half_life) : 0.0f;
+    }
+  });
+  return {};
+}
+
+void Scene::slice(double time, int threads, Frame<float>* out) {
+  const float t = static_cast<float>(time - center_);
+  const size_t n = count();
+  const size_t stride = size_t{3} * (gaussians_.sh_degree + 1) * (gaussians_.sh_degree + 1);
+  out->sh_degree = gaussians_.sh_degree;
+  // Still rows fill the beginning of the frame once.
+  const bool still_done = still_frame_ == out;
+  still_frame_ = out;
+
+  const size_t first_row = still_done ? num_still_ : 0;
+  std::vector<size_t> offset((n - first_row + kGrain - 1) / kGrain + 1, 0);
+  parallel_for(threads, n - first_row, kGrain, [&](size_t begin, size_t end) {
+    size_t visible_rows = 0;
+    for (size_t r = first_row + begin; r < first_row + end; ++r) visible_rows += visible(r, t);
+    offset[begin / kGrain + 1] = visible_rows;
+  });
+  offset[0] = first_row;  // all still rows are visible at all times
+  for (size_t p = 1; p < offset.size(); ++p) offset[p] += offset[p - 1];
+  out->resize(offset.back());
+  parallel_for(threads, n - first_row, kGrain, [&](size_t begin, size_t end) {
+    size_t at = offset[begin / kGrain];
+    for (size_t r = first_row + begin; r < first_row + end; ++r) {
+      if (!visible(r, t)) continue;
+      out->id[at] = id_[r];
+      out->sh[at] = gaussians_.sh + stride * id_[r];
+      for (size_t k = 0; k < 6; ++k) out->covariance[k][at] = covariance_[k][r];
+      if (r < num_unmoving_) {
+        for (size_t k = 0; k < 3; ++k) out->position[k][at] = position_[k][r];
+      } else {
+        const size_t m = r - num_unmoving_;
+        const float dt = t - reference_[m];
+        for (size_t k = 0; k < 3; ++k) {
+          out->position[k][at] = position_[k][r] + velocity_[k][m] * dt;
+        }
+      }
+      float opacity = opacity_[r];
+      if (r >= num_still_) {
+        const float dt = t - mean_[r];
+        opacity *= std::exp(-0.5f * (lambda_[r] * (dt * dt)));
+      }
+      out->opacity[at] = opacity;
+      ++at;
+    }
+  });
+}
+
+void Scene::slice(double time, Frame<double>* out) const {
+  const float t = static_cast<float>(time - center_);
+  const size_t stride = size_t{3} * (gaussians_.sh_degree + 1) * (gaussians_.sh_degree + 1);
+  out->sh_degree = gaussians_.sh_degree;
+  out->resize(0);
+  for (size_t r = 0; r < count(); ++r) {
+    if (!visible(r, t)) continue;
+    const size_t at = out->count();
+    out->resize(at + 1);
+    const size_t i = id_[r];
+    const Prepared p = prepare_gaussian(gaussians_, timeline_.time_begin, time_end_, i);
+    const double dt = time - static_cast<double>(gaussians_.mean_t[i]);
+    out->id[at] = id_[r];
+    out->sh[at] = gaussians_.sh + stride * i;
+    for (size_t k = 0; k < 3; ++k) {
+      out->position[k][at] = p.position[k] + p.slice.velocity[k] * (time - p.reference);
+    }
+    for (size_t k = 0; k < 6; ++k) out->covariance[k][at] = p.slice.covariance[k];
+    out->opacity[at] = p.opacity * std::exp(-0.5 * p.slice.lambda * dt * dt);
+  }
+}
+
+Status slice_stream(l4d_decoder* decoder, double time, int threads, StreamScratch* scratch,
+                    Frame<float>* out) {
+  l4d_info info;
+  l4d_info_init(&info);
+  l4d_query query;
+  l4d_query_init(&query);
+  query.kind = L4D_QUERY_TIME;
+  query.time_begin = time;
+  l4d_selection selection;
+  l4d_selection_init(&selection);
+  l4d_status status = l4d_decoder_get_info(decoder, &info);
+  if (status == L4D_OK) status = l4d_decoder_select(decoder, &query, &selection);
+  if (status != L4D_OK) return Status(status, l4d_decoder_error_detail(decoder));
+  const size_t capacity = static_cast<size_t>(selection.num_gaussians);
+  scratch->position.resize(3 * capacity);
+  scratch->covariance.resize(6 * capacity);
+  out->resize(capacity);
+  l4d_splat_buffers splats;
+  l4d_splat_buffers_init(&splats);
+  splats.capacity = capacity;
+  splats.position = scratch->position.data();
+  splats.covariance = scratch->covariance.data();
+  splats.opacity = out->opacity.data();
+  splats.sh_rows = out->sh.data();
+  status = l4d_decoder_slice(decoder, time, &splats);
+  if (status != L4D_OK) return Status(status, l4d_decoder_error_detail(decoder));
+  const size_t n = static_cast<size_t>(splats.count);
+  out->resize(n);
+  out->sh_degree = info.sh_degree;
+  parallel_for(threads, n, kGrain, [&](size_t begin, size_t end) {
+    for (size_t i = begin; i < end; ++i) out->id[i] = static_cast<uint32_t>(i);
+    for (size_t k = 0; k < 3; ++k) {
+      for (size_t i = begin; i < end; ++i) out->position[k][i] = scratch->position[3 * i + k];
+    }
+    for (size_t k = 0; k < 6; ++k) {
+      for (size_t i = begin; i < end; ++i) out->covariance[k][i] = scratch->covariance[6 * i + k];
+    }
+  });
+  return {};
+}
+
+void widen(const Frame<float>& from, Frame<double>* out) {
+  out->sh_degree = from.sh_degree;
+  out->id = from.id;
+  out->sh = from.sh;
+  for (size_t k = 0; k < 3; ++k) {
+    out->position[k].assign(from.position[k].begin(), from.position[k].end());
+  }
+  for (size_t k = 0; k < 6; ++k) {
+    out->covariance[k].assign(from.covariance[k].begin(), from.covariance[k].end());
+  }
+  out->opacity.assign(from.opacity.begin(), from.opacity.end());
+}
+
+}  // namespace l4d::render

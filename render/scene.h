@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <vector>
+
+#include "l4d/decode.h"
+#include "libl4dcodec/base/status.h"
+#include "render/frame.h"
+
+namespace l4d::render {
+
+// A scene of 4D Gaussians, with what does not change from instant to instant worked out once. The
+// arrays of `gaussians` are borrowed.
+class Scene {
+ public:
+  Status prepare(const l4d_gaussians& gaussians, const l4d_timeline& timeline, int threads);
+
+  size_t count() const { return static_cast<size_t>(gaussians_.count); }
+  const l4d_gaussians& gaussians() const { return gaussians_; }
+  const l4d_timeline& timeline() const { return timeline_; }
+  double time_end() const { return time_end_; }
+
+  // The Gaussians visible at `time`, which lies in the sequence. Both forms hold the same Gaussians in
+  // the same order; the second works everything out in double from the attributes as given.
+  void slice(double time, int threads, Frame<float>* out);
+  void slice(double time, Frame<double>* out) const;
+
+ private:
+  bool visible(size_t row, float t) const { return t >= begin_[row] && t <= end_[row]; }
+
+  l4d_gaussians gaussians_{};
+  l4d_timeline timeline_{};
+  double time_end_ = 0;
+  double center_ = 0;  // times below are seconds from here, so that binary32 holds them
+  // Rows are in three groups, each in the order of the scene: still ones, which look the same at all
+  // times; ones that only fade; ones that move.
+  size_t num_still_ = 0;
+  size_t num_unmoving_ = 0;          // still and fading ones
+  std::vector<uint32_t> id_;         // [rows] index in the scene
+  std::vector<float> position_[3];   // [rows] at time reference_
+  std::vector<float> velocity_[3];   // [rows - num_unmoving_]
+  std::vector<float> reference_;     // [rows - num_unmoving_]
+  std::vector<float> covariance_[6]; // [rows]
+  std::vector<float> opacity_;       // [rows]
+  std::vector<float> mean_;          // [rows]
+  std::vector<float> lambda_;        // [rows]
+  std::vector<float> begin_, end_;   // [rows] when it is visible
+  const Frame<float>* still_frame_ = nullptr;  // its beginning holds the still rows
+};
+
+// The Gaussians of a stream visible at `time`. `scratch` keeps memory from call to call; SH rows
+// belong to the decoder until its next call.
+struct StreamScratch {
+  std::vector<float> position, covariance;
+};
+Status slice_stream(l4d_decoder* decoder, double time, int threads, StreamScratch* scratch,
+                    Frame<float>* out);
+
+// Widens a frame. Only what is in `from` is known, so this is as exact as that.
+void widen(const Frame<float>& from, Frame<double>* out);
+
+}  // namespace l4d::render

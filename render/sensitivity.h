@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: Apache-2.0
+// What an l4d_sensitivity handle is: importance added up over views.
+#pragma once
+
+#include <vector>
+
+#include "render/renderer.h"
+
+namespace l4d::render {
+
+class Sensitivity {
+ public:
+  Sensitivity(const l4d_sensitivity_options& options, size_t count, uint32_t sh_degree);
+
+  Status add_view(Renderer& renderer, const l4d_camera& camera, bool seen_only);
+  Status merge(const Sensitivity& other);
+  Status weights(uint32_t which, float* out) const;
+  size_t count() const { return coverage_.size(); }
+  uint32_t sh_degree() const { return sh_degree_; }
+  size_t num_unseen() const;
+
+ private:
+  static constexpr size_t kGeometry = 12;  // 4 log scales, 8 rotor coefficients
+
+  l4d_sensitivity_options options_;
+  uint32_t sh_degree_;
+  uint64_t all_pixels_ = 0;  // of all views
+  uint64_t pixels_ = 0;      // of full views
+  // Sums over views. In double: a scene may have a hundred thousand of them.
+  std::vector<double> coverage_;  // [N]
+  std::vector<double> glimpsed_;  // [N] coverage in seen_only views, of what no full view had shown
+  std::vector<uint8_t> seen_;     // [N]
+  std::vector<float> sh_;         // [N, (D+1)^2]
+  std::vector<float> geometry_;   // [N, kGeometry]
+  std::vector<Renderer::Importance> items_;
+  std::vector<float> signs_;
+  uint64_t views_ = 0;
+};
+
+}  // namespace l4d::render

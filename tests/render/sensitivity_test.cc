@@ -1,0 +1,391 @@
+// SPDX-License-Identifier: Apache-2.0
+// Weights of Gaussians against what they are by definition.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "render/reference.h"
+#include "render/scene.h"
+#include "render/sh.h"
+#include "tests/render/scenes.h"
+
+namespace l4d::render {
+namespace {
+
+using test::Random;
+
+constexpr uint32_t kWidth = 36, kHeight = 28;
+
+struct TestView {
+  double time;
+  l4d_camera camera;
+};
+
+l4d_camera small_camera(double angle, uint32_t width = kWidth, uint32_t height = kHeight) {
+  const double eye[3] = {5 * std::cos(angle), -0.5, 5 * std::sin(angle)};
+  const double target[3] = {0, 0, 0};
+  return look_at(width, height, 1.2 * width, eye, target);
+}
+
+std::vector<TestView> test_views() {
+  return {{0.3, small_camera(0.2)},
+          {0.3, small_camera(1.9)},
+          {1.2, small_camera(0.9)},
+          {1.7, small_camera(4.4, 24, 18)}};
+}
+
+// The last one is clamped to black from everywhere, the one before lies where no camera looks.
+io::Scene test_scene(uint32_t degree = 2) {
+  Random random(21);
+  SceneBuilder builder(degree);
+  for (int i = 0; i < 14; ++i) {
+    const double rgb[3] = {random.uniform(0.3, 1), random.uniform(0.3, 1), random.uniform(0.3, 1)};
+    const double scale[3] = {random.uniform(-2.5, -1), random.uniform(-2.5, -1),
+                             random.uniform(-2.5, -1)};
+    const size_t at = builder.add(0.6 * random.normal(), 0.5 * random.normal(),
+                                  0.6 * random.normal(), scale, random.uniform(0.3, 0.9), rgb);
+    builder.turn(at, random, i % 2 == 0 ? 0.05 : 0);
+    io::Scene& scene = builder.scene();
+    if (i % 3 == 0) scene.log_scale[4 * at + 3] = 0.5f;
+    const size_t terms = 3 * scene.sh_coefficients();
+    for (size_t k = 3; k < terms; ++k) scene.sh[terms * at + k] = random.uniformf(-0.1, 0.1);
+  }
+  const double red[3] = {1, 0, 0}, darker_than_black[3] = {-3, -3, -3};
+  builder.add_ball(0, 60, 0, 0.2, 0.8, red);
+  builder.add_ball(0.2, 0, 0.1, 0.15, 0.7, darker_than_black);
+  return builder.scene();
+}
+
+RendererHandle renderer_of(const io::Scene& scene, uint32_t path = L4D_RENDER_FAST,
+                           uint32_t threads = 2) {
+  RendererHandle r = make_renderer(path, threads);
+  r.set_gaussians(scene.view(), scene.timeline);
+  return r;
+}
+
+SensitivityHandle make_sensitivity(const io::Scene& scene, uint32_t measure = L4D_SENSITIVITY_SUM,
+                                   uint64_t seed = 0) {
+  l4d_sensitivity_options options;
+  l4d_sensitivity_options_init(&options);
+  options.measure = measure;
+  options.seed = seed;
+  return {&options, scene.count(), scene.sh_degree};
+}
+
+void add_views(SensitivityHandle& s, RendererHandle& r, const std::vector<TestView>& views,
+               bool seen_only = false) {
+  for (const TestView& v : views) {
+    r.set_time(v.time);
+    s.add_view(r, v.camera, seen_only);
+  }
+}
+
+double num_pixels(const std::vector<TestView>& views) {
+  double n = 0;
+  for (const TestView& v : views) n += static_cast<double>(v.camera.width) * v.camera.height;
+  return n;
+}
+
+void expect_close(const std::vector<float>& actual, const std::vector<double>& expected,
+                  double relative) {
+  ASSERT_EQ(actual.size(), expected.size());
+  const double largest = *std::max_element(expected.begin(), expected.end());
+  EXPECT_GT(largest, 0);
+  for (size_t i = 0; i < expected.size(); ++i) {
+    EXPECT_NEAR(static_cast<double>(actual[i]), expected[i],
+                relative * (expected[i] + 0.01 * largest))
+        << i;
+  }
+}
+
+void expect_close(const std::vector<float>& actual, const std::vector<float>& expected,
+                  double relative) {
+  expect_close(actual, std::vector<double>(expected.begin(), expected.end()), relative);
+}
+
+// Derivatives of the sum of pixels of one view, by the double reference.
+struct Derivatives {
+  std::vector<float> log_scale, rotor;
+  explicit Derivatives(const io::Scene& s) : log_scale(4 * s.count()), rotor(8 * s.count()) {}
+};
+Derivatives derivatives(const io::Scene& scene, const RendererHandle& r, const l4d_camera& camera,
+                        const std::vector<float>& gradient) {
+  Derivatives out(scene);
+  l4d_gradients g;
+  l4d_gradients_init(&g);
+  g.count = scene.count();
+  g.log_scale = out.log_scale.data();
+  g.rotor = out.rotor.data();
+  r.check(l4d_renderer_backward(r.get(), &camera, gradient.data(), &g));
+  return out;
+}
+
+// max over the `count` numbers from `first` of each Gaussian.
+std::vector<double> largest_of(const std::vector<double>& sums, size_t stride, size_t first,
+                               size_t count, double pixels) {
+  std::vector<double> out;
+  for (size_t i = 0; i < sums.size(); i += stride) {
+    double most = 0;
+    for (size_t k = first; k < first + count; ++k) most = std::max(most, sums[i + k]);
+    out.push_back(most / pixels);
+  }
+  return out;
+}
+
+TEST(Sensitivity, GeometryIsTheSumOfAbsoluteDerivatives) {
+  const io::Scene scene = test_scene();
+  const std::vector<TestView> views = test_views();
+  RendererHandle reference = renderer_of(scene, L4D_RENDER_REFERENCE);
+  std::vector<double> scale(4 * scene.count()), rotor(8 * scene.count());
+  for (const TestView& v : views) {
+    reference.set_time(v.time);
+    const std::vector<float> ones(size_t{3} * v.camera.width * v.camera.height, 1.0f);
+    const Derivatives d = derivatives(scene, reference, v.camera, ones);
+    for (size_t k = 0; k < scale.size(); ++k) {
+      scale[k] += std::fabs(static_cast<double>(d.log_scale[k]));
+    }
+    for (size_t k = 0; k < rotor.size(); ++k) {
+      rotor[k] += std::fabs(static_cast<double>(d.rotor[k]));
+    }
+  }
+  const double pixels = num_pixels(views);
+  for (const uint32_t path : {L4D_RENDER_FAST, L4D_RENDER_REFERENCE}) {
+    RendererHandle r = renderer_of(scene, path);
+    SensitivityHandle s = make_sensitivity(scene);
+    add_views(s, r, views);
+    expect_close(s.weights(L4D_WEIGHT_SCALE), largest_of(scale, 4, 0, 4, pixels), 1e-3);
+    expect_close(s.weights(L4D_WEIGHT_ROTOR_SPATIAL), largest_of(rotor, 8, 0, 4, pixels), 1e-3);
+    expect_close(s.weights(L4D_WEIGHT_ROTOR_TEMPORAL), largest_of(rotor, 8, 4, 4, pixels), 1e-3);
+  }
+}
+
+// The same once more from images alone. A difference also sees the rim, where pixels start to
+// count, which derivatives leave out.
+TEST(Sensitivity, GeometryByDifferencesOfImages) {
+  const io::Scene scene = test_scene(0);
+  const std::vector<TestView> views = test_views();
+  const auto sums = [&](const io::Scene& s) {
+    RendererHandle r = renderer_of(s, L4D_RENDER_REFERENCE);
+    std::vector<double> out;
+    for (const TestView& v : views) {
+      r.set_time(v.time);
+      double sum = 0;
+      for (const float x : r.render(v.camera)) sum += static_cast<double>(x);
+      out.push_back(sum);
+    }
+    return out;
+  };
+  const auto numbers = [&](std::vector<float> io::Scene::*attribute, float step) {
+    std::vector<double> out((scene.*attribute).size());
+    io::Scene moved = scene;
+    for (size_t k = 0; k < out.size(); ++k) {
+      float& x = (moved.*attribute)[k];
+      const float kept = x;
+      x = kept + step;
+      const double above = static_cast<double>(x);
+      const std::vector<double> high = sums(moved);
+      x = kept - step;
+      const double apart = above - static_cast<double>(x);
+      const std::vector<double> low = sums(moved);
+      x = kept;
+      for (size_t v = 0; v < views.size(); ++v) out[k] += std::fabs(high[v] - low[v]) / apart;
+    }
+    return out;
+  };
+  RendererHandle r = renderer_of(scene);
+  SensitivityHandle s = make_sensitivity(scene);
+  add_views(s, r, views);
+  const double pixels = num_pixels(views);
+  const std::vector<double> scale = numbers(&io::Scene::log_scale, 0.02f);
+  const std::vector<double> rotor = numbers(&io::Scene::rotor, 0.01f);
+  expect_close(s.weights(L4D_WEIGHT_SCALE), largest_of(scale, 4, 0, 4, pixels), 0.2);
+  expect_close(s.weights(L4D_WEIGHT_ROTOR_SPATIAL), largest_of(rotor, 8, 0, 4, pixels), 0.2);
+  expect_close(s.weights(L4D_WEIGHT_ROTOR_TEMPORAL), largest_of(rotor, 8, 4, 4, pixels), 0.2);
+}
+
+TEST(Sensitivity, ShAndCoverage) {
+  for (uint32_t degree = 0; degree <= 3; ++degree) {
+    const io::Scene scene = test_scene(degree);
+    const std::vector<TestView> views = test_views();
+    Scene prepared;
+    ASSERT_TRUE(prepared.prepare(scene.view(), scene.timeline, 1).ok());
+    const size_t terms = sh_terms(degree);
+    std::vector<double> sh(terms * scene.count()), covered(scene.count());
+    const float black[3] = {0, 0, 0};
+    for (const TestView& v : views) {
+      Frame<double> frame;
+      prepared.slice(v.time, &frame);
+      const View<double> view = make_view<double>(v.camera);
+      ViewGradients<double> g;
+      make_reference_rasterizer()->backward(frame, view, black, BackwardInput(), &g, nullptr);
+      for (size_t i = 0; i < frame.count(); ++i) {
+        const double position[3] = {frame.position[0][i], frame.position[1][i],
+                                    frame.position[2][i]};
+        double direction[3], basis[kMaxShTerms];
+        view_direction(view, position, direction);
+        sh_basis(degree, direction[0], direction[1], direction[2], basis);
+        for (size_t k = 0; k < terms; ++k) {
+          sh[terms * frame.id[i] + k] += g.coverage[i] * std::fabs(basis[k]);
+        }
+        covered[frame.id[i]] += g.coverage[i];
+      }
+    }
+    const double pixels = num_pixels(views);
+    for (double& c : covered) c /= pixels;
+    RendererHandle r = renderer_of(scene);
+    SensitivityHandle s = make_sensitivity(scene);
+    add_views(s, r, views);
+    const std::vector<float> weights = s.weights(L4D_WEIGHT_SH);
+    expect_close(weights, largest_of(sh, terms, 0, terms, pixels), 1e-4);
+    expect_close(s.weights(L4D_WEIGHT_ALPHA_T), covered, 1e-4);
+    // Black as it is, it hides what lies behind; what nobody sees has no weight.
+    EXPECT_GT(weights.back(), 0);
+    EXPECT_EQ(weights[weights.size() - 2], 0);
+    EXPECT_EQ(s.weights(L4D_WEIGHT_ALPHA_T)[weights.size() - 2], 0);
+  }
+}
+
+TEST(Sensitivity, MergedIsAllInOne) {
+  const io::Scene scene = test_scene();
+  const std::vector<TestView> views = test_views();
+  RendererHandle r = renderer_of(scene);
+  SensitivityHandle all = make_sensitivity(scene), a = make_sensitivity(scene),
+                    b = make_sensitivity(scene);
+  add_views(all, r, views);
+  add_views(a, r, {views[0], views[2]});
+  add_views(b, r, {views[1], views[3]});
+  a.merge(b);
+  for (uint32_t which = 0; which < L4D_WEIGHT_COUNT; ++which) {
+    expect_close(a.weights(which), all.weights(which), 1e-5);
+    EXPECT_NE(a.weights(which), b.weights(which));
+  }
+  SensitivityHandle other(nullptr, scene.count() + 1, 2), degree(nullptr, scene.count(), 1);
+  SensitivityHandle squared = make_sensitivity(scene, L4D_SENSITIVITY_GAUSS_NEWTON);
+  for (const SensitivityHandle* wrong : {&other, &degree, &squared}) {
+    EXPECT_EQ(l4d_sensitivity_merge(a.get(), wrong->get()), L4D_ERR_INVALID_ARGUMENT);
+  }
+}
+
+TEST(Sensitivity, ThreadsDoNotChangeBits) {
+  const io::Scene scene = synth(9000, 2);
+  for (const uint32_t measure : {L4D_SENSITIVITY_SUM, L4D_SENSITIVITY_GAUSS_NEWTON}) {
+    std::vector<std::vector<float>> first;
+    for (const uint32_t threads : {1u, 2u, 7u}) {
+      RendererHandle r = renderer_of(scene, L4D_RENDER_FAST, threads);
+      SensitivityHandle s = make_sensitivity(scene, measure, 5);
+      add_views(s, r, {{0.5, ring_camera(100, 70, 1)}, {2, ring_camera(90, 70, 3)}});
+      add_views(s, r, {{1.5, ring_camera(100, 70, 5)}}, true);
+      for (uint32_t which = 0; which < L4D_WEIGHT_COUNT; ++which) {
+        if (threads == 1) {
+          first.push_back(s.weights(which));
+        } else {
+          EXPECT_TRUE(equal_bits(first[which], s.weights(which))) << which;
+        }
+      }
+    }
+  }
+}
+
+// Views that are only asked count for what nothing else shows.
+TEST(Sensitivity, SeenOnlyViews) {
+  const double red[3] = {1, 0, 0};
+  SceneBuilder builder;
+  builder.add_ball(0, 0, 4, 0.2, 0.8, red);
+  builder.add_ball(0, 0, -4, 0.2, 0.8, red);
+  builder.add_ball(60, 0, 0, 0.2, 0.8, red);
+  const io::Scene& scene = builder.scene();
+  RendererHandle r = renderer_of(scene);
+  r.set_time(0);
+  const double eye[3] = {0, 0, 0}, back[3] = {0, 0, -1};
+  const l4d_camera front_camera = axis_camera(32, 24, 30);
+  const l4d_camera back_camera = look_at(32, 24, 30, eye, back);
+  SensitivityHandle s = make_sensitivity(scene), both = make_sensitivity(scene);
+  s.add_view(r, back_camera, true);
+  std::vector<float> out(3);
+  EXPECT_EQ(l4d_sensitivity_get_weights(s.get(), L4D_WEIGHT_ALPHA_T, out.data(), 3),
+            L4D_ERR_INVALID_STATE);
+  s.add_view(r, front_camera);
+  s.add_view(r, front_camera, true);
+  both.add_view(r, front_camera);
+  both.add_view(r, back_camera);
+  const std::vector<float> alpha = s.weights(L4D_WEIGHT_ALPHA_T);
+  const std::vector<float> full = both.weights(L4D_WEIGHT_ALPHA_T);
+  EXPECT_NEAR(alpha[0], 2 * full[0], 1e-6f);      // of the one full view
+  EXPECT_NEAR(3 * alpha[1], 2 * full[1], 1e-6f);  // of all three
+  EXPECT_GT(alpha[1], 0);
+  EXPECT_EQ(alpha[2], 0);
+  EXPECT_EQ(s.weights(L4D_WEIGHT_SCALE)[1], 0);
+  EXPECT_GT(both.weights(L4D_WEIGHT_SCALE)[1], 0);
+}
+
+// Adding a view again and again, each time with other signs, averages the estimate: the mean square
+// of a signed sum is the sum of squares over pixels.
+TEST(Sensitivity, GaussNewtonIsUnbiased) {
+  const io::Scene scene = test_scene(1);
+  const l4d_camera camera = small_camera(0.2, 9, 7);
+  constexpr size_t kPixels = 63;
+  RendererHandle reference = renderer_of(scene, L4D_RENDER_REFERENCE, 1);
+  reference.set_time(0.3);
+  std::vector<double> scale(4 * scene.count()), rotor(8 * scene.count());
+  for (size_t p = 0; p < kPixels; ++p) {
+    std::vector<float> gradient(3 * kPixels, 0.0f);
+    std::fill_n(gradient.begin() + static_cast<std::ptrdiff_t>(3 * p), 3, 1.0f);
+    const Derivatives d = derivatives(scene, reference, camera, gradient);
+    for (size_t k = 0; k < scale.size(); ++k) {
+      scale[k] += std::pow(static_cast<double>(d.log_scale[k]), 2);
+    }
+    for (size_t k = 0; k < rotor.size(); ++k) {
+      rotor[k] += std::pow(static_cast<double>(d.rotor[k]), 2);
+    }
+  }
+  constexpr int kTimes = 4000;
+  RendererHandle r = renderer_of(scene, L4D_RENDER_FAST, 1);
+  r.set_time(0.3);
+  SensitivityHandle s = make_sensitivity(scene, L4D_SENSITIVITY_GAUSS_NEWTON, 7);
+  for (int i = 0; i < kTimes; ++i) s.add_view(r, camera);
+  const auto check = [&](uint32_t which, const std::vector<double>& squares, size_t stride,
+                         size_t first) {
+    std::vector<double> expected = largest_of(squares, stride, first, 4, kTimes);
+    for (double& e : expected) e = std::sqrt(e) / kPixels;
+    expect_close(s.weights(which), expected, 0.06);  // four standard errors of the root
+  };
+  check(L4D_WEIGHT_SCALE, scale, 4, 0);
+  check(L4D_WEIGHT_ROTOR_SPATIAL, rotor, 8, 0);
+  check(L4D_WEIGHT_ROTOR_TEMPORAL, rotor, 8, 4);
+
+  // Signs come from the seed.
+  SensitivityHandle one = make_sensitivity(scene, L4D_SENSITIVITY_GAUSS_NEWTON, 7),
+                    same = make_sensitivity(scene, L4D_SENSITIVITY_GAUSS_NEWTON, 7),
+                    other = make_sensitivity(scene, L4D_SENSITIVITY_GAUSS_NEWTON, 8);
+  for (SensitivityHandle* h : {&one, &same, &other}) h->add_view(r, camera);
+  EXPECT_EQ(one.weights(L4D_WEIGHT_SCALE), same.weights(L4D_WEIGHT_SCALE));
+  EXPECT_NE(one.weights(L4D_WEIGHT_SCALE), other.weights(L4D_WEIGHT_SCALE));
+}
+
+TEST(Sensitivity, WrongStates) {
+  const io::Scene scene = test_scene();
+  const l4d_camera camera = small_camera(0);
+  RendererHandle r = make_renderer(L4D_RENDER_FAST);
+  SensitivityHandle s = make_sensitivity(scene);
+  const auto add = [&] { return l4d_sensitivity_add_view(s.get(), r.get(), &camera, 0); };
+  EXPECT_EQ(add(), L4D_ERR_INVALID_STATE);  // no scene
+  r.set_gaussians(scene.view(), scene.timeline);
+  EXPECT_EQ(add(), L4D_ERR_INVALID_STATE);  // no time
+  r.set_time(0);
+  const float grey[3] = {0.5f, 0.5f, 0.5f}, black[3] = {0, 0, 0};
+  r.check(l4d_renderer_set_background(r.get(), grey));
+  EXPECT_EQ(add(), L4D_ERR_INVALID_STATE);
+  EXPECT_NE(std::string(l4d_renderer_error_detail(r.get())).find("background"), std::string::npos);
+  r.check(l4d_renderer_set_background(r.get(), black));
+  EXPECT_EQ(add(), L4D_OK);
+  const io::Scene other = test_scene(1);
+  r.set_gaussians(other.view(), other.timeline);
+  r.set_time(0);
+  EXPECT_EQ(add(), L4D_ERR_INVALID_ARGUMENT);
+}
+
+}  // namespace
+}  // namespace l4d::render
