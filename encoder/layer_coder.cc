@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "encoder/closed_loop.h"
 #include "encoder/scalar.h"
 #include "libl4dcodec/base/half.h"
 #include "libl4dcodec/base/threads.h"
@@ -107,19 +108,14 @@ class LayerCoder {
                                          : MeanCodingId::kF16;
     out_.decoded_mean_t.resize(n);
     out_.mean_t.resize(out_.header.mean_t == MeanCodingId::kF16 ? n : 0);
-    const double width = bucket_width(timeline(), plan_.level);
-    const float width32 = static_cast<float>(width);
     for (size_t j = 0; j < n; ++j) {
       const double mean = scene_.mean_t[out_.members[j]];
-      const double center = bucket_center(timeline(), plan_.level, out_.bucket[j]);
       if (plan_.permanent) {
-        out_.decoded_mean_t[j] = center;
+        out_.decoded_mean_t[j] = bucket_center(timeline(), plan_.level, out_.bucket[j]);
       } else if (lossless_) {
         out_.decoded_mean_t[j] = mean;
       } else {
-        out_.mean_t[j] = float_to_half_saturate(static_cast<float>((mean - center) / width));
-        const float local = width32 * half_to_float(out_.mean_t[j]);
-        out_.decoded_mean_t[j] = center + static_cast<double>(local);
+        out_.mean_t[j] = mean_code(mean, j, &out_.decoded_mean_t[j]);
       }
     }
   }
@@ -297,43 +293,66 @@ class LayerCoder {
     }
   }
 
-  // Position and opacity last: they absorb what the other components got wrong where it is seen, at the
-  // middle of the visible part of the sequence.
+  // Means and opacities last: see closed_loop.h.
   void place_means() {
     out_.header.num_gaussians = count();
     const size_t n = count();
     out_.position.resize(3 * n);
     out_.opacity.resize(n);
+    const bool closed_loop = settings_.get_bool(L4D_ENC_CLOSED_LOOP) && !lossless_;
+    parallel_for(options_.threads, n, kGrain, [&](size_t begin, size_t end) {
+      for (size_t j = begin; j < end; ++j) {
+        const size_t i = out_.members[j];
+        out_.opacity[j] = scene_.opacity[i];
+        std::copy_n(scene_.position.data() + 3 * i, 3, out_.position.data() + 3 * j);
+        if (closed_loop) close_loop(j);
+      }
+    });
+  }
+
+  void close_loop(size_t j) {
+    const size_t i = out_.members[j];
     const double begin = timeline().time_begin;
     const double end = begin + scene_.duration;
-    const bool closed_loop = settings_.get_bool(L4D_ENC_CLOSED_LOOP) && !lossless_;
-    for (size_t j = 0; j < n; ++j) {
-      const size_t i = out_.members[j];
-      const double mean = scene_.mean_t[i];
-      const double reference = reference_time(timeline(), mean);
-      const double decoded_reference = reference_time(timeline(), out_.decoded_mean_t[j]);
-      const double reach = 4 * scene_.sigma_t(i);
-      const double first = std::max(begin, mean - reach);
-      const double last = std::min(end, mean + reach);
-      const double seen = first <= last ? 0.5 * (first + last) : reference;
-      out_.opacity[j] = scene_.opacity[i];
-      for (size_t k = 0; k < 3; ++k) {
-        double p = scene_.position[3 * i + k];
-        if (closed_loop) {
-          p += scene_.velocity[3 * i + k] * (seen - reference) -
-               out_.decoded_velocity[3 * j + k] * (seen - decoded_reference);
+    // What is permanent does not fade, to a decoder.
+    const Fading original{static_cast<double>(scene_.opacity[i]), scene_.mean_t[i],
+                          plan_.permanent ? 0.0 : scene_.lambda[i]};
+    Fading decoded{original.opacity, out_.decoded_mean_t[j],
+                   plan_.permanent ? 0.0 : out_.decoded_lambda[j]};
+    if (!plan_.permanent) {
+      // Level 0 has one bucket, and its Gaussians may be centred anywhere in time.
+      if (plan_.level == 0) {
+        const SeenSpan seen({original}, begin, end);
+        Fading moved = decoded;
+        const uint16_t code = mean_code(seen.matching_mean(original, decoded.lambda), j, &moved.mean);
+        const SeenSpan any({original, decoded, moved}, begin, end);
+        if (any.match_opacity(original, &moved) < any.match_opacity(original, &decoded)) {
+          out_.mean_t[j] = code;
+          out_.decoded_mean_t[j] = moved.mean;
+          decoded.mean = moved.mean;
         }
-        out_.position[3 * j + k] = p;
       }
-      if (closed_loop && !plan_.permanent) {
-        const double was = scene_.lambda[i] * (seen - mean) * (seen - mean);
-        const double dt = seen - out_.decoded_mean_t[j];
-        const double is = out_.decoded_lambda[j] * dt * dt;
-        const double factor = std::exp(0.5 * (is - was));
-        out_.opacity[j] = static_cast<float>(
-            std::clamp(static_cast<double>(out_.opacity[j]) * factor, 0.0, 1.0));
-      }
+      SeenSpan({original, decoded}, begin, end).match_opacity(original, &decoded);
+      out_.opacity[j] = static_cast<float>(decoded.opacity);
     }
+    Moving moving, decoded_moving;
+    std::copy_n(scene_.position.data() + 3 * i, 3, moving.position);
+    std::copy_n(scene_.velocity.data() + 3 * i, 3, moving.velocity);
+    std::copy_n(out_.decoded_velocity.data() + 3 * j, 3, decoded_moving.velocity);
+    moving.reference = reference_time(timeline(), original.mean);
+    decoded_moving.reference = reference_time(timeline(), out_.decoded_mean_t[j]);
+    SeenSpan({original, decoded}, begin, end)
+        .match_position(original, decoded, moving, &decoded_moving);
+    std::copy_n(decoded_moving.position, 3, out_.position.data() + 3 * j);
+  }
+
+  // The code of a mean time of member j, and the time that it decodes to.
+  uint16_t mean_code(double mean, size_t j, double* decoded) const {
+    const double width = bucket_width(timeline(), plan_.level);
+    const double center = bucket_center(timeline(), plan_.level, out_.bucket[j]);
+    const uint16_t code = float_to_half_saturate(static_cast<float>((mean - center) / width));
+    *decoded = center + static_cast<double>(static_cast<float>(width) * half_to_float(code));
+    return code;
   }
 
   const EncoderScene& scene_;

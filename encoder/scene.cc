@@ -6,6 +6,7 @@
 #include <string>
 
 #include "libl4dcodec/base/threads.h"
+#include "libl4dcodec/math/attributes.h"
 #include "libl4dcodec/math/gauge.h"
 #include "libl4dcodec/math/layers.h"
 #include "libl4dcodec/math/slice.h"
@@ -13,32 +14,7 @@
 namespace l4d {
 namespace {
 
-constexpr float kMaxLogScale = 16;
-constexpr double kMaxCoordinate = 0x1p60;
 constexpr size_t kGrain = 4096;
-
-// Name of the first attribute of Gaussian i that cannot be coded, or null.
-const char* invalid_attribute(const l4d_gaussians& g, size_t sh_dim, size_t i) {
-  for (size_t k = 0; k < 3; ++k) {
-    if (!(std::fabs(g.position[3 * i + k]) <= kMaxCoordinate)) return "position";
-  }
-  if (!(std::fabs(g.mean_t[i]) <= kMaxCoordinate)) return "mean_t";
-  for (size_t k = 0; k < 4; ++k) {
-    if (!(std::fabs(g.log_scale[4 * i + k]) <= kMaxLogScale)) return "log_scale";
-  }
-  for (size_t k = 0; k < 8; ++k) {
-    if (!(std::fabs(g.rotor[8 * i + k]) <= 1e15f)) return "rotor";
-  }
-  const bool logit = (g.flags & L4D_OPACITY_LOGIT) != 0;
-  if (!(logit ? std::isfinite(g.opacity[i]) : g.opacity[i] >= 0 && g.opacity[i] <= 1)) {
-    return "opacity";
-  }
-  for (size_t k = 0; k < sh_dim; ++k) {
-    // The codebooks hold binary16.
-    if (!(std::fabs(g.sh[sh_dim * i + k]) <= 65504.0f)) return "sh";
-  }
-  return nullptr;
-}
 
 void slice_in_double(const float* rotor, const float* log_scale, double* velocity, double* lambda) {
   double r[8], s[4];
@@ -111,10 +87,11 @@ Status prepare_scene(const EncoderInput& input, const EncoderSettings& settings,
   const double prune = settings.get(L4D_ENC_PRUNE_WEIGHT);
   const float* alpha_t = input.weights[L4D_WEIGHT_ALPHA_T];
   if (prune >= 0 && alpha_t == nullptr) {
-    return invalid_argument("prune-weight needs alpha_t weights");
+    return invalid_argument("prune-weight needs alpha_t weights: measure them from cameras, or do without "
+                            "(prune-weight=-1)");
   }
   for (uint32_t i = 0; i < g.count; ++i) {
-    if (const char* attribute = invalid_attribute(g, sh_dim, i)) {
+    if (const char* attribute = invalid_attribute(g, i)) {
       if (!settings.get_bool(L4D_ENC_DROP_INVALID)) {
         return Status(L4D_ERR_INVALID_SCENE, "Gaussian " + std::to_string(i) + " has an invalid " +
                                                  attribute + " (NaN, Inf or out of range)");

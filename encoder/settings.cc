@@ -30,14 +30,37 @@ constexpr ParameterDescription kParameters[L4D_ENC_PARAMETER_COUNT] = {
     {"scale-factor-bits", "bits of a scale factor code", 1, 16, 8, false, true},
     {"kmeans-iterations", "Lloyd iterations at most", 0, 1000, 10, false, true},
     {"kmeans-sample", "training points per codeword", 1, 1e6, 24, false, true},
-    {"zstd-level", "effort of zstd", 1, 22, 12, false, true},
+    {"zstd-level", "effort of zstd", 1, 22, 15, false, true},
     {"drop-invalid", "drop Gaussians that cannot be coded instead of refusing the scene", 0, 1, 0,
      false, true},
+    {"effort", "how hard k-means and zstd try: sets kmeans-iterations, kmeans-sample and zstd-level", 1,
+     9, 5, false, true},
 };
+
+// What each effort sets; docs/accuracy.md has the front of time against quality they were taken from.
+struct Effort {
+  double kmeans_iterations, kmeans_sample, zstd_level;
+};
+constexpr Effort kEfforts[9] = {{0, 2, 1},    {1, 4, 3},    {2, 4, 6},    {4, 8, 12},   {10, 24, 15},
+                                {16, 32, 15}, {24, 48, 19}, {40, 128, 19}, {80, 1000, 22}};
+
+// The paper's own settings ("Compression" in its supplement). Its thresholds are of weights measured
+// as l4d_sensitivity does.
+struct PaperPreset {
+  double sh_codebook, sh_threshold;
+};
+constexpr PaperPreset kPaperSmall = {4096, 6e-7};
+constexpr PaperPreset kPaperLarge = {8192, 1e-7};
+constexpr double kPaperScaleThreshold = 2e-7;
+constexpr double kPaperSpatialThreshold = 1e-6;
+constexpr double kPaperTemporalThreshold = 8e-6;
+constexpr double kPaperRcqSize = 512;
 
 constexpr PresetDescription kPresets[] = {
     {"default", "one stage of 4096 codewords per component"},
     {"high", "residual stages for 100, 50 and 25 % of the Gaussians, 4096 codewords each"},
+    {"paper-small", "the paper's small model: literals above thresholds, RCQ, unseen Gaussians dropped"},
+    {"paper-large", "the paper's large model: twice the SH codebook, a lower SH threshold"},
     {"lossless", "the float32 bits of the input, in any order"},
 };
 
@@ -77,6 +100,12 @@ Status EncoderSettings::set(l4d_encoder_parameter id, int component, double valu
   } else {
     values[static_cast<size_t>(component)] = value;
   }
+  if (id == L4D_ENC_EFFORT) {
+    const Effort& effort = kEfforts[static_cast<size_t>(value) - 1];
+    values_[L4D_ENC_KMEANS_ITERATIONS].fill(effort.kmeans_iterations);
+    values_[L4D_ENC_KMEANS_SAMPLE].fill(effort.kmeans_sample);
+    values_[L4D_ENC_ZSTD_LEVEL].fill(effort.zstd_level);
+  }
   return {};
 }
 
@@ -104,6 +133,19 @@ Status EncoderSettings::set_preset(const char* name) {
   EncoderSettings fresh;
   if (std::strcmp(name, "high") == 0) {
     fresh.stages_.fill({1.0f, 0.5f, 0.25f});
+  } else if (std::strcmp(name, "paper-small") == 0 || std::strcmp(name, "paper-large") == 0) {
+    const PaperPreset& paper = name[6] == 's' ? kPaperSmall : kPaperLarge;
+    const auto set = [&](l4d_encoder_parameter id, int component, double value) {
+      fresh.values_[static_cast<size_t>(id)][static_cast<size_t>(component)] = value;
+    };
+    set(L4D_ENC_CODEBOOK_SIZE, L4D_COMPONENT_SH, paper.sh_codebook);
+    set(L4D_ENC_LITERAL_THRESHOLD, L4D_COMPONENT_SH, paper.sh_threshold);
+    set(L4D_ENC_LITERAL_THRESHOLD, L4D_COMPONENT_SCALE, kPaperScaleThreshold);
+    set(L4D_ENC_LITERAL_THRESHOLD, L4D_COMPONENT_ROTOR_SPATIAL, kPaperSpatialThreshold);
+    set(L4D_ENC_LITERAL_THRESHOLD, L4D_COMPONENT_ROTOR_TEMPORAL, kPaperTemporalThreshold);
+    fresh.values_[L4D_ENC_RCQ].fill(2);
+    fresh.values_[L4D_ENC_RCQ_SIZE].fill(kPaperRcqSize);
+    fresh.values_[L4D_ENC_PRUNE_WEIGHT].fill(0);
   } else if (std::strcmp(name, "lossless") == 0) {
     fresh.values_[L4D_ENC_LOSSLESS].fill(1);
   } else if (std::strcmp(name, "default") != 0) {

@@ -593,54 +593,73 @@ TEST(Bounds, HoldForFastGaussians) {
   }
 }
 
-// Mean error of the place at the middle of what is seen, weighted by nothing.
-double visible_error(const TestScene& scene, const Encoded& e) {
+// How far decoded Gaussians are from where they were and how they were seen.
+struct SeenErrors {
+  double place = 0;  // length of the mean displacement over the times at which both are seen; mean of all
+  double fade = 0;   // RMS difference of opacities over the sequence
+};
+
+SeenErrors seen_errors(const TestScene& scene, const Encoded& e) {
   DecoderHandle d;
   d.open_memory(e.bytes.data(), e.bytes.size());
   const GaussianArrays a = d.decode(all_query());
-  const auto velocity = [](const float* rotor, const float* log_scale) {
+  const auto slice_of = [](const float* rotor, const float* log_scale) {
     double r[8], s[4];
     for (size_t k = 0; k < 8; ++k) r[k] = static_cast<double>(rotor[k]);
     for (size_t k = 0; k < 4; ++k) s[k] = std::exp(static_cast<double>(log_scale[k]));
     return slice_gaussian(normalized_halves(r), s);
   };
-  double sum = 0;
+  constexpr int kTimes = 200;
+  SeenErrors errors;
   for (size_t i = 0; i < a.count(); ++i) {
     const size_t from = e.order[i];
-    const auto was = velocity(scene.rotor.data() + 8 * from, scene.log_scale.data() + 4 * from);
-    const auto is = velocity(a.rotor.data() + 8 * i, a.log_scale.data() + 4 * i);
+    const auto was = slice_of(scene.rotor.data() + 8 * from, scene.log_scale.data() + 4 * from);
+    const auto is = slice_of(a.rotor.data() + 8 * i, a.log_scale.data() + 4 * i);
     const double mean = static_cast<double>(scene.mean_t[from]);
-    const double reach = 4 / std::sqrt(was.lambda);
-    const double first = std::max(0.0, mean - reach),
-                 last = std::min(scene.duration(), mean + reach);
-    if (first > last) continue;
-    const double t = 0.5 * (first + last);
-    double e2 = 0;
-    for (size_t k = 0; k < 3; ++k) {
-      const double want = static_cast<double>(scene.position[3 * from + k]) +
-                          was.velocity[k] * (t - reference_time(scene.timeline, mean));
-      const double got =
-          static_cast<double>(a.position[3 * i + k]) +
-          is.velocity[k] * (t - reference_time(scene.timeline, static_cast<double>(a.mean_t[i])));
-      e2 += (want - got) * (want - got);
+    const double decoded_mean = static_cast<double>(a.mean_t[i]);
+    const double reference = reference_time(scene.timeline, mean);
+    const double decoded_reference = reference_time(scene.timeline, decoded_mean);
+    double weight = 0, shift[3] = {0, 0, 0};
+    for (int k = 0; k < kTimes; ++k) {
+      const double t = scene.duration() * (k + 0.5) / kTimes;
+      const double f = std::exp(-0.5 * was.lambda * (t - mean) * (t - mean));
+      const double g = std::exp(-0.5 * is.lambda * (t - decoded_mean) * (t - decoded_mean));
+      const double difference = static_cast<double>(scene.opacity[from]) * f -
+                                static_cast<double>(a.opacity[i]) * g;
+      errors.fade += difference * difference;
+      weight += f * g;
+      for (size_t axis = 0; axis < 3; ++axis) {
+        shift[axis] += f * g *
+                       (static_cast<double>(scene.position[3 * from + axis]) +
+                        was.velocity[axis] * (t - reference) -
+                        static_cast<double>(a.position[3 * i + axis]) -
+                        is.velocity[axis] * (t - decoded_reference));
+      }
     }
-    sum += std::sqrt(e2);
+    if (weight > 0) {
+      errors.place += std::hypot(shift[0], shift[1], shift[2]) / weight;
+    }
   }
-  return sum / static_cast<double>(a.count());
+  errors.place /= static_cast<double>(a.count());
+  errors.fade = std::sqrt(errors.fade / kTimes / static_cast<double>(a.count()));
+  return errors;
 }
 
-TEST(ClosedLoop, PutsGaussiansInPlaceWhereTheyAreSeen) {
+TEST(ClosedLoop, PutsGaussiansInPlaceWhereAndWhenTheyAreSeen) {
   SceneOptions s;
   s.permanent = 0;
   s.outside = 0.5;
   const TestScene scene = make_scene(s);
   EncodeOptions o = small_options();
   o.settings.push_back({L4D_ENC_CLOSED_LOOP, 0});
-  const double open = visible_error(scene, encode(scene, o));
+  const SeenErrors open = seen_errors(scene, encode(scene, o));
   o.settings.push_back({L4D_ENC_CLOSED_LOOP, 1});
-  const double closed = visible_error(scene, encode(scene, o));
-  EXPECT_LT(closed, 0.2 * open);
-  EXPECT_LT(closed, 0.01);
+  const SeenErrors closed = seen_errors(scene, encode(scene, o));
+  std::printf("open: place %g fade %g; closed: place %g fade %g\n", open.place, open.fade,
+              closed.place, closed.fade);
+  EXPECT_LT(closed.place, 0.2 * open.place);
+  EXPECT_LT(closed.place, 0.01);
+  EXPECT_LT(closed.fade, 0.9 * open.fade);
 }
 
 TEST(Gauge, ChangesParametersButNotTheShape) {

@@ -113,8 +113,9 @@ TEST(Settings, PresetsReplaceEverything) {
     const EncoderHandle e;
     EXPECT_EQ(l4d_encoder_set_preset(e.get(), l4d_encoder_preset_name(i)), L4D_OK);
   }
-  EXPECT_EQ(names, (std::set<std::string>{"default", "high", "lossless"}));
-  EXPECT_EQ(l4d_encoder_preset_description(3), nullptr);
+  EXPECT_EQ(names, (std::set<std::string>{"default", "high", "paper-small", "paper-large",
+                                          "lossless"}));
+  EXPECT_EQ(l4d_encoder_preset_description(5), nullptr);
 
   EncoderSettings s;
   ASSERT_TRUE(s.set_preset("lossless").ok());
@@ -129,6 +130,34 @@ TEST(Settings, PresetsReplaceEverything) {
   ASSERT_TRUE(s.set_preset("default").ok());
   for (int c = 0; c < L4D_COMPONENT_COUNT; ++c) EXPECT_EQ(s.stages(c), (std::vector<float>{1.0f}));
   for (int id = 0; id < L4D_ENC_PARAMETER_COUNT; ++id) {
+    EXPECT_EQ(s.get(parameter(id)), describe_parameter(parameter(id)).initial);
+  }
+  // The paper's settings, appendix "Compression".
+  ASSERT_TRUE(s.set_preset("paper-large").ok());
+  EXPECT_EQ(s.get(L4D_ENC_CODEBOOK_SIZE, L4D_COMPONENT_SH), 8192);
+  EXPECT_EQ(s.get(L4D_ENC_LITERAL_THRESHOLD, L4D_COMPONENT_SH), 1e-7);
+  EXPECT_EQ(s.get(L4D_ENC_RCQ_SIZE), 512);
+  EXPECT_EQ(s.get(L4D_ENC_PRUNE_WEIGHT), 0);
+  ASSERT_TRUE(s.set_preset("paper-small").ok());
+  EXPECT_EQ(s.get(L4D_ENC_CODEBOOK_SIZE, L4D_COMPONENT_SH), 4096);
+  EXPECT_EQ(s.get(L4D_ENC_LITERAL_THRESHOLD, L4D_COMPONENT_SH), 6e-7);
+  EXPECT_EQ(s.get(L4D_ENC_LITERAL_THRESHOLD, L4D_COMPONENT_SCALE), 2e-7);
+  EXPECT_EQ(s.get(L4D_ENC_LITERAL_THRESHOLD, L4D_COMPONENT_ROTOR_SPATIAL), 1e-6);
+  EXPECT_EQ(s.get(L4D_ENC_LITERAL_THRESHOLD, L4D_COMPONENT_ROTOR_TEMPORAL), 8e-6);
+
+  // Effort sets how hard k-means and zstd try, and each step tries no less hard than the one before.
+  ASSERT_TRUE(s.set_preset("default").ok());
+  for (int effort = 2; effort <= 9; ++effort) {
+    EncoderSettings less;
+    ASSERT_TRUE(less.set(L4D_ENC_EFFORT, L4D_ALL_COMPONENTS, effort - 1).ok());
+    ASSERT_TRUE(s.set(L4D_ENC_EFFORT, L4D_ALL_COMPONENTS, effort).ok());
+    for (const int id : {L4D_ENC_KMEANS_ITERATIONS, L4D_ENC_KMEANS_SAMPLE, L4D_ENC_ZSTD_LEVEL}) {
+      EXPECT_GE(s.get(parameter(id)), less.get(parameter(id))) << "effort " << effort;
+    }
+  }
+  ASSERT_TRUE(s.set(L4D_ENC_EFFORT, L4D_ALL_COMPONENTS,
+                    describe_parameter(L4D_ENC_EFFORT).initial).ok());
+  for (const int id : {L4D_ENC_KMEANS_ITERATIONS, L4D_ENC_KMEANS_SAMPLE, L4D_ENC_ZSTD_LEVEL}) {
     EXPECT_EQ(s.get(parameter(id)), describe_parameter(parameter(id)).initial);
   }
   const Status unknown = s.set_preset("fastest");
