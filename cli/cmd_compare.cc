@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
 #include <memory>
+#include <optional>
 
+#include "cli/camera_arguments.h"
 #include "cli/common.h"
 #include "cli/comparison.h"
 #include "cli/files.h"
+#include "cli/image_comparison.h"
 #include "cli/pairing.h"
 #include "cli/progress.h"
 #include "cli/scene_source.h"
@@ -13,12 +16,27 @@
 namespace l4d::cli {
 namespace {
 
+// Of error maps: an error of 1/8 of the range is the brightest.
+constexpr double kErrorGain = 8;
+
 struct CompareArguments {
   std::string a, b;
   std::string order;
   bool exact = false;
   std::vector<std::string> max_error;
+  bool attributes = false;
+  CameraArguments cameras;
+  bool images = false;
+  bool per_view = false;
+  std::string side_by_side;
+  std::string error_gain;
+  std::string min_fidelity;
   ImportArguments import;
+
+  // Pairing the Gaussians of two scenes takes longer than rendering them.
+  bool wants_attributes() const {
+    return !cameras.given() || attributes || exact || !max_error.empty() || !order.empty();
+  }
 };
 
 struct Bound {
@@ -50,21 +68,46 @@ bool same_timeline(const l4d_timeline& a, const l4d_timeline& b) {
          uint64_t{a.fps_num} * b.fps_den == uint64_t{b.fps_num} * a.fps_den;
 }
 
-Outcome run_compare(Context& context, const CompareArguments& arguments) {
-  const Stopwatch watch;
-  const std::vector<Bound> bounds = parse_bounds(arguments.max_error);
-  if (arguments.a == "-" && arguments.b == "-") throw usage_error("only one input can be stdin");
-  const Input input_a(arguments.a);
-  const Input input_b(arguments.b);
+// What a comparison has to say, and the demands on it that do not hold.
+struct Verdict {
+  Outcome outcome;
+  Json not_met = Json::array();
+
+  void demand(bool met, const std::string& what) {
+    if (met) return;
+    outcome.code = kExitNo;
+    not_met.push_back(what);
+    outcome.text += "not met: " + what + "\n";
+  }
+};
+
+void note_timelines(Context& context, const l4d_timeline& a, const l4d_timeline& b) {
+  if (same_timeline(a, b)) return;
+  context.note("the timelines differ: A has " + describe_timeline(a) + ", B has " +
+               describe_timeline(b));
+}
+
+void begin(Verdict& verdict, const Input& a, uint64_t count_a, const Input& b, uint64_t count_b,
+           bool same_time) {
+  verdict.outcome.json = {{"schema", "l4dcodec.compare/1"},
+                          {"a", a.name()},
+                          {"b", b.name()},
+                          {"num_gaussians_a", count_a},
+                          {"num_gaussians_b", count_b},
+                          {"timeline_equal", same_time}};
+  verdict.outcome.text = "A " + a.name() + ", " + format_count(count_a) + " Gaussians\nB " +
+                         b.name() + ", " + format_count(count_b) + " Gaussians\n";
+}
+
+void compare_attributes(Context& context, const CompareArguments& arguments,
+                        const std::vector<Bound>& bounds, const Input& input_a,
+                        const Input& input_b, Verdict& verdict) {
   std::vector<uint32_t> order;
   if (!arguments.order.empty()) order = read_order(arguments.order);
   const LoadedScene a = load_scene(context, input_a, arguments.import);
   const LoadedScene b = load_scene(context, input_b, arguments.import);
   const bool same_time = same_timeline(a.scene.timeline, b.scene.timeline);
-  if (!same_time) {
-    context.note("the timelines differ: A has " + describe_timeline(a.scene.timeline) + ", B has " +
-                 describe_timeline(b.scene.timeline));
-  }
+  note_timelines(context, a.scene.timeline, b.scene.timeline);
   Comparison comparison;
   {
     Progress progress(context, "compare");
@@ -77,37 +120,88 @@ Outcome run_compare(Context& context, const CompareArguments& arguments) {
     comparison = compare_scenes(a.scene, b, std::move(pairing), context.options.threads);
   }
   check_interrupt();
-
-  Outcome outcome;
-  outcome.json = {{"schema", "l4dcodec.compare/1"},
-                  {"a", input_a.name()},
-                  {"b", input_b.name()},
-                  {"num_gaussians_a", a.scene.count()},
-                  {"num_gaussians_b", b.scene.count()},
-                  {"timeline_equal", same_time}};
-  outcome.json.update(comparison.json());
-  outcome.text = "A " + input_a.name() + ", " + format_count(a.scene.count()) + " Gaussians\nB " +
-                 input_b.name() + ", " + format_count(b.scene.count()) + " Gaussians\n" +
-                 comparison.text();
-  Json failed = Json::array();
-  const auto demand = [&](bool met, const std::string& what) {
-    if (met) return;
-    outcome.code = kExitNo;
-    failed.push_back(what);
-    outcome.text += "not met: " + what + "\n";
-  };
+  begin(verdict, input_a, a.scene.count(), input_b, b.scene.count(), same_time);
+  verdict.outcome.json.update(comparison.json());
+  verdict.outcome.text += comparison.text();
   if (arguments.exact) {
-    demand(comparison.identical() && same_time, "the scenes are identical");
+    verdict.demand(comparison.identical() && same_time, "the scenes are identical");
   }
   for (const Bound& bound : bounds) {
     // Negated, so that an error that is no number fails.
     const bool met =
         comparison.pairing.matched > 0 && error_of(comparison, bound.name) <= bound.limit;
-    demand(met, "max error of " + bound.name + " <= " + format_number(bound.limit));
+    verdict.demand(met, "max error of " + bound.name + " <= " + format_number(bound.limit));
   }
-  outcome.json["not_met"] = failed;
-  outcome.json["total_s"] = watch.seconds();
-  return outcome;
+}
+
+void compare_renders(Context& context, const CompareArguments& arguments, const Input& input_a,
+                     const Input& input_b, double gain, std::optional<Output>& picture,
+                     Verdict& verdict) {
+  RenderedScene a(context, input_a, arguments.import);
+  RenderedScene b(context, input_b, arguments.import);
+  if (!arguments.wants_attributes()) {
+    note_timelines(context, a.timeline(), b.timeline());
+    begin(verdict, input_a, a.count(), input_b, b.count(),
+          same_timeline(a.timeline(), b.timeline()));
+  }
+  const CameraViews views = choose_views(context, arguments.cameras, "test", a.timeline(),
+                                         [&] { return a.instant(middle_of(a.timeline())); });
+  const ImageComparison comparison = compare_images(context, a, b, views, arguments.images);
+  if (picture) {
+    const io::View& worst = comparison.views[comparison.worst()].view;
+    io::write_png(picture->path(), side_by_side(a, b, views, worst, gain));
+    picture->finish();
+  }
+  verdict.outcome.json.update(comparison.json(arguments.per_view));
+  verdict.outcome.text += comparison.text(arguments.per_view);
+  if (arguments.min_fidelity.empty()) return;
+  const double least = parse_number(arguments.min_fidelity, "--min-fidelity");
+  verdict.demand(comparison.fidelity_db() >= least, "fidelity >= " + format_number(least) + " dB");
+}
+
+// Usage errors that need no file.
+double check_image_options(const CompareArguments& arguments) {
+  arguments.cameras.check();
+  const bool uses_images = arguments.images || arguments.per_view || arguments.attributes ||
+                           !arguments.side_by_side.empty() || !arguments.error_gain.empty() ||
+                           !arguments.min_fidelity.empty();
+  if (uses_images && !arguments.cameras.given()) {
+    throw usage_error(
+        "--images, --per-view, --side-by-side, --error-gain, --min-fidelity and --attributes need "
+        "--cameras");
+  }
+  if (arguments.images && arguments.cameras.orbit > 0) {
+    throw usage_error("--images: made-up cameras have seen nothing");
+  }
+  if (!arguments.min_fidelity.empty()) parse_number(arguments.min_fidelity, "--min-fidelity");
+  if (arguments.error_gain.empty()) return kErrorGain;
+  const double gain = parse_number(arguments.error_gain, "--error-gain");
+  if (!(gain > 0)) throw usage_error("--error-gain must be positive");
+  return gain;
+}
+
+Outcome run_compare(Context& context, const CompareArguments& arguments) {
+  const Stopwatch watch;
+  const std::vector<Bound> bounds = parse_bounds(arguments.max_error);
+  if (arguments.a == "-" && arguments.b == "-") throw usage_error("only one input can be stdin");
+  const double gain = check_image_options(arguments);
+  const Input input_a(arguments.a);
+  const Input input_b(arguments.b);
+  std::optional<Output> picture;
+  if (!arguments.side_by_side.empty()) {
+    if (arguments.side_by_side == "-") throw usage_error("--side-by-side cannot go to stdout");
+    picture.emplace(context, arguments.side_by_side, std::vector<const Input*>{&input_a, &input_b});
+  }
+  Verdict verdict;
+  if (arguments.wants_attributes()) {
+    compare_attributes(context, arguments, bounds, input_a, input_b, verdict);
+  }
+  if (arguments.cameras.given()) {
+    compare_renders(context, arguments, input_a, input_b, gain, picture, verdict);
+  }
+  verdict.outcome.json["not_met"] = verdict.not_met;
+  verdict.outcome.json["total_s"] = watch.seconds();
+  return std::move(verdict.outcome);
 }
 
 }  // namespace
@@ -115,7 +209,7 @@ Outcome run_compare(Context& context, const CompareArguments& arguments) {
 void add_compare(Registry& registry) {
   auto arguments = std::make_shared<CompareArguments>();
   CLI::App* verb =
-      add_verb(registry, "compare", "Measure how far scene B's attributes are from A's",
+      add_verb(registry, "compare", "Measure how far scene B is from A: attributes, or images",
                [arguments](Context& context) { return run_compare(context, *arguments); });
   verb->add_option("a", arguments->a, "Reference: .l4d or PLY, '-' = stdin")->required();
   verb->add_option("b", arguments->b, "Scene to measure: .l4d or PLY, '-' = stdin")->required();
@@ -129,8 +223,37 @@ void add_compare(Registry& registry) {
                    "visible_position. May be repeated")
       ->type_name("NAME=V")
       ->allow_extra_args(false);
+  arguments->cameras.add_options(verb);
+  const std::string group = "Comparing images, with --cameras or --orbit";
+  verb->add_flag("--images", arguments->images,
+                 "Also compare both with what the cameras saw: the videos (through ffmpeg) or "
+                 "images that the camera file names")
+      ->group(group);
+  verb->add_flag("--per-view", arguments->per_view, "List every view")->group(group);
+  verb->add_option("--side-by-side", arguments->side_by_side,
+                   "PNG of the worst view: A, B, and a map of their difference")
+      ->type_name("FILE")
+      ->group(group);
+  verb->add_option("--error-gain", arguments->error_gain,
+                   "Factor of the differences in that map (default: 8)")
+      ->type_name("G")
+      ->group(group);
+  verb->add_option("--min-fidelity", arguments->min_fidelity,
+                   "Exit with 1 if B's images are less than DB decibels from A's")
+      ->type_name("DB")
+      ->group(group);
+  verb->add_flag("--attributes", arguments->attributes,
+                 "Also compare attributes, which pairs Gaussians and takes longer")
+      ->group(group);
   add_import_options(verb, arguments->import);
   verb->footer(
+      "With --cameras, renders of both are compared: views of the test cameras where the file "
+      "tells\n"
+      "them apart, else all. Fidelity is the PSNR of the mean squared error over all views, at "
+      "most\n"
+      "100 dB, which stands for equal images.\n"
+      "  l4dcodec compare scene.ply scene.l4d --cameras cameras.json --frames 0:150:10 --images\n"
+      "\n"
       "How Gaussians are paired, since coding reorders them:\n"
       "  order    with --order: exact, whatever coding did\n"
       "  exact    every row of one is in the other, bit for bit\n"

@@ -3,10 +3,12 @@
 #include <memory>
 #include <optional>
 
+#include "cli/camera_arguments.h"
 #include "cli/common.h"
 #include "cli/comparison.h"
 #include "cli/encode_parameters.h"
 #include "cli/files.h"
+#include "cli/importance.h"
 #include "cli/pairing.h"
 #include "cli/progress.h"
 #include "cli/scene_source.h"
@@ -20,6 +22,10 @@ struct EncodeArguments {
   std::string input;
   std::string output;
   std::string weights;
+  CameraArguments cameras;
+  MeasureArguments measure;
+  std::string save_weights;
+  bool no_prune = false;
   std::string order;
   uint64_t seed = 0;
   bool verify = false;
@@ -28,36 +34,61 @@ struct EncodeArguments {
   ImportArguments import;
 };
 
-// Importance weights in the form the encoder takes them, which borrows them.
-struct EncoderWeights {
-  io::Weights file;
-  std::vector<float> sh;
-};
-
-// What alpha_t is worth for SH: light that an SH error changes, relative to the other components.
-constexpr float kShPerAlphaT = 0.6f;
-
-void set_weights(const EncoderHandle& encoder, const std::string& path, size_t count,
-                 EncoderWeights& weights) {
-  weights.file = about(path, [&] { return io::read_weights_ply(path); });
-  const io::Weights& file = weights.file;
-  if (file.count != count) {
-    throw Failure(L4D_ERR_INVALID_SCENE, path + ": has weights of " + format_count(file.count) +
-                                             " Gaussians, the scene has " + format_count(count));
+// What can be told to be wrong about weights before anything is read.
+void check_importance(const EncodeArguments& arguments) {
+  const bool measures = arguments.cameras.given();
+  arguments.cameras.check();
+  arguments.measure.options();
+  if (!measures && arguments.measure.given()) {
+    throw usage_error("--agreement, --all-views, --max-share and --measure need --cameras");
   }
-  for (const float w : file.alpha_t) weights.sh.push_back(kShPerAlphaT * w);
-  const std::pair<uint32_t, const std::vector<float>*> columns[] = {
-      {L4D_WEIGHT_ALPHA_T, &file.alpha_t},
-      {L4D_WEIGHT_SH, &weights.sh},
-      {L4D_WEIGHT_SCALE, &file.scale},
-      {L4D_WEIGHT_ROTOR_SPATIAL, &file.rotor_spatial},
-      {L4D_WEIGHT_ROTOR_TEMPORAL, &file.rotor_temporal}};
-  for (const auto& [which, column] : columns) {
-    if (column->empty()) continue;
-    about(path, [&, which = which, column = column] {
-      encoder.check(l4d_encoder_set_weights(encoder.get(), which, column->data(), column->size()));
-    });
+  if (!measures && !arguments.save_weights.empty()) {
+    throw usage_error("--save-weights needs --cameras");
   }
+  if (!measures && arguments.weights.empty() && arguments.no_prune) {
+    throw usage_error("--no-prune needs --weights or --cameras");
+  }
+  if (arguments.parameters.prune_weight.empty()) return;
+  if (arguments.no_prune) throw usage_error("--prune-weight excludes --no-prune");
+  if (!measures && arguments.weights.empty()) {
+    throw usage_error("--prune-weight needs --weights or --cameras");
+  }
+}
+
+// Whether Gaussians that show in no view go. Not where only some views were chosen, or made up:
+// what shows in others would go too. And a lossless stream is promised to hold everything. What the
+// parameters say about it counts more.
+void decide_pruning(Context& context, const EncodeArguments& arguments,
+                    const EncoderHandle& encoder) {
+  const CameraArguments& cameras = arguments.cameras;
+  if (arguments.no_prune) {
+    encoder.check(l4d_encoder_set(encoder.get(), L4D_ENC_PRUNE_WEIGHT, L4D_ALL_COMPONENTS, -1));
+  }
+  if (!cameras.given() || arguments.no_prune) return;
+  const auto parameter = [&](l4d_encoder_parameter id) {
+    double value = 0;
+    encoder.check(l4d_encoder_get(encoder.get(), id, L4D_ALL_COMPONENTS, &value));
+    return value;
+  };
+  if (parameter(L4D_ENC_PRUNE_WEIGHT) >= 0) return;
+  const bool lossless = parameter(L4D_ENC_LOSSLESS) != 0;
+  if (lossless || cameras.orbit > 0 || !cameras.frames.empty() || !cameras.ids.empty()) {
+    context.note(std::string("what shows in no view is kept, since ") +
+                 (lossless ? "the stream is to be lossless" : "these are not all views there are") +
+                 "; --prune-weight 0 drops it");
+    return;
+  }
+  encoder.check(l4d_encoder_set(encoder.get(), L4D_ENC_PRUNE_WEIGHT, L4D_ALL_COMPONENTS, 0));
+}
+
+Importance measure(Context& context, const EncodeArguments& arguments, const Input& input,
+                   const io::Scene& scene) {
+  const CameraViews views = choose_views(context, arguments.cameras, "train", scene.timeline, [&] {
+    return instant_of(scene, middle_of(scene.timeline));
+  });
+  return about(input.name(), [&] {
+    return measure_importance(context, "encode", scene, views, arguments.measure);
+  });
 }
 
 std::vector<uint32_t> encoded_order(const EncoderHandle& encoder, uint64_t coded) {
@@ -89,11 +120,16 @@ Outcome run_encode(Context& context, const EncodeArguments& arguments) {
   const std::string name =
       arguments.output.empty() ? derived_name(arguments.input, ".l4d") : arguments.output;
   Output output(context, name, {&input});
-  std::optional<Output> order_output;
-  if (!arguments.order.empty()) {
-    if (arguments.order == "-") throw usage_error("--order cannot go to stdout");
-    order_output.emplace(context, arguments.order, std::vector<const Input*>{&input});
-  }
+  check_importance(arguments);
+  std::optional<Output> order_output, weights_output;
+  const auto open_side_output = [&](std::optional<Output>& file, const std::string& path,
+                                    const char* option) {
+    if (path.empty()) return;
+    if (path == "-") throw usage_error(std::string(option) + " cannot go to stdout");
+    file.emplace(context, path, std::vector<const Input*>{&input});
+  };
+  open_side_output(order_output, arguments.order, "--order");
+  open_side_output(weights_output, arguments.save_weights, "--save-weights");
 
   // Parameters before the scene: a wrong one should not cost the time of reading.
   l4d_encoder_options options;
@@ -102,9 +138,7 @@ Outcome run_encode(Context& context, const EncodeArguments& arguments) {
   options.seed = arguments.seed;
   const EncoderHandle encoder(&options);
   arguments.parameters.apply(encoder);
-  if (!arguments.parameters.prune_weight.empty() && arguments.weights.empty()) {
-    throw usage_error("--prune-weight needs --weights");
-  }
+  decide_pruning(context, arguments, encoder);
   for (const std::string& text : arguments.metadata) {
     const auto [key, value] = parse_assignment(text, "--metadata");
     about("--metadata " + key, [&, key = key, value = value] {
@@ -120,9 +154,20 @@ Outcome run_encode(Context& context, const EncodeArguments& arguments) {
   });
   EncoderWeights weights;
   if (!arguments.weights.empty()) {
-    set_weights(encoder, arguments.weights, scene.count(), weights);
+    weights.set(encoder, arguments.weights,
+                about(arguments.weights, [&] { return io::read_weights_ply(arguments.weights); }),
+                scene.count());
   }
   const double read_seconds = watch.seconds();
+  std::optional<Importance> importance;
+  if (arguments.cameras.given()) {
+    importance = measure(context, arguments, input, scene);
+    if (weights_output) {
+      io::write_weights_ply(weights_output->path(), importance->weights);
+      weights_output->finish();
+    }
+    weights.set(encoder, "measured weights", std::move(importance->weights), scene.count());
+  }
   std::vector<unsigned char> memory;
   {
     Progress progress(context, "encode");
@@ -156,6 +201,7 @@ Outcome run_encode(Context& context, const EncodeArguments& arguments) {
   const double bits = 8 * static_cast<double>(report.file_bytes) /
                       std::max(1.0, static_cast<double>(report.coded_gaussians));
   Json stages = {{"read", read_seconds}};
+  if (importance) stages["sensitivity"] = importance->seconds;
   for (uint32_t s = 0; s < report.num_stages; ++s) {
     const char* stage = nullptr;
     double seconds = 0;
@@ -183,6 +229,10 @@ Outcome run_encode(Context& context, const EncodeArguments& arguments) {
       format("%s: %s Gaussians, %s, %.2f:1, %.1f bits per Gaussian, in %s\n", name.c_str(),
              format_count(report.coded_gaussians).c_str(), format_bytes(report.file_bytes).c_str(),
              ratio, bits, format_seconds(total_seconds).c_str());
+  if (importance) {
+    outcome.json["sensitivity"] = importance->json();
+    outcome.text += importance->text();
+  }
   const uint64_t left_out = report.input_gaussians - report.coded_gaussians;
   if (left_out > 0) {
     outcome.text +=
@@ -216,14 +266,25 @@ void add_encode(Registry& registry) {
   verb->add_option("-o,--output", arguments->output,
                    "Stream to write, '-' = stdout (default: input's name with .l4d)")
       ->type_name("FILE");
+  arguments->cameras.add_options(verb);
+  arguments->measure.add_options(verb);
   verb->add_option(
           "--weights", arguments->weights,
           "PLY with the importance of each Gaussian (comment l4d_weights 1). alpha_t, "
-          "weight_scale, weight_rotor_spatial and weight_rotor_temporal are used as they "
-          "are; SH takes 0.6 alpha_t, because weight_sh_gradient is zero where a colour is "
-          "clamped, though that Gaussian occludes others. Without: a proxy of opacity, area "
-          "and lifetime")
+          "weight_sh, weight_scale, weight_rotor_spatial and weight_rotor_temporal are used as "
+          "they are; without weight_sh, SH takes 0.6 alpha_t, and not weight_sh_gradient, which "
+          "is zero where a colour is clamped, though that Gaussian occludes others. Without "
+          "weights: a proxy of opacity, area and lifetime")
+      ->type_name("FILE")
+      ->excludes(verb->get_option("--cameras"))
+      ->excludes(verb->get_option("--orbit"));
+  verb->add_option("--save-weights", arguments->save_weights,
+                   "Also write the weights measured, for `--weights`")
       ->type_name("FILE");
+  verb->add_flag(
+      "--no-prune", arguments->no_prune,
+      "Keep Gaussians that show in no view, whatever the preset says. With --cameras they "
+      "are dropped otherwise, unless views were chosen by --frames or --ids or made up");
   verb->add_option("--seed", arguments->seed, "Equal seeds give equal files on one machine")
       ->type_name("N")
       ->capture_default_str();
@@ -241,7 +302,8 @@ void add_encode(Registry& registry) {
   verb->footer(
       "Examples:\n"
       "  l4dcodec encode scene.ply -o scene.l4d\n"
-      "  l4dcodec encode scene.ply --preset high --weights weights.ply --verify\n"
+      "  l4dcodec encode scene.ply --cameras cameras.json --preset high --verify\n"
+      "  l4dcodec encode scene.ply --weights weights.ply --prune-weight 0\n"
       "  l4dcodec encode scene.ply --codebook sh=8192 --stages all=1,0.5 --set page-size=4Ki\n"
       "\n" +
       parameter_help());

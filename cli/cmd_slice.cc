@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <cmath>
 #include <memory>
 
 #include "cli/common.h"
 #include "cli/files.h"
 #include "cli/progress.h"
 #include "cli/scene_source.h"
+#include "cli/sequence.h"
 #include "cli/units.h"
 #include "io/formats.h"
 
@@ -15,82 +15,12 @@ namespace {
 struct SliceArguments {
   std::string input;
   std::string output;
-  std::string time, from, to, fps;
+  SequenceArguments sequence;
   ImportArguments import;
 };
 
-// A name with one %d or %0Nd in it: "out_%04d.ply". "%%" is a percent sign.
-class NumberedName {
- public:
-  explicit NumberedName(const std::string& pattern) {
-    std::string* part = &before_;
-    size_t fields = 0;
-    for (size_t i = 0; i < pattern.size(); ++i) {
-      if (pattern[i] != '%') {
-        *part += pattern[i];
-        continue;
-      }
-      if (pattern.compare(i, 2, "%%") == 0) {
-        *part += '%';
-        ++i;
-        continue;
-      }
-      size_t end = i + 1;
-      while (end < pattern.size() && pattern[end] >= '0' && pattern[end] <= '9') ++end;
-      const std::string digits = pattern.substr(i + 1, end - i - 1);
-      if (end == pattern.size() || pattern[end] != 'd' || digits.size() > 2 || ++fields > 1) {
-        fields = 0;
-        break;
-      }
-      if (!digits.empty()) width_ = static_cast<size_t>(std::stoi(digits));
-      part = &after_;
-      i = end;
-    }
-    if (fields != 1) {
-      throw usage_error("a sequence needs an output name with one %d in it, as out_%04d.ply");
-    }
-  }
-  std::string operator()(size_t number) const {
-    std::string digits = std::to_string(number);
-    if (digits.size() < width_) digits.insert(0, width_ - digits.size(), '0');
-    return before_ + digits + after_;
-  }
-
- private:
-  std::string before_, after_;
-  size_t width_ = 0;
-};
-
-constexpr size_t kMaxFrames = 1u << 24;
-
-// Instants from + k / fps in [from, to); the end of a sequence is no frame of it.
-std::vector<double> instants(Context& context, const SliceArguments& arguments,
-                             const l4d_timeline& timeline) {
-  const auto seconds = [&](const std::string& text, const char* option, double otherwise) {
-    return text.empty() ? otherwise
-                        : clamp_to_sequence(context, timeline, parse_seconds(text, option), option);
-  };
-  if (!arguments.time.empty()) return {seconds(arguments.time, "--time", 0)};
-  const double begin = timeline.time_begin;
-  const double from = seconds(arguments.from, "--from", begin);
-  const double to = seconds(arguments.to, "--to", begin + io::duration(timeline));
-  const double fps =
-      arguments.fps.empty() ? frames_per_second(timeline) : parse_number(arguments.fps, "--fps");
-  if (!(fps > 0)) throw usage_error("--fps must be positive");
-  if (!(to > from)) throw usage_error("--to must lie after --from");
-  // A frame that starts within rounding of the end is past it.
-  const double count = std::ceil((to - from) * fps - 1e-6);
-  if (count > static_cast<double>(kMaxFrames)) throw usage_error("more than 2^24 frames");
-  std::vector<double> times;
-  for (size_t k = 0; k < static_cast<size_t>(count); ++k) {
-    times.push_back(from + static_cast<double>(k) / fps);
-  }
-  return times;
-}
-
 void require_what(const SliceArguments& arguments) {
-  const bool range = !arguments.from.empty() || !arguments.to.empty() || !arguments.fps.empty();
-  if (arguments.time.empty() && !range) {
+  if (arguments.sequence.time.empty() && !arguments.sequence.is_range()) {
     throw usage_error("slice needs --time T, or --from A --to B --fps F for a sequence");
   }
 }
@@ -98,14 +28,14 @@ void require_what(const SliceArguments& arguments) {
 Outcome run_slice(Context& context, const SliceArguments& arguments) {
   const Stopwatch watch;
   require_what(arguments);
-  const bool single = !arguments.time.empty();
+  const bool single = !arguments.sequence.time.empty();
   if (!single && arguments.output == "-") throw usage_error("a sequence cannot go to stdout");
   const Input input(arguments.input);
-  const std::unique_ptr<NumberedName> pattern(single ? nullptr
-                                                     : new NumberedName(arguments.output));
+  const std::unique_ptr<NumberedName> pattern(
+      single ? nullptr : new NumberedName(arguments.output, "out_%04d.ply"));
   SceneStream stream(context, input, arguments.import);
   const l4d_info& info = stream.info();
-  const std::vector<double> times = instants(context, arguments, info.timeline);
+  const std::vector<double> times = instants(context, arguments.sequence, info.timeline);
   const l4d_placement& p = info.placement;
   if (p.scale != 1 || p.origin[0] != 0 || p.origin[1] != 0 || p.origin[2] != 0) {
     context.note("positions are in the frame of the scene; world = (" +
@@ -185,15 +115,7 @@ void add_slice(Registry& registry) {
                    "from 0")
       ->type_name("FILE")
       ->required();
-  auto* time =
-      verb->add_option("--time", arguments->time, "One instant: 2.5, 1:30")->type_name("T");
-  auto* from = verb->add_option("--from", arguments->from, "Sequence from here (default: start)")
-                   ->type_name("T");
-  auto* to =
-      verb->add_option("--to", arguments->to, "... to before here (default: end)")->type_name("T");
-  auto* fps = verb->add_option("--fps", arguments->fps, "Frames per second (default: the scene's)")
-                  ->type_name("F");
-  time->excludes(from)->excludes(to)->excludes(fps);
+  add_sequence_options(verb, arguments->sequence);
   verb->add_option("--seconds", arguments->import.seconds,
                    "Duration to give a PLY that carries no timeline (default: 1)")
       ->type_name("T");

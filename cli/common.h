@@ -113,6 +113,8 @@ void add_info(Registry& registry);
 void add_slice(Registry& registry);
 void add_validate(Registry& registry);
 void add_compare(Registry& registry);
+void add_render(Registry& registry);
+void add_sensitivity(Registry& registry);
 void add_synth(Registry& registry);
 
 }  // namespace l4d::cli

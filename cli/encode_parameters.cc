@@ -107,7 +107,8 @@ void EncodeParameters::add_options(CLI::App* verb) {
       ->type_name("N")
       ->group(group);
   verb->add_option("--prune-weight", prune_weight,
-                   "Drop Gaussians with an alpha_t weight of at most this; needs --weights")
+                   "Drop Gaussians with an alpha_t weight of at most this; needs --weights or "
+                   "--cameras")
       ->type_name("W")
       ->group(group);
   verb->add_flag("--drop-invalid", drop_invalid,
@@ -146,7 +147,8 @@ void EncodeParameters::apply(const EncoderHandle& encoder) const {
 std::string parameter_help() {
   std::string text = "Presets:\n";
   for (uint32_t i = 0; l4d_encoder_preset_name(i) != nullptr; ++i) {
-    text += format("  %-20s %s\n", l4d_encoder_preset_name(i), l4d_encoder_preset_description(i));
+    text += format("  %-20s ", l4d_encoder_preset_name(i)) +
+            wrap(l4d_encoder_preset_description(i), 23) + "\n";
   }
   text += "\nParameters of --set, their range, C where a component can be named:\n";
   for (int id = 0; id < L4D_ENC_PARAMETER_COUNT; ++id) {

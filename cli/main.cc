@@ -132,8 +132,10 @@ int run(int argc, char** argv) {
   add_decode(registry);
   add_info(registry);
   add_slice(registry);
+  add_render(registry);
   add_validate(registry);
   add_compare(registry);
+  add_sensitivity(registry);
   add_synth(registry);
   add_version(registry);
   for (CLI::App* verb : app.get_subcommands(nullptr)) {

@@ -81,6 +81,33 @@ make_scene() {
   l4d synth -q -n "${2:-3000}" --seconds 2 --fps 30 --seed 7 -o "$1"
 }
 
+# An 8-bit RGB PNG of this size: expect_png FILE WIDTH HEIGHT.
+expect_png() {
+  "$PYTHON" -c 'import struct, sys
+data = open(sys.argv[1], "rb").read()
+assert data[:8] == b"\x89PNG\r\n\x1a\n" and data[12:16] == b"IHDR", "no PNG"
+size = struct.unpack(">IIBB", data[16:26])
+assert size == (int(sys.argv[2]), int(sys.argv[3]), 8, 2), size' "$@" || die "$1"
+}
+
+# cameras.json for scenes of make_scene: make_cameras FILE [FPS]. Cameras 0 and 2 are for testing, 1 and 3
+# for training, around the vertical axis; camera k names the video camk.mp4.
+make_cameras() {
+  "$PYTHON" -c 'import json, math, sys
+cameras = []
+for k in range(4):
+    c, s = math.cos(k * math.pi / 2), math.sin(k * math.pi / 2)
+    cameras.append({"id": k, "split": "test" if k % 2 == 0 else "train", "video": "cam%d.mp4" % k,
+                    "K": [[90, 0, 48], [0, 90, 32], [0, 0, 1]],
+                    "w2c": [[c, 0, s, 0], [0, 1, 0, 0], [-s, 0, c, 8], [0, 0, 0, 1]]})
+json.dump({"fps": float(sys.argv[2]), "width": 96, "height": 64, "frames": 60, "cameras": cameras},
+          open(sys.argv[1], "w"))' "$1" "${2:-30}"
+}
+
+need_ffmpeg() {
+  command -v ffmpeg > /dev/null || skip "no ffmpeg"
+}
+
 need_data() {
   [ -e "$DATA/$1" ] || skip "no $1 in $DATA"
 }

@@ -41,11 +41,40 @@ misuse slice s.ply --from 0 --to 1 -o o_%d_%d.ply
 misuse slice s.ply --from 1 --to 0.5 -o o_%d.ply
 misuse slice s.ply --time 1:75 -o o.ply
 misuse decode s.ply --time nan -o o.ply
+misuse render s.ply
+misuse render s.ply --time 1 -o o.mp4
+misuse render s.ply --range 0:1 -o o.png
+misuse render s.ply --range 0:1:2 -o o_%d.png
+misuse render s.ply --range 0:1 --time 1 -o o_%d.png
+misuse render s.ply --orbit -o o.png
+misuse render s.ply --size 640 -o o.png
+misuse render s.ply --scale 0 -o o.png
+misuse render s.ply --scale 1000 -o o.png
+misuse render s.ply --background 1,2 -o o.png
+misuse render s.ply --camera 9 -o o.png
+misuse render s.ply --path slow -o o.png
+misuse sensitivity s.ply -o o.ply
+misuse sensitivity s.ply --orbit 0 -o o.ply
+misuse sensitivity s.ply --orbit 2 --cameras c.json -o o.ply
+misuse sensitivity s.ply --orbit 2 --frames 3:2 -o o.ply
+misuse sensitivity s.ply --orbit 2 --agreement 2 -o o.ply
+misuse sensitivity s.ply --orbit 2 --agreement 0.9 --all-views -o o.ply
+misuse sensitivity s.ply --orbit 2 --size 10x -o o.ply
+misuse encode s.ply -o s.l4d --frames 0:2
+misuse encode s.ply -o s.l4d --save-weights o.ply
+misuse encode s.ply -o s.l4d --all-views
+misuse encode s.ply -o s.l4d --no-prune
+misuse encode s.ply -o s.l4d --orbit 2 --weights w.ply
+misuse encode s.ply -o s.l4d --orbit 2 --no-prune --prune-weight 0
+misuse compare s.ply s.ply --images
+misuse compare s.ply s.ply --orbit 2 --images
+misuse compare s.ply s.ply --min-fidelity 30
+misuse compare s.ply s.ply --orbit 2 --error-gain -1
 misuse synth -n 10 --effects static,rain -o o.ply
 misuse synth -n 10 --seconds 0 -o o.ply
 misuse compare - - < s.ply
 misuse compare s.ply s.ply --max-error beauty=1
-expect_missing s.l4d o.ply o_0.ply
+expect_missing s.l4d o.ply o_0.ply o.png o_0.png o.mp4
 
 # A usage error is a document too where one was asked for.
 for arguments in '' 'frobnicate' 'encode' 'encode a.ply --presett high' 'synth --seconds 0 -o x'; do
@@ -54,7 +83,7 @@ for arguments in '' 'frobnicate' 'encode' 'encode a.ply --presett high' 'synth -
   expect_json out 'd["error"]["code"] == 2 and d["error"]["name"] == "USAGE"'
 done
 
-for verb in encode decode info slice validate compare synth version; do
+for verb in encode decode info slice render validate compare sensitivity synth version; do
   expect 0 "$verb" --help
   expect_empty err
   expect_text out "^Usage: l4dcodec $verb"
@@ -68,7 +97,7 @@ for verb in encode decode info slice validate compare synth version; do
   cmp out by_option
 done
 expect 0 help
-for verb in encode decode info slice validate compare synth version; do
+for verb in encode decode info slice render validate compare sensitivity synth version; do
   expect_text out "^  $verb "
 done
 expect 0 --version

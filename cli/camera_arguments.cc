@@ -1,0 +1,132 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "cli/camera_arguments.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+
+#include "cli/motion.h"
+#include "cli/units.h"
+
+namespace l4d::cli {
+
+void CameraArguments::add_options(CLI::App* verb) {
+  const std::string group = "Cameras and views";
+  auto* file = verb->add_option("--cameras", cameras,
+                                "Cameras to look from: cameras.json, D-NeRF transforms*.json or "
+                                "poses_bounds.npy")
+                   ->type_name("FILE")
+                   ->group(group);
+  auto* made_up = verb->add_option("--orbit", orbit,
+                                   "In place of --cameras, N cameras made up around the scene")
+                      ->type_name("N")
+                      ->check(CLI::Range(1, 100000))
+                      ->group(group);
+  file->excludes(made_up);
+  verb->add_option("--size", size, "Image size of --orbit (default: 640x360)")
+      ->type_name("WxH")
+      ->group(group);
+  verb->add_option("--split", split, "Views of these cameras only: train, test, val or all")
+      ->type_name("NAME")
+      ->check(CLI::IsMember({"train", "test", "val", "all"}))
+      ->group(group);
+  verb->add_option("--ids", ids, "Cameras with these ids only: 0,10,15 or 0-3")
+      ->type_name("LIST")
+      ->group(group);
+  verb->add_option("--frames", frames,
+                   "These frames only: first:end:step (without the end), first:end, or one")
+      ->type_name("RANGE")
+      ->group(group);
+}
+
+void CameraArguments::check() const {
+  const std::pair<const char*, const std::string*> dependent[] = {
+      {"--split", &split}, {"--ids", &ids}, {"--frames", &frames}};
+  for (const auto& [option, value] : dependent) {
+    if (!given() && !value->empty()) {
+      throw usage_error(std::string(option) + " needs --cameras or --orbit");
+    }
+  }
+  if (orbit == 0 && !size.empty()) throw usage_error("--size needs --orbit");
+  uint32_t width, height;
+  if (!size.empty()) parse_image_size(size, &width, &height);
+}
+
+void parse_image_size(const std::string& text, uint32_t* width, uint32_t* height) {
+  const char* end = text.data() + text.size();
+  const auto side = std::from_chars(text.data(), end, *width);
+  if (side.ec == std::errc() && side.ptr != end && *side.ptr == 'x') {
+    const auto other = std::from_chars(side.ptr + 1, end, *height);
+    const auto fits = [](uint32_t n) { return n >= 1 && n <= 16384; };
+    if (other.ec == std::errc() && other.ptr == end && fits(*width) && fits(*height)) return;
+  }
+  throw usage_error("--size: '" + text + "' is no size of 1 to 16384 pixels a side, as 640x360");
+}
+
+io::CameraSet make_orbit(const io::Scene& instant, uint32_t count, const std::string& size) {
+  uint32_t width = 640;
+  uint32_t height = 360;
+  if (!size.empty()) parse_image_size(size, &width, &height);
+  return io::orbit_cameras(instant, count, width, height);
+}
+
+void note_cameras(Context& context, const io::CameraSet& set) {
+  for (const std::string& note : set.notes) context.note(note);
+}
+
+CameraViews choose_views(Context& context, const CameraArguments& arguments,
+                         const std::string& split, const l4d_timeline& timeline,
+                         const std::function<io::Scene()>& instant) {
+  CameraViews result;
+  result.set = arguments.orbit > 0 ? make_orbit(instant(), arguments.orbit, arguments.size)
+                                   : io::read_cameras(arguments.cameras);
+  const auto& cameras = result.set.cameras;
+  io::ViewSelection selection;
+  selection.ids = arguments.ids;
+  selection.frames = arguments.frames;
+  const bool has_split = std::any_of(cameras.begin(), cameras.end(),
+                                     [&](const io::Camera& c) { return c.split == split; });
+  // Ids name cameras of any split.
+  if (!arguments.split.empty()) {
+    selection.split = arguments.split;
+  } else if (arguments.ids.empty() && has_split) {
+    selection.split = split;
+  }
+  result.views =
+      about(arguments.cameras, [&] { return io::select_views(result.set, selection, timeline); });
+  note_cameras(context, result.set);
+  return result;
+}
+
+double middle_of(const l4d_timeline& timeline) {
+  return timeline.time_begin + 0.5 * io::duration(timeline);
+}
+
+io::Scene instant_of(const io::Scene& scene, double seconds) {
+  io::Scene instant;
+  instant.timeline = scene.timeline;
+  instant.placement = scene.placement;
+  for (size_t i = 0; i < scene.count(); ++i) {
+    const Motion motion = motion_of(scene, i);
+    const double distance = (seconds - motion.mean_t) / motion.sigma_t;
+    for (const double p : motion.at(seconds)) instant.position.push_back(static_cast<float>(p));
+    instant.opacity.push_back(
+        static_cast<float>(linear_opacity(scene, i) * std::exp(-0.5 * distance * distance)));
+  }
+  instant.mean_t.resize(scene.count());
+  return instant;
+}
+
+io::Scene instant_of(const DecoderHandle& decoder, double seconds) {
+  const l4d_info info = decoder.info();
+  SplatArrays splats = decoder.slice(seconds);
+  io::Scene instant;
+  instant.timeline = info.timeline;
+  instant.placement = info.placement;
+  instant.position = std::move(splats.position);
+  instant.opacity = std::move(splats.opacity);
+  instant.mean_t.resize(instant.opacity.size());
+  return instant;
+}
+
+}  // namespace l4d::cli

@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "cli/common.h"
+#include "io/cameras.h"
+
+namespace l4d::cli {
+
+// Options of verbs that look at a scene from many sides.
+struct CameraArguments {
+  std::string cameras;
+  uint32_t orbit = 0;
+  std::string size;
+  std::string split;
+  std::string ids;
+  std::string frames;
+
+  void add_options(CLI::App* verb);
+  bool given() const { return !cameras.empty() || orbit > 0; }
+  // Usage errors: options that say which views without saying which cameras.
+  void check() const;
+};
+
+struct CameraViews {
+  io::CameraSet set;
+  std::vector<io::View> views;  // as io::select_views orders them
+};
+
+// "640x360"
+void parse_image_size(const std::string& text, uint32_t* width, uint32_t* height);
+
+// An orbit around an instant; size as of --size.
+io::CameraSet make_orbit(const io::Scene& instant, uint32_t count, const std::string& size);
+// Says what was assumed about cameras that are used.
+void note_cameras(Context& context, const io::CameraSet& set);
+
+// The views that the arguments ask for. `instant` gives the scene to circle, and is called for an
+// orbit alone. Without --split the views of `split` are taken where the cameras have some, else
+// all.
+CameraViews choose_views(Context& context, const CameraArguments& arguments,
+                         const std::string& split, const l4d_timeline& timeline,
+                         const std::function<io::Scene()>& instant);
+
+// The middle of the sequence: where orbits are laid out.
+double middle_of(const l4d_timeline& timeline);
+// The scene at an instant, as far as an orbit needs it: positions, and opacities with their
+// falloff.
+io::Scene instant_of(const io::Scene& scene, double seconds);
+io::Scene instant_of(const DecoderHandle& decoder, double seconds);
+
+}  // namespace l4d::cli

@@ -1,0 +1,320 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <memory>
+#include <optional>
+
+#include "cli/camera_arguments.h"
+#include "cli/common.h"
+#include "cli/files.h"
+#include "cli/frame_sink.h"
+#include "cli/progress.h"
+#include "cli/rendered_scene.h"
+#include "cli/sequence.h"
+#include "cli/units.h"
+#include "io/video.h"
+
+namespace l4d::cli {
+namespace {
+
+struct RenderArguments {
+  std::string input;
+  std::string output;
+  SequenceArguments sequence;
+  std::string range;
+  std::string cameras;
+  std::string camera;
+  bool orbit = false;
+  std::string size;
+  std::string scale;
+  std::string background;
+  std::string path = "fast";
+  uint32_t crf = io::VideoOptions().crf;
+  ImportArguments import;
+};
+
+// Cameras of a still, or of a sequence that does not circle, where there is no file of them.
+constexpr uint32_t kOrbitCameras = 8;
+// An orbit has one ring below this many cameras, and a third of them in the first ring from there.
+constexpr uint32_t kRings = 3;
+constexpr uint32_t kMaxOrbitSteps = 30000;
+
+constexpr const char* kStages[L4D_RENDER_STAGE_BACKWARD] = {"slice", "project", "sort", "bin",
+                                                            "blend"};
+
+enum class Target { kStill, kNumbered, kVideo };
+
+Target target_of(const RenderArguments& arguments) {
+  const std::string& name = arguments.output;
+  const bool video = name.size() > 4 && name.compare(name.size() - 4, 4, ".mp4") == 0;
+  const bool numbered = !video && name.find('%') != std::string::npos;
+  const bool range = arguments.sequence.is_range() || !arguments.range.empty();
+  const bool still = !arguments.sequence.time.empty();
+  if (still && video) throw usage_error("--time is one image; an .mp4 holds a range");
+  if (name == "-" && range) throw usage_error("a sequence cannot go to stdout");
+  if (video) return Target::kVideo;
+  return range || (numbered && !still) ? Target::kNumbered : Target::kStill;
+}
+
+// "begin:end" in seconds, either may be empty.
+SequenceArguments sequence_of(const RenderArguments& arguments) {
+  SequenceArguments sequence = arguments.sequence;
+  if (arguments.range.empty()) return sequence;
+  const size_t colon = arguments.range.find(':');
+  if (colon == std::string::npos || arguments.range.find(':', colon + 1) != std::string::npos) {
+    throw usage_error("--range: '" + arguments.range +
+                      "' is not begin:end in seconds; --from and --to take minutes too");
+  }
+  sequence.from = arguments.range.substr(0, colon);
+  sequence.to = arguments.range.substr(colon + 1);
+  return sequence;
+}
+
+std::array<float, 3> parse_background(const std::string& text) {
+  std::array<float, 3> rgb{};
+  size_t begin = 0;
+  for (size_t c = 0; c < 3; ++c) {
+    const size_t comma = c < 2 ? text.find(',', begin) : text.size();
+    if (comma == std::string::npos) throw usage_error("--background takes r,g,b, each 0 to 1");
+    rgb[c] = static_cast<float>(parse_number(text.substr(begin, comma - begin), "--background"));
+    begin = comma + 1;
+  }
+  return rgb;
+}
+
+// The same view in an image of another size.
+void rescale(l4d_camera& camera, double factor) {
+  const auto side = [&](uint32_t pixels) {
+    const double scaled = std::round(static_cast<double>(pixels) * factor);
+    if (scaled > 16384) throw usage_error("--scale: images have at most 16384 pixels a side");
+    return std::max(1u, static_cast<uint32_t>(scaled));
+  };
+  const uint32_t width = side(camera.width);
+  const uint32_t height = side(camera.height);
+  const double x = static_cast<double>(width) / static_cast<double>(camera.width);
+  const double y = static_cast<double>(height) / static_cast<double>(camera.height);
+  camera.width = width;
+  camera.height = height;
+  camera.fx *= x;
+  camera.cx *= x;
+  camera.fy *= y;
+  camera.cy *= y;
+}
+
+const io::Camera& find_camera(const io::CameraSet& set, const std::string& id) {
+  if (id.empty()) return set.cameras.front();
+  const double number = parse_number(id, "--camera");
+  for (const io::Camera& camera : set.cameras) {
+    if (static_cast<double>(camera.id) == number) return camera;
+  }
+  throw usage_error("--camera: there is no camera " + id + " among the " +
+                    std::to_string(set.cameras.size()));
+}
+
+// One camera, or one for each frame.
+struct Path {
+  std::vector<l4d_camera> cameras;
+  std::optional<int> id;
+  const l4d_camera& at(size_t frame, size_t frames) const {
+    return cameras[frame * cameras.size() / frames];
+  }
+};
+
+Path camera_path(Context& context, const RenderArguments& arguments, const RenderedScene& scene,
+                 size_t frames) {
+  Path path;
+  io::CameraSet set;
+  const auto orbit = [&](uint32_t count) {
+    const io::Scene instant = scene.instant(middle_of(scene.timeline()));
+    return about(arguments.input, [&] { return make_orbit(instant, count, arguments.size); });
+  };
+  if (arguments.orbit && frames > 1) {
+    const uint32_t steps =
+        static_cast<uint32_t>(std::min<size_t>(std::max<size_t>(frames, 4), kMaxOrbitSteps));
+    set = orbit(kRings * steps);
+    for (uint32_t k = 0; k < steps; ++k) path.cameras.push_back(set.cameras[k].camera);
+  } else {
+    set = arguments.cameras.empty() ? orbit(kOrbitCameras) : io::read_cameras(arguments.cameras);
+    const io::Camera& camera = find_camera(set, arguments.camera);
+    path.cameras.push_back(camera.camera);
+    path.id = camera.id;
+  }
+  if (!arguments.scale.empty()) {
+    const double factor = parse_number(arguments.scale, "--scale");
+    if (!(factor > 0)) throw usage_error("--scale must be positive");
+    for (l4d_camera& camera : path.cameras) rescale(camera, factor);
+  }
+  note_cameras(context, set);
+  return path;
+}
+
+// Sums over frames.
+struct RenderSums {
+  uint64_t visible = 0, projected = 0, instances = 0;
+  double seconds[L4D_RENDER_STAGE_COUNT] = {};
+  double render = 0, write = 0;
+  void add(const l4d_render_stats& stats) {
+    visible += stats.visible;
+    projected += stats.projected;
+    instances += stats.instances;
+    for (size_t s = 0; s < L4D_RENDER_STAGE_COUNT; ++s) seconds[s] += stats.seconds[s];
+  }
+};
+
+std::vector<std::string> output_names(const RenderArguments& arguments, Target target,
+                                      size_t frames) {
+  if (target != Target::kNumbered) return {arguments.output};
+  const NumberedName pattern(arguments.output, "out_%04d.png, or out.mp4");
+  std::vector<std::string> names;
+  for (size_t k = 0; k < frames; ++k) names.push_back(pattern(k));
+  return names;
+}
+
+Outcome run_render(Context& context, const RenderArguments& arguments) {
+  const Stopwatch watch;
+  const Target target = target_of(arguments);
+  SequenceArguments sequence = sequence_of(arguments);
+  if (arguments.orbit && target == Target::kStill) {
+    throw usage_error("--orbit circles the scene in a video or a sequence");
+  }
+  if (!arguments.size.empty() && !arguments.cameras.empty()) {
+    throw usage_error("--size is for made-up cameras; --scale changes those of a file");
+  }
+  uint32_t unused;
+  if (!arguments.size.empty()) parse_image_size(arguments.size, &unused, &unused);
+  std::array<float, 3> background{};
+  if (!arguments.background.empty()) background = parse_background(arguments.background);
+  const Input input(arguments.input);
+  RenderedScene scene(context, input, arguments.import, arguments.path);
+  scene.set_background(background.data());
+  if (target == Target::kStill && sequence.time.empty()) {
+    sequence.time = format("%.17g", middle_of(scene.timeline()));
+  }
+  const std::vector<double> times = instants(context, sequence, scene.timeline());
+  const double frame_rate = sequence_fps(sequence, scene.timeline());
+  FrameSink sink(context, output_names(arguments, target, times.size()), input);
+  const Path path = camera_path(context, arguments, scene, times.size());
+  const l4d_camera& first = path.cameras.front();
+  if (target == Target::kVideo) {
+    sink.open_video(first.width, first.height, {frame_rate, arguments.crf});
+  }
+  const double open_seconds = watch.seconds();
+
+  RenderSums sums;
+  io::Image image;
+  uint64_t bytes = 0;
+  {
+    Progress progress(context, "render");
+    for (size_t k = 0; k < times.size(); ++k) {
+      progress.update(k, times.size(), "frames");
+      const Stopwatch render_watch;
+      scene.set_time(times[k]);
+      scene.render(path.at(k, times.size()), &image);
+      sums.render += render_watch.seconds();
+      sums.add(scene.stats());
+      const Stopwatch write_watch;
+      sink.write(k, image);
+      sums.write += write_watch.seconds();
+    }
+    progress.step("writing");
+    const Stopwatch write_watch;
+    bytes = sink.finish();
+    sums.write += write_watch.seconds();
+  }
+
+  const uint64_t frames = times.size();
+  const double speed = static_cast<double>(frames) / std::max(sums.render, 1e-9);
+  const auto mean = [&](uint64_t sum) { return (sum + frames / 2) / frames; };
+  Json stages = {{"open", open_seconds}};
+  for (size_t s = 0; s < L4D_RENDER_STAGE_BACKWARD; ++s) stages[kStages[s]] = sums.seconds[s];
+  stages["write"] = sums.write;
+  Outcome outcome;
+  outcome.stdout_is_data = sink.is_stdout();
+  outcome.json = {{"schema", "l4dcodec.render/1"},
+                  {"input", input.name()},
+                  {"output", arguments.output},
+                  {"camera", path.id ? Json(*path.id) : Json(nullptr)},
+                  {"width", first.width},
+                  {"height", first.height},
+                  {"frames", frames},
+                  {"time_begin", times.front()},
+                  {"time_end", times.back()},
+                  {"frame_rate", frame_rate},
+                  {"file_bytes", bytes},
+                  {"visible", mean(sums.visible)},
+                  {"projected", mean(sums.projected)},
+                  {"instances", mean(sums.instances)},
+                  {"stages", stages},
+                  {"render_s", sums.render},
+                  {"fps", speed},
+                  {"total_s", watch.seconds()}};
+  const std::string size = format("%u x %u pixels", first.width, first.height);
+  const std::string what =
+      target == Target::kStill
+          ? size + " at " + format_number(times[0]) + " s"
+          : format_count(frames) + (frames == 1 ? " frame of " : " frames of ") + size;
+  outcome.text = format(
+      "%s: %s, %s\n%s of %s visible Gaussians in the picture, rendered in %s (%s frames per "
+      "second)\n",
+      arguments.output.c_str(), what.c_str(), format_bytes(bytes).c_str(),
+      format_count(mean(sums.projected)).c_str(), format_count(mean(sums.visible)).c_str(),
+      format_seconds(sums.render).c_str(), format_number(speed).c_str());
+  return outcome;
+}
+
+}  // namespace
+
+void add_render(Registry& registry) {
+  auto arguments = std::make_shared<RenderArguments>();
+  CLI::App* verb =
+      add_verb(registry, "render", "Render the scene to an image, a sequence or a video",
+               [arguments](Context& context) { return run_render(context, *arguments); });
+  verb->add_option("input", arguments->input, "Scene: .l4d or PLY, '-' = stdin")->required();
+  verb->add_option("-o,--output", arguments->output,
+                   "PNG to write, '-' = stdout; a sequence needs a %d: out_%04d.png, counted from "
+                   "0, or is a video: out.mp4 (made by ffmpeg)")
+      ->type_name("FILE")
+      ->required();
+  add_sequence_options(verb, arguments->sequence);
+  auto* range = verb->add_option("--range", arguments->range,
+                                 "begin:end in seconds, short for --from and --to")
+                    ->type_name("A:B");
+  for (const char* other : {"--time", "--from", "--to"}) range->excludes(verb->get_option(other));
+  auto* cameras = verb->add_option("--cameras", arguments->cameras,
+                                   "Cameras to look from: cameras.json, D-NeRF transforms*.json "
+                                   "or poses_bounds.npy (default: 8 made up around the scene)")
+                      ->type_name("FILE");
+  verb->add_option("--camera", arguments->camera, "Id of the camera (default: the first)")
+      ->type_name("ID");
+  verb->add_flag("--orbit", arguments->orbit, "Circle the scene once during the sequence")
+      ->excludes(cameras)
+      ->excludes(verb->get_option("--camera"));
+  verb->add_option("--size", arguments->size, "Image size of made-up cameras (default: 640x360)")
+      ->type_name("WxH");
+  verb->add_option("--scale", arguments->scale, "Factor of the image size: 0.5, 2")->type_name("S");
+  verb->add_option("--background", arguments->background,
+                   "Colour behind the scene, each 0 to 1 (default: 0,0,0)")
+      ->type_name("R,G,B");
+  verb->add_option("--path", arguments->path,
+                   "Renderer: fast, or reference (double precision, slow, for checking)")
+      ->type_name("NAME")
+      ->check(CLI::IsMember({"fast", "reference"}))
+      ->capture_default_str();
+  verb->add_option("--crf", arguments->crf, "Constant rate factor of a video, 0 (lossless) to 51")
+      ->type_name("N")
+      ->check(CLI::Range(0, 51))
+      ->capture_default_str();
+  verb->add_option("--seconds", arguments->import.seconds,
+                   "Duration to give a PLY that carries no timeline (default: 1)")
+      ->type_name("T");
+  verb->footer(
+      "Examples:\n"
+      "  l4dcodec render scene.l4d --time 2.5 -o frame.png\n"
+      "  l4dcodec render scene.l4d --cameras cameras.json --camera 3 --range 1:2 -o f_%04d.png\n"
+      "  l4dcodec render scene.l4d --orbit --size 1280x720 -o scene.mp4\n"
+      "The default instant is the middle of the sequence, the default range all of it.\n"
+      "Of a stream only what is visible is decoded.");
+}
+
+}  // namespace l4d::cli

@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <memory>
+
+#include "cli/camera_arguments.h"
+#include "cli/common.h"
+#include "cli/files.h"
+#include "cli/importance.h"
+#include "cli/progress.h"
+#include "cli/scene_source.h"
+#include "cli/units.h"
+
+namespace l4d::cli {
+namespace {
+
+struct SensitivityArguments {
+  std::string input;
+  std::string output;
+  CameraArguments cameras;
+  MeasureArguments measure;
+  ImportArguments import;
+};
+
+Outcome run_sensitivity(Context& context, const SensitivityArguments& arguments) {
+  const Stopwatch watch;
+  if (!arguments.cameras.given()) throw usage_error("sensitivity needs --cameras or --orbit");
+  arguments.cameras.check();
+  arguments.measure.options();  // a wrong one should not cost the time of reading
+  const Input input(arguments.input);
+  Output output(context, arguments.output, {&input});
+  const LoadedScene loaded = load_scene(context, input, arguments.import);
+  const io::Scene& scene = loaded.scene;
+  const CameraViews views = choose_views(context, arguments.cameras, "train", scene.timeline, [&] {
+    return instant_of(scene, middle_of(scene.timeline));
+  });
+  const Importance importance = about(input.name(), [&] {
+    return measure_importance(context, "sensitivity", scene, views, arguments.measure);
+  });
+  io::write_weights_ply(output.path(), importance.weights);
+  const uint64_t bytes = output.finish();
+
+  Outcome outcome;
+  outcome.stdout_is_data = output.is_stdout();
+  outcome.json = {{"schema", "l4dcodec.sensitivity/1"},
+                  {"input", input.name()},
+                  {"output", arguments.output},
+                  {"num_gaussians", scene.count()},
+                  {"measure", arguments.measure.measure}};
+  outcome.json.update(importance.json());
+  outcome.json["file_bytes"] = bytes;
+  outcome.json["total_s"] = watch.seconds();
+  outcome.text = format("%s: weights of %s Gaussians, %s\n", arguments.output.c_str(),
+                        format_count(scene.count()).c_str(), format_bytes(bytes).c_str()) +
+                 importance.text();
+  return outcome;
+}
+
+}  // namespace
+
+void add_sensitivity(Registry& registry) {
+  auto arguments = std::make_shared<SensitivityArguments>();
+  CLI::App* verb = add_verb(
+      registry, "sensitivity", "Measure how much each Gaussian matters for images of the scene",
+      [arguments](Context& context) { return run_sensitivity(context, *arguments); });
+  verb->add_option("input", arguments->input, "Scene: .l4d or PLY, '-' = stdin")->required();
+  verb->add_option("-o,--output", arguments->output,
+                   "Weights to write, for `encode --weights`; '-' = stdout")
+      ->type_name("FILE")
+      ->required();
+  arguments->cameras.add_options(verb);
+  arguments->measure.add_options(verb);
+  add_import_options(verb, arguments->import);
+  verb->footer(
+      "Examples:\n"
+      "  l4dcodec sensitivity scene.ply --cameras cameras.json -o weights.ply\n"
+      "  l4dcodec sensitivity scene.ply --orbit 24 --frames 0:150:10 --all-views -o weights.ply\n"
+      "Views are those of the training cameras where the file tells them apart, else all. Rows "
+      "are\n"
+      "in the order of the scene's Gaussians.");
+}
+
+}  // namespace l4d::cli

@@ -1,0 +1,150 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "cli/importance.h"
+
+#include <algorithm>
+
+#include "cli/progress.h"
+#include "cli/rendered_scene.h"
+#include "cli/units.h"
+
+namespace l4d::cli {
+namespace {
+
+// What alpha_t is worth for SH where no weight_sh was measured: light that an SH error changes,
+// relative to the other components.
+constexpr float kShPerAlphaT = 0.6f;
+
+}  // namespace
+
+void MeasureArguments::add_options(CLI::App* verb) {
+  const std::string group = "Importance from views";
+  auto* agree =
+      verb->add_option("--agreement", agreement,
+                       "Measure views in rounds until the weights of two halves of them agree to "
+                       "this rank correlation (default: 0.95)")
+          ->type_name("R")
+          ->group(group);
+  auto* all = verb->add_flag("--all-views", all_views, "Measure every view")->group(group);
+  all->excludes(agree);
+  verb->add_option("--max-share", max_share, "Measure at most this share of the views (default: 1)")
+      ->type_name("S")
+      ->excludes(all)
+      ->group(group);
+  verb->add_option("--measure", measure,
+                   "sum: derivatives of the sum of pixels; gauss-newton: of squared pixel "
+                   "differences, estimated with random signs")
+      ->type_name("NAME")
+      ->check(CLI::IsMember({"sum", "gauss-newton"}))
+      ->capture_default_str()
+      ->group(group);
+}
+
+bool MeasureArguments::given() const {
+  return !agreement.empty() || all_views || !max_share.empty() || measure != "sum";
+}
+
+l4d_measure_options MeasureArguments::options() const {
+  l4d_measure_options options;
+  l4d_measure_options_init(&options);
+  if (measure == "gauss-newton") options.sensitivity.measure = L4D_SENSITIVITY_GAUSS_NEWTON;
+  if (!agreement.empty()) options.agreement = parse_number(agreement, "--agreement");
+  if (!(options.agreement > 0 && options.agreement <= 1)) {
+    throw usage_error("--agreement must be above 0 and at most 1");
+  }
+  if (all_views) options.agreement = 2;  // a correlation never gets there
+  if (!max_share.empty()) options.max_share = parse_number(max_share, "--max-share");
+  if (!(options.max_share > 0 && options.max_share <= 1)) {
+    throw usage_error("--max-share must be above 0 and at most 1");
+  }
+  return options;
+}
+
+Importance measure_importance(Context& context, const std::string& verb, const io::Scene& scene,
+                              const CameraViews& all, const MeasureArguments& arguments) {
+  const Stopwatch watch;
+  const l4d_measure_options options = arguments.options();
+  std::vector<l4d_camera> cameras;
+  for (const io::Camera& camera : all.set.cameras) cameras.push_back(camera.camera);
+  std::vector<l4d_view> views;
+  for (const io::View& view : all.views) {
+    views.push_back({view.time, static_cast<uint32_t>(view.camera), 0});
+  }
+  Importance result;
+  l4d_measure_report_init(&result.report);
+  const l4d_renderer_options rendering = renderer_options(context);
+  RendererHandle renderer(&rendering);
+  const l4d_gaussians gaussians = scene.view();
+  renderer.set_gaussians(gaussians, scene.timeline);
+  l4d_sensitivity* measured = nullptr;
+  {
+    Progress progress(context, verb);
+    renderer.check(l4d_measure(
+        renderer.get(), cameras.data(), static_cast<uint32_t>(cameras.size()), views.data(),
+        views.size(), &options, &Progress::callback, &progress, &result.report, &measured));
+  }
+  const SensitivityHandle sensitivity(measured, scene.count());
+  result.weights.count = scene.count();
+  result.weights.alpha_t = sensitivity.weights(L4D_WEIGHT_ALPHA_T);
+  result.weights.sh = sensitivity.weights(L4D_WEIGHT_SH);
+  result.weights.scale = sensitivity.weights(L4D_WEIGHT_SCALE);
+  result.weights.rotor_spatial = sensitivity.weights(L4D_WEIGHT_ROTOR_SPATIAL);
+  result.weights.rotor_temporal = sensitivity.weights(L4D_WEIGHT_ROTOR_TEMPORAL);
+  result.seconds = watch.seconds();
+  return result;
+}
+
+Json Importance::json() const {
+  Json agreement = Json::object();
+  for (uint32_t c = 0; c < L4D_COMPONENT_COUNT; ++c) {
+    agreement[component_name(c)] = report.agreement[c];
+  }
+  return {{"views", report.views},
+          {"views_measured", report.views_measured},
+          {"views_asked", report.views_asked},
+          {"rounds", report.rounds},
+          {"agreed", report.agreed != 0},
+          {"agreement", agreement},
+          {"unseen", report.unseen},
+          {"seconds", seconds}};
+}
+
+std::string Importance::text() const {
+  std::string t =
+      format("importance from %s of %s views in %s", format_count(report.views_measured).c_str(),
+             format_count(report.views).c_str(), format_seconds(seconds).c_str());
+  t += report.rounds > 1 || report.agreed != 0 ? "; halves agree to" : "";
+  if (report.rounds > 1 || report.agreed != 0) {
+    for (uint32_t c = 0; c < L4D_COMPONENT_COUNT; ++c) {
+      t += format("%s %s %.3f", c == 0 ? "" : ",", component_name(c), report.agreement[c]);
+    }
+  }
+  return t + format("\n%s Gaussians show in no view\n", format_count(report.unseen).c_str());
+}
+
+void EncoderWeights::set(const EncoderHandle& encoder, const std::string& name, io::Weights weights,
+                         size_t num_gaussians) {
+  weights_ = std::move(weights);
+  if (weights_.count != num_gaussians) {
+    throw Failure(L4D_ERR_INVALID_SCENE, name + ": has weights of " + format_count(weights_.count) +
+                                             " Gaussians, the scene has " +
+                                             format_count(num_gaussians));
+  }
+  if (weights_.sh.empty() || weights_.sh_is_clamped) {
+    weights_.sh.clear();
+    for (const float w : weights_.alpha_t) weights_.sh.push_back(kShPerAlphaT * w);
+  }
+  const std::pair<uint32_t, const std::vector<float>*> columns[] = {
+      {L4D_WEIGHT_ALPHA_T, &weights_.alpha_t},
+      {L4D_WEIGHT_SH, &weights_.sh},
+      {L4D_WEIGHT_SCALE, &weights_.scale},
+      {L4D_WEIGHT_ROTOR_SPATIAL, &weights_.rotor_spatial},
+      {L4D_WEIGHT_ROTOR_TEMPORAL, &weights_.rotor_temporal}};
+  for (const auto& [which, column] : columns) {
+    if (column->empty()) continue;
+    about(name, [&, which = which, column = column] {
+      encoder.check(l4d_encoder_set_weights(encoder.get(), which, column->data(), column->size()));
+    });
+  }
+}
+
+}  // namespace l4d::cli

@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "cli/camera_arguments.h"
+#include "cli/common.h"
+#include "io/formats.h"
+#include "l4d/render.h"
+
+namespace l4d::cli {
+
+// How importance is measured from views.
+struct MeasureArguments {
+  std::string agreement;
+  bool all_views = false;
+  std::string max_share;
+  std::string measure = "sum";
+
+  void add_options(CLI::App* verb);
+  bool given() const;  // whether any option was
+  l4d_measure_options options() const;
+};
+
+struct Importance {
+  io::Weights weights;
+  l4d_measure_report report;
+  double seconds = 0;
+
+  Json json() const;
+  std::string text() const;
+};
+// Weights of all components of the scene, as l4d_measure has them.
+Importance measure_importance(Context& context, const std::string& verb, const io::Scene& scene,
+                              const CameraViews& views, const MeasureArguments& arguments);
+
+// Weights in the form the encoder takes them: it borrows what this holds.
+class EncoderWeights {
+ public:
+  // `name` stands for the weights in messages.
+  void set(const EncoderHandle& encoder, const std::string& name, io::Weights weights,
+           size_t num_gaussians);
+
+ private:
+  io::Weights weights_;
+};
+
+}  // namespace l4d::cli

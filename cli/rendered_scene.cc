@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "cli/rendered_scene.h"
+
+#include "cli/camera_arguments.h"
+#include "cli/progress.h"
+
+namespace l4d::cli {
+
+l4d_renderer_options renderer_options(const Context& context, const std::string& path) {
+  l4d_renderer_options options;
+  l4d_renderer_options_init(&options);
+  options.threads = context.options.threads;
+  options.path = path == "reference" ? L4D_RENDER_REFERENCE : L4D_RENDER_FAST;
+  return options;
+}
+
+RenderedScene::RenderedScene(Context& context, const Input& input, const ImportArguments& arguments,
+                             const std::string& path)
+    : name_(input.name()),
+      decoder_([&] {
+        const l4d_decoder_options options = context.decoder_options();
+        return DecoderHandle(&options);
+      }()),
+      renderer_([&] {
+        const l4d_renderer_options options = renderer_options(context, path);
+        return RendererHandle(&options);
+      }()) {
+  if (input.is_ply()) {
+    scene_ = load_scene(context, input, arguments).scene;
+    timeline_ = scene_->timeline;
+    count_ = scene_->count();
+    about(name_, [&] { renderer_.set_gaussians(scene_->view(), timeline_); });
+  } else {
+    about(name_, [&] {
+      decoder_.open_file(input.path());
+      renderer_.set_decoder(decoder_);
+    });
+    const l4d_info info = decoder_.info();
+    timeline_ = info.timeline;
+    count_ = info.num_gaussians;
+  }
+}
+
+io::Scene RenderedScene::instant(double seconds) const {
+  return about(
+      name_, [&] { return scene_ ? instant_of(*scene_, seconds) : instant_of(decoder_, seconds); });
+}
+
+void RenderedScene::set_background(const float* rgb) {
+  renderer_.check(l4d_renderer_set_background(renderer_.get(), rgb));
+}
+
+void RenderedScene::set_time(double seconds) {
+  if (time_ == seconds) return;
+  check_interrupt();
+  about(name_, [&] { renderer_.set_time(seconds); });
+  time_ = seconds;
+}
+
+void RenderedScene::render(const l4d_camera& camera, io::Image* image) {
+  check_interrupt();
+  if (image->width != camera.width || image->height != camera.height) {
+    *image = io::Image(camera.width, camera.height);
+  }
+  about(name_, [&] { renderer_.render(camera, image->rgb.data()); });
+}
+
+}  // namespace l4d::cli

@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "cli/common.h"
+#include "cli/files.h"
+#include "cli/scene_source.h"
+#include "io/image.h"
+#include "l4d/render.hpp"
+
+namespace l4d::cli {
+
+// A scene with a renderer that shows it. Of a stream only what is visible at an instant is decoded.
+class RenderedScene {
+ public:
+  // path: "fast" or "reference".
+  RenderedScene(Context& context, const Input& input, const ImportArguments& arguments,
+                const std::string& path = "fast");
+  RenderedScene(const RenderedScene&) = delete;
+  RenderedScene& operator=(const RenderedScene&) = delete;
+
+  const l4d_timeline& timeline() const { return timeline_; }
+  uint64_t count() const { return count_; }
+  io::Scene instant(double seconds) const;  // see cli/camera_arguments.h
+
+  void set_background(const float* rgb);
+  // Moves to an instant; nothing happens where the scene is there already.
+  void set_time(double seconds);
+  // Resizes the image as needed.
+  void render(const l4d_camera& camera, io::Image* image);
+  l4d_render_stats stats() const { return renderer_.stats(); }
+
+ private:
+  std::string name_;
+  std::optional<io::Scene> scene_;  // of a PLY; the renderer borrows it
+  DecoderHandle decoder_;           // likewise
+  RendererHandle renderer_;
+  l4d_timeline timeline_{};
+  uint64_t count_ = 0;
+  std::optional<double> time_;
+};
+
+l4d_renderer_options renderer_options(const Context& context, const std::string& path = "fast");
+
+}  // namespace l4d::cli

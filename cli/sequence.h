@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <string>
+#include <vector>
+
+#include "cli/common.h"
+
+namespace l4d::cli {
+
+// A name with one %d or %0Nd in it: "out_%04d.ply". "%%" is a percent sign.
+class NumberedName {
+ public:
+  // Throws a usage error that gives `example` where the pattern is none.
+  NumberedName(const std::string& pattern, const std::string& example);
+  std::string operator()(size_t number) const;
+
+ private:
+  std::string before_, after_;
+  size_t width_ = 0;
+};
+
+// Instants as text: one, or a sequence [from, to) at a rate.
+struct SequenceArguments {
+  std::string time, from, to, fps;
+  bool is_range() const { return !from.empty() || !to.empty() || !fps.empty(); }
+};
+void add_sequence_options(CLI::App* verb, SequenceArguments& arguments);
+
+double sequence_fps(const SequenceArguments& arguments, const l4d_timeline& timeline);
+// The one instant where --time is given, else from + k / fps in [from, to); the end of a sequence
+// is no frame of it.
+std::vector<double> instants(Context& context, const SequenceArguments& arguments,
+                             const l4d_timeline& timeline);
+
+}  // namespace l4d::cli
