@@ -11,7 +11,7 @@ namespace {
 
 constexpr ParameterDescription kParameters[L4D_ENC_PARAMETER_COUNT] = {
     {"lossless", "code float32 attributes exactly", 0, 1, 0, false, true},
-    {"codebook-size", "entries of each stage's codebook", 1, 65536, 4096, true, true},
+    {"codebook-size", "entries of each stage's codebook", 1, 65536, 1024, true, true},
     {"literal-threshold", "keep vectors of a larger weight unquantised; 0 = never", 0, 1e30, 0, true,
      false},
     {"rcq", "block codebooks: 0 never, 1 where they pay, 2 wherever allowed", 0, 2, 1, false, true},
@@ -57,8 +57,9 @@ constexpr double kPaperTemporalThreshold = 8e-6;
 constexpr double kPaperRcqSize = 512;
 
 constexpr PresetDescription kPresets[] = {
-    {"default", "one stage of 4096 codewords per component"},
-    {"high", "residual stages for 100, 50 and 25 % of the Gaussians, 4096 codewords each"},
+    {"default", "five residual stages for SH, two for the rest, 1024 codewords each"},
+    {"small", "one stage of 4096 codewords per component"},
+    {"high", "six residual stages of 2048 codewords for SH, three of 4096 for the rest"},
     {"paper-small", "the paper's small model: literals above thresholds, RCQ, unseen Gaussians dropped"},
     {"paper-large", "the paper's large model: twice the SH codebook, a lower SH threshold"},
     {"lossless", "the float32 bits of the input, in any order"},
@@ -76,7 +77,8 @@ const PresetDescription* describe_preset(uint32_t index) {
 
 EncoderSettings::EncoderSettings() {
   for (size_t id = 0; id < L4D_ENC_PARAMETER_COUNT; ++id) values_[id].fill(kParameters[id].initial);
-  stages_.fill({1.0f});
+  stages_.fill({1.0f, 0.5f});
+  stages_[L4D_COMPONENT_SH] = {1.0f, 0.6f, 0.4f, 0.2f, 0.1f};
 }
 
 Status EncoderSettings::set(l4d_encoder_parameter id, int component, double value) {
@@ -131,18 +133,27 @@ Status EncoderSettings::set_stages(int component, const std::vector<float>& frac
 
 Status EncoderSettings::set_preset(const char* name) {
   EncoderSettings fresh;
+  // docs/accuracy.md has the plot of fidelity against bytes they were chosen from.
   if (std::strcmp(name, "high") == 0) {
-    fresh.stages_.fill({1.0f, 0.5f, 0.25f});
+    fresh.stages_.fill({1.0f, 0.6f, 0.2f});
+    fresh.stages_[L4D_COMPONENT_SH] = {1.0f, 0.7f, 0.5f, 0.3f, 0.2f, 0.1f};
+    fresh.values_[L4D_ENC_CODEBOOK_SIZE].fill(4096);
+    fresh.values_[L4D_ENC_CODEBOOK_SIZE][L4D_COMPONENT_SH] = 2048;
+  } else if (std::strcmp(name, "small") == 0) {
+    fresh.stages_.fill({1.0f});
+    fresh.values_[L4D_ENC_CODEBOOK_SIZE].fill(4096);
   } else if (std::strcmp(name, "paper-small") == 0 || std::strcmp(name, "paper-large") == 0) {
     const PaperPreset& paper = name[6] == 's' ? kPaperSmall : kPaperLarge;
     const auto set = [&](l4d_encoder_parameter id, int component, double value) {
       fresh.values_[static_cast<size_t>(id)][static_cast<size_t>(component)] = value;
     };
-    set(L4D_ENC_CODEBOOK_SIZE, L4D_COMPONENT_SH, paper.sh_codebook);
     set(L4D_ENC_LITERAL_THRESHOLD, L4D_COMPONENT_SH, paper.sh_threshold);
     set(L4D_ENC_LITERAL_THRESHOLD, L4D_COMPONENT_SCALE, kPaperScaleThreshold);
     set(L4D_ENC_LITERAL_THRESHOLD, L4D_COMPONENT_ROTOR_SPATIAL, kPaperSpatialThreshold);
     set(L4D_ENC_LITERAL_THRESHOLD, L4D_COMPONENT_ROTOR_TEMPORAL, kPaperTemporalThreshold);
+    fresh.stages_.fill({1.0f});
+    fresh.values_[L4D_ENC_CODEBOOK_SIZE].fill(4096);
+    fresh.values_[L4D_ENC_CODEBOOK_SIZE][L4D_COMPONENT_SH] = paper.sh_codebook;
     fresh.values_[L4D_ENC_RCQ].fill(2);
     fresh.values_[L4D_ENC_RCQ_SIZE].fill(kPaperRcqSize);
     fresh.values_[L4D_ENC_PRUNE_WEIGHT].fill(0);

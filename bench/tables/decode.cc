@@ -103,12 +103,12 @@ int main() {
   options.gaussians = 1000000;
   options.seconds = 20;
   WeightedScene synth{io::synthesize(options), {}};
-  run("synth, 1 million Gaussians, 20 s", make_encoder(synth, {}, "default").encode());
+  run("synth, 1 million Gaussians, 20 s", make_encoder(synth, {}, "small").encode());
   if (data_dir().empty()) {
     std::puts("\nbasketball: SKIPPED, set L4D_DATA_DIR");
     return 0;
   }
   const WeightedScene scene = load_basketball();
-  run("basketball", make_encoder(scene, sh_weights(scene), "default").encode());
+  run("basketball", make_encoder(scene, sh_weights(scene), "small").encode());
   return 0;
 }

@@ -46,7 +46,7 @@ int main() {
     options.seconds = 10;
     options.effects = row.effects;
     const WeightedScene scene{io::synthesize(options), {}};
-    const std::vector<unsigned char> file = make_encoder(scene, {}, "default").encode();
+    const std::vector<unsigned char> file = make_encoder(scene, {}, "small").encode();
     l4d_decoder_options one_thread;
     l4d_decoder_options_init(&one_thread);
     one_thread.threads = 1;

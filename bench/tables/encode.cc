@@ -13,7 +13,7 @@ using namespace l4d::bench;
 void run(const char* name, const WeightedScene& scene, const std::vector<float>& sh) {
   reset_peak_rss();
   const uint64_t before = peak_rss_bytes();
-  EncoderHandle e = make_encoder(scene, sh, "default");
+  EncoderHandle e = make_encoder(scene, sh, "small");
   const std::vector<unsigned char> file = e.encode();
   const l4d_encode_report r = report_of(e);
   std::printf("\n%s: %llu Gaussians, %llu -> %zu bytes, ratio %.2f, peak memory %.0f MB"

@@ -45,7 +45,7 @@ int main() {
     options.gaussians = static_cast<uint64_t>(60000 + 2000 * seconds);
     options.static_gaussians = 60000;
     const WeightedScene scene{io::synthesize(options), {}};
-    EncoderHandle encoder = make_encoder(scene, {}, "default");
+    EncoderHandle encoder = make_encoder(scene, {}, "small");
     const std::vector<unsigned char> file = encoder.encode();
 
     std::vector<double> open_us, decode_ms;

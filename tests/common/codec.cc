@@ -10,6 +10,7 @@ namespace l4d::test {
 
 EncodeOptions small_options() {
   EncodeOptions o;
+  o.preset = "small";
   o.settings = {{L4D_ENC_CODEBOOK_SIZE, 64},
                 {L4D_ENC_KMEANS_ITERATIONS, 4},
                 {L4D_ENC_MERGE_COUNT, 40},

@@ -113,9 +113,9 @@ TEST(Settings, PresetsReplaceEverything) {
     const EncoderHandle e;
     EXPECT_EQ(l4d_encoder_set_preset(e.get(), l4d_encoder_preset_name(i)), L4D_OK);
   }
-  EXPECT_EQ(names, (std::set<std::string>{"default", "high", "paper-small", "paper-large",
+  EXPECT_EQ(names, (std::set<std::string>{"default", "small", "high", "paper-small", "paper-large",
                                           "lossless"}));
-  EXPECT_EQ(l4d_encoder_preset_description(5), nullptr);
+  EXPECT_EQ(l4d_encoder_preset_description(6), nullptr);
 
   EncoderSettings s;
   ASSERT_TRUE(s.set_preset("lossless").ok());
@@ -124,11 +124,12 @@ TEST(Settings, PresetsReplaceEverything) {
   ASSERT_TRUE(s.set_preset("high").ok());
   EXPECT_FALSE(s.get_bool(L4D_ENC_LOSSLESS));
   EXPECT_EQ(s.get(L4D_ENC_PAGE_SIZE), EncoderSettings().get(L4D_ENC_PAGE_SIZE));
-  for (int c = 0; c < L4D_COMPONENT_COUNT; ++c) {
-    EXPECT_EQ(s.stages(c), (std::vector<float>{1.0f, 0.5f, 0.25f}));
-  }
-  ASSERT_TRUE(s.set_preset("default").ok());
+  EXPECT_EQ(s.stages(L4D_COMPONENT_SH).size(), 6u);
+  EXPECT_EQ(s.stages(L4D_COMPONENT_SCALE), (std::vector<float>{1.0f, 0.6f, 0.2f}));
+  ASSERT_TRUE(s.set_preset("small").ok());
   for (int c = 0; c < L4D_COMPONENT_COUNT; ++c) EXPECT_EQ(s.stages(c), (std::vector<float>{1.0f}));
+  ASSERT_TRUE(s.set_preset("default").ok());
+  for (int c = 0; c < L4D_COMPONENT_COUNT; ++c) EXPECT_EQ(s.stages(c), EncoderSettings().stages(c));
   for (int id = 0; id < L4D_ENC_PARAMETER_COUNT; ++id) {
     EXPECT_EQ(s.get(parameter(id)), describe_parameter(parameter(id)).initial);
   }
