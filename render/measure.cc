@@ -56,8 +56,21 @@ struct InstantViews {
   size_t done = 0;
 };
 
+// The items in an order any prefix of which lies evenly among them: a walk around them from `first` by
+// strides near the golden section.
+template <typename Item>
+std::vector<Item> spread(const std::vector<Item>& items, size_t first) {
+  const size_t n = items.size();
+  size_t stride = std::max<size_t>(1, static_cast<size_t>(0.618 * static_cast<double>(n)));
+  while (std::gcd(stride, n) != 1) ++stride;
+  std::vector<Item> out;
+  out.reserve(n);
+  for (size_t i = 0; i < n; ++i) out.push_back(items[(first + i * stride) % n]);
+  return out;
+}
+
 // The cameras of neighbouring instants begin at different places, so that every round sees the scene
-// from everywhere; strides keep the cameras of a round apart.
+// from everywhere, and instants take turns too, so that a round that ends early has seen all times.
 std::vector<InstantViews> schedule(const l4d_view* views, size_t num_views) {
   std::vector<size_t> order(num_views);
   std::iota(order.begin(), order.end(), size_t{0});
@@ -73,16 +86,9 @@ std::vector<InstantViews> schedule(const l4d_view* views, size_t num_views) {
     instants.back().cameras.push_back(views[i].camera);
   }
   for (size_t k = 0; k < instants.size(); ++k) {
-    std::vector<uint32_t>& cameras = instants[k].cameras;
-    const size_t n = cameras.size();
-    // A stride near the golden section of n and coprime to it spreads any prefix evenly.
-    size_t stride = std::max<size_t>(1, static_cast<size_t>(0.618 * static_cast<double>(n)));
-    while (std::gcd(stride, n) != 1) ++stride;
-    std::vector<uint32_t> turned(n);
-    for (size_t i = 0; i < n; ++i) turned[i] = cameras[(k * 7 + i * stride) % n];
-    cameras = std::move(turned);
+    instants[k].cameras = spread(instants[k].cameras, k * 7);
   }
-  return instants;
+  return spread(instants, 0);
 }
 
 }  // namespace
@@ -108,6 +114,7 @@ Status measure(Renderer& renderer, const l4d_camera* cameras, uint32_t num_camer
 
   std::vector<InstantViews> instants = schedule(views, num_views);
   const bool can_stop = options.agreement <= 1;
+  const bool in_rounds = can_stop || options.max_share < 1;
   const size_t most = std::max<size_t>(
       1, static_cast<size_t>(std::ceil(options.max_share * static_cast<double>(num_views))));
   const auto proceed = [&](const char* stage) {
@@ -122,8 +129,8 @@ Status measure(Renderer& renderer, const l4d_camera* cameras, uint32_t num_camer
     more = false;
     for (size_t k = 0; k < instants.size() && report->views_measured < most; ++k) {
       InstantViews& instant = instants[k];
-      const size_t share = can_stop ? (instant.cameras.size() + kRoundShare - 1) / kRoundShare
-                                    : instant.cameras.size();
+      const size_t share = in_rounds ? (instant.cameras.size() + kRoundShare - 1) / kRoundShare
+                                     : instant.cameras.size();
       const size_t end = std::min(instant.cameras.size(), instant.done + share);
       if (instant.done < end) L4D_RETURN_IF_ERROR(renderer.set_time(instant.time));
       for (; instant.done < end && report->views_measured < most; ++instant.done) {

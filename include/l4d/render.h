@@ -34,7 +34,9 @@ enum {
 };
 enum {
   L4D_RENDER_EXP_ACCURATE = 0, /* relative error below 2e-7 */
-  L4D_RENDER_EXP_FAST = 1      /* relative error below 1e-4, far under what 8-bit images show */
+  /* Relative error below 1e-4. Single pixels change by more than a step of 8 bits, where the error decides
+   * whether blending stops before a splat or after it. */
+  L4D_RENDER_EXP_FAST = 1
 };
 
 typedef struct l4d_renderer_options {

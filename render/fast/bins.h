@@ -26,8 +26,9 @@ class DepthSort {
   std::vector<Key> keys_, other_;
 };
 
-// Which splats touch which tiles, exactly: a tile is touched where the ellipse in which the splat's
-// alpha reaches kMinAlpha meets the rectangle of the tile's pixel centres.
+// Which splats touch which tiles: a tile is touched where the ellipse in which the splat's alpha reaches
+// kMinAlpha meets the rectangle of the tile's pixel centres. No tile is missed; a few more are listed
+// where the ellipse is cut by the border of the image, and by rounding.
 class TileBins {
  public:
   // with_places: also fills what place() and emitted() tell.
