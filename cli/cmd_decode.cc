@@ -5,6 +5,7 @@
 #include "cli/files.h"
 #include "cli/progress.h"
 #include "cli/scene_source.h"
+#include "cli/tolerant.h"
 #include "cli/units.h"
 #include "io/formats.h"
 
@@ -17,8 +18,24 @@ struct DecodeArguments {
   std::string format = "l4d";
   std::string time, from, to;
   uint32_t max_level = UINT32_MAX;
+  bool tolerant = false;
   ImportArguments import;
 };
+
+// Arrays have the size of what was selected; ranges say how much of it came.
+void cut_to_ranges(LoadedScene& loaded) {
+  size_t count = 0;
+  for (const l4d_range& r : loaded.ranges) count += static_cast<size_t>(r.count);
+  io::Scene& scene = loaded.scene;
+  const size_t selected = scene.count();
+  const auto cut = [&](std::vector<float>& rows) {
+    if (selected > 0) rows.resize(rows.size() / selected * count);
+  };
+  for (auto* rows : {&scene.position, &scene.mean_t, &scene.log_scale, &scene.rotor, &scene.opacity,
+                     &scene.sh}) {
+    cut(*rows);
+  }
+}
 
 l4d_query make_query(Context& context, const DecodeArguments& arguments,
                      const l4d_timeline& timeline) {
@@ -51,10 +68,11 @@ Outcome run_decode(Context& context, const DecodeArguments& arguments) {
                                                         : derived_name(arguments.input, ".ply");
   Output output(context, name, {&input});
 
-  SceneStream stream(context, input, arguments.import);
+  const TolerantStream stream(context, input, arguments.import, arguments.tolerant);
   const l4d_query query = make_query(context, arguments, stream.info().timeline);
   LoadedScene loaded;
   double decode_seconds = 0;
+  LossReport losses;
   {
     const Stopwatch decode_watch;
     Progress progress(context, "decode");
@@ -63,6 +81,8 @@ Outcome run_decode(Context& context, const DecodeArguments& arguments) {
     loaded = about(input.name(), [&] { return decode_scene(decoder, &query); });
     decoder.check(l4d_decoder_set_progress(decoder.get(), nullptr, nullptr));
     decode_seconds = decode_watch.seconds();
+    losses.add(decoder);
+    cut_to_ranges(loaded);
     check_interrupt();
     progress.step("writing");
     if (arguments.format == "ftgs") {
@@ -71,6 +91,7 @@ Outcome run_decode(Context& context, const DecodeArguments& arguments) {
       io::write_l4d_ply(output.path(), loaded.scene);
     }
   }
+  losses.note(context, input.name());
   const uint64_t bytes = output.finish();
   const size_t count = loaded.scene.count();
 
@@ -82,6 +103,7 @@ Outcome run_decode(Context& context, const DecodeArguments& arguments) {
                   {"format", arguments.format},
                   {"num_gaussians", count},
                   {"lossless", (stream.info().tools & L4D_TOOL_LOSSLESS) != 0},
+                  {"losses", losses.json()},
                   {"file_bytes", bytes},
                   {"decode_s", decode_seconds},
                   {"total_s", watch.seconds()}};
@@ -120,6 +142,7 @@ void add_decode(Registry& registry) {
                    "Leave out temporal levels finer than this: a preview without fast detail")
       ->type_name("N")
       ->check(CLI::Range(0, 63));
+  add_tolerant_option(verb, arguments->tolerant);
   add_import_options(verb, arguments->import);
   verb->footer(
       "Examples:\n"

@@ -6,6 +6,7 @@
 #include "cli/progress.h"
 #include "cli/scene_source.h"
 #include "cli/sequence.h"
+#include "cli/tolerant.h"
 #include "cli/units.h"
 #include "io/formats.h"
 
@@ -16,6 +17,7 @@ struct SliceArguments {
   std::string input;
   std::string output;
   SequenceArguments sequence;
+  bool tolerant = false;
   ImportArguments import;
 };
 
@@ -33,7 +35,7 @@ Outcome run_slice(Context& context, const SliceArguments& arguments) {
   const Input input(arguments.input);
   const std::unique_ptr<NumberedName> pattern(
       single ? nullptr : new NumberedName(arguments.output, "out_%04d.ply"));
-  SceneStream stream(context, input, arguments.import);
+  const TolerantStream stream(context, input, arguments.import, arguments.tolerant);
   const l4d_info& info = stream.info();
   const std::vector<double> times = instants(context, arguments.sequence, info.timeline);
   const l4d_placement& p = info.placement;
@@ -55,6 +57,7 @@ Outcome run_slice(Context& context, const SliceArguments& arguments) {
   uint64_t total_splats = 0;
   uint64_t total_bytes = 0;
   double slice_seconds = 0;
+  LossReport losses;
   {
     Progress progress(context, "slice");
     for (size_t k = 0; k < times.size(); ++k) {
@@ -63,6 +66,7 @@ Outcome run_slice(Context& context, const SliceArguments& arguments) {
       const Stopwatch slice_watch;
       SplatArrays arrays = about(input.name(), [&] { return stream.decoder().slice(times[k]); });
       slice_seconds += slice_watch.seconds();
+      losses.add(stream.decoder());
       io::Splats splats;
       splats.sh_degree = arrays.sh_degree;
       splats.position = std::move(arrays.position);
@@ -78,6 +82,7 @@ Outcome run_slice(Context& context, const SliceArguments& arguments) {
                         {"output", single ? arguments.output : (*pattern)(k)}});
     }
   }
+  losses.note(context, input.name());
   outcome.stdout_is_data = outputs[0]->is_stdout();
   l4d_counters counters;
   l4d_counters_init(&counters);
@@ -87,8 +92,8 @@ Outcome run_slice(Context& context, const SliceArguments& arguments) {
       {"schema", "l4dcodec.slice/1"},      {"input", input.name()},
       {"num_frames", times.size()},        {"frames", frames},
       {"file_bytes", total_bytes},         {"buckets_decoded", counters.buckets_decoded},
-      {"cache_hits", counters.cache_hits}, {"slice_s", slice_seconds},
-      {"total_s", watch.seconds()}};
+      {"cache_hits", counters.cache_hits}, {"losses", losses.json()},
+      {"slice_s", slice_seconds},          {"total_s", watch.seconds()}};
   if (single) {
     outcome.text = format("%s: %s splats at %s s, %s\n", arguments.output.c_str(),
                           format_count(total_splats).c_str(), format_number(times[0]).c_str(),
@@ -116,6 +121,7 @@ void add_slice(Registry& registry) {
       ->type_name("FILE")
       ->required();
   add_sequence_options(verb, arguments->sequence);
+  add_tolerant_option(verb, arguments->tolerant);
   verb->add_option("--seconds", arguments->import.seconds,
                    "Duration to give a PLY that carries no timeline (default: 1)")
       ->type_name("T");

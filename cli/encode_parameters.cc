@@ -82,6 +82,11 @@ void EncodeParameters::add_options(CLI::App* verb) {
       ->check(CLI::IsMember(presets))
       ->capture_default_str()
       ->group(group);
+  verb->add_option("-e,--effort", effort,
+                   "1 to 9: how hard to try, from a measured front of time against quality "
+                   "(docs/accuracy.md); 7 unless set")
+      ->type_name("N")
+      ->group(group);
   verb->add_option("--codebook", codebook,
                    "C=K: codebook entries of each stage of component C (sh, scale, rotor-spatial, "
                    "rotor-temporal, all)")
@@ -125,6 +130,9 @@ void EncodeParameters::add_options(CLI::App* verb) {
 
 void EncodeParameters::apply(const EncoderHandle& encoder) const {
   encoder.check(l4d_encoder_set_preset(encoder.get(), preset.c_str()));
+  if (!effort.empty()) {
+    cli::set(encoder, L4D_ENC_EFFORT, L4D_ALL_COMPONENTS, effort, "--effort");
+  }
   set_per_component(encoder, L4D_ENC_CODEBOOK_SIZE, codebook, "--codebook");
   for (const std::string& text : stages) set_stages(encoder, text);
   set_per_component(encoder, L4D_ENC_LITERAL_THRESHOLD, literal_threshold, "--literal-threshold");

@@ -12,6 +12,7 @@ namespace l4d::cli {
 // have an option of their own. They apply in the order preset, own options, --set.
 struct EncodeParameters {
   std::string preset = "default";
+  std::string effort;
   std::vector<std::string> codebook;
   std::vector<std::string> stages;
   std::vector<std::string> literal_threshold;

@@ -30,10 +30,11 @@ std::string format_eta(double seconds) {
 void install_interrupt_handler() {
   struct sigaction action {};
   action.sa_handler = [](int) { interrupt_flag = 1; };
-  // One shot: the second SIGINT meets the default action. No SA_RESTART: a read that waits for a
+  // One shot: the second signal meets the default action. No SA_RESTART: a read that waits for a
   // pipe must return.
   action.sa_flags = static_cast<int>(SA_RESETHAND);
   ::sigaction(SIGINT, &action, nullptr);
+  ::sigaction(SIGTERM, &action, nullptr);
 }
 
 bool interrupted() { return interrupt_flag != 0; }

@@ -9,11 +9,11 @@
 
 namespace l4d::cli {
 
-// SIGINT asks running calls to stop through their progress callback, so that they clean up; a
-// second one kills.
+// SIGINT and SIGTERM ask running calls to stop through their progress callback, so that they clean
+// up; a second one kills.
 void install_interrupt_handler();
 bool interrupted();
-// Throws where SIGINT has come: between steps that have no callback.
+// Throws where a signal has come: between steps that have no callback.
 void check_interrupt();
 
 // Progress of library calls on stderr, as --progress asks. The line goes away at the end.

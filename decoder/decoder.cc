@@ -27,26 +27,31 @@ Decoder::Decoder(const l4d_decoder_options& options) : options_(options) {
   const bool reference = options_.backend == L4D_BACKEND_REFERENCE;
   stream_kernels_ = reference ? &stream_kernels_reference() : &stream_kernels_simd();
   reconstruct_kernels_ = reference ? &reconstruct_kernels_reference() : &reconstruct_kernels_simd();
+  set_progress(options_.progress, options_.progress_user);
 }
 
 void Decoder::close() {
   drop_cache();
   buckets_decoded_ = 0;
   cache_hits_ = 0;
+  losses_ = Losses();
   pages_.reset();
   file_.reset();
+  own_file_.reset();
 }
 
 Status Decoder::open(ByteSource source) {
   close();
-  file_ = std::make_unique<SceneFile>(std::move(source), options_.limits, *stream_kernels_);
-  Status status = file_->open();
-  if (!status.ok()) {
-    file_.reset();
-    return status;
-  }
-  pages_ = std::make_unique<PageDecoder>(*file_, *stream_kernels_, *reconstruct_kernels_,
+  return start(std::move(source));
+}
+
+// A stream is open when both parts of it are there: neither stays alone where memory runs out.
+Status Decoder::start(ByteSource source) {
+  auto file = std::make_unique<SceneFile>(std::move(source), options_.limits, *stream_kernels_);
+  L4D_RETURN_IF_ERROR(file->open());
+  pages_ = std::make_unique<PageDecoder>(*file, *stream_kernels_, *reconstruct_kernels_,
                                          static_cast<int>(options_.threads));
+  file_ = std::move(file);
   return {};
 }
 
@@ -56,8 +61,9 @@ Status Decoder::open_file(const char* path) {
   L4D_RETURN_IF_ERROR(reader->open(path));
   ByteSource source;
   L4D_RETURN_IF_ERROR(ByteSource::from_reader(reader->reader(), &source));
+  L4D_RETURN_IF_ERROR(start(std::move(source)));
   own_file_ = std::move(reader);
-  return open(std::move(source));
+  return {};
 }
 
 PageDecoder::Progress Decoder::progress(const char* stage) const {
@@ -67,10 +73,16 @@ PageDecoder::Progress Decoder::progress(const char* stage) const {
   };
 }
 
-Status Decoder::select(const l4d_query& query, l4d_selection* out) {
+Status Decoder::begin_query(const l4d_query& query, PlanUnit unit, Plan* plan) {
+  losses_.begin_query();
   file_->trim();
+  file_->retry();
+  return make_plan(*file_, query, unit, losses_if_tolerant(), plan);
+}
+
+Status Decoder::select(const l4d_query& query, l4d_selection* out) {
   Plan plan;
-  L4D_RETURN_IF_ERROR(make_plan(*file_, query, PlanUnit::kPages, &plan));
+  L4D_RETURN_IF_ERROR(begin_query(query, PlanUnit::kPages, &plan));
   out->num_gaussians = plan.num_gaussians;
   out->num_ranges = plan.ranges.size();
   out->num_chunks = plan.tasks.size();
@@ -82,41 +94,83 @@ Status Decoder::select(const l4d_query& query, l4d_selection* out) {
 namespace {
 
 template <typename Buffers>
-Status begin_output(const Plan& plan, Buffers* out) {
+Status check_capacity(const Plan& plan, Buffers* out) {
   if (plan.num_gaussians > out->capacity) {
     return invalid_argument("capacity is " + std::to_string(out->capacity) + ", the query selects " +
                             std::to_string(plan.num_gaussians) + " Gaussians");
   }
+  if (out->ranges != nullptr && plan.ranges.size() > out->range_capacity) {
+    return invalid_argument("range_capacity is " + std::to_string(out->range_capacity) +
+                            ", the query selects " + std::to_string(plan.ranges.size()));
+  }
+  return {};
+}
+
+template <typename Buffers>
+void describe_output(const Plan& plan, Buffers* out) {
   if (out->ranges != nullptr) {
-    if (plan.ranges.size() > out->range_capacity) {
-      return invalid_argument("range_capacity is " + std::to_string(out->range_capacity) +
-                              ", the query selects " + std::to_string(plan.ranges.size()));
-    }
     std::copy(plan.ranges.begin(), plan.ranges.end(), out->ranges);
     out->num_ranges = plan.ranges.size();
   }
   out->count = plan.num_gaussians;
-  return {};
 }
 
 }  // namespace
 
 Status Decoder::decode(const l4d_query& query, l4d_gaussian_buffers* out) {
-  file_->trim();
   Plan plan;
-  L4D_RETURN_IF_ERROR(make_plan(*file_, query, PlanUnit::kPages, &plan));
-  L4D_RETURN_IF_ERROR(begin_output(plan, out));
-  L4D_RETURN_IF_ERROR(pages_->expand(plan, 0, plan.tasks.size(), *out, progress("decode")));
+  L4D_RETURN_IF_ERROR(begin_query(query, PlanUnit::kPages, &plan));
+  L4D_RETURN_IF_ERROR(check_capacity(plan, out));
+  LostPages lost;
+  L4D_RETURN_IF_ERROR(pages_->expand(plan, 0, plan.tasks.size(), *out, progress("decode"),
+                                     losses_if_tolerant() == nullptr ? nullptr : &lost));
+  if (!lost.empty()) {
+    losses_.add_pages(plan, lost);
+    const std::vector<RowMove> moves = remove_lost(lost, &plan);
+    move_rows(moves, 3, out->position);
+    move_rows(moves, 1, out->mean_t);
+    move_rows(moves, 1, out->mean_t_local);
+    move_rows(moves, 4, out->log_scale);
+    move_rows(moves, 8, out->rotor);
+    move_rows(moves, 1, out->opacity);
+    move_rows(moves, file_->header().sh_dim(), out->sh);
+  }
+  describe_output(plan, out);
   buckets_decoded_ += plan.ranges.size();
   return {};
 }
 
 Status Decoder::decode_packed(const l4d_query& query, l4d_packed_buffers* out) {
-  file_->trim();
   Plan plan;
-  L4D_RETURN_IF_ERROR(make_plan(*file_, query, PlanUnit::kPages, &plan));
-  L4D_RETURN_IF_ERROR(begin_output(plan, out));
-  L4D_RETURN_IF_ERROR(pages_->pack(plan, *out, progress("decode")));
+  L4D_RETURN_IF_ERROR(begin_query(query, PlanUnit::kPages, &plan));
+  L4D_RETURN_IF_ERROR(check_capacity(plan, out));
+  LostPages lost;
+  L4D_RETURN_IF_ERROR(pages_->pack(plan, *out, progress("decode"),
+                                   losses_if_tolerant() == nullptr ? nullptr : &lost));
+  if (!lost.empty()) {
+    losses_.add_pages(plan, lost);
+    size_t stages[L4D_COMPONENT_COUNT] = {};
+    for (const l4d_range& r : plan.ranges) {
+      const SceneHeader& header = file_->header();
+      for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
+        stages[c] =
+            std::max(stages[c], header.component(header.layers[r.layer], c).stages.size());
+      }
+    }
+    const std::vector<RowMove> moves = remove_lost(lost, &plan);
+    move_rows(moves, 3, out->position);
+    move_rows(moves, 1, out->mean_t);
+    move_rows(moves, 1, out->opacity);
+    move_rows(moves, 1, out->scale_factor);
+    for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
+      const l4d_packed_component& to = out->component[c];
+      move_rows(moves, 1, to.depth);
+      for (size_t s = 0; to.index != nullptr && s < stages[c]; ++s) {
+        move_rows(moves, 1, to.index + s * static_cast<size_t>(out->capacity));
+      }
+    }
+  }
+  describe_output(plan, out);
   buckets_decoded_ += plan.ranges.size();
   return {};
 }
@@ -127,6 +181,7 @@ Status Decoder::codebook(uint32_t layer, uint32_t component, uint32_t stage, uin
   if (layer >= header.layers.size() || component >= L4D_COMPONENT_COUNT || stage >= L4D_MAX_STAGES) {
     return invalid_argument("no such layer, component or stage");
   }
+  file_->retry();
   const ComponentCoding& coding = header.component(header.layers[layer], component);
   out->entries = nullptr;
   out->num_entries = 0;
@@ -164,7 +219,7 @@ Status Decoder::sections(uint64_t* sections, uint64_t* layer_bytes) {
   all.kind = L4D_QUERY_ALL;
   all.max_level = ~0u;
   Plan plan;
-  L4D_RETURN_IF_ERROR(make_plan(*file_, all, PlanUnit::kPages, &plan));
+  L4D_RETURN_IF_ERROR(make_plan(*file_, all, PlanUnit::kPages, nullptr, &plan));
   SectionBytes bytes{};
   std::vector<uint64_t> layers(header.layers.size(), 0);
   L4D_RETURN_IF_ERROR(pages_->measure(plan, &bytes, &layers));
@@ -206,6 +261,9 @@ void Decoder::counters(l4d_counters* out) const {
   out->cache_hits = cache_hits_;
   out->memory_bytes = file_->memory().used();
   out->peak_memory_bytes = file_->memory().peak();
+  out->pages_lost = losses_.pages();
+  out->buckets_lost = losses_.buckets();
+  out->gaussians_lost = losses_.gaussians();
 }
 
 }  // namespace l4d

@@ -6,6 +6,7 @@
 #include <memory>
 #include <vector>
 
+#include "decoder/losses.h"
 #include "decoder/page_decoder.h"
 #include "decoder/plan.h"
 #include "decoder/scene_file.h"
@@ -50,6 +51,7 @@ class Decoder {
                   l4d_codebook* out);
   Status sections(uint64_t* sections, uint64_t* layer_bytes);
   void counters(l4d_counters* out) const;
+  const std::vector<l4d_loss>& losses() const { return losses_.query(); }
   void set_progress(l4d_progress_fn fn, void* user) {
     progress_ = fn;
     progress_user_ = user;
@@ -59,14 +61,21 @@ class Decoder {
   using BucketKey = std::pair<uint32_t, uint32_t>;  // layer, bucket
   struct CacheEntry {
     PreparedBucket bucket;
+    Plan missing;  // pages that are lost, to be asked for again
     uint64_t memory_bytes = 0;
     uint64_t last_use = 0;
   };
+  Status start(ByteSource source);
   PageDecoder::Progress progress(const char* stage) const;
+  Status begin_query(const l4d_query& query, PlanUnit unit, Plan* plan);
+  Losses* losses_if_tolerant() { return options_.tolerant != 0 ? &losses_ : nullptr; }
   // Makes every bucket of the plan present in the cache; *out points into it, one per range.
   Status prepare(const Plan& plan, std::vector<const PreparedBucket*>* out);
   Status prepare_range(const Plan& plan, size_t range, size_t first_task, size_t end_task,
-                       PreparedBucket* out);
+                       CacheEntry* out);
+  // Whether pages that a cached bucket lacks can be had now; if not, they are lost again.
+  Status has_recovered(const CacheEntry& entry, bool* recovered);
+  void drop(std::map<BucketKey, CacheEntry>::iterator entry);
   void evict(uint64_t needed);
   void drop_cache();
 
@@ -84,6 +93,7 @@ class Decoder {
   uint64_t clock_ = 0;
   uint64_t buckets_decoded_ = 0;
   uint64_t cache_hits_ = 0;
+  Losses losses_;
 };
 
 // Every check of the specification that a stream can fail; calls `report` for each.

@@ -40,4 +40,23 @@ class MemoryBudget {
   uint64_t peak_ = 0;
 };
 
+// A charge that is given back when this object goes, whatever ends its scope, unless it is kept.
+class MemoryCharge {
+ public:
+  explicit MemoryCharge(MemoryBudget& budget) : budget_(budget) {}
+  ~MemoryCharge() { budget_.release(bytes_); }
+  MemoryCharge(const MemoryCharge&) = delete;
+  MemoryCharge& operator=(const MemoryCharge&) = delete;
+  Status take(uint64_t bytes, const char* what) {
+    L4D_RETURN_IF_ERROR(budget_.charge(bytes, what));
+    bytes_ += bytes;
+    return {};
+  }
+  void keep() { bytes_ = 0; }
+
+ private:
+  MemoryBudget& budget_;
+  uint64_t bytes_ = 0;
+};
+
 }  // namespace l4d

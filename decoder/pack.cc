@@ -7,6 +7,15 @@
 namespace l4d {
 namespace {
 
+// Literals are gathered for pages that may have this many bytes of them.
+constexpr uint64_t kGatherBytes = uint64_t{32} << 20;
+
+// The literals of one component of one page.
+struct PageLiterals {
+  size_t count = 0;
+  std::vector<uint16_t> values;  // [count, dim], where they are wanted
+};
+
 void copy_scalar(const ScalarCoding& coding, const std::vector<uint16_t>& codes, size_t n,
                  uint16_t* dst) {
   if (dst == nullptr) return;
@@ -64,7 +73,8 @@ bool has_raw(const SceneHeader& header) {
 
 }  // namespace
 
-Status PageDecoder::pack(const Plan& plan, l4d_packed_buffers& out, const Progress& progress) {
+Status PageDecoder::pack(const Plan& plan, l4d_packed_buffers& out, const Progress& progress,
+                         LostPages* lost) {
   const SceneHeader& header = file_.header();
   if (has_raw(header)) {
     return Status(L4D_ERR_FEATURE_UNSUPPORTED, "a lossless stream has no packed form");
@@ -82,65 +92,84 @@ Status PageDecoder::pack(const Plan& plan, l4d_packed_buffers& out, const Progre
   wants.sh = wanted(L4D_COMPONENT_SH);
   const size_t capacity = static_cast<size_t>(out.capacity);
 
-  // Where a page's literals go depends on the pages before it, so they are gathered first.
-  std::vector<std::array<std::vector<uint16_t>, L4D_COMPONENT_COUNT>> literals(plan.tasks.size());
-  L4D_RETURN_IF_ERROR(for_each_page(
-      plan, 0, plan.tasks.size(), wants, false, nullptr,
-      [&](size_t t, const PageColumns& columns, const PageBooks&, PageScratch&) {
-        const PageTask& task = plan.tasks[t];
+  // Where a page's literals go depends on the pages before it, so they are gathered first, for a few
+  // pages at a time: all of a page may be literals.
+  std::array<uint64_t, L4D_COMPONENT_COUNT> at{};
+  for (l4d_packed_component& p : out.component) p.num_literals = 0;
+  for (size_t begin = 0, end = 0; begin < plan.tasks.size(); begin = end) {
+    uint64_t bytes = 0;
+    for (; end < plan.tasks.size() && (end == begin || bytes < kGatherBytes); ++end) {
+      const PageTask& task = plan.tasks[end];
+      bytes += sizeof(std::array<PageLiterals, L4D_COMPONENT_COUNT>);
+      for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
         const LayerHeader& layer = header.layers[task.layer];
-        const size_t n = columns.n;
-        const size_t first = static_cast<size_t>(task.first);
-        if (out.position != nullptr) {
-          uint16_t* dst = out.position + 3 * first;
-          const uint16_t* x = columns.position[0].data();
-          const uint16_t* y = columns.position[1].data();
-          const uint16_t* z = columns.position[2].data();
-          for (size_t i = 0; i < n; ++i) {
-            dst[3 * i] = x[i];
-            dst[3 * i + 1] = y[i];
-            dst[3 * i + 2] = z[i];
-          }
-        }
-        if (out.mean_t != nullptr) {
-          uint16_t* dst = out.mean_t + first;
-          if (layer.mean_t == MeanCodingId::kF16) {
-            std::copy_n(columns.mean_t.data(), n, dst);
-          } else {
-            std::fill(dst, dst + n, uint16_t{0});
-          }
-        }
-        copy_scalar(header.opacity, columns.opacity, n,
-                    out.opacity == nullptr ? nullptr : out.opacity + first);
-        copy_scalar(layer.scale_factor, columns.scale_factor, n,
-                    out.scale_factor == nullptr ? nullptr : out.scale_factor + first);
-        for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
-          if (!wanted(c)) continue;
-          const ComponentColumns& from = columns.component[c];
-          pack_component(header.component(layer, c), from, n, first, capacity, out.component[c]);
-          const size_t dim = header.component_dim(layer, c);
-          literals[t][c].assign(from.literal.begin(),
-                                from.literal.begin() +
-                                    static_cast<std::ptrdiff_t>(from.num_literals * dim));
-        }
-      },
-      progress));
-  for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
-    l4d_packed_component& p = out.component[c];
-    uint64_t at = 0;
-    p.num_literals = 0;
-    for (size_t t = 0; t < literals.size(); ++t) {
-      const std::vector<uint16_t>& from = literals[t][c];
-      const unsigned dim = header.component_dim(header.layers[plan.tasks[t].layer], c);
-      const uint64_t rows = from.size() / dim;
-      if (p.literal != nullptr) {
-        if (p.num_literals + rows > p.literal_capacity) {
-          return invalid_argument("literal_capacity is below the number of literals");
-        }
-        std::copy(from.begin(), from.end(), p.literal + at);
+        if (out.component[c].literal == nullptr || !header.component(layer, c).literals) continue;
+        bytes += uint64_t{task.record.num_gaussians} * header.component_dim(layer, c) *
+                 sizeof(uint16_t);
       }
-      at += from.size();
-      p.num_literals += rows;
+    }
+    MemoryCharge charge(file_.memory());
+    L4D_RETURN_IF_ERROR(charge.take(bytes, "literals"));
+    std::vector<std::array<PageLiterals, L4D_COMPONENT_COUNT>> gathered(end - begin);
+    const Progress progress_of_all = [&](uint64_t done, uint64_t) {
+      return !progress || progress(begin + done, plan.tasks.size());
+    };
+    L4D_RETURN_IF_ERROR(for_each_page(
+        plan, begin, end, wants, false, nullptr,
+        [&](size_t t, const PageColumns& columns, const PageBooks&, PageScratch&) {
+          const PageTask& task = plan.tasks[t];
+          const LayerHeader& layer = header.layers[task.layer];
+          const size_t n = columns.n;
+          const size_t first = static_cast<size_t>(task.first);
+          if (out.position != nullptr) {
+            uint16_t* dst = out.position + 3 * first;
+            const uint16_t* x = columns.position[0].data();
+            const uint16_t* y = columns.position[1].data();
+            const uint16_t* z = columns.position[2].data();
+            for (size_t i = 0; i < n; ++i) {
+              dst[3 * i] = x[i];
+              dst[3 * i + 1] = y[i];
+              dst[3 * i + 2] = z[i];
+            }
+          }
+          if (out.mean_t != nullptr) {
+            uint16_t* dst = out.mean_t + first;
+            if (layer.mean_t == MeanCodingId::kF16) {
+              std::copy_n(columns.mean_t.data(), n, dst);
+            } else {
+              std::fill(dst, dst + n, uint16_t{0});
+            }
+          }
+          copy_scalar(header.opacity, columns.opacity, n,
+                      out.opacity == nullptr ? nullptr : out.opacity + first);
+          copy_scalar(layer.scale_factor, columns.scale_factor, n,
+                      out.scale_factor == nullptr ? nullptr : out.scale_factor + first);
+          for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
+            if (!wanted(c)) continue;
+            const ComponentColumns& from = columns.component[c];
+            pack_component(header.component(layer, c), from, n, first, capacity, out.component[c]);
+            const size_t dim = header.component_dim(layer, c);
+            PageLiterals& literals = gathered[t - begin][c];
+            literals.count = from.num_literals;
+            if (out.component[c].literal == nullptr) continue;
+            literals.values.assign(from.literal.begin(),
+                                   from.literal.begin() +
+                                       static_cast<std::ptrdiff_t>(from.num_literals * dim));
+          }
+        },
+        progress_of_all, lost));
+    for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
+      l4d_packed_component& p = out.component[c];
+      for (const auto& page : gathered) {
+        if (p.literal != nullptr) {
+          if (p.num_literals + page[c].count > p.literal_capacity) {
+            return invalid_argument("literal_capacity is below the number of literals");
+          }
+          std::copy(page[c].values.begin(), page[c].values.end(), p.literal + at[c]);
+        }
+        at[c] += page[c].values.size();
+        p.num_literals += page[c].count;
+      }
     }
   }
   return {};

@@ -15,6 +15,14 @@ namespace {
 constexpr uint64_t kBatchBytes = uint64_t{32} << 20;
 // Neighbouring pages are read in one call where no more than this lies between them.
 constexpr uint64_t kMaxReadGap = 4096;
+// What a batch notes for each page besides its bytes.
+constexpr uint64_t kNotesPerPage = sizeof(PageBooks) + 2 * sizeof(BlockRecord) + sizeof(Status);
+
+// Bytes between the end of one page and the next that are read with them.
+uint64_t gap_between(uint64_t end, const ChunkRef& next) {
+  const bool near = next.offset >= end && next.offset - end <= kMaxReadGap;
+  return near ? next.offset - end : 0;
+}
 
 // Pages of a batch and where their bytes lie.
 struct Batch {
@@ -24,7 +32,9 @@ struct Batch {
   std::vector<ByteSpan> pages;
 };
 
-Status read_batch(ByteSource& source, const Plan& plan, Batch* batch) {
+// With `failed`, one Status for each page, a page that cannot be read does not keep the others from
+// being read.
+Status read_batch(ByteSource& source, const Plan& plan, Batch* batch, std::vector<Status>* failed) {
   batch->buffers.clear();
   batch->pages.clear();
   // Stored order and file order agree but for interleaved layers, so runs are found by looking ahead.
@@ -39,7 +49,20 @@ Status read_batch(ByteSource& source, const Plan& plan, Batch* batch) {
     }
     batch->buffers.emplace_back();
     ByteSpan run;
-    L4D_RETURN_IF_ERROR(source.read(first.offset, end - first.offset, batch->buffers.back(), &run));
+    Status status = source.read(first.offset, end - first.offset, batch->buffers.back(), &run);
+    if (!status.ok()) {
+      if (failed == nullptr) return status;
+      batch->buffers.pop_back();
+      for (; i < j; ++i) {
+        const ChunkRef& c = plan.tasks[i].record.chunk;
+        batch->buffers.emplace_back();
+        ByteSpan page;
+        (*failed)[i - batch->begin] =
+            source.read(c.offset, c.stored_bytes, batch->buffers.back(), &page);
+        batch->pages.push_back(page);
+      }
+      continue;
+    }
     for (; i < j; ++i) {
       const ChunkRef& c = plan.tasks[i].record.chunk;
       batch->pages.push_back(
@@ -110,9 +133,31 @@ Status PageDecoder::parse_page(const PageTask& task, ByteSpan bytes, const PageW
                      block_of(task), task.record.num_gaussians, wants, &scratch.columns, sections);
 }
 
+Status PageDecoder::find_block(const PageTask& task) {
+  if (task.record.block == kNoBlock) return {};
+  std::vector<const DirectoryPage*> pages;
+  L4D_RETURN_IF_ERROR(
+      file_.directory_pages(task.layer, task.directory_index, task.directory_index, &pages));
+  // A file that changes under the reader can lose the block between two reads.
+  if (pages[0] == nullptr || task.record.block >= pages[0]->blocks.size()) {
+    return corrupt("DIR-6", Status::kNoOffset, "a block does not exist any more");
+  }
+  blocks_[{{task.layer, task.directory_index}, task.record.block}] =
+      pages[0]->blocks[task.record.block];
+  return {};
+}
+
 Status PageDecoder::for_each_page(const Plan& plan, size_t begin, size_t end,
                                   const PageWants& wants, bool need_books, SectionBytes* sections,
-                                  const PageBody& body, const Progress& progress) {
+                                  const PageBody& body, const Progress& progress, LostPages* lost) {
+  if (need_books && wants.sh && begin < end) {
+    // Every page needs these: without them there is nothing to go on with.
+    const CodebookData* book = nullptr;
+    for (unsigned s = 0; s < file_.header().sh.stages.size(); ++s) {
+      L4D_RETURN_IF_ERROR(
+          file_.codebook(plan.tasks[begin].layer, L4D_COMPONENT_SH, s, &book));
+    }
+  }
   Batch batch;
   batch.end = begin;
   uint64_t done = 0;
@@ -121,58 +166,56 @@ Status PageDecoder::for_each_page(const Plan& plan, size_t begin, size_t end,
     uint64_t bytes = 0;
     while (batch.end < end && (batch.end == batch.begin || bytes < kBatchBytes)) {
       const PageRecord& record = plan.tasks[batch.end].record;
-      bytes += record.chunk.stored_bytes +
+      if (batch.end > batch.begin) {
+        const ChunkRef& last = plan.tasks[batch.end - 1].record.chunk;
+        bytes += gap_between(last.offset + last.stored_bytes, record.chunk);
+      }
+      bytes += kNotesPerPage + record.chunk.stored_bytes +
                std::min<uint64_t>(record.chunk.raw_bytes,
                                   max_page_bytes(file_.header(), record.num_gaussians));
       ++batch.end;
     }
-    L4D_RETURN_IF_ERROR(file_.memory().charge(bytes, "a batch of pages"));
-    const auto run = [&]() -> Status {
-      L4D_RETURN_IF_ERROR(read_batch(file_.source(), plan, &batch));
-      std::vector<PageBooks> books(batch.end - batch.begin);
-      blocks_.clear();
-      for (size_t i = batch.begin; i < batch.end; ++i) {
-        const PageTask& task = plan.tasks[i];
-        if (task.record.block != kNoBlock) {
-          std::vector<const DirectoryPage*> pages;
-          L4D_RETURN_IF_ERROR(file_.directory_pages(task.layer, task.directory_index,
-                                                    task.directory_index, &pages));
-          // A file that changes under the reader can lose the block between two reads.
-          if (pages[0] == nullptr || task.record.block >= pages[0]->blocks.size()) {
-            return corrupt("DIR-6", Status::kNoOffset, "a block does not exist any more");
-          }
-          blocks_[{{task.layer, task.directory_index}, task.record.block}] =
-              pages[0]->blocks[task.record.block];
+    const size_t n = batch.end - batch.begin;
+    MemoryCharge charge(file_.memory());
+    L4D_RETURN_IF_ERROR(charge.take(bytes, "a batch of pages"));
+    std::vector<Status> status(n);
+    L4D_RETURN_IF_ERROR(
+        read_batch(file_.source(), plan, &batch, lost == nullptr ? nullptr : &status));
+    std::vector<PageBooks> books(n);
+    blocks_.clear();
+    for (size_t i = 0; i < n; ++i) {
+      if (!status[i].ok()) continue;
+      const PageTask& task = plan.tasks[batch.begin + i];
+      status[i] = find_block(task);
+      if (status[i].ok() && need_books) status[i] = resolve_books(task, wants, &books[i]);
+      if (!status[i].ok() && (lost == nullptr || !is_loss(status[i]))) return std::move(status[i]);
+    }
+    std::mutex sections_mutex;
+    parallel_for(threads_, n, 1, [&](size_t first, size_t last) {
+      auto scratch = take_scratch();
+      for (size_t i = first; i < last; ++i) {
+        if (!status[i].ok()) continue;
+        SectionBytes page_sections{};
+        status[i] = parse_page(plan.tasks[batch.begin + i], batch.pages[i], wants, *scratch,
+                               sections == nullptr ? nullptr : &page_sections);
+        if (!status[i].ok()) continue;
+        if (sections != nullptr) {
+          std::lock_guard<std::mutex> lock(sections_mutex);
+          for (size_t s = 0; s < page_sections.size(); ++s) (*sections)[s] += page_sections[s];
         }
-        if (need_books) L4D_RETURN_IF_ERROR(resolve_books(task, wants, &books[i - batch.begin]));
+        body(batch.begin + i, scratch->columns, books[i], *scratch);
       }
-      std::vector<Status> status(batch.end - batch.begin);
-      std::mutex sections_mutex;
-      parallel_for(threads_, batch.end - batch.begin, 1, [&](size_t first, size_t last) {
-        auto scratch = take_scratch();
-        for (size_t i = first; i < last; ++i) {
-          SectionBytes page_sections{};
-          status[i] = parse_page(plan.tasks[batch.begin + i], batch.pages[i], wants, *scratch,
-                                 sections == nullptr ? nullptr : &page_sections);
-          if (!status[i].ok()) continue;
-          if (sections != nullptr) {
-            std::lock_guard<std::mutex> lock(sections_mutex);
-            for (size_t s = 0; s < page_sections.size(); ++s) (*sections)[s] += page_sections[s];
-          }
-          body(batch.begin + i, scratch->columns, books[i], *scratch);
-        }
-        give_scratch(std::move(scratch));
-      });
-      for (Status& s : status) {
-        if (!s.ok()) return std::move(s);
-      }
-      return {};
-    };
-    const Status status = run();
-    file_.memory().release(bytes);
-    if (!status.ok()) return status;
-    done += batch.end - batch.begin;
-    pages_decoded_ += batch.end - batch.begin;
+      give_scratch(std::move(scratch));
+    });
+    size_t num_lost = 0;
+    for (size_t i = 0; i < n; ++i) {
+      if (status[i].ok()) continue;
+      if (lost == nullptr || !is_loss(status[i])) return std::move(status[i]);
+      lost->push_back({batch.begin + i, std::move(status[i])});
+      ++num_lost;
+    }
+    done += n;
+    pages_decoded_ += n - num_lost;
     if (progress && !progress(done, end - begin)) {
       return Status(L4D_ERR_CANCELLED, "cancelled by the progress callback");
     }
@@ -181,7 +224,8 @@ Status PageDecoder::for_each_page(const Plan& plan, size_t begin, size_t end,
 }
 
 Status PageDecoder::expand(const Plan& plan, size_t begin, size_t end,
-                           const l4d_gaussian_buffers& out, const Progress& progress) {
+                           const l4d_gaussian_buffers& out, const Progress& progress,
+                           LostPages* lost) {
   PageWants wants;
   wants.position = out.position != nullptr;
   wants.mean_t = out.mean_t != nullptr || out.mean_t_local != nullptr;
@@ -197,7 +241,13 @@ Status PageDecoder::expand(const Plan& plan, size_t begin, size_t end,
                      reconstruct_, scratch.expand)
             .run(plan.ranges[task.range], static_cast<size_t>(task.first), out);
       },
-      progress);
+      progress, lost);
+}
+
+Status PageDecoder::probe(const Plan& plan, LostPages* lost) {
+  return for_each_page(
+      plan, 0, plan.tasks.size(), PageWants(), true, nullptr,
+      [](size_t, const PageColumns&, const PageBooks&, PageScratch&) {}, nullptr, lost);
 }
 
 Status PageDecoder::measure(const Plan& plan, SectionBytes* sections,
@@ -212,7 +262,7 @@ Status PageDecoder::measure(const Plan& plan, SectionBytes* sections,
     SectionBytes raw{};
     L4D_RETURN_IF_ERROR(for_each_page(
         plan, i, i + 1, none, false, &raw,
-        [](size_t, const PageColumns&, const PageBooks&, PageScratch&) {}, nullptr));
+        [](size_t, const PageColumns&, const PageBooks&, PageScratch&) {}, nullptr, nullptr));
     const ChunkRef& chunk = plan.tasks[i].record.chunk;
     uint64_t given = 0;
     for (size_t s = 0; s < raw.size(); ++s) {

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "decoder/expand.h"
+#include "decoder/losses.h"
 #include "decoder/plan.h"
 #include "libl4dcodec/container/page.h"
 
@@ -30,11 +31,16 @@ class PageDecoder {
               int threads)
       : file_(file), stream_(stream), reconstruct_(reconstruct), threads_(threads) {}
 
+  // With `lost`, pages that cannot be read or are damaged are told there and the rows they would fill
+  // stay as they are; without, one of them ends the call.
+
   // Expands tasks [begin, end) of the plan into `out`, whose arrays hold at least plan.num_gaussians.
   Status expand(const Plan& plan, size_t begin, size_t end, const l4d_gaussian_buffers& out,
-                const Progress& progress);
+                const Progress& progress, LostPages* lost);
   // The packed form; literal arrays are filled in stored order.
-  Status pack(const Plan& plan, l4d_packed_buffers& out, const Progress& progress);
+  Status pack(const Plan& plan, l4d_packed_buffers& out, const Progress& progress, LostPages* lost);
+  // Decodes nothing: tells which pages cannot be.
+  Status probe(const Plan& plan, LostPages* lost);
   // Parses every page for its section bytes and rules alone.
   Status measure(const Plan& plan, SectionBytes* sections, std::vector<uint64_t>* layer_bytes);
 
@@ -46,7 +52,9 @@ class PageDecoder {
   // Reads pages in batches, checks and parses them in parallel and hands their columns to `body`.
   Status for_each_page(const Plan& plan, size_t begin, size_t end, const PageWants& wants,
                        bool need_books, SectionBytes* sections, const PageBody& body,
-                       const Progress& progress);
+                       const Progress& progress, LostPages* lost);
+  // What a page needs besides its bytes: the record of its block, and codebooks.
+  Status find_block(const PageTask& task);
   Status parse_page(const PageTask& task, ByteSpan bytes, const PageWants& wants,
                     PageScratch& scratch, SectionBytes* sections);
   Status resolve_books(const PageTask& task, const PageWants& wants, PageBooks* out);

@@ -3,6 +3,8 @@
 
 #include <algorithm>
 
+#include "decoder/losses.h"
+
 namespace l4d {
 namespace {
 
@@ -39,11 +41,12 @@ bool may_be_visible(const PageRecord& page, const Interval& t, double center, do
 
 class Planner {
  public:
-  Planner(SceneFile& file, const Interval& interval, PlanUnit unit, Plan* out)
+  Planner(SceneFile& file, const Interval& interval, PlanUnit unit, Losses* losses, Plan* out)
       : file_(file),
         timeline_(file.header().timeline),
         interval_(interval),
         unit_(unit),
+        losses_(losses),
         out_(*out) {}
 
   Status add_layer(uint32_t index) {
@@ -61,12 +64,15 @@ class Planner {
     std::vector<const DirectoryPage*> pages;
     for (uint32_t begin = first; begin <= last; begin += kWindow) {
       const uint32_t end = std::min(last, begin + kWindow - 1);
-      L4D_RETURN_IF_ERROR(file_.directory_pages(index, begin, end, &pages));
+      L4D_RETURN_IF_ERROR(read_directory(index, begin, end, buckets, &pages));
       for (uint32_t d = begin; d <= end; ++d) {
         out_.directory_bytes += file_.directory_bytes(index, d);
         if (pages[d - begin] == nullptr) continue;
-        L4D_RETURN_IF_ERROR(file_.memory().check(
-            (out_.tasks.size() + pages[d - begin]->pages.size()) * sizeof(PageTask), "a plan"));
+        // A vector that grows holds the old elements, the new ones and room for as many again.
+        constexpr uint64_t kBytesPerPage = 3 * (sizeof(PageTask) + sizeof(l4d_range));
+        if (out_.memory == nullptr) out_.memory = std::make_unique<MemoryCharge>(file_.memory());
+        L4D_RETURN_IF_ERROR(
+            out_.memory->take(pages[d - begin]->pages.size() * kBytesPerPage, "a plan"));
         add_pages(index, layer, d, *pages[d - begin], buckets);
       }
       if (interval_.everything) file_.trim();
@@ -75,6 +81,29 @@ class Planner {
   }
 
  private:
+  // The directory pages [begin, end] of a layer; null for those that are lost.
+  Status read_directory(uint32_t index, uint32_t begin, uint32_t end, const BucketRange& buckets,
+                        std::vector<const DirectoryPage*>* out) {
+    const Status status = file_.directory_pages(index, begin, end, out);
+    if (status.ok() || losses_ == nullptr || !is_loss(status)) return status;
+    const LayerHeader& layer = file_.header().layers[index];
+    out->assign(end - begin + 1, nullptr);
+    std::vector<const DirectoryPage*> one;
+    for (uint32_t d = begin; d <= end; ++d) {
+      const Status failed = file_.directory_pages(index, d, d, &one);
+      if (failed.ok()) {
+        (*out)[d - begin] = one[0];
+        continue;
+      }
+      if (!is_loss(failed)) return failed;
+      const uint32_t first = std::max(buckets.first, d << layer.directory_bits);
+      const uint32_t last =
+          std::min(buckets.last, (d << layer.directory_bits) + (1u << layer.directory_bits) - 1);
+      losses_->add_directory_page(index, first, last, failed);
+    }
+    return {};
+  }
+
   void add_pages(uint32_t index, const LayerHeader& layer, uint32_t directory_index,
                  const DirectoryPage& page, const BucketRange& buckets) {
     const double width = bucket_width(timeline_, layer.level);
@@ -117,16 +146,17 @@ class Planner {
   const l4d_timeline& timeline_;
   const Interval interval_;
   const PlanUnit unit_;
+  Losses* losses_;
   Plan& out_;
 };
 
 }  // namespace
 
-Status make_plan(SceneFile& file, const l4d_query& query, PlanUnit unit, Plan* out) {
+Status make_plan(SceneFile& file, const l4d_query& query, PlanUnit unit, Losses* losses, Plan* out) {
   *out = Plan();
   Interval interval;
   L4D_RETURN_IF_ERROR(query_interval(query, file.header().timeline, &interval));
-  Planner planner(file, interval, unit, out);
+  Planner planner(file, interval, unit, losses, out);
   const auto& layers = file.header().layers;
   for (uint32_t i = 0; i < layers.size(); ++i) {
     if (layers[i].level > query.max_level) continue;

@@ -2,12 +2,15 @@
 // Which pages a query needs, in stored order, from the directory alone.
 #pragma once
 
+#include <memory>
 #include <vector>
 
 #include "decoder/scene_file.h"
 #include "l4d/decode.h"
 
 namespace l4d {
+
+class Losses;
 
 struct PageTask {
   PageRecord record;
@@ -23,12 +26,14 @@ struct Plan {
   uint64_t num_gaussians = 0;
   uint64_t bytes = 0;
   uint64_t directory_bytes = 0;
+  std::unique_ptr<MemoryCharge> memory;  // of tasks and ranges
 };
 
 // kPages leaves out pages whose visible interval misses the query. kBuckets takes all pages of a bucket
 // where one is wanted: what a cache of whole buckets needs.
 enum class PlanUnit { kPages, kBuckets };
-Status make_plan(SceneFile& file, const l4d_query& query, PlanUnit unit, Plan* out);
+// With `losses`, directory pages that cannot be read are told there and left out.
+Status make_plan(SceneFile& file, const l4d_query& query, PlanUnit unit, Losses* losses, Plan* out);
 
 // Id of a block, unique in its layer: what l4d_range.block holds.
 inline uint32_t block_id(uint32_t directory_index, uint32_t block) {

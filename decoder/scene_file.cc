@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "decoder/losses.h"
 #include "libl4dcodec/base/hash.h"
 
 namespace l4d {
@@ -12,6 +13,12 @@ namespace {
 // and a scan of a day-long file from holding all of them.
 constexpr uint64_t kDirectoryCacheBytes = uint64_t{8} << 20;
 constexpr uint64_t kBlockCacheBytes = uint64_t{64} << 20;
+// What the cache itself takes for a directory page, also where that is empty: a table of 32 bytes an
+// entry can name a million of them for every layer.
+constexpr uint64_t kDirectoryEntryBytes = 96;
+
+// Stands for the page of what belongs to none: layers have fewer.
+constexpr uint32_t kNoPage = ~uint32_t{0};
 
 }  // namespace
 
@@ -51,44 +58,40 @@ Status SceneFile::open() {
 Status SceneFile::read_chunk(const ChunkRef& chunk, uint64_t max_raw_bytes, Bytes& stored,
                              Bytes& storage, ByteSpan* raw) {
   // The buffers are short-lived, but their sizes come from the file.
-  const uint64_t scratch = chunk.stored_bytes + std::min<uint64_t>(chunk.raw_bytes, max_raw_bytes);
-  L4D_RETURN_IF_ERROR(memory_.charge(scratch, "a chunk"));
+  MemoryCharge scratch(memory_);
+  L4D_RETURN_IF_ERROR(scratch.take(
+      chunk.stored_bytes + std::min<uint64_t>(chunk.raw_bytes, max_raw_bytes), "a chunk"));
   ByteSpan bytes;
-  Status status = source_.read(chunk.offset, chunk.stored_bytes, stored, &bytes);
-  if (status.ok() && hash64(bytes) != chunk.hash) {
-    status = Status(L4D_ERR_CHECKSUM, "CHNK-2", chunk.offset, "checksum of a chunk does not match");
+  L4D_RETURN_IF_ERROR(source_.read(chunk.offset, chunk.stored_bytes, stored, &bytes));
+  if (hash64(bytes) != chunk.hash) {
+    return Status(L4D_ERR_CHECKSUM, "CHNK-2", chunk.offset, "checksum of a chunk does not match");
   }
-  if (status.ok()) {
-    status = decode_chunk(decoder_, chunk.codec, bytes, chunk.raw_bytes, max_raw_bytes,
-                          chunk.offset, storage, raw);
-  }
-  memory_.release(scratch);
-  return status;
+  return decode_chunk(decoder_, chunk.codec, bytes, chunk.raw_bytes, max_raw_bytes, chunk.offset,
+                      storage, raw);
 }
 
 Status SceneFile::load_directory_page(uint32_t layer, uint32_t index, const PageTableEntry& entry) {
   CachedDirectoryPage cached;
   cached.stored_bytes = PageTableEntry::kBytes + entry.chunk.stored_bytes;
+  cached.memory_bytes = kDirectoryEntryBytes;
+  // Raw bytes and their parsed form, which is about as large.
   if (entry.chunk.stored_bytes != 0) {
-    // Raw bytes and their parsed form, which is no larger.
-    cached.memory_bytes =
-        2 * std::min<uint64_t>(entry.chunk.raw_bytes, kMaxDirectoryPageBytes);
-    L4D_RETURN_IF_ERROR(memory_.charge(cached.memory_bytes, "a directory page"));
-    directory_memory_ += cached.memory_bytes;
+    cached.memory_bytes += 2 * std::min<uint64_t>(entry.chunk.raw_bytes, kMaxDirectoryPageBytes);
+  }
+  MemoryCharge charge(memory_);
+  L4D_RETURN_IF_ERROR(charge.take(cached.memory_bytes, "a directory page"));
+  if (entry.chunk.stored_bytes != 0) {
     Bytes stored, storage;
     ByteSpan raw;
     cached.page = std::make_unique<DirectoryPage>();
-    Status status = read_chunk(entry.chunk, kMaxDirectoryPageBytes, stored, storage, &raw);
-    if (status.ok()) {
-      status = parse_directory_page(raw, entry.chunk.offset, header_, layer, index, cached.page.get());
-    }
-    if (!status.ok()) {
-      memory_.release(cached.memory_bytes);
-      directory_memory_ -= cached.memory_bytes;
-      return status;
-    }
+    L4D_RETURN_IF_ERROR(read_chunk(entry.chunk, kMaxDirectoryPageBytes, stored, storage, &raw));
+    L4D_RETURN_IF_ERROR(parse_directory_page(raw, entry.chunk.offset, header_, layer, index,
+                                             cached.page.get()));
   }
+  const uint64_t memory_bytes = cached.memory_bytes;
   directory_[{layer, index}] = std::move(cached);
+  charge.keep();
+  directory_memory_ += memory_bytes;
   return {};
 }
 
@@ -129,41 +132,51 @@ Status SceneFile::codebook(uint32_t layer, unsigned component, unsigned stage,
                            const CodebookData** out) {
   // SH is global: one key for all layers.
   const uint32_t owner = component == L4D_COMPONENT_SH ? 0 : layer;
-  const std::pair<uint32_t, uint32_t> key(owner, component * 16 + stage);
+  const BookKey key(owner, component * 16 + stage);
   const auto it = codebooks_.find(key);
   if (it != codebooks_.end()) {
     *out = &it->second;
     return {};
   }
+  const BlockBookKey failed_key({owner, kNoPage}, key.second);
+  const auto failed = failed_books_.find(failed_key);
+  if (failed != failed_books_.end()) return failed->second;
   const LayerHeader& l = header_.layers[layer];
   const ComponentCoding& coding = header_.component(l, component);
-  const StageCoding& s = stage == kRcqStage ? coding.rcq : coding.stages[stage];
-  const uint32_t dim = header_.component_dim(l, component);
-  const uint64_t bytes =
-      (uint64_t{s.num_entries} * dim + CodebookData::kPadding) * sizeof(float);
-  L4D_RETURN_IF_ERROR(memory_.charge(bytes, "a codebook"));
+  const Status status = load_codebook(key, stage == kRcqStage ? coding.rcq : coding.stages[stage],
+                                      header_.component_dim(l, component), out);
+  if (is_loss(status)) failed_books_[failed_key] = status;
+  return status;
+}
+
+Status SceneFile::load_codebook(const BookKey& key, const StageCoding& stage, uint32_t dim,
+                                const CodebookData** out) {
+  MemoryCharge charge(memory_);
+  L4D_RETURN_IF_ERROR(
+      charge.take((uint64_t{stage.num_entries} * dim + CodebookData::kPadding) * sizeof(float),
+                  "a codebook"));
   Bytes stored, storage;
   ByteSpan raw;
   CodebookData book;
-  Status status = read_chunk(s.codebook, max_codebook_bytes(s.num_entries, dim), stored, storage,
-                             &raw);
-  if (status.ok()) status = decode_codebook(decoder_, raw, s.codebook.offset, s, dim, &book);
-  if (!status.ok()) {
-    memory_.release(bytes);
-    return status;
-  }
+  L4D_RETURN_IF_ERROR(read_chunk(stage.codebook, max_codebook_bytes(stage.num_entries, dim), stored,
+                                 storage, &raw));
+  L4D_RETURN_IF_ERROR(
+      decode_codebook(decoder_, raw, stage.codebook.offset, stage, dim, &book));
   *out = &(codebooks_[key] = std::move(book));
+  charge.keep();
   return {};
 }
 
 Status SceneFile::block_codebook(uint32_t layer, unsigned component, uint32_t directory_index,
                                  uint32_t block, const CodebookData** out) {
-  const std::pair<PageKey, uint32_t> key({layer, directory_index}, block * 4 + component);
+  const BlockBookKey key({layer, directory_index}, block * 4 + component);
   const auto it = block_books_.find(key);
   if (it != block_books_.end()) {
     *out = &it->second;
     return {};
   }
+  const auto failed = failed_books_.find(key);
+  if (failed != failed_books_.end()) return failed->second;
   std::vector<const DirectoryPage*> pages;
   L4D_RETURN_IF_ERROR(directory_pages(layer, directory_index, directory_index, &pages));
   // A file that changes under the reader can lose the block between two reads.
@@ -171,29 +184,33 @@ Status SceneFile::block_codebook(uint32_t layer, unsigned component, uint32_t di
       pages[0]->blocks[block].tables[component].num_entries == 0) {
     return corrupt("DIR-6", Status::kNoOffset, "block " + std::to_string(block) + " does not exist");
   }
-  const RcqTableRef ref = pages[0]->blocks[block].tables[component];
+  const RcqTableRef table = pages[0]->blocks[block].tables[component];
   const CodebookData* global = nullptr;
   const CodebookData* residual = nullptr;
   L4D_RETURN_IF_ERROR(codebook(layer, component, 0, &global));
   L4D_RETURN_IF_ERROR(codebook(layer, component, kRcqStage, &residual));
+  const Status status = load_block_codebook(key, table, *global, *residual, out);
+  if (is_loss(status)) failed_books_[key] = status;
+  return status;
+}
+
+Status SceneFile::load_block_codebook(const BlockBookKey& key, const RcqTableRef& table,
+                                      const CodebookData& global, const CodebookData& residual,
+                                      const CodebookData** out) {
+  MemoryCharge charge(memory_);
   const uint64_t bytes =
-      (uint64_t{ref.num_entries} * global->dim + CodebookData::kPadding) * sizeof(float);
-  L4D_RETURN_IF_ERROR(memory_.charge(bytes, "a block codebook"));
+      (uint64_t{table.num_entries} * global.dim + CodebookData::kPadding) * sizeof(float);
+  L4D_RETURN_IF_ERROR(charge.take(bytes, "a block codebook"));
   Bytes stored, storage;
   ByteSpan raw;
   CodebookData book;
-  Status status =
-      read_chunk(ref.chunk, max_rcq_table_bytes(ref.num_entries), stored, storage, &raw);
-  if (status.ok()) {
-    status = decode_rcq_table(decoder_, raw, ref.chunk.offset, ref.num_entries, *global, *residual,
-                              &book);
-  }
-  if (!status.ok()) {
-    memory_.release(bytes);
-    return status;
-  }
-  block_memory_ += bytes;
+  L4D_RETURN_IF_ERROR(
+      read_chunk(table.chunk, max_rcq_table_bytes(table.num_entries), stored, storage, &raw));
+  L4D_RETURN_IF_ERROR(decode_rcq_table(decoder_, raw, table.chunk.offset, table.num_entries, global,
+                                       residual, &book));
   *out = &(block_books_[key] = std::move(book));
+  charge.keep();
+  block_memory_ += bytes;
   return {};
 }
 

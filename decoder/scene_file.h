@@ -53,6 +53,10 @@ class SceneFile {
   // passed. Called between queries.
   void trim();
 
+  // A codebook that cannot be read fails at once when it is asked for again, since every page of its
+  // layer does, until this is called.
+  void retry() { failed_books_.clear(); }
+
   // Fixed bytes a layer refers to besides its pages and directory pages.
   uint64_t codebook_stored_bytes(uint32_t layer) const;
 
@@ -62,7 +66,15 @@ class SceneFile {
     uint64_t memory_bytes = 0;
     uint64_t stored_bytes = 0;
   };
+  using PageKey = std::pair<uint32_t, uint32_t>;          // layer, index
+  using BookKey = std::pair<uint32_t, uint32_t>;          // layer, component * 16 + stage
+  using BlockBookKey = std::pair<PageKey, uint32_t>;      // page, block * 4 + component
   Status load_directory_page(uint32_t layer, uint32_t index, const PageTableEntry& entry);
+  Status load_codebook(const BookKey& key, const StageCoding& stage, uint32_t dim,
+                       const CodebookData** out);
+  Status load_block_codebook(const BlockBookKey& key, const RcqTableRef& table,
+                             const CodebookData& global, const CodebookData& residual,
+                             const CodebookData** out);
 
   ByteSource source_;
   l4d_limits limits_;
@@ -70,10 +82,10 @@ class SceneFile {
   StreamDecoder decoder_;
   FileHeader file_header_;
   SceneHeader header_;
-  using PageKey = std::pair<uint32_t, uint32_t>;                        // layer, index
   std::map<PageKey, CachedDirectoryPage> directory_;
-  std::map<std::pair<uint32_t, uint32_t>, CodebookData> codebooks_;     // layer, component * 16 + stage
-  std::map<std::pair<PageKey, uint32_t>, CodebookData> block_books_;    // page, block * 4 + component
+  std::map<BookKey, CodebookData> codebooks_;
+  std::map<BlockBookKey, CodebookData> block_books_;
+  std::map<BlockBookKey, Status> failed_books_;  // codebooks under page kNoPage
   uint64_t directory_memory_ = 0;
   uint64_t block_memory_ = 0;
 };

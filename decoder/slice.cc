@@ -99,10 +99,14 @@ void Decoder::evict(uint64_t needed) {
       if (oldest == cache_.end() || it->second.last_use < oldest->second.last_use) oldest = it;
     }
     if (oldest == cache_.end()) return;
-    cache_bytes_ -= oldest->second.memory_bytes;
-    file_->memory().release(oldest->second.memory_bytes);
-    cache_.erase(oldest);
+    drop(oldest);
   }
+}
+
+void Decoder::drop(std::map<BucketKey, CacheEntry>::iterator entry) {
+  cache_bytes_ -= entry->second.memory_bytes;
+  file_->memory().release(entry->second.memory_bytes);
+  cache_.erase(entry);
 }
 
 void Decoder::drop_cache() {
@@ -112,26 +116,20 @@ void Decoder::drop_cache() {
 }
 
 Status Decoder::prepare_range(const Plan& plan, size_t range, size_t first_task, size_t end_task,
-                              PreparedBucket* out) {
+                              CacheEntry* entry) {
+  PreparedBucket* const out = &entry->bucket;
   const l4d_range& r = plan.ranges[range];
   const SceneHeader& header = file_->header();
   const LayerHeader& layer = header.layers[r.layer];
-  const size_t n = static_cast<size_t>(r.count);
-  out->count = n;
+  size_t n = static_cast<size_t>(r.count);
   out->permanent = layer.permanent;
   out->center = r.center;
   out->position.resize(3 * n);
   out->mean.resize(n);
-  out->reference.resize(n);
-  out->covariance.resize(6 * n);
   out->opacity.resize(n);
   out->sh.resize(header.sh_dim() * n);
-  if (!layer.permanent) out->lambda.resize(n);
-  if (layer.component[L4D_COMPONENT_ROTOR_TEMPORAL].coding != ComponentCodingId::kZero) {
-    out->velocity.resize(3 * n);
-  }
-  const uint64_t scratch = uint64_t{n} * 12 * sizeof(float);
-  L4D_RETURN_IF_ERROR(file_->memory().charge(scratch, "a bucket"));
+  MemoryCharge scratch(file_->memory());
+  L4D_RETURN_IF_ERROR(scratch.take(uint64_t{n} * 12 * sizeof(float), "a bucket"));
   std::vector<float> log_scale(4 * n), rotor(8 * n);
   l4d_gaussian_buffers buffers{};
   buffers.struct_size = sizeof buffers;
@@ -149,13 +147,43 @@ Status Decoder::prepare_range(const Plan& plan, size_t range, size_t first_task,
     part.tasks.back().range = 0;
     part.tasks.back().first -= r.first;
   }
-  const Status status = pages_->expand(part, 0, part.tasks.size(), buffers, progress("decode"));
-  file_->memory().release(scratch);
-  if (!status.ok()) return status;
+  LostPages lost;
+  L4D_RETURN_IF_ERROR(pages_->expand(part, 0, part.tasks.size(), buffers, progress("decode"),
+                                     losses_if_tolerant() == nullptr ? nullptr : &lost));
+  if (!lost.empty()) {
+    losses_.add_pages(part, lost);
+    entry->missing.ranges = part.ranges;
+    for (const LostPage& page : lost) entry->missing.tasks.push_back(part.tasks[page.task]);
+    const std::vector<RowMove> moves = remove_lost(lost, &part);
+    n = static_cast<size_t>(part.num_gaussians);
+    move_rows(moves, 3, buffers.position);
+    move_rows(moves, 1, buffers.mean_t_local);
+    move_rows(moves, 1, buffers.opacity);
+    move_rows(moves, header.sh_dim(), buffers.sh);
+    move_rows(moves, 4, buffers.log_scale);
+    move_rows(moves, 8, buffers.rotor);
+  }
+  out->count = n;
+  out->reference.resize(n);
+  out->covariance.resize(6 * n);
+  if (!layer.permanent) out->lambda.resize(n);
+  if (layer.component[L4D_COMPONENT_ROTOR_TEMPORAL].coding != ComponentCodingId::kZero) {
+    out->velocity.resize(3 * n);
+  }
   parallel_for(static_cast<int>(options_.threads), n, kSliceGrain, [&](size_t begin, size_t end) {
     prepare_gaussians(header, layer, rotor.data(), log_scale.data(), begin, end, out);
   });
   ++buckets_decoded_;
+  return {};
+}
+
+Status Decoder::has_recovered(const CacheEntry& entry, bool* recovered) {
+  *recovered = false;
+  if (entry.missing.tasks.empty()) return {};
+  LostPages lost;
+  L4D_RETURN_IF_ERROR(pages_->probe(entry.missing, &lost));
+  *recovered = lost.size() < entry.missing.tasks.size();
+  if (!*recovered) losses_.add_pages(entry.missing, lost);
   return {};
 }
 
@@ -174,23 +202,28 @@ Status Decoder::prepare(const Plan& plan, std::vector<const PreparedBucket*>* ou
     const BucketKey key(r.layer, r.bucket);
     const auto it = cache_.find(key);
     if (it != cache_.end()) {
-      ++cache_hits_;
-      out->push_back(&it->second.bucket);
-      continue;
+      bool recovered = false;
+      L4D_RETURN_IF_ERROR(has_recovered(it->second, &recovered));
+      if (!recovered) {
+        ++cache_hits_;
+        out->push_back(&it->second.bucket);
+        continue;
+      }
+      drop(it);
     }
     CacheEntry entry;
     entry.memory_bytes = PreparedBucket::memory_bytes(static_cast<size_t>(r.count), sh_dim);
     entry.last_use = clock_;
     // Decoding a bucket takes scratch of less than its own size beside it.
     evict(2 * entry.memory_bytes);
-    L4D_RETURN_IF_ERROR(file_->memory().charge(entry.memory_bytes, "the bucket cache"));
-    const Status status = prepare_range(plan, i, first_task, task, &entry.bucket);
-    if (!status.ok()) {
-      file_->memory().release(entry.memory_bytes);
-      return status;
-    }
-    cache_bytes_ += entry.memory_bytes;
-    out->push_back(&(cache_[key] = std::move(entry)).bucket);
+    MemoryCharge charge(file_->memory());
+    L4D_RETURN_IF_ERROR(charge.take(entry.memory_bytes, "the bucket cache"));
+    L4D_RETURN_IF_ERROR(prepare_range(plan, i, first_task, task, &entry));
+    const uint64_t memory_bytes = entry.memory_bytes;
+    const PreparedBucket* const kept = &(cache_[key] = std::move(entry)).bucket;
+    charge.keep();
+    cache_bytes_ += memory_bytes;
+    out->push_back(kept);
   }
   return {};
 }
@@ -205,11 +238,10 @@ Status Decoder::slice(double time, l4d_splat_buffers* out) {
   query.kind = L4D_QUERY_TIME;
   query.max_level = ~0u;
   query.time_begin = time;
-  file_->trim();
   Plan plan;
   std::vector<const PreparedBucket*> buckets;
   const auto load = [&]() -> Status {
-    L4D_RETURN_IF_ERROR(make_plan(*file_, query, PlanUnit::kBuckets, &plan));
+    L4D_RETURN_IF_ERROR(begin_query(query, PlanUnit::kBuckets, &plan));
     buckets.clear();
     return prepare(plan, &buckets);
   };

@@ -13,8 +13,9 @@ namespace {
 
 class Validator {
  public:
-  Validator(SceneFile& file, PageDecoder& pages, const ViolationFn& report)
-      : file_(file), pages_(pages), report_(report) {}
+  Validator(SceneFile& file, PageDecoder& pages, const l4d_decoder_options& options,
+            const ViolationFn& report)
+      : file_(file), pages_(pages), options_(options), report_(report) {}
 
   Status run() {
     const SceneHeader& header = file_.header();
@@ -26,6 +27,7 @@ class Validator {
       for (unsigned c = L4D_COMPONENT_SCALE; c < L4D_COMPONENT_COUNT; ++c) {
         L4D_RETURN_IF_ERROR(check_codebooks(header.layers[l].component[c], l, c));
       }
+      L4D_RETURN_IF_ERROR(advance(0));
       L4D_RETURN_IF_ERROR(check_layer(l));
     }
     check_overlaps();
@@ -37,6 +39,17 @@ class Validator {
     uint64_t begin, end;
     const char* what;
   };
+
+  // Gaussians are what is counted: their number is known, that of the pages is not.
+  Status advance(uint64_t gaussians) {
+    done_ += gaussians;
+    if (options_.progress == nullptr) return {};
+    const uint64_t total = file_.header().num_gaussians;
+    if (options_.progress(options_.progress_user, std::min(done_, total), total, "validate") == 0) {
+      return {};
+    }
+    return Status(L4D_ERR_CANCELLED, "cancelled by the progress callback");
+  }
 
   // Errors of the stream are reported and passed over; those of the host end the check.
   Status note(Status status) {
@@ -94,6 +107,7 @@ class Validator {
         take(record.chunk, "a page");
         total += record.num_gaussians;
         L4D_RETURN_IF_ERROR(note(check_page(l, d, record)));
+        L4D_RETURN_IF_ERROR(advance(record.num_gaussians));
       }
       file_.trim();
     }
@@ -149,7 +163,7 @@ class Validator {
     out.rotor = rotor_.data();
     out.opacity = opacity_.data();
     out.sh = sh_.data();
-    L4D_RETURN_IF_ERROR(pages_.expand(plan, 0, 1, out, nullptr));
+    L4D_RETURN_IF_ERROR(pages_.expand(plan, 0, 1, out, nullptr, nullptr));
     return layer.permanent ? check_bounds(header, layer, record, range)
                            : check_times(header, layer, record, range);
   }
@@ -244,7 +258,9 @@ class Validator {
 
   SceneFile& file_;
   PageDecoder& pages_;
+  const l4d_decoder_options& options_;
   const ViolationFn& report_;
+  uint64_t done_ = 0;
   std::vector<Taken> taken_;
   std::vector<float> position_, mean_, local_, log_scale_, rotor_, opacity_, sh_;
 };
@@ -266,7 +282,7 @@ Status validate_stream(ByteSource source, const l4d_decoder_options& options,
   // The reference loops: what a validator finds must not depend on the machine.
   PageDecoder pages(decoder.file(), stream_kernels_reference(), reconstruct_kernels_reference(),
                     static_cast<int>(options.threads));
-  return Validator(decoder.file(), pages, report).run();
+  return Validator(decoder.file(), pages, options, report).run();
 }
 
 }  // namespace l4d

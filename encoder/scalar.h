@@ -20,8 +20,11 @@ inline ScalarCoding choose_scalar_coding(const std::vector<float>& values, unsig
   if (values.empty()) return coding;
   const auto [low, high] = std::minmax_element(values.begin(), values.end());
   coding.offset = sound_constant(*low);
-  const float step = (*high - coding.offset) / static_cast<float>((1u << bits) - 1u);
+  const float last = static_cast<float>((1u << bits) - 1u);
+  float step = (*high - coding.offset) / last;
   if (step < 0x1p-40f) return coding;
+  // Rounded up, the last code could decode to more than any value: to an opacity above 1.
+  while (coding.offset + step * last > *high) step = std::nextafter(step, 0.0f);
   coding.coding = ScalarCodingId::kSq;
   coding.bits = bits;
   coding.step = step;

@@ -32,6 +32,13 @@ typedef struct l4d_decoder_options {
   uint32_t threads;     /* 0 = one per core; never changes the output */
   uint32_t backend;     /* L4D_BACKEND_*; never changes the output */
   uint64_t cache_bytes; /* budget of the bucket cache that time stepping uses; 0 = 512 MiB */
+  /* 0: a query that comes upon damage, or a reader that fails, is refused. 1: it leaves out what cannot
+   * be read, succeeds, and l4d_decoder_get_losses tells what is missing. */
+  uint32_t tolerant;
+  uint32_t reserved;
+  /* As l4d_decoder_set_progress, for l4d_validate too; NULL = none. */
+  l4d_progress_fn progress;
+  void* progress_user;
 } l4d_decoder_options;
 L4D_API void l4d_decoder_options_init_(l4d_decoder_options* options, size_t struct_size);
 #define l4d_decoder_options_init(options) l4d_decoder_options_init_((options), sizeof(*(options)))
@@ -194,7 +201,11 @@ L4D_API void l4d_gaussian_buffers_init_(l4d_gaussian_buffers* buffers, size_t st
 
 /* Decodes what the query selects. Reads only the pages of those buckets, and codebooks on first use.
  * On failure the arrays hold unspecified values. Fails with INVALID_ARGUMENT where capacity is below
- * the selection. */
+ * the selection.
+ * A tolerant decoder leaves out pages that are lost: the Gaussians of the others follow each other
+ * without gaps, `count` and the counts of the ranges are without those lost, a range of which nothing is
+ * left is not listed, and array elements from `count` on hold unspecified values. Capacities are still
+ * held against the selection, which knows of lost directory pages only. */
 L4D_API l4d_status l4d_decoder_decode(l4d_decoder* decoder, const l4d_query* query,
                                       l4d_gaussian_buffers* out);
 
@@ -222,7 +233,8 @@ typedef struct l4d_packed_buffers {
 } l4d_packed_buffers;
 L4D_API void l4d_packed_buffers_init_(l4d_packed_buffers* buffers, size_t struct_size);
 #define l4d_packed_buffers_init(buffers) l4d_packed_buffers_init_((buffers), sizeof(*(buffers)))
-/* Fails with FEATURE_UNSUPPORTED on a lossless stream, which has no packed form. */
+/* Fails with FEATURE_UNSUPPORTED on a lossless stream, which has no packed form. A tolerant decoder leaves
+ * out lost pages as l4d_decoder_decode does; literals too are without theirs. */
 L4D_API l4d_status l4d_decoder_decode_packed(l4d_decoder* decoder, const l4d_query* query,
                                              l4d_packed_buffers* out);
 
@@ -249,6 +261,8 @@ typedef struct l4d_dequantization {
   float position_scale;
   float opacity_offset, opacity_step;
   float scale_factor_offset, scale_factor_step;
+  float log_scale_t; /* permanent layers: temporal log scale of every Gaussian; else 0 */
+  uint32_t reserved;
 } l4d_dequantization;
 L4D_API void l4d_dequantization_init_(l4d_dequantization* out, size_t struct_size);
 #define l4d_dequantization_init(out) l4d_dequantization_init_((out), sizeof(*(out)))
@@ -276,8 +290,33 @@ L4D_API void l4d_splat_buffers_init_(l4d_splat_buffers* buffers, size_t struct_s
 #define l4d_splat_buffers_init(buffers) l4d_splat_buffers_init_((buffers), sizeof(*(buffers)))
 /* Slices at `time` seconds (clamped to the sequence). Buckets come from a cache, so stepping forward
  * decodes each bucket once. An upper bound of count is l4d_selection.num_gaussians of a TIME query.
- * With all arrays NULL only `count` is computed. */
+ * With all arrays NULL only `count` is computed.
+ * A tolerant decoder shows what is left where pages are lost. It asks for lost pages again in each
+ * call, so `count` grows when the reader recovers. */
 L4D_API l4d_status l4d_decoder_slice(l4d_decoder* decoder, double time, l4d_splat_buffers* out);
+
+/* ---- losses -------------------------------------------------------------------------------- */
+
+/* What one damaged or unreadable part of the stream cost a query of a tolerant decoder. A page costs its
+ * Gaussians; a directory page the buckets it describes; a codebook the pages of its layer, one of a
+ * block those of the block, except in packed form. Damage to the headers or to an SH codebook is never tolerated, nor is a want
+ * of memory or a limit. */
+typedef struct l4d_loss {
+  l4d_status status;    /* what a decoder that is not tolerant returns: IO, TRUNCATED, CORRUPT, CHECKSUM
+                           or FEATURE_UNSUPPORTED */
+  uint32_t layer;
+  uint32_t bucket;      /* of the layer; the first, where there are more */
+  uint32_t num_buckets; /* from there on; not each need have lost something */
+  uint64_t num_chunks;  /* pages; 0 = a directory page is lost, nobody can tell how many */
+  uint64_t num_gaussians;
+  uint64_t offset;      /* byte offset in the file, UINT64_MAX if none */
+  const char* clause;   /* id of the MUST, "" if none; static */
+} l4d_loss;
+/* Losses of the last call that selected, decoded or sliced, whatever it returned; none before the first.
+ * *count is their number; the first min(capacity, *count) go to `out`, which may be NULL where capacity
+ * is 0. */
+L4D_API l4d_status l4d_decoder_get_losses(const l4d_decoder* decoder, l4d_loss* out,
+                                          uint64_t capacity, uint64_t* count);
 
 /* ---- counters and checking ----------------------------------------------------------------- */
 typedef struct l4d_counters {
@@ -289,6 +328,10 @@ typedef struct l4d_counters {
   uint64_t cache_hits;      /* buckets */
   uint64_t memory_bytes;    /* held now */
   uint64_t peak_memory_bytes;
+  /* Sums over all queries of a tolerant decoder, so that what stays lost counts each time. */
+  uint64_t pages_lost;
+  uint64_t buckets_lost;    /* those of lost directory pages, which need not hold Gaussians, among them */
+  uint64_t gaussians_lost;  /* of lost pages */
 } l4d_counters;
 L4D_API void l4d_counters_init_(l4d_counters* counters, size_t struct_size);
 #define l4d_counters_init(counters) l4d_counters_init_((counters), sizeof(*(counters)))

@@ -98,6 +98,18 @@ class DecoderHandle {
     b.ranges = a.ranges.data();
     b.range_capacity = a.ranges.size();
     check(l4d_decoder_decode(get(), &query, &b));
+    // A tolerant decoder may hand out less than it selected.
+    const size_t count = static_cast<size_t>(b.count);
+    if (count != n) {
+      a.position.resize(3 * count);
+      a.mean_t.resize(count);
+      a.mean_t_local.resize(count);
+      a.log_scale.resize(4 * count);
+      a.rotor.resize(8 * count);
+      a.opacity.resize(count);
+      a.sh.resize(3 * (i.sh_degree + 1) * (i.sh_degree + 1) * count);
+    }
+    a.ranges.resize(static_cast<size_t>(b.num_ranges));
     return a;
   }
   SplatArrays slice(double time) const {

@@ -242,6 +242,7 @@ l4d_status l4d_decoder_get_dequantization(l4d_decoder* decoder, uint32_t layer,
     q.opacity_step = header.opacity.step;
     q.scale_factor_offset = factor.offset;
     q.scale_factor_step = factor.step;
+    if (header.layers[layer].permanent) q.log_scale_t = header.layers[layer].log_scale_t;
     write_struct(q, out);
     return {};
   });
@@ -254,6 +255,18 @@ l4d_status l4d_decoder_slice(l4d_decoder* decoder, double time, l4d_splat_buffer
     write_struct(buffers, out);
     return {};
   });
+}
+
+l4d_status l4d_decoder_get_losses(const l4d_decoder* decoder, l4d_loss* out, uint64_t capacity,
+                                  uint64_t* count) {
+  if (decoder == nullptr || count == nullptr || (out == nullptr && capacity > 0)) {
+    return L4D_ERR_INVALID_ARGUMENT;
+  }
+  if (!decoder->impl.is_open()) return L4D_ERR_INVALID_STATE;
+  const std::vector<l4d_loss>& losses = decoder->impl.losses();
+  std::copy_n(losses.begin(), std::min<uint64_t>(capacity, losses.size()), out);
+  *count = losses.size();
+  return L4D_OK;
 }
 
 l4d_status l4d_decoder_get_counters(const l4d_decoder* decoder, l4d_counters* counters) {

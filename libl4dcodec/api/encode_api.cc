@@ -2,10 +2,14 @@
 #include "l4d/encode.h"
 
 #include <fcntl.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <cerrno>
+#include <climits>
 #include <cstdio>
+#include <cstdlib>
+#include <cstring>
 #include <string>
 
 #include "encoder/encoder.h"
@@ -31,25 +35,38 @@ l4d_status with_encoder(l4d_encoder* encoder, const Body& body) {
   return encoder->error.keep(guard([&] { return body(encoder->impl); }));
 }
 
-// A file that takes its name only when it is whole, and leaves nothing behind otherwise.
+// A file that takes its name only when it is whole, and leaves nothing behind otherwise. What is no
+// regular file, a device or a pipe, is written in place: renaming would replace it.
 class AtomicFile {
  public:
   ~AtomicFile() {
     if (fd_ >= 0) ::close(fd_);
     if (!temporary_.empty()) ::unlink(temporary_.c_str());
   }
-  Status open(const std::string& path) {
-    path_ = path;
-    for (int attempt = 0; attempt < 1000 && fd_ < 0; ++attempt) {
-      temporary_ = path + ".tmp-" + std::to_string(::getpid()) + "-" + std::to_string(attempt);
-      fd_ = ::open(temporary_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
-      if (fd_ < 0 && errno != EEXIST) break;
+  Status open(const char* path) {
+    path_ = final_path_ = path;
+    struct stat status {};
+    if (::stat(path, &status) == 0) {
+      if (!S_ISREG(status.st_mode)) {
+        fd_ = ::open(path, O_WRONLY | O_CLOEXEC);
+        return fd_ < 0 ? failure("cannot open", errno) : Status();
+      }
+      // The target of a symbolic link is replaced, not the link.
+      char resolved[PATH_MAX];
+      if (::realpath(path, resolved) == nullptr) return failure("cannot resolve", errno);
+      final_path_ = resolved;
     }
-    if (fd_ < 0) {
-      temporary_.clear();  // not ours
-      return failure("cannot create a temporary file beside");
+    int error = EEXIST;
+    for (int attempt = 0; attempt < 1000 && error == EEXIST; ++attempt) {
+      std::string name =
+          final_path_ + ".tmp-" + std::to_string(::getpid()) + "-" + std::to_string(attempt);
+      fd_ = ::open(name.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+      error = errno;
+      if (fd_ < 0) continue;
+      temporary_ = std::move(name);
+      return {};
     }
-    return {};
+    return failure("cannot create a temporary file beside", error);
   }
   bool write(const unsigned char* data, size_t n) {
     while (n > 0) {
@@ -64,17 +81,22 @@ class AtomicFile {
   Status commit() {
     const int fd = fd_;
     fd_ = -1;
-    if (::close(fd) != 0) return failure("cannot finish writing");
-    if (std::rename(temporary_.c_str(), path_.c_str()) != 0) return failure("cannot rename to");
+    if (::close(fd) != 0) return failure("cannot finish writing", errno);
+    if (temporary_.empty()) return {};
+    if (std::rename(temporary_.c_str(), final_path_.c_str()) != 0) {
+      return failure("cannot rename to", errno);
+    }
     temporary_.clear();
     return {};
   }
-  Status failure(const char* what) const {
-    return Status(L4D_ERR_IO, std::string(what) + " '" + path_ + "': " + std::strerror(errno));
+  Status failure(const char* what, int error) const {
+    return Status(L4D_ERR_IO, std::string(what) + " '" + path_ + "': " + std::strerror(error));
   }
 
  private:
-  std::string path_, temporary_;
+  std::string path_;        // as the caller named it, for messages
+  std::string final_path_;  // symbolic links resolved
+  std::string temporary_;   // empty: written in place
   int fd_ = -1;
 };
 
@@ -222,7 +244,7 @@ l4d_status l4d_encoder_encode_file(l4d_encoder* encoder, const char* path) {
     Status failed;
     const Status status = e.encode([&](const unsigned char* data, size_t n) {
       if (file.write(data, n)) return true;
-      failed = file.failure("cannot write");
+      failed = file.failure("cannot write", errno);
       return false;
     });
     if (!failed.ok()) return failed;

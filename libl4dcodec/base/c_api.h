@@ -39,6 +39,15 @@ void write_struct(const T& from, T* out) {
   out->struct_size = struct_size;
 }
 
+// Short of memory the status comes without its message.
+inline Status internal_error(const char* what) noexcept {
+  try {
+    return Status(L4D_ERR_INTERNAL, what);
+  } catch (...) {
+    return Status(L4D_ERR_INTERNAL, std::string());
+  }
+}
+
 // Runs `body`, which returns a Status, and turns what it throws into one.
 template <typename Body>
 Status guard(const Body& body) {
@@ -47,9 +56,9 @@ Status guard(const Body& body) {
   } catch (const std::bad_alloc&) {
     return Status(L4D_ERR_OUT_OF_MEMORY, "out of memory");
   } catch (const std::exception& e) {
-    return Status(L4D_ERR_INTERNAL, e.what());
+    return internal_error(e.what());
   } catch (...) {
-    return Status(L4D_ERR_INTERNAL, "unknown exception");
+    return internal_error("unknown exception");
   }
 }
 

@@ -213,6 +213,7 @@ class PageWriter {
       const uint32_t limit = s == 0 ? entries0 : coding.stages[s].num_entries;
       encoder_.encode(c.index[s].data(), c.index_count[s], bit_width(limit), false, out_);
     }
+    if (c.num_literals == 0) return;  // a column of nothing has no address
     for (unsigned d = 0; d < dim; ++d) half_stream(c.literal.data() + d, dim, c.num_literals, false);
   }
 

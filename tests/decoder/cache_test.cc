@@ -208,7 +208,7 @@ TEST(MemoryLimit, CacheGivesWayToIt) {
     for (const double t : frames(bytes, 5)) d.slice(t);
     all_together = counters(d).peak_memory_bytes;
   }
-  ASSERT_GT(all_together, largest_alone + largest_alone / 8);
+  ASSERT_GT(all_together, largest_alone + largest_alone / 16);
   // Room for any instant, and for the codebooks and directory pages of all.
   o.limits.max_memory_bytes = largest_alone + (all_together - largest_alone) / 2;
   DecoderHandle d(&o);

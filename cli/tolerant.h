@@ -1,0 +1,94 @@
+// SPDX-License-Identifier: Apache-2.0
+// What verbs with --tolerant share.
+#pragma once
+
+#include <algorithm>
+#include <map>
+#include <memory>
+#include <string>
+#include <tuple>
+#include <vector>
+
+#include "cli/scene_source.h"
+#include "cli/units.h"
+
+namespace l4d::cli {
+
+inline void add_tolerant_option(CLI::App* verb, bool& tolerant) {
+  verb->add_flag("--tolerant", tolerant,
+                 "Leave out what is damaged or cannot be read, and say so, instead of failing");
+}
+
+// A scene as SceneStream opens it, or a stream of which parts may be missing.
+class TolerantStream {
+ public:
+  TolerantStream(Context& context, const Input& input, const ImportArguments& arguments,
+                 bool tolerant) {
+    if (!tolerant || input.is_ply()) {
+      scene_ = std::make_unique<SceneStream>(context, input, arguments);
+      return;
+    }
+    l4d_decoder_options options = context.decoder_options();
+    options.tolerant = 1;
+    decoder_ = std::make_unique<DecoderHandle>(&options);
+    about(input.name(), [&] { decoder_->open_file(input.path()); });
+    info_ = decoder_->info();
+  }
+  const DecoderHandle& decoder() const { return scene_ ? scene_->decoder() : *decoder_; }
+  const l4d_info& info() const { return scene_ ? scene_->info() : info_; }
+
+ private:
+  std::unique_ptr<SceneStream> scene_;
+  std::unique_ptr<DecoderHandle> decoder_;
+  l4d_info info_{};
+};
+
+// The parts of a file that were lost to the queries of one command, each once.
+class LossReport {
+ public:
+  // Takes in the losses of the decoder's last query.
+  void add(const DecoderHandle& decoder) {
+    uint64_t count = 0;
+    decoder.check(l4d_decoder_get_losses(decoder.get(), nullptr, 0, &count));
+    std::vector<l4d_loss> losses(static_cast<size_t>(count));
+    decoder.check(l4d_decoder_get_losses(decoder.get(), losses.data(), losses.size(), &count));
+    for (const l4d_loss& loss : losses) {
+      const auto [it, is_new] = losses_.emplace(Key(loss.layer, loss.offset, loss.status), loss);
+      if (is_new) continue;
+      // A codebook that more buckets want than before.
+      l4d_loss& known = it->second;
+      const uint32_t end =
+          std::max(known.bucket + known.num_buckets, loss.bucket + loss.num_buckets);
+      known.bucket = std::min(known.bucket, loss.bucket);
+      known.num_buckets = end - known.bucket;
+      known.num_chunks = std::max(known.num_chunks, loss.num_chunks);
+      known.num_gaussians = std::max(known.num_gaussians, loss.num_gaussians);
+    }
+  }
+  void note(Context& context, const std::string& input) const {
+    if (losses_.empty()) return;
+    context.note(input + ": damaged or unreadable in " + format_count(losses_.size()) +
+                 (losses_.size() == 1 ? " place" : " places") + "; what needs them is left out");
+  }
+  Json json() const {
+    Json list = Json::array();
+    for (const auto& entry : losses_) {
+      const l4d_loss& loss = entry.second;
+      list.push_back({{"status", l4d_status_name(loss.status)},
+                      {"clause", loss.clause},
+                      {"offset", loss.offset == UINT64_MAX ? Json() : Json(loss.offset)},
+                      {"layer", loss.layer},
+                      {"bucket", loss.bucket},
+                      {"num_buckets", loss.num_buckets},
+                      {"num_pages", loss.num_chunks},
+                      {"num_gaussians", loss.num_gaussians}});
+    }
+    return list;
+  }
+
+ private:
+  using Key = std::tuple<uint32_t, uint64_t, l4d_status>;  // layer, offset, status
+  std::map<Key, l4d_loss> losses_;
+};
+
+}  // namespace l4d::cli

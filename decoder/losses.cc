@@ -1,0 +1,110 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "decoder/losses.h"
+
+#include <cstring>
+
+namespace l4d {
+
+bool is_loss(const Status& status) {
+  switch (status.code()) {
+    case L4D_ERR_IO:
+    case L4D_ERR_TRUNCATED:
+    case L4D_ERR_CORRUPT:
+    case L4D_ERR_CHECKSUM:
+    case L4D_ERR_FEATURE_UNSUPPORTED:
+      return true;
+    default:
+      return false;
+  }
+}
+
+void Losses::add(const l4d_loss& loss) {
+  if (!query_.empty()) {
+    l4d_loss& last = query_.back();
+    // All that lies behind the end of a file has that one cause.
+    const bool same_place = last.offset == loss.offset || loss.status == L4D_ERR_TRUNCATED;
+    if (last.layer == loss.layer && last.status == loss.status && same_place &&
+        std::strcmp(last.clause, loss.clause) == 0 && last.bucket <= loss.bucket &&
+        (last.num_chunks == 0) == (loss.num_chunks == 0)) {
+      last.num_buckets = std::max(last.num_buckets, loss.bucket + loss.num_buckets - last.bucket);
+      last.num_chunks += loss.num_chunks;
+      last.num_gaussians += loss.num_gaussians;
+      return;
+    }
+  }
+  query_.push_back(loss);
+}
+
+void Losses::add_directory_page(uint32_t layer, uint32_t first, uint32_t last,
+                                const Status& status) {
+  l4d_loss loss{};
+  loss.status = status.code();
+  loss.layer = layer;
+  loss.bucket = first;
+  loss.num_buckets = last - first + 1;
+  loss.offset = status.offset();
+  loss.clause = status.clause();
+  add(loss);
+  buckets_ += loss.num_buckets;
+}
+
+void Losses::add_pages(const Plan& plan, const LostPages& lost) {
+  const PageTask* before = nullptr;
+  for (const LostPage& page : lost) {
+    const PageTask& task = plan.tasks[page.task];
+    l4d_loss loss{};
+    loss.status = page.status.code();
+    loss.layer = task.layer;
+    loss.bucket = task.record.bucket;
+    loss.num_buckets = 1;
+    loss.num_chunks = 1;
+    loss.num_gaussians = task.record.num_gaussians;
+    loss.offset = page.status.offset();
+    loss.clause = page.status.clause();
+    add(loss);
+    ++pages_;
+    gaussians_ += task.record.num_gaussians;
+    if (before == nullptr || before->layer != task.layer ||
+        before->record.bucket != task.record.bucket) {
+      ++buckets_;
+    }
+    before = &task;
+  }
+}
+
+std::vector<RowMove> remove_lost(const LostPages& lost, Plan* plan) {
+  std::vector<RowMove> moves;
+  std::vector<l4d_range> ranges;
+  size_t next = 0;
+  uint64_t at = 0;
+  for (size_t t = 0; t < plan->tasks.size(); ++t) {
+    if (next < lost.size() && lost[next].task == t) {
+      ++next;
+      continue;
+    }
+    const PageTask& task = plan->tasks[t];
+    const l4d_range& range = plan->ranges[task.range];
+    if (ranges.empty() || ranges.back().layer != range.layer ||
+        ranges.back().bucket != range.bucket || ranges.back().block != range.block) {
+      ranges.push_back(range);
+      ranges.back().first = at;
+      ranges.back().count = 0;
+    }
+    const size_t n = task.record.num_gaussians;
+    if (task.first != at) {
+      const size_t from = static_cast<size_t>(task.first), to = static_cast<size_t>(at);
+      if (!moves.empty() && moves.back().from + moves.back().count == from) {
+        moves.back().count += n;
+      } else {
+        moves.push_back({from, to, n});
+      }
+    }
+    ranges.back().count += n;
+    at += n;
+  }
+  plan->ranges = std::move(ranges);
+  plan->num_gaussians = at;
+  return moves;
+}
+
+}  // namespace l4d

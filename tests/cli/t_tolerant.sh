@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: Apache-2.0
+# shellcheck shell=bash
+# --tolerant: damage costs what it hits, and is told.
+make_scene s.ply 5000
+expect 0 encode s.ply -o s.l4d --preset lossless --set merge-count=0 --set merge-fraction=0 --set page-size=256
+expect_document 0 decode s.l4d --tolerant -o whole.ply
+expect_json out 'd["losses"] == [] and d["num_gaussians"] == 5000'
+expect 0 decode s.l4d -o strict.ply
+cmp whole.ply strict.ply
+
+# damage FROM TO PLACES: a copy with one byte changed at each of these shares of its length.
+damage() {
+  "$PYTHON" -c 'import sys
+data = bytearray(open(sys.argv[1], "rb").read())
+for share in sys.argv[3].split(","):
+    data[int(float(share) * len(data))] ^= 0x20
+open(sys.argv[2], "wb").write(data)' "$@"
+}
+
+# Pages lie in the second half of so small a file.
+damage s.l4d bad.l4d 0.6,0.8,0.95
+expect 4 decode bad.l4d -o no.ply
+expect_missing no.ply
+expect_document 0 decode bad.l4d --tolerant -o some.ply
+expect_json out 'len(d["losses"]) == 3'
+expect_json out 'all(l["status"] == "L4D_ERR_CHECKSUM" and l["clause"] == "CHNK-2" and l["num_pages"] == 1 for l in d["losses"])'
+expect_json out 'd["num_gaussians"] == 5000 - sum(l["num_gaussians"] for l in d["losses"])'
+expect_json out 'len(d["notes"]) == 1'
+left=$(json out 'd["num_gaussians"]')
+expect_text some.ply "^element vertex $left\$"
+expect 0 decode bad.l4d --tolerant -o again.ply
+expect_text err '^note: bad.l4d: damaged or unreadable in 3 places'
+cmp some.ply again.ply
+
+# A sequence of instants: each place is listed once.
+expect 4 slice bad.l4d --fps 10 -o n_%02d.ply
+expect_document 0 slice bad.l4d --fps 10 -o f_%02d.ply --tolerant
+expect_json out 'd["num_frames"] == 20 and len(d["losses"]) == 3'
+expect_document 0 slice s.l4d --fps 10 -o g_%02d.ply --tolerant
+expect_json out 'd["losses"] == []'
+
+# The end of the file is gone.
+head -c "$(($(wc -c < s.l4d) * 3 / 4))" s.l4d > cut.l4d
+expect 4 decode cut.l4d -o no.ply
+expect_document 0 decode cut.l4d --tolerant -o cut.ply
+expect_json out '0 < d["num_gaussians"] < 5000'
+expect_json out 'all(l["status"] == "L4D_ERR_TRUNCATED" for l in d["losses"])'
+
+# Headers are needed by all; a PLY has nothing to tolerate.
+damage s.l4d headless.l4d 0.0001
+expect 4 decode headless.l4d --tolerant -o no.ply
+expect_document 0 decode s.ply --tolerant -o from_ply.ply
+expect_json out 'd["losses"] == []'
