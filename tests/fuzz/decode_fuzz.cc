@@ -8,23 +8,12 @@
 #include <vector>
 
 #include "l4d/decode.h"
-#include "libl4dcodec/base/hash.h"
-#include "libl4dcodec/container/file_header.h"
+#include "tests/fuzz/stream_mutator.h"
+#include "tests/hostile/chunk_walk.h"
 
 namespace {
 
 constexpr uint64_t kMaxGaussians = 100000;
-
-void repair_header(std::vector<unsigned char>& file) {
-  using l4d::FileHeader;
-  if (file.size() < FileHeader::kBytes) return;
-  const uint32_t bytes = l4d::load_le<uint32_t>(file.data() + 12);
-  const uint64_t offset = l4d::load_le<uint64_t>(file.data() + 16);
-  if (offset <= file.size() && bytes <= file.size() - offset) {
-    l4d::store_le(l4d::hash64(l4d::ByteSpan(file.data() + offset, bytes)), file.data() + 24);
-  }
-  l4d::store_le(l4d::hash64(l4d::ByteSpan(file.data(), 32)), file.data() + 32);
-}
 
 void decode_whole(l4d_decoder* decoder, const l4d_info& info) {
   l4d_query query;
@@ -72,7 +61,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   if (size == 0) return 0;
   // An exact-size copy, so that a read one byte too far is seen.
   std::vector<unsigned char> file(data + 1, data + size);
-  if ((data[0] & 1) != 0) repair_header(file);
+  if ((data[0] & 1) != 0) l4d::test::repair_checksums(file);
   l4d_decoder_options options;
   l4d_decoder_options_init(&options);
   options.threads = 1;
@@ -101,4 +90,9 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   uint64_t violations = 0;
   (void)l4d_validate(&reader, &options, nullptr, nullptr, &violations);
   return 0;
+}
+
+extern "C" size_t LLVMFuzzerCustomMutator(uint8_t* data, size_t size, size_t max_size,
+                                          unsigned seed) {
+  return l4d::fuzz::mutate_input(data, size, max_size, 1, seed);
 }

@@ -1,0 +1,225 @@
+// SPDX-License-Identifier: Apache-2.0
+// Files: full disks, cancelling, links and devices. Nothing half-written is left, and what was
+// there before stays.
+#include <gtest/gtest.h>
+#include <sys/resource.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <csignal>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+
+#include "tests/common/codec.h"
+
+namespace l4d {
+namespace {
+
+using namespace test;
+namespace fs = std::filesystem;
+
+Bytes contents(const fs::path& path) {
+  std::ifstream file(path, std::ios::binary);
+  return Bytes(std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>());
+}
+
+// An empty folder, and an encoder with a small scene.
+class Files : public testing::Test {
+ protected:
+  void SetUp() override {
+    folder_ = temporary_path("-folder");
+    fs::create_directory(folder_);
+    SceneOptions s;
+    s.count = 300;
+    s.num_frames = 4;
+    scene_ = make_scene(s);
+    EncodeOptions o = small_options();
+    o.settings.push_back({L4D_ENC_CODEBOOK_SIZE, 4});
+    prepare_encoder(scene_, o, encoder_);
+    want_ = encoder_.encode();
+    ASSERT_GT(want_.size(), 3000u);
+  }
+  void TearDown() override { fs::remove_all(folder_); }
+
+  l4d_status encode_to(const fs::path& path) const {
+    return l4d_encoder_encode_file(encoder_.get(), path.c_str());
+  }
+  std::string detail() const { return l4d_encoder_error_detail(encoder_.get()); }
+  std::vector<std::string> names() const {
+    std::vector<std::string> all;
+    for (const auto& entry : fs::directory_iterator(folder_)) {
+      all.push_back(entry.path().filename().string());
+    }
+    std::sort(all.begin(), all.end());
+    return all;
+  }
+  fs::path put(const char* name, const std::string& text) const {
+    std::ofstream(folder_ / name) << text;
+    return folder_ / name;
+  }
+
+  fs::path folder_;
+  TestScene scene_;
+  EncoderHandle encoder_;
+  Bytes want_;
+};
+
+using Names = std::vector<std::string>;
+
+TEST_F(Files, AnOutputAppearsWhole) {
+  ASSERT_EQ(encode_to(folder_ / "a.l4d"), L4D_OK);
+  EXPECT_EQ(contents(folder_ / "a.l4d"), want_);
+  put("b.l4d", "old");
+  ASSERT_EQ(encode_to(folder_ / "b.l4d"), L4D_OK);
+  EXPECT_EQ(contents(folder_ / "b.l4d"), want_);
+  EXPECT_EQ(names(), (Names{"a.l4d", "b.l4d"}));
+}
+
+// The limit on the size of files stands for a disk that fills up, at any place in the file.
+TEST_F(Files, ADiskThatFillsUp) {
+  struct rlimit before {};
+  ASSERT_EQ(::getrlimit(RLIMIT_FSIZE, &before), 0);
+  const auto old_handler = std::signal(SIGXFSZ, SIG_IGN);
+  const fs::path old_file = put("old.l4d", "as it was");
+  for (size_t size = 0; size < want_.size(); size += 1 + want_.size() / 40) {
+    struct rlimit small = before;
+    small.rlim_cur = size;
+    ASSERT_EQ(::setrlimit(RLIMIT_FSIZE, &small), 0);
+    const l4d_status fresh = encode_to(folder_ / "new.l4d");
+    const std::string fresh_detail = detail();
+    const l4d_status over = encode_to(old_file);
+    ASSERT_EQ(::setrlimit(RLIMIT_FSIZE, &before), 0);
+    EXPECT_EQ(fresh, L4D_ERR_IO) << size;
+    EXPECT_NE(fresh_detail.find("new.l4d"), std::string::npos) << fresh_detail;
+    EXPECT_NE(fresh_detail.find("File too large"), std::string::npos) << fresh_detail;
+    EXPECT_EQ(over, L4D_ERR_IO) << size;
+    ASSERT_EQ(names(), Names{"old.l4d"}) << size;
+    ASSERT_EQ(contents(old_file).size(), 9u);
+  }
+  std::signal(SIGXFSZ, old_handler);
+  ASSERT_EQ(encode_to(old_file), L4D_OK);
+  EXPECT_EQ(contents(old_file), want_);
+}
+
+TEST_F(Files, DevicesAreWrittenInPlace) {
+  if (::access("/dev/full", W_OK) != 0) GTEST_SKIP() << "no /dev/full";
+  EXPECT_EQ(encode_to("/dev/full"), L4D_ERR_IO);
+  EXPECT_NE(detail().find("No space left"), std::string::npos) << detail();
+  EXPECT_TRUE(fs::is_character_file("/dev/full"));
+  EXPECT_EQ(encode_to("/dev/null"), L4D_OK) << detail();
+  EXPECT_TRUE(fs::is_character_file("/dev/null"));
+  // The same through a link to one.
+  fs::create_symlink("/dev/null", folder_ / "link");
+  EXPECT_EQ(encode_to(folder_ / "link"), L4D_OK) << detail();
+  EXPECT_TRUE(fs::is_symlink(folder_ / "link"));
+}
+
+TEST_F(Files, ALinkStaysOne) {
+  fs::create_directory(folder_ / "there");
+  std::ofstream(folder_ / "there" / "target.l4d") << "old";
+  fs::create_symlink("there/target.l4d", folder_ / "link.l4d");
+  ASSERT_EQ(encode_to(folder_ / "link.l4d"), L4D_OK) << detail();
+  EXPECT_TRUE(fs::is_symlink(folder_ / "link.l4d"));
+  EXPECT_EQ(contents(folder_ / "there" / "target.l4d"), want_);
+  EXPECT_EQ(names(), (Names{"link.l4d", "there"}));
+  EXPECT_EQ(std::distance(fs::directory_iterator(folder_ / "there"), fs::directory_iterator()), 1);
+}
+
+TEST_F(Files, PlacesThatCannotBeWritten) {
+  EXPECT_EQ(encode_to(folder_ / "no" / "such.l4d"), L4D_ERR_IO);
+  EXPECT_NE(detail().find("No such file"), std::string::npos) << detail();
+  EXPECT_EQ(encode_to(folder_), L4D_ERR_IO);
+  EXPECT_NE(detail().find("directory"), std::string::npos) << detail();
+  EXPECT_TRUE(names().empty());
+}
+
+// Somebody else's file of the temporary name is not touched.
+TEST_F(Files, ForeignTemporariesStay) {
+  const std::string foreign = "a.l4d.tmp-" + std::to_string(::getpid()) + "-0";
+  put(foreign.c_str(), "theirs");
+  ASSERT_EQ(encode_to(folder_ / "a.l4d"), L4D_OK);
+  EXPECT_EQ(names(), (Names{"a.l4d", foreign}));
+  EXPECT_EQ(contents(folder_ / foreign).size(), 6u);
+}
+
+struct Stop {
+  int at;
+  int calls = 0;
+  static int callback(void* user, uint64_t, uint64_t, const char*) {
+    Stop& self = *static_cast<Stop*>(user);
+    return self.calls++ == self.at;
+  }
+};
+
+TEST_F(Files, CancellingLeavesNothing) {
+  const fs::path old_file = put("old.l4d", "as it was");
+  Stop count{-1};
+  l4d_encoder_set_progress(encoder_.get(), &Stop::callback, &count);
+  ASSERT_EQ(encode_to("/dev/null"), L4D_OK);
+  for (int k = 0; k < count.calls; k += 1 + count.calls / 60) {
+    Stop stop{k};
+    l4d_encoder_set_progress(encoder_.get(), &Stop::callback, &stop);
+    ASSERT_EQ(encode_to(k % 2 == 0 ? old_file : folder_ / "new.l4d"), L4D_ERR_CANCELLED) << k;
+    ASSERT_EQ(names(), Names{"old.l4d"}) << k;
+    ASSERT_EQ(contents(old_file).size(), 9u);
+  }
+}
+
+// ---- decoding from files ------------------------------------------------------------------------
+
+TEST_F(Files, FilesThatCannotBeRead) {
+  const DecoderHandle d;
+  EXPECT_EQ(l4d_decoder_open_file(d.get(), (folder_ / "none.l4d").c_str()), L4D_ERR_IO);
+  EXPECT_EQ(l4d_decoder_open_file(d.get(), folder_.c_str()), L4D_ERR_IO);
+  EXPECT_EQ(l4d_decoder_open_file(d.get(), "/dev/null"), L4D_ERR_IO);
+  put("empty.l4d", "");
+  EXPECT_EQ(l4d_decoder_open_file(d.get(), (folder_ / "empty.l4d").c_str()), L4D_ERR_NOT_L4D);
+}
+
+size_t open_files() {
+  const fs::directory_iterator begin("/proc/self/fd"), end;
+  return static_cast<size_t>(std::distance(begin, end));
+}
+
+TEST_F(Files, HandlesAreClosed) {
+  if (!fs::exists("/proc/self/fd")) GTEST_SKIP() << "no /proc";
+  const fs::path path = folder_ / "a.l4d";
+  ASSERT_EQ(encode_to(path), L4D_OK);
+  const size_t before = open_files();
+  {
+    const DecoderHandle d;
+    for (int i = 0; i < 3; ++i) ASSERT_EQ(l4d_decoder_open_file(d.get(), path.c_str()), L4D_OK);
+    EXPECT_EQ(open_files(), before + 1);
+    // Another stream closes the one before, and so does one that cannot be opened.
+    ASSERT_EQ(l4d_decoder_open_memory(d.get(), want_.data(), want_.size()), L4D_OK);
+    EXPECT_EQ(open_files(), before);
+    ASSERT_EQ(l4d_decoder_open_file(d.get(), path.c_str()), L4D_OK);
+    EXPECT_NE(l4d_decoder_open_file(d.get(), "/dev/null"), L4D_OK);
+    EXPECT_EQ(open_files(), before);
+    ASSERT_EQ(l4d_decoder_open_file(d.get(), path.c_str()), L4D_OK);
+  }
+  EXPECT_EQ(open_files(), before);
+}
+
+// A file that is cut while it is open.
+TEST_F(Files, ShrinkingUnderTheReader) {
+  const fs::path path = folder_ / "a.l4d";
+  ASSERT_EQ(encode_to(path), L4D_OK);
+  DecoderHandle d;
+  d.open_file(path.string());
+  fs::resize_file(path, want_.size() / 2);
+  const l4d_query q = all_query();
+  l4d_gaussian_buffers b;
+  l4d_gaussian_buffers_init(&b);
+  b.capacity = d.info().num_gaussians;
+  EXPECT_EQ(l4d_decoder_decode(d.get(), &q, &b), L4D_ERR_IO);
+  std::ofstream(path, std::ios::binary)
+      .write(reinterpret_cast<const char*>(want_.data()),
+             static_cast<std::streamsize>(want_.size()));
+  EXPECT_EQ(l4d_decoder_decode(d.get(), &q, &b), L4D_OK);
+}
+
+}  // namespace
+}  // namespace l4d

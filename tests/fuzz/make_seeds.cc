@@ -1,0 +1,213 @@
+// SPDX-License-Identifier: Apache-2.0
+// make_seeds FOLDER: writes small valid inputs for every target to FOLDER/TARGET. Made of tiny encodes
+// at build time, so that they follow the format.
+#include <cstdio>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <string>
+
+#include "io/formats.h"
+#include "io/image.h"
+#include "libl4dcodec/container/directory.h"
+#include "libl4dcodec/container/file_header.h"
+#include "tests/hostile/chunk_walk.h"
+#include "tests/hostile/small_files.h"
+
+namespace {
+
+namespace fs = std::filesystem;
+using l4d::Bytes;
+
+class Seeds {
+ public:
+  explicit Seeds(fs::path folder) : folder_(std::move(folder)) {}
+
+  fs::path path(const std::string& target, const std::string& name) const {
+    fs::create_directories(folder_ / target);
+    return folder_ / target / name;
+  }
+  void write(const std::string& target, const std::string& name, const Bytes& control,
+             const Bytes& content) const {
+    std::ofstream out(path(target, name), std::ios::binary);
+    for (const Bytes* part : {&control, &content}) {
+      out.write(reinterpret_cast<const char*>(part->data()),
+                static_cast<std::streamsize>(part->size()));
+    }
+    if (!out.flush()) throw std::runtime_error("cannot write the seed " + name);
+  }
+  void text(const std::string& target, const std::string& name, const std::string& content) const {
+    write(target, name, {}, Bytes(content.begin(), content.end()));
+  }
+
+ private:
+  fs::path folder_;
+};
+
+Bytes part(const Bytes& file, size_t offset, size_t n) {
+  const auto begin = file.begin() + static_cast<std::ptrdiff_t>(offset);
+  return Bytes(begin, begin + static_cast<std::ptrdiff_t>(n));
+}
+
+// What the targets of single structures get: pieces of whole files.
+void write_pieces(const Seeds& seeds, const std::string& name, const Bytes& file) {
+  using l4d::test::ChunkKind;
+  unsigned count = 0;
+  Bytes entry(l4d::PageTableEntry::kBytes, 0);
+  for (const l4d::test::ChunkPlace& p : l4d::test::chunk_places(file)) {
+    const std::string piece = name + "-" + std::to_string(count++);
+    const Bytes bytes = part(file, p.offset, p.bytes);
+    Bytes control;
+    switch (p.kind) {
+      case ChunkKind::kFileHeader:
+        break;
+      case ChunkKind::kSceneHeader:
+        seeds.write("header", piece, part(file, 0, l4d::FileHeader::kBytes), bytes);
+        break;
+      case ChunkKind::kPageTable:
+        entry = part(file, p.offset, l4d::PageTableEntry::kBytes);
+        break;
+      case ChunkKind::kDirectoryPage:
+        for (unsigned char layer = 0; layer < 2; ++layer) {
+          control = {layer, layer, 0, 0};
+          control.insert(control.end(), entry.begin(), entry.end());
+          seeds.write("directory", piece + (layer != 0 ? "b" : "a"), control, bytes);
+        }
+        break;
+      case ChunkKind::kCodebook:
+        // Two entries of as many numbers as the chunk has streams of five bytes.
+        for (unsigned char dim = 0; dim < 5; ++dim) {
+          control = {0, 1, 0, dim, 0};
+          seeds.write("chunk", piece + "-" + std::to_string(dim), control, bytes);
+        }
+        break;
+      case ChunkKind::kBlockCodebook:
+        control = {1, 1, 0, 0x01, 0};
+        seeds.write("chunk", piece, control, bytes);
+        break;
+      case ChunkKind::kPage:
+        for (unsigned char choice = 0x10; choice < 0x12; ++choice) {
+          control = {2, 2, 0, choice, static_cast<unsigned char>(choice + 4)};
+          seeds.write("chunk", piece + "-" + std::to_string(choice), control, bytes);
+        }
+        control = {3, 4, 0, 16, 0};
+        seeds.write("chunk", piece + "-stream", control, bytes);
+        break;
+    }
+  }
+}
+
+void write_streams(const Seeds& seeds) {
+  for (const l4d::test::SmallFile& file : l4d::test::small_files()) {
+    for (unsigned char flags = 0; flags < 3; ++flags) {
+      seeds.write("decode", file.name + "-" + std::to_string(flags), {flags}, file.bytes);
+    }
+    Bytes steps(1 + 3 * 16);
+    for (unsigned char k = 0; k < 16; ++k) {
+      steps[1 + 3u * k] = static_cast<unsigned char>(5 * k % 7);
+      steps[2 + 3u * k] = static_cast<unsigned char>(12 * (5 * k % 16));
+    }
+    seeds.write("session", file.name, steps, file.bytes);
+    Bytes events(3 + 29, 0);
+    events[1] = 255;
+    seeds.write("reader", file.name, events, file.bytes);
+    events[0] = 1;
+    events[1] = 3;
+    seeds.write("reader", file.name + "-validate", events, file.bytes);
+    seeds.write("validate", file.name, {}, file.bytes);
+    write_pieces(seeds, file.name, file.bytes);
+  }
+}
+
+void write_scenes(const Seeds& seeds) {
+  l4d::io::SynthOptions options;
+  options.seconds = 0.2;
+  options.gaussians = 6;
+  const l4d::io::Scene scene = l4d::io::synthesize(options);
+  l4d::io::write_l4d_ply(seeds.path("ply", "l4d").string(), scene);
+  l4d::io::write_ftgs_ply(seeds.path("ply", "ftgs").string(), scene);
+  l4d::io::Splats splats;
+  splats.position = {0, 0, 1, 1, 0, 2};
+  splats.covariance = {1, 0, 0, 1, 0, 1, 0.5f, 0.1f, 0, 1, 0, 2};
+  splats.opacity = {0.5f, 1};
+  splats.sh = {1, 0, 0, 0, 1, 0};
+  l4d::io::write_3dgs_ply(seeds.path("ply", "3dgs").string(), splats);
+  seeds.text("ply", "ascii",
+             "ply\nformat ascii 1.0\nelement camera 1\nproperty list uchar int view\n"
+             "element vertex 1\nproperty float x\nproperty float y\nproperty float z\n"
+             "property float f_dc_0\nproperty float f_dc_1\nproperty float f_dc_2\n"
+             "property float opacity\nproperty float scale_0\nproperty float scale_1\n"
+             "property float scale_2\nproperty float rot_0\nproperty float rot_1\n"
+             "property float rot_2\nproperty double rot_3\nend_header\n"
+             "2 3 4\n0 1 2.5 .1 .2 .3 1e0 -3 -3 -3 1 0 0 0\n");
+  std::string spacetime = "ply\nformat ascii 1.0\nelement vertex 1\n";
+  std::string row;
+  for (const char* name :
+       {"x", "y", "z", "trbf_center", "trbf_scale", "nx", "ny", "nz", "motion_0", "motion_1",
+        "motion_2", "motion_3", "motion_4", "motion_5", "motion_6", "motion_7", "motion_8",
+        "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1",
+        "rot_2", "rot_3", "omega_0", "omega_1", "omega_2", "omega_3"}) {
+    spacetime += std::string("property float ") + name + "\n";
+    row += "0.5 ";
+  }
+  seeds.text("ply", "stg", spacetime + "end_header\n" + row + "\n");
+
+  l4d::io::Weights weights;
+  weights.count = 3;
+  weights.alpha_t = weights.sh = weights.scale = weights.rotor_spatial = weights.rotor_temporal = {
+      0, 0.5f, 1};
+  l4d::io::write_weights_ply(seeds.path("weights", "all").string(), weights);
+  seeds.text("weights", "ascii",
+             "ply\nformat ascii 1.0\ncomment l4d_weights 1\nelement vertex 2\n"
+             "property float alpha_t\nproperty double weight_sh_gradient\nend_header\n1 2\n3 0\n");
+}
+
+void write_cameras(const Seeds& seeds) {
+  seeds.text("cameras", "cameras",
+             R"({"fps": 30, "frames": 60, "width": 64, "height": 48, "cameras": [{"id": 0,
+"split": "train", "video": "cam00.mp4", "K": [[50,0,32],[0,50,24],[0,0,1]],
+"w2c": [[1,0,0,0],[0,1,0,0],[0,0,1,2],[0,0,0,1]]}]})");
+  seeds.text("cameras", "transforms",
+             R"({"camera_angle_x": 0.7, "w": 80, "h": 60, "frames": [{"file_path": "./r_000",
+"time": 0.5, "transform_matrix": [[1,0,0,0],[0,1,0,0],[0,0,1,4],[0,0,0,1]]},
+{"file_path": "r_001", "time": 1.0, "fl_x": 70, "cx": 40.5, "k1": 0.1,
+"transform_matrix": [[1,0,0,0],[0,1,0,0],[0,0,1,4],[0,0,0,1]]}]})");
+  const double rows[2][17] = {{0, 1, 0, 1, 48, 1, 0, 0, 2, 64, 0, 0, -1, 3, 50, 0.5, 9},
+                              {0, 1, 0, 4, 48, 1, 0, 0, 5, 64, 0, 0, -1, 6, 50, 0.5, 9}};
+  std::string header = "{'descr': '<f8', 'fortran_order': False, 'shape': (2, 17), }";
+  header.resize(117, ' ');
+  header += '\n';
+  Bytes npy = {0x93, 'N', 'U', 'M', 'P', 'Y', 1, 0, 118, 0};
+  npy.insert(npy.end(), header.begin(), header.end());
+  const auto* raw = reinterpret_cast<const unsigned char*>(rows);
+  npy.insert(npy.end(), raw, raw + sizeof rows);
+  seeds.write("cameras", "poses_bounds", {}, npy);
+}
+
+void write_images(const Seeds& seeds) {
+  l4d::io::Image image(5, 3);
+  for (size_t i = 0; i < image.rgb.size(); ++i) image.rgb[i] = static_cast<float>(i) / 45;
+  l4d::io::write_png(seeds.path("png", "rgb").string(), image);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  if (argc != 2) {
+    std::fprintf(stderr, "usage: make_seeds FOLDER\n");
+    return 2;
+  }
+  try {
+    const fs::path folder(argv[1]);
+    fs::remove_all(folder);
+    const Seeds seeds(folder);
+    write_streams(seeds);
+    write_scenes(seeds);
+    write_cameras(seeds);
+    write_images(seeds);
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "make_seeds: %s\n", error.what());
+    return 1;
+  }
+  return 0;
+}

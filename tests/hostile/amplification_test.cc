@@ -1,0 +1,328 @@
+// SPDX-License-Identifier: Apache-2.0
+// What a few bytes can make a decoder hold, hand out or plan, structure by structure, and what stops
+// it. The table that the test prints is that of docs/hostile-input.md.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstdio>
+
+#include "tests/common/codec.h"
+#include "tests/common/flat.h"
+#include "tests/common/stream_editor.h"
+#include "tests/common/stream_writer.h"
+#include "tests/decoder/allocation_meter.h"
+#include "tests/hostile/small_files.h"
+
+namespace l4d {
+namespace {
+
+using namespace test;
+
+constexpr uint64_t kMiB = uint64_t{1} << 20;
+constexpr uint64_t kGaussianBytes = (3 + 1 + 1 + 4 + 8 + 1 + 48) * sizeof(float);
+struct Cost {
+  l4d_status status = L4D_OK;
+  uint64_t held = 0;       // most bytes that the library had allocated
+  uint64_t gaussians = 0;  // handed out or selected
+};
+
+enum class Use { kOpen, kSelect, kSlice };
+
+Cost cost_of(const Bytes& file, uint64_t memory, Use use, uint64_t max_gaussians = 0) {
+  l4d_decoder_options options = decoder_options(L4D_BACKEND_AUTO, 1);
+  options.limits.max_memory_bytes = memory;
+  options.limits.max_gaussians = max_gaussians;
+  Cost cost;
+  const AllocationMeter meter;
+  const DecoderHandle d(&options);
+  cost.status = l4d_decoder_open_memory(d.get(), file.data(), file.size());
+  if (cost.status == L4D_OK && use != Use::kOpen) {
+    l4d_query all = all_query();
+    l4d_selection selection;
+    l4d_selection_init(&selection);
+    cost.status = l4d_decoder_select(d.get(), &all, &selection);
+    if (cost.status == L4D_OK) cost.gaussians = selection.num_gaussians;
+  }
+  if (cost.status == L4D_OK && use == Use::kSlice) {
+    l4d_splat_buffers splats;
+    l4d_splat_buffers_init(&splats);
+    cost.status = l4d_decoder_slice(d.get(), 1e-3, &splats);
+  }
+  cost.held = meter.peak();
+  return cost;
+}
+
+void append(Bytes& to, const Bytes& from) { to.insert(to.end(), from.begin(), from.end()); }
+
+void set_gaussians(StreamEditor& editor, uint64_t n) {
+  editor.header.num_gaussians = n;
+  editor.header.layers.at(0).num_gaussians = n;
+}
+
+// A file with one permanent layer and one page in it. SH degree 3.
+StreamEditor one_page() {
+  StreamEditor editor(small_files().at(2).bytes);
+  const auto place = editor.find([](const LayerHeader& l) { return l.permanent; });
+  EditedLayer layer = editor.layers[place.layer];
+  LayerHeader header = editor.header.layers[place.layer];
+  EditedDirectoryPage& d = layer.directory.at(place.directory);
+  d.page.pages.resize(1);
+  d.pages.resize(1);
+  d.says_layer = 0;
+  editor.layers = {layer};
+  editor.header.layers = {header};
+  set_gaussians(editor, layer.directory[0].page.pages[0].num_gaussians);
+  return editor;
+}
+
+// Streams of a page of n Gaussians, none longer than a constant.
+Bytes constant_page(const StreamEditor& editor) {
+  const SceneHeader& header = editor.header;
+  const LayerHeader& layer = header.layers.at(0);
+  Bytes raw;
+  for (int axis = 0; axis < 3; ++axis) append(raw, constant_stream(0x8000, 16));
+  if (header.opacity.coding == ScalarCodingId::kSq) {
+    append(raw, constant_stream(1, header.opacity.bits));
+  }
+  if (layer.scale_factor.coding == ScalarCodingId::kSq) {
+    append(raw, constant_stream(1, layer.scale_factor.bits));
+  }
+  for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
+    const ComponentCoding& coding = header.component(layer, c);
+    if (!coding.vq()) continue;
+    // Depth 0: neither indices nor literals.
+    if (coding.has_depth()) append(raw, constant_stream(0, 4));
+    if (coding.has_depth()) continue;
+    const unsigned width = bit_width(coding.stages[0].num_entries);
+    if (width > 0) append(raw, constant_stream(0, width));
+  }
+  return raw;
+}
+
+// A page of constants that `records` records name.
+Bytes repeated_page(uint32_t records, uint32_t directory_codec) {
+  StreamEditor editor = one_page();
+  editor.header.sh.literals = true;  // so that depths are coded, and may be 0
+  EditedDirectoryPage& d = editor.layers[0].directory[0];
+  d.page.pages[0].num_gaussians = kMaxPageGaussians;
+  d.pages[0].raw = constant_page(editor);
+  d.pages[0].codec = 0;
+  d.chunk.codec = directory_codec;
+  d.on_bytes = [&](Bytes& b) {
+    DirectoryPage page = d.page;
+    page.pages.assign(records, d.page.pages[0]);
+    b = serialize_directory_page(page, d.says_layer, d.says_index);
+  };
+  set_gaussians(editor, uint64_t{kMaxPageGaussians} * records);
+  return editor.build();
+}
+
+void print_row(const char* what, uint64_t in, uint64_t out, const char* unit, const char* stop) {
+  std::printf("| %-46s | %9llu | %12llu %s | %9.0f | %s |\n", what,
+              static_cast<unsigned long long>(in), static_cast<unsigned long long>(out), unit,
+              static_cast<double>(out) / static_cast<double>(in), stop);
+}
+
+// A page of constants: 270 bytes of attributes for a fraction of a bit each.
+TEST(Amplification, ConstantPage) {
+  const Bytes file = repeated_page(1, 0);
+  const Cost cost = cost_of(file, 256 * kMiB, Use::kSlice);
+  EXPECT_EQ(cost.status, L4D_OK);
+  EXPECT_EQ(cost.gaussians, kMaxPageGaussians);
+  print_row("constant streams, depth 0, one page", file.size(), cost.gaussians * kGaussianBytes,
+            "B out", "DIR-4; the caller's arrays");
+  print_row("the same, held while slicing", file.size(), cost.held, "B held", "max_memory_bytes");
+  // Under a limit that the bucket does not fit in it is refused before it is allocated.
+  const Cost tight = cost_of(file, 8 * kMiB, Use::kSlice);
+  EXPECT_EQ(tight.status, L4D_ERR_LIMIT_EXCEEDED);
+  EXPECT_LT(tight.held, 8 * kMiB + kMiB);
+}
+
+// Chunks may overlap as far as a decoder looks: the records of a page cost 56 bytes, and a codec of
+// the directory makes them cost next to nothing.
+TEST(Amplification, RecordsThatShareAPage) {
+  constexpr uint32_t kPages = 2000;
+  const Bytes file = repeated_page(kPages, 1);
+  const Cost cost = cost_of(file, 256 * kMiB, Use::kSelect);
+  EXPECT_EQ(cost.status, L4D_OK);
+  EXPECT_EQ(cost.gaussians, uint64_t{kPages} * kMaxPageGaussians);
+  print_row("records that share a page: claimed", file.size(), cost.gaussians * kGaussianBytes,
+            "B out", "max_gaussians");
+  print_row("the same, held to plan it", file.size(), cost.held, "B held", "max_memory_bytes");
+  EXPECT_EQ(cost_of(file, 256 * kMiB, Use::kOpen, 1000000).status, L4D_ERR_LIMIT_EXCEEDED);
+  const Cost slice = cost_of(file, 64 * kMiB, Use::kSlice);
+  EXPECT_EQ(slice.status, L4D_ERR_LIMIT_EXCEEDED);
+  EXPECT_LT(slice.held, 64 * kMiB);
+}
+
+// A directory page of 64 MiB that zstd packs into a few kB.
+TEST(Amplification, PackedDirectory) {
+  StreamEditor editor = one_page();
+  EditedDirectoryPage& d = editor.layers[0].directory[0];
+  d.chunk.codec = 1;
+  d.on_bytes = [](Bytes& b) { b.resize(kMaxDirectoryPageBytes, 0); };
+  const Bytes file = editor.build();
+  const Cost cost = cost_of(file, 256 * kMiB, Use::kSelect);
+  EXPECT_EQ(cost.status, L4D_OK);
+  EXPECT_LT(cost.held, 256 * kMiB);
+  print_row("zstd in a directory page", file.size(), cost.held, "B held",
+            "CHNK-8; max_memory_bytes");
+  const Cost tight = cost_of(file, 32 * kMiB, Use::kSelect);
+  EXPECT_EQ(tight.status, L4D_ERR_LIMIT_EXCEEDED);
+  EXPECT_LT(tight.held, kMiB);
+  d.chunk.raw_bytes = static_cast<uint32_t>(kMaxDirectoryPageBytes + 1);
+  EXPECT_EQ(cost_of(editor.build(), 256 * kMiB, Use::kSelect).status, L4D_ERR_CORRUPT);
+}
+
+// zstd under the columns of a page: 65536 values come from a few bytes, and no more than those fit.
+TEST(Amplification, PackedPlanes) {
+  StreamEditor editor = one_page();
+  editor.header.sh.literals = true;
+  EditedDirectoryPage& d = editor.layers[0].directory[0];
+  d.page.pages[0].num_gaussians = kMaxPageGaussians;
+  Bytes raw;
+  const std::vector<uint16_t> zeros(kMaxPageGaussians, 0x8000);
+  for (int axis = 0; axis < 3; ++axis) append(raw, planes_stream(zeros, 16, false, 3));
+  const Bytes rest = constant_page(editor);
+  raw.insert(raw.end(), rest.begin() + 9, rest.end());
+  d.pages[0].raw = raw;
+  d.pages[0].codec = 0;
+  set_gaussians(editor, kMaxPageGaussians);
+  const Bytes file = editor.build();
+  EXPECT_EQ(cost_of(file, 256 * kMiB, Use::kSlice).status, L4D_OK);
+  print_row("zstd in planes: three columns of positions", raw.size(),
+            uint64_t{6} * kMaxPageGaussians, "B held", "CHNK-5: n is known");
+  // One value more than there are Gaussians.
+  const std::vector<uint16_t> more(kMaxPageGaussians + 1, 0x8000);
+  Bytes bomb = planes_stream(more, 16, false, 3);
+  bomb.insert(bomb.end(), raw.begin(), raw.end());
+  d.pages[0].raw = bomb;
+  EXPECT_EQ(cost_of(editor.build(), 256 * kMiB, Use::kSlice).status, L4D_ERR_CORRUPT);
+}
+
+// Whole pages under zstd: raw_bytes is held against what n Gaussians can take.
+TEST(Amplification, PackedPage) {
+  StreamEditor editor = one_page();
+  editor.header.sh.literals = true;
+  EditedDirectoryPage& d = editor.layers[0].directory[0];
+  d.page.pages[0].num_gaussians = kMaxPageGaussians;
+  d.pages[0].raw = Bytes(static_cast<size_t>(max_page_bytes(editor.header, kMaxPageGaussians)), 0);
+  d.pages[0].codec = 1;
+  set_gaussians(editor, kMaxPageGaussians);
+  const Bytes file = editor.build();
+  const Cost cost = cost_of(file, 256 * kMiB, Use::kSlice);
+  EXPECT_EQ(cost.status, L4D_ERR_CORRUPT);  // zeros are packed streams, and too many of them
+  EXPECT_LT(cost.held, 96 * kMiB);
+  print_row("zstd around a page", file.size(), cost.held, "B held", "CHNK-8; max_memory_bytes");
+  d.pages[0].raw.push_back(0);
+  const Cost over = cost_of(editor.build(), 256 * kMiB, Use::kSlice);
+  EXPECT_EQ(over.status, L4D_ERR_CORRUPT);
+  // The bucket itself is prepared before its pages are read.
+  EXPECT_LT(over.held, cost.held);
+}
+
+// Codebooks cost three bytes a column, and all stages of all layers may name the same ones.
+TEST(Amplification, ConstantCodebooks) {
+  StreamEditor editor = one_page();
+  editor.header.sh.coding = ComponentCodingId::kVq;
+  editor.header.sh.literals = true;
+  Bytes raw;
+  for (unsigned k = 0; k < editor.header.sh_dim(); ++k) append(raw, constant_stream(0x8000, 16));
+  StageCoding stage;
+  stage.num_entries = kMaxCodebookEntries;
+  editor.header.sh.stages.assign(L4D_MAX_STAGES, stage);
+  EditedChunk book;
+  book.raw = raw;
+  editor.sh_books.assign(L4D_MAX_STAGES, book);
+  EditedDirectoryPage& d = editor.layers[0].directory[0];
+  d.page.pages[0].num_gaussians = 1;
+  d.pages[0].raw = constant_page(editor);
+  d.pages[0].codec = 0;
+  set_gaussians(editor, 1);
+  const Bytes file = editor.build();
+  const Cost cost = cost_of(file, 256 * kMiB, Use::kSlice);
+  EXPECT_EQ(cost.status, L4D_OK);
+  print_row("eight SH codebooks of constants", file.size(), cost.held, "B held",
+            "CODE-2, CODE-3; max_memory_bytes");
+  const Cost tight = cost_of(file, 16 * kMiB, Use::kSlice);
+  EXPECT_EQ(tight.status, L4D_ERR_LIMIT_EXCEEDED);
+  EXPECT_LT(tight.held, 17 * kMiB);
+}
+
+// A block codebook takes two bytes to a column and is a MiB long; a directory page has 256 blocks.
+TEST(Amplification, BlockCodebooks) {
+  StreamEditor editor(small_files().at(3).bytes);
+  const auto place = editor.find([](const LayerHeader& l) { return l.level > 0; });
+  const LayerHeader& layer = editor.header.layers[place.layer];
+  EditedDirectoryPage& d = editor.at(place);
+  constexpr unsigned kBlocks = 100;
+  const BlockRecord block = d.page.blocks[0];
+  PageRecord record = d.page.pages[0];
+  record.num_gaussians = 1;
+  d.page.blocks.assign(kBlocks, block);
+  std::array<EditedChunk, L4D_COMPONENT_COUNT> tables = d.tables[0];
+  for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
+    if (block.tables[c].num_entries == 0) continue;
+    for (BlockRecord& b : d.page.blocks) b.tables[c].num_entries = kMaxCodebookEntries;
+    const unsigned width = bit_width(layer.component[c].stages[0].num_entries);
+    tables[c].raw = width == 0 ? Bytes{} : constant_stream(0, width);
+    append(tables[c].raw, constant_stream(0, 1));
+  }
+  d.tables.assign(kBlocks, tables);
+  // One bucket for each block.
+  const uint64_t buckets = num_buckets(layer.level);
+  d.page.pages.clear();
+  d.pages.clear();
+  Bytes raw;
+  for (int s = 0; s < 4; ++s) append(raw, constant_stream(0x8000, 16));
+  if (editor.header.opacity.coding == ScalarCodingId::kSq) {
+    append(raw, constant_stream(1, editor.header.opacity.bits));
+  }
+  append(raw, constant_stream(1, layer.scale_factor.bits));
+  for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
+    const ComponentCoding& coding = editor.header.component(layer, c);
+    if (!coding.vq()) continue;
+    ASSERT_FALSE(coding.has_depth());
+    const uint32_t entries = block.tables[c].num_entries != 0 ? kMaxCodebookEntries
+                                                              : coding.stages[0].num_entries;
+    if (bit_width(entries) > 0) append(raw, constant_stream(0, bit_width(entries)));
+  }
+  EditedChunk chunk;
+  chunk.raw = raw;
+  const uint64_t pages = std::min<uint64_t>(buckets, kBlocks);
+  for (uint32_t b = 0; b < pages; ++b) {
+    record.bucket = b;
+    record.block = b;
+    record.visible_begin = 0;
+    record.visible_end = 255;
+    d.page.pages.push_back(record);
+    d.pages.push_back(chunk);
+  }
+  LayerHeader& edited = editor.header.layers[place.layer];
+  editor.header.num_gaussians += pages - edited.num_gaussians;
+  edited.num_gaussians = pages;
+  const Bytes file = editor.build();
+  const Cost cost = cost_of(file, 256 * kMiB, Use::kSlice);
+  EXPECT_EQ(cost.status, L4D_OK);
+  print_row("block codebooks of constants", file.size(), cost.held, "B held",
+            "RCQ-4, DIR-11; max_memory_bytes");
+  const Cost tight = cost_of(file, 3 * kMiB, Use::kSlice);
+  EXPECT_EQ(tight.status, L4D_ERR_LIMIT_EXCEEDED);
+  EXPECT_LT(tight.held, 4 * kMiB);
+}
+
+// Metadata strings may be shared, but not spelled out beyond the size of the header.
+TEST(Amplification, SharedMetadata) {
+  StreamEditor editor = one_page();
+  for (int i = 0; i < 5000; ++i) editor.header.metadata.emplace_back("", "");
+  editor.on_scene_header = share_metadata;
+  const Bytes file = editor.build();
+  const Cost cost = cost_of(file, 256 * kMiB, Use::kOpen);
+  EXPECT_EQ(cost.status, L4D_OK);
+  print_row("metadata entries that share a string", file.size(), cost.held, "B held",
+            "HEAD-1 (tables), HEAD-13");
+  EXPECT_LT(cost.held, 40 * file.size());
+}
+
+}  // namespace
+}  // namespace l4d
