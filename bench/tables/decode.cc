@@ -61,7 +61,7 @@ void run(const char* name, const std::vector<unsigned char>& file) {
     b.opacity = opacity.data();
     b.scale_factor = factor.data();
     for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
-      index[c].resize(count);
+      index[c].resize(count * L4D_MAX_STAGES);
       b.component[c].index = index[c].data();
     }
     return time_median(runs, [&] { d.check(l4d_decoder_decode_packed(d.get(), &query, &b)); });

@@ -1,0 +1,112 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "bench/accuracy/coding.h"
+
+#include <algorithm>
+#include <ctime>
+
+namespace l4d::bench {
+namespace {
+
+void apply(const EncoderHandle& e, const Coding& coding) {
+  e.check(l4d_encoder_set_preset(e.get(), coding.preset.c_str()));
+  for (const Setting& s : coding.settings) {
+    e.check(l4d_encoder_set(e.get(), s.id, s.component, s.value));
+  }
+  for (int c = 0; c < L4D_COMPONENT_COUNT; ++c) {
+    const auto& stages = c == L4D_COMPONENT_SH ? coding.sh_stages : coding.geometry_stages;
+    if (stages.empty()) continue;
+    e.check(
+        l4d_encoder_set_stages(e.get(), c, static_cast<uint32_t>(stages.size()), stages.data()));
+  }
+}
+
+void set_weights(const EncoderHandle& e, const io::Weights& w) {
+  const std::pair<uint32_t, const std::vector<float>*> columns[] = {
+      {L4D_WEIGHT_SH, &w.sh},
+      {L4D_WEIGHT_SCALE, &w.scale},
+      {L4D_WEIGHT_ROTOR_SPATIAL, &w.rotor_spatial},
+      {L4D_WEIGHT_ROTOR_TEMPORAL, &w.rotor_temporal},
+      {L4D_WEIGHT_ALPHA_T, &w.alpha_t}};
+  for (const auto& [which, column] : columns) {
+    if (column->empty()) continue;
+    e.check(l4d_encoder_set_weights(e.get(), which, column->data(), column->size()));
+  }
+}
+
+void describe(const EncoderHandle& e, Encoded& out) {
+  out.order.resize(static_cast<size_t>(out.report.coded_gaussians));
+  e.check(l4d_encoder_get_order(e.get(), out.order.data(), out.order.size()));
+  for (uint32_t i = 0; i < out.report.num_stages; ++i) {
+    const char* name = nullptr;
+    double seconds = 0;
+    e.check(l4d_encoder_get_stage(e.get(), i, &name, &seconds));
+    out.steps.emplace_back(name, seconds);
+  }
+  DecoderHandle d;
+  d.open_memory(out.file.data(), out.file.size());
+  out.layer_bytes.resize(d.info().num_layers);
+  d.check(l4d_decoder_get_sections(d.get(), out.sections.data(), out.layer_bytes.data()));
+  for (uint32_t l = 0; l < d.info().num_layers; ++l) {
+    l4d_layer_info info;
+    l4d_layer_info_init(&info);
+    d.check(l4d_decoder_get_layer_info(d.get(), l, &info));
+    out.layers.push_back(info);
+  }
+}
+
+}  // namespace
+
+Coding one_stage() {
+  Coding c;
+  c.name = "one stage, K=4096";
+  c.settings = {{L4D_ENC_CODEBOOK_SIZE, L4D_ALL_COMPONENTS, 4096}};
+  c.sh_stages = c.geometry_stages = {1};
+  return c;
+}
+
+Encoded encode(const io::Scene& scene, const io::Weights& weights, const Coding& coding, int runs) {
+  l4d_encoder_options options;
+  l4d_encoder_options_init(&options);
+  options.seed = coding.seed;
+  EncoderHandle e(&options);
+  apply(e, coding);
+  const l4d_gaussians view = scene.view();
+  e.check(l4d_encoder_set_scene(e.get(), &view, &scene.timeline, &scene.placement));
+  set_weights(e, weights);
+  Encoded best;
+  for (int run = 0; run < std::max(runs, 1); ++run) {
+    Encoded out;
+    const std::clock_t started = std::clock();
+    out.file = e.encode();
+    out.cpu_seconds = static_cast<double>(std::clock() - started) / CLOCKS_PER_SEC;
+    l4d_encode_report_init(&out.report);
+    e.check(l4d_encoder_get_report(e.get(), &out.report));
+    if (run > 0 && out.report.total_seconds >= best.report.total_seconds) continue;
+    describe(e, out);
+    best = std::move(out);
+  }
+  return best;
+}
+
+io::Scene decode(const std::vector<unsigned char>& file) {
+  DecoderHandle d;
+  d.open_memory(file.data(), file.size());
+  l4d_query query;
+  l4d_query_init(&query);
+  GaussianArrays a = d.decode(query);
+  const l4d_info info = d.info();
+  io::Scene s;
+  s.timeline = info.timeline;
+  s.placement = info.placement;
+  s.sh_degree = a.sh_degree;
+  s.flags = info.flags;
+  s.position = std::move(a.position);
+  s.mean_t = std::move(a.mean_t);
+  s.log_scale = std::move(a.log_scale);
+  s.rotor = std::move(a.rotor);
+  s.opacity = std::move(a.opacity);
+  s.sh = std::move(a.sh);
+  return s;
+}
+
+}  // namespace l4d::bench

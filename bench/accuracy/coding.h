@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: Apache-2.0
+// One way to encode a scene, and what came of it.
+#pragma once
+
+#include <array>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "bench/accuracy/scene.h"
+#include "l4d/l4d.hpp"
+
+namespace l4d::bench {
+
+struct Setting {
+  l4d_encoder_parameter id;
+  int component;  // or L4D_ALL_COMPONENTS
+  double value;
+};
+
+struct Coding {
+  std::string name;
+  std::string preset = "default";
+  std::vector<Setting> settings;  // in this order, after the preset
+  // Shares of residual stages, of SH and of the other components; empty = as the preset has them.
+  std::vector<float> sh_stages, geometry_stages;
+  uint64_t seed = 0;
+
+  Coding with(l4d_encoder_parameter id, double value, int component = L4D_ALL_COMPONENTS) const {
+    Coding c = *this;
+    c.settings.push_back({id, component, value});
+    return c;
+  }
+};
+
+// One stage of 4096 codewords for each component, whatever the presets are: what most tables vary.
+Coding one_stage();
+
+struct Encoded {
+  std::vector<unsigned char> file;
+  l4d_encode_report report{};
+  double cpu_seconds = 0;  // of all threads: other work on the machine disturbs it little
+  std::vector<std::pair<std::string, double>> steps;  // name and seconds
+  std::vector<uint32_t> order;                        // as l4d_encoder_get_order
+  std::array<uint64_t, L4D_SECTION_COUNT> sections{};
+  std::vector<uint64_t> layer_bytes;
+  std::vector<l4d_layer_info> layers;
+
+  double bytes() const { return static_cast<double>(file.size()); }
+  double ratio() const { return static_cast<double>(report.raw_bytes) / bytes(); }
+  double mean_bytes() const {
+    return static_cast<double>(sections[L4D_SECTION_POSITION] + sections[L4D_SECTION_MEAN_T]);
+  }
+};
+
+// weights: empty columns are not set. Of `runs` runs, which are equal but for their time, the
+// fastest.
+Encoded encode(const io::Scene& scene, const io::Weights& weights, const Coding& coding,
+               int runs = 1);
+
+// The whole stream as a scene.
+io::Scene decode(const std::vector<unsigned char>& file);
+
+}  // namespace l4d::bench

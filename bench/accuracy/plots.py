@@ -1,0 +1,187 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The plots of docs/accuracy.md: one design that reads on white and on dark, without background."""
+
+import matplotlib
+import matplotlib.ticker
+
+matplotlib.use("svg")
+import matplotlib.pyplot as plt  # noqa: E402  (the backend comes first)
+
+GREY = "#7d858f"
+COLOURS = ["#3b82f6", "#e8770c", "#2fa35a", "#a560e8", "#e0475f", "#12a5b5"]
+COMPONENTS = {"sh": "SH", "scale": "scale", "rotor_spatial": "rotor, spatial",
+              "rotor_temporal": "rotor, temporal"}
+TIMES = (0.1, 0.2, 0.3, 0.5, 0.7, 1, 1.5, 2, 3, 5, 7, 10, 20, 50)
+
+plt.rcParams.update({
+    "figure.facecolor": "none", "axes.facecolor": "none", "savefig.facecolor": "none",
+    "legend.framealpha": 0, "text.color": GREY, "axes.labelcolor": GREY, "axes.edgecolor": GREY,
+    "xtick.color": GREY, "ytick.color": GREY, "axes.titlecolor": GREY, "axes.titlesize": 11,
+    "font.size": 10, "axes.spines.top": False, "axes.spines.right": False, "axes.grid": True,
+    "grid.color": GREY, "grid.alpha": 0.25, "grid.linewidth": 0.6, "lines.linewidth": 1.8,
+    "lines.markersize": 5, "svg.fonttype": "none", "svg.hashsalt": "l4dcodec",
+    "font.family": "sans-serif",
+    "axes.prop_cycle": matplotlib.cycler(color=COLOURS)})
+
+
+def save(figure, folder, name):
+    folder.mkdir(parents=True, exist_ok=True)
+    figure.tight_layout()
+    figure.savefig(folder / f"{name}.svg", metadata={"Date": None})
+    figure.savefig(folder / f"{name}.png", dpi=130, metadata={"Software": None})
+    plt.close(figure)
+    return f"![{name}]({folder.name}/{name}.svg)\n"
+
+
+def label(axes, x, y, text, dx=6, dy=4, align="left"):
+    axes.annotate(text, (x, y), textcoords="offset points", xytext=(dx, dy), fontsize=8, ha=align)
+
+
+def short(name):
+    """The name of a coding without what brackets add."""
+    return name.split(" (")[0]
+
+
+def rate_fidelity(codings, targets, folder):
+    figure, axes = plt.subplots(figsize=(8, 4.6))
+    stages = [r for r in codings if not r["name"].startswith("paper")]
+    paper = [r for r in codings if r["name"].startswith("paper")]
+    for rows, name, marker in ((stages, "stages", "o"), (paper, "paper's presets", "s")):
+        if rows:
+            axes.plot([r["ratio"] for r in rows], [r["fidelity_db"] for r in rows], marker,
+                      label=name)
+    if targets:
+        axes.plot([t[0] for t in targets], [t[1] for t in targets], "x", color=GREY, mew=2,
+                  label="prototype, means at 35 bits")
+    for number, row in enumerate(codings, start=1):
+        # Neighbours in the table are often neighbours here.
+        left = number % 2 == 0
+        label(axes, row["ratio"], row["fidelity_db"], str(number), -6 if left else 6, 3,
+              "right" if left else "left")
+    axes.margins(0.08)
+    axes.set(xlabel="ratio (float32 bytes / file bytes); numbers as in the table",
+             ylabel="fidelity (dB)")
+    axes.legend(loc="lower left")
+    return save(figure, folder, "rate_fidelity")
+
+
+def section_bars(rows, order, folder):
+    figure, axes = plt.subplots(figsize=(8, 0.5 + 0.42 * len(rows)))
+    palette = COLOURS + ["#8a6d3b", "#5d6bd8", "#c24d9e", "#6f9c1f", "#b08800", "#4b8f8c"]
+    left = [0.0] * len(rows)
+    for colour, section in zip(palette, order):
+        width = [r.get(section, 0) / 1e6 for r in rows]
+        axes.barh(range(len(rows)), width, left=left, color=colour, label=section.replace("_", " "))
+        left = [a + b for a, b in zip(left, width)]
+    axes.set_yticks(range(len(rows)), [short(r["name"]) for r in rows], fontsize=8)
+    axes.invert_yaxis()
+    axes.grid(axis="y", visible=False)
+    axes.set(xlabel="MB")
+    axes.legend(fontsize=7, ncol=4, loc="upper center", bbox_to_anchor=(0.4, -0.18))
+    return save(figure, folder, "sections")
+
+
+def layer_bars(by_coding, folder):
+    figure, all_axes = plt.subplots(1, len(by_coding), figsize=(8, 3.2), squeeze=False)
+    for axes, (name, rows) in zip(all_axes[0], by_coding.items()):
+        for i, (key, text) in enumerate((("gaussians", "given"), ("after_pruning", "pruned"),
+                                         ("after_merging", "in the file"))):
+            axes.bar([r["level"] + 0.27 * (i - 1) for r in rows], [r[key] for r in rows], 0.27,
+                     label=text)
+        axes.set_yscale("log")
+        axes.set_xticks([r["level"] for r in rows])
+        axes.set(xlabel="level", ylabel="Gaussians", title=short(name))
+    all_axes[0][0].legend(fontsize=8)
+    return save(figure, folder, "layers")
+
+
+def sensitivity_plot(views, agreement, measures, folder):
+    figure, (left, right) = plt.subplots(1, 2, figsize=(8, 3.4))
+    views = sorted(views, key=lambda r: r["views_measured"])
+    count = [r["views_measured"] for r in views]
+    for component, text in COMPONENTS.items():
+        left.plot(count, [r[f"spearman_{component}"] for r in views], "o-", label=text)
+    left.set_xscale("log")
+    left.set(xlabel="views measured", ylabel="rank correlation with all views")
+    left.legend(fontsize=8)
+    right.plot(count, [r["fidelity_db"] for r in views], "o-", label="shares of the views")
+    right.plot([r["views_measured"] for r in agreement], [r["fidelity_db"] for r in agreement], "s",
+               label="stopped by agreement")
+    for row in measures:
+        if row["name"] == "no weights":
+            right.axhline(row["fidelity_db"], color=GREY, ls="--", lw=1)
+            label(right, max(count), row["fidelity_db"], "no weights", 0, 4, "right")
+    right.set_xscale("log")
+    right.set(xlabel="views measured", ylabel="fidelity (dB)")
+    right.legend(fontsize=8)
+    return save(figure, folder, "sensitivity")
+
+
+def kmeans_plot(iterations, samples, folder):
+    figure, axes = plt.subplots(figsize=(8, 3.6))
+    for rows, key, shift in ((iterations, "iterations", (0, 7)), (samples, "sample", (0, -13))):
+        text = {"iterations": "iterations, 24 points a codeword",
+                "sample": "points a codeword, 10 iterations"}[key]
+        axes.plot([r["encode_s"] for r in rows], [r["fidelity_db"] for r in rows], "o", label=text)
+        for r in rows:
+            label(axes, r["encode_s"], r["fidelity_db"], f"{r[key]:g}", *shift, "center")
+    axes.margins(y=0.12)
+    axes.set(xlabel="seconds to encode", ylabel="fidelity (dB)")
+    axes.legend()
+    return save(figure, folder, "kmeans")
+
+
+def component_curves(rows, key, name, folder, reference=None):
+    """Bytes against fidelity, a line per component (the paper's Figures 4 and 5)."""
+    figure, axes = plt.subplots(figsize=(8, 3.8))
+    for component, text in COMPONENTS.items():
+        line = sorted((r for r in rows if r["name"] == component), key=lambda r: r["bytes"])
+        if not line:
+            continue
+        axes.plot([r["bytes"] / 1e6 for r in line], [r["fidelity_db"] for r in line], "o-",
+                  label=text)
+        for r in (line[0], line[-1]):
+            label(axes, r["bytes"] / 1e6, r["fidelity_db"], f"{r[key]:g}")
+    if reference:
+        axes.plot(reference["bytes"] / 1e6, reference["fidelity_db"], "D", color=GREY, label="none")
+    axes.margins(x=0.12, y=0.12)
+    axes.set(xlabel="MB", ylabel="fidelity (dB)")
+    axes.legend()
+    return save(figure, folder, name)
+
+
+def effort_plot(tables, folder):
+    figure, axes = plt.subplots(figsize=(8, 4))
+    axes.plot([r["relative_time"] for r in tables["grid"]], [r["merit_db"] for r in tables["grid"]],
+              ".", color=GREY, label="grid")
+    axes.plot([r["relative_time"] for r in tables["front"]],
+              [r["merit_db"] for r in tables["front"]], "-", color=COLOURS[2], label="front")
+    for rows, text, colour, dy in ((tables["efforts"], "--effort now", COLOURS[1], -12),
+                                   (tables["proposal"], "proposal", COLOURS[0], 6)):
+        axes.plot([r["relative_time"] for r in rows], [r["merit_db"] for r in rows], "o",
+                  color=colour, label=text, fillstyle="none" if dy > 0 else "full")
+        for r in rows:
+            label(axes, r["relative_time"], r["merit_db"], str(r["effort"]), 0, dy, "center")
+    axes.set_xscale("log")
+    times = [r["relative_time"] for r in tables["grid"] + tables["efforts"]]
+    axes.set_xticks([t for t in TIMES if min(times) * 0.8 < t < max(times) * 1.25])
+    axes.xaxis.set_major_formatter(matplotlib.ticker.FormatStrFormatter("%g"))
+    axes.xaxis.set_minor_locator(matplotlib.ticker.NullLocator())
+    axes.margins(y=0.12)
+    axes.set(xlabel="time to encode, relative to 10 iterations, 24 points, zstd 12",
+             ylabel="fidelity at equal bytes (dB)")
+    axes.legend()
+    return save(figure, folder, "effort")
+
+
+def effect_bars(rows, folder):
+    columns = (("bytes_per_gaussian", "bytes per Gaussian"), ("encode_s", "encode (s)"),
+               ("decode_ns_per_gaussian", "decode (ns per Gaussian)"), ("slice_ms", "slice (ms)"))
+    figure, all_axes = plt.subplots(1, len(columns), figsize=(8, 2.6), sharey=True)
+    for axes, (key, title) in zip(all_axes, columns):
+        axes.barh(range(len(rows)), [r[key] for r in rows], color=COLOURS[0])
+        axes.set_yticks(range(len(rows)), [r["name"] for r in rows], fontsize=8)
+        axes.set_title(title, fontsize=9)
+        axes.grid(axis="y", visible=False)
+    all_axes[0].invert_yaxis()
+    return save(figure, folder, "effects")

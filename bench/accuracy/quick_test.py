@@ -1,0 +1,116 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""Runs all sections of bench_accuracy on a tiny scene and checks what it writes.
+
+usage: quick_test.py PROGRAM
+"""
+
+import json
+import math
+import pathlib
+import subprocess
+import sys
+import tempfile
+
+SECTIONS = ("final", "sensitivity", "kmeans", "codebooks", "thresholds", "rcq", "ablation",
+            "effort", "decoder", "renderer", "effects", "stages")
+# Only captured images fill it, and synthetic scenes have none.
+MAY_BE_EMPTY = {("final", "uncompressed")}
+
+
+def rows(document, section, table):
+    return document["sections"][section]["tables"][table]
+
+
+def figures(document):
+    """Yields a message per value that is missing, and per number that is not finite."""
+    for section in SECTIONS:
+        if section not in document["sections"]:
+            yield f"{section}: is missing"
+            continue
+        for table, content in document["sections"][section]["tables"].items():
+            if not content and (section, table) not in MAY_BE_EMPTY:
+                yield f"{section}, {table}: has no rows"
+            for row in content:
+                if f"--only {section}" not in row.get("command", ""):
+                    yield f"{section}, {table}: a row without its command"
+                for key, value in row.items():
+                    # JSON has no infinity: what is not finite was written as null.
+                    if value is None or (isinstance(value, float) and not math.isfinite(value)):
+                        yield f"{section}, {table}: {key} is not finite"
+
+
+def relations(document):
+    """Yields a message per relation between figures that does not hold."""
+    for row in rows(document, "final", "codings"):
+        if not (row["ratio"] > 1 and 20 < row["fidelity_db"] < 100 and
+                row["min_view_db"] <= row["fidelity_db"]):
+            yield f"final: implausible: {row}"
+    codings = {row["name"].split(" (")[0]: row for row in rows(document, "final", "codings")}
+    one, three = codings["one stage, K=4096"], codings["3 stages, K=1024"]
+    if not (three["bytes"] > one["bytes"] and three["fidelity_db"] > one["fidelity_db"]):
+        yield "final: three stages are not larger and better than one"
+    for row, whole in zip(rows(document, "final", "sections"), rows(document, "final", "codings")):
+        if sum(v for v in row.values() if isinstance(v, int)) != whole["bytes"]:
+            yield f"final: the sections of {row['name']} do not add up to the file"
+    views = {row["name"]: row for row in rows(document, "sensitivity", "views")}
+    if views["all"]["spearman_sh"] != 1:
+        yield "sensitivity: all views do not agree with themselves"
+    if any(row["error"] != 0 or row["compared_bytes"] == 0
+           for row in rows(document, "decoder", "paths")):
+        yield "decoder: not exact"
+    for row in rows(document, "renderer", "paths"):
+        if row["name"] != "double" and not (0 < row["rms_error"] < 1e-3):
+            yield f"renderer: implausible: {row}"
+    if [row["effort"] for row in rows(document, "effort", "proposal")] != list(range(1, 10)):
+        yield "effort: no nine proposals"
+    effects = rows(document, "effects", "effects")
+    if not effects[0]["bytes_per_gaussian"] < effects[-1]["bytes_per_gaussian"]:
+        yield "effects: a static scene is no smaller than one with all effects"
+
+
+def check_report(results, folder):
+    """Makes the report where matplotlib is there. Yields messages."""
+    script = pathlib.Path(__file__).resolve().parent / "report.py"
+    for python in (sys.executable, "/usr/bin/python3"):
+        probe = subprocess.run([python, "-c", "import matplotlib"], capture_output=True,
+                               check=False)
+        if probe.returncode == 0:
+            break
+    else:
+        print("no matplotlib: the report is not checked")
+        return
+    page = folder / "accuracy.md"
+    subprocess.run([python, "-B", str(script), str(results), str(page)], check=True)
+    text = page.read_text(encoding="utf-8")
+    for section in SECTIONS:
+        if f"--only {section}`" not in text:
+            yield f"report: says nothing of {section}"
+    for image in sorted((folder / "accuracy").iterdir()):
+        if image.stat().st_size < 1000:
+            yield f"report: {image.name} is empty"
+        if image.suffix == ".svg" and f"accuracy/{image.name}" not in text:
+            yield f"report: {image.name} is in no place of the page"
+
+
+def main(arguments):
+    if len(arguments) != 1:
+        print(__doc__.strip())
+        return 2
+    with tempfile.TemporaryDirectory() as name:
+        folder = pathlib.Path(name)
+        results = folder / "quick.json"
+        subprocess.run([arguments[0], "--quick", "--gaussians", "2000", "--rows", "2", "--json",
+                        str(results)], check=True, stderr=subprocess.DEVNULL)
+        document = json.loads(results.read_text(encoding="utf-8"))
+        messages = list(figures(document))
+        if not messages:
+            messages += list(relations(document)) + list(check_report(results, folder))
+        for message in messages:
+            print(message)
+        print(f"{len(document['sections'])} sections, {len(messages)} complaints")
+        return 1 if messages else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,107 @@
+// SPDX-License-Identifier: Apache-2.0
+// One parameter after the other, all else as one_stage() has it.
+#include <array>
+#include <cmath>
+#include <cstdio>
+
+#include "bench/accuracy/sections.h"
+
+namespace l4d::bench {
+namespace {
+
+constexpr std::array<const char*, L4D_COMPONENT_COUNT> kComponents = {
+    "sh", "scale", "rotor_spatial", "rotor_temporal"};
+// The paper's thresholds, "Small" (supplement, B.1).
+constexpr std::array<double, L4D_COMPONENT_COUNT> kPaperThresholds = {6e-7, 2e-7, 1e-6, 8e-6};
+
+// Rows of one parameter of the whole encoder. `column` is its name in the table.
+Json sweep(Bench& bench, const char* column, l4d_encoder_parameter id,
+           const std::vector<double>& values) {
+  Json rows = Json::array();
+  for (const double value : bench.take(values)) {
+    Json row = coded_row(bench, bench.real(), one_stage().with(id, value));
+    row.erase("name");
+    Json named = {{column, value}};
+    named.update(row);
+    bench.add(rows, named);
+  }
+  return rows;
+}
+
+std::vector<int> components(const Bench& bench) {
+  // Scenes without motion or view dependence lack some; they do not occur here.
+  return bench.take(std::vector<int>{L4D_COMPONENT_SH, L4D_COMPONENT_SCALE,
+                                     L4D_COMPONENT_ROTOR_SPATIAL, L4D_COMPONENT_ROTOR_TEMPORAL});
+}
+
+}  // namespace
+
+Json run_kmeans(Bench& bench) {
+  // How far figures lie apart by chance: differences below that mean nothing.
+  Json seeds = Json::array();
+  for (const int seed : bench.take(std::vector<int>{1, 2, 3, 4, 5})) {
+    Coding c = one_stage();
+    c.seed = static_cast<uint64_t>(seed);
+    Json row = {{"seed", seed}};
+    row.update(coded_row(bench, bench.real(), c));
+    row.erase("name");
+    bench.add(seeds, row);
+  }
+  // Samples beyond what the scene holds per codeword are all of it.
+  return {{"seeds", seeds},
+          {"iterations",
+           sweep(bench, "iterations", L4D_ENC_KMEANS_ITERATIONS, {0, 1, 2, 4, 7, 10, 16, 24, 40})},
+          {"sample",
+           sweep(bench, "sample", L4D_ENC_KMEANS_SAMPLE, {2, 4, 8, 12, 16, 24, 48, 128, 1000})}};
+}
+
+Json run_codebooks(Bench& bench) {
+  Json rows = Json::array();
+  for (const int c : components(bench)) {
+    for (const double size : bench.take(std::vector<double>{1024, 2048, 4096, 8192, 16384})) {
+      Json row = coded_row(bench, bench.real(), one_stage().with(L4D_ENC_CODEBOOK_SIZE, size, c));
+      row["name"] = kComponents[static_cast<size_t>(c)];
+      row["size"] = size;
+      bench.add(rows, row);
+    }
+  }
+  return {{"sizes", rows}};
+}
+
+Json run_thresholds(Bench& bench) {
+  Json rows = Json::array();
+  Json none = coded_row(bench, bench.real(), one_stage());
+  none["name"] = "none";
+  none["threshold"] = 0;
+  bench.add(rows, none);
+  for (const int c : components(bench)) {
+    for (const int decade : bench.take(std::vector<int>{-3, -2, -1, 0, 1, 2})) {
+      const double threshold = kPaperThresholds[static_cast<size_t>(c)] * std::pow(10.0, decade);
+      const Encoded e = encode(bench.real().scene, bench.weights(bench.real()),
+                               one_stage().with(L4D_ENC_LITERAL_THRESHOLD, threshold, c));
+      Json row = coding_row(bench, bench.real(), kComponents[static_cast<size_t>(c)], e);
+      row["threshold"] = threshold;
+      row["of_paper"] = std::pow(10.0, decade);
+      bench.add(rows, row);
+    }
+  }
+  return {{"thresholds", rows}};
+}
+
+Json run_rcq(Bench& bench) {
+  Json rows = Json::array();
+  const auto add = [&](const std::string& name, double mode, double size) {
+    Coding c = one_stage();
+    c.name = name;
+    bench.add(rows, coded_row(bench, bench.real(),
+                              c.with(L4D_ENC_RCQ, mode).with(L4D_ENC_RCQ_SIZE, size)));
+  };
+  add("off", 0, 512);
+  add("where it pays, 512", 1, 512);
+  for (const double size : bench.take(std::vector<double>{64, 128, 256, 512, 1024})) {
+    add("forced, " + std::to_string(static_cast<int>(size)), 2, size);
+  }
+  return {{"sizes", rows}};
+}
+
+}  // namespace l4d::bench

@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: Apache-2.0
+// Importance weights measured by the renderer, and how much two sets of them agree.
+#pragma once
+
+#include <string>
+
+#include "bench/accuracy/scene.h"
+
+namespace l4d::bench {
+
+struct Measured {
+  io::Weights weights;
+  l4d_measure_report report{};
+  double seconds = 0;
+};
+
+l4d_measure_options measure_options(double agreement, double max_share = 1);
+
+// All training cameras at all instants.
+Measured measure(const BenchScene& scene, const l4d_measure_options& options);
+// The same, taken from `path` if that was written for this scene, these cameras and options.
+Measured measure_cached(const BenchScene& scene, const l4d_measure_options& options,
+                        const std::string& path);
+
+// Spearman's rank correlation over Gaussians with a weight in either; 1 where there is nothing to
+// rank.
+double rank_correlation(const std::vector<float>& a, const std::vector<float>& b);
+
+}  // namespace l4d::bench
