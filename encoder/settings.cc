@@ -34,15 +34,15 @@ constexpr ParameterDescription kParameters[L4D_ENC_PARAMETER_COUNT] = {
     {"drop-invalid", "drop Gaussians that cannot be coded instead of refusing the scene", 0, 1, 0,
      false, true},
     {"effort", "how hard k-means and zstd try: sets kmeans-iterations, kmeans-sample and zstd-level", 1,
-     9, 5, false, true},
+     9, 7, false, true},
 };
 
 // What each effort sets; docs/accuracy.md has the front of time against quality they were taken from.
 struct Effort {
   double kmeans_iterations, kmeans_sample, zstd_level;
 };
-constexpr Effort kEfforts[9] = {{0, 2, 1},    {1, 4, 3},    {2, 4, 6},    {4, 8, 12},   {10, 24, 15},
-                                {16, 32, 15}, {24, 48, 19}, {40, 128, 19}, {80, 1000, 22}};
+constexpr Effort kEfforts[9] = {{0, 2, 1},   {0, 4, 1},    {0, 4, 15},   {2, 4, 15}, {4, 4, 15},
+                                {4, 16, 15}, {10, 24, 15}, {10, 32, 15}, {16, 32, 15}};
 
 // The paper's own settings ("Compression" in its supplement). Its thresholds are of weights measured
 // as l4d_sensitivity does.
