@@ -123,12 +123,16 @@ def sensitivity(tables, folder):
            table([("share", "name", "")] + columns, views),
            "Stopped when two halves of the measured views agree to a rank correlation:\n",
            table([("agreement", "name", "")] + columns, agreement),
-           plots.sensitivity_plot(views, agreement, measures, folder),
-           "Other measures, also with the preset `high`:\n",
-           table([("weights", "name", "")] + SIZE, measures),
-           "Pruning Gaussians whose blending weight (alpha times transmittance per pixel) is at "
-           "most:\n",
-           table([("threshold", "name", ""), ("pruned", "pruned", ",d")] + SIZE, tables["pruning"])]
+           plots.sensitivity_plot(views, agreement, measures, folder)]
+    # A run that was cut short has the tables above only.
+    if measures:
+        out += ["Other measures, also with the preset `high`:\n",
+                table([("weights", "name", "")] + SIZE, measures)]
+    if tables["pruning"]:
+        out += ["Pruning Gaussians whose blending weight (alpha times transmittance per pixel) is "
+                "at most:\n",
+                table([("threshold", "name", ""), ("pruned", "pruned", ",d")] + SIZE,
+                      tables["pruning"])]
     text = ""
     for row in agreement:
         if row["name"] == "0.95":
@@ -142,17 +146,19 @@ def sensitivity(tables, folder):
                 text += (f"Asking the others what they show makes that {asked['measure_s']:.0f} s "
                          f"and finds {row['unseen'] - asked['unseen']} Gaussians more that are "
                          "seen. ")
-    no_weights, summed = named(measures, "no weights"), named(measures, "sum")
-    squares = named(measures, "gauss-newton")
-    text += ("Without any weights fidelity is "
-             f"{signed(no_weights['fidelity_db'] - summed['fidelity_db'])} dB from that with "
-             "measured ones; the Gauss-Newton measure "
-             f"{signed(squares['fidelity_db'] - summed['fidelity_db'])} dB at "
-             f"{signed((squares['bytes'] / summed['bytes'] - 1) * 100)} % of the bytes. ")
-    never, last = tables["pruning"][0], tables["pruning"][-1]
-    text += (f"Pruning at {last['name']} drops {last['pruned']} Gaussians and "
-             f"{(1 - last['bytes'] / never['bytes']) * 100:.1f} % of the bytes for "
-             f"{signed(last['fidelity_db'] - never['fidelity_db'])} dB.")
+    if measures:
+        no_weights, summed = named(measures, "no weights"), named(measures, "sum")
+        squares = named(measures, "gauss-newton")
+        text += ("Without any weights fidelity is "
+                 f"{signed(no_weights['fidelity_db'] - summed['fidelity_db'])} dB from that with "
+                 "measured ones; the Gauss-Newton measure "
+                 f"{signed(squares['fidelity_db'] - summed['fidelity_db'])} dB at "
+                 f"{signed((squares['bytes'] / summed['bytes'] - 1) * 100)} % of the bytes. ")
+    if tables["pruning"]:
+        never, last = tables["pruning"][0], tables["pruning"][-1]
+        text += (f"Pruning at {last['name']} drops {last['pruned']} Gaussians and "
+                 f"{(1 - last['bytes'] / never['bytes']) * 100:.1f} % of the bytes for "
+                 f"{signed(last['fidelity_db'] - never['fidelity_db'])} dB.")
     return out + [text + "\n"]
 
 
