@@ -1,0 +1,271 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <array>
+#include <cstddef>
+
+#include "libl4dcodec/entropy/rans_kernels.h"
+
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "libl4dcodec/entropy/rans_simd.cc"
+#include <hwy/foreach_target.h>
+#include <hwy/highway.h>
+
+HWY_BEFORE_NAMESPACE();
+namespace l4d {
+namespace HWY_NAMESPACE {
+namespace {
+#if HWY_TARGET == HWY_SCALAR || HWY_HAVE_SCALABLE
+// All states have to stay in an array of vectors, which vectors of unknown size cannot form.
+const RansKernels* kernels() { return &rans_kernels_reference(); }
+#else
+namespace hn = hwy::HWY_NAMESPACE;
+
+using D = hn::ScalableTag<uint32_t>;
+using V = hn::Vec<D>;
+constexpr size_t kWidth = HWY_LANES(uint32_t);
+constexpr size_t kVectors = kRansLanes / kWidth;
+static_assert(kWidth == 4 || kWidth == 8 || kWidth == 16, "no way to expand words");
+
+// A group takes at most a word per lane and step.
+constexpr std::ptrdiff_t kHybridBytes = 2 * kRansLanes * 2;
+constexpr std::ptrdiff_t kWideBytes = 5 * kRansLanes * 2;
+
+#if HWY_TARGET == HWY_AVX2
+// kRanks[mask][lane]: how many lanes of the mask lie below this one.
+constexpr auto make_ranks() {
+  std::array<std::array<uint8_t, 8>, 256> ranks{};
+  for (size_t mask = 0; mask < 256; ++mask) {
+    uint8_t rank = 0;
+    for (size_t lane = 0; lane < 8; ++lane) {
+      ranks[mask][lane] = rank;
+      rank = static_cast<uint8_t>(rank + (mask >> lane & 1));
+    }
+  }
+  return ranks;
+}
+#elif HWY_TARGET > HWY_AVX2
+// kBytes[mask]: which byte of four words goes to which byte of four lanes; 0x80 = zero.
+constexpr auto make_bytes() {
+  std::array<std::array<uint8_t, 16>, 16> bytes{};
+  for (size_t mask = 0; mask < 16; ++mask) {
+    uint8_t at = 0;
+    for (size_t lane = 0; lane < 4; ++lane) {
+      const bool used = (mask >> lane & 1) != 0;
+      bytes[mask][4 * lane] = used ? at : uint8_t{0x80};
+      bytes[mask][4 * lane + 1] = used ? static_cast<uint8_t>(at + 1) : uint8_t{0x80};
+      bytes[mask][4 * lane + 2] = bytes[mask][4 * lane + 3] = 0x80;
+      at = static_cast<uint8_t>(at + (used ? 2 : 0));
+    }
+  }
+  return bytes;
+}
+#endif
+
+// Shifts the next words into the lanes whose state is below kRansLow. Reads 2 * kWidth bytes.
+HWY_INLINE V renormalise(V x, const unsigned char*& next) {
+  const D d;
+  const auto low = hn::Lt(x, hn::Set(d, kRansLow));
+#if HWY_TARGET <= HWY_AVX3
+  const hn::Rebind<uint16_t, D> d16;
+  const V words = hn::PromoteTo(d, hn::LoadU(d16, reinterpret_cast<const uint16_t*>(next)));
+  next += 2 * hn::CountTrue(d, low);
+  // Highway 1.0 has no Expand.
+  const V expanded{_mm512_maskz_expand_epi32(low.raw, words.raw)};
+#else
+  uint8_t mask[8];
+  hn::StoreMaskBits(d, low, mask);
+#if HWY_TARGET == HWY_AVX2
+  static constexpr auto kRanks = make_ranks();
+  const hn::Rebind<uint16_t, D> d16;
+  const hn::Rebind<uint8_t, D> d8;
+  const V words = hn::PromoteTo(d, hn::LoadU(d16, reinterpret_cast<const uint16_t*>(next)));
+  const V ranks = hn::PromoteTo(d, hn::LoadU(d8, kRanks[mask[0]].data()));
+  const V expanded = hn::TableLookupLanes(words, hn::IndicesFromVec(d, ranks));
+#else
+  static constexpr auto kBytes = make_bytes();
+  const hn::Repartition<uint8_t, D> d8;
+  const auto words = hn::ZeroExtendVector(d8, hn::LoadU(hn::Half<decltype(d8)>(), next));
+  const auto bytes = hn::LoadU(d8, kBytes[mask[0]].data());
+  const V expanded = hn::BitCast(d, hn::TableLookupBytesOr0(words, bytes));
+#endif
+  next += 2 * hwy::PopCount(mask[0]);
+#endif
+  return hn::IfThenElse(low, hn::Or(hn::ShiftLeft<16>(x), expanded), x);
+}
+
+// The tokens of a group of kRansLanes symbols.
+template <bool kContexts>
+HWY_INLINE void take_tokens(V (&x)[kVectors], const unsigned char*& next, const uint32_t* tables,
+                            const uint8_t* contexts, V (&tokens)[kVectors]) {
+  const D d;
+  const hn::RebindToSigned<D> di;
+  const hn::Rebind<uint8_t, D> d8;
+  const V slot_mask = hn::Set(d, kRansSlots - 1);
+  for (size_t v = 0; v < kVectors; ++v) {
+    V index = hn::And(x[v], slot_mask);
+    if (kContexts) {
+      const V context = hn::PromoteTo(d, hn::LoadU(d8, contexts + v * kWidth));
+      index = hn::Or(index, hn::ShiftLeft<kRansScaleBits>(context));
+    }
+    tokens[v] = hn::GatherIndex(d, tables, hn::BitCast(di, index));
+  }
+  for (size_t v = 0; v < kVectors; ++v) {
+    // The packed frequency is one too low: frequency * high = packed * high + high.
+    const V high = hn::ShiftRight<kRansScaleBits>(x[v]);
+    const V bias = hn::And(hn::ShiftRight<8>(tokens[v]), slot_mask);
+    x[v] = hn::Add(hn::Mul(hn::ShiftRight<20>(tokens[v]), high), hn::Add(high, bias));
+    x[v] = renormalise(x[v], next);
+    tokens[v] = hn::And(tokens[v], hn::Set(d, 0xff));
+  }
+}
+
+// counts: 0..16 each. Lanes with 0 are at kRansLow or above already, so that they take no word.
+HWY_INLINE V take_bits(V& x, const unsigned char*& next, V counts) {
+  const D d;
+  const V one = hn::Set(d, 1);
+  const V bits = hn::And(x, hn::Sub(hn::Shl(one, counts), one));
+  x = renormalise(hn::Shr(x, counts), next);
+  return bits;
+}
+
+HWY_INLINE bool all_zero(const V (&a)[kVectors]) {
+  const D d;
+  V any = a[0];
+  for (size_t v = 1; v < kVectors; ++v) any = hn::Or(any, a[v]);
+  return hn::AllTrue(d, hn::Eq(any, hn::Zero(d)));
+}
+
+HWY_INLINE void load_states(const RansLanes& lanes, V (&x)[kVectors]) {
+  for (size_t v = 0; v < kVectors; ++v) x[v] = hn::LoadU(D(), lanes.x + v * kWidth);
+}
+
+HWY_INLINE void store_states(const V (&x)[kVectors], RansLanes& lanes) {
+  for (size_t v = 0; v < kVectors; ++v) hn::StoreU(x[v], D(), lanes.x + v * kWidth);
+}
+
+// Decodes whole groups while they cannot run out of words, and says how many symbols that were.
+template <bool kContexts>
+HWY_INLINE size_t hybrid_groups(RansLanes& lanes, const uint32_t* tables, const uint8_t* contexts,
+                                size_t n, uint16_t* dst) {
+  const D d;
+  const hn::RebindToSigned<D> di;
+  const hn::Rebind<uint16_t, D> d16;
+  const V one = hn::Set(d, 1);
+  V x[kVectors];
+  load_states(lanes, x);
+  const unsigned char* next = lanes.next;
+  size_t i = 0;
+  for (; i + kRansLanes <= n && lanes.end - next >= kHybridBytes; i += kRansLanes) {
+    V values[kVectors], counts[kVectors];
+    take_tokens<kContexts>(x, next, tables, kContexts ? contexts + i : nullptr, values);
+    for (size_t v = 0; v < kVectors; ++v) {
+      // Tokens 16.. have raw bits: token / 8 - 1 of them.
+      counts[v] = hn::Sub(hn::Max(hn::ShiftRight<3>(values[v]), one), one);
+    }
+    if (!all_zero(counts)) {
+      for (size_t v = 0; v < kVectors; ++v) {
+        // 8 + token mod 8 where there are raw bits, else the token itself.
+        const V top = hn::Sub(values[v], hn::ShiftLeft<3>(counts[v]));
+        values[v] = hn::Or(hn::Shl(top, counts[v]), take_bits(x[v], next, counts[v]));
+      }
+    }
+    for (size_t v = 0; v < kVectors; ++v) {
+      hn::StoreU(hn::DemoteTo(d16, hn::BitCast(di, values[v])), d16, dst + i + v * kWidth);
+    }
+  }
+  lanes.next = next;
+  store_states(x, lanes);
+  return i;
+}
+
+// Stores top << bits | high << 32 | low as 64-bit integers.
+HWY_INLINE void store_wide(V top, V bits, V low, V high, uint64_t* dst) {
+  const hn::Half<D> dh;
+  const hn::Repartition<uint64_t, D> d64;
+  const auto join = [&](auto t, auto b, auto l, auto h) {
+    const auto raw = hn::Or(hn::PromoteTo(d64, l), hn::ShiftLeft<32>(hn::PromoteTo(d64, h)));
+    return hn::Or(hn::Shl(hn::PromoteTo(d64, t), hn::PromoteTo(d64, b)), raw);
+  };
+  hn::StoreU(join(hn::LowerHalf(dh, top), hn::LowerHalf(dh, bits), hn::LowerHalf(dh, low),
+                  hn::LowerHalf(dh, high)),
+             d64, dst);
+  hn::StoreU(join(hn::UpperHalf(dh, top), hn::UpperHalf(dh, bits), hn::UpperHalf(dh, low),
+                  hn::UpperHalf(dh, high)),
+             d64, dst + kWidth / 2);
+}
+
+template <bool kContexts>
+HWY_INLINE size_t wide_groups(RansLanes& lanes, const uint32_t* tables, const uint8_t* contexts,
+                              size_t n, uint64_t* dst) {
+  const D d;
+  const V one = hn::Set(d, 1);
+  const V sixteen = hn::Set(d, 16);
+  V x[kVectors];
+  load_states(lanes, x);
+  const unsigned char* next = lanes.next;
+  size_t i = 0;
+  for (; i + kRansLanes <= n && lanes.end - next >= kWideBytes; i += kRansLanes) {
+    V tokens[kVectors], left[kVectors], raw[2][kVectors];
+    take_tokens<kContexts>(x, next, tables, kContexts ? contexts + i : nullptr, tokens);
+    for (size_t v = 0; v < kVectors; ++v) {
+      // Tokens 2.. have token / 2 - 1 raw bits.
+      left[v] = hn::Sub(hn::Max(hn::ShiftRight<1>(tokens[v]), one), one);
+      raw[0][v] = raw[1][v] = hn::Zero(d);
+    }
+    for (size_t half = 0; half < 2 && !all_zero(left); ++half) {
+      for (size_t v = 0; v < kVectors; ++v) {
+        const V counts = hn::Min(left[v], sixteen);
+        raw[half][v] = take_bits(x[v], next, counts);
+        left[v] = hn::Sub(left[v], counts);
+      }
+      if (all_zero(left)) break;
+      for (size_t v = 0; v < kVectors; ++v) {
+        const V counts = hn::Min(left[v], sixteen);
+        raw[half][v] = hn::Or(raw[half][v], hn::ShiftLeft<16>(take_bits(x[v], next, counts)));
+        left[v] = hn::Sub(left[v], counts);
+      }
+    }
+    for (size_t v = 0; v < kVectors; ++v) {
+      const V bits = hn::Sub(hn::Max(hn::ShiftRight<1>(tokens[v]), one), one);
+      // 2 + token mod 2 where there are raw bits, else the token itself.
+      const V top = hn::Sub(tokens[v], hn::ShiftLeft<1>(bits));
+      store_wide(top, bits, raw[0][v], raw[1][v], dst + i + v * kWidth);
+    }
+  }
+  lanes.next = next;
+  store_states(x, lanes);
+  return i;
+}
+
+void hybrid(RansLanes& lanes, const uint32_t* tables, const uint8_t* contexts, size_t n,
+            uint16_t* dst) {
+  const size_t done = contexts != nullptr ? hybrid_groups<true>(lanes, tables, contexts, n, dst)
+                                          : hybrid_groups<false>(lanes, tables, nullptr, n, dst);
+  rans_kernels_reference().hybrid(lanes, tables, contexts != nullptr ? contexts + done : nullptr,
+                                  n - done, dst + done);
+}
+
+void wide(RansLanes& lanes, const uint32_t* tables, const uint8_t* contexts, size_t n,
+          uint64_t* dst) {
+  const size_t done = contexts != nullptr ? wide_groups<true>(lanes, tables, contexts, n, dst)
+                                          : wide_groups<false>(lanes, tables, nullptr, n, dst);
+  rans_kernels_reference().wide(lanes, tables, contexts != nullptr ? contexts + done : nullptr,
+                                n - done, dst + done);
+}
+
+const RansKernels* kernels() {
+  static constexpr RansKernels kKernels = {hybrid, wide};
+  return &kKernels;
+}
+#endif
+
+}  // namespace
+}  // namespace HWY_NAMESPACE
+}  // namespace l4d
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace l4d {
+HWY_EXPORT(kernels);
+const RansKernels& rans_kernels_simd() { return *HWY_DYNAMIC_DISPATCH(kernels)(); }
+}  // namespace l4d
+#endif

@@ -1,0 +1,178 @@
+// SPDX-License-Identifier: Apache-2.0
+// The reference loops decode what the encoder wrote, and every SIMD target that is compiled in and
+// that this machine has leaves the same behind, whatever the words are.
+#include <gtest/gtest.h>
+#include <hwy/highway.h>
+#include <hwy/targets.h>
+
+#include "tests/entropy/rans_planes.h"
+
+namespace l4d {
+namespace {
+
+using test::decode;
+using test::expected;
+using test::kShapes;
+using test::Random;
+using test::random_plane;
+using test::RansCase;
+using test::RansResult;
+using test::Shape;
+
+constexpr size_t kLengths[] = {0, 1, 2, 31, 32, 33, 63, 64, 65, 100, 1000, 4096, 65537};
+
+std::vector<int64_t> compiled_targets() {
+  std::vector<int64_t> targets;
+  for (int64_t rest = HWY_TARGETS; rest != 0; rest &= rest - 1) targets.push_back(rest & -rest);
+  return targets;
+}
+
+class RansKernelTest : public testing::TestWithParam<int64_t> {
+ protected:
+  void SetUp() override {
+    if ((hwy::SupportedTargets() & GetParam()) == 0) {
+      GTEST_SKIP() << hwy::TargetName(GetParam()) << " is not available on this machine";
+    }
+    hwy::SetSupportedTargetsForTest(GetParam());
+    hwy::GetChosenTarget().Update(hwy::SupportedTargets());
+  }
+  void TearDown() override {
+    hwy::SetSupportedTargetsForTest(0);
+    hwy::GetChosenTarget().Update(hwy::SupportedTargets());
+  }
+  // Both decode the block to what was coded.
+  static void check(const RansCase& c) {
+    const Bytes block = c.block();
+    const RansResult want = expected(c, block.size());
+    ASSERT_TRUE(decode(rans_kernels_reference(), c, block) == want);
+    ASSERT_TRUE(decode(rans_kernels_simd(), c, block) == want);
+  }
+};
+
+RansCase one_of_each(size_t n, Shape shape, size_t contexts, uint64_t seed) {
+  RansCase c;
+  c.hybrid.push_back(random_plane<uint16_t>(n, shape, contexts, seed));
+  c.wide.push_back(random_plane<uint64_t>(n, shape, contexts, seed + 1));
+  return c;
+}
+
+TEST_P(RansKernelTest, EveryShapeAndLength) {
+  for (const Shape shape : kShapes) {
+    for (const size_t n : kLengths) {
+      for (const size_t contexts : {size_t{0}, size_t{1}, size_t{5}}) {
+        if (n == 65537 && contexts == 1) continue;
+        SCOPED_TRACE(testing::Message() << "shape " << static_cast<int>(shape) << ", n " << n
+                                        << ", contexts " << contexts);
+        check(one_of_each(n, shape, contexts, n));
+        if (HasFatalFailure()) return;
+      }
+    }
+  }
+}
+
+TEST_P(RansKernelTest, ManyPlanesUnderOneSetOfLanes) {
+  for (uint64_t seed = 0; seed < 60; ++seed) {
+    Random random(seed);
+    RansCase c;
+    for (uint32_t i = random.below(8) + 1; i > 0; --i) {
+      c.hybrid.push_back(random_plane<uint16_t>(random.below(300), kShapes[random.below(5)],
+                                                random.below(4), random.bits()));
+    }
+    for (uint32_t i = random.below(8) + 1; i > 0; --i) {
+      c.wide.push_back(random_plane<uint64_t>(random.below(300), kShapes[random.below(5)],
+                                              random.below(4), random.bits()));
+    }
+    SCOPED_TRACE(testing::Message() << "seed " << seed);
+    check(c);
+    if (HasFatalFailure()) return;
+  }
+}
+
+TEST_P(RansKernelTest, AllContexts) {
+  RansCase c;
+  c.hybrid.push_back(random_plane<uint16_t>(5000, Shape::kSmall, 256, 7));
+  check(c);
+}
+
+// Of a block that ends early, all that was there is used, nothing past its end is read, and the
+// lanes say so.
+TEST_P(RansKernelTest, TruncatedAtEveryLength) {
+  for (const Shape shape : {Shape::kUniform, Shape::kGeometric}) {
+    const RansCase c = one_of_each(150, shape, 0, 3);
+    const Bytes block = c.block();
+    for (size_t size = kRansStateBytes; size < block.size(); ++size) {
+      // An exact copy, so that a sanitizer sees every byte read beyond the end.
+      const Bytes shorter(block.begin(), block.begin() + static_cast<std::ptrdiff_t>(size));
+      const RansResult want = decode(rans_kernels_reference(), c, shorter);
+      ASSERT_TRUE(want.failed) << size;
+      ASSERT_FALSE(want.finished) << size;
+      ASSERT_EQ(want.position, size / 2 * 2);
+      ASSERT_TRUE(decode(rans_kernels_simd(), c, shorter) == want) << size;
+    }
+  }
+}
+
+TEST_P(RansKernelTest, WordsLeftOverAreNoticed) {
+  const RansCase c = one_of_each(150, Shape::kGeometric, 0, 4);
+  Bytes block = c.block();
+  const RansResult want = expected(c, block.size());
+  for (size_t extra = 1; extra < 700; extra += 1 + extra / 8) {
+    Bytes longer = block;
+    longer.resize(block.size() + extra, 0x77);
+    for (const RansKernels* kernels : {&rans_kernels_reference(), &rans_kernels_simd()}) {
+      const RansResult got = decode(*kernels, c, longer);
+      ASSERT_EQ(got.position, want.position);
+      ASSERT_EQ(got.hybrid, want.hybrid);
+      ASSERT_EQ(got.wide, want.wide);
+      ASSERT_FALSE(got.failed);
+      ASSERT_FALSE(got.finished);
+    }
+  }
+}
+
+// Flips one bit at a time and says in which part of all rounds that was found at the end.
+double damage_found(const RansCase& c) {
+  const Bytes block = c.block();
+  const RansResult good = expected(c, block.size());
+  Random random(11);
+  int found = 0;
+  constexpr int kRounds = 400;
+  for (int round = 0; round < kRounds; ++round) {
+    Bytes bad = block;
+    const size_t at = random.below(static_cast<uint32_t>(bad.size()));
+    bad[at] = static_cast<unsigned char>(bad[at] ^ (1u << random.below(8)));
+    const RansResult want = decode(rans_kernels_reference(), c, bad);
+    EXPECT_FALSE(want == good) << "byte " << at;
+    EXPECT_TRUE(decode(rans_kernels_simd(), c, bad) == want) << "byte " << at;
+    found += want.finished ? 0 : 1;
+  }
+  return static_cast<double>(found) / kRounds;
+}
+
+// Among tokens damage spreads, and the lanes do not end where they should. A bit that leaves the
+// state as a raw bit changes its value alone.
+TEST_P(RansKernelTest, DamageChangesAllAlike) {
+  EXPECT_GT(damage_found(one_of_each(3000, Shape::kSmall, 0, 5)), 0.95);
+  EXPECT_GT(damage_found(one_of_each(700, Shape::kGeometric, 3, 5)), 0.1);
+}
+
+TEST_P(RansKernelTest, RandomWords) {
+  for (uint64_t seed = 0; seed < 60; ++seed) {
+    const RansCase c = one_of_each(500, kShapes[seed % 5], seed % 4, seed);
+    Random random(seed);
+    Bytes block(kRansStateBytes + random.below(3000));
+    for (unsigned char& b : block) b = static_cast<unsigned char>(random.bits());
+    for (size_t lane = 0; lane < kRansLanes; ++lane) block[4 * lane + 2] |= 1;  // states in range
+    const RansResult want = decode(rans_kernels_reference(), c, block);
+    ASSERT_EQ(want.states.size(), kRansLanes);
+    ASSERT_TRUE(decode(rans_kernels_simd(), c, block) == want) << "seed " << seed;
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Targets, RansKernelTest, testing::ValuesIn(compiled_targets()),
+                         [](const testing::TestParamInfo<int64_t>& target) {
+                           return std::string(hwy::TargetName(target.param));
+                         });
+
+}  // namespace
+}  // namespace l4d
