@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/importance.h"
 
-#include <algorithm>
+#include <utility>
 
 #include "cli/progress.h"
 #include "cli/rendered_scene.h"
@@ -11,8 +11,24 @@ namespace l4d::cli {
 namespace {
 
 // What alpha_t is worth for SH where no weight_sh was measured: light that an SH error changes,
-// relative to the other components.
+// relative to the other components as the measure sum has them.
 constexpr float kShPerAlphaT = 0.6f;
+
+constexpr std::pair<uint32_t, std::vector<float> io::Weights::*> kColumns[] = {
+    {L4D_WEIGHT_ALPHA_T, &io::Weights::alpha_t},
+    {L4D_WEIGHT_SH, &io::Weights::sh},
+    {L4D_WEIGHT_SCALE, &io::Weights::scale},
+    {L4D_WEIGHT_ROTOR_SPATIAL, &io::Weights::rotor_spatial},
+    {L4D_WEIGHT_ROTOR_TEMPORAL, &io::Weights::rotor_temporal},
+    {L4D_WEIGHT_POSITION, &io::Weights::position},
+    {L4D_WEIGHT_OPACITY, &io::Weights::opacity},
+    {L4D_WEIGHT_MEAN_T, &io::Weights::mean_t}};
+
+// The encoder has to know in which unit its weights are.
+void tell_measure(const EncoderHandle& encoder, bool gauss_newton) {
+  encoder.check(l4d_encoder_set(encoder.get(), L4D_ENC_WEIGHT_MEASURE, L4D_ALL_COMPONENTS,
+                                gauss_newton ? 1 : 0));
+}
 
 }  // namespace
 
@@ -31,8 +47,8 @@ void MeasureArguments::add_options(CLI::App* verb) {
       ->excludes(all)
       ->group(group);
   verb->add_option("--measure", measure,
-                   "sum: derivatives of the sum of pixels; gauss-newton: of squared pixel "
-                   "differences, estimated with random signs")
+                   "gauss-newton: how far each attribute changes pixels, root mean square, in one "
+                   "unit for all; sum: derivatives of the sum of pixels, as in the paper")
       ->type_name("NAME")
       ->check(CLI::IsMember({"sum", "gauss-newton"}))
       ->capture_default_str()
@@ -40,7 +56,7 @@ void MeasureArguments::add_options(CLI::App* verb) {
 }
 
 bool MeasureArguments::given() const {
-  return !agreement.empty() || all_views || !max_share.empty() || measure != "sum";
+  return !agreement.empty() || all_views || !max_share.empty() || measure != kDefault;
 }
 
 l4d_measure_options MeasureArguments::options() const {
@@ -84,11 +100,8 @@ Importance measure_importance(Context& context, const std::string& verb, const i
   }
   const SensitivityHandle sensitivity(measured, scene.count());
   result.weights.count = scene.count();
-  result.weights.alpha_t = sensitivity.weights(L4D_WEIGHT_ALPHA_T);
-  result.weights.sh = sensitivity.weights(L4D_WEIGHT_SH);
-  result.weights.scale = sensitivity.weights(L4D_WEIGHT_SCALE);
-  result.weights.rotor_spatial = sensitivity.weights(L4D_WEIGHT_ROTOR_SPATIAL);
-  result.weights.rotor_temporal = sensitivity.weights(L4D_WEIGHT_ROTOR_TEMPORAL);
+  result.weights.gauss_newton = options.sensitivity.measure == L4D_SENSITIVITY_GAUSS_NEWTON;
+  for (const auto& [which, column] : kColumns) result.weights.*column = sensitivity.weights(which);
   result.seconds = watch.seconds();
   return result;
 }
@@ -131,18 +144,16 @@ void EncoderWeights::set(const EncoderHandle& encoder, const std::string& name, 
   }
   if (weights_.sh.empty() || weights_.sh_is_clamped) {
     weights_.sh.clear();
-    for (const float w : weights_.alpha_t) weights_.sh.push_back(kShPerAlphaT * w);
+    if (!weights_.gauss_newton) {
+      for (const float w : weights_.alpha_t) weights_.sh.push_back(kShPerAlphaT * w);
+    }
   }
-  const std::pair<uint32_t, const std::vector<float>*> columns[] = {
-      {L4D_WEIGHT_ALPHA_T, &weights_.alpha_t},
-      {L4D_WEIGHT_SH, &weights_.sh},
-      {L4D_WEIGHT_SCALE, &weights_.scale},
-      {L4D_WEIGHT_ROTOR_SPATIAL, &weights_.rotor_spatial},
-      {L4D_WEIGHT_ROTOR_TEMPORAL, &weights_.rotor_temporal}};
-  for (const auto& [which, column] : columns) {
-    if (column->empty()) continue;
-    about(name, [&, which = which, column = column] {
-      encoder.check(l4d_encoder_set_weights(encoder.get(), which, column->data(), column->size()));
+  tell_measure(encoder, weights_.gauss_newton);
+  for (const auto& [which, column] : kColumns) {
+    const std::vector<float>& values = weights_.*column;
+    if (values.empty()) continue;
+    about(name, [&, which = which] {
+      encoder.check(l4d_encoder_set_weights(encoder.get(), which, values.data(), values.size()));
     });
   }
 }

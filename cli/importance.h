@@ -16,11 +16,13 @@ struct MeasureArguments {
   std::string agreement;
   bool all_views = false;
   std::string max_share;
-  std::string measure = "sum";
+  std::string measure = kDefault;
 
   void add_options(CLI::App* verb);
   bool given() const;  // whether any option was
   l4d_measure_options options() const;
+
+  static constexpr const char* kDefault = "gauss-newton";
 };
 
 struct Importance {

@@ -25,8 +25,7 @@ Decoder::Decoder(const l4d_decoder_options& options) : options_(options) {
   replace_zero(options_.limits.max_frames, kMaxFrames);
   replace_zero(options_.cache_bytes, kDefaultCache);
   const bool reference = options_.backend == L4D_BACKEND_REFERENCE;
-  stream_kernels_ = reference ? &stream_kernels_reference() : &stream_kernels_simd();
-  reconstruct_kernels_ = reference ? &reconstruct_kernels_reference() : &reconstruct_kernels_simd();
+  kernels_ = reference ? decode_kernels_reference() : decode_kernels_simd();
   set_progress(options_.progress, options_.progress_user);
 }
 
@@ -47,10 +46,10 @@ Status Decoder::open(ByteSource source) {
 
 // A stream is open when both parts of it are there: neither stays alone where memory runs out.
 Status Decoder::start(ByteSource source) {
-  auto file = std::make_unique<SceneFile>(std::move(source), options_.limits, *stream_kernels_);
+  auto file = std::make_unique<SceneFile>(std::move(source), options_.limits, *kernels_.stream);
   L4D_RETURN_IF_ERROR(file->open());
-  pages_ = std::make_unique<PageDecoder>(*file, *stream_kernels_, *reconstruct_kernels_,
-                                         static_cast<int>(options_.threads));
+  pages_ =
+      std::make_unique<PageDecoder>(*file, kernels_, static_cast<int>(options_.threads));
   file_ = std::move(file);
   return {};
 }
@@ -224,13 +223,15 @@ Status Decoder::sections(uint64_t* sections, uint64_t* layer_bytes) {
   std::vector<uint64_t> layers(header.layers.size(), 0);
   L4D_RETURN_IF_ERROR(pages_->measure(plan, &bytes, &layers));
   bytes[L4D_SECTION_HEADER] = FileHeader::kBytes + file_->file_header().header_bytes;
-  for (const StageCoding& s : header.sh.stages) {
-    bytes[L4D_SECTION_CODEBOOKS] += s.codebook.stored_bytes;
+  for (size_t s = 0; s < header.sh.num_books(); ++s) {
+    bytes[L4D_SECTION_CODEBOOKS] += header.sh.book(s).codebook.stored_bytes;
   }
   for (uint32_t l = 0; l < header.layers.size(); ++l) {
     const uint64_t books = file_->codebook_stored_bytes(l);
+    const uint64_t tables = header.layers[l].entropy.stored_bytes;
     bytes[L4D_SECTION_CODEBOOKS] += books;
-    layers[l] += books;
+    bytes[L4D_SECTION_ENTROPY_TABLES] += tables;
+    layers[l] += books + tables;
     if (header.layers[l].num_gaussians == 0) continue;
     std::vector<const DirectoryPage*> page;
     for (uint32_t d = 0; d < num_directory_pages(header.layers[l]); ++d) {

@@ -80,8 +80,7 @@ class Decoder {
   void drop_cache();
 
   l4d_decoder_options options_;
-  const StreamKernels* stream_kernels_;
-  const ReconstructKernels* reconstruct_kernels_;
+  DecodeKernels kernels_;
   std::unique_ptr<FileReader> own_file_;
   std::unique_ptr<SceneFile> file_;
   std::unique_ptr<PageDecoder> pages_;

@@ -14,10 +14,28 @@ constexpr size_t kRowBlock = 256;
 // The rows of one component, taken front to back.
 class ComponentRows {
  public:
-  ComponentRows(const ReconstructKernels& kernels, const ComponentCoding& coding, unsigned dim,
-                const ComponentColumns& columns,
+  ComponentRows(const ReconstructKernels& kernels, const TransformKernels& transform,
+                const ComponentCoding& coding, unsigned dim, const ComponentColumns& columns,
                 const std::array<const CodebookData*, L4D_MAX_STAGES>& books)
-      : kernels_(kernels), coding_(coding.coding), dim_(dim), raw_(columns.raw.data()) {
+      : kernels_(kernels),
+        transform_(transform),
+        coding_(coding.coding),
+        dim_(dim),
+        raw_(columns.raw.data()) {
+    if (coding.transform()) {
+      coefficients_.dim = dim;
+      coefficients_.num_coefficients = coding.coefficients();
+      coefficients_.basis = books[0]->entries.data();
+      coefficients_.steps = coding.steps.data();
+      coefficients_.cls = columns.cls.data();
+      if (coding.ladder.size() > 1) {
+        coefficients_.level = columns.level.data();
+        coefficients_.ladder = coding.ladder.data();
+      }
+      for (size_t k = 0; k < coding.coefficients(); ++k) {
+        coefficients_.coefficient[k] = columns.coefficient[k].data();
+      }
+    }
     if (!coding.vq()) return;
     source_.dim = dim;
     source_.num_stages = coding.stages.size();
@@ -40,16 +58,22 @@ class ComponentRows {
       case ComponentCodingId::kVq:
         kernels_.vq_rows(source_, cursor_, begin, end, dst, past_cache);
         break;
+      case ComponentCodingId::kTransform:
+        transform_.rows(coefficients_, coefficient_cursor_, begin, end, dst, past_cache);
+        break;
     }
   }
 
  private:
   const ReconstructKernels& kernels_;
+  const TransformKernels& transform_;
   ComponentCodingId coding_;
   unsigned dim_;
   const float* raw_;
   VqSource source_;
   VqCursor cursor_;
+  TransformSource coefficients_;
+  TransformCursor coefficient_cursor_;
 };
 
 // Rows of three numbers to rows of four, in place: from the back, so that none is overwritten unread.
@@ -82,6 +106,12 @@ void PageExpander::positions(float* dst) const {
     const uint16_t* axes[3] = {columns_.position[0].data(), columns_.position[1].data(),
                                columns_.position[2].data()};
     kernels_.positions(axes, columns_.n, header_.position_center, header_.position_scale, dst);
+    return;
+  }
+  if (header_.position == MeanCodingId::kFixed) {
+    const uint32_t* axes[3] = {columns_.fixed_position[0].data(), columns_.fixed_position[1].data(),
+                               columns_.fixed_position[2].data()};
+    transform_.positions(axes, columns_.n, header_.position_center, header_.position_scale, dst);
     return;
   }
   for (size_t i = 0; i < columns_.n; ++i) {
@@ -130,7 +160,7 @@ void PageExpander::scalars(const ScalarCoding& coding, const std::vector<uint16_
 }
 
 void PageExpander::spherical_harmonics(float* dst) const {
-  ComponentRows sh(kernels_, header_.sh, header_.sh_dim(), columns_.component[L4D_COMPONENT_SH],
+  ComponentRows sh(kernels_, transform_, header_.sh, header_.sh_dim(), columns_.component[L4D_COMPONENT_SH],
                    books_.book[L4D_COMPONENT_SH]);
   sh.rows(0, columns_.n, dst, past_cache_);
 }
@@ -140,7 +170,7 @@ void PageExpander::log_scales(float* dst) {
   const unsigned dim = layer_.scale_dim();
   const ComponentCoding& coding = layer_.component[L4D_COMPONENT_SCALE];
   const bool raw = coding.coding == ComponentCodingId::kRaw32;
-  ComponentRows scale(kernels_, coding, dim, columns_.component[L4D_COMPONENT_SCALE],
+  ComponentRows scale(kernels_, transform_, coding, dim, columns_.component[L4D_COMPONENT_SCALE],
                       books_.book[L4D_COMPONENT_SCALE]);
   scratch_.rows_a.resize(4 * kRowBlock);
   scratch_.factor.resize(n);
@@ -164,10 +194,32 @@ void PageExpander::log_scales(float* dst) {
   }
 }
 
-void PageExpander::rotors(float* dst) {
+void PageExpander::stereographic_rotors(float* dst) {
   const size_t n = columns_.n;
   const auto rows_of = [&](unsigned c) {
-    return ComponentRows(kernels_, layer_.component[c], 4, columns_.component[c], books_.book[c]);
+    return ComponentRows(kernels_, transform_, layer_.component[c], 3, columns_.component[c],
+                         books_.book[c]);
+  };
+  ComponentRows spatial = rows_of(L4D_COMPONENT_ROTOR_SPATIAL);
+  ComponentRows temporal = rows_of(L4D_COMPONENT_ROTOR_TEMPORAL);
+  const bool moves = layer_.component[L4D_COMPONENT_ROTOR_TEMPORAL].transform();
+  scratch_.rows_a.resize(4 * kRowBlock);
+  scratch_.rows_b.resize(4 * kRowBlock);
+  float* a = scratch_.rows_a.data();
+  float* b = moves ? scratch_.rows_b.data() : nullptr;
+  for (size_t begin = 0; begin < n; begin += kRowBlock, dst += 8 * kRowBlock) {
+    const size_t count = std::min(kRowBlock, n - begin);
+    spatial.rows(begin, begin + count, a, false);
+    if (moves) temporal.rows(begin, begin + count, b, false);
+    transform_.rotors(a, b, count, dst, past_cache_);
+  }
+}
+
+void PageExpander::rotors(float* dst) {
+  if (SceneHeader::stereographic_rotor(layer_)) return stereographic_rotors(dst);
+  const size_t n = columns_.n;
+  const auto rows_of = [&](unsigned c) {
+    return ComponentRows(kernels_, transform_, layer_.component[c], 4, columns_.component[c], books_.book[c]);
   };
   ComponentRows spatial = rows_of(L4D_COMPONENT_ROTOR_SPATIAL);
   ComponentRows temporal = rows_of(L4D_COMPONENT_ROTOR_TEMPORAL);

@@ -6,13 +6,20 @@
 #include <vector>
 
 #include "decoder/reconstruct.h"
+#include "decoder/transform.h"
 #include "l4d/decode.h"
 #include "libl4dcodec/container/page.h"
 #include "libl4dcodec/quant/codebook.h"
 
 namespace l4d {
 
-// Codebooks a page needs, resolved before pages are worked on in parallel.
+// The loops of one backend.
+struct ExpandKernels {
+  const ReconstructKernels* reconstruct = nullptr;
+  const TransformKernels* transform = nullptr;
+};
+
+// Codebooks a page needs, resolved before pages are worked on in parallel; of a transform its basis.
 struct PageBooks {
   std::array<std::array<const CodebookData*, L4D_MAX_STAGES>, L4D_COMPONENT_COUNT> book{};
 };
@@ -25,12 +32,13 @@ struct ExpandScratch {
 class PageExpander {
  public:
   PageExpander(const SceneHeader& header, const LayerHeader& layer, const PageColumns& columns,
-               const PageBooks& books, const ReconstructKernels& kernels, ExpandScratch& scratch)
+               const PageBooks& books, const ExpandKernels& kernels, ExpandScratch& scratch)
       : header_(header),
         layer_(layer),
         columns_(columns),
         books_(books),
-        kernels_(kernels),
+        kernels_(*kernels.reconstruct),
+        transform_(*kernels.transform),
         scratch_(scratch) {}
 
   // Fills the arrays of `out` that are given, from Gaussian `first` on.
@@ -44,12 +52,14 @@ class PageExpander {
   void spherical_harmonics(float* dst) const;
   void log_scales(float* dst);
   void rotors(float* dst);
+  void stereographic_rotors(float* dst);
 
   const SceneHeader& header_;
   const LayerHeader& layer_;
   const PageColumns& columns_;
   const PageBooks& books_;
   const ReconstructKernels& kernels_;
+  const TransformKernels& transform_;
   ExpandScratch& scratch_;
   bool past_cache_ = false;
 };

@@ -55,9 +55,12 @@ void pack_component(const ComponentCoding& coding, const ComponentColumns& colum
   }
 }
 
-bool has_raw(const SceneHeader& header) {
-  const auto raw = [](const ComponentCoding& c) { return c.coding == ComponentCodingId::kRaw32; };
-  if (header.position == MeanCodingId::kRaw32 || raw(header.sh) ||
+// Whether something is not held as binary16, scalar codes and codebook indices.
+bool has_other_forms(const SceneHeader& header) {
+  const auto raw = [](const ComponentCoding& c) {
+    return c.coding == ComponentCodingId::kRaw32 || c.transform();
+  };
+  if (header.position != MeanCodingId::kF16 || raw(header.sh) ||
       header.opacity.coding == ScalarCodingId::kRaw32) {
     return true;
   }
@@ -76,8 +79,8 @@ bool has_raw(const SceneHeader& header) {
 Status PageDecoder::pack(const Plan& plan, l4d_packed_buffers& out, const Progress& progress,
                          LostPages* lost) {
   const SceneHeader& header = file_.header();
-  if (has_raw(header)) {
-    return Status(L4D_ERR_FEATURE_UNSUPPORTED, "a lossless stream has no packed form");
+  if (has_other_forms(header)) {
+    return Status(L4D_ERR_FEATURE_UNSUPPORTED, "only streams of codebook indices have a packed form");
   }
   const auto wanted = [&](unsigned c) {
     const l4d_packed_component& p = out.component[c];

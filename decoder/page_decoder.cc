@@ -16,7 +16,12 @@ constexpr uint64_t kBatchBytes = uint64_t{32} << 20;
 // Neighbouring pages are read in one call where no more than this lies between them.
 constexpr uint64_t kMaxReadGap = 4096;
 // What a batch notes for each page besides its bytes.
-constexpr uint64_t kNotesPerPage = sizeof(PageBooks) + 2 * sizeof(BlockRecord) + sizeof(Status);
+constexpr uint64_t kNotesPerPage =
+    sizeof(PageBooks) + sizeof(EntropyTables*) + 2 * sizeof(BlockRecord) + sizeof(Status);
+
+bool is_rans(const PageRecord& record) {
+  return record.chunk.codec == static_cast<uint32_t>(ChunkCodec::kRans32);
+}
 
 // Bytes between the end of one page and the next that are read with them.
 uint64_t gap_between(uint64_t end, const ChunkRef& next) {
@@ -74,6 +79,16 @@ Status read_batch(ByteSource& source, const Plan& plan, Batch* batch, std::vecto
 
 }  // namespace
 
+DecodeKernels decode_kernels_reference() {
+  return {&stream_kernels_reference(), &rans_kernels_reference(),
+          {&reconstruct_kernels_reference(), &transform_kernels_reference()}};
+}
+
+DecodeKernels decode_kernels_simd() {
+  return {&stream_kernels_simd(), &rans_kernels_simd(),
+          {&reconstruct_kernels_simd(), &transform_kernels_simd()}};
+}
+
 std::unique_ptr<PageScratch> PageDecoder::take_scratch() {
   {
     std::lock_guard<std::mutex> lock(scratch_mutex_);
@@ -84,7 +99,9 @@ std::unique_ptr<PageScratch> PageDecoder::take_scratch() {
     }
   }
   auto s = std::make_unique<PageScratch>();
-  s->stream.kernels = &stream_;
+  s->stream.kernels = kernels_.stream;
+  s->rans.kernels = kernels_.rans;
+  s->rans.streams = kernels_.stream;
   return s;
 }
 
@@ -105,7 +122,12 @@ Status PageDecoder::resolve_books(const PageTask& task, const PageWants& wants, 
   const BlockRecord* block = block_of(task);
   for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
     if (!want[c]) continue;
-    const size_t stages = header.component(layer, c).stages.size();
+    const ComponentCoding& coding = header.component(layer, c);
+    if (coding.transform()) {
+      L4D_RETURN_IF_ERROR(file_.codebook(task.layer, c, 0, &out->book[c][0]));
+      continue;
+    }
+    const size_t stages = coding.stages.size();
     for (unsigned s = 0; s < stages; ++s) {
       if (s == 0 && block != nullptr && block->tables[c].num_entries != 0) {
         L4D_RETURN_IF_ERROR(file_.block_codebook(task.layer, c, task.directory_index,
@@ -119,13 +141,22 @@ Status PageDecoder::resolve_books(const PageTask& task, const PageWants& wants, 
 }
 
 Status PageDecoder::parse_page(const PageTask& task, ByteSpan bytes, const PageWants& wants,
-                               PageScratch& scratch, SectionBytes* sections) {
+                               const EntropyTables* tables, PageScratch& scratch,
+                               SectionBytes* sections) {
   const ChunkRef& chunk = task.record.chunk;
   if (hash64(bytes) != chunk.hash) {
     return Status(L4D_ERR_CHECKSUM, "CHNK-2", chunk.offset, "checksum of a page does not match");
   }
   ByteSpan raw;
   const SceneHeader& header = file_.header();
+  if (tables != nullptr) {
+    if (chunk.raw_bytes != chunk.stored_bytes) {
+      return corrupt("CHNK-3", chunk.offset, "rANS page whose sizes differ");
+    }
+    return decode_rans_page(scratch.rans, bytes, chunk.offset, header, header.layers[task.layer],
+                            *tables, block_of(task), task.record.num_gaussians, wants,
+                            &scratch.columns, sections);
+  }
   L4D_RETURN_IF_ERROR(decode_chunk(scratch.stream, chunk.codec, bytes, chunk.raw_bytes,
                                    max_page_bytes(header, task.record.num_gaussians), chunk.offset,
                                    scratch.storage, &raw));
@@ -153,7 +184,7 @@ Status PageDecoder::for_each_page(const Plan& plan, size_t begin, size_t end,
   if (need_books && wants.sh && begin < end) {
     // Every page needs these: without them there is nothing to go on with.
     const CodebookData* book = nullptr;
-    for (unsigned s = 0; s < file_.header().sh.stages.size(); ++s) {
+    for (unsigned s = 0; s < file_.header().sh.num_books(); ++s) {
       L4D_RETURN_IF_ERROR(
           file_.codebook(plan.tasks[begin].layer, L4D_COMPONENT_SH, s, &book));
     }
@@ -182,11 +213,15 @@ Status PageDecoder::for_each_page(const Plan& plan, size_t begin, size_t end,
     L4D_RETURN_IF_ERROR(
         read_batch(file_.source(), plan, &batch, lost == nullptr ? nullptr : &status));
     std::vector<PageBooks> books(n);
+    std::vector<const EntropyTables*> tables(n, nullptr);
     blocks_.clear();
     for (size_t i = 0; i < n; ++i) {
       if (!status[i].ok()) continue;
       const PageTask& task = plan.tasks[batch.begin + i];
       status[i] = find_block(task);
+      if (status[i].ok() && is_rans(task.record)) {
+        status[i] = file_.entropy_tables(task.layer, &tables[i]);
+      }
       if (status[i].ok() && need_books) status[i] = resolve_books(task, wants, &books[i]);
       if (!status[i].ok() && (lost == nullptr || !is_loss(status[i]))) return std::move(status[i]);
     }
@@ -196,8 +231,8 @@ Status PageDecoder::for_each_page(const Plan& plan, size_t begin, size_t end,
       for (size_t i = first; i < last; ++i) {
         if (!status[i].ok()) continue;
         SectionBytes page_sections{};
-        status[i] = parse_page(plan.tasks[batch.begin + i], batch.pages[i], wants, *scratch,
-                               sections == nullptr ? nullptr : &page_sections);
+        status[i] = parse_page(plan.tasks[batch.begin + i], batch.pages[i], wants, tables[i],
+                               *scratch, sections == nullptr ? nullptr : &page_sections);
         if (!status[i].ok()) continue;
         if (sections != nullptr) {
           std::lock_guard<std::mutex> lock(sections_mutex);
@@ -238,7 +273,7 @@ Status PageDecoder::expand(const Plan& plan, size_t begin, size_t end,
       [&](size_t i, const PageColumns& columns, const PageBooks& books, PageScratch& scratch) {
         const PageTask& task = plan.tasks[i];
         PageExpander(file_.header(), file_.header().layers[task.layer], columns, books,
-                     reconstruct_, scratch.expand)
+                     kernels_.expand, scratch.expand)
             .run(plan.ranges[task.range], static_cast<size_t>(task.first), out);
       },
       progress, lost);

@@ -15,9 +15,19 @@
 
 namespace l4d {
 
+// The loops of one backend.
+struct DecodeKernels {
+  const StreamKernels* stream;
+  const RansKernels* rans;
+  ExpandKernels expand;
+};
+DecodeKernels decode_kernels_reference();
+DecodeKernels decode_kernels_simd();
+
 // Per-thread working memory.
 struct PageScratch {
   StreamDecoder stream;
+  RansDecoder rans;
   PageColumns columns;
   Bytes storage;
   ExpandScratch expand;
@@ -27,9 +37,8 @@ class PageDecoder {
  public:
   using Progress = std::function<bool(uint64_t done, uint64_t total)>;  // false = cancel
 
-  PageDecoder(SceneFile& file, const StreamKernels& stream, const ReconstructKernels& reconstruct,
-              int threads)
-      : file_(file), stream_(stream), reconstruct_(reconstruct), threads_(threads) {}
+  PageDecoder(SceneFile& file, const DecodeKernels& kernels, int threads)
+      : file_(file), kernels_(kernels), threads_(threads) {}
 
   // With `lost`, pages that cannot be read or are damaged are told there and the rows they would fill
   // stay as they are; without, one of them ends the call.
@@ -55,16 +64,16 @@ class PageDecoder {
                        const Progress& progress, LostPages* lost);
   // What a page needs besides its bytes: the record of its block, and codebooks.
   Status find_block(const PageTask& task);
+  // tables: null unless the page is coded with them.
   Status parse_page(const PageTask& task, ByteSpan bytes, const PageWants& wants,
-                    PageScratch& scratch, SectionBytes* sections);
+                    const EntropyTables* tables, PageScratch& scratch, SectionBytes* sections);
   Status resolve_books(const PageTask& task, const PageWants& wants, PageBooks* out);
   const BlockRecord* block_of(const PageTask& task) const;
   std::unique_ptr<PageScratch> take_scratch();
   void give_scratch(std::unique_ptr<PageScratch> scratch);
 
   SceneFile& file_;
-  const StreamKernels& stream_;
-  const ReconstructKernels& reconstruct_;
+  const DecodeKernels kernels_;
   int threads_;
   uint64_t pages_decoded_ = 0;
   std::mutex scratch_mutex_;

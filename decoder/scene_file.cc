@@ -19,6 +19,8 @@ constexpr uint64_t kDirectoryEntryBytes = 96;
 
 // Stands for the page of what belongs to none: layers have fewer.
 constexpr uint32_t kNoPage = ~uint32_t{0};
+// Beside the keys of codebooks.
+constexpr uint32_t kEntropyKey = ~uint32_t{0};
 
 }  // namespace
 
@@ -143,7 +145,7 @@ Status SceneFile::codebook(uint32_t layer, unsigned component, unsigned stage,
   if (failed != failed_books_.end()) return failed->second;
   const LayerHeader& l = header_.layers[layer];
   const ComponentCoding& coding = header_.component(l, component);
-  const Status status = load_codebook(key, stage == kRcqStage ? coding.rcq : coding.stages[stage],
+  const Status status = load_codebook(key, stage == kRcqStage ? coding.rcq : coding.book(stage),
                                       header_.component_dim(l, component), out);
   if (is_loss(status)) failed_books_[failed_key] = status;
   return status;
@@ -163,6 +165,39 @@ Status SceneFile::load_codebook(const BookKey& key, const StageCoding& stage, ui
   L4D_RETURN_IF_ERROR(
       decode_codebook(decoder_, raw, stage.codebook.offset, stage, dim, &book));
   *out = &(codebooks_[key] = std::move(book));
+  charge.keep();
+  return {};
+}
+
+Status SceneFile::entropy_tables(uint32_t layer, const EntropyTables** out) {
+  const auto it = entropy_.find(layer);
+  if (it != entropy_.end()) {
+    *out = &it->second;
+    return {};
+  }
+  const BlockBookKey failed_key({layer, kNoPage}, kEntropyKey);
+  const auto failed = failed_books_.find(failed_key);
+  if (failed != failed_books_.end()) return failed->second;
+  const Status status = load_entropy_tables(layer, out);
+  if (is_loss(status)) failed_books_[failed_key] = status;
+  return status;
+}
+
+Status SceneFile::load_entropy_tables(uint32_t layer, const EntropyTables** out) {
+  const LayerHeader& l = header_.layers[layer];
+  if (!l.has_entropy || !rans_codable(header_, l)) {
+    return corrupt("RANS-6", Status::kNoOffset,
+                   "a rANS page in layer " + std::to_string(layer) + ", which cannot have one");
+  }
+  const std::vector<PlaneSpec> planes = page_planes(header_, l);
+  Bytes stored, storage;
+  ByteSpan raw;
+  L4D_RETURN_IF_ERROR(read_chunk(l.entropy, max_entropy_bytes(planes), stored, storage, &raw));
+  MemoryCharge charge(memory_);
+  L4D_RETURN_IF_ERROR(charge.take(entropy_memory(raw, planes), "entropy tables"));
+  EntropyTables tables;
+  L4D_RETURN_IF_ERROR(parse_entropy_tables(raw, l.entropy.offset, header_, l, &tables));
+  *out = &(entropy_[layer] = std::move(tables));
   charge.keep();
   return {};
 }
@@ -230,7 +265,7 @@ void SceneFile::trim() {
 uint64_t SceneFile::codebook_stored_bytes(uint32_t layer) const {
   uint64_t bytes = 0;
   for (const ComponentCoding& c : header_.layers[layer].component) {
-    for (const StageCoding& s : c.stages) bytes += s.codebook.stored_bytes;
+    for (size_t s = 0; s < c.num_books(); ++s) bytes += c.book(s).codebook.stored_bytes;
     if (c.has_rcq) bytes += c.rcq.codebook.stored_bytes;
   }
   return bytes;

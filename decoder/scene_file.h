@@ -11,6 +11,7 @@
 #include "decoder/source.h"
 #include "libl4dcodec/container/directory.h"
 #include "libl4dcodec/container/file_header.h"
+#include "libl4dcodec/container/planes.h"
 #include "libl4dcodec/container/scene_header.h"
 #include "libl4dcodec/entropy/stream.h"
 #include "libl4dcodec/quant/codebook.h"
@@ -49,6 +50,9 @@ class SceneFile {
   Status block_codebook(uint32_t layer, unsigned component, uint32_t directory_index,
                         uint32_t block, const CodebookData** out);
 
+  // Tables of the layer's rans32 pages; they live as long as this object.
+  Status entropy_tables(uint32_t layer, const EntropyTables** out);
+
   // Drops cached directory pages and block codebooks beyond a budget: what a long playback has
   // passed. Called between queries.
   void trim();
@@ -72,6 +76,7 @@ class SceneFile {
   Status load_directory_page(uint32_t layer, uint32_t index, const PageTableEntry& entry);
   Status load_codebook(const BookKey& key, const StageCoding& stage, uint32_t dim,
                        const CodebookData** out);
+  Status load_entropy_tables(uint32_t layer, const EntropyTables** out);
   Status load_block_codebook(const BlockBookKey& key, const RcqTableRef& table,
                              const CodebookData& global, const CodebookData& residual,
                              const CodebookData** out);
@@ -84,8 +89,9 @@ class SceneFile {
   SceneHeader header_;
   std::map<PageKey, CachedDirectoryPage> directory_;
   std::map<BookKey, CodebookData> codebooks_;
+  std::map<uint32_t, EntropyTables> entropy_;
   std::map<BlockBookKey, CodebookData> block_books_;
-  std::map<BlockBookKey, Status> failed_books_;  // codebooks under page kNoPage
+  std::map<BlockBookKey, Status> failed_books_;  // codebooks, tables under page kNoPage
   uint64_t directory_memory_ = 0;
   uint64_t block_memory_ = 0;
 };

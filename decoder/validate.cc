@@ -74,8 +74,8 @@ class Validator {
 
   Status check_codebooks(const ComponentCoding& coding, uint32_t layer, unsigned c) {
     const CodebookData* book = nullptr;
-    for (unsigned s = 0; s < coding.stages.size(); ++s) {
-      take(coding.stages[s].codebook, "a codebook");
+    for (unsigned s = 0; s < coding.num_books(); ++s) {
+      take(coding.book(s).codebook, "a codebook");
       L4D_RETURN_IF_ERROR(note(file_.codebook(layer, c, s, &book)));
     }
     if (!coding.has_rcq) return {};
@@ -86,6 +86,11 @@ class Validator {
   Status check_layer(uint32_t l) {
     const LayerHeader& layer = file_.header().layers[l];
     if (layer.num_gaussians == 0) return {};
+    if (layer.has_entropy) {
+      const EntropyTables* tables = nullptr;
+      take(layer.entropy, "entropy tables");
+      L4D_RETURN_IF_ERROR(note(file_.entropy_tables(l, &tables)));
+    }
     take({layer.page_table_offset, 0,
           num_directory_pages(layer) * static_cast<uint32_t>(PageTableEntry::kBytes), 0, 0},
          "a page table");
@@ -230,7 +235,7 @@ class Validator {
         for (const double t : {first, last}) {
           const double x = static_cast<double>(position_[3 * i + k]) + s.velocity[k] * (t - reference);
           const double coded = (x - static_cast<double>(header.position_center[k])) /
-                               static_cast<double>(header.position_scale);
+                               header.bounds_unit();
           const double slack = std::fabs(coded) * 1e-6;
           const double low = static_cast<double>(half_to_float(record.bounds[k]));
           const double high = static_cast<double>(half_to_float(record.bounds[3 + k]));
@@ -280,7 +285,7 @@ Status validate_stream(ByteSource source, const l4d_decoder_options& options,
     return {};
   }
   // The reference loops: what a validator finds must not depend on the machine.
-  PageDecoder pages(decoder.file(), stream_kernels_reference(), reconstruct_kernels_reference(),
+  PageDecoder pages(decoder.file(), decode_kernels_reference(),
                     static_cast<int>(options.threads));
   return Validator(decoder.file(), pages, options, report).run();
 }

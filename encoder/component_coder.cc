@@ -268,6 +268,10 @@ CodedComponent code_component(const float* rows, const float* weights, size_t n,
 }
 
 void drop_gaussians(CodedComponent& c, const std::vector<uint8_t>& keep) {
+  if (c.is_transform) {
+    drop_gaussians(c.transform, keep);
+    c.depth.assign(c.n, 0);
+  }
   size_t to = 0;
   for (size_t i = 0; i < c.n; ++i) {
     if (!keep[i]) continue;
@@ -284,6 +288,7 @@ void drop_gaussians(CodedComponent& c, const std::vector<uint8_t>& keep) {
 }
 
 void rank_codebooks(CodedComponent& c, const std::vector<BlockRange>& blocks) {
+  if (c.is_transform) return;
   // Which Gaussians index a block codebook instead of the layer's.
   std::vector<uint8_t> in_block(c.n, 0);
   for (size_t b = 0; b < c.block_tables.size(); ++b) {
@@ -345,7 +350,18 @@ void rank_codebooks(CodedComponent& c, const std::vector<BlockRange>& blocks) {
   }
 }
 
-void describe_vq(const CodedComponent& c, ComponentCoding* coding) {
+CodedComponent code_component_transform(const float* rows, const float* weights, size_t n, size_t dim,
+                                        const TransformSettings& settings) {
+  CodedComponent out;
+  out.n = n;
+  out.dim = dim;
+  out.is_transform = true;
+  out.transform = code_transform(rows, weights, n, dim, settings, &out.decoded);
+  return out;
+}
+
+void describe_component(const CodedComponent& c, ComponentCoding* coding) {
+  if (coding->transform()) describe_transform(c.transform, coding);
   if (!coding->vq()) return;
   coding->literals = c.any_literal;
   coding->stages.resize(c.books.size());

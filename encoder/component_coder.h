@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "encoder/settings.h"
+#include "encoder/transform_coder.h"
 #include "libl4dcodec/container/scene_header.h"
 #include "libl4dcodec/quant/codebook.h"
 
@@ -46,6 +47,8 @@ struct CodedComponent {
   // One per block; empty = that block indexes the layer's codebook.
   std::vector<std::vector<RcqPair>> block_tables;
   std::vector<float> decoded;                  // [n, dim], bit-exact
+  bool is_transform = false;                   // then this, and none of the above but `decoded`:
+  CodedTransform transform;
   double weighted_distortion = 0;
 };
 
@@ -61,7 +64,11 @@ void drop_gaussians(CodedComponent& component, const std::vector<uint8_t>& keep)
 // frequent, which any entropy coder after this likes. Changes no decoded value.
 void rank_codebooks(CodedComponent& component, const std::vector<BlockRange>& blocks);
 
-// Number of stages, entries, literals and RCQ of a coded component, as the header will say them.
-void describe_vq(const CodedComponent& component, ComponentCoding* coding);
+// The same as coefficients. weights: see code_transform.
+CodedComponent code_component_transform(const float* rows, const float* weights, size_t n, size_t dim,
+                                        const TransformSettings& settings);
+
+// What the header will say of a coded component, but for where its chunks lie.
+void describe_component(const CodedComponent& component, ComponentCoding* coding);
 
 }  // namespace l4d

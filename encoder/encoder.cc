@@ -1,12 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "encoder/encoder.h"
 
+#include "encoder/quality.h"
+
 #include <algorithm>
 #include <chrono>
 #include <cstring>
 
 namespace l4d {
 namespace {
+
+// Step of SH coefficients of what hardly weighs, at 44 dB.
+constexpr double kMaxShStep = 0.7;
 
 // Thrown out of the innermost loops; caught in encode().
 struct Cancelled {};
@@ -126,16 +131,29 @@ Status Encoder::encode(const WriteFn& write) {
       header.opacity.coding = ScalarCodingId::kRaw32;
       header.sh.coding = ComponentCodingId::kRaw32;
     } else {
-      steps.begin("sh_vq");
+      const bool transform = settings_.get_int(L4D_ENC_CODING, L4D_COMPONENT_SH) == 1;
+      steps.begin(transform ? "sh_transform" : "sh_vq");
       ComponentSettings s = component_settings(settings_, L4D_COMPONENT_SH);
       s.seed = options_.seed * 131 + 7;
       s.threads = threads;
       s.cancelled = &cancelled;
-      sh = code_component(scene.sh.data(), scene.weight[L4D_COMPONENT_SH].data(), scene.count,
-                          scene.sh_dim(), {}, s);
-      rank_codebooks(sh, {});
-      header.sh.coding = ComponentCodingId::kVq;
-      describe_vq(sh, &header.sh);
+      if (transform) {
+        const Quality quality(settings_, scene.count);
+        TransformSettings t;
+        t.distortion = quality.per_number(L4D_COMPONENT_SH);
+        t.max_step = quality.max_step(kMaxShStep);
+        t.principal_axes = true;
+        t.threads = threads;
+        sh = code_component_transform(scene.sh.data(), scene.importance[L4D_COMPONENT_SH].data(),
+                                      scene.count, scene.sh_dim(), t);
+        header.sh.coding = ComponentCodingId::kTransform;
+      } else {
+        sh = code_component(scene.sh.data(), scene.weight[L4D_COMPONENT_SH].data(), scene.count,
+                            scene.sh_dim(), {}, s);
+        rank_codebooks(sh, {});
+        header.sh.coding = ComponentCodingId::kVq;
+      }
+      describe_component(sh, &header.sh);
     }
     steps.advance(kShWork);
 
@@ -171,8 +189,13 @@ Status Encoder::encode(const WriteFn& write) {
     steps.begin("write");
     choose_frame(layers, lossless, &header);
     if (!lossless) {
-      choose_opacity(layers, static_cast<unsigned>(settings_.get_int(L4D_ENC_OPACITY_BITS)),
-                     &header);
+      const Quality quality(settings_, scene.count);
+      if (settings_.get_bool(L4D_ENC_FIXED_POSITIONS)) {
+        double sum = 0;
+        for (const float w : scene.position_importance) sum += static_cast<double>(w);
+        choose_fixed_frame(layers, quality.position_step(sum), &header);
+      }
+      choose_opacity(layers, quality.opacity_bits(), &header);
     }
     report.totals.num_layers = static_cast<uint32_t>(layers.size());
     FileParts parts = build_file(scene, settings_, header, layers, sh, threads);

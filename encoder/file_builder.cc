@@ -53,6 +53,12 @@ class FileBuilder {
   }
 
   void add_component(const CodedComponent& c, ComponentCoding* coding) {
+    if (coding->transform()) {
+      coding->basis.codebook =
+          make_chunk(encode_codebook(streams_, c.transform.basis.data(), coding->basis.num_entries,
+                                     static_cast<uint32_t>(c.dim)),
+                     &codebooks_);
+    }
     if (!coding->vq()) return;
     const uint32_t dim = static_cast<uint32_t>(c.dim);
     for (size_t s = 0; s < c.books.size(); ++s) {
@@ -82,8 +88,14 @@ class FileBuilder {
       const size_t page_size =
           std::max(static_cast<size_t>(settings_.get(L4D_ENC_PAGE_SIZE)),
                    layers_[l].members.size() / kMaxPagesPerDirectoryPage + 1);
-      built_.push_back(build_layer(scene_, header_, header_.layers[l], layers_[l], sh_, page_size,
-                                   settings_.get_int(L4D_ENC_ZSTD_LEVEL), threads_));
+      const PageOptions options{page_size, settings_.get_int(L4D_ENC_ZSTD_LEVEL),
+                                settings_.get_bool(L4D_ENC_RANS)};
+      built_.push_back(
+          build_layer(scene_, header_, header_.layers[l], layers_[l], sh_, options, threads_));
+      if (!built_.back().entropy.empty()) {
+        header_.layers[l].has_entropy = true;
+        header_.layers[l].entropy = make_chunk(std::move(built_.back().entropy), &entropy_);
+      }
       for (const uint32_t i : built_.back().order) parts_.order.push_back(scene_.source[i]);
     }
   }
@@ -179,12 +191,15 @@ class FileBuilder {
       at += ref.stored_bytes;
     };
     const auto place_component = [&](ComponentCoding& coding) {
-      for (StageCoding& s : coding.stages) place(s.codebook);
+      for (size_t s = 0; s < coding.num_books(); ++s) place(coding.book(s).codebook);
       if (coding.has_rcq) place(coding.rcq.codebook);
     };
     place_component(header_.sh);
     for (LayerHeader& layer : header_.layers) {
       for (ComponentCoding& c : layer.component) place_component(c);
+    }
+    for (LayerHeader& layer : header_.layers) {
+      if (layer.has_entropy) place(layer.entropy);
     }
     Bytes tables;
     uint64_t table_bytes = 0;
@@ -214,6 +229,7 @@ class FileBuilder {
     add(std::move(head));
     add(std::move(scene_header));
     for (Bytes& b : codebooks_) add(std::move(b));
+    for (Bytes& b : entropy_) add(std::move(b));
     add(std::move(tables));
     for (Bytes& b : directory_) add(std::move(b));
     for (Bytes& b : payload_) add(std::move(b));
@@ -229,7 +245,7 @@ class FileBuilder {
   StreamEncoder streams_;
   ZstdCompressor zstd_;
   FileParts parts_;
-  std::vector<Bytes> codebooks_, directory_, payload_;
+  std::vector<Bytes> codebooks_, entropy_, directory_, payload_;
   uint64_t payload_bytes_ = 0;
   std::vector<BuiltLayer> built_;
   std::vector<std::map<uint32_t, BlockRecord>> block_tables_;

@@ -5,8 +5,11 @@
 #include <cmath>
 
 #include "encoder/closed_loop.h"
+#include "encoder/quality.h"
+#include "decoder/transform.h"
 #include "encoder/scalar.h"
 #include "libl4dcodec/base/half.h"
+#include "libl4dcodec/base/ordered.h"
 #include "libl4dcodec/base/threads.h"
 #include "libl4dcodec/math/layers.h"
 #include "libl4dcodec/math/slice.h"
@@ -20,11 +23,22 @@ constexpr double kBucketsPerDirectoryPage = 128;
 // Fewer Gaussians than this do not earn a codebook of their own.
 constexpr size_t kMinBlockGaussians = 8192;
 constexpr size_t kMaxBlocksPerDirectoryPage = 256;
+// Steps of what hardly weighs, at 44 dB: log scales, and stereographic coordinates of rotors.
+constexpr double kMaxScaleStep = 0.5;
+constexpr double kMaxRotorStep = 0.08;
+// A change of one of three coordinates moves the four numbers of a half about twice as far, and their
+// squares are averages over four.
+constexpr float kRotorPerStereographic = 6.0f;
+constexpr double kNearMinusOne = -0.999999;
 
 class LayerCoder {
  public:
   LayerCoder(const EncoderScene& scene, const LayerPlan& plan, const LayerCoderOptions& options)
-      : scene_(scene), plan_(plan), options_(options), settings_(*options.settings) {}
+      : scene_(scene),
+        plan_(plan),
+        options_(options),
+        settings_(*options.settings),
+        quality_(settings_, scene.count) {}
 
   CodedLayer run(std::vector<uint32_t>* misfits) {
     lossless_ = settings_.get_bool(L4D_ENC_LOSSLESS);
@@ -106,6 +120,7 @@ class LayerCoder {
     out_.header.mean_t = plan_.permanent ? MeanCodingId::kNone
                          : lossless_     ? MeanCodingId::kRaw32
                                          : MeanCodingId::kF16;
+    if (out_.header.mean_t == MeanCodingId::kF16) out_.header.mean_t_shift = choose_mean_t_shift();
     out_.decoded_mean_t.resize(n);
     out_.mean_t.resize(out_.header.mean_t == MeanCodingId::kF16 ? n : 0);
     for (size_t j = 0; j < n; ++j) {
@@ -118,6 +133,26 @@ class LayerCoder {
         out_.mean_t[j] = mean_code(mean, j, &out_.decoded_mean_t[j]);
       }
     }
+  }
+
+  // The most low bits that mean times can do without.
+  unsigned choose_mean_t_shift() {
+    const int set = settings_.get_int(L4D_ENC_MEAN_T_SHIFT);
+    if (set >= 0) return static_cast<unsigned>(set);
+    const double allowed = quality_.mean_t_error();
+    for (unsigned shift = kMaxMeanShift; shift > 0; --shift) {
+      out_.header.mean_t_shift = shift;
+      double sum = 0;
+      for (size_t j = 0; j < count(); ++j) {
+        const size_t i = out_.members[j];
+        double decoded = 0;
+        mean_code(scene_.mean_t[i], j, &decoded);
+        const double error = decoded - scene_.mean_t[i];
+        sum += std::min(error * error * scene_.lambda[i], 1.0);
+      }
+      if (sum <= allowed * allowed * static_cast<double>(count())) return shift;
+    }
+    return 0;
   }
 
   void describe_lossless() {
@@ -139,8 +174,9 @@ class LayerCoder {
     make_blocks();
     const size_t n = count();
     const size_t scale_dim = out_.header.scale_dim();
-    std::vector<float> factor(n), rows(n * 4), weights(n);
-    for (size_t j = 0; j < n; ++j) {
+    std::vector<float> factor(n, 0.0f), rows(n * 4), weights(n);
+    const bool whole_scale = settings_.get_int(L4D_ENC_CODING, L4D_COMPONENT_SCALE) == 1;
+    for (size_t j = 0; j < n && !whole_scale; ++j) {
       const float* s = scene_.log_scale.data() + 4 * size_t{out_.members[j]};
       float sum = 0;
       for (size_t k = 0; k < scale_dim; ++k) sum += s[k];
@@ -149,28 +185,50 @@ class LayerCoder {
     const unsigned bits = static_cast<unsigned>(settings_.get_int(L4D_ENC_SCALE_FACTOR_BITS));
     out_.factor = quantize_scalar(factor, bits, &out_.header.scale_factor);
     for (size_t j = 0; j < n; ++j) factor[j] = decoded_factor(j);
+    // Both halves of a rotor, or none: they are coordinates of the same map.
+    const bool stereographic = settings_.get_int(L4D_ENC_CODING, L4D_COMPONENT_ROTOR_SPATIAL) == 1 &&
+                               settings_.get_int(L4D_ENC_CODING, L4D_COMPONENT_ROTOR_TEMPORAL) == 1;
     if (plan_.permanent) out_.header.log_scale_t = largest_log_scale_t();
 
     for (unsigned c = L4D_COMPONENT_SCALE; c < L4D_COMPONENT_COUNT; ++c) {
       static constexpr const char* kSteps[] = {"", "scale_vq", "rotor_spatial_vq",
                                                "rotor_temporal_vq"};
       options_.step(kSteps[c]);
-      const size_t dim = c == L4D_COMPONENT_SCALE ? scale_dim : 4;
+      const bool rotor = c != L4D_COMPONENT_SCALE;
+      const bool transform = rotor ? stereographic : whole_scale;
+      const size_t dim = !rotor ? scale_dim : transform ? 3 : 4;
       bool any = false;
       for (size_t j = 0; j < n; ++j) {
         const size_t i = out_.members[j];
         weights[j] = scene_.weight[c][i];
+        double u[2][3];
+        if (rotor && transform) stereographic_rotor(i, u[0], u[1]);
         for (size_t k = 0; k < dim; ++k) {
           const float v = c == L4D_COMPONENT_SCALE ? scene_.log_scale[4 * i + k] - factor[j]
+                          : transform ? static_cast<float>(u[c - L4D_COMPONENT_ROTOR_SPATIAL][k])
                           : c == L4D_COMPONENT_ROTOR_SPATIAL ? scene_.rotor[8 * i + k]
                                                              : scene_.rotor[8 * i + 4 + k];
           rows[j * dim + k] = v;
           any = any || v != 0;
         }
+        if (transform) {
+          weights[j] = scene_.importance[c][i] * (rotor ? kRotorPerStereographic : 1.0f);
+        }
       }
+      // The spatial half says what kind of map the temporal one belongs to.
+      any = any || (transform && c == L4D_COMPONENT_ROTOR_SPATIAL);
       out_.header.component[c].coding =
-          any && !(plan_.permanent && c == L4D_COMPONENT_ROTOR_TEMPORAL) ? ComponentCodingId::kVq
-                                                                         : ComponentCodingId::kZero;
+          !any || (plan_.permanent && c == L4D_COMPONENT_ROTOR_TEMPORAL) ? ComponentCodingId::kZero
+          : transform                                                    ? ComponentCodingId::kTransform
+                                                                         : ComponentCodingId::kVq;
+      if (out_.header.component[c].transform()) {
+        TransformSettings s;
+        s.distortion = quality_.per_number(c);
+        s.max_step = quality_.max_step(rotor ? kMaxRotorStep : kMaxScaleStep);
+        s.threads = options_.threads;
+        out_.component[c] = code_component_transform(rows.data(), weights.data(), n, dim, s);
+        continue;
+      }
       if (!out_.header.component[c].vq()) {
         out_.component[c].n = n;
         out_.component[c].dim = dim;
@@ -180,6 +238,23 @@ class LayerCoder {
       }
       out_.component[c] =
           code_component(rows.data(), weights.data(), n, dim, out_.blocks, settings_of(c));
+    }
+  }
+
+  // Stereographic coordinates of the spatial rotation, and what time adds to one half and takes from
+  // the other.
+  void stereographic_rotor(size_t i, double* spatial, double* temporal) const {
+    double r[8], a[3], b[3];
+    for (size_t k = 0; k < 8; ++k) r[k] = static_cast<double>(scene_.rotor[8 * i + k]);
+    RotorHalves<double> h = normalized_halves(r);
+    // (-1, 0, 0, 0) itself has no coordinates; a neighbour will do.
+    h.a[0] = std::max(h.a[0], kNearMinusOne);
+    h.b[0] = std::max(h.b[0], kNearMinusOne);
+    stereographic_of_half(h.a, a);
+    stereographic_of_half(h.b, b);
+    for (size_t k = 0; k < 3; ++k) {
+      spatial[k] = (a[k] + b[k]) / 2;
+      temporal[k] = (a[k] - b[k]) / 2;
     }
   }
 
@@ -238,6 +313,14 @@ class LayerCoder {
       log_scale[k] = factor + out_.component[L4D_COMPONENT_SCALE].decoded[j * dim + k];
     }
     if (plan_.permanent) log_scale[3] = out_.header.log_scale_t;
+    if (SceneHeader::stereographic_rotor(out_.header)) {
+      const bool moves = out_.header.component[L4D_COMPONENT_ROTOR_TEMPORAL].transform();
+      transform_kernels_reference().rotors(
+          out_.component[L4D_COMPONENT_ROTOR_SPATIAL].decoded.data() + 3 * j,
+          moves ? out_.component[L4D_COMPONENT_ROTOR_TEMPORAL].decoded.data() + 3 * j : nullptr, 1,
+          rotor, false);
+      return;
+    }
     float merged[8];
     std::copy_n(out_.component[L4D_COMPONENT_ROTOR_SPATIAL].decoded.data() + 4 * j, 4, merged);
     std::copy_n(out_.component[L4D_COMPONENT_ROTOR_TEMPORAL].decoded.data() + 4 * j, 4, merged + 4);
@@ -289,7 +372,7 @@ class LayerCoder {
   void describe_components() {
     out_.header.num_gaussians = count();
     for (unsigned c = L4D_COMPONENT_SCALE; c < L4D_COMPONENT_COUNT; ++c) {
-      describe_vq(out_.component[c], &out_.header.component[c]);
+      describe_component(out_.component[c], &out_.header.component[c]);
     }
   }
 
@@ -350,7 +433,12 @@ class LayerCoder {
   uint16_t mean_code(double mean, size_t j, double* decoded) const {
     const double width = bucket_width(timeline(), plan_.level);
     const double center = bucket_center(timeline(), plan_.level, out_.bucket[j]);
-    const uint16_t code = float_to_half_saturate(static_cast<float>((mean - center) / width));
+    uint16_t code = float_to_half_saturate(static_cast<float>((mean - center) / width));
+    const unsigned shift = out_.header.mean_t_shift;
+    if (shift > 0) {
+      code = unorder_half(static_cast<uint16_t>(
+          ((unsigned{order_half(code)} >> shift) << shift) | (1u << (shift - 1))));
+    }
     *decoded = center + static_cast<double>(static_cast<float>(width) * half_to_float(code));
     return code;
   }
@@ -359,6 +447,7 @@ class LayerCoder {
   const LayerPlan& plan_;
   const LayerCoderOptions& options_;
   const EncoderSettings& settings_;
+  Quality quality_;
   bool lossless_ = false;
   CodedLayer out_;
 };

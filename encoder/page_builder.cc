@@ -3,30 +3,21 @@
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
+#include <mutex>
 #include <numeric>
 
+#include "encoder/entropy_model.h"
 #include "encoder/scalar.h"
 #include "libl4dcodec/base/half.h"
 #include "libl4dcodec/base/hash.h"
 #include "libl4dcodec/base/threads.h"
 #include "libl4dcodec/math/layers.h"
 #include "libl4dcodec/base/ordered.h"
+#include "libl4dcodec/container/morton.h"
 
 namespace l4d {
 namespace {
-
-uint64_t spread16(uint64_t v) {
-  v = (v | v << 32) & 0x00001f00000000ffffull;
-  v = (v | v << 16) & 0x001f0000ff0000ffull;
-  v = (v | v << 8) & 0x100f00f00f00f00full;
-  v = (v | v << 4) & 0x10c30c30c30c30c3ull;
-  v = (v | v << 2) & 0x1249249249249249ull;
-  return v;
-}
-
-uint64_t morton(uint16_t x, uint16_t y, uint16_t z) {
-  return spread16(x) | spread16(y) << 1 | spread16(z) << 2;
-}
 
 // binary16 not above (or not below) a value.
 uint16_t half_outward(double value, bool up) {
@@ -44,27 +35,36 @@ uint16_t half_outward(double value, bool up) {
 
 // Compressing a page as a whole adds a pass over all of it: one part in sixteen must be saved.
 constexpr size_t kMinPageSaving = 16;
+// A second set of rANS states, with which SH can be left out, costs a page of this size a thousandth.
+constexpr size_t kMinSplitGaussians = 8192;
 
 class LayerBuilder {
  public:
   LayerBuilder(const EncoderScene& scene, const SceneHeader& header, const LayerHeader& layer_header,
-               const CodedLayer& layer, const CodedComponent& sh, int zstd_level)
+               const CodedLayer& layer, const CodedComponent& sh, const PageOptions& options)
       : scene_(scene),
         header_(header),
         layer_header_(layer_header),
         layer_(layer),
         sh_(sh),
-        zstd_level_(zstd_level) {}
+        options_(options) {}
 
-  BuiltLayer run(size_t page_size, int threads) {
+  BuiltLayer run(int threads) {
     code_positions();
-    cut(page_size);
+    cut(options_.size);
     BuiltLayer out;
     out.pages.resize(cuts_.size());
+    std::unique_ptr<EntropyModel> model;
+    if (options_.rans && rans_codable(header_, layer_header_)) {
+      model = make_model(threads);
+      out.entropy = model->serialize();
+    }
     parallel_for(threads, cuts_.size(), 1, [&](size_t begin, size_t end) {
-      StreamEncoder streams(zstd_level_);
-      ZstdCompressor whole(zstd_level_);
-      for (size_t p = begin; p < end; ++p) out.pages[p] = build_page(cuts_[p], streams, whole);
+      StreamEncoder streams(options_.zstd_level);
+      ZstdCompressor whole(options_.zstd_level);
+      for (size_t p = begin; p < end; ++p) {
+        out.pages[p] = build_page(cuts_[p], model.get(), streams, whole);
+      }
     });
     for (const uint32_t j : order_) out.order.push_back(layer_.members[j]);
     return out;
@@ -72,25 +72,49 @@ class LayerBuilder {
 
  private:
   bool lossless() const { return header_.position == MeanCodingId::kRaw32; }
+  bool fixed() const { return header_.position == MeanCodingId::kFixed; }
+
+  // Pages are made twice, once to count and once to code: their columns may be larger than the scene.
+  std::unique_ptr<EntropyModel> make_model(int threads) const {
+    const std::vector<PlaneSpec> planes = page_planes(header_, layer_header_);
+    TokenCounts counts(planes);
+    std::mutex mutex;
+    parallel_for(threads, cuts_.size(), 1, [&](size_t begin, size_t end) {
+      TokenCounts own(planes);
+      for (size_t p = begin; p < end; ++p) {
+        visit_planes(header_, layer_header_, planes, make_columns(cuts_[p]), own);
+      }
+      std::lock_guard<std::mutex> lock(mutex);
+      counts.add(own);
+    });
+    return std::make_unique<EntropyModel>(planes, counts);
+  }
 
   // Coded positions, and the order inside buckets along a Morton curve over their ordered integers.
   void code_positions() {
     const size_t n = layer_.members.size();
-    half_.resize(3 * n);
+    half_.resize(fixed() ? 0 : 3 * n);
+    fixed_.resize(fixed() ? 3 * n : 0);
     std::vector<uint64_t> key(n);
     for (size_t j = 0; j < n; ++j) {
-      uint16_t code[3];
+      uint32_t code[3];
       for (size_t k = 0; k < 3; ++k) {
         const double scaled =
             (layer_.position[3 * j + k] - static_cast<double>(header_.position_center[k])) /
             static_cast<double>(header_.position_scale);
+        if (fixed()) {
+          const double last = static_cast<double>((1u << header_.position_bits) - 1);
+          code[k] = static_cast<uint32_t>(std::clamp(std::nearbyint(scaled), 0.0, last));
+          fixed_[3 * j + k] = code[k];
+          continue;
+        }
         half_[3 * j + k] = float_to_half_saturate(static_cast<float>(scaled));
         code[k] = lossless()
                       ? static_cast<uint16_t>(
                             order_float(scene_.raw_position[3 * layer_.members[j] + k]) >> 16)
                       : order_half(half_[3 * j + k]);
       }
-      key[j] = morton(code[0], code[1], code[2]);
+      key[j] = morton_code(code[0], code[1], code[2]);
     }
     order_.resize(n);
     std::iota(order_.begin(), order_.end(), 0u);
@@ -131,17 +155,17 @@ class LayerBuilder {
     return kNoBlock;
   }
 
-  BuiltPage build_page(const Cut& cut, StreamEncoder& streams, ZstdCompressor& whole) const {
-    BuiltPage page;
+  PageColumns make_columns(const Cut& cut) const {
     PageColumns columns;
     const size_t n = cut.end - cut.begin;
     columns.n = n;
-    std::vector<float> opacities(n);
     for (size_t k = 0; k < 3; ++k) {
       for (size_t i = 0; i < n; ++i) {
         const size_t j = order_[cut.begin + i];
         if (lossless()) {
           columns.raw_position[k].push_back(scene_.raw_position[3 * layer_.members[j] + k]);
+        } else if (fixed()) {
+          columns.fixed_position[k].push_back(fixed_[3 * j + k]);
         } else {
           columns.position[k].push_back(half_[3 * j + k]);
         }
@@ -161,12 +185,38 @@ class LayerBuilder {
       }
     }
     for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) add_component(c, cut, &columns);
+    return columns;
+  }
+
+  BuiltPage build_page(const Cut& cut, const EntropyModel* model, StreamEncoder& streams,
+                       ZstdCompressor& whole) const {
+    BuiltPage page;
+    const PageColumns columns = make_columns(cut);
     page.record.block = block_of(order_[cut.begin]);
+    if (model != nullptr) {
+      // One set of states costs little, unless a page is small.
+      Bytes bytes =
+          model->encode_page(header_, layer_header_, columns, columns.n >= kMinSplitGaussians);
+      page.record.chunk.raw_bytes = static_cast<uint32_t>(bytes.size());
+      page.record.chunk.codec = static_cast<uint32_t>(ChunkCodec::kRans32);
+      finish(cut, std::move(bytes), &page);
+      return page;
+    }
     BlockRecord entries;
     if (page.record.block != kNoBlock) entries = block_entries(layer_, page.record.block);
     Bytes raw = encode_page(streams, header_, layer_header_,
                             page.record.block == kNoBlock ? nullptr : &entries, columns);
-    finish(cut, std::move(raw), whole, &page);
+    page.record.chunk.raw_bytes = static_cast<uint32_t>(raw.size());
+    page.record.chunk.codec = static_cast<uint32_t>(ChunkCodec::kStored);
+    // Streams of a large page were compressed one by one; a small page may do better as a whole.
+    if (raw.size() < 65536) {
+      Bytes frame = whole.compress(raw);
+      if (frame.size() + raw.size() / kMinPageSaving < raw.size()) {
+        raw = std::move(frame);
+        page.record.chunk.codec = static_cast<uint32_t>(ChunkCodec::kZstd);
+      }
+    }
+    finish(cut, std::move(raw), &page);
     return page;
   }
 
@@ -185,8 +235,9 @@ class LayerBuilder {
       }
       return;
     }
-    if (!coding.vq()) return;
     const CodedComponent& from = c == L4D_COMPONENT_SH ? sh_ : layer_.component[c];
+    if (coding.transform()) return add_transform(coding, c, from.transform, cut, &to);
+    if (!coding.vq()) return;
     for (size_t i = cut.begin; i < cut.end; ++i) {
       const size_t j = c == L4D_COMPONENT_SH ? layer_.members[order_[i]] : order_[i];
       const uint8_t depth = from.depth[j];
@@ -205,17 +256,20 @@ class LayerBuilder {
     }
   }
 
-  void finish(const Cut& cut, Bytes raw, ZstdCompressor& whole, BuiltPage* page) const {
-    // Streams of a large page were compressed one by one; a small page may do better as a whole.
-    page->record.chunk.raw_bytes = static_cast<uint32_t>(raw.size());
-    page->record.chunk.codec = static_cast<uint32_t>(ChunkCodec::kStored);
-    if (raw.size() < 65536) {
-      Bytes frame = whole.compress(raw);
-      if (frame.size() + raw.size() / kMinPageSaving < raw.size()) {
-        raw = std::move(frame);
-        page->record.chunk.codec = static_cast<uint32_t>(ChunkCodec::kZstd);
+  void add_transform(const ComponentCoding& coding, unsigned c, const CodedTransform& from,
+                     const Cut& cut, ComponentColumns* to) const {
+    for (size_t i = cut.begin; i < cut.end; ++i) {
+      const size_t j = c == L4D_COMPONENT_SH ? layer_.members[order_[i]] : order_[i];
+      to->cls.push_back(from.cls[j]);
+      to->level.push_back(from.level[j]);
+      for (unsigned k = 0; k < level_coefficients(coding, from.level[j]); ++k) {
+        to->coefficient[k].push_back(from.coefficient[k][j]);
+        ++to->coefficient_count[k];
       }
     }
+  }
+
+  void finish(const Cut& cut, Bytes raw, BuiltPage* page) const {
     page->record.chunk.stored_bytes = static_cast<uint32_t>(raw.size());
     page->record.chunk.hash = hash64(raw);
     page->record.num_gaussians = static_cast<uint32_t>(cut.end - cut.begin);
@@ -226,8 +280,9 @@ class LayerBuilder {
 
   double decoded_position(size_t j, size_t k) const {
     if (lossless()) return layer_.position[3 * j + k];
-    return static_cast<double>(header_.position_center[k] +
-                               header_.position_scale * half_to_float(half_[3 * j + k]));
+    const float code =
+        fixed() ? static_cast<float>(fixed_[3 * j + k]) : half_to_float(half_[3 * j + k]);
+    return static_cast<double>(header_.position_center[k] + header_.position_scale * code);
   }
 
   // Visible interval and the box of all centres over it, both rounded outward.
@@ -266,8 +321,8 @@ class LayerBuilder {
         std::clamp(std::ceil((last - center) / unit) + 128, 0.0, 255.0));
     for (size_t k = 0; k < 3; ++k) {
       const auto scaled = [&](double x, double sign) {
-        const double s = (x - static_cast<double>(header_.position_center[k])) /
-                         static_cast<double>(header_.position_scale);
+        const double s =
+            (x - static_cast<double>(header_.position_center[k])) / header_.bounds_unit();
         return s + sign * std::fabs(s) * 0x1p-20;
       };
       record->bounds[k] = half_outward(scaled(low[k], -1), false);
@@ -280,8 +335,9 @@ class LayerBuilder {
   const LayerHeader& layer_header_;
   const CodedLayer& layer_;
   const CodedComponent& sh_;
-  int zstd_level_;
-  std::vector<uint16_t> half_;    // [m, 3]
+  PageOptions options_;
+  std::vector<uint16_t> half_;    // [m, 3], or
+  std::vector<uint32_t> fixed_;   // [m, 3]
   std::vector<uint32_t> order_;   // stored order: indices of members
   std::vector<Cut> cuts_;
 };
@@ -324,6 +380,36 @@ void choose_frame(const std::vector<CodedLayer>& layers, bool lossless, SceneHea
   }
 }
 
+void choose_fixed_frame(const std::vector<CodedLayer>& layers, double step, SceneHeader* header) {
+  double low[3], high[3];
+  std::fill_n(low, 3, HUGE_VAL);
+  std::fill_n(high, 3, -HUGE_VAL);
+  for (const CodedLayer& layer : layers) {
+    for (size_t j = 0; j < layer.position.size(); ++j) {
+      low[j % 3] = std::min(low[j % 3], layer.position[j]);
+      high[j % 3] = std::max(high[j % 3], layer.position[j]);
+    }
+  }
+  double reach = 0;
+  for (size_t k = 0; k < 3; ++k) reach = std::max(reach, high[k] - low[k]);
+  // A step between powers of two saves a fraction of a bit; one that is no power of two rounds nothing
+  // that matters.
+  const double finest = reach / ((1u << kMaxPositionBits) - 2);
+  const float scale = static_cast<float>(std::clamp(std::max(step, finest), 0x1p-40, 0x1p60));
+  header->position = MeanCodingId::kFixed;
+  header->position_scale = scale;
+  header->position_bits = 1;
+  for (size_t k = 0; k < 3; ++k) {
+    header->position_center[k] = sound_constant(static_cast<float>(low[k]));
+    const double codes =
+        (high[k] - static_cast<double>(header->position_center[k])) / static_cast<double>(scale);
+    while (header->position_bits < kMaxPositionBits &&
+           codes > static_cast<double>((1u << header->position_bits) - 1)) {
+      ++header->position_bits;
+    }
+  }
+}
+
 void choose_opacity(const std::vector<CodedLayer>& layers, unsigned bits, SceneHeader* header) {
   std::vector<float> all;
   for (const CodedLayer& layer : layers) {
@@ -334,8 +420,8 @@ void choose_opacity(const std::vector<CodedLayer>& layers, unsigned bits, SceneH
 
 BuiltLayer build_layer(const EncoderScene& scene, const SceneHeader& header,
                        const LayerHeader& layer_header, const CodedLayer& layer,
-                       const CodedComponent& sh, size_t page_size, int zstd_level, int threads) {
-  return LayerBuilder(scene, header, layer_header, layer, sh, zstd_level).run(page_size, threads);
+                       const CodedComponent& sh, const PageOptions& options, int threads) {
+  return LayerBuilder(scene, header, layer_header, layer, sh, options).run(threads);
 }
 
 }  // namespace l4d

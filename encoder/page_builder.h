@@ -10,6 +10,12 @@
 
 namespace l4d {
 
+struct PageOptions {
+  size_t size = 0;  // Gaussians
+  int zstd_level = 0;
+  bool rans = false;
+};
+
 struct BuiltPage {
   PageRecord record;  // offset open, block as index in the layer
   Bytes bytes;        // stored form
@@ -18,15 +24,18 @@ struct BuiltPage {
 struct BuiltLayer {
   std::vector<BuiltPage> pages;       // by bucket
   std::vector<uint32_t> order;        // scene index of each Gaussian in stored order
+  Bytes entropy;                      // tables of rANS pages; empty where the layer has none
 };
 
 // Frame of the coded positions and opacity coding, chosen over all layers.
 void choose_frame(const std::vector<CodedLayer>& layers, bool lossless, SceneHeader* header);
+// Fixed-point coordinates with a step of about `step`, or as fine as their bits allow.
+void choose_fixed_frame(const std::vector<CodedLayer>& layers, double step, SceneHeader* header);
 void choose_opacity(const std::vector<CodedLayer>& layers, unsigned bits, SceneHeader* header);
 
 BuiltLayer build_layer(const EncoderScene& scene, const SceneHeader& header,
                        const LayerHeader& layer_header, const CodedLayer& layer,
-                       const CodedComponent& sh, size_t page_size, int zstd_level, int threads);
+                       const CodedComponent& sh, const PageOptions& options, int threads);
 
 // The record of block b as far as pages need it: entries, no chunks.
 BlockRecord block_entries(const CodedLayer& layer, size_t block);

@@ -35,7 +35,10 @@ struct EncoderScene {
   std::vector<float> sh;          // [n, sh_dim]
   std::vector<double> velocity;   // [n, 3]
   std::vector<double> lambda;     // [n]
-  std::array<std::vector<float>, L4D_COMPONENT_COUNT> weight;  // [n]
+  std::array<std::vector<float>, L4D_COMPONENT_COUNT> weight;  // [n], of squared errors of codewords
+  // [n] mean squared change of the image by a change of one number: of components and positions.
+  std::array<std::vector<float>, L4D_COMPONENT_COUNT> importance;
+  std::vector<float> position_importance;
   uint64_t invalid_dropped = 0;
   uint64_t pruned = 0;
 

@@ -26,7 +26,7 @@ constexpr ParameterDescription kParameters[L4D_ENC_PARAMETER_COUNT] = {
      false, true},
     {"gauge", "rotors: 0 as given, 1 sign, 2 nearest identity, 3 sorted scales", 0, 3, 1, false,
      true},
-    {"opacity-bits", "bits of an opacity code", 1, 16, 8, false, true},
+    {"opacity-bits", "bits of an opacity code; 0 = as the quality allows", 0, 16, 0, false, true},
     {"scale-factor-bits", "bits of a scale factor code", 1, 16, 8, false, true},
     {"kmeans-iterations", "Lloyd iterations at most", 0, 1000, 10, false, true},
     {"kmeans-sample", "training points per codeword", 1, 1e6, 24, false, true},
@@ -35,6 +35,16 @@ constexpr ParameterDescription kParameters[L4D_ENC_PARAMETER_COUNT] = {
      false, true},
     {"effort", "how hard k-means and zstd try: sets kmeans-iterations, kmeans-sample and zstd-level", 1,
      9, 7, false, true},
+    {"coding", "0 codebooks, 1 transform", 0, 1, 1, true, true},
+    {"quality", "of transforms and fixed positions: fidelity to aim at, in dB", 20, 90, 44, false, false},
+    {"quality-offset", "dB on top of the quality", -30, 30, 0, true, false},
+    {"fixed-positions", "positions in fixed point, with a step that follows the quality", 0, 1, 1, false,
+     true},
+    {"mean-t-shift", "low bits of mean times left out; -1 = as the quality allows", -1, 10, -1, false,
+     true},
+    {"rans", "code pages by rANS, not zstd", 0, 1, 1, false, true},
+    {"weight-measure", "what the weights are: 0 sums of derivatives, 1 Gauss-Newton", 0, 1, 0, false,
+     true},
 };
 
 // What each effort sets; docs/accuracy.md has the front of time against quality they were taken from.
@@ -56,10 +66,25 @@ constexpr double kPaperSpatialThreshold = 1e-6;
 constexpr double kPaperTemporalThreshold = 8e-6;
 constexpr double kPaperRcqSize = 512;
 
+// A preset of transforms is a quality.
+struct QualityPreset {
+  const char* name;
+  double quality;
+};
+constexpr QualityPreset kQualityPresets[] = {
+    {"default", 46}, {"tiny", 40}, {"small", 44}, {"large", 48}, {"archive", 60}};
+
 constexpr PresetDescription kPresets[] = {
-    {"default", "five residual stages for SH, two for the rest, 1024 codewords each"},
-    {"small", "one stage of 4096 codewords per component"},
-    {"high", "six residual stages of 2048 codewords for SH, three of 4096 for the rest"},
+    {"default", "a middle between small and large"},
+    {"tiny", "the smallest file that is still good to look at"},
+    {"small", "differences show to those who look for them"},
+    {"large", "differences are hard to see"},
+    {"archive", "for further processing"},
+    {"indexed", "codebooks only, for players that render from indices: five residual stages for SH, two "
+                "for the rest, 1024 codewords each"},
+    {"indexed-small", "codebooks only: one stage of 4096 codewords per component"},
+    {"indexed-high", "codebooks only: six residual stages of 2048 codewords for SH, three of 4096 for the "
+                     "rest"},
     {"paper-small", "the paper's small model: literals above thresholds, RCQ, unseen Gaussians dropped"},
     {"paper-large", "the paper's large model: twice the SH codebook, a lower SH threshold"},
     {"lossless", "the float32 bits of the input, in any order"},
@@ -131,15 +156,30 @@ Status EncoderSettings::set_stages(int component, const std::vector<float>& frac
   return {};
 }
 
+// Coded as codebook indices and what a page of indices holds beside them.
+void EncoderSettings::use_codebooks() {
+  values_[L4D_ENC_CODING].fill(0);
+  values_[L4D_ENC_FIXED_POSITIONS].fill(0);
+  values_[L4D_ENC_MEAN_T_SHIFT].fill(0);
+  values_[L4D_ENC_OPACITY_BITS].fill(8);
+}
+
 Status EncoderSettings::set_preset(const char* name) {
   EncoderSettings fresh;
+  for (const QualityPreset& p : kQualityPresets) {
+    if (std::strcmp(name, p.name) != 0) continue;
+    fresh.values_[L4D_ENC_QUALITY].fill(p.quality);
+    *this = fresh;
+    return {};
+  }
+  fresh.use_codebooks();
   // docs/accuracy.md has the plot of fidelity against bytes they were chosen from.
-  if (std::strcmp(name, "high") == 0) {
+  if (std::strcmp(name, "indexed-high") == 0) {
     fresh.stages_.fill({1.0f, 0.6f, 0.2f});
     fresh.stages_[L4D_COMPONENT_SH] = {1.0f, 0.7f, 0.5f, 0.3f, 0.2f, 0.1f};
     fresh.values_[L4D_ENC_CODEBOOK_SIZE].fill(4096);
     fresh.values_[L4D_ENC_CODEBOOK_SIZE][L4D_COMPONENT_SH] = 2048;
-  } else if (std::strcmp(name, "small") == 0) {
+  } else if (std::strcmp(name, "indexed-small") == 0) {
     fresh.stages_.fill({1.0f});
     fresh.values_[L4D_ENC_CODEBOOK_SIZE].fill(4096);
   } else if (std::strcmp(name, "paper-small") == 0 || std::strcmp(name, "paper-large") == 0) {
@@ -147,6 +187,7 @@ Status EncoderSettings::set_preset(const char* name) {
     const auto set = [&](l4d_encoder_parameter id, int component, double value) {
       fresh.values_[static_cast<size_t>(id)][static_cast<size_t>(component)] = value;
     };
+    fresh.values_[L4D_ENC_RANS].fill(0);
     set(L4D_ENC_LITERAL_THRESHOLD, L4D_COMPONENT_SH, paper.sh_threshold);
     set(L4D_ENC_LITERAL_THRESHOLD, L4D_COMPONENT_SCALE, kPaperScaleThreshold);
     set(L4D_ENC_LITERAL_THRESHOLD, L4D_COMPONENT_ROTOR_SPATIAL, kPaperSpatialThreshold);
@@ -159,7 +200,7 @@ Status EncoderSettings::set_preset(const char* name) {
     fresh.values_[L4D_ENC_PRUNE_WEIGHT].fill(0);
   } else if (std::strcmp(name, "lossless") == 0) {
     fresh.values_[L4D_ENC_LOSSLESS].fill(1);
-  } else if (std::strcmp(name, "default") != 0) {
+  } else if (std::strcmp(name, "indexed") != 0) {
     return invalid_argument("unknown preset '" + std::string(name) + "'");
   }
   *this = fresh;

@@ -32,6 +32,8 @@ class EncoderSettings {
   Status set_preset(const char* name);
 
  private:
+  void use_codebooks();
+
   std::array<std::array<double, L4D_COMPONENT_COUNT>, L4D_ENC_PARAMETER_COUNT> values_;
   std::array<std::vector<float>, L4D_COMPONENT_COUNT> stages_;
 };

@@ -10,6 +10,7 @@ namespace {
 struct Column {
   const char* property;
   std::vector<float> Weights::*values;
+  bool is_optional = false;  // in files that are written
 };
 // Where two properties serve one column the first one present counts.
 constexpr Column kColumns[] = {{"alpha_t", &Weights::alpha_t},
@@ -17,7 +18,12 @@ constexpr Column kColumns[] = {{"alpha_t", &Weights::alpha_t},
                                {"weight_sh_gradient", &Weights::sh},
                                {"weight_scale", &Weights::scale},
                                {"weight_rotor_spatial", &Weights::rotor_spatial},
-                               {"weight_rotor_temporal", &Weights::rotor_temporal}};
+                               {"weight_rotor_temporal", &Weights::rotor_temporal},
+                               {"weight_position", &Weights::position, true},
+                               {"weight_opacity", &Weights::opacity, true},
+                               {"weight_mean_t", &Weights::mean_t, true}};
+constexpr const char* kSum = "sum";
+constexpr const char* kGaussNewton = "gauss-newton";
 
 Weights read_weights(const std::string& path) {
   PlyReader reader(InputFile(path), "vertex");
@@ -28,7 +34,13 @@ Weights read_weights(const std::string& path) {
   if (std::string(version) != "1") {
     reader.fail(L4D_ERR_FEATURE_UNSUPPORTED, "a version of l4d_weights other than 1");
   }
+  const char* comment = reader.header().comment("measure");
+  const std::string measure = comment != nullptr ? comment : kSum;
+  if (measure != kSum && measure != kGaussNewton) {
+    reader.fail(L4D_ERR_FEATURE_UNSUPPORTED, "weights of the unknown measure " + measure);
+  }
   Weights weights;
+  weights.gauss_newton = measure == kGaussNewton;
   weights.count = static_cast<size_t>(reader.element().count);
   std::vector<PlyColumn> columns;
   std::vector<Column> present;
@@ -72,6 +84,7 @@ void write_weights_ply(const std::string& path, const Weights& weights) {
   for (const Column& column : kColumns) {
     const std::vector<float>& values = weights.*column.values;
     if (!columns.empty() && columns.back() == &values) continue;
+    if (column.is_optional && values.empty()) continue;
     if (values.size() != weights.count) {
       throw Error(L4D_ERR_INVALID_ARGUMENT,
                   path + ": " + column.property + " has not one value per Gaussian");
@@ -79,7 +92,8 @@ void write_weights_ply(const std::string& path, const Weights& weights) {
     names.push_back(column.property);
     columns.push_back(&values);
   }
-  PlyWriter writer(path, {"l4d_weights 1"}, weights.count, names);
+  const std::string measure = weights.gauss_newton ? kGaussNewton : kSum;
+  PlyWriter writer(path, {"l4d_weights 1", "measure " + measure}, weights.count, names);
   for (size_t i = 0; i < weights.count; ++i) {
     float* out = writer.next_row();
     for (const std::vector<float>* column : columns) *out++ = (*column)[i];

@@ -30,8 +30,6 @@ struct BackwardInput {
   // [height, width, 3] derivative of the scalar by each pixel, or NULL: the scalar is the sum of all
   // pixels and channels.
   const float* rgb_gradient = nullptr;
-  // Not NULL: [height, width] signs with which pixels count, where rgb_gradient is NULL.
-  const float* pixel_sign = nullptr;
   // false: fills `coverage` only.
   bool geometry = true;
   // Not NULL: [Gaussians of the scene]; coverage of those marked 1 is not wanted and may stay 0.

@@ -115,11 +115,7 @@ std::vector<double> blend(const View<double>& view, const std::vector<Item>& ite
 // Derivative of the scalar by the three channels of a pixel.
 void upstream(const BackwardInput& input, size_t pixel, double* g /* [3] */) {
   for (size_t c = 0; c < 3; ++c) {
-    if (input.rgb_gradient != nullptr) {
-      g[c] = static_cast<double>(input.rgb_gradient[3 * pixel + c]);
-    } else {
-      g[c] = input.pixel_sign != nullptr ? static_cast<double>(input.pixel_sign[pixel]) : 1;
-    }
+    g[c] = input.rgb_gradient != nullptr ? static_cast<double>(input.rgb_gradient[3 * pixel + c]) : 1;
   }
 }
 

@@ -221,9 +221,12 @@ Status Renderer::backward(const l4d_camera& camera, const float* rgb_gradient,
 }
 
 template <typename T>
-void Renderer::collect(Path<T>& path, const View<double>& view, bool geometry,
+void Renderer::collect(Path<T>& path, const View<double>& view, const ImportanceInput& input,
                        std::vector<Importance>* out) {
   const Instant<double> at = instant<double>();
+  Instant<double> derived = at;
+  derived.logit = false;
+  if (input.as_coded) derived.at_mean_time = false;
   const std::vector<T>& coverage = path.gradients.coverage;
   out->resize(path.frame.count());
   parallel_for(threads_, path.frame.count(), kGrain, [&](size_t begin, size_t end) {
@@ -231,39 +234,49 @@ void Renderer::collect(Path<T>& path, const View<double>& view, bool geometry,
       Importance& item = (*out)[i];
       item.id = path.frame.id[i];
       item.coverage = static_cast<float>(coverage[i]);
-      if (!geometry || !(coverage[i] > 0)) continue;
+      if (input.seen != nullptr || !(coverage[i] > 0)) continue;
       SplatGradient3D<double> by_slice;
       const SplatGradient2D<T>& by_splat = path.gradients.splat[i];
-      const Gaussian4D<double> gaussian = attributes<double>(item.id);
+      Gaussian4D<double> gaussian = attributes<double>(item.id);
       const Slice3D<double> slice = slice_at(gaussian, at);
       if (!back_to_slice(view, slice, path.frame.sh_degree, path.frame.sh[i], by_splat, &by_slice,
                          nullptr)) {
         by_slice = {};
       }
-      item.color = static_cast<float>(by_splat.color[0]);
       double direction[3];
       view_direction(view, slice.position, direction);
       for (size_t k = 0; k < 3; ++k) item.direction[k] = static_cast<float>(direction[k]);
-      const Gradient4D<double> g = slice_gradient(gaussian, at, by_slice);
-      for (size_t k = 0; k < 4; ++k) item.gradient.log_scale[k] = static_cast<float>(g.log_scale[k]);
-      for (size_t k = 0; k < 8; ++k) item.gradient.rotor[k] = static_cast<float>(g.rotor[k]);
+      // The way back asks for the instant of the position, not for the position.
+      gaussian.opacity = linear_opacity(gaussian, at);
+      if (input.as_coded) normalize_rotor(gaussian.rotor, gaussian.rotor);
+      const Gradient4D<double> g = slice_gradient(gaussian, derived, by_slice);
+      const auto narrow = [](const auto& from, auto& to) {
+        std::transform(std::begin(from), std::end(from), std::begin(to),
+                       [](auto v) { return static_cast<float>(v); });
+      };
+      narrow(by_splat.color, item.color);
+      narrow(g.position, item.gradient.position);
+      narrow(g.log_scale, item.gradient.log_scale);
+      narrow(g.rotor, item.gradient.rotor);
+      item.gradient.mean_t = static_cast<float>(g.mean_t);
+      item.gradient.opacity = static_cast<float>(g.opacity);
     }
   });
 }
 
-Status Renderer::importance(const l4d_camera& camera, const uint8_t* seen, const float* pixel_sign,
+Status Renderer::importance(const l4d_camera& camera, const ImportanceInput& input,
                             std::vector<Importance>* out) {
   L4D_RETURN_IF_ERROR(ready(camera));
   begin_view();
-  BackwardInput input;
-  input.pixel_sign = pixel_sign;
-  input.geometry = seen == nullptr;
-  input.seen = seen;
+  BackwardInput back;
+  back.rgb_gradient = input.rgb_gradient;
+  back.geometry = input.seen == nullptr;
+  back.seen = input.seen;
   with_path([&](auto& path) {
     using T = typename std::decay_t<decltype(path.frame.opacity)>::value_type;
     const View<T> view = make_view<T>(camera);
-    path.rasterizer->backward(path.frame, view, background_, input, &path.gradients, &stats_);
-    collect(path, make_view<double>(camera), input.geometry, out);
+    path.rasterizer->backward(path.frame, view, background_, back, &path.gradients, &stats_);
+    collect(path, make_view<double>(camera), input, out);
   });
   return {};
 }

@@ -28,13 +28,22 @@ class Renderer {
   struct Importance {
     uint32_t id;                   // index in the scene
     float coverage;                // sum of alpha times transmittance
-    float color;                   // derivative by a colour channel, not clamped
+    float color[3];                // derivatives by the colour, not clamped
     float direction[3];            // in which the camera sees it
-    Gradient4D<float> gradient;    // derivatives, not of SH; zero where coverage alone is asked for
+    // Derivatives, not of SH, by opacity in [0, 1]; zero where coverage alone is asked for.
+    Gradient4D<float> gradient;
   };
-  // Of all Gaussians of the frame, in its order. pixel_sign: [height, width] or NULL. seen: not NULL
-  // asks for coverage alone, of those not marked (BackwardInput).
-  Status importance(const l4d_camera& camera, const uint8_t* seen, const float* pixel_sign,
+  struct ImportanceInput {
+    // [height, width, 3] with which weight pixels count, or NULL: 1.
+    const float* rgb_gradient = nullptr;
+    // Derivatives by attributes as streams code them (positions at t_ref, rotors normalised), not as the
+    // scene gives them.
+    bool as_coded = false;
+    // Not NULL asks for coverage alone, of those not marked (BackwardInput).
+    const uint8_t* seen = nullptr;
+  };
+  // Of all Gaussians of the frame, in its order.
+  Status importance(const l4d_camera& camera, const ImportanceInput& input,
                     std::vector<Importance>* out);
 
   const Scene& scene() const { return scene_; }
@@ -68,7 +77,8 @@ class Renderer {
   template <typename T>
   void add_gradients(Path<T>& path, const View<double>& view, l4d_gradients* out);
   template <typename T>
-  void collect(Path<T>& path, const View<double>& view, bool geometry, std::vector<Importance>* out);
+  void collect(Path<T>& path, const View<double>& view, const ImportanceInput& input,
+               std::vector<Importance>* out);
 
   int threads_;
   Source source_ = Source::kNone;

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cfloat>
 #include <cmath>
+#include <numeric>
 
 #include "libl4dcodec/base/threads.h"
 #include "render/sh.h"
@@ -13,8 +14,8 @@ namespace {
 
 constexpr size_t kGrain = 4096;
 
-// A well-mixed hash of a counter (splitmix64's finaliser): signs that depend on seed, view and pixel
-// alone.
+// A well-mixed hash of a counter (splitmix64's finaliser): signs that depend on seed, view, pixel and
+// channel alone.
 uint64_t mix(uint64_t x) {
   x += 0x9e3779b97f4a7c15u;
   x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9u;
@@ -46,14 +47,26 @@ Status Sensitivity::add_view(Renderer& renderer, const l4d_camera& camera, bool 
   }
   const uint64_t pixels = uint64_t{camera.width} * camera.height;
   const bool squared = options_.measure == L4D_SENSITIVITY_GAUSS_NEWTON;
-  const float* signs = nullptr;
+  Renderer::ImportanceInput input;
+  if (seen_only) input.seen = seen_.data();
   if (squared && !seen_only && camera.width <= 16384 && camera.height <= 16384) {
-    signs_.resize(static_cast<size_t>(pixels));
+    // A sign for every channel: with one for all three, derivatives of the channels would add up before
+    // they are squared.
+    signs_.resize(static_cast<size_t>(3 * pixels));
     const uint64_t base = mix(mix(options_.seed) + views_);
-    for (size_t p = 0; p < signs_.size(); ++p) signs_[p] = (mix(base + p) & 1) != 0 ? 1.0f : -1.0f;
-    signs = signs_.data();
+    parallel_for(renderer.threads(), static_cast<size_t>(pixels), kGrain,
+                 [&](size_t begin, size_t end) {
+                   for (size_t p = begin; p < end; ++p) {
+                     const uint64_t bits = mix(base + p);
+                     for (size_t c = 0; c < 3; ++c) {
+                       signs_[3 * p + c] = (bits >> c & 1) != 0 ? 1.0f : -1.0f;
+                     }
+                   }
+                 });
+    input.rgb_gradient = signs_.data();
+    input.as_coded = true;
   }
-  L4D_RETURN_IF_ERROR(renderer.importance(camera, seen_only ? seen_.data() : nullptr, signs, &items_));
+  L4D_RETURN_IF_ERROR(renderer.importance(camera, input, &items_));
   const size_t terms = sh_terms(sh_degree_);
   const auto add = [squared](float* sum, float derivative) {
     *sum += squared ? derivative * derivative : std::fabs(derivative);
@@ -72,10 +85,19 @@ Status Sensitivity::add_view(Renderer& renderer, const l4d_camera& camera, bool 
       float basis[kMaxShTerms];
       sh_basis(sh_degree_, item.direction[0], item.direction[1], item.direction[2], basis);
       float* sh = sh_.data() + terms * item.id;
-      for (size_t k = 0; k < terms; ++k) add(sh + k, item.color * basis[k]);
+      // The channels have one derivative, or, with random signs, three estimates of its square.
+      float color = item.color[0];
+      if (squared) {
+        const float* c = item.color;
+        color = std::sqrt((c[0] * c[0] + c[1] * c[1] + c[2] * c[2]) / 3);
+      }
+      for (size_t k = 0; k < terms; ++k) add(sh + k, color * basis[k]);
       float* geometry = geometry_.data() + kGeometry * item.id;
       for (size_t k = 0; k < 4; ++k) add(geometry + k, item.gradient.log_scale[k]);
       for (size_t k = 0; k < 8; ++k) add(geometry + 4 + k, item.gradient.rotor[k]);
+      for (size_t k = 0; k < 3; ++k) add(geometry + 12 + k, item.gradient.position[k]);
+      add(geometry + 15, item.gradient.opacity);
+      add(geometry + 16, item.gradient.mean_t);
     }
   });
   all_pixels_ += pixels;
@@ -122,20 +144,23 @@ Status Sensitivity::weights(uint32_t which, float* out) const {
     return {};
   }
   struct Part {
-    const std::vector<float>* sums;
-    size_t stride, first, count;
+    size_t first, count;  // of the numbers in geometry_
   };
-  const size_t terms = sh_terms(sh_degree_);
-  const Part part = which == L4D_WEIGHT_SH              ? Part{&sh_, terms, 0, terms}
-                    : which == L4D_WEIGHT_SCALE         ? Part{&geometry_, kGeometry, 0, 4}
-                    : which == L4D_WEIGHT_ROTOR_SPATIAL ? Part{&geometry_, kGeometry, 4, 4}
-                                                        : Part{&geometry_, kGeometry, 8, 4};
-  const bool squared = options_.measure == L4D_SENSITIVITY_GAUSS_NEWTON;
+  constexpr Part kParts[L4D_WEIGHT_COUNT] = {{},     {0, 4},  {4, 4},  {8, 4},
+                                             {},     {12, 3}, {15, 1}, {16, 1}};
+  const bool is_sh = which == L4D_WEIGHT_SH;
+  const size_t stride = is_sh ? sh_terms(sh_degree_) : kGeometry;
+  const Part part = is_sh ? Part{0, stride} : kParts[which];
+  const double pixels = static_cast<double>(pixels_);
   for (size_t i = 0; i < count(); ++i) {
-    const float* sums = part.sums->data() + part.stride * i + part.first;
-    const float most = *std::max_element(sums, sums + part.count);
-    const double total = squared ? std::sqrt(static_cast<double>(most)) : static_cast<double>(most);
-    out[i] = static_cast<float>(total / static_cast<double>(pixels_));
+    const float* sums = (is_sh ? sh_ : geometry_).data() + stride * i + part.first;
+    if (options_.measure == L4D_SENSITIVITY_GAUSS_NEWTON) {
+      const double mean = std::accumulate(sums, sums + part.count, 0.0) / static_cast<double>(part.count);
+      out[i] = static_cast<float>(std::sqrt(mean / pixels));
+    } else {
+      const float most = *std::max_element(sums, sums + part.count);
+      out[i] = static_cast<float>(static_cast<double>(most) / pixels);
+    }
   }
   return {};
 }

@@ -20,7 +20,8 @@ class Sensitivity {
   size_t num_unseen() const;
 
  private:
-  static constexpr size_t kGeometry = 12;  // 4 log scales, 8 rotor coefficients
+  // 4 log scales, 8 rotor coefficients, 3 coordinates of the position, opacity, mean time
+  static constexpr size_t kGeometry = 17;
 
   l4d_sensitivity_options options_;
   uint32_t sh_degree_;

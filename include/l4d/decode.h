@@ -70,7 +70,9 @@ enum {
   L4D_TOOL_RESIDUAL_STAGES = 1u << 3,  /* some component has more than one stage */
   L4D_TOOL_LITERALS = 1u << 4,         /* some component has literal escapes */
   L4D_TOOL_RCQ = 1u << 5,              /* some block has its own codebook */
-  L4D_TOOL_LOSSLESS = 1u << 6          /* attributes are coded as raw float32 */
+  L4D_TOOL_LOSSLESS = 1u << 6,         /* attributes are coded as raw float32 */
+  L4D_TOOL_TRANSFORM = 1u << 7,        /* some component is transform coefficients, without codebooks */
+  L4D_TOOL_RANS = 1u << 8              /* some layer has pages coded by rANS */
 };
 
 typedef struct l4d_info {
@@ -118,6 +120,7 @@ enum {
   L4D_SECTION_DIRECTORY,  /* page tables, directory pages */
   L4D_SECTION_CODEBOOKS,
   L4D_SECTION_RCQ_TABLES,
+  L4D_SECTION_ENTROPY_TABLES,
   L4D_SECTION_PAGE_OVERHEAD,
   L4D_SECTION_POSITION,
   L4D_SECTION_MEAN_T,
@@ -233,7 +236,8 @@ typedef struct l4d_packed_buffers {
 } l4d_packed_buffers;
 L4D_API void l4d_packed_buffers_init_(l4d_packed_buffers* buffers, size_t struct_size);
 #define l4d_packed_buffers_init(buffers) l4d_packed_buffers_init_((buffers), sizeof(*(buffers)))
-/* Fails with FEATURE_UNSUPPORTED on a lossless stream, which has no packed form. A tolerant decoder leaves
+/* Fails with FEATURE_UNSUPPORTED on a lossless stream and on one with transform coefficients or fixed-point
+ * positions, which have no packed form: an encoder makes codebook streams with the preset "indexed". A tolerant decoder leaves
  * out lost pages as l4d_decoder_decode does; literals too are without theirs. */
 L4D_API l4d_status l4d_decoder_decode_packed(l4d_decoder* decoder, const l4d_query* query,
                                              l4d_packed_buffers* out);

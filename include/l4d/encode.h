@@ -59,7 +59,7 @@ enum {
   L4D_ENC_PAGE_SIZE = 8,        /* Gaussians per page, 64..65536 */
   L4D_ENC_CLOSED_LOOP = 9,      /* 0 | 1: choose means so that decoded Gaussians are in place */
   L4D_ENC_GAUGE = 10,           /* rotors: 0 as given, 1 sign, 2 nearest identity, 3 sorted scales */
-  L4D_ENC_OPACITY_BITS = 11,    /* 1..16 */
+  L4D_ENC_OPACITY_BITS = 11,    /* 1..16; 0: as the quality allows */
   L4D_ENC_SCALE_FACTOR_BITS = 12, /* 1..16 */
   L4D_ENC_KMEANS_ITERATIONS = 13, /* 0..1000 */
   L4D_ENC_KMEANS_SAMPLE = 14,   /* training points per codeword, 1..1000000 */
@@ -68,7 +68,16 @@ enum {
   /* 1..9: setting it sets how hard k-means and zstd try (13, 14, 15), from a measured front of time
    * against quality; those may be set after it. */
   L4D_ENC_EFFORT = 17,
-  L4D_ENC_PARAMETER_COUNT = 18
+  L4D_ENC_CODING = 18,          /* per component: 0 codebooks, 1 transform */
+  /* Of a transform, fixed positions, and what else is left to it: about the fidelity in dB that renders
+   * of the coded scene have, where weights are Gauss-Newton's. 20..90 */
+  L4D_ENC_QUALITY = 19,
+  L4D_ENC_QUALITY_OFFSET = 20,  /* per component: dB on top of the quality */
+  L4D_ENC_FIXED_POSITIONS = 21, /* 0: binary16, 1: fixed point with a step that follows the quality */
+  L4D_ENC_MEAN_T_SHIFT = 22,    /* low bits of mean times left out, 0..10; -1: as the quality allows */
+  L4D_ENC_RANS = 23,            /* 0: zstd, 1: rANS pages */
+  L4D_ENC_WEIGHT_MEASURE = 24,  /* what the weights given are: 0 L4D_SENSITIVITY_SUM, 1 _GAUSS_NEWTON */
+  L4D_ENC_PARAMETER_COUNT = 25
 };
 L4D_API l4d_status l4d_encoder_set(l4d_encoder* encoder, l4d_encoder_parameter id,
                                    int32_t component, double value);

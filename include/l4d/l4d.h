@@ -146,14 +146,18 @@ enum {
 
 #define L4D_MAX_STAGES 8
 
-/* Kinds of importance weights: one per component, and the light a Gaussian adds to images. */
+/* Kinds of importance weights: one per component and per attribute that is none, and the light a
+ * Gaussian adds to images. */
 enum {
   L4D_WEIGHT_SH = 0,
   L4D_WEIGHT_SCALE = 1,
   L4D_WEIGHT_ROTOR_SPATIAL = 2,
   L4D_WEIGHT_ROTOR_TEMPORAL = 3,
   L4D_WEIGHT_ALPHA_T = 4, /* accumulated alpha times transmittance, per pixel */
-  L4D_WEIGHT_COUNT = 5
+  L4D_WEIGHT_POSITION = 5,
+  L4D_WEIGHT_OPACITY = 6,
+  L4D_WEIGHT_MEAN_T = 7,
+  L4D_WEIGHT_COUNT = 8
 };
 
 #ifdef __cplusplus

@@ -44,11 +44,13 @@ uint32_t layer_tools(const l4d::SceneHeader& header, const l4d::LayerHeader& lay
   if (!layer.permanent) tools |= L4D_TOOL_TEMPORAL_OPACITY;
   if (header.sh_degree > 0) tools |= L4D_TOOL_VIEW_DEPENDENCE;
   if (spatial.coding == l4d::ComponentCodingId::kRaw32) tools |= L4D_TOOL_LOSSLESS;
+  if (layer.has_entropy) tools |= L4D_TOOL_RANS;
   for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
     const l4d::ComponentCoding& coding = header.component(layer, c);
     if (coding.stages.size() > 1) tools |= L4D_TOOL_RESIDUAL_STAGES;
     if (coding.literals) tools |= L4D_TOOL_LITERALS;
     if (coding.has_rcq) tools |= L4D_TOOL_RCQ;
+    if (coding.transform()) tools |= L4D_TOOL_TRANSFORM;
   }
   return tools;
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "libl4dcodec/container/page.h"
+#include "libl4dcodec/container/page_columns.h"
 
 #include <algorithm>
 #include <cmath>
@@ -8,11 +8,6 @@
 
 namespace l4d {
 namespace {
-
-template <typename T>
-void grow(std::vector<T>& v, size_t n) {
-  if (v.size() < n) v.resize(n);
-}
 
 // Reads the streams of one page in their order, counting bytes by section.
 class PageParser {
@@ -25,13 +20,10 @@ class PageParser {
                const PageWants& wants) {
     out_.n = n_;
     for (unsigned axis = 0; axis < 3; ++axis) {
-      L4D_RETURN_IF_ERROR(mean(header.position, wants.position, &out_.position[axis],
-                               &out_.raw_position[axis]));
+      L4D_RETURN_IF_ERROR(position(header, wants.position, axis));
     }
     count(L4D_SECTION_POSITION);
-    if (layer.mean_t != MeanCodingId::kNone) {
-      L4D_RETURN_IF_ERROR(mean(layer.mean_t, wants.mean_t, &out_.mean_t, &out_.raw_mean_t));
-    }
+    L4D_RETURN_IF_ERROR(mean_t(layer, wants.mean_t));
     count(L4D_SECTION_MEAN_T);
     L4D_RETURN_IF_ERROR(scalar(header.opacity, wants.opacity, &out_.opacity, &out_.raw_opacity));
     count(L4D_SECTION_OPACITY);
@@ -81,14 +73,38 @@ class PageParser {
     return {};
   }
 
-  Status mean(MeanCodingId coding, bool wanted, std::vector<uint16_t>* coded,
-              std::vector<float>* raw_values) {
-    if (coding == MeanCodingId::kF16) {
-      grow(*coded, n_);
-      return halves(wanted, n_, "VAL-1", coded->data());
+  Status position(const SceneHeader& header, bool wanted, unsigned axis) {
+    if (header.position == MeanCodingId::kF16) {
+      grow(out_.position[axis], n_);
+      return halves(wanted, n_, "VAL-1", out_.position[axis].data());
     }
-    grow(*raw_values, n_);
-    return raw(wanted, n_, raw_values->data(), 1);
+    if (header.position == MeanCodingId::kRaw32) {
+      grow(out_.raw_position[axis], n_);
+      return raw(wanted, n_, out_.raw_position[axis].data(), 1);
+    }
+    if (!wanted) return skip_stream(in_, base_, n_, 32);
+    const uint64_t at = base_ + in_.position();
+    std::vector<uint32_t>& codes = out_.fixed_position[axis];
+    grow(codes, n_);
+    L4D_RETURN_IF_ERROR(decode_stream32(decoder_, in_, base_, n_, codes.data()));
+    uint32_t above = 0;
+    for (size_t i = 0; i < n_; ++i) above |= codes[i];
+    if ((above >> header.position_bits) == 0) return {};
+    return corrupt("STRM-3", at, "a coordinate is not below 2^" + std::to_string(header.position_bits));
+  }
+
+  Status mean_t(const LayerHeader& layer, bool wanted) {
+    if (layer.mean_t == MeanCodingId::kNone) return {};
+    if (layer.mean_t == MeanCodingId::kRaw32) {
+      grow(out_.raw_mean_t, n_);
+      return raw(wanted, n_, out_.raw_mean_t.data(), 1);
+    }
+    const unsigned width = 16 - layer.mean_t_shift;
+    if (!wanted) return skip_stream(in_, base_, n_, width);
+    const uint64_t at = base_ + in_.position();
+    grow(out_.mean_t, n_);
+    L4D_RETURN_IF_ERROR(decode_stream(decoder_, in_, base_, n_, width, 0, "", out_.mean_t.data()));
+    return finish_mean_t(layer, *decoder_.kernels, n_, at, out_.mean_t.data());
   }
 
   Status scalar(const ScalarCoding& coding, bool wanted, std::vector<uint16_t>* codes,
@@ -108,6 +124,8 @@ class PageParser {
     // The buffers keep what the page before left in them; the counts say what is of this page.
     out->index_count.fill(0);
     out->num_literals = 0;
+    out->coefficient_count.fill(0);
+    if (coding.transform()) return transform(coding, wanted, out);
     if (coding.coding == ComponentCodingId::kRaw32) {
       grow(out->raw, n_ * dim);
       for (unsigned d = 0; d < dim; ++d) L4D_RETURN_IF_ERROR(raw(wanted, n_, out->raw.data() + d, dim));
@@ -117,7 +135,7 @@ class PageParser {
     const size_t stages = coding.stages.size();
     if (coding.has_depth()) {
       // Depths say how long the other streams are, so they are read even when those are skipped.
-      L4D_RETURN_IF_ERROR(depths(coding, stages, out));
+      L4D_RETURN_IF_ERROR(depths(coding, out));
     } else {
       std::fill(out->index_count.begin(), out->index_count.begin() + static_cast<long>(stages), n_);
     }
@@ -134,22 +152,43 @@ class PageParser {
     return literals(dim, wanted, out);
   }
 
-  Status depths(const ComponentCoding& coding, size_t stages, ComponentColumns* out) {
+  Status depths(const ComponentCoding& coding, ComponentColumns* out) {
     const uint64_t at = base_ + in_.position();
     grow(codes_, n_);
     grow(out->depth, n_);
     L4D_RETURN_IF_ERROR(decode_stream(decoder_, in_, base_, n_, 4, 0, "", codes_.data()));
+    return count_depths(coding, codes_.data(), n_, at, out);
+  }
+
+  Status transform(const ComponentCoding& coding, bool wanted, ComponentColumns* out) {
+    // As depths do, levels say how long the other streams are.
+    grow(codes_, n_);
+    grow(out->cls, n_);
+    grow(out->level, n_);
+    L4D_RETURN_IF_ERROR(decode_stream(decoder_, in_, base_, n_, 4, 0, "", codes_.data()));
+    for (size_t i = 0; i < n_; ++i) out->cls[i] = static_cast<uint8_t>(codes_[i]);
+    const size_t steps = coding.ladder.size();
+    if (steps == 1) {
+      std::fill_n(out->level.begin(), n_, uint8_t{1});
+    } else {
+      L4D_RETURN_IF_ERROR(decode_stream(decoder_, in_, base_, n_, bit_width(static_cast<uint32_t>(steps + 1)),
+                                        static_cast<uint32_t>(steps + 1), "TRAN-6", codes_.data()));
+      for (size_t i = 0; i < n_; ++i) out->level[i] = static_cast<uint8_t>(codes_[i]);
+    }
     for (size_t i = 0; i < n_; ++i) {
-      const unsigned depth = codes_[i];
-      out->depth[i] = static_cast<uint8_t>(depth);
-      if (depth == kLiteralDepth && coding.literals) {
-        ++out->num_literals;
-      } else if (depth <= stages) {
-        for (size_t s = 0; s < depth; ++s) ++out->index_count[s];
-      } else {
-        return corrupt("VQ-1", at, "depth " + std::to_string(depth) + " of a component with " +
-                                       std::to_string(stages) + " stages");
+      for (unsigned k = 0; k < level_coefficients(coding, out->level[i]); ++k) {
+        ++out->coefficient_count[k];
       }
+    }
+    for (unsigned k = 0; k < coding.coefficients(); ++k) {
+      const size_t count = out->coefficient_count[k];
+      if (!wanted) {
+        L4D_RETURN_IF_ERROR(skip_stream(in_, base_, count, 16));
+        continue;
+      }
+      grow(out->coefficient[k], count);
+      L4D_RETURN_IF_ERROR(decode_stream(decoder_, in_, base_, count, 16, 0, "", codes_.data()));
+      for (size_t i = 0; i < count; ++i) out->coefficient[k][i] = unzigzag16(codes_[i]);
     }
     return {};
   }
@@ -183,12 +222,20 @@ class PageWriter {
 
   // Neighbours in Morton order are close in space, so differences are tried for means; for other
   // attributes they only cost encoding time.
-  void mean(MeanCodingId coding, const std::vector<uint16_t>& halves, const std::vector<float>& raw) {
-    if (coding == MeanCodingId::kF16) {
-      half_stream(halves.data(), 1, n_, true);
-    } else if (coding == MeanCodingId::kRaw32) {
-      raw_stream(raw.data(), 1, true);
+  void position(MeanCodingId coding, const PageColumns& columns, unsigned axis) {
+    if (coding == MeanCodingId::kF16) half_stream(columns.position[axis].data(), 1, n_, true);
+    if (coding == MeanCodingId::kRaw32) raw_stream(columns.raw_position[axis].data(), 1, true);
+    if (coding == MeanCodingId::kFixed) {
+      encoder_.encode32(columns.fixed_position[axis].data(), n_, true, out_);
     }
+  }
+  void mean_t(const LayerHeader& layer, const PageColumns& columns) {
+    if (layer.mean_t == MeanCodingId::kRaw32) raw_stream(columns.raw_mean_t.data(), 1, true);
+    if (layer.mean_t != MeanCodingId::kF16) return;
+    for (size_t i = 0; i < n_; ++i) {
+      codes_[i] = static_cast<uint16_t>(order_half(columns.mean_t[i]) >> layer.mean_t_shift);
+    }
+    encoder_.encode(codes_.data(), n_, 16 - layer.mean_t_shift, true, out_);
   }
 
   void scalar(const ScalarCoding& coding, const std::vector<uint16_t>& codes,
@@ -204,6 +251,7 @@ class PageWriter {
     if (coding.coding == ComponentCodingId::kRaw32) {
       for (unsigned d = 0; d < dim; ++d) raw_stream(c.raw.data() + d, dim, false);
     }
+    if (coding.transform()) transform(coding, c);
     if (!coding.vq()) return;
     if (coding.has_depth()) {
       for (size_t i = 0; i < n_; ++i) codes_[i] = c.depth[i];
@@ -215,6 +263,21 @@ class PageWriter {
     }
     if (c.num_literals == 0) return;  // a column of nothing has no address
     for (unsigned d = 0; d < dim; ++d) half_stream(c.literal.data() + d, dim, c.num_literals, false);
+  }
+
+  void transform(const ComponentCoding& coding, const ComponentColumns& c) {
+    for (size_t i = 0; i < n_; ++i) codes_[i] = c.cls[i];
+    encoder_.encode(codes_.data(), n_, 4, false, out_);
+    if (coding.ladder.size() > 1) {
+      for (size_t i = 0; i < n_; ++i) codes_[i] = c.level[i];
+      const uint32_t levels = static_cast<uint32_t>(coding.ladder.size() + 1);
+      encoder_.encode(codes_.data(), n_, bit_width(levels), false, out_);
+    }
+    for (unsigned k = 0; k < coding.coefficients(); ++k) {
+      const size_t count = c.coefficient_count[k];
+      for (size_t i = 0; i < count; ++i) codes_[i] = zigzag16(c.coefficient[k][i]);
+      encoder_.encode(codes_.data(), count, 16, false, out_);
+    }
   }
 
   Bytes take() { return std::move(out_); }
@@ -238,6 +301,37 @@ class PageWriter {
 };
 
 }  // namespace
+
+Status finish_mean_t(const LayerHeader& layer, const StreamKernels& kernels, size_t n, uint64_t at,
+                     uint16_t* values) {
+  const unsigned shift = layer.mean_t_shift;
+  if (shift > 0) {
+    // The middle of what the code stands for.
+    for (size_t i = 0; i < n; ++i) {
+      values[i] = static_cast<uint16_t>((unsigned{values[i]} << shift) | (1u << (shift - 1)));
+    }
+  }
+  if (kernels.unorder_halves(values, n) < 0x7c00u) return {};
+  return corrupt("VAL-1", at, "a coded value is not finite");
+}
+
+Status count_depths(const ComponentCoding& coding, const uint16_t* depths, size_t n, uint64_t at,
+                    ComponentColumns* out) {
+  const size_t stages = coding.stages.size();
+  for (size_t i = 0; i < n; ++i) {
+    const unsigned depth = depths[i];
+    out->depth[i] = static_cast<uint8_t>(depth);
+    if (depth == kLiteralDepth && coding.literals) {
+      ++out->num_literals;
+    } else if (depth <= stages) {
+      for (size_t s = 0; s < depth; ++s) ++out->index_count[s];
+    } else {
+      return corrupt("VQ-1", at, "depth " + std::to_string(depth) + " of a component with " +
+                                     std::to_string(stages) + " stages");
+    }
+  }
+  return {};
+}
 
 uint32_t stage0_entries(const SceneHeader& header, const LayerHeader& layer, unsigned c,
                         const BlockRecord* block) {
@@ -263,9 +357,9 @@ Bytes encode_page(StreamEncoder& encoder, const SceneHeader& header, const Layer
                   const BlockRecord* block, const PageColumns& columns) {
   PageWriter writer(encoder, columns.n);
   for (unsigned axis = 0; axis < 3; ++axis) {
-    writer.mean(header.position, columns.position[axis], columns.raw_position[axis]);
+    writer.position(header.position, columns, axis);
   }
-  writer.mean(layer.mean_t, columns.mean_t, columns.raw_mean_t);
+  writer.mean_t(layer, columns);
   writer.scalar(header.opacity, columns.opacity, columns.raw_opacity);
   writer.scalar(layer.scale_factor, columns.scale_factor, columns.raw_scale_factor);
   for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {

@@ -9,6 +9,7 @@
 #include "l4d/decode.h"
 #include "libl4dcodec/base/status.h"
 #include "libl4dcodec/container/directory.h"
+#include "libl4dcodec/container/planes.h"
 #include "libl4dcodec/container/scene_header.h"
 #include "libl4dcodec/entropy/stream.h"
 
@@ -23,12 +24,18 @@ struct ComponentColumns {
   std::vector<float> raw;         // [n, dim]
   size_t num_literals = 0;
   std::array<size_t, L4D_MAX_STAGES> index_count{};
+  // Transform: coefficient[k] has one value for each Gaussian whose level reaches k, in order.
+  std::vector<uint8_t> cls;    // [n] class
+  std::vector<uint8_t> level;  // [n] step of the ladder, 0 = no coefficients
+  std::array<std::vector<int16_t>, kMaxCoefficients> coefficient;
+  std::array<size_t, kMaxCoefficients> coefficient_count{};
 };
 
 // All columns of a page. Buffers are reused from page to page: sizes only grow, n counts.
 struct PageColumns {
   size_t n = 0;
   std::array<std::vector<uint16_t>, 3> position;  // binary16
+  std::array<std::vector<uint32_t>, 3> fixed_position;
   std::array<std::vector<float>, 3> raw_position;
   std::vector<uint16_t> mean_t;  // binary16
   std::vector<float> raw_mean_t;
@@ -56,6 +63,17 @@ using SectionBytes = std::array<uint64_t, L4D_SECTION_COUNT>;
 uint32_t stage0_entries(const SceneHeader& header, const LayerHeader& layer, unsigned c,
                         const BlockRecord* block);
 
+// Number of coefficients that each level of a ladder has.
+inline unsigned level_coefficients(const ComponentCoding& coding, unsigned level) {
+  return level == 0 ? 0 : coding.ladder[level - 1];
+}
+inline uint16_t zigzag16(int16_t v) {
+  return static_cast<uint16_t>((static_cast<uint32_t>(v) << 1) ^ (v < 0 ? 0xffffu : 0u));
+}
+inline int16_t unzigzag16(uint16_t z) {
+  return static_cast<int16_t>((z >> 1) ^ (0u - (z & 1u)));
+}
+
 // What n Gaussians can take at most (spec: CHNK-8): every attribute as float32, or all stages of all
 // components, whichever is longer.
 uint64_t max_page_bytes(const SceneHeader& header, size_t n);
@@ -64,6 +82,37 @@ uint64_t max_page_bytes(const SceneHeader& header, size_t n);
 Status decode_page(StreamDecoder& decoder, ByteSpan raw, uint64_t base, const SceneHeader& header,
                    const LayerHeader& layer, const BlockRecord* block, size_t n,
                    const PageWants& wants, PageColumns* out, SectionBytes* sections);
+
+// Parses a rans32 page, all of `page`, with the tables of its layer. Planes are coded one after
+// another, so that only SH, which comes last, can be left out; other columns are filled unasked.
+struct RansDecoder {
+  const RansKernels* kernels = nullptr;
+  const StreamKernels* streams = nullptr;
+  std::vector<uint64_t> wide;
+  std::vector<uint16_t> codes;
+  std::vector<uint8_t> tables, cls, level, before, last;  // of the Gaussians that a plane is about
+};
+Status decode_rans_page(RansDecoder& decoder, ByteSpan page, uint64_t base, const SceneHeader& header,
+                        const LayerHeader& layer, const EntropyTables& tables,
+                        const BlockRecord* block, size_t n, const PageWants& wants,
+                        PageColumns* out, SectionBytes* sections);
+
+// Walks the planes of a page that rANS can code in their order, with the context of each symbol: what
+// counts tokens for tables and what codes with them see the same. Either span of values is empty.
+struct PlaneSymbols {
+  size_t plane = 0;  // index in page_planes()
+  Span<const uint16_t> hybrid;
+  Span<const uint64_t> wide;
+  Span<const uint8_t> contexts;  // empty = context 0 for all
+};
+class PlaneVisitor {
+ public:
+  virtual ~PlaneVisitor() = default;
+  virtual void visit(const PlaneSymbols& symbols) = 0;
+};
+void visit_planes(const SceneHeader& header, const LayerHeader& layer,
+                  const std::vector<PlaneSpec>& planes, const PageColumns& columns,
+                  PlaneVisitor& visitor);
 
 Bytes encode_page(StreamEncoder& encoder, const SceneHeader& header, const LayerHeader& layer,
                   const BlockRecord* block, const PageColumns& columns);

@@ -38,7 +38,14 @@ flatbuffers::Offset<fbs::ComponentCoding> to_fbs(flatbuffers::FlatBufferBuilder&
     stages = b.CreateVector(list);
   }
   if (c.has_rcq) rcq = to_fbs(b, c.rcq);
-  return fbs::CreateComponentCoding(b, static_cast<uint8_t>(c.coding), stages, c.literals, rcq);
+  if (!c.transform()) {
+    return fbs::CreateComponentCoding(b, static_cast<uint8_t>(c.coding), stages, c.literals, rcq);
+  }
+  const auto basis = to_fbs(b, c.basis);
+  const auto steps = b.CreateVector(c.steps);
+  const auto ladder = b.CreateVector(c.ladder);
+  return fbs::CreateComponentCoding(b, static_cast<uint8_t>(c.coding), stages, c.literals, rcq, basis,
+                                    steps, ladder);
 }
 
 // ---- parsing ----
@@ -56,7 +63,7 @@ class HeaderParser {
     if (h.sh_degree() > 3) return bad("HEAD-4", "SH degree " + std::to_string(h.sh_degree()));
     out_.sh_degree = h.sh_degree();
     L4D_RETURN_IF_ERROR(parse_scalar(*h.opacity(), "opacity", &out_.opacity));
-    L4D_RETURN_IF_ERROR(parse_component(*h.sh(), "sh", &out_.sh));
+    L4D_RETURN_IF_ERROR(parse_component(*h.sh(), "sh", out_.sh_dim(), &out_.sh));
     if (out_.sh.has_rcq) return bad("RCQ-2", "RCQ on the global SH component");
     L4D_RETURN_IF_ERROR(parse_layers(*h.layers()));
     out_.payload_offset = h.payload_offset();
@@ -126,11 +133,16 @@ class HeaderParser {
     out_.placement.color_space = h.color_space();
     out_.position_at_mean_time = h.position_at_mean_time();
     out_.opacity_logit = h.opacity_logit();
-    if (h.position() != static_cast<uint8_t>(MeanCodingId::kRaw32) &&
-        h.position() != static_cast<uint8_t>(MeanCodingId::kF16)) {
+    if (h.position() < static_cast<uint8_t>(MeanCodingId::kRaw32) ||
+        h.position() > static_cast<uint8_t>(MeanCodingId::kFixed)) {
       return unknown("position coding", h.position());
     }
     out_.position = static_cast<MeanCodingId>(h.position());
+    out_.position_bits = h.position_bits();
+    if (out_.position == MeanCodingId::kFixed &&
+        (out_.position_bits < 1 || out_.position_bits > kMaxPositionBits)) {
+      return bad("CODE-5", "coordinates of " + std::to_string(out_.position_bits) + " bits");
+    }
     return {};
   }
 
@@ -167,12 +179,14 @@ class HeaderParser {
     return {};
   }
 
-  Status parse_component(const fbs::ComponentCoding& c, const char* what,
+  // dim: numbers of the component's vectors, were it a transform.
+  Status parse_component(const fbs::ComponentCoding& c, const char* what, unsigned dim,
                          ComponentCoding* out) const {
-    if (c.coding() > static_cast<uint8_t>(ComponentCodingId::kVq)) {
+    if (c.coding() > static_cast<uint8_t>(ComponentCodingId::kTransform)) {
       return unknown(std::string(what) + " coding", c.coding());
     }
     out->coding = static_cast<ComponentCodingId>(c.coding());
+    if (out->transform()) return parse_transform(c, what, dim, out);
     if (!out->vq()) return {};
     const size_t stages = c.stages() == nullptr ? 0 : c.stages()->size();
     if (stages < 1 || stages > L4D_MAX_STAGES) {
@@ -189,6 +203,30 @@ class HeaderParser {
       L4D_RETURN_IF_ERROR(parse_stage(*c.rcq(), what, kMaxResidualEntries, &out->rcq));
     }
     return {};
+  }
+
+  Status parse_transform(const fbs::ComponentCoding& c, const char* what, unsigned dim,
+                         ComponentCoding* out) const {
+    const std::string name(what);
+    const size_t steps = c.steps() == nullptr ? 0 : c.steps()->size();
+    if (steps < 1 || steps > dim) {
+      return bad("TRAN-1", name + " of " + std::to_string(steps) + " coefficients");
+    }
+    for (const float step : *c.steps()) {
+      if (!(step >= 0x1p-30f && step <= 0x1p10f)) return bad("TRAN-2", name + " step out of range");
+      out->steps.push_back(step);
+    }
+    unsigned last = 0;
+    for (unsigned i = 0; c.ladder() != nullptr && i < c.ladder()->size(); ++i) {
+      const unsigned end = c.ladder()->Get(i);
+      if (end <= last || end > steps) return bad("TRAN-3", name + " ladder does not ascend");
+      out->ladder.push_back(static_cast<uint8_t>(last = end));
+    }
+    if (last != steps) return bad("TRAN-3", name + " ladder does not end at the last coefficient");
+    if (c.basis() == nullptr || c.basis()->num_entries() != steps + 1) {
+      return bad("TRAN-4", name + " basis does not have a row for the origin and each coefficient");
+    }
+    return parse_stage(*c.basis(), what, kMaxCoefficients + 1, &out->basis);
   }
 
   Status parse_layers(const flatbuffers::Vector<flatbuffers::Offset<fbs::Layer>>& layers) {
@@ -220,20 +258,25 @@ class HeaderParser {
     if (out->level >= kMaxLayers) return bad("HEAD-6", "level " + std::to_string(out->level));
     out->permanent = l.permanent();
     out->num_gaussians = l.num_gaussians();
-    if (l.mean_t() > static_cast<uint8_t>(MeanCodingId::kF16)) {
+    if (l.mean_t() > static_cast<uint8_t>(MeanCodingId::kF16)) {  // fixed is for positions
       return unknown("mean_t coding", l.mean_t());
     }
     out->mean_t = static_cast<MeanCodingId>(l.mean_t());
     if (out->permanent != (out->mean_t == MeanCodingId::kNone) || (out->permanent && out->level != 0)) {
       return bad("HEAD-10", "a permanent layer has level 0 and no mean times, and no other has none");
     }
+    if (l.mean_t_shift() > kMaxMeanShift) {
+      return bad("CODE-6", "mean_t without " + std::to_string(l.mean_t_shift()) + " bits");
+    }
+    out->mean_t_shift = out->mean_t == MeanCodingId::kF16 ? l.mean_t_shift() : 0;
     if (!sound(l.log_scale_t())) return bad("HEAD-3", "log_scale_t is out of range");
     out->log_scale_t = l.log_scale_t();
     L4D_RETURN_IF_ERROR(parse_scalar(*l.scale_factor(), "scale_factor", &out->scale_factor));
     const fbs::ComponentCoding* parts[] = {nullptr, l.scale(), l.rotor_spatial(), l.rotor_temporal()};
     static constexpr const char* kNames[] = {"", "scale", "rotor_spatial", "rotor_temporal"};
     for (unsigned c = L4D_COMPONENT_SCALE; c < L4D_COMPONENT_COUNT; ++c) {
-      L4D_RETURN_IF_ERROR(parse_component(*parts[c], kNames[c], &out->component[c]));
+      const unsigned dim = c == L4D_COMPONENT_SCALE ? out->scale_dim() : 3;
+      L4D_RETURN_IF_ERROR(parse_component(*parts[c], kNames[c], dim, &out->component[c]));
       if (out->component[c].has_rcq && out->level == 0) return bad("RCQ-2", "RCQ in level 0");
     }
     const bool raw_spatial =
@@ -242,6 +285,12 @@ class HeaderParser {
         out->component[L4D_COMPONENT_ROTOR_TEMPORAL].coding == ComponentCodingId::kRaw32;
     if (raw_temporal && !raw_spatial) {
       return bad("HEAD-11", "a raw temporal rotor beside a coded spatial one");
+    }
+    const bool transform_spatial = out->component[L4D_COMPONENT_ROTOR_SPATIAL].transform();
+    const ComponentCoding& temporal = out->component[L4D_COMPONENT_ROTOR_TEMPORAL];
+    if (temporal.transform() ? !transform_spatial
+                             : transform_spatial && temporal.coding != ComponentCodingId::kZero) {
+      return bad("HEAD-15", "one half of a rotor is a transform, the other is not");
     }
     const bool raw_scale = out->component[L4D_COMPONENT_SCALE].coding == ComponentCodingId::kRaw32;
     if (out->scale_factor.coding == ScalarCodingId::kRaw32 && !raw_scale) {
@@ -253,6 +302,11 @@ class HeaderParser {
       return bad("HEAD-12", "directory pages of 2^" + std::to_string(l.directory_bits()) + " buckets");
     }
     out->page_table_offset = l.page_table_offset();
+    out->has_entropy = l.entropy() != nullptr;
+    if (out->has_entropy) {
+      const fbs::ChunkRef& e = *l.entropy();
+      out->entropy = {e.offset(), e.hash(), e.stored_bytes(), e.raw_bytes(), e.codec()};
+    }
     return {};
   }
 
@@ -273,10 +327,12 @@ Bytes serialize_scene_header(const SceneHeader& h) {
     const auto scale = to_fbs(b, l.component[L4D_COMPONENT_SCALE]);
     const auto spatial = to_fbs(b, l.component[L4D_COMPONENT_ROTOR_SPATIAL]);
     const auto temporal = to_fbs(b, l.component[L4D_COMPONENT_ROTOR_TEMPORAL]);
+    const fbs::ChunkRef entropy = to_fbs(l.entropy);
     layers.push_back(fbs::CreateLayer(b, static_cast<uint8_t>(l.level), l.permanent, l.num_gaussians,
                                       static_cast<uint8_t>(l.mean_t), l.log_scale_t, factor, scale,
                                       spatial, temporal, static_cast<uint8_t>(l.directory_bits),
-                                      l.page_table_offset));
+                                      l.page_table_offset, static_cast<uint8_t>(l.mean_t_shift),
+                                      l.has_entropy ? &entropy : nullptr));
   }
   const auto layer_vector = b.CreateVector(layers);
   const auto opacity = to_fbs(b, h.opacity);
@@ -297,7 +353,8 @@ Bytes serialize_scene_header(const SceneHeader& h) {
                static_cast<uint8_t>(h.placement.coordinate_system),
                static_cast<uint8_t>(h.placement.color_space), h.position_at_mean_time,
                h.opacity_logit, static_cast<uint8_t>(h.position), &center, h.position_scale, opacity,
-               static_cast<uint8_t>(h.sh_degree), sh, layer_vector, h.payload_offset, metadata),
+               static_cast<uint8_t>(h.sh_degree), sh, layer_vector, h.payload_offset, metadata, 0,
+               static_cast<uint8_t>(h.position_bits)),
            kIdentifier);
   return Bytes(b.GetBufferPointer(), b.GetBufferPointer() + b.GetSize());
 }

@@ -15,15 +15,19 @@ namespace l4d {
 
 // Registry values (spec/registry/*.json). Constants of the format.
 enum class ScalarCodingId : uint8_t { kConstant = 0, kRaw32 = 1, kSq = 2 };
-enum class ComponentCodingId : uint8_t { kZero = 0, kRaw32 = 1, kVq = 2 };
+enum class ComponentCodingId : uint8_t { kZero = 0, kRaw32 = 1, kVq = 2, kTransform = 3 };
 enum class ElementType : uint8_t { kF16 = 0 };
-enum class MeanCodingId : uint8_t { kNone = 0, kRaw32 = 1, kF16 = 2 };
+enum class MeanCodingId : uint8_t { kNone = 0, kRaw32 = 1, kF16 = 2, kFixed = 3 };
 
 constexpr uint32_t kMaxCodebookEntries = 65536;
 constexpr uint32_t kMaxResidualEntries = 4096;
 constexpr uint32_t kMaxPageGaussians = 65536;
 constexpr uint32_t kMaxScaleBits = 16;
 constexpr uint8_t kLiteralDepth = 15;
+constexpr unsigned kMaxPositionBits = 21;  // three of them in a 63-bit Morton code
+constexpr unsigned kMaxMeanShift = 10;     // of the bits of a binary16, at least its exponent stays
+constexpr unsigned kMaxCoefficients = 48;
+constexpr unsigned kTransformClasses = 16;
 
 struct ChunkRef {
   uint64_t offset = 0;
@@ -63,7 +67,16 @@ struct ComponentCoding {
   bool literals = false;
   bool has_rcq = false;
   StageCoding rcq;
+  StageCoding basis;            // transform: coefficients() + 1 rows
+  std::vector<float> steps;     // transform, one per coefficient
+  std::vector<uint8_t> ladder;  // transform, ascending, the last is the number of coefficients
 
+  bool transform() const { return coding == ComponentCodingId::kTransform; }
+  unsigned coefficients() const { return static_cast<unsigned>(steps.size()); }
+  // Codebook chunks besides that of RCQ: stages, or the basis.
+  size_t num_books() const { return transform() ? 1 : stages.size(); }
+  const StageCoding& book(size_t i) const { return transform() ? basis : stages[i]; }
+  StageCoding& book(size_t i) { return transform() ? basis : stages[i]; }
   bool vq() const { return coding == ComponentCodingId::kVq; }
   // Whether each page carries a depth per Gaussian.
   bool has_depth() const { return vq() && (stages.size() > 1 || literals); }
@@ -74,11 +87,14 @@ struct LayerHeader {
   bool permanent = false;
   uint64_t num_gaussians = 0;
   MeanCodingId mean_t = MeanCodingId::kF16;
+  unsigned mean_t_shift = 0;  // low bits of the ordered binary16 that are not coded
   float log_scale_t = 0;
   ScalarCoding scale_factor;
   std::array<ComponentCoding, L4D_COMPONENT_COUNT> component;  // SH unused: it is global
   unsigned directory_bits = 0;
   uint64_t page_table_offset = 0;
+  bool has_entropy = false;
+  ChunkRef entropy;  // tables of the layer's rans32 pages
 
   // Numbers of a normalised scale vector: permanent layers carry no temporal scale.
   unsigned scale_dim() const { return permanent ? 3 : 4; }
@@ -92,6 +108,7 @@ struct SceneHeader {
   bool position_at_mean_time = false;
   bool opacity_logit = false;
   MeanCodingId position = MeanCodingId::kF16;
+  unsigned position_bits = 0;  // fixed
   float position_center[3] = {0, 0, 0};
   float position_scale = 1;
   ScalarCoding opacity;
@@ -103,15 +120,26 @@ struct SceneHeader {
   std::vector<std::pair<std::string, std::string>> metadata;
 
   unsigned sh_dim() const { return 3 * (sh_degree + 1) * (sh_degree + 1); }
+  // Scene units of a unit of page bounds (spec: section 12): fixed coordinates go beyond binary16.
+  double bounds_unit() const {
+    const unsigned shift =
+        position == MeanCodingId::kFixed && position_bits > 15 ? position_bits - 15 : 0;
+    return static_cast<double>(position_scale) * static_cast<double>(1u << shift);
+  }
   const ComponentCoding& component(const LayerHeader& layer, unsigned c) const {
     return c == L4D_COMPONENT_SH ? sh : layer.component[c];
   }
   unsigned component_dim(const LayerHeader& layer, unsigned c) const {
-    return c == L4D_COMPONENT_SH ? sh_dim() : c == L4D_COMPONENT_SCALE ? layer.scale_dim() : 4;
+    if (c == L4D_COMPONENT_SH) return sh_dim();
+    if (c == L4D_COMPONENT_SCALE) return layer.scale_dim();
+    return layer.component[c].transform() ? 3 : 4;  // a rotor's transform is of its stereographic form
   }
   // Raw float32 rotors are handed out as they are; coded ones are normalised.
   static bool normalizes_rotor(const LayerHeader& layer) {
     return layer.component[L4D_COMPONENT_ROTOR_SPATIAL].coding != ComponentCodingId::kRaw32;
+  }
+  static bool stereographic_rotor(const LayerHeader& layer) {
+    return layer.component[L4D_COMPONENT_ROTOR_SPATIAL].transform();
   }
 };
 

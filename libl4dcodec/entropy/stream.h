@@ -15,7 +15,8 @@ enum class StreamLayout : uint8_t { kPacked = 0, kPlanes = 1, kConstant = 2 };
 constexpr uint8_t kStreamLayoutMask = 0x03;
 constexpr uint8_t kStreamDeltaBit = 0x04;
 
-enum class ChunkCodec : uint8_t { kStored = 0, kZstd = 1 };
+// kRans32 is for pages alone: it is the form of the whole page (container/rans_page.cc).
+enum class ChunkCodec : uint8_t { kStored = 0, kZstd = 1, kRans32 = 2 };
 
 // What a stream decoder works with; one per thread.
 struct StreamDecoder {

@@ -75,6 +75,27 @@ L4D_HOST_DEVICE inline void normalize_half(T* half /* [4] */) {
   half[3] = half[3] / r;
 }
 
+// A unit quaternion from its stereographic coordinates u = (q1, q2, q3) / (1 + q0): every u gives one,
+// and every quaternion but (-1, 0, 0, 0) has one.
+template <typename T>
+L4D_HOST_DEVICE inline void half_of_stereographic(const T* u /* [3] */, T* half /* [4] */) {
+  const T one = static_cast<T>(1);
+  const T norm2 = (u[0] * u[0] + u[1] * u[1]) + u[2] * u[2];
+  const T d = one + norm2;
+  half[0] = (one - norm2) / d;
+  half[1] = (u[0] + u[0]) / d;
+  half[2] = (u[1] + u[1]) / d;
+  half[3] = (u[2] + u[2]) / d;
+}
+
+template <typename T>
+L4D_HOST_DEVICE inline void stereographic_of_half(const T* half /* [4] */, T* u /* [3] */) {
+  const T d = static_cast<T>(1) + half[0];
+  u[0] = half[1] / d;
+  u[1] = half[2] / d;
+  u[2] = half[3] / d;
+}
+
 template <typename T>
 L4D_HOST_DEVICE inline RotorHalves<T> normalized_halves(const T* rotor /* [8] */) {
   RotorHalves<T> h = halves_of_rotor(rotor);

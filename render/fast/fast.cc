@@ -161,12 +161,9 @@ class FastRasterizer : public Rasterizer<float> {
           const size_t pixel = static_cast<size_t>(tile.y + y) * static_cast<size_t>(view.width) +
                                static_cast<size_t>(tile.x + x);
           const int at = y * kTile + x;
-          if (upstream.one_channel) {
-            upstream.gradient[0][at] = input.pixel_sign != nullptr ? input.pixel_sign[pixel] : 1.0f;
-          } else {
-            for (size_t c = 0; c < 3; ++c) {
-              upstream.gradient[c][at] = input.rgb_gradient[3 * pixel + c];
-            }
+          for (size_t c = 0; c < channels; ++c) {
+            upstream.gradient[c][at] =
+                upstream.one_channel ? 1.0f : input.rgb_gradient[3 * pixel + c];
           }
         }
       }

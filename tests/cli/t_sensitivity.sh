@@ -8,16 +8,18 @@ expect_document 0 sensitivity s.ply --cameras c.json --all-views -o w.ply
 expect_json out 'd["views"] == d["views_measured"] == 120 and d["views_asked"] == 0'
 expect_json out 'd["num_gaussians"] == 3000 and not d["agreed"] and d["unseen"] < 1500'
 unseen=$(json out 'd["unseen"]')
-# Five columns, larger for what shows, nothing for what does not.
+expect_json out 'd["measure"] == "gauss-newton"'
+# Columns larger for what shows, nothing for what does not.
 cat > columns.py << 'END'
 import struct
 
 
-def columns(name):
+def columns(name, measure):
     data = open(name, "rb").read()
     at = data.index(b"end_header\n") + 11
     header = data[:at].decode()
     assert "comment l4d_weights 1\n" in header and "element vertex 3000\n" in header
+    assert "comment measure %s\n" % measure in header
     names = [line.split()[2] for line in header.splitlines() if line.startswith("property float ")]
     rows = list(struct.iter_unpack("<%df" % len(names), data[at:]))
     assert len(rows) == 3000
@@ -25,8 +27,9 @@ def columns(name):
 END
 "$PYTHON" -c "
 from columns import columns
-w = columns('w.ply')
-assert list(w) == ['alpha_t', 'weight_sh', 'weight_scale', 'weight_rotor_spatial', 'weight_rotor_temporal']
+w = columns('w.ply', 'gauss-newton')
+assert list(w) == ['alpha_t', 'weight_sh', 'weight_scale', 'weight_rotor_spatial',
+                   'weight_rotor_temporal', 'weight_position', 'weight_opacity', 'weight_mean_t']
 assert all(x >= 0 for column in w.values() for x in column)
 assert sum(x == 0 for x in w['alpha_t']) == $unseen
 assert all(w['weight_sh'][i] == 0 for i in range(3000) if w['alpha_t'][i] == 0)
@@ -44,8 +47,15 @@ expect_json out 'd["agreed"] and d["views_measured"] < 270 == d["views_measured"
 expect_json out "d['unseen'] == $all_unseen and min(d['agreement'].values()) >= 0.5"
 expect_document 0 sensitivity s.ply --cameras c.json --max-share 0.1 --split all -o share.ply
 expect_json out 'd["views"] == 240 and d["views_measured"] <= 60'
-expect_document 0 sensitivity s.ply --orbit 2 --size 64x48 --frames 0:60:30 --measure gauss-newton -o gn.ply
-expect_json out 'd["views"] == 4 and d["measure"] == "gauss-newton"'
+# The measures share what they cover and nothing else.
+for measure in sum gauss-newton; do
+  expect_document 0 sensitivity s.ply --orbit 2 --size 64x48 --frames 0:60:30 --measure $measure -o $measure.ply
+  expect_json out "d['views'] == 4 and d['measure'] == '$measure'"
+done
+"$PYTHON" -c "
+from columns import columns
+a, b = columns('sum.ply', 'sum'), columns('gauss-newton.ply', 'gauss-newton')
+assert [name for name in a if a[name] == b[name]] == ['alpha_t']"
 
 # encode takes them from the file or measures for itself, with one result.
 expect_document 0 encode s.ply -o file.l4d --codebook all=64 --weights w.ply --prune-weight 0

@@ -23,6 +23,22 @@ assert sorted(order) == list(range(100, 3000))'
 expect 0 encode s.ply -o pruned.l4d --codebook all=64 --weights w.ply --prune-weight 0 --force
 expect_text out 'left out 100 of 3,000: 0 invalid, 100 pruned'
 
+# What they measure comes from the file, sum where it does not say so, and matters.
+for measure in sum gauss-newton other; do
+  "$PYTHON" -c 'import sys
+data = open("w.ply", "rb").read()
+comment = b"comment l4d_weights 1\n"
+more = b"comment measure " + sys.argv[1].encode() + b"\n"
+open("w-" + sys.argv[1] + ".ply", "wb").write(data.replace(comment, comment + more))' $measure
+done
+for name in w w-sum w-gauss-newton; do
+  expect 0 encode s.ply -o $name.l4d --codebook all=64 --weights $name.ply
+done
+cmp w.l4d w-sum.l4d
+if cmp -s w.l4d w-gauss-newton.l4d; then die "the measure does nothing"; fi
+expect_document 5 encode s.ply -o x.l4d --weights w-other.ply
+expect_json out 'd["error"]["name"] == "L4D_ERR_FEATURE_UNSUPPORTED"'
+
 # Weights must fit the scene and be weights.
 make_scene other.ply 2000
 expect_document 4 encode other.ply -o x.l4d --weights w.ply

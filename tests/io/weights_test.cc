@@ -26,6 +26,55 @@ TEST_F(WeightsTest, ColumnsByName) {
   EXPECT_TRUE(weights.rotor_temporal.empty());
 }
 
+TEST_F(WeightsTest, WrittenAndRead) {
+  Weights weights;
+  weights.count = 2;
+  weights.alpha_t = {0, 1};
+  weights.sh = {2, 3};
+  weights.scale = {4, 5};
+  weights.rotor_spatial = {6, 7};
+  weights.rotor_temporal = {8, 1e-30F};
+  const std::string file = path("w.ply");
+  write_weights_ply(file, weights);
+  Weights read = read_weights_ply(file);
+  EXPECT_FALSE(read.gauss_newton);
+  EXPECT_TRUE(read.position.empty() && read.opacity.empty() && read.mean_t.empty());
+
+  weights.position = {9, 10};
+  weights.opacity = {11, 12};
+  weights.mean_t = {13, 14};
+  weights.gauss_newton = true;
+  write_weights_ply(file, weights);
+  read = read_weights_ply(file);
+  EXPECT_EQ(read.count, 2U);
+  EXPECT_TRUE(read.gauss_newton);
+  EXPECT_FALSE(read.sh_is_clamped);
+  for (const auto column : {&Weights::alpha_t, &Weights::sh, &Weights::scale, &Weights::rotor_spatial,
+                            &Weights::rotor_temporal, &Weights::position, &Weights::opacity,
+                            &Weights::mean_t}) {
+    EXPECT_EQ(read.*column, weights.*column);
+  }
+  weights.mean_t.pop_back();
+  EXPECT_EQ(test::status_of([&] { write_weights_ply(file, weights); }), L4D_ERR_INVALID_ARGUMENT);
+  weights.mean_t.clear();
+  weights.scale.clear();
+  EXPECT_EQ(test::status_of([&] { write_weights_ply(file, weights); }), L4D_ERR_INVALID_ARGUMENT);
+}
+
+TEST_F(WeightsTest, Measure) {
+  const auto of = [&](const std::vector<std::string>& comments) {
+    return test::ply_header("ascii", comments, 1, {"alpha_t"}) + "1\n";
+  };
+  const auto gauss_newton = [&](const std::string& bytes) {
+    return read_weights_ply(write("w.ply", bytes)).gauss_newton;
+  };
+  EXPECT_FALSE(gauss_newton(of({"l4d_weights 1"})));
+  EXPECT_FALSE(gauss_newton(of({"l4d_weights 1", "measure sum"})));
+  EXPECT_TRUE(gauss_newton(of({"l4d_weights 1", "measure gauss-newton"})));
+  EXPECT_EQ(status(of({"l4d_weights 1", "measure other"})), L4D_ERR_FEATURE_UNSUPPORTED);
+  EXPECT_EQ(status(of({"l4d_weights 1", "measure"})), L4D_ERR_FEATURE_UNSUPPORTED);
+}
+
 TEST_F(WeightsTest, BadFiles) {
   EXPECT_EQ(status(test::ply_header("ascii", {}, 1, {"alpha_t"}) + "1\n"), L4D_ERR_CORRUPT);
   EXPECT_EQ(status(test::ply_header("ascii", {"l4d_weights 2"}, 1, {"alpha_t"}) + "1\n"),
@@ -52,6 +101,7 @@ TEST_F(WeightsTest, OfBasketball) {
   if (file.empty()) GTEST_SKIP() << "no data set";
   const Weights weights = read_weights_ply(file);
   EXPECT_EQ(weights.count, 213874U);
+  EXPECT_FALSE(weights.gauss_newton);
   for (const auto* column : {&weights.alpha_t, &weights.sh, &weights.scale, &weights.rotor_spatial,
                              &weights.rotor_temporal}) {
     EXPECT_EQ(column->size(), weights.count);

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "decoder/reconstruct.h"
+#include "decoder/transform.h"
 #include "libl4dcodec/entropy/stream_kernels.h"
 #include "tests/common/random.h"
 
@@ -19,12 +20,16 @@ namespace l4d::test {
 struct Kernels {
   const StreamKernels* stream;
   const ReconstructKernels* reconstruct;
+  const TransformKernels* transform;
 };
 inline Kernels reference_kernels() {
-  return {&stream_kernels_reference(), &reconstruct_kernels_reference()};
+  return {&stream_kernels_reference(), &reconstruct_kernels_reference(),
+          &transform_kernels_reference()};
 }
 // Of the target that dispatch is set to.
-inline Kernels simd_kernels() { return {&stream_kernels_simd(), &reconstruct_kernels_simd()}; }
+inline Kernels simd_kernels() {
+  return {&stream_kernels_simd(), &reconstruct_kernels_simd(), &transform_kernels_simd()};
+}
 
 enum class Fill { kRandom, kLow, kHigh, kEdges };
 constexpr Fill kFills[] = {Fill::kRandom, Fill::kLow, Fill::kHigh, Fill::kEdges};
@@ -84,6 +89,7 @@ struct Operation {
 };
 const std::vector<Operation>& stream_operations();
 const std::vector<Operation>& reconstruct_operations();
+const std::vector<Operation>& transform_operations();
 
 // A call with one output array.
 template <typename T>

@@ -21,9 +21,16 @@ std::vector<int64_t> compiled_targets() {
   return targets;
 }
 
+std::vector<Operation> float_operations() {
+  std::vector<Operation> all = test::reconstruct_operations();
+  const auto& more = test::transform_operations();
+  all.insert(all.end(), more.begin(), more.end());
+  return all;
+}
+
 std::vector<Operation> all_operations() {
   std::vector<Operation> all = test::stream_operations();
-  const auto& more = test::reconstruct_operations();
+  const auto more = float_operations();
   all.insert(all.end(), more.begin(), more.end());
   return all;
 }
@@ -108,7 +115,7 @@ TEST_P(KernelTest, LongInputs) {
 // A host may run with subnormals flushed: what a stream can hold must not care.
 TEST_P(KernelTest, FlushToZeroChangesNothing) {
   if (!test::FlushToZero::kAvailable) GTEST_SKIP() << "no flush-to-zero on this architecture";
-  for (const Operation& op : test::reconstruct_operations()) {
+  for (const Operation& op : float_operations()) {
     for (const Fill fill : test::kFills) {
       CallOptions options;
       options.n = 3000;

@@ -68,6 +68,7 @@ int main(int argc, char** argv) {
     std::printf("bytes written per second; 16384 values, all in the cache\n");
     bench(l4d::test::stream_operations(), filter);
     bench(l4d::test::reconstruct_operations(), filter);
+    bench(l4d::test::transform_operations(), filter);
     return 0;
   }
   return RUN_ALL_TESTS();

@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: Apache-2.0
+// The tables of a layer's rANS pages: contexts with like statistics share one.
+#pragma once
+
+#include <vector>
+
+#include "libl4dcodec/container/page.h"
+#include "libl4dcodec/entropy/rans_encoder.h"
+
+namespace l4d {
+
+// How often each token occurs in each context of each plane.
+class TokenCounts : public PlaneVisitor {
+ public:
+  explicit TokenCounts(const std::vector<PlaneSpec>& planes);
+  void visit(const PlaneSymbols& symbols) override;
+  void add(const TokenCounts& other);
+
+ private:
+  friend class EntropyModel;
+  static constexpr size_t kTokens = 128;  // above both kRansHybridTokens and kRansWideTokens
+  std::vector<size_t> first_;      // of each plane, in contexts
+  std::vector<uint64_t> counts_;   // [contexts, kTokens]
+};
+
+class EntropyModel {
+ public:
+  EntropyModel(const std::vector<PlaneSpec>& planes, const TokenCounts& counts);
+
+  // The chunk that parse_entropy_tables reads.
+  Bytes serialize() const;
+  // One page, with its SH planes in a block of their own or all planes in one.
+  Bytes encode_page(const SceneHeader& header, const LayerHeader& layer, const PageColumns& columns,
+                    bool split) const;
+
+ private:
+  void cluster(const TokenCounts& counts, const std::vector<size_t>& contexts, size_t max_tables);
+
+  const std::vector<PlaneSpec> planes_;
+  std::vector<RansTable> tables_;  // those of wide integers first
+  size_t wide_tables_ = 0;
+  std::vector<size_t> first_;      // of each plane, in contexts
+  std::vector<uint8_t> map_;       // [contexts]
+};
+
+}  // namespace l4d

@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: Apache-2.0
+// How a quality in dB is divided among what is coded. Errors of different numbers add up as squares
+// (they are independent enough: docs/accuracy.md), so each number is given the same squared error.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+
+#include "encoder/settings.h"
+
+namespace l4d {
+
+class Quality {
+ public:
+  // n: Gaussians of the scene.
+  Quality(const EncoderSettings& settings, size_t n)
+      : settings_(settings), decibels_(settings.get(L4D_ENC_QUALITY)), n_(static_cast<double>(n)) {}
+
+  double decibels() const { return decibels_; }
+
+  // Mean squared error of the image that one number of component c of one Gaussian may cause.
+  double per_number(unsigned c) const {
+    return power(decibels_ + settings_.get(L4D_ENC_QUALITY_OFFSET, static_cast<int>(c)));
+  }
+  // Of a component whose largest sensible step is known at 44 dB: small weights are estimates, and hold
+  // for small errors only.
+  double max_step(double at_44_db) const { return at_44_db * std::exp2((44 - decibels_) / 12); }
+
+  // Step of positions for the importances given, of one number each.
+  double position_step(double sum_of_importance) const {
+    return std::sqrt(12 * power(decibels_) * n_ / std::max(sum_of_importance, 1e-30));
+  }
+  // A code of opacity costs half of what it is worth; 5 bits are 54 dB, and each is 6 dB.
+  unsigned opacity_bits() const {
+    const int set = settings_.get_int(L4D_ENC_OPACITY_BITS);
+    if (set != 0) return static_cast<unsigned>(set);
+    return static_cast<unsigned>(std::clamp(std::ceil(5 + (decibels_ - 44) / 6), 4.0, 12.0));
+  }
+  // Root mean square of the error of mean times, in standard deviations of what they are the means of.
+  double mean_t_error() const { return 0.11 * std::pow(10.0, (42 - decibels_) / 20); }
+
+ private:
+  // About this many numbers of a Gaussian take part in its error.
+  static constexpr double kNumbers = 30;
+  double power(double decibels) const { return std::pow(10.0, -decibels / 10) / (kNumbers * n_); }
+
+  const EncoderSettings& settings_;
+  double decibels_;
+  double n_;
+};
+
+}  // namespace l4d

@@ -1,0 +1,226 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "encoder/transform_coder.h"
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+
+#include "decoder/transform.h"
+#include "libl4dcodec/base/half.h"
+#include "libl4dcodec/base/threads.h"
+
+namespace l4d {
+namespace {
+
+constexpr size_t kGrain = 2048;
+// Rows that the axes are found from, evenly spaced: several hundred per entry of their covariance.
+constexpr size_t kMaxAxisRows = 65536;
+// No row counts more than this many average ones, so that a few large Gaussians do not turn the axes.
+constexpr double kMaxAxisWeight = 20;
+// Numbers of coefficients that a Gaussian may have: fine where most end, coarse beyond.
+constexpr uint8_t kLadder[] = {2, 4, 6, 9, 12, 16, 20, 26, 34};
+
+double half_value(double v) {
+  return static_cast<double>(half_to_float(float_to_half_saturate(static_cast<float>(v))));
+}
+
+class TransformCoder {
+ public:
+  TransformCoder(const float* rows, const float* weights, size_t n, size_t dim,
+                 const TransformSettings& settings, std::vector<float>* decoded)
+      : rows_(rows), weights_(weights), n_(n), dim_(dim), settings_(settings), decoded_(*decoded) {}
+
+  CodedTransform run() {
+    find_axes();
+    choose_classes();
+    quantize();
+    choose_levels();
+    decode();
+    return std::move(out_);
+  }
+
+ private:
+  double row(size_t i, size_t d) const { return static_cast<double>(rows_[i * dim_ + d]); }
+
+  void find_axes() {
+    const size_t step = std::max<size_t>(1, (n_ + kMaxAxisRows - 1) / kMaxAxisRows);
+    double mean_weight = 0;
+    size_t count = 0;
+    for (size_t i = 0; i < n_; i += step, ++count) mean_weight += static_cast<double>(weights_[i]);
+    mean_weight /= static_cast<double>(std::max<size_t>(count, 1));
+    const auto weight = [&](size_t i) {
+      // Rows without weight still say where the others may lie.
+      return mean_weight > 0
+                 ? std::min(static_cast<double>(weights_[i]) / mean_weight, kMaxAxisWeight) + 1e-3
+                 : 1.0;
+    };
+    std::vector<double> mean(dim_, 0.0);
+    double sum = 0;
+    for (size_t i = 0; i < n_; i += step) {
+      const double w = weight(i);
+      sum += w;
+      for (size_t d = 0; d < dim_; ++d) mean[d] += w * row(i, d);
+    }
+    out_.basis.assign((dim_ + 1) * dim_, 0.0f);
+    for (size_t d = 0; d < dim_; ++d) {
+      mean[d] = half_value(mean[d] / sum);
+      out_.basis[d] = static_cast<float>(mean[d]);
+    }
+    if (!settings_.principal_axes) {
+      for (size_t d = 0; d < dim_; ++d) out_.basis[(d + 1) * dim_ + d] = 1.0f;
+      return;
+    }
+    const Eigen::Index size = static_cast<Eigen::Index>(dim_);
+    Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(size, size);
+    std::vector<double> centred(dim_);
+    for (size_t i = 0; i < n_; i += step) {
+      const double w = weight(i);
+      for (size_t d = 0; d < dim_; ++d) centred[d] = row(i, d) - mean[d];
+      for (size_t a = 0; a < dim_; ++a) {  // the lower triangle is all the solver reads
+        double* column = covariance.data() + a * dim_;
+        const double scaled = w * centred[a];
+        for (size_t b = a; b < dim_; ++b) column[b] += scaled * centred[b];
+      }
+    }
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(covariance);
+    for (size_t k = 0; k < dim_; ++k) {
+      // Falling variance; the solver's order is rising. The sign is of no matter but must be settled.
+      const auto axis = solver.eigenvectors().col(size - 1 - static_cast<Eigen::Index>(k));
+      Eigen::Index largest = 0;
+      axis.cwiseAbs().maxCoeff(&largest);
+      const double sign = axis[largest] < 0 ? -1.0 : 1.0;
+      for (size_t d = 0; d < dim_; ++d) {
+        out_.basis[(k + 1) * dim_ + d] =
+            static_cast<float>(half_value(sign * axis[static_cast<Eigen::Index>(d)]));
+      }
+    }
+  }
+
+  void choose_classes() {
+    out_.cls.resize(n_);
+    step0_ = static_cast<float>(settings_.max_step);
+    out_.steps.assign(dim_, step0_);
+    for (size_t i = 0; i < n_; ++i) {
+      const double w = std::max(static_cast<double>(weights_[i]), 1e-30);
+      const double step = std::sqrt(12 * settings_.distortion / w);
+      const double octaves = std::nearbyint(std::log2(static_cast<double>(step0_) / step));
+      out_.cls[i] = static_cast<uint8_t>(std::clamp<double>(octaves, 0, kTransformClasses - 1));
+    }
+  }
+
+  void quantize() {
+    out_.coefficient.assign(dim_, std::vector<int16_t>(n_));
+    parallel_for(settings_.threads, n_, kGrain, [&](size_t begin, size_t end) {
+      std::vector<double> c(dim_);
+      for (size_t i = begin; i < end; ++i) {
+        double largest = 0;
+        for (size_t k = 0; k < dim_; ++k) {
+          const float* axis = out_.basis.data() + (k + 1) * dim_;
+          double sum = 0;
+          for (size_t d = 0; d < dim_; ++d) {
+            sum += (row(i, d) - static_cast<double>(out_.basis[d])) * static_cast<double>(axis[d]);
+          }
+          c[k] = sum / static_cast<double>(step0_);
+          largest = std::max(largest, std::fabs(c[k]));
+        }
+        // A row that lies far out has to do with coarser steps.
+        while (out_.cls[i] > 0 && std::ldexp(largest, out_.cls[i]) > 32700) --out_.cls[i];
+        for (size_t k = 0; k < dim_; ++k) {
+          const double q = std::nearbyint(std::ldexp(c[k], out_.cls[i]));
+          out_.coefficient[k][i] = static_cast<int16_t>(std::clamp(q, -32767.0, 32767.0));
+        }
+      }
+    });
+  }
+
+  void choose_levels() {
+    std::vector<uint8_t> used(n_, 0);
+    size_t most = 1;
+    for (size_t i = 0; i < n_; ++i) {
+      for (size_t k = dim_; k-- > 0 && used[i] == 0;) {
+        if (out_.coefficient[k][i] != 0) used[i] = static_cast<uint8_t>(k + 1);
+      }
+      most = std::max<size_t>(most, used[i]);
+    }
+    out_.steps.resize(most);
+    out_.coefficient.resize(most);
+    out_.basis.resize((most + 1) * dim_);
+    // A ladder pays for vectors of many numbers that are mostly zero.
+    if (dim_ > 4) {
+      for (const uint8_t step : kLadder) {
+        if (step < most) out_.ladder.push_back(step);
+      }
+    }
+    out_.ladder.push_back(static_cast<uint8_t>(most));
+    out_.level.assign(n_, 1);
+    if (out_.ladder.size() == 1) return;
+    for (size_t i = 0; i < n_; ++i) {
+      uint8_t level = 0;
+      while (level > 0 ? out_.ladder[level - 1] < used[i] : used[i] > 0) ++level;
+      out_.level[i] = level;
+    }
+  }
+
+  void decode() {
+    decoded_.resize(n_ * dim_);
+    std::vector<float> padded = out_.basis;
+    padded.resize(padded.size() + 16);
+    TransformSource source;
+    source.dim = dim_;
+    source.num_coefficients = out_.steps.size();
+    source.basis = padded.data();
+    source.steps = out_.steps.data();
+    source.cls = out_.cls.data();
+    source.level = out_.level.data();
+    source.ladder = out_.ladder.data();
+    for (size_t k = 0; k < out_.coefficient.size(); ++k) {
+      source.coefficient[k] = out_.coefficient[k].data();
+    }
+    parallel_for(settings_.threads, n_, kGrain, [&](size_t begin, size_t end) {
+      // Not compact: coefficient i of each array is that of Gaussian i.
+      for (size_t i = begin; i < end; ++i) {
+        TransformCursor cursor;
+        cursor.coefficient.fill(i);
+        transform_kernels_reference().rows(source, cursor, i, i + 1, decoded_.data() + i * dim_,
+                                           false);
+      }
+    });
+  }
+
+  const float* rows_;
+  const float* weights_;
+  size_t n_;
+  size_t dim_;
+  const TransformSettings& settings_;
+  std::vector<float>& decoded_;
+  float step0_ = 0;
+  CodedTransform out_;
+};
+
+}  // namespace
+
+CodedTransform code_transform(const float* rows, const float* weights, size_t n, size_t dim,
+                              const TransformSettings& settings, std::vector<float>* decoded) {
+  return TransformCoder(rows, weights, n, dim, settings, decoded).run();
+}
+
+void drop_gaussians(CodedTransform& c, const std::vector<uint8_t>& keep) {
+  const auto compact = [&](auto& values) {
+    size_t to = 0;
+    for (size_t i = 0; i < keep.size(); ++i) {
+      if (keep[i]) values[to++] = values[i];
+    }
+    values.resize(to);
+  };
+  compact(c.cls);
+  compact(c.level);
+  for (auto& values : c.coefficient) compact(values);
+}
+
+void describe_transform(const CodedTransform& coded, ComponentCoding* coding) {
+  coding->steps = coded.steps;
+  coding->ladder = coded.ladder;
+  coding->basis.num_entries = static_cast<uint32_t>(coded.steps.size() + 1);
+}
+
+}  // namespace l4d

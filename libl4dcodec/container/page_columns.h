@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the two forms of a page have in common.
+#pragma once
+
+#include "libl4dcodec/base/ordered.h"
+#include "libl4dcodec/container/morton.h"
+#include "libl4dcodec/container/page.h"
+
+namespace l4d {
+
+template <typename T>
+void grow(std::vector<T>& v, size_t n) {
+  if (v.size() < n) v.resize(n);
+}
+
+// Coded mean times, in place, to binary16 bits. `at`: file offset for messages.
+Status finish_mean_t(const LayerHeader& layer, const StreamKernels& kernels, size_t n, uint64_t at,
+                     uint16_t* values);
+
+// Sets depths, and from them the numbers of indices and literals.
+Status count_depths(const ComponentCoding& coding, const uint16_t* depths, size_t n, uint64_t at,
+                    ComponentColumns* out);
+
+// The Morton code of coded position i.
+inline uint64_t page_morton(const SceneHeader& header, const PageColumns& columns, size_t i) {
+  if (header.position == MeanCodingId::kFixed) {
+    return morton_code(columns.fixed_position[0][i], columns.fixed_position[1][i],
+                       columns.fixed_position[2][i]);
+  }
+  return morton_code(order_half(columns.position[0][i]), order_half(columns.position[1][i]),
+                     order_half(columns.position[2][i]));
+}
+
+// Contexts of coefficient k of n Gaussians: their classes, and the magnitudes (15 = that or more) of
+// the two coefficients before.
+void coefficient_contexts(const uint8_t* cls, const uint8_t* last, const uint8_t* before, size_t n,
+                          unsigned k, uint8_t* contexts);
+
+}  // namespace l4d

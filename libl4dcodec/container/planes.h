@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: Apache-2.0
+// What a rans32 page is made of, and the tables that its planes are coded with (spec: "rANS pages").
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "libl4dcodec/base/status.h"
+#include "libl4dcodec/container/scene_header.h"
+#include "libl4dcodec/entropy/rans.h"
+
+namespace l4d {
+
+enum class PlaneKind : uint8_t {
+  kPosition,     // gaps of the Morton codes, wide integers; all others are hybrid ones
+  kMeanT,
+  kOpacity,
+  kScaleFactor,
+  kDepth,        // vq
+  kIndex,        // vq, one per stage
+  kLiteral,      // vq, one per number
+  kClass,        // transform
+  kLevel,        // transform, where the ladder has more than one step
+  kCoefficient,  // transform, one per coefficient
+};
+
+struct PlaneSpec {
+  PlaneKind kind;
+  uint8_t component;  // L4D_COMPONENT_*, of the kinds from kDepth on
+  uint8_t index;      // stage, number or coefficient
+  uint8_t contexts;   // how many tables its symbols may tell apart
+};
+
+// A coefficient's context is its Gaussian's class and how large the two coefficients before it are.
+constexpr unsigned kMagnitudes = 5;
+inline unsigned magnitude_context(unsigned sum) {  // of the two magnitudes
+  return unsigned{sum > 0} + unsigned{sum > 2} + unsigned{sum > 6} + unsigned{sum > 14};
+}
+
+constexpr unsigned kMaxEntropyTables = 128;
+
+// Every plane that pages of a layer may have, in the order in which pages hold them. Those of SH are
+// the last, and form a block of their own.
+std::vector<PlaneSpec> page_planes(const SceneHeader& header, const LayerHeader& layer);
+
+// Index of the first plane of SH; the number of planes where there are none.
+size_t first_sh_plane(const std::vector<PlaneSpec>& planes);
+
+// Whether a layer's codings can be told in rans32 pages: raw float32 columns cannot.
+bool rans_codable(const SceneHeader& header, const LayerHeader& layer);
+
+// The tables of a layer.
+struct EntropyTables {
+  std::vector<PlaneSpec> planes;
+  std::vector<uint32_t> entries;           // [tables, kRansSlots], as kernels take them
+  std::vector<std::vector<uint8_t>> maps;  // per plane [contexts]: which table
+
+  uint64_t memory_bytes() const;
+};
+
+// Upper bound of raw_bytes (spec: CHNK-8).
+uint64_t max_entropy_bytes(const std::vector<PlaneSpec>& planes);
+// What the parsed form of `raw` takes.
+uint64_t entropy_memory(ByteSpan raw, const std::vector<PlaneSpec>& planes);
+
+Status parse_entropy_tables(ByteSpan raw, uint64_t base, const SceneHeader& header,
+                            const LayerHeader& layer, EntropyTables* out);
+
+}  // namespace l4d
