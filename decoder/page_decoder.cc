@@ -153,6 +153,9 @@ Status PageDecoder::parse_page(const PageTask& task, ByteSpan bytes, const PageW
     if (chunk.raw_bytes != chunk.stored_bytes) {
       return corrupt("CHNK-3", chunk.offset, "rANS page whose sizes differ");
     }
+    if (chunk.stored_bytes > max_page_bytes(header, task.record.num_gaussians)) {
+      return corrupt("CHNK-8", chunk.offset, "rANS page longer than its content can be");
+    }
     return decode_rans_page(scratch.rans, bytes, chunk.offset, header, header.layers[task.layer],
                             *tables, block_of(task), task.record.num_gaussians, wants,
                             &scratch.columns, sections);

@@ -33,7 +33,7 @@ struct TransformKernels {
   void (*rows)(const TransformSource& source, TransformCursor& cursor, size_t begin, size_t end,
                float* dst, bool past_cache);
   // dst[i] = rotor [8] of the halves whose stereographic coordinates are spatial[i] + temporal[i] and
-  // spatial[i] - temporal[i], each [3]. temporal null = zeros.
+  // spatial[i] - temporal[i], each [3], put on their grid (on_stereographic_grid). temporal null = zeros.
   void (*rotors)(const float* spatial, const float* temporal, size_t n, float* dst, bool past_cache);
   // dst[i] = corner + step * code, [n, 3] from three columns of integers below 2^21.
   void (*positions)(const uint32_t* const columns[3], size_t n, const float corner[3], float step,

@@ -29,8 +29,8 @@ void rotors(const float* spatial, const float* temporal, size_t n, float* dst, b
     for (size_t k = 0; k < 3; ++k) {
       const float u = spatial[3 * i + k];
       const float v = temporal == nullptr ? 0.0f : temporal[3 * i + k];
-      a[k] = u + v;
-      b[k] = u - v;
+      a[k] = on_stereographic_grid(u + v);
+      b[k] = on_stereographic_grid(u - v);
     }
     RotorHalves<float> halves;
     half_of_stereographic(a, halves.a);

@@ -30,7 +30,7 @@ HWY_INLINE bool can_stream(bool past_cache, const float* dst) {
   return past_cache && reinterpret_cast<uintptr_t>(dst) % (4 * sizeof(float)) == 0;
 }
 
-// dst must be a multiple of four floats where it is to be streamed. The caller flushes.
+// To stream, dst must lie at a multiple of 16 bytes. The caller flushes.
 HWY_INLINE void copy_out(const float* HWY_RESTRICT src, size_t n, bool stream,
                          float* HWY_RESTRICT dst) {
   if (!stream) {
@@ -320,11 +320,17 @@ void rows(const TransformSource& source, TransformCursor& cursor, size_t begin, 
   rows_by_level(source, cursor, begin, end, dst, past_cache);
 }
 
+HWY_INLINE V on_grid(V w) {
+  const V offset = hn::Set(D(), 1.5f);
+  return hn::Sub(hn::Add(w, offset), offset);
+}
+
 struct HalfVectors {
   V a0, a1, a2, a3;
 };
 
-HWY_INLINE HalfVectors half_of_stereographic(V u0, V u1, V u2) {
+HWY_INLINE HalfVectors half_of_coordinates(V w0, V w1, V w2) {
+  const V u0 = on_grid(w0), u1 = on_grid(w1), u2 = on_grid(w2);
   const V one = hn::Set(D(), 1.0f);
   const V norm2 = hn::Add(hn::Add(hn::Mul(u0, u0), hn::Mul(u1, u1)), hn::Mul(u2, u2));
   const V divisor = hn::Add(one, norm2);
@@ -345,8 +351,8 @@ void rotors(const float* spatial, const float* temporal, size_t n, float* dst, b
     V v0 = hn::Zero(d), v1 = v0, v2 = v0;
     hn::LoadInterleaved3(d, spatial + 3 * i, u0, u1, u2);
     if (temporal != nullptr) hn::LoadInterleaved3(d, temporal + 3 * i, v0, v1, v2);
-    const HalfVectors a = half_of_stereographic(hn::Add(u0, v0), hn::Add(u1, v1), hn::Add(u2, v2));
-    const HalfVectors b = half_of_stereographic(hn::Sub(u0, v0), hn::Sub(u1, v1), hn::Sub(u2, v2));
+    const HalfVectors a = half_of_coordinates(hn::Add(u0, v0), hn::Add(u1, v1), hn::Add(u2, v2));
+    const HalfVectors b = half_of_coordinates(hn::Sub(u0, v0), hn::Sub(u1, v1), hn::Sub(u2, v2));
     hn::StoreInterleaved4(
         hn::Mul(hn::Add(a.a0, b.a0), half), hn::Mul(hn::Add(a.a1, b.a1), half),
         hn::Mul(hn::Add(a.a2, b.a2), half), hn::Mul(hn::Add(a.a3, b.a3), half), d, first);
@@ -372,12 +378,12 @@ void rotors(const float* spatial, const float* temporal, size_t n, float* dst, b
     for (size_t k = 0; k < 3; ++k) {
       const float u = spatial[3 * i + k];
       const float v = temporal == nullptr ? 0.0f : temporal[3 * i + k];
-      a[k] = u + v;
-      b[k] = u - v;
+      a[k] = on_stereographic_grid(u + v);
+      b[k] = on_stereographic_grid(u - v);
     }
     RotorHalves<float> halves;
-    l4d::half_of_stereographic(a, halves.a);
-    l4d::half_of_stereographic(b, halves.b);
+    half_of_stereographic(a, halves.a);
+    half_of_stereographic(b, halves.b);
     rotor_of_halves(halves, dst + 8 * i);
   }
 }
@@ -399,7 +405,8 @@ void positions(const uint32_t* const columns[3], size_t n, const float corner[3]
   }
   for (; i < n; ++i) {
     for (size_t axis = 0; axis < 3; ++axis) {
-      dst[3 * i + axis] = corner[axis] + step * static_cast<float>(columns[axis][i]);
+      const int32_t code = static_cast<int32_t>(columns[axis][i]);
+      dst[3 * i + axis] = corner[axis] + step * static_cast<float>(code);
     }
   }
 }

@@ -11,7 +11,7 @@ namespace l4d {
 namespace {
 
 // Step of SH coefficients of what hardly weighs, at 44 dB.
-constexpr double kMaxShStep = 0.7;
+constexpr double kMaxShStep = 1.07;
 
 // Thrown out of the innermost loops; caught in encode().
 struct Cancelled {};

@@ -24,8 +24,7 @@ constexpr double kBucketsPerDirectoryPage = 128;
 constexpr size_t kMinBlockGaussians = 8192;
 constexpr size_t kMaxBlocksPerDirectoryPage = 256;
 // Steps of what hardly weighs, at 44 dB: log scales, and stereographic coordinates of rotors.
-constexpr double kMaxScaleStep = 0.5;
-constexpr double kMaxRotorStep = 0.08;
+constexpr double kMaxStep[L4D_COMPONENT_COUNT] = {0, 0.6, 0.08, 0.0215};
 // A change of one of three coordinates moves the four numbers of a half about twice as far, and their
 // squares are averages over four.
 constexpr float kRotorPerStereographic = 6.0f;
@@ -224,7 +223,7 @@ class LayerCoder {
       if (out_.header.component[c].transform()) {
         TransformSettings s;
         s.distortion = quality_.per_number(c);
-        s.max_step = quality_.max_step(rotor ? kMaxRotorStep : kMaxScaleStep);
+        s.max_step = quality_.max_step(kMaxStep[c]);
         s.threads = options_.threads;
         out_.component[c] = code_component_transform(rows.data(), weights.data(), n, dim, s);
         continue;

@@ -72,6 +72,8 @@ void set_importance(const EncoderInput& input, bool gauss_newton, EncoderScene* 
     return std::exp(static_cast<double>(std::max({l[0], l[1], l[2]})));
   };
   const auto square = [](double v) { return v * v; };
+  // Gauss-Newton weights add up the three channels of a pixel; an image error is their mean.
+  const auto gauss_newton_square = [](double v) { return v * v / 3; };
   const float* own_position = gauss_newton ? input.weights[L4D_WEIGHT_POSITION] : nullptr;
   for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) s.importance[c].resize(s.count);
   s.position_importance.resize(s.count);
@@ -80,12 +82,12 @@ void set_importance(const EncoderInput& input, bool gauss_newton, EncoderScene* 
       const float* own = input.weights[kOwn[c]];
       const double given = own == nullptr ? 0.0 : static_cast<double>(own[s.source[i]]);
       s.importance[c][i] = static_cast<float>(own == nullptr ? kSquarePerAlpha[c] * share(i)
-                                              : gauss_newton ? square(given)
+                                              : gauss_newton ? gauss_newton_square(given)
                                                              : kSquarePerSum[c] * given);
     }
     s.position_importance[i] = static_cast<float>(
         own_position != nullptr
-            ? square(static_cast<double>(own_position[s.source[i]]))
+            ? gauss_newton_square(static_cast<double>(own_position[s.source[i]]))
             : kPositionPerScale * static_cast<double>(s.importance[L4D_COMPONENT_SCALE][i]) /
                   square(largest_scale(i)));
     if (input.weights[L4D_WEIGHT_ROTOR_TEMPORAL] == nullptr) {
@@ -224,7 +226,7 @@ Status prepare_scene(const EncoderInput& input, const EncoderSettings& settings,
     s.weight[c].resize(n);
     for (size_t i = 0; i < n; ++i) {
       const float w = given != nullptr ? given[s.source[i]] : proxy_weight(s, i);
-      s.weight[c][i] = given == own && gauss_newton ? w * w : w;
+      s.weight[c][i] = own != nullptr && gauss_newton ? w * w : w;
     }
   }
   if (!lossless) set_importance(input, gauss_newton, out);

@@ -72,7 +72,7 @@ struct QualityPreset {
   double quality;
 };
 constexpr QualityPreset kQualityPresets[] = {
-    {"default", 46}, {"tiny", 40}, {"small", 44}, {"large", 48}, {"archive", 60}};
+    {"default", 44}, {"tiny", 38.5}, {"small", 42}, {"large", 46.5}, {"archive", 56}};
 
 constexpr PresetDescription kPresets[] = {
     {"default", "a middle between small and large"},

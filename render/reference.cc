@@ -115,7 +115,8 @@ std::vector<double> blend(const View<double>& view, const std::vector<Item>& ite
 // Derivative of the scalar by the three channels of a pixel.
 void upstream(const BackwardInput& input, size_t pixel, double* g /* [3] */) {
   for (size_t c = 0; c < 3; ++c) {
-    g[c] = input.rgb_gradient != nullptr ? static_cast<double>(input.rgb_gradient[3 * pixel + c]) : 1;
+    const float* given = input.rgb_gradient;
+    g[c] = given != nullptr ? static_cast<double>(given[3 * pixel + c]) : 1;
   }
 }
 

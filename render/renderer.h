@@ -36,8 +36,8 @@ class Renderer {
   struct ImportanceInput {
     // [height, width, 3] with which weight pixels count, or NULL: 1.
     const float* rgb_gradient = nullptr;
-    // Derivatives by attributes as streams code them (positions at t_ref, rotors normalised), not as the
-    // scene gives them.
+    // Derivatives by attributes as streams code them (positions at t_ref, rotors normalised), not
+    // as the scene gives them.
     bool as_coded = false;
     // Not NULL asks for coverage alone, of those not marked (BackwardInput).
     const uint8_t* seen = nullptr;

@@ -14,8 +14,8 @@ namespace {
 
 constexpr size_t kGrain = 4096;
 
-// A well-mixed hash of a counter (splitmix64's finaliser): signs that depend on seed, view, pixel and
-// channel alone.
+// A well-mixed hash of a counter (splitmix64's finaliser): signs that depend on seed, view,
+// pixel and channel alone.
 uint64_t mix(uint64_t x) {
   x += 0x9e3779b97f4a7c15u;
   x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9u;
@@ -50,8 +50,8 @@ Status Sensitivity::add_view(Renderer& renderer, const l4d_camera& camera, bool 
   Renderer::ImportanceInput input;
   if (seen_only) input.seen = seen_.data();
   if (squared && !seen_only && camera.width <= 16384 && camera.height <= 16384) {
-    // A sign for every channel: with one for all three, derivatives of the channels would add up before
-    // they are squared.
+    // A sign for every channel: with one for all three, derivatives of the channels would add up
+    // before they are squared.
     signs_.resize(static_cast<size_t>(3 * pixels));
     const uint64_t base = mix(mix(options_.seed) + views_);
     parallel_for(renderer.threads(), static_cast<size_t>(pixels), kGrain,
@@ -155,8 +155,8 @@ Status Sensitivity::weights(uint32_t which, float* out) const {
   for (size_t i = 0; i < count(); ++i) {
     const float* sums = (is_sh ? sh_ : geometry_).data() + stride * i + part.first;
     if (options_.measure == L4D_SENSITIVITY_GAUSS_NEWTON) {
-      const double mean = std::accumulate(sums, sums + part.count, 0.0) / static_cast<double>(part.count);
-      out[i] = static_cast<float>(std::sqrt(mean / pixels));
+      const double sum = std::accumulate(sums, sums + part.count, 0.0);
+      out[i] = static_cast<float>(std::sqrt(sum / static_cast<double>(part.count) / pixels));
     } else {
       const float most = *std::max_element(sums, sums + part.count);
       out[i] = static_cast<float>(static_cast<double>(most) / pixels);

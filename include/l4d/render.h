@@ -127,24 +127,25 @@ L4D_API l4d_status l4d_renderer_backward(l4d_renderer* renderer, const l4d_camer
 
 /* ---- importance ---------------------------------------------------------------------------- */
 
-/* How much images change with each Gaussian, by attribute. SH derivatives are those without the clamp of
- * colours at 0: a Gaussian that is clamped to black still hides what lies behind it. Opacities count as
- * values in [0, 1] whatever the scene's flags. */
+/* How much images change with each Gaussian, by attribute. SH derivatives are those without the
+ * clamp of colours at 0: a Gaussian that is clamped to black still hides what lies behind it.
+ * Opacities count as values in [0, 1] whatever the scene's flags. */
 typedef struct l4d_sensitivity l4d_sensitivity;
 
 enum {
-  /* The sensitivity of the paper (section 3.3), as C3DGS defines it. Of each view the sum of all pixels
-   * and channels is taken on black; the magnitude of its derivative by every number of an attribute is
-   * added up over views and divided by the number of pixels, and the largest over the attribute's numbers
-   * is its weight. */
+  /* The sensitivity of the paper (section 3.3), as C3DGS defines it. Of each view the sum of all
+   * pixels and channels is taken on black; the magnitude of its derivative by every number of an
+   * attribute is added up over views and divided by the number of pixels, and the largest over the
+   * attribute's numbers is its weight. Of SH it is the derivative of the sum of one channel. */
   L4D_SENSITIVITY_SUM = 0,
-  /* One unit for all attributes: weight^2 e^2, added up over all numbers that have an error e, predicts the
-   * squared error of images per pixel, channels added up, where errors are independent. A weight is the
-   * root of the mean over the attribute's numbers of the diagonal of the Gauss-Newton matrix: squared
-   * derivatives of each channel of each pixel, added up and divided by the number of pixels. They are
-   * estimated, without bias, by the squared derivative of one sum per view in which every channel of every
-   * pixel has a random sign. Derivatives are by attributes as streams code them: positions at t_ref,
-   * rotors normalised. */
+  /* One unit for all attributes: weight^2 e^2, added up over all numbers that have an error e,
+   * predicts the squared error of images per pixel where errors are independent. That is with the
+   * three channels added up: three times the mean squared error of PSNR. A weight is the root of
+   * the mean, over the attribute's numbers, of the diagonal of the Gauss-Newton matrix: squared
+   * derivatives of each channel of each pixel, added up and divided by the number of pixels. They
+   * are estimated, without bias, by the squared derivative of one sum per view in which every
+   * channel of every pixel has a random sign. Derivatives are by attributes as streams code them:
+   * positions at t_ref, rotors normalised. */
   L4D_SENSITIVITY_GAUSS_NEWTON = 1
 };
 typedef struct l4d_sensitivity_options {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Pages whose planes are coded by rANS (spec: "rANS pages").
 #include <algorithm>
+#include <array>
 
 #include "libl4dcodec/base/ordered.h"
 #include "libl4dcodec/container/page_columns.h"
@@ -13,16 +14,6 @@ constexpr uint8_t kLargeMagnitude = 15;  // all contexts end below
 uint8_t small_magnitude(int16_t q) {
   const int magnitude = q < 0 ? -int{q} : int{q};
   return static_cast<uint8_t>(std::min<int>(magnitude, kLargeMagnitude));
-}
-
-// Keeps the elements of the first n whose level is above `step`.
-template <typename T>
-void keep_above(const std::vector<uint8_t>& level, size_t n, size_t step, std::vector<T>& v) {
-  size_t to = 0;
-  for (size_t i = 0; i < n; ++i) {
-    v[to] = v[i];
-    to += level[i] > step;
-  }
 }
 
 class RansPageParser {
@@ -103,7 +94,9 @@ class RansPageParser {
       return;
     }
     grow(d_.tables, count);
-    for (size_t i = 0; i < count; ++i) d_.tables[i] = map[contexts[i]];
+    std::array<uint8_t, kMaxEntropyTables> padded{};
+    std::copy(map.begin(), map.end(), padded.begin());
+    d_.streams->map_bytes(padded.data(), map.size(), contexts, count, d_.tables.data());
     d_.kernels->hybrid(lanes_, tables_.entries.data(), d_.tables.data(), count, dst);
   }
 
@@ -176,19 +169,29 @@ class RansPageParser {
     if ((above >> (3 * bits)) != 0) {
       return corrupt("RANS-8", at_, "a position is outside its range");
     }
-    for (size_t axis = 0; axis < 3; ++axis) {
-      if (fixed) {
+    if (fixed) {
+      uint32_t* columns[3];
+      for (size_t axis = 0; axis < 3; ++axis) {
         grow(out_.fixed_position[axis], n_);
-        for (size_t i = 0; i < n_; ++i) {
-          out_.fixed_position[axis][i] = morton_coordinate(d_.wide[i] >> axis);
-        }
-        continue;
+        columns[axis] = out_.fixed_position[axis].data();
       }
-      grow(out_.position[axis], n_);
-      for (size_t i = 0; i < n_; ++i) {
-        out_.position[axis][i] = static_cast<uint16_t>(morton_coordinate(d_.wide[i] >> axis));
+      d_.streams->split_morton(d_.wide.data(), n_, columns);
+      return {};
+    }
+    constexpr size_t kBlock = 256;
+    uint32_t block[3][kBlock];
+    uint32_t* const columns[3] = {block[0], block[1], block[2]};
+    for (auto& column : out_.position) grow(column, n_);
+    for (size_t i = 0; i < n_; i += kBlock) {
+      const size_t count = std::min(kBlock, n_ - i);
+      d_.streams->split_morton(d_.wide.data() + i, count, columns);
+      for (size_t axis = 0; axis < 3; ++axis) {
+        std::transform(block[axis], block[axis] + count, out_.position[axis].data() + i,
+                       [](uint32_t v) { return static_cast<uint16_t>(v); });
       }
-      if (d_.streams->unorder_halves(out_.position[axis].data(), n_) >= 0x7c00u) {
+    }
+    for (auto& column : out_.position) {
+      if (d_.streams->unorder_halves(column.data(), n_) >= 0x7c00u) {
         return corrupt("VAL-1", at_, "a coded value is not finite");
       }
     }
@@ -263,34 +266,26 @@ class RansPageParser {
       ++step_;
       compact();
     }
+    const uint8_t* contexts = d_.cls.data();
+    if (k > 0) {
+      grow(contexts_, members_);
+      d_.streams->coefficient_contexts(d_.cls.data(), d_.last.data(), d_.before.data(), members_,
+                                       contexts_.data());
+      contexts = contexts_.data();
+    }
     grow(d_.codes, members_);
-    grow(contexts_, members_);
-    coefficient_contexts(d_.cls.data(), d_.last.data(), d_.before.data(), members_, k,
-                         contexts_.data());
-    hybrid(p, contexts_.data(), members_, d_.codes.data());
+    hybrid(p, contexts, members_, d_.codes.data());
     c.coefficient_count[k] = members_;
     grow(c.coefficient[k], members_);
-    for (size_t i = 0; i < members_; ++i) {
-      const int16_t q = unzigzag16(d_.codes[i]);
-      c.coefficient[k][i] = q;
-      d_.before[i] = d_.last[i];
-      d_.last[i] = small_magnitude(q);
-    }
+    d_.before.swap(d_.last);
+    d_.streams->unzigzag(d_.codes.data(), members_, c.coefficient[k].data(), d_.last.data());
     return {};
   }
 
   // Leaves those Gaussians whose level reaches the step at hand.
   void compact() {
-    keep_above(d_.level, members_, step_, d_.cls);
-    keep_above(d_.level, members_, step_, d_.last);
-    keep_above(d_.level, members_, step_, d_.before);
-    size_t to = 0;
-    for (size_t i = 0; i < members_; ++i) {
-      const uint8_t level = d_.level[i];
-      d_.level[to] = level;
-      to += level > step_;
-    }
-    members_ = to;
+    uint8_t* const arrays[] = {d_.level.data(), d_.cls.data(), d_.last.data(), d_.before.data()};
+    members_ = d_.streams->keep_above(arrays, 4, members_, static_cast<uint8_t>(step_));
   }
 
   RansDecoder& d_;

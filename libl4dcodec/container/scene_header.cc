@@ -63,7 +63,7 @@ class HeaderParser {
     if (h.sh_degree() > 3) return bad("HEAD-4", "SH degree " + std::to_string(h.sh_degree()));
     out_.sh_degree = h.sh_degree();
     L4D_RETURN_IF_ERROR(parse_scalar(*h.opacity(), "opacity", &out_.opacity));
-    L4D_RETURN_IF_ERROR(parse_component(*h.sh(), "sh", out_.sh_dim(), &out_.sh));
+    L4D_RETURN_IF_ERROR(parse_component(*h.sh(), "sh", out_.sh_dim(), false, &out_.sh));
     if (out_.sh.has_rcq) return bad("RCQ-2", "RCQ on the global SH component");
     L4D_RETURN_IF_ERROR(parse_layers(*h.layers()));
     out_.payload_offset = h.payload_offset();
@@ -180,13 +180,13 @@ class HeaderParser {
   }
 
   // dim: numbers of the component's vectors, were it a transform.
-  Status parse_component(const fbs::ComponentCoding& c, const char* what, unsigned dim,
+  Status parse_component(const fbs::ComponentCoding& c, const char* what, unsigned dim, bool rotor,
                          ComponentCoding* out) const {
     if (c.coding() > static_cast<uint8_t>(ComponentCodingId::kTransform)) {
       return unknown(std::string(what) + " coding", c.coding());
     }
     out->coding = static_cast<ComponentCodingId>(c.coding());
-    if (out->transform()) return parse_transform(c, what, dim, out);
+    if (out->transform()) return parse_transform(c, what, dim, rotor, out);
     if (!out->vq()) return {};
     const size_t stages = c.stages() == nullptr ? 0 : c.stages()->size();
     if (stages < 1 || stages > L4D_MAX_STAGES) {
@@ -205,15 +205,16 @@ class HeaderParser {
     return {};
   }
 
-  Status parse_transform(const fbs::ComponentCoding& c, const char* what, unsigned dim,
+  Status parse_transform(const fbs::ComponentCoding& c, const char* what, unsigned dim, bool rotor,
                          ComponentCoding* out) const {
     const std::string name(what);
+    const float max_step = rotor ? 1.0f : 0x1p10f;
     const size_t steps = c.steps() == nullptr ? 0 : c.steps()->size();
     if (steps < 1 || steps > dim) {
       return bad("TRAN-1", name + " of " + std::to_string(steps) + " coefficients");
     }
     for (const float step : *c.steps()) {
-      if (!(step >= 0x1p-30f && step <= 0x1p10f)) return bad("TRAN-2", name + " step out of range");
+      if (!(step >= 0x1p-20f && step <= max_step)) return bad("TRAN-2", name + " step out of range");
       out->steps.push_back(step);
     }
     unsigned last = 0;
@@ -275,8 +276,10 @@ class HeaderParser {
     const fbs::ComponentCoding* parts[] = {nullptr, l.scale(), l.rotor_spatial(), l.rotor_temporal()};
     static constexpr const char* kNames[] = {"", "scale", "rotor_spatial", "rotor_temporal"};
     for (unsigned c = L4D_COMPONENT_SCALE; c < L4D_COMPONENT_COUNT; ++c) {
-      const unsigned dim = c == L4D_COMPONENT_SCALE ? out->scale_dim() : 3;
-      L4D_RETURN_IF_ERROR(parse_component(*parts[c], kNames[c], dim, &out->component[c]));
+      const bool rotor = c != L4D_COMPONENT_SCALE;
+      const unsigned dim = rotor ? 3 : out->scale_dim();
+      L4D_RETURN_IF_ERROR(
+          parse_component(*parts[c], kNames[c], dim, rotor, &out->component[c]));
       if (out->component[c].has_rcq && out->level == 0) return bad("RCQ-2", "RCQ in level 0");
     }
     const bool raw_spatial =

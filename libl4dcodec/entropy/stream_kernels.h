@@ -24,6 +24,21 @@ struct StreamKernels {
   uint16_t (*unorder_halves)(uint16_t* v, size_t n);
   // Largest value, 0 for n = 0.
   uint16_t (*max_value)(const uint16_t* v, size_t n);
+
+  // Bit b of columns[k][i] = bit 3 b + k of codes[i], all of which are below 2^63.
+  void (*split_morton)(const uint64_t* codes, size_t n, uint32_t* const columns[3]);
+  // values[i] = unzigzag(codes[i]); magnitudes[i] = |values[i]|, but at most 15.
+  void (*unzigzag)(const uint16_t* codes, size_t n, int16_t* values, uint8_t* magnitudes);
+  // contexts[i] = 5 cls[i] + (how many of 0, 2, 6 and 14 are below last[i] + before[i]). cls, last and
+  // before hold at most 15.
+  void (*coefficient_contexts)(const uint8_t* cls, const uint8_t* last, const uint8_t* before,
+                               size_t n, uint8_t* contexts);
+  // dst[i] = map[src[i]]. src is below `entries`, at most 128; map is readable up to a multiple of 16.
+  void (*map_bytes)(const uint8_t* map, size_t entries, const uint8_t* src, size_t n, uint8_t* dst);
+  // Of each of the arrays [n], in place, leaves the elements i where arrays[0][i] is above `limit`, in
+  // order, and returns their number. What lies behind them, up to n, is undefined. Numbers in arrays[0],
+  // and the limit, are below 128.
+  size_t (*keep_above)(uint8_t* const* arrays, size_t num_arrays, size_t n, uint8_t limit);
 };
 
 // Scalar loops in the words of the specification.

@@ -50,11 +50,57 @@ uint16_t max_value(const uint16_t* v, size_t n) {
   return n == 0 ? uint16_t{0} : *std::max_element(v, v + n);
 }
 
+void split_morton(const uint64_t* codes, size_t n, uint32_t* const columns[3]) {
+  for (size_t i = 0; i < n; ++i) {
+    for (unsigned k = 0; k < 3; ++k) {
+      uint32_t coordinate = 0;
+      for (unsigned b = 0; b < 21; ++b) {
+        coordinate |= static_cast<uint32_t>(codes[i] >> (3 * b + k) & 1u) << b;
+      }
+      columns[k][i] = coordinate;
+    }
+  }
+}
+
+void unzigzag(const uint16_t* codes, size_t n, int16_t* values, uint8_t* magnitudes) {
+  for (size_t i = 0; i < n; ++i) {
+    const int half = codes[i] >> 1;
+    const int value = codes[i] % 2 == 0 ? half : -half - 1;
+    values[i] = static_cast<int16_t>(value);
+    magnitudes[i] = static_cast<uint8_t>(std::min(value < 0 ? -value : value, 15));
+  }
+}
+
+void coefficient_contexts(const uint8_t* cls, const uint8_t* last, const uint8_t* before, size_t n,
+                          uint8_t* contexts) {
+  for (size_t i = 0; i < n; ++i) {
+    const int sum = last[i] + before[i];
+    contexts[i] =
+        static_cast<uint8_t>(5 * cls[i] + (sum > 0) + (sum > 2) + (sum > 6) + (sum > 14));
+  }
+}
+
+void map_bytes(const uint8_t* map, size_t entries, const uint8_t* src, size_t n, uint8_t* dst) {
+  (void)entries;
+  for (size_t i = 0; i < n; ++i) dst[i] = map[src[i]];
+}
+
+size_t keep_above(uint8_t* const* arrays, size_t num_arrays, size_t n, uint8_t limit) {
+  size_t to = 0;
+  for (size_t i = 0; i < n; ++i) {
+    if (arrays[0][i] <= limit) continue;
+    for (size_t a = 0; a < num_arrays; ++a) arrays[a][to] = arrays[a][i];
+    ++to;
+  }
+  return to;
+}
+
 }  // namespace
 
 const StreamKernels& stream_kernels_reference() {
-  static constexpr StreamKernels kKernels = {unpack_bits, merge_bytes, widen_bytes, undelta,
-                                             unorder_halves, max_value};
+  static constexpr StreamKernels kKernels = {
+      unpack_bits,  merge_bytes, widen_bytes,          undelta,   unorder_halves, max_value,
+      split_morton, unzigzag,    coefficient_contexts, map_bytes, keep_above};
   return kKernels;
 }
 

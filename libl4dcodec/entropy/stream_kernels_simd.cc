@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
+#include <array>
 #include <cstring>
 
 #include "libl4dcodec/entropy/stream_kernels.h"
@@ -143,9 +144,138 @@ uint16_t max_value(const uint16_t* v, size_t n) {
   return best;
 }
 
+// Bits 0, 3, 6, .. drawn together. Each step halves the number of gaps.
+template <class D64, class V64>
+HWY_INLINE V64 morton_coordinate(D64 d, V64 v) {
+  v = hn::And(v, hn::Set(d, 0x1249249249249249ull));
+  v = hn::And(hn::Xor(v, hn::ShiftRight<2>(v)), hn::Set(d, 0x10c30c30c30c30c3ull));
+  v = hn::And(hn::Xor(v, hn::ShiftRight<4>(v)), hn::Set(d, 0x100f00f00f00f00full));
+  v = hn::And(hn::Xor(v, hn::ShiftRight<8>(v)), hn::Set(d, 0x001f0000ff0000ffull));
+  v = hn::And(hn::Xor(v, hn::ShiftRight<16>(v)), hn::Set(d, 0x001f00000000ffffull));
+  return hn::And(hn::Xor(v, hn::ShiftRight<32>(v)), hn::Set(d, 0x1fffffull));
+}
+
+void split_morton(const uint64_t* codes, size_t n, uint32_t* const columns[3]) {
+  const auto split = [&](auto d, size_t i) HWY_ATTR {
+    const hn::Rebind<uint32_t, decltype(d)> d32;
+    const auto v = hn::LoadU(d, codes + i);
+    hn::StoreU(hn::TruncateTo(d32, morton_coordinate(d, v)), d32, columns[0] + i);
+    hn::StoreU(hn::TruncateTo(d32, morton_coordinate(d, hn::ShiftRight<1>(v))), d32, columns[1] + i);
+    hn::StoreU(hn::TruncateTo(d32, morton_coordinate(d, hn::ShiftRight<2>(v))), d32, columns[2] + i);
+  };
+  const hn::ScalableTag<uint64_t> d;
+  size_t i = 0;
+  for (; i + hn::Lanes(d) <= n; i += hn::Lanes(d)) split(d, i);
+  for (; i < n; ++i) split(hn::CappedTag<uint64_t, 1>(), i);
+}
+
+void unzigzag(const uint16_t* codes, size_t n, int16_t* values, uint8_t* magnitudes) {
+  const auto one_vector = [&](auto d, size_t i) HWY_ATTR {
+    const hn::RebindToSigned<decltype(d)> di;
+    const hn::Rebind<uint8_t, decltype(d)> d8;
+    const auto z = hn::LoadU(d, codes + i);
+    const auto odd = hn::And(z, hn::Set(d, 1));
+    const auto half = hn::ShiftRight<1>(z);
+    hn::StoreU(hn::BitCast(di, hn::Xor(half, hn::Sub(hn::Zero(d), odd))), di, values + i);
+    const auto magnitude = hn::Min(hn::Add(half, odd), hn::Set(d, 15));
+    hn::StoreU(hn::DemoteTo(d8, hn::BitCast(di, magnitude)), d8, magnitudes + i);
+  };
+  const hn::ScalableTag<uint16_t> d;
+  size_t i = 0;
+  for (; i + hn::Lanes(d) <= n; i += hn::Lanes(d)) one_vector(d, i);
+  for (; i < n; ++i) one_vector(hn::CappedTag<uint16_t, 1>(), i);
+}
+
+void coefficient_contexts(const uint8_t* cls, const uint8_t* last, const uint8_t* before, size_t n,
+                          uint8_t* contexts) {
+  size_t i = 0;
+#if HWY_TARGET != HWY_SCALAR
+  // By the sum, of which all from 15 on are alike.
+  alignas(16) static constexpr uint8_t kMagnitudes[16] = {0, 1, 1, 2, 2, 2, 2, 3,
+                                                          3, 3, 3, 3, 3, 3, 3, 4};
+  const hn::ScalableTag<uint8_t> d;
+  const auto magnitudes = hn::LoadDup128(d, kMagnitudes);
+  for (; i + hn::Lanes(d) <= n; i += hn::Lanes(d)) {
+    const auto sum = hn::Add(hn::LoadU(d, last + i), hn::LoadU(d, before + i));
+    const auto magnitude = hn::TableLookupBytes(magnitudes, hn::Min(sum, hn::Set(d, 15)));
+    const auto c = hn::LoadU(d, cls + i);
+    const auto c2 = hn::Add(c, c);
+    hn::StoreU(hn::Add(hn::Add(hn::Add(c2, c2), c), magnitude), d, contexts + i);
+  }
+#endif
+  for (; i < n; ++i) {
+    const int sum = last[i] + before[i];
+    contexts[i] =
+        static_cast<uint8_t>(5 * cls[i] + (sum > 0) + (sum > 2) + (sum > 6) + (sum > 14));
+  }
+}
+
+void map_bytes(const uint8_t* map, size_t entries, const uint8_t* src, size_t n, uint8_t* dst) {
+  size_t i = 0;
+#if HWY_TARGET != HWY_SCALAR
+  const hn::ScalableTag<uint8_t> d;
+  for (; i + hn::Lanes(d) <= n; i += hn::Lanes(d)) {
+    auto index = hn::LoadU(d, src + i);
+    auto found = hn::Zero(d);
+    for (size_t at = 0; at < entries; at += 16) {
+      // 0..15 become 0x70..0x7f; all others have the top bit set, for which a lookup gives 0.
+      const auto here = hn::SaturatedAdd(index, hn::Set(d, 0x70));
+      found = hn::Or(found, hn::TableLookupBytesOr0(hn::LoadDup128(d, map + at), here));
+      index = hn::Sub(index, hn::Set(d, 16));
+    }
+    hn::StoreU(found, d, dst + i);
+  }
+#else
+  (void)entries;
+#endif
+  for (; i < n; ++i) dst[i] = map[src[i]];
+}
+
+#if HWY_TARGET != HWY_SCALAR
+// kKept[mask]: the places of the bits of a mask, then anything.
+constexpr auto make_kept() {
+  std::array<std::array<uint8_t, 8>, 256> kept{};
+  for (size_t mask = 0; mask < 256; ++mask) {
+    size_t to = 0;
+    for (uint8_t bit = 0; bit < 8; ++bit) {
+      if ((mask >> bit & 1) != 0) kept[mask][to++] = bit;
+    }
+  }
+  return kept;
+}
+#endif
+
+size_t keep_above(uint8_t* const* arrays, size_t num_arrays, size_t n, uint8_t limit) {
+  size_t i = 0, to = 0;
+#if HWY_TARGET != HWY_SCALAR
+  // Eight at a time. Whole groups are written, which reach no further than what has been read.
+  static constexpr auto kKept = make_kept();
+  const hn::CappedTag<uint8_t, 8> d;
+  const hn::RebindToSigned<decltype(d)> di;
+  const auto limits = hn::Set(di, static_cast<int8_t>(limit));
+  for (; hn::Lanes(d) == 8 && i + 8 <= n; i += 8) {
+    uint8_t mask[8];
+    const auto values = hn::BitCast(di, hn::LoadU(d, arrays[0] + i));
+    hn::StoreMaskBits(di, hn::Gt(values, limits), mask);
+    const auto places = hn::LoadU(d, kKept[mask[0]].data());
+    for (size_t a = 0; a < num_arrays; ++a) {
+      hn::StoreU(hn::TableLookupBytes(hn::LoadU(d, arrays[a] + i), places), d, arrays[a] + to);
+    }
+    to += hwy::PopCount(mask[0]);
+  }
+#endif
+  for (; i < n; ++i) {
+    const bool keep = arrays[0][i] > limit;
+    for (size_t a = 0; a < num_arrays; ++a) arrays[a][to] = arrays[a][i];
+    to += keep;
+  }
+  return to;
+}
+
 const StreamKernels* kernels() {
-  static constexpr StreamKernels kKernels = {unpack_bits, merge_bytes, widen_bytes, undelta,
-                                             unorder_halves, max_value};
+  static constexpr StreamKernels kKernels = {
+      unpack_bits,  merge_bytes, widen_bytes,          undelta,   unorder_halves, max_value,
+      split_morton, unzigzag,    coefficient_contexts, map_bytes, keep_above};
   return &kKernels;
 }
 

@@ -116,6 +116,9 @@ class FlatBuffer:
     def vector(self, kind, at, path):
         n = self.unpack("<I", at)
         self.claim(at, at + 4, f"{path}: {n} elements")
+        if kind in SCALARS:
+            size = struct.calcsize(SCALARS[kind])
+            return [self.scalar(kind, at + 4 + size * i, f"{path}[{i}]") for i in range(n)]
         if self.schema.kinds[kind] == "struct":
             size = self.schema.size_align(kind)[0]
             return [self.struct(kind, at + 4 + size * i, f"{path}[{i}]") for i in range(n)]

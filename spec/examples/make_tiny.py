@@ -18,7 +18,7 @@ HERE = Path(__file__).resolve().parent
 
 class Table:
     """fields: (slot, form, value) in any order. Values of form "offset", which are a Table, a list
-    of Tables or of Structs, or bytes of a string, go behind the table."""
+    of Tables or of Structs, Scalars, or bytes of a string, go behind the table."""
 
     def __init__(self, *fields):
         self.fields = list(fields)
@@ -27,6 +27,14 @@ class Table:
 class Struct(bytes):
     """Packed bytes that lie inside their table or vector. All structs of the schema but Vec3 are
     aligned to 8."""
+
+
+class Scalars(list):
+    """A vector of numbers of at most 4 bytes each, all of one form."""
+
+    def __init__(self, form, values):
+        super().__init__(values)
+        self.form = form
 
 
 def chunk_ref(offset, raw):
@@ -81,6 +89,10 @@ def write_flatbuffer(root, identifier):
             align(4)
             out.extend(struct.pack("<I", len(child)) + child + b"\0")
             return len(out) - len(child) - 5
+        if isinstance(child, Scalars):
+            align(4)
+            out.extend(struct.pack(f"<I{len(child)}{child.form}", len(child), *child))
+            return len(out) - struct.calcsize(f"<I{len(child)}{child.form}")
         structs = bool(child) and isinstance(child[0], Struct)
         align(8 if structs else 4, ahead=4 if structs else 0)
         begin = len(out)

@@ -116,7 +116,7 @@ static void encode_scene(const scene* s, buffer* out, const char* path) {
   l4d_encoder_options_init(&options);
   options.threads = 1;
   CHECK_OK(l4d_encoder_create(&options, &encoder));
-  CHECK_OK(l4d_encoder_set_preset(encoder, "high"));
+  CHECK_OK(l4d_encoder_set_preset(encoder, "indexed-high"));
   CHECK_OK(l4d_encoder_set(encoder, L4D_ENC_MERGE_COUNT, L4D_ALL_COMPONENTS, 20));
   CHECK_OK(l4d_encoder_set_scene(encoder, &g, &timeline, &placement));
   CHECK_OK(l4d_encoder_add_metadata(encoder, "title", "end to end"));

@@ -10,7 +10,7 @@ namespace l4d::test {
 
 EncodeOptions small_options() {
   EncodeOptions o;
-  o.preset = "small";
+  o.preset = "indexed-small";
   o.settings = {{L4D_ENC_CODEBOOK_SIZE, 64},
                 {L4D_ENC_KMEANS_ITERATIONS, 4},
                 {L4D_ENC_MERGE_COUNT, 40},
@@ -21,6 +21,7 @@ EncodeOptions small_options() {
 
 void prepare_encoder(const TestScene& scene, const EncodeOptions& options, const EncoderHandle& e) {
   e.check(l4d_encoder_set_preset(e.get(), options.preset));
+  e.check(l4d_encoder_set(e.get(), L4D_ENC_RANS, L4D_ALL_COMPONENTS, options.rans ? 1 : 0));
   for (const Setting& s : options.settings) {
     e.check(l4d_encoder_set(e.get(), s.id, s.component, s.value));
   }

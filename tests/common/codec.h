@@ -22,7 +22,8 @@ struct Setting {
 };
 
 struct EncodeOptions {
-  const char* preset = "default";
+  const char* preset = "indexed";
+  bool rans = false;  // pages of streams, which tests can take apart, unless set
   std::vector<Setting> settings;
   std::vector<std::pair<int32_t, std::vector<float>>> stages;  // component, fractions
   uint32_t threads = 1;

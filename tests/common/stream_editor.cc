@@ -29,6 +29,11 @@ StreamDecoder& decoder() {
 EditedChunk take(const Bytes& file, const ChunkRef& ref) {
   EditedChunk chunk;
   chunk.codec = ref.codec;
+  if (ref.codec == static_cast<uint32_t>(ChunkCodec::kRans32)) {
+    const ByteSpan stored = part(file, ref.offset, ref.stored_bytes);
+    chunk.raw.assign(stored.begin(), stored.end());
+    return chunk;
+  }
   Bytes storage;
   ByteSpan raw;
   require(decode_chunk(decoder(), ref.codec, part(file, ref.offset, ref.stored_bytes),
@@ -84,15 +89,20 @@ StreamEditor::StreamEditor(const Bytes& bytes) {
   require(FileHeader::parse(part(bytes, 0, FileHeader::kBytes), &file));
   require(parse_scene_header(part(bytes, file.header_offset, file.header_bytes), file.header_offset,
                              &header));
-  for (const StageCoding& s : header.sh.stages) sh_books.push_back(take(bytes, s.codebook));
+  for (size_t s = 0; s < header.sh.num_books(); ++s) {
+    sh_books.push_back(take(bytes, header.sh.book(s).codebook));
+  }
   for (uint32_t l = 0; l < header.layers.size(); ++l) {
     const LayerHeader& layer = header.layers[l];
     EditedLayer out;
     for (unsigned c = L4D_COMPONENT_SCALE; c < L4D_COMPONENT_COUNT; ++c) {
       const ComponentCoding& coding = layer.component[c];
-      for (const StageCoding& s : coding.stages) out.books[c].push_back(take(bytes, s.codebook));
+      for (size_t s = 0; s < coding.num_books(); ++s) {
+        out.books[c].push_back(take(bytes, coding.book(s).codebook));
+      }
       if (coding.has_rcq) out.rcq[c] = take(bytes, coding.rcq.codebook);
     }
+    if (layer.has_entropy) out.entropy = take(bytes, layer.entropy);
     for (uint32_t d = 0; layer.num_gaussians > 0 && d < num_directory_pages(layer); ++d) {
       out.directory.push_back(take_directory_page(bytes, header, l, d));
     }
@@ -103,17 +113,18 @@ StreamEditor::StreamEditor(const Bytes& bytes) {
 Bytes StreamEditor::build() {
   SceneHeader h = header;
   Bytes out(FileHeader::kBytes, 0);
-  for (size_t s = 0; s < sh_books.size() && s < h.sh.stages.size(); ++s) {
-    h.sh.stages[s].codebook = put(sh_books[s], 0, &out);
+  for (size_t s = 0; s < sh_books.size() && s < h.sh.num_books(); ++s) {
+    h.sh.book(s).codebook = put(sh_books[s], 0, &out);
   }
   for (size_t l = 0; l < layers.size() && l < h.layers.size(); ++l) {
     for (unsigned c = L4D_COMPONENT_SCALE; c < L4D_COMPONENT_COUNT; ++c) {
       ComponentCoding& coding = h.layers[l].component[c];
-      for (size_t s = 0; s < layers[l].books[c].size() && s < coding.stages.size(); ++s) {
-        coding.stages[s].codebook = put(layers[l].books[c][s], 0, &out);
+      for (size_t s = 0; s < layers[l].books[c].size() && s < coding.num_books(); ++s) {
+        coding.book(s).codebook = put(layers[l].books[c][s], 0, &out);
       }
       if (coding.has_rcq) coding.rcq.codebook = put(layers[l].rcq[c], 0, &out);
     }
+    if (h.layers[l].has_entropy) h.layers[l].entropy = put(layers[l].entropy, 0, &out);
   }
   h.payload_offset = out.size();
   for (EditedLayer& layer : layers) {
@@ -197,7 +208,11 @@ std::vector<PageStream> StreamEditor::streams(const Place& place, size_t page) c
     if (coding.coding == ScalarCodingId::kRaw32) step(name, n, 32);
   };
   for (const char* axis : {"x", "y", "z"}) mean(std::string("position.") + axis, header.position);
-  mean("mean_t", layer.mean_t);
+  if (layer.mean_t == MeanCodingId::kF16) {
+    step("mean_t", n, 16 - layer.mean_t_shift);
+  } else {
+    mean("mean_t", layer.mean_t);
+  }
   scalar("opacity", header.opacity);
   scalar("scale_factor", layer.scale_factor);
   static constexpr const char* kNames[] = {"sh", "scale", "rotor_spatial", "rotor_temporal"};
@@ -207,6 +222,21 @@ std::vector<PageStream> StreamEditor::streams(const Place& place, size_t page) c
     const std::string name = kNames[c];
     if (coding.coding == ComponentCodingId::kRaw32) {
       for (unsigned k = 0; k < dim; ++k) step(name + ".raw." + std::to_string(k), n, 32);
+    }
+    if (coding.transform()) {
+      step(name + ".class", n, 4);
+      std::vector<uint16_t> rung(n, 1);
+      if (coding.ladder.size() > 1) {
+        const unsigned width = bit_width(static_cast<uint32_t>(coding.ladder.size() + 1));
+        ByteReader again(ByteSpan(raw).subspan(in.position(), in.remaining()));
+        require(decode_stream(decoder(), again, 0, n, width, 0, "", rung.data()));
+        step(name + ".rung", n, width);
+      }
+      for (unsigned k = 0; k < coding.coefficients(); ++k) {
+        size_t count = 0;
+        for (const uint16_t r : rung) count += level_coefficients(coding, r) > k;
+        step(name + ".coefficient." + std::to_string(k), count, 16);
+      }
     }
     if (!coding.vq()) continue;
     std::vector<uint16_t> depth(n, static_cast<uint16_t>(coding.stages.size()));

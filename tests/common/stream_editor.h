@@ -30,7 +30,7 @@ struct EditedChunk {
 struct EditedDirectoryPage {
   bool present = false;            // false: the page table says that it is empty
   DirectoryPage page;              // chunk references are filled in by build()
-  std::vector<EditedChunk> pages;  // beside page.pages
+  std::vector<EditedChunk> pages;  // beside page.pages; of rans32 pages the stored bytes
   std::vector<std::array<EditedChunk, L4D_COMPONENT_COUNT>> tables;  // beside page.blocks
   uint32_t says_layer = 0, says_index = 0;
   EditedChunk chunk;                     // raw is made by build()
@@ -40,6 +40,7 @@ struct EditedDirectoryPage {
 struct EditedLayer {
   std::array<std::vector<EditedChunk>, L4D_COMPONENT_COUNT> books;
   std::array<EditedChunk, L4D_COMPONENT_COUNT> rcq;
+  EditedChunk entropy;  // where the header has it
   std::vector<EditedDirectoryPage> directory;
   // After its own checksum: damages a page table entry.
   std::function<void(Bytes& table)> on_page_table;

@@ -240,7 +240,7 @@ TEST(Component, AllLiterals) {
   rank_codebooks(c, {});
   ComponentCoding coding;
   coding.coding = ComponentCodingId::kVq;
-  describe_vq(c, &coding);
+  describe_component(c, &coding);
   EXPECT_TRUE(coding.literals);
   ASSERT_GE(coding.stages.size(), 1u);
   EXPECT_EQ(coding.stages[0].num_entries, 1u);

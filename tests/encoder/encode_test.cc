@@ -182,7 +182,7 @@ std::vector<BadValue> bad_values() {
 
 TEST(InvalidInput, IsRefusedByName) {
   for (const BadValue& bad : bad_values()) {
-    for (const char* preset : {"default", "lossless"}) {
+    for (const char* preset : {"default", "indexed", "lossless"}) {
       TestScene scene = scene_of(100);
       (scene.*bad.array)[bad.dim * 57 + bad.dim - 1] = bad.value;
       EncodeOptions o = small_options();
@@ -354,7 +354,7 @@ TEST(Weights, AllZero) {
 // ---- odd scenes --------------------------------------------------------------------------------
 
 TEST(OddScenes, FewGaussiansInEveryDegreeAndPreset) {
-  for (const char* preset : {"default", "high", "lossless"}) {
+  for (const char* preset : {"default", "indexed", "indexed-high", "lossless"}) {
     for (uint32_t degree = 0; degree <= 3; ++degree) {
       for (uint64_t count = 1; count <= 3; ++count) {
         SceneOptions s;
@@ -415,7 +415,7 @@ TEST(OddScenes, ExtremeValues) {
     if (i % 5 == 4) scene.opacity[i] = i % 2 == 0 ? 0.0f : 1.0f;
     if (i % 7 == 0) std::fill_n(scene.rotor.begin() + static_cast<std::ptrdiff_t>(8 * i), 8, 0.0f);
   }
-  for (const char* preset : {"default", "high", "lossless"}) {
+  for (const char* preset : {"default", "indexed", "indexed-high", "lossless"}) {
     EncodeOptions o;
     o.preset = preset;
     o.settings = {{L4D_ENC_MERGE_COUNT, 0}, {L4D_ENC_MERGE_FRACTION, 0}};

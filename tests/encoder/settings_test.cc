@@ -51,7 +51,11 @@ TEST(Settings, RangesAreThoseOfTheHeader) {
   EXPECT_EQ(range(L4D_ENC_MERGE_FRACTION), R(0, 1));
   EXPECT_EQ(range(L4D_ENC_PAGE_SIZE), R(64, 65536));
   EXPECT_EQ(range(L4D_ENC_GAUGE), R(0, 3));
-  EXPECT_EQ(range(L4D_ENC_OPACITY_BITS), R(1, 16));
+  EXPECT_EQ(range(L4D_ENC_OPACITY_BITS), R(0, 16));
+  EXPECT_EQ(range(L4D_ENC_CODING), R(0, 1));
+  EXPECT_EQ(range(L4D_ENC_QUALITY), R(20, 90));
+  EXPECT_EQ(range(L4D_ENC_QUALITY_OFFSET), R(-30, 30));
+  EXPECT_EQ(range(L4D_ENC_MEAN_T_SHIFT), R(-1, 10));
   EXPECT_EQ(range(L4D_ENC_SCALE_FACTOR_BITS), R(1, 16));
   EXPECT_EQ(range(L4D_ENC_KMEANS_ITERATIONS), R(0, 1000));
   EXPECT_EQ(range(L4D_ENC_KMEANS_SAMPLE), R(1, 1000000));
@@ -113,25 +117,35 @@ TEST(Settings, PresetsReplaceEverything) {
     const EncoderHandle e;
     EXPECT_EQ(l4d_encoder_set_preset(e.get(), l4d_encoder_preset_name(i)), L4D_OK);
   }
-  EXPECT_EQ(names, (std::set<std::string>{"default", "small", "high", "paper-small", "paper-large",
-                                          "lossless"}));
-  EXPECT_EQ(l4d_encoder_preset_description(6), nullptr);
+  EXPECT_EQ(names, (std::set<std::string>{"default", "tiny", "small", "large", "archive", "indexed",
+                                          "indexed-small", "indexed-high", "paper-small",
+                                          "paper-large", "lossless"}));
+  EXPECT_EQ(l4d_encoder_preset_description(11), nullptr);
 
   EncoderSettings s;
   ASSERT_TRUE(s.set_preset("lossless").ok());
   EXPECT_TRUE(s.get_bool(L4D_ENC_LOSSLESS));
   ASSERT_TRUE(s.set(L4D_ENC_PAGE_SIZE, L4D_ALL_COMPONENTS, 64).ok());
-  ASSERT_TRUE(s.set_preset("high").ok());
+  ASSERT_TRUE(s.set_preset("indexed-high").ok());
   EXPECT_FALSE(s.get_bool(L4D_ENC_LOSSLESS));
   EXPECT_EQ(s.get(L4D_ENC_PAGE_SIZE), EncoderSettings().get(L4D_ENC_PAGE_SIZE));
   EXPECT_EQ(s.stages(L4D_COMPONENT_SH).size(), 6u);
   EXPECT_EQ(s.stages(L4D_COMPONENT_SCALE), (std::vector<float>{1.0f, 0.6f, 0.2f}));
-  ASSERT_TRUE(s.set_preset("small").ok());
+  ASSERT_TRUE(s.set_preset("indexed-small").ok());
   for (int c = 0; c < L4D_COMPONENT_COUNT; ++c) EXPECT_EQ(s.stages(c), (std::vector<float>{1.0f}));
-  ASSERT_TRUE(s.set_preset("default").ok());
+  ASSERT_TRUE(s.set_preset("indexed").ok());
   for (int c = 0; c < L4D_COMPONENT_COUNT; ++c) EXPECT_EQ(s.stages(c), EncoderSettings().stages(c));
+  EXPECT_EQ(s.get(L4D_ENC_CODING), 0);
+  ASSERT_TRUE(s.set_preset("default").ok());
   for (int id = 0; id < L4D_ENC_PARAMETER_COUNT; ++id) {
     EXPECT_EQ(s.get(parameter(id)), describe_parameter(parameter(id)).initial);
+  }
+  double quality = 0;
+  for (const char* name : {"tiny", "small", "large", "archive"}) {
+    ASSERT_TRUE(s.set_preset(name).ok());
+    EXPECT_EQ(s.get(L4D_ENC_CODING), 1);
+    EXPECT_GT(s.get(L4D_ENC_QUALITY), quality) << name;
+    quality = s.get(L4D_ENC_QUALITY);
   }
   // The paper's settings, appendix "Compression".
   ASSERT_TRUE(s.set_preset("paper-large").ok());
@@ -147,7 +161,7 @@ TEST(Settings, PresetsReplaceEverything) {
   EXPECT_EQ(s.get(L4D_ENC_LITERAL_THRESHOLD, L4D_COMPONENT_ROTOR_TEMPORAL), 8e-6);
 
   // Effort sets how hard k-means and zstd try, and each step tries no less hard than the one before.
-  ASSERT_TRUE(s.set_preset("default").ok());
+  ASSERT_TRUE(s.set_preset("indexed").ok());
   for (int effort = 2; effort <= 9; ++effort) {
     EncoderSettings less;
     ASSERT_TRUE(less.set(L4D_ENC_EFFORT, L4D_ALL_COMPONENTS, effort - 1).ok());

@@ -16,7 +16,8 @@ namespace {
 struct Recipe {
   uint32_t count = 12;
   uint32_t sh_degree = 0;
-  const char* preset = "small";
+  const char* preset = "indexed-small";
+  bool rans = false;
   uint32_t stages = 1;
   double literal_threshold = 0;
 };
@@ -35,7 +36,10 @@ Bytes encode_small(const Recipe& recipe) {
   const bool lossless = std::string(recipe.preset) == "lossless";
   if (lossless) scene.flags = L4D_POSITION_AT_MEAN_TIME;
   std::vector<std::pair<l4d_encoder_parameter, double>> settings = {
-      {L4D_ENC_MERGE_COUNT, 3}, {L4D_ENC_PAGE_SIZE, 64}, {L4D_ENC_ZSTD_LEVEL, 3}};
+      {L4D_ENC_MERGE_COUNT, 3},
+      {L4D_ENC_PAGE_SIZE, 64},
+      {L4D_ENC_ZSTD_LEVEL, 3},
+      {L4D_ENC_RANS, recipe.rans ? 1 : 0}};
   if (!lossless) {
     settings.insert(settings.end(), {{L4D_ENC_CODEBOOK_SIZE, 2},
                                      {L4D_ENC_KMEANS_ITERATIONS, 4},
@@ -99,9 +103,12 @@ Bytes with_codec(const Bytes& file, uint32_t codec) {
     for (auto& books : layer.books) {
       for (EditedChunk& book : books) book.codec = codec;
     }
+    layer.entropy.codec = codec;
     for (EditedDirectoryPage& d : layer.directory) {
       d.chunk.codec = codec;
-      for (EditedChunk& page : d.pages) page.codec = codec;
+      for (EditedChunk& page : d.pages) {
+        if (page.codec != static_cast<uint32_t>(ChunkCodec::kRans32)) page.codec = codec;
+      }
     }
   }
   return editor.build();
@@ -111,12 +118,18 @@ Bytes with_codec(const Bytes& file, uint32_t codec) {
 
 const std::vector<SmallFile>& small_files() {
   static const std::vector<SmallFile> kFiles = [] {
-    Recipe stages, degree3, lossless;
+    Recipe stages, degree3, lossless, transform, rans;
     stages.stages = 3;
     stages.literal_threshold = 2.5;
     stages.sh_degree = 1;
     degree3.sh_degree = 3;
     lossless.preset = "lossless";
+    transform.preset = "default";
+    transform.sh_degree = 1;
+    rans = stages;
+    rans.rans = true;
+    Recipe both = transform;
+    both.rans = true;
     // Stored chunks let damage reach what lies in them.
     const Bytes plain = with_codec(encode_small({}), 0);
     return std::vector<SmallFile>{{"plain", plain},
@@ -124,7 +137,10 @@ const std::vector<SmallFile>& small_files() {
                                   {"degree3", with_codec(encode_small(degree3), 0)},
                                   {"blocks", with_blocks(plain)},
                                   {"lossless", with_codec(encode_small(lossless), 0)},
-                                  {"packed", with_codec(encode_small(stages), 1)}};
+                                  {"packed", with_codec(encode_small(stages), 1)},
+                                  {"transform", with_codec(encode_small(transform), 0)},
+                                  {"rans", with_codec(encode_small(rans), 0)},
+                                  {"rans-transform", with_codec(encode_small(both), 0)}};
   }();
   return kFiles;
 }

@@ -137,6 +137,87 @@ std::unique_ptr<Call> make_max(const CallOptions& o) {
       });
 }
 
+std::unique_ptr<Call> make_split_morton(const CallOptions& o) {
+  std::vector<uint64_t> codes(o.n + o.offset, 0);
+  for (unsigned part = 0; part < 4; ++part) {
+    CallOptions salted = o;
+    salted.seed += part;
+    const auto bits = integers(salted, codes.size(), 16);
+    for (size_t i = 0; i < codes.size(); ++i) codes[i] |= uint64_t{bits[i]} << (16 * part);
+  }
+  for (uint64_t& code : codes) code &= ~uint64_t{0} >> 1;
+  return std::make_unique<ArrayCall<uint32_t>>(
+      3 * o.n, o.offset, std::vector<uint32_t>(),
+      [codes, o](const Kernels& k, uint32_t* out) -> uint64_t {
+        uint32_t* const columns[3] = {out, out + o.n, out + 2 * o.n};
+        k.stream->split_morton(codes.data() + o.offset, o.n, columns);
+        return 0;
+      });
+}
+
+std::unique_ptr<Call> make_unzigzag(const CallOptions& o) {
+  return std::make_unique<ArrayCall<uint16_t>>(
+      o.n + (o.n + 1) / 2, o.offset, std::vector<uint16_t>(),
+      [codes = integers(o, o.n + o.offset, 16), o](const Kernels& k, uint16_t* out) -> uint64_t {
+        k.stream->unzigzag(codes.data() + o.offset, o.n, reinterpret_cast<int16_t*>(out),
+                           reinterpret_cast<uint8_t*>(out + o.n));
+        return 0;
+      });
+}
+
+std::vector<uint8_t> small_bytes(const CallOptions& o, uint64_t salt, unsigned width) {
+  CallOptions salted = o;
+  salted.seed += salt;
+  const auto v = integers(salted, o.n + o.offset, width);
+  return std::vector<uint8_t>(v.begin(), v.end());
+}
+
+std::unique_ptr<Call> make_contexts(const CallOptions& o) {
+  return std::make_unique<ArrayCall<uint8_t>>(
+      o.n, o.offset, std::vector<uint8_t>(),
+      [cls = small_bytes(o, 1, 4), last = small_bytes(o, 2, 4), before = small_bytes(o, 3, 4),
+       o](const Kernels& k, uint8_t* out) -> uint64_t {
+        k.stream->coefficient_contexts(cls.data() + o.offset, last.data() + o.offset,
+                                       before.data() + o.offset, o.n, out);
+        return 0;
+      });
+}
+
+// Also in place, where results have to be indices again, so that calls can be repeated.
+template <unsigned kEntries, bool kInPlace>
+std::unique_ptr<Call> make_map(const CallOptions& o) {
+  Random random(o.seed);
+  std::vector<uint8_t> map((kEntries + 15) / 16 * 16);
+  for (uint8_t& v : map) v = static_cast<uint8_t>(random.below(kInPlace ? kEntries : 256));
+  std::vector<uint8_t> src = small_bytes(o, 1, 7);
+  for (uint8_t& v : src) v = static_cast<uint8_t>(v % kEntries);
+  const std::vector<uint8_t> content =
+      kInPlace ? std::vector<uint8_t>(src.begin() + static_cast<std::ptrdiff_t>(o.offset), src.end())
+               : std::vector<uint8_t>();
+  return std::make_unique<ArrayCall<uint8_t>>(
+      o.n, o.offset, content, [map, src, o](const Kernels& k, uint8_t* out) -> uint64_t {
+        k.stream->map_bytes(map.data(), kEntries, kInPlace ? out : src.data() + o.offset, o.n, out);
+        return 0;
+      });
+}
+
+std::unique_ptr<Call> make_keep(const CallOptions& o) {
+  constexpr size_t kArrays = 3;
+  std::vector<uint8_t> content = small_bytes(o, 1, 2);
+  content.resize(o.n);
+  for (size_t a = 1; a < kArrays; ++a) {
+    const std::vector<uint8_t> more = small_bytes(o, 1 + a, 8);
+    content.insert(content.end(), more.begin(), more.begin() + static_cast<std::ptrdiff_t>(o.n));
+  }
+  return std::make_unique<ArrayCall<uint8_t>>(
+      kArrays * o.n, o.offset, content, [o](const Kernels& k, uint8_t* out) -> uint64_t {
+        uint8_t* const arrays[kArrays] = {out, out + o.n, out + 2 * o.n};
+        const size_t kept = k.stream->keep_above(arrays, kArrays, o.n, 1);
+        for (uint8_t* array : arrays) std::memset(array + kept, 0, o.n - kept);
+        return kept;
+      });
+}
+
 }  // namespace
 
 const std::vector<Operation>& stream_operations() {
@@ -160,7 +241,14 @@ const std::vector<Operation>& stream_operations() {
                                                      {"widen_bytes", make_widen},
                                                      {"undelta", make_undelta},
                                                      {"unorder_halves", make_unorder},
-                                                     {"max_value", make_max}};
+                                                     {"max_value", make_max},
+                                                     {"split_morton", make_split_morton},
+                                                     {"unzigzag", make_unzigzag},
+                                                     {"coefficient_contexts", make_contexts},
+                                                     {"map_bytes_5", make_map<5, false>},
+                                                     {"map_bytes_80", make_map<80, true>},
+                                                     {"map_bytes_128", make_map<128, false>},
+                                                     {"keep_above", make_keep}};
   return kOperations;
 }
 

@@ -338,8 +338,8 @@ TEST(Sensitivity, SeenOnlyViews) {
   EXPECT_GT(both.weights(L4D_WEIGHT_SCALE)[1], 0);
 }
 
-// What Gauss-Newton weights estimate: of every number of the attribute the squared differences of all
-// pixels and channels, for a scene as streams code it.
+// What Gauss-Newton weights estimate: of every number of the attribute the squared differences of
+// all pixels and channels, for a scene as streams code it.
 class Differences {
  public:
   Differences(const io::Scene& scene, const std::vector<TestView>& views)
@@ -408,7 +408,8 @@ TEST(Sensitivity, GaussNewtonIsTheSquaredDifferenceOfPixels) {
   io::opacity_to_logit(given);
   for (float& x : given.rotor) x *= 2.5f;
 
-  const std::vector<TestView> views = {{0.3, small_camera(0.2, 9, 7)}, {1.7, small_camera(2.9, 8, 6)}};
+  const std::vector<TestView> views = {{0.3, small_camera(0.2, 9, 7)},
+                                       {1.7, small_camera(2.9, 8, 6)}};
   Differences by(coded, views);
   struct Kind {
     uint32_t which;

@@ -3,9 +3,10 @@
 broken ones whose checksums are right.
 
 A scene is the dictionary of a Header (names of spec/l4d.fbs) in which a component coding holds the
-rows of its codebooks, and a layer its pages and blocks. build() turns it into a file. To break a
-rule, put a "patch" of fields into a coding (for its stages), a page (for its record) or a layer
-(for its directory pages)."""
+rows of its codebooks or of its basis, and a layer its pages and blocks and the raw bytes of its
+entropy chunk. build() turns it into a file. To break a rule, put a "patch" of fields into a coding
+(for its stages or basis), a page (for its record) or a layer (for its directory pages), or an
+"entropy_patch" into a layer."""
 
 import random
 import struct
@@ -17,7 +18,7 @@ sys.path.insert(0, str(ROOT / "spec" / "examples"))
 
 import make_tiny                                    # noqa: E402
 from flatbuffer import SCALARS, Schema              # noqa: E402
-from make_tiny import Struct, Table, chunk_ref, write_flatbuffer, zigzag_deltas  # noqa: E402
+from make_tiny import Scalars, Struct, Table, chunk_ref, write_flatbuffer, zigzag_deltas  # noqa: E402
 from xxh3 import xxh3_64                            # noqa: E402
 
 SCHEMA = Schema(ROOT / "spec" / "l4d.fbs")
@@ -44,7 +45,9 @@ def table(name, d):
         if value is None:
             continue
         form = pack_struct if SCHEMA.kinds.get(f.type) == "struct" else table
-        if f.type in SCALARS:
+        if f.type in SCALARS and f.vector:
+            fields.append((slot, "offset", Scalars(SCALARS[f.type][1:], value)))
+        elif f.type in SCALARS:
             fields.append((slot, SCALARS[f.type][1:], value))
         elif f.type == "string":
             fields.append((slot, "offset", value.encode("utf-8")))
@@ -99,17 +102,20 @@ def build(scene, version=(1, 0), flags=1, rng=random.Random(0), unknown_fields=F
     header = dict(scene)
     payload, codebooks = [], []           # (reference to fill, raw)
 
-    def chunk(raw, to):
+    def chunk(raw, to, **patch):
         ref = {"hash": xxh3_64(raw), "stored_bytes": len(raw), "raw_bytes": len(raw), "codec": 0,
-               "offset": 1}
+               "offset": 1, **patch}
         to.append((ref, raw))
         return ref
 
     def coding(c):
-        if c["coding"] != 2:
+        if c["coding"] not in (2, 3):
             return {"coding": c["coding"]}
         stage = lambda rows: {"num_entries": len(rows), "element": 0, "codebook": chunk(
             codebook(rng, rows) + c.get("suffix", b""), codebooks), **c.get("patch", {})}
+        if c["coding"] == 3:
+            basis = stage(c["basis"]) if c["basis"] else None
+            return {"coding": 3, "basis": basis, "steps": c["steps"], "ladder": c["ladder"]}
         out = {"coding": 2, "literals": c["literals"],
                "stages": [stage(rows) for rows in c["stages"]]}
         if c.get("rcq"):
@@ -118,7 +124,9 @@ def build(scene, version=(1, 0), flags=1, rng=random.Random(0), unknown_fields=F
 
     header["sh"] = coding(scene["sh"])
     header["layers"] = [
-        dict(layer, **{c: coding(layer[c]) for c in COMPONENTS}, page_table_offset=1)
+        dict(layer, **{c: coding(layer[c]) for c in COMPONENTS}, page_table_offset=1,
+             entropy=chunk(layer["entropy"], codebooks, **layer.get("entropy_patch", {}))
+             if layer.get("entropy") is not None else None)
         for layer in scene["layers"]]
     directories = [
         [directory_page(index, layer, d, chunk, payload) for d in range(layer["table_size"])]
@@ -188,7 +196,7 @@ class PageRecord(dict):
     """A record whose chunk gets its place later."""
 
     def __init__(self, page, ref):
-        super().__init__({k: v for k, v in page.items() if k not in ("raw", "patch")})
+        super().__init__({k: v for k, v in page.items() if k not in ("raw", "patch", "columns")})
         self.ref = ref
         self.update(page.get("patch", {}))
 

@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The rules of the scene header, section 8 of spec/l4d.md."""
+
+import math
+
+from streams import bit_width, require, sound
+
+SH, SCALE, ROTOR_SPATIAL, ROTOR_TEMPORAL = range(4)
+COMPONENTS = ("sh", "scale", "rotor_spatial", "rotor_temporal")
+CONSTANT, RAW32, SQ = range(3)      # scalar-coding
+ZERO, _, VQ, TRANSFORM = range(4)   # component-coding; 1 is RAW32
+NONE, _, F16, FIXED = range(4)      # mean-coding; 1 is RAW32
+
+
+def check_header(h, header_bytes):
+    require(1 <= h["num_frames"] <= 1 << 24 and h["fps_num"] and h["fps_den"], "HEAD-2", "timeline")
+    require(all(map(sound, [h["time_begin"], *h["position_center"].values()])) and
+            sound(h["position_scale"]) and h["position_scale"] > 0 and
+            all(map(math.isfinite, [h["world_scale"], *h["origin"].values()])), "HEAD-3", "range")
+    require(0 < h["gate"] <= 16, "HEAD-9", "gate")
+    require(h["sh_degree"] <= 3, "HEAD-4", "sh_degree")
+    require(h["position"] in (RAW32, F16, FIXED), "HEAD-7", "position")
+    require(h["position"] != FIXED or 1 <= h["position_bits"] <= 21, "CODE-5", "position_bits")
+    check_scalar(h["opacity"])
+    check_component(h["sh"], 3 * (int(h["sh_degree"]) + 1) ** 2, rcq=False)
+    levels = bit_width(h["num_frames"]) + 1
+    require(1 <= len(h["layers"]) <= 2 * levels, "HEAD-6", "number of layers")
+    level = 0
+    for layer in h["layers"]:
+        require(level <= layer["level"] < levels, "HEAD-6", "level")
+        level = layer["level"]
+        require(layer["mean_t"] <= F16, "HEAD-7", "mean_t")
+        require(layer["mean_t"] != F16 or layer["mean_t_shift"] <= 10, "CODE-6", "mean_t_shift")
+        require(layer["permanent"] == (layer["mean_t"] == NONE) and
+                not (layer["permanent"] and level), "HEAD-10", "permanent layer")
+        require(sound(layer["log_scale_t"]), "HEAD-3", "log_scale_t")
+        check_scalar(layer["scale_factor"])
+        require(layer["scale_factor"]["coding"] != RAW32 or layer["scale"]["coding"] == RAW32,
+                "HEAD-14", "raw scale_factor")
+        check_component(layer["scale"], 3 if layer["permanent"] else 4, rcq=level > 0)
+        for name in ("rotor_spatial", "rotor_temporal"):
+            check_component(layer[name], 3, rcq=level > 0, most_step=1.0)
+        spatial, temporal = layer["rotor_spatial"]["coding"], layer["rotor_temporal"]["coding"]
+        require(temporal != RAW32 or spatial == RAW32, "HEAD-11", "raw temporal rotor")
+        require(temporal != TRANSFORM or spatial == TRANSFORM, "HEAD-15", "temporal transform")
+        require(spatial != TRANSFORM or temporal in (TRANSFORM, ZERO), "HEAD-15", "temporal rotor")
+        require(layer["directory_bits"] <= 16 and
+                directory_pages(level, int(layer["directory_bits"])) <= 1 << 20,
+                "HEAD-12", "directory_bits")
+    total = sum(layer["num_gaussians"] for layer in h["layers"])
+    require(total == h["num_gaussians"], "HEAD-5", "sum of num_gaussians")
+    require(not any(e["critical"] for e in h["extensions"] or ()), "HEAD-8", "extension")
+    texts = [m[key] for m in h["metadata"] or () for key in ("key", "value")]
+    require(sum(len(t.encode("utf-8")) for t in texts) <= header_bytes, "HEAD-13", "metadata")
+
+
+def check_scalar(s):
+    require(s["coding"] <= SQ, "HEAD-7", "scalar coding")
+    require(sound(s["offset"]) and sound(s["step"]), "HEAD-3", "offset or step")
+    require(s["coding"] != SQ or 1 <= s["bits"] <= 16, "CODE-1", "bits")
+
+
+def check_component(c, dim, rcq, most_step=2.0 ** 10):
+    require(c["coding"] <= TRANSFORM, "HEAD-7", "component coding")
+    if c["coding"] == TRANSFORM:
+        check_transform(c, dim, most_step)
+    if c["coding"] != VQ:
+        return
+    require(1 <= len(c["stages"] or ()) <= 8, "CODE-3", "stages")
+    require(rcq or c["rcq"] is None, "RCQ-2", "RCQ")
+    stages = [(s, 65536) for s in c["stages"]]
+    for stage, most in stages if c["rcq"] is None else [*stages, (c["rcq"], 4096)]:
+        require(1 <= stage["num_entries"] <= most, "CODE-2", "entries")
+        require(stage["element"] == 0, "HEAD-7", "element")
+
+
+def check_transform(c, dim, most_step):
+    """dim: of the vectors of a transform."""
+    steps, ladder, basis = c["steps"] or [], c["ladder"] or [], c["basis"]
+    require(1 <= len(steps) <= dim, "TRAN-1", f"{len(steps)} steps")
+    require(all(2.0 ** -20 <= s <= most_step for s in steps), "TRAN-2", "steps")
+    require(ladder and all(a < b for a, b in zip([0, *ladder], ladder)) and
+            ladder[-1] == len(steps), "TRAN-3", "ladder")
+    require(basis is not None and basis["num_entries"] == len(steps) + 1, "TRAN-4", "basis")
+    require(basis["element"] == 0, "HEAD-7", "element")
+
+
+def num_buckets(level):
+    return 1 if level == 0 else 1 << (level + 1)
+
+
+def directory_pages(level, directory_bits):
+    return -(-num_buckets(level) // (1 << directory_bits))

@@ -1,0 +1,262 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A valid stream with transforms, fixed positions and both forms of pages, and streams that break
+one rule of these each, their checksums repaired."""
+
+import copy
+import random
+
+import random_page
+import rans_writer
+import stream_builder as sb
+from broken_streams import FIRST
+from make_tiny import order
+from rans_writer import Plane, vlq
+
+NO_BOUNDS = (0xFBFF,) * 3 + (0x7BFF,) * 3
+WIDE, HYBRID = rans_writer.fitted([1] * 126), rans_writer.fitted([1] * 112)
+N = 33
+
+
+class Parts:
+    """What the stream is made of: one layer with two pages, the first of streams and the second of
+    planes. An edit changes parts before they are put together."""
+
+    def __init__(self):
+        def transform(*ladder):
+            return {"coding": 3, "steps": [0.5, 0.25, 0.125], "ladder": list(ladder),
+                    "basis": [(0.0, 0.5, -0.25), (1.0, 0.0, 0.0), (0.0, 1.0, 0.5),
+                              (0.25, 0.0, 1.0)]}
+        self.layer = {
+            "level": 0, "permanent": False, "mean_t": 2, "mean_t_shift": 2, "log_scale_t": 0.0,
+            "num_gaussians": 2 * N, "directory_bits": 0, "table_size": 1, "blocks": {},
+            "scale_factor": {"coding": 0, "bits": 0, "offset": -4.0, "step": 0.0},
+            "scale": {"coding": 2, "literals": True, "stages": [[(0.0, 0.25, 0.5, 0.0)] * 3] * 2},
+            "rotor_spatial": transform(1, 3), "rotor_temporal": transform(3)}
+        self.scene = {
+            "num_gaussians": 2 * N, "time_begin": 1.0, "num_frames": 2, "fps_num": 4, "fps_den": 1,
+            "origin": {}, "position": 3, "position_bits": 8, "position_center": {},
+            "position_scale": 0.0625, "sh_degree": 0, "sh": transform(1, 2),
+            "opacity": {"coding": 2, "bits": 5, "offset": 0.0, "step": 0.03125}}
+        self.scene["sh"].update(steps=[1.0, 0.5], basis=self.scene["sh"]["basis"][:3])
+        self.draw()
+        self.split, self.tables, self.num_wide, self.num_tables = True, [WIDE, HYBRID], 1, None
+        self.records, self.table_bytes, self.end = [{}, {}], {}, {}
+        self.page_bytes = self.chunk_bytes = lambda raw: raw
+
+    def draw(self):
+        """Columns of the codings as they are now."""
+        self.columns = []
+        scene, layer = copy.deepcopy((self.scene, self.layer))
+        for seed in range(2):
+            c = random_page.Columns(random.Random(seed), scene, layer, N, {})
+            c.rng = FIRST                 # packed streams
+            self.columns.append(c)
+        self.planes = self.columns[1].planes()
+        self.map = [[0 if p.wide else 1] * p.num_contexts for p in self.planes]
+
+    def find(self, name):
+        return next(i for i, p in enumerate(self.planes) if p.name == name)
+
+    def put(self, name, value, i=0):
+        """Value i of a plane."""
+        at = self.find(name)
+        old = self.planes[at]
+        values = old.values[:i] + [value] + old.values[i + 1:]
+        self.planes[at] = Plane(name, values, old.contexts, old.num_contexts, old.wide)
+
+    def build(self):
+        chunk = vlq(len(self.tables) if self.num_tables is None else self.num_tables)
+        chunk += vlq(self.num_wide)
+        for i, frequencies in enumerate(self.tables):
+            chunk += self.table_bytes.get(i, rans_writer.table(frequencies))
+        chunk += b"".join(map(bytes, self.map))
+        used = [[WIDE if p.wide else HYBRID] * p.num_contexts for p in self.planes]
+        raw = rans_writer.page(self.planes, used, self.split, **self.end)
+        record = {"num_gaussians": N, "bucket": 0, "block": sb.NO_BLOCK, "visible_begin": 0,
+                  "visible_end": 255, "bounds": NO_BOUNDS, "reserved": 0}
+        pages = [dict(record, raw=self.columns[0].streams(), **self.records[0]),
+                 dict(record, codec=2, raw=self.page_bytes(raw), **self.records[1])]
+        layer = dict({"entropy": self.chunk_bytes(chunk)}, **self.layer)
+        return sb.build(dict(self.scene, layers=[dict(layer, pages=pages)]), rng=FIRST)
+
+
+def with_planes():
+    return Parts().build()
+
+
+def edited(*edits):
+    parts = Parts()
+    for edit in edits:
+        edit(parts)
+    return parts.build()
+
+
+def layer(**fields):
+    return edited(lambda p: p.layer.update(fields))
+
+
+def header(**fields):
+    return edited(lambda p: p.scene.update(fields))
+
+
+def coding(name, **fields):
+    return edited(lambda p: (p.scene if name == "sh" else p.layer)[name].update(fields))
+
+
+def plane(name, value, i=0):
+    return edited(lambda p: p.put(name, value, i))
+
+
+def frequencies(table, values, num_tokens=None):
+    """Its bytes, which may be no valid table."""
+    return edited(lambda p: p.table_bytes.update(
+        {table: rans_writer.table(values, num_tokens)}))
+
+
+def parts(**fields):
+    return edited(lambda p: vars(p).update(fields))
+
+
+def mapped(name, table):
+    return edited(lambda p: p.map.__setitem__(p.find(name), [table] * len(p.map[p.find(name)])))
+
+
+def column(component, key, value):
+    """A value of the page of streams."""
+    return edited(lambda p: p.columns[0].component[component][key].__setitem__(0, value))
+
+
+def planes_layout(p, name, key, value, width):
+    """The values of a stream of the first page as byte planes, with room for more than width."""
+    c = p.columns[0].component[name]
+    old = sb.stream(FIRST, c[key], width)
+    raw = p.columns[0].streams()
+    c[key][0] = value
+    new = b"\x01\x00" + bytes(c[key])
+    p.records[0]["raw"] = raw.replace(old, new, 1)
+
+
+def half_positions(p):
+    p.scene.update(position=2)
+    p.draw()
+
+
+def raw_opacity(p):
+    p.scene["opacity"]["coding"] = 1
+    p.draw()
+
+
+def broken_headers():
+    """(clause, file); a second word tells cases of it apart."""
+    vq = {"coding": 2, "literals": False, "stages": [[(1.0, 0.0, 0.0, 0.0)]]}
+    basis = Parts().scene["sh"]["basis"]
+    yield "HEAD-7 position unknown", header(position=4)
+    yield "HEAD-7 mean_t fixed", layer(mean_t=3)
+    yield "HEAD-7 basis element", coding("sh", patch={"element": 1})
+    yield "HEAD-14 scale coded", layer(scale_factor={"coding": 1})
+    yield "HEAD-15 temporal", layer(rotor_spatial=vq)
+    yield "HEAD-15 spatial zero", layer(rotor_spatial={"coding": 0})
+    yield "HEAD-15 spatial", layer(rotor_temporal=vq)
+    yield "CODE-5", header(position_bits=0)
+    yield "CODE-5 many", header(position_bits=22)
+    yield "CODE-6", layer(mean_t_shift=11)
+    yield "TRAN-1", coding("sh", steps=[], ladder=[], basis=basis[:1])
+    yield "TRAN-1 many", coding("sh", steps=[1.0] * 4, ladder=[4], basis=basis + basis[:2])
+    yield "TRAN-1 rotor", coding("rotor_spatial", steps=[1.0] * 4, ladder=[4],
+                                 basis=[(0.0, 0.0, 0.0)] * 5)
+    yield "TRAN-2", coding("sh", steps=[1.0, 2.0 ** -21])
+    yield "TRAN-2 large", coding("sh", steps=[1025.0, 1.0])
+    yield "TRAN-2 negative", coding("sh", steps=[-1.0, 1.0])
+    yield "TRAN-2 rotor", coding("rotor_spatial", steps=[1.0, 1.0, 1.0 + 2.0 ** -23])
+    yield "TRAN-2 temporal", coding("rotor_temporal", steps=[2.0, 1.0, 1.0])
+    yield "TRAN-2 NaN", coding("sh", steps=[float("nan"), 1.0])
+    yield "TRAN-3", coding("sh", ladder=[1, 1, 2])
+    yield "TRAN-3 zero", coding("sh", ladder=[0, 2])
+    yield "TRAN-3 last", coding("sh", ladder=[1])
+    yield "TRAN-3 beyond", coding("sh", ladder=[1, 2, 3])
+    yield "TRAN-3 none", coding("sh", ladder=[])
+    yield "TRAN-4", coding("sh", basis=[])
+    yield "TRAN-4 few", coding("sh", patch={"num_entries": 2})
+    yield "TRAN-4 many", coding("sh", patch={"num_entries": 4})
+
+
+def broken_chunks():
+    inf = float("inf")
+    page = Parts().build
+    yield "CODE-4 basis", coding("sh", basis=[(inf, 0.0, 0.0)] * 3)
+    yield "CHNK-7 basis", coding("sh", suffix=b"\x00")
+    yield "CHNK-8 basis", coding("sh", suffix=bytes(3 * 38))
+    yield "CHNK-6 rans codebook", edited(lambda p: p.layer.update(entropy_patch={"codec": 2}))
+    yield "CHNK-7 entropy", parts(chunk_bytes=lambda raw: raw + b"\x00")
+    yield "CHNK-8 entropy", parts(chunk_bytes=lambda raw: raw + bytes(67000))
+    yield "CHNK-2 entropy", layer(entropy_patch={"hash": 1})
+    yield "CHNK-3 rans", parts(records=[{}, {"patch": {"raw_bytes": 5}}])
+    yield "STRM-2 entropy vlq", parts(chunk_bytes=lambda raw: b"\xff" * 9 + raw)
+    yield "RANS-1 map", parts(chunk_bytes=lambda raw: raw[:-1])
+    yield "RANS-1 table", parts(chunk_bytes=lambda raw: raw[:20])
+    yield "RANS-1 nothing", parts(chunk_bytes=lambda raw: b"")
+    yield "RANS-2", frequencies(1, [4095])
+    yield "RANS-2 sum", frequencies(1, [4095, 2])
+    yield "RANS-2 huge", frequencies(1, [1, (1 << 62) - 1])
+    yield "RANS-2 none", frequencies(1, [], 0)
+    yield "RANS-2 hybrid", frequencies(1, [0] * 112 + [4096])
+    yield "RANS-2 wide", frequencies(0, [0] * 126 + [4096])
+    yield "RANS-2 last", frequencies(1, [4096, 0])
+    yield "RANS-2 beyond", frequencies(1, [4096, 0, 0, 0], 3)
+    yield "RANS-4 wide", mapped("opacity", 0)
+    yield "RANS-4 hybrid", mapped("position", 1)
+    yield "RANS-4 beyond", mapped("sh class", 2)
+    yield "RANS-5", parts(num_tables=0)
+    yield "RANS-5 many", edited(lambda p: p.tables.extend([HYBRID] * 127))
+    yield "RANS-5 no wide", parts(num_wide=0)
+    yield "RANS-5 wide", parts(num_wide=3)
+
+
+def broken_pages():
+    inf = float("inf")
+    first = lambda change: parts(page_bytes=lambda raw: change(
+        raw, 4 + int.from_bytes(raw[:4], "little")))
+    state = (0x1234).to_bytes(4, "little")
+    low = [rans_writer.LOW] * 32
+    yield "RANS-1 first_bytes", parts(page_bytes=lambda raw: raw[:3])
+    yield "RANS-1 beyond", parts(page_bytes=lambda raw: b"\xff\xff\xff\xff" + raw[4:])
+    yield "RANS-1 first", parts(page_bytes=lambda raw: b"\x7f\x00\x00\x00" + raw[4:])
+    yield "RANS-1 second", first(lambda raw, end: raw[:end + 127])
+    yield "RANS-1 all", parts(page_bytes=lambda raw: bytes(4) + raw[4:131])
+    yield "RANS-3", parts(page_bytes=lambda raw: raw[:4] + state + raw[8:])
+    yield "RANS-3 second", first(lambda raw, end: raw[:end + 124] + state + raw[end + 128:])
+    yield "RANS-6 opacity", edited(raw_opacity)
+    yield "RANS-6 entropy", layer(entropy=None)
+    yield "RANS-7", parts(end={"words": b"\x00\x00"})
+    yield "RANS-7 odd", parts(end={"words": b"\x00"})
+    yield "RANS-7 missing", parts(page_bytes=lambda raw: raw[:-2])
+    yield "RANS-7 state", parts(end={"states": low[:31] + [rans_writer.LOW + 1]})
+    yield "RANS-7 all", parts(split=False, end={"states": [rans_writer.LOW + 1] + low[:31]})
+    yield "RANS-8", plane("position", 1 << 24, 0)
+    yield "RANS-8 sum", plane("position", (1 << 24) - 1, N - 1)
+    yield "RANS-8 wrap", edited(lambda p: p.put("position", (1 << 63) - 1, N - 2),
+                                lambda p: p.put("position", (1 << 63) - 1, N - 1))
+    yield "RANS-8 f16", edited(half_positions, lambda p: p.put("position", 1 << 48, 0))
+    yield "TRAN-5", plane("sh class", 16)
+    yield "TRAN-5 rotor", plane("rotor_temporal class", 65535, N - 1)
+    yield "TRAN-6", plane("sh rung", 3)
+    yield "TRAN-6 stream", column("sh", "rung", 3)
+    yield "VQ-1 plane", plane("scale depth", 3)
+    yield "VQ-2 plane", plane("scale index", 3)
+    yield "VAL-1 plane", plane("mean_t", 0x3FFF)
+    yield "VAL-1 mean_t", edited(lambda p: p.columns[0].mean_t.__setitem__(0, 0x3FFF))
+    yield "VAL-1 position", edited(half_positions, lambda p: p.put(
+        "position", random_page.morton(*[order(inf)] * 3), 0))
+    yield "VAL-2 plane", plane("scale literal", order(inf))
+    yield "STRM-3 opacity", plane("opacity", 32)
+    yield "STRM-3 mean_t", plane("mean_t", 1 << 14)
+    yield "STRM-3 position", edited(lambda p: p.columns[0].position[0].__setitem__(0, 256))
+    yield "STRM-3 class", edited(lambda p: planes_layout(p, "sh", "class", 16, 4))
+    yield "PAGE-1 transform", edited(lambda p: p.records[0].update(
+        raw=p.columns[0].streams() + b"\x00"))
+
+
+def broken():
+    yield from broken_headers()
+    yield from broken_chunks()
+    yield from broken_pages()

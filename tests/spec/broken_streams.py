@@ -1,0 +1,244 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A valid stream, and streams that break one rule each, their checksums repaired."""
+
+import copy
+
+import stream_builder as sb     # its import makes the following ones possible
+import decode_tiny
+import make_tiny
+from xxh3 import xxh3_64
+
+
+def scene():
+    """A valid stream of two layers with every kind of column, which breaks no rule at all."""
+    halves = lambda values: make_tiny.packed([make_tiny.order(v) for v in values], 16)
+    box = (0xCC00,) * 3 + (0x4C00,) * 3
+    record = {"bounds": box, "reserved": 0}
+    vq = lambda *stages, literals=False, **more: {"coding": 2, "stages": list(stages),
+                                                  "literals": literals, **more}
+    sq = {"coding": 2, "bits": 5, "offset": 0.0, "step": 0.03125}
+    factor = {"coding": 0, "bits": 0, "offset": -4.0, "step": 0.0}
+    book4 = [(0.0, 0.25, 0.5, 0.0), (0.0, 0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)]
+    spatial = [(1.0, 0.0, 0.0, 0.0), (0.5, 0.5, 0.0, 0.0)]
+    sh = make_tiny.packed([1, 2, 15], 4) + make_tiny.packed([0, 1], 1) + make_tiny.packed([1], 1)
+    sh += b"".join(halves([v]) for v in (0.5, 0.25, 0.125))
+    head = b"".join([halves([1.0, 2.0, 3.0])] * 3)
+    opacity = make_tiny.packed([0, 5, 31], 5)
+    zero_mean = halves([0.0, 0.0, 0.0])
+    layers = [
+        {"level": 0, "permanent": True, "mean_t": 0, "num_gaussians": 3, "log_scale_t": 4.0,
+         "scale_factor": factor, "scale": vq([r[:3] for r in book4]), "rotor_spatial": vq(spatial),
+         "rotor_temporal": {"coding": 0}, "directory_bits": 0, "table_size": 1, "blocks": {},
+         "pages": [{"num_gaussians": 3, "bucket": 0, "block": sb.NO_BLOCK, "visible_begin": 0,
+                    "visible_end": 255, **record, "raw": head + opacity + sh +
+                    make_tiny.packed([0, 1, 2], 2) + make_tiny.packed([0, 1, 0], 1)}]},
+        {"level": 1, "permanent": False, "mean_t": 2, "num_gaussians": 6, "log_scale_t": 0.0,
+         "scale_factor": factor,
+         "scale": vq(book4, rcq=[(0.0, 0.0, 0.0, -0.25), (0.0, 0.0, 0.0, 0.0)]),
+         "rotor_spatial": vq(spatial), "rotor_temporal": {"coding": 0}, "directory_bits": 1,
+         "table_size": 2, "blocks": {0: [[(1, 2, sb.rcq_table(FIRST, [(0, 0), (1, 1)], 3, 2))]]},
+         "pages": [{"num_gaussians": 3, "bucket": 1, "block": 0, "visible_begin": 80,
+                    "visible_end": 176, **record, "raw": head + zero_mean + opacity + sh +
+                    make_tiny.packed([0, 1, 1], 1) + make_tiny.packed([0, 1, 0], 1)},
+                   {"num_gaussians": 3, "bucket": 2, "block": sb.NO_BLOCK, "visible_begin": 80,
+                    "visible_end": 176, **record, "raw": head + zero_mean + opacity + sh +
+                    make_tiny.packed([0, 1, 1], 2) + make_tiny.packed([0, 1, 0], 1)}]}]
+    return {"num_gaussians": 9, "time_begin": 1.0, "num_frames": 2, "fps_num": 4, "fps_den": 1,
+            "origin": {}, "position": 2, "position_center": {}, "position_scale": 1.0,
+            "opacity": sq, "sh_degree": 0, "layers": layers,
+            "sh": vq([(0.5, 0.0, 0.0), (0.0, 1.0, 0.0)], [(0.1, 0.0, 0.0)] * 2, literals=True)}
+
+
+class First:
+    """Stands in for random.Random where streams shall have one form: packed, no gaps."""
+
+    random = staticmethod(lambda: 0.5)
+    randrange = staticmethod(lambda n: 0)
+    randbytes = staticmethod(bytes)
+    shuffle = staticmethod(lambda items: None)
+
+
+FIRST = First()
+
+
+def edited(edit):
+    s = copy.deepcopy(scene())
+    edit(s)
+    return sb.build(s, rng=FIRST)
+
+
+def header_edited(edit):
+    """An edit of the scene header's bytes, or of the file header's, with checksums repaired."""
+    data = bytearray(sb.build(scene(), rng=FIRST))
+    n = int.from_bytes(data[12:16], "little")
+    edit(data, 40, 40 + n)
+    data[24:32] = xxh3_64(data[40:40 + n]).to_bytes(8, "little")
+    data[32:40] = xxh3_64(data[:32]).to_bytes(8, "little")
+    return bytes(data)
+
+
+def put(data, at, value):
+    data[at] = value
+
+
+def page_edit(layer, page, old, new):
+    """Replaces bytes of a page; `old` is bytes or a (begin, end)."""
+    def edit(s):
+        p = s["layers"][layer]["pages"][page]
+        begin, end = old if isinstance(old, tuple) else (p["raw"].index(old),) * 2
+        end += len(old) * isinstance(old, bytes)
+        p["raw"] = p["raw"][:begin] + new + p["raw"][end:]
+    return edited(edit)
+
+
+def record(layer, page, **patch):
+    return edited(lambda s: s["layers"][layer]["pages"][page].update(patch=patch))
+
+
+def layer(index, **fields):
+    return edited(lambda s: s["layers"][index].update(fields))
+
+
+def coding(index, name, **fields):
+    return edited(lambda s: (s if index is None else s["layers"][index])[name].update(fields))
+
+
+def tables(*entries):
+    return edited(lambda s: s["layers"][1]["blocks"].update({0: [list(entries)]}))
+
+
+def share_strings():
+    """Every pair of a list refers to the first one's table."""
+    s = scene()
+    s["metadata"] = [{"key": "a", "value": "x" * 4000}] + [{"key": "b", "value": ""}] * 40
+    data = bytearray(sb.build(s, rng=FIRST))
+    file, _ = decode_tiny.decode(bytes(data))
+    vector = next(begin for begin, _, text in file.claims if text == "Header.metadata: 41 elements")
+    first = vector + 4 + int.from_bytes(data[vector + 4:vector + 8], "little")
+    for i in range(1, 41):
+        at = vector + 4 + 4 * i
+        data[at:at + 4] = (first - at).to_bytes(4, "little")
+    n = int.from_bytes(data[12:16], "little")
+    data[24:32] = xxh3_64(data[40:40 + n]).to_bytes(8, "little")
+    data[32:40] = xxh3_64(data[:32]).to_bytes(8, "little")
+    return bytes(data)
+
+
+def flipped(find, repair=False):
+    """One bit of the first byte whose annotation contains a text."""
+    data = bytearray(sb.build(scene(), rng=FIRST))
+    file, _ = decode_tiny.decode(bytes(data))
+    data[next(begin for begin, _, text in sorted(file.claims) if find in text)] ^= 1
+    return bytes(data)
+
+
+def broken():
+    """(clause, file) of streams that break one rule each; a second word tells cases of it apart."""
+    inf = float("inf")
+    whole = sb.build(scene(), rng=FIRST)
+    rcq = scene()["layers"][1]["scale"]["rcq"]
+    pairs = lambda *p: sb.rcq_table(FIRST, p, 4, 2)
+    yield "FILE-1 short", whole[:39]
+    yield "FILE-1 magic", b"\x88" + whole[1:]
+    yield "FILE-2", header_edited(lambda d, b, e: put(d, 8, 2))
+    yield "FILE-3", header_edited(lambda d, b, e: put(d, 11, 1))
+    yield "FILE-4", whole[:9] + b"\x01" + whole[10:]
+    yield "FILE-5", header_edited(lambda d, b, e: put(d, 16, 39))
+    yield "FILE-6", flipped("Header.num_gaussians =")
+    yield "HEAD-1", header_edited(lambda d, b, e: put(d, b + 4, 0x6C))
+    yield "HEAD-2", edited(lambda s: s.update(num_frames=0))
+    yield "HEAD-3", edited(lambda s: s.update(position_scale=2.0 ** -61))
+    yield "HEAD-4", edited(lambda s: s.update(sh_degree=4))
+    yield "HEAD-5", edited(lambda s: s.update(num_gaussians=10))
+    yield "HEAD-6 level", layer(1, level=2)
+    yield "HEAD-6 none", edited(lambda s: s.update(layers=[], num_gaussians=0, sh={"coding": 0}))
+    yield "HEAD-7 position", edited(lambda s: s.update(position=0))
+    yield "HEAD-7 scalar", coding(None, "opacity", coding=3)
+    yield "HEAD-7 component", coding(0, "scale", coding=4)
+    yield "HEAD-7 element", coding(0, "scale", patch={"element": 1})
+    yield "HEAD-8", edited(lambda s: s.update(extensions=[{"id": 7, "critical": True}]))
+    yield "HEAD-9", edited(lambda s: s.update(gate=16.5))
+    yield "HEAD-10", layer(0, mean_t=2)
+    yield "HEAD-11", layer(0, rotor_temporal={"coding": 1})
+    yield "HEAD-12 bits", layer(1, directory_bits=17)
+    yield "HEAD-12 many", edited(lambda s: (s.update(num_frames=1 << 24), s["layers"][1].update(
+        level=24, directory_bits=4)))
+    yield "HEAD-13", share_strings()
+    yield "HEAD-14", coding(0, "scale_factor", coding=1)
+    yield "CODE-1", coding(None, "opacity", bits=17)
+    yield "CODE-2", coding(0, "scale", patch={"num_entries": 0})
+    yield "CODE-2 residual", coding(1, "scale", rcq=rcq * 2049)
+    yield "CODE-3", coding(0, "scale", stages=[])
+    yield "CODE-4", coding(0, "scale", stages=[[(inf, 0.0, 0.0)] * 3])
+    yield "RCQ-1", tables((1, 2, pairs((3, 0), (1, 1))))
+    yield "RCQ-2", coding(0, "scale", rcq=[(0.0, 0.0, 0.0)])
+    yield "RCQ-3", tables((2, 2, pairs((0, 0), (1, 1))))
+    yield "RCQ-3 sh", tables((0, 2, pairs((0, 0), (1, 1))))
+    yield "RCQ-4", tables((1, 0, pairs((0, 0), (1, 1))))
+    yield "RCQ-5", tables(*[(1, 2, pairs((0, 0), (1, 1)))] * 2)
+    yield "CHNK-1", record(0, 0, offset=len(whole))
+    yield "CHNK-1 size", record(0, 0, stored_bytes=0xFFFFFFFF, raw_bytes=0xFFFFFFFF)
+    yield "CHNK-1 wrap", record(0, 0, offset=(1 << 64) - 1)
+    yield "CHNK-2", flipped("rotor_spatial index")
+    yield "CHNK-3", record(0, 0, raw_bytes=100)
+    yield "CHNK-4", edited(lambda s: s["layers"][1]["pages"].append(s["layers"][1]["pages"][1]) or
+                           overlap(s))
+    yield "CHNK-5", record(0, 0, codec=1)
+    yield "CHNK-6", record(0, 0, codec=9)
+    yield "CHNK-6 plane", page_edit(0, 0, (0, 7), b"\x01\x09")
+    yield "CHNK-7", coding(0, "scale", suffix=b"\x00")
+    yield "CHNK-8", page_edit(0, 0, (0, 0), bytes(8000))
+    yield "STRM-1", page_edit(0, 0, (0, 1), b"\x08")
+    yield "STRM-1 layout", page_edit(0, 0, (0, 1), b"\x03")
+    yield "STRM-2", edited(lambda s: s["layers"][0]["pages"][0].update(
+        raw=s["layers"][0]["pages"][0]["raw"][:-1]))
+    yield "STRM-2 vlq", page_edit(0, 0, (0, 7), b"\x01\x01" + b"\xff" * 9)
+    yield "STRM-3", page_edit(0, 0, make_tiny.packed([0, 5, 31], 5), b"\x01\x00\x00\x05\x20")
+    yield "STRM-4", page_edit(0, 0, make_tiny.packed([0, 5, 31], 5), b"\x00\xa0\xfc")
+    yield "STRM-6", page_edit(0, 0, (0, 7), b"\x06\x00\x80")
+    yield "STRM-6 width", page_edit(0, 0, make_tiny.packed([0, 5, 31], 5), b"\x04\xa0\x7c")
+    yield "DIR-1", flipped("entry_hash")
+    yield "DIR-2", layer(1, patch={"index": 1})
+    yield "DIR-2 layer", layer(1, patch={"layer": 0})
+    yield "DIR-3", record(1, 0, bucket=2)
+    yield "DIR-4", record(1, 0, num_gaussians=0)
+    yield "DIR-5", edited(lambda s: (s.update(num_gaussians=10),
+                                     s["layers"][1].update(num_gaussians=7)))
+    yield "DIR-6", record(0, 0, block=0)
+    yield "DIR-7", record(1, 0, visible_begin=177)
+    yield "DIR-8", edited(lambda s: s["layers"][1]["pages"].insert(
+        1, dict(s["layers"][1]["pages"][0], block=sb.NO_BLOCK)))
+    yield "DIR-9", record(1, 0, visible_begin=126)
+    yield "DIR-10", record(0, 0, bounds=(0xCC00,) * 3 + (0x3C00,) * 3)
+    yield "DIR-11", edited(lambda s: s["layers"][1]["blocks"][0].extend([[]] * 256))
+    yield "DIR-12", record(0, 0, bounds=(0x4C00,) * 3 + (0x3C00,) * 3)
+    yield "PAGE-1", edited(lambda s: s["layers"][0]["pages"][0].update(
+        raw=s["layers"][0]["pages"][0]["raw"] + b"\x00"))
+    yield "VQ-1", page_edit(0, 0, make_tiny.packed([1, 2, 15], 4), make_tiny.packed([1, 3, 15], 4))
+    yield "VQ-2", page_edit(0, 0, make_tiny.packed([0, 1, 2], 2), make_tiny.packed([0, 1, 3], 2))
+    yield "VAL-1", page_edit(0, 0, (1, 3), make_tiny.order(inf).to_bytes(2, "little"))
+    yield "VAL-2", page_edit(0, 0, make_tiny.packed([make_tiny.order(0.25)], 16),
+                             make_tiny.packed([make_tiny.order(inf)], 16))
+    yield "VAL-3", edited(raw_position)
+    yield "LAYR-1", coding(1, "scale_factor", offset=-2.0)
+
+
+def overlap(s):
+    """A record more after the last of the last layer, which names the bytes of another page."""
+    s["layers"][1]["num_gaussians"] += 3
+    s["num_gaussians"] += 3
+    s["layers"][1]["pages"][-1] = dict(s["layers"][1]["pages"][-1], patch={"offset": 0})
+    # The first page of the payload is the permanent layer's; its hash has to fit.
+    first = s["layers"][0]["pages"][0]["raw"]
+    s["layers"][1]["pages"][-1]["patch"].update(hash=xxh3_64(first), stored_bytes=len(first),
+                                               raw_bytes=len(first))
+
+
+def raw_position(s):
+    s["position"] = 1
+    for la in s["layers"]:
+        for p in la["pages"]:
+            raw = make_tiny.packed([sb.order32(v) for v in (1.0, 2.0, 3.0)], 32)
+            p["raw"] = raw * 3 + p["raw"][21:]
+    p = s["layers"][0]["pages"][0]
+    p["raw"] = p["raw"][:1] + sb.order32(float("inf")).to_bytes(4, "little") + p["raw"][5:]

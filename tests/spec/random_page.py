@@ -1,0 +1,200 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Random columns of a page, and both forms in which a page can hold them."""
+
+import struct
+
+import rans_writer
+import stream_builder as sb
+from make_tiny import order
+from rans_writer import Plane
+
+ZERO, RAW32, VQ, TRANSFORM = range(4)
+NONE, _, F16, FIXED = range(4)
+SH = "sh"
+
+
+def f32(x):
+    return struct.unpack("<f", struct.pack("<f", x))[0]
+
+
+def half_value(rng):
+    return rng.choice([0.0, -0.0, 1.0, 2.0 ** -24, -65504.0, rng.uniform(-4, 4), rng.gauss(0, 0.1)])
+
+
+def raw_value(rng):
+    return rng.choice([0.0, -0.0, f32(3.0e38), f32(1e-3), f32(rng.gauss(0, 1)),
+                       f32(rng.uniform(-50, 50))])
+
+
+def vector_length(scene, layer, name):
+    if name == SH:
+        return 3 * (scene["sh_degree"] + 1) ** 2
+    if name == "scale":
+        return 3 if layer["permanent"] else 4
+    return 3 if layer[name]["coding"] == TRANSFORM else 4
+
+
+def morton(x, y, z):
+    return sum((v >> b & 1) << 3 * b + j for j, v in enumerate((x, y, z)) for b in range(21))
+
+
+def coded_mean_times(rng, shift, n):
+    """Codes that stand for finite numbers."""
+    least, most = order(-65504.0), order(65504.0)
+    half_step = 1 << shift >> 1
+    codes = [c for c in (order(half_value(rng)) >> shift for _ in range(8 * n))
+             if least <= (c << shift) + half_step <= most]
+    return (codes + [0x8000 >> shift] * n)[:n]
+
+
+class Columns:
+    """stage0: component -> entries of the block codebook."""
+
+    def __init__(self, rng, scene, layer, n, stage0):
+        self.rng, self.scene, self.layer, self.n = rng, scene, layer, n
+        self.position = [self.coordinates() for _ in range(3)]
+        self.mean_t = self.mean_times()
+        self.opacity = self.scalars(scene["opacity"])
+        self.factor = self.scalars(layer["scale_factor"])
+        self.component = {name: self.vectors(name, stage0.get(name))
+                          for name in (SH, *sb.COMPONENTS)}
+
+    def coding(self, name):
+        return self.scene[SH] if name == SH else self.layer[name]
+
+    def coordinates(self):
+        rng, coding = self.rng, self.scene["position"]
+        if coding == RAW32:
+            return self.raw()
+        if coding == FIXED:
+            top = (1 << self.scene["position_bits"]) - 1
+            return [rng.choice([0, top, rng.randint(0, top)]) for _ in range(self.n)]
+        return [order(half_value(rng)) for _ in range(self.n)]
+
+    def mean_times(self):
+        coding = self.layer["mean_t"]
+        if coding == F16:
+            return coded_mean_times(self.rng, self.layer["mean_t_shift"], self.n)
+        return self.raw() if coding == RAW32 else []
+
+    def raw(self):
+        return [sb.order32(raw_value(self.rng)) for _ in range(self.n)]
+
+    def scalars(self, coding):
+        if coding["coding"] == RAW32:
+            return self.raw()
+        bits = coding["bits"] if coding["coding"] == 2 else 0
+        return [self.rng.randrange(1 << bits) for _ in range(self.n)] if bits else []
+
+    def vectors(self, name, stage0):
+        """{what a section of section 13.1 is called: its values}"""
+        rng, coding, n = self.rng, self.coding(name), self.n
+        dim = vector_length(self.scene, self.layer, name)
+        if coding["coding"] == RAW32:
+            return {"raw": [self.raw() for _ in range(dim)]}
+        if coding["coding"] == VQ:
+            stages = len(coding["stages"])
+            choices = [*range(stages + 1)] + [15] * coding["literals"]
+            told = stages > 1 or coding["literals"]
+            depth = [rng.choice(choices) if told else stages for _ in range(n)]
+            sizes = [stage0 or len(coding["stages"][0]), *map(len, coding["stages"][1:])]
+            index = [[rng.randrange(size) for d in depth if k < d < 15]
+                     for k, size in enumerate(sizes)]
+            literal = [[order(half_value(rng)) for d in depth if d == 15] for _ in range(dim)]
+            return {"depth": depth if told else None, "sizes": sizes, "index": index,
+                    "literal": literal}
+        if coding["coding"] == TRANSFORM:
+            ladder = [0, *coding["ladder"]]
+            most = rng.choice([0, 3, 15, 15])
+            classes = [rng.randint(0, most) for _ in range(n)]
+            rungs = [rng.randrange(len(ladder)) if len(ladder) > 2 else 1 for _ in range(n)]
+            who = [[i for i in range(n) if ladder[rungs[i]] > k]
+                   for k in range(len(coding["steps"]))]
+            return {"class": classes, "rung": rungs if len(ladder) > 2 else None,
+                    "rungs": len(ladder), "who": who,
+                    "coefficient": [[self.coefficient() for _ in w] for w in who]}
+        return {}
+
+    def coefficient(self):
+        rng = self.rng
+        return rng.choice([0, 0, 1, -1, rng.randint(-8, 8), rng.randint(-200, 200), 32767, -32768])
+
+    # ---- streams ---------------------------------------------------------------------------------
+
+    def streams(self):
+        rng, scene, layer = self.rng, self.scene, self.layer
+        width = 16 if scene["position"] == F16 else 32
+        out = b"".join(sb.stream(rng, v, width) for v in self.position)
+        out += sb.stream(rng, self.mean_t,
+                         16 - layer["mean_t_shift"] if layer["mean_t"] == F16 else 32)
+        for coding, values in ((scene["opacity"], self.opacity),
+                               (layer["scale_factor"], self.factor)):
+            out += sb.stream(rng, values, coding["bits"] if coding["coding"] == 2 else 32)
+        return out + b"".join(self.component_streams(c) for c in self.component.values())
+
+    def component_streams(self, c):
+        stream, out = lambda values, width: sb.stream(self.rng, values, width), b""
+        out += b"".join(stream(v, 32) for v in c.get("raw", []))
+        if "index" in c:
+            out += stream(c["depth"] or [], 4)
+            out += b"".join(stream(v, sb.bit_width(k)) for v, k in zip(c["index"], c["sizes"]))
+            out += b"".join(stream(v, 16) for v in c["literal"])
+        if "class" in c:
+            out += stream(c["class"], 4) + stream(c["rung"] or [], sb.bit_width(c["rungs"]))
+            out += b"".join(stream(list(map(zigzag, v)), 16) for v in c["coefficient"])
+        return out
+
+    # ---- planes ----------------------------------------------------------------------------------
+
+    def planes(self):
+        codes = sorted(morton(*p) for p in zip(*self.position))
+        gaps = [a - b for a, b in zip(codes, [0, *codes])]
+        out = [Plane("position", gaps, wide=True)]
+        for name, there, values in (
+                ("mean_t", self.layer["mean_t"] != NONE, self.mean_t),
+                ("opacity", self.scene["opacity"]["coding"] == 2, self.opacity),
+                ("scale_factor", self.layer["scale_factor"]["coding"] == 2, self.factor)):
+            out += [Plane(name, values)] * there
+        before = [0] * self.n
+        for name in (*sb.COMPONENTS, SH):
+            c, of = self.component[name], self.coding(name)
+            if "index" in c:
+                out += [Plane(f"{name} depth", c["depth"] or [])] * (c["depth"] is not None)
+                out += [Plane(f"{name} index", v) for v in c["index"]]
+                out += [Plane(f"{name} literal", v) for v in c["literal"]] if of["literals"] else []
+            if "class" in c:
+                classes = c["class"]
+                out.append(Plane(f"{name} class", classes, before, 16))
+                if c["rung"] is not None:
+                    out.append(Plane(f"{name} rung", c["rung"], classes, 16))
+                out += self.coefficient_planes(name, c)
+                before = classes
+        return out
+
+    def coefficient_planes(self, name, c):
+        out, history = [], [[0, 0] for _ in range(self.n)]
+        for k, (who, values) in enumerate(zip(c["who"], c["coefficient"])):
+            contexts = []
+            for i, q in zip(who, values):
+                a = abs(history[i][-1]) + abs(history[i][-2])
+                m = sum(a >= limit for limit in (1, 3, 7, 15))
+                contexts.append(5 * c["class"][i] + m if k else c["class"][i])
+                history[i].append(q)
+            out.append(Plane(f"{name} coefficient", list(map(zigzag, values)), contexts,
+                             80 if k else 16))
+        return out
+
+
+def zigzag(q):
+    return 2 * q if q >= 0 else -2 * q - 1
+
+
+def add_rans_pages(rng, scene, layer):
+    """Gives the layer its entropy chunk, and its pages their bytes."""
+    names = [(p.name, p.num_contexts, p.wide) for p in Columns(rng, scene, layer, 0, {}).planes()]
+    chosen = [p for p in layer["pages"] if rng.random() < 0.8]
+    planes = [p["columns"].planes() for p in chosen]
+    model = rans_writer.Model(rng, names, planes)
+    layer["entropy"] = model.chunk
+    for page, of in zip(chosen, planes):
+        page["codec"], page["raw"] = 2, model.page(of, split=rng.random() < 0.6)
