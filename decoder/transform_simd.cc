@@ -67,8 +67,8 @@ HWY_INLINE V class_scales(const uint8_t* cls) {
 float class_scale(uint8_t cls) { return 1.0f / static_cast<float>(1u << cls); }
 
 // Gaussians that are worked on together, with whole vectors for each row. Bit i of a mask is
-// Gaussian i. Before the first element of `scale` and `c` there is room for the rest of a vector that
-// ends with it, and behind the last of `scale` for one that begins with it.
+// Gaussian i. Before the first element of `scale` and `c` there is room for the rest of a vector
+// that ends with it, and behind the last of `scale` for one that begins with it.
 struct Batch {
   static constexpr size_t kSize = 64;
   static constexpr size_t kPitch = kWidth + kSize;
@@ -193,17 +193,28 @@ HWY_INLINE uint64_t levels_above(const uint8_t* HWY_RESTRICT level, size_t step)
   return mask;
 }
 
-// Leaves the scales of `members`.
-HWY_INLINE void compress_scales(uint64_t members, const float* HWY_RESTRICT from,
+// Leaves the scales of `members`, whose level is above `step`.
+HWY_INLINE void compress_scales(const Batch& batch, uint64_t members, size_t step,
                                 float* HWY_RESTRICT to) {
+#if HWY_TARGET <= HWY_AVX3
+  (void)members;
   const D d;
+  const hn::RebindToSigned<D> di;
+  const hn::Rebind<uint8_t, D> d8;
+  const auto steps = hn::Set(di, static_cast<int32_t>(step));
   for (size_t i = 0; i < Batch::kSize; i += kWidth) {
-    const uint64_t part = members >> i & ((uint64_t{1} << kWidth) - 1);
-    uint8_t bits[8];
-    std::memcpy(bits, &part, sizeof(bits));
-    hn::StoreU(hn::Compress(hn::Load(d, from + i), hn::LoadMaskBits(d, bits)), d, to);
-    to += hwy::PopCount(part);
+    const auto levels = hn::PromoteTo(di, hn::LoadU(d8, batch.level + i));
+    const auto above = hn::RebindMask(d, hn::Gt(levels, steps));
+    hn::StoreU(hn::Compress(hn::Load(d, batch.class_scale + i), above), d, to);
+    to += hn::CountTrue(d, above);
   }
+#else
+  // Where there is no such instruction, Compress of Highway 1.0 copies its table at each call (gcc).
+  (void)step;
+  for (; members != 0; members &= members - 1) {
+    *to++ = batch.class_scale[hwy::Num0BitsBelowLS1Bit_Nonzero64(members)];
+  }
+#endif
 }
 
 // Fills the first n rows of a batch from its classes and levels. Step by step of the ladder: who goes
@@ -221,7 +232,7 @@ HWY_NOINLINE void sum_batch(const TransformSource& source, TransformCursor& curs
     batch.reach[s] = reach;
     sum_rows(ladder, s, members ^ reach, stride, batch);
     members = reach;
-    compress_scales(members, batch.class_scale, batch.scale + kWidth);
+    compress_scales(batch, members, s, batch.scale + kWidth);
     const size_t count = hwy::PopCount(members);
     for (; k < ladder[s]; ++k) {
       size_t& at = cursor.coefficient[k];

@@ -10,7 +10,7 @@
 namespace l4d {
 namespace {
 
-// Step of SH coefficients of what hardly weighs, at 44 dB.
+// Step of SH coefficients of what hardly weighs, at 42 dB.
 constexpr double kMaxShStep = 1.07;
 
 // Thrown out of the innermost loops; caught in encode().

@@ -23,7 +23,7 @@ constexpr double kBucketsPerDirectoryPage = 128;
 // Fewer Gaussians than this do not earn a codebook of their own.
 constexpr size_t kMinBlockGaussians = 8192;
 constexpr size_t kMaxBlocksPerDirectoryPage = 256;
-// Steps of what hardly weighs, at 44 dB: log scales, and stereographic coordinates of rotors.
+// Steps of what hardly weighs, at 42 dB: log scales, and stereographic coordinates of rotors.
 constexpr double kMaxStep[L4D_COMPONENT_COUNT] = {0, 0.6, 0.08, 0.0215};
 // A change of one of three coordinates moves the four numbers of a half about twice as far, and their
 // squares are averages over four.

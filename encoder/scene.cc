@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "encoder/scene.h"
 
+#include "encoder/quality.h"
+
 #include <algorithm>
 #include <cmath>
 #include <string>
@@ -154,6 +156,18 @@ Status prepare_scene(const EncoderInput& input, const EncoderSettings& settings,
     return invalid_argument("prune-weight needs alpha_t weights: measure them from cameras, or do without "
                             "(prune-weight=-1)");
   }
+  // What is seen of a Gaussian ends with its opacity, so to leave it out is to take that away.
+  const float* of_opacity = settings.get_int(L4D_ENC_WEIGHT_MEASURE) == 1 && !lossless
+                                ? input.weights[L4D_WEIGHT_OPACITY]
+                                : nullptr;
+  const double pruning_error = Quality(settings, g.count).pruning_error();
+  const auto hardly_matters = [&](size_t i) {
+    if (of_opacity == nullptr) return false;
+    double opacity = static_cast<double>(g.opacity[i]);
+    if ((g.flags & L4D_OPACITY_LOGIT) != 0) opacity = 1 / (1 + std::exp(-opacity));
+    const double change = static_cast<double>(of_opacity[i]) * opacity;
+    return change * change / 3 < pruning_error;
+  };
   for (uint32_t i = 0; i < g.count; ++i) {
     if (const char* attribute = invalid_attribute(g, i)) {
       if (!settings.get_bool(L4D_ENC_DROP_INVALID)) {
@@ -161,7 +175,7 @@ Status prepare_scene(const EncoderInput& input, const EncoderSettings& settings,
                                                  attribute + " (NaN, Inf or out of range)");
       }
       ++s.invalid_dropped;
-    } else if (prune >= 0 && static_cast<double>(alpha_t[i]) <= prune) {
+    } else if ((prune >= 0 && static_cast<double>(alpha_t[i]) <= prune) || hardly_matters(i)) {
       ++s.pruned;
     } else {
       s.source.push_back(i);

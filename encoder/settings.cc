@@ -45,6 +45,8 @@ constexpr ParameterDescription kParameters[L4D_ENC_PARAMETER_COUNT] = {
     {"rans", "code pages by rANS, not zstd", 0, 1, 1, false, true},
     {"weight-measure", "what the weights are: 0 sums of derivatives, 1 Gauss-Newton", 0, 1, 0, false,
      true},
+    {"prune-cost", "drop Gaussians that cost more bits than they are worth, by this factor; 0 = none", 0,
+     10, 0.2, false, false},
 };
 
 // What each effort sets; docs/accuracy.md has the front of time against quality they were taken from.
@@ -72,7 +74,7 @@ struct QualityPreset {
   double quality;
 };
 constexpr QualityPreset kQualityPresets[] = {
-    {"default", 44}, {"tiny", 38.5}, {"small", 42}, {"large", 46.5}, {"archive", 56}};
+    {"default", 44}, {"tiny", 38.5}, {"small", 42.3}, {"large", 46.5}, {"archive", 54}};
 
 constexpr PresetDescription kPresets[] = {
     {"default", "a middle between small and large"},
@@ -162,6 +164,7 @@ void EncoderSettings::use_codebooks() {
   values_[L4D_ENC_FIXED_POSITIONS].fill(0);
   values_[L4D_ENC_MEAN_T_SHIFT].fill(0);
   values_[L4D_ENC_OPACITY_BITS].fill(8);
+  values_[L4D_ENC_PRUNE_COST].fill(0);
 }
 
 Status EncoderSettings::set_preset(const char* name) {

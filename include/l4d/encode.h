@@ -77,7 +77,10 @@ enum {
   L4D_ENC_MEAN_T_SHIFT = 22,    /* low bits of mean times left out, 0..10; -1: as the quality allows */
   L4D_ENC_RANS = 23,            /* 0: zstd, 1: rANS pages */
   L4D_ENC_WEIGHT_MEASURE = 24,  /* what the weights given are: 0 L4D_SENSITIVITY_SUM, 1 _GAUSS_NEWTON */
-  L4D_ENC_PARAMETER_COUNT = 25
+  /* Drops Gaussians without which the image changes less than other Gaussians' errors of as many bits
+   * would, times this; 0 = none. Needs Gauss-Newton weights of opacity. 0..10 */
+  L4D_ENC_PRUNE_COST = 25,
+  L4D_ENC_PARAMETER_COUNT = 26
 };
 L4D_API l4d_status l4d_encoder_set(l4d_encoder* encoder, l4d_encoder_parameter id,
                                    int32_t component, double value);

@@ -116,6 +116,9 @@ Status parse_directory_page(ByteSpan unaligned, uint64_t base, const SceneHeader
     return corrupt("DIR-2", base, "the directory page is no valid FlatBuffer of its schema");
   }
   const auto& page = *flatbuffers::GetRoot<fbs::DirectoryPage>(bytes.data());
+  if (!elements_aligned(*page.pages())) {
+    return corrupt("DIR-2", base, "the records of the directory page are not aligned");
+  }
   if (page.layer() != layer_index || page.index() != index) {
     return corrupt("DIR-2", base, "the directory page is of another layer or range");
   }

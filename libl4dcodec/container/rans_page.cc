@@ -16,6 +16,12 @@ uint8_t small_magnitude(int16_t q) {
   return static_cast<uint8_t>(std::min<int>(magnitude, kLargeMagnitude));
 }
 
+// Values are known to fit.
+template <typename From, typename To>
+void narrow(const From* src, size_t n, To* dst) {
+  for (size_t i = 0; i < n; ++i) dst[i] = static_cast<To>(src[i]);
+}
+
 class RansPageParser {
  public:
   RansPageParser(RansDecoder& decoder, ByteSpan page, uint64_t base, const SceneHeader& header,
@@ -186,8 +192,7 @@ class RansPageParser {
       const size_t count = std::min(kBlock, n_ - i);
       d_.streams->split_morton(d_.wide.data() + i, count, columns);
       for (size_t axis = 0; axis < 3; ++axis) {
-        std::transform(block[axis], block[axis] + count, out_.position[axis].data() + i,
-                       [](uint32_t v) { return static_cast<uint16_t>(v); });
+        narrow(block[axis], count, out_.position[axis].data() + i);
       }
     }
     for (auto& column : out_.position) {
@@ -231,7 +236,7 @@ class RansPageParser {
         class_component_ == nullptr ? d_.cls.data() : class_component_->cls.data();
     hybrid(p, contexts, n_, d_.codes.data());
     L4D_RETURN_IF_ERROR(below(d_.codes.data(), n_, kTransformClasses, "TRAN-5"));
-    for (size_t i = 0; i < n_; ++i) c.cls[i] = static_cast<uint8_t>(d_.codes[i]);
+    narrow(d_.codes.data(), n_, c.cls.data());
     class_component_ = &c;
     if (header_.component(layer_, component).ladder.size() > 1) return {};
     grow(c.level, n_);
@@ -247,7 +252,7 @@ class RansPageParser {
     const size_t steps = header_.component(layer_, component).ladder.size();
     L4D_RETURN_IF_ERROR(
         below(d_.codes.data(), n_, static_cast<uint32_t>(steps + 1), "TRAN-6"));
-    for (size_t i = 0; i < n_; ++i) c.level[i] = static_cast<uint8_t>(d_.codes[i]);
+    narrow(d_.codes.data(), n_, c.level.data());
     return {};
   }
 

@@ -81,7 +81,7 @@ class Streams(Columns):
             value |= (b & 0x7F) << shift
             if b < 0x80:
                 return value
-        raise Invalid("STRM-2", "vlq of more than 9 bytes")
+        raise Invalid(self.clause, "vlq of more than 9 bytes")
 
     def planes(self, n, count):
         planes = []

@@ -234,6 +234,34 @@ TEST(Directory, PagesOfOtherPlacesAreRefused) {
 }
 
 // spec: DIR-2
+TEST(Directory, RecordsOutOfAlignmentAreRefused) {
+  const Bytes bytes = serialize_directory_page(example_page(), kLayer, kIndex);
+  const size_t root = load_le<uint32_t>(bytes.data());
+  const size_t vtable = root - load_le<uint32_t>(bytes.data() + root);
+  constexpr size_t kPagesInVtable = 8;
+  const size_t field = root + load_le<uint16_t>(bytes.data() + vtable + kPagesInVtable);
+  const size_t pages = field + load_le<uint32_t>(bytes.data() + field);
+  const size_t pages_bytes = 4 + 56 * load_le<uint32_t>(bytes.data() + pages);
+  for (const size_t shift : {size_t{0}, size_t{4}}) {
+    // The same records again, at the end, and the page's root refers to those.
+    Bytes moved = bytes;
+    moved.resize((bytes.size() + 7) / 8 * 8 + 4 + shift);
+    store_le(static_cast<uint32_t>(moved.size() - field), moved.data() + field);
+    moved.insert(moved.end(), bytes.begin() + static_cast<std::ptrdiff_t>(pages),
+                 bytes.begin() + static_cast<std::ptrdiff_t>(pages + pages_bytes));
+    DirectoryPage parsed;
+    const Status s = parse(moved, &parsed);
+    if (shift == 0) {
+      ASSERT_TRUE(s.ok()) << s.message();
+      ASSERT_EQ(parsed.pages.size(), example_page().pages.size());
+    } else {
+      ASSERT_EQ(s.code(), L4D_ERR_CORRUPT);
+      ASSERT_STREQ(s.clause(), "DIR-2");
+    }
+  }
+}
+
+// spec: DIR-2
 TEST(Directory, TruncatedAtEveryLength) {
   const Bytes bytes = serialize_directory_page(example_page(), kLayer, kIndex);
   for (size_t n = 0; n + 8 < bytes.size(); ++n) {

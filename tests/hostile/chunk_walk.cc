@@ -2,9 +2,11 @@
 #include "tests/hostile/chunk_walk.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "l4d_generated.h"
 #include "libl4dcodec/base/hash.h"
+#include "libl4dcodec/container/aligned_bytes.h"
 #include "libl4dcodec/container/directory.h"
 #include "libl4dcodec/container/file_header.h"
 #include "libl4dcodec/container/scene_header.h"
@@ -55,8 +57,16 @@ class Walker {
     if (offset < base || place->stored_bytes() == 0) return;
     if (!inside(offset, place->stored_bytes())) return;
     note(kind, offset, place->stored_bytes());
+    if (!repair_) return;
     auto* bytes = const_cast<unsigned char*>(reinterpret_cast<const unsigned char*>(place));
-    if (repair_) store_le(hash_of(offset, place->stored_bytes()), bytes + kHashInStruct);
+    hashes_.emplace_back(bytes + kHashInStruct, hash_of(offset, place->stored_bytes()));
+  }
+
+  // Of the places in a FlatBuffer, once all of it has been read: its objects may overlap, and a
+  // hash stored in one can then spoil the others, which have been verified.
+  void store_hashes() {
+    for (const auto& [bytes, hash] : hashes_) store_le(hash, bytes);
+    hashes_.clear();
   }
 
   void component(const fbs::ComponentCoding* coding) {
@@ -80,6 +90,7 @@ class Walker {
         component(layer->rotor_spatial());
         component(layer->rotor_temporal());
       }
+      store_hashes();
       SceneHeader scene;
       if (parse_scene_header(copy, 0, &scene).ok()) {
         for (uint32_t l = 0; l < scene.layers.size(); ++l) page_table(scene, l);
@@ -126,6 +137,7 @@ class Walker {
     flatbuffers::Verifier verifier(copy.data(), copy.size(), 16, 2048);
     if (!verifier.VerifyBuffer<fbs::DirectoryPage>("L4DD")) return;
     const fbs::DirectoryPage* page = flatbuffers::GetRoot<fbs::DirectoryPage>(copy.data());
+    if (!elements_aligned(*page->pages())) return;
     for (const fbs::PageRecord* p : *page->pages()) {
       chunk(ChunkKind::kPage, p, scene.payload_offset);
     }
@@ -136,11 +148,13 @@ class Walker {
         }
       }
     }
+    store_hashes();
     if (repair_ && codec == 0) std::copy(copy.begin(), copy.end(), begin);
   }
 
   Bytes& file_;
   const bool repair_;
+  std::vector<std::pair<unsigned char*, uint64_t>> hashes_;
   ZstdDecompressor zstd_;
 };
 

@@ -74,14 +74,10 @@ class Parts:
         raw = rans_writer.page(self.planes, used, self.split, **self.end)
         record = {"num_gaussians": N, "bucket": 0, "block": sb.NO_BLOCK, "visible_begin": 0,
                   "visible_end": 255, "bounds": NO_BOUNDS, "reserved": 0}
-        pages = [dict(record, raw=self.columns[0].streams(), **self.records[0]),
-                 dict(record, codec=2, raw=self.page_bytes(raw), **self.records[1])]
+        pages = [{**record, "raw": self.columns[0].streams(), **self.records[0]},
+                 {**record, "codec": 2, "raw": self.page_bytes(raw), **self.records[1]}]
         layer = dict({"entropy": self.chunk_bytes(chunk)}, **self.layer)
         return sb.build(dict(self.scene, layers=[dict(layer, pages=pages)]), rng=FIRST)
-
-
-def with_planes():
-    return Parts().build()
 
 
 def edited(*edits):
@@ -141,9 +137,17 @@ def half_positions(p):
     p.draw()
 
 
-def raw_opacity(p):
-    p.scene["opacity"]["coding"] = 1
-    p.draw()
+def infinite_position(p):
+    code = random_page.morton(*[order(float("inf"))] * 3)
+    p.put("position", code - sum(p.planes[0].values[:-1]), N - 1)
+
+
+def raw(name):
+    def edit(p):
+        (p.scene if name in p.scene else p.layer)[name] = 1 if name == "position" else {
+            "coding": 1, "bits": 0, "offset": 0.0, "step": 0.0}
+        p.draw()
+    return edited(edit)
 
 
 def broken_headers():
@@ -182,7 +186,6 @@ def broken_headers():
 
 def broken_chunks():
     inf = float("inf")
-    page = Parts().build
     yield "CODE-4 basis", coding("sh", basis=[(inf, 0.0, 0.0)] * 3)
     yield "CHNK-7 basis", coding("sh", suffix=b"\x00")
     yield "CHNK-8 basis", coding("sh", suffix=bytes(3 * 38))
@@ -191,7 +194,9 @@ def broken_chunks():
     yield "CHNK-8 entropy", parts(chunk_bytes=lambda raw: raw + bytes(67000))
     yield "CHNK-2 entropy", layer(entropy_patch={"hash": 1})
     yield "CHNK-3 rans", parts(records=[{}, {"patch": {"raw_bytes": 5}}])
-    yield "STRM-2 entropy vlq", parts(chunk_bytes=lambda raw: b"\xff" * 9 + raw)
+    yield "CHNK-6 rans plane", edited(lambda p: p.records[0].update(
+        raw=b"\x01\x02" + p.columns[0].streams()[2:]))
+    yield "RANS-1 vlq", parts(chunk_bytes=lambda raw: b"\xff" * 9 + raw)
     yield "RANS-1 map", parts(chunk_bytes=lambda raw: raw[:-1])
     yield "RANS-1 table", parts(chunk_bytes=lambda raw: raw[:20])
     yield "RANS-1 nothing", parts(chunk_bytes=lambda raw: b"")
@@ -213,7 +218,6 @@ def broken_chunks():
 
 
 def broken_pages():
-    inf = float("inf")
     first = lambda change: parts(page_bytes=lambda raw: change(
         raw, 4 + int.from_bytes(raw[:4], "little")))
     state = (0x1234).to_bytes(4, "little")
@@ -225,7 +229,8 @@ def broken_pages():
     yield "RANS-1 all", parts(page_bytes=lambda raw: bytes(4) + raw[4:131])
     yield "RANS-3", parts(page_bytes=lambda raw: raw[:4] + state + raw[8:])
     yield "RANS-3 second", first(lambda raw, end: raw[:end + 124] + state + raw[end + 128:])
-    yield "RANS-6 opacity", edited(raw_opacity)
+    for name in ("position", "opacity", "sh", "scale"):
+        yield "RANS-6 " + name, raw(name)
     yield "RANS-6 entropy", layer(entropy=None)
     yield "RANS-7", parts(end={"words": b"\x00\x00"})
     yield "RANS-7 odd", parts(end={"words": b"\x00"})
@@ -245,9 +250,8 @@ def broken_pages():
     yield "VQ-2 plane", plane("scale index", 3)
     yield "VAL-1 plane", plane("mean_t", 0x3FFF)
     yield "VAL-1 mean_t", edited(lambda p: p.columns[0].mean_t.__setitem__(0, 0x3FFF))
-    yield "VAL-1 position", edited(half_positions, lambda p: p.put(
-        "position", random_page.morton(*[order(inf)] * 3), 0))
-    yield "VAL-2 plane", plane("scale literal", order(inf))
+    yield "VAL-1 position", edited(half_positions, infinite_position)
+    yield "VAL-2 plane", plane("scale literal", order(float("inf")))
     yield "STRM-3 opacity", plane("opacity", 32)
     yield "STRM-3 mean_t", plane("mean_t", 1 << 14)
     yield "STRM-3 position", edited(lambda p: p.columns[0].position[0].__setitem__(0, 256))

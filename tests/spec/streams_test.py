@@ -121,12 +121,16 @@ class WorkedExample(unittest.TestCase):
 class RandomStreams(unittest.TestCase):
     # spec: DEC-1, DEC-2, STRM-5, PAGE-2, PAGE-3, VER-1, VER-2
     def test_two_readers_agree_on_every_bit(self):
-        files, want = {}, {}
+        files, want, rans_pages = {}, {}, 0
         for seed in range(NUM_RANDOM_STREAMS):
-            files[seed] = random_stream.RandomScene(seed).build()
+            drawn = random_stream.RandomScene(seed)
+            rans_pages += sum(page.get("codec") == 2 for layer in drawn.scene["layers"]
+                              for page in layer["pages"])
+            files[seed] = drawn.build()
             file, gaussians = decode_tiny.decode(files[seed])
             decode_tiny.dump(file)        # no byte is read twice
             want[seed] = decode_tiny.values(gaussians)
+        self.assertGreater(rans_pages, NUM_RANDOM_STREAMS)
         for mode in ("reference", "cpu"):
             got = library(mode, files)
             for seed in files:
@@ -135,21 +139,23 @@ class RandomStreams(unittest.TestCase):
 
 class BrokenStreams(unittest.TestCase):
     def test_the_unbroken_stream_is_valid(self):
-        data = sb.build(scene(), rng=FIRST)
-        _, gaussians = decode_tiny.decode(data)
-        self.assertEqual(library("validate", {0: data})[0], [])
-        self.assertEqual(library("cpu", {0: data})[0], decode_tiny.values(gaussians))
+        for data in (sb.build(scene(), rng=FIRST), broken_rans.Parts().build()):
+            _, gaussians = decode_tiny.decode(data)
+            self.assertEqual(library("validate", {0: data})[0], [])
+            self.assertEqual(library("cpu", {0: data})[0], decode_tiny.values(gaussians))
 
     # Streams that break one rule, checksums repaired; both readers name the rule.
     # spec: FILE-1, FILE-2, FILE-3, FILE-4, FILE-5, FILE-6
     # spec: HEAD-1, HEAD-2, HEAD-3, HEAD-4, HEAD-5, HEAD-6, HEAD-7, HEAD-8, HEAD-9, HEAD-10, HEAD-11
-    # spec: HEAD-12, HEAD-13, HEAD-14, CODE-1, CODE-2, CODE-3, CODE-4
+    # spec: HEAD-12, HEAD-13, HEAD-14, HEAD-15, CODE-1, CODE-2, CODE-3, CODE-4, CODE-5, CODE-6
+    # spec: TRAN-1, TRAN-2, TRAN-3, TRAN-4, TRAN-5, TRAN-6, RANS-1, RANS-2, RANS-3, RANS-4, RANS-5
+    # spec: RANS-6, RANS-7, RANS-8
     # spec: CHNK-1, CHNK-2, CHNK-3, CHNK-4, CHNK-5, CHNK-6, CHNK-7, CHNK-8
     # spec: STRM-1, STRM-2, STRM-3, STRM-4, STRM-6, RCQ-1, RCQ-2, RCQ-3, RCQ-4, RCQ-5
     # spec: DIR-1, DIR-2, DIR-3, DIR-4, DIR-5, DIR-6, DIR-7, DIR-8, DIR-9, DIR-10, DIR-11, DIR-12
     # spec: PAGE-1, VQ-1, VQ-2, VAL-1, VAL-2, VAL-3, LAYR-1, DEC-3
     def test_each_broken_rule_is_named(self):
-        files = dict(broken())
+        files = {**dict(broken()), **dict(broken_rans.broken())}
         for name, data in files.items():
             if name.split()[0] in LIBRARY_ONLY:
                 continue
@@ -168,8 +174,16 @@ class BrokenStreams(unittest.TestCase):
                 "FILE-2": "VERSION_UNSUPPORTED", "FILE-3": "FEATURE_UNSUPPORTED",
                 "HEAD-7 scalar": "FEATURE_UNSUPPORTED", "HEAD-8": "FEATURE_UNSUPPORTED",
                 "CHNK-6": "FEATURE_UNSUPPORTED", "CHNK-1": "TRUNCATED", "CHNK-1 size": "TRUNCATED",
-                "CHNK-2": "CHECKSUM", "PAGE-1": "CORRUPT", "VQ-2": "CORRUPT"}
-        files = {name: data for name, data in broken() if name in want}
+                "CHNK-2": "CHECKSUM", "PAGE-1": "CORRUPT", "VQ-2": "CORRUPT",
+                "HEAD-7 mean_t fixed": "FEATURE_UNSUPPORTED",
+                "CHNK-6 rans codebook": "FEATURE_UNSUPPORTED", "CHNK-2 entropy": "CHECKSUM",
+                "HEAD-15 spatial": "CORRUPT", "CODE-5": "CORRUPT", "CODE-6": "CORRUPT",
+                **{f"TRAN-{k}": "CORRUPT" for k in range(1, 7)},
+                "RANS-1 map": "CORRUPT", "RANS-2": "CORRUPT", "RANS-3": "CORRUPT",
+                "RANS-4 wide": "CORRUPT", "RANS-5": "CORRUPT", "RANS-6 entropy": "CORRUPT",
+                "RANS-7": "CORRUPT", "RANS-8": "CORRUPT"}
+        files = {name: data for name, data in [*broken(), *broken_rans.broken()] if name in want}
+        self.assertEqual(files.keys(), want.keys())
         files["limit"] = edited(lambda s: (s.update(num_gaussians=1 << 31),
                                            s["layers"][0].update(num_gaussians=(1 << 31) - 6)))
         want["limit"] = "LIMIT_EXCEEDED"
@@ -211,7 +225,7 @@ class Encoder(unittest.TestCase):
     def test_encoded_streams_break_no_rule(self):
         with tempfile.TemporaryDirectory() as folder:
             files = {}
-            for preset in ("default", "high", "lossless"):
+            for preset in ("default", "tiny", "archive", "indexed", "lossless"):
                 path = f"{folder}/{preset}.l4d"
                 subprocess.run([PROGRAMS["encode_scene"], preset, path], check=True)
                 files[preset] = Path(path).read_bytes()

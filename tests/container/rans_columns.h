@@ -1,0 +1,213 @@
+// SPDX-License-Identifier: Apache-2.0
+// Headers whose layers can have rANS pages, and random columns for them.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <cstring>
+#include <vector>
+
+#include "libl4dcodec/base/ordered.h"
+#include "libl4dcodec/container/morton.h"
+#include "libl4dcodec/container/page.h"
+#include "tests/common/headers.h"
+#include "tests/common/random.h"
+
+namespace l4d::test {
+
+inline ComponentCoding example_transform(std::vector<uint8_t> ladder, uint64_t seed) {
+  ComponentCoding c;
+  c.coding = ComponentCodingId::kTransform;
+  c.ladder = std::move(ladder);
+  c.steps.assign(c.ladder.back(), 0.125f);
+  c.basis = {c.ladder.back() + 1u, ElementType::kF16, example_chunk(seed)};
+  return c;
+}
+
+// The example with each of its layers' codebooks replaced by a transform, and fixed positions.
+inline SceneHeader transform_header() {
+  SceneHeader h = example_header();
+  h.position = MeanCodingId::kFixed;
+  h.position_bits = kMaxPositionBits;
+  h.sh_degree = 3;
+  h.sh = example_transform({1, 4, 11, 48}, 1);
+  for (LayerHeader& l : h.layers) {
+    l.mean_t_shift = l.permanent ? 0 : 3;
+    l.component[L4D_COMPONENT_SCALE] = example_transform({1, 2, 3}, 10);
+    l.component[L4D_COMPONENT_ROTOR_SPATIAL] = example_transform({3}, 11);
+    l.component[L4D_COMPONENT_ROTOR_TEMPORAL] = ComponentCoding();
+  }
+  h.layers[1].component[L4D_COMPONENT_ROTOR_TEMPORAL] = example_transform({1, 3}, 12);
+  h.layers[2].component[L4D_COMPONENT_ROTOR_TEMPORAL] = example_transform({2}, 13);
+  h.layers[2].component[L4D_COMPONENT_SCALE] = example_vq(9, 1, false, 14);
+  return h;
+}
+
+// Nothing but positions and mean times.
+inline SceneHeader bare_header() {
+  SceneHeader h = example_header();
+  h.position = MeanCodingId::kFixed;
+  h.position_bits = 1;
+  h.opacity = ScalarCoding();
+  h.sh = ComponentCoding();
+  for (LayerHeader& l : h.layers) {
+    l.mean_t_shift = l.permanent ? 0 : kMaxMeanShift;
+    l.scale_factor = ScalarCoding();
+    for (ComponentCoding& c : l.component) c = ComponentCoding();
+  }
+  return h;
+}
+
+// Between them: every kind of plane, and every kind of plane absent.
+inline std::vector<SceneHeader> rans_headers() {
+  SceneHeader mixed = transform_header();
+  mixed.position = MeanCodingId::kF16;
+  mixed.sh = example_vq(65536, 8, true, 1);
+  return {example_header(), transform_header(), bare_header(), mixed};
+}
+
+inline uint16_t random_half(Random& random) {
+  const uint16_t bits = static_cast<uint16_t>(random.bits());
+  return half_is_finite(bits) ? bits : static_cast<uint16_t>(bits & 0x83ffu);
+}
+
+inline void random_positions(const SceneHeader& header, Random& random, PageColumns* out) {
+  const bool fixed = header.position == MeanCodingId::kFixed;
+  std::vector<std::array<uint32_t, 3>> points(out->n);
+  for (auto& p : points) {
+    for (uint32_t& v : p) {
+      v = fixed ? random.below(1u << header.position_bits) : order_half(random_half(random));
+    }
+  }
+  std::sort(points.begin(), points.end(), [](const auto& a, const auto& b) {
+    return morton_code(a[0], a[1], a[2]) < morton_code(b[0], b[1], b[2]);
+  });
+  for (size_t axis = 0; axis < 3; ++axis) {
+    for (const auto& p : points) {
+      if (fixed) {
+        out->fixed_position[axis].push_back(p[axis]);
+      } else {
+        out->position[axis].push_back(unorder_half(static_cast<uint16_t>(p[axis])));
+      }
+    }
+  }
+}
+
+inline void random_transform(const ComponentCoding& coding, size_t n, Random& random,
+                             ComponentColumns* out) {
+  const bool told = coding.ladder.size() > 1;
+  const uint32_t classes = 1 + random.below(kTransformClasses);
+  for (size_t i = 0; i < n; ++i) {
+    out->cls.push_back(static_cast<uint8_t>(random.below(classes)));
+    const uint32_t rungs = static_cast<uint32_t>(coding.ladder.size()) + 1;
+    out->level.push_back(static_cast<uint8_t>(told ? random.below(rungs) : 1));
+    const unsigned count = level_coefficients(coding, out->level.back());
+    for (unsigned k = 0; k < count; ++k) {
+      constexpr int16_t kEnds[] = {0, 1, -1, INT16_MAX, INT16_MIN};
+      const uint32_t kind = random.below(20);
+      const int16_t q = kind < 5 ? kEnds[kind]
+                                 : static_cast<int16_t>(static_cast<int>(random.below(31)) - 15);
+      out->coefficient[k].push_back(q);
+      ++out->coefficient_count[k];
+    }
+  }
+}
+
+inline void random_vq(const SceneHeader& header, const LayerHeader& layer, const BlockRecord* block,
+                      unsigned component, size_t n, Random& random, ComponentColumns* out) {
+  const ComponentCoding& coding = header.component(layer, component);
+  const uint32_t stages = static_cast<uint32_t>(coding.stages.size());
+  for (size_t i = 0; i < n; ++i) {
+    uint32_t depth = coding.has_depth() ? random.below(stages + 1) : stages;
+    if (coding.literals && random.below(5) == 0) depth = kLiteralDepth;
+    out->depth.push_back(static_cast<uint8_t>(depth));
+    if (depth == kLiteralDepth) {
+      ++out->num_literals;
+      for (unsigned k = 0; k < header.component_dim(layer, component); ++k) {
+        out->literal.push_back(random_half(random));
+      }
+      continue;
+    }
+    for (uint32_t s = 0; s < depth; ++s) {
+      const uint32_t entries =
+          s == 0 ? stage0_entries(header, layer, component, block) : coding.stages[s].num_entries;
+      out->index[s].push_back(static_cast<uint16_t>(random.below(entries)));
+      ++out->index_count[s];
+    }
+  }
+}
+
+// Columns as an encoder would hand them over, positions in the order of their Morton codes.
+inline PageColumns rans_columns(const SceneHeader& header, const LayerHeader& layer,
+                                const BlockRecord* block, size_t n, uint64_t seed) {
+  Random random(seed);
+  PageColumns c;
+  c.n = n;
+  random_positions(header, random, &c);
+  const auto codes = [&](const ScalarCoding& coding, std::vector<uint16_t>* to) {
+    if (coding.coding != ScalarCodingId::kSq) return;
+    for (size_t i = 0; i < n; ++i) {
+      to->push_back(static_cast<uint16_t>(random.below(1u << coding.bits)));
+    }
+  };
+  codes(header.opacity, &c.opacity);
+  codes(layer.scale_factor, &c.scale_factor);
+  while (layer.mean_t == MeanCodingId::kF16 && c.mean_t.size() < n) {
+    const unsigned shift = layer.mean_t_shift;
+    const unsigned code = order_half(random_half(random)) >> shift;
+    const uint16_t bits = unorder_half(static_cast<uint16_t>((code << shift) + (1u << shift >> 1)));
+    if (half_is_finite(bits)) c.mean_t.push_back(bits);
+  }
+  for (unsigned i = 0; i < L4D_COMPONENT_COUNT; ++i) {
+    const ComponentCoding& coding = header.component(layer, i);
+    if (coding.transform()) random_transform(coding, n, random, &c.component[i]);
+    if (coding.vq()) random_vq(header, layer, block, i, n, random, &c.component[i]);
+  }
+  return c;
+}
+
+template <typename T>
+void expect_prefix(const char* what, const std::vector<T>& want, const std::vector<T>& got) {
+  ASSERT_GE(got.size(), want.size()) << what;
+  if (want.empty()) return;
+  ASSERT_EQ(std::memcmp(want.data(), got.data(), want.size() * sizeof(T)), 0) << what;
+}
+
+inline void expect_columns(const SceneHeader& header, const LayerHeader& layer, bool with_sh,
+                           const PageColumns& want, const PageColumns& got) {
+  ASSERT_EQ(want.n, got.n);
+  for (size_t axis = 0; axis < 3; ++axis) {
+    expect_prefix("position", want.position[axis], got.position[axis]);
+    expect_prefix("fixed position", want.fixed_position[axis], got.fixed_position[axis]);
+  }
+  expect_prefix("mean_t", want.mean_t, got.mean_t);
+  expect_prefix("opacity", want.opacity, got.opacity);
+  expect_prefix("scale factor", want.scale_factor, got.scale_factor);
+  for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
+    if (c == L4D_COMPONENT_SH && !with_sh) continue;
+    const ComponentCoding& coding = header.component(layer, c);
+    const ComponentColumns& a = want.component[c];
+    const ComponentColumns& b = got.component[c];
+    if (coding.vq()) {
+      if (coding.has_depth()) expect_prefix("depth", a.depth, b.depth);
+      EXPECT_EQ(a.num_literals, b.num_literals);
+      EXPECT_EQ(a.index_count, b.index_count);
+      expect_prefix("literal", a.literal, b.literal);
+      for (size_t s = 0; s < coding.stages.size(); ++s) {
+        expect_prefix("index", a.index[s], b.index[s]);
+      }
+    }
+    if (coding.transform()) {
+      expect_prefix("class", a.cls, b.cls);
+      expect_prefix("level", a.level, b.level);
+      EXPECT_EQ(a.coefficient_count, b.coefficient_count);
+      for (unsigned k = 0; k < coding.coefficients(); ++k) {
+        expect_prefix("coefficient", a.coefficient[k], b.coefficient[k]);
+      }
+    }
+  }
+}
+
+}  // namespace l4d::test

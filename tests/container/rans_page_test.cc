@@ -1,0 +1,378 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tests/container/rans_columns.h"
+
+#include <numeric>
+
+#include "encoder/entropy_model.h"
+#include "libl4dcodec/entropy/rans.h"
+
+namespace l4d {
+namespace {
+
+using test::expect_columns;
+using test::Random;
+using test::rans_columns;
+using test::rans_headers;
+
+constexpr uint64_t kBase = 5000;
+// Around the number of lanes, and many groups of them.
+constexpr size_t kCounts[] = {1, 31, 32, 33, 5000};
+
+// A layer's tables from the statistics of some columns, and pages coded with them.
+struct Coded {
+  EntropyModel model;
+  EntropyTables tables;
+
+  static EntropyModel model_of(const SceneHeader& header, const LayerHeader& layer,
+                               const std::vector<PageColumns>& pages) {
+    const std::vector<PlaneSpec> planes = page_planes(header, layer);
+    TokenCounts all(planes);
+    for (const PageColumns& page : pages) {
+      TokenCounts counts(planes);
+      visit_planes(header, layer, planes, page, counts);
+      all.add(counts);
+    }
+    return EntropyModel(planes, all);
+  }
+
+  Coded(const SceneHeader& header, const LayerHeader& layer, const std::vector<PageColumns>& pages)
+      : model(model_of(header, layer, pages)) {
+    const Status s = parse_entropy_tables(model.serialize(), kBase, header, layer, &tables);
+    EXPECT_TRUE(s.ok()) << s.detail();
+  }
+};
+
+struct Kernels {
+  const RansKernels& rans;
+  const StreamKernels& streams;
+};
+const Kernels kBackends[] = {{rans_kernels_reference(), stream_kernels_reference()},
+                             {rans_kernels_simd(), stream_kernels_simd()}};
+
+// Planes that nobody asked for are decoded all the same, but for SH.
+const PageWants kNoSh{true, true, true, true, true, false};
+
+class Parser {
+ public:
+  explicit Parser(const Kernels& kernels) {
+    decoder_.kernels = &kernels.rans;
+    decoder_.streams = &kernels.streams;
+  }
+  Status operator()(const Bytes& page, const SceneHeader& header, const LayerHeader& layer,
+                    const EntropyTables& tables, const BlockRecord* block, size_t n,
+                    const PageWants& wants, PageColumns* out, SectionBytes* sections = nullptr) {
+    return decode_rans_page(decoder_, page, kBase, header, layer, tables, block, n, wants, out,
+                            sections);
+  }
+
+ private:
+  RansDecoder decoder_;  // reused, as decoders do
+};
+
+// spec: DEC-3, PAGE-2
+TEST(RansPage, RoundTripInEveryCoding) {
+  BlockRecord block;
+  block.tables[L4D_COMPONENT_SCALE].num_entries = 700;
+  for (const Kernels& kernels : kBackends) {
+    Parser parse(kernels);
+    PageColumns reused;  // nothing of one page may leak into the next
+    uint64_t seed = 0;
+    for (const SceneHeader& header : rans_headers()) {
+      for (const LayerHeader& layer : header.layers) {
+        const bool rcq = layer.component[L4D_COMPONENT_SCALE].has_rcq;
+        std::vector<PageColumns> pages;
+        for (const size_t n : kCounts) {
+          pages.push_back(rans_columns(header, layer, rcq ? &block : nullptr, n, ++seed));
+        }
+        const Coded coded(header, layer, pages);
+        for (const PageColumns& columns : pages) {
+          for (const bool split : {false, true}) {
+            SCOPED_TRACE(columns.n);
+            const Bytes raw = coded.model.encode_page(header, layer, columns, split);
+            for (const PageWants& wants : {PageWants(), kNoSh}) {
+              SectionBytes sections{};
+              const Status s = parse(raw, header, layer, coded.tables, rcq ? &block : nullptr,
+                                     columns.n, wants, &reused, &sections);
+              ASSERT_TRUE(s.ok()) << s.detail();
+              expect_columns(header, layer, wants.sh, columns, reused);
+              EXPECT_LE(std::accumulate(sections.begin(), sections.end(), uint64_t{0}), raw.size());
+            }
+          }
+        }
+      }
+    }
+  }
+}
+
+// The other form of a page holds the same columns.
+TEST(RansPage, StreamsHoldTheSameColumns) {
+  StreamEncoder encoder(1);
+  StreamDecoder decoder;
+  uint64_t seed = 50;
+  for (const Kernels& kernels : kBackends) {
+    decoder.kernels = &kernels.streams;
+    PageColumns reused;
+    for (const SceneHeader& header : rans_headers()) {
+      for (const LayerHeader& layer : header.layers) {
+        for (const size_t n : kCounts) {
+          const PageColumns columns = rans_columns(header, layer, nullptr, n, ++seed);
+          const Bytes raw = encode_page(encoder, header, layer, nullptr, columns);
+          EXPECT_LE(raw.size(), max_page_bytes(header, n));
+          const Status s = decode_page(decoder, raw, kBase, header, layer, nullptr, n, PageWants(),
+                                       &reused, nullptr);
+          ASSERT_TRUE(s.ok()) << s.detail();
+          expect_columns(header, layer, true, columns, reused);
+        }
+      }
+    }
+  }
+}
+
+// One page of 33 Gaussians for tests that damage it.
+struct Sample {
+  SceneHeader header = test::transform_header();
+  const LayerHeader& layer = header.layers[1];
+  PageColumns columns = rans_columns(header, layer, nullptr, 33, 7);
+  Coded coded{header, layer, {columns}};
+  Parser parse{kBackends[1]};
+
+  Bytes page(bool split) const { return coded.model.encode_page(header, layer, columns, split); }
+  Status decode(const Bytes& page, const PageWants& wants = PageWants()) {
+    PageColumns out;
+    return parse(page, header, layer, coded.tables, nullptr, columns.n, wants, &out);
+  }
+};
+
+size_t second_block(const Bytes& page) {
+  return 4 + page[0] + page[1] * size_t{256} + page[2] * size_t{65536};
+}
+
+// spec: RANS-1, RANS-7
+TEST(RansPage, TruncatedAtEveryByteAndLonger) {
+  Sample sample;
+  for (const bool split : {false, true}) {
+    const Bytes whole = sample.page(split);
+    for (size_t cut = 0; cut < whole.size(); ++cut) {
+      const Bytes shorter(whole.begin(), whole.begin() + static_cast<std::ptrdiff_t>(cut));
+      const Status s = sample.decode(shorter);
+      ASSERT_EQ(s.code(), L4D_ERR_CORRUPT) << cut;
+      const size_t states = (split ? second_block(whole) : 4) + kRansStateBytes;
+      if (cut < states) {
+        ASSERT_STREQ(s.clause(), "RANS-1") << cut << " of " << whole.size();
+      } else if (cut + 3 > whole.size()) {  // coefficients of SH, which break no other rule
+        ASSERT_STREQ(s.clause(), "RANS-7") << cut << " of " << whole.size();
+      }
+    }
+    for (const size_t more : {size_t{1}, size_t{2}, size_t{3}, size_t{128}}) {
+      Bytes longer = whole;
+      longer.resize(whole.size() + more);
+      EXPECT_STREQ(sample.decode(longer).clause(), "RANS-7") << more;
+    }
+  }
+}
+
+// spec: RANS-3
+TEST(RansPage, StatesBelowTheLeastAreRefused) {
+  Sample sample;
+  const Bytes whole = sample.page(true);
+  for (const size_t block : {size_t{4}, second_block(whole)}) {
+    for (size_t lane = 0; lane < kRansLanes; ++lane) {
+      Bytes changed = whole;
+      const size_t at = block + lane * sizeof(uint32_t);
+      std::fill_n(changed.begin() + static_cast<std::ptrdiff_t>(at), 2, uint8_t{0xff});
+      std::fill_n(changed.begin() + static_cast<std::ptrdiff_t>(at) + 2, 2, uint8_t{0});
+      const Status s = sample.decode(changed);
+      EXPECT_EQ(s.code(), L4D_ERR_CORRUPT);
+      EXPECT_STREQ(s.clause(), "RANS-3") << lane;
+    }
+  }
+}
+
+// spec: DEC-3
+TEST(RansPage, ABlockThatNobodyAsksForIsSteppedOver) {
+  Sample sample;
+  Bytes changed = sample.page(true);
+  std::fill(changed.begin() + static_cast<std::ptrdiff_t>(second_block(changed)), changed.end(),
+            uint8_t{0});
+  EXPECT_STREQ(sample.decode(changed).clause(), "RANS-3");
+  EXPECT_TRUE(sample.decode(changed, kNoSh).ok());
+}
+
+// Pages with any integers, whether they keep the rules or not: one table for wide ones and one for the
+// others have all tokens.
+class AnyPage : public PlaneVisitor {
+ public:
+  AnyPage(const SceneHeader& header, const LayerHeader& layer, const PageColumns& columns)
+      : header_(header), layer_(layer), planes_(page_planes(header, layer)) {
+    visit_planes(header, layer, planes_, columns, *this);
+  }
+
+  void visit(const PlaneSymbols& s) override {
+    wide_.emplace_back(s.wide.begin(), s.wide.end());
+    hybrid_.emplace_back(s.hybrid.begin(), s.hybrid.end());
+  }
+
+  void put(PlaneKind kind, unsigned component, size_t i, uint64_t value) {
+    for (size_t p = 0; p < planes_.size(); ++p) {
+      if (planes_[p].kind != kind || planes_[p].component != component) continue;
+      if (kind == PlaneKind::kPosition) {
+        wide_[p].at(i) = value;
+      } else {
+        hybrid_[p].at(i) = static_cast<uint16_t>(value);
+      }
+      return;
+    }
+    FAIL() << "no such plane";
+  }
+
+  Bytes tables() const {
+    Bytes out = {2, 1};
+    wide_table_.append_to(out);
+    hybrid_table_.append_to(out);
+    for (const PlaneSpec& p : planes_) {
+      out.insert(out.end(), p.contexts, p.kind == PlaneKind::kPosition ? uint8_t{0} : uint8_t{1});
+    }
+    return out;
+  }
+
+  Status decode(Parser& parse, PageColumns* out) const {
+    EntropyTables entropy;
+    const Status s = parse_entropy_tables(tables(), kBase, header_, layer_, &entropy);
+    if (!s.ok()) return s;
+    RansBlockWriter writer;
+    for (size_t p = 0; p < planes_.size(); ++p) {
+      if (planes_[p].kind == PlaneKind::kPosition) {
+        writer.add_wide(&wide_table_, nullptr, wide_[p]);
+      } else {
+        writer.add_hybrid(&hybrid_table_, nullptr, hybrid_[p]);
+      }
+    }
+    Bytes page(4, uint8_t{0});
+    writer.finish(page);
+    return parse(page, header_, layer_, entropy, nullptr, wide_[0].size(), PageWants(), out);
+  }
+
+ private:
+  static RansTable all_tokens(size_t count) {
+    return RansTable(std::vector<uint64_t>(count, 1));
+  }
+
+  const SceneHeader& header_;
+  const LayerHeader& layer_;
+  std::vector<PlaneSpec> planes_;
+  std::vector<std::vector<uint64_t>> wide_;
+  std::vector<std::vector<uint16_t>> hybrid_;
+  RansTable wide_table_ = all_tokens(kRansWideTokens);
+  RansTable hybrid_table_ = all_tokens(kRansHybridTokens);
+};
+
+struct Rule {
+  const char* clause;
+  PlaneKind kind;
+  unsigned component;
+  size_t i;
+  uint64_t value;
+};
+
+void expect_rules(const SceneHeader& header, const LayerHeader& layer,
+                  const std::vector<Rule>& rules) {
+  for (const Kernels& kernels : kBackends) {
+    Parser parse(kernels);
+    const PageColumns columns = rans_columns(header, layer, nullptr, 33, 3);
+    const AnyPage valid(header, layer, columns);
+    PageColumns out;
+    const Status whole = valid.decode(parse, &out);
+    ASSERT_TRUE(whole.ok()) << whole.detail();
+    expect_columns(header, layer, true, columns, out);
+    for (const Rule& rule : rules) {
+      AnyPage page = valid;
+      page.put(rule.kind, rule.component, rule.i, rule.value);
+      const Status s = page.decode(parse, &out);
+      EXPECT_EQ(s.code(), L4D_ERR_CORRUPT) << rule.clause;
+      EXPECT_STREQ(s.clause(), rule.clause) << s.detail();
+      EXPECT_GE(s.offset(), kBase);
+    }
+  }
+}
+
+// spec: RANS-8, STRM-3, TRAN-5, TRAN-6, VAL-1
+TEST(RansPage, RulesOfTransformsAndFixedPositions) {
+  const SceneHeader h = test::transform_header();
+  const unsigned scale = L4D_COMPONENT_SCALE, spatial = L4D_COMPONENT_ROTOR_SPATIAL;
+  const uint64_t end = uint64_t{1} << 63;
+  expect_rules(h, h.layers[1],
+               {{"TRAN-5", PlaneKind::kClass, L4D_COMPONENT_SH, 32, 16},
+                {"TRAN-5", PlaneKind::kClass, spatial, 0, 65535},
+                {"TRAN-6", PlaneKind::kLevel, L4D_COMPONENT_SH, 31, 5},
+                {"TRAN-6", PlaneKind::kLevel, scale, 0, 4},
+                {"STRM-3", PlaneKind::kOpacity, 0, 5, 256},
+                {"STRM-3", PlaneKind::kScaleFactor, 0, 32, 64},
+                {"STRM-3", PlaneKind::kMeanT, 0, 0, 1 << 13},
+                {"VAL-1", PlaneKind::kMeanT, 0, 32, (1 << 13) - 1},
+                {"RANS-8", PlaneKind::kPosition, 0, 32, end - 1}});
+}
+
+// spec: RANS-8, STRM-3, VAL-1, VAL-2, VQ-1, VQ-2
+TEST(RansPage, RulesOfCodebooksAndHalfPositions) {
+  const SceneHeader h = test::example_header();
+  const unsigned temporal = L4D_COMPONENT_ROTOR_TEMPORAL;
+  expect_rules(h, h.layers[1],
+               {{"VQ-1", PlaneKind::kDepth, L4D_COMPONENT_SH, 0, 4},
+                {"VQ-1", PlaneKind::kDepth, L4D_COMPONENT_ROTOR_SPATIAL, 32, kLiteralDepth},
+                {"VQ-2", PlaneKind::kIndex, L4D_COMPONENT_SH, 0, 300},
+                {"VQ-2", PlaneKind::kIndex, L4D_COMPONENT_SCALE, 32, 41},
+                {"VAL-2", PlaneKind::kLiteral, temporal, 0, order_half(0x7c00)},
+                {"VAL-2", PlaneKind::kLiteral, temporal, 1, order_half(0xfe00)},
+                {"VAL-1", PlaneKind::kMeanT, 0, 32, order_half(0xfc00)},
+                {"RANS-8", PlaneKind::kPosition, 0, 0, uint64_t{1} << 48},
+                {"RANS-8", PlaneKind::kPosition, 0, 32, (uint64_t{1} << 63) - 1}});
+}
+
+// spec: RANS-8
+TEST(RansPage, GapsThatWrapAroundAreOutOfRange) {
+  const SceneHeader h = test::example_header();
+  Parser parse(kBackends[1]);
+  PageColumns columns = rans_columns(h, h.layers[0], nullptr, 4, 3);
+  AnyPage page(h, h.layers[0], columns);
+  const uint64_t third = (uint64_t{1} << 63) - 1;
+  page.put(PlaneKind::kPosition, 0, 0, third);
+  page.put(PlaneKind::kPosition, 0, 1, third);
+  page.put(PlaneKind::kPosition, 0, 2, 2);  // 2^64 in all
+  page.put(PlaneKind::kPosition, 0, 3, 5);
+  PageColumns out;
+  EXPECT_STREQ(page.decode(parse, &out).clause(), "RANS-8");
+}
+
+// Whatever bytes do to a page, what it is taken for is inside the limits that other code relies on.
+TEST(RansPage, DamagedBytesAreRefusedOrParsedSafely) {
+  Sample sample;
+  Random random(3);
+  const Bytes whole = sample.page(true);
+  PageColumns out;
+  int parsed = 0;
+  for (int round = 0; round < 3000; ++round) {
+    Bytes changed = whole;
+    for (uint32_t k = 0; k <= random.below(3); ++k) {
+      changed[random.below(static_cast<uint32_t>(whole.size()))] ^=
+          static_cast<uint8_t>(1u << random.below(8));
+    }
+    const Status s = sample.parse(changed, sample.header, sample.layer, sample.coded.tables, nullptr,
+                                  sample.columns.n, PageWants(), &out);
+    if (!s.ok()) {
+      ASSERT_STRNE(s.clause(), "");
+      continue;
+    }
+    ++parsed;
+    for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
+      const ComponentCoding& coding = sample.header.component(sample.layer, c);
+      for (size_t i = 0; i < sample.columns.n; ++i) {
+        ASSERT_LT(out.component[c].cls[i], kTransformClasses);
+        ASSERT_LE(out.component[c].level[i], coding.ladder.size());
+      }
+    }
+  }
+  EXPECT_GT(parsed, 0);  // a raw bit changes one value and no state
+}
+
+}  // namespace
+}  // namespace l4d

@@ -1,0 +1,140 @@
+// SPDX-License-Identifier: Apache-2.0
+// What transforms, fixed positions and rANS pages add to the scene header.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+
+#include "tests/container/rans_columns.h"
+
+namespace l4d {
+namespace {
+
+constexpr unsigned kSpatial = L4D_COMPONENT_ROTOR_SPATIAL;
+constexpr unsigned kTemporal = L4D_COMPONENT_ROTOR_TEMPORAL;
+
+Status parse(const SceneHeader& header, SceneHeader* out) {
+  return parse_scene_header(serialize_scene_header(header), 0, out);
+}
+
+TEST(TransformHeader, RoundTrip) {
+  SceneHeader a = test::transform_header();
+  a.sh.steps[5] = 0x1p-20f;
+  a.sh.steps[6] = 0x1p10f;
+  a.layers[1].component[kSpatial].steps[2] = 1;
+  a.layers[1].has_entropy = true;
+  a.layers[1].entropy = test::example_chunk(77);
+  SceneHeader b;
+  const Status s = parse(a, &b);
+  ASSERT_TRUE(s.ok()) << s.detail();
+  EXPECT_EQ(b.position, MeanCodingId::kFixed);
+  EXPECT_EQ(b.position_bits, kMaxPositionBits);
+  ASSERT_EQ(b.layers.size(), a.layers.size());
+  for (size_t l = 0; l < a.layers.size(); ++l) {
+    EXPECT_EQ(b.layers[l].mean_t_shift, a.layers[l].mean_t_shift);
+    EXPECT_EQ(b.layers[l].has_entropy, a.layers[l].has_entropy);
+    EXPECT_EQ(b.layers[l].entropy.hash, a.layers[l].entropy.hash);
+    EXPECT_EQ(b.layers[l].entropy.raw_bytes, a.layers[l].entropy.raw_bytes);
+    for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
+      const ComponentCoding& x = a.component(a.layers[l], c);
+      const ComponentCoding& y = b.component(b.layers[l], c);
+      ASSERT_EQ(x.coding, y.coding);
+      EXPECT_EQ(x.steps, y.steps);
+      EXPECT_EQ(x.ladder, y.ladder);
+      EXPECT_EQ(x.basis.num_entries, y.basis.num_entries);
+      EXPECT_EQ(x.basis.codebook.offset, y.basis.codebook.offset);
+    }
+  }
+}
+
+struct Rule {
+  const char* clause;
+  void (*edit)(SceneHeader&);
+};
+const Rule kRules[] = {
+    {"CODE-5", [](SceneHeader& h) { h.position_bits = 0; }},
+    {"CODE-5", [](SceneHeader& h) { h.position_bits = kMaxPositionBits + 1; }},
+    {"CODE-6", [](SceneHeader& h) { h.layers[2].mean_t_shift = kMaxMeanShift + 1; }},
+    {"HEAD-14", [](SceneHeader& h) { h.layers[1].scale_factor.coding = ScalarCodingId::kRaw32; }},
+    {"HEAD-15",
+     [](SceneHeader& h) { h.layers[1].component[kTemporal] = test::example_vq(4, 1, false, 3); }},
+    {"HEAD-15",
+     [](SceneHeader& h) { h.layers[1].component[kSpatial] = test::example_vq(4, 1, false, 3); }},
+    {"HEAD-15", [](SceneHeader& h) { h.layers[2].component[kSpatial] = ComponentCoding(); }},
+    {"TRAN-1",
+     [](SceneHeader& h) {
+       h.sh.steps.clear();
+       h.sh.basis.num_entries = 1;
+     }},
+    {"TRAN-1",
+     [](SceneHeader& h) {
+       h.sh.steps.push_back(1);
+       h.sh.ladder.back() = 49;
+       h.sh.basis.num_entries = 50;
+     }},
+    {"TRAN-1", [](SceneHeader& h) { h.layers[1].component[kSpatial] =
+                                        test::example_transform({1, 4}, 3); }},
+    {"TRAN-1", [](SceneHeader& h) { h.layers[0].component[L4D_COMPONENT_SCALE] =
+                                        test::example_transform({4}, 3); }},
+    {"TRAN-2", [](SceneHeader& h) { h.sh.steps[47] = std::nextafterf(0x1p-20f, 0); }},
+    {"TRAN-2", [](SceneHeader& h) { h.sh.steps[0] = std::nextafterf(0x1p10f, 2000); }},
+    {"TRAN-2", [](SceneHeader& h) { h.sh.steps[0] = -1; }},
+    {"TRAN-2",
+     [](SceneHeader& h) { h.sh.steps[1] = std::numeric_limits<float>::quiet_NaN(); }},
+    {"TRAN-2",
+     [](SceneHeader& h) { h.layers[1].component[kSpatial].steps[0] = std::nextafterf(1, 2); }},
+    {"TRAN-2", [](SceneHeader& h) { h.layers[1].component[kTemporal].steps[2] = 2; }},
+    {"TRAN-3", [](SceneHeader& h) { h.sh.ladder.clear(); }},
+    {"TRAN-3", [](SceneHeader& h) { h.sh.ladder = {0, 48}; }},
+    {"TRAN-3", [](SceneHeader& h) { h.sh.ladder = {3, 3, 48}; }},
+    {"TRAN-3", [](SceneHeader& h) { h.sh.ladder = {47}; }},
+    {"TRAN-3", [](SceneHeader& h) { h.sh.ladder = {48, 49}; }},
+    {"TRAN-4", [](SceneHeader& h) { h.sh.basis.num_entries = 48; }},
+    {"TRAN-4", [](SceneHeader& h) { h.sh.basis.num_entries = 50; }},
+};
+
+// spec: CODE-5, CODE-6, HEAD-14, HEAD-15, TRAN-1, TRAN-2, TRAN-3, TRAN-4
+TEST(TransformHeader, EachRuleIsChecked) {
+  for (const Rule& rule : kRules) {
+    SceneHeader header = test::transform_header();
+    rule.edit(header);
+    SceneHeader out;
+    const Status s = parse(header, &out);
+    EXPECT_EQ(s.code(), L4D_ERR_CORRUPT) << rule.clause << ", rule " << &rule - kRules;
+    EXPECT_STREQ(s.clause(), rule.clause) << s.detail() << ", rule " << &rule - kRules;
+  }
+}
+
+// spec: HEAD-7
+TEST(TransformHeader, UnknownIdsAreNamed) {
+  void (*const edits[])(SceneHeader&) = {
+      [](SceneHeader& h) { h.position = static_cast<MeanCodingId>(4); },
+      [](SceneHeader& h) { h.layers[1].mean_t = MeanCodingId::kFixed; },
+      [](SceneHeader& h) { h.sh.coding = static_cast<ComponentCodingId>(4); },
+      [](SceneHeader& h) { h.sh.basis.element = static_cast<ElementType>(1); }};
+  for (const auto& edit : edits) {
+    SceneHeader header = test::transform_header();
+    edit(header);
+    SceneHeader out;
+    const Status s = parse(header, &out);
+    EXPECT_EQ(s.code(), L4D_ERR_FEATURE_UNSUPPORTED) << &edit - edits;
+    EXPECT_STREQ(s.clause(), "HEAD-7") << &edit - edits;
+  }
+}
+
+// Where a rotor is no transform, one part of it may be absent, or both.
+TEST(TransformHeader, PairsOfRotors) {
+  for (const bool spatial : {false, true}) {
+    for (const bool temporal : {false, true}) {
+      SceneHeader header = test::transform_header();
+      auto& parts = header.layers[1].component;
+      if (!spatial) parts[kSpatial] = ComponentCoding();
+      if (!temporal) parts[kTemporal] = ComponentCoding();
+      SceneHeader out;
+      EXPECT_EQ(parse(header, &out).ok(), spatial || !temporal) << spatial << temporal;
+    }
+  }
+}
+
+}  // namespace
+}  // namespace l4d
