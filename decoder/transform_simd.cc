@@ -209,7 +209,7 @@ HWY_INLINE void compress_scales(const Batch& batch, uint64_t members, size_t ste
     to += hn::CountTrue(d, above);
   }
 #else
-  // Where there is no such instruction, Compress of Highway 1.0 copies its table at each call (gcc).
+  // Without an instruction for it, Compress of Highway 1.0 copies its table at each call (gcc).
   (void)step;
   for (; members != 0; members &= members - 1) {
     *to++ = batch.class_scale[hwy::Num0BitsBelowLS1Bit_Nonzero64(members)];
@@ -217,8 +217,8 @@ HWY_INLINE void compress_scales(const Batch& batch, uint64_t members, size_t ste
 #endif
 }
 
-// Fills the first n rows of a batch from its classes and levels. Step by step of the ladder: who goes
-// no further is summed up, the others get the coefficients of the step.
+// Fills the first n rows of a batch from its classes and levels. Step by step of the ladder: who
+// goes no further is summed up, the others get the coefficients of the step.
 HWY_NOINLINE void sum_batch(const TransformSource& source, TransformCursor& cursor,
                             const uint8_t* ladder, size_t n, size_t stride, Batch& batch) {
   const D d;

@@ -50,7 +50,7 @@ class Quality {
  private:
   // About this many numbers of a Gaussian take part in its error. This and the offsets are where the
   // slopes of fidelity against bytes are equal, on the basketball scene at 41 dB.
-  static constexpr double kNumbers = 26.5;
+  static constexpr double kNumbers = 66;
   static constexpr double kOffset[L4D_COMPONENT_COUNT] = {0, 1.2, 0, -3.5};
   static constexpr double kPositionOffset = -1.2;
   double power(double decibels) const { return std::pow(10.0, -decibels / 10) / (kNumbers * n_); }

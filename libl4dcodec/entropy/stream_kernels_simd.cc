@@ -159,9 +159,12 @@ void split_morton(const uint64_t* codes, size_t n, uint32_t* const columns[3]) {
   const auto split = [&](auto d, size_t i) HWY_ATTR {
     const hn::Rebind<uint32_t, decltype(d)> d32;
     const auto v = hn::LoadU(d, codes + i);
-    hn::StoreU(hn::TruncateTo(d32, morton_coordinate(d, v)), d32, columns[0] + i);
-    hn::StoreU(hn::TruncateTo(d32, morton_coordinate(d, hn::ShiftRight<1>(v))), d32, columns[1] + i);
-    hn::StoreU(hn::TruncateTo(d32, morton_coordinate(d, hn::ShiftRight<2>(v))), d32, columns[2] + i);
+    const auto x = morton_coordinate(d, v);
+    const auto y = morton_coordinate(d, hn::ShiftRight<1>(v));
+    const auto z = morton_coordinate(d, hn::ShiftRight<2>(v));
+    hn::StoreU(hn::TruncateTo(d32, x), d32, columns[0] + i);
+    hn::StoreU(hn::TruncateTo(d32, y), d32, columns[1] + i);
+    hn::StoreU(hn::TruncateTo(d32, z), d32, columns[2] + i);
   };
   const hn::ScalableTag<uint64_t> d;
   size_t i = 0;

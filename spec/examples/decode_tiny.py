@@ -16,9 +16,9 @@ import sys
 from pathlib import Path
 
 from flatbuffer import FlatBuffer, Invalid, Schema
-from header_rules import (COMPONENTS, CONSTANT, F16, FIXED, NONE, RAW32, ROTOR_SPATIAL,
-                          ROTOR_TEMPORAL, SCALE, SH, SQ, TRANSFORM, VQ, ZERO, check_header,
-                          directory_pages, num_buckets)
+from header_rules import (COMPONENTS, CONSTANT, F16, FIXED, RAW32, ROTOR_SPATIAL, ROTOR_TEMPORAL,
+                          SCALE, SH, TRANSFORM, VQ, ZERO, check_header, directory_pages,
+                          num_buckets)
 from rans import MAGNITUDES, Entropy, RansPage, codable, page_planes, vector_length
 from streams import (Streams, bit_width, bits_of_f32, f32, f32_of_bits, finite_halves, half,
                      require)
@@ -221,7 +221,7 @@ class Decoder:
         if h["position"] == RAW32:
             position = [columns.floats(n, f"position {axis}") for axis in "xyz"]
         else:
-            position = columns.positions(n, h["position"], int(h["position_bits"]))
+            position = columns.positions(n, h["position"] == FIXED, int(h["position_bits"]))
             if h["position"] == F16:
                 position = [finite_halves(p, "position", "VAL-1") for p in position]
             position = [[f32(h["position_center"][axis] + f32(h["position_scale"] * v)) for v in p]

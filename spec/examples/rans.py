@@ -3,8 +3,7 @@
 
 import struct
 
-from flatbuffer import Invalid
-from header_rules import F16, FIXED, NONE, SQ, TRANSFORM, VQ
+from header_rules import NONE, RAW32, SQ, TRANSFORM, VQ
 from streams import Columns, Streams, require
 
 LANES = 32
@@ -20,14 +19,14 @@ def hybrid(token):
     if token < 16:
         return token, []
     e = (token - 16) >> 3
-    return 8 + (token - 16 & 7) << e + 1, [e + 1]
+    return (8 + ((token - 16) & 7)) << (e + 1), [e + 1]
 
 
 def wide(token):
     if token < 2:
         return token, []
     bits = (token >> 1) - 1
-    return 2 + (token & 1) << bits, [16] * (bits // 16) + [bits % 16] * (bits % 16 > 0)
+    return (2 + (token & 1)) << bits, [16] * (bits // 16) + [bits % 16] * (bits % 16 > 0)
 
 
 class Block:
@@ -125,10 +124,10 @@ def vector_length(header, layer, name):
 
 def codable(header, layer):
     """Whether RANS-6 lets a layer have rANS pages."""
-    raw = 1
-    return raw not in (header["position"], header["opacity"]["coding"], header["sh"]["coding"],
-                       layer["mean_t"], layer["scale_factor"]["coding"], layer["scale"]["coding"],
-                       layer["rotor_spatial"]["coding"], layer["rotor_temporal"]["coding"])
+    return RAW32 not in (
+        header["position"], layer["mean_t"],
+        *[c["coding"] for c in (header["opacity"], header["sh"], layer["scale_factor"],
+                                layer["scale"], layer["rotor_spatial"], layer["rotor_temporal"])])
 
 
 class Entropy:
@@ -185,8 +184,8 @@ class RansPage(Columns):
         require(all(v < bound for v in values), clause, f"{what}, limit {bound}")
         return values
 
-    def positions(self, n, coding, bits):
-        width = 16 if coding == F16 else bits
+    def positions(self, n, fixed, bits):
+        width = bits if fixed else 16
         gaps, code, out = self.read(n, 64, "position"), 0, ([], [], [])
         for gap in gaps:
             code += gap

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The arithmetic of spec/l4d.md and its streams, section 9."""
 
-import math
 import struct
 
 from flatbuffer import Invalid
@@ -126,8 +125,7 @@ class Streams(Columns):
         self.file.claim(self.base + begin + 1, self.base + self.at, f"  values {shown}")
         return values
 
-    def positions(self, n, coding, bits):
-        fixed = coding == 3
+    def positions(self, n, fixed, bits):
         limit = 1 << bits if fixed else 0
         return [self.read(n, 32 if fixed else 16, f"position {axis}", limit, "STRM-3")
                 for axis in "xyz"]

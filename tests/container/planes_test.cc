@@ -169,8 +169,7 @@ TEST(EntropyTables, TruncatedAtEveryByteAndLongerByOne) {
   Bytes whole = Chunk(h, h.layers[1]).bytes();
   EntropyTables out;
   for (size_t cut = 0; cut < whole.size(); ++cut) {
-    const Status s =
-        parse_entropy_tables(ByteSpan(whole.data(), cut), kBase, h, h.layers[1], &out);
+    const Status s = parse_entropy_tables(ByteSpan(whole.data(), cut), kBase, h, h.layers[1], &out);
     ASSERT_EQ(s.code(), L4D_ERR_CORRUPT) << cut;
     ASSERT_STREQ(s.clause(), "RANS-1") << cut;
   }
@@ -187,10 +186,22 @@ struct Rule {
 const Rule kRules[] = {
     {"RANS-2", [](Chunk& c) { c.tables[1] = table_bytes({}); }},
     {"RANS-2", [](Chunk& c) { c.tables[1] = table_bytes({4095}); }},
-    {"RANS-2", [](Chunk& c) { c.tables[1] = table_bytes({4096, 1}); }},
-    {"RANS-2", [](Chunk& c) { c.tables[1] = table_bytes({4096, 0}); }},
-    {"RANS-2", [](Chunk& c) { c.tables[1] = table_bytes({1, 0, 0, 0, 4095}, 3); }},
-    {"RANS-2", [](Chunk& c) { c.tables[1] = table_bytes({1, (uint64_t{1} << 62) + 4095}); }},
+    {"RANS-2",
+     [](Chunk& c) {
+       c.tables[1] = table_bytes({4096, 1});
+     }},
+    {"RANS-2",
+     [](Chunk& c) {
+       c.tables[1] = table_bytes({4096, 0});
+     }},
+    {"RANS-2",
+     [](Chunk& c) {
+       c.tables[1] = table_bytes({1, 0, 0, 0, 4095}, 3);
+     }},
+    {"RANS-2",
+     [](Chunk& c) {
+       c.tables[1] = table_bytes({1, (uint64_t{1} << 62) + 4095});
+     }},
     {"RANS-2",
      [](Chunk& c) {
        std::vector<uint64_t> f(kRansHybridTokens + 1, 0);

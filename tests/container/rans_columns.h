@@ -107,8 +107,8 @@ inline void random_transform(const ComponentCoding& coding, size_t n, Random& ra
     for (unsigned k = 0; k < count; ++k) {
       constexpr int16_t kEnds[] = {0, 1, -1, INT16_MAX, INT16_MIN};
       const uint32_t kind = random.below(20);
-      const int16_t q = kind < 5 ? kEnds[kind]
-                                 : static_cast<int16_t>(static_cast<int>(random.below(31)) - 15);
+      const int16_t q =
+          kind < 5 ? kEnds[kind] : static_cast<int16_t>(static_cast<int>(random.below(31)) - 15);
       out->coefficient[k].push_back(q);
       ++out->coefficient_count[k];
     }

@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "tests/container/rans_columns.h"
-
 #include <numeric>
 
 #include "encoder/entropy_model.h"
 #include "libl4dcodec/entropy/rans.h"
+#include "tests/container/rans_columns.h"
 
 namespace l4d {
 namespace {
@@ -198,8 +197,8 @@ TEST(RansPage, ABlockThatNobodyAsksForIsSteppedOver) {
   EXPECT_TRUE(sample.decode(changed, kNoSh).ok());
 }
 
-// Pages with any integers, whether they keep the rules or not: one table for wide ones and one for the
-// others have all tokens.
+// Pages with any integers, whether they keep the rules or not: one table for wide ones and one for
+// the others have all tokens.
 class AnyPage : public PlaneVisitor {
  public:
   AnyPage(const SceneHeader& header, const LayerHeader& layer, const PageColumns& columns)
@@ -253,9 +252,7 @@ class AnyPage : public PlaneVisitor {
   }
 
  private:
-  static RansTable all_tokens(size_t count) {
-    return RansTable(std::vector<uint64_t>(count, 1));
-  }
+  static RansTable all_tokens(size_t count) { return RansTable(std::vector<uint64_t>(count, 1)); }
 
   const SceneHeader& header_;
   const LayerHeader& layer_;
@@ -356,8 +353,8 @@ TEST(RansPage, DamagedBytesAreRefusedOrParsedSafely) {
       changed[random.below(static_cast<uint32_t>(whole.size()))] ^=
           static_cast<uint8_t>(1u << random.below(8));
     }
-    const Status s = sample.parse(changed, sample.header, sample.layer, sample.coded.tables, nullptr,
-                                  sample.columns.n, PageWants(), &out);
+    const Status s = sample.parse(changed, sample.header, sample.layer, sample.coded.tables,
+                                  nullptr, sample.columns.n, PageWants(), &out);
     if (!s.ok()) {
       ASSERT_STRNE(s.clause(), "");
       continue;

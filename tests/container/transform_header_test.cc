@@ -72,23 +72,35 @@ const Rule kRules[] = {
        h.sh.ladder.back() = 49;
        h.sh.basis.num_entries = 50;
      }},
-    {"TRAN-1", [](SceneHeader& h) { h.layers[1].component[kSpatial] =
-                                        test::example_transform({1, 4}, 3); }},
-    {"TRAN-1", [](SceneHeader& h) { h.layers[0].component[L4D_COMPONENT_SCALE] =
-                                        test::example_transform({4}, 3); }},
+    {"TRAN-1",
+     [](SceneHeader& h) {
+       h.layers[1].component[kSpatial] = test::example_transform({1, 4}, 3);
+     }},
+    {"TRAN-1",
+     [](SceneHeader& h) {
+       h.layers[0].component[L4D_COMPONENT_SCALE] = test::example_transform({4}, 3);
+     }},
     {"TRAN-2", [](SceneHeader& h) { h.sh.steps[47] = std::nextafterf(0x1p-20f, 0); }},
     {"TRAN-2", [](SceneHeader& h) { h.sh.steps[0] = std::nextafterf(0x1p10f, 2000); }},
     {"TRAN-2", [](SceneHeader& h) { h.sh.steps[0] = -1; }},
-    {"TRAN-2",
-     [](SceneHeader& h) { h.sh.steps[1] = std::numeric_limits<float>::quiet_NaN(); }},
+    {"TRAN-2", [](SceneHeader& h) { h.sh.steps[1] = std::numeric_limits<float>::quiet_NaN(); }},
     {"TRAN-2",
      [](SceneHeader& h) { h.layers[1].component[kSpatial].steps[0] = std::nextafterf(1, 2); }},
     {"TRAN-2", [](SceneHeader& h) { h.layers[1].component[kTemporal].steps[2] = 2; }},
     {"TRAN-3", [](SceneHeader& h) { h.sh.ladder.clear(); }},
-    {"TRAN-3", [](SceneHeader& h) { h.sh.ladder = {0, 48}; }},
-    {"TRAN-3", [](SceneHeader& h) { h.sh.ladder = {3, 3, 48}; }},
+    {"TRAN-3",
+     [](SceneHeader& h) {
+       h.sh.ladder = {0, 48};
+     }},
+    {"TRAN-3",
+     [](SceneHeader& h) {
+       h.sh.ladder = {3, 3, 48};
+     }},
     {"TRAN-3", [](SceneHeader& h) { h.sh.ladder = {47}; }},
-    {"TRAN-3", [](SceneHeader& h) { h.sh.ladder = {48, 49}; }},
+    {"TRAN-3",
+     [](SceneHeader& h) {
+       h.sh.ladder = {48, 49};
+     }},
     {"TRAN-4", [](SceneHeader& h) { h.sh.basis.num_entries = 48; }},
     {"TRAN-4", [](SceneHeader& h) { h.sh.basis.num_entries = 50; }},
 };

@@ -4,6 +4,7 @@ one rule of these each, their checksums repaired."""
 
 import copy
 import random
+import struct
 
 import random_page
 import rans_writer
@@ -150,6 +151,26 @@ def raw(name):
     return edited(edit)
 
 
+def bounded(bits, most):
+    """Fixed positions that do not move, and bounds from 0 to `most`."""
+    def edit(p):
+        p.scene.update(position_bits=bits)
+        p.layer["rotor_temporal"] = {"coding": 0}
+        p.draw()
+        for r in p.records:
+            r["bounds"] = struct.unpack("<6H", struct.pack("<6e", 0, 0, 0, most, most, most))
+    return edited(edit)
+
+
+def valid():
+    """Some streams that break no rule."""
+    yield "as it is", Parts().build()
+    yield "one block", parts(split=False)
+    yield "bounds of 8 bits", bounded(8, 255)
+    yield "bounds of 15 bits", bounded(15, 32768)
+    yield "bounds of 21 bits", bounded(21, 32768)
+
+
 def broken_headers():
     """(clause, file); a second word tells cases of it apart."""
     vq = {"coding": 2, "literals": False, "stages": [[(1.0, 0.0, 0.0, 0.0)]]}
@@ -256,6 +277,8 @@ def broken_pages():
     yield "STRM-3 mean_t", plane("mean_t", 1 << 14)
     yield "STRM-3 position", edited(lambda p: p.columns[0].position[0].__setitem__(0, 256))
     yield "STRM-3 class", edited(lambda p: planes_layout(p, "sh", "class", 16, 4))
+    yield "DIR-10 fixed", bounded(8, 254)
+    yield "DIR-10 scaled", bounded(21, 32752)
     yield "PAGE-1 transform", edited(lambda p: p.records[0].update(
         raw=p.columns[0].streams() + b"\x00"))
 

@@ -25,7 +25,15 @@ def component(rng, dim, may_be_raw=True, may_have_rcq=False):
     coding = rng.choice([ZERO, VQ, VQ, VQ, TRANSFORM, TRANSFORM] + [RAW32] * may_be_raw)
     if coding == TRANSFORM:
         return transform(rng, dim)
-    return vq(rng, dim, may_have_rcq) if coding == VQ else {"coding": coding}
+    return vq(rng, dim, may_have_rcq) if coding == VQ else {"coding": coding, **ignored(rng, True)}
+
+
+def ignored(rng, stages=False):
+    """Fields that mean nothing unless the coding is transform; with stages, unless it is vq."""
+    if rng.random() < 0.8:
+        return {}
+    also = {"steps": [float("nan"), 0.0], "ladder": [7, 0]}
+    return {"also": {**also, "stages": [], "literals": True} if stages else also}
 
 
 def rotors(rng, may_be_raw, may_have_rcq):
@@ -39,7 +47,7 @@ def rotors(rng, may_be_raw, may_have_rcq):
 
 
 def vq(rng, dim, may_have_rcq):
-    out = {"coding": VQ, "literals": rng.random() < 0.4,
+    out = {"coding": VQ, "literals": rng.random() < 0.4, **ignored(rng),
            "stages": [rows(rng, entries(rng), dim) for _ in range(rng.choice([1, 1, 2, 3, 8]))]}
     if may_have_rcq and rng.random() < 0.6:
         out["rcq"] = rows(rng, entries(rng), dim)
@@ -52,7 +60,8 @@ def transform(rng, dim, most_step=2.0 ** 10):
                                    2.0 ** rng.uniform(-20, 0)]))
     below = rng.sample(range(1, number), min(number - 1, rng.choice([0, 0, 1, 2, 6, number])))
     return {"coding": TRANSFORM, "steps": [step() for _ in range(number)],
-            "ladder": [*sorted(below), number], "basis": rows(rng, number + 1, dim)}
+            "ladder": [*sorted(below), number], "basis": rows(rng, number + 1, dim),
+            "also": {"literals": rng.random() < 0.2}}
 
 
 def scalar(rng, may_be_raw=True):
@@ -78,7 +87,6 @@ class RandomScene:
             "coordinate_system": rng.choice([0, 1, 2, 99]), "color_space": rng.choice([0, 1, 99]),
             "position_at_mean_time": rng.random() < 0.3, "opacity_logit": rng.random() < 0.3,
             "position": rng.choice([2, FIXED] + [RAW32] * self.may_be_raw),
-            "position_bits": rng.choice([1, 8, 15, 16, 21, rng.randint(1, 21)]),
             "position_center": {k: f32(rng.choice([0.0, rng.uniform(-9, 9), -2.0 ** 60]))
                                 for k in "xyz"},
             "position_scale": f32(rng.choice([1.0, 0.37, 2.0 ** -60, 2.0 ** 60])),
@@ -87,6 +95,9 @@ class RandomScene:
             "metadata": [{"key": "a", "value": "\u00e4"}] * rng.randint(0, 2),
             "extensions": [{"id": 70000, "critical": False}] * rng.randint(0, 1),
         }
+        bits = rng.choice([1, 8, 15, 16, 21, rng.randint(1, 21)])
+        fixed = self.scene["position"] == FIXED
+        self.scene["position_bits"] = bits if fixed else rng.randrange(256)
         levels = sb.bit_width(self.frames) + 1
         layers = rng.randint(1, min(4, 2 * levels))
         chosen = sorted(rng.randrange(levels) for _ in range(layers))

@@ -18,7 +18,8 @@ sys.path.insert(0, str(ROOT / "spec" / "examples"))
 
 import make_tiny                                    # noqa: E402
 from flatbuffer import SCALARS, Schema              # noqa: E402
-from make_tiny import Scalars, Struct, Table, chunk_ref, write_flatbuffer, zigzag_deltas  # noqa: E402
+from make_tiny import (Scalars, Struct, Table, write_flatbuffer,    # noqa: E402
+                       zigzag_deltas)
 from xxh3 import xxh3_64                            # noqa: E402
 
 SCHEMA = Schema(ROOT / "spec" / "l4d.fbs")
@@ -109,15 +110,17 @@ def build(scene, version=(1, 0), flags=1, rng=random.Random(0), unknown_fields=F
         return ref
 
     def coding(c):
+        also = c.get("also", {})          # fields that the coding ignores
         if c["coding"] not in (2, 3):
-            return {"coding": c["coding"]}
+            return {"coding": c["coding"], **also}
         stage = lambda rows: {"num_entries": len(rows), "element": 0, "codebook": chunk(
             codebook(rng, rows) + c.get("suffix", b""), codebooks), **c.get("patch", {})}
         if c["coding"] == 3:
             basis = stage(c["basis"]) if c["basis"] else None
-            return {"coding": 3, "basis": basis, "steps": c["steps"], "ladder": c["ladder"]}
+            return {"coding": 3, "basis": basis, "steps": c["steps"], "ladder": c["ladder"],
+                    **also}
         out = {"coding": 2, "literals": c["literals"],
-               "stages": [stage(rows) for rows in c["stages"]]}
+               "stages": [stage(rows) for rows in c["stages"]], **also}
         if c.get("rcq"):
             out["rcq"] = stage(c["rcq"])
         return out
