@@ -120,7 +120,6 @@ enum {
   L4D_SECTION_DIRECTORY,  /* page tables, directory pages */
   L4D_SECTION_CODEBOOKS,
   L4D_SECTION_RCQ_TABLES,
-  L4D_SECTION_ENTROPY_TABLES,
   L4D_SECTION_PAGE_OVERHEAD,
   L4D_SECTION_POSITION,
   L4D_SECTION_MEAN_T,
@@ -130,6 +129,7 @@ enum {
   L4D_SECTION_SCALE,
   L4D_SECTION_ROTOR_SPATIAL,
   L4D_SECTION_ROTOR_TEMPORAL,
+  L4D_SECTION_ENTROPY_TABLES, /* of rANS pages */
   L4D_SECTION_COUNT
 };
 L4D_API const char* l4d_section_name(uint32_t section); /* "codebooks"; static; NULL if unknown */

@@ -64,7 +64,7 @@ inline SceneHeader bare_header() {
 inline std::vector<SceneHeader> rans_headers() {
   SceneHeader mixed = transform_header();
   mixed.position = MeanCodingId::kF16;
-  mixed.sh = example_vq(65536, 8, true, 1);
+  mixed.sh = example_vq(kMaxCodebookEntries - 7, 8, true, 1);  // the last stage is the largest
   return {example_header(), transform_header(), bare_header(), mixed};
 }
 

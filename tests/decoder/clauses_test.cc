@@ -163,11 +163,11 @@ TEST(Clause, HEAD_6) {
 TEST(Clause, HEAD_7) {
   const auto unsupported = L4D_ERR_FEATURE_UNSUPPORTED;
   expect_header_rule(
-      "HEAD-7", [](SceneHeader& h) { h.sh.coding = ComponentCodingId{3}; }, unsupported);
+      "HEAD-7", [](SceneHeader& h) { h.sh.coding = ComponentCodingId{4}; }, unsupported);
   expect_header_rule(
       "HEAD-7", [](SceneHeader& h) { h.opacity.coding = ScalarCodingId{3}; }, unsupported);
   expect_header_rule(
-      "HEAD-7", [](SceneHeader& h) { h.position = MeanCodingId{3}; }, unsupported);
+      "HEAD-7", [](SceneHeader& h) { h.position = MeanCodingId{4}; }, unsupported);
   expect_header_rule(
       "HEAD-7", [](SceneHeader& h) { h.sh.stages[0].element = ElementType{1}; }, unsupported);
 }

@@ -70,6 +70,10 @@ class Walker {
   }
 
   void component(const fbs::ComponentCoding* coding) {
+    if (coding->coding() == static_cast<uint8_t>(ComponentCodingId::kTransform) &&
+        coding->basis() != nullptr) {
+      chunk(ChunkKind::kCodebook, coding->basis()->codebook(), 0);
+    }
     if (coding->coding() != static_cast<uint8_t>(ComponentCodingId::kVq)) return;
     if (coding->stages() != nullptr) {
       for (const fbs::Stage* s : *coding->stages()) chunk(ChunkKind::kCodebook, s->codebook(), 0);
@@ -89,6 +93,7 @@ class Walker {
         component(layer->scale());
         component(layer->rotor_spatial());
         component(layer->rotor_temporal());
+        if (layer->entropy() != nullptr) chunk(ChunkKind::kCodebook, layer->entropy(), 0);
       }
       store_hashes();
       SceneHeader scene;

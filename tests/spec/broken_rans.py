@@ -6,12 +6,14 @@ import copy
 import random
 import struct
 
+import stream_builder as sb     # its import makes the following ones possible
+import decode_tiny
 import random_page
 import rans_writer
-import stream_builder as sb
 from broken_streams import FIRST
 from make_tiny import order
 from rans_writer import Plane, vlq
+from xxh3 import xxh3_64
 
 NO_BOUNDS = (0xFBFF,) * 3 + (0x7BFF,) * 3
 WIDE, HYBRID = rans_writer.fitted([1] * 126), rans_writer.fitted([1] * 112)
@@ -151,6 +153,17 @@ def raw(name):
     return edited(edit)
 
 
+def directory_codec(codec):
+    """Of the directory page."""
+    data = bytearray(Parts().build())
+    file, _ = decode_tiny.decode(bytes(data))
+    at = next(begin for begin, _, text in file.claims
+              if text == "page table of layer 0, entry 0: codec = 0")
+    data[at] = codec
+    data[at + 4:at + 8] = (xxh3_64(bytes(data[at - 24:at + 4])) & 0xFFFFFFFF).to_bytes(4, "little")
+    return bytes(data)
+
+
 def bounded(bits, most):
     """Fixed positions that do not move, and bounds from 0 to `most`."""
     def edit(p):
@@ -217,6 +230,7 @@ def broken_chunks():
     yield "CHNK-3 rans", parts(records=[{}, {"patch": {"raw_bytes": 5}}])
     yield "CHNK-6 rans plane", edited(lambda p: p.records[0].update(
         raw=b"\x01\x02" + p.columns[0].streams()[2:]))
+    yield "CHNK-6 rans directory", directory_codec(2)
     yield "RANS-1 vlq", parts(chunk_bytes=lambda raw: b"\xff" * 9 + raw)
     yield "RANS-1 map", parts(chunk_bytes=lambda raw: raw[:-1])
     yield "RANS-1 table", parts(chunk_bytes=lambda raw: raw[:20])
