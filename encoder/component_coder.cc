@@ -5,6 +5,7 @@
 #include <cmath>
 #include <numeric>
 
+#include "encoder/entropy_constrained.h"
 #include "encoder/kmeans.h"
 #include "encoder/nearest.h"
 #include "encoder/rcq.h"
@@ -96,6 +97,13 @@ class ComponentCoder {
   }
 
  private:
+  EntropyConstraint constraint() const {
+    EntropyConstraint c;
+    c.price = settings_.rate_price;
+    c.threads = settings_.threads;
+    return c;
+  }
+
   double squared_error(size_t i) const {
     double sum = 0;
     for (size_t k = 0; k < out_.dim; ++k) {
@@ -153,6 +161,9 @@ class ComponentCoder {
     std::vector<float> distance(n);
     assign_nearest(rows, n, dim, book.data(), book.size() / dim, settings_.threads, nullptr,
                    labels.data(), distance.data());
+    if (settings_.rcq == 0 || blocks_.empty()) {
+      constrain_entropy(rows, weights, n, dim, constraint(), &out_.books.back(), &labels);
+    }
     for (size_t j = 0; j < n; ++j) {
       const size_t i = coded_[j];
       out_.depth[i] = 1;
@@ -191,6 +202,8 @@ class ComponentCoder {
       std::vector<float> distance(n);
       assign_nearest(chosen.rows.data(), n, dim, book.data(), book.size() / dim, settings_.threads,
                      nullptr, labels.data(), distance.data());
+      constrain_entropy(chosen.rows.data(), chosen.weights.data(), n, dim, constraint(),
+                        &out_.books[s], &labels);
       out_.index.emplace_back(out_.n, uint16_t{0});
       for (size_t j = 0; j < n; ++j) {
         const size_t i = chosen.members[j];
@@ -254,6 +267,7 @@ ComponentSettings component_settings(const EncoderSettings& settings, unsigned c
   s.codebook_size = static_cast<uint32_t>(settings.get(L4D_ENC_CODEBOOK_SIZE, c));
   s.stages = settings.stages(c);
   s.literal_threshold = settings.get(L4D_ENC_LITERAL_THRESHOLD, c);
+  s.rate_price = settings.get(L4D_ENC_RATE_PRICE, c);
   s.rcq = settings.get_int(L4D_ENC_RCQ);
   s.rcq_size = static_cast<uint32_t>(settings.get(L4D_ENC_RCQ_SIZE));
   s.iterations = settings.get_int(L4D_ENC_KMEANS_ITERATIONS);

@@ -18,6 +18,7 @@ struct ComponentSettings {
   uint32_t codebook_size = 4096;
   std::vector<float> stages{1.0f};
   double literal_threshold = 0;  // 0 = never
+  double rate_price = 0;         // see EntropyConstraint; blocks pay none
   int rcq = 0;                   // 0 never, 1 where it pays, 2 always; needs blocks
   uint32_t rcq_size = 512;
   int iterations = 10;

@@ -47,6 +47,7 @@ constexpr ParameterDescription kParameters[L4D_ENC_PARAMETER_COUNT] = {
      true},
     {"prune-cost", "drop Gaussians that cost more bits than they are worth, by this factor; 0 = none", 0,
      10, 0.2, false, false},
+    {"rate-price", "price of the bits of codebook indices; 0 = nearest codeword", 0, 10, 0, true, false},
 };
 
 // What each effort sets; docs/accuracy.md has the front of time against quality they were taken from.

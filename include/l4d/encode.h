@@ -80,7 +80,10 @@ enum {
   /* Drops Gaussians without which the image changes less than other Gaussians' errors of as many bits
    * would, times this; 0 = none. Needs Gauss-Newton weights of opacity. 0..10 */
   L4D_ENC_PRUNE_COST = 25,
-  L4D_ENC_PARAMETER_COUNT = 26
+  /* Per component: what a bit of a codebook index is worth, in the slope at which the error of codewords
+   * falls with their rate; 0 = the nearest codeword whatever it costs. 0..10 */
+  L4D_ENC_RATE_PRICE = 26,
+  L4D_ENC_PARAMETER_COUNT = 27
 };
 L4D_API l4d_status l4d_encoder_set(l4d_encoder* encoder, l4d_encoder_parameter id,
                                    int32_t component, double value);

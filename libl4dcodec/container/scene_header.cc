@@ -266,7 +266,7 @@ class HeaderParser {
     if (out->permanent != (out->mean_t == MeanCodingId::kNone) || (out->permanent && out->level != 0)) {
       return bad("HEAD-10", "a permanent layer has level 0 and no mean times, and no other has none");
     }
-    if (l.mean_t_shift() > kMaxMeanShift) {
+    if (out->mean_t == MeanCodingId::kF16 && l.mean_t_shift() > kMaxMeanShift) {
       return bad("CODE-6", "mean_t without " + std::to_string(l.mean_t_shift()) + " bits");
     }
     out->mean_t_shift = out->mean_t == MeanCodingId::kF16 ? l.mean_t_shift() : 0;

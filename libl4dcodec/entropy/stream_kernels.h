@@ -33,8 +33,8 @@ struct StreamKernels {
   // and before hold at most 15.
   void (*coefficient_contexts)(const uint8_t* cls, const uint8_t* last, const uint8_t* before,
                                size_t n, uint8_t* contexts);
-  // dst[i] = map[src[i]]; dst may be src. src is below `entries`, at most 128; map is readable up to
-  // a multiple of 16.
+  // dst[i] = map[src[i]]; dst may be src. src is below `entries`, at most 128; map is readable up
+  // to a multiple of 16.
   void (*map_bytes)(const uint8_t* map, size_t entries, const uint8_t* src, size_t n, uint8_t* dst);
   // Of each of the arrays [n], in place, leaves the elements i where arrays[0][i] is above `limit`,
   // in order, and returns their number. What lies behind them, up to n, is undefined. Numbers in

@@ -15,7 +15,11 @@ expect_json out '"motion" in d["tools"] and "lossless" not in d["tools"]'
 expect_json out '0 < d["seek"]["visible"] <= d["seek"]["gaussians"] <= 10000'
 expect_json out '0 < d["seek"]["bytes"] < d["file_bytes"] and d["seek"]["chunks"] > 0'
 expect_json out '0 < d["seek"]["buckets"] <= 3 * d["num_layers"]'
+# Bits of each section, which add up to those of the file.
+expect_json out 'abs(sum(d["section_bits_per_gaussian"].values()) - d["bits_per_gaussian"]) < 1e-6'
+expect_json out 'all(abs(d["section_bits_per_gaussian"][k] - 8e-4 * v) < 1e-9 for k, v in d["sections"].items())'
 expect 0 info s.l4d --time 1
+expect_text out '^sh +[0-9,]+ +[0-9.]+ % +[0-9]+\.[0-9]{2}$'
 expect_text out 'motion +[0-9]+ of [0-9]+ layers have temporal rotors'
 expect_text out '^seek to 1 s: '
 
@@ -43,3 +47,50 @@ expect 0 synth -n 5000 --effects static,view -o view.ply
 expect 0 encode view.ply -o view.l4d --codebook all=128
 expect_document 0 info view.l4d
 expect_json out '"view-dependence" in d["tools"] and "motion" not in d["tools"]'
+
+# Every tool in use is named.
+expect 0 encode s.ply -o default.l4d
+expect_document 0 info default.l4d
+expect_json out '{"transform", "rans"} <= set(d["tools"]) and "residual-stages" not in d["tools"]'
+
+# What a player fetches over time: all of the file, once, and no more at a time than a seek takes.
+expect 0 synth -q -n 10000 --seconds 20 --fps 30 --seed 7 -o long.ply
+expect 0 encode long.ply -o long.l4d --set merge-count=0 --set merge-fraction=0 --set page-size=256
+expect_document 0 info long.l4d --plot long.svg --time 0
+"$PYTHON" -c 'import json, xml.etree.ElementTree as tree
+d = json.load(open("out"))
+o = d["over_time"]
+steps = len(o["times"])
+assert steps == 600 and o["frames_per_step"] == 1
+assert abs(o["times"][-1] - 599 / 30) < 1e-9
+rows = [level["bytes"] for level in o["levels"]] + [o["directory_bytes"]]
+assert all(len(row) == steps for row in rows + [o["gaussians"], o["visible"]])
+assert len({l["level"] for l in d["layers"]}) == len(o["levels"]) > 2
+step_bytes = [sum(column) for column in zip(*rows)]
+total = o["setup_bytes"] + sum(step_bytes)
+assert 0.97 * d["file_bytes"] < total <= d["file_bytes"], (total, d["file_bytes"])
+assert o["opening_bytes"] == o["setup_bytes"] + step_bytes[0]
+assert sum(row[0] for row in rows[:-1]) == d["seek"]["bytes"]
+assert o["gaussians"][0] == d["seek"]["gaussians"] and o["visible"][0] == d["seek"]["visible"]
+assert all(0 < v <= g for v, g in zip(o["visible"], o["gaussians"]))
+assert abs(o["mean_bytes_per_s"] - sum(step_bytes[1:]) / (599 / 30)) < 1e-3
+windows = [sum(step_bytes[k:k + 30]) for k in range(1, steps - 29)]
+assert abs(o["peak_bytes_per_s"] - max(windows)) < 1e-3
+root = tree.parse("long.svg").getroot()
+assert root.tag == "{http://www.w3.org/2000/svg}svg"
+texts = [e.text for e in root.iter("{http://www.w3.org/2000/svg}text")]
+assert "long.l4d" in texts and "visible" in texts and "directory" in texts
+width, height = float(root.get("width")), float(root.get("height"))
+for tag, count in (("polygon", len(rows)), ("polyline", 2)):
+    shapes = [e.get("points") for e in root.iter("{http://www.w3.org/2000/svg}" + tag)]
+    assert len(shapes) == count, (tag, len(shapes))
+    points = [tuple(map(float, p.split(","))) for s in shapes for p in s.split()]
+    assert all(0 <= x <= width and 0 <= y <= height for x, y in points)'
+expect 3 info long.l4d --plot long.svg
+expect 0 info long.l4d --plot - --quiet
+cmp out long.svg
+# A scene that never changes, and one with a name that XML must not take as it is.
+cp static.l4d 'a<b>&c.l4d'
+expect_document 0 info 'a<b>&c.l4d' --plot static.svg
+expect_json out 'sum(sum(l["bytes"][1:]) for l in d["over_time"]["levels"]) == 0'
+"$PYTHON" -c 'import xml.etree.ElementTree as tree; assert tree.parse("static.svg").getroot()[1].text == "a<b>&c.l4d"'

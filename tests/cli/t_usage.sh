@@ -35,6 +35,26 @@ misuse encode s.ply -o s.l4d --set nothing=1
 misuse encode s.ply -o s.l4d --set page-size.sh=4096
 misuse encode s.ply -o s.l4d --prune-weight 1e-8
 misuse encode s.ply -o s.l4d --metadata =x
+misuse encode s.ply -o s.l4d --quality 91
+misuse encode s.ply -o s.l4d --quality 40dBx
+for preset in indexed indexed-small paper-large lossless; do
+  misuse encode s.ply -o s.l4d --preset $preset --quality 40
+  misuse encode s.ply -o s.l4d --preset $preset --target-size 1MB
+done
+expect_text err '^error: a target: the preset .lossless. .* float32 bits'
+misuse encode s.ply -o s.l4d --target-size 0
+misuse encode s.ply -o s.l4d --target-size 3MBit
+misuse encode s.ply -o s.l4d --target-bitrate 8Mbyte/s
+misuse encode s.ply -o s.l4d --target-fidelity 40
+misuse encode s.ply -o s.l4d --target-psnr-loss 0.2
+misuse encode s.ply -o s.l4d --orbit 2 --target-psnr-loss 0.2
+misuse encode s.ply -o s.l4d --orbit 2 --target-fidelity 40km
+misuse encode s.ply -o s.l4d --max-error beauty=1
+misuse encode s.ply -o s.l4d --max-error position
+misuse encode s.ply -o s.l4d --target-size 1MB --max-error position=1
+expect_text err 'one target only'
+misuse encode s.ply -o s.l4d --orbit 2 --weights w.ply --target-size 1MB
+misuse info s.ply --plot
 misuse slice s.ply -o o.ply
 misuse slice s.ply --from 0 --to 1 -o o.ply
 misuse slice s.ply --from 0 --to 1 -o o_%d_%d.ply

@@ -191,9 +191,8 @@ std::unique_ptr<Call> make_map(const CallOptions& o) {
   for (uint8_t& v : map) v = static_cast<uint8_t>(random.below(kInPlace ? kEntries : 256));
   std::vector<uint8_t> src = small_bytes(o, 1, 7);
   for (uint8_t& v : src) v = static_cast<uint8_t>(v % kEntries);
-  const std::vector<uint8_t> content =
-      kInPlace ? std::vector<uint8_t>(src.begin() + static_cast<std::ptrdiff_t>(o.offset), src.end())
-               : std::vector<uint8_t>();
+  std::vector<uint8_t> content;
+  if (kInPlace) content.assign(src.begin() + static_cast<std::ptrdiff_t>(o.offset), src.end());
   return std::make_unique<ArrayCall<uint8_t>>(
       o.n, o.offset, content, [map, src, o](const Kernels& k, uint8_t* out) -> uint64_t {
         k.stream->map_bytes(map.data(), kEntries, kInPlace ? out : src.data() + o.offset, o.n, out);

@@ -141,7 +141,8 @@ std::unique_ptr<Call> make_rotors(const CallOptions& o) {
   return std::make_unique<ArrayCall<float>>(
       8 * o.n, o.offset, std::vector<float>(),
       [spatial = stereographic(o, o.n + o.offset, 1),
-       temporal = stereographic(o, o.n + o.offset, 2), o](const Kernels& k, float* out) -> uint64_t {
+       temporal = stereographic(o, o.n + o.offset, 2),
+       o](const Kernels& k, float* out) -> uint64_t {
         k.transform->rotors(spatial.data() + 3 * o.offset,
                             kMoves ? temporal.data() + 3 * o.offset : nullptr, o.n, out,
                             o.past_cache);

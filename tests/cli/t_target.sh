@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: Apache-2.0
+# shellcheck shell=bash
+# encode --quality, and targets that a quality is searched for.
+make_scene s.ply 4000
+make_cameras c.json
+
+# --quality is the parameter, and finer is larger.
+expect_document 0 encode s.ply -o q40.l4d --quality 40
+expect_json out 'd["quality"] == 40 and "target" not in d'
+expect 0 encode s.ply -o set.l4d --set quality=40
+cmp q40.l4d set.l4d
+expect_document 0 encode s.ply -o q60.l4d --quality 60
+[ "$(wc -c < q60.l4d)" -gt "$(wc -c < q40.l4d)" ] || die "more quality does not take more bytes"
+expect_document 0 encode s.ply -o indexed.l4d --preset indexed --codebook all=64
+expect_json out '"quality" not in d'
+
+# What a target comes to is in the document: figure of the file, its quality, all trials.
+# target KIND ASKED ARGUMENTS...
+target() {
+  local kind=$1 asked=$2
+  shift 2
+  expect_document 0 encode s.ply -o t.l4d --force "$@"
+  expect_json out "d['target']['kind'] == '$kind' and d['target']['asked'] == $asked"
+  expect_json out 'd["target"]["met"] and "obstacle" not in d["target"]'
+  expect_json out 'd["quality"] == d["target"]["quality"]'
+  expect_json out '{"quality": d["quality"], "reached": d["target"]["reached"]} in d["target"]["trials"]'
+  expect_json out "d['file_bytes'] == $(wc -c < t.l4d) and len(d['target']['trials']) <= 8"
+  reached=$(json out 'd["target"]["reached"]')
+}
+
+# Halfway between two sizes that there are.
+asked=$(($(wc -c < q40.l4d) / 2 + $(wc -c < q60.l4d) / 2))
+target size "$asked" --target-size "$asked"
+expect_equal "$reached" "$(wc -c < t.l4d).0"
+expect_json out "0.98 * $asked <= d['file_bytes'] <= $asked"
+expect 0 validate t.l4d
+# The file is what its quality gives.
+expect 0 encode s.ply -o same.l4d --quality "$(json out 'repr(d["quality"])')"
+cmp t.l4d same.l4d
+# The sequence has 2 s.
+target bitrate "$asked / 2" --target-bitrate "$((asked * 4))bit/s"
+expect_json out "0.98 * $asked <= d['file_bytes'] <= $asked"
+expect 0 encode s.ply -o - --target-size "$asked" --progress plain > /dev/null
+expect_text err '^encode: trial 1, [0-9.]+ dB: '
+expect_text err '^trial 1, [0-9.]+ dB: .*asked for$'
+expect_text err ' dB, .* asked for, in [0-9]+ trials$'
+cmp t.l4d out
+
+# Fidelity is what compare measures in the same views.
+target fidelity 40 --orbit 4 --size 96x64 --frames 0:60:30 --target-fidelity 40dB
+expect_json out '40 <= d["target"]["reached"] <= 40.1 and d["target"]["views"] == 8'
+expect_document 0 compare s.ply t.l4d --orbit 4 --size 96x64 --frames 0:60:30 --min-fidelity 40
+expect_json out "abs(d['fidelity_db'] - $reached) < 1e-6"
+# Views of their own accord: no more than 60, of the cameras for testing. With weights, cameras
+# are for the target alone.
+expect 0 sensitivity s.ply --cameras c.json --frames 0:60:20 -o w.ply
+target fidelity 38 --weights w.ply --cameras c.json --target-fidelity 38
+expect_json out 'd["target"]["views"] == 60 and "sensitivity" not in d and "60 of 120" in d["notes"][0]'
+
+# The largest error is that of compare.
+target max-error 0.2 --max-error log_scale=0.2 --order t.order
+expect_json out 'd["target"]["attribute"] == "log_scale" and 0.19 <= d["target"]["reached"] <= 0.2'
+expect_document 0 compare s.ply t.l4d --order t.order --max-error log_scale=0.2
+expect_json out "abs(d['attributes']['log_scale']['max'] - $reached) < 1e-9"
+
+# Out of reach: the nearest there is, why, and an exit status that says no.
+expect_document 1 encode s.ply -o small.l4d --target-size 1kB
+expect_json out 'not d["target"]["met"] and d["quality"] == 20 and "end of 20 dB" in d["target"]["obstacle"]'
+expect 0 validate small.l4d
+# A target that the best quality does not fill is met.
+expect_document 0 encode s.ply -o large.l4d --target-size 1GB
+expect_json out 'd["target"]["met"] and d["quality"] == 90 and "end of 90 dB" in d["target"]["obstacle"]'
+expect 1 encode s.ply -o small.l4d --target-size 1kB --force
+expect_text out '^not met: the quality is at its end of 20 dB$'
+
+need_ffmpeg
+for k in 0 2; do
+  expect 0 render s.ply --cameras c.json --camera $k -o cam$k.mp4 --crf 4
+done
+target psnr-loss 2 --weights w.ply --cameras c.json --frames 0:60:20 --target-psnr-loss 2dB
+expect_json out '1.8 <= d["target"]["reached"] <= 2 and d["target"]["views"] == 6'
+expect_document 0 compare s.ply t.l4d --cameras c.json --frames 0:60:20 --images
+expect_json out "abs(d['psnr_a_db'] - d['psnr_b_db'] - $reached) < 1e-6"
