@@ -105,6 +105,7 @@ Status Encoder::set_weights(uint32_t which, const float* weights, uint64_t count
 
 Status Encoder::encode(const WriteFn& write) {
   if (input_.gaussians.count == 0) return Status(L4D_ERR_INVALID_STATE, "no scene is set");
+  L4D_RETURN_IF_ERROR(settings_.check_profile());
   const auto started = std::chrono::steady_clock::now();
   const int threads = static_cast<int>(options_.threads);
   const bool lossless = settings_.get_bool(L4D_ENC_LOSSLESS);
@@ -198,7 +199,8 @@ Status Encoder::encode(const WriteFn& write) {
       choose_opacity(layers, quality.opacity_bits(), &header);
     }
     report.totals.num_layers = static_cast<uint32_t>(layers.size());
-    FileParts parts = build_file(scene, settings_, header, layers, sh, threads);
+    FileParts parts;
+    L4D_RETURN_IF_ERROR(build_file(scene, settings_, header, layers, sh, threads, &parts));
     for (const Bytes& chunk : parts.chunks) {
       steps.report(kTotalWork - kWriteWork);
       if (!write(chunk.data(), chunk.size())) return Status(L4D_ERR_IO, "writing failed");

@@ -5,6 +5,7 @@
 #include <map>
 
 #include "libl4dcodec/base/hash.h"
+#include "libl4dcodec/container/conformance.h"
 #include "libl4dcodec/container/file_header.h"
 #include "libl4dcodec/quant/codebook.h"
 
@@ -27,13 +28,16 @@ class FileBuilder {
         streams_(settings.get_int(L4D_ENC_ZSTD_LEVEL)),
         zstd_(settings.get_int(L4D_ENC_ZSTD_LEVEL)) {}
 
-  FileParts run() {
+  Status run(FileParts* out) {
     for (const CodedLayer& layer : layers_) header_.layers.push_back(layer.header);
     add_codebooks();
     build_pages();
     build_payload();
     build_directory();
-    return assemble();
+    L4D_RETURN_IF_ERROR(declare());
+    assemble();
+    *out = std::move(parts_);
+    return {};
   }
 
  private:
@@ -171,19 +175,46 @@ class FileBuilder {
           entry.chunk = make_chunk(serialize_directory_page(page, static_cast<uint32_t>(l), d),
                                    &directory_);
         }
+        meter_.add_directory_page(static_cast<uint32_t>(l), d,
+                                  PageTableEntry::kBytes + entry.chunk.stored_bytes, &page);
         tables_[l].push_back(entry);
       }
     }
   }
 
-  // Gives every chunk its place. The header's size does not depend on the offsets in it as long as
-  // none is zero, so it is serialised once to learn its size and once for good.
-  FileParts assemble() {
+  // The header's size does not depend on numbers in it as long as none is zero, so it is known before
+  // they are.
+  uint32_t header_bytes() {
     for (LayerHeader& layer : header_.layers) layer.page_table_offset = layer.num_gaussians != 0;
     header_.payload_offset = 1;
+    return static_cast<uint32_t>(serialize_scene_header(header_).size());
+  }
+
+  // Profile and level. The level is about sizes, that of the header with a level in it among them.
+  Status declare() {
+    const int profile = settings_.get_int(L4D_ENC_PROFILE);
+    header_.profile = profile < 0 ? static_cast<unsigned>(profile_of(header_))
+                                  : static_cast<unsigned>(profile);
+    const int level = settings_.get_int(L4D_ENC_LEVEL);
+    if (level == 0) return {};
+    header_.conformance_level = static_cast<unsigned>(std::max(level, 1));
+    meter_.finish(FileHeader::kBytes + uint64_t{header_bytes()});
+    if (level < 0) {
+      header_.conformance_level = meter_.smallest_level();
+      return {};
+    }
+    std::string text;
+    for (const Excess& e : meter_.beyond(header_.conformance_level)) {
+      text += (text.empty() ? "" : "; ") + e.message;
+    }
+    return text.empty() ? Status() : Status(L4D_ERR_LIMIT_EXCEEDED, text);
+  }
+
+  // Gives every chunk its place.
+  void assemble() {
     FileHeader file;
     file.flags = FileHeader::kDevelopmentFlag;
-    file.header_bytes = static_cast<uint32_t>(serialize_scene_header(header_).size());
+    file.header_bytes = header_bytes();
     uint64_t at = FileHeader::kBytes + file.header_bytes;
 
     const auto place = [&](ChunkRef& ref) {
@@ -233,7 +264,6 @@ class FileBuilder {
     add(std::move(tables));
     for (Bytes& b : directory_) add(std::move(b));
     for (Bytes& b : payload_) add(std::move(b));
-    return std::move(parts_);
   }
 
   const EncoderScene& scene_;
@@ -250,13 +280,15 @@ class FileBuilder {
   std::vector<BuiltLayer> built_;
   std::vector<std::map<uint32_t, BlockRecord>> block_tables_;
   std::vector<std::vector<PageTableEntry>> tables_;
+  ConformanceMeter meter_{header_};
 };
 
 }  // namespace
 
-FileParts build_file(const EncoderScene& scene, const EncoderSettings& settings, SceneHeader header,
-                     const std::vector<CodedLayer>& layers, const CodedComponent& sh, int threads) {
-  return FileBuilder(scene, settings, std::move(header), layers, sh, threads).run();
+Status build_file(const EncoderScene& scene, const EncoderSettings& settings, SceneHeader header,
+                  const std::vector<CodedLayer>& layers, const CodedComponent& sh, int threads,
+                  FileParts* out) {
+  return FileBuilder(scene, settings, std::move(header), layers, sh, threads).run(out);
 }
 
 }  // namespace l4d

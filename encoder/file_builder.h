@@ -16,7 +16,9 @@ struct FileParts {
 
 // header: scene-wide fields set, layers empty. `sh` is the scene's SH component (indexed by scene
 // index), unused where the scene is lossless.
-FileParts build_file(const EncoderScene& scene, const EncoderSettings& settings, SceneHeader header,
-                     const std::vector<CodedLayer>& layers, const CodedComponent& sh, int threads);
+// Fails with LIMIT_EXCEEDED where the file goes beyond the conformance level that it shall declare.
+Status build_file(const EncoderScene& scene, const EncoderSettings& settings, SceneHeader header,
+                  const std::vector<CodedLayer>& layers, const CodedComponent& sh, int threads,
+                  FileParts* out);
 
 }  // namespace l4d

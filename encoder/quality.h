@@ -33,9 +33,10 @@ class Quality {
     return settings_.get(L4D_ENC_PRUNE_COST) * kBitsPerGaussian * 2 * std::log(2.0) * power(decibels_);
   }
 
-  // Step of positions for the importances given, of one number each.
+  // Step of positions for the importances given, of one number each. Their offset is more than slopes on
+  // one scene ask for: where splats lie in one plane, errors of position change which is in front.
   double position_step(double sum_of_importance) const {
-    return std::sqrt(12 * power(decibels_ + kPositionOffset) * n_ /
+    return std::sqrt(12 * power(decibels_ + settings_.get(L4D_ENC_POSITION_OFFSET)) * n_ /
                      std::max(sum_of_importance, 1e-30));
   }
   // 5 bits are 54 dB, and each is 6 dB.
@@ -52,7 +53,6 @@ class Quality {
   // slopes of fidelity against bytes are equal, on the basketball scene at 41 dB.
   static constexpr double kNumbers = 66;
   static constexpr double kOffset[L4D_COMPONENT_COUNT] = {0, 1.2, 0, -3.5};
-  static constexpr double kPositionOffset = -1.2;
   double power(double decibels) const { return std::pow(10.0, -decibels / 10) / (kNumbers * n_); }
 
   const EncoderSettings& settings_;

@@ -6,6 +6,8 @@
 #include <cstring>
 #include <string>
 
+#include "libl4dcodec/container/levels.h"
+
 namespace l4d {
 namespace {
 
@@ -48,6 +50,11 @@ constexpr ParameterDescription kParameters[L4D_ENC_PARAMETER_COUNT] = {
     {"prune-cost", "drop Gaussians that cost more bits than they are worth, by this factor; 0 = none", 0,
      10, 0.2, false, false},
     {"rate-price", "price of the bits of codebook indices; 0 = nearest codeword", 0, 10, 0, true, false},
+    {"position-offset", "dB on top of the quality, of fixed positions", -30, 60, 6, false, false},
+    {"profile", "declared profile: 1 indexed, 2 main, 3 lossless, 0 none; -1 = what the stream keeps to", -1,
+     3, -1, false, true},
+    {"level", "declared conformance level, 0 = none; -1 = the smallest that the stream keeps to", -1, 6, -1,
+     false, true},
 };
 
 // What each effort sets; docs/accuracy.md has the front of time against quality they were taken from.
@@ -208,6 +215,28 @@ Status EncoderSettings::set_preset(const char* name) {
     return invalid_argument("unknown preset '" + std::string(name) + "'");
   }
   *this = fresh;
+  return {};
+}
+
+Status EncoderSettings::check_profile() const {
+  const int profile = get_int(L4D_ENC_PROFILE);
+  if (profile <= 0) return {};
+  const auto refuse = [&](const std::string& why) {
+    return invalid_argument(std::string("profile ") + profile_name(static_cast<unsigned>(profile)) +
+                            why);
+  };
+  if (profile == static_cast<int>(ProfileId::kLossless)) {
+    return get_bool(L4D_ENC_LOSSLESS) ? Status() : refuse(" needs lossless = 1");
+  }
+  if (get_bool(L4D_ENC_LOSSLESS)) return refuse(" does not allow lossless = 1");
+  if (profile == static_cast<int>(ProfileId::kMain)) return {};
+  static constexpr const char* kComponents[] = {"sh", "scale", "rotor-spatial", "rotor-temporal"};
+  for (int c = 0; c < L4D_COMPONENT_COUNT; ++c) {
+    if (get_int(L4D_ENC_CODING, c) == 1) {
+      return refuse(std::string(" does not allow coding = 1, transforms, of ") + kComponents[c]);
+    }
+  }
+  if (get_bool(L4D_ENC_FIXED_POSITIONS)) return refuse(" does not allow fixed-positions = 1");
   return {};
 }
 

@@ -31,6 +31,9 @@ class EncoderSettings {
 
   Status set_preset(const char* name);
 
+  // Whether streams of these settings keep to the profile that is asked for.
+  Status check_profile() const;
+
  private:
   void use_codebooks();
 

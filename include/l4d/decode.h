@@ -90,6 +90,9 @@ typedef struct l4d_info {
   l4d_timeline timeline;
   double duration; /* seconds */
   l4d_placement placement;
+  /* What the stream declares, as it stands in the header: l4d_validate checks it. 0 = nothing. */
+  uint32_t profile; /* L4D_PROFILE_*, or of a later version */
+  uint32_t level;   /* conformance level, see l4d_get_level_limits */
 } l4d_info;
 L4D_API void l4d_info_init_(l4d_info* info, size_t struct_size);
 #define l4d_info_init(info) l4d_info_init_((info), sizeof(*(info)))
@@ -273,6 +276,64 @@ L4D_API void l4d_dequantization_init_(l4d_dequantization* out, size_t struct_siz
 L4D_API l4d_status l4d_decoder_get_dequantization(l4d_decoder* decoder, uint32_t layer,
                                                   l4d_dequantization* out);
 
+/* ---- profiles and levels --------------------------------------------------------------------- */
+
+/* Which codings a stream keeps to (spec chapter "Profiles and levels"). */
+enum {
+  L4D_PROFILE_NONE = 0,
+  L4D_PROFILE_INDEXED = 1, /* has a packed form: codebooks and scalar codes */
+  L4D_PROFILE_MAIN = 2,    /* nothing is raw float32 */
+  L4D_PROFILE_LOSSLESS = 3 /* all attributes are raw float32 */
+};
+L4D_API const char* l4d_profile_name(uint32_t profile); /* "main"; static; NULL if unknown */
+
+/* What streams of a level may ask for at most. Bytes are stored ones but for tables and memory. */
+typedef struct l4d_level_limits {
+  size_t struct_size;
+  const char* name; /* "phone"; static */
+  uint64_t instant_gaussians;
+  uint64_t table_bytes;
+  uint64_t instant_bytes;
+  uint64_t start_bytes;
+  uint64_t bytes_per_second;
+  uint64_t burst_bytes;
+  uint64_t memory_bytes;
+} l4d_level_limits;
+L4D_API void l4d_level_limits_init_(l4d_level_limits* limits, size_t struct_size);
+#define l4d_level_limits_init(limits) l4d_level_limits_init_((limits), sizeof(*(limits)))
+/* level: 1..L4D_NUM_LEVELS. profile: L4D_PROFILE_LOSSLESS allows more stored bytes. */
+#define L4D_NUM_LEVELS 6
+L4D_API l4d_status l4d_get_level_limits(uint32_t level, uint32_t profile, l4d_level_limits* limits);
+
+/* What playing the stream forward at normal speed asks for. */
+typedef struct l4d_conformance {
+  size_t struct_size;
+  uint32_t profile; /* the narrowest that the stream keeps to, L4D_PROFILE_* */
+  uint32_t level;   /* the smallest, 0 if none */
+  uint64_t instant_gaussians; /* of the pages that an instant needs, the most of all instants */
+  double instant_gaussians_time; /* seconds: the first such instant */
+  uint64_t instant_bytes; /* stored, of these pages and their block codebooks */
+  double instant_bytes_time;
+  uint64_t memory_bytes; /* tables, and pages and block codebooks of an instant, expanded */
+  double memory_time;
+  uint64_t table_bytes; /* codebooks and entropy tables, decoded */
+  uint64_t start_bytes; /* stored, of all that the first instant needs, headers and codebooks included */
+  /* In: a channel, to be filled in by the caller. */
+  uint64_t bytes_per_second;
+  uint64_t burst_bytes;
+  /* Out: what a reader of bytes_per_second has to hold in advance, the bytes by which what is first
+   * needed in a window of time exceeds what it reads in that time, and the window. */
+  uint64_t least_burst_bytes;
+  double window_begin, window_end;
+  /* Out: what a reader that holds burst_bytes in advance has to read; UINT64_MAX if an instant alone
+   * needs more. */
+  uint64_t least_bytes_per_second;
+} l4d_conformance;
+L4D_API void l4d_conformance_init_(l4d_conformance* conformance, size_t struct_size);
+#define l4d_conformance_init(conformance) l4d_conformance_init_((conformance), sizeof(*(conformance)))
+/* Reads the whole directory and no page. Tolerates no loss. */
+L4D_API l4d_status l4d_decoder_get_conformance(l4d_decoder* decoder, l4d_conformance* conformance);
+
 /* ---- slicing ------------------------------------------------------------------------------- */
 
 /* 3D Gaussians at one instant (engineering: projected rows, positive semi-definite by
@@ -357,6 +418,13 @@ typedef void (*l4d_violation_fn)(void* user, const l4d_violation* violation);
  * Returns OK when the check ran to its end, whatever it found; *num_violations counts them. */
 L4D_API l4d_status l4d_validate(const l4d_reader* reader, const l4d_decoder_options* options,
                                 l4d_violation_fn fn, void* user, uint64_t* num_violations);
+
+/* Holds an open stream against a profile and a level, whatever it declares; 0 = not asked. Calls `fn`
+ * for each rule of the chapter "Profiles and levels" that is broken, with what, by how much and when.
+ * Fails with INVALID_ARGUMENT where this library does not know the profile or the level. */
+L4D_API l4d_status l4d_decoder_check_conformance(l4d_decoder* decoder, uint32_t profile,
+                                                 uint32_t level, l4d_violation_fn fn, void* user,
+                                                 uint64_t* num_violations);
 
 /* Registered progress of decode calls; NULL removes it. */
 L4D_API l4d_status l4d_decoder_set_progress(l4d_decoder* decoder, l4d_progress_fn fn, void* user);

@@ -83,7 +83,14 @@ enum {
   /* Per component: what a bit of a codebook index is worth, in the slope at which the error of codewords
    * falls with their rate; 0 = the nearest codeword whatever it costs. 0..10 */
   L4D_ENC_RATE_PRICE = 26,
-  L4D_ENC_PARAMETER_COUNT = 27
+  L4D_ENC_POSITION_OFFSET = 27, /* dB on top of the quality, of fixed positions */
+  /* What the stream declares (spec chapter "Profiles and levels"); -1: the narrowest profile and the
+   * smallest level that it keeps to, 0: none. A profile that the other parameters break is refused with
+   * INVALID_ARGUMENT, a level that the finished stream goes beyond with LIMIT_EXCEEDED; nothing is
+   * written then, and the detail says what breaks it and by how much. */
+  L4D_ENC_PROFILE = 28,         /* L4D_PROFILE_*, or -1 */
+  L4D_ENC_LEVEL = 29,           /* 1..6, 0 or -1 */
+  L4D_ENC_PARAMETER_COUNT = 30
 };
 L4D_API l4d_status l4d_encoder_set(l4d_encoder* encoder, l4d_encoder_parameter id,
                                    int32_t component, double value);
