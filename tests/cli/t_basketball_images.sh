@@ -6,7 +6,7 @@ need_ffmpeg
 scene=$DATA/basketball/basketball.ply
 cameras=$DATA/basketball/cameras.json
 
-expect 0 encode "$scene" -o b.l4d --codebook all=512 --set kmeans-iterations=3 \
+expect 0 encode "$scene" -o b.l4d \
   --weights "$DATA/basketball/basketball-weights.ply"
 expect_document 0 compare "$scene" b.l4d --cameras "$cameras" --frames 0:150:10 --images
 expect_json out 'd["views"] == 60 and d["worst_view"]["camera"] in (0, 10, 15, 30)'

@@ -33,11 +33,11 @@ expect_equal "$(cd d && echo *)" s.ply
 
 # stderr is no terminal here: nothing by default, lines when asked for.
 make_scene small.ply 2000
-expect 0 encode small.ply -o a.l4d --codebook all=64
+expect 0 encode small.ply -o a.l4d
 expect_empty err
-expect 0 encode small.ply -o b.l4d --codebook all=64 --progress plain
+expect 0 encode small.ply -o b.l4d --progress plain
 expect_text err '^encode: '
-expect 0 encode small.ply -o c.l4d --codebook all=64 --progress json
+expect 0 encode small.ply -o c.l4d --progress json
 "$PYTHON" -c 'import json
 lines = [json.loads(line) for line in open("err")]
 assert any(l["verb"] == "encode" and l["total"] > 0 for l in lines)

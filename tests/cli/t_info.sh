@@ -2,7 +2,7 @@
 # shellcheck shell=bash
 # info: what a scene holds, what a seek costs, and that tools that are off are really off.
 make_scene s.ply 10k
-expect 0 encode s.ply -o s.l4d --codebook all=128
+expect 0 encode s.ply -o s.l4d --preset indexed --codebook all=128
 expect_document 0 info s.l4d --time 1
 bytes=$(wc -c < s.l4d)
 expect_json out "d['file_bytes'] == d['stream_bytes'] == $bytes == sum(d['sections'].values())"
@@ -38,13 +38,13 @@ expect_json out "d['file_bytes'] == $(wc -c < s.ply) != d['stream_bytes']"
 
 # A scene pays for what it uses.
 expect 0 synth -n 5000 --effects static -o static.ply
-expect 0 encode static.ply -o static.l4d --codebook all=128
+expect 0 encode static.ply -o static.l4d
 expect_document 0 info static.l4d
 expect_json out 'not {"motion", "temporal-opacity", "view-dependence"} & set(d["tools"])'
 expect_json out 'd["sections"]["rotor_temporal"] == d["sections"]["mean_t"] == 0'
 expect_json out 'd["sh_degree"] == 0 and d["num_layers"] == 1 and d["layers"][0]["permanent"]'
 expect 0 synth -n 5000 --effects static,view -o view.ply
-expect 0 encode view.ply -o view.l4d --codebook all=128
+expect 0 encode view.ply -o view.l4d
 expect_document 0 info view.l4d
 expect_json out '"view-dependence" in d["tools"] and "motion" not in d["tools"]'
 

@@ -2,8 +2,8 @@
 # shellcheck shell=bash
 # Quantised streams: parameters act, errors are measured, results are reproducible.
 make_scene s.ply 20k
-expect_document 0 encode s.ply -o s.l4d --codebook all=256 --order s.order --verify
-expect_json out 'd["ratio"] > 4 and d["preset"] == "default"'
+expect_document 0 encode s.ply -o s.l4d --preset indexed --codebook all=256 --order s.order --verify
+expect_json out 'd["ratio"] > 4 and d["preset"] == "indexed"'
 cp out encode.json
 expect_document 0 compare s.ply s.l4d --order s.order
 expect_json out 'd["match"] == "order" and d["matched"] == 20000 and not d["identical"]'
@@ -38,20 +38,20 @@ printf 'abc' > odd.order
 expect 4 compare s.ply s.l4d --order odd.order
 
 # Reproducible: seed and threads.
-expect 0 encode s.ply -o t1.l4d --codebook all=256 --threads 1
-expect 0 encode s.ply -o t3.l4d --codebook all=256 --threads 3
+expect 0 encode s.ply -o t1.l4d --preset indexed --codebook all=256 --threads 1
+expect 0 encode s.ply -o t3.l4d --preset indexed --codebook all=256 --threads 3
 cmp s.l4d t1.l4d
 cmp s.l4d t3.l4d
 
 # Ways to say the same.
-expect 0 encode s.ply -o set.l4d --set codebook-size=256
+expect 0 encode s.ply -o set.l4d --preset indexed --set codebook-size=256
 cmp s.l4d set.l4d
-expect 0 encode s.ply -o each.l4d --codebook sh=256 --codebook scale=256 \
+expect 0 encode s.ply -o each.l4d --preset indexed --codebook sh=256 --codebook scale=256 \
   --set codebook-size.rotor-spatial=256 --set codebook-size.rotor-temporal=0.25Ki
 cmp s.l4d each.l4d
 
 # Parameters do what they say.
-expect 0 encode s.ply -o stages.l4d --codebook all=256 --stages all=1,1,0.5 --order stages.order
+expect 0 encode s.ply -o stages.l4d --preset indexed --codebook all=256 --stages all=1,1,0.5 --order stages.order
 expect_document 0 info stages.l4d
 expect_json out '"residual-stages" in d["tools"]'
 expect_json out 'all(l["components"]["sh"]["stages"] == 3 for l in d["layers"])'
@@ -61,15 +61,15 @@ few = json.load(open("compare.json"))["attributes"]
 more = json.load(open("out"))["attributes"]
 assert more["sh"]["rmse"] < few["sh"]["rmse"]
 assert more["log_scale"]["rmse"] < few["log_scale"]["rmse"]'
-expect 0 encode s.ply -o never.l4d --codebook all=256 --rcq never
+expect 0 encode s.ply -o never.l4d --preset indexed --codebook all=256 --rcq never
 expect_document 0 info never.l4d
 expect_json out '"rcq" not in d["tools"]'
-expect 0 encode s.ply -o literal.l4d --codebook all=256 --literal-threshold sh=1e-30
+expect 0 encode s.ply -o literal.l4d --preset indexed --codebook all=256 --literal-threshold sh=1e-30
 expect_document 0 info literal.l4d
 expect_json out '"literals" in d["tools"]'
 
 # Transcoding a stream, and a stream as A of a comparison.
-expect 0 encode stages.l4d -o transcoded.l4d --codebook all=64
+expect 0 encode stages.l4d -o transcoded.l4d --preset indexed --codebook all=64
 expect_document 0 compare stages.l4d transcoded.l4d
 expect_json out 'd["matched"] == 20000'
 

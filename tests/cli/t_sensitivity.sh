@@ -58,24 +58,24 @@ a, b = columns('sum.ply', 'sum'), columns('gauss-newton.ply', 'gauss-newton')
 assert [name for name in a if a[name] == b[name]] == ['alpha_t']"
 
 # encode takes them from the file or measures for itself, with one result.
-expect_document 0 encode s.ply -o file.l4d --codebook all=64 --weights w.ply --prune-weight 0
+expect_document 0 encode s.ply -o file.l4d --preset indexed --codebook all=64 --weights w.ply --prune-weight 0
 expect_json out "d['pruned'] == $unseen and 'sensitivity' not in d"
-expect_document 0 encode s.ply -o own.l4d --codebook all=64 --cameras c.json --all-views --save-weights own.ply
+expect_document 0 encode s.ply -o own.l4d --preset indexed --codebook all=64 --cameras c.json --all-views --save-weights own.ply
 expect_json out "d['pruned'] == $unseen == d['sensitivity']['unseen'] == 3000 - d['coded_gaussians']"
 expect_json out 'd["stages"]["sensitivity"] == d["sensitivity"]["seconds"] < d["total_s"]'
 cmp own.ply w.ply
 cmp own.l4d file.l4d
 expect 0 validate own.l4d
 # The weights matter: without them other codewords come out.
-expect 0 encode s.ply -o plain.l4d --codebook all=64
+expect 0 encode s.ply -o plain.l4d
 if cmp -s plain.l4d own.l4d; then die "weights do nothing"; fi
 
 # Nothing is dropped where views were left out, or nothing may be.
-expect_document 0 encode s.ply -o x.l4d --codebook all=64 --cameras c.json --frames 0:60:30 --verify
+expect_document 0 encode s.ply -o x.l4d --cameras c.json --frames 0:60:30 --verify
 expect_json out 'd["pruned"] == 0 and d["verify"]["matched"] == 3000 and any("kept" in n for n in d["notes"])'
-expect_document 0 encode s.ply -o x.l4d --codebook all=64 --cameras c.json --no-prune --force
+expect_document 0 encode s.ply -o x.l4d --cameras c.json --no-prune --force
 expect_json out 'd["pruned"] == 0 and d["notes"] == []'
-expect_document 0 encode s.ply -o x.l4d --codebook all=64 --orbit 2 --frames 30 --prune-weight 0 --force
+expect_document 0 encode s.ply -o x.l4d --orbit 2 --frames 30 --prune-weight 0 --force
 expect_json out 'd["pruned"] > 0'
 expect_document 0 encode s.ply -o lossless.l4d --preset lossless --cameras c.json --frames 30
 expect_json out 'd["pruned"] == 0'
@@ -84,5 +84,5 @@ expect 0 compare s.ply lossless.l4d --exact
 # A stream will do as the scene.
 expect_document 0 sensitivity lossless.l4d --cameras c.json --frames 0:60:20 -o l.ply
 expect_json out 'd["num_gaussians"] == 3000'
-expect 0 encode lossless.l4d -o y.l4d --codebook all=64 --weights l.ply
+expect 0 encode lossless.l4d -o y.l4d --weights l.ply
 expect 4 encode plain.l4d -o z.l4d --weights s.ply

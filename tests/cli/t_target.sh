@@ -15,16 +15,17 @@ expect_document 0 encode s.ply -o indexed.l4d --preset indexed --codebook all=64
 expect_json out '"quality" not in d'
 
 # What a target comes to is in the document: figure of the file, its quality, all trials.
+# What is not near enough is explained, since figures may jump from one quality to the next.
 # target KIND ASKED ARGUMENTS...
 target() {
   local kind=$1 asked=$2
   shift 2
   expect_document 0 encode s.ply -o t.l4d --force "$@"
   expect_json out "d['target']['kind'] == '$kind' and d['target']['asked'] == $asked"
-  expect_json out 'd["target"]["met"] and "obstacle" not in d["target"]'
+  expect_json out 'd["target"]["met"]'
   expect_json out 'd["quality"] == d["target"]["quality"]'
   expect_json out '{"quality": d["quality"], "reached": d["target"]["reached"]} in d["target"]["trials"]'
-  expect_json out "d['file_bytes'] == $(wc -c < t.l4d) and len(d['target']['trials']) <= 8"
+  expect_json out "d['file_bytes'] == $(wc -c < t.l4d) and len(d['target']['trials']) <= 16"
   reached=$(json out 'd["target"]["reached"]')
 }
 
@@ -32,11 +33,11 @@ target() {
 asked=$(($(wc -c < q40.l4d) / 2 + $(wc -c < q60.l4d) / 2))
 target size "$asked" --target-size "$asked"
 expect_equal "$reached" "$(wc -c < t.l4d).0"
-expect_json out "0.98 * $asked <= d['file_bytes'] <= $asked"
-expect 0 validate t.l4d
+expect_json out "0.98 * $asked <= d['file_bytes'] <= $asked and 'obstacle' not in d['target']"
 # The file is what its quality gives.
-expect 0 encode s.ply -o same.l4d --quality "$(json out 'repr(d["quality"])')"
+expect 0 encode s.ply -o same.l4d --quality "$(json out 'd["quality"]')"
 cmp t.l4d same.l4d
+expect 0 validate t.l4d
 # The sequence has 2 s.
 target bitrate "$asked / 2" --target-bitrate "$((asked * 4))bit/s"
 expect_json out "0.98 * $asked <= d['file_bytes'] <= $asked"
@@ -48,18 +49,20 @@ cmp t.l4d out
 
 # Fidelity is what compare measures in the same views.
 target fidelity 40 --orbit 4 --size 96x64 --frames 0:60:30 --target-fidelity 40dB
-expect_json out '40 <= d["target"]["reached"] <= 40.1 and d["target"]["views"] == 8'
+expect_json out '40 <= d["target"]["reached"] and d["target"]["views"] == 8'
+expect_json out '(d["target"]["reached"] <= 40.1) == ("obstacle" not in d["target"])'
 expect_document 0 compare s.ply t.l4d --orbit 4 --size 96x64 --frames 0:60:30 --min-fidelity 40
 expect_json out "abs(d['fidelity_db'] - $reached) < 1e-6"
 # Views of their own accord: no more than 60, of the cameras for testing. With weights, cameras
 # are for the target alone.
-expect 0 sensitivity s.ply --cameras c.json --frames 0:60:20 -o w.ply
+expect 0 sensitivity s.ply --cameras c.json --split all --frames 0:60:10 -o w.ply
 target fidelity 38 --weights w.ply --cameras c.json --target-fidelity 38
 expect_json out 'd["target"]["views"] == 60 and "sensitivity" not in d and "60 of 120" in d["notes"][0]'
 
 # The largest error is that of compare.
 target max-error 0.2 --max-error log_scale=0.2 --order t.order
-expect_json out 'd["target"]["attribute"] == "log_scale" and 0.19 <= d["target"]["reached"] <= 0.2'
+expect_json out 'd["target"]["attribute"] == "log_scale" and d["target"]["reached"] <= 0.2'
+expect_json out '(d["target"]["reached"] >= 0.19) == ("obstacle" not in d["target"])'
 expect_document 0 compare s.ply t.l4d --order t.order --max-error log_scale=0.2
 expect_json out "abs(d['attributes']['log_scale']['max'] - $reached) < 1e-9"
 
@@ -78,6 +81,7 @@ for k in 0 2; do
   expect 0 render s.ply --cameras c.json --camera $k -o cam$k.mp4 --crf 4
 done
 target psnr-loss 2 --weights w.ply --cameras c.json --frames 0:60:20 --target-psnr-loss 2dB
-expect_json out '1.8 <= d["target"]["reached"] <= 2 and d["target"]["views"] == 6'
+expect_json out 'd["target"]["reached"] <= 2 and d["target"]["views"] == 6'
+expect_json out '(d["target"]["reached"] >= 1.8) == ("obstacle" not in d["target"])'
 expect_document 0 compare s.ply t.l4d --cameras c.json --frames 0:60:20 --images
 expect_json out "abs(d['psnr_a_db'] - d['psnr_b_db'] - $reached) < 1e-6"

@@ -41,7 +41,7 @@ for preset in indexed indexed-small paper-large lossless; do
   misuse encode s.ply -o s.l4d --preset $preset --quality 40
   misuse encode s.ply -o s.l4d --preset $preset --target-size 1MB
 done
-expect_text err '^error: a target: the preset .lossless. .* float32 bits'
+expect_text err '^l4dcodec: a target: the preset .lossless. .* float32 bits'
 misuse encode s.ply -o s.l4d --target-size 0
 misuse encode s.ply -o s.l4d --target-size 3MBit
 misuse encode s.ply -o s.l4d --target-bitrate 8Mbyte/s

@@ -2,7 +2,7 @@
 # shellcheck shell=bash
 # validate, and what damaged input does to every verb.
 make_scene s.ply 5000
-expect 0 encode s.ply -o s.l4d --codebook all=64
+expect 0 encode s.ply -o s.l4d
 expect_document 0 validate s.l4d
 expect_json out 'd["valid"] and d["errors"] == [] and d["num_errors"] == 0'
 expect 0 validate s.l4d

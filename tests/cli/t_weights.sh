@@ -11,7 +11,7 @@ with open("w.ply", "wb") as f:
     for i in range(3000):
         alpha = 0.0 if i < 100 else 1e-6 * i
         f.write(struct.pack("<5f", alpha, 0.0, alpha, alpha, alpha))'
-expect_document 0 encode s.ply -o pruned.l4d --codebook all=64 --weights w.ply --prune-weight 0 \
+expect_document 0 encode s.ply -o pruned.l4d --weights w.ply --prune-weight 0 \
   --order pruned.order --verify
 expect_json out 'd["pruned"] == 100 and d["coded_gaussians"] == 2900 == d["verify"]["matched"]'
 expect_json out 'd["verify"]["unmatched_a"] == 100 and d["verify"]["unmatched_b"] == 0'
@@ -20,7 +20,7 @@ expect_json out 'd["verify"]["unmatched_a"] == 100 and d["verify"]["unmatched_b"
 data = open("pruned.order", "rb").read()
 order = struct.unpack("<%dI" % (len(data) // 4), data)
 assert sorted(order) == list(range(100, 3000))'
-expect 0 encode s.ply -o pruned.l4d --codebook all=64 --weights w.ply --prune-weight 0 --force
+expect 0 encode s.ply -o pruned.l4d --weights w.ply --prune-weight 0 --force
 expect_text out 'left out 100 of 3,000: 0 invalid, 100 pruned'
 
 # What they measure comes from the file, sum where it does not say so, and matters.
@@ -32,7 +32,7 @@ more = b"comment measure " + sys.argv[1].encode() + b"\n"
 open("w-" + sys.argv[1] + ".ply", "wb").write(data.replace(comment, comment + more))' $measure
 done
 for name in w w-sum w-gauss-newton; do
-  expect 0 encode s.ply -o $name.l4d --codebook all=64 --weights $name.ply
+  expect 0 encode s.ply -o $name.l4d --weights $name.ply
 done
 cmp w.l4d w-sum.l4d
 if cmp -s w.l4d w-gauss-newton.l4d; then die "the measure does nothing"; fi
@@ -58,5 +58,5 @@ open("nan.ply", "wb").write(data)'
 expect_document 4 encode nan.ply -o x.l4d --preset lossless
 expect_json out 'd["error"]["name"] == "L4D_ERR_INVALID_SCENE"'
 expect_missing x.l4d
-expect_document 0 encode nan.ply -o x.l4d --codebook all=64 --drop-invalid
+expect_document 0 encode nan.ply -o x.l4d --drop-invalid
 expect_json out 'd["invalid_dropped"] == 1 and d["coded_gaussians"] == 2999'

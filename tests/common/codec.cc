@@ -57,6 +57,17 @@ const Bytes& dynamic_file() {
   return kBytes;
 }
 
+const Bytes& transform_file() {
+  static const Bytes kBytes = [] {
+    EncodeOptions o;
+    o.preset = "default";
+    o.rans = true;
+    o.settings = {{L4D_ENC_MERGE_COUNT, 40}, {L4D_ENC_PAGE_SIZE, 128}};
+    return encode(make_scene({}), o).bytes;
+  }();
+  return kBytes;
+}
+
 const Bytes& staged_file() {
   static const Bytes kBytes = [] {
     EncodeOptions o = small_options();

@@ -74,6 +74,7 @@ TEST_P(Seeking, DecodersThatOpenTheFileThemselves) {
 INSTANTIATE_TEST_SUITE_P(Streams, Seeking,
                          testing::Values(NamedFile{"dynamic", dynamic_file},
                                          NamedFile{"staged", staged_file},
+                                         NamedFile{"transform", transform_file},
                                          NamedFile{"lossless", lossless_file}),
                          file_name);
 

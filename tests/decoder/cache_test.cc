@@ -117,6 +117,7 @@ TEST_P(Cache, SteppingDecodesEachBucketOnce) {
 INSTANTIATE_TEST_SUITE_P(Streams, Cache,
                          testing::Values(NamedFile{"dynamic", dynamic_file},
                                          NamedFile{"rcq", rcq_file},
+                                         NamedFile{"transform", transform_file},
                                          NamedFile{"lossless", lossless_file},
                                          NamedFile{"wandering", wandering_file}),
                          file_name);

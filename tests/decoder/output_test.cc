@@ -216,6 +216,7 @@ INSTANTIATE_TEST_SUITE_P(Streams, Output,
                          testing::Values(NamedFile{"dynamic", dynamic_file},
                                          NamedFile{"staged", staged_file},
                                          NamedFile{"rcq", rcq_file},
+                                         NamedFile{"transform", transform_file},
                                          NamedFile{"lossless", lossless_file},
                                          NamedFile{"tiny", tiny_file}),
                          file_name);

@@ -194,6 +194,7 @@ TEST_P(Query, AnInstantReadsLittleMoreThanItShows) {
 INSTANTIATE_TEST_SUITE_P(Streams, Query,
                          testing::Values(NamedFile{"dynamic", dynamic_file},
                                          NamedFile{"rcq", rcq_file},
+                                         NamedFile{"transform", transform_file},
                                          NamedFile{"lossless", lossless_file},
                                          NamedFile{"late", late_file}),
                          file_name);
