@@ -29,7 +29,7 @@ class ComponentRows {
       coefficients_.steps = coding.steps.data();
       coefficients_.cls = columns.cls.data();
       if (coding.ladder.size() > 1) {
-        coefficients_.level = columns.level.data();
+        coefficients_.rung = columns.rung.data();
         coefficients_.ladder = coding.ladder.data();
       }
       for (size_t k = 0; k < coding.coefficients(); ++k) {

@@ -10,8 +10,8 @@ void rows(const TransformSource& source, TransformCursor& cursor, size_t begin, 
   for (size_t i = begin; i < end; ++i, dst += source.dim) {
     for (size_t d = 0; d < source.dim; ++d) dst[d] = source.basis[d];
     size_t count = source.num_coefficients;
-    if (source.level != nullptr) {
-      count = source.level[i] == 0 ? 0 : source.ladder[source.level[i] - 1];
+    if (source.rung != nullptr) {
+      count = source.rung[i] == 0 ? 0 : source.ladder[source.rung[i] - 1];
     }
     const float scale = 1.0f / static_cast<float>(1u << source.cls[i]);
     for (size_t k = 0; k < count; ++k) {

@@ -79,7 +79,7 @@ struct Batch {
   HWY_ALIGN float c[kMaxDim][kPitch];      // of those that reach coefficient k, in order
   uint64_t reach[kMaxDim];                 // who reaches step s
   uint8_t cls[kSize];
-  uint8_t level[kSize];
+  uint8_t rung[kSize];
 };
 
 // The first n coefficients of a plane, times scale and step.
@@ -167,7 +167,7 @@ HWY_INLINE uint64_t sum_group(const uint8_t* ladder, size_t steps, uint64_t memb
   return members;
 }
 
-// The rows of the Gaussians of one level.
+// The rows of the Gaussians of one rung.
 HWY_NOINLINE void sum_rows(const uint8_t* ladder, size_t steps, uint64_t members, size_t stride,
                            Batch& batch) {
   size_t n = hwy::PopCount(members);
@@ -177,15 +177,15 @@ HWY_NOINLINE void sum_rows(const uint8_t* ladder, size_t steps, uint64_t members
   if (n > 0) sum_group<2>(ladder, steps, members, stride, batch);
 }
 
-// Who has a level above `step`. Both are small enough for signed comparisons.
-HWY_INLINE uint64_t levels_above(const uint8_t* HWY_RESTRICT level, size_t step) {
+// Who has a rung above `step`. Both are small enough for signed comparisons.
+HWY_INLINE uint64_t rungs_above(const uint8_t* HWY_RESTRICT rung, size_t step) {
   const hn::CappedTag<int8_t, Batch::kSize> d8;
   const auto steps = hn::Set(d8, static_cast<int8_t>(step));
   uint64_t mask = 0;
   for (size_t i = 0; i < Batch::kSize; i += hn::Lanes(d8)) {
     uint8_t bits[8] = {};
-    const auto levels = hn::LoadU(d8, reinterpret_cast<const int8_t*>(level + i));
-    hn::StoreMaskBits(d8, hn::Gt(levels, steps), bits);
+    const auto rungs = hn::LoadU(d8, reinterpret_cast<const int8_t*>(rung + i));
+    hn::StoreMaskBits(d8, hn::Gt(rungs, steps), bits);
     uint64_t part;
     std::memcpy(&part, bits, sizeof(part));
     mask |= part << i;
@@ -193,7 +193,7 @@ HWY_INLINE uint64_t levels_above(const uint8_t* HWY_RESTRICT level, size_t step)
   return mask;
 }
 
-// Leaves the scales of `members`, whose level is above `step`.
+// Leaves the scales of `members`, whose rung is above `step`.
 HWY_INLINE void compress_scales(const Batch& batch, uint64_t members, size_t step,
                                 float* HWY_RESTRICT to) {
 #if HWY_TARGET <= HWY_AVX3
@@ -203,8 +203,8 @@ HWY_INLINE void compress_scales(const Batch& batch, uint64_t members, size_t ste
   const hn::Rebind<uint8_t, D> d8;
   const auto steps = hn::Set(di, static_cast<int32_t>(step));
   for (size_t i = 0; i < Batch::kSize; i += kWidth) {
-    const auto levels = hn::PromoteTo(di, hn::LoadU(d8, batch.level + i));
-    const auto above = hn::RebindMask(d, hn::Gt(levels, steps));
+    const auto rungs = hn::PromoteTo(di, hn::LoadU(d8, batch.rung + i));
+    const auto above = hn::RebindMask(d, hn::Gt(rungs, steps));
     hn::StoreU(hn::Compress(hn::Load(d, batch.class_scale + i), above), d, to);
     to += hn::CountTrue(d, above);
   }
@@ -217,7 +217,7 @@ HWY_INLINE void compress_scales(const Batch& batch, uint64_t members, size_t ste
 #endif
 }
 
-// Fills the first n rows of a batch from its classes and levels. Step by step of the ladder: who
+// Fills the first n rows of a batch from its classes and rungs. Step by step of the ladder: who
 // goes no further is summed up, the others get the coefficients of the step.
 HWY_NOINLINE void sum_batch(const TransformSource& source, TransformCursor& cursor,
                             const uint8_t* ladder, size_t n, size_t stride, Batch& batch) {
@@ -228,7 +228,7 @@ HWY_NOINLINE void sum_batch(const TransformSource& source, TransformCursor& curs
   uint64_t members = ~uint64_t{0} >> (Batch::kSize - n);
   size_t s = 0;
   for (size_t k = 0; k < source.num_coefficients && members != 0; ++s) {
-    const uint64_t reach = members & levels_above(batch.level, s);
+    const uint64_t reach = members & rungs_above(batch.rung, s);
     batch.reach[s] = reach;
     sum_rows(ladder, s, members ^ reach, stride, batch);
     members = reach;
@@ -244,7 +244,7 @@ HWY_NOINLINE void sum_batch(const TransformSource& source, TransformCursor& curs
   sum_rows(ladder, s, members, stride, batch);
 }
 
-void rows_by_level(const TransformSource& source, TransformCursor& cursor, size_t begin, size_t end,
+void rows_by_rung(const TransformSource& source, TransformCursor& cursor, size_t begin, size_t end,
                    float* dst, bool past_cache) {
   const D d;
   const size_t dim = source.dim;
@@ -252,11 +252,11 @@ void rows_by_level(const TransformSource& source, TransformCursor& cursor, size_
   const bool stream = can_stream(past_cache, dst);
   // Without a ladder there is one step, which all reach.
   const uint8_t all = static_cast<uint8_t>(source.num_coefficients);
-  const uint8_t* ladder = source.level == nullptr ? &all : source.ladder;
+  const uint8_t* ladder = source.rung == nullptr ? &all : source.ladder;
   Batch batch;
   std::fill_n(batch.scale, kWidth, 0.0f);
   std::fill_n(batch.cls, Batch::kSize, uint8_t{0});
-  std::fill_n(batch.level, Batch::kSize, uint8_t{1});
+  std::fill_n(batch.rung, Batch::kSize, uint8_t{1});
   for (size_t k = 0; k <= source.num_coefficients; ++k) {
     for (size_t v = 0; v < stride; v += kWidth) {
       hn::Store(hn::LoadU(d, source.basis + dim * k + v), d, batch.basis + stride * k + v);
@@ -265,7 +265,7 @@ void rows_by_level(const TransformSource& source, TransformCursor& cursor, size_
   for (size_t i = begin; i < end; i += Batch::kSize) {
     const size_t n = std::min(Batch::kSize, end - i);
     std::copy_n(source.cls + i, n, batch.cls);
-    if (source.level != nullptr) std::copy_n(source.level + i, n, batch.level);
+    if (source.rung != nullptr) std::copy_n(source.rung + i, n, batch.rung);
     sum_batch(source, cursor, ladder, n, stride, batch);
     for (size_t j = 1; j < n && stride != dim; ++j) {
       for (size_t v = 0; v < stride; v += kWidth) {
@@ -322,13 +322,13 @@ void rows_of(const TransformSource& source, TransformCursor& cursor, size_t begi
 
 void rows(const TransformSource& source, TransformCursor& cursor, size_t begin, size_t end,
           float* dst, bool past_cache) {
-  if (source.level == nullptr && source.dim == 3) {
+  if (source.rung == nullptr && source.dim == 3) {
     return rows_of<3>(source, cursor, begin, end, dst);
   }
-  if (source.level == nullptr && source.dim == 4) {
+  if (source.rung == nullptr && source.dim == 4) {
     return rows_of<4>(source, cursor, begin, end, dst);
   }
-  rows_by_level(source, cursor, begin, end, dst, past_cache);
+  rows_by_rung(source, cursor, begin, end, dst, past_cache);
 }
 
 HWY_INLINE V on_grid(V w) {

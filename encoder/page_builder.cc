@@ -261,8 +261,8 @@ class LayerBuilder {
     for (size_t i = cut.begin; i < cut.end; ++i) {
       const size_t j = c == L4D_COMPONENT_SH ? layer_.members[order_[i]] : order_[i];
       to->cls.push_back(from.cls[j]);
-      to->level.push_back(from.level[j]);
-      for (unsigned k = 0; k < level_coefficients(coding, from.level[j]); ++k) {
+      to->rung.push_back(from.rung[j]);
+      for (unsigned k = 0; k < rung_coefficients(coding, from.rung[j]); ++k) {
         to->coefficient[k].push_back(from.coefficient[k][j]);
         ++to->coefficient_count[k];
       }

@@ -34,7 +34,7 @@ class TransformCoder {
     find_axes();
     choose_classes();
     quantize();
-    choose_levels();
+    choose_rungs();
     decode();
     return std::move(out_);
   }
@@ -133,7 +133,7 @@ class TransformCoder {
     });
   }
 
-  void choose_levels() {
+  void choose_rungs() {
     std::vector<uint8_t> used(n_, 0);
     size_t most = 1;
     for (size_t i = 0; i < n_; ++i) {
@@ -152,12 +152,12 @@ class TransformCoder {
       }
     }
     out_.ladder.push_back(static_cast<uint8_t>(most));
-    out_.level.assign(n_, 1);
+    out_.rung.assign(n_, 1);
     if (out_.ladder.size() == 1) return;
     for (size_t i = 0; i < n_; ++i) {
-      uint8_t level = 0;
-      while (level > 0 ? out_.ladder[level - 1] < used[i] : used[i] > 0) ++level;
-      out_.level[i] = level;
+      uint8_t rung = 0;
+      while (rung > 0 ? out_.ladder[rung - 1] < used[i] : used[i] > 0) ++rung;
+      out_.rung[i] = rung;
     }
   }
 
@@ -171,7 +171,7 @@ class TransformCoder {
     source.basis = padded.data();
     source.steps = out_.steps.data();
     source.cls = out_.cls.data();
-    source.level = out_.level.data();
+    source.rung = out_.rung.data();
     source.ladder = out_.ladder.data();
     for (size_t k = 0; k < out_.coefficient.size(); ++k) {
       source.coefficient[k] = out_.coefficient[k].data();
@@ -213,7 +213,7 @@ void drop_gaussians(CodedTransform& c, const std::vector<uint8_t>& keep) {
     values.resize(to);
   };
   compact(c.cls);
-  compact(c.level);
+  compact(c.rung);
   for (auto& values : c.coefficient) compact(values);
 }
 

@@ -17,13 +17,13 @@ struct TransformSettings {
   int threads = 0;
 };
 
-// A component of n Gaussians as coefficients, valid below what the level has.
+// A component of n Gaussians as coefficients, valid below what the rung has.
 struct CodedTransform {
   std::vector<float> basis;   // [coefficients + 1, dim], the origin first, binary16 values
   std::vector<float> steps;   // [coefficients]
   std::vector<uint8_t> ladder;
   std::vector<uint8_t> cls;    // [n]
-  std::vector<uint8_t> level;  // [n]
+  std::vector<uint8_t> rung;  // [n]
   std::vector<std::vector<int16_t>> coefficient;  // per coefficient [n]
 };
 

@@ -161,22 +161,22 @@ class PageParser {
   }
 
   Status transform(const ComponentCoding& coding, bool wanted, ComponentColumns* out) {
-    // As depths do, levels say how long the other streams are.
+    // As depths do, rungs say how long the other streams are.
     grow(codes_, n_);
     grow(out->cls, n_);
-    grow(out->level, n_);
+    grow(out->rung, n_);
     L4D_RETURN_IF_ERROR(decode_stream(decoder_, in_, base_, n_, 4, 0, "", codes_.data()));
     for (size_t i = 0; i < n_; ++i) out->cls[i] = static_cast<uint8_t>(codes_[i]);
     const size_t steps = coding.ladder.size();
     if (steps == 1) {
-      std::fill_n(out->level.begin(), n_, uint8_t{1});
+      std::fill_n(out->rung.begin(), n_, uint8_t{1});
     } else {
       L4D_RETURN_IF_ERROR(decode_stream(decoder_, in_, base_, n_, bit_width(static_cast<uint32_t>(steps + 1)),
                                         static_cast<uint32_t>(steps + 1), "TRAN-6", codes_.data()));
-      for (size_t i = 0; i < n_; ++i) out->level[i] = static_cast<uint8_t>(codes_[i]);
+      for (size_t i = 0; i < n_; ++i) out->rung[i] = static_cast<uint8_t>(codes_[i]);
     }
     for (size_t i = 0; i < n_; ++i) {
-      for (unsigned k = 0; k < level_coefficients(coding, out->level[i]); ++k) {
+      for (unsigned k = 0; k < rung_coefficients(coding, out->rung[i]); ++k) {
         ++out->coefficient_count[k];
       }
     }
@@ -269,9 +269,9 @@ class PageWriter {
     for (size_t i = 0; i < n_; ++i) codes_[i] = c.cls[i];
     encoder_.encode(codes_.data(), n_, 4, false, out_);
     if (coding.ladder.size() > 1) {
-      for (size_t i = 0; i < n_; ++i) codes_[i] = c.level[i];
-      const uint32_t levels = static_cast<uint32_t>(coding.ladder.size() + 1);
-      encoder_.encode(codes_.data(), n_, bit_width(levels), false, out_);
+      for (size_t i = 0; i < n_; ++i) codes_[i] = c.rung[i];
+      const uint32_t rungs = static_cast<uint32_t>(coding.ladder.size() + 1);
+      encoder_.encode(codes_.data(), n_, bit_width(rungs), false, out_);
     }
     for (unsigned k = 0; k < coding.coefficients(); ++k) {
       const size_t count = c.coefficient_count[k];

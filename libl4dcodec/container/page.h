@@ -24,9 +24,9 @@ struct ComponentColumns {
   std::vector<float> raw;         // [n, dim]
   size_t num_literals = 0;
   std::array<size_t, L4D_MAX_STAGES> index_count{};
-  // Transform: coefficient[k] has one value for each Gaussian whose level reaches k, in order.
+  // Transform: coefficient[k] has one value for each Gaussian whose rung reaches k, in order.
   std::vector<uint8_t> cls;    // [n] class
-  std::vector<uint8_t> level;  // [n] step of the ladder, 0 = no coefficients
+  std::vector<uint8_t> rung;  // [n] step of the ladder, 0 = no coefficients
   std::array<std::vector<int16_t>, kMaxCoefficients> coefficient;
   std::array<size_t, kMaxCoefficients> coefficient_count{};
 };
@@ -63,9 +63,9 @@ using SectionBytes = std::array<uint64_t, L4D_SECTION_COUNT>;
 uint32_t stage0_entries(const SceneHeader& header, const LayerHeader& layer, unsigned c,
                         const BlockRecord* block);
 
-// Number of coefficients that each level of a ladder has.
-inline unsigned level_coefficients(const ComponentCoding& coding, unsigned level) {
-  return level == 0 ? 0 : coding.ladder[level - 1];
+// Number of coefficients that each rung of a ladder has.
+inline unsigned rung_coefficients(const ComponentCoding& coding, unsigned rung) {
+  return rung == 0 ? 0 : coding.ladder[rung - 1];
 }
 inline uint16_t zigzag16(int16_t v) {
   return static_cast<uint16_t>((static_cast<uint32_t>(v) << 1) ^ (v < 0 ? 0xffffu : 0u));
@@ -90,7 +90,7 @@ struct RansDecoder {
   const StreamKernels* streams = nullptr;
   std::vector<uint64_t> wide;
   std::vector<uint16_t> codes;
-  std::vector<uint8_t> tables, cls, level, before, last;  // of the Gaussians that a plane is about
+  std::vector<uint8_t> tables, cls, rung, before, last;  // of the Gaussians that a plane is about
 };
 Status decode_rans_page(RansDecoder& decoder, ByteSpan page, uint64_t base, const SceneHeader& header,
                         const LayerHeader& layer, const EntropyTables& tables,

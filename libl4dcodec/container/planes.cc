@@ -19,7 +19,7 @@ void add_component(const ComponentCoding& coding, unsigned c, unsigned dim,
   }
   if (coding.transform()) {
     add(PlaneKind::kClass, 0, kTransformClasses);
-    if (coding.ladder.size() > 1) add(PlaneKind::kLevel, 0, kTransformClasses);
+    if (coding.ladder.size() > 1) add(PlaneKind::kRung, 0, kTransformClasses);
     for (unsigned k = 0; k < coding.coefficients(); ++k) {
       add(PlaneKind::kCoefficient, k, kTransformClasses * (k == 0 ? 1 : kMagnitudes));
     }

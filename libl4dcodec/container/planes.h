@@ -20,7 +20,7 @@ enum class PlaneKind : uint8_t {
   kIndex,        // vq, one per stage
   kLiteral,      // vq, one per number
   kClass,        // transform
-  kLevel,        // transform, where the ladder has more than one step
+  kRung,        // transform, where the ladder has more than one step
   kCoefficient,  // transform, one per coefficient
 };
 

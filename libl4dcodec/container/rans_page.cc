@@ -150,8 +150,8 @@ class RansPageParser {
         return literals(p, spec);
       case PlaneKind::kClass:
         return classes(p, spec.component);
-      case PlaneKind::kLevel:
-        return levels(p, spec.component);
+      case PlaneKind::kRung:
+        return rungs(p, spec.component);
       case PlaneKind::kCoefficient:
         return coefficients(p, spec.component, spec.index);
     }
@@ -239,20 +239,20 @@ class RansPageParser {
     narrow(d_.codes.data(), n_, c.cls.data());
     class_component_ = &c;
     if (header_.component(layer_, component).ladder.size() > 1) return {};
-    grow(c.level, n_);
-    std::fill_n(c.level.begin(), n_, uint8_t{1});
+    grow(c.rung, n_);
+    std::fill_n(c.rung.begin(), n_, uint8_t{1});
     return {};
   }
 
-  Status levels(size_t p, unsigned component) {
+  Status rungs(size_t p, unsigned component) {
     ComponentColumns& c = out_.component[component];
     grow(d_.codes, n_);
-    grow(c.level, n_);
+    grow(c.rung, n_);
     hybrid(p, c.cls.data(), n_, d_.codes.data());
     const size_t steps = header_.component(layer_, component).ladder.size();
     L4D_RETURN_IF_ERROR(
         below(d_.codes.data(), n_, static_cast<uint32_t>(steps + 1), "TRAN-6"));
-    narrow(d_.codes.data(), n_, c.level.data());
+    narrow(d_.codes.data(), n_, c.rung.data());
     return {};
   }
 
@@ -263,7 +263,7 @@ class RansPageParser {
       step_ = 0;
       members_ = n_;
       d_.cls.assign(c.cls.begin(), c.cls.begin() + static_cast<std::ptrdiff_t>(n_));
-      d_.level.assign(c.level.begin(), c.level.begin() + static_cast<std::ptrdiff_t>(n_));
+      d_.rung.assign(c.rung.begin(), c.rung.begin() + static_cast<std::ptrdiff_t>(n_));
       d_.last.assign(n_, 0);
       d_.before.assign(n_, 0);
       compact();
@@ -287,9 +287,9 @@ class RansPageParser {
     return {};
   }
 
-  // Leaves those Gaussians whose level reaches the step at hand.
+  // Leaves those Gaussians whose rung reaches the step at hand.
   void compact() {
-    uint8_t* const arrays[] = {d_.level.data(), d_.cls.data(), d_.last.data(), d_.before.data()};
+    uint8_t* const arrays[] = {d_.rung.data(), d_.cls.data(), d_.last.data(), d_.before.data()};
     members_ = d_.streams->keep_above(arrays, 4, members_, static_cast<uint8_t>(step_));
   }
 
@@ -394,8 +394,8 @@ void visit_planes(const SceneHeader& header, const LayerHeader& layer,
         if (with_classes != nullptr) symbols.contexts = with_classes->cls;
         with_classes = &c;
         break;
-      case PlaneKind::kLevel:
-        narrow(c.level, n, same);
+      case PlaneKind::kRung:
+        narrow(c.rung, n, same);
         symbols.contexts = c.cls;
         break;
       case PlaneKind::kCoefficient: {
@@ -407,7 +407,7 @@ void visit_planes(const SceneHeader& header, const LayerHeader& layer,
         }
         members.clear();
         for (size_t i = 0; i < n; ++i) {
-          if (level_coefficients(coding, c.level[i]) > k) members.push_back(static_cast<uint32_t>(i));
+          if (rung_coefficients(coding, c.rung[i]) > k) members.push_back(static_cast<uint32_t>(i));
         }
         const size_t count = members.size();
         codes.resize(count);

@@ -234,7 +234,7 @@ std::vector<PageStream> StreamEditor::streams(const Place& place, size_t page) c
       }
       for (unsigned k = 0; k < coding.coefficients(); ++k) {
         size_t count = 0;
-        for (const uint16_t r : rung) count += level_coefficients(coding, r) > k;
+        for (const uint16_t r : rung) count += rung_coefficients(coding, r) > k;
         step(name + ".coefficient." + std::to_string(k), count, 16);
       }
     }

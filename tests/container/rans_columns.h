@@ -102,8 +102,8 @@ inline void random_transform(const ComponentCoding& coding, size_t n, Random& ra
   for (size_t i = 0; i < n; ++i) {
     out->cls.push_back(static_cast<uint8_t>(random.below(classes)));
     const uint32_t rungs = static_cast<uint32_t>(coding.ladder.size()) + 1;
-    out->level.push_back(static_cast<uint8_t>(told ? random.below(rungs) : 1));
-    const unsigned count = level_coefficients(coding, out->level.back());
+    out->rung.push_back(static_cast<uint8_t>(told ? random.below(rungs) : 1));
+    const unsigned count = rung_coefficients(coding, out->rung.back());
     for (unsigned k = 0; k < count; ++k) {
       constexpr int16_t kEnds[] = {0, 1, -1, INT16_MAX, INT16_MIN};
       const uint32_t kind = random.below(20);
@@ -201,7 +201,7 @@ inline void expect_columns(const SceneHeader& header, const LayerHeader& layer, 
     }
     if (coding.transform()) {
       expect_prefix("class", a.cls, b.cls);
-      expect_prefix("level", a.level, b.level);
+      expect_prefix("rung", a.rung, b.rung);
       EXPECT_EQ(a.coefficient_count, b.coefficient_count);
       for (unsigned k = 0; k < coding.coefficients(); ++k) {
         expect_prefix("coefficient", a.coefficient[k], b.coefficient[k]);

@@ -300,8 +300,8 @@ TEST(RansPage, RulesOfTransformsAndFixedPositions) {
   expect_rules(h, h.layers[1],
                {{"TRAN-5", PlaneKind::kClass, L4D_COMPONENT_SH, 32, 16},
                 {"TRAN-5", PlaneKind::kClass, spatial, 0, 65535},
-                {"TRAN-6", PlaneKind::kLevel, L4D_COMPONENT_SH, 31, 5},
-                {"TRAN-6", PlaneKind::kLevel, scale, 0, 4},
+                {"TRAN-6", PlaneKind::kRung, L4D_COMPONENT_SH, 31, 5},
+                {"TRAN-6", PlaneKind::kRung, scale, 0, 4},
                 {"STRM-3", PlaneKind::kOpacity, 0, 5, 256},
                 {"STRM-3", PlaneKind::kScaleFactor, 0, 32, 64},
                 {"STRM-3", PlaneKind::kMeanT, 0, 0, 1 << 13},
@@ -364,7 +364,7 @@ TEST(RansPage, DamagedBytesAreRefusedOrParsedSafely) {
       const ComponentCoding& coding = sample.header.component(sample.layer, c);
       for (size_t i = 0; i < sample.columns.n; ++i) {
         ASSERT_LT(out.component[c].cls[i], kTransformClasses);
-        ASSERT_LE(out.component[c].level[i], coding.ladder.size());
+        ASSERT_LE(out.component[c].rung[i], coding.ladder.size());
       }
     }
   }

@@ -98,7 +98,7 @@ TEST_P(TransformTest, DecodedRowsAreTheDecoders) {
   std::vector<std::vector<int16_t>> compact(c.steps.size());
   for (size_t k = 0; k < compact.size(); ++k) {
     for (size_t i = 0; i < d.n; ++i) {
-      const size_t count = c.level[i] == 0 ? 0 : c.ladder[c.level[i] - 1u];
+      const size_t count = c.rung[i] == 0 ? 0 : c.ladder[c.rung[i] - 1u];
       if (k < count) compact[k].push_back(c.coefficient[k][i]);
       EXPECT_TRUE(k < count || c.coefficient[k][i] == 0);
     }
@@ -111,7 +111,7 @@ TEST_P(TransformTest, DecodedRowsAreTheDecoders) {
   source.basis = basis.data();
   source.steps = c.steps.data();
   source.cls = c.cls.data();
-  if (c.ladder.size() > 1) source.level = c.level.data();
+  if (c.ladder.size() > 1) source.rung = c.rung.data();
   source.ladder = c.ladder.data();
   for (size_t k = 0; k < compact.size(); ++k) source.coefficient[k] = compact[k].data();
   std::vector<float> out(d.n * dim);

@@ -6,14 +6,14 @@
 namespace l4d::test {
 namespace {
 
-// How common the levels of a ladder of five steps are in SH of a typical scene, in percent.
-constexpr uint32_t kLevelPercent[] = {5, 30, 17, 33, 11, 4};
+// How common the rungs of a ladder of five steps are in SH of a typical scene, in percent.
+constexpr uint32_t kRungPercent[] = {5, 30, 17, 33, 11, 4};
 
-uint8_t typical_level(Random& random) {
+uint8_t typical_rung(Random& random) {
   uint32_t r = random.below(100);
-  uint8_t level = 0;
-  while (r >= kLevelPercent[level]) r -= kLevelPercent[level++];
-  return level;
+  uint8_t rung = 0;
+  while (r >= kRungPercent[rung]) r -= kRungPercent[rung++];
+  return rung;
 }
 
 // A value of `fill` among 0..last.
@@ -38,7 +38,7 @@ float step_of(const CallOptions& o, Random& random) {
 
 struct TransformInput {
   std::vector<float> basis, steps;
-  std::vector<uint8_t> cls, level, ladder;
+  std::vector<uint8_t> cls, rung, ladder;
   std::vector<std::vector<int16_t>> coefficient;
 };
 
@@ -52,14 +52,14 @@ std::unique_ptr<Call> make_rows(const CallOptions& o, size_t dim, size_t num_coe
   }
   input->basis.resize(input->basis.size() + CodebookData::kPadding, 1e30f);
   input->cls.resize(o.offset);
-  input->level.resize(o.offset);
+  input->rung.resize(o.offset);
   std::vector<size_t> count(num_coefficients, 0);
   for (size_t i = 0; i < o.n; ++i) {
     input->cls.push_back(choice(o, random, 15));
     const bool typical = ladder.size() == 5 && o.fill == Fill::kRandom;
-    const uint8_t level = typical ? typical_level(random) : choice(o, random, ladder.size());
-    input->level.push_back(level);
-    const size_t has = ladder.empty() ? num_coefficients : level == 0 ? 0 : ladder[level - 1u];
+    const uint8_t rung = typical ? typical_rung(random) : choice(o, random, ladder.size());
+    input->rung.push_back(rung);
+    const size_t has = ladder.empty() ? num_coefficients : rung == 0 ? 0 : ladder[rung - 1u];
     for (size_t k = 0; k < has; ++k) ++count[k];
   }
   for (size_t k = 0; k < num_coefficients; ++k) {
@@ -84,7 +84,7 @@ std::unique_ptr<Call> make_rows(const CallOptions& o, size_t dim, size_t num_coe
         source.steps = input->steps.data();
         source.cls = input->cls.data() + o.offset;
         if (!input->ladder.empty()) {
-          source.level = input->level.data() + o.offset;
+          source.rung = input->rung.data() + o.offset;
           source.ladder = input->ladder.data();
         }
         for (size_t c = 0; c < input->steps.size(); ++c) {
