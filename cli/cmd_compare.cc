@@ -39,30 +39,6 @@ struct CompareArguments {
   }
 };
 
-struct Bound {
-  std::string name;
-  double limit;
-};
-
-std::vector<Bound> parse_bounds(const std::vector<std::string>& texts) {
-  std::vector<Bound> bounds;
-  for (const std::string& text : texts) {
-    const auto [name, value] = parse_assignment(text, "--max-error");
-    bounds.push_back({name, parse_number(value, "--max-error " + name)});
-  }
-  return bounds;
-}
-
-double error_of(const Comparison& comparison, const std::string& name) {
-  if (name == "visible_position") return comparison.visible.max;
-  for (const AttributeError& e : comparison.attributes) {
-    if (name == e.name) return e.max;
-  }
-  std::string names = "visible_position";
-  for (const AttributeError& e : comparison.attributes) names += std::string(", ") + e.name;
-  throw usage_error("--max-error: '" + name + "' is none of " + names);
-}
-
 bool same_timeline(const l4d_timeline& a, const l4d_timeline& b) {
   return a.time_begin == b.time_begin && a.num_frames == b.num_frames &&
          uint64_t{a.fps_num} * b.fps_den == uint64_t{b.fps_num} * a.fps_den;
@@ -100,7 +76,7 @@ void begin(Verdict& verdict, const Input& a, uint64_t count_a, const Input& b, u
 }
 
 void compare_attributes(Context& context, const CompareArguments& arguments,
-                        const std::vector<Bound>& bounds, const Input& input_a,
+                        const std::vector<ErrorBound>& bounds, const Input& input_a,
                         const Input& input_b, Verdict& verdict) {
   std::vector<uint32_t> order;
   if (!arguments.order.empty()) order = read_order(arguments.order);
@@ -126,10 +102,10 @@ void compare_attributes(Context& context, const CompareArguments& arguments,
   if (arguments.exact) {
     verdict.demand(comparison.identical() && same_time, "the scenes are identical");
   }
-  for (const Bound& bound : bounds) {
+  for (const ErrorBound& bound : bounds) {
     // Negated, so that an error that is no number fails.
     const bool met =
-        comparison.pairing.matched > 0 && error_of(comparison, bound.name) <= bound.limit;
+        comparison.pairing.matched > 0 && comparison.max_error(bound.name) <= bound.limit;
     verdict.demand(met, "max error of " + bound.name + " <= " + format_number(bound.limit));
   }
 }
@@ -182,7 +158,8 @@ double check_image_options(const CompareArguments& arguments) {
 
 Outcome run_compare(Context& context, const CompareArguments& arguments) {
   const Stopwatch watch;
-  const std::vector<Bound> bounds = parse_bounds(arguments.max_error);
+  std::vector<ErrorBound> bounds;
+  for (const std::string& text : arguments.max_error) bounds.push_back(parse_error_bound(text));
   if (arguments.a == "-" && arguments.b == "-") throw usage_error("only one input can be stdin");
   const double gain = check_image_options(arguments);
   const Input input_a(arguments.a);

@@ -5,13 +5,14 @@
 
 #include "cli/camera_arguments.h"
 #include "cli/common.h"
-#include "cli/comparison.h"
 #include "cli/encode_parameters.h"
+#include "cli/encoding.h"
 #include "cli/files.h"
 #include "cli/importance.h"
 #include "cli/pairing.h"
 #include "cli/progress.h"
 #include "cli/scene_source.h"
+#include "cli/target.h"
 #include "cli/units.h"
 #include "io/formats.h"
 
@@ -31,13 +32,22 @@ struct EncodeArguments {
   bool verify = false;
   std::vector<std::string> metadata;
   EncodeParameters parameters;
+  TargetArguments target;
   ImportArguments import;
+
+  // Cameras beside weights are there for a target to be measured.
+  bool measures() const { return cameras.given() && weights.empty(); }
 };
 
 // What can be told to be wrong about weights before anything is read.
-void check_importance(const EncodeArguments& arguments) {
-  const bool measures = arguments.cameras.given();
+void check_importance(const EncodeArguments& arguments, const std::optional<Target>& target) {
+  const bool measures = arguments.measures();
   arguments.cameras.check();
+  if (arguments.cameras.given() && !measures && !(target && target->needs_views())) {
+    throw usage_error(
+        "--weights excludes --cameras and --orbit, unless for --target-fidelity or "
+        "--target-psnr-loss");
+  }
   arguments.measure.options();
   if (!measures && arguments.measure.given()) {
     throw usage_error("--agreement, --all-views, --max-share and --measure need --cameras");
@@ -55,30 +65,30 @@ void check_importance(const EncodeArguments& arguments) {
   }
 }
 
-// Whether Gaussians that show in no view go. Not where only some views were chosen, or made up:
-// what shows in others would go too. And a lossless stream is promised to hold everything. What the
-// parameters say about it counts more.
+// Whether Gaussians that show in no view go, and those that cost more than they show. Not where
+// only some views were chosen, or made up: what shows in others would go too. And a lossless stream
+// is promised to hold everything. What the parameters say about it counts more.
 void decide_pruning(Context& context, const EncodeArguments& arguments,
                     const EncoderHandle& encoder) {
-  const CameraArguments& cameras = arguments.cameras;
-  if (arguments.no_prune) {
-    encoder.check(l4d_encoder_set(encoder.get(), L4D_ENC_PRUNE_WEIGHT, L4D_ALL_COMPONENTS, -1));
-  }
-  if (!cameras.given() || arguments.no_prune) return;
-  const auto parameter = [&](l4d_encoder_parameter id) {
-    double value = 0;
-    encoder.check(l4d_encoder_get(encoder.get(), id, L4D_ALL_COMPONENTS, &value));
-    return value;
+  const auto set = [&](l4d_encoder_parameter id, double value) {
+    encoder.check(l4d_encoder_set(encoder.get(), id, L4D_ALL_COMPONENTS, value));
   };
-  if (parameter(L4D_ENC_PRUNE_WEIGHT) >= 0) return;
-  const bool lossless = parameter(L4D_ENC_LOSSLESS) != 0;
+  if (arguments.no_prune) {
+    set(L4D_ENC_PRUNE_WEIGHT, -1);
+    set(L4D_ENC_PRUNE_COST, 0);
+  }
+  if (!arguments.measures() || arguments.no_prune) return;
+  if (get_parameter(encoder, L4D_ENC_PRUNE_WEIGHT) >= 0) return;
+  const bool lossless = get_parameter(encoder, L4D_ENC_LOSSLESS) != 0;
+  const CameraArguments& cameras = arguments.cameras;
   if (lossless || cameras.orbit > 0 || !cameras.frames.empty() || !cameras.ids.empty()) {
+    if (!arguments.parameters.sets("prune-cost")) set(L4D_ENC_PRUNE_COST, 0);
     context.note(std::string("what shows in no view is kept, since ") +
                  (lossless ? "the stream is to be lossless" : "these are not all views there are") +
                  "; --prune-weight 0 drops it");
     return;
   }
-  encoder.check(l4d_encoder_set(encoder.get(), L4D_ENC_PRUNE_WEIGHT, L4D_ALL_COMPONENTS, 0));
+  set(L4D_ENC_PRUNE_WEIGHT, 0);
 }
 
 Importance measure(Context& context, const EncodeArguments& arguments, const Input& input,
@@ -91,27 +101,39 @@ Importance measure(Context& context, const EncodeArguments& arguments, const Inp
   });
 }
 
-std::vector<uint32_t> encoded_order(const EncoderHandle& encoder, uint64_t coded) {
-  std::vector<uint32_t> order(static_cast<size_t>(coded));
-  encoder.check(l4d_encoder_get_order(encoder.get(), order.data(), order.size()));
-  return order;
+void write_stream(const std::string& path, const std::vector<unsigned char>& stream) {
+  io::OutputFile file(path);
+  file.write(stream.data(), stream.size());
+  file.commit();
 }
 
-// Decodes what was just written and holds it against the scene.
-Comparison verify(Context& context, const io::Scene& scene, const std::string& path,
-                  const std::vector<unsigned char>& memory, const std::vector<uint32_t>& order) {
-  Progress progress(context, "verify");
-  const l4d_decoder_options options = context.decoder_options();
-  DecoderHandle decoder(&options);
-  decoder.check(l4d_decoder_set_progress(decoder.get(), &Progress::callback, &progress));
-  if (memory.empty()) {
-    decoder.open_file(path);
-  } else {
-    decoder.open_memory(memory.data(), memory.size());
-  }
-  const LoadedScene decoded = decode_scene(decoder);
-  return compare_scenes(scene, decoded, pair_by_order(scene, decoded.scene, order),
-                        context.options.threads);
+void add_report(const l4d_encode_report& report, const std::string& name, double total_seconds,
+                Outcome* outcome) {
+  const double ratio =
+      static_cast<double>(report.raw_bytes) / std::max(1.0, static_cast<double>(report.file_bytes));
+  const double bits = 8 * static_cast<double>(report.file_bytes) /
+                      std::max(1.0, static_cast<double>(report.coded_gaussians));
+  outcome->json.update({{"input_gaussians", report.input_gaussians},
+                        {"coded_gaussians", report.coded_gaussians},
+                        {"invalid_dropped", report.invalid_dropped},
+                        {"pruned", report.pruned},
+                        {"moved_to_coarser", report.moved_to_coarser},
+                        {"num_layers", report.num_layers},
+                        {"raw_bytes", report.raw_bytes},
+                        {"file_bytes", report.file_bytes},
+                        {"ratio", ratio},
+                        {"bits_per_gaussian", bits},
+                        {"total_s", total_seconds}});
+  outcome->text +=
+      format("%s: %s Gaussians, %s, %.2f:1, %.1f bits per Gaussian, in %s\n", name.c_str(),
+             format_count(report.coded_gaussians).c_str(), format_bytes(report.file_bytes).c_str(),
+             ratio, bits, format_seconds(total_seconds).c_str());
+  const uint64_t left_out = report.input_gaussians - report.coded_gaussians;
+  if (left_out == 0) return;
+  outcome->text +=
+      format("left out %s of %s: %s invalid, %s pruned\n", format_count(left_out).c_str(),
+             format_count(report.input_gaussians).c_str(),
+             format_count(report.invalid_dropped).c_str(), format_count(report.pruned).c_str());
 }
 
 Outcome run_encode(Context& context, const EncodeArguments& arguments) {
@@ -120,7 +142,8 @@ Outcome run_encode(Context& context, const EncodeArguments& arguments) {
   const std::string name =
       arguments.output.empty() ? derived_name(arguments.input, ".l4d") : arguments.output;
   Output output(context, name, {&input});
-  check_importance(arguments);
+  const std::optional<Target> target = parse_target(arguments.target, arguments.cameras);
+  check_importance(arguments, target);
   std::optional<Output> order_output, weights_output;
   const auto open_side_output = [&](std::optional<Output>& file, const std::string& path,
                                     const char* option) {
@@ -137,7 +160,8 @@ Outcome run_encode(Context& context, const EncodeArguments& arguments) {
   options.threads = context.options.threads;
   options.seed = arguments.seed;
   const EncoderHandle encoder(&options);
-  arguments.parameters.apply(encoder);
+  arguments.parameters.apply(context, encoder);
+  if (target) arguments.parameters.require_quality(encoder, "a target");
   decide_pruning(context, arguments, encoder);
   for (const std::string& text : arguments.metadata) {
     const auto [key, value] = parse_assignment(text, "--metadata");
@@ -160,7 +184,7 @@ Outcome run_encode(Context& context, const EncodeArguments& arguments) {
   }
   const double read_seconds = watch.seconds();
   std::optional<Importance> importance;
-  if (arguments.cameras.given()) {
+  if (arguments.measures()) {
     importance = measure(context, arguments, input, scene);
     if (weights_output) {
       io::write_weights_ply(weights_output->path(), importance->weights);
@@ -168,81 +192,54 @@ Outcome run_encode(Context& context, const EncodeArguments& arguments) {
     }
     weights.set(encoder, "measured weights", std::move(importance->weights), scene.count());
   }
-  std::vector<unsigned char> memory;
-  {
-    Progress progress(context, "encode");
-    encoder.check(l4d_encoder_set_progress(encoder.get(), &Progress::callback, &progress));
-    about(input.name(), [&] {
-      if (output.is_special()) {
-        memory = encoder.encode();
-      } else {
-        encoder.check(l4d_encoder_encode_file(encoder.get(), output.path().c_str()));
-      }
+  const bool wants_order = order_output || arguments.verify;
+  Encoding encoding;
+  std::optional<TargetResult> reached;
+  if (target) {
+    reached = about(input.name(), [&] {
+      return encode_to_target(context, *target, encoder, input.name(), scene, arguments.cameras,
+                              &encoding);
     });
-    encoder.check(l4d_encoder_set_progress(encoder.get(), nullptr, nullptr));
+  } else {
+    Progress progress(context, "encode");
+    encoding = about(input.name(), [&] {
+      return encode_scene(progress, encoder, output.is_special() ? "" : output.path(), wants_order);
+    });
   }
-  if (output.is_special()) {
-    io::OutputFile file(output.path());
-    file.write(memory.data(), memory.size());
-    file.commit();
-  }
-  l4d_encode_report report;
-  l4d_encode_report_init(&report);
-  encoder.check(l4d_encoder_get_report(encoder.get(), &report));
-  std::vector<uint32_t> order;
-  if (order_output || arguments.verify) order = encoded_order(encoder, report.coded_gaussians);
-  if (order_output) write_order(order_output->path(), order);
+  if (!encoding.stream.empty()) write_stream(output.path(), encoding.stream);
+  if (order_output) write_order(order_output->path(), encoding.order);
   const double total_seconds = watch.seconds();
 
   Outcome outcome;
   outcome.stdout_is_data = output.is_stdout();
-  const double ratio =
-      static_cast<double>(report.raw_bytes) / std::max(1.0, static_cast<double>(report.file_bytes));
-  const double bits = 8 * static_cast<double>(report.file_bytes) /
-                      std::max(1.0, static_cast<double>(report.coded_gaussians));
-  Json stages = {{"read", read_seconds}};
-  if (importance) stages["sensitivity"] = importance->seconds;
-  for (uint32_t s = 0; s < report.num_stages; ++s) {
-    const char* stage = nullptr;
-    double seconds = 0;
-    encoder.check(l4d_encoder_get_stage(encoder.get(), s, &stage, &seconds));
-    stages[stage] = seconds + stages.value(stage, 0.0);
-  }
   outcome.json = {{"schema", "l4dcodec.encode/1"},
                   {"input", input.name()},
                   {"source", scene.source},
                   {"output", name},
-                  {"preset", arguments.parameters.preset},
-                  {"input_gaussians", report.input_gaussians},
-                  {"coded_gaussians", report.coded_gaussians},
-                  {"invalid_dropped", report.invalid_dropped},
-                  {"pruned", report.pruned},
-                  {"moved_to_coarser", report.moved_to_coarser},
-                  {"num_layers", report.num_layers},
-                  {"raw_bytes", report.raw_bytes},
-                  {"file_bytes", report.file_bytes},
-                  {"ratio", ratio},
-                  {"bits_per_gaussian", bits},
-                  {"stages", stages},
-                  {"total_s", total_seconds}};
-  outcome.text =
-      format("%s: %s Gaussians, %s, %.2f:1, %.1f bits per Gaussian, in %s\n", name.c_str(),
-             format_count(report.coded_gaussians).c_str(), format_bytes(report.file_bytes).c_str(),
-             ratio, bits, format_seconds(total_seconds).c_str());
+                  {"preset", arguments.parameters.preset}};
+  add_report(encoding.report, name, total_seconds, &outcome);
+  Json& stages = outcome.json["stages"] = {{"read", read_seconds}};
+  if (importance) stages["sensitivity"] = importance->seconds;
+  if (reached) stages["search"] = reached->seconds;
+  stages.update(encoding.stages);
+  if (has_quality(encoder)) {
+    outcome.json["quality"] =
+        reached ? reached->search.result().quality : get_parameter(encoder, L4D_ENC_QUALITY);
+  }
+  if (reached) {
+    outcome.json["target"] = reached->json();
+    outcome.text += reached->text();
+    if (!reached->search.result().met) outcome.code = kExitNo;
+  }
   if (importance) {
     outcome.json["sensitivity"] = importance->json();
     outcome.text += importance->text();
   }
-  const uint64_t left_out = report.input_gaussians - report.coded_gaussians;
-  if (left_out > 0) {
-    outcome.text +=
-        format("left out %s of %s: %s invalid, %s pruned\n", format_count(left_out).c_str(),
-               format_count(report.input_gaussians).c_str(),
-               format_count(report.invalid_dropped).c_str(), format_count(report.pruned).c_str());
-  }
   if (arguments.verify) {
     const Stopwatch verify_watch;
-    const Comparison comparison = verify(context, scene, output.path(), memory, order);
+    Progress progress(context, "verify");
+    const Comparison comparison =
+        compare_encoding(context, progress, scene, output.path(), encoding);
     outcome.json["verify"] = comparison.json();
     outcome.json["verify"]["total_s"] = verify_watch.seconds();
     outcome.text += "\nverified against the input: " + comparison.text();
@@ -275,16 +272,15 @@ void add_encode(Registry& registry) {
           "they are; without weight_sh, SH takes 0.6 alpha_t, and not weight_sh_gradient, which "
           "is zero where a colour is clamped, though that Gaussian occludes others. Without "
           "weights: a proxy of opacity, area and lifetime")
-      ->type_name("FILE")
-      ->excludes(verb->get_option("--cameras"))
-      ->excludes(verb->get_option("--orbit"));
+      ->type_name("FILE");
   verb->add_option("--save-weights", arguments->save_weights,
                    "Also write the weights measured, for `--weights`")
       ->type_name("FILE");
   verb->add_flag(
       "--no-prune", arguments->no_prune,
-      "Keep Gaussians that show in no view, whatever the preset says. With --cameras they "
-      "are dropped otherwise, unless views were chosen by --frames or --ids or made up");
+      "Keep Gaussians that show in no view, and those that cost more bits than they show, "
+      "whatever the preset says. With --cameras both are dropped otherwise, unless views were "
+      "chosen by --frames or --ids or made up");
   verb->add_option("--seed", arguments->seed, "Equal seeds give equal files on one machine")
       ->type_name("N")
       ->capture_default_str();
@@ -298,13 +294,16 @@ void add_encode(Registry& registry) {
   verb->add_flag("--verify", arguments->verify,
                  "Decode the result and print its errors, each Gaussian against its own input");
   arguments->parameters.add_options(verb);
+  arguments->target.add_options(verb);
   add_import_options(verb, arguments->import);
   verb->footer(
       "Examples:\n"
       "  l4dcodec encode scene.ply -o scene.l4d\n"
-      "  l4dcodec encode scene.ply --cameras cameras.json --preset high --verify\n"
+      "  l4dcodec encode scene.ply --cameras cameras.json --preset large --verify\n"
+      "  l4dcodec encode scene.ply --weights weights.ply --target-size 3MB\n"
+      "  l4dcodec encode scene.ply --cameras cameras.json --target-fidelity 42dB\n"
       "  l4dcodec encode scene.ply --weights weights.ply --prune-weight 0\n"
-      "  l4dcodec encode scene.ply --codebook sh=8192 --stages all=1,0.5 --set page-size=4Ki\n"
+      "  l4dcodec encode scene.ply --preset indexed --codebook sh=8192 --stages all=1,0.5\n"
       "\n" +
       parameter_help());
 }

@@ -1,10 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <memory>
+#include <optional>
 
 #include "cli/common.h"
 #include "cli/files.h"
+#include "cli/progress.h"
 #include "cli/scene_source.h"
+#include "cli/time_profile.h"
 #include "cli/units.h"
+#include "io/file.h"
 
 namespace l4d::cli {
 namespace {
@@ -12,6 +16,7 @@ namespace {
 struct InfoArguments {
   std::string input;
   std::string time;
+  std::string plot;
   ImportArguments import;
 };
 
@@ -25,7 +30,9 @@ constexpr Tool kTools[] = {{L4D_TOOL_MOTION, "motion"},
                            {L4D_TOOL_RESIDUAL_STAGES, "residual-stages"},
                            {L4D_TOOL_LITERALS, "literals"},
                            {L4D_TOOL_RCQ, "rcq"},
-                           {L4D_TOOL_LOSSLESS, "lossless"}};
+                           {L4D_TOOL_LOSSLESS, "lossless"},
+                           {L4D_TOOL_TRANSFORM, "transform"},
+                           {L4D_TOOL_RANS, "rans"}};
 
 std::vector<l4d_layer_info> read_layers(const SceneStream& stream) {
   std::vector<l4d_layer_info> layers(stream.info().num_layers);
@@ -65,6 +72,10 @@ std::string reason(uint32_t tool, const l4d_info& info, const std::vector<l4d_la
       return share + "keep vectors unquantised";
     case L4D_TOOL_RCQ:
       return share + "have blocks with their own codebooks";
+    case L4D_TOOL_TRANSFORM:
+      return share + "code components as coefficients of a basis, in steps by importance";
+    case L4D_TOOL_RANS:
+      return share + "code pages by rANS, with a model of each column";
     default:
       return "attributes are raw float32";
   }
@@ -131,8 +142,22 @@ std::string layer_table(const std::vector<l4d_layer_info>& layers,
   return text;
 }
 
+void write_text(const std::string& path, const std::string& text) {
+  io::OutputFile file(path);
+  file.write(text.data(), text.size());
+  file.commit();
+}
+
+double per_gaussian(uint64_t bytes, uint64_t gaussians) {
+  return gaussians == 0 ? 0 : 8 * static_cast<double>(bytes) / static_cast<double>(gaussians);
+}
+
 Outcome run_info(Context& context, const InfoArguments& arguments) {
   const Input input(arguments.input);
+  std::optional<Output> plot;
+  if (!arguments.plot.empty()) {
+    plot.emplace(context, arguments.plot, std::vector<const Input*>{&input});
+  }
   return about(input.name(), [&] {
     const SceneStream stream(context, input, arguments.import);
     const l4d_info& info = stream.info();
@@ -145,9 +170,7 @@ Outcome run_info(Context& context, const InfoArguments& arguments) {
     std::vector<uint64_t> layer_bytes(layers.size());
     decoder.check(l4d_decoder_get_sections(decoder.get(), sections.data(), layer_bytes.data()));
     const uint64_t file_bytes = is_ply ? input.bytes() : info.file_bytes;
-    const double bits = info.num_gaussians == 0 ? 0
-                                                : 8 * static_cast<double>(file_bytes) /
-                                                      static_cast<double>(info.num_gaussians);
+    const double bits = per_gaussian(file_bytes, info.num_gaussians);
 
     Outcome outcome;
     Json& j = outcome.json;
@@ -174,6 +197,7 @@ Outcome run_info(Context& context, const InfoArguments& arguments) {
     }
     j["stream_bytes"] = info.file_bytes;
     j["sections"] = Json::object();
+    j["section_bits_per_gaussian"] = Json::object();
 
     std::string& t = outcome.text;
     t = format("%s: %s, %s, %.1f bits per Gaussian\n", input.name().c_str(),
@@ -193,12 +217,14 @@ Outcome run_info(Context& context, const InfoArguments& arguments) {
       t += format("  %-18s %s\n", tool.name, why.c_str());
     }
     t += layer_table(layers, layer_bytes);
-    t += format("\n%-18s %14s\n", "section", "bytes");
+    t += format("\n%-18s %14s %9s %14s\n", "section", "bytes", "share", "bits/Gaussian");
     for (uint32_t s = 0; s < L4D_SECTION_COUNT; ++s) {
+      const double section_bits = per_gaussian(sections[s], info.num_gaussians);
       j["sections"][l4d_section_name(s)] = sections[s];
+      j["section_bits_per_gaussian"][l4d_section_name(s)] = section_bits;
       if (sections[s] == 0) continue;
-      t += format("%-18s %14s  %s\n", l4d_section_name(s), format_count(sections[s]).c_str(),
-                  share_of(sections[s], info.file_bytes).c_str());
+      t += format("%-18s %14s %9s %14.2f\n", l4d_section_name(s), format_count(sections[s]).c_str(),
+                  share_of(sections[s], info.file_bytes).c_str(), section_bits);
     }
     if (!arguments.time.empty()) {
       const double seconds = clamp_to_sequence(context, info.timeline,
@@ -211,6 +237,17 @@ Outcome run_info(Context& context, const InfoArguments& arguments) {
            " of codebooks); " + count("gaussians") + " Gaussians, " + count("visible") +
            " visible\n";
       j["seek"] = seek;
+    }
+    if (plot) {
+      const TimeProfile profile = [&] {
+        Progress progress(context, "info");
+        return profile_over_time(stream, layers, sections, progress);
+      }();
+      write_text(plot->path(), profile.svg(input.name()));
+      plot->finish();
+      outcome.stdout_is_data = plot->is_stdout();
+      j["over_time"] = profile.json();
+      t += "\n" + arguments.plot + ": " + profile.text() + "\n";
     }
     return outcome;
   });
@@ -226,6 +263,10 @@ void add_info(Registry& registry) {
   verb->add_option("input", arguments->input, "Scene: .l4d or PLY, '-' = stdin")->required();
   verb->add_option("--time", arguments->time, "Also the cost of a seek to this time: 2.5, 1:30")
       ->type_name("T");
+  verb->add_option("--plot", arguments->plot,
+                   "Also an SVG, '-' = stdout: what a player has to fetch frame by frame, by "
+                   "temporal level, and the Gaussians visible")
+      ->type_name("FILE");
   add_import_options(verb, arguments->import);
   verb->footer(
       "Sections add up to the file. A PLY is encoded losslessly in memory to be looked at.");

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <memory>
+#include <optional>
 
 #include "cli/common.h"
 #include "cli/files.h"
@@ -12,7 +13,57 @@ namespace {
 struct ValidateArguments {
   std::string input;
   uint64_t max_errors = 100;
+  std::string profile;
+  std::string level;
 };
+
+// What a stream is to be held against besides the rules of the format; 0 = nothing.
+struct Claim {
+  uint32_t profile = 0;
+  uint32_t level = 0;
+};
+
+l4d_level_limits limits_of(uint32_t level, uint32_t profile) {
+  l4d_level_limits limits;
+  l4d_level_limits_init(&limits);
+  l4d_get_level_limits(level, profile, &limits);
+  return limits;
+}
+
+std::string level_text(uint32_t level) {
+  if (level == 0) return "none";
+  if (level > L4D_NUM_LEVELS) return std::to_string(level) + " (unknown)";
+  return std::to_string(level) + " (" + limits_of(level, L4D_PROFILE_NONE).name + ")";
+}
+
+std::string profile_text(uint32_t profile) {
+  const char* name = l4d_profile_name(profile);
+  return name != nullptr ? name : std::to_string(profile) + " (unknown)";
+}
+
+Claim parse_claim(const ValidateArguments& arguments) {
+  Claim claim;
+  std::string names;
+  if (!arguments.profile.empty()) {
+    for (uint32_t p = 1; l4d_profile_name(p) != nullptr; ++p) {
+      names += (p == 1 ? "" : ", ") + std::string(l4d_profile_name(p));
+      if (arguments.profile == l4d_profile_name(p)) claim.profile = p;
+    }
+    if (claim.profile == 0) throw usage_error("--profile: one of " + names);
+  }
+  if (!arguments.level.empty()) {
+    names.clear();
+    for (uint32_t level = 1; level <= L4D_NUM_LEVELS; ++level) {
+      const char* name = limits_of(level, L4D_PROFILE_NONE).name;
+      names += (level == 1 ? "" : ", ") + std::to_string(level) + " " + name;
+      if (arguments.level == name || arguments.level == std::to_string(level)) {
+        claim.level = level;
+      }
+    }
+    if (claim.level == 0) throw usage_error("--level: one of " + names);
+  }
+  return claim;
+}
 
 struct Found {
   Json errors = Json::array();
@@ -42,8 +93,85 @@ void collect(void* user, const l4d_violation* violation) {
       format("  %-10s byte %-12s %s\n", clause.c_str(), offset.c_str(), violation->message);
 }
 
+// What a stream asks of a player, and whether that is what was claimed.
+struct Judgement {
+  Json json;
+  std::string text;
+  bool holds = true;
+};
+
+Judgement judge(const DecoderHandle& decoder, const Claim& claim) {
+  const l4d_info info = decoder.info();
+  l4d_conformance c;
+  l4d_conformance_init(&c);
+  // Once for what the stream keeps to, then for the channel of the level in question.
+  decoder.check(l4d_decoder_get_conformance(decoder.get(), &c));
+  const uint32_t level = claim.level != 0                                       ? claim.level
+                         : info.level != 0 && info.level <= L4D_NUM_LEVELS ? info.level
+                         : c.level != 0                                         ? c.level
+                                                                                : L4D_NUM_LEVELS;
+  const l4d_level_limits limits = limits_of(level, c.profile);
+  c.bytes_per_second = limits.bytes_per_second;
+  c.burst_bytes = limits.burst_bytes;
+  decoder.check(l4d_decoder_get_conformance(decoder.get(), &c));
+
+  Found found;
+  found.max_errors = UINT64_MAX;
+  uint64_t violations = 0;
+  decoder.check(l4d_decoder_check_conformance(decoder.get(), claim.profile, claim.level, &collect,
+                                              &found, &violations));
+  Judgement out;
+  out.holds = violations == 0;
+  const auto quantity = [&](const char* name, uint64_t value, uint64_t limit, const Json& times) {
+    Json q = {{"name", name}, {"value", value}, {"limit", limit}, {"holds", value <= limit}};
+    q.update(times);
+    out.json["quantities"].push_back(q);
+    const std::string when =
+        times.contains("time") ? "  at " + format_number(times["time"]) + " s" : "";
+    out.text += format("  %-18s %16s of %16s%s%s\n", name, format_count(value).c_str(),
+                       format_count(limit).c_str(), when.c_str(), value <= limit ? "" : "  too many");
+  };
+  const auto name_or_null = [](uint32_t profile) {
+    return profile == 0 ? Json() : Json(profile_text(profile));
+  };
+  out.json = {{"declared_profile", name_or_null(info.profile)},
+              {"declared_level", info.level},
+              {"profile", name_or_null(c.profile)},
+              {"level", c.level},
+              {"asked_profile", name_or_null(claim.profile)},
+              {"asked_level", claim.level},
+              {"holds", out.holds},
+              {"violations", found.errors},
+              {"limits_of_level", level},
+              {"quantities", Json::array()}};
+  out.text = "declares profile " + profile_text(info.profile) + ", level " +
+             level_text(info.level) + "; keeps to profile " + profile_text(c.profile) + ", level " +
+             level_text(c.level) + "\n";
+  if (claim.profile != 0 || claim.level != 0) {
+    out.text += "claimed:";
+    if (claim.profile != 0) out.text += " profile " + profile_text(claim.profile);
+    if (claim.level != 0) out.text += " level " + level_text(claim.level);
+    out.text += out.holds ? ": holds\n" : ": does not hold\n" + found.text;
+  }
+  out.text += "limits of level " + level_text(level) + "\n";
+  quantity("instant_gaussians", c.instant_gaussians, limits.instant_gaussians,
+           {{"time", c.instant_gaussians_time}});
+  quantity("table_bytes", c.table_bytes, limits.table_bytes, Json::object());
+  quantity("instant_bytes", c.instant_bytes, limits.instant_bytes, {{"time", c.instant_bytes_time}});
+  quantity("start_bytes", c.start_bytes, limits.start_bytes, Json::object());
+  quantity("burst_bytes", c.least_burst_bytes, limits.burst_bytes,
+           {{"time", c.window_begin},
+            {"time_end", c.window_end},
+            {"bytes_per_second", c.bytes_per_second}});
+  quantity("memory_bytes", c.memory_bytes, limits.memory_bytes, {{"time", c.memory_time}});
+  out.json["least_bytes_per_second"] =
+      c.least_bytes_per_second == UINT64_MAX ? Json() : Json(c.least_bytes_per_second);
+  return out;
+}
+
 Outcome run_validate(Context& context, const ValidateArguments& arguments) {
   const Stopwatch watch;
+  const Claim claim = parse_claim(arguments);
   const Input input(arguments.input);
   const FileReader reader(input.path());
   const l4d_decoder_options options = context.decoder_options();
@@ -82,6 +210,21 @@ Outcome run_validate(Context& context, const ValidateArguments& arguments) {
     outcome.text +=
         format("  and %s more\n", format_count(violations - found.errors.size()).c_str());
   }
+  outcome.json["conformance"] = Json();
+  // What is broken may have no directory to measure.
+  std::optional<Judgement> judgement;
+  try {
+    DecoderHandle decoder(&options);
+    decoder.open(*reader.get());
+    judgement = judge(decoder, claim);
+  } catch (const Error&) {
+    if (valid) throw;
+  }
+  if (judgement) {
+    outcome.json["conformance"] = judgement->json;
+    outcome.text += judgement->text;
+    if (valid && !judgement->holds) outcome.code = kExitNo;
+  }
   return outcome;
 }
 
@@ -96,9 +239,17 @@ void add_validate(Registry& registry) {
   verb->add_option("--max-errors", arguments->max_errors, "Violations to list; all are counted")
       ->type_name("N")
       ->capture_default_str();
+  verb->add_option("--profile", arguments->profile,
+                   "Also hold the stream against this profile: indexed, main, lossless")
+      ->type_name("NAME");
+  verb->add_option("--level", arguments->level,
+                   "Also hold the stream against this conformance level, by number or name: 1 phone,\n"
+                   "2 headset, 3 laptop, 4 desktop, 5 workstation, 6 studio")
+      ->type_name("N");
   verb->footer(
-      "Exit code: 0 valid, 1 violations found, 3 or 4 unreadable, 5 of a version or with a\n"
-      "tool that this build does not know. What it prints names the clause of spec/l4d.md.");
+      "Exit code: 0 valid and of the profile and level asked for, 1 not so, 3 or 4 unreadable, 5 of a\n"
+      "version or with a tool that this build does not know. What it prints names the clause of\n"
+      "spec/l4d.md.");
 }
 
 }  // namespace l4d::cli

@@ -34,6 +34,8 @@ constexpr const char* kNames[kAttributeCount][2] = {
     {"velocity", "scene units per second"},
     {"covariance", "of the slice, relative to A's"}};
 
+constexpr const char* kVisiblePosition = "visible_position";
+
 struct Accumulator {
   double max = 0;
   double sum2 = 0;
@@ -227,6 +229,27 @@ Comparison compare_scenes(const io::Scene& a, const LoadedScene& loaded_b, Pairi
   result.visible = summarise(all);
   result.pairing = std::move(pairing);
   return result;
+}
+
+ErrorBound parse_error_bound(const std::string& text) {
+  const auto [name, value] = parse_assignment(text, "--max-error");
+  const double limit = parse_number(value, "--max-error " + name);
+  std::string names = kVisiblePosition;
+  bool known = name == kVisiblePosition;
+  for (const auto& attribute : kNames) {
+    known = known || name == attribute[0];
+    names += std::string(", ") + attribute[0];
+  }
+  if (!known) throw usage_error("--max-error: '" + name + "' is none of " + names);
+  return {name, limit};
+}
+
+double Comparison::max_error(const std::string& name) const {
+  if (name == kVisiblePosition) return visible.max;
+  for (const AttributeError& e : attributes) {
+    if (name == e.name) return e.max;
+  }
+  throw Failure(L4D_ERR_INTERNAL, "no error is called " + name);
 }
 
 Json Comparison::json() const {

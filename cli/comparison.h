@@ -39,7 +39,17 @@ struct Comparison {
   bool identical() const { return pairing.equal_rows == count_a && count_a == count_b; }
   Json json() const;
   std::string text() const;
+  // Largest error of an attribute, or visible_position.
+  double max_error(const std::string& name) const;
 };
+
+// "position=0.001", as --max-error takes it. Usage errors: no number, and names that no comparison
+// has.
+struct ErrorBound {
+  std::string name;
+  double limit = 0;
+};
+ErrorBound parse_error_bound(const std::string& text);
 
 Comparison compare_scenes(const io::Scene& a, const LoadedScene& b, Pairing pairing,
                           uint32_t threads);

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/encode_parameters.h"
 
+#include <algorithm>
+
+#include "cli/encoding.h"
 #include "cli/help.h"
 #include "cli/units.h"
 
@@ -82,6 +85,12 @@ void EncodeParameters::add_options(CLI::App* verb) {
       ->check(CLI::IsMember(presets))
       ->capture_default_str()
       ->group(group);
+  verb->add_option("--quality", quality,
+                   "Fidelity in dB to aim at, 20 to 90, in place of the preset's: about what "
+                   "renders have where weights are measured from views. Not for codebooks "
+                   "(indexed, paper) and lossless streams")
+      ->type_name("DB")
+      ->group(group);
   verb->add_option("-e,--effort", effort,
                    "1 to 9: how hard to try, from a measured front of time against quality "
                    "(docs/accuracy.md); 7 unless set")
@@ -128,8 +137,11 @@ void EncodeParameters::add_options(CLI::App* verb) {
       ->group(group);
 }
 
-void EncodeParameters::apply(const EncoderHandle& encoder) const {
+void EncodeParameters::apply(Context& context, const EncoderHandle& encoder) const {
   encoder.check(l4d_encoder_set_preset(encoder.get(), preset.c_str()));
+  if (!quality.empty()) {
+    cli::set(encoder, L4D_ENC_QUALITY, L4D_ALL_COMPONENTS, quality, "--quality");
+  }
   if (!effort.empty()) {
     cli::set(encoder, L4D_ENC_EFFORT, L4D_ALL_COMPONENTS, effort, "--effort");
   }
@@ -150,6 +162,28 @@ void EncodeParameters::apply(const EncoderHandle& encoder) const {
     cli::set(encoder, L4D_ENC_DROP_INVALID, L4D_ALL_COMPONENTS, "1", "--drop-invalid");
   }
   for (const std::string& text : set) set_generic(encoder, text);
+  if (!quality.empty()) require_quality(encoder, "--quality");
+  const bool for_codebooks = !codebook.empty() || !stages.empty() || !literal_threshold.empty() ||
+                             !rcq.empty() || !rcq_size.empty();
+  if (for_codebooks && !has_codebooks(encoder)) {
+    context.note(
+        "no component is coded by codebooks: --codebook, --stages, --literal-threshold and "
+        "--rcq change nothing; --preset indexed has codebooks");
+  }
+}
+
+bool EncodeParameters::sets(const std::string& name) const {
+  return std::any_of(set.begin(), set.end(), [&](const std::string& text) {
+    return text.compare(0, name.size() + 1, name + '=') == 0;
+  });
+}
+
+void EncodeParameters::require_quality(const EncoderHandle& encoder,
+                                       const std::string& option) const {
+  if (has_quality(encoder)) return;
+  throw usage_error(option + ": the preset '" + preset + "' with what is set codes by " +
+                    (get_parameter(encoder, L4D_ENC_LOSSLESS) != 0 ? "float32 bits" : "codebooks") +
+                    ", which no quality changes");
 }
 
 std::string parameter_help() {

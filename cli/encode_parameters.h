@@ -12,6 +12,7 @@ namespace l4d::cli {
 // have an option of their own. They apply in the order preset, own options, --set.
 struct EncodeParameters {
   std::string preset = "default";
+  std::string quality;
   std::string effort;
   std::vector<std::string> codebook;
   std::vector<std::string> stages;
@@ -23,7 +24,12 @@ struct EncodeParameters {
   std::vector<std::string> set;
 
   void add_options(CLI::App* verb);
-  void apply(const EncoderHandle& encoder) const;
+  // Notes options that change nothing with what else is set.
+  void apply(Context& context, const EncoderHandle& encoder) const;
+  // Whether --set names this parameter.
+  bool sets(const std::string& name) const;
+  // Usage error of `option` where nothing follows the quality: codebooks and lossless streams.
+  void require_quality(const EncoderHandle& encoder, const std::string& option) const;
 };
 
 // Presets and parameters, as the library describes them.

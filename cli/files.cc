@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/files.h"
 
+#include <poll.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -32,6 +33,30 @@ bool copy(std::FILE* from, std::FILE* to) {
   return std::ferror(from) == 0 && std::fflush(to) == 0;
 }
 
+// As copy, from what may keep one waiting. A signal that comes right before a read does not end it,
+// so that the waiting is done in slices.
+bool spool(int from, std::FILE* to) {
+  constexpr int kSliceMilliseconds = 100;
+  char block[1 << 16];
+  for (;;) {
+    pollfd waiting = {from, POLLIN, 0};
+    const int ready = ::poll(&waiting, 1, kSliceMilliseconds);
+    if (interrupted()) {
+      errno = EINTR;
+      return false;
+    }
+    if (ready < 0 && errno != EINTR) return false;
+    if (ready <= 0) continue;
+    const ssize_t got = ::read(from, block, sizeof(block));
+    if (got < 0 && errno == EINTR) continue;
+    if (got < 0) return false;
+    if (got == 0) return std::fflush(to) == 0;
+    if (std::fwrite(block, 1, static_cast<size_t>(got), to) != static_cast<size_t>(got)) {
+      return false;
+    }
+  }
+}
+
 }  // namespace
 
 Input::Input(const std::string& name) : name_(name == "-" ? "stdin" : name), path_(name) {
@@ -39,7 +64,7 @@ Input::Input(const std::string& name) : name_(name == "-" ? "stdin" : name), pat
     if (::isatty(STDIN_FILENO) == 1) throw usage_error("input '-' is a terminal");
     spool_.reset(std::tmpfile());
     if (!spool_) throw io_failure(name_, "cannot create a temporary file", errno);
-    if (!copy(stdin, spool_.get())) throw io_failure(name_, "cannot copy", errno);
+    if (!spool(STDIN_FILENO, spool_.get())) throw io_failure(name_, "cannot copy", errno);
     std::rewind(spool_.get());
     path_ = "/dev/fd/" + std::to_string(::fileno(spool_.get()));
   }

@@ -43,7 +43,8 @@ void check_interrupt() {
   if (interrupted()) throw Failure(L4D_ERR_CANCELLED, "cancelled");
 }
 
-Progress::Progress(const Context& context, std::string verb) : verb_(std::move(verb)) {
+Progress::Progress(const Context& context, std::string verb, std::string label)
+    : verb_(std::move(verb)), label_(std::move(label)) {
   const std::string& wanted = context.options.progress;
   if (context.options.quiet) return;
   if (wanted == "plain") form_ = Form::kPlain;
@@ -80,7 +81,9 @@ void Progress::update(uint64_t done, uint64_t total, const char* stage) {
   const int tenth = static_cast<int>(share * 10);
   if (form_ == Form::kLine) {
     if (now - drawn_at_ < std::chrono::milliseconds(100)) return;
-    std::string line = verb_ + "  " + stage_;
+    std::string line = verb_ + "  ";
+    if (!label_.empty()) line += label_ + "  ";
+    line += stage_;
     if (total > 0) line += format("  %3d%%", static_cast<int>(share * 100));
     if (has_eta) line += "  ETA " + format_eta(eta);
     std::fprintf(stderr, "\r%s\033[K", line.c_str());
@@ -88,16 +91,31 @@ void Progress::update(uint64_t done, uint64_t total, const char* stage) {
     drawn_at_ = now;
   } else if (new_stage || tenth != last_tenth_) {
     if (form_ == Form::kPlain) {
-      std::fprintf(stderr, "%s: %s", verb_.c_str(), stage_.c_str());
+      std::fprintf(stderr, "%s: ", verb_.c_str());
+      if (!label_.empty()) std::fprintf(stderr, "%s: ", label_.c_str());
+      std::fputs(stage_.c_str(), stderr);
       if (total > 0) std::fprintf(stderr, " %d%%", static_cast<int>(share * 100));
       std::fputc('\n', stderr);
     } else {
       Json j = {{"verb", verb_}, {"stage", stage_}, {"done", done}, {"total", total}};
+      if (!label_.empty()) j["label"] = label_;
       if (has_eta) j["eta_s"] = eta;
       std::fprintf(stderr, "%s\n", j.dump().c_str());
     }
   }
   last_tenth_ = tenth;
+}
+
+void Progress::say(const std::string& text) {
+  clear();
+  if (form_ == Form::kLine || form_ == Form::kPlain) {
+    const std::string who = label_.empty() ? verb_ : label_;
+    std::fprintf(stderr, "%s: %s\n", who.c_str(), text.c_str());
+  } else if (form_ == Form::kJson) {
+    const Json j = {{"verb", verb_}, {"stage", "result"}, {"done", 1},
+                    {"total", 1},    {"label", label_},   {"result", text}};
+    std::fprintf(stderr, "%s\n", j.dump().c_str());
+  }
 }
 
 void Progress::clear() {

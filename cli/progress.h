@@ -19,7 +19,8 @@ void check_interrupt();
 // Progress of library calls on stderr, as --progress asks. The line goes away at the end.
 class Progress {
  public:
-  Progress(const Context& context, std::string verb);
+  // label: which of several rounds of the same steps this is.
+  Progress(const Context& context, std::string verb, std::string label = "");
   ~Progress();
   Progress(const Progress&) = delete;
   Progress& operator=(const Progress&) = delete;
@@ -29,6 +30,8 @@ class Progress {
   // A step that is not counted: "reading".
   void step(const char* stage) { update(0, 0, stage); }
   void update(uint64_t done, uint64_t total, const char* stage);
+  // A line that stays, for what a round of steps came to.
+  void say(const std::string& text);
 
  private:
   using Clock = std::chrono::steady_clock;
@@ -37,6 +40,7 @@ class Progress {
   void clear();
 
   std::string verb_;
+  std::string label_;
   Form form_ = Form::kNone;
   bool line_shown_ = false;
   std::string stage_;

@@ -14,9 +14,8 @@ l4d_renderer_options renderer_options(const Context& context, const std::string&
   return options;
 }
 
-RenderedScene::RenderedScene(Context& context, const Input& input, const ImportArguments& arguments,
-                             const std::string& path)
-    : name_(input.name()),
+RenderedScene::RenderedScene(Context& context, const std::string& name, const std::string& path)
+    : name_(name),
       decoder_([&] {
         const l4d_decoder_options options = context.decoder_options();
         return DecoderHandle(&options);
@@ -24,26 +23,50 @@ RenderedScene::RenderedScene(Context& context, const Input& input, const ImportA
       renderer_([&] {
         const l4d_renderer_options options = renderer_options(context, path);
         return RendererHandle(&options);
-      }()) {
+      }()) {}
+
+RenderedScene::RenderedScene(Context& context, const Input& input, const ImportArguments& arguments,
+                             const std::string& path)
+    : RenderedScene(context, input.name(), path) {
   if (input.is_ply()) {
-    scene_ = load_scene(context, input, arguments).scene;
-    timeline_ = scene_->timeline;
-    count_ = scene_->count();
-    about(name_, [&] { renderer_.set_gaussians(scene_->view(), timeline_); });
+    loaded_ = load_scene(context, input, arguments).scene;
+    show(*loaded_);
   } else {
-    about(name_, [&] {
-      decoder_.open_file(input.path());
-      renderer_.set_decoder(decoder_);
-    });
-    const l4d_info info = decoder_.info();
-    timeline_ = info.timeline;
-    count_ = info.num_gaussians;
+    about(name_, [&] { decoder_.open_file(input.path()); });
+    show_stream();
   }
 }
 
+RenderedScene::RenderedScene(Context& context, const io::Scene& scene, const std::string& name)
+    : RenderedScene(context, name, "fast") {
+  show(scene);
+}
+
+RenderedScene::RenderedScene(Context& context, const std::vector<unsigned char>& stream,
+                             const std::string& name)
+    : RenderedScene(context, name, "fast") {
+  about(name_, [&] { decoder_.open_memory(stream.data(), stream.size()); });
+  show_stream();
+}
+
+void RenderedScene::show(const io::Scene& scene) {
+  scene_ = &scene;
+  timeline_ = scene.timeline;
+  count_ = scene.count();
+  about(name_, [&] { renderer_.set_gaussians(scene.view(), timeline_); });
+}
+
+void RenderedScene::show_stream() {
+  about(name_, [&] { renderer_.set_decoder(decoder_); });
+  const l4d_info info = decoder_.info();
+  timeline_ = info.timeline;
+  count_ = info.num_gaussians;
+}
+
 io::Scene RenderedScene::instant(double seconds) const {
-  return about(
-      name_, [&] { return scene_ ? instant_of(*scene_, seconds) : instant_of(decoder_, seconds); });
+  return about(name_, [&] {
+    return scene_ != nullptr ? instant_of(*scene_, seconds) : instant_of(decoder_, seconds);
+  });
 }
 
 void RenderedScene::set_background(const float* rgb) {

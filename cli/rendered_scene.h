@@ -19,6 +19,10 @@ class RenderedScene {
   // path: "fast" or "reference".
   RenderedScene(Context& context, const Input& input, const ImportArguments& arguments,
                 const std::string& path = "fast");
+  // Borrow the scene, or the stream in memory; `name` is for messages.
+  RenderedScene(Context& context, const io::Scene& scene, const std::string& name);
+  RenderedScene(Context& context, const std::vector<unsigned char>& stream,
+                const std::string& name);
   RenderedScene(const RenderedScene&) = delete;
   RenderedScene& operator=(const RenderedScene&) = delete;
 
@@ -34,9 +38,14 @@ class RenderedScene {
   l4d_render_stats stats() const { return renderer_.stats(); }
 
  private:
+  RenderedScene(Context& context, const std::string& name, const std::string& path);
+  void show(const io::Scene& scene);
+  void show_stream();
+
   std::string name_;
-  std::optional<io::Scene> scene_;  // of a PLY; the renderer borrows it
-  DecoderHandle decoder_;           // likewise
+  std::optional<io::Scene> loaded_;   // of a PLY
+  const io::Scene* scene_ = nullptr;  // null for a stream; the renderer borrows it
+  DecoderHandle decoder_;             // likewise
   RendererHandle renderer_;
   l4d_timeline timeline_{};
   uint64_t count_ = 0;

@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "cli/encoding.h"
+
+#include "cli/scene_source.h"
+
+namespace l4d::cli {
+
+Encoding encode_scene(Progress& progress, const EncoderHandle& encoder, const std::string& path,
+                      bool wants_order) {
+  Encoding result;
+  encoder.check(l4d_encoder_set_progress(encoder.get(), &Progress::callback, &progress));
+  if (path.empty()) {
+    result.stream = encoder.encode();
+  } else {
+    encoder.check(l4d_encoder_encode_file(encoder.get(), path.c_str()));
+  }
+  encoder.check(l4d_encoder_set_progress(encoder.get(), nullptr, nullptr));
+  l4d_encode_report_init(&result.report);
+  encoder.check(l4d_encoder_get_report(encoder.get(), &result.report));
+  for (uint32_t s = 0; s < result.report.num_stages; ++s) {
+    const char* stage = nullptr;
+    double seconds = 0;
+    encoder.check(l4d_encoder_get_stage(encoder.get(), s, &stage, &seconds));
+    result.stages[stage] = seconds + result.stages.value(stage, 0.0);
+  }
+  if (wants_order) {
+    result.order.resize(static_cast<size_t>(result.report.coded_gaussians));
+    encoder.check(l4d_encoder_get_order(encoder.get(), result.order.data(), result.order.size()));
+  }
+  return result;
+}
+
+Comparison compare_encoding(Context& context, Progress& progress, const io::Scene& scene,
+                            const std::string& path, const Encoding& encoding) {
+  const l4d_decoder_options options = context.decoder_options();
+  DecoderHandle decoder(&options);
+  decoder.check(l4d_decoder_set_progress(decoder.get(), &Progress::callback, &progress));
+  if (encoding.stream.empty()) {
+    decoder.open_file(path);
+  } else {
+    decoder.open_memory(encoding.stream.data(), encoding.stream.size());
+  }
+  const LoadedScene decoded = decode_scene(decoder);
+  return compare_scenes(scene, decoded, pair_by_order(scene, decoded.scene, encoding.order),
+                        context.options.threads);
+}
+
+double get_parameter(const EncoderHandle& encoder, l4d_encoder_parameter id, int32_t component) {
+  double value = 0;
+  encoder.check(l4d_encoder_get(encoder.get(), id, component, &value));
+  return value;
+}
+
+namespace {
+
+bool any_component_is(const EncoderHandle& encoder, double coding) {
+  for (int32_t c = 0; c < L4D_COMPONENT_COUNT; ++c) {
+    if (get_parameter(encoder, L4D_ENC_CODING, c) == coding) return true;
+  }
+  return false;
+}
+
+}  // namespace
+
+bool has_quality(const EncoderHandle& encoder) {
+  if (get_parameter(encoder, L4D_ENC_LOSSLESS) != 0) return false;
+  return get_parameter(encoder, L4D_ENC_FIXED_POSITIONS) != 0 || any_component_is(encoder, 1);
+}
+
+bool has_codebooks(const EncoderHandle& encoder) {
+  return get_parameter(encoder, L4D_ENC_LOSSLESS) == 0 && any_component_is(encoder, 0);
+}
+
+}  // namespace l4d::cli
