@@ -44,6 +44,7 @@ constexpr double kSquarePerSum[L4D_COMPONENT_COUNT] = {5e-3, 2.5e-3, 6e-2, 1.0};
 constexpr double kSquarePerAlpha[L4D_COMPONENT_COUNT] = {2e-3, 5e-4, 2e-2, 0};
 constexpr double kPositionPerScale = 1.5;  // in units of the largest scale
 constexpr double kTemporalPerPosition = 1.3;
+constexpr double kProxyGain = 0.7;  // where the default preset has about the fidelity it aims at
 
 // Part of the sequence in which Gaussian i is visible, in seconds.
 double seen_seconds(const EncoderScene& s, size_t i) {
@@ -59,15 +60,16 @@ void set_importance(const EncoderInput& input, bool gauss_newton, EncoderScene* 
   const float* alpha_t = input.weights[L4D_WEIGHT_ALPHA_T];
   static constexpr unsigned kOwn[L4D_COMPONENT_COUNT] = {
       L4D_WEIGHT_SH, L4D_WEIGHT_SCALE, L4D_WEIGHT_ROTOR_SPATIAL, L4D_WEIGHT_ROTOR_TEMPORAL};
-  // Shares of the image.
+  // Shares of the image. Proxies are so often wrong that half of their octaves serve better.
   double proxies = 0;
   for (size_t i = 0; alpha_t == nullptr && i < s.count; ++i) {
-    proxies += static_cast<double>(proxy_weight(s, i));
+    proxies += std::sqrt(static_cast<double>(proxy_weight(s, i)));
   }
   const auto share = [&](size_t i) {
     if (alpha_t != nullptr) return static_cast<double>(alpha_t[s.source[i]]);
-    return proxies > 0 ? static_cast<double>(proxy_weight(s, i)) / proxies
-                       : 1.0 / static_cast<double>(s.count);
+    return proxies > 0
+               ? kProxyGain * std::sqrt(static_cast<double>(proxy_weight(s, i))) / proxies
+               : 1.0 / static_cast<double>(s.count);
   };
   const auto largest_scale = [&](size_t i) {
     const float* l = s.log_scale.data() + 4 * i;
