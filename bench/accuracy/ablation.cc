@@ -51,7 +51,7 @@ Json run_ablation(Bench& bench) {
   const Coding one = named(closed_one.with(L4D_ENC_CLOSED_LOOP, 0), "+ factorised, one layer");
   const Coding rcq = named(closed.with(L4D_ENC_RCQ, 2).with(L4D_ENC_RCQ_SIZE, 256), "+ RCQ, 256");
   for (const Coding& coding : {one, layers, closed, rcq, closed_one}) {
-    const Encoded e = encode(scene.scene, bench.weights(scene), coding);
+    const Encoded e = encode(bench, scene, coding);
     if (rows.empty()) bench.add(rows, covariance_row(bench, e));
     Json row = coding_row(bench, scene, coding.name, e);
     row["layers"] = e.report.num_layers;

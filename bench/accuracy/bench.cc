@@ -27,37 +27,28 @@ const BenchScene& Bench::synth() {
   if (!synth_) {
     note("making the synthetic scene");
     io::SynthOptions o;
-    o.gaussians = 200000;
+    o.gaussians = 300000;
     o.seconds = 5;
     synth_ = std::make_unique<BenchScene>(make_synth(o, 16, 640, 360));
   }
   return *synth_;
 }
 
-const Measured& Bench::measured(const BenchScene& scene) {
-  const auto found = measured_.find(&scene);
+const Measured& Bench::measured(const BenchScene& scene, uint32_t measure) {
+  const auto key = std::make_pair(&scene, measure);
+  const auto found = measured_.find(key);
   if (found != measured_.end()) return found->second;
-  note("measuring weights of " + scene.name);
-  l4d_measure_options options = measure_options(kAgreement);
-  std::string name = quick() ? "weights-quick" : "weights";
+  std::string name = measure == L4D_SENSITIVITY_SUM ? "weights-sum" : "weights-gauss-newton";
+  note("measuring " + name + " of " + scene.name);
+  l4d_measure_options options = measure_options(measure, kAgreement);
+  if (quick()) name += "-quick";
   if (&scene == synth_.get()) {
-    // Only there for a second opinion on times, so few views do.
-    options.max_share = 1.0 / 16;
+    // Only there for a second opinion, so few views do.
+    options.max_share = 1.0 / 8;
     options.skip_unseen = 1;
-    name = "weights-synth";
+    name += "-synth";
   }
-  return measured_[&scene] =
-             measure_cached(scene, options, options_.cache_dir + "/" + name + ".bin");
-}
-
-const Measured& Bench::measured_all_views() {
-  if (!all_views_) {
-    note("measuring weights from all views");
-    const std::string name = quick() ? "weights-quick-all" : "weights-all";
-    all_views_ = std::make_unique<Measured>(
-        measure_cached(real(), measure_options(2), options_.cache_dir + "/" + name + ".bin"));
-  }
-  return *all_views_;
+  return measured_[key] = measure_cached(scene, options, options_.cache_dir + "/" + name + ".bin");
 }
 
 const Judge& Bench::judge(const BenchScene& scene) {
@@ -107,11 +98,15 @@ Json coding_row(Bench& bench, const BenchScene& scene, const std::string& name,
           {"bytes", encoded.file.size()},
           {"ratio", encoded.ratio()},
           {"fidelity_db", f.psnr},
-          {"encode_s", encoded.report.total_seconds}};
+          {"encode_cpu_s", encoded.cpu_seconds}};
+}
+
+Encoded encode(Bench& bench, const BenchScene& scene, const Coding& coding) {
+  return encode(scene.scene, bench.weights(scene, coding.measure), coding);
 }
 
 Json coded_row(Bench& bench, const BenchScene& scene, const Coding& coding) {
-  return coding_row(bench, scene, coding.name, encode(scene.scene, bench.weights(scene), coding));
+  return coding_row(bench, scene, coding.name, encode(bench, scene, coding));
 }
 
 }  // namespace l4d::bench

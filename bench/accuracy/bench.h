@@ -39,9 +39,12 @@ class Bench {
   // Gaussians of scenes made for one table, fewer in a quick run.
   uint64_t synth_size(uint64_t full) const { return quick() ? options_.gaussians : full; }
 
-  const Measured& measured(const BenchScene& scene);
-  const io::Weights& weights(const BenchScene& scene) { return measured(scene).weights; }
-  const Measured& measured_all_views();  // of real()
+  // measure: L4D_SENSITIVITY_*.
+  const Measured& measured(const BenchScene& scene, uint32_t measure);
+  const io::Weights& weights(const BenchScene& scene,
+                             uint32_t measure = L4D_SENSITIVITY_GAUSS_NEWTON) {
+    return measured(scene, measure).weights;
+  }
   // All cameras at four instants.
   const Judge& judge(const BenchScene& scene);
 
@@ -67,15 +70,16 @@ class Bench {
   std::string section_;
   double started_ = 0;
   std::unique_ptr<BenchScene> real_, synth_;
-  std::map<const BenchScene*, Measured> measured_;
-  std::unique_ptr<Measured> all_views_;
+  std::map<std::pair<const BenchScene*, uint32_t>, Measured> measured_;
   std::map<const BenchScene*, std::unique_ptr<Judge>> judges_;
 };
 
 // Bytes, ratio, fidelity and seconds of an encoding, as the columns of a row begin.
 Json coding_row(Bench& bench, const BenchScene& scene, const std::string& name,
                 const Encoded& encoded);
-// Encodes with the scene's measured weights and makes that row.
+// Encodes with the scene's weights in the coding's measure.
+Encoded encode(Bench& bench, const BenchScene& scene, const Coding& coding);
+// ... and makes that row.
 Json coded_row(Bench& bench, const BenchScene& scene, const Coding& coding);
 
 }  // namespace l4d::bench

@@ -5,30 +5,22 @@ folder of images, and returns paragraphs."""
 import plots
 from markdown import ENCODE, SIZE, front, megabytes, named, signed, table
 
-# A prototype of these schemes measured this fidelity and ratio, means counted at 35 bits each.
-PROTOTYPE = {"one stage, K=4096": (37.8, 17.0),
-             "SH 100/60/40/20/10 %, geometry 100/50 %, K=1024": (42.7, 14.2),
-             "100/50/25 %, K=4096": (45.0, 10.0)}
 SHARES = [("sh", "SH"), ("scale", "scale"), ("rotor_spatial", "rotor, spatial"),
           ("rotor_temporal", "rotor, temporal"), ("position", "position"), ("mean_t", "mean time"),
           ("opacity", "opacity"), ("scale_factor", "scale factor"), ("codebooks", "codebooks"),
           ("rcq_tables", "RCQ tables"), ("directory", "directory"), ("header", "header"),
-          ("page_overhead", "page overhead")]
+          ("page_overhead", "page overhead"), ("entropy_tables", "entropy tables")]
 
 
 def final(tables, folder):
     codings = tables["codings"]
-    out = [f"Ways to encode the scene, over the {views_text(tables)}. \"Without means\" leaves out "
-           "positions and mean times, which no scheme here changes; the ratio in brackets counts "
-           "them at 35 bits a Gaussian, as the prototype did that set the marks below. Changes of "
-           "PSNR are those against captured frames, relative to the uncompressed model. How far "
-           "seeds alone spread fidelity says the section on k-means.\n"]
-    codings = [{"number": i, **r} for i, r in enumerate(codings, start=1)]
-    columns = [("", "number", "d"), ("coding", "name", ""), ("MB", megabytes, ".3f"),
-               ("without means", lambda r: r["bytes_without_means"] / 1e6, ".3f"),
-               ("ratio", lambda r: f"{r['ratio']:.2f} ({r['ratio_means_35_bits']:.2f})", ""),
-               ("fidelity dB", "fidelity_db", ".2f"), ("worst view dB", "min_view_db", ".2f"),
-               ("SSIM", "ssim", ".4f")]
+    out = [f"All presets, and codebooks with other shares of residual stages (in percent of the "
+           f"Gaussians) and sizes, over the {views_text(tables)}. Changes of PSNR are those "
+           "against captured frames, relative to the uncompressed model. Weights are measured: "
+           "Gauss-Newton's, sums of derivatives for the paper's presets. How far seeds alone "
+           "spread fidelity says the section on k-means.\n"]
+    columns = [("coding", "name", "")] + SIZE + [("worst view dB", "min_view_db", ".2f"),
+                                                 ("SSIM", "ssim", ".4f")]
     if "psnr_test_db" in codings[0]:
         for split in ("test", "train"):
             columns.append((f"PSNR {split} dB", lambda r, s=split: f"{r[f'psnr_{s}_db']:.2f} ("
@@ -36,17 +28,7 @@ def final(tables, folder):
             columns.append((f"SSIM {split}", f"ssim_{split}", ".4f"))
     columns += [("Gaussians", "coded_gaussians", ",d")] + ENCODE
     out.append(table(columns, codings))
-    marks = [r for r in codings if plots.short(r["name"]) in PROTOTYPE]
-    if "psnr_test_db" not in codings[0]:
-        marks = []  # they are of another scene
-    targets = [PROTOTYPE[plots.short(r["name"])][::-1] for r in marks]
-    out.append(plots.rate_fidelity(codings, targets, folder))
-    for row in marks:
-        decibels, ratio = PROTOTYPE[plots.short(row["name"])]
-        out.append(f"* {row['name']}: {row['fidelity_db']:.2f} dB at "
-                   f"{row['ratio_means_35_bits']:.2f}x with means at 35 bits; the prototype had "
-                   f"{decibels} dB at {ratio}x ({signed(row['fidelity_db'] - decibels)} dB).")
-    out.append("\n" + learned_of_codings(codings))
+    out.append(learned_of_codings(codings))
     out.append("Where the bytes are (the paper's Figures 10 and 11), in kB:\n")
     present = [(key, text) for key, text in SHARES if any(r[key] for r in tables["sections"])]
     out.append(table([("coding", "name", "")] + [(text, lambda r, k=key: r[k] / 1e3, ",.0f")
@@ -61,9 +43,9 @@ def level_tables(layers, folder):
     by_coding = {}
     for row in layers:
         by_coding.setdefault(row["name"], []).append(row)
-    return ["Gaussians of each temporal level as given, after pruning what no view shows, and in "
-            "the file (the paper's Figure 12), where thin layers are merged and Gaussians whose "
-            "decoded extent no longer fits have moved to coarser ones; bytes of the layers:\n",
+    return ["Gaussians of each temporal level as given, after pruning, and in the file (the "
+            "paper's Figure 12), where thin layers are merged and Gaussians whose decoded extent "
+            "no longer fits have moved to coarser ones; bytes of the layers:\n",
             table([("coding", "name", ""), ("level", "level", "d"), ("given", "gaussians", ",d"),
                    ("pruned", "after_pruning", ",d"), ("in the file", "after_merging", ",d"),
                    ("layer kB", lambda r: r["layer_bytes"] / 1e3, ",.0f"),
@@ -99,66 +81,47 @@ def learned_of_codings(codings):
         else:
             text += (f" {row['name']} ({row['ratio']:.1f}x, {row['fidelity_db']:.1f} dB) is not "
                      "beaten.")
-    if len(codings) > 1 and codings[1]["name"].endswith("pruned"):
-        a, b = codings[0], codings[1]
-        text += (f" Pruning what no view shows drops {a['coded_gaussians'] - b['coded_gaussians']} "
-                 f"Gaussians: {signed((b['bytes'] / a['bytes'] - 1) * 100)} % of the bytes, "
-                 f"{signed(b['fidelity_db'] - a['fidelity_db'])} dB.")
     return text + "\n"
 
 
 def sensitivity(tables, folder):
-    views, agreement, measures = tables["views"], tables["agreement"], tables["measures"]
-    every = named(views, "all")
+    views, measures, pruning = tables["views"], tables["measures"], tables["pruning"]
+    agreed = views[-1]
+    most = max(views, key=lambda r: r["views_measured"])
     correlations = [("SH", "spearman_sh", ".4f"), ("scale", "spearman_scale", ".4f"),
                     ("rotor, spatial", "spearman_rotor_spatial", ".4f"),
                     ("rotor, temporal", "spearman_rotor_temporal", ".4f")]
-    columns = [("views measured", "views_measured", "d"), ("views asked", "views_asked", "d"),
-               ("seconds", "measure_s", ".1f"), ("unseen", "unseen", ",d")] + correlations + SIZE
-    out = [f"Derivatives are summed over views. Of {every['views_measured']} training views a "
-           "part is enough: the tables give Spearman's rank correlation with the weights of all "
-           "of them, and the preset `high` encoded with the weights. \"Asked\" views are only "
-           "looked at for Gaussians that the measured ones did not show, which matters where "
-           "those are pruned.\n",
-           table([("share", "name", "")] + columns, views),
-           "Stopped when two halves of the measured views agree to a rank correlation:\n",
-           table([("agreement", "name", "")] + columns, agreement),
-           plots.sensitivity_plot(views, agreement, measures, folder)]
-    # A run that was cut short has the tables above only.
-    if measures:
-        out += ["Other measures, also with the preset `high`:\n",
-                table([("weights", "name", "")] + SIZE, measures)]
-    if tables["pruning"]:
-        out += ["Pruning Gaussians whose blending weight (alpha times transmittance per pixel) is "
-                "at most:\n",
-                table([("threshold", "name", ""), ("pruned", "pruned", ",d")] + SIZE,
-                      tables["pruning"])]
-    text = ""
-    for row in agreement:
-        if row["name"] == "0.95":
-            text += (f"Agreement of 0.95 takes {row['views_measured']} views and "
-                     f"{row['measure_s']:.0f} s instead of {every['views_measured']} and "
-                     f"{every['measure_s']:.0f} s, and moves fidelity by "
-                     f"{signed(row['fidelity_db'] - every['fidelity_db'])} dB: this is the "
-                     "default. ")
-            asked = named(agreement, "0.95, others asked what they show")
-            if asked:
-                text += (f"Asking the others what they show makes that {asked['measure_s']:.0f} s "
-                         f"and finds {row['unseen'] - asked['unseen']} Gaussians more that are "
-                         "seen. ")
-    if measures:
-        no_weights, summed = named(measures, "no weights"), named(measures, "sum")
-        squares = named(measures, "gauss-newton")
-        text += ("Without any weights fidelity is "
-                 f"{signed(no_weights['fidelity_db'] - summed['fidelity_db'])} dB from that with "
-                 "measured ones; the Gauss-Newton measure "
-                 f"{signed(squares['fidelity_db'] - summed['fidelity_db'])} dB at "
-                 f"{signed((squares['bytes'] / summed['bytes'] - 1) * 100)} % of the bytes. ")
-    if tables["pruning"]:
-        never, last = tables["pruning"][0], tables["pruning"][-1]
-        text += (f"Pruning at {last['name']} drops {last['pruned']} Gaussians and "
-                 f"{(1 - last['bytes'] / never['bytes']) * 100:.1f} % of the bytes for "
-                 f"{signed(last['fidelity_db'] - never['fidelity_db'])} dB.")
+    out = ["Squared derivatives are added up over training views, of which a part is enough: the "
+           "table gives Spearman's rank correlation with the weights of the largest part measured "
+           "here, and the preset `default` encoded with the weights. \"Asked\" views are only "
+           "looked at for Gaussians that the measured ones did not show.\n",
+           table([("share of the views", "name", ""), ("views measured", "views_measured", "d"),
+                  ("views asked", "views_asked", "d"), ("seconds", "measure_s", ".1f"),
+                  ("unseen", "unseen", ",d")] + correlations + SIZE, views),
+           plots.sensitivity_plot(views[:-1], agreed, folder),
+           "Measures and families of codings:\n",
+           table([("weights, preset", "name", "")] + SIZE, measures),
+           "Pruning by rate and distortion, for other prices of a Gaussian's bits:\n",
+           table([("prune-cost", "prune_cost", "g"), ("pruned", "pruned", ",d")] + SIZE, pruning)]
+    text = (f"Where halves of the measured views agree to 0.95, {agreed['views_measured']} views "
+            f"and {agreed['measure_s']:.0f} s (those asked among them) instead of "
+            f"{most['views_measured']} and {most['measure_s']:.0f} s move fidelity by "
+            f"{signed(agreed['fidelity_db'] - most['fidelity_db'])} dB at "
+            f"{signed((agreed['bytes'] / most['bytes'] - 1) * 100)} % of the bytes: this is the "
+            "default. ")
+    for preset in ("default", "indexed"):
+        line = {m: named(measures, f"{m}, {preset}") for m in ("no weights", "sum", "gauss-newton")}
+        if not all(line.values()):
+            continue
+        newton = line["gauss-newton"]
+        text += f"With `{preset}`, " + " and ".join(
+            f"{name} {signed(line[name]['fidelity_db'] - newton['fidelity_db'])} dB at "
+            f"{signed((line[name]['bytes'] / newton['bytes'] - 1) * 100)} % of the bytes"
+            for name in ("no weights", "sum")) + " against Gauss-Newton weights. "
+    never, last = pruning[0], pruning[-1]
+    text += (f"Pruning at {last['prune_cost']:g} drops {last['pruned']:,} Gaussians and "
+             f"{(1 - last['bytes'] / never['bytes']) * 100:.1f} % of the bytes for "
+             f"{signed(last['fidelity_db'] - never['fidelity_db'])} dB.")
     return out + [text + "\n"]
 
 
@@ -176,7 +139,7 @@ def kmeans(tables, folder):
     best = max(iterations + samples, key=lambda r: r["fidelity_db"])
     fast = min((r for r in iterations + samples
                 if r["fidelity_db"] > best["fidelity_db"] - 2 * spread),
-               key=lambda r: r["encode_s"])
+               key=lambda r: r["encode_cpu_s"])
     which = "iterations" if "iterations" in fast else "sample"
     text = (f"Seeds alone spread fidelity over {spread:.2f} dB. From "
             f"{iterations[0]['iterations']:.0f} to {iterations[-1]['iterations']:.0f} iterations "
@@ -185,7 +148,7 @@ def kmeans(tables, folder):
             f"codeword by {signed(samples[-1]['fidelity_db'] - samples[0]['fidelity_db'])} dB. "
             f"The best of the tables is {signed(best['fidelity_db'] - base['fidelity_db'])} dB "
             f"above 10 iterations with {base['sample']:.0f} points; the fastest within twice the "
-            f"spread of the best takes {fast['encode_s']:.1f} s ({fast[which]:.0f} "
+            f"spread of the best takes {fast['encode_cpu_s']:.1f} CPU seconds ({fast[which]:.0f} "
             f"{'iterations' if which == 'iterations' else 'points a codeword'}).")
     return out + [text + "\n"]
 

@@ -26,7 +26,12 @@ void set_weights(const EncoderHandle& e, const io::Weights& w) {
       {L4D_WEIGHT_SCALE, &w.scale},
       {L4D_WEIGHT_ROTOR_SPATIAL, &w.rotor_spatial},
       {L4D_WEIGHT_ROTOR_TEMPORAL, &w.rotor_temporal},
-      {L4D_WEIGHT_ALPHA_T, &w.alpha_t}};
+      {L4D_WEIGHT_ALPHA_T, &w.alpha_t},
+      {L4D_WEIGHT_POSITION, &w.position},
+      {L4D_WEIGHT_OPACITY, &w.opacity},
+      {L4D_WEIGHT_MEAN_T, &w.mean_t}};
+  e.check(l4d_encoder_set(e.get(), L4D_ENC_WEIGHT_MEASURE, L4D_ALL_COMPONENTS,
+                          w.gauss_newton ? L4D_SENSITIVITY_GAUSS_NEWTON : L4D_SENSITIVITY_SUM));
   for (const auto& [which, column] : columns) {
     if (column->empty()) continue;
     e.check(l4d_encoder_set_weights(e.get(), which, column->data(), column->size()));
@@ -56,13 +61,31 @@ void describe(const EncoderHandle& e, Encoded& out) {
 
 }  // namespace
 
-Coding one_stage() {
+Coding preset(const std::string& name) {
   Coding c;
-  c.name = "one stage, K=4096";
-  c.settings = {{L4D_ENC_CODEBOOK_SIZE, L4D_ALL_COMPONENTS, 4096}};
-  c.sh_stages = c.geometry_stages = {1};
+  c.name = c.preset = name;
+  if (name.compare(0, 6, "paper-") == 0) c.measure = L4D_SENSITIVITY_SUM;
   return c;
 }
+
+Coding staged(const std::string& name, double k, std::vector<float> sh_stages,
+              std::vector<float> geometry_stages) {
+  Coding c = preset("indexed").with(L4D_ENC_CODEBOOK_SIZE, k);
+  c.name = name;
+  c.sh_stages = std::move(sh_stages);
+  c.geometry_stages = std::move(geometry_stages);
+  return c;
+}
+
+std::vector<Coding> codebook_codings() {
+  return {staged("2 stages, K=1024", 1024, {1, 1}, {1, 1}),
+          staged("100/50 %, K=4096", 4096, {1, .5f}, {1, .5f}),
+          staged("100/50/25 %, K=4096", 4096, {1, .5f, .25f}, {1, .5f, .25f}),
+          staged("100/50/25/10 %, K=1024", 1024, {1, .5f, .25f, .1f}, {1, .5f, .25f, .1f}),
+          staged("3 stages, K=1024", 1024, {1, 1, 1}, {1, 1, 1})};
+}
+
+Coding one_stage() { return staged("one stage, K=4096", 4096, {1}, {1}); }
 
 Encoded encode(const io::Scene& scene, const io::Weights& weights, const Coding& coding, int runs) {
   l4d_encoder_options options;

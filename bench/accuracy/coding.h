@@ -9,6 +9,7 @@
 
 #include "bench/accuracy/scene.h"
 #include "l4d/l4d.hpp"
+#include "l4d/render.h"
 
 namespace l4d::bench {
 
@@ -25,6 +26,8 @@ struct Coding {
   // Shares of residual stages, of SH and of the other components; empty = as the preset has them.
   std::vector<float> sh_stages, geometry_stages;
   uint64_t seed = 0;
+  // Of the weights it is encoded with: thresholds of the paper's presets are in units of the sum.
+  uint32_t measure = L4D_SENSITIVITY_GAUSS_NEWTON;
 
   Coding with(l4d_encoder_parameter id, double value, int component = L4D_ALL_COMPONENTS) const {
     Coding c = *this;
@@ -33,8 +36,15 @@ struct Coding {
   }
 };
 
-// One stage of 4096 codewords for each component, whatever the presets are: what most tables vary.
+// A preset under its own name, with the measure it wants.
+Coding preset(const std::string& name);
+// One stage of 4096 codewords for each component: what tables on codebooks vary.
 Coding one_stage();
+// Codebooks of k codewords, with these shares of residual stages.
+Coding staged(const std::string& name, double k, std::vector<float> sh_stages,
+              std::vector<float> geometry_stages);
+// Shares and sizes of residual stages around those of the presets.
+std::vector<Coding> codebook_codings();
 
 struct Encoded {
   std::vector<unsigned char> file;

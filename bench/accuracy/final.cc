@@ -39,31 +39,14 @@ class Captured {
   std::vector<std::pair<uint32_t, uint32_t>> sizes_;
 };
 
+// Presets, and the codebooks that were tried before two of them were chosen.
 std::vector<Coding> codings() {
-  const auto staged = [](const char* name, double k, std::vector<float> sh,
-                         std::vector<float> geo) {
-    Coding c;
-    c.name = name;
-    c.settings = {{L4D_ENC_CODEBOOK_SIZE, L4D_ALL_COMPONENTS, k}};
-    c.sh_stages = std::move(sh);
-    c.geometry_stages = std::move(geo);
-    return c;
-  };
-  Coding pruned = one_stage().with(L4D_ENC_PRUNE_WEIGHT, 0), small, large;
-  pruned.name = "one stage, unseen Gaussians pruned";
-  small.name = small.preset = "paper-small";
-  large.name = large.preset = "paper-large";
-  const std::vector<float> sh_long = {1, .6f, .4f, .2f, .1f};
-  return {one_stage(),
-          pruned,
-          small,
-          large,
-          staged("2 stages, K=1024", 1024, {1, 1}, {1, 1}),
-          staged("100/50 %, K=4096", 4096, {1, .5f}, {1, .5f}),
-          staged("100/50/25 %, K=4096", 4096, {1, .5f, .25f}, {1, .5f, .25f}),
-          staged("100/50/25/10 %, K=1024", 1024, {1, .5f, .25f, .1f}, {1, .5f, .25f, .1f}),
-          staged("SH 100/60/40/20/10 %, geometry 100/50 %, K=1024", 1024, sh_long, {1, .5f}),
-          staged("3 stages, K=1024", 1024, {1, 1, 1}, {1, 1, 1})};
+  std::vector<Coding> all;
+  for (uint32_t i = 0; l4d_encoder_preset_name(i) != nullptr; ++i) {
+    all.push_back(preset(l4d_encoder_preset_name(i)));
+  }
+  for (const Coding& c : codebook_codings()) all.push_back(c);
+  return all;
 }
 
 // Mean PSNR and SSIM against captured images, of test and of training cameras.
@@ -84,20 +67,14 @@ Json final_row(const BenchScene& scene, const Judge& judge, const Captured* capt
     if (captured != nullptr) against.add(scene, judge.camera(i), captured->image(i), decoded);
   });
   const io::Fidelity f = sums.result();
-  // The prototype that set the targets counted 35 bits for the means of a Gaussian.
-  const double n = static_cast<double>(e.report.coded_gaussians);
-  const double without_means = e.bytes() - e.mean_bytes();
   Json row = {{"name", coding.name},
               {"bytes", e.file.size()},
-              {"bytes_without_means", without_means},
               {"ratio", e.ratio()},
-              {"ratio_means_35_bits",
-               static_cast<double>(e.report.raw_bytes) / (without_means + n * 35 / 8)},
-              {"fidelity_db", f.psnr},
-              {"min_view_db", f.min_psnr},
+              {"fidelity_db", std::min(f.psnr, kMaxDecibels)},
+              {"min_view_db", std::min(f.min_psnr, kMaxDecibels)},
               {"ssim", f.mean_ssim},
               {"coded_gaussians", e.report.coded_gaussians},
-              {"encode_s", e.report.total_seconds}};
+              {"encode_cpu_s", e.cpu_seconds}};
   for (const int split : {0, 1}) {
     if (captured == nullptr) break;
     const std::string name = split == 0 ? "test" : "train";
@@ -133,10 +110,15 @@ void add_layers(Bench& bench, Json& table, const io::Weights& weights, const Cod
                    {L4D_ENC_MERGE_COUNT, L4D_ALL_COMPONENTS, 0},
                    {L4D_ENC_ZSTD_LEVEL, L4D_ALL_COMPONENTS, 1}};
   const io::Scene& scene = bench.real().scene;
-  const bool prunes = e.report.pruned > 0;
-  const auto all = by_level(encode(scene, weights, bare));
-  const auto left =
-      prunes ? by_level(encode(scene, weights, bare.with(L4D_ENC_PRUNE_WEIGHT, 0))) : all;
+  const Encoded whole = encode(scene, weights, bare);
+  const auto all = by_level(whole);
+  std::vector<uint32_t> level_of(scene.count());
+  size_t at = 0;
+  for (const l4d_layer_info& l : whole.layers) {
+    for (uint64_t k = 0; k < l.num_gaussians; ++k) level_of[whole.order[at++]] = l.level;
+  }
+  std::array<uint64_t, 32> left{};
+  for (const uint32_t source : e.order) ++left[level_of[source]];
   const auto merged = by_level(e);
   for (uint32_t level = 0; level < 32; ++level) {
     if (all[level] == 0 && merged[level] == 0) continue;
@@ -160,7 +142,6 @@ void add_layers(Bench& bench, Json& table, const io::Weights& weights, const Cod
 
 Json run_final(Bench& bench) {
   const BenchScene& scene = bench.real();
-  const io::Weights& weights = bench.weights(scene);
   bench.note("rendering the original");
   const Judge judge(scene, scene.frames(bench.quick() ? 2 : 10));
   std::unique_ptr<Captured> captured;
@@ -183,33 +164,14 @@ Json run_final(Bench& bench) {
                                          {"ssim", f.mean_ssim}});
     }
   }
-  const auto add = [&](const Coding& coding, const Encoded& e) {
+  for (const Coding& coding : bench.take(codings())) {
+    const Encoded e = encode(bench, scene, coding);
     bench.add(tables["codings"], final_row(scene, judge, captured.get(), uncompressed, coding, e));
     bench.add(tables["sections"], section_row(coding.name, e));
-  };
-  // Where a preset is one of the ways of the list, that row bears its name.
-  std::map<std::string, Encoded> presets;
-  for (const char* name : {"default", "small", "high"}) {
-    Coding preset;
-    preset.preset = name;
-    presets[name] = encode(scene.scene, weights, preset);
-  }
-  for (Coding coding : bench.take(codings())) {
-    const Encoded e = encode(scene.scene, weights, coding);
-    const bool has_layers = coding.name == one_stage().name || coding.preset == "paper-small";
-    for (auto p = presets.begin(); p != presets.end(); ++p) {
-      if (p->second.file != e.file) continue;
-      coding.name += " (" + p->first + ")";
-      presets.erase(p);
-      break;
+    if (coding.preset != coding.name) continue;
+    if (coding.name == "default" || coding.name == "paper-small") {
+      add_layers(bench, tables["layers"], bench.weights(scene, coding.measure), coding, e);
     }
-    add(coding, e);
-    if (has_layers) add_layers(bench, tables["layers"], weights, coding, e);
-  }
-  for (const auto& [name, e] : presets) {
-    Coding preset;
-    preset.name = "preset " + name;
-    add(preset, e);
   }
   return tables;
 }

@@ -22,10 +22,14 @@ struct Section {
   Json (*run)(Bench&);
 };
 constexpr Section kSections[] = {
-    {"final", run_final},         {"sensitivity", run_sensitivity}, {"kmeans", run_kmeans},
-    {"codebooks", run_codebooks}, {"thresholds", run_thresholds},   {"rcq", run_rcq},
-    {"ablation", run_ablation},   {"effort", run_effort},           {"decoder", run_decoder},
-    {"renderer", run_renderer},   {"effects", run_effects},         {"stages", run_stages},
+    {"final", run_final},           {"rate", run_rate},
+    {"ladder", run_ladder},         {"crossover", run_crossover},
+    {"second", run_second},         {"sensitivity", run_sensitivity},
+    {"kmeans", run_kmeans},         {"codebooks", run_codebooks},
+    {"thresholds", run_thresholds}, {"rcq", run_rcq},
+    {"ablation", run_ablation},     {"effort", run_effort},
+    {"decoder", run_decoder},       {"renderer", run_renderer},
+    {"effects", run_effects},       {"stages", run_stages},
 };
 
 void usage(std::FILE* to) {

@@ -41,4 +41,4 @@ def front(rows):
 
 
 SIZE = [("MB", megabytes, ".3f"), ("ratio", "ratio", ".2f"), ("fidelity dB", "fidelity_db", ".2f")]
-ENCODE = [("encode s", "encode_s", ".2f")]
+ENCODE = [("encode CPU s", "encode_cpu_s", ".2f")]

@@ -11,6 +11,7 @@ GREY = "#7d858f"
 COLOURS = ["#3b82f6", "#e8770c", "#2fa35a", "#a560e8", "#e0475f", "#12a5b5"]
 COMPONENTS = {"sh": "SH", "scale": "scale", "rotor_spatial": "rotor, spatial",
               "rotor_temporal": "rotor, temporal"}
+PARTS = {"sh": "SH", "scale": "scale", "rotors": "rotors"}
 TIMES = (0.1, 0.2, 0.3, 0.5, 0.7, 1, 1.5, 2, 3, 5, 7, 10, 20, 50)
 
 plt.rcParams.update({
@@ -42,32 +43,54 @@ def short(name):
     return name.split(" (")[0]
 
 
-def rate_fidelity(codings, targets, folder):
+def rate_fidelity(transforms, codebooks, folder):
     figure, axes = plt.subplots(figsize=(8, 4.6))
-    stages = [r for r in codings if not r["name"].startswith("paper")]
-    paper = [r for r in codings if r["name"].startswith("paper")]
-    for rows, name, marker in ((stages, "stages", "o"), (paper, "paper's presets", "s")):
-        if rows:
-            axes.plot([r["ratio"] for r in rows], [r["fidelity_db"] for r in rows], marker,
-                      label=name)
-    if targets:
-        axes.plot([t[0] for t in targets], [t[1] for t in targets], "x", color=GREY, mew=2,
-                  label="prototype, means at 35 bits")
-    for number, row in enumerate(codings, start=1):
-        # Neighbours in the table are often neighbours here.
-        left = number % 2 == 0
-        label(axes, row["ratio"], row["fidelity_db"], str(number), -6 if left else 6, 3,
-              "right" if left else "left")
+    for rows, name, style in ((transforms, "transform, by quality", "o-"),
+                              (codebooks, "codebooks", "s")):
+        axes.plot([r["bytes"] / 1e6 for r in rows], [r["fidelity_db"] for r in rows], style,
+                  label=name)
+    for row in transforms:
+        label(axes, row["bytes"] / 1e6, row["fidelity_db"], f"{row['quality']:g}", -4, 5, "right")
+    for row in codebooks:
+        label(axes, row["bytes"] / 1e6, row["fidelity_db"], row["name"], 6, -10)
     axes.margins(0.08)
-    axes.set(xlabel="ratio (float32 bytes / file bytes); numbers as in the table",
-             ylabel="fidelity (dB)")
-    axes.legend(loc="lower left")
+    axes.set(xlabel="MB", ylabel="fidelity (dB)")
+    axes.legend(loc="lower right")
     return save(figure, folder, "rate_fidelity")
+
+
+def ladder_bars(rows, folder):
+    figure, axes = plt.subplots(figsize=(8, 0.6 + 0.4 * len(rows)))
+    axes.barh(range(len(rows)), [r["bytes"] / 1e6 for r in rows], color=COLOURS[0])
+    for i, row in enumerate(rows):
+        label(axes, row["bytes"] / 1e6, i, f"{row['fidelity_db']:.1f} dB", 4, -3)
+    axes.set_yticks(range(len(rows)), [r["name"] for r in rows], fontsize=8)
+    axes.invert_yaxis()
+    axes.grid(axis="y", visible=False)
+    axes.margins(x=0.1)
+    axes.set(xlabel="MB")
+    return save(figure, folder, "ladder")
+
+
+def crossover_plot(rows, folder):
+    names = [c for c in PARTS if any(r["name"] == c for r in rows)]
+    figure, all_axes = plt.subplots(1, len(names), figsize=(9, 3.2), sharey=True, squeeze=False)
+    for axes, name in zip(all_axes[0], names):
+        for family, style in (("transform", "o-"), ("codebooks", "s")):
+            line = [r for r in rows if r["name"] == name and r["family"] == family]
+            axes.plot([r["bytes"] / 1e6 for r in line], [r["fidelity_db"] for r in line], style,
+                      label=family)
+        axes.set_xlim(left=0)
+        axes.set(xlabel="MB", title=PARTS[name])
+    all_axes[0][0].set_ylabel("fidelity (dB)")
+    all_axes[0][0].legend(fontsize=8)
+    return save(figure, folder, "crossover")
 
 
 def section_bars(rows, order, folder):
     figure, axes = plt.subplots(figsize=(8, 0.5 + 0.42 * len(rows)))
-    palette = COLOURS + ["#8a6d3b", "#5d6bd8", "#c24d9e", "#6f9c1f", "#b08800", "#4b8f8c"]
+    palette = COLOURS + ["#8a6d3b", "#5d6bd8", "#c24d9e", "#6f9c1f", "#b08800", "#4b8f8c",
+                         "#98a2ad", "#d1495b"]
     left = [0.0] * len(rows)
     for colour, section in zip(palette, order):
         width = [r.get(section, 0) / 1e6 for r in rows]
@@ -95,22 +118,18 @@ def layer_bars(by_coding, folder):
     return save(figure, folder, "layers")
 
 
-def sensitivity_plot(views, agreement, measures, folder):
+def sensitivity_plot(views, agreed, folder):
     figure, (left, right) = plt.subplots(1, 2, figsize=(8, 3.4))
     views = sorted(views, key=lambda r: r["views_measured"])
     count = [r["views_measured"] for r in views]
     for component, text in COMPONENTS.items():
         left.plot(count, [r[f"spearman_{component}"] for r in views], "o-", label=text)
     left.set_xscale("log")
-    left.set(xlabel="views measured", ylabel="rank correlation with all views")
+    left.set(xlabel="views measured", ylabel="rank correlation with most views")
     left.legend(fontsize=8)
     right.plot(count, [r["fidelity_db"] for r in views], "o-", label="shares of the views")
-    right.plot([r["views_measured"] for r in agreement], [r["fidelity_db"] for r in agreement], "s",
+    right.plot([agreed["views_measured"]], [agreed["fidelity_db"]], "s",
                label="stopped by agreement")
-    for row in measures:
-        if row["name"] == "no weights":
-            right.axhline(row["fidelity_db"], color=GREY, ls="--", lw=1)
-            label(right, max(count), row["fidelity_db"], "no weights", 0, 4, "right")
     right.set_xscale("log")
     right.set(xlabel="views measured", ylabel="fidelity (dB)")
     right.legend(fontsize=8)
@@ -122,11 +141,12 @@ def kmeans_plot(iterations, samples, folder):
     for rows, key, shift in ((iterations, "iterations", (0, 7)), (samples, "sample", (0, -13))):
         text = {"iterations": "iterations, 24 points a codeword",
                 "sample": "points a codeword, 10 iterations"}[key]
-        axes.plot([r["encode_s"] for r in rows], [r["fidelity_db"] for r in rows], "o", label=text)
+        axes.plot([r["encode_cpu_s"] for r in rows], [r["fidelity_db"] for r in rows], "o",
+                  label=text)
         for r in rows:
-            label(axes, r["encode_s"], r["fidelity_db"], f"{r[key]:g}", *shift, "center")
+            label(axes, r["encode_cpu_s"], r["fidelity_db"], f"{r[key]:g}", *shift, "center")
     axes.margins(y=0.12)
-    axes.set(xlabel="seconds to encode", ylabel="fidelity (dB)")
+    axes.set(xlabel="CPU seconds to encode", ylabel="fidelity (dB)")
     axes.legend()
     return save(figure, folder, "kmeans")
 
@@ -152,30 +172,23 @@ def component_curves(rows, key, name, folder, reference=None):
 
 def effort_plot(tables, folder):
     figure, axes = plt.subplots(figsize=(8, 4))
-    axes.plot([r["relative_time"] for r in tables["grid"]], [r["merit_db"] for r in tables["grid"]],
-              ".", color=GREY, label="grid")
-    axes.plot([r["relative_time"] for r in tables["front"]],
-              [r["merit_db"] for r in tables["front"]], "-", color=COLOURS[2], label="front")
-    for rows, text, colour, dy in ((tables["efforts"], "--effort now", COLOURS[1], -12),
-                                   (tables["proposal"], "proposal", COLOURS[0], 6)):
-        axes.plot([r["relative_time"] for r in rows], [r["merit_db"] for r in rows], "o",
-                  color=colour, label=text, fillstyle="none" if dy > 0 else "full")
-        for r in rows:
-            label(axes, r["relative_time"], r["merit_db"], str(r["effort"]), 0, dy, "center")
+    rows = tables["efforts"]
+    axes.plot([r["relative_time"] for r in rows], [r["merit_db"] for r in rows], "o")
+    for r in rows:
+        label(axes, r["relative_time"], r["merit_db"], str(r["effort"]), 0, 6, "center")
     axes.set_xscale("log")
-    times = [r["relative_time"] for r in tables["grid"] + tables["efforts"]]
+    times = [r["relative_time"] for r in rows]
     axes.set_xticks([t for t in TIMES if min(times) * 0.8 < t < max(times) * 1.25])
     axes.xaxis.set_major_formatter(matplotlib.ticker.FormatStrFormatter("%g"))
     axes.xaxis.set_minor_locator(matplotlib.ticker.NullLocator())
     axes.margins(y=0.12)
-    axes.set(xlabel="time to encode, relative to 10 iterations, 24 points, zstd 12",
+    axes.set(xlabel="time to encode, relative to 10 iterations, 24 points, zstd 15",
              ylabel="fidelity at equal bytes (dB)")
-    axes.legend()
     return save(figure, folder, "effort")
 
 
 def effect_bars(rows, folder):
-    columns = (("bytes_per_gaussian", "bytes per Gaussian"), ("encode_s", "encode (s)"),
+    columns = (("bytes_per_gaussian", "bytes per Gaussian"), ("encode_cpu_s", "encode (CPU s)"),
                ("decode_ns_per_gaussian", "decode (ns per Gaussian)"), ("slice_ms", "slice (ms)"))
     figure, all_axes = plt.subplots(1, len(columns), figsize=(8, 2.6), sharey=True)
     for axes, (key, title) in zip(all_axes, columns):

@@ -13,10 +13,15 @@ import pathlib
 import sys
 
 import chapters
+import chapters_rate
 import chapters_speed
 
 CHAPTERS = (
-    ("final", "Ways to encode", chapters.final),
+    ("final", "Presets", chapters.final),
+    ("rate", "Fidelity against bytes", chapters_rate.rate),
+    ("ladder", "One tool at a time", chapters_rate.ladder),
+    ("crossover", "Transforms and codebooks, part by part", chapters_rate.crossover),
+    ("second", "A second scene", chapters_rate.second),
     ("sensitivity", "Importance weights: how many views", chapters.sensitivity),
     ("kmeans", "k-means: iterations and training points", chapters.kmeans),
     ("codebooks", "Codebook sizes", chapters.codebooks),
@@ -42,9 +47,11 @@ others' results in `build/accuracy/results.json`. Measured weights are kept besi
 *Fidelity* is the PSNR of the mean squared error between renders of the decoded and of the original
 scene, both clamped to [0, 1]: it says how well a codec keeps the model that it was given, whatever
 that model is worth. *Ratio* is the float32 numbers of all given Gaussians (260 bytes each at SH
-degree 3) over the bytes of the file. Weights are measured by the renderer from the training views
-unless a table says otherwise. Sections that name no coding use one stage of 4096 codewords per
-component.
+degree 3) over the bytes of the file. Weights are Gauss-Newton weights, measured by the renderer
+from the training views, unless a table says otherwise. Fidelity is over all cameras: at every 15th
+frame in the first section, at four instants in the others. Sections on codebooks use one stage of
+4096 codewords per component. Seconds of encoding are CPU seconds of all threads, which other work
+on the machine disturbs little.
 """
 
 

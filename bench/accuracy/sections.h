@@ -7,6 +7,10 @@
 namespace l4d::bench {
 
 Json run_final(Bench& bench);
+Json run_rate(Bench& bench);
+Json run_ladder(Bench& bench);
+Json run_crossover(Bench& bench);
+Json run_second(Bench& bench);
 Json run_sensitivity(Bench& bench);
 Json run_kmeans(Bench& bench);
 Json run_codebooks(Bench& bench);

@@ -1,93 +1,79 @@
 // SPDX-License-Identifier: Apache-2.0
-// How many views the weights need, which measure serves best, and what pruning by blending weight
-// costs.
-#include <cstdio>
-
+// How many views the weights need, which measure serves best, and what pruning brings.
 #include "bench/accuracy/sections.h"
 
 namespace l4d::bench {
 namespace {
 
-Coding high() {
-  Coding c;
-  c.preset = "high";
-  return c;
-}
+Coding coded() { return preset("default"); }
 
 struct Selection {
   std::string name;
-  double agreement;  // above 1: never stops for it
   double max_share;
 };
 
 std::vector<Selection> shares() {
-  return {
-      {"1/108", 2, 1.0 / 108}, {"1/54", 2, 1.0 / 54}, {"1/27", 2, 1.0 / 27}, {"2/27", 2, 2.0 / 27},
-      {"4/27", 2, 4.0 / 27},   {"8/27", 2, 8.0 / 27}, {"all", 2, 1}};
+  return {{"1/108", 1.0 / 108}, {"1/54", 1.0 / 54}, {"1/27", 1.0 / 27}, {"4/27", 4.0 / 27}};
 }
 
-std::vector<Selection> agreements() {
-  return {{"0.8", 0.8, 1}, {"0.9", 0.9, 1}, {"0.95", kAgreement, 1}, {"0.98", 0.98, 1}};
-}
-
-// The views left out are asked nothing: that is a row of its own.
-Measured measure_only(const BenchScene& scene, const Selection& s) {
-  l4d_measure_options options = measure_options(s.agreement, s.max_share);
+// Views that are measured, none of the others being asked anything.
+Measured measure_share(const BenchScene& scene, double share) {
+  l4d_measure_options options = measure_options(L4D_SENSITIVITY_GAUSS_NEWTON, 2, share);
   options.skip_unseen = 1;
   return measure(scene, options);
 }
 
-Json measured_row(Bench& bench, const std::string& name, const Measured& m) {
+Json measured_row(Bench& bench, const std::string& name, const Measured& m,
+                  const io::Weights& most) {
   const BenchScene& scene = bench.real();
-  const io::Weights& all = bench.measured_all_views().weights;
-  Json row = coding_row(bench, scene, name, encode(scene.scene, m.weights, high()));
+  Json row = coding_row(bench, scene, name, encode(scene.scene, m.weights, coded()));
   const Json measured = {
       {"views_measured", m.report.views_measured},
       {"views_asked", m.report.views_asked},
       {"measure_s", m.seconds},
       {"unseen", m.report.unseen},
-      {"spearman_sh", rank_correlation(m.weights.sh, all.sh)},
-      {"spearman_scale", rank_correlation(m.weights.scale, all.scale)},
-      {"spearman_rotor_spatial", rank_correlation(m.weights.rotor_spatial, all.rotor_spatial)},
-      {"spearman_rotor_temporal", rank_correlation(m.weights.rotor_temporal, all.rotor_temporal)}};
+      {"spearman_sh", rank_correlation(m.weights.sh, most.sh)},
+      {"spearman_scale", rank_correlation(m.weights.scale, most.scale)},
+      {"spearman_rotor_spatial", rank_correlation(m.weights.rotor_spatial, most.rotor_spatial)},
+      {"spearman_rotor_temporal", rank_correlation(m.weights.rotor_temporal, most.rotor_temporal)}};
   row.update(measured);
   return row;
+}
+
+void add_measures(Bench& bench, Json& table) {
+  const BenchScene& scene = bench.real();
+  for (const char* name : {"default", "indexed"}) {
+    const Coding c = preset(name);
+    const auto add = [&](const char* measure, const io::Weights& weights) {
+      bench.add(table, coding_row(bench, scene, std::string(measure) + ", " + name,
+                                  encode(scene.scene, weights, c)));
+    };
+    add("no weights", {});
+    add("sum", bench.weights(scene, L4D_SENSITIVITY_SUM));
+    add("gauss-newton", bench.weights(scene));
+  }
 }
 
 }  // namespace
 
 Json run_sensitivity(Bench& bench) {
   const BenchScene& scene = bench.real();
-  Json tables = {{"views", Json::array()},
-                 {"agreement", Json::array()},
-                 {"measures", Json::array()},
-                 {"pruning", Json::array()}};
+  Json tables = {{"views", Json::array()}, {"measures", Json::array()}, {"pruning", Json::array()}};
+  std::vector<std::pair<std::string, Measured>> all;
   for (const Selection& s : bench.take(shares())) {
-    bench.add(tables["views"],
-              measured_row(bench, s.name,
-                           s.max_share < 1 ? measure_only(scene, s) : bench.measured_all_views()));
+    bench.note("measuring " + s.name + " of the views");
+    all.emplace_back(s.name, measure_share(scene, s.max_share));
   }
-  for (const Selection& s : bench.take(agreements())) {
-    bench.add(tables["agreement"], measured_row(bench, s.name, measure_only(scene, s)));
+  all.emplace_back("agreement of 0.95", bench.measured(scene, L4D_SENSITIVITY_GAUSS_NEWTON));
+  const Measured most = all[all.size() - 2].second;
+  for (const auto& [name, m] : all) {
+    bench.add(tables["views"], measured_row(bench, name, m, most.weights));
   }
-  bench.add(tables["agreement"],
-            measured_row(bench, "0.95, others asked what they show", bench.measured(scene)));
-  bench.add(tables["measures"],
-            coding_row(bench, scene, "no weights", encode(scene.scene, {}, high())));
-  bench.add(tables["measures"],
-            coding_row(bench, scene, "sum", encode(scene.scene, bench.weights(scene), high())));
-  l4d_measure_options squares = measure_options(kAgreement);
-  squares.sensitivity.measure = L4D_SENSITIVITY_GAUSS_NEWTON;
-  squares.skip_unseen = 1;
-  const Measured gauss_newton = measure(scene, squares);
-  bench.add(tables["measures"], coding_row(bench, scene, "gauss-newton",
-                                           encode(scene.scene, gauss_newton.weights, high())));
-  for (const double threshold : bench.take(std::vector<double>{-1, 0, 1e-8, 3e-8})) {
-    char name[32];
-    std::snprintf(name, sizeof name, threshold < 0 ? "never" : "%g", threshold);
-    const Encoded e =
-        encode(scene.scene, bench.weights(scene), high().with(L4D_ENC_PRUNE_WEIGHT, threshold));
-    Json row = coding_row(bench, scene, name, e);
+  add_measures(bench, tables["measures"]);
+  for (const double cost : bench.take(std::vector<double>{0, 0.05, 0.2, 0.5, 1})) {
+    const Encoded e = encode(bench, scene, coded().with(L4D_ENC_PRUNE_COST, cost));
+    Json row = coding_row(bench, scene, "default", e);
+    row["prune_cost"] = cost;
     row["pruned"] = e.report.pruned;
     bench.add(tables["pruning"], row);
   }

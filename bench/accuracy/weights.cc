@@ -49,10 +49,11 @@ uint64_t identity(const BenchScene& s, const l4d_measure_options& options) {
 }
 
 std::vector<std::vector<float>*> columns(io::Weights& w) {
-  return {&w.alpha_t, &w.sh, &w.scale, &w.rotor_spatial, &w.rotor_temporal};
+  return {&w.alpha_t,        &w.sh,       &w.scale,   &w.rotor_spatial,
+          &w.rotor_temporal, &w.position, &w.opacity, &w.mean_t};
 }
 
-bool load(const std::string& path, uint64_t id, size_t count, Measured* m) {
+bool load(const std::string& path, uint64_t id, size_t count, bool gauss_newton, Measured* m) {
   std::ifstream in(path, std::ios::binary);
   uint64_t head[2] = {0, 0};
   const auto get = [&](void* to, size_t n) { in.read(static_cast<char*>(to), std::streamsize(n)); };
@@ -65,6 +66,7 @@ bool load(const std::string& path, uint64_t id, size_t count, Measured* m) {
     get(column->data(), count * sizeof(float));
   }
   m->weights.count = count;
+  m->weights.gauss_newton = gauss_newton;
   return static_cast<bool>(in);
 }
 
@@ -102,9 +104,10 @@ std::vector<double> ranks(const std::vector<float>& values) {
 
 }  // namespace
 
-l4d_measure_options measure_options(double agreement, double max_share) {
+l4d_measure_options measure_options(uint32_t measure, double agreement, double max_share) {
   l4d_measure_options options;
   l4d_measure_options_init(&options);
+  options.sensitivity.measure = measure;
   options.agreement = agreement;
   options.max_share = max_share;
   return options;
@@ -131,6 +134,10 @@ Measured measure(const BenchScene& s, const l4d_measure_options& options) {
   m.weights.scale = sensitivity.weights(L4D_WEIGHT_SCALE);
   m.weights.rotor_spatial = sensitivity.weights(L4D_WEIGHT_ROTOR_SPATIAL);
   m.weights.rotor_temporal = sensitivity.weights(L4D_WEIGHT_ROTOR_TEMPORAL);
+  m.weights.position = sensitivity.weights(L4D_WEIGHT_POSITION);
+  m.weights.opacity = sensitivity.weights(L4D_WEIGHT_OPACITY);
+  m.weights.mean_t = sensitivity.weights(L4D_WEIGHT_MEAN_T);
+  m.weights.gauss_newton = options.sensitivity.measure == L4D_SENSITIVITY_GAUSS_NEWTON;
   m.seconds = seconds_now() - started;
   return m;
 }
@@ -139,7 +146,8 @@ Measured measure_cached(const BenchScene& s, const l4d_measure_options& options,
                         const std::string& path) {
   const uint64_t id = identity(s, options);
   Measured m;
-  if (load(path, id, s.scene.count(), &m)) return m;
+  const bool gauss_newton = options.sensitivity.measure == L4D_SENSITIVITY_GAUSS_NEWTON;
+  if (load(path, id, s.scene.count(), gauss_newton, &m)) return m;
   m = measure(s, options);
   store(path, id, m);
   return m;

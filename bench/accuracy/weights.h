@@ -14,7 +14,8 @@ struct Measured {
   double seconds = 0;
 };
 
-l4d_measure_options measure_options(double agreement, double max_share = 1);
+// measure: L4D_SENSITIVITY_*.
+l4d_measure_options measure_options(uint32_t measure, double agreement, double max_share = 1);
 
 // All training cameras at all instants.
 Measured measure(const BenchScene& scene, const l4d_measure_options& options);
