@@ -106,10 +106,10 @@ Judgement judge(const DecoderHandle& decoder, const Claim& claim) {
   l4d_conformance_init(&c);
   // Once for what the stream keeps to, then for the channel of the level in question.
   decoder.check(l4d_decoder_get_conformance(decoder.get(), &c));
-  const uint32_t level = claim.level != 0                                       ? claim.level
+  const uint32_t level = claim.level != 0                                  ? claim.level
                          : info.level != 0 && info.level <= L4D_NUM_LEVELS ? info.level
-                         : c.level != 0                                         ? c.level
-                                                                                : L4D_NUM_LEVELS;
+                         : c.level != 0                                    ? c.level
+                                                                           : L4D_NUM_LEVELS;
   const l4d_level_limits limits = limits_of(level, c.profile);
   c.bytes_per_second = limits.bytes_per_second;
   c.burst_bytes = limits.burst_bytes;
@@ -128,8 +128,9 @@ Judgement judge(const DecoderHandle& decoder, const Claim& claim) {
     out.json["quantities"].push_back(q);
     const std::string when =
         times.contains("time") ? "  at " + format_number(times["time"]) + " s" : "";
-    out.text += format("  %-18s %16s of %16s%s%s\n", name, format_count(value).c_str(),
-                       format_count(limit).c_str(), when.c_str(), value <= limit ? "" : "  too many");
+    out.text +=
+        format("  %-18s %16s of %16s%s%s\n", name, format_count(value).c_str(),
+               format_count(limit).c_str(), when.c_str(), value <= limit ? "" : "  too many");
   };
   const auto name_or_null = [](uint32_t profile) {
     return profile == 0 ? Json() : Json(profile_text(profile));
@@ -157,7 +158,8 @@ Judgement judge(const DecoderHandle& decoder, const Claim& claim) {
   quantity("instant_gaussians", c.instant_gaussians, limits.instant_gaussians,
            {{"time", c.instant_gaussians_time}});
   quantity("table_bytes", c.table_bytes, limits.table_bytes, Json::object());
-  quantity("instant_bytes", c.instant_bytes, limits.instant_bytes, {{"time", c.instant_bytes_time}});
+  quantity("instant_bytes", c.instant_bytes, limits.instant_bytes,
+           {{"time", c.instant_bytes_time}});
   quantity("start_bytes", c.start_bytes, limits.start_bytes, Json::object());
   quantity("burst_bytes", c.least_burst_bytes, limits.burst_bytes,
            {{"time", c.window_begin},
@@ -242,12 +244,14 @@ void add_validate(Registry& registry) {
   verb->add_option("--profile", arguments->profile,
                    "Also hold the stream against this profile: indexed, main, lossless")
       ->type_name("NAME");
-  verb->add_option("--level", arguments->level,
-                   "Also hold the stream against this conformance level, by number or name: 1 phone,\n"
-                   "2 headset, 3 laptop, 4 desktop, 5 workstation, 6 studio")
+  verb->add_option(
+          "--level", arguments->level,
+          "Also hold the stream against this conformance level, by number or name: 1 phone,\n"
+          "2 headset, 3 laptop, 4 desktop, 5 workstation, 6 studio")
       ->type_name("N");
   verb->footer(
-      "Exit code: 0 valid and of the profile and level asked for, 1 not so, 3 or 4 unreadable, 5 of a\n"
+      "Exit code: 0 valid and of the profile and level asked for, 1 not so, 3 or 4 unreadable, 5 "
+      "of a\n"
       "version or with a tool that this build does not know. What it prints names the clause of\n"
       "spec/l4d.md.");
 }

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "decoder/conformance.h"
 #include "libl4dcodec/base/threads.h"
 
 namespace l4d {
@@ -252,6 +253,38 @@ Status Decoder::sections(uint64_t* sections, uint64_t* layer_bytes) {
   std::copy(bytes.begin(), bytes.end(), sections);
   if (layer_bytes != nullptr) std::copy(layers.begin(), layers.end(), layer_bytes);
   return {};
+}
+
+Status Decoder::conformance(l4d_conformance* out) {
+  file_->trim();
+  StreamConformance stream(*file_);
+  L4D_RETURN_IF_ERROR(measure_conformance(*file_, &stream));
+  const ConformanceMeter& meter = stream.meter;
+  const auto peak = [&](const Peak& from, uint64_t* value, double* time) {
+    *value = from.value;
+    *time = meter.seconds(from.phase);
+  };
+  peak(meter.gaussians(), &out->instant_gaussians, &out->instant_gaussians_time);
+  peak(meter.instant_bytes(), &out->instant_bytes, &out->instant_bytes_time);
+  peak(meter.memory_bytes(), &out->memory_bytes, &out->memory_time);
+  out->profile = static_cast<uint32_t>(profile_of(file_->header()));
+  out->level = meter.smallest_level();
+  out->table_bytes = meter.table_bytes();
+  out->start_bytes = meter.start_bytes();
+  const Burst burst = meter.least_burst(out->bytes_per_second);
+  out->least_burst_bytes = burst.bytes;
+  out->window_begin = meter.seconds(burst.first);
+  out->window_end = meter.seconds(burst.last);
+  out->least_bytes_per_second = meter.least_rate(out->burst_bytes);
+  return {};
+}
+
+Status Decoder::check_conformance(uint32_t profile, uint32_t level, const ViolationFn& report) {
+  if (profile_name(profile) == nullptr || level > kNumConformanceLevels) {
+    return invalid_argument("unknown profile or level");
+  }
+  file_->trim();
+  return l4d::check_conformance(*file_, profile, level, report);
 }
 
 void Decoder::counters(l4d_counters* out) const {

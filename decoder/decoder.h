@@ -2,6 +2,7 @@
 // What an l4d_decoder handle is: an open stream, the loops of a backend, and the bucket cache.
 #pragma once
 
+#include <functional>
 #include <map>
 #include <memory>
 #include <vector>
@@ -32,6 +33,8 @@ struct PreparedBucket {
   }
 };
 
+using ViolationFn = std::function<void(const Status&)>;
+
 class Decoder {
  public:
   explicit Decoder(const l4d_decoder_options& options);
@@ -50,6 +53,9 @@ class Decoder {
   Status codebook(uint32_t layer, uint32_t component, uint32_t stage, uint32_t block,
                   l4d_codebook* out);
   Status sections(uint64_t* sections, uint64_t* layer_bytes);
+  // In and out: the channel of *out is given.
+  Status conformance(l4d_conformance* out);
+  Status check_conformance(uint32_t profile, uint32_t level, const ViolationFn& report);
   void counters(l4d_counters* out) const;
   const std::vector<l4d_loss>& losses() const { return losses_.query(); }
   void set_progress(l4d_progress_fn fn, void* user) {
@@ -96,7 +102,6 @@ class Decoder {
 };
 
 // Every check of the specification that a stream can fail; calls `report` for each.
-using ViolationFn = std::function<void(const Status&)>;
 Status validate_stream(ByteSource source, const l4d_decoder_options& options,
                        const ViolationFn& report);
 

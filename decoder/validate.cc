@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "decoder/conformance.h"
 #include "decoder/decoder.h"
 #include "libl4dcodec/base/half.h"
 #include "libl4dcodec/math/layers.h"
@@ -31,7 +32,7 @@ class Validator {
       L4D_RETURN_IF_ERROR(check_layer(l));
     }
     check_overlaps();
-    return {};
+    return check_declared();
   }
 
  private:
@@ -51,20 +52,16 @@ class Validator {
     return Status(L4D_ERR_CANCELLED, "cancelled by the progress callback");
   }
 
+  static bool is_of_host(const Status& status) {
+    return status.code() == L4D_ERR_IO || status.code() == L4D_ERR_OUT_OF_MEMORY ||
+           status.code() == L4D_ERR_LIMIT_EXCEEDED || status.code() == L4D_ERR_CANCELLED;
+  }
+
   // Errors of the stream are reported and passed over; those of the host end the check.
   Status note(Status status) {
-    switch (status.code()) {
-      case L4D_OK:
-        return {};
-      case L4D_ERR_IO:
-      case L4D_ERR_OUT_OF_MEMORY:
-      case L4D_ERR_LIMIT_EXCEEDED:
-      case L4D_ERR_CANCELLED:
-        return status;
-      default:
-        report_(status);
-        return {};
-    }
+    if (status.ok() || is_of_host(status)) return status;
+    report_(status);
+    return {};
   }
 
   void take(const ChunkRef& chunk, const char* what) {
@@ -259,6 +256,14 @@ class Validator {
                         std::string(taken_[i].what) + " overlaps " + taken_[i - 1].what));
       }
     }
+  }
+
+  // Last, for a directory that cannot be read is reported by then.
+  Status check_declared() {
+    const SceneHeader& header = file_.header();
+    const Status status =
+        check_conformance(file_, header.profile, header.conformance_level, report_);
+    return is_of_host(status) ? status : Status();
   }
 
   SceneFile& file_;

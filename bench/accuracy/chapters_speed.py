@@ -27,8 +27,8 @@ def effort(tables, folder):
             "nothing to try. More bytes are charged with the fidelity that they would bring in a "
             "residual stage for half of the Gaussians: the slope between one stage and 100/50 %, "
             f"both with 4096 codewords, is {slopes}. That makes one figure, *fidelity at equal "
-            "bytes*, relative to 10 iterations, 24 points a codeword and zstd 15, as the mean over the "
-            f"scenes ({', '.join(scenes)}); times are geometric means of ratios of CPU seconds, "
+            "bytes*, relative to 10 iterations, 24 points a codeword and zstd 15, as the mean over "
+            f"the scenes ({', '.join(scenes)}); times are geometric means of ratios of CPU seconds, "
             "which other work on the machine disturbs little.\n",
             table([("effort", "effort", "d")] + settings + scores + per_scene, rows),
             plots.effort_plot(tables, folder),
@@ -96,7 +96,8 @@ def effects(tables, folder):
             f"bytes on mean times and {first['rotor_temporal_bytes']:.2f} on temporal rotors. In "
             f"all it takes {first['bytes_per_gaussian']:.1f} bytes, "
             f"{first['decode_ns_per_gaussian']:.1f} ns to decode and "
-            f"{first['encode_cpu_s']:.1f} s to encode, \"{last['name']}\" {last['bytes_per_gaussian']:.1f} bytes, "
+            f"{first['encode_cpu_s']:.1f} s to encode, \"{last['name']}\" "
+            f"{last['bytes_per_gaussian']:.1f} bytes, "
             f"{last['decode_ns_per_gaussian']:.1f} ns and {last['encode_cpu_s']:.1f} s.\n"]
 
 

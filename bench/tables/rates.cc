@@ -99,13 +99,16 @@ int main() {
   const WeightedScene scene = load_basketball();
   const std::vector<float> sh = sh_weights(scene);
   const Scheme schemes[] = {
-      {"plain, K=4096 (preset small)", 4096, {1}, {1}, false},
+      {"plain, K=4096 (preset indexed-small)", 4096, {1}, {1}, false},
       {"2 stages for all, K=1024", 1024, {1, 1}, {1, 1}, false},
       {"100/50 %, K=4096", 4096, {1, .5f}, {1, .5f}, false},
       {"100/50/25 %, K=4096", 4096, {1, .5f, .25f}, {1, .5f, .25f}, false},
       {"100/50/25/10 %, K=1024", 1024, {1, .5f, .25f, .1f}, {1, .5f, .25f, .1f}, false},
       {"100/60/40/20/10 %, K=256", 256, {1, .6f, .4f, .2f, .1f}, {1, .6f, .4f, .2f, .1f}, false},
-      {"SH 100/60/40/20/10 %, geometry 100/50 %, K=1024 (preset default)", 1024, {1, .6f, .4f, .2f, .1f}, {1, .5f},
+      {"SH 100/60/40/20/10 %, geometry 100/50 %, K=1024 (preset indexed)",
+       1024,
+       {1, .6f, .4f, .2f, .1f},
+       {1, .5f},
        false},
       {"3 stages for all, K=1024", 1024, {1, 1, 1}, {1, 1, 1}, false},
       {"paper Small thresholds, literals", 4096, {1}, {1}, true},
@@ -114,7 +117,7 @@ int main() {
             " opacity H0 | factor H0 | encode s |");
   std::puts("|---|---|---|---|---|---|---|---|---|");
   for (const Scheme& s : schemes) {
-    EncoderHandle e = make_encoder(scene, sh, "default");
+    EncoderHandle e = make_encoder(scene, sh, "indexed");
     e.check(l4d_encoder_set(e.get(), L4D_ENC_CODEBOOK_SIZE, L4D_ALL_COMPONENTS, s.codebook));
     for (int c = 0; c < L4D_COMPONENT_COUNT; ++c) {
       const std::vector<float>& f = c == L4D_COMPONENT_SH ? s.sh : s.geometry;

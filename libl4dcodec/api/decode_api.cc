@@ -2,6 +2,7 @@
 #include "decoder/decoder.h"
 #include "l4d/decode.h"
 #include "libl4dcodec/base/c_api.h"
+#include "libl4dcodec/container/levels.h"
 
 using l4d::Status;
 using l4d::api::guard;
@@ -34,6 +35,21 @@ l4d_status with_stream(l4d_decoder* decoder, bool arguments_ok, const Body& body
     if (!decoder->impl.is_open()) return Status(L4D_ERR_INVALID_STATE, "no stream is open");
     return body(decoder->impl);
   }));
+}
+
+// Counts violations and hands them on.
+l4d::ViolationFn reporter(l4d_violation_fn fn, void* user, uint64_t* count) {
+  return [=](const Status& s) {
+    ++*count;
+    if (fn == nullptr) return;
+    l4d_violation v{};
+    v.struct_size = sizeof v;
+    v.status = s.code();
+    v.clause = s.clause();
+    v.offset = s.offset();
+    v.message = s.message().c_str();
+    fn(user, &v);
+  };
 }
 
 uint32_t layer_tools(const l4d::SceneHeader& header, const l4d::LayerHeader& layer) {
@@ -81,6 +97,12 @@ void l4d_packed_buffers_init_(l4d_packed_buffers* b, size_t struct_size) {
 void l4d_codebook_init_(l4d_codebook* c, size_t struct_size) { init_struct(c, struct_size, {}); }
 void l4d_dequantization_init_(l4d_dequantization* d, size_t struct_size) {
   init_struct(d, struct_size, {});
+}
+void l4d_level_limits_init_(l4d_level_limits* limits, size_t struct_size) {
+  init_struct(limits, struct_size, {});
+}
+void l4d_conformance_init_(l4d_conformance* c, size_t struct_size) {
+  init_struct(c, struct_size, {});
 }
 void l4d_splat_buffers_init_(l4d_splat_buffers* b, size_t struct_size) {
   init_struct(b, struct_size, {});
@@ -155,6 +177,8 @@ l4d_status l4d_decoder_get_info(const l4d_decoder* decoder, l4d_info* info) {
   i.timeline = header.timeline;
   i.duration = l4d::sequence_duration(header.timeline);
   i.placement = header.placement;
+  i.profile = header.profile;
+  i.level = header.conformance_level;
   write_struct(i, info);
   return L4D_OK;
 }
@@ -250,6 +274,46 @@ l4d_status l4d_decoder_get_dequantization(l4d_decoder* decoder, uint32_t layer,
   });
 }
 
+const char* l4d_profile_name(uint32_t profile) { return l4d::profile_name(profile); }
+
+l4d_status l4d_get_level_limits(uint32_t level, uint32_t profile, l4d_level_limits* limits) {
+  if (limits == nullptr || level < 1 || level > L4D_NUM_LEVELS ||
+      l4d::profile_name(profile) == nullptr) {
+    return L4D_ERR_INVALID_ARGUMENT;
+  }
+  static_assert(L4D_NUM_LEVELS == l4d::kNumConformanceLevels);
+  const l4d::LevelLimits from = l4d::level_limits(level, profile == L4D_PROFILE_LOSSLESS);
+  l4d_level_limits l{};
+  l.name = from.name;
+  l.instant_gaussians = from.gaussians;
+  l.table_bytes = from.table_bytes;
+  l.instant_bytes = from.instant_bytes;
+  l.start_bytes = from.start_bytes;
+  l.bytes_per_second = from.bytes_per_second;
+  l.burst_bytes = from.burst_bytes;
+  l.memory_bytes = from.memory_bytes;
+  write_struct(l, limits);
+  return L4D_OK;
+}
+
+l4d_status l4d_decoder_get_conformance(l4d_decoder* decoder, l4d_conformance* conformance) {
+  return with_stream(decoder, conformance != nullptr, [&](l4d::Decoder& d) -> Status {
+    l4d_conformance c = read_struct(*conformance, l4d_conformance{});
+    L4D_RETURN_IF_ERROR(d.conformance(&c));
+    write_struct(c, conformance);
+    return {};
+  });
+}
+
+l4d_status l4d_decoder_check_conformance(l4d_decoder* decoder, uint32_t profile, uint32_t level,
+                                         l4d_violation_fn fn, void* user,
+                                         uint64_t* num_violations) {
+  return with_stream(decoder, num_violations != nullptr, [&](l4d::Decoder& d) {
+    *num_violations = 0;
+    return d.check_conformance(profile, level, reporter(fn, user, num_violations));
+  });
+}
+
 l4d_status l4d_decoder_slice(l4d_decoder* decoder, double time, l4d_splat_buffers* out) {
   return with_stream(decoder, out != nullptr, [&](l4d::Decoder& d) -> Status {
     l4d_splat_buffers buffers = read_struct(*out, l4d_splat_buffers{});
@@ -295,17 +359,7 @@ l4d_status l4d_validate(const l4d_reader* reader, const l4d_decoder_options* opt
   const Status status = guard([&]() -> Status {
     l4d::ByteSource source;
     L4D_RETURN_IF_ERROR(l4d::ByteSource::from_reader(*reader, &source));
-    return l4d::validate_stream(std::move(source), resolved, [&](const Status& s) {
-      ++count;
-      if (fn == nullptr) return;
-      l4d_violation v{};
-      v.struct_size = sizeof v;
-      v.status = s.code();
-      v.clause = s.clause();
-      v.offset = s.offset();
-      v.message = s.message().c_str();
-      fn(user, &v);
-    });
+    return l4d::validate_stream(std::move(source), resolved, reporter(fn, user, &count));
   });
   *num_violations = count;
   return status.code();

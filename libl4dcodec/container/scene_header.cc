@@ -67,6 +67,8 @@ class HeaderParser {
     if (out_.sh.has_rcq) return bad("RCQ-2", "RCQ on the global SH component");
     L4D_RETURN_IF_ERROR(parse_layers(*h.layers()));
     out_.payload_offset = h.payload_offset();
+    out_.profile = h.profile();
+    out_.conformance_level = h.conformance_level();
     if (h.extensions() != nullptr) {
       for (const fbs::Extension* e : *h.extensions()) {
         if (e->critical()) {
@@ -357,7 +359,8 @@ Bytes serialize_scene_header(const SceneHeader& h) {
                static_cast<uint8_t>(h.placement.color_space), h.position_at_mean_time,
                h.opacity_logit, static_cast<uint8_t>(h.position), &center, h.position_scale, opacity,
                static_cast<uint8_t>(h.sh_degree), sh, layer_vector, h.payload_offset, metadata, 0,
-               static_cast<uint8_t>(h.position_bits)),
+               static_cast<uint8_t>(h.position_bits), static_cast<uint8_t>(h.profile),
+               static_cast<uint8_t>(h.conformance_level)),
            kIdentifier);
   return Bytes(b.GetBufferPointer(), b.GetBufferPointer() + b.GetSize());
 }

@@ -118,6 +118,8 @@ struct SceneHeader {
   // Directory pages count offsets from here, so their bytes do not depend on what lies before them.
   uint64_t payload_offset = 0;
   std::vector<std::pair<std::string, std::string>> metadata;
+  unsigned profile = 0;            // declared; 0 = none
+  unsigned conformance_level = 0;  // declared; 0 = none
 
   unsigned sh_dim() const { return 3 * (sh_degree + 1) * (sh_degree + 1); }
   // Scene units of a unit of page bounds (spec: section 12): fixed coordinates go beyond binary16.

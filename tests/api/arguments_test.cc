@@ -27,6 +27,8 @@ struct Targets {
   l4d_dequantization dequantization;
   l4d_splat_buffers splats;
   l4d_counters counters;
+  l4d_conformance conformance;
+  uint64_t violations = 0;
   l4d_info info;
   l4d_layer_info layer;
   uint64_t sections[L4D_SECTION_COUNT];
@@ -38,6 +40,7 @@ struct Targets {
     l4d_dequantization_init(&dequantization);
     l4d_splat_buffers_init(&splats);
     l4d_counters_init(&counters);
+    l4d_conformance_init(&conformance);
     l4d_info_init(&info);
     l4d_layer_info_init(&layer);
   }
@@ -55,6 +58,9 @@ std::vector<std::pair<const char*, l4d_status>> stream_calls(l4d_decoder* d) {
           {"codebook", l4d_decoder_get_codebook(d, 0, 0, 0, L4D_NO_BLOCK, &t.book)},
           {"dequantization", l4d_decoder_get_dequantization(d, 0, &t.dequantization)},
           {"slice", l4d_decoder_slice(d, 0, &t.splats)},
+          {"conformance", l4d_decoder_get_conformance(d, &t.conformance)},
+          {"check_conformance",
+           l4d_decoder_check_conformance(d, 0, 1, nullptr, nullptr, &t.violations)},
           {"counters", l4d_decoder_get_counters(d, &t.counters)}};
 }
 
@@ -106,6 +112,8 @@ TEST(Arguments, NullPointers) {
   EXPECT_EQ(l4d_decoder_get_info(d, nullptr), kInvalid);
   EXPECT_EQ(l4d_decoder_get_layer_info(d, 0, nullptr), kInvalid);
   EXPECT_EQ(l4d_decoder_get_sections(d, nullptr, nullptr), kInvalid);
+  EXPECT_EQ(l4d_decoder_get_conformance(d, nullptr), kInvalid);
+  EXPECT_EQ(l4d_decoder_check_conformance(d, 0, 0, nullptr, nullptr, nullptr), kInvalid);
   EXPECT_EQ(l4d_decoder_select(d, nullptr, &t.selection), kInvalid);
   EXPECT_EQ(l4d_decoder_select(d, &t.query, nullptr), kInvalid);
   EXPECT_EQ(l4d_decoder_decode(d, nullptr, &t.gaussians), kInvalid);

@@ -91,7 +91,7 @@ TEST(Planes, OrderAndContexts) {
                  {PlaneKind::kCoefficient, spatial, 1, 80},
                  {PlaneKind::kCoefficient, spatial, 2, 80},
                  {PlaneKind::kClass, temporal, 0, 16},
-                 {PlaneKind::kLevel, temporal, 0, 16},
+                 {PlaneKind::kRung, temporal, 0, 16},
                  {PlaneKind::kCoefficient, temporal, 0, 16},
                  {PlaneKind::kCoefficient, temporal, 1, 80},
                  {PlaneKind::kCoefficient, temporal, 2, 80},

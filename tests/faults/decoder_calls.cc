@@ -18,7 +18,7 @@ void wipe(Vectors&... vectors) {
 
 const char* name_of(Call call) {
   constexpr const char* kNames[] = {"open",   "select",   "decode",      "slice",
-                                    "packed", "sections", "get_codebook"};
+                                    "packed", "sections", "get_codebook", "conformance"};
   return kNames[static_cast<size_t>(call)];
 }
 
@@ -119,6 +119,9 @@ l4d_status DecoderCalls::make(Call call, l4d_decoder* decoder, const l4d_reader&
         }
       }
       return L4D_OK;
+    case Call::kConformance:
+      l4d_conformance_init(&got_.conformance);
+      return l4d_decoder_get_conformance(decoder, &got_.conformance);
   }
   return L4D_ERR_INTERNAL;
 }
@@ -143,6 +146,10 @@ bool DecoderCalls::right(Call call) const {
       return got_.sections == want_.sections;
     case Call::kBooks:
       return same_bits("codebooks", want_.book, got_.book);
+    case Call::kConformance:
+      return got_.conformance.instant_bytes == want_.conformance.instant_bytes &&
+             got_.conformance.memory_bytes == want_.conformance.memory_bytes &&
+             got_.conformance.start_bytes == want_.conformance.start_bytes;
   }
   return false;
 }

@@ -11,9 +11,10 @@
 
 namespace l4d::test {
 
-enum class Call { kOpen, kSelect, kDecode, kSlice, kPacked, kSections, kBooks };
-constexpr std::array<Call, 7> kCalls = {Call::kOpen,   Call::kSelect,   Call::kDecode, Call::kSlice,
-                                        Call::kPacked, Call::kSections, Call::kBooks};
+enum class Call { kOpen, kSelect, kDecode, kSlice, kPacked, kSections, kBooks, kConformance };
+constexpr std::array<Call, 8> kCalls = {Call::kOpen,   Call::kSelect,   Call::kDecode, Call::kSlice,
+                                        Call::kPacked, Call::kSections, Call::kBooks,
+                                        Call::kConformance};
 const char* name_of(Call call);
 
 class DecoderCalls {
@@ -40,6 +41,7 @@ class DecoderCalls {
     uint64_t packed_count = 0;
     std::array<uint64_t, L4D_SECTION_COUNT> sections{};
     std::vector<float> book;
+    l4d_conformance conformance{};
   };
 
   const Bytes& file_;

@@ -149,7 +149,12 @@ l4d_status Session::step(l4d_decoder* decoder, Step step, uint32_t choice) {
     }
     case Step::kSections: {
       uint64_t sections[L4D_SECTION_COUNT];
-      return l4d_decoder_get_sections(decoder, sections, nullptr);
+      const l4d_status status = l4d_decoder_get_sections(decoder, sections, nullptr);
+      l4d_conformance conformance;
+      l4d_conformance_init(&conformance);
+      conformance.bytes_per_second = choice;
+      const l4d_status measured = l4d_decoder_get_conformance(decoder, &conformance);
+      return status != L4D_OK ? status : measured;
     }
     case Step::kCodebook: {
       l4d_codebook book;

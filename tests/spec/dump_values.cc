@@ -4,6 +4,7 @@
 //   dump_values reference|cpu FILE...     every value as bits of its binary32
 //   dump_values SECONDS FILE...           the values of what a query for that time selects
 //   dump_values validate FILE...          the clause of each violation
+//   dump_values conformance FILE...       what playing it asks for, and a rate of 1000 bytes/s leaves
 // Per file one line "file NAME", then the values or clauses, or "error STATUS CLAUSE".
 #include <cinttypes>
 #include <cstdio>
@@ -70,6 +71,28 @@ l4d_status dump(l4d_decoder* decoder, const Bytes& file, const l4d_query& query)
   return L4D_OK;
 }
 
+l4d_status measure(l4d_decoder* decoder, const Bytes& file) {
+  l4d_status status = l4d_decoder_open_memory(decoder, file.data(), file.size());
+  if (status != L4D_OK) return status;
+  l4d_conformance c;
+  l4d_conformance_init(&c);
+  c.bytes_per_second = 1000;
+  status = l4d_decoder_get_conformance(decoder, &c);
+  if (status != L4D_OK) return status;
+  const auto print = [](const char* name, uint64_t value) {
+    std::printf("%s %" PRIu64 "\n", name, value);
+  };
+  print("profile", c.profile);
+  print("level", c.level);
+  print("gaussians", c.instant_gaussians);
+  print("table_bytes", c.table_bytes);
+  print("instant_bytes", c.instant_bytes);
+  print("start_bytes", c.start_bytes);
+  print("memory_bytes", c.memory_bytes);
+  print("burst_bytes", c.least_burst_bytes);
+  return L4D_OK;
+}
+
 void validate(const Bytes& file) {
   l4d_reader reader{};
   reader.struct_size = sizeof reader;
@@ -98,7 +121,7 @@ int main(int argc, char** argv) {
   options.backend = mode == "reference" ? L4D_BACKEND_REFERENCE : L4D_BACKEND_CPU;
   l4d_query query;
   l4d_query_init(&query);
-  if (mode != "reference" && mode != "cpu" && mode != "validate") {
+  if (mode != "reference" && mode != "cpu" && mode != "validate" && mode != "conformance") {
     query.kind = L4D_QUERY_TIME;
     query.time_begin = std::stod(mode);
   }
@@ -112,7 +135,8 @@ int main(int argc, char** argv) {
       validate(file);
       continue;
     }
-    const l4d_status status = dump(decoder, file, query);
+    const l4d_status status =
+        mode == "conformance" ? measure(decoder, file) : dump(decoder, file, query);
     if (status != L4D_OK) print_error(status, l4d_decoder_error_detail(decoder));
   }
   l4d_decoder_destroy(decoder);

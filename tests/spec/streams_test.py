@@ -21,10 +21,12 @@ from pathlib import Path
 sys.dont_write_bytecode = True
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
+import broken_levels            # noqa: E402
 import broken_rans              # noqa: E402
 import random_stream            # noqa: E402
 import stream_builder as sb     # noqa: E402
 import decode_tiny              # noqa: E402
+import levels                   # noqa: E402
 import make_tiny                # noqa: E402
 from broken_streams import FIRST, broken, edited, scene     # noqa: E402
 from xxh3 import xxh3_64        # noqa: E402
@@ -192,6 +194,54 @@ class BrokenStreams(unittest.TestCase):
         for name, lines in library("cpu", files).items():
             self.assertEqual(len(lines), 1, name)
             self.assertEqual(lines[0].split()[1], "L4D_ERR_" + want[name], name)
+
+
+class Levels(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.valid = dict(broken_levels.valid())
+
+    def decoder(self, data):
+        return decode_tiny.Decoder(decode_tiny.File(data))
+
+    # spec: LEVL-1, LEVL-2, LEVL-3, LEVL-4, LEVL-5, LEVL-6, LEVL-7, LEVL-8
+    def test_each_broken_rule_is_named_and_no_other(self):
+        files = dict(broken_levels.broken())
+        for name, lines in library("validate", files).items():
+            with self.subTest(name), self.assertRaises(decode_tiny.Invalid) as caught:
+                levels.check(self.decoder(files[name]))
+            with self.subTest(name):
+                self.assertEqual(caught.exception.clause, name.split()[0])
+                self.assertEqual(lines, ["violation " + name.split()[0]])
+
+    def test_streams_of_their_level(self):
+        for name, lines in library("validate", self.valid).items():
+            self.assertEqual(lines, [], name)
+            levels.check(self.decoder(self.valid[name]))
+
+    def test_both_readers_measure_the_same(self):
+        files = {seed: random_stream.RandomScene(seed).build()
+                 for seed in range(0, NUM_RANDOM_STREAMS, 3)}
+        files.update(self.valid)
+        bursts = 0
+        for name, lines in library("conformance", files).items():
+            decoder = self.decoder(files[name])
+            want, got = levels.demand(decoder), {k: int(v) for k, v in map(str.split, lines)}
+            h = decoder.header
+            profiles = [p for p in (1, 2, 3) if levels.keeps_profile(h, p)]
+            self.assertEqual(got["profile"], min(profiles, default=0), name)
+            for key in ("gaussians", "table_bytes", "instant_bytes", "start_bytes", "memory_bytes"):
+                self.assertEqual(got[key], getattr(want, key), f"{name} {key}")
+            self.assertLessEqual(abs(got["burst_bytes"] - want.burst(1000)), 1, name)
+            bursts += got["burst_bytes"] > 0
+            for level in range(1, got["level"] + 1):
+                fits = True
+                try:
+                    want.check_level(level)
+                except decode_tiny.Invalid:
+                    fits = False
+                self.assertEqual(fits, level == got["level"], f"{name} level {level}")
+        self.assertGreater(bursts, NUM_RANDOM_STREAMS // 12)
 
 
 class Queries(unittest.TestCase):

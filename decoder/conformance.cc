@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "decoder/conformance.h"
+
+#include <algorithm>
+
+namespace l4d {
+
+Status measure_conformance(SceneFile& file, StreamConformance* out) {
+  const auto& layers = file.header().layers;
+  std::vector<const DirectoryPage*> pages;
+  uint64_t gaussians = 0;
+  for (uint32_t l = 0; l < layers.size(); ++l) {
+    if (layers[l].num_gaussians == 0) continue;
+    const uint32_t end = num_directory_pages(layers[l]);
+    // As many at a time as one read of the page table is worth.
+    constexpr uint32_t kWindow = 64;
+    for (uint32_t begin = 0; begin < end; begin += kWindow) {
+      const uint32_t last = std::min(begin + kWindow, end) - 1;
+      L4D_RETURN_IF_ERROR(file.directory_pages(l, begin, last, &pages));
+      uint64_t bytes = pages.size() * ConformanceMeter::kBytesPerDirectoryPage;
+      for (const DirectoryPage* page : pages) {
+        if (page == nullptr) continue;
+        bytes += (page->pages.size() + page->blocks.size()) * ConformanceMeter::kBytesPerPage;
+        for (const PageRecord& record : page->pages) gaussians += record.num_gaussians;
+      }
+      // A vector that grows holds the old elements, the new ones and room for as many again.
+      L4D_RETURN_IF_ERROR(out->memory.take(3 * bytes, "the times at which pages are needed"));
+      for (uint32_t d = begin; d <= last; ++d) {
+        out->meter.add_directory_page(l, d, file.directory_bytes(l, d), pages[d - begin]);
+      }
+      file.trim();
+    }
+  }
+  if (gaussians > file.header().num_gaussians) {
+    return corrupt("DIR-5", file.file_header().header_offset,
+                   "the directory holds more Gaussians than the scene header says");
+  }
+  out->meter.finish(FileHeader::kBytes + uint64_t{file.file_header().header_bytes});
+  return {};
+}
+
+Status check_conformance(SceneFile& file, uint32_t profile, uint32_t level,
+                         const std::function<void(const Status&)>& report) {
+  const uint64_t at = file.file_header().header_offset;
+  if (profile_name(profile) == nullptr) {
+    report(Status(L4D_ERR_FEATURE_UNSUPPORTED, "LEVL-1", at, "profile " + std::to_string(profile)));
+  } else {
+    const std::string breach = profile_breach(file.header(), static_cast<ProfileId>(profile));
+    if (!breach.empty()) {
+      report(
+          corrupt("LEVL-2", at, std::string("profile ") + profile_name(profile) + ": " + breach));
+    }
+  }
+  if (level == 0) return {};
+  if (level > kNumConformanceLevels) {
+    report(Status(L4D_ERR_FEATURE_UNSUPPORTED, "LEVL-1", at,
+                  "conformance level " + std::to_string(level)));
+    return {};
+  }
+  StreamConformance stream(file);
+  L4D_RETURN_IF_ERROR(measure_conformance(file, &stream));
+  for (const Excess& e : stream.meter.beyond(level)) report(corrupt(e.clause, at, e.message));
+  return {};
+}
+
+}  // namespace l4d

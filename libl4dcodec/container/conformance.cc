@@ -1,0 +1,234 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "libl4dcodec/container/conformance.h"
+
+#include <algorithm>
+#include <cstdio>
+
+#include "libl4dcodec/container/planes.h"
+#include "libl4dcodec/entropy/rans_kernels.h"
+#include "libl4dcodec/math/layers.h"
+
+namespace l4d {
+namespace {
+
+constexpr uint64_t kEntropyBytes = uint64_t{kMaxEntropyTables} * kRansSlots * sizeof(uint32_t);
+
+// Phases of the buckets for which a bucket is read: itself and its neighbours.
+PhaseRun bucket_phases(unsigned level, uint32_t bucket) {
+  const int shift = kPhaseBits - bucket_bits(level);
+  const uint64_t first = bucket == 0 ? 0 : bucket - 1;
+  const uint64_t last = std::min(bucket + 1, num_buckets(level) - 1);
+  return {first << shift, ((last + 1) << shift) - 1};
+}
+
+struct Books {
+  uint64_t stored = 0, decoded = 0;
+
+  void add(const StageCoding& stage, uint32_t dim) {
+    stored += stage.codebook.stored_bytes;
+    decoded += uint64_t{stage.num_entries} * dim * sizeof(float);
+  }
+  void add(const ComponentCoding& c, uint32_t dim) {
+    for (size_t s = 0; s < c.num_books(); ++s) add(c.book(s), dim);
+    if (c.has_rcq) add(c.rcq, dim);
+  }
+};
+
+Books all_books(const SceneHeader& header) {
+  Books books;
+  books.add(header.sh, header.sh_dim());
+  for (const LayerHeader& layer : header.layers) {
+    for (unsigned c = L4D_COMPONENT_SCALE; c < L4D_COMPONENT_COUNT; ++c) {
+      books.add(layer.component[c], header.component_dim(layer, c));
+    }
+    if (!layer.has_entropy) continue;
+    books.stored += layer.entropy.stored_bytes;
+    books.decoded += kEntropyBytes;
+  }
+  return books;
+}
+
+std::string seconds_text(double seconds) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.6g s", seconds);
+  return text;
+}
+
+}  // namespace
+
+PhaseRun needed_phases(const l4d_timeline& timeline, const LayerHeader& layer,
+                       const PageRecord& record) {
+  PhaseRun run = bucket_phases(layer.level, record.bucket);
+  if (layer.permanent) return run;
+  const double center = bucket_center(timeline, layer.level, record.bucket);
+  const double unit = bucket_width(timeline, layer.level) / 64;
+  if (record.visible_begin > 0) {
+    const double begin = center + (record.visible_begin - 128) * unit;
+    if (begin > timeline.time_begin + sequence_duration(timeline)) return {};
+    run.first = std::max(run.first, phase_of_time(timeline, begin));
+  }
+  if (record.visible_end < 255) {
+    const double end = center + (record.visible_end - 128) * unit;
+    if (end < timeline.time_begin) return {};
+    run.last = std::min(run.last, phase_of_time(timeline, end));
+  }
+  return run;
+}
+
+void ConformanceMeter::add(const PhaseRun& run, uint64_t gaussians, uint64_t bytes,
+                           uint64_t memory) {
+  if (run.empty()) return;
+  const auto g = static_cast<int64_t>(gaussians);
+  const auto b = static_cast<int64_t>(bytes);
+  const auto m = static_cast<int64_t>(memory);
+  changes_.push_back({run.first, g, b, m});
+  changes_.push_back({run.last + 1, -g, -b, -m});
+  arrivals_.push_back({run.first, bytes});
+}
+
+void ConformanceMeter::add_directory_page(uint32_t layer_index, uint32_t index,
+                                          uint64_t stored_bytes, const DirectoryPage* page) {
+  const LayerHeader& layer = header_.layers[layer_index];
+  const uint32_t first_bucket = index << layer.directory_bits;
+  arrivals_.push_back({bucket_phases(layer.level, first_bucket).first, stored_bytes});
+  if (page == nullptr) return;
+  const uint64_t numbers = 17 + header_.sh_dim();
+  std::vector<PhaseRun> blocks(page->blocks.size());
+  for (const PageRecord& record : page->pages) {
+    const PhaseRun run = needed_phases(header_.timeline, layer, record);
+    if (run.empty()) continue;
+    add(run, record.num_gaussians, record.chunk.stored_bytes,
+        uint64_t{record.num_gaussians} * numbers * sizeof(float));
+    if (record.block == kNoBlock) continue;
+    PhaseRun& block = blocks[record.block];
+    block = block.empty()
+                ? run
+                : PhaseRun{std::min(block.first, run.first), std::max(block.last, run.last)};
+  }
+  for (size_t b = 0; b < blocks.size(); ++b) {
+    Books books;
+    for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
+      const RcqTableRef& table = page->blocks[b].tables[c];
+      if (table.num_entries == 0) continue;
+      books.stored += table.chunk.stored_bytes;
+      books.decoded +=
+          uint64_t{table.num_entries} * header_.component_dim(layer, c) * sizeof(float);
+    }
+    add(blocks[b], 0, books.stored, books.decoded);
+  }
+}
+
+void ConformanceMeter::finish(uint64_t head_bytes) {
+  const Books books = all_books(header_);
+  table_bytes_ = books.decoded;
+  start_bytes_ = head_bytes + books.stored;
+
+  std::sort(changes_.begin(), changes_.end(),
+            [](const Change& a, const Change& b) { return a.phase < b.phase; });
+  const auto raise = [](uint64_t phase, int64_t value, Peak* peak) {
+    if (static_cast<uint64_t>(value) > peak->value) *peak = {static_cast<uint64_t>(value), phase};
+  };
+  Change now{};
+  for (size_t i = 0; i < changes_.size();) {
+    const uint64_t phase = changes_[i].phase;
+    for (; i < changes_.size() && changes_[i].phase == phase; ++i) {
+      now.gaussians += changes_[i].gaussians;
+      now.bytes += changes_[i].bytes;
+      now.memory += changes_[i].memory;
+    }
+    raise(phase, now.gaussians, &gaussians_);
+    raise(phase, now.bytes, &instant_bytes_);
+    raise(phase, now.memory, &memory_bytes_);
+  }
+  memory_bytes_.value += table_bytes_;
+
+  std::sort(arrivals_.begin(), arrivals_.end(),
+            [](const Arrival& a, const Arrival& b) { return a.phase < b.phase; });
+  size_t kept = 0;
+  for (const Arrival& a : arrivals_) {
+    if (a.phase == 0) {
+      start_bytes_ += a.bytes;
+    } else if (kept > 0 && arrivals_[kept - 1].phase == a.phase) {
+      arrivals_[kept - 1].bytes += a.bytes;
+    } else {
+      arrivals_[kept++] = a;
+    }
+  }
+  arrivals_.resize(kept);
+}
+
+double ConformanceMeter::seconds_per_phase() const {
+  return sequence_duration(header_.timeline) * 0x1p-40;
+}
+
+double ConformanceMeter::seconds(uint64_t phase) const {
+  return header_.timeline.time_begin + static_cast<double>(phase) * seconds_per_phase();
+}
+
+// A bucket that leaks at the rate: how full it ever gets is what it has to hold.
+Burst ConformanceMeter::least_burst(uint64_t bytes_per_second) const {
+  const double bytes_per_phase = static_cast<double>(bytes_per_second) * seconds_per_phase();
+  Burst most;
+  double fill = 0, highest = 0;
+  uint64_t first = 0, last = 0;
+  for (const Arrival& a : arrivals_) {
+    fill -= bytes_per_phase * static_cast<double>(a.phase - last);
+    if (!(fill > 0)) {
+      fill = 0;
+      first = a.phase;
+    }
+    fill += static_cast<double>(a.bytes);
+    last = a.phase;
+    if (fill <= highest) continue;
+    highest = fill;
+    most = {static_cast<uint64_t>(fill), first, last};
+  }
+  return most;
+}
+
+uint64_t ConformanceMeter::least_rate(uint64_t burst_bytes) const {
+  const auto enough = [&](uint64_t rate) { return least_burst(rate).bytes <= burst_bytes; };
+  uint64_t high = uint64_t{1} << 62;
+  if (!enough(high)) return kNoRate;
+  if (enough(0)) return 0;
+  for (uint64_t low = 0; high - low > 1;) {
+    const uint64_t middle = low + (high - low) / 2;
+    (enough(middle) ? high : low) = middle;
+  }
+  return high;
+}
+
+std::vector<Excess> ConformanceMeter::beyond(unsigned level) const {
+  const LevelLimits limits = level_limits(level, lossless());
+  const std::string name = "level " + std::to_string(level) + " (" + limits.name + "): ";
+  std::vector<Excess> found;
+  const auto hold = [&](const char* clause, uint64_t value, uint64_t limit,
+                        const std::string& what) {
+    if (value <= limit) return;
+    found.push_back({clause, name + what + ": " + std::to_string(value) + ", which is " +
+                                 std::to_string(value - limit) + " more than the limit of " +
+                                 std::to_string(limit)});
+  };
+  const auto at = [&](const Peak& peak) { return " at " + seconds_text(seconds(peak.phase)); };
+  hold("LEVL-3", gaussians_.value, limits.gaussians, "Gaussians needed" + at(gaussians_));
+  hold("LEVL-4", table_bytes_, limits.table_bytes, "bytes of codebooks and entropy tables");
+  hold("LEVL-5", instant_bytes_.value, limits.instant_bytes,
+       "bytes of pages needed" + at(instant_bytes_));
+  hold("LEVL-6", start_bytes_, limits.start_bytes, "bytes needed before the first instant");
+  const Burst burst = least_burst(limits.bytes_per_second);
+  hold("LEVL-7", burst.bytes, limits.burst_bytes,
+       "bytes first needed from " + seconds_text(seconds(burst.first)) + " to " +
+           seconds_text(seconds(burst.last)) + " beyond " +
+           std::to_string(limits.bytes_per_second) + " a second");
+  hold("LEVL-8", memory_bytes_.value, limits.memory_bytes, "bytes of memory" + at(memory_bytes_));
+  return found;
+}
+
+unsigned ConformanceMeter::smallest_level() const {
+  for (unsigned level = 1; level <= kNumConformanceLevels; ++level) {
+    if (beyond(level).empty()) return level;
+  }
+  return 0;
+}
+
+}  // namespace l4d

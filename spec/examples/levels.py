@@ -1,0 +1,176 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Profiles and conformance levels, section 18 of spec/l4d.md, for a Decoder of decode_tiny.py.
+
+Plain sums over all phases and windows at which something changes, in exact arithmetic."""
+
+import math
+from fractions import Fraction
+
+from header_rules import (COMPONENTS, F16, FIXED, RAW32, SH, TRANSFORM, VQ, directory_pages,
+                          num_buckets)
+from streams import require
+
+LAST_PHASE = (1 << 40) - 1
+MI = 1 << 20
+INDEXED, MAIN, LOSSLESS = 1, 2, 3
+# G, C, I, H, R, B, M
+LEVELS = {1: (100000, 32 * MI, 4 * MI, 8 * MI, 2 * MI, 4 * MI, 64 * MI),
+          2: (250000, 48 * MI, 8 * MI, 16 * MI, 4 * MI, 8 * MI, 128 * MI),
+          3: (500000, 64 * MI, 16 * MI, 32 * MI, 8 * MI, 16 * MI, 256 * MI),
+          4: (1000000, 128 * MI, 32 * MI, 64 * MI, 16 * MI, 32 * MI, 512 * MI),
+          5: (2500000, 256 * MI, 96 * MI, 192 * MI, 48 * MI, 96 * MI, 1024 * MI),
+          6: (8000000, 512 * MI, 256 * MI, 512 * MI, 128 * MI, 256 * MI, 3072 * MI)}
+
+
+def keeps_profile(h, profile):
+    components = [h["sh"]] + [la[name] for la in h["layers"] for name in COMPONENTS[1:]]
+    codings = [c["coding"] for c in components]
+    means = [la["mean_t"] for la in h["layers"]]
+    if profile == LOSSLESS:
+        return all(c == RAW32 for c in codings + means + [h["position"], h["opacity"]["coding"]])
+    scalars = [h["opacity"]["coding"]] + [la["scale_factor"]["coding"] for la in h["layers"]]
+    if RAW32 in codings + means + scalars:
+        return False
+    if profile == INDEXED:
+        return h["position"] == F16 and TRANSFORM not in codings
+    return h["position"] in (F16, FIXED)
+
+
+def phase_of_time(h, t):
+    frames = (t - h["time_begin"]) * float(h["fps_num"]) / float(h["fps_den"])
+    n = h["num_frames"]
+    if not frames > 0:
+        return 0
+    if frames >= n:
+        return LAST_PHASE
+    k = math.floor(frames + 0.5)
+    if abs(frames - k) < 1e-6:
+        return LAST_PHASE if k >= n else (k << 40) // n
+    return min(math.floor(frames / n * 2.0 ** 40), LAST_PHASE)
+
+
+class Demand:
+    """What playing a stream asks for."""
+
+    def __init__(self, decoder, head_bytes):
+        self.decoder, self.h = decoder, decoder.header
+        self.chunks = []        # first, last, Gaussians, stored bytes, memory
+        self.others = []        # first, stored bytes: of the directory
+        self.table_bytes, self.head_bytes = 0, head_bytes
+        self.tables()
+        for index, layer in enumerate(self.h["layers"]):
+            if layer["num_gaussians"] > 0:
+                self.layer(index, layer)
+        first = [(c[0], c[3]) for c in self.chunks] + self.others
+        self.start_bytes = self.head_bytes + sum(n for phase, n in first if phase == 0)
+        self.later = {}
+        for phase, n in first:
+            if phase > 0:
+                self.later[phase] = self.later.get(phase, 0) + n
+        peaks = [[sum(c[k] for c in self.chunks if c[0] <= at[0] <= c[1]) for k in (2, 3, 4)]
+                 for at in self.chunks] or [[0, 0, 0]]
+        self.gaussians, self.instant_bytes, memory = map(max, zip(*peaks))
+        self.memory_bytes = self.table_bytes + memory
+
+    def tables(self):
+        def component(index, c):
+            coding = self.decoder.component(index, c)
+            stages = list(coding["stages"] or ()) if coding["coding"] == VQ else []
+            if coding["coding"] == VQ and coding["rcq"] is not None:
+                stages.append(coding["rcq"])
+            if coding["coding"] == TRANSFORM:
+                stages.append(coding["basis"])
+            for s in stages:
+                self.table_bytes += 4 * s["num_entries"] * self.decoder.dim(index, c)
+                self.head_bytes += s["codebook"]["stored_bytes"]
+        component(0, SH)
+        for index, layer in enumerate(self.h["layers"]):
+            for c in (1, 2, 3):
+                component(index, c)
+            if layer["entropy"] is not None:
+                self.table_bytes += 1 << 21
+                self.head_bytes += layer["entropy"]["stored_bytes"]
+
+    def needed(self, layer, record):
+        """First and last phase, or None."""
+        h, k, buckets = self.h, record["bucket"], num_buckets(layer["level"])
+        stride = (1 << 40) // buckets
+        first = max(k - 1, 0) * stride
+        last = (min(k + 1, buckets - 1) + 1) * stride - 1
+        if not layer["permanent"]:
+            width = self.decoder.duration / buckets
+            center = h["time_begin"] + (k + 0.5) * width
+            begin = center + (record["visible_begin"] - 128) * (width / 64)
+            end = center + (record["visible_end"] - 128) * (width / 64)
+            if record["visible_begin"] > 0:
+                if begin > h["time_begin"] + self.decoder.duration:
+                    return None
+                first = max(first, phase_of_time(h, begin))
+            if record["visible_end"] < 255:
+                if end < h["time_begin"]:
+                    return None
+                last = min(last, phase_of_time(h, end))
+        return (first, last) if first <= last else None
+
+    def layer(self, index, layer):
+        bits, level = int(layer["directory_bits"]), layer["level"]
+        stride = (1 << 40) // num_buckets(level)
+        numbers = 17 + self.decoder.dim(index, SH)
+        for d in range(directory_pages(level, bits)):
+            at = layer["page_table_offset"] + 32 * d
+            stored = int.from_bytes(self.decoder.file.bytes(at + 16, 4), "little")
+            self.others.append((max((d << bits) - 1, 0) * stride, 32 + stored))
+            page = self.decoder.directory_page(index, layer, d)
+            if page is None:
+                continue
+            of_block = {}
+            for r in page["pages"]:
+                run = self.needed(layer, r)
+                if run is None:
+                    continue
+                n = r["num_gaussians"]
+                self.chunks.append((*run, n, r["stored_bytes"], 4 * n * numbers))
+                of_block.setdefault(r["block"], []).append(run)
+            for b, block in enumerate(page["blocks"] or ()):
+                runs = of_block.get(b)
+                if runs:
+                    self.chunks.append((
+                        min(r[0] for r in runs), max(r[1] for r in runs), 0,
+                        sum(t["table"]["stored_bytes"] for t in block["tables"]),
+                        sum(4 * t["num_entries"] * self.decoder.dim(index, t["component"])
+                            for t in block["tables"])))
+
+    def burst(self, rate):
+        """The least B that a rate leaves."""
+        per_phase = Fraction(self.h["num_frames"] * self.h["fps_den"],
+                             self.h["fps_num"] << 40)
+        most, phases = Fraction(0), sorted(self.later)
+        for i, x in enumerate(phases):
+            total = 0
+            for y in phases[i:]:
+                total += self.later[y]
+                most = max(most, total - rate * (y - x) * per_phase)
+        return most
+
+    def check_level(self, level):
+        g, c, i, start, rate, burst, memory = LEVELS[level]
+        factor = 8 if keeps_profile(self.h, LOSSLESS) else 1
+        require(self.gaussians <= g, "LEVL-3", f"{self.gaussians} Gaussians")
+        require(self.table_bytes <= c, "LEVL-4", f"{self.table_bytes} bytes of tables")
+        require(self.instant_bytes <= factor * i, "LEVL-5", f"{self.instant_bytes} bytes")
+        require(self.start_bytes <= factor * start, "LEVL-6", f"{self.start_bytes} bytes at first")
+        require(self.burst(factor * rate) <= factor * burst, "LEVL-7", "bytes beyond the rate")
+        require(self.memory_bytes <= memory, "LEVL-8", f"{self.memory_bytes} bytes of memory")
+
+
+def demand(decoder):
+    return Demand(decoder, 40 + int.from_bytes(decoder.file.data[12:16], "little"))
+
+
+def check(decoder):
+    """Raises Invalid where what the stream declares is not so."""
+    h = decoder.header
+    require(h["profile"] <= LOSSLESS and h["conformance_level"] <= max(LEVELS), "LEVL-1", "ids")
+    require(h["profile"] == 0 or keeps_profile(h, h["profile"]), "LEVL-2", "profile")
+    if h["conformance_level"] > 0:
+        demand(decoder).check_level(h["conformance_level"])

@@ -1,0 +1,140 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Streams that declare a profile or a level and break one rule of section 18 each, and no other."""
+
+import copy
+
+import stream_builder as sb     # its import makes the following ones possible
+import broken_rans
+import broken_streams
+import make_tiny
+from broken_streams import FIRST
+
+NO_BOUNDS = broken_rans.NO_BOUNDS
+ZERO = {"coding": 0}
+CONSTANT = {"coding": 0, "bits": 0, "offset": -8.0, "step": 0.0}
+HALF_ZERO = 0x8000              # 0.0 as an ordered binary16
+
+
+def zeros(count, mode=make_tiny.constant):
+    return mode(HALF_ZERO, 16) * count
+
+
+def packed_zeros(n):
+    return b"\x00" + HALF_ZERO.to_bytes(2, "little") * n
+
+
+def page(n, *columns, **record):
+    return {"num_gaussians": n, "bucket": 0, "block": sb.NO_BLOCK, "visible_begin": 0,
+            "visible_end": 255, "bounds": NO_BOUNDS, "reserved": 0,
+            "raw": zeros(3) + b"".join(columns), **record}
+
+
+def layer(pages, level=0, **fields):
+    """Positions at 0, opacities, scales and rotors constant."""
+    return {"level": level, "permanent": level == 0, "mean_t": 0 if level == 0 else 2,
+            "num_gaussians": sum(p["num_gaussians"] for p in pages), "log_scale_t": 0.0,
+            "scale_factor": CONSTANT, "scale": ZERO, "rotor_spatial": ZERO, "rotor_temporal": ZERO,
+            "directory_bits": level + (level > 0), "table_size": 1, "blocks": {}, "pages": pages,
+            **fields}
+
+
+def stream(layers, sh=ZERO, frames=4, level=1, **fields):
+    return sb.build({
+        "num_gaussians": sum(la["num_gaussians"] for la in layers), "time_begin": 1.0,
+        "num_frames": frames, "fps_num": frames, "fps_den": 1, "origin": {}, "position": 2,
+        "position_center": {}, "position_scale": 1.0, "opacity": CONSTANT, "sh_degree": 3,
+        "sh": sh, "layers": layers, "profile": 1, "conformance_level": level, **fields}, rng=FIRST)
+
+
+def books(stages):
+    """SH codebooks of 65536 equal codewords each."""
+    return {"coding": 2, "literals": False, "stages": [[(0.0,) * 48]] * stages,
+            "patch": {"num_entries": 65536}}
+
+
+def literal_page(n, *columns, **record):
+    """Pages whose SH vectors are all literals: 96 bytes a Gaussian."""
+    return page(n, *columns, make_tiny.constant(15, 4), packed_zeros(n) * 48, **record)
+
+
+LITERALS = {"coding": 2, "literals": True, "stages": [[(0.0,) * 48]]}
+
+
+def gaussians(n):
+    return stream([layer([page(65536), page(n - 65536)])])
+
+
+def tables(stages):
+    columns = [make_tiny.constant(stages, 4)] * (stages > 1) + [zeros(1)] * stages
+    return stream([layer([page(1, *columns)])], sh=books(stages))
+
+
+def instant(n):
+    return stream([layer([literal_page(n)])], sh=LITERALS)
+
+
+def start(n):
+    return stream([layer([page(1)])], metadata=[{"key": "text", "value": "x" * n}])
+
+
+def burst(n):
+    """Two pages of a bucket, needed a sixteenth of a second apart and for less than that."""
+    at = lambda time: make_tiny.constant(make_tiny.order(time), 16)
+    pages = [literal_page(n, at(0.0), bucket=2, visible_begin=126, visible_end=130),
+             literal_page(n, at(0.25), bucket=2, visible_begin=142, visible_end=146)]
+    return stream([layer(pages, level=1)], sh=LITERALS)
+
+
+def memory(num_layers):
+    """Layers with three block codebooks of 3 MiB around the middle of the sequence."""
+    layers = []
+    row = (1.0, 0.0, 0.0, 0.0)
+    coding = {"coding": 2, "literals": False, "stages": [[row] * 2], "rcq": [row] * 2}
+    entry = make_tiny.constant(0, 1) * 2
+    for k in range(num_layers):
+        level = 1 + k // 2
+        pages = [page(1, zeros(1), *[make_tiny.constant(0, 16)] * 3, block=b,
+                      bucket=(1 << level) - 2 + b) for b in range(3)]
+        blocks = [[(c, 65536, entry) for c in (1, 2, 3)] for _ in range(3)]
+        layers.append(layer(pages, level, blocks={0: blocks}, scale=coding, rotor_spatial=coding,
+                            rotor_temporal=coding))
+    return stream(layers, frames=16)
+
+
+def declared(profile, level, edit=lambda s: None):
+    s = copy.deepcopy(broken_streams.scene())
+    s.update(profile=profile, conformance_level=level)
+    edit(s)
+    return sb.build(s, rng=FIRST)
+
+
+def transform(profile):
+    return broken_rans.header(profile=profile)
+
+
+def valid():
+    for profile in range(3):
+        yield f"profile {profile}", declared(profile, profile)
+    yield "transform", transform(2)
+    yield "Gaussians", gaussians(100000)
+    yield "tables", tables(2)
+    yield "burst", burst(5000)
+    yield "memory", memory(6)
+    yield "two levels up", stream([layer([page(65536), page(65536)])], level=2)
+
+
+def broken():
+    """(clause, file); a second word tells cases of it apart."""
+    yield "LEVL-1", declared(4, 0)
+    yield "LEVL-1 level", declared(0, 7)
+    yield "LEVL-2 indexed", transform(1)
+    yield "LEVL-2 lossless", declared(3, 0)
+    yield "LEVL-2 main", declared(2, 0, lambda s: s["layers"][0].update(
+        rotor_spatial={"coding": 1}, pages=[dict(s["layers"][0]["pages"][0], raw=s["layers"][0][
+            "pages"][0]["raw"][:-2] + make_tiny.packed([sb.order32(0.5)] * 3, 32) * 4)]))
+    yield "LEVL-3", gaussians(100001)
+    yield "LEVL-4", tables(3)
+    yield "LEVL-5", instant(45000)
+    yield "LEVL-6", start(8 << 20)
+    yield "LEVL-7", burst(32768)
+    yield "LEVL-8", memory(8)
