@@ -97,7 +97,10 @@ Importance measure(Context& context, const EncodeArguments& arguments, const Inp
     return instant_of(scene, middle_of(scene.timeline));
   });
   return about(input.name(), [&] {
-    return measure_importance(context, "encode", scene, views, arguments.measure);
+    MeasureArguments how = arguments.measure;
+    // The thresholds of these presets are in units of sums.
+    if (arguments.parameters.preset.rfind("paper-", 0) == 0) how.measure = "sum";
+    return measure_importance(context, "encode", scene, views, how);
   });
 }
 

@@ -77,9 +77,9 @@ def crossover(tables, folder):
     text = ("At the fidelities of the codebooks, transforms take of their bytes: " +
             "; ".join(parts) + ".\n") if parts else ""
     return ["One part by codebooks or by a transform of other qualities, the others by "
-            "transforms of quality 70 as are positions, mean times in binary16, opacities in 12 bits, no "
-            "Gaussian pruned; bytes are those of the part with its codebooks. Both rotors are one part, "
-            "since a transform takes them together.\n",
+            "transforms of quality 70, as are positions; mean times in binary16, opacities in 12 "
+            "bits, no Gaussian pruned. Bytes are those of the part with its codebooks. Both rotors "
+            "are one part, since a transform takes them together.\n",
             plots.crossover_plot(rows, folder),
             table([("part", lambda r: plots.PARTS[r["name"]], ""),
                    ("family", "family", ""), ("setting", "setting", ""),

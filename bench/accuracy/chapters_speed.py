@@ -28,8 +28,8 @@ def effort(tables, folder):
             "residual stage for half of the Gaussians: the slope between one stage and 100/50 %, "
             f"both with 4096 codewords, is {slopes}. That makes one figure, *fidelity at equal "
             "bytes*, relative to 10 iterations, 24 points a codeword and zstd 15, as the mean over "
-            f"the scenes ({', '.join(scenes)}); times are geometric means of ratios of CPU seconds, "
-            "which other work on the machine disturbs little.\n",
+            f"the scenes ({', '.join(scenes)}); times are geometric means of ratios of CPU "
+            "seconds, which other work on the machine disturbs little.\n",
             table([("effort", "effort", "d")] + settings + scores + per_scene, rows),
             plots.effort_plot(tables, folder),
             f"From effort {first['effort']} to {last['effort']} time grows by a factor of "

@@ -100,9 +100,9 @@ def frames_chapter(compared, every):
     lines = ["## Static scenes", "",
              "A scene of 3D Gaussians as PLY, through `splat-transform` into each format and back, "
              "and as a stream with the smallest setting of a few that is no worse. Fidelity is the "
-             "PSNR of renders of 16 cameras around the scene. The first columns of ours are without "
-             "any views, the second with weights measured from 23 other cameras, seen from which some "
-             "Gaussians matter little or not at all; the rivals know no views. "
+             "PSNR of renders of 16 cameras around the scene. The first columns of ours are "
+             "without any views, the second with weights measured from 23 other cameras, seen from which "
+             "some Gaussians matter little or not at all; the rivals know no views. "
              f"\"basketball\" is the dynamic scene at {INSTANT} s.", "",
              "| scene | format | bytes | dB | ours, no views | dB | bytes | ours, measured | dB | "
              "bytes |", "|---|---|---:|---:|---:|---:|---:|---:|---:|---:|"]

@@ -76,8 +76,9 @@ void run(const char* name, const std::vector<unsigned char>& file) {
   std::printf("| packed, SIMD | 1 | %.1f |\n", rate(packed(L4D_BACKEND_CPU, 1, kRuns)));
   std::printf("| packed, SIMD | 2 | %.1f |\n", rate(packed(L4D_BACKEND_CPU, 2, kRuns)));
 
-  std::puts("\n| attribute alone (SIMD, 1 thread; each reads and checks whole pages) | ns/Gaussian |"
-            "\n|---|---|");
+  std::puts(
+      "\n| attribute alone (SIMD, 1 thread; each reads and checks whole pages) | ns/Gaussian |"
+      "\n|---|---|");
   const char* names[] = {"position", "mean_t", "log_scale", "rotor", "opacity", "sh"};
   for (int a = 0; a < 6; ++a) {
     DecoderHandle d = open(file, L4D_BACKEND_CPU, 1);
@@ -103,12 +104,12 @@ int main() {
   options.gaussians = 1000000;
   options.seconds = 20;
   WeightedScene synth{io::synthesize(options), {}};
-  run("synth, 1 million Gaussians, 20 s", make_encoder(synth, {}, "small").encode());
+  run("synth, 1 million Gaussians, 20 s", make_encoder(synth, {}, "indexed-small").encode());
   if (data_dir().empty()) {
     std::puts("\nbasketball: SKIPPED, set L4D_DATA_DIR");
     return 0;
   }
   const WeightedScene scene = load_basketball();
-  run("basketball", make_encoder(scene, sh_weights(scene), "small").encode());
+  run("basketball", make_encoder(scene, sh_weights(scene), "indexed-small").encode());
   return 0;
 }

@@ -113,8 +113,9 @@ int main() {
       {"3 stages for all, K=1024", 1024, {1, 1, 1}, {1, 1, 1}, false},
       {"paper Small thresholds, literals", 4096, {1}, {1}, true},
   };
-  std::puts("| scheme | bytes | ratio | codebooks | position + mean_t bits | stage-0 index H0 |"
-            " opacity H0 | factor H0 | encode s |");
+  std::puts(
+      "| scheme | bytes | ratio | codebooks | position + mean_t bits | stage-0 index H0 |"
+      " opacity H0 | factor H0 | encode s |");
   std::puts("|---|---|---|---|---|---|---|---|---|");
   for (const Scheme& s : schemes) {
     EncoderHandle e = make_encoder(scene, sh, "indexed");
@@ -137,14 +138,14 @@ int main() {
     d.check(l4d_decoder_get_sections(d.get(), sections, nullptr));
     const Entropies h = measure(file);
     const double n = static_cast<double>(r.coded_gaussians);
-    std::printf("| %s | %llu | %.2f | %llu | %.1f | %.2f | %.2f | %.2f | %.1f |\n", s.name,
-                static_cast<unsigned long long>(r.file_bytes),
-                static_cast<double>(r.raw_bytes) / static_cast<double>(r.file_bytes),
-                static_cast<unsigned long long>(sections[L4D_SECTION_CODEBOOKS]),
-                8.0 *
-                    static_cast<double>(sections[L4D_SECTION_POSITION] +
-                                        sections[L4D_SECTION_MEAN_T]) / n,
-                h.index, h.opacity, h.factor, r.total_seconds);
+    std::printf(
+        "| %s | %llu | %.2f | %llu | %.1f | %.2f | %.2f | %.2f | %.1f |\n", s.name,
+        static_cast<unsigned long long>(r.file_bytes),
+        static_cast<double>(r.raw_bytes) / static_cast<double>(r.file_bytes),
+        static_cast<unsigned long long>(sections[L4D_SECTION_CODEBOOKS]),
+        8.0 * static_cast<double>(sections[L4D_SECTION_POSITION] + sections[L4D_SECTION_MEAN_T]) /
+            n,
+        h.index, h.opacity, h.factor, r.total_seconds);
     std::fflush(stdout);
   }
   EncoderHandle e = make_encoder(scene, sh, "lossless");

@@ -37,8 +37,10 @@ L4D_API l4d_status l4d_encoder_set_progress(l4d_encoder* encoder, l4d_progress_f
 /* ---- parameters ---------------------------------------------------------------------------- */
 
 /* Replaces all parameters by those of a preset. l4d_encoder_preset_name(i) lists them, NULL after the
- * last: "default", "small", "high", "paper-small" and "paper-large" (the paper's own settings, appendix
- * "Compression"; they need measured weights), "lossless" (float32 bits exactly, in any order). */
+ * last: "default", "tiny", "small", "large", "archive" (transforms at a quality), "indexed",
+ * "indexed-small", "indexed-high" (codebooks only), "paper-small" and "paper-large" (the paper's own
+ * settings, appendix "Compression"; they need weights measured as sums), "lossless" (float32 bits
+ * exactly, in any order). */
 L4D_API l4d_status l4d_encoder_set_preset(l4d_encoder* encoder, const char* name);
 L4D_API const char* l4d_encoder_preset_name(uint32_t index);
 L4D_API const char* l4d_encoder_preset_description(uint32_t index);
