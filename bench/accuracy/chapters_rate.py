@@ -17,13 +17,13 @@ def interpolate(line, fidelity):
 
 
 def rate(tables, folder):
-    transforms, codebooks = tables["transforms"], tables["codebooks"]
-    parts, furthest = [], []
+    transforms = tables["transforms"]
+    codebooks = [{"number": i, **r} for i, r in enumerate(tables["codebooks"], start=1)]
+    parts = []
     for row in codebooks:
         least = interpolate(transforms, row["fidelity_db"])
         if least:
             share = least / row["bytes"] * 100
-            furthest.append(share)
             parts.append(f"{row['name']} {share:.0f} %")
     text = ""
     if parts:
@@ -35,7 +35,8 @@ def rate(tables, folder):
             "the number, shares and sizes of residual stages.\n",
             plots.rate_fidelity(transforms, codebooks, folder),
             table([("quality", "quality", "g")] + SIZE + ENCODE, transforms),
-            table([("codebooks", "name", "")] + SIZE + ENCODE, codebooks), text + "\n"]
+            table([("", "number", "d"), ("codebooks", "name", "")] + SIZE + ENCODE, codebooks),
+            text + "\n"]
 
 
 def ladder(tables, folder):
@@ -77,7 +78,7 @@ def crossover(tables, folder):
     text = ("At the fidelities of the codebooks, transforms take of their bytes: " +
             "; ".join(parts) + ".\n") if parts else ""
     return ["One part by codebooks or by a transform of other qualities, the others by "
-            "transforms of quality 70, as are positions; mean times in binary16, opacities in 12 "
+            "transforms of quality 64, as are positions; mean times in binary16, opacities in 12 "
             "bits, no Gaussian pruned. Bytes are those of the part with its codebooks. Both rotors "
             "are one part, since a transform takes them together.\n",
             plots.crossover_plot(rows, folder),

@@ -46,13 +46,13 @@ def short(name):
 def rate_fidelity(transforms, codebooks, folder):
     figure, axes = plt.subplots(figsize=(8, 4.6))
     for rows, name, style in ((transforms, "transform, by quality", "o-"),
-                              (codebooks, "codebooks", "s")):
+                              (codebooks, "codebooks, numbers as in the table", "s")):
         axes.plot([r["bytes"] / 1e6 for r in rows], [r["fidelity_db"] for r in rows], style,
                   label=name)
     for row in transforms:
         label(axes, row["bytes"] / 1e6, row["fidelity_db"], f"{row['quality']:g}", -4, 5, "right")
     for row in codebooks:
-        label(axes, row["bytes"] / 1e6, row["fidelity_db"], row["name"], 6, -10)
+        label(axes, row["bytes"] / 1e6, row["fidelity_db"], str(row["number"]), 6, -10)
     axes.margins(0.08)
     axes.set(xlabel="MB", ylabel="fidelity (dB)")
     axes.legend(loc="lower right")

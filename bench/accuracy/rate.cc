@@ -19,7 +19,7 @@ std::vector<Part> parts() {
 }
 
 // What is not looked at: components at this quality, the rest without regard to any.
-constexpr double kOtherQuality = 70;
+constexpr double kOtherQuality = 64;
 
 Coding transform_at(double quality) {
   char name[32];
@@ -88,7 +88,7 @@ Json run_crossover(Bench& bench) {
   const Judge judge(scene, scene.frames(2));
   Json rows = Json::array();
   for (const Part& part : bench.take(parts())) {
-    for (const double quality : bench.take(std::vector<double>{40, 44, 48, 54})) {
+    for (const double quality : bench.take(std::vector<double>{34, 40, 46, 54})) {
       const Coding coding = alone(part, quality);
       add_part(bench, rows, judge, part, "transform", coding.name, coding);
     }
