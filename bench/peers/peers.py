@@ -101,11 +101,12 @@ def frames_chapter(compared, every):
              "A scene of 3D Gaussians as PLY, through `splat-transform` into each format and back, "
              "and as a stream with the smallest setting of a few that is no worse. Fidelity is the "
              "PSNR of renders of 16 cameras around the scene. The first columns of ours are "
-             "without any views, the second with weights measured from 23 other cameras, seen from which "
-             "some Gaussians matter little or not at all; the rivals know no views. "
+             "without any views, the second with weights measured from 23 other cameras, seen from "
+             "which some Gaussians matter little or not at all; the rivals know no views. "
              f"\"basketball\" is the dynamic scene at {INSTANT} s.", "",
-             "| scene | format | bytes | dB | ours, no views | dB | bytes | ours, measured | dB | "
-             "bytes |", "|---|---|---:|---:|---:|---:|---:|---:|---:|---:|"]
+             "| scene | format | bytes | dB | ours, no views | dB | of its bytes | ours, measured | "
+             "dB | of its bytes |",
+             "|---|---|---:|---:|---:|---:|---:|---:|---:|---:|"]
     for row in compared:
         lines.append(f"| {row['scene'].replace('_', ' ')} | {row['name']} | {row['bytes']:,} | "
                      f"{row['fidelity_db']:.2f} | {cell(row['plain'], row['bytes'])} | "
