@@ -31,9 +31,15 @@ target_include_directories(l4d_settings INTERFACE
   $<BUILD_INTERFACE:${PROJECT_BINARY_DIR}/include>)
 # Contraction off everywhere: one flag for all is simpler to trust than a list of normative files, and
 # code that wants a fused multiply-add says so (hn::MulAdd, std::fma).
-target_compile_options(l4d_settings INTERFACE
-  -ffp-contract=off -Wall -Wextra -Wshadow -Wconversion -Wsign-conversion -Wundef
+set(l4d_flags -ffp-contract=off -Wall -Wextra -Wshadow -Wconversion -Wsign-conversion -Wundef
   $<$<BOOL:${L4D_WERROR}>:-Werror>)
+target_compile_options(l4d_settings INTERFACE "$<$<COMPILE_LANGUAGE:C,CXX>:${l4d_flags}>")
+if(L4D_HAVE_CUDA)
+  # The host half of device code: nvcc's own output is not held to all warnings.
+  target_compile_options(l4d_settings INTERFACE
+    "$<$<COMPILE_LANGUAGE:CUDA>:-Xcompiler=-ffp-contract=off,-Wall;--expt-relaxed-constexpr>")
+  target_compile_definitions(l4d_settings INTERFACE L4D_HAVE_CUDA)
+endif()
 if(L4D_OPENMP)
   target_compile_definitions(l4d_settings INTERFACE L4D_OPENMP)
 endif()

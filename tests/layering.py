@@ -37,18 +37,26 @@ def _above(name, *below):
 
 _above("libl4dcodec/container", "libl4dcodec/entropy", "libl4dcodec/math")
 _above("libl4dcodec/quant", "libl4dcodec/container")
+_above("libl4dcodec/cuda", "libl4dcodec/base")
 _above("decoder", "libl4dcodec/quant")
+_above("decoder/cuda", "decoder", "libl4dcodec/cuda")
 _above("encoder", "decoder")
-_above("libl4dcodec/api", "encoder")
+_above("encoder/cuda", "encoder", "libl4dcodec/cuda")
+_above("libl4dcodec/api", "encoder", "decoder/cuda", "encoder/cuda")
 # Customers of the public API: of internals they know nothing.
 _above("io", "include/l4d", "libl4dcodec/base/threads.h")
 # Beside the codec: it knows what both directions share, and streams through the public API.
-_above("render", "libl4dcodec/math")
+# The contract that device code fills is told without a type of CUDA, so that renderers may know it.
+LAYERS["render/cuda/device_renderer.h"] = {"include/l4d", "libl4dcodec/base", "render/view.h"}
+LAYERS["render/view.h"] = {"include/l4d"}
+_above("render", "libl4dcodec/math", "render/cuda/device_renderer.h")
+_above("render/cuda", "render", "libl4dcodec/cuda")
 _above("cli", "io")
 _above("bench/tables", "io")
 _above("bench/accuracy", "io")
 _above("bench/micro", "encoder", "io", "render", "bench/tables")
-_above("tests", "libl4dcodec/api", "io", "render")
+_above("bench/gpu", "encoder/cuda", "decoder/cuda", "render/cuda", "io")
+_above("tests", "libl4dcodec/api", "io", "render", "render/cuda")
 _above("tests/api", "include/l4d")
 LAYERS["tests/api"].add("tests/common")
 _above("tests/common", "libl4dcodec/api", "io")
@@ -64,6 +72,11 @@ OUTSIDE = {
     "xxhash.h": {"libl4dcodec/base", "tests", "tests/common"},
     "hwy/": {"libl4dcodec/entropy", "libl4dcodec/api", "decoder", "encoder", "render", "tests",
              "tests/common", "bench/micro"},
+    "cuda_runtime_api.h": {"libl4dcodec/cuda", "decoder/cuda", "encoder/cuda", "render/cuda",
+                           "tests", "bench/gpu"},
+    "cuda_runtime.h": {"libl4dcodec/cuda", "decoder/cuda", "encoder/cuda", "render/cuda", "tests",
+                       "bench/gpu"},
+    "cub/": {"decoder/cuda", "encoder/cuda", "render/cuda"},
     "omp.h": {"libl4dcodec/base/threads.h"},
     "Eigen/": {"encoder", "io", "tests", "tests/common", "bench/micro", "bench/accuracy"},
     "png.h": {"io"},

@@ -52,6 +52,7 @@ enum {
   L4D_ERR_TRUNCATED = -13,           /* the stream ends before data it refers to */
   L4D_ERR_CORRUPT = -14,             /* a MUST of the specification is violated */
   L4D_ERR_CHECKSUM = -15,            /* stored bytes do not match their checksum */
+  L4D_ERR_DEVICE = -20,              /* no usable device, or the CUDA runtime failed; the detail says */
   L4D_ERR_INTERNAL = -99             /* a defect of this library; please report it */
 };
 L4D_API const char* l4d_status_name(l4d_status status);        /* "L4D_ERR_CORRUPT"; static */

@@ -34,6 +34,9 @@ const char* l4d_build_info(void) {
     }
     const int64_t best = supported & -supported;
     s += std::string("; using ") + hwy::TargetName(best);
+#ifdef L4D_HAVE_CUDA
+    s += "; cuda";
+#endif
 #ifdef L4D_OPENMP
     s += "; openmp";
 #endif
@@ -61,6 +64,7 @@ const char* l4d_status_name(l4d_status status) {
     L4D_CASE(L4D_ERR_TRUNCATED)
     L4D_CASE(L4D_ERR_CORRUPT)
     L4D_CASE(L4D_ERR_CHECKSUM)
+    L4D_CASE(L4D_ERR_DEVICE)
     L4D_CASE(L4D_ERR_INTERNAL)
 #undef L4D_CASE
     default:
@@ -98,6 +102,8 @@ const char* l4d_status_description(l4d_status status) {
       return "The stream violates the specification.";
     case L4D_ERR_CHECKSUM:
       return "Stored bytes do not match their checksum; the stream is damaged.";
+    case L4D_ERR_DEVICE:
+      return "There is no usable device, or the device's runtime failed.";
     case L4D_ERR_INTERNAL:
       return "A defect of the library; please report it.";
     default:

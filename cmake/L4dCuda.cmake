@@ -1,0 +1,36 @@
+# SPDX-License-Identifier: Apache-2.0
+# The CUDA compiler, where there is one. L4D_HAVE_CUDA says whether device code is built.
+include(CheckLanguage)
+
+set(L4D_CUDA AUTO CACHE STRING "Device code: ON, OFF, or AUTO: where a CUDA compiler is found")
+set_property(CACHE L4D_CUDA PROPERTY STRINGS AUTO ON OFF)
+
+set(L4D_HAVE_CUDA OFF)
+if(L4D_CUDA)
+  if(NOT CMAKE_CUDA_COMPILER AND NOT DEFINED ENV{CUDACXX})
+    # The toolkit's own folder is seldom on the path.
+    find_program(L4D_NVCC nvcc HINTS ENV CUDA_PATH PATHS /usr/local/cuda PATH_SUFFIXES bin)
+    mark_as_advanced(L4D_NVCC)
+    if(L4D_NVCC)
+      set(CMAKE_CUDA_COMPILER ${L4D_NVCC})
+    endif()
+  endif()
+  if(NOT CMAKE_CUDA_ARCHITECTURES)
+    set(CMAKE_CUDA_ARCHITECTURES 90 CACHE STRING "Compute capabilities that device code is built for")
+  endif()
+  check_language(CUDA)
+  if(CMAKE_CUDA_COMPILER)
+    enable_language(CUDA)
+    find_package(CUDAToolkit REQUIRED)
+    set(CMAKE_CUDA_STANDARD 17)
+    set(CMAKE_CUDA_STANDARD_REQUIRED ON)
+    set(CMAKE_CUDA_EXTENSIONS OFF)
+    set(L4D_HAVE_CUDA ON)
+  elseif(NOT L4D_CUDA STREQUAL AUTO)
+    message(FATAL_ERROR "L4D_CUDA is ${L4D_CUDA}, but no CUDA compiler was found: name one with "
+                        "-DCMAKE_CUDA_COMPILER=/path/to/nvcc")
+  endif()
+endif()
+if(NOT L4D_HAVE_CUDA)
+  message(STATUS "No CUDA: device code is left out")
+endif()
