@@ -87,8 +87,8 @@ void EncodeParameters::add_options(CLI::App* verb) {
       ->group(group);
   verb->add_option("--quality", quality,
                    "Fidelity in dB to aim at, 20 to 90, in place of the preset's: about what "
-                   "renders have where weights are measured from views. Not for codebooks "
-                   "(indexed, paper) and lossless streams")
+                   "renders have where weights are measured from views. Not for paper presets, "
+                   "codebooks with --stages, and lossless streams")
       ->type_name("DB")
       ->group(group);
   verb->add_option("-e,--effort", effort,
@@ -182,7 +182,7 @@ void EncodeParameters::require_quality(const EncoderHandle& encoder,
                                        const std::string& option) const {
   if (has_quality(encoder)) return;
   throw usage_error(option + ": the preset '" + preset + "' with what is set codes by " +
-                    (get_parameter(encoder, L4D_ENC_LOSSLESS) != 0 ? "float32 bits" : "codebooks") +
+                    (get_parameter(encoder, L4D_ENC_LOSSLESS) != 0 ? "float32 bits" : "codebooks of given stages") +
                     ", which no quality changes");
 }
 

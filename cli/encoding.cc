@@ -64,11 +64,13 @@ bool any_component_is(const EncoderHandle& encoder, double coding) {
 
 bool has_quality(const EncoderHandle& encoder) {
   if (get_parameter(encoder, L4D_ENC_LOSSLESS) != 0) return false;
-  return get_parameter(encoder, L4D_ENC_FIXED_POSITIONS) != 0 || any_component_is(encoder, 1);
+  return get_parameter(encoder, L4D_ENC_FIXED_POSITIONS) != 0 ||
+         get_parameter(encoder, L4D_ENC_CODEBOOKS_BY_COST) != 0 || any_component_is(encoder, 1) ||
+         any_component_is(encoder, 2);
 }
 
 bool has_codebooks(const EncoderHandle& encoder) {
-  return get_parameter(encoder, L4D_ENC_LOSSLESS) == 0 && any_component_is(encoder, 0);
+  return get_parameter(encoder, L4D_ENC_LOSSLESS) == 0 && (any_component_is(encoder, 0) || any_component_is(encoder, 2));
 }
 
 }  // namespace l4d::cli

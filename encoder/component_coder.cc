@@ -9,6 +9,8 @@
 #include "encoder/kmeans.h"
 #include "encoder/nearest.h"
 #include "encoder/rcq.h"
+#include "encoder/stage_choice.h"
+#include "encoder/stage_refinement.h"
 #include "libl4dcodec/base/half.h"
 
 namespace l4d {
@@ -89,6 +91,8 @@ class ComponentCoder {
     choose_literals();
     code_stage0();
     code_residual_stages();
+    refine_stages(rows_, weights_, settings_, &out_);
+    choose_literals_by_cost();
     code_literals();
     for (size_t i = 0; i < out_.n; ++i) {
       out_.weighted_distortion += static_cast<double>(weights_[i]) * squared_error(i);
@@ -104,6 +108,8 @@ class ComponentCoder {
     return c;
   }
 
+  bool by_cost() const { return settings_.bit_price > 0; }
+
   double squared_error(size_t i) const {
     double sum = 0;
     for (size_t k = 0; k < out_.dim; ++k) {
@@ -117,7 +123,7 @@ class ComponentCoder {
   void choose_literals() {
     coded_.clear();
     for (uint32_t i = 0; i < out_.n; ++i) {
-      if (settings_.literal_threshold > 0 &&
+      if (settings_.literal_threshold > 0 && !by_cost() &&
           static_cast<double>(weights_[i]) > settings_.literal_threshold) {
         out_.depth[i] = kLiteralDepth;
         out_.any_literal = true;
@@ -153,9 +159,9 @@ class ComponentCoder {
     const float* rows = direct ? rows_ : gathered.rows.data();
     const float* weights = direct ? weights_ : gathered.weights.data();
     const size_t n = coded_.size();
-    out_.books.push_back(train_half_codebook(rows, weights, n, dim,
-                                             useful_entries(settings_.codebook_size, n), settings_,
-                                             1));
+    const uint32_t entries = by_cost() ? stage0_entries_by_cost()
+                                       : useful_entries(settings_.codebook_size, n);
+    out_.books.push_back(train_half_codebook(rows, weights, n, dim, entries, settings_, 1));
     const std::vector<float>& book = out_.books[0];
     std::vector<uint32_t> labels(n);
     std::vector<float> distance(n);
@@ -176,27 +182,74 @@ class ComponentCoder {
     }
   }
 
+  // A small codebook tells how error falls with the number of codewords, and so which number is best.
+  uint32_t stage0_entries_by_cost() {
+    constexpr uint32_t kPilot = 64;
+    const size_t n = out_.n, dim = out_.dim;
+    std::vector<double> mean(dim, 0.0);
+    double total = 0, before = 0;
+    for (size_t i = 0; i < n; ++i) {
+      total += static_cast<double>(weights_[i]);
+      for (size_t k = 0; k < dim; ++k) {
+        mean[k] += static_cast<double>(weights_[i]) * static_cast<double>(rows_[i * dim + k]);
+      }
+    }
+    if (!(total > 0)) return 1;
+    for (size_t i = 0; i < n; ++i) {
+      double e2 = 0;
+      for (size_t k = 0; k < dim; ++k) {
+        const double e = static_cast<double>(rows_[i * dim + k]) - mean[k] / total;
+        e2 += e * e;
+      }
+      before += static_cast<double>(weights_[i]) * e2;
+    }
+    KMeansOptions options;
+    options.num_codewords = useful_entries(kPilot, n);
+    options.iterations = 3;
+    options.seed = settings_.seed;
+    options.threads = settings_.threads;
+    const Codebook pilot = train_codebook(rows_, weights_, n, dim, options);
+    const double after = pilot.weighted_distortion;
+    effective_dim_ = effective_dimension(before, after, static_cast<double>(pilot.size()));
+    return codewords_by_cost(before, n, dim, effective_dim_, settings_.bit_price,
+                             useful_entries(settings_.codebook_size, n));
+  }
+
+  // Which members get stage s, and from how many codewords. error: by row, weighted.
+  StageChoice choose_members(size_t s, const std::vector<uint32_t>& members,
+                             const std::vector<float>& error) const {
+    if (by_cost()) {
+      return choose_stage(members, error, out_.dim, effective_dim_, settings_.bit_price,
+                          useful_entries(settings_.codebook_size, members.size()));
+    }
+    StageChoice out;
+    out.members = neediest(members, error,
+                           static_cast<size_t>(std::llround(static_cast<double>(settings_.stages[s]) *
+                                                            static_cast<double>(out_.n))));
+    out.codewords = useful_entries(settings_.codebook_size, out.members.size());
+    return out;
+  }
+
   void code_residual_stages() {
     const size_t dim = out_.dim;
+    const size_t most = by_cost() ? L4D_MAX_STAGES : settings_.stages.size();
     std::vector<uint32_t> members = coded_;
     std::vector<float> need(out_.n), residual(out_.n * dim);
-    for (size_t s = 1; s < settings_.stages.size(); ++s) {
+    for (size_t s = 1; s < most; ++s) {
       for (const uint32_t i : members) {
         need[i] = static_cast<float>(static_cast<double>(weights_[i]) * squared_error(i));
         for (size_t k = 0; k < dim; ++k) {
           residual[i * dim + k] = rows_[i * dim + k] - out_.decoded[i * dim + k];
         }
       }
-      const size_t count = static_cast<size_t>(
-          std::llround(static_cast<double>(settings_.stages[s]) * static_cast<double>(out_.n)));
+      const StageChoice choice = choose_members(s, members, need);
       Selection chosen;
-      chosen.members = neediest(members, need, count);
+      chosen.members = choice.members;
       if (chosen.members.empty()) break;
       gather(residual, weights_, dim, &chosen);
       const size_t n = chosen.members.size();
       out_.books.push_back(train_half_codebook(chosen.rows.data(), chosen.weights.data(), n, dim,
-                                               useful_entries(settings_.codebook_size, n),
-                                               settings_, 1 + s));
+                                               choice.codewords, settings_, 1 + s));
       const std::vector<float>& book = out_.books[s];
       std::vector<uint32_t> labels(n);
       std::vector<float> distance(n);
@@ -213,7 +266,31 @@ class ComponentCoder {
           out_.decoded[i * dim + k] = out_.decoded[i * dim + k] + book[labels[j] * dim + k];
         }
       }
+      if (by_cost()) learn_dimension(chosen.members, need, book.size() / dim);
       members = chosen.members;
+    }
+  }
+
+  // What a stage did to its members' error says what the next one will do.
+  void learn_dimension(const std::vector<uint32_t>& members, const std::vector<float>& error,
+                       size_t codewords) {
+    double before = 0, after = 0;
+    for (const uint32_t i : members) {
+      before += static_cast<double>(error[i]);
+      after += static_cast<double>(weights_[i]) * squared_error(i);
+    }
+    effective_dim_ = effective_dimension(before, after, static_cast<double>(codewords));
+  }
+
+  // Rows whose last error is worth more than all of their numbers in binary16.
+  void choose_literals_by_cost() {
+    if (!by_cost() || !out_.block_tables.empty()) return;
+    constexpr double kBitsPerNumber = 13;
+    const double worth = settings_.bit_price * kBitsPerNumber * static_cast<double>(out_.dim);
+    for (const uint32_t i : coded_) {
+      if (static_cast<double>(weights_[i]) * squared_error(i) <= worth) continue;
+      out_.depth[i] = kLiteralDepth;
+      out_.any_literal = true;
     }
   }
 
@@ -232,6 +309,7 @@ class ComponentCoder {
   const std::vector<BlockRange>& blocks_;
   const ComponentSettings& settings_;
   std::vector<uint32_t> coded_;
+  double effective_dim_ = 1;  // of what is left, where bits have a price
   CodedComponent out_;
 };
 
@@ -268,6 +346,7 @@ ComponentSettings component_settings(const EncoderSettings& settings, unsigned c
   s.stages = settings.stages(c);
   s.literal_threshold = settings.get(L4D_ENC_LITERAL_THRESHOLD, c);
   s.rate_price = settings.get(L4D_ENC_RATE_PRICE, c);
+  s.refine_rounds = settings.get_int(L4D_ENC_REFINE);
   s.rcq = settings.get_int(L4D_ENC_RCQ);
   s.rcq_size = static_cast<uint32_t>(settings.get(L4D_ENC_RCQ_SIZE));
   s.iterations = settings.get_int(L4D_ENC_KMEANS_ITERATIONS);

@@ -19,6 +19,10 @@ struct ComponentSettings {
   std::vector<float> stages{1.0f};
   double literal_threshold = 0;  // 0 = never
   double rate_price = 0;         // see EntropyConstraint; blocks pay none
+  // Above 0: price of a bit in weighted squared error. Then sizes of codebooks (codebook_size at most),
+  // depths and literals are what they are worth, and `stages` and literal_threshold count for nothing.
+  double bit_price = 0;
+  int refine_rounds = 0;         // see refine_stages
   int rcq = 0;                   // 0 never, 1 where it pays, 2 always; needs blocks
   uint32_t rcq_size = 512;
   int iterations = 10;
@@ -50,7 +54,7 @@ struct CodedComponent {
   std::vector<float> decoded;                  // [n, dim], bit-exact
   bool is_transform = false;                   // then this, and none of the above but `decoded`:
   CodedTransform transform;
-  double weighted_distortion = 0;
+  double weighted_distortion = 0;  // sum of weight x squared error
 };
 
 // rows: [n, dim]; weights: [n].

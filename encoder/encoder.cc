@@ -2,6 +2,7 @@
 #include "encoder/encoder.h"
 
 #include "encoder/quality.h"
+#include "encoder/sh_coder.h"
 
 #include <algorithm>
 #include <chrono>
@@ -9,9 +10,6 @@
 
 namespace l4d {
 namespace {
-
-// Step of SH coefficients of what hardly weighs, at 42 dB.
-constexpr double kMaxShStep = 1.07;
 
 // Thrown out of the innermost loops; caught in encode().
 struct Cancelled {};
@@ -119,6 +117,13 @@ Status Encoder::encode(const WriteFn& write) {
     std::vector<LayerPlan> plans = plan_layers(scene, settings_);
     steps.advance(kPrepareWork);
 
+    CoderOptions coder_options;
+    coder_options.settings = &settings_;
+    coder_options.threads = threads;
+    coder_options.seed = options_.seed;
+    coder_options.cancelled = &cancelled;
+    coder_options.step = [&](const char* name) { steps.begin(name); };
+
     SceneHeader header;
     header.num_gaussians = scene.count;
     header.timeline = scene.timeline;
@@ -132,38 +137,12 @@ Status Encoder::encode(const WriteFn& write) {
       header.opacity.coding = ScalarCodingId::kRaw32;
       header.sh.coding = ComponentCodingId::kRaw32;
     } else {
-      const bool transform = settings_.get_int(L4D_ENC_CODING, L4D_COMPONENT_SH) == 1;
-      steps.begin(transform ? "sh_transform" : "sh_vq");
-      ComponentSettings s = component_settings(settings_, L4D_COMPONENT_SH);
-      s.seed = options_.seed * 131 + 7;
-      s.threads = threads;
-      s.cancelled = &cancelled;
-      if (transform) {
-        const Quality quality(settings_, scene.count);
-        TransformSettings t;
-        t.distortion = quality.per_number(L4D_COMPONENT_SH);
-        t.max_step = quality.max_step(kMaxShStep);
-        t.principal_axes = true;
-        t.threads = threads;
-        sh = code_component_transform(scene.sh.data(), scene.importance[L4D_COMPONENT_SH].data(),
-                                      scene.count, scene.sh_dim(), t);
-        header.sh.coding = ComponentCodingId::kTransform;
-      } else {
-        sh = code_component(scene.sh.data(), scene.weight[L4D_COMPONENT_SH].data(), scene.count,
-                            scene.sh_dim(), {}, s);
-        rank_codebooks(sh, {});
-        header.sh.coding = ComponentCodingId::kVq;
-      }
+      sh = code_sh(scene, coder_options);
+      header.sh.coding = sh.is_transform ? ComponentCodingId::kTransform : ComponentCodingId::kVq;
       describe_component(sh, &header.sh);
     }
     steps.advance(kShWork);
 
-    LayerCoderOptions layer_options;
-    layer_options.settings = &settings_;
-    layer_options.threads = threads;
-    layer_options.seed = options_.seed;
-    layer_options.cancelled = &cancelled;
-    layer_options.step = [&](const char* name) { steps.begin(name); };
     // Finest first: what no longer fits moves to the next coarser layer before that is coded.
     std::vector<CodedLayer> layers(plans.size());
     for (size_t l = plans.size(); l-- > 0;) {
@@ -173,7 +152,7 @@ Status Encoder::encode(const WriteFn& write) {
       }
       steps.begin("layering");
       std::vector<uint32_t> misfits;
-      layers[l] = code_layer(scene, plans[l], layer_options, &misfits);
+      layers[l] = code_layer(scene, plans[l], coder_options, &misfits);
       if (!misfits.empty()) {
         std::vector<uint32_t>& to = plans[l - 1].members;
         std::vector<uint32_t> all(to.size() + misfits.size());

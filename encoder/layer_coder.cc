@@ -6,8 +6,7 @@
 
 #include "encoder/closed_loop.h"
 #include "encoder/quality.h"
-#include "decoder/transform.h"
-#include "encoder/scalar.h"
+#include "encoder/shape_coder.h"
 #include "libl4dcodec/base/half.h"
 #include "libl4dcodec/base/ordered.h"
 #include "libl4dcodec/base/threads.h"
@@ -23,16 +22,9 @@ constexpr double kBucketsPerDirectoryPage = 128;
 // Fewer Gaussians than this do not earn a codebook of their own.
 constexpr size_t kMinBlockGaussians = 8192;
 constexpr size_t kMaxBlocksPerDirectoryPage = 256;
-// Steps of what hardly weighs, at 42 dB: log scales, and stereographic coordinates of rotors.
-constexpr double kMaxStep[L4D_COMPONENT_COUNT] = {0, 0.6, 0.08, 0.0215};
-// A change of one of three coordinates moves the four numbers of a half about twice as far, and their
-// squares are averages over four.
-constexpr float kRotorPerStereographic = 6.0f;
-constexpr double kNearMinusOne = -0.999999;
-
 class LayerCoder {
  public:
-  LayerCoder(const EncoderScene& scene, const LayerPlan& plan, const LayerCoderOptions& options)
+  LayerCoder(const EncoderScene& scene, const LayerPlan& plan, const CoderOptions& options)
       : scene_(scene),
         plan_(plan),
         options_(options),
@@ -48,7 +40,8 @@ class LayerCoder {
     if (lossless_) {
       describe_lossless();
     } else {
-      code_components();
+      make_blocks();
+      code_shapes(scene_, options_, quality_, &out_);
     }
     decode();
     drop_misfits(misfits);
@@ -161,125 +154,6 @@ class LayerCoder {
     }
   }
 
-  ComponentSettings settings_of(unsigned c) const {
-    ComponentSettings s = component_settings(settings_, c);
-    s.seed = options_.seed * 131 + plan_.level * 8 + c + (plan_.permanent ? 4096 : 0);
-    s.threads = options_.threads;
-    s.cancelled = options_.cancelled;
-    return s;
-  }
-
-  void code_components() {
-    make_blocks();
-    const size_t n = count();
-    const size_t scale_dim = out_.header.scale_dim();
-    std::vector<float> factor(n, 0.0f), rows(n * 4), weights(n);
-    const bool whole_scale = settings_.get_int(L4D_ENC_CODING, L4D_COMPONENT_SCALE) == 1;
-    for (size_t j = 0; j < n && !whole_scale; ++j) {
-      const float* s = scene_.log_scale.data() + 4 * size_t{out_.members[j]};
-      float sum = 0;
-      for (size_t k = 0; k < scale_dim; ++k) sum += s[k];
-      factor[j] = sum / static_cast<float>(scale_dim);
-    }
-    const unsigned bits = static_cast<unsigned>(settings_.get_int(L4D_ENC_SCALE_FACTOR_BITS));
-    out_.factor = quantize_scalar(factor, bits, &out_.header.scale_factor);
-    for (size_t j = 0; j < n; ++j) factor[j] = decoded_factor(j);
-    // Both halves of a rotor, or none: they are coordinates of the same map.
-    const bool stereographic = settings_.get_int(L4D_ENC_CODING, L4D_COMPONENT_ROTOR_SPATIAL) == 1 &&
-                               settings_.get_int(L4D_ENC_CODING, L4D_COMPONENT_ROTOR_TEMPORAL) == 1;
-    if (plan_.permanent) out_.header.log_scale_t = largest_log_scale_t();
-
-    for (unsigned c = L4D_COMPONENT_SCALE; c < L4D_COMPONENT_COUNT; ++c) {
-      static constexpr const char* kSteps[] = {"", "scale_vq", "rotor_spatial_vq",
-                                               "rotor_temporal_vq"};
-      options_.step(kSteps[c]);
-      const bool rotor = c != L4D_COMPONENT_SCALE;
-      const bool transform = rotor ? stereographic : whole_scale;
-      const size_t dim = !rotor ? scale_dim : transform ? 3 : 4;
-      bool any = false;
-      for (size_t j = 0; j < n; ++j) {
-        const size_t i = out_.members[j];
-        weights[j] = scene_.weight[c][i];
-        double u[2][3];
-        if (rotor && transform) stereographic_rotor(i, u[0], u[1]);
-        for (size_t k = 0; k < dim; ++k) {
-          const float v = c == L4D_COMPONENT_SCALE ? scene_.log_scale[4 * i + k] - factor[j]
-                          : transform ? static_cast<float>(u[c - L4D_COMPONENT_ROTOR_SPATIAL][k])
-                          : c == L4D_COMPONENT_ROTOR_SPATIAL ? scene_.rotor[8 * i + k]
-                                                             : scene_.rotor[8 * i + 4 + k];
-          rows[j * dim + k] = v;
-          any = any || v != 0;
-        }
-        if (transform) {
-          weights[j] = scene_.importance[c][i] * (rotor ? kRotorPerStereographic : 1.0f);
-        }
-      }
-      // The spatial half says what kind of map the temporal one belongs to.
-      any = any || (transform && c == L4D_COMPONENT_ROTOR_SPATIAL);
-      out_.header.component[c].coding =
-          !any || (plan_.permanent && c == L4D_COMPONENT_ROTOR_TEMPORAL) ? ComponentCodingId::kZero
-          : transform                                                    ? ComponentCodingId::kTransform
-                                                                         : ComponentCodingId::kVq;
-      if (out_.header.component[c].transform()) {
-        TransformSettings s;
-        s.distortion = quality_.per_number(c);
-        s.max_step = quality_.max_step(kMaxStep[c]);
-        s.threads = options_.threads;
-        out_.component[c] = code_component_transform(rows.data(), weights.data(), n, dim, s);
-        continue;
-      }
-      if (!out_.header.component[c].vq()) {
-        out_.component[c].n = n;
-        out_.component[c].dim = dim;
-        out_.component[c].decoded.assign(n * dim, 0.0f);
-        out_.component[c].depth.assign(n, 0);
-        continue;
-      }
-      out_.component[c] =
-          code_component(rows.data(), weights.data(), n, dim, out_.blocks, settings_of(c));
-    }
-  }
-
-  // Stereographic coordinates of the spatial rotation, and what time adds to one half and takes from
-  // the other.
-  void stereographic_rotor(size_t i, double* spatial, double* temporal) const {
-    double r[8], a[3], b[3];
-    for (size_t k = 0; k < 8; ++k) r[k] = static_cast<double>(scene_.rotor[8 * i + k]);
-    RotorHalves<double> h = normalized_halves(r);
-    // (-1, 0, 0, 0) itself has no coordinates; a neighbour will do.
-    h.a[0] = std::max(h.a[0], kNearMinusOne);
-    h.b[0] = std::max(h.b[0], kNearMinusOne);
-    stereographic_of_half(h.a, a);
-    stereographic_of_half(h.b, b);
-    for (size_t k = 0; k < 3; ++k) {
-      spatial[k] = (a[k] + b[k]) / 2;
-      temporal[k] = (a[k] - b[k]) / 2;
-    }
-  }
-
-  static std::vector<uint16_t> quantize_scalar(const std::vector<float>& values, unsigned bits,
-                                               ScalarCoding* coding) {
-    std::vector<uint16_t> codes(values.size());
-    *coding = choose_scalar_coding(values, bits);
-    for (size_t j = 0; j < values.size(); ++j) codes[j] = scalar_code(*coding, values[j]);
-    return codes;
-  }
-
-  float decoded_factor(size_t j) const {
-    const ScalarCoding& f = out_.header.scale_factor;
-    return f.coding == ScalarCodingId::kConstant
-               ? f.offset
-               : f.offset + f.step * static_cast<float>(out_.factor[j]);
-  }
-
-  float largest_log_scale_t() const {
-    float largest = scene_.log_scale[4 * size_t{out_.members[0]} + 3];
-    for (const uint32_t i : out_.members) {
-      largest = std::max(largest, scene_.log_scale[4 * size_t{i} + 3]);
-    }
-    return sound_constant(largest);
-  }
-
   // The decoder's float arithmetic, then the slice in double.
   void decode() {
     const size_t n = count();
@@ -306,24 +180,7 @@ class LayerCoder {
       std::copy_n(scene_.log_scale.data() + 4 * i, 4, log_scale);
       return;
     }
-    const float factor = decoded_factor(j);
-    const size_t dim = out_.header.scale_dim();
-    for (size_t k = 0; k < dim; ++k) {
-      log_scale[k] = factor + out_.component[L4D_COMPONENT_SCALE].decoded[j * dim + k];
-    }
-    if (plan_.permanent) log_scale[3] = out_.header.log_scale_t;
-    if (SceneHeader::stereographic_rotor(out_.header)) {
-      const bool moves = out_.header.component[L4D_COMPONENT_ROTOR_TEMPORAL].transform();
-      transform_kernels_reference().rotors(
-          out_.component[L4D_COMPONENT_ROTOR_SPATIAL].decoded.data() + 3 * j,
-          moves ? out_.component[L4D_COMPONENT_ROTOR_TEMPORAL].decoded.data() + 3 * j : nullptr, 1,
-          rotor, false);
-      return;
-    }
-    float merged[8];
-    std::copy_n(out_.component[L4D_COMPONENT_ROTOR_SPATIAL].decoded.data() + 4 * j, 4, merged);
-    std::copy_n(out_.component[L4D_COMPONENT_ROTOR_TEMPORAL].decoded.data() + 4 * j, 4, merged + 4);
-    normalize_rotor(merged, rotor);
+    decoded_shape(out_, j, rotor, log_scale);
   }
 
   void drop_misfits(std::vector<uint32_t>* misfits) {
@@ -444,7 +301,7 @@ class LayerCoder {
 
   const EncoderScene& scene_;
   const LayerPlan& plan_;
-  const LayerCoderOptions& options_;
+  const CoderOptions& options_;
   const EncoderSettings& settings_;
   Quality quality_;
   bool lossless_ = false;
@@ -454,7 +311,7 @@ class LayerCoder {
 }  // namespace
 
 CodedLayer code_layer(const EncoderScene& scene, const LayerPlan& plan,
-                      const LayerCoderOptions& options, std::vector<uint32_t>* misfits) {
+                      const CoderOptions& options, std::vector<uint32_t>* misfits) {
   return LayerCoder(scene, plan, options).run(misfits);
 }
 

@@ -5,6 +5,7 @@
 #include <array>
 #include <vector>
 
+#include "encoder/coder_options.h"
 #include "encoder/component_coder.h"
 #include "encoder/layering.h"
 #include "encoder/scene.h"
@@ -27,18 +28,9 @@ struct CodedLayer {
   std::vector<float> opacity;           // [m] to be coded
 };
 
-struct LayerCoderOptions {
-  const EncoderSettings* settings = nullptr;
-  int threads = 0;
-  uint64_t seed = 0;
-  const std::function<bool()>* cancelled = nullptr;
-  // Called before each component with its name.
-  std::function<void(const char*)> step;
-};
-
 // Codes the members of a plan. Those whose decoded form no longer fits the layer are left out and
 // returned in `misfits` (ascending) for the next coarser layer.
 CodedLayer code_layer(const EncoderScene& scene, const LayerPlan& plan,
-                      const LayerCoderOptions& options, std::vector<uint32_t>* misfits);
+                      const CoderOptions& options, std::vector<uint32_t>* misfits);
 
 }  // namespace l4d

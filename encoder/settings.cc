@@ -37,7 +37,7 @@ constexpr ParameterDescription kParameters[L4D_ENC_PARAMETER_COUNT] = {
      false, true},
     {"effort", "how hard k-means and zstd try: sets kmeans-iterations, kmeans-sample and zstd-level", 1,
      9, 7, false, true},
-    {"coding", "0 codebooks, 1 transform", 0, 1, 1, true, true},
+    {"coding", "0 codebooks, 1 transform, 2 whichever costs less", 0, 2, 1, true, true},
     {"quality", "of transforms and fixed positions: fidelity to aim at, in dB", 20, 90, 44, false, false},
     {"quality-offset", "dB on top of the quality", -30, 30, 0, true, false},
     {"fixed-positions", "positions in fixed point, with a step that follows the quality", 0, 1, 1, false,
@@ -55,6 +55,8 @@ constexpr ParameterDescription kParameters[L4D_ENC_PARAMETER_COUNT] = {
      3, -1, false, true},
     {"level", "declared conformance level, 0 = none; -1 = the smallest that the stream keeps to", -1, 6, -1,
      false, true},
+    {"codebooks-by-cost", "sizes and depths of codebooks follow the quality", 0, 1, 0, false, true},
+    {"refine", "rounds in which residual stages are coded again for each other", 0, 20, 0, false, true},
 };
 
 // What each effort sets; docs/accuracy.md has the front of time against quality they were taken from.
@@ -84,17 +86,19 @@ struct QualityPreset {
 constexpr QualityPreset kQualityPresets[] = {
     {"default", 44}, {"tiny", 38.5}, {"small", 42.3}, {"large", 46.5}, {"archive", 54}};
 
+// Codebooks leave those Gaussians further off that are not worth a bit more: hence the higher numbers.
+constexpr QualityPreset kIndexedPresets[] = {
+    {"indexed", 45.3}, {"indexed-small", 40}, {"indexed-high", 51}};
+
 constexpr PresetDescription kPresets[] = {
     {"default", "a middle between small and large"},
     {"tiny", "the smallest file that is still good to look at"},
     {"small", "differences show to those who look for them"},
     {"large", "differences are hard to see"},
     {"archive", "for further processing"},
-    {"indexed", "codebooks only, for players that render from indices: five residual stages for SH, two "
-                "for the rest, 1024 codewords each"},
-    {"indexed-small", "codebooks only: one stage of 4096 codewords per component"},
-    {"indexed-high", "codebooks only: six residual stages of 2048 codewords for SH, three of 4096 for the "
-                     "rest"},
+    {"indexed", "codebooks only, for players that render from indices: as good as default"},
+    {"indexed-small", "codebooks only: between tiny and small"},
+    {"indexed-high", "codebooks only: between large and archive"},
     {"paper-small", "the paper's small model: literals above thresholds, RCQ, unseen Gaussians dropped"},
     {"paper-large", "the paper's large model: twice the SH codebook, a lower SH threshold"},
     {"lossless", "the float32 bits of the input, in any order"},
@@ -137,6 +141,7 @@ Status EncoderSettings::set(l4d_encoder_parameter id, int component, double valu
   } else {
     values[static_cast<size_t>(component)] = value;
   }
+  if (id == L4D_ENC_LITERAL_THRESHOLD) values_[L4D_ENC_CODEBOOKS_BY_COST].fill(0);
   if (id == L4D_ENC_EFFORT) {
     const Effort& effort = kEfforts[static_cast<size_t>(value) - 1];
     values_[L4D_ENC_KMEANS_ITERATIONS].fill(effort.kmeans_iterations);
@@ -163,10 +168,11 @@ Status EncoderSettings::set_stages(int component, const std::vector<float>& frac
   } else {
     stages_[static_cast<size_t>(component)] = fractions;
   }
+  values_[L4D_ENC_CODEBOOKS_BY_COST].fill(0);
   return {};
 }
 
-// Coded as codebook indices and what a page of indices holds beside them.
+// Codebooks that follow no quality, and what a page of indices holds beside them.
 void EncoderSettings::use_codebooks() {
   values_[L4D_ENC_CODING].fill(0);
   values_[L4D_ENC_FIXED_POSITIONS].fill(0);
@@ -183,17 +189,21 @@ Status EncoderSettings::set_preset(const char* name) {
     *this = fresh;
     return {};
   }
-  fresh.use_codebooks();
-  // docs/accuracy.md has the plot of fidelity against bytes they were chosen from.
-  if (std::strcmp(name, "indexed-high") == 0) {
-    fresh.stages_.fill({1.0f, 0.6f, 0.2f});
-    fresh.stages_[L4D_COMPONENT_SH] = {1.0f, 0.7f, 0.5f, 0.3f, 0.2f, 0.1f};
+  for (const QualityPreset& p : kIndexedPresets) {
+    if (std::strcmp(name, p.name) != 0) continue;
+    fresh.values_[L4D_ENC_CODING].fill(0);
+    fresh.values_[L4D_ENC_FIXED_POSITIONS].fill(0);
+    fresh.values_[L4D_ENC_CODEBOOKS_BY_COST].fill(1);
     fresh.values_[L4D_ENC_CODEBOOK_SIZE].fill(4096);
-    fresh.values_[L4D_ENC_CODEBOOK_SIZE][L4D_COMPONENT_SH] = 2048;
-  } else if (std::strcmp(name, "indexed-small") == 0) {
-    fresh.stages_.fill({1.0f});
-    fresh.values_[L4D_ENC_CODEBOOK_SIZE].fill(4096);
+    fresh.values_[L4D_ENC_REFINE].fill(2);
+    fresh.values_[L4D_ENC_QUALITY].fill(p.quality);
+    *this = fresh;
+    return {};
+  }
+  if (std::strcmp(name, "lossless") == 0) {
+    fresh.values_[L4D_ENC_LOSSLESS].fill(1);
   } else if (std::strcmp(name, "paper-small") == 0 || std::strcmp(name, "paper-large") == 0) {
+    fresh.use_codebooks();
     const PaperPreset& paper = name[6] == 's' ? kPaperSmall : kPaperLarge;
     const auto set = [&](l4d_encoder_parameter id, int component, double value) {
       fresh.values_[static_cast<size_t>(id)][static_cast<size_t>(component)] = value;
@@ -209,9 +219,7 @@ Status EncoderSettings::set_preset(const char* name) {
     fresh.values_[L4D_ENC_RCQ].fill(2);
     fresh.values_[L4D_ENC_RCQ_SIZE].fill(kPaperRcqSize);
     fresh.values_[L4D_ENC_PRUNE_WEIGHT].fill(0);
-  } else if (std::strcmp(name, "lossless") == 0) {
-    fresh.values_[L4D_ENC_LOSSLESS].fill(1);
-  } else if (std::strcmp(name, "indexed") != 0) {
+  } else {
     return invalid_argument("unknown preset '" + std::string(name) + "'");
   }
   *this = fresh;
@@ -232,8 +240,11 @@ Status EncoderSettings::check_profile() const {
   if (profile == static_cast<int>(ProfileId::kMain)) return {};
   static constexpr const char* kComponents[] = {"sh", "scale", "rotor-spatial", "rotor-temporal"};
   for (int c = 0; c < L4D_COMPONENT_COUNT; ++c) {
-    if (get_int(L4D_ENC_CODING, c) == 1) {
-      return refuse(std::string(" does not allow coding = 1, transforms, of ") + kComponents[c]);
+    if (get_int(L4D_ENC_CODING, c) != 0) {
+      return refuse(std::string(get_int(L4D_ENC_CODING, c) == 1
+                                    ? " does not allow coding = 1, transforms, of "
+                                    : " does not allow coding = 2, transforms where they cost less, of ") +
+                    kComponents[c]);
     }
   }
   if (get_bool(L4D_ENC_FIXED_POSITIONS)) return refuse(" does not allow fixed-positions = 1");

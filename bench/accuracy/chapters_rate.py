@@ -68,7 +68,7 @@ def crossover(tables, folder):
         transforms = [r for r in rows if r["name"] == name and r["family"] == "transform"]
         shares = []
         for row in rows:
-            if row["name"] != name or row["family"] != "codebooks":
+            if row["name"] != name or row["family"] == "transform":
                 continue
             least = interpolate(transforms, row["fidelity_db"])
             if least:
@@ -79,8 +79,9 @@ def crossover(tables, folder):
             "; ".join(parts) + ".\n") if parts else ""
     return ["One part by codebooks or by a transform of other qualities, the others by "
             "transforms of quality 64, as are positions; mean times in binary16, opacities in 12 "
-            "bits, no Gaussian pruned. Bytes are those of the part with its codebooks. Both rotors "
-            "are one part, since a transform takes them together.\n",
+            "bits, no Gaussian pruned. Bytes are those of the part with its codebooks, of scales with "
+            "the scale factors that codebooks need. Both rotors are one part, since a transform takes "
+            "them together. Codebooks by cost follow the quality, as the presets `indexed` do.\n",
             plots.crossover_plot(rows, folder),
             table([("part", lambda r: plots.PARTS[r["name"]], ""),
                    ("family", "family", ""), ("setting", "setting", ""),

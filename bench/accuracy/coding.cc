@@ -70,7 +70,13 @@ Coding preset(const std::string& name) {
 
 Coding staged(const std::string& name, double k, std::vector<float> sh_stages,
               std::vector<float> geometry_stages) {
-  Coding c = preset("indexed").with(L4D_ENC_CODEBOOK_SIZE, k);
+  // Nothing that follows a quality.
+  Coding c = preset("indexed")
+                 .with(L4D_ENC_CODEBOOK_SIZE, k)
+                 .with(L4D_ENC_REFINE, 0)
+                 .with(L4D_ENC_MEAN_T_SHIFT, 0)
+                 .with(L4D_ENC_OPACITY_BITS, 8)
+                 .with(L4D_ENC_PRUNE_COST, 0);
   c.name = name;
   c.sh_stages = std::move(sh_stages);
   c.geometry_stages = std::move(geometry_stages);

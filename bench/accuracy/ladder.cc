@@ -26,9 +26,11 @@ std::vector<Step> steps() {
     all.push_back({name, c, id != L4D_ENC_RANS});
   };
   all.push_back({"one stage, no literals", c, false});
-  c = preset("indexed").with(L4D_ENC_RANS, 0);
+  c = staged("", 1024, {1, .6f, .4f, .2f, .1f}, {1, .5f}).with(L4D_ENC_RANS, 0);
   c.measure = L4D_SENSITIVITY_SUM;
   all.push_back({"+ residual stages", c, false});
+  c = c.with(L4D_ENC_REFINE, 2);
+  all.push_back({"+ stages refined for each other", c, false});
   add("+ rANS", L4D_ENC_RANS, 1);
   add("+ fixed positions", L4D_ENC_FIXED_POSITIONS, 1);
   c = c.with(L4D_ENC_OPACITY_BITS, 0);

@@ -76,7 +76,7 @@ def crossover_plot(rows, folder):
     names = [c for c in PARTS if any(r["name"] == c for r in rows)]
     figure, all_axes = plt.subplots(1, len(names), figsize=(9, 3.2), sharey=True, squeeze=False)
     for axes, name in zip(all_axes[0], names):
-        for family, style in (("transform", "o-"), ("codebooks", "s")):
+        for family, style in (("transform", "o-"), ("codebooks by cost", "^-"), ("codebooks", "s")):
             line = [r for r in rows if r["name"] == name and r["family"] == family]
             axes.plot([r["bytes"] / 1e6 for r in line], [r["fidelity_db"] for r in line], style,
                       label=family)

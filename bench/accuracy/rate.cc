@@ -29,6 +29,14 @@ Coding transform_at(double quality) {
   return c;
 }
 
+Coding indexed_at(double quality) {
+  char name[48];
+  std::snprintf(name, sizeof name, "codebooks by cost, quality %g", quality);
+  Coding c = preset("indexed").with(L4D_ENC_QUALITY, quality);
+  c.name = name;
+  return c;
+}
+
 // One part at the quality, all else much better.
 Coding alone(const Part& part, double quality) {
   Coding c = transform_at(quality)
@@ -54,9 +62,12 @@ void add_part(Bench& bench, Json& table, const Judge& judge, const Part& part, c
               const std::string& setting, const Coding& coding) {
   const Encoded e = encode(bench, bench.real(), coding);
   const auto section = [&](uint32_t s) { return static_cast<double>(e.sections[s]); };
-  // No other part has codebooks.
+  // No other part has codebooks. Codebooks of scales are of what is left without a factor.
   double bytes = section(L4D_SECTION_CODEBOOKS) + section(L4D_SECTION_RCQ_TABLES);
-  for (const int c : part.components) bytes += section(L4D_SECTION_SH + static_cast<uint32_t>(c));
+  for (const int c : part.components) {
+    bytes += section(L4D_SECTION_SH + static_cast<uint32_t>(c));
+    if (c == L4D_COMPONENT_SCALE) bytes += section(L4D_SECTION_SCALE_FACTOR);
+  }
   bench.add(table, {{"name", part.name},
                     {"family", family},
                     {"setting", setting},
@@ -75,8 +86,8 @@ Json run_rate(Bench& bench) {
     row["quality"] = quality;
     bench.add(transforms, row);
   }
-  std::vector<Coding> codings = {preset("indexed-small"), preset("indexed"),
-                                 preset("indexed-high")};
+  std::vector<Coding> codings;
+  for (const double quality : {36, 40, 44, 48, 52}) codings.push_back(indexed_at(quality));
   for (const Coding& c : codebook_codings()) codings.push_back(c);
   for (const Coding& c : bench.take(codings)) bench.add(codebooks, coded_row(bench, scene, c));
   return {{"transforms", transforms}, {"codebooks", codebooks}};
@@ -103,6 +114,12 @@ Json run_crossover(Bench& bench) {
                std::to_string(n) + (n == 1 ? " stage, K=" : " stages, K=") +
                    std::to_string(static_cast<int>(s.k)),
                coding);
+    }
+    for (const double quality : bench.take(std::vector<double>{34, 40, 46, 54})) {
+      Coding coding = alone(part, quality).with(L4D_ENC_REFINE, 2).with(L4D_ENC_CODEBOOK_SIZE, 4096);
+      for (const int c : part.components) coding = coding.with(L4D_ENC_CODING, 0, c);
+      coding = coding.with(L4D_ENC_CODEBOOKS_BY_COST, 1);
+      add_part(bench, rows, judge, part, "codebooks by cost", coding.name, coding);
     }
   }
   return {{"parts", rows}};

@@ -70,7 +70,9 @@ enum {
   /* 1..9: setting it sets how hard k-means and zstd try (13, 14, 15), from a measured front of time
    * against quality; those may be set after it. */
   L4D_ENC_EFFORT = 17,
-  L4D_ENC_CODING = 18,          /* per component: 0 codebooks, 1 transform */
+  /* Per component: 0 codebooks, 1 transform, 2 whichever costs less, by error and bits: of SH once, of the
+   * rest in each layer. Both halves of a rotor go together. */
+  L4D_ENC_CODING = 18,
   /* Of a transform, fixed positions, and what else is left to it: about the fidelity in dB that renders
    * of the coded scene have, where weights are Gauss-Newton's. 20..90 */
   L4D_ENC_QUALITY = 19,
@@ -92,7 +94,11 @@ enum {
    * written then, and the detail says what breaks it and by how much. */
   L4D_ENC_PROFILE = 28,         /* L4D_PROFILE_*, or -1 */
   L4D_ENC_LEVEL = 29,           /* 1..6, 0 or -1 */
-  L4D_ENC_PARAMETER_COUNT = 30
+  /* 1: codebooks follow the quality as transforms do: their sizes (up to the codebook size), depths and
+   * literals are what they are worth. 0 | 1; setting stages or a literal threshold sets it to 0 */
+  L4D_ENC_CODEBOOKS_BY_COST = 30,
+  L4D_ENC_REFINE = 31,          /* rounds in which residual stages are coded again for each other, 0..20 */
+  L4D_ENC_PARAMETER_COUNT = 32
 };
 L4D_API l4d_status l4d_encoder_set(l4d_encoder* encoder, l4d_encoder_parameter id,
                                    int32_t component, double value);

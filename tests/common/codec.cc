@@ -15,7 +15,14 @@ EncodeOptions small_options() {
                 {L4D_ENC_KMEANS_ITERATIONS, 4},
                 {L4D_ENC_MERGE_COUNT, 40},
                 {L4D_ENC_PAGE_SIZE, 128},
-                {L4D_ENC_ZSTD_LEVEL, 3}};
+                {L4D_ENC_ZSTD_LEVEL, 3},
+                // Nothing that follows a quality: tests say what there is.
+                {L4D_ENC_CODEBOOKS_BY_COST, 0},
+                {L4D_ENC_REFINE, 0},
+                {L4D_ENC_MEAN_T_SHIFT, 0},
+                {L4D_ENC_OPACITY_BITS, 8},
+                {L4D_ENC_PRUNE_COST, 0}};
+  o.stages = {{L4D_ALL_COMPONENTS, {1}}};
   return o;
 }
 

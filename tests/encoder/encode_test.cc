@@ -719,6 +719,45 @@ TEST(Quality, MoreStagesAndCodewordsGiveLessError) {
   EXPECT_LT(sh_error(stages), 0.8 * base);
 }
 
+// A scene whose shapes repeat is one for codebooks, one whose shapes do not is one for transforms.
+TEST(Coding, IsWhicheverCostsLess) {
+  for (const bool repeats : {false, true}) {
+    SCOPED_TRACE(repeats ? "shapes repeat" : "shapes differ");
+    TestScene scene = scene_of(4000);
+    for (size_t i = 0; repeats && i < scene.count(); ++i) {
+      const size_t like = i % 7;
+      std::copy_n(scene.log_scale.data() + 4 * like, 3, scene.log_scale.data() + 4 * i);
+      std::copy_n(scene.rotor.data() + 8 * like, 8, scene.rotor.data() + 8 * i);
+      std::copy_n(scene.sh.data() + 12 * like, 12, scene.sh.data() + 12 * i);
+    }
+    const auto encoded = [&](int coding) {
+      EncodeOptions o;
+      o.rans = true;
+      o.settings = {{L4D_ENC_CODING, static_cast<double>(coding)},
+                    {L4D_ENC_CODEBOOKS_BY_COST, 1},
+                    {L4D_ENC_QUALITY, 44},
+                    {L4D_ENC_PRUNE_COST, 0}};
+      return encode(scene, o).bytes;
+    };
+    const Bytes cheaper = encoded(2);
+    DecoderHandle d;
+    d.open_memory(cheaper.data(), cheaper.size());
+    for (uint32_t l = 0; l < d.info().num_layers; ++l) {
+      l4d_layer_info layer;
+      l4d_layer_info_init(&layer);
+      d.check(l4d_decoder_get_layer_info(d.get(), l, &layer));
+      // Scales have a number that does not repeat.
+      for (const int c : {L4D_COMPONENT_SH, L4D_COMPONENT_ROTOR_SPATIAL}) {
+        EXPECT_EQ(layer.codebook_size[c] > 0, repeats) << "layer " << l << " component " << c;
+      }
+    }
+    const size_t codebooks = encoded(0).size(), transforms = encoded(1).size();
+    EXPECT_EQ(codebooks < transforms, repeats);
+    EXPECT_LT(static_cast<double>(cheaper.size()),
+              1.01 * static_cast<double>(std::min(codebooks, transforms)));
+  }
+}
+
 // RCQ in a whole file, where it pays: the seconds of the scene have shapes of their own.
 TEST(RcqFile, PaysInASceneWhoseTimesDiffer) {
   SceneOptions s;

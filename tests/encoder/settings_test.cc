@@ -34,7 +34,7 @@ TEST(Settings, EveryParameterIsDescribed) {
   }
   l4d_parameter_info info;
   l4d_parameter_info_init(&info);
-  EXPECT_EQ(l4d_encoder_parameter_info(parameter(31), &info), L4D_ERR_INVALID_ARGUMENT);
+  EXPECT_EQ(l4d_encoder_parameter_info(parameter(63), &info), L4D_ERR_INVALID_ARGUMENT);
   EXPECT_EQ(l4d_encoder_parameter_info(L4D_ENC_PARAMETER_COUNT, &info), L4D_ERR_INVALID_ARGUMENT);
   EXPECT_EQ(l4d_encoder_parameter_info(L4D_ENC_RCQ, nullptr), L4D_ERR_INVALID_ARGUMENT);
 }
@@ -52,8 +52,10 @@ TEST(Settings, RangesAreThoseOfTheHeader) {
   EXPECT_EQ(range(L4D_ENC_PAGE_SIZE), R(64, 65536));
   EXPECT_EQ(range(L4D_ENC_GAUGE), R(0, 3));
   EXPECT_EQ(range(L4D_ENC_OPACITY_BITS), R(0, 16));
-  EXPECT_EQ(range(L4D_ENC_CODING), R(0, 1));
+  EXPECT_EQ(range(L4D_ENC_CODING), R(0, 2));
   EXPECT_EQ(range(L4D_ENC_QUALITY), R(20, 90));
+  EXPECT_EQ(range(L4D_ENC_CODEBOOKS_BY_COST), R(0, 1));
+  EXPECT_EQ(range(L4D_ENC_REFINE), R(0, 20));
   EXPECT_EQ(range(L4D_ENC_QUALITY_OFFSET), R(-30, 30));
   EXPECT_EQ(range(L4D_ENC_MEAN_T_SHIFT), R(-1, 10));
   EXPECT_EQ(range(L4D_ENC_PRUNE_COST), R(0, 10));
@@ -101,7 +103,7 @@ TEST(Settings, ValuesAreSetWithinTheirRangesOnly) {
     EXPECT_EQ(get(L4D_COMPONENT_SCALE), info.per_component != 0 ? info.max : info.min);
   }
   double v = 0;
-  EXPECT_EQ(l4d_encoder_set(e.get(), parameter(31), -1, 0), L4D_ERR_INVALID_ARGUMENT);
+  EXPECT_EQ(l4d_encoder_set(e.get(), parameter(63), -1, 0), L4D_ERR_INVALID_ARGUMENT);
   EXPECT_EQ(l4d_encoder_set(e.get(), L4D_ENC_PARAMETER_COUNT, -1, 0), L4D_ERR_INVALID_ARGUMENT);
   EXPECT_EQ(l4d_encoder_set(e.get(), L4D_ENC_CODEBOOK_SIZE, 4, 8), L4D_ERR_INVALID_ARGUMENT);
   EXPECT_EQ(l4d_encoder_set(e.get(), L4D_ENC_CODEBOOK_SIZE, -2, 8), L4D_ERR_INVALID_ARGUMENT);
@@ -130,13 +132,21 @@ TEST(Settings, PresetsReplaceEverything) {
   ASSERT_TRUE(s.set_preset("indexed-high").ok());
   EXPECT_FALSE(s.get_bool(L4D_ENC_LOSSLESS));
   EXPECT_EQ(s.get(L4D_ENC_PAGE_SIZE), EncoderSettings().get(L4D_ENC_PAGE_SIZE));
-  EXPECT_EQ(s.stages(L4D_COMPONENT_SH).size(), 6u);
-  EXPECT_EQ(s.stages(L4D_COMPONENT_SCALE), (std::vector<float>{1.0f, 0.6f, 0.2f}));
-  ASSERT_TRUE(s.set_preset("indexed-small").ok());
-  for (int c = 0; c < L4D_COMPONENT_COUNT; ++c) EXPECT_EQ(s.stages(c), (std::vector<float>{1.0f}));
+  double indexed_quality = 0;
+  for (const char* name : {"indexed-small", "indexed", "indexed-high"}) {
+    ASSERT_TRUE(s.set_preset(name).ok());
+    for (int c = 0; c < L4D_COMPONENT_COUNT; ++c) EXPECT_EQ(s.get(L4D_ENC_CODING, c), 0);
+    EXPECT_TRUE(s.get_bool(L4D_ENC_CODEBOOKS_BY_COST));
+    EXPECT_FALSE(s.get_bool(L4D_ENC_FIXED_POSITIONS));
+    EXPECT_GT(s.get(L4D_ENC_QUALITY), indexed_quality) << name;
+    indexed_quality = s.get(L4D_ENC_QUALITY);
+  }
+  // Who says how many stages there are leaves the choice to no one.
+  ASSERT_TRUE(s.set_stages(L4D_COMPONENT_SH, {1.0f, 0.5f}).ok());
+  EXPECT_FALSE(s.get_bool(L4D_ENC_CODEBOOKS_BY_COST));
   ASSERT_TRUE(s.set_preset("indexed").ok());
-  for (int c = 0; c < L4D_COMPONENT_COUNT; ++c) EXPECT_EQ(s.stages(c), EncoderSettings().stages(c));
-  EXPECT_EQ(s.get(L4D_ENC_CODING), 0);
+  ASSERT_TRUE(s.set(L4D_ENC_LITERAL_THRESHOLD, L4D_COMPONENT_SCALE, 1e-6).ok());
+  EXPECT_FALSE(s.get_bool(L4D_ENC_CODEBOOKS_BY_COST));
   ASSERT_TRUE(s.set_preset("default").ok());
   for (int id = 0; id < L4D_ENC_PARAMETER_COUNT; ++id) {
     EXPECT_EQ(s.get(parameter(id)), describe_parameter(parameter(id)).initial);

@@ -48,7 +48,7 @@ Bytes encode_small(const Recipe& recipe) {
   for (const auto& [id, value] : settings) {
     e.check(l4d_encoder_set(e.get(), id, L4D_ALL_COMPONENTS, value));
   }
-  if (recipe.stages > 1) {
+  if (!lossless) {
     const std::vector<float> fractions = {1.0f, 0.5f, 0.25f};
     e.check(l4d_encoder_set_stages(e.get(), L4D_ALL_COMPONENTS, recipe.stages, fractions.data()));
   }

@@ -1,0 +1,21 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <functional>
+
+#include "encoder/settings.h"
+
+namespace l4d {
+
+// What the coders of attributes get besides the scene.
+struct CoderOptions {
+  const EncoderSettings* settings = nullptr;
+  int threads = 0;
+  uint64_t seed = 0;
+  const std::function<bool()>* cancelled = nullptr;
+  // Called before each component with its name.
+  std::function<void(const char*)> step;
+};
+
+}  // namespace l4d

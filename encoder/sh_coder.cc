@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "encoder/sh_coder.h"
+
+#include "encoder/coding_cost.h"
+#include "encoder/quality.h"
+
+namespace l4d {
+namespace {
+
+// Step of what hardly weighs, at 42 dB.
+constexpr double kMaxStep = 1.07;
+constexpr unsigned kSh = L4D_COMPONENT_SH;
+
+CodedComponent as_transform(const EncoderScene& scene, const CoderOptions& options, const Quality& quality) {
+  options.step("sh_transform");
+  TransformSettings t;
+  t.distortion = quality.per_number(kSh);
+  t.max_step = quality.max_step(kMaxStep);
+  t.principal_axes = true;
+  t.threads = options.threads;
+  return code_component_transform(scene.sh.data(), scene.importance[kSh].data(), scene.count,
+                                  scene.sh_dim(), t);
+}
+
+CodedComponent in_codebooks(const EncoderScene& scene, const CoderOptions& options, double bit_price) {
+  options.step("sh_vq");
+  ComponentSettings s = component_settings(*options.settings, kSh);
+  s.seed = options.seed * 131 + 7;
+  s.threads = options.threads;
+  s.cancelled = options.cancelled;
+  s.bit_price = bit_price;
+  const std::vector<float>& weights = bit_price > 0 ? scene.importance[kSh] : scene.weight[kSh];
+  CodedComponent sh =
+      code_component(scene.sh.data(), weights.data(), scene.count, scene.sh_dim(), {}, s);
+  rank_codebooks(sh, {});
+  return sh;
+}
+
+}  // namespace
+
+CodedComponent code_sh(const EncoderScene& scene, const CoderOptions& options) {
+  const Quality quality(*options.settings, scene.count);
+  const int coding = options.settings->get_int(L4D_ENC_CODING, kSh);
+  if (coding == 1) return as_transform(scene, options, quality);
+  const bool by_cost = coding == 2 || options.settings->get_bool(L4D_ENC_CODEBOOKS_BY_COST);
+  CodedComponent best = in_codebooks(scene, options, by_cost ? quality.bit_price(kSh) : 0);
+  if (coding != 2) return best;
+  CodedComponent other = as_transform(scene, options, quality);
+  const auto cost = [&](const CodedComponent& c) {
+    return component_bits(c) + weighted_error(scene.sh.data(), c.decoded.data(),
+                                              scene.importance[kSh].data(), c.n, c.dim) /
+                                   quality.bit_price(kSh);
+  };
+  return cost(other) <= cost(best) ? other : best;
+}
+
+}  // namespace l4d

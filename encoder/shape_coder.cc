@@ -1,0 +1,306 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "encoder/shape_coder.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "decoder/transform.h"
+#include "encoder/coding_cost.h"
+#include "encoder/scalar.h"
+#include "libl4dcodec/math/rotor.h"
+
+namespace l4d {
+namespace {
+
+// Steps of what hardly weighs, at 42 dB: log scales, and stereographic coordinates of rotors.
+constexpr double kMaxStep[L4D_COMPONENT_COUNT] = {0, 0.6, 0.08, 0.0215};
+// A change of one of three coordinates moves the four numbers of a half about twice as far, and their
+// squares are averages over four.
+constexpr float kRotorPerStereographic = 6.0f;
+constexpr double kNearMinusOne = -0.999999;
+
+// Codings of the parameter.
+enum { kCodebooks = 0, kTransforms = 1, kCheaper = 2 };
+
+// Vectors of one component, [n, dim], and what their errors weigh.
+struct Rows {
+  size_t dim = 0;
+  std::vector<float> values;
+  std::vector<float> weights;     // of codewords
+  std::vector<float> importance;  // of one number
+  bool any = false;               // whether any number is not zero
+};
+
+struct CodedRows {
+  ComponentCodingId coding = ComponentCodingId::kZero;
+  CodedComponent component;
+};
+
+float decoded_factor(const ScalarCoding& f, const std::vector<uint16_t>& codes, size_t j) {
+  return f.coding == ScalarCodingId::kConstant ? f.offset
+                                               : f.offset + f.step * static_cast<float>(codes[j]);
+}
+
+// In the decoder's float arithmetic.
+void decoded_rotor(const CodedComponent& spatial, const CodedComponent& temporal, size_t j, float* rotor) {
+  if (spatial.is_transform) {
+    transform_kernels_reference().rotors(
+        spatial.decoded.data() + 3 * j,
+        temporal.is_transform ? temporal.decoded.data() + 3 * j : nullptr, 1, rotor, false);
+    return;
+  }
+  float merged[8];
+  std::copy_n(spatial.decoded.data() + 4 * j, 4, merged);
+  std::copy_n(temporal.decoded.data() + 4 * j, 4, merged + 4);
+  normalize_rotor(merged, rotor);
+}
+
+class ShapeCoder {
+ public:
+  ShapeCoder(const EncoderScene& scene, const CoderOptions& options, const Quality& quality,
+             CodedLayer& layer)
+      : scene_(scene), options_(options), settings_(*options.settings), quality_(quality), out_(layer) {}
+
+  void run() {
+    if (out_.header.permanent) out_.header.log_scale_t = largest_log_scale_t();
+    code_scales();
+    code_rotors();
+  }
+
+ private:
+  struct Scales {
+    ScalarCoding factor_coding;
+    std::vector<uint16_t> factor;
+    CodedRows rows;
+  };
+  using Rotors = std::array<CodedRows, 2>;  // spatial, temporal
+
+  size_t count() const { return out_.members.size(); }
+  int coding_of(unsigned c) const { return settings_.get_int(L4D_ENC_CODING, static_cast<int>(c)); }
+
+  void code_scales() {
+    options_.step("scale_vq");
+    const int coding = coding_of(L4D_COMPONENT_SCALE);
+    Scales best = scales_as(coding != kCodebooks);
+    if (coding == kCheaper) {
+      Scales other = scales_as(false);
+      if (cost_of(other) < cost_of(best)) best = std::move(other);
+    }
+    out_.header.scale_factor = best.factor_coding;
+    out_.factor = std::move(best.factor);
+    put(L4D_COMPONENT_SCALE, std::move(best.rows));
+  }
+
+  void code_rotors() {
+    const int spatial = coding_of(L4D_COMPONENT_ROTOR_SPATIAL);
+    const int temporal = coding_of(L4D_COMPONENT_ROTOR_TEMPORAL);
+    // Both halves of a rotor are stereographic, or none: they are coordinates of the same map.
+    const bool cheaper = spatial == kCheaper || temporal == kCheaper;
+    Rotors best = rotors_as(cheaper || (spatial == kTransforms && temporal == kTransforms));
+    if (cheaper) {
+      Rotors other = rotors_as(false);
+      if (cost_of(other) < cost_of(best)) best = std::move(other);
+    }
+    put(L4D_COMPONENT_ROTOR_SPATIAL, std::move(best[0]));
+    put(L4D_COMPONENT_ROTOR_TEMPORAL, std::move(best[1]));
+  }
+
+  void put(unsigned c, CodedRows coded) {
+    out_.header.component[c].coding = coded.coding;
+    out_.component[c] = std::move(coded.component);
+  }
+
+  // Transforms are of whole log scales, codebooks of what is left without their mean.
+  Scales scales_as(bool transform) {
+    const size_t n = count(), dim = out_.header.scale_dim();
+    std::vector<float> factor(n, 0.0f);
+    for (size_t j = 0; j < n && !transform; ++j) {
+      const float* s = scene_.log_scale.data() + 4 * size_t{out_.members[j]};
+      float sum = 0;
+      for (size_t k = 0; k < dim; ++k) sum += s[k];
+      factor[j] = sum / static_cast<float>(dim);
+    }
+    Scales out;
+    const unsigned bits = static_cast<unsigned>(settings_.get_int(L4D_ENC_SCALE_FACTOR_BITS));
+    out.factor_coding = choose_scalar_coding(factor, bits);
+    out.factor.resize(n);
+    Rows rows = make_rows(L4D_COMPONENT_SCALE, dim);
+    for (size_t j = 0; j < n; ++j) {
+      out.factor[j] = scalar_code(out.factor_coding, factor[j]);
+      const float decoded = decoded_factor(out.factor_coding, out.factor, j);
+      for (size_t k = 0; k < dim; ++k) {
+        set(rows, j, k, scene_.log_scale[4 * size_t{out_.members[j]} + k] - decoded);
+      }
+    }
+    out.rows = code_rows(L4D_COMPONENT_SCALE, rows, transform);
+    return out;
+  }
+
+  Rotors rotors_as(bool stereographic) {
+    const size_t n = count(), dim = stereographic ? 3 : 4;
+    Rotors out;
+    for (unsigned half = 0; half < 2; ++half) {
+      const unsigned c = L4D_COMPONENT_ROTOR_SPATIAL + half;
+      options_.step(half == 0 ? "rotor_spatial_vq" : "rotor_temporal_vq");
+      Rows rows = make_rows(c, dim);
+      for (size_t j = 0; j < n; ++j) {
+        const size_t i = out_.members[j];
+        if (stereographic) {
+          double u[2][3];
+          stereographic_rotor(i, u[0], u[1]);
+          for (size_t k = 0; k < 3; ++k) set(rows, j, k, static_cast<float>(u[half][k]));
+          rows.importance[j] *= kRotorPerStereographic;
+        } else {
+          for (size_t k = 0; k < 4; ++k) set(rows, j, k, scene_.rotor[8 * i + 4 * half + k]);
+        }
+      }
+      // The spatial half says what kind of map the temporal one belongs to.
+      rows.any = rows.any || (stereographic && half == 0);
+      rows.any = rows.any && !(out_.header.permanent && half == 1);
+      out[half] = code_rows(c, rows, stereographic);
+    }
+    return out;
+  }
+
+  Rows make_rows(unsigned c, size_t dim) const {
+    const size_t n = count();
+    Rows rows;
+    rows.dim = dim;
+    rows.values.resize(n * dim);
+    rows.weights.resize(n);
+    rows.importance.resize(n);
+    for (size_t j = 0; j < n; ++j) {
+      rows.weights[j] = scene_.weight[c][out_.members[j]];
+      rows.importance[j] = scene_.importance[c][out_.members[j]];
+    }
+    return rows;
+  }
+  static void set(Rows& rows, size_t j, size_t k, float value) {
+    rows.values[j * rows.dim + k] = value;
+    rows.any = rows.any || value != 0;
+  }
+
+  CodedRows code_rows(unsigned c, const Rows& rows, bool transform) const {
+    const size_t n = count();
+    CodedRows out;
+    if (!rows.any) {
+      out.component.n = n;
+      out.component.dim = rows.dim;
+      out.component.decoded.assign(n * rows.dim, 0.0f);
+      out.component.depth.assign(n, 0);
+    } else if (transform) {
+      TransformSettings s;
+      s.distortion = quality_.per_number(c);
+      s.max_step = quality_.max_step(kMaxStep[c]);
+      s.threads = options_.threads;
+      out.coding = ComponentCodingId::kTransform;
+      out.component = code_component_transform(rows.values.data(), rows.importance.data(), n, rows.dim, s);
+    } else {
+      ComponentSettings s = component_settings(settings_, c);
+      s.seed = options_.seed * 131 + out_.header.level * 8 + c + (out_.header.permanent ? 4096 : 0);
+      s.threads = options_.threads;
+      s.cancelled = options_.cancelled;
+      const bool by_cost = settings_.get_bool(L4D_ENC_CODEBOOKS_BY_COST) || coding_of(c) == kCheaper;
+      if (by_cost) s.bit_price = quality_.bit_price(c);
+      out.coding = ComponentCodingId::kVq;
+      out.component = code_component(rows.values.data(),
+                                     (by_cost ? rows.importance : rows.weights).data(), n, rows.dim,
+                                     out_.blocks, s);
+    }
+    return out;
+  }
+
+  // Bits, and errors in bits of the same worth.
+  double cost_of(const Scales& scales) const {
+    const size_t n = count(), dim = out_.header.scale_dim();
+    double error = 0;
+    for (size_t j = 0; j < n; ++j) {
+      const size_t i = out_.members[j];
+      const float factor = decoded_factor(scales.factor_coding, scales.factor, j);
+      const double importance = static_cast<double>(scene_.importance[L4D_COMPONENT_SCALE][i]);
+      for (size_t k = 0; k < dim; ++k) {
+        const double e = static_cast<double>(scene_.log_scale[4 * i + k]) -
+                         static_cast<double>(factor + scales.rows.component.decoded[j * dim + k]);
+        error += importance * e * e;
+      }
+    }
+    const bool constant = scales.factor_coding.coding == ScalarCodingId::kConstant;
+    return bits_of(scales.rows) + (constant ? 0 : codes_bits(scales.factor)) +
+           error / quality_.bit_price(L4D_COMPONENT_SCALE);
+  }
+
+  double cost_of(const Rotors& rotors) const {
+    double error[2] = {0, 0};
+    for (size_t j = 0; j < count(); ++j) {
+      const size_t i = out_.members[j];
+      float decoded[8];
+      decoded_rotor(rotors[0].component, rotors[1].component, j, decoded);
+      for (size_t k = 0; k < 8; ++k) {
+        const double e =
+            static_cast<double>(scene_.rotor[8 * i + k]) - static_cast<double>(decoded[k]);
+        error[k / 4] +=
+            static_cast<double>(scene_.importance[L4D_COMPONENT_ROTOR_SPATIAL + k / 4][i]) * e * e;
+      }
+    }
+    double cost = 0;
+    for (unsigned half = 0; half < 2; ++half) {
+      cost += bits_of(rotors[half]) + error[half] / quality_.bit_price(L4D_COMPONENT_ROTOR_SPATIAL + half);
+    }
+    return cost;
+  }
+
+  static double bits_of(const CodedRows& rows) {
+    return rows.coding == ComponentCodingId::kZero ? 0 : component_bits(rows.component);
+  }
+
+  // Stereographic coordinates of the spatial rotation, and what time adds to one half and takes from
+  // the other.
+  void stereographic_rotor(size_t i, double* spatial, double* temporal) const {
+    double r[8], a[3], b[3];
+    for (size_t k = 0; k < 8; ++k) r[k] = static_cast<double>(scene_.rotor[8 * i + k]);
+    RotorHalves<double> h = normalized_halves(r);
+    // (-1, 0, 0, 0) itself has no coordinates; a neighbour will do.
+    h.a[0] = std::max(h.a[0], kNearMinusOne);
+    h.b[0] = std::max(h.b[0], kNearMinusOne);
+    stereographic_of_half(h.a, a);
+    stereographic_of_half(h.b, b);
+    for (size_t k = 0; k < 3; ++k) {
+      spatial[k] = (a[k] + b[k]) / 2;
+      temporal[k] = (a[k] - b[k]) / 2;
+    }
+  }
+
+  float largest_log_scale_t() const {
+    float largest = scene_.log_scale[4 * size_t{out_.members[0]} + 3];
+    for (const uint32_t i : out_.members) {
+      largest = std::max(largest, scene_.log_scale[4 * size_t{i} + 3]);
+    }
+    return sound_constant(largest);
+  }
+
+  const EncoderScene& scene_;
+  const CoderOptions& options_;
+  const EncoderSettings& settings_;
+  const Quality& quality_;
+  CodedLayer& out_;
+};
+
+}  // namespace
+
+void code_shapes(const EncoderScene& scene, const CoderOptions& options, const Quality& quality,
+                 CodedLayer* layer) {
+  ShapeCoder(scene, options, quality, *layer).run();
+}
+
+void decoded_shape(const CodedLayer& layer, size_t j, float* rotor, float* log_scale) {
+  const float factor = decoded_factor(layer.header.scale_factor, layer.factor, j);
+  const size_t dim = layer.header.scale_dim();
+  for (size_t k = 0; k < dim; ++k) {
+    log_scale[k] = factor + layer.component[L4D_COMPONENT_SCALE].decoded[j * dim + k];
+  }
+  if (layer.header.permanent) log_scale[3] = layer.header.log_scale_t;
+  decoded_rotor(layer.component[L4D_COMPONENT_ROTOR_SPATIAL],
+                layer.component[L4D_COMPONENT_ROTOR_TEMPORAL], j, rotor);
+}
+
+}  // namespace l4d
