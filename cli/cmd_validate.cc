@@ -4,6 +4,7 @@
 
 #include "cli/common.h"
 #include "cli/files.h"
+#include "cli/levels.h"
 #include "cli/progress.h"
 #include "cli/units.h"
 
@@ -23,45 +24,10 @@ struct Claim {
   uint32_t level = 0;
 };
 
-l4d_level_limits limits_of(uint32_t level, uint32_t profile) {
-  l4d_level_limits limits;
-  l4d_level_limits_init(&limits);
-  l4d_get_level_limits(level, profile, &limits);
-  return limits;
-}
-
-std::string level_text(uint32_t level) {
-  if (level == 0) return "none";
-  if (level > L4D_NUM_LEVELS) return std::to_string(level) + " (unknown)";
-  return std::to_string(level) + " (" + limits_of(level, L4D_PROFILE_NONE).name + ")";
-}
-
-std::string profile_text(uint32_t profile) {
-  const char* name = l4d_profile_name(profile);
-  return name != nullptr ? name : std::to_string(profile) + " (unknown)";
-}
-
 Claim parse_claim(const ValidateArguments& arguments) {
   Claim claim;
-  std::string names;
-  if (!arguments.profile.empty()) {
-    for (uint32_t p = 1; l4d_profile_name(p) != nullptr; ++p) {
-      names += (p == 1 ? "" : ", ") + std::string(l4d_profile_name(p));
-      if (arguments.profile == l4d_profile_name(p)) claim.profile = p;
-    }
-    if (claim.profile == 0) throw usage_error("--profile: one of " + names);
-  }
-  if (!arguments.level.empty()) {
-    names.clear();
-    for (uint32_t level = 1; level <= L4D_NUM_LEVELS; ++level) {
-      const char* name = limits_of(level, L4D_PROFILE_NONE).name;
-      names += (level == 1 ? "" : ", ") + std::to_string(level) + " " + name;
-      if (arguments.level == name || arguments.level == std::to_string(level)) {
-        claim.level = level;
-      }
-    }
-    if (claim.level == 0) throw usage_error("--level: one of " + names);
-  }
+  if (!arguments.profile.empty()) claim.profile = parse_profile(arguments.profile, "--profile");
+  if (!arguments.level.empty()) claim.level = parse_level(arguments.level, "--level");
   return claim;
 }
 
@@ -110,7 +76,7 @@ Judgement judge(const DecoderHandle& decoder, const Claim& claim) {
                          : info.level != 0 && info.level <= L4D_NUM_LEVELS ? info.level
                          : c.level != 0                                    ? c.level
                                                                            : L4D_NUM_LEVELS;
-  const l4d_level_limits limits = limits_of(level, c.profile);
+  const l4d_level_limits limits = limits_of_level(level, c.profile);
   c.bytes_per_second = limits.bytes_per_second;
   c.burst_bytes = limits.burst_bytes;
   decoder.check(l4d_decoder_get_conformance(decoder.get(), &c));

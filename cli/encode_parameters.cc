@@ -5,6 +5,7 @@
 
 #include "cli/encoding.h"
 #include "cli/help.h"
+#include "cli/levels.h"
 #include "cli/units.h"
 
 namespace l4d::cli {
@@ -125,6 +126,16 @@ void EncodeParameters::add_options(CLI::App* verb) {
                    "--cameras")
       ->type_name("W")
       ->group(group);
+  verb->add_option("--profile", profile,
+                   "Profile to keep to and declare: indexed, main, lossless; unless set, the "
+                   "narrowest that the coding keeps to")
+      ->type_name("NAME")
+      ->group(group);
+  verb->add_option("--level", level,
+                   "Conformance level to keep to and declare, by number or name (validate --help "
+                   "lists them); unless set, the lowest that the stream keeps to")
+      ->type_name("N")
+      ->group(group);
   verb->add_flag("--drop-invalid", drop_invalid,
                  "Drop Gaussians that cannot be coded (NaN, infinite, out of range) instead of "
                  "refusing the scene")
@@ -157,6 +168,14 @@ void EncodeParameters::apply(Context& context, const EncoderHandle& encoder) con
   }
   if (!prune_weight.empty()) {
     cli::set(encoder, L4D_ENC_PRUNE_WEIGHT, L4D_ALL_COMPONENTS, prune_weight, "--prune-weight");
+  }
+  if (!profile.empty()) {
+    cli::set(encoder, L4D_ENC_PROFILE, L4D_ALL_COMPONENTS,
+             std::to_string(parse_profile(profile, "--profile")), "--profile");
+  }
+  if (!level.empty()) {
+    cli::set(encoder, L4D_ENC_LEVEL, L4D_ALL_COMPONENTS,
+             std::to_string(parse_level(level, "--level")), "--level");
   }
   if (drop_invalid) {
     cli::set(encoder, L4D_ENC_DROP_INVALID, L4D_ALL_COMPONENTS, "1", "--drop-invalid");

@@ -20,6 +20,8 @@ struct EncodeParameters {
   std::string rcq;
   std::string rcq_size;
   std::string prune_weight;
+  std::string profile;
+  std::string level;
   bool drop_invalid = false;
   std::vector<std::string> set;
 

@@ -45,6 +45,20 @@ expect 2 encode s.ply -o x.l4d --set profile=1
 expect_text err 'profile indexed does not allow coding = 1'
 expect_missing x.l4d
 
+expect 6 encode large.ply -o x.l4d --preset lossless --level phone
+expect 0 encode large.ply -o x.l4d --preset lossless --level headset
+expect 0 validate x.l4d --level 2
+rm x.l4d
+expect 2 encode s.ply -o x.l4d --profile indexed
+expect 0 encode s.ply -o x.l4d --profile indexed --preset indexed
+expect 0 validate x.l4d --profile indexed
+expect 0 encode s.ply -o x.l4d -f --profile main --preset indexed
+expect_document 0 validate x.l4d
+expect_json out 'd["conformance"]["declared_profile"] == "main"'
+expect 2 encode s.ply -o y.l4d --profile best
+expect_text err 'indexed, main, lossless'
+expect_missing y.l4d
+
 # Usage.
 expect 2 validate s.l4d --level 9
 expect_text err '1 phone, 2 headset'

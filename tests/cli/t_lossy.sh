@@ -51,13 +51,16 @@ expect 0 encode s.ply -o each.l4d --preset indexed --codebook sh=256 --codebook 
 cmp s.l4d each.l4d
 
 # Parameters do what they say.
+expect 0 encode s.ply -o one.l4d --preset indexed --codebook all=256 --stages all=1 --order one.order
+expect_document 0 compare s.ply one.l4d --order one.order
+cp out few.json
 expect 0 encode s.ply -o stages.l4d --preset indexed --codebook all=256 --stages all=1,1,0.5 --order stages.order
 expect_document 0 info stages.l4d
 expect_json out '"residual-stages" in d["tools"]'
 expect_json out 'all(l["components"]["sh"]["stages"] == 3 for l in d["layers"])'
 expect_document 0 compare s.ply stages.l4d --order stages.order
 "$PYTHON" -c 'import json
-few = json.load(open("compare.json"))["attributes"]
+few = json.load(open("few.json"))["attributes"]
 more = json.load(open("out"))["attributes"]
 assert more["sh"]["rmse"] < few["sh"]["rmse"]
 assert more["log_scale"]["rmse"] < few["log_scale"]["rmse"]'

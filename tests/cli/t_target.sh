@@ -11,8 +11,14 @@ expect 0 encode s.ply -o set.l4d --set quality=40
 cmp q40.l4d set.l4d
 expect_document 0 encode s.ply -o q60.l4d --quality 60
 [ "$(wc -c < q60.l4d)" -gt "$(wc -c < q40.l4d)" ] || die "more quality does not take more bytes"
-expect_document 0 encode s.ply -o indexed.l4d --preset indexed --codebook all=64
+expect_document 0 encode s.ply -o indexed.l4d --preset indexed --stages all=1
 expect_json out '"quality" not in d'
+
+# Codebooks follow a quality, unless their stages are given.
+expect_document 0 encode s.ply -o indexed40.l4d --preset indexed --quality 40
+expect_json out 'd["quality"] == 40'
+expect 0 encode s.ply -o indexed60.l4d --preset indexed --quality 60
+[ "$(wc -c < indexed60.l4d)" -gt "$(wc -c < indexed40.l4d)" ] || die "quality changes no codebook"
 
 # What a target comes to is in the document: figure of the file, its quality, all trials.
 # What is not near enough is explained, since figures may jump from one quality to the next.
