@@ -56,6 +56,10 @@ list(REMOVE_DUPLICATES runtime)
 foreach(library IN LISTS runtime)
   string(APPEND L4D_PC_LIBS_PRIVATE " -l${library}")
 endforeach()
+if(L4D_HAVE_CUDA)
+  # The runtime is linked into whoever links the static library; it looks for the driver by itself.
+  string(APPEND L4D_PC_LIBS_PRIVATE " -L${CUDAToolkit_LIBRARY_DIR} -lcudart_static -lrt -ldl")
+endif()
 # The two directories stay relative to the prefix, so that a moved tree can be used with
 # pkg-config --define-prefix; an absolute one is taken as it is.
 foreach(dir IN ITEMS LIBDIR INCLUDEDIR)

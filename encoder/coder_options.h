@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <functional>
 
+#include "encoder/nearest.h"
 #include "encoder/settings.h"
 
 namespace l4d {
@@ -12,6 +13,7 @@ namespace l4d {
 struct CoderOptions {
   const EncoderSettings* settings = nullptr;
   int threads = 0;
+  NearestDevice* device = nullptr;
   uint64_t seed = 0;
   const std::function<bool()>* cancelled = nullptr;
   // Called before each component with its name.

@@ -12,6 +12,7 @@
 #include "encoder/stage_choice.h"
 #include "encoder/stage_refinement.h"
 #include "libl4dcodec/base/half.h"
+#include "libl4dcodec/base/threads.h"
 
 namespace l4d {
 
@@ -35,6 +36,7 @@ std::vector<float> train_half_codebook(const float* rows, const float* weights, 
   options.sample_per_codeword = settings.sample_per_codeword;
   options.seed = settings.seed * 0x9e3779b97f4a7c15u + salt;
   options.threads = settings.threads;
+  options.device = settings.device;
   options.cancelled = settings.cancelled;
   std::vector<float> book = train_codebook(rows, weights, n, dim, options).entries;
   // Assignments are made to the values a decoder has.
@@ -44,20 +46,24 @@ std::vector<float> train_half_codebook(const float* rows, const float* weights, 
 
 namespace {
 
+constexpr size_t kGrain = 4096;
+
 struct Selection {
   std::vector<uint32_t> members;  // indices in the set
   std::vector<float> rows;        // [members, dim]
   std::vector<float> weights;
 };
 
-void gather(const std::vector<float>& rows, const float* weights, size_t dim, Selection* s) {
+void gather(const float* rows, const float* weights, size_t dim, int threads, Selection* s) {
   s->rows.resize(s->members.size() * dim);
   s->weights.resize(s->members.size());
-  for (size_t j = 0; j < s->members.size(); ++j) {
-    const size_t i = s->members[j];
-    std::copy_n(rows.data() + i * dim, dim, s->rows.data() + j * dim);
-    s->weights[j] = weights[i];
-  }
+  parallel_for(threads, s->members.size(), kGrain, [&](size_t begin, size_t end) {
+    for (size_t j = begin; j < end; ++j) {
+      const size_t i = s->members[j];
+      std::copy_n(rows + i * dim, dim, s->rows.data() + j * dim);
+      s->weights[j] = weights[i];
+    }
+  });
 }
 
 // The `count` members with the largest weight x squared residual; ties by index.
@@ -94,9 +100,7 @@ class ComponentCoder {
     refine_stages(rows_, weights_, settings_, &out_);
     choose_literals_by_cost();
     code_literals();
-    for (size_t i = 0; i < out_.n; ++i) {
-      out_.weighted_distortion += static_cast<double>(weights_[i]) * squared_error(i);
-    }
+    out_.weighted_distortion = sum_of_errors();
     return std::move(out_);
   }
 
@@ -105,9 +109,11 @@ class ComponentCoder {
     EntropyConstraint c;
     c.price = settings_.rate_price;
     c.threads = settings_.threads;
+    c.device = settings_.device;
     return c;
   }
 
+  NearestBackend backend() const { return {settings_.threads, settings_.device}; }
   bool by_cost() const { return settings_.bit_price > 0; }
 
   double squared_error(size_t i) const {
@@ -118,6 +124,19 @@ class ComponentCoder {
       sum += e * e;
     }
     return sum;
+  }
+
+  // In pieces of one size, so that threads change no bit of it.
+  double sum_of_errors() const {
+    std::vector<double> piece((out_.n + kGrain - 1) / kGrain, 0.0);
+    parallel_for(settings_.threads, piece.size(), 1, [&](size_t begin, size_t end) {
+      for (size_t p = begin; p < end; ++p) {
+        for (size_t i = p * kGrain; i < std::min(out_.n, (p + 1) * kGrain); ++i) {
+          piece[p] += static_cast<double>(weights_[i]) * squared_error(i);
+        }
+      }
+    });
+    return std::accumulate(piece.begin(), piece.end(), 0.0);
   }
 
   void choose_literals() {
@@ -137,12 +156,7 @@ class ComponentCoder {
   Selection coded_rows() const {
     Selection s;
     s.members = coded_;
-    s.rows.resize(coded_.size() * out_.dim);
-    s.weights.resize(coded_.size());
-    for (size_t j = 0; j < coded_.size(); ++j) {
-      std::copy_n(rows_ + coded_[j] * out_.dim, out_.dim, s.rows.data() + j * out_.dim);
-      s.weights[j] = weights_[coded_[j]];
-    }
+    gather(rows_, weights_, out_.dim, settings_.threads, &s);
     return s;
   }
 
@@ -165,17 +179,19 @@ class ComponentCoder {
     const std::vector<float>& book = out_.books[0];
     std::vector<uint32_t> labels(n);
     std::vector<float> distance(n);
-    assign_nearest(rows, n, dim, book.data(), book.size() / dim, settings_.threads, nullptr,
+    assign_nearest(rows, n, dim, book.data(), book.size() / dim, backend(), nullptr,
                    labels.data(), distance.data());
     if (settings_.rcq == 0 || blocks_.empty()) {
       constrain_entropy(rows, weights, n, dim, constraint(), &out_.books.back(), &labels);
     }
-    for (size_t j = 0; j < n; ++j) {
-      const size_t i = coded_[j];
-      out_.depth[i] = 1;
-      out_.index[0][i] = static_cast<uint16_t>(labels[j]);
-      std::copy_n(book.data() + labels[j] * dim, dim, out_.decoded.data() + i * dim);
-    }
+    parallel_for(settings_.threads, n, kGrain, [&](size_t begin, size_t end) {
+      for (size_t j = begin; j < end; ++j) {
+        const size_t i = coded_[j];
+        out_.depth[i] = 1;
+        out_.index[0][i] = static_cast<uint16_t>(labels[j]);
+        std::copy_n(book.data() + labels[j] * dim, dim, out_.decoded.data() + i * dim);
+      }
+    });
     // Block codebooks work on whole blocks, so literals and RCQ do not meet.
     if (settings_.rcq != 0 && direct && !blocks_.empty()) {
       code_blocks(rows_, weights_, blocks_, settings_, distance, &out_);
@@ -185,29 +201,32 @@ class ComponentCoder {
   // A small codebook tells how error falls with the number of codewords, and so which number is best.
   uint32_t stage0_entries_by_cost() {
     constexpr uint32_t kPilot = 64;
+    constexpr size_t kMostRows = 65536;  // that the spread of all is estimated from
     const size_t n = out_.n, dim = out_.dim;
+    const size_t step = std::max<size_t>(1, n / kMostRows);
     std::vector<double> mean(dim, 0.0);
     double total = 0, before = 0;
-    for (size_t i = 0; i < n; ++i) {
+    for (size_t i = 0; i < n; i += step) {
       total += static_cast<double>(weights_[i]);
       for (size_t k = 0; k < dim; ++k) {
         mean[k] += static_cast<double>(weights_[i]) * static_cast<double>(rows_[i * dim + k]);
       }
     }
     if (!(total > 0)) return 1;
-    for (size_t i = 0; i < n; ++i) {
+    for (size_t i = 0; i < n; i += step) {
       double e2 = 0;
       for (size_t k = 0; k < dim; ++k) {
         const double e = static_cast<double>(rows_[i * dim + k]) - mean[k] / total;
         e2 += e * e;
       }
-      before += static_cast<double>(weights_[i]) * e2;
+      before += static_cast<double>(weights_[i]) * e2 * static_cast<double>(step);
     }
     KMeansOptions options;
     options.num_codewords = useful_entries(kPilot, n);
     options.iterations = 3;
     options.seed = settings_.seed;
     options.threads = settings_.threads;
+    options.device = settings_.device;
     const Codebook pilot = train_codebook(rows_, weights_, n, dim, options);
     const double after = pilot.weighted_distortion;
     effective_dim_ = effective_dimension(before, after, static_cast<double>(pilot.size()));
@@ -236,36 +255,41 @@ class ComponentCoder {
     std::vector<uint32_t> members = coded_;
     std::vector<float> need(out_.n), residual(out_.n * dim);
     for (size_t s = 1; s < most; ++s) {
-      for (const uint32_t i : members) {
-        need[i] = static_cast<float>(static_cast<double>(weights_[i]) * squared_error(i));
-        for (size_t k = 0; k < dim; ++k) {
-          residual[i * dim + k] = rows_[i * dim + k] - out_.decoded[i * dim + k];
+      parallel_for(settings_.threads, members.size(), kGrain, [&](size_t begin, size_t end) {
+        for (size_t j = begin; j < end; ++j) {
+          const size_t i = members[j];
+          need[i] = static_cast<float>(static_cast<double>(weights_[i]) * squared_error(i));
+          for (size_t k = 0; k < dim; ++k) {
+            residual[i * dim + k] = rows_[i * dim + k] - out_.decoded[i * dim + k];
+          }
         }
-      }
+      });
       const StageChoice choice = choose_members(s, members, need);
       Selection chosen;
       chosen.members = choice.members;
       if (chosen.members.empty()) break;
-      gather(residual, weights_, dim, &chosen);
+      gather(residual.data(), weights_, dim, settings_.threads, &chosen);
       const size_t n = chosen.members.size();
       out_.books.push_back(train_half_codebook(chosen.rows.data(), chosen.weights.data(), n, dim,
                                                choice.codewords, settings_, 1 + s));
       const std::vector<float>& book = out_.books[s];
       std::vector<uint32_t> labels(n);
       std::vector<float> distance(n);
-      assign_nearest(chosen.rows.data(), n, dim, book.data(), book.size() / dim, settings_.threads,
+      assign_nearest(chosen.rows.data(), n, dim, book.data(), book.size() / dim, backend(),
                      nullptr, labels.data(), distance.data());
       constrain_entropy(chosen.rows.data(), chosen.weights.data(), n, dim, constraint(),
                         &out_.books[s], &labels);
       out_.index.emplace_back(out_.n, uint16_t{0});
-      for (size_t j = 0; j < n; ++j) {
-        const size_t i = chosen.members[j];
-        out_.depth[i] = static_cast<uint8_t>(s + 1);
-        out_.index[s][i] = static_cast<uint16_t>(labels[j]);
-        for (size_t k = 0; k < dim; ++k) {
-          out_.decoded[i * dim + k] = out_.decoded[i * dim + k] + book[labels[j] * dim + k];
+      parallel_for(settings_.threads, n, kGrain, [&](size_t begin, size_t end) {
+        for (size_t j = begin; j < end; ++j) {
+          const size_t i = chosen.members[j];
+          out_.depth[i] = static_cast<uint8_t>(s + 1);
+          out_.index[s][i] = static_cast<uint16_t>(labels[j]);
+          for (size_t k = 0; k < dim; ++k) {
+            out_.decoded[i * dim + k] = out_.decoded[i * dim + k] + book[labels[j] * dim + k];
+          }
         }
-      }
+      });
       if (by_cost()) learn_dimension(chosen.members, need, book.size() / dim);
       members = chosen.members;
     }
@@ -460,6 +484,8 @@ void describe_component(const CodedComponent& c, ComponentCoding* coding) {
   coding->stages.resize(c.books.size());
   for (size_t s = 0; s < c.books.size(); ++s) {
     coding->stages[s].num_entries = static_cast<uint32_t>(c.books[s].size() / c.dim);
+    coding->stages[s].step = s < c.steps.size() ? c.steps[s] : 0;
+    coding->stages[s].element = coding->stages[s].step > 0 ? ElementType::kSq : ElementType::kF16;
   }
   coding->has_rcq = !c.residual_book.empty();
   if (coding->has_rcq) {

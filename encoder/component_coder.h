@@ -7,6 +7,7 @@
 #include <functional>
 #include <vector>
 
+#include "encoder/nearest.h"
 #include "encoder/settings.h"
 #include "encoder/transform_coder.h"
 #include "libl4dcodec/container/scene_header.h"
@@ -29,6 +30,7 @@ struct ComponentSettings {
   size_t sample_per_codeword = 24;
   uint64_t seed = 0;
   int threads = 0;
+  NearestDevice* device = nullptr;
   const std::function<bool()>* cancelled = nullptr;
 };
 
@@ -44,7 +46,8 @@ struct BlockRange {
 struct CodedComponent {
   size_t n = 0;
   size_t dim = 0;
-  std::vector<std::vector<float>> books;       // per stage [entries, dim], binary16 values
+  std::vector<std::vector<float>> books;       // per stage [entries, dim], values of its elements
+  std::vector<float> steps;                    // per stage: of SQ elements; 0 = binary16
   std::vector<uint8_t> depth;                  // [n]; kLiteralDepth = literal
   std::vector<std::vector<uint16_t>> index;    // per stage [n], valid where depth > stage
   bool any_literal = false;

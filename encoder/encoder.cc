@@ -120,6 +120,7 @@ Status Encoder::encode(const WriteFn& write) {
     CoderOptions coder_options;
     coder_options.settings = &settings_;
     coder_options.threads = threads;
+    coder_options.device = device_.get();
     coder_options.seed = options_.seed;
     coder_options.cancelled = &cancelled;
     coder_options.step = [&](const char* name) { steps.begin(name); };
@@ -140,6 +141,7 @@ Status Encoder::encode(const WriteFn& write) {
       sh = code_sh(scene, coder_options);
       header.sh.coding = sh.is_transform ? ComponentCodingId::kTransform : ComponentCodingId::kVq;
       describe_component(sh, &header.sh);
+      if (header.sh.transform()) header.sh_base = static_cast<unsigned>(sh.transform.base);
     }
     steps.advance(kShWork);
 

@@ -3,11 +3,13 @@
 #pragma once
 
 #include <functional>
+#include <memory>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "encoder/file_builder.h"
+#include "encoder/nearest.h"
 #include "encoder/scene.h"
 #include "encoder/settings.h"
 
@@ -36,6 +38,9 @@ class Encoder {
     progress_user_ = user;
   }
 
+  // Searches of codebooks may go there; `device` lives as long as the encoder. null = none.
+  void set_device(std::unique_ptr<NearestDevice> device) { device_ = std::move(device); }
+
   using WriteFn = std::function<bool(const unsigned char* data, size_t n)>;
   Status encode(const WriteFn& write);
   // The report of the last successful encode; null before the first.
@@ -45,6 +50,7 @@ class Encoder {
   class Steps;
 
   l4d_encoder_options options_;
+  std::unique_ptr<NearestDevice> device_;
   EncoderSettings settings_;
   EncoderInput input_;
   std::vector<std::pair<std::string, std::string>> metadata_;

@@ -110,8 +110,8 @@ class Constrainer {
         std::copy_n(rows_ + g.members[j] * dim_, dim_, points.data() + j * (dim_ + 1));
         hint[j] = labels_[g.members[j]];
       }
-      assign_nearest(points.data(), m, dim_ + 1, codebook.data(), k_, constraint_.threads,
-                     hint.data(), label.data(), distance.data());
+      assign_nearest(points.data(), m, dim_ + 1, codebook.data(), k_,
+                     {constraint_.threads, constraint_.device},                     hint.data(), label.data(), distance.data());
       for (size_t j = 0; j < m; ++j) labels_[g.members[j]] = label[j];
     }
   }

@@ -7,6 +7,8 @@
 #include <cstdint>
 #include <vector>
 
+#include "encoder/nearest.h"
+
 namespace l4d {
 
 struct EntropyConstraint {
@@ -15,6 +17,7 @@ struct EntropyConstraint {
   double price = 0;
   int rounds = 3;  // of assigning and moving codewords
   int threads = 0;
+  NearestDevice* device = nullptr;
 };
 
 // Moves the codewords of `book` [k, dim] and assigns rows [n, dim] to them. labels [n] come in as the

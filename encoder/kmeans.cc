@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <numeric>
 
+#include "encoder/cells.h"
 #include "encoder/kmeans_seed.h"
 #include "encoder/nearest.h"
 #include "encoder/principal_axes.h"
@@ -27,26 +28,10 @@ struct Points {
   size_t n;
   size_t dim;
   int threads;
-};
+  NearestDevice* device;
 
-// Indices of points in order of their label, ascending within one; start [k + 1].
-struct Cells {
-  std::vector<uint32_t> member;
-  std::vector<size_t> start;
+  NearestBackend backend() const { return {threads, device}; }
 };
-
-Cells sort_into_cells(const std::vector<uint32_t>& labels, size_t k) {
-  Cells cells;
-  cells.start.assign(k + 1, 0);
-  for (const uint32_t label : labels) ++cells.start[label + 1];
-  for (size_t c = 0; c < k; ++c) cells.start[c + 1] += cells.start[c];
-  cells.member.resize(labels.size());
-  std::vector<size_t> next(cells.start.begin(), cells.start.end() - 1);
-  for (size_t i = 0; i < labels.size(); ++i) {
-    cells.member[next[labels[i]]++] = static_cast<uint32_t>(i);
-  }
-  return cells;
-}
 
 struct CellMeans {
   std::vector<float> mean;         // [k, dim]
@@ -153,7 +138,7 @@ bool is_cancelled(const KMeansOptions& options) {
 // Labels of the points after seeding and Lloyd iterations; *k becomes the number of cells.
 std::vector<uint32_t> cluster(const Points& p, const KMeansOptions& options, Random& random,
                               size_t* k) {
-  Seeding s = seed_centroids(p.rows, p.weights, p.n, p.dim, *k, p.threads, random);
+  Seeding s = seed_centroids(p.rows, p.weights, p.n, p.dim, *k, p.backend(), random);
   // Points that defeat seeding (sums beyond the range of a double) are one cell.
   *k = std::max<size_t>(1, s.centroids.size() / p.dim);
   double distortion = weighted_sum(p.weights, s.sq_dist);
@@ -162,7 +147,7 @@ std::vector<uint32_t> cluster(const Points& p, const KMeansOptions& options, Ran
     fill_empty_cells(p, s.sq_dist, &cells);
     drop_empty_cells(p.dim, &cells, &s.labels);
     *k = cells.weight.size();
-    assign_nearest(p.rows, p.n, p.dim, cells.mean.data(), *k, p.threads, s.labels.data(),
+    assign_nearest(p.rows, p.n, p.dim, cells.mean.data(), *k, p.backend(), s.labels.data(),
                    s.labels.data(), s.sq_dist.data(), Axes::kPrincipal);
     const double before = distortion;
     distortion = weighted_sum(p.weights, s.sq_dist);
@@ -177,7 +162,7 @@ void refine(const Points& p, const KMeansOptions& options, CellMeans* cells) {
   std::vector<uint32_t> labels(p.n);
   std::vector<float> sq_dist(p.n);
   for (int pass = 0; pass < kWidePasses && !is_cancelled(options); ++pass) {
-    assign_nearest(p.rows, p.n, p.dim, cells->mean.data(), cells->weight.size(), p.threads,
+    assign_nearest(p.rows, p.n, p.dim, cells->mean.data(), cells->weight.size(), p.backend(),
                    pass == 0 ? nullptr : labels.data(), labels.data(), sq_dist.data());
     *cells = cell_means(p, labels, cells->weight.size());
     fill_empty_cells(p, sq_dist, cells);
@@ -232,7 +217,7 @@ Codebook train_codebook(const float* points, const float* weights, size_t n, siz
   const size_t size = sample_size(k, options.sample_per_codeword, n);
 
   SampledPoints wide, narrow;
-  wide.draw({points, weights, n, dim, options.threads}, sample_size(size, kWiden, n), random);
+  wide.draw({points, weights, n, dim, options.threads, options.device}, sample_size(size, kWiden, n), random);
   narrow.draw(wide.points, size, random);
 
   // Clusters are found along principal axes, where the search is fastest; means are then taken of

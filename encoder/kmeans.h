@@ -6,6 +6,8 @@
 #include <functional>
 #include <vector>
 
+#include "encoder/nearest.h"
+
 namespace l4d {
 
 struct KMeansOptions {
@@ -17,6 +19,7 @@ struct KMeansOptions {
   size_t sample_per_codeword = 24;
   uint64_t seed = 0;
   int threads = 0;  // 0: one per core
+  NearestDevice* device = nullptr;
   // Asked between iterations; what there is by then is returned.
   const std::function<bool()>* cancelled = nullptr;
 };

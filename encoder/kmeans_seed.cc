@@ -172,7 +172,7 @@ PointSample draw_sample(const float* points, const float* weights, size_t n, siz
 }
 
 Seeding seed_centroids(const float* points, const float* weights, size_t n, size_t dim, size_t k,
-                       int threads, Random& random) {
+                       const NearestBackend& backend, Random& random) {
   // Candidates of a round, as a part of the seeds there are: the fewer, the fewer are in each
   // other's way; the more, the fewer passes over all points.
   constexpr size_t kGrowth = 2;
@@ -191,7 +191,7 @@ Seeding seed_centroids(const float* points, const float* weights, size_t n, size
     shuffle(candidates, random);
     const std::vector<float> seeds = thin_out(points, out.sq_dist, dim, candidates, random);
     const size_t count = seeds.size() / dim;
-    update_nearest(points, n, dim, seeds.data(), count, static_cast<uint32_t>(have), threads,
+    update_nearest(points, n, dim, seeds.data(), count, static_cast<uint32_t>(have), backend,
                    out.labels.data(), out.sq_dist.data());
     out.centroids.insert(out.centroids.end(), seeds.begin(), seeds.end());
     have += count;

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "encoder/nearest.h"
 #include "encoder/random.h"
 
 namespace l4d {
@@ -33,6 +34,6 @@ struct Seeding {
   std::vector<float> sq_dist;    // [n]
 };
 Seeding seed_centroids(const float* points, const float* weights, size_t n, size_t dim, size_t k,
-                       int threads, Random& random);
+                       const NearestBackend& backend, Random& random);
 
 }  // namespace l4d

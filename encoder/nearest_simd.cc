@@ -44,6 +44,14 @@ constexpr float kInfinity = std::numeric_limits<float>::infinity();
 using D = hn::CappedTag<float, 8>;
 using V = hn::Vec<D>;
 
+// The sum of the partial sums in an order of our own: a device repeats it.
+HWY_INLINE float sum_of_lanes(V v) {
+  const D d;
+  HWY_ALIGN float lane[8] = {};
+  hn::Store(v, d, lane);
+  return ((lane[0] + lane[4]) + (lane[2] + lane[6])) + ((lane[1] + lane[5]) + (lane[3] + lane[7]));
+}
+
 // Squared distance in the one order of operations all searches use above kMaxPlainDim dimensions.
 HWY_INLINE float row_distance(const float* HWY_RESTRICT a, const float* HWY_RESTRICT b,
                               size_t dim) {
@@ -57,7 +65,7 @@ HWY_INLINE float row_distance(const float* HWY_RESTRICT a, const float* HWY_REST
   }
   float rest = 0;
   for (; j < dim; ++j) rest += (a[j] - b[j]) * (a[j] - b[j]);
-  return hn::GetLane(hn::SumOfLanes(d, sum)) + rest;
+  return sum_of_lanes(sum) + rest;
 }
 
 HWY_INLINE float sum_of_squares(const float* HWY_RESTRICT v, size_t count) {
@@ -433,18 +441,27 @@ void search_all(NearestJob job, size_t n, int threads) {
 }  // namespace
 
 void assign_nearest(const float* points, size_t n, size_t dim, const float* codebook, size_t k,
-                    int threads, const uint32_t* hint, uint32_t* labels, float* sq_dist,
-                    Axes axes) {
+                    const NearestBackend& backend, const uint32_t* hint, uint32_t* labels,
+                    float* sq_dist, Axes axes) {
   if (n == 0) return;
+  if (backend.device != nullptr &&
+      backend.device->search({points, n, dim, codebook, k, 0, false, labels, sq_dist})) {
+    return;
+  }
   const NearestIndex index(codebook, k, dim, axes == Axes::kAny && worth_rotating(n, k, dim));
-  search_all({&index, points, hint, 0, labels, sq_dist, false}, n, threads);
+  search_all({&index, points, hint, 0, labels, sq_dist, false}, n, backend.threads);
 }
 
 void update_nearest(const float* points, size_t n, size_t dim, const float* codebook, size_t k,
-                    uint32_t first_label, int threads, uint32_t* labels, float* sq_dist) {
+                    uint32_t first_label, const NearestBackend& backend, uint32_t* labels,
+                    float* sq_dist) {
   if (n == 0 || k == 0) return;
+  if (backend.device != nullptr &&
+      backend.device->search({points, n, dim, codebook, k, first_label, true, labels, sq_dist})) {
+    return;
+  }
   const NearestIndex index(codebook, k, dim, false);
-  search_all({&index, points, nullptr, first_label, labels, sq_dist, true}, n, threads);
+  search_all({&index, points, nullptr, first_label, labels, sq_dist, true}, n, backend.threads);
 }
 
 }  // namespace l4d

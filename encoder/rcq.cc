@@ -113,6 +113,7 @@ void code_blocks(const float* rows, const float* weights, const std::vector<Bloc
   // Blocks side by side, each on one thread: they are too small to share among several.
   ComponentSettings serial = settings;
   serial.threads = 1;
+  serial.device = nullptr;
   serial.cancelled = nullptr;  // the callback belongs to the calling thread
   std::vector<LocalBook> locals(blocks.size());
   parallel_for(settings.threads, blocks.size(), 1, [&](size_t b, size_t) {

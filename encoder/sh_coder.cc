@@ -17,6 +17,7 @@ CodedComponent as_transform(const EncoderScene& scene, const CoderOptions& optio
   t.distortion = quality.per_number(kSh);
   t.max_step = quality.max_step(kMaxStep);
   t.principal_axes = true;
+  t.base = options.settings->get_bool(L4D_ENC_SH_BASE) ? 3 : 0;
   t.threads = options.threads;
   return code_component_transform(scene.sh.data(), scene.importance[kSh].data(), scene.count,
                                   scene.sh_dim(), t);
@@ -27,6 +28,7 @@ CodedComponent in_codebooks(const EncoderScene& scene, const CoderOptions& optio
   ComponentSettings s = component_settings(*options.settings, kSh);
   s.seed = options.seed * 131 + 7;
   s.threads = options.threads;
+  s.device = options.device;
   s.cancelled = options.cancelled;
   s.bit_price = bit_price;
   const std::vector<float>& weights = bit_price > 0 ? scene.importance[kSh] : scene.weight[kSh];

@@ -199,6 +199,7 @@ class ShapeCoder {
       ComponentSettings s = component_settings(settings_, c);
       s.seed = options_.seed * 131 + out_.header.level * 8 + c + (out_.header.permanent ? 4096 : 0);
       s.threads = options_.threads;
+      s.device = options_.device;
       s.cancelled = options_.cancelled;
       const bool by_cost = settings_.get_bool(L4D_ENC_CODEBOOKS_BY_COST) || coding_of(c) == kCheaper;
       if (by_cost) s.bit_price = quality_.bit_price(c);

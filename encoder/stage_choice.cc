@@ -8,8 +8,8 @@ namespace l4d {
 namespace {
 
 constexpr uint32_t kLeastCodewords = 16;
-// Of 16 bits a number, after entropy coding.
-constexpr double kCodebookShare = 0.9;
+// Of a codeword, after entropy coding.
+constexpr double kBitsPerNumber = 8;
 // Sets of members and numbers of codewords follow from each other; they settle within a few rounds.
 constexpr int kRounds = 3;
 
@@ -25,7 +25,7 @@ double error_after_stage(double codewords, double effective_dim) {
 }
 
 double codebook_bits(double codewords, size_t dim) {
-  return 16 * kCodebookShare * codewords * static_cast<double>(dim);
+  return kBitsPerNumber * codewords * static_cast<double>(dim);
 }
 
 uint32_t codewords_by_cost(double error, size_t n, size_t dim, double effective_dim, double bit_price,

@@ -2,7 +2,9 @@
 #include "encoder/stage_refinement.h"
 
 #include <algorithm>
+#include <cmath>
 
+#include "encoder/cells.h"
 #include "encoder/entropy_constrained.h"
 #include "encoder/nearest.h"
 #include "libl4dcodec/base/half.h"
@@ -12,6 +14,7 @@ namespace l4d {
 namespace {
 
 constexpr size_t kGrain = 4096;
+constexpr size_t kCellGrain = 32;
 
 class Refiner {
  public:
@@ -20,7 +23,9 @@ class Refiner {
       : rows_(rows), weights_(weights), settings_(settings), c_(component) {}
 
   void run() {
-    for (int round = 0; round < settings_.refine_rounds; ++round) {
+    c_.steps.assign(c_.books.size(), 0.0f);
+    const int rounds = std::max(settings_.refine_rounds, settings_.bit_price > 0 ? 1 : 0);
+    for (int round = 0; round < rounds; ++round) {
       for (size_t s = 0; s < c_.books.size(); ++s) {
         if (settings_.cancelled != nullptr && (*settings_.cancelled)()) return;
         refine(s);
@@ -57,12 +62,14 @@ class Refiner {
       constraint.price = settings_.rate_price;
       constraint.rounds = 1;
       constraint.threads = settings_.threads;
+      constraint.device = settings_.device;
       constrain_entropy(target.data(), weight.data(), n, dim, constraint, &book, &label);
     } else {
-      move(target, weight, label, book);
+      if (settings_.bit_price > 0 && c_.steps[s] == 0) c_.steps[s] = step_for(book, weight);
+      move(target, weight, label, c_.steps[s], book);
       const std::vector<uint32_t> hint = label;
-      assign_nearest(target.data(), n, dim, book.data(), book.size() / dim, settings_.threads,
-                     hint.data(), label.data(), distance.data());
+      assign_nearest(target.data(), n, dim, book.data(), book.size() / dim,
+                     {settings_.threads, settings_.device},                     hint.data(), label.data(), distance.data());
     }
     parallel_for(settings_.threads, n, kGrain, [&](size_t begin, size_t end) {
       for (size_t j = begin; j < end; ++j) {
@@ -74,22 +81,41 @@ class Refiner {
 
   // Each codeword to the weighted mean of its rows.
   void move(const std::vector<float>& target, const std::vector<float>& weight,
-            const std::vector<uint32_t>& label, std::vector<float>& book) const {
+            const std::vector<uint32_t>& label, float step, std::vector<float>& book) const {
     const size_t dim = c_.dim;
-    std::vector<double> sum(book.size(), 0.0), total(book.size() / dim, 0.0);
-    for (size_t j = 0; j < label.size(); ++j) {
-      const double w = static_cast<double>(weight[j]);
-      total[label[j]] += w;
-      double* of = sum.data() + label[j] * dim;
-      for (size_t k = 0; k < dim; ++k) of[k] += w * static_cast<double>(target[j * dim + k]);
-    }
-    for (size_t e = 0; e < total.size(); ++e) {
-      if (!(total[e] > 0)) continue;
-      for (size_t k = 0; k < dim; ++k) {
-        const float mean = static_cast<float>(sum[e * dim + k] / total[e]);
-        book[e * dim + k] = half_to_float(float_to_half_saturate(mean));
+    const Cells cells = sort_into_cells(label, book.size() / dim);
+    // Each cell is summed by one thread in the order of its rows.
+    parallel_for(settings_.threads, book.size() / dim, kCellGrain, [&](size_t begin, size_t end) {
+      std::vector<double> sum(dim);
+      for (size_t e = begin; e < end; ++e) {
+        std::fill(sum.begin(), sum.end(), 0.0);
+        double total = 0;
+        for (size_t m = cells.start[e]; m < cells.start[e + 1]; ++m) {
+          const size_t j = cells.member[m];
+          const double w = static_cast<double>(weight[j]);
+          total += w;
+          for (size_t k = 0; k < dim; ++k) sum[k] += w * static_cast<double>(target[j * dim + k]);
+        }
+        for (size_t k = 0; k < dim; ++k) {
+          float& v = book[e * dim + k];
+          if (total > 0) v = static_cast<float>(sum[k] / total);
+          v = step > 0 ? step * std::clamp(std::nearbyint(v / step), -32767.0f, 32767.0f)
+                       : half_to_float(float_to_half_saturate(v));
+        }
       }
-    }
+    });
+  }
+
+  // A codeword counts as much as all Gaussians that use it: steps as those of a transform.
+  float step_for(const std::vector<float>& book, const std::vector<float>& weight) const {
+    double users = 0;
+    for (const float w : weight) users += static_cast<double>(w);
+    float largest = 0;
+    for (const float v : book) largest = std::max(largest, std::fabs(v));
+    const double distortion = settings_.bit_price / (2 * std::log(2.0));
+    const double codewords = static_cast<double>(book.size() / c_.dim);
+    const double step = std::sqrt(12 * distortion * codewords / std::max(users, 1e-30));
+    return std::clamp(static_cast<float>(step), std::max(0x1p-20f, largest / 16384), 0x1p10f);
   }
 
   // In the order in which a decoder adds.
@@ -113,7 +139,8 @@ class Refiner {
 
 void refine_stages(const float* rows, const float* weights, const ComponentSettings& settings,
                    CodedComponent* component) {
-  if (component->books.size() < 2 || !component->block_tables.empty()) return;
+  if (!component->block_tables.empty()) return;
+  if (component->books.size() < 2 && !(settings.bit_price > 0)) return;
   Refiner(rows, weights, settings, *component).run();
 }
 

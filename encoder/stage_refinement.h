@@ -7,8 +7,10 @@
 
 namespace l4d {
 
-// Codewords move and Gaussians change codewords, depths stay. Does nothing to one stage alone, and nothing
-// where blocks have codebooks of their own: those were made for the codewords they refer to.
+// Where bits have a price, codewords become multiples of a step that follows from it.
+//
+// Codewords move and Gaussians change codewords, depths stay. Does nothing to one stage alone without
+// a price of bits, and nothing where blocks have codebooks of their own: those were made for the codewords they refer to.
 void refine_stages(const float* rows, const float* weights, const ComponentSettings& settings,
                    CodedComponent* component);
 

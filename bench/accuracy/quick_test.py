@@ -52,8 +52,8 @@ def relations(document):
     if not (best["bytes"] > worst["bytes"] and best["fidelity_db"] > worst["fidelity_db"]):
         yield "rate: a higher quality is not larger and better than a lower one"
     parts = rows(document, "crossover", "parts")
-    if {row["family"] for row in parts} != {"transform", "codebooks"}:
-        yield "crossover: not of both families"
+    if {row["family"] for row in parts} != {"transform", "codebooks", "codebooks by cost"}:
+        yield "crossover: not of all families"
     if any(row["bytes"] <= 0 for row in parts):
         yield "crossover: a part without bytes"
     first, *_, last = rows(document, "ladder", "steps")

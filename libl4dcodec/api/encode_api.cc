@@ -10,10 +10,15 @@
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <memory>
 #include <string>
 
 #include "encoder/encoder.h"
 #include "libl4dcodec/base/c_api.h"
+#ifdef L4D_HAVE_CUDA
+#include "encoder/cuda/device_nearest.h"
+#include "libl4dcodec/cuda/device.h"
+#endif
 
 using l4d::Status;
 using l4d::api::guard;
@@ -33,6 +38,21 @@ template <typename Body>
 l4d_status with_encoder(l4d_encoder* encoder, const Body& body) {
   if (encoder == nullptr) return L4D_ERR_INVALID_ARGUMENT;
   return encoder->error.keep(guard([&] { return body(encoder->impl); }));
+}
+
+Status choose_device(const l4d_encoder_options& options, l4d::Encoder& encoder) {
+  if (options.backend > L4D_BACKEND_CUDA) return l4d::invalid_argument("unknown backend");
+  const bool asked = options.backend == L4D_BACKEND_CUDA;
+#ifdef L4D_HAVE_CUDA
+  if (asked) L4D_RETURN_IF_ERROR(l4d::cuda::use_device(0));
+  if (asked || options.backend == L4D_BACKEND_AUTO) {
+    encoder.set_device(l4d::cuda::make_device_nearest(0, static_cast<int>(options.threads)));
+  }
+  return {};
+#else
+  static_cast<void>(encoder);
+  return asked ? Status(L4D_ERR_FEATURE_UNSUPPORTED, "this build has no device code") : Status();
+#endif
 }
 
 // A file that takes its name only when it is whole, and leaves nothing behind otherwise. What is no
@@ -119,7 +139,9 @@ l4d_status l4d_encoder_create(const l4d_encoder_options* options, l4d_encoder** 
   l4d_encoder_options resolved{};
   if (options != nullptr) resolved = read_struct(*options, resolved);
   return guard([&]() -> Status {
-           *out = new l4d_encoder(resolved);
+           auto encoder = std::make_unique<l4d_encoder>(resolved);
+           L4D_RETURN_IF_ERROR(choose_device(resolved, encoder->impl));
+           *out = encoder.release();
            return {};
          })
       .code();

@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "libl4dcodec/quant/codebook.h"
 
+#include <cmath>
+
 #include "libl4dcodec/base/half.h"
 #include "libl4dcodec/base/ordered.h"
+#include "libl4dcodec/container/page.h"
 
 namespace l4d {
 namespace {
@@ -29,6 +32,12 @@ Status decode_codebook(StreamDecoder& decoder, ByteSpan raw, uint64_t base,
   std::vector<uint16_t> column(n);
   for (uint32_t d = 0; d < dim; ++d) {
     L4D_RETURN_IF_ERROR(decode_stream(decoder, in, base, n, 16, 0, "", column.data()));
+    if (stage.element == ElementType::kSq) {
+      for (size_t i = 0; i < n; ++i) {
+        out->entries[i * dim + d] = stage.step * static_cast<float>(unzigzag16(column[i]));
+      }
+      continue;
+    }
     if (decoder.kernels->unorder_halves(column.data(), n) >= 0x7c00u) {
       return corrupt("CODE-4", base, "codebook value is not finite");
     }
@@ -37,15 +46,18 @@ Status decode_codebook(StreamDecoder& decoder, ByteSpan raw, uint64_t base,
   return check_consumed(in, base);
 }
 
-Bytes encode_codebook(StreamEncoder& encoder, const float* values, uint32_t num_entries,
+Bytes encode_codebook(StreamEncoder& encoder, const StageCoding& stage, const float* values,
                       uint32_t dim) {
   Bytes out;
-  std::vector<uint16_t> column(num_entries);
+  std::vector<uint16_t> column(stage.num_entries);
   for (uint32_t d = 0; d < dim; ++d) {
-    for (uint32_t i = 0; i < num_entries; ++i) {
-      column[i] = order_half(float_to_half(values[size_t{i} * dim + d]));
+    for (uint32_t i = 0; i < stage.num_entries; ++i) {
+      const float v = values[size_t{i} * dim + d];
+      column[i] = stage.element == ElementType::kSq
+                      ? zigzag16(static_cast<int16_t>(std::lround(v / stage.step)))
+                      : order_half(float_to_half(v));
     }
-    encoder.encode(column.data(), num_entries, 16, false, out);
+    encoder.encode(column.data(), column.size(), 16, false, out);
   }
   return out;
 }

@@ -25,8 +25,8 @@ struct CodebookData {
 
 Status decode_codebook(StreamDecoder& decoder, ByteSpan raw, uint64_t base,
                        const StageCoding& stage, uint32_t dim, CodebookData* out);
-// values: [num_entries, dim], each exactly a finite binary16.
-Bytes encode_codebook(StreamEncoder& encoder, const float* values, uint32_t num_entries,
+// values: [stage.num_entries, dim], each exactly what its element type can hold.
+Bytes encode_codebook(StreamEncoder& encoder, const StageCoding& stage, const float* values,
                       uint32_t dim);
 
 // A block codebook is sent as pairs (entry of the layer's codebook, entry of the residual codebook).

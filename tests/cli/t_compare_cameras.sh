@@ -3,8 +3,8 @@
 # compare by images.
 make_scene s.ply 3000
 make_cameras c.json
-expect 0 encode s.ply -o s.l4d --preset indexed --codebook all=16
-expect 0 encode s.ply -o fine.l4d --preset indexed --codebook all=1024 --order fine.order
+expect 0 encode s.ply -o s.l4d --preset indexed --codebook all=16 --stages all=1
+expect 0 encode s.ply -o fine.l4d --preset indexed --codebook all=1024 --stages all=1,1 --order fine.order
 
 # A scene is equal to itself: the cap of decibels, and SSIM 1.
 expect_document 0 compare s.ply s.ply --cameras c.json --frames 0:60:20

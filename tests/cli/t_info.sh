@@ -53,6 +53,23 @@ expect 0 encode s.ply -o default.l4d
 expect_document 0 info default.l4d
 expect_json out '{"transform", "rans"} <= set(d["tools"]) and "residual-stages" not in d["tools"]'
 
+# What leaving out fine levels, or SH detail, saves. Small pages have no detail apart.
+make_scene large.ply 60k
+expect 0 encode large.ply -o large.l4d --set coding.sh=1
+expect_document 0 info large.l4d --time 1
+expect_json out '"sh-base" in d["tools"] and len(d["scalable"]) == len({l["level"] for l in d["layers"]})'
+expect_json out 'd["scalable"][-1]["bytes"] == d["file_bytes"] and d["scalable"][-1]["num_gaussians"] == d["num_gaussians"]'
+expect_json out 'all(r["base_bytes"] < r["bytes"] for r in d["scalable"])'
+expect_json out 'all(a["bytes"] < b["bytes"] and a["base_bytes"] <= b["base_bytes"] for a, b in zip(d["scalable"], d["scalable"][1:]))'
+expect_json out 'd["seek"]["detail"] == "full" and 0 < d["seek"]["sh_detail_bytes"] < d["seek"]["bytes"]'
+full=$(json out 'd["seek"]["bytes"] - d["seek"]["sh_detail_bytes"]')
+expect_document 0 info large.l4d --time 1 --detail base
+expect_json out "d['seek']['detail'] == 'base' and d['seek']['bytes'] == $full"
+expect 0 info large.l4d --time 1
+expect_text out '^scalable up to +base colour'
+expect_text out '^level 0 +[0-9,]+ +[0-9.]+ % +[0-9,]+ +[0-9.]+ % +[0-9,]+$'
+expect 2 info large.l4d --detail best
+
 # What a player fetches over time: all of the file, once, and no more at a time than a seek takes.
 expect 0 synth -q -n 10000 --seconds 20 --fps 30 --seed 7 -o long.ply
 expect 0 encode long.ply -o long.l4d --set merge-count=0 --set merge-fraction=0 --set page-size=256

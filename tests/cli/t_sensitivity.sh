@@ -58,9 +58,9 @@ a, b = columns('sum.ply', 'sum'), columns('gauss-newton.ply', 'gauss-newton')
 assert [name for name in a if a[name] == b[name]] == ['alpha_t']"
 
 # encode takes them from the file or measures for itself, with one result.
-expect_document 0 encode s.ply -o file.l4d --preset indexed --codebook all=64 --weights w.ply --prune-weight 0
+expect_document 0 encode s.ply -o file.l4d --preset indexed --codebook all=64 --weights w.ply --prune-weight 0 --set prune-cost=0
 expect_json out "d['pruned'] == $unseen and 'sensitivity' not in d"
-expect_document 0 encode s.ply -o own.l4d --preset indexed --codebook all=64 --cameras c.json \
+expect_document 0 encode s.ply -o own.l4d --preset indexed --codebook all=64 --set prune-cost=0 --cameras c.json \
   --all-views --save-weights own.ply
 expect_json out "d['pruned'] == $unseen == d['sensitivity']['unseen'] == 3000 - d['coded_gaussians']"
 expect_json out 'd["stages"]["sensitivity"] == d["sensitivity"]["seconds"] < d["total_s"]'

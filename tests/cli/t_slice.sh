@@ -50,6 +50,22 @@ expect_text from_part.ply "^element vertex $visible\$"
 expect_document 0 decode s.l4d --max-level 0 -o coarse.ply
 expect_json out 'd["num_gaussians"] < 5000'
 
+# Base colours: the same Gaussians, with other colours. Pages must be large for SH to be apart.
+make_scene large.ply 60k
+expect 0 encode large.ply -o large.l4d --set coding.sh=1
+expect_document 0 slice large.l4d --time 1 -o full.ply
+count=$(json out 'd["frames"][0]["gaussians"]')
+expect_document 0 slice large.l4d --time 1 --detail base -o base.ply
+expect_json out "d['detail'] == 'base' and d['frames'][0]['gaussians'] == $count"
+if cmp -s full.ply base.ply; then die 'base colours are the whole'; fi
+expect_document 0 decode large.l4d --detail base -o base_scene.ply
+expect 0 slice base_scene.ply --time 1 -o from_base.ply
+expect_text from_base.ply "^element vertex $count\$"
+expect_document 0 render large.l4d --time 1 --detail base -o base.png
+expect_json out 'd["detail"] == "base"'
+expect 0 render large.l4d --time 1 -o full.png
+if cmp -s full.png base.png; then die 'base colours look as the whole'; fi
+
 # Threads and backends agree.
 for options in '--threads 1' '--threads 3' '--backend reference' '--backend cpu'; do
   # shellcheck disable=SC2086

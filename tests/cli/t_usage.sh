@@ -37,7 +37,9 @@ misuse encode s.ply -o s.l4d --prune-weight 1e-8
 misuse encode s.ply -o s.l4d --metadata =x
 misuse encode s.ply -o s.l4d --quality 91
 misuse encode s.ply -o s.l4d --quality 40dBx
-for preset in 'indexed --stages all=1' paper-small paper-large lossless; do
+misuse encode s.ply -o s.l4d --preset indexed --stages all=1 --quality 40
+misuse encode s.ply -o s.l4d --preset indexed --stages all=1 --target-size 1MB
+for preset in paper-small paper-large lossless; do
   misuse encode s.ply -o s.l4d --preset $preset --quality 40
   misuse encode s.ply -o s.l4d --preset $preset --target-size 1MB
 done

@@ -24,11 +24,16 @@ std::vector<float> random_halves(size_t n, uint64_t seed) {
   return v;
 }
 
+StageCoding half_stage(uint32_t entries) {
+  StageCoding stage;
+  stage.num_entries = entries;
+  return stage;
+}
+
 Status decode(ByteSpan bytes, uint32_t entries, uint32_t dim, CodebookData* out) {
   StreamDecoder decoder;
   decoder.kernels = &stream_kernels_simd();
-  StageCoding stage;
-  stage.num_entries = entries;
+  const StageCoding stage = half_stage(entries);
   return decode_codebook(decoder, bytes, 500, stage, dim, out);
 }
 
@@ -75,7 +80,7 @@ TEST(Codebook, RoundTrip) {
     for (const uint32_t entries : {1u, 2u, 33u, 4096u}) {
       if (entries == 4096 && dim > 4) continue;
       const auto values = random_halves(size_t{entries} * dim, entries * 100 + dim);
-      const Bytes bytes = encode_codebook(encoder, values.data(), entries, dim);
+      const Bytes bytes = encode_codebook(encoder, half_stage(entries), values.data(), dim);
       CodebookData book;
       const Status s = decode(bytes, entries, dim, &book);
       ASSERT_TRUE(s.ok()) << s.detail();
@@ -88,11 +93,30 @@ TEST(Codebook, RoundTrip) {
   }
 }
 
+// Every 16-bit integer, as a multiple of a step.
+TEST(Codebook, MultiplesOfAStepRoundTrip) {
+  StreamEncoder encoder(3);
+  for (const float step : {0x1p-20f, 0.37f, 1024.0f}) {
+    StageCoding stage = half_stage(65536);
+    stage.element = ElementType::kSq;
+    stage.step = step;
+    std::vector<float> values;
+    for (int q = -32768; q < 32768; ++q) values.push_back(step * static_cast<float>(q));
+    const Bytes bytes = encode_codebook(encoder, stage, values.data(), 1);
+    StreamDecoder decoder;
+    decoder.kernels = &stream_kernels_simd();
+    CodebookData book;
+    const Status s = decode_codebook(decoder, bytes, 500, stage, 1, &book);
+    ASSERT_TRUE(s.ok()) << s.detail();
+    EXPECT_EQ(std::memcmp(book.entries.data(), values.data(), values.size() * sizeof(float)), 0);
+  }
+}
+
 // spec: STRM-2, CHNK-7
 TEST(Codebook, TruncatedAndLeftOver) {
   StreamEncoder encoder(3);
   const auto values = random_halves(40 * 4, 3);
-  Bytes bytes = encode_codebook(encoder, values.data(), 40, 4);
+  Bytes bytes = encode_codebook(encoder, half_stage(40), values.data(), 4);
   CodebookData book;
   for (size_t n = 0; n < bytes.size(); ++n) {
     const Bytes cut(bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(n));
@@ -130,9 +154,11 @@ RcqBooks rcq_books(uint32_t num_global, uint32_t num_residual, uint32_t dim) {
   const auto g = random_halves(size_t{num_global} * dim, 1);
   const auto r = random_halves(size_t{num_residual} * dim, 2);
   EXPECT_TRUE(
-      decode(encode_codebook(encoder, g.data(), num_global, dim), num_global, dim, &b.global).ok());
+      decode(encode_codebook(encoder, half_stage(num_global), g.data(), dim), num_global, dim, &b.global)
+          .ok());
   EXPECT_TRUE(
-      decode(encode_codebook(encoder, r.data(), num_residual, dim), num_residual, dim, &b.residual)
+      decode(encode_codebook(encoder, half_stage(num_residual), r.data(), dim), num_residual, dim,
+             &b.residual)
           .ok());
   return b;
 }

@@ -31,7 +31,7 @@ if [[ $# -ge 3 ]]; then
   shared=OFF
   [[ $kind == shared ]] && shared=ON
   cmake -S "$3" -B "$build" -G Ninja -DCMAKE_BUILD_TYPE=Release -DBUILD_SHARED_LIBS=$shared \
-    -DL4D_BUILD_CLI=OFF -DL4D_BUILD_TESTS=OFF -DL4D_BUILD_BENCH=OFF \
+    -DL4D_BUILD_CLI=OFF -DL4D_BUILD_TESTS=OFF -DL4D_BUILD_BENCH=OFF -DL4D_CUDA=OFF \
     -DCMAKE_CXX_COMPILER_LAUNCHER="${L4D_COMPILER_LAUNCHER:-}"
   cmake --build "$build" -j "$jobs"
 fi
@@ -75,9 +75,9 @@ declared() {
 }
 symbols l4dcodec | compare symbols.txt
 symbols l4drender | compare symbols-render.txt
-declared l4d.h decode.h encode.h | diff -u - "$here/symbols.txt" >&2 ||
+declared l4d.h decode.h encode.h cuda.h | diff -u - "$here/symbols.txt" >&2 ||
   fail "declared (<) and defined (>) functions differ"
-declared render.h | diff -u - "$here/symbols-render.txt" >&2 ||
+declared render.h cuda_render.h | diff -u - "$here/symbols-render.txt" >&2 ||
   fail "declared (<) and defined (>) functions of the renderer differ"
 
 echo "== pkg-config"

@@ -52,6 +52,10 @@ ArbitraryScene draw_scene(bool lossy) {
     const auto set = [&](l4d_encoder_parameter id, double value) {
       out.encode.settings.push_back({id, value});
     };
+    // What follows no quality: errors are those of what is set below.
+    set(L4D_ENC_CODEBOOKS_BY_COST, 0);
+    set(L4D_ENC_MEAN_T_SHIFT, 0);
+    set(L4D_ENC_PRUNE_COST, 0);
     set(L4D_ENC_CODEBOOK_SIZE, 1 << draw(9));
     set(L4D_ENC_KMEANS_ITERATIONS, draw(6));
     set(L4D_ENC_GAUGE, 3 - draw(4));
