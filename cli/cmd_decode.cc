@@ -2,6 +2,7 @@
 #include <memory>
 
 #include "cli/common.h"
+#include "cli/detail.h"
 #include "cli/files.h"
 #include "cli/progress.h"
 #include "cli/scene_source.h"
@@ -18,6 +19,7 @@ struct DecodeArguments {
   std::string format = "l4d";
   std::string time, from, to;
   uint32_t max_level = UINT32_MAX;
+  std::string detail = "full";
   bool tolerant = false;
   ImportArguments import;
 };
@@ -43,6 +45,7 @@ l4d_query make_query(Context& context, const DecodeArguments& arguments,
   l4d_query_init(&query);
   query.kind = L4D_QUERY_ALL;
   query.max_level = arguments.max_level;
+  query.detail = detail_id(arguments.detail);
   const auto seconds = [&](const std::string& text, const char* option) {
     return clamp_to_sequence(context, timeline, parse_seconds(text, option), option);
   };
@@ -101,6 +104,7 @@ Outcome run_decode(Context& context, const DecodeArguments& arguments) {
                   {"input", input.name()},
                   {"output", name},
                   {"format", arguments.format},
+                  {"detail", arguments.detail},
                   {"num_gaussians", count},
                   {"lossless", (stream.info().tools & L4D_TOOL_LOSSLESS) != 0},
                   {"losses", losses.json()},
@@ -142,6 +146,7 @@ void add_decode(Registry& registry) {
                    "Leave out temporal levels finer than this: a preview without fast detail")
       ->type_name("N")
       ->check(CLI::Range(0, 63));
+  add_detail_option(verb, arguments->detail);
   add_tolerant_option(verb, arguments->tolerant);
   add_import_options(verb, arguments->import);
   verb->footer(

@@ -161,6 +161,7 @@ Outcome run_encode(Context& context, const EncodeArguments& arguments) {
   l4d_encoder_options options;
   l4d_encoder_options_init(&options);
   options.threads = context.options.threads;
+  options.backend = context.backend();
   options.seed = arguments.seed;
   const EncoderHandle encoder(&options);
   arguments.parameters.apply(context, encoder);

@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <map>
 #include <memory>
 #include <optional>
 
 #include "cli/common.h"
+#include "cli/detail.h"
 #include "cli/files.h"
 #include "cli/progress.h"
 #include "cli/scene_source.h"
@@ -16,6 +18,7 @@ namespace {
 struct InfoArguments {
   std::string input;
   std::string time;
+  std::string detail = "full";
   std::string plot;
   ImportArguments import;
 };
@@ -32,7 +35,8 @@ constexpr Tool kTools[] = {{L4D_TOOL_MOTION, "motion"},
                            {L4D_TOOL_RCQ, "rcq"},
                            {L4D_TOOL_LOSSLESS, "lossless"},
                            {L4D_TOOL_TRANSFORM, "transform"},
-                           {L4D_TOOL_RANS, "rans"}};
+                           {L4D_TOOL_RANS, "rans"},
+                           {L4D_TOOL_SH_BASE, "sh-base"}};
 
 std::vector<l4d_layer_info> read_layers(const SceneStream& stream) {
   std::vector<l4d_layer_info> layers(stream.info().num_layers);
@@ -76,6 +80,8 @@ std::string reason(uint32_t tool, const l4d_info& info, const std::vector<l4d_la
       return share + "code components as coefficients of a basis, in steps by importance";
     case L4D_TOOL_RANS:
       return share + "code pages by rANS, with a model of each column";
+    case L4D_TOOL_SH_BASE:
+      return "base colours come first, and large pages have SH detail apart";
     default:
       return "attributes are raw float32";
   }
@@ -102,18 +108,22 @@ Json layer_json(const l4d_layer_info& layer, uint64_t bytes) {
   return j;
 }
 
-Json seek_json(const SceneStream& stream, double seconds, uint64_t codebook_bytes) {
+Json seek_json(const SceneStream& stream, double seconds, const std::string& detail,
+               uint64_t codebook_bytes) {
   const DecoderHandle& decoder = stream.decoder();
   l4d_query query;
   l4d_query_init(&query);
   query.kind = L4D_QUERY_TIME;
   query.time_begin = query.time_end = seconds;
+  query.detail = detail_id(detail);
   const l4d_selection selection = decoder.select(query);
   l4d_splat_buffers splats;
   l4d_splat_buffers_init(&splats);
   decoder.check(l4d_decoder_slice(decoder.get(), seconds, &splats));
   return {{"time", seconds},
+          {"detail", detail},
           {"bytes", selection.bytes},
+          {"sh_detail_bytes", selection.sh_bytes},
           {"chunks", selection.num_chunks},
           {"buckets", selection.num_ranges},
           {"gaussians", selection.num_gaussians},
@@ -125,6 +135,45 @@ Json seek_json(const SceneStream& stream, double seconds, uint64_t codebook_byte
 std::string share_of(uint64_t bytes, uint64_t total) {
   return format("%5.1f %%",
                 100 * static_cast<double>(bytes) / std::max(1.0, static_cast<double>(total)));
+}
+
+// What a reader of levels up to one needs of the file, with and without SH detail.
+struct Rung {
+  uint32_t level = 0;
+  uint64_t base_bytes = 0;
+  uint64_t bytes = 0;
+  uint64_t gaussians = 0;
+};
+
+std::vector<Rung> read_rungs(const DecoderHandle& decoder, const std::vector<l4d_layer_info>& layers,
+                             const std::vector<uint64_t>& layer_bytes,
+                             const std::vector<uint64_t>& sections) {
+  // Headers and the codebooks of SH, which every level needs.
+  uint64_t sum = sections[L4D_SECTION_HEADER] + sections[L4D_SECTION_CODEBOOKS];
+  for (const l4d_layer_info& layer : layers) sum -= layer.codebook_bytes;
+  std::vector<Rung> rungs;
+  l4d_query query;
+  l4d_query_init(&query);
+  for (size_t l = 0; l < layers.size(); ++l) {
+    sum += layer_bytes[l];
+    if (l + 1 < layers.size() && layers[l + 1].level == layers[l].level) continue;
+    query.max_level = layers[l].level;
+    const l4d_selection s = decoder.select(query);
+    rungs.push_back({layers[l].level, sum - s.sh_bytes, sum, s.num_gaussians});
+  }
+  return rungs;
+}
+
+std::string scalable_table(const std::vector<Rung>& rungs, uint64_t file_bytes) {
+  std::string text = format("\n%-18s %14s %9s %14s %9s %12s\n", "scalable up to", "base colour",
+                            "share", "full", "share", "gaussians");
+  for (const Rung& r : rungs) {
+    text += format("%-18s %14s %9s %14s %9s %12s\n", format("level %u", r.level).c_str(),
+                   format_count(r.base_bytes).c_str(), share_of(r.base_bytes, file_bytes).c_str(),
+                   format_count(r.bytes).c_str(), share_of(r.bytes, file_bytes).c_str(),
+                   format_count(r.gaussians).c_str());
+  }
+  return text;
 }
 
 std::string layer_table(const std::vector<l4d_layer_info>& layers,
@@ -226,12 +275,24 @@ Outcome run_info(Context& context, const InfoArguments& arguments) {
       t += format("%-18s %14s %9s %14.2f\n", l4d_section_name(s), format_count(sections[s]).c_str(),
                   share_of(sections[s], info.file_bytes).c_str(), section_bits);
     }
+    const std::vector<Rung> rungs = read_rungs(decoder, layers, layer_bytes, sections);
+    j["scalable"] = Json::array();
+    for (const Rung& r : rungs) {
+      j["scalable"].push_back({{"level", r.level},
+                               {"base_bytes", r.base_bytes},
+                               {"bytes", r.bytes},
+                               {"num_gaussians", r.gaussians}});
+    }
+    t += scalable_table(rungs, info.file_bytes);
     if (!arguments.time.empty()) {
       const double seconds = clamp_to_sequence(context, info.timeline,
                                                parse_seconds(arguments.time, "--time"), "--time");
-      const Json seek = seek_json(stream, seconds, sections[L4D_SECTION_CODEBOOKS]);
+      const Json seek =
+          seek_json(stream, seconds, arguments.detail, sections[L4D_SECTION_CODEBOOKS]);
+      const bool base = detail_id(arguments.detail) == L4D_DETAIL_BASE_COLOR;
       const auto count = [&](const char* key) { return format_count(seek[key].get<uint64_t>()); };
-      t += "\nseek to " + format_number(seconds) + " s: " + count("bytes") + " bytes in " +
+      t += "\nseek to " + format_number(seconds) + " s: " + count("bytes") + " bytes (" +
+           count("sh_detail_bytes") + (base ? " more with" : " of them") + " SH detail) in " +
            count("chunks") + " chunks, " + count("buckets") + " buckets (and " +
            count("directory_bytes") + " of directory, " + count("codebook_bytes") +
            " of codebooks); " + count("gaussians") + " Gaussians, " + count("visible") +
@@ -263,13 +324,18 @@ void add_info(Registry& registry) {
   verb->add_option("input", arguments->input, "Scene: .l4d or PLY, '-' = stdin")->required();
   verb->add_option("--time", arguments->time, "Also the cost of a seek to this time: 2.5, 1:30")
       ->type_name("T");
+  verb->add_option("--detail", arguments->detail, "Of that seek: full, or base colours only")
+      ->type_name("NAME")
+      ->check(CLI::IsMember({"full", "base"}))
+      ->capture_default_str();
   verb->add_option("--plot", arguments->plot,
                    "Also an SVG, '-' = stdout: what a player has to fetch frame by frame, by "
                    "temporal level, and the Gaussians visible")
       ->type_name("FILE");
   add_import_options(verb, arguments->import);
   verb->footer(
-      "Sections add up to the file. A PLY is encoded losslessly in memory to be looked at.");
+      "Sections add up to the file. `scalable` is what a reader needs of it that leaves out finer\n"
+      "temporal levels, or SH detail, or both. A PLY is encoded losslessly in memory to be looked at.");
 }
 
 }  // namespace l4d::cli

@@ -7,6 +7,7 @@
 
 #include "cli/camera_arguments.h"
 #include "cli/common.h"
+#include "cli/detail.h"
 #include "cli/files.h"
 #include "cli/frame_sink.h"
 #include "cli/progress.h"
@@ -29,6 +30,7 @@ struct RenderArguments {
   std::string size;
   std::string scale;
   std::string background;
+  std::string detail = "full";
   std::string path = "fast";
   uint32_t crf = io::VideoOptions().crf;
   ImportArguments import;
@@ -188,6 +190,7 @@ Outcome run_render(Context& context, const RenderArguments& arguments) {
   const Input input(arguments.input);
   RenderedScene scene(context, input, arguments.import, arguments.path);
   scene.set_background(background.data());
+  scene.set_detail(detail_id(arguments.detail));
   if (target == Target::kStill && sequence.time.empty()) {
     sequence.time = format("%.17g", middle_of(scene.timeline()));
   }
@@ -234,6 +237,7 @@ Outcome run_render(Context& context, const RenderArguments& arguments) {
   outcome.json = {{"schema", "l4dcodec.render/1"},
                   {"input", input.name()},
                   {"output", arguments.output},
+                  {"detail", arguments.detail},
                   {"camera", path.id ? Json(*path.id) : Json(nullptr)},
                   {"width", first.width},
                   {"height", first.height},
@@ -296,6 +300,7 @@ void add_render(Registry& registry) {
   verb->add_option("--background", arguments->background,
                    "Colour behind the scene, each 0 to 1 (default: 0,0,0)")
       ->type_name("R,G,B");
+  add_detail_option(verb, arguments->detail);
   verb->add_option("--path", arguments->path,
                    "Renderer: fast, or reference (double precision, slow, for checking)")
       ->type_name("NAME")

@@ -2,6 +2,7 @@
 #include <memory>
 
 #include "cli/common.h"
+#include "cli/detail.h"
 #include "cli/files.h"
 #include "cli/progress.h"
 #include "cli/scene_source.h"
@@ -17,6 +18,7 @@ struct SliceArguments {
   std::string input;
   std::string output;
   SequenceArguments sequence;
+  std::string detail = "full";
   bool tolerant = false;
   ImportArguments import;
 };
@@ -36,6 +38,7 @@ Outcome run_slice(Context& context, const SliceArguments& arguments) {
   const std::unique_ptr<NumberedName> pattern(
       single ? nullptr : new NumberedName(arguments.output, "out_%04d.ply"));
   const TolerantStream stream(context, input, arguments.import, arguments.tolerant);
+  stream.decoder().set_detail(detail_id(arguments.detail));
   const l4d_info& info = stream.info();
   const std::vector<double> times = instants(context, arguments.sequence, info.timeline);
   const l4d_placement& p = info.placement;
@@ -90,6 +93,7 @@ Outcome run_slice(Context& context, const SliceArguments& arguments) {
 
   outcome.json = {
       {"schema", "l4dcodec.slice/1"},      {"input", input.name()},
+      {"detail", arguments.detail},
       {"num_frames", times.size()},        {"frames", frames},
       {"file_bytes", total_bytes},         {"buckets_decoded", counters.buckets_decoded},
       {"cache_hits", counters.cache_hits}, {"losses", losses.json()},
@@ -121,6 +125,7 @@ void add_slice(Registry& registry) {
       ->type_name("FILE")
       ->required();
   add_sequence_options(verb, arguments->sequence);
+  add_detail_option(verb, arguments->detail);
   add_tolerant_option(verb, arguments->tolerant);
   verb->add_option("--seconds", arguments->import.seconds,
                    "Duration to give a PLY that carries no timeline (default: 1)")

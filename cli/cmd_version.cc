@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <cstring>
+
 #include "cli/common.h"
 #include "cli/units.h"
+#include "l4d/cuda.h"
 
 namespace l4d::cli {
 namespace {
@@ -8,11 +11,32 @@ namespace {
 Outcome run_version(Context&) {
   const std::string bitstream = format("%d.%d", L4D_BITSTREAM_MAJOR, L4D_BITSTREAM_MINOR);
   Outcome outcome;
-  outcome.json = {{"schema", "l4dcodec.version/1"},   {"version", l4d_version_string()},
-                  {"bitstream", bitstream},           {"build", l4d_build_info()},
-                  {"backends", {"reference", "cpu"}}, {"cli11", CLI11_VERSION}};
+  Json backends = {"reference", "cpu"};
+  if (std::strstr(l4d_build_info(), "; cuda") != nullptr) backends.push_back("cuda");
+  Json devices = Json::array();
+  uint32_t count = 0;
+  l4d_cuda_get_device_count(&count);
+  std::string device_text;
+  for (uint32_t i = 0; i < count; ++i) {
+    l4d_cuda_device_info info;
+    l4d_cuda_device_info_init(&info);
+    if (l4d_cuda_get_device_info(i, &info) != L4D_OK) continue;
+    devices.push_back({{"index", i},
+                       {"name", info.name},
+                       {"compute_capability", format("%u.%u", info.compute_major, info.compute_minor)},
+                       {"multiprocessors", info.multiprocessors},
+                       {"memory_bytes", info.memory_bytes},
+                       {"usable", info.usable != 0}});
+    device_text += format("device %u: %s, %s%s\n", i, info.name, format_bytes(info.memory_bytes).c_str(),
+                          info.usable != 0 ? "" : " (this build has no code for it)");
+  }
+  outcome.json = {{"schema", "l4dcodec.version/1"}, {"version", l4d_version_string()},
+                  {"bitstream", bitstream},         {"build", l4d_build_info()},
+                  {"backends", backends},           {"devices", devices},
+                  {"cli11", CLI11_VERSION}};
   outcome.text = format("l4dcodec %s\nbitstream %s\n%s\n", l4d_version_string(), bitstream.c_str(),
-                        l4d_build_info());
+                        l4d_build_info()) +
+                 device_text;
   return outcome;
 }
 

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/common.h"
 
+#include "l4d/cuda.h"
+
 #include <cstdio>
 #include <new>
 
@@ -70,13 +72,18 @@ void Context::note(const std::string& text) {
   if (!options.json && !options.quiet) std::fprintf(stderr, "note: %s\n", text.c_str());
 }
 
+uint32_t Context::backend() const {
+  return options.backend == "reference" ? L4D_BACKEND_REFERENCE
+         : options.backend == "cpu"     ? L4D_BACKEND_CPU
+         : options.backend == "cuda"    ? L4D_BACKEND_CUDA
+                                        : L4D_BACKEND_AUTO;
+}
+
 l4d_decoder_options Context::decoder_options() const {
   l4d_decoder_options o;
   l4d_decoder_options_init(&o);
   o.threads = options.threads;
-  o.backend = options.backend == "reference" ? L4D_BACKEND_REFERENCE
-              : options.backend == "cpu"     ? L4D_BACKEND_CPU
-                                             : L4D_BACKEND_AUTO;
+  o.backend = backend();
   if (!options.limit_memory.empty()) {
     o.limits.max_memory_bytes = parse_size(options.limit_memory, "--limit-memory");
   }
@@ -93,7 +100,8 @@ void add_common_options(CLI::App* verb, CommonOptions& o) {
       ->check(CLI::Range(0, 4096))
       ->group(group);
   verb->add_option("--backend", o.backend,
-                   "Decoder to use: auto, reference, cpu; never changes the output")
+                   "What works: auto, reference, cpu, cuda; changes no stream and no decoded bit, of "
+                   "images and weights the rounding")
       ->type_name("NAME")
       ->check(CLI::IsMember({"auto", "reference", "cpu", "cuda"}))
       ->group(group);
@@ -108,6 +116,28 @@ void add_common_options(CLI::App* verb, CommonOptions& o) {
       ->group(group);
 }
 
+namespace {
+
+void require_device() {
+  l4d_cuda_device_info info;
+  l4d_cuda_device_info_init(&info);
+  const l4d_status status = l4d_cuda_get_device_info(0, &info);
+  if (status == L4D_ERR_FEATURE_UNSUPPORTED) {
+    throw Failure(status, "this build has no CUDA backend; use --backend auto, reference or cpu");
+  }
+  if (status != L4D_OK) {
+    throw Failure(L4D_ERR_DEVICE,
+                  "there is no CUDA device, or no driver for it; use --backend auto, reference or cpu");
+  }
+  if (info.usable == 0) {
+    throw Failure(L4D_ERR_DEVICE, format("%s, of compute capability %u.%u, is none that this build has "
+                                         "code for; use --backend auto, reference or cpu",
+                                         info.name, info.compute_major, info.compute_minor));
+  }
+}
+
+}  // namespace
+
 CLI::App* add_verb(Registry& registry, const std::string& name, const std::string& description,
                    std::function<Outcome(Context&)> run) {
   CLI::App* verb = registry.app->add_subcommand(name, description);
@@ -116,10 +146,7 @@ CLI::App* add_verb(Registry& registry, const std::string& name, const std::strin
   verb->callback([&registry, context, name, run = std::move(run)] {
     registry.verb = name;
     registry.run = [context, run] {
-      if (context->options.backend == "cuda") {
-        throw Failure(L4D_ERR_FEATURE_UNSUPPORTED,
-                      "this build has no CUDA backend; use --backend auto, reference or cpu");
-      }
+      if (context->options.backend == "cuda") require_device();
       return run(*context);
     };
   });

@@ -86,6 +86,7 @@ class Context {
   void note(const std::string& text);
   const std::vector<std::string>& notes() const { return notes_; }
 
+  uint32_t backend() const;  // L4D_BACKEND_*
   l4d_decoder_options decoder_options() const;
 
  private:

@@ -11,6 +11,8 @@ l4d_renderer_options renderer_options(const Context& context, const std::string&
   l4d_renderer_options_init(&options);
   options.threads = context.options.threads;
   options.path = path == "reference" ? L4D_RENDER_REFERENCE : L4D_RENDER_FAST;
+  // The reference backend is of decoders: images have a path of their own for it.
+  if (context.backend() == L4D_BACKEND_CUDA) options.backend = L4D_BACKEND_CUDA;
   return options;
 }
 

@@ -31,6 +31,8 @@ class RenderedScene {
   io::Scene instant(double seconds) const;  // see cli/camera_arguments.h
 
   void set_background(const float* rgb);
+  // L4D_DETAIL_*, of a stream; before the first instant.
+  void set_detail(uint32_t detail) { decoder_.set_detail(detail); }
   // Moves to an instant; nothing happens where the scene is there already.
   void set_time(double seconds);
   // Resizes the image as needed.

@@ -81,7 +81,8 @@ class LossReport {
                       {"bucket", loss.bucket},
                       {"num_buckets", loss.num_buckets},
                       {"num_pages", loss.num_chunks},
-                      {"num_gaussians", loss.num_gaussians}});
+                      {"num_gaussians", loss.num_gaussians},
+                      {"detail_only", loss.detail_only != 0}});
     }
     return list;
   }

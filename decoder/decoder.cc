@@ -87,6 +87,7 @@ Status Decoder::select(const l4d_query& query, l4d_selection* out) {
   out->num_ranges = plan.ranges.size();
   out->num_chunks = plan.tasks.size();
   out->bytes = plan.bytes;
+  out->sh_bytes = plan.sh_bytes;
   out->directory_bytes = plan.directory_bytes;
   return {};
 }
@@ -214,6 +215,8 @@ Status Decoder::codebook(uint32_t layer, uint32_t component, uint32_t stage, uin
 
 Status Decoder::sections(uint64_t* sections, uint64_t* layer_bytes) {
   const SceneHeader& header = file_->header();
+  file_->trim();
+  file_->retry();
   l4d_query all{};
   all.struct_size = sizeof all;
   all.kind = L4D_QUERY_ALL;
@@ -298,6 +301,7 @@ void Decoder::counters(l4d_counters* out) const {
   out->pages_lost = losses_.pages();
   out->buckets_lost = losses_.buckets();
   out->gaussians_lost = losses_.gaussians();
+  out->details_lost = losses_.details();
 }
 
 }  // namespace l4d

@@ -5,6 +5,7 @@
 #include <functional>
 #include <map>
 #include <memory>
+#include <tuple>
 #include <vector>
 
 #include "decoder/losses.h"
@@ -50,6 +51,8 @@ class Decoder {
   Status decode(const l4d_query& query, l4d_gaussian_buffers* out);
   Status decode_packed(const l4d_query& query, l4d_packed_buffers* out);
   Status slice(double time, l4d_splat_buffers* out);
+  // Of slices; kept from stream to stream.
+  Status set_detail(uint32_t detail);
   Status codebook(uint32_t layer, uint32_t component, uint32_t stage, uint32_t block,
                   l4d_codebook* out);
   Status sections(uint64_t* sections, uint64_t* layer_bytes);
@@ -64,10 +67,11 @@ class Decoder {
   }
 
  private:
-  using BucketKey = std::pair<uint32_t, uint32_t>;  // layer, bucket
+  using BucketKey = std::tuple<uint32_t, uint32_t, uint32_t>;  // layer, bucket, detail
   struct CacheEntry {
     PreparedBucket bucket;
-    Plan missing;  // pages that are lost, to be asked for again
+    Plan missing;  // pages that are lost, or their detail, to be asked for again
+    size_t lost_parts = 0;
     uint64_t memory_bytes = 0;
     uint64_t last_use = 0;
   };
@@ -86,13 +90,15 @@ class Decoder {
   void drop_cache();
 
   l4d_decoder_options options_;
+  uint32_t detail_ = L4D_DETAIL_FULL;
   DecodeKernels kernels_;
   std::unique_ptr<FileReader> own_file_;
   std::unique_ptr<SceneFile> file_;
   std::unique_ptr<PageDecoder> pages_;
   l4d_progress_fn progress_ = nullptr;
   void* progress_user_ = nullptr;
-  // Keyed by range: RCQ blocks never split a bucket, so (layer, bucket) names one range.
+  // Keyed by range: RCQ blocks never split a bucket, so (layer, bucket) names one range. Buckets of one
+  // detail are of no use to slices of another.
   std::map<BucketKey, CacheEntry> cache_;
   uint64_t cache_bytes_ = 0;
   uint64_t clock_ = 0;

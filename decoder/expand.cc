@@ -14,9 +14,11 @@ constexpr size_t kRowBlock = 256;
 // The rows of one component, taken front to back.
 class ComponentRows {
  public:
+  // most: coefficients of a transform that are there, others count as 0.
   ComponentRows(const ReconstructKernels& kernels, const TransformKernels& transform,
                 const ComponentCoding& coding, unsigned dim, const ComponentColumns& columns,
-                const std::array<const CodebookData*, L4D_MAX_STAGES>& books)
+                const std::array<const CodebookData*, L4D_MAX_STAGES>& books,
+                unsigned most = kMaxCoefficients)
       : kernels_(kernels),
         transform_(transform),
         coding_(coding.coding),
@@ -24,15 +26,18 @@ class ComponentRows {
         raw_(columns.raw.data()) {
     if (coding.transform()) {
       coefficients_.dim = dim;
-      coefficients_.num_coefficients = coding.coefficients();
+      coefficients_.num_coefficients = std::min(coding.coefficients(), most);
       coefficients_.basis = books[0]->entries.data();
       coefficients_.steps = coding.steps.data();
       coefficients_.cls = columns.cls.data();
       if (coding.ladder.size() > 1) {
+        for (size_t s = 0; s < coding.ladder.size(); ++s) {
+          ladder_[s] = static_cast<uint8_t>(std::min<unsigned>(coding.ladder[s], most));
+        }
         coefficients_.rung = columns.rung.data();
-        coefficients_.ladder = coding.ladder.data();
+        coefficients_.ladder = ladder_.data();
       }
-      for (size_t k = 0; k < coding.coefficients(); ++k) {
+      for (size_t k = 0; k < coefficients_.num_coefficients; ++k) {
         coefficients_.coefficient[k] = columns.coefficient[k].data();
       }
     }
@@ -74,6 +79,7 @@ class ComponentRows {
   VqCursor cursor_;
   TransformSource coefficients_;
   TransformCursor coefficient_cursor_;
+  std::array<uint8_t, kMaxCoefficients> ladder_{};
 };
 
 // Rows of three numbers to rows of four, in place: from the back, so that none is overwritten unread.
@@ -160,8 +166,22 @@ void PageExpander::scalars(const ScalarCoding& coding, const std::vector<uint16_
 }
 
 void PageExpander::spherical_harmonics(float* dst) const {
-  ComponentRows sh(kernels_, transform_, header_.sh, header_.sh_dim(), columns_.component[L4D_COMPONENT_SH],
-                   books_.book[L4D_COMPONENT_SH]);
+  const unsigned dim = header_.sh_dim();
+  const auto& books = books_.book[L4D_COMPONENT_SH];
+  const bool detail = columns_.sh_detail;
+  if (!detail && header_.sh_base == 0) {
+    // Neither classes nor depths are there: rows of no coefficients, or of depth 0.
+    for (size_t i = 0; i < columns_.n; ++i, dst += dim) {
+      if (header_.sh.transform()) {
+        std::copy_n(books[0]->entries.data(), dim, dst);
+      } else {
+        std::fill_n(dst, dim, 0.0f);
+      }
+    }
+    return;
+  }
+  ComponentRows sh(kernels_, transform_, header_.sh, dim, columns_.component[L4D_COMPONENT_SH],
+                   books, detail ? kMaxCoefficients : header_.sh_base);
   sh.rows(0, columns_.n, dst, past_cache_);
 }
 

@@ -31,6 +31,7 @@ struct ExpandScratch {
 
 class PageExpander {
  public:
+  // Where `columns` lack SH detail, so does what comes out.
   PageExpander(const SceneHeader& header, const LayerHeader& layer, const PageColumns& columns,
                const PageBooks& books, const ExpandKernels& kernels, ExpandScratch& scratch)
       : header_(header),

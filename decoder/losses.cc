@@ -24,6 +24,7 @@ void Losses::add(const l4d_loss& loss) {
     // All that lies behind the end of a file has that one cause.
     const bool same_place = last.offset == loss.offset || loss.status == L4D_ERR_TRUNCATED;
     if (last.layer == loss.layer && last.status == loss.status && same_place &&
+        last.detail_only == loss.detail_only &&
         std::strcmp(last.clause, loss.clause) == 0 && last.bucket <= loss.bucket &&
         (last.num_chunks == 0) == (loss.num_chunks == 0)) {
       last.num_buckets = std::max(last.num_buckets, loss.bucket + loss.num_buckets - last.bucket);
@@ -61,7 +62,12 @@ void Losses::add_pages(const Plan& plan, const LostPages& lost) {
     loss.num_gaussians = task.record.num_gaussians;
     loss.offset = page.status.offset();
     loss.clause = page.status.clause();
+    loss.detail_only = page.detail_only;
     add(loss);
+    if (page.detail_only) {
+      ++details_;
+      continue;
+    }
     ++pages_;
     gaussians_ += task.record.num_gaussians;
     if (before == nullptr || before->layer != task.layer ||
@@ -79,8 +85,9 @@ std::vector<RowMove> remove_lost(const LostPages& lost, Plan* plan) {
   uint64_t at = 0;
   for (size_t t = 0; t < plan->tasks.size(); ++t) {
     if (next < lost.size() && lost[next].task == t) {
+      const bool whole = !lost[next].detail_only;
       ++next;
-      continue;
+      if (whole) continue;
     }
     const PageTask& task = plan->tasks[t];
     const l4d_range& range = plan->ranges[task.range];

@@ -13,10 +13,11 @@ namespace l4d {
 // as limits and cancelling, concern the call.
 bool is_loss(const Status& status);
 
-// A page of a plan that could not be decoded.
+// A page of a plan that could not be decoded, or of which the second part could not.
 struct LostPage {
   size_t task = 0;
   Status status;
+  bool detail_only = false;  // its Gaussians are there, their SH without detail
 };
 using LostPages = std::vector<LostPage>;  // ascending by task
 
@@ -32,6 +33,7 @@ class Losses {
   uint64_t pages() const { return pages_; }
   uint64_t buckets() const { return buckets_; }
   uint64_t gaussians() const { return gaussians_; }
+  uint64_t details() const { return details_; }
 
  private:
   // Adds to the last loss where both have one cause.
@@ -41,6 +43,7 @@ class Losses {
   uint64_t pages_ = 0;
   uint64_t buckets_ = 0;
   uint64_t gaussians_ = 0;
+  uint64_t details_ = 0;
 };
 
 // Rows of decoded arrays that move towards the front because pages before them are lost.
@@ -50,8 +53,9 @@ struct RowMove {
   size_t count = 0;
 };
 
-// Takes lost pages out of the ranges and the count of a plan, whose tasks stay. Returns the moves,
-// in order, that leave no gap in arrays that were decoded with the plan as it was.
+// Takes pages that are lost, not in detail only, out of the ranges and the count of a plan, whose tasks
+// stay. Returns the moves, in order, that leave no gap in arrays that were decoded with the plan as it
+// was.
 std::vector<RowMove> remove_lost(const LostPages& lost, Plan* plan);
 
 template <typename T>

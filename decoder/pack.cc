@@ -26,13 +26,16 @@ void copy_scalar(const ScalarCoding& coding, const std::vector<uint16_t>& codes,
   }
 }
 
-void pack_component(const ComponentCoding& coding, const ComponentColumns& columns, size_t n,
-                    size_t first, size_t capacity, const l4d_packed_component& out) {
+// present: false where the component is in a second part that is not at hand; depths are 0 then.
+void pack_component(const ComponentCoding& coding, const ComponentColumns& columns, bool present,
+                    size_t n, size_t first, size_t capacity, const l4d_packed_component& out) {
   const size_t stages = coding.stages.size();
   const uint8_t full_depth = static_cast<uint8_t>(stages);
   if (out.depth != nullptr) {
     uint8_t* dst = out.depth + first;
-    if (coding.has_depth()) {
+    if (!present) {
+      std::fill(dst, dst + n, uint8_t{0});
+    } else if (coding.has_depth()) {
       for (size_t i = 0; i < n; ++i) {
         dst[i] = columns.depth[i] == kLiteralDepth ? uint8_t{255} : columns.depth[i];
       }
@@ -43,14 +46,18 @@ void pack_component(const ComponentCoding& coding, const ComponentColumns& colum
   if (out.index == nullptr) return;
   for (size_t s = 0; s < stages; ++s) {
     uint16_t* dst = out.index + s * capacity + first;
+    if (!present) {
+      std::fill(dst, dst + n, uint16_t{0});
+      continue;
+    }
     const uint16_t* src = columns.index[s].data();
     if (!coding.has_depth()) {
       std::copy(src, src + n, dst);
       continue;
     }
     for (size_t i = 0; i < n; ++i) {
-      const bool present = columns.depth[i] != kLiteralDepth && columns.depth[i] > s;
-      dst[i] = present ? *src++ : uint16_t{0};
+      const bool has_stage = columns.depth[i] != kLiteralDepth && columns.depth[i] > s;
+      dst[i] = has_stage ? *src++ : uint16_t{0};
     }
   }
 }
@@ -93,6 +100,7 @@ Status PageDecoder::pack(const Plan& plan, l4d_packed_buffers& out, const Progre
   wants.scale = out.scale_factor != nullptr || wanted(L4D_COMPONENT_SCALE);
   wants.rotor = wanted(L4D_COMPONENT_ROTOR_SPATIAL) || wanted(L4D_COMPONENT_ROTOR_TEMPORAL);
   wants.sh = wanted(L4D_COMPONENT_SH);
+  wants.sh_detail = plan.detail == L4D_DETAIL_FULL;
   const size_t capacity = static_cast<size_t>(out.capacity);
 
   // Where a page's literals go depends on the pages before it, so they are gathered first, for a few
@@ -150,14 +158,16 @@ Status PageDecoder::pack(const Plan& plan, l4d_packed_buffers& out, const Progre
           for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
             if (!wanted(c)) continue;
             const ComponentColumns& from = columns.component[c];
-            pack_component(header.component(layer, c), from, n, first, capacity, out.component[c]);
+            const bool present = c != L4D_COMPONENT_SH || columns.sh_detail;
+            pack_component(header.component(layer, c), from, present, n, first, capacity,
+                           out.component[c]);
             const size_t dim = header.component_dim(layer, c);
             PageLiterals& literals = gathered[t - begin][c];
-            literals.count = from.num_literals;
+            literals.count = present ? from.num_literals : 0;
             if (out.component[c].literal == nullptr) continue;
             literals.values.assign(from.literal.begin(),
                                    from.literal.begin() +
-                                       static_cast<std::ptrdiff_t>(from.num_literals * dim));
+                                       static_cast<std::ptrdiff_t>(literals.count * dim));
           }
         },
         progress_of_all, lost));

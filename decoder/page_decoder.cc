@@ -1,9 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "decoder/page_decoder.h"
 
-#include <algorithm>
-#include <atomic>
-
+#include "decoder/page_batch.h"
 #include "libl4dcodec/base/hash.h"
 #include "libl4dcodec/base/threads.h"
 #include "libl4dcodec/container/page.h"
@@ -11,70 +9,22 @@
 namespace l4d {
 namespace {
 
-// Pages are read ahead of the parallel part in batches of about this size.
-constexpr uint64_t kBatchBytes = uint64_t{32} << 20;
-// Neighbouring pages are read in one call where no more than this lies between them.
-constexpr uint64_t kMaxReadGap = 4096;
-// What a batch notes for each page besides its bytes.
-constexpr uint64_t kNotesPerPage =
-    sizeof(PageBooks) + sizeof(EntropyTables*) + 2 * sizeof(BlockRecord) + sizeof(Status);
-
 bool is_rans(const PageRecord& record) {
   return record.chunk.codec == static_cast<uint32_t>(ChunkCodec::kRans32);
 }
 
-// Bytes between the end of one page and the next that are read with them.
-uint64_t gap_between(uint64_t end, const ChunkRef& next) {
-  const bool near = next.offset >= end && next.offset - end <= kMaxReadGap;
-  return near ? next.offset - end : 0;
+Status check_hash(ByteSpan bytes, const ChunkRef& chunk, const char* what) {
+  if (hash64(bytes) == chunk.hash) return {};
+  return Status(L4D_ERR_CHECKSUM, "CHNK-2", chunk.offset,
+                std::string("checksum of ") + what + " does not match");
 }
 
-// Pages of a batch and where their bytes lie.
-struct Batch {
-  size_t begin = 0;
-  size_t end = 0;
-  std::vector<Bytes> buffers;
-  std::vector<ByteSpan> pages;
-};
-
-// With `failed`, one Status for each page, a page that cannot be read does not keep the others from
-// being read.
-Status read_batch(ByteSource& source, const Plan& plan, Batch* batch, std::vector<Status>* failed) {
-  batch->buffers.clear();
-  batch->pages.clear();
-  // Stored order and file order agree but for interleaved layers, so runs are found by looking ahead.
-  for (size_t i = batch->begin; i < batch->end;) {
-    const ChunkRef& first = plan.tasks[i].record.chunk;
-    uint64_t end = first.offset + first.stored_bytes;
-    size_t j = i + 1;
-    for (; j < batch->end; ++j) {
-      const ChunkRef& next = plan.tasks[j].record.chunk;
-      if (next.offset < end || next.offset - end > kMaxReadGap) break;
-      end = next.offset + next.stored_bytes;
-    }
-    batch->buffers.emplace_back();
-    ByteSpan run;
-    Status status = source.read(first.offset, end - first.offset, batch->buffers.back(), &run);
-    if (!status.ok()) {
-      if (failed == nullptr) return status;
-      batch->buffers.pop_back();
-      for (; i < j; ++i) {
-        const ChunkRef& c = plan.tasks[i].record.chunk;
-        batch->buffers.emplace_back();
-        ByteSpan page;
-        (*failed)[i - batch->begin] =
-            source.read(c.offset, c.stored_bytes, batch->buffers.back(), &page);
-        batch->pages.push_back(page);
-      }
-      continue;
-    }
-    for (; i < j; ++i) {
-      const ChunkRef& c = plan.tasks[i].record.chunk;
-      batch->pages.push_back(
-          run.subspan(static_cast<size_t>(c.offset - first.offset), c.stored_bytes));
-    }
+// What is known of a second part before it is decoded.
+Status check_detail(ByteSpan bytes, const PageRecord& record, const SceneHeader& header) {
+  if (bytes.size() > max_page_bytes(header, record.num_gaussians)) {
+    return corrupt("CHNK-8", record.sh_detail.offset, "SH detail longer than its content can be");
   }
-  return {};
+  return check_hash(bytes, record.sh_detail, "the SH detail of a page");
 }
 
 }  // namespace
@@ -140,13 +90,12 @@ Status PageDecoder::resolve_books(const PageTask& task, const PageWants& wants, 
   return {};
 }
 
-Status PageDecoder::parse_page(const PageTask& task, ByteSpan bytes, const PageWants& wants,
-                               const EntropyTables* tables, PageScratch& scratch,
-                               SectionBytes* sections) {
+Status PageDecoder::parse_page(const PageTask& task, ByteSpan bytes, const ByteSpan* detail,
+                               const PageWants& wants, const EntropyTables* tables,
+                               PageScratch& scratch, SectionBytes* sections,
+                               Status* detail_status) {
   const ChunkRef& chunk = task.record.chunk;
-  if (hash64(bytes) != chunk.hash) {
-    return Status(L4D_ERR_CHECKSUM, "CHNK-2", chunk.offset, "checksum of a page does not match");
-  }
+  L4D_RETURN_IF_ERROR(check_hash(bytes, chunk, "a page"));
   ByteSpan raw;
   const SceneHeader& header = file_.header();
   if (tables != nullptr) {
@@ -156,9 +105,19 @@ Status PageDecoder::parse_page(const PageTask& task, ByteSpan bytes, const PageW
     if (chunk.stored_bytes > max_page_bytes(header, task.record.num_gaussians)) {
       return corrupt("CHNK-8", chunk.offset, "rANS page longer than its content can be");
     }
-    return decode_rans_page(scratch.rans, bytes, chunk.offset, header, header.layers[task.layer],
-                            *tables, block_of(task), task.record.num_gaussians, wants,
-                            &scratch.columns, sections);
+    RansPageParts parts;
+    parts.first = bytes;
+    parts.first_at = chunk.offset;
+    parts.has_detail = task.record.has_sh_detail();
+    if (detail != nullptr && detail_status->ok()) {
+      *detail_status = check_detail(*detail, task.record, header);
+      parts.detail = *detail;
+      parts.detail_at = task.record.sh_detail.offset;
+    }
+    const bool decodes_detail = detail != nullptr && detail_status->ok();
+    return decode_rans_page(scratch.rans, parts, header, header.layers[task.layer], *tables,
+                            block_of(task), task.record.num_gaussians, &scratch.columns, sections,
+                            decodes_detail ? detail_status : nullptr);
   }
   L4D_RETURN_IF_ERROR(decode_chunk(scratch.stream, chunk.codec, bytes, chunk.raw_bytes,
                                    max_page_bytes(header, task.record.num_gaussians), chunk.offset,
@@ -192,29 +151,18 @@ Status PageDecoder::for_each_page(const Plan& plan, size_t begin, size_t end,
           file_.codebook(plan.tasks[begin].layer, L4D_COMPONENT_SH, s, &book));
     }
   }
-  Batch batch;
+  const bool with_detail = wants.sh && wants.sh_detail;
+  PageBatch batch;
   batch.end = begin;
   uint64_t done = 0;
   while (batch.end < end) {
-    batch.begin = batch.end;
-    uint64_t bytes = 0;
-    while (batch.end < end && (batch.end == batch.begin || bytes < kBatchBytes)) {
-      const PageRecord& record = plan.tasks[batch.end].record;
-      if (batch.end > batch.begin) {
-        const ChunkRef& last = plan.tasks[batch.end - 1].record.chunk;
-        bytes += gap_between(last.offset + last.stored_bytes, record.chunk);
-      }
-      bytes += kNotesPerPage + record.chunk.stored_bytes +
-               std::min<uint64_t>(record.chunk.raw_bytes,
-                                  max_page_bytes(file_.header(), record.num_gaussians));
-      ++batch.end;
-    }
+    const uint64_t bytes = batch.choose_next(file_.header(), plan, end, with_detail);
     const size_t n = batch.end - batch.begin;
     MemoryCharge charge(file_.memory());
     L4D_RETURN_IF_ERROR(charge.take(bytes, "a batch of pages"));
-    std::vector<Status> status(n);
-    L4D_RETURN_IF_ERROR(
-        read_batch(file_.source(), plan, &batch, lost == nullptr ? nullptr : &status));
+    L4D_RETURN_IF_ERROR(batch.read(file_.source(), lost != nullptr));
+    std::vector<Status>& status = batch.status;
+    std::vector<Status>& detail_status = batch.detail_status;
     std::vector<PageBooks> books(n);
     std::vector<const EntropyTables*> tables(n, nullptr);
     blocks_.clear();
@@ -234,9 +182,13 @@ Status PageDecoder::for_each_page(const Plan& plan, size_t begin, size_t end,
       for (size_t i = first; i < last; ++i) {
         if (!status[i].ok()) continue;
         SectionBytes page_sections{};
-        status[i] = parse_page(plan.tasks[batch.begin + i], batch.pages[i], wants, tables[i],
-                               *scratch, sections == nullptr ? nullptr : &page_sections);
-        if (!status[i].ok()) continue;
+        const PageTask& task = plan.tasks[batch.begin + i];
+        const bool has_detail = with_detail && task.record.has_sh_detail();
+        status[i] = parse_page(task, batch.pages[i], has_detail ? &batch.details[i] : nullptr,
+                               wants, tables[i], *scratch,
+                               sections == nullptr ? nullptr : &page_sections, &detail_status[i]);
+        const bool whole = detail_status[i].ok() || (lost != nullptr && is_loss(detail_status[i]));
+        if (!status[i].ok() || !whole) continue;
         if (sections != nullptr) {
           std::lock_guard<std::mutex> lock(sections_mutex);
           for (size_t s = 0; s < page_sections.size(); ++s) (*sections)[s] += page_sections[s];
@@ -247,10 +199,12 @@ Status PageDecoder::for_each_page(const Plan& plan, size_t begin, size_t end,
     });
     size_t num_lost = 0;
     for (size_t i = 0; i < n; ++i) {
-      if (status[i].ok()) continue;
-      if (lost == nullptr || !is_loss(status[i])) return std::move(status[i]);
-      lost->push_back({batch.begin + i, std::move(status[i])});
-      ++num_lost;
+      const bool detail_only = status[i].ok();
+      Status& failure = detail_only ? detail_status[i] : status[i];
+      if (failure.ok()) continue;
+      if (lost == nullptr || !is_loss(failure)) return std::move(failure);
+      lost->push_back({batch.begin + i, std::move(failure), detail_only});
+      num_lost += !detail_only;
     }
     done += n;
     pages_decoded_ += n - num_lost;
@@ -271,6 +225,7 @@ Status PageDecoder::expand(const Plan& plan, size_t begin, size_t end,
   wants.scale = out.log_scale != nullptr;
   wants.rotor = out.rotor != nullptr;
   wants.sh = out.sh != nullptr;
+  wants.sh_detail = plan.detail == L4D_DETAIL_FULL;
   return for_each_page(
       plan, begin, end, wants, true, nullptr,
       [&](size_t i, const PageColumns& columns, const PageBooks& books, PageScratch& scratch) {
@@ -283,16 +238,20 @@ Status PageDecoder::expand(const Plan& plan, size_t begin, size_t end,
 }
 
 Status PageDecoder::probe(const Plan& plan, LostPages* lost) {
+  PageWants wants;
+  wants.sh_detail = plan.detail == L4D_DETAIL_FULL;
   return for_each_page(
-      plan, 0, plan.tasks.size(), PageWants(), true, nullptr,
+      plan, 0, plan.tasks.size(), wants, true, nullptr,
       [](size_t, const PageColumns&, const PageBooks&, PageScratch&) {}, nullptr, lost);
 }
 
 Status PageDecoder::measure(const Plan& plan, SectionBytes* sections,
                             std::vector<uint64_t>* layer_bytes) {
-  PageWants none{false, false, false, false, false, false};
+  PageWants none{false, false, false, false, false, false, false};
   for (const PageTask& task : plan.tasks) {
-    (*layer_bytes)[task.layer] += task.record.chunk.stored_bytes;
+    const uint64_t detail = task.record.sh_detail.stored_bytes;
+    (*layer_bytes)[task.layer] += task.record.chunk.stored_bytes + detail;
+    (*sections)[L4D_SECTION_SH] += detail;
   }
   // Pages compressed as a whole have no stored bytes per attribute: theirs are shared out in
   // proportion to the raw bytes.

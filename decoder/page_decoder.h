@@ -41,7 +41,8 @@ class PageDecoder {
       : file_(file), kernels_(kernels), threads_(threads) {}
 
   // With `lost`, pages that cannot be read or are damaged are told there and the rows they would fill
-  // stay as they are; without, one of them ends the call.
+  // stay as they are; without, one of them ends the call. A page of which the second part alone cannot
+  // be had is told as such, and its rows have SH without detail.
 
   // Expands tasks [begin, end) of the plan into `out`, whose arrays hold at least plan.num_gaussians.
   Status expand(const Plan& plan, size_t begin, size_t end, const l4d_gaussian_buffers& out,
@@ -64,9 +65,11 @@ class PageDecoder {
                        const Progress& progress, LostPages* lost);
   // What a page needs besides its bytes: the record of its block, and codebooks.
   Status find_block(const PageTask& task);
-  // tables: null unless the page is coded with them.
-  Status parse_page(const PageTask& task, ByteSpan bytes, const PageWants& wants,
-                    const EntropyTables* tables, PageScratch& scratch, SectionBytes* sections);
+  // tables: null unless the page is coded with them. `detail`: the bytes of the second part where it is
+  // there and wanted, else null; *detail_status says what became of it.
+  Status parse_page(const PageTask& task, ByteSpan bytes, const ByteSpan* detail,
+                    const PageWants& wants, const EntropyTables* tables, PageScratch& scratch,
+                    SectionBytes* sections, Status* detail_status);
   Status resolve_books(const PageTask& task, const PageWants& wants, PageBooks* out);
   const BlockRecord* block_of(const PageTask& task) const;
   std::unique_ptr<PageScratch> take_scratch();

@@ -139,6 +139,7 @@ class Planner {
       out_.ranges.back().count += record.num_gaussians;
       out_.num_gaussians += record.num_gaussians;
       out_.bytes += record.chunk.stored_bytes;
+      out_.sh_bytes += record.sh_detail.stored_bytes;
     }
   }
 
@@ -154,6 +155,8 @@ class Planner {
 
 Status make_plan(SceneFile& file, const l4d_query& query, PlanUnit unit, Losses* losses, Plan* out) {
   *out = Plan();
+  if (query.detail > L4D_DETAIL_BASE_COLOR) return invalid_argument("unknown detail");
+  out->detail = query.detail;
   Interval interval;
   L4D_RETURN_IF_ERROR(query_interval(query, file.header().timeline, &interval));
   Planner planner(file, interval, unit, losses, out);
@@ -166,6 +169,7 @@ Status make_plan(SceneFile& file, const l4d_query& query, PlanUnit unit, Losses*
                      "the directory holds more Gaussians than the scene header says");
     }
   }
+  if (out->detail == L4D_DETAIL_FULL) out->bytes += out->sh_bytes;
   return {};
 }
 

@@ -24,7 +24,9 @@ struct Plan {
   std::vector<PageTask> tasks;
   std::vector<l4d_range> ranges;
   uint64_t num_gaussians = 0;
-  uint64_t bytes = 0;
+  uint32_t detail = L4D_DETAIL_FULL;
+  uint64_t bytes = 0;     // of the parts that the detail asks for
+  uint64_t sh_bytes = 0;  // of second parts, asked for or not
   uint64_t directory_bytes = 0;
   std::unique_ptr<MemoryCharge> memory;  // of tasks and ranges
 };

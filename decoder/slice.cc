@@ -85,7 +85,20 @@ class Slicer {
   float gate_;
 };
 
+// A page that is lost altogether counts for both of its parts.
+size_t count_parts(const LostPages& lost) {
+  size_t parts = 0;
+  for (const LostPage& page : lost) parts += page.detail_only ? 1 : 2;
+  return parts;
+}
+
 }  // namespace
+
+Status Decoder::set_detail(uint32_t detail) {
+  if (detail > L4D_DETAIL_BASE_COLOR) return invalid_argument("unknown detail");
+  detail_ = detail;
+  return {};
+}
 
 void Decoder::evict(uint64_t needed) {
   // The cache gives way to its own budget and to the limit on all memory.
@@ -141,6 +154,8 @@ Status Decoder::prepare_range(const Plan& plan, size_t range, size_t first_task,
   buffers.rotor = rotor.data();
   // The arrays hold this range alone.
   Plan part;
+  part.detail = plan.detail;
+  part.sh_bytes = plan.sh_bytes;
   part.ranges.push_back(r);
   for (size_t t = first_task; t < end_task; ++t) {
     part.tasks.push_back(plan.tasks[t]);
@@ -152,7 +167,10 @@ Status Decoder::prepare_range(const Plan& plan, size_t range, size_t first_task,
                                      losses_if_tolerant() == nullptr ? nullptr : &lost));
   if (!lost.empty()) {
     losses_.add_pages(part, lost);
+    entry->missing.detail = part.detail;
+    entry->missing.sh_bytes = part.sh_bytes;
     entry->missing.ranges = part.ranges;
+    entry->lost_parts = count_parts(lost);
     for (const LostPage& page : lost) entry->missing.tasks.push_back(part.tasks[page.task]);
     const std::vector<RowMove> moves = remove_lost(lost, &part);
     n = static_cast<size_t>(part.num_gaussians);
@@ -182,7 +200,7 @@ Status Decoder::has_recovered(const CacheEntry& entry, bool* recovered) {
   if (entry.missing.tasks.empty()) return {};
   LostPages lost;
   L4D_RETURN_IF_ERROR(pages_->probe(entry.missing, &lost));
-  *recovered = lost.size() < entry.missing.tasks.size();
+  *recovered = count_parts(lost) < entry.lost_parts;
   if (!*recovered) losses_.add_pages(entry.missing, lost);
   return {};
 }
@@ -191,7 +209,7 @@ Status Decoder::prepare(const Plan& plan, std::vector<const PreparedBucket*>* ou
   ++clock_;
   const unsigned sh_dim = file_->header().sh_dim();
   for (const l4d_range& r : plan.ranges) {
-    const auto it = cache_.find({r.layer, r.bucket});
+    const auto it = cache_.find({r.layer, r.bucket, plan.detail});
     if (it != cache_.end()) it->second.last_use = clock_;
   }
   size_t task = 0;
@@ -199,7 +217,7 @@ Status Decoder::prepare(const Plan& plan, std::vector<const PreparedBucket*>* ou
     const l4d_range& r = plan.ranges[i];
     const size_t first_task = task;
     while (task < plan.tasks.size() && plan.tasks[task].range == i) ++task;
-    const BucketKey key(r.layer, r.bucket);
+    const BucketKey key(r.layer, r.bucket, plan.detail);
     const auto it = cache_.find(key);
     if (it != cache_.end()) {
       bool recovered = false;
@@ -238,6 +256,7 @@ Status Decoder::slice(double time, l4d_splat_buffers* out) {
   query.kind = L4D_QUERY_TIME;
   query.max_level = ~0u;
   query.time_begin = time;
+  query.detail = detail_;
   Plan plan;
   std::vector<const PreparedBucket*> buckets;
   const auto load = [&]() -> Status {

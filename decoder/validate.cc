@@ -107,6 +107,7 @@ class Validator {
       }
       for (const PageRecord& record : page.pages) {
         take(record.chunk, "a page");
+        take(record.sh_detail, "the SH detail of a page");
         total += record.num_gaussians;
         L4D_RETURN_IF_ERROR(note(check_page(l, d, record)));
         L4D_RETURN_IF_ERROR(advance(record.num_gaussians));

@@ -225,16 +225,20 @@ class PageCoder : public PlaneVisitor {
 }  // namespace
 
 Bytes EntropyModel::encode_page(const SceneHeader& header, const LayerHeader& layer,
-                                const PageColumns& columns, bool split) const {
+                                const PageColumns& columns, Bytes* detail,
+                                size_t least_detail) const {
   PageCoder coder(tables_, first_, map_);
   visit_planes(header, layer, planes_, columns, coder);
-  const size_t middle = split ? first_sh_plane(planes_) : planes_.size();
+  size_t middle = detail == nullptr ? planes_.size() : first_detail_plane(header, planes_);
+  if (middle < planes_.size()) {
+    coder.write(middle, planes_.size(), *detail);
+    if (detail->size() < least_detail) {
+      detail->clear();
+      middle = planes_.size();
+    }
+  }
   Bytes out;
-  append_le<uint32_t>(0, out);
   coder.write(0, middle, out);
-  if (middle == planes_.size()) return out;
-  store_le(static_cast<uint32_t>(out.size() - sizeof(uint32_t)), out.data());
-  coder.write(middle, planes_.size(), out);
   return out;
 }
 

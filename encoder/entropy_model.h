@@ -29,9 +29,10 @@ class EntropyModel {
 
   // The chunk that parse_entropy_tables reads.
   Bytes serialize() const;
-  // One page, with its SH planes in a block of their own or all planes in one.
+  // One page: its first part, and in *detail its second; all planes in the first where that is null
+  // or the second would have fewer bytes than `least_detail`, or no plane.
   Bytes encode_page(const SceneHeader& header, const LayerHeader& layer, const PageColumns& columns,
-                    bool split) const;
+                    Bytes* detail, size_t least_detail = 0) const;
 
  private:
   void cluster(const TokenCounts& counts, const std::vector<size_t>& contexts, size_t max_tables);

@@ -12,7 +12,7 @@
 namespace l4d {
 namespace {
 
-// Far below kMaxDirectoryPageBytes at the 56 bytes of a page record.
+// Far below kMaxDirectoryPageBytes at the 72 bytes of a page record.
 constexpr size_t kMaxPagesPerDirectoryPage = size_t{1} << 19;
 
 class FileBuilder {
@@ -59,7 +59,7 @@ class FileBuilder {
   void add_component(const CodedComponent& c, ComponentCoding* coding) {
     if (coding->transform()) {
       coding->basis.codebook =
-          make_chunk(encode_codebook(streams_, c.transform.basis.data(), coding->basis.num_entries,
+          make_chunk(encode_codebook(streams_, coding->basis, c.transform.basis.data(),
                                      static_cast<uint32_t>(c.dim)),
                      &codebooks_);
     }
@@ -67,12 +67,12 @@ class FileBuilder {
     const uint32_t dim = static_cast<uint32_t>(c.dim);
     for (size_t s = 0; s < c.books.size(); ++s) {
       StageCoding& stage = coding->stages[s];
-      stage.codebook = make_chunk(
-          encode_codebook(streams_, c.books[s].data(), stage.num_entries, dim), &codebooks_);
+      stage.codebook =
+          make_chunk(encode_codebook(streams_, stage, c.books[s].data(), dim), &codebooks_);
     }
     if (coding->has_rcq) {
       coding->rcq.codebook =
-          make_chunk(encode_codebook(streams_, c.residual_book.data(), coding->rcq.num_entries, dim),
+          make_chunk(encode_codebook(streams_, coding->rcq, c.residual_book.data(), dim),
                      &codebooks_);
     }
   }
@@ -105,7 +105,8 @@ class FileBuilder {
   }
 
   // Level 0 first, then buckets by the time they begin, so that playback reads forward. The tables of
-  // a block lie before its first page.
+  // a block lie before its first page. Of a bucket, the first parts of all pages lie before the second
+  // ones: a reader of base colours alone reads one range, and so does one of everything.
   void build_payload() {
     struct Item {
       uint64_t phase;
@@ -124,12 +125,27 @@ class FileBuilder {
     std::stable_sort(items.begin(), items.end(),
                      [](const Item& a, const Item& b) { return a.phase < b.phase; });
     block_tables_.resize(layers_.size());
-    for (const Item& item : items) {
-      BuiltPage& page = built_[item.layer].pages[item.page];
-      if (page.record.block != kNoBlock) add_block(item.layer, page.record.block);
-      page.record.chunk.offset = payload_bytes_;
-      payload_bytes_ += page.bytes.size();
-      payload_.push_back(std::move(page.bytes));
+    const auto add = [&](Bytes bytes, ChunkRef* ref) {
+      if (bytes.empty()) return;
+      ref->offset = payload_bytes_;
+      payload_bytes_ += bytes.size();
+      payload_.push_back(std::move(bytes));
+    };
+    const auto page_of = [&](size_t i) -> BuiltPage& {
+      return built_[items[i].layer].pages[items[i].page];
+    };
+    for (size_t begin = 0, end = 0; begin < items.size(); begin = end) {
+      const uint32_t bucket = page_of(begin).record.bucket;
+      for (; end < items.size() && items[end].layer == items[begin].layer &&
+             page_of(end).record.bucket == bucket;
+           ++end) {
+        BuiltPage& page = page_of(end);
+        if (page.record.block != kNoBlock) add_block(items[end].layer, page.record.block);
+        add(std::move(page.bytes), &page.record.chunk);
+      }
+      for (size_t i = begin; i < end; ++i) {
+        add(std::move(page_of(i).sh_detail), &page_of(i).record.sh_detail);
+      }
     }
   }
 

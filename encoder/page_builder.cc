@@ -35,8 +35,9 @@ uint16_t half_outward(double value, bool up) {
 
 // Compressing a page as a whole adds a pass over all of it: one part in sixteen must be saved.
 constexpr size_t kMinPageSaving = 16;
-// A second set of rANS states, with which SH can be left out, costs a page of this size a thousandth.
-constexpr size_t kMinSplitGaussians = 8192;
+// A second part, without which SH is base colour, costs a set of rANS states and a place and a hash in
+// the directory, about 150 bytes. Readers take gaps of this size with what lies around them anyway.
+constexpr size_t kMinDetailBytes = 4096;
 
 class LayerBuilder {
  public:
@@ -194,9 +195,10 @@ class LayerBuilder {
     const PageColumns columns = make_columns(cut);
     page.record.block = block_of(order_[cut.begin]);
     if (model != nullptr) {
-      // One set of states costs little, unless a page is small.
-      Bytes bytes =
-          model->encode_page(header_, layer_header_, columns, columns.n >= kMinSplitGaussians);
+      Bytes bytes = model->encode_page(header_, layer_header_, columns, &page.sh_detail,
+                                       kMinDetailBytes);
+      page.record.sh_detail.stored_bytes = static_cast<uint32_t>(page.sh_detail.size());
+      if (!page.sh_detail.empty()) page.record.sh_detail.hash = hash64(page.sh_detail);
       page.record.chunk.raw_bytes = static_cast<uint32_t>(bytes.size());
       page.record.chunk.codec = static_cast<uint32_t>(ChunkCodec::kRans32);
       finish(cut, std::move(bytes), &page);

@@ -17,8 +17,9 @@ struct PageOptions {
 };
 
 struct BuiltPage {
-  PageRecord record;  // offset open, block as index in the layer
+  PageRecord record;  // offsets open, block as index in the layer
   Bytes bytes;        // stored form
+  Bytes sh_detail;    // second part
 };
 
 struct BuiltLayer {

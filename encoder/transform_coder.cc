@@ -17,6 +17,8 @@ constexpr size_t kGrain = 2048;
 constexpr size_t kMaxAxisRows = 65536;
 // No row counts more than this many average ones, so that a few large Gaussians do not turn the axes.
 constexpr double kMaxAxisWeight = 20;
+// What a number of the base varies less than this share of the average is not asked about others.
+constexpr double kMinBaseVariance = 1e-6;
 // Numbers of coefficients that a Gaussian may have: fine where most end, coarse beyond.
 constexpr uint8_t kLadder[] = {2, 4, 6, 9, 12, 16, 20, 26, 34};
 
@@ -28,7 +30,13 @@ class TransformCoder {
  public:
   TransformCoder(const float* rows, const float* weights, size_t n, size_t dim,
                  const TransformSettings& settings, std::vector<float>* decoded)
-      : rows_(rows), weights_(weights), n_(n), dim_(dim), settings_(settings), decoded_(*decoded) {}
+      : rows_(rows),
+        weights_(weights),
+        n_(n),
+        dim_(dim),
+        base_(settings.principal_axes ? std::min(settings.base, dim) : 0),
+        settings_(settings),
+        decoded_(*decoded) {}
 
   CodedTransform run() {
     find_axes();
@@ -82,18 +90,53 @@ class TransformCoder {
         for (size_t b = a; b < dim_; ++b) column[b] += scaled * centred[b];
       }
     }
-    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(covariance);
-    for (size_t k = 0; k < dim_; ++k) {
-      // Falling variance; the solver's order is rising. The sign is of no matter but must be settled.
-      const auto axis = solver.eigenvectors().col(size - 1 - static_cast<Eigen::Index>(k));
+    if (base_ > 0) predict_from_base(covariance);
+    add_axes(covariance, base_, dim_);
+  }
+
+  // Axes of the numbers [begin, end) from their covariance, which is part of a larger one, by falling
+  // variance: basis vectors from `begin` on.
+  void add_axes(const Eigen::MatrixXd& covariance, size_t begin, size_t end) {
+    const auto first = static_cast<Eigen::Index>(begin), size = static_cast<Eigen::Index>(end - begin);
+    if (size == 0) return;
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(
+        Eigen::MatrixXd(covariance.block(first, first, size, size)));
+    for (size_t k = begin; k < end; ++k) {
+      // The solver's order is rising. The sign is of no matter but must be settled.
+      const auto axis = solver.eigenvectors().col(size - 1 - static_cast<Eigen::Index>(k - begin));
       Eigen::Index largest = 0;
       axis.cwiseAbs().maxCoeff(&largest);
       const double sign = axis[largest] < 0 ? -1.0 : 1.0;
-      for (size_t d = 0; d < dim_; ++d) {
+      for (size_t d = begin; d < end; ++d) {
         out_.basis[(k + 1) * dim_ + d] =
-            static_cast<float>(half_value(sign * axis[static_cast<Eigen::Index>(d)]));
+            static_cast<float>(half_value(sign * axis[static_cast<Eigen::Index>(d - begin)]));
       }
     }
+  }
+
+  // Basis vectors of the base, with their regression of the other numbers, whose covariance is left as
+  // that of what it does not explain.
+  void predict_from_base(Eigen::MatrixXd& covariance) {
+    const auto b = static_cast<Eigen::Index>(base_);
+    const Eigen::Index rest = covariance.rows() - b;
+    add_axes(covariance, 0, base_);
+    const double least = kMinBaseVariance * covariance.trace() / static_cast<double>(dim_);
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(
+        Eigen::MatrixXd(covariance.topLeftCorner(b, b)));
+    const Eigen::VectorXd variance = solver.eigenvalues().cwiseMax(std::max(least, 1e-300));
+    const Eigen::MatrixXd cross = covariance.bottomLeftCorner(rest, b);
+    const Eigen::MatrixXd slopes = cross * solver.eigenvectors() *
+                                   variance.cwiseInverse().asDiagonal() *
+                                   solver.eigenvectors().transpose();
+    for (size_t k = 0; k < base_; ++k) {
+      float* vector = out_.basis.data() + (k + 1) * dim_;
+      for (Eigen::Index d = 0; d < rest; ++d) {
+        double sum = 0;
+        for (Eigen::Index j = 0; j < b; ++j) sum += slopes(d, j) * static_cast<double>(vector[j]);
+        vector[b + d] = static_cast<float>(half_value(sum));
+      }
+    }
+    covariance.bottomRightCorner(rest, rest) -= slopes * cross.transpose();
   }
 
   void choose_classes() {
@@ -110,6 +153,7 @@ class TransformCoder {
 
   void quantize() {
     out_.coefficient.assign(dim_, std::vector<int16_t>(n_));
+    const std::vector<double> leaning = base_leaning();
     parallel_for(settings_.threads, n_, kGrain, [&](size_t begin, size_t end) {
       std::vector<double> c(dim_);
       for (size_t i = begin; i < end; ++i) {
@@ -117,20 +161,42 @@ class TransformCoder {
         for (size_t k = 0; k < dim_; ++k) {
           const float* axis = out_.basis.data() + (k + 1) * dim_;
           double sum = 0;
-          for (size_t d = 0; d < dim_; ++d) {
+          for (size_t d = k < base_ ? 0 : base_; d < (k < base_ ? base_ : dim_); ++d) {
             sum += (row(i, d) - static_cast<double>(out_.basis[d])) * static_cast<double>(axis[d]);
           }
           c[k] = sum / static_cast<double>(step0_);
+          for (size_t j = 0; j < base_ && k >= base_; ++j) c[k] -= c[j] * leaning[k * base_ + j];
           largest = std::max(largest, std::fabs(c[k]));
         }
         // A row that lies far out has to do with coarser steps.
         while (out_.cls[i] > 0 && std::ldexp(largest, out_.cls[i]) > 32700) --out_.cls[i];
         for (size_t k = 0; k < dim_; ++k) {
+          // What rounding of the base changes in other numbers, these make up for.
+          for (size_t j = 0; j < base_ && k >= base_; ++j) {
+            const double rounded = std::ldexp(out_.coefficient[j][i], -int{out_.cls[i]});
+            c[k] += (c[j] - rounded) * leaning[k * base_ + j];
+          }
           const double q = std::nearbyint(std::ldexp(c[k], out_.cls[i]));
           out_.coefficient[k][i] = static_cast<int16_t>(std::clamp(q, -32767.0, 32767.0));
         }
       }
     });
+  }
+
+  // How far vectors of the base go along each axis of the other numbers, [dim, base].
+  std::vector<double> base_leaning() const {
+    std::vector<double> leaning(dim_ * base_, 0.0);
+    for (size_t k = base_; k < dim_; ++k) {
+      for (size_t j = 0; j < base_; ++j) {
+        double sum = 0;
+        for (size_t d = base_; d < dim_; ++d) {
+          sum += static_cast<double>(out_.basis[(k + 1) * dim_ + d]) *
+                 static_cast<double>(out_.basis[(j + 1) * dim_ + d]);
+        }
+        leaning[k * base_ + j] = sum;
+      }
+    }
+    return leaning;
   }
 
   void choose_rungs() {
@@ -140,15 +206,19 @@ class TransformCoder {
       for (size_t k = dim_; k-- > 0 && used[i] == 0;) {
         if (out_.coefficient[k][i] != 0) used[i] = static_cast<uint8_t>(k + 1);
       }
+      // The base is there for all.
+      used[i] = std::max(used[i], static_cast<uint8_t>(base_));
       most = std::max<size_t>(most, used[i]);
     }
+    out_.base = base_;
     out_.steps.resize(most);
     out_.coefficient.resize(most);
     out_.basis.resize((most + 1) * dim_);
     // A ladder pays for vectors of many numbers that are mostly zero.
+    if (base_ > 0 && base_ < most) out_.ladder.push_back(static_cast<uint8_t>(base_));
     if (dim_ > 4) {
       for (const uint8_t step : kLadder) {
-        if (step < most) out_.ladder.push_back(step);
+        if (step > base_ && step < most) out_.ladder.push_back(step);
       }
     }
     out_.ladder.push_back(static_cast<uint8_t>(most));
@@ -191,6 +261,7 @@ class TransformCoder {
   const float* weights_;
   size_t n_;
   size_t dim_;
+  size_t base_;  // leading numbers, and coefficients, of the base
   const TransformSettings& settings_;
   std::vector<float>& decoded_;
   float step0_ = 0;

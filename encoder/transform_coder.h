@@ -14,11 +14,15 @@ struct TransformSettings {
   double distortion = 0;  // weighted squared error that a number may have: steps follow from it
   double max_step = 0;    // however little a Gaussian weighs
   bool principal_axes = false;
+  // With principal axes: so many leading numbers of a row come first, alone with what they tell of the
+  // others, so that as many leading coefficients are an approximation of them. 0 = freely chosen axes.
+  size_t base = 0;
   int threads = 0;
 };
 
 // A component of n Gaussians as coefficients, valid below what the rung has.
 struct CodedTransform {
+  size_t base = 0;            // leading coefficients that make the base
   std::vector<float> basis;   // [coefficients + 1, dim], the origin first, binary16 values
   std::vector<float> steps;   // [coefficients]
   std::vector<uint8_t> ladder;

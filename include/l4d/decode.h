@@ -24,13 +24,17 @@ extern "C" {
 
 typedef struct l4d_decoder l4d_decoder;
 
-enum { L4D_BACKEND_AUTO = 0, L4D_BACKEND_REFERENCE = 1, L4D_BACKEND_CPU = 2 };
+enum { L4D_BACKEND_AUTO = 0, L4D_BACKEND_REFERENCE = 1, L4D_BACKEND_CPU = 2, L4D_BACKEND_CUDA = 3 };
 
 typedef struct l4d_decoder_options {
   size_t struct_size;
   l4d_limits limits;
   uint32_t threads;     /* 0 = one per core; never changes the output */
-  uint32_t backend;     /* L4D_BACKEND_*; never changes the output */
+  /* L4D_BACKEND_*; never changes the output. CUDA: l4d_decoder_decode works on CUDA's device 0 and copies
+   * back, the rest on the host, and a tolerant decoder works on the host alone. A player that keeps what it
+   * decodes on the device uses cuda.h. Creating such a decoder fails with DEVICE where there is no usable
+   * device, with FEATURE_UNSUPPORTED in a build without device code. */
+  uint32_t backend;
   uint64_t cache_bytes; /* budget of the bucket cache that time stepping uses; 0 = 512 MiB */
   /* 0: a query that comes upon damage, or a reader that fails, is refused. 1: it leaves out what cannot
    * be read, succeeds, and l4d_decoder_get_losses tells what is missing. */
@@ -72,7 +76,8 @@ enum {
   L4D_TOOL_RCQ = 1u << 5,              /* some block has its own codebook */
   L4D_TOOL_LOSSLESS = 1u << 6,         /* attributes are coded as raw float32 */
   L4D_TOOL_TRANSFORM = 1u << 7,        /* some component is transform coefficients, without codebooks */
-  L4D_TOOL_RANS = 1u << 8              /* some layer has pages coded by rANS */
+  L4D_TOOL_RANS = 1u << 8,             /* some layer has pages coded by rANS */
+  L4D_TOOL_SH_BASE = 1u << 9           /* base colours can be had without SH detail: L4D_DETAIL_BASE_COLOR */
 };
 
 typedef struct l4d_info {
@@ -147,12 +152,24 @@ enum {
   L4D_QUERY_TIME = 1, /* all buckets that may be visible at time_begin */
   L4D_QUERY_RANGE = 2 /* all buckets that may be visible in [time_begin, time_end] */
 };
+/* How much of each Gaussian is wanted. */
+enum {
+  L4D_DETAIL_FULL = 0,
+  /* Only the first parts of pages are read and decoded. SH coefficients that lie in second parts count
+   * as 0: with L4D_TOOL_SH_BASE colours are about what they are on average over all directions; without,
+   * all Gaussians of pages that have a second part get the mean colour of the scene (transforms) or SH
+   * of 0 (codebooks). Pages without a second part, which are small or of streams without rANS, come
+   * whole. */
+  L4D_DETAIL_BASE_COLOR = 1
+};
 typedef struct l4d_query {
   size_t struct_size;
   uint32_t kind;
   uint32_t max_level;  /* finest temporal level wanted; UINT32_MAX (the default) = all */
   double time_begin;   /* seconds; clamped to the sequence */
   double time_end;
+  uint32_t detail;     /* L4D_DETAIL_*; FULL is the default */
+  uint32_t reserved;
 } l4d_query;
 L4D_API void l4d_query_init_(l4d_query* query, size_t struct_size);
 #define l4d_query_init(query) l4d_query_init_((query), sizeof(*(query)))
@@ -177,15 +194,18 @@ typedef struct l4d_selection {
   uint64_t num_gaussians;
   uint64_t num_ranges;
   uint64_t num_chunks;       /* pages */
-  uint64_t bytes;            /* stored bytes of those pages */
+  uint64_t bytes;            /* stored bytes of those pages, in the detail that the query asks for */
   uint64_t directory_bytes;  /* stored bytes of directory read for this query, cached or not */
+  uint64_t sh_bytes;         /* stored bytes of SH detail of those pages: part of `bytes` in full detail,
+                                what full detail costs beside them in base colour */
 } l4d_selection;
 L4D_API void l4d_selection_init_(l4d_selection* selection, size_t struct_size);
 #define l4d_selection_init(selection) l4d_selection_init_((selection), sizeof(*(selection)))
 L4D_API l4d_status l4d_decoder_select(l4d_decoder* decoder, const l4d_query* query,
                                       l4d_selection* selection);
 
-/* Destination arrays, owned by the caller. A NULL array is not decoded and costs no time. */
+/* Destination arrays, owned by the caller. A NULL array is not decoded and costs no time; without `sh`,
+ * SH detail is not read either. */
 typedef struct l4d_gaussian_buffers {
   size_t struct_size;
   uint64_t capacity;     /* Gaussians each array can hold */
@@ -353,6 +373,10 @@ typedef struct l4d_splat_buffers {
 } l4d_splat_buffers;
 L4D_API void l4d_splat_buffers_init_(l4d_splat_buffers* buffers, size_t struct_size);
 #define l4d_splat_buffers_init(buffers) l4d_splat_buffers_init_((buffers), sizeof(*(buffers)))
+/* Detail of all slices from now on, those that a renderer makes of this decoder's stream too:
+ * L4D_DETAIL_*, at first FULL. It stays when another stream is opened. Buckets are cached in each detail
+ * that they were wanted in. */
+L4D_API l4d_status l4d_decoder_set_detail(l4d_decoder* decoder, uint32_t detail);
 /* Slices at `time` seconds (clamped to the sequence). Buckets come from a cache, so stepping forward
  * decodes each bucket once. An upper bound of count is l4d_selection.num_gaussians of a TIME query.
  * With all arrays NULL only `count` is computed.
@@ -363,7 +387,7 @@ L4D_API l4d_status l4d_decoder_slice(l4d_decoder* decoder, double time, l4d_spla
 /* ---- losses -------------------------------------------------------------------------------- */
 
 /* What one damaged or unreadable part of the stream cost a query of a tolerant decoder. A page costs its
- * Gaussians; a directory page the buckets it describes; a codebook the pages of its layer, one of a
+ * Gaussians, its second part their SH detail; a directory page the buckets it describes; a codebook the pages of its layer, one of a
  * block those of the block, except in packed form. Damage to the headers or to an SH codebook is never tolerated, nor is a want
  * of memory or a limit. */
 typedef struct l4d_loss {
@@ -376,6 +400,8 @@ typedef struct l4d_loss {
   uint64_t num_gaussians;
   uint64_t offset;      /* byte offset in the file, UINT64_MAX if none */
   const char* clause;   /* id of the MUST, "" if none; static */
+  uint32_t detail_only; /* 1: the Gaussians are there, in base colour; only their SH detail is lost */
+  uint32_t reserved;
 } l4d_loss;
 /* Losses of the last call that selected, decoded or sliced, whatever it returned; none before the first.
  * *count is their number; the first min(capacity, *count) go to `out`, which may be NULL where capacity
@@ -397,6 +423,7 @@ typedef struct l4d_counters {
   uint64_t pages_lost;
   uint64_t buckets_lost;    /* those of lost directory pages, which need not hold Gaussians, among them */
   uint64_t gaussians_lost;  /* of lost pages */
+  uint64_t details_lost;    /* pages that are there without their SH detail */
 } l4d_counters;
 L4D_API void l4d_counters_init_(l4d_counters* counters, size_t struct_size);
 #define l4d_counters_init(counters) l4d_counters_init_((counters), sizeof(*(counters)))

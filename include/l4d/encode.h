@@ -22,7 +22,10 @@ typedef struct l4d_encoder l4d_encoder;
 typedef struct l4d_encoder_options {
   size_t struct_size;
   uint32_t threads; /* 0 = one per core; never changes the output */
-  uint32_t reserved;
+  /* L4D_BACKEND_*; never changes the output. CUDA searches codebooks on a device; AUTO does so where
+   * there is one. L4D_ERR_DEVICE from l4d_encoder_create where CUDA is asked for and there is none,
+   * FEATURE_UNSUPPORTED where this build has no device code. */
+  uint32_t backend;
   uint64_t seed;    /* equal seeds give equal files on one machine */
 } l4d_encoder_options;
 L4D_API void l4d_encoder_options_init_(l4d_encoder_options* options, size_t struct_size);
@@ -98,7 +101,10 @@ enum {
    * literals are what they are worth. 0 | 1; setting stages or a literal threshold sets it to 0 */
   L4D_ENC_CODEBOOKS_BY_COST = 30,
   L4D_ENC_REFINE = 31,          /* rounds in which residual stages are coded again for each other, 0..20 */
-  L4D_ENC_PARAMETER_COUNT = 32
+  /* Where SH is a transform: 0: freely chosen axes, 1: base colours first (L4D_TOOL_SH_BASE), so that
+   * players can do without SH detail. 0 | 1 */
+  L4D_ENC_SH_BASE = 32,
+  L4D_ENC_PARAMETER_COUNT = 33
 };
 L4D_API l4d_status l4d_encoder_set(l4d_encoder* encoder, l4d_encoder_parameter id,
                                    int32_t component, double value);

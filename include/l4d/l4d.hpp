@@ -112,6 +112,7 @@ class DecoderHandle {
     a.ranges.resize(static_cast<size_t>(b.num_ranges));
     return a;
   }
+  void set_detail(uint32_t detail) const { check(l4d_decoder_set_detail(get(), detail)); }
   SplatArrays slice(double time) const {
     const l4d_info i = info();
     l4d_splat_buffers b;

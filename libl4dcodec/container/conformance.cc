@@ -97,7 +97,8 @@ void ConformanceMeter::add_directory_page(uint32_t layer_index, uint32_t index,
   for (const PageRecord& record : page->pages) {
     const PhaseRun run = needed_phases(header_.timeline, layer, record);
     if (run.empty()) continue;
-    add(run, record.num_gaussians, record.chunk.stored_bytes,
+    add(run, record.num_gaussians,
+        uint64_t{record.chunk.stored_bytes} + record.sh_detail.stored_bytes,
         uint64_t{record.num_gaussians} * numbers * sizeof(float));
     if (record.block == kNoBlock) continue;
     PhaseRun& block = blocks[record.block];

@@ -8,6 +8,7 @@
 #include "libl4dcodec/base/half.h"
 #include "libl4dcodec/base/hash.h"
 #include "libl4dcodec/container/aligned_bytes.h"
+#include "libl4dcodec/entropy/stream.h"
 #include "libl4dcodec/base/ordered.h"
 
 namespace l4d {
@@ -46,6 +47,22 @@ Status parse_block(const fbs::Block& block, uint64_t base, const SceneHeader& he
     L4D_RETURN_IF_ERROR(make_absolute(header, base, &out->tables[c].chunk));
   }
   return {};
+}
+
+// Stored bytes of a second part, where the record may have one.
+Status parse_sh_detail(const fbs::PageRecord& p, uint64_t base, const SceneHeader& header,
+                       ChunkRef* out) {
+  if (p.sh_bytes() == 0) {
+    if (p.sh_offset() == 0 && p.sh_hash() == 0) return {};
+    return corrupt("DIR-13", base, "an SH detail of no bytes has a place or a hash");
+  }
+  const bool of_streams = p.codec() == static_cast<uint8_t>(ChunkCodec::kStored) ||
+                          p.codec() == static_cast<uint8_t>(ChunkCodec::kZstd);
+  if (of_streams || !header.has_sh_detail()) {
+    return corrupt("DIR-13", base, "SH detail of a page that holds all of SH");
+  }
+  *out = {p.sh_offset(), p.sh_hash(), p.sh_bytes(), p.sh_bytes(), p.codec()};
+  return make_absolute(header, base, out);
 }
 
 }  // namespace
@@ -96,7 +113,8 @@ Bytes serialize_directory_page(const DirectoryPage& page, uint32_t layer, uint32
   std::vector<fbs::PageRecord> records;
   for (const PageRecord& p : page.pages) {
     const flatbuffers::span<const uint16_t, 6> bounds(p.bounds.data(), 6);
-    records.emplace_back(p.chunk.offset, p.chunk.hash, p.chunk.stored_bytes, p.chunk.raw_bytes,
+    records.emplace_back(p.chunk.offset, p.chunk.hash, p.sh_detail.offset, p.sh_detail.hash,
+                         p.chunk.stored_bytes, p.chunk.raw_bytes, p.sh_detail.stored_bytes,
                          p.num_gaussians, p.bucket, p.block, static_cast<uint8_t>(p.chunk.codec),
                          p.visible_begin, p.visible_end, uint8_t{0}, bounds);
   }
@@ -160,6 +178,7 @@ Status parse_directory_page(ByteSpan unaligned, uint64_t base, const SceneHeader
     PageRecord r;
     r.chunk = {p->offset(), p->hash(), p->stored_bytes(), p->raw_bytes(), p->codec()};
     L4D_RETURN_IF_ERROR(make_absolute(header, base, &r.chunk));
+    L4D_RETURN_IF_ERROR(parse_sh_detail(*p, base, header, &r.sh_detail));
     r.num_gaussians = p->num_gaussians();
     r.bucket = p->bucket();
     r.block = p->block();

@@ -26,13 +26,16 @@ struct PageTableEntry {
 };
 
 struct PageRecord {
-  ChunkRef chunk;
+  ChunkRef chunk;             // rans32: the first part
+  ChunkRef sh_detail;         // rans32: the second part, stored as it is; stored_bytes 0 = none
   uint32_t num_gaussians = 0;
   uint32_t bucket = 0;
   uint32_t block = kNoBlock;  // index within the directory page
   uint8_t visible_begin = 0;  // 1/64 bucket widths, 128 = bucket centre
   uint8_t visible_end = 255;
   std::array<uint16_t, 6> bounds{};  // binary16 in the coded frame
+
+  bool has_sh_detail() const { return sh_detail.stored_bytes != 0; }
 };
 
 struct RcqTableRef {

@@ -19,6 +19,7 @@ class PageParser {
   Status parse(const SceneHeader& header, const LayerHeader& layer, const BlockRecord* block,
                const PageWants& wants) {
     out_.n = n_;
+    out_.sh_detail = true;
     for (unsigned axis = 0; axis < 3; ++axis) {
       L4D_RETURN_IF_ERROR(position(header, wants.position, axis));
     }

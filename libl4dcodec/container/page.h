@@ -34,6 +34,8 @@ struct ComponentColumns {
 // All columns of a page. Buffers are reused from page to page: sizes only grow, n counts.
 struct PageColumns {
   size_t n = 0;
+  // False: SH is what the first part of a rans32 page holds, coefficients below the base or nothing.
+  bool sh_detail = true;
   std::array<std::vector<uint16_t>, 3> position;  // binary16
   std::array<std::vector<uint32_t>, 3> fixed_position;
   std::array<std::vector<float>, 3> raw_position;
@@ -54,6 +56,7 @@ struct PageWants {
   bool scale = true;  // scale factor and normalised scale
   bool rotor = true;
   bool sh = true;
+  bool sh_detail = true;  // where sh: second parts too
 };
 
 // Bytes of a page by section, indexed by L4D_SECTION_*.
@@ -83,8 +86,19 @@ Status decode_page(StreamDecoder& decoder, ByteSpan raw, uint64_t base, const Sc
                    const LayerHeader& layer, const BlockRecord* block, size_t n,
                    const PageWants& wants, PageColumns* out, SectionBytes* sections);
 
-// Parses a rans32 page, all of `page`, with the tables of its layer. Planes are coded one after
-// another, so that only SH, which comes last, can be left out; other columns are filled unasked.
+// A rans32 page in its parts, and where they lie in the file.
+struct RansPageParts {
+  ByteSpan first;
+  uint64_t first_at = 0;
+  bool has_detail = false;  // the page has a second part, be it given or not
+  ByteSpan detail;
+  uint64_t detail_at = 0;
+};
+
+// Parses a rans32 page with the tables of its layer. Planes are coded one after another, so that only
+// the second part can be left out; columns of the first are filled unasked. `detail` is null where the
+// second part is not wanted or there is none; else it gets what became of that, beside which the
+// columns hold the first part as if the second were not wanted.
 struct RansDecoder {
   const RansKernels* kernels = nullptr;
   const StreamKernels* streams = nullptr;
@@ -92,10 +106,10 @@ struct RansDecoder {
   std::vector<uint16_t> codes;
   std::vector<uint8_t> tables, cls, rung, before, last;  // of the Gaussians that a plane is about
 };
-Status decode_rans_page(RansDecoder& decoder, ByteSpan page, uint64_t base, const SceneHeader& header,
+Status decode_rans_page(RansDecoder& decoder, const RansPageParts& parts, const SceneHeader& header,
                         const LayerHeader& layer, const EntropyTables& tables,
-                        const BlockRecord* block, size_t n, const PageWants& wants,
-                        PageColumns* out, SectionBytes* sections);
+                        const BlockRecord* block, size_t n, PageColumns* out,
+                        SectionBytes* sections, Status* detail);
 
 // Walks the planes of a page that rANS can code in their order, with the context of each symbol: what
 // counts tokens for tables and what codes with them see the same. Either span of values is empty.

@@ -51,11 +51,14 @@ std::vector<PlaneSpec> page_planes(const SceneHeader& header, const LayerHeader&
   return planes;
 }
 
-size_t first_sh_plane(const std::vector<PlaneSpec>& planes) {
-  const auto is_sh = [](const PlaneSpec& p) {
-    return p.kind >= PlaneKind::kDepth && p.component == L4D_COMPONENT_SH;
+size_t first_detail_plane(const SceneHeader& header, const std::vector<PlaneSpec>& planes) {
+  const auto is_detail = [&](const PlaneSpec& p) {
+    if (p.kind < PlaneKind::kDepth || p.component != L4D_COMPONENT_SH) return false;
+    return header.sh_base == 0 ||
+           (p.kind == PlaneKind::kCoefficient && p.index >= header.sh_base);
   };
-  return static_cast<size_t>(std::find_if(planes.begin(), planes.end(), is_sh) - planes.begin());
+  return static_cast<size_t>(std::find_if(planes.begin(), planes.end(), is_detail) -
+                             planes.begin());
 }
 
 bool rans_codable(const SceneHeader& header, const LayerHeader& layer) {

@@ -40,11 +40,13 @@ inline unsigned magnitude_context(unsigned sum) {  // of the two magnitudes
 constexpr unsigned kMaxEntropyTables = 128;
 
 // Every plane that pages of a layer may have, in the order in which pages hold them. Those of SH are
-// the last, and form a block of their own.
+// the last.
 std::vector<PlaneSpec> page_planes(const SceneHeader& header, const LayerHeader& layer);
 
-// Index of the first plane of SH; the number of planes where there are none.
-size_t first_sh_plane(const std::vector<PlaneSpec>& planes);
+// Index of the first plane of SH detail, which is the second part of pages that have two: the first
+// coefficient of SH beyond the base, or the first plane of SH where there is no base. The number of
+// planes where there is none.
+size_t first_detail_plane(const SceneHeader& header, const std::vector<PlaneSpec>& planes);
 
 // Whether a layer's codings can be told in rans32 pages: raw float32 columns cannot.
 bool rans_codable(const SceneHeader& header, const LayerHeader& layer);

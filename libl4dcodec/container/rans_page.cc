@@ -24,12 +24,10 @@ void narrow(const From* src, size_t n, To* dst) {
 
 class RansPageParser {
  public:
-  RansPageParser(RansDecoder& decoder, ByteSpan page, uint64_t base, const SceneHeader& header,
-                 const LayerHeader& layer, const EntropyTables& tables, const BlockRecord* block,
-                 size_t n, PageColumns* out, SectionBytes* sections)
+  RansPageParser(RansDecoder& decoder, const SceneHeader& header, const LayerHeader& layer,
+                 const EntropyTables& tables, const BlockRecord* block, size_t n, PageColumns* out,
+                 SectionBytes* sections)
       : d_(decoder),
-        page_(page),
-        base_(base),
         header_(header),
         layer_(layer),
         tables_(tables),
@@ -38,34 +36,27 @@ class RansPageParser {
         out_(*out),
         sections_(sections) {}
 
-  Status run(const PageWants& wants) {
+  Status run(const RansPageParts& parts, Status* detail) {
     out_.n = n_;
+    out_.sh_detail = !parts.has_detail;
     for (ComponentColumns& c : out_.component) {
       c.index_count.fill(0);
       c.num_literals = 0;
       c.coefficient_count.fill(0);
     }
-    ByteReader head(page_);
-    const uint64_t geometry_bytes = head.le<uint32_t>();
     const size_t planes = tables_.planes.size();
-    if (geometry_bytes == 0) {
-      return run_block(head.take(head.remaining()), sizeof(uint32_t), 0, planes);
-    }
-    const ByteSpan geometry = head.take(geometry_bytes);
-    if (head.failed()) return corrupt("RANS-1", base_, "rANS page shorter than its blocks");
-    const size_t middle = first_sh_plane(tables_.planes);
-    L4D_RETURN_IF_ERROR(run_block(geometry, sizeof(uint32_t), 0, middle));
-    const ByteSpan sh = head.take(head.remaining());
-    if (!wants.sh) {
-      if (sections_ != nullptr) (*sections_)[L4D_SECTION_SH] += sh.size();
-      return {};
-    }
-    return run_block(sh, sizeof(uint32_t) + geometry.size(), middle, planes);
+    const size_t middle =
+        parts.has_detail ? first_detail_plane(header_, tables_.planes) : planes;
+    L4D_RETURN_IF_ERROR(run_block(parts.first, parts.first_at, 0, middle));
+    if (detail == nullptr) return {};
+    *detail = run_block(parts.detail, parts.detail_at, middle, planes);
+    out_.sh_detail = detail->ok();
+    return {};
   }
 
  private:
-  Status run_block(ByteSpan block, size_t at, size_t first, size_t last) {
-    at_ = base_ + at;
+  Status run_block(ByteSpan block, uint64_t at, size_t first, size_t last) {
+    at_ = at;
     L4D_RETURN_IF_ERROR(open_rans_block(block, at_, &lanes_));
     const unsigned char* counted = lanes_.next;
     for (size_t p = first; p < last; ++p) {
@@ -294,8 +285,6 @@ class RansPageParser {
   }
 
   RansDecoder& d_;
-  ByteSpan page_;
-  uint64_t base_;
   const SceneHeader& header_;
   const LayerHeader& layer_;
   const EntropyTables& tables_;
@@ -325,12 +314,12 @@ void coefficient_contexts(const uint8_t* cls, const uint8_t* last, const uint8_t
   }
 }
 
-Status decode_rans_page(RansDecoder& decoder, ByteSpan page, uint64_t base, const SceneHeader& header,
+Status decode_rans_page(RansDecoder& decoder, const RansPageParts& parts, const SceneHeader& header,
                         const LayerHeader& layer, const EntropyTables& tables,
-                        const BlockRecord* block, size_t n, const PageWants& wants,
-                        PageColumns* out, SectionBytes* sections) {
-  return RansPageParser(decoder, page, base, header, layer, tables, block, n, out, sections)
-      .run(wants);
+                        const BlockRecord* block, size_t n, PageColumns* out,
+                        SectionBytes* sections, Status* detail) {
+  return RansPageParser(decoder, header, layer, tables, block, n, out, sections)
+      .run(parts, detail);
 }
 
 void visit_planes(const SceneHeader& header, const LayerHeader& layer,

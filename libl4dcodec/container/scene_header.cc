@@ -25,7 +25,7 @@ flatbuffers::Offset<fbs::ScalarCoding> to_fbs(flatbuffers::FlatBufferBuilder& b,
 
 flatbuffers::Offset<fbs::Stage> to_fbs(flatbuffers::FlatBufferBuilder& b, const StageCoding& s) {
   const fbs::ChunkRef ref = to_fbs(s.codebook);
-  return fbs::CreateStage(b, s.num_entries, static_cast<uint8_t>(s.element), &ref);
+  return fbs::CreateStage(b, s.num_entries, static_cast<uint8_t>(s.element), &ref, s.step);
 }
 
 flatbuffers::Offset<fbs::ComponentCoding> to_fbs(flatbuffers::FlatBufferBuilder& b,
@@ -65,6 +65,11 @@ class HeaderParser {
     L4D_RETURN_IF_ERROR(parse_scalar(*h.opacity(), "opacity", &out_.opacity));
     L4D_RETURN_IF_ERROR(parse_component(*h.sh(), "sh", out_.sh_dim(), false, &out_.sh));
     if (out_.sh.has_rcq) return bad("RCQ-2", "RCQ on the global SH component");
+    out_.sh_base = h.sh_base();
+    if (out_.sh_base > out_.sh.coefficients()) {
+      return bad("TRAN-7", std::to_string(out_.sh_base) + " base coefficients of SH, which has " +
+                               std::to_string(out_.sh.coefficients()));
+    }
     L4D_RETURN_IF_ERROR(parse_layers(*h.layers()));
     out_.payload_offset = h.payload_offset();
     out_.profile = h.profile();
@@ -171,9 +176,14 @@ class HeaderParser {
       return bad("CODE-2", std::string(what) + " codebook of " + std::to_string(s.num_entries()) +
                                " entries");
     }
-    if (s.element() != static_cast<uint8_t>(ElementType::kF16)) {
+    if (s.element() > static_cast<uint8_t>(ElementType::kSq)) {
       return unknown(std::string(what) + " codebook element", s.element());
     }
+    const bool sq = s.element() == static_cast<uint8_t>(ElementType::kSq);
+    if (sq && !(s.step() >= 0x1p-20f && s.step() <= 0x1p10f)) {
+      return bad("CODE-7", std::string(what) + " codebook step out of range");
+    }
+    out->step = sq ? s.step() : 0;
     const fbs::ChunkRef& c = *s.codebook();
     out->num_entries = s.num_entries();
     out->element = static_cast<ElementType>(s.element());
@@ -360,7 +370,8 @@ Bytes serialize_scene_header(const SceneHeader& h) {
                h.opacity_logit, static_cast<uint8_t>(h.position), &center, h.position_scale, opacity,
                static_cast<uint8_t>(h.sh_degree), sh, layer_vector, h.payload_offset, metadata, 0,
                static_cast<uint8_t>(h.position_bits), static_cast<uint8_t>(h.profile),
-               static_cast<uint8_t>(h.conformance_level)),
+               static_cast<uint8_t>(h.conformance_level),
+               static_cast<uint8_t>(h.sh_base)),
            kIdentifier);
   return Bytes(b.GetBufferPointer(), b.GetBufferPointer() + b.GetSize());
 }

@@ -16,7 +16,7 @@ namespace l4d {
 // Registry values (spec/registry/*.json). Constants of the format.
 enum class ScalarCodingId : uint8_t { kConstant = 0, kRaw32 = 1, kSq = 2 };
 enum class ComponentCodingId : uint8_t { kZero = 0, kRaw32 = 1, kVq = 2, kTransform = 3 };
-enum class ElementType : uint8_t { kF16 = 0 };
+enum class ElementType : uint8_t { kF16 = 0, kSq = 1 };
 enum class MeanCodingId : uint8_t { kNone = 0, kRaw32 = 1, kF16 = 2, kFixed = 3 };
 
 constexpr uint32_t kMaxCodebookEntries = 65536;
@@ -59,6 +59,7 @@ struct StageCoding {
   uint32_t num_entries = 0;
   ElementType element = ElementType::kF16;
   ChunkRef codebook;
+  float step = 0;  // sq
 };
 
 struct ComponentCoding {
@@ -114,6 +115,7 @@ struct SceneHeader {
   ScalarCoding opacity;
   unsigned sh_degree = 0;
   ComponentCoding sh;
+  unsigned sh_base = 0;  // transform: how many of its coefficients the first part of a page holds
   std::vector<LayerHeader> layers;
   // Directory pages count offsets from here, so their bytes do not depend on what lies before them.
   uint64_t payload_offset = 0;
@@ -122,6 +124,10 @@ struct SceneHeader {
   unsigned conformance_level = 0;  // declared; 0 = none
 
   unsigned sh_dim() const { return 3 * (sh_degree + 1) * (sh_degree + 1); }
+  // Whether a rans32 page can have a second part: planes of SH that are not of the base.
+  bool has_sh_detail() const {
+    return sh.vq() || (sh.transform() && sh_base < sh.coefficients());
+  }
   // Scene units of a unit of page bounds (spec: section 12): fixed coordinates go beyond binary16.
   double bounds_unit() const {
     const unsigned shift =

@@ -8,6 +8,7 @@ are stored; undoing zstd is left to others.
 
   decode_tiny.py [FILE]            the bytes, annotated, then the decoded Gaussians
   decode_tiny.py --values [FILE]   every decoded value as the bits of its binary32
+  decode_tiny.py --base ..         without second parts of pages: SH is what the base holds
 """
 
 import math
@@ -90,8 +91,10 @@ class File:
 # ---- decoding ------------------------------------------------------------------------------------
 
 class Decoder:
-    def __init__(self, file):
-        self.file = file
+    """base: leaves out second parts of pages."""
+
+    def __init__(self, file, base=False):
+        self.file, self.base = file, base
         raw, at = file.file_header()
         self.header = h = file.flatbuffer(raw, at, "Header", b"L4DH", "HEAD-1")
         check_header(h, len(raw))
@@ -115,7 +118,8 @@ class Decoder:
             name = name if c == SH else f"layer {layer} {name}"
             most = self.dim(layer, c) * (2 * s["num_entries"] + 32)
             streams = Streams(self.file, *self.file.chunk(s["codebook"], most))
-            columns = [streams.halves(s["num_entries"], f"{name}, number {d}", "CODE-4")
+            read = streams.halves if s["element"] == 0 else streams.multiples(s["step"])
+            columns = [read(s["num_entries"], f"{name}, number {d}", "CODE-4")
                        for d in range(self.dim(layer, c))]
             streams.end("CHNK-7")
             self.books[key] = list(zip(*columns))
@@ -163,6 +167,10 @@ class Decoder:
                 require(previous is None or previous["bucket"] != r["bucket"] or
                         previous["block"] == r["block"], "DIR-8", "blocks of a bucket")
                 require(r["visible_begin"] <= r["visible_end"], "DIR-7", "visible interval")
+                require(r["sh_bytes"] > 0 or r["sh_offset"] == r["sh_hash"] == 0, "DIR-13",
+                        "no second part")
+                require(r["sh_bytes"] == 0 or self.has_detail() and
+                        r["codec"] not in (STORED, ZSTD), "DIR-13", "a second part")
                 box = [half(b) for b in r["bounds"]]
                 require(all(map(math.isfinite, box)) and
                         all(a <= b for a, b in zip(box, box[3:])), "DIR-12", "bounds")
@@ -202,12 +210,26 @@ class Decoder:
                 self.file, *self.file.chunk(layer["entropy"], most), self.header, layer)
         return self.entropies[index]
 
+    def has_detail(self):
+        """Whether rans32 pages can have second parts."""
+        sh = self.header["sh"]
+        return sh["coding"] == VQ or (sh["coding"] == TRANSFORM and
+                                      self.header["sh_base"] < len(sh["steps"]))
+
     def page(self, index, layer, record, block):
         h, n = self.header, record["num_gaussians"]
         numbers = 17 + self.dim(index, SH)
         most = n * (4 * numbers + 72) + 32 * (numbers + 36)
         chunk = self.file.chunk(record, most, h["payload_offset"], (STORED, ZSTD, RANS32))
-        columns = (RansPage(self.file, *chunk, self.entropy(index, layer))
+        split = record["sh_bytes"] > 0
+        base_only = split and self.base
+        detail = None
+        if split and not self.base:
+            size = record["sh_bytes"]
+            detail = self.file.chunk({"offset": record["sh_offset"], "hash": record["sh_hash"],
+                                      "stored_bytes": size, "raw_bytes": size, "codec": STORED},
+                                     most, h["payload_offset"])
+        columns = (RansPage(self.file, chunk, detail, self.entropy(index, layer), split)
                    if record["codec"] == RANS32 else Streams(self.file, *chunk))
 
         def scalar(coding, what):
@@ -245,8 +267,13 @@ class Decoder:
         factor = scalar(layer["scale_factor"], "scale_factor")
         rows, classes = {}, [0] * n
         for c in columns.order:
-            if self.component(index, c)["coding"] == TRANSFORM:
-                rows[c], classes = self.transform(columns, index, c, n, classes)
+            of_base = base_only and c == SH
+            if of_base and h["sh_base"] == 0:
+                rows[c] = [self.book(index, SH, BASIS)[0] if h["sh"]["coding"] == TRANSFORM else
+                           [0.0] * self.dim(index, SH)] * n
+            elif self.component(index, c)["coding"] == TRANSFORM:
+                most = int(h["sh_base"]) if of_base else None
+                rows[c], classes = self.transform(columns, index, c, n, classes, most)
             else:
                 rows[c] = self.rows(columns, index, c, n, block.get(c))
         columns.end()
@@ -302,11 +329,11 @@ class Decoder:
             rows.append(row)
         return rows
 
-
-    def transform(self, columns, layer, c, n, before):
-        """Vectors of a component, and the classes. before: those of the transform before."""
+    def transform(self, columns, layer, c, n, before, most=None):
+        """Vectors of a component, and the classes. before: those of the transform before. most:
+        coefficients that are there, if not all."""
         coding, dim, name = self.component(layer, c), self.dim(layer, c), COMPONENTS[c]
-        ladder, steps = [0, *coding["ladder"]], coding["steps"]
+        ladder, steps = [0, *coding["ladder"]], coding["steps"][:most]
         basis = self.book(layer, c, BASIS)
         classes = columns.read(n, 4, f"{name} class", 16, columns.class_clause, before)
         rungs = [1] * n
@@ -409,16 +436,17 @@ def decimals(gaussians):
     return lines
 
 
-def decode(data):
+def decode(data, base=False):
     file = File(data)
-    return file, list(Decoder(file).gaussians())
+    return file, list(Decoder(file, base).gaussians())
 
 
 def main(arguments):
     only_values = "--values" in arguments
     paths = [a for a in arguments if not a.startswith("-")]
     try:
-        file, gaussians = decode(Path(paths[0] if paths else HERE / "tiny.l4d").read_bytes())
+        file, gaussians = decode(Path(paths[0] if paths else HERE / "tiny.l4d").read_bytes(),
+                                 "--base" in arguments)
     except (Invalid, NotImplementedError) as error:
         print(f"decode_tiny.py: {error}", file=sys.stderr)
         return 1

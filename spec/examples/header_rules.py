@@ -23,6 +23,8 @@ def check_header(h, header_bytes):
     require(h["position"] != FIXED or 1 <= h["position_bits"] <= 21, "CODE-5", "position_bits")
     check_scalar(h["opacity"])
     check_component(h["sh"], 3 * (int(h["sh_degree"]) + 1) ** 2, rcq=False)
+    most = len(h["sh"]["steps"]) if h["sh"]["coding"] == TRANSFORM else 0
+    require(h["sh_base"] <= most, "TRAN-7", f"sh_base {h['sh_base']}")
     levels = bit_width(h["num_frames"]) + 1
     require(1 <= len(h["layers"]) <= 2 * levels, "HEAD-6", "number of layers")
     level = 0
@@ -71,7 +73,12 @@ def check_component(c, dim, rcq, most_step=2.0 ** 10):
     stages = [(s, 65536) for s in c["stages"]]
     for stage, most in stages if c["rcq"] is None else [*stages, (c["rcq"], 4096)]:
         require(1 <= stage["num_entries"] <= most, "CODE-2", "entries")
-        require(stage["element"] == 0, "HEAD-7", "element")
+        check_element(stage)
+
+
+def check_element(stage):
+    require(stage["element"] <= 1, "HEAD-7", "element")
+    require(stage["element"] == 0 or 2.0 ** -20 <= stage["step"] <= 2.0 ** 10, "CODE-7", "step")
 
 
 def check_transform(c, dim, most_step):
@@ -82,7 +89,7 @@ def check_transform(c, dim, most_step):
     require(ladder and all(a < b for a, b in zip([0, *ladder], ladder)) and
             ladder[-1] == len(steps), "TRAN-3", "ladder")
     require(basis is not None and basis["num_entries"] == len(steps) + 1, "TRAN-4", "basis")
-    require(basis["element"] == 0, "HEAD-7", "element")
+    check_element(basis)
 
 
 def num_buckets(level):

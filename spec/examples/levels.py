@@ -129,7 +129,8 @@ class Demand:
                 if run is None:
                     continue
                 n = r["num_gaussians"]
-                self.chunks.append((*run, n, r["stored_bytes"], 4 * n * numbers))
+                stored = r["stored_bytes"] + r["sh_bytes"]
+                self.chunks.append((*run, n, stored, 4 * n * numbers))
                 of_block.setdefault(r["block"], []).append(run)
             for b, block in enumerate(page["blocks"] or ()):
                 runs = of_block.get(b)

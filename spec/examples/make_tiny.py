@@ -193,7 +193,7 @@ def scene_header(books, page_table_offset, payload_offset):
 
 def directory_page():
     box = struct.unpack("<6H", struct.pack("<6e", -16.0, -16.0, -16.0, 16.0, 16.0, 16.0))
-    record = Struct(struct.pack("<QQIIIIIBBBB6H4x", 0, xxh3_64(PAGE), len(PAGE), len(PAGE), 3, 0,
+    record = Struct(struct.pack("<4Q6I4B6H", 0, xxh3_64(PAGE), 0, 0, len(PAGE), len(PAGE), 0, 3, 0,
                                 0xFFFFFFFF, 0, 96, 160, 0, *box))
     return write_flatbuffer(Table((2, "offset", [record])), b"L4DD")
 

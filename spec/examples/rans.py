@@ -114,6 +114,15 @@ def page_planes(header, layer):
     return planes
 
 
+def first_detail(header, planes):
+    """How many of the planes the first part of a page holds, if it has a second."""
+    names = [name for name, _ in planes]
+    if header["sh_base"] == 0:
+        return next((i for i, name in enumerate(names) if name.startswith("sh ")), len(names))
+    name = f"sh coefficient {int(header['sh_base'])}"
+    return names.index(name) if name in names else len(names)
+
+
 def vector_length(header, layer, name):
     if name == "sh":
         return 3 * (int(header["sh_degree"]) + 1) ** 2
@@ -154,6 +163,7 @@ class Entropy:
             file.claim(base + begin, base + streams.at, f"entropy: map of {name}")
             self.planes.append((name, [tables[t] for t in used]))
         streams.end("CHNK-7")
+        self.first_detail = first_detail(header, page_planes(header, layer))
 
 
 class RansPage(Columns):
@@ -162,23 +172,20 @@ class RansPage(Columns):
     order = (1, 2, 3, 0)                  # of components
     class_clause = "TRAN-5"
 
-    def __init__(self, file, raw, base, entropy):
-        require(len(raw) >= 4, "RANS-1", "first_bytes")
-        first_bytes = int.from_bytes(raw[:4], "little")
-        file.claim(base, base + 4, f"first_bytes = {first_bytes}")
-        if first_bytes == 0:
-            self.all = self.sh = Block(raw[4:], base + 4, file, "all planes")
-        else:
-            require(first_bytes <= len(raw) - 4, "RANS-1", f"first_bytes {first_bytes}")
-            end = 4 + first_bytes
-            self.all = Block(raw[4:end], base + 4, file, "all planes but those of sh")
-            self.sh = Block(raw[end:], base + end, file, "planes of sh")
-        self.planes = iter(entropy.planes)
+    def __init__(self, file, first, detail, entropy, split):
+        """first, detail: (raw, base) of the parts; no detail where there is no second part, or where
+        it is left out. split: whether there is one."""
+        self.blocks = [Block(*first, file, "all planes" if not split else "first part")]
+        if detail is not None:
+            self.blocks.append(Block(*detail, file, "second part"))
+        self.left = list(entropy.planes[:entropy.first_detail if split else None])
+        self.left_in_detail = list(entropy.planes[entropy.first_detail:]) if detail else []
 
     def read(self, n, width, what, limit=0, limit_clause="", contexts=None):
-        name, tables = next(self.planes)
+        of_detail = not self.left
+        name, tables = (self.left_in_detail if of_detail else self.left).pop(0)
         assert name == what, f"{what} instead of {name}"
-        block = self.sh if name.startswith("sh ") else self.all
+        block = self.blocks[of_detail]
         values = block.plane([tables[c] for c in contexts or [0] * n])
         bound, clause = (limit, limit_clause) if limit else (1 << width, "STRM-3")
         require(all(v < bound for v in values), clause, f"{what}, limit {bound}")
@@ -195,7 +202,6 @@ class RansPage(Columns):
         return out
 
     def end(self):
-        self.all.end()
-        if self.sh is not self.all:
-            self.sh.end()
-        assert next(self.planes, None) is None
+        for block in self.blocks:
+            block.end()
+        assert not self.left and not self.left_in_detail

@@ -53,6 +53,13 @@ class Columns:
         return finite_halves(self.read(n, 16, what), what, clause)
 
 
+    def multiples(self, step):
+        """A reader like `halves`, of signed integers times a step."""
+        def read(n, what, _):
+            return [f32(step * f32((v >> 1) ^ -(v & 1))) for v in self.read(n, 16, what)]
+        return read
+
+
 def finite_halves(ordered, what, clause):
     bits = [unorder(v, 16) for v in ordered]
     require(all(b & 0x7FFF < 0x7C00 for b in bits), clause, f"{what} is not finite")

@@ -125,6 +125,9 @@ TEST(StructSize, MissingFieldsHaveTheirDefaults) {
   l4d_selection_init(&s);
   ASSERT_EQ(l4d_decoder_select(d.get(), q.get(), &s), L4D_OK);
   EXPECT_EQ(s.num_gaussians, d.info().num_gaussians);
+  Sized<l4d_query> without_detail(offsetof(l4d_query, detail), l4d_query_init_);
+  std::memset(&without_detail->detail, 0xff, sizeof without_detail->detail);
+  ASSERT_EQ(l4d_decoder_select(d.get(), without_detail.get(), &s), L4D_OK);
   Sized<l4d_decoder_options> o(offsetof(l4d_decoder_options, backend), l4d_decoder_options_init_);
   o->threads = 1;
   l4d_decoder* decoder = nullptr;

@@ -56,7 +56,7 @@ inline SceneHeader example_header() {
   }
   ComponentCoding& scale = h.layers[2].component[L4D_COMPONENT_SCALE];
   scale.has_rcq = true;
-  scale.rcq = {17, ElementType::kF16, example_chunk(99)};
+  scale.rcq = {17, ElementType::kSq, example_chunk(99), 0.0625f};
   return h;
 }
 

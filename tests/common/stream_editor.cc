@@ -72,7 +72,10 @@ EditedDirectoryPage take_directory_page(const Bytes& file, const SceneHeader& he
   out.present = true;
   out.chunk = take(file, entry.chunk);
   require(parse_directory_page(out.chunk.raw, 0, header, layer, index, &out.page));
-  for (const PageRecord& p : out.page.pages) out.pages.push_back(take(file, p.chunk));
+  for (const PageRecord& p : out.page.pages) {
+    out.pages.push_back(take(file, p.chunk));
+    out.details.push_back(p.has_sh_detail() ? take(file, p.sh_detail) : EditedChunk());
+  }
   for (const BlockRecord& b : out.page.blocks) {
     std::array<EditedChunk, L4D_COMPONENT_COUNT> tables;
     for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
@@ -137,6 +140,8 @@ Bytes StreamEditor::build() {
       }
       for (size_t p = 0; p < d.page.pages.size(); ++p) {
         d.page.pages[p].chunk = put(d.pages[p], h.payload_offset, &out);
+        if (p >= d.details.size() || d.details[p].raw.empty()) continue;
+        d.page.pages[p].sh_detail = put(d.details[p], h.payload_offset, &out);
       }
     }
   }

@@ -28,7 +28,8 @@ DirectoryPage example_page() {
   const uint32_t blocks[] = {0, 0, kNoBlock, 1, 1, 1};
   for (uint32_t i = 0; i < 6; ++i) {
     PageRecord r;
-    r.chunk = {1000 + 100 * i, 0x1111 * i, 40 + i, 80 + i, i % 2};
+    r.chunk = {1000 + 100 * i, 0x1111 * i, 40 + i, 80 + i, i % 3};
+    if (i % 3 == 2) r.sh_detail = {2000 + 100 * i, 0x2222 * i, 130 + i, 130 + i, 2};
     r.num_gaussians = i == 0 ? 1 : i == 1 ? 65536 : 10 * i;
     r.bucket = buckets[i];
     r.block = blocks[i];
@@ -100,6 +101,10 @@ TEST(Directory, RoundTrip) {
     EXPECT_EQ(y.chunk.stored_bytes, x.chunk.stored_bytes);
     EXPECT_EQ(y.chunk.raw_bytes, x.chunk.raw_bytes);
     EXPECT_EQ(y.chunk.codec, x.chunk.codec);
+    EXPECT_EQ(y.has_sh_detail(), i % 3 == 2);
+    EXPECT_EQ(y.sh_detail.offset, i % 3 == 2 ? payload + x.sh_detail.offset : 0);
+    EXPECT_EQ(y.sh_detail.hash, x.sh_detail.hash);
+    EXPECT_EQ(y.sh_detail.stored_bytes, x.sh_detail.stored_bytes);
     EXPECT_EQ(y.num_gaussians, x.num_gaussians);
     EXPECT_EQ(y.bucket, x.bucket);
     EXPECT_EQ(y.block, x.block);
@@ -208,12 +213,45 @@ TEST(Directory, TwoTablesOfOneComponentAreRefused) {
   EXPECT_STREQ(s.clause(), "RCQ-5") << s.detail();
 }
 
+// spec: DIR-13
+TEST(Directory, SecondPartsWhereNoneCanBeAreRefused) {
+  const auto clause_of = [](const SceneHeader& header, auto&& edit) {
+    DirectoryPage page = example_page(), parsed;
+    edit(page.pages);
+    return std::string(parse_directory_page(serialize_directory_page(page, kLayer, kIndex), 0,
+                                            header, kLayer, kIndex, &parsed)
+                           .clause());
+  };
+  using Pages = std::vector<PageRecord>;
+  const SceneHeader header = example_header();
+  EXPECT_EQ(clause_of(header, [](Pages&) {}), "");
+  EXPECT_EQ(clause_of(header, [](Pages& p) { p[2].sh_detail.stored_bytes = 0; }), "DIR-13");
+  EXPECT_EQ(clause_of(header, [](Pages& p) { p[0].sh_detail.offset = 1; }), "DIR-13");
+  EXPECT_EQ(clause_of(header, [](Pages& p) { p[1].sh_detail.hash = 1; }), "DIR-13");
+  for (const size_t of_streams : {size_t{0}, size_t{1}}) {
+    EXPECT_EQ(clause_of(header, [&](Pages& p) { p[of_streams].sh_detail = p[2].sh_detail; }), "DIR-13");
+  }
+  // Of codecs to come this decoder knows nothing.
+  EXPECT_EQ(clause_of(header, [](Pages& p) { p[2].chunk.codec = 99; }), "");
+  SceneHeader whole = header;
+  whole.sh = ComponentCoding();
+  EXPECT_EQ(clause_of(whole, [](Pages&) {}), "DIR-13");
+  whole.sh = ComponentCoding();
+  whole.sh.coding = ComponentCodingId::kTransform;
+  whole.sh.steps = {1.0f, 1.0f};
+  whole.sh_base = 1;
+  EXPECT_EQ(clause_of(whole, [](Pages&) {}), "");
+  whole.sh_base = 2;
+  EXPECT_EQ(clause_of(whole, [](Pages&) {}), "DIR-13");
+}
+
 // spec: CHNK-1
 TEST(Directory, OffsetsBeyondEveryFileAreRefused) {
-  for (const bool of_table : {false, true}) {
+  for (const int what : {0, 1, 2}) {
     DirectoryPage page = example_page();
-    (of_table ? page.blocks[1].tables[L4D_COMPONENT_SCALE].chunk : page.pages[4].chunk).offset =
-        ~uint64_t{0} - 100;
+    ChunkRef* const refs[] = {&page.blocks[1].tables[L4D_COMPONENT_SCALE].chunk,
+                              &page.pages[4].chunk, &page.pages[5].sh_detail};
+    refs[what]->offset = ~uint64_t{0} - 100;
     DirectoryPage parsed;
     const Status s = parse(serialize_directory_page(page, kLayer, kIndex), &parsed);
     EXPECT_FALSE(s.ok());
@@ -241,7 +279,7 @@ TEST(Directory, RecordsOutOfAlignmentAreRefused) {
   constexpr size_t kPagesInVtable = 8;
   const size_t field = root + load_le<uint16_t>(bytes.data() + vtable + kPagesInVtable);
   const size_t pages = field + load_le<uint32_t>(bytes.data() + field);
-  const size_t pages_bytes = 4 + 56 * load_le<uint32_t>(bytes.data() + pages);
+  const size_t pages_bytes = 4 + 72 * load_le<uint32_t>(bytes.data() + pages);
   for (const size_t shift : {size_t{0}, size_t{4}}) {
     // The same records again, at the end, and the page's root refers to those.
     Bytes moved = bytes;

@@ -99,10 +99,29 @@ TEST(Planes, OrderAndContexts) {
                  {PlaneKind::kCoefficient, sh, 0, 16},
                  {PlaneKind::kCoefficient, sh, 1, 80}},
                 planes);
-  EXPECT_EQ(first_sh_plane(planes), planes.size() - 3);
   const SceneHeader bare = test::bare_header();
   expect_planes({{PlaneKind::kPosition, 0, 0, 1}}, page_planes(bare, bare.layers[0]));
-  EXPECT_EQ(first_sh_plane(page_planes(bare, bare.layers[0])), 1u);
+}
+
+// spec: section 13.2
+TEST(Planes, DetailBeginsBehindTheBase) {
+  SceneHeader h = test::transform_header();  // SH: class, rung, 48 coefficients
+  const std::vector<PlaneSpec> planes = page_planes(h, h.layers[1]);
+  const size_t first = planes.size() - 50;
+  ASSERT_EQ(planes[first].kind, PlaneKind::kClass);
+  EXPECT_EQ(first_detail_plane(h, planes), first);
+  for (const unsigned base : {1u, 3u, 47u, 48u}) {
+    h.sh_base = base;
+    EXPECT_EQ(first_detail_plane(h, planes), first + 2 + base);
+    EXPECT_EQ(h.has_sh_detail(), base < 48);
+  }
+  h = test::example_header();  // SH: depth, three stages, 27 numbers of literals
+  const std::vector<PlaneSpec> of_codebooks = page_planes(h, h.layers[1]);
+  EXPECT_EQ(first_detail_plane(h, of_codebooks), of_codebooks.size() - 31);
+  EXPECT_TRUE(h.has_sh_detail());
+  h = test::bare_header();
+  EXPECT_EQ(first_detail_plane(h, page_planes(h, h.layers[0])), 1u);
+  EXPECT_FALSE(h.has_sh_detail());
 }
 
 TEST(Planes, MagnitudeContextsAreThoseOfTheSpecification) {

@@ -60,12 +60,18 @@ inline SceneHeader bare_header() {
   return h;
 }
 
-// Between them: every kind of plane, and every kind of plane absent.
+// Between them: every kind of plane, and every kind of plane absent. Bases of SH are nothing, a part of
+// a step of the ladder, some steps and all coefficients.
 inline std::vector<SceneHeader> rans_headers() {
   SceneHeader mixed = transform_header();
   mixed.position = MeanCodingId::kF16;
   mixed.sh = example_vq(kMaxCodebookEntries - 7, 8, true, 1);  // the last stage is the largest
-  return {example_header(), transform_header(), bare_header(), mixed};
+  std::vector<SceneHeader> headers = {example_header(), bare_header(), mixed};
+  for (const unsigned base : {0u, 3u, 11u, 48u}) {
+    headers.push_back(transform_header());
+    headers.back().sh_base = base;
+  }
+  return headers;
 }
 
 inline uint16_t random_half(Random& random) {
@@ -175,9 +181,11 @@ void expect_prefix(const char* what, const std::vector<T>& want, const std::vect
   ASSERT_EQ(std::memcmp(want.data(), got.data(), want.size() * sizeof(T)), 0) << what;
 }
 
-inline void expect_columns(const SceneHeader& header, const LayerHeader& layer, bool with_sh,
+// Without detail, SH is what the first part of a page that has two holds of it.
+inline void expect_columns(const SceneHeader& header, const LayerHeader& layer, bool with_detail,
                            const PageColumns& want, const PageColumns& got) {
   ASSERT_EQ(want.n, got.n);
+  EXPECT_EQ(got.sh_detail, with_detail);
   for (size_t axis = 0; axis < 3; ++axis) {
     expect_prefix("position", want.position[axis], got.position[axis]);
     expect_prefix("fixed position", want.fixed_position[axis], got.fixed_position[axis]);
@@ -186,7 +194,8 @@ inline void expect_columns(const SceneHeader& header, const LayerHeader& layer, 
   expect_prefix("opacity", want.opacity, got.opacity);
   expect_prefix("scale factor", want.scale_factor, got.scale_factor);
   for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
-    if (c == L4D_COMPONENT_SH && !with_sh) continue;
+    const bool base_only = c == L4D_COMPONENT_SH && !with_detail;
+    if (base_only && header.sh_base == 0) continue;
     const ComponentCoding& coding = header.component(layer, c);
     const ComponentColumns& a = want.component[c];
     const ComponentColumns& b = got.component[c];
@@ -202,9 +211,10 @@ inline void expect_columns(const SceneHeader& header, const LayerHeader& layer, 
     if (coding.transform()) {
       expect_prefix("class", a.cls, b.cls);
       expect_prefix("rung", a.rung, b.rung);
-      EXPECT_EQ(a.coefficient_count, b.coefficient_count);
       for (unsigned k = 0; k < coding.coefficients(); ++k) {
-        expect_prefix("coefficient", a.coefficient[k], b.coefficient[k]);
+        const bool there = !base_only || k < header.sh_base;
+        EXPECT_EQ(b.coefficient_count[k], there ? a.coefficient_count[k] : 0);
+        if (there) expect_prefix("coefficient", a.coefficient[k], b.coefficient[k]);
       }
     }
   }

@@ -48,8 +48,26 @@ struct Kernels {
 const Kernels kBackends[] = {{rans_kernels_reference(), stream_kernels_reference()},
                              {rans_kernels_simd(), stream_kernels_simd()}};
 
-// Planes that nobody asked for are decoded all the same, but for SH.
-const PageWants kNoSh{true, true, true, true, true, false};
+// A page as the model coded it; without a second part all planes are in the first.
+struct Page {
+  Bytes first, detail;
+
+  RansPageParts parts() const {
+    RansPageParts p;
+    p.first = first;
+    p.first_at = kBase;
+    p.has_detail = !detail.empty();
+    p.detail = detail;
+    p.detail_at = kBase + 100000;
+    return p;
+  }
+};
+Page page_of(const EntropyModel& model, const SceneHeader& header, const LayerHeader& layer,
+             const PageColumns& columns, bool split) {
+  Page page;
+  page.first = model.encode_page(header, layer, columns, split ? &page.detail : nullptr);
+  return page;
+}
 
 class Parser {
  public:
@@ -57,11 +75,15 @@ class Parser {
     decoder_.kernels = &kernels.rans;
     decoder_.streams = &kernels.streams;
   }
-  Status operator()(const Bytes& page, const SceneHeader& header, const LayerHeader& layer,
+  // The failure of either part.
+  Status operator()(const Page& page, const SceneHeader& header, const LayerHeader& layer,
                     const EntropyTables& tables, const BlockRecord* block, size_t n,
-                    const PageWants& wants, PageColumns* out, SectionBytes* sections = nullptr) {
-    return decode_rans_page(decoder_, page, kBase, header, layer, tables, block, n, wants, out,
-                            sections);
+                    bool with_detail, PageColumns* out, SectionBytes* sections = nullptr) {
+    Status detail;
+    const bool decodes = with_detail && !page.detail.empty();
+    Status first = decode_rans_page(decoder_, page.parts(), header, layer, tables, block, n, out,
+                                    sections, decodes ? &detail : nullptr);
+    return first.ok() ? detail : first;
   }
 
  private:
@@ -87,14 +109,16 @@ TEST(RansPage, RoundTripInEveryCoding) {
         for (const PageColumns& columns : pages) {
           for (const bool split : {false, true}) {
             SCOPED_TRACE(columns.n);
-            const Bytes raw = coded.model.encode_page(header, layer, columns, split);
-            for (const PageWants& wants : {PageWants(), kNoSh}) {
+            const Page page = page_of(coded.model, header, layer, columns, split);
+            EXPECT_EQ(page.detail.empty(), !split || !header.has_sh_detail());
+            for (const bool with_detail : {true, false}) {
               SectionBytes sections{};
-              const Status s = parse(raw, header, layer, coded.tables, rcq ? &block : nullptr,
-                                     columns.n, wants, &reused, &sections);
+              const Status s = parse(page, header, layer, coded.tables, rcq ? &block : nullptr,
+                                     columns.n, with_detail, &reused, &sections);
               ASSERT_TRUE(s.ok()) << s.detail();
-              expect_columns(header, layer, wants.sh, columns, reused);
-              EXPECT_LE(std::accumulate(sections.begin(), sections.end(), uint64_t{0}), raw.size());
+              expect_columns(header, layer, with_detail || page.detail.empty(), columns, reused);
+              EXPECT_LE(std::accumulate(sections.begin(), sections.end(), uint64_t{0}),
+                        page.first.size() + (with_detail ? page.detail.size() : 0));
             }
           }
         }
@@ -129,43 +153,56 @@ TEST(RansPage, StreamsHoldTheSameColumns) {
 
 // One page of 33 Gaussians for tests that damage it.
 struct Sample {
-  SceneHeader header = test::transform_header();
-  const LayerHeader& layer = header.layers[1];
-  PageColumns columns = rans_columns(header, layer, nullptr, 33, 7);
-  Coded coded{header, layer, {columns}};
+  SceneHeader header;
+  const LayerHeader& layer;
+  PageColumns columns;
+  Coded coded;
   Parser parse{kBackends[1]};
 
-  Bytes page(bool split) const { return coded.model.encode_page(header, layer, columns, split); }
-  Status decode(const Bytes& page, const PageWants& wants = PageWants()) {
+  explicit Sample(unsigned sh_base = 3)
+      : header(header_of(sh_base)),
+        layer(header.layers[1]),
+        columns(rans_columns(header, layer, nullptr, 33, 7)),
+        coded(header, layer, {columns}) {}
+  static SceneHeader header_of(unsigned sh_base) {
+    SceneHeader h = test::transform_header();
+    h.sh_base = sh_base;
+    return h;
+  }
+
+  Page page(bool split) const { return page_of(coded.model, header, layer, columns, split); }
+  Status decode(const Page& page, bool with_detail = true) {
     PageColumns out;
-    return parse(page, header, layer, coded.tables, nullptr, columns.n, wants, &out);
+    return parse(page, header, layer, coded.tables, nullptr, columns.n, with_detail, &out);
   }
 };
-
-size_t second_block(const Bytes& page) {
-  return 4 + page[0] + page[1] * size_t{256} + page[2] * size_t{65536};
-}
 
 // spec: RANS-1, RANS-7
 TEST(RansPage, TruncatedAtEveryByteAndLonger) {
   Sample sample;
   for (const bool split : {false, true}) {
-    const Bytes whole = sample.page(split);
-    for (size_t cut = 0; cut < whole.size(); ++cut) {
-      const Bytes shorter(whole.begin(), whole.begin() + static_cast<std::ptrdiff_t>(cut));
-      const Status s = sample.decode(shorter);
-      ASSERT_EQ(s.code(), L4D_ERR_CORRUPT) << cut;
-      const size_t states = (split ? second_block(whole) : 4) + kRansStateBytes;
-      if (cut < states) {
-        ASSERT_STREQ(s.clause(), "RANS-1") << cut << " of " << whole.size();
-      } else if (cut + 3 > whole.size()) {  // coefficients of SH, which break no other rule
-        ASSERT_STREQ(s.clause(), "RANS-7") << cut << " of " << whole.size();
+    const Page page = sample.page(split);
+    for (Bytes Page::*part : {&Page::first, &Page::detail}) {
+      const Bytes& whole = page.*part;
+      // Those coefficients of SH that come last break no other rule.
+      const bool ends_with_sh = !split || part == &Page::detail;
+      for (size_t cut = part == &Page::first ? 0 : 1; cut < whole.size(); ++cut) {
+        Page shorter = page;
+        (shorter.*part).resize(cut);
+        const Status s = sample.decode(shorter);
+        ASSERT_EQ(s.code(), L4D_ERR_CORRUPT) << cut;
+        if (cut < kRansStateBytes) {
+          ASSERT_STREQ(s.clause(), "RANS-1") << cut << " of " << whole.size();
+        } else if (ends_with_sh && cut + 3 > whole.size()) {
+          ASSERT_STREQ(s.clause(), "RANS-7") << cut << " of " << whole.size();
+        }
       }
-    }
-    for (const size_t more : {size_t{1}, size_t{2}, size_t{3}, size_t{128}}) {
-      Bytes longer = whole;
-      longer.resize(whole.size() + more);
-      EXPECT_STREQ(sample.decode(longer).clause(), "RANS-7") << more;
+      if (whole.empty()) continue;
+      for (const size_t more : {size_t{1}, size_t{2}, size_t{3}, size_t{128}}) {
+        Page longer = page;
+        (longer.*part).resize(whole.size() + more);
+        EXPECT_STREQ(sample.decode(longer).clause(), "RANS-7") << more;
+      }
     }
   }
 }
@@ -173,13 +210,13 @@ TEST(RansPage, TruncatedAtEveryByteAndLonger) {
 // spec: RANS-3
 TEST(RansPage, StatesBelowTheLeastAreRefused) {
   Sample sample;
-  const Bytes whole = sample.page(true);
-  for (const size_t block : {size_t{4}, second_block(whole)}) {
+  const Page page = sample.page(true);
+  for (Bytes Page::*part : {&Page::first, &Page::detail}) {
     for (size_t lane = 0; lane < kRansLanes; ++lane) {
-      Bytes changed = whole;
-      const size_t at = block + lane * sizeof(uint32_t);
-      std::fill_n(changed.begin() + static_cast<std::ptrdiff_t>(at), 2, uint8_t{0xff});
-      std::fill_n(changed.begin() + static_cast<std::ptrdiff_t>(at) + 2, 2, uint8_t{0});
+      Page changed = page;
+      const auto at = (changed.*part).begin() + static_cast<std::ptrdiff_t>(lane * sizeof(uint32_t));
+      std::fill_n(at, 2, uint8_t{0xff});
+      std::fill_n(at + 2, 2, uint8_t{0});
       const Status s = sample.decode(changed);
       EXPECT_EQ(s.code(), L4D_ERR_CORRUPT);
       EXPECT_STREQ(s.clause(), "RANS-3") << lane;
@@ -188,13 +225,32 @@ TEST(RansPage, StatesBelowTheLeastAreRefused) {
 }
 
 // spec: DEC-3
-TEST(RansPage, ABlockThatNobodyAsksForIsSteppedOver) {
-  Sample sample;
-  Bytes changed = sample.page(true);
-  std::fill(changed.begin() + static_cast<std::ptrdiff_t>(second_block(changed)), changed.end(),
-            uint8_t{0});
-  EXPECT_STREQ(sample.decode(changed).clause(), "RANS-3");
-  EXPECT_TRUE(sample.decode(changed, kNoSh).ok());
+TEST(RansPage, DamageInASecondPartCostsNothingElse) {
+  for (const unsigned sh_base : {0u, 1u, 3u, 11u, 47u}) {
+    Sample sample(sh_base);
+    const Page page = sample.page(true);
+    Page changed = page;
+    std::fill(changed.detail.begin(), changed.detail.end(), uint8_t{0});
+    EXPECT_STREQ(sample.decode(changed).clause(), "RANS-3");
+    EXPECT_TRUE(sample.decode(changed, false).ok());
+    // Also where it shows only when all of it is decoded.
+    changed = page;
+    changed.detail.resize(changed.detail.size() + 2);
+    PageColumns out;
+    const Status s = sample.parse(changed, sample.header, sample.layer, sample.coded.tables, nullptr,
+                                  sample.columns.n, true, &out);
+    EXPECT_STREQ(s.clause(), "RANS-7");
+    EXPECT_GE(s.offset(), page.parts().detail_at);
+    EXPECT_FALSE(out.sh_detail);
+    PageColumns base;
+    ASSERT_TRUE(sample.parse(page, sample.header, sample.layer, sample.coded.tables, nullptr,
+                             sample.columns.n, false, &base).ok());
+    expect_columns(sample.header, sample.layer, false, sample.columns, base);
+    for (unsigned k = 0; k < sh_base; ++k) {
+      EXPECT_EQ(out.component[L4D_COMPONENT_SH].coefficient[k],
+                base.component[L4D_COMPONENT_SH].coefficient[k]);
+    }
+  }
 }
 
 // Pages with any integers, whether they keep the rules or not: one table for wide ones and one for
@@ -246,9 +302,9 @@ class AnyPage : public PlaneVisitor {
         writer.add_hybrid(&hybrid_table_, nullptr, hybrid_[p]);
       }
     }
-    Bytes page(4, uint8_t{0});
-    writer.finish(page);
-    return parse(page, header_, layer_, entropy, nullptr, wide_[0].size(), PageWants(), out);
+    Page page;
+    writer.finish(page.first);
+    return parse(page, header_, layer_, entropy, nullptr, wide_[0].size(), true, out);
   }
 
  private:
@@ -344,17 +400,18 @@ TEST(RansPage, GapsThatWrapAroundAreOutOfRange) {
 TEST(RansPage, DamagedBytesAreRefusedOrParsedSafely) {
   Sample sample;
   Random random(3);
-  const Bytes whole = sample.page(true);
+  const Page whole = sample.page(true);
   PageColumns out;
   int parsed = 0;
   for (int round = 0; round < 3000; ++round) {
-    Bytes changed = whole;
+    Page changed = whole;
     for (uint32_t k = 0; k <= random.below(3); ++k) {
-      changed[random.below(static_cast<uint32_t>(whole.size()))] ^=
+      Bytes& part = random.below(2) == 0 ? changed.first : changed.detail;
+      part[random.below(static_cast<uint32_t>(part.size()))] ^=
           static_cast<uint8_t>(1u << random.below(8));
     }
     const Status s = sample.parse(changed, sample.header, sample.layer, sample.coded.tables,
-                                  nullptr, sample.columns.n, PageWants(), &out);
+                                  nullptr, sample.columns.n, true, &out);
     if (!s.ok()) {
       ASSERT_STRNE(s.clause(), "");
       continue;

@@ -27,6 +27,7 @@ void expect_equal(const ChunkRef& a, const ChunkRef& b) {
 void expect_equal(const StageCoding& a, const StageCoding& b) {
   EXPECT_EQ(a.num_entries, b.num_entries);
   EXPECT_EQ(a.element, b.element);
+  EXPECT_EQ(a.step, b.step);
   expect_equal(a.codebook, b.codebook);
 }
 
@@ -186,10 +187,10 @@ std::vector<Rule> rules() {
       {"HEAD-7", "SH coding 4", [](H& h) { h.sh.coding = ComponentCodingId{4}; }, unsupported},
       {"HEAD-7", "rotor coding 9", [=](H& h) { spatial(h).coding = ComponentCodingId{9}; },
        unsupported},
-      {"HEAD-7", "element type 1", [=](H& h) { spatial(h).stages[1].element = ElementType{1}; },
+      {"HEAD-7", "element type 2", [=](H& h) { spatial(h).stages[1].element = ElementType{2}; },
        unsupported},
       {"HEAD-7", "residual element type 1",
-       [](H& h) { h.layers[2].component[L4D_COMPONENT_SCALE].rcq.element = ElementType{1}; },
+       [](H& h) { h.layers[2].component[L4D_COMPONENT_SCALE].rcq.element = ElementType{2}; },
        unsupported},
       {"HEAD-9", "gate 0", [](H& h) { h.gate = 0; }},
       {"HEAD-9", "gate negative", [](H& h) { h.gate = -1; }},

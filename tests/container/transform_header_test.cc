@@ -24,11 +24,13 @@ TEST(TransformHeader, RoundTrip) {
   a.layers[1].component[kSpatial].steps[2] = 1;
   a.layers[1].has_entropy = true;
   a.layers[1].entropy = test::example_chunk(77);
+  a.sh_base = 48;
   SceneHeader b;
   const Status s = parse(a, &b);
   ASSERT_TRUE(s.ok()) << s.detail();
   EXPECT_EQ(b.position, MeanCodingId::kFixed);
   EXPECT_EQ(b.position_bits, kMaxPositionBits);
+  EXPECT_EQ(b.sh_base, 48u);
   ASSERT_EQ(b.layers.size(), a.layers.size());
   for (size_t l = 0; l < a.layers.size(); ++l) {
     EXPECT_EQ(b.layers[l].mean_t_shift, a.layers[l].mean_t_shift);
@@ -55,6 +57,16 @@ const Rule kRules[] = {
     {"CODE-5", [](SceneHeader& h) { h.position_bits = 0; }},
     {"CODE-5", [](SceneHeader& h) { h.position_bits = kMaxPositionBits + 1; }},
     {"CODE-6", [](SceneHeader& h) { h.layers[2].mean_t_shift = kMaxMeanShift + 1; }},
+    {"CODE-7",
+     [](SceneHeader& h) {
+       h.sh.basis.element = ElementType::kSq;
+       h.sh.basis.step = 0x1p-21f;
+     }},
+    {"CODE-7",
+     [](SceneHeader& h) {
+       h.sh.basis.element = ElementType::kSq;
+       h.sh.basis.step = 1025;
+     }},
     {"HEAD-14", [](SceneHeader& h) { h.layers[1].scale_factor.coding = ScalarCodingId::kRaw32; }},
     {"HEAD-15",
      [](SceneHeader& h) { h.layers[1].component[kTemporal] = test::example_vq(4, 1, false, 3); }},
@@ -103,9 +115,21 @@ const Rule kRules[] = {
      }},
     {"TRAN-4", [](SceneHeader& h) { h.sh.basis.num_entries = 48; }},
     {"TRAN-4", [](SceneHeader& h) { h.sh.basis.num_entries = 50; }},
+    {"TRAN-7", [](SceneHeader& h) { h.sh_base = 49; }},
+    {"TRAN-7", [](SceneHeader& h) { h.sh_base = 255; }},
+    {"TRAN-7",
+     [](SceneHeader& h) {
+       h.sh = test::example_vq(9, 1, false, 1);
+       h.sh_base = 1;
+     }},
+    {"TRAN-7",
+     [](SceneHeader& h) {
+       h.sh = ComponentCoding();
+       h.sh_base = 1;
+     }},
 };
 
-// spec: CODE-5, CODE-6, HEAD-14, HEAD-15, TRAN-1, TRAN-2, TRAN-3, TRAN-4
+// spec: CODE-5, CODE-6, CODE-7, HEAD-14, HEAD-15, TRAN-1, TRAN-2, TRAN-3, TRAN-4, TRAN-7
 TEST(TransformHeader, EachRuleIsChecked) {
   for (const Rule& rule : kRules) {
     SceneHeader header = test::transform_header();
@@ -123,7 +147,7 @@ TEST(TransformHeader, UnknownIdsAreNamed) {
       [](SceneHeader& h) { h.position = static_cast<MeanCodingId>(4); },
       [](SceneHeader& h) { h.layers[1].mean_t = MeanCodingId::kFixed; },
       [](SceneHeader& h) { h.sh.coding = static_cast<ComponentCodingId>(4); },
-      [](SceneHeader& h) { h.sh.basis.element = static_cast<ElementType>(1); }};
+      [](SceneHeader& h) { h.sh.basis.element = static_cast<ElementType>(2); }};
   for (const auto& edit : edits) {
     SceneHeader header = test::transform_header();
     edit(header);

@@ -169,7 +169,7 @@ TEST(Clause, HEAD_7) {
   expect_header_rule(
       "HEAD-7", [](SceneHeader& h) { h.position = MeanCodingId{4}; }, unsupported);
   expect_header_rule(
-      "HEAD-7", [](SceneHeader& h) { h.sh.stages[0].element = ElementType{1}; }, unsupported);
+      "HEAD-7", [](SceneHeader& h) { h.sh.stages[0].element = ElementType{2}; }, unsupported);
 }
 
 // spec: HEAD-8

@@ -4,6 +4,7 @@
 
 #include <cstring>
 
+#include "tests/common/sh_detail.h"
 #include "tests/faults/decoder_calls.h"
 
 namespace l4d {
@@ -37,11 +38,11 @@ struct FaultyReader {
   }
 };
 
-TEST(ReaderFaults, EveryCallOfEveryFunction) {
-  DecoderCalls calls(tiny_file());
+void fail_every_read(const Bytes& file) {
+  DecoderCalls calls(file);
   for (const Call call : kCalls) {
     SCOPED_TRACE(name_of(call));
-    FaultyReader count{&tiny_file()};
+    FaultyReader count{&file};
     int before = 0;
     {
       const DecoderHandle d = calls.opened(count.reader(), 1);
@@ -51,7 +52,7 @@ TEST(ReaderFaults, EveryCallOfEveryFunction) {
     ASSERT_GT(count.calls, before);
     for (int k = before; k < count.calls; ++k) {
       for (const auto fault : {FaultyReader::kFails, FaultyReader::kEnds, FaultyReader::kTooMuch}) {
-        FaultyReader faulty{&tiny_file(), fault, k};
+        FaultyReader faulty{&file, fault, k};
         const l4d_reader reader = faulty.reader();
         const DecoderHandle d = calls.opened(reader, 1);
         ASSERT_EQ(calls.make(call, d.get(), reader), L4D_ERR_IO) << "read " << k;
@@ -62,6 +63,13 @@ TEST(ReaderFaults, EveryCallOfEveryFunction) {
       }
     }
   }
+}
+
+TEST(ReaderFaults, EveryCallOfEveryFunction) {
+  fail_every_read(tiny_file());
+  EncodeOptions o = small_options();
+  o.rans = true;
+  fail_every_read(with_sh_detail(encode(head(make_scene({}), 300), o).bytes, 0));
 }
 
 // ---- progress ----------------------------------------------------------------------------------

@@ -133,7 +133,7 @@ Result page(StreamDecoder& decoder, ByteSpan raw, uint32_t n, unsigned a, unsign
   PageColumns none;
   SectionBytes stepped{};
   if (!decode_page(decoder, raw, 0, header, header.layers[0], nullptr, 1 + n,
-                   {false, false, false, false, false, false}, &none, &stepped)
+                   {false, false, false, false, false, false, false}, &none, &stepped)
            .ok() ||
       stepped != sections) {
     std::abort();

@@ -15,9 +15,11 @@ namespace {
 
 constexpr uint64_t kMaxGaussians = 100000;
 
-void decode_whole(l4d_decoder* decoder, const l4d_info& info) {
+void decode_whole(l4d_decoder* decoder, const l4d_info& info, uint32_t detail) {
   l4d_query query;
   l4d_query_init(&query);
+  query.detail = detail;
+  (void)l4d_decoder_set_detail(decoder, detail);
   l4d_selection selection;
   l4d_selection_init(&selection);
   if (l4d_decoder_select(decoder, &query, &selection) != L4D_OK) return;
@@ -74,7 +76,8 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
     l4d_info info;
     l4d_info_init(&info);
     if (l4d_decoder_get_info(decoder, &info) != L4D_OK) std::abort();
-    decode_whole(decoder, info);
+    decode_whole(decoder, info, L4D_DETAIL_FULL);
+    decode_whole(decoder, info, L4D_DETAIL_BASE_COLOR);
     uint64_t sections[L4D_SECTION_COUNT];
     (void)l4d_decoder_get_sections(decoder, sections, nullptr);
     l4d_codebook book;

@@ -15,6 +15,7 @@ constexpr size_t kControlBytes = 4 + PageTableEntry::kBytes;
 SceneHeader header_of(const uint8_t* control) {
   SceneHeader header;
   header.timeline = {0, 1u << 20, 30, 1, 0};
+  header.sh.coding = ComponentCodingId::kVq;
   header.layers.resize(2);
   for (LayerHeader& layer : header.layers) {
     layer.level = control[1] % 16u;

@@ -138,7 +138,7 @@ TEST(Amplification, ConstantPage) {
   EXPECT_LT(tight.held, 8 * kMiB + kMiB);
 }
 
-// Chunks may overlap as far as a decoder looks: the records of a page cost 56 bytes, and a codec of
+// Chunks may overlap as far as a decoder looks: the records of a page cost 72 bytes, and a codec of
 // the directory makes them cost next to nothing.
 TEST(Amplification, RecordsThatShareAPage) {
   constexpr uint32_t kPages = 2000;

@@ -15,8 +15,10 @@
 namespace l4d::test {
 namespace {
 
-// Both structs that locate chunks in FlatBuffers begin with the offset and the hash.
+// Both structs that locate chunks in FlatBuffers begin with the offset and the hash. A page record has
+// those of a second part next.
 constexpr size_t kHashInStruct = 8;
+constexpr size_t kShHashInStruct = 24;
 // Of one layer: a stream may claim a million of them.
 constexpr uint32_t kMaxDirectoryPages = 4096;
 constexpr uint32_t kMaxUnpackedDirectory = 1u << 20;
@@ -53,13 +55,18 @@ class Walker {
   // `place`: a ChunkRef or a PageRecord in a copy of its FlatBuffer.
   template <typename Place>
   void chunk(ChunkKind kind, const Place* place, uint64_t base) {
-    const uint64_t offset = base + place->offset();
-    if (offset < base || place->stored_bytes() == 0) return;
-    if (!inside(offset, place->stored_bytes())) return;
-    note(kind, offset, place->stored_bytes());
+    range(kind, place, kHashInStruct, place->offset(), place->stored_bytes(), base);
+  }
+  // hash_at: where in `place` its hash is.
+  void range(ChunkKind kind, const void* place, size_t hash_at, uint64_t relative, uint32_t stored,
+             uint64_t base) {
+    const uint64_t offset = base + relative;
+    if (offset < base || stored == 0) return;
+    if (!inside(offset, stored)) return;
+    note(kind, offset, stored);
     if (!repair_) return;
-    auto* bytes = const_cast<unsigned char*>(reinterpret_cast<const unsigned char*>(place));
-    hashes_.emplace_back(bytes + kHashInStruct, hash_of(offset, place->stored_bytes()));
+    auto* bytes = const_cast<unsigned char*>(static_cast<const unsigned char*>(place));
+    hashes_.emplace_back(bytes + hash_at, hash_of(offset, stored));
   }
 
   // Of the places in a FlatBuffer, once all of it has been read: its objects may overlap, and a
@@ -145,6 +152,8 @@ class Walker {
     if (!elements_aligned(*page->pages())) return;
     for (const fbs::PageRecord* p : *page->pages()) {
       chunk(ChunkKind::kPage, p, scene.payload_offset);
+      range(ChunkKind::kShDetail, p, kShHashInStruct, p->sh_offset(), p->sh_bytes(),
+            scene.payload_offset);
     }
     if (page->blocks() != nullptr) {
       for (const fbs::Block* block : *page->blocks()) {

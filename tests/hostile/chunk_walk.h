@@ -17,7 +17,8 @@ enum class ChunkKind {
   kPageTable,
   kDirectoryPage,
   kBlockCodebook,
-  kPage
+  kPage,
+  kShDetail
 };
 
 struct ChunkPlace {

@@ -8,13 +8,15 @@ namespace {
 
 // Widths of the numbers of a table's fields, in the order of the schema. Offsets count as numbers.
 constexpr const char* kChunkRef = "884444";
-constexpr const char* kPageRecord = "88444441111222222";
+constexpr const char* kPageRecord = "88884444441111222222";
 constexpr const char* kHeader[] = {"8", "8", "4",   "4", "4", "4", "888", "8", "1", "1", "1",
-                                   "1", "1", "444", "4", "4", "1", "4",   "4", "8", "4", "4"};
-constexpr const char* kLayer[] = {"1", "1", "8", "1", "4", "4", "4", "4", "4", "1", "8"};
+                                   "1", "1", "444", "4", "4", "1", "4",   "4", "8", "4", "4",
+                                   "1", "1", "1",   "1"};
+constexpr const char* kLayer[] = {"1", "1", "8", "1", "4", "4", "4",
+                                  "4", "4", "1", "8", "1", kChunkRef};
 constexpr const char* kScalarCoding[] = {"1", "1", "4", "4"};
 constexpr const char* kStage[] = {"4", "1", kChunkRef};
-constexpr const char* kComponentCoding[] = {"1", "4", "1", "4"};
+constexpr const char* kComponentCoding[] = {"1", "4", "1", "4", "4", "4", "4"};
 constexpr const char* kKeyValue[] = {"4", "4"};
 constexpr const char* kExtension[] = {"4", "1", kChunkRef};
 constexpr const char* kDirectoryPage[] = {"4", "4", "4", "4"};
@@ -73,6 +75,7 @@ void add_component(Collector& c, const fbs::ComponentCoding* coding) {
   c.table(coding, kComponentCoding);
   c.tables(coding->stages(), [&](const fbs::Stage* s) { c.table(s, kStage); });
   if (coding->rcq() != nullptr) c.table(coding->rcq(), kStage);
+  if (coding->basis() != nullptr) c.table(coding->basis(), kStage);
 }
 
 }  // namespace

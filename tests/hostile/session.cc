@@ -24,9 +24,14 @@ Handle make_decoder() {
   return Handle(decoder);
 }
 
+uint32_t detail_of(uint32_t choice) {
+  return choice % 7 == 3 ? L4D_DETAIL_BASE_COLOR : L4D_DETAIL_FULL;
+}
+
 l4d_query query_of(const l4d_info& info, uint32_t choice) {
   l4d_query query;
   l4d_query_init(&query);
+  query.detail = detail_of(choice);
   query.kind = choice % 3;
   query.max_level = choice / 3 % 4 == 3 ? choice % 5 : UINT32_MAX;
   const double unit = info.duration / 16;
@@ -143,6 +148,7 @@ l4d_status Session::step(l4d_decoder* decoder, Step step, uint32_t choice) {
       b.covariance = b.position + 3 * n;
       b.opacity = b.covariance + 6 * n;
       b.sh = b.opacity + n;
+      (void)l4d_decoder_set_detail(decoder, detail_of(choice));
       const l4d_status status = l4d_decoder_slice(decoder, query.time_begin, &b);
       if (status == L4D_OK && b.count > n) std::abort();
       return status;
@@ -189,7 +195,9 @@ l4d_status Session::use(const Bytes& file) {
   const l4d_status opened = l4d_decoder_open_memory(decoder.get(), file.data(), file.size());
   if (opened != L4D_OK) return opened;
   const l4d_status status = step(decoder.get(), Step::kDecode, 0);
+  (void)step(decoder.get(), Step::kDecode, 3);  // base colours
   (void)step(decoder.get(), Step::kSlice, 12 * 10);
+  (void)step(decoder.get(), Step::kSlice, 12 * 10 + 2);
   (void)step(decoder.get(), Step::kPacked, 0);
   (void)step(decoder.get(), Step::kSections, 0);
   (void)step(decoder.get(), Step::kSelect, 12 * 5 + 1);

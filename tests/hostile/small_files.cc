@@ -6,6 +6,7 @@
 
 #include "l4d/l4d.hpp"
 #include "libl4dcodec/base/ordered.h"
+#include "tests/common/sh_detail.h"
 #include "tests/common/stream_editor.h"
 #include "tests/common/stream_writer.h"
 #include "tests/common/test_scene.h"
@@ -40,10 +41,18 @@ Bytes encode_small(const Recipe& recipe) {
       {L4D_ENC_PAGE_SIZE, 64},
       {L4D_ENC_ZSTD_LEVEL, 3},
       {L4D_ENC_RANS, recipe.rans ? 1 : 0}};
+  if (std::string(recipe.preset) == "default") settings.push_back({L4D_ENC_CODING, 1});
   if (!lossless) {
     settings.insert(settings.end(), {{L4D_ENC_CODEBOOK_SIZE, 2},
                                      {L4D_ENC_KMEANS_ITERATIONS, 4},
                                      {L4D_ENC_LITERAL_THRESHOLD, recipe.literal_threshold}});
+  }
+  if (std::string(recipe.preset) == "indexed-small") {
+    // Nothing that follows a quality.
+    settings.insert(settings.end(), {{L4D_ENC_CODEBOOKS_BY_COST, 0},
+                                     {L4D_ENC_REFINE, 0},
+                                     {L4D_ENC_MEAN_T_SHIFT, 0},
+                                     {L4D_ENC_OPACITY_BITS, 8}});
   }
   for (const auto& [id, value] : settings) {
     e.check(l4d_encoder_set(e.get(), id, L4D_ALL_COMPONENTS, value));
@@ -130,6 +139,8 @@ const std::vector<SmallFile>& small_files() {
     rans.rans = true;
     Recipe both = transform;
     both.rans = true;
+    const Bytes rans_transform = with_codec(encode_small(both), 0);
+    const Bytes rans_stages = with_codec(encode_small(rans), 0);
     // Stored chunks let damage reach what lies in them.
     const Bytes plain = with_codec(encode_small({}), 0);
     return std::vector<SmallFile>{{"plain", plain},
@@ -139,8 +150,10 @@ const std::vector<SmallFile>& small_files() {
                                   {"lossless", with_codec(encode_small(lossless), 0)},
                                   {"packed", with_codec(encode_small(stages), 1)},
                                   {"transform", with_codec(encode_small(transform), 0)},
-                                  {"rans", with_codec(encode_small(rans), 0)},
-                                  {"rans-transform", with_codec(encode_small(both), 0)}};
+                                  {"rans", rans_stages},
+                                  {"rans-transform", rans_transform},
+                                  {"parts", with_sh_detail(rans_stages, 0)},
+                                  {"parts-base", with_sh_detail(rans_transform, 3)}};
   }();
   return kFiles;
 }

@@ -38,13 +38,13 @@ class Parts:
         self.scene = {
             "num_gaussians": 2 * N, "time_begin": 1.0, "num_frames": 2, "fps_num": 4, "fps_den": 1,
             "origin": {}, "position": 3, "position_bits": 8, "position_center": {},
-            "position_scale": 0.0625, "sh_degree": 0, "sh": transform(1, 2),
+            "position_scale": 0.0625, "sh_degree": 0, "sh": transform(1, 2), "sh_base": 1,
             "opacity": {"coding": 2, "bits": 5, "offset": 0.0, "step": 0.03125}}
         self.scene["sh"].update(steps=[1.0, 0.5], basis=self.scene["sh"]["basis"][:3])
         self.draw()
         self.split, self.tables, self.num_wide, self.num_tables = True, [WIDE, HYBRID], 1, None
         self.records, self.table_bytes, self.end = [{}, {}], {}, {}
-        self.page_bytes = self.chunk_bytes = lambda raw: raw
+        self.page_bytes = self.detail_bytes = self.chunk_bytes = lambda raw: raw
 
     def draw(self):
         """Columns of the codings as they are now."""
@@ -74,11 +74,13 @@ class Parts:
             chunk += self.table_bytes.get(i, rans_writer.table(frequencies))
         chunk += b"".join(map(bytes, self.map))
         used = [[WIDE if p.wide else HYBRID] * p.num_contexts for p in self.planes]
-        raw = rans_writer.page(self.planes, used, self.split, **self.end)
+        split = rans_writer.first_detail(self.planes, self.scene["sh_base"])
+        raw, detail = rans_writer.page(self.planes, used, split if self.split else None, **self.end)
         record = {"num_gaussians": N, "bucket": 0, "block": sb.NO_BLOCK, "visible_begin": 0,
                   "visible_end": 255, "bounds": NO_BOUNDS, "reserved": 0}
         pages = [{**record, "raw": self.columns[0].streams(), **self.records[0]},
-                 {**record, "codec": 2, "raw": self.page_bytes(raw), **self.records[1]}]
+                 {**record, "codec": 2, "raw": self.page_bytes(raw),
+                  "detail": self.detail_bytes(detail), **self.records[1]}]
         layer = dict({"entropy": self.chunk_bytes(chunk)}, **self.layer)
         return sb.build(dict(self.scene, layers=[dict(layer, pages=pages)]), rng=FIRST)
 
@@ -149,6 +151,7 @@ def raw(name):
     def edit(p):
         (p.scene if name in p.scene else p.layer)[name] = 1 if name == "position" else {
             "coding": 1, "bits": 0, "offset": 0.0, "step": 0.0}
+        p.scene["sh_base"] = 0
         p.draw()
     return edited(edit)
 
@@ -178,7 +181,9 @@ def bounded(bits, most):
 def valid():
     """Some streams that break no rule."""
     yield "as it is", Parts().build()
-    yield "one block", parts(split=False)
+    yield "one part", parts(split=False)
+    yield "no base", header(sh_base=0)
+    yield "all of sh in the base", header(sh_base=2)
     yield "bounds of 8 bits", bounded(8, 255)
     yield "bounds of 15 bits", bounded(15, 32768)
     yield "bounds of 21 bits", bounded(21, 32768)
@@ -190,7 +195,7 @@ def broken_headers():
     basis = Parts().scene["sh"]["basis"]
     yield "HEAD-7 position unknown", header(position=4)
     yield "HEAD-7 mean_t fixed", layer(mean_t=3)
-    yield "HEAD-7 basis element", coding("sh", patch={"element": 1})
+    yield "HEAD-7 basis element", coding("sh", patch={"element": 2})
     yield "HEAD-14 scale coded", layer(scale_factor={"coding": 1})
     yield "HEAD-15 temporal", layer(rotor_spatial=vq)
     yield "HEAD-15 spatial zero", layer(rotor_spatial={"coding": 0})
@@ -198,6 +203,9 @@ def broken_headers():
     yield "CODE-5", header(position_bits=0)
     yield "CODE-5 many", header(position_bits=22)
     yield "CODE-6", layer(mean_t_shift=11)
+    yield "CODE-7", coding("sh", patch={"element": 1, "step": 0.0})
+    yield "CODE-7 large", coding("sh", patch={"element": 1, "step": 1025.0})
+    yield "CODE-7 NaN", coding("sh", patch={"element": 1, "step": float("nan")})
     yield "TRAN-1", coding("sh", steps=[], ladder=[], basis=basis[:1])
     yield "TRAN-1 many", coding("sh", steps=[1.0] * 4, ladder=[4], basis=basis + basis[:2])
     yield "TRAN-1 rotor", coding("rotor_spatial", steps=[1.0] * 4, ladder=[4],
@@ -216,6 +224,9 @@ def broken_headers():
     yield "TRAN-4", coding("sh", basis=[])
     yield "TRAN-4 few", coding("sh", patch={"num_entries": 2})
     yield "TRAN-4 many", coding("sh", patch={"num_entries": 4})
+    yield "TRAN-7", header(sh_base=3)
+    yield "TRAN-7 vq", edited(lambda p: p.scene.update(sh={
+        "coding": 2, "literals": False, "stages": [[(1.0, 0.0, 0.0)]]}), lambda p: p.draw())
 
 
 def broken_chunks():
@@ -253,23 +264,33 @@ def broken_chunks():
 
 
 def broken_pages():
-    first = lambda change: parts(page_bytes=lambda raw: change(
-        raw, 4 + int.from_bytes(raw[:4], "little")))
+    first = lambda change: parts(page_bytes=change)
+    second = lambda change: parts(detail_bytes=change)
+    record = lambda **patch: parts(records=[{}, {"patch": patch}])
     state = (0x1234).to_bytes(4, "little")
     low = [rans_writer.LOW] * 32
-    yield "RANS-1 first_bytes", parts(page_bytes=lambda raw: raw[:3])
-    yield "RANS-1 beyond", parts(page_bytes=lambda raw: b"\xff\xff\xff\xff" + raw[4:])
-    yield "RANS-1 first", parts(page_bytes=lambda raw: b"\x7f\x00\x00\x00" + raw[4:])
-    yield "RANS-1 second", first(lambda raw, end: raw[:end + 127])
-    yield "RANS-1 all", parts(page_bytes=lambda raw: bytes(4) + raw[4:131])
-    yield "RANS-3", parts(page_bytes=lambda raw: raw[:4] + state + raw[8:])
-    yield "RANS-3 second", first(lambda raw, end: raw[:end + 124] + state + raw[end + 128:])
+    yield "RANS-1 first", first(lambda raw: raw[:127])
+    yield "RANS-1 nothing in it", first(lambda raw: b"")
+    yield "RANS-1 second", second(lambda raw: raw[:127])
+    yield "RANS-1 all", parts(split=False, page_bytes=lambda raw: raw[:127])
+    yield "RANS-3", first(lambda raw: state + raw[4:])
+    yield "RANS-3 second", second(lambda raw: raw[:124] + state + raw[128:])
+    yield "CHNK-1 second", record(sh_offset=1 << 20)
+    yield "CHNK-2 second", record(sh_hash=1)
+    yield "CHNK-8 second", second(lambda raw: raw + bytes(20000))
+    yield "DIR-13", parts(split=False, records=[{}, {"patch": {"sh_offset": 1}}])
+    yield "DIR-13 hash", parts(split=False, records=[{}, {"patch": {"sh_hash": 1}}])
+    yield "DIR-13 streams", parts(records=[{"detail": bytes(128)}, {}])
+    yield "DIR-13 zstd", parts(records=[{"detail": bytes(128), "codec": 1}, {}])
+    yield "DIR-13 base", edited(lambda p: p.scene.update(sh_base=2), lambda p: p.records[1].update(
+        detail=bytes(128)))
     for name in ("position", "opacity", "sh", "scale"):
         yield "RANS-6 " + name, raw(name)
     yield "RANS-6 entropy", layer(entropy=None)
+    yield "RANS-7 first", first(lambda raw: raw + bytes(2))
     yield "RANS-7", parts(end={"words": b"\x00\x00"})
     yield "RANS-7 odd", parts(end={"words": b"\x00"})
-    yield "RANS-7 missing", parts(page_bytes=lambda raw: raw[:-2])
+    yield "RANS-7 missing", second(lambda raw: raw[:-2])
     yield "RANS-7 state", parts(end={"states": low[:31] + [rans_writer.LOW + 1]})
     yield "RANS-7 all", parts(split=False, end={"states": [rans_writer.LOW + 1] + low[:31]})
     yield "RANS-8", plane("position", 1 << 24, 0)

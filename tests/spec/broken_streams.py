@@ -155,7 +155,7 @@ def broken():
     yield "HEAD-7 position", edited(lambda s: s.update(position=0))
     yield "HEAD-7 scalar", coding(None, "opacity", coding=3)
     yield "HEAD-7 component", coding(0, "scale", coding=4)
-    yield "HEAD-7 element", coding(0, "scale", patch={"element": 1})
+    yield "HEAD-7 element", coding(0, "scale", patch={"element": 2})
     yield "HEAD-8", edited(lambda s: s.update(extensions=[{"id": 7, "critical": True}]))
     yield "HEAD-9", edited(lambda s: s.update(gate=16.5))
     yield "HEAD-10", layer(0, mean_t=2)

@@ -121,7 +121,9 @@ int main(int argc, char** argv) {
   options.backend = mode == "reference" ? L4D_BACKEND_REFERENCE : L4D_BACKEND_CPU;
   l4d_query query;
   l4d_query_init(&query);
-  if (mode != "reference" && mode != "cpu" && mode != "validate" && mode != "conformance") {
+  if (mode == "base") {
+    query.detail = L4D_DETAIL_BASE_COLOR;
+  } else if (mode != "reference" && mode != "cpu" && mode != "validate" && mode != "conformance") {
     query.kind = L4D_QUERY_TIME;
     query.time_begin = std::stod(mode);
   }

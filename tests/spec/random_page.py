@@ -197,4 +197,5 @@ def add_rans_pages(rng, scene, layer):
     model = rans_writer.Model(rng, names, planes)
     layer["entropy"] = model.chunk
     for page, of in zip(chosen, planes):
-        page["codec"], page["raw"] = 2, model.page(of, split=rng.random() < 0.6)
+        detail = rans_writer.first_detail(of, scene["sh_base"]) if rng.random() < 0.6 else None
+        page["codec"], (page["raw"], page["detail"]) = 2, model.page(of, detail)

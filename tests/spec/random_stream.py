@@ -12,6 +12,10 @@ from random_page import FIXED, RAW32, TRANSFORM, VQ, ZERO, f32, half_value
 
 
 def rows(rng, n, dim):
+    if rng.random() < 0.3:
+        most = rng.choice([1, 40, 300, 32767])
+        step = f32(rng.choice([2.0 ** -20, 2.0 ** 10, rng.uniform(2.0 ** -20, 1)]))
+        return sb.Multiples([[rng.randint(-most - 1, most) for _ in range(dim)] for _ in range(n)], step)
     round16 = lambda v: struct.unpack("<e", struct.pack("<e", v))[0]
     return [[round16(half_value(rng)) for _ in range(dim)] for _ in range(n)]
 
@@ -95,6 +99,9 @@ class RandomScene:
             "metadata": [{"key": "a", "value": "\u00e4"}] * rng.randint(0, 2),
             "extensions": [{"id": 70000, "critical": False}] * rng.randint(0, 1),
         }
+        sh = self.scene["sh"]
+        most = len(sh["steps"]) if sh["coding"] == TRANSFORM else 0
+        self.scene["sh_base"] = rng.choice([0, 0, most, rng.randint(0, most), rng.randint(0, most)])
         bits = rng.choice([1, 8, 15, 16, 21, rng.randint(1, 21)])
         fixed = self.scene["position"] == FIXED
         self.scene["position_bits"] = bits if fixed else rng.randrange(256)

@@ -67,13 +67,19 @@ def block(planes, maps, states=None, words=b""):
     return struct.pack(f"<{LANES}I{len(out)}H", *x, *reversed(out)) + words
 
 
+def first_detail(planes, sh_base):
+    """Number of the first plane of SH detail."""
+    of = "sh coefficient" if sh_base else "sh "
+    found = [i for i, p in enumerate(planes) if p.name.startswith(of)]
+    return [*found, *[len(planes)] * (sh_base + 1)][sh_base]
+
+
 def page(planes, maps, split, **end):
-    """The planes of SH are those whose names begin so. end: of the last block."""
-    sh = next((i for i, p in enumerate(planes) if p.name.startswith("sh ")), len(planes))
-    if not split:
-        return struct.pack("<I", 0) + block(planes, maps, **end)
-    first = block(planes[:sh], maps[:sh])
-    return struct.pack("<I", len(first)) + first + block(planes[sh:], maps[sh:], **end)
+    """The parts. split: number of the first plane of the second, None for one part. end: of the last
+    block."""
+    if split is None or split == len(planes):
+        return block(planes, maps, **end), b""
+    return block(planes[:split], maps[:split]), block(planes[split:], maps[split:], **end)
 
 
 def table(frequencies, num_tokens=None, spare=lambda: 0):

@@ -84,7 +84,18 @@ def halves(rng, values):
     return stream(rng, [make_tiny.order(v) for v in values], 16)
 
 
+class Multiples(list):
+    """Rows of a codebook whose numbers are integers, to be multiplied by a step."""
+
+    def __init__(self, rows, step):
+        super().__init__(rows)
+        self.step = step
+
+
 def codebook(rng, rows):
+    if isinstance(rows, Multiples):
+        zigzag = lambda q: 2 * q if q >= 0 else -2 * q - 1
+        return b"".join(stream(rng, [zigzag(q) for q in column], 16) for column in zip(*rows))
     return b"".join(halves(rng, column) for column in zip(*rows))
 
 
@@ -113,8 +124,11 @@ def build(scene, version=(1, 0), flags=1, rng=random.Random(0), unknown_fields=F
         also = c.get("also", {})          # fields that the coding ignores
         if c["coding"] not in (2, 3):
             return {"coding": c["coding"], **also}
-        stage = lambda rows: {"num_entries": len(rows), "element": 0, "codebook": chunk(
-            codebook(rng, rows) + c.get("suffix", b""), codebooks), **c.get("patch", {})}
+        stage = lambda rows: {
+            "num_entries": len(rows), "element": int(isinstance(rows, Multiples)),
+            "step": getattr(rows, "step", -1.0),      # meaningless in others
+            "codebook": chunk(codebook(rng, rows) + c.get("suffix", b""), codebooks),
+            **c.get("patch", {})}
         if c["coding"] == 3:
             basis = stage(c["basis"]) if c["basis"] else None
             return {"coding": 3, "basis": basis, "steps": c["steps"], "ladder": c["ladder"],
@@ -191,18 +205,27 @@ def directory_page(index, layer, d, chunk, payload):
             {"component": c, "num_entries": n, "table": chunk(raw, payload)}
             for c, n, raw in tables]})
     for p in records:
-        out["pages"].append(PageRecord(p, chunk(p["raw"], payload)))
+        ref = chunk(p["raw"], payload)
+        detail = chunk(p["detail"], payload) if p.get("detail") else {}
+        out["pages"].append(PageRecord(p, ref, detail))
     return out
 
 
 class PageRecord(dict):
-    """A record whose chunk gets its place later."""
+    """A record whose chunks get their places later."""
 
-    def __init__(self, page, ref):
-        super().__init__({k: v for k, v in page.items() if k not in ("raw", "patch", "columns")})
-        self.ref = ref
+    OF_DETAIL = {"sh_offset": "offset", "sh_hash": "hash", "sh_bytes": "stored_bytes"}
+
+    def __init__(self, page, ref, detail):
+        left_out = ("raw", "detail", "patch", "columns")
+        super().__init__({k: v for k, v in page.items() if k not in left_out})
+        self.ref, self.detail = ref, detail
         self.update(page.get("patch", {}))
 
     def get(self, key, default=None):
-        return self[key] if key in self else self.ref.get(key, default)
+        if key in self:
+            return self[key]
+        if key in self.OF_DETAIL:
+            return self.detail.get(self.OF_DETAIL[key], default)
+        return self.ref.get(key, default)
 
