@@ -1,15 +1,74 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "l4d/cuda.h"
 
+#include <algorithm>
+#include <memory>
+
+#include "libl4dcodec/api/decoder_handle.h"
 #include "libl4dcodec/base/c_api.h"
 #ifdef L4D_HAVE_CUDA
+#include "decoder/cuda/device_decoder.h"
 #include "libl4dcodec/cuda/device.h"
 #endif
+
+using l4d::Status;
+using l4d::api::guard;
+using l4d::api::init_struct;
+using l4d::api::read_struct;
+using l4d::api::write_struct;
+
+struct l4d_cuda_decoder {
+#ifdef L4D_HAVE_CUDA
+  explicit l4d_cuda_decoder(l4d::Decoder& decoder) : impl(decoder) {}
+  l4d::cuda::DeviceDecoder impl;
+#endif
+  l4d::api::ErrorDetail error;
+};
+
+namespace {
+
+l4d_cuda_job default_job() {
+  l4d_cuda_job job{};
+  job.attributes = L4D_CUDA_ALL_ATTRIBUTES;
+  return job;
+}
+
+#ifdef L4D_HAVE_CUDA
+l4d_query default_query() {
+  l4d_query q{};
+  q.struct_size = sizeof q;
+  q.kind = L4D_QUERY_ALL;
+  q.max_level = UINT32_MAX;
+  return q;
+}
+
+cudaStream_t stream_of(void* stream) { return static_cast<cudaStream_t>(stream); }
+
+// The work of a call on the decoder's device, its failure kept on the handle.
+template <typename Body>
+l4d_status on_device(l4d_cuda_decoder* decoder, bool arguments_ok, const Body& body) {
+  if (decoder == nullptr) return L4D_ERR_INVALID_ARGUMENT;
+  return decoder->error.keep(guard([&]() -> Status {
+    if (!arguments_ok) return l4d::invalid_argument("a required pointer is NULL");
+    l4d::cuda::DeviceScope scope;
+    L4D_RETURN_IF_ERROR(scope.enter(decoder->impl.device()));
+    return body(decoder->impl);
+  }));
+}
+#endif
+
+}  // namespace
 
 extern "C" {
 
 void l4d_cuda_device_info_init_(l4d_cuda_device_info* info, size_t struct_size) {
-  l4d::api::init_struct(info, struct_size, l4d_cuda_device_info{});
+  init_struct(info, struct_size, l4d_cuda_device_info{});
+}
+void l4d_cuda_job_init_(l4d_cuda_job* job, size_t struct_size) {
+  init_struct(job, struct_size, default_job());
+}
+void l4d_cuda_gaussian_buffers_init_(l4d_cuda_gaussian_buffers* buffers, size_t struct_size) {
+  init_struct(buffers, struct_size, l4d_cuda_gaussian_buffers{});
 }
 
 l4d_status l4d_cuda_get_device_count(uint32_t* count) {
@@ -32,5 +91,107 @@ l4d_status l4d_cuda_get_device_info(uint32_t device, l4d_cuda_device_info* info)
   return L4D_ERR_FEATURE_UNSUPPORTED;
 #endif
 }
+
+l4d_status l4d_cuda_decoder_create(l4d_decoder* decoder, uint32_t device, l4d_cuda_decoder** out) {
+  if (decoder == nullptr || out == nullptr) return L4D_ERR_INVALID_ARGUMENT;
+  *out = nullptr;
+  // There is no handle yet to keep a failure: the decoder tells it.
+  return decoder->error.keep(guard([&]() -> Status {
+    if (!decoder->impl.is_open()) return Status(L4D_ERR_INVALID_STATE, "no stream is open");
+#ifdef L4D_HAVE_CUDA
+    const l4d::cuda::DeviceScope scope;
+    L4D_RETURN_IF_ERROR(l4d::cuda::use_device(static_cast<int>(device)));
+    auto created = std::make_unique<l4d_cuda_decoder>(decoder->impl);
+    L4D_RETURN_IF_ERROR(created->impl.open(static_cast<int>(device)));
+    *out = created.release();
+    return {};
+#else
+    static_cast<void>(device);
+    return Status(L4D_ERR_FEATURE_UNSUPPORTED, "this build has no device code");
+#endif
+  }));
+}
+
+const char* l4d_cuda_decoder_error_detail(const l4d_cuda_decoder* decoder) {
+  return decoder == nullptr ? "" : decoder->error.c_str();
+}
+
+#ifdef L4D_HAVE_CUDA
+
+void l4d_cuda_decoder_destroy(l4d_cuda_decoder* decoder) {
+  if (decoder == nullptr) return;
+  l4d::cuda::DeviceScope scope;
+  static_cast<void>(scope.enter(decoder->impl.device()).ok());
+  delete decoder;
+}
+
+l4d_status l4d_cuda_decoder_prepare(l4d_cuda_decoder* decoder, const l4d_query* query,
+                                    l4d_cuda_job* job) {
+  return on_device(decoder, query != nullptr && job != nullptr,
+                   [&](l4d::cuda::DeviceDecoder& d) -> Status {
+                     l4d_cuda_job prepared = read_struct(*job, default_job());
+                     L4D_RETURN_IF_ERROR(
+                         d.prepare(read_struct(*query, default_query()), &prepared));
+                     write_struct(prepared, job);
+                     return {};
+                   });
+}
+
+l4d_status l4d_cuda_decoder_get_ranges(const l4d_cuda_decoder* decoder, l4d_range* out,
+                                       uint64_t capacity, uint64_t* count) {
+  if (decoder == nullptr || count == nullptr || (out == nullptr && capacity > 0)) {
+    return L4D_ERR_INVALID_ARGUMENT;
+  }
+  const l4d::Plan* plan = decoder->impl.plan();
+  if (plan == nullptr) return L4D_ERR_INVALID_STATE;
+  std::copy_n(plan->ranges.begin(), std::min<uint64_t>(capacity, plan->ranges.size()), out);
+  *count = plan->ranges.size();
+  return L4D_OK;
+}
+
+l4d_status l4d_cuda_decoder_upload(l4d_cuda_decoder* decoder, void* workspace,
+                                   uint64_t workspace_size, void* stream) {
+  return on_device(decoder, true, [&](l4d::cuda::DeviceDecoder& d) {
+    return d.upload(workspace, workspace_size, stream_of(stream));
+  });
+}
+
+l4d_status l4d_cuda_decoder_decode(l4d_cuda_decoder* decoder, const l4d_cuda_gaussian_buffers* out,
+                                   void* workspace, uint64_t workspace_size, void* stream) {
+  return on_device(decoder, out != nullptr, [&](l4d::cuda::DeviceDecoder& d) {
+    return d.decode(read_struct(*out, l4d_cuda_gaussian_buffers{}), workspace, workspace_size,
+                    stream_of(stream));
+  });
+}
+
+l4d_status l4d_cuda_decoder_finish(l4d_cuda_decoder* decoder) {
+  return on_device(decoder, true, [](l4d::cuda::DeviceDecoder& d) { return d.finish(); });
+}
+
+#else
+
+// No handle exists in such a build.
+void l4d_cuda_decoder_destroy(l4d_cuda_decoder*) {}
+
+l4d_status l4d_cuda_decoder_prepare(l4d_cuda_decoder*, const l4d_query*, l4d_cuda_job*) {
+  return L4D_ERR_FEATURE_UNSUPPORTED;
+}
+
+l4d_status l4d_cuda_decoder_get_ranges(const l4d_cuda_decoder*, l4d_range*, uint64_t, uint64_t*) {
+  return L4D_ERR_FEATURE_UNSUPPORTED;
+}
+
+l4d_status l4d_cuda_decoder_upload(l4d_cuda_decoder*, void*, uint64_t, void*) {
+  return L4D_ERR_FEATURE_UNSUPPORTED;
+}
+
+l4d_status l4d_cuda_decoder_decode(l4d_cuda_decoder*, const l4d_cuda_gaussian_buffers*, void*,
+                                   uint64_t, void*) {
+  return L4D_ERR_FEATURE_UNSUPPORTED;
+}
+
+l4d_status l4d_cuda_decoder_finish(l4d_cuda_decoder*) { return L4D_ERR_FEATURE_UNSUPPORTED; }
+
+#endif
 
 }  // extern "C"

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "decoder/decoder.h"
 #include "l4d/decode.h"
-#include "libl4dcodec/base/c_api.h"
+#include "libl4dcodec/api/decoder_handle.h"
 #include "libl4dcodec/container/levels.h"
 
 using l4d::Status;
@@ -9,12 +8,6 @@ using l4d::api::guard;
 using l4d::api::init_struct;
 using l4d::api::read_struct;
 using l4d::api::write_struct;
-
-struct l4d_decoder {
-  explicit l4d_decoder(const l4d_decoder_options& options) : impl(options) {}
-  l4d::Decoder impl;
-  l4d::api::ErrorDetail error;
-};
 
 namespace {
 
@@ -61,6 +54,7 @@ uint32_t layer_tools(const l4d::SceneHeader& header, const l4d::LayerHeader& lay
   if (header.sh_degree > 0) tools |= L4D_TOOL_VIEW_DEPENDENCE;
   if (spatial.coding == l4d::ComponentCodingId::kRaw32) tools |= L4D_TOOL_LOSSLESS;
   if (layer.has_entropy) tools |= L4D_TOOL_RANS;
+  if (layer.has_entropy && header.sh_base > 0) tools |= L4D_TOOL_SH_BASE;
   for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
     const l4d::ComponentCoding& coding = header.component(layer, c);
     if (coding.stages.size() > 1) tools |= L4D_TOOL_RESIDUAL_STAGES;
@@ -69,6 +63,14 @@ uint32_t layer_tools(const l4d::SceneHeader& header, const l4d::LayerHeader& lay
     if (coding.transform()) tools |= L4D_TOOL_TRANSFORM;
   }
   return tools;
+}
+
+Status use_first_device() {
+#ifdef L4D_HAVE_CUDA
+  return l4d::cuda::use_device(0);
+#else
+  return Status(L4D_ERR_FEATURE_UNSUPPORTED, "this build has no device code");
+#endif
 }
 
 }  // namespace
@@ -113,8 +115,9 @@ l4d_status l4d_decoder_create(const l4d_decoder_options* options, l4d_decoder** 
   if (out == nullptr) return L4D_ERR_INVALID_ARGUMENT;
   l4d_decoder_options resolved{};
   if (options != nullptr) resolved = read_struct(*options, resolved);
-  if (resolved.backend > L4D_BACKEND_CPU) return L4D_ERR_FEATURE_UNSUPPORTED;
+  if (resolved.backend > L4D_BACKEND_CUDA) return L4D_ERR_FEATURE_UNSUPPORTED;
   return guard([&]() -> Status {
+           if (resolved.backend == L4D_BACKEND_CUDA) L4D_RETURN_IF_ERROR(use_first_device());
            *out = new l4d_decoder(resolved);
            return {};
          })
@@ -131,6 +134,7 @@ l4d_status l4d_decoder_open(l4d_decoder* decoder, const l4d_reader* reader) {
   if (decoder == nullptr) return L4D_ERR_INVALID_ARGUMENT;
   return decoder->error.keep(guard([&]() -> Status {
     if (reader == nullptr) return l4d::invalid_argument("reader is NULL");
+    decoder->close_device();
     decoder->impl.close();
     l4d::ByteSource source;
     L4D_RETURN_IF_ERROR(l4d::ByteSource::from_reader(*reader, &source));
@@ -142,6 +146,7 @@ l4d_status l4d_decoder_open_memory(l4d_decoder* decoder, const void* data, size_
   if (decoder == nullptr) return L4D_ERR_INVALID_ARGUMENT;
   return decoder->error.keep(guard([&]() -> Status {
     if (data == nullptr && size > 0) return l4d::invalid_argument("data is NULL");
+    decoder->close_device();
     return decoder->impl.open(l4d::ByteSource::from_memory(
         l4d::ByteSpan(static_cast<const unsigned char*>(data), size)));
   }));
@@ -151,6 +156,7 @@ l4d_status l4d_decoder_open_file(l4d_decoder* decoder, const char* path) {
   if (decoder == nullptr) return L4D_ERR_INVALID_ARGUMENT;
   return decoder->error.keep(guard([&]() -> Status {
     if (path == nullptr) return l4d::invalid_argument("path is NULL");
+    decoder->close_device();
     return decoder->impl.open_file(path);
   }));
 }
@@ -229,7 +235,9 @@ l4d_status l4d_decoder_decode(l4d_decoder* decoder, const l4d_query* query,
                               l4d_gaussian_buffers* out) {
   return with_stream(decoder, query != nullptr && out != nullptr, [&](l4d::Decoder& d) -> Status {
     l4d_gaussian_buffers buffers = read_struct(*out, l4d_gaussian_buffers{});
-    L4D_RETURN_IF_ERROR(d.decode(read_struct(*query, default_query()), &buffers));
+    const l4d_query q = read_struct(*query, default_query());
+    L4D_RETURN_IF_ERROR(decoder->decodes_on_device ? decoder->decode_on_device(q, &buffers)
+                                                   : d.decode(q, &buffers));
     write_struct(buffers, out);
     return {};
   });
@@ -312,6 +320,11 @@ l4d_status l4d_decoder_check_conformance(l4d_decoder* decoder, uint32_t profile,
     *num_violations = 0;
     return d.check_conformance(profile, level, reporter(fn, user, num_violations));
   });
+}
+
+l4d_status l4d_decoder_set_detail(l4d_decoder* decoder, uint32_t detail) {
+  if (decoder == nullptr) return L4D_ERR_INVALID_ARGUMENT;
+  return decoder->error.keep(guard([&] { return decoder->impl.set_detail(detail); }));
 }
 
 l4d_status l4d_decoder_slice(l4d_decoder* decoder, double time, l4d_splat_buffers* out) {

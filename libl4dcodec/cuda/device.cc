@@ -73,6 +73,17 @@ Status use_device(int device) {
   return {};
 }
 
+DeviceScope::DeviceScope() {
+  if (cudaGetDevice(&before_) == cudaSuccess) return;
+  static_cast<void>(cudaGetLastError());
+  before_ = -1;
+}
+
+Status DeviceScope::enter(int device) {
+  L4D_RETURN_IF_CUDA_ERROR(cudaSetDevice(device));
+  return {};
+}
+
 Status DeviceMemory::reserve(size_t bytes) {
   if (bytes <= size_) return {};
   cudaFree(data_);

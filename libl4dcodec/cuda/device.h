@@ -31,6 +31,23 @@ Status describe_device(int device, l4d_cuda_device_info* out);
 // Makes `device` the calling thread's, and fails with a reason where this build has no code for it.
 Status use_device(int device);
 
+// The calling thread's device for the length of a scope; afterwards it is the one that it was.
+class DeviceScope {
+ public:
+  DeviceScope();
+  ~DeviceScope() {
+    if (before_ >= 0) static_cast<void>(cudaSetDevice(before_));
+  }
+  DeviceScope(const DeviceScope&) = delete;
+  DeviceScope& operator=(const DeviceScope&) = delete;
+
+  // A device that use_device() found usable.
+  Status enter(int device);
+
+ private:
+  int before_ = -1;
+};
+
 // Device memory of one owner, which only grows.
 class DeviceMemory {
  public:

@@ -1,0 +1,224 @@
+// SPDX-License-Identifier: Apache-2.0
+// Decoding on the device: time of a query, with and without the upload, what its two steps take,
+// and the floors beside them. Times are the device's own, medians of many; every result was
+// compared with the host's once before.
+//
+// usage: gpu_decode_bench [--runs N] [--time SECONDS] [--base] FILE...
+#include <cuda_runtime_api.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <exception>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "l4d/cuda.h"
+#include "l4d/l4d.hpp"
+
+namespace {
+
+using namespace l4d;
+
+// Measured on an H200: a copy between device arrays, and one from pinned memory.
+constexpr double kDeviceBytesPerSecond = 4.27e12;
+constexpr double kUploadBytesPerSecond = 55e9;
+
+void cuda_check(cudaError_t error) {
+  if (error == cudaSuccess) return;
+  std::fprintf(stderr, "%s\n", cudaGetErrorString(error));
+  std::exit(1);
+}
+
+double median(std::vector<double> values) {
+  std::sort(values.begin(), values.end());
+  return values[values.size() / 2];
+}
+
+double seconds_now() {
+  using Clock = std::chrono::steady_clock;
+  return std::chrono::duration<double>(Clock::now().time_since_epoch()).count();
+}
+
+class DeviceArray {
+ public:
+  explicit DeviceArray(uint64_t bytes) { cuda_check(cudaMalloc(&data_, bytes + 1)); }
+  ~DeviceArray() { cudaFree(data_); }
+  DeviceArray(const DeviceArray&) = delete;
+  DeviceArray& operator=(const DeviceArray&) = delete;
+  void* data() const { return data_; }
+  float* floats() const { return static_cast<float*>(data_); }
+
+ private:
+  void* data_ = nullptr;
+};
+
+// Median seconds of `call`, before each of which `before` runs untimed.
+double median_time(int runs, cudaStream_t stream, const std::function<void()>& before,
+                   const std::function<void()>& call) {
+  cudaEvent_t begin = nullptr, end = nullptr;
+  cuda_check(cudaEventCreate(&begin));
+  cuda_check(cudaEventCreate(&end));
+  std::vector<double> seconds;
+  for (int i = 0; i < runs + 3; ++i) {
+    before();
+    cuda_check(cudaEventRecord(begin, stream));
+    call();
+    cuda_check(cudaEventRecord(end, stream));
+    cuda_check(cudaEventSynchronize(end));
+    float ms = 0;
+    cuda_check(cudaEventElapsedTime(&ms, begin, end));
+    if (i >= 3) seconds.push_back(1e-3 * static_cast<double>(ms));
+  }
+  cuda_check(cudaEventDestroy(begin));
+  cuda_check(cudaEventDestroy(end));
+  return median(seconds);
+}
+
+class Query {
+ public:
+  Query(DecoderHandle& decoder, const l4d_query& query) : query_(query) {
+    decoder.check(l4d_cuda_decoder_create(decoder.get(), 0, &cuda_));
+    const uint32_t degree = decoder.info().sh_degree;
+    sh_dim_ = 3 * (degree + 1) * (degree + 1);
+    host_ = decoder.decode(query);
+    cuda_check(cudaStreamCreate(&stream_));
+  }
+  ~Query() {
+    l4d_cuda_decoder_destroy(cuda_);
+    cudaStreamDestroy(stream_);
+  }
+  Query(const Query&) = delete;
+  Query& operator=(const Query&) = delete;
+
+  void run(const char* name, int runs) {
+    l4d_cuda_job job;
+    l4d_cuda_job_init(&job);
+    check(l4d_cuda_decoder_prepare(cuda_, &query_, &job));
+    std::vector<double> prepares;
+    for (int i = 0; i < 10; ++i) {
+      const double started = seconds_now();
+      check(l4d_cuda_decoder_prepare(cuda_, &query_, &job));
+      prepares.push_back(seconds_now() - started);
+    }
+    const double prepare = median(prepares);
+    const uint64_t n = job.num_gaussians;
+    const DeviceArray position(n * 12), mean_t(n * 4), mean_t_local(n * 4), log_scale(n * 16),
+        rotor(n * 32), opacity(n * 4), sh(n * sh_dim_ * 4), workspace(job.workspace_bytes);
+    l4d_cuda_gaussian_buffers none;
+    l4d_cuda_gaussian_buffers_init(&none);
+    none.capacity = n;
+    l4d_cuda_gaussian_buffers geometry = none;
+    geometry.position = position.floats();
+    geometry.mean_t = mean_t.floats();
+    geometry.mean_t_local = mean_t_local.floats();
+    geometry.log_scale = log_scale.floats();
+    geometry.rotor = rotor.floats();
+    geometry.opacity = opacity.floats();
+    l4d_cuda_gaussian_buffers all = geometry;
+    all.sh = sh.floats();
+    const auto upload = [&] {
+      check(l4d_cuda_decoder_upload(cuda_, workspace.data(), job.workspace_bytes, stream_));
+    };
+    const auto decode = [&](const l4d_cuda_gaussian_buffers& out) {
+      check(l4d_cuda_decoder_decode(cuda_, &out, workspace.data(), job.workspace_bytes, stream_));
+    };
+    decode(all);
+    check(l4d_cuda_decoder_finish(cuda_));
+    compare("sh", sh, host_.sh);
+    compare("rotor", rotor, host_.rotor);
+    compare("log_scale", log_scale, host_.log_scale);
+    compare("position", position, host_.position);
+    compare("mean_t_local", mean_t_local, host_.mean_t_local);
+
+    const double with_upload = median_time(runs, stream_, [] {}, [&] { decode(all); });
+    const auto without = [&](const l4d_cuda_gaussian_buffers& out) {
+      return median_time(runs, stream_, upload, [&] { decode(out); });
+    };
+    const double whole = without(all), planes = without(none), no_sh = without(geometry);
+    const double upload_only = median_time(runs, stream_, [] {}, upload);
+    const double bytes = 4.0 * static_cast<double>(n * (18 + sh_dim_));
+    std::printf("%s: %llu Gaussians in %llu pages, %.2f MB up, %.1f MB out, workspace %.1f MB\n",
+                name, static_cast<unsigned long long>(n),
+                static_cast<unsigned long long>(job.num_chunks),
+                1e-6 * static_cast<double>(job.upload_bytes), 1e-6 * bytes,
+                1e-6 * static_cast<double>(job.workspace_bytes));
+    std::printf("  prepare (host)          %9.3f ms\n", 1e3 * prepare);
+    std::printf("  upload                  %9.3f ms, floor %.3f\n", 1e3 * upload_only,
+                1e3 * static_cast<double>(job.upload_bytes) / kUploadBytesPerSecond);
+    std::printf("  planes                  %9.3f ms\n", 1e3 * planes);
+    std::printf("  geometry                %9.3f ms, floor %.3f\n", 1e3 * (no_sh - planes),
+                1e3 * static_cast<double>(n) * 72 / kDeviceBytesPerSecond);
+    std::printf("  sh                      %9.3f ms, floor %.3f\n", 1e3 * (whole - no_sh),
+                1e3 * static_cast<double>(n * sh_dim_) * 4 / kDeviceBytesPerSecond);
+    std::printf("  decode                  %9.3f ms, %.0f GB/s of output\n", 1e3 * whole,
+                1e-9 * bytes / whole);
+    std::printf("  decode with upload      %9.3f ms, %.0f GB/s of output\n", 1e3 * with_upload,
+                1e-9 * bytes / with_upload);
+    std::fflush(stdout);
+  }
+
+ private:
+  void check(l4d_status status) const {
+    if (status == L4D_OK) return;
+    std::fprintf(stderr, "%s\n", l4d_cuda_decoder_error_detail(cuda_));
+    std::exit(1);
+  }
+  static void compare(const char* what, const DeviceArray& device, const std::vector<float>& host) {
+    std::vector<float> found(host.size());
+    cuda_check(cudaMemcpy(found.data(), device.data(), found.size() * sizeof(float),
+                          cudaMemcpyDeviceToHost));
+    if (std::memcmp(found.data(), host.data(), host.size() * sizeof(float)) == 0) return;
+    std::fprintf(stderr, "%s differs between device and host\n", what);
+    std::exit(1);
+  }
+
+  const l4d_query query_;
+  l4d_cuda_decoder* cuda_ = nullptr;
+  uint64_t sh_dim_ = 0;
+  GaussianArrays host_;
+  cudaStream_t stream_ = nullptr;
+};
+
+int run(int argc, char** argv) {
+  int runs = 60;
+  l4d_query query;
+  l4d_query_init(&query);
+  std::vector<std::string> files;
+  for (int i = 1; i < argc; ++i) {
+    if (std::strcmp(argv[i], "--runs") == 0 && i + 1 < argc) {
+      runs = std::max(1, std::atoi(argv[++i]));
+    } else if (std::strcmp(argv[i], "--time") == 0 && i + 1 < argc) {
+      query.kind = L4D_QUERY_TIME;
+      query.time_begin = std::atof(argv[++i]);
+    } else if (std::strcmp(argv[i], "--base") == 0) {
+      query.detail = L4D_DETAIL_BASE_COLOR;
+    } else {
+      files.emplace_back(argv[i]);
+    }
+  }
+  if (files.empty()) {
+    std::fprintf(stderr, "usage: gpu_decode_bench [--runs N] [--time SECONDS] [--base] FILE...\n");
+    return 2;
+  }
+  for (const std::string& file : files) {
+    DecoderHandle decoder;
+    decoder.open_file(file);
+    Query(decoder, query).run(file.c_str(), runs);
+  }
+  return 0;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  try {
+    return run(argc, argv);
+  } catch (const std::exception& e) {
+    std::fprintf(stderr, "%s\n", e.what());
+    return 1;
+  }
+}

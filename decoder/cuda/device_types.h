@@ -1,0 +1,183 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the host lays out for the kernels: tables of a layer, pages of a job, and the columns
+// between the two steps of decoding. Plain data, the same on both sides.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "libl4dcodec/container/planes.h"
+
+namespace l4d::cuda {
+
+// A rANS table of 4096 slots as 128 records of 32 slots: small enough that the tables of a whole
+// layer stay in shared memory, and one load away from all that a step needs.
+//   bits  0..31  bit i: slot i of the record is the first one of a token, for i > 0
+//   bits 32..43  how many slots before the record the token of its slot 0 begins
+//   bits 44..56  how many slots after the begin of the record the token of its last slot ends
+//   bits 57..63  rank of the token of slot 0 among those of the table
+constexpr unsigned kRecordSlots = 32;
+constexpr unsigned kTableRecords = kRansSlots / kRecordSlots;
+constexpr unsigned kTableRanks = 128;  // bytes that tell the token of each rank
+
+// Tables of a plane by what is known of a symbol: eight for each class, of which the first is that
+// of symbols of which no magnitudes are known.
+constexpr unsigned kMapBytes = 8 * kTransformClasses;
+constexpr unsigned kIdleContext = 7;  // in a map, of lanes that have no symbol
+static_assert(kMagnitudes <= kIdleContext, "a context that no symbol has");
+// States that a page has room for behind those of its Gaussians: what lanes look at ahead of the
+// last one.
+constexpr unsigned kStatesBehind = 224;
+
+// One plane of a page, in the order of the stream.
+struct PlaneProgram {
+  uint8_t kind;       // PlaneKind
+  uint8_t component;
+  uint8_t index;
+  uint8_t table;      // of all symbols, where there is no map
+  uint8_t reserved;
+  uint8_t by_depth;   // index: members are those whose depth is above
+  uint8_t keep_above; // afterwards only members of a larger rung or depth stay; 0 = all
+  uint8_t context_of; // class: component whose classes are the contexts, 255 = none
+  uint32_t map;       // where its map lies in those of the layer, of kinds from class on
+  uint32_t limit;     // values are below this; of stage 0 what the page says
+};
+static_assert(sizeof(PlaneProgram) == 16);
+
+struct DeviceScalar {
+  uint32_t is_coded;  // 0: the offset is the value
+  float offset, step;
+};
+
+struct DeviceComponent {
+  uint32_t coding;  // ComponentCodingId
+  uint32_t num_stages;
+  uint32_t has_depth;
+  uint32_t num_coefficients;
+  uint32_t num_rungs;             // steps of the ladder; with one there is no column of rungs
+  // [entries, dim]; of a transform [0] is the basis, the origin first.
+  const float* book[L4D_MAX_STAGES];
+  const float* steps;             // [num_coefficients]
+  uint8_t ladder[kMaxCoefficients];
+};
+
+struct DeviceLayer {
+  // rANS.
+  const uint64_t* records;  // [num_tables, kTableRecords], the last one idle
+  const uint8_t* tokens;    // [num_tables, kTableRanks]
+  const uint8_t* maps;      // [map_bytes], kMapBytes each
+  const PlaneProgram* planes;
+  uint32_t num_tables;
+  uint32_t map_bytes;
+  uint32_t num_planes;
+  // Reconstruction.
+  uint32_t position_fixed;
+  uint32_t position_bits;  // of a coded coordinate
+  uint32_t mean_t_coded;
+  uint32_t mean_t_shift;
+  uint32_t permanent;
+  uint32_t stereographic;
+  float position_center[3];
+  float position_scale;
+  float log_scale_t;
+  DeviceScalar opacity, scale_factor;
+  DeviceComponent component[L4D_COMPONENT_COUNT];
+};
+
+constexpr uint64_t kNoBook = ~uint64_t{0};
+
+// A page and where its parts lie in the upload, each at a multiple of 16 bytes.
+struct DevicePage {
+  uint64_t first;   // Gaussian in the decoded arrays
+  uint64_t part_at[2];
+  uint64_t book[L4D_COMPONENT_COUNT];  // of stage 0 in the upload; kNoBook = the layer's
+  double center;
+  float width;
+  uint32_t slot;    // first Gaussian in the columns, a multiple of 32
+  uint32_t state;   // and among the states
+  uint32_t n;
+  uint32_t layer;
+  uint32_t part_bytes[2];
+  uint32_t middle;    // planes of the first part
+  uint32_t sh_limit;  // coefficients of SH that count
+  uint32_t has_sh;    // 0: no plane of SH is decoded, not even depths and classes
+  uint32_t stage0_entries[L4D_COMPONENT_COUNT];
+};
+
+// What one warp decodes: the parts of a page that are in `parts`, bit p = part p, one after
+// another.
+struct WarpTask {
+  uint32_t page;
+  uint32_t parts;
+};
+
+// What one block of threads decodes: pages of one layer.
+struct BlockTask {
+  uint32_t layer;
+  uint32_t first;  // WarpTask
+  uint32_t count;
+};
+
+// Gaussians [first, first + kExpandGaussians) of a page.
+constexpr uint32_t kExpandGaussians = 256;
+struct ExpandTask {
+  uint32_t page;
+  uint32_t first;
+};
+
+// What is wrong with a part of a page; the first word that is not kPageOk ends its decoding.
+enum PageFault : uint32_t {
+  kPageOk = 0,
+  kFaultEnd,         // RANS-7
+  kFaultPosition,    // RANS-8
+  kFaultCode,        // STRM-3
+  kFaultNotFinite,   // VAL-1
+  kFaultLiteral,     // VAL-2
+  kFaultDepth,       // VQ-1
+  kFaultIndex,       // VQ-2
+  kFaultClass,       // TRAN-5
+  kFaultRung,        // TRAN-6
+};
+
+// Values between the two steps, one column after another, `stride` slots each. Values of a
+// component are those of its stages and then of its literals, or its coefficients; what a Gaussian
+// does not have is not written.
+struct Columns {
+  uint64_t* morton;
+  uint16_t* mean_t;  // binary16
+  uint16_t* opacity;
+  uint16_t* scale_factor;
+  uint32_t* state;   // [2, state_stride] of the Gaussians that take part in the plane at hand
+  struct Component {
+    uint8_t* head;   // depth or class
+    uint8_t* rung;
+    uint16_t* value;
+  } component[L4D_COMPONENT_COUNT];
+  size_t stride;
+  size_t state_stride;
+};
+
+// A job as kernels see it.
+struct DeviceJob {
+  const DeviceLayer* layers;
+  const unsigned char* upload;
+  const DevicePage* pages;
+  const WarpTask* warps;
+  const BlockTask* blocks;
+  const ExpandTask* expands;
+  uint32_t* faults;  // [pages, 2]
+  Columns columns;
+};
+
+// Decoded arrays, as l4d_gaussian_buffers; null = not wanted.
+struct DeviceArrays {
+  float* position;
+  float* mean_t;
+  float* mean_t_local;
+  float* log_scale;
+  float* rotor;
+  float* opacity;
+  float* sh;
+};
+
+}  // namespace l4d::cuda

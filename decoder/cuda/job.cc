@@ -1,0 +1,447 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "decoder/cuda/job.h"
+
+#include <algorithm>
+
+#include "l4d/cuda.h"
+#include "libl4dcodec/base/checked.h"
+#include "libl4dcodec/base/hash.h"
+#include "libl4dcodec/base/threads.h"
+#include "libl4dcodec/container/page.h"
+#include "libl4dcodec/entropy/rans.h"
+
+namespace l4d::cuda {
+namespace {
+
+// Neighbouring parts are read in one call where no more than this lies between them, and no more
+// than this at a time.
+constexpr uint64_t kMaxReadGap = 4096;
+constexpr uint64_t kMaxReadBytes = uint64_t{32} << 20;
+// Kernels take blocks and books from multiples of this, and arrays of the workspace from whole
+// lines.
+constexpr uint64_t kPartAlignment = 16;
+constexpr uint64_t kLine = 256;
+// Columns of a page begin where those of a warp do.
+constexpr uint32_t kSlotAlignment = 32;
+
+bool is_rans(const PageRecord& record) {
+  return record.chunk.codec == static_cast<uint32_t>(ChunkCodec::kRans32);
+}
+
+// Appends `bytes` at a multiple of `alignment` and tells where.
+uint64_t place(uint64_t bytes, uint64_t alignment, uint64_t* end) {
+  const uint64_t at = align_up(*end, alignment);
+  *end = at + bytes;
+  return at;
+}
+
+template <typename T>
+void put(const std::vector<T>& values, uint64_t at, unsigned char* staging) {
+  std::copy_n(reinterpret_cast<const unsigned char*>(values.data()), values.size() * sizeof(T),
+              staging + at);
+}
+
+// The first failure in the order of the parts.
+Status first_failure(std::vector<Status>& all) {
+  const auto failed =
+      std::find_if(all.begin(), all.end(), [](const Status& s) { return !s.ok(); });
+  return failed == all.end() ? Status() : std::move(*failed);
+}
+
+}  // namespace
+
+Status Job::prepare(const l4d_query& query, uint32_t attributes) {
+  file_.trim();
+  file_.retry();
+  charge_.reset();
+  L4D_RETURN_IF_ERROR(make_plan(file_, query, PlanUnit::kPages, nullptr, &plan_));
+  const auto wanted = [&](uint32_t bits) { return (attributes & bits) != 0; };
+  wants_[L4D_COMPONENT_SH] = wanted(L4D_CUDA_SH);
+  wants_[L4D_COMPONENT_SCALE] = wanted(L4D_CUDA_LOG_SCALE);
+  wants_[L4D_COMPONENT_ROTOR_SPATIAL] = wanted(L4D_CUDA_ROTOR);
+  wants_[L4D_COMPONENT_ROTOR_TEMPORAL] = wanted(L4D_CUDA_ROTOR);
+  with_detail_ = wanted(L4D_CUDA_SH) && plan_.detail == L4D_DETAIL_FULL;
+  L4D_RETURN_IF_ERROR(add_pages());
+  L4D_RETURN_IF_ERROR(tables_.update());
+  choose_warps();
+  L4D_RETURN_IF_ERROR(lay_out());
+  L4D_RETURN_IF_ERROR(fill_staging());
+  return expand_on_host(attributes);
+}
+
+Status Job::add_pages() {
+  const SceneHeader& header = file_.header();
+  page_tasks_.clear();
+  pages_.clear();
+  expands_.clear();
+  parts_.clear();
+  books_.clear();
+  book_of_.clear();
+  host_runs_.clear();
+  num_slots_ = 0;
+  num_states_ = 0;
+  for (size_t t = 0; t < plan_.tasks.size(); ++t) {
+    const PageTask& task = plan_.tasks[t];
+    const PageRecord& record = task.record;
+    const uint32_t n = record.num_gaussians;
+    if (!is_rans(record)) {
+      if (host_runs_.empty() || host_runs_.back().first + host_runs_.back().count != task.first) {
+        host_runs_.push_back({task.first, 0});
+      }
+      host_runs_.back().count += n;
+      continue;
+    }
+    L4D_RETURN_IF_ERROR(tables_.load(task.layer, wants_));
+    const EntropyTables* entropy = nullptr;
+    L4D_RETURN_IF_ERROR(file_.entropy_tables(task.layer, &entropy));
+    const bool detail = record.has_sh_detail() && with_detail_;
+    const bool whole = detail || !record.has_sh_detail();
+    const l4d_range& range = plan_.ranges[task.range];
+    DevicePage page{};
+    page.first = task.first;
+    page.center = range.center;
+    page.width = static_cast<float>(range.width);
+    page.slot = static_cast<uint32_t>(num_slots_);
+    page.state = static_cast<uint32_t>(num_states_);
+    page.n = n;
+    page.layer = task.layer;
+    page.part_bytes[0] = record.chunk.stored_bytes;
+    page.part_bytes[1] = detail ? record.sh_detail.stored_bytes : 0;
+    page.middle = static_cast<uint32_t>(
+        record.has_sh_detail() ? first_detail_plane(header, entropy->planes)
+                               : entropy->planes.size());
+    page.sh_limit = whole ? kMaxCoefficients : header.sh_base;
+    page.has_sh = whole || header.sh_base > 0;
+    L4D_RETURN_IF_ERROR(add_books(task, &page));
+    const uint32_t index = static_cast<uint32_t>(pages_.size());
+    parts_.push_back({record.chunk, index, 0});
+    if (detail) parts_.push_back({record.sh_detail, index, 1});
+    for (uint32_t first = 0; first < n; first += kExpandGaussians) {
+      expands_.push_back({index, first});
+    }
+    pages_.push_back(page);
+    page_tasks_.push_back(t);
+    num_slots_ += align_up(n, kSlotAlignment);
+    num_states_ += align_up(n, kSlotAlignment) + kStatesBehind;
+  }
+  if (num_states_ > UINT32_MAX) {
+    return Status(L4D_ERR_LIMIT_EXCEEDED, "the query selects more Gaussians than one decode takes");
+  }
+  return {};
+}
+
+Status Job::block_of(const PageTask& task, BlockRecord* out) {
+  std::vector<const DirectoryPage*> pages;
+  L4D_RETURN_IF_ERROR(
+      file_.directory_pages(task.layer, task.directory_index, task.directory_index, &pages));
+  // A file that changes under the reader can lose the block between two reads.
+  if (pages[0] == nullptr || task.record.block >= pages[0]->blocks.size()) {
+    return corrupt("DIR-6", Status::kNoOffset, "a block does not exist any more");
+  }
+  *out = pages[0]->blocks[task.record.block];
+  return {};
+}
+
+Status Job::add_books(const PageTask& task, DevicePage* page) {
+  const SceneHeader& header = file_.header();
+  const LayerHeader& layer = header.layers[task.layer];
+  BlockRecord block;
+  const bool has_block = task.record.block != kNoBlock;
+  if (has_block) L4D_RETURN_IF_ERROR(block_of(task, &block));
+  for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
+    page->book[c] = kNoBook;
+    page->stage0_entries[c] = stage0_entries(header, layer, c, has_block ? &block : nullptr);
+    if (!wants_[c] || !has_block || block.tables[c].num_entries == 0) continue;
+    const BlockKey key{task.layer, task.directory_index, task.record.block, c};
+    const auto known = book_of_.find(key);
+    if (known != book_of_.end()) {
+      page->book[c] = known->second;
+      continue;
+    }
+    const CodebookData* book = nullptr;
+    L4D_RETURN_IF_ERROR(
+        file_.block_codebook(task.layer, c, task.directory_index, task.record.block, &book));
+    // Until lay_out(), its place in the list.
+    page->book[c] = book_of_[key] = books_.size();
+    books_.emplace_back(book, 0);
+  }
+  return {};
+}
+
+// Pages of a layer share its tables, which a block of threads keeps in shared memory; as long as
+// there are fewer pages than multiprocessors each gets one for itself. Long pages go first, and
+// beside others as long.
+void Job::choose_warps() {
+  warps_.clear();
+  blocks_.clear();
+  planes_launch_ = {};
+  const bool apart = file_.header().sh.vq();  // SH needs nothing of the first part
+  const auto cost = [&](const WarpTask& w) {
+    const DevicePage& page = pages_[w.page];
+    return uint64_t{(w.parts & 1) != 0 ? page.part_bytes[0] : 0} +
+           ((w.parts & 2) != 0 ? page.part_bytes[1] : 0);
+  };
+  for (uint32_t p = 0; p < pages_.size(); ++p) {
+    const bool detail = pages_[p].part_bytes[1] != 0;
+    warps_.push_back({p, detail && !apart ? 3u : 1u});
+    if (detail && apart) warps_.push_back({p, 2u});
+  }
+  if (warps_.empty()) return;
+  std::stable_sort(warps_.begin(), warps_.end(), [&](const WarpTask& a, const WarpTask& b) {
+    const uint32_t la = pages_[a.page].layer, lb = pages_[b.page].layer;
+    return la != lb ? la < lb : cost(a) > cost(b);
+  });
+  const size_t each = (warps_.size() + multiprocessors_ - 1) / multiprocessors_;
+  planes_launch_.block_pages =
+      static_cast<uint32_t>(std::min<size_t>(each, kMaxBlockPages));
+  for (uint32_t w = 0; w < warps_.size(); ++w) {
+    const uint32_t layer = pages_[warps_[w].page].layer;
+    if (blocks_.empty() || blocks_.back().layer != layer ||
+        blocks_.back().count == planes_launch_.block_pages) {
+      blocks_.push_back({layer, w, 0});
+      planes_launch_.shared_bytes =
+          std::max(planes_launch_.shared_bytes,
+                   planes_shared_bytes(tables_.layers()[layer], planes_launch_.block_pages));
+    }
+    ++blocks_.back().count;
+  }
+  std::stable_sort(blocks_.begin(), blocks_.end(), [&](const BlockTask& a, const BlockTask& b) {
+    return cost(warps_[a.first]) > cost(warps_[b.first]);
+  });
+  planes_launch_.num_blocks = static_cast<uint32_t>(blocks_.size());
+}
+
+// Columns of values that component c needs in the layers at hand.
+unsigned Job::value_columns(unsigned c) const {
+  const SceneHeader& header = file_.header();
+  unsigned most = 0;
+  for (const DevicePage& page : pages_) {
+    if (c == L4D_COMPONENT_SH && page.has_sh == 0) continue;
+    const LayerHeader& layer = header.layers[page.layer];
+    const ComponentCoding& coding = header.component(layer, c);
+    unsigned columns = static_cast<unsigned>(coding.stages.size());
+    if (coding.literals) columns += header.component_dim(layer, c);
+    if (coding.transform()) columns = coding.coefficients();
+    if (c == L4D_COMPONENT_SH && coding.transform()) columns = std::min(columns, page.sh_limit);
+    most = std::max(most, columns);
+  }
+  return most;
+}
+
+Status Job::lay_out() {
+  const SceneHeader& header = file_.header();
+  uint64_t end = 0;
+  place(pages_.size() * sizeof(DevicePage), kLine, &end);  // at 0
+  warps_at_ = place(warps_.size() * sizeof(WarpTask), kLine, &end);
+  blocks_at_ = place(blocks_.size() * sizeof(BlockTask), kLine, &end);
+  expands_at_ = place(expands_.size() * sizeof(ExpandTask), kLine, &end);
+  faults_at_ = place(2 * pages_.size() * sizeof(uint32_t), kLine, &end);
+  for (auto& [book, at] : books_) at = place(book->memory_bytes(), kPartAlignment, &end);
+  for (DevicePage& page : pages_) {
+    for (uint64_t& book : page.book) {
+      if (book != kNoBook) book = books_[static_cast<size_t>(book)].second;
+    }
+  }
+  for (const Part& part : parts_) {
+    pages_[part.page].part_at[part.part] = place(part.chunk.stored_bytes, kPartAlignment, &end);
+  }
+  staging_bytes_ = pages_.empty() ? 0 : end;
+  host_bytes_ = 0;
+  const auto column = [&](uint64_t bytes) { return place(num_slots_ * bytes, kLine, &end); };
+  columns_.morton = column(sizeof(uint64_t));
+  columns_.mean_t = column(sizeof(uint16_t));
+  columns_.opacity = column(sizeof(uint16_t));
+  columns_.scale_factor = column(sizeof(uint16_t));
+  columns_.state =
+      place((header.sh.vq() ? 2 : 1) * num_states_ * sizeof(uint32_t), kLine, &end);
+  for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
+    columns_.component[c].head = place(num_slots_ + kStatesBehind, kLine, &end);
+    columns_.component[c].rung = column(1);
+    columns_.component[c].value = column(value_columns(c) * sizeof(uint16_t));
+  }
+  workspace_bytes_ = pages_.empty() ? 0 : align_up(end, kLine);
+  expand_launch_.num_blocks = static_cast<uint32_t>(expands_.size());
+  expand_launch_.sh_dim = header.sh_dim();
+  expand_launch_.sh_transform = header.sh.transform();
+  return {};
+}
+
+Status Job::check_part(const Part& part, ByteSpan bytes) const {
+  const bool detail = part.part == 1;
+  const auto check_hash = [&]() -> Status {
+    if (hash64(bytes) == part.chunk.hash) return {};
+    return Status(L4D_ERR_CHECKSUM, "CHNK-2", part.chunk.offset,
+                  detail ? "checksum of the SH detail of a page does not match"
+                         : "checksum of a page does not match");
+  };
+  if (!detail) L4D_RETURN_IF_ERROR(check_hash());
+  if (part.chunk.raw_bytes != part.chunk.stored_bytes) {
+    return corrupt("CHNK-3", part.chunk.offset, "rANS page whose sizes differ");
+  }
+  if (part.chunk.stored_bytes > max_page_bytes(file_.header(), pages_[part.page].n)) {
+    return corrupt("CHNK-8", part.chunk.offset, "rANS page longer than its content can be");
+  }
+  if (detail) L4D_RETURN_IF_ERROR(check_hash());
+  RansLanes lanes;
+  return open_rans_block(bytes, part.chunk.offset, &lanes);
+}
+
+Status Job::fill_staging() {
+  if (pages_.empty()) return {};
+  charge_ = std::make_unique<MemoryCharge>(file_.memory());
+  L4D_RETURN_IF_ERROR(charge_->take(staging_bytes_, "the upload of a decode"));
+  L4D_RETURN_IF_ERROR(staging_.reserve(static_cast<size_t>(staging_bytes_)));
+  unsigned char* to = staging_.as<unsigned char>();
+  std::fill_n(to, faults_at_ + 2 * pages_.size() * sizeof(uint32_t), static_cast<unsigned char>(0));
+  put(pages_, 0, to);
+  put(warps_, warps_at_, to);
+  put(blocks_, blocks_at_, to);
+  put(expands_, expands_at_, to);
+  for (const auto& [book, at] : books_) put(book->entries, at, to);
+
+  std::vector<size_t> order(parts_.size());
+  for (size_t i = 0; i < order.size(); ++i) order[i] = i;
+  std::stable_sort(order.begin(), order.end(), [&](size_t a, size_t b) {
+    return parts_[a].chunk.offset < parts_[b].chunk.offset;
+  });
+  const bool skips_detail = std::any_of(pages_.begin(), pages_.end(), [&](const DevicePage& p) {
+    return p.part_bytes[1] == 0 && p.middle != tables_.layers()[p.layer].num_planes;
+  });
+  // What lies between may be the very parts that are not wanted.
+  const uint64_t max_gap = skips_detail ? 0 : kMaxReadGap;
+  std::vector<Status> status(parts_.size());
+  // Neighbouring parts are read together.
+  for (size_t i = 0; i < order.size();) {
+    const uint64_t begin = parts_[order[i]].chunk.offset;
+    uint64_t end = begin + parts_[order[i]].chunk.stored_bytes;
+    size_t last = i + 1;
+    for (; last < order.size(); ++last) {
+      const ChunkRef& next = parts_[order[last]].chunk;
+      if (next.offset < end || next.offset - end > max_gap) break;
+      if (next.offset + next.stored_bytes - begin > kMaxReadBytes) break;
+      end = next.offset + next.stored_bytes;
+    }
+    MemoryCharge charge(file_.memory());
+    L4D_RETURN_IF_ERROR(charge.take(end - begin, "a batch of pages"));
+    ByteSpan run;
+    L4D_RETURN_IF_ERROR(file_.source().read(begin, end - begin, read_buffer_, &run));
+    parallel_for(0, last - i, 4, [&](size_t a, size_t b) {
+      for (size_t k = i + a; k < i + b; ++k) {
+        const Part& part = parts_[order[k]];
+        const ByteSpan bytes =
+            run.subspan(static_cast<size_t>(part.chunk.offset - begin), part.chunk.stored_bytes);
+        status[order[k]] = check_part(part, bytes);
+        std::copy(bytes.begin(), bytes.end(), to + pages_[part.page].part_at[part.part]);
+      }
+    });
+    i = last;
+  }
+  return first_failure(status);
+}
+
+DeviceJob Job::device_job(unsigned char* workspace) const {
+  DeviceJob job{};
+  job.layers = tables_.device_layers();
+  job.upload = workspace;
+  job.pages = reinterpret_cast<const DevicePage*>(workspace);
+  job.warps = reinterpret_cast<const WarpTask*>(workspace + warps_at_);
+  job.blocks = reinterpret_cast<const BlockTask*>(workspace + blocks_at_);
+  job.expands = reinterpret_cast<const ExpandTask*>(workspace + expands_at_);
+  job.faults = reinterpret_cast<uint32_t*>(workspace + faults_at_);
+  Columns& to = job.columns;
+  to.morton = reinterpret_cast<uint64_t*>(workspace + columns_.morton);
+  to.mean_t = reinterpret_cast<uint16_t*>(workspace + columns_.mean_t);
+  to.opacity = reinterpret_cast<uint16_t*>(workspace + columns_.opacity);
+  to.scale_factor = reinterpret_cast<uint16_t*>(workspace + columns_.scale_factor);
+  to.state = reinterpret_cast<uint32_t*>(workspace + columns_.state);
+  for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
+    to.component[c] = {workspace + columns_.component[c].head,
+                       workspace + columns_.component[c].rung,
+                       reinterpret_cast<uint16_t*>(workspace + columns_.component[c].value)};
+  }
+  to.stride = static_cast<size_t>(num_slots_);
+  to.state_stride = static_cast<size_t>(num_states_);
+  return job;
+}
+
+Status Job::check(const uint32_t* faults) const {
+  struct Meaning {
+    const char* clause;
+    const char* message;
+  };
+  // By PageFault.
+  static constexpr Meaning kMeanings[] = {
+      {"", ""},
+      {"RANS-7", "a rANS block does not end with its words and in its first state"},
+      {"RANS-8", "a position is outside its range"},
+      {"STRM-3", "a code is not below its limit"},
+      {"VAL-1", "a coded value is not finite"},
+      {"VAL-2", "a coded value is not finite"},
+      {"VQ-1", "a depth is above the number of stages"},
+      {"VQ-2", "an index is not below the number of codewords"},
+      {"TRAN-5", "a class is not below the number of classes"},
+      {"TRAN-6", "a rung is above the ladder"},
+  };
+  for (size_t i = 0; i < 2 * pages_.size(); ++i) {
+    if (faults[i] == kPageOk) continue;
+    if (faults[i] >= std::size(kMeanings)) {
+      return Status(L4D_ERR_INTERNAL, "the device tells an unknown fault of a page");
+    }
+    const PageRecord& record = plan_.tasks[page_tasks_[i / 2]].record;
+    return corrupt(kMeanings[faults[i]].clause,
+                   i % 2 == 0 ? record.chunk.offset : record.sh_detail.offset,
+                   kMeanings[faults[i]].message);
+  }
+  return {};
+}
+
+// Pages that are not of rANS have no decoder on the device.
+Status Job::expand_on_host(uint32_t attributes) {
+  host_ = {};
+  if (host_runs_.empty()) return {};
+  const uint64_t n = plan_.num_gaussians;
+  const uint64_t sh_dim = file_.header().sh_dim();
+  struct Array {
+    uint32_t attribute;
+    uint64_t numbers;
+    float* l4d_gaussian_buffers::*array;
+  };
+  const Array arrays[] = {
+      {L4D_CUDA_POSITION, 3, &l4d_gaussian_buffers::position},
+      {L4D_CUDA_MEAN_T, 1, &l4d_gaussian_buffers::mean_t},
+      {L4D_CUDA_MEAN_T, 1, &l4d_gaussian_buffers::mean_t_local},
+      {L4D_CUDA_LOG_SCALE, 4, &l4d_gaussian_buffers::log_scale},
+      {L4D_CUDA_ROTOR, 8, &l4d_gaussian_buffers::rotor},
+      {L4D_CUDA_OPACITY, 1, &l4d_gaussian_buffers::opacity},
+      {L4D_CUDA_SH, sh_dim, &l4d_gaussian_buffers::sh},
+  };
+  uint64_t numbers = 0;
+  for (const Array& a : arrays) numbers += (attributes & a.attribute) != 0 ? a.numbers : 0;
+  if (charge_ == nullptr) charge_ = std::make_unique<MemoryCharge>(file_.memory());
+  L4D_RETURN_IF_ERROR(charge_->take(n * numbers * sizeof(float), "pages that the host decodes"));
+  L4D_RETURN_IF_ERROR(host_memory_.reserve(static_cast<size_t>(n * numbers * sizeof(float))));
+  float* next = host_memory_.as<float>();
+  for (const Array& a : arrays) {
+    if ((attributes & a.attribute) == 0) continue;
+    host_.*a.array = next;
+    next += n * a.numbers;
+  }
+  host_.capacity = n;
+  PageDecoder pages(file_, decode_kernels_simd(), 0);
+  // Tasks lie in the order of the arrays, so that a run of rows is a run of tasks.
+  for (size_t t = 0; t < plan_.tasks.size();) {
+    if (is_rans(plan_.tasks[t].record)) {
+      ++t;
+      continue;
+    }
+    size_t end = t;
+    while (end < plan_.tasks.size() && !is_rans(plan_.tasks[end].record)) {
+      host_bytes_ += plan_.tasks[end++].record.num_gaussians * numbers * sizeof(float);
+    }
+    L4D_RETURN_IF_ERROR(pages.expand(plan_, t, end, host_, nullptr, nullptr));
+    t = end;
+  }
+  return {};
+}
+
+}  // namespace l4d::cuda

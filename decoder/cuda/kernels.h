@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: Apache-2.0
+// Launches of the kernels that decode, for code of the host compiler.
+#pragma once
+
+#include <cuda_runtime_api.h>
+
+#include "decoder/cuda/device_types.h"
+
+namespace l4d::cuda {
+
+// Pages that a block of threads decodes at most: a warp each.
+constexpr uint32_t kMaxBlockPages = 8;
+// Shared memory that a block needs for a layer; not more than a device has, whatever the layer.
+uint32_t planes_shared_bytes(const DeviceLayer& layer, uint32_t block_pages);
+
+struct PlanesLaunch {
+  uint32_t num_blocks = 0;
+  uint32_t block_pages = 0;
+  uint32_t shared_bytes = 0;
+};
+cudaError_t launch_planes(const DeviceJob& job, const PlanesLaunch& launch, cudaStream_t stream);
+
+struct ExpandLaunch {
+  uint32_t num_blocks = 0;
+  unsigned sh_dim = 0;
+  bool sh_transform = false;
+};
+cudaError_t launch_expand(const DeviceJob& job, const ExpandLaunch& launch, const DeviceArrays& out,
+                          cudaStream_t stream);
+
+}  // namespace l4d::cuda

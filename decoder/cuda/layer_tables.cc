@@ -1,0 +1,238 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "decoder/cuda/layer_tables.h"
+
+#include <algorithm>
+
+#include "libl4dcodec/entropy/rans.h"
+
+namespace l4d::cuda {
+namespace {
+
+DeviceScalar device_scalar(const ScalarCoding& coding) {
+  return {coding.coding == ScalarCodingId::kSq ? 1u : 0u, coding.offset, coding.step};
+}
+
+DeviceComponent device_component(const ComponentCoding& coding) {
+  DeviceComponent out{};
+  out.coding = static_cast<uint32_t>(coding.coding);
+  out.num_stages = static_cast<uint32_t>(coding.stages.size());
+  out.has_depth = coding.has_depth() ? 1 : 0;
+  out.num_coefficients = coding.coefficients();
+  out.num_rungs = static_cast<uint32_t>(coding.ladder.size());
+  std::copy(coding.ladder.begin(), coding.ladder.end(), out.ladder);
+  return out;
+}
+
+DeviceLayer device_layer(const SceneHeader& header, const LayerHeader& layer) {
+  DeviceLayer out{};
+  out.position_fixed = header.position == MeanCodingId::kFixed ? 1 : 0;
+  out.position_bits = out.position_fixed != 0 ? header.position_bits : 16;
+  out.mean_t_coded = layer.mean_t == MeanCodingId::kF16 ? 1 : 0;
+  out.mean_t_shift = layer.mean_t_shift;
+  out.permanent = layer.permanent ? 1 : 0;
+  out.stereographic = SceneHeader::stereographic_rotor(layer) ? 1 : 0;
+  std::copy_n(header.position_center, 3, out.position_center);
+  out.position_scale = header.position_scale;
+  out.log_scale_t = layer.log_scale_t;
+  out.opacity = device_scalar(header.opacity);
+  out.scale_factor = device_scalar(layer.scale_factor);
+  for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
+    out.component[c] = device_component(header.component(layer, c));
+  }
+  return out;
+}
+
+// Values of plane `spec` are below this; a limit of 2^16 and more is none.
+uint32_t plane_limit(const SceneHeader& header, const LayerHeader& layer, const PlaneSpec& spec) {
+  const ComponentCoding& coding = header.component(layer, spec.component);
+  switch (spec.kind) {
+    case PlaneKind::kMeanT: return 1u << (16 - layer.mean_t_shift);
+    case PlaneKind::kOpacity: return 1u << header.opacity.bits;
+    case PlaneKind::kScaleFactor: return 1u << layer.scale_factor.bits;
+    case PlaneKind::kDepth: return coding.literals ? kLiteralDepth + 1u : kLiteralDepth;
+    case PlaneKind::kIndex: return coding.stages[spec.index].num_entries;
+    case PlaneKind::kRung: return static_cast<uint32_t>(coding.ladder.size() + 1);
+    default: return 0;
+  }
+}
+
+// Rung or depth above which a Gaussian has to be to take part in the plane after `spec`; 0 = all
+// that took part in this one.
+uint8_t least_after(const ComponentCoding& coding, const PlaneSpec& spec) {
+  if (spec.kind == PlaneKind::kIndex) {
+    const bool is_last = spec.index + 1u == coding.stages.size();
+    return coding.has_depth() && !is_last ? static_cast<uint8_t>(spec.index + 1) : uint8_t{0};
+  }
+  if (spec.kind != PlaneKind::kCoefficient || spec.index + 1u == coding.coefficients()) return 0;
+  for (size_t s = 0; s < coding.ladder.size(); ++s) {
+    if (coding.ladder[s] == spec.index + 1u) return static_cast<uint8_t>(s + 1);
+  }
+  return 0;
+}
+
+}  // namespace
+
+void pack_rans_table(const uint32_t* entries, uint64_t* records, uint8_t* tokens) {
+  const auto frequency = [&](size_t slot) { return uint64_t{entries[slot] >> 20} + 1; };
+  const auto bias = [&](size_t slot) { return uint64_t{entries[slot] >> 8} & (kRansSlots - 1); };
+  std::fill_n(tokens, kTableRanks, uint8_t{0});
+  uint64_t rank = 0;
+  for (size_t r = 0; r < kTableRecords; ++r) {
+    const size_t first = r * kRecordSlots, last = first + kRecordSlots - 1;
+    uint64_t starts = 0;
+    for (size_t slot = first; slot <= last; ++slot) {
+      if (bias(slot) != 0) continue;
+      if (slot > 0) ++rank;
+      if (slot > first) starts |= uint64_t{1} << (slot - first);
+      tokens[rank] = static_cast<uint8_t>(entries[slot] & 0xff);
+    }
+    const uint64_t rank_of_first = rank - static_cast<uint64_t>(__builtin_popcountll(starts));
+    const uint64_t end = kRecordSlots - 1 - bias(last) + frequency(last);
+    records[r] = starts | bias(first) << 32 | end << 44 | rank_of_first << 57;
+  }
+}
+
+// What lanes without a symbol take: all slots are of one token, so that no state changes.
+void idle_rans_table(uint64_t* records, uint8_t* tokens) {
+  std::vector<uint32_t> entries(kRansSlots);
+  const uint32_t all = kRansSlots;
+  expand_rans_table(&all, 1, entries.data());
+  pack_rans_table(entries.data(), records, tokens);
+}
+
+// Eight tables for each class.
+void append_map(const std::vector<uint8_t>& map, uint8_t idle, std::vector<uint8_t>* maps) {
+  const size_t first = maps->size();
+  const size_t of_class = map.size() / kTransformClasses;
+  maps->resize(first + kMapBytes, map[0]);
+  for (size_t i = 0; i < map.size(); ++i) {
+    (*maps)[first + 8 * (i / of_class) + i % of_class] = map[i];
+  }
+  for (size_t c = 0; c < kTransformClasses; ++c) (*maps)[first + 8 * c + kIdleContext] = idle;
+}
+
+std::vector<PlaneProgram> plane_programs(const SceneHeader& header, const LayerHeader& layer,
+                                         const EntropyTables& tables,
+                                         std::vector<uint8_t>* maps) {
+  std::vector<PlaneProgram> out;
+  uint8_t with_classes = 0xff;
+  for (size_t p = 0; p < tables.planes.size(); ++p) {
+    const PlaneSpec& spec = tables.planes[p];
+    const ComponentCoding& coding = header.component(layer, spec.component);
+    const std::vector<uint8_t>& map = tables.maps[p];
+    PlaneProgram plane{};
+    plane.kind = static_cast<uint8_t>(spec.kind);
+    plane.component = spec.component;
+    plane.index = spec.index;
+    plane.table = map[0];
+    plane.by_depth = spec.kind == PlaneKind::kIndex && coding.has_depth() ? 1 : 0;
+    plane.keep_above = least_after(coding, spec);
+    plane.context_of = with_classes;
+    plane.limit = plane_limit(header, layer, spec);
+    if (spec.kind == PlaneKind::kClass) with_classes = spec.component;
+    if (map.size() > 1) {
+      plane.map = static_cast<uint32_t>(maps->size());
+      append_map(map, static_cast<uint8_t>(tables.entries.size() / kRansSlots), maps);
+    }
+    out.push_back(plane);
+  }
+  return out;
+}
+
+LayerTables::LayerTables(SceneFile& file) : file_(file) {
+  const SceneHeader& header = file.header();
+  for (const LayerHeader& layer : header.layers) layers_.push_back(device_layer(header, layer));
+  loaded_.resize(layers_.size());
+}
+
+Status LayerTables::upload(const void* data, size_t bytes, const void** out) {
+  DeviceMemory memory;
+  L4D_RETURN_IF_ERROR(memory.reserve(std::max<size_t>(bytes, 1)));
+  L4D_RETURN_IF_CUDA_ERROR(cudaMemcpy(memory.data(), data, bytes, cudaMemcpyHostToDevice));
+  *out = memory.data();
+  memory_.push_back(std::move(memory));
+  changed_ = true;
+  return {};
+}
+
+Status LayerTables::load_entropy(uint32_t layer) {
+  const EntropyTables* tables = nullptr;
+  L4D_RETURN_IF_ERROR(file_.entropy_tables(layer, &tables));
+  const size_t idle = tables->entries.size() / kRansSlots;
+  const size_t count = idle + 1;
+  std::vector<uint64_t> records(count * kTableRecords);
+  std::vector<uint8_t> tokens(count * kTableRanks), maps;
+  idle_rans_table(records.data() + idle * kTableRecords, tokens.data() + idle * kTableRanks);
+  for (size_t t = 0; t < idle; ++t) {
+    pack_rans_table(tables->entries.data() + t * kRansSlots, records.data() + t * kTableRecords,
+                    tokens.data() + t * kTableRanks);
+  }
+  const SceneHeader& header = file_.header();
+  const std::vector<PlaneProgram> planes =
+      plane_programs(header, header.layers[layer], *tables, &maps);
+  DeviceLayer& to = layers_[layer];
+  const void* at[4] = {};
+  L4D_RETURN_IF_ERROR(upload(records.data(), records.size() * sizeof(uint64_t), &at[0]));
+  L4D_RETURN_IF_ERROR(upload(tokens.data(), tokens.size(), &at[1]));
+  L4D_RETURN_IF_ERROR(upload(maps.data(), maps.size(), &at[2]));
+  L4D_RETURN_IF_ERROR(upload(planes.data(), planes.size() * sizeof(PlaneProgram), &at[3]));
+  to.records = static_cast<const uint64_t*>(at[0]);
+  to.tokens = static_cast<const uint8_t*>(at[1]);
+  to.maps = static_cast<const uint8_t*>(at[2]);
+  to.planes = static_cast<const PlaneProgram*>(at[3]);
+  to.num_tables = static_cast<uint32_t>(count);
+  to.map_bytes = static_cast<uint32_t>(maps.size());
+  to.num_planes = static_cast<uint32_t>(planes.size());
+  return {};
+}
+
+Status LayerTables::load_component(uint32_t layer, unsigned c) {
+  const SceneHeader& header = file_.header();
+  const ComponentCoding& coding = header.component(header.layers[layer], c);
+  DeviceComponent& to = layers_[layer].component[c];
+  // SH is the same for all layers.
+  for (size_t l = 0; c == L4D_COMPONENT_SH && l < layers_.size(); ++l) {
+    if (!loaded_[l][c]) continue;
+    to = layers_[l].component[c];
+    changed_ = true;
+    return {};
+  }
+  for (unsigned s = 0; s < coding.num_books(); ++s) {
+    const CodebookData* book = nullptr;
+    L4D_RETURN_IF_ERROR(file_.codebook(layer, c, s, &book));
+    const void* at = nullptr;
+    L4D_RETURN_IF_ERROR(upload(book->entries.data(), book->memory_bytes(), &at));
+    to.book[s] = static_cast<const float*>(at);
+  }
+  if (!coding.transform()) return {};
+  const void* at = nullptr;
+  L4D_RETURN_IF_ERROR(upload(coding.steps.data(), coding.steps.size() * sizeof(float), &at));
+  to.steps = static_cast<const float*>(at);
+  return {};
+}
+
+Status LayerTables::load(uint32_t layer, const Wants& wants) {
+  const SceneHeader& header = file_.header();
+  for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
+    const ComponentCoding& coding = header.component(header.layers[layer], c);
+    if (!wants[c] || loaded_[layer][c] || coding.num_books() == 0) continue;
+    L4D_RETURN_IF_ERROR(load_component(layer, c));
+    loaded_[layer][c] = true;
+  }
+  if (loaded_[layer][L4D_COMPONENT_COUNT]) return {};
+  L4D_RETURN_IF_ERROR(load_entropy(layer));
+  loaded_[layer][L4D_COMPONENT_COUNT] = true;
+  return {};
+}
+
+Status LayerTables::update() {
+  if (!changed_) return {};
+  const size_t bytes = layers_.size() * sizeof(DeviceLayer);
+  L4D_RETURN_IF_ERROR(device_layers_.reserve(bytes));
+  L4D_RETURN_IF_CUDA_ERROR(
+      cudaMemcpy(device_layers_.data(), layers_.data(), bytes, cudaMemcpyHostToDevice));
+  changed_ = false;
+  return {};
+}
+
+}  // namespace l4d::cuda

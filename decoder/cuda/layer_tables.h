@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the pages of a layer have in common, on the device: rANS tables, the order of planes,
+// codebooks. Each is brought there when a page first needs it, and stays.
+#pragma once
+
+#include <array>
+#include <map>
+#include <memory>
+#include <vector>
+
+#include "decoder/cuda/device_types.h"
+#include "decoder/scene_file.h"
+#include "libl4dcodec/cuda/device.h"
+
+namespace l4d::cuda {
+
+// One table of kRansSlots entries to kTableRecords records and the tokens of kTableRanks ranks.
+void pack_rans_table(const uint32_t* entries, uint64_t* records, uint8_t* tokens);
+
+// The planes of a layer in the form that kernels follow.
+std::vector<PlaneProgram> plane_programs(const SceneHeader& header, const LayerHeader& layer,
+                                         const EntropyTables& tables,
+                                         std::vector<uint8_t>* maps);
+
+class LayerTables {
+ public:
+  explicit LayerTables(SceneFile& file);
+
+  // Which components have to be expanded; of others only the planes are decoded.
+  using Wants = std::array<bool, L4D_COMPONENT_COUNT>;
+  Status load(uint32_t layer, const Wants& wants);
+  // After load() of all layers of a job: brings what is new of layers() to the device.
+  Status update();
+
+  const std::vector<DeviceLayer>& layers() const { return layers_; }
+  const DeviceLayer* device_layers() const { return device_layers_.as<const DeviceLayer>(); }
+
+ private:
+  Status upload(const void* data, size_t bytes, const void** out);
+  Status load_entropy(uint32_t layer);
+  Status load_component(uint32_t layer, unsigned c);
+
+  SceneFile& file_;
+  std::vector<DeviceLayer> layers_;
+  std::vector<std::array<bool, L4D_COMPONENT_COUNT + 1>> loaded_;  // components, rANS
+  bool changed_ = true;
+  std::vector<DeviceMemory> memory_;
+  DeviceMemory device_layers_;
+};
+
+}  // namespace l4d::cuda

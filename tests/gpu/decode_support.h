@@ -1,0 +1,94 @@
+// SPDX-License-Identifier: Apache-2.0
+// Decoding on a device in one call, into arrays that were poisoned before.
+#pragma once
+
+#include <cuda_runtime_api.h>
+#include <gtest/gtest.h>
+
+#include <cstdint>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "l4d/cuda.h"
+#include "l4d/l4d.hpp"
+#include "libl4dcodec/base/bytes.h"
+
+namespace l4d::test {
+
+inline void cuda_check(cudaError_t error) {
+  if (error != cudaSuccess) throw std::runtime_error(cudaGetErrorString(error));
+}
+
+// Device memory; every byte is kPoison at first.
+class PoisonedMemory {
+ public:
+  static constexpr int kPoison = 0xb5;
+  explicit PoisonedMemory(size_t bytes) : bytes_(bytes) {
+    cuda_check(cudaMalloc(&data_, bytes + kGuard));
+    cuda_check(cudaMemset(data_, kPoison, bytes + kGuard));
+  }
+  ~PoisonedMemory() { cudaFree(data_); }
+  PoisonedMemory(const PoisonedMemory&) = delete;
+  PoisonedMemory& operator=(const PoisonedMemory&) = delete;
+
+  void* data() const { return data_; }
+  float* floats() const { return static_cast<float*>(data_); }
+  size_t bytes() const { return bytes_; }
+  std::vector<float> read() const;
+  // Whether what lies behind still is as it was.
+  bool is_intact_behind() const;
+
+ private:
+  static constexpr size_t kGuard = 4096;
+  void* data_ = nullptr;
+  size_t bytes_ = 0;
+};
+
+// Number of usable devices.
+inline bool has_device() {
+  l4d_cuda_device_info info;
+  l4d_cuda_device_info_init(&info);
+  return l4d_cuda_get_device_info(0, &info) == L4D_OK && info.usable != 0;
+}
+
+// Tests of this fixture are skipped where there is no device.
+template <typename Base>
+class OnDevice : public Base {
+ protected:
+  void SetUp() override {
+    if (!has_device()) GTEST_SKIP() << "no usable CUDA device";
+  }
+};
+
+struct DeviceResult {
+  l4d_status status = L4D_OK;  // of the first call that failed
+  std::string detail;
+  l4d_cuda_job job{};
+  GaussianArrays arrays;  // what was asked for, as the device left it
+};
+
+class DeviceDecoding {
+ public:
+  // Throws l4d::Error where the device decoder cannot be had.
+  explicit DeviceDecoding(DecoderHandle& decoder);
+  ~DeviceDecoding() { l4d_cuda_decoder_destroy(cuda_); }
+  DeviceDecoding(const DeviceDecoding&) = delete;
+  DeviceDecoding& operator=(const DeviceDecoding&) = delete;
+
+  l4d_cuda_decoder* get() const { return cuda_; }
+  // attributes: L4D_CUDA_*, of the job and of the arrays.
+  DeviceResult decode(const l4d_query& query, uint32_t attributes = L4D_CUDA_ALL_ATTRIBUTES);
+
+ private:
+  l4d_cuda_decoder* cuda_ = nullptr;
+  uint32_t sh_dim_ = 0;
+};
+
+DeviceResult decode_on_device(const Bytes& bytes, const l4d_query& query,
+                              uint32_t attributes = L4D_CUDA_ALL_ATTRIBUTES);
+
+// Leaves the attributes asked for, as a decoder that gets NULL for the others.
+GaussianArrays only(GaussianArrays arrays, uint32_t attributes);
+
+}  // namespace l4d::test

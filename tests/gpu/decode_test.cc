@@ -1,0 +1,366 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the device decodes against the reference on the host, bit for bit.
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+#include <string>
+#include <tuple>
+
+#include "io/formats.h"
+#include "tests/common/codec.h"
+#include "tests/gpu/decode_support.h"
+
+namespace l4d::test {
+namespace {
+
+GaussianArrays on_host(const Bytes& bytes, const l4d_query& query) {
+  return decode(bytes, query, L4D_BACKEND_REFERENCE);
+}
+
+testing::AssertionResult same_ranges(const std::vector<l4d_range>& a,
+                                     const std::vector<l4d_range>& b) {
+  if (a.size() != b.size()) return testing::AssertionFailure() << a.size() << " and " << b.size();
+  for (size_t i = 0; i < a.size(); ++i) {
+    if (a[i].first != b[i].first || a[i].count != b[i].count || a[i].layer != b[i].layer ||
+        a[i].bucket != b[i].bucket || a[i].block != b[i].block) {
+      return testing::AssertionFailure() << "range " << i;
+    }
+  }
+  return testing::AssertionSuccess();
+}
+
+void expect_same(const Bytes& bytes, const l4d_query& query,
+                 uint32_t attributes = L4D_CUDA_ALL_ATTRIBUTES) {
+  const GaussianArrays expected = only(on_host(bytes, query), attributes);
+  const DeviceResult found = decode_on_device(bytes, query, attributes);
+  ASSERT_EQ(found.status, L4D_OK) << found.detail;
+  EXPECT_TRUE(same_bits("position", found.arrays.position, expected.position));
+  EXPECT_TRUE(same_bits("mean_t", found.arrays.mean_t, expected.mean_t));
+  EXPECT_TRUE(same_bits("mean_t_local", found.arrays.mean_t_local, expected.mean_t_local));
+  EXPECT_TRUE(same_bits("log_scale", found.arrays.log_scale, expected.log_scale));
+  EXPECT_TRUE(same_bits("rotor", found.arrays.rotor, expected.rotor));
+  EXPECT_TRUE(same_bits("opacity", found.arrays.opacity, expected.opacity));
+  EXPECT_TRUE(same_bits("sh", found.arrays.sh, expected.sh));
+  EXPECT_TRUE(same_ranges(found.arrays.ranges, expected.ranges));
+}
+
+void expect_same_for_all_queries(const Bytes& bytes) {
+  expect_same(bytes, all_query());
+  for (const double time : {0.0, 0.7, 1.9}) expect_same(bytes, time_query(time));
+  expect_same(bytes, range_query(0.4, 1.1));
+  l4d_query coarse = time_query(0.7);
+  coarse.max_level = 1;
+  expect_same(bytes, coarse);
+  l4d_query base = all_query();
+  base.detail = L4D_DETAIL_BASE_COLOR;
+  expect_same(bytes, base);
+}
+
+struct Preset {
+  const char* name;
+  EncodeOptions options;
+};
+std::ostream& operator<<(std::ostream& out, const Preset& p) { return out << p.name; }
+
+std::vector<Preset> presets() {
+  std::vector<Preset> out;
+  const auto add = [&](const char* name, const char* preset, bool rans,
+                       std::vector<Setting> settings) {
+    EncodeOptions o;
+    o.preset = preset;
+    o.rans = rans;
+    o.settings = std::move(settings);
+    o.settings.push_back({L4D_ENC_MERGE_COUNT, 40});
+    out.push_back({name, o});
+  };
+  add("Default", "default", true, {});
+  add("Tiny", "tiny", true, {});
+  add("Archive", "archive", true, {});
+  add("DefaultSmallPages", "default", true, {{L4D_ENC_PAGE_SIZE, 100}});
+  add("Indexed", "indexed", true, {{L4D_ENC_CODEBOOK_SIZE, 128}, {L4D_ENC_KMEANS_ITERATIONS, 2}});
+  add("IndexedSmall", "indexed-small", true,
+      {{L4D_ENC_CODEBOOK_SIZE, 256}, {L4D_ENC_KMEANS_ITERATIONS, 2}, {L4D_ENC_PAGE_SIZE, 333}});
+  add("PaperSmall", "paper-small", false,
+      {{L4D_ENC_CODEBOOK_SIZE, 64},
+       {L4D_ENC_KMEANS_ITERATIONS, 2},
+       {L4D_ENC_PAGE_SIZE, 500},
+       {L4D_ENC_PRUNE_WEIGHT, -1}});
+  add("Lossless", "lossless", false, {{L4D_ENC_PAGE_SIZE, 500}});
+  // Codebooks of SH beside transforms, and the other way round.
+  add("VqSh", "default", true, {{L4D_ENC_CODING, 0, L4D_COMPONENT_SH}});
+  add("VqScale", "default", true, {{L4D_ENC_CODING, 0, L4D_COMPONENT_SCALE}});
+  add("HalfPositions", "default", true, {{L4D_ENC_FIXED_POSITIONS, 0}});
+  return out;
+}
+
+using PresetAndDegree = std::tuple<Preset, uint32_t>;
+class Presets : public OnDevice<testing::TestWithParam<PresetAndDegree>> {};
+
+TEST_P(Presets, DecodeToTheBitsOfTheReference) {
+  const auto& [preset, degree] = GetParam();
+  SceneOptions s;
+  s.count = 9000;
+  s.sh_degree = degree;
+  s.seed = degree + 7;
+  expect_same_for_all_queries(encode(make_scene(s), preset.options).bytes);
+}
+
+INSTANTIATE_TEST_SUITE_P(All, Presets,
+                         testing::Combine(testing::ValuesIn(presets()),
+                                          testing::Values(0u, 1u, 2u, 3u)),
+                         [](const auto& parameter) {
+                           return std::get<0>(parameter.param).name +
+                                  std::to_string(std::get<1>(parameter.param));
+                         });
+
+class Scenes : public OnDevice<testing::Test> {};
+
+TEST_F(Scenes, WithoutMotionAndWithoutTime) {
+  for (const double permanent : {0.0, 0.5, 1.0}) {
+    SceneOptions s;
+    s.count = 3000;
+    s.sh_degree = 3;
+    s.permanent = permanent;
+    s.moving = false;
+    EncodeOptions o;
+    o.preset = "default";
+    o.rans = true;
+    o.settings = {{L4D_ENC_MERGE_COUNT, 40}};
+    expect_same_for_all_queries(encode(make_scene(s), o).bytes);
+  }
+}
+
+TEST_F(Scenes, WithSecondPartsOfSh) {
+  SceneOptions s;
+  s.count = 40000;
+  s.sh_degree = 3;
+  s.permanent = 0.9;
+  for (const char* preset : {"default", "indexed-small"}) {
+    EncodeOptions o;
+    o.preset = preset;
+    o.rans = true;
+    o.settings = {{L4D_ENC_MERGE_COUNT, 4000},
+                  {L4D_ENC_CODEBOOK_SIZE, 256},
+                  {L4D_ENC_KMEANS_ITERATIONS, 2}};
+    expect_same_for_all_queries(encode(make_scene(s), o).bytes);
+  }
+}
+
+TEST_F(Scenes, WithLiteralsAndStages) {
+  EncodeOptions o = small_options();
+  o.rans = true;
+  o.stages = {{L4D_ALL_COMPONENTS, {1.0f, 0.5f, 0.25f}}};
+  for (const uint32_t degree : {1u, 3u}) {
+    SceneOptions s;
+    s.count = 3000;
+    s.sh_degree = degree;
+    const TestScene scene = make_scene(s);
+    std::vector<float> weights(scene.count());
+    for (size_t i = 0; i < weights.size(); ++i) weights[i] = static_cast<float>(i % 40);
+    EncodeOptions with = o;
+    with.settings.push_back({L4D_ENC_LITERAL_THRESHOLD, 37.5});
+    for (uint32_t w = L4D_WEIGHT_SH; w <= L4D_WEIGHT_ROTOR_TEMPORAL; ++w) {
+      with.weights.emplace_back(w, &weights);
+    }
+    expect_same_for_all_queries(encode(scene, with).bytes);
+  }
+}
+
+TEST_F(Scenes, WithBlockCodebooks) {
+  SceneOptions s;
+  s.count = 24000;
+  s.sh_degree = 0;
+  s.permanent = 0.05;
+  EncodeOptions o = small_options();
+  o.rans = true;
+  for (const Setting& setting : {Setting{L4D_ENC_RCQ, 2}, Setting{L4D_ENC_RCQ_SIZE, 32},
+                                 Setting{L4D_ENC_PAGE_SIZE, 4096}}) {
+    o.settings.push_back(setting);
+  }
+  const Bytes bytes = encode(make_scene(s), o).bytes;
+  DecoderHandle decoder;
+  decoder.open_memory(bytes.data(), bytes.size());
+  ASSERT_NE(decoder.info().tools & L4D_TOOL_RCQ, 0u);
+  expect_same_for_all_queries(bytes);
+}
+
+TEST_F(Scenes, OfOnePageOfManyAndOfFewGaussians) {
+  for (const uint64_t count : {1u, 2u, 31u, 32u, 33u, 257u}) {
+    SceneOptions s;
+    s.count = count;
+    s.sh_degree = 3;
+    EncodeOptions o;
+    o.preset = "default";
+    o.rans = true;
+    expect_same(encode(make_scene(s), o).bytes, all_query());
+  }
+}
+
+class Attributes : public OnDevice<testing::Test> {};
+
+TEST_F(Attributes, EverySubsetIsTheSame) {
+  SceneOptions s;
+  s.count = 20000;
+  s.sh_degree = 3;
+  s.permanent = 0.95;
+  EncodeOptions o;
+  o.preset = "default";
+  o.rans = true;
+  const Bytes file = encode(make_scene(s), o).bytes;
+  for (uint32_t attributes = 0; attributes <= L4D_CUDA_ALL_ATTRIBUTES; ++attributes) {
+    expect_same(file, time_query(1.0), attributes);
+  }
+  for (uint32_t attributes = 0; attributes <= L4D_CUDA_ALL_ATTRIBUTES; ++attributes) {
+    expect_same(lossless_file(), time_query(1.0), attributes);
+  }
+}
+
+class Jobs : public OnDevice<testing::Test> {};
+
+TEST_F(Jobs, FollowEachOtherOnOneHandle) {
+  const Bytes& file = transform_file();
+  DecoderHandle decoder;
+  decoder.open_memory(file.data(), file.size());
+  DeviceDecoding device(decoder);
+  for (int round = 0; round < 2; ++round) {
+    for (const double time : {0.1, 1.7, 0.9}) {
+      const DeviceResult found = device.decode(time_query(time));
+      ASSERT_EQ(found.status, L4D_OK) << found.detail;
+      const GaussianArrays expected = on_host(file, time_query(time));
+      EXPECT_TRUE(same_bits("rotor", found.arrays.rotor, expected.rotor));
+      EXPECT_TRUE(same_bits("sh", found.arrays.sh, expected.sh));
+    }
+  }
+}
+
+TEST_F(Jobs, RefuseWhatDoesNotFit) {
+  const Bytes& file = transform_file();
+  DecoderHandle decoder;
+  l4d_cuda_decoder* none = nullptr;
+  EXPECT_EQ(l4d_cuda_decoder_create(decoder.get(), 0, &none), L4D_ERR_INVALID_STATE);
+  decoder.open_memory(file.data(), file.size());
+  EXPECT_EQ(l4d_cuda_decoder_create(decoder.get(), 1000, &none), L4D_ERR_DEVICE);
+  EXPECT_EQ(none, nullptr);
+  DeviceDecoding device(decoder);
+  l4d_cuda_gaussian_buffers buffers;
+  l4d_cuda_gaussian_buffers_init(&buffers);
+  EXPECT_EQ(l4d_cuda_decoder_decode(device.get(), &buffers, nullptr, 0, nullptr),
+            L4D_ERR_INVALID_STATE);
+  EXPECT_EQ(l4d_cuda_decoder_finish(device.get()), L4D_ERR_INVALID_STATE);
+  l4d_cuda_job job;
+  l4d_cuda_job_init(&job);
+  job.attributes = L4D_CUDA_POSITION;
+  const l4d_query query = all_query();
+  ASSERT_EQ(l4d_cuda_decoder_prepare(device.get(), &query, &job), L4D_OK);
+  const PoisonedMemory workspace(static_cast<size_t>(job.workspace_bytes));
+  const PoisonedMemory array(static_cast<size_t>(job.num_gaussians) * 3 * sizeof(float));
+  const auto decode_into = [&](float* position, float* opacity, uint64_t capacity, void* at,
+                               uint64_t size) {
+    buffers.position = position;
+    buffers.opacity = opacity;
+    buffers.capacity = capacity;
+    return l4d_cuda_decoder_decode(device.get(), &buffers, at, size, nullptr);
+  };
+  const uint64_t n = job.num_gaussians, size = job.workspace_bytes;
+  EXPECT_EQ(decode_into(array.floats(), nullptr, n - 1, workspace.data(), size),
+            L4D_ERR_INVALID_ARGUMENT);
+  EXPECT_EQ(decode_into(array.floats() + 1, nullptr, n, workspace.data(), size),
+            L4D_ERR_INVALID_ARGUMENT);
+  EXPECT_EQ(decode_into(nullptr, array.floats(), n, workspace.data(), size),
+            L4D_ERR_INVALID_ARGUMENT);
+  EXPECT_EQ(decode_into(array.floats(), nullptr, n, workspace.data(), size - 1),
+            L4D_ERR_INVALID_ARGUMENT);
+  EXPECT_EQ(decode_into(array.floats(), nullptr, n, nullptr, size), L4D_ERR_INVALID_ARGUMENT);
+  EXPECT_NE(std::string(l4d_cuda_decoder_error_detail(device.get())), "");
+  ASSERT_EQ(decode_into(array.floats(), nullptr, n, workspace.data(), size), L4D_OK);
+  EXPECT_EQ(l4d_cuda_decoder_finish(device.get()), L4D_OK);
+  EXPECT_TRUE(same_bits("position", array.read(), on_host(file, query).position));
+}
+
+TEST_F(Jobs, UploadAheadOfDecoding) {
+  const Bytes& file = transform_file();
+  DecoderHandle decoder;
+  decoder.open_memory(file.data(), file.size());
+  DeviceDecoding device(decoder);
+  l4d_cuda_job job;
+  l4d_cuda_job_init(&job);
+  const l4d_query query = all_query();
+  ASSERT_EQ(l4d_cuda_decoder_prepare(device.get(), &query, &job), L4D_OK);
+  EXPECT_GT(job.upload_bytes, 0u);
+  const PoisonedMemory workspace(static_cast<size_t>(job.workspace_bytes));
+  const PoisonedMemory array(static_cast<size_t>(job.num_gaussians) * 8 * sizeof(float));
+  l4d_cuda_gaussian_buffers buffers;
+  l4d_cuda_gaussian_buffers_init(&buffers);
+  buffers.capacity = job.num_gaussians;
+  buffers.rotor = array.floats();
+  for (int round = 0; round < 3; ++round) {
+    if (round != 1) {
+      ASSERT_EQ(l4d_cuda_decoder_upload(device.get(), workspace.data(), job.workspace_bytes,
+                                        nullptr), L4D_OK);
+    }
+    ASSERT_EQ(l4d_cuda_decoder_decode(device.get(), &buffers, workspace.data(),
+                                      job.workspace_bytes, nullptr), L4D_OK);
+    ASSERT_EQ(l4d_cuda_decoder_finish(device.get()), L4D_OK);
+    EXPECT_TRUE(same_bits("rotor", array.read(), on_host(file, query).rotor));
+  }
+}
+
+TEST_F(Jobs, KeepToTheLimitsOfTheDecoder) {
+  const Bytes& file = transform_file();
+  l4d_decoder_options options = decoder_options(L4D_BACKEND_AUTO, 1);
+  options.limits.max_memory_bytes = file.size() / 2;
+  DecoderHandle decoder(&options);
+  try {
+    decoder.open_memory(file.data(), file.size());
+  } catch (const Error& e) {
+    FAIL() << "the limit is below the header: " << e.what();
+  }
+  DeviceDecoding device(decoder);
+  EXPECT_EQ(device.decode(all_query()).status, L4D_ERR_LIMIT_EXCEEDED);
+}
+
+Bytes read_file(const std::string& path) {
+  std::ifstream in(path, std::ios::binary);
+  std::ostringstream content;
+  content << in.rdbuf();
+  const std::string text = content.str();
+  return Bytes(text.begin(), text.end());
+}
+
+// Streams of a trained scene, at one instant and as a whole. Where the scene is not at hand, streams
+// made of it elsewhere can be named in L4D_GPU_TEST_FILES, with colons between.
+TEST_F(Scenes, Basketball) {
+  std::vector<Bytes> streams;
+  const char* set = std::getenv("L4D_DATA_DIR");
+  const std::string folder = std::string(set != nullptr ? set : "../shared/data") + "/basketball/";
+  if (std::filesystem::exists(folder + "basketball.ply")) {
+    const io::Scene scene = io::read_scene_ply(folder + "basketball.ply");
+    const l4d_gaussians view = scene.view();
+    for (const char* preset : {"default", "indexed-small"}) {
+      EncoderHandle encoder;
+      encoder.check(l4d_encoder_set_preset(encoder.get(), preset));
+      encoder.check(l4d_encoder_set(encoder.get(), L4D_ENC_EFFORT, L4D_ALL_COMPONENTS, 1));
+      encoder.check(
+          l4d_encoder_set_scene(encoder.get(), &view, &scene.timeline, &scene.placement));
+      streams.push_back(encoder.encode());
+    }
+  }
+  if (const char* files = std::getenv("L4D_GPU_TEST_FILES")) {
+    std::istringstream list(files);
+    for (std::string path; std::getline(list, path, ':');) {
+      streams.push_back(read_file(path));
+      ASSERT_FALSE(streams.back().empty()) << path;
+    }
+  }
+  if (streams.empty()) GTEST_SKIP() << "no basketball scene in $L4D_DATA_DIR or ../shared/data";
+  for (const Bytes& stream : streams) {
+    expect_same(stream, all_query());
+    expect_same(stream, time_query(2.5));
+  }
+}
+
+}  // namespace
+}  // namespace l4d::test
