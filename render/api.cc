@@ -29,7 +29,7 @@ struct l4d_sensitivity {
 namespace {
 
 l4d_renderer_options default_renderer_options() {
-  return {sizeof(l4d_renderer_options), 0, L4D_RENDER_AUTO, L4D_RENDER_EXP_ACCURATE, 0};
+  return {sizeof(l4d_renderer_options), 0, L4D_RENDER_AUTO, L4D_RENDER_EXP_ACCURATE, L4D_BACKEND_AUTO};
 }
 l4d_camera default_camera() {
   l4d_camera camera{};
@@ -88,7 +88,10 @@ l4d_status l4d_renderer_create(const l4d_renderer_options* options, l4d_renderer
   const l4d_renderer_options o = options == nullptr
                                      ? default_renderer_options()
                                      : read_struct(*options, default_renderer_options());
-  if (o.path > L4D_RENDER_FAST || o.exponential > L4D_RENDER_EXP_FAST || o.threads > 4096) {
+  if (o.path > L4D_RENDER_FAST || o.exponential > L4D_RENDER_EXP_FAST || o.threads > 4096 ||
+      o.backend > L4D_BACKEND_CUDA ||
+      (o.backend == L4D_BACKEND_CUDA && o.path == L4D_RENDER_REFERENCE) ||
+      (o.backend == L4D_BACKEND_REFERENCE && o.path == L4D_RENDER_FAST)) {
     return L4D_ERR_INVALID_ARGUMENT;
   }
   return guard([&]() -> Status {

@@ -172,7 +172,7 @@ Status measure(Renderer& renderer, const l4d_camera* cameras, uint32_t num_camer
       }
     }
   }
-  report->unseen = first->num_unseen();
+  L4D_RETURN_IF_ERROR(first->count_unseen(&report->unseen));
   *out = std::move(first);
   return {};
 }

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "libl4dcodec/math/hd.h"
 #include "render/frame.h"
 #include "render/sh.h"
 #include "render/view.h"
@@ -49,7 +50,7 @@ struct Projection {
 
 // False where the Gaussian lies at or before the near plane.
 template <typename T>
-bool project_geometry(const View<T>& view, const T* position /* [3] */,
+L4D_HOST_DEVICE bool project_geometry(const View<T>& view, const T* position /* [3] */,
                       const T* covariance /* [6] */, Projection<T>* out) {
   const T* r = view.rotation;
   for (int i = 0; i < 3; ++i) {
@@ -86,7 +87,8 @@ bool project_geometry(const View<T>& view, const T* position /* [3] */,
 
 // The direction in which a camera sees a point. A camera inside the mean sees it along z.
 template <typename T>
-inline void view_direction(const View<T>& view, const T* position /* [3] */, T* direction /* [3] */) {
+L4D_HOST_DEVICE inline void view_direction(const View<T>& view, const T* position /* [3] */,
+                                           T* direction /* [3] */) {
   T d[3], norm2 = 0;
   for (int k = 0; k < 3; ++k) {
     d[k] = position[k] - view.center[k];
@@ -96,10 +98,10 @@ inline void view_direction(const View<T>& view, const T* position /* [3] */, T* 
   for (int k = 0; k < 3; ++k) direction[k] = norm > 0 ? d[k] / norm : view.rotation[6 + k];
 }
 
-// 0.5 + SH, not yet clamped.
-template <typename T>
-inline void sh_color(uint32_t degree, const float* sh /* [(degree + 1)^2, 3] */,
-                     const T* direction /* [3] */, T* color /* [3] */) {
+// 0.5 + SH, not yet clamped. sh[i]: [(degree + 1)^2, 3].
+template <typename T, typename Coefficients>
+L4D_HOST_DEVICE inline void sh_color(uint32_t degree, const Coefficients& sh,
+                                     const T* direction /* [3] */, T* color /* [3] */) {
   T basis[kMaxShTerms];
   sh_basis(degree, direction[0], direction[1], direction[2], basis);
   for (int c = 0; c < 3; ++c) color[c] = static_cast<T>(0.5);
@@ -108,17 +110,13 @@ inline void sh_color(uint32_t degree, const float* sh /* [(degree + 1)^2, 3] */,
   }
 }
 
-// Gaussian i of a frame as a splat, without colour; false where it touches no pixel of the view.
+// A Gaussian as a splat, without colour; false where it touches no pixel of the view.
 template <typename T>
-bool project(const View<T>& view, const Frame<T>& frame, size_t i, Splat<T>* out,
-             Projection<T>* kept = nullptr) {
-  const T opacity = frame.opacity[i];
+L4D_HOST_DEVICE bool project(const View<T>& view, const T* position /* [3] */,
+                             const T* covariance /* [6] */, T opacity, Splat<T>* out,
+                             Projection<T>* kept) {
   if (!(opacity >= static_cast<T>(kMinAlpha))) return false;
-  const T position[3] = {frame.position[0][i], frame.position[1][i], frame.position[2][i]};
-  T covariance[6];
-  for (int k = 0; k < 6; ++k) covariance[k] = frame.covariance[k][i];
-  Projection<T> local;
-  Projection<T>& p = kept != nullptr ? *kept : local;
+  Projection<T>& p = *kept;
   if (!project_geometry(view, position, covariance, &p)) return false;
   const T det = p.covariance[0] * p.covariance[2] - p.covariance[1] * p.covariance[1];
   if (!(det > 0)) return false;
@@ -137,6 +135,17 @@ bool project(const View<T>& view, const Frame<T>& frame, size_t i, Splat<T>* out
   return out->mean[0] + out->extent[0] >= half && out->mean[1] + out->extent[1] >= half &&
          out->mean[0] - out->extent[0] <= static_cast<T>(view.width) - half &&
          out->mean[1] - out->extent[1] <= static_cast<T>(view.height) - half;
+}
+
+// Gaussian i of a frame likewise.
+template <typename T>
+bool project(const View<T>& view, const Frame<T>& frame, size_t i, Splat<T>* out,
+             Projection<T>* kept = nullptr) {
+  const T position[3] = {frame.position[0][i], frame.position[1][i], frame.position[2][i]};
+  T covariance[6];
+  for (int k = 0; k < 6; ++k) covariance[k] = frame.covariance[k][i];
+  Projection<T> local;
+  return project(view, position, covariance, frame.opacity[i], out, kept != nullptr ? kept : &local);
 }
 
 template <typename T>

@@ -14,44 +14,47 @@ namespace l4d::render {
 // Derivatives of the basis functions by x, y and z, as the polynomials they are: (x, y, z) need not
 // stay on the sphere.
 template <typename T>
-inline void sh_basis_gradient(uint32_t degree, T x, T y, T z,
-                              T (*by)[3] /* [(degree + 1)^2, 3] */) {
+L4D_HOST_DEVICE inline void sh_basis_gradient(uint32_t degree, T x, T y, T z,
+                                              T (*by)[3] /* [(degree + 1)^2, 3] */) {
   using namespace sh_constant;
-  const auto set = [by](int k, double constant, T dx, T dy, T dz) {
-    by[k][0] = static_cast<T>(constant) * dx;
-    by[k][1] = static_cast<T>(constant) * dy;
-    by[k][2] = static_cast<T>(constant) * dz;
+  const auto c = [](double v) { return static_cast<T>(v); };
+  const auto set = [by](int k, T constant, T dx, T dy, T dz) {
+    by[k][0] = constant * dx;
+    by[k][1] = constant * dy;
+    by[k][2] = constant * dz;
   };
   set(0, 0, 0, 0, 0);
   if (degree < 1) return;
-  set(1, -k1, 0, 1, 0);
-  set(2, k1, 0, 0, 1);
-  set(3, -k1, 1, 0, 0);
+  set(1, c(-k1), 0, 1, 0);
+  set(2, c(k1), 0, 0, 1);
+  set(3, c(-k1), 1, 0, 0);
   if (degree < 2) return;
   const T xx = x * x, yy = y * y, zz = z * z;
-  set(4, k2[0], y, x, 0);
-  set(5, k2[1], 0, z, y);
-  set(6, k2[2], -2 * x, -2 * y, 4 * z);
-  set(7, k2[3], z, 0, x);
-  set(8, k2[4], 2 * x, -2 * y, 0);
+  set(4, c(k2[0]), y, x, 0);
+  set(5, c(k2[1]), 0, z, y);
+  set(6, c(k2[2]), -2 * x, -2 * y, 4 * z);
+  set(7, c(k2[3]), z, 0, x);
+  set(8, c(k2[4]), 2 * x, -2 * y, 0);
   if (degree < 3) return;
-  set(9, k3[0], 6 * x * y, 3 * (xx - yy), 0);
-  set(10, k3[1], y * z, x * z, x * y);
-  set(11, k3[2], -2 * x * y, 4 * zz - xx - 3 * yy, 8 * y * z);
-  set(12, k3[3], -6 * x * z, -6 * y * z, 6 * zz - 3 * xx - 3 * yy);
-  set(13, k3[4], 4 * zz - 3 * xx - yy, -2 * x * y, 8 * x * z);
-  set(14, k3[5], 2 * x * z, -2 * y * z, xx - yy);
-  set(15, k3[6], 3 * (xx - yy), -6 * x * y, 0);
+  set(9, c(k3[0]), 6 * x * y, 3 * (xx - yy), 0);
+  set(10, c(k3[1]), y * z, x * z, x * y);
+  set(11, c(k3[2]), -2 * x * y, 4 * zz - xx - 3 * yy, 8 * y * z);
+  set(12, c(k3[3]), -6 * x * z, -6 * y * z, 6 * zz - 3 * xx - 3 * yy);
+  set(13, c(k3[4]), 4 * zz - 3 * xx - yy, -2 * x * y, 8 * x * z);
+  set(14, c(k3[5]), 2 * x * z, -2 * y * z, xx - yy);
+  set(15, c(k3[6]), 3 * (xx - yy), -6 * x * y, 0);
 }
 
 // Back through shade(): adds the derivative by the position, for colour changes with the direction,
 // and sets sh_gradient, which may be NULL. `by_color` is by the clamped colour if clamp_colors,
 // else by the colour without the clamp.
 template <typename T>
-void shade_gradient(const View<T>& view, uint32_t degree, const T* position /* [3] */,
-                    const float* sh /* [(degree + 1)^2, 3] */, const T* by_color /* [3] */,
-                    bool clamp_colors, T* by_position /* [3] */,
-                    T* sh_gradient /* [(degree + 1)^2, 3] */) {
+L4D_HOST_DEVICE void shade_gradient(const View<T>& view, uint32_t degree,
+                                    const T* position /* [3] */,
+                                    const float* sh /* [(degree + 1)^2, 3] */,
+                                    const T* by_color /* [3] */, bool clamp_colors,
+                                    T* by_position /* [3] */,
+                                    T* sh_gradient /* [(degree + 1)^2, 3] */) {
   if (sh_gradient == nullptr && degree == 0) return;
   T direction[3], g[3] = {by_color[0], by_color[1], by_color[2]};
   view_direction(view, position, direction);
@@ -91,9 +94,10 @@ void shade_gradient(const View<T>& view, uint32_t degree, const T* position /* [
 // Back through project_geometry() and the inverse of the image covariance: sets the derivatives by
 // position and covariance.
 template <typename T>
-void geometry_gradient(const View<T>& view, const T* covariance /* [6] */,
-                       const Projection<T>& projection, const SplatGradient2D<T>& gradient,
-                       SplatGradient3D<T>* out) {
+L4D_HOST_DEVICE void geometry_gradient(const View<T>& view, const T* covariance /* [6] */,
+                                       const Projection<T>& projection,
+                                       const SplatGradient2D<T>& gradient,
+                                       SplatGradient3D<T>* out) {
   // conic = C^-1, so d(conic) = -conic dC conic.
   const T* c = projection.covariance;
   const T det = c[0] * c[2] - c[1] * c[1];

@@ -7,6 +7,7 @@
 #include <string>
 
 #include "libl4dcodec/base/threads.h"
+#include "render/camera.h"
 #include "render/fast/fast.h"
 #include "render/project_gradient.h"
 #include "render/reference.h"
@@ -15,37 +16,6 @@ namespace l4d::render {
 namespace {
 
 constexpr size_t kGrain = 1024;
-constexpr uint32_t kMaxImageSide = 16384;
-// Cameras come from files with few digits.
-constexpr double kRotationTolerance = 1e-3;
-
-Status check_camera(const l4d_camera& c) {
-  if (c.width < 1 || c.height < 1 || c.width > kMaxImageSide || c.height > kMaxImageSide) {
-    return invalid_argument("camera: width and height must be 1 to 16384");
-  }
-  if (!(c.fx > 0 && c.fy > 0) || !std::isfinite(c.fx) || !std::isfinite(c.fy) ||
-      !std::isfinite(c.cx) || !std::isfinite(c.cy)) {
-    return invalid_argument("camera: focal lengths must be above 0 and the principal point finite");
-  }
-  if (!(c.near_plane > 0) || !std::isfinite(c.near_plane)) {
-    return invalid_argument("camera: near_plane must be above 0");
-  }
-  for (const double v : c.world_to_camera) {
-    if (!std::isfinite(v)) return invalid_argument("camera: world_to_camera is not finite");
-  }
-  for (int i = 0; i < 3; ++i) {
-    for (int j = i; j < 3; ++j) {
-      const double* a = c.world_to_camera + 4 * i;
-      const double* b = c.world_to_camera + 4 * j;
-      const double dot = a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-      if (std::fabs(dot - (i == j ? 1 : 0)) > kRotationTolerance) {
-        return invalid_argument("camera: world_to_camera does not begin with a rotation");
-      }
-    }
-  }
-  return {};
-}
-
 void slice_into(Scene& scene, double time, int threads, Frame<float>* out) {
   scene.slice(time, threads, out);
 }
@@ -54,8 +24,9 @@ void slice_into(Scene& scene, double time, int, Frame<double>* out) { scene.slic
 }  // namespace
 
 Renderer::Renderer(const l4d_renderer_options& options)
-    : threads_(static_cast<int>(options.threads)) {
-  if (options.path == L4D_RENDER_REFERENCE) {
+    : threads_(static_cast<int>(options.threads)), cuda_(options.backend == L4D_BACKEND_CUDA) {
+  if (cuda_) return;
+  if (options.path == L4D_RENDER_REFERENCE || options.backend == L4D_BACKEND_REFERENCE) {
     double_.rasterizer = make_reference_rasterizer();
   } else {
     float_.rasterizer =
@@ -63,10 +34,22 @@ Renderer::Renderer(const l4d_renderer_options& options)
   }
 }
 
+Status Renderer::acquire_device() {
+  if (device_ != nullptr) return {};
+  L4D_RETURN_IF_ERROR(make_device_renderer({}, &device_));
+  return device_->time_stages();
+}
+
 Status Renderer::set_gaussians(const l4d_gaussians& gaussians, const l4d_timeline& timeline) {
   source_ = Source::kNone;
   has_time_ = false;
-  L4D_RETURN_IF_ERROR(scene_.prepare(gaussians, timeline, threads_));
+  if (cuda_) {
+    L4D_RETURN_IF_ERROR(acquire_device());
+    L4D_RETURN_IF_ERROR(scene_.set(gaussians, timeline));
+    L4D_RETURN_IF_ERROR(device_->set_gaussians(gaussians, timeline));
+  } else {
+    L4D_RETURN_IF_ERROR(scene_.prepare(gaussians, timeline, threads_));
+  }
   source_ = Source::kGaussians;
   return {};
 }
@@ -77,6 +60,7 @@ Status Renderer::set_decoder(l4d_decoder* decoder) {
   const l4d_status status = l4d_decoder_get_info(decoder, &info);
   if (status != L4D_OK) return Status(status, "the decoder has no open stream");
   has_time_ = false;
+  if (cuda_) L4D_RETURN_IF_ERROR(acquire_device());
   decoder_ = decoder;
   source_ = Source::kDecoder;
   return {};
@@ -91,12 +75,21 @@ Status Renderer::set_time(double time) {
   const auto begin = std::chrono::steady_clock::now();
   if (source_ == Source::kGaussians) {
     time_ = std::clamp(time, scene_.timeline().time_begin, scene_.time_end());
-    with_path([&](auto& path) { slice_into(scene_, time_, threads_, &path.frame); });
+    // A device slices as it renders.
+    if (!cuda_) with_path([&](auto& path) { slice_into(scene_, time_, threads_, &path.frame); });
   } else {
     time_ = time;  // the decoder clamps
     L4D_RETURN_IF_ERROR(slice_stream(decoder_, time, threads_, &scratch_, &float_.frame));
     if (double_.rasterizer != nullptr) widen(float_.frame, &double_.frame);
+    if (cuda_) {
+      const Frame<float>& f = float_.frame;
+      HostSplats splats{f.count(), f.sh_degree, {}, {}, f.opacity.data(), f.sh.data()};
+      for (size_t k = 0; k < 3; ++k) splats.position[k] = f.position[k].data();
+      for (size_t k = 0; k < 6; ++k) splats.covariance[k] = f.covariance[k].data();
+      L4D_RETURN_IF_ERROR(device_->set_splats(splats));
+    }
   }
+  device_visible_ = 0;
   stats_ = Stats();
   stats_.seconds[L4D_RENDER_STAGE_SLICE] =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
@@ -115,9 +108,25 @@ void Renderer::begin_view() {
   stats_.seconds[L4D_RENDER_STAGE_SLICE] = slice;
 }
 
+void Renderer::keep(const DeviceFigures& figures) {
+  device_visible_ = figures.visible;
+  stats_.projected = figures.projected;
+  stats_.instances = figures.instances;
+  for (int k = 0; k < L4D_RENDER_STAGE_COUNT; ++k) {
+    // Slicing on the device is part of the view; what set_time did stays.
+    stats_.seconds[k] = (k == L4D_RENDER_STAGE_SLICE ? stats_.seconds[k] : 0) + figures.seconds[k];
+  }
+}
+
 Status Renderer::render(const l4d_camera& camera, const l4d_image& image) {
   L4D_RETURN_IF_ERROR(ready(camera));
   begin_view();
+  if (cuda_) {
+    DeviceFigures figures;
+    L4D_RETURN_IF_ERROR(device_->render(time_, camera, background_, image, &figures));
+    keep(figures);
+    return {};
+  }
   with_path([&](auto& path) {
     using T = typename std::decay_t<decltype(path.frame.opacity)>::value_type;
     path.rasterizer->forward(path.frame, make_view<T>(camera), background_, image.rgb, image.alpha,
@@ -209,6 +218,13 @@ Status Renderer::backward(const l4d_camera& camera, const float* rgb_gradient,
     return invalid_argument("gradients.count is not the scene's");
   }
   begin_view();
+  if (cuda_) {
+    DeviceFigures figures;
+    L4D_RETURN_IF_ERROR(
+        device_->backward(time_, camera, background_, rgb_gradient, gradients, &figures));
+    keep(figures);
+    return {};
+  }
   BackwardInput input;
   input.rgb_gradient = rgb_gradient;
   with_path([&](auto& path) {
@@ -281,8 +297,26 @@ Status Renderer::importance(const l4d_camera& camera, const ImportanceInput& inp
   return {};
 }
 
+Status Renderer::make_importance(std::unique_ptr<DeviceImportance>* out) {
+  if (source_ != Source::kGaussians || device_ == nullptr) {
+    return Status(L4D_ERR_INVALID_STATE, "importance needs the scene's Gaussians: set_gaussians");
+  }
+  return device_->make_importance(out);
+}
+
+Status Renderer::add_importance(const l4d_camera& camera, bool squared, uint64_t signs,
+                                bool seen_only, DeviceImportance* sums) {
+  L4D_RETURN_IF_ERROR(ready(camera));
+  begin_view();
+  DeviceFigures figures;
+  L4D_RETURN_IF_ERROR(
+      device_->add_importance(time_, camera, squared, signs, seen_only, sums, &figures));
+  keep(figures);
+  return {};
+}
+
 void Renderer::stats(l4d_render_stats* out) const {
-  out->visible = double_.rasterizer != nullptr ? double_.frame.count() : float_.frame.count();
+  out->visible = cuda_ ? device_visible_ : double_.rasterizer != nullptr ? double_.frame.count() : float_.frame.count();
   out->projected = stats_.projected;
   out->instances = stats_.instances;
   std::copy_n(stats_.seconds, L4D_RENDER_STAGE_COUNT, out->seconds);

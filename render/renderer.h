@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "libl4dcodec/base/status.h"
+#include "render/cuda/device_renderer.h"
 #include "render/rasterizer.h"
 #include "render/scene.h"
 #include "render/slice_gradient.h"
@@ -42,9 +43,15 @@ class Renderer {
     // Not NULL asks for coverage alone, of those not marked (BackwardInput).
     const uint8_t* seen = nullptr;
   };
-  // Of all Gaussians of the frame, in its order.
+  // Of all Gaussians of the frame, in its order. Not on a device.
   Status importance(const l4d_camera& camera, const ImportanceInput& input,
                     std::vector<Importance>* out);
+
+  // A device adds importances up itself: DeviceRenderer has these calls.
+  bool on_device() const { return cuda_; }
+  Status make_importance(std::unique_ptr<DeviceImportance>* out);
+  Status add_importance(const l4d_camera& camera, bool squared, uint64_t signs, bool seen_only,
+                        DeviceImportance* sums);
 
   const Scene& scene() const { return scene_; }
   bool has_scene() const { return source_ == Source::kGaussians; }
@@ -52,6 +59,7 @@ class Renderer {
     return background_[0] != 0 || background_[1] != 0 || background_[2] != 0;
   }
   int threads() const { return threads_; }
+  double time() const { return time_; }  // of the last set_time, seconds
 
  private:
   enum class Source { kNone, kGaussians, kDecoder };
@@ -69,6 +77,9 @@ class Renderer {
     return double_.rasterizer != nullptr ? body(double_) : body(float_);
   }
   Status ready(const l4d_camera& camera) const;
+  // Makes the device ready for a scene; says why not where it cannot.
+  Status acquire_device();
+  void keep(const DeviceFigures& figures);
   void begin_view();  // forgets the figures of the last one, not those of the instant
   template <typename T>
   Instant<T> instant() const;
@@ -81,6 +92,9 @@ class Renderer {
                std::vector<Importance>* out);
 
   int threads_;
+  bool cuda_;
+  std::unique_ptr<DeviceRenderer> device_;  // from the first scene on, where it is wanted
+  uint64_t device_visible_ = 0;
   Source source_ = Source::kNone;
   Scene scene_;
   l4d_decoder* decoder_ = nullptr;

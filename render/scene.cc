@@ -9,62 +9,16 @@
 #include "libl4dcodec/base/threads.h"
 #include "libl4dcodec/math/attributes.h"
 #include "libl4dcodec/math/layers.h"
-#include "libl4dcodec/math/slice.h"
-#include "render/view.h"
+#include "render/prepare.h"
 
 namespace l4d::render {
 namespace {
 
 constexpr size_t kGrain = 4096;
 
-// Everything of a Gaussian that does not change with time, in double.
-struct Prepared {
-  Slice4D<double> slice;
-  double position[3];  // at reference
-  double reference;    // seconds
-  double opacity;
-  double half_life;    // alpha may reach kMinAlpha within this of the mean time; negative: never
-};
-
-Prepared prepare_gaussian(const l4d_gaussians& g, double begin, double end, size_t i) {
-  double rotor[8], scale[4];
-  for (size_t k = 0; k < 8; ++k) rotor[k] = static_cast<double>(g.rotor[8 * i + k]);
-  for (size_t k = 0; k < 4; ++k) scale[k] = std::exp(static_cast<double>(g.log_scale[4 * i + k]));
-  Prepared p;
-  p.slice = slice_gaussian(normalized_halves(rotor), scale);
-  const double mean = static_cast<double>(g.mean_t[i]);
-  // Seen from within the sequence, whatever the form of the input: with the mean 200 s away, a
-  // position there and a velocity in binary32 would not say where the Gaussian is now.
-  p.reference = std::clamp(mean, begin, end);
-  const bool at_mean = (g.flags & L4D_POSITION_AT_MEAN_TIME) != 0;
-  for (size_t k = 0; k < 3; ++k) {
-    p.position[k] = static_cast<double>(g.position[3 * i + k]);
-    if (at_mean) p.position[k] += p.slice.velocity[k] * (p.reference - mean);
-  }
-  p.opacity = static_cast<double>(g.opacity[i]);
-  if ((g.flags & L4D_OPACITY_LOGIT) != 0) p.opacity = 1 / (1 + std::exp(-p.opacity));
-  const double fade = 2 * std::log(p.opacity / kMinAlpha);
-  p.half_life =
-      fade < 0 ? -1
-               : std::sqrt(std::min(fade, static_cast<double>(kVisibilityGate)) / p.slice.lambda);
-  return p;
-}
-
-enum Group : uint8_t { kStill, kFading, kMoving };
-
-// What of a Gaussian can be seen to change while the sequence lasts. Rounding decides: what binary32
-// cannot show is not worked out.
-Group group_of(const Prepared& p, double mean, double begin, double end) {
-  const double* v = p.slice.velocity;
-  if (v[0] != 0 || v[1] != 0 || v[2] != 0) return kMoving;
-  const double farthest = std::max(std::fabs(begin - mean), std::fabs(end - mean));
-  const bool fades = 0.5 * p.slice.lambda * farthest * farthest >= 0x1p-25;
-  return fades || p.half_life < farthest ? kFading : kStill;
-}
-
 }  // namespace
 
-Status Scene::prepare(const l4d_gaussians& gaussians, const l4d_timeline& timeline, int threads) {
+Status Scene::set(const l4d_gaussians& gaussians, const l4d_timeline& timeline) {
   if (gaussians.sh_degree > 3) return invalid_argument("sh_degree is above 3");
   if (gaussians.count > std::numeric_limits<uint32_t>::max()) {
     return Status(L4D_ERR_LIMIT_EXCEEDED, "more than 2^32 - 1 Gaussians");
@@ -91,17 +45,23 @@ Status Scene::prepare(const l4d_gaussians& gaussians, const l4d_timeline& timeli
   time_end_ = begin + sequence_duration(timeline);
   center_ = begin + 0.5 * (time_end_ - begin);
   still_frame_ = nullptr;
+  return {};
+}
 
-  std::vector<Group> group(n);
+Status Scene::prepare(const l4d_gaussians& gaussians, const l4d_timeline& timeline, int threads) {
+  L4D_RETURN_IF_ERROR(set(gaussians, timeline));
+  const size_t n = count();
+  const double begin = timeline.time_begin;
+  std::vector<MotionGroup> group(n);
   const auto prepared = [&](size_t i) { return prepare_gaussian(gaussians_, begin, time_end_, i); };
   parallel_for(threads, n, kGrain, [&](size_t first, size_t last) {
     for (size_t i = first; i < last; ++i) {
-      group[i] = group_of(prepared(i), static_cast<double>(gaussians_.mean_t[i]), begin, time_end_);
+      group[i] = group_of(prepared(i), begin, time_end_);
     }
   });
   id_.clear();
   id_.reserve(n);
-  for (const Group wanted : {kStill, kFading, kMoving}) {
+  for (const MotionGroup wanted : {kStill, kFading, kMoving}) {
     for (size_t i = 0; i < n; ++i) {
       if (group[i] == wanted) id_.push_back(static_cast<uint32_t>(i));
     }
@@ -116,7 +76,7 @@ Status Scene::prepare(const l4d_gaussians& gaussians, const l4d_timeline& timeli
   parallel_for(threads, n, kGrain, [&](size_t first, size_t last) {
     for (size_t row = first; row < last; ++row) {
       const Prepared p = prepared(id_[row]);
-      const double mean = static_cast<double>(gaussians_.mean_t[id_[row]]) - center_;
+      const double mean = p.mean - center_;
       for (size_t k = 0; k < 3; ++k) position_[k][row] = static_cast<float>(p.position[k]);
       for (size_t k = 0; k < 6; ++k) covariance_[k][row] = static_cast<float>(p.slice.covariance[k]);
       if (row >= num_unmoving_) {
@@ -192,7 +152,7 @@ void Scene::slice(double time, Frame<double>* out) const {
     out->resize(at + 1);
     const size_t i = id_[r];
     const Prepared p = prepare_gaussian(gaussians_, timeline_.time_begin, time_end_, i);
-    const double dt = time - static_cast<double>(gaussians_.mean_t[i]);
+    const double dt = time - p.mean;
     out->id[at] = id_[r];
     out->sh[at] = gaussians_.sh + stride * i;
     for (size_t k = 0; k < 3; ++k) {

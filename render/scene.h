@@ -13,6 +13,9 @@ namespace l4d::render {
 // arrays of `gaussians` are borrowed.
 class Scene {
  public:
+  // Checks the scene and holds it, for those who prepare it themselves: nothing can be sliced here.
+  Status set(const l4d_gaussians& gaussians, const l4d_timeline& timeline);
+  // The same, and all that slices need.
   Status prepare(const l4d_gaussians& gaussians, const l4d_timeline& timeline, int threads);
 
   size_t count() const { return static_cast<size_t>(gaussians_.count); }

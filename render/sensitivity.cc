@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cfloat>
 #include <cmath>
+#include <cstring>
 #include <numeric>
 
 #include "libl4dcodec/base/threads.h"
@@ -14,13 +15,29 @@ namespace {
 
 constexpr size_t kGrain = 4096;
 
-// A well-mixed hash of a counter (splitmix64's finaliser): signs that depend on seed, view,
-// pixel and channel alone.
+// A well-mixed hash of a counter (splitmix64's finaliser): signs that depend on seed, view, pixel and
+// channel alone.
 uint64_t mix(uint64_t x) {
   x += 0x9e3779b97f4a7c15u;
   x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9u;
   x = (x ^ (x >> 27)) * 0x94d049bb133111ebu;
   return x ^ (x >> 31);
+}
+
+// What tells views apart: instant and camera, not when they are added, so that the order of views and how
+// they are dealt out to accumulators change no sign.
+uint64_t view_key(double time, const l4d_camera& camera) {
+  double numbers[19] = {time,      static_cast<double>(camera.width), static_cast<double>(camera.height),
+                        camera.fx, camera.fy,
+                        camera.cx, camera.cy};
+  std::copy_n(camera.world_to_camera, 12, numbers + 7);
+  uint64_t key = 0;
+  for (const double number : numbers) {
+    uint64_t bits;
+    std::memcpy(&bits, &number, sizeof bits);
+    key = mix(key ^ bits);
+  }
+  return key;
 }
 
 }  // namespace
@@ -47,17 +64,30 @@ Status Sensitivity::add_view(Renderer& renderer, const l4d_camera& camera, bool 
   }
   const uint64_t pixels = uint64_t{camera.width} * camera.height;
   const bool squared = options_.measure == L4D_SENSITIVITY_GAUSS_NEWTON;
+  // A sign for every channel: with one for all three, derivatives of the channels would add up before
+  // they are squared.
+  // A view that is added again has other signs.
+  const uint64_t key = view_key(renderer.time(), camera);
+  const uint64_t signs = mix(mix(options_.seed) ^ mix(key + (seen_only ? 0 : repeats_[key])));
+  if (renderer.on_device()) {
+    if (device_ == nullptr) L4D_RETURN_IF_ERROR(renderer.make_importance(&device_));
+    L4D_RETURN_IF_ERROR(renderer.add_importance(camera, squared, signs, seen_only, device_.get()));
+    device_read_ = false;
+    all_pixels_ += pixels;
+    if (!seen_only) {
+      pixels_ += pixels;
+      ++repeats_[key];
+    }
+    return {};
+  }
   Renderer::ImportanceInput input;
   if (seen_only) input.seen = seen_.data();
   if (squared && !seen_only && camera.width <= 16384 && camera.height <= 16384) {
-    // A sign for every channel: with one for all three, derivatives of the channels would add up
-    // before they are squared.
     signs_.resize(static_cast<size_t>(3 * pixels));
-    const uint64_t base = mix(mix(options_.seed) + views_);
     parallel_for(renderer.threads(), static_cast<size_t>(pixels), kGrain,
                  [&](size_t begin, size_t end) {
                    for (size_t p = begin; p < end; ++p) {
-                     const uint64_t bits = mix(base + p);
+                     const uint64_t bits = mix(signs + p);
                      for (size_t c = 0; c < 3; ++c) {
                        signs_[3 * p + c] = (bits >> c & 1) != 0 ? 1.0f : -1.0f;
                      }
@@ -103,19 +133,41 @@ Status Sensitivity::add_view(Renderer& renderer, const l4d_camera& camera, bool 
   all_pixels_ += pixels;
   if (!seen_only) {
     pixels_ += pixels;
-    ++views_;
+    ++repeats_[key];
   }
   return {};
 }
 
-size_t Sensitivity::num_unseen() const {
-  return static_cast<size_t>(std::count(seen_.begin(), seen_.end(), uint8_t{0}));
+Status Sensitivity::read_device(bool* any) const {
+  *any = device_ != nullptr;
+  if (device_ == nullptr || device_read_) return {};
+  L4D_RETURN_IF_ERROR(device_->read(&device_values_));
+  device_read_ = true;
+  return {};
+}
+
+Status Sensitivity::count_unseen(uint64_t* out) const {
+  bool on_device;
+  L4D_RETURN_IF_ERROR(read_device(&on_device));
+  *out = 0;
+  for (size_t i = 0; i < count(); ++i) {
+    *out += seen_[i] == 0 && !(on_device && device_values_.seen[i] != 0);
+  }
+  return {};
 }
 
 Status Sensitivity::merge(const Sensitivity& other) {
   if (other.count() != count() || other.sh_degree_ != sh_degree_ ||
       other.options_.measure != options_.measure) {
     return invalid_argument("the accumulators are for different scenes or measures");
+  }
+  if (other.device_ != nullptr) {
+    if (device_ == nullptr) {
+      L4D_RETURN_IF_ERROR(other.device_->clone(&device_));
+    } else {
+      L4D_RETURN_IF_ERROR(device_->add(*other.device_));
+    }
+    device_read_ = false;
   }
   for (size_t i = 0; i < coverage_.size(); ++i) {
     coverage_[i] += other.coverage_[i];
@@ -126,20 +178,28 @@ Status Sensitivity::merge(const Sensitivity& other) {
   for (size_t i = 0; i < geometry_.size(); ++i) geometry_[i] += other.geometry_[i];
   all_pixels_ += other.all_pixels_;
   pixels_ += other.pixels_;
-  views_ += other.views_;
+  for (const auto& [key, times] : other.repeats_) repeats_[key] += times;
   return {};
 }
 
 Status Sensitivity::weights(uint32_t which, float* out) const {
   if (which >= L4D_WEIGHT_COUNT) return invalid_argument("`which` is no L4D_WEIGHT_*");
   if (pixels_ == 0) return Status(L4D_ERR_INVALID_STATE, "no full view has been added");
+  bool on_device;
+  L4D_RETURN_IF_ERROR(read_device(&on_device));
   if (which == L4D_WEIGHT_ALPHA_T) {
     for (size_t i = 0; i < count(); ++i) {
-      const double weight = coverage_[i] > 0
-                                ? coverage_[i] / static_cast<double>(pixels_)
-                                : glimpsed_[i] / static_cast<double>(all_pixels_);
+      double coverage = coverage_[i], glimpsed = glimpsed_[i];
+      bool seen = seen_[i] != 0;
+      if (on_device) {
+        coverage += device_values_.coverage[i];
+        glimpsed += device_values_.glimpsed[i];
+        seen = seen || device_values_.seen[i] != 0;
+      }
+      const double weight = coverage > 0 ? coverage / static_cast<double>(pixels_)
+                                         : glimpsed / static_cast<double>(all_pixels_);
       // What is seen at all does not come out as unseen.
-      out[i] = std::max(static_cast<float>(weight), seen_[i] != 0 ? FLT_MIN : 0.0f);
+      out[i] = std::max(static_cast<float>(weight), seen ? FLT_MIN : 0.0f);
     }
     return {};
   }
@@ -153,13 +213,17 @@ Status Sensitivity::weights(uint32_t which, float* out) const {
   const Part part = is_sh ? Part{0, stride} : kParts[which];
   const double pixels = static_cast<double>(pixels_);
   for (size_t i = 0; i < count(); ++i) {
-    const float* sums = (is_sh ? sh_ : geometry_).data() + stride * i + part.first;
+    const size_t first = stride * i + part.first;
+    double sums[kGeometry];  // more than there are SH terms
+    for (size_t k = 0; k < part.count; ++k) {
+      sums[k] = static_cast<double>((is_sh ? sh_ : geometry_)[first + k]);
+      if (on_device) sums[k] += (is_sh ? device_values_.sh : device_values_.geometry)[first + k];
+    }
     if (options_.measure == L4D_SENSITIVITY_GAUSS_NEWTON) {
       const double sum = std::accumulate(sums, sums + part.count, 0.0);
       out[i] = static_cast<float>(std::sqrt(sum / static_cast<double>(part.count) / pixels));
     } else {
-      const float most = *std::max_element(sums, sums + part.count);
-      out[i] = static_cast<float>(static_cast<double>(most) / pixels);
+      out[i] = static_cast<float>(*std::max_element(sums, sums + part.count) / pixels);
     }
   }
   return {};

@@ -2,6 +2,8 @@
 // What an l4d_sensitivity handle is: importance added up over views.
 #pragma once
 
+#include <memory>
+#include <unordered_map>
 #include <vector>
 
 #include "render/renderer.h"
@@ -17,9 +19,12 @@ class Sensitivity {
   Status weights(uint32_t which, float* out) const;
   size_t count() const { return coverage_.size(); }
   uint32_t sh_degree() const { return sh_degree_; }
-  size_t num_unseen() const;
+  Status count_unseen(uint64_t* out) const;
 
  private:
+  // Brings device_values_ up to date; false where there are none.
+  Status read_device(bool* any) const;
+
   // 4 log scales, 8 rotor coefficients, 3 coordinates of the position, opacity, mean time
   static constexpr size_t kGeometry = 17;
 
@@ -35,7 +40,12 @@ class Sensitivity {
   std::vector<float> geometry_;   // [N, kGeometry]
   std::vector<Renderer::Importance> items_;
   std::vector<float> signs_;
-  uint64_t views_ = 0;
+  // How often each full view has been added, by view_key().
+  std::unordered_map<uint64_t, uint64_t> repeats_;
+  // What renderers on a device have added, beside the sums above.
+  std::unique_ptr<DeviceImportance> device_;
+  mutable DeviceImportance::Values device_values_;
+  mutable bool device_read_ = false;
 };
 
 }  // namespace l4d::render

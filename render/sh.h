@@ -3,9 +3,11 @@
 
 #include <cstdint>
 
+#include "libl4dcodec/math/hd.h"
+
 namespace l4d::render {
 
-constexpr uint32_t sh_terms(uint32_t degree) { return (degree + 1) * (degree + 1); }
+L4D_HOST_DEVICE constexpr uint32_t sh_terms(uint32_t degree) { return (degree + 1) * (degree + 1); }
 constexpr uint32_t kMaxShTerms = 16;
 
 // Real spherical harmonics with the constants and signs of 3D Gaussian splatting.
@@ -21,7 +23,8 @@ constexpr double k3[7] = {-0.5900435899266435, 2.890611442640554, -0.45704579946
 
 // Values of the (degree + 1)^2 basis functions in the unit direction (x, y, z).
 template <typename T>
-inline void sh_basis(uint32_t degree, T x, T y, T z, T* basis /* [(degree + 1)^2] */) {
+L4D_HOST_DEVICE inline void sh_basis(uint32_t degree, T x, T y, T z,
+                                     T* basis /* [(degree + 1)^2] */) {
   using namespace sh_constant;
   const auto c = [](double v) { return static_cast<T>(v); };
   basis[0] = c(k0);

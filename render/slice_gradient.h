@@ -50,18 +50,18 @@ struct Slice3D {
 
 // When the Gaussian is at its `position`.
 template <typename T>
-inline T position_time(const Gaussian4D<T>& g, const Instant<T>& instant) {
+L4D_HOST_DEVICE inline T position_time(const Gaussian4D<T>& g, const Instant<T>& instant) {
   if (instant.at_mean_time) return g.mean_t;
   return g.mean_t < instant.begin ? instant.begin : g.mean_t > instant.end ? instant.end : g.mean_t;
 }
 
 template <typename T>
-inline T linear_opacity(const Gaussian4D<T>& g, const Instant<T>& instant) {
+L4D_HOST_DEVICE inline T linear_opacity(const Gaussian4D<T>& g, const Instant<T>& instant) {
   return instant.logit ? 1 / (1 + std::exp(-g.opacity)) : g.opacity;
 }
 
 template <typename T>
-Slice3D<T> slice_at(const Gaussian4D<T>& g, const Instant<T>& instant) {
+L4D_HOST_DEVICE Slice3D<T> slice_at(const Gaussian4D<T>& g, const Instant<T>& instant) {
   T scale[4];
   for (int k = 0; k < 4; ++k) scale[k] = std::exp(g.log_scale[k]);
   const Slice4D<T> s = slice_gaussian(normalized_halves(g.rotor), scale);
@@ -78,8 +78,9 @@ Slice3D<T> slice_at(const Gaussian4D<T>& g, const Instant<T>& instant) {
 // Back through normalize_half: what changes the length alone changes nothing. `raw` is the half
 // before, `unit` after; a half too short to have a direction is constant.
 template <typename T>
-inline void normalize_half_gradient(const T* raw /* [4] */, const T* unit /* [4] */,
-                                    T* gradient /* [4] */) {
+L4D_HOST_DEVICE inline void normalize_half_gradient(const T* raw /* [4] */,
+                                                    const T* unit /* [4] */,
+                                                    T* gradient /* [4] */) {
   const T norm2 = dot4(raw, raw);
   const bool constant = norm2 < static_cast<T>(kMinHalfNorm2);
   const T along = dot4(unit, gradient), norm = std::sqrt(norm2);
@@ -92,7 +93,8 @@ inline void normalize_half_gradient(const T* raw /* [4] */, const T* unit /* [4]
 // signed sum of products a[i] b[j]; collecting the signs of each product turns the derivative by
 // the matrix into that by the outer product a b^T.
 template <typename T>
-void rotor_gradient(const T* rotor /* [8] */, const T* matrix /* [4, 4] */, T* out /* [8] */) {
+L4D_HOST_DEVICE void rotor_gradient(const T* rotor /* [8] */, const T* matrix /* [4, 4] */,
+                                    T* out /* [8] */) {
   const T* m = matrix;
   const T outer[4][4] = {{(m[0] + m[5]) + (m[10] + m[15]), (m[1] - m[4]) + (m[11] - m[14]),
                           (m[2] - m[8]) - (m[7] - m[13]), (m[3] - m[12]) + (m[6] - m[9])},
@@ -128,8 +130,8 @@ void rotor_gradient(const T* rotor /* [8] */, const T* matrix /* [4, 4] */, T* o
 // a sum over 2x2 minors of the rotation, where scales only multiply:
 //   p_k = lambda sum_a m_t,a (m_k m_t,a - m_a m_t,k) + m_k (1 - lambda |m_t|^2)
 template <typename T>
-void projected_rows(const T* rotation /* [4, 4] */, const T* scale /* [4] */, T lambda,
-                    bool clamped, T (*p)[4] /* [3, 4] */) {
+L4D_HOST_DEVICE void projected_rows(const T* rotation /* [4, 4] */, const T* scale /* [4] */,
+                                    T lambda, bool clamped, T (*p)[4] /* [3, 4] */) {
   const T* rt = rotation + 12;
   T mt[4];
   for (int a = 0; a < 4; ++a) mt[a] = scale[a] * rt[a];
@@ -149,8 +151,8 @@ void projected_rows(const T* rotation /* [4, 4] */, const T* scale /* [4] */, T 
 // Derivatives by the attributes, from those by the slice at the same instant. A Gaussian that is
 // not visible has none; this does not ask.
 template <typename T>
-Gradient4D<T> slice_gradient(const Gaussian4D<T>& g, const Instant<T>& instant,
-                             const SplatGradient3D<T>& gradient) {
+L4D_HOST_DEVICE Gradient4D<T> slice_gradient(const Gaussian4D<T>& g, const Instant<T>& instant,
+                                             const SplatGradient3D<T>& gradient) {
   Gradient4D<T> out;
   T scale[4], rotation[16], rows[16];
   for (int k = 0; k < 4; ++k) scale[k] = std::exp(g.log_scale[k]);

@@ -44,13 +44,17 @@ typedef struct l4d_renderer_options {
   uint32_t threads;     /* 0 = one per core; never changes the result */
   uint32_t path;        /* L4D_RENDER_* */
   uint32_t exponential; /* L4D_RENDER_EXP_*, of the FAST path */
-  uint32_t reserved;
+  uint32_t backend;     /* L4D_BACKEND_*; REFERENCE is the REFERENCE path, AUTO and CPU are the CPU */
 } l4d_renderer_options;
 L4D_API void l4d_renderer_options_init_(l4d_renderer_options* options, size_t struct_size);
 #define l4d_renderer_options_init(options) \
   l4d_renderer_options_init_((options), sizeof(*(options)))
 
-/* options may be NULL. */
+/* options may be NULL. Fails with INVALID_ARGUMENT where path and backend contradict each other. A renderer
+ * of the CUDA backend takes CUDA's device 0 when it is given a scene; that call fails with
+ * FEATURE_UNSUPPORTED in a build without device code, and with DEVICE where there is no device that this
+ * build has code for. What it renders from is copied to the device, and images come back to the host: a
+ * player that keeps both on the device uses cuda_render.h. It differs from the FAST path by rounding. */
 L4D_API l4d_status l4d_renderer_create(const l4d_renderer_options* options, l4d_renderer** out);
 L4D_API void l4d_renderer_destroy(l4d_renderer* renderer); /* accepts NULL */
 /* As l4d_decoder_error_detail. */
@@ -152,7 +156,7 @@ typedef struct l4d_sensitivity_options {
   size_t struct_size;
   uint32_t measure; /* L4D_SENSITIVITY_* */
   uint32_t reserved;
-  uint64_t seed;    /* of the random signs */
+  uint64_t seed;    /* of the random signs, which depend on it, the view and its repetitions alone */
 } l4d_sensitivity_options;
 L4D_API void l4d_sensitivity_options_init_(l4d_sensitivity_options* options, size_t struct_size);
 #define l4d_sensitivity_options_init(options) \

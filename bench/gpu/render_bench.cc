@@ -1,0 +1,350 @@
+// SPDX-License-Identifier: Apache-2.0
+// Frames per second of device-resident rendering, forward and back, and views per second of importances,
+// by the device's own clock. Beside them: what the bytes of each stage take at the copy rate of the device.
+//
+//   gpu_render_bench [forward] [gaussians | scene ...]
+//
+// Numbers are sizes of the synthetic scene, 620000 and 1240000 unless anything is given; others are files,
+// of which importances are measured from all cameras of a cameras.json beside them.
+// forward: nothing but forward rendering from binary16.
+#include <cuda_runtime_api.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <cstdlib>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "io/cameras.h"
+#include "io/formats.h"
+#include "l4d/cuda.h"
+#include "l4d/cuda_render.h"
+#include "l4d/render.hpp"
+
+namespace {
+
+using namespace l4d;
+
+constexpr uint32_t kWidth = 1352, kHeight = 1014;
+constexpr int kWarmUp = 20, kRuns = 300;
+
+void check(cudaError_t error) {
+  if (error == cudaSuccess) return;
+  std::fprintf(stderr, "%s\n", cudaGetErrorString(error));
+  std::exit(1);
+}
+
+template <typename T>
+class Array {
+ public:
+  explicit Array(size_t n) : bytes_(n * sizeof(T)) { check(cudaMalloc(&data_, bytes_)); }
+  explicit Array(const std::vector<T>& from) : Array(from.size()) {
+    check(cudaMemcpy(data_, from.data(), bytes_, cudaMemcpyHostToDevice));
+  }
+  ~Array() { cudaFree(data_); }
+  Array(const Array&) = delete;
+  Array& operator=(const Array&) = delete;
+  T* get() const { return static_cast<T*>(data_); }
+  void clear() const { check(cudaMemset(data_, 0, bytes_)); }
+
+ private:
+  void* data_ = nullptr;
+  size_t bytes_;
+};
+
+struct Timing {
+  double median, p99;  // milliseconds
+};
+
+// Times run(k) for k = 0, 1, ... one by one.
+template <class Run>
+Timing time_runs(int runs, cudaStream_t stream, const Run& run) {
+  for (int k = 0; k < kWarmUp; ++k) run(k);
+  std::vector<cudaEvent_t> events(static_cast<size_t>(runs) + 1);
+  for (cudaEvent_t& e : events) check(cudaEventCreate(&e));
+  check(cudaEventRecord(events[0], stream));
+  for (int k = 0; k < runs; ++k) {
+    run(k);
+    check(cudaEventRecord(events[static_cast<size_t>(k) + 1], stream));
+  }
+  check(cudaStreamSynchronize(stream));
+  std::vector<float> ms(static_cast<size_t>(runs));
+  for (size_t k = 0; k < ms.size(); ++k) {
+    check(cudaEventElapsedTime(&ms[k], events[k], events[k + 1]));
+  }
+  for (cudaEvent_t e : events) cudaEventDestroy(e);
+  std::sort(ms.begin(), ms.end());
+  return {static_cast<double>(ms[ms.size() / 2]),
+          static_cast<double>(ms[ms.size() - 1 - ms.size() / 100])};
+}
+
+// Bytes read and written per second by a large copy.
+double copy_rate() {
+  constexpr size_t kBytes = size_t{1} << 30;
+  const Array<char> from(kBytes), to(kBytes);
+  from.clear();
+  const Timing t = time_runs(20, nullptr, [&](int) {
+    check(cudaMemcpyAsync(to.get(), from.get(), kBytes, cudaMemcpyDeviceToDevice));
+  });
+  return 2.0 * static_cast<double>(kBytes) / (1e-3 * t.median);
+}
+
+struct Bench {
+  io::Scene scene;
+  std::vector<l4d_camera> cameras;
+  Array<float> position, mean_t, log_scale, rotor, opacity, sh;
+  l4d_gaussians device;
+  double rate;
+
+  Bench(io::Scene&& s, double copy)
+      : scene(std::move(s)), position(scene.position), mean_t(scene.mean_t),
+        log_scale(scene.log_scale), rotor(scene.rotor), opacity(scene.opacity), sh(scene.sh),
+        device(scene.view()), rate(copy) {
+    for (const io::Camera& c : io::orbit_cameras(scene, 8, kWidth, kHeight).cameras) {
+      cameras.push_back(c.camera);
+    }
+    device.position = position.get();
+    device.mean_t = mean_t.get();
+    device.log_scale = log_scale.get();
+    device.rotor = rotor.get();
+    device.opacity = opacity.get();
+    device.sh = sh.get();
+  }
+
+  double time_of(int k) const {
+    return scene.timeline.time_begin + io::duration(scene.timeline) * (k % 97 + 0.5) / 97;
+  }
+  const l4d_camera& camera_of(int k) const {
+    return cameras[static_cast<size_t>(k) % cameras.size()];
+  }
+};
+
+void must(l4d_cuda_renderer* r, l4d_status status) {
+  if (status == L4D_OK) return;
+  std::fprintf(stderr, "%s\n", l4d_cuda_renderer_error_detail(r));
+  std::exit(1);
+}
+
+void stages(const Bench& bench, l4d_cuda_renderer* r, const l4d_cuda_image& image,
+            cudaStream_t stream, bool half) {
+  double sums[L4D_RENDER_STAGE_COUNT] = {};
+  double visible = 0, projected = 0, instances = 0;
+  constexpr int kFrames = 64;
+  must(r, l4d_cuda_renderer_time_stages(r));
+  l4d_cuda_figures f;
+  l4d_cuda_figures_init(&f);
+  for (int k = 0; k < kFrames; ++k) {
+    must(r, l4d_cuda_renderer_render(r, bench.time_of(k), &bench.camera_of(k), &image, stream));
+    must(r, l4d_cuda_renderer_get_figures(r, stream, &f));
+    for (int s = 0; s < L4D_RENDER_STAGE_COUNT; ++s) sums[s] += f.seconds[s] / kFrames;
+    visible += static_cast<double>(f.visible) / kFrames;
+    projected += static_cast<double>(f.projected) / kFrames;
+    instances += static_cast<double>(f.instances) / kFrames;
+  }
+  const double pixels = double{kWidth} * kHeight;
+  const double row = 64 + (half ? 96 : 192);
+  // What must move at least: attributes in, splats out; pairs of key and value through the sorts; splats to
+  // tiles; pixels out.
+  const double bytes[5] = {8 * static_cast<double>(bench.scene.count()) + 4 * visible,
+                           visible * (4 + row) + projected * 56,
+                           projected * (8 + 16 * 4), instances * (8 + 16 * 2 + 4) + projected * 40,
+                           instances * 52 + pixels * 12};
+  std::printf("%.0f visible, %.0f in view, %.0f instances (%.2f each)\n", visible, projected,
+              instances, instances / projected);
+  std::printf("| stage | us | floor us |\n|---|---|---|\n");
+  const char* names[5] = {"slice", "project", "sort", "bin", "blend"};
+  for (int s = 0; s < 5; ++s) {
+    std::printf("| %s | %.1f | %.1f |\n", names[s], 1e6 * sums[s], 1e6 * bytes[s] / bench.rate);
+  }
+}
+
+void forward(const Bench& bench, uint32_t format) {
+  l4d_cuda_renderer_options options;
+  l4d_cuda_renderer_options_init(&options);
+  options.sh_format = format;
+  l4d_cuda_renderer* r = nullptr;
+  if (l4d_cuda_renderer_create(&options, &r) != L4D_OK) std::exit(1);
+  must(r, l4d_cuda_renderer_set_gaussians(r, &bench.device, &bench.scene.timeline));
+  l4d_cuda_room room;
+  l4d_cuda_room_init(&room);
+  room.width = kWidth;
+  room.height = kHeight;
+  room.visible = bench.scene.count();
+  room.instances = 6 * bench.scene.count();
+  room.backward = format == L4D_CUDA_SH_FLOAT32;
+  must(r, l4d_cuda_renderer_reserve(r, &room));
+  cudaStream_t stream;
+  check(cudaStreamCreate(&stream));
+  const Array<float> rgb(3 * size_t{kWidth} * kHeight), upstream(3 * size_t{kWidth} * kHeight);
+  const Array<uint32_t> rgba8(size_t{kWidth} * kHeight);
+  l4d_cuda_image image;
+  l4d_cuda_image_init(&image);
+  image.rgb = rgb.get();
+  const bool half = format == L4D_CUDA_SH_FLOAT16;
+  const auto frame = [&](int k) {
+    must(r, l4d_cuda_renderer_render(r, bench.time_of(k), &bench.camera_of(k), &image, stream));
+  };
+  const auto print = [](const char* what, const Timing& t) {
+    std::printf("%-34s median %.3f ms, 99th percentile %.3f ms: %.0f per second\n", what, t.median,
+                t.p99, 1e3 / t.median);
+  };
+  std::printf("\n## %zu Gaussians, SH in %s\n", bench.scene.count(), half ? "binary16" : "binary32");
+  print("forward, another instant each", time_runs(kRuns, stream, frame));
+  print("forward, one instant", time_runs(kRuns, stream, [&](int k) {
+          must(r, l4d_cuda_renderer_render(r, 1.0, &bench.camera_of(k), &image, stream));
+        }));
+  l4d_cuda_image bytes;
+  l4d_cuda_image_init(&bytes);
+  bytes.rgba8 = rgba8.get();
+  print("forward to RGBA8", time_runs(kRuns, stream, [&](int k) {
+          must(r, l4d_cuda_renderer_render(r, bench.time_of(k), &bench.camera_of(k), &bytes, stream));
+        }));
+  // As a graph: one frame, over and over.
+  frame(0);
+  must(r, l4d_cuda_renderer_render(r, 1.0, &bench.camera_of(0), &image, stream));
+  check(cudaStreamSynchronize(stream));
+  for (const bool graph : {false, true}) {
+    cudaGraph_t captured = nullptr;
+    cudaGraphExec_t replay = nullptr;
+    const auto one = [&] {
+      must(r, l4d_cuda_renderer_render(r, 1.0, &bench.camera_of(0), &image, stream));
+    };
+    if (graph) {
+      check(cudaStreamBeginCapture(stream, cudaStreamCaptureModeThreadLocal));
+      one();
+      check(cudaStreamEndCapture(stream, &captured));
+      check(cudaGraphInstantiate(&replay, captured, 0));
+    }
+    print(graph ? "one frame, as a CUDA graph" : "one frame, launched", time_runs(kRuns, stream, [&](int) {
+            if (graph) {
+              check(cudaGraphLaunch(replay, stream));
+            } else {
+              one();
+            }
+          }));
+    if (graph) {
+      cudaGraphExecDestroy(replay);
+      cudaGraphDestroy(captured);
+    }
+  }
+  if (!half) {
+    std::vector<float> weights(3 * size_t{kWidth} * kHeight);
+    for (size_t k = 0; k < weights.size(); ++k) weights[k] = static_cast<float>(k % 17) / 16 - 0.4f;
+    check(cudaMemcpy(upstream.get(), weights.data(), weights.size() * sizeof(float),
+                     cudaMemcpyHostToDevice));
+    const size_t n = bench.scene.count();
+    const Array<float> p(3 * n), m(n), s(4 * n), q(8 * n), o(n), sh(bench.scene.sh.size());
+    for (const Array<float>* a : {&p, &m, &s, &q, &o, &sh}) a->clear();
+    l4d_gradients g;
+    l4d_gradients_init(&g);
+    g.count = n;
+    g.position = p.get();
+    g.mean_t = m.get();
+    g.log_scale = s.get();
+    g.rotor = q.get();
+    g.opacity = o.get();
+    g.sh = sh.get();
+    print("forward and backward", time_runs(kRuns, stream, [&](int k) {
+            must(r, l4d_cuda_renderer_backward(r, bench.time_of(k), &bench.camera_of(k), &image,
+                                               upstream.get(), &g, stream));
+          }));
+    l4d_cuda_figures f;
+    l4d_cuda_figures_init(&f);
+    must(r, l4d_cuda_renderer_time_stages(r));
+    must(r, l4d_cuda_renderer_backward(r, bench.time_of(3), &bench.camera_of(3), &image,
+                                       upstream.get(), &g, stream));
+    must(r, l4d_cuda_renderer_get_figures(r, stream, &f));
+    std::printf("of that backward: pixels to splats %.1f us\n",
+                1e6 * f.seconds[L4D_RENDER_STAGE_BACKWARD]);
+  }
+  stages(bench, r, image, stream, half);
+  cudaStreamDestroy(stream);
+  l4d_cuda_renderer_destroy(r);
+}
+
+void sensitivity(const Bench& bench, const std::vector<l4d_camera>& cameras, int instants,
+                 const char* name) {
+  l4d_renderer_options options;
+  l4d_renderer_options_init(&options);
+  options.backend = L4D_BACKEND_CUDA;
+  RendererHandle renderer(&options);
+  renderer.set_gaussians(bench.scene.view(), bench.scene.timeline);
+  for (const uint32_t measure : {L4D_SENSITIVITY_SUM, L4D_SENSITIVITY_GAUSS_NEWTON}) {
+    for (const bool seen_only : {false, true}) {
+      l4d_sensitivity_options o;
+      l4d_sensitivity_options_init(&o);
+      o.measure = measure;
+      if (seen_only && measure != L4D_SENSITIVITY_SUM) continue;
+      SensitivityHandle sums(&o, bench.scene.count(), bench.scene.sh_degree);
+      renderer.set_time(0.1);
+      sums.add_view(renderer, cameras[0], seen_only);
+      check(cudaDeviceSynchronize());
+      const auto start = std::chrono::steady_clock::now();
+      int views = 0;
+      for (int t = 0; t < instants; ++t) {
+        renderer.set_time(bench.time_of(t));
+        for (const l4d_camera& camera : cameras) {
+          sums.add_view(renderer, camera, seen_only);
+          ++views;
+        }
+      }
+      check(cudaDeviceSynchronize());
+      const double s =
+          std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+      std::printf("%s, %s: %d views in %.2f s, %.3f ms a view; 21,600 views %.1f s, 4,050 views %.2f s\n",
+                  name,
+                  seen_only ? "seen only" : measure == L4D_SENSITIVITY_SUM ? "SUM" : "GAUSS_NEWTON",
+                  views, s, 1e3 * s / views, 21600 * s / views, 4050 * s / views);
+    }
+  }
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  uint32_t count = 0;
+  if (l4d_cuda_get_device_count(&count) != L4D_OK || count == 0) {
+    std::puts("SKIPPED: there is no CUDA device");
+    return 0;
+  }
+  const double rate = copy_rate();
+  std::printf("device copy %.2f TB/s\n", 1e-12 * rate);
+  std::vector<std::string> scenes;
+  bool all = true;
+  for (int k = 1; k < argc; ++k) {
+    const std::string word = argv[k];
+    all = all && word != "forward";
+    if (word != "forward") scenes.push_back(word);
+  }
+  if (scenes.empty()) scenes = {"620000", "1240000"};
+  for (const std::string& name : scenes) {
+    io::SynthOptions options;
+    options.gaussians = std::strtoull(name.c_str(), nullptr, 0);
+    const Bench bench(options.gaussians > 0 ? io::synthesize(options) : io::read_scene_ply(name), rate);
+    forward(bench, L4D_CUDA_SH_FLOAT16);
+    if (!all) continue;
+    forward(bench, L4D_CUDA_SH_FLOAT32);
+    std::puts("");
+    if (options.gaussians == 0) {
+      const std::string set = name.substr(0, name.rfind('/') + 1) + "cameras.json";
+      std::vector<l4d_camera> own;
+      for (const io::Camera& c : io::read_cameras(set).cameras) own.push_back(c.camera);
+      const std::string size = std::to_string(own[0].width) + "x" + std::to_string(own[0].height);
+      sensitivity(bench, own, 30, size.c_str());
+      continue;
+    }
+    sensitivity(bench, bench.cameras, 20, "1352x1014");
+    std::vector<l4d_camera> small = bench.cameras;
+    for (l4d_camera& c : small) {
+      c.width = 640;
+      c.height = 360;
+      c.fx = c.fy = c.fx * 360.0 / kHeight;
+      c.cx = 320;
+      c.cy = 180;
+    }
+    sensitivity(bench, small, 20, "640x360");
+  }
+  return 0;
+}

@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/camera.h"
+
+#include <cmath>
+
+namespace l4d::render {
+namespace {
+
+constexpr uint32_t kMaxImageSide = 16384;
+// Cameras come from files with few digits.
+constexpr double kRotationTolerance = 1e-3;
+
+}  // namespace
+
+Status check_camera(const l4d_camera& c) {
+  if (c.width < 1 || c.height < 1 || c.width > kMaxImageSide || c.height > kMaxImageSide) {
+    return invalid_argument("camera: width and height must be 1 to 16384");
+  }
+  if (!(c.fx > 0 && c.fy > 0) || !std::isfinite(c.fx) || !std::isfinite(c.fy) ||
+      !std::isfinite(c.cx) || !std::isfinite(c.cy)) {
+    return invalid_argument("camera: focal lengths must be above 0 and the principal point finite");
+  }
+  if (!(c.near_plane > 0) || !std::isfinite(c.near_plane)) {
+    return invalid_argument("camera: near_plane must be above 0");
+  }
+  for (const double v : c.world_to_camera) {
+    if (!std::isfinite(v)) return invalid_argument("camera: world_to_camera is not finite");
+  }
+  for (int i = 0; i < 3; ++i) {
+    for (int j = i; j < 3; ++j) {
+      const double* a = c.world_to_camera + 4 * i;
+      const double* b = c.world_to_camera + 4 * j;
+      const double dot = a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+      if (std::fabs(dot - (i == j ? 1 : 0)) > kRotationTolerance) {
+        return invalid_argument("camera: world_to_camera does not begin with a rotation");
+      }
+    }
+  }
+  return {};
+}
+
+}  // namespace l4d::render

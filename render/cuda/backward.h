@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: Apache-2.0
+// The way back of a frame: from pixels to instances, to splats, to the scene.
+#pragma once
+
+#include "render/cuda/frame.h"
+
+namespace l4d::render {
+
+// How pixels weigh in the scalar that is derived.
+enum class Upstream {
+  kOnes,       // the scalar is the sum of all pixels and channels
+  kGiven,      // rgb_gradient
+  kSigns       // +1 or -1 per pixel and channel, at random
+};
+
+struct BackwardTask {
+  Upstream upstream;
+  const float* rgb_gradient;  // [height, width, 3] of kGiven
+  uint64_t signs;             // of kSigns: what makes them, see sign_bits()
+  const float* rgb;           // [height, width, 3] the image, background included
+};
+
+// Derivatives by one instance, and by one splat once they are added up: sums over pixels of the
+// derivative by ln(alpha) times 1, dx, dy, dx^2, dx dy, dy^2; of the derivative by each channel; and of
+// alpha times transmittance.
+struct alignas(16) SplatSums {
+  float one, x, y, coverage;
+  float xx, xy, yy, red;
+  float green, blue, unused[2];  // not of kOnes, where all channels are alike
+};
+static_assert(sizeof(SplatSums) == 48, "three words");
+
+struct BackwardMemory {
+  SplatSums* instances;  // [max_instances] by emission
+  SplatSums* splats;     // [max_visible]
+  uint32_t* shown;       // [max_visible] those that a pixel shows, in any order
+};
+
+// A well-mixed hash of a counter (splitmix64's finaliser): bits 0..2 of sign_bits(base + pixel) are the
+// signs of its channels.
+L4D_HOST_DEVICE inline uint64_t sign_bits(uint64_t x) {
+  x += 0x9e3779b97f4a7c15u;
+  x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9u;
+  x = (x ^ (x >> 27)) * 0x94d049bb133111ebu;
+  return x ^ (x >> 31);
+}
+
+// Instances of a frame made with input.backward. Every emission is written.
+void launch_backward(const FrameInput& input, const BackwardTask& task, const uint32_t* values,
+                     const FrameMemory& memory, const BackwardMemory& back, cudaStream_t stream);
+// Adds up the instances of each splat, in their order. `order`: splats front to back.
+void launch_sum_instances(const FrameInput& input, const BackwardTask& task, const uint32_t* order,
+                          const FrameMemory& memory, const BackwardMemory& back,
+                          cudaStream_t stream);
+// Coverage alone, of forward frames: sums of alpha times transmittance in units of kCoverageUnit, added to
+// coverage [max_visible], which is 0 before. Whole numbers, so that their order does not matter.
+constexpr float kCoverageUnit = 0x1p-24f;
+void launch_coverage(const FrameInput& input, const uint32_t* values, const FrameMemory& memory,
+                     unsigned long long* coverage, cudaStream_t stream);
+
+}  // namespace l4d::render

@@ -1,0 +1,356 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/cuda/device_renderer.h"
+
+#include <algorithm>
+#include <cstring>
+#include <limits>
+
+#include "libl4dcodec/math/layers.h"
+#include "render/cuda/importance.h"
+#include "render/cuda/pipeline.h"
+
+namespace l4d::render {
+namespace {
+
+// Pairs of tile and Gaussian that there is room for before anything is known.
+constexpr uint64_t kFirstInstances = 1u << 20;
+
+Sequence sequence_of(const l4d_timeline& timeline) {
+  return {timeline.time_begin, timeline.time_begin + sequence_duration(timeline)};
+}
+
+uint32_t narrow(uint64_t v) {
+  return static_cast<uint32_t>(std::min<uint64_t>(v, std::numeric_limits<uint32_t>::max()));
+}
+
+class Implementation : public DeviceRenderer {
+ public:
+  explicit Implementation(const DeviceRendererOptions& options) : options_(options) {}
+  Status create() {
+    L4D_RETURN_IF_ERROR(l4d::cuda::use_device(options_.device));
+    return pipeline_.create();
+  }
+  ~Implementation() override { static_cast<void>(use()); }
+
+  Status set_gaussians(const l4d_gaussians& gaussians, const l4d_timeline& timeline) override {
+    L4D_RETURN_IF_ERROR(use());
+    const size_t n = static_cast<size_t>(gaussians.count);
+    const size_t width[6] = {3, 1, 4, 8, 1, size_t{3} * sh_terms(gaussians.sh_degree)};
+    const float* from[6] = {gaussians.position, gaussians.mean_t,  gaussians.log_scale,
+                            gaussians.rotor,    gaussians.opacity, gaussians.sh};
+    for (int k = 0; k < 6; ++k) {
+      L4D_RETURN_IF_ERROR(attributes_[k].reserve(std::max<size_t>(n, 1) * width[k] * sizeof(float)));
+      L4D_RETURN_IF_CUDA_ERROR(cudaMemcpy(attributes_[k].data(), from[k],
+                                          n * width[k] * sizeof(float), cudaMemcpyHostToDevice));
+    }
+    l4d_gaussians device = gaussians;
+    device.position = attributes_[0].as<float>();
+    device.mean_t = attributes_[1].as<float>();
+    device.log_scale = attributes_[2].as<float>();
+    device.rotor = attributes_[3].as<float>();
+    device.opacity = attributes_[4].as<float>();
+    device.sh = attributes_[5].as<float>();
+    return set_device_gaussians(device, timeline);
+  }
+
+  Status set_device_gaussians(const l4d_gaussians& gaussians,
+                              const l4d_timeline& timeline) override {
+    L4D_RETURN_IF_ERROR(use());
+    has_attributes_ = false;
+    const size_t n = static_cast<size_t>(gaussians.count);
+    L4D_RETURN_IF_ERROR(pipeline_.reserve_rows(n, gaussians.sh_degree, options_.half_sh,
+                                               sequence_of(timeline)));
+    L4D_RETURN_IF_ERROR(pipeline_.store_scene(gaussians));
+    gaussians_ = gaussians;
+    has_attributes_ = true;
+    return {};
+  }
+
+  Status set_splats(const HostSplats& splats) override;
+
+  Status render(double time, const l4d_camera& camera, const float* background,
+                const l4d_image& image, DeviceFigures* figures) override {
+    L4D_RETURN_IF_ERROR(use());
+    const size_t pixels = size_t{camera.width} * camera.height;
+    ImageTarget target{};
+    if (image.rgb != nullptr) {
+      L4D_RETURN_IF_ERROR(rgb_.reserve(3 * pixels * sizeof(float)));
+      target.rgb = rgb_.as<float>();
+    }
+    if (image.alpha != nullptr) {
+      L4D_RETURN_IF_ERROR(alpha_.reserve(pixels * sizeof(float)));
+      target.alpha = alpha_.as<float>();
+    }
+    L4D_RETURN_IF_ERROR(whole_frame(time, camera, background, false, target, false, figures,
+                                    [] { return Status(); }));
+    if (image.rgb != nullptr) {
+      L4D_RETURN_IF_CUDA_ERROR(cudaMemcpy(image.rgb, target.rgb, 3 * pixels * sizeof(float),
+                                          cudaMemcpyDeviceToHost));
+    }
+    if (image.alpha != nullptr) {
+      L4D_RETURN_IF_CUDA_ERROR(cudaMemcpy(image.alpha, target.alpha, pixels * sizeof(float),
+                                          cudaMemcpyDeviceToHost));
+    }
+    return pipeline_.stage_seconds(figures->seconds);
+  }
+
+  Status backward(double time, const l4d_camera& camera, const float* background,
+                  const float* rgb_gradient, l4d_gradients* gradients,
+                  DeviceFigures* figures) override;
+  Status make_importance(std::unique_ptr<DeviceImportance>* out) override {
+    L4D_RETURN_IF_ERROR(use());
+    auto memory = std::make_unique<ImportanceMemory>();
+    L4D_RETURN_IF_ERROR(
+        memory->create(static_cast<size_t>(gaussians_.count), gaussians_.sh_degree));
+    *out = std::move(memory);
+    return {};
+  }
+  Status add_importance(double time, const l4d_camera& camera, bool squared, uint64_t signs,
+                        bool seen_only, DeviceImportance* sums, DeviceFigures* figures) override;
+
+  Status reserve_rows(uint64_t rows, uint32_t sh_degree, const l4d_timeline& timeline) override {
+    L4D_RETURN_IF_ERROR(use());
+    has_attributes_ = false;
+    return pipeline_.reserve_rows(static_cast<size_t>(rows), sh_degree, options_.half_sh,
+                                  sequence_of(timeline));
+  }
+  Status store_rows(uint32_t first, const l4d_gaussians& gaussians, void* stream) override {
+    L4D_RETURN_IF_ERROR(use());
+    return pipeline_.store(gaussians, first, first, static_cast<cudaStream_t>(stream));
+  }
+  Status set_rows(const Rows* rows, uint32_t count, void* stream) override {
+    L4D_RETURN_IF_ERROR(use());
+    std::vector<Slab> slabs(count);
+    for (uint32_t s = 0; s < count; ++s) slabs[s] = {rows[s].first, rows[s].count, rows[s].motion};
+    return pipeline_.set_slabs(slabs.data(), count, static_cast<cudaStream_t>(stream));
+  }
+  Status reserve(uint32_t width, uint32_t height, uint64_t visible, uint64_t instances,
+                 bool backward) override {
+    L4D_RETURN_IF_ERROR(use());
+    FrameRoom room;
+    room.width = static_cast<int>(width);
+    room.height = static_cast<int>(height);
+    room.visible = narrow(visible);
+    room.instances = narrow(instances);
+    room.backward = backward;
+    return pipeline_.reserve(room);
+  }
+  Status launch(double time, const l4d_camera& camera, const float* background,
+                const DeviceImage& image, void* stream) override {
+    L4D_RETURN_IF_ERROR(use());
+    return pipeline_.render(time, camera, background, false, {image.rgb, image.alpha, image.rgba8},
+                            static_cast<cudaStream_t>(stream));
+  }
+  Status launch_backward(double time, const l4d_camera& camera, const float* background,
+                         const DeviceImage& image, const float* rgb_gradient,
+                         const l4d_gradients& gradients, void* stream) override {
+    L4D_RETURN_IF_ERROR(use());
+    if (!has_attributes_) {
+      return Status(L4D_ERR_INVALID_STATE, "gradients need the scene's Gaussians");
+    }
+    if (gradients.count != gaussians_.count) {
+      return invalid_argument("gradients.count is not the scene's");
+    }
+    const auto on = static_cast<cudaStream_t>(stream);
+    ImageTarget target{image.rgb, image.alpha, image.rgba8};
+    if (target.rgb == nullptr) target.rgb = pipeline_.scratch_image();
+    L4D_RETURN_IF_ERROR(pipeline_.render(time, camera, background, true, target, on));
+    const BackwardTask task{Upstream::kGiven, rgb_gradient, 0, target.rgb};
+    L4D_RETURN_IF_ERROR(pipeline_.go_back(task, on));
+    launch_gradients(gradient_input(time, camera), task, pipeline_.resident(), pipeline_.memory(),
+                     pipeline_.back_memory(), gradients, on);
+    L4D_RETURN_IF_CUDA_ERROR(cudaGetLastError());
+    return {};
+  }
+  Status figures(void* stream, DeviceFigures* out, uint64_t* wanted_visible,
+                 uint64_t* wanted_instances) override {
+    L4D_RETURN_IF_ERROR(use());
+    FrameFigures f;
+    L4D_RETURN_IF_ERROR(pipeline_.figures(static_cast<cudaStream_t>(stream), &f));
+    out->visible = f.visible;
+    out->projected = f.projected;
+    out->instances = f.instances;
+    *wanted_visible = f.wanted_visible;
+    *wanted_instances = f.wanted_instances;
+    L4D_RETURN_IF_ERROR(pipeline_.stage_seconds(out->seconds));
+    if (!f.overflow) return {};
+    return Status(L4D_ERR_LIMIT_EXCEEDED, "the frame has more than there was room for: reserve more");
+  }
+  Status time_stages() override {
+    L4D_RETURN_IF_ERROR(use());
+    return pipeline_.time_stages();
+  }
+
+ private:
+  Status use() const {
+    L4D_RETURN_IF_CUDA_ERROR(cudaSetDevice(options_.device));
+    return {};
+  }
+  GradientInput gradient_input(double time, const l4d_camera& camera) const {
+    const Sequence& s = pipeline_.sequence();
+    return {gaussians_, make_view<double>(camera), s, std::min(std::max(time, s.begin), s.end)};
+  }
+  // Renders until there is room for all, and waits. rest(): what is to be launched after the frame; what
+  // comes of frames without room must do no harm.
+  template <class Rest>
+  Status whole_frame(double time, const l4d_camera& camera, const float* background, bool backward,
+                     const ImageTarget& target, bool back_room, DeviceFigures* figures,
+                     const Rest& rest);
+
+  DeviceRendererOptions options_;
+  DevicePipeline pipeline_;
+  bool has_attributes_ = false;
+  l4d_gaussians gaussians_{};  // device arrays
+  cuda::DeviceMemory attributes_[6], rgb_, alpha_, upstream_, gradients_[6];
+  cuda::PinnedMemory staging_;
+};
+
+template <class Rest>
+Status Implementation::whole_frame(double time, const l4d_camera& camera, const float* background,
+                                   bool backward, const ImageTarget& target, bool back_room,
+                                   DeviceFigures* figures, const Rest& rest) {
+  FrameRoom room;
+  room.width = static_cast<int>(camera.width);
+  room.height = static_cast<int>(camera.height);
+  room.visible = narrow(pipeline_.rows());
+  room.instances = narrow(std::max<uint64_t>(kFirstInstances, 4 * uint64_t{pipeline_.rows()}));
+  room.instances = std::min(room.instances, 1u << 24);
+  room.backward = back_room;
+  FrameFigures f{};
+  do {
+    L4D_RETURN_IF_ERROR(pipeline_.reserve(room));
+    ImageTarget into = target;
+    if (backward && into.rgb == nullptr) into.rgb = pipeline_.scratch_image();
+    L4D_RETURN_IF_ERROR(pipeline_.render(time, camera, background, backward, into, nullptr));
+    L4D_RETURN_IF_ERROR(rest());
+    L4D_RETURN_IF_CUDA_ERROR(cudaGetLastError());
+    L4D_RETURN_IF_ERROR(pipeline_.figures(nullptr, &f));
+    room.instances = narrow(uint64_t{f.wanted_instances} + f.wanted_instances / 4);
+  } while (f.overflow);
+  figures->visible = f.visible;
+  figures->projected = f.projected;
+  figures->instances = f.instances;
+  return {};
+}
+
+Status Implementation::set_splats(const HostSplats& splats) {
+  L4D_RETURN_IF_ERROR(use());
+  has_attributes_ = false;
+  const size_t n = splats.count;
+  L4D_RETURN_IF_ERROR(pipeline_.reserve_rows(n, splats.sh_degree, false, {0, 0}));
+  const ResidentRows& rows = pipeline_.resident();
+  const size_t numbers = size_t{3} * sh_terms(splats.sh_degree);
+  const size_t stride = sh_stride(splats.sh_degree, false);
+  L4D_RETURN_IF_ERROR(staging_.reserve(std::max<size_t>(n, 1) * stride * sizeof(float)));
+  const auto send = [&](void* to, size_t bytes) -> Status {
+    L4D_RETURN_IF_CUDA_ERROR(cudaMemcpy(to, staging_.data(), bytes, cudaMemcpyHostToDevice));
+    return {};
+  };
+  // Still rows: all that slicing would do has been done.
+  float* f = staging_.as<float>();
+  for (size_t i = 0; i < n; ++i) {
+    f[2 * i] = -std::numeric_limits<float>::infinity();
+    f[2 * i + 1] = std::numeric_limits<float>::infinity();
+  }
+  L4D_RETURN_IF_ERROR(send(rows.interval, n * sizeof(float2)));
+  for (size_t i = 0; i < n; ++i) {
+    for (size_t k = 0; k < 3; ++k) f[4 * i + k] = splats.position[k][i];
+    f[4 * i + 3] = splats.opacity[i];
+  }
+  L4D_RETURN_IF_ERROR(send(rows.place, n * sizeof(float4)));
+  for (size_t i = 0; i < n; ++i) {
+    for (size_t k = 0; k < 4; ++k) f[4 * i + k] = splats.covariance[k][i];
+  }
+  L4D_RETURN_IF_ERROR(send(rows.shape0, n * sizeof(float4)));
+  for (size_t i = 0; i < n; ++i) {
+    f[4 * i] = splats.covariance[4][i];
+    f[4 * i + 1] = splats.covariance[5][i];
+    f[4 * i + 2] = f[4 * i + 3] = 0;
+  }
+  L4D_RETURN_IF_ERROR(send(rows.shape1, n * sizeof(float4)));
+  for (size_t i = 0; i < n; ++i) {
+    std::copy_n(splats.sh[i], numbers, f + stride * i);
+    std::fill_n(f + stride * i + numbers, stride - numbers, 0.0f);
+  }
+  L4D_RETURN_IF_ERROR(send(rows.sh, n * stride * sizeof(float)));
+  uint32_t* ids = staging_.as<uint32_t>();
+  for (size_t i = 0; i < n; ++i) ids[i] = static_cast<uint32_t>(i);
+  L4D_RETURN_IF_ERROR(send(rows.id, n * sizeof(uint32_t)));
+  const Slab all{0, static_cast<uint32_t>(n), kStill};
+  return pipeline_.set_slabs(&all, n > 0 ? 1 : 0, nullptr);
+}
+
+Status Implementation::backward(double time, const l4d_camera& camera, const float* background,
+                                const float* rgb_gradient, l4d_gradients* gradients,
+                                DeviceFigures* figures) {
+  L4D_RETURN_IF_ERROR(use());
+  const size_t n = static_cast<size_t>(gaussians_.count);
+  const size_t pixels = size_t{camera.width} * camera.height;
+  L4D_RETURN_IF_ERROR(upstream_.reserve(3 * pixels * sizeof(float)));
+  L4D_RETURN_IF_CUDA_ERROR(cudaMemcpy(upstream_.data(), rgb_gradient, 3 * pixels * sizeof(float),
+                                      cudaMemcpyHostToDevice));
+  const size_t width[6] = {3, 1, 4, 8, 1, size_t{3} * sh_terms(gaussians_.sh_degree)};
+  float* const wanted[6] = {gradients->position, gradients->mean_t,  gradients->log_scale,
+                            gradients->rotor,    gradients->opacity, gradients->sh};
+  float* device[6] = {};
+  for (int k = 0; k < 6; ++k) {
+    if (wanted[k] == nullptr) continue;
+    const size_t bytes = n * width[k] * sizeof(float);
+    L4D_RETURN_IF_ERROR(gradients_[k].reserve(std::max<size_t>(bytes, 1)));
+    L4D_RETURN_IF_CUDA_ERROR(cudaMemset(gradients_[k].data(), 0, bytes));
+    device[k] = gradients_[k].as<float>();
+  }
+  const l4d_gradients out{sizeof(l4d_gradients), gaussians_.count, device[0], device[1],
+                          device[2],             device[3],        device[4], device[5]};
+  const auto go_back = [&]() -> Status {
+    const BackwardTask task{Upstream::kGiven, upstream_.as<float>(), 0, pipeline_.scratch_image()};
+    L4D_RETURN_IF_ERROR(pipeline_.go_back(task, nullptr));
+    launch_gradients(gradient_input(time, camera), task, pipeline_.resident(), pipeline_.memory(),
+                     pipeline_.back_memory(), out, nullptr);
+    return {};
+  };
+  L4D_RETURN_IF_ERROR(whole_frame(time, camera, background, true, {}, true, figures, go_back));
+  std::vector<float> sums;
+  for (int k = 0; k < 6; ++k) {
+    if (wanted[k] == nullptr) continue;
+    sums.resize(n * width[k]);
+    L4D_RETURN_IF_CUDA_ERROR(
+        cudaMemcpy(sums.data(), device[k], sums.size() * sizeof(float), cudaMemcpyDeviceToHost));
+    for (size_t i = 0; i < sums.size(); ++i) wanted[k][i] += sums[i];
+  }
+  return pipeline_.stage_seconds(figures->seconds);
+}
+
+Status Implementation::add_importance(double time, const l4d_camera& camera, bool squared,
+                                      uint64_t signs, bool seen_only, DeviceImportance* sums,
+                                      DeviceFigures* figures) {
+  L4D_RETURN_IF_ERROR(use());
+  const auto* memory = static_cast<const ImportanceMemory*>(sums);
+  const float black[3] = {0, 0, 0};
+  return whole_frame(time, camera, black, !seen_only, {}, true, figures, [&]() -> Status {
+    if (seen_only) {
+      L4D_RETURN_IF_ERROR(pipeline_.cover(nullptr));
+      launch_glimpse(pipeline_.resident(), pipeline_.memory(), pipeline_.coverage(),
+                     memory->sums(), nullptr);
+      return {};
+    }
+    const BackwardTask task{squared ? Upstream::kSigns : Upstream::kOnes, nullptr, signs,
+                            pipeline_.scratch_image()};
+    L4D_RETURN_IF_ERROR(pipeline_.go_back(task, nullptr));
+    launch_importance(gradient_input(time, camera), task, squared, pipeline_.resident(),
+                      pipeline_.memory(), pipeline_.back_memory(), memory->sums(), nullptr);
+    return {};
+  });
+}
+
+}  // namespace
+
+Status make_device_renderer(const DeviceRendererOptions& options,
+                            std::unique_ptr<DeviceRenderer>* out) {
+  auto renderer = std::make_unique<Implementation>(options);
+  L4D_RETURN_IF_ERROR(renderer->create());
+  *out = std::move(renderer);
+  return {};
+}
+
+}  // namespace l4d::render

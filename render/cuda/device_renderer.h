@@ -1,0 +1,114 @@
+// SPDX-License-Identifier: Apache-2.0
+// Rendering on a CUDA device, told without a type of CUDA: what the ordinary renderer and the API of
+// device-resident rendering call. Device arrays are plain pointers, streams are cudaStream_t as void*.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "l4d/render.h"
+#include "libl4dcodec/base/status.h"
+#include "render/view.h"
+
+namespace l4d::render {
+
+struct DeviceFigures {
+  uint64_t visible = 0, projected = 0, instances = 0;
+  double seconds[L4D_RENDER_STAGE_COUNT] = {};
+};
+
+// 3D Gaussians at an instant, in host memory.
+struct HostSplats {
+  size_t count;
+  uint32_t sh_degree;
+  const float* position[3];    // [count] each
+  const float* covariance[6];  // [count] each, xx xy xz yy yz zz
+  const float* opacity;        // [count]
+  const float* const* sh;      // [count] of [(D+1)^2, 3]
+};
+
+// Sums over views of importances, in device memory and whole numbers (cuda/gradient.h).
+class DeviceImportance {
+ public:
+  virtual ~DeviceImportance() = default;
+  // Of all Gaussians, in images with their pixels counted one by one; host arrays.
+  struct Values {
+    std::vector<double> coverage, glimpsed;  // [N]
+    std::vector<uint8_t> seen;               // [N]
+    std::vector<double> sh;                  // [N, (D+1)^2]
+    std::vector<double> geometry;            // [N, 17]
+  };
+  virtual Status read(Values* out) const = 0;
+  virtual Status clone(std::unique_ptr<DeviceImportance>* out) const = 0;
+  // Adds the sums of another one on the same device.
+  virtual Status add(const DeviceImportance& other) = 0;
+};
+
+// What a frame is drawn into, on the device; what is NULL is not wanted.
+struct DeviceImage {
+  float* rgb;       // [height, width, 3]
+  float* alpha;     // [height, width]
+  uint32_t* rgba8;  // [height, width]
+};
+
+class DeviceRenderer {
+ public:
+  virtual ~DeviceRenderer() = default;
+
+  // ---- scenes in host memory, images in host memory; every call waits for its results ----
+  // The scene has been checked. Its arrays are copied.
+  virtual Status set_gaussians(const l4d_gaussians& gaussians, const l4d_timeline& timeline) = 0;
+  virtual Status set_splats(const HostSplats& splats) = 0;
+  virtual Status render(double time, const l4d_camera& camera, const float* background,
+                        const l4d_image& image, DeviceFigures* figures) = 0;
+  virtual Status backward(double time, const l4d_camera& camera, const float* background,
+                          const float* rgb_gradient, l4d_gradients* gradients,
+                          DeviceFigures* figures) = 0;
+  virtual Status make_importance(std::unique_ptr<DeviceImportance>* out) = 0;
+  // Adds a view: magnitudes of derivatives of the sum of all pixels, or, where `squared`, squares of
+  // derivatives with random signs made from `signs`; or, where seen_only, coverage alone.
+  virtual Status add_importance(double time, const l4d_camera& camera, bool squared,
+                                uint64_t signs, bool seen_only, DeviceImportance* sums,
+                                DeviceFigures* figures) = 0;
+
+  // ---- device memory throughout; calls only launch unless they say otherwise ----
+  // Arrays of `gaussians` are device pointers here. Waits.
+  virtual Status set_device_gaussians(const l4d_gaussians& gaussians,
+                                      const l4d_timeline& timeline) = 0;
+  struct Rows {
+    uint32_t first, count, motion;  // motion: MotionGroup
+  };
+  // Waits.
+  virtual Status reserve_rows(uint64_t rows, uint32_t sh_degree, const l4d_timeline& timeline) = 0;
+  virtual Status store_rows(uint32_t first, const l4d_gaussians& gaussians, void* stream) = 0;
+  virtual Status set_rows(const Rows* rows, uint32_t count, void* stream) = 0;
+  // Waits where it has to grow.
+  virtual Status reserve(uint32_t width, uint32_t height, uint64_t visible, uint64_t instances,
+                         bool backward) = 0;
+  virtual Status launch(double time, const l4d_camera& camera, const float* background,
+                        const DeviceImage& image, void* stream) = 0;
+  // Renders and goes back. rgb_gradient [height, width, 3] and the arrays of `gradients` are device
+  // pointers; image.rgb may be NULL. Needs set_device_gaussians, whose arrays are read again.
+  virtual Status launch_backward(double time, const l4d_camera& camera, const float* background,
+                                 const DeviceImage& image, const float* rgb_gradient,
+                                 const l4d_gradients& gradients, void* stream) = 0;
+  // Of the last frame. Waits for it. Fails with LIMIT_EXCEEDED where there was not room for all of it;
+  // *wanted_visible and *wanted_instances then say how much is missing, and are set in any case.
+  virtual Status figures(void* stream, DeviceFigures* out, uint64_t* wanted_visible,
+                         uint64_t* wanted_instances) = 0;
+  virtual Status time_stages() = 0;
+};
+
+struct DeviceRendererOptions {
+  int device = 0;
+  bool half_sh = false;  // SH coefficients in binary16
+};
+
+// Fails with FEATURE_UNSUPPORTED in builds without device code, with L4D_ERR_DEVICE where there is no
+// device that this build can use.
+Status make_device_renderer(const DeviceRendererOptions& options,
+                            std::unique_ptr<DeviceRenderer>* out);
+
+}  // namespace l4d::render

@@ -1,0 +1,287 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/cuda/gradient.h"
+
+#include "render/cuda/launch.cuh"
+#include "render/project_gradient.h"
+#include "render/slice_gradient.h"
+
+namespace l4d::render {
+namespace {
+
+constexpr int kThreads = 128;
+
+// A Gaussian that a frame shows, and how.
+template <uint32_t kDegree>
+struct Shown {
+  uint32_t id;
+  SplatSums sums;
+  float color[3];      // derivatives by the colour, without the clamp
+  float direction[3];  // in which the camera sees it
+  Gaussian4D<double> gaussian;
+  Instant<double> at;
+  SplatGradient3D<double> by_slice;
+};
+
+// Times count from the instant itself: that is where differences matter.
+__device__ Instant<double> instant_of(const GradientInput& input) {
+  return {0.0, input.sequence.begin - input.time, input.sequence.end - input.time,
+          (input.gaussians.flags & L4D_POSITION_AT_MEAN_TIME) != 0,
+          (input.gaussians.flags & L4D_OPACITY_LOGIT) != 0};
+}
+
+__device__ Gaussian4D<double> attributes_of(const GradientInput& input, size_t id) {
+  const l4d_gaussians& g = input.gaussians;
+  Gaussian4D<double> out;
+  for (size_t k = 0; k < 3; ++k) out.position[k] = static_cast<double>(g.position[3 * id + k]);
+  out.mean_t = static_cast<double>(g.mean_t[id]) - input.time;
+  for (size_t k = 0; k < 4; ++k) out.log_scale[k] = static_cast<double>(g.log_scale[4 * id + k]);
+  for (size_t k = 0; k < 8; ++k) out.rotor[k] = static_cast<double>(g.rotor[8 * id + k]);
+  out.opacity = static_cast<double>(g.opacity[id]);
+  return out;
+}
+
+// A Gaussian's numbers in an array, four at a time where they lie so.
+template <size_t kCount>
+struct Row {
+  __device__ static bool in_fours(const float* array) {
+    return kCount % 4 == 0 && reinterpret_cast<uintptr_t>(array) % sizeof(float4) == 0;
+  }
+  __device__ static void read(const float* array, size_t id, float* out) {
+    const float* row = array + kCount * id;
+    if (in_fours(array)) {
+#pragma unroll
+      for (size_t k = 0; k + 3 < kCount; k += 4) {
+        const float4 v = *reinterpret_cast<const float4*>(row + k);
+        out[k] = v.x;
+        out[k + 1] = v.y;
+        out[k + 2] = v.z;
+        out[k + 3] = v.w;
+      }
+    } else {
+#pragma unroll
+      for (size_t k = 0; k < kCount; ++k) out[k] = row[k];
+    }
+  }
+  template <typename T>
+  __device__ static void add(float* array, size_t id, const T* values) {
+    if (array == nullptr) return;
+    float sums[kCount];
+    read(array, id, sums);
+#pragma unroll
+    for (size_t k = 0; k < kCount; ++k) sums[k] += static_cast<float>(values[k]);
+    float* row = array + kCount * id;
+    if (in_fours(array)) {
+#pragma unroll
+      for (size_t k = 0; k + 3 < kCount; k += 4) {
+        *reinterpret_cast<float4*>(row + k) =
+            make_float4(sums[k], sums[k + 1], sums[k + 2], sums[k + 3]);
+      }
+    } else {
+#pragma unroll
+      for (size_t k = 0; k < kCount; ++k) row[k] = sums[k];
+    }
+  }
+};
+
+// Derivatives by the slice, in double and from the slice in double: behind a long splat stand small
+// differences of large numbers, which binary32 does not hold. Colour alone goes back in binary32.
+// False beyond the last splat that the frame shows, and where the frame is not whole.
+template <uint32_t kDegree>
+__device__ bool back_to_slice(const GradientInput& input, const View<float>& view,
+                              const ResidentRows& rows, const FrameMemory& memory,
+                              const BackwardMemory& back, bool one_channel,
+                              Shown<kDegree>* out, float* by_sh /* [terms, 3] or NULL */) {
+  const uint32_t at = blockIdx.x * kThreads + threadIdx.x;
+  if (at >= memory.counts->shown || !is_whole(memory)) return false;
+  const uint32_t splat = back.shown[at];
+  out->sums = back.splats[splat];
+  out->color[0] = one_channel ? out->sums.coverage : out->sums.red;
+  out->color[1] = one_channel ? out->sums.coverage : out->sums.green;
+  out->color[2] = one_channel ? out->sums.coverage : out->sums.blue;
+  out->id = rows.id[memory.splats[splat].row & kRowMask];
+  out->at = instant_of(input);
+  out->gaussian = attributes_of(input, out->id);
+  const Slice3D<double> slice = slice_at(out->gaussian, out->at);
+  const float position[3] = {static_cast<float>(slice.position[0]),
+                             static_cast<float>(slice.position[1]),
+                             static_cast<float>(slice.position[2])};
+  view_direction(view, position, out->direction);
+  Projection<double> projection;
+  if (!project_geometry(input.view, slice.position, slice.covariance, &projection)) {
+    out->by_slice = {};
+    return true;
+  }
+  // The sums hold derivatives by ln(alpha) = ln(opacity) - q/2 times what q is made of.
+  const double* c = projection.covariance;
+  const double det = c[0] * c[2] - c[1] * c[1];
+  const double conic[3] = {c[2] / det, -c[1] / det, c[0] / det};
+  const double x = static_cast<double>(out->sums.x), y = static_cast<double>(out->sums.y);
+  SplatGradient2D<double> g;
+  g.mean[0] = conic[0] * x + conic[1] * y;
+  g.mean[1] = conic[1] * x + conic[2] * y;
+  g.conic[0] = -0.5 * static_cast<double>(out->sums.xx);
+  g.conic[1] = -static_cast<double>(out->sums.xy);
+  g.conic[2] = -0.5 * static_cast<double>(out->sums.yy);
+  geometry_gradient(input.view, slice.covariance, projection, g, &out->by_slice);
+  out->by_slice.opacity = static_cast<double>(out->sums.one) / slice.opacity;
+  constexpr size_t kNumbers = 3 * sh_terms(kDegree);
+  float by_position[3] = {0, 0, 0}, sh[kNumbers];
+  Row<kNumbers>::read(input.gaussians.sh, out->id, sh);
+  shade_gradient(view, kDegree, position, sh, out->color, true, by_position, by_sh);
+  for (int k = 0; k < 3; ++k) out->by_slice.position[k] += static_cast<double>(by_position[k]);
+  return true;
+}
+
+template <uint32_t kDegree>
+__global__ void __launch_bounds__(kThreads)
+    add_gradients(GradientInput input, View<float> view, bool one_channel, ResidentRows rows,
+                  FrameMemory memory, BackwardMemory back, l4d_gradients out) {
+  await_predecessor();
+  constexpr size_t kNumbers = 3 * sh_terms(kDegree);
+  Shown<kDegree> shown;
+  float by_sh[kNumbers] = {};
+  if (!back_to_slice(input, view, rows, memory, back, one_channel, &shown, by_sh)) return;
+  const Gradient4D<double> g = slice_gradient(shown.gaussian, shown.at, shown.by_slice);
+  Row<3>::add(out.position, shown.id, g.position);
+  Row<1>::add(out.mean_t, shown.id, &g.mean_t);
+  Row<4>::add(out.log_scale, shown.id, g.log_scale);
+  Row<8>::add(out.rotor, shown.id, g.rotor);
+  Row<1>::add(out.opacity, shown.id, &g.opacity);
+  Row<kNumbers>::add(out.sh, shown.id, by_sh);
+}
+
+// Adds a number that is not negative.
+__device__ void add_fixed(long long* sum, double value, int bits) {
+  constexpr double kMost = 0x1p61;
+  const double scaled = value * static_cast<double>(1ll << bits);
+  const long long most = static_cast<long long>(kMost);
+  const long long term = scaled < kMost ? __double2ll_rn(scaled) : most;  // NaN too
+  const long long before = *sum;
+  *sum = before > most - term ? most : before + term;
+}
+
+template <uint32_t kDegree>
+__global__ void __launch_bounds__(kThreads)
+    add_importance(GradientInput input, View<float> view, bool one_channel, bool squared,
+                   ResidentRows rows, FrameMemory memory, BackwardMemory back,
+                   ImportanceSums sums) {
+  await_predecessor();
+  Shown<kDegree> shown;
+  float* const no_sh = nullptr;
+  if (!back_to_slice(input, view, rows, memory, back, one_channel, &shown, no_sh)) return;
+  const size_t id = shown.id;
+  add_fixed(sums.coverage + id, static_cast<double>(shown.sums.coverage),
+            ImportanceSums::kCoverageBits);
+  sums.seen[id] = 1;
+  const auto magnitude = [squared](double v) { return squared ? v * v : fabs(v); };
+
+  constexpr uint32_t kTerms = sh_terms(kDegree);
+  float basis[kTerms];
+  sh_basis(kDegree, shown.direction[0], shown.direction[1], shown.direction[2], basis);
+  // The channels have one derivative, or, with random signs, three estimates of its square.
+  const float* c = shown.color;
+  const float color = squared ? sqrtf((c[0] * c[0] + c[1] * c[1] + c[2] * c[2]) / 3) : c[0];
+#pragma unroll
+  for (uint32_t k = 0; k < kTerms; ++k) {
+    add_fixed(sums.sh + kTerms * id + k, magnitude(static_cast<double>(color * basis[k])),
+              ImportanceSums::kShBits);
+  }
+
+  // The way back asks for the instant of the position, not for the position.
+  Gaussian4D<double>& gaussian = shown.gaussian;
+  gaussian.opacity = linear_opacity(gaussian, shown.at);
+  Instant<double> derived = shown.at;
+  derived.logit = false;
+  if (squared) {
+    derived.at_mean_time = false;
+    normalize_rotor(gaussian.rotor, gaussian.rotor);
+  }
+  const Gradient4D<double> g = slice_gradient(gaussian, derived, shown.by_slice);
+  long long* geometry = sums.geometry + size_t{ImportanceSums::kGeometry} * id;
+  const auto add = [&](int k, double v) {
+    add_fixed(geometry + k, magnitude(v), ImportanceSums::kGeometryBits);
+  };
+  for (int k = 0; k < 4; ++k) add(k, g.log_scale[k]);
+  for (int k = 0; k < 8; ++k) add(4 + k, g.rotor[k]);
+  for (int k = 0; k < 3; ++k) add(12 + k, g.position[k]);
+  add(15, g.opacity);
+  add(16, g.mean_t);
+}
+
+__global__ void __launch_bounds__(kThreads)
+    add_glimpse(ResidentRows rows, FrameMemory memory, const unsigned long long* coverage,
+                ImportanceSums sums) {
+  await_predecessor();
+  const uint32_t splat = blockIdx.x * kThreads + threadIdx.x;
+  if (splat >= memory.counts->projected || coverage[splat] == 0 || !is_whole(memory)) return;
+  const uint32_t id = rows.id[memory.splats[splat].row & kRowMask];
+  if (sums.seen[id] != 0) return;
+  sums.seen[id] = 1;
+  sums.glimpsed[id] += static_cast<long long>(coverage[splat]);
+}
+static_assert(kCoverageUnit * (1 << ImportanceSums::kCoverageBits) == 1, "one unit of coverage");
+
+template <class Body>
+void for_degree(uint32_t degree, const Body& body) {
+  switch (degree) {
+    case 0:
+      return body(std::integral_constant<uint32_t, 0>());
+    case 1:
+      return body(std::integral_constant<uint32_t, 1>());
+    case 2:
+      return body(std::integral_constant<uint32_t, 2>());
+    default:
+      return body(std::integral_constant<uint32_t, 3>());
+  }
+}
+
+View<float> narrow(const View<double>& v) {
+  View<float> out;
+  const auto f = [](double x) { return static_cast<float>(x); };
+  out.width = v.width;
+  out.height = v.height;
+  out.fx = f(v.fx);
+  out.fy = f(v.fy);
+  out.cx = f(v.cx);
+  out.cy = f(v.cy);
+  out.near_plane = f(v.near_plane);
+  for (int k = 0; k < 9; ++k) out.rotation[k] = f(v.rotation[k]);
+  for (int k = 0; k < 3; ++k) out.translation[k] = f(v.translation[k]);
+  for (int k = 0; k < 3; ++k) out.center[k] = f(v.center[k]);
+  for (int k = 0; k < 2; ++k) out.min_slope[k] = f(v.min_slope[k]);
+  for (int k = 0; k < 2; ++k) out.max_slope[k] = f(v.max_slope[k]);
+  return out;
+}
+
+}  // namespace
+
+void launch_gradients(const GradientInput& input, const BackwardTask& task,
+                      const ResidentRows& rows, const FrameMemory& memory,
+                      const BackwardMemory& back, const l4d_gradients& out,
+                      cudaStream_t stream) {
+  const unsigned grid = (memory.max_visible + kThreads - 1) / kThreads;
+  for_degree(input.gaussians.sh_degree, [&](auto degree) {
+    launch(add_gradients<decltype(degree)::value>, grid, kThreads, stream, input,
+           narrow(input.view), task.upstream == Upstream::kOnes, rows, memory, back, out);
+  });
+}
+
+void launch_importance(const GradientInput& input, const BackwardTask& task, bool squared,
+                       const ResidentRows& rows, const FrameMemory& memory,
+                       const BackwardMemory& back, const ImportanceSums& sums,
+                       cudaStream_t stream) {
+  const unsigned grid = (memory.max_visible + kThreads - 1) / kThreads;
+  for_degree(input.gaussians.sh_degree, [&](auto degree) {
+    launch(add_importance<decltype(degree)::value>, grid, kThreads, stream, input,
+           narrow(input.view), task.upstream == Upstream::kOnes, squared, rows, memory, back, sums);
+  });
+}
+
+void launch_glimpse(const ResidentRows& rows, const FrameMemory& memory,
+                    const unsigned long long* coverage, const ImportanceSums& sums,
+                    cudaStream_t stream) {
+  const unsigned grid = (memory.max_visible + kThreads - 1) / kThreads;
+  launch(add_glimpse, grid, kThreads, stream, rows, memory, coverage, sums);
+}
+
+}  // namespace l4d::render

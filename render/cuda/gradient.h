@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: Apache-2.0
+// From derivatives by splats to those by the attributes of the scene, and to importances.
+#pragma once
+
+#include "render/cuda/backward.h"
+#include "render/cuda/store.h"
+
+namespace l4d::render {
+
+// What the way back to the attributes needs of them. All arrays are on the device; a splat's id is its
+// place in them.
+struct GradientInput {
+  l4d_gaussians gaussians;
+  View<double> view;
+  Sequence sequence;
+  double time;  // seconds
+};
+
+// Adds to those arrays of `out` that are not NULL; each Gaussian is in a frame once at most. As the calls
+// below it adds nothing where there was not room for all of the frame.
+void launch_gradients(const GradientInput& input, const BackwardTask& task,
+                      const ResidentRows& rows, const FrameMemory& memory,
+                      const BackwardMemory& back, const l4d_gradients& out,
+                      cudaStream_t stream);
+
+// Sums over views of importances, in whole numbers: neither the order of views nor how they are dealt
+// out to devices changes them. What does not fit stays at the largest number.
+struct ImportanceSums {
+  // 4 log scales, 8 rotor coefficients, 3 coordinates of the position, opacity, mean time
+  static constexpr uint32_t kGeometry = 17;
+  // Binary places of the numbers below.
+  static constexpr int kCoverageBits = 24;
+  static constexpr int kShBits = 24;
+  static constexpr int kGeometryBits = 20;
+
+  long long* coverage;  // [N]
+  long long* glimpsed;  // [N] coverage in views that only asked, of what no full view had shown
+  uint8_t* seen;        // [N]
+  long long* sh;        // [N, (D+1)^2]
+  long long* geometry;  // [N, kGeometry]
+};
+
+// Adds magnitudes of derivatives, or, where squared, squares of derivatives by attributes as streams
+// code them.
+void launch_importance(const GradientInput& input, const BackwardTask& task, bool squared,
+                       const ResidentRows& rows, const FrameMemory& memory,
+                       const BackwardMemory& back, const ImportanceSums& sums,
+                       cudaStream_t stream);
+// Adds coverage of what has not been seen, and marks it. coverage as launch_coverage has it.
+void launch_glimpse(const ResidentRows& rows, const FrameMemory& memory,
+                    const unsigned long long* coverage, const ImportanceSums& sums,
+                    cudaStream_t stream);
+
+}  // namespace l4d::render

@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/cuda/importance.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace l4d::render {
+namespace {
+
+Status read_fixed(const long long* sums, size_t count, int bits, std::vector<double>* out) {
+  std::vector<long long> fixed(count);
+  L4D_RETURN_IF_CUDA_ERROR(
+      cudaMemcpy(fixed.data(), sums, count * sizeof(long long), cudaMemcpyDeviceToHost));
+  out->resize(count);
+  std::transform(fixed.begin(), fixed.end(), out->begin(),
+                 [bits](long long v) { return std::ldexp(static_cast<double>(v), -bits); });
+  return {};
+}
+
+Status add_fixed(long long* sums, const long long* others, size_t count) {
+  std::vector<long long> own(count), other(count);
+  const size_t bytes = count * sizeof(long long);
+  L4D_RETURN_IF_CUDA_ERROR(cudaMemcpy(own.data(), sums, bytes, cudaMemcpyDeviceToHost));
+  L4D_RETURN_IF_CUDA_ERROR(cudaMemcpy(other.data(), others, bytes, cudaMemcpyDeviceToHost));
+  constexpr long long kMost = 1ll << 61;  // as the device has it
+  for (size_t i = 0; i < count; ++i) own[i] = std::min(own[i] + other[i], kMost);
+  L4D_RETURN_IF_CUDA_ERROR(cudaMemcpy(sums, own.data(), bytes, cudaMemcpyHostToDevice));
+  return {};
+}
+
+}  // namespace
+
+Status ImportanceMemory::create(size_t count, uint32_t sh_degree) {
+  count_ = count;
+  sh_degree_ = sh_degree;
+  const size_t n = std::max<size_t>(count, 1), number = sizeof(long long);
+  const size_t bytes[5] = {n * number, n * number, n, n * number * sh_terms(sh_degree),
+                           n * number * ImportanceSums::kGeometry};
+  for (int k = 0; k < 5; ++k) {
+    L4D_RETURN_IF_ERROR(memory_[k].reserve(bytes[k]));
+    L4D_RETURN_IF_CUDA_ERROR(cudaMemset(memory_[k].data(), 0, bytes[k]));
+  }
+  sums_ = {memory_[0].as<long long>(), memory_[1].as<long long>(), memory_[2].as<uint8_t>(),
+           memory_[3].as<long long>(), memory_[4].as<long long>()};
+  return {};
+}
+
+Status ImportanceMemory::read(Values* out) const {
+  const size_t terms = sh_terms(sh_degree_);
+  using Sums = ImportanceSums;
+  L4D_RETURN_IF_ERROR(read_fixed(sums_.coverage, count_, Sums::kCoverageBits, &out->coverage));
+  L4D_RETURN_IF_ERROR(read_fixed(sums_.glimpsed, count_, Sums::kCoverageBits, &out->glimpsed));
+  L4D_RETURN_IF_ERROR(read_fixed(sums_.sh, count_ * terms, Sums::kShBits, &out->sh));
+  L4D_RETURN_IF_ERROR(read_fixed(sums_.geometry, count_ * Sums::kGeometry, Sums::kGeometryBits,
+                                 &out->geometry));
+  out->seen.resize(count_);
+  L4D_RETURN_IF_CUDA_ERROR(
+      cudaMemcpy(out->seen.data(), sums_.seen, count_, cudaMemcpyDeviceToHost));
+  return {};
+}
+
+Status ImportanceMemory::clone(std::unique_ptr<DeviceImportance>* out) const {
+  auto copy = std::make_unique<ImportanceMemory>();
+  L4D_RETURN_IF_ERROR(copy->create(count_, sh_degree_));
+  L4D_RETURN_IF_ERROR(copy->add(*this));
+  *out = std::move(copy);
+  return {};
+}
+
+Status ImportanceMemory::add(const DeviceImportance& other) {
+  const auto& from = static_cast<const ImportanceMemory&>(other);
+  const size_t terms = sh_terms(sh_degree_);
+  L4D_RETURN_IF_ERROR(add_fixed(sums_.coverage, from.sums_.coverage, count_));
+  L4D_RETURN_IF_ERROR(add_fixed(sums_.glimpsed, from.sums_.glimpsed, count_));
+  L4D_RETURN_IF_ERROR(add_fixed(sums_.sh, from.sums_.sh, count_ * terms));
+  L4D_RETURN_IF_ERROR(add_fixed(sums_.geometry, from.sums_.geometry,
+                                count_ * ImportanceSums::kGeometry));
+  std::vector<uint8_t> own(count_), others(count_);
+  L4D_RETURN_IF_CUDA_ERROR(cudaMemcpy(own.data(), sums_.seen, count_, cudaMemcpyDeviceToHost));
+  L4D_RETURN_IF_CUDA_ERROR(
+      cudaMemcpy(others.data(), from.sums_.seen, count_, cudaMemcpyDeviceToHost));
+  for (size_t i = 0; i < count_; ++i) own[i] = static_cast<uint8_t>(own[i] | others[i]);
+  L4D_RETURN_IF_CUDA_ERROR(cudaMemcpy(sums_.seen, own.data(), count_, cudaMemcpyHostToDevice));
+  return {};
+}
+
+}  // namespace l4d::render

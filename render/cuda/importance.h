@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "libl4dcodec/cuda/device.h"
+#include "render/cuda/device_renderer.h"
+#include "render/cuda/gradient.h"
+
+namespace l4d::render {
+
+class ImportanceMemory : public DeviceImportance {
+ public:
+  // All sums are 0.
+  Status create(size_t count, uint32_t sh_degree);
+  Status read(Values* out) const override;
+  Status clone(std::unique_ptr<DeviceImportance>* out) const override;
+  Status add(const DeviceImportance& other) override;
+  const ImportanceSums& sums() const { return sums_; }
+  size_t count() const { return count_; }
+  uint32_t sh_degree() const { return sh_degree_; }
+
+ private:
+  size_t count_ = 0;
+  uint32_t sh_degree_ = 0;
+  cuda::DeviceMemory memory_[5];
+  ImportanceSums sums_{};
+};
+
+}  // namespace l4d::render

@@ -1,0 +1,337 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/cuda/pipeline.h"
+
+#include <algorithm>
+#include <string>
+
+namespace l4d::render {
+namespace {
+
+constexpr uint32_t kMaxInstances = (1u << 26) - 1;
+size_t pieces(size_t rows, size_t piece) { return (rows + piece - 1) / piece; }
+
+Status launched(const char* what) {
+  const cudaError_t error = cudaGetLastError();
+  return error == cudaSuccess ? Status() : cuda::device_error(error, what);
+}
+
+// Cuts a block of memory into arrays.
+class Cutter {
+ public:
+  explicit Cutter(void* base) : base_(static_cast<unsigned char*>(base)) {}
+  template <typename T>
+  T* take(size_t count) {
+    unsigned char* at = base_ == nullptr ? nullptr : base_ + bytes_;
+    bytes_ += (count * sizeof(T) + 255) / 256 * 256;
+    return reinterpret_cast<T*>(at);
+  }
+  size_t bytes() const { return bytes_; }
+
+ private:
+  unsigned char* base_;
+  size_t bytes_ = 0;
+};
+
+}  // namespace
+
+Status DevicePipeline::create() { return counts_.reserve(sizeof(SliceCounts) + sizeof(FrameCounts)); }
+
+DevicePipeline::~DevicePipeline() {
+  for (cudaEvent_t event : events_) {
+    if (event != nullptr) cudaEventDestroy(event);
+  }
+}
+
+Status DevicePipeline::reserve_rows(size_t rows, uint32_t sh_degree, bool half_sh,
+                                    const Sequence& sequence) {
+  if (rows > kRowMask) return Status(L4D_ERR_LIMIT_EXCEEDED, "more than 2^30 - 1 rows");
+  L4D_RETURN_IF_CUDA_ERROR(cudaDeviceSynchronize());
+  capacity_rows_ = 0;
+  num_chunks_ = 0;
+  sliced_ = false;
+  const size_t n = std::max<size_t>(rows, 1);
+  const size_t stride = sh_stride(sh_degree, half_sh) * (half_sh ? sizeof(uint16_t) : sizeof(float));
+  const size_t bytes[7] = {sizeof(float2), sizeof(float4), sizeof(float4),  sizeof(float4),
+                           sizeof(float4), stride,         sizeof(uint32_t)};
+  for (int k = 0; k < 7; ++k) L4D_RETURN_IF_ERROR(row_memory_[k].reserve(n * bytes[k]));
+  rows_.interval = row_memory_[0].as<float2>();
+  rows_.place = row_memory_[1].as<float4>();
+  rows_.motion = row_memory_[2].as<float4>();
+  rows_.shape0 = row_memory_[3].as<float4>();
+  rows_.shape1 = row_memory_[4].as<float4>();
+  rows_.sh = row_memory_[5].data();
+  rows_.id = row_memory_[6].as<uint32_t>();
+  // As many chunks as slabs can make of the rows.
+  const size_t chunks = n / kChunkRows + kMaxSlabs + 1;
+  L4D_RETURN_IF_ERROR(chunks_.reserve(chunks * sizeof(Chunk)));
+  L4D_RETURN_IF_ERROR(slice_control_.reserve(sizeof(SliceCounts) + chunks * sizeof(uint32_t)));
+  memory_.slice_counts = slice_control_.as<SliceCounts>();
+  memory_.slice_states = reinterpret_cast<uint32_t*>(slice_control_.as<SliceCounts>() + 1);
+  capacity_rows_ = rows;
+  sh_degree_ = sh_degree;
+  half_sh_ = half_sh;
+  sequence_ = sequence;
+  return {};
+}
+
+Status DevicePipeline::store(const l4d_gaussians& gaussians, uint32_t first, uint32_t first_id,
+                             cudaStream_t stream) {
+  if (gaussians.sh_degree != sh_degree_) return invalid_argument("the rows are of other SH degree");
+  if (first > capacity_rows_ || gaussians.count > capacity_rows_ - first) {
+    return invalid_argument("there is no room for so many rows");
+  }
+  sliced_ = false;
+  launch_store(gaussians, sequence_, nullptr, static_cast<uint32_t>(gaussians.count), first,
+               first_id, half_sh_, rows_, stream);
+  return launched("storing rows");
+}
+
+Status DevicePipeline::store_scene(const l4d_gaussians& gaussians) {
+  const size_t n = static_cast<size_t>(gaussians.count);
+  if (n > capacity_rows_ || gaussians.sh_degree != sh_degree_) {
+    return invalid_argument("there is no room for the scene");
+  }
+  const size_t words = (n + kGroupPiece - 1) / kGroupPiece * kNumMotionGroups + 1;
+  cuda::DeviceMemory lists, states, counts;
+  L4D_RETURN_IF_ERROR(lists.reserve(std::max<size_t>(n, 1) * kNumMotionGroups * sizeof(uint32_t)));
+  L4D_RETURN_IF_ERROR(states.reserve(words * sizeof(uint32_t)));
+  L4D_RETURN_IF_ERROR(counts.reserve(kNumMotionGroups * sizeof(uint32_t)));
+  const cudaStream_t stream = nullptr;
+  L4D_RETURN_IF_CUDA_ERROR(cudaMemsetAsync(states.data(), 0, words * sizeof(uint32_t), stream));
+  L4D_RETURN_IF_CUDA_ERROR(cudaMemsetAsync(counts.data(), 0, counts.size(), stream));
+  launch_group(gaussians, sequence_, lists.as<uint32_t>(), counts.as<uint32_t>(),
+               states.as<uint32_t>(), stream);
+  L4D_RETURN_IF_ERROR(launched("sorting rows by motion"));
+  uint32_t lengths[kNumMotionGroups];
+  L4D_RETURN_IF_CUDA_ERROR(cudaMemcpy(lengths, counts.data(), sizeof lengths, cudaMemcpyDeviceToHost));
+  Slab slabs[kNumMotionGroups];
+  uint32_t first = 0;
+  for (uint32_t group = 0; group < kNumMotionGroups; ++group) {
+    launch_store(gaussians, sequence_, lists.as<uint32_t>() + size_t{group} * n, lengths[group],
+                 first, 0, half_sh_, rows_, stream);
+    slabs[group] = {first, lengths[group], group};
+    first += lengths[group];
+  }
+  L4D_RETURN_IF_ERROR(launched("storing rows"));
+  L4D_RETURN_IF_ERROR(set_slabs(slabs, kNumMotionGroups, stream));
+  L4D_RETURN_IF_CUDA_ERROR(cudaDeviceSynchronize());
+  return {};
+}
+
+Status DevicePipeline::set_slabs(const Slab* slabs, uint32_t count, cudaStream_t stream) {
+  if (count > kMaxSlabs) return invalid_argument("too many slabs");
+  uint64_t rows = 0;
+  for (uint32_t s = 0; s < count; ++s) {
+    rows += slabs[s].count;
+    if (slabs[s].first > capacity_rows_ || slabs[s].count > capacity_rows_ - slabs[s].first ||
+        slabs[s].group >= kNumMotionGroups) {
+      return invalid_argument("slab " + std::to_string(s) + " lies beyond the rows");
+    }
+  }
+  if (rows > capacity_rows_) return invalid_argument("slabs overlap");
+  sliced_ = false;
+  num_chunks_ = num_chunks(slabs, count);
+  launch_chunks(slabs, count, chunks_.as<Chunk>(), stream);
+  return launched("setting slabs");
+}
+
+Status DevicePipeline::reserve(const FrameRoom& wanted) {
+  FrameRoom room = room_;
+  room.width = std::max(room.width, wanted.width);
+  room.height = std::max(room.height, wanted.height);
+  room.visible = std::max({room.visible, wanted.visible, 1u});
+  room.instances = std::max({room.instances, wanted.instances, 1u});
+  room.backward = room.backward || wanted.backward;
+  if (room.instances > kMaxInstances) {
+    return Status(L4D_ERR_LIMIT_EXCEEDED, "a frame of more than 2^26 - 1 pairs of tile and Gaussian");
+  }
+  if (room.width == room_.width && room.height == room_.height && room.visible == room_.visible &&
+      room.instances == room_.instances && room.backward == room_.backward) {
+    return {};
+  }
+  L4D_RETURN_IF_CUDA_ERROR(cudaDeviceSynchronize());
+  room_ = FrameRoom();
+  sliced_ = false;
+  const size_t v = room.visible, n = room.instances;
+  const size_t columns = static_cast<size_t>(room.width + kTileWidth - 1) / kTileWidth;
+  const size_t tile_rows = static_cast<size_t>(room.height + kTileHeight - 1) / kTileHeight;
+  const size_t tiles = columns * tile_rows;
+  const auto cut = [&](void* base) {
+    Cutter cutter(base);
+    memory_.counts = cutter.take<FrameCounts>(1);
+    memory_.project_states = cutter.take<uint32_t>(pieces(v, project_piece(false)));
+    memory_.emit_states = cutter.take<uint32_t>(pieces(v, kEmitPiece));
+    memory_.depth_states = cutter.take<uint32_t>(sort_state_words(room.visible, kDepthBits));
+    memory_.tile_states = cutter.take<uint32_t>(
+        sort_state_words(room.instances, tile_bits(static_cast<int>(tiles))));
+    memory_.depth_histograms = cutter.take<uint32_t>(kMaxSortPasses * kSortRadix);
+    memory_.tile_histograms = cutter.take<uint32_t>(kMaxSortPasses * kSortRadix);
+    memory_.ranges = cutter.take<uint2>(tiles);
+    return cutter.bytes();
+  };
+  control_bytes_ = cut(nullptr);
+  L4D_RETURN_IF_ERROR(control_.reserve(control_bytes_));
+  cut(control_.data());
+  L4D_RETURN_IF_ERROR(tile_order_.reserve(tiles * sizeof(uint32_t)));
+  memory_.tile_order = tile_order_.as<uint32_t>();
+  const size_t word = sizeof(uint32_t);
+  const size_t visible_bytes[8] = {word, sizeof(DeviceSplat), word, word, word, word, word, word};
+  for (int k = 0; k < 8; ++k) L4D_RETURN_IF_ERROR(per_visible_[k].reserve(v * visible_bytes[k]));
+  memory_.visible = per_visible_[0].as<uint32_t>();
+  memory_.splats = per_visible_[1].as<DeviceSplat>();
+  memory_.num_tiles = per_visible_[2].as<uint32_t>();
+  memory_.first_instance = per_visible_[3].as<uint32_t>();
+  for (int k = 0; k < 2; ++k) {
+    memory_.depth_keys[k] = per_visible_[4 + k].as<uint32_t>();
+    memory_.depth_order[k] = per_visible_[6 + k].as<uint32_t>();
+  }
+  for (int k = 0; k < (room.backward ? 5 : 4); ++k) {
+    L4D_RETURN_IF_ERROR(per_instance_[k].reserve(n * word));
+  }
+  for (int k = 0; k < 2; ++k) {
+    memory_.tile_keys[k] = per_instance_[k].as<uint32_t>();
+    memory_.tile_values[k] = per_instance_[2 + k].as<uint32_t>();
+  }
+  memory_.splat_of = per_instance_[4].as<uint32_t>();
+  if (room.backward) {
+    const size_t pixels = static_cast<size_t>(room.width) * static_cast<size_t>(room.height);
+    L4D_RETURN_IF_ERROR(image_.reserve(3 * pixels * sizeof(float)));
+    L4D_RETURN_IF_ERROR(back_instances_.reserve(n * sizeof(SplatSums)));
+    L4D_RETURN_IF_ERROR(back_splats_.reserve(v * sizeof(SplatSums)));
+    L4D_RETURN_IF_ERROR(shown_.reserve(v * word));
+    L4D_RETURN_IF_ERROR(coverage_.reserve(v * sizeof(unsigned long long)));
+  }
+  back_.instances = back_instances_.as<SplatSums>();
+  back_.splats = back_splats_.as<SplatSums>();
+  back_.shown = shown_.as<uint32_t>();
+  memory_.max_visible = room.visible;
+  memory_.max_instances = room.instances;
+  room_ = room;
+  return {};
+}
+
+Status DevicePipeline::mark(int event, cudaStream_t stream) {
+  if (timed_) L4D_RETURN_IF_CUDA_ERROR(cudaEventRecord(events_[event], stream));
+  return {};
+}
+
+Status DevicePipeline::render(double time, const l4d_camera& camera, const float* background,
+                              bool backward, const ImageTarget& target, cudaStream_t stream) {
+  const int width = static_cast<int>(camera.width), height = static_cast<int>(camera.height);
+  if (width > room_.width || height > room_.height || (backward && !room_.backward)) {
+    return Status(L4D_ERR_INVALID_STATE, "there is no room for such a frame: reserve it first");
+  }
+  time = std::min(std::max(time, sequence_.begin), sequence_.end);
+  input_.view = make_view<float>(camera);
+  input_.time = static_cast<float>(time - sequence_.center());
+  input_.sh_degree = sh_degree_;
+  input_.half_sh = half_sh_;
+  input_.backward = backward;
+  std::copy_n(background, 3, input_.background);
+  input_.columns = (width + kTileWidth - 1) / kTileWidth;
+  input_.rows = (height + kTileHeight - 1) / kTileHeight;
+  const int tile_key_bits = tile_bits(input_.columns * input_.rows);
+  input_.depth_digits = sort_digits(kDepthBits);
+  input_.tile_digits = sort_digits(tile_key_bits);
+
+  L4D_RETURN_IF_ERROR(mark(0, stream));
+  // All cameras of an instant share its list of visible rows.
+  if (!sliced_ || sliced_time_ != time) {
+    const size_t bytes = sizeof(SliceCounts) + num_chunks_ * sizeof(uint32_t);
+    L4D_RETURN_IF_CUDA_ERROR(cudaMemsetAsync(slice_control_.data(), 0, bytes, stream));
+    launch_slice(rows_, chunks_.as<Chunk>(), num_chunks_, input_.time, memory_, stream);
+  }
+  L4D_RETURN_IF_CUDA_ERROR(cudaMemsetAsync(control_.data(), 0, control_bytes_, stream));
+  L4D_RETURN_IF_ERROR(mark(1, stream));
+  launch_project(rows_, input_, memory_, stream);
+  L4D_RETURN_IF_ERROR(mark(2, stream));
+  int where = 0;
+  SortBuffers depths{{memory_.depth_keys[0], memory_.depth_keys[1]},
+                     {memory_.depth_order[0], memory_.depth_order[1]},
+                     &memory_.counts->projected,
+                     memory_.max_visible,
+                     memory_.depth_histograms,
+                     memory_.depth_states,
+                     memory_.counts->depth_tickets};
+  sort_pairs(depths, kDepthBits, true, &where, stream);
+  order_ = memory_.depth_order[where];
+  L4D_RETURN_IF_ERROR(mark(3, stream));
+  launch_emit(input_, order_, memory_, stream);
+  SortBuffers instances{{memory_.tile_keys[0], memory_.tile_keys[1]},
+                        {memory_.tile_values[0], memory_.tile_values[1]},
+                        &memory_.counts->instances,
+                        memory_.max_instances,
+                        memory_.tile_histograms,
+                        memory_.tile_states,
+                        memory_.counts->tile_tickets};
+  sort_pairs(instances, tile_key_bits, false, &where, stream);
+  values_ = memory_.tile_values[where];
+  launch_ranges(input_, memory_.tile_keys[where], memory_, stream);
+  L4D_RETURN_IF_ERROR(mark(4, stream));
+  if (target.rgb != nullptr || target.alpha != nullptr || target.rgba8 != nullptr) {
+    launch_blend(input_, values_, memory_, target, stream);
+  }
+  L4D_RETURN_IF_ERROR(mark(5, stream));
+  L4D_RETURN_IF_ERROR(mark(6, stream));
+  sliced_ = true;
+  sliced_time_ = time;
+  return launched("rendering");
+}
+
+Status DevicePipeline::go_back(const BackwardTask& task, cudaStream_t stream) {
+  L4D_RETURN_IF_ERROR(mark(5, stream));
+  L4D_RETURN_IF_CUDA_ERROR(
+      cudaMemsetAsync(&memory_.counts->shown, 0, sizeof memory_.counts->shown, stream));
+  launch_backward(input_, task, values_, memory_, back_, stream);
+  launch_sum_instances(input_, task, order_, memory_, back_, stream);
+  L4D_RETURN_IF_ERROR(mark(6, stream));
+  return launched("the way back");
+}
+
+Status DevicePipeline::cover(cudaStream_t stream) {
+  L4D_RETURN_IF_ERROR(mark(5, stream));
+  const size_t bytes = memory_.max_visible * sizeof(unsigned long long);
+  L4D_RETURN_IF_CUDA_ERROR(cudaMemsetAsync(coverage_.data(), 0, bytes, stream));
+  launch_coverage(input_, values_, memory_, coverage_.as<unsigned long long>(), stream);
+  L4D_RETURN_IF_ERROR(mark(6, stream));
+  return launched("coverage");
+}
+
+Status DevicePipeline::figures(cudaStream_t stream, FrameFigures* out) {
+  auto* slice = counts_.as<SliceCounts>();
+  auto* frame = reinterpret_cast<FrameCounts*>(slice + 1);
+  L4D_RETURN_IF_CUDA_ERROR(cudaMemcpyAsync(slice, memory_.slice_counts, sizeof *slice,
+                                           cudaMemcpyDeviceToHost, stream));
+  L4D_RETURN_IF_CUDA_ERROR(cudaMemcpyAsync(frame, memory_.counts, sizeof *frame,
+                                           cudaMemcpyDeviceToHost, stream));
+  L4D_RETURN_IF_CUDA_ERROR(cudaStreamSynchronize(stream));
+  out->visible = slice->visible;
+  out->projected = frame->projected;
+  out->instances = frame->instances;
+  out->wanted_visible = slice->wanted;
+  out->wanted_instances = frame->wanted;
+  out->overflow = slice->wanted > slice->visible || frame->wanted > frame->instances;
+  return {};
+}
+
+Status DevicePipeline::time_stages() {
+  for (cudaEvent_t& event : events_) {
+    if (event == nullptr) L4D_RETURN_IF_CUDA_ERROR(cudaEventCreate(&event));
+  }
+  timed_ = true;
+  return {};
+}
+
+Status DevicePipeline::stage_seconds(double* out) {
+  std::fill_n(out, L4D_RENDER_STAGE_COUNT, 0.0);
+  if (!timed_) return {};
+  L4D_RETURN_IF_CUDA_ERROR(cudaEventSynchronize(events_[kEvents - 1]));
+  for (int k = 0; k < L4D_RENDER_STAGE_COUNT; ++k) {
+    float milliseconds = 0;
+    L4D_RETURN_IF_CUDA_ERROR(cudaEventElapsedTime(&milliseconds, events_[k], events_[k + 1]));
+    out[k] = 1e-3 * static_cast<double>(milliseconds);
+  }
+  return {};
+}
+
+}  // namespace l4d::render

@@ -1,0 +1,175 @@
+// SPDX-License-Identifier: Apache-2.0
+// From visible rows to splats: position and opacity at the instant, projection, tiles, colour.
+#include <cuda_fp16.h>
+
+#include "render/cuda/frame.h"
+#include "render/cuda/launch.cuh"
+#include "render/cuda/ordered.cuh"
+#include "render/project.h"
+
+namespace l4d::render {
+namespace {
+
+// A row's SH as it is stored, in registers.
+template <uint32_t kDegree, bool kHalf>
+struct StoredSh {
+  static constexpr uint32_t kStride = sh_stride(kDegree, kHalf);
+  static constexpr uint32_t kWords = kHalf ? kStride / 2 : kStride;  // of 4 bytes
+  uint32_t words[kWords];
+
+  __device__ void load(const void* column, uint32_t row) {
+    const uint32_t* from = static_cast<const uint32_t*>(column) + size_t{row} * kWords;
+    if constexpr (kWords % 4 == 0) {
+#pragma unroll
+      for (uint32_t w = 0; w < kWords; w += 4) {
+        const uint4 v = __ldg(reinterpret_cast<const uint4*>(from + w));
+        words[w] = v.x;
+        words[w + 1] = v.y;
+        words[w + 2] = v.z;
+        words[w + 3] = v.w;
+      }
+    } else {
+      const uint2 v = __ldg(reinterpret_cast<const uint2*>(from));
+      words[0] = v.x;
+      words[1] = v.y;
+    }
+  }
+  __device__ float operator[](uint32_t k) const {
+    if constexpr (!kHalf) {
+      return __uint_as_float(words[k]);
+    } else {
+      const uint32_t bits = words[k / 2] >> (k % 2 * 16);
+      return __half2float(__ushort_as_half(static_cast<unsigned short>(bits)));
+    }
+  }
+};
+
+// The splat of a row; false where it touches no pixel. Everything but its colour.
+__device__ bool splat_of_row(const ResidentRows& rows, const View<float>& view, float time,
+                             uint32_t listed, float* position, DeviceSplat* out, float* depth) {
+  const uint32_t row = listed & kRowMask, group = listed >> kGroupShift;
+  const float4 place = __ldg(rows.place + row);
+  const float4 shape0 = __ldg(rows.shape0 + row);
+  const float4 shape1 = __ldg(rows.shape1 + row);
+  position[0] = place.x;
+  position[1] = place.y;
+  position[2] = place.z;
+  float opacity = place.w;
+  if (group == kMoving) {
+    const float4 motion = __ldg(rows.motion + row);
+    const float elapsed = time - motion.w;
+    position[0] = fmaf(motion.x, elapsed, position[0]);
+    position[1] = fmaf(motion.y, elapsed, position[1]);
+    position[2] = fmaf(motion.z, elapsed, position[2]);
+  }
+  if (group != kStill) {
+    const float dt = time - shape1.z;
+    opacity *= expf(-0.5f * (shape1.w * (dt * dt)));
+  }
+  if (!(opacity >= static_cast<float>(kMinAlpha))) return false;
+  const float covariance[6] = {shape0.x, shape0.y, shape0.z, shape0.w, shape1.x, shape1.y};
+  Projection<float> p;
+  if (!project_geometry(view, position, covariance, &p)) return false;
+  const float* c = p.covariance;
+  const float det = fmaf(c[0], c[2], -c[1] * c[1]);
+  if (!(det > 0)) return false;
+  out->log2_opacity = log2f(opacity);
+  // reach = 2 ln(opacity / kMinAlpha)
+  const float reach = fmaxf(0.0f, 1.38629436f * (out->log2_opacity - kDeviceLog2MinAlpha));
+  out->mean[0] = view.fx * p.camera[0] / p.camera[2] + view.cx;
+  out->mean[1] = view.fy * p.camera[1] / p.camera[2] + view.cy;
+  out->extent[0] = sqrtf(reach * c[0]);
+  out->extent[1] = sqrtf(reach * c[2]);
+  if (!(out->mean[0] + out->extent[0] >= 0.5f && out->mean[1] + out->extent[1] >= 0.5f &&
+        out->mean[0] - out->extent[0] <= static_cast<float>(view.width) - 0.5f &&
+        out->mean[1] - out->extent[1] <= static_cast<float>(view.height) - 0.5f)) {
+    return false;
+  }
+  constexpr float kHalfLog2E = 0.72134752f;
+  const float scale = -kHalfLog2E / det;
+  out->conic[0] = scale * c[2];
+  out->conic[1] = -2 * scale * c[1];
+  out->conic_yy = scale * c[0];
+  out->row = listed;
+  *depth = p.camera[2];
+  return true;
+}
+
+template <uint32_t kDegree, bool kHalf>
+__global__ void __launch_bounds__(project_piece(kHalf))
+    project_rows(ResidentRows rows, FrameInput input, FrameMemory memory) {
+  await_predecessor();
+  constexpr int kThreads = project_piece(kHalf);
+  __shared__ uint32_t before[kThreads / 32];
+  __shared__ uint32_t digits[kMaxSortPasses * kSortRadix];
+  FrameCounts* counts = memory.counts;
+  const uint32_t n = memory.slice_counts->visible;
+  if (blockIdx.x * kThreads >= n) return;
+  const uint32_t piece = take_ticket(&counts->project_ticket);
+  const uint32_t at = piece * kThreads + threadIdx.x;
+  const uint32_t lane = threadIdx.x & 31, warp = threadIdx.x / 32;
+
+  DeviceSplat splat;
+  float position[3], depth = 0;
+  StoredSh<kDegree, kHalf> sh;
+  const bool shown = at < n && splat_of_row(rows, input.view, input.time, memory.visible[at],
+                                            position, &splat, &depth);
+  // The longest loads begin before anything waits for other warps.
+  if (shown) sh.load(rows.sh, splat.row & kRowMask);
+  clear_digits<kThreads>(input.depth_digits, digits);
+  const uint32_t votes = __ballot_sync(kFullWarp, shown);
+  if (lane == 0) before[warp] = static_cast<uint32_t>(__popc(votes));
+  __syncthreads();
+  if (warp == 0) {
+    const uint32_t own = lane < kThreads / 32 ? before[lane] : 0;
+    const uint32_t until = warp_sum_until(own);
+    const uint32_t total = __shfl_sync(kFullWarp, until, 31);
+    const uint32_t base = sum_before(memory.project_states, piece, total);
+    if (lane < kThreads / 32) before[lane] = base + until - own;
+    if (lane == 0 && (piece + 1) * kThreads >= n) counts->projected = base + total;
+  }
+  // Bits of floats above 0 order as the floats do.
+  const uint32_t key = __float_as_uint(depth);
+  if (shown) {
+    count_digits(input.depth_digits, key, digits);
+    float direction[3] = {0, 0, 1};
+    if (kDegree > 0) view_direction(input.view, position, direction);
+    sh_color(kDegree, sh, direction, splat.color);
+    for (float& channel : splat.color) channel = fmaxf(channel, 0.0f);
+  }
+  __syncthreads();
+  add_digits<kThreads>(input.depth_digits, digits, memory.depth_histograms);
+  if (!shown) return;
+  const uint32_t to = before[warp] + static_cast<uint32_t>(__popc(votes & ((1u << lane) - 1)));
+  float4* words = reinterpret_cast<float4*>(memory.splats + to);
+  words[0] = make_float4(splat.mean[0], splat.mean[1], splat.conic[0], splat.conic[1]);
+  words[1] = make_float4(splat.conic_yy, splat.log2_opacity, splat.extent[0], splat.extent[1]);
+  words[2] = make_float4(splat.color[0], splat.color[1], splat.color[2], __uint_as_float(splat.row));
+  memory.depth_keys[0][to] = key;
+}
+
+using Kernel = void (*)(ResidentRows, FrameInput, FrameMemory);
+
+Kernel kernel_of(uint32_t degree, bool half) {
+  switch (degree) {
+    case 0:
+      return half ? project_rows<0, true> : project_rows<0, false>;
+    case 1:
+      return half ? project_rows<1, true> : project_rows<1, false>;
+    case 2:
+      return half ? project_rows<2, true> : project_rows<2, false>;
+    default:
+      return half ? project_rows<3, true> : project_rows<3, false>;
+  }
+}
+
+}  // namespace
+
+void launch_project(const ResidentRows& rows, const FrameInput& input, const FrameMemory& memory,
+                    cudaStream_t stream) {
+  const unsigned threads = static_cast<unsigned>(project_piece(input.half_sh));
+  const unsigned grid = (memory.max_visible + threads - 1) / threads;
+  launch(kernel_of(input.sh_degree, input.half_sh), grid, threads, stream, rows, input, memory);
+}
+
+}  // namespace l4d::render

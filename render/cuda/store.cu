@@ -1,0 +1,153 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/cuda/store.h"
+
+#include <cuda_fp16.h>
+
+#include "render/cuda/launch.cuh"
+#include "render/cuda/ordered.cuh"
+
+namespace l4d::render {
+namespace {
+
+constexpr int kThreads = 256;
+static_assert(kGroupPiece == kThreads, "one Gaussian per thread");
+
+__global__ void __launch_bounds__(kThreads)
+    group_gaussians(l4d_gaussians gaussians, Sequence sequence, uint32_t* lists, uint32_t* counts,
+                    uint32_t* states) {
+  await_predecessor();
+  __shared__ uint32_t before[kNumMotionGroups][kThreads / 32];
+  const uint32_t n = static_cast<uint32_t>(gaussians.count);
+  const uint32_t piece = take_ticket(states + size_t{kNumMotionGroups} * gridDim.x);
+  const uint32_t i = piece * kThreads + threadIdx.x;
+  const uint32_t lane = threadIdx.x & 31, warp = threadIdx.x / 32;
+  uint32_t group = kNumMotionGroups;
+  if (i < n) {
+    group = group_of(prepare_gaussian(gaussians, sequence.begin, sequence.end, i), sequence.begin,
+                     sequence.end);
+  }
+  uint32_t own_votes = 0;
+  for (uint32_t g = 0; g < kNumMotionGroups; ++g) {
+    const uint32_t votes = __ballot_sync(kFullWarp, group == g);
+    if (lane == 0) before[g][warp] = static_cast<uint32_t>(__popc(votes));
+    if (group == g) own_votes = votes;
+  }
+  __syncthreads();
+  if (warp < kNumMotionGroups) {
+    const uint32_t own = lane < kThreads / 32 ? before[warp][lane] : 0;
+    const uint32_t until = warp_sum_until(own);
+    const uint32_t total = __shfl_sync(kFullWarp, until, 31);
+    const uint32_t base = sum_before(states + size_t{warp} * gridDim.x, piece, total);
+    if (lane < kThreads / 32) before[warp][lane] = base + until - own;
+    if (lane == 0 && piece + 1 == gridDim.x) counts[warp] = base + total;
+  }
+  __syncthreads();
+  if (i >= n) return;
+  const uint32_t to = before[group][warp] +
+                      static_cast<uint32_t>(__popc(own_votes & ((1u << lane) - 1)));
+  lists[size_t{group} * n + to] = i;
+}
+
+__global__ void __launch_bounds__(kThreads)
+    store_rows(l4d_gaussians gaussians, Sequence sequence, const uint32_t* list, uint32_t count,
+               uint32_t first, uint32_t first_id, ResidentRows rows) {
+  await_predecessor();
+  const uint32_t at = blockIdx.x * kThreads + threadIdx.x;
+  if (at >= count) return;
+  const uint32_t i = list != nullptr ? list[at] : at, row = first + at;
+  const Prepared p = prepare_gaussian(gaussians, sequence.begin, sequence.end, i);
+  const double center = sequence.begin + 0.5 * (sequence.end - sequence.begin);
+  const auto f = [](double v) { return static_cast<float>(v); };
+  const double mean = p.mean - center;
+  const bool ever = p.half_life >= 0;
+  const double* c = p.slice.covariance;
+  const double* v = p.slice.velocity;
+  rows.interval[row] = ever ? make_float2(f(mean - p.half_life), f(mean + p.half_life))
+                            : make_float2(1, 0);
+  rows.place[row] = make_float4(f(p.position[0]), f(p.position[1]), f(p.position[2]), f(p.opacity));
+  rows.motion[row] = make_float4(f(v[0]), f(v[1]), f(v[2]), f(p.reference - center));
+  rows.shape0[row] = make_float4(f(c[0]), f(c[1]), f(c[2]), f(c[3]));
+  rows.shape1[row] = make_float4(f(c[4]), f(c[5]), f(mean), f(p.slice.lambda));
+  rows.id[row] = first_id + i;
+}
+
+template <bool kHalf>
+__global__ void __launch_bounds__(kThreads)
+    store_sh(const float* sh, uint32_t numbers, uint32_t stride, const uint32_t* list,
+             uint32_t count, uint32_t first, void* out) {
+  await_predecessor();
+  const size_t total = size_t{count} * stride, step = size_t{gridDim.x} * kThreads;
+  for (size_t k = size_t{blockIdx.x} * kThreads + threadIdx.x; k < total; k += step) {
+    const uint32_t at = static_cast<uint32_t>(k / stride), number = static_cast<uint32_t>(k % stride);
+    const uint32_t i = list != nullptr ? list[at] : at;
+    const float v = number < numbers ? sh[size_t{i} * numbers + number] : 0.0f;
+    const size_t to = size_t{first} * stride + k;
+    if (kHalf) {
+      static_cast<__half*>(out)[to] = __float2half_rn(v);
+    } else {
+      static_cast<float*>(out)[to] = v;
+    }
+  }
+}
+
+struct SlabTable {
+  Slab slabs[kMaxSlabs];
+  uint32_t count;
+};
+
+// A block per slab.
+__global__ void make_chunks(SlabTable table, Chunk* chunks) {
+  await_predecessor();
+  uint32_t to = 0;
+  for (uint32_t s = 0; s < blockIdx.x; ++s) {
+    to += (table.slabs[s].count + kChunkRows - 1) / kChunkRows;
+  }
+  const Slab slab = table.slabs[blockIdx.x];
+  for (uint32_t k = threadIdx.x; k * kChunkRows < slab.count; k += blockDim.x) {
+    const uint32_t from = k * kChunkRows;
+    chunks[to + k] = {slab.first + from, min(kChunkRows, slab.count - from), slab.group};
+  }
+}
+
+}  // namespace
+
+void launch_group(const l4d_gaussians& gaussians, const Sequence& sequence, uint32_t* lists,
+                  uint32_t* counts, uint32_t* states, cudaStream_t stream) {
+  const unsigned grid = static_cast<unsigned>((gaussians.count + kThreads - 1) / kThreads);
+  if (grid == 0) return;
+  launch(group_gaussians, grid, kThreads, stream, gaussians, sequence, lists, counts, states);
+}
+
+void launch_store(const l4d_gaussians& gaussians, const Sequence& sequence, const uint32_t* list,
+                  uint32_t count, uint32_t first, uint32_t first_id, bool half_sh,
+                  const ResidentRows& rows, cudaStream_t stream) {
+  if (count == 0) return;
+  const unsigned grid = (count + kThreads - 1) / kThreads;
+  launch(store_rows, grid, kThreads, stream, gaussians, sequence, list, count, first, first_id, rows);
+  const uint32_t numbers = 3 * sh_terms(gaussians.sh_degree);
+  const uint32_t stride = sh_stride(gaussians.sh_degree, half_sh);
+  const unsigned blocks = grid < 4096 ? grid : 4096;
+  if (half_sh) {
+    launch(store_sh<true>, blocks, kThreads, stream, gaussians.sh, numbers, stride, list, count,
+                                                    first, rows.sh);
+  } else {
+    launch(store_sh<false>, blocks, kThreads, stream, gaussians.sh, numbers, stride, list, count,
+                                                     first, rows.sh);
+  }
+}
+
+uint32_t num_chunks(const Slab* slabs, uint32_t num_slabs) {
+  uint32_t n = 0;
+  for (uint32_t s = 0; s < num_slabs; ++s) n += (slabs[s].count + kChunkRows - 1) / kChunkRows;
+  return n;
+}
+
+void launch_chunks(const Slab* slabs, uint32_t num_slabs, Chunk* chunks, cudaStream_t stream) {
+  if (num_slabs == 0) return;
+  SlabTable table{};
+  for (uint32_t s = 0; s < num_slabs; ++s) table.slabs[s] = slabs[s];
+  table.count = num_slabs;
+  launch(make_chunks, num_slabs, 256, stream, table, chunks);
+}
+
+}  // namespace l4d::render

@@ -1,0 +1,210 @@
+// SPDX-License-Identifier: Apache-2.0
+// The C entry points of device-resident rendering.
+#include "l4d/cuda_render.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <memory>
+#include <vector>
+
+#include "libl4dcodec/base/c_api.h"
+#include "libl4dcodec/math/layers.h"
+#include "render/camera.h"
+#include "render/cuda/device_renderer.h"
+#include "render/prepare.h"
+
+using l4d::Status;
+using l4d::api::ErrorDetail;
+using l4d::api::guard;
+using l4d::api::init_struct;
+using l4d::api::read_struct;
+using l4d::api::write_struct;
+
+struct l4d_cuda_renderer {
+  std::unique_ptr<l4d::render::DeviceRenderer> renderer;
+  float background[3] = {0, 0, 0};
+  ErrorDetail error;
+};
+
+namespace {
+
+static_assert(int{L4D_CUDA_ROWS_STILL} == int{l4d::render::kStill} &&
+                  int{L4D_CUDA_ROWS_FADING} == int{l4d::render::kFading} &&
+                  int{L4D_CUDA_ROWS_MOVING} == int{l4d::render::kMoving},
+              "the API's names of motion groups");
+
+l4d_camera default_camera() {
+  l4d_camera camera;
+  l4d_camera_init(&camera);
+  return camera;
+}
+
+template <typename Body>
+l4d_status call(l4d_cuda_renderer* handle, bool arguments_ok, const Body& body) {
+  if (handle == nullptr) return L4D_ERR_INVALID_ARGUMENT;
+  return handle->error.keep(guard([&]() -> Status {
+    if (!arguments_ok) return l4d::invalid_argument("a pointer is NULL");
+    return body(*handle->renderer);
+  }));
+}
+
+Status check_timeline(const l4d_timeline& timeline) {
+  if (timeline.num_frames == 0 || timeline.num_frames > l4d::kMaxFrames || timeline.fps_num == 0 ||
+      timeline.fps_den == 0 || !std::isfinite(timeline.time_begin)) {
+    return l4d::invalid_argument("timeline out of range: 1 to 2^24 frames, a positive frame rate");
+  }
+  return {};
+}
+
+Status check_gaussians(const l4d_gaussians& g) {
+  if (g.sh_degree > 3) return l4d::invalid_argument("sh_degree is above 3");
+  if (g.count > 0 && (g.position == nullptr || g.mean_t == nullptr || g.log_scale == nullptr ||
+                      g.rotor == nullptr || g.opacity == nullptr || g.sh == nullptr)) {
+    return l4d::invalid_argument("an attribute array is NULL");
+  }
+  return {};
+}
+
+l4d::render::DeviceImage image_of(const l4d_cuda_image& image) {
+  return {image.rgb, image.alpha, image.rgba8};
+}
+
+}  // namespace
+
+void l4d_cuda_renderer_options_init_(l4d_cuda_renderer_options* options, size_t struct_size) {
+  init_struct(options, struct_size, l4d_cuda_renderer_options{});
+}
+void l4d_cuda_room_init_(l4d_cuda_room* room, size_t struct_size) {
+  init_struct(room, struct_size, l4d_cuda_room{});
+}
+void l4d_cuda_image_init_(l4d_cuda_image* image, size_t struct_size) {
+  init_struct(image, struct_size, l4d_cuda_image{});
+}
+void l4d_cuda_figures_init_(l4d_cuda_figures* figures, size_t struct_size) {
+  init_struct(figures, struct_size, l4d_cuda_figures{});
+}
+
+l4d_status l4d_cuda_renderer_create(const l4d_cuda_renderer_options* options,
+                                    l4d_cuda_renderer** out) {
+  if (out == nullptr) return L4D_ERR_INVALID_ARGUMENT;
+  const l4d_cuda_renderer_options o = options == nullptr
+                                          ? l4d_cuda_renderer_options{}
+                                          : read_struct(*options, l4d_cuda_renderer_options{});
+  if (o.sh_format > L4D_CUDA_SH_FLOAT16 || o.device > 4096) return L4D_ERR_INVALID_ARGUMENT;
+  return guard([&]() -> Status {
+           auto handle = std::make_unique<l4d_cuda_renderer>();
+           l4d::render::DeviceRendererOptions inner;
+           inner.device = static_cast<int>(o.device);
+           inner.half_sh = o.sh_format == L4D_CUDA_SH_FLOAT16;
+           L4D_RETURN_IF_ERROR(l4d::render::make_device_renderer(inner, &handle->renderer));
+           *out = handle.release();
+           return {};
+         })
+      .code();
+}
+void l4d_cuda_renderer_destroy(l4d_cuda_renderer* renderer) { delete renderer; }
+const char* l4d_cuda_renderer_error_detail(const l4d_cuda_renderer* renderer) {
+  return renderer == nullptr ? "" : renderer->error.c_str();
+}
+
+l4d_status l4d_cuda_renderer_set_gaussians(l4d_cuda_renderer* renderer,
+                                           const l4d_gaussians* gaussians,
+                                           const l4d_timeline* timeline) {
+  return call(renderer, gaussians != nullptr && timeline != nullptr, [&](auto& r) -> Status {
+    const l4d_gaussians g = read_struct(*gaussians, l4d_gaussians{});
+    L4D_RETURN_IF_ERROR(check_gaussians(g));
+    L4D_RETURN_IF_ERROR(check_timeline(*timeline));
+    return r.set_device_gaussians(g, *timeline);
+  });
+}
+l4d_status l4d_cuda_renderer_reserve_rows(l4d_cuda_renderer* renderer, uint64_t rows,
+                                          uint32_t sh_degree, const l4d_timeline* timeline) {
+  return call(renderer, timeline != nullptr, [&](auto& r) -> Status {
+    if (sh_degree > 3) return l4d::invalid_argument("sh_degree is above 3");
+    L4D_RETURN_IF_ERROR(check_timeline(*timeline));
+    return r.reserve_rows(rows, sh_degree, *timeline);
+  });
+}
+l4d_status l4d_cuda_renderer_store_rows(l4d_cuda_renderer* renderer, uint64_t first_row,
+                                        const l4d_gaussians* gaussians, void* stream) {
+  return call(renderer, gaussians != nullptr, [&](auto& r) -> Status {
+    const l4d_gaussians g = read_struct(*gaussians, l4d_gaussians{});
+    L4D_RETURN_IF_ERROR(check_gaussians(g));
+    if (first_row > std::numeric_limits<uint32_t>::max()) {
+      return l4d::invalid_argument("there is no room for so many rows");
+    }
+    return r.store_rows(static_cast<uint32_t>(first_row), g, stream);
+  });
+}
+l4d_status l4d_cuda_renderer_set_slabs(l4d_cuda_renderer* renderer, const l4d_cuda_slab* slabs,
+                                       uint32_t count, void* stream) {
+  return call(renderer, slabs != nullptr || count == 0, [&](auto& r) {
+    std::vector<l4d::render::DeviceRenderer::Rows> rows(count);
+    for (uint32_t s = 0; s < count; ++s) rows[s] = {slabs[s].first, slabs[s].count, slabs[s].motion};
+    return r.set_rows(rows.data(), count, stream);
+  });
+}
+l4d_status l4d_cuda_renderer_set_background(l4d_cuda_renderer* renderer, const float* rgb) {
+  return call(renderer, rgb != nullptr, [&](auto&) -> Status {
+    for (int c = 0; c < 3; ++c) {
+      if (!std::isfinite(rgb[c])) return l4d::invalid_argument("the background is not finite");
+    }
+    std::copy_n(rgb, 3, renderer->background);
+    return {};
+  });
+}
+l4d_status l4d_cuda_renderer_reserve(l4d_cuda_renderer* renderer, const l4d_cuda_room* room) {
+  return call(renderer, room != nullptr, [&](auto& r) -> Status {
+    const l4d_cuda_room wanted = read_struct(*room, l4d_cuda_room{});
+    if (wanted.width > 16384 || wanted.height > 16384) {
+      return l4d::invalid_argument("width and height must be at most 16384");
+    }
+    return r.reserve(wanted.width, wanted.height, wanted.visible, wanted.instances,
+                     wanted.backward != 0);
+  });
+}
+l4d_status l4d_cuda_renderer_render(l4d_cuda_renderer* renderer, double time,
+                                    const l4d_camera* camera, const l4d_cuda_image* image,
+                                    void* stream) {
+  return call(renderer, camera != nullptr && image != nullptr, [&](auto& r) -> Status {
+    const l4d_camera c = read_struct(*camera, default_camera());
+    L4D_RETURN_IF_ERROR(l4d::render::check_camera(c));
+    if (std::isnan(time)) return l4d::invalid_argument("the time is not a number");
+    return r.launch(time, c, renderer->background,
+                    image_of(read_struct(*image, l4d_cuda_image{})), stream);
+  });
+}
+l4d_status l4d_cuda_renderer_backward(l4d_cuda_renderer* renderer, double time,
+                                      const l4d_camera* camera, const l4d_cuda_image* image,
+                                      const float* rgb_gradient, const l4d_gradients* gradients,
+                                      void* stream) {
+  const bool ok = camera != nullptr && image != nullptr && rgb_gradient != nullptr &&
+                  gradients != nullptr;
+  return call(renderer, ok, [&](auto& r) -> Status {
+    const l4d_camera c = read_struct(*camera, default_camera());
+    L4D_RETURN_IF_ERROR(l4d::render::check_camera(c));
+    if (std::isnan(time)) return l4d::invalid_argument("the time is not a number");
+    return r.launch_backward(time, c, renderer->background,
+                             image_of(read_struct(*image, l4d_cuda_image{})), rgb_gradient,
+                             read_struct(*gradients, l4d_gradients{}), stream);
+  });
+}
+l4d_status l4d_cuda_renderer_get_figures(l4d_cuda_renderer* renderer, void* stream,
+                                         l4d_cuda_figures* figures) {
+  return call(renderer, figures != nullptr, [&](auto& r) -> Status {
+    l4d::render::DeviceFigures f;
+    l4d_cuda_figures out{};
+    const Status status = r.figures(stream, &f, &out.wanted_visible, &out.wanted_instances);
+    if (!status.ok() && status.code() != L4D_ERR_LIMIT_EXCEEDED) return status;
+    out.visible = f.visible;
+    out.projected = f.projected;
+    out.instances = f.instances;
+    std::copy_n(f.seconds, L4D_RENDER_STAGE_COUNT, out.seconds);
+    write_struct(out, figures);
+    return status;
+  });
+}
+l4d_status l4d_cuda_renderer_time_stages(l4d_cuda_renderer* renderer) {
+  return call(renderer, true, [&](auto& r) { return r.time_stages(); });
+}
