@@ -316,7 +316,8 @@ Status Renderer::add_importance(const l4d_camera& camera, bool squared, uint64_t
 }
 
 void Renderer::stats(l4d_render_stats* out) const {
-  out->visible = cuda_ ? device_visible_ : double_.rasterizer != nullptr ? double_.frame.count() : float_.frame.count();
+  const size_t sliced = double_.rasterizer != nullptr ? double_.frame.count() : float_.frame.count();
+  out->visible = cuda_ ? device_visible_ : sliced;
   out->projected = stats_.projected;
   out->instances = stats_.instances;
   std::copy_n(stats_.seconds, L4D_RENDER_STAGE_COUNT, out->seconds);

@@ -86,8 +86,8 @@ L4D_API l4d_status l4d_cuda_renderer_set_background(l4d_cuda_renderer* renderer,
 
 /* ---- frames ---------------------------------------------------------------------------------- */
 
-/* Memory for the largest frame that will be asked for: 84 bytes a visible Gaussian, 16 an instance, and
- * for the way back 56 and 52 more. Only grows. */
+/* Memory for the largest frame that will be asked for: 76 bytes a visible Gaussian, 16 an instance, and
+ * for the way back 60 and 52 more. Only grows. */
 typedef struct l4d_cuda_room {
   size_t struct_size;
   uint32_t width, height; /* pixels */

@@ -7,8 +7,8 @@
 
 namespace l4d::render {
 
-// Visible rows of a block, in the kernels that go through them in order. Of large blocks fewer wait for each
-// other in turn, but with SH in binary32 two of them do not fit beside each other.
+// Visible rows of a block, in the kernels that go through them in order. Of large blocks fewer wait
+// for each other in turn, but with SH in binary32 two of them do not fit beside each other.
 constexpr int project_piece(bool half_sh) { return half_sh ? 512 : 256; }
 constexpr int kEmitPiece = 256;
 
