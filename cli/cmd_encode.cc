@@ -142,6 +142,15 @@ void add_report(const l4d_encode_report& report, const std::string& name, double
 Outcome run_encode(Context& context, const EncodeArguments& arguments) {
   const Stopwatch watch;
   const Input input(arguments.input);
+  if (context.ranks().count() > 1 && arguments.input == "-") {
+    throw usage_error("several ranks cannot share stdin");
+  }
+  if (context.ranks().helps()) {
+    if (arguments.measures()) {
+      measure(context, arguments, input, load_scene(context, input, arguments.import).scene);
+    }
+    return {};
+  }
   const std::string name =
       arguments.output.empty() ? derived_name(arguments.input, ".l4d") : arguments.output;
   Output output(context, name, {&input});

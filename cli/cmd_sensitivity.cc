@@ -20,21 +20,39 @@ struct SensitivityArguments {
   ImportArguments import;
 };
 
+Importance measure(Context& context, const Input& input, const io::Scene& scene,
+                   const SensitivityArguments& arguments) {
+  const CameraViews views = choose_views(context, arguments.cameras, "train", scene.timeline, [&] {
+    return instant_of(scene, middle_of(scene.timeline));
+  });
+  return about(input.name(), [&] {
+    return measure_importance(context, "sensitivity", scene, views, arguments.measure);
+  });
+}
+
+// What a rank does for the one that writes the file.
+void help_to_measure(Context& context, const Input& input, const SensitivityArguments& arguments) {
+  const LoadedScene loaded = load_scene(context, input, arguments.import);
+  measure(context, input, loaded.scene, arguments);
+}
+
 Outcome run_sensitivity(Context& context, const SensitivityArguments& arguments) {
   const Stopwatch watch;
   if (!arguments.cameras.given()) throw usage_error("sensitivity needs --cameras or --orbit");
   arguments.cameras.check();
   arguments.measure.options();  // a wrong one should not cost the time of reading
   const Input input(arguments.input);
+  if (context.ranks().count() > 1 && arguments.input == "-") {
+    throw usage_error("several ranks cannot share stdin");
+  }
+  if (context.ranks().helps()) {
+    help_to_measure(context, input, arguments);
+    return {};
+  }
   Output output(context, arguments.output, {&input});
   const LoadedScene loaded = load_scene(context, input, arguments.import);
   const io::Scene& scene = loaded.scene;
-  const CameraViews views = choose_views(context, arguments.cameras, "train", scene.timeline, [&] {
-    return instant_of(scene, middle_of(scene.timeline));
-  });
-  const Importance importance = about(input.name(), [&] {
-    return measure_importance(context, "sensitivity", scene, views, arguments.measure);
-  });
+  const Importance importance = measure(context, input, scene, arguments);
   io::write_weights_ply(output.path(), importance.weights);
   const uint64_t bytes = output.finish();
 

@@ -69,7 +69,7 @@ Failure current_failure(const std::string& subject) {
 
 void Context::note(const std::string& text) {
   notes_.push_back(text);
-  if (!options.json && !options.quiet) std::fprintf(stderr, "note: %s\n", text.c_str());
+  if (!options.json && !options.quiet && !ranks_.helps()) std::fprintf(stderr, "note: %s\n", text.c_str());
 }
 
 uint32_t Context::backend() const {

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "io/scene.h"
+#include "cli/ranks.h"
 #include "l4d/l4d.hpp"
 
 namespace l4d::cli {
@@ -87,10 +88,12 @@ class Context {
   const std::vector<std::string>& notes() const { return notes_; }
 
   uint32_t backend() const;  // L4D_BACKEND_*
+  const Ranks& ranks() const { return ranks_; }
   l4d_decoder_options decoder_options() const;
 
  private:
   std::vector<std::string> notes_;
+  Ranks ranks_;
 };
 
 // A verb adds its subcommand and stores here what to run once the whole line is parsed.

@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/importance.h"
 
+#include <algorithm>
+#include <thread>
 #include <utility>
 
 #include "cli/progress.h"
 #include "cli/rendered_scene.h"
 #include "cli/units.h"
+#include "l4d/cuda.h"
 
 namespace l4d::cli {
 namespace {
@@ -78,7 +81,8 @@ l4d_measure_options MeasureArguments::options() const {
 Importance measure_importance(Context& context, const std::string& verb, const io::Scene& scene,
                               const CameraViews& all, const MeasureArguments& arguments) {
   const Stopwatch watch;
-  const l4d_measure_options options = arguments.options();
+  l4d_measure_options options = arguments.options();
+  options.ranks = context.ranks().handle();
   std::vector<l4d_camera> cameras;
   for (const io::Camera& camera : all.set.cameras) cameras.push_back(camera.camera);
   std::vector<l4d_view> views;
@@ -87,7 +91,14 @@ Importance measure_importance(Context& context, const std::string& verb, const i
   }
   Importance result;
   l4d_measure_report_init(&result.report);
-  const l4d_renderer_options rendering = renderer_options(context);
+  l4d_renderer_options rendering = renderer_options(context);
+  const Ranks& ranks = context.ranks();
+  uint32_t devices = 0;
+  l4d_cuda_get_device_count(&devices);
+  rendering.device = devices > 0 ? ranks.local_rank() % devices : 0;
+  if (rendering.threads == 0 && ranks.local_count() > 1) {
+    rendering.threads = std::max(1u, std::thread::hardware_concurrency() / ranks.local_count());
+  }
   RendererHandle renderer(&rendering);
   const l4d_gaussians gaussians = scene.view();
   renderer.set_gaussians(gaussians, scene.timeline);

@@ -157,12 +157,17 @@ int run(int argc, char** argv) {
   } catch (const Failure& failure) {
     return report_failure(failure, json, "");
   }
+  const bool helps = context.ranks().helps();
+  // What one rank does alone is not done again by the others.
+  if (helps && registry.verb != "encode" && registry.verb != "sensitivity") return kExitOk;
   try {
     install_interrupt_handler();
     Outcome outcome = registry.run();
-    return print_outcome(outcome, context);
+    return helps ? static_cast<int>(kExitOk) : print_outcome(outcome, context);
   } catch (...) {
-    return report_failure(current_failure(""), json, registry.verb);
+    const int code = report_failure(current_failure(""), json, registry.verb);
+    context.ranks().abort(code);
+    return code;
   }
 }
 

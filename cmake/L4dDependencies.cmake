@@ -16,6 +16,11 @@ target_link_libraries(l4d_threads INTERFACE
 find_program(FLATC flatc REQUIRED)
 if(L4D_BUILD_CLI)
   find_package(CLI11 REQUIRED)
+  if(L4D_MPI)
+    # Several processes under mpirun then measure importance together.
+    set(MPI_CXX_SKIP_MPICXX ON)
+    find_package(MPI COMPONENTS CXX)
+  endif()
 endif()
 if(L4D_BUILD_CLI OR L4D_BUILD_TESTS OR L4D_BUILD_FUZZERS OR L4D_BUILD_BENCH)
   find_package(nlohmann_json REQUIRED)

@@ -29,7 +29,8 @@ struct l4d_sensitivity {
 namespace {
 
 l4d_renderer_options default_renderer_options() {
-  return {sizeof(l4d_renderer_options), 0, L4D_RENDER_AUTO, L4D_RENDER_EXP_ACCURATE, L4D_BACKEND_AUTO};
+  return {sizeof(l4d_renderer_options), 0, L4D_RENDER_AUTO, L4D_RENDER_EXP_ACCURATE, L4D_BACKEND_AUTO, 0,
+          0};
 }
 l4d_camera default_camera() {
   l4d_camera camera{};
@@ -38,6 +39,11 @@ l4d_camera default_camera() {
   return camera;
 }
 
+l4d_ranks default_ranks() {
+  l4d_ranks ranks{};
+  ranks.count = 1;
+  return ranks;
+}
 l4d_measure_options default_measure_options() {
   l4d_measure_options options{};
   options.sensitivity.struct_size = sizeof options.sensitivity;
@@ -75,6 +81,9 @@ void l4d_sensitivity_options_init_(l4d_sensitivity_options* options, size_t stru
 }
 void l4d_measure_options_init_(l4d_measure_options* options, size_t struct_size) {
   init_struct(options, struct_size, default_measure_options());
+}
+void l4d_ranks_init_(l4d_ranks* ranks, size_t struct_size) {
+  init_struct(ranks, struct_size, default_ranks());
 }
 void l4d_measure_report_init_(l4d_measure_report* report, size_t struct_size) {
   init_struct(report, struct_size, l4d_measure_report{});
@@ -196,11 +205,20 @@ l4d_status l4d_measure(l4d_renderer* renderer, const l4d_camera* cameras, uint32
         !(o.agreement >= 0)) {
       return l4d::invalid_argument("measure options out of range");
     }
+    l4d_measure_options resolved = o;
+    l4d_ranks ranks;
+    if (o.ranks != nullptr) {
+      ranks = read_struct(*o.ranks, default_ranks());
+      if (ranks.rank >= ranks.count || (ranks.count > 1 && ranks.sum == nullptr)) {
+        return l4d::invalid_argument("a rank must be below their number, and their sum a function");
+      }
+      resolved.ranks = &ranks;
+    }
     std::vector<l4d_camera> own(cameras, cameras + num_cameras);
     l4d_measure_report result{};
     std::unique_ptr<l4d::render::Sensitivity> measured;
     L4D_RETURN_IF_ERROR(l4d::render::measure(r, own.data(), num_cameras, views,
-                                             static_cast<size_t>(num_views), o, progress, user,
+                                             static_cast<size_t>(num_views), resolved, progress, user,
                                              &result, &measured));
     *out = new l4d_sensitivity(std::move(*measured));
     if (report != nullptr) write_struct(result, report);

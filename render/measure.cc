@@ -107,10 +107,12 @@ Status measure(Renderer& renderer, const l4d_camera* cameras, uint32_t num_camer
   }
   const Scene& scene = renderer.scene();
   l4d_sensitivity_options half_options = options.sensitivity;
+  const bool whole = options.ranks != nullptr;
+  const l4d_ranks ranks = whole ? *options.ranks : l4d_ranks{sizeof(l4d_ranks), 0, 1, nullptr, nullptr};
   auto first = std::make_unique<Sensitivity>(half_options, scene.count(),
-                                             scene.gaussians().sh_degree);
+                                             scene.gaussians().sh_degree, whole);
   half_options.seed ^= kSecondHalf;  // other signs
-  Sensitivity second(half_options, scene.count(), scene.gaussians().sh_degree);
+  Sensitivity second(half_options, scene.count(), scene.gaussians().sh_degree, whole);
 
   std::vector<InstantViews> instants = schedule(views, num_views);
   const bool can_stop = options.agreement <= 1;
@@ -132,13 +134,14 @@ Status measure(Renderer& renderer, const l4d_camera* cameras, uint32_t num_camer
       const size_t share = in_rounds ? (instant.cameras.size() + kRoundShare - 1) / kRoundShare
                                      : instant.cameras.size();
       const size_t end = std::min(instant.cameras.size(), instant.done + share);
-      if (instant.done < end) L4D_RETURN_IF_ERROR(renderer.set_time(instant.time));
+      const bool own = k % ranks.count == ranks.rank;
+      if (own && instant.done < end) L4D_RETURN_IF_ERROR(renderer.set_time(instant.time));
       for (; instant.done < end && report->views_measured < most; ++instant.done) {
         // Halves take turns in cameras and in instants, so that neither sees a part of the scene alone.
         // A camera's turn comes at every other parity of k, so k counts by twos here.
         Sensitivity& half = ((k >> 1) + instant.done) % 2 == 0 ? *first : second;
         const l4d_camera& camera = cameras[instant.cameras[instant.done]];
-        L4D_RETURN_IF_ERROR(half.add_view(renderer, camera, false));
+        if (own) L4D_RETURN_IF_ERROR(half.add_view(renderer, camera, false));
         ++report->views_measured;
         L4D_RETURN_IF_ERROR(proceed("sensitivity"));
       }
@@ -147,10 +150,18 @@ Status measure(Renderer& renderer, const l4d_camera* cameras, uint32_t num_camer
     ++report->rounds;
     if (!can_stop || report->views_measured < 2) continue;
     std::vector<float> a(scene.count()), b(scene.count());
+    const Sensitivity* halves[2] = {first.get(), &second};
+    std::unique_ptr<Sensitivity> shared[2];
+    for (int half = 0; whole && half < 2; ++half) {
+      L4D_RETURN_IF_ERROR(halves[half]->copy(&shared[half]));
+      L4D_RETURN_IF_ERROR(shared[half]->share(ranks));
+      halves[half] = shared[half].get();
+    }
     double least = 1;
     for (uint32_t component = 0; component < L4D_COMPONENT_COUNT; ++component) {
       // The weights of a component have its number. A half without views has none yet.
-      if (!first->weights(component, a.data()).ok() || !second.weights(component, b.data()).ok()) {
+      if (!halves[0]->weights(component, a.data()).ok() ||
+          !halves[1]->weights(component, b.data()).ok()) {
         least = 0;
         break;
       }
@@ -160,16 +171,29 @@ Status measure(Renderer& renderer, const l4d_camera* cameras, uint32_t num_camer
     report->agreed = least >= options.agreement ? 1 : 0;
   }
   L4D_RETURN_IF_ERROR(first->merge(second));
+  if (whole) L4D_RETURN_IF_ERROR(first->share(ranks));
   if (options.skip_unseen == 0) {
-    for (InstantViews& instant : instants) {
+    std::unique_ptr<Sensitivity> asked;  // of this rank
+    if (whole) {
+      asked = std::make_unique<Sensitivity>(options.sensitivity, scene.count(),
+                                            scene.gaussians().sh_degree, whole);
+      asked->look_past(*first);
+    }
+    for (size_t k = 0; k < instants.size(); ++k) {
+      InstantViews& instant = instants[k];
       if (instant.done == instant.cameras.size()) continue;
-      L4D_RETURN_IF_ERROR(renderer.set_time(instant.time));
+      const bool own = k % ranks.count == ranks.rank;
+      if (own) L4D_RETURN_IF_ERROR(renderer.set_time(instant.time));
       for (; instant.done < instant.cameras.size(); ++instant.done) {
         const l4d_camera& camera = cameras[instant.cameras[instant.done]];
-        L4D_RETURN_IF_ERROR(first->add_view(renderer, camera, true));
+        if (own) L4D_RETURN_IF_ERROR((whole ? *asked : *first).add_view(renderer, camera, true));
         ++report->views_asked;
         L4D_RETURN_IF_ERROR(proceed("coverage"));
       }
+    }
+    if (whole) {
+      L4D_RETURN_IF_ERROR(asked->share(ranks));
+      L4D_RETURN_IF_ERROR(first->merge(*asked));
     }
   }
   L4D_RETURN_IF_ERROR(first->count_unseen(&report->unseen));

@@ -24,7 +24,8 @@ void slice_into(Scene& scene, double time, int, Frame<double>* out) { scene.slic
 }  // namespace
 
 Renderer::Renderer(const l4d_renderer_options& options)
-    : threads_(static_cast<int>(options.threads)), cuda_(options.backend == L4D_BACKEND_CUDA) {
+    : threads_(static_cast<int>(options.threads)), cuda_(options.backend == L4D_BACKEND_CUDA),
+      device_number_(options.device) {
   if (cuda_) return;
   if (options.path == L4D_RENDER_REFERENCE || options.backend == L4D_BACKEND_REFERENCE) {
     double_.rasterizer = make_reference_rasterizer();
@@ -36,7 +37,7 @@ Renderer::Renderer(const l4d_renderer_options& options)
 
 Status Renderer::acquire_device() {
   if (device_ != nullptr) return {};
-  L4D_RETURN_IF_ERROR(make_device_renderer({}, &device_));
+  L4D_RETURN_IF_ERROR(make_device_renderer({static_cast<int>(device_number_), false}, &device_));
   return device_->time_stages();
 }
 

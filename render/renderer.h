@@ -93,6 +93,7 @@ class Renderer {
 
   int threads_;
   bool cuda_;
+  uint32_t device_number_;
   std::unique_ptr<DeviceRenderer> device_;  // from the first scene on, where it is wanted
   uint64_t device_visible_ = 0;
   Source source_ = Source::kNone;

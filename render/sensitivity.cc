@@ -40,16 +40,34 @@ uint64_t view_key(double time, const l4d_camera& camera) {
   return key;
 }
 
+// Binary places of whole numbers, as devices have them (cuda/gradient.h).
+constexpr int kCoverageBits = 24;
+constexpr int kShBits = 30;
+constexpr int kGeometryBits = 28;
+constexpr int64_t kMostWhole = int64_t{1} << 61;
+
+// What does not fit stays at the largest number.
+void add_whole(int64_t* sum, double amount, int bits) {
+  const double scaled = std::ldexp(amount, bits);
+  const int64_t whole = scaled < 0x1p61 ? static_cast<int64_t>(std::llrint(scaled)) : kMostWhole;
+  *sum = std::min(*sum + whole, kMostWhole);
+}
+
 }  // namespace
 
-Sensitivity::Sensitivity(const l4d_sensitivity_options& options, size_t count, uint32_t sh_degree)
-    : options_(options),
-      sh_degree_(sh_degree),
-      coverage_(count),
-      glimpsed_(count),
-      seen_(count),
-      sh_(count * sh_terms(sh_degree)),
-      geometry_(count * kGeometry) {}
+Sensitivity::Sensitivity(const l4d_sensitivity_options& options, size_t count, uint32_t sh_degree,
+                         bool whole_numbers)
+    : options_(options), sh_degree_(sh_degree), seen_(count), whole_numbers_(whole_numbers) {
+  const size_t terms = sh_terms(sh_degree);
+  if (whole_numbers) {
+    whole_.resize(count * (2 + terms + kGeometry));
+    return;
+  }
+  coverage_.resize(count);
+  glimpsed_.resize(count);
+  sh_.resize(count * terms);
+  geometry_.resize(count * kGeometry);
+}
 
 Status Sensitivity::add_view(Renderer& renderer, const l4d_camera& camera, bool seen_only) {
   if (!renderer.has_scene()) {
@@ -98,36 +116,55 @@ Status Sensitivity::add_view(Renderer& renderer, const l4d_camera& camera, bool 
   }
   L4D_RETURN_IF_ERROR(renderer.importance(camera, input, &items_));
   const size_t terms = sh_terms(sh_degree_);
-  const auto add = [squared](float* sum, float derivative) {
-    *sum += squared ? derivative * derivative : std::fabs(derivative);
+  const size_t n = count();
+  // At a place of one of the arrays of floats, or behind `first` of the whole numbers.
+  const auto add = [this, squared](std::vector<float>& sums, size_t first, int bits, size_t at,
+                                   float derivative) {
+    const float amount = squared ? derivative * derivative : std::fabs(derivative);
+    if (whole_numbers_) {
+      add_whole(&whole_[first + at], static_cast<double>(amount), bits);
+    } else {
+      sums[at] += amount;
+    }
+  };
+  const auto add_coverage = [this](std::vector<double>& sums, size_t first, size_t at, double amount) {
+    if (whole_numbers_) {
+      add_whole(&whole_[first + at], amount, kCoverageBits);
+    } else {
+      sums[at] += amount;
+    }
   };
   parallel_for(renderer.threads(), items_.size(), kGrain, [&](size_t begin, size_t end) {
     for (size_t i = begin; i < end; ++i) {
       const Renderer::Importance& item = items_[i];
       if (!(item.coverage > 0)) continue;
       if (seen_only) {
-        glimpsed_[item.id] += seen_[item.id] == 0 ? static_cast<double>(item.coverage) : 0.0;
-        seen_[item.id] = 1;
+        if (seen_[item.id] == 0) add_coverage(glimpsed_, n, item.id, static_cast<double>(item.coverage));
+        // Among ranks, which view comes first depends on who has it: all that glimpse add up.
+        if (!whole_numbers_) seen_[item.id] = 1;
         continue;
       }
-      coverage_[item.id] += static_cast<double>(item.coverage);
+      add_coverage(coverage_, 0, item.id, static_cast<double>(item.coverage));
       seen_[item.id] = 1;
       float basis[kMaxShTerms];
       sh_basis(sh_degree_, item.direction[0], item.direction[1], item.direction[2], basis);
-      float* sh = sh_.data() + terms * item.id;
       // The channels have one derivative, or, with random signs, three estimates of its square.
       float color = item.color[0];
       if (squared) {
         const float* c = item.color;
         color = std::sqrt((c[0] * c[0] + c[1] * c[1] + c[2] * c[2]) / 3);
       }
-      for (size_t k = 0; k < terms; ++k) add(sh + k, color * basis[k]);
-      float* geometry = geometry_.data() + kGeometry * item.id;
-      for (size_t k = 0; k < 4; ++k) add(geometry + k, item.gradient.log_scale[k]);
-      for (size_t k = 0; k < 8; ++k) add(geometry + 4 + k, item.gradient.rotor[k]);
-      for (size_t k = 0; k < 3; ++k) add(geometry + 12 + k, item.gradient.position[k]);
-      add(geometry + 15, item.gradient.opacity);
-      add(geometry + 16, item.gradient.mean_t);
+      for (size_t k = 0; k < terms; ++k) {
+        add(sh_, 2 * n, kShBits, terms * item.id + k, color * basis[k]);
+      }
+      const auto add_geometry = [&](size_t k, float derivative) {
+        add(geometry_, (2 + terms) * n, kGeometryBits, kGeometry * item.id + k, derivative);
+      };
+      for (size_t k = 0; k < 4; ++k) add_geometry(k, item.gradient.log_scale[k]);
+      for (size_t k = 0; k < 8; ++k) add_geometry(4 + k, item.gradient.rotor[k]);
+      for (size_t k = 0; k < 3; ++k) add_geometry(12 + k, item.gradient.position[k]);
+      add_geometry(15, item.gradient.opacity);
+      add_geometry(16, item.gradient.mean_t);
     }
   });
   all_pixels_ += pixels;
@@ -151,14 +188,15 @@ Status Sensitivity::count_unseen(uint64_t* out) const {
   L4D_RETURN_IF_ERROR(read_device(&on_device));
   *out = 0;
   for (size_t i = 0; i < count(); ++i) {
-    *out += seen_[i] == 0 && !(on_device && device_values_.seen[i] != 0);
+    const bool glimpsed = whole_numbers_ && whole_[count() + i] != 0;
+    *out += seen_[i] == 0 && !glimpsed && !(on_device && device_values_.seen[i] != 0);
   }
   return {};
 }
 
 Status Sensitivity::merge(const Sensitivity& other) {
   if (other.count() != count() || other.sh_degree_ != sh_degree_ ||
-      other.options_.measure != options_.measure) {
+      other.options_.measure != options_.measure || other.whole_numbers_ != whole_numbers_) {
     return invalid_argument("the accumulators are for different scenes or measures");
   }
   if (other.device_ != nullptr) {
@@ -169,16 +207,67 @@ Status Sensitivity::merge(const Sensitivity& other) {
     }
     device_read_ = false;
   }
+  for (size_t i = 0; i < seen_.size(); ++i) seen_[i] |= other.seen_[i];
+  for (size_t i = 0; i < whole_.size(); ++i) whole_[i] = std::min(whole_[i] + other.whole_[i], kMostWhole);
   for (size_t i = 0; i < coverage_.size(); ++i) {
     coverage_[i] += other.coverage_[i];
     glimpsed_[i] += other.glimpsed_[i];
-    seen_[i] |= other.seen_[i];
   }
   for (size_t i = 0; i < sh_.size(); ++i) sh_[i] += other.sh_[i];
   for (size_t i = 0; i < geometry_.size(); ++i) geometry_[i] += other.geometry_[i];
   all_pixels_ += other.all_pixels_;
   pixels_ += other.pixels_;
   for (const auto& [key, times] : other.repeats_) repeats_[key] += times;
+  return {};
+}
+
+Status Sensitivity::take_from_device() {
+  if (device_ == nullptr) return {};
+  bool any;
+  L4D_RETURN_IF_ERROR(read_device(&any));
+  const size_t n = count(), terms = sh_terms(sh_degree_);
+  const auto take = [this](const std::vector<double>& values, size_t first, int bits) {
+    for (size_t i = 0; i < values.size(); ++i) add_whole(&whole_[first + i], values[i], bits);
+  };
+  take(device_values_.coverage, 0, kCoverageBits);
+  take(device_values_.glimpsed, n, kCoverageBits);
+  take(device_values_.sh, 2 * n, kShBits);
+  take(device_values_.geometry, (2 + terms) * n, kGeometryBits);
+  for (size_t i = 0; i < n; ++i) {
+    // What was only glimpsed is told by its coverage.
+    if (device_values_.coverage[i] > 0) seen_[i] = 1;
+  }
+  device_.reset();
+  device_read_ = false;
+  return {};
+}
+
+Status Sensitivity::share(const l4d_ranks& ranks) {
+  L4D_RETURN_IF_ERROR(take_from_device());
+  if (ranks.count < 2) return {};
+  const auto sum = [&ranks](std::vector<int64_t>& values) {
+    return ranks.sum(ranks.user, values.data(), values.size()) == 0
+               ? Status()
+               : Status(L4D_ERR_IO, "adding up sums of all ranks failed");
+  };
+  // Each of them has that much room, whatever the others have.
+  for (int64_t& v : whole_) v = std::min(v, kMostWhole / static_cast<int64_t>(ranks.count));
+  L4D_RETURN_IF_ERROR(sum(whole_));
+  std::vector<int64_t> rest(seen_.begin(), seen_.end());
+  rest.push_back(static_cast<int64_t>(pixels_));
+  rest.push_back(static_cast<int64_t>(all_pixels_));
+  L4D_RETURN_IF_ERROR(sum(rest));
+  for (size_t i = 0; i < seen_.size(); ++i) seen_[i] = rest[i] != 0;
+  pixels_ = static_cast<uint64_t>(rest[seen_.size()]);
+  all_pixels_ = static_cast<uint64_t>(rest[seen_.size() + 1]);
+  return {};
+}
+
+Status Sensitivity::copy(std::unique_ptr<Sensitivity>* out) const {
+  auto made = std::make_unique<Sensitivity>(options_, count(), sh_degree_, whole_numbers_);
+  L4D_RETURN_IF_ERROR(made->merge(*this));
+  L4D_RETURN_IF_ERROR(made->take_from_device());
+  *out = std::move(made);
   return {};
 }
 
@@ -189,8 +278,15 @@ Status Sensitivity::weights(uint32_t which, float* out) const {
   L4D_RETURN_IF_ERROR(read_device(&on_device));
   if (which == L4D_WEIGHT_ALPHA_T) {
     for (size_t i = 0; i < count(); ++i) {
-      double coverage = coverage_[i], glimpsed = glimpsed_[i];
-      bool seen = seen_[i] != 0;
+      double coverage = 0, glimpsed = 0;
+      if (whole_numbers_) {
+        coverage = std::ldexp(static_cast<double>(whole_[i]), -kCoverageBits);
+        glimpsed = std::ldexp(static_cast<double>(whole_[count() + i]), -kCoverageBits);
+      } else {
+        coverage = coverage_[i];
+        glimpsed = glimpsed_[i];
+      }
+      bool seen = seen_[i] != 0 || glimpsed > 0;
       if (on_device) {
         coverage += device_values_.coverage[i];
         glimpsed += device_values_.glimpsed[i];
@@ -212,11 +308,15 @@ Status Sensitivity::weights(uint32_t which, float* out) const {
   const size_t stride = is_sh ? sh_terms(sh_degree_) : kGeometry;
   const Part part = is_sh ? Part{0, stride} : kParts[which];
   const double pixels = static_cast<double>(pixels_);
+  const size_t base = (is_sh ? 2 : 2 + sh_terms(sh_degree_)) * count();  // among whole numbers
   for (size_t i = 0; i < count(); ++i) {
     const size_t first = stride * i + part.first;
     double sums[kGeometry];  // more than there are SH terms
     for (size_t k = 0; k < part.count; ++k) {
-      sums[k] = static_cast<double>((is_sh ? sh_ : geometry_)[first + k]);
+      sums[k] = whole_numbers_
+                    ? std::ldexp(static_cast<double>(whole_[base + first + k]),
+                                 is_sh ? -kShBits : -kGeometryBits)
+                    : static_cast<double>((is_sh ? sh_ : geometry_)[first + k]);
       if (on_device) sums[k] += (is_sh ? device_values_.sh : device_values_.geometry)[first + k];
     }
     if (options_.measure == L4D_SENSITIVITY_GAUSS_NEWTON) {

@@ -12,16 +12,26 @@ namespace l4d::render {
 
 class Sensitivity {
  public:
-  Sensitivity(const l4d_sensitivity_options& options, size_t count, uint32_t sh_degree);
+  // whole_numbers: sums are of whole numbers of a small unit each, which come out the same in any order.
+  Sensitivity(const l4d_sensitivity_options& options, size_t count, uint32_t sh_degree,
+              bool whole_numbers = false);
 
   Status add_view(Renderer& renderer, const l4d_camera& camera, bool seen_only);
   Status merge(const Sensitivity& other);
+  // Replaces all sums by those over all ranks. Needs whole_numbers.
+  Status share(const l4d_ranks& ranks);
+  // A copy of what it has, in memory of the host.
+  Status copy(std::unique_ptr<Sensitivity>* out) const;
+  // Looks at Gaussians that `other` has not seen alone, where that saves work.
+  void look_past(const Sensitivity& other) { seen_ = other.seen_; }
   Status weights(uint32_t which, float* out) const;
-  size_t count() const { return coverage_.size(); }
+  size_t count() const { return seen_.size(); }
   uint32_t sh_degree() const { return sh_degree_; }
   Status count_unseen(uint64_t* out) const;
 
  private:
+  // Takes what the device has into the sums of the host.
+  Status take_from_device();
   // Brings device_values_ up to date; false where there are none.
   Status read_device(bool* any) const;
 
@@ -38,6 +48,10 @@ class Sensitivity {
   std::vector<uint8_t> seen_;     // [N]
   std::vector<float> sh_;         // [N, (D+1)^2]
   std::vector<float> geometry_;   // [N, kGeometry]
+  // Where sums are whole numbers, these instead: coverage [N], glimpsed [N], SH [N, (D+1)^2], geometry
+  // [N, kGeometry], one behind the other.
+  bool whole_numbers_;
+  std::vector<int64_t> whole_;
   std::vector<Renderer::Importance> items_;
   std::vector<float> signs_;
   // How often each full view has been added, by view_key().

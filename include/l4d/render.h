@@ -45,13 +45,15 @@ typedef struct l4d_renderer_options {
   uint32_t path;        /* L4D_RENDER_* */
   uint32_t exponential; /* L4D_RENDER_EXP_*, of the FAST path */
   uint32_t backend;     /* L4D_BACKEND_*; REFERENCE is the REFERENCE path, AUTO and CPU are the CPU */
+  uint32_t device;      /* of the CUDA backend: CUDA's number of it */
+  uint32_t reserved;
 } l4d_renderer_options;
 L4D_API void l4d_renderer_options_init_(l4d_renderer_options* options, size_t struct_size);
 #define l4d_renderer_options_init(options) \
   l4d_renderer_options_init_((options), sizeof(*(options)))
 
 /* options may be NULL. Fails with INVALID_ARGUMENT where path and backend contradict each other. A renderer
- * of the CUDA backend takes CUDA's device 0 when it is given a scene; that call fails with
+ * of the CUDA backend takes its device when it is given a scene; that call fails with
  * FEATURE_UNSUPPORTED in a build without device code, and with DEVICE where there is no device that this
  * build has code for. What it renders from is copied to the device, and images come back to the host: a
  * player that keeps both on the device uses cuda_render.h. It differs from the FAST path by rounding. */
@@ -193,6 +195,20 @@ typedef struct l4d_view {
   uint32_t reserved;
 } l4d_view;
 
+/* Processes that measure one scene together, each with a renderer of its own that holds the same scene;
+ * all make the same call of l4d_measure, and all get the same result. Views are dealt out by instant. */
+typedef struct l4d_ranks {
+  size_t struct_size;
+  uint32_t rank;  /* of this process, below count */
+  uint32_t count;
+  /* Replaces values [n] by their sums over all ranks, which call it with the same n in the same order, on
+   * the thread that called the library. Not 0: it failed, and l4d_measure does, with IO. */
+  int (*sum)(void* user, int64_t* values, uint64_t n);
+  void* user;
+} l4d_ranks;
+L4D_API void l4d_ranks_init_(l4d_ranks* ranks, size_t struct_size);
+#define l4d_ranks_init(ranks) l4d_ranks_init_((ranks), sizeof(*(ranks)))
+
 typedef struct l4d_measure_options {
   size_t struct_size;
   l4d_sensitivity_options sensitivity;
@@ -202,6 +218,9 @@ typedef struct l4d_measure_options {
   double max_share;     /* stop at this share of the views, agreed or not; 1 unless set */
   uint32_t skip_unseen; /* 1: do not ask the views left out */
   uint32_t reserved;
+  /* NULL = this process alone. Else, even for a count of 1, sums are whole numbers of small units, so that
+   * weights do not depend on the number of ranks. */
+  const l4d_ranks* ranks;
 } l4d_measure_options;
 L4D_API void l4d_measure_options_init_(l4d_measure_options* options, size_t struct_size);
 #define l4d_measure_options_init(options) l4d_measure_options_init_((options), sizeof(*(options)))

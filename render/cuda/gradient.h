@@ -30,8 +30,8 @@ struct ImportanceSums {
   static constexpr uint32_t kGeometry = 17;
   // Binary places of the numbers below.
   static constexpr int kCoverageBits = 24;
-  static constexpr int kShBits = 24;
-  static constexpr int kGeometryBits = 20;
+  static constexpr int kShBits = 30;
+  static constexpr int kGeometryBits = 28;
 
   long long* coverage;  // [N]
   long long* glimpsed;  // [N] coverage in views that only asked, of what no full view had shown

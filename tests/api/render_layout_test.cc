@@ -19,7 +19,9 @@ constexpr bool plain() {
   static_assert(plain<type>() && sizeof(type) == (bytes), #type " changed its size")
 #define L4D_FIELD(type, field, offset) \
   static_assert(offsetof(type, field) == (offset), #type "." #field " moved")
-L4D_LAYOUT(l4d_renderer_options, 24);
+L4D_LAYOUT(l4d_renderer_options, 32);
+L4D_FIELD(l4d_renderer_options, backend, 20);
+L4D_FIELD(l4d_renderer_options, device, 24);
 L4D_FIELD(l4d_renderer_options, threads, 8);
 L4D_FIELD(l4d_renderer_options, exponential, 16);
 L4D_LAYOUT(l4d_camera, 152);
@@ -34,7 +36,10 @@ L4D_LAYOUT(l4d_sensitivity_options, 24);
 L4D_FIELD(l4d_sensitivity_options, seed, 16);
 L4D_LAYOUT(l4d_view, 16);
 L4D_FIELD(l4d_view, camera, 8);
-L4D_LAYOUT(l4d_measure_options, 56);
+L4D_LAYOUT(l4d_ranks, 32);
+L4D_FIELD(l4d_ranks, sum, 16);
+L4D_LAYOUT(l4d_measure_options, 64);
+L4D_FIELD(l4d_measure_options, ranks, 56);
 L4D_FIELD(l4d_measure_options, agreement, 32);
 L4D_LAYOUT(l4d_measure_report, 80);
 L4D_FIELD(l4d_measure_report, agreement, 40);
