@@ -195,7 +195,7 @@ Status EncoderSettings::set_preset(const char* name) {
     fresh.values_[L4D_ENC_CODING].fill(0);
     fresh.values_[L4D_ENC_FIXED_POSITIONS].fill(0);
     fresh.values_[L4D_ENC_CODEBOOKS_BY_COST].fill(1);
-    // More would take long where SH coefficients are noise, for 2 % fewer bytes.
+    // More would take long where SH coefficients are noise.
     fresh.values_[L4D_ENC_CODEBOOK_SIZE].fill(4096);
     fresh.values_[L4D_ENC_CODEBOOK_SIZE][L4D_COMPONENT_SH] = 2048;
     fresh.values_[L4D_ENC_REFINE].fill(2);

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "encoder/sh_coder.h"
 
+#include <utility>
+
 #include "encoder/coding_cost.h"
 #include "encoder/quality.h"
 
@@ -53,7 +55,7 @@ CodedComponent code_sh(const EncoderScene& scene, const CoderOptions& options) {
                                               scene.importance[kSh].data(), c.n, c.dim) /
                                    quality.bit_price(kSh);
   };
-  return cost(other) <= cost(best) ? other : best;
+  return cost(other) <= cost(best) ? std::move(other) : std::move(best);
 }
 
 }  // namespace l4d

@@ -138,26 +138,28 @@ class ShapeCoder {
 
   Rotors rotors_as(bool stereographic) {
     const size_t n = count(), dim = stereographic ? 3 : 4;
+    Rows halves[2] = {make_rows(L4D_COMPONENT_ROTOR_SPATIAL, dim),
+                      make_rows(L4D_COMPONENT_ROTOR_TEMPORAL, dim)};
+    for (size_t j = 0; j < n; ++j) {
+      const size_t i = out_.members[j];
+      double u[2][3];
+      if (stereographic) stereographic_rotor(i, u[0], u[1]);
+      for (unsigned half = 0; half < 2; ++half) {
+        for (size_t k = 0; k < dim; ++k) {
+          set(halves[half], j, k,
+              stereographic ? static_cast<float>(u[half][k]) : scene_.rotor[8 * i + 4 * half + k]);
+        }
+        if (stereographic) halves[half].importance[j] *= kRotorPerStereographic;
+      }
+    }
     Rotors out;
     for (unsigned half = 0; half < 2; ++half) {
-      const unsigned c = L4D_COMPONENT_ROTOR_SPATIAL + half;
       options_.step(half == 0 ? "rotor_spatial_vq" : "rotor_temporal_vq");
-      Rows rows = make_rows(c, dim);
-      for (size_t j = 0; j < n; ++j) {
-        const size_t i = out_.members[j];
-        if (stereographic) {
-          double u[2][3];
-          stereographic_rotor(i, u[0], u[1]);
-          for (size_t k = 0; k < 3; ++k) set(rows, j, k, static_cast<float>(u[half][k]));
-          rows.importance[j] *= kRotorPerStereographic;
-        } else {
-          for (size_t k = 0; k < 4; ++k) set(rows, j, k, scene_.rotor[8 * i + 4 * half + k]);
-        }
-      }
+      Rows& rows = halves[half];
       // The spatial half says what kind of map the temporal one belongs to.
       rows.any = rows.any || (stereographic && half == 0);
       rows.any = rows.any && !(out_.header.permanent && half == 1);
-      out[half] = code_rows(c, rows, stereographic);
+      out[half] = code_rows(L4D_COMPONENT_ROTOR_SPATIAL + half, rows, stereographic);
     }
     return out;
   }

@@ -84,24 +84,4 @@ Status DeviceScope::enter(int device) {
   return {};
 }
 
-Status DeviceMemory::reserve(size_t bytes) {
-  if (bytes <= size_) return {};
-  cudaFree(data_);
-  data_ = nullptr;
-  size_ = 0;
-  L4D_RETURN_IF_CUDA_ERROR(cudaMalloc(&data_, bytes));
-  size_ = bytes;
-  return {};
-}
-
-Status PinnedMemory::reserve(size_t bytes) {
-  if (bytes <= size_) return {};
-  cudaFreeHost(data_);
-  data_ = nullptr;
-  size_ = 0;
-  L4D_RETURN_IF_CUDA_ERROR(cudaMallocHost(&data_, bytes));
-  size_ = bytes;
-  return {};
-}
-
 }  // namespace l4d::cuda

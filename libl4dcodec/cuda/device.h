@@ -48,20 +48,30 @@ class DeviceScope {
   int before_ = -1;
 };
 
-// Device memory of one owner, which only grows.
-class DeviceMemory {
+// Memory of one owner, which only grows.
+template <cudaError_t (*kAllocate)(void**, size_t), cudaError_t (*kFree)(void*)>
+class GrowingMemory {
  public:
-  DeviceMemory() = default;
-  DeviceMemory(DeviceMemory&& other) noexcept { *this = std::move(other); }
-  DeviceMemory& operator=(DeviceMemory&& other) noexcept {
+  GrowingMemory() = default;
+  GrowingMemory(GrowingMemory&& other) noexcept { *this = std::move(other); }
+  GrowingMemory& operator=(GrowingMemory&& other) noexcept {
     std::swap(data_, other.data_);
     std::swap(size_, other.size_);
     return *this;
   }
-  ~DeviceMemory() { cudaFree(data_); }
+  ~GrowingMemory() { kFree(data_); }
 
   // What was in it is lost where it has to grow. Work that still uses it must be done.
-  Status reserve(size_t bytes);
+  Status reserve(size_t bytes) {
+    if (bytes <= size_) return {};
+    kFree(data_);
+    data_ = nullptr;
+    size_ = 0;
+    const cudaError_t error = kAllocate(&data_, bytes);
+    if (error != cudaSuccess) return device_error(error, "allocating memory");
+    size_ = bytes;
+    return {};
+  }
   void* data() const { return data_; }
   size_t size() const { return size_; }
   template <typename T>
@@ -74,29 +84,8 @@ class DeviceMemory {
   size_t size_ = 0;
 };
 
+using DeviceMemory = GrowingMemory<cudaMalloc, cudaFree>;
 // Host memory that copies to and from the device can run beside other work from.
-class PinnedMemory {
- public:
-  PinnedMemory() = default;
-  PinnedMemory(PinnedMemory&& other) noexcept { *this = std::move(other); }
-  PinnedMemory& operator=(PinnedMemory&& other) noexcept {
-    std::swap(data_, other.data_);
-    std::swap(size_, other.size_);
-    return *this;
-  }
-  ~PinnedMemory() { cudaFreeHost(data_); }
-
-  Status reserve(size_t bytes);
-  void* data() const { return data_; }
-  size_t size() const { return size_; }
-  template <typename T>
-  T* as() const {
-    return static_cast<T*>(data_);
-  }
-
- private:
-  void* data_ = nullptr;
-  size_t size_ = 0;
-};
+using PinnedMemory = GrowingMemory<cudaMallocHost, cudaFreeHost>;
 
 }  // namespace l4d::cuda

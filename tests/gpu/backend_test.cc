@@ -8,19 +8,14 @@
 #include "l4d/cuda.h"
 #include "libl4dcodec/cuda/device.h"
 #include "tests/common/codec.h"
+#include "tests/gpu/device.h"
 
 namespace l4d {
 namespace {
 
 using test::NamedFile;
 
-class Backend : public testing::TestWithParam<NamedFile> {
- protected:
-  void SetUp() override {
-    const Status usable = cuda::use_device(0);
-    if (!usable.ok()) GTEST_SKIP() << "no device: " << usable.detail();
-  }
-};
+class Backend : public test::OnDevice<testing::TestWithParam<NamedFile>> {};
 
 void expect_same_bits(const std::vector<float>& a, const std::vector<float>& b, const char* what) {
   ASSERT_EQ(a.size(), b.size()) << what;

@@ -13,6 +13,7 @@
 #include "l4d/cuda.h"
 #include "l4d/l4d.hpp"
 #include "libl4dcodec/base/bytes.h"
+#include "tests/gpu/device.h"
 
 namespace l4d::test {
 
@@ -43,22 +44,6 @@ class PoisonedMemory {
   static constexpr size_t kGuard = 4096;
   void* data_ = nullptr;
   size_t bytes_ = 0;
-};
-
-// Number of usable devices.
-inline bool has_device() {
-  l4d_cuda_device_info info;
-  l4d_cuda_device_info_init(&info);
-  return l4d_cuda_get_device_info(0, &info) == L4D_OK && info.usable != 0;
-}
-
-// Tests of this fixture are skipped where there is no device.
-template <typename Base>
-class OnDevice : public Base {
- protected:
-  void SetUp() override {
-    if (!has_device()) GTEST_SKIP() << "no usable CUDA device";
-  }
 };
 
 struct DeviceResult {

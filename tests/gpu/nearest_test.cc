@@ -11,21 +11,17 @@
 
 #include "encoder/cuda/device_nearest.h"
 #include "encoder/kmeans.h"
-#include "libl4dcodec/cuda/device.h"
 #include "tests/common/codec.h"
 #include "tests/common/random.h"
 #include "tests/common/test_scene.h"
+#include "tests/gpu/device.h"
 
 namespace l4d {
 namespace {
 
 using test::Random;
 
-#define L4D_NEED_DEVICE()                                                  \
-  do {                                                                     \
-    const Status usable = cuda::use_device(0);                             \
-    if (!usable.ok()) GTEST_SKIP() << "no device: " << usable.detail();    \
-  } while (0)
+class DeviceNearest : public test::OnDevice<testing::Test> {};
 
 std::vector<float> normal(size_t n, size_t dim, uint64_t seed) {
   Random random(seed);
@@ -61,8 +57,7 @@ void expect_equal(const Result& a, const Result& b) {
   ASSERT_EQ(std::memcmp(a.sq_dist.data(), b.sq_dist.data(), a.sq_dist.size() * sizeof(float)), 0);
 }
 
-TEST(DeviceNearest, IsTheHostsToTheLastBit) {
-  L4D_NEED_DEVICE();
+TEST_F(DeviceNearest, IsTheHostsToTheLastBit) {
   Counting device;
   size_t searches = 0;
   for (const size_t dim : std::initializer_list<size_t>{3, 4, 5, 12, 13, 27, 28, 48, 49}) {
@@ -97,8 +92,7 @@ TEST(DeviceNearest, IsTheHostsToTheLastBit) {
   }
 }
 
-TEST(DeviceNearest, SlicesOfManyPointsAreOne) {
-  L4D_NEED_DEVICE();
+TEST_F(DeviceNearest, SlicesOfManyPointsAreOne) {
   Counting device;
   const size_t n = 700001, dim = 12, k = 64;  // several slices of 8 MiB
   const std::vector<float> points = normal(n, dim, 5), book = normal(k, dim, 6);
@@ -111,8 +105,7 @@ TEST(DeviceNearest, SlicesOfManyPointsAreOne) {
   EXPECT_EQ(device.count, 1u);
 }
 
-TEST(DeviceNearest, LeavesWhatIsSmallToTheHost) {
-  L4D_NEED_DEVICE();
+TEST_F(DeviceNearest, LeavesWhatIsSmallToTheHost) {
   Counting device;
   const std::vector<float> points = normal(100, 4, 5), book = normal(8, 4, 6);
   Result got = poisoned(100);
@@ -122,8 +115,7 @@ TEST(DeviceNearest, LeavesWhatIsSmallToTheHost) {
   EXPECT_LT(got.labels[0], 8u);
 }
 
-TEST(DeviceNearest, CodebooksAreTheHosts) {
-  L4D_NEED_DEVICE();
+TEST_F(DeviceNearest, CodebooksAreTheHosts) {
   for (const size_t dim : {size_t{4}, size_t{48}}) {
     const size_t n = 60000;
     const std::vector<float> points = normal(n, dim, 7);
@@ -140,8 +132,7 @@ TEST(DeviceNearest, CodebooksAreTheHosts) {
   }
 }
 
-TEST(DeviceNearest, FilesAreTheHosts) {
-  L4D_NEED_DEVICE();
+TEST_F(DeviceNearest, FilesAreTheHosts) {
   test::SceneOptions s;
   s.count = 40000;
   s.sh_degree = 3;

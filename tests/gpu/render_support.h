@@ -10,18 +10,12 @@
 #include <string>
 #include <vector>
 
-#include "l4d/cuda.h"
+#include "tests/gpu/device.h"
 #include "tests/render/scenes.h"
 
 namespace l4d::render {
 
-inline bool has_device() {
-  uint32_t count = 0;
-  l4d_cuda_device_info info;
-  l4d_cuda_device_info_init(&info);
-  return l4d_cuda_get_device_count(&count) == L4D_OK && count > 0 &&
-         l4d_cuda_get_device_info(0, &info) == L4D_OK && info.usable != 0;
-}
+using test::has_device;
 
 #define L4D_SKIP_WITHOUT_DEVICE() \
   if (!has_device()) GTEST_SKIP() << "there is no CUDA device that this build has code for"
