@@ -243,7 +243,7 @@ void PlyReader::read_binary_rows(const std::vector<PlyColumn>& columns) {
     for (const PlyColumn& column : columns) {
       const PlyType type = target.properties[column.property].type;
       const uint8_t* bytes = block.data() + offsets[column.property];
-      const size_t at = static_cast<size_t>(first) * column.stride;
+      const size_t at = column.first + static_cast<size_t>(first) * column.stride;
       if (column.to_float != nullptr) {
         scatter(type, bytes, rows, row_bytes, swap, column.to_float + at, column.stride);
       } else {
@@ -267,7 +267,7 @@ void PlyReader::read_ascii_rows(const std::vector<PlyColumn>& columns) {
         fail_value(target, row, ("bad value of " + target.properties[p].name).c_str());
       }
       for (const PlyColumn* column : wanted[p]) {
-        const size_t at = static_cast<size_t>(row) * column->stride;
+        const size_t at = column->first + static_cast<size_t>(row) * column->stride;
         if (column->to_float != nullptr) {
           column->to_float[at] = as_float;
         } else {

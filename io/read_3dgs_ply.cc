@@ -45,7 +45,7 @@ Scene read_3dgs_ply(PlyReader& reader, const ImportOptions& options) {
   columns.add_position(scene);
   columns.add_indexed("scale", 3, scene.log_scale.data(), 4);
   columns.add_indexed("rot", 4, quaternion.data(), 4);
-  columns.add("opacity", scene.opacity.data(), 1);
+  columns.add("opacity", scene.opacity.data(), 0, 1);
   columns.add_sh(scene);
   columns.read();
 

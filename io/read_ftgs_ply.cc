@@ -45,9 +45,9 @@ Scene read_ftgs_ply(PlyReader& reader, const ImportOptions& options) {
   columns.add_position(scene);
   columns.add_indexed("scale", 3, scene.log_scale.data(), 4);
   columns.add_indexed("rot", 4, quaternion.data(), 4);
-  columns.add("opacity", scene.opacity.data(), 1);
-  columns.add("time", time.data(), 1);
-  columns.add("log_duration", log_duration.data(), 1);
+  columns.add("opacity", scene.opacity.data(), 0, 1);
+  columns.add("time", time.data(), 0, 1);
+  columns.add("log_duration", log_duration.data(), 0, 1);
   if (moving) {
     velocity.resize(count * 3);
     columns.add_indexed("velocity", 3, velocity.data(), 3);

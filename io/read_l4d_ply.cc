@@ -52,10 +52,10 @@ Scene read_l4d_ply(PlyReader& reader, const ImportOptions& options) {
 
   ColumnSet columns(reader);
   columns.add_position(scene);
-  columns.add("t", scene.mean_t.data(), 1);
+  columns.add("t", scene.mean_t.data(), 0, 1);
   columns.add_indexed("scale", 4, scene.log_scale.data(), 4);
   columns.add_indexed("rotor", 8, scene.rotor.data(), 8);
-  columns.add("opacity", scene.opacity.data(), 1);
+  columns.add("opacity", scene.opacity.data(), 0, 1);
   columns.add_sh(scene);
   columns.read();
   return scene;

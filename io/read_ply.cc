@@ -163,16 +163,17 @@ size_t ColumnSet::require(const std::string& property) const {
   return index;
 }
 
-void ColumnSet::add(const std::string& property, float* to, size_t stride) {
+void ColumnSet::add(const std::string& property, float* to, size_t first, size_t stride) {
   PlyColumn column;
   column.property = require(property);
   column.to_float = to;
+  column.first = first;
   column.stride = stride;
   columns_.push_back(column);
 }
 
 void ColumnSet::add_indexed(const std::string& name, size_t count, float* to, size_t stride) {
-  for (size_t k = 0; k < count; ++k) add(name + "_" + std::to_string(k), to + k, stride);
+  for (size_t k = 0; k < count; ++k) add(name + "_" + std::to_string(k), to, k, stride);
 }
 
 void ColumnSet::add_sh(Scene& scene) {
@@ -182,7 +183,7 @@ void ColumnSet::add_sh(Scene& scene) {
   for (size_t channel = 0; channel < 3; ++channel) {
     for (size_t k = 1; k < coefficients; ++k) {
       const size_t source = channel * (coefficients - 1) + (k - 1);
-      add("f_rest_" + std::to_string(source), scene.sh.data() + 3 * k + channel, stride);
+      add("f_rest_" + std::to_string(source), scene.sh.data(), 3 * k + channel, stride);
     }
   }
 }
@@ -196,7 +197,7 @@ void ColumnSet::add_position(Scene& scene) {
     doubles |= type == PlyType::kFloat64 || type == PlyType::kInt32 || type == PlyType::kUint32;
   }
   if (!doubles) {
-    for (size_t k = 0; k < 3; ++k) add(kNames[k], scene.position.data() + k, 3);
+    for (size_t k = 0; k < 3; ++k) add(kNames[k], scene.position.data(), k, 3);
     return;
   }
   positions_.resize(scene.count() * 3);
@@ -204,7 +205,8 @@ void ColumnSet::add_position(Scene& scene) {
   for (size_t k = 0; k < 3; ++k) {
     PlyColumn column;
     column.property = require(kNames[k]);
-    column.to_double = positions_.data() + k;
+    column.to_double = positions_.data();
+    column.first = k;
     column.stride = 3;
     columns_.push_back(column);
   }

@@ -44,7 +44,8 @@ class ColumnSet {
  public:
   explicit ColumnSet(PlyReader& reader) : reader_(reader) {}
 
-  void add(const std::string& property, float* to, size_t stride);
+  // To to[first], to[first + stride], ...; an array without rows may be NULL.
+  void add(const std::string& property, float* to, size_t first, size_t stride);
   // name_0, name_1, ... to consecutive floats
   void add_indexed(const std::string& name, size_t count, float* to, size_t stride);
   // f_dc_*, and f_rest_* from channel-major to coefficient-major

@@ -145,9 +145,9 @@ Scene read_stg_ply(PlyReader& reader, const ImportOptions& options) {
   columns.add_indexed("rot", 4, quaternion.data(), 4);
   columns.add_indexed("omega", 4, turning_rate.data(), 4);
   columns.add_indexed("motion", 9, motion.data(), 9);
-  columns.add("opacity", scene.opacity.data(), 1);
-  columns.add("trbf_center", center.data(), 1);
-  columns.add("trbf_scale", log_width.data(), 1);
+  columns.add("opacity", scene.opacity.data(), 0, 1);
+  columns.add("trbf_center", center.data(), 0, 1);
+  columns.add("trbf_scale", log_width.data(), 0, 1);
   columns.add_sh(scene);
   columns.read();
   // Lite colours are plain RGB.
