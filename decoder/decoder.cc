@@ -92,6 +92,14 @@ Status Decoder::select(const l4d_query& query, l4d_selection* out) {
   return {};
 }
 
+Status Decoder::ranges(const l4d_query& query, l4d_range* out, uint64_t capacity, uint64_t* count) {
+  Plan plan;
+  L4D_RETURN_IF_ERROR(begin_query(query, PlanUnit::kPages, &plan));
+  std::copy_n(plan.ranges.begin(), std::min<uint64_t>(capacity, plan.ranges.size()), out);
+  *count = plan.ranges.size();
+  return {};
+}
+
 namespace {
 
 template <typename Buffers>

@@ -48,6 +48,7 @@ class Decoder {
   const SceneFile& file() const { return *file_; }
 
   Status select(const l4d_query& query, l4d_selection* out);
+  Status ranges(const l4d_query& query, l4d_range* out, uint64_t capacity, uint64_t* count);
   Status decode(const l4d_query& query, l4d_gaussian_buffers* out);
   Status decode_packed(const l4d_query& query, l4d_packed_buffers* out);
   Status slice(double time, l4d_splat_buffers* out);

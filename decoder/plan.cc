@@ -2,6 +2,7 @@
 #include "decoder/plan.h"
 
 #include <algorithm>
+#include <string>
 
 #include "decoder/losses.h"
 
@@ -12,13 +13,13 @@ namespace {
 struct Interval {
   double begin = 0;
   double end = 0;
-  bool everything = false;
+  bool everything = false;  // whenever it is visible
 };
 
 Status query_interval(const l4d_query& query, const l4d_timeline& timeline, Interval* out) {
   const double begin = timeline.time_begin;
   const double end = begin + sequence_duration(timeline);
-  if (query.kind == L4D_QUERY_ALL) {
+  if (query.kind == L4D_QUERY_ALL || query.kind == L4D_QUERY_BUCKETS) {
     *out = {begin, end, true};
     return {};
   }
@@ -30,6 +31,22 @@ Status query_interval(const l4d_query& query, const l4d_timeline& timeline, Inte
     return invalid_argument("time_end is before time_begin, or one is not a number");
   }
   *out = {std::clamp(query.time_begin, begin, end), std::clamp(last, begin, end), false};
+  return {};
+}
+
+Status check_buckets(const l4d_query& query, const SceneHeader& header) {
+  if (query.num_buckets > 0 && query.buckets == nullptr) return invalid_argument("buckets is NULL");
+  for (uint64_t i = 0; i < query.num_buckets; ++i) {
+    const l4d_bucket& b = query.buckets[i];
+    if (b.layer >= header.layers.size() || b.bucket >= num_buckets(header.layers[b.layer].level)) {
+      return invalid_argument("buckets[" + std::to_string(i) + "] does not exist");
+    }
+    if (i == 0) continue;
+    const l4d_bucket& before = query.buckets[i - 1];
+    if (b.layer < before.layer || (b.layer == before.layer && b.bucket <= before.bucket)) {
+      return invalid_argument("buckets are not in strictly ascending order");
+    }
+  }
   return {};
 }
 
@@ -51,12 +68,17 @@ class Planner {
 
   Status add_layer(uint32_t index) {
     const LayerHeader& layer = file_.header().layers[index];
-    if (layer.num_gaussians == 0) return {};
     BucketRange buckets{0, num_buckets(layer.level) - 1};
     if (!interval_.everything) {
       buckets = buckets_of_phases(phase_of_time(timeline_, interval_.begin),
                                   phase_of_time(timeline_, interval_.end), layer.level);
     }
+    return add_buckets(index, buckets);
+  }
+
+  Status add_buckets(uint32_t index, const BucketRange& buckets) {
+    const LayerHeader& layer = file_.header().layers[index];
+    if (layer.num_gaussians == 0) return {};
     const uint32_t first = buckets.first >> layer.directory_bits;
     const uint32_t last = buckets.last >> layer.directory_bits;
     // A whole-file query of a long file would hold every directory page at once; a window bounds it.
@@ -66,7 +88,12 @@ class Planner {
       const uint32_t end = std::min(last, begin + kWindow - 1);
       L4D_RETURN_IF_ERROR(read_directory(index, begin, end, buckets, &pages));
       for (uint32_t d = begin; d <= end; ++d) {
-        out_.directory_bytes += file_.directory_bytes(index, d);
+        // Listed buckets may come back to the page of those before them.
+        if (counted_layer_ != index || counted_page_ != d) {
+          out_.directory_bytes += file_.directory_bytes(index, d);
+        }
+        counted_layer_ = index;
+        counted_page_ = d;
         if (pages[d - begin] == nullptr) continue;
         // A vector that grows holds the old elements, the new ones and room for as many again.
         constexpr uint64_t kBytesPerPage = 3 * (sizeof(PageTask) + sizeof(l4d_range));
@@ -149,7 +176,24 @@ class Planner {
   const PlanUnit unit_;
   Losses* losses_;
   Plan& out_;
+  uint32_t counted_layer_ = UINT32_MAX, counted_page_ = UINT32_MAX;
 };
+
+// Runs of buckets that follow each other are looked up at once.
+Status add_listed_buckets(const l4d_query& query, const SceneHeader& header, Planner* planner) {
+  for (uint64_t i = 0; i < query.num_buckets;) {
+    const l4d_bucket& first = query.buckets[i];
+    uint32_t last = first.bucket;
+    for (++i; i < query.num_buckets && query.buckets[i].layer == first.layer &&
+              query.buckets[i].bucket == last + 1;
+         ++i) {
+      ++last;
+    }
+    if (header.layers[first.layer].level > query.max_level) continue;
+    L4D_RETURN_IF_ERROR(planner->add_buckets(first.layer, {first.bucket, last}));
+  }
+  return {};
+}
 
 }  // namespace
 
@@ -157,16 +201,25 @@ Status make_plan(SceneFile& file, const l4d_query& query, PlanUnit unit, Losses*
   *out = Plan();
   if (query.detail > L4D_DETAIL_BASE_COLOR) return invalid_argument("unknown detail");
   out->detail = query.detail;
+  if (query.whole_buckets > 1) return invalid_argument("whole_buckets is 0 or 1");
+  if (query.whole_buckets == 1) unit = PlanUnit::kBuckets;
   Interval interval;
   L4D_RETURN_IF_ERROR(query_interval(query, file.header().timeline, &interval));
   Planner planner(file, interval, unit, losses, out);
-  const auto& layers = file.header().layers;
-  for (uint32_t i = 0; i < layers.size(); ++i) {
-    if (layers[i].level > query.max_level) continue;
-    L4D_RETURN_IF_ERROR(planner.add_layer(i));
-    if (out->num_gaussians > file.header().num_gaussians) {
-      return corrupt("DIR-5", layers[i].page_table_offset,
-                     "the directory holds more Gaussians than the scene header says");
+  const SceneHeader& header = file.header();
+  const auto check_count = [&](uint64_t offset) -> Status {
+    if (out->num_gaussians <= header.num_gaussians) return {};
+    return corrupt("DIR-5", offset, "the directory holds more Gaussians than the scene header says");
+  };
+  if (query.kind == L4D_QUERY_BUCKETS) {
+    L4D_RETURN_IF_ERROR(check_buckets(query, header));
+    L4D_RETURN_IF_ERROR(add_listed_buckets(query, header, &planner));
+    L4D_RETURN_IF_ERROR(check_count(Status::kNoOffset));
+  } else {
+    for (uint32_t i = 0; i < header.layers.size(); ++i) {
+      if (header.layers[i].level > query.max_level) continue;
+      L4D_RETURN_IF_ERROR(planner.add_layer(i));
+      L4D_RETURN_IF_ERROR(check_count(header.layers[i].page_table_offset));
     }
   }
   if (out->detail == L4D_DETAIL_FULL) out->bytes += out->sh_bytes;

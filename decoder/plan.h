@@ -32,7 +32,7 @@ struct Plan {
 };
 
 // kPages leaves out pages whose visible interval misses the query. kBuckets takes all pages of a bucket
-// where one is wanted: what a cache of whole buckets needs.
+// where one is wanted, as a query with whole_buckets does: what a cache of buckets needs.
 enum class PlanUnit { kPages, kBuckets };
 // With `losses`, directory pages that cannot be read are told there and left out.
 Status make_plan(SceneFile& file, const l4d_query& query, PlanUnit unit, Losses* losses, Plan* out);

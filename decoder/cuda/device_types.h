@@ -55,6 +55,7 @@ struct DeviceComponent {
   uint32_t has_depth;
   uint32_t num_coefficients;
   uint32_t num_rungs;             // steps of the ladder; with one there is no column of rungs
+  uint32_t dim;                   // numbers of a row, as coded
   // [entries, dim]; of a transform [0] is the basis, the origin first.
   const float* book[L4D_MAX_STAGES];
   const float* steps;             // [num_coefficients]
@@ -101,6 +102,7 @@ struct DevicePage {
   uint32_t middle;    // planes of the first part
   uint32_t sh_limit;  // coefficients of SH that count
   uint32_t has_sh;    // 0: no plane of SH is decoded, not even depths and classes
+  uint32_t piece;     // first of the pieces that its literals are counted in
   uint32_t stage0_entries[L4D_COMPONENT_COUNT];
 };
 
@@ -123,6 +125,21 @@ constexpr uint32_t kExpandGaussians = 256;
 struct ExpandTask {
   uint32_t page;
   uint32_t first;
+};
+
+// Pages of one layer that the host has packed: one piece, and literals that lie in the upload.
+struct HostPiece {
+  uint64_t at[L4D_COMPONENT_COUNT];  // in the upload, [rows, dim] binary16
+  uint64_t rows[L4D_COMPONENT_COUNT];
+  uint32_t dim[L4D_COMPONENT_COUNT];
+  uint32_t piece;
+  uint32_t reserved;
+};
+
+// Literals of a piece, and then of the pieces before it: rows, and the numbers of those rows, which
+// are more or fewer from layer to layer.
+struct LiteralSum {
+  uint64_t rows, numbers;
 };
 
 // What is wrong with a part of a page; the first word that is not kPageOk ends its decoding.
@@ -167,6 +184,13 @@ struct DeviceJob {
   const ExpandTask* expands;
   uint32_t* faults;  // [pages, 2]
   Columns columns;
+  // Of the packed form. Pieces are ExpandTasks and HostPieces in the order of the Gaussians.
+  const HostPiece* host_pieces;
+  LiteralSum* literals;     // [num_pieces, L4D_COMPONENT_COUNT]
+  uint64_t* num_literals;   // [L4D_COMPONENT_COUNT]
+  uint32_t num_expands;
+  uint32_t num_host_pieces;
+  uint32_t num_pieces;      // 0 where nothing may have literals
 };
 
 // Decoded arrays, as l4d_gaussian_buffers; null = not wanted.
@@ -179,5 +203,21 @@ struct DeviceArrays {
   float* opacity;
   float* sh;
 };
+
+// Packed arrays, as l4d_packed_buffers; null = not wanted.
+struct PackedArrays {
+  uint16_t* position;
+  uint16_t* mean_t;
+  uint16_t* opacity;
+  uint16_t* scale_factor;
+  struct Component {
+    uint8_t* depth;
+    uint16_t* index;    // stage s at s * capacity
+    uint16_t* literal;
+    uint64_t literal_capacity;
+  } component[L4D_COMPONENT_COUNT];
+  uint64_t capacity;
+};
+static_assert(sizeof(DeviceJob) + sizeof(PackedArrays) <= 4096, "parameters of one kernel");
 
 }  // namespace l4d::cuda

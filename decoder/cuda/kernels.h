@@ -28,4 +28,7 @@ struct ExpandLaunch {
 cudaError_t launch_expand(const DeviceJob& job, const ExpandLaunch& launch, const DeviceArrays& out,
                           cudaStream_t stream);
 
+// Columns to packed arrays, and literals one behind the other; counts of literals go to the job.
+cudaError_t launch_pack(const DeviceJob& job, const PackedArrays& out, cudaStream_t stream);
+
 }  // namespace l4d::cuda

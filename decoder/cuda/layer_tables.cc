@@ -12,13 +12,14 @@ DeviceScalar device_scalar(const ScalarCoding& coding) {
   return {coding.coding == ScalarCodingId::kSq ? 1u : 0u, coding.offset, coding.step};
 }
 
-DeviceComponent device_component(const ComponentCoding& coding) {
+DeviceComponent device_component(const ComponentCoding& coding, unsigned dim) {
   DeviceComponent out{};
   out.coding = static_cast<uint32_t>(coding.coding);
   out.num_stages = static_cast<uint32_t>(coding.stages.size());
   out.has_depth = coding.has_depth() ? 1 : 0;
   out.num_coefficients = coding.coefficients();
   out.num_rungs = static_cast<uint32_t>(coding.ladder.size());
+  out.dim = dim;
   std::copy(coding.ladder.begin(), coding.ladder.end(), out.ladder);
   return out;
 }
@@ -37,7 +38,7 @@ DeviceLayer device_layer(const SceneHeader& header, const LayerHeader& layer) {
   out.opacity = device_scalar(header.opacity);
   out.scale_factor = device_scalar(layer.scale_factor);
   for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
-    out.component[c] = device_component(header.component(layer, c));
+    out.component[c] = device_component(header.component(layer, c), header.component_dim(layer, c));
   }
   return out;
 }
@@ -211,13 +212,18 @@ Status LayerTables::load_component(uint32_t layer, unsigned c) {
   return {};
 }
 
-Status LayerTables::load(uint32_t layer, const Wants& wants) {
+Status LayerTables::load_books(uint32_t layer, unsigned c) {
   const SceneHeader& header = file_.header();
+  const ComponentCoding& coding = header.component(header.layers[layer], c);
+  if (loaded_[layer][c] || coding.num_books() == 0) return {};
+  L4D_RETURN_IF_ERROR(load_component(layer, c));
+  loaded_[layer][c] = true;
+  return {};
+}
+
+Status LayerTables::load(uint32_t layer, const Wants& wants) {
   for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
-    const ComponentCoding& coding = header.component(header.layers[layer], c);
-    if (!wants[c] || loaded_[layer][c] || coding.num_books() == 0) continue;
-    L4D_RETURN_IF_ERROR(load_component(layer, c));
-    loaded_[layer][c] = true;
+    if (wants[c]) L4D_RETURN_IF_ERROR(load_books(layer, c));
   }
   if (loaded_[layer][L4D_COMPONENT_COUNT]) return {};
   L4D_RETURN_IF_ERROR(load_entropy(layer));

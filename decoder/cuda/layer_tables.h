@@ -29,6 +29,8 @@ class LayerTables {
   // Which components have to be expanded; of others only the planes are decoded.
   using Wants = std::array<bool, L4D_COMPONENT_COUNT>;
   Status load(uint32_t layer, const Wants& wants);
+  // Codebooks of a component alone, which are in layers() then.
+  Status load_books(uint32_t layer, unsigned c);
   // After load() of all layers of a job: brings what is new of layers() to the device.
   Status update();
 

@@ -150,8 +150,14 @@ L4D_API l4d_status l4d_decoder_get_sections(l4d_decoder* decoder, uint64_t* sect
 enum {
   L4D_QUERY_ALL = 0,  /* the whole stream */
   L4D_QUERY_TIME = 1, /* all buckets that may be visible at time_begin */
-  L4D_QUERY_RANGE = 2 /* all buckets that may be visible in [time_begin, time_end] */
+  L4D_QUERY_RANGE = 2, /* all buckets that may be visible in [time_begin, time_end] */
+  L4D_QUERY_BUCKETS = 3 /* the buckets that are listed, whole */
 };
+/* A time bucket of a layer, as in l4d_range. */
+typedef struct l4d_bucket {
+  uint32_t layer;
+  uint32_t bucket; /* below l4d_layer_info.num_buckets */
+} l4d_bucket;
 /* How much of each Gaussian is wanted. */
 enum {
   L4D_DETAIL_FULL = 0,
@@ -169,7 +175,13 @@ typedef struct l4d_query {
   double time_begin;   /* seconds; clamped to the sequence */
   double time_end;
   uint32_t detail;     /* L4D_DETAIL_*; FULL is the default */
-  uint32_t reserved;
+  /* TIME and RANGE. 0: pages of a bucket of which nothing is visible then are left out. 1: buckets come
+   * whole, as who keeps buckets wants them. */
+  uint32_t whole_buckets;
+  /* BUCKETS: [num_buckets], borrowed, in strictly ascending order of layer and then bucket; others fail
+   * with INVALID_ARGUMENT. Those of levels above max_level are left out. */
+  const l4d_bucket* buckets;
+  uint64_t num_buckets;
 } l4d_query;
 L4D_API void l4d_query_init_(l4d_query* query, size_t struct_size);
 #define l4d_query_init(query) l4d_query_init_((query), sizeof(*(query)))
@@ -203,6 +215,11 @@ L4D_API void l4d_selection_init_(l4d_selection* selection, size_t struct_size);
 #define l4d_selection_init(selection) l4d_selection_init_((selection), sizeof(*(selection)))
 L4D_API l4d_status l4d_decoder_select(l4d_decoder* decoder, const l4d_query* query,
                                       l4d_selection* selection);
+/* The ranges that decoding the query would give, from the directory alone: with `whole_buckets`, what a
+ * player has to hold at a time. *count is their number; the first min(capacity, *count) go to `out`, which
+ * may be NULL where capacity is 0. */
+L4D_API l4d_status l4d_decoder_get_ranges(l4d_decoder* decoder, const l4d_query* query,
+                                          l4d_range* out, uint64_t capacity, uint64_t* count);
 
 /* Destination arrays, owned by the caller. A NULL array is not decoded and costs no time; without `sh`,
  * SH detail is not read either. */

@@ -231,6 +231,14 @@ l4d_status l4d_decoder_select(l4d_decoder* decoder, const l4d_query* query,
                      });
 }
 
+l4d_status l4d_decoder_get_ranges(l4d_decoder* decoder, const l4d_query* query, l4d_range* out,
+                                  uint64_t capacity, uint64_t* count) {
+  const bool ok = query != nullptr && count != nullptr && (out != nullptr || capacity == 0);
+  return with_stream(decoder, ok, [&](l4d::Decoder& d) {
+    return d.ranges(read_struct(*query, default_query()), out, capacity, count);
+  });
+}
+
 l4d_status l4d_decoder_decode(l4d_decoder* decoder, const l4d_query* query,
                               l4d_gaussian_buffers* out) {
   return with_stream(decoder, query != nullptr && out != nullptr, [&](l4d::Decoder& d) -> Status {

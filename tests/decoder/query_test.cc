@@ -2,6 +2,7 @@
 // A query by time gives everything visible then, and reads little more.
 #include <gtest/gtest.h>
 
+#include <cstring>
 #include <limits>
 #include <set>
 
@@ -191,6 +192,76 @@ TEST_P(Query, AnInstantReadsLittleMoreThanItShows) {
   EXPECT_LT(now.num_gaussians, 3 * in_reach + 300);
 }
 
+std::vector<l4d_range> ranges_of(const DecoderHandle& d, const l4d_query& q) {
+  uint64_t count = 0;
+  EXPECT_EQ(l4d_decoder_get_ranges(d.get(), &q, nullptr, 0, &count), L4D_OK);
+  std::vector<l4d_range> ranges(static_cast<size_t>(count));
+  EXPECT_EQ(l4d_decoder_get_ranges(d.get(), &q, ranges.data(), count, &count), L4D_OK);
+  EXPECT_EQ(count, ranges.size());
+  return ranges;
+}
+std::vector<l4d_bucket> buckets_of(const std::vector<l4d_range>& ranges) {
+  std::vector<l4d_bucket> buckets;
+  for (const l4d_range& r : ranges) buckets.push_back({r.layer, r.bucket});
+  return buckets;
+}
+l4d_query bucket_query(const std::vector<l4d_bucket>& buckets) {
+  l4d_query q = all_query();
+  q.kind = L4D_QUERY_BUCKETS;
+  q.buckets = buckets.data();
+  q.num_buckets = buckets.size();
+  return q;
+}
+
+TEST_P(Query, RangesComeFromTheDirectoryAlone) {
+  for (const l4d_query& q : {all_query(), time_query(0.5 * (begin_ + end_))}) {
+    const std::vector<l4d_range> ranges = ranges_of(d_, q);
+    const GaussianArrays a = d_.decode(q);
+    ASSERT_EQ(ranges.size(), a.ranges.size());
+    for (size_t i = 0; i < ranges.size(); ++i) {
+      EXPECT_EQ(std::memcmp(&ranges[i], &a.ranges[i], sizeof(l4d_range)), 0) << i;
+    }
+  }
+}
+
+// What a cache of buckets does: it learns which it needs, and decodes those that it lacks.
+TEST_P(Query, ListedBucketsAreThoseOfATime) {
+  for (const double t : times()) {
+    l4d_query q = time_query(t);
+    const Rows pages = rows(d_.decode(q));
+    q.whole_buckets = 1;
+    const GaussianArrays whole = d_.decode(q);
+    EXPECT_TRUE(contains(rows(whole), pages));
+    const std::vector<l4d_bucket> buckets = buckets_of(ranges_of(d_, q));
+    EXPECT_TRUE(same_bits(d_.decode(bucket_query(buckets)), whole));
+    // Each by itself is its range of the whole.
+    for (size_t i = 0; i < buckets.size(); i += 1 + buckets.size() / 3) {
+      const GaussianArrays one = d_.decode(bucket_query({buckets[i]}));
+      ASSERT_EQ(one.count(), whole.ranges[i].count);
+      for (size_t k = 0; k < one.count(); ++k) {
+        ASSERT_EQ(row(one, k), row(whole, static_cast<size_t>(whole.ranges[i].first) + k));
+      }
+    }
+  }
+}
+
+TEST_P(Query, EveryBucketListedIsTheWhole) {
+  const std::vector<l4d_bucket> buckets = buckets_of(all_.ranges);
+  l4d_query q = bucket_query(buckets);
+  EXPECT_TRUE(same_bits(d_.decode(q), all_));
+  EXPECT_EQ(d_.select(q).directory_bytes, d_.select(all_query()).directory_bytes);
+  // Every second one leaves gaps in the directory pages.
+  std::vector<l4d_bucket> some;
+  uint64_t want = 0;
+  for (size_t i = 0; i < buckets.size(); i += 2) {
+    some.push_back(buckets[i]);
+    want += all_.ranges[i].count;
+  }
+  EXPECT_EQ(d_.decode(bucket_query(some)).count(), want);
+  q = bucket_query({});
+  EXPECT_EQ(d_.decode(q).count(), 0u);
+}
+
 INSTANTIATE_TEST_SUITE_P(Streams, Query,
                          testing::Values(NamedFile{"dynamic", dynamic_file},
                                          NamedFile{"rcq", rcq_file},
@@ -205,10 +276,17 @@ TEST(QueryArguments, AreChecked) {
   const double nan = std::numeric_limits<double>::quiet_NaN();
   l4d_selection s;
   l4d_selection_init(&s);
-  l4d_query unknown = time_query(0);
-  unknown.kind = 3;
+  l4d_query unknown = time_query(0), unit = time_query(0), no_list = all_query();
+  unknown.kind = 4;
+  unit.whole_buckets = 2;
+  no_list.kind = L4D_QUERY_BUCKETS;
+  no_list.num_buckets = 1;
+  const std::vector<l4d_bucket> no_layer = {{99, 0}}, no_bucket = {{0, 1u << 30}},
+                                twice = {{0, 0}, {0, 0}}, descending = {{1, 0}, {0, 0}};
   for (const l4d_query& q :
-       {unknown, time_query(nan), range_query(nan, 1), range_query(0, nan), range_query(1, 0.5)}) {
+       {unknown, time_query(nan), range_query(nan, 1), range_query(0, nan), range_query(1, 0.5), unit,
+        no_list, bucket_query(no_layer), bucket_query(no_bucket), bucket_query(twice),
+        bucket_query(descending)}) {
     EXPECT_EQ(l4d_decoder_select(d.get(), &q, &s), L4D_ERR_INVALID_ARGUMENT);
     EXPECT_STRNE(l4d_decoder_error_detail(d.get()), "");
   }
