@@ -23,7 +23,7 @@ constexpr ParameterDescription kParameters[L4D_ENC_PARAMETER_COUNT] = {
     {"merge-count", "merge a finest layer with fewer Gaussians", 0, 1e9, 4096, false, true},
     {"prune-weight", "drop Gaussians whose alpha_t weight is at most this; negative = never", -1, 1e30,
      -1, false, false},
-    {"page-size", "Gaussians per page", 64, 65536, 32768, false, true},
+    {"page-size", "Gaussians per page", 64, 65536, 4096, false, true},
     {"closed-loop", "choose means and opacities so that decoded Gaussians are in place", 0, 1, 1,
      false, true},
     {"gauge", "rotors: 0 as given, 1 sign, 2 nearest identity, 3 sorted scales", 0, 3, 1, false,
@@ -78,6 +78,8 @@ constexpr double kPaperScaleThreshold = 2e-7;
 constexpr double kPaperSpatialThreshold = 1e-6;
 constexpr double kPaperTemporalThreshold = 8e-6;
 constexpr double kPaperRcqSize = 512;
+// Pages of zstd streams: those gain from length, and no device decodes them.
+constexpr double kStreamPageSize = 32768;
 
 // A preset of transforms is a quality.
 struct QualityPreset {
@@ -205,6 +207,7 @@ Status EncoderSettings::set_preset(const char* name) {
   }
   if (std::strcmp(name, "lossless") == 0) {
     fresh.values_[L4D_ENC_LOSSLESS].fill(1);
+    fresh.values_[L4D_ENC_PAGE_SIZE].fill(kStreamPageSize);
   } else if (std::strcmp(name, "paper-small") == 0 || std::strcmp(name, "paper-large") == 0) {
     fresh.use_codebooks();
     const PaperPreset& paper = name[6] == 's' ? kPaperSmall : kPaperLarge;
@@ -212,6 +215,7 @@ Status EncoderSettings::set_preset(const char* name) {
       fresh.values_[static_cast<size_t>(id)][static_cast<size_t>(component)] = value;
     };
     fresh.values_[L4D_ENC_RANS].fill(0);
+    fresh.values_[L4D_ENC_PAGE_SIZE].fill(kStreamPageSize);
     set(L4D_ENC_LITERAL_THRESHOLD, L4D_COMPONENT_SH, paper.sh_threshold);
     set(L4D_ENC_LITERAL_THRESHOLD, L4D_COMPONENT_SCALE, kPaperScaleThreshold);
     set(L4D_ENC_LITERAL_THRESHOLD, L4D_COMPONENT_ROTOR_SPATIAL, kPaperSpatialThreshold);

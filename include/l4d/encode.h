@@ -61,7 +61,9 @@ enum {
   L4D_ENC_MERGE_FRACTION = 5,   /* a finest layer with fewer than this share is merged, 0..1 */
   L4D_ENC_MERGE_COUNT = 6,      /* ... or with fewer Gaussians than this */
   L4D_ENC_PRUNE_WEIGHT = 7,     /* drop Gaussians with alpha_t weight <= this; < 0 = never */
-  L4D_ENC_PAGE_SIZE = 8,        /* Gaussians per page, 64..65536 */
+  /* Gaussians per page, 64..65536. A device decodes the pages of an instant side by side: long ones keep it
+   * waiting. Presets of rANS pages: 4096, of zstd streams: 32768 */
+  L4D_ENC_PAGE_SIZE = 8,
   L4D_ENC_CLOSED_LOOP = 9,      /* 0 | 1: choose means so that decoded Gaussians are in place */
   L4D_ENC_GAUGE = 10,           /* rotors: 0 as given, 1 sign, 2 nearest identity, 3 sorted scales */
   L4D_ENC_OPACITY_BITS = 11,    /* 1..16; 0: as the quality allows */
