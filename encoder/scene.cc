@@ -208,6 +208,10 @@ Status prepare_scene(const EncoderInput& input, const EncoderSettings& settings,
       float* log_scale = s.log_scale.data() + 4 * i;
       std::copy_n(g.rotor + 8 * from, 8, rotor);
       std::copy_n(g.log_scale + 4 * from, 4, log_scale);
+      // So that what is encoded again and again stays where it is.
+      for (size_t k = 0; !lossless && k < 4; ++k) {
+        log_scale[k] = std::clamp(log_scale[k], -kMaxLogScale, kMaxLogScale);
+      }
       std::copy_n(g.sh + sh_dim * from, sh_dim, s.sh.data() + sh_dim * i);
       s.mean_t[i] = static_cast<double>(g.mean_t[from]);
       for (size_t k = 0; k < 3; ++k) {

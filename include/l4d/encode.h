@@ -133,8 +133,9 @@ L4D_API l4d_status l4d_encoder_set_stages(l4d_encoder* encoder, int32_t componen
 /* ---- input --------------------------------------------------------------------------------- */
 
 /* Sets the scene. Arrays are borrowed until encode returns or another scene is set. placement may be
- * NULL (identity). NaN, Inf and log scales outside [-16, 16] are refused by encode with
- * INVALID_SCENE naming Gaussian and attribute, or dropped where DROP_INVALID is set. */
+ * NULL (identity). NaN, Inf and log scales outside [-17, 17] are refused by encode with
+ * INVALID_SCENE naming Gaussian and attribute, or dropped where DROP_INVALID is set; log scales between
+ * 16 and 17, as coding errors leave them, are coded as 16, those below -16 likewise. */
 L4D_API l4d_status l4d_encoder_set_scene(l4d_encoder* encoder, const l4d_gaussians* gaussians,
                                          const l4d_timeline* timeline,
                                          const l4d_placement* placement);

@@ -8,7 +8,9 @@
 
 namespace l4d {
 
+// Scenes keep to this; what was coded near it may come back a little beyond, and is a scene still.
 constexpr float kMaxLogScale = 16;
+constexpr float kLogScaleMargin = 1;
 constexpr double kMaxCoordinate = 0x1p60;
 
 // Name of the first attribute of Gaussian i that is no value a scene may hold, or null.
@@ -18,7 +20,7 @@ inline const char* invalid_attribute(const l4d_gaussians& g, size_t i) {
   }
   if (!(std::fabs(g.mean_t[i]) <= kMaxCoordinate)) return "mean_t";
   for (size_t k = 0; k < 4; ++k) {
-    if (!(std::fabs(g.log_scale[4 * i + k]) <= kMaxLogScale)) return "log_scale";
+    if (!(std::fabs(g.log_scale[4 * i + k]) <= kMaxLogScale + kLogScaleMargin)) return "log_scale";
   }
   for (size_t k = 0; k < 8; ++k) {
     if (!(std::fabs(g.rotor[8 * i + k]) <= 1e15f)) return "rotor";

@@ -172,8 +172,8 @@ std::vector<BadValue> bad_values() {
     all.push_back({"opacity", &TestScene::opacity, 1, v});
     all.push_back({"sh", &TestScene::sh, 12, v});
   }
-  all.push_back({"log_scale", &TestScene::log_scale, 4, 16.01f});
-  all.push_back({"log_scale", &TestScene::log_scale, 4, -16.01f});
+  all.push_back({"log_scale", &TestScene::log_scale, 4, 17.01f});
+  all.push_back({"log_scale", &TestScene::log_scale, 4, -17.01f});
   all.push_back({"opacity", &TestScene::opacity, 1, -0.001f});
   all.push_back({"opacity", &TestScene::opacity, 1, 1.001f});
   all.push_back({"sh", &TestScene::sh, 12, 70000.0f});
@@ -426,6 +426,18 @@ TEST(OddScenes, ExtremeValues) {
     for (const float v : a.rotor) EXPECT_TRUE(std::isfinite(v));
     for (const float v : a.sh) EXPECT_TRUE(std::isfinite(v));
     for (const float v : a.mean_t) EXPECT_TRUE(std::isfinite(v));
+    // What comes out goes in again, though coding may have pushed it past the borders.
+    TestScene again = scene;
+    again.position = a.position;
+    again.mean_t = a.mean_t;
+    again.log_scale = a.log_scale;
+    again.rotor = a.rotor;
+    again.opacity = a.opacity;
+    again.sh = a.sh;
+    again.flags = a.flags;
+    const GaussianArrays b = decode(encode(again, o).bytes, all_query());
+    ASSERT_EQ(b.count(), a.count());
+    for (const float v : b.log_scale) EXPECT_LE(std::fabs(v), 17.0f);
   }
 }
 
