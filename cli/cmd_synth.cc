@@ -16,6 +16,7 @@ struct SynthArguments {
   std::string seconds = "5";
   std::string fps = "30";
   std::string gaussians = "100k";
+  std::string static_gaussians;
   std::vector<std::string> effects;
   uint64_t seed = 1;
   std::string output;
@@ -34,6 +35,9 @@ Outcome run_synth(Context& context, const SynthArguments& arguments) {
   options.seconds = parse_seconds(arguments.seconds, "--seconds");
   options.fps = parse_number(arguments.fps, "--fps");
   options.gaussians = parse_size(arguments.gaussians, "--gaussians");
+  if (!arguments.static_gaussians.empty()) {
+    options.static_gaussians = parse_size(arguments.static_gaussians, "--static-gaussians");
+  }
   options.seed = arguments.seed;
   options.effects = arguments.effects;
   if (!(options.seconds > 0)) throw usage_error("--seconds must be positive");
@@ -95,6 +99,10 @@ void add_synth(Registry& registry) {
   verb->add_option("-n,--gaussians", arguments->gaussians, "Gaussians: 100k, 2M")
       ->type_name("N")
       ->capture_default_str();
+  verb->add_option("--static-gaussians", arguments->static_gaussians,
+                   "How many of them are the room, for scenes that differ in length alone (default: a\n"
+                   "fixed share of all)")
+      ->type_name("N");
   verb->add_option("--effects", arguments->effects,
                    "What the scene has, comma-separated: " + effect_names() + " (default: all)")
       ->type_name("LIST")

@@ -15,6 +15,11 @@ l4d synth -n 1000 --effects static --effects rigid -o - > e.ply 2> err
 cmp d.ply e.ply
 expect_document 0 synth -n 1000 --seconds 1:00:00 -o long.ply
 expect_json out 'd["duration_s"] == 3600 and d["num_frames"] == 108000'
+# The room of a longer scene is the same room: of 2000 Gaussians the first 800.
+expect 0 synth -n 2000 --static-gaussians 800 --seconds 5 -o short.ply
+expect 0 synth -n 3000 --static-gaussians 800 --seconds 10 -o longer.ply
+if cmp -s a.ply short.ply; then die "--static-gaussians does nothing"; fi
+expect 2 synth -n 2000 --static-gaussians some -o f.ply
 expect 0 encode long.ply -o long.l4d
 expect_document 0 info long.l4d --time 59:59
 expect_json out 'd["duration_s"] == 3600 and d["seek"]["time"] == 3599'
