@@ -13,6 +13,7 @@
 #include <cstring>
 #include <exception>
 #include <functional>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -80,11 +81,19 @@ double median_time(int runs, cudaStream_t stream, const std::function<void()>& b
 
 class Query {
  public:
-  Query(DecoderHandle& decoder, const l4d_query& query) : query_(query) {
+  Query(DecoderHandle& decoder, const l4d_query& query) : decoder_(decoder), query_(query) {
     decoder.check(l4d_cuda_decoder_create(decoder.get(), 0, &cuda_));
     const uint32_t degree = decoder.info().sh_degree;
     sh_dim_ = 3 * (degree + 1) * (degree + 1);
     host_ = decoder.decode(query);
+    for (uint32_t l = 0; l < decoder.info().num_layers; ++l) {
+      l4d_layer_info layer;
+      l4d_layer_info_init(&layer);
+      decoder.check(l4d_decoder_get_layer_info(decoder.get(), l, &layer));
+      for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
+        stages_[c] = std::max<uint64_t>(stages_[c], layer.num_stages[c]);
+      }
+    }
     cuda_check(cudaStreamCreate(&stream_));
   }
   ~Query() {
@@ -158,10 +167,108 @@ class Query {
                 1e-9 * bytes / whole);
     std::printf("  decode with upload      %9.3f ms, %.0f GB/s of output\n", 1e3 * with_upload,
                 1e-9 * bytes / with_upload);
+    run_packed(runs);
     std::fflush(stdout);
   }
 
  private:
+  // All arrays of the packed form, which are compared with the host's like the others.
+  void run_packed(int runs) {
+    l4d_cuda_job job;
+    l4d_cuda_job_init(&job);
+    job.forms = L4D_CUDA_FORM_PACKED;
+    const l4d_status prepared = l4d_cuda_decoder_prepare(cuda_, &query_, &job);
+    if (prepared == L4D_ERR_FEATURE_UNSUPPORTED) return;
+    check(prepared);
+    const uint64_t n = job.num_gaussians;
+    std::vector<uint64_t> bytes = {6 * n, 2 * n, 2 * n, 2 * n};
+    for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
+      const uint64_t dim = c == L4D_COMPONENT_SH ? sh_dim_ : 4;
+      for (const uint64_t b : {n, 2 * n * stages_[c], 2 * n * dim}) bytes.push_back(b);
+    }
+    std::vector<std::unique_ptr<DeviceArray>> arrays;
+    for (const uint64_t b : bytes) {
+      arrays.push_back(std::make_unique<DeviceArray>(b));
+      // Of a layer with fewer stages than others some indices stay as they are.
+      cuda_check(cudaMemset(arrays.back()->data(), 0, b));
+    }
+    const DeviceArray workspace(job.workspace_bytes);
+    const auto halves = [&](size_t k) { return static_cast<uint16_t*>(arrays[k]->data()); };
+    l4d_cuda_packed_buffers out;
+    l4d_cuda_packed_buffers_init(&out);
+    out.capacity = n;
+    out.position = halves(0);
+    out.mean_t = halves(1);
+    out.opacity = halves(2);
+    out.scale_factor = halves(3);
+    for (size_t c = 0; c < L4D_COMPONENT_COUNT; ++c) {
+      out.component[c] = {static_cast<uint8_t*>(arrays[4 + 3 * c]->data()), halves(5 + 3 * c),
+                          halves(6 + 3 * c), n};
+    }
+    const auto decode = [&] {
+      check(l4d_cuda_decoder_decode_packed(cuda_, &out, workspace.data(), job.workspace_bytes,
+                                           stream_));
+    };
+    decode();
+    check(l4d_cuda_decoder_finish(cuda_));
+    uint64_t literals[L4D_COMPONENT_COUNT];
+    check(l4d_cuda_decoder_get_num_literals(cuda_, literals));
+    compare_packed(bytes, arrays, literals);
+    double size = 0;
+    for (unsigned k = 0; k < bytes.size(); ++k) {
+      const bool is_literal = k >= 4 && (k - 4) % 3 == 2;
+      const uint64_t rows = is_literal ? literals[(k - 4) / 3] : n;
+      size += n == 0 ? 0 : static_cast<double>(bytes[k] / n * rows);
+    }
+    const double whole = median_time(
+        runs, stream_,
+        [&] {
+          check(l4d_cuda_decoder_upload(cuda_, workspace.data(), job.workspace_bytes, stream_));
+        },
+        decode);
+    const double with_upload = median_time(runs, stream_, [] {}, decode);
+    std::printf("  packed, %5.1f MB out    %9.3f ms, %.0f GB/s of it, %.0f of what it expands to\n",
+                1e-6 * size, 1e3 * whole, 1e-9 * size / whole,
+                4e-9 * static_cast<double>(n * (18 + sh_dim_)) / whole);
+    std::printf("  packed with upload      %9.3f ms\n", 1e3 * with_upload);
+  }
+
+  void compare_packed(const std::vector<uint64_t>& bytes,
+                      const std::vector<std::unique_ptr<DeviceArray>>& arrays,
+                      const uint64_t* literals) {
+    std::vector<std::vector<unsigned char>> host;
+    for (const uint64_t b : bytes) host.emplace_back(static_cast<size_t>(b) + 1);
+    const auto halves = [&](size_t k) { return reinterpret_cast<uint16_t*>(host[k].data()); };
+    l4d_packed_buffers out;
+    l4d_packed_buffers_init(&out);
+    out.capacity = bytes[1] / 2;
+    out.position = halves(0);
+    out.mean_t = halves(1);
+    out.opacity = halves(2);
+    out.scale_factor = halves(3);
+    for (size_t c = 0; c < L4D_COMPONENT_COUNT; ++c) {
+      out.component[c] = {host[4 + 3 * c].data(), halves(5 + 3 * c), halves(6 + 3 * c),
+                          out.capacity, 0};
+    }
+    decoder_.check(l4d_decoder_decode_packed(decoder_.get(), &query_, &out));
+    for (size_t k = 0; k < bytes.size(); ++k) {
+      uint64_t size = bytes[k];
+      if (k >= 4 && (k - 4) % 3 == 2 && out.capacity > 0) {
+        const size_t c = (k - 4) / 3;
+        if (out.component[c].num_literals != literals[c]) {
+          std::fprintf(stderr, "numbers of literals differ\n");
+          std::exit(1);
+        }
+        size = size / out.capacity * literals[c];
+      }
+      std::vector<unsigned char> found(static_cast<size_t>(size));
+      cuda_check(cudaMemcpy(found.data(), arrays[k]->data(), found.size(), cudaMemcpyDeviceToHost));
+      if (std::memcmp(found.data(), host[k].data(), found.size()) == 0) continue;
+      std::fprintf(stderr, "packed array %zu differs between device and host\n", k);
+      std::exit(1);
+    }
+  }
+
   void check(l4d_status status) const {
     if (status == L4D_OK) return;
     std::fprintf(stderr, "%s\n", l4d_cuda_decoder_error_detail(cuda_));
@@ -176,9 +283,11 @@ class Query {
     std::exit(1);
   }
 
+  DecoderHandle& decoder_;
   const l4d_query query_;
   l4d_cuda_decoder* cuda_ = nullptr;
   uint64_t sh_dim_ = 0;
+  uint64_t stages_[L4D_COMPONENT_COUNT] = {};
   GaussianArrays host_;
   cudaStream_t stream_ = nullptr;
 };

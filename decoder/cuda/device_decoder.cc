@@ -2,6 +2,9 @@
 #include "decoder/cuda/device_decoder.h"
 
 #include <algorithm>
+#include <iterator>
+
+#include "libl4dcodec/container/levels.h"
 
 namespace l4d::cuda {
 namespace {
@@ -38,16 +41,24 @@ Status DeviceDecoder::prepare(const l4d_query& query, l4d_cuda_job* job) {
   if ((job->attributes & ~uint32_t{L4D_CUDA_ALL_ATTRIBUTES}) != 0) {
     return invalid_argument("unknown attributes");
   }
+  const uint32_t all_forms = L4D_CUDA_FORM_EXPANDED | L4D_CUDA_FORM_PACKED;
+  if (job->forms == 0 || (job->forms & ~all_forms) != 0) return invalid_argument("unknown forms");
   // The job at hand goes, so that its copies must have ended.
   if (in_flight_) L4D_RETURN_IF_CUDA_ERROR(cudaEventSynchronize(done_));
   in_flight_ = false;
   prepared_ = false;
-  decoded_ = false;
+  decoded_ = 0;
+  finished_ = false;
   uploaded_to_ = nullptr;
+  block_books_.clear();
   attributes_ = job->attributes;
-  L4D_RETURN_IF_ERROR(job_->prepare(query, attributes_));
-  L4D_RETURN_IF_ERROR(
-      faults_.reserve(std::max<size_t>(1, 2 * job_->num_pages() * sizeof(uint32_t))));
+  forms_ = job->forms;
+  if ((forms_ & L4D_CUDA_FORM_PACKED) != 0) L4D_RETURN_IF_ERROR(check_has_packed_form());
+  L4D_RETURN_IF_ERROR(job_->prepare(query, attributes_, forms_));
+  const size_t result_bytes = static_cast<size_t>(job_->results_bytes());
+  L4D_RETURN_IF_ERROR(results_.reserve(result_bytes));
+  // What it stays where nothing runs on the device.
+  std::fill_n(results_.as<unsigned char>(), result_bytes, static_cast<unsigned char>(0));
   prepared_ = true;
   job->num_gaussians = job_->plan().num_gaussians;
   job->num_ranges = job_->plan().ranges.size();
@@ -84,7 +95,7 @@ Status DeviceDecoder::upload(void* workspace, uint64_t workspace_size, cudaStrea
 }
 
 Status DeviceDecoder::copy_host_rows(const DeviceArrays& out, cudaStream_t stream) const {
-  const l4d_gaussian_buffers& from = job_->host_arrays();
+  const l4d_gaussian_buffers& from = job_->host().expanded();
   const uint64_t sh_dim = decoder_.file().header().sh_dim();
   const struct {
     const float* from;
@@ -96,7 +107,7 @@ Status DeviceDecoder::copy_host_rows(const DeviceArrays& out, cudaStream_t strea
       {from.rotor, out.rotor, 8},         {from.opacity, out.opacity, 1},
       {from.sh, out.sh, sh_dim},
   };
-  for (const HostRun& run : job_->host_runs()) {
+  for (const HostRun& run : job_->host().runs()) {
     for (const auto& a : arrays) {
       if (a.to == nullptr) continue;
       L4D_RETURN_IF_CUDA_ERROR(cudaMemcpyAsync(
@@ -108,59 +119,84 @@ Status DeviceDecoder::copy_host_rows(const DeviceArrays& out, cudaStream_t strea
   return {};
 }
 
+Status DeviceDecoder::check_has_packed_form() const {
+  if (profile_of(decoder_.file().header()) == ProfileId::kIndexed) return {};
+  return Status(L4D_ERR_FEATURE_UNSUPPORTED, "only streams of codebook indices have a packed form");
+}
+
+Status DeviceDecoder::check_arrays(uint32_t form, uint64_t capacity, const GivenArray* arrays,
+                                   size_t count) const {
+  if ((forms_ & form) == 0) return invalid_argument("the job was not prepared in this form");
+  if (job_->plan().num_gaussians > capacity) {
+    return invalid_argument("capacity is " + std::to_string(capacity) + ", the job has " +
+                            std::to_string(job_->plan().num_gaussians) + " Gaussians");
+  }
+  for (size_t i = 0; i < count; ++i) {
+    if (arrays[i].array == nullptr) continue;
+    if ((attributes_ & arrays[i].attribute) == 0) {
+      return invalid_argument("an array is given for an attribute that was not prepared");
+    }
+    if (!is_aligned(arrays[i].array, kArrayAlignment)) {
+      return invalid_argument("an array is not at a multiple of " +
+                              std::to_string(kArrayAlignment) + " bytes");
+    }
+  }
+  return {};
+}
+
+Status DeviceDecoder::begin_decode(void* workspace, uint64_t workspace_size, cudaStream_t stream) {
+  if (uploaded_to_ != workspace || workspace == nullptr) {
+    L4D_RETURN_IF_ERROR(upload(workspace, workspace_size, stream));
+  }
+  uploaded_to_ = nullptr;
+  if (job_->num_pages() == 0) return {};
+  const DeviceJob job = job_->device_job(static_cast<unsigned char*>(workspace));
+  L4D_RETURN_IF_CUDA_ERROR(launch_planes(job, job_->planes_launch(), stream));
+  return {};
+}
+
+Status DeviceDecoder::end_decode(const void* workspace, uint32_t form, cudaStream_t stream) {
+  if (job_->staging_bytes() > 0) {
+    const unsigned char* from = static_cast<const unsigned char*>(workspace) + job_->faults_at();
+    L4D_RETURN_IF_CUDA_ERROR(cudaMemcpyAsync(results_.data(), from,
+                                             static_cast<size_t>(job_->results_bytes()),
+                                             cudaMemcpyDeviceToHost, stream));
+  }
+  L4D_RETURN_IF_CUDA_ERROR(cudaEventRecord(done_, stream));
+  in_flight_ = true;
+  decoded_ = form;
+  finished_ = false;
+  return {};
+}
+
 Status DeviceDecoder::decode(const l4d_cuda_gaussian_buffers& out, void* workspace,
                              uint64_t workspace_size, cudaStream_t stream) {
   L4D_RETURN_IF_ERROR(check_workspace(workspace, workspace_size));
-  if (job_->plan().num_gaussians > out.capacity) {
-    return invalid_argument("capacity is " + std::to_string(out.capacity) + ", the job has " +
-                            std::to_string(job_->plan().num_gaussians) + " Gaussians");
-  }
-  const DeviceArrays arrays = {out.position, out.mean_t,  out.mean_t_local, out.log_scale,
-                               out.rotor,    out.opacity, out.sh};
-  const struct {
-    const float* array;
-    uint32_t attribute;
-  } given[] = {
+  const GivenArray given[] = {
       {out.position, L4D_CUDA_POSITION}, {out.mean_t, L4D_CUDA_MEAN_T},
       {out.mean_t_local, L4D_CUDA_MEAN_T}, {out.log_scale, L4D_CUDA_LOG_SCALE},
       {out.rotor, L4D_CUDA_ROTOR},       {out.opacity, L4D_CUDA_OPACITY},
       {out.sh, L4D_CUDA_SH},
   };
-  for (const auto& g : given) {
-    if (g.array == nullptr) continue;
-    if ((attributes_ & g.attribute) == 0) {
-      return invalid_argument("an array is given for an attribute that was not prepared");
-    }
-    if (!is_aligned(g.array, kArrayAlignment)) {
-      return invalid_argument("an array is not at a multiple of " +
-                              std::to_string(kArrayAlignment) + " bytes");
-    }
-  }
-  if (uploaded_to_ != workspace || workspace == nullptr) {
-    L4D_RETURN_IF_ERROR(upload(workspace, workspace_size, stream));
-  }
-  uploaded_to_ = nullptr;
+  L4D_RETURN_IF_ERROR(check_arrays(L4D_CUDA_FORM_EXPANDED, out.capacity, given, std::size(given)));
+  const DeviceArrays arrays = {out.position, out.mean_t,  out.mean_t_local, out.log_scale,
+                               out.rotor,    out.opacity, out.sh};
+  L4D_RETURN_IF_ERROR(begin_decode(workspace, workspace_size, stream));
   if (job_->num_pages() > 0) {
-    unsigned char* at = static_cast<unsigned char*>(workspace);
-    const DeviceJob job = job_->device_job(at);
-    L4D_RETURN_IF_CUDA_ERROR(launch_planes(job, job_->planes_launch(), stream));
+    const DeviceJob job = job_->device_job(static_cast<unsigned char*>(workspace));
     L4D_RETURN_IF_CUDA_ERROR(launch_expand(job, job_->expand_launch(), arrays, stream));
-    L4D_RETURN_IF_CUDA_ERROR(cudaMemcpyAsync(faults_.data(), at + job_->faults_at(),
-                                             2 * job_->num_pages() * sizeof(uint32_t),
-                                             cudaMemcpyDeviceToHost, stream));
   }
   L4D_RETURN_IF_ERROR(copy_host_rows(arrays, stream));
-  L4D_RETURN_IF_CUDA_ERROR(cudaEventRecord(done_, stream));
-  in_flight_ = true;
-  decoded_ = true;
-  return {};
+  return end_decode(workspace, L4D_CUDA_FORM_EXPANDED, stream);
 }
 
 Status DeviceDecoder::finish() {
-  if (!decoded_) return Status(L4D_ERR_INVALID_STATE, "nothing was decoded");
+  if (decoded_ == 0) return Status(L4D_ERR_INVALID_STATE, "nothing was decoded");
   L4D_RETURN_IF_CUDA_ERROR(cudaEventSynchronize(done_));
   in_flight_ = false;
-  return job_->check(faults_.as<const uint32_t>());
+  finished_ = true;
+  L4D_RETURN_IF_ERROR(job_->check(results_.as<const uint32_t>()));
+  return decoded_ == L4D_CUDA_FORM_PACKED ? check_literals() : Status();
 }
 
 }  // namespace l4d::cuda

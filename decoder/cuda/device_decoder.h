@@ -3,7 +3,11 @@
 // hand.
 #pragma once
 
+#include <array>
 #include <cstdint>
+#include <map>
+#include <memory>
+#include <tuple>
 
 #include "decoder/cuda/job.h"
 #include "decoder/decoder.h"
@@ -28,11 +32,29 @@ class DeviceDecoder {
   Status upload(void* workspace, uint64_t workspace_size, cudaStream_t stream);
   Status decode(const l4d_cuda_gaussian_buffers& out, void* workspace, uint64_t workspace_size,
                 cudaStream_t stream);
+  Status decode_packed(const l4d_cuda_packed_buffers& out, void* workspace,
+                       uint64_t workspace_size, cudaStream_t stream);
   Status finish();
+  // Of the last decode_packed, finished.
+  Status num_literals(uint64_t* counts) const;
+  Status codebook(uint32_t layer, uint32_t component, uint32_t stage, uint32_t block,
+                  l4d_codebook* out);
 
  private:
+  struct GivenArray {
+    const void* array;
+    uint32_t attribute;
+  };
+  Status check_has_packed_form() const;
   Status check_workspace(const void* workspace, uint64_t size) const;
+  // What decode and decode_packed have in common, before and after their kernels.
+  Status check_arrays(uint32_t form, uint64_t capacity, const GivenArray* arrays,
+                      size_t count) const;
+  Status begin_decode(void* workspace, uint64_t workspace_size, cudaStream_t stream);
+  Status end_decode(const void* workspace, uint32_t form, cudaStream_t stream);
   Status copy_host_rows(const DeviceArrays& out, cudaStream_t stream) const;
+  Status copy_packed_host_rows(const PackedArrays& out, cudaStream_t stream) const;
+  Status check_literals() const;
 
   Decoder& decoder_;
   int device_ = -1;
@@ -40,12 +62,17 @@ class DeviceDecoder {
   std::unique_ptr<LayerTables> tables_;
   std::unique_ptr<Job> job_;
   uint32_t attributes_ = 0;
+  uint32_t forms_ = 0;
   bool prepared_ = false;
   const void* uploaded_to_ = nullptr;
-  PinnedMemory faults_;
+  PinnedMemory results_;  // faults and numbers of literals, as Job tells
+  // Of the last decode_packed.
+  std::array<uint64_t, L4D_COMPONENT_COUNT> literal_capacity_{};
+  std::map<std::tuple<uint32_t, uint32_t, uint32_t>, DeviceMemory> block_books_;
   cudaEvent_t done_ = nullptr;
   bool in_flight_ = false;
-  bool decoded_ = false;
+  uint32_t decoded_ = 0;  // L4D_CUDA_FORM_* of the last decode
+  bool finished_ = false;
 };
 
 }  // namespace l4d::cuda

@@ -29,6 +29,7 @@ Status HostDecode::decode(const l4d_query& query, l4d_gaussian_buffers* out) {
                {out->sh, &arrays.sh, sh_dim_, L4D_CUDA_SH}};
   l4d_cuda_job job{};
   job.struct_size = sizeof(job);
+  job.forms = L4D_CUDA_FORM_EXPANDED;
   for (const auto& part : parts) job.attributes |= part.host != nullptr ? part.attribute : 0;
   L4D_RETURN_IF_ERROR(device_.prepare(query, &job));
   const uint64_t n = job.num_gaussians;

@@ -24,10 +24,6 @@ constexpr uint64_t kLine = 256;
 // Columns of a page begin where those of a warp do.
 constexpr uint32_t kSlotAlignment = 32;
 
-bool is_rans(const PageRecord& record) {
-  return record.chunk.codec == static_cast<uint32_t>(ChunkCodec::kRans32);
-}
-
 // Appends `bytes` at a multiple of `alignment` and tells where.
 uint64_t place(uint64_t bytes, uint64_t alignment, uint64_t* end) {
   const uint64_t at = align_up(*end, alignment);
@@ -50,23 +46,28 @@ Status first_failure(std::vector<Status>& all) {
 
 }  // namespace
 
-Status Job::prepare(const l4d_query& query, uint32_t attributes) {
+Status Job::prepare(const l4d_query& query, uint32_t attributes, uint32_t forms) {
   file_.trim();
   file_.retry();
-  charge_.reset();
+  charge_ = std::make_unique<MemoryCharge>(file_.memory());
   L4D_RETURN_IF_ERROR(make_plan(file_, query, PlanUnit::kPages, nullptr, &plan_));
-  const auto wanted = [&](uint32_t bits) { return (attributes & bits) != 0; };
-  wants_[L4D_COMPONENT_SH] = wanted(L4D_CUDA_SH);
-  wants_[L4D_COMPONENT_SCALE] = wanted(L4D_CUDA_LOG_SCALE);
-  wants_[L4D_COMPONENT_ROTOR_SPATIAL] = wanted(L4D_CUDA_ROTOR);
-  wants_[L4D_COMPONENT_ROTOR_TEMPORAL] = wanted(L4D_CUDA_ROTOR);
-  with_detail_ = wanted(L4D_CUDA_SH) && plan_.detail == L4D_DETAIL_FULL;
+  const bool expands = (forms & L4D_CUDA_FORM_EXPANDED) != 0;
+  const bool packs = (forms & L4D_CUDA_FORM_PACKED) != 0;
+  // Codebooks are not asked for by those who keep the indices.
+  for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
+    wants_[c] = expands && (attributes & component_attribute(c)) != 0;
+  }
+  with_detail_ = (attributes & L4D_CUDA_SH) != 0 && plan_.detail == L4D_DETAIL_FULL;
   L4D_RETURN_IF_ERROR(add_pages());
   L4D_RETURN_IF_ERROR(tables_.update());
+  host_.find(plan_);
+  if (packs) L4D_RETURN_IF_ERROR(host_.pack(plan_, attributes, charge_.get()));
+  if (!packs) may_have_literals_ = false;
+  number_pieces();
   choose_warps();
   L4D_RETURN_IF_ERROR(lay_out());
   L4D_RETURN_IF_ERROR(fill_staging());
-  return expand_on_host(attributes);
+  return expands ? host_.expand(plan_, attributes, charge_.get()) : Status();
 }
 
 Status Job::add_pages() {
@@ -77,20 +78,17 @@ Status Job::add_pages() {
   parts_.clear();
   books_.clear();
   book_of_.clear();
-  host_runs_.clear();
   num_slots_ = 0;
   num_states_ = 0;
+  may_have_literals_ = false;
   for (size_t t = 0; t < plan_.tasks.size(); ++t) {
     const PageTask& task = plan_.tasks[t];
     const PageRecord& record = task.record;
     const uint32_t n = record.num_gaussians;
-    if (!is_rans(record)) {
-      if (host_runs_.empty() || host_runs_.back().first + host_runs_.back().count != task.first) {
-        host_runs_.push_back({task.first, 0});
-      }
-      host_runs_.back().count += n;
-      continue;
+    for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
+      may_have_literals_ |= header.component(header.layers[task.layer], c).literals;
     }
+    if (!is_device_page(record)) continue;
     L4D_RETURN_IF_ERROR(tables_.load(task.layer, wants_));
     const EntropyTables* entropy = nullptr;
     L4D_RETURN_IF_ERROR(file_.entropy_tables(task.layer, &entropy));
@@ -211,6 +209,32 @@ void Job::choose_warps() {
   planes_launch_.num_blocks = static_cast<uint32_t>(blocks_.size());
 }
 
+void Job::number_pieces() {
+  const SceneHeader& header = file_.header();
+  host_pieces_.clear();
+  num_pieces_ = 0;
+  if (!may_have_literals_) return;
+  size_t page = 0;
+  const auto number_until = [&](size_t task) {
+    for (; page < pages_.size() && page_tasks_[page] < task; ++page) {
+      pages_[page].piece = num_pieces_;
+      num_pieces_ += (pages_[page].n + kExpandGaussians - 1) / kExpandGaussians;
+    }
+  };
+  for (const HostRun& run : host_.runs()) {
+    number_until(run.first_task);
+    HostPiece piece{};
+    piece.piece = num_pieces_++;
+    for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
+      piece.at[c] = run.literal_at[c] * sizeof(uint16_t);  // until lay_out(), among all literals
+      piece.rows[c] = run.literal_rows[c];
+      piece.dim[c] = header.component_dim(header.layers[run.layer], c);
+    }
+    host_pieces_.push_back(piece);
+  }
+  number_until(plan_.tasks.size());
+}
+
 // Columns of values that component c needs in the layers at hand.
 unsigned Job::value_columns(unsigned c) const {
   const SceneHeader& header = file_.header();
@@ -236,6 +260,12 @@ Status Job::lay_out() {
   blocks_at_ = place(blocks_.size() * sizeof(BlockTask), kLine, &end);
   expands_at_ = place(expands_.size() * sizeof(ExpandTask), kLine, &end);
   faults_at_ = place(2 * pages_.size() * sizeof(uint32_t), kLine, &end);
+  num_literals_at_ = place(kNumLiteralsBytes, sizeof(uint64_t), &end);
+  host_pieces_at_ = place(host_pieces_.size() * sizeof(HostPiece), kLine, &end);
+  host_literals_at_ = place(host_.literals().size() * sizeof(uint16_t), kLine, &end);
+  for (HostPiece& piece : host_pieces_) {
+    for (uint64_t& at : piece.at) at += host_literals_at_;
+  }
   for (auto& [book, at] : books_) at = place(book->memory_bytes(), kPartAlignment, &end);
   for (DevicePage& page : pages_) {
     for (uint64_t& book : page.book) {
@@ -245,8 +275,10 @@ Status Job::lay_out() {
   for (const Part& part : parts_) {
     pages_[part.page].part_at[part.part] = place(part.chunk.stored_bytes, kPartAlignment, &end);
   }
-  staging_bytes_ = pages_.empty() ? 0 : end;
-  host_bytes_ = 0;
+  const bool idle = pages_.empty() && num_pieces_ == 0;
+  staging_bytes_ = idle ? 0 : end;
+  const uint64_t sums = uint64_t{num_pieces_} * L4D_COMPONENT_COUNT;
+  literals_at_ = place(sums * sizeof(LiteralSum), kLine, &end);
   const auto column = [&](uint64_t bytes) { return place(num_slots_ * bytes, kLine, &end); };
   columns_.morton = column(sizeof(uint64_t));
   columns_.mean_t = column(sizeof(uint16_t));
@@ -259,7 +291,7 @@ Status Job::lay_out() {
     columns_.component[c].rung = column(1);
     columns_.component[c].value = column(value_columns(c) * sizeof(uint16_t));
   }
-  workspace_bytes_ = pages_.empty() ? 0 : align_up(end, kLine);
+  workspace_bytes_ = idle ? 0 : align_up(end, kLine);
   expand_launch_.num_blocks = static_cast<uint32_t>(expands_.size());
   expand_launch_.sh_dim = header.sh_dim();
   expand_launch_.sh_transform = header.sh.transform();
@@ -287,16 +319,17 @@ Status Job::check_part(const Part& part, ByteSpan bytes) const {
 }
 
 Status Job::fill_staging() {
-  if (pages_.empty()) return {};
-  charge_ = std::make_unique<MemoryCharge>(file_.memory());
+  if (staging_bytes_ == 0) return {};
   L4D_RETURN_IF_ERROR(charge_->take(staging_bytes_, "the upload of a decode"));
   L4D_RETURN_IF_ERROR(staging_.reserve(static_cast<size_t>(staging_bytes_)));
   unsigned char* to = staging_.as<unsigned char>();
-  std::fill_n(to, faults_at_ + 2 * pages_.size() * sizeof(uint32_t), static_cast<unsigned char>(0));
+  std::fill_n(to, num_literals_at_ + kNumLiteralsBytes, static_cast<unsigned char>(0));
   put(pages_, 0, to);
   put(warps_, warps_at_, to);
   put(blocks_, blocks_at_, to);
   put(expands_, expands_at_, to);
+  put(host_pieces_, host_pieces_at_, to);
+  put(host_.literals(), host_literals_at_, to);
   for (const auto& [book, at] : books_) put(book->entries, at, to);
 
   std::vector<size_t> order(parts_.size());
@@ -348,6 +381,12 @@ DeviceJob Job::device_job(unsigned char* workspace) const {
   job.blocks = reinterpret_cast<const BlockTask*>(workspace + blocks_at_);
   job.expands = reinterpret_cast<const ExpandTask*>(workspace + expands_at_);
   job.faults = reinterpret_cast<uint32_t*>(workspace + faults_at_);
+  job.host_pieces = reinterpret_cast<const HostPiece*>(workspace + host_pieces_at_);
+  job.literals = reinterpret_cast<LiteralSum*>(workspace + literals_at_);
+  job.num_literals = reinterpret_cast<uint64_t*>(workspace + num_literals_at_);
+  job.num_expands = static_cast<uint32_t>(expands_.size());
+  job.num_host_pieces = static_cast<uint32_t>(host_pieces_.size());
+  job.num_pieces = num_pieces_;
   Columns& to = job.columns;
   to.morton = reinterpret_cast<uint64_t*>(workspace + columns_.morton);
   to.mean_t = reinterpret_cast<uint16_t*>(workspace + columns_.mean_t);
@@ -391,55 +430,6 @@ Status Job::check(const uint32_t* faults) const {
     return corrupt(kMeanings[faults[i]].clause,
                    i % 2 == 0 ? record.chunk.offset : record.sh_detail.offset,
                    kMeanings[faults[i]].message);
-  }
-  return {};
-}
-
-// Pages that are not of rANS have no decoder on the device.
-Status Job::expand_on_host(uint32_t attributes) {
-  host_ = {};
-  if (host_runs_.empty()) return {};
-  const uint64_t n = plan_.num_gaussians;
-  const uint64_t sh_dim = file_.header().sh_dim();
-  struct Array {
-    uint32_t attribute;
-    uint64_t numbers;
-    float* l4d_gaussian_buffers::*array;
-  };
-  const Array arrays[] = {
-      {L4D_CUDA_POSITION, 3, &l4d_gaussian_buffers::position},
-      {L4D_CUDA_MEAN_T, 1, &l4d_gaussian_buffers::mean_t},
-      {L4D_CUDA_MEAN_T, 1, &l4d_gaussian_buffers::mean_t_local},
-      {L4D_CUDA_LOG_SCALE, 4, &l4d_gaussian_buffers::log_scale},
-      {L4D_CUDA_ROTOR, 8, &l4d_gaussian_buffers::rotor},
-      {L4D_CUDA_OPACITY, 1, &l4d_gaussian_buffers::opacity},
-      {L4D_CUDA_SH, sh_dim, &l4d_gaussian_buffers::sh},
-  };
-  uint64_t numbers = 0;
-  for (const Array& a : arrays) numbers += (attributes & a.attribute) != 0 ? a.numbers : 0;
-  if (charge_ == nullptr) charge_ = std::make_unique<MemoryCharge>(file_.memory());
-  L4D_RETURN_IF_ERROR(charge_->take(n * numbers * sizeof(float), "pages that the host decodes"));
-  L4D_RETURN_IF_ERROR(host_memory_.reserve(static_cast<size_t>(n * numbers * sizeof(float))));
-  float* next = host_memory_.as<float>();
-  for (const Array& a : arrays) {
-    if ((attributes & a.attribute) == 0) continue;
-    host_.*a.array = next;
-    next += n * a.numbers;
-  }
-  host_.capacity = n;
-  PageDecoder pages(file_, decode_kernels_simd(), 0);
-  // Tasks lie in the order of the arrays, so that a run of rows is a run of tasks.
-  for (size_t t = 0; t < plan_.tasks.size();) {
-    if (is_rans(plan_.tasks[t].record)) {
-      ++t;
-      continue;
-    }
-    size_t end = t;
-    while (end < plan_.tasks.size() && !is_rans(plan_.tasks[end].record)) {
-      host_bytes_ += plan_.tasks[end++].record.num_gaussians * numbers * sizeof(float);
-    }
-    L4D_RETURN_IF_ERROR(pages.expand(plan_, t, end, host_, nullptr, nullptr));
-    t = end;
   }
   return {};
 }

@@ -9,10 +9,9 @@
 #include <tuple>
 #include <vector>
 
+#include "decoder/cuda/host_pages.h"
 #include "decoder/cuda/kernels.h"
 #include "decoder/cuda/layer_tables.h"
-#include "decoder/page_decoder.h"
-#include "decoder/plan.h"
 #include "libl4dcodec/cuda/device.h"
 
 namespace l4d::cuda {
@@ -26,24 +25,18 @@ struct ColumnOffsets {
   std::array<Component, L4D_COMPONENT_COUNT> component{};
 };
 
-// Rows of the decoded arrays that the host has expanded.
-struct HostRun {
-  uint64_t first = 0;
-  uint64_t count = 0;
-};
-
 class Job {
  public:
   // multiprocessors: of the device.
   Job(SceneFile& file, LayerTables& tables, uint32_t multiprocessors)
-      : file_(file), tables_(tables), multiprocessors_(multiprocessors) {}
+      : file_(file), tables_(tables), multiprocessors_(multiprocessors), host_(file) {}
 
-  // attributes: L4D_CUDA_*.
-  Status prepare(const l4d_query& query, uint32_t attributes);
+  // attributes: L4D_CUDA_*; forms: L4D_CUDA_FORM_*.
+  Status prepare(const l4d_query& query, uint32_t attributes, uint32_t forms);
 
   const Plan& plan() const { return plan_; }
-  // All that goes to the device: what staging() holds, and rows that the host has expanded.
-  uint64_t upload_bytes() const { return staging_bytes_ + host_bytes_; }
+  // All that goes to the device: what staging() holds, and rows that the host has decoded.
+  uint64_t upload_bytes() const { return staging_bytes_ + host_.bytes(); }
   uint64_t staging_bytes() const { return staging_bytes_; }
   uint64_t workspace_bytes() const { return workspace_bytes_; }
   const void* staging() const { return staging_.data(); }
@@ -51,13 +44,19 @@ class Job {
   DeviceJob device_job(unsigned char* workspace) const;
   const PlanesLaunch& planes_launch() const { return planes_launch_; }
   const ExpandLaunch& expand_launch() const { return expand_launch_; }
+  // What comes back: faults [num_pages, 2], and behind them the numbers of literals.
   uint64_t faults_at() const { return faults_at_; }
+  uint64_t results_bytes() const { return num_literals_at_ - faults_at_ + kNumLiteralsBytes; }
   size_t num_pages() const { return page_tasks_.size(); }
   // What faults [num_pages, 2] mean: the first one in the order of the plan.
   Status check(const uint32_t* faults) const;
 
-  const std::vector<HostRun>& host_runs() const { return host_runs_; }
-  const l4d_gaussian_buffers& host_arrays() const { return host_; }
+  const uint64_t* num_literals(const void* results) const {
+    return reinterpret_cast<const uint64_t*>(static_cast<const unsigned char*>(results) +
+                                             (num_literals_at_ - faults_at_));
+  }
+
+  const HostPages& host() const { return host_; }
 
  private:
   struct Part {
@@ -75,7 +74,8 @@ class Job {
   Status fill_staging();
   Status check_part(const Part& part, ByteSpan bytes) const;
   void choose_warps();
-  Status expand_on_host(uint32_t attributes);
+  // Where the literals of pages are counted.
+  void number_pieces();
 
   SceneFile& file_;
   LayerTables& tables_;
@@ -91,9 +91,10 @@ class Job {
   std::vector<Part> parts_;
   std::vector<std::pair<const CodebookData*, uint64_t>> books_;  // and where they lie in the upload
   std::map<BlockKey, size_t> book_of_;
-  uint64_t warps_at_ = 0, blocks_at_ = 0, expands_at_ = 0, faults_at_ = 0;
+  static constexpr uint64_t kNumLiteralsBytes = L4D_COMPONENT_COUNT * sizeof(uint64_t);
+  uint64_t warps_at_ = 0, blocks_at_ = 0, expands_at_ = 0, faults_at_ = 0, num_literals_at_ = 0;
+  uint64_t host_pieces_at_ = 0, host_literals_at_ = 0, literals_at_ = 0;
   uint64_t staging_bytes_ = 0;
-  uint64_t host_bytes_ = 0;
   uint64_t workspace_bytes_ = 0;
   ColumnOffsets columns_;
   uint64_t num_slots_ = 0;
@@ -103,9 +104,10 @@ class Job {
   PinnedMemory staging_;
   Bytes read_buffer_;  // kept: fresh memory costs more than reading into it
   std::unique_ptr<MemoryCharge> charge_;
-  std::vector<HostRun> host_runs_;
-  PinnedMemory host_memory_;
-  l4d_gaussian_buffers host_{};
+  HostPages host_;
+  bool may_have_literals_ = false;
+  std::vector<HostPiece> host_pieces_;
+  uint32_t num_pieces_ = 0;
 };
 
 }  // namespace l4d::cuda

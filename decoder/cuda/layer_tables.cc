@@ -73,6 +73,12 @@ uint8_t least_after(const ComponentCoding& coding, const PlaneSpec& spec) {
 
 }  // namespace
 
+Status copy_to_device(const void* from, size_t bytes, void* to) {
+  L4D_RETURN_IF_CUDA_ERROR(cudaMemcpy(to, from, bytes, cudaMemcpyHostToDevice));
+  L4D_RETURN_IF_CUDA_ERROR(cudaStreamSynchronize(nullptr));
+  return {};
+}
+
 void pack_rans_table(const uint32_t* entries, uint64_t* records, uint8_t* tokens) {
   const auto frequency = [&](size_t slot) { return uint64_t{entries[slot] >> 20} + 1; };
   const auto bias = [&](size_t slot) { return uint64_t{entries[slot] >> 8} & (kRansSlots - 1); };
@@ -149,7 +155,7 @@ LayerTables::LayerTables(SceneFile& file) : file_(file) {
 Status LayerTables::upload(const void* data, size_t bytes, const void** out) {
   DeviceMemory memory;
   L4D_RETURN_IF_ERROR(memory.reserve(std::max<size_t>(bytes, 1)));
-  L4D_RETURN_IF_CUDA_ERROR(cudaMemcpy(memory.data(), data, bytes, cudaMemcpyHostToDevice));
+  L4D_RETURN_IF_ERROR(copy_to_device(data, bytes, memory.data()));
   *out = memory.data();
   memory_.push_back(std::move(memory));
   changed_ = true;
@@ -235,8 +241,7 @@ Status LayerTables::update() {
   if (!changed_) return {};
   const size_t bytes = layers_.size() * sizeof(DeviceLayer);
   L4D_RETURN_IF_ERROR(device_layers_.reserve(bytes));
-  L4D_RETURN_IF_CUDA_ERROR(
-      cudaMemcpy(device_layers_.data(), layers_.data(), bytes, cudaMemcpyHostToDevice));
+  L4D_RETURN_IF_ERROR(copy_to_device(layers_.data(), bytes, device_layers_.data()));
   changed_ = false;
   return {};
 }

@@ -14,6 +14,11 @@
 
 namespace l4d::cuda {
 
+// Copies, and waits until it is there, whatever stream asks for it next. From memory that is not
+// pinned cudaMemcpy alone may return while the copy is on its way, and streams that do not wait for
+// the default one would be too early.
+Status copy_to_device(const void* from, size_t bytes, void* to);
+
 // One table of kRansSlots entries to kTableRecords records and the tokens of kTableRanks ranks.
 void pack_rans_table(const uint32_t* entries, uint64_t* records, uint8_t* tokens);
 

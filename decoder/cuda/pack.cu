@@ -12,7 +12,7 @@ __global__ void __launch_bounds__(kPackThreads)
   if (blockIdx.x < job.num_expands) {
     pack_rows(job, out, blockIdx.x);
   } else {
-    count_host_piece(job, blockIdx.x - job.num_expands);
+    count_host_piece(job, out, blockIdx.x - job.num_expands);
   }
 }
 

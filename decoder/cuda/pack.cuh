@@ -20,13 +20,31 @@ struct PackedDepth {
     // Of SH nothing is there where the part that holds it is not.
     if (i >= block.count || (c == L4D_COMPONENT_SH && block.page->has_sh == 0)) return;
     const DeviceComponent& coding = block.layer->component[c];
-    depth = coding.has_depth != 0 ? job.columns.component[c].head[block.slot(i)] : coding.num_stages;
+    depth = coding.num_stages;
+    if (coding.has_depth != 0) depth = job.columns.component[c].head[block.slot(i)];
     literal = coding.has_depth != 0 && depth == kLiteralDepth;
   }
 };
 
 __device__ inline bool is_wanted(const PackedArrays::Component& out) {
   return out.depth != nullptr || out.index != nullptr || out.literal != nullptr;
+}
+
+// A few loads are under way at a time: each store waits for its own.
+__device__ inline void pack_indices(const uint16_t* from, size_t stride, uint32_t depth,
+                                    uint32_t num_stages, uint16_t* to, size_t capacity) {
+  constexpr uint32_t kAhead = 4;
+  for (uint32_t s = 0; s < num_stages; s += kAhead) {
+    uint16_t indices[kAhead];
+#pragma unroll
+    for (uint32_t j = 0; j < kAhead; ++j) {
+      indices[j] = s + j < depth ? from[(s + j) * stride] : uint16_t{0};
+    }
+#pragma unroll
+    for (uint32_t j = 0; j < kAhead; ++j) {
+      if (s + j < num_stages) to[(s + j) * capacity] = indices[j];
+    }
+  }
 }
 
 // Rows [task.first, ..) of a page, one a thread.
@@ -60,10 +78,10 @@ __device__ inline void pack_rows(const DeviceJob& job, const PackedArrays& out, 
     if (active && to.depth != nullptr) {
       to.depth[gaussian] = own.literal ? kPackedLiteral : static_cast<uint8_t>(own.depth);
     }
-    for (uint32_t s = 0; active && to.index != nullptr && s < coding.num_stages; ++s) {
-      const bool has_stage = !own.literal && own.depth > s;
-      to.index[s * out.capacity + gaussian] =
-          has_stage ? job.columns.component[c].value[s * job.columns.stride + slot] : uint16_t{0};
+    if (active && to.index != nullptr) {
+      pack_indices(job.columns.component[c].value + slot, job.columns.stride,
+                   own.literal ? 0 : own.depth, coding.num_stages, to.index + gaussian,
+                   out.capacity);
     }
     if (job.num_pieces == 0) continue;
     const uint32_t rows =
@@ -75,12 +93,13 @@ __device__ inline void pack_rows(const DeviceJob& job, const PackedArrays& out, 
 }
 
 // What the host has counted.
-__device__ inline void count_host_piece(const DeviceJob& job, uint32_t index) {
+__device__ inline void count_host_piece(const DeviceJob& job, const PackedArrays& out,
+                                        uint32_t index) {
   const HostPiece& piece = job.host_pieces[index];
   const uint32_t c = threadIdx.x;
   if (c >= L4D_COMPONENT_COUNT) return;
-  job.literals[size_t{piece.piece} * L4D_COMPONENT_COUNT + c] = {piece.rows[c],
-                                                                 piece.rows[c] * piece.dim[c]};
+  const uint64_t rows = is_wanted(out.component[c]) ? piece.rows[c] : 0;
+  job.literals[size_t{piece.piece} * L4D_COMPONENT_COUNT + c] = {rows, rows * piece.dim[c]};
 }
 
 __device__ inline LiteralSum operator+(const LiteralSum& a, const LiteralSum& b) {

@@ -58,15 +58,21 @@ enum {
   L4D_CUDA_ALL_ATTRIBUTES = (1u << 6) - 1
 };
 
+/* What a job may be decoded to. */
+enum {
+  L4D_CUDA_FORM_EXPANDED = 1u << 0, /* by decode */
+  L4D_CUDA_FORM_PACKED = 1u << 1    /* by decode_packed; alone, codebooks stay unread */
+};
+
 typedef struct l4d_cuda_job {
   size_t struct_size;
   uint32_t attributes;      /* in: those that decode may ask for; all unless set */
-  uint32_t reserved;
+  uint32_t forms;           /* in: L4D_CUDA_FORM_*; EXPANDED unless set */
   uint64_t num_gaussians;   /* out, as in l4d_selection */
   uint64_t num_ranges;
   uint64_t num_chunks;
   uint64_t upload_bytes;    /* from the host to the device in each decode */
-  uint64_t workspace_bytes; /* of device memory; 0 where the host decodes all */
+  uint64_t workspace_bytes; /* of device memory; may be 0 where the host decodes all */
 } l4d_cuda_job;
 L4D_API void l4d_cuda_job_init_(l4d_cuda_job* job, size_t struct_size);
 #define l4d_cuda_job_init(job) l4d_cuda_job_init_((job), sizeof(*(job)))
@@ -88,6 +94,27 @@ L4D_API void l4d_cuda_gaussian_buffers_init_(l4d_cuda_gaussian_buffers* buffers,
 #define l4d_cuda_gaussian_buffers_init(buffers) \
   l4d_cuda_gaussian_buffers_init_((buffers), sizeof(*(buffers)))
 
+/* Likewise, as l4d_packed_buffers. The attribute of depths, indices and literals is that of their
+ * component, and of scale_factor L4D_CUDA_LOG_SCALE. */
+typedef struct l4d_cuda_packed_component {
+  uint8_t* depth;            /* [N] */
+  uint16_t* index;           /* [num_stages][N], stage s of Gaussian i at s * capacity + i */
+  uint16_t* literal;         /* [literal_capacity, dim], in order of their Gaussians */
+  uint64_t literal_capacity; /* the number of Gaussians is always enough */
+} l4d_cuda_packed_component;
+typedef struct l4d_cuda_packed_buffers {
+  size_t struct_size;
+  uint64_t capacity;      /* Gaussians each array can hold */
+  uint16_t* position;     /* [N, 3] */
+  uint16_t* mean_t;       /* [N] */
+  uint16_t* opacity;      /* [N] */
+  uint16_t* scale_factor; /* [N] */
+  l4d_cuda_packed_component component[L4D_COMPONENT_COUNT];
+} l4d_cuda_packed_buffers;
+L4D_API void l4d_cuda_packed_buffers_init_(l4d_cuda_packed_buffers* buffers, size_t struct_size);
+#define l4d_cuda_packed_buffers_init(buffers) \
+  l4d_cuda_packed_buffers_init_((buffers), sizeof(*(buffers)))
+
 /* Borrows `decoder`, whose stream must be open: it must outlive this object, keep that stream open, and
  * serve no other call while one of this object runs. Its limits hold; damage is refused, whether it is
  * tolerant or not. Fails with DEVICE where the device cannot be used. */
@@ -100,7 +127,8 @@ L4D_API const char* l4d_cuda_decoder_error_detail(const l4d_cuda_decoder* decode
 
 /* Reads the pages that the query selects into pinned memory and checks all that the host can see of them.
  * Tables and codebooks go to the device where a page first needs them. Waits for the job before. Fails as
- * l4d_decoder_decode does. */
+ * l4d_decoder_decode does, and with FEATURE_UNSUPPORTED where the packed form is asked for and the stream
+ * has none, as l4d_decoder_decode_packed does. */
 L4D_API l4d_status l4d_cuda_decoder_prepare(l4d_cuda_decoder* decoder, const l4d_query* query,
                                             l4d_cuda_job* job);
 /* The ranges of what is prepared, in the order of the decoded arrays. *count is their number; the first
@@ -108,7 +136,7 @@ L4D_API l4d_status l4d_cuda_decoder_prepare(l4d_cuda_decoder* decoder, const l4d
 L4D_API l4d_status l4d_cuda_decoder_get_ranges(const l4d_cuda_decoder* decoder, l4d_range* out,
                                                uint64_t capacity, uint64_t* count);
 
-/* Both put work on `stream` (a cudaStream_t; NULL = the default stream) and neither allocate nor wait.
+/* These put work on `stream` (a cudaStream_t; NULL = the default stream) and neither allocate nor wait.
  * workspace: device memory at a multiple of 256 bytes that nothing else uses until the work is done.
  * decode may be called again and again for what is prepared; it uploads the compressed pages each time,
  * unless upload() has just done so for the same workspace. It is the caller who orders streams, where
@@ -118,10 +146,24 @@ L4D_API l4d_status l4d_cuda_decoder_upload(l4d_cuda_decoder* decoder, void* work
 L4D_API l4d_status l4d_cuda_decoder_decode(l4d_cuda_decoder* decoder,
                                            const l4d_cuda_gaussian_buffers* out, void* workspace,
                                            uint64_t workspace_size, void* stream);
+/* With the bits of l4d_decoder_decode_packed. Where literals are wanted and there are more of a component
+ * than it has room for, the first ones are written and finish() fails with INVALID_ARGUMENT. */
+L4D_API l4d_status l4d_cuda_decoder_decode_packed(l4d_cuda_decoder* decoder,
+                                                  const l4d_cuda_packed_buffers* out,
+                                                  void* workspace, uint64_t workspace_size,
+                                                  void* stream);
 /* Waits for the last decode and tells what became of it: CORRUPT, with clause and offset of the first
  * page that is damaged, where l4d_decoder_decode would. Rows of damaged pages, and those only, then hold
  * what they held before. */
 L4D_API l4d_status l4d_cuda_decoder_finish(l4d_cuda_decoder* decoder);
+/* How many literals the last decode_packed had of each component of which an array was wanted, be there room
+ * for them or not: counts[L4D_COMPONENT_COUNT], on the host. Fails with INVALID_STATE before finish(). */
+L4D_API l4d_status l4d_cuda_decoder_get_num_literals(l4d_cuda_decoder* decoder, uint64_t* counts);
+/* As l4d_decoder_get_codebook, with `entries` on the device: valid as long as `decoder`, those of blocks
+ * until the next prepare(). Waits for the device where a codebook is not there yet. */
+L4D_API l4d_status l4d_cuda_decoder_get_codebook(l4d_cuda_decoder* decoder, uint32_t layer,
+                                                 uint32_t component, uint32_t stage,
+                                                 uint32_t block, l4d_codebook* out);
 
 #ifdef __cplusplus
 }

@@ -256,7 +256,8 @@ L4D_API l4d_status l4d_decoder_decode(l4d_decoder* decoder, const l4d_query* que
  * that keep data quantised. The codebooks come from l4d_decoder_get_codebook. */
 typedef struct l4d_packed_component {
   uint8_t* depth;     /* [N]: number of stages summed, 255 = literal. NULL = not wanted */
-  uint16_t* index;    /* [num_stages][N], stage s of Gaussian i at s * capacity + i; 0 where unused */
+  uint16_t* index;    /* [num_stages][N], stage s of Gaussian i at s * capacity + i; 0 where
+                         depth says unused, as they were where a layer has no such stage */
   uint16_t* literal;  /* [literal_capacity, dim] binary16 bits, in order of their Gaussians */
   uint64_t literal_capacity;
   uint64_t num_literals; /* out: also set when literal is NULL */

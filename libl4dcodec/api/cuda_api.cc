@@ -30,6 +30,7 @@ namespace {
 l4d_cuda_job default_job() {
   l4d_cuda_job job{};
   job.attributes = L4D_CUDA_ALL_ATTRIBUTES;
+  job.forms = L4D_CUDA_FORM_EXPANDED;
   return job;
 }
 
@@ -69,6 +70,9 @@ void l4d_cuda_job_init_(l4d_cuda_job* job, size_t struct_size) {
 }
 void l4d_cuda_gaussian_buffers_init_(l4d_cuda_gaussian_buffers* buffers, size_t struct_size) {
   init_struct(buffers, struct_size, l4d_cuda_gaussian_buffers{});
+}
+void l4d_cuda_packed_buffers_init_(l4d_cuda_packed_buffers* buffers, size_t struct_size) {
+  init_struct(buffers, struct_size, l4d_cuda_packed_buffers{});
 }
 
 l4d_status l4d_cuda_get_device_count(uint32_t* count) {
@@ -164,8 +168,33 @@ l4d_status l4d_cuda_decoder_decode(l4d_cuda_decoder* decoder, const l4d_cuda_gau
   });
 }
 
+l4d_status l4d_cuda_decoder_decode_packed(l4d_cuda_decoder* decoder,
+                                          const l4d_cuda_packed_buffers* out, void* workspace,
+                                          uint64_t workspace_size, void* stream) {
+  return on_device(decoder, out != nullptr, [&](l4d::cuda::DeviceDecoder& d) {
+    return d.decode_packed(read_struct(*out, l4d_cuda_packed_buffers{}), workspace, workspace_size,
+                           stream_of(stream));
+  });
+}
+
 l4d_status l4d_cuda_decoder_finish(l4d_cuda_decoder* decoder) {
   return on_device(decoder, true, [](l4d::cuda::DeviceDecoder& d) { return d.finish(); });
+}
+
+l4d_status l4d_cuda_decoder_get_num_literals(l4d_cuda_decoder* decoder, uint64_t* counts) {
+  return on_device(decoder, counts != nullptr,
+                   [&](l4d::cuda::DeviceDecoder& d) { return d.num_literals(counts); });
+}
+
+l4d_status l4d_cuda_decoder_get_codebook(l4d_cuda_decoder* decoder, uint32_t layer,
+                                         uint32_t component, uint32_t stage, uint32_t block,
+                                         l4d_codebook* out) {
+  return on_device(decoder, out != nullptr, [&](l4d::cuda::DeviceDecoder& d) -> Status {
+    l4d_codebook book{};
+    L4D_RETURN_IF_ERROR(d.codebook(layer, component, stage, block, &book));
+    write_struct(book, out);
+    return {};
+  });
 }
 
 #else
@@ -190,7 +219,21 @@ l4d_status l4d_cuda_decoder_decode(l4d_cuda_decoder*, const l4d_cuda_gaussian_bu
   return L4D_ERR_FEATURE_UNSUPPORTED;
 }
 
+l4d_status l4d_cuda_decoder_decode_packed(l4d_cuda_decoder*, const l4d_cuda_packed_buffers*, void*,
+                                          uint64_t, void*) {
+  return L4D_ERR_FEATURE_UNSUPPORTED;
+}
+
 l4d_status l4d_cuda_decoder_finish(l4d_cuda_decoder*) { return L4D_ERR_FEATURE_UNSUPPORTED; }
+
+l4d_status l4d_cuda_decoder_get_num_literals(l4d_cuda_decoder*, uint64_t*) {
+  return L4D_ERR_FEATURE_UNSUPPORTED;
+}
+
+l4d_status l4d_cuda_decoder_get_codebook(l4d_cuda_decoder*, uint32_t, uint32_t, uint32_t, uint32_t,
+                                         l4d_codebook*) {
+  return L4D_ERR_FEATURE_UNSUPPORTED;
+}
 
 #endif
 

@@ -16,24 +16,6 @@
 namespace l4d::test {
 namespace {
 
-// Status, clause and offset; messages may say more on the host.
-struct Verdict {
-  l4d_status status = L4D_OK;
-  std::string where;
-  bool operator==(const Verdict& other) const {
-    return status == other.status && where == other.where;
-  }
-};
-std::ostream& operator<<(std::ostream& out, const Verdict& v) {
-  return out << v.status << " " << v.where;
-}
-
-Verdict verdict(l4d_status status, const std::string& detail) {
-  if (status == L4D_OK) return {};
-  // "spec RANS-7 at byte 1841: ..."
-  return {status, detail.rfind("spec ", 0) == 0 ? detail.substr(0, detail.find(':')) : ""};
-}
-
 Verdict of_host(const Bytes& bytes, const l4d_query& query, GaussianArrays* out) {
   const l4d_decoder_options options = decoder_options(L4D_BACKEND_REFERENCE, 1);
   DecoderHandle decoder(&options);

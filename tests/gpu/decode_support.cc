@@ -6,6 +6,16 @@
 
 namespace l4d::test {
 
+std::ostream& operator<<(std::ostream& out, const Verdict& v) {
+  return out << v.status << " " << v.where;
+}
+
+Verdict verdict(l4d_status status, const std::string& detail) {
+  if (status == L4D_OK) return {};
+  // "spec RANS-7 at byte 1841: ..."
+  return {status, detail.rfind("spec ", 0) == 0 ? detail.substr(0, detail.find(':')) : ""};
+}
+
 std::vector<float> PoisonedMemory::read() const {
   std::vector<float> out(bytes_ / sizeof(float));
   cuda_check(cudaMemcpy(out.data(), data_, bytes_, cudaMemcpyDeviceToHost));

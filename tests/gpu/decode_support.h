@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include <cstdint>
+#include <ostream>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -20,6 +21,17 @@ namespace l4d::test {
 inline void cuda_check(cudaError_t error) {
   if (error != cudaSuccess) throw std::runtime_error(cudaGetErrorString(error));
 }
+
+// Status, clause and offset of a failure; messages may say more on the host.
+struct Verdict {
+  l4d_status status = L4D_OK;
+  std::string where;
+  bool operator==(const Verdict& other) const {
+    return status == other.status && where == other.where;
+  }
+};
+std::ostream& operator<<(std::ostream& out, const Verdict& v);
+Verdict verdict(l4d_status status, const std::string& detail);
 
 // Device memory; every byte is kPoison at first.
 class PoisonedMemory {

@@ -1,0 +1,152 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "decoder/cuda/host_pages.h"
+
+#include <algorithm>
+#include <memory>
+
+namespace l4d::cuda {
+
+void HostPages::find(const Plan& plan) {
+  runs_.clear();
+  literals_.clear();
+  expanded_ = {};
+  packed_ = {};
+  bytes_ = 0;
+  for (size_t t = 0; t < plan.tasks.size(); ++t) {
+    const PageTask& task = plan.tasks[t];
+    if (is_device_page(task.record)) continue;
+    if (runs_.empty() || runs_.back().end_task != t || runs_.back().layer != task.layer) {
+      HostRun run;
+      run.first = task.first;
+      run.layer = task.layer;
+      run.first_task = t;
+      runs_.push_back(run);
+    }
+    runs_.back().count += task.record.num_gaussians;
+    runs_.back().end_task = t + 1;
+  }
+}
+
+Status HostPages::expand(const Plan& plan, uint32_t attributes, MemoryCharge* charge) {
+  if (runs_.empty()) return {};
+  const uint64_t n = plan.num_gaussians;
+  const struct {
+    uint32_t attribute;
+    uint64_t numbers;
+    float* l4d_gaussian_buffers::*array;
+  } arrays[] = {
+      {L4D_CUDA_POSITION, 3, &l4d_gaussian_buffers::position},
+      {L4D_CUDA_MEAN_T, 1, &l4d_gaussian_buffers::mean_t},
+      {L4D_CUDA_MEAN_T, 1, &l4d_gaussian_buffers::mean_t_local},
+      {L4D_CUDA_LOG_SCALE, 4, &l4d_gaussian_buffers::log_scale},
+      {L4D_CUDA_ROTOR, 8, &l4d_gaussian_buffers::rotor},
+      {L4D_CUDA_OPACITY, 1, &l4d_gaussian_buffers::opacity},
+      {L4D_CUDA_SH, file_.header().sh_dim(), &l4d_gaussian_buffers::sh},
+  };
+  uint64_t numbers = 0;
+  for (const auto& a : arrays) numbers += (attributes & a.attribute) != 0 ? a.numbers : 0;
+  const uint64_t bytes = n * numbers * sizeof(float);
+  L4D_RETURN_IF_ERROR(charge->take(bytes, "pages that the host decodes"));
+  L4D_RETURN_IF_ERROR(expanded_memory_.reserve(static_cast<size_t>(bytes)));
+  float* next = expanded_memory_.as<float>();
+  for (const auto& a : arrays) {
+    if ((attributes & a.attribute) == 0) continue;
+    expanded_.*a.array = next;
+    next += n * a.numbers;
+  }
+  expanded_.capacity = n;
+  PageDecoder pages(file_, decode_kernels_simd(), 0);
+  uint64_t rows = 0;
+  // Tasks lie in the order of the arrays, so that a run of rows is a run of tasks.
+  for (const HostRun& run : runs_) {
+    L4D_RETURN_IF_ERROR(
+        pages.expand(plan, run.first_task, run.end_task, expanded_, nullptr, nullptr));
+    rows += run.count;
+  }
+  bytes_ = std::max(bytes_, rows * numbers * sizeof(float));
+  return {};
+}
+
+Status HostPages::pack(const Plan& plan, uint32_t attributes, MemoryCharge* charge) {
+  if (runs_.empty()) return {};
+  const SceneHeader& header = file_.header();
+  const uint64_t n = plan.num_gaussians;
+  const auto wanted = [&](uint32_t attribute) { return (attributes & attribute) != 0; };
+  struct Column {
+    bool wanted;
+    uint64_t numbers;
+    uint16_t** array;
+  };
+  std::vector<Column> columns = {{wanted(L4D_CUDA_POSITION), 3, &packed_.position},
+                                 {wanted(L4D_CUDA_MEAN_T), 1, &packed_.mean_t},
+                                 {wanted(L4D_CUDA_OPACITY), 1, &packed_.opacity},
+                                 {wanted(L4D_CUDA_LOG_SCALE), 1, &packed_.scale_factor}};
+  uint64_t row_bytes = 0;
+  for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
+    size_t stages = 0;
+    for (const HostRun& run : runs_) {
+      stages = std::max(stages, header.component(header.layers[run.layer], c).stages.size());
+    }
+    columns.push_back({wanted(component_attribute(c)), stages, &packed_.component[c].index});
+    row_bytes += wanted(component_attribute(c)) ? sizeof(uint8_t) : 0;  // depths
+  }
+  for (const Column& c : columns) row_bytes += c.wanted ? c.numbers * sizeof(uint16_t) : 0;
+  L4D_RETURN_IF_ERROR(charge->take(n * row_bytes, "pages that the host decodes"));
+  L4D_RETURN_IF_ERROR(packed_memory_.reserve(static_cast<size_t>(n * row_bytes)));
+  uint16_t* next = packed_memory_.as<uint16_t>();
+  for (const Column& c : columns) {
+    if (!c.wanted) continue;
+    *c.array = next;
+    next += n * c.numbers;
+  }
+  uint8_t* depths = reinterpret_cast<uint8_t*>(next);
+  for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
+    if (!wanted(component_attribute(c))) continue;
+    packed_.component[c].depth = depths;
+    depths += n;
+  }
+  packed_.capacity = n;
+  uint64_t rows = 0;
+  for (HostRun& run : runs_) {
+    L4D_RETURN_IF_ERROR(pack_run(plan, &run, charge));
+    rows += run.count;
+  }
+  bytes_ = std::max(bytes_, rows * row_bytes);
+  return {};
+}
+
+// How many literals there are is known when they are decoded.
+Status HostPages::pack_run(const Plan& plan, HostRun* run, MemoryCharge* charge) {
+  const SceneHeader& header = file_.header();
+  const LayerHeader& layer = header.layers[run->layer];
+  Plan part;
+  part.tasks.assign(plan.tasks.begin() + static_cast<std::ptrdiff_t>(run->first_task),
+                    plan.tasks.begin() + static_cast<std::ptrdiff_t>(run->end_task));
+  part.detail = plan.detail;
+  MemoryCharge charge_for_room(file_.memory());
+  l4d_packed_buffers out = packed_;
+  std::array<std::unique_ptr<uint16_t[]>, L4D_COMPONENT_COUNT> room;
+  for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
+    l4d_packed_component& to = out.component[c];
+    if (to.depth == nullptr || !header.component(layer, c).literals) continue;
+    const uint64_t numbers = run->count * header.component_dim(layer, c);
+    L4D_RETURN_IF_ERROR(charge_for_room.take(numbers * sizeof(uint16_t), "literals"));
+    // Not filled with zeros: most of it is never touched.
+    room[c].reset(new uint16_t[static_cast<size_t>(numbers)]);
+    to.literal = room[c].get();
+    to.literal_capacity = run->count;
+  }
+  PageDecoder pages(file_, decode_kernels_simd(), 0);
+  L4D_RETURN_IF_ERROR(pages.pack(part, out, nullptr, nullptr));
+  for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
+    const uint64_t numbers = out.component[c].num_literals * header.component_dim(layer, c);
+    run->literal_rows[c] = out.component[c].num_literals;
+    run->literal_at[c] = literals_.size();
+    if (numbers == 0) continue;
+    L4D_RETURN_IF_ERROR(charge->take(numbers * sizeof(uint16_t), "literals"));
+    literals_.insert(literals_.end(), room[c].get(), room[c].get() + numbers);
+  }
+  return {};
+}
+
+}  // namespace l4d::cuda
