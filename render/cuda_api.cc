@@ -57,13 +57,25 @@ Status check_timeline(const l4d_timeline& timeline) {
   return {};
 }
 
-Status check_gaussians(const l4d_gaussians& g) {
+// Gaussians that are told with indices have no SH of their own.
+Status check_gaussians(const l4d_gaussians& g, bool indexed) {
   if (g.sh_degree > 3) return l4d::invalid_argument("sh_degree is above 3");
   if (g.count > 0 && (g.position == nullptr || g.mean_t == nullptr || g.log_scale == nullptr ||
-                      g.rotor == nullptr || g.opacity == nullptr || g.sh == nullptr)) {
+                      g.rotor == nullptr || g.opacity == nullptr || (g.sh == nullptr && !indexed))) {
     return l4d::invalid_argument("an attribute array is NULL");
   }
+  if (indexed && g.sh != nullptr) return l4d::invalid_argument("sh is given beside indices");
   return {};
+}
+
+Status store_rows(l4d::render::DeviceRenderer& r, uint64_t first_row, const l4d_gaussians& gaussians,
+                  const l4d_cuda_sh_indices* indices, void* stream) {
+  const l4d_gaussians g = read_struct(gaussians, l4d_gaussians{});
+  L4D_RETURN_IF_ERROR(check_gaussians(g, indices != nullptr));
+  if (first_row > std::numeric_limits<uint32_t>::max()) {
+    return l4d::invalid_argument("there is no room for so many rows");
+  }
+  return r.store_rows(static_cast<uint32_t>(first_row), g, indices, stream);
 }
 
 l4d::render::DeviceImage image_of(const l4d_cuda_image& image) {
@@ -80,6 +92,9 @@ void l4d_cuda_room_init_(l4d_cuda_room* room, size_t struct_size) {
 }
 void l4d_cuda_image_init_(l4d_cuda_image* image, size_t struct_size) {
   init_struct(image, struct_size, l4d_cuda_image{});
+}
+void l4d_cuda_sh_indices_init_(l4d_cuda_sh_indices* indices, size_t struct_size) {
+  init_struct(indices, struct_size, l4d_cuda_sh_indices{});
 }
 void l4d_cuda_figures_init_(l4d_cuda_figures* figures, size_t struct_size) {
   init_struct(figures, struct_size, l4d_cuda_figures{});
@@ -113,7 +128,7 @@ l4d_status l4d_cuda_renderer_set_gaussians(l4d_cuda_renderer* renderer,
                                            const l4d_timeline* timeline) {
   return call(renderer, gaussians != nullptr && timeline != nullptr, [&](auto& r) -> Status {
     const l4d_gaussians g = read_struct(*gaussians, l4d_gaussians{});
-    L4D_RETURN_IF_ERROR(check_gaussians(g));
+    L4D_RETURN_IF_ERROR(check_gaussians(g, false));
     L4D_RETURN_IF_ERROR(check_timeline(*timeline));
     return r.set_device_gaussians(g, *timeline);
   });
@@ -129,12 +144,41 @@ l4d_status l4d_cuda_renderer_reserve_rows(l4d_cuda_renderer* renderer, uint64_t 
 l4d_status l4d_cuda_renderer_store_rows(l4d_cuda_renderer* renderer, uint64_t first_row,
                                         const l4d_gaussians* gaussians, void* stream) {
   return call(renderer, gaussians != nullptr, [&](auto& r) -> Status {
+    return store_rows(r, first_row, *gaussians, nullptr, stream);
+  });
+}
+l4d_status l4d_cuda_renderer_set_sh_codebooks(l4d_cuda_renderer* renderer,
+                                              const l4d_codebook* codebooks, uint32_t count) {
+  return call(renderer, codebooks != nullptr || count == 0, [&](auto& r) -> Status {
+    if (count > L4D_MAX_STAGES) return l4d::invalid_argument("too many stages");
+    l4d_codebook books[L4D_MAX_STAGES] = {};
+    for (uint32_t s = 0; s < count; ++s) books[s] = read_struct(codebooks[s], l4d_codebook{});
+    return r.set_sh_codebooks(books, count);
+  });
+}
+l4d_status l4d_cuda_renderer_set_indexed_gaussians(l4d_cuda_renderer* renderer,
+                                                   const l4d_gaussians* gaussians,
+                                                   const l4d_cuda_sh_indices* indices,
+                                                   const l4d_timeline* timeline) {
+  const bool ok = gaussians != nullptr && indices != nullptr && timeline != nullptr;
+  return call(renderer, ok, [&](auto& r) -> Status {
     const l4d_gaussians g = read_struct(*gaussians, l4d_gaussians{});
-    L4D_RETURN_IF_ERROR(check_gaussians(g));
-    if (first_row > std::numeric_limits<uint32_t>::max()) {
-      return l4d::invalid_argument("there is no room for so many rows");
-    }
-    return r.store_rows(static_cast<uint32_t>(first_row), g, stream);
+    l4d_cuda_sh_indices i = read_struct(*indices, l4d_cuda_sh_indices{});
+    L4D_RETURN_IF_ERROR(check_gaussians(g, true));
+    L4D_RETURN_IF_ERROR(check_timeline(*timeline));
+    i.first_literal = 0;
+    return r.set_indexed_gaussians(g, i, *timeline);
+  });
+}
+l4d_status l4d_cuda_renderer_reserve_literals(l4d_cuda_renderer* renderer, uint64_t literals) {
+  return call(renderer, true, [&](auto& r) { return r.reserve_literals(literals); });
+}
+l4d_status l4d_cuda_renderer_store_indexed_rows(l4d_cuda_renderer* renderer, uint64_t first_row,
+                                                const l4d_gaussians* gaussians,
+                                                const l4d_cuda_sh_indices* indices, void* stream) {
+  return call(renderer, gaussians != nullptr && indices != nullptr, [&](auto& r) -> Status {
+    const l4d_cuda_sh_indices i = read_struct(*indices, l4d_cuda_sh_indices{});
+    return store_rows(r, first_row, *gaussians, &i, stream);
   });
 }
 l4d_status l4d_cuda_renderer_set_slabs(l4d_cuda_renderer* renderer, const l4d_cuda_slab* slabs,

@@ -1,12 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 // In builds without device code.
-#include "render/cuda/device_renderer.h"
+#include "render/cuda/device_player.h"
 
 namespace l4d::render {
 
 Status make_device_renderer(const DeviceRendererOptions&, std::unique_ptr<DeviceRenderer>*) {
   return Status(L4D_ERR_FEATURE_UNSUPPORTED,
                 "this build has no device code: use another backend, or build with L4D_CUDA=ON");
+}
+
+Status make_device_player(l4d_decoder*, const l4d_cuda_player_options&,
+                          std::unique_ptr<DevicePlayer>*) {
+  return Status(L4D_ERR_FEATURE_UNSUPPORTED,
+                "this build has no device code: build with L4D_CUDA=ON");
 }
 
 }  // namespace l4d::render

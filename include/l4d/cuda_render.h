@@ -18,6 +18,7 @@
 #ifndef L4D_CUDA_RENDER_H
 #define L4D_CUDA_RENDER_H
 
+#include "l4d/decode.h"
 #include "l4d/render.h"
 
 #ifdef __cplusplus
@@ -56,15 +57,55 @@ L4D_API l4d_status l4d_cuda_renderer_set_gaussians(l4d_cuda_renderer* renderer,
                                                    const l4d_gaussians* gaussians,
                                                    const l4d_timeline* timeline);
 
+/* Or a scene whose SH is told by indices of codewords, as l4d_cuda_decoder_decode_packed leaves them: 2 bytes
+ * a stage and 2 or 4 beside them stay of each Gaussian, and colours are made of the codewords in each frame.
+ * With L4D_CUDA_SH_FLOAT32 images are those of the expanded SH to the last bit. `codebooks`: of all stages,
+ * `entries` on the device, as l4d_cuda_decoder_get_codebook tells them (SH codebooks are the same for every
+ * layer); they are copied, in the renderer's sh_format. A scene that told SH by those before is lost. count =
+ * 0: no codebooks any more. */
+L4D_API l4d_status l4d_cuda_renderer_set_sh_codebooks(l4d_cuda_renderer* renderer,
+                                                      const l4d_codebook* codebooks,
+                                                      uint32_t count);
+/* Device arrays of N Gaussians. An index beyond its codebook counts as the last one, a depth beyond the stages
+ * as all, and a literal beyond num_literals as no SH. */
+typedef struct l4d_cuda_sh_indices {
+  size_t struct_size;
+  const uint8_t* depth;    /* [N] stages that add up, 255 = literal; NULL: all stages, no literals */
+  const uint16_t* index;   /* [num_stages][N], stage s of Gaussian i at s * stride + i */
+  uint64_t stride;         /* the capacity of l4d_cuda_packed_buffers */
+  const uint16_t* literal; /* [num_literals, (D+1)^2, 3] binary16, in order of their Gaussians */
+  uint64_t num_literals;
+  uint64_t first_literal;  /* of l4d_cuda_renderer_store_indexed_rows: where in the room for literals */
+} l4d_cuda_sh_indices;
+L4D_API void l4d_cuda_sh_indices_init_(l4d_cuda_sh_indices* indices, size_t struct_size);
+#define l4d_cuda_sh_indices_init(indices) l4d_cuda_sh_indices_init_((indices), sizeof(*(indices)))
+/* As l4d_cuda_renderer_set_gaussians; gaussians->sh is NULL. Fails with INVALID_STATE without codebooks.
+ * l4d_cuda_renderer_backward does not work of such a scene (INVALID_STATE). */
+L4D_API l4d_status l4d_cuda_renderer_set_indexed_gaussians(l4d_cuda_renderer* renderer,
+                                                           const l4d_gaussians* gaussians,
+                                                           const l4d_cuda_sh_indices* indices,
+                                                           const l4d_timeline* timeline);
+
 /* Or a scene that comes and goes in parts: a store of rows, filled part by part, and slabs of rows that
  * frames show. Filling rows that no slab of the frames under way shows is safe beside them. */
 L4D_API l4d_status l4d_cuda_renderer_reserve_rows(l4d_cuda_renderer* renderer, uint64_t rows,
                                                   uint32_t sh_degree,
                                                   const l4d_timeline* timeline);
+/* Where there are codebooks, these are rows of indices, without room for literals until there is a number of
+ * them: what was in it is lost. */
+L4D_API l4d_status l4d_cuda_renderer_reserve_literals(l4d_cuda_renderer* renderer,
+                                                      uint64_t literals);
 /* Fills rows first_row, first_row + 1, ... from device arrays, which may be given up once the stream has
  * passed. */
 L4D_API l4d_status l4d_cuda_renderer_store_rows(l4d_cuda_renderer* renderer, uint64_t first_row,
                                                 const l4d_gaussians* gaussians, void* stream);
+/* Likewise rows of indices, with gaussians->sh NULL; their literals go to first_literal, first_literal + 1, ...
+ * of the room for them. Each of the two fails with INVALID_STATE on rows of the other kind. */
+L4D_API l4d_status l4d_cuda_renderer_store_indexed_rows(l4d_cuda_renderer* renderer,
+                                                        uint64_t first_row,
+                                                        const l4d_gaussians* gaussians,
+                                                        const l4d_cuda_sh_indices* indices,
+                                                        void* stream);
 /* What can be seen to change in a slab while the sequence lasts; what cannot is not worked out. */
 enum {
   L4D_CUDA_ROWS_STILL = 0,  /* nothing */

@@ -60,7 +60,7 @@ class Implementation : public DeviceRenderer {
     const size_t n = static_cast<size_t>(gaussians.count);
     L4D_RETURN_IF_ERROR(pipeline_.reserve_rows(n, gaussians.sh_degree, options_.half_sh,
                                                sequence_of(timeline)));
-    L4D_RETURN_IF_ERROR(pipeline_.store_scene(gaussians));
+    L4D_RETURN_IF_ERROR(pipeline_.store_scene(gaussians, nullptr));
     gaussians_ = gaussians;
     has_attributes_ = true;
     return {};
@@ -111,12 +111,36 @@ class Implementation : public DeviceRenderer {
   Status reserve_rows(uint64_t rows, uint32_t sh_degree, const l4d_timeline& timeline) override {
     L4D_RETURN_IF_ERROR(use());
     has_attributes_ = false;
-    return pipeline_.reserve_rows(static_cast<size_t>(rows), sh_degree, options_.half_sh,
-                                  sequence_of(timeline));
+    if (pipeline_.sh_codebooks().empty()) {
+      return pipeline_.reserve_rows(static_cast<size_t>(rows), sh_degree, options_.half_sh,
+                                    sequence_of(timeline));
+    }
+    if (sh_degree != pipeline_.sh_codebooks().degree()) {
+      return invalid_argument("the codebooks are of other SH degree");
+    }
+    return pipeline_.reserve_indexed_rows(static_cast<size_t>(rows), sequence_of(timeline));
   }
-  Status store_rows(uint32_t first, const l4d_gaussians& gaussians, void* stream) override {
+  Status store_rows(uint32_t first, const l4d_gaussians& gaussians,
+                    const l4d_cuda_sh_indices* indices, void* stream) override {
     L4D_RETURN_IF_ERROR(use());
-    return pipeline_.store(gaussians, first, first, static_cast<cudaStream_t>(stream));
+    return pipeline_.store(gaussians, indices, first, first, static_cast<cudaStream_t>(stream));
+  }
+  Status set_sh_codebooks(const l4d_codebook* books, uint32_t count) override {
+    L4D_RETURN_IF_ERROR(use());
+    return pipeline_.set_sh_codebooks(books, count, options_.half_sh);
+  }
+  Status set_indexed_gaussians(const l4d_gaussians& gaussians, const l4d_cuda_sh_indices& indices,
+                               const l4d_timeline& timeline) override {
+    L4D_RETURN_IF_ERROR(use());
+    has_attributes_ = false;
+    const size_t n = static_cast<size_t>(gaussians.count);
+    L4D_RETURN_IF_ERROR(pipeline_.reserve_indexed_rows(n, sequence_of(timeline)));
+    L4D_RETURN_IF_ERROR(pipeline_.reserve_literals(indices.num_literals));
+    return pipeline_.store_scene(gaussians, &indices);
+  }
+  Status reserve_literals(uint64_t literals) override {
+    L4D_RETURN_IF_ERROR(use());
+    return pipeline_.reserve_literals(literals);
   }
   Status set_rows(const Rows* rows, uint32_t count, void* stream) override {
     L4D_RETURN_IF_ERROR(use());

@@ -8,7 +8,7 @@
 #include <memory>
 #include <vector>
 
-#include "l4d/render.h"
+#include "l4d/cuda_render.h"
 #include "libl4dcodec/base/status.h"
 #include "render/view.h"
 
@@ -77,12 +77,20 @@ class DeviceRenderer {
   // Arrays of `gaussians` are device pointers here. Waits.
   virtual Status set_device_gaussians(const l4d_gaussians& gaussians,
                                       const l4d_timeline& timeline) = 0;
+  // SH codebooks of device arrays, copied; and scenes and rows that tell SH by indices into them. Wait.
+  virtual Status set_sh_codebooks(const l4d_codebook* books, uint32_t count) = 0;
+  virtual Status set_indexed_gaussians(const l4d_gaussians& gaussians,
+                                       const l4d_cuda_sh_indices& indices,
+                                       const l4d_timeline& timeline) = 0;
+  virtual Status reserve_literals(uint64_t literals) = 0;
   struct Rows {
     uint32_t first, count, motion;  // motion: MotionGroup
   };
-  // Waits.
+  // Of indices, where there are codebooks. Waits.
   virtual Status reserve_rows(uint64_t rows, uint32_t sh_degree, const l4d_timeline& timeline) = 0;
-  virtual Status store_rows(uint32_t first, const l4d_gaussians& gaussians, void* stream) = 0;
+  // indices: NULL where rows hold their SH.
+  virtual Status store_rows(uint32_t first, const l4d_gaussians& gaussians,
+                            const l4d_cuda_sh_indices* indices, void* stream) = 0;
   virtual Status set_rows(const Rows* rows, uint32_t count, void* stream) = 0;
   // Waits where it has to grow.
   virtual Status reserve(uint32_t width, uint32_t height, uint64_t visible, uint64_t instances,

@@ -8,8 +8,9 @@
 namespace l4d::render {
 
 // Visible rows of a block, in the kernels that go through them in order. Of large blocks fewer wait
-// for each other in turn, but with SH in binary32 two of them do not fit beside each other.
-constexpr int project_piece(bool half_sh) { return half_sh ? 512 : 256; }
+// for each other in turn, but with SH in binary32, which sums of codewords are, two of them do not fit
+// beside each other.
+constexpr int project_piece(bool half_sh, bool indexed) { return half_sh && !indexed ? 512 : 256; }
 constexpr int kEmitPiece = 256;
 
 // Where the pixels go; what is NULL is not wanted.
@@ -55,7 +56,7 @@ __device__ inline bool is_whole(const FrameMemory& memory) {
 
 struct FrameInput {
   View<float> view;
-  float time;                // seconds from the middle of the sequence
+  double time;               // seconds from the middle of the sequence
   uint32_t sh_degree;
   bool half_sh;
   bool backward;             // instances are told by their emission
@@ -72,7 +73,7 @@ inline int tile_bits(int tiles) {
 }
 
 // Rows of the chunks that are visible at the time, in order.
-void launch_slice(const ResidentRows& rows, const Chunk* chunks, uint32_t num_chunks, float time,
+void launch_slice(const ResidentRows& rows, const Chunk* chunks, uint32_t num_chunks, double time,
                   const FrameMemory& memory, cudaStream_t stream);
 // The splats of the visible rows that touch a tile, with their colours; keys of their depths.
 void launch_project(const ResidentRows& rows, const FrameInput& input, const FrameMemory& memory,

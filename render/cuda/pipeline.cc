@@ -42,18 +42,35 @@ DevicePipeline::~DevicePipeline() {
   }
 }
 
-Status DevicePipeline::reserve_rows(size_t rows, uint32_t sh_degree, bool half_sh,
-                                    const Sequence& sequence) {
-  if (rows > kRowMask) return Status(L4D_ERR_LIMIT_EXCEEDED, "more than 2^30 - 1 rows");
-  L4D_RETURN_IF_CUDA_ERROR(cudaDeviceSynchronize());
-  capacity_rows_ = 0;
-  num_chunks_ = 0;
-  sliced_ = false;
+size_t DevicePipeline::row_bytes() const {
+  const size_t sh =
+      rows_.books.num_stages > 0
+          ? rows_.books.words() * sizeof(uint32_t)
+          : sh_stride(sh_degree_, half_sh_) * (half_sh_ ? sizeof(uint16_t) : sizeof(float));
+  return sizeof(float2) + 4 * sizeof(float4) + sizeof(uint32_t) + sh;
+}
+
+// Memory of rows of sh_degree_ and half_sh_. The device is idle.
+Status DevicePipeline::make_rows(size_t rows, bool keep) {
   const size_t n = std::max<size_t>(rows, 1);
-  const size_t stride = sh_stride(sh_degree, half_sh) * (half_sh ? sizeof(uint16_t) : sizeof(float));
+  const size_t stride = row_bytes() - sizeof(float2) - 4 * sizeof(float4) - sizeof(uint32_t);
   const size_t bytes[7] = {sizeof(float2), sizeof(float4), sizeof(float4),  sizeof(float4),
                            sizeof(float4), stride,         sizeof(uint32_t)};
-  for (int k = 0; k < 7; ++k) L4D_RETURN_IF_ERROR(row_memory_[k].reserve(n * bytes[k]));
+  const auto grow = [&](cuda::DeviceMemory* memory, size_t wanted, size_t used) -> Status {
+    if (!keep) return memory->reserve(wanted);
+    if (wanted <= memory->size()) return {};
+    cuda::DeviceMemory larger;
+    L4D_RETURN_IF_ERROR(larger.reserve(wanted));
+    if (used > 0) {
+      L4D_RETURN_IF_CUDA_ERROR(
+          cudaMemcpy(larger.data(), memory->data(), used, cudaMemcpyDeviceToDevice));
+    }
+    *memory = std::move(larger);
+    return {};
+  };
+  for (int k = 0; k < 7; ++k) {
+    L4D_RETURN_IF_ERROR(grow(&row_memory_[k], n * bytes[k], capacity_rows_ * bytes[k]));
+  }
   rows_.interval = row_memory_[0].as<float2>();
   rows_.place = row_memory_[1].as<float4>();
   rows_.motion = row_memory_[2].as<float4>();
@@ -61,32 +78,109 @@ Status DevicePipeline::reserve_rows(size_t rows, uint32_t sh_degree, bool half_s
   rows_.shape1 = row_memory_[4].as<float4>();
   rows_.sh = row_memory_[5].data();
   rows_.id = row_memory_[6].as<uint32_t>();
+  rows_.origin = nullptr;
+  if (keep) {
+    L4D_RETURN_IF_ERROR(grow(&origins_, n / kChunkRows * sizeof(double),
+                             capacity_rows_ / kChunkRows * sizeof(double)));
+    rows_.origin = origins_.as<double>();
+  }
   // As many chunks as slabs can make of the rows.
   const size_t chunks = n / kChunkRows + kMaxSlabs + 1;
-  L4D_RETURN_IF_ERROR(chunks_.reserve(chunks * sizeof(Chunk)));
+  L4D_RETURN_IF_ERROR(grow(&chunks_, chunks * sizeof(Chunk), num_chunks_ * sizeof(Chunk)));
   L4D_RETURN_IF_ERROR(slice_control_.reserve(sizeof(SliceCounts) + chunks * sizeof(uint32_t)));
   memory_.slice_counts = slice_control_.as<SliceCounts>();
   memory_.slice_states = reinterpret_cast<uint32_t*>(slice_control_.as<SliceCounts>() + 1);
   capacity_rows_ = rows;
-  sh_degree_ = sh_degree;
-  half_sh_ = half_sh;
-  sequence_ = sequence;
+  sliced_ = false;
   return {};
 }
 
-Status DevicePipeline::store(const l4d_gaussians& gaussians, uint32_t first, uint32_t first_id,
-                             cudaStream_t stream) {
+Status DevicePipeline::reserve_rows(size_t rows, uint32_t sh_degree, bool half_sh,
+                                    const Sequence& sequence) {
+  if (rows > kRowMask) return Status(L4D_ERR_LIMIT_EXCEEDED, "more than 2^30 - 1 rows");
+  L4D_RETURN_IF_CUDA_ERROR(cudaDeviceSynchronize());
+  capacity_rows_ = 0;
+  num_chunks_ = 0;
+  sh_degree_ = sh_degree;
+  half_sh_ = half_sh;
+  sequence_ = sequence;
+  rows_.books = {};
+  return make_rows(rows, false);
+}
+
+Status DevicePipeline::set_sh_codebooks(const l4d_codebook* books, uint32_t count, bool half_sh) {
+  // Rows of the codebooks that go mean nothing any more.
+  if (rows_.books.num_stages > 0) {
+    L4D_RETURN_IF_ERROR(reserve_rows(0, sh_degree_, half_sh_, sequence_));
+  }
+  half_books_ = half_sh;
+  return codebooks_.set(books, count, half_sh);
+}
+
+Status DevicePipeline::reserve_indexed_rows(size_t rows, const Sequence& sequence) {
+  if (codebooks_.empty()) return Status(L4D_ERR_INVALID_STATE, "there are no codebooks");
+  L4D_RETURN_IF_ERROR(reserve_rows(0, codebooks_.degree(), half_books_, sequence));
+  L4D_RETURN_IF_ERROR(codebooks_.reserve(0, 0));
+  rows_.books = codebooks_.books();
+  if (rows > kRowMask) return Status(L4D_ERR_LIMIT_EXCEEDED, "more than 2^30 - 1 rows");
+  return make_rows(rows, false);
+}
+
+Status DevicePipeline::reserve_literals(uint64_t literals) {
+  if (rows_.books.num_stages == 0) return Status(L4D_ERR_INVALID_STATE, "rows are not of indices");
+  L4D_RETURN_IF_ERROR(codebooks_.reserve(capacity_rows_, literals));
+  rows_.books = codebooks_.books();
+  return {};
+}
+
+Status DevicePipeline::reserve_chunks(uint32_t chunks, uint32_t sh_degree, bool half_sh,
+                                      const Sequence& sequence) {
+  if (chunks > kRowMask / kChunkRows) {
+    return Status(L4D_ERR_LIMIT_EXCEEDED, "more than 2^30 - 1 rows");
+  }
+  L4D_RETURN_IF_CUDA_ERROR(cudaDeviceSynchronize());
+  sh_degree_ = sh_degree;
+  half_sh_ = half_sh;
+  sequence_ = sequence;
+  rows_.books = {};
+  return make_rows(size_t{chunks} * kChunkRows, true);
+}
+
+Status DevicePipeline::take_indices(const l4d_cuda_sh_indices* indices, uint64_t count,
+                                    ShIndices* out, cudaStream_t stream) {
+  if ((indices != nullptr) != (rows_.books.num_stages > 0)) {
+    return Status(L4D_ERR_INVALID_STATE, indices != nullptr ? "the rows hold SH, not indices"
+                                                            : "the rows hold indices, not SH");
+  }
+  return indices == nullptr ? Status() : codebooks_.take(*indices, count, out, stream);
+}
+
+void DevicePipeline::launch_rows(const l4d_gaussians& gaussians, const ShIndices& indices,
+                                 const StorePlace& place, cudaStream_t stream) {
+  launch_store(gaussians, sequence_, place, half_sh_, rows_, stream);
+  if (rows_.books.num_stages > 0) launch_store_indices(indices, place, rows_, stream);
+}
+
+Status DevicePipeline::store(const l4d_gaussians& gaussians, const l4d_cuda_sh_indices* indices,
+                             uint32_t first, uint32_t first_id, cudaStream_t stream) {
   if (gaussians.sh_degree != sh_degree_) return invalid_argument("the rows are of other SH degree");
   if (first > capacity_rows_ || gaussians.count > capacity_rows_ - first) {
     return invalid_argument("there is no room for so many rows");
   }
+  ShIndices taken{};
+  L4D_RETURN_IF_ERROR(take_indices(indices, gaussians.count, &taken, stream));
   sliced_ = false;
-  launch_store(gaussians, sequence_, nullptr, static_cast<uint32_t>(gaussians.count), first,
-               first_id, half_sh_, rows_, stream);
+  StorePlace place;
+  place.count = static_cast<uint32_t>(gaussians.count);
+  place.first = first;
+  place.first_id = first_id;
+  place.origin = sequence_.center();
+  launch_rows(gaussians, taken, place, stream);
   return launched("storing rows");
 }
 
-Status DevicePipeline::store_scene(const l4d_gaussians& gaussians) {
+Status DevicePipeline::store_scene(const l4d_gaussians& gaussians,
+                                   const l4d_cuda_sh_indices* indices) {
   const size_t n = static_cast<size_t>(gaussians.count);
   if (n > capacity_rows_ || gaussians.sh_degree != sh_degree_) {
     return invalid_argument("there is no room for the scene");
@@ -97,6 +191,8 @@ Status DevicePipeline::store_scene(const l4d_gaussians& gaussians) {
   L4D_RETURN_IF_ERROR(states.reserve(words * sizeof(uint32_t)));
   L4D_RETURN_IF_ERROR(counts.reserve(kNumMotionGroups * sizeof(uint32_t)));
   const cudaStream_t stream = nullptr;
+  ShIndices taken{};
+  L4D_RETURN_IF_ERROR(take_indices(indices, gaussians.count, &taken, stream));
   L4D_RETURN_IF_CUDA_ERROR(cudaMemsetAsync(states.data(), 0, words * sizeof(uint32_t), stream));
   L4D_RETURN_IF_CUDA_ERROR(cudaMemsetAsync(counts.data(), 0, counts.size(), stream));
   launch_group(gaussians, sequence_, lists.as<uint32_t>(), counts.as<uint32_t>(),
@@ -105,12 +201,14 @@ Status DevicePipeline::store_scene(const l4d_gaussians& gaussians) {
   uint32_t lengths[kNumMotionGroups];
   L4D_RETURN_IF_CUDA_ERROR(cudaMemcpy(lengths, counts.data(), sizeof lengths, cudaMemcpyDeviceToHost));
   Slab slabs[kNumMotionGroups];
-  uint32_t first = 0;
+  StorePlace place;
+  place.origin = sequence_.center();
   for (uint32_t group = 0; group < kNumMotionGroups; ++group) {
-    launch_store(gaussians, sequence_, lists.as<uint32_t>() + size_t{group} * n, lengths[group],
-                 first, 0, half_sh_, rows_, stream);
-    slabs[group] = {first, lengths[group], group};
-    first += lengths[group];
+    place.list = lists.as<uint32_t>() + size_t{group} * n;
+    place.count = lengths[group];
+    launch_rows(gaussians, taken, place, stream);
+    slabs[group] = {place.first, place.count, group};
+    place.first += place.count;
   }
   L4D_RETURN_IF_ERROR(launched("storing rows"));
   L4D_RETURN_IF_ERROR(set_slabs(slabs, kNumMotionGroups, stream));
@@ -133,6 +231,14 @@ Status DevicePipeline::set_slabs(const Slab* slabs, uint32_t count, cudaStream_t
   num_chunks_ = num_chunks(slabs, count);
   launch_chunks(slabs, count, chunks_.as<Chunk>(), stream);
   return launched("setting slabs");
+}
+
+Status DevicePipeline::set_chunks(const Chunk* chunks, uint32_t count, cudaStream_t stream) {
+  sliced_ = false;
+  num_chunks_ = count;
+  L4D_RETURN_IF_CUDA_ERROR(cudaMemcpyAsync(chunks_.data(), chunks, count * sizeof(Chunk),
+                                           cudaMemcpyHostToDevice, stream));
+  return {};
 }
 
 Status DevicePipeline::reserve(const FrameRoom& wanted) {
@@ -159,7 +265,7 @@ Status DevicePipeline::reserve(const FrameRoom& wanted) {
   const auto cut = [&](void* base) {
     Cutter cutter(base);
     memory_.counts = cutter.take<FrameCounts>(1);
-    memory_.project_states = cutter.take<uint32_t>(pieces(v, project_piece(false)));
+    memory_.project_states = cutter.take<uint32_t>(pieces(v, project_piece(false, false)));
     memory_.emit_states = cutter.take<uint32_t>(pieces(v, kEmitPiece));
     memory_.depth_states = cutter.take<uint32_t>(sort_state_words(room.visible, kDepthBits));
     memory_.tile_states = cutter.take<uint32_t>(
@@ -223,7 +329,7 @@ Status DevicePipeline::render(double time, const l4d_camera& camera, const float
   }
   time = std::min(std::max(time, sequence_.begin), sequence_.end);
   input_.view = make_view<float>(camera);
-  input_.time = static_cast<float>(time - sequence_.center());
+  input_.time = time - sequence_.center();
   input_.sh_degree = sh_degree_;
   input_.half_sh = half_sh_;
   input_.backward = backward;

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "libl4dcodec/cuda/device.h"
+#include "render/cuda/codebooks.h"
 #include "render/cuda/gradient.h"
 
 namespace l4d::render {
@@ -34,14 +35,30 @@ class DevicePipeline {
 
   // Room for rows of a scene; what is there is lost. Waits for the device.
   Status reserve_rows(size_t rows, uint32_t sh_degree, bool half_sh, const Sequence& sequence);
-  // Fills rows [first, first + gaussians.count) from device arrays.
-  Status store(const l4d_gaussians& gaussians, uint32_t first, uint32_t first_id,
-               cudaStream_t stream);
+  // SH codebooks for rows of indices, which are lost where there are some. Waits for the device.
+  Status set_sh_codebooks(const l4d_codebook* books, uint32_t count, bool half_sh);
+  const ShCodebooks& sh_codebooks() const { return codebooks_; }
+  // As reserve_rows(), of rows that tell SH by indices.
+  Status reserve_indexed_rows(size_t rows, const Sequence& sequence);
+  // Room for the literals of such rows; what is there is lost. Waits for the device.
+  Status reserve_literals(uint64_t literals);
+  // Room for chunks of kChunkRows rows, each with a clock of its own (origin); of what was there all
+  // stays. For stores that are not to be had with reserve_rows(): its rows have one clock. Waits for the
+  // device.
+  Status reserve_chunks(uint32_t chunks, uint32_t sh_degree, bool half_sh, const Sequence& sequence);
+  // Fills rows [first, first + gaussians.count) from device arrays. indices: of rows that tell SH by them,
+  // else NULL.
+  Status store(const l4d_gaussians& gaussians, const l4d_cuda_sh_indices* indices, uint32_t first,
+               uint32_t first_id, cudaStream_t stream);
   // A whole scene from device arrays, sorted by motion. Waits for the device.
-  Status store_scene(const l4d_gaussians& gaussians);
+  Status store_scene(const l4d_gaussians& gaussians, const l4d_cuda_sh_indices* indices);
   // The rows that frames show.
   Status set_slabs(const Slab* slabs, uint32_t count, cudaStream_t stream);
+  // Or the chunks that frames show, from pinned memory that stays as it is until the stream has passed.
+  Status set_chunks(const Chunk* chunks, uint32_t count, cudaStream_t stream);
   size_t rows() const { return capacity_rows_; }
+  // Of the store.
+  size_t row_bytes() const;
   const ResidentRows& resident() const { return rows_; }
   const Sequence& sequence() const { return sequence_; }
 
@@ -73,6 +90,11 @@ class DevicePipeline {
 
  private:
   Status mark(int event, cudaStream_t stream);
+  Status make_rows(size_t rows, bool keep);
+  Status take_indices(const l4d_cuda_sh_indices* indices, uint64_t count, ShIndices* out,
+                      cudaStream_t stream);
+  void launch_rows(const l4d_gaussians& gaussians, const ShIndices& indices, const StorePlace& place,
+                   cudaStream_t stream);
 
   static constexpr int kEvents = L4D_RENDER_STAGE_COUNT + 1;
   Sequence sequence_{};
@@ -80,8 +102,10 @@ class DevicePipeline {
   uint32_t sh_degree_ = 0;
   bool half_sh_ = false;
   uint32_t num_chunks_ = 0;
-  cuda::DeviceMemory row_memory_[7], chunks_, slice_control_;
+  cuda::DeviceMemory row_memory_[7], origins_, chunks_, slice_control_;
   ResidentRows rows_{};
+  ShCodebooks codebooks_;
+  bool half_books_ = false;
 
   FrameRoom room_;
   cuda::DeviceMemory control_, tile_order_, per_visible_[8], per_instance_[5], image_, back_instances_,

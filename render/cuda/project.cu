@@ -1,51 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 // From visible rows to splats: position and opacity at the instant, projection, tiles, colour.
-#include <cuda_fp16.h>
-
 #include "render/cuda/frame.h"
 #include "render/cuda/launch.cuh"
 #include "render/cuda/ordered.cuh"
+#include "render/cuda/stored_sh.cuh"
 #include "render/project.h"
 
 namespace l4d::render {
 namespace {
 
-// A row's SH as it is stored, in registers.
-template <uint32_t kDegree, bool kHalf>
-struct StoredSh {
-  static constexpr uint32_t kStride = sh_stride(kDegree, kHalf);
-  static constexpr uint32_t kWords = kHalf ? kStride / 2 : kStride;  // of 4 bytes
-  uint32_t words[kWords];
-
-  __device__ void load(const void* column, uint32_t row) {
-    const uint32_t* from = static_cast<const uint32_t*>(column) + size_t{row} * kWords;
-    if constexpr (kWords % 4 == 0) {
-#pragma unroll
-      for (uint32_t w = 0; w < kWords; w += 4) {
-        const uint4 v = __ldg(reinterpret_cast<const uint4*>(from + w));
-        words[w] = v.x;
-        words[w + 1] = v.y;
-        words[w + 2] = v.z;
-        words[w + 3] = v.w;
-      }
-    } else {
-      const uint2 v = __ldg(reinterpret_cast<const uint2*>(from));
-      words[0] = v.x;
-      words[1] = v.y;
-    }
-  }
-  __device__ float operator[](uint32_t k) const {
-    if constexpr (!kHalf) {
-      return __uint_as_float(words[k]);
-    } else {
-      const uint32_t bits = words[k / 2] >> (k % 2 * 16);
-      return __half2float(__ushort_as_half(static_cast<unsigned short>(bits)));
-    }
-  }
-};
-
 // The splat of a row; false where it touches no pixel. Everything but its colour.
-__device__ bool splat_of_row(const ResidentRows& rows, const View<float>& view, float time,
+__device__ bool splat_of_row(const ResidentRows& rows, const View<float>& view, double time,
                              uint32_t listed, float* position, DeviceSplat* out, float* depth) {
   const uint32_t row = listed & kRowMask, group = listed >> kGroupShift;
   const float4 place = __ldg(rows.place + row);
@@ -55,15 +20,16 @@ __device__ bool splat_of_row(const ResidentRows& rows, const View<float>& view, 
   position[1] = place.y;
   position[2] = place.z;
   float opacity = place.w;
+  const float now = row_time(rows, time, row);
   if (group == kMoving) {
     const float4 motion = __ldg(rows.motion + row);
-    const float elapsed = time - motion.w;
+    const float elapsed = now - motion.w;
     position[0] = fmaf(motion.x, elapsed, position[0]);
     position[1] = fmaf(motion.y, elapsed, position[1]);
     position[2] = fmaf(motion.z, elapsed, position[2]);
   }
   if (group != kStill) {
-    const float dt = time - shape1.z;
+    const float dt = now - shape1.z;
     opacity *= expf(-0.5f * (shape1.w * (dt * dt)));
   }
   if (!(opacity >= static_cast<float>(kMinAlpha))) return false;
@@ -95,11 +61,11 @@ __device__ bool splat_of_row(const ResidentRows& rows, const View<float>& view, 
   return true;
 }
 
-template <uint32_t kDegree, bool kHalf>
-__global__ void __launch_bounds__(project_piece(kHalf))
+// Sh: CoefficientSh or IndexedSh.
+template <uint32_t kDegree, int kThreads, class Sh>
+__global__ void __launch_bounds__(kThreads)
     project_rows(ResidentRows rows, FrameInput input, FrameMemory memory) {
   await_predecessor();
-  constexpr int kThreads = project_piece(kHalf);
   __shared__ uint32_t before[kThreads / 32];
   __shared__ uint32_t digits[kMaxSortPasses * kSortRadix];
   FrameCounts* counts = memory.counts;
@@ -111,11 +77,11 @@ __global__ void __launch_bounds__(project_piece(kHalf))
 
   DeviceSplat splat;
   float position[3], depth = 0;
-  StoredSh<kDegree, kHalf> sh;
+  Sh sh;
   const bool shown = at < n && splat_of_row(rows, input.view, input.time, memory.visible[at],
                                             position, &splat, &depth);
   // The longest loads begin before anything waits for other warps.
-  if (shown) sh.load(rows.sh, splat.row & kRowMask);
+  if (shown) sh.load(rows, splat.row & kRowMask);
   clear_digits<kThreads>(input.depth_digits, digits);
   const uint32_t votes = __ballot_sync(kFullWarp, shown);
   if (lane == 0) before[warp] = static_cast<uint32_t>(__popc(votes));
@@ -134,6 +100,7 @@ __global__ void __launch_bounds__(project_piece(kHalf))
     count_digits(input.depth_digits, key, digits);
     float direction[3] = {0, 0, 1};
     if (kDegree > 0) view_direction(input.view, position, direction);
+    sh.finish(rows, splat.row & kRowMask);
     sh_color(kDegree, sh, direction, splat.color);
     for (float& channel : splat.color) channel = fmaxf(channel, 0.0f);
   }
@@ -150,16 +117,24 @@ __global__ void __launch_bounds__(project_piece(kHalf))
 
 using Kernel = void (*)(ResidentRows, FrameInput, FrameMemory);
 
-Kernel kernel_of(uint32_t degree, bool half) {
+template <uint32_t kDegree>
+Kernel kernel_of(bool half, bool indexed) {
+  constexpr int kSmall = project_piece(false, true), kLarge = project_piece(true, false);
+  static_assert(kSmall == project_piece(false, false) && kSmall == project_piece(true, true));
+  if (indexed) {
+    return half ? project_rows<kDegree, kSmall, IndexedSh<kDegree, true>>
+                : project_rows<kDegree, kSmall, IndexedSh<kDegree, false>>;
+  }
+  return half ? project_rows<kDegree, kLarge, CoefficientSh<kDegree, true>>
+              : project_rows<kDegree, kSmall, CoefficientSh<kDegree, false>>;
+}
+
+Kernel kernel_of(uint32_t degree, bool half, bool indexed) {
   switch (degree) {
-    case 0:
-      return half ? project_rows<0, true> : project_rows<0, false>;
-    case 1:
-      return half ? project_rows<1, true> : project_rows<1, false>;
-    case 2:
-      return half ? project_rows<2, true> : project_rows<2, false>;
-    default:
-      return half ? project_rows<3, true> : project_rows<3, false>;
+    case 0: return kernel_of<0>(half, indexed);
+    case 1: return kernel_of<1>(half, indexed);
+    case 2: return kernel_of<2>(half, indexed);
+    default: return kernel_of<3>(half, indexed);
   }
 }
 
@@ -167,9 +142,10 @@ Kernel kernel_of(uint32_t degree, bool half) {
 
 void launch_project(const ResidentRows& rows, const FrameInput& input, const FrameMemory& memory,
                     cudaStream_t stream) {
-  const unsigned threads = static_cast<unsigned>(project_piece(input.half_sh));
+  const bool indexed = rows.books.num_stages > 0;
+  const unsigned threads = static_cast<unsigned>(project_piece(input.half_sh, indexed));
   const unsigned grid = (memory.max_visible + threads - 1) / threads;
-  launch(kernel_of(input.sh_degree, input.half_sh), grid, threads, stream, rows, input, memory);
+  launch(kernel_of(input.sh_degree, input.half_sh, indexed), grid, threads, stream, rows, input, memory);
 }
 
 }  // namespace l4d::render

@@ -13,11 +13,12 @@ constexpr int kTurns = kChunkRows / kThreads;
 static_assert(kTurns * kWarps == 32, "one lane per warp and turn");
 
 __global__ void __launch_bounds__(kThreads)
-    slice(const float2* intervals, const Chunk* chunks, float time, FrameMemory memory) {
+    slice(ResidentRows rows, const Chunk* chunks, double time, FrameMemory memory) {
   await_predecessor();
   __shared__ uint32_t before[32];  // visible rows before each turn of each warp
   const uint32_t piece = take_ticket(&memory.slice_counts->ticket);
   const Chunk chunk = chunks[piece];
+  const float now = row_time(rows, time, chunk.first);
   const uint32_t lane = threadIdx.x & 31, warp = threadIdx.x / 32;
   uint32_t votes[kTurns];
 #pragma unroll
@@ -25,8 +26,8 @@ __global__ void __launch_bounds__(kThreads)
     const uint32_t at = static_cast<uint32_t>(k) * kThreads + threadIdx.x;
     bool visible = false;
     if (at < chunk.count) {
-      const float2 interval = intervals[chunk.first + at];
-      visible = time >= interval.x && time <= interval.y;
+      const float2 interval = rows.interval[chunk.first + at];
+      visible = now >= interval.x && now <= interval.y;
     }
     votes[k] = __ballot_sync(kFullWarp, visible);
     if (lane == 0) before[k * kWarps + static_cast<int>(warp)] = static_cast<uint32_t>(__popc(votes[k]));
@@ -57,10 +58,10 @@ __global__ void __launch_bounds__(kThreads)
 
 }  // namespace
 
-void launch_slice(const ResidentRows& rows, const Chunk* chunks, uint32_t num_chunks, float time,
+void launch_slice(const ResidentRows& rows, const Chunk* chunks, uint32_t num_chunks, double time,
                   const FrameMemory& memory, cudaStream_t stream) {
   if (num_chunks == 0) return;
-  launch(slice, num_chunks, kThreads, stream, rows.interval, chunks, time, memory);
+  launch(slice, num_chunks, kThreads, stream, rows, chunks, time, memory);
 }
 
 }  // namespace l4d::render

@@ -49,39 +49,37 @@ __global__ void __launch_bounds__(kThreads)
 }
 
 __global__ void __launch_bounds__(kThreads)
-    store_rows(l4d_gaussians gaussians, Sequence sequence, const uint32_t* list, uint32_t count,
-               uint32_t first, uint32_t first_id, ResidentRows rows) {
+    store_rows(l4d_gaussians gaussians, Sequence sequence, StorePlace to, ResidentRows rows) {
   await_predecessor();
   const uint32_t at = blockIdx.x * kThreads + threadIdx.x;
-  if (at >= count) return;
-  const uint32_t i = list != nullptr ? list[at] : at, row = first + at;
+  if (at >= to.count) return;
+  const uint32_t i = gaussian_of(to, at), row = row_of(to, at);
   const Prepared p = prepare_gaussian(gaussians, sequence.begin, sequence.end, i);
-  const double center = sequence.begin + 0.5 * (sequence.end - sequence.begin);
   const auto f = [](double v) { return static_cast<float>(v); };
-  const double mean = p.mean - center;
+  const double mean = p.mean - to.origin;
   const bool ever = p.half_life >= 0;
   const double* c = p.slice.covariance;
   const double* v = p.slice.velocity;
   rows.interval[row] = ever ? make_float2(f(mean - p.half_life), f(mean + p.half_life))
                             : make_float2(1, 0);
   rows.place[row] = make_float4(f(p.position[0]), f(p.position[1]), f(p.position[2]), f(p.opacity));
-  rows.motion[row] = make_float4(f(v[0]), f(v[1]), f(v[2]), f(p.reference - center));
+  rows.motion[row] = make_float4(f(v[0]), f(v[1]), f(v[2]), f(p.reference - to.origin));
   rows.shape0[row] = make_float4(f(c[0]), f(c[1]), f(c[2]), f(c[3]));
   rows.shape1[row] = make_float4(f(c[4]), f(c[5]), f(mean), f(p.slice.lambda));
-  rows.id[row] = first_id + i;
+  rows.id[row] = to.first_id + i;
+  if (to.chunks != nullptr && at % kChunkRows == 0) rows.origin[row / kChunkRows] = to.chunk_origin;
 }
 
 template <bool kHalf>
 __global__ void __launch_bounds__(kThreads)
-    store_sh(const float* sh, uint32_t numbers, uint32_t stride, const uint32_t* list,
-             uint32_t count, uint32_t first, void* out) {
+    store_sh(const float* sh, uint32_t numbers, uint32_t stride, StorePlace place, void* out) {
   await_predecessor();
-  const size_t total = size_t{count} * stride, step = size_t{gridDim.x} * kThreads;
+  const size_t total = size_t{place.count} * stride, step = size_t{gridDim.x} * kThreads;
   for (size_t k = size_t{blockIdx.x} * kThreads + threadIdx.x; k < total; k += step) {
     const uint32_t at = static_cast<uint32_t>(k / stride), number = static_cast<uint32_t>(k % stride);
-    const uint32_t i = list != nullptr ? list[at] : at;
+    const uint32_t i = gaussian_of(place, at);
     const float v = number < numbers ? sh[size_t{i} * numbers + number] : 0.0f;
-    const size_t to = size_t{first} * stride + k;
+    const size_t to = size_t{row_of(place, at)} * stride + number;
     if (kHalf) {
       static_cast<__half*>(out)[to] = __float2half_rn(v);
     } else {
@@ -118,21 +116,19 @@ void launch_group(const l4d_gaussians& gaussians, const Sequence& sequence, uint
   launch(group_gaussians, grid, kThreads, stream, gaussians, sequence, lists, counts, states);
 }
 
-void launch_store(const l4d_gaussians& gaussians, const Sequence& sequence, const uint32_t* list,
-                  uint32_t count, uint32_t first, uint32_t first_id, bool half_sh,
-                  const ResidentRows& rows, cudaStream_t stream) {
-  if (count == 0) return;
-  const unsigned grid = (count + kThreads - 1) / kThreads;
-  launch(store_rows, grid, kThreads, stream, gaussians, sequence, list, count, first, first_id, rows);
+void launch_store(const l4d_gaussians& gaussians, const Sequence& sequence, const StorePlace& place,
+                  bool half_sh, const ResidentRows& rows, cudaStream_t stream) {
+  if (place.count == 0) return;
+  const unsigned grid = (place.count + kThreads - 1) / kThreads;
+  launch(store_rows, grid, kThreads, stream, gaussians, sequence, place, rows);
+  if (rows.books.num_stages > 0) return;
   const uint32_t numbers = 3 * sh_terms(gaussians.sh_degree);
   const uint32_t stride = sh_stride(gaussians.sh_degree, half_sh);
   const unsigned blocks = grid < 4096 ? grid : 4096;
   if (half_sh) {
-    launch(store_sh<true>, blocks, kThreads, stream, gaussians.sh, numbers, stride, list, count,
-                                                    first, rows.sh);
+    launch(store_sh<true>, blocks, kThreads, stream, gaussians.sh, numbers, stride, place, rows.sh);
   } else {
-    launch(store_sh<false>, blocks, kThreads, stream, gaussians.sh, numbers, stride, list, count,
-                                                     first, rows.sh);
+    launch(store_sh<false>, blocks, kThreads, stream, gaussians.sh, numbers, stride, place, rows.sh);
   }
 }
 

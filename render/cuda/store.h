@@ -25,11 +25,28 @@ constexpr uint32_t kGroupPiece = 256;
 void launch_group(const l4d_gaussians& gaussians, const Sequence& sequence, uint32_t* lists,
                   uint32_t* counts, uint32_t* states, cudaStream_t stream);
 
-// Makes rows [first, first + count) of Gaussians list[0], ..., or, where list is NULL, 0, 1, ...; ids
-// are those numbers plus first_id.
-void launch_store(const l4d_gaussians& gaussians, const Sequence& sequence, const uint32_t* list,
-                  uint32_t count, uint32_t first, uint32_t first_id, bool half_sh,
-                  const ResidentRows& rows, cudaStream_t stream);
+// Which rows are made, and of which Gaussians.
+struct StorePlace {
+  const uint32_t* list = nullptr;    // of Gaussians; NULL: 0, 1, ...
+  const uint32_t* chunks = nullptr;  // chunks of kChunkRows rows, one behind the other; NULL: `first` on
+  uint32_t count = 0;
+  uint32_t first = 0;
+  uint32_t first_id = 0;             // ids are the Gaussians' numbers plus this
+  double origin = 0;                 // rows count time from here, in the clock of the Gaussians
+  double chunk_origin = 0;           // what is told of `chunks`: ResidentRows.origin
+};
+#ifdef __CUDACC__
+__device__ inline uint32_t gaussian_of(const StorePlace& place, uint32_t at) {
+  return place.list != nullptr ? place.list[at] : at;
+}
+__device__ inline uint32_t row_of(const StorePlace& place, uint32_t at) {
+  return place.chunks == nullptr ? place.first + at
+                                 : place.chunks[at / kChunkRows] * kChunkRows + at % kChunkRows;
+}
+#endif
+// Rows of indices get theirs by launch_store_indices().
+void launch_store(const l4d_gaussians& gaussians, const Sequence& sequence, const StorePlace& place,
+                  bool half_sh, const ResidentRows& rows, cudaStream_t stream);
 
 // Returns how many chunks the slabs are; chunks has room for them.
 uint32_t num_chunks(const Slab* slabs, uint32_t num_slabs);

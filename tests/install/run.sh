@@ -77,7 +77,7 @@ symbols l4dcodec | compare symbols.txt
 symbols l4drender | compare symbols-render.txt
 declared l4d.h decode.h encode.h cuda.h | diff -u - "$here/symbols.txt" >&2 ||
   fail "declared (<) and defined (>) functions differ"
-declared render.h cuda_render.h | diff -u - "$here/symbols-render.txt" >&2 ||
+declared render.h cuda_render.h cuda_player.h | diff -u - "$here/symbols-render.txt" >&2 ||
   fail "declared (<) and defined (>) functions of the renderer differ"
 
 echo "== pkg-config"

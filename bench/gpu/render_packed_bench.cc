@@ -1,0 +1,261 @@
+// SPDX-License-Identifier: Apache-2.0
+// Rendering streams of codebooks with their SH expanded and as indices: memory of a Gaussian,
+// frames per second, and the step that makes colours, for the same frames.
+//
+//   gpu_render_packed_bench FILE...
+#include <cuda_runtime_api.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <exception>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "bench/gpu/render_timing.h"
+#include "io/cameras.h"
+#include "io/scene.h"
+#include "l4d/cuda.h"
+#include "l4d/l4d.hpp"
+
+namespace {
+
+using namespace l4d;
+using namespace l4d::bench;
+
+constexpr uint32_t kWidth = 1352, kHeight = 1014;
+constexpr int kRuns = 300;
+
+size_t free_memory() {
+  size_t left = 0, all = 0;
+  check(cudaDeviceSynchronize());
+  check(cudaMemGetInfo(&left, &all));
+  return left;
+}
+
+// A stream on the device: Gaussians with their SH, and the indices of it.
+struct Stream {
+  DecoderHandle decoder;
+  l4d_cuda_decoder* cuda = nullptr;
+  std::vector<std::unique_ptr<Array<unsigned char>>> arrays;
+  l4d_gaussians gaussians{};
+  l4d_cuda_sh_indices indices;
+  std::vector<l4d_codebook> books;
+  l4d_timeline timeline{};
+  std::vector<l4d_camera> cameras;
+
+  explicit Stream(const std::string& file) {
+    decoder.open_file(file);
+    decoder.check(l4d_cuda_decoder_create(decoder.get(), 0, &cuda));
+    const l4d_info info = decoder.info();
+    timeline = info.timeline;
+    const size_t terms = (info.sh_degree + 1) * (info.sh_degree + 1);
+    l4d_query query;
+    l4d_query_init(&query);
+    for (uint32_t s = 0; s < L4D_MAX_STAGES; ++s) {
+      l4d_codebook book;
+      l4d_codebook_init(&book);
+      must_decode(l4d_cuda_decoder_get_codebook(cuda, 0, L4D_COMPONENT_SH, s, L4D_NO_BLOCK, &book));
+      if (book.entries != nullptr) books.push_back(book);
+    }
+    l4d_cuda_job job;
+    l4d_cuda_job_init(&job);
+    job.forms = L4D_CUDA_FORM_EXPANDED | L4D_CUDA_FORM_PACKED;
+    must_decode(l4d_cuda_decoder_prepare(cuda, &query, &job));
+    const size_t n = static_cast<size_t>(job.num_gaussians);
+    const Array<unsigned char> workspace(static_cast<size_t>(job.workspace_bytes));
+    l4d_cuda_gaussian_buffers out;
+    l4d_cuda_gaussian_buffers_init(&out);
+    out.capacity = n;
+    out.position = array<float>(3 * n);
+    out.mean_t = array<float>(n);
+    out.log_scale = array<float>(4 * n);
+    out.rotor = array<float>(8 * n);
+    out.opacity = array<float>(n);
+    out.sh = array<float>(3 * terms * n);
+    must_decode(
+        l4d_cuda_decoder_decode(cuda, &out, workspace.get(), job.workspace_bytes, nullptr));
+    must_decode(l4d_cuda_decoder_finish(cuda));
+    l4d_cuda_packed_buffers packed;
+    l4d_cuda_packed_buffers_init(&packed);
+    packed.capacity = n;
+    l4d_cuda_packed_component& sh = packed.component[L4D_COMPONENT_SH];
+    sh = {array<uint8_t>(n), array<uint16_t>(books.size() * n), array<uint16_t>(3 * terms * n), n};
+    must_decode(l4d_cuda_decoder_decode_packed(cuda, &packed, workspace.get(), job.workspace_bytes,
+                                               nullptr));
+    must_decode(l4d_cuda_decoder_finish(cuda));
+    uint64_t literals[L4D_COMPONENT_COUNT];
+    must_decode(l4d_cuda_decoder_get_num_literals(cuda, literals));
+    gaussians = {sizeof(l4d_gaussians), n, info.sh_degree, info.flags, out.position, out.mean_t,
+                 out.log_scale, out.rotor, out.opacity, out.sh};
+    l4d_cuda_sh_indices_init(&indices);
+    indices.depth = sh.depth;
+    indices.index = sh.index;
+    indices.stride = n;
+    indices.literal = sh.literal;
+    indices.num_literals = literals[L4D_COMPONENT_SH];
+    place_cameras(info);
+  }
+  ~Stream() { l4d_cuda_decoder_destroy(cuda); }
+  Stream(const Stream&) = delete;
+  Stream& operator=(const Stream&) = delete;
+
+  double time_of(int k) const {
+    return timeline.time_begin + io::duration(timeline) * (k % 97 + 0.5) / 97;
+  }
+  const l4d_camera& camera_of(int k) const {
+    return cameras[static_cast<size_t>(k) % cameras.size()];
+  }
+
+ private:
+  template <typename T>
+  T* array(size_t count) {
+    const size_t bytes = std::max<size_t>(count, 1) * sizeof(T);
+    arrays.push_back(std::make_unique<Array<unsigned char>>(bytes));
+    return reinterpret_cast<T*>(arrays.back()->get());
+  }
+  void must_decode(l4d_status status) const {
+    if (status == L4D_OK) return;
+    std::fprintf(stderr, "%s\n", l4d_cuda_decoder_error_detail(cuda));
+    std::exit(1);
+  }
+  void place_cameras(const l4d_info& info) {
+    l4d_query query;
+    l4d_query_init(&query);
+    const GaussianArrays host = decoder.decode(query);
+    io::Scene scene;
+    scene.timeline = info.timeline;
+    scene.placement = info.placement;
+    scene.sh_degree = info.sh_degree;
+    scene.flags = info.flags;
+    scene.position = host.position;
+    scene.mean_t = host.mean_t;
+    scene.log_scale = host.log_scale;
+    scene.rotor = host.rotor;
+    scene.opacity = host.opacity;
+    scene.sh = host.sh;
+    for (const io::Camera& c : io::orbit_cameras(scene, 8, kWidth, kHeight).cameras) {
+      cameras.push_back(c.camera);
+    }
+  }
+};
+
+class Rendering {
+ public:
+  Rendering(const Stream& stream, uint32_t format, bool indexed) : stream_(stream) {
+    l4d_cuda_renderer_options options;
+    l4d_cuda_renderer_options_init(&options);
+    options.sh_format = format;
+    if (l4d_cuda_renderer_create(&options, &r_) != L4D_OK) std::exit(1);
+    const size_t before = free_memory();
+    const l4d_gaussians& g = stream.gaussians;
+    if (indexed) {
+      must(r_, l4d_cuda_renderer_set_sh_codebooks(r_, stream.books.data(),
+                                                  static_cast<uint32_t>(stream.books.size())));
+      l4d_gaussians geometry = g;
+      geometry.sh = nullptr;
+      must(r_, l4d_cuda_renderer_set_indexed_gaussians(r_, &geometry, &stream.indices,
+                                                       &stream.timeline));
+    } else {
+      must(r_, l4d_cuda_renderer_set_gaussians(r_, &g, &stream.timeline));
+    }
+    bytes_ = static_cast<double>(before - free_memory()) / static_cast<double>(g.count);
+    l4d_cuda_room room;
+    l4d_cuda_room_init(&room);
+    room.width = kWidth;
+    room.height = kHeight;
+    room.visible = g.count;
+    room.instances = 6 * g.count;
+    must(r_, l4d_cuda_renderer_reserve(r_, &room));
+    check(cudaStreamCreate(&on_));
+    l4d_cuda_image_init(&image_);
+    image_.rgb = rgb_.get();
+  }
+  ~Rendering() {
+    cudaStreamDestroy(on_);
+    l4d_cuda_renderer_destroy(r_);
+  }
+  Rendering(const Rendering&) = delete;
+  Rendering& operator=(const Rendering&) = delete;
+
+  // A line of the table; `expanded`, if any, is what the images are held against.
+  void run(const char* name, Rendering* expanded) {
+    const Timing t = time_runs(kRuns, on_, [&](int k) { frame(k); });
+    double largest = 0;
+    for (int k = 0; expanded != nullptr && k < 5; ++k) {
+      const std::vector<float> a = image(k), b = expanded->image(k);
+      for (size_t i = 0; i < a.size(); ++i) {
+        largest = std::max(largest, std::fabs(static_cast<double>(a[i] - b[i])));
+      }
+    }
+    must(r_, l4d_cuda_renderer_time_stages(r_));
+    l4d_cuda_figures f;
+    l4d_cuda_figures_init(&f);
+    constexpr int kFrames = 64;
+    double project = 0, visible = 0;
+    for (int k = 0; k < kFrames; ++k) {
+      frame(k);
+      must(r_, l4d_cuda_renderer_get_figures(r_, on_, &f));
+      project += f.seconds[L4D_RENDER_STAGE_PROJECT] / kFrames;
+      visible += static_cast<double>(f.visible) / kFrames;
+    }
+    std::printf("| %s | %.1f | %.0f | %.3f | %.3f | %.1f | %.0f | ", name, bytes_, 1e3 / t.median,
+                t.median, t.p99, 1e6 * project, visible);
+    if (expanded != nullptr) std::printf("%.2g", largest);
+    std::printf(" |\n");
+    std::fflush(stdout);
+  }
+
+ private:
+  void frame(int k) const {
+    must(r_, l4d_cuda_renderer_render(r_, stream_.time_of(k), &stream_.camera_of(k), &image_, on_));
+  }
+  std::vector<float> image(int k) const {
+    frame(k);
+    check(cudaStreamSynchronize(on_));
+    std::vector<float> out(3 * size_t{kWidth} * kHeight);
+    check(cudaMemcpy(out.data(), rgb_.get(), out.size() * sizeof(float), cudaMemcpyDeviceToHost));
+    return out;
+  }
+
+  const Stream& stream_;
+  l4d_cuda_renderer* r_ = nullptr;
+  cudaStream_t on_ = nullptr;
+  const Array<float> rgb_{3 * size_t{kWidth} * kHeight};
+  l4d_cuda_image image_;
+  double bytes_ = 0;
+};
+
+void run(const std::string& file) {
+  const Stream stream(file);
+  std::printf("\n%s: %zu Gaussians, SH degree %u in %zu stages, %llu literals\n\n", file.c_str(),
+              static_cast<size_t>(stream.gaussians.count), stream.gaussians.sh_degree,
+              stream.books.size(), static_cast<unsigned long long>(stream.indices.num_literals));
+  std::puts("| SH | bytes a Gaussian | frames/s | median ms | 99th percentile ms | project us "
+            "| visible | largest difference |\n|---|---|---|---|---|---|---|---|");
+  for (const uint32_t format : {L4D_CUDA_SH_FLOAT16, L4D_CUDA_SH_FLOAT32}) {
+    const bool half = format == L4D_CUDA_SH_FLOAT16;
+    Rendering expanded(stream, format, false), indexed(stream, format, true);
+    expanded.run(half ? "binary16" : "binary32", nullptr);
+    indexed.run(half ? "indices, binary16" : "indices, binary32", &expanded);
+  }
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  uint32_t count = 0;
+  if (l4d_cuda_get_device_count(&count) != L4D_OK || count == 0) {
+    std::puts("SKIPPED: there is no CUDA device");
+    return 0;
+  }
+  try {
+    for (int k = 1; k < argc; ++k) run(argv[k]);
+  } catch (const std::exception& e) {
+    std::fprintf(stderr, "%s\n", e.what());
+    return 1;
+  }
+  return 0;
+}

@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/bucket_cache.h"
+
+#include <algorithm>
+#include <functional>
+
+namespace l4d::render {
+
+CachedBucket* BucketCache::want(const BucketKey& key) {
+  const auto found = buckets_.find(key);
+  if (found == buckets_.end()) return nullptr;
+  found->second.last_wanted = turn_;
+  return &found->second;
+}
+
+const CachedBucket* BucketCache::find(const BucketKey& key) const {
+  const auto found = buckets_.find(key);
+  return found == buckets_.end() ? nullptr : &found->second;
+}
+
+uint32_t BucketCache::idle() const {
+  uint32_t chunks = 0;
+  for (const auto& [key, bucket] : buckets_) {
+    if (bucket.last_wanted < turn_) chunks += static_cast<uint32_t>(bucket.chunks.size());
+  }
+  return chunks;
+}
+
+void BucketCache::grow(uint32_t capacity) {
+  if (capacity <= capacity_) return;
+  std::vector<uint32_t> more;
+  more.reserve(free_.size() + (capacity - capacity_));
+  for (uint32_t chunk = capacity; chunk > capacity_; --chunk) more.push_back(chunk - 1);
+  more.insert(more.end(), free_.begin(), free_.end());
+  free_ = std::move(more);
+  capacity_ = capacity;
+}
+
+CachedBucket* BucketCache::add(const BucketKey& key, uint32_t rows) {
+  const uint32_t chunks = chunks_of(rows);
+  if (free_.size() + idle() < chunks) return nullptr;
+  while (free_.size() < chunks) {
+    auto oldest = buckets_.begin();
+    for (auto b = buckets_.begin(); b != buckets_.end(); ++b) {
+      if (b->second.last_wanted <= oldest->second.last_wanted) oldest = b;
+    }
+    give_up(oldest);
+  }
+  CachedBucket bucket;
+  bucket.chunks.reserve(chunks);
+  for (uint32_t k = 0; k < chunks; ++k) {
+    bucket.chunks.push_back(free_.back());
+    free_.pop_back();
+  }
+  bucket.rows = rows;
+  bucket.last_wanted = turn_;
+  rows_ += rows;
+  return &(buckets_[key] = std::move(bucket));
+}
+
+void BucketCache::remove(const BucketKey& key) {
+  const auto found = buckets_.find(key);
+  if (found != buckets_.end()) give_up(found);
+}
+
+void BucketCache::give_up(Buckets::iterator bucket) {
+  rows_ -= bucket->second.rows;
+  const std::vector<uint32_t>& chunks = bucket->second.chunks;
+  free_.insert(free_.end(), chunks.begin(), chunks.end());
+  std::sort(free_.begin(), free_.end(), std::greater<uint32_t>());
+  buckets_.erase(bucket);
+}
+
+}  // namespace l4d::render

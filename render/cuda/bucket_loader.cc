@@ -1,0 +1,165 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/cuda/bucket_loader.h"
+
+#include <algorithm>
+
+#include "l4d/cuda.h"
+
+namespace l4d::render {
+namespace {
+
+constexpr size_t kAlignment = 256;
+size_t aligned(size_t bytes) { return (bytes + kAlignment - 1) / kAlignment * kAlignment; }
+// So that memory is not made anew for each bucket that is a little larger.
+size_t with_slack(size_t bytes) { return bytes + bytes / 4; }
+
+}  // namespace
+
+BucketLoader::~BucketLoader() {
+  l4d_cuda_decoder_destroy(cuda_);
+  if (stream_ != nullptr) cudaStreamDestroy(stream_);
+}
+
+Status BucketLoader::told(l4d_status status) const {
+  if (status == L4D_OK) return {};
+  const char* detail = l4d_cuda_decoder_error_detail(cuda_);
+  return Status(status, *detail != 0 ? detail : l4d_status_name(status));
+}
+
+Status BucketLoader::create() {
+  l4d_info info;
+  l4d_info_init(&info);
+  if (l4d_decoder_get_info(decoder_, &info) != L4D_OK) {
+    return Status(L4D_ERR_INVALID_STATE, "no stream is open");
+  }
+  sh_degree_ = info.sh_degree;
+  flags_ = info.flags;
+  const l4d_status made = l4d_cuda_decoder_create(decoder_, options_.device, &cuda_);
+  if (made != L4D_OK) return Status(made, l4d_decoder_error_detail(decoder_));
+  int lowest = 0, highest = 0;
+  L4D_RETURN_IF_CUDA_ERROR(cudaDeviceGetStreamPriorityRange(&lowest, &highest));
+  L4D_RETURN_IF_CUDA_ERROR(cudaStreamCreateWithPriority(&stream_, cudaStreamNonBlocking, lowest));
+  return {};
+}
+
+Status BucketLoader::plan(double begin, double end, std::vector<BucketPlace>* out) {
+  l4d_query query;
+  l4d_query_init(&query);
+  query.kind = L4D_QUERY_RANGE;
+  query.time_begin = begin;
+  query.time_end = end;
+  query.max_level = options_.max_level;
+  query.whole_buckets = 1;
+  std::vector<l4d_range> ranges(64);
+  uint64_t count = 0;
+  for (;;) {
+    const l4d_status status =
+        l4d_decoder_get_ranges(decoder_, &query, ranges.data(), ranges.size(), &count);
+    if (status != L4D_OK) return Status(status, l4d_decoder_error_detail(decoder_));
+    if (count <= ranges.size()) break;
+    ranges.resize(static_cast<size_t>(count));
+  }
+  out->clear();
+  for (size_t i = 0; i < static_cast<size_t>(count); ++i) {
+    const l4d_range& r = ranges[i];
+    if (r.count == 0) continue;
+    if (r.count > kRowMask) return Status(L4D_ERR_LIMIT_EXCEEDED, "a bucket of more than 2^30 - 1 rows");
+    out->push_back({{r.layer, r.bucket}, static_cast<uint32_t>(r.count), r.center, {}});
+  }
+  return {};
+}
+
+Status BucketLoader::wait_for(cudaEvent_t passed) {
+  L4D_RETURN_IF_CUDA_ERROR(cudaStreamWaitEvent(stream_, passed, 0));
+  return {};
+}
+
+uint64_t BucketLoader::scratch_bytes() const {
+  return gaussians_.size() + workspace_.size() + chunk_list_.size();
+}
+
+Status BucketLoader::reserve_arrays(uint64_t gaussians, uint64_t workspace) {
+  const size_t terms = size_t{3} * sh_terms(sh_degree_);
+  const size_t floats[6] = {3, 1, 4, 8, 1, terms};
+  const size_t n = static_cast<size_t>(gaussians);
+  size_t bytes = 0;
+  for (const size_t k : floats) bytes += aligned(n * k * sizeof(float));
+  if (bytes > gaussians_.size()) L4D_RETURN_IF_ERROR(gaussians_.reserve(with_slack(bytes)));
+  if (workspace > workspace_.size()) {
+    L4D_RETURN_IF_ERROR(workspace_.reserve(with_slack(static_cast<size_t>(workspace))));
+  }
+  l4d_cuda_gaussian_buffers_init(&arrays_);
+  arrays_.capacity = gaussians;
+  float** const arrays[6] = {&arrays_.position, &arrays_.mean_t_local, &arrays_.log_scale,
+                             &arrays_.rotor,    &arrays_.opacity,      &arrays_.sh};
+  auto* at = gaussians_.as<unsigned char>();
+  for (int k = 0; k < 6; ++k) {
+    *arrays[k] = reinterpret_cast<float*>(at);
+    at += aligned(n * floats[k] * sizeof(float));
+  }
+  return {};
+}
+
+Status BucketLoader::load(const std::vector<BucketPlace>& buckets, const Sequence& sequence,
+                          bool half_sh, const ResidentRows& rows) {
+  std::vector<l4d_bucket> list;
+  size_t chunks = 0;
+  for (const BucketPlace& b : buckets) {
+    list.push_back(b.bucket);
+    chunks += b.chunks.size();
+  }
+  l4d_query query;
+  l4d_query_init(&query);
+  query.kind = L4D_QUERY_BUCKETS;
+  query.buckets = list.data();
+  query.num_buckets = list.size();
+  query.detail = options_.detail;
+  l4d_cuda_job job;
+  l4d_cuda_job_init(&job);
+  L4D_RETURN_IF_ERROR(told(l4d_cuda_decoder_prepare(cuda_, &query, &job)));
+  uint64_t wanted = 0;
+  for (const BucketPlace& b : buckets) wanted += b.rows;
+  if (job.num_gaussians != wanted) {
+    return Status(L4D_ERR_IO, "the stream's directory changed while it was played");
+  }
+  L4D_RETURN_IF_ERROR(reserve_arrays(job.num_gaussians, job.workspace_bytes));
+  L4D_RETURN_IF_ERROR(chunk_staging_.reserve(with_slack(chunks * sizeof(uint32_t))));
+  L4D_RETURN_IF_ERROR(chunk_list_.reserve(with_slack(chunks * sizeof(uint32_t))));
+  uint32_t* to = chunk_staging_.as<uint32_t>();
+  for (const BucketPlace& b : buckets) to = std::copy(b.chunks.begin(), b.chunks.end(), to);
+  L4D_RETURN_IF_CUDA_ERROR(cudaMemcpyAsync(chunk_list_.data(), chunk_staging_.data(),
+                                           chunks * sizeof(uint32_t), cudaMemcpyHostToDevice,
+                                           stream_));
+  L4D_RETURN_IF_ERROR(told(l4d_cuda_decoder_decode(cuda_, &arrays_, workspace_.data(),
+                                                   workspace_.size(), stream_)));
+  l4d_gaussians part{};
+  part.struct_size = sizeof part;
+  part.sh_degree = sh_degree_;
+  part.flags = flags_;
+  uint64_t first = 0;
+  StorePlace place;
+  place.chunks = chunk_list_.as<uint32_t>();
+  for (const BucketPlace& b : buckets) {
+    part.count = b.rows;
+    part.position = arrays_.position + 3 * first;
+    part.mean_t = arrays_.mean_t_local + first;
+    part.log_scale = arrays_.log_scale + 4 * first;
+    part.rotor = arrays_.rotor + 8 * first;
+    part.opacity = arrays_.opacity + first;
+    part.sh = arrays_.sh + size_t{3} * sh_terms(sh_degree_) * first;
+    place.count = b.rows;
+    place.chunk_origin = b.center - sequence.center();
+    // The bucket's own clock, in which its mean times lose nothing.
+    const Sequence local{sequence.begin - b.center, sequence.end - b.center};
+    launch_store(part, local, place, half_sh, rows, stream_);
+    place.chunks += b.chunks.size();
+    first += b.rows;
+  }
+  L4D_RETURN_IF_CUDA_ERROR(cudaGetLastError());
+  uploaded_ += job.upload_bytes;
+  L4D_RETURN_IF_ERROR(told(l4d_cuda_decoder_finish(cuda_)));
+  L4D_RETURN_IF_CUDA_ERROR(cudaStreamSynchronize(stream_));
+  return {};
+}
+
+}  // namespace l4d::render

@@ -1,0 +1,413 @@
+// SPDX-License-Identifier: Apache-2.0
+// Rendering from SH codebooks and indices, against the same Gaussians with their SH expanded.
+#include <cuda_runtime_api.h>
+
+#include <memory>
+
+#include "l4d/cuda_render.h"
+#include "tests/common/codec.h"
+#include "tests/gpu/decode_support.h"
+#include "tests/gpu/render_support.h"
+
+namespace l4d::render {
+namespace {
+
+using test::cuda_check;
+using test::PoisonedMemory;
+
+// A stream of codebooks: `stages` of SH, and every so many-th Gaussian a literal; 0 = none.
+Bytes encode_indexed(const io::Scene& scene, size_t stages, size_t literal_each) {
+  test::TestScene source;
+  source.timeline = scene.timeline;
+  source.sh_degree = scene.sh_degree;
+  source.flags = scene.flags;
+  source.position = scene.position;
+  source.mean_t = scene.mean_t;
+  source.log_scale = scene.log_scale;
+  source.rotor = scene.rotor;
+  source.opacity = scene.opacity;
+  source.sh = scene.sh;
+  test::EncodeOptions o;
+  o.preset = "indexed";
+  o.rans = true;
+  o.settings = {{L4D_ENC_CODEBOOK_SIZE, 64}, {L4D_ENC_KMEANS_ITERATIONS, 2},
+                {L4D_ENC_PAGE_SIZE, 700}, {L4D_ENC_MERGE_COUNT, 40}};
+  const std::vector<float> fractions = {1.0f, 0.6f, 0.4f, 0.2f};
+  o.stages = {{L4D_COMPONENT_SH,
+               {fractions.begin(), fractions.begin() + static_cast<std::ptrdiff_t>(stages)}}};
+  std::vector<float> weights(scene.count(), 1.0f);
+  for (size_t i = 0; literal_each > 0 && i < weights.size(); i += literal_each) weights[i] = 40.0f;
+  if (literal_each > 0) {
+    o.settings.push_back({L4D_ENC_LITERAL_THRESHOLD, 37.5});
+    o.weights.emplace_back(L4D_WEIGHT_SH, &weights);
+  }
+  return test::encode(source, o).bytes;
+}
+
+// A stream on the device, its SH in both forms.
+class DecodedScene {
+ public:
+  explicit DecodedScene(const Bytes& file) : file_(file) {
+    decoder_.open_memory(file_.data(), file_.size());
+    device_ = std::make_unique<test::DeviceDecoding>(decoder_);
+    l4d_cuda_decoder* d = device_->get();
+    l4d_cuda_job job;
+    l4d_cuda_job_init(&job);
+    job.forms = L4D_CUDA_FORM_EXPANDED | L4D_CUDA_FORM_PACKED;
+    const l4d_query query = test::all_query();
+    check(l4d_cuda_decoder_prepare(d, &query, &job));
+    n_ = static_cast<size_t>(job.num_gaussians);
+    const l4d_info info = decoder_.info();
+    terms_ = (info.sh_degree + 1) * (info.sh_degree + 1);
+    for (uint32_t s = 0; s < L4D_MAX_STAGES; ++s) {
+      l4d_codebook book;
+      l4d_codebook_init(&book);
+      check(l4d_cuda_decoder_get_codebook(d, 0, L4D_COMPONENT_SH, s, L4D_NO_BLOCK, &book));
+      if (book.entries != nullptr) books.push_back(book);
+    }
+    const PoisonedMemory workspace(static_cast<size_t>(job.workspace_bytes));
+    const auto array = [&](size_t bytes) {
+      arrays_.push_back(std::make_unique<PoisonedMemory>(std::max<size_t>(bytes, 1)));
+      return arrays_.back().get();
+    };
+    l4d_cuda_gaussian_buffers expanded;
+    l4d_cuda_gaussian_buffers_init(&expanded);
+    expanded.capacity = n_;
+    expanded.position = array(12 * n_)->floats();
+    expanded.mean_t = array(4 * n_)->floats();
+    expanded.log_scale = array(16 * n_)->floats();
+    expanded.rotor = array(32 * n_)->floats();
+    expanded.opacity = array(4 * n_)->floats();
+    expanded.sh = array(12 * terms_ * n_)->floats();
+    check(l4d_cuda_decoder_decode(d, &expanded, workspace.data(), job.workspace_bytes, nullptr));
+    check(l4d_cuda_decoder_finish(d));
+    l4d_cuda_packed_buffers packed;
+    l4d_cuda_packed_buffers_init(&packed);
+    packed.capacity = n_ + 5;
+    l4d_cuda_packed_component& sh = packed.component[L4D_COMPONENT_SH];
+    sh.depth = static_cast<uint8_t*>(array(n_)->data());
+    sh.index = static_cast<uint16_t*>(array(2 * books.size() * packed.capacity)->data());
+    sh.literal = static_cast<uint16_t*>(array(6 * terms_ * n_)->data());
+    sh.literal_capacity = n_;
+    check(l4d_cuda_decoder_decode_packed(d, &packed, workspace.data(), job.workspace_bytes,
+                                         nullptr));
+    check(l4d_cuda_decoder_finish(d));
+    uint64_t literals[L4D_COMPONENT_COUNT];
+    check(l4d_cuda_decoder_get_num_literals(d, literals));
+    gaussians = {sizeof(l4d_gaussians), n_, info.sh_degree, info.flags, expanded.position,
+                 expanded.mean_t, expanded.log_scale, expanded.rotor, expanded.opacity,
+                 expanded.sh};
+    timeline = info.timeline;
+    l4d_cuda_sh_indices_init(&indices);
+    indices.depth = sh.depth;
+    indices.index = sh.index;
+    indices.stride = packed.capacity;
+    indices.literal = sh.literal;
+    indices.num_literals = literals[L4D_COMPONENT_SH];
+    depths.resize(n_);
+    cuda_check(cudaMemcpy(depths.data(), sh.depth, n_, cudaMemcpyDeviceToHost));
+  }
+  size_t count() const { return n_; }
+  // Gaussians [first, first + count) without SH.
+  l4d_gaussians geometry(size_t first, size_t count) const {
+    l4d_gaussians g = gaussians;
+    g.count = count;
+    g.position += 3 * first;
+    g.mean_t += first;
+    g.log_scale += 4 * first;
+    g.rotor += 8 * first;
+    g.opacity += first;
+    g.sh = nullptr;
+    return g;
+  }
+  // Their SH.
+  l4d_cuda_sh_indices part(size_t first, size_t count) const {
+    const auto begin = depths.begin() + static_cast<std::ptrdiff_t>(first);
+    const auto literals_until = [&](size_t end) {
+      return static_cast<size_t>(
+          std::count(depths.begin(), depths.begin() + static_cast<std::ptrdiff_t>(end), 255));
+    };
+    l4d_cuda_sh_indices out = indices;
+    out.depth += first;
+    out.index += first;
+    out.literal += 3 * terms_ * literals_until(first);
+    out.num_literals = static_cast<uint64_t>(
+        std::count(begin, begin + static_cast<std::ptrdiff_t>(count), 255));
+    out.first_literal = literals_until(first);
+    return out;
+  }
+
+  l4d_gaussians gaussians{};
+  l4d_timeline timeline{};
+  l4d_cuda_sh_indices indices{};
+  std::vector<l4d_codebook> books;
+  std::vector<uint8_t> depths;
+
+ private:
+  void check(l4d_status status) const {
+    ASSERT_EQ(status, L4D_OK) << l4d_cuda_decoder_error_detail(device_->get());
+  }
+
+  Bytes file_;
+  DecoderHandle decoder_;
+  std::unique_ptr<test::DeviceDecoding> device_;
+  std::vector<std::unique_ptr<PoisonedMemory>> arrays_;
+  size_t n_ = 0, terms_ = 0;
+};
+
+class Renderer {
+ public:
+  explicit Renderer(uint32_t sh_format = L4D_CUDA_SH_FLOAT32) {
+    l4d_cuda_renderer_options options;
+    l4d_cuda_renderer_options_init(&options);
+    options.sh_format = sh_format;
+    EXPECT_EQ(l4d_cuda_renderer_create(&options, &r_), L4D_OK);
+  }
+  ~Renderer() { l4d_cuda_renderer_destroy(r_); }
+  Renderer(const Renderer&) = delete;
+  Renderer& operator=(const Renderer&) = delete;
+  l4d_cuda_renderer* get() const { return r_; }
+  void check(l4d_status status) const {
+    EXPECT_EQ(status, L4D_OK) << l4d_cuda_renderer_error_detail(r_);
+  }
+  void reserve(const l4d_camera& camera, uint64_t visible) const {
+    l4d_cuda_room room;
+    l4d_cuda_room_init(&room);
+    room.width = camera.width;
+    room.height = camera.height;
+    room.visible = visible;
+    room.instances = 1 << 20;
+    room.backward = 1;
+    check(l4d_cuda_renderer_reserve(r_, &room));
+  }
+  std::vector<float> render(const l4d_camera& camera, double time) const {
+    const PoisonedMemory rgb(size_t{12} * camera.width * camera.height);
+    l4d_cuda_image image;
+    l4d_cuda_image_init(&image);
+    image.rgb = rgb.floats();
+    check(l4d_cuda_renderer_render(r_, time, &camera, &image, nullptr));
+    l4d_cuda_figures figures;
+    l4d_cuda_figures_init(&figures);
+    check(l4d_cuda_renderer_get_figures(r_, nullptr, &figures));
+    EXPECT_GT(figures.projected, 50u);
+    return rgb.read();
+  }
+
+ private:
+  l4d_cuda_renderer* r_ = nullptr;
+};
+
+void set_whole(const Renderer& r, const DecodedScene& scene) {
+  r.check(l4d_cuda_renderer_set_sh_codebooks(r.get(), scene.books.data(),
+                                             static_cast<uint32_t>(scene.books.size())));
+  const l4d_gaussians g = scene.geometry(0, scene.count());
+  r.check(l4d_cuda_renderer_set_indexed_gaussians(r.get(), &g, &scene.indices, &scene.timeline));
+}
+
+TEST(IndexedRender, ImagesAreThoseOfExpandedSh) {
+  L4D_SKIP_WITHOUT_DEVICE();
+  for (uint32_t degree = 0; degree <= 3; ++degree) {
+    for (const size_t stages : {1u, 2u, 3u, 4u}) {
+      for (const size_t literal_each : {size_t{0}, size_t{9}}) {
+        SCOPED_TRACE(testing::Message() << "degree " << degree << ", " << stages
+                                        << " stages, a literal in " << literal_each);
+        const DecodedScene scene(
+            encode_indexed(with_degree(synth(4000, 3 + degree), degree), stages, literal_each));
+        ASSERT_EQ(scene.books.size(), stages);
+        EXPECT_EQ(scene.indices.num_literals > 0, literal_each > 0);
+        for (const uint32_t format : {L4D_CUDA_SH_FLOAT32, L4D_CUDA_SH_FLOAT16}) {
+          const Renderer expanded(format), indexed(format);
+          expanded.check(l4d_cuda_renderer_set_gaussians(expanded.get(), &scene.gaussians,
+                                                         &scene.timeline));
+          set_whole(indexed, scene);
+          for (const double time : {0.4, 2.6}) {
+            const l4d_camera camera = ring_camera(160, 110, 0.7 + time);
+            expanded.reserve(camera, scene.count());
+            indexed.reserve(camera, scene.count());
+            const std::vector<float> image = indexed.render(camera, time);
+            const std::vector<float> e = expanded.render(camera, time);
+            if (format == L4D_CUDA_SH_FLOAT32) {
+              EXPECT_TRUE(equal_bits(image, e)) << largest_difference(image, e);
+            } else {
+              EXPECT_LT(largest_difference(image, e), 1e-3);
+            }
+          }
+        }
+      }
+    }
+  }
+}
+
+TEST(IndexedRender, RowsAndTheirLiteralsComeInParts) {
+  L4D_SKIP_WITHOUT_DEVICE();
+  const DecodedScene scene(encode_indexed(synth(6000, 8), 2, 7));
+  const uint64_t n = scene.count();
+  const l4d_camera camera = ring_camera(160, 110, 2.0);
+  const Renderer expanded, parts;
+  const auto fill = [&](const Renderer& r, bool indexed) {
+    r.reserve(camera, n);
+    r.check(l4d_cuda_renderer_reserve_rows(r.get(), n + 3000, 3, &scene.timeline));
+    if (indexed) {
+      r.check(l4d_cuda_renderer_reserve_literals(r.get(), scene.indices.num_literals));
+    }
+    const uint64_t cuts[4] = {0, 1700, 1701, n}, places[3] = {n + 500, 0, 300};
+    l4d_cuda_slab slabs[3];
+    for (size_t k = 0; k < 3; ++k) {
+      const size_t first = static_cast<size_t>(cuts[k]);
+      const size_t count = static_cast<size_t>(cuts[k + 1] - cuts[k]);
+      l4d_gaussians g = scene.geometry(first, count);
+      if (indexed) {
+        const l4d_cuda_sh_indices indices = scene.part(first, count);
+        r.check(l4d_cuda_renderer_store_indexed_rows(r.get(), places[k], &g, &indices, nullptr));
+      } else {
+        g.sh = scene.gaussians.sh + 48 * first;
+        r.check(l4d_cuda_renderer_store_rows(r.get(), places[k], &g, nullptr));
+      }
+      slabs[k] = {static_cast<uint32_t>(places[k]), static_cast<uint32_t>(count),
+                  L4D_CUDA_ROWS_MOVING, 0};
+    }
+    r.check(l4d_cuda_renderer_set_slabs(r.get(), slabs, 3, nullptr));
+  };
+  fill(expanded, false);
+  parts.check(l4d_cuda_renderer_set_sh_codebooks(parts.get(), scene.books.data(),
+                                                 static_cast<uint32_t>(scene.books.size())));
+  fill(parts, true);
+  for (const double time : {0.4, 2.6}) {
+    EXPECT_TRUE(equal_bits(parts.render(camera, time), expanded.render(camera, time))) << time;
+  }
+  // Rows of the one kind are not taken for the other.
+  const l4d_gaussians with_sh = scene.gaussians;
+  EXPECT_EQ(l4d_cuda_renderer_store_rows(parts.get(), 0, &with_sh, nullptr), L4D_ERR_INVALID_STATE);
+  const l4d_gaussians g = scene.geometry(0, 10);
+  l4d_cuda_sh_indices few = scene.part(0, 10);
+  EXPECT_EQ(l4d_cuda_renderer_store_indexed_rows(expanded.get(), 0, &g, &few, nullptr),
+            L4D_ERR_INVALID_STATE);
+  few.first_literal = scene.indices.num_literals;
+  few.num_literals = 1;
+  EXPECT_EQ(l4d_cuda_renderer_store_indexed_rows(parts.get(), 0, &g, &few, nullptr),
+            L4D_ERR_INVALID_ARGUMENT);
+}
+
+TEST(IndexedRender, CodebooksGoAndCome) {
+  L4D_SKIP_WITHOUT_DEVICE();
+  const DecodedScene one(encode_indexed(with_degree(synth(3000, 5), 1), 1, 0));
+  const DecodedScene other(encode_indexed(synth(3000, 6), 3, 5));
+  const l4d_camera camera = ring_camera(160, 110, 1.0);
+  const Renderer r, expected;
+  for (const DecodedScene* scene : {&one, &other, &one}) {
+    set_whole(r, *scene);
+    r.reserve(camera, scene->count());
+    expected.check(
+        l4d_cuda_renderer_set_gaussians(expected.get(), &scene->gaussians, &scene->timeline));
+    expected.reserve(camera, scene->count());
+    EXPECT_TRUE(equal_bits(r.render(camera, 1.0), expected.render(camera, 1.0)));
+  }
+  // A scene with SH of its own beside codebooks, and rows after they are gone.
+  r.check(l4d_cuda_renderer_set_gaussians(r.get(), &other.gaussians, &other.timeline));
+  expected.check(
+      l4d_cuda_renderer_set_gaussians(expected.get(), &other.gaussians, &other.timeline));
+  EXPECT_TRUE(equal_bits(r.render(camera, 1.0), expected.render(camera, 1.0)));
+  r.check(l4d_cuda_renderer_set_sh_codebooks(r.get(), nullptr, 0));
+  const l4d_gaussians g = one.geometry(0, one.count());
+  EXPECT_EQ(l4d_cuda_renderer_set_indexed_gaussians(r.get(), &g, &one.indices, &one.timeline),
+            L4D_ERR_INVALID_STATE);
+}
+
+TEST(IndexedRender, RefusesWhatDoesNotFit) {
+  L4D_SKIP_WITHOUT_DEVICE();
+  const DecodedScene scene(encode_indexed(synth(3000, 6), 2, 5));
+  const Renderer r;
+  std::vector<l4d_codebook> books = scene.books;
+  const auto set_books = [&] {
+    return l4d_cuda_renderer_set_sh_codebooks(r.get(), books.data(),
+                                              static_cast<uint32_t>(books.size()));
+  };
+  books[1].dim = 12;
+  EXPECT_EQ(set_books(), L4D_ERR_INVALID_ARGUMENT);
+  books[1].dim = 47;
+  EXPECT_EQ(set_books(), L4D_ERR_INVALID_ARGUMENT);
+  books[1] = scene.books[1];
+  books[0].entries = nullptr;
+  EXPECT_EQ(set_books(), L4D_ERR_INVALID_ARGUMENT);
+  books.assign(L4D_MAX_STAGES + 1, scene.books[0]);
+  EXPECT_EQ(set_books(), L4D_ERR_INVALID_ARGUMENT);
+  books = scene.books;
+  ASSERT_EQ(set_books(), L4D_OK);
+  const auto set_scene = [&](const l4d_gaussians& g, const l4d_cuda_sh_indices& indices) {
+    return l4d_cuda_renderer_set_indexed_gaussians(r.get(), &g, &indices, &scene.timeline);
+  };
+  l4d_gaussians g = scene.geometry(0, scene.count());
+  EXPECT_EQ(set_scene(scene.gaussians, scene.indices), L4D_ERR_INVALID_ARGUMENT);
+  g.sh_degree = 2;
+  EXPECT_EQ(set_scene(g, scene.indices), L4D_ERR_INVALID_ARGUMENT);
+  g.sh_degree = 3;
+  l4d_cuda_sh_indices indices = scene.indices;
+  indices.stride = scene.count() - 1;
+  EXPECT_EQ(set_scene(g, indices), L4D_ERR_INVALID_ARGUMENT);
+  indices = scene.indices;
+  indices.index = nullptr;
+  EXPECT_EQ(set_scene(g, indices), L4D_ERR_INVALID_ARGUMENT);
+  indices = scene.indices;
+  indices.literal = nullptr;
+  EXPECT_EQ(set_scene(g, indices), L4D_ERR_INVALID_ARGUMENT);
+  EXPECT_EQ(set_scene(g, scene.indices), L4D_OK);
+  // There is no way back to codewords.
+  const l4d_camera camera = ring_camera(160, 110, 1.0);
+  r.reserve(camera, scene.count());
+  const PoisonedMemory upstream(size_t{12} * 160 * 110), sums(12 * scene.count());
+  l4d_cuda_image image;
+  l4d_cuda_image_init(&image);
+  l4d_gradients gradients;
+  l4d_gradients_init(&gradients);
+  gradients.count = scene.count();
+  gradients.position = sums.floats();
+  EXPECT_EQ(l4d_cuda_renderer_backward(r.get(), 1.0, &camera, &image, upstream.floats(), &gradients,
+                                       nullptr),
+            L4D_ERR_INVALID_STATE);
+}
+
+// Indices that no codebook has: nothing outside is read, and what is inside looks as it did.
+TEST(IndexedRender, BringsBackWhatIsBeyondTheCodebooks) {
+  L4D_SKIP_WITHOUT_DEVICE();
+  const DecodedScene scene(encode_indexed(synth(3000, 6), 2, 5));
+  const size_t n = scene.count();
+  const l4d_camera camera = ring_camera(160, 110, 1.0);
+  const PoisonedMemory index(4 * n), depth(n);
+  // All indices are 0xb5b5, and depths 0xb5 with a literal here and there.
+  std::vector<uint8_t> depths(n, 0xb5);
+  for (size_t i = 0; i < n; i += 3) depths[i] = 255;
+  cuda_check(cudaMemcpy(depth.data(), depths.data(), n, cudaMemcpyHostToDevice));
+  l4d_cuda_sh_indices indices = scene.indices;
+  indices.index = static_cast<const uint16_t*>(index.data());
+  indices.stride = n;
+  indices.depth = static_cast<const uint8_t*>(depth.data());
+  const Renderer r, last;
+  const l4d_gaussians g = scene.geometry(0, n);
+  for (const Renderer* renderer : {&r, &last}) {
+    renderer->check(l4d_cuda_renderer_set_sh_codebooks(
+        renderer->get(), scene.books.data(), static_cast<uint32_t>(scene.books.size())));
+    renderer->reserve(camera, n);
+  }
+  r.check(l4d_cuda_renderer_set_indexed_gaussians(r.get(), &g, &indices, &scene.timeline));
+  // What it comes to: the last codewords, and no SH where there are fewer literals than said.
+  std::vector<uint16_t> wanted(2 * n);
+  size_t literals = 0;
+  for (size_t i = 0; i < n; ++i) {
+    if (depths[i] == 255) {
+      if (literals++ >= indices.num_literals) depths[i] = 0;
+    } else {
+      depths[i] = 2;
+    }
+    for (size_t s = 0; s < 2; ++s) {
+      wanted[s * n + i] = static_cast<uint16_t>(scene.books[s].num_entries - 1);
+    }
+  }
+  ASSERT_GT(literals, indices.num_literals);
+  cuda_check(cudaMemcpy(depth.data(), depths.data(), n, cudaMemcpyHostToDevice));
+  cuda_check(cudaMemcpy(index.data(), wanted.data(), 4 * n, cudaMemcpyHostToDevice));
+  last.check(l4d_cuda_renderer_set_indexed_gaussians(last.get(), &g, &indices, &scene.timeline));
+  EXPECT_TRUE(equal_bits(r.render(camera, 1.0), last.render(camera, 1.0)));
+}
+
+}  // namespace
+}  // namespace l4d::render
