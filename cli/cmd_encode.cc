@@ -50,7 +50,7 @@ void check_importance(const EncodeArguments& arguments, const std::optional<Targ
   }
   arguments.measure.options();
   if (!measures && arguments.measure.given()) {
-    throw usage_error("--agreement, --all-views, --max-share and --measure need --cameras");
+    throw usage_error("--agreement, --all-views, --max-share, --ask and --measure need --cameras");
   }
   if (!measures && !arguments.save_weights.empty()) {
     throw usage_error("--save-weights needs --cameras");

@@ -49,6 +49,14 @@ void MeasureArguments::add_options(CLI::App* verb) {
       ->type_name("S")
       ->excludes(all)
       ->group(group);
+  verb->add_option("--ask", ask,
+                   "Ask views that are left out what they show: few (until hardly anything new is "
+                   "seen), all, none")
+      ->type_name("WHICH")
+      ->check(CLI::IsMember({"few", "all", "none"}))
+      ->capture_default_str()
+      ->excludes(all)
+      ->group(group);
   verb->add_option("--measure", measure,
                    "gauss-newton: how far each attribute changes pixels, root mean square, in one "
                    "unit for all; sum: derivatives of the sum of pixels, as in the paper")
@@ -59,7 +67,8 @@ void MeasureArguments::add_options(CLI::App* verb) {
 }
 
 bool MeasureArguments::given() const {
-  return !agreement.empty() || all_views || !max_share.empty() || measure != kDefault;
+  return !agreement.empty() || all_views || !max_share.empty() || measure != kDefault ||
+         ask != "few";
 }
 
 l4d_measure_options MeasureArguments::options() const {
@@ -70,6 +79,8 @@ l4d_measure_options MeasureArguments::options() const {
   if (!(options.agreement > 0 && options.agreement <= 1)) {
     throw usage_error("--agreement must be above 0 and at most 1");
   }
+  options.ask_all = ask == "all" ? 1 : 0;
+  options.skip_unseen = ask == "none" ? 1 : 0;
   if (all_views) options.agreement = 2;  // a correlation never gets there
   if (!max_share.empty()) options.max_share = parse_number(max_share, "--max-share");
   if (!(options.max_share > 0 && options.max_share <= 1)) {

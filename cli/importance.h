@@ -17,6 +17,7 @@ struct MeasureArguments {
   bool all_views = false;
   std::string max_share;
   std::string measure = kDefault;
+  std::string ask = "few";
 
   void add_options(CLI::App* verb);
   bool given() const;  // whether any option was

@@ -11,6 +11,11 @@ namespace {
 
 // A round takes this share of an instant's cameras, at least one.
 constexpr size_t kRoundShare = 16;
+size_t round_share(size_t cameras) { return std::max<size_t>(1, cameras / kRoundShare); }
+// Asking ends with a round that shows fewer than one in so many Gaussians for the first time.
+constexpr uint64_t kFew = 2000;
+// Ranks of this many Gaussians tell how well halves agree to three digits.
+constexpr size_t kMostRanked = 1 << 17;
 constexpr uint64_t kSecondHalf = uint64_t{1} << 63;
 
 // Ranks of what is not zero in either half: weights that both call zero would agree for free.
@@ -38,6 +43,10 @@ double rank_correlation(const std::vector<float>& a, const std::vector<float>& b
     if (a[i] > 0 || b[i] > 0) chosen.push_back(static_cast<uint32_t>(i));
   }
   if (chosen.size() < 2) return 1;
+  if (chosen.size() > kMostRanked) {
+    for (size_t k = 0; k < kMostRanked; ++k) chosen[k] = chosen[k * chosen.size() / kMostRanked];
+    chosen.resize(kMostRanked);
+  }
   const std::vector<double> ra = ranks(a, chosen), rb = ranks(b, chosen);
   const double mean = 0.5 * static_cast<double>(chosen.size() - 1);
   double ab = 0, aa = 0, bb = 0;
@@ -131,8 +140,7 @@ Status measure(Renderer& renderer, const l4d_camera* cameras, uint32_t num_camer
     more = false;
     for (size_t k = 0; k < instants.size() && report->views_measured < most; ++k) {
       InstantViews& instant = instants[k];
-      const size_t share = in_rounds ? (instant.cameras.size() + kRoundShare - 1) / kRoundShare
-                                     : instant.cameras.size();
+      const size_t share = in_rounds ? round_share(instant.cameras.size()) : instant.cameras.size();
       const size_t end = std::min(instant.cameras.size(), instant.done + share);
       const bool own = k % ranks.count == ranks.rank;
       if (own && instant.done < end) L4D_RETURN_IF_ERROR(renderer.set_time(instant.time));
@@ -179,17 +187,38 @@ Status measure(Renderer& renderer, const l4d_camera* cameras, uint32_t num_camer
                                             scene.gaussians().sh_degree, whole);
       asked->look_past(*first);
     }
-    for (size_t k = 0; k < instants.size(); ++k) {
-      InstantViews& instant = instants[k];
-      if (instant.done == instant.cameras.size()) continue;
-      const bool own = k % ranks.count == ranks.rank;
-      if (own) L4D_RETURN_IF_ERROR(renderer.set_time(instant.time));
-      for (; instant.done < instant.cameras.size(); ++instant.done) {
-        const l4d_camera& camera = cameras[instant.cameras[instant.done]];
-        if (own) L4D_RETURN_IF_ERROR((whole ? *asked : *first).add_view(renderer, camera, true));
-        ++report->views_asked;
-        L4D_RETURN_IF_ERROR(proceed("coverage"));
+    uint64_t unseen = 0;
+    L4D_RETURN_IF_ERROR(first->count_unseen(&unseen));
+    bool found_more = true;
+    for (more = true; more && found_more;) {
+      more = false;
+      for (size_t k = 0; k < instants.size(); ++k) {
+        InstantViews& instant = instants[k];
+        if (instant.done == instant.cameras.size()) continue;
+        const size_t end = options.ask_all != 0
+                               ? instant.cameras.size()
+                               : std::min(instant.cameras.size(),
+                                          instant.done + round_share(instant.cameras.size()));
+        const bool own = k % ranks.count == ranks.rank;
+        if (own) L4D_RETURN_IF_ERROR(renderer.set_time(instant.time));
+        for (; instant.done < end; ++instant.done) {
+          const l4d_camera& camera = cameras[instant.cameras[instant.done]];
+          if (own) L4D_RETURN_IF_ERROR((whole ? *asked : *first).add_view(renderer, camera, true));
+          ++report->views_asked;
+          L4D_RETURN_IF_ERROR(proceed("coverage"));
+        }
+        more = more || instant.done < instant.cameras.size();
       }
+      if (!more) break;
+      std::vector<int64_t> seen;
+      L4D_RETURN_IF_ERROR((whole ? *asked : *first).seen(&seen));
+      if (whole && ranks.sum != nullptr &&
+          ranks.sum(ranks.user, seen.data(), seen.size()) != 0) {
+        return Status(L4D_ERR_IO, "adding up what all ranks have seen failed");
+      }
+      const uint64_t before = unseen;
+      unseen = static_cast<uint64_t>(std::count(seen.begin(), seen.end(), 0));
+      found_more = (before - unseen) * kFew >= seen.size() && before > unseen;
     }
     if (whole) {
       L4D_RETURN_IF_ERROR(asked->share(ranks));

@@ -27,6 +27,8 @@ class Sensitivity {
   Status weights(uint32_t which, float* out) const;
   size_t count() const { return seen_.size(); }
   uint32_t sh_degree() const { return sh_degree_; }
+  // 1 for each Gaussian that a view showed, else 0: [N].
+  Status seen(std::vector<int64_t>* out) const;
   Status count_unseen(uint64_t* out) const;
 
  private:

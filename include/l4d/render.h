@@ -216,8 +216,10 @@ typedef struct l4d_measure_options {
    * above 1 = never, all views count. 0.95 unless set. */
   double agreement;
   double max_share;     /* stop at this share of the views, agreed or not; 1 unless set */
-  uint32_t skip_unseen; /* 1: do not ask the views left out */
-  uint32_t reserved;
+  /* Views that are left out are asked what they show, a sixteenth of each instant's at a time, until a
+   * round shows less than one in 2000 Gaussians for the first time. */
+  uint32_t skip_unseen; /* 1: do not ask any */
+  uint32_t ask_all;     /* 1: ask all of them */
   /* NULL = this process alone. Else, even for a count of 1, sums are whole numbers of small units, so that
    * weights do not depend on the number of ranks. */
   const l4d_ranks* ranks;
@@ -233,7 +235,7 @@ typedef struct l4d_measure_report {
   uint32_t rounds;
   uint32_t agreed;          /* 1: the halves agreed */
   double agreement[4];      /* rank correlation of the halves, by L4D_COMPONENT_*; 0 before the first test */
-  uint64_t unseen;          /* Gaussians that no view shows */
+  uint64_t unseen;          /* Gaussians that no view shows of those measured and asked */
 } l4d_measure_report;
 L4D_API void l4d_measure_report_init_(l4d_measure_report* report, size_t struct_size);
 #define l4d_measure_report_init(report) l4d_measure_report_init_((report), sizeof(*(report)))

@@ -41,6 +41,7 @@ class DeviceImportance {
     std::vector<double> geometry;            // [N, 17]
   };
   virtual Status read(Values* out) const = 0;
+  virtual Status read_seen(std::vector<uint8_t>* out) const = 0;  // [N]
   virtual Status clone(std::unique_ptr<DeviceImportance>* out) const = 0;
   // Adds the sums of another one on the same device.
   virtual Status add(const DeviceImportance& other) = 0;

@@ -150,14 +150,15 @@ __global__ void __launch_bounds__(kThreads)
   Row<kNumbers>::add(out.sh, shown.id, by_sh);
 }
 
+// What does not fit into a sum.
+constexpr long long kMostSum = 1ll << 61;
+
 // Adds a number that is not negative.
 __device__ void add_fixed(long long* sum, double value, int bits) {
-  constexpr double kMost = 0x1p61;
   const double scaled = value * static_cast<double>(1ll << bits);
-  const long long most = static_cast<long long>(kMost);
-  const long long term = scaled < kMost ? __double2ll_rn(scaled) : most;  // NaN too
-  const long long before = *sum;
-  *sum = before > most - term ? most : before + term;
+  const long long term =
+      scaled < static_cast<double>(kMostSum) ? __double2ll_rn(scaled) : kMostSum;  // NaN too
+  *sum = min(*sum + term, kMostSum);
 }
 
 template <uint32_t kDegree>
@@ -219,6 +220,20 @@ __global__ void __launch_bounds__(kThreads)
   sums.seen[id] = 1;
   sums.glimpsed[id] += static_cast<long long>(coverage[splat]);
 }
+__global__ void __launch_bounds__(kThreads)
+    add_sums(const long long* from, long long* to, size_t count) {
+  await_predecessor();
+  const size_t i = size_t{blockIdx.x} * kThreads + threadIdx.x;
+  if (i < count) to[i] = min(to[i] + from[i], kMostSum);
+}
+
+__global__ void __launch_bounds__(kThreads)
+    add_flags(const uint8_t* from, uint8_t* to, size_t count) {
+  await_predecessor();
+  const size_t i = size_t{blockIdx.x} * kThreads + threadIdx.x;
+  if (i < count) to[i] |= from[i];
+}
+
 static_assert(kCoverageUnit * (1 << ImportanceSums::kCoverageBits) == 1, "one unit of coverage");
 
 template <class Body>
@@ -275,6 +290,22 @@ void launch_importance(const GradientInput& input, const BackwardTask& task, boo
     launch(add_importance<decltype(degree)::value>, grid, kThreads, stream, input,
            narrow(input.view), task.upstream == Upstream::kOnes, squared, rows, memory, back, sums);
   });
+}
+
+void launch_add_sums(const ImportanceSums& from, size_t count, uint32_t sh_degree,
+                     const ImportanceSums& to, cudaStream_t stream) {
+  if (count == 0) return;
+  const auto grid = [](size_t n) { return static_cast<unsigned>((n + kThreads - 1) / kThreads); };
+  const struct {
+    const long long* from;
+    long long* to;
+    size_t n;
+  } sums[] = {{from.coverage, to.coverage, count},
+              {from.glimpsed, to.glimpsed, count},
+              {from.sh, to.sh, count * sh_terms(sh_degree)},
+              {from.geometry, to.geometry, count * ImportanceSums::kGeometry}};
+  for (const auto& s : sums) launch(add_sums, grid(s.n), kThreads, stream, s.from, s.to, s.n);
+  launch(add_flags, grid(count), kThreads, stream, from.seen, to.seen, count);
 }
 
 void launch_glimpse(const ResidentRows& rows, const FrameMemory& memory,

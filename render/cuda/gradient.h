@@ -46,6 +46,9 @@ void launch_importance(const GradientInput& input, const BackwardTask& task, boo
                        const ResidentRows& rows, const FrameMemory& memory,
                        const BackwardMemory& back, const ImportanceSums& sums,
                        cudaStream_t stream);
+// Adds the sums of other views.
+void launch_add_sums(const ImportanceSums& from, size_t count, uint32_t sh_degree,
+                     const ImportanceSums& to, cudaStream_t stream);
 // Adds coverage of what has not been seen, and marks it. coverage as launch_coverage has it.
 void launch_glimpse(const ResidentRows& rows, const FrameMemory& memory,
                     const unsigned long long* coverage, const ImportanceSums& sums,

@@ -17,17 +17,6 @@ Status read_fixed(const long long* sums, size_t count, int bits, std::vector<dou
   return {};
 }
 
-Status add_fixed(long long* sums, const long long* others, size_t count) {
-  std::vector<long long> own(count), other(count);
-  const size_t bytes = count * sizeof(long long);
-  L4D_RETURN_IF_CUDA_ERROR(cudaMemcpy(own.data(), sums, bytes, cudaMemcpyDeviceToHost));
-  L4D_RETURN_IF_CUDA_ERROR(cudaMemcpy(other.data(), others, bytes, cudaMemcpyDeviceToHost));
-  constexpr long long kMost = 1ll << 61;  // as the device has it
-  for (size_t i = 0; i < count; ++i) own[i] = std::min(own[i] + other[i], kMost);
-  L4D_RETURN_IF_CUDA_ERROR(cudaMemcpy(sums, own.data(), bytes, cudaMemcpyHostToDevice));
-  return {};
-}
-
 }  // namespace
 
 Status ImportanceMemory::create(size_t count, uint32_t sh_degree) {
@@ -53,9 +42,12 @@ Status ImportanceMemory::read(Values* out) const {
   L4D_RETURN_IF_ERROR(read_fixed(sums_.sh, count_ * terms, Sums::kShBits, &out->sh));
   L4D_RETURN_IF_ERROR(read_fixed(sums_.geometry, count_ * Sums::kGeometry, Sums::kGeometryBits,
                                  &out->geometry));
-  out->seen.resize(count_);
-  L4D_RETURN_IF_CUDA_ERROR(
-      cudaMemcpy(out->seen.data(), sums_.seen, count_, cudaMemcpyDeviceToHost));
+  return read_seen(&out->seen);
+}
+
+Status ImportanceMemory::read_seen(std::vector<uint8_t>* out) const {
+  out->resize(count_);
+  L4D_RETURN_IF_CUDA_ERROR(cudaMemcpy(out->data(), sums_.seen, count_, cudaMemcpyDeviceToHost));
   return {};
 }
 
@@ -69,18 +61,9 @@ Status ImportanceMemory::clone(std::unique_ptr<DeviceImportance>* out) const {
 
 Status ImportanceMemory::add(const DeviceImportance& other) {
   const auto& from = static_cast<const ImportanceMemory&>(other);
-  const size_t terms = sh_terms(sh_degree_);
-  L4D_RETURN_IF_ERROR(add_fixed(sums_.coverage, from.sums_.coverage, count_));
-  L4D_RETURN_IF_ERROR(add_fixed(sums_.glimpsed, from.sums_.glimpsed, count_));
-  L4D_RETURN_IF_ERROR(add_fixed(sums_.sh, from.sums_.sh, count_ * terms));
-  L4D_RETURN_IF_ERROR(add_fixed(sums_.geometry, from.sums_.geometry,
-                                count_ * ImportanceSums::kGeometry));
-  std::vector<uint8_t> own(count_), others(count_);
-  L4D_RETURN_IF_CUDA_ERROR(cudaMemcpy(own.data(), sums_.seen, count_, cudaMemcpyDeviceToHost));
-  L4D_RETURN_IF_CUDA_ERROR(
-      cudaMemcpy(others.data(), from.sums_.seen, count_, cudaMemcpyDeviceToHost));
-  for (size_t i = 0; i < count_; ++i) own[i] = static_cast<uint8_t>(own[i] | others[i]);
-  L4D_RETURN_IF_CUDA_ERROR(cudaMemcpy(sums_.seen, own.data(), count_, cudaMemcpyHostToDevice));
+  launch_add_sums(from.sums_, count_, sh_degree_, sums_, nullptr);
+  L4D_RETURN_IF_CUDA_ERROR(cudaGetLastError());
+  L4D_RETURN_IF_CUDA_ERROR(cudaDeviceSynchronize());
   return {};
 }
 

@@ -113,11 +113,17 @@ TEST(Measure, StopsWhereViewsRepeatEachOther) {
   EXPECT_EQ(m.report.agreed, 1u);
   EXPECT_EQ(m.report.rounds, 1u);
   EXPECT_LE(m.report.views_measured, 16u);
-  EXPECT_EQ(m.report.views_measured + m.report.views_asked, m.report.views);
+  // They show nothing new: asking ends with its first round.
+  EXPECT_EQ(m.report.views_asked, 8u);
   for (const double a : m.report.agreement) {
     EXPECT_GE(a, 0.95);
     EXPECT_LE(a, 1);
   }
+  request.options.ask_all = 1;
+  const Measured all = measure(scene, request);
+  EXPECT_EQ(all.report.views_measured + all.report.views_asked, all.report.views);
+  EXPECT_EQ(all.report.unseen, m.report.unseen);
+  request.options.ask_all = 0;
   request.options.skip_unseen = 1;
   const Measured skipped = measure(scene, request);
   EXPECT_EQ(skipped.report.views_measured, m.report.views_measured);
@@ -131,6 +137,7 @@ TEST(Measure, MaxShare) {
   const io::Scene scene = synth(2000);
   Request request = ring(10, {0.5, 1.5});
   request.options.agreement = 2;
+  request.options.ask_all = 1;
   for (const double share : {0.01, 0.25, 0.33, 1.0}) {
     request.options.max_share = share;
     const Measured m = measure(scene, request);
