@@ -3,8 +3,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
 #include <numeric>
 
+#include "encoder/beside.h"
 #include "encoder/entropy_constrained.h"
 #include "encoder/kmeans.h"
 #include "encoder/nearest.h"
@@ -50,17 +52,17 @@ constexpr size_t kGrain = 4096;
 
 struct Selection {
   std::vector<uint32_t> members;  // indices in the set
-  std::vector<float> rows;        // [members, dim]
+  std::unique_ptr<float[]> rows;  // [members, dim]
   std::vector<float> weights;
 };
 
 void gather(const float* rows, const float* weights, size_t dim, int threads, Selection* s) {
-  s->rows.resize(s->members.size() * dim);
+  s->rows.reset(new float[s->members.size() * dim]);
   s->weights.resize(s->members.size());
   parallel_for(threads, s->members.size(), kGrain, [&](size_t begin, size_t end) {
     for (size_t j = begin; j < end; ++j) {
       const size_t i = s->members[j];
-      std::copy_n(rows + i * dim, dim, s->rows.data() + j * dim);
+      std::copy_n(rows + i * dim, dim, s->rows.get() + j * dim);
       s->weights[j] = weights[i];
     }
   });
@@ -90,7 +92,6 @@ class ComponentCoder {
     out_.n = n;
     out_.dim = dim;
     out_.depth.assign(n, 0);
-    out_.decoded.assign(n * dim, 0.0f);
   }
 
   CodedComponent run() {
@@ -126,6 +127,16 @@ class ComponentCoder {
     return sum;
   }
 
+  std::vector<double> weighted_errors(const std::vector<uint32_t>& members) const {
+    std::vector<double> error(members.size());
+    parallel_for(settings_.threads, members.size(), kGrain, [&](size_t begin, size_t end) {
+      for (size_t j = begin; j < end; ++j) {
+        error[j] = static_cast<double>(weights_[members[j]]) * squared_error(members[j]);
+      }
+    });
+    return error;
+  }
+
   // In pieces of one size, so that threads change no bit of it.
   double sum_of_errors() const {
     std::vector<double> piece((out_.n + kGrain - 1) / kGrain, 0.0);
@@ -140,10 +151,13 @@ class ComponentCoder {
   }
 
   void choose_literals() {
-    coded_.clear();
+    if (!(settings_.literal_threshold > 0) || by_cost()) {
+      coded_.resize(out_.n);
+      std::iota(coded_.begin(), coded_.end(), 0u);
+      return;
+    }
     for (uint32_t i = 0; i < out_.n; ++i) {
-      if (settings_.literal_threshold > 0 && !by_cost() &&
-          static_cast<double>(weights_[i]) > settings_.literal_threshold) {
+      if (static_cast<double>(weights_[i]) > settings_.literal_threshold) {
         out_.depth[i] = kLiteralDepth;
         out_.any_literal = true;
       } else {
@@ -164,17 +178,29 @@ class ComponentCoder {
     const size_t dim = out_.dim;
     out_.index.emplace_back(out_.n, uint16_t{0});
     if (coded_.empty()) {  // a codebook of one entry keeps the syntax whole
+      out_.decoded.assign(out_.n * dim, 0.0f);
       out_.books.emplace_back(dim, 0.0f);
       return;
     }
+    // New memory for SH takes as long to get as some iterations.
+    const bool apart = resolve_threads(settings_.threads) > 1;
+    std::future<void> room =
+        start_beside(apart, [&] { out_.decoded.assign(out_.n * dim, 0.0f); });
     const bool direct = coded_.size() == out_.n;
     Selection gathered;
     if (!direct) gathered = coded_rows();
-    const float* rows = direct ? rows_ : gathered.rows.data();
+    const float* rows = direct ? rows_ : gathered.rows.get();
     const float* weights = direct ? weights_ : gathered.weights.data();
     const size_t n = coded_.size();
     const uint32_t entries = by_cost() ? stage0_entries_by_cost()
                                        : useful_entries(settings_.codebook_size, n);
+    // Block codebooks work on whole blocks, so literals and RCQ do not meet. Nothing of the layer's
+    // codebook but its size is in them, and that is as good as known: they are trained beside it.
+    const bool in_blocks = settings_.rcq != 0 && direct && !blocks_.empty();
+    std::vector<std::vector<float>> block_books;
+    std::future<void> blocks_done = start_beside(apart, [&] {
+      if (in_blocks) block_books = train_block_books(rows_, weights_, dim, blocks_, settings_, entries);
+    });
     out_.books.push_back(train_half_codebook(rows, weights, n, dim, entries, settings_, 1));
     const std::vector<float>& book = out_.books[0];
     std::vector<uint32_t> labels(n);
@@ -184,6 +210,7 @@ class ComponentCoder {
     if (settings_.rcq == 0 || blocks_.empty()) {
       constrain_entropy(rows, weights, n, dim, constraint(), &out_.books.back(), &labels);
     }
+    room.get();
     parallel_for(settings_.threads, n, kGrain, [&](size_t begin, size_t end) {
       for (size_t j = begin; j < end; ++j) {
         const size_t i = coded_[j];
@@ -192,10 +219,8 @@ class ComponentCoder {
         std::copy_n(book.data() + labels[j] * dim, dim, out_.decoded.data() + i * dim);
       }
     });
-    // Block codebooks work on whole blocks, so literals and RCQ do not meet.
-    if (settings_.rcq != 0 && direct && !blocks_.empty()) {
-      code_blocks(rows_, weights_, blocks_, settings_, distance, &out_);
-    }
+    blocks_done.get();
+    if (in_blocks) code_blocks(rows_, weights_, blocks_, settings_, distance, block_books, &out_);
   }
 
   // A small codebook tells how error falls with the number of codewords, and so which number is best.
@@ -252,8 +277,10 @@ class ComponentCoder {
   void code_residual_stages() {
     const size_t dim = out_.dim;
     const size_t most = by_cost() ? L4D_MAX_STAGES : settings_.stages.size();
+    if (most < 2) return;
     std::vector<uint32_t> members = coded_;
-    std::vector<float> need(out_.n), residual(out_.n * dim);
+    std::vector<float> need(out_.n);
+    const std::unique_ptr<float[]> residual(new float[out_.n * dim]);  // of members
     for (size_t s = 1; s < most; ++s) {
       parallel_for(settings_.threads, members.size(), kGrain, [&](size_t begin, size_t end) {
         for (size_t j = begin; j < end; ++j) {
@@ -268,16 +295,16 @@ class ComponentCoder {
       Selection chosen;
       chosen.members = choice.members;
       if (chosen.members.empty()) break;
-      gather(residual.data(), weights_, dim, settings_.threads, &chosen);
+      gather(residual.get(), weights_, dim, settings_.threads, &chosen);
       const size_t n = chosen.members.size();
-      out_.books.push_back(train_half_codebook(chosen.rows.data(), chosen.weights.data(), n, dim,
+      out_.books.push_back(train_half_codebook(chosen.rows.get(), chosen.weights.data(), n, dim,
                                                choice.codewords, settings_, 1 + s));
       const std::vector<float>& book = out_.books[s];
       std::vector<uint32_t> labels(n);
       std::vector<float> distance(n);
-      assign_nearest(chosen.rows.data(), n, dim, book.data(), book.size() / dim, backend(),
+      assign_nearest(chosen.rows.get(), n, dim, book.data(), book.size() / dim, backend(),
                      nullptr, labels.data(), distance.data());
-      constrain_entropy(chosen.rows.data(), chosen.weights.data(), n, dim, constraint(),
+      constrain_entropy(chosen.rows.get(), chosen.weights.data(), n, dim, constraint(),
                         &out_.books[s], &labels);
       out_.index.emplace_back(out_.n, uint16_t{0});
       parallel_for(settings_.threads, n, kGrain, [&](size_t begin, size_t end) {
@@ -298,10 +325,11 @@ class ComponentCoder {
   // What a stage did to its members' error says what the next one will do.
   void learn_dimension(const std::vector<uint32_t>& members, const std::vector<float>& error,
                        size_t codewords) {
+    const std::vector<double> left = weighted_errors(members);
     double before = 0, after = 0;
-    for (const uint32_t i : members) {
-      before += static_cast<double>(error[i]);
-      after += static_cast<double>(weights_[i]) * squared_error(i);
+    for (size_t j = 0; j < members.size(); ++j) {
+      before += static_cast<double>(error[members[j]]);
+      after += left[j];
     }
     effective_dim_ = effective_dimension(before, after, static_cast<double>(codewords));
   }
@@ -311,9 +339,10 @@ class ComponentCoder {
     if (!by_cost() || !out_.block_tables.empty()) return;
     constexpr double kBitsPerNumber = 13;
     const double worth = settings_.bit_price * kBitsPerNumber * static_cast<double>(out_.dim);
-    for (const uint32_t i : coded_) {
-      if (static_cast<double>(weights_[i]) * squared_error(i) <= worth) continue;
-      out_.depth[i] = kLiteralDepth;
+    const std::vector<double> error = weighted_errors(coded_);
+    for (size_t j = 0; j < coded_.size(); ++j) {
+      if (error[j] <= worth) continue;
+      out_.depth[coded_[j]] = kLiteralDepth;
       out_.any_literal = true;
     }
   }
@@ -336,30 +365,6 @@ class ComponentCoder {
   double effective_dim_ = 1;  // of what is left, where bits have a price
   CodedComponent out_;
 };
-
-// old index -> new index, most used first; unused entries are dropped. At least one entry stays.
-std::vector<uint32_t> rank_by_use(const std::vector<uint64_t>& use, uint32_t* kept) {
-  std::vector<uint32_t> order(use.size());
-  std::iota(order.begin(), order.end(), 0u);
-  std::stable_sort(order.begin(), order.end(), [&](uint32_t a, uint32_t b) { return use[a] > use[b]; });
-  std::vector<uint32_t> rank(use.size());
-  *kept = 0;
-  for (uint32_t r = 0; r < order.size(); ++r) {
-    rank[order[r]] = r;
-    if (use[order[r]] > 0) *kept = r + 1;
-  }
-  *kept = std::max(*kept, 1u);
-  return rank;
-}
-
-void permute_book(std::vector<float>& book, size_t dim, const std::vector<uint32_t>& rank,
-                  uint32_t kept) {
-  std::vector<float> ranked(size_t{kept} * dim);
-  for (size_t e = 0; e < rank.size(); ++e) {
-    if (rank[e] < kept) std::copy_n(book.data() + e * dim, dim, ranked.data() + rank[e] * dim);
-  }
-  book = std::move(ranked);
-}
 
 }  // namespace
 
@@ -402,69 +407,6 @@ void drop_gaussians(CodedComponent& c, const std::vector<uint8_t>& keep) {
   c.depth.resize(to);
   for (auto& index : c.index) index.resize(to);
   c.decoded.resize(to * c.dim);
-}
-
-void rank_codebooks(CodedComponent& c, const std::vector<BlockRange>& blocks) {
-  if (c.is_transform) return;
-  // Which Gaussians index a block codebook instead of the layer's.
-  std::vector<uint8_t> in_block(c.n, 0);
-  for (size_t b = 0; b < c.block_tables.size(); ++b) {
-    if (c.block_tables[b].empty()) continue;
-    std::fill(in_block.begin() + static_cast<std::ptrdiff_t>(blocks[b].begin),
-              in_block.begin() + static_cast<std::ptrdiff_t>(blocks[b].end), uint8_t{1});
-  }
-  // Block tables first: what they do not use need not stay in the codebooks behind them.
-  for (size_t b = 0; b < c.block_tables.size(); ++b) {
-    std::vector<RcqPair>& table = c.block_tables[b];
-    if (table.empty()) continue;
-    std::vector<uint64_t> use(table.size(), 0);
-    for (size_t i = blocks[b].begin; i < blocks[b].end; ++i) ++use[c.index[0][i]];
-    uint32_t kept = 0;
-    const std::vector<uint32_t> rank = rank_by_use(use, &kept);
-    std::vector<RcqPair> ranked(kept);
-    for (size_t e = 0; e < table.size(); ++e) {
-      if (rank[e] < kept) ranked[rank[e]] = table[e];
-    }
-    table = std::move(ranked);
-    for (size_t i = blocks[b].begin; i < blocks[b].end; ++i) {
-      c.index[0][i] = static_cast<uint16_t>(rank[c.index[0][i]]);
-    }
-  }
-  for (size_t s = 0; s < c.books.size(); ++s) {
-    const auto uses_book = [&](size_t i) {
-      return c.depth[i] != kLiteralDepth && c.depth[i] > s && !(s == 0 && in_block[i]);
-    };
-    std::vector<uint64_t> use(c.books[s].size() / c.dim, 0);
-    for (size_t i = 0; i < c.n; ++i) use[c.index[s][i]] += uses_book(i);
-    if (s == 0) {
-      for (const auto& table : c.block_tables) {
-        for (const RcqPair& p : table) ++use[p.global];
-      }
-    }
-    uint32_t kept = 0;
-    const std::vector<uint32_t> rank = rank_by_use(use, &kept);
-    permute_book(c.books[s], c.dim, rank, kept);
-    for (size_t i = 0; i < c.n; ++i) {
-      if (uses_book(i)) c.index[s][i] = static_cast<uint16_t>(rank[c.index[s][i]]);
-    }
-    if (s == 0) {
-      for (auto& table : c.block_tables) {
-        for (RcqPair& p : table) p.global = static_cast<uint16_t>(rank[p.global]);
-      }
-    }
-  }
-  if (!c.residual_book.empty()) {
-    std::vector<uint64_t> use(c.residual_book.size() / c.dim, 0);
-    for (const auto& table : c.block_tables) {
-      for (const RcqPair& p : table) ++use[p.residual];
-    }
-    uint32_t kept = 0;
-    const std::vector<uint32_t> rank = rank_by_use(use, &kept);
-    permute_book(c.residual_book, c.dim, rank, kept);
-    for (auto& table : c.block_tables) {
-      for (RcqPair& p : table) p.residual = static_cast<uint16_t>(rank[p.residual]);
-    }
-  }
 }
 
 CodedComponent code_component_transform(const float* rows, const float* weights, size_t n, size_t dim,

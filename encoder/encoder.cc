@@ -1,12 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "encoder/encoder.h"
 
-#include "encoder/quality.h"
-#include "encoder/sh_coder.h"
-
 #include <algorithm>
+#include <atomic>
 #include <chrono>
 #include <cstring>
+
+#include "encoder/beside.h"
+#include "encoder/quality.h"
+#include "encoder/sh_coder.h"
+#include "libl4dcodec/base/threads.h"
 
 namespace l4d {
 namespace {
@@ -21,6 +24,9 @@ constexpr uint64_t kShWork = 60;
 constexpr uint64_t kLayersWork = 30;
 constexpr uint64_t kWriteWork = 8;
 constexpr uint64_t kTotalWork = kPrepareWork + kShWork + kLayersWork + kWriteWork;
+
+// While nothing but SH is left to wait for, the callback is asked whether to cancel this often.
+constexpr std::chrono::milliseconds kAskAgain{200};
 
 }  // namespace
 
@@ -55,6 +61,8 @@ class Encoder::Steps {
   // Called now and then inside long loops, which then return early with what they have. One nonzero
   // answer of the callback is enough: the next report ends the call.
   bool cancelled() { return cancelled(done_); }
+  // For other threads: whether the callback has answered so.
+  bool was_cancelled() const { return cancelled_; }
   std::vector<std::pair<const char*, double>> take() { return std::move(stages_); }
 
  private:
@@ -72,7 +80,7 @@ class Encoder::Steps {
   const char* name_ = nullptr;
   Clock::time_point started_;
   uint64_t done_ = 0;
-  bool cancelled_ = false;
+  std::atomic<bool> cancelled_{false};
   std::vector<std::pair<const char*, double>> stages_;
 };
 
@@ -109,6 +117,7 @@ Status Encoder::encode(const WriteFn& write) {
   const bool lossless = settings_.get_bool(L4D_ENC_LOSSLESS);
   Steps steps(progress_, progress_user_);
   const std::function<bool()> cancelled = [&] { return steps.cancelled(); };
+  const std::function<bool()> was_cancelled = [&] { return steps.was_cancelled(); };
   EncodeReport report;
   try {
     steps.begin("prepare");
@@ -123,6 +132,7 @@ Status Encoder::encode(const WriteFn& write) {
     coder_options.device = device_.get();
     coder_options.seed = options_.seed;
     coder_options.cancelled = &cancelled;
+    coder_options.cancelled_elsewhere = &was_cancelled;
     coder_options.step = [&](const char* name) { steps.begin(name); };
 
     SceneHeader header;
@@ -131,19 +141,34 @@ Status Encoder::encode(const WriteFn& write) {
     header.placement = input_.placement;
     header.sh_degree = scene.sh_degree;
     header.metadata = metadata_;
+    // With a device, SH is mostly its work, and the host's cores are there for the layers meanwhile.
+    // Only this thread may tell of steps and ask whether to cancel.
+    const bool apart = device_ != nullptr && resolve_threads(threads) > 1 && !lossless &&
+                       settings_.get_int(L4D_ENC_CODING, L4D_COMPONENT_SH) == 0;
+    CoderOptions sh_options = coder_options;
+    if (apart) {
+      steps.begin("sh_vq");
+      sh_options.cancelled = &was_cancelled;
+      sh_options.step = [](const char*) {};
+    }
+    std::future<CodedComponent> sh_beside;
+    if (!lossless) sh_beside = start_beside(apart, [&] { return code_sh(scene, sh_options); });
     CodedComponent sh;
+    const auto take_sh = [&] {
+      sh = sh_beside.get();
+      header.sh.coding = sh.is_transform ? ComponentCodingId::kTransform : ComponentCodingId::kVq;
+      describe_component(sh, &header.sh);
+      if (header.sh.transform()) header.sh_base = static_cast<unsigned>(sh.transform.base);
+    };
     if (lossless) {
       header.position_at_mean_time = (input_.gaussians.flags & L4D_POSITION_AT_MEAN_TIME) != 0;
       header.opacity_logit = (input_.gaussians.flags & L4D_OPACITY_LOGIT) != 0;
       header.opacity.coding = ScalarCodingId::kRaw32;
       header.sh.coding = ComponentCodingId::kRaw32;
-    } else {
-      sh = code_sh(scene, coder_options);
-      header.sh.coding = sh.is_transform ? ComponentCodingId::kTransform : ComponentCodingId::kVq;
-      describe_component(sh, &header.sh);
-      if (header.sh.transform()) header.sh_base = static_cast<unsigned>(sh.transform.base);
+    } else if (!apart) {
+      take_sh();
     }
-    steps.advance(kShWork);
+    if (!apart) steps.advance(kShWork);
 
     // Finest first: what no longer fits moves to the next coarser layer before that is coded.
     std::vector<CodedLayer> layers(plans.size());
@@ -163,6 +188,12 @@ Status Encoder::encode(const WriteFn& write) {
         report.totals.moved_to_coarser += misfits.size();
       }
       steps.advance(kLayersWork / plans.size());
+    }
+    if (apart) {
+      steps.begin("sh_vq");
+      while (sh_beside.wait_for(kAskAgain) != std::future_status::ready) steps.cancelled();
+      take_sh();
+      steps.advance(kShWork);
     }
     layers.erase(std::remove_if(layers.begin(), layers.end(),
                                 [](const CodedLayer& l) { return l.members.empty(); }),

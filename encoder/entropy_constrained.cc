@@ -111,7 +111,8 @@ class Constrainer {
         hint[j] = labels_[g.members[j]];
       }
       assign_nearest(points.data(), m, dim_ + 1, codebook.data(), k_,
-                     {constraint_.threads, constraint_.device},                     hint.data(), label.data(), distance.data());
+                     {constraint_.threads, constraint_.device}, hint.data(), label.data(),
+                     distance.data());
       for (size_t j = 0; j < m; ++j) labels_[g.members[j]] = label[j];
     }
   }

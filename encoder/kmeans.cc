@@ -2,6 +2,7 @@
 #include "encoder/kmeans.h"
 
 #include <algorithm>
+#include <memory>
 #include <numeric>
 
 #include "encoder/cells.h"
@@ -29,8 +30,13 @@ struct Points {
   size_t dim;
   int threads;
   NearestDevice* device;
+  std::shared_ptr<NearestDevice::HeldPoints> held = nullptr;  // these rows
 
-  NearestBackend backend() const { return {threads, device}; }
+  NearestBackend backend() const { return {threads, device, held.get()}; }
+  // For searches to come, of k codewords.
+  void hold(size_t k) {
+    if (device != nullptr) held = device->hold(rows, n, dim, k);
+  }
 };
 
 struct CellMeans {
@@ -41,13 +47,15 @@ struct CellMeans {
 
 // Each cell is summed in index order by whoever gets it, so the sums do not depend on the threads.
 CellMeans cell_means(const Points& p, const std::vector<uint32_t>& labels, size_t k) {
-  constexpr size_t kCellGrain = 32;
+  // A piece of fewer numbers would be done before another thread has begun.
+  constexpr size_t kLeastCells = 32, kLeastNumbers = size_t{1} << 16;
+  const size_t grain = std::max(kLeastCells, k * kLeastNumbers / std::max<size_t>(1, p.n * p.dim));
   const Cells cells = sort_into_cells(labels, k);
   CellMeans out;
   out.mean.assign(k * p.dim, 0.0f);
   out.weight.assign(k, 0.0);
   out.distortion.assign(k, 0.0);
-  parallel_for(p.threads, k, kCellGrain, [&](size_t begin, size_t end) {
+  parallel_for(p.threads, k, grain, [&](size_t begin, size_t end) {
     std::vector<double> sum(p.dim);
     for (size_t c = begin; c < end; ++c) {
       std::fill(sum.begin(), sum.end(), 0.0);
@@ -158,7 +166,8 @@ std::vector<uint32_t> cluster(const Points& p, const KMeansOptions& options, Ran
 
 // Lloyd iterations on a wider sample. The narrow one fits its own points better than others:
 // without these, codebooks are 3 % worse on all points.
-void refine(const Points& p, const KMeansOptions& options, CellMeans* cells) {
+void refine(Points p, const KMeansOptions& options, CellMeans* cells) {
+  p.hold(cells->weight.size());
   std::vector<uint32_t> labels(p.n);
   std::vector<float> sq_dist(p.n);
   for (int pass = 0; pass < kWidePasses && !is_cancelled(options); ++pass) {
@@ -179,7 +188,9 @@ size_t sample_size(size_t k, size_t per, size_t n) {
 // A sample of points that owns its rows, or stands for the points themselves where it is all of
 // them.
 struct SampledPoints {
-  std::vector<float> rows;
+  static constexpr size_t kGatherNumbers = size_t{1} << 16;  // of a piece
+
+  std::unique_ptr<float[]> rows;  // not set to anything before the threads that fill it do
   std::vector<float> weights;
   Points points;
 
@@ -188,15 +199,20 @@ struct SampledPoints {
         draw_sample(from.rows, from.weights, from.n, from.dim, size, from.threads, random);
     points = from;
     if (sample.index.size() == from.n) return;
-    rows.resize(sample.index.size() * from.dim);
-    for (size_t i = 0; i < sample.index.size(); ++i) {
-      std::copy_n(from.rows + size_t{sample.index[i]} * from.dim, from.dim,
-                  rows.data() + i * from.dim);
-    }
+    const size_t dim = from.dim;
+    rows.reset(new float[sample.index.size() * dim]);
+    parallel_for(from.threads, sample.index.size(), std::max<size_t>(1, kGatherNumbers / dim),
+                 [&](size_t begin, size_t end) {
+                   for (size_t i = begin; i < end; ++i) {
+                     std::copy_n(from.rows + size_t{sample.index[i]} * dim, dim,
+                                 rows.get() + i * dim);
+                   }
+                 });
     weights = std::move(sample.weight);
-    points.rows = rows.data();
+    points.rows = rows.get();
     points.weights = weights.data();
     points.n = weights.size();
+    points.held = nullptr;
   }
 };
 
@@ -217,7 +233,8 @@ Codebook train_codebook(const float* points, const float* weights, size_t n, siz
   const size_t size = sample_size(k, options.sample_per_codeword, n);
 
   SampledPoints wide, narrow;
-  wide.draw({points, weights, n, dim, options.threads, options.device}, sample_size(size, kWiden, n), random);
+  wide.draw({points, weights, n, dim, options.threads, options.device}, sample_size(size, kWiden, n),
+            random);
   narrow.draw(wide.points, size, random);
 
   // Clusters are found along principal axes, where the search is fastest; means are then taken of
@@ -232,7 +249,9 @@ Codebook train_codebook(const float* points, const float* weights, size_t n, siz
       training.rows = rotated.data();
     }
   }
+  training.hold(k);
   std::vector<uint32_t> labels = cluster(training, options, random, &k);
+  training.held = nullptr;
   CellMeans cells = cell_means(narrow.points, labels, k);
   drop_empty_cells(dim, &cells, &labels);
   if (wide.points.n > narrow.points.n) refine(wide.points, options, &cells);

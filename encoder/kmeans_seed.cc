@@ -63,23 +63,20 @@ double chance_factor(const std::vector<double>& share, size_t size) {
   return factor;
 }
 
-// `count` indices by `mass`, one from each of as many equal parts of the running sum: neighbours in
-// the order, which are mostly neighbours in the scene, seldom come together. Few may come twice.
-std::vector<uint32_t> draw_by_mass(const std::vector<double>& mass, double total, size_t count,
+// `count` indices by the running sum of their mass, one from each of as many equal parts of it:
+// neighbours in the order, which are mostly neighbours in the scene, seldom come together. Few may come
+// twice. None where rounding at the very end of the sum has it so.
+std::vector<uint32_t> draw_by_mass(const std::vector<double>& running, size_t count,
                                    Random& random) {
-  const double part = total / static_cast<double>(count);
+  const double part = running.back() / static_cast<double>(count);
   std::vector<uint32_t> out;
-  double sum = 0;
   double next = random.uniform() * part;
-  for (size_t i = 0; i < mass.size() && out.size() < count; ++i) {
-    sum += mass[i];
-    while (sum > next && out.size() < count) {
-      out.push_back(static_cast<uint32_t>(i));
-      next = (static_cast<double>(out.size()) + random.uniform()) * part;
-    }
-  }
-  if (out.empty()) {  // rounding at the very end of the sum
-    out.push_back(static_cast<uint32_t>(std::max_element(mass.begin(), mass.end()) - mass.begin()));
+  auto at = running.begin();
+  while (out.size() < count) {
+    at = std::upper_bound(at, running.end(), next);
+    if (at == running.end()) break;
+    out.push_back(static_cast<uint32_t>(at - running.begin()));
+    next = (static_cast<double>(out.size()) + random.uniform()) * part;
   }
   return out;
 }
@@ -91,16 +88,54 @@ void shuffle(std::vector<uint32_t>& v, Random& random) {
   }
 }
 
-// Squared distance, or any value above `enough` once it is known to exceed that.
-float bounded_distance(const float* a, const float* b, size_t dim, float enough) {
-  constexpr size_t kStep = 8;
-  float total = 0;
-  for (size_t begin = 0; begin < dim && total <= enough; begin += kStep) {
-    const size_t end = std::min(dim, begin + kStep);
-    for (size_t j = begin; j < end; ++j) total += (a[j] - b[j]) * (a[j] - b[j]);
+// Points to keep a distance from, a few side by side for vector instructions.
+class Crowd {
+ public:
+  explicit Crowd(size_t dim) : dim_(dim) {}
+
+  void add(const float* p) {
+    if (count_ % kLanes == 0) groups_.resize(groups_.size() + dim_ * kLanes, 0.0f);
+    float* group = groups_.data() + count_ / kLanes * dim_ * kLanes;
+    for (size_t j = 0; j < dim_; ++j) group[j * kLanes + count_ % kLanes] = p[j];
+    ++count_;
   }
-  return total;
-}
+
+  // Whether the squared distances to p are all above `limit`.
+  bool is_clear_of(const float* p, float limit) const {
+    for (size_t first = 0; first < count_; first += kLanes) {
+      if (!group_is_clear(p, limit, groups_.data() + first * dim_, std::min(kLanes, count_ - first))) {
+        return false;
+      }
+    }
+    return true;
+  }
+
+ private:
+  static constexpr size_t kLanes = 8;
+  static constexpr size_t kStep = 8;
+
+  bool group_is_clear(const float* p, float limit, const float* group, size_t lanes) const {
+    float total[kLanes] = {};
+    for (size_t begin = 0; begin < dim_; begin += kStep) {
+      const size_t end = std::min(dim_, begin + kStep);
+      for (size_t j = begin; j < end; ++j) {
+        for (size_t l = 0; l < kLanes; ++l) {
+          const float e = p[j] - group[j * kLanes + l];
+          total[l] += e * e;
+        }
+      }
+      // Sums only grow: what is above the limit stays there.
+      size_t above = 0;
+      for (size_t l = 0; l < lanes; ++l) above += total[l] > limit;
+      if (above == lanes) return true;
+    }
+    return false;
+  }
+
+  size_t dim_;
+  size_t count_ = 0;
+  std::vector<float> groups_;  // [groups, dim, kLanes]
+};
 
 // Turns draws by the distances before this round into draws one after the other: a candidate stays
 // with the probability by which those that stayed before it have left its distance. What remains is
@@ -108,16 +143,15 @@ float bounded_distance(const float* a, const float* b, size_t dim, float enough)
 std::vector<float> thin_out(const float* points, const std::vector<float>& sq_dist, size_t dim,
                             const std::vector<uint32_t>& candidates, Random& random) {
   std::vector<float> seeds;
+  Crowd crowd(dim);
   for (const uint32_t i : candidates) {
     const float* p = points + size_t{i} * dim;
     const float known = sq_dist[i];
     // The draw comes first: distances beyond the one that decides need not be known.
     const float limit = static_cast<float>(random.uniform() * static_cast<double>(known));
-    bool stays = true;
-    for (size_t s = 0; s < seeds.size() && stays; s += dim) {
-      stays = bounded_distance(p, seeds.data() + s, dim, limit) > limit;
-    }
-    if (stays) seeds.insert(seeds.end(), p, p + dim);
+    if (!crowd.is_clear_of(p, limit)) continue;
+    crowd.add(p);
+    seeds.insert(seeds.end(), p, p + dim);
   }
   return seeds;
 }
@@ -151,19 +185,21 @@ PointSample draw_sample(const float* points, const float* weights, size_t n, siz
     total_spread += share[i];
   }
   const bool spread_known = total_spread > 0 && std::isfinite(total_spread);
-  for (size_t i = 0; i < n; ++i) {
-    const double by_weight = static_cast<double>(weights[i]) / total_weight;
-    share[i] = spread_known ? 0.5 * (by_weight + share[i] / total_spread) : by_weight;
-  }
+  parallel_for(threads, n, kGrain, [&](size_t begin, size_t end) {
+    for (size_t i = begin; i < end; ++i) {
+      const double by_weight = static_cast<double>(weights[i]) / total_weight;
+      share[i] = spread_known ? 0.5 * (by_weight + share[i] / total_spread) : by_weight;
+    }
+  });
   const double factor = chance_factor(share, size);
-  for (double& s : share) s = std::min(1.0, s * factor);
+  const auto chance = [&](size_t i) { return std::min(1.0, share[i] * factor); };
   const auto take = [&](size_t i) {
     out.index.push_back(static_cast<uint32_t>(i));
-    out.weight.push_back(static_cast<float>(static_cast<double>(weights[i]) / share[i]));
+    out.weight.push_back(static_cast<float>(static_cast<double>(weights[i]) / chance(i)));
   };
   // Every point for itself: drawing at regular steps meets the period of periodic data.
   for (size_t i = 0; i < n; ++i) {
-    if (random.uniform() < share[i]) take(i);
+    if (random.uniform() < chance(i)) take(i);
   }
   if (out.index.empty()) {  // chance, in a sample of a few
     take(static_cast<size_t>(std::max_element(share.begin(), share.end()) - share.begin()));
@@ -181,13 +217,22 @@ Seeding seed_centroids(const float* points, const float* weights, size_t n, size
   out.sq_dist.assign(n, std::numeric_limits<float>::infinity());
   if (n == 0) return out;
 
-  std::vector<double> mass(weights, weights + n);
+  std::vector<double> running(n);  // sum of the mass up to each point
   size_t wanted = 1;
   for (size_t have = 0; have < k;) {
+    const auto mass = [&](size_t i) {
+      const double weight = static_cast<double>(weights[i]);
+      return have == 0 ? weight : weight * static_cast<double>(out.sq_dist[i]);
+    };
     double total = 0;
-    for (const double m : mass) total += m;
+    for (size_t i = 0; i < n; ++i) running[i] = total += mass(i);
     if (!(total > 0) || !std::isfinite(total)) break;  // mostly: every point is a seed
-    std::vector<uint32_t> candidates = draw_by_mass(mass, total, wanted, random);
+    std::vector<uint32_t> candidates = draw_by_mass(running, wanted, random);
+    if (candidates.empty()) {
+      size_t largest = 0;
+      for (size_t i = 1; i < n; ++i) largest = mass(i) > mass(largest) ? i : largest;
+      candidates.push_back(static_cast<uint32_t>(largest));
+    }
     shuffle(candidates, random);
     const std::vector<float> seeds = thin_out(points, out.sq_dist, dim, candidates, random);
     const size_t count = seeds.size() / dim;
@@ -196,9 +241,6 @@ Seeding seed_centroids(const float* points, const float* weights, size_t n, size
     out.centroids.insert(out.centroids.end(), seeds.begin(), seeds.end());
     have += count;
     wanted = std::min(k - have, std::max<size_t>(1, have / kGrowth));
-    for (size_t i = 0; i < n; ++i) {
-      mass[i] = static_cast<double>(weights[i]) * static_cast<double>(out.sq_dist[i]);
-    }
   }
   return out;
 }

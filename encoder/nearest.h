@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 
 namespace l4d {
 
@@ -16,6 +17,11 @@ enum class Axes {
 class NearestDevice {
  public:
   virtual ~NearestDevice() = default;
+  // Points that stay there from one search to the next. One search at a time; gone before its device is.
+  class HeldPoints {
+   public:
+    virtual ~HeldPoints() = default;
+  };
   struct Job {
     const float* points;    // [n, dim]
     size_t n, dim;
@@ -25,16 +31,22 @@ class NearestDevice {
     bool keep;              // codewords have to beat labels and sq_dist as given
     uint32_t* labels;       // [n]
     float* sq_dist;         // [n]
+    HeldPoints* held = nullptr;  // where hold() took these points
   };
   // False where it leaves the work to the host: too little of it, no kernel, busy, or a failure.
   virtual bool search(const Job& job) = 0;
+  // For searches of about k codewords each. Null where it leaves them to the host.
+  virtual std::unique_ptr<HeldPoints> hold(const float* points, size_t n, size_t dim, size_t k) = 0;
 };
 
 // Who searches: threads of the host, 0 = one per core, and a device where there is one.
 struct NearestBackend {
-  NearestBackend(int threads_, NearestDevice* device_ = nullptr) : threads(threads_), device(device_) {}
+  NearestBackend(int threads_, NearestDevice* device_ = nullptr,
+                 NearestDevice::HeldPoints* held_ = nullptr)
+      : threads(threads_), device(device_), held(held_) {}
   int threads;
   NearestDevice* device;
+  NearestDevice::HeldPoints* held;  // the points of the search, null where it has to bring them
 };
 
 // For each point the nearest codeword in squared Euclidean distance.

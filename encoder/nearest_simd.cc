@@ -432,8 +432,13 @@ HWY_EXPORT(search_range);
 bool worth_rotating(size_t n, size_t k, size_t dim) { return n >= 32 * dim && k > 64; }
 
 void search_all(NearestJob job, size_t n, int threads) {
-  constexpr size_t kGrain = 1024;
-  parallel_for(threads, n, kGrain, [&](size_t begin, size_t end) {
+  // Where there are few codewords to look at, a piece of this many points would be done before another
+  // thread has begun.
+  constexpr size_t kLeastGrain = 1024;
+  constexpr size_t kLeastWork = size_t{1} << 18;
+  const size_t per_point = job.index->dim * std::min<size_t>(job.index->k, 64);
+  const size_t grain = std::max(kLeastGrain, kLeastWork / per_point);
+  parallel_for(threads, n, grain, [&](size_t begin, size_t end) {
     HWY_DYNAMIC_DISPATCH(search_range)(job, begin, end);
   });
 }
@@ -445,7 +450,8 @@ void assign_nearest(const float* points, size_t n, size_t dim, const float* code
                     float* sq_dist, Axes axes) {
   if (n == 0) return;
   if (backend.device != nullptr &&
-      backend.device->search({points, n, dim, codebook, k, 0, false, labels, sq_dist})) {
+      backend.device->search(
+          {points, n, dim, codebook, k, 0, false, labels, sq_dist, backend.held})) {
     return;
   }
   const NearestIndex index(codebook, k, dim, axes == Axes::kAny && worth_rotating(n, k, dim));
@@ -457,7 +463,8 @@ void update_nearest(const float* points, size_t n, size_t dim, const float* code
                     float* sq_dist) {
   if (n == 0 || k == 0) return;
   if (backend.device != nullptr &&
-      backend.device->search({points, n, dim, codebook, k, first_label, true, labels, sq_dist})) {
+      backend.device->search(
+          {points, n, dim, codebook, k, first_label, true, labels, sq_dist, backend.held})) {
     return;
   }
   const NearestIndex index(codebook, k, dim, false);

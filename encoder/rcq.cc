@@ -43,13 +43,32 @@ bool pays(const BlockCost& plain, const BlockCost& local, size_t n, size_t dim) 
   return local.bits < plain.bits + gain;
 }
 
+// Of blocks side by side, each on one thread: they are too small to share among several.
+ComponentSettings serial_settings(const ComponentSettings& settings) {
+  ComponentSettings serial = settings;
+  serial.threads = 1;
+  serial.device = nullptr;
+  serial.cancelled = nullptr;  // the callback belongs to the calling thread
+  return serial;
+}
+
+uint32_t block_entries(const BlockRange& block, size_t most) {
+  return useful_entries(static_cast<uint32_t>(most), block.end - block.begin);
+}
+
+std::vector<float> train_block(const float* rows, const float* weights, size_t dim,
+                               const std::vector<BlockRange>& blocks, size_t b, size_t most,
+                               const ComponentSettings& serial) {
+  const size_t begin = blocks[b].begin;
+  return train_half_codebook(rows + begin * dim, weights + begin, blocks[b].end - begin, dim,
+                             block_entries(blocks[b], most), serial, 0x100 + uint64_t{b});
+}
+
 LocalBook make_local(const float* rows, const float* weights, size_t n, size_t dim,
-                     const std::vector<float>& global, const ComponentSettings& settings,
-                     size_t block) {
+                     const std::vector<float>& global, std::vector<float> entries,
+                     const ComponentSettings& settings) {
   LocalBook local;
-  const uint32_t entries = useful_entries(static_cast<uint32_t>(global.size() / dim), n);
-  local.entries =
-      train_half_codebook(rows, weights, n, dim, entries, settings, 0x100 + uint64_t{block});
+  local.entries = std::move(entries);
   const size_t k = local.entries.size() / dim;
   std::vector<uint32_t> nearest(k);
   std::vector<float> distance(std::max(n, k));
@@ -104,22 +123,32 @@ CodedBlock code_block(const float* rows, size_t n, size_t dim, const LocalBook& 
 
 }  // namespace
 
+std::vector<std::vector<float>> train_block_books(const float* rows, const float* weights, size_t dim,
+                                                  const std::vector<BlockRange>& blocks,
+                                                  const ComponentSettings& settings, size_t most) {
+  const ComponentSettings serial = serial_settings(settings);
+  std::vector<std::vector<float>> books(blocks.size());
+  parallel_for(settings.threads, blocks.size(), 1, [&](size_t b, size_t) {
+    books[b] = train_block(rows, weights, dim, blocks, b, most, serial);
+  });
+  return books;
+}
+
 void code_blocks(const float* rows, const float* weights, const std::vector<BlockRange>& blocks,
                  const ComponentSettings& settings, const std::vector<float>& distance,
-                 CodedComponent* component) {
+                 const std::vector<std::vector<float>>& block_books, CodedComponent* component) {
   CodedComponent& c = *component;
   const size_t dim = c.dim;
   const std::vector<float>& global = c.books[0];
-  // Blocks side by side, each on one thread: they are too small to share among several.
-  ComponentSettings serial = settings;
-  serial.threads = 1;
-  serial.device = nullptr;
-  serial.cancelled = nullptr;  // the callback belongs to the calling thread
+  const ComponentSettings serial = serial_settings(settings);
+  const size_t most = global.size() / dim;
   std::vector<LocalBook> locals(blocks.size());
   parallel_for(settings.threads, blocks.size(), 1, [&](size_t b, size_t) {
     const size_t begin = blocks[b].begin;
-    locals[b] = make_local(rows + begin * dim, weights + begin, blocks[b].end - begin, dim, global,
-                           serial, b);
+    const bool too_large = block_books[b].size() / dim > block_entries(blocks[b], most);
+    locals[b] = make_local(
+        rows + begin * dim, weights + begin, blocks[b].end - begin, dim, global,
+        too_large ? train_block(rows, weights, dim, blocks, b, most, serial) : block_books[b], serial);
   });
   std::vector<float> residuals, residual_weights;
   for (size_t b = 0; b < blocks.size(); ++b) {

@@ -5,8 +5,10 @@
 #include <cmath>
 
 #include "decoder/transform.h"
+#include "encoder/beside.h"
 #include "encoder/coding_cost.h"
 #include "encoder/scalar.h"
+#include "libl4dcodec/base/threads.h"
 #include "libl4dcodec/math/rotor.h"
 
 namespace l4d {
@@ -18,6 +20,9 @@ constexpr double kMaxStep[L4D_COMPONENT_COUNT] = {0, 0.6, 0.08, 0.0215};
 // squares are averages over four.
 constexpr float kRotorPerStereographic = 6.0f;
 constexpr double kNearMinusOne = -0.999999;
+
+constexpr int kComponents = 3;
+constexpr size_t kGrain = 4096;
 
 // Codings of the parameter.
 enum { kCodebooks = 0, kTransforms = 1, kCheaper = 2 };
@@ -63,8 +68,16 @@ class ShapeCoder {
 
   void run() {
     if (out_.header.permanent) out_.header.log_scale_t = largest_log_scale_t();
-    code_scales();
-    code_rotors();
+    const int threads = resolve_threads(options_.threads);
+    apart_ = threads >= kComponents && in_codebooks_only();
+    threads_ = apart_ ? (threads + kComponents - 1) / kComponents : threads;
+    options_.step("scale_vq");
+    std::future<Scales> scales = start_beside(apart_, [&] { return best_scales(); });
+    Rotors rotors = best_rotors();
+    if (apart_) options_.step("scale_vq");
+    put_scales(scales.get());
+    put(L4D_COMPONENT_ROTOR_SPATIAL, std::move(rotors[0]));
+    put(L4D_COMPONENT_ROTOR_TEMPORAL, std::move(rotors[1]));
   }
 
  private:
@@ -78,20 +91,29 @@ class ShapeCoder {
   size_t count() const { return out_.members.size(); }
   int coding_of(unsigned c) const { return settings_.get_int(L4D_ENC_CODING, static_cast<int>(c)); }
 
-  void code_scales() {
-    options_.step("scale_vq");
+  bool in_codebooks_only() const {
+    return coding_of(L4D_COMPONENT_SCALE) == kCodebooks &&
+           coding_of(L4D_COMPONENT_ROTOR_SPATIAL) == kCodebooks &&
+           coding_of(L4D_COMPONENT_ROTOR_TEMPORAL) == kCodebooks;
+  }
+
+  Scales best_scales() const {
     const int coding = coding_of(L4D_COMPONENT_SCALE);
     Scales best = scales_as(coding != kCodebooks);
     if (coding == kCheaper) {
       Scales other = scales_as(false);
       if (cost_of(other) < cost_of(best)) best = std::move(other);
     }
-    out_.header.scale_factor = best.factor_coding;
-    out_.factor = std::move(best.factor);
-    put(L4D_COMPONENT_SCALE, std::move(best.rows));
+    return best;
   }
 
-  void code_rotors() {
+  void put_scales(Scales scales) {
+    out_.header.scale_factor = scales.factor_coding;
+    out_.factor = std::move(scales.factor);
+    put(L4D_COMPONENT_SCALE, std::move(scales.rows));
+  }
+
+  Rotors best_rotors() const {
     const int spatial = coding_of(L4D_COMPONENT_ROTOR_SPATIAL);
     const int temporal = coding_of(L4D_COMPONENT_ROTOR_TEMPORAL);
     // Both halves of a rotor are stereographic, or none: they are coordinates of the same map.
@@ -101,8 +123,7 @@ class ShapeCoder {
       Rotors other = rotors_as(false);
       if (cost_of(other) < cost_of(best)) best = std::move(other);
     }
-    put(L4D_COMPONENT_ROTOR_SPATIAL, std::move(best[0]));
-    put(L4D_COMPONENT_ROTOR_TEMPORAL, std::move(best[1]));
+    return best;
   }
 
   void put(unsigned c, CodedRows coded) {
@@ -111,56 +132,64 @@ class ShapeCoder {
   }
 
   // Transforms are of whole log scales, codebooks of what is left without their mean.
-  Scales scales_as(bool transform) {
+  Scales scales_as(bool transform) const {
     const size_t n = count(), dim = out_.header.scale_dim();
     std::vector<float> factor(n, 0.0f);
-    for (size_t j = 0; j < n && !transform; ++j) {
-      const float* s = scene_.log_scale.data() + 4 * size_t{out_.members[j]};
-      float sum = 0;
-      for (size_t k = 0; k < dim; ++k) sum += s[k];
-      factor[j] = sum / static_cast<float>(dim);
+    if (!transform) {
+      for_all([&](size_t j) {
+        const float* s = scene_.log_scale.data() + 4 * size_t{out_.members[j]};
+        float sum = 0;
+        for (size_t k = 0; k < dim; ++k) sum += s[k];
+        factor[j] = sum / static_cast<float>(dim);
+      });
     }
     Scales out;
     const unsigned bits = static_cast<unsigned>(settings_.get_int(L4D_ENC_SCALE_FACTOR_BITS));
     out.factor_coding = choose_scalar_coding(factor, bits);
     out.factor.resize(n);
     Rows rows = make_rows(L4D_COMPONENT_SCALE, dim);
-    for (size_t j = 0; j < n; ++j) {
+    for_all([&](size_t j) {
       out.factor[j] = scalar_code(out.factor_coding, factor[j]);
       const float decoded = decoded_factor(out.factor_coding, out.factor, j);
       for (size_t k = 0; k < dim; ++k) {
-        set(rows, j, k, scene_.log_scale[4 * size_t{out_.members[j]} + k] - decoded);
+        rows.values[j * dim + k] = scene_.log_scale[4 * size_t{out_.members[j]} + k] - decoded;
       }
-    }
-    out.rows = code_rows(L4D_COMPONENT_SCALE, rows, transform);
+    });
+    rows.any = any_number(rows);
+    out.rows = code_rows(L4D_COMPONENT_SCALE, rows, transform,
+                         apart_ ? options_.cancelled_elsewhere : options_.cancelled);
     return out;
   }
 
-  Rotors rotors_as(bool stereographic) {
-    const size_t n = count(), dim = stereographic ? 3 : 4;
+  Rotors rotors_as(bool stereographic) const {
+    options_.step("rotor_spatial_vq");
+    const size_t dim = stereographic ? 3 : 4;
     Rows halves[2] = {make_rows(L4D_COMPONENT_ROTOR_SPATIAL, dim),
                       make_rows(L4D_COMPONENT_ROTOR_TEMPORAL, dim)};
-    for (size_t j = 0; j < n; ++j) {
+    for_all([&](size_t j) {
       const size_t i = out_.members[j];
       double u[2][3];
       if (stereographic) stereographic_rotor(i, u[0], u[1]);
       for (unsigned half = 0; half < 2; ++half) {
         for (size_t k = 0; k < dim; ++k) {
-          set(halves[half], j, k,
-              stereographic ? static_cast<float>(u[half][k]) : scene_.rotor[8 * i + 4 * half + k]);
+          halves[half].values[j * dim + k] =
+              stereographic ? static_cast<float>(u[half][k]) : scene_.rotor[8 * i + 4 * half + k];
         }
         if (stereographic) halves[half].importance[j] *= kRotorPerStereographic;
       }
-    }
+    });
+    // The spatial half says what kind of map the temporal one belongs to.
+    halves[0].any = stereographic || any_number(halves[0]);
+    halves[1].any = !out_.header.permanent && any_number(halves[1]);
+    std::future<CodedRows> spatial = start_beside(apart_, [&] {
+      return code_rows(L4D_COMPONENT_ROTOR_SPATIAL, halves[0], stereographic,
+                       apart_ ? options_.cancelled_elsewhere : options_.cancelled);
+    });
+    options_.step("rotor_temporal_vq");
     Rotors out;
-    for (unsigned half = 0; half < 2; ++half) {
-      options_.step(half == 0 ? "rotor_spatial_vq" : "rotor_temporal_vq");
-      Rows& rows = halves[half];
-      // The spatial half says what kind of map the temporal one belongs to.
-      rows.any = rows.any || (stereographic && half == 0);
-      rows.any = rows.any && !(out_.header.permanent && half == 1);
-      out[half] = code_rows(L4D_COMPONENT_ROTOR_SPATIAL + half, rows, stereographic);
-    }
+    out[1] = code_rows(L4D_COMPONENT_ROTOR_TEMPORAL, halves[1], stereographic, options_.cancelled);
+    if (apart_) options_.step("rotor_spatial_vq");
+    out[0] = spatial.get();
     return out;
   }
 
@@ -171,18 +200,26 @@ class ShapeCoder {
     rows.values.resize(n * dim);
     rows.weights.resize(n);
     rows.importance.resize(n);
-    for (size_t j = 0; j < n; ++j) {
+    for_all([&](size_t j) {
       rows.weights[j] = scene_.weight[c][out_.members[j]];
       rows.importance[j] = scene_.importance[c][out_.members[j]];
-    }
+    });
     return rows;
   }
-  static void set(Rows& rows, size_t j, size_t k, float value) {
-    rows.values[j * rows.dim + k] = value;
-    rows.any = rows.any || value != 0;
+  static bool any_number(const Rows& rows) {
+    return std::any_of(rows.values.begin(), rows.values.end(), [](float v) { return v != 0; });
   }
 
-  CodedRows code_rows(unsigned c, const Rows& rows, bool transform) const {
+  // body(j) for all members, on several threads.
+  template <typename Body>
+  void for_all(const Body& body) const {
+    parallel_for(threads_, count(), kGrain, [&](size_t begin, size_t end) {
+      for (size_t j = begin; j < end; ++j) body(j);
+    });
+  }
+
+  CodedRows code_rows(unsigned c, const Rows& rows, bool transform,
+                      const std::function<bool()>* cancelled) const {
     const size_t n = count();
     CodedRows out;
     if (!rows.any) {
@@ -194,15 +231,15 @@ class ShapeCoder {
       TransformSettings s;
       s.distortion = quality_.per_number(c);
       s.max_step = quality_.max_step(kMaxStep[c]);
-      s.threads = options_.threads;
+      s.threads = threads_;
       out.coding = ComponentCodingId::kTransform;
       out.component = code_component_transform(rows.values.data(), rows.importance.data(), n, rows.dim, s);
     } else {
       ComponentSettings s = component_settings(settings_, c);
       s.seed = options_.seed * 131 + out_.header.level * 8 + c + (out_.header.permanent ? 4096 : 0);
-      s.threads = options_.threads;
+      s.threads = threads_;
       s.device = options_.device;
-      s.cancelled = options_.cancelled;
+      s.cancelled = cancelled;
       const bool by_cost = settings_.get_bool(L4D_ENC_CODEBOOKS_BY_COST) || coding_of(c) == kCheaper;
       if (by_cost) s.bit_price = quality_.bit_price(c);
       out.coding = ComponentCodingId::kVq;
@@ -286,6 +323,9 @@ class ShapeCoder {
   const EncoderSettings& settings_;
   const Quality& quality_;
   CodedLayer& out_;
+  // Scales and both halves of rotors side by side: much of their training is one after the other.
+  bool apart_ = false;
+  int threads_ = 0;  // of each
 };
 
 }  // namespace

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
 
 #include "encoder/cells.h"
 #include "encoder/entropy_constrained.h"
@@ -20,7 +21,11 @@ class Refiner {
  public:
   Refiner(const float* rows, const float* weights, const ComponentSettings& settings,
           CodedComponent& component)
-      : rows_(rows), weights_(weights), settings_(settings), c_(component) {}
+      : rows_(rows),
+        weights_(weights),
+        settings_(settings),
+        c_(component),
+        room_(new float[c_.n * c_.dim]) {}
 
   void run() {
     c_.steps.assign(c_.books.size(), 0.0f);
@@ -44,7 +49,8 @@ class Refiner {
     const size_t n = members.size();
     if (n == 0) return;
     // What the other stages leave to this one.
-    std::vector<float> target(n * dim), weight(n), distance(n);
+    float* target = room_.get();
+    std::vector<float> weight(n), distance(n);
     std::vector<uint32_t> label(n);
     parallel_for(settings_.threads, n, kGrain, [&](size_t begin, size_t end) {
       for (size_t j = begin; j < end; ++j) {
@@ -63,13 +69,13 @@ class Refiner {
       constraint.rounds = 1;
       constraint.threads = settings_.threads;
       constraint.device = settings_.device;
-      constrain_entropy(target.data(), weight.data(), n, dim, constraint, &book, &label);
+      constrain_entropy(target, weight.data(), n, dim, constraint, &book, &label);
     } else {
       if (settings_.bit_price > 0 && c_.steps[s] == 0) c_.steps[s] = step_for(book, weight);
       move(target, weight, label, c_.steps[s], book);
-      const std::vector<uint32_t> hint = label;
-      assign_nearest(target.data(), n, dim, book.data(), book.size() / dim,
-                     {settings_.threads, settings_.device},                     hint.data(), label.data(), distance.data());
+      assign_nearest(target, n, dim, book.data(), book.size() / dim,
+                     {settings_.threads, settings_.device}, label.data(), label.data(),
+                     distance.data());
     }
     parallel_for(settings_.threads, n, kGrain, [&](size_t begin, size_t end) {
       for (size_t j = begin; j < end; ++j) {
@@ -80,7 +86,7 @@ class Refiner {
   }
 
   // Each codeword to the weighted mean of its rows.
-  void move(const std::vector<float>& target, const std::vector<float>& weight,
+  void move(const float* target, const std::vector<float>& weight,
             const std::vector<uint32_t>& label, float step, std::vector<float>& book) const {
     const size_t dim = c_.dim;
     const Cells cells = sort_into_cells(label, book.size() / dim);
@@ -133,6 +139,7 @@ class Refiner {
   const float* weights_;
   const ComponentSettings& settings_;
   CodedComponent& c_;
+  std::unique_ptr<float[]> room_;  // for what other stages leave, one stage after the other
 };
 
 }  // namespace

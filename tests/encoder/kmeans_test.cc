@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <memory>
 #include <set>
 #include <vector>
 
@@ -192,6 +193,55 @@ TEST(KMeansTest, SameBitsForAnyNumberOfThreads) {
         EXPECT_EQ(one.weighted_distortion, more.weighted_distortion);
       }
       EXPECT_NE(one.entries, train(points, dim, options_for(k, 1, 2), &weights).entries);
+    }
+  }
+}
+
+// Searches as a device does them, of points that it has taken in once.
+class HoldingDevice : public NearestDevice {
+ public:
+  struct Held : HeldPoints {
+    std::vector<float> points;
+    size_t dim = 0;
+  };
+  std::unique_ptr<HeldPoints> hold(const float* points, size_t n, size_t dim, size_t) override {
+    auto held = std::make_unique<Held>();
+    held->points.assign(points, points + n * dim);
+    held->dim = dim;
+    ++holds;
+    return held;
+  }
+  bool search(const Job& job) override {
+    if (job.held == nullptr) return false;
+    const Held& held = static_cast<Held&>(*job.held);
+    EXPECT_EQ(held.dim, job.dim);
+    EXPECT_EQ(held.points, std::vector<float>(job.points, job.points + job.n * job.dim));
+    if (job.keep) {
+      update_nearest(held.points.data(), job.n, job.dim, job.codebook, job.k, job.first_label, 1,
+                     job.labels, job.sq_dist);
+    } else {
+      assign_nearest(held.points.data(), job.n, job.dim, job.codebook, job.k, 1, nullptr, job.labels,
+                     job.sq_dist);
+    }
+    ++searches;
+    return true;
+  }
+  size_t holds = 0, searches = 0;
+};
+
+TEST(KMeansTest, PointsThatADeviceHoldsAreThoseSearched) {
+  for (const size_t dim : {4u, 48u}) {  // as they are, and along other axes
+    const std::vector<float> points = heavy_tails(30000, dim, 6);
+    for (const size_t k : {200u, 2000u}) {  // two samples, then all
+      KMeansOptions options = options_for(k);
+      const Codebook host = train(points, dim, options);
+      HoldingDevice device;
+      options.device = &device;
+      const Codebook got = train(points, dim, options);
+      EXPECT_EQ(host.entries, got.entries);
+      EXPECT_EQ(host.weighted_distortion, got.weighted_distortion);
+      EXPECT_EQ(device.holds, k == 200 ? 2u : 1u);
+      EXPECT_GT(device.searches, 10u);
     }
   }
 }

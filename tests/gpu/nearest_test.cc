@@ -5,9 +5,11 @@
 
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <thread>
 
 #include "encoder/cuda/device_nearest.h"
 #include "encoder/kmeans.h"
@@ -32,7 +34,7 @@ std::vector<float> normal(size_t n, size_t dim, uint64_t seed) {
   return v;
 }
 
-// Counts how many searches went to the device.
+// Counts how many searches went to the device, and how often points stayed there.
 class Counting : public NearestDevice {
  public:
   bool search(const Job& job) override {
@@ -40,7 +42,12 @@ class Counting : public NearestDevice {
     count += done;
     return done;
   }
-  size_t count = 0;
+  std::unique_ptr<HeldPoints> hold(const float* points, size_t n, size_t dim, size_t k) override {
+    std::unique_ptr<HeldPoints> held = device_->hold(points, n, dim, k);
+    holds += held != nullptr;
+    return held;
+  }
+  std::atomic<size_t> count{0}, holds{0};
 
  private:
   std::unique_ptr<NearestDevice> device_ = cuda::make_device_nearest(0, 2);
@@ -94,7 +101,7 @@ TEST_F(DeviceNearest, IsTheHostsToTheLastBit) {
 
 TEST_F(DeviceNearest, SlicesOfManyPointsAreOne) {
   Counting device;
-  const size_t n = 700001, dim = 12, k = 64;  // several slices of 8 MiB
+  const size_t n = 700001, dim = 12, k = 64;  // several slices of 4 MiB
   const std::vector<float> points = normal(n, dim, 5), book = normal(k, dim, 6);
   Result host = poisoned(n), got = poisoned(n);
   assign_nearest(points.data(), n, dim, book.data(), k, 0, nullptr, host.labels.data(),
@@ -103,6 +110,73 @@ TEST_F(DeviceNearest, SlicesOfManyPointsAreOne) {
                  got.sq_dist.data());
   expect_equal(host, got);
   EXPECT_EQ(device.count, 1u);
+}
+
+// Seeding adds codewords to points that stay; iterations then replace all of them.
+TEST_F(DeviceNearest, PointsThatStayAreSearchedAlike) {
+  for (const size_t dim : {size_t{4}, size_t{48}}) {
+    SCOPED_TRACE(dim);
+    Counting device;
+    const size_t n = 120011;  // several slices of 4 MiB of the larger ones
+    std::vector<float> points = normal(n, dim, 8);
+    points[77 * dim] = std::numeric_limits<float>::quiet_NaN();
+    const std::unique_ptr<NearestDevice::HeldPoints> held =
+        device.hold(points.data(), n, dim, 1024);
+    ASSERT_NE(held, nullptr);
+    Result host = poisoned(n), got = poisoned(n);
+    std::fill(host.sq_dist.begin(), host.sq_dist.end(), std::numeric_limits<float>::infinity());
+    got = host;
+    uint32_t first = 0;
+    for (const size_t k : {size_t{3}, size_t{40}, size_t{900}}) {
+      const std::vector<float> more = normal(k, dim, 40 + k);
+      update_nearest(points.data(), n, dim, more.data(), k, first, 0, host.labels.data(),
+                     host.sq_dist.data());
+      update_nearest(points.data(), n, dim, more.data(), k, first, {1, &device, held.get()},
+                     got.labels.data(), got.sq_dist.data());
+      expect_equal(host, got);
+      first += static_cast<uint32_t>(k);
+    }
+    const std::vector<float> book = normal(1024, dim, 9);
+    host = got = poisoned(n);
+    assign_nearest(points.data(), n, dim, book.data(), 1024, 0, nullptr, host.labels.data(),
+                   host.sq_dist.data());
+    assign_nearest(points.data(), n, dim, book.data(), 1024, {1, &device, held.get()}, nullptr,
+                   got.labels.data(), got.sq_dist.data());
+    expect_equal(host, got);
+    EXPECT_EQ(device.count, 4u);
+    // Those that are others come from the host.
+    std::vector<float> others = normal(n / 2, dim, 10);
+    host = got = poisoned(n / 2);
+    assign_nearest(others.data(), n / 2, dim, book.data(), 1024, 0, nullptr, host.labels.data(),
+                   host.sq_dist.data());
+    assign_nearest(others.data(), n / 2, dim, book.data(), 1024, {1, &device, held.get()}, nullptr,
+                   got.labels.data(), got.sq_dist.data());
+    expect_equal(host, got);
+    EXPECT_EQ(device.count, 5u);
+  }
+}
+
+TEST_F(DeviceNearest, SearchesSideBySide) {
+  Counting device;
+  const size_t n = 50021, dim = 4, k = 700;
+  constexpr size_t kCallers = 12;  // more than the device has room for: the others have the host
+  std::vector<Result> host(kCallers, poisoned(n)), got(kCallers, poisoned(n));
+  std::vector<std::thread> callers;
+  for (size_t c = 0; c < kCallers; ++c) {
+    callers.emplace_back([&, c] {
+      const std::vector<float> points = normal(n, dim, 100 + c), book = normal(k, dim, 200 + c);
+      assign_nearest(points.data(), n, dim, book.data(), k, 1, nullptr, host[c].labels.data(),
+                     host[c].sq_dist.data());
+      for (int again = 0; again < 5; ++again) {
+        got[c] = poisoned(n);
+        assign_nearest(points.data(), n, dim, book.data(), k, {1, &device}, nullptr,
+                       got[c].labels.data(), got[c].sq_dist.data());
+      }
+    });
+  }
+  for (std::thread& caller : callers) caller.join();
+  for (size_t c = 0; c < kCallers; ++c) expect_equal(host[c], got[c]);
+  EXPECT_GE(device.count, 5u);
 }
 
 TEST_F(DeviceNearest, LeavesWhatIsSmallToTheHost) {
@@ -125,32 +199,71 @@ TEST_F(DeviceNearest, CodebooksAreTheHosts) {
     const Codebook host = train_codebook(points.data(), nullptr, n, dim, options);
     Counting device;
     options.device = &device;
-    const Codebook got = train_codebook(points.data(), nullptr, n, dim, options);
+    for (const int threads : {1, 7}) {
+      options.threads = threads;
+      const Codebook got = train_codebook(points.data(), nullptr, n, dim, options);
+      EXPECT_EQ(host.entries, got.entries);
+      EXPECT_EQ(host.weighted_distortion, got.weighted_distortion);
+    }
+    EXPECT_GT(device.count, 6u);
+    EXPECT_EQ(device.holds, 4u);  // a narrow sample and a wide one, twice
+  }
+}
+
+// Few distinct points, weights of zero, and more codewords than points.
+TEST_F(DeviceNearest, CodebooksOfOddPointsAreTheHosts) {
+  const size_t n = 40000, dim = 12;
+  const std::vector<float> few = normal(300, dim, 11), any = normal(n, dim, 12);
+  std::vector<float> repeated(n * dim), weights(n), zeros(n, 0.0f);
+  Random random(13);
+  for (size_t i = 0; i < n; ++i) {
+    std::copy_n(few.data() + random.below(300) * dim, dim, repeated.data() + i * dim);
+    weights[i] = i % 3 == 0 ? 0.0f : static_cast<float>(random.uniform());
+  }
+  Counting device;
+  const auto compare = [&](const std::vector<float>& points, const std::vector<float>& w, size_t count,
+                           size_t codewords) {
+    KMeansOptions options;
+    options.num_codewords = codewords;
+    options.seed = 5;
+    const Codebook host = train_codebook(points.data(), w.data(), count, dim, options);
+    options.device = &device;
+    const Codebook got = train_codebook(points.data(), w.data(), count, dim, options);
     EXPECT_EQ(host.entries, got.entries);
     EXPECT_EQ(host.weighted_distortion, got.weighted_distortion);
-    EXPECT_GT(device.count, 3u);
-  }
+    return got.size();
+  };
+  EXPECT_EQ(compare(repeated, weights, n, 1024), 300u);
+  EXPECT_GT(compare(any, weights, n, 2048), 2000u);
+  EXPECT_GT(compare(any, zeros, n, 512), 500u);
+  EXPECT_EQ(compare(any, weights, 3000, 4096), 2000u);  // of positive weight
+  EXPECT_GT(device.count, 10u);
 }
 
 TEST_F(DeviceNearest, FilesAreTheHosts) {
   test::SceneOptions s;
-  s.count = 40000;
+  s.count = 20000;
   s.sh_degree = 3;
   const test::TestScene scene = test::make_scene(s);
   for (const char* preset : {"indexed", "paper-small", "default"}) {
-    Bytes files[2];
+    Bytes first, files[2];
     for (const uint32_t backend : {L4D_BACKEND_CPU, L4D_BACKEND_CUDA}) {
-      l4d_encoder_options options;
-      l4d_encoder_options_init(&options);
-      options.backend = backend;
-      EncoderHandle e(&options);
-      e.check(l4d_encoder_set_preset(e.get(), preset));
-      e.check(l4d_encoder_set(e.get(), L4D_ENC_PRUNE_WEIGHT, L4D_ALL_COMPONENTS, -1));
-      const l4d_gaussians view = scene.view();
-      e.check(l4d_encoder_set_scene(e.get(), &view, &scene.timeline, nullptr));
-      files[backend == L4D_BACKEND_CUDA] = e.encode();
+      for (const uint32_t threads : {7u, 1u}) {
+        l4d_encoder_options options;
+        l4d_encoder_options_init(&options);
+        options.backend = backend;
+        options.threads = threads;
+        EncoderHandle e(&options);
+        e.check(l4d_encoder_set_preset(e.get(), preset));
+        e.check(l4d_encoder_set(e.get(), L4D_ENC_PRUNE_WEIGHT, L4D_ALL_COMPONENTS, -1));
+        const l4d_gaussians view = scene.view();
+        e.check(l4d_encoder_set_scene(e.get(), &view, &scene.timeline, nullptr));
+        files[backend == L4D_BACKEND_CUDA] = e.encode();
+        if (first.empty()) first = files[0];
+        EXPECT_EQ(first, files[backend == L4D_BACKEND_CUDA])
+            << preset << ", " << threads << " threads, backend " << backend;
+      }
     }
-    EXPECT_EQ(files[0], files[1]) << preset;
   }
 }
 
