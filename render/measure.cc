@@ -12,8 +12,8 @@ namespace {
 // A round takes this share of an instant's cameras, at least one.
 constexpr size_t kRoundShare = 16;
 size_t round_share(size_t cameras) { return std::max<size_t>(1, cameras / kRoundShare); }
-// Asking ends with a round that shows fewer than one in so many Gaussians for the first time.
-constexpr uint64_t kFew = 2000;
+// Asking ends where less than this of the light comes from Gaussians that are shown for the first time.
+constexpr double kHardlyAny = 1e-4;
 // Ranks of this many Gaussians tell how well halves agree to three digits.
 constexpr size_t kMostRanked = 1 << 17;
 constexpr uint64_t kSecondHalf = uint64_t{1} << 63;
@@ -100,6 +100,168 @@ std::vector<InstantViews> schedule(const l4d_view* views, size_t num_views) {
   return spread(instants, 0);
 }
 
+// One call of l4d_measure whose arguments are in order.
+class Measurement {
+ public:
+  Measurement(Renderer& renderer, const l4d_camera* cameras, const l4d_view* views, size_t num_views,
+              const l4d_measure_options& options, l4d_progress_fn progress, void* user,
+              l4d_measure_report* report)
+      : renderer_(renderer),
+        cameras_(cameras),
+        options_(options),
+        progress_(progress),
+        user_(user),
+        whole_(options.ranks != nullptr),
+        ranks_(whole_ ? *options.ranks : l4d_ranks{sizeof(l4d_ranks), 0, 1, nullptr, nullptr}),
+        instants_(schedule(views, num_views)),
+        report_(*report) {
+    report_.views = num_views;
+    l4d_sensitivity_options half = options.sensitivity;
+    first_ = make_sums(half);
+    half.seed ^= kSecondHalf;  // other signs
+    second_ = make_sums(half);
+  }
+
+  Status run(std::unique_ptr<Sensitivity>* out) {
+    L4D_RETURN_IF_ERROR(measure_views());
+    L4D_RETURN_IF_ERROR(first_->merge(*second_));
+    if (whole_) L4D_RETURN_IF_ERROR(first_->share(ranks_));
+    if (options_.skip_unseen == 0) L4D_RETURN_IF_ERROR(ask_views());
+    L4D_RETURN_IF_ERROR(first_->count_unseen(&report_.unseen));
+    *out = std::move(first_);
+    return {};
+  }
+
+ private:
+  std::unique_ptr<Sensitivity> make_sums(const l4d_sensitivity_options& options) const {
+    const Scene& scene = renderer_.scene();
+    return std::make_unique<Sensitivity>(options, scene.count(), scene.gaussians().sh_degree, whole_);
+  }
+  bool is_own(size_t instant) const { return instant % ranks_.count == ranks_.rank; }
+  Status proceed(const char* stage) const {
+    const uint64_t done = report_.views_measured + report_.views_asked;
+    return progress_ == nullptr || progress_(user_, done, report_.views, stage) == 0
+               ? Status()
+               : Status(L4D_ERR_CANCELLED, "cancelled");
+  }
+
+  // Rounds of views with derivatives, until the halves agree.
+  Status measure_views() {
+    const bool can_stop = options_.agreement <= 1;
+    const bool in_rounds = can_stop || options_.max_share < 1;
+    const double most_views = std::ceil(options_.max_share * static_cast<double>(report_.views));
+    const size_t most = std::max<size_t>(1, static_cast<size_t>(most_views));
+    bool more = true;
+    while (more && report_.agreed == 0 && report_.views_measured < most) {
+      more = false;
+      for (size_t k = 0; k < instants_.size() && report_.views_measured < most; ++k) {
+        InstantViews& instant = instants_[k];
+        const size_t all = instant.cameras.size();
+        const size_t end = std::min(all, instant.done + (in_rounds ? round_share(all) : all));
+        if (is_own(k) && instant.done < end) {
+          L4D_RETURN_IF_ERROR(renderer_.set_time(instant.time));
+        }
+        for (; instant.done < end && report_.views_measured < most; ++instant.done) {
+          // Halves take turns in cameras and in instants, so that neither sees a part of the scene
+          // alone. A camera's turn comes at every other parity of k, so k counts by twos here.
+          Sensitivity& half = ((k >> 1) + instant.done) % 2 == 0 ? *first_ : *second_;
+          const l4d_camera& camera = cameras_[instant.cameras[instant.done]];
+          if (is_own(k)) L4D_RETURN_IF_ERROR(half.add_view(renderer_, camera, false));
+          ++report_.views_measured;
+          L4D_RETURN_IF_ERROR(proceed("sensitivity"));
+        }
+        more = more || instant.done < all;
+      }
+      ++report_.rounds;
+      if (can_stop && report_.views_measured >= 2) L4D_RETURN_IF_ERROR(compare_halves());
+    }
+    return {};
+  }
+
+  Status compare_halves() {
+    std::vector<float> a(first_->count()), b(first_->count());
+    const Sensitivity* halves[2] = {first_.get(), second_.get()};
+    std::unique_ptr<Sensitivity> shared[2];
+    for (int half = 0; whole_ && half < 2; ++half) {
+      L4D_RETURN_IF_ERROR(halves[half]->copy(&shared[half]));
+      L4D_RETURN_IF_ERROR(shared[half]->share(ranks_));
+      halves[half] = shared[half].get();
+    }
+    double least = 1;
+    for (uint32_t component = 0; component < L4D_COMPONENT_COUNT; ++component) {
+      // The weights of a component have its number. A half without views has none yet.
+      if (!halves[0]->weights(component, a.data()).ok() ||
+          !halves[1]->weights(component, b.data()).ok()) {
+        least = 0;
+        break;
+      }
+      report_.agreement[component] = rank_correlation(a, b);
+      least = std::min(least, report_.agreement[component]);
+    }
+    report_.agreed = least >= options_.agreement ? 1 : 0;
+    return {};
+  }
+
+  // What the views that are left show, until that is hardly any light of Gaussians not seen before.
+  Status ask_views() {
+    std::unique_ptr<Sensitivity> own;  // of this rank
+    if (whole_) {
+      own = make_sums(options_.sensitivity);
+      own->look_past(*first_);
+    }
+    Sensitivity& sums = whole_ ? *own : *first_;
+    std::vector<int64_t> known, shown;
+    L4D_RETURN_IF_ERROR(first_->seen(&known));
+    double news = 1;  // share of the light of a round's images
+    for (bool more = true; more && news >= kHardlyAny;) {
+      more = false;
+      double pixels = 0;
+      for (size_t k = 0; k < instants_.size(); ++k) {
+        InstantViews& instant = instants_[k];
+        const size_t all = instant.cameras.size();
+        if (instant.done == all) continue;
+        const size_t end =
+            std::min(all, instant.done + (options_.ask_all != 0 ? all : round_share(all)));
+        if (is_own(k)) L4D_RETURN_IF_ERROR(renderer_.set_time(instant.time));
+        for (; instant.done < end; ++instant.done) {
+          const l4d_camera& camera = cameras_[instant.cameras[instant.done]];
+          if (is_own(k)) L4D_RETURN_IF_ERROR(sums.add_view(renderer_, camera, true));
+          pixels += static_cast<double>(camera.width) * camera.height;
+          ++report_.views_asked;
+          L4D_RETURN_IF_ERROR(proceed("coverage"));
+        }
+        more = more || instant.done < all;
+      }
+      if (!more) break;
+      L4D_RETURN_IF_ERROR(sums.glimpsed(&shown));
+      if (ranks_.count > 1 && ranks_.sum(ranks_.user, shown.data(), shown.size()) != 0) {
+        return Status(L4D_ERR_IO, "adding up what all ranks have seen failed");
+      }
+      double light = 0;
+      for (size_t i = 0; i < known.size(); ++i) {
+        if (known[i] != 0 || shown[i] == 0) continue;
+        known[i] = 1;
+        light += static_cast<double>(shown[i]);
+      }
+      news = light * Sensitivity::glimpse_unit() / pixels;
+    }
+    if (!whole_) return {};
+    L4D_RETURN_IF_ERROR(own->share(ranks_));
+    return first_->merge(*own);
+  }
+
+  Renderer& renderer_;
+  const l4d_camera* const cameras_;
+  const l4d_measure_options& options_;
+  const l4d_progress_fn progress_;
+  void* const user_;
+  const bool whole_;  // sums are whole numbers
+  const l4d_ranks ranks_;
+  std::vector<InstantViews> instants_;
+  std::unique_ptr<Sensitivity> first_, second_;  // halves of the views
+  l4d_measure_report& report_;
+};
+
 }  // namespace
 
 Status measure(Renderer& renderer, const l4d_camera* cameras, uint32_t num_cameras,
@@ -114,120 +276,7 @@ Status measure(Renderer& renderer, const l4d_camera* cameras, uint32_t num_camer
     if (views[i].camera >= num_cameras) return invalid_argument("a view names a camera beyond the last");
     if (!std::isfinite(views[i].time)) return invalid_argument("the time of a view is not finite");
   }
-  const Scene& scene = renderer.scene();
-  l4d_sensitivity_options half_options = options.sensitivity;
-  const bool whole = options.ranks != nullptr;
-  const l4d_ranks ranks = whole ? *options.ranks : l4d_ranks{sizeof(l4d_ranks), 0, 1, nullptr, nullptr};
-  auto first = std::make_unique<Sensitivity>(half_options, scene.count(),
-                                             scene.gaussians().sh_degree, whole);
-  half_options.seed ^= kSecondHalf;  // other signs
-  Sensitivity second(half_options, scene.count(), scene.gaussians().sh_degree, whole);
-
-  std::vector<InstantViews> instants = schedule(views, num_views);
-  const bool can_stop = options.agreement <= 1;
-  const bool in_rounds = can_stop || options.max_share < 1;
-  const size_t most = std::max<size_t>(
-      1, static_cast<size_t>(std::ceil(options.max_share * static_cast<double>(num_views))));
-  const auto proceed = [&](const char* stage) {
-    const uint64_t done = report->views_measured + report->views_asked;
-    return progress == nullptr || progress(user, done, num_views, stage) == 0
-               ? Status()
-               : Status(L4D_ERR_CANCELLED, "cancelled");
-  };
-  report->views = num_views;
-  bool more = true;
-  while (more && !(report->agreed != 0) && report->views_measured < most) {
-    more = false;
-    for (size_t k = 0; k < instants.size() && report->views_measured < most; ++k) {
-      InstantViews& instant = instants[k];
-      const size_t share = in_rounds ? round_share(instant.cameras.size()) : instant.cameras.size();
-      const size_t end = std::min(instant.cameras.size(), instant.done + share);
-      const bool own = k % ranks.count == ranks.rank;
-      if (own && instant.done < end) L4D_RETURN_IF_ERROR(renderer.set_time(instant.time));
-      for (; instant.done < end && report->views_measured < most; ++instant.done) {
-        // Halves take turns in cameras and in instants, so that neither sees a part of the scene alone.
-        // A camera's turn comes at every other parity of k, so k counts by twos here.
-        Sensitivity& half = ((k >> 1) + instant.done) % 2 == 0 ? *first : second;
-        const l4d_camera& camera = cameras[instant.cameras[instant.done]];
-        if (own) L4D_RETURN_IF_ERROR(half.add_view(renderer, camera, false));
-        ++report->views_measured;
-        L4D_RETURN_IF_ERROR(proceed("sensitivity"));
-      }
-      more = more || instant.done < instant.cameras.size();
-    }
-    ++report->rounds;
-    if (!can_stop || report->views_measured < 2) continue;
-    std::vector<float> a(scene.count()), b(scene.count());
-    const Sensitivity* halves[2] = {first.get(), &second};
-    std::unique_ptr<Sensitivity> shared[2];
-    for (int half = 0; whole && half < 2; ++half) {
-      L4D_RETURN_IF_ERROR(halves[half]->copy(&shared[half]));
-      L4D_RETURN_IF_ERROR(shared[half]->share(ranks));
-      halves[half] = shared[half].get();
-    }
-    double least = 1;
-    for (uint32_t component = 0; component < L4D_COMPONENT_COUNT; ++component) {
-      // The weights of a component have its number. A half without views has none yet.
-      if (!halves[0]->weights(component, a.data()).ok() ||
-          !halves[1]->weights(component, b.data()).ok()) {
-        least = 0;
-        break;
-      }
-      report->agreement[component] = rank_correlation(a, b);
-      least = std::min(least, report->agreement[component]);
-    }
-    report->agreed = least >= options.agreement ? 1 : 0;
-  }
-  L4D_RETURN_IF_ERROR(first->merge(second));
-  if (whole) L4D_RETURN_IF_ERROR(first->share(ranks));
-  if (options.skip_unseen == 0) {
-    std::unique_ptr<Sensitivity> asked;  // of this rank
-    if (whole) {
-      asked = std::make_unique<Sensitivity>(options.sensitivity, scene.count(),
-                                            scene.gaussians().sh_degree, whole);
-      asked->look_past(*first);
-    }
-    uint64_t unseen = 0;
-    L4D_RETURN_IF_ERROR(first->count_unseen(&unseen));
-    bool found_more = true;
-    for (more = true; more && found_more;) {
-      more = false;
-      for (size_t k = 0; k < instants.size(); ++k) {
-        InstantViews& instant = instants[k];
-        if (instant.done == instant.cameras.size()) continue;
-        const size_t end = options.ask_all != 0
-                               ? instant.cameras.size()
-                               : std::min(instant.cameras.size(),
-                                          instant.done + round_share(instant.cameras.size()));
-        const bool own = k % ranks.count == ranks.rank;
-        if (own) L4D_RETURN_IF_ERROR(renderer.set_time(instant.time));
-        for (; instant.done < end; ++instant.done) {
-          const l4d_camera& camera = cameras[instant.cameras[instant.done]];
-          if (own) L4D_RETURN_IF_ERROR((whole ? *asked : *first).add_view(renderer, camera, true));
-          ++report->views_asked;
-          L4D_RETURN_IF_ERROR(proceed("coverage"));
-        }
-        more = more || instant.done < instant.cameras.size();
-      }
-      if (!more) break;
-      std::vector<int64_t> seen;
-      L4D_RETURN_IF_ERROR((whole ? *asked : *first).seen(&seen));
-      if (whole && ranks.sum != nullptr &&
-          ranks.sum(ranks.user, seen.data(), seen.size()) != 0) {
-        return Status(L4D_ERR_IO, "adding up what all ranks have seen failed");
-      }
-      const uint64_t before = unseen;
-      unseen = static_cast<uint64_t>(std::count(seen.begin(), seen.end(), 0));
-      found_more = (before - unseen) * kFew >= seen.size() && before > unseen;
-    }
-    if (whole) {
-      L4D_RETURN_IF_ERROR(asked->share(ranks));
-      L4D_RETURN_IF_ERROR(first->merge(*asked));
-    }
-  }
-  L4D_RETURN_IF_ERROR(first->count_unseen(&report->unseen));
-  *out = std::move(first);
-  return {};
+  return Measurement(renderer, cameras, views, num_views, options, progress, user, report).run(out);
 }
 
 }  // namespace l4d::render

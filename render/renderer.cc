@@ -298,11 +298,11 @@ Status Renderer::importance(const l4d_camera& camera, const ImportanceInput& inp
   return {};
 }
 
-Status Renderer::make_importance(std::unique_ptr<DeviceImportance>* out) {
+Status Renderer::make_importance(bool every_glimpse, std::unique_ptr<DeviceImportance>* out) {
   if (source_ != Source::kGaussians || device_ == nullptr) {
     return Status(L4D_ERR_INVALID_STATE, "importance needs the scene's Gaussians: set_gaussians");
   }
-  return device_->make_importance(out);
+  return device_->make_importance(every_glimpse, out);
 }
 
 Status Renderer::add_importance(const l4d_camera& camera, bool squared, uint64_t signs,

@@ -49,7 +49,7 @@ class Renderer {
 
   // A device adds importances up itself: DeviceRenderer has these calls.
   bool on_device() const { return cuda_; }
-  Status make_importance(std::unique_ptr<DeviceImportance>* out);
+  Status make_importance(bool every_glimpse, std::unique_ptr<DeviceImportance>* out);
   Status add_importance(const l4d_camera& camera, bool squared, uint64_t signs, bool seen_only,
                         DeviceImportance* sums);
 

@@ -88,7 +88,7 @@ Status Sensitivity::add_view(Renderer& renderer, const l4d_camera& camera, bool 
   const uint64_t key = view_key(renderer.time(), camera);
   const uint64_t signs = mix(mix(options_.seed) ^ mix(key + (seen_only ? 0 : repeats_[key])));
   if (renderer.on_device()) {
-    if (device_ == nullptr) L4D_RETURN_IF_ERROR(renderer.make_importance(&device_));
+    if (device_ == nullptr) L4D_RETURN_IF_ERROR(renderer.make_importance(whole_numbers_, &device_));
     L4D_RETURN_IF_ERROR(renderer.add_importance(camera, squared, signs, seen_only, device_.get()));
     device_read_ = false;
     all_pixels_ += pixels;
@@ -190,6 +190,20 @@ Status Sensitivity::seen(std::vector<int64_t>* out) const {
   for (size_t i = 0; i < count(); ++i) {
     const bool glimpsed = whole_numbers_ && whole_[count() + i] != 0;
     (*out)[i] = seen_[i] != 0 || glimpsed || (!on_device.empty() && on_device[i] != 0) ? 1 : 0;
+  }
+  return {};
+}
+
+double Sensitivity::glimpse_unit() { return std::ldexp(1.0, -kCoverageBits); }
+
+Status Sensitivity::glimpsed(std::vector<int64_t>* out) const {
+  static_assert(kCoverageBits == 24, "the unit of devices");
+  out->clear();
+  if (device_ != nullptr) L4D_RETURN_IF_ERROR(device_->read_glimpsed(out));
+  out->resize(count());
+  for (size_t i = 0; i < count(); ++i) {
+    (*out)[i] += whole_numbers_ ? whole_[count() + i]
+                                : std::llround(std::ldexp(glimpsed_[i], kCoverageBits));
   }
   return {};
 }
@@ -316,23 +330,24 @@ Status Sensitivity::weights(uint32_t which, float* out) const {
   const Part part = is_sh ? Part{0, stride} : kParts[which];
   const double pixels = static_cast<double>(pixels_);
   const size_t base = (is_sh ? 2 : 2 + sh_terms(sh_degree_)) * count();  // among whole numbers
-  for (size_t i = 0; i < count(); ++i) {
-    const size_t first = stride * i + part.first;
-    double sums[kGeometry];  // more than there are SH terms
-    for (size_t k = 0; k < part.count; ++k) {
-      sums[k] = whole_numbers_
-                    ? std::ldexp(static_cast<double>(whole_[base + first + k]),
-                                 is_sh ? -kShBits : -kGeometryBits)
-                    : static_cast<double>((is_sh ? sh_ : geometry_)[first + k]);
-      if (on_device) sums[k] += (is_sh ? device_values_.sh : device_values_.geometry)[first + k];
+  const double unit = std::ldexp(1.0, is_sh ? -kShBits : -kGeometryBits);
+  parallel_for(0, count(), kGrain, [&](size_t begin, size_t end) {
+    for (size_t i = begin; i < end; ++i) {
+      const size_t first = stride * i + part.first;
+      double sums[kGeometry] = {};  // more than there are SH terms
+      for (size_t k = 0; k < part.count; ++k) {
+        sums[k] = whole_numbers_ ? static_cast<double>(whole_[base + first + k]) * unit
+                                 : static_cast<double>((is_sh ? sh_ : geometry_)[first + k]);
+        if (on_device) sums[k] += (is_sh ? device_values_.sh : device_values_.geometry)[first + k];
+      }
+      if (options_.measure == L4D_SENSITIVITY_GAUSS_NEWTON) {
+        const double sum = std::accumulate(sums, sums + part.count, 0.0);
+        out[i] = static_cast<float>(std::sqrt(sum / static_cast<double>(part.count) / pixels));
+      } else {
+        out[i] = static_cast<float>(*std::max_element(sums, sums + part.count) / pixels);
+      }
     }
-    if (options_.measure == L4D_SENSITIVITY_GAUSS_NEWTON) {
-      const double sum = std::accumulate(sums, sums + part.count, 0.0);
-      out[i] = static_cast<float>(std::sqrt(sum / static_cast<double>(part.count) / pixels));
-    } else {
-      out[i] = static_cast<float>(*std::max_element(sums, sums + part.count) / pixels);
-    }
-  }
+  });
   return {};
 }
 

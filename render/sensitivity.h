@@ -29,6 +29,9 @@ class Sensitivity {
   uint32_t sh_degree() const { return sh_degree_; }
   // 1 for each Gaussian that a view showed, else 0: [N].
   Status seen(std::vector<int64_t>* out) const;
+  // What views that only asked showed, in whole numbers of a small unit of a pixel: [N].
+  Status glimpsed(std::vector<int64_t>* out) const;
+  static double glimpse_unit();
   Status count_unseen(uint64_t* out) const;
 
  private:

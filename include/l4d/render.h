@@ -216,8 +216,8 @@ typedef struct l4d_measure_options {
    * above 1 = never, all views count. 0.95 unless set. */
   double agreement;
   double max_share;     /* stop at this share of the views, agreed or not; 1 unless set */
-  /* Views that are left out are asked what they show, a sixteenth of each instant's at a time, until a
-   * round shows less than one in 2000 Gaussians for the first time. */
+  /* Views that are left out are asked what they show, a sixteenth of each instant's at a time, until of the
+   * light in a round's images less than 1e-4 comes from Gaussians that no view has shown before. */
   uint32_t skip_unseen; /* 1: do not ask any */
   uint32_t ask_all;     /* 1: ask all of them */
   /* NULL = this process alone. Else, even for a count of 1, sums are whole numbers of small units, so that

@@ -97,11 +97,11 @@ class Implementation : public DeviceRenderer {
   Status backward(double time, const l4d_camera& camera, const float* background,
                   const float* rgb_gradient, l4d_gradients* gradients,
                   DeviceFigures* figures) override;
-  Status make_importance(std::unique_ptr<DeviceImportance>* out) override {
+  Status make_importance(bool every_glimpse, std::unique_ptr<DeviceImportance>* out) override {
     L4D_RETURN_IF_ERROR(use());
     auto memory = std::make_unique<ImportanceMemory>();
     L4D_RETURN_IF_ERROR(
-        memory->create(static_cast<size_t>(gaussians_.count), gaussians_.sh_degree));
+        memory->create(static_cast<size_t>(gaussians_.count), gaussians_.sh_degree, every_glimpse));
     *out = std::move(memory);
     return {};
   }

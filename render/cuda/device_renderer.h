@@ -42,6 +42,8 @@ class DeviceImportance {
   };
   virtual Status read(Values* out) const = 0;
   virtual Status read_seen(std::vector<uint8_t>* out) const = 0;  // [N]
+  // Coverage in views that only asked, in units of 2^-24 pixels: [N].
+  virtual Status read_glimpsed(std::vector<int64_t>* out) const = 0;
   virtual Status clone(std::unique_ptr<DeviceImportance>* out) const = 0;
   // Adds the sums of another one on the same device.
   virtual Status add(const DeviceImportance& other) = 0;
@@ -67,7 +69,8 @@ class DeviceRenderer {
   virtual Status backward(double time, const l4d_camera& camera, const float* background,
                           const float* rgb_gradient, l4d_gradients* gradients,
                           DeviceFigures* figures) = 0;
-  virtual Status make_importance(std::unique_ptr<DeviceImportance>* out) = 0;
+  // every_glimpse: views that only ask add up what they show of a Gaussian; else the first one tells.
+  virtual Status make_importance(bool every_glimpse, std::unique_ptr<DeviceImportance>* out) = 0;
   // Adds a view: magnitudes of derivatives of the sum of all pixels, or, where `squared`, squares of
   // derivatives with random signs made from `signs`; or, where seen_only, coverage alone.
   virtual Status add_importance(double time, const l4d_camera& camera, bool squared,

@@ -216,7 +216,7 @@ __global__ void __launch_bounds__(kThreads)
   const uint32_t splat = blockIdx.x * kThreads + threadIdx.x;
   if (splat >= memory.counts->projected || coverage[splat] == 0 || !is_whole(memory)) return;
   const uint32_t id = rows.id[memory.splats[splat].row & kRowMask];
-  if (sums.seen[id] != 0) return;
+  if (!sums.every_glimpse && sums.seen[id] != 0) return;
   sums.seen[id] = 1;
   sums.glimpsed[id] += static_cast<long long>(coverage[splat]);
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/hostile/session.h"
 
+#include <algorithm>
 #include <cstdlib>
 #include <memory>
 
@@ -100,6 +101,23 @@ l4d_status Session::decode_all(const Bytes& file, uint64_t* digest) {
   return decode(decoder.get(), all, false, digest);
 }
 
+// What a player does: learns which buckets it needs, and decodes some of them.
+l4d_status Session::decode_buckets(l4d_decoder* decoder, l4d_query query, uint32_t choice) {
+  query.whole_buckets = choice & 1;
+  uint64_t count = 0;
+  const l4d_status status =
+      l4d_decoder_get_ranges(decoder, &query, ranges_.data(), ranges_.size(), &count);
+  if (status != L4D_OK) return status;
+  std::vector<l4d_bucket> buckets;
+  for (size_t i = 0; i < std::min<uint64_t>(count, ranges_.size()); i += 1 + choice / 2 % 3) {
+    buckets.push_back({ranges_[i].layer, ranges_[i].bucket});
+  }
+  query.kind = L4D_QUERY_BUCKETS;
+  query.buckets = buckets.data();
+  query.num_buckets = buckets.size();
+  return decode(decoder, query, choice % 5 == 1, nullptr);
+}
+
 l4d_status Session::step(l4d_decoder* decoder, Step step, uint32_t choice) {
   l4d_info info;
   l4d_info_init(&info);
@@ -184,6 +202,8 @@ l4d_status Session::step(l4d_decoder* decoder, Step step, uint32_t choice) {
       l4d_dequantization_init(&d);
       return l4d_decoder_get_dequantization(decoder, choice % 8, &d);
     }
+    case Step::kBuckets:
+      return decode_buckets(decoder, query, choice);
     case Step::kCount:
       break;
   }
@@ -206,6 +226,8 @@ l4d_status Session::use(const Bytes& file) {
   }
   (void)step(decoder.get(), Step::kDecode, 12 * 7 + 240 * 2 + 2);
   (void)step(decoder.get(), Step::kInfo, 1);
+  (void)step(decoder.get(), Step::kBuckets, 0);
+  (void)step(decoder.get(), Step::kBuckets, 12 * 5 + 3);
   return status;
 }
 

@@ -27,12 +27,13 @@ class Session {
   l4d_status use(const Bytes& file);
 
   // The steps of use(), in any order, on an open decoder.
-  enum class Step { kSelect, kDecode, kPacked, kSlice, kSections, kCodebook, kInfo, kCount };
+  enum class Step { kSelect, kDecode, kPacked, kSlice, kSections, kCodebook, kInfo, kBuckets, kCount };
   l4d_status step(l4d_decoder* decoder, Step step, uint32_t choice);
 
  private:
   l4d_status decode(l4d_decoder* decoder, const l4d_query& query, bool some_arrays,
                     uint64_t* digest);
+  l4d_status decode_buckets(l4d_decoder* decoder, l4d_query query, uint32_t choice);
 
   std::vector<float> floats_;
   std::vector<uint16_t> halves_;

@@ -193,6 +193,7 @@ TEST(Measure, ProgressAndCancelling) {
   Request request = ring(6, {0.5, 1.5});
   request.options.max_share = 0.5;
   request.options.agreement = 2;
+  request.options.ask_all = 1;
   Calls calls;
   request.progress = note;
   request.user = &calls;
