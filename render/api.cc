@@ -4,6 +4,7 @@
 
 #include "l4d/render.h"
 #include "libl4dcodec/base/c_api.h"
+#include "render/camera.h"
 #include "render/measure.h"
 #include "render/renderer.h"
 #include "render/sensitivity.h"
@@ -14,6 +15,7 @@ using l4d::api::guard;
 using l4d::api::init_struct;
 using l4d::api::read_struct;
 using l4d::api::write_struct;
+using l4d::render::default_camera;
 
 struct l4d_renderer {
   explicit l4d_renderer(const l4d_renderer_options& options) : renderer(options) {}
@@ -31,12 +33,6 @@ namespace {
 l4d_renderer_options default_renderer_options() {
   return {sizeof(l4d_renderer_options), 0, L4D_RENDER_AUTO, L4D_RENDER_EXP_ACCURATE, L4D_BACKEND_AUTO, 0,
           0};
-}
-l4d_camera default_camera() {
-  l4d_camera camera{};
-  camera.near_plane = 0.02;
-  for (int k = 0; k < 3; ++k) camera.world_to_camera[5 * k] = 1;
-  return camera;
 }
 
 l4d_ranks default_ranks() {
@@ -125,9 +121,7 @@ l4d_status l4d_renderer_set_decoder(l4d_renderer* renderer, l4d_decoder* decoder
 }
 l4d_status l4d_renderer_set_background(l4d_renderer* renderer, const float* rgb) {
   return call(renderer, rgb != nullptr, [&](auto& r) -> Status {
-    for (int c = 0; c < 3; ++c) {
-      if (!std::isfinite(rgb[c])) return l4d::invalid_argument("the background is not finite");
-    }
+    L4D_RETURN_IF_ERROR(l4d::render::check_background(rgb));
     r.set_background(rgb);
     return {};
   });

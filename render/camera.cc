@@ -12,6 +12,19 @@ constexpr double kRotationTolerance = 1e-3;
 
 }  // namespace
 
+l4d_camera default_camera() {
+  l4d_camera camera{};
+  camera.struct_size = sizeof camera;
+  camera.near_plane = 0.02;
+  for (int k = 0; k < 3; ++k) camera.world_to_camera[5 * k] = 1;
+  return camera;
+}
+
+Status check_background(const float* rgb) {
+  if (std::isfinite(rgb[0]) && std::isfinite(rgb[1]) && std::isfinite(rgb[2])) return {};
+  return invalid_argument("the background is not finite");
+}
+
 Status check_camera(const l4d_camera& c) {
   if (c.width < 1 || c.height < 1 || c.width > kMaxImageSide || c.height > kMaxImageSide) {
     return invalid_argument("camera: width and height must be 1 to 16384");

@@ -6,7 +6,11 @@
 
 namespace l4d::render {
 
+// What l4d_camera_init sets.
+l4d_camera default_camera();
 // INVALID_ARGUMENT where the camera is none.
 Status check_camera(const l4d_camera& camera);
+// INVALID_ARGUMENT where a channel is not a finite number. rgb: [3]
+Status check_background(const float* rgb);
 
 }  // namespace l4d::render

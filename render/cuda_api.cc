@@ -20,6 +20,7 @@ using l4d::api::guard;
 using l4d::api::init_struct;
 using l4d::api::read_struct;
 using l4d::api::write_struct;
+using l4d::render::default_camera;
 
 struct l4d_cuda_renderer {
   std::unique_ptr<l4d::render::DeviceRenderer> renderer;
@@ -33,12 +34,6 @@ static_assert(int{L4D_CUDA_ROWS_STILL} == int{l4d::render::kStill} &&
                   int{L4D_CUDA_ROWS_FADING} == int{l4d::render::kFading} &&
                   int{L4D_CUDA_ROWS_MOVING} == int{l4d::render::kMoving},
               "the API's names of motion groups");
-
-l4d_camera default_camera() {
-  l4d_camera camera;
-  l4d_camera_init(&camera);
-  return camera;
-}
 
 template <typename Body>
 l4d_status call(l4d_cuda_renderer* handle, bool arguments_ok, const Body& body) {
@@ -191,9 +186,7 @@ l4d_status l4d_cuda_renderer_set_slabs(l4d_cuda_renderer* renderer, const l4d_cu
 }
 l4d_status l4d_cuda_renderer_set_background(l4d_cuda_renderer* renderer, const float* rgb) {
   return call(renderer, rgb != nullptr, [&](auto&) -> Status {
-    for (int c = 0; c < 3; ++c) {
-      if (!std::isfinite(rgb[c])) return l4d::invalid_argument("the background is not finite");
-    }
+    L4D_RETURN_IF_ERROR(l4d::render::check_background(rgb));
     std::copy_n(rgb, 3, renderer->background);
     return {};
   });

@@ -16,6 +16,7 @@ using l4d::api::guard;
 using l4d::api::init_struct;
 using l4d::api::read_struct;
 using l4d::api::write_struct;
+using l4d::render::default_camera;
 
 struct l4d_cuda_player {
   std::unique_ptr<l4d::render::DevicePlayer> player;
@@ -31,12 +32,6 @@ l4d_cuda_player_options default_options() {
   options.max_level = UINT32_MAX;
   options.read_ahead = 1;
   return options;
-}
-
-l4d_camera default_camera() {
-  l4d_camera camera;
-  l4d_camera_init(&camera);
-  return camera;
 }
 
 template <typename Body>
@@ -81,9 +76,7 @@ const char* l4d_cuda_player_error_detail(const l4d_cuda_player* player) {
 
 l4d_status l4d_cuda_player_set_background(l4d_cuda_player* player, const float* rgb) {
   return call(player, rgb != nullptr, [&](auto&) -> Status {
-    for (int c = 0; c < 3; ++c) {
-      if (!std::isfinite(rgb[c])) return l4d::invalid_argument("the background is not finite");
-    }
+    L4D_RETURN_IF_ERROR(l4d::render::check_background(rgb));
     std::copy_n(rgb, 3, player->background);
     return {};
   });

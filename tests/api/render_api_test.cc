@@ -298,7 +298,7 @@ TEST(RenderState, ScenesThatAreNone) {
     }
   }
   TestScene bad;
-  bad.log_scale[0] = 16.5f;
+  bad.log_scale[0] = 17.5f;
   EXPECT_EQ(status(bad), L4D_ERR_INVALID_SCENE);
   for (int k = 0; k < 4; ++k) {
     bad = TestScene();
