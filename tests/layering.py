@@ -46,10 +46,11 @@ _above("libl4dcodec/api", "encoder", "decoder/cuda", "encoder/cuda")
 # Customers of the public API: of internals they know nothing.
 _above("io", "include/l4d", "libl4dcodec/base/threads.h")
 # Beside the codec: it knows what both directions share, and streams through the public API.
-# The contract that device code fills is told without a type of CUDA, so that renderers may know it.
+# The contracts that device code fills are told without a type of CUDA, so that renderers may know it.
 LAYERS["render/cuda/device_renderer.h"] = {"include/l4d", "libl4dcodec/base", "render/view.h"}
+LAYERS["render/cuda/device_player.h"] = {"include/l4d", "render/cuda/device_renderer.h"}
 LAYERS["render/view.h"] = {"include/l4d"}
-_above("render", "libl4dcodec/math", "render/cuda/device_renderer.h")
+_above("render", "libl4dcodec/math", "render/cuda/device_renderer.h", "render/cuda/device_player.h")
 _above("render/cuda", "render", "libl4dcodec/cuda")
 _above("cli", "io")
 _above("bench/tables", "io")

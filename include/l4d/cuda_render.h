@@ -66,8 +66,8 @@ L4D_API l4d_status l4d_cuda_renderer_set_gaussians(l4d_cuda_renderer* renderer,
 L4D_API l4d_status l4d_cuda_renderer_set_sh_codebooks(l4d_cuda_renderer* renderer,
                                                       const l4d_codebook* codebooks,
                                                       uint32_t count);
-/* Device arrays of N Gaussians. An index beyond its codebook counts as the last one, a depth beyond the stages
- * as all, and a literal beyond num_literals as no SH. */
+/* Device arrays of N Gaussians. An index beyond its codebook counts as the last one, a depth beyond the
+ * stages as all, and a literal beyond num_literals as no SH. */
 typedef struct l4d_cuda_sh_indices {
   size_t struct_size;
   const uint8_t* depth;    /* [N] stages that add up, 255 = literal; NULL: all stages, no literals */
@@ -99,8 +99,8 @@ L4D_API l4d_status l4d_cuda_renderer_reserve_literals(l4d_cuda_renderer* rendere
  * passed. */
 L4D_API l4d_status l4d_cuda_renderer_store_rows(l4d_cuda_renderer* renderer, uint64_t first_row,
                                                 const l4d_gaussians* gaussians, void* stream);
-/* Likewise rows of indices, with gaussians->sh NULL; their literals go to first_literal, first_literal + 1, ...
- * of the room for them. Each of the two fails with INVALID_STATE on rows of the other kind. */
+/* Likewise rows of indices, with gaussians->sh NULL; their literals go to first_literal, first_literal + 1,
+ * ... of the room for them. Each of the two fails with INVALID_STATE on rows of the other kind. */
 L4D_API l4d_status l4d_cuda_renderer_store_indexed_rows(l4d_cuda_renderer* renderer,
                                                         uint64_t first_row,
                                                         const l4d_gaussians* gaussians,

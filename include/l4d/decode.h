@@ -277,9 +277,10 @@ typedef struct l4d_packed_buffers {
 } l4d_packed_buffers;
 L4D_API void l4d_packed_buffers_init_(l4d_packed_buffers* buffers, size_t struct_size);
 #define l4d_packed_buffers_init(buffers) l4d_packed_buffers_init_((buffers), sizeof(*(buffers)))
-/* Fails with FEATURE_UNSUPPORTED on a lossless stream and on one with transform coefficients or fixed-point
- * positions, which have no packed form: an encoder makes codebook streams with the preset "indexed". A tolerant decoder leaves
- * out lost pages as l4d_decoder_decode does; literals too are without theirs. */
+/* Fails with FEATURE_UNSUPPORTED on a lossless stream and on one with transform coefficients or
+ * fixed-point positions, which have no packed form: an encoder makes codebook streams with the preset
+ * "indexed". A tolerant decoder leaves out lost pages as l4d_decoder_decode does; literals too are
+ * without theirs. */
 L4D_API l4d_status l4d_decoder_decode_packed(l4d_decoder* decoder, const l4d_query* query,
                                              l4d_packed_buffers* out);
 
@@ -405,9 +406,9 @@ L4D_API l4d_status l4d_decoder_slice(l4d_decoder* decoder, double time, l4d_spla
 /* ---- losses -------------------------------------------------------------------------------- */
 
 /* What one damaged or unreadable part of the stream cost a query of a tolerant decoder. A page costs its
- * Gaussians, its second part their SH detail; a directory page the buckets it describes; a codebook the pages of its layer, one of a
- * block those of the block, except in packed form. Damage to the headers or to an SH codebook is never tolerated, nor is a want
- * of memory or a limit. */
+ * Gaussians, its second part their SH detail; a directory page the buckets it describes; a codebook the
+ * pages of its layer, one of a block those of the block, except in packed form. Damage to the headers or
+ * to an SH codebook is never tolerated, nor is a want of memory or a limit. */
 typedef struct l4d_loss {
   l4d_status status;    /* what a decoder that is not tolerant returns: IO, TRUNCATED, CORRUPT, CHECKSUM
                            or FEATURE_UNSUPPORTED */

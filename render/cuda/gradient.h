@@ -50,7 +50,8 @@ void launch_importance(const GradientInput& input, const BackwardTask& task, boo
 // Adds the sums of other views.
 void launch_add_sums(const ImportanceSums& from, size_t count, uint32_t sh_degree,
                      const ImportanceSums& to, cudaStream_t stream);
-// Adds coverage of what has not been seen, or of all, and marks it as seen. coverage as launch_coverage has it.
+// Adds coverage of what has not been seen, or of all, and marks it as seen. coverage as
+// launch_coverage has it.
 void launch_glimpse(const ResidentRows& rows, const FrameMemory& memory,
                     const unsigned long long* coverage, const ImportanceSums& sums,
                     cudaStream_t stream);
