@@ -42,9 +42,16 @@ cmp w.ply again.ply
 # Fewer views, and the same Gaussians seen.
 expect_document 0 sensitivity s.ply --orbit 9 --size 64x48 --frames 0:60:2 --all-views -o every.ply
 all_unseen=$(json out 'd["unseen"]')
-expect_document 0 sensitivity s.ply --orbit 9 --size 64x48 --frames 0:60:2 --agreement 0.5 -o few.ply
+expect_document 0 sensitivity s.ply --orbit 9 --size 64x48 --frames 0:60:2 --agreement 0.5 --ask all -o asked.ply
 expect_json out 'd["agreed"] and d["views_measured"] < 270 == d["views_measured"] + d["views_asked"]'
 expect_json out "d['unseen'] == $all_unseen and min(d['agreement'].values()) >= 0.5"
+# By default asking ends where hardly anything is new, and with it none is asked.
+expect_document 0 sensitivity s.ply --orbit 9 --size 64x48 --frames 0:60:2 --agreement 0.5 -o few.ply
+expect_json out "0 < d['views_asked'] < 270 - d['views_measured'] and d['unseen'] >= $all_unseen"
+few_unseen=$(json out 'd["unseen"]')
+expect_document 0 sensitivity s.ply --orbit 9 --size 64x48 --frames 0:60:2 --agreement 0.5 --ask none -o none.ply
+expect_json out "d['views_asked'] == 0 and d['unseen'] > $few_unseen"
+expect 2 sensitivity s.ply --orbit 9 --ask some -o none.ply
 expect_document 0 sensitivity s.ply --cameras c.json --max-share 0.1 --split all -o share.ply
 expect_json out 'd["views"] == 240 and d["views_measured"] <= 60'
 # The measures share what they cover and nothing else.
