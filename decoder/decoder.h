@@ -46,6 +46,7 @@ class Decoder {
   bool is_open() const { return file_ != nullptr; }
   SceneFile& file() { return *file_; }
   const SceneFile& file() const { return *file_; }
+  int threads() const { return static_cast<int>(options_.threads); }
 
   Status select(const l4d_query& query, l4d_selection* out);
   Status ranges(const l4d_query& query, l4d_range* out, uint64_t capacity, uint64_t* count);

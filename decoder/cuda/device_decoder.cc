@@ -33,7 +33,7 @@ Status DeviceDecoder::open(int device) {
   multiprocessors_ = static_cast<uint32_t>(std::max(1, multiprocessors));
   L4D_RETURN_IF_CUDA_ERROR(cudaEventCreateWithFlags(&done_, cudaEventDisableTiming));
   tables_ = std::make_unique<LayerTables>(decoder_.file());
-  job_ = std::make_unique<Job>(decoder_.file(), *tables_, multiprocessors_);
+  job_ = std::make_unique<Job>(decoder_.file(), *tables_, multiprocessors_, decoder_.threads());
   return {};
 }
 

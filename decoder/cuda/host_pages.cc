@@ -55,7 +55,7 @@ Status HostPages::expand(const Plan& plan, uint32_t attributes, MemoryCharge* ch
     next += n * a.numbers;
   }
   expanded_.capacity = n;
-  PageDecoder pages(file_, decode_kernels_simd(), 0);
+  PageDecoder pages(file_, decode_kernels_simd(), threads_);
   uint64_t rows = 0;
   // Tasks lie in the order of the arrays, so that a run of rows is a run of tasks.
   for (const HostRun& run : runs_) {
@@ -136,7 +136,7 @@ Status HostPages::pack_run(const Plan& plan, HostRun* run, MemoryCharge* charge)
     to.literal = room[c].get();
     to.literal_capacity = run->count;
   }
-  PageDecoder pages(file_, decode_kernels_simd(), 0);
+  PageDecoder pages(file_, decode_kernels_simd(), threads_);
   L4D_RETURN_IF_ERROR(pages.pack(part, out, nullptr, nullptr));
   for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
     const uint64_t numbers = out.component[c].num_literals * header.component_dim(layer, c);

@@ -35,7 +35,7 @@ struct HostRun {
 
 class HostPages {
  public:
-  explicit HostPages(SceneFile& file) : file_(file) {}
+  HostPages(SceneFile& file, int threads) : file_(file), threads_(threads) {}
 
   void find(const Plan& plan);
   // attributes: L4D_CUDA_*. The charge is for what is kept.
@@ -53,6 +53,7 @@ class HostPages {
   Status pack_run(const Plan& plan, HostRun* run, MemoryCharge* charge);
 
   SceneFile& file_;
+  const int threads_;
   std::vector<HostRun> runs_;
   PinnedMemory expanded_memory_, packed_memory_;
   l4d_gaussian_buffers expanded_{};

@@ -358,7 +358,7 @@ Status Job::fill_staging() {
     L4D_RETURN_IF_ERROR(charge.take(end - begin, "a batch of pages"));
     ByteSpan run;
     L4D_RETURN_IF_ERROR(file_.source().read(begin, end - begin, read_buffer_, &run));
-    parallel_for(0, last - i, 4, [&](size_t a, size_t b) {
+    parallel_for(threads_, last - i, 4, [&](size_t a, size_t b) {
       for (size_t k = i + a; k < i + b; ++k) {
         const Part& part = parts_[order[k]];
         const ByteSpan bytes =

@@ -28,8 +28,12 @@ struct ColumnOffsets {
 class Job {
  public:
   // multiprocessors: of the device.
-  Job(SceneFile& file, LayerTables& tables, uint32_t multiprocessors)
-      : file_(file), tables_(tables), multiprocessors_(multiprocessors), host_(file) {}
+  Job(SceneFile& file, LayerTables& tables, uint32_t multiprocessors, int threads)
+      : file_(file),
+        tables_(tables),
+        multiprocessors_(multiprocessors),
+        threads_(threads),
+        host_(file, threads) {}
 
   // attributes: L4D_CUDA_*; forms: L4D_CUDA_FORM_*.
   Status prepare(const l4d_query& query, uint32_t attributes, uint32_t forms);
@@ -80,6 +84,7 @@ class Job {
   SceneFile& file_;
   LayerTables& tables_;
   const uint32_t multiprocessors_;
+  const int threads_;  // of the host
   Plan plan_;
   LayerTables::Wants wants_{};
   bool with_detail_ = false;
