@@ -162,7 +162,7 @@ inline PageColumns rans_columns(const SceneHeader& header, const LayerHeader& la
   codes(layer.scale_factor, &c.scale_factor);
   while (layer.mean_t == MeanCodingId::kF16 && c.mean_t.size() < n) {
     const unsigned shift = layer.mean_t_shift;
-    const unsigned code = order_half(random_half(random)) >> shift;
+    const unsigned code = static_cast<unsigned>(order_half(random_half(random))) >> shift;
     const uint16_t bits = unorder_half(static_cast<uint16_t>((code << shift) + (1u << shift >> 1)));
     if (half_is_finite(bits)) c.mean_t.push_back(bits);
   }
