@@ -73,16 +73,16 @@ PageDecoder::Progress Decoder::progress(const char* stage) const {
   };
 }
 
-Status Decoder::begin_query(const l4d_query& query, PlanUnit unit, Plan* plan) {
+Status Decoder::begin_query(const l4d_query& query, Plan* plan) {
   losses_.begin_query();
   file_->trim();
   file_->retry();
-  return make_plan(*file_, query, unit, losses_if_tolerant(), plan);
+  return make_plan(*file_, query, losses_if_tolerant(), plan);
 }
 
 Status Decoder::select(const l4d_query& query, l4d_selection* out) {
   Plan plan;
-  L4D_RETURN_IF_ERROR(begin_query(query, PlanUnit::kPages, &plan));
+  L4D_RETURN_IF_ERROR(begin_query(query, &plan));
   out->num_gaussians = plan.num_gaussians;
   out->num_ranges = plan.ranges.size();
   out->num_chunks = plan.tasks.size();
@@ -94,7 +94,7 @@ Status Decoder::select(const l4d_query& query, l4d_selection* out) {
 
 Status Decoder::ranges(const l4d_query& query, l4d_range* out, uint64_t capacity, uint64_t* count) {
   Plan plan;
-  L4D_RETURN_IF_ERROR(begin_query(query, PlanUnit::kPages, &plan));
+  L4D_RETURN_IF_ERROR(begin_query(query, &plan));
   std::copy_n(plan.ranges.begin(), std::min<uint64_t>(capacity, plan.ranges.size()), out);
   *count = plan.ranges.size();
   return {};
@@ -128,7 +128,7 @@ void describe_output(const Plan& plan, Buffers* out) {
 
 Status Decoder::decode(const l4d_query& query, l4d_gaussian_buffers* out) {
   Plan plan;
-  L4D_RETURN_IF_ERROR(begin_query(query, PlanUnit::kPages, &plan));
+  L4D_RETURN_IF_ERROR(begin_query(query, &plan));
   L4D_RETURN_IF_ERROR(check_capacity(plan, out));
   LostPages lost;
   L4D_RETURN_IF_ERROR(pages_->expand(plan, 0, plan.tasks.size(), *out, progress("decode"),
@@ -151,7 +151,7 @@ Status Decoder::decode(const l4d_query& query, l4d_gaussian_buffers* out) {
 
 Status Decoder::decode_packed(const l4d_query& query, l4d_packed_buffers* out) {
   Plan plan;
-  L4D_RETURN_IF_ERROR(begin_query(query, PlanUnit::kPages, &plan));
+  L4D_RETURN_IF_ERROR(begin_query(query, &plan));
   L4D_RETURN_IF_ERROR(check_capacity(plan, out));
   LostPages lost;
   L4D_RETURN_IF_ERROR(pages_->pack(plan, *out, progress("decode"),
@@ -230,7 +230,7 @@ Status Decoder::sections(uint64_t* sections, uint64_t* layer_bytes) {
   all.kind = L4D_QUERY_ALL;
   all.max_level = ~0u;
   Plan plan;
-  L4D_RETURN_IF_ERROR(make_plan(*file_, all, PlanUnit::kPages, nullptr, &plan));
+  L4D_RETURN_IF_ERROR(make_plan(*file_, all, nullptr, &plan));
   SectionBytes bytes{};
   std::vector<uint64_t> layers(header.layers.size(), 0);
   L4D_RETURN_IF_ERROR(pages_->measure(plan, &bytes, &layers));

@@ -79,7 +79,7 @@ class Decoder {
   };
   Status start(ByteSource source);
   PageDecoder::Progress progress(const char* stage) const;
-  Status begin_query(const l4d_query& query, PlanUnit unit, Plan* plan);
+  Status begin_query(const l4d_query& query, Plan* plan);
   Losses* losses_if_tolerant() { return options_.tolerant != 0 ? &losses_ : nullptr; }
   // Makes every bucket of the plan present in the cache; *out points into it, one per range.
   Status prepare(const Plan& plan, std::vector<const PreparedBucket*>* out);

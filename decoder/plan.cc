@@ -58,11 +58,11 @@ bool may_be_visible(const PageRecord& page, const Interval& t, double center, do
 
 class Planner {
  public:
-  Planner(SceneFile& file, const Interval& interval, PlanUnit unit, Losses* losses, Plan* out)
+  Planner(SceneFile& file, const Interval& interval, bool whole_buckets, Losses* losses, Plan* out)
       : file_(file),
         timeline_(file.header().timeline),
         interval_(interval),
-        unit_(unit),
+        whole_buckets_(whole_buckets),
         losses_(losses),
         out_(*out) {}
 
@@ -152,7 +152,7 @@ class Planner {
           bucket_wanted = bucket_wanted || wanted(page.pages[q]);
         }
       }
-      if (!(unit_ == PlanUnit::kBuckets ? bucket_wanted : wanted(record))) continue;
+      if (!(whole_buckets_ ? bucket_wanted : wanted(record))) continue;
       const double center = bucket_center(timeline_, layer.level, record.bucket);
       const uint32_t block =
           record.block == kNoBlock ? L4D_NO_BLOCK : block_id(directory_index, record.block);
@@ -173,7 +173,7 @@ class Planner {
   SceneFile& file_;
   const l4d_timeline& timeline_;
   const Interval interval_;
-  const PlanUnit unit_;
+  const bool whole_buckets_;
   Losses* losses_;
   Plan& out_;
   uint32_t counted_layer_ = UINT32_MAX, counted_page_ = UINT32_MAX;
@@ -197,15 +197,14 @@ Status add_listed_buckets(const l4d_query& query, const SceneHeader& header, Pla
 
 }  // namespace
 
-Status make_plan(SceneFile& file, const l4d_query& query, PlanUnit unit, Losses* losses, Plan* out) {
+Status make_plan(SceneFile& file, const l4d_query& query, Losses* losses, Plan* out) {
   *out = Plan();
   if (query.detail > L4D_DETAIL_BASE_COLOR) return invalid_argument("unknown detail");
   out->detail = query.detail;
   if (query.whole_buckets > 1) return invalid_argument("whole_buckets is 0 or 1");
-  if (query.whole_buckets == 1) unit = PlanUnit::kBuckets;
   Interval interval;
   L4D_RETURN_IF_ERROR(query_interval(query, file.header().timeline, &interval));
-  Planner planner(file, interval, unit, losses, out);
+  Planner planner(file, interval, query.whole_buckets != 0, losses, out);
   const SceneHeader& header = file.header();
   const auto check_count = [&](uint64_t offset) -> Status {
     if (out->num_gaussians <= header.num_gaussians) return {};

@@ -31,11 +31,8 @@ struct Plan {
   std::unique_ptr<MemoryCharge> memory;  // of tasks and ranges
 };
 
-// kPages leaves out pages whose visible interval misses the query. kBuckets takes all pages of a bucket
-// where one is wanted, as a query with whole_buckets does: what a cache of buckets needs.
-enum class PlanUnit { kPages, kBuckets };
 // With `losses`, directory pages that cannot be read are told there and left out.
-Status make_plan(SceneFile& file, const l4d_query& query, PlanUnit unit, Losses* losses, Plan* out);
+Status make_plan(SceneFile& file, const l4d_query& query, Losses* losses, Plan* out);
 
 // Id of a block, unique in its layer: what l4d_range.block holds.
 inline uint32_t block_id(uint32_t directory_index, uint32_t block) {

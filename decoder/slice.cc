@@ -257,10 +257,11 @@ Status Decoder::slice(double time, l4d_splat_buffers* out) {
   query.max_level = ~0u;
   query.time_begin = time;
   query.detail = detail_;
+  query.whole_buckets = 1;
   Plan plan;
   std::vector<const PreparedBucket*> buckets;
   const auto load = [&]() -> Status {
-    L4D_RETURN_IF_ERROR(begin_query(query, PlanUnit::kBuckets, &plan));
+    L4D_RETURN_IF_ERROR(begin_query(query, &plan));
     buckets.clear();
     return prepare(plan, &buckets);
   };

@@ -210,7 +210,8 @@ class Measurement {
       own->look_past(*first_);
     }
     Sensitivity& sums = whole_ ? *own : *first_;
-    std::vector<int64_t> known, shown;
+    std::vector<uint8_t> known;
+    std::vector<int64_t> shown;
     L4D_RETURN_IF_ERROR(first_->seen(&known));
     double news = 1;  // share of the light of a round's images
     for (bool more = true; more && news >= kHardlyAny;) {

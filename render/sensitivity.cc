@@ -183,13 +183,13 @@ Status Sensitivity::read_device(bool* any) const {
   return {};
 }
 
-Status Sensitivity::seen(std::vector<int64_t>* out) const {
-  std::vector<uint8_t> on_device;
-  if (device_ != nullptr) L4D_RETURN_IF_ERROR(device_->read_seen(&on_device));
+Status Sensitivity::seen(std::vector<uint8_t>* out) const {
+  out->clear();
+  if (device_ != nullptr) L4D_RETURN_IF_ERROR(device_->read_seen(out));
   out->resize(count());
   for (size_t i = 0; i < count(); ++i) {
     const bool glimpsed = whole_numbers_ && whole_[count() + i] != 0;
-    (*out)[i] = seen_[i] != 0 || glimpsed || (!on_device.empty() && on_device[i] != 0) ? 1 : 0;
+    (*out)[i] = (*out)[i] != 0 || seen_[i] != 0 || glimpsed ? 1 : 0;
   }
   return {};
 }
@@ -209,7 +209,7 @@ Status Sensitivity::glimpsed(std::vector<int64_t>* out) const {
 }
 
 Status Sensitivity::count_unseen(uint64_t* out) const {
-  std::vector<int64_t> flags;
+  std::vector<uint8_t> flags;
   L4D_RETURN_IF_ERROR(seen(&flags));
   *out = static_cast<uint64_t>(std::count(flags.begin(), flags.end(), 0));
   return {};

@@ -28,7 +28,7 @@ class Sensitivity {
   size_t count() const { return seen_.size(); }
   uint32_t sh_degree() const { return sh_degree_; }
   // 1 for each Gaussian that a view showed, else 0: [N].
-  Status seen(std::vector<int64_t>* out) const;
+  Status seen(std::vector<uint8_t>* out) const;
   // What views that only asked showed, in whole numbers of a small unit of a pixel: [N].
   Status glimpsed(std::vector<int64_t>* out) const;
   static double glimpse_unit();

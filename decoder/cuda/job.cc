@@ -50,7 +50,7 @@ Status Job::prepare(const l4d_query& query, uint32_t attributes, uint32_t forms)
   file_.trim();
   file_.retry();
   charge_ = std::make_unique<MemoryCharge>(file_.memory());
-  L4D_RETURN_IF_ERROR(make_plan(file_, query, PlanUnit::kPages, nullptr, &plan_));
+  L4D_RETURN_IF_ERROR(make_plan(file_, query, nullptr, &plan_));
   const bool expands = (forms & L4D_CUDA_FORM_EXPANDED) != 0;
   const bool packs = (forms & L4D_CUDA_FORM_PACKED) != 0;
   // Codebooks are not asked for by those who keep the indices.

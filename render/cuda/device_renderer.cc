@@ -197,8 +197,7 @@ class Implementation : public DeviceRenderer {
     *wanted_visible = f.wanted_visible;
     *wanted_instances = f.wanted_instances;
     L4D_RETURN_IF_ERROR(pipeline_.stage_seconds(out->seconds));
-    if (!f.overflow) return {};
-    return Status(L4D_ERR_LIMIT_EXCEEDED, "the frame has more than there was room for: reserve more");
+    return f.check_whole();
   }
   Status time_stages() override {
     L4D_RETURN_IF_ERROR(use());

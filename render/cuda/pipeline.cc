@@ -34,6 +34,11 @@ class Cutter {
 
 }  // namespace
 
+Status FrameFigures::check_whole() const {
+  if (!overflow) return {};
+  return Status(L4D_ERR_LIMIT_EXCEEDED, "the frame has more than there was room for: reserve more");
+}
+
 Status DevicePipeline::create() { return counts_.reserve(sizeof(SliceCounts) + sizeof(FrameCounts)); }
 
 DevicePipeline::~DevicePipeline() {
@@ -42,20 +47,20 @@ DevicePipeline::~DevicePipeline() {
   }
 }
 
+size_t DevicePipeline::row_sh_bytes() const {
+  if (rows_.books.num_stages > 0) return rows_.books.words() * sizeof(uint32_t);
+  return sh_stride(sh_degree_, half_sh_) * (half_sh_ ? sizeof(uint16_t) : sizeof(float));
+}
+
 size_t DevicePipeline::row_bytes() const {
-  const size_t sh =
-      rows_.books.num_stages > 0
-          ? rows_.books.words() * sizeof(uint32_t)
-          : sh_stride(sh_degree_, half_sh_) * (half_sh_ ? sizeof(uint16_t) : sizeof(float));
-  return sizeof(float2) + 4 * sizeof(float4) + sizeof(uint32_t) + sh;
+  return sizeof(float2) + 4 * sizeof(float4) + sizeof(uint32_t) + row_sh_bytes();
 }
 
 // Memory of rows of sh_degree_ and half_sh_. The device is idle.
 Status DevicePipeline::make_rows(size_t rows, bool keep) {
   const size_t n = std::max<size_t>(rows, 1);
-  const size_t stride = row_bytes() - sizeof(float2) - 4 * sizeof(float4) - sizeof(uint32_t);
   const size_t bytes[7] = {sizeof(float2), sizeof(float4), sizeof(float4),  sizeof(float4),
-                           sizeof(float4), stride,         sizeof(uint32_t)};
+                           sizeof(float4), row_sh_bytes(), sizeof(uint32_t)};
   const auto grow = [&](cuda::DeviceMemory* memory, size_t wanted, size_t used) -> Status {
     if (!keep) return memory->reserve(wanted);
     if (wanted <= memory->size()) return {};

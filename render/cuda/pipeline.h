@@ -15,6 +15,8 @@ struct FrameFigures {
   uint32_t visible, projected, instances;
   bool overflow;     // the frame lacks something: there was not room for all
   uint32_t wanted_visible, wanted_instances;
+  // LIMIT_EXCEEDED where it does.
+  Status check_whole() const;
 };
 
 // What a frame needs beside the scene.
@@ -91,6 +93,7 @@ class DevicePipeline {
  private:
   Status mark(int event, cudaStream_t stream);
   Status make_rows(size_t rows, bool keep);
+  size_t row_sh_bytes() const;
   Status take_indices(const l4d_cuda_sh_indices* indices, uint64_t count, ShIndices* out,
                       cudaStream_t stream);
   void launch_rows(const l4d_gaussians& gaussians, const ShIndices& indices, const StorePlace& place,

@@ -220,7 +220,9 @@ Status Player::show(uint32_t window, cudaStream_t stream) {
   }
   // The list that was uploaded before has been; this is for callers that change windows in each frame.
   L4D_RETURN_IF_CUDA_ERROR(cudaEventSynchronize(listed_));
-  L4D_RETURN_IF_ERROR(list_.reserve(std::max<size_t>(2 * chunks.size(), 1) * sizeof(Chunk)));
+  // With slack, as growing waits for the device.
+  const size_t room = chunks.size() + chunks.size() / 4 + 1;
+  L4D_RETURN_IF_ERROR(list_.reserve(room * sizeof(Chunk)));
   std::copy(chunks.begin(), chunks.end(), list_.as<Chunk>());
   L4D_RETURN_IF_ERROR(
       pipeline_.set_chunks(list_.as<Chunk>(), static_cast<uint32_t>(chunks.size()), stream));
@@ -270,8 +272,7 @@ Status Player::figures(void* stream, l4d_cuda_figures* out) {
   out->instances = f.instances;
   out->wanted_visible = f.wanted_visible;
   out->wanted_instances = f.wanted_instances;
-  if (!f.overflow) return {};
-  return Status(L4D_ERR_LIMIT_EXCEEDED, "the frame has more than there was room for: reserve more");
+  return f.check_whole();
 }
 
 l4d_cuda_player_counters Player::counters() const {

@@ -58,20 +58,6 @@ Bytes literal_file(uint64_t count, uint32_t degree, bool rans) {
   return encode(scene, with_literals(scene, rans, &weights)).bytes;
 }
 
-Bytes block_file(bool rans) {
-  SceneOptions s;
-  s.count = 24000;
-  s.sh_degree = 0;
-  s.permanent = 0.05;
-  EncodeOptions o = small_options();
-  o.rans = rans;
-  for (const Setting& setting : {Setting{L4D_ENC_RCQ, 2}, Setting{L4D_ENC_RCQ_SIZE, 32},
-                                 Setting{L4D_ENC_PAGE_SIZE, 4096}}) {
-    o.settings.push_back(setting);
-  }
-  return encode(make_scene(s), o).bytes;
-}
-
 class Packed : public OnDevice<testing::Test> {};
 
 TEST_F(Packed, PresetsOfCodebooks) {
@@ -114,7 +100,7 @@ TEST_F(Packed, LiteralsAndStages) {
 
 TEST_F(Packed, BlockCodebooks) {
   for (const bool rans : {true, false}) {
-    const Bytes file = block_file(rans);
+    const Bytes file = block_codebooks_file(rans);
     DecoderHandle decoder;
     decoder.open_memory(file.data(), file.size());
     ASSERT_NE(decoder.info().tools & L4D_TOOL_RCQ, 0u);
@@ -288,7 +274,7 @@ TEST_F(Packed, CodebooksStayUnread) {
 }
 
 TEST_F(Packed, CodebooksAreThoseOfTheHost) {
-  for (const Bytes& file : {literal_file(900, 1, true), block_file(true), block_file(false),
+  for (const Bytes& file : {literal_file(900, 1, true), block_codebooks_file(true), block_codebooks_file(false),
                             transform_file()}) {
     DecoderHandle decoder, host;
     decoder.open_memory(file.data(), file.size());

@@ -4,7 +4,23 @@
 #include <algorithm>
 #include <memory>
 
+#include "tests/common/codec.h"
+
 namespace l4d::test {
+
+Bytes block_codebooks_file(bool rans) {
+  SceneOptions s;
+  s.count = 24000;
+  s.sh_degree = 0;
+  s.permanent = 0.05;
+  EncodeOptions o = small_options();
+  o.rans = rans;
+  for (const Setting& setting : {Setting{L4D_ENC_RCQ, 2}, Setting{L4D_ENC_RCQ_SIZE, 32},
+                                 Setting{L4D_ENC_PAGE_SIZE, 4096}}) {
+    o.settings.push_back(setting);
+  }
+  return encode(make_scene(s), o).bytes;
+}
 
 std::ostream& operator<<(std::ostream& out, const Verdict& v) {
   return out << v.status << " " << v.where;

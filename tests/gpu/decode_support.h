@@ -22,6 +22,9 @@ inline void cuda_check(cudaError_t error) {
   if (error != cudaSuccess) throw std::runtime_error(cudaGetErrorString(error));
 }
 
+// A stream whose components have codebooks of blocks, with a permanent layer.
+Bytes block_codebooks_file(bool rans);
+
 // Status, clause and offset of a failure; messages may say more on the host.
 struct Verdict {
   l4d_status status = L4D_OK;

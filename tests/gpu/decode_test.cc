@@ -170,17 +170,7 @@ TEST_F(Scenes, WithLiteralsAndStages) {
 }
 
 TEST_F(Scenes, WithBlockCodebooks) {
-  SceneOptions s;
-  s.count = 24000;
-  s.sh_degree = 0;
-  s.permanent = 0.05;
-  EncodeOptions o = small_options();
-  o.rans = true;
-  for (const Setting& setting : {Setting{L4D_ENC_RCQ, 2}, Setting{L4D_ENC_RCQ_SIZE, 32},
-                                 Setting{L4D_ENC_PAGE_SIZE, 4096}}) {
-    o.settings.push_back(setting);
-  }
-  const Bytes bytes = encode(make_scene(s), o).bytes;
+  const Bytes bytes = block_codebooks_file(true);
   DecoderHandle decoder;
   decoder.open_memory(bytes.data(), bytes.size());
   ASSERT_NE(decoder.info().tools & L4D_TOOL_RCQ, 0u);
