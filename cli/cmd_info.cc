@@ -145,7 +145,8 @@ struct Rung {
   uint64_t gaussians = 0;
 };
 
-std::vector<Rung> read_rungs(const DecoderHandle& decoder, const std::vector<l4d_layer_info>& layers,
+std::vector<Rung> read_rungs(const DecoderHandle& decoder,
+                             const std::vector<l4d_layer_info>& layers,
                              const std::vector<uint64_t>& layer_bytes,
                              const std::vector<uint64_t>& sections) {
   // Headers and the codebooks of SH, which every level needs.
@@ -335,7 +336,8 @@ void add_info(Registry& registry) {
   add_import_options(verb, arguments->import);
   verb->footer(
       "Sections add up to the file. `scalable` is what a reader needs of it that leaves out finer\n"
-      "temporal levels, or SH detail, or both. A PLY is encoded losslessly in memory to be looked at.");
+      "temporal levels, or SH detail, or both. A PLY is encoded losslessly in memory to be looked "
+      "at.");
 }
 
 }  // namespace l4d::cli

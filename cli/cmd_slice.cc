@@ -91,13 +91,17 @@ Outcome run_slice(Context& context, const SliceArguments& arguments) {
   l4d_counters_init(&counters);
   stream.decoder().check(l4d_decoder_get_counters(stream.decoder().get(), &counters));
 
-  outcome.json = {
-      {"schema", "l4dcodec.slice/1"},      {"input", input.name()},
-      {"detail", arguments.detail},
-      {"num_frames", times.size()},        {"frames", frames},
-      {"file_bytes", total_bytes},         {"buckets_decoded", counters.buckets_decoded},
-      {"cache_hits", counters.cache_hits}, {"losses", losses.json()},
-      {"slice_s", slice_seconds},          {"total_s", watch.seconds()}};
+  outcome.json = {{"schema", "l4dcodec.slice/1"},
+                  {"input", input.name()},
+                  {"detail", arguments.detail},
+                  {"num_frames", times.size()},
+                  {"frames", frames},
+                  {"file_bytes", total_bytes},
+                  {"buckets_decoded", counters.buckets_decoded},
+                  {"cache_hits", counters.cache_hits},
+                  {"losses", losses.json()},
+                  {"slice_s", slice_seconds},
+                  {"total_s", watch.seconds()}};
   if (single) {
     outcome.text = format("%s: %s splats at %s s, %s\n", arguments.output.c_str(),
                           format_count(total_splats).c_str(), format_number(times[0]).c_str(),

@@ -99,9 +99,10 @@ void add_synth(Registry& registry) {
   verb->add_option("-n,--gaussians", arguments->gaussians, "Gaussians: 100k, 2M")
       ->type_name("N")
       ->capture_default_str();
-  verb->add_option("--static-gaussians", arguments->static_gaussians,
-                   "How many of them are the room, for scenes that differ in length alone (default: a\n"
-                   "fixed share of all)")
+  verb->add_option(
+          "--static-gaussians", arguments->static_gaussians,
+          "How many of them are the room, for scenes that differ in length alone (default: a\n"
+          "fixed share of all)")
       ->type_name("N");
   verb->add_option("--effects", arguments->effects,
                    "What the scene has, comma-separated: " + effect_names() + " (default: all)")

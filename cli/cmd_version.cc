@@ -21,14 +21,16 @@ Outcome run_version(Context&) {
     l4d_cuda_device_info info;
     l4d_cuda_device_info_init(&info);
     if (l4d_cuda_get_device_info(i, &info) != L4D_OK) continue;
-    devices.push_back({{"index", i},
-                       {"name", info.name},
-                       {"compute_capability", format("%u.%u", info.compute_major, info.compute_minor)},
-                       {"multiprocessors", info.multiprocessors},
-                       {"memory_bytes", info.memory_bytes},
-                       {"usable", info.usable != 0}});
-    device_text += format("device %u: %s, %s%s\n", i, info.name, format_bytes(info.memory_bytes).c_str(),
-                          info.usable != 0 ? "" : " (this build has no code for it)");
+    devices.push_back(
+        {{"index", i},
+         {"name", info.name},
+         {"compute_capability", format("%u.%u", info.compute_major, info.compute_minor)},
+         {"multiprocessors", info.multiprocessors},
+         {"memory_bytes", info.memory_bytes},
+         {"usable", info.usable != 0}});
+    device_text +=
+        format("device %u: %s, %s%s\n", i, info.name, format_bytes(info.memory_bytes).c_str(),
+               info.usable != 0 ? "" : " (this build has no code for it)");
   }
   outcome.json = {{"schema", "l4dcodec.version/1"}, {"version", l4d_version_string()},
                   {"bitstream", bitstream},         {"build", l4d_build_info()},

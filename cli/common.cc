@@ -1,13 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/common.h"
 
-#include "l4d/cuda.h"
-
 #include <cstdio>
 #include <new>
 
 #include "cli/progress.h"
 #include "cli/units.h"
+#include "l4d/cuda.h"
 
 namespace l4d::cli {
 
@@ -69,7 +68,8 @@ Failure current_failure(const std::string& subject) {
 
 void Context::note(const std::string& text) {
   notes_.push_back(text);
-  if (!options.json && !options.quiet && !ranks_.helps()) std::fprintf(stderr, "note: %s\n", text.c_str());
+  if (!options.json && !options.quiet && !ranks_.helps())
+    std::fprintf(stderr, "note: %s\n", text.c_str());
 }
 
 uint32_t Context::backend() const {
@@ -99,9 +99,10 @@ void add_common_options(CLI::App* verb, CommonOptions& o) {
       ->type_name("N")
       ->check(CLI::Range(0, 4096))
       ->group(group);
-  verb->add_option("--backend", o.backend,
-                   "What works: auto, reference, cpu, cuda; changes no stream and no decoded bit, of "
-                   "images and weights the rounding")
+  verb->add_option(
+          "--backend", o.backend,
+          "What works: auto, reference, cpu, cuda; changes no stream and no decoded bit, of "
+          "images and weights the rounding")
       ->type_name("NAME")
       ->check(CLI::IsMember({"auto", "reference", "cpu", "cuda"}))
       ->group(group);
@@ -126,13 +127,15 @@ void require_device() {
     throw Failure(status, "this build has no CUDA backend; use --backend auto, reference or cpu");
   }
   if (status != L4D_OK) {
-    throw Failure(L4D_ERR_DEVICE,
-                  "there is no CUDA device, or no driver for it; use --backend auto, reference or cpu");
+    throw Failure(
+        L4D_ERR_DEVICE,
+        "there is no CUDA device, or no driver for it; use --backend auto, reference or cpu");
   }
   if (info.usable == 0) {
-    throw Failure(L4D_ERR_DEVICE, format("%s, of compute capability %u.%u, is none that this build has "
-                                         "code for; use --backend auto, reference or cpu",
-                                         info.name, info.compute_major, info.compute_minor));
+    throw Failure(L4D_ERR_DEVICE,
+                  format("%s, of compute capability %u.%u, is none that this build has "
+                         "code for; use --backend auto, reference or cpu",
+                         info.name, info.compute_major, info.compute_minor));
   }
 }
 

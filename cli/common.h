@@ -9,8 +9,8 @@
 #include <string>
 #include <vector>
 
-#include "io/scene.h"
 #include "cli/ranks.h"
+#include "io/scene.h"
 #include "l4d/l4d.hpp"
 
 namespace l4d::cli {

@@ -201,7 +201,8 @@ void EncodeParameters::require_quality(const EncoderHandle& encoder,
                                        const std::string& option) const {
   if (has_quality(encoder)) return;
   throw usage_error(option + ": the preset '" + preset + "' with what is set codes by " +
-                    (get_parameter(encoder, L4D_ENC_LOSSLESS) != 0 ? "float32 bits" : "codebooks of given stages") +
+                    (get_parameter(encoder, L4D_ENC_LOSSLESS) != 0 ? "float32 bits"
+                                                                   : "codebooks of given stages") +
                     ", which no quality changes");
 }
 

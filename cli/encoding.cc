@@ -70,7 +70,8 @@ bool has_quality(const EncoderHandle& encoder) {
 }
 
 bool has_codebooks(const EncoderHandle& encoder) {
-  return get_parameter(encoder, L4D_ENC_LOSSLESS) == 0 && (any_component_is(encoder, 0) || any_component_is(encoder, 2));
+  return get_parameter(encoder, L4D_ENC_LOSSLESS) == 0 &&
+         (any_component_is(encoder, 0) || any_component_is(encoder, 2));
 }
 
 }  // namespace l4d::cli

@@ -26,8 +26,8 @@ int sum(void*, int64_t* values, uint64_t n) {
   constexpr uint64_t kMost = uint64_t{1} << 27;
   for (uint64_t first = 0; first < n; first += kMost) {
     const int count = static_cast<int>(std::min(kMost, n - first));
-    const int error = MPI_Allreduce(MPI_IN_PLACE, values + first, count, MPI_INT64_T, MPI_SUM,
-                                    MPI_COMM_WORLD);
+    const int error =
+        MPI_Allreduce(MPI_IN_PLACE, values + first, count, MPI_INT64_T, MPI_SUM, MPI_COMM_WORLD);
     if (error != MPI_SUCCESS) return error;
   }
   return 0;

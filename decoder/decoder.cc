@@ -49,8 +49,7 @@ Status Decoder::open(ByteSource source) {
 Status Decoder::start(ByteSource source) {
   auto file = std::make_unique<SceneFile>(std::move(source), options_.limits, *kernels_.stream);
   L4D_RETURN_IF_ERROR(file->open());
-  pages_ =
-      std::make_unique<PageDecoder>(*file, kernels_, static_cast<int>(options_.threads));
+  pages_ = std::make_unique<PageDecoder>(*file, kernels_, static_cast<int>(options_.threads));
   file_ = std::move(file);
   return {};
 }
@@ -105,8 +104,9 @@ namespace {
 template <typename Buffers>
 Status check_capacity(const Plan& plan, Buffers* out) {
   if (plan.num_gaussians > out->capacity) {
-    return invalid_argument("capacity is " + std::to_string(out->capacity) + ", the query selects " +
-                            std::to_string(plan.num_gaussians) + " Gaussians");
+    return invalid_argument("capacity is " + std::to_string(out->capacity) +
+                            ", the query selects " + std::to_string(plan.num_gaussians) +
+                            " Gaussians");
   }
   if (out->ranges != nullptr && plan.ranges.size() > out->range_capacity) {
     return invalid_argument("range_capacity is " + std::to_string(out->range_capacity) +
@@ -162,8 +162,7 @@ Status Decoder::decode_packed(const l4d_query& query, l4d_packed_buffers* out) {
     for (const l4d_range& r : plan.ranges) {
       const SceneHeader& header = file_->header();
       for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
-        stages[c] =
-            std::max(stages[c], header.component(header.layers[r.layer], c).stages.size());
+        stages[c] = std::max(stages[c], header.component(header.layers[r.layer], c).stages.size());
       }
     }
     const std::vector<RowMove> moves = remove_lost(lost, &plan);
@@ -187,7 +186,8 @@ Status Decoder::decode_packed(const l4d_query& query, l4d_packed_buffers* out) {
 Status Decoder::codebook(uint32_t layer, uint32_t component, uint32_t stage, uint32_t block,
                          l4d_codebook* out) {
   const SceneHeader& header = file_->header();
-  if (layer >= header.layers.size() || component >= L4D_COMPONENT_COUNT || stage >= L4D_MAX_STAGES) {
+  if (layer >= header.layers.size() || component >= L4D_COMPONENT_COUNT ||
+      stage >= L4D_MAX_STAGES) {
     return invalid_argument("no such layer, component or stage");
   }
   file_->retry();

@@ -16,7 +16,8 @@
 
 namespace l4d {
 
-// One decoded bucket made ready for slicing: everything of a Gaussian that does not change with time.
+// One decoded bucket made ready for slicing: everything of a Gaussian that does not change with
+// time.
 struct PreparedBucket {
   size_t count = 0;
   bool permanent = false;
@@ -99,8 +100,8 @@ class Decoder {
   std::unique_ptr<PageDecoder> pages_;
   l4d_progress_fn progress_ = nullptr;
   void* progress_user_ = nullptr;
-  // Keyed by range: RCQ blocks never split a bucket, so (layer, bucket) names one range. Buckets of one
-  // detail are of no use to slices of another.
+  // Keyed by range: RCQ blocks never split a bucket, so (layer, bucket) names one range. Buckets of
+  // one detail are of no use to slices of another.
   std::map<BucketKey, CacheEntry> cache_;
   uint64_t cache_bytes_ = 0;
   uint64_t clock_ = 0;

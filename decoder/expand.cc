@@ -82,7 +82,8 @@ class ComponentRows {
   std::array<uint8_t, kMaxCoefficients> ladder_{};
 };
 
-// Rows of three numbers to rows of four, in place: from the back, so that none is overwritten unread.
+// Rows of three numbers to rows of four, in place: from the back, so that none is overwritten
+// unread.
 void spread_rows(float* rows, size_t n) {
   for (size_t i = n; i-- > 0;) {
     for (size_t k = 3; k-- > 0;) rows[4 * i + k] = rows[3 * i + k];
@@ -239,7 +240,8 @@ void PageExpander::rotors(float* dst) {
   if (SceneHeader::stereographic_rotor(layer_)) return stereographic_rotors(dst);
   const size_t n = columns_.n;
   const auto rows_of = [&](unsigned c) {
-    return ComponentRows(kernels_, transform_, layer_.component[c], 4, columns_.component[c], books_.book[c]);
+    return ComponentRows(kernels_, transform_, layer_.component[c], 4, columns_.component[c],
+                         books_.book[c]);
   };
   ComponentRows spatial = rows_of(L4D_COMPONENT_ROTOR_SPATIAL);
   ComponentRows temporal = rows_of(L4D_COMPONENT_ROTOR_TEMPORAL);

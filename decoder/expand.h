@@ -19,7 +19,8 @@ struct ExpandKernels {
   const TransformKernels* transform = nullptr;
 };
 
-// Codebooks a page needs, resolved before pages are worked on in parallel; of a transform its basis.
+// Codebooks a page needs, resolved before pages are worked on in parallel; of a transform its
+// basis.
 struct PageBooks {
   std::array<std::array<const CodebookData*, L4D_MAX_STAGES>, L4D_COMPONENT_COUNT> book{};
 };

@@ -24,9 +24,8 @@ void Losses::add(const l4d_loss& loss) {
     // All that lies behind the end of a file has that one cause.
     const bool same_place = last.offset == loss.offset || loss.status == L4D_ERR_TRUNCATED;
     if (last.layer == loss.layer && last.status == loss.status && same_place &&
-        last.detail_only == loss.detail_only &&
-        std::strcmp(last.clause, loss.clause) == 0 && last.bucket <= loss.bucket &&
-        (last.num_chunks == 0) == (loss.num_chunks == 0)) {
+        last.detail_only == loss.detail_only && std::strcmp(last.clause, loss.clause) == 0 &&
+        last.bucket <= loss.bucket && (last.num_chunks == 0) == (loss.num_chunks == 0)) {
       last.num_buckets = std::max(last.num_buckets, loss.bucket + loss.num_buckets - last.bucket);
       last.num_chunks += loss.num_chunks;
       last.num_gaussians += loss.num_gaussians;

@@ -53,9 +53,9 @@ struct RowMove {
   size_t count = 0;
 };
 
-// Takes pages that are lost, not in detail only, out of the ranges and the count of a plan, whose tasks
-// stay. Returns the moves, in order, that leave no gap in arrays that were decoded with the plan as it
-// was.
+// Takes pages that are lost, not in detail only, out of the ranges and the count of a plan, whose
+// tasks stay. Returns the moves, in order, that leave no gap in arrays that were decoded with the
+// plan as it was.
 std::vector<RowMove> remove_lost(const LostPages& lost, Plan* plan);
 
 template <typename T>

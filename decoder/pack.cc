@@ -87,7 +87,8 @@ Status PageDecoder::pack(const Plan& plan, l4d_packed_buffers& out, const Progre
                          LostPages* lost) {
   const SceneHeader& header = file_.header();
   if (has_other_forms(header)) {
-    return Status(L4D_ERR_FEATURE_UNSUPPORTED, "only streams of codebook indices have a packed form");
+    return Status(L4D_ERR_FEATURE_UNSUPPORTED,
+                  "only streams of codebook indices have a packed form");
   }
   const auto wanted = [&](unsigned c) {
     const l4d_packed_component& p = out.component[c];
@@ -103,8 +104,8 @@ Status PageDecoder::pack(const Plan& plan, l4d_packed_buffers& out, const Progre
   wants.sh_detail = plan.detail == L4D_DETAIL_FULL;
   const size_t capacity = static_cast<size_t>(out.capacity);
 
-  // Where a page's literals go depends on the pages before it, so they are gathered first, for a few
-  // pages at a time: all of a page may be literals.
+  // Where a page's literals go depends on the pages before it, so they are gathered first, for a
+  // few pages at a time: all of a page may be literals.
   std::array<uint64_t, L4D_COMPONENT_COUNT> at{};
   for (l4d_packed_component& p : out.component) p.num_literals = 0;
   for (size_t begin = 0, end = 0; begin < plan.tasks.size(); begin = end) {
@@ -115,8 +116,8 @@ Status PageDecoder::pack(const Plan& plan, l4d_packed_buffers& out, const Progre
       for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
         const LayerHeader& layer = header.layers[task.layer];
         if (out.component[c].literal == nullptr || !header.component(layer, c).literals) continue;
-        bytes += uint64_t{task.record.num_gaussians} * header.component_dim(layer, c) *
-                 sizeof(uint16_t);
+        bytes +=
+            uint64_t{task.record.num_gaussians} * header.component_dim(layer, c) * sizeof(uint16_t);
       }
     }
     MemoryCharge charge(file_.memory());
@@ -165,9 +166,9 @@ Status PageDecoder::pack(const Plan& plan, l4d_packed_buffers& out, const Progre
             PageLiterals& literals = gathered[t - begin][c];
             literals.count = present ? from.num_literals : 0;
             if (out.component[c].literal == nullptr) continue;
-            literals.values.assign(from.literal.begin(),
-                                   from.literal.begin() +
-                                       static_cast<std::ptrdiff_t>(literals.count * dim));
+            literals.values.assign(
+                from.literal.begin(),
+                from.literal.begin() + static_cast<std::ptrdiff_t>(literals.count * dim));
           }
         },
         progress_of_all, lost));

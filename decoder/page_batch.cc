@@ -37,9 +37,9 @@ uint64_t PageBatch::choose_next(const SceneHeader& header, const Plan& plan, siz
   uint64_t bytes = 0;
   for (; end < last && (end == begin || bytes < kBatchBytes); ++end) {
     const PageRecord& record = plan.tasks[end].record;
-    bytes += kNotesPerPage + record.chunk.stored_bytes +
-             std::min<uint64_t>(record.chunk.raw_bytes,
-                                max_page_bytes(header, record.num_gaussians));
+    bytes +=
+        kNotesPerPage + record.chunk.stored_bytes +
+        std::min<uint64_t>(record.chunk.raw_bytes, max_page_bytes(header, record.num_gaussians));
     parts.push_back({record.chunk, end - begin, false});
     if (!with_detail || !record.has_sh_detail()) continue;
     bytes += record.sh_detail.stored_bytes;

@@ -29,8 +29,8 @@ struct PageBatch {
   // Takes pages from where the batch ended, up to `last`, and chooses what to read of them. Returns
   // what that takes in memory, notes on each page included.
   uint64_t choose_next(const SceneHeader& header, const Plan& plan, size_t last, bool with_detail);
-  // With `tolerant`, a part that cannot be read does not keep the others from being read: its status
-  // tells.
+  // With `tolerant`, a part that cannot be read does not keep the others from being read: its
+  // status tells.
   Status read(ByteSource& source, bool tolerant);
 
  private:

@@ -30,12 +30,14 @@ Status check_detail(ByteSpan bytes, const PageRecord& record, const SceneHeader&
 }  // namespace
 
 DecodeKernels decode_kernels_reference() {
-  return {&stream_kernels_reference(), &rans_kernels_reference(),
+  return {&stream_kernels_reference(),
+          &rans_kernels_reference(),
           {&reconstruct_kernels_reference(), &transform_kernels_reference()}};
 }
 
 DecodeKernels decode_kernels_simd() {
-  return {&stream_kernels_simd(), &rans_kernels_simd(),
+  return {&stream_kernels_simd(),
+          &rans_kernels_simd(),
           {&reconstruct_kernels_simd(), &transform_kernels_simd()}};
 }
 
@@ -147,8 +149,7 @@ Status PageDecoder::for_each_page(const Plan& plan, size_t begin, size_t end,
     // Every page needs these: without them there is nothing to go on with.
     const CodebookData* book = nullptr;
     for (unsigned s = 0; s < file_.header().sh.num_books(); ++s) {
-      L4D_RETURN_IF_ERROR(
-          file_.codebook(plan.tasks[begin].layer, L4D_COMPONENT_SH, s, &book));
+      L4D_RETURN_IF_ERROR(file_.codebook(plan.tasks[begin].layer, L4D_COMPONENT_SH, s, &book));
     }
   }
   const bool with_detail = wants.sh && wants.sh_detail;
@@ -263,7 +264,8 @@ Status PageDecoder::measure(const Plan& plan, SectionBytes* sections,
     const ChunkRef& chunk = plan.tasks[i].record.chunk;
     uint64_t given = 0;
     for (size_t s = 0; s < raw.size(); ++s) {
-      const uint64_t share = chunk.raw_bytes == 0 ? 0 : raw[s] * chunk.stored_bytes / chunk.raw_bytes;
+      const uint64_t share =
+          chunk.raw_bytes == 0 ? 0 : raw[s] * chunk.stored_bytes / chunk.raw_bytes;
       (*sections)[s] += share;
       given += share;
     }

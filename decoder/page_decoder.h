@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Pages to attribute arrays, in parallel. The arrays are disjoint per page, so neither the number of
-// threads nor the order of pages changes a bit.
+// Pages to attribute arrays, in parallel. The arrays are disjoint per page, so neither the number
+// of threads nor the order of pages changes a bit.
 #pragma once
 
 #include <functional>
@@ -40,11 +40,12 @@ class PageDecoder {
   PageDecoder(SceneFile& file, const DecodeKernels& kernels, int threads)
       : file_(file), kernels_(kernels), threads_(threads) {}
 
-  // With `lost`, pages that cannot be read or are damaged are told there and the rows they would fill
-  // stay as they are; without, one of them ends the call. A page of which the second part alone cannot
-  // be had is told as such, and its rows have SH without detail.
+  // With `lost`, pages that cannot be read or are damaged are told there and the rows they would
+  // fill stay as they are; without, one of them ends the call. A page of which the second part
+  // alone cannot be had is told as such, and its rows have SH without detail.
 
-  // Expands tasks [begin, end) of the plan into `out`, whose arrays hold at least plan.num_gaussians.
+  // Expands tasks [begin, end) of the plan into `out`, whose arrays hold at least
+  // plan.num_gaussians.
   Status expand(const Plan& plan, size_t begin, size_t end, const l4d_gaussian_buffers& out,
                 const Progress& progress, LostPages* lost);
   // The packed form; literal arrays are filled in stored order.
@@ -65,8 +66,8 @@ class PageDecoder {
                        const Progress& progress, LostPages* lost);
   // What a page needs besides its bytes: the record of its block, and codebooks.
   Status find_block(const PageTask& task);
-  // tables: null unless the page is coded with them. `detail`: the bytes of the second part where it is
-  // there and wanted, else null; *detail_status says what became of it.
+  // tables: null unless the page is coded with them. `detail`: the bytes of the second part where
+  // it is there and wanted, else null; *detail_status says what became of it.
   Status parse_page(const PageTask& task, ByteSpan bytes, const ByteSpan* detail,
                     const PageWants& wants, const EntropyTables* tables, PageScratch& scratch,
                     SectionBytes* sections, Status* detail_status);

@@ -81,7 +81,8 @@ class Planner {
     if (layer.num_gaussians == 0) return {};
     const uint32_t first = buckets.first >> layer.directory_bits;
     const uint32_t last = buckets.last >> layer.directory_bits;
-    // A whole-file query of a long file would hold every directory page at once; a window bounds it.
+    // A whole-file query of a long file would hold every directory page at once; a window bounds
+    // it.
     constexpr uint32_t kWindow = 64;
     std::vector<const DirectoryPage*> pages;
     for (uint32_t begin = first; begin <= last; begin += kWindow) {
@@ -158,8 +159,8 @@ class Planner {
           record.block == kNoBlock ? L4D_NO_BLOCK : block_id(directory_index, record.block);
       if (out_.ranges.empty() || out_.ranges.back().layer != index ||
           out_.ranges.back().bucket != record.bucket || out_.ranges.back().block != block) {
-        out_.ranges.push_back({out_.num_gaussians, 0, center, width, index, record.bucket, block,
-                               layer.level});
+        out_.ranges.push_back(
+            {out_.num_gaussians, 0, center, width, index, record.bucket, block, layer.level});
       }
       out_.tasks.push_back({record, index, directory_index,
                             static_cast<uint32_t>(out_.ranges.size() - 1), out_.num_gaussians});
@@ -208,7 +209,8 @@ Status make_plan(SceneFile& file, const l4d_query& query, Losses* losses, Plan* 
   const SceneHeader& header = file.header();
   const auto check_count = [&](uint64_t offset) -> Status {
     if (out->num_gaussians <= header.num_gaussians) return {};
-    return corrupt("DIR-5", offset, "the directory holds more Gaussians than the scene header says");
+    return corrupt("DIR-5", offset,
+                   "the directory holds more Gaussians than the scene header says");
   };
   if (query.kind == L4D_QUERY_BUCKETS) {
     L4D_RETURN_IF_ERROR(check_buckets(query, header));

@@ -16,8 +16,8 @@ struct PageTask {
   PageRecord record;
   uint32_t layer = 0;
   uint32_t directory_index = 0;
-  uint32_t range = 0;   // index in Plan.ranges
-  uint64_t first = 0;   // first Gaussian in the decoded arrays
+  uint32_t range = 0;  // index in Plan.ranges
+  uint64_t first = 0;  // first Gaussian in the decoded arrays
 };
 
 struct Plan {

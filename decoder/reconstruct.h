@@ -16,10 +16,10 @@ namespace l4d {
 struct VqSource {
   size_t dim = 0;
   size_t num_stages = 0;
-  std::array<const float*, L4D_MAX_STAGES> book{};        // [entries, dim], CodebookData padding
-  std::array<const uint16_t*, L4D_MAX_STAGES> index{};    // compact: Gaussians with depth > s
-  const uint8_t* depth = nullptr;                         // [n], or null: num_stages for all
-  const uint16_t* literal = nullptr;                      // [num_literals, dim] binary16
+  std::array<const float*, L4D_MAX_STAGES> book{};      // [entries, dim], CodebookData padding
+  std::array<const uint16_t*, L4D_MAX_STAGES> index{};  // compact: Gaussians with depth > s
+  const uint8_t* depth = nullptr;                       // [n], or null: num_stages for all
+  const uint16_t* literal = nullptr;                    // [num_literals, dim] binary16
 };
 
 // Where the next Gaussian's entries lie in the compact arrays.
@@ -28,7 +28,8 @@ struct VqCursor {
   size_t literal = 0;
 };
 
-// `past_cache`: dst is larger than the cache and not read again soon, so it may be written around it.
+// `past_cache`: dst is larger than the cache and not read again soon, so it may be written around
+// it.
 struct ReconstructKernels {
   // dst[i] = center + scale * half, [n, 3] from three columns of binary16.
   void (*positions)(const uint16_t* const columns[3], size_t n, const float center[3], float scale,
@@ -37,15 +38,16 @@ struct ReconstructKernels {
   void (*means)(const uint16_t* halves, size_t n, float width, float* dst);
   // dst[i] = offset + step * code.
   void (*scalars)(const uint16_t* codes, size_t n, float offset, float step, float* dst);
-  // Rows i = begin..end-1 of the page to dst [end - begin, dim]: the literal, or the codewords of all
-  // stages below the depth summed in order of stages (zeros at depth 0). Rows are taken in order: the
-  // cursor carries the place from one call to the next.
+  // Rows i = begin..end-1 of the page to dst [end - begin, dim]: the literal, or the codewords of
+  // all stages below the depth summed in order of stages (zeros at depth 0). Rows are taken in
+  // order: the cursor carries the place from one call to the next.
   void (*vq_rows)(const VqSource& source, VqCursor& cursor, size_t begin, size_t end, float* dst,
                   bool past_cache);
   // dst[i, k] = factor[i] + normalized[i, k], [n, 4].
   void (*log_scales)(const float* factor, const float* normalized, size_t n, float* dst,
                      bool past_cache);
-  // dst[i] = normalised rotor of spatial[i] (s b01 b02 b12) and temporal[i] (b03 b13 b23 p), [n, 8].
+  // dst[i] = normalised rotor of spatial[i] (s b01 b02 b12) and temporal[i] (b03 b13 b23 p), [n,
+  // 8].
   void (*rotors)(const float* spatial, const float* temporal, size_t n, float* dst,
                  bool past_cache);
 };

@@ -24,8 +24,7 @@ void scalars(const uint16_t* codes, size_t n, float offset, float step, float* d
   for (size_t i = 0; i < n; ++i) dst[i] = offset + step * static_cast<float>(codes[i]);
 }
 
-void vq_rows(const VqSource& source, VqCursor& cursor, size_t begin, size_t end, float* dst,
-             bool) {
+void vq_rows(const VqSource& source, VqCursor& cursor, size_t begin, size_t end, float* dst, bool) {
   for (size_t i = begin; i < end; ++i, dst += source.dim) {
     const size_t depth = source.depth == nullptr ? source.num_stages : source.depth[i];
     if (depth == kLiteralDepth) {

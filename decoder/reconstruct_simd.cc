@@ -19,8 +19,8 @@ namespace {
 namespace hn = hwy::HWY_NAMESPACE;
 
 // binary16 bits to binary32, finite values. Integer form, so that every target gives the same bits
-// whatever its conversion instructions and its flush-to-zero mode do with subnormal halves: these are
-// made by an exact conversion of the integer mantissa.
+// whatever its conversion instructions and its flush-to-zero mode do with subnormal halves: these
+// are made by an exact conversion of the integer mantissa.
 template <class D32, class V16>
 HWY_INLINE hn::Vec<D32> halves_to_floats(D32 df, V16 halves) {
   const hn::RebindToUnsigned<D32> du;
@@ -28,8 +28,7 @@ HWY_INLINE hn::Vec<D32> halves_to_floats(D32 df, V16 halves) {
   const auto bits = hn::PromoteTo(du, halves);
   const auto sign = hn::ShiftLeft<16>(hn::And(bits, hn::Set(du, 0x8000)));
   const auto magnitude = hn::And(bits, hn::Set(du, 0x7fff));
-  const auto normal =
-      hn::Add(hn::ShiftLeft<13>(magnitude), hn::Set(du, uint32_t{127 - 15} << 23));
+  const auto normal = hn::Add(hn::ShiftLeft<13>(magnitude), hn::Set(du, uint32_t{127 - 15} << 23));
   const auto subnormal = hn::BitCast(
       du, hn::Mul(hn::ConvertTo(df, hn::BitCast(di, magnitude)), hn::Set(df, 1.0f / 16777216.0f)));
   const auto is_normal = hn::Gt(hn::BitCast(di, magnitude), hn::Set(di, 0x03ff));
@@ -105,8 +104,8 @@ HWY_INLINE void add_row(D d, const float* HWY_RESTRICT row, size_t dim, float* H
   for (; k < dim; ++k) dst[k] = dst[k] + row[k];
 }
 
-// Writing around the cache saves reading every line of the destination first. Needs alignment, which
-// whole rows keep.
+// Writing around the cache saves reading every line of the destination first. Needs alignment,
+// which whole rows keep.
 HWY_INLINE bool can_stream(bool past_cache, const float* dst) {
   return past_cache && reinterpret_cast<uintptr_t>(dst) % (4 * sizeof(float)) == 0;
 }
@@ -127,8 +126,8 @@ HWY_INLINE void stream_rows(D d, const uint16_t* HWY_RESTRICT index, const float
 }
 
 template <class D>
-HWY_INLINE void vq_rows_with(D d, const VqSource& source, size_t dim, VqCursor& cursor, size_t begin,
-                             size_t end, float* dst, bool past_cache) {
+HWY_INLINE void vq_rows_with(D d, const VqSource& source, size_t dim, VqCursor& cursor,
+                             size_t begin, size_t end, float* dst, bool past_cache) {
   if (source.depth == nullptr && source.num_stages == 1) {
     const uint16_t* HWY_RESTRICT index = source.index[0] + cursor.index[0];
     const float* HWY_RESTRICT book = source.book[0];
@@ -158,9 +157,11 @@ HWY_INLINE void vq_rows_with(D d, const VqSource& source, size_t dim, VqCursor& 
   }
 }
 
-// Rows of three in one load and one store each: the fourth number is overwritten by the next row. The
-// last row must not reach beyond its end. (A codebook is padded, so the load always stays inside.)
-void copy_rows_of_3(const VqSource& source, VqCursor& cursor, size_t begin, size_t end, float* dst) {
+// Rows of three in one load and one store each: the fourth number is overwritten by the next row.
+// The last row must not reach beyond its end. (A codebook is padded, so the load always stays
+// inside.)
+void copy_rows_of_3(const VqSource& source, VqCursor& cursor, size_t begin, size_t end,
+                    float* dst) {
   const hn::CappedTag<float, 4> d;
   const uint16_t* HWY_RESTRICT index = source.index[0] + cursor.index[0];
   const float* HWY_RESTRICT book = source.book[0];
@@ -248,8 +249,8 @@ HWY_INLINE hn::Vec<D> normalize_blocks(D d, hn::Vec<D> v) {
 }
 
 // With Q = (p, -b23, b13, -b03), the reversed temporal half with alternating signs, A = S + Q and
-// B = S - Q; x + (-y) and x - y are the same bits. Both halves go through one vector where it is wide
-// enough: division and square root are what costs here.
+// B = S - Q; x + (-y) and x - y are the same bits. Both halves go through one vector where it is
+// wide enough: division and square root are what costs here.
 HWY_INLINE void normalize_pair(hn::Vec128<float> s, hn::Vec128<float> q, hn::Vec128<float>& a,
                                hn::Vec128<float>& b) {
   const hn::Full128<float> d;

@@ -9,12 +9,12 @@
 namespace l4d {
 namespace {
 
-// A seek touches a few directory pages per layer; these budgets keep playback from reading them again
-// and a scan of a day-long file from holding all of them.
+// A seek touches a few directory pages per layer; these budgets keep playback from reading them
+// again and a scan of a day-long file from holding all of them.
 constexpr uint64_t kDirectoryCacheBytes = uint64_t{8} << 20;
 constexpr uint64_t kBlockCacheBytes = uint64_t{64} << 20;
-// What the cache itself takes for a directory page, also where that is empty: a table of 32 bytes an
-// entry can name a million of them for every layer.
+// What the cache itself takes for a directory page, also where that is empty: a table of 32 bytes
+// an entry can name a million of them for every layer.
 constexpr uint64_t kDirectoryEntryBytes = 96;
 
 // Stands for the page of what belongs to none: layers have fewer.
@@ -37,8 +37,8 @@ Status SceneFile::open() {
   L4D_RETURN_IF_ERROR(source_.read(0, head, storage, &bytes));
   L4D_RETURN_IF_ERROR(FileHeader::parse(bytes, &file_header_));
   L4D_RETURN_IF_ERROR(memory_.charge(file_header_.header_bytes, "the scene header"));
-  L4D_RETURN_IF_ERROR(source_.read(file_header_.header_offset, file_header_.header_bytes, storage,
-                                   &bytes));
+  L4D_RETURN_IF_ERROR(
+      source_.read(file_header_.header_offset, file_header_.header_bytes, storage, &bytes));
   if (hash64(bytes) != file_header_.header_hash) {
     return Status(L4D_ERR_CHECKSUM, "FILE-6", file_header_.header_offset,
                   "checksum of the scene header does not match");
@@ -87,8 +87,8 @@ Status SceneFile::load_directory_page(uint32_t layer, uint32_t index, const Page
     ByteSpan raw;
     cached.page = std::make_unique<DirectoryPage>();
     L4D_RETURN_IF_ERROR(read_chunk(entry.chunk, kMaxDirectoryPageBytes, stored, storage, &raw));
-    L4D_RETURN_IF_ERROR(parse_directory_page(raw, entry.chunk.offset, header_, layer, index,
-                                             cached.page.get()));
+    L4D_RETURN_IF_ERROR(
+        parse_directory_page(raw, entry.chunk.offset, header_, layer, index, cached.page.get()));
   }
   const uint64_t memory_bytes = cached.memory_bytes;
   directory_[{layer, index}] = std::move(cached);
@@ -109,8 +109,8 @@ Status SceneFile::directory_pages(uint32_t layer, uint32_t first, uint32_t last,
     Bytes storage;
     ByteSpan table;
     const uint64_t offset = l.page_table_offset + uint64_t{index} * PageTableEntry::kBytes;
-    L4D_RETURN_IF_ERROR(source_.read(offset, uint64_t{end - index} * PageTableEntry::kBytes,
-                                     storage, &table));
+    L4D_RETURN_IF_ERROR(
+        source_.read(offset, uint64_t{end - index} * PageTableEntry::kBytes, storage, &table));
     for (uint32_t i = index; i < end; ++i) {
       const size_t at = size_t{i - index} * PageTableEntry::kBytes;
       PageTableEntry entry;
@@ -154,16 +154,14 @@ Status SceneFile::codebook(uint32_t layer, unsigned component, unsigned stage,
 Status SceneFile::load_codebook(const BookKey& key, const StageCoding& stage, uint32_t dim,
                                 const CodebookData** out) {
   MemoryCharge charge(memory_);
-  L4D_RETURN_IF_ERROR(
-      charge.take((uint64_t{stage.num_entries} * dim + CodebookData::kPadding) * sizeof(float),
-                  "a codebook"));
+  L4D_RETURN_IF_ERROR(charge.take(
+      (uint64_t{stage.num_entries} * dim + CodebookData::kPadding) * sizeof(float), "a codebook"));
   Bytes stored, storage;
   ByteSpan raw;
   CodebookData book;
   L4D_RETURN_IF_ERROR(read_chunk(stage.codebook, max_codebook_bytes(stage.num_entries, dim), stored,
                                  storage, &raw));
-  L4D_RETURN_IF_ERROR(
-      decode_codebook(decoder_, raw, stage.codebook.offset, stage, dim, &book));
+  L4D_RETURN_IF_ERROR(decode_codebook(decoder_, raw, stage.codebook.offset, stage, dim, &book));
   *out = &(codebooks_[key] = std::move(book));
   charge.keep();
   return {};
@@ -217,7 +215,8 @@ Status SceneFile::block_codebook(uint32_t layer, unsigned component, uint32_t di
   // A file that changes under the reader can lose the block between two reads.
   if (pages[0] == nullptr || block >= pages[0]->blocks.size() ||
       pages[0]->blocks[block].tables[component].num_entries == 0) {
-    return corrupt("DIR-6", Status::kNoOffset, "block " + std::to_string(block) + " does not exist");
+    return corrupt("DIR-6", Status::kNoOffset,
+                   "block " + std::to_string(block) + " does not exist");
   }
   const RcqTableRef table = pages[0]->blocks[block].tables[component];
   const CodebookData* global = nullptr;

@@ -43,8 +43,8 @@ class SceneFile {
   // Stored bytes of page table entry and page.
   uint64_t directory_bytes(uint32_t layer, uint32_t index) const;
 
-  // The codebook of a stage, of the residual codebook (stage = kRcqStage), or of a block. Pointers to
-  // block codebooks live until the next trim(), the others as long as this object.
+  // The codebook of a stage, of the residual codebook (stage = kRcqStage), or of a block. Pointers
+  // to block codebooks live until the next trim(), the others as long as this object.
   static constexpr unsigned kRcqStage = L4D_MAX_STAGES;
   Status codebook(uint32_t layer, unsigned component, unsigned stage, const CodebookData** out);
   Status block_codebook(uint32_t layer, unsigned component, uint32_t directory_index,
@@ -57,8 +57,8 @@ class SceneFile {
   // passed. Called between queries.
   void trim();
 
-  // A codebook that cannot be read fails at once when it is asked for again, since every page of its
-  // layer does, until this is called.
+  // A codebook that cannot be read fails at once when it is asked for again, since every page of
+  // its layer does, until this is called.
   void retry() { failed_books_.clear(); }
 
   // Fixed bytes a layer refers to besides its pages and directory pages.
@@ -70,9 +70,9 @@ class SceneFile {
     uint64_t memory_bytes = 0;
     uint64_t stored_bytes = 0;
   };
-  using PageKey = std::pair<uint32_t, uint32_t>;          // layer, index
-  using BookKey = std::pair<uint32_t, uint32_t>;          // layer, component * 16 + stage
-  using BlockBookKey = std::pair<PageKey, uint32_t>;      // page, block * 4 + component
+  using PageKey = std::pair<uint32_t, uint32_t>;      // layer, index
+  using BookKey = std::pair<uint32_t, uint32_t>;      // layer, component * 16 + stage
+  using BlockBookKey = std::pair<PageKey, uint32_t>;  // page, block * 4 + component
   Status load_directory_page(uint32_t layer, uint32_t index, const PageTableEntry& entry);
   Status load_codebook(const BookKey& key, const StageCoding& stage, uint32_t dim,
                        const CodebookData** out);

@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // 3D Gaussians at an instant, from cached buckets.
+#include "libl4dcodec/math/slice.h"
+
 #include <algorithm>
 #include <cmath>
 
 #include "decoder/decoder.h"
 #include "libl4dcodec/base/threads.h"
-#include "libl4dcodec/math/slice.h"
 
 namespace l4d {
 namespace {
@@ -26,8 +27,8 @@ void prepare_gaussians(const SceneHeader& header, const LayerHeader& layer, cons
     std::copy_n(s.covariance, 6, out->covariance.data() + 6 * i);
     if (!out->velocity.empty()) std::copy_n(s.velocity, 3, out->velocity.data() + 3 * i);
     if (!layer.permanent) out->lambda[i] = s.lambda;
-    out->reference[i] = header.position_at_mean_time ? out->mean[i]
-                                                     : std::clamp(out->mean[i], lo, hi);
+    out->reference[i] =
+        header.position_at_mean_time ? out->mean[i] : std::clamp(out->mean[i], lo, hi);
     if (header.opacity_logit) out->opacity[i] = 1.0f / (1.0f + std::exp(-out->opacity[i]));
   }
 }
@@ -48,7 +49,8 @@ class Slicer {
     for (size_t i = begin; i < end; ++i) n += visible(i);
     return n;
   }
-  void write(size_t begin, size_t end, size_t at, size_t sh_dim, const l4d_splat_buffers& out) const {
+  void write(size_t begin, size_t end, size_t at, size_t sh_dim,
+             const l4d_splat_buffers& out) const {
     for (size_t i = begin; i < end; ++i) {
       if (!visible(i)) continue;
       if (out.position != nullptr) {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Contract of the loops that turn transform coefficients and fixed-point positions into floats (spec:
-// "Decoding process"). Exactness class B, as reconstruct.h.
+// Contract of the loops that turn transform coefficients and fixed-point positions into floats
+// (spec: "Decoding process"). Exactness class B, as reconstruct.h.
 #pragma once
 
 #include <array>
@@ -13,10 +13,12 @@ namespace l4d {
 struct TransformSource {
   size_t dim = 0;
   size_t num_coefficients = 0;
-  const float* basis = nullptr;   // [num_coefficients + 1, dim], the origin first; CodebookData padding
-  const float* steps = nullptr;   // [num_coefficients]
-  const uint8_t* cls = nullptr;   // [n], below 16
-  const uint8_t* rung = nullptr; // [n], at most the number of steps of the ladder; null: all of them
+  const float* basis =
+      nullptr;  // [num_coefficients + 1, dim], the origin first; CodebookData padding
+  const float* steps = nullptr;  // [num_coefficients]
+  const uint8_t* cls = nullptr;  // [n], below 16
+  const uint8_t* rung =
+      nullptr;  // [n], at most the number of steps of the ladder; null: all of them
   const uint8_t* ladder = nullptr;
   std::array<const int16_t*, 48> coefficient{};  // compact: Gaussians whose rung reaches it
 };
@@ -27,14 +29,16 @@ struct TransformCursor {
 };
 
 struct TransformKernels {
-  // Rows i = begin..end-1 of the page to dst [end - begin, dim]. With c_k = (q_k * 2^-class) * step_k,
-  // a row is the origin, to which c_k times basis vector k is added for k = 0, 1, .. below what the
-  // Gaussian's rung has. Rows are taken in order: the cursor carries the place.
+  // Rows i = begin..end-1 of the page to dst [end - begin, dim]. With c_k = (q_k * 2^-class) *
+  // step_k, a row is the origin, to which c_k times basis vector k is added for k = 0, 1, .. below
+  // what the Gaussian's rung has. Rows are taken in order: the cursor carries the place.
   void (*rows)(const TransformSource& source, TransformCursor& cursor, size_t begin, size_t end,
                float* dst, bool past_cache);
-  // dst[i] = rotor [8] of the halves whose stereographic coordinates are spatial[i] + temporal[i] and
-  // spatial[i] - temporal[i], each [3], put on their grid (on_stereographic_grid). temporal null = zeros.
-  void (*rotors)(const float* spatial, const float* temporal, size_t n, float* dst, bool past_cache);
+  // dst[i] = rotor [8] of the halves whose stereographic coordinates are spatial[i] + temporal[i]
+  // and spatial[i] - temporal[i], each [3], put on their grid (on_stereographic_grid). temporal
+  // null = zeros.
+  void (*rotors)(const float* spatial, const float* temporal, size_t n, float* dst,
+                 bool past_cache);
   // dst[i] = corner + step * code, [n, 3] from three columns of integers below 2^21.
   void (*positions)(const uint32_t* const columns[3], size_t n, const float corner[3], float step,
                     float* dst);

@@ -245,7 +245,7 @@ HWY_NOINLINE void sum_batch(const TransformSource& source, TransformCursor& curs
 }
 
 void rows_by_rung(const TransformSource& source, TransformCursor& cursor, size_t begin, size_t end,
-                   float* dst, bool past_cache) {
+                  float* dst, bool past_cache) {
   const D d;
   const size_t dim = source.dim;
   const size_t stride = hwy::RoundUpTo(dim, kWidth);
@@ -364,12 +364,12 @@ void rotors(const float* spatial, const float* temporal, size_t n, float* dst, b
     if (temporal != nullptr) hn::LoadInterleaved3(d, temporal + 3 * i, v0, v1, v2);
     const HalfVectors a = half_of_coordinates(hn::Add(u0, v0), hn::Add(u1, v1), hn::Add(u2, v2));
     const HalfVectors b = half_of_coordinates(hn::Sub(u0, v0), hn::Sub(u1, v1), hn::Sub(u2, v2));
-    hn::StoreInterleaved4(
-        hn::Mul(hn::Add(a.a0, b.a0), half), hn::Mul(hn::Add(a.a1, b.a1), half),
-        hn::Mul(hn::Add(a.a2, b.a2), half), hn::Mul(hn::Add(a.a3, b.a3), half), d, first);
-    hn::StoreInterleaved4(
-        hn::Mul(hn::Sub(b.a3, a.a3), half), hn::Mul(hn::Sub(a.a2, b.a2), half),
-        hn::Mul(hn::Sub(b.a1, a.a1), half), hn::Mul(hn::Sub(a.a0, b.a0), half), d, second);
+    hn::StoreInterleaved4(hn::Mul(hn::Add(a.a0, b.a0), half), hn::Mul(hn::Add(a.a1, b.a1), half),
+                          hn::Mul(hn::Add(a.a2, b.a2), half), hn::Mul(hn::Add(a.a3, b.a3), half), d,
+                          first);
+    hn::StoreInterleaved4(hn::Mul(hn::Sub(b.a3, a.a3), half), hn::Mul(hn::Sub(a.a2, b.a2), half),
+                          hn::Mul(hn::Sub(b.a1, a.a1), half), hn::Mul(hn::Sub(a.a0, b.a0), half), d,
+                          second);
     for (size_t j = 0; j < kWidth; ++j) {
       const auto lo = hn::Load(d4, first + 4 * j);
       const auto hi = hn::Load(d4, second + 4 * j);

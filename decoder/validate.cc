@@ -208,9 +208,9 @@ class Validator {
            first < range.center + (record.visible_begin - 128) * unit - slack) ||
           (record.visible_end < 255 &&
            last > range.center + (record.visible_end - 128) * unit + slack)) {
-        return corrupt("DIR-9", record.chunk.offset,
-                       "Gaussian " + std::to_string(i) +
-                           " is visible outside the interval of its page");
+        return corrupt(
+            "DIR-9", record.chunk.offset,
+            "Gaussian " + std::to_string(i) + " is visible outside the interval of its page");
       }
     }
     return check_bounds(header, layer, record, range);
@@ -231,9 +231,10 @@ class Validator {
       if (first > last) continue;
       for (size_t k = 0; k < 3; ++k) {
         for (const double t : {first, last}) {
-          const double x = static_cast<double>(position_[3 * i + k]) + s.velocity[k] * (t - reference);
-          const double coded = (x - static_cast<double>(header.position_center[k])) /
-                               header.bounds_unit();
+          const double x =
+              static_cast<double>(position_[3 * i + k]) + s.velocity[k] * (t - reference);
+          const double coded =
+              (x - static_cast<double>(header.position_center[k])) / header.bounds_unit();
           const double slack = std::fabs(coded) * 1e-6;
           const double low = static_cast<double>(half_to_float(record.bounds[k]));
           const double high = static_cast<double>(half_to_float(record.bounds[3 + k]));
@@ -291,8 +292,7 @@ Status validate_stream(ByteSource source, const l4d_decoder_options& options,
     return {};
   }
   // The reference loops: what a validator finds must not depend on the machine.
-  PageDecoder pages(decoder.file(), decode_kernels_reference(),
-                    static_cast<int>(options.threads));
+  PageDecoder pages(decoder.file(), decode_kernels_reference(), static_cast<int>(options.threads));
   return Validator(decoder.file(), pages, options, report).run();
 }
 

@@ -6,8 +6,8 @@
 
 namespace l4d {
 
-// Starts `work` on a thread of its own, or does it at once where `apart` is not set or the system gives
-// no thread. What the future gives, and throws, is the work's. Its end waits for the work.
+// Starts `work` on a thread of its own, or does it at once where `apart` is not set or the system
+// gives no thread. What the future gives, and throws, is the work's. Its end waits for the work.
 template <typename Work>
 auto start_beside(bool apart, const Work& work) -> std::future<decltype(work())> {
   if (apart) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// What is chosen last absorbs what was coded first: mean time, opacity and position of a Gaussian are set
-// so that the decoded one, with its decoded temporal scale and velocity, is seen as the original is.
+// What is chosen last absorbs what was coded first: mean time, opacity and position of a Gaussian
+// are set so that the decoded one, with its decoded temporal scale and velocity, is seen as the
+// original is.
 #pragma once
 
 #include <initializer_list>
@@ -26,11 +27,12 @@ class SeenSpan {
  public:
   SeenSpan(std::initializer_list<Fading> any, double begin, double end);
 
-  // The mean time at which the decoded Gaussian, whose lambda is given, fades as fast as the original in
-  // the middle of what is seen of it.
+  // The mean time at which the decoded Gaussian, whose lambda is given, fades as fast as the
+  // original in the middle of what is seen of it.
   double matching_mean(const Fading& original, double decoded_lambda) const;
 
-  // Sets decoded->opacity in [0, 1] for the least squared difference over the span, which is returned.
+  // Sets decoded->opacity in [0, 1] for the least squared difference over the span, which is
+  // returned.
   double match_opacity(const Fading& original, Fading* decoded) const;
 
   // Sets decoded->position so that positions differ least where both are seen.

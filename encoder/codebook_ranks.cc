@@ -11,7 +11,8 @@ namespace {
 std::vector<uint32_t> rank_by_use(const std::vector<uint64_t>& use, uint32_t* kept) {
   std::vector<uint32_t> order(use.size());
   std::iota(order.begin(), order.end(), 0u);
-  std::stable_sort(order.begin(), order.end(), [&](uint32_t a, uint32_t b) { return use[a] > use[b]; });
+  std::stable_sort(order.begin(), order.end(),
+                   [&](uint32_t a, uint32_t b) { return use[a] > use[b]; });
   std::vector<uint32_t> rank(use.size());
   *kept = 0;
   for (uint32_t r = 0; r < order.size(); ++r) {

@@ -81,7 +81,8 @@ double component_bits(const CodedComponent& c) {
   }
   bits += depths.total();
   for (size_t s = 0; s < c.books.size(); ++s) {
-    bits += stages[s].total() + codebook_bits(static_cast<double>(c.books[s].size() / c.dim), c.dim);
+    bits +=
+        stages[s].total() + codebook_bits(static_cast<double>(c.books[s].size() / c.dim), c.dim);
   }
   return bits;
 }
@@ -98,7 +99,8 @@ double weighted_error(const float* rows, const float* decoded, const float* impo
   for (size_t i = 0; i < n; ++i) {
     double e2 = 0;
     for (size_t k = 0; k < dim; ++k) {
-      const double e = static_cast<double>(rows[i * dim + k]) - static_cast<double>(decoded[i * dim + k]);
+      const double e =
+          static_cast<double>(rows[i * dim + k]) - static_cast<double>(decoded[i * dim + k]);
       e2 += e * e;
     }
     sum += static_cast<double>(importance[i]) * e2;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a coded component will take in the file, near enough to choose between codings: the length of an
-// adaptive code (Krichevsky and Trofimov 1981), which has the cost of learning statistics in it.
+// What a coded component will take in the file, near enough to choose between codings: the length
+// of an adaptive code (Krichevsky and Trofimov 1981), which has the cost of learning statistics in
+// it.
 #pragma once
 
 #include <cstdint>
@@ -22,8 +23,8 @@ class PlaneBits {
   double raw_ = 0;
 };
 
-// Indices, depths, literals, classes, coefficients, codebooks and bases. Tables of blocks come on top of
-// nothing: with them, stage 0 counts as if it had none.
+// Indices, depths, literals, classes, coefficients, codebooks and bases. Tables of blocks come on
+// top of nothing: with them, stage 0 counts as if it had none.
 double component_bits(const CodedComponent& component);
 
 double codes_bits(const std::vector<uint16_t>& codes);

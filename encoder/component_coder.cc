@@ -29,9 +29,9 @@ uint32_t useful_entries(uint32_t wanted, size_t n) {
       std::clamp<size_t>(n / kGaussiansPerEntry, 1, std::max<size_t>(wanted, 1)));
 }
 
-std::vector<float> train_half_codebook(const float* rows, const float* weights, size_t n, size_t dim,
-                                       uint32_t entries, const ComponentSettings& settings,
-                                       uint64_t salt) {
+std::vector<float> train_half_codebook(const float* rows, const float* weights, size_t n,
+                                       size_t dim, uint32_t entries,
+                                       const ComponentSettings& settings, uint64_t salt) {
   KMeansOptions options;
   options.num_codewords = entries;
   options.iterations = settings.iterations;
@@ -184,29 +184,29 @@ class ComponentCoder {
     }
     // New memory for SH takes as long to get as some iterations.
     const bool apart = resolve_threads(settings_.threads) > 1;
-    std::future<void> room =
-        start_beside(apart, [&] { out_.decoded.assign(out_.n * dim, 0.0f); });
+    std::future<void> room = start_beside(apart, [&] { out_.decoded.assign(out_.n * dim, 0.0f); });
     const bool direct = coded_.size() == out_.n;
     Selection gathered;
     if (!direct) gathered = coded_rows();
     const float* rows = direct ? rows_ : gathered.rows.get();
     const float* weights = direct ? weights_ : gathered.weights.data();
     const size_t n = coded_.size();
-    const uint32_t entries = by_cost() ? stage0_entries_by_cost()
-                                       : useful_entries(settings_.codebook_size, n);
+    const uint32_t entries =
+        by_cost() ? stage0_entries_by_cost() : useful_entries(settings_.codebook_size, n);
     // Block codebooks work on whole blocks, so literals and RCQ do not meet. Nothing of the layer's
     // codebook but its size is in them, and that is as good as known: they are trained beside it.
     const bool in_blocks = settings_.rcq != 0 && direct && !blocks_.empty();
     std::vector<std::vector<float>> block_books;
     std::future<void> blocks_done = start_beside(apart, [&] {
-      if (in_blocks) block_books = train_block_books(rows_, weights_, dim, blocks_, settings_, entries);
+      if (in_blocks)
+        block_books = train_block_books(rows_, weights_, dim, blocks_, settings_, entries);
     });
     out_.books.push_back(train_half_codebook(rows, weights, n, dim, entries, settings_, 1));
     const std::vector<float>& book = out_.books[0];
     std::vector<uint32_t> labels(n);
     std::vector<float> distance(n);
-    assign_nearest(rows, n, dim, book.data(), book.size() / dim, backend(), nullptr,
-                   labels.data(), distance.data());
+    assign_nearest(rows, n, dim, book.data(), book.size() / dim, backend(), nullptr, labels.data(),
+                   distance.data());
     if (settings_.rcq == 0 || blocks_.empty()) {
       constrain_entropy(rows, weights, n, dim, constraint(), &out_.books.back(), &labels);
     }
@@ -223,7 +223,8 @@ class ComponentCoder {
     if (in_blocks) code_blocks(rows_, weights_, blocks_, settings_, distance, block_books, &out_);
   }
 
-  // A small codebook tells how error falls with the number of codewords, and so which number is best.
+  // A small codebook tells how error falls with the number of codewords, and so which number is
+  // best.
   uint32_t stage0_entries_by_cost() {
     constexpr uint32_t kPilot = 64;
     constexpr size_t kMostRows = 65536;  // that the spread of all is estimated from
@@ -267,9 +268,10 @@ class ComponentCoder {
                           useful_entries(settings_.codebook_size, members.size()));
     }
     StageChoice out;
-    out.members = neediest(members, error,
-                           static_cast<size_t>(std::llround(static_cast<double>(settings_.stages[s]) *
-                                                            static_cast<double>(out_.n))));
+    out.members =
+        neediest(members, error,
+                 static_cast<size_t>(std::llround(static_cast<double>(settings_.stages[s]) *
+                                                  static_cast<double>(out_.n))));
     out.codewords = useful_entries(settings_.codebook_size, out.members.size());
     return out;
   }
@@ -302,8 +304,8 @@ class ComponentCoder {
       const std::vector<float>& book = out_.books[s];
       std::vector<uint32_t> labels(n);
       std::vector<float> distance(n);
-      assign_nearest(chosen.rows.get(), n, dim, book.data(), book.size() / dim, backend(),
-                     nullptr, labels.data(), distance.data());
+      assign_nearest(chosen.rows.get(), n, dim, book.data(), book.size() / dim, backend(), nullptr,
+                     labels.data(), distance.data());
       constrain_entropy(chosen.rows.get(), chosen.weights.data(), n, dim, constraint(),
                         &out_.books[s], &labels);
       out_.index.emplace_back(out_.n, uint16_t{0});
@@ -409,8 +411,8 @@ void drop_gaussians(CodedComponent& c, const std::vector<uint8_t>& keep) {
   c.decoded.resize(to * c.dim);
 }
 
-CodedComponent code_component_transform(const float* rows, const float* weights, size_t n, size_t dim,
-                                        const TransformSettings& settings) {
+CodedComponent code_component_transform(const float* rows, const float* weights, size_t n,
+                                        size_t dim, const TransformSettings& settings) {
   CodedComponent out;
   out.n = n;
   out.dim = dim;

@@ -20,11 +20,12 @@ struct ComponentSettings {
   std::vector<float> stages{1.0f};
   double literal_threshold = 0;  // 0 = never
   double rate_price = 0;         // see EntropyConstraint; blocks pay none
-  // Above 0: price of a bit in weighted squared error. Then sizes of codebooks (codebook_size at most),
-  // depths and literals are what they are worth, and `stages` and literal_threshold count for nothing.
+  // Above 0: price of a bit in weighted squared error. Then sizes of codebooks (codebook_size at
+  // most), depths and literals are what they are worth, and `stages` and literal_threshold count
+  // for nothing.
   double bit_price = 0;
-  int refine_rounds = 0;         // see refine_stages
-  int rcq = 0;                   // 0 never, 1 where it pays, 2 always; needs blocks
+  int refine_rounds = 0;  // see refine_stages
+  int rcq = 0;            // 0 never, 1 where it pays, 2 always; needs blocks
   uint32_t rcq_size = 512;
   int iterations = 10;
   size_t sample_per_codeword = 24;
@@ -46,16 +47,16 @@ struct BlockRange {
 struct CodedComponent {
   size_t n = 0;
   size_t dim = 0;
-  std::vector<std::vector<float>> books;       // per stage [entries, dim], values of its elements
-  std::vector<float> steps;                    // per stage: of SQ elements; 0 = binary16
-  std::vector<uint8_t> depth;                  // [n]; kLiteralDepth = literal
-  std::vector<std::vector<uint16_t>> index;    // per stage [n], valid where depth > stage
+  std::vector<std::vector<float>> books;     // per stage [entries, dim], values of its elements
+  std::vector<float> steps;                  // per stage: of SQ elements; 0 = binary16
+  std::vector<uint8_t> depth;                // [n]; kLiteralDepth = literal
+  std::vector<std::vector<uint16_t>> index;  // per stage [n], valid where depth > stage
   bool any_literal = false;
-  std::vector<float> residual_book;            // RCQ, [entries, dim]; empty = no RCQ
+  std::vector<float> residual_book;  // RCQ, [entries, dim]; empty = no RCQ
   // One per block; empty = that block indexes the layer's codebook.
   std::vector<std::vector<RcqPair>> block_tables;
-  std::vector<float> decoded;                  // [n, dim], bit-exact
-  bool is_transform = false;                   // then this, and none of the above but `decoded`:
+  std::vector<float> decoded;  // [n, dim], bit-exact
+  bool is_transform = false;   // then this, and none of the above but `decoded`:
   CodedTransform transform;
   double weighted_distortion = 0;  // sum of weight x squared error
 };
@@ -68,13 +69,13 @@ CodedComponent code_component(const float* rows, const float* weights, size_t n,
 // Drops Gaussians (keep[i] = 0) from a coded set.
 void drop_gaussians(CodedComponent& component, const std::vector<uint8_t>& keep);
 
-// Orders every codebook by use, most used first, without the entries nobody uses: small numbers become
-// frequent, which any entropy coder after this likes. Changes no decoded value.
+// Orders every codebook by use, most used first, without the entries nobody uses: small numbers
+// become frequent, which any entropy coder after this likes. Changes no decoded value.
 void rank_codebooks(CodedComponent& component, const std::vector<BlockRange>& blocks);
 
 // The same as coefficients. weights: see code_transform.
-CodedComponent code_component_transform(const float* rows, const float* weights, size_t n, size_t dim,
-                                        const TransformSettings& settings);
+CodedComponent code_component_transform(const float* rows, const float* weights, size_t n,
+                                        size_t dim, const TransformSettings& settings);
 
 // What the header will say of a coded component, but for where its chunks lie.
 void describe_component(const CodedComponent& component, ComponentCoding* coding);

@@ -44,9 +44,8 @@ class Encoder::Steps {
   void end() {
     if (name_ == nullptr) return;
     const double seconds = std::chrono::duration<double>(Clock::now() - started_).count();
-    const auto same = std::find_if(stages_.begin(), stages_.end(), [&](const auto& s) {
-      return std::strcmp(s.first, name_) == 0;
-    });
+    const auto same = std::find_if(stages_.begin(), stages_.end(),
+                                   [&](const auto& s) { return std::strcmp(s.first, name_) == 0; });
     if (same == stages_.end()) {
       stages_.emplace_back(name_, seconds);
     } else {
@@ -141,8 +140,8 @@ Status Encoder::encode(const WriteFn& write) {
     header.placement = input_.placement;
     header.sh_degree = scene.sh_degree;
     header.metadata = metadata_;
-    // With a device, SH is mostly its work, and the host's cores are there for the layers meanwhile.
-    // Only this thread may tell of steps and ask whether to cancel.
+    // With a device, SH is mostly its work, and the host's cores are there for the layers
+    // meanwhile. Only this thread may tell of steps and ask whether to cancel.
     const bool apart = device_ != nullptr && resolve_threads(threads) > 1 && !lossless &&
                        settings_.get_int(L4D_ENC_CODING, L4D_COMPONENT_SH) == 0;
     CoderOptions sh_options = coder_options;

@@ -40,7 +40,8 @@ class Constrainer {
 
   void run() {
     // Error falls with rate as 2^(-2 R / dim), so its slope is this much of it.
-    const double price = constraint_.price * 2 * std::log(2.0) / static_cast<double>(dim_) * error();
+    const double price =
+        constraint_.price * 2 * std::log(2.0) / static_cast<double>(dim_) * error();
     if (!(price > 0)) return;
     for (int round = 0; round < constraint_.rounds; ++round) {
       assign(price);
@@ -84,8 +85,8 @@ class Constrainer {
     return sum / static_cast<double>(n_);
   }
 
-  // error + price bits / weight is a squared distance with one more coordinate, 0 for points and the
-  // root of the penalty for codewords: so the search for the nearest serves.
+  // error + price bits / weight is a squared distance with one more coordinate, 0 for points and
+  // the root of the penalty for codewords: so the search for the nearest serves.
   void assign(double price) {
     std::vector<double> use(k_, 0.0);
     for (const uint32_t l : labels_) use[l] += 1;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Entropy-constrained vector quantisation (Chou, Lookabaugh and Gray 1989): codewords that are used often
-// cost few bits, and a point takes the one with the least weighted error plus price of bits.
+// Entropy-constrained vector quantisation (Chou, Lookabaugh and Gray 1989): codewords that are used
+// often cost few bits, and a point takes the one with the least weighted error plus price of bits.
 #pragma once
 
 #include <cstddef>
@@ -20,8 +20,9 @@ struct EntropyConstraint {
   NearestDevice* device = nullptr;
 };
 
-// Moves the codewords of `book` [k, dim] and assigns rows [n, dim] to them. labels [n] come in as the
-// nearest codewords. Codewords keep binary16 values; those that nobody uses stay where they are.
+// Moves the codewords of `book` [k, dim] and assigns rows [n, dim] to them. labels [n] come in as
+// the nearest codewords. Codewords keep binary16 values; those that nobody uses stay where they
+// are.
 void constrain_entropy(const float* rows, const float* weights, size_t n, size_t dim,
                        const EntropyConstraint& constraint, std::vector<float>* book,
                        std::vector<uint32_t>* labels);

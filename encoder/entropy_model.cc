@@ -113,8 +113,8 @@ void EntropyModel::cluster(const TokenCounts& counts, const std::vector<size_t>&
     }
     return sum;
   };
-  // Farthest first: the context that would gain most by a table of its own gets one, as long as that
-  // is more than the table takes.
+  // Farthest first: the context that would gain most by a table of its own gets one, as long as
+  // that is more than the table takes.
   std::vector<size_t> owner(used.size(), 0);
   std::vector<double> excess(used.size());
   size_t clusters = 1;
@@ -125,7 +125,8 @@ void EntropyModel::cluster(const TokenCounts& counts, const std::vector<size_t>&
   std::vector<double> seed(kTokens, 0.0);
   for (const auto& [token, n] : histograms[largest].tokens) seed[token] = static_cast<double>(n);
   Costs costs(seed);
-  for (size_t i = 0; i < used.size(); ++i) excess[i] = histograms[i].cost(costs) - histograms[i].entropy;
+  for (size_t i = 0; i < used.size(); ++i)
+    excess[i] = histograms[i].cost(costs) - histograms[i].entropy;
   while (clusters < max_tables) {
     const size_t worst =
         static_cast<size_t>(std::max_element(excess.begin(), excess.end()) - excess.begin());
@@ -194,7 +195,8 @@ class PageCoder : public PlaneVisitor {
     p.wide.assign(s.wide.begin(), s.wide.end());
     p.hybrid.assign(s.hybrid.begin(), s.hybrid.end());
     p.tables.resize(s.hybrid.size() + s.wide.size());
-    for (size_t i = 0; i < p.tables.size(); ++i) p.tables[i] = map[s.contexts.empty() ? 0 : s.contexts[i]];
+    for (size_t i = 0; i < p.tables.size(); ++i)
+      p.tables[i] = map[s.contexts.empty() ? 0 : s.contexts[i]];
   }
 
   void write(size_t begin, size_t end, Bytes& out) const {

@@ -19,8 +19,8 @@ class TokenCounts : public PlaneVisitor {
  private:
   friend class EntropyModel;
   static constexpr size_t kTokens = 128;  // above both kRansHybridTokens and kRansWideTokens
-  std::vector<size_t> first_;      // of each plane, in contexts
-  std::vector<uint64_t> counts_;   // [contexts, kTokens]
+  std::vector<size_t> first_;             // of each plane, in contexts
+  std::vector<uint64_t> counts_;          // [contexts, kTokens]
 };
 
 class EntropyModel {
@@ -40,8 +40,8 @@ class EntropyModel {
   const std::vector<PlaneSpec> planes_;
   std::vector<RansTable> tables_;  // those of wide integers first
   size_t wide_tables_ = 0;
-  std::vector<size_t> first_;      // of each plane, in contexts
-  std::vector<uint8_t> map_;       // [contexts]
+  std::vector<size_t> first_;  // of each plane, in contexts
+  std::vector<uint8_t> map_;   // [contexts]
 };
 
 }  // namespace l4d

@@ -71,9 +71,8 @@ class FileBuilder {
           make_chunk(encode_codebook(streams_, stage, c.books[s].data(), dim), &codebooks_);
     }
     if (coding->has_rcq) {
-      coding->rcq.codebook =
-          make_chunk(encode_codebook(streams_, coding->rcq, c.residual_book.data(), dim),
-                     &codebooks_);
+      coding->rcq.codebook = make_chunk(
+          encode_codebook(streams_, coding->rcq, c.residual_book.data(), dim), &codebooks_);
     }
   }
 
@@ -89,9 +88,8 @@ class FileBuilder {
   void build_pages() {
     for (size_t l = 0; l < layers_.size(); ++l) {
       // A bucket's pages are described in one directory page, whose size the format bounds.
-      const size_t page_size =
-          std::max(static_cast<size_t>(settings_.get(L4D_ENC_PAGE_SIZE)),
-                   layers_[l].members.size() / kMaxPagesPerDirectoryPage + 1);
+      const size_t page_size = std::max(static_cast<size_t>(settings_.get(L4D_ENC_PAGE_SIZE)),
+                                        layers_[l].members.size() / kMaxPagesPerDirectoryPage + 1);
       const PageOptions options{page_size, settings_.get_int(L4D_ENC_ZSTD_LEVEL),
                                 settings_.get_bool(L4D_ENC_RANS)};
       built_.push_back(
@@ -104,9 +102,9 @@ class FileBuilder {
     }
   }
 
-  // Level 0 first, then buckets by the time they begin, so that playback reads forward. The tables of
-  // a block lie before its first page. Of a bucket, the first parts of all pages lie before the second
-  // ones: a reader of base colours alone reads one range, and so does one of everything.
+  // Level 0 first, then buckets by the time they begin, so that playback reads forward. The tables
+  // of a block lie before its first page. Of a bucket, the first parts of all pages lie before the
+  // second ones: a reader of base colours alone reads one range, and so does one of everything.
   void build_payload() {
     struct Item {
       uint64_t phase;
@@ -117,8 +115,7 @@ class FileBuilder {
       const unsigned level = header_.layers[l].level;
       for (size_t p = 0; p < built_[l].pages.size(); ++p) {
         const uint64_t bucket = built_[l].pages[p].record.bucket;
-        const uint64_t phase =
-            level == 0 ? 0 : 1 + (bucket << (kPhaseBits - bucket_bits(level)));
+        const uint64_t phase = level == 0 ? 0 : 1 + (bucket << (kPhaseBits - bucket_bits(level)));
         items.push_back({phase, l, p});
       }
     }
@@ -155,10 +152,10 @@ class FileBuilder {
     for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
       if (record.tables[c].num_entries == 0) continue;
       const ComponentCoding& coding = header_.layers[l].component[c];
-      ChunkRef ref = make_chunk(
-          encode_rcq_table(streams_, layers_[l].component[c].block_tables[block],
-                           coding.stages[0].num_entries, coding.rcq.num_entries),
-          &payload_);
+      ChunkRef ref =
+          make_chunk(encode_rcq_table(streams_, layers_[l].component[c].block_tables[block],
+                                      coding.stages[0].num_entries, coding.rcq.num_entries),
+                     &payload_);
       ref.offset = payload_bytes_;
       payload_bytes_ += ref.stored_bytes;
       record.tables[c].chunk = ref;
@@ -188,8 +185,8 @@ class FileBuilder {
         }
         PageTableEntry entry;
         if (!page.pages.empty()) {
-          entry.chunk = make_chunk(serialize_directory_page(page, static_cast<uint32_t>(l), d),
-                                   &directory_);
+          entry.chunk =
+              make_chunk(serialize_directory_page(page, static_cast<uint32_t>(l), d), &directory_);
         }
         meter_.add_directory_page(static_cast<uint32_t>(l), d,
                                   PageTableEntry::kBytes + entry.chunk.stored_bytes, &page);
@@ -198,8 +195,8 @@ class FileBuilder {
     }
   }
 
-  // The header's size does not depend on numbers in it as long as none is zero, so it is known before
-  // they are.
+  // The header's size does not depend on numbers in it as long as none is zero, so it is known
+  // before they are.
   uint32_t header_bytes() {
     for (LayerHeader& layer : header_.layers) layer.page_table_offset = layer.num_gaussians != 0;
     header_.payload_offset = 1;
@@ -209,8 +206,8 @@ class FileBuilder {
   // Profile and level. The level is about sizes, that of the header with a level in it among them.
   Status declare() {
     const int profile = settings_.get_int(L4D_ENC_PROFILE);
-    header_.profile = profile < 0 ? static_cast<unsigned>(profile_of(header_))
-                                  : static_cast<unsigned>(profile);
+    header_.profile =
+        profile < 0 ? static_cast<unsigned>(profile_of(header_)) : static_cast<unsigned>(profile);
     const int level = settings_.get_int(L4D_ENC_LEVEL);
     if (level == 0) return {};
     header_.conformance_level = static_cast<unsigned>(std::max(level, 1));

@@ -233,8 +233,8 @@ Codebook train_codebook(const float* points, const float* weights, size_t n, siz
   const size_t size = sample_size(k, options.sample_per_codeword, n);
 
   SampledPoints wide, narrow;
-  wide.draw({points, weights, n, dim, options.threads, options.device}, sample_size(size, kWiden, n),
-            random);
+  wide.draw({points, weights, n, dim, options.threads, options.device},
+            sample_size(size, kWiden, n), random);
   narrow.draw(wide.points, size, random);
 
   // Clusters are found along principal axes, where the search is fastest; means are then taken of

@@ -64,8 +64,8 @@ double chance_factor(const std::vector<double>& share, size_t size) {
 }
 
 // `count` indices by the running sum of their mass, one from each of as many equal parts of it:
-// neighbours in the order, which are mostly neighbours in the scene, seldom come together. Few may come
-// twice. None where rounding at the very end of the sum has it so.
+// neighbours in the order, which are mostly neighbours in the scene, seldom come together. Few may
+// come twice. None where rounding at the very end of the sum has it so.
 std::vector<uint32_t> draw_by_mass(const std::vector<double>& running, size_t count,
                                    Random& random) {
   const double part = running.back() / static_cast<double>(count);
@@ -103,7 +103,8 @@ class Crowd {
   // Whether the squared distances to p are all above `limit`.
   bool is_clear_of(const float* p, float limit) const {
     for (size_t first = 0; first < count_; first += kLanes) {
-      if (!group_is_clear(p, limit, groups_.data() + first * dim_, std::min(kLanes, count_ - first))) {
+      if (!group_is_clear(p, limit, groups_.data() + first * dim_,
+                          std::min(kLanes, count_ - first))) {
         return false;
       }
     }

@@ -74,7 +74,8 @@ class LayerCoder {
       out_.members.push_back(order[j].second);
     }
     const double buckets = num_buckets(level);
-    const double span = kBucketsPerDirectoryPage * buckets / std::max<double>(1, static_cast<double>(used));
+    const double span =
+        kBucketsPerDirectoryPage * buckets / std::max<double>(1, static_cast<double>(used));
     unsigned bits = 0;
     while (bits < 16 && static_cast<double>(1u << bits) < std::min(span, buckets)) ++bits;
     out_.header.directory_bits = bits;
@@ -93,8 +94,8 @@ class LayerCoder {
         if (bucket_starts && end - j >= kMinBlockGaussians) break;
         ++end;
       }
-      const bool same_page = !out_.blocks.empty() &&
-                             out_.bucket[out_.blocks.back().begin] >> bits == page;
+      const bool same_page =
+          !out_.blocks.empty() && out_.bucket[out_.blocks.back().begin] >> bits == page;
       blocks_in_page = same_page ? blocks_in_page : 0;
       const bool too_thin = end - j < kMinBlockGaussians / 2;
       if (same_page && (too_thin || blocks_in_page == kMaxBlocksPerDirectoryPage)) {
@@ -263,7 +264,8 @@ class LayerCoder {
       if (plan_.level == 0) {
         const SeenSpan seen({original}, begin, end);
         Fading moved = decoded;
-        const uint16_t code = mean_code(seen.matching_mean(original, decoded.lambda), j, &moved.mean);
+        const uint16_t code =
+            mean_code(seen.matching_mean(original, decoded.lambda), j, &moved.mean);
         const SeenSpan any({original, decoded, moved}, begin, end);
         if (any.match_opacity(original, &moved) < any.match_opacity(original, &decoded)) {
           out_.mean_t[j] = code;
@@ -292,8 +294,8 @@ class LayerCoder {
     uint16_t code = float_to_half_saturate(static_cast<float>((mean - center) / width));
     const unsigned shift = out_.header.mean_t_shift;
     if (shift > 0) {
-      code = unorder_half(static_cast<uint16_t>(
-          ((unsigned{order_half(code)} >> shift) << shift) | (1u << (shift - 1))));
+      code = unorder_half(static_cast<uint16_t>(((unsigned{order_half(code)} >> shift) << shift) |
+                                                (1u << (shift - 1))));
     }
     *decoded = center + static_cast<double>(static_cast<float>(width) * half_to_float(code));
     return code;
@@ -310,8 +312,8 @@ class LayerCoder {
 
 }  // namespace
 
-CodedLayer code_layer(const EncoderScene& scene, const LayerPlan& plan,
-                      const CoderOptions& options, std::vector<uint32_t>* misfits) {
+CodedLayer code_layer(const EncoderScene& scene, const LayerPlan& plan, const CoderOptions& options,
+                      std::vector<uint32_t>* misfits) {
   return LayerCoder(scene, plan, options).run(misfits);
 }
 

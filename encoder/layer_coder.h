@@ -19,18 +19,18 @@ struct CodedLayer {
   std::vector<BlockRange> blocks;  // runs of members; empty where the layer has no RCQ
   std::vector<uint16_t> factor;    // [m] SQ codes
   std::array<CodedComponent, L4D_COMPONENT_COUNT> component;  // SH stays empty
-  std::vector<uint16_t> mean_t;    // [m] binary16, bucket widths from the bucket centre
+  std::vector<uint16_t> mean_t;  // [m] binary16, bucket widths from the bucket centre
   // What the decoder will find, in double: the means follow from these.
-  std::vector<double> decoded_mean_t;   // [m] seconds
-  std::vector<double> decoded_lambda;   // [m]
-  std::vector<double> decoded_velocity; // [m, 3]
-  std::vector<double> position;         // [m, 3] to be coded
-  std::vector<float> opacity;           // [m] to be coded
+  std::vector<double> decoded_mean_t;    // [m] seconds
+  std::vector<double> decoded_lambda;    // [m]
+  std::vector<double> decoded_velocity;  // [m, 3]
+  std::vector<double> position;          // [m, 3] to be coded
+  std::vector<float> opacity;            // [m] to be coded
 };
 
 // Codes the members of a plan. Those whose decoded form no longer fits the layer are left out and
 // returned in `misfits` (ascending) for the next coarser layer.
-CodedLayer code_layer(const EncoderScene& scene, const LayerPlan& plan,
-                      const CoderOptions& options, std::vector<uint32_t>* misfits);
+CodedLayer code_layer(const EncoderScene& scene, const LayerPlan& plan, const CoderOptions& options,
+                      std::vector<uint32_t>* misfits);
 
 }  // namespace l4d

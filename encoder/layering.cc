@@ -15,8 +15,8 @@ constexpr double kPermanentTolerance = 1e-3;
 
 bool is_permanent(const EncoderScene& s, size_t i) {
   const double begin = s.timeline.time_begin;
-  const double reach = std::max(std::fabs(begin - s.mean_t[i]),
-                                std::fabs(begin + s.duration - s.mean_t[i]));
+  const double reach =
+      std::max(std::fabs(begin - s.mean_t[i]), std::fabs(begin + s.duration - s.mean_t[i]));
   if (0.5 * s.lambda[i] * reach * reach > kPermanentTolerance) return false;
   double speed2 = 0;
   double largest = 0;
@@ -54,12 +54,12 @@ std::vector<LayerPlan> plan_layers(const EncoderScene& s, const EncoderSettings&
     from.members.clear();
   };
   // Only towards coarser levels: that keeps the bound on neighbours.
-  for (uint32_t l = levels - 1; l > 0 && static_cast<double>(layers[l].members.size()) < least; --l) {
+  for (uint32_t l = levels - 1; l > 0 && static_cast<double>(layers[l].members.size()) < least;
+       --l) {
     merge(layers[l], layers[l - 1]);
   }
   // Two kinds of layer cost two sets of codebooks.
-  if (static_cast<double>(permanent.members.size()) < least &&
-      permanent.members.size() < s.count) {
+  if (static_cast<double>(permanent.members.size()) < least && permanent.members.size() < s.count) {
     merge(permanent, layers[0]);
   }
   std::vector<LayerPlan> used;

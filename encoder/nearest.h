@@ -13,24 +13,26 @@ enum class Axes {
   kPrincipal  // uncorrelated and in order of falling energy: nothing is gained by rotating them
 };
 
-// A device that may do searches. They are the host's to the last bit, so that files do not depend on it.
+// A device that may do searches. They are the host's to the last bit, so that files do not depend
+// on it.
 class NearestDevice {
  public:
   virtual ~NearestDevice() = default;
-  // Points that stay there from one search to the next. One search at a time; gone before its device is.
+  // Points that stay there from one search to the next. One search at a time; gone before its
+  // device is.
   class HeldPoints {
    public:
     virtual ~HeldPoints() = default;
   };
   struct Job {
-    const float* points;    // [n, dim]
+    const float* points;  // [n, dim]
     size_t n, dim;
     const float* codebook;  // [k, dim]
     size_t k;
-    uint32_t first_label;   // of codeword 0
-    bool keep;              // codewords have to beat labels and sq_dist as given
-    uint32_t* labels;       // [n]
-    float* sq_dist;         // [n]
+    uint32_t first_label;        // of codeword 0
+    bool keep;                   // codewords have to beat labels and sq_dist as given
+    uint32_t* labels;            // [n]
+    float* sq_dist;              // [n]
     HeldPoints* held = nullptr;  // where hold() took these points
   };
   // False where it leaves the work to the host: too little of it, no kernel, busy, or a failure.

@@ -432,8 +432,8 @@ HWY_EXPORT(search_range);
 bool worth_rotating(size_t n, size_t k, size_t dim) { return n >= 32 * dim && k > 64; }
 
 void search_all(NearestJob job, size_t n, int threads) {
-  // Where there are few codewords to look at, a piece of this many points would be done before another
-  // thread has begun.
+  // Where there are few codewords to look at, a piece of this many points would be done before
+  // another thread has begun.
   constexpr size_t kLeastGrain = 1024;
   constexpr size_t kLeastWork = size_t{1} << 18;
   const size_t per_point = job.index->dim * std::min<size_t>(job.index->k, 64);
@@ -449,9 +449,8 @@ void assign_nearest(const float* points, size_t n, size_t dim, const float* code
                     const NearestBackend& backend, const uint32_t* hint, uint32_t* labels,
                     float* sq_dist, Axes axes) {
   if (n == 0) return;
-  if (backend.device != nullptr &&
-      backend.device->search(
-          {points, n, dim, codebook, k, 0, false, labels, sq_dist, backend.held})) {
+  if (backend.device != nullptr && backend.device->search({points, n, dim, codebook, k, 0, false,
+                                                           labels, sq_dist, backend.held})) {
     return;
   }
   const NearestIndex index(codebook, k, dim, axes == Axes::kAny && worth_rotating(n, k, dim));
@@ -462,9 +461,8 @@ void update_nearest(const float* points, size_t n, size_t dim, const float* code
                     uint32_t first_label, const NearestBackend& backend, uint32_t* labels,
                     float* sq_dist) {
   if (n == 0 || k == 0) return;
-  if (backend.device != nullptr &&
-      backend.device->search(
-          {points, n, dim, codebook, k, first_label, true, labels, sq_dist, backend.held})) {
+  if (backend.device != nullptr && backend.device->search({points, n, dim, codebook, k, first_label,
+                                                           true, labels, sq_dist, backend.held})) {
     return;
   }
   const NearestIndex index(codebook, k, dim, false);

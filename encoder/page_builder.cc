@@ -11,10 +11,10 @@
 #include "encoder/scalar.h"
 #include "libl4dcodec/base/half.h"
 #include "libl4dcodec/base/hash.h"
-#include "libl4dcodec/base/threads.h"
-#include "libl4dcodec/math/layers.h"
 #include "libl4dcodec/base/ordered.h"
+#include "libl4dcodec/base/threads.h"
 #include "libl4dcodec/container/morton.h"
+#include "libl4dcodec/math/layers.h"
 
 namespace l4d {
 namespace {
@@ -35,14 +35,16 @@ uint16_t half_outward(double value, bool up) {
 
 // Compressing a page as a whole adds a pass over all of it: one part in sixteen must be saved.
 constexpr size_t kMinPageSaving = 16;
-// A second part, without which SH is base colour, costs a set of rANS states and a place and a hash in
-// the directory, about 150 bytes. Readers take gaps of this size with what lies around them anyway.
+// A second part, without which SH is base colour, costs a set of rANS states and a place and a hash
+// in the directory, about 150 bytes. Readers take gaps of this size with what lies around them
+// anyway.
 constexpr size_t kMinDetailBytes = 4096;
 
 class LayerBuilder {
  public:
-  LayerBuilder(const EncoderScene& scene, const SceneHeader& header, const LayerHeader& layer_header,
-               const CodedLayer& layer, const CodedComponent& sh, const PageOptions& options)
+  LayerBuilder(const EncoderScene& scene, const SceneHeader& header,
+               const LayerHeader& layer_header, const CodedLayer& layer, const CodedComponent& sh,
+               const PageOptions& options)
       : scene_(scene),
         header_(header),
         layer_header_(layer_header),
@@ -75,7 +77,8 @@ class LayerBuilder {
   bool lossless() const { return header_.position == MeanCodingId::kRaw32; }
   bool fixed() const { return header_.position == MeanCodingId::kFixed; }
 
-  // Pages are made twice, once to count and once to code: their columns may be larger than the scene.
+  // Pages are made twice, once to count and once to code: their columns may be larger than the
+  // scene.
   std::unique_ptr<EntropyModel> make_model(int threads) const {
     const std::vector<PlaneSpec> planes = page_planes(header_, layer_header_);
     TokenCounts counts(planes);
@@ -195,8 +198,8 @@ class LayerBuilder {
     const PageColumns columns = make_columns(cut);
     page.record.block = block_of(order_[cut.begin]);
     if (model != nullptr) {
-      Bytes bytes = model->encode_page(header_, layer_header_, columns, &page.sh_detail,
-                                       kMinDetailBytes);
+      Bytes bytes =
+          model->encode_page(header_, layer_header_, columns, &page.sh_detail, kMinDetailBytes);
       page.record.sh_detail.stored_bytes = static_cast<uint32_t>(page.sh_detail.size());
       if (!page.sh_detail.empty()) page.record.sh_detail.hash = hash64(page.sh_detail);
       page.record.chunk.raw_bytes = static_cast<uint32_t>(bytes.size());
@@ -229,8 +232,8 @@ class LayerBuilder {
     if (coding.coding == ComponentCodingId::kRaw32) {
       for (size_t i = cut.begin; i < cut.end; ++i) {
         const size_t s = layer_.members[order_[i]];
-        const float* from = c == L4D_COMPONENT_SH      ? scene_.sh.data() + dim * s
-                            : c == L4D_COMPONENT_SCALE ? scene_.log_scale.data() + 4 * s
+        const float* from = c == L4D_COMPONENT_SH              ? scene_.sh.data() + dim * s
+                            : c == L4D_COMPONENT_SCALE         ? scene_.log_scale.data() + 4 * s
                             : c == L4D_COMPONENT_ROTOR_SPATIAL ? scene_.rotor.data() + 8 * s
                                                                : scene_.rotor.data() + 8 * s + 4;
         to.raw.insert(to.raw.end(), from, from + dim);
@@ -317,10 +320,10 @@ class LayerBuilder {
         }
       }
     }
-    record->visible_begin = static_cast<uint8_t>(
-        std::clamp(std::floor((first - center) / unit) + 128, 0.0, 255.0));
-    record->visible_end = static_cast<uint8_t>(
-        std::clamp(std::ceil((last - center) / unit) + 128, 0.0, 255.0));
+    record->visible_begin =
+        static_cast<uint8_t>(std::clamp(std::floor((first - center) / unit) + 128, 0.0, 255.0));
+    record->visible_end =
+        static_cast<uint8_t>(std::clamp(std::ceil((last - center) / unit) + 128, 0.0, 255.0));
     for (size_t k = 0; k < 3; ++k) {
       const auto scaled = [&](double x, double sign) {
         const double s =
@@ -338,9 +341,9 @@ class LayerBuilder {
   const CodedLayer& layer_;
   const CodedComponent& sh_;
   PageOptions options_;
-  std::vector<uint16_t> half_;    // [m, 3], or
-  std::vector<uint32_t> fixed_;   // [m, 3]
-  std::vector<uint32_t> order_;   // stored order: indices of members
+  std::vector<uint16_t> half_;   // [m, 3], or
+  std::vector<uint32_t> fixed_;  // [m, 3]
+  std::vector<uint32_t> order_;  // stored order: indices of members
   std::vector<Cut> cuts_;
 };
 
@@ -373,8 +376,8 @@ void choose_frame(const std::vector<CodedLayer>& layers, bool lossless, SceneHea
     header->position_center[k] = lossless ? 0.0f : center;
     for (const double x : axis) reach = std::max(reach, std::fabs(x - static_cast<double>(center)));
   }
-  // A power of two, so that scaling is exact, under which the farthest Gaussian is near the top of the
-  // range of binary16 and the finest steps are used around the centre.
+  // A power of two, so that scaling is exact, under which the farthest Gaussian is near the top of
+  // the range of binary16 and the finest steps are used around the centre.
   header->position_scale = 1;
   if (!lossless && reach > 0) {
     const int exponent = std::clamp(static_cast<int>(std::ceil(std::log2(reach / 32768))), -40, 60);
@@ -394,8 +397,8 @@ void choose_fixed_frame(const std::vector<CodedLayer>& layers, double step, Scen
   }
   double reach = 0;
   for (size_t k = 0; k < 3; ++k) reach = std::max(reach, high[k] - low[k]);
-  // A step between powers of two saves a fraction of a bit; one that is no power of two rounds nothing
-  // that matters.
+  // A step between powers of two saves a fraction of a bit; one that is no power of two rounds
+  // nothing that matters.
   const double finest = reach / ((1u << kMaxPositionBits) - 2);
   const float scale = static_cast<float>(std::clamp(std::max(step, finest), 0x1p-40, 0x1p60));
   header->position = MeanCodingId::kFixed;

@@ -23,9 +23,9 @@ struct BuiltPage {
 };
 
 struct BuiltLayer {
-  std::vector<BuiltPage> pages;       // by bucket
-  std::vector<uint32_t> order;        // scene index of each Gaussian in stored order
-  Bytes entropy;                      // tables of rANS pages; empty where the layer has none
+  std::vector<BuiltPage> pages;  // by bucket
+  std::vector<uint32_t> order;   // scene index of each Gaussian in stored order
+  Bytes entropy;                 // tables of rANS pages; empty where the layer has none
 };
 
 // Frame of the coded positions and opacity coding, chosen over all layers.

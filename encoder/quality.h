@@ -20,24 +20,27 @@ class Quality {
 
   // Mean squared error of the image that one number of component c of one Gaussian may cause.
   double per_number(unsigned c) const {
-    return power(decibels_ + kOffset[c] + settings_.get(L4D_ENC_QUALITY_OFFSET, static_cast<int>(c)));
+    return power(decibels_ + kOffset[c] +
+                 settings_.get(L4D_ENC_QUALITY_OFFSET, static_cast<int>(c)));
   }
-  // What a bit of component c is worth: the slope at which that error falls with the rate of uniform
-  // quantisers, 2 ln 2 of it.
+  // What a bit of component c is worth: the slope at which that error falls with the rate of
+  // uniform quantisers, 2 ln 2 of it.
   double bit_price(unsigned c) const { return 2 * std::log(2.0) * per_number(c); }
-  // Of a component whose largest sensible step is known at 42 dB: small weights are estimates, and hold
-  // for small errors only.
+  // Of a component whose largest sensible step is known at 42 dB: small weights are estimates, and
+  // hold for small errors only.
   double max_step(double at_42_db) const { return at_42_db * std::exp2((42 - decibels_) / 12); }
 
   // Squared error of the image that leaving a Gaussian out may cause: what its bits would save
   // elsewhere, a bit being worth 2 ln 2 of what a number is allowed.
   double pruning_error() const {
     constexpr double kBitsPerGaussian = 80;
-    return settings_.get(L4D_ENC_PRUNE_COST) * kBitsPerGaussian * 2 * std::log(2.0) * power(decibels_);
+    return settings_.get(L4D_ENC_PRUNE_COST) * kBitsPerGaussian * 2 * std::log(2.0) *
+           power(decibels_);
   }
 
-  // Step of positions for the importances given, of one number each. Their offset is more than slopes on
-  // one scene ask for: where splats lie in one plane, errors of position change which is in front.
+  // Step of positions for the importances given, of one number each. Their offset is more than
+  // slopes on one scene ask for: where splats lie in one plane, errors of position change which is
+  // in front.
   double position_step(double sum_of_importance) const {
     return std::sqrt(12 * power(decibels_ + settings_.get(L4D_ENC_POSITION_OFFSET)) * n_ /
                      std::max(sum_of_importance, 1e-30));
@@ -48,12 +51,13 @@ class Quality {
     if (set != 0) return static_cast<unsigned>(set);
     return static_cast<unsigned>(std::clamp(std::ceil(5.5 + (decibels_ - 42) / 6), 4.0, 12.0));
   }
-  // Root mean square of the error of mean times, in standard deviations of what they are the means of.
+  // Root mean square of the error of mean times, in standard deviations of what they are the means
+  // of.
   double mean_t_error() const { return 0.11 * std::pow(10.0, (35.4 - decibels_) / 20); }
 
  private:
-  // About this many numbers of a Gaussian take part in its error. This and the offsets are where the
-  // slopes of fidelity against bytes are equal, on the basketball scene at 41 dB.
+  // About this many numbers of a Gaussian take part in its error. This and the offsets are where
+  // the slopes of fidelity against bytes are equal, on the basketball scene at 41 dB.
   static constexpr double kNumbers = 66;
   static constexpr double kOffset[L4D_COMPONENT_COUNT] = {0, 1.2, 0, -3.5};
   double power(double decibels) const { return std::pow(10.0, -decibels / 10) / (kNumbers * n_); }

@@ -12,10 +12,10 @@ namespace {
 
 // A block codebook as the paper makes it, before its residuals are quantised.
 struct LocalBook {
-  std::vector<float> entries;     // [k, dim]
-  std::vector<uint16_t> global;   // [k] nearest layer codeword
-  std::vector<float> residual;    // [k, dim]
-  std::vector<float> weight;      // [k] weight of the Gaussians assigned
+  std::vector<float> entries;    // [k, dim]
+  std::vector<uint16_t> global;  // [k] nearest layer codeword
+  std::vector<float> residual;   // [k, dim]
+  std::vector<float> weight;     // [k] weight of the Gaussians assigned
 };
 
 // What a block costs under one of the two codings.
@@ -123,8 +123,8 @@ CodedBlock code_block(const float* rows, size_t n, size_t dim, const LocalBook& 
 
 }  // namespace
 
-std::vector<std::vector<float>> train_block_books(const float* rows, const float* weights, size_t dim,
-                                                  const std::vector<BlockRange>& blocks,
+std::vector<std::vector<float>> train_block_books(const float* rows, const float* weights,
+                                                  size_t dim, const std::vector<BlockRange>& blocks,
                                                   const ComponentSettings& settings, size_t most) {
   const ComponentSettings serial = serial_settings(settings);
   std::vector<std::vector<float>> books(blocks.size());
@@ -148,7 +148,8 @@ void code_blocks(const float* rows, const float* weights, const std::vector<Bloc
     const bool too_large = block_books[b].size() / dim > block_entries(blocks[b], most);
     locals[b] = make_local(
         rows + begin * dim, weights + begin, blocks[b].end - begin, dim, global,
-        too_large ? train_block(rows, weights, dim, blocks, b, most, serial) : block_books[b], serial);
+        too_large ? train_block(rows, weights, dim, blocks, b, most, serial) : block_books[b],
+        serial);
   });
   std::vector<float> residuals, residual_weights;
   for (size_t b = 0; b < blocks.size(); ++b) {
@@ -158,9 +159,9 @@ void code_blocks(const float* rows, const float* weights, const std::vector<Bloc
   }
   const size_t num_residuals = residual_weights.size();
   if (num_residuals == 0) return;
-  const std::vector<float> residual_book = train_half_codebook(
-      residuals.data(), residual_weights.data(), num_residuals, dim,
-      useful_entries(settings.rcq_size, num_residuals), settings, 0x10);
+  const std::vector<float> residual_book =
+      train_half_codebook(residuals.data(), residual_weights.data(), num_residuals, dim,
+                          useful_entries(settings.rcq_size, num_residuals), settings, 0x10);
   const double pair_bits = std::log2(static_cast<double>(global.size() / dim)) +
                            std::log2(static_cast<double>(residual_book.size() / dim));
 

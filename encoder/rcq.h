@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Residual codebook quantisation: block codebooks made of pairs (layer codeword, residual codeword).
+// Residual codebook quantisation: block codebooks made of pairs (layer codeword, residual
+// codeword).
 #pragma once
 
 #include <vector>
@@ -10,16 +11,16 @@ namespace l4d {
 
 // A codebook of its own for every block, for code_blocks: as many entries as are useful to its
 // Gaussians, `most` at most.
-std::vector<std::vector<float>> train_block_books(const float* rows, const float* weights, size_t dim,
-                                                  const std::vector<BlockRange>& blocks,
+std::vector<std::vector<float>> train_block_books(const float* rows, const float* weights,
+                                                  size_t dim, const std::vector<BlockRange>& blocks,
                                                   const ComponentSettings& settings, size_t most);
 
-// Tries a codebook of its own for every block of a component whose stage 0 is coded plainly, and keeps
-// it where settings.rcq is 2, or where it saves more than it costs: bits of indices against bits of
-// the table, the change of distortion counted in bits at the high-rate slope of 6 dB per bit and
-// dimension. distance: [n] squared errors of the plain coding. block_books: as train_block_books
-// gives them; those that hold more entries than the layer's codebook are trained again. Updates
-// index, decoded, block_tables and residual_book of `component`.
+// Tries a codebook of its own for every block of a component whose stage 0 is coded plainly, and
+// keeps it where settings.rcq is 2, or where it saves more than it costs: bits of indices against
+// bits of the table, the change of distortion counted in bits at the high-rate slope of 6 dB per
+// bit and dimension. distance: [n] squared errors of the plain coding. block_books: as
+// train_block_books gives them; those that hold more entries than the layer's codebook are trained
+// again. Updates index, decoded, block_tables and residual_book of `component`.
 void code_blocks(const float* rows, const float* weights, const std::vector<BlockRange>& blocks,
                  const ComponentSettings& settings, const std::vector<float>& distance,
                  const std::vector<std::vector<float>>& block_books, CodedComponent* component);
@@ -27,8 +28,8 @@ void code_blocks(const float* rows, const float* weights, const std::vector<Bloc
 // Shared with the plain coder.
 void round_to_half(std::vector<float>& values);
 uint32_t useful_entries(uint32_t wanted, size_t n);
-std::vector<float> train_half_codebook(const float* rows, const float* weights, size_t n, size_t dim,
-                                       uint32_t entries, const ComponentSettings& settings,
-                                       uint64_t salt);
+std::vector<float> train_half_codebook(const float* rows, const float* weights, size_t n,
+                                       size_t dim, uint32_t entries,
+                                       const ComponentSettings& settings, uint64_t salt);
 
 }  // namespace l4d

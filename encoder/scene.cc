@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "encoder/scene.h"
 
-#include "encoder/quality.h"
-
 #include <algorithm>
 #include <cmath>
 #include <string>
 
+#include "encoder/quality.h"
 #include "libl4dcodec/base/threads.h"
 #include "libl4dcodec/math/attributes.h"
 #include "libl4dcodec/math/gauge.h"
@@ -38,8 +37,8 @@ float proxy_weight(const EncoderScene& s, size_t i) {
 }
 
 // Squared change of the image by one number of each component, where only sums of derivatives or
-// nothing is known: averages over a trained scene (basketball) of the ratio to those sums and to the
-// blending weight. They say what matters more, not how much in decibels.
+// nothing is known: averages over a trained scene (basketball) of the ratio to those sums and to
+// the blending weight. They say what matters more, not how much in decibels.
 constexpr double kSquarePerSum[L4D_COMPONENT_COUNT] = {5e-3, 2.5e-3, 6e-2, 1.0};
 constexpr double kSquarePerAlpha[L4D_COMPONENT_COUNT] = {2e-3, 5e-4, 2e-2, 0};
 constexpr double kPositionPerScale = 1.5;  // in units of the largest scale
@@ -50,8 +49,8 @@ constexpr double kProxyGain = 0.7;  // where the default preset has about the fi
 double seen_seconds(const EncoderScene& s, size_t i) {
   const double begin = s.timeline.time_begin;
   const double reach = 4 * s.sigma_t(i);
-  const double span = std::min(begin + s.duration, s.mean_t[i] + reach) -
-                      std::max(begin, s.mean_t[i] - reach);
+  const double span =
+      std::min(begin + s.duration, s.mean_t[i] + reach) - std::max(begin, s.mean_t[i] - reach);
   return std::max(span, 0.0);
 }
 
@@ -67,9 +66,8 @@ void set_importance(const EncoderInput& input, bool gauss_newton, EncoderScene* 
   }
   const auto share = [&](size_t i) {
     if (alpha_t != nullptr) return static_cast<double>(alpha_t[s.source[i]]);
-    return proxies > 0
-               ? kProxyGain * std::sqrt(static_cast<double>(proxy_weight(s, i))) / proxies
-               : 1.0 / static_cast<double>(s.count);
+    return proxies > 0 ? kProxyGain * std::sqrt(static_cast<double>(proxy_weight(s, i))) / proxies
+                       : 1.0 / static_cast<double>(s.count);
   };
   const auto largest_scale = [&](size_t i) {
     const float* l = s.log_scale.data() + 4 * i;
@@ -96,8 +94,7 @@ void set_importance(const EncoderInput& input, bool gauss_newton, EncoderScene* 
                   square(largest_scale(i)));
     if (input.weights[L4D_WEIGHT_ROTOR_TEMPORAL] == nullptr) {
       s.importance[L4D_COMPONENT_ROTOR_TEMPORAL][i] =
-          static_cast<float>(kTemporalPerPosition *
-                             static_cast<double>(s.position_importance[i]) *
+          static_cast<float>(kTemporalPerPosition * static_cast<double>(s.position_importance[i]) *
                              square(seen_seconds(s, i)));
     }
   }
@@ -155,8 +152,9 @@ Status prepare_scene(const EncoderInput& input, const EncoderSettings& settings,
   const double prune = settings.get(L4D_ENC_PRUNE_WEIGHT);
   const float* alpha_t = input.weights[L4D_WEIGHT_ALPHA_T];
   if (prune >= 0 && alpha_t == nullptr) {
-    return invalid_argument("prune-weight needs alpha_t weights: measure them from cameras, or do without "
-                            "(prune-weight=-1)");
+    return invalid_argument(
+        "prune-weight needs alpha_t weights: measure them from cameras, or do without "
+        "(prune-weight=-1)");
   }
   // What is seen of a Gaussian ends with its opacity, so to leave it out is to take that away.
   const float* of_opacity = settings.get_int(L4D_ENC_WEIGHT_MEASURE) == 1 && !lossless

@@ -23,19 +23,20 @@ struct EncoderScene {
   uint32_t sh_degree = 0;
   l4d_timeline timeline{};
   double duration = 0;
-  std::vector<uint32_t> source;   // [n] index in the input
-  std::vector<double> position;   // [n, 3] at t_ref; lossless: as given
-  std::vector<double> mean_t;     // [n]
+  std::vector<uint32_t> source;  // [n] index in the input
+  std::vector<double> position;  // [n, 3] at t_ref; lossless: as given
+  std::vector<double> mean_t;    // [n]
   // The float32 values given, bit for bit (conversion through double may flush subnormals).
   std::vector<float> raw_position;  // [n, 3], lossless only
   std::vector<float> raw_mean_t;    // [n], lossless only
-  std::vector<float> log_scale;   // [n, 4]
-  std::vector<float> rotor;       // [n, 8] normalised; lossless: as given
-  std::vector<float> opacity;     // [n] linear; lossless: as given
-  std::vector<float> sh;          // [n, sh_dim]
-  std::vector<double> velocity;   // [n, 3]
-  std::vector<double> lambda;     // [n]
-  std::array<std::vector<float>, L4D_COMPONENT_COUNT> weight;  // [n], of squared errors of codewords
+  std::vector<float> log_scale;     // [n, 4]
+  std::vector<float> rotor;         // [n, 8] normalised; lossless: as given
+  std::vector<float> opacity;       // [n] linear; lossless: as given
+  std::vector<float> sh;            // [n, sh_dim]
+  std::vector<double> velocity;     // [n, 3]
+  std::vector<double> lambda;       // [n]
+  std::array<std::vector<float>, L4D_COMPONENT_COUNT>
+      weight;  // [n], of squared errors of codewords
   // [n] mean squared change of the image by a change of one number: of components and positions.
   std::array<std::vector<float>, L4D_COMPONENT_COUNT> importance;
   std::vector<float> position_importance;

@@ -14,15 +14,15 @@ namespace {
 constexpr ParameterDescription kParameters[L4D_ENC_PARAMETER_COUNT] = {
     {"lossless", "code float32 attributes exactly", 0, 1, 0, false, true},
     {"codebook-size", "entries of each stage's codebook", 1, 65536, 1024, true, true},
-    {"literal-threshold", "keep vectors of a larger weight unquantised; 0 = never", 0, 1e30, 0, true,
-     false},
+    {"literal-threshold", "keep vectors of a larger weight unquantised; 0 = never", 0, 1e30, 0,
+     true, false},
     {"rcq", "block codebooks: 0 never, 1 where they pay, 2 wherever allowed", 0, 2, 1, false, true},
     {"rcq-size", "entries of a residual codebook", 1, 4096, 512, false, true},
     {"merge-fraction", "merge a finest layer with a smaller share of all Gaussians", 0, 1, 0.005,
      false, false},
     {"merge-count", "merge a finest layer with fewer Gaussians", 0, 1e9, 4096, false, true},
-    {"prune-weight", "drop Gaussians whose alpha_t weight is at most this; negative = never", -1, 1e30,
-     -1, false, false},
+    {"prune-weight", "drop Gaussians whose alpha_t weight is at most this; negative = never", -1,
+     1e30, -1, false, false},
     {"page-size", "Gaussians per page", 64, 65536, 4096, false, true},
     {"closed-loop", "choose means and opacities so that decoded Gaussians are in place", 0, 1, 1,
      false, true},
@@ -35,40 +35,47 @@ constexpr ParameterDescription kParameters[L4D_ENC_PARAMETER_COUNT] = {
     {"zstd-level", "effort of zstd", 1, 22, 15, false, true},
     {"drop-invalid", "drop Gaussians that cannot be coded instead of refusing the scene", 0, 1, 0,
      false, true},
-    {"effort", "how hard k-means and zstd try: sets kmeans-iterations, kmeans-sample and zstd-level", 1,
-     9, 7, false, true},
-    {"coding", "0 codebooks, 1 transform, 2 whichever costs less", 0, 2, 1, true, true},
-    {"quality", "of transforms and fixed positions: fidelity to aim at, in dB", 20, 90, 44, false, false},
-    {"quality-offset", "dB on top of the quality", -30, 30, 0, true, false},
-    {"fixed-positions", "positions in fixed point, with a step that follows the quality", 0, 1, 1, false,
-     true},
-    {"mean-t-shift", "low bits of mean times left out; -1 = as the quality allows", -1, 10, -1, false,
-     true},
-    {"rans", "code pages by rANS, not zstd", 0, 1, 1, false, true},
-    {"weight-measure", "what the weights are: 0 sums of derivatives, 1 Gauss-Newton", 0, 1, 0, false,
-     true},
-    {"prune-cost", "drop Gaussians that cost more bits than they are worth, by this factor; 0 = none", 0,
-     10, 0.2, false, false},
-    {"rate-price", "price of the bits of codebook indices; 0 = nearest codeword", 0, 10, 0, true, false},
-    {"position-offset", "dB on top of the quality, of fixed positions", -30, 60, 6, false, false},
-    {"profile", "declared profile: 1 indexed, 2 main, 3 lossless, 0 none; -1 = what the stream keeps to", -1,
-     3, -1, false, true},
-    {"level", "declared conformance level, 0 = none; -1 = the smallest that the stream keeps to", -1, 6, -1,
+    {"effort",
+     "how hard k-means and zstd try: sets kmeans-iterations, kmeans-sample and zstd-level", 1, 9, 7,
      false, true},
+    {"coding", "0 codebooks, 1 transform, 2 whichever costs less", 0, 2, 1, true, true},
+    {"quality", "of transforms and fixed positions: fidelity to aim at, in dB", 20, 90, 44, false,
+     false},
+    {"quality-offset", "dB on top of the quality", -30, 30, 0, true, false},
+    {"fixed-positions", "positions in fixed point, with a step that follows the quality", 0, 1, 1,
+     false, true},
+    {"mean-t-shift", "low bits of mean times left out; -1 = as the quality allows", -1, 10, -1,
+     false, true},
+    {"rans", "code pages by rANS, not zstd", 0, 1, 1, false, true},
+    {"weight-measure", "what the weights are: 0 sums of derivatives, 1 Gauss-Newton", 0, 1, 0,
+     false, true},
+    {"prune-cost",
+     "drop Gaussians that cost more bits than they are worth, by this factor; 0 = none", 0, 10, 0.2,
+     false, false},
+    {"rate-price", "price of the bits of codebook indices; 0 = nearest codeword", 0, 10, 0, true,
+     false},
+    {"position-offset", "dB on top of the quality, of fixed positions", -30, 60, 6, false, false},
+    {"profile",
+     "declared profile: 1 indexed, 2 main, 3 lossless, 0 none; -1 = what the stream keeps to", -1,
+     3, -1, false, true},
+    {"level", "declared conformance level, 0 = none; -1 = the smallest that the stream keeps to",
+     -1, 6, -1, false, true},
     {"codebooks-by-cost", "sizes and depths of codebooks follow the quality", 0, 1, 0, false, true},
-    {"refine", "rounds in which residual stages are coded again for each other", 0, 20, 0, false, true},
+    {"refine", "rounds in which residual stages are coded again for each other", 0, 20, 0, false,
+     true},
     {"sh-base", "SH transforms: 0 freely chosen axes, 1 base colours first", 0, 1, 1, false, true},
 };
 
-// What each effort sets; docs/accuracy.md has the front of time against quality they were taken from.
+// What each effort sets; docs/accuracy.md has the front of time against quality they were taken
+// from.
 struct Effort {
   double kmeans_iterations, kmeans_sample, zstd_level;
 };
-constexpr Effort kEfforts[9] = {{0, 2, 1},   {0, 4, 1},    {0, 4, 15},   {2, 4, 15}, {4, 4, 15},
+constexpr Effort kEfforts[9] = {{0, 2, 1},   {0, 4, 1},    {0, 4, 15},   {2, 4, 15},  {4, 4, 15},
                                 {4, 16, 15}, {10, 24, 15}, {10, 32, 15}, {16, 32, 15}};
 
-// The paper's own settings ("Compression" in its supplement). Its thresholds are of weights measured
-// as l4d_sensitivity does.
+// The paper's own settings ("Compression" in its supplement). Its thresholds are of weights
+// measured as l4d_sensitivity does.
 struct PaperPreset {
   double sh_codebook, sh_threshold;
 };
@@ -89,7 +96,8 @@ struct QualityPreset {
 constexpr QualityPreset kQualityPresets[] = {
     {"default", 44}, {"tiny", 38.5}, {"small", 42.3}, {"large", 46.5}, {"archive", 54}};
 
-// Codebooks leave those Gaussians further off that are not worth a bit more: hence the higher numbers.
+// Codebooks leave those Gaussians further off that are not worth a bit more: hence the higher
+// numbers.
 constexpr QualityPreset kIndexedPresets[] = {
     {"indexed", 45.3}, {"indexed-small", 40}, {"indexed-high", 51}};
 
@@ -102,7 +110,8 @@ constexpr PresetDescription kPresets[] = {
     {"indexed", "codebooks only, for players that render from indices: as good as default"},
     {"indexed-small", "codebooks only: between tiny and small"},
     {"indexed-high", "codebooks only: between large and archive"},
-    {"paper-small", "the paper's small model: literals above thresholds, RCQ, unseen Gaussians dropped"},
+    {"paper-small",
+     "the paper's small model: literals above thresholds, RCQ, unseen Gaussians dropped"},
     {"paper-large", "the paper's large model: twice the SH codebook, a lower SH threshold"},
     {"lossless", "the float32 bits of the input, in any order"},
 };
@@ -248,10 +257,11 @@ Status EncoderSettings::check_profile() const {
   static constexpr const char* kComponents[] = {"sh", "scale", "rotor-spatial", "rotor-temporal"};
   for (int c = 0; c < L4D_COMPONENT_COUNT; ++c) {
     if (get_int(L4D_ENC_CODING, c) != 0) {
-      return refuse(std::string(get_int(L4D_ENC_CODING, c) == 1
-                                    ? " does not allow coding = 1, transforms, of "
-                                    : " does not allow coding = 2, transforms where they cost less, of ") +
-                    kComponents[c]);
+      return refuse(
+          std::string(get_int(L4D_ENC_CODING, c) == 1
+                          ? " does not allow coding = 1, transforms, of "
+                          : " does not allow coding = 2, transforms where they cost less, of ") +
+          kComponents[c]);
     }
   }
   if (get_bool(L4D_ENC_FIXED_POSITIONS)) return refuse(" does not allow fixed-positions = 1");

@@ -13,7 +13,8 @@ namespace {
 constexpr double kMaxStep = 1.07;
 constexpr unsigned kSh = L4D_COMPONENT_SH;
 
-CodedComponent as_transform(const EncoderScene& scene, const CoderOptions& options, const Quality& quality) {
+CodedComponent as_transform(const EncoderScene& scene, const CoderOptions& options,
+                            const Quality& quality) {
   options.step("sh_transform");
   TransformSettings t;
   t.distortion = quality.per_number(kSh);
@@ -25,7 +26,8 @@ CodedComponent as_transform(const EncoderScene& scene, const CoderOptions& optio
                                   scene.sh_dim(), t);
 }
 
-CodedComponent in_codebooks(const EncoderScene& scene, const CoderOptions& options, double bit_price) {
+CodedComponent in_codebooks(const EncoderScene& scene, const CoderOptions& options,
+                            double bit_price) {
   options.step("sh_vq");
   ComponentSettings s = component_settings(*options.settings, kSh);
   s.seed = options.seed * 131 + 7;

@@ -16,8 +16,8 @@ namespace {
 
 // Steps of what hardly weighs, at 42 dB: log scales, and stereographic coordinates of rotors.
 constexpr double kMaxStep[L4D_COMPONENT_COUNT] = {0, 0.6, 0.08, 0.0215};
-// A change of one of three coordinates moves the four numbers of a half about twice as far, and their
-// squares are averages over four.
+// A change of one of three coordinates moves the four numbers of a half about twice as far, and
+// their squares are averages over four.
 constexpr float kRotorPerStereographic = 6.0f;
 constexpr double kNearMinusOne = -0.999999;
 
@@ -47,7 +47,8 @@ float decoded_factor(const ScalarCoding& f, const std::vector<uint16_t>& codes, 
 }
 
 // In the decoder's float arithmetic.
-void decoded_rotor(const CodedComponent& spatial, const CodedComponent& temporal, size_t j, float* rotor) {
+void decoded_rotor(const CodedComponent& spatial, const CodedComponent& temporal, size_t j,
+                   float* rotor) {
   if (spatial.is_transform) {
     transform_kernels_reference().rotors(
         spatial.decoded.data() + 3 * j,
@@ -64,7 +65,11 @@ class ShapeCoder {
  public:
   ShapeCoder(const EncoderScene& scene, const CoderOptions& options, const Quality& quality,
              CodedLayer& layer)
-      : scene_(scene), options_(options), settings_(*options.settings), quality_(quality), out_(layer) {}
+      : scene_(scene),
+        options_(options),
+        settings_(*options.settings),
+        quality_(quality),
+        out_(layer) {}
 
   void run() {
     if (out_.header.permanent) out_.header.log_scale_t = largest_log_scale_t();
@@ -233,19 +238,21 @@ class ShapeCoder {
       s.max_step = quality_.max_step(kMaxStep[c]);
       s.threads = threads_;
       out.coding = ComponentCodingId::kTransform;
-      out.component = code_component_transform(rows.values.data(), rows.importance.data(), n, rows.dim, s);
+      out.component =
+          code_component_transform(rows.values.data(), rows.importance.data(), n, rows.dim, s);
     } else {
       ComponentSettings s = component_settings(settings_, c);
       s.seed = options_.seed * 131 + out_.header.level * 8 + c + (out_.header.permanent ? 4096 : 0);
       s.threads = threads_;
       s.device = options_.device;
       s.cancelled = cancelled;
-      const bool by_cost = settings_.get_bool(L4D_ENC_CODEBOOKS_BY_COST) || coding_of(c) == kCheaper;
+      const bool by_cost =
+          settings_.get_bool(L4D_ENC_CODEBOOKS_BY_COST) || coding_of(c) == kCheaper;
       if (by_cost) s.bit_price = quality_.bit_price(c);
       out.coding = ComponentCodingId::kVq;
-      out.component = code_component(rows.values.data(),
-                                     (by_cost ? rows.importance : rows.weights).data(), n, rows.dim,
-                                     out_.blocks, s);
+      out.component =
+          code_component(rows.values.data(), (by_cost ? rows.importance : rows.weights).data(), n,
+                         rows.dim, out_.blocks, s);
     }
     return out;
   }
@@ -284,7 +291,8 @@ class ShapeCoder {
     }
     double cost = 0;
     for (unsigned half = 0; half < 2; ++half) {
-      cost += bits_of(rotors[half]) + error[half] / quality_.bit_price(L4D_COMPONENT_ROTOR_SPATIAL + half);
+      cost += bits_of(rotors[half]) +
+              error[half] / quality_.bit_price(L4D_COMPONENT_ROTOR_SPATIAL + half);
     }
     return cost;
   }
@@ -293,8 +301,8 @@ class ShapeCoder {
     return rows.coding == ComponentCodingId::kZero ? 0 : component_bits(rows.component);
   }
 
-  // Stereographic coordinates of the spatial rotation, and what time adds to one half and takes from
-  // the other.
+  // Stereographic coordinates of the spatial rotation, and what time adds to one half and takes
+  // from the other.
   void stereographic_rotor(size_t i, double* spatial, double* temporal) const {
     double r[8], a[3], b[3];
     for (size_t k = 0; k < 8; ++k) r[k] = static_cast<double>(scene_.rotor[8 * i + k]);

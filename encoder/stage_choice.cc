@@ -28,13 +28,14 @@ double codebook_bits(double codewords, size_t dim) {
   return kBitsPerNumber * codewords * static_cast<double>(dim);
 }
 
-uint32_t codewords_by_cost(double error, size_t n, size_t dim, double effective_dim, double bit_price,
-                           uint32_t most) {
+uint32_t codewords_by_cost(double error, size_t n, size_t dim, double effective_dim,
+                           double bit_price, uint32_t most) {
   uint32_t best = std::min(kLeastCodewords, most);
   double least = 0;
   for (uint32_t k = best; k <= most; k *= 2) {
     const double codewords = static_cast<double>(k);
-    const double bits = static_cast<double>(n) * std::log2(codewords) + codebook_bits(codewords, dim);
+    const double bits =
+        static_cast<double>(n) * std::log2(codewords) + codebook_bits(codewords, dim);
     const double cost = error * error_after_stage(codewords, effective_dim) + bit_price * bits;
     if (k > best && cost >= least) break;
     best = k;
@@ -65,7 +66,8 @@ StageChoice choose_stage(const std::vector<uint32_t>& members, const std::vector
   const double codewords = static_cast<double>(out.codewords);
   const double bits = static_cast<double>(out.members.size()) * std::log2(codewords) +
                       codebook_bits(codewords, dim);
-  if (sum * (1 - error_after_stage(codewords, effective_dim)) <= bit_price * bits) out.members.clear();
+  if (sum * (1 - error_after_stage(codewords, effective_dim)) <= bit_price * bits)
+    out.members.clear();
   return out;
 }
 

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// How many codewords a stage is worth, and to which rows, where a bit has a price in weighted squared error.
+// How many codewords a stage is worth, and to which rows, where a bit has a price in weighted
+// squared error.
 #pragma once
 
 #include <cstddef>
@@ -8,8 +9,8 @@
 
 namespace l4d {
 
-// The error of a quantiser falls with the number of its codewords as k^(-2 / d). Vectors whose numbers
-// depend on each other have a lower d than they have numbers.
+// The error of a quantiser falls with the number of its codewords as k^(-2 / d). Vectors whose
+// numbers depend on each other have a lower d than they have numbers.
 double effective_dimension(double error_before, double error_after, double codewords);
 
 // What is left of an error of 1.
@@ -18,10 +19,10 @@ double error_after_stage(double codewords, double effective_dim);
 // Bits of a codebook of k codewords: binary16 numbers, which compress little.
 double codebook_bits(double codewords, size_t dim);
 
-// The number of codewords, a power of two up to `most`, at which error and price of indices and codebook
-// together are least. error: sum over the n rows, before the stage.
-uint32_t codewords_by_cost(double error, size_t n, size_t dim, double effective_dim, double bit_price,
-                           uint32_t most);
+// The number of codewords, a power of two up to `most`, at which error and price of indices and
+// codebook together are least. error: sum over the n rows, before the stage.
+uint32_t codewords_by_cost(double error, size_t n, size_t dim, double effective_dim,
+                           double bit_price, uint32_t most);
 
 struct StageChoice {
   std::vector<uint32_t> members;  // ascending; empty = the stage is not worth its codebook

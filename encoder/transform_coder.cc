@@ -15,7 +15,8 @@ namespace {
 constexpr size_t kGrain = 2048;
 // Rows that the axes are found from, evenly spaced: several hundred per entry of their covariance.
 constexpr size_t kMaxAxisRows = 65536;
-// No row counts more than this many average ones, so that a few large Gaussians do not turn the axes.
+// No row counts more than this many average ones, so that a few large Gaussians do not turn the
+// axes.
 constexpr double kMaxAxisWeight = 20;
 // What a number of the base varies less than this share of the average is not asked about others.
 constexpr double kMinBaseVariance = 1e-6;
@@ -94,10 +95,11 @@ class TransformCoder {
     add_axes(covariance, base_, dim_);
   }
 
-  // Axes of the numbers [begin, end) from their covariance, which is part of a larger one, by falling
-  // variance: basis vectors from `begin` on.
+  // Axes of the numbers [begin, end) from their covariance, which is part of a larger one, by
+  // falling variance: basis vectors from `begin` on.
   void add_axes(const Eigen::MatrixXd& covariance, size_t begin, size_t end) {
-    const auto first = static_cast<Eigen::Index>(begin), size = static_cast<Eigen::Index>(end - begin);
+    const auto first = static_cast<Eigen::Index>(begin),
+               size = static_cast<Eigen::Index>(end - begin);
     if (size == 0) return;
     const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(
         Eigen::MatrixXd(covariance.block(first, first, size, size)));
@@ -114,8 +116,8 @@ class TransformCoder {
     }
   }
 
-  // Basis vectors of the base, with their regression of the other numbers, whose covariance is left as
-  // that of what it does not explain.
+  // Basis vectors of the base, with their regression of the other numbers, whose covariance is left
+  // as that of what it does not explain.
   void predict_from_base(Eigen::MatrixXd& covariance) {
     const auto b = static_cast<Eigen::Index>(base_);
     const Eigen::Index rest = covariance.rows() - b;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Transform and scalar quantisation of one component: principal axes of the weighted vectors, or the
-// vectors' own numbers, in uniform steps that each Gaussian's importance sets by octaves.
+// Transform and scalar quantisation of one component: principal axes of the weighted vectors, or
+// the vectors' own numbers, in uniform steps that each Gaussian's importance sets by octaves.
 #pragma once
 
 #include <cstdint>
@@ -14,25 +14,26 @@ struct TransformSettings {
   double distortion = 0;  // weighted squared error that a number may have: steps follow from it
   double max_step = 0;    // however little a Gaussian weighs
   bool principal_axes = false;
-  // With principal axes: so many leading numbers of a row come first, alone with what they tell of the
-  // others, so that as many leading coefficients are an approximation of them. 0 = freely chosen axes.
+  // With principal axes: so many leading numbers of a row come first, alone with what they tell of
+  // the others, so that as many leading coefficients are an approximation of them. 0 = freely
+  // chosen axes.
   size_t base = 0;
   int threads = 0;
 };
 
 // A component of n Gaussians as coefficients, valid below what the rung has.
 struct CodedTransform {
-  size_t base = 0;            // leading coefficients that make the base
-  std::vector<float> basis;   // [coefficients + 1, dim], the origin first, binary16 values
-  std::vector<float> steps;   // [coefficients]
+  size_t base = 0;           // leading coefficients that make the base
+  std::vector<float> basis;  // [coefficients + 1, dim], the origin first, binary16 values
+  std::vector<float> steps;  // [coefficients]
   std::vector<uint8_t> ladder;
-  std::vector<uint8_t> cls;    // [n]
-  std::vector<uint8_t> rung;  // [n]
+  std::vector<uint8_t> cls;                       // [n]
+  std::vector<uint8_t> rung;                      // [n]
   std::vector<std::vector<int16_t>> coefficient;  // per coefficient [n]
 };
 
-// rows: [n, dim]. weights: [n], mean squared change of the image by a change of one number of a row.
-// decoded: [n, dim], as a decoder will have them, bit for bit.
+// rows: [n, dim]. weights: [n], mean squared change of the image by a change of one number of a
+// row. decoded: [n, dim], as a decoder will have them, bit for bit.
 CodedTransform code_transform(const float* rows, const float* weights, size_t n, size_t dim,
                               const TransformSettings& settings, std::vector<float>* decoded);
 

@@ -50,8 +50,8 @@ struct PlyHeader {
   const char* comment(const std::string& key) const;
 };
 
-// Where one property goes: to[first + row * stride], for rows in file order. float32 properties reach
-// float arrays with all their bits; other types are converted.
+// Where one property goes: to[first + row * stride], for rows in file order. float32 properties
+// reach float arrays with all their bits; other types are converted.
 struct PlyColumn {
   size_t property = 0;
   float* to_float = nullptr;

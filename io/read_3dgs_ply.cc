@@ -6,8 +6,8 @@
 namespace l4d::io {
 namespace {
 
-// Viewers' exporters write flat Gaussians with a scale of e^-20 and less; the codec's least is e^-16,
-// which is as flat to any eye. Says how many it raised.
+// Viewers' exporters write flat Gaussians with a scale of e^-20 and less; the codec's least is
+// e^-16, which is as flat to any eye. Says how many it raised.
 void raise_flat_scales(Scene& scene) {
   constexpr float kLeast = -16;
   size_t raised = 0;

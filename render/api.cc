@@ -31,7 +31,12 @@ struct l4d_sensitivity {
 namespace {
 
 l4d_renderer_options default_renderer_options() {
-  return {sizeof(l4d_renderer_options), 0, L4D_RENDER_AUTO, L4D_RENDER_EXP_ACCURATE, L4D_BACKEND_AUTO, 0,
+  return {sizeof(l4d_renderer_options),
+          0,
+          L4D_RENDER_AUTO,
+          L4D_RENDER_EXP_ACCURATE,
+          L4D_BACKEND_AUTO,
+          0,
           0};
 }
 
@@ -212,8 +217,8 @@ l4d_status l4d_measure(l4d_renderer* renderer, const l4d_camera* cameras, uint32
     l4d_measure_report result{};
     std::unique_ptr<l4d::render::Sensitivity> measured;
     L4D_RETURN_IF_ERROR(l4d::render::measure(r, own.data(), num_cameras, views,
-                                             static_cast<size_t>(num_views), resolved, progress, user,
-                                             &result, &measured));
+                                             static_cast<size_t>(num_views), resolved, progress,
+                                             user, &result, &measured));
     *out = new l4d_sensitivity(std::move(*measured));
     if (report != nullptr) write_struct(result, report);
     return {};

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which time buckets lie in which chunks of a store: the bookkeeping of a player, without its memory.
+// Which time buckets lie in which chunks of a store: the bookkeeping of a player, without its
+// memory.
 #pragma once
 
 #include <cstdint>
@@ -18,8 +19,9 @@ struct CachedBucket {
   uint64_t last_wanted = 0;
 };
 
-// A store of chunks of equal size. Buckets that the present turn wants are never given up for others; of
-// the rest, those go first that were not wanted for longest, and of these the last in the stream.
+// A store of chunks of equal size. Buckets that the present turn wants are never given up for
+// others; of the rest, those go first that were not wanted for longest, and of these the last in
+// the stream.
 class BucketCache {
  public:
   explicit BucketCache(uint32_t chunk_rows) : chunk_rows_(chunk_rows) {}
@@ -41,8 +43,8 @@ class BucketCache {
 
   // More chunks, up to `capacity`.
   void grow(uint32_t capacity);
-  // Room for a bucket that is not there, wanted in this turn; idle ones make place for it. NULL where
-  // even that is too little: grow() by what is missing.
+  // Room for a bucket that is not there, wanted in this turn; idle ones make place for it. NULL
+  // where even that is too little: grow() by what is missing.
   CachedBucket* add(const BucketKey& key, uint32_t rows);
   void remove(const BucketKey& key);
 

@@ -1,13 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // The C entry points of device-resident rendering.
-#include "l4d/cuda_render.h"
-
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <memory>
 #include <vector>
 
+#include "l4d/cuda_render.h"
 #include "libl4dcodec/base/c_api.h"
 #include "libl4dcodec/math/layers.h"
 #include "render/camera.h"
@@ -55,16 +54,18 @@ Status check_timeline(const l4d_timeline& timeline) {
 // Gaussians that are told with indices have no SH of their own.
 Status check_gaussians(const l4d_gaussians& g, bool indexed) {
   if (g.sh_degree > 3) return l4d::invalid_argument("sh_degree is above 3");
-  if (g.count > 0 && (g.position == nullptr || g.mean_t == nullptr || g.log_scale == nullptr ||
-                      g.rotor == nullptr || g.opacity == nullptr || (g.sh == nullptr && !indexed))) {
+  if (g.count > 0 &&
+      (g.position == nullptr || g.mean_t == nullptr || g.log_scale == nullptr ||
+       g.rotor == nullptr || g.opacity == nullptr || (g.sh == nullptr && !indexed))) {
     return l4d::invalid_argument("an attribute array is NULL");
   }
   if (indexed && g.sh != nullptr) return l4d::invalid_argument("sh is given beside indices");
   return {};
 }
 
-Status store_rows(l4d::render::DeviceRenderer& r, uint64_t first_row, const l4d_gaussians& gaussians,
-                  const l4d_cuda_sh_indices* indices, void* stream) {
+Status store_rows(l4d::render::DeviceRenderer& r, uint64_t first_row,
+                  const l4d_gaussians& gaussians, const l4d_cuda_sh_indices* indices,
+                  void* stream) {
   const l4d_gaussians g = read_struct(gaussians, l4d_gaussians{});
   L4D_RETURN_IF_ERROR(check_gaussians(g, indices != nullptr));
   if (first_row > std::numeric_limits<uint32_t>::max()) {
@@ -180,7 +181,8 @@ l4d_status l4d_cuda_renderer_set_slabs(l4d_cuda_renderer* renderer, const l4d_cu
                                        uint32_t count, void* stream) {
   return call(renderer, slabs != nullptr || count == 0, [&](auto& r) {
     std::vector<l4d::render::DeviceRenderer::Rows> rows(count);
-    for (uint32_t s = 0; s < count; ++s) rows[s] = {slabs[s].first, slabs[s].count, slabs[s].motion};
+    for (uint32_t s = 0; s < count; ++s)
+      rows[s] = {slabs[s].first, slabs[s].count, slabs[s].motion};
     return r.set_rows(rows.data(), count, stream);
   });
 }
@@ -208,16 +210,16 @@ l4d_status l4d_cuda_renderer_render(l4d_cuda_renderer* renderer, double time,
     const l4d_camera c = read_struct(*camera, default_camera());
     L4D_RETURN_IF_ERROR(l4d::render::check_camera(c));
     if (std::isnan(time)) return l4d::invalid_argument("the time is not a number");
-    return r.launch(time, c, renderer->background,
-                    image_of(read_struct(*image, l4d_cuda_image{})), stream);
+    return r.launch(time, c, renderer->background, image_of(read_struct(*image, l4d_cuda_image{})),
+                    stream);
   });
 }
 l4d_status l4d_cuda_renderer_backward(l4d_cuda_renderer* renderer, double time,
                                       const l4d_camera* camera, const l4d_cuda_image* image,
                                       const float* rgb_gradient, const l4d_gradients* gradients,
                                       void* stream) {
-  const bool ok = camera != nullptr && image != nullptr && rgb_gradient != nullptr &&
-                  gradients != nullptr;
+  const bool ok =
+      camera != nullptr && image != nullptr && rgb_gradient != nullptr && gradients != nullptr;
   return call(renderer, ok, [&](auto& r) -> Status {
     const l4d_camera c = read_struct(*camera, default_camera());
     L4D_RETURN_IF_ERROR(l4d::render::check_camera(c));

@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // The C entry points of playing a stream on a device.
-#include "l4d/cuda_player.h"
-
 #include <algorithm>
 #include <cmath>
 #include <memory>
 
+#include "l4d/cuda_player.h"
 #include "libl4dcodec/base/c_api.h"
 #include "render/camera.h"
 #include "render/cuda/device_player.h"

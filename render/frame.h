@@ -12,11 +12,11 @@ namespace l4d::render {
 template <typename T>
 struct Frame {
   uint32_t sh_degree = 0;
-  std::vector<uint32_t> id;        // index in the scene
-  std::vector<T> position[3];      // scene units
-  std::vector<T> covariance[6];    // xx xy xz yy yz zz, scene units^2
-  std::vector<T> opacity;          // temporal falloff applied
-  std::vector<const float*> sh;    // [(D+1)^2, 3] of each, owned by the scene
+  std::vector<uint32_t> id;      // index in the scene
+  std::vector<T> position[3];    // scene units
+  std::vector<T> covariance[6];  // xx xy xz yy yz zz, scene units^2
+  std::vector<T> opacity;        // temporal falloff applied
+  std::vector<const float*> sh;  // [(D+1)^2, 3] of each, owned by the scene
 
   // Numbers that vectors may read beyond the last row, without meaning.
   static constexpr size_t kPadding = 16;

@@ -12,7 +12,8 @@ namespace {
 // A round takes this share of an instant's cameras, at least one.
 constexpr size_t kRoundShare = 16;
 size_t round_share(size_t cameras) { return std::max<size_t>(1, cameras / kRoundShare); }
-// Asking ends where less than this of the light comes from Gaussians that are shown for the first time.
+// Asking ends where less than this of the light comes from Gaussians that are shown for the first
+// time.
 constexpr double kHardlyAny = 1e-4;
 // Ranks of this many Gaussians tell how well halves agree to three digits.
 constexpr size_t kMostRanked = 1 << 17;
@@ -65,8 +66,8 @@ struct InstantViews {
   size_t done = 0;
 };
 
-// The items in an order any prefix of which lies evenly among them: a walk around them from `first` by
-// strides near the golden section.
+// The items in an order any prefix of which lies evenly among them: a walk around them from `first`
+// by strides near the golden section.
 template <typename Item>
 std::vector<Item> spread(const std::vector<Item>& items, size_t first) {
   const size_t n = items.size();
@@ -78,8 +79,9 @@ std::vector<Item> spread(const std::vector<Item>& items, size_t first) {
   return out;
 }
 
-// The cameras of neighbouring instants begin at different places, so that every round sees the scene
-// from everywhere, and instants take turns too, so that a round that ends early has seen all times.
+// The cameras of neighbouring instants begin at different places, so that every round sees the
+// scene from everywhere, and instants take turns too, so that a round that ends early has seen all
+// times.
 std::vector<InstantViews> schedule(const l4d_view* views, size_t num_views) {
   std::vector<size_t> order(num_views);
   std::iota(order.begin(), order.end(), size_t{0});
@@ -103,9 +105,9 @@ std::vector<InstantViews> schedule(const l4d_view* views, size_t num_views) {
 // One call of l4d_measure whose arguments are in order.
 class Measurement {
  public:
-  Measurement(Renderer& renderer, const l4d_camera* cameras, const l4d_view* views, size_t num_views,
-              const l4d_measure_options& options, l4d_progress_fn progress, void* user,
-              l4d_measure_report* report)
+  Measurement(Renderer& renderer, const l4d_camera* cameras, const l4d_view* views,
+              size_t num_views, const l4d_measure_options& options, l4d_progress_fn progress,
+              void* user, l4d_measure_report* report)
       : renderer_(renderer),
         cameras_(cameras),
         options_(options),
@@ -135,7 +137,8 @@ class Measurement {
  private:
   std::unique_ptr<Sensitivity> make_sums(const l4d_sensitivity_options& options) const {
     const Scene& scene = renderer_.scene();
-    return std::make_unique<Sensitivity>(options, scene.count(), scene.gaussians().sh_degree, whole_);
+    return std::make_unique<Sensitivity>(options, scene.count(), scene.gaussians().sh_degree,
+                                         whole_);
   }
   bool is_own(size_t instant) const { return instant % ranks_.count == ranks_.rank; }
   Status proceed(const char* stage) const {
@@ -274,7 +277,8 @@ Status measure(Renderer& renderer, const l4d_camera* cameras, uint32_t num_camer
   }
   if (num_views == 0) return invalid_argument("no views");
   for (size_t i = 0; i < num_views; ++i) {
-    if (views[i].camera >= num_cameras) return invalid_argument("a view names a camera beyond the last");
+    if (views[i].camera >= num_cameras)
+      return invalid_argument("a view names a camera beyond the last");
     if (!std::isfinite(views[i].time)) return invalid_argument("the time of a view is not finite");
   }
   return Measurement(renderer, cameras, views, num_views, options, progress, user, report).run(out);

@@ -20,7 +20,7 @@ struct Prepared {
   double reference;    // seconds
   double mean;         // seconds
   double opacity;
-  double half_life;    // alpha may reach kMinAlpha within this of the mean time; negative: never
+  double half_life;  // alpha may reach kMinAlpha within this of the mean time; negative: never
 };
 
 // Gaussian i of arrays that the caller's side can read. The sequence lasts from begin to end.
@@ -51,8 +51,8 @@ L4D_HOST_DEVICE inline Prepared prepare_gaussian(const l4d_gaussians& g, double 
 enum MotionGroup : uint8_t { kStill, kFading, kMoving };
 constexpr uint32_t kNumMotionGroups = 3;
 
-// What of a Gaussian can be seen to change while the sequence lasts. Rounding decides: what binary32
-// cannot show is not worked out.
+// What of a Gaussian can be seen to change while the sequence lasts. Rounding decides: what
+// binary32 cannot show is not worked out.
 L4D_HOST_DEVICE inline MotionGroup group_of(const Prepared& p, double begin, double end) {
   const double* v = p.slice.velocity;
   if (v[0] != 0 || v[1] != 0 || v[2] != 0) return kMoving;

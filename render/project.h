@@ -10,19 +10,20 @@
 #include "render/view.h"
 
 // From a 3D Gaussian to its splat in the image, one at a time and for any floating-point type. The
-// reference rasteriser is made of it; the fast one does the same in vectors and falls back on it for
-// derivatives.
+// reference rasteriser is made of it; the fast one does the same in vectors and falls back on it
+// for derivatives.
 namespace l4d::render {
 
 // A Gaussian in the image. At offset (dx, dy) pixels from the mean
-//   alpha = min(kMaxAlpha, opacity exp(-q/2)),  q = conic[0] dx^2 + 2 conic[1] dx dy + conic[2] dy^2.
+//   alpha = min(kMaxAlpha, opacity exp(-q/2)),
+//   q = conic[0] dx^2 + 2 conic[1] dx dy + conic[2] dy^2.
 template <typename T>
 struct Splat {
-  T mean[2];    // pixels
-  T conic[3];   // inverse of the covariance: xx xy yy, pixels^-2
-  T depth;      // z in camera axes
+  T mean[2];   // pixels
+  T conic[3];  // inverse of the covariance: xx xy yy, pixels^-2
+  T depth;     // z in camera axes
   T opacity;
-  T color[3];   // clamped below at 0
+  T color[3];  // clamped below at 0
   // Half-sizes of the box in which alpha reaches kMinAlpha.
   T extent[2];
   // alpha >= kMinAlpha exactly where q <= reach.
@@ -41,8 +42,8 @@ struct SplatGradient2D {
 // What projecting computes on the way, kept for the way back.
 template <typename T>
 struct Projection {
-  T camera[3];      // position in camera axes
-  T slope[2];       // clamped x/z, y/z
+  T camera[3];  // position in camera axes
+  T slope[2];   // clamped x/z, y/z
   bool clamped[2];
   T jacobian[6];    // [2, 3] of the pixel position by the world position: J W
   T covariance[3];  // xx xy yy, dilated, pixels^2
@@ -51,7 +52,7 @@ struct Projection {
 // False where the Gaussian lies at or before the near plane.
 template <typename T>
 L4D_HOST_DEVICE bool project_geometry(const View<T>& view, const T* position /* [3] */,
-                      const T* covariance /* [6] */, Projection<T>* out) {
+                                      const T* covariance /* [6] */, Projection<T>* out) {
   const T* r = view.rotation;
   for (int i = 0; i < 3; ++i) {
     out->camera[i] = r[3 * i] * position[0] + r[3 * i + 1] * position[1] +
@@ -145,7 +146,8 @@ bool project(const View<T>& view, const Frame<T>& frame, size_t i, Splat<T>* out
   T covariance[6];
   for (int k = 0; k < 6; ++k) covariance[k] = frame.covariance[k][i];
   Projection<T> local;
-  return project(view, position, covariance, frame.opacity[i], out, kept != nullptr ? kept : &local);
+  return project(view, position, covariance, frame.opacity[i], out,
+                 kept != nullptr ? kept : &local);
 }
 
 template <typename T>

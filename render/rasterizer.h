@@ -27,8 +27,8 @@ struct ViewGradients {
 
 // What the way back needs to know of the scalar that is derived.
 struct BackwardInput {
-  // [height, width, 3] derivative of the scalar by each pixel, or NULL: the scalar is the sum of all
-  // pixels and channels.
+  // [height, width, 3] derivative of the scalar by each pixel, or NULL: the scalar is the sum of
+  // all pixels and channels.
   const float* rgb_gradient = nullptr;
   // false: fills `coverage` only.
   bool geometry = true;

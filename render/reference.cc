@@ -61,7 +61,7 @@ size_t num_pixels(const View<double>& view) {
 // A splat where it is blended into a pixel.
 struct Fragment {
   size_t pixel;
-  double dx, dy;         // from the mean to the pixel's centre
+  double dx, dy;  // from the mean to the pixel's centre
   double alpha;
   bool cut;              // alpha is kMaxAlpha, whatever the splat says
   double transmittance;  // of all that lies before

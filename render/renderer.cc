@@ -24,14 +24,14 @@ void slice_into(Scene& scene, double time, int, Frame<double>* out) { scene.slic
 }  // namespace
 
 Renderer::Renderer(const l4d_renderer_options& options)
-    : threads_(static_cast<int>(options.threads)), cuda_(options.backend == L4D_BACKEND_CUDA),
+    : threads_(static_cast<int>(options.threads)),
+      cuda_(options.backend == L4D_BACKEND_CUDA),
       device_number_(options.device) {
   if (cuda_) return;
   if (options.path == L4D_RENDER_REFERENCE || options.backend == L4D_BACKEND_REFERENCE) {
     double_.rasterizer = make_reference_rasterizer();
   } else {
-    float_.rasterizer =
-        make_fast_rasterizer(threads_, options.exponential == L4D_RENDER_EXP_FAST);
+    float_.rasterizer = make_fast_rasterizer(threads_, options.exponential == L4D_RENDER_EXP_FAST);
   }
 }
 
@@ -158,8 +158,8 @@ Gaussian4D<T> Renderer::attributes(size_t id) const {
 }
 
 namespace {
-// From derivatives by a splat to those by the slice. In double, and from the slice in double: behind a
-// long splat stand small differences of large numbers, which binary32 does not hold.
+// From derivatives by a splat to those by the slice. In double, and from the slice in double:
+// behind a long splat stand small differences of large numbers, which binary32 does not hold.
 template <typename T>
 bool back_to_slice(const View<double>& view, const Slice3D<double>& slice, uint32_t sh_degree,
                    const float* sh, const SplatGradient2D<T>& by_splat,
@@ -317,7 +317,8 @@ Status Renderer::add_importance(const l4d_camera& camera, bool squared, uint64_t
 }
 
 void Renderer::stats(l4d_render_stats* out) const {
-  const size_t sliced = double_.rasterizer != nullptr ? double_.frame.count() : float_.frame.count();
+  const size_t sliced =
+      double_.rasterizer != nullptr ? double_.frame.count() : float_.frame.count();
   out->visible = cuda_ ? device_visible_ : sliced;
   out->projected = stats_.projected;
   out->instances = stats_.instances;

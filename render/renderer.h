@@ -27,10 +27,10 @@ class Renderer {
 
   // What a Gaussian means to a view.
   struct Importance {
-    uint32_t id;                   // index in the scene
-    float coverage;                // sum of alpha times transmittance
-    float color[3];                // derivatives by the colour, not clamped
-    float direction[3];            // in which the camera sees it
+    uint32_t id;         // index in the scene
+    float coverage;      // sum of alpha times transmittance
+    float color[3];      // derivatives by the colour, not clamped
+    float direction[3];  // in which the camera sees it
     // Derivatives, not of SH, by opacity in [0, 1]; zero where coverage alone is asked for.
     Gradient4D<float> gradient;
   };

@@ -78,7 +78,8 @@ Status Scene::prepare(const l4d_gaussians& gaussians, const l4d_timeline& timeli
       const Prepared p = prepared(id_[row]);
       const double mean = p.mean - center_;
       for (size_t k = 0; k < 3; ++k) position_[k][row] = static_cast<float>(p.position[k]);
-      for (size_t k = 0; k < 6; ++k) covariance_[k][row] = static_cast<float>(p.slice.covariance[k]);
+      for (size_t k = 0; k < 6; ++k)
+        covariance_[k][row] = static_cast<float>(p.slice.covariance[k]);
       if (row >= num_unmoving_) {
         const size_t at = row - num_unmoving_;
         for (size_t k = 0; k < 3; ++k) velocity_[k][at] = static_cast<float>(p.slice.velocity[k]);

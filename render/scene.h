@@ -23,8 +23,8 @@ class Scene {
   const l4d_timeline& timeline() const { return timeline_; }
   double time_end() const { return time_end_; }
 
-  // The Gaussians visible at `time`, which lies in the sequence. Both forms hold the same Gaussians in
-  // the same order; the second works everything out in double from the attributes as given.
+  // The Gaussians visible at `time`, which lies in the sequence. Both forms hold the same Gaussians
+  // in the same order; the second works everything out in double from the attributes as given.
   void slice(double time, int threads, Frame<float>* out);
   void slice(double time, Frame<double>* out) const;
 
@@ -35,19 +35,19 @@ class Scene {
   l4d_timeline timeline_{};
   double time_end_ = 0;
   double center_ = 0;  // times below are seconds from here, so that binary32 holds them
-  // Rows are in three groups, each in the order of the scene: still ones, which look the same at all
-  // times; ones that only fade; ones that move.
+  // Rows are in three groups, each in the order of the scene: still ones, which look the same at
+  // all times; ones that only fade; ones that move.
   size_t num_still_ = 0;
-  size_t num_unmoving_ = 0;          // still and fading ones
-  std::vector<uint32_t> id_;         // [rows] index in the scene
-  std::vector<float> position_[3];   // [rows] at time reference_
-  std::vector<float> velocity_[3];   // [rows - num_unmoving_]
-  std::vector<float> reference_;     // [rows - num_unmoving_]
-  std::vector<float> covariance_[6]; // [rows]
-  std::vector<float> opacity_;       // [rows]
-  std::vector<float> mean_;          // [rows]
-  std::vector<float> lambda_;        // [rows]
-  std::vector<float> begin_, end_;   // [rows] when it is visible
+  size_t num_unmoving_ = 0;                    // still and fading ones
+  std::vector<uint32_t> id_;                   // [rows] index in the scene
+  std::vector<float> position_[3];             // [rows] at time reference_
+  std::vector<float> velocity_[3];             // [rows - num_unmoving_]
+  std::vector<float> reference_;               // [rows - num_unmoving_]
+  std::vector<float> covariance_[6];           // [rows]
+  std::vector<float> opacity_;                 // [rows]
+  std::vector<float> mean_;                    // [rows]
+  std::vector<float> lambda_;                  // [rows]
+  std::vector<float> begin_, end_;             // [rows] when it is visible
   const Frame<float>* still_frame_ = nullptr;  // its beginning holds the still rows
 };
 

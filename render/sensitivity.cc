@@ -15,8 +15,8 @@ namespace {
 
 constexpr size_t kGrain = 4096;
 
-// A well-mixed hash of a counter (splitmix64's finaliser): signs that depend on seed, view, pixel and
-// channel alone.
+// A well-mixed hash of a counter (splitmix64's finaliser): signs that depend on seed, view, pixel
+// and channel alone.
 uint64_t mix(uint64_t x) {
   x += 0x9e3779b97f4a7c15u;
   x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9u;
@@ -24,12 +24,16 @@ uint64_t mix(uint64_t x) {
   return x ^ (x >> 31);
 }
 
-// What tells views apart: instant and camera, not when they are added, so that the order of views and how
-// they are dealt out to accumulators change no sign.
+// What tells views apart: instant and camera, not when they are added, so that the order of views
+// and how they are dealt out to accumulators change no sign.
 uint64_t view_key(double time, const l4d_camera& camera) {
-  double numbers[19] = {time,      static_cast<double>(camera.width), static_cast<double>(camera.height),
-                        camera.fx, camera.fy,
-                        camera.cx, camera.cy};
+  double numbers[19] = {time,
+                        static_cast<double>(camera.width),
+                        static_cast<double>(camera.height),
+                        camera.fx,
+                        camera.fy,
+                        camera.cx,
+                        camera.cy};
   std::copy_n(camera.world_to_camera, 12, numbers + 7);
   uint64_t key = 0;
   for (const double number : numbers) {
@@ -73,8 +77,7 @@ Status Sensitivity::add_view(Renderer& renderer, const l4d_camera& camera, bool 
   if (!renderer.has_scene()) {
     return Status(L4D_ERR_INVALID_STATE, "importance needs the scene's Gaussians: set_gaussians");
   }
-  if (renderer.scene().count() != count() ||
-      renderer.scene().gaussians().sh_degree != sh_degree_) {
+  if (renderer.scene().count() != count() || renderer.scene().gaussians().sh_degree != sh_degree_) {
     return invalid_argument("the renderer holds a scene of other size or SH degree");
   }
   if (renderer.has_background()) {
@@ -82,9 +85,8 @@ Status Sensitivity::add_view(Renderer& renderer, const l4d_camera& camera, bool 
   }
   const uint64_t pixels = uint64_t{camera.width} * camera.height;
   const bool squared = options_.measure == L4D_SENSITIVITY_GAUSS_NEWTON;
-  // A sign for every channel: with one for all three, derivatives of the channels would add up before
-  // they are squared.
-  // A view that is added again has other signs.
+  // A sign for every channel: with one for all three, derivatives of the channels would add up
+  // before they are squared. A view that is added again has other signs.
   const uint64_t key = view_key(renderer.time(), camera);
   const uint64_t signs = mix(mix(options_.seed) ^ mix(key + (seen_only ? 0 : repeats_[key])));
   if (renderer.on_device()) {
@@ -127,7 +129,8 @@ Status Sensitivity::add_view(Renderer& renderer, const l4d_camera& camera, bool 
       sums[at] += amount;
     }
   };
-  const auto add_coverage = [this](std::vector<double>& sums, size_t first, size_t at, double amount) {
+  const auto add_coverage = [this](std::vector<double>& sums, size_t first, size_t at,
+                                   double amount) {
     if (whole_numbers_) {
       add_whole(&whole_[first + at], amount, kCoverageBits);
     } else {
@@ -139,7 +142,8 @@ Status Sensitivity::add_view(Renderer& renderer, const l4d_camera& camera, bool 
       const Renderer::Importance& item = items_[i];
       if (!(item.coverage > 0)) continue;
       if (seen_only) {
-        if (seen_[item.id] == 0) add_coverage(glimpsed_, n, item.id, static_cast<double>(item.coverage));
+        if (seen_[item.id] == 0)
+          add_coverage(glimpsed_, n, item.id, static_cast<double>(item.coverage));
         // Among ranks, which view comes first depends on who has it: all that glimpse add up.
         if (!whole_numbers_) seen_[item.id] = 1;
         continue;
@@ -229,7 +233,8 @@ Status Sensitivity::merge(const Sensitivity& other) {
     device_read_ = false;
   }
   for (size_t i = 0; i < seen_.size(); ++i) seen_[i] |= other.seen_[i];
-  for (size_t i = 0; i < whole_.size(); ++i) whole_[i] = std::min(whole_[i] + other.whole_[i], kMostWhole);
+  for (size_t i = 0; i < whole_.size(); ++i)
+    whole_[i] = std::min(whole_[i] + other.whole_[i], kMostWhole);
   for (size_t i = 0; i < coverage_.size(); ++i) {
     coverage_[i] += other.coverage_[i];
     glimpsed_[i] += other.glimpsed_[i];
@@ -323,8 +328,8 @@ Status Sensitivity::weights(uint32_t which, float* out) const {
   struct Part {
     size_t first, count;  // of the numbers in geometry_
   };
-  constexpr Part kParts[L4D_WEIGHT_COUNT] = {{},     {0, 4},  {4, 4},  {8, 4},
-                                             {},     {12, 3}, {15, 1}, {16, 1}};
+  constexpr Part kParts[L4D_WEIGHT_COUNT] = {{}, {0, 4},  {4, 4},  {8, 4},
+                                             {}, {12, 3}, {15, 1}, {16, 1}};
   const bool is_sh = which == L4D_WEIGHT_SH;
   const size_t stride = is_sh ? sh_terms(sh_degree_) : kGeometry;
   const Part part = is_sh ? Part{0, stride} : kParts[which];

@@ -12,7 +12,8 @@ namespace l4d::render {
 
 class Sensitivity {
  public:
-  // whole_numbers: sums are of whole numbers of a small unit each, which come out the same in any order.
+  // whole_numbers: sums are of whole numbers of a small unit each, which come out the same in any
+  // order.
   Sensitivity(const l4d_sensitivity_options& options, size_t count, uint32_t sh_degree,
               bool whole_numbers = false);
 
@@ -53,8 +54,8 @@ class Sensitivity {
   std::vector<uint8_t> seen_;     // [N]
   std::vector<float> sh_;         // [N, (D+1)^2]
   std::vector<float> geometry_;   // [N, kGeometry]
-  // Where sums are whole numbers, these instead: coverage [N], glimpsed [N], SH [N, (D+1)^2], geometry
-  // [N, kGeometry], one behind the other.
+  // Where sums are whole numbers, these instead: coverage [N], glimpsed [N], SH [N, (D+1)^2],
+  // geometry [N, kGeometry], one behind the other.
   bool whole_numbers_;
   std::vector<int64_t> whole_;
   std::vector<Renderer::Importance> items_;

@@ -78,8 +78,7 @@ L4D_HOST_DEVICE Slice3D<T> slice_at(const Gaussian4D<T>& g, const Instant<T>& in
 // Back through normalize_half: what changes the length alone changes nothing. `raw` is the half
 // before, `unit` after; a half too short to have a direction is constant.
 template <typename T>
-L4D_HOST_DEVICE inline void normalize_half_gradient(const T* raw /* [4] */,
-                                                    const T* unit /* [4] */,
+L4D_HOST_DEVICE inline void normalize_half_gradient(const T* raw /* [4] */, const T* unit /* [4] */,
                                                     T* gradient /* [4] */) {
   const T norm2 = dot4(raw, raw);
   const bool constant = norm2 < static_cast<T>(kMinHalfNorm2);
@@ -209,8 +208,8 @@ L4D_HOST_DEVICE Gradient4D<T> slice_gradient(const Gaussian4D<T>& g, const Insta
       const T m = rows[4 * i + k], v = s.velocity[i];
       by_row[4 * i + k] = by_p[i][k] + by_velocity[i] * lambda * mt[k];
       by_mt += by_velocity[i] * lambda * (clamped ? m : p[i][k] - v * mt[k]) - v * by_p[i][k];
-      by_scale += p[i][k] * by_p[i][k] +
-                  2 * by_velocity[i] * lambda * mt[k] * (clamped ? m : p[i][k]);
+      by_scale +=
+          p[i][k] * by_p[i][k] + 2 * by_velocity[i] * lambda * mt[k] * (clamped ? m : p[i][k]);
     }
     by_row[12 + k] = by_mt;
     out.log_scale[k] = by_scale;

@@ -9,12 +9,13 @@
 namespace l4d::render {
 
 // Where alpha blending starts and ends, as 3D Gaussian splatting has it.
-constexpr double kMinAlpha = 1.0 / 255.0;    // fainter is skipped
-constexpr double kMaxAlpha = 0.999;          // never quite opaque, so that 1 - alpha has an inverse
-constexpr double kMinTransmittance = 1e-4;   // a pixel is done before its transmittance would fall here
-constexpr double kDilation = 0.3;            // pixels^2, added to both variances of every splat
-// The affine approximation of the projection is taken at most this far outside the frame, in units of
-// half its size: far outside it would blow splats up without bound.
+constexpr double kMinAlpha = 1.0 / 255.0;  // fainter is skipped
+constexpr double kMaxAlpha = 0.999;        // never quite opaque, so that 1 - alpha has an inverse
+constexpr double kMinTransmittance =
+    1e-4;                          // a pixel is done before its transmittance would fall here
+constexpr double kDilation = 0.3;  // pixels^2, added to both variances of every splat
+// The affine approximation of the projection is taken at most this far outside the frame, in units
+// of half its size: far outside it would blow splats up without bound.
 constexpr double kFrustumMargin = 0.3;
 
 // A camera, checked, with what all Gaussians need of it.

@@ -116,7 +116,8 @@ Json run_crossover(Bench& bench) {
                coding);
     }
     for (const double quality : bench.take(std::vector<double>{34, 40, 46, 54})) {
-      Coding coding = alone(part, quality).with(L4D_ENC_REFINE, 2).with(L4D_ENC_CODEBOOK_SIZE, 4096);
+      Coding coding =
+          alone(part, quality).with(L4D_ENC_REFINE, 2).with(L4D_ENC_CODEBOOK_SIZE, 4096);
       for (const int c : part.components) coding = coding.with(L4D_ENC_CODING, 0, c);
       coding = coding.with(L4D_ENC_CODEBOOKS_BY_COST, 1);
       add_part(bench, rows, judge, part, "codebooks by cost", coding.name, coding);

@@ -143,12 +143,14 @@ class Query {
     compare("position", position, host_.position);
     compare("mean_t_local", mean_t_local, host_.mean_t_local);
 
-    const double with_upload = median_time(runs, stream_, [] {}, [&] { decode(all); });
+    const double with_upload = median_time(
+        runs, stream_, [] {}, [&] { decode(all); });
     const auto without = [&](const l4d_cuda_gaussian_buffers& out) {
       return median_time(runs, stream_, upload, [&] { decode(out); });
     };
     const double whole = without(all), planes = without(none), no_sh = without(geometry);
-    const double upload_only = median_time(runs, stream_, [] {}, upload);
+    const double upload_only = median_time(
+        runs, stream_, [] {}, upload);
     const double bytes = 4.0 * static_cast<double>(n * (18 + sh_dim_));
     std::printf("%s: %llu Gaussians in %llu pages, %.2f MB up, %.1f MB out, workspace %.1f MB\n",
                 name, static_cast<unsigned long long>(n),
@@ -226,7 +228,8 @@ class Query {
           check(l4d_cuda_decoder_upload(cuda_, workspace.data(), job.workspace_bytes, stream_));
         },
         decode);
-    const double with_upload = median_time(runs, stream_, [] {}, decode);
+    const double with_upload = median_time(
+        runs, stream_, [] {}, decode);
     std::printf("  packed, %5.1f MB out    %9.3f ms, %.0f GB/s of it, %.0f of what it expands to\n",
                 1e-6 * size, 1e3 * whole, 1e-9 * size / whole,
                 4e-9 * static_cast<double>(n * (18 + sh_dim_)) / whole);

@@ -50,8 +50,9 @@ std::vector<float> rows(size_t n, size_t dim, uint64_t seed) {
 
 void assignments(size_t n) {
   const auto device = l4d::cuda::make_device_nearest(0, 0);
-  std::printf("| points | numbers | codewords | host s | device s | ratio | device floor s |\n"
-              "|---:|---:|---:|---:|---:|---:|---:|\n");
+  std::printf(
+      "| points | numbers | codewords | host s | device s | ratio | device floor s |\n"
+      "|---:|---:|---:|---:|---:|---:|---:|\n");
   for (const size_t dim : {size_t{3}, size_t{4}, size_t{48}}) {
     for (const size_t k : {size_t{1024}, size_t{4096}}) {
       const std::vector<float> points = rows(n, dim, dim), book = rows(k, dim, k + dim);
@@ -123,7 +124,8 @@ int main(int argc, char** argv) {
   options.gaussians = n;
   options.seconds = 40;
   const l4d::io::Scene scene = l4d::io::synthesize(options);
-  std::printf("\n| codebooks | searches | VQ, RCQ and SQ s | all s | bytes |\n|---|---|---:|---:|---:|\n");
+  std::printf(
+      "\n| codebooks | searches | VQ, RCQ and SQ s | all s | bytes |\n|---|---|---:|---:|---:|\n");
   for (const bool by_hand : {true, false}) {
     const auto host = quantise(scene, by_hand, L4D_BACKEND_CPU);
     const auto device = quantise(scene, by_hand, L4D_BACKEND_CUDA);

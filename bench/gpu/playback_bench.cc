@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// Playing streams from a cache of buckets: wall time of frames from the call to the finished image, while
-// a thread reads and decodes what comes next; seeks; memory.
+// Playing streams from a cache of buckets: wall time of frames from the call to the finished image,
+// while a thread reads and decodes what comes next; seeks; memory.
 //
 //   gpu_playback_bench [--fps N] [--seconds S] [--seeks N] FILE...
 //
-// --fps: frames per second of the sequence, 60 unless given; frames are drawn as fast as they come, not at
-// that pace. --seconds: how much of the sequence is played, all unless given.
+// --fps: frames per second of the sequence, 60 unless given; frames are drawn as fast as they come,
+// not at that pace. --seconds: how much of the sequence is played, all unless given.
 #include <cuda_runtime_api.h>
 
 #include <algorithm>
@@ -51,8 +51,8 @@ struct Timing {
 };
 Timing timing_of(std::vector<double> seconds) {
   std::sort(seconds.begin(), seconds.end());
-  return {1e3 * seconds[seconds.size() / 2], 1e3 * seconds[seconds.size() - 1 - seconds.size() / 100],
-          1e3 * seconds.back()};
+  return {1e3 * seconds[seconds.size() / 2],
+          1e3 * seconds[seconds.size() - 1 - seconds.size() / 100], 1e3 * seconds.back()};
 }
 
 // Cameras around what is visible in the middle of the sequence.
@@ -116,7 +116,8 @@ class Playback {
   // Seconds from the call until the image is there.
   double frame(double time, size_t k) const {
     const Clock::time_point begin = Clock::now();
-    must(l4d_cuda_player_render(player_, time, &cameras_[k / 90 % cameras_.size()], &image_, stream_));
+    must(l4d_cuda_player_render(player_, time, &cameras_[k / 90 % cameras_.size()], &image_,
+                                stream_));
     check(cudaStreamSynchronize(stream_));
     return seconds_since(begin);
   }
@@ -155,7 +156,8 @@ void play(const char* path, double fps, double limit, int seeks) {
   std::vector<double> seconds;
   double visible = 0;
   const Clock::time_point started = Clock::now();
-  for (size_t k = 0; k < frames; ++k) seconds.push_back(p.frame(begin + static_cast<double>(k) / fps, k));
+  for (size_t k = 0; k < frames; ++k)
+    seconds.push_back(p.frame(begin + static_cast<double>(k) / fps, k));
   const double all = seconds_since(started);
   const l4d_cuda_player_counters c = p.counters();
   for (int k = 0; k < 16; ++k) {
@@ -165,26 +167,31 @@ void play(const char* path, double fps, double limit, int seeks) {
   const Timing t = timing_of(seconds);
   std::printf("%s: %.0f s, %llu Gaussians, %.0f visible\n", path, info.duration,
               static_cast<unsigned long long>(info.num_gaussians), visible);
-  std::printf("  forward, %g frames per second of the sequence, %zu frames: %.0f drawn per second (%.1f times "
-              "its pace); ms a frame: median %.3f, 99th percentile %.3f, most %.3f\n",
-              fps, frames, static_cast<double>(frames) / all, length / all, t.median, t.p99, t.most);
-  std::printf("  %llu windows, %llu waited for (%.1f ms in all); %llu Gaussians decoded, %.1f MB uploaded\n",
-              static_cast<unsigned long long>(c.windows - warm.windows),
-              static_cast<unsigned long long>(c.stalls - warm.stalls),
-              1e3 * (c.stall_seconds - warm.stall_seconds),
-              static_cast<unsigned long long>(c.gaussians_decoded - warm.gaussians_decoded),
-              1e-6 * static_cast<double>(c.bytes_uploaded - warm.bytes_uploaded));
+  std::printf(
+      "  forward, %g frames per second of the sequence, %zu frames: %.0f drawn per second (%.1f "
+      "times "
+      "its pace); ms a frame: median %.3f, 99th percentile %.3f, most %.3f\n",
+      fps, frames, static_cast<double>(frames) / all, length / all, t.median, t.p99, t.most);
+  std::printf(
+      "  %llu windows, %llu waited for (%.1f ms in all); %llu Gaussians decoded, %.1f MB "
+      "uploaded\n",
+      static_cast<unsigned long long>(c.windows - warm.windows),
+      static_cast<unsigned long long>(c.stalls - warm.stalls),
+      1e3 * (c.stall_seconds - warm.stall_seconds),
+      static_cast<unsigned long long>(c.gaussians_decoded - warm.gaussians_decoded),
+      1e-6 * static_cast<double>(c.bytes_uploaded - warm.bytes_uploaded));
   std::printf("  memory in MB: store %.1f, to decode in %.1f, all %.1f\n",
-              1e-6 * static_cast<double>(c.store_bytes), 1e-6 * static_cast<double>(c.scratch_bytes),
-              1e-6 * static_cast<double>(p.memory()));
+              1e-6 * static_cast<double>(c.store_bytes),
+              1e-6 * static_cast<double>(c.scratch_bytes), 1e-6 * static_cast<double>(p.memory()));
   if (seeks > 0) {
     std::mt19937 random(7);
     std::uniform_real_distribution<double> anywhere(begin, begin + info.duration);
     seconds.clear();
     for (int k = 0; k < seeks; ++k) seconds.push_back(p.frame(anywhere(random), 0));
     const Timing s = timing_of(seconds);
-    std::printf("  %d random seeks, ms until the image is there: median %.2f, 99th percentile %.2f\n",
-                seeks, s.median, s.p99);
+    std::printf(
+        "  %d random seeks, ms until the image is there: median %.2f, 99th percentile %.2f\n",
+        seeks, s.median, s.p99);
   }
 }
 

@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// Frames per second of device-resident rendering, forward and back, and views per second of importances,
-// by the device's own clock. Beside them: what the bytes of each stage take at the copy rate of the device.
+// Frames per second of device-resident rendering, forward and back, and views per second of
+// importances, by the device's own clock. Beside them: what the bytes of each stage take at the
+// copy rate of the device.
 //
 //   gpu_render_bench [forward] [gaussians | scene ...]
 //
-// Numbers are sizes of the synthetic scene, 620000 and 1240000 unless anything is given; others are files,
-// of which importances are measured from all cameras of a cameras.json beside them.
-// forward: nothing but forward rendering from binary16.
+// Numbers are sizes of the synthetic scene, 620000 and 1240000 unless anything is given; others are
+// files, of which importances are measured from all cameras of a cameras.json beside them. forward:
+// nothing but forward rendering from binary16.
 #include <cuda_runtime_api.h>
 
 #include <algorithm>
@@ -51,9 +52,15 @@ struct Bench {
   double rate;
 
   Bench(io::Scene&& s, double copy)
-      : scene(std::move(s)), position(scene.position), mean_t(scene.mean_t),
-        log_scale(scene.log_scale), rotor(scene.rotor), opacity(scene.opacity), sh(scene.sh),
-        device(scene.view()), rate(copy) {
+      : scene(std::move(s)),
+        position(scene.position),
+        mean_t(scene.mean_t),
+        log_scale(scene.log_scale),
+        rotor(scene.rotor),
+        opacity(scene.opacity),
+        sh(scene.sh),
+        device(scene.view()),
+        rate(copy) {
     for (const io::Camera& c : io::orbit_cameras(scene, 8, kWidth, kHeight).cameras) {
       cameras.push_back(c.camera);
     }
@@ -91,11 +98,11 @@ void stages(const Bench& bench, l4d_cuda_renderer* r, const l4d_cuda_image& imag
   }
   const double pixels = double{kWidth} * kHeight;
   const double row = 64 + (half ? 96 : 192);
-  // What must move at least: attributes in, splats out; pairs of key and value through the sorts; splats to
-  // tiles; pixels out.
+  // What must move at least: attributes in, splats out; pairs of key and value through the sorts;
+  // splats to tiles; pixels out.
   const double bytes[5] = {8 * static_cast<double>(bench.scene.count()) + 4 * visible,
-                           visible * (4 + row) + projected * 56,
-                           projected * (8 + 16 * 4), instances * (8 + 16 * 2 + 4) + projected * 40,
+                           visible * (4 + row) + projected * 56, projected * (8 + 16 * 4),
+                           instances * (8 + 16 * 2 + 4) + projected * 40,
                            instances * 52 + pixels * 12};
   std::printf("%.0f visible, %.0f in view, %.0f instances (%.2f each)\n", visible, projected,
               instances, instances / projected);
@@ -136,7 +143,8 @@ void forward(const Bench& bench, uint32_t format) {
     std::printf("%-34s median %.3f ms, 99th percentile %.3f ms: %.0f per second\n", what, t.median,
                 t.p99, 1e3 / t.median);
   };
-  std::printf("\n## %zu Gaussians, SH in %s\n", bench.scene.count(), half ? "binary16" : "binary32");
+  std::printf("\n## %zu Gaussians, SH in %s\n", bench.scene.count(),
+              half ? "binary16" : "binary32");
   print("forward, another instant each", time_runs(kRuns, stream, frame));
   print("forward, one instant", time_runs(kRuns, stream, [&](int k) {
           must(r, l4d_cuda_renderer_render(r, 1.0, &bench.camera_of(k), &image, stream));
@@ -145,7 +153,8 @@ void forward(const Bench& bench, uint32_t format) {
   l4d_cuda_image_init(&bytes);
   bytes.rgba8 = rgba8.get();
   print("forward to RGBA8", time_runs(kRuns, stream, [&](int k) {
-          must(r, l4d_cuda_renderer_render(r, bench.time_of(k), &bench.camera_of(k), &bytes, stream));
+          must(r,
+               l4d_cuda_renderer_render(r, bench.time_of(k), &bench.camera_of(k), &bytes, stream));
         }));
   // As a graph: one frame, over and over.
   frame(0);
@@ -163,7 +172,8 @@ void forward(const Bench& bench, uint32_t format) {
       check(cudaStreamEndCapture(stream, &captured));
       check(cudaGraphInstantiate(&replay, captured, 0));
     }
-    print(graph ? "one frame, as a CUDA graph" : "one frame, launched", time_runs(kRuns, stream, [&](int) {
+    print(graph ? "one frame, as a CUDA graph" : "one frame, launched",
+          time_runs(kRuns, stream, [&](int) {
             if (graph) {
               check(cudaGraphLaunch(replay, stream));
             } else {
@@ -239,10 +249,13 @@ void sensitivity(const Bench& bench, const std::vector<l4d_camera>& cameras, int
       check(cudaDeviceSynchronize());
       const double s =
           std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-      std::printf("%s, %s: %d views in %.2f s, %.3f ms a view; 21,600 views %.1f s, 4,050 views %.2f s\n",
-                  name,
-                  seen_only ? "seen only" : measure == L4D_SENSITIVITY_SUM ? "SUM" : "GAUSS_NEWTON",
-                  views, s, 1e3 * s / views, 21600 * s / views, 4050 * s / views);
+      std::printf(
+          "%s, %s: %d views in %.2f s, %.3f ms a view; 21,600 views %.1f s, 4,050 views %.2f s\n",
+          name,
+          seen_only                        ? "seen only"
+          : measure == L4D_SENSITIVITY_SUM ? "SUM"
+                                           : "GAUSS_NEWTON",
+          views, s, 1e3 * s / views, 21600 * s / views, 4050 * s / views);
     }
   }
 }
@@ -268,7 +281,8 @@ int main(int argc, char** argv) {
   for (const std::string& name : scenes) {
     io::SynthOptions options;
     options.gaussians = std::strtoull(name.c_str(), nullptr, 0);
-    const Bench bench(options.gaussians > 0 ? io::synthesize(options) : io::read_scene_ply(name), rate);
+    const Bench bench(options.gaussians > 0 ? io::synthesize(options) : io::read_scene_ply(name),
+                      rate);
     forward(bench, L4D_CUDA_SH_FLOAT16);
     if (!all) continue;
     forward(bench, L4D_CUDA_SH_FLOAT32);

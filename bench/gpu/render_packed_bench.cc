@@ -75,8 +75,7 @@ struct Stream {
     out.rotor = array<float>(8 * n);
     out.opacity = array<float>(n);
     out.sh = array<float>(3 * terms * n);
-    must_decode(
-        l4d_cuda_decoder_decode(cuda, &out, workspace.get(), job.workspace_bytes, nullptr));
+    must_decode(l4d_cuda_decoder_decode(cuda, &out, workspace.get(), job.workspace_bytes, nullptr));
     must_decode(l4d_cuda_decoder_finish(cuda));
     l4d_cuda_packed_buffers packed;
     l4d_cuda_packed_buffers_init(&packed);
@@ -88,8 +87,9 @@ struct Stream {
     must_decode(l4d_cuda_decoder_finish(cuda));
     uint64_t literals[L4D_COMPONENT_COUNT];
     must_decode(l4d_cuda_decoder_get_num_literals(cuda, literals));
-    gaussians = {sizeof(l4d_gaussians), n, info.sh_degree, info.flags, out.position, out.mean_t,
-                 out.log_scale, out.rotor, out.opacity, out.sh};
+    gaussians = {sizeof(l4d_gaussians), n,          info.sh_degree, info.flags,
+                 out.position,          out.mean_t, out.log_scale,  out.rotor,
+                 out.opacity,           out.sh};
     l4d_cuda_sh_indices_init(&indices);
     indices.depth = sh.depth;
     indices.index = sh.index;
@@ -233,8 +233,9 @@ void run(const std::string& file) {
   std::printf("\n%s: %zu Gaussians, SH degree %u in %zu stages, %llu literals\n\n", file.c_str(),
               static_cast<size_t>(stream.gaussians.count), stream.gaussians.sh_degree,
               stream.books.size(), static_cast<unsigned long long>(stream.indices.num_literals));
-  std::puts("| SH | bytes a Gaussian | frames/s | median ms | 99th percentile ms | project us "
-            "| visible | largest difference |\n|---|---|---|---|---|---|---|---|");
+  std::puts(
+      "| SH | bytes a Gaussian | frames/s | median ms | 99th percentile ms | project us "
+      "| visible | largest difference |\n|---|---|---|---|---|---|---|---|");
   for (const uint32_t format : {L4D_CUDA_SH_FLOAT16, L4D_CUDA_SH_FLOAT32}) {
     const bool half = format == L4D_CUDA_SH_FLOAT16;
     Rendering expanded(stream, format, false), indexed(stream, format, true);

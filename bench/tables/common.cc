@@ -73,8 +73,7 @@ EncoderHandle make_encoder(const WeightedScene& s, const std::vector<float>& sh,
   EncoderHandle encoder(&options);
   encoder.check(l4d_encoder_set_preset(encoder.get(), preset));
   const l4d_gaussians view = s.scene.view();
-  encoder.check(
-      l4d_encoder_set_scene(encoder.get(), &view, &s.scene.timeline, &s.scene.placement));
+  encoder.check(l4d_encoder_set_scene(encoder.get(), &view, &s.scene.timeline, &s.scene.placement));
   const auto set = [&](uint32_t which, const std::vector<float>& w) {
     if (!w.empty()) {
       encoder.check(l4d_encoder_set_weights(encoder.get(), which, w.data(), w.size()));

@@ -36,9 +36,10 @@ int main() {
       {"static + deform", {"static", "deform"}},
       {"all", {}},
   };
-  std::puts("| effects | tools in the file | layers | bytes/Gaussian | position | mean_t | sh |"
-            " scale | rotor_spatial | rotor_temporal | codebooks | decode ns/Gaussian |"
-            " slice ms |");
+  std::puts(
+      "| effects | tools in the file | layers | bytes/Gaussian | position | mean_t | sh |"
+      " scale | rotor_spatial | rotor_temporal | codebooks | decode ns/Gaussian |"
+      " slice ms |");
   std::puts("|---|---|---|---|---|---|---|---|---|---|---|---|---|");
   for (const Row& row : rows) {
     io::SynthOptions options;
@@ -78,13 +79,13 @@ int main() {
     const double slice = time_median(7, [&] { d.check(l4d_decoder_slice(d.get(), 5.0, &splats)); });
     const double n = static_cast<double>(a.count());
     const auto per = [&](uint32_t s) { return static_cast<double>(b[s]) / n; };
-    std::printf("| %s | %s | %u | %.2f | %.2f | %.2f | %.2f | %.2f | %.2f | %.2f | %.2f | %.1f |"
-                " %.2f |\n",
-                row.name, tool_names(d.info().tools).c_str(), d.info().num_layers,
-                static_cast<double>(file.size()) / n, per(L4D_SECTION_POSITION),
-                per(L4D_SECTION_MEAN_T), per(L4D_SECTION_SH), per(L4D_SECTION_SCALE),
-                per(L4D_SECTION_ROTOR_SPATIAL), per(L4D_SECTION_ROTOR_TEMPORAL),
-                per(L4D_SECTION_CODEBOOKS), decode * 1e9 / n, slice * 1e3);
+    std::printf(
+        "| %s | %s | %u | %.2f | %.2f | %.2f | %.2f | %.2f | %.2f | %.2f | %.2f | %.1f |"
+        " %.2f |\n",
+        row.name, tool_names(d.info().tools).c_str(), d.info().num_layers,
+        static_cast<double>(file.size()) / n, per(L4D_SECTION_POSITION), per(L4D_SECTION_MEAN_T),
+        per(L4D_SECTION_SH), per(L4D_SECTION_SCALE), per(L4D_SECTION_ROTOR_SPATIAL),
+        per(L4D_SECTION_ROTOR_TEMPORAL), per(L4D_SECTION_CODEBOOKS), decode * 1e9 / n, slice * 1e3);
     std::fflush(stdout);
   }
   return 0;

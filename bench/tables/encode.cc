@@ -16,12 +16,13 @@ void run(const char* name, const WeightedScene& scene, const std::vector<float>&
   EncoderHandle e = make_encoder(scene, sh, "small");
   const std::vector<unsigned char> file = e.encode();
   const l4d_encode_report r = report_of(e);
-  std::printf("\n%s: %llu Gaussians, %llu -> %zu bytes, ratio %.2f, peak memory %.0f MB"
-              " (%.0f MB of it the input)\n\n",
-              name, static_cast<unsigned long long>(r.coded_gaussians),
-              static_cast<unsigned long long>(r.raw_bytes), file.size(),
-              static_cast<double>(r.raw_bytes) / static_cast<double>(file.size()),
-              static_cast<double>(peak_rss_bytes()) / 1e6, static_cast<double>(before) / 1e6);
+  std::printf(
+      "\n%s: %llu Gaussians, %llu -> %zu bytes, ratio %.2f, peak memory %.0f MB"
+      " (%.0f MB of it the input)\n\n",
+      name, static_cast<unsigned long long>(r.coded_gaussians),
+      static_cast<unsigned long long>(r.raw_bytes), file.size(),
+      static_cast<double>(r.raw_bytes) / static_cast<double>(file.size()),
+      static_cast<double>(peak_rss_bytes()) / 1e6, static_cast<double>(before) / 1e6);
   std::puts("| step | seconds |\n|---|---|");
   double quantisation = 0;
   for (uint32_t i = 0; i < r.num_stages; ++i) {

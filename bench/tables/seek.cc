@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What one instant costs as a scene gets longer at equal content per second: open, bytes read, decode
-// time, memory. Prints a Markdown table.
+// What one instant costs as a scene gets longer at equal content per second: open, bytes read,
+// decode time, memory. Prints a Markdown table.
 #include <cstdio>
 
 #include "bench/tables/common.h"
@@ -34,9 +34,10 @@ struct CountingReader {
 }  // namespace
 
 int main() {
-  std::puts("| seconds | frames | Gaussians | file bytes | levels | open us | open bytes |"
-            " seek reads | seek bytes | of these directory | buckets | Gaussians read | visible |"
-            " decode ms | decoder memory MB |");
+  std::puts(
+      "| seconds | frames | Gaussians | file bytes | levels | open us | open bytes |"
+      " seek reads | seek bytes | of these directory | buckets | Gaussians read | visible |"
+      " decode ms | decoder memory MB |");
   std::puts("|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|");
   for (const double seconds : {10.0, 80.0, 640.0}) {
     // Equal content at any instant: the static share is fixed, the dynamic share grows with time.
@@ -73,18 +74,19 @@ int main() {
       memory = std::max(memory, counters.peak_memory_bytes);
       levels = d.info().num_layers;
     }
-    std::printf("| %.0f | %u | %zu | %zu | %llu | %.0f | %llu | %llu | %llu | %llu | %llu | %llu |"
-                " %llu | %.2f | %.1f |\n",
-                seconds, scene.scene.timeline.num_frames, scene.scene.count(), file.size(),
-                static_cast<unsigned long long>(levels), median(open_us),
-                static_cast<unsigned long long>(open_bytes),
-                static_cast<unsigned long long>(reads / kSeeks),
-                static_cast<unsigned long long>(bytes / kSeeks),
-                static_cast<unsigned long long>(selection.directory_bytes),
-                static_cast<unsigned long long>(selection.num_ranges),
-                static_cast<unsigned long long>(selection.num_gaussians),
-                static_cast<unsigned long long>(visible / kSeeks), median(decode_ms),
-                static_cast<double>(memory) / 1e6);
+    std::printf(
+        "| %.0f | %u | %zu | %zu | %llu | %.0f | %llu | %llu | %llu | %llu | %llu | %llu |"
+        " %llu | %.2f | %.1f |\n",
+        seconds, scene.scene.timeline.num_frames, scene.scene.count(), file.size(),
+        static_cast<unsigned long long>(levels), median(open_us),
+        static_cast<unsigned long long>(open_bytes),
+        static_cast<unsigned long long>(reads / kSeeks),
+        static_cast<unsigned long long>(bytes / kSeeks),
+        static_cast<unsigned long long>(selection.directory_bytes),
+        static_cast<unsigned long long>(selection.num_ranges),
+        static_cast<unsigned long long>(selection.num_gaussians),
+        static_cast<unsigned long long>(visible / kSeeks), median(decode_ms),
+        static_cast<double>(memory) / 1e6);
     std::fflush(stdout);
   }
   return 0;

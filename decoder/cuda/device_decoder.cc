@@ -102,18 +102,21 @@ Status DeviceDecoder::copy_host_rows(const DeviceArrays& out, cudaStream_t strea
     float* to;
     uint64_t numbers;
   } arrays[] = {
-      {from.position, out.position, 3},   {from.mean_t, out.mean_t, 1},
-      {from.mean_t_local, out.mean_t_local, 1}, {from.log_scale, out.log_scale, 4},
-      {from.rotor, out.rotor, 8},         {from.opacity, out.opacity, 1},
+      {from.position, out.position, 3},
+      {from.mean_t, out.mean_t, 1},
+      {from.mean_t_local, out.mean_t_local, 1},
+      {from.log_scale, out.log_scale, 4},
+      {from.rotor, out.rotor, 8},
+      {from.opacity, out.opacity, 1},
       {from.sh, out.sh, sh_dim},
   };
   for (const HostRun& run : job_->host().runs()) {
     for (const auto& a : arrays) {
       if (a.to == nullptr) continue;
-      L4D_RETURN_IF_CUDA_ERROR(cudaMemcpyAsync(
-          a.to + a.numbers * run.first, a.from + a.numbers * run.first,
-          static_cast<size_t>(a.numbers * run.count) * sizeof(float), cudaMemcpyHostToDevice,
-          stream));
+      L4D_RETURN_IF_CUDA_ERROR(
+          cudaMemcpyAsync(a.to + a.numbers * run.first, a.from + a.numbers * run.first,
+                          static_cast<size_t>(a.numbers * run.count) * sizeof(float),
+                          cudaMemcpyHostToDevice, stream));
     }
   }
   return {};
@@ -173,14 +176,17 @@ Status DeviceDecoder::decode(const l4d_cuda_gaussian_buffers& out, void* workspa
                              uint64_t workspace_size, cudaStream_t stream) {
   L4D_RETURN_IF_ERROR(check_workspace(workspace, workspace_size));
   const GivenArray given[] = {
-      {out.position, L4D_CUDA_POSITION}, {out.mean_t, L4D_CUDA_MEAN_T},
-      {out.mean_t_local, L4D_CUDA_MEAN_T}, {out.log_scale, L4D_CUDA_LOG_SCALE},
-      {out.rotor, L4D_CUDA_ROTOR},       {out.opacity, L4D_CUDA_OPACITY},
+      {out.position, L4D_CUDA_POSITION},
+      {out.mean_t, L4D_CUDA_MEAN_T},
+      {out.mean_t_local, L4D_CUDA_MEAN_T},
+      {out.log_scale, L4D_CUDA_LOG_SCALE},
+      {out.rotor, L4D_CUDA_ROTOR},
+      {out.opacity, L4D_CUDA_OPACITY},
       {out.sh, L4D_CUDA_SH},
   };
   L4D_RETURN_IF_ERROR(check_arrays(L4D_CUDA_FORM_EXPANDED, out.capacity, given, std::size(given)));
-  const DeviceArrays arrays = {out.position, out.mean_t,  out.mean_t_local, out.log_scale,
-                               out.rotor,    out.opacity, out.sh};
+  const DeviceArrays arrays = {out.position, out.mean_t, out.mean_t_local, out.log_scale, out.rotor,
+                               out.opacity,  out.sh};
   L4D_RETURN_IF_ERROR(begin_decode(workspace, workspace_size, stream));
   if (job_->num_pages() > 0) {
     const DeviceJob job = job_->device_job(static_cast<unsigned char*>(workspace));

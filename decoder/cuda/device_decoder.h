@@ -32,8 +32,8 @@ class DeviceDecoder {
   Status upload(void* workspace, uint64_t workspace_size, cudaStream_t stream);
   Status decode(const l4d_cuda_gaussian_buffers& out, void* workspace, uint64_t workspace_size,
                 cudaStream_t stream);
-  Status decode_packed(const l4d_cuda_packed_buffers& out, void* workspace,
-                       uint64_t workspace_size, cudaStream_t stream);
+  Status decode_packed(const l4d_cuda_packed_buffers& out, void* workspace, uint64_t workspace_size,
+                       cudaStream_t stream);
   Status finish();
   // Of the last decode_packed, finished.
   Status num_literals(uint64_t* counts) const;

@@ -31,16 +31,16 @@ constexpr unsigned kStatesBehind = 224;
 
 // One plane of a page, in the order of the stream.
 struct PlaneProgram {
-  uint8_t kind;       // PlaneKind
+  uint8_t kind;  // PlaneKind
   uint8_t component;
   uint8_t index;
-  uint8_t table;      // of all symbols, where there is no map
+  uint8_t table;  // of all symbols, where there is no map
   uint8_t reserved;
-  uint8_t by_depth;   // index: members are those whose depth is above
-  uint8_t keep_above; // afterwards only members of a larger rung or depth stay; 0 = all
-  uint8_t context_of; // class: component whose classes are the contexts, 255 = none
-  uint32_t map;       // where its map lies in those of the layer, of kinds from class on
-  uint32_t limit;     // values are below this; of stage 0 what the page says
+  uint8_t by_depth;    // index: members are those whose depth is above
+  uint8_t keep_above;  // afterwards only members of a larger rung or depth stay; 0 = all
+  uint8_t context_of;  // class: component whose classes are the contexts, 255 = none
+  uint32_t map;        // where its map lies in those of the layer, of kinds from class on
+  uint32_t limit;      // values are below this; of stage 0 what the page says
 };
 static_assert(sizeof(PlaneProgram) == 16);
 
@@ -54,11 +54,11 @@ struct DeviceComponent {
   uint32_t num_stages;
   uint32_t has_depth;
   uint32_t num_coefficients;
-  uint32_t num_rungs;             // steps of the ladder; with one there is no column of rungs
-  uint32_t dim;                   // numbers of a row, as coded
+  uint32_t num_rungs;  // steps of the ladder; with one there is no column of rungs
+  uint32_t dim;        // numbers of a row, as coded
   // [entries, dim]; of a transform [0] is the basis, the origin first.
   const float* book[L4D_MAX_STAGES];
-  const float* steps;             // [num_coefficients]
+  const float* steps;  // [num_coefficients]
   uint8_t ladder[kMaxCoefficients];
 };
 
@@ -89,13 +89,13 @@ constexpr uint64_t kNoBook = ~uint64_t{0};
 
 // A page and where its parts lie in the upload, each at a multiple of 16 bytes.
 struct DevicePage {
-  uint64_t first;   // Gaussian in the decoded arrays
+  uint64_t first;  // Gaussian in the decoded arrays
   uint64_t part_at[2];
   uint64_t book[L4D_COMPONENT_COUNT];  // of stage 0 in the upload; kNoBook = the layer's
   double center;
   float width;
-  uint32_t slot;    // first Gaussian in the columns, a multiple of 32
-  uint32_t state;   // and among the states
+  uint32_t slot;   // first Gaussian in the columns, a multiple of 32
+  uint32_t state;  // and among the states
   uint32_t n;
   uint32_t layer;
   uint32_t part_bytes[2];
@@ -145,15 +145,15 @@ struct LiteralSum {
 // What is wrong with a part of a page; the first word that is not kPageOk ends its decoding.
 enum PageFault : uint32_t {
   kPageOk = 0,
-  kFaultEnd,         // RANS-7
-  kFaultPosition,    // RANS-8
-  kFaultCode,        // STRM-3
-  kFaultNotFinite,   // VAL-1
-  kFaultLiteral,     // VAL-2
-  kFaultDepth,       // VQ-1
-  kFaultIndex,       // VQ-2
-  kFaultClass,       // TRAN-5
-  kFaultRung,        // TRAN-6
+  kFaultEnd,        // RANS-7
+  kFaultPosition,   // RANS-8
+  kFaultCode,       // STRM-3
+  kFaultNotFinite,  // VAL-1
+  kFaultLiteral,    // VAL-2
+  kFaultDepth,      // VQ-1
+  kFaultIndex,      // VQ-2
+  kFaultClass,      // TRAN-5
+  kFaultRung,       // TRAN-6
 };
 
 // Values between the two steps, one column after another, `stride` slots each. Values of a
@@ -164,9 +164,9 @@ struct Columns {
   uint16_t* mean_t;  // binary16
   uint16_t* opacity;
   uint16_t* scale_factor;
-  uint32_t* state;   // [2, state_stride] of the Gaussians that take part in the plane at hand
+  uint32_t* state;  // [2, state_stride] of the Gaussians that take part in the plane at hand
   struct Component {
-    uint8_t* head;   // depth or class
+    uint8_t* head;  // depth or class
     uint8_t* rung;
     uint16_t* value;
   } component[L4D_COMPONENT_COUNT];
@@ -186,11 +186,11 @@ struct DeviceJob {
   Columns columns;
   // Of the packed form. Pieces are ExpandTasks and HostPieces in the order of the Gaussians.
   const HostPiece* host_pieces;
-  LiteralSum* literals;     // [num_pieces, L4D_COMPONENT_COUNT]
-  uint64_t* num_literals;   // [L4D_COMPONENT_COUNT]
+  LiteralSum* literals;    // [num_pieces, L4D_COMPONENT_COUNT]
+  uint64_t* num_literals;  // [L4D_COMPONENT_COUNT]
   uint32_t num_expands;
   uint32_t num_host_pieces;
-  uint32_t num_pieces;      // 0 where nothing may have literals
+  uint32_t num_pieces;  // 0 where nothing may have literals
 };
 
 // Decoded arrays, as l4d_gaussian_buffers; null = not wanted.
@@ -212,7 +212,7 @@ struct PackedArrays {
   uint16_t* scale_factor;
   struct Component {
     uint8_t* depth;
-    uint16_t* index;    // stage s at s * capacity
+    uint16_t* index;  // stage s at s * capacity
     uint16_t* literal;
     uint64_t literal_capacity;
   } component[L4D_COMPONENT_COUNT];

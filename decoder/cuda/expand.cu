@@ -61,11 +61,20 @@ cudaError_t launch_expand(const DeviceJob& job, const ExpandLaunch& launch, cons
   }
   const uint32_t kinds = geometry ? 2 : 1;
   switch (launch.sh_dim) {
-    case 3: launch_sh<3>(job, launch, out, kinds, stream); break;
-    case 12: launch_sh<12>(job, launch, out, kinds, stream); break;
-    case 27: launch_sh<27>(job, launch, out, kinds, stream); break;
-    case 48: launch_sh<48>(job, launch, out, kinds, stream); break;
-    default: return cudaErrorInvalidValue;
+    case 3:
+      launch_sh<3>(job, launch, out, kinds, stream);
+      break;
+    case 12:
+      launch_sh<12>(job, launch, out, kinds, stream);
+      break;
+    case 27:
+      launch_sh<27>(job, launch, out, kinds, stream);
+      break;
+    case 48:
+      launch_sh<48>(job, launch, out, kinds, stream);
+      break;
+    default:
+      return cudaErrorInvalidValue;
   }
   return cudaGetLastError();
 }

@@ -103,8 +103,8 @@ __device__ void component_row(const ComponentSource& source, size_t slot, float*
     const uint32_t count = source.coefficients(slot);
     const float scale = source.class_scale(slot);
     for (uint32_t k = 0; k < count; ++k) {
-      const float c = source.coefficient(source.value[k * source.stride + slot], scale,
-                                         source.coding.steps[k]);
+      const float c =
+          source.coefficient(source.value[k * source.stride + slot], scale, source.coding.steps[k]);
       for (unsigned d = 0; d < kDim; ++d) row[d] = row[d] + c * source.book0[kDim * (k + 1) + d];
     }
     return;
@@ -197,8 +197,7 @@ __device__ inline void expand_geometry(const DeviceJob& job, const DeviceArrays&
                             : 0.0f;
     if (out.mean_t_local != nullptr) out.mean_t_local[gaussian] = local;
     if (out.mean_t != nullptr) {
-      out.mean_t[gaussian] =
-          static_cast<float>(block.page->center + static_cast<double>(local));
+      out.mean_t[gaussian] = static_cast<float>(block.page->center + static_cast<double>(local));
     }
   }
   if (out.opacity != nullptr) {

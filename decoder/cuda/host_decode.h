@@ -9,7 +9,8 @@ namespace l4d::cuda {
 class HostDecode {
  public:
   // decoder: its stream is open, and stays so as long as this object.
-  explicit HostDecode(Decoder& decoder) : sh_dim_(decoder.file().header().sh_dim()), device_(decoder) {}
+  explicit HostDecode(Decoder& decoder)
+      : sh_dim_(decoder.file().header().sh_dim()), device_(decoder) {}
 
   Status open(int device) { return device_.open(device); }
   // As Decoder::decode of one that is not tolerant.

@@ -39,8 +39,7 @@ void put(const std::vector<T>& values, uint64_t at, unsigned char* staging) {
 
 // The first failure in the order of the parts.
 Status first_failure(std::vector<Status>& all) {
-  const auto failed =
-      std::find_if(all.begin(), all.end(), [](const Status& s) { return !s.ok(); });
+  const auto failed = std::find_if(all.begin(), all.end(), [](const Status& s) { return !s.ok(); });
   return failed == all.end() ? Status() : std::move(*failed);
 }
 
@@ -105,9 +104,9 @@ Status Job::add_pages() {
     page.layer = task.layer;
     page.part_bytes[0] = record.chunk.stored_bytes;
     page.part_bytes[1] = detail ? record.sh_detail.stored_bytes : 0;
-    page.middle = static_cast<uint32_t>(
-        record.has_sh_detail() ? first_detail_plane(header, entropy->planes)
-                               : entropy->planes.size());
+    page.middle =
+        static_cast<uint32_t>(record.has_sh_detail() ? first_detail_plane(header, entropy->planes)
+                                                     : entropy->planes.size());
     page.sh_limit = whole ? kMaxCoefficients : header.sh_base;
     page.has_sh = whole || header.sh_base > 0;
     L4D_RETURN_IF_ERROR(add_books(task, &page));
@@ -190,8 +189,7 @@ void Job::choose_warps() {
     return la != lb ? la < lb : cost(a) > cost(b);
   });
   const size_t each = (warps_.size() + multiprocessors_ - 1) / multiprocessors_;
-  planes_launch_.block_pages =
-      static_cast<uint32_t>(std::min<size_t>(each, kMaxBlockPages));
+  planes_launch_.block_pages = static_cast<uint32_t>(std::min<size_t>(each, kMaxBlockPages));
   for (uint32_t w = 0; w < warps_.size(); ++w) {
     const uint32_t layer = pages_[warps_[w].page].layer;
     if (blocks_.empty() || blocks_.back().layer != layer ||
@@ -284,8 +282,7 @@ Status Job::lay_out() {
   columns_.mean_t = column(sizeof(uint16_t));
   columns_.opacity = column(sizeof(uint16_t));
   columns_.scale_factor = column(sizeof(uint16_t));
-  columns_.state =
-      place((header.sh.vq() ? 2 : 1) * num_states_ * sizeof(uint32_t), kLine, &end);
+  columns_.state = place((header.sh.vq() ? 2 : 1) * num_states_ * sizeof(uint32_t), kLine, &end);
   for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
     columns_.component[c].head = place(num_slots_ + kStatesBehind, kLine, &end);
     columns_.component[c].rung = column(1);

@@ -150,8 +150,8 @@ class Lanes {
   uint32_t x_ = 0;
   const unsigned char* words_ = nullptr;
   uint32_t bytes_ = 0;
-  uint32_t position_ = 0;  // words taken before this batch
-  uint32_t filled_ = 0;    // words under way or there
+  uint32_t position_ = 0;                 // words taken before this batch
+  uint32_t filled_ = 0;                   // words under way or there
   const unsigned char* begin_ = nullptr;  // of the batch in the ring
   const unsigned char* next_ = nullptr;   // word
 };

@@ -47,13 +47,20 @@ DeviceLayer device_layer(const SceneHeader& header, const LayerHeader& layer) {
 uint32_t plane_limit(const SceneHeader& header, const LayerHeader& layer, const PlaneSpec& spec) {
   const ComponentCoding& coding = header.component(layer, spec.component);
   switch (spec.kind) {
-    case PlaneKind::kMeanT: return 1u << (16 - layer.mean_t_shift);
-    case PlaneKind::kOpacity: return 1u << header.opacity.bits;
-    case PlaneKind::kScaleFactor: return 1u << layer.scale_factor.bits;
-    case PlaneKind::kDepth: return coding.literals ? kLiteralDepth + 1u : kLiteralDepth;
-    case PlaneKind::kIndex: return coding.stages[spec.index].num_entries;
-    case PlaneKind::kRung: return static_cast<uint32_t>(coding.ladder.size() + 1);
-    default: return 0;
+    case PlaneKind::kMeanT:
+      return 1u << (16 - layer.mean_t_shift);
+    case PlaneKind::kOpacity:
+      return 1u << header.opacity.bits;
+    case PlaneKind::kScaleFactor:
+      return 1u << layer.scale_factor.bits;
+    case PlaneKind::kDepth:
+      return coding.literals ? kLiteralDepth + 1u : kLiteralDepth;
+    case PlaneKind::kIndex:
+      return coding.stages[spec.index].num_entries;
+    case PlaneKind::kRung:
+      return static_cast<uint32_t>(coding.ladder.size() + 1);
+    default:
+      return 0;
   }
 }
 
@@ -119,8 +126,7 @@ void append_map(const std::vector<uint8_t>& map, uint8_t idle, std::vector<uint8
 }
 
 std::vector<PlaneProgram> plane_programs(const SceneHeader& header, const LayerHeader& layer,
-                                         const EntropyTables& tables,
-                                         std::vector<uint8_t>* maps) {
+                                         const EntropyTables& tables, std::vector<uint8_t>* maps) {
   std::vector<PlaneProgram> out;
   uint8_t with_classes = 0xff;
   for (size_t p = 0; p < tables.planes.size(); ++p) {

@@ -24,8 +24,7 @@ void pack_rans_table(const uint32_t* entries, uint64_t* records, uint8_t* tokens
 
 // The planes of a layer in the form that kernels follow.
 std::vector<PlaneProgram> plane_programs(const SceneHeader& header, const LayerHeader& layer,
-                                         const EntropyTables& tables,
-                                         std::vector<uint8_t>* maps);
+                                         const EntropyTables& tables, std::vector<uint8_t>* maps);
 
 class LayerTables {
  public:

@@ -36,9 +36,9 @@ Status DeviceDecoder::decode_packed(const l4d_cuda_packed_buffers& out, void* wo
                                    {out.scale_factor, L4D_CUDA_LOG_SCALE}};
   for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
     const l4d_cuda_packed_component& component = out.component[c];
-    for (const void* array : {static_cast<const void*>(component.depth),
-                              static_cast<const void*>(component.index),
-                              static_cast<const void*>(component.literal)}) {
+    for (const void* array :
+         {static_cast<const void*>(component.depth), static_cast<const void*>(component.index),
+          static_cast<const void*>(component.literal)}) {
       given.push_back({array, component_attribute(c)});
     }
   }
@@ -63,10 +63,10 @@ Status DeviceDecoder::copy_packed_host_rows(const PackedArrays& out, cudaStream_
   for (const HostRun& run : job_->host().runs()) {
     const auto copy = [&](const auto* source, auto* target, uint64_t numbers) -> Status {
       if (target == nullptr) return {};
-      L4D_RETURN_IF_CUDA_ERROR(cudaMemcpyAsync(
-          target + numbers * run.first, source + numbers * run.first,
-          static_cast<size_t>(numbers * run.count) * sizeof(*target), cudaMemcpyHostToDevice,
-          stream));
+      L4D_RETURN_IF_CUDA_ERROR(
+          cudaMemcpyAsync(target + numbers * run.first, source + numbers * run.first,
+                          static_cast<size_t>(numbers * run.count) * sizeof(*target),
+                          cudaMemcpyHostToDevice, stream));
       return {};
     };
     L4D_RETURN_IF_ERROR(copy(from.position, out.position, 3));

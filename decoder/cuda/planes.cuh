@@ -106,10 +106,9 @@ class PageWarp {
   }
   template <typename Sink>
   __device__ void hybrid_of_all(const PlaneProgram& plane, const Sink& sink) {
-    hybrid<TableOf::kPlane>(plane, n_, [](int) { return 0u; },
-                            [&](int i, uint32_t, uint32_t value, bool active) {
-                              sink(i, value, active);
-                            });
+    hybrid<TableOf::kPlane>(
+        plane, n_, [](int) { return 0u; },
+        [&](int i, uint32_t, uint32_t value, bool active) { sink(i, value, active); });
   }
 
   __device__ static uint32_t fault_of(bool bad, uint32_t fault) {
@@ -139,16 +138,26 @@ class PageWarp {
 
   __device__ uint32_t run_plane(const PlaneProgram& plane) {
     switch (static_cast<PlaneKind>(plane.kind)) {
-      case PlaneKind::kPosition: return positions(plane);
-      case PlaneKind::kMeanT: return means(plane);
-      case PlaneKind::kOpacity: return codes(plane, job_.columns.opacity + page_.slot);
-      case PlaneKind::kScaleFactor: return codes(plane, job_.columns.scale_factor + page_.slot);
-      case PlaneKind::kDepth: return depths(plane);
-      case PlaneKind::kIndex: return indices(plane);
-      case PlaneKind::kLiteral: return literals(plane);
-      case PlaneKind::kClass: return classes(plane);
-      case PlaneKind::kRung: return rungs(plane);
-      case PlaneKind::kCoefficient: return coefficients(plane);
+      case PlaneKind::kPosition:
+        return positions(plane);
+      case PlaneKind::kMeanT:
+        return means(plane);
+      case PlaneKind::kOpacity:
+        return codes(plane, job_.columns.opacity + page_.slot);
+      case PlaneKind::kScaleFactor:
+        return codes(plane, job_.columns.scale_factor + page_.slot);
+      case PlaneKind::kDepth:
+        return depths(plane);
+      case PlaneKind::kIndex:
+        return indices(plane);
+      case PlaneKind::kLiteral:
+        return literals(plane);
+      case PlaneKind::kClass:
+        return classes(plane);
+      case PlaneKind::kRung:
+        return rungs(plane);
+      case PlaneKind::kCoefficient:
+        return coefficients(plane);
     }
     return kPageOk;
   }
@@ -215,21 +224,21 @@ class PageWarp {
     const bool has_literals = plane.limit > kLiteralDepth;
     bool bad = false;
     int kept = 0;
-    hybrid<TableOf::kPlane>(plane, n_, [](int) { return 0u; },
-                  [&](int i, uint32_t, uint32_t value, bool active) {
-                    const bool literal = value == kLiteralDepth && has_literals;
-                    bad |= !literal && value > coding.num_stages;
-                    store_if(active, c.head + i, value);
-                    keep(active && !literal && value > 0, state_of(i, value & 15), &kept);
-                  });
+    hybrid<TableOf::kPlane>(
+        plane, n_, [](int) { return 0u; },
+        [&](int i, uint32_t, uint32_t value, bool active) {
+          const bool literal = value == kLiteralDepth && has_literals;
+          bad |= !literal && value > coding.num_stages;
+          store_if(active, c.head + i, value);
+          keep(active && !literal && value > 0, state_of(i, value & 15), &kept);
+        });
     set_members(kept);
     return fault_of(bad, kFaultDepth);
   }
 
   __device__ uint32_t indices(const PlaneProgram& plane) {
     uint16_t* out = component(plane).value + plane.index * job_.columns.stride;
-    const uint32_t limit =
-        plane.index == 0 ? page_.stage0_entries[plane.component] : plane.limit;
+    const uint32_t limit = plane.index == 0 ? page_.stage0_entries[plane.component] : plane.limit;
     bool bad = false;
     if (plane.by_depth == 0) {
       hybrid_of_all(plane, [&](int i, uint32_t value, bool active) {
@@ -240,13 +249,14 @@ class PageWarp {
     }
     const uint32_t least = plane.keep_above;
     int kept = 0;
-    hybrid<TableOf::kPlane>(plane, members_, [&](int i) { return state_[i]; },
-                  [&](int, uint32_t state, uint32_t value, bool active) {
-                    bad |= active && value >= limit;
-                    store_if(active, out + state_place(state), value);
-                    if (least == 0) return;
-                    keep(active && state >> kStateClass > least, state, &kept);
-                  });
+    hybrid<TableOf::kPlane>(
+        plane, members_, [&](int i) { return state_[i]; },
+        [&](int, uint32_t state, uint32_t value, bool active) {
+          bad |= active && value >= limit;
+          store_if(active, out + state_place(state), value);
+          if (least == 0) return;
+          keep(active && state >> kStateClass > least, state, &kept);
+        });
     if (least != 0) set_members(kept);
     return fault_of(bad, kFaultIndex);
   }
@@ -264,12 +274,13 @@ class PageWarp {
     const uint32_t stages = layer_.component[plane.component].num_stages;
     uint16_t* out = c.value + (stages + plane.index) * job_.columns.stride;
     bool not_finite = false;
-    hybrid<TableOf::kPlane>(plane, members_, [&](int i) { return state_[i]; },
-                  [&](int, uint32_t state, uint32_t value, bool active) {
-                    const uint16_t half = unordered_half(value);
-                    not_finite |= active && !is_finite_half(half);
-                    store_if(active, out + state_place(state), half);
-                  });
+    hybrid<TableOf::kPlane>(
+        plane, members_, [&](int i) { return state_[i]; },
+        [&](int, uint32_t state, uint32_t value, bool active) {
+          const uint16_t half = unordered_half(value);
+          not_finite |= active && !is_finite_half(half);
+          store_if(active, out + state_place(state), half);
+        });
     return fault_of(not_finite, kFaultLiteral);
   }
 
@@ -279,15 +290,14 @@ class PageWarp {
     const uint8_t* contexts =
         has_contexts ? job_.columns.component[plane.context_of].head + page_.slot : nullptr;
     bool bad = false;
-    hybrid<TableOf::kContexts>(plane, n_,
-                 [&](int i) {
-                   return has_contexts ? (contexts[i] % kTransformClasses) << kStateClass : 0u;
-                 },
-                 [&](int i, uint32_t, uint32_t value, bool active) {
-                   bad |= active && value >= kTransformClasses;
-                   store_if(active, c.head + i, value);
-                   store_if(active, state_ + i, state_of(i, value & 15));
-                 });
+    hybrid<TableOf::kContexts>(
+        plane, n_,
+        [&](int i) { return has_contexts ? (contexts[i] % kTransformClasses) << kStateClass : 0u; },
+        [&](int i, uint32_t, uint32_t value, bool active) {
+          bad |= active && value >= kTransformClasses;
+          store_if(active, c.head + i, value);
+          store_if(active, state_ + i, state_of(i, value & 15));
+        });
     set_members(n_);
     return fault_of(bad, kFaultClass);
   }
@@ -297,12 +307,13 @@ class PageWarp {
     bool bad = false;
     int kept = 0;
     const uint32_t limit = plane.limit;
-    hybrid<TableOf::kStates>(plane, n_, [&](int i) { return state_[i]; },
-                 [&](int i, uint32_t state, uint32_t value, bool active) {
-                   bad |= active && value >= limit;
-                   store_if(active, c.rung + i, value);
-                   keep(active && value > 0, state, &kept);
-                 });
+    hybrid<TableOf::kStates>(
+        plane, n_, [&](int i) { return state_[i]; },
+        [&](int i, uint32_t state, uint32_t value, bool active) {
+          bad |= active && value >= limit;
+          store_if(active, c.rung + i, value);
+          keep(active && value > 0, state, &kept);
+        });
     set_members(kept);
     return fault_of(bad, kFaultRung);
   }
@@ -314,19 +325,19 @@ class PageWarp {
     const auto load = [&](int i) { return state_[i]; };
     if (least == 0) {
       hybrid<TableOf::kStates>(plane, members_, load,
-                   [&](int i, uint32_t state, uint32_t value, bool active) {
-                     store_if(active, out + state_place(state), value);
-                     store_if(active, state_ + i, state_after(state, value));
-                   });
+                               [&](int i, uint32_t state, uint32_t value, bool active) {
+                                 store_if(active, out + state_place(state), value);
+                                 store_if(active, state_ + i, state_after(state, value));
+                               });
       return kPageOk;
     }
     int kept = 0;
-    hybrid<TableOf::kStates>(plane, members_, load,
-                 [&](int, uint32_t state, uint32_t value, bool active) {
-                   const uint32_t place = state_place(state);
-                   store_if(active, out + place, value);
-                   keep(active && c.rung[place] > least, state_after(state, value), &kept);
-                 });
+    hybrid<TableOf::kStates>(
+        plane, members_, load, [&](int, uint32_t state, uint32_t value, bool active) {
+          const uint32_t place = state_place(state);
+          store_if(active, out + place, value);
+          keep(active && c.rung[place] > least, state_after(state, value), &kept);
+        });
     set_members(kept);
     return kPageOk;
   }
@@ -383,8 +394,8 @@ __device__ inline void decode_planes(const DeviceJob& job, unsigned char* shared
   const DevicePage& page = job.pages[task.page];
   const SharedTables tables{shared, shared + at.tokens, layer.num_tables - 1};
   // Parts that two warps decode at the same time need a state each.
-  uint32_t* state = whole(job.columns.state +
-                          (task.parts == 2 ? job.columns.state_stride : 0) + page.state);
+  uint32_t* state =
+      whole(job.columns.state + (task.parts == 2 ? job.columns.state_stride : 0) + page.state);
   PageWarp decoder(job, layer, page, reinterpret_cast<const PlaneProgram*>(shared + at.planes),
                    shared + at.maps, tables, shared + at.rings + warp * kRingBytes, state);
   for (uint32_t part = 0; part < 2; ++part) {

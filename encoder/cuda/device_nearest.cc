@@ -14,7 +14,8 @@
 namespace l4d::cuda {
 namespace {
 
-// Below this many differences of numbers, the way to the device and back takes longer than the search.
+// Below this many differences of numbers, the way to the device and back takes longer than the
+// search.
 constexpr double kLeastWork = 2e7;
 // The same where the points are there already, and for points to go there for tens of searches.
 constexpr double kLeastWorkHeld = 1e5;
@@ -44,7 +45,8 @@ class Stream {
 
 void copy(int threads, void* to, const void* from, size_t bytes) {
   parallel_for(threads, bytes, kCopyGrain, [&](size_t begin, size_t end) {
-    std::memcpy(static_cast<char*>(to) + begin, static_cast<const char*>(from) + begin, end - begin);
+    std::memcpy(static_cast<char*>(to) + begin, static_cast<const char*>(from) + begin,
+                end - begin);
   });
 }
 
@@ -245,8 +247,8 @@ class DeviceNearest : public NearestDevice {
     size_t n = 0, dim = 0;
   };
 
-  // Makes the device the calling thread's. One that has failed leaves this and all later work to the
-  // host, which begins from the start.
+  // Makes the device the calling thread's. One that has failed leaves this and all later work to
+  // the host, which begins from the start.
   bool enter() {
     const std::lock_guard<std::mutex> lock(mutex_);
     if (state_ == State::kNew) state_ = use_device(device_).ok() ? State::kOpen : State::kFailed;
@@ -260,7 +262,8 @@ class DeviceNearest : public NearestDevice {
     return false;
   }
 
-  // Null where all are busy. Those that come back are used again: memory of either kind is slow to get.
+  // Null where all are busy. Those that come back are used again: memory of either kind is slow to
+  // get.
   std::unique_ptr<Workspace> take() {
     const std::lock_guard<std::mutex> lock(mutex_);
     if (busy_ == kMostBusy) return nullptr;

@@ -9,8 +9,8 @@
 
 namespace l4d::cuda {
 
-// Touches the device at the first search that is worth it; one that cannot be used leaves all work to the
-// host. threads: for copies between the caller's arrays and memory that the device reads.
+// Touches the device at the first search that is worth it; one that cannot be used leaves all work
+// to the host. threads: for copies between the caller's arrays and memory that the device reads.
 std::unique_ptr<NearestDevice> make_device_nearest(int device, int threads);
 
 }  // namespace l4d::cuda

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The search for the nearest codeword on a device: every pair, in the order of operations of the host's
-// search (encoder/nearest_simd.cc), so that labels and distances are the same to the last bit. All of it
-// is fused: no distance but the least one of a point leaves a register.
+// The search for the nearest codeword on a device: every pair, in the order of operations of the
+// host's search (encoder/nearest_simd.cc), so that labels and distances are the same to the last
+// bit. All of it is fused: no distance but the least one of a point leaves a register.
 #include <math_constants.h>
 
 #include "encoder/cuda/nearest_kernels.h"
@@ -10,9 +10,9 @@ namespace l4d::cuda {
 namespace {
 
 constexpr int kThreads = 128;
-constexpr int kLanes = 8;           // partial sums of the host's vectors
-constexpr int kMaxPlainDim = 8;     // up to here it sums one number after the other
-constexpr int kSharedFloats = 8192; // of codewords, at a time
+constexpr int kLanes = 8;            // partial sums of the host's vectors
+constexpr int kMaxPlainDim = 8;      // up to here it sums one number after the other
+constexpr int kSharedFloats = 8192;  // of codewords, at a time
 
 template <int kDim>
 __device__ float squared_distance(const float* p, const float* c) {
@@ -44,8 +44,8 @@ __device__ float squared_distance(const float* p, const float* c) {
   }
 }
 
-// A thread has a point in registers; the codewords come through shared memory, where all threads of a warp
-// read the same one.
+// A thread has a point in registers; the codewords come through shared memory, where all threads of
+// a warp read the same one.
 template <int kDim>
 __global__ void __launch_bounds__(kThreads)
     nearest_kernel(const float* __restrict__ points, size_t n, const float* __restrict__ codebook,
@@ -92,21 +92,32 @@ __global__ void __launch_bounds__(kThreads)
   sq_dist[i] = best;
 }
 
-using Kernel = void (*)(const float*, size_t, const float*, uint32_t, uint32_t, bool, uint32_t*, float*);
+using Kernel = void (*)(const float*, size_t, const float*, uint32_t, uint32_t, bool, uint32_t*,
+                        float*);
 
 // Of attributes, and with the number that entropy-constrained search adds.
 Kernel kernel_for(size_t dim) {
   switch (dim) {
-    case 3: return nearest_kernel<3>;
-    case 4: return nearest_kernel<4>;
-    case 5: return nearest_kernel<5>;
-    case 12: return nearest_kernel<12>;
-    case 13: return nearest_kernel<13>;
-    case 27: return nearest_kernel<27>;
-    case 28: return nearest_kernel<28>;
-    case 48: return nearest_kernel<48>;
-    case 49: return nearest_kernel<49>;
-    default: return nullptr;
+    case 3:
+      return nearest_kernel<3>;
+    case 4:
+      return nearest_kernel<4>;
+    case 5:
+      return nearest_kernel<5>;
+    case 12:
+      return nearest_kernel<12>;
+    case 13:
+      return nearest_kernel<13>;
+    case 27:
+      return nearest_kernel<27>;
+    case 28:
+      return nearest_kernel<28>;
+    case 48:
+      return nearest_kernel<48>;
+    case 49:
+      return nearest_kernel<49>;
+    default:
+      return nullptr;
   }
 }
 
@@ -114,14 +125,14 @@ Kernel kernel_for(size_t dim) {
 
 bool nearest_has_kernel(size_t dim) { return kernel_for(dim) != nullptr; }
 
-cudaError_t launch_nearest(const float* points, size_t n, size_t dim, const float* codebook, size_t k,
-                           uint32_t first_label, bool keep, uint32_t* labels, float* sq_dist,
-                           cudaStream_t stream) {
+cudaError_t launch_nearest(const float* points, size_t n, size_t dim, const float* codebook,
+                           size_t k, uint32_t first_label, bool keep, uint32_t* labels,
+                           float* sq_dist, cudaStream_t stream) {
   const Kernel kernel = kernel_for(dim);
   if (kernel == nullptr) return cudaErrorInvalidValue;
   const unsigned blocks = static_cast<unsigned>((n + kThreads - 1) / kThreads);
-  kernel<<<blocks, kThreads, 0, stream>>>(points, n, codebook, static_cast<uint32_t>(k), first_label,
-                                          keep, labels, sq_dist);
+  kernel<<<blocks, kThreads, 0, stream>>>(points, n, codebook, static_cast<uint32_t>(k),
+                                          first_label, keep, labels, sq_dist);
   return cudaGetLastError();
 }
 

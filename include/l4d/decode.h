@@ -29,15 +29,15 @@ enum { L4D_BACKEND_AUTO = 0, L4D_BACKEND_REFERENCE = 1, L4D_BACKEND_CPU = 2, L4D
 typedef struct l4d_decoder_options {
   size_t struct_size;
   l4d_limits limits;
-  uint32_t threads;     /* 0 = one per core; never changes the output */
-  /* L4D_BACKEND_*; never changes the output. CUDA: l4d_decoder_decode works on CUDA's device 0 and copies
-   * back, the rest on the host, and a tolerant decoder works on the host alone. A player that keeps what it
-   * decodes on the device uses cuda.h. Creating such a decoder fails with DEVICE where there is no usable
-   * device, with FEATURE_UNSUPPORTED in a build without device code. */
+  uint32_t threads; /* 0 = one per core; never changes the output */
+  /* L4D_BACKEND_*; never changes the output. CUDA: l4d_decoder_decode works on CUDA's device 0 and
+   * copies back, the rest on the host, and a tolerant decoder works on the host alone. A player
+   * that keeps what it decodes on the device uses cuda.h. Creating such a decoder fails with DEVICE
+   * where there is no usable device, with FEATURE_UNSUPPORTED in a build without device code. */
   uint32_t backend;
   uint64_t cache_bytes; /* budget of the bucket cache that time stepping uses; 0 = 512 MiB */
-  /* 0: a query that comes upon damage, or a reader that fails, is refused. 1: it leaves out what cannot
-   * be read, succeeds, and l4d_decoder_get_losses tells what is missing. */
+  /* 0: a query that comes upon damage, or a reader that fails, is refused. 1: it leaves out what
+   * cannot be read, succeeds, and l4d_decoder_get_losses tells what is missing. */
   uint32_t tolerant;
   uint32_t reserved;
   /* As l4d_decoder_set_progress, for l4d_validate too; NULL = none. */
@@ -51,8 +51,8 @@ L4D_API void l4d_decoder_options_init_(l4d_decoder_options* options, size_t stru
 L4D_API l4d_status l4d_decoder_create(const l4d_decoder_options* options, l4d_decoder** out);
 L4D_API void l4d_decoder_destroy(l4d_decoder* decoder); /* accepts NULL */
 
-/* Detail of the last failure on this handle, "" if none: UTF-8, owned by the handle, valid until the
- * next call on it. For people; never parse it. */
+/* Detail of the last failure on this handle, "" if none: UTF-8, owned by the handle, valid until
+ * the next call on it. For people; never parse it. */
 L4D_API const char* l4d_decoder_error_detail(const l4d_decoder* decoder);
 
 /* Opens a stream: reads the file header and the scene header, O(layers) bytes and time. A stream
@@ -75,9 +75,9 @@ enum {
   L4D_TOOL_LITERALS = 1u << 4,         /* some component has literal escapes */
   L4D_TOOL_RCQ = 1u << 5,              /* some block has its own codebook */
   L4D_TOOL_LOSSLESS = 1u << 6,         /* attributes are coded as raw float32 */
-  L4D_TOOL_TRANSFORM = 1u << 7,        /* some component is transform coefficients, without codebooks */
-  L4D_TOOL_RANS = 1u << 8,             /* some layer has pages coded by rANS */
-  L4D_TOOL_SH_BASE = 1u << 9           /* base colours can be had without SH detail: L4D_DETAIL_BASE_COLOR */
+  L4D_TOOL_TRANSFORM = 1u << 7, /* some component is transform coefficients, without codebooks */
+  L4D_TOOL_RANS = 1u << 8,      /* some layer has pages coded by rANS */
+  L4D_TOOL_SH_BASE = 1u << 9 /* base colours can be had without SH detail: L4D_DETAIL_BASE_COLOR */
 };
 
 typedef struct l4d_info {
@@ -106,13 +106,13 @@ L4D_API l4d_status l4d_decoder_get_info(const l4d_decoder* decoder, l4d_info* in
 typedef struct l4d_layer_info {
   size_t struct_size;
   uint32_t index;
-  uint32_t level;     /* temporal level: bucket width is duration / 2^(level + 1), level 0 one bucket */
-  uint32_t tools;     /* L4D_TOOL_* of this layer */
+  uint32_t level; /* temporal level: bucket width is duration / 2^(level + 1), level 0 one bucket */
+  uint32_t tools; /* L4D_TOOL_* of this layer */
   uint32_t permanent; /* 1: always visible, no temporal falloff */
   uint64_t num_buckets;
   uint64_t num_gaussians;
-  double bucket_width;      /* seconds */
-  uint64_t codebook_bytes;  /* stored */
+  double bucket_width;     /* seconds */
+  uint64_t codebook_bytes; /* stored */
   uint32_t num_stages[L4D_COMPONENT_COUNT];
   uint32_t codebook_size[L4D_COMPONENT_COUNT]; /* entries of stage 0; 0 = no codebook */
 } l4d_layer_info;
@@ -141,16 +141,16 @@ enum {
   L4D_SECTION_COUNT
 };
 L4D_API const char* l4d_section_name(uint32_t section); /* "codebooks"; static; NULL if unknown */
-/* sections: [L4D_SECTION_COUNT]. layer_bytes: [num_layers] or NULL: directory, codebooks, tables and
- * pages of each layer. */
+/* sections: [L4D_SECTION_COUNT]. layer_bytes: [num_layers] or NULL: directory, codebooks, tables
+ * and pages of each layer. */
 L4D_API l4d_status l4d_decoder_get_sections(l4d_decoder* decoder, uint64_t* sections,
                                             uint64_t* layer_bytes);
 
 /* ---- selecting and decoding ---------------------------------------------------------------- */
 enum {
-  L4D_QUERY_ALL = 0,  /* the whole stream */
-  L4D_QUERY_TIME = 1, /* all buckets that may be visible at time_begin */
-  L4D_QUERY_RANGE = 2, /* all buckets that may be visible in [time_begin, time_end] */
+  L4D_QUERY_ALL = 0,    /* the whole stream */
+  L4D_QUERY_TIME = 1,   /* all buckets that may be visible at time_begin */
+  L4D_QUERY_RANGE = 2,  /* all buckets that may be visible in [time_begin, time_end] */
   L4D_QUERY_BUCKETS = 3 /* the buckets that are listed, whole */
 };
 /* A time bucket of a layer, as in l4d_range. */
@@ -161,25 +161,25 @@ typedef struct l4d_bucket {
 /* How much of each Gaussian is wanted. */
 enum {
   L4D_DETAIL_FULL = 0,
-  /* Only the first parts of pages are read and decoded. SH coefficients that lie in second parts count
-   * as 0: with L4D_TOOL_SH_BASE colours are about what they are on average over all directions; without,
-   * all Gaussians of pages that have a second part get the mean colour of the scene (transforms) or SH
-   * of 0 (codebooks). Pages without a second part, which are small or of streams without rANS, come
-   * whole. */
+  /* Only the first parts of pages are read and decoded. SH coefficients that lie in second parts
+   * count as 0: with L4D_TOOL_SH_BASE colours are about what they are on average over all
+   * directions; without, all Gaussians of pages that have a second part get the mean colour of the
+   * scene (transforms) or SH of 0 (codebooks). Pages without a second part, which are small or of
+   * streams without rANS, come whole. */
   L4D_DETAIL_BASE_COLOR = 1
 };
 typedef struct l4d_query {
   size_t struct_size;
   uint32_t kind;
-  uint32_t max_level;  /* finest temporal level wanted; UINT32_MAX (the default) = all */
-  double time_begin;   /* seconds; clamped to the sequence */
+  uint32_t max_level; /* finest temporal level wanted; UINT32_MAX (the default) = all */
+  double time_begin;  /* seconds; clamped to the sequence */
   double time_end;
-  uint32_t detail;     /* L4D_DETAIL_*; FULL is the default */
-  /* TIME and RANGE. 0: pages of a bucket of which nothing is visible then are left out. 1: buckets come
-   * whole, as who keeps buckets wants them. */
+  uint32_t detail; /* L4D_DETAIL_*; FULL is the default */
+  /* TIME and RANGE. 0: pages of a bucket of which nothing is visible then are left out. 1: buckets
+   * come whole, as who keeps buckets wants them. */
   uint32_t whole_buckets;
-  /* BUCKETS: [num_buckets], borrowed, in strictly ascending order of layer and then bucket; others fail
-   * with INVALID_ARGUMENT. Those of levels above max_level are left out. */
+  /* BUCKETS: [num_buckets], borrowed, in strictly ascending order of layer and then bucket; others
+   * fail with INVALID_ARGUMENT. Those of levels above max_level are left out. */
   const l4d_bucket* buckets;
   uint64_t num_buckets;
 } l4d_query;
@@ -205,82 +205,81 @@ typedef struct l4d_selection {
   size_t struct_size;
   uint64_t num_gaussians;
   uint64_t num_ranges;
-  uint64_t num_chunks;       /* pages */
-  uint64_t bytes;            /* stored bytes of those pages, in the detail that the query asks for */
-  uint64_t directory_bytes;  /* stored bytes of directory read for this query, cached or not */
-  uint64_t sh_bytes;         /* stored bytes of SH detail of those pages: part of `bytes` in full detail,
-                                what full detail costs beside them in base colour */
+  uint64_t num_chunks;      /* pages */
+  uint64_t bytes;           /* stored bytes of those pages, in the detail that the query asks for */
+  uint64_t directory_bytes; /* stored bytes of directory read for this query, cached or not */
+  uint64_t sh_bytes; /* stored bytes of SH detail of those pages: part of `bytes` in full detail,
+                        what full detail costs beside them in base colour */
 } l4d_selection;
 L4D_API void l4d_selection_init_(l4d_selection* selection, size_t struct_size);
 #define l4d_selection_init(selection) l4d_selection_init_((selection), sizeof(*(selection)))
 L4D_API l4d_status l4d_decoder_select(l4d_decoder* decoder, const l4d_query* query,
                                       l4d_selection* selection);
-/* The ranges that decoding the query would give, from the directory alone: with `whole_buckets`, what a
- * player has to hold at a time. *count is their number; the first min(capacity, *count) go to `out`, which
- * may be NULL where capacity is 0. */
+/* The ranges that decoding the query would give, from the directory alone: with `whole_buckets`,
+ * what a player has to hold at a time. *count is their number; the first min(capacity, *count) go
+ * to `out`, which may be NULL where capacity is 0. */
 L4D_API l4d_status l4d_decoder_get_ranges(l4d_decoder* decoder, const l4d_query* query,
                                           l4d_range* out, uint64_t capacity, uint64_t* count);
 
-/* Destination arrays, owned by the caller. A NULL array is not decoded and costs no time; without `sh`,
- * SH detail is not read either. */
+/* Destination arrays, owned by the caller. A NULL array is not decoded and costs no time; without
+ * `sh`, SH detail is not read either. */
 typedef struct l4d_gaussian_buffers {
   size_t struct_size;
-  uint64_t capacity;     /* Gaussians each array can hold */
-  uint64_t count;        /* out */
-  float* position;       /* [N, 3] */
-  float* mean_t;         /* [N] seconds */
-  float* mean_t_local;   /* [N] seconds from the centre of the range: full precision at any time */
-  float* log_scale;      /* [N, 4] */
-  float* rotor;          /* [N, 8] unit, unless the stream is lossless */
-  float* opacity;        /* [N] */
-  float* sh;             /* [N, (D+1)^2, 3] */
-  l4d_range* ranges;     /* [range_capacity] or NULL */
+  uint64_t capacity;   /* Gaussians each array can hold */
+  uint64_t count;      /* out */
+  float* position;     /* [N, 3] */
+  float* mean_t;       /* [N] seconds */
+  float* mean_t_local; /* [N] seconds from the centre of the range: full precision at any time */
+  float* log_scale;    /* [N, 4] */
+  float* rotor;        /* [N, 8] unit, unless the stream is lossless */
+  float* opacity;      /* [N] */
+  float* sh;           /* [N, (D+1)^2, 3] */
+  l4d_range* ranges;   /* [range_capacity] or NULL */
   uint64_t range_capacity;
-  uint64_t num_ranges;   /* out, where ranges is given */
+  uint64_t num_ranges; /* out, where ranges is given */
 } l4d_gaussian_buffers;
 L4D_API void l4d_gaussian_buffers_init_(l4d_gaussian_buffers* buffers, size_t struct_size);
-#define l4d_gaussian_buffers_init(buffers) \
-  l4d_gaussian_buffers_init_((buffers), sizeof(*(buffers)))
+#define l4d_gaussian_buffers_init(buffers) l4d_gaussian_buffers_init_((buffers), sizeof(*(buffers)))
 
-/* Decodes what the query selects. Reads only the pages of those buckets, and codebooks on first use.
- * On failure the arrays hold unspecified values. Fails with INVALID_ARGUMENT where capacity is below
- * the selection.
- * A tolerant decoder leaves out pages that are lost: the Gaussians of the others follow each other
- * without gaps, `count` and the counts of the ranges are without those lost, a range of which nothing is
- * left is not listed, and array elements from `count` on hold unspecified values. Capacities are still
- * held against the selection, which knows of lost directory pages only. */
+/* Decodes what the query selects. Reads only the pages of those buckets, and codebooks on first
+ * use. On failure the arrays hold unspecified values. Fails with INVALID_ARGUMENT where capacity is
+ * below the selection. A tolerant decoder leaves out pages that are lost: the Gaussians of the
+ * others follow each other without gaps, `count` and the counts of the ranges are without those
+ * lost, a range of which nothing is left is not listed, and array elements from `count` on hold
+ * unspecified values. Capacities are still held against the selection, which knows of lost
+ * directory pages only. */
 L4D_API l4d_status l4d_decoder_decode(l4d_decoder* decoder, const l4d_query* query,
                                       l4d_gaussian_buffers* out);
 
 /* Packed form: what the stream holds, unpacked to whole integers and not dequantised, for players
  * that keep data quantised. The codebooks come from l4d_decoder_get_codebook. */
 typedef struct l4d_packed_component {
-  uint8_t* depth;     /* [N]: number of stages summed, 255 = literal. NULL = not wanted */
-  uint16_t* index;    /* [num_stages][N], stage s of Gaussian i at s * capacity + i; 0 where
-                         depth says unused, as they were where a layer has no such stage */
-  uint16_t* literal;  /* [literal_capacity, dim] binary16 bits, in order of their Gaussians */
+  uint8_t* depth;    /* [N]: number of stages summed, 255 = literal. NULL = not wanted */
+  uint16_t* index;   /* [num_stages][N], stage s of Gaussian i at s * capacity + i; 0 where
+                        depth says unused, as they were where a layer has no such stage */
+  uint16_t* literal; /* [literal_capacity, dim] binary16 bits, in order of their Gaussians */
   uint64_t literal_capacity;
   uint64_t num_literals; /* out: also set when literal is NULL */
 } l4d_packed_component;
 typedef struct l4d_packed_buffers {
   size_t struct_size;
   uint64_t capacity;
-  uint64_t count;          /* out */
-  uint16_t* position;      /* [N, 3] binary16 bits in the coded frame */
-  uint16_t* mean_t;        /* [N] binary16 bits, bucket widths from the bucket centre */
-  uint16_t* opacity;       /* [N] SQ code */
-  uint16_t* scale_factor;  /* [N] SQ code */
+  uint64_t count;         /* out */
+  uint16_t* position;     /* [N, 3] binary16 bits in the coded frame */
+  uint16_t* mean_t;       /* [N] binary16 bits, bucket widths from the bucket centre */
+  uint16_t* opacity;      /* [N] SQ code */
+  uint16_t* scale_factor; /* [N] SQ code */
   l4d_packed_component component[L4D_COMPONENT_COUNT];
   l4d_range* ranges;
   uint64_t range_capacity;
-  uint64_t num_ranges;     /* out, where ranges is given */
+  uint64_t num_ranges; /* out, where ranges is given */
 } l4d_packed_buffers;
 L4D_API void l4d_packed_buffers_init_(l4d_packed_buffers* buffers, size_t struct_size);
 #define l4d_packed_buffers_init(buffers) l4d_packed_buffers_init_((buffers), sizeof(*(buffers)))
 /* Fails with FEATURE_UNSUPPORTED on a lossless stream and on one with transform coefficients or
- * fixed-point positions, which have no packed form: an encoder makes codebook streams with the preset
- * "indexed". A tolerant decoder leaves out lost pages as l4d_decoder_decode does; literals too are
- * without theirs. */
+ * fixed-point positions, which have no packed form: an encoder makes codebook streams with the
+ * preset "indexed". A tolerant decoder leaves out lost pages as l4d_decoder_decode does; literals
+ * too are without theirs. */
 L4D_API l4d_status l4d_decoder_decode_packed(l4d_decoder* decoder, const l4d_query* query,
                                              l4d_packed_buffers* out);
 
@@ -347,16 +346,17 @@ L4D_API l4d_status l4d_get_level_limits(uint32_t level, uint32_t profile, l4d_le
 /* What playing the stream forward at normal speed asks for. */
 typedef struct l4d_conformance {
   size_t struct_size;
-  uint32_t profile; /* the narrowest that the stream keeps to, L4D_PROFILE_* */
-  uint32_t level;   /* the smallest, 0 if none */
-  uint64_t instant_gaussians; /* of the pages that an instant needs, the most of all instants */
+  uint32_t profile;              /* the narrowest that the stream keeps to, L4D_PROFILE_* */
+  uint32_t level;                /* the smallest, 0 if none */
+  uint64_t instant_gaussians;    /* of the pages that an instant needs, the most of all instants */
   double instant_gaussians_time; /* seconds: the first such instant */
-  uint64_t instant_bytes; /* stored, of these pages and their block codebooks */
+  uint64_t instant_bytes;        /* stored, of these pages and their block codebooks */
   double instant_bytes_time;
   uint64_t memory_bytes; /* tables, and pages and block codebooks of an instant, expanded */
   double memory_time;
   uint64_t table_bytes; /* codebooks and entropy tables, decoded */
-  uint64_t start_bytes; /* stored, of all that the first instant needs, headers and codebooks included */
+  uint64_t
+      start_bytes; /* stored, of all that the first instant needs, headers and codebooks included */
   /* In: a channel, to be filled in by the caller. */
   uint64_t bytes_per_second;
   uint64_t burst_bytes;
@@ -364,85 +364,89 @@ typedef struct l4d_conformance {
    * needed in a window of time exceeds what it reads in that time, and the window. */
   uint64_t least_burst_bytes;
   double window_begin, window_end;
-  /* Out: what a reader that holds burst_bytes in advance has to read; UINT64_MAX if an instant alone
-   * needs more. */
+  /* Out: what a reader that holds burst_bytes in advance has to read; UINT64_MAX if an instant
+   * alone needs more. */
   uint64_t least_bytes_per_second;
 } l4d_conformance;
 L4D_API void l4d_conformance_init_(l4d_conformance* conformance, size_t struct_size);
-#define l4d_conformance_init(conformance) l4d_conformance_init_((conformance), sizeof(*(conformance)))
+#define l4d_conformance_init(conformance) \
+  l4d_conformance_init_((conformance), sizeof(*(conformance)))
 /* Reads the whole directory and no page. Tolerates no loss. */
 L4D_API l4d_status l4d_decoder_get_conformance(l4d_decoder* decoder, l4d_conformance* conformance);
 
 /* ---- slicing ------------------------------------------------------------------------------- */
 
 /* 3D Gaussians at one instant (engineering: projected rows, positive semi-definite by
- * construction). Not normative: equal within rounding between implementations, identical between the
- * backends and thread counts of this library. */
+ * construction). Not normative: equal within rounding between implementations, identical between
+ * the backends and thread counts of this library. */
 typedef struct l4d_splat_buffers {
   size_t struct_size;
   uint64_t capacity;
-  uint64_t count;     /* out: Gaussians visible at the time asked for */
-  float* position;    /* [M, 3] */
-  float* covariance;  /* [M, 6] xx xy xz yy yz zz */
-  float* opacity;     /* [M] in [0, 1], temporal falloff applied */
-  float* sh;          /* [M, (D+1)^2, 3] */
-  /* [M] where the SH coefficients of each lie in the decoder's cache, [(D+1)^2, 3] each: spares the copy.
-   * Valid until the next call that selects, decodes, slices or closes. */
+  uint64_t count;    /* out: Gaussians visible at the time asked for */
+  float* position;   /* [M, 3] */
+  float* covariance; /* [M, 6] xx xy xz yy yz zz */
+  float* opacity;    /* [M] in [0, 1], temporal falloff applied */
+  float* sh;         /* [M, (D+1)^2, 3] */
+  /* [M] where the SH coefficients of each lie in the decoder's cache, [(D+1)^2, 3] each: spares the
+   * copy. Valid until the next call that selects, decodes, slices or closes. */
   const float** sh_rows;
 } l4d_splat_buffers;
 L4D_API void l4d_splat_buffers_init_(l4d_splat_buffers* buffers, size_t struct_size);
 #define l4d_splat_buffers_init(buffers) l4d_splat_buffers_init_((buffers), sizeof(*(buffers)))
 /* Detail of all slices from now on, those that a renderer makes of this decoder's stream too:
- * L4D_DETAIL_*, at first FULL. It stays when another stream is opened. Buckets are cached in each detail
- * that they were wanted in. */
+ * L4D_DETAIL_*, at first FULL. It stays when another stream is opened. Buckets are cached in each
+ * detail that they were wanted in. */
 L4D_API l4d_status l4d_decoder_set_detail(l4d_decoder* decoder, uint32_t detail);
-/* Slices at `time` seconds (clamped to the sequence). Buckets come from a cache, so stepping forward
- * decodes each bucket once. An upper bound of count is l4d_selection.num_gaussians of a TIME query.
- * With all arrays NULL only `count` is computed.
- * A tolerant decoder shows what is left where pages are lost. It asks for lost pages again in each
- * call, so `count` grows when the reader recovers. */
+/* Slices at `time` seconds (clamped to the sequence). Buckets come from a cache, so stepping
+ * forward decodes each bucket once. An upper bound of count is l4d_selection.num_gaussians of a
+ * TIME query. With all arrays NULL only `count` is computed. A tolerant decoder shows what is left
+ * where pages are lost. It asks for lost pages again in each call, so `count` grows when the reader
+ * recovers. */
 L4D_API l4d_status l4d_decoder_slice(l4d_decoder* decoder, double time, l4d_splat_buffers* out);
 
 /* ---- losses -------------------------------------------------------------------------------- */
 
-/* What one damaged or unreadable part of the stream cost a query of a tolerant decoder. A page costs its
- * Gaussians, its second part their SH detail; a directory page the buckets it describes; a codebook the
- * pages of its layer, one of a block those of the block, except in packed form. Damage to the headers or
- * to an SH codebook is never tolerated, nor is a want of memory or a limit. */
+/* What one damaged or unreadable part of the stream cost a query of a tolerant decoder. A page
+ * costs its Gaussians, its second part their SH detail; a directory page the buckets it describes;
+ * a codebook the pages of its layer, one of a block those of the block, except in packed form.
+ * Damage to the headers or to an SH codebook is never tolerated, nor is a want of memory or a
+ * limit. */
 typedef struct l4d_loss {
-  l4d_status status;    /* what a decoder that is not tolerant returns: IO, TRUNCATED, CORRUPT, CHECKSUM
-                           or FEATURE_UNSUPPORTED */
+  l4d_status status; /* what a decoder that is not tolerant returns: IO, TRUNCATED, CORRUPT,
+                        CHECKSUM or FEATURE_UNSUPPORTED */
   uint32_t layer;
   uint32_t bucket;      /* of the layer; the first, where there are more */
   uint32_t num_buckets; /* from there on; not each need have lost something */
   uint64_t num_chunks;  /* pages; 0 = a directory page is lost, nobody can tell how many */
   uint64_t num_gaussians;
-  uint64_t offset;      /* byte offset in the file, UINT64_MAX if none */
-  const char* clause;   /* id of the MUST, "" if none; static */
-  uint32_t detail_only; /* 1: the Gaussians are there, in base colour; only their SH detail is lost */
+  uint64_t offset;    /* byte offset in the file, UINT64_MAX if none */
+  const char* clause; /* id of the MUST, "" if none; static */
+  uint32_t
+      detail_only; /* 1: the Gaussians are there, in base colour; only their SH detail is lost */
   uint32_t reserved;
 } l4d_loss;
-/* Losses of the last call that selected, decoded or sliced, whatever it returned; none before the first.
- * *count is their number; the first min(capacity, *count) go to `out`, which may be NULL where capacity
- * is 0. */
+/* Losses of the last call that selected, decoded or sliced, whatever it returned; none before the
+ * first. *count is their number; the first min(capacity, *count) go to `out`, which may be NULL
+ * where capacity is 0. */
 L4D_API l4d_status l4d_decoder_get_losses(const l4d_decoder* decoder, l4d_loss* out,
                                           uint64_t capacity, uint64_t* count);
 
 /* ---- counters and checking ----------------------------------------------------------------- */
 typedef struct l4d_counters {
   size_t struct_size;
-  uint64_t reads;           /* calls of the reader */
+  uint64_t reads; /* calls of the reader */
   uint64_t bytes_read;
   uint64_t pages_decoded;
   uint64_t buckets_decoded;
-  uint64_t cache_hits;      /* buckets */
-  uint64_t memory_bytes;    /* held now */
+  uint64_t cache_hits;   /* buckets */
+  uint64_t memory_bytes; /* held now */
   uint64_t peak_memory_bytes;
   /* Sums over all queries of a tolerant decoder, so that what stays lost counts each time. */
   uint64_t pages_lost;
-  uint64_t buckets_lost;    /* those of lost directory pages, which need not hold Gaussians, among them */
-  uint64_t gaussians_lost;  /* of lost pages */
-  uint64_t details_lost;    /* pages that are there without their SH detail */
+  uint64_t
+      buckets_lost; /* those of lost directory pages, which need not hold Gaussians, among them */
+  uint64_t gaussians_lost; /* of lost pages */
+  uint64_t details_lost;   /* pages that are there without their SH detail */
 } l4d_counters;
 L4D_API void l4d_counters_init_(l4d_counters* counters, size_t struct_size);
 #define l4d_counters_init(counters) l4d_counters_init_((counters), sizeof(*(counters)))
@@ -453,8 +457,8 @@ typedef struct l4d_violation {
   size_t struct_size;
   l4d_status status;
   uint32_t reserved;
-  const char* clause;  /* id of the MUST, "" if none */
-  uint64_t offset;     /* byte offset in the file, UINT64_MAX if none */
+  const char* clause; /* id of the MUST, "" if none */
+  uint64_t offset;    /* byte offset in the file, UINT64_MAX if none */
   const char* message;
 } l4d_violation;
 typedef void (*l4d_violation_fn)(void* user, const l4d_violation* violation);
@@ -465,9 +469,10 @@ typedef void (*l4d_violation_fn)(void* user, const l4d_violation* violation);
 L4D_API l4d_status l4d_validate(const l4d_reader* reader, const l4d_decoder_options* options,
                                 l4d_violation_fn fn, void* user, uint64_t* num_violations);
 
-/* Holds an open stream against a profile and a level, whatever it declares; 0 = not asked. Calls `fn`
- * for each rule of the chapter "Profiles and levels" that is broken, with what, by how much and when.
- * Fails with INVALID_ARGUMENT where this library does not know the profile or the level. */
+/* Holds an open stream against a profile and a level, whatever it declares; 0 = not asked. Calls
+ * `fn` for each rule of the chapter "Profiles and levels" that is broken, with what, by how much
+ * and when. Fails with INVALID_ARGUMENT where this library does not know the profile or the level.
+ */
 L4D_API l4d_status l4d_decoder_check_conformance(l4d_decoder* decoder, uint32_t profile,
                                                  uint32_t level, l4d_violation_fn fn, void* user,
                                                  uint64_t* num_violations);

@@ -22,11 +22,11 @@ typedef struct l4d_encoder l4d_encoder;
 typedef struct l4d_encoder_options {
   size_t struct_size;
   uint32_t threads; /* 0 = one per core; never changes the output */
-  /* L4D_BACKEND_*; never changes the output. CUDA searches codebooks on a device; AUTO does so where
-   * there is one. L4D_ERR_DEVICE from l4d_encoder_create where CUDA is asked for and there is none,
-   * FEATURE_UNSUPPORTED where this build has no device code. */
+  /* L4D_BACKEND_*; never changes the output. CUDA searches codebooks on a device; AUTO does so
+   * where there is one. L4D_ERR_DEVICE from l4d_encoder_create where CUDA is asked for and there is
+   * none, FEATURE_UNSUPPORTED where this build has no device code. */
   uint32_t backend;
-  uint64_t seed;    /* equal seeds give equal files on one machine */
+  uint64_t seed; /* equal seeds give equal files on one machine */
 } l4d_encoder_options;
 L4D_API void l4d_encoder_options_init_(l4d_encoder_options* options, size_t struct_size);
 #define l4d_encoder_options_init(options) l4d_encoder_options_init_((options), sizeof(*(options)))
@@ -39,11 +39,11 @@ L4D_API l4d_status l4d_encoder_set_progress(l4d_encoder* encoder, l4d_progress_f
 
 /* ---- parameters ---------------------------------------------------------------------------- */
 
-/* Replaces all parameters by those of a preset. l4d_encoder_preset_name(i) lists them, NULL after the
- * last: "default", "tiny", "small", "large", "archive" (transforms at a quality), "indexed",
- * "indexed-small", "indexed-high" (codebooks only), "paper-small" and "paper-large" (the paper's own
- * settings, appendix "Compression"; they need weights measured as sums), "lossless" (float32 bits
- * exactly, in any order). */
+/* Replaces all parameters by those of a preset. l4d_encoder_preset_name(i) lists them, NULL after
+ * the last: "default", "tiny", "small", "large", "archive" (transforms at a quality), "indexed",
+ * "indexed-small", "indexed-high" (codebooks only), "paper-small" and "paper-large" (the paper's
+ * own settings, appendix "Compression"; they need weights measured as sums), "lossless" (float32
+ * bits exactly, in any order). */
 L4D_API l4d_status l4d_encoder_set_preset(l4d_encoder* encoder, const char* name);
 L4D_API const char* l4d_encoder_preset_name(uint32_t index);
 L4D_API const char* l4d_encoder_preset_description(uint32_t index);
@@ -53,58 +53,62 @@ L4D_API const char* l4d_encoder_preset_description(uint32_t index);
 #define L4D_ALL_COMPONENTS (-1)
 typedef int32_t l4d_encoder_parameter;
 enum {
-  L4D_ENC_LOSSLESS = 0,         /* 0 | 1: raw float32 attributes */
-  L4D_ENC_CODEBOOK_SIZE = 1,    /* per component: entries of each stage, 1..65536 */
-  L4D_ENC_LITERAL_THRESHOLD = 2,/* per component: weight above which a vector stays literal; 0 = never */
-  L4D_ENC_RCQ = 3,              /* 0 never, 1 where it pays, 2 wherever allowed */
-  L4D_ENC_RCQ_SIZE = 4,         /* entries of a residual codebook, 1..4096 */
-  L4D_ENC_MERGE_FRACTION = 5,   /* a finest layer with fewer than this share is merged, 0..1 */
-  L4D_ENC_MERGE_COUNT = 6,      /* ... or with fewer Gaussians than this */
-  L4D_ENC_PRUNE_WEIGHT = 7,     /* drop Gaussians with alpha_t weight <= this; < 0 = never */
-  /* Gaussians per page, 64..65536. A device decodes the pages of an instant side by side: long ones keep it
-   * waiting. Presets of rANS pages: 4096, of zstd streams: 32768 */
+  L4D_ENC_LOSSLESS = 0,      /* 0 | 1: raw float32 attributes */
+  L4D_ENC_CODEBOOK_SIZE = 1, /* per component: entries of each stage, 1..65536 */
+  L4D_ENC_LITERAL_THRESHOLD =
+      2,                /* per component: weight above which a vector stays literal; 0 = never */
+  L4D_ENC_RCQ = 3,      /* 0 never, 1 where it pays, 2 wherever allowed */
+  L4D_ENC_RCQ_SIZE = 4, /* entries of a residual codebook, 1..4096 */
+  L4D_ENC_MERGE_FRACTION = 5, /* a finest layer with fewer than this share is merged, 0..1 */
+  L4D_ENC_MERGE_COUNT = 6,    /* ... or with fewer Gaussians than this */
+  L4D_ENC_PRUNE_WEIGHT = 7,   /* drop Gaussians with alpha_t weight <= this; < 0 = never */
+  /* Gaussians per page, 64..65536. A device decodes the pages of an instant side by side: long ones
+   * keep it waiting. Presets of rANS pages: 4096, of zstd streams: 32768 */
   L4D_ENC_PAGE_SIZE = 8,
-  L4D_ENC_CLOSED_LOOP = 9,      /* 0 | 1: choose means so that decoded Gaussians are in place */
-  L4D_ENC_GAUGE = 10,           /* rotors: 0 as given, 1 sign, 2 nearest identity, 3 sorted scales */
-  L4D_ENC_OPACITY_BITS = 11,    /* 1..16; 0: as the quality allows */
+  L4D_ENC_CLOSED_LOOP = 9,   /* 0 | 1: choose means so that decoded Gaussians are in place */
+  L4D_ENC_GAUGE = 10,        /* rotors: 0 as given, 1 sign, 2 nearest identity, 3 sorted scales */
+  L4D_ENC_OPACITY_BITS = 11, /* 1..16; 0: as the quality allows */
   L4D_ENC_SCALE_FACTOR_BITS = 12, /* 1..16 */
   L4D_ENC_KMEANS_ITERATIONS = 13, /* 0..1000 */
-  L4D_ENC_KMEANS_SAMPLE = 14,   /* training points per codeword, 1..1000000 */
-  L4D_ENC_ZSTD_LEVEL = 15,      /* 1..22 */
-  L4D_ENC_DROP_INVALID = 16,    /* 0 | 1: drop Gaussians with NaN, Inf or values out of range */
+  L4D_ENC_KMEANS_SAMPLE = 14,     /* training points per codeword, 1..1000000 */
+  L4D_ENC_ZSTD_LEVEL = 15,        /* 1..22 */
+  L4D_ENC_DROP_INVALID = 16,      /* 0 | 1: drop Gaussians with NaN, Inf or values out of range */
   /* 1..9: setting it sets how hard k-means and zstd try (13, 14, 15), from a measured front of time
    * against quality; those may be set after it. */
   L4D_ENC_EFFORT = 17,
-  /* Per component: 0 codebooks, 1 transform, 2 whichever costs less, by error and bits: of SH once, of the
-   * rest in each layer. Both halves of a rotor go together. */
+  /* Per component: 0 codebooks, 1 transform, 2 whichever costs less, by error and bits: of SH once,
+   * of the rest in each layer. Both halves of a rotor go together. */
   L4D_ENC_CODING = 18,
-  /* Of a transform, fixed positions, and what else is left to it: about the fidelity in dB that renders
-   * of the coded scene have, where weights are Gauss-Newton's. 20..90 */
+  /* Of a transform, fixed positions, and what else is left to it: about the fidelity in dB that
+   * renders of the coded scene have, where weights are Gauss-Newton's. 20..90 */
   L4D_ENC_QUALITY = 19,
-  L4D_ENC_QUALITY_OFFSET = 20,  /* per component: dB on top of the quality */
-  L4D_ENC_FIXED_POSITIONS = 21, /* 0: binary16, 1: fixed point with a step that follows the quality */
-  L4D_ENC_MEAN_T_SHIFT = 22,    /* low bits of mean times left out, 0..10; -1: as the quality allows */
-  L4D_ENC_RANS = 23,            /* 0: zstd, 1: rANS pages */
-  L4D_ENC_WEIGHT_MEASURE = 24,  /* what the weights given are: 0 L4D_SENSITIVITY_SUM, 1 _GAUSS_NEWTON */
-  /* Drops Gaussians without which the image changes less than other Gaussians' errors of as many bits
-   * would, times this; 0 = none. Needs Gauss-Newton weights of opacity. 0..10 */
+  L4D_ENC_QUALITY_OFFSET = 20, /* per component: dB on top of the quality */
+  L4D_ENC_FIXED_POSITIONS =
+      21,                    /* 0: binary16, 1: fixed point with a step that follows the quality */
+  L4D_ENC_MEAN_T_SHIFT = 22, /* low bits of mean times left out, 0..10; -1: as the quality allows */
+  L4D_ENC_RANS = 23,         /* 0: zstd, 1: rANS pages */
+  L4D_ENC_WEIGHT_MEASURE =
+      24, /* what the weights given are: 0 L4D_SENSITIVITY_SUM, 1 _GAUSS_NEWTON */
+  /* Drops Gaussians without which the image changes less than other Gaussians' errors of as many
+   * bits would, times this; 0 = none. Needs Gauss-Newton weights of opacity. 0..10 */
   L4D_ENC_PRUNE_COST = 25,
-  /* Per component: what a bit of a codebook index is worth, in the slope at which the error of codewords
-   * falls with their rate; 0 = the nearest codeword whatever it costs. 0..10 */
+  /* Per component: what a bit of a codebook index is worth, in the slope at which the error of
+   * codewords falls with their rate; 0 = the nearest codeword whatever it costs. 0..10 */
   L4D_ENC_RATE_PRICE = 26,
   L4D_ENC_POSITION_OFFSET = 27, /* dB on top of the quality, of fixed positions */
-  /* What the stream declares (spec chapter "Profiles and levels"); -1: the narrowest profile and the
-   * smallest level that it keeps to, 0: none. A profile that the other parameters break is refused with
-   * INVALID_ARGUMENT, a level that the finished stream goes beyond with LIMIT_EXCEEDED; nothing is
-   * written then, and the detail says what breaks it and by how much. */
-  L4D_ENC_PROFILE = 28,         /* L4D_PROFILE_*, or -1 */
-  L4D_ENC_LEVEL = 29,           /* 1..6, 0 or -1 */
-  /* 1: codebooks follow the quality as transforms do: their sizes (up to the codebook size), depths and
-   * literals are what they are worth. 0 | 1; setting stages or a literal threshold sets it to 0 */
+  /* What the stream declares (spec chapter "Profiles and levels"); -1: the narrowest profile and
+   * the smallest level that it keeps to, 0: none. A profile that the other parameters break is
+   * refused with INVALID_ARGUMENT, a level that the finished stream goes beyond with
+   * LIMIT_EXCEEDED; nothing is written then, and the detail says what breaks it and by how much. */
+  L4D_ENC_PROFILE = 28, /* L4D_PROFILE_*, or -1 */
+  L4D_ENC_LEVEL = 29,   /* 1..6, 0 or -1 */
+  /* 1: codebooks follow the quality as transforms do: their sizes (up to the codebook size), depths
+   * and literals are what they are worth. 0 | 1; setting stages or a literal threshold sets it to 0
+   */
   L4D_ENC_CODEBOOKS_BY_COST = 30,
-  L4D_ENC_REFINE = 31,          /* rounds in which residual stages are coded again for each other, 0..20 */
-  /* Where SH is a transform: 0: freely chosen axes, 1: base colours first (L4D_TOOL_SH_BASE), so that
-   * players can do without SH detail. 0 | 1 */
+  L4D_ENC_REFINE = 31, /* rounds in which residual stages are coded again for each other, 0..20 */
+  /* Where SH is a transform: 0: freely chosen axes, 1: base colours first (L4D_TOOL_SH_BASE), so
+   * that players can do without SH detail. 0 | 1 */
   L4D_ENC_SH_BASE = 32,
   L4D_ENC_PARAMETER_COUNT = 33
 };
@@ -124,26 +128,26 @@ L4D_API void l4d_parameter_info_init_(l4d_parameter_info* info, size_t struct_si
 #define l4d_parameter_info_init(info) l4d_parameter_info_init_((info), sizeof(*(info)))
 L4D_API l4d_status l4d_encoder_parameter_info(l4d_encoder_parameter id, l4d_parameter_info* info);
 
-/* Residual stages: stage s of a component is coded for the share fractions[s] of all Gaussians, those
- * with the largest weight x squared residual. fractions: [num_stages], 1..L4D_MAX_STAGES of them,
- * each in [0, 1] and none above the one before; the first is 1. */
+/* Residual stages: stage s of a component is coded for the share fractions[s] of all Gaussians,
+ * those with the largest weight x squared residual. fractions: [num_stages], 1..L4D_MAX_STAGES of
+ * them, each in [0, 1] and none above the one before; the first is 1. */
 L4D_API l4d_status l4d_encoder_set_stages(l4d_encoder* encoder, int32_t component,
                                           uint32_t num_stages, const float* fractions);
 
 /* ---- input --------------------------------------------------------------------------------- */
 
-/* Sets the scene. Arrays are borrowed until encode returns or another scene is set. placement may be
- * NULL (identity). NaN, Inf and log scales outside [-17, 17] are refused by encode with
- * INVALID_SCENE naming Gaussian and attribute, or dropped where DROP_INVALID is set; log scales between
- * 16 and 17, as coding errors leave them, are coded as 16, those below -16 likewise. */
+/* Sets the scene. Arrays are borrowed until encode returns or another scene is set. placement may
+ * be NULL (identity). NaN, Inf and log scales outside [-17, 17] are refused by encode with
+ * INVALID_SCENE naming Gaussian and attribute, or dropped where DROP_INVALID is set; log scales
+ * between 16 and 17, as coding errors leave them, are coded as 16, those below -16 likewise. */
 L4D_API l4d_status l4d_encoder_set_scene(l4d_encoder* encoder, const l4d_gaussians* gaussians,
                                          const l4d_timeline* timeline,
                                          const l4d_placement* placement);
 
-/* Importance of each Gaussian, larger = more visible; finite and >= 0. which: L4D_WEIGHT_*. weights:
- * [count], borrowed as the scene is, NULL removes. ALPHA_T serves pruning, and SH where that is not
- * given. Where a component's own weights are missing ALPHA_T stands in, and without that a proxy of
- * opacity, projected area and lifetime. */
+/* Importance of each Gaussian, larger = more visible; finite and >= 0. which: L4D_WEIGHT_*.
+ * weights: [count], borrowed as the scene is, NULL removes. ALPHA_T serves pruning, and SH where
+ * that is not given. Where a component's own weights are missing ALPHA_T stands in, and without
+ * that a proxy of opacity, projected area and lifetime. */
 L4D_API l4d_status l4d_encoder_set_weights(l4d_encoder* encoder, uint32_t which,
                                            const float* weights, uint64_t count);
 
@@ -153,8 +157,8 @@ L4D_API l4d_status l4d_encoder_add_metadata(l4d_encoder* encoder, const char* ke
 
 /* ---- encoding ------------------------------------------------------------------------------ */
 L4D_API l4d_status l4d_encoder_encode(l4d_encoder* encoder, const l4d_writer* writer);
-/* Writes to a temporary file beside `path`, or beside what a symbolic link there leads to, and renames it
- * on success; nothing is left on failure. A device or pipe is written in place. */
+/* Writes to a temporary file beside `path`, or beside what a symbolic link there leads to, and
+ * renames it on success; nothing is left on failure. A device or pipe is written in place. */
 L4D_API l4d_status l4d_encoder_encode_file(l4d_encoder* encoder, const char* path);
 
 /* What the last successful encode did. */
@@ -167,7 +171,7 @@ typedef struct l4d_encode_report {
   uint64_t moved_to_coarser; /* decoded extent left the layer chosen from the input */
   uint64_t raw_bytes;        /* 4 (17 + 3 (D+1)^2) per input Gaussian */
   uint64_t file_bytes;
-  uint32_t num_stages;       /* timed steps, see l4d_encoder_get_stage */
+  uint32_t num_stages; /* timed steps, see l4d_encoder_get_stage */
   uint32_t num_layers;
   double total_seconds;
 } l4d_encode_report;

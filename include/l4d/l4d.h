@@ -39,8 +39,8 @@ L4D_API const char* l4d_build_info(void);
 typedef int32_t l4d_status;
 enum {
   L4D_OK = 0,
-  L4D_ERR_INVALID_ARGUMENT = -1,     /* the caller's mistake */
-  L4D_ERR_INVALID_STATE = -2,        /* a right call at the wrong moment */
+  L4D_ERR_INVALID_ARGUMENT = -1, /* the caller's mistake */
+  L4D_ERR_INVALID_STATE = -2,    /* a right call at the wrong moment */
   L4D_ERR_OUT_OF_MEMORY = -3,
   L4D_ERR_IO = -4,                   /* a reader or writer callback failed */
   L4D_ERR_CANCELLED = -5,            /* the progress callback asked to stop */
@@ -52,8 +52,8 @@ enum {
   L4D_ERR_TRUNCATED = -13,           /* the stream ends before data it refers to */
   L4D_ERR_CORRUPT = -14,             /* a MUST of the specification is violated */
   L4D_ERR_CHECKSUM = -15,            /* stored bytes do not match their checksum */
-  L4D_ERR_DEVICE = -20,              /* no usable device, or the CUDA runtime failed; the detail says */
-  L4D_ERR_INTERNAL = -99             /* a defect of this library; please report it */
+  L4D_ERR_DEVICE = -20,  /* no usable device, or the CUDA runtime failed; the detail says */
+  L4D_ERR_INTERNAL = -99 /* a defect of this library; please report it */
 };
 L4D_API const char* l4d_status_name(l4d_status status);        /* "L4D_ERR_CORRUPT"; static */
 L4D_API const char* l4d_status_description(l4d_status status); /* one sentence; static */
@@ -113,15 +113,15 @@ enum {
 /* Read-only structure of arrays: N 4D-rotor Gaussians, float32. The caller owns all arrays. */
 typedef struct l4d_gaussians {
   size_t struct_size;
-  uint64_t count;          /* N */
-  uint32_t sh_degree;      /* D, 0..3 */
-  uint32_t flags;          /* L4D_POSITION_AT_MEAN_TIME, L4D_OPACITY_LOGIT */
-  const float* position;   /* [N, 3] scene units */
-  const float* mean_t;     /* [N] seconds */
-  const float* log_scale;  /* [N, 4] natural logarithms; x, y, z in scene units, t in seconds */
-  const float* rotor;      /* [N, 8] s b01 b02 b12 b03 b13 b23 p */
-  const float* opacity;    /* [N] */
-  const float* sh;         /* [N, (D+1)^2, 3] coefficient-major; colour = 0.5 + sum */
+  uint64_t count;         /* N */
+  uint32_t sh_degree;     /* D, 0..3 */
+  uint32_t flags;         /* L4D_POSITION_AT_MEAN_TIME, L4D_OPACITY_LOGIT */
+  const float* position;  /* [N, 3] scene units */
+  const float* mean_t;    /* [N] seconds */
+  const float* log_scale; /* [N, 4] natural logarithms; x, y, z in scene units, t in seconds */
+  const float* rotor;     /* [N, 8] s b01 b02 b12 b03 b13 b23 p */
+  const float* opacity;   /* [N] */
+  const float* sh;        /* [N, (D+1)^2, 3] coefficient-major; colour = 0.5 + sum */
 } l4d_gaussians;
 
 /* Where a decoded scene sits in the world: world = origin + scale * position. The library carries
@@ -132,8 +132,11 @@ typedef struct l4d_placement {
   uint32_t coordinate_system; /* l4d_coordinate_system */
   uint32_t color_space;       /* l4d_color_space */
 } l4d_placement;
-enum { L4D_COORDINATES_UNKNOWN = 0, L4D_COORDINATES_RIGHT_UP_BACK = 1,
-       L4D_COORDINATES_RIGHT_DOWN_FORWARD = 2 };
+enum {
+  L4D_COORDINATES_UNKNOWN = 0,
+  L4D_COORDINATES_RIGHT_UP_BACK = 1,
+  L4D_COORDINATES_RIGHT_DOWN_FORWARD = 2
+};
 enum { L4D_COLOR_SRGB = 0, L4D_COLOR_LINEAR_SRGB = 1 };
 
 /* Components that carry a vector coding of their own. */

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// l4d.hpp: owning handles over the C API, header-only C++17. Functions that can fail throw l4d::Error.
+// l4d.hpp: owning handles over the C API, header-only C++17. Functions that can fail throw
+// l4d::Error.
 #ifndef L4D_L4D_HPP
 #define L4D_L4D_HPP
 

@@ -10,11 +10,11 @@
  *   l4d_renderer_destroy(renderer);
  *
  * Conventions of the image are those of 3D Gaussian splatting: perspective projection by its local
- * affine approximation (EWA), 0.3 pixels^2 added to the variances, alpha below 1/255 skipped and above
- * 0.999 cut, front-to-back blending that stops before transmittance would fall to 1e-4, colour 0.5 + SH
- * in the direction from the camera to the sliced mean, clamped below at 0. Images are not clamped above.
- * Rendering is not normative: paths agree within rounding, not bit for bit. Each path is deterministic:
- * the number of threads never changes its result.
+ * affine approximation (EWA), 0.3 pixels^2 added to the variances, alpha below 1/255 skipped and
+ * above 0.999 cut, front-to-back blending that stops before transmittance would fall to 1e-4,
+ * colour 0.5 + SH in the direction from the camera to the sliced mean, clamped below at 0. Images
+ * are not clamped above. Rendering is not normative: paths agree within rounding, not bit for bit.
+ * Each path is deterministic: the number of threads never changes its result.
  */
 #ifndef L4D_RENDER_H
 #define L4D_RENDER_H
@@ -34,8 +34,8 @@ enum {
 };
 enum {
   L4D_RENDER_EXP_ACCURATE = 0, /* relative error below 2e-7 */
-  /* Relative error below 1e-4. Single pixels change by more than a step of 8 bits, where the error decides
-   * whether blending stops before a splat or after it. */
+  /* Relative error below 1e-4. Single pixels change by more than a step of 8 bits, where the error
+   * decides whether blending stops before a splat or after it. */
   L4D_RENDER_EXP_FAST = 1
 };
 
@@ -44,19 +44,19 @@ typedef struct l4d_renderer_options {
   uint32_t threads;     /* 0 = one per core; never changes the result */
   uint32_t path;        /* L4D_RENDER_* */
   uint32_t exponential; /* L4D_RENDER_EXP_*, of the FAST path */
-  uint32_t backend;     /* L4D_BACKEND_*; REFERENCE is the REFERENCE path, AUTO and CPU are the CPU */
-  uint32_t device;      /* of the CUDA backend: CUDA's number of it */
+  uint32_t backend; /* L4D_BACKEND_*; REFERENCE is the REFERENCE path, AUTO and CPU are the CPU */
+  uint32_t device;  /* of the CUDA backend: CUDA's number of it */
   uint32_t reserved;
 } l4d_renderer_options;
 L4D_API void l4d_renderer_options_init_(l4d_renderer_options* options, size_t struct_size);
-#define l4d_renderer_options_init(options) \
-  l4d_renderer_options_init_((options), sizeof(*(options)))
+#define l4d_renderer_options_init(options) l4d_renderer_options_init_((options), sizeof(*(options)))
 
-/* options may be NULL. Fails with INVALID_ARGUMENT where path and backend contradict each other. A renderer
- * of the CUDA backend takes its device when it is given a scene; that call fails with
- * FEATURE_UNSUPPORTED in a build without device code, and with DEVICE where there is no device that this
- * build has code for. What it renders from is copied to the device, and images come back to the host: a
- * player that keeps both on the device uses cuda_render.h. It differs from the FAST path by rounding. */
+/* options may be NULL. Fails with INVALID_ARGUMENT where path and backend contradict each other. A
+ * renderer of the CUDA backend takes its device when it is given a scene; that call fails with
+ * FEATURE_UNSUPPORTED in a build without device code, and with DEVICE where there is no device that
+ * this build has code for. What it renders from is copied to the device, and images come back to
+ * the host: a player that keeps both on the device uses cuda_render.h. It differs from the FAST
+ * path by rounding. */
 L4D_API l4d_status l4d_renderer_create(const l4d_renderer_options* options, l4d_renderer** out);
 L4D_API void l4d_renderer_destroy(l4d_renderer* renderer); /* accepts NULL */
 /* As l4d_decoder_error_detail. */
@@ -65,8 +65,9 @@ L4D_API const char* l4d_renderer_error_detail(const l4d_renderer* renderer);
 /* ---- what is rendered ---------------------------------------------------------------------- */
 
 /* A scene of 4D Gaussians. Its arrays are borrowed until another scene is set or the renderer is
- * destroyed, and must not change meanwhile; what does not depend on time is prepared here. Fails with
- * INVALID_SCENE on NaN, Inf and log scales outside [-16, 16], naming Gaussian and attribute. */
+ * destroyed, and must not change meanwhile; what does not depend on time is prepared here. Fails
+ * with INVALID_SCENE on NaN, Inf and log scales outside [-16, 16], naming Gaussian and attribute.
+ */
 L4D_API l4d_status l4d_renderer_set_gaussians(l4d_renderer* renderer,
                                               const l4d_gaussians* gaussians,
                                               const l4d_timeline* timeline);
@@ -86,10 +87,10 @@ L4D_API l4d_status l4d_renderer_set_time(l4d_renderer* renderer, double time);
  * centre of the first pixel being (0.5, 0.5). */
 typedef struct l4d_camera {
   size_t struct_size;
-  uint32_t width, height;       /* pixels, 1..16384 each */
-  double fx, fy, cx, cy;        /* pixels */
-  double world_to_camera[12];   /* [3, 4] row-major, a rotation and a translation */
-  double near_plane;            /* scene units; 0.02 unless set */
+  uint32_t width, height;     /* pixels, 1..16384 each */
+  double fx, fy, cx, cy;      /* pixels */
+  double world_to_camera[12]; /* [3, 4] row-major, a rotation and a translation */
+  double near_plane;          /* scene units; 0.02 unless set */
 } l4d_camera;
 L4D_API void l4d_camera_init_(l4d_camera* camera, size_t struct_size);
 #define l4d_camera_init(camera) l4d_camera_init_((camera), sizeof(*(camera)))
@@ -103,31 +104,31 @@ typedef struct l4d_image {
 L4D_API void l4d_image_init_(l4d_image* image, size_t struct_size);
 #define l4d_image_init(image) l4d_image_init_((image), sizeof(*(image)))
 
-/* Renders the instant of the last set_time. Fails with INVALID_STATE without one, INVALID_ARGUMENT on
- * a camera that is none. */
+/* Renders the instant of the last set_time. Fails with INVALID_STATE without one, INVALID_ARGUMENT
+ * on a camera that is none. */
 L4D_API l4d_status l4d_renderer_render(l4d_renderer* renderer, const l4d_camera* camera,
                                        const l4d_image* image);
 
 /* ---- gradients ----------------------------------------------------------------------------- */
 
 /* Gradients of a scalar with respect to the attributes as they were given: [N, ...] as in
- * l4d_gaussians, so to logits where opacities are logits, and to unnormalised rotors. The call adds to
- * the arrays. NULL = not wanted. */
+ * l4d_gaussians, so to logits where opacities are logits, and to unnormalised rotors. The call adds
+ * to the arrays. NULL = not wanted. */
 typedef struct l4d_gradients {
   size_t struct_size;
-  uint64_t count;     /* N, must be the scene's */
-  float* position;    /* [N, 3] */
-  float* mean_t;      /* [N] */
-  float* log_scale;   /* [N, 4] */
-  float* rotor;       /* [N, 8] */
-  float* opacity;     /* [N] */
-  float* sh;          /* [N, (D+1)^2, 3] */
+  uint64_t count;   /* N, must be the scene's */
+  float* position;  /* [N, 3] */
+  float* mean_t;    /* [N] */
+  float* log_scale; /* [N, 4] */
+  float* rotor;     /* [N, 8] */
+  float* opacity;   /* [N] */
+  float* sh;        /* [N, (D+1)^2, 3] */
 } l4d_gradients;
 L4D_API void l4d_gradients_init_(l4d_gradients* gradients, size_t struct_size);
 #define l4d_gradients_init(gradients) l4d_gradients_init_((gradients), sizeof(*(gradients)))
 
-/* Renders the view and goes back: rgb_gradient [height, width, 3] is the derivative of the scalar by
- * each pixel. Needs a scene of set_gaussians (INVALID_STATE otherwise). */
+/* Renders the view and goes back: rgb_gradient [height, width, 3] is the derivative of the scalar
+ * by each pixel. Needs a scene of set_gaussians (INVALID_STATE otherwise). */
 L4D_API l4d_status l4d_renderer_backward(l4d_renderer* renderer, const l4d_camera* camera,
                                          const float* rgb_gradient, l4d_gradients* gradients);
 
@@ -158,7 +159,7 @@ typedef struct l4d_sensitivity_options {
   size_t struct_size;
   uint32_t measure; /* L4D_SENSITIVITY_* */
   uint32_t reserved;
-  uint64_t seed;    /* of the random signs, which depend on it, the view and its repetitions alone */
+  uint64_t seed; /* of the random signs, which depend on it, the view and its repetitions alone */
 } l4d_sensitivity_options;
 L4D_API void l4d_sensitivity_options_init_(l4d_sensitivity_options* options, size_t struct_size);
 #define l4d_sensitivity_options_init(options) \
@@ -171,38 +172,40 @@ L4D_API void l4d_sensitivity_destroy(l4d_sensitivity* sensitivity); /* accepts N
 
 /* Adds the view at the renderer's time; the renderer holds the scene the accumulator was made for
  * (set_gaussians), without background. seen_only: only asks which of the Gaussians that no view has
- * shown so far this one shows, which needs no derivatives and little time: what to call for the views
- * one has no time for, before Gaussians without weight are dropped. On failure the detail is the
- * renderer's. */
+ * shown so far this one shows, which needs no derivatives and little time: what to call for the
+ * views one has no time for, before Gaussians without weight are dropped. On failure the detail is
+ * the renderer's. */
 L4D_API l4d_status l4d_sensitivity_add_view(l4d_sensitivity* sensitivity, l4d_renderer* renderer,
                                             const l4d_camera* camera, int seen_only);
 /* Adds what `other` has gathered; both are for the same scene and measure. */
 L4D_API l4d_status l4d_sensitivity_merge(l4d_sensitivity* sensitivity,
                                          const l4d_sensitivity* other);
-/* out: [count], weights of `which`: L4D_WEIGHT_*. ALPHA_T is the sum of alpha times transmittance per
- * pixel: of the full views, and of Gaussians that only seen_only views show, of all views. Fails with
- * INVALID_STATE before the first full view. */
+/* out: [count], weights of `which`: L4D_WEIGHT_*. ALPHA_T is the sum of alpha times transmittance
+ * per pixel: of the full views, and of Gaussians that only seen_only views show, of all views.
+ * Fails with INVALID_STATE before the first full view. */
 L4D_API l4d_status l4d_sensitivity_get_weights(const l4d_sensitivity* sensitivity, uint32_t which,
                                                float* out, uint64_t count);
 
 /* Measures a scene over many views, or as many of them as it takes. Every instant is looked at from
  * cameras that take turns, in rounds; after each round the weights of two independent halves of the
- * views are compared, and where they agree the rest is left out. The views left out are then asked which
- * of the Gaussians not seen so far they show. */
+ * views are compared, and where they agree the rest is left out. The views left out are then asked
+ * which of the Gaussians not seen so far they show. */
 typedef struct l4d_view {
-  double time;      /* seconds */
-  uint32_t camera;  /* index into the cameras */
+  double time;     /* seconds */
+  uint32_t camera; /* index into the cameras */
   uint32_t reserved;
 } l4d_view;
 
-/* Processes that measure one scene together, each with a renderer of its own that holds the same scene;
- * all make the same call of l4d_measure, and all get the same result. Views are dealt out by instant. */
+/* Processes that measure one scene together, each with a renderer of its own that holds the same
+ * scene; all make the same call of l4d_measure, and all get the same result. Views are dealt out by
+ * instant. */
 typedef struct l4d_ranks {
   size_t struct_size;
-  uint32_t rank;  /* of this process, below count */
+  uint32_t rank; /* of this process, below count */
   uint32_t count;
-  /* Replaces values [n] by their sums over all ranks, which call it with the same n in the same order, on
-   * the thread that called the library. Not 0: it failed, and l4d_measure does, with IO. */
+  /* Replaces values [n] by their sums over all ranks, which call it with the same n in the same
+   * order, on the thread that called the library. Not 0: it failed, and l4d_measure does, with IO.
+   */
   int (*sum)(void* user, int64_t* values, uint64_t n);
   void* user;
 } l4d_ranks;
@@ -212,16 +215,17 @@ L4D_API void l4d_ranks_init_(l4d_ranks* ranks, size_t struct_size);
 typedef struct l4d_measure_options {
   size_t struct_size;
   l4d_sensitivity_options sensitivity;
-  /* Rank correlation of the halves' weights, the smallest over components, at which measuring stops;
-   * above 1 = never, all views count. 0.95 unless set. */
+  /* Rank correlation of the halves' weights, the smallest over components, at which measuring
+   * stops; above 1 = never, all views count. 0.95 unless set. */
   double agreement;
-  double max_share;     /* stop at this share of the views, agreed or not; 1 unless set */
-  /* Views that are left out are asked what they show, a sixteenth of each instant's at a time, until of the
-   * light in a round's images less than 1e-4 comes from Gaussians that no view has shown before. */
+  double max_share; /* stop at this share of the views, agreed or not; 1 unless set */
+  /* Views that are left out are asked what they show, a sixteenth of each instant's at a time,
+   * until of the light in a round's images less than 1e-4 comes from Gaussians that no view has
+   * shown before. */
   uint32_t skip_unseen; /* 1: do not ask any */
   uint32_t ask_all;     /* 1: ask all of them */
-  /* NULL = this process alone. Else, even for a count of 1, sums are whole numbers of small units, so that
-   * weights do not depend on the number of ranks. */
+  /* NULL = this process alone. Else, even for a count of 1, sums are whole numbers of small units,
+   * so that weights do not depend on the number of ranks. */
   const l4d_ranks* ranks;
 } l4d_measure_options;
 L4D_API void l4d_measure_options_init_(l4d_measure_options* options, size_t struct_size);
@@ -229,20 +233,21 @@ L4D_API void l4d_measure_options_init_(l4d_measure_options* options, size_t stru
 
 typedef struct l4d_measure_report {
   size_t struct_size;
-  uint64_t views;           /* given */
-  uint64_t views_measured;  /* with derivatives */
-  uint64_t views_asked;     /* of the others, what they show */
+  uint64_t views;          /* given */
+  uint64_t views_measured; /* with derivatives */
+  uint64_t views_asked;    /* of the others, what they show */
   uint32_t rounds;
-  uint32_t agreed;          /* 1: the halves agreed */
-  double agreement[4];      /* rank correlation of the halves, by L4D_COMPONENT_*; 0 before the first test */
-  uint64_t unseen;          /* Gaussians that no view shows of those measured and asked */
+  uint32_t agreed;     /* 1: the halves agreed */
+  double agreement[4]; /* rank correlation of the halves, by L4D_COMPONENT_*; 0 before the first
+                          test */
+  uint64_t unseen;     /* Gaussians that no view shows of those measured and asked */
 } l4d_measure_report;
 L4D_API void l4d_measure_report_init_(l4d_measure_report* report, size_t struct_size);
 #define l4d_measure_report_init(report) l4d_measure_report_init_((report), sizeof(*(report)))
 
 /* The renderer holds the scene (set_gaussians), without background; its instant is moved. cameras:
- * [num_cameras], views: [num_views], in any order. options, progress and report may be NULL; progress
- * counts views. *out is the caller's to destroy. */
+ * [num_cameras], views: [num_views], in any order. options, progress and report may be NULL;
+ * progress counts views. *out is the caller's to destroy. */
 L4D_API l4d_status l4d_measure(l4d_renderer* renderer, const l4d_camera* cameras,
                                uint32_t num_cameras, const l4d_view* views, uint64_t num_views,
                                const l4d_measure_options* options, l4d_progress_fn progress,

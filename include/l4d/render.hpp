@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// render.hpp: owning handles over render.h, header-only C++17, beside those of l4d.hpp. Functions that
-// can fail throw l4d::Error.
+// render.hpp: owning handles over render.h, header-only C++17, beside those of l4d.hpp. Functions
+// that can fail throw l4d::Error.
 #ifndef L4D_RENDER_HPP
 #define L4D_RENDER_HPP
 
@@ -78,9 +78,7 @@ class SensitivityHandle {
   void add_view(const RendererHandle& renderer, const l4d_camera& camera, bool seen_only = false) {
     renderer.check(l4d_sensitivity_add_view(get(), renderer.get(), &camera, seen_only ? 1 : 0));
   }
-  void merge(const SensitivityHandle& other) {
-    check(l4d_sensitivity_merge(get(), other.get()));
-  }
+  void merge(const SensitivityHandle& other) { check(l4d_sensitivity_merge(get(), other.get())); }
   std::vector<float> weights(uint32_t which) const {
     std::vector<float> out(static_cast<size_t>(count_));
     check(l4d_sensitivity_get_weights(get(), which, out.data(), count_));

@@ -113,9 +113,9 @@ const char* l4d_status_description(l4d_status status) {
 
 const char* l4d_section_name(uint32_t section) {
   static constexpr const char* kNames[L4D_SECTION_COUNT] = {
-      "header",  "directory",    "codebooks", "rcq_tables", "page_overhead", "position",
-      "mean_t",  "opacity",      "scale_factor", "sh",         "scale",         "rotor_spatial",
-      "rotor_temporal", "entropy_tables"};
+      "header",   "directory",     "codebooks",      "rcq_tables",    "page_overhead",
+      "position", "mean_t",        "opacity",        "scale_factor",  "sh",
+      "scale",    "rotor_spatial", "rotor_temporal", "entropy_tables"};
   return section < L4D_SECTION_COUNT ? kNames[section] : nullptr;
 }
 

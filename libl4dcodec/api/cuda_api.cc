@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "l4d/cuda.h"
-
 #include <algorithm>
 #include <memory>
 
+#include "l4d/cuda.h"
 #include "libl4dcodec/api/decoder_handle.h"
 #include "libl4dcodec/base/c_api.h"
 #ifdef L4D_HAVE_CUDA
@@ -131,14 +130,13 @@ void l4d_cuda_decoder_destroy(l4d_cuda_decoder* decoder) {
 
 l4d_status l4d_cuda_decoder_prepare(l4d_cuda_decoder* decoder, const l4d_query* query,
                                     l4d_cuda_job* job) {
-  return on_device(decoder, query != nullptr && job != nullptr,
-                   [&](l4d::cuda::DeviceDecoder& d) -> Status {
-                     l4d_cuda_job prepared = read_struct(*job, default_job());
-                     L4D_RETURN_IF_ERROR(
-                         d.prepare(read_struct(*query, default_query()), &prepared));
-                     write_struct(prepared, job);
-                     return {};
-                   });
+  return on_device(
+      decoder, query != nullptr && job != nullptr, [&](l4d::cuda::DeviceDecoder& d) -> Status {
+        l4d_cuda_job prepared = read_struct(*job, default_job());
+        L4D_RETURN_IF_ERROR(d.prepare(read_struct(*query, default_query()), &prepared));
+        write_struct(prepared, job);
+        return {};
+      });
 }
 
 l4d_status l4d_cuda_decoder_get_ranges(const l4d_cuda_decoder* decoder, l4d_range* out,

@@ -147,8 +147,8 @@ l4d_status l4d_decoder_open_memory(l4d_decoder* decoder, const void* data, size_
   return decoder->error.keep(guard([&]() -> Status {
     if (data == nullptr && size > 0) return l4d::invalid_argument("data is NULL");
     decoder->close_device();
-    return decoder->impl.open(l4d::ByteSource::from_memory(
-        l4d::ByteSpan(static_cast<const unsigned char*>(data), size)));
+    return decoder->impl.open(
+        l4d::ByteSource::from_memory(l4d::ByteSpan(static_cast<const unsigned char*>(data), size)));
   }));
 }
 

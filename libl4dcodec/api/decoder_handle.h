@@ -12,7 +12,8 @@
 
 struct l4d_decoder {
   explicit l4d_decoder(const l4d_decoder_options& options)
-      : impl(options), decodes_on_device(options.backend == L4D_BACKEND_CUDA && options.tolerant == 0) {}
+      : impl(options),
+        decodes_on_device(options.backend == L4D_BACKEND_CUDA && options.tolerant == 0) {}
   l4d::Decoder impl;
   l4d::api::ErrorDetail error;
   bool decodes_on_device;

@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "l4d/encode.h"
-
 #include <fcntl.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -14,6 +12,7 @@
 #include <string>
 
 #include "encoder/encoder.h"
+#include "l4d/encode.h"
 #include "libl4dcodec/base/c_api.h"
 #ifdef L4D_HAVE_CUDA
 #include "encoder/cuda/device_nearest.h"

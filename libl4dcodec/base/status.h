@@ -10,8 +10,8 @@
 namespace l4d {
 
 // The result of every internal operation that can fail: a public status code, and for failures the
-// spec clause and the byte offset they concern. It carries a message only on failure, so the success
-// path costs one integer.
+// spec clause and the byte offset they concern. It carries a message only on failure, so the
+// success path costs one integer.
 class [[nodiscard]] Status {
  public:
   static constexpr uint64_t kNoOffset = ~uint64_t{0};
@@ -46,10 +46,10 @@ inline Status invalid_argument(std::string message) {
   return Status(L4D_ERR_INVALID_ARGUMENT, std::move(message));
 }
 
-#define L4D_RETURN_IF_ERROR(expr)                  \
-  do {                                             \
-    ::l4d::Status l4d_status_ = (expr);            \
-    if (!l4d_status_.ok()) return l4d_status_;     \
+#define L4D_RETURN_IF_ERROR(expr)              \
+  do {                                         \
+    ::l4d::Status l4d_status_ = (expr);        \
+    if (!l4d_status_.ok()) return l4d_status_; \
   } while (0)
 
 }  // namespace l4d

@@ -25,9 +25,10 @@ inline int resolve_threads(int threads) {
 #endif
 }
 
-// Runs work() on `workers` threads, the caller's among them, and returns when all have ended. It must
-// not throw. Threads are made for the call: that costs some 20 us each, asks for no state between calls,
-// and nobody waits in a loop that takes the core from whoever works (docs/decisions/0005).
+// Runs work() on `workers` threads, the caller's among them, and returns when all have ended. It
+// must not throw. Threads are made for the call: that costs some 20 us each, asks for no state
+// between calls, and nobody waits in a loop that takes the core from whoever works
+// (docs/decisions/0005).
 template <typename Work>
 void run_workers(int workers, const Work& work) {
 #ifdef L4D_OPENMP
@@ -46,17 +47,17 @@ void run_workers(int workers, const Work& work) {
 #endif
 }
 
-// Runs body(begin, end) over [0, count) cut into pieces of `grain`. The cut depends on count and grain
-// alone, never on the number of threads, so a caller that keeps one result per piece and combines
-// them in order gets the same bits for any thread count. The first exception thrown by a piece is
-// rethrown on the calling thread after all pieces have ended.
+// Runs body(begin, end) over [0, count) cut into pieces of `grain`. The cut depends on count and
+// grain alone, never on the number of threads, so a caller that keeps one result per piece and
+// combines them in order gets the same bits for any thread count. The first exception thrown by a
+// piece is rethrown on the calling thread after all pieces have ended.
 template <typename Body>
 void parallel_for(int threads, size_t count, size_t grain, const Body& body) {
   if (count == 0) return;
   grain = std::max<size_t>(grain, 1);
   const size_t pieces = (count + grain - 1) / grain;
-  const int workers = static_cast<int>(
-      std::min<size_t>(static_cast<size_t>(resolve_threads(threads)), pieces));
+  const int workers =
+      static_cast<int>(std::min<size_t>(static_cast<size_t>(resolve_threads(threads)), pieces));
   if (workers <= 1) {
     for (size_t i = 0; i < pieces; ++i) body(i * grain, std::min(count, (i + 1) * grain));
     return;

@@ -10,8 +10,8 @@
 
 namespace l4d {
 
-// Bytes at an address that FlatBuffers can read its 8-byte fields from: the bytes given where they are
-// aligned already, else a copy.
+// Bytes at an address that FlatBuffers can read its 8-byte fields from: the bytes given where they
+// are aligned already, else a copy.
 class AlignedBytes {
  public:
   explicit AlignedBytes(ByteSpan bytes) : size_(bytes.size()), data_(bytes.data()) {

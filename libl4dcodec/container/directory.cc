@@ -7,9 +7,9 @@
 #include "libl4dcodec/base/checked.h"
 #include "libl4dcodec/base/half.h"
 #include "libl4dcodec/base/hash.h"
+#include "libl4dcodec/base/ordered.h"
 #include "libl4dcodec/container/aligned_bytes.h"
 #include "libl4dcodec/entropy/stream.h"
-#include "libl4dcodec/base/ordered.h"
 
 namespace l4d {
 namespace {
@@ -31,12 +31,13 @@ Status parse_block(const fbs::Block& block, uint64_t base, const SceneHeader& he
   for (const fbs::RcqTable* t : *block.tables()) {
     const unsigned c = t->component();
     if (c == L4D_COMPONENT_SH || c >= L4D_COMPONENT_COUNT || !layer.component[c].has_rcq) {
-      return corrupt("RCQ-3", base, "block codebook of component " + std::to_string(c) +
-                                        ", which has no residual codebook");
+      return corrupt(
+          "RCQ-3", base,
+          "block codebook of component " + std::to_string(c) + ", which has no residual codebook");
     }
     if (t->num_entries() < 1 || t->num_entries() > kMaxCodebookEntries) {
-      return corrupt("RCQ-4", base, "block codebook of " + std::to_string(t->num_entries()) +
-                                        " entries");
+      return corrupt("RCQ-4", base,
+                     "block codebook of " + std::to_string(t->num_entries()) + " entries");
     }
     if (out->tables[c].num_entries != 0) {
       return corrupt("RCQ-5", base, "two block codebooks of component " + std::to_string(c));
@@ -83,8 +84,7 @@ void PageTableEntry::append(Bytes& out) const {
 }
 
 Status PageTableEntry::parse(ByteSpan bytes, uint64_t base, PageTableEntry* out) {
-  if (load_le<uint32_t>(bytes.data() + 28) !=
-      static_cast<uint32_t>(hash64(bytes.subspan(0, 28)))) {
+  if (load_le<uint32_t>(bytes.data() + 28) != static_cast<uint32_t>(hash64(bytes.subspan(0, 28)))) {
     return Status(L4D_ERR_CHECKSUM, "DIR-1", base, "checksum of a page table entry does not match");
   }
   out->chunk.offset = load_le<uint64_t>(bytes.data());
@@ -152,14 +152,15 @@ Status parse_directory_page(ByteSpan unaligned, uint64_t base, const SceneHeader
     }
   }
   const uint64_t first = uint64_t{index} << layer.directory_bits;
-  const uint64_t end = std::min<uint64_t>(first + (uint64_t{1} << layer.directory_bits),
-                                          num_buckets(layer.level));
+  const uint64_t end =
+      std::min<uint64_t>(first + (uint64_t{1} << layer.directory_bits), num_buckets(layer.level));
   uint64_t previous = first;
   out->pages.reserve(page.pages()->size());
   for (const fbs::PageRecord* p : *page.pages()) {
     if (p->bucket() < previous || p->bucket() >= end) {
-      return corrupt("DIR-3", base, "bucket " + std::to_string(p->bucket()) +
-                                        " is out of the page's range or order");
+      return corrupt(
+          "DIR-3", base,
+          "bucket " + std::to_string(p->bucket()) + " is out of the page's range or order");
     }
     previous = p->bucket();
     if (p->num_gaussians() < 1 || p->num_gaussians() > kMaxPageGaussians) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The paged directory: a fixed-size page table per layer, whose entries locate directory pages, whose
-// records locate pages of Gaussians. A seek reads one table entry and one directory page per layer.
+// The paged directory: a fixed-size page table per layer, whose entries locate directory pages,
+// whose records locate pages of Gaussians. A seek reads one table entry and one directory page per
+// layer.
 #pragma once
 
 #include <array>
@@ -26,8 +27,8 @@ struct PageTableEntry {
 };
 
 struct PageRecord {
-  ChunkRef chunk;             // rans32: the first part
-  ChunkRef sh_detail;         // rans32: the second part, stored as it is; stored_bytes 0 = none
+  ChunkRef chunk;      // rans32: the first part
+  ChunkRef sh_detail;  // rans32: the second part, stored as it is; stored_bytes 0 = none
   uint32_t num_gaussians = 0;
   uint32_t bucket = 0;
   uint32_t block = kNoBlock;  // index within the directory page
@@ -54,7 +55,8 @@ struct DirectoryPage {
 
 uint32_t num_directory_pages(const LayerHeader& layer);
 
-// Offsets in `page` count from the payload when written, and from the start of the file when parsed.
+// Offsets in `page` count from the payload when written, and from the start of the file when
+// parsed.
 Bytes serialize_directory_page(const DirectoryPage& page, uint32_t layer, uint32_t index);
 Status parse_directory_page(ByteSpan bytes, uint64_t base, const SceneHeader& header,
                             uint32_t layer_index, uint32_t index, DirectoryPage* out);

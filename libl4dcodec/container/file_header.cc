@@ -22,11 +22,13 @@ void FileHeader::append(Bytes& out) const {
 
 Status FileHeader::parse(ByteSpan bytes, FileHeader* out) {
   const size_t magic_bytes = std::min(bytes.size(), kMagic.size());
-  if (magic_bytes == 0 || !std::equal(kMagic.begin(), kMagic.begin() + magic_bytes, bytes.begin())) {
+  if (magic_bytes == 0 ||
+      !std::equal(kMagic.begin(), kMagic.begin() + magic_bytes, bytes.begin())) {
     return Status(L4D_ERR_NOT_L4D, "FILE-1", 0, "the magic of an .l4d file is missing");
   }
   if (bytes.size() < kBytes) {
-    return Status(L4D_ERR_TRUNCATED, "FILE-1", bytes.size(), "the file ends within the file header");
+    return Status(L4D_ERR_TRUNCATED, "FILE-1", bytes.size(),
+                  "the file ends within the file header");
   }
   FileHeader h;
   h.version_major = bytes[8];

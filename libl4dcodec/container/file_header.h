@@ -12,7 +12,8 @@ namespace l4d {
 // The first 40 bytes of a file (spec: "File header").
 struct FileHeader {
   static constexpr size_t kBytes = 40;
-  static constexpr std::array<unsigned char, 8> kMagic = {0x89, 'L', '4', 'D', 0x0d, 0x0a, 0x1a, 0x0a};
+  static constexpr std::array<unsigned char, 8> kMagic = {0x89, 'L',  '4',  'D',
+                                                          0x0d, 0x0a, 0x1a, 0x0a};
   static constexpr uint16_t kDevelopmentFlag = 1u << 0;
   static constexpr uint16_t kIgnoredFlags = 0x00fe;   // a decoder does not look at these
   static constexpr uint16_t kRejectedFlags = 0xff00;  // a decoder refuses a file that sets one

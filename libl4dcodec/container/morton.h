@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Morton codes of three coordinates of up to 21 bits: bit b of coordinate k is bit 3 b + k of the code.
+// Morton codes of three coordinates of up to 21 bits: bit b of coordinate k is bit 3 b + k of the
+// code.
 #pragma once
 
 #include <cstdint>

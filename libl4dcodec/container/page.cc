@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "libl4dcodec/container/page_columns.h"
-
 #include <algorithm>
 #include <cmath>
 
 #include "libl4dcodec/base/ordered.h"
+#include "libl4dcodec/container/page_columns.h"
 
 namespace l4d {
 namespace {
@@ -91,7 +90,8 @@ class PageParser {
     uint32_t above = 0;
     for (size_t i = 0; i < n_; ++i) above |= codes[i];
     if ((above >> header.position_bits) == 0) return {};
-    return corrupt("STRM-3", at, "a coordinate is not below 2^" + std::to_string(header.position_bits));
+    return corrupt("STRM-3", at,
+                   "a coordinate is not below 2^" + std::to_string(header.position_bits));
   }
 
   Status mean_t(const LayerHeader& layer, bool wanted) {
@@ -129,7 +129,8 @@ class PageParser {
     if (coding.transform()) return transform(coding, wanted, out);
     if (coding.coding == ComponentCodingId::kRaw32) {
       grow(out->raw, n_ * dim);
-      for (unsigned d = 0; d < dim; ++d) L4D_RETURN_IF_ERROR(raw(wanted, n_, out->raw.data() + d, dim));
+      for (unsigned d = 0; d < dim; ++d)
+        L4D_RETURN_IF_ERROR(raw(wanted, n_, out->raw.data() + d, dim));
       return {};
     }
     if (!coding.vq()) return {};
@@ -172,7 +173,8 @@ class PageParser {
     if (steps == 1) {
       std::fill_n(out->rung.begin(), n_, uint8_t{1});
     } else {
-      L4D_RETURN_IF_ERROR(decode_stream(decoder_, in_, base_, n_, bit_width(static_cast<uint32_t>(steps + 1)),
+      L4D_RETURN_IF_ERROR(decode_stream(decoder_, in_, base_, n_,
+                                        bit_width(static_cast<uint32_t>(steps + 1)),
                                         static_cast<uint32_t>(steps + 1), "TRAN-6", codes_.data()));
       for (size_t i = 0; i < n_; ++i) out->rung[i] = static_cast<uint8_t>(codes_[i]);
     }
@@ -263,7 +265,8 @@ class PageWriter {
       encoder_.encode(c.index[s].data(), c.index_count[s], bit_width(limit), false, out_);
     }
     if (c.num_literals == 0) return;  // a column of nothing has no address
-    for (unsigned d = 0; d < dim; ++d) half_stream(c.literal.data() + d, dim, c.num_literals, false);
+    for (unsigned d = 0; d < dim; ++d)
+      half_stream(c.literal.data() + d, dim, c.num_literals, false);
   }
 
   void transform(const ComponentCoding& coding, const ComponentColumns& c) {
@@ -327,8 +330,9 @@ Status count_depths(const ComponentCoding& coding, const uint16_t* depths, size_
     } else if (depth <= stages) {
       for (size_t s = 0; s < depth; ++s) ++out->index_count[s];
     } else {
-      return corrupt("VQ-1", at, "depth " + std::to_string(depth) + " of a component with " +
-                                     std::to_string(stages) + " stages");
+      return corrupt("VQ-1", at,
+                     "depth " + std::to_string(depth) + " of a component with " +
+                         std::to_string(stages) + " stages");
     }
   }
   return {};

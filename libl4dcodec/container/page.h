@@ -25,7 +25,7 @@ struct ComponentColumns {
   size_t num_literals = 0;
   std::array<size_t, L4D_MAX_STAGES> index_count{};
   // Transform: coefficient[k] has one value for each Gaussian whose rung reaches k, in order.
-  std::vector<uint8_t> cls;    // [n] class
+  std::vector<uint8_t> cls;   // [n] class
   std::vector<uint8_t> rung;  // [n] step of the ladder, 0 = no coefficients
   std::array<std::vector<int16_t>, kMaxCoefficients> coefficient;
   std::array<size_t, kMaxCoefficients> coefficient_count{};
@@ -34,7 +34,8 @@ struct ComponentColumns {
 // All columns of a page. Buffers are reused from page to page: sizes only grow, n counts.
 struct PageColumns {
   size_t n = 0;
-  // False: SH is what the first part of a rans32 page holds, coefficients below the base or nothing.
+  // False: SH is what the first part of a rans32 page holds, coefficients below the base or
+  // nothing.
   bool sh_detail = true;
   std::array<std::vector<uint16_t>, 3> position;  // binary16
   std::array<std::vector<uint32_t>, 3> fixed_position;
@@ -73,12 +74,10 @@ inline unsigned rung_coefficients(const ComponentCoding& coding, unsigned rung) 
 inline uint16_t zigzag16(int16_t v) {
   return static_cast<uint16_t>((static_cast<uint32_t>(v) << 1) ^ (v < 0 ? 0xffffu : 0u));
 }
-inline int16_t unzigzag16(uint16_t z) {
-  return static_cast<int16_t>((z >> 1) ^ (0u - (z & 1u)));
-}
+inline int16_t unzigzag16(uint16_t z) { return static_cast<int16_t>((z >> 1) ^ (0u - (z & 1u))); }
 
-// What n Gaussians can take at most (spec: CHNK-8): every attribute as float32, or all stages of all
-// components, whichever is longer.
+// What n Gaussians can take at most (spec: CHNK-8): every attribute as float32, or all stages of
+// all components, whichever is longer.
 uint64_t max_page_bytes(const SceneHeader& header, size_t n);
 
 // Parses the raw bytes of a page. `base` is the file offset used in messages; sections may be null.
@@ -95,10 +94,10 @@ struct RansPageParts {
   uint64_t detail_at = 0;
 };
 
-// Parses a rans32 page with the tables of its layer. Planes are coded one after another, so that only
-// the second part can be left out; columns of the first are filled unasked. `detail` is null where the
-// second part is not wanted or there is none; else it gets what became of that, beside which the
-// columns hold the first part as if the second were not wanted.
+// Parses a rans32 page with the tables of its layer. Planes are coded one after another, so that
+// only the second part can be left out; columns of the first are filled unasked. `detail` is null
+// where the second part is not wanted or there is none; else it gets what became of that, beside
+// which the columns hold the first part as if the second were not wanted.
 struct RansDecoder {
   const RansKernels* kernels = nullptr;
   const StreamKernels* streams = nullptr;
@@ -111,8 +110,9 @@ Status decode_rans_page(RansDecoder& decoder, const RansPageParts& parts, const 
                         const BlockRecord* block, size_t n, PageColumns* out,
                         SectionBytes* sections, Status* detail);
 
-// Walks the planes of a page that rANS can code in their order, with the context of each symbol: what
-// counts tokens for tables and what codes with them see the same. Either span of values is empty.
+// Walks the planes of a page that rANS can code in their order, with the context of each symbol:
+// what counts tokens for tables and what codes with them see the same. Either span of values is
+// empty.
 struct PlaneSymbols {
   size_t plane = 0;  // index in page_planes()
   Span<const uint16_t> hybrid;

@@ -54,8 +54,7 @@ std::vector<PlaneSpec> page_planes(const SceneHeader& header, const LayerHeader&
 size_t first_detail_plane(const SceneHeader& header, const std::vector<PlaneSpec>& planes) {
   const auto is_detail = [&](const PlaneSpec& p) {
     if (p.kind < PlaneKind::kDepth || p.component != L4D_COMPONENT_SH) return false;
-    return header.sh_base == 0 ||
-           (p.kind == PlaneKind::kCoefficient && p.index >= header.sh_base);
+    return header.sh_base == 0 || (p.kind == PlaneKind::kCoefficient && p.index >= header.sh_base);
   };
   return static_cast<size_t>(std::find_if(planes.begin(), planes.end(), is_detail) -
                              planes.begin());
@@ -74,7 +73,8 @@ bool rans_codable(const SceneHeader& header, const LayerHeader& layer) {
 }
 
 uint64_t EntropyTables::memory_bytes() const {
-  return entries.size() * sizeof(uint32_t) + planes.size() * sizeof(PlaneSpec) + num_contexts(planes);
+  return entries.size() * sizeof(uint32_t) + planes.size() * sizeof(PlaneSpec) +
+         num_contexts(planes);
 }
 
 uint64_t max_entropy_bytes(const std::vector<PlaneSpec>& planes) {
@@ -116,8 +116,9 @@ Status parse_entropy_tables(ByteSpan raw, uint64_t base, const SceneHeader& head
     const bool is_wide = p.kind == PlaneKind::kPosition;
     for (const unsigned char t : map) {
       if (t >= tables || (t < wide) != is_wide) {
-        return corrupt("RANS-4", at, "a context maps to table " + std::to_string(t) + " of " +
-                                         std::to_string(tables));
+        return corrupt(
+            "RANS-4", at,
+            "a context maps to table " + std::to_string(t) + " of " + std::to_string(tables));
       }
     }
     out->maps.emplace_back(map.begin(), map.end());

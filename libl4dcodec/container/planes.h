@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a rans32 page is made of, and the tables that its planes are coded with (spec: "rANS pages").
+// What a rans32 page is made of, and the tables that its planes are coded with (spec: "rANS
+// pages").
 #pragma once
 
 #include <cstdint>
@@ -12,7 +13,7 @@
 namespace l4d {
 
 enum class PlaneKind : uint8_t {
-  kPosition,     // gaps of the Morton codes, wide integers; all others are hybrid ones
+  kPosition,  // gaps of the Morton codes, wide integers; all others are hybrid ones
   kMeanT,
   kOpacity,
   kScaleFactor,
@@ -20,7 +21,7 @@ enum class PlaneKind : uint8_t {
   kIndex,        // vq, one per stage
   kLiteral,      // vq, one per number
   kClass,        // transform
-  kRung,        // transform, where the ladder has more than one step
+  kRung,         // transform, where the ladder has more than one step
   kCoefficient,  // transform, one per coefficient
 };
 
@@ -39,8 +40,8 @@ inline unsigned magnitude_context(unsigned sum) {  // of the two magnitudes
 
 constexpr unsigned kMaxEntropyTables = 128;
 
-// Every plane that pages of a layer may have, in the order in which pages hold them. Those of SH are
-// the last.
+// Every plane that pages of a layer may have, in the order in which pages hold them. Those of SH
+// are the last.
 std::vector<PlaneSpec> page_planes(const SceneHeader& header, const LayerHeader& layer);
 
 // Index of the first plane of SH detail, which is the second part of pages that have two: the first

@@ -45,8 +45,7 @@ class RansPageParser {
       c.coefficient_count.fill(0);
     }
     const size_t planes = tables_.planes.size();
-    const size_t middle =
-        parts.has_detail ? first_detail_plane(header_, tables_.planes) : planes;
+    const size_t middle = parts.has_detail ? first_detail_plane(header_, tables_.planes) : planes;
     L4D_RETURN_IF_ERROR(run_block(parts.first, parts.first_at, 0, middle));
     if (detail == nullptr) return {};
     *detail = run_block(parts.detail, parts.detail_at, middle, planes);
@@ -66,18 +65,24 @@ class RansPageParser {
       counted = lanes_.next;
     }
     if (!rans_block_finished(lanes_)) {
-      return corrupt("RANS-7", at_, "a rANS block does not end with its words and in its first state");
+      return corrupt("RANS-7", at_,
+                     "a rANS block does not end with its words and in its first state");
     }
     return {};
   }
 
   static unsigned section_of(const PlaneSpec& p) {
     switch (p.kind) {
-      case PlaneKind::kPosition: return L4D_SECTION_POSITION;
-      case PlaneKind::kMeanT: return L4D_SECTION_MEAN_T;
-      case PlaneKind::kOpacity: return L4D_SECTION_OPACITY;
-      case PlaneKind::kScaleFactor: return L4D_SECTION_SCALE_FACTOR;
-      default: return L4D_SECTION_SH + p.component;
+      case PlaneKind::kPosition:
+        return L4D_SECTION_POSITION;
+      case PlaneKind::kMeanT:
+        return L4D_SECTION_MEAN_T;
+      case PlaneKind::kOpacity:
+        return L4D_SECTION_OPACITY;
+      case PlaneKind::kScaleFactor:
+        return L4D_SECTION_SCALE_FACTOR;
+      default:
+        return L4D_SECTION_SH + p.component;
     }
   }
 
@@ -86,8 +91,8 @@ class RansPageParser {
     const std::vector<uint8_t>& map = tables_.maps[p];
     const bool one = std::all_of(map.begin(), map.end(), [&](uint8_t t) { return t == map[0]; });
     if (contexts == nullptr || one) {
-      d_.kernels->hybrid(lanes_, tables_.entries.data() + size_t{map[0]} * kRansSlots, nullptr, count,
-                         dst);
+      d_.kernels->hybrid(lanes_, tables_.entries.data() + size_t{map[0]} * kRansSlots, nullptr,
+                         count, dst);
       return;
     }
     grow(d_.tables, count);
@@ -101,8 +106,8 @@ class RansPageParser {
     if (limit > 0xffff) return {};
     const uint32_t largest = d_.streams->max_value(values, count);
     if (largest < limit) return {};
-    return corrupt(clause, at_, "value " + std::to_string(largest) + " is not below " +
-                                    std::to_string(limit));
+    return corrupt(clause, at_,
+                   "value " + std::to_string(largest) + " is not below " + std::to_string(limit));
   }
 
   Status run_plane(size_t p) {
@@ -114,7 +119,8 @@ class RansPageParser {
       case PlaneKind::kMeanT:
         grow(out_.mean_t, n_);
         hybrid(p, nullptr, n_, out_.mean_t.data());
-        L4D_RETURN_IF_ERROR(below(out_.mean_t.data(), n_, 1u << (16 - layer_.mean_t_shift), "STRM-3"));
+        L4D_RETURN_IF_ERROR(
+            below(out_.mean_t.data(), n_, 1u << (16 - layer_.mean_t_shift), "STRM-3"));
         return finish_mean_t(layer_, *d_.streams, n_, at_, out_.mean_t.data());
       case PlaneKind::kOpacity:
         grow(out_.opacity, n_);
@@ -241,8 +247,7 @@ class RansPageParser {
     grow(c.rung, n_);
     hybrid(p, c.cls.data(), n_, d_.codes.data());
     const size_t steps = header_.component(layer_, component).ladder.size();
-    L4D_RETURN_IF_ERROR(
-        below(d_.codes.data(), n_, static_cast<uint32_t>(steps + 1), "TRAN-6"));
+    L4D_RETURN_IF_ERROR(below(d_.codes.data(), n_, static_cast<uint32_t>(steps + 1), "TRAN-6"));
     narrow(d_.codes.data(), n_, c.rung.data());
     return {};
   }
@@ -295,7 +300,7 @@ class RansPageParser {
   uint64_t at_ = 0;
   RansLanes lanes_{};
   const ComponentColumns* class_component_ = nullptr;  // the last one with classes
-  size_t step_ = 0;     // of the ladder
+  size_t step_ = 0;                                    // of the ladder
   size_t members_ = 0;  // Gaussians that have the coefficient at hand
   std::vector<uint8_t> contexts_;
 };
@@ -318,8 +323,7 @@ Status decode_rans_page(RansDecoder& decoder, const RansPageParts& parts, const 
                         const LayerHeader& layer, const EntropyTables& tables,
                         const BlockRecord* block, size_t n, PageColumns* out,
                         SectionBytes* sections, Status* detail) {
-  return RansPageParser(decoder, header, layer, tables, block, n, out, sections)
-      .run(parts, detail);
+  return RansPageParser(decoder, header, layer, tables, block, n, out, sections).run(parts, detail);
 }
 
 void visit_planes(const SceneHeader& header, const LayerHeader& layer,

@@ -44,8 +44,8 @@ flatbuffers::Offset<fbs::ComponentCoding> to_fbs(flatbuffers::FlatBufferBuilder&
   const auto basis = to_fbs(b, c.basis);
   const auto steps = b.CreateVector(c.steps);
   const auto ladder = b.CreateVector(c.ladder);
-  return fbs::CreateComponentCoding(b, static_cast<uint8_t>(c.coding), stages, c.literals, rcq, basis,
-                                    steps, ladder);
+  return fbs::CreateComponentCoding(b, static_cast<uint8_t>(c.coding), stages, c.literals, rcq,
+                                    basis, steps, ladder);
 }
 
 // ---- parsing ----
@@ -127,7 +127,8 @@ class HeaderParser {
                              h.position_center()->z()};
     const double origin[3] = {h.origin()->x(), h.origin()->y(), h.origin()->z()};
     for (int i = 0; i < 3; ++i) {
-      if (!sound(center[i]) || !std::isfinite(origin[i])) return bad("HEAD-3", "position_center or origin is out of range");
+      if (!sound(center[i]) || !std::isfinite(origin[i]))
+        return bad("HEAD-3", "position_center or origin is out of range");
       out_.position_center[i] = center[i];
       out_.placement.origin[i] = origin[i];
     }
@@ -206,8 +207,8 @@ class HeaderParser {
     }
     out->stages.resize(stages);
     for (size_t s = 0; s < stages; ++s) {
-      L4D_RETURN_IF_ERROR(parse_stage(*c.stages()->Get(static_cast<flatbuffers::uoffset_t>(s)), what,
-                                      kMaxCodebookEntries, &out->stages[s]));
+      L4D_RETURN_IF_ERROR(parse_stage(*c.stages()->Get(static_cast<flatbuffers::uoffset_t>(s)),
+                                      what, kMaxCodebookEntries, &out->stages[s]));
     }
     out->literals = c.literals();
     out->has_rcq = c.rcq() != nullptr;
@@ -226,7 +227,8 @@ class HeaderParser {
       return bad("TRAN-1", name + " of " + std::to_string(steps) + " coefficients");
     }
     for (const float step : *c.steps()) {
-      if (!(step >= 0x1p-20f && step <= max_step)) return bad("TRAN-2", name + " step out of range");
+      if (!(step >= 0x1p-20f && step <= max_step))
+        return bad("TRAN-2", name + " step out of range");
       out->steps.push_back(step);
     }
     unsigned last = 0;
@@ -262,7 +264,8 @@ class HeaderParser {
       }
       total += out.num_gaussians;
     }
-    if (total != out_.num_gaussians) return bad("HEAD-5", "layers hold fewer Gaussians than the scene");
+    if (total != out_.num_gaussians)
+      return bad("HEAD-5", "layers hold fewer Gaussians than the scene");
     return {};
   }
 
@@ -275,8 +278,10 @@ class HeaderParser {
       return unknown("mean_t coding", l.mean_t());
     }
     out->mean_t = static_cast<MeanCodingId>(l.mean_t());
-    if (out->permanent != (out->mean_t == MeanCodingId::kNone) || (out->permanent && out->level != 0)) {
-      return bad("HEAD-10", "a permanent layer has level 0 and no mean times, and no other has none");
+    if (out->permanent != (out->mean_t == MeanCodingId::kNone) ||
+        (out->permanent && out->level != 0)) {
+      return bad("HEAD-10",
+                 "a permanent layer has level 0 and no mean times, and no other has none");
     }
     if (out->mean_t == MeanCodingId::kF16 && l.mean_t_shift() > kMaxMeanShift) {
       return bad("CODE-6", "mean_t without " + std::to_string(l.mean_t_shift()) + " bits");
@@ -285,13 +290,13 @@ class HeaderParser {
     if (!sound(l.log_scale_t())) return bad("HEAD-3", "log_scale_t is out of range");
     out->log_scale_t = l.log_scale_t();
     L4D_RETURN_IF_ERROR(parse_scalar(*l.scale_factor(), "scale_factor", &out->scale_factor));
-    const fbs::ComponentCoding* parts[] = {nullptr, l.scale(), l.rotor_spatial(), l.rotor_temporal()};
+    const fbs::ComponentCoding* parts[] = {nullptr, l.scale(), l.rotor_spatial(),
+                                           l.rotor_temporal()};
     static constexpr const char* kNames[] = {"", "scale", "rotor_spatial", "rotor_temporal"};
     for (unsigned c = L4D_COMPONENT_SCALE; c < L4D_COMPONENT_COUNT; ++c) {
       const bool rotor = c != L4D_COMPONENT_SCALE;
       const unsigned dim = rotor ? 3 : out->scale_dim();
-      L4D_RETURN_IF_ERROR(
-          parse_component(*parts[c], kNames[c], dim, rotor, &out->component[c]));
+      L4D_RETURN_IF_ERROR(parse_component(*parts[c], kNames[c], dim, rotor, &out->component[c]));
       if (out->component[c].has_rcq && out->level == 0) return bad("RCQ-2", "RCQ in level 0");
     }
     const bool raw_spatial =
@@ -314,7 +319,8 @@ class HeaderParser {
     out->directory_bits = l.directory_bits();
     const int table_bits = bucket_bits(out->level) - static_cast<int>(out->directory_bits);
     if (out->directory_bits > kMaxDirectoryBits || table_bits > kMaxPageTableBits) {
-      return bad("HEAD-12", "directory pages of 2^" + std::to_string(l.directory_bits()) + " buckets");
+      return bad("HEAD-12",
+                 "directory pages of 2^" + std::to_string(l.directory_bits()) + " buckets");
     }
     out->page_table_offset = l.page_table_offset();
     out->has_entropy = l.entropy() != nullptr;
@@ -343,11 +349,11 @@ Bytes serialize_scene_header(const SceneHeader& h) {
     const auto spatial = to_fbs(b, l.component[L4D_COMPONENT_ROTOR_SPATIAL]);
     const auto temporal = to_fbs(b, l.component[L4D_COMPONENT_ROTOR_TEMPORAL]);
     const fbs::ChunkRef entropy = to_fbs(l.entropy);
-    layers.push_back(fbs::CreateLayer(b, static_cast<uint8_t>(l.level), l.permanent, l.num_gaussians,
-                                      static_cast<uint8_t>(l.mean_t), l.log_scale_t, factor, scale,
-                                      spatial, temporal, static_cast<uint8_t>(l.directory_bits),
-                                      l.page_table_offset, static_cast<uint8_t>(l.mean_t_shift),
-                                      l.has_entropy ? &entropy : nullptr));
+    layers.push_back(
+        fbs::CreateLayer(b, static_cast<uint8_t>(l.level), l.permanent, l.num_gaussians,
+                         static_cast<uint8_t>(l.mean_t), l.log_scale_t, factor, scale, spatial,
+                         temporal, static_cast<uint8_t>(l.directory_bits), l.page_table_offset,
+                         static_cast<uint8_t>(l.mean_t_shift), l.has_entropy ? &entropy : nullptr));
   }
   const auto layer_vector = b.CreateVector(layers);
   const auto opacity = to_fbs(b, h.opacity);
@@ -367,11 +373,10 @@ Bytes serialize_scene_header(const SceneHeader& h) {
                h.timeline.fps_den, h.gate, &origin, h.placement.scale,
                static_cast<uint8_t>(h.placement.coordinate_system),
                static_cast<uint8_t>(h.placement.color_space), h.position_at_mean_time,
-               h.opacity_logit, static_cast<uint8_t>(h.position), &center, h.position_scale, opacity,
-               static_cast<uint8_t>(h.sh_degree), sh, layer_vector, h.payload_offset, metadata, 0,
-               static_cast<uint8_t>(h.position_bits), static_cast<uint8_t>(h.profile),
-               static_cast<uint8_t>(h.conformance_level),
-               static_cast<uint8_t>(h.sh_base)),
+               h.opacity_logit, static_cast<uint8_t>(h.position), &center, h.position_scale,
+               opacity, static_cast<uint8_t>(h.sh_degree), sh, layer_vector, h.payload_offset,
+               metadata, 0, static_cast<uint8_t>(h.position_bits), static_cast<uint8_t>(h.profile),
+               static_cast<uint8_t>(h.conformance_level), static_cast<uint8_t>(h.sh_base)),
            kIdentifier);
   return Bytes(b.GetBufferPointer(), b.GetBufferPointer() + b.GetSize());
 }
@@ -383,7 +388,8 @@ Status parse_scene_header(ByteSpan unaligned, uint64_t base, SceneHeader* out) {
     return corrupt("HEAD-1", base, "the scene header is no valid FlatBuffer of its schema");
   }
   *out = SceneHeader();
-  return HeaderParser(base, bytes.size(), out).parse(*flatbuffers::GetRoot<fbs::Header>(bytes.data()));
+  return HeaderParser(base, bytes.size(), out)
+      .parse(*flatbuffers::GetRoot<fbs::Header>(bytes.data()));
 }
 
 }  // namespace l4d

@@ -37,8 +37,9 @@ struct ChunkRef {
   uint32_t codec = 0;
 };
 
-// Upper bounds of raw_bytes (spec: CHNK-8). A codec can blow up a few bytes without end; these are what
-// the content of each kind of chunk can take in its longest form, so nothing larger is ever allocated.
+// Upper bounds of raw_bytes (spec: CHNK-8). A codec can blow up a few bytes without end; these are
+// what the content of each kind of chunk can take in its longest form, so nothing larger is ever
+// allocated.
 constexpr uint64_t kMaxStreamOverhead = 32;  // mode, plane codecs and sizes of one stream
 constexpr uint64_t kMaxDirectoryPageBytes = uint64_t{1} << 26;
 inline uint64_t max_codebook_bytes(uint32_t num_entries, uint32_t dim) {
@@ -125,9 +126,7 @@ struct SceneHeader {
 
   unsigned sh_dim() const { return 3 * (sh_degree + 1) * (sh_degree + 1); }
   // Whether a rans32 page can have a second part: planes of SH that are not of the base.
-  bool has_sh_detail() const {
-    return sh.vq() || (sh.transform() && sh_base < sh.coefficients());
-  }
+  bool has_sh_detail() const { return sh.vq() || (sh.transform() && sh_base < sh.coefficients()); }
   // Scene units of a unit of page bounds (spec: section 12): fixed coordinates go beyond binary16.
   double bounds_unit() const {
     const unsigned shift =
@@ -140,7 +139,8 @@ struct SceneHeader {
   unsigned component_dim(const LayerHeader& layer, unsigned c) const {
     if (c == L4D_COMPONENT_SH) return sh_dim();
     if (c == L4D_COMPONENT_SCALE) return layer.scale_dim();
-    return layer.component[c].transform() ? 3 : 4;  // a rotor's transform is of its stereographic form
+    return layer.component[c].transform() ? 3
+                                          : 4;  // a rotor's transform is of its stereographic form
   }
   // Raw float32 rotors are handed out as they are; coded ones are normalised.
   static bool normalizes_rotor(const LayerHeader& layer) {
@@ -152,8 +152,8 @@ struct SceneHeader {
 };
 
 Bytes serialize_scene_header(const SceneHeader& header);
-// `base`: file offset of the bytes, for messages. Checks every rule of the header that needs no other
-// part of the file.
+// `base`: file offset of the bytes, for messages. Checks every rule of the header that needs no
+// other part of the file.
 Status parse_scene_header(ByteSpan bytes, uint64_t base, SceneHeader* out);
 
 }  // namespace l4d

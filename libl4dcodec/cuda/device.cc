@@ -22,9 +22,10 @@ std::string capability(int major, int minor) {
 Status device_error(cudaError_t error, const char* what) {
   // A failed launch or allocation is told once; leaving it would make the next call fail for it.
   static_cast<void>(cudaGetLastError());
-  const l4d_status code = error == cudaErrorMemoryAllocation ? L4D_ERR_OUT_OF_MEMORY : L4D_ERR_DEVICE;
-  return Status(code, std::string(what) + ": " + cudaGetErrorName(error) + ": " +
-                          cudaGetErrorString(error));
+  const l4d_status code =
+      error == cudaErrorMemoryAllocation ? L4D_ERR_OUT_OF_MEMORY : L4D_ERR_DEVICE;
+  return Status(
+      code, std::string(what) + ": " + cudaGetErrorName(error) + ": " + cudaGetErrorString(error));
 }
 
 int device_count() {
@@ -52,22 +53,22 @@ Status describe_device(int device, l4d_cuda_device_info* out) {
 Status use_device(int device) {
   const int count = device_count();
   if (count == 0) {
-    return Status(L4D_ERR_DEVICE, "there is no CUDA device, or no driver for it; use another backend");
+    return Status(L4D_ERR_DEVICE,
+                  "there is no CUDA device, or no driver for it; use another backend");
   }
   if (device < 0 || device >= count) {
-    return Status(L4D_ERR_DEVICE, "there is no CUDA device " + std::to_string(device) + "; there are " +
-                                      std::to_string(count));
+    return Status(L4D_ERR_DEVICE, "there is no CUDA device " + std::to_string(device) +
+                                      "; there are " + std::to_string(count));
   }
   l4d_cuda_device_info info{};
   info.struct_size = sizeof(info);
   L4D_RETURN_IF_ERROR(describe_device(device, &info));
   if (info.usable == 0) {
-    return Status(L4D_ERR_DEVICE,
-                  std::string(info.name) + " has compute capability " +
-                      capability(static_cast<int>(info.compute_major),
-                                 static_cast<int>(info.compute_minor)) +
-                      ", and this build needs " +
-                      capability(kLeastArchitecture / 10, kLeastArchitecture % 10));
+    return Status(L4D_ERR_DEVICE, std::string(info.name) + " has compute capability " +
+                                      capability(static_cast<int>(info.compute_major),
+                                                 static_cast<int>(info.compute_minor)) +
+                                      ", and this build needs " +
+                                      capability(kLeastArchitecture / 10, kLeastArchitecture % 10));
   }
   L4D_RETURN_IF_CUDA_ERROR(cudaSetDevice(device));
   return {};

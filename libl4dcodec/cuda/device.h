@@ -17,12 +17,12 @@ namespace l4d::cuda {
 // cannot run; anything else is L4D_ERR_DEVICE.
 Status device_error(cudaError_t error, const char* what);
 
-#define L4D_RETURN_IF_CUDA_ERROR(expr)                                           \
-  do {                                                                           \
-    const cudaError_t l4d_cuda_error_ = (expr);                                  \
-    if (l4d_cuda_error_ != cudaSuccess) {                                        \
-      return ::l4d::cuda::device_error(l4d_cuda_error_, #expr);                  \
-    }                                                                            \
+#define L4D_RETURN_IF_CUDA_ERROR(expr)                          \
+  do {                                                          \
+    const cudaError_t l4d_cuda_error_ = (expr);                 \
+    if (l4d_cuda_error_ != cudaSuccess) {                       \
+      return ::l4d::cuda::device_error(l4d_cuda_error_, #expr); \
+    }                                                           \
   } while (0)
 
 // Devices that the runtime sees; 0 where there is no driver.

@@ -47,7 +47,8 @@ Status read_planes(StreamDecoder& decoder, ByteReader& in, uint64_t base, size_t
       if (in.failed()) return corrupt("STRM-2", at, "byte plane past the end of its chunk");
       unsigned char* dst = decoder.planes.data() + p * n;
       if (!decoder.zstd.decompress(frame, dst, n)) {
-        return corrupt("CHNK-5", at, "zstd frame does not decode to " + std::to_string(n) + " bytes");
+        return corrupt("CHNK-5", at,
+                       "zstd frame does not decode to " + std::to_string(n) + " bytes");
       }
       planes[p] = dst;
     } else {
@@ -75,8 +76,8 @@ unsigned bit_width(uint32_t limit) {
   return bits;
 }
 
-Status decode_stream(StreamDecoder& decoder, ByteReader& in, uint64_t base, size_t n, unsigned width,
-                     uint32_t limit, const char* limit_clause, uint16_t* dst) {
+Status decode_stream(StreamDecoder& decoder, ByteReader& in, uint64_t base, size_t n,
+                     unsigned width, uint32_t limit, const char* limit_clause, uint16_t* dst) {
   if (n == 0) return {};
   if (width == 0) {
     std::fill(dst, dst + n, uint16_t{0});
@@ -264,9 +265,9 @@ void StreamEncoder::encode32(const uint32_t* values, size_t n, bool try_delta, B
 Status decode_chunk(StreamDecoder& decoder, uint32_t codec, ByteSpan stored, uint64_t raw_bytes,
                     uint64_t max_raw_bytes, uint64_t offset, Bytes& storage, ByteSpan* out) {
   if (raw_bytes > max_raw_bytes) {
-    return corrupt("CHNK-8", offset, "chunk of " + std::to_string(raw_bytes) +
-                                         " bytes, its content takes at most " +
-                                         std::to_string(max_raw_bytes));
+    return corrupt("CHNK-8", offset,
+                   "chunk of " + std::to_string(raw_bytes) + " bytes, its content takes at most " +
+                       std::to_string(max_raw_bytes));
   }
   if (codec == static_cast<uint32_t>(ChunkCodec::kStored)) {
     if (stored.size() != raw_bytes) {

@@ -28,10 +28,11 @@ struct StreamDecoder {
 // Number of bits that hold every value below `limit` (0 for limit 1).
 unsigned bit_width(uint32_t limit);
 
-// Reads one stream of n values of `width` bits, all below `limit` (0 = 2^width), from `in`, whose first
-// byte lies at file offset `base` (for messages). n = 0 or width = 0 reads nothing and yields zeros.
-Status decode_stream(StreamDecoder& decoder, ByteReader& in, uint64_t base, size_t n, unsigned width,
-                     uint32_t limit, const char* limit_clause, uint16_t* dst);
+// Reads one stream of n values of `width` bits, all below `limit` (0 = 2^width), from `in`, whose
+// first byte lies at file offset `base` (for messages). n = 0 or width = 0 reads nothing and yields
+// zeros.
+Status decode_stream(StreamDecoder& decoder, ByteReader& in, uint64_t base, size_t n,
+                     unsigned width, uint32_t limit, const char* limit_clause, uint16_t* dst);
 // The same for 32-bit values.
 Status decode_stream32(StreamDecoder& decoder, ByteReader& in, uint64_t base, size_t n,
                        uint32_t* dst);
@@ -43,8 +44,8 @@ Status skip_stream(ByteReader& in, uint64_t base, size_t n, unsigned width);
 class StreamEncoder {
  public:
   explicit StreamEncoder(int zstd_level) : zstd_(zstd_level) {}
-  // Appends the smallest form to out, with a preference for what decodes fast: planes that zstd hardly
-  // shortens stay stored, and packed wins against planes unless these save 2 %.
+  // Appends the smallest form to out, with a preference for what decodes fast: planes that zstd
+  // hardly shortens stay stored, and packed wins against planes unless these save 2 %.
   void encode(const uint16_t* values, size_t n, unsigned width, bool try_delta, Bytes& out);
   void encode32(const uint32_t* values, size_t n, bool try_delta, Bytes& out);
 

@@ -19,8 +19,8 @@ struct StreamKernels {
   void (*widen_bytes)(const unsigned char* src, size_t n, uint16_t* dst);
   // In place: v[i] = v[i - 1] + unzigzag(v[i]) mod 2^16, v[-1] = 0.
   void (*undelta)(uint16_t* v, size_t n);
-  // In place: ordered integers to binary16 bits. Returns the largest value of bits & 0x7fff, which is
-  // below 0x7c00 if and only if all are finite.
+  // In place: ordered integers to binary16 bits. Returns the largest value of bits & 0x7fff, which
+  // is below 0x7c00 if and only if all are finite.
   uint16_t (*unorder_halves)(uint16_t* v, size_t n);
   // Largest value, 0 for n = 0.
   uint16_t (*max_value)(const uint16_t* v, size_t n);

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
 
-#include "libl4dcodec/entropy/stream_kernels.h"
 #include "libl4dcodec/base/ordered.h"
+#include "libl4dcodec/entropy/stream_kernels.h"
 
 namespace l4d {
 namespace {
@@ -75,8 +75,7 @@ void coefficient_contexts(const uint8_t* cls, const uint8_t* last, const uint8_t
                           uint8_t* contexts) {
   for (size_t i = 0; i < n; ++i) {
     const int sum = last[i] + before[i];
-    contexts[i] =
-        static_cast<uint8_t>(5 * cls[i] + (sum > 0) + (sum > 2) + (sum > 6) + (sum > 14));
+    contexts[i] = static_cast<uint8_t>(5 * cls[i] + (sum > 0) + (sum > 2) + (sum > 6) + (sum > 14));
   }
 }
 

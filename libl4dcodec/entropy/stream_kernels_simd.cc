@@ -3,8 +3,8 @@
 #include <array>
 #include <cstring>
 
-#include "libl4dcodec/entropy/stream_kernels.h"
 #include "libl4dcodec/base/ordered.h"
+#include "libl4dcodec/entropy/stream_kernels.h"
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "libl4dcodec/entropy/stream_kernels_simd.cc"
@@ -36,8 +36,8 @@ void unpack_bits(const unsigned char* src, size_t src_bytes, size_t n, unsigned 
     if (last_byte + 4 > src_bytes) break;
     const auto bits = hn::Add(hn::Set(d32, static_cast<uint32_t>(bit % 8)), lane_bit);
     const auto bytes = hn::BitCast(di32, hn::ShiftRight<3>(bits));
-    const auto words = hn::GatherOffset(
-        d32, reinterpret_cast<const uint32_t*>(src + bit / 8), bytes);  // byte offsets
+    const auto words = hn::GatherOffset(d32, reinterpret_cast<const uint32_t*>(src + bit / 8),
+                                        bytes);  // byte offsets
     const auto values = hn::And(hn::Shr(words, hn::And(bits, seven)), value_mask);
     hn::StoreU(hn::DemoteTo(d16, hn::BitCast(di32, values)), d16, dst + i);
   }
@@ -208,8 +208,7 @@ void coefficient_contexts(const uint8_t* cls, const uint8_t* last, const uint8_t
 #endif
   for (; i < n; ++i) {
     const int sum = last[i] + before[i];
-    contexts[i] =
-        static_cast<uint8_t>(5 * cls[i] + (sum > 0) + (sum > 2) + (sum > 6) + (sum > 14));
+    contexts[i] = static_cast<uint8_t>(5 * cls[i] + (sum > 0) + (sum > 2) + (sum > 6) + (sum > 14));
   }
 }
 

@@ -75,12 +75,12 @@ L4D_HOST_DEVICE inline void normalize_half(T* half /* [4] */) {
   half[3] = half[3] / r;
 }
 
-// A coded stereographic coordinate as a multiple of 2^-24: so no quotient of them is subnormal (spec:
-// appendix C).
+// A coded stereographic coordinate as a multiple of 2^-24: so no quotient of them is subnormal
+// (spec: appendix C).
 L4D_HOST_DEVICE inline float on_stereographic_grid(float w) { return (w + 1.5f) - 1.5f; }
 
-// A unit quaternion from its stereographic coordinates u = (q1, q2, q3) / (1 + q0): every u gives one,
-// and every quaternion but (-1, 0, 0, 0) has one.
+// A unit quaternion from its stereographic coordinates u = (q1, q2, q3) / (1 + q0): every u gives
+// one, and every quaternion but (-1, 0, 0, 0) has one.
 template <typename T>
 L4D_HOST_DEVICE inline void half_of_stereographic(const T* u /* [3] */, T* half /* [4] */) {
   const T one = static_cast<T>(1);

@@ -11,8 +11,8 @@
 
 namespace l4d {
 
-// Entries as float32, [num_entries, dim]. `entries` is longer than that by kPadding zeros, so that a
-// vector load of the last row stays inside.
+// Entries as float32, [num_entries, dim]. `entries` is longer than that by kPadding zeros, so that
+// a vector load of the last row stays inside.
 struct CodebookData {
   static constexpr size_t kPadding = 16;
   uint32_t num_entries = 0;
@@ -29,7 +29,8 @@ Status decode_codebook(StreamDecoder& decoder, ByteSpan raw, uint64_t base,
 Bytes encode_codebook(StreamEncoder& encoder, const StageCoding& stage, const float* values,
                       uint32_t dim);
 
-// A block codebook is sent as pairs (entry of the layer's codebook, entry of the residual codebook).
+// A block codebook is sent as pairs (entry of the layer's codebook, entry of the residual
+// codebook).
 struct RcqPair {
   uint16_t global = 0;
   uint16_t residual = 0;

@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Front to back a second time. What lies behind a splat is what the pixel has in all, less what came
-// before and the splat itself; so no list needs to be walked backwards.
+// Front to back a second time. What lies behind a splat is what the pixel has in all, less what
+// came before and the splat itself; so no list needs to be walked backwards.
 #include "render/cuda/backward.h"
-
 #include "render/cuda/blend.cuh"
 #include "render/cuda/launch.cuh"
 
@@ -78,8 +77,8 @@ __device__ void start(const FrameInput& input, const BackwardTask& task, int x, 
     pixel->threshold = INFINITY;
     return;
   }
-  const size_t at = static_cast<size_t>(y) * static_cast<size_t>(input.view.width) +
-                    static_cast<size_t>(x);
+  const size_t at =
+      static_cast<size_t>(y) * static_cast<size_t>(input.view.width) + static_cast<size_t>(x);
   const float rgb[3] = {task.rgb[3 * at], task.rgb[3 * at + 1], task.rgb[3 * at + 2]};
   if (kChannels == 1) {
     pixel->behind = rgb[0] + rgb[1] + rgb[2];
@@ -96,8 +95,8 @@ __device__ void start(const FrameInput& input, const BackwardTask& task, int x, 
   }
 }
 
-// Sums 8 numbers over a warp; lanes 4 k .. 4 k + 3 end with number k's. Half of what is left is handed
-// over in each step, a third of the work of one number at a time.
+// Sums 8 numbers over a warp; lanes 4 k .. 4 k + 3 end with number k's. Half of what is left is
+// handed over in each step, a third of the work of one number at a time.
 __device__ float sum_eight(const float* v) {
   const uint32_t lane = threadIdx.x & 31;
   float four[4], two[2];
@@ -135,7 +134,8 @@ __global__ void __launch_bounds__(Block::kThreads)
   await_predecessor();
   constexpr int kNumbers = kSums<kChannels>;
   __shared__ DeviceSplat batch[2][kBatch];
-  // Of each warp and entry of the batch. One more column, so that a warp's numbers lie in different banks.
+  // Of each warp and entry of the batch. One more column, so that a warp's numbers lie in different
+  // banks.
   __shared__ float sums[kWarps][kNumbers][kBatch + 1];
   __shared__ uint32_t passed[kWarps][kBatch / 32];  // entries that the warp has sums of
   const uint32_t lane = threadIdx.x & 31, warp = threadIdx.x / 32;
@@ -304,7 +304,8 @@ __global__ void __launch_bounds__(256)
   if (tiles <= kManyTiles) {
     for (uint32_t k = 0; k < tiles; ++k) add_words<kWords>(back.instances + first + k, sum);
   }
-  for (uint32_t large = __ballot_sync(kFullWarp, tiles > kManyTiles); large != 0; large &= large - 1) {
+  for (uint32_t large = __ballot_sync(kFullWarp, tiles > kManyTiles); large != 0;
+       large &= large - 1) {
     const int from = __ffs(static_cast<int>(large)) - 1;
     const uint32_t its_first = __shfl_sync(kFullWarp, first, from);
     const uint32_t its_tiles = __shfl_sync(kFullWarp, tiles, from);

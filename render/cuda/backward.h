@@ -8,9 +8,9 @@ namespace l4d::render {
 
 // How pixels weigh in the scalar that is derived.
 enum class Upstream {
-  kOnes,       // the scalar is the sum of all pixels and channels
-  kGiven,      // rgb_gradient
-  kSigns       // +1 or -1 per pixel and channel, at random
+  kOnes,   // the scalar is the sum of all pixels and channels
+  kGiven,  // rgb_gradient
+  kSigns   // +1 or -1 per pixel and channel, at random
 };
 
 struct BackwardTask {
@@ -21,8 +21,8 @@ struct BackwardTask {
 };
 
 // Derivatives by one instance, and by one splat once they are added up: sums over pixels of the
-// derivative by ln(alpha) times 1, dx, dy, dx^2, dx dy, dy^2; of the derivative by each channel; and of
-// alpha times transmittance.
+// derivative by ln(alpha) times 1, dx, dy, dx^2, dx dy, dy^2; of the derivative by each channel;
+// and of alpha times transmittance.
 struct alignas(16) SplatSums {
   float one, x, y, coverage;
   float xx, xy, yy, red;
@@ -36,8 +36,8 @@ struct BackwardMemory {
   uint32_t* shown;       // [max_visible] those that a pixel shows, in any order
 };
 
-// A well-mixed hash of a counter (splitmix64's finaliser): bits 0..2 of sign_bits(base + pixel) are the
-// signs of its channels.
+// A well-mixed hash of a counter (splitmix64's finaliser): bits 0..2 of sign_bits(base + pixel) are
+// the signs of its channels.
 L4D_HOST_DEVICE inline uint64_t sign_bits(uint64_t x) {
   x += 0x9e3779b97f4a7c15u;
   x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9u;
@@ -52,8 +52,9 @@ void launch_backward(const FrameInput& input, const BackwardTask& task, const ui
 void launch_sum_instances(const FrameInput& input, const BackwardTask& task, const uint32_t* order,
                           const FrameMemory& memory, const BackwardMemory& back,
                           cudaStream_t stream);
-// Coverage alone, of forward frames: sums of alpha times transmittance in units of kCoverageUnit, added to
-// coverage [max_visible], which is 0 before. Whole numbers, so that their order does not matter.
+// Coverage alone, of forward frames: sums of alpha times transmittance in units of kCoverageUnit,
+// added to coverage [max_visible], which is 0 before. Whole numbers, so that their order does not
+// matter.
 constexpr float kCoverageUnit = 0x1p-24f;
 void launch_coverage(const FrameInput& input, const uint32_t* values, const FrameMemory& memory,
                      unsigned long long* coverage, cudaStream_t stream);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// From splats front to back to pairs of tile and splat, and from sorted pairs to the list of each tile.
+// From splats front to back to pairs of tile and splat, and from sorted pairs to the list of each
+// tile.
 #include "render/cuda/frame.h"
 #include "render/cuda/launch.cuh"
 #include "render/cuda/ordered.cuh"
@@ -9,12 +10,13 @@ namespace l4d::render {
 namespace {
 
 constexpr int kThreads = kEmitPiece;
-// Rows of tiles of a block's splats that are kept in shared memory; of more, spans are worked out twice.
+// Rows of tiles of a block's splats that are kept in shared memory; of more, spans are worked out
+// twice.
 constexpr uint32_t kKeptRows = 1024;
 static_assert(kKeptRows % kThreads == 0, "whole turns");
 
-// The splats of a block, and the rows of tiles that their boxes touch one after another: work that is
-// shared out by rows, for splats are of very different size.
+// The splats of a block, and the rows of tiles that their boxes touch one after another: work that
+// is shared out by rows, for splats are of very different size.
 struct BlockSplats {
   float4 first[kThreads], second[kThreads];  // what SplatTiles holds
   ushort4 box[kThreads];                     // tiles: first row, end, first column, end
@@ -55,7 +57,8 @@ __global__ void __launch_bounds__(kThreads)
   await_predecessor();
   __shared__ BlockSplats block;
   __shared__ uint32_t kept_place[kKeptRows], kept_span[kKeptRows];
-  __shared__ uint32_t first_of[kThreads], end_of[kThreads];  // on the way back: instances of each splat
+  __shared__ uint32_t first_of[kThreads],
+      end_of[kThreads];  // on the way back: instances of each splat
   __shared__ uint32_t digits[kMaxSortPasses * kSortRadix];
   __shared__ uint32_t base;
   FrameCounts* counts = memory.counts;
@@ -71,12 +74,12 @@ __global__ void __launch_bounds__(kThreads)
     const TileSpan rows = tiles_between<kTileHeight>(a.y - b.w, a.y + b.w, input.rows);
     const TileSpan columns = tiles_between<kTileWidth>(a.x - b.z, a.x + b.z, input.columns);
     block.index[t] = index;
-    block.box[t] = make_ushort4(static_cast<unsigned short>(rows.begin),
-                                static_cast<unsigned short>(rows.end),
-                                static_cast<unsigned short>(columns.begin),
-                                static_cast<unsigned short>(columns.end));
+    block.box[t] = make_ushort4(
+        static_cast<unsigned short>(rows.begin), static_cast<unsigned short>(rows.end),
+        static_cast<unsigned short>(columns.begin), static_cast<unsigned short>(columns.end));
     prepare_ellipse(a, b, &block.first[t], &block.second[t]);
-    if (columns.end > columns.begin) own_rows = static_cast<uint32_t>(max(rows.end - rows.begin, 0));
+    if (columns.end > columns.begin)
+      own_rows = static_cast<uint32_t>(max(rows.end - rows.begin, 0));
   }
   first_of[t] = end_of[t] = 0;
   clear_digits<kThreads>(input.tile_digits, digits);
@@ -92,7 +95,8 @@ __global__ void __launch_bounds__(kThreads)
     RowSpan span{};
     if (item < num_rows) span = span_of(block, input, item);
     uint32_t here;
-    const uint32_t place = total + block_sum_before<kThreads>(static_cast<uint32_t>(span.width), &here);
+    const uint32_t place =
+        total + block_sum_before<kThreads>(static_cast<uint32_t>(span.width), &here);
     total += here;
     if (item < kKeptRows) {
       // Up to 1024 columns and 256 splats.
@@ -130,8 +134,7 @@ __global__ void __launch_bounds__(kThreads)
     } else {
       if (item < num_rows) span = span_of(block, input, item);
       uint32_t here;
-      place = kept_total +
-              block_sum_before<kThreads>(static_cast<uint32_t>(span.width), &here);
+      place = kept_total + block_sum_before<kThreads>(static_cast<uint32_t>(span.width), &here);
       kept_total += here;
     }
     if (item >= num_rows) continue;
@@ -160,8 +163,8 @@ __global__ void __launch_bounds__(kThreads)
   }
 }
 
-// Tiles by the lengths of their lists, the long ones first: those begin while there is other work to run
-// beside them. In classes of kClass, without order within a class.
+// Tiles by the lengths of their lists, the long ones first: those begin while there is other work
+// to run beside them. In classes of kClass, without order within a class.
 constexpr uint32_t kClass = 32, kClasses = 256;
 
 __device__ void order_tiles(uint32_t tiles, const uint2* ranges, uint32_t* order) {
@@ -197,9 +200,8 @@ __device__ void order_tiles(uint32_t tiles, const uint2* ranges, uint32_t* order
   __syncthreads();
   begin[threadIdx.x] = before;
   __syncthreads();
-  for_tiles([&](uint32_t tile, uint32_t its_class) {
-    order[atomicAdd(begin + its_class, 1u)] = tile;
-  });
+  for_tiles(
+      [&](uint32_t tile, uint32_t its_class) { order[atomicAdd(begin + its_class, 1u)] = tile; });
 }
 
 __global__ void __launch_bounds__(kThreads)

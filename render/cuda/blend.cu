@@ -42,8 +42,8 @@ __device__ uint32_t to_byte(float v) {
 __device__ void store(const ImageTarget& target, const FrameInput& input, int x, int y,
                       const Pixel& pixel) {
   if (x >= input.view.width || y >= input.view.height) return;
-  const size_t at = static_cast<size_t>(y) * static_cast<size_t>(input.view.width) +
-                    static_cast<size_t>(x);
+  const size_t at =
+      static_cast<size_t>(y) * static_cast<size_t>(input.view.width) + static_cast<size_t>(x);
   const float t = pixel.transmittance;
   const float rgb[3] = {fmaf(t, input.background[0], pixel.red),
                         fmaf(t, input.background[1], pixel.green),
@@ -53,8 +53,8 @@ __device__ void store(const ImageTarget& target, const FrameInput& input, int x,
   }
   if (target.alpha != nullptr) target.alpha[at] = 1.0f - t;
   if (target.rgba8 != nullptr) {
-    target.rgba8[at] = to_byte(rgb[0]) | to_byte(rgb[1]) << 8 | to_byte(rgb[2]) << 16 |
-                       to_byte(1.0f - t) << 24;
+    target.rgba8[at] =
+        to_byte(rgb[0]) | to_byte(rgb[1]) << 8 | to_byte(rgb[2]) << 16 | to_byte(1.0f - t) << 24;
   }
 }
 

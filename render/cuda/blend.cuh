@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// How a block of threads walks the list of its tile, forward and backward alike: splats come to shared
-// memory in batches, and each warp picks those that reach its own pixels.
+// How a block of threads walks the list of its tile, forward and backward alike: splats come to
+// shared memory in batches, and each warp picks those that reach its own pixels.
 #pragma once
 
 #include <cuda_pipeline.h>
@@ -13,8 +13,8 @@ namespace l4d::render {
 constexpr int kSide = 8;     // pixels of a square
 constexpr int kRowStep = 4;  // a thread has two pixels of a square, one so far below the other
 
-// A block of threads blends a tile, or a part of it that is kWidth pixels wide; a warp has kSquares squares
-// of it beside each other.
+// A block of threads blends a tile, or a part of it that is kWidth pixels wide; a warp has kSquares
+// squares of it beside each other.
 template <int kWidth, int kSquaresOfWarp>
 struct BlockOfTile {
   static constexpr int kSquares = kSquaresOfWarp;
@@ -36,8 +36,8 @@ struct BlockOfTile {
 
 // Pixel centres of a warp.
 struct WarpPixels {
-  int x, y;                 // the thread's first pixel
-  float left, right, top;   // of the squares
+  int x, y;                // the thread's first pixel
+  float left, right, top;  // of the squares
   template <int kWidth, int kSquares>
   __device__ explicit WarpPixels(const BlockOfTile<kWidth, kSquares>& block) {
     const int lane = static_cast<int>(threadIdx.x & 31), warp = static_cast<int>(threadIdx.x / 32);
@@ -51,8 +51,8 @@ struct WarpPixels {
   }
 };
 
-// Whether alpha reaches kMinAlpha within a warp's pixel centres, by its largest value there. A hair of
-// slack: each pixel decides for itself later.
+// Whether alpha reaches kMinAlpha within a warp's pixel centres, by its largest value there. A hair
+// of slack: each pixel decides for itself later.
 __device__ inline bool reaches_warp(const DeviceSplat& s, const WarpPixels& pixels) {
   constexpr float kSlack = 0.01f;
   const float x0 = pixels.left - s.mean[0], x1 = pixels.right - s.mean[0];
@@ -73,15 +73,16 @@ __device__ inline float exp2_fast(float x) {
   return y;
 }
 
-// Walks the tile's list. place(i) is the splat of list entry i; visit(entry, splat) is called by whole
-// warps, for entries in order, of splats that reach the warp's pixels; warp_done() says whether the
-// warp has no pixel left, after(first, count) is called by the whole block between barriers when a
-// batch has been passed by all warps. kBatch: splats of a batch, a multiple of 32 and one per thread at
-// most.
+// Walks the tile's list. place(i) is the splat of list entry i; visit(entry, splat) is called by
+// whole warps, for entries in order, of splats that reach the warp's pixels; warp_done() says
+// whether the warp has no pixel left, after(first, count) is called by the whole block between
+// barriers when a batch has been passed by all warps. kBatch: splats of a batch, a multiple of 32
+// and one per thread at most.
 template <int kBatch, class Place, class Visit, class WarpDone, class After>
-__device__ inline void walk_tile(const DeviceSplat* splats, uint32_t count, const WarpPixels& pixels,
-                                 DeviceSplat (*batch)[kBatch] /* [2] */, const Place& place,
-                                 const Visit& visit, const WarpDone& warp_done, const After& after) {
+__device__ inline void walk_tile(const DeviceSplat* splats, uint32_t count,
+                                 const WarpPixels& pixels, DeviceSplat (*batch)[kBatch] /* [2] */,
+                                 const Place& place, const Visit& visit, const WarpDone& warp_done,
+                                 const After& after) {
   const uint32_t t = threadIdx.x, lane = t & 31;
   const auto fetch = [&](uint32_t first, int buffer, uint32_t splat) {
     if (t < kBatch && first + t < count) {
@@ -106,8 +107,7 @@ __device__ inline void walk_tile(const DeviceSplat* splats, uint32_t count, cons
     __syncthreads();
     const uint32_t here = min(count - first, static_cast<uint32_t>(kBatch));
     for (uint32_t group = 0; group < here && !done; group += 32) {
-      const bool reaches = group + lane < here &&
-                           reaches_warp(batch[buffer][group + lane], pixels);
+      const bool reaches = group + lane < here && reaches_warp(batch[buffer][group + lane], pixels);
       for (uint32_t votes = __ballot_sync(kFullWarp, reaches); votes != 0; votes &= votes - 1) {
         const uint32_t k = group + static_cast<uint32_t>(__ffs(static_cast<int>(votes)) - 1);
         visit(first + k, batch[buffer][k]);

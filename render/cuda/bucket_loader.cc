@@ -63,7 +63,8 @@ Status BucketLoader::plan(double begin, double end, std::vector<BucketPlace>* ou
   for (size_t i = 0; i < static_cast<size_t>(count); ++i) {
     const l4d_range& r = ranges[i];
     if (r.count == 0) continue;
-    if (r.count > kRowMask) return Status(L4D_ERR_LIMIT_EXCEEDED, "a bucket of more than 2^30 - 1 rows");
+    if (r.count > kRowMask)
+      return Status(L4D_ERR_LIMIT_EXCEEDED, "a bucket of more than 2^30 - 1 rows");
     out->push_back({{r.layer, r.bucket}, static_cast<uint32_t>(r.count), r.center, {}});
   }
   return {};
@@ -130,8 +131,8 @@ Status BucketLoader::load(const std::vector<BucketPlace>& buckets, const Sequenc
   L4D_RETURN_IF_CUDA_ERROR(cudaMemcpyAsync(chunk_list_.data(), chunk_staging_.data(),
                                            chunks * sizeof(uint32_t), cudaMemcpyHostToDevice,
                                            stream_));
-  L4D_RETURN_IF_ERROR(told(l4d_cuda_decoder_decode(cuda_, &arrays_, workspace_.data(),
-                                                   workspace_.size(), stream_)));
+  L4D_RETURN_IF_ERROR(told(
+      l4d_cuda_decoder_decode(cuda_, &arrays_, workspace_.data(), workspace_.size(), stream_)));
   l4d_gaussians part{};
   part.struct_size = sizeof part;
   part.sh_degree = sh_degree_;

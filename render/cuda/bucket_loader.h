@@ -14,7 +14,7 @@ namespace l4d::render {
 struct BucketPlace {
   l4d_bucket bucket;
   uint32_t rows;
-  double center;                 // of its time, seconds
+  double center;  // of its time, seconds
   std::vector<uint32_t> chunks;
 };
 

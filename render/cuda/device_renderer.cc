@@ -39,7 +39,8 @@ class Implementation : public DeviceRenderer {
     const float* from[6] = {gaussians.position, gaussians.mean_t,  gaussians.log_scale,
                             gaussians.rotor,    gaussians.opacity, gaussians.sh};
     for (int k = 0; k < 6; ++k) {
-      L4D_RETURN_IF_ERROR(attributes_[k].reserve(std::max<size_t>(n, 1) * width[k] * sizeof(float)));
+      L4D_RETURN_IF_ERROR(
+          attributes_[k].reserve(std::max<size_t>(n, 1) * width[k] * sizeof(float)));
       L4D_RETURN_IF_CUDA_ERROR(cudaMemcpy(attributes_[k].data(), from[k],
                                           n * width[k] * sizeof(float), cudaMemcpyHostToDevice));
     }
@@ -58,8 +59,8 @@ class Implementation : public DeviceRenderer {
     L4D_RETURN_IF_ERROR(use());
     has_attributes_ = false;
     const size_t n = static_cast<size_t>(gaussians.count);
-    L4D_RETURN_IF_ERROR(pipeline_.reserve_rows(n, gaussians.sh_degree, options_.half_sh,
-                                               sequence_of(timeline)));
+    L4D_RETURN_IF_ERROR(
+        pipeline_.reserve_rows(n, gaussians.sh_degree, options_.half_sh, sequence_of(timeline)));
     L4D_RETURN_IF_ERROR(pipeline_.store_scene(gaussians, nullptr));
     gaussians_ = gaussians;
     has_attributes_ = true;
@@ -84,12 +85,12 @@ class Implementation : public DeviceRenderer {
     L4D_RETURN_IF_ERROR(whole_frame(time, camera, background, false, target, false, figures,
                                     [] { return Status(); }));
     if (image.rgb != nullptr) {
-      L4D_RETURN_IF_CUDA_ERROR(cudaMemcpy(image.rgb, target.rgb, 3 * pixels * sizeof(float),
-                                          cudaMemcpyDeviceToHost));
+      L4D_RETURN_IF_CUDA_ERROR(
+          cudaMemcpy(image.rgb, target.rgb, 3 * pixels * sizeof(float), cudaMemcpyDeviceToHost));
     }
     if (image.alpha != nullptr) {
-      L4D_RETURN_IF_CUDA_ERROR(cudaMemcpy(image.alpha, target.alpha, pixels * sizeof(float),
-                                          cudaMemcpyDeviceToHost));
+      L4D_RETURN_IF_CUDA_ERROR(
+          cudaMemcpy(image.alpha, target.alpha, pixels * sizeof(float), cudaMemcpyDeviceToHost));
     }
     return pipeline_.stage_seconds(figures->seconds);
   }
@@ -213,8 +214,8 @@ class Implementation : public DeviceRenderer {
     const Sequence& s = pipeline_.sequence();
     return {gaussians_, make_view<double>(camera), s, std::min(std::max(time, s.begin), s.end)};
   }
-  // Renders until there is room for all, and waits. rest(): what is to be launched after the frame; what
-  // comes of frames without room must do no harm.
+  // Renders until there is room for all, and waits. rest(): what is to be launched after the frame;
+  // what comes of frames without room must do no harm.
   template <class Rest>
   Status whole_frame(double time, const l4d_camera& camera, const float* background, bool backward,
                      const ImageTarget& target, bool back_room, DeviceFigures* figures,
@@ -323,8 +324,14 @@ Status Implementation::backward(double time, const l4d_camera& camera, const flo
     L4D_RETURN_IF_CUDA_ERROR(cudaMemset(gradients_[k].data(), 0, bytes));
     device[k] = gradients_[k].as<float>();
   }
-  const l4d_gradients out{sizeof(l4d_gradients), gaussians_.count, device[0], device[1],
-                          device[2],             device[3],        device[4], device[5]};
+  const l4d_gradients out{sizeof(l4d_gradients),
+                          gaussians_.count,
+                          device[0],
+                          device[1],
+                          device[2],
+                          device[3],
+                          device[4],
+                          device[5]};
   const auto go_back = [&]() -> Status {
     const BackwardTask task{Upstream::kGiven, upstream_.as<float>(), 0, pipeline_.scratch_image()};
     L4D_RETURN_IF_ERROR(pipeline_.go_back(task, nullptr));
@@ -353,8 +360,8 @@ Status Implementation::add_importance(double time, const l4d_camera& camera, boo
   return whole_frame(time, camera, black, !seen_only, {}, true, figures, [&]() -> Status {
     if (seen_only) {
       L4D_RETURN_IF_ERROR(pipeline_.cover(nullptr));
-      launch_glimpse(pipeline_.resident(), pipeline_.memory(), pipeline_.coverage(),
-                     memory->sums(), nullptr);
+      launch_glimpse(pipeline_.resident(), pipeline_.memory(), pipeline_.coverage(), memory->sums(),
+                     nullptr);
       return {};
     }
     const BackwardTask task{squared ? Upstream::kSigns : Upstream::kOnes, nullptr, signs,

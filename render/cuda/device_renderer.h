@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Rendering on a CUDA device, told without a type of CUDA: what the ordinary renderer and the API of
-// device-resident rendering call. Device arrays are plain pointers, streams are cudaStream_t as void*.
+// Rendering on a CUDA device, told without a type of CUDA: what the ordinary renderer and the API
+// of device-resident rendering call. Device arrays are plain pointers, streams are cudaStream_t as
+// void*.
 #pragma once
 
 #include <cstddef>
@@ -69,19 +70,20 @@ class DeviceRenderer {
   virtual Status backward(double time, const l4d_camera& camera, const float* background,
                           const float* rgb_gradient, l4d_gradients* gradients,
                           DeviceFigures* figures) = 0;
-  // every_glimpse: views that only ask add up what they show of a Gaussian; else the first one tells.
+  // every_glimpse: views that only ask add up what they show of a Gaussian; else the first one
+  // tells.
   virtual Status make_importance(bool every_glimpse, std::unique_ptr<DeviceImportance>* out) = 0;
-  // Adds a view: magnitudes of derivatives of the sum of all pixels, or, where `squared`, squares of
-  // derivatives with random signs made from `signs`; or, where seen_only, coverage alone.
-  virtual Status add_importance(double time, const l4d_camera& camera, bool squared,
-                                uint64_t signs, bool seen_only, DeviceImportance* sums,
-                                DeviceFigures* figures) = 0;
+  // Adds a view: magnitudes of derivatives of the sum of all pixels, or, where `squared`, squares
+  // of derivatives with random signs made from `signs`; or, where seen_only, coverage alone.
+  virtual Status add_importance(double time, const l4d_camera& camera, bool squared, uint64_t signs,
+                                bool seen_only, DeviceImportance* sums, DeviceFigures* figures) = 0;
 
   // ---- device memory throughout; calls only launch unless they say otherwise ----
   // Arrays of `gaussians` are device pointers here. Waits.
   virtual Status set_device_gaussians(const l4d_gaussians& gaussians,
                                       const l4d_timeline& timeline) = 0;
-  // SH codebooks of device arrays, copied; and scenes and rows that tell SH by indices into them. Wait.
+  // SH codebooks of device arrays, copied; and scenes and rows that tell SH by indices into them.
+  // Wait.
   virtual Status set_sh_codebooks(const l4d_codebook* books, uint32_t count) = 0;
   virtual Status set_indexed_gaussians(const l4d_gaussians& gaussians,
                                        const l4d_cuda_sh_indices& indices,
@@ -106,8 +108,9 @@ class DeviceRenderer {
   virtual Status launch_backward(double time, const l4d_camera& camera, const float* background,
                                  const DeviceImage& image, const float* rgb_gradient,
                                  const l4d_gradients& gradients, void* stream) = 0;
-  // Of the last frame. Waits for it. Fails with LIMIT_EXCEEDED where there was not room for all of it;
-  // *wanted_visible and *wanted_instances then say how much is missing, and are set in any case.
+  // Of the last frame. Waits for it. Fails with LIMIT_EXCEEDED where there was not room for all of
+  // it; *wanted_visible and *wanted_instances then say how much is missing, and are set in any
+  // case.
   virtual Status figures(void* stream, DeviceFigures* out, uint64_t* wanted_visible,
                          uint64_t* wanted_instances) = 0;
   virtual Status time_stages() = 0;
@@ -118,8 +121,8 @@ struct DeviceRendererOptions {
   bool half_sh = false;  // SH coefficients in binary16
 };
 
-// Fails with FEATURE_UNSUPPORTED in builds without device code, with L4D_ERR_DEVICE where there is no
-// device that this build can use.
+// Fails with FEATURE_UNSUPPORTED in builds without device code, with L4D_ERR_DEVICE where there is
+// no device that this build can use.
 Status make_device_renderer(const DeviceRendererOptions& options,
                             std::unique_ptr<DeviceRenderer>* out);
 

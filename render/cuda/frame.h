@@ -8,23 +8,23 @@
 namespace l4d::render {
 
 // Visible rows of a block, in the kernels that go through them in order. Of large blocks fewer wait
-// for each other in turn, but with SH in binary32, which sums of codewords are, two of them do not fit
-// beside each other.
+// for each other in turn, but with SH in binary32, which sums of codewords are, two of them do not
+// fit beside each other.
 constexpr int project_piece(bool half_sh, bool indexed) { return half_sh && !indexed ? 512 : 256; }
 constexpr int kEmitPiece = 256;
 
 // Where the pixels go; what is NULL is not wanted.
 struct ImageTarget {
-  float* rgb;        // [height, width, 3]
-  float* alpha;      // [height, width]
-  uint32_t* rgba8;   // [height, width] bytes R G B A, rounded and clamped
+  float* rgb;       // [height, width, 3]
+  float* alpha;     // [height, width]
+  uint32_t* rgba8;  // [height, width] bytes R G B A, rounded and clamped
 };
 
 // Device memory of a frame.
 struct FrameMemory {
   uint32_t max_visible, max_instances;
   SliceCounts* slice_counts;
-  uint32_t* slice_states;    // [chunks] of look-back, as the states below
+  uint32_t* slice_states;  // [chunks] of look-back, as the states below
   FrameCounts* counts;
   uint32_t* project_states;  // [pieces of visible]
   uint32_t* emit_states;     // [pieces of visible]
@@ -56,12 +56,12 @@ __device__ inline bool is_whole(const FrameMemory& memory) {
 
 struct FrameInput {
   View<float> view;
-  double time;               // seconds from the middle of the sequence
+  double time;  // seconds from the middle of the sequence
   uint32_t sh_degree;
   bool half_sh;
-  bool backward;             // instances are told by their emission
+  bool backward;  // instances are told by their emission
   float background[3];
-  int columns, rows;         // of tiles
+  int columns, rows;  // of tiles
   SortDigits depth_digits, tile_digits;
 };
 

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "render/cuda/gradient.h"
-
 #include "render/cuda/launch.cuh"
 #include "render/project_gradient.h"
 #include "render/slice_gradient.h"
@@ -89,8 +88,8 @@ struct Row {
 template <uint32_t kDegree>
 __device__ bool back_to_slice(const GradientInput& input, const View<float>& view,
                               const ResidentRows& rows, const FrameMemory& memory,
-                              const BackwardMemory& back, bool one_channel,
-                              Shown<kDegree>* out, float* by_sh /* [terms, 3] or NULL */) {
+                              const BackwardMemory& back, bool one_channel, Shown<kDegree>* out,
+                              float* by_sh /* [terms, 3] or NULL */) {
   const uint32_t at = blockIdx.x * kThreads + threadIdx.x;
   if (at >= memory.counts->shown || !is_whole(memory)) return false;
   const uint32_t splat = back.shown[at];
@@ -272,8 +271,7 @@ View<float> narrow(const View<double>& v) {
 
 void launch_gradients(const GradientInput& input, const BackwardTask& task,
                       const ResidentRows& rows, const FrameMemory& memory,
-                      const BackwardMemory& back, const l4d_gradients& out,
-                      cudaStream_t stream) {
+                      const BackwardMemory& back, const l4d_gradients& out, cudaStream_t stream) {
   const unsigned grid = (memory.max_visible + kThreads - 1) / kThreads;
   for_degree(input.gaussians.sh_degree, [&](auto degree) {
     launch(add_gradients<decltype(degree)::value>, grid, kThreads, stream, input,

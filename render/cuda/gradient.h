@@ -7,8 +7,8 @@
 
 namespace l4d::render {
 
-// What the way back to the attributes needs of them. All arrays are on the device; a splat's id is its
-// place in them.
+// What the way back to the attributes needs of them. All arrays are on the device; a splat's id is
+// its place in them.
 struct GradientInput {
   l4d_gaussians gaussians;
   View<double> view;
@@ -16,15 +16,14 @@ struct GradientInput {
   double time;  // seconds
 };
 
-// Adds to those arrays of `out` that are not NULL; each Gaussian is in a frame once at most. As the calls
-// below it adds nothing where there was not room for all of the frame.
+// Adds to those arrays of `out` that are not NULL; each Gaussian is in a frame once at most. As the
+// calls below it adds nothing where there was not room for all of the frame.
 void launch_gradients(const GradientInput& input, const BackwardTask& task,
                       const ResidentRows& rows, const FrameMemory& memory,
-                      const BackwardMemory& back, const l4d_gradients& out,
-                      cudaStream_t stream);
+                      const BackwardMemory& back, const l4d_gradients& out, cudaStream_t stream);
 
-// Sums over views of importances, in whole numbers: neither the order of views nor how they are dealt
-// out to devices changes them. What does not fit stays at the largest number.
+// Sums over views of importances, in whole numbers: neither the order of views nor how they are
+// dealt out to devices changes them. What does not fit stays at the largest number.
 struct ImportanceSums {
   // 4 log scales, 8 rotor coefficients, 3 coordinates of the position, opacity, mean time
   static constexpr uint32_t kGeometry = 17;
@@ -41,12 +40,11 @@ struct ImportanceSums {
   bool every_glimpse;   // all of them add up; else the first one tells
 };
 
-// Adds magnitudes of derivatives, or, where squared, squares of derivatives by attributes as streams
-// code them.
+// Adds magnitudes of derivatives, or, where squared, squares of derivatives by attributes as
+// streams code them.
 void launch_importance(const GradientInput& input, const BackwardTask& task, bool squared,
                        const ResidentRows& rows, const FrameMemory& memory,
-                       const BackwardMemory& back, const ImportanceSums& sums,
-                       cudaStream_t stream);
+                       const BackwardMemory& back, const ImportanceSums& sums, cudaStream_t stream);
 // Adds the sums of other views.
 void launch_add_sums(const ImportanceSums& from, size_t count, uint32_t sh_degree,
                      const ImportanceSums& to, cudaStream_t stream);

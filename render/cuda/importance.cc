@@ -50,8 +50,8 @@ Status ImportanceMemory::read(Values* out) const {
   L4D_RETURN_IF_ERROR(read_fixed(sums_.coverage, count_, Sums::kCoverageBits, &out->coverage));
   L4D_RETURN_IF_ERROR(read_fixed(sums_.glimpsed, count_, Sums::kCoverageBits, &out->glimpsed));
   L4D_RETURN_IF_ERROR(read_fixed(sums_.sh, count_ * terms, Sums::kShBits, &out->sh));
-  L4D_RETURN_IF_ERROR(read_fixed(sums_.geometry, count_ * Sums::kGeometry, Sums::kGeometryBits,
-                                 &out->geometry));
+  L4D_RETURN_IF_ERROR(
+      read_fixed(sums_.geometry, count_ * Sums::kGeometry, Sums::kGeometryBits, &out->geometry));
   return read_seen(&out->seen);
 }
 
@@ -64,8 +64,8 @@ Status ImportanceMemory::read_seen(std::vector<uint8_t>* out) const {
 Status ImportanceMemory::read_glimpsed(std::vector<int64_t>* out) const {
   static_assert(ImportanceSums::kCoverageBits == 24, "the unit that is promised");
   out->resize(count_);
-  L4D_RETURN_IF_CUDA_ERROR(cudaMemcpy(out->data(), sums_.glimpsed, count_ * sizeof(int64_t),
-                                      cudaMemcpyDeviceToHost));
+  L4D_RETURN_IF_CUDA_ERROR(
+      cudaMemcpy(out->data(), sums_.glimpsed, count_ * sizeof(int64_t), cudaMemcpyDeviceToHost));
   return {};
 }
 

@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "render/cuda/indexed.h"
-
 #include <cuda_fp16.h>
 
+#include "render/cuda/indexed.h"
 #include "render/cuda/launch.cuh"
 #include "render/cuda/ordered.cuh"
 

@@ -9,12 +9,12 @@ namespace l4d::render {
 
 // Device arrays of Gaussians 0, 1, ...
 struct ShIndices {
-  const uint8_t* depth;     // NULL: all stages
-  const uint16_t* index;    // [num_stages, stride]
+  const uint8_t* depth;   // NULL: all stages
+  const uint16_t* index;  // [num_stages, stride]
   uint64_t stride;
-  const uint32_t* rank;     // literals before each Gaussian; NULL: there are none
+  const uint32_t* rank;  // literals before each Gaussian; NULL: there are none
   uint32_t num_literals;
-  uint32_t first_literal;   // in ShBooks.literals
+  uint32_t first_literal;  // in ShBooks.literals
 };
 
 // How many of the Gaussians before each one are literals. states: pieces of kRankPiece and then a

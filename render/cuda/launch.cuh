@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Kernels that follow each other closely: the next one starts up while the one before still runs, and waits
-// inside for its results.
+// Kernels that follow each other closely: the next one starts up while the one before still runs,
+// and waits inside for its results.
 #pragma once
 
 #include <cuda_runtime.h>

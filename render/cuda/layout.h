@@ -29,30 +29,31 @@ constexpr uint32_t kChunkRows = 1024;
 
 // SH codebooks of rows that are told by indices.
 struct ShBooks {
-  uint32_t num_stages;               // 0: rows hold coefficients
+  uint32_t num_stages;  // 0: rows hold coefficients
   uint32_t entries[L4D_MAX_STAGES];
   const void* book[L4D_MAX_STAGES];  // [entries, sh_stride()] binary32 or binary16
   const uint16_t* literals;          // [.., sh_stride()] binary16
-  // Of 4 bytes, of a row. The first one tells the depth in its lowest bits and in the upper half the index
-  // of stage 0, or, of a literal, where among the literals it is; the next ones two indices each.
+  // Of 4 bytes, of a row. The first one tells the depth in its lowest bits and in the upper half
+  // the index of stage 0, or, of a literal, where among the literals it is; the next ones two
+  // indices each.
   L4D_HOST_DEVICE uint32_t words() const { return 1 + num_stages / 2; }
 };
 constexpr uint32_t kShDepthBits = 4;
 constexpr uint32_t kShLiteral = 15;
 
-// A Gaussian made ready for slicing: 64 bytes and its SH, in columns. Times are seconds from the middle
-// of the sequence, or from what `origin` says: in a sequence of many hours, binary32 from its middle
-// would not tell frames apart. `motion` is read of rows that move, the second half of `shape1` of rows
-// that fade.
+// A Gaussian made ready for slicing: 64 bytes and its SH, in columns. Times are seconds from the
+// middle of the sequence, or from what `origin` says: in a sequence of many hours, binary32 from
+// its middle would not tell frames apart. `motion` is read of rows that move, the second half of
+// `shape1` of rows that fade.
 struct ResidentRows {
   float2* interval;  // [rows] when it is visible
   float4* place;     // [rows] position at the reference time; opacity
   float4* motion;    // [rows] velocity; reference time
   float4* shape0;    // [rows] covariance xx xy xz yy
   float4* shape1;    // [rows] covariance yz zz; mean time, lambda
-  void* sh;          // [rows, sh_stride()] binary32, or binary16 padded to whole 8 bytes, or indices
-  uint32_t* id;      // [rows] index in the scene
-  double* origin;    // [rows / kChunkRows] seconds from the middle of the sequence; NULL: 0 for all
+  void* sh;        // [rows, sh_stride()] binary32, or binary16 padded to whole 8 bytes, or indices
+  uint32_t* id;    // [rows] index in the scene
+  double* origin;  // [rows / kChunkRows] seconds from the middle of the sequence; NULL: 0 for all
   ShBooks books;
 };
 
@@ -63,34 +64,36 @@ __device__ inline float row_time(const ResidentRows& rows, double time, uint32_t
 }
 #endif
 
-// Numbers from one row's SH to the next one's. binary16: whole sectors of 32 bytes where that is cheap.
+// Numbers from one row's SH to the next one's. binary16: whole sectors of 32 bytes where that is
+// cheap.
 L4D_HOST_DEVICE constexpr uint32_t sh_stride(uint32_t degree, bool half) {
   const uint32_t numbers = 3 * sh_terms(degree);
   const uint32_t unit = half && degree > 0 ? 16 : 4;
   return (numbers + unit - 1) / unit * unit;
 }
 
-// A row of the list of visible ones: its place in the store, and its MotionGroup in the highest bits.
+// A row of the list of visible ones: its place in the store, and its MotionGroup in the highest
+// bits.
 constexpr int kGroupShift = 30;
 constexpr uint32_t kRowMask = (1u << kGroupShift) - 1;
 
 // A Gaussian in the image, three 16-byte words. At offset (dx, dy) from the mean
 //   log2(alpha) = log2_opacity + dx (conic[0] dx + conic[1] dy) + conic[2] dy^2.
 struct alignas(16) DeviceSplat {
-  float mean[2];       // pixels
-  float conic[2];      // xx, 2 xy times -log2(e)/2
-  float conic_yy;      // yy times -log2(e)/2
+  float mean[2];   // pixels
+  float conic[2];  // xx, 2 xy times -log2(e)/2
+  float conic_yy;  // yy times -log2(e)/2
   float log2_opacity;
-  float extent[2];     // half-sizes of the box in which alpha reaches kMinAlpha, pixels
-  float color[3];      // clamped below at 0
-  uint32_t row;        // in the store, with its group
+  float extent[2];  // half-sizes of the box in which alpha reaches kMinAlpha, pixels
+  float color[3];   // clamped below at 0
+  uint32_t row;     // in the store, with its group
 };
 static_assert(sizeof(DeviceSplat) == 48, "three words");
 
 // What a slice counts; device memory that is set to 0 before it.
 struct SliceCounts {
-  uint32_t visible;    // Gaussians visible at the time
-  uint32_t wanted;     // had there been room for all
+  uint32_t visible;  // Gaussians visible at the time
+  uint32_t wanted;   // had there been room for all
   uint32_t ticket;
   uint32_t reserved;
 };

@@ -20,8 +20,8 @@ __device__ inline void store_state(uint32_t* state, uint32_t value) {
   *static_cast<volatile uint32_t*>(state) = value;
 }
 
-// The number of the block's piece of work. Numbers are taken in order, so whoever waits for a lower one
-// waits for a block that runs.
+// The number of the block's piece of work. Numbers are taken in order, so whoever waits for a lower
+// one waits for a block that runs.
 __device__ inline uint32_t take_ticket(uint32_t* counter) {
   __shared__ uint32_t ticket;
   __syncthreads();  // of the call before
@@ -30,8 +30,8 @@ __device__ inline uint32_t take_ticket(uint32_t* counter) {
   return ticket;
 }
 
-// A piece counts at most this; a sum stays at kCountMask once it gets there. So nothing wraps, whatever
-// there is to count, and a sum above kMostCounted is known to be too large.
+// A piece counts at most this; a sum stays at kCountMask once it gets there. So nothing wraps,
+// whatever there is to count, and a sum above kMostCounted is known to be too large.
 constexpr uint32_t kMostCounted = 1u << 26;
 
 // Sum of the counts of all pieces before `piece`. Called by one full warp with the same arguments.
@@ -51,13 +51,15 @@ __device__ inline uint32_t sum_before(uint32_t* states, uint32_t piece, uint32_t
       if (at >= 0) state = load_state(states + at);
     } while (__any_sync(kFullWarp, (state >> 30) == 0));
     const uint32_t whole = __ballot_sync(kFullWarp, (state >> 30) == 2);
-    const uint32_t last = whole != 0 ? static_cast<uint32_t>(__ffs(static_cast<int>(whole)) - 1) : 31;
+    const uint32_t last =
+        whole != 0 ? static_cast<uint32_t>(__ffs(static_cast<int>(whole)) - 1) : 31;
     // The one that holds all counts may be large: it is added on its own.
     const bool all = whole != 0 && lane == last;
     const uint32_t owns = lane < last || (lane == last && !all) ? state & kCountMask : 0u;
     sum = min(sum + __reduce_add_sync(kFullWarp, owns), kCountMask);
     if (whole != 0) {
-      sum = min(sum + (__shfl_sync(kFullWarp, state, static_cast<int>(last)) & kCountMask), kCountMask);
+      sum = min(sum + (__shfl_sync(kFullWarp, state, static_cast<int>(last)) & kCountMask),
+                kCountMask);
       break;
     }
   }

@@ -39,7 +39,9 @@ Status FrameFigures::check_whole() const {
   return Status(L4D_ERR_LIMIT_EXCEEDED, "the frame has more than there was room for: reserve more");
 }
 
-Status DevicePipeline::create() { return counts_.reserve(sizeof(SliceCounts) + sizeof(FrameCounts)); }
+Status DevicePipeline::create() {
+  return counts_.reserve(sizeof(SliceCounts) + sizeof(FrameCounts));
+}
 
 DevicePipeline::~DevicePipeline() {
   for (cudaEvent_t event : events_) {
@@ -204,7 +206,8 @@ Status DevicePipeline::store_scene(const l4d_gaussians& gaussians,
                states.as<uint32_t>(), stream);
   L4D_RETURN_IF_ERROR(launched("sorting rows by motion"));
   uint32_t lengths[kNumMotionGroups];
-  L4D_RETURN_IF_CUDA_ERROR(cudaMemcpy(lengths, counts.data(), sizeof lengths, cudaMemcpyDeviceToHost));
+  L4D_RETURN_IF_CUDA_ERROR(
+      cudaMemcpy(lengths, counts.data(), sizeof lengths, cudaMemcpyDeviceToHost));
   Slab slabs[kNumMotionGroups];
   StorePlace place;
   place.origin = sequence_.center();
@@ -254,7 +257,8 @@ Status DevicePipeline::reserve(const FrameRoom& wanted) {
   room.instances = std::max({room.instances, wanted.instances, 1u});
   room.backward = room.backward || wanted.backward;
   if (room.instances > kMaxInstances) {
-    return Status(L4D_ERR_LIMIT_EXCEEDED, "a frame of more than 2^26 - 1 pairs of tile and Gaussian");
+    return Status(L4D_ERR_LIMIT_EXCEEDED,
+                  "a frame of more than 2^26 - 1 pairs of tile and Gaussian");
   }
   if (room.width == room_.width && room.height == room_.height && room.visible == room_.visible &&
       room.instances == room_.instances && room.backward == room_.backward) {
@@ -273,8 +277,8 @@ Status DevicePipeline::reserve(const FrameRoom& wanted) {
     memory_.project_states = cutter.take<uint32_t>(pieces(v, project_piece(false, false)));
     memory_.emit_states = cutter.take<uint32_t>(pieces(v, kEmitPiece));
     memory_.depth_states = cutter.take<uint32_t>(sort_state_words(room.visible, kDepthBits));
-    memory_.tile_states = cutter.take<uint32_t>(
-        sort_state_words(room.instances, tile_bits(static_cast<int>(tiles))));
+    memory_.tile_states =
+        cutter.take<uint32_t>(sort_state_words(room.instances, tile_bits(static_cast<int>(tiles))));
     memory_.depth_histograms = cutter.take<uint32_t>(kMaxSortPasses * kSortRadix);
     memory_.tile_histograms = cutter.take<uint32_t>(kMaxSortPasses * kSortRadix);
     memory_.ranges = cutter.take<uint2>(tiles);
@@ -411,10 +415,10 @@ Status DevicePipeline::cover(cudaStream_t stream) {
 Status DevicePipeline::figures(cudaStream_t stream, FrameFigures* out) {
   auto* slice = counts_.as<SliceCounts>();
   auto* frame = reinterpret_cast<FrameCounts*>(slice + 1);
-  L4D_RETURN_IF_CUDA_ERROR(cudaMemcpyAsync(slice, memory_.slice_counts, sizeof *slice,
-                                           cudaMemcpyDeviceToHost, stream));
-  L4D_RETURN_IF_CUDA_ERROR(cudaMemcpyAsync(frame, memory_.counts, sizeof *frame,
-                                           cudaMemcpyDeviceToHost, stream));
+  L4D_RETURN_IF_CUDA_ERROR(
+      cudaMemcpyAsync(slice, memory_.slice_counts, sizeof *slice, cudaMemcpyDeviceToHost, stream));
+  L4D_RETURN_IF_CUDA_ERROR(
+      cudaMemcpyAsync(frame, memory_.counts, sizeof *frame, cudaMemcpyDeviceToHost, stream));
   L4D_RETURN_IF_CUDA_ERROR(cudaStreamSynchronize(stream));
   out->visible = slice->visible;
   out->projected = frame->projected;

@@ -13,7 +13,7 @@ namespace l4d::render {
 // What was counted in the last frame.
 struct FrameFigures {
   uint32_t visible, projected, instances;
-  bool overflow;     // the frame lacks something: there was not room for all
+  bool overflow;  // the frame lacks something: there was not room for all
   uint32_t wanted_visible, wanted_instances;
   // LIMIT_EXCEEDED where it does.
   Status check_whole() const;
@@ -44,19 +44,21 @@ class DevicePipeline {
   Status reserve_indexed_rows(size_t rows, const Sequence& sequence);
   // Room for the literals of such rows; what is there is lost. Waits for the device.
   Status reserve_literals(uint64_t literals);
-  // Room for chunks of kChunkRows rows, each with a clock of its own (origin); of what was there all
-  // stays. For stores that are not to be had with reserve_rows(): its rows have one clock. Waits for the
-  // device.
-  Status reserve_chunks(uint32_t chunks, uint32_t sh_degree, bool half_sh, const Sequence& sequence);
-  // Fills rows [first, first + gaussians.count) from device arrays. indices: of rows that tell SH by them,
-  // else NULL.
+  // Room for chunks of kChunkRows rows, each with a clock of its own (origin); of what was there
+  // all stays. For stores that are not to be had with reserve_rows(): its rows have one clock.
+  // Waits for the device.
+  Status reserve_chunks(uint32_t chunks, uint32_t sh_degree, bool half_sh,
+                        const Sequence& sequence);
+  // Fills rows [first, first + gaussians.count) from device arrays. indices: of rows that tell SH
+  // by them, else NULL.
   Status store(const l4d_gaussians& gaussians, const l4d_cuda_sh_indices* indices, uint32_t first,
                uint32_t first_id, cudaStream_t stream);
   // A whole scene from device arrays, sorted by motion. Waits for the device.
   Status store_scene(const l4d_gaussians& gaussians, const l4d_cuda_sh_indices* indices);
   // The rows that frames show.
   Status set_slabs(const Slab* slabs, uint32_t count, cudaStream_t stream);
-  // Or the chunks that frames show, from pinned memory that stays as it is until the stream has passed.
+  // Or the chunks that frames show, from pinned memory that stays as it is until the stream has
+  // passed.
   Status set_chunks(const Chunk* chunks, uint32_t count, cudaStream_t stream);
   size_t rows() const { return capacity_rows_; }
   // Of the store.
@@ -68,11 +70,12 @@ class DevicePipeline {
   Status reserve(const FrameRoom& room);
   const FrameRoom& room() const { return room_; }
 
-  // Launches a frame, without waiting. There must be room for its size, and for the way back if it is
-  // wanted. `time` in seconds.
+  // Launches a frame, without waiting. There must be room for its size, and for the way back if it
+  // is wanted. `time` in seconds.
   Status render(double time, const l4d_camera& camera, const float* background, bool backward,
                 const ImageTarget& target, cudaStream_t stream);
-  // After render() with `backward` of the same view, and an image with its background: sums by splat.
+  // After render() with `backward` of the same view, and an image with its background: sums by
+  // splat.
   Status go_back(const BackwardTask& task, cudaStream_t stream);
   // After render(): coverage of each splat, and nothing else.
   Status cover(cudaStream_t stream);
@@ -96,8 +99,8 @@ class DevicePipeline {
   size_t row_sh_bytes() const;
   Status take_indices(const l4d_cuda_sh_indices* indices, uint64_t count, ShIndices* out,
                       cudaStream_t stream);
-  void launch_rows(const l4d_gaussians& gaussians, const ShIndices& indices, const StorePlace& place,
-                   cudaStream_t stream);
+  void launch_rows(const l4d_gaussians& gaussians, const ShIndices& indices,
+                   const StorePlace& place, cudaStream_t stream);
 
   static constexpr int kEvents = L4D_RENDER_STAGE_COUNT + 1;
   Sequence sequence_{};
@@ -111,8 +114,8 @@ class DevicePipeline {
   bool half_books_ = false;
 
   FrameRoom room_;
-  cuda::DeviceMemory control_, tile_order_, per_visible_[8], per_instance_[5], image_, back_instances_,
-      back_splats_, shown_, coverage_;
+  cuda::DeviceMemory control_, tile_order_, per_visible_[8], per_instance_[5], image_,
+      back_instances_, back_splats_, shown_, coverage_;
   size_t control_bytes_ = 0;
   FrameMemory memory_{};
   BackwardMemory back_{};

@@ -17,8 +17,8 @@ namespace l4d::render {
 namespace {
 
 constexpr double kShortestWindow = 0.125, kLongestWindow = 1;
-// Gaussians that are decoded at once, unless a bucket alone has more: it bounds the memory to work in, and
-// how long a seek waits for what was begun before.
+// Gaussians that are decoded at once, unless a bucket alone has more: it bounds the memory to work
+// in, and how long a seek waits for what was begun before.
 constexpr uint64_t kBatchRows = 1 << 17;
 constexpr size_t kMaxPlans = 64;
 
@@ -26,8 +26,8 @@ double seconds_since(std::chrono::steady_clock::time_point begin) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
 }
 
-// The caller's thread renders; one of the player's own loads. What both touch is under the mutex, and
-// frames are launched under it: rows do not move to a larger store in the middle of one.
+// The caller's thread renders; one of the player's own loads. What both touch is under the mutex,
+// and frames are launched under it: rows do not move to a larger store in the middle of one.
 class Player final : public DevicePlayer {
  public:
   Player(l4d_decoder* decoder, const l4d_cuda_player_options& options)
@@ -136,8 +136,7 @@ Status Player::create() {
   }
   window_ = options_.window > 0 ? options_.window
                                 : std::clamp(narrowest, kShortestWindow, kLongestWindow);
-  num_windows_ = static_cast<uint32_t>(
-      std::clamp(std::ceil(info.duration / window_), 1.0, 0x1p30));
+  num_windows_ = static_cast<uint32_t>(std::clamp(std::ceil(info.duration / window_), 1.0, 0x1p30));
   L4D_RETURN_IF_CUDA_ERROR(cudaEventCreateWithFlags(&passed_, cudaEventDisableTiming));
   L4D_RETURN_IF_CUDA_ERROR(cudaEventCreateWithFlags(&listed_, cudaEventDisableTiming));
   // Tells the size of rows; a budget takes its store at once.
@@ -218,7 +217,8 @@ Status Player::show(uint32_t window, cudaStream_t stream) {
     room.visible = static_cast<uint32_t>(std::min<uint64_t>(rows + rows / 4, kRowMask));
     L4D_RETURN_IF_ERROR(pipeline_.reserve(room));
   }
-  // The list that was uploaded before has been; this is for callers that change windows in each frame.
+  // The list that was uploaded before has been; this is for callers that change windows in each
+  // frame.
   L4D_RETURN_IF_CUDA_ERROR(cudaEventSynchronize(listed_));
   // With slack, as growing waits for the device.
   const size_t room = chunks.size() + chunks.size() / 4 + 1;
@@ -238,8 +238,8 @@ Status Player::render(double time, const l4d_camera& camera, const float* backgr
   L4D_RETURN_IF_ERROR(use());
   const uint32_t window = window_of(time);
   if (!shown_.has_value() || *shown_ != window) {
-    // From here on nothing that was shown before is wanted; the loader may write over it once frames
-    // up to here are done.
+    // From here on nothing that was shown before is wanted; the loader may write over it once
+    // frames up to here are done.
     if (shown_.has_value()) {
       step_ = (*shown_ + num_windows_ - window) % num_windows_ == 1 && num_windows_ > 2
                   ? num_windows_ - 1
@@ -283,7 +283,8 @@ l4d_cuda_player_counters Player::counters() const {
   return c;
 }
 
-// ---- the loading thread ----------------------------------------------------------------------------
+// ---- the loading thread
+// ----------------------------------------------------------------------------
 
 void Player::work() {
   Status device = use();
@@ -338,10 +339,11 @@ Status Player::add(const BucketPlace& bucket, CachedBucket** out) {
   if (options_.memory_bytes > 0) {
     return Status(L4D_ERR_LIMIT_EXCEEDED,
                   "memory_bytes is too small for two windows: this one needs " +
-                      std::to_string(wanted * kChunkRows * pipeline_.row_bytes()) + " bytes or more");
+                      std::to_string(wanted * kChunkRows * pipeline_.row_bytes()) +
+                      " bytes or more");
   }
-  const uint32_t chunks = static_cast<uint32_t>(
-      std::min<uint64_t>(wanted + cache_.capacity() / 16, UINT32_MAX));
+  const uint32_t chunks =
+      static_cast<uint32_t>(std::min<uint64_t>(wanted + cache_.capacity() / 16, UINT32_MAX));
   L4D_RETURN_IF_ERROR(pipeline_.reserve_chunks(chunks, sh_degree_, half_sh(), sequence_));
   cache_.grow(chunks);
   *out = cache_.add(key, bucket.rows);

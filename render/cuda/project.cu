@@ -111,7 +111,8 @@ __global__ void __launch_bounds__(kThreads)
   float4* words = reinterpret_cast<float4*>(memory.splats + to);
   words[0] = make_float4(splat.mean[0], splat.mean[1], splat.conic[0], splat.conic[1]);
   words[1] = make_float4(splat.conic_yy, splat.log2_opacity, splat.extent[0], splat.extent[1]);
-  words[2] = make_float4(splat.color[0], splat.color[1], splat.color[2], __uint_as_float(splat.row));
+  words[2] =
+      make_float4(splat.color[0], splat.color[1], splat.color[2], __uint_as_float(splat.row));
   memory.depth_keys[0][to] = key;
 }
 
@@ -131,10 +132,14 @@ Kernel kernel_of(bool half, bool indexed) {
 
 Kernel kernel_of(uint32_t degree, bool half, bool indexed) {
   switch (degree) {
-    case 0: return kernel_of<0>(half, indexed);
-    case 1: return kernel_of<1>(half, indexed);
-    case 2: return kernel_of<2>(half, indexed);
-    default: return kernel_of<3>(half, indexed);
+    case 0:
+      return kernel_of<0>(half, indexed);
+    case 1:
+      return kernel_of<1>(half, indexed);
+    case 2:
+      return kernel_of<2>(half, indexed);
+    default:
+      return kernel_of<3>(half, indexed);
   }
 }
 
@@ -145,7 +150,8 @@ void launch_project(const ResidentRows& rows, const FrameInput& input, const Fra
   const bool indexed = rows.books.num_stages > 0;
   const unsigned threads = static_cast<unsigned>(project_piece(input.half_sh, indexed));
   const unsigned grid = (memory.max_visible + threads - 1) / threads;
-  launch(kernel_of(input.sh_degree, input.half_sh, indexed), grid, threads, stream, rows, input, memory);
+  launch(kernel_of(input.sh_degree, input.half_sh, indexed), grid, threads, stream, rows, input,
+         memory);
 }
 
 }  // namespace l4d::render

@@ -1,15 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "render/cuda/radix_sort.h"
-
 #include "render/cuda/launch.cuh"
 #include "render/cuda/ordered.cuh"
+#include "render/cuda/radix_sort.h"
 
 namespace l4d::render {
 namespace {
 
 constexpr int kThreads = 256;  // one per digit
 constexpr int kWarps = kThreads / 32;
-constexpr int kItems = 12;     // keys per thread
+constexpr int kItems = 12;  // keys per thread
 constexpr uint32_t kPiece = kThreads * kItems;
 
 size_t pieces_of(uint32_t capacity) { return (size_t{capacity} + kPiece - 1) / kPiece; }
@@ -26,8 +25,8 @@ struct Pass {
   int shift;
 };
 
-// Where the digit's keys of this piece begin: one thread per digit. `start` is where the digit's keys
-// begin in all.
+// Where the digit's keys of this piece begin: one thread per digit. `start` is where the digit's
+// keys begin in all.
 __device__ uint32_t digit_base(uint32_t* states, uint32_t piece, uint32_t count, uint32_t start) {
   uint32_t* own = states + size_t{piece} * kSortRadix + threadIdx.x;
   if (piece == 0) {
@@ -68,7 +67,8 @@ __global__ void __launch_bounds__(kThreads, 3) sort_pass(Pass pass) {
   await_predecessor();
   __shared__ uint32_t counts[kWarps][kSortRadix];
   __shared__ uint32_t sorted_keys[kPiece], sorted_values[kPiece];
-  __shared__ uint32_t target[kSortRadix];  // where a digit's keys go, less where they lie in the piece
+  __shared__ uint32_t
+      target[kSortRadix];  // where a digit's keys go, less where they lie in the piece
   const uint32_t n = *pass.count;
   if (blockIdx.x * kPiece >= n) return;
   const uint32_t piece = take_ticket(pass.ticket);
@@ -189,11 +189,15 @@ void sort_pairs(const SortBuffers& b, int bits, bool iota, int* where, cudaStrea
   const unsigned grid = static_cast<unsigned>(pieces);
   int from = 0;
   for (int p = 0; p < digits.passes; ++p, from ^= 1) {
-    const Pass pass{b.keys[from],     b.values[from],
-                    b.keys[from ^ 1], b.values[from ^ 1],
-                    b.count,          b.histograms + p * kSortRadix,
+    const Pass pass{b.keys[from],
+                    b.values[from],
+                    b.keys[from ^ 1],
+                    b.values[from ^ 1],
+                    b.count,
+                    b.histograms + p * kSortRadix,
                     b.states + static_cast<size_t>(p) * pieces * kSortRadix,
-                    b.tickets + p,    digits.shift[p]};
+                    b.tickets + p,
+                    digits.shift[p]};
     const bool first = p == 0 && iota;
     launch(kernel_of(digits.bits[p], first), grid, kThreads, stream, pass);
   }

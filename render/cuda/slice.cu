@@ -30,7 +30,8 @@ __global__ void __launch_bounds__(kThreads)
       visible = now >= interval.x && now <= interval.y;
     }
     votes[k] = __ballot_sync(kFullWarp, visible);
-    if (lane == 0) before[k * kWarps + static_cast<int>(warp)] = static_cast<uint32_t>(__popc(votes[k]));
+    if (lane == 0)
+      before[k * kWarps + static_cast<int>(warp)] = static_cast<uint32_t>(__popc(votes[k]));
   }
   __syncthreads();
   if (warp == 0) {

@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "render/cuda/store.h"
-
 #include <cuda_fp16.h>
 
 #include "render/cuda/launch.cuh"
 #include "render/cuda/ordered.cuh"
+#include "render/cuda/store.h"
 
 namespace l4d::render {
 namespace {
@@ -43,8 +42,8 @@ __global__ void __launch_bounds__(kThreads)
   }
   __syncthreads();
   if (i >= n) return;
-  const uint32_t to = before[group][warp] +
-                      static_cast<uint32_t>(__popc(own_votes & ((1u << lane) - 1)));
+  const uint32_t to =
+      before[group][warp] + static_cast<uint32_t>(__popc(own_votes & ((1u << lane) - 1)));
   lists[size_t{group} * n + to] = i;
 }
 
@@ -60,8 +59,8 @@ __global__ void __launch_bounds__(kThreads)
   const bool ever = p.half_life >= 0;
   const double* c = p.slice.covariance;
   const double* v = p.slice.velocity;
-  rows.interval[row] = ever ? make_float2(f(mean - p.half_life), f(mean + p.half_life))
-                            : make_float2(1, 0);
+  rows.interval[row] =
+      ever ? make_float2(f(mean - p.half_life), f(mean + p.half_life)) : make_float2(1, 0);
   rows.place[row] = make_float4(f(p.position[0]), f(p.position[1]), f(p.position[2]), f(p.opacity));
   rows.motion[row] = make_float4(f(v[0]), f(v[1]), f(v[2]), f(p.reference - to.origin));
   rows.shape0[row] = make_float4(f(c[0]), f(c[1]), f(c[2]), f(c[3]));
@@ -76,7 +75,8 @@ __global__ void __launch_bounds__(kThreads)
   await_predecessor();
   const size_t total = size_t{place.count} * stride, step = size_t{gridDim.x} * kThreads;
   for (size_t k = size_t{blockIdx.x} * kThreads + threadIdx.x; k < total; k += step) {
-    const uint32_t at = static_cast<uint32_t>(k / stride), number = static_cast<uint32_t>(k % stride);
+    const uint32_t at = static_cast<uint32_t>(k / stride),
+                   number = static_cast<uint32_t>(k % stride);
     const uint32_t i = gaussian_of(place, at);
     const float v = number < numbers ? sh[size_t{i} * numbers + number] : 0.0f;
     const size_t to = size_t{row_of(place, at)} * stride + number;
@@ -128,7 +128,8 @@ void launch_store(const l4d_gaussians& gaussians, const Sequence& sequence, cons
   if (half_sh) {
     launch(store_sh<true>, blocks, kThreads, stream, gaussians.sh, numbers, stride, place, rows.sh);
   } else {
-    launch(store_sh<false>, blocks, kThreads, stream, gaussians.sh, numbers, stride, place, rows.sh);
+    launch(store_sh<false>, blocks, kThreads, stream, gaussians.sh, numbers, stride, place,
+           rows.sh);
   }
 }
 

@@ -18,22 +18,23 @@ struct Slab {
 };
 constexpr uint32_t kMaxSlabs = 256;
 
-// Sorts [0, gaussians.count) by motion group, each group in order: lists [kNumMotionGroups, count] and
-// their lengths counts [kNumMotionGroups]. states: [kNumMotionGroups, pieces of kGroupPiece] and then a
-// ticket, set to 0.
+// Sorts [0, gaussians.count) by motion group, each group in order: lists [kNumMotionGroups, count]
+// and their lengths counts [kNumMotionGroups]. states: [kNumMotionGroups, pieces of kGroupPiece]
+// and then a ticket, set to 0.
 constexpr uint32_t kGroupPiece = 256;
 void launch_group(const l4d_gaussians& gaussians, const Sequence& sequence, uint32_t* lists,
                   uint32_t* counts, uint32_t* states, cudaStream_t stream);
 
 // Which rows are made, and of which Gaussians.
 struct StorePlace {
-  const uint32_t* list = nullptr;    // of Gaussians; NULL: 0, 1, ...
-  const uint32_t* chunks = nullptr;  // chunks of kChunkRows rows, one behind the other; NULL: `first` on
+  const uint32_t* list = nullptr;  // of Gaussians; NULL: 0, 1, ...
+  const uint32_t* chunks =
+      nullptr;  // chunks of kChunkRows rows, one behind the other; NULL: `first` on
   uint32_t count = 0;
   uint32_t first = 0;
-  uint32_t first_id = 0;             // ids are the Gaussians' numbers plus this
-  double origin = 0;                 // rows count time from here, in the clock of the Gaussians
-  double chunk_origin = 0;           // what is told of `chunks`: ResidentRows.origin
+  uint32_t first_id = 0;    // ids are the Gaussians' numbers plus this
+  double origin = 0;        // rows count time from here, in the clock of the Gaussians
+  double chunk_origin = 0;  // what is told of `chunks`: ResidentRows.origin
 };
 #ifdef __CUDACC__
 __device__ inline uint32_t gaussian_of(const StorePlace& place, uint32_t at) {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which tiles a splat touches: those where the ellipse in which its alpha reaches kMinAlpha meets the
-// rectangle of the tile's pixel centres.
+// Which tiles a splat touches: those where the ellipse in which its alpha reaches kMinAlpha meets
+// the rectangle of the tile's pixel centres.
 #pragma once
 
 #include "render/cuda/layout.h"
@@ -11,7 +11,8 @@ struct TileSpan {
   int begin, end;
 };
 
-// Tiles that hold pixel centres of [low, high], a hair wider for rounding. kSide: pixels, a power of 2.
+// Tiles that hold pixel centres of [low, high], a hair wider for rounding. kSide: pixels, a power
+// of 2.
 template <int kSide>
 __device__ inline TileSpan tiles_between(float low, float high, int tiles) {
   constexpr float kSlack = 1e-3f;
@@ -24,9 +25,9 @@ __device__ inline TileSpan tiles_between(float low, float high, int tiles) {
   return {static_cast<int>(first), static_cast<int>(fminf(last, limit - 1)) + 1};
 }
 
-// A splat's ellipse a x^2 + 2 b x y + c y^2 >= level about its mean, ready for many rows: from the first
-// two words of a DeviceSplat to (mean x, mean y, extent x, extent y) and (b / a, c / a, level / a, y where
-// the ellipse is widest to the right).
+// A splat's ellipse a x^2 + 2 b x y + c y^2 >= level about its mean, ready for many rows: from the
+// first two words of a DeviceSplat to (mean x, mean y, extent x, extent y) and (b / a, c / a, level
+// / a, y where the ellipse is widest to the right).
 __device__ inline void prepare_ellipse(float4 first, float4 second, float4* out0, float4* out1) {
   const float inverse = 1.0f / first.z, b = 0.5f * first.w, c = second.x;
   *out0 = make_float4(first.x, first.y, second.z, second.w);
@@ -34,8 +35,8 @@ __device__ inline void prepare_ellipse(float4 first, float4 second, float4* out0
                       -second.z * b / c);
 }
 
-// Where the ellipse crosses the line at y, to the right (sign 1) or left: x^2 + 2 b x y + c y^2 = level.
-// Spans are worked out twice where they are many, so no compiler may round here as it likes.
+// Where the ellipse crosses the line at y, to the right (sign 1) or left: x^2 + 2 b x y + c y^2 =
+// level. Spans are worked out twice where they are many, so no compiler may round here as it likes.
 __device__ inline float ellipse_edge(float4 ellipse, float y, float sign) {
   const float by = __fmul_rn(ellipse.x, y);
   const float rest = __fmaf_rn(__fmul_rn(ellipse.y, y), y, -ellipse.z);

@@ -47,15 +47,16 @@ struct TileRange {
   int begin, end;
 };
 inline TileRange tiles_between(float low, float high, int tiles) {
-  // A hair wider, for rounding. Clamped while still floating; what is not negative, truncation rounds
-  // down.
+  // A hair wider, for rounding. Clamped while still floating; what is not negative, truncation
+  // rounds down.
   constexpr float kSlack = 1e-3f;
   constexpr float kPerTile = 1.0f / kTile;
   const float limit = static_cast<float>(tiles);
   const float first = (low - 0.5f - kSlack) * kPerTile;
   const float last = (high - 0.5f + kSlack) * kPerTile;
   if (!(last >= 0) || !(first < limit)) return {0, 0};
-  // A tile's last pixel centre lies 1/16 tile before the next tile's first: low rounds up to a pixel.
+  // A tile's last pixel centre lies 1/16 tile before the next tile's first: low rounds up to a
+  // pixel.
   const float pixel = std::max(low - 0.5f - kSlack, 0.0f);
   int first_pixel = static_cast<int>(std::min(pixel, limit * kTile));
   first_pixel += static_cast<float>(first_pixel) < pixel;
@@ -136,7 +137,8 @@ void TileBins::build(const std::vector<FastSplat>& splats, int width, int height
     for (size_t i = first; i < last; ++i) {
       const FastSplat& s = splats[i];
       const TileRange rows = tiles_between(s.mean[1] - s.extent[1], s.mean[1] + s.extent[1], rows_);
-      const TileRange all = tiles_between(s.mean[0] - s.extent[0], s.mean[0] + s.extent[0], columns_);
+      const TileRange all =
+          tiles_between(s.mean[0] - s.extent[0], s.mean[0] + s.extent[0], columns_);
       size_t emitted = 0;
       for (int row = rows.begin; row < rows.end; ++row) {
         TileRange range = all;

@@ -74,9 +74,9 @@ HWY_INLINE void start(D d, const TileInput& tile, float* HWY_RESTRICT transmitta
 
 // Walks the list front to back. For every vector of pixels that a splat reaches, calls
 //   body(n, pixel, dx, dy, alpha, before, stopped)
-// with n the place in the list, dx, dy offsets from the mean, alpha zero where it is below kMinAlpha,
-// and the transmittance before; pixels that stop here or have stopped are in `stopped`, and
-// the splat does not count for them. transmittance [kTilePixels] ends as what shines through.
+// with n the place in the list, dx, dy offsets from the mean, alpha zero where it is below
+// kMinAlpha, and the transmittance before; pixels that stop here or have stopped are in `stopped`,
+// and the splat does not count for them. transmittance [kTilePixels] ends as what shines through.
 template <bool kFastExp, class Body>
 HWY_INLINE void walk(const TileInput& tile, float* HWY_RESTRICT transmittance, const Body& body) {
   const D d;
@@ -130,7 +130,8 @@ HWY_INLINE void walk(const TileInput& tile, float* HWY_RESTRICT transmittance, c
   for (size_t p = 0; p < kTilePixels; p += lanes) {
     const V kept = hn::Load(d, final_t + p);
     const auto has_stopped = hn::Ge(kept, hn::Zero(d));
-    hn::Store(hn::IfThenElse(has_stopped, kept, hn::Load(d, transmittance + p)), d, transmittance + p);
+    hn::Store(hn::IfThenElse(has_stopped, kept, hn::Load(d, transmittance + p)), d,
+              transmittance + p);
   }
 }
 
@@ -205,9 +206,10 @@ HWY_INLINE V reciprocal(D d, V x) {
   return hn::Mul(r, hn::NegMulAdd(x, r, hn::Set(d, 2.0f)));
 }
 
-// Front to back a second time. What lies behind a splat is what the pixel has in all, less what came
-// before and the splat itself; so no list needs to be walked backwards. kChannels: 3, or 1 where the
-// derivative by all channels is the same and the sum of a splat's colours is all that counts.
+// Front to back a second time. What lies behind a splat is what the pixel has in all, less what
+// came before and the splat itself; so no list needs to be walked backwards. kChannels: 3, or 1
+// where the derivative by all channels is the same and the sum of a splat's colours is all that
+// counts.
 template <size_t kChannels>
 HWY_INLINE void backward_with(const TileInput& tile, const TileUpstream& upstream,
                               const float* background, InstanceGradient* out) {
@@ -233,7 +235,8 @@ HWY_INLINE void backward_with(const TileInput& tile, const TileUpstream& upstrea
                                        hn::Set(d, s.color[c]), shade);
                   }
                 }
-                hn::Store(hn::MulAdd(weight, shade, hn::Load(d, behind + pixel)), d, behind + pixel);
+                hn::Store(hn::MulAdd(weight, shade, hn::Load(d, behind + pixel)), d,
+                          behind + pixel);
               });
   for (size_t p = 0; p < kTilePixels; p += lanes) {
     const V t = hn::Load(d, transmittance + p);
@@ -250,7 +253,8 @@ HWY_INLINE void backward_with(const TileInput& tile, const TileUpstream& upstrea
     hn::Store(sum, d, behind + p);
   }
   std::fill_n(out, tile.count, InstanceGradient{});
-  // Sums over the pixels of one splat, of one row vector each; they meet in `out` when it is passed.
+  // Sums over the pixels of one splat, of one row vector each; they meet in `out` when it is
+  // passed.
   struct Sums {
     V mean[2], conic[3], log_opacity, color[3], coverage;
   };
@@ -284,48 +288,48 @@ HWY_INLINE void backward_with(const TileInput& tile, const TileUpstream& upstrea
     }
   };
   clear();
-  walk<false>(
-      tile, transmittance,
-      [&](size_t n, size_t pixel, V dx, float dy, V alpha, V before, auto stopped) HWY_ATTR {
-        if (n != current) {
-          finish();
-          clear();
-          current = n;
-        }
-        const FastSplat& s = tile.splats[tile.list[n]];
-        const V weight = hn::IfThenZeroElse(stopped, hn::Mul(before, alpha));
-        V shade;  // derivative-weighted colour of the splat
-        if (kChannels == 1) {
-          const V g = hn::Load(d, upstream.gradient[0] + pixel);
-          shade = hn::Mul(g, hn::Set(d, color_sum(s.color)));
-          sums.color[0] = hn::MulAdd(g, weight, sums.color[0]);
-        } else {
-          shade = zero;
-          for (size_t c = 0; c < 3; ++c) {
-            const V g = hn::Load(d, upstream.gradient[c] + pixel);
-            shade = hn::MulAdd(g, hn::Set(d, s.color[c]), shade);
-            sums.color[c] = hn::MulAdd(g, weight, sums.color[c]);
-          }
-        }
-        sums.coverage = hn::Add(sums.coverage, weight);
-        // Where the pixel has stopped the weight is 0.
-        const V rest = hn::NegMulAdd(weight, shade, hn::Load(d, behind + pixel));
-        hn::Store(rest, d, behind + pixel);
-        // By alpha: T shade - rest / (1 - alpha); by ln(alpha): times alpha. Cut: none.
-        const V inverse = reciprocal(d, hn::Sub(hn::Set(d, 1.0f), alpha));
-        const V by_log = hn::IfThenZeroElse(
-            hn::Or(stopped, hn::Ge(alpha, cut)),
-            hn::Mul(alpha, hn::NegMulAdd(rest, inverse, hn::Mul(before, shade))));
-        const V vdy = hn::Set(d, dy);
-        const V by_dx = hn::Mul(by_log, dx);
-        const V by_dy = hn::Mul(by_log, vdy);
-        sums.log_opacity = hn::Add(sums.log_opacity, by_log);
-        sums.mean[0] = hn::Add(sums.mean[0], by_dx);
-        sums.mean[1] = hn::Add(sums.mean[1], by_dy);
-        sums.conic[0] = hn::MulAdd(by_dx, dx, sums.conic[0]);
-        sums.conic[1] = hn::MulAdd(by_dx, vdy, sums.conic[1]);
-        sums.conic[2] = hn::MulAdd(by_dy, vdy, sums.conic[2]);
-      });
+  walk<false>(tile, transmittance,
+              [&](size_t n, size_t pixel, V dx, float dy, V alpha, V before, auto stopped)
+                  HWY_ATTR {
+                    if (n != current) {
+                      finish();
+                      clear();
+                      current = n;
+                    }
+                    const FastSplat& s = tile.splats[tile.list[n]];
+                    const V weight = hn::IfThenZeroElse(stopped, hn::Mul(before, alpha));
+                    V shade;  // derivative-weighted colour of the splat
+                    if (kChannels == 1) {
+                      const V g = hn::Load(d, upstream.gradient[0] + pixel);
+                      shade = hn::Mul(g, hn::Set(d, color_sum(s.color)));
+                      sums.color[0] = hn::MulAdd(g, weight, sums.color[0]);
+                    } else {
+                      shade = zero;
+                      for (size_t c = 0; c < 3; ++c) {
+                        const V g = hn::Load(d, upstream.gradient[c] + pixel);
+                        shade = hn::MulAdd(g, hn::Set(d, s.color[c]), shade);
+                        sums.color[c] = hn::MulAdd(g, weight, sums.color[c]);
+                      }
+                    }
+                    sums.coverage = hn::Add(sums.coverage, weight);
+                    // Where the pixel has stopped the weight is 0.
+                    const V rest = hn::NegMulAdd(weight, shade, hn::Load(d, behind + pixel));
+                    hn::Store(rest, d, behind + pixel);
+                    // By alpha: T shade - rest / (1 - alpha); by ln(alpha): times alpha. Cut: none.
+                    const V inverse = reciprocal(d, hn::Sub(hn::Set(d, 1.0f), alpha));
+                    const V by_log = hn::IfThenZeroElse(
+                        hn::Or(stopped, hn::Ge(alpha, cut)),
+                        hn::Mul(alpha, hn::NegMulAdd(rest, inverse, hn::Mul(before, shade))));
+                    const V vdy = hn::Set(d, dy);
+                    const V by_dx = hn::Mul(by_log, dx);
+                    const V by_dy = hn::Mul(by_log, vdy);
+                    sums.log_opacity = hn::Add(sums.log_opacity, by_log);
+                    sums.mean[0] = hn::Add(sums.mean[0], by_dx);
+                    sums.mean[1] = hn::Add(sums.mean[1], by_dy);
+                    sums.conic[0] = hn::MulAdd(by_dx, dx, sums.conic[0]);
+                    sums.conic[1] = hn::MulAdd(by_dx, vdy, sums.conic[1]);
+                    sums.conic[2] = hn::MulAdd(by_dy, vdy, sums.conic[2]);
+                  });
   finish();
 }
 

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Projection and shading of the fast path, a vector of Gaussians at a time.
-#include "render/fast/kernels.h"
 #include "render/fast/project_simd.h"
+
+#include "render/fast/kernels.h"
 #include "render/sh.h"
 
 #undef HWY_TARGET_INCLUDE
@@ -51,10 +52,11 @@ HWY_INLINE void basis_of(D d, V x, V y, V z, float* HWY_RESTRICT basis /* [terms
   put(15, hn::Mul(hn::Mul(c(k3[6]), x), hn::NegMulAdd(c(3), yy, xx)));
 }
 
-// 0.5 + the sum over terms, in lanes 0 to 2. Four floats are loaded where three are wanted; the last
-// term is taken one float earlier, so that nothing beyond the row is read.
+// 0.5 + the sum over terms, in lanes 0 to 2. Four floats are loaded where three are wanted; the
+// last term is taken one float earlier, so that nothing beyond the row is read.
 template <uint32_t kDegree>
-HWY_INLINE void color_of(const float* HWY_RESTRICT sh, const float* HWY_RESTRICT basis, float* color) {
+HWY_INLINE void color_of(const float* HWY_RESTRICT sh, const float* HWY_RESTRICT basis,
+                         float* color) {
   constexpr size_t kTerms = sh_terms(kDegree);
   if (kDegree == 0) {
     for (size_t c = 0; c < 3; ++c) color[c] = 0.5f + basis[0] * sh[c];
@@ -74,7 +76,8 @@ HWY_INLINE void color_of(const float* HWY_RESTRICT sh, const float* HWY_RESTRICT
   for (size_t k = 1; k + 1 < kTerms; k += 2) {
     odd = hn::MulAdd(hn::Set(d4, basis[kMaxLanes * k]), hn::LoadU(d4, sh + 3 * k), odd);
     if (k + 2 < kTerms) {
-      even = hn::MulAdd(hn::Set(d4, basis[kMaxLanes * (k + 1)]), hn::LoadU(d4, sh + 3 * (k + 1)), even);
+      even = hn::MulAdd(hn::Set(d4, basis[kMaxLanes * (k + 1)]), hn::LoadU(d4, sh + 3 * (k + 1)),
+                        even);
     }
   }
   alignas(16) float sum[4];
@@ -116,10 +119,10 @@ size_t project_rows(const Frame<float>& frame, const View<float>& view, size_t b
     const V opacity = load(frame.opacity);
     V camera[3];
     for (size_t k = 0; k < 3; ++k) {
-      camera[k] = hn::MulAdd(
-          set(r[3 * k]), x,
-          hn::MulAdd(set(r[3 * k + 1]), y,
-                     hn::MulAdd(set(r[3 * k + 2]), z, set(view.translation[k]))));
+      camera[k] =
+          hn::MulAdd(set(r[3 * k]), x,
+                     hn::MulAdd(set(r[3 * k + 1]), y,
+                                hn::MulAdd(set(r[3 * k + 2]), z, set(view.translation[k]))));
     }
     auto in_view = hn::And(present, hn::And(hn::Gt(camera[2], set(view.near_plane)),
                                             hn::Ge(opacity, set(static_cast<float>(kMinAlpha)))));
@@ -157,7 +160,8 @@ size_t project_rows(const Frame<float>& frame, const View<float>& view, size_t b
     in_view = hn::And(in_view, hn::Gt(det, zero));
     const V log2_opacity = hn::Log2(d, hn::IfThenElse(in_view, opacity, one));
     // reach = 2 ln(opacity / kMinAlpha)
-    const V reach = hn::Max(zero, hn::Mul(set(1.38629436f), hn::Sub(log2_opacity, set(kLog2MinAlpha))));
+    const V reach =
+        hn::Max(zero, hn::Mul(set(1.38629436f), hn::Sub(log2_opacity, set(kLog2MinAlpha))));
     const V extent_x = hn::Sqrt(hn::Mul(reach, xx)), extent_y = hn::Sqrt(hn::Mul(reach, yy));
     in_view = hn::And(in_view, hn::And(hn::Ge(hn::Add(mean[0], extent_x), half),
                                        hn::Le(hn::Sub(mean[0], extent_x), right)));
@@ -183,7 +187,8 @@ size_t project_rows(const Frame<float>& frame, const View<float>& view, size_t b
       const V norm = hn::Sqrt(hn::MulAdd(dx, dx, hn::MulAdd(dy, dy, hn::Mul(dz, dz))));
       // Nothing in view has norm 0: its depth is beyond the near plane.
       const V inverse = hn::Div(one, hn::IfThenElse(in_view, norm, one));
-      basis_of<kDegree>(d, hn::Mul(dx, inverse), hn::Mul(dy, inverse), hn::Mul(dz, inverse), s.basis);
+      basis_of<kDegree>(d, hn::Mul(dx, inverse), hn::Mul(dy, inverse), hn::Mul(dz, inverse),
+                        s.basis);
     } else {
       basis_of<0>(d, zero, zero, zero, s.basis);
     }

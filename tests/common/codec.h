@@ -46,9 +46,9 @@ void prepare_encoder(const TestScene& scene, const EncodeOptions& options,
                      const EncoderHandle& encoder);
 
 // The seeded scenes that many tests share, encoded once per process.
-const Bytes& dynamic_file();  // several layers, a permanent one, motion, small pages
-const Bytes& staged_file();   // residual stages and literals
-const Bytes& rcq_file();      // block codebooks
+const Bytes& dynamic_file();    // several layers, a permanent one, motion, small pages
+const Bytes& staged_file();     // residual stages and literals
+const Bytes& rcq_file();        // block codebooks
 const Bytes& transform_file();  // the default preset: rANS pages, transforms, fixed positions
 const Bytes& lossless_file();
 const Bytes& tiny_file();  // a few hundred bytes to a few kB: for exhaustive damage

@@ -31,8 +31,7 @@ std::vector<CodedPage> decode_pages(const SceneHeader& header, const LayerHeader
       if (d.pages[p].codec != static_cast<uint32_t>(ChunkCodec::kRans32)) continue;
       const PageRecord& record = d.page.pages[p];
       if (record.has_sh_detail()) throw std::runtime_error("the page has a second part already");
-      const BlockRecord* block =
-          record.block == kNoBlock ? nullptr : &d.page.blocks[record.block];
+      const BlockRecord* block = record.block == kNoBlock ? nullptr : &d.page.blocks[record.block];
       RansPageParts parts;
       parts.first = d.pages[p].raw;
       PageColumns columns;

@@ -8,8 +8,8 @@
 
 namespace l4d::test {
 
-// Codes the rANS pages of a file anew, with SH detail in a second part of each. `edit` may change the
-// columns of each page before.
+// Codes the rANS pages of a file anew, with SH detail in a second part of each. `edit` may change
+// the columns of each page before.
 Bytes with_sh_detail(const Bytes& file, unsigned sh_base,
                      const std::function<void(PageColumns&)>& edit = nullptr);
 

@@ -31,7 +31,8 @@ struct EditedDirectoryPage {
   bool present = false;            // false: the page table says that it is empty
   DirectoryPage page;              // chunk references are filled in by build()
   std::vector<EditedChunk> pages;  // beside page.pages; of rans32 pages the stored bytes
-  std::vector<EditedChunk> details;  // likewise, second parts; without bytes a record stays as it is
+  std::vector<EditedChunk>
+      details;  // likewise, second parts; without bytes a record stays as it is
   std::vector<std::array<EditedChunk, L4D_COMPONENT_COUNT>> tables;  // beside page.blocks
   uint32_t says_layer = 0, says_index = 0;
   EditedChunk chunk;                     // raw is made by build()

@@ -153,13 +153,12 @@ RcqBooks rcq_books(uint32_t num_global, uint32_t num_residual, uint32_t dim) {
   RcqBooks b;
   const auto g = random_halves(size_t{num_global} * dim, 1);
   const auto r = random_halves(size_t{num_residual} * dim, 2);
-  EXPECT_TRUE(
-      decode(encode_codebook(encoder, half_stage(num_global), g.data(), dim), num_global, dim, &b.global)
-          .ok());
-  EXPECT_TRUE(
-      decode(encode_codebook(encoder, half_stage(num_residual), r.data(), dim), num_residual, dim,
-             &b.residual)
-          .ok());
+  EXPECT_TRUE(decode(encode_codebook(encoder, half_stage(num_global), g.data(), dim), num_global,
+                     dim, &b.global)
+                  .ok());
+  EXPECT_TRUE(decode(encode_codebook(encoder, half_stage(num_residual), r.data(), dim),
+                     num_residual, dim, &b.residual)
+                  .ok());
   return b;
 }
 

@@ -229,7 +229,8 @@ TEST(Directory, SecondPartsWhereNoneCanBeAreRefused) {
   EXPECT_EQ(clause_of(header, [](Pages& p) { p[0].sh_detail.offset = 1; }), "DIR-13");
   EXPECT_EQ(clause_of(header, [](Pages& p) { p[1].sh_detail.hash = 1; }), "DIR-13");
   for (const size_t of_streams : {size_t{0}, size_t{1}}) {
-    EXPECT_EQ(clause_of(header, [&](Pages& p) { p[of_streams].sh_detail = p[2].sh_detail; }), "DIR-13");
+    EXPECT_EQ(clause_of(header, [&](Pages& p) { p[of_streams].sh_detail = p[2].sh_detail; }),
+              "DIR-13");
   }
   // Of codecs to come this decoder knows nothing.
   EXPECT_EQ(clause_of(header, [](Pages& p) { p[2].chunk.codec = 99; }), "");

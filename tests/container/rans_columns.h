@@ -60,8 +60,8 @@ inline SceneHeader bare_header() {
   return h;
 }
 
-// Between them: every kind of plane, and every kind of plane absent. Bases of SH are nothing, a part of
-// a step of the ladder, some steps and all coefficients.
+// Between them: every kind of plane, and every kind of plane absent. Bases of SH are nothing, a
+// part of a step of the ladder, some steps and all coefficients.
 inline std::vector<SceneHeader> rans_headers() {
   SceneHeader mixed = transform_header();
   mixed.position = MeanCodingId::kF16;

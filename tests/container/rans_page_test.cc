@@ -214,7 +214,8 @@ TEST(RansPage, StatesBelowTheLeastAreRefused) {
   for (Bytes Page::*part : {&Page::first, &Page::detail}) {
     for (size_t lane = 0; lane < kRansLanes; ++lane) {
       Page changed = page;
-      const auto at = (changed.*part).begin() + static_cast<std::ptrdiff_t>(lane * sizeof(uint32_t));
+      const auto at =
+          (changed.*part).begin() + static_cast<std::ptrdiff_t>(lane * sizeof(uint32_t));
       std::fill_n(at, 2, uint8_t{0xff});
       std::fill_n(at + 2, 2, uint8_t{0});
       const Status s = sample.decode(changed);
@@ -237,14 +238,16 @@ TEST(RansPage, DamageInASecondPartCostsNothingElse) {
     changed = page;
     changed.detail.resize(changed.detail.size() + 2);
     PageColumns out;
-    const Status s = sample.parse(changed, sample.header, sample.layer, sample.coded.tables, nullptr,
-                                  sample.columns.n, true, &out);
+    const Status s = sample.parse(changed, sample.header, sample.layer, sample.coded.tables,
+                                  nullptr, sample.columns.n, true, &out);
     EXPECT_STREQ(s.clause(), "RANS-7");
     EXPECT_GE(s.offset(), page.parts().detail_at);
     EXPECT_FALSE(out.sh_detail);
     PageColumns base;
-    ASSERT_TRUE(sample.parse(page, sample.header, sample.layer, sample.coded.tables, nullptr,
-                             sample.columns.n, false, &base).ok());
+    ASSERT_TRUE(sample
+                    .parse(page, sample.header, sample.layer, sample.coded.tables, nullptr,
+                           sample.columns.n, false, &base)
+                    .ok());
     expect_columns(sample.header, sample.layer, false, sample.columns, base);
     for (unsigned k = 0; k < sh_base; ++k) {
       EXPECT_EQ(out.component[L4D_COMPONENT_SH].coefficient[k],

@@ -212,14 +212,12 @@ TEST_P(Output, ValidStreamsHaveNoViolation) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Streams, Output,
-                         testing::Values(NamedFile{"dynamic", dynamic_file},
-                                         NamedFile{"staged", staged_file},
-                                         NamedFile{"rcq", rcq_file},
-                                         NamedFile{"transform", transform_file},
-                                         NamedFile{"lossless", lossless_file},
-                                         NamedFile{"tiny", tiny_file}),
-                         file_name);
+INSTANTIATE_TEST_SUITE_P(
+    Streams, Output,
+    testing::Values(NamedFile{"dynamic", dynamic_file}, NamedFile{"staged", staged_file},
+                    NamedFile{"rcq", rcq_file}, NamedFile{"transform", transform_file},
+                    NamedFile{"lossless", lossless_file}, NamedFile{"tiny", tiny_file}),
+    file_name);
 
 TEST(Codebook, BlocksHaveTheirOwn) {
   const DecoderHandle d = opened(rcq_file());

@@ -284,8 +284,8 @@ TEST(QueryArguments, AreChecked) {
   const std::vector<l4d_bucket> no_layer = {{99, 0}}, no_bucket = {{0, 1u << 30}},
                                 twice = {{0, 0}, {0, 0}}, descending = {{1, 0}, {0, 0}};
   for (const l4d_query& q :
-       {unknown, time_query(nan), range_query(nan, 1), range_query(0, nan), range_query(1, 0.5), unit,
-        no_list, bucket_query(no_layer), bucket_query(no_bucket), bucket_query(twice),
+       {unknown, time_query(nan), range_query(nan, 1), range_query(0, nan), range_query(1, 0.5),
+        unit, no_list, bucket_query(no_layer), bucket_query(no_bucket), bucket_query(twice),
         bucket_query(descending)}) {
     EXPECT_EQ(l4d_decoder_select(d.get(), &q, &s), L4D_ERR_INVALID_ARGUMENT);
     EXPECT_STRNE(l4d_decoder_error_detail(d.get()), "");

@@ -81,8 +81,8 @@ TEST(ShDetail, BaseIsTheWholeWithLaterCoefficientsZero) {
   for (const unsigned base : {0u, 1u, 3u, 4u, 5u, 12u, most - 1}) {
     SCOPED_TRACE(base);
     const Bytes split = with_sh_detail(plain_file(), base);
-    const Bytes zeroed = with_sh_detail(
-        plain_file(), base, [&](PageColumns& columns) { zero_detail(base, columns); });
+    const Bytes zeroed = with_sh_detail(plain_file(), base,
+                                        [&](PageColumns& columns) { zero_detail(base, columns); });
     for (const uint32_t backend : kBackends) {
       EXPECT_TRUE(same_bits(decode(plain_file(), all_query(), backend),
                             decode(split, all_query(), backend)));
@@ -109,8 +109,9 @@ TEST(ShDetail, WithoutABaseShIsTheOriginOrNothing) {
   StreamEditor editor(transform);
   const uint32_t dim = editor.header.sh_dim();
   CodebookData basis;
-  ASSERT_TRUE(decode_codebook(decoder, editor.sh_books[0].raw, 0, editor.header.sh.basis, dim, &basis)
-                  .ok());
+  ASSERT_TRUE(
+      decode_codebook(decoder, editor.sh_books[0].raw, 0, editor.header.sh.basis, dim, &basis)
+          .ok());
   for (const uint32_t backend : kBackends) {
     const GaussianArrays t = decode(transform, base_query(), backend);
     EXPECT_TRUE(without_sh_same(t, decode(plain_file(), all_query(), backend)));

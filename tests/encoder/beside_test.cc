@@ -46,8 +46,8 @@ class HostDevice : public NearestDevice {
   explicit HostDevice(std::atomic<size_t>& searches) : searches_(searches) {}
   bool search(const Job& job) override {
     if (job.keep) {
-      update_nearest(job.points, job.n, job.dim, job.codebook, job.k, job.first_label, 1, job.labels,
-                     job.sq_dist);
+      update_nearest(job.points, job.n, job.dim, job.codebook, job.k, job.first_label, 1,
+                     job.labels, job.sq_dist);
     } else {
       assign_nearest(job.points, job.n, job.dim, job.codebook, job.k, 1, nullptr, job.labels,
                      job.sq_dist);

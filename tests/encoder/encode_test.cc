@@ -607,8 +607,9 @@ TEST(Bounds, HoldForFastGaussians) {
 
 // How far decoded Gaussians are from where they were and how they were seen.
 struct SeenErrors {
-  double place = 0;  // length of the mean displacement over the times at which both are seen; mean of all
-  double fade = 0;   // RMS difference of opacities over the sequence
+  double place =
+      0;  // length of the mean displacement over the times at which both are seen; mean of all
+  double fade = 0;  // RMS difference of opacities over the sequence
 };
 
 SeenErrors seen_errors(const TestScene& scene, const Encoded& e) {
@@ -636,16 +637,16 @@ SeenErrors seen_errors(const TestScene& scene, const Encoded& e) {
       const double t = scene.duration() * (k + 0.5) / kTimes;
       const double f = std::exp(-0.5 * was.lambda * (t - mean) * (t - mean));
       const double g = std::exp(-0.5 * is.lambda * (t - decoded_mean) * (t - decoded_mean));
-      const double difference = static_cast<double>(scene.opacity[from]) * f -
-                                static_cast<double>(a.opacity[i]) * g;
+      const double difference =
+          static_cast<double>(scene.opacity[from]) * f - static_cast<double>(a.opacity[i]) * g;
       errors.fade += difference * difference;
       weight += f * g;
       for (size_t axis = 0; axis < 3; ++axis) {
-        shift[axis] += f * g *
-                       (static_cast<double>(scene.position[3 * from + axis]) +
-                        was.velocity[axis] * (t - reference) -
-                        static_cast<double>(a.position[3 * i + axis]) -
-                        is.velocity[axis] * (t - decoded_reference));
+        shift[axis] +=
+            f * g *
+            (static_cast<double>(scene.position[3 * from + axis]) +
+             was.velocity[axis] * (t - reference) - static_cast<double>(a.position[3 * i + axis]) -
+             is.velocity[axis] * (t - decoded_reference));
       }
     }
     if (weight > 0) {

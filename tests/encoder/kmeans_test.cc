@@ -220,8 +220,8 @@ class HoldingDevice : public NearestDevice {
       update_nearest(held.points.data(), job.n, job.dim, job.codebook, job.k, job.first_label, 1,
                      job.labels, job.sq_dist);
     } else {
-      assign_nearest(held.points.data(), job.n, job.dim, job.codebook, job.k, 1, nullptr, job.labels,
-                     job.sq_dist);
+      assign_nearest(held.points.data(), job.n, job.dim, job.codebook, job.k, 1, nullptr,
+                     job.labels, job.sq_dist);
     }
     ++searches;
     return true;

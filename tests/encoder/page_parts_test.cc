@@ -21,8 +21,11 @@ Encoded encode_large() {
   EncodeOptions e;
   e.preset = "default";
   e.rans = true;
-  e.settings = {{L4D_ENC_PAGE_SIZE, 16384}, {L4D_ENC_CODING, 1},   {L4D_ENC_PRUNE_COST, 0},
-                {L4D_ENC_MERGE_COUNT, 40},  {L4D_ENC_MERGE_FRACTION, 0}};
+  e.settings = {{L4D_ENC_PAGE_SIZE, 16384},
+                {L4D_ENC_CODING, 1},
+                {L4D_ENC_PRUNE_COST, 0},
+                {L4D_ENC_MERGE_COUNT, 40},
+                {L4D_ENC_MERGE_FRACTION, 0}};
   return encode(make_scene(o), e);
 }
 

@@ -171,7 +171,8 @@ TEST(Settings, PresetsReplaceEverything) {
   EXPECT_EQ(s.get(L4D_ENC_LITERAL_THRESHOLD, L4D_COMPONENT_ROTOR_SPATIAL), 1e-6);
   EXPECT_EQ(s.get(L4D_ENC_LITERAL_THRESHOLD, L4D_COMPONENT_ROTOR_TEMPORAL), 8e-6);
 
-  // Effort sets how hard k-means and zstd try, and each step tries no less hard than the one before.
+  // Effort sets how hard k-means and zstd try, and each step tries no less hard than the one
+  // before.
   ASSERT_TRUE(s.set_preset("indexed").ok());
   for (int effort = 2; effort <= 9; ++effort) {
     EncoderSettings less;
@@ -181,8 +182,8 @@ TEST(Settings, PresetsReplaceEverything) {
       EXPECT_GE(s.get(parameter(id)), less.get(parameter(id))) << "effort " << effort;
     }
   }
-  ASSERT_TRUE(s.set(L4D_ENC_EFFORT, L4D_ALL_COMPONENTS,
-                    describe_parameter(L4D_ENC_EFFORT).initial).ok());
+  ASSERT_TRUE(
+      s.set(L4D_ENC_EFFORT, L4D_ALL_COMPONENTS, describe_parameter(L4D_ENC_EFFORT).initial).ok());
   for (const int id : {L4D_ENC_KMEANS_ITERATIONS, L4D_ENC_KMEANS_SAMPLE, L4D_ENC_ZSTD_LEVEL}) {
     EXPECT_EQ(s.get(parameter(id)), describe_parameter(parameter(id)).initial);
   }

@@ -102,8 +102,8 @@ TEST(StageChoice, DearerBitsGiveFewerOfThemAndLargerErrors) {
   const Rows rows = make_rows(20000, 4, 7);
   double bits = 1e30, error = 0;
   for (const double price : {1e-5, 1e-4, 1e-3, 1e-2}) {
-    const CodedComponent c = code_component(rows.values.data(), rows.weights.data(), rows.n, rows.dim, {},
-                                            by_cost(price));
+    const CodedComponent c = code_component(rows.values.data(), rows.weights.data(), rows.n,
+                                            rows.dim, {}, by_cost(price));
     EXPECT_LT(component_bits(c), bits) << price;
     EXPECT_GT(c.weighted_distortion, error) << price;
     bits = component_bits(c);
@@ -114,16 +114,16 @@ TEST(StageChoice, DearerBitsGiveFewerOfThemAndLargerErrors) {
 TEST(StageChoice, CostsNoMoreThanStagesByHand) {
   const Rows rows = make_rows(30000, 4, 9);
   const double price = 2e-4;
-  const CodedComponent chosen = code_component(rows.values.data(), rows.weights.data(), rows.n, rows.dim,
-                                               {}, by_cost(price));
+  const CodedComponent chosen =
+      code_component(rows.values.data(), rows.weights.data(), rows.n, rows.dim, {}, by_cost(price));
   const std::vector<std::vector<float>> shares = {{1}, {1, 0.5f}, {1, 1}, {1, 0.5f, 0.25f}};
   for (const auto& stages : shares) {
     for (const uint32_t k : {64u, 256u, 1024u}) {
       ComponentSettings s = by_cost(0);
       s.codebook_size = k;
       s.stages = stages;
-      const CodedComponent fixed = code_component(rows.values.data(), rows.weights.data(), rows.n,
-                                                  rows.dim, {}, s);
+      const CodedComponent fixed =
+          code_component(rows.values.data(), rows.weights.data(), rows.n, rows.dim, {}, s);
       EXPECT_LT(cost(chosen, price), cost(fixed, price)) << stages.size() << " stages, K=" << k;
     }
   }
@@ -133,11 +133,12 @@ TEST(StageChoice, HeavyRowsFarOffBecomeLiterals) {
   Rows rows = make_rows(5000, 4, 11);
   // Ten rows that no codebook will reach.
   for (size_t i = 0; i < 10; ++i) {
-    for (size_t k = 0; k < 4; ++k) rows.values[400 * i * 4 + k] = 1000.0f * static_cast<float>(i + 1);
+    for (size_t k = 0; k < 4; ++k)
+      rows.values[400 * i * 4 + k] = 1000.0f * static_cast<float>(i + 1);
     rows.weights[400 * i] = 1e4f;
   }
-  const CodedComponent c = code_component(rows.values.data(), rows.weights.data(), rows.n, rows.dim, {},
-                                          by_cost(1e-3));
+  const CodedComponent c =
+      code_component(rows.values.data(), rows.weights.data(), rows.n, rows.dim, {}, by_cost(1e-3));
   for (size_t i = 0; i < c.n; ++i) {
     if (c.depth[i] != kLiteralDepth) continue;
     EXPECT_TRUE(c.any_literal);

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "encoder/transform_coder.h"
+#include "decoder/transform.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <cstring>
 
-#include "decoder/transform.h"
+#include "encoder/transform_coder.h"
 #include "tests/common/random.h"
 
 namespace l4d::test {
@@ -27,7 +27,8 @@ Data correlated(size_t n, size_t dim, uint64_t seed) {
   for (size_t i = 0; i < n; ++i) {
     for (size_t r = 0; r < rank; ++r) {
       const double c = random.normal() / static_cast<double>(1 + r);
-      for (size_t k = 0; k < dim; ++k) d.rows[i * dim + k] += static_cast<float>(c * axes[r * dim + k]);
+      for (size_t k = 0; k < dim; ++k)
+        d.rows[i * dim + k] += static_cast<float>(c * axes[r * dim + k]);
     }
     d.weights.push_back(std::exp2(random.uniformf(-20, 0)));
   }
@@ -46,8 +47,8 @@ TransformSettings settings(double distortion, bool axes) {
 double squared_error(const Data& d, const std::vector<float>& decoded, size_t i) {
   double sum = 0;
   for (size_t k = 0; k < d.dim; ++k) {
-    const double e = static_cast<double>(d.rows[i * d.dim + k]) -
-                     static_cast<double>(decoded[i * d.dim + k]);
+    const double e =
+        static_cast<double>(d.rows[i * d.dim + k]) - static_cast<double>(decoded[i * d.dim + k]);
     sum += e * e;
   }
   return sum;
@@ -55,13 +56,14 @@ double squared_error(const Data& d, const std::vector<float>& decoded, size_t i)
 
 class TransformTest : public testing::TestWithParam<std::pair<size_t, bool>> {};
 
-// Each number is off by half a step at most, along orthogonal axes, but for the rounding of the basis.
+// Each number is off by half a step at most, along orthogonal axes, but for the rounding of the
+// basis.
 TEST_P(TransformTest, ErrorsAreThoseOfTheSteps) {
   const auto [dim, axes] = GetParam();
   const Data d = correlated(3000, dim, 11 + dim);
   std::vector<float> decoded;
-  const CodedTransform c = code_transform(d.rows.data(), d.weights.data(), d.n, dim,
-                                          settings(1e-6, axes), &decoded);
+  const CodedTransform c =
+      code_transform(d.rows.data(), d.weights.data(), d.n, dim, settings(1e-6, axes), &decoded);
   ASSERT_LE(c.steps.size(), dim);
   for (size_t i = 0; i < d.n; ++i) {
     const double step = std::ldexp(static_cast<double>(c.steps[0]), -c.cls[i]);
@@ -69,7 +71,8 @@ TEST_P(TransformTest, ErrorsAreThoseOfTheSteps) {
     for (size_t k = 0; k < dim; ++k) {
       length += static_cast<double>(d.rows[i * dim + k]) * static_cast<double>(d.rows[i * dim + k]);
     }
-    const double allowed = std::sqrt(static_cast<double>(dim)) * step / 2 + 4e-3 * std::sqrt(length);
+    const double allowed =
+        std::sqrt(static_cast<double>(dim)) * step / 2 + 4e-3 * std::sqrt(length);
     EXPECT_LE(std::sqrt(squared_error(d, decoded, i)), 1.01 * allowed + 1e-5) << i;
   }
 }
@@ -79,8 +82,8 @@ TEST_P(TransformTest, ClassesFollowWeights) {
   const auto [dim, axes] = GetParam();
   const Data d = correlated(2000, dim, 5);
   std::vector<float> decoded;
-  const CodedTransform c = code_transform(d.rows.data(), d.weights.data(), d.n, dim,
-                                          settings(1e-7, axes), &decoded);
+  const CodedTransform c =
+      code_transform(d.rows.data(), d.weights.data(), d.n, dim, settings(1e-7, axes), &decoded);
   for (size_t i = 0; i < d.n; ++i) {
     const double step = std::sqrt(12 * 1e-7 / static_cast<double>(d.weights[i]));
     const double octaves = std::log2(0.5 / step);
@@ -93,8 +96,8 @@ TEST_P(TransformTest, DecodedRowsAreTheDecoders) {
   const auto [dim, axes] = GetParam();
   const Data d = correlated(777, dim, 3);
   std::vector<float> decoded;
-  const CodedTransform c = code_transform(d.rows.data(), d.weights.data(), d.n, dim,
-                                          settings(1e-5, axes), &decoded);
+  const CodedTransform c =
+      code_transform(d.rows.data(), d.weights.data(), d.n, dim, settings(1e-5, axes), &decoded);
   std::vector<std::vector<int16_t>> compact(c.steps.size());
   for (size_t k = 0; k < compact.size(); ++k) {
     for (size_t i = 0; i < d.n; ++i) {

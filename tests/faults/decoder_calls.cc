@@ -17,7 +17,7 @@ void wipe(Vectors&... vectors) {
 }  // namespace
 
 const char* name_of(Call call) {
-  constexpr const char* kNames[] = {"open",   "select",   "decode",      "slice",
+  constexpr const char* kNames[] = {"open",   "select",   "decode",       "slice",
                                     "packed", "sections", "get_codebook", "conformance"};
   return kNames[static_cast<size_t>(call)];
 }

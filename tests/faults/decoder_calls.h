@@ -12,9 +12,9 @@
 namespace l4d::test {
 
 enum class Call { kOpen, kSelect, kDecode, kSlice, kPacked, kSections, kBooks, kConformance };
-constexpr std::array<Call, 8> kCalls = {Call::kOpen,   Call::kSelect,   Call::kDecode, Call::kSlice,
-                                        Call::kPacked, Call::kSections, Call::kBooks,
-                                        Call::kConformance};
+constexpr std::array<Call, 8> kCalls = {Call::kOpen,  Call::kSelect,     Call::kDecode,
+                                        Call::kSlice, Call::kPacked,     Call::kSections,
+                                        Call::kBooks, Call::kConformance};
 const char* name_of(Call call);
 
 class DecoderCalls {

@@ -27,10 +27,9 @@ struct Result {
   std::vector<uint16_t> codes;
 
   bool operator==(const Result& other) const {
-    return status == other.status && codes == other.codes &&
-           values.size() == other.values.size() &&
-           (values.empty() || std::memcmp(values.data(), other.values.data(),
-                                          values.size() * sizeof(float)) == 0);
+    return status == other.status && codes == other.codes && values.size() == other.values.size() &&
+           (values.empty() ||
+            std::memcmp(values.data(), other.values.data(), values.size() * sizeof(float)) == 0);
   }
 };
 
@@ -122,9 +121,9 @@ Result page(StreamDecoder& decoder, ByteSpan raw, uint32_t n, unsigned a, unsign
   const SceneHeader header = page_header(a, b);
   Result r;
   SectionBytes sections{};
-  r.status = decode_page(decoder, raw, 0, header, header.layers[0], nullptr, 1 + n, {}, columns,
-                         &sections)
-                 .code();
+  r.status =
+      decode_page(decoder, raw, 0, header, header.layers[0], nullptr, 1 + n, {}, columns, &sections)
+          .code();
   if (r.status != L4D_OK) return r;
   uint64_t sum = 0;
   for (const uint64_t s : sections) sum += s;

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Everything a player does with a stream from a stranger: open, plan, decode both forms, slice, look at
-// codebooks, validate. Checksums stand in the way of random bytes, so files are repaired first where the
-// first input byte says so: the parsers behind the checksums must stand on their own.
+// Everything a player does with a stream from a stranger: open, plan, decode both forms, slice,
+// look at codebooks, validate. Checksums stand in the way of random bytes, so files are repaired
+// first where the first input byte says so: the parsers behind the checksums must stand on their
+// own.
 #include <algorithm>
 #include <cstdint>
 #include <cstdlib>
@@ -26,7 +27,8 @@ void decode_whole(l4d_decoder* decoder, const l4d_info& info, uint32_t detail) {
   const size_t n = static_cast<size_t>(selection.num_gaussians);
   if (n > kMaxGaussians) std::abort();  // the limit was not honoured
   const size_t sh_dim = 3 * (info.sh_degree + 1) * (info.sh_degree + 1);
-  std::vector<float> position(3 * n), mean(n), scale(4 * n), rotor(8 * n), opacity(n), sh(sh_dim * n);
+  std::vector<float> position(3 * n), mean(n), scale(4 * n), rotor(8 * n), opacity(n),
+      sh(sh_dim * n);
   l4d_gaussian_buffers buffers;
   l4d_gaussian_buffers_init(&buffers);
   buffers.capacity = n;

@@ -42,7 +42,8 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   // An address of its own, odd by the second bit: FlatBuffers want theirs aligned.
   const size_t shift = data[0] >> 7;
   Bytes storage(shift + size - kControlBytes);
-  std::copy(data + kControlBytes, data + size, storage.begin() + static_cast<std::ptrdiff_t>(shift));
+  std::copy(data + kControlBytes, data + size,
+            storage.begin() + static_cast<std::ptrdiff_t>(shift));
   const ByteSpan bytes(storage.data() + shift, size - kControlBytes);
   if (!parse_directory_page(bytes, 0, header, data[0] & 1, index, &page).ok()) return 0;
   if (page.blocks.size() > kMaxBlocksPerPage) std::abort();

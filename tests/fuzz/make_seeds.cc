@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// make_seeds FOLDER: writes small valid inputs for every target to FOLDER/TARGET. Made of tiny encodes
-// at build time, so that they follow the format.
+// make_seeds FOLDER: writes small valid inputs for every target to FOLDER/TARGET. Made of tiny
+// encodes at build time, so that they follow the format.
 #include <cstdio>
 #include <cstring>
 #include <filesystem>
@@ -145,10 +145,11 @@ void write_scenes(const Seeds& seeds) {
   std::string spacetime = "ply\nformat ascii 1.0\nelement vertex 1\n";
   std::string row;
   for (const char* name :
-       {"x", "y", "z", "trbf_center", "trbf_scale", "nx", "ny", "nz", "motion_0", "motion_1",
-        "motion_2", "motion_3", "motion_4", "motion_5", "motion_6", "motion_7", "motion_8",
-        "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1",
-        "rot_2", "rot_3", "omega_0", "omega_1", "omega_2", "omega_3"}) {
+       {"x",        "y",        "z",        "trbf_center", "trbf_scale", "nx",       "ny",
+        "nz",       "motion_0", "motion_1", "motion_2",    "motion_3",   "motion_4", "motion_5",
+        "motion_6", "motion_7", "motion_8", "f_dc_0",      "f_dc_1",     "f_dc_2",   "opacity",
+        "scale_0",  "scale_1",  "scale_2",  "rot_0",       "rot_1",      "rot_2",    "rot_3",
+        "omega_0",  "omega_1",  "omega_2",  "omega_3"}) {
     spacetime += std::string("property float ") + name + "\n";
     row += "0.5 ";
   }
@@ -156,8 +157,8 @@ void write_scenes(const Seeds& seeds) {
 
   l4d::io::Weights weights;
   weights.count = 3;
-  weights.alpha_t = weights.sh = weights.scale = weights.rotor_spatial = weights.rotor_temporal = {
-      0, 0.5f, 1};
+  weights.alpha_t = weights.sh = weights.scale = weights.rotor_spatial =
+      weights.rotor_temporal = {0, 0.5f, 1};
   l4d::io::write_weights_ply(seeds.path("weights", "all").string(), weights);
   seeds.text("weights", "ascii",
              "ply\nformat ascii 1.0\ncomment l4d_weights 1\nelement vertex 2\n"

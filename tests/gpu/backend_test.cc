@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The CUDA backend of the ordinary API: a decoder that works on the device and fills arrays of the host.
+// The CUDA backend of the ordinary API: a decoder that works on the device and fills arrays of the
+// host.
 #include <gtest/gtest.h>
 
 #include <cstring>
@@ -29,7 +30,8 @@ TEST_P(Backend, DecodesToTheHostsBits) {
   DecoderHandle host(&host_options), device(&device_options);
   host.open_memory(bytes.data(), bytes.size());
   device.open_memory(bytes.data(), bytes.size());
-  for (const l4d_query& query : {test::all_query(), test::time_query(0.3), test::range_query(0.1, 0.4)}) {
+  for (const l4d_query& query :
+       {test::all_query(), test::time_query(0.3), test::range_query(0.1, 0.4)}) {
     const GaussianArrays a = host.decode(query), b = device.decode(query);
     ASSERT_EQ(a.count(), b.count());
     expect_same_bits(a.position, b.position, "position");

@@ -97,8 +97,7 @@ TEST_F(Damage, OfPagesAndTablesIsFoundWhereTheHostFindsIt) {
   const Bytes files[] = {transforms(600, "default", {{L4D_ENC_PAGE_SIZE, 200}}),
                          transforms(600, "default", {{L4D_ENC_FIXED_POSITIONS, 0}}),
                          transforms(700, "indexed", {{L4D_ENC_CODEBOOK_SIZE, 50}}),
-                         codebooks_with_literals(),
-                         encode(make_scene(large), in_parts).bytes};
+                         codebooks_with_literals(), encode(make_scene(large), in_parts).bytes};
   for (const Bytes& file : files) {
     for (int round = 0; round < 60; ++round) {
       StreamEditor editor(file);

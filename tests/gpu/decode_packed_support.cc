@@ -49,17 +49,32 @@ template <typename Buffers>
 void set_array(unsigned k, void* at, Buffers* buffers) {
   uint16_t* const halves = static_cast<uint16_t*>(at);
   switch (k) {
-    case kPackedPosition: buffers->position = halves; return;
-    case kPackedMeanT: buffers->mean_t = halves; return;
-    case kPackedOpacity: buffers->opacity = halves; return;
-    case kPackedScaleFactor: buffers->scale_factor = halves; return;
-    default: break;
+    case kPackedPosition:
+      buffers->position = halves;
+      return;
+    case kPackedMeanT:
+      buffers->mean_t = halves;
+      return;
+    case kPackedOpacity:
+      buffers->opacity = halves;
+      return;
+    case kPackedScaleFactor:
+      buffers->scale_factor = halves;
+      return;
+    default:
+      break;
   }
   auto& component = buffers->component[(k - kPackedDepth) / 3];
   switch ((k - kPackedDepth) % 3 + kPackedDepth) {
-    case kPackedDepth: component.depth = static_cast<uint8_t*>(at); return;
-    case kPackedIndex: component.index = halves; return;
-    default: component.literal = halves; return;
+    case kPackedDepth:
+      component.depth = static_cast<uint8_t*>(at);
+      return;
+    case kPackedIndex:
+      component.index = halves;
+      return;
+    default:
+      component.literal = halves;
+      return;
   }
 }
 
@@ -125,8 +140,8 @@ PackedResult pack_on_device(DecoderHandle& decoder, DeviceDecoding& device, cons
     failed(l4d_cuda_decoder_finish(device.get()));
     const Verdict of_decode = result.verdict;
     const std::string detail = result.detail;
-    EXPECT_FALSE(failed(
-        l4d_cuda_decoder_get_num_literals(device.get(), result.num_literals.data())));
+    EXPECT_FALSE(
+        failed(l4d_cuda_decoder_get_num_literals(device.get(), result.num_literals.data())));
     result.verdict = of_decode;
     result.detail = detail;
   }
@@ -180,8 +195,8 @@ testing::AssertionResult same_packed(const PackedPair& pair) {
     if (host.size() != device.size()) return testing::AssertionFailure() << "size of array " << k;
     const auto differs = std::mismatch(host.begin(), host.end(), device.begin());
     if (differs.first == host.end()) continue;
-    return testing::AssertionFailure() << "array " << k << " differs at byte "
-                                       << differs.first - host.begin();
+    return testing::AssertionFailure()
+           << "array " << k << " differs at byte " << differs.first - host.begin();
   }
   return testing::AssertionSuccess();
 }

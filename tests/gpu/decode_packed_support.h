@@ -23,9 +23,9 @@ enum PackedArray : unsigned {
 constexpr uint32_t kAllPackedArrays = (1u << kNumPackedArrays) - 1;
 
 struct PackedRequest {
-  uint32_t arrays = kAllPackedArrays;       // bit k: array k is wanted
-  uint64_t spare = 3;                       // capacity beyond the Gaussians
-  uint64_t literal_capacity = UINT64_MAX;   // if less than there may be
+  uint32_t arrays = kAllPackedArrays;      // bit k: array k is wanted
+  uint64_t spare = 3;                      // capacity beyond the Gaussians
+  uint64_t literal_capacity = UINT64_MAX;  // if less than there may be
   uint32_t forms = L4D_CUDA_FORM_PACKED;
 };
 

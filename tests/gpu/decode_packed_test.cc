@@ -18,8 +18,8 @@ namespace l4d::test {
 namespace {
 
 std::vector<l4d_query> queries() {
-  std::vector<l4d_query> out = {all_query(),     time_query(0.0), time_query(0.7),
-                                time_query(1.9), range_query(0.4, 1.1)};
+  std::vector<l4d_query> out = {all_query(), time_query(0.0), time_query(0.7), time_query(1.9),
+                                range_query(0.4, 1.1)};
   out.push_back(time_query(0.7));
   out.back().max_level = 1;
   out.push_back(all_query());
@@ -78,8 +78,10 @@ TEST_F(Packed, PresetsOfCodebooks) {
       EncodeOptions o;
       o.preset = p.name;
       o.rans = p.rans;
-      o.settings = {{L4D_ENC_CODEBOOK_SIZE, p.size}, {L4D_ENC_KMEANS_ITERATIONS, 2},
-                    {L4D_ENC_PAGE_SIZE, p.page},     {L4D_ENC_MERGE_COUNT, 40},
+      o.settings = {{L4D_ENC_CODEBOOK_SIZE, p.size},
+                    {L4D_ENC_KMEANS_ITERATIONS, 2},
+                    {L4D_ENC_PAGE_SIZE, p.page},
+                    {L4D_ENC_MERGE_COUNT, 40},
                     {L4D_ENC_PRUNE_WEIGHT, -1}};
       expect_same_for_all_queries(encode(make_scene(s), o).bytes);
     }
@@ -118,8 +120,8 @@ TEST_F(Packed, PermanentLayersAndSecondParts) {
     EncodeOptions o;
     o.preset = "indexed-small";
     o.rans = true;
-    o.settings = {{L4D_ENC_MERGE_COUNT, 4000}, {L4D_ENC_CODEBOOK_SIZE, 256},
-                  {L4D_ENC_KMEANS_ITERATIONS, 2}};
+    o.settings = {
+        {L4D_ENC_MERGE_COUNT, 4000}, {L4D_ENC_CODEBOOK_SIZE, 256}, {L4D_ENC_KMEANS_ITERATIONS, 2}};
     expect_same_for_all_queries(encode(make_scene(s), o).bytes);
   }
 }
@@ -274,8 +276,8 @@ TEST_F(Packed, CodebooksStayUnread) {
 }
 
 TEST_F(Packed, CodebooksAreThoseOfTheHost) {
-  for (const Bytes& file : {literal_file(900, 1, true), block_codebooks_file(true), block_codebooks_file(false),
-                            transform_file()}) {
+  for (const Bytes& file : {literal_file(900, 1, true), block_codebooks_file(true),
+                            block_codebooks_file(false), transform_file()}) {
     DecoderHandle decoder, host;
     decoder.open_memory(file.data(), file.size());
     host.open_memory(file.data(), file.size());

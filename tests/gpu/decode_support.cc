@@ -15,8 +15,8 @@ Bytes block_codebooks_file(bool rans) {
   s.permanent = 0.05;
   EncodeOptions o = small_options();
   o.rans = rans;
-  for (const Setting& setting : {Setting{L4D_ENC_RCQ, 2}, Setting{L4D_ENC_RCQ_SIZE, 32},
-                                 Setting{L4D_ENC_PAGE_SIZE, 4096}}) {
+  for (const Setting& setting :
+       {Setting{L4D_ENC_RCQ, 2}, Setting{L4D_ENC_RCQ_SIZE, 32}, Setting{L4D_ENC_PAGE_SIZE, 4096}}) {
     o.settings.push_back(setting);
   }
   return encode(make_scene(s), o).bytes;

@@ -108,13 +108,11 @@ TEST_P(Presets, DecodeToTheBitsOfTheReference) {
   expect_same_for_all_queries(encode(make_scene(s), preset.options).bytes);
 }
 
-INSTANTIATE_TEST_SUITE_P(All, Presets,
-                         testing::Combine(testing::ValuesIn(presets()),
-                                          testing::Values(0u, 1u, 2u, 3u)),
-                         [](const auto& parameter) {
-                           return std::get<0>(parameter.param).name +
-                                  std::to_string(std::get<1>(parameter.param));
-                         });
+INSTANTIATE_TEST_SUITE_P(
+    All, Presets, testing::Combine(testing::ValuesIn(presets()), testing::Values(0u, 1u, 2u, 3u)),
+    [](const auto& parameter) {
+      return std::get<0>(parameter.param).name + std::to_string(std::get<1>(parameter.param));
+    });
 
 class Scenes : public OnDevice<testing::Test> {};
 
@@ -142,9 +140,8 @@ TEST_F(Scenes, WithSecondPartsOfSh) {
     EncodeOptions o;
     o.preset = preset;
     o.rans = true;
-    o.settings = {{L4D_ENC_MERGE_COUNT, 4000},
-                  {L4D_ENC_CODEBOOK_SIZE, 256},
-                  {L4D_ENC_KMEANS_ITERATIONS, 2}};
+    o.settings = {
+        {L4D_ENC_MERGE_COUNT, 4000}, {L4D_ENC_CODEBOOK_SIZE, 256}, {L4D_ENC_KMEANS_ITERATIONS, 2}};
     expect_same_for_all_queries(encode(make_scene(s), o).bytes);
   }
 }
@@ -288,11 +285,13 @@ TEST_F(Jobs, UploadAheadOfDecoding) {
   buffers.rotor = array.floats();
   for (int round = 0; round < 3; ++round) {
     if (round != 1) {
-      ASSERT_EQ(l4d_cuda_decoder_upload(device.get(), workspace.data(), job.workspace_bytes,
-                                        nullptr), L4D_OK);
+      ASSERT_EQ(
+          l4d_cuda_decoder_upload(device.get(), workspace.data(), job.workspace_bytes, nullptr),
+          L4D_OK);
     }
-    ASSERT_EQ(l4d_cuda_decoder_decode(device.get(), &buffers, workspace.data(),
-                                      job.workspace_bytes, nullptr), L4D_OK);
+    ASSERT_EQ(l4d_cuda_decoder_decode(device.get(), &buffers, workspace.data(), job.workspace_bytes,
+                                      nullptr),
+              L4D_OK);
     ASSERT_EQ(l4d_cuda_decoder_finish(device.get()), L4D_OK);
     EXPECT_TRUE(same_bits("rotor", array.read(), on_host(file, query).rotor));
   }
@@ -320,8 +319,8 @@ Bytes read_file(const std::string& path) {
   return Bytes(text.begin(), text.end());
 }
 
-// Streams of a trained scene, at one instant and as a whole. Where the scene is not at hand, streams
-// made of it elsewhere can be named in L4D_GPU_TEST_FILES, with colons between.
+// Streams of a trained scene, at one instant and as a whole. Where the scene is not at hand,
+// streams made of it elsewhere can be named in L4D_GPU_TEST_FILES, with colons between.
 TEST_F(Scenes, Basketball) {
   std::vector<Bytes> streams;
   const char* set = std::getenv("L4D_DATA_DIR");
@@ -333,8 +332,7 @@ TEST_F(Scenes, Basketball) {
       EncoderHandle encoder;
       encoder.check(l4d_encoder_set_preset(encoder.get(), preset));
       encoder.check(l4d_encoder_set(encoder.get(), L4D_ENC_EFFORT, L4D_ALL_COMPONENTS, 1));
-      encoder.check(
-          l4d_encoder_set_scene(encoder.get(), &view, &scene.timeline, &scene.placement));
+      encoder.check(l4d_encoder_set_scene(encoder.get(), &view, &scene.timeline, &scene.placement));
       streams.push_back(encoder.encode());
     }
   }

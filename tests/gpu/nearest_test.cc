@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The device's search for the nearest codeword against the host's: equal to the last bit, and so are the
-// files that come of it.
+// The device's search for the nearest codeword against the host's: equal to the last bit, and so
+// are the files that come of it.
 #include "encoder/nearest.h"
 
 #include <gtest/gtest.h>
@@ -57,7 +57,9 @@ struct Result {
   std::vector<uint32_t> labels;
   std::vector<float> sq_dist;
 };
-Result poisoned(size_t n) { return {std::vector<uint32_t>(n, 0xdeadbeefu), std::vector<float>(n, -7.0f)}; }
+Result poisoned(size_t n) {
+  return {std::vector<uint32_t>(n, 0xdeadbeefu), std::vector<float>(n, -7.0f)};
+}
 
 void expect_equal(const Result& a, const Result& b) {
   ASSERT_EQ(a.labels, b.labels);
@@ -81,8 +83,8 @@ TEST_F(DeviceNearest, IsTheHostsToTheLastBit) {
       Result host = poisoned(n), got = poisoned(n);
       assign_nearest(points.data(), n, dim, book.data(), k, 0, nullptr, host.labels.data(),
                      host.sq_dist.data());
-      assign_nearest(points.data(), n, dim, book.data(), k, {0, &device}, nullptr, got.labels.data(),
-                     got.sq_dist.data());
+      assign_nearest(points.data(), n, dim, book.data(), k, {0, &device}, nullptr,
+                     got.labels.data(), got.sq_dist.data());
       expect_equal(host, got);
       EXPECT_EQ(device.count, ++searches);
       // Codewords that join, half of the points being known.
@@ -221,8 +223,8 @@ TEST_F(DeviceNearest, CodebooksOfOddPointsAreTheHosts) {
     weights[i] = i % 3 == 0 ? 0.0f : static_cast<float>(random.uniform());
   }
   Counting device;
-  const auto compare = [&](const std::vector<float>& points, const std::vector<float>& w, size_t count,
-                           size_t codewords) {
+  const auto compare = [&](const std::vector<float>& points, const std::vector<float>& w,
+                           size_t count, size_t codewords) {
     KMeansOptions options;
     options.num_codewords = codewords;
     options.seed = 5;

@@ -44,7 +44,8 @@ std::vector<float> upstream_of(const l4d_camera& camera, uint64_t seed) {
   return out;
 }
 
-void compare(const std::string& name, const io::Scene& scene, const l4d_camera& camera, double time) {
+void compare(const std::string& name, const io::Scene& scene, const l4d_camera& camera,
+             double time) {
   const RendererHandle expected = make_renderer(L4D_RENDER_REFERENCE), device = make_device();
   const l4d_gaussians gaussians = scene.view();
   const float background[3] = {0.2f, 0.1f, 0.4f};
@@ -91,7 +92,8 @@ TEST(DeviceGradient, LargeSplats) {
   SceneBuilder builder(2);
   for (int i = 0; i < 40; ++i) {
     const double rgb[3] = {random.uniform(0.2, 1), random.uniform(0.2, 1), random.uniform(0.2, 1)};
-    const double scale[3] = {random.uniform(-2, 0.5), random.uniform(-2, 0.5), random.uniform(-2, 0.5)};
+    const double scale[3] = {random.uniform(-2, 0.5), random.uniform(-2, 0.5),
+                             random.uniform(-2, 0.5)};
     const size_t at = builder.add(random.normal(), random.normal(), 5 + random.normal(), scale,
                                   random.uniform(0.05, 0.6), rgb);
     builder.turn(at, random, 0.1);
@@ -130,8 +132,8 @@ SensitivityHandle measured(const RendererHandle& renderer, const io::Scene& scen
   return sums;
 }
 
-const std::vector<TestView> kViews = {{0.4, 0.3, false}, {0.4, 2.2, false}, {1.5, 4.0, false},
-                                      {3.1, 1.0, true},  {3.1, 5.0, true}};
+const std::vector<TestView> kViews = {
+    {0.4, 0.3, false}, {0.4, 2.2, false}, {1.5, 4.0, false}, {3.1, 1.0, true}, {3.1, 5.0, true}};
 
 TEST(DeviceImportance, IsTheReference) {
   L4D_SKIP_WITHOUT_DEVICE();
@@ -173,7 +175,8 @@ TEST(DeviceImportance, DoesNotDependOnTheOrderOfViews) {
     first.merge(second);
     const Weights two = weights_of(first);
     for (uint32_t k = 0; k < L4D_WEIGHT_COUNT; ++k) {
-      EXPECT_TRUE(equal_bits(one.array[k], two.array[k])) << "measure " << measure << ", weight " << k;
+      EXPECT_TRUE(equal_bits(one.array[k], two.array[k]))
+          << "measure " << measure << ", weight " << k;
     }
   }
 }

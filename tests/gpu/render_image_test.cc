@@ -14,11 +14,11 @@ struct Totals {
   double largest = 0;
 };
 
-// Rounding decides about single pixels: where blending stops, which of two splats of one depth is in front.
-// Of those that differ by more than a step of 8 bits there may be one in 20,000, and two.
-void compare(const std::string& name, const io::Scene& scene, const std::vector<l4d_camera>& cameras,
-             const std::vector<double>& times, uint32_t path = L4D_RENDER_REFERENCE,
-             const float* background = nullptr) {
+// Rounding decides about single pixels: where blending stops, which of two splats of one depth is
+// in front. Of those that differ by more than a step of 8 bits there may be one in 20,000, and two.
+void compare(const std::string& name, const io::Scene& scene,
+             const std::vector<l4d_camera>& cameras, const std::vector<double>& times,
+             uint32_t path = L4D_RENDER_REFERENCE, const float* background = nullptr) {
   const RendererHandle expected = make_renderer(path), device = make_device();
   const l4d_gaussians gaussians = scene.view();
   for (const RendererHandle* r : {&expected, &device}) {
@@ -35,7 +35,8 @@ void compare(const std::string& name, const io::Scene& scene, const std::vector<
       // Small ones between the centres of pixels touch no tile.
       EXPECT_LE(d.stats.projected, e.stats.projected + 2) << name;
       EXPECT_GE(static_cast<double>(d.stats.projected) + 2,
-                0.98 * static_cast<double>(e.stats.projected)) << name;
+                0.98 * static_cast<double>(e.stats.projected))
+          << name;
       const ImageDifference rgb = difference_of(d.rgb, e.rgb, kStep);
       totals.pixels += e.alpha.size();
       totals.beyond += rgb.beyond;
@@ -49,7 +50,8 @@ void compare(const std::string& name, const io::Scene& scene, const std::vector<
   }
   std::cout << name << ": " << totals.beyond << " of " << totals.pixels
             << " pixels differ by more than 1/255; largest difference " << totals.largest << "\n";
-  EXPECT_LE(static_cast<double>(totals.beyond), 2 + static_cast<double>(totals.pixels) / 20000) << name;
+  EXPECT_LE(static_cast<double>(totals.beyond), 2 + static_cast<double>(totals.pixels) / 20000)
+      << name;
   EXPECT_LE(totals.largest, 0.2) << name;
 }
 
@@ -75,7 +77,8 @@ TEST(DeviceImage, LargeFrames) {
 TEST(DeviceImage, OddSizes) {
   L4D_SKIP_WITHOUT_DEVICE();
   const io::Scene scene = synth(5000);
-  for (const auto& size : {std::pair<uint32_t, uint32_t>{1, 1}, {1, 40}, {17, 1}, {16, 16}, {33, 31}}) {
+  for (const auto& size :
+       {std::pair<uint32_t, uint32_t>{1, 1}, {1, 40}, {17, 1}, {16, 16}, {33, 31}}) {
     compare(std::to_string(size.first) + "x" + std::to_string(size.second), scene,
             ring(size.first, size.second), {0.7});
   }
@@ -120,8 +123,8 @@ TEST(DeviceImage, CamerasInsideTheScene) {
   compare("inside", synth(20000), {look_at(160, 120, 90, eye, target)}, {0.5, 2.0});
 }
 
-// A hundred thousand in one tile, most of them behind what is opaque, many at the very same depth: of
-// those the order of the scene decides.
+// A hundred thousand in one tile, most of them behind what is opaque, many at the very same depth:
+// of those the order of the scene decides.
 TEST(DeviceImage, OneCrowdedTile) {
   L4D_SKIP_WITHOUT_DEVICE();
   Random random(3);
@@ -155,7 +158,8 @@ TEST(DeviceImage, StreamsAreDecodedAndShown) {
   const io::Scene scene = synth(8000);
   EncoderHandle encoder;
   const l4d_gaussians gaussians = scene.view();
-  encoder.check(l4d_encoder_set_scene(encoder.get(), &gaussians, &scene.timeline, &scene.placement));
+  encoder.check(
+      l4d_encoder_set_scene(encoder.get(), &gaussians, &scene.timeline, &scene.placement));
   const std::vector<unsigned char> file = encoder.encode();
   DecoderHandle first, second;
   first.open_memory(file.data(), file.size());
@@ -167,8 +171,7 @@ TEST(DeviceImage, StreamsAreDecodedAndShown) {
     expected.set_time(time);
     device.set_time(time);
     const l4d_camera camera = ring_camera(160, 120, 1.1);
-    const ImageDifference d =
-        difference_of(device.render(camera), expected.render(camera), kStep);
+    const ImageDifference d = difference_of(device.render(camera), expected.render(camera), kStep);
     EXPECT_LE(d.beyond, 2u);
     EXPECT_GT(device.stats().projected, 100u);
   }

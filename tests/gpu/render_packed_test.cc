@@ -30,8 +30,10 @@ Bytes encode_indexed(const io::Scene& scene, size_t stages, size_t literal_each)
   test::EncodeOptions o;
   o.preset = "indexed";
   o.rans = true;
-  o.settings = {{L4D_ENC_CODEBOOK_SIZE, 64}, {L4D_ENC_KMEANS_ITERATIONS, 2},
-                {L4D_ENC_PAGE_SIZE, 700}, {L4D_ENC_MERGE_COUNT, 40}};
+  o.settings = {{L4D_ENC_CODEBOOK_SIZE, 64},
+                {L4D_ENC_KMEANS_ITERATIONS, 2},
+                {L4D_ENC_PAGE_SIZE, 700},
+                {L4D_ENC_MERGE_COUNT, 40}};
   const std::vector<float> fractions = {1.0f, 0.6f, 0.4f, 0.2f};
   o.stages = {{L4D_COMPONENT_SH,
                {fractions.begin(), fractions.begin() + static_cast<std::ptrdiff_t>(stages)}}};
@@ -89,14 +91,16 @@ class DecodedScene {
     sh.index = static_cast<uint16_t*>(array(2 * books.size() * packed.capacity)->data());
     sh.literal = static_cast<uint16_t*>(array(6 * terms_ * n_)->data());
     sh.literal_capacity = n_;
-    check(l4d_cuda_decoder_decode_packed(d, &packed, workspace.data(), job.workspace_bytes,
-                                         nullptr));
+    check(
+        l4d_cuda_decoder_decode_packed(d, &packed, workspace.data(), job.workspace_bytes, nullptr));
     check(l4d_cuda_decoder_finish(d));
     uint64_t literals[L4D_COMPONENT_COUNT];
     check(l4d_cuda_decoder_get_num_literals(d, literals));
-    gaussians = {sizeof(l4d_gaussians), n_, info.sh_degree, info.flags, expanded.position,
-                 expanded.mean_t, expanded.log_scale, expanded.rotor, expanded.opacity,
-                 expanded.sh};
+    gaussians = {sizeof(l4d_gaussians), n_,
+                 info.sh_degree,        info.flags,
+                 expanded.position,     expanded.mean_t,
+                 expanded.log_scale,    expanded.rotor,
+                 expanded.opacity,      expanded.sh};
     timeline = info.timeline;
     l4d_cuda_sh_indices_init(&indices);
     indices.depth = sh.depth;
@@ -131,8 +135,8 @@ class DecodedScene {
     out.depth += first;
     out.index += first;
     out.literal += 3 * terms_ * literals_until(first);
-    out.num_literals = static_cast<uint64_t>(
-        std::count(begin, begin + static_cast<std::ptrdiff_t>(count), 255));
+    out.num_literals =
+        static_cast<uint64_t>(std::count(begin, begin + static_cast<std::ptrdiff_t>(count), 255));
     out.first_literal = literals_until(first);
     return out;
   }
@@ -217,8 +221,8 @@ TEST(IndexedRender, ImagesAreThoseOfExpandedSh) {
         EXPECT_EQ(scene.indices.num_literals > 0, literal_each > 0);
         for (const uint32_t format : {L4D_CUDA_SH_FLOAT32, L4D_CUDA_SH_FLOAT16}) {
           const Renderer expanded(format), indexed(format);
-          expanded.check(l4d_cuda_renderer_set_gaussians(expanded.get(), &scene.gaussians,
-                                                         &scene.timeline));
+          expanded.check(
+              l4d_cuda_renderer_set_gaussians(expanded.get(), &scene.gaussians, &scene.timeline));
           set_whole(indexed, scene);
           for (const double time : {0.4, 2.6}) {
             const l4d_camera camera = ring_camera(160, 110, 0.7 + time);
@@ -384,8 +388,8 @@ TEST(IndexedRender, BringsBackWhatIsBeyondTheCodebooks) {
   const Renderer r, last;
   const l4d_gaussians g = scene.geometry(0, n);
   for (const Renderer* renderer : {&r, &last}) {
-    renderer->check(l4d_cuda_renderer_set_sh_codebooks(
-        renderer->get(), scene.books.data(), static_cast<uint32_t>(scene.books.size())));
+    renderer->check(l4d_cuda_renderer_set_sh_codebooks(renderer->get(), scene.books.data(),
+                                                       static_cast<uint32_t>(scene.books.size())));
     renderer->reserve(camera, n);
   }
   r.check(l4d_cuda_renderer_set_indexed_gaussians(r.get(), &g, &indices, &scene.timeline));

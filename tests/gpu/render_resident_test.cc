@@ -38,8 +38,13 @@ class DeviceCopy {
 // The scene's arrays on the device, and a view of rows [first, first + count).
 struct DeviceScene {
   explicit DeviceScene(const io::Scene& s)
-      : scene(s), position(s.position), mean_t(s.mean_t), log_scale(s.log_scale), rotor(s.rotor),
-        opacity(s.opacity), sh(s.sh) {}
+      : scene(s),
+        position(s.position),
+        mean_t(s.mean_t),
+        log_scale(s.log_scale),
+        rotor(s.rotor),
+        opacity(s.opacity),
+        sh(s.sh) {}
   l4d_gaussians view(size_t first, size_t count) const {
     l4d_gaussians g = scene.view();
     g.count = count;
@@ -161,7 +166,8 @@ TEST(ResidentRender, SlabsAreAScene) {
   }
   // Without a part the image is another one.
   check(parts, l4d_cuda_renderer_set_slabs(parts.get(), slabs, 1, nullptr));
-  EXPECT_GT(difference_of(render(parts, camera, 0.4), render(whole, camera, 0.4), 0.1).beyond, 100u);
+  EXPECT_GT(difference_of(render(parts, camera, 0.4), render(whole, camera, 0.4), 0.1).beyond,
+            100u);
   slabs[0].count = 5000;
   EXPECT_EQ(l4d_cuda_renderer_set_slabs(parts.get(), slabs, 1, nullptr), L4D_ERR_INVALID_ARGUMENT);
 }
@@ -180,11 +186,13 @@ TEST(ResidentRender, TellsWhereRoomIsMissing) {
   for (const auto& [visible, instances] :
        {std::pair<uint64_t, uint64_t>{9000, 5000}, {700, 1 << 19}, {9000, 1 << 19}}) {
     const Handle r = make(L4D_CUDA_SH_FLOAT32);
-    EXPECT_EQ(l4d_cuda_renderer_render(r.get(), 1, &camera, &image, nullptr), L4D_ERR_INVALID_STATE);
+    EXPECT_EQ(l4d_cuda_renderer_render(r.get(), 1, &camera, &image, nullptr),
+              L4D_ERR_INVALID_STATE);
     check(r, l4d_cuda_renderer_set_gaussians(r.get(), &g, &scene.timeline));
     const l4d_cuda_room room = room_of(camera, visible, instances);
     check(r, l4d_cuda_renderer_reserve(r.get(), &room));
-    EXPECT_EQ(l4d_cuda_renderer_render(r.get(), 1, &larger, &image, nullptr), L4D_ERR_INVALID_STATE);
+    EXPECT_EQ(l4d_cuda_renderer_render(r.get(), 1, &larger, &image, nullptr),
+              L4D_ERR_INVALID_STATE);
     check(r, l4d_cuda_renderer_render(r.get(), 1, &camera, &image, nullptr));
     l4d_cuda_figures figures;
     l4d_cuda_figures_init(&figures);

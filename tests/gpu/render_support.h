@@ -27,7 +27,8 @@ inline RendererHandle make_device() {
   return RendererHandle(&options);
 }
 
-// Pixels of two images that are further apart than `step` in some channel, and the largest distance.
+// Pixels of two images that are further apart than `step` in some channel, and the largest
+// distance.
 struct ImageDifference {
   size_t beyond = 0;
   double largest = 0;
@@ -39,8 +40,8 @@ inline ImageDifference difference_of(const std::vector<float>& a, const std::vec
   for (size_t pixel = 0; 3 * pixel + 2 < std::min(a.size(), b.size()); ++pixel) {
     double most = 0;
     for (size_t c = 0; c < 3; ++c) {
-      const double d = std::fabs(static_cast<double>(a[3 * pixel + c]) -
-                                 static_cast<double>(b[3 * pixel + c]));
+      const double d =
+          std::fabs(static_cast<double>(a[3 * pixel + c]) - static_cast<double>(b[3 * pixel + c]));
       most = d <= most ? most : d;  // NaN counts
     }
     out.largest = most <= out.largest ? out.largest : most;

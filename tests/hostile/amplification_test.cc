@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a few bytes can make a decoder hold, hand out or plan, structure by structure, and what stops
-// it. The table that the test prints is that of docs/hostile-input.md.
+// What a few bytes can make a decoder hold, hand out or plan, structure by structure, and what
+// stops it. The table that the test prints is that of docs/hostile-input.md.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -283,8 +283,8 @@ TEST(Amplification, BlockCodebooks) {
     const ComponentCoding& coding = editor.header.component(layer, c);
     if (!coding.vq()) continue;
     ASSERT_FALSE(coding.has_depth());
-    const uint32_t entries = block.tables[c].num_entries != 0 ? kMaxCodebookEntries
-                                                              : coding.stages[0].num_entries;
+    const uint32_t entries =
+        block.tables[c].num_entries != 0 ? kMaxCodebookEntries : coding.stages[0].num_entries;
     if (bit_width(entries) > 0) append(raw, constant_stream(0, bit_width(entries)));
   }
   EditedChunk chunk;

@@ -15,8 +15,8 @@
 namespace l4d::test {
 namespace {
 
-// Both structs that locate chunks in FlatBuffers begin with the offset and the hash. A page record has
-// those of a second part next.
+// Both structs that locate chunks in FlatBuffers begin with the offset and the hash. A page record
+// has those of a second part next.
 constexpr size_t kHashInStruct = 8;
 constexpr size_t kShHashInStruct = 24;
 // Of one layer: a stream may claim a million of them.

@@ -9,10 +9,10 @@ namespace {
 // Widths of the numbers of a table's fields, in the order of the schema. Offsets count as numbers.
 constexpr const char* kChunkRef = "884444";
 constexpr const char* kPageRecord = "88884444441111222222";
-constexpr const char* kHeader[] = {"8", "8", "4",   "4", "4", "4", "888", "8", "1", "1", "1",
-                                   "1", "1", "444", "4", "4", "1", "4",   "4", "8", "4", "4",
-                                   "1", "1", "1",   "1"};
-constexpr const char* kLayer[] = {"1", "1", "8", "1", "4", "4", "4",
+constexpr const char* kHeader[] = {"8", "8", "4", "4", "4",   "4", "888", "8", "1",
+                                   "1", "1", "1", "1", "444", "4", "4",   "1", "4",
+                                   "4", "8", "4", "4", "1",   "1", "1",   "1"};
+constexpr const char* kLayer[] = {"1", "1", "8", "1", "4", "4",      "4",
                                   "4", "4", "1", "8", "1", kChunkRef};
 constexpr const char* kScalarCoding[] = {"1", "1", "4", "4"};
 constexpr const char* kStage[] = {"4", "1", kChunkRef};

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Where the numbers of a serialised FlatBuffer lie: fields, elements of structs, offsets, lengths of
-// vectors and entries of vtables. What a mutation has to know to change one thing at a time.
+// Where the numbers of a serialised FlatBuffer lie: fields, elements of structs, offsets, lengths
+// of vectors and entries of vtables. What a mutation has to know to change one thing at a time.
 #pragma once
 
 #include <vector>

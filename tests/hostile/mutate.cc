@@ -29,8 +29,8 @@ void store(unsigned char* p, unsigned width, uint64_t v) {
 
 // Numbers at the borders of what parsers allow, and near to what was there.
 uint64_t number(Random& random, uint64_t old, unsigned width) {
-  static constexpr uint64_t kBorders[] = {0,     1,     2,     3,      4,       8,       15,
-                                          16,    17,    25,    255,    256,     4096,    65535,
+  static constexpr uint64_t kBorders[] = {0,     1,     2,       3,       4,       8,         15,
+                                          16,    17,    25,      255,     256,     4096,      65535,
                                           65536, 65537, 1 << 20, 1 << 24, 1 << 26, 0x7fffffff};
   switch (random.below(8)) {
     case 0:
@@ -64,8 +64,8 @@ void mutate_in_place(Bytes& file, size_t begin, size_t size, Random& random) {
       file[at] = static_cast<unsigned char>(file[at] ^ (1u << random.below(8)));
       break;
     case 1:
-      file[at] = static_cast<unsigned char>(random.below(2) == 0 ? random.below(8)
-                                                                  : random.below(256));
+      file[at] =
+          static_cast<unsigned char>(random.below(2) == 0 ? random.below(8) : random.below(256));
       break;
     case 2:
       std::fill_n(file.begin() + static_cast<std::ptrdiff_t>(at), n,
@@ -139,8 +139,8 @@ void mutate_stream(Bytes& file, Random& random) {
       static constexpr FlatSlot kFields[] = {{0, 8}, {16, 4}, {20, 4}, {24, 4}};
       const FlatSlot field = kFields[random.below(4)];
       const size_t entry = below(random, place.bytes / PageTableEntry::kBytes);
-      mutate_number(file, place.offset + entry * PageTableEntry::kBytes + field.offset,
-                    field.width, random);
+      mutate_number(file, place.offset + entry * PageTableEntry::kBytes + field.offset, field.width,
+                    random);
       continue;
     }
     const bool flat =

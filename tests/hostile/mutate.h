@@ -7,8 +7,8 @@
 
 namespace l4d::test {
 
-// Blind damage: flipped bits and bytes, runs of one byte, pieces copied or swapped, bytes removed or
-// inserted, the end cut off.
+// Blind damage: flipped bits and bytes, runs of one byte, pieces copied or swapped, bytes removed
+// or inserted, the end cut off.
 void mutate_bytes(Bytes& bytes, Random& random);
 
 // One of the numbers of a valid FlatBuffer set to something a parser may stumble over; false where

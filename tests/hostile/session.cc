@@ -184,8 +184,8 @@ l4d_status Session::step(l4d_decoder* decoder, Step step, uint32_t choice) {
       l4d_codebook book;
       l4d_codebook_init(&book);
       const uint32_t block = choice % 3 == 0 ? 0 : L4D_NO_BLOCK;
-      const l4d_status status = l4d_decoder_get_codebook(
-          decoder, choice / 3 % 4, choice / 12 % 4, choice / 48 % 3, block, &book);
+      const l4d_status status = l4d_decoder_get_codebook(decoder, choice / 3 % 4, choice / 12 % 4,
+                                                         choice / 48 % 3, block, &book);
       float sum = 0;
       for (size_t i = 0; status == L4D_OK && i < size_t{book.num_entries} * book.dim; ++i) {
         sum += book.entries[i];

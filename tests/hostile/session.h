@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Everything a player does with a stream from a stranger, under tight limits, in arrays that are made
-// once: so that what the library allocates can be told from what the caller does.
+// Everything a player does with a stream from a stranger, under tight limits, in arrays that are
+// made once: so that what the library allocates can be told from what the caller does.
 #pragma once
 
 #include <cstdint>
@@ -22,12 +22,22 @@ class Session {
 
   // Opens and decodes all. `digest` is of every decoded attribute, where the status is OK.
   l4d_status decode_all(const Bytes& file, uint64_t* digest);
-  // Then slices, the packed form, sections, codebooks and a part of the time too. The status is that
-  // of opening and decoding.
+  // Then slices, the packed form, sections, codebooks and a part of the time too. The status is
+  // that of opening and decoding.
   l4d_status use(const Bytes& file);
 
   // The steps of use(), in any order, on an open decoder.
-  enum class Step { kSelect, kDecode, kPacked, kSlice, kSections, kCodebook, kInfo, kBuckets, kCount };
+  enum class Step {
+    kSelect,
+    kDecode,
+    kPacked,
+    kSlice,
+    kSections,
+    kCodebook,
+    kInfo,
+    kBuckets,
+    kCount
+  };
   l4d_status step(l4d_decoder* decoder, Step step, uint32_t choice);
 
  private:

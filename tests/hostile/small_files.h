@@ -15,8 +15,8 @@ struct SmallFile {
 };
 
 // plain (motion, permanent layer), stages (residual stages, literals), degree3 (SH), blocks (RCQ),
-// lossless, packed (every chunk under zstd), transform, rans and rans-transform (rANS pages), parts and
-// parts-base (these with SH detail apart). Made once per process; throws where that fails.
+// lossless, packed (every chunk under zstd), transform, rans and rans-transform (rANS pages), parts
+// and parts-base (these with SH detail apart). Made once per process; throws where that fails.
 const std::vector<SmallFile>& small_files();
 
 }  // namespace l4d::test

@@ -5,12 +5,12 @@
 #include <stdio.h>
 #include <string.h>
 
-#define CHECK(expression)                                             \
-  do {                                                                \
-    if (!(expression)) {                                              \
+#define CHECK(expression)                                              \
+  do {                                                                 \
+    if (!(expression)) {                                               \
       fprintf(stderr, "%s:%d: %s\n", __FILE__, __LINE__, #expression); \
-      return 1;                                                       \
-    }                                                                 \
+      return 1;                                                        \
+    }                                                                  \
   } while (0)
 
 typedef struct {
@@ -43,9 +43,9 @@ int main(void) {
   l4d_query query;
   l4d_gaussian_buffers arrays;
 
-  CHECK(l4d_version_number() == ((uint32_t)L4D_VERSION_MAJOR << 24 |
-                                 (uint32_t)L4D_VERSION_MINOR << 16 |
-                                 (uint32_t)L4D_VERSION_PATCH << 8));
+  CHECK(l4d_version_number() ==
+        ((uint32_t)L4D_VERSION_MAJOR << 24 | (uint32_t)L4D_VERSION_MINOR << 16 |
+         (uint32_t)L4D_VERSION_PATCH << 8));
 
   memset(&scene, 0, sizeof scene);
   scene.struct_size = sizeof scene;

@@ -49,9 +49,9 @@ TEST_F(WeightsTest, WrittenAndRead) {
   EXPECT_EQ(read.count, 2U);
   EXPECT_TRUE(read.gauss_newton);
   EXPECT_FALSE(read.sh_is_clamped);
-  for (const auto column : {&Weights::alpha_t, &Weights::sh, &Weights::scale,
-                            &Weights::rotor_spatial, &Weights::rotor_temporal, &Weights::position,
-                            &Weights::opacity, &Weights::mean_t}) {
+  for (const auto column :
+       {&Weights::alpha_t, &Weights::sh, &Weights::scale, &Weights::rotor_spatial,
+        &Weights::rotor_temporal, &Weights::position, &Weights::opacity, &Weights::mean_t}) {
     EXPECT_EQ(read.*column, weights.*column);
   }
   weights.mean_t.pop_back();

@@ -138,16 +138,16 @@ std::vector<float> stereographic(const CallOptions& o, size_t n, uint64_t salt) 
 
 template <bool kMoves>
 std::unique_ptr<Call> make_rotors(const CallOptions& o) {
-  return std::make_unique<ArrayCall<float>>(
-      8 * o.n, o.offset, std::vector<float>(),
-      [spatial = stereographic(o, o.n + o.offset, 1),
-       temporal = stereographic(o, o.n + o.offset, 2),
-       o](const Kernels& k, float* out) -> uint64_t {
-        k.transform->rotors(spatial.data() + 3 * o.offset,
-                            kMoves ? temporal.data() + 3 * o.offset : nullptr, o.n, out,
-                            o.past_cache);
-        return 0;
-      });
+  return std::make_unique<ArrayCall<float>>(8 * o.n, o.offset, std::vector<float>(),
+                                            [spatial = stereographic(o, o.n + o.offset, 1),
+                                             temporal = stereographic(o, o.n + o.offset, 2),
+                                             o](const Kernels& k, float* out) -> uint64_t {
+                                              k.transform->rotors(
+                                                  spatial.data() + 3 * o.offset,
+                                                  kMoves ? temporal.data() + 3 * o.offset : nullptr,
+                                                  o.n, out, o.past_cache);
+                                              return 0;
+                                            });
 }
 
 std::unique_ptr<Call> make_positions(const CallOptions& o) {

@@ -168,9 +168,10 @@ TEST(Generations, KeepTheirSize) {
     options.num_frames = 300;
     TestScene scene = make_scene(options);
     EncodeOptions o;
-    o.settings = {
-        {L4D_ENC_CODEBOOK_SIZE, 512}, {L4D_ENC_MERGE_COUNT, 400}, {L4D_ENC_ZSTD_LEVEL, 3},
-        {L4D_ENC_CODEBOOKS_BY_COST, 0}};
+    o.settings = {{L4D_ENC_CODEBOOK_SIZE, 512},
+                  {L4D_ENC_MERGE_COUNT, 400},
+                  {L4D_ENC_ZSTD_LEVEL, 3},
+                  {L4D_ENC_CODEBOOKS_BY_COST, 0}};
     double before = 0;
     for (int generation = 0; generation < 3; ++generation) {
       const Encoded e = encode(scene, o);

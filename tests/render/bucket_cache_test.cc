@@ -52,7 +52,8 @@ TEST(BucketCache, GivesUpWhatWasNotWantedForLongest) {
   EXPECT_NE(cache.find({0, 3}), nullptr);
 }
 
-// Whatever is asked: chunks belong to one bucket at most, wanted buckets stay, the counts are right.
+// Whatever is asked: chunks belong to one bucket at most, wanted buckets stay, the counts are
+// right.
 TEST(BucketCache, HoldsInvariantsUnderRandomUse) {
   test::Random random(12);
   BucketCache cache(64);

@@ -288,7 +288,7 @@ void check(const Scene& scene, Errors* errors, Totals* totals) {
       for (size_t k = 0; k < n; ++k) {
         double step = 0;
         numeric.push_back(watched_derivative(
-            scene, weight, largest_step, [&](Scene& s) -> auto& { return number(s, k); }, &step));
+            scene, weight, largest_step, [&](Scene & s) -> auto& { return number(s, k); }, &step));
         smallest_step = std::min(smallest_step, step);
       }
       // Rounding of the sum, of which a difference is a small part.
@@ -296,20 +296,26 @@ void check(const Scene& scene, Errors* errors, Totals* totals) {
       errors->add(attribute, {analytic, analytic + n}, numeric, noise);
     };
     const Gradient4D<double>& g = gradient.gaussians[i];
-    compare("position", g.position, 3, 2e-3,
-            [i](Scene& s, size_t k) -> auto& { return s.gaussians[i].position[k]; });
-    compare("mean_t", &g.mean_t, 1, 4e-3,
-            [i](Scene& s, size_t) -> auto& { return s.gaussians[i].mean_t; });
-    compare("log_scale", g.log_scale, 4, 4e-3,
-            [i](Scene& s, size_t k) -> auto& { return s.gaussians[i].log_scale[k]; });
+    compare(
+        "position", g.position, 3,
+        2e-3, [i](Scene & s, size_t k) -> auto& { return s.gaussians[i].position[k]; });
+    compare(
+        "mean_t", &g.mean_t, 1,
+        4e-3, [i](Scene & s, size_t) -> auto& { return s.gaussians[i].mean_t; });
+    compare(
+        "log_scale", g.log_scale, 4,
+        4e-3, [i](Scene & s, size_t k) -> auto& { return s.gaussians[i].log_scale[k]; });
     const double* r = scene.gaussians[i].rotor;
     const double length = std::sqrt(dot4(r, r) + dot4(r + 4, r + 4));
-    compare("rotor", g.rotor, 8, 1e-3 * length,
-            [i](Scene& s, size_t k) -> auto& { return s.gaussians[i].rotor[k]; });
-    compare("opacity", &g.opacity, 1, 1e-3,
-            [i](Scene& s, size_t) -> auto& { return s.gaussians[i].opacity; });
-    compare("sh", gradient.sh[i].data(), gradient.sh[i].size(), 0x1p-4,
-            [i](Scene& s, size_t k) -> auto& { return s.sh[i][k]; });
+    compare(
+        "rotor", g.rotor, 8,
+        1e-3 * length, [i](Scene & s, size_t k) -> auto& { return s.gaussians[i].rotor[k]; });
+    compare(
+        "opacity", &g.opacity, 1,
+        1e-3, [i](Scene & s, size_t) -> auto& { return s.gaussians[i].opacity; });
+    compare(
+        "sh", gradient.sh[i].data(), gradient.sh[i].size(),
+        0x1p-4, [i](Scene & s, size_t k) -> auto& { return s.sh[i][k]; });
   }
 }
 
@@ -322,8 +328,8 @@ void check_scenes(const char* name, std::initializer_list<uint32_t> degrees, boo
   }
   errors.report(name, 1e-6);
   std::cout << "  cut " << totals.cut << ", finished pixels " << totals.finished
-            << ", clamped slopes " << totals.clamped_slopes << ", clamped colours "
-            << totals.black << "\n";
+            << ", clamped slopes " << totals.clamped_slopes << ", clamped colours " << totals.black
+            << "\n";
   EXPECT_GT(totals.cut, 0u);
   EXPECT_GT(totals.finished, 0u);
   EXPECT_GT(totals.clamped_slopes, 0u);

@@ -82,8 +82,7 @@ std::vector<Real> project_by_definition(const View<double>& view, uint32_t degre
   const Real z = camera[2], focal[2] = {Real(view.fx), Real(view.fy)};
   Real jacobian[2][3] = {};
   for (int k = 0; k < 2; ++k) {
-    const Real slope =
-        std::clamp(camera[k] / z, Real(view.min_slope[k]), Real(view.max_slope[k]));
+    const Real slope = std::clamp(camera[k] / z, Real(view.min_slope[k]), Real(view.max_slope[k]));
     jacobian[k][k] = focal[k] / z;
     jacobian[k][2] = -focal[k] * slope / z;
   }
@@ -98,9 +97,7 @@ std::vector<Real> project_by_definition(const View<double>& view, uint32_t degre
   }
   const Real det = c[0][0] * c[1][1] - c[0][1] * c[1][0];
   std::vector<Real> out = {focal[0] * camera[0] / z + Real(view.cx),
-                           focal[1] * camera[1] / z + Real(view.cy),
-                           c[1][1] / det,
-                           -c[0][1] / det,
+                           focal[1] * camera[1] / z + Real(view.cy), c[1][1] / det, -c[0][1] / det,
                            c[0][0] / det};
   Real direction[3], norm = 0, color[3], basis[kMaxShTerms];
   for (int i = 0; i < 3; ++i) {

@@ -88,8 +88,8 @@ std::vector<Real> textbook(const Gaussian4D<Real>& g, const Instant<double>& ins
       for (int j = i; j < 3; ++j) {
         sigma[i][j] = 0;
         for (int k = 0; k < 4; ++k) {
-          sigma[i][j] += (rows[4 * i + k] - velocity[i] * mt[k]) *
-                         (rows[4 * j + k] - velocity[j] * mt[k]);
+          sigma[i][j] +=
+              (rows[4 * i + k] - velocity[i] * mt[k]) * (rows[4 * j + k] - velocity[j] * mt[k]);
         }
         covariance[entry++] = sigma[i][j];
       }
@@ -112,9 +112,9 @@ struct Case {
 struct Kind {
   const char* name;
   double log_scale[2], log_scale_t[2];
-  double temporal;      // size of the rotor's temporal part
-  double log_length[2]; // of the rotor
-  double outside;       // the mean lies up to this far after the end, seconds; 0 = near the instant
+  double temporal;       // size of the rotor's temporal part
+  double log_length[2];  // of the rotor
+  double outside;  // the mean lies up to this far after the end, seconds; 0 = near the instant
   bool logit;
 };
 
@@ -144,9 +144,8 @@ Case random_case(Random& random, const Kind& kind) {
   const double sigma = std::sqrt(
       std::max(static_cast<double>(variance_of(rows)), static_cast<double>(kMinTemporalVariance)));
   do {
-    g.mean_t = round_to_float(kind.outside > 0
-                                  ? c.instant.end + random.uniform(0.1, kind.outside)
-                                  : c.instant.time + sigma * random.uniform(-4, 4));
+    g.mean_t = round_to_float(kind.outside > 0 ? c.instant.end + random.uniform(0.1, kind.outside)
+                                               : c.instant.time + sigma * random.uniform(-4, 4));
     // The reference time has no derivative where the clamp sets in.
   } while (std::fabs(g.mean_t - 3) < 0.01 * sigma || std::fabs(g.mean_t - 13) < 0.01 * sigma);
   return c;
@@ -164,8 +163,8 @@ Real step_of(const Case& c, const Input& input) {
   // the temporal variance that sets the scale.
   const RotorHalves<double> h = halves_of_rotor(c.gaussian.rotor);
   const Real length = std::sqrt(Real(std::min(dot4(h.a, h.a), dot4(h.b, h.b))));
-  const Real longest = std::exp(
-      Real(*std::max_element(c.gaussian.log_scale, c.gaussian.log_scale + 4)));
+  const Real longest =
+      std::exp(Real(*std::max_element(c.gaussian.log_scale, c.gaussian.log_scale + 4)));
   const Real turn = std::sqrt(std::max(variance_of(rows), floor)) / longest;
   return length * std::min(turn, Real(1)) * 1e-3L;
 }
@@ -271,8 +270,8 @@ TEST(SliceGradient, ClampedVariance) { check<double>(kClamped, 1e-6); }
 TEST(SliceGradient, SliceIsTheTextbooks) {
   Random random(32);
   double worst = 0;
-  for (const Kind& kind : {kModerate, kLongMoving, kExtreme, kFarFromUnit, kOutside, kStill, kLogit,
-                           kClamped}) {
+  for (const Kind& kind :
+       {kModerate, kLongMoving, kExtreme, kFarFromUnit, kOutside, kStill, kLogit, kClamped}) {
     for (int i = 0; i < kCases; ++i) {
       const Case c = random_case(random, kind);
       const std::vector<Real> expected = textbook(widen(c.gaussian), c.instant);
