@@ -124,6 +124,11 @@ class Measurement {
     second_ = make_sums(half);
   }
 
+  // Sums must not go while a device is at them.
+  ~Measurement() { static_cast<void>(renderer_.finish_importance()); }
+  Measurement(const Measurement&) = delete;
+  Measurement& operator=(const Measurement&) = delete;
+
   Status run(std::unique_ptr<Sensitivity>* out) {
     L4D_RETURN_IF_ERROR(measure_views());
     L4D_RETURN_IF_ERROR(first_->merge(*second_));
@@ -169,13 +174,14 @@ class Measurement {
           // alone. A camera's turn comes at every other parity of k, so k counts by twos here.
           Sensitivity& half = ((k >> 1) + instant.done) % 2 == 0 ? *first_ : *second_;
           const l4d_camera& camera = cameras_[instant.cameras[instant.done]];
-          if (is_own(k)) L4D_RETURN_IF_ERROR(half.add_view(renderer_, camera, false));
+          if (is_own(k)) L4D_RETURN_IF_ERROR(half.add_view(renderer_, camera, false, false));
           ++report_.views_measured;
           L4D_RETURN_IF_ERROR(proceed("sensitivity"));
         }
         more = more || instant.done < all;
       }
       ++report_.rounds;
+      L4D_RETURN_IF_ERROR(renderer_.finish_importance());
       if (can_stop && report_.views_measured >= 2) L4D_RETURN_IF_ERROR(compare_halves());
     }
     return {};
@@ -229,7 +235,7 @@ class Measurement {
         if (is_own(k)) L4D_RETURN_IF_ERROR(renderer_.set_time(instant.time));
         for (; instant.done < end; ++instant.done) {
           const l4d_camera& camera = cameras_[instant.cameras[instant.done]];
-          if (is_own(k)) L4D_RETURN_IF_ERROR(sums.add_view(renderer_, camera, true));
+          if (is_own(k)) L4D_RETURN_IF_ERROR(sums.add_view(renderer_, camera, true, false));
           pixels += static_cast<double>(camera.width) * camera.height;
           ++report_.views_asked;
           L4D_RETURN_IF_ERROR(proceed("coverage"));
@@ -237,6 +243,7 @@ class Measurement {
         more = more || instant.done < all;
       }
       if (!more) break;
+      L4D_RETURN_IF_ERROR(renderer_.finish_importance());
       L4D_RETURN_IF_ERROR(sums.glimpsed(&shown));
       if (ranks_.count > 1 && ranks_.sum(ranks_.user, shown.data(), shown.size()) != 0) {
         return Status(L4D_ERR_IO, "adding up what all ranks have seen failed");
@@ -249,6 +256,7 @@ class Measurement {
       }
       news = light * Sensitivity::glimpse_unit() / pixels;
     }
+    L4D_RETURN_IF_ERROR(renderer_.finish_importance());
     if (!whole_) return {};
     L4D_RETURN_IF_ERROR(own->share(ranks_));
     return first_->merge(*own);

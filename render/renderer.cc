@@ -298,22 +298,27 @@ Status Renderer::importance(const l4d_camera& camera, const ImportanceInput& inp
   return {};
 }
 
-Status Renderer::make_importance(bool every_glimpse, std::unique_ptr<DeviceImportance>* out) {
+Status Renderer::make_importance(uint32_t measure, bool every_glimpse,
+                                 std::unique_ptr<DeviceImportance>* out) {
   if (source_ != Source::kGaussians || device_ == nullptr) {
     return Status(L4D_ERR_INVALID_STATE, "importance needs the scene's Gaussians: set_gaussians");
   }
-  return device_->make_importance(every_glimpse, out);
+  return device_->make_importance(measure, every_glimpse, out);
 }
 
 Status Renderer::add_importance(const l4d_camera& camera, bool squared, uint64_t signs,
-                                bool seen_only, DeviceImportance* sums) {
+                                bool seen_only, DeviceImportance* sums, bool wait) {
   L4D_RETURN_IF_ERROR(ready(camera));
   begin_view();
   DeviceFigures figures;
-  L4D_RETURN_IF_ERROR(
-      device_->add_importance(time_, camera, squared, signs, seen_only, sums, &figures));
+  L4D_RETURN_IF_ERROR(device_->add_importance(time_, camera, squared, signs, seen_only, sums,
+                                              wait ? &figures : nullptr));
   keep(figures);
   return {};
+}
+
+Status Renderer::finish_importance() {
+  return device_ == nullptr ? Status() : device_->finish_importance();
 }
 
 void Renderer::stats(l4d_render_stats* out) const {

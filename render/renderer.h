@@ -49,9 +49,12 @@ class Renderer {
 
   // A device adds importances up itself: DeviceRenderer has these calls.
   bool on_device() const { return cuda_; }
-  Status make_importance(bool every_glimpse, std::unique_ptr<DeviceImportance>* out);
+  Status make_importance(uint32_t measure, bool every_glimpse,
+                         std::unique_ptr<DeviceImportance>* out);
   Status add_importance(const l4d_camera& camera, bool squared, uint64_t signs, bool seen_only,
-                        DeviceImportance* sums);
+                        DeviceImportance* sums, bool wait);
+  // Waits for views that were added without waiting; they all are in the sums then.
+  Status finish_importance();
 
   const Scene& scene() const { return scene_; }
   bool has_scene() const { return source_ == Source::kGaussians; }

@@ -44,36 +44,79 @@ uint64_t view_key(double time, const l4d_camera& camera) {
   return key;
 }
 
-// Binary places of whole numbers, as devices have them (cuda/gradient.h).
-constexpr int kCoverageBits = 24;
-constexpr int kShBits = 30;
-constexpr int kGeometryBits = 28;
-constexpr int64_t kMostWhole = int64_t{1} << 61;
-
-// What does not fit stays at the largest number.
-void add_whole(int64_t* sum, double amount, int bits) {
+int64_t whole_of(double amount, int bits) {
   const double scaled = std::ldexp(amount, bits);
-  const int64_t whole = scaled < 0x1p61 ? static_cast<int64_t>(std::llrint(scaled)) : kMostWhole;
-  *sum = std::min(*sum + whole, kMostWhole);
+  return scaled < static_cast<double>(kMostWhole) ? static_cast<int64_t>(std::llrint(scaled))
+                                                  : kMostWhole;  // NaN too
+}
+void add_whole(int64_t* sum, int64_t amount) { *sum = std::min(*sum + amount, kMostWhole); }
+
+// Element by element, of arrays of one size or an empty one.
+template <typename T, typename Add>
+void add_all(const std::vector<T>& from, std::vector<T>* to, const Add& add) {
+  if (from.empty()) return;
+  to->resize(from.size());
+  parallel_for(0, from.size(), kGrain, [&](size_t begin, size_t end) {
+    for (size_t i = begin; i < end; ++i) add(&(*to)[i], from[i]);
+  });
+}
+void add_double(double* sum, double amount) { *sum += amount; }
+
+// Binary places of number k of a row.
+int bits_of(const ImportanceRow& row, size_t k) {
+  return k == 0 ? kCoverageBits : k <= row.sh ? kShBits : kGeometryBits;
+}
+
+// Sums over all ranks that stay at kMostWhole as if one rank had added all of them up.
+Status sum_over(const l4d_ranks& ranks, std::vector<int64_t>* values) {
+  const auto sum = [&ranks](std::vector<int64_t>* v) {
+    return ranks.sum(ranks.user, v->data(), v->size()) == 0
+               ? Status()
+               : Status(L4D_ERR_IO, "adding up sums of all ranks failed");
+  };
+  if (ranks.count < 1u << (63 - kWholeBits)) {
+    L4D_RETURN_IF_ERROR(sum(values));
+    for (int64_t& v : *values) v = std::min(v, kMostWhole);
+    return {};
+  }
+  // So many could pass 2^63: halves of the numbers do not.
+  constexpr int kHalf = 32;
+  std::vector<int64_t> low(values->size());
+  for (size_t i = 0; i < low.size(); ++i) {
+    low[i] = (*values)[i] & 0xffffffff;
+    (*values)[i] >>= kHalf;
+  }
+  L4D_RETURN_IF_ERROR(sum(values));
+  L4D_RETURN_IF_ERROR(sum(&low));
+  for (size_t i = 0; i < low.size(); ++i) {
+    const int64_t high = (*values)[i] + (low[i] >> kHalf);
+    (*values)[i] = high >= kMostWhole >> kHalf ? kMostWhole : high << kHalf | (low[i] & 0xffffffff);
+  }
+  return {};
 }
 
 }  // namespace
 
 Sensitivity::Sensitivity(const l4d_sensitivity_options& options, size_t count, uint32_t sh_degree,
                          bool whole_numbers)
-    : options_(options), sh_degree_(sh_degree), seen_(count), whole_numbers_(whole_numbers) {
-  const size_t terms = sh_terms(sh_degree);
-  if (whole_numbers) {
-    whole_.resize(count * (2 + terms + kGeometry));
-    return;
+    : options_(options),
+      sh_degree_(sh_degree),
+      row_(importance_row(options.measure, sh_degree)),
+      seen_(count),
+      whole_numbers_(whole_numbers) {}
+
+void Sensitivity::make_host_sums() {
+  if (whole_numbers_) {
+    whole_.resize(count() * row_.width());
+    whole_glimpsed_.resize(count());
+  } else {
+    sums_.resize(count() * row_.width());
+    glimpsed_.resize(count());
   }
-  coverage_.resize(count);
-  glimpsed_.resize(count);
-  sh_.resize(count * terms);
-  geometry_.resize(count * kGeometry);
 }
 
-Status Sensitivity::add_view(Renderer& renderer, const l4d_camera& camera, bool seen_only) {
+Status Sensitivity::add_view(Renderer& renderer, const l4d_camera& camera, bool seen_only,
+                             bool wait) {
   if (!renderer.has_scene()) {
     return Status(L4D_ERR_INVALID_STATE, "importance needs the scene's Gaussians: set_gaussians");
   }
@@ -90,8 +133,11 @@ Status Sensitivity::add_view(Renderer& renderer, const l4d_camera& camera, bool 
   const uint64_t key = view_key(renderer.time(), camera);
   const uint64_t signs = mix(mix(options_.seed) ^ mix(key + (seen_only ? 0 : repeats_[key])));
   if (renderer.on_device()) {
-    if (device_ == nullptr) L4D_RETURN_IF_ERROR(renderer.make_importance(whole_numbers_, &device_));
-    L4D_RETURN_IF_ERROR(renderer.add_importance(camera, squared, signs, seen_only, device_.get()));
+    if (device_ == nullptr) {
+      L4D_RETURN_IF_ERROR(renderer.make_importance(options_.measure, whole_numbers_, &device_));
+    }
+    L4D_RETURN_IF_ERROR(
+        renderer.add_importance(camera, squared, signs, seen_only, device_.get(), wait));
     device_read_ = false;
     all_pixels_ += pixels;
     if (!seen_only) {
@@ -117,58 +163,60 @@ Status Sensitivity::add_view(Renderer& renderer, const l4d_camera& camera, bool 
     input.as_coded = true;
   }
   L4D_RETURN_IF_ERROR(renderer.importance(camera, input, &items_));
-  const size_t terms = sh_terms(sh_degree_);
-  const size_t n = count();
-  // At a place of one of the arrays of floats, or behind `first` of the whole numbers.
-  const auto add = [this, squared](std::vector<float>& sums, size_t first, int bits, size_t at,
-                                   float derivative) {
-    const float amount = squared ? derivative * derivative : std::fabs(derivative);
-    if (whole_numbers_) {
-      add_whole(&whole_[first + at], static_cast<double>(amount), bits);
-    } else {
-      sums[at] += amount;
-    }
-  };
-  const auto add_coverage = [this](std::vector<double>& sums, size_t first, size_t at,
-                                   double amount) {
-    if (whole_numbers_) {
-      add_whole(&whole_[first + at], amount, kCoverageBits);
-    } else {
-      sums[at] += amount;
-    }
-  };
+  make_host_sums();
+  const uint32_t terms = sh_terms(sh_degree_), width = row_.width();
   parallel_for(renderer.threads(), items_.size(), kGrain, [&](size_t begin, size_t end) {
     for (size_t i = begin; i < end; ++i) {
       const Renderer::Importance& item = items_[i];
       if (!(item.coverage > 0)) continue;
+      const double coverage = static_cast<double>(item.coverage);
       if (seen_only) {
-        if (seen_[item.id] == 0)
-          add_coverage(glimpsed_, n, item.id, static_cast<double>(item.coverage));
+        if (seen_[item.id] != 0) continue;
         // Among ranks, which view comes first depends on who has it: all that glimpse add up.
-        if (!whole_numbers_) seen_[item.id] = 1;
+        if (whole_numbers_) {
+          add_whole(&whole_glimpsed_[item.id], whole_of(coverage, kCoverageBits));
+        } else {
+          glimpsed_[item.id] += coverage;
+          seen_[item.id] = 1;
+        }
         continue;
       }
-      add_coverage(coverage_, 0, item.id, static_cast<double>(item.coverage));
       seen_[item.id] = 1;
+      double row[1 + kMaxShTerms + kGeometryNumbers] = {coverage};
       float basis[kMaxShTerms];
       sh_basis(sh_degree_, item.direction[0], item.direction[1], item.direction[2], basis);
-      // The channels have one derivative, or, with random signs, three estimates of its square.
-      float color = item.color[0];
+      double geometry[kGeometryNumbers];
+      const Gradient4D<float>& g = item.gradient;
+      double* end_of = std::copy_n(g.log_scale, 4, geometry);
+      end_of = std::copy_n(g.rotor, 8, end_of);
+      end_of = std::copy_n(g.position, 3, end_of);
+      *end_of++ = static_cast<double>(g.opacity);
+      *end_of = static_cast<double>(g.mean_t);
       if (squared) {
+        // With random signs the channels are three estimates of one square.
         const float* c = item.color;
-        color = std::sqrt((c[0] * c[0] + c[1] * c[1] + c[2] * c[2]) / 3);
+        const float square = (c[0] * c[0] + c[1] * c[1] + c[2] * c[2]) / 3;
+        for (uint32_t k = 0; k < terms; ++k) {
+          row[1] += static_cast<double>(square * basis[k] * basis[k]);
+        }
+        for (uint32_t p = 0; p < kNumGeometryParts; ++p) {
+          const double* first = geometry + kGeometryParts[p].first;
+          row[2 + p] = std::inner_product(first, first + kGeometryParts[p].count, first, 0.0);
+        }
+      } else {
+        for (uint32_t k = 0; k < terms; ++k) {
+          row[1 + k] = static_cast<double>(std::fabs(item.color[0] * basis[k]));
+        }
+        for (uint32_t k = 0; k < kGeometryNumbers; ++k) row[1 + terms + k] = std::fabs(geometry[k]);
       }
-      for (size_t k = 0; k < terms; ++k) {
-        add(sh_, 2 * n, kShBits, terms * item.id + k, color * basis[k]);
+      const size_t at = size_t{width} * item.id;
+      for (uint32_t k = 0; k < width; ++k) {
+        if (whole_numbers_) {
+          add_whole(&whole_[at + k], whole_of(row[k], bits_of(row_, k)));
+        } else {
+          sums_[at + k] += row[k];
+        }
       }
-      const auto add_geometry = [&](size_t k, float derivative) {
-        add(geometry_, (2 + terms) * n, kGeometryBits, kGeometry * item.id + k, derivative);
-      };
-      for (size_t k = 0; k < 4; ++k) add_geometry(k, item.gradient.log_scale[k]);
-      for (size_t k = 0; k < 8; ++k) add_geometry(4 + k, item.gradient.rotor[k]);
-      for (size_t k = 0; k < 3; ++k) add_geometry(12 + k, item.gradient.position[k]);
-      add_geometry(15, item.gradient.opacity);
-      add_geometry(16, item.gradient.mean_t);
     }
   });
   all_pixels_ += pixels;
@@ -192,7 +240,7 @@ Status Sensitivity::seen(std::vector<uint8_t>* out) const {
   if (device_ != nullptr) L4D_RETURN_IF_ERROR(device_->read_seen(out));
   out->resize(count());
   for (size_t i = 0; i < count(); ++i) {
-    const bool glimpsed = whole_numbers_ && whole_[count() + i] != 0;
+    const bool glimpsed = !whole_glimpsed_.empty() && whole_glimpsed_[i] != 0;
     (*out)[i] = (*out)[i] != 0 || seen_[i] != 0 || glimpsed ? 1 : 0;
   }
   return {};
@@ -201,13 +249,12 @@ Status Sensitivity::seen(std::vector<uint8_t>* out) const {
 double Sensitivity::glimpse_unit() { return std::ldexp(1.0, -kCoverageBits); }
 
 Status Sensitivity::glimpsed(std::vector<int64_t>* out) const {
-  static_assert(kCoverageBits == 24, "the unit of devices");
   out->clear();
   if (device_ != nullptr) L4D_RETURN_IF_ERROR(device_->read_glimpsed(out));
   out->resize(count());
-  for (size_t i = 0; i < count(); ++i) {
-    (*out)[i] += whole_numbers_ ? whole_[count() + i]
-                                : std::llround(std::ldexp(glimpsed_[i], kCoverageBits));
+  add_all(whole_glimpsed_, out, add_whole);
+  for (size_t i = 0; i < glimpsed_.size(); ++i) {
+    (*out)[i] += whole_of(glimpsed_[i], kCoverageBits);
   }
   return {};
 }
@@ -233,14 +280,10 @@ Status Sensitivity::merge(const Sensitivity& other) {
     device_read_ = false;
   }
   for (size_t i = 0; i < seen_.size(); ++i) seen_[i] |= other.seen_[i];
-  for (size_t i = 0; i < whole_.size(); ++i)
-    whole_[i] = std::min(whole_[i] + other.whole_[i], kMostWhole);
-  for (size_t i = 0; i < coverage_.size(); ++i) {
-    coverage_[i] += other.coverage_[i];
-    glimpsed_[i] += other.glimpsed_[i];
-  }
-  for (size_t i = 0; i < sh_.size(); ++i) sh_[i] += other.sh_[i];
-  for (size_t i = 0; i < geometry_.size(); ++i) geometry_[i] += other.geometry_[i];
+  add_all(other.whole_, &whole_, add_whole);
+  add_all(other.whole_glimpsed_, &whole_glimpsed_, add_whole);
+  add_all(other.sums_, &sums_, add_double);
+  add_all(other.glimpsed_, &glimpsed_, add_double);
   all_pixels_ += other.all_pixels_;
   pixels_ += other.pixels_;
   for (const auto& [key, times] : other.repeats_) repeats_[key] += times;
@@ -251,19 +294,14 @@ Status Sensitivity::take_from_device() {
   if (device_ == nullptr) return {};
   bool any;
   L4D_RETURN_IF_ERROR(read_device(&any));
-  const size_t n = count(), terms = sh_terms(sh_degree_);
-  const auto take = [this](const std::vector<double>& values, size_t first, int bits) {
-    for (size_t i = 0; i < values.size(); ++i) add_whole(&whole_[first + i], values[i], bits);
-  };
-  take(device_values_.coverage, 0, kCoverageBits);
-  take(device_values_.glimpsed, n, kCoverageBits);
-  take(device_values_.sh, 2 * n, kShBits);
-  take(device_values_.geometry, (2 + terms) * n, kGeometryBits);
-  for (size_t i = 0; i < n; ++i) {
+  add_all(device_values_.numbers, &whole_, add_whole);
+  add_all(device_values_.glimpsed, &whole_glimpsed_, add_whole);
+  for (size_t i = 0; i < count(); ++i) {
     // What was only glimpsed is told by its coverage.
-    if (device_values_.coverage[i] > 0) seen_[i] = 1;
+    if (device_values_.numbers[row_.width() * i] > 0) seen_[i] = 1;
   }
   device_.reset();
+  device_values_ = {};
   device_read_ = false;
   return {};
 }
@@ -271,18 +309,13 @@ Status Sensitivity::take_from_device() {
 Status Sensitivity::share(const l4d_ranks& ranks) {
   L4D_RETURN_IF_ERROR(take_from_device());
   if (ranks.count < 2) return {};
-  const auto sum = [&ranks](std::vector<int64_t>& values) {
-    return ranks.sum(ranks.user, values.data(), values.size()) == 0
-               ? Status()
-               : Status(L4D_ERR_IO, "adding up sums of all ranks failed");
-  };
-  // Each of them has that much room, whatever the others have.
-  for (int64_t& v : whole_) v = std::min(v, kMostWhole / static_cast<int64_t>(ranks.count));
-  L4D_RETURN_IF_ERROR(sum(whole_));
+  make_host_sums();  // a rank may have had no view
+  L4D_RETURN_IF_ERROR(sum_over(ranks, &whole_));
+  L4D_RETURN_IF_ERROR(sum_over(ranks, &whole_glimpsed_));
   std::vector<int64_t> rest(seen_.begin(), seen_.end());
   rest.push_back(static_cast<int64_t>(pixels_));
   rest.push_back(static_cast<int64_t>(all_pixels_));
-  L4D_RETURN_IF_ERROR(sum(rest));
+  L4D_RETURN_IF_ERROR(sum_over(ranks, &rest));
   for (size_t i = 0; i < seen_.size(); ++i) seen_[i] = rest[i] != 0;
   pixels_ = static_cast<uint64_t>(rest[seen_.size()]);
   all_pixels_ = static_cast<uint64_t>(rest[seen_.size() + 1]);
@@ -297,61 +330,57 @@ Status Sensitivity::copy(std::unique_ptr<Sensitivity>* out) const {
   return {};
 }
 
+double Sensitivity::number(size_t gaussian, size_t k) const {
+  const size_t at = row_.width() * gaussian + k;
+  double sum = sums_.empty() ? 0.0 : sums_[at];
+  int64_t whole = whole_.empty() ? 0 : whole_[at];
+  if (device_read_) add_whole(&whole, device_values_.numbers[at]);
+  if (whole != 0) sum += std::ldexp(static_cast<double>(whole), -bits_of(row_, k));
+  return sum;
+}
+
+float Sensitivity::light(size_t gaussian) const {
+  const double coverage = number(gaussian, 0);
+  double glimpsed = glimpsed_.empty() ? 0.0 : glimpsed_[gaussian];
+  int64_t whole = whole_glimpsed_.empty() ? 0 : whole_glimpsed_[gaussian];
+  bool seen = seen_[gaussian] != 0;
+  if (device_read_) {
+    add_whole(&whole, device_values_.glimpsed[gaussian]);
+    seen = seen || device_values_.seen[gaussian] != 0;
+  }
+  glimpsed += std::ldexp(static_cast<double>(whole), -kCoverageBits);
+  seen = seen || glimpsed > 0;
+  const double weight = coverage > 0 ? coverage / static_cast<double>(pixels_)
+                                     : glimpsed / static_cast<double>(all_pixels_);
+  // What is seen at all does not come out as unseen.
+  return std::max(static_cast<float>(weight), seen ? FLT_MIN : 0.0f);
+}
+
+float Sensitivity::weight(size_t gaussian, uint32_t which) const {
+  if (which == L4D_WEIGHT_ALPHA_T) return light(gaussian);
+  const bool squared = options_.measure == L4D_SENSITIVITY_GAUSS_NEWTON;
+  // Where its numbers lie in the row, and of how many numbers they are.
+  uint32_t first = 1, numbers = row_.sh, of = sh_terms(sh_degree_);
+  for (uint32_t p = 0; p < kNumGeometryParts; ++p) {
+    if (kGeometryParts[p].weight != which) continue;
+    first = 1 + row_.sh + (squared ? p : kGeometryParts[p].first);
+    of = kGeometryParts[p].count;
+    numbers = squared ? 1 : of;
+  }
+  const double pixels = static_cast<double>(pixels_);
+  if (squared) return static_cast<float>(std::sqrt(number(gaussian, first) / of / pixels));
+  double most = 0;
+  for (uint32_t k = 0; k < numbers; ++k) most = std::max(most, number(gaussian, first + k));
+  return static_cast<float>(most / pixels);
+}
+
 Status Sensitivity::weights(uint32_t which, float* out) const {
   if (which >= L4D_WEIGHT_COUNT) return invalid_argument("`which` is no L4D_WEIGHT_*");
   if (pixels_ == 0) return Status(L4D_ERR_INVALID_STATE, "no full view has been added");
   bool on_device;
   L4D_RETURN_IF_ERROR(read_device(&on_device));
-  if (which == L4D_WEIGHT_ALPHA_T) {
-    for (size_t i = 0; i < count(); ++i) {
-      double coverage = 0, glimpsed = 0;
-      if (whole_numbers_) {
-        coverage = std::ldexp(static_cast<double>(whole_[i]), -kCoverageBits);
-        glimpsed = std::ldexp(static_cast<double>(whole_[count() + i]), -kCoverageBits);
-      } else {
-        coverage = coverage_[i];
-        glimpsed = glimpsed_[i];
-      }
-      bool seen = seen_[i] != 0 || glimpsed > 0;
-      if (on_device) {
-        coverage += device_values_.coverage[i];
-        glimpsed += device_values_.glimpsed[i];
-        seen = seen || device_values_.seen[i] != 0;
-      }
-      const double weight = coverage > 0 ? coverage / static_cast<double>(pixels_)
-                                         : glimpsed / static_cast<double>(all_pixels_);
-      // What is seen at all does not come out as unseen.
-      out[i] = std::max(static_cast<float>(weight), seen ? FLT_MIN : 0.0f);
-    }
-    return {};
-  }
-  struct Part {
-    size_t first, count;  // of the numbers in geometry_
-  };
-  constexpr Part kParts[L4D_WEIGHT_COUNT] = {{}, {0, 4},  {4, 4},  {8, 4},
-                                             {}, {12, 3}, {15, 1}, {16, 1}};
-  const bool is_sh = which == L4D_WEIGHT_SH;
-  const size_t stride = is_sh ? sh_terms(sh_degree_) : kGeometry;
-  const Part part = is_sh ? Part{0, stride} : kParts[which];
-  const double pixels = static_cast<double>(pixels_);
-  const size_t base = (is_sh ? 2 : 2 + sh_terms(sh_degree_)) * count();  // among whole numbers
-  const double unit = std::ldexp(1.0, is_sh ? -kShBits : -kGeometryBits);
   parallel_for(0, count(), kGrain, [&](size_t begin, size_t end) {
-    for (size_t i = begin; i < end; ++i) {
-      const size_t first = stride * i + part.first;
-      double sums[kGeometry] = {};  // more than there are SH terms
-      for (size_t k = 0; k < part.count; ++k) {
-        sums[k] = whole_numbers_ ? static_cast<double>(whole_[base + first + k]) * unit
-                                 : static_cast<double>((is_sh ? sh_ : geometry_)[first + k]);
-        if (on_device) sums[k] += (is_sh ? device_values_.sh : device_values_.geometry)[first + k];
-      }
-      if (options_.measure == L4D_SENSITIVITY_GAUSS_NEWTON) {
-        const double sum = std::accumulate(sums, sums + part.count, 0.0);
-        out[i] = static_cast<float>(std::sqrt(sum / static_cast<double>(part.count) / pixels));
-      } else {
-        out[i] = static_cast<float>(*std::max_element(sums, sums + part.count) / pixels);
-      }
-    }
+    for (size_t i = begin; i < end; ++i) out[i] = weight(i, which);
   });
   return {};
 }

@@ -6,6 +6,7 @@
 #include <unordered_map>
 #include <vector>
 
+#include "render/importance_numbers.h"
 #include "render/renderer.h"
 
 namespace l4d::render {
@@ -17,7 +18,9 @@ class Sensitivity {
   Sensitivity(const l4d_sensitivity_options& options, size_t count, uint32_t sh_degree,
               bool whole_numbers = false);
 
-  Status add_view(Renderer& renderer, const l4d_camera& camera, bool seen_only);
+  // wait: until it has been added; else a device may still be at it, and
+  // Renderer::finish_importance() waits.
+  Status add_view(Renderer& renderer, const l4d_camera& camera, bool seen_only, bool wait = true);
   Status merge(const Sensitivity& other);
   // Replaces all sums by those over all ranks. Needs whole_numbers.
   Status share(const l4d_ranks& ranks);
@@ -41,23 +44,25 @@ class Sensitivity {
   // Brings device_values_ up to date; false where there are none.
   Status read_device(bool* any) const;
 
-  // 4 log scales, 8 rotor coefficients, 3 coordinates of the position, opacity, mean time
-  static constexpr size_t kGeometry = 17;
+  void make_host_sums();
+  // Number k of the Gaussian's row, added up.
+  double number(size_t gaussian, size_t k) const;
+  float light(size_t gaussian) const;
+  float weight(size_t gaussian, uint32_t which) const;
 
   l4d_sensitivity_options options_;
   uint32_t sh_degree_;
-  uint64_t all_pixels_ = 0;  // of all views
-  uint64_t pixels_ = 0;      // of full views
-  // Sums over views. In double: a scene may have a hundred thousand of them.
-  std::vector<double> coverage_;  // [N]
-  std::vector<double> glimpsed_;  // [N] coverage in seen_only views, of what no full view had shown
-  std::vector<uint8_t> seen_;     // [N]
-  std::vector<float> sh_;         // [N, (D+1)^2]
-  std::vector<float> geometry_;   // [N, kGeometry]
-  // Where sums are whole numbers, these instead: coverage [N], glimpsed [N], SH [N, (D+1)^2],
-  // geometry [N, kGeometry], one behind the other.
+  ImportanceRow row_;
+  uint64_t all_pixels_ = 0;    // of all views
+  uint64_t pixels_ = 0;        // of full views
+  std::vector<uint8_t> seen_;  // [N]
+  // Sums over views of the host, empty before its first one: rows, and the coverage in seen_only
+  // views of what no full view had shown; in double, for a scene may have a hundred thousand views.
+  std::vector<double> sums_;      // [N, width]
+  std::vector<double> glimpsed_;  // [N]
+  // Where sums are whole numbers, these instead.
   bool whole_numbers_;
-  std::vector<int64_t> whole_;
+  std::vector<int64_t> whole_, whole_glimpsed_;
   std::vector<Renderer::Importance> items_;
   std::vector<float> signs_;
   // How often each full view has been added, by view_key().

@@ -6,14 +6,11 @@
 #include <limits>
 
 #include "libl4dcodec/math/layers.h"
-#include "render/cuda/importance.h"
+#include "render/cuda/importance_lanes.h"
 #include "render/cuda/pipeline.h"
 
 namespace l4d::render {
 namespace {
-
-// Pairs of tile and Gaussian that there is room for before anything is known.
-constexpr uint64_t kFirstInstances = 1u << 20;
 
 Sequence sequence_of(const l4d_timeline& timeline) {
   return {timeline.time_begin, timeline.time_begin + sequence_duration(timeline)};
@@ -57,7 +54,7 @@ class Implementation : public DeviceRenderer {
   Status set_device_gaussians(const l4d_gaussians& gaussians,
                               const l4d_timeline& timeline) override {
     L4D_RETURN_IF_ERROR(use());
-    has_attributes_ = false;
+    forget_scene();
     const size_t n = static_cast<size_t>(gaussians.count);
     L4D_RETURN_IF_ERROR(
         pipeline_.reserve_rows(n, gaussians.sh_degree, options_.half_sh, sequence_of(timeline)));
@@ -98,20 +95,26 @@ class Implementation : public DeviceRenderer {
   Status backward(double time, const l4d_camera& camera, const float* background,
                   const float* rgb_gradient, l4d_gradients* gradients,
                   DeviceFigures* figures) override;
-  Status make_importance(bool every_glimpse, std::unique_ptr<DeviceImportance>* out) override {
+  Status make_importance(uint32_t measure, bool every_glimpse,
+                         std::unique_ptr<DeviceImportance>* out) override {
     L4D_RETURN_IF_ERROR(use());
     auto memory = std::make_unique<ImportanceMemory>();
-    L4D_RETURN_IF_ERROR(
-        memory->create(static_cast<size_t>(gaussians_.count), gaussians_.sh_degree, every_glimpse));
+    L4D_RETURN_IF_ERROR(memory->create(static_cast<size_t>(gaussians_.count),
+                                       importance_row(measure, gaussians_.sh_degree),
+                                       every_glimpse));
     *out = std::move(memory);
     return {};
   }
   Status add_importance(double time, const l4d_camera& camera, bool squared, uint64_t signs,
                         bool seen_only, DeviceImportance* sums, DeviceFigures* figures) override;
+  Status finish_importance() override {
+    L4D_RETURN_IF_ERROR(use());
+    return lanes_ == nullptr ? Status() : lanes_->finish();
+  }
 
   Status reserve_rows(uint64_t rows, uint32_t sh_degree, const l4d_timeline& timeline) override {
     L4D_RETURN_IF_ERROR(use());
-    has_attributes_ = false;
+    forget_scene();
     if (pipeline_.sh_codebooks().empty()) {
       return pipeline_.reserve_rows(static_cast<size_t>(rows), sh_degree, options_.half_sh,
                                     sequence_of(timeline));
@@ -133,7 +136,7 @@ class Implementation : public DeviceRenderer {
   Status set_indexed_gaussians(const l4d_gaussians& gaussians, const l4d_cuda_sh_indices& indices,
                                const l4d_timeline& timeline) override {
     L4D_RETURN_IF_ERROR(use());
-    has_attributes_ = false;
+    forget_scene();
     const size_t n = static_cast<size_t>(gaussians.count);
     L4D_RETURN_IF_ERROR(pipeline_.reserve_indexed_rows(n, sequence_of(timeline)));
     L4D_RETURN_IF_ERROR(pipeline_.reserve_literals(indices.num_literals));
@@ -182,8 +185,9 @@ class Implementation : public DeviceRenderer {
     L4D_RETURN_IF_ERROR(pipeline_.render(time, camera, background, true, target, on));
     const BackwardTask task{Upstream::kGiven, rgb_gradient, 0, target.rgb};
     L4D_RETURN_IF_ERROR(pipeline_.go_back(task, on));
-    launch_gradients(gradient_input(time, camera), task, pipeline_.resident(), pipeline_.memory(),
-                     pipeline_.back_memory(), gradients, on);
+    launch_gradients(gradient_input(pipeline_, gaussians_, time, camera), task,
+                     pipeline_.resident(), pipeline_.memory(), pipeline_.back_memory(), gradients,
+                     on);
     L4D_RETURN_IF_CUDA_ERROR(cudaGetLastError());
     return {};
   }
@@ -210,9 +214,9 @@ class Implementation : public DeviceRenderer {
     L4D_RETURN_IF_CUDA_ERROR(cudaSetDevice(options_.device));
     return {};
   }
-  GradientInput gradient_input(double time, const l4d_camera& camera) const {
-    const Sequence& s = pipeline_.sequence();
-    return {gaussians_, make_view<double>(camera), s, std::min(std::max(time, s.begin), s.end)};
+  void forget_scene() {
+    has_attributes_ = false;
+    lanes_.reset();
   }
   // Renders until there is room for all, and waits. rest(): what is to be launched after the frame;
   // what comes of frames without room must do no harm.
@@ -223,6 +227,7 @@ class Implementation : public DeviceRenderer {
 
   DeviceRendererOptions options_;
   DevicePipeline pipeline_;
+  std::unique_ptr<ImportanceLanes> lanes_;  // of the scene, from the first view nobody waits for on
   bool has_attributes_ = false;
   l4d_gaussians gaussians_{};  // device arrays
   cuda::DeviceMemory attributes_[6], rgb_, alpha_, upstream_, gradients_[6];
@@ -233,13 +238,7 @@ template <class Rest>
 Status Implementation::whole_frame(double time, const l4d_camera& camera, const float* background,
                                    bool backward, const ImageTarget& target, bool back_room,
                                    DeviceFigures* figures, const Rest& rest) {
-  FrameRoom room;
-  room.width = static_cast<int>(camera.width);
-  room.height = static_cast<int>(camera.height);
-  room.visible = narrow(pipeline_.rows());
-  room.instances = narrow(std::max<uint64_t>(kFirstInstances, 4 * uint64_t{pipeline_.rows()}));
-  room.instances = std::min(room.instances, 1u << 24);
-  room.backward = back_room;
+  FrameRoom room = first_room(pipeline_, camera, back_room);
   FrameFigures f{};
   do {
     L4D_RETURN_IF_ERROR(pipeline_.reserve(room));
@@ -249,7 +248,7 @@ Status Implementation::whole_frame(double time, const l4d_camera& camera, const 
     L4D_RETURN_IF_ERROR(rest());
     L4D_RETURN_IF_CUDA_ERROR(cudaGetLastError());
     L4D_RETURN_IF_ERROR(pipeline_.figures(nullptr, &f));
-    room.instances = narrow(uint64_t{f.wanted_instances} + f.wanted_instances / 4);
+    if (f.overflow) room = more_room(room, f);
   } while (f.overflow);
   figures->visible = f.visible;
   figures->projected = f.projected;
@@ -259,7 +258,7 @@ Status Implementation::whole_frame(double time, const l4d_camera& camera, const 
 
 Status Implementation::set_splats(const HostSplats& splats) {
   L4D_RETURN_IF_ERROR(use());
-  has_attributes_ = false;
+  forget_scene();
   const size_t n = splats.count;
   L4D_RETURN_IF_ERROR(pipeline_.reserve_rows(n, splats.sh_degree, false, {0, 0}));
   const ResidentRows& rows = pipeline_.resident();
@@ -335,8 +334,9 @@ Status Implementation::backward(double time, const l4d_camera& camera, const flo
   const auto go_back = [&]() -> Status {
     const BackwardTask task{Upstream::kGiven, upstream_.as<float>(), 0, pipeline_.scratch_image()};
     L4D_RETURN_IF_ERROR(pipeline_.go_back(task, nullptr));
-    launch_gradients(gradient_input(time, camera), task, pipeline_.resident(), pipeline_.memory(),
-                     pipeline_.back_memory(), out, nullptr);
+    launch_gradients(gradient_input(pipeline_, gaussians_, time, camera), task,
+                     pipeline_.resident(), pipeline_.memory(), pipeline_.back_memory(), out,
+                     nullptr);
     return {};
   };
   L4D_RETURN_IF_ERROR(whole_frame(time, camera, background, true, {}, true, figures, go_back));
@@ -355,21 +355,20 @@ Status Implementation::add_importance(double time, const l4d_camera& camera, boo
                                       uint64_t signs, bool seen_only, DeviceImportance* sums,
                                       DeviceFigures* figures) {
   L4D_RETURN_IF_ERROR(use());
-  const auto* memory = static_cast<const ImportanceMemory*>(sums);
+  const ImportanceView view{time,  camera,    squared,
+                            signs, seen_only, static_cast<const ImportanceMemory*>(sums)};
+  if (figures == nullptr) {
+    if (lanes_ == nullptr) {
+      auto lanes = std::make_unique<ImportanceLanes>();
+      L4D_RETURN_IF_ERROR(lanes->create(pipeline_, gaussians_));
+      lanes_ = std::move(lanes);
+    }
+    return lanes_->add(view);
+  }
+  L4D_RETURN_IF_ERROR(finish_importance());
   const float black[3] = {0, 0, 0};
   return whole_frame(time, camera, black, !seen_only, {}, true, figures, [&]() -> Status {
-    if (seen_only) {
-      L4D_RETURN_IF_ERROR(pipeline_.cover(nullptr));
-      launch_glimpse(pipeline_.resident(), pipeline_.memory(), pipeline_.coverage(), memory->sums(),
-                     nullptr);
-      return {};
-    }
-    const BackwardTask task{squared ? Upstream::kSigns : Upstream::kOnes, nullptr, signs,
-                            pipeline_.scratch_image()};
-    L4D_RETURN_IF_ERROR(pipeline_.go_back(task, nullptr));
-    launch_importance(gradient_input(time, camera), task, squared, pipeline_.resident(),
-                      pipeline_.memory(), pipeline_.back_memory(), memory->sums(), nullptr);
-    return {};
+    return launch_view_sums(&pipeline_, gaussians_, view, nullptr, nullptr);
   });
 }
 

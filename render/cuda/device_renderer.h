@@ -30,20 +30,19 @@ struct HostSplats {
   const float* const* sh;      // [count] of [(D+1)^2, 3]
 };
 
-// Sums over views of importances, in device memory and whole numbers (cuda/gradient.h).
+// Sums over views of importances, in device memory and whole numbers (importance_numbers.h).
 class DeviceImportance {
  public:
   virtual ~DeviceImportance() = default;
   // Of all Gaussians, in images with their pixels counted one by one; host arrays.
   struct Values {
-    std::vector<double> coverage, glimpsed;  // [N]
-    std::vector<uint8_t> seen;               // [N]
-    std::vector<double> sh;                  // [N, (D+1)^2]
-    std::vector<double> geometry;            // [N, 17]
+    std::vector<int64_t> numbers;   // [N, width]
+    std::vector<int64_t> glimpsed;  // [N] coverage in views that only asked
+    std::vector<uint8_t> seen;      // [N]
   };
   virtual Status read(Values* out) const = 0;
   virtual Status read_seen(std::vector<uint8_t>* out) const = 0;  // [N]
-  // Coverage in views that only asked, in units of 2^-24 pixels: [N].
+  // [N], as Values::glimpsed.
   virtual Status read_glimpsed(std::vector<int64_t>* out) const = 0;
   virtual Status clone(std::unique_ptr<DeviceImportance>* out) const = 0;
   // Adds the sums of another one on the same device.
@@ -72,11 +71,15 @@ class DeviceRenderer {
                           DeviceFigures* figures) = 0;
   // every_glimpse: views that only ask add up what they show of a Gaussian; else the first one
   // tells.
-  virtual Status make_importance(bool every_glimpse, std::unique_ptr<DeviceImportance>* out) = 0;
+  virtual Status make_importance(uint32_t measure, bool every_glimpse,
+                                 std::unique_ptr<DeviceImportance>* out) = 0;
   // Adds a view: magnitudes of derivatives of the sum of all pixels, or, where `squared`, squares
   // of derivatives with random signs made from `signs`; or, where seen_only, coverage alone.
+  // figures: NULL does not wait for the view, which fails in a later call then. Sums, of which all
+  // views take turns, and the scene must stay until finish_importance().
   virtual Status add_importance(double time, const l4d_camera& camera, bool squared, uint64_t signs,
                                 bool seen_only, DeviceImportance* sums, DeviceFigures* figures) = 0;
+  virtual Status finish_importance() = 0;
 
   // ---- device memory throughout; calls only launch unless they say otherwise ----
   // Arrays of `gaussians` are device pointers here. Waits.

@@ -149,15 +149,30 @@ __global__ void __launch_bounds__(kThreads)
   Row<kNumbers>::add(out.sh, shown.id, by_sh);
 }
 
-// What does not fit into a sum.
-constexpr long long kMostSum = 1ll << 61;
-
-// Adds a number that is not negative.
-__device__ void add_fixed(long long* sum, double value, int bits) {
+// A sum and a number that is not negative.
+__device__ long long add_fixed(long long sum, double value, int bits) {
   const double scaled = value * static_cast<double>(1ll << bits);
   const long long term =
-      scaled < static_cast<double>(kMostSum) ? __double2ll_rn(scaled) : kMostSum;  // NaN too
-  *sum = min(*sum + term, kMostSum);
+      scaled < static_cast<double>(kMostWhole) ? __double2ll_rn(scaled) : kMostWhole;  // NaN too
+  return min(sum + term, static_cast<long long>(kMostWhole));
+}
+
+// Adds a row of squares: coverage, SH, and geometry by attributes.
+__device__ void add_squares(long long* numbers, double coverage, double sh, const double* parts) {
+  // A row is 64 bytes.
+  static_assert(kNumGeometryParts == 6, "a row of four pairs");
+  auto* pairs = reinterpret_cast<longlong2*>(numbers);
+  longlong2 pair = pairs[0];
+  pair.x = add_fixed(pair.x, coverage, kCoverageBits);
+  pair.y = add_fixed(pair.y, sh, kShBits);
+  pairs[0] = pair;
+#pragma unroll
+  for (int p = 0; p < 3; ++p) {
+    pair = pairs[1 + p];
+    pair.x = add_fixed(pair.x, parts[2 * p], kGeometryBits);
+    pair.y = add_fixed(pair.y, parts[2 * p + 1], kGeometryBits);
+    pairs[1 + p] = pair;
+  }
 }
 
 template <uint32_t kDegree>
@@ -170,23 +185,13 @@ __global__ void __launch_bounds__(kThreads)
   float* const no_sh = nullptr;
   if (!back_to_slice(input, view, rows, memory, back, one_channel, &shown, no_sh)) return;
   const size_t id = shown.id;
-  add_fixed(sums.coverage + id, static_cast<double>(shown.sums.coverage),
-            ImportanceSums::kCoverageBits);
   sums.seen[id] = 1;
-  const auto magnitude = [squared](double v) { return squared ? v * v : fabs(v); };
+  const double coverage = static_cast<double>(shown.sums.coverage);
+  long long* const numbers = sums.numbers + size_t{sums.row.width()} * id;
 
   constexpr uint32_t kTerms = sh_terms(kDegree);
   float basis[kTerms];
   sh_basis(kDegree, shown.direction[0], shown.direction[1], shown.direction[2], basis);
-  // The channels have one derivative, or, with random signs, three estimates of its square.
-  const float* c = shown.color;
-  const float color = squared ? sqrtf((c[0] * c[0] + c[1] * c[1] + c[2] * c[2]) / 3) : c[0];
-#pragma unroll
-  for (uint32_t k = 0; k < kTerms; ++k) {
-    add_fixed(sums.sh + kTerms * id + k, magnitude(static_cast<double>(color * basis[k])),
-              ImportanceSums::kShBits);
-  }
-
   // The way back asks for the instant of the position, not for the position.
   Gaussian4D<double>& gaussian = shown.gaussian;
   gaussian.opacity = linear_opacity(gaussian, shown.at);
@@ -197,15 +202,39 @@ __global__ void __launch_bounds__(kThreads)
     normalize_rotor(gaussian.rotor, gaussian.rotor);
   }
   const Gradient4D<double> g = slice_gradient(gaussian, derived, shown.by_slice);
-  long long* geometry = sums.geometry + size_t{ImportanceSums::kGeometry} * id;
-  const auto add = [&](int k, double v) {
-    add_fixed(geometry + k, magnitude(v), ImportanceSums::kGeometryBits);
+  if (squared) {
+    // With random signs the channels are three estimates of one square.
+    const float* c = shown.color;
+    const float square = (c[0] * c[0] + c[1] * c[1] + c[2] * c[2]) / 3;
+    double sh = 0;
+#pragma unroll
+    for (uint32_t k = 0; k < kTerms; ++k) sh += static_cast<double>(square * basis[k] * basis[k]);
+    const auto sum_of = [](const double* v, int count) {
+      double sum = 0;
+      for (int k = 0; k < count; ++k) sum += v[k] * v[k];
+      return sum;
+    };
+    const double parts[kNumGeometryParts] = {sum_of(g.log_scale, 4), sum_of(g.rotor, 4),
+                                             sum_of(g.rotor + 4, 4), sum_of(g.position, 3),
+                                             g.opacity * g.opacity,  g.mean_t * g.mean_t};
+    add_squares(numbers, coverage, sh, parts);
+    return;
+  }
+  uint32_t at = 0;
+  const auto add = [&](double v, int bits) {
+    numbers[at] = add_fixed(numbers[at], fabs(v), bits);
+    ++at;
   };
-  for (int k = 0; k < 4; ++k) add(k, g.log_scale[k]);
-  for (int k = 0; k < 8; ++k) add(4 + k, g.rotor[k]);
-  for (int k = 0; k < 3; ++k) add(12 + k, g.position[k]);
-  add(15, g.opacity);
-  add(16, g.mean_t);
+  add(coverage, kCoverageBits);
+#pragma unroll
+  for (uint32_t k = 0; k < kTerms; ++k) {
+    add(static_cast<double>(shown.color[0] * basis[k]), kShBits);
+  }
+  for (int k = 0; k < 4; ++k) add(g.log_scale[k], kGeometryBits);
+  for (int k = 0; k < 8; ++k) add(g.rotor[k], kGeometryBits);
+  for (int k = 0; k < 3; ++k) add(g.position[k], kGeometryBits);
+  add(g.opacity, kGeometryBits);
+  add(g.mean_t, kGeometryBits);
 }
 
 __global__ void __launch_bounds__(kThreads)
@@ -223,7 +252,7 @@ __global__ void __launch_bounds__(kThreads)
     add_sums(const long long* from, long long* to, size_t count) {
   await_predecessor();
   const size_t i = size_t{blockIdx.x} * kThreads + threadIdx.x;
-  if (i < count) to[i] = min(to[i] + from[i], kMostSum);
+  if (i < count) to[i] = min(to[i] + from[i], static_cast<long long>(kMostWhole));
 }
 
 __global__ void __launch_bounds__(kThreads)
@@ -233,7 +262,7 @@ __global__ void __launch_bounds__(kThreads)
   if (i < count) to[i] |= from[i];
 }
 
-static_assert(kCoverageUnit * (1 << ImportanceSums::kCoverageBits) == 1, "one unit of coverage");
+static_assert(kCoverageUnit * (1 << kCoverageBits) == 1, "one unit of coverage");
 
 template <class Body>
 void for_degree(uint32_t degree, const Body& body) {
@@ -290,19 +319,13 @@ void launch_importance(const GradientInput& input, const BackwardTask& task, boo
   });
 }
 
-void launch_add_sums(const ImportanceSums& from, size_t count, uint32_t sh_degree,
-                     const ImportanceSums& to, cudaStream_t stream) {
+void launch_add_sums(const ImportanceSums& from, size_t count, const ImportanceSums& to,
+                     cudaStream_t stream) {
   if (count == 0) return;
   const auto grid = [](size_t n) { return static_cast<unsigned>((n + kThreads - 1) / kThreads); };
-  const struct {
-    const long long* from;
-    long long* to;
-    size_t n;
-  } sums[] = {{from.coverage, to.coverage, count},
-              {from.glimpsed, to.glimpsed, count},
-              {from.sh, to.sh, count * sh_terms(sh_degree)},
-              {from.geometry, to.geometry, count * ImportanceSums::kGeometry}};
-  for (const auto& s : sums) launch(add_sums, grid(s.n), kThreads, stream, s.from, s.to, s.n);
+  const size_t numbers = count * from.row.width();
+  launch(add_sums, grid(numbers), kThreads, stream, from.numbers, to.numbers, numbers);
+  launch(add_sums, grid(count), kThreads, stream, from.glimpsed, to.glimpsed, count);
   launch(add_flags, grid(count), kThreads, stream, from.seen, to.seen, count);
 }
 

@@ -4,6 +4,7 @@
 
 #include "render/cuda/backward.h"
 #include "render/cuda/store.h"
+#include "render/importance_numbers.h"
 
 namespace l4d::render {
 
@@ -23,21 +24,13 @@ void launch_gradients(const GradientInput& input, const BackwardTask& task,
                       const BackwardMemory& back, const l4d_gradients& out, cudaStream_t stream);
 
 // Sums over views of importances, in whole numbers: neither the order of views nor how they are
-// dealt out to devices changes them. What does not fit stays at the largest number.
+// dealt out to devices changes them.
 struct ImportanceSums {
-  // 4 log scales, 8 rotor coefficients, 3 coordinates of the position, opacity, mean time
-  static constexpr uint32_t kGeometry = 17;
-  // Binary places of the numbers below.
-  static constexpr int kCoverageBits = 24;
-  static constexpr int kShBits = 30;
-  static constexpr int kGeometryBits = 28;
-
-  long long* coverage;  // [N]
+  long long* numbers;   // [N, row.width()]
   long long* glimpsed;  // [N] coverage in views that only asked, of what no full view had shown
   uint8_t* seen;        // [N]
-  long long* sh;        // [N, (D+1)^2]
-  long long* geometry;  // [N, kGeometry]
-  bool every_glimpse;   // all of them add up; else the first one tells
+  ImportanceRow row;
+  bool every_glimpse;  // all of them add up; else the first one tells
 };
 
 // Adds magnitudes of derivatives, or, where squared, squares of derivatives by attributes as
@@ -46,8 +39,8 @@ void launch_importance(const GradientInput& input, const BackwardTask& task, boo
                        const ResidentRows& rows, const FrameMemory& memory,
                        const BackwardMemory& back, const ImportanceSums& sums, cudaStream_t stream);
 // Adds the sums of other views.
-void launch_add_sums(const ImportanceSums& from, size_t count, uint32_t sh_degree,
-                     const ImportanceSums& to, cudaStream_t stream);
+void launch_add_sums(const ImportanceSums& from, size_t count, const ImportanceSums& to,
+                     cudaStream_t stream);
 // Adds coverage of what has not been seen, or of all, and marks it as seen. coverage as
 // launch_coverage has it.
 void launch_glimpse(const ResidentRows& rows, const FrameMemory& memory,

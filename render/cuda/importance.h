@@ -10,20 +10,17 @@ namespace l4d::render {
 class ImportanceMemory : public DeviceImportance {
  public:
   // All sums are 0.
-  Status create(size_t count, uint32_t sh_degree, bool every_glimpse);
+  Status create(size_t count, const ImportanceRow& row, bool every_glimpse);
   Status read(Values* out) const override;
   Status read_seen(std::vector<uint8_t>* out) const override;
   Status read_glimpsed(std::vector<int64_t>* out) const override;
   Status clone(std::unique_ptr<DeviceImportance>* out) const override;
   Status add(const DeviceImportance& other) override;
   const ImportanceSums& sums() const { return sums_; }
-  size_t count() const { return count_; }
-  uint32_t sh_degree() const { return sh_degree_; }
 
  private:
   size_t count_ = 0;
-  uint32_t sh_degree_ = 0;
-  cuda::DeviceMemory memory_[5];
+  cuda::DeviceMemory memory_[3];
   ImportanceSums sums_{};
 };
 

@@ -94,12 +94,28 @@ Status DevicePipeline::make_rows(size_t rows, bool keep) {
   // As many chunks as slabs can make of the rows.
   const size_t chunks = n / kChunkRows + kMaxSlabs + 1;
   L4D_RETURN_IF_ERROR(grow(&chunks_, chunks * sizeof(Chunk), num_chunks_ * sizeof(Chunk)));
+  chunk_list_ = chunks_.as<Chunk>();
+  capacity_rows_ = rows;
+  return reserve_slices(chunks);
+}
+
+Status DevicePipeline::reserve_slices(size_t chunks) {
   L4D_RETURN_IF_ERROR(slice_control_.reserve(sizeof(SliceCounts) + chunks * sizeof(uint32_t)));
   memory_.slice_counts = slice_control_.as<SliceCounts>();
   memory_.slice_states = reinterpret_cast<uint32_t*>(slice_control_.as<SliceCounts>() + 1);
-  capacity_rows_ = rows;
   sliced_ = false;
   return {};
+}
+
+Status DevicePipeline::share_rows(const DevicePipeline& owner) {
+  sequence_ = owner.sequence_;
+  capacity_rows_ = owner.capacity_rows_;
+  sh_degree_ = owner.sh_degree_;
+  half_sh_ = owner.half_sh_;
+  num_chunks_ = owner.num_chunks_;
+  chunk_list_ = owner.chunk_list_;
+  rows_ = owner.rows_;
+  return reserve_slices(num_chunks_);
 }
 
 Status DevicePipeline::reserve_rows(size_t rows, uint32_t sh_degree, bool half_sh,
@@ -354,7 +370,7 @@ Status DevicePipeline::render(double time, const l4d_camera& camera, const float
   if (!sliced_ || sliced_time_ != time) {
     const size_t bytes = sizeof(SliceCounts) + num_chunks_ * sizeof(uint32_t);
     L4D_RETURN_IF_CUDA_ERROR(cudaMemsetAsync(slice_control_.data(), 0, bytes, stream));
-    launch_slice(rows_, chunks_.as<Chunk>(), num_chunks_, input_.time, memory_, stream);
+    launch_slice(rows_, chunk_list_, num_chunks_, input_.time, memory_, stream);
   }
   L4D_RETURN_IF_CUDA_ERROR(cudaMemsetAsync(control_.data(), 0, control_bytes_, stream));
   L4D_RETURN_IF_ERROR(mark(1, stream));

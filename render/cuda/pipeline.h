@@ -49,6 +49,9 @@ class DevicePipeline {
   // Waits for the device.
   Status reserve_chunks(uint32_t chunks, uint32_t sh_degree, bool half_sh,
                         const Sequence& sequence);
+  // Frames of the rows and chunks of another pipeline, which must have them as they are as long as
+  // there are frames.
+  Status share_rows(const DevicePipeline& owner);
   // Fills rows [first, first + gaussians.count) from device arrays. indices: of rows that tell SH
   // by them, else NULL.
   Status store(const l4d_gaussians& gaussians, const l4d_cuda_sh_indices* indices, uint32_t first,
@@ -96,6 +99,7 @@ class DevicePipeline {
  private:
   Status mark(int event, cudaStream_t stream);
   Status make_rows(size_t rows, bool keep);
+  Status reserve_slices(size_t chunks);
   size_t row_sh_bytes() const;
   Status take_indices(const l4d_cuda_sh_indices* indices, uint64_t count, ShIndices* out,
                       cudaStream_t stream);
@@ -108,6 +112,7 @@ class DevicePipeline {
   uint32_t sh_degree_ = 0;
   bool half_sh_ = false;
   uint32_t num_chunks_ = 0;
+  const Chunk* chunk_list_ = nullptr;
   cuda::DeviceMemory row_memory_[7], origins_, chunks_, slice_control_;
   ResidentRows rows_{};
   ShCodebooks codebooks_;

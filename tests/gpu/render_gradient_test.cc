@@ -212,5 +212,44 @@ TEST(DeviceImportance, MeasuresWithL4dMeasure) {
   EXPECT_NEAR(static_cast<double>(unseen[1]), static_cast<double>(unseen[0]), 10);
 }
 
+// l4d_measure has two views under way at a time, with more instances than there is room for at
+// first, and adds them up as one by one.
+TEST(DeviceImportance, ViewsUnderWayTogetherAddUpAsOneByOne) {
+  L4D_SKIP_WITHOUT_DEVICE();
+  io::Scene scene = synth(40000, 6);
+  for (size_t i = 0; i < scene.count(); i += 8) scene.log_scale[4 * i] = 1.0f;
+  const l4d_gaussians gaussians = scene.view();
+  const RendererHandle device = make_device();
+  device.check(l4d_renderer_set_gaussians(device.get(), &gaussians, &scene.timeline));
+  std::vector<l4d_camera> cameras;
+  std::vector<l4d_view> views;
+  for (uint32_t c = 0; c < 5; ++c) cameras.push_back(ring_camera(800, 600, c));
+  for (int t = 0; t < 9; ++t) {
+    for (uint32_t c = 0; c < 5; ++c) views.push_back({0.4 * t, c, 0});
+  }
+  l4d_measure_options options;
+  l4d_measure_options_init(&options);
+  options.sensitivity.measure =
+      L4D_SENSITIVITY_SUM;  // without signs, which are others in each half
+  options.agreement = 2;
+  SensitivityHandle one_by_one(&options.sensitivity, scene.count(), scene.sh_degree);
+  for (const l4d_view& v : views) {
+    device.check(l4d_renderer_set_time(device.get(), v.time));
+    one_by_one.add_view(device, cameras[v.camera], false);
+  }
+  const Weights expected = weights_of(one_by_one);
+  for (int round = 0; round < 3; ++round) {
+    l4d_sensitivity* out = nullptr;
+    device.check(l4d_measure(device.get(), cameras.data(), 5, views.data(), views.size(), &options,
+                             nullptr, nullptr, nullptr, &out));
+    const Weights found = weights_of(SensitivityHandle(out, scene.count()));
+    for (uint32_t k = 0; k < L4D_WEIGHT_COUNT; ++k) {
+      EXPECT_TRUE(equal_bits(expected.array[k], found.array[k])) << round << ", weight " << k;
+    }
+    // A scene set again takes its views with it.
+    device.check(l4d_renderer_set_gaussians(device.get(), &gaussians, &scene.timeline));
+  }
+}
+
 }  // namespace
 }  // namespace l4d::render

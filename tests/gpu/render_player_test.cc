@@ -205,7 +205,8 @@ TEST(PlayerMemory, BudgetsKeepWhatFitsAndRefuseWhatDoesNot) {
   options.memory_bytes = 256 << 20;  // small buckets have a chunk each
   const Playing all(bytes, camera, options);
   const auto play = [&] {
-    for (int k = 0; k < 50; ++k) all.render(k / 5.0);
+    // In steps shorter than a window, so that none is passed over.
+    for (int k = 0; k < 160; ++k) all.render(k / 16.0);
     return all.counters();
   };
   const l4d_cuda_player_counters first = play();
