@@ -98,6 +98,7 @@ Importance measure(Context& context, const EncodeArguments& arguments, const Inp
   });
   return about(input.name(), [&] {
     MeasureArguments how = arguments.measure;
+    how.seed = arguments.seed;
     // The thresholds of these presets are in units of sums.
     if (arguments.parameters.preset.rfind("paper-", 0) == 0) how.measure = "sum";
     return measure_importance(context, "encode", scene, views, how);

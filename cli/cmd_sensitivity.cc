@@ -86,6 +86,11 @@ void add_sensitivity(Registry& registry) {
       ->required();
   arguments->cameras.add_options(verb);
   arguments->measure.add_options(verb);
+  verb->add_option("--seed", arguments->measure.seed,
+                   "Of the random signs of gauss-newton: equal seeds give equal weights")
+      ->type_name("N")
+      ->capture_default_str()
+      ->group("Importance from views");
   add_import_options(verb, arguments->import);
   verb->footer(
       "Examples:\n"

@@ -75,6 +75,7 @@ l4d_measure_options MeasureArguments::options() const {
   l4d_measure_options options;
   l4d_measure_options_init(&options);
   if (measure == "gauss-newton") options.sensitivity.measure = L4D_SENSITIVITY_GAUSS_NEWTON;
+  options.sensitivity.seed = seed;
   if (!agreement.empty()) options.agreement = parse_number(agreement, "--agreement");
   if (!(options.agreement > 0 && options.agreement <= 1)) {
     throw usage_error("--agreement must be above 0 and at most 1");

@@ -18,6 +18,7 @@ struct MeasureArguments {
   std::string max_share;
   std::string measure = kDefault;
   std::string ask = "few";
+  uint64_t seed = 0;  // of the random signs of gauss-newton
 
   void add_options(CLI::App* verb);
   bool given() const;  // whether any option was

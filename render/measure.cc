@@ -6,6 +6,8 @@
 #include <cmath>
 #include <numeric>
 
+#include "libl4dcodec/base/threads.h"
+
 namespace l4d::render {
 namespace {
 
@@ -188,7 +190,6 @@ class Measurement {
   }
 
   Status compare_halves() {
-    std::vector<float> a(first_->count()), b(first_->count());
     const Sensitivity* halves[2] = {first_.get(), second_.get()};
     std::unique_ptr<Sensitivity> shared[2];
     for (int half = 0; whole_ && half < 2; ++half) {
@@ -196,17 +197,20 @@ class Measurement {
       L4D_RETURN_IF_ERROR(shared[half]->share(ranks_));
       halves[half] = shared[half].get();
     }
-    double least = 1;
+    // The weights of a component have its number. A half without views has none yet.
+    std::vector<float> weights[L4D_COMPONENT_COUNT][2];
     for (uint32_t component = 0; component < L4D_COMPONENT_COUNT; ++component) {
-      // The weights of a component have its number. A half without views has none yet.
-      if (!halves[0]->weights(component, a.data()).ok() ||
-          !halves[1]->weights(component, b.data()).ok()) {
-        least = 0;
-        break;
+      for (int half = 0; half < 2; ++half) {
+        std::vector<float>& w = weights[component][half];
+        w.resize(first_->count());
+        if (!halves[half]->weights(component, w.data()).ok()) return {};
       }
-      report_.agreement[component] = rank_correlation(a, b);
-      least = std::min(least, report_.agreement[component]);
     }
+    parallel_for(renderer_.threads(), L4D_COMPONENT_COUNT, 1, [&](size_t component, size_t) {
+      report_.agreement[component] = rank_correlation(weights[component][0], weights[component][1]);
+    });
+    const double least =
+        *std::min_element(report_.agreement, report_.agreement + L4D_COMPONENT_COUNT);
     report_.agreed = least >= options_.agreement ? 1 : 0;
     return {};
   }

@@ -5,43 +5,44 @@
 namespace l4d::cuda {
 namespace {
 
+// Geometry waits for memory, and SH for arithmetic: they go side by side. As soon as all blocks of
+// geometry are under way those of SH, which need nothing of them, begin where there is room; they
+// end after the last of geometry, so that whatever comes next on the stream finds both.
 __global__ void __launch_bounds__(kExpandThreads)
     geometry_kernel(const DeviceJob job, const DeviceArrays out) {
+  cudaTriggerProgrammaticLaunchCompletion();
   expand_geometry(job, out, blockIdx.x);
 }
 
-// Geometry waits for memory, and SH for arithmetic: blocks of both lie side by side, so that they
-// hide each other's waits. kinds: 1 = SH alone, 2 = both.
 template <unsigned kDim>
-__global__ void __launch_bounds__(kExpandThreads, 2)
-    transform_kernel(const DeviceJob job, const DeviceArrays out, uint32_t kinds) {
+__global__ void __launch_bounds__(kExpandThreads, 3)
+    transform_kernel(const DeviceJob job, const DeviceArrays out) {
   __shared__ TransformShared<kDim> shared;
-  if (blockIdx.x % kinds == 1) {
-    expand_geometry(job, out, blockIdx.x / kinds);
-  } else {
-    expand_sh_transform<kDim>(job, out, blockIdx.x / kinds, shared);
-  }
+  expand_sh_transform<kDim>(job, out, blockIdx.x, shared);
+  cudaGridDependencySynchronize();
 }
 
 template <unsigned kDim>
 __global__ void __launch_bounds__(kExpandThreads)
-    rows_kernel(const DeviceJob job, const DeviceArrays out, uint32_t kinds) {
-  if (blockIdx.x % kinds == 1) {
-    expand_geometry(job, out, blockIdx.x / kinds);
-  } else {
-    expand_sh_rows<kDim, kDim % 4 == 0 ? 4 : 1>(job, out, blockIdx.x / kinds);
-  }
+    rows_kernel(const DeviceJob job, const DeviceArrays out) {
+  expand_sh_rows<kDim, kDim % 4 == 0 ? 4 : 1>(job, out, blockIdx.x);
+  cudaGridDependencySynchronize();
 }
 
 template <unsigned kDim>
-void launch_sh(const DeviceJob& job, const ExpandLaunch& launch, const DeviceArrays& out,
-               uint32_t kinds, cudaStream_t stream) {
-  const uint32_t blocks = kinds * launch.num_blocks;
-  if (launch.sh_transform) {
-    transform_kernel<kDim><<<blocks, kExpandThreads, 0, stream>>>(job, out, kinds);
-  } else {
-    rows_kernel<kDim><<<blocks, kExpandThreads, 0, stream>>>(job, out, kinds);
-  }
+cudaError_t launch_sh(const DeviceJob& job, const ExpandLaunch& launch, const DeviceArrays& out,
+                      bool beside_geometry, cudaStream_t stream) {
+  cudaLaunchAttribute early{};
+  early.id = cudaLaunchAttributeProgrammaticStreamSerialization;
+  early.val.programmaticStreamSerializationAllowed = 1;
+  cudaLaunchConfig_t config{};
+  config.gridDim = dim3(launch.num_blocks);
+  config.blockDim = dim3(kExpandThreads);
+  config.stream = stream;
+  config.attrs = &early;
+  config.numAttrs = beside_geometry ? 1 : 0;
+  return cudaLaunchKernelEx(
+      &config, launch.sh_transform ? transform_kernel<kDim> : rows_kernel<kDim>, job, out);
 }
 
 bool has_geometry(const DeviceArrays& out) {
@@ -53,30 +54,26 @@ bool has_geometry(const DeviceArrays& out) {
 
 cudaError_t launch_expand(const DeviceJob& job, const ExpandLaunch& launch, const DeviceArrays& out,
                           cudaStream_t stream) {
+  if (launch.num_blocks == 0) return cudaSuccess;
   const bool geometry = has_geometry(out);
-  if (launch.num_blocks == 0 || (!geometry && out.sh == nullptr)) return cudaSuccess;
-  if (out.sh == nullptr) {
+  if (geometry) {
     geometry_kernel<<<launch.num_blocks, kExpandThreads, 0, stream>>>(job, out);
-    return cudaGetLastError();
+    const cudaError_t error = cudaGetLastError();
+    if (error != cudaSuccess) return error;
   }
-  const uint32_t kinds = geometry ? 2 : 1;
+  if (out.sh == nullptr) return cudaSuccess;
   switch (launch.sh_dim) {
     case 3:
-      launch_sh<3>(job, launch, out, kinds, stream);
-      break;
+      return launch_sh<3>(job, launch, out, geometry, stream);
     case 12:
-      launch_sh<12>(job, launch, out, kinds, stream);
-      break;
+      return launch_sh<12>(job, launch, out, geometry, stream);
     case 27:
-      launch_sh<27>(job, launch, out, kinds, stream);
-      break;
+      return launch_sh<27>(job, launch, out, geometry, stream);
     case 48:
-      launch_sh<48>(job, launch, out, kinds, stream);
-      break;
+      return launch_sh<48>(job, launch, out, geometry, stream);
     default:
       return cudaErrorInvalidValue;
   }
-  return cudaGetLastError();
 }
 
 }  // namespace l4d::cuda

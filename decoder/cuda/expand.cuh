@@ -11,8 +11,8 @@
 
 namespace l4d::cuda {
 
-// Two for each Gaussian.
-constexpr uint32_t kExpandThreads = 2 * kExpandGaussians;
+// One for each Gaussian.
+constexpr uint32_t kExpandThreads = kExpandGaussians;
 static_assert(kExpandGaussians <= 256, "eight bits tell a Gaussian of a block");
 
 // What the threads of a block have in common.
@@ -102,11 +102,22 @@ __device__ void component_row(const ComponentSource& source, size_t slot, float*
     for (unsigned d = 0; d < kDim; ++d) row[d] = source.book0[d];
     const uint32_t count = source.coefficients(slot);
     const float scale = source.class_scale(slot);
-    for (uint32_t k = 0; k < count; ++k) {
-      const float c =
-          source.coefficient(source.value[k * source.stride + slot], scale, source.coding.steps[k]);
+    const auto code = [&](uint32_t k) {
+      return k < count ? source.value[k * source.stride + slot] : uint16_t{0};
+    };
+    const auto add = [&](uint32_t k, uint32_t coded) {
+      const float c = source.coefficient(coded, scale, source.coding.steps[k]);
       for (unsigned d = 0; d < kDim; ++d) row[d] = row[d] + c * source.book0[kDim * (k + 1) + d];
+    };
+    // There are rarely more than numbers: those are asked for all at once.
+    uint16_t first[kDim];
+#pragma unroll
+    for (unsigned k = 0; k < kDim; ++k) first[k] = code(k);
+#pragma unroll
+    for (unsigned k = 0; k < kDim; ++k) {
+      if (k < count) add(k, first[k]);
     }
+    for (uint32_t k = kDim; k < count; ++k) add(k, code(k));
     return;
   }
   const bool zero = source.is(ComponentCodingId::kZero);
@@ -176,18 +187,11 @@ __device__ inline void expand_position(const DeviceLayer& layer, uint64_t code, 
   }
 }
 
-// All attributes but SH: rotors, which are half of the work, by one half of the threads.
-__device__ inline void expand_geometry(const DeviceJob& job, const DeviceArrays& out,
-                                       uint32_t index) {
-  const ExpandBlock block(job, index);
-  const uint32_t i = threadIdx.x % kExpandGaussians;
-  if (i >= block.count) return;
+// All attributes of Gaussian i of a block but SH and rotor.
+__device__ inline void expand_place(const DeviceJob& job, const ExpandBlock& block,
+                                    const DeviceArrays& out, uint32_t i) {
   const DeviceLayer& layer = *block.layer;
   const size_t slot = block.slot(i), gaussian = block.gaussian(i);
-  if (threadIdx.x >= kExpandGaussians) {
-    if (out.rotor != nullptr) expand_rotor(job, block, slot, out.rotor + 8 * gaussian);
-    return;
-  }
   if (out.position != nullptr) {
     expand_position(layer, job.columns.morton[slot], out.position + 3 * gaussian);
   }
@@ -206,32 +210,48 @@ __device__ inline void expand_geometry(const DeviceJob& job, const DeviceArrays&
   if (out.log_scale != nullptr) expand_scale(job, block, slot, out.log_scale + 4 * gaussian);
 }
 
+// All attributes but SH. Rotors are half of the work: threads take them apart from the rest.
+__device__ inline void expand_geometry(const DeviceJob& job, const DeviceArrays& out,
+                                       uint32_t index) {
+  static_assert(kExpandGaussians % 32 == 0, "a warp does one thing");
+  const ExpandBlock block(job, index);
+  for (uint32_t e = threadIdx.x; e < 2 * kExpandGaussians; e += kExpandThreads) {
+    const uint32_t i = e % kExpandGaussians;
+    if (i >= block.count) continue;
+    if (e < kExpandGaussians) {
+      expand_place(job, block, out, i);
+    } else if (out.rotor != nullptr) {
+      expand_rotor(job, block, block.slot(i), out.rotor + 8 * block.gaussian(i));
+    }
+  }
+}
+
 // Working memory of expand_sh_transform.
 template <unsigned kDim>
-struct TransformShared {
-  float basis[(kMaxCoefficients + 1) * kDim];
+struct alignas(16) TransformShared {
+  static constexpr uint32_t kLanes = 8;                               // beside each other in a row
+  static constexpr uint32_t kNumbers = (kDim + kLanes - 1) / kLanes;  // of a row, a thread
+  static constexpr uint32_t kWidth = kLanes * kNumbers;
+  static constexpr uint32_t kChunk = 16;  // coefficients of a row that are there at a time
+  static constexpr uint32_t kRows = 4;    // a thread
+  static constexpr uint32_t kWarpRows = 32 / kLanes * kRows;
+  static constexpr uint32_t kWarps = kExpandThreads / 32;
+  static constexpr uint32_t kCodes = kChunk * kWarpRows / 32;  // that a thread brings of a chunk
+  static_assert(kWarps * kWarpRows * 2 == kExpandGaussians, "two rounds");
+  static_assert(kMaxCoefficients % kChunk == 0, "whole chunks");
+
+  float chunk[kWarps][2][kChunk][kWarpRows];
+  float basis[kMaxCoefficients * kWidth];
   float steps[kMaxCoefficients];
   uint32_t begin[kMaxCoefficients + 2];
   uint16_t order[kExpandGaussians];  // number of coefficients, Gaussian of the block
 };
 
-// SH of transform coefficients. Gaussians are taken by falling number of coefficients, so that
-// those of a warp have about as many; long rows are cut in two, each half for one half of the
-// threads.
+// shared.order: Gaussians of the block by falling number of coefficients.
 template <unsigned kDim>
-__device__ void expand_sh_transform(const DeviceJob& job, const DeviceArrays& out, uint32_t index,
-                                    TransformShared<kDim>& shared) {
-  constexpr uint32_t kPieces = kDim % 8 == 0 ? 2 : 1;
-  constexpr uint32_t kPiece = kDim / kPieces;
-  const ExpandBlock block(job, index);
-  if (block.count == 0) return;
-  const ComponentSource source(job, block, L4D_COMPONENT_SH);
+__device__ void order_by_coefficients(const ComponentSource& source, const ExpandBlock& block,
+                                      TransformShared<kDim>& shared) {
   const uint32_t t = threadIdx.x;
-  const uint32_t num_coefficients = source.coding.num_coefficients;
-  for (uint32_t i = t; i < (num_coefficients + 1) * kDim; i += kExpandThreads) {
-    shared.basis[i] = source.book0[i];
-  }
-  if (t < num_coefficients) shared.steps[t] = source.coding.steps[t];
   if (t < kMaxCoefficients + 2) shared.begin[t] = 0;
   __syncthreads();
   // begin[m + 1] counts those with the m-th largest number of coefficients, kMaxCoefficients first.
@@ -260,48 +280,120 @@ __device__ void expand_sh_transform(const DeviceJob& job, const DeviceArrays& ou
     shared.order[shared.begin[rank] + among] = static_cast<uint16_t>(own << 8 | t);
   }
   __syncthreads();
-  const uint32_t place = t % kExpandGaussians, piece = t / kExpandGaussians;
-  if (place >= block.count || piece >= kPieces) return;
-  const uint32_t i = shared.order[place] & 0xff;
-  const uint32_t count = shared.order[place] >> 8;
-  const size_t slot = block.slot(i);
-  const float* basis = shared.basis + piece * kPiece;
-  float row[kPiece];
+}
+
+// Number d of a row as the sum of exactly those terms that it has.
+__device__ inline float sum_of_terms(const ComponentSource& source, size_t slot, uint32_t count,
+                                     uint32_t dim, uint32_t d) {
+  const float scale = source.class_scale(slot);
+  float sum = source.book0[d];
+  for (uint32_t k = 0; k < count; ++k) {
+    const float c =
+        source.coefficient(source.value[k * source.stride + slot], scale, source.coding.steps[k]);
+    sum = sum + c * source.book0[dim * (k + 1) + d];
+  }
+  return sum;
+}
+
+// Rows [first_row, first_row + kWarpRows) of the order, by a warp. A thread has a tile of kRows
+// times kNumbers of their numbers in registers, so that what it loads is used several times.
+template <unsigned kDim>
+__device__ void expand_sh_tile(const ComponentSource& source, const ExpandBlock& block,
+                               const DeviceArrays& out, uint32_t first_row,
+                               TransformShared<kDim>& shared) {
+  using Shared = TransformShared<kDim>;
+  const uint32_t lane = threadIdx.x % 32;
+  // The row of which this thread brings coefficients, and which of a chunk.
+  const uint32_t place = first_row + lane % Shared::kWarpRows;
+  const uint32_t offset = lane / Shared::kWarpRows * Shared::kCodes;
+  const uint32_t own = place < block.count ? shared.order[place] : 0;
+  const uint32_t count = own >> 8;
+  const uint32_t most = __shfl_sync(0xffffffffu, count, 0);
+  const size_t own_slot = block.slot(own & 0xff);
+  const float scale = count > 0 ? source.class_scale(own_slot) : 0.0f;
+  const uint16_t* codes = source.value + own_slot;
+  uint32_t code[Shared::kCodes];
+  const auto load = [&](uint32_t first) {
 #pragma unroll
-  for (unsigned d = 0; d < kPiece; ++d) row[d] = basis[d];
-  if (count > 0) {
-    constexpr unsigned kAhead = 3;  // coefficients under way
-    const float scale = source.class_scale(slot);
-    const uint16_t* from = source.value + slot;
-    uint32_t next[kAhead];
-    const auto load = [&](uint32_t k) { return k < count ? from[k * source.stride] : uint16_t{0}; };
+    for (uint32_t j = 0; j < Shared::kCodes; ++j) {
+      const uint32_t k = first + offset + j;
+      code[j] = k < count ? codes[k * source.stride] : uint16_t{0};
+    }
+  };
+  load(0);
+  const uint32_t column = lane % Shared::kLanes, group = lane / Shared::kLanes * Shared::kRows;
+  float sum[Shared::kRows][Shared::kNumbers];
 #pragma unroll
-    for (unsigned j = 0; j < kAhead; ++j) next[j] = load(j);
-    for (uint32_t k = 0; k < count; k += kAhead) {
-      uint32_t codes[kAhead];
+  for (uint32_t m = 0; m < Shared::kNumbers; ++m) {
+    const uint32_t d = column + Shared::kLanes * m;
+    const float origin = d < kDim ? source.book0[d] : 0.0f;
 #pragma unroll
-      for (unsigned j = 0; j < kAhead; ++j) {
-        codes[j] = next[j];
-        next[j] = load(k + kAhead + j);
-      }
+    for (uint32_t r = 0; r < Shared::kRows; ++r) sum[r][m] = origin;
+  }
+  for (uint32_t first = 0; first < most; first += Shared::kChunk) {
+    auto& chunk = shared.chunk[threadIdx.x / 32][first / Shared::kChunk % 2];
 #pragma unroll
-      for (unsigned j = 0; j < kAhead; ++j) {
-        if (k + j >= count) break;
-        const float c = source.coefficient(codes[j], scale, shared.steps[k + j]);
-        const float* vector = basis + kDim * (k + j + 1);
+    for (uint32_t j = 0; j < Shared::kCodes; ++j) {
+      chunk[offset + j][lane % Shared::kWarpRows] =
+          source.coefficient(code[j], scale, shared.steps[first + offset + j]);
+    }
+    if (first + Shared::kChunk < most) load(first + Shared::kChunk);
+    __syncwarp();
+    const float* basis = shared.basis + first * Shared::kWidth + column;
+    const uint32_t there = min(Shared::kChunk, most - first);
+#pragma unroll 4
+    for (uint32_t j = 0; j < there; ++j) {
+      static_assert(Shared::kRows == 4, "four floats are loaded");
+      const float4 four = *reinterpret_cast<const float4*>(&chunk[j][group]);
+      const float c[4] = {four.x, four.y, four.z, four.w};
 #pragma unroll
-        for (unsigned d = 0; d < kPiece; ++d) row[d] = row[d] + c * vector[d];
+      for (uint32_t m = 0; m < Shared::kNumbers; ++m) {
+        const float number = basis[j * Shared::kWidth + Shared::kLanes * m];
+#pragma unroll
+        for (uint32_t r = 0; r < Shared::kRows; ++r) sum[r][m] = sum[r][m] + c[r] * number;
       }
     }
   }
-  float* to = out.sh + size_t{kDim} * block.gaussian(i) + piece * kPiece;
 #pragma unroll
-  for (unsigned d = 0; d < kPiece; ++d) {
-    if (kDim % 4 != 0) {
-      to[d] = row[d];
-    } else if (d % 4 == 0) {
-      store4(to + d, row[d], row[(d + 1) % kPiece], row[(d + 2) % kPiece], row[(d + 3) % kPiece]);
+  for (uint32_t r = 0; r < Shared::kRows; ++r) {
+    if (first_row + group + r >= block.count) break;
+    const uint32_t row = shared.order[first_row + group + r];
+    float* to = out.sh + size_t{kDim} * block.gaussian(row & 0xff) + column;
+#pragma unroll
+    for (uint32_t m = 0; m < Shared::kNumbers; ++m) {
+      const uint32_t d = column + Shared::kLanes * m;
+      if (d >= kDim) break;
+      float number = sum[r][m];
+      if (number == 0.0f) {
+        number = sum_of_terms(source, block.slot(row & 0xff), row >> 8, kDim, d);
+      }
+      to[Shared::kLanes * m] = number;
     }
+  }
+}
+
+// SH of transform coefficients: rows of coefficients times the basis, a product of matrices without
+// fused operations. Gaussians are taken by falling number of coefficients, so that those of a warp
+// have about as many; zeros behind those that a row has change nothing but the sign of a zero.
+template <unsigned kDim>
+__device__ void expand_sh_transform(const DeviceJob& job, const DeviceArrays& out, uint32_t index,
+                                    TransformShared<kDim>& shared) {
+  using Shared = TransformShared<kDim>;
+  const ExpandBlock block(job, index);
+  if (block.count == 0) return;
+  const ComponentSource source(job, block, L4D_COMPONENT_SH);
+  const uint32_t t = threadIdx.x;
+  const uint32_t coded = min(source.coding.num_coefficients, source.limit);
+  for (uint32_t e = t; e < kMaxCoefficients * Shared::kWidth; e += kExpandThreads) {
+    const uint32_t k = e / Shared::kWidth, d = e % Shared::kWidth;
+    shared.basis[e] = k < coded && d < kDim ? source.book0[kDim * (k + 1) + d] : 0.0f;
+  }
+  if (t < kMaxCoefficients) shared.steps[t] = t < coded ? source.coding.steps[t] : 0.0f;
+  order_by_coefficients(source, block, shared);
+
+  for (uint32_t round = 0; round < 2; ++round) {
+    const uint32_t first_row = (round * Shared::kWarps + t / 32) * Shared::kWarpRows;
+    if (first_row < block.count) expand_sh_tile(source, block, out, first_row, shared);
   }
 }
 

@@ -9,7 +9,7 @@
 namespace l4d::cuda {
 
 // Pages that a block of threads decodes at most: a warp each.
-constexpr uint32_t kMaxBlockPages = 8;
+constexpr uint32_t kMaxBlockPages = 16;
 // Shared memory that a block needs for a layer; not more than a device has, whatever the layer.
 uint32_t planes_shared_bytes(const DeviceLayer& layer, uint32_t block_pages);
 
