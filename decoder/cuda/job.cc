@@ -189,15 +189,26 @@ void Job::choose_warps() {
     return la != lb ? la < lb : cost(a) > cost(b);
   });
   const size_t each = (warps_.size() + multiprocessors_ - 1) / multiprocessors_;
-  planes_launch_.block_pages = static_cast<uint32_t>(std::min<size_t>(each, kMaxBlockPages));
+  // Of blocks that leave room for another one beside them, small ones: the device takes the next
+  // one as soon as one has ended.
+  const auto shared_bytes = [&](uint32_t block_pages) {
+    uint32_t most = 0;
+    for (const WarpTask& w : warps_) {
+      const DeviceLayer& layer = tables_.layers()[pages_[w.page].layer];
+      most = std::max(most, planes_shared_bytes(layer, block_pages));
+    }
+    return most;
+  };
+  const bool large = 2 * shared_bytes(kFewBlockPages) > kSharedBytes &&
+                     shared_bytes(kMaxBlockPages) <= kSharedBytes;
+  planes_launch_.block_pages =
+      static_cast<uint32_t>(std::min<size_t>(each, large ? kMaxBlockPages : kFewBlockPages));
+  planes_launch_.shared_bytes = shared_bytes(planes_launch_.block_pages);
   for (uint32_t w = 0; w < warps_.size(); ++w) {
     const uint32_t layer = pages_[warps_[w].page].layer;
     if (blocks_.empty() || blocks_.back().layer != layer ||
         blocks_.back().count == planes_launch_.block_pages) {
       blocks_.push_back({layer, w, 0});
-      planes_launch_.shared_bytes =
-          std::max(planes_launch_.shared_bytes,
-                   planes_shared_bytes(tables_.layers()[layer], planes_launch_.block_pages));
     }
     ++blocks_.back().count;
   }

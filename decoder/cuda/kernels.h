@@ -8,8 +8,11 @@
 
 namespace l4d::cuda {
 
-// Pages that a block of threads decodes at most: a warp each.
+// Pages that a block of threads decodes at most, a warp each: where tables leave room for one block
+// on a multiprocessor, and where they leave room for more.
 constexpr uint32_t kMaxBlockPages = 16;
+constexpr uint32_t kFewBlockPages = 8;
+constexpr uint32_t kSharedBytes = 227 << 10;  // of a multiprocessor
 // Shared memory that a block needs for a layer; not more than a device has, whatever the layer.
 uint32_t planes_shared_bytes(const DeviceLayer& layer, uint32_t block_pages);
 
