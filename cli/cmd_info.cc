@@ -6,6 +6,7 @@
 #include "cli/common.h"
 #include "cli/detail.h"
 #include "cli/files.h"
+#include "cli/levels.h"
 #include "cli/progress.h"
 #include "cli/scene_source.h"
 #include "cli/time_profile.h"
@@ -39,11 +40,9 @@ constexpr Tool kTools[] = {{L4D_TOOL_MOTION, "motion"},
                            {L4D_TOOL_SH_BASE, "sh-base"}};
 
 std::vector<l4d_layer_info> read_layers(const SceneStream& stream) {
-  std::vector<l4d_layer_info> layers(stream.info().num_layers);
-  for (uint32_t l = 0; l < layers.size(); ++l) {
-    l4d_layer_info_init(&layers[l]);
-    const DecoderHandle& decoder = stream.decoder();
-    decoder.check(l4d_decoder_get_layer_info(decoder.get(), l, &layers[l]));
+  std::vector<l4d_layer_info> layers;
+  for (uint32_t l = 0; l < stream.info().num_layers; ++l) {
+    layers.push_back(stream.decoder().layer_info(l));
   }
   return layers;
 }
@@ -87,6 +86,32 @@ std::string reason(uint32_t tool, const l4d_info& info, const std::vector<l4d_la
   }
 }
 
+const char* coding_name(uint32_t coding) {
+  switch (coding) {
+    case L4D_CODING_ZERO:
+      return "zero";
+    case L4D_CODING_RAW:
+      return "raw";
+    case L4D_CODING_CODEBOOKS:
+      return "codebooks";
+    default:
+      return "transform";
+  }
+}
+
+// "sh transform 48, scale codebooks 2x4096": coefficients, and stages times entries of the first.
+std::string component_text(const l4d_layer_info& layer) {
+  std::string text;
+  for (uint32_t c = 0; c < L4D_COMPONENT_COUNT; ++c) {
+    text += format("%s%s %s", c == 0 ? "" : ", ", component_name(c), coding_name(layer.coding[c]));
+    if (layer.coding[c] == L4D_CODING_TRANSFORM) text += format(" %u", layer.num_coefficients[c]);
+    if (layer.coding[c] == L4D_CODING_CODEBOOKS) {
+      text += format(" %ux%u", layer.num_stages[c], layer.codebook_size[c]);
+    }
+  }
+  return text;
+}
+
 Json layer_json(const l4d_layer_info& layer, uint64_t bytes) {
   Json j = {{"index", layer.index},
             {"level", layer.level},
@@ -102,7 +127,9 @@ Json layer_json(const l4d_layer_info& layer, uint64_t bytes) {
     if ((layer.tools & tool.bit) != 0) j["tools"].push_back(tool.name);
   }
   for (uint32_t c = 0; c < L4D_COMPONENT_COUNT; ++c) {
-    j["components"][component_name(c)] = {{"stages", layer.num_stages[c]},
+    j["components"][component_name(c)] = {{"coding", coding_name(layer.coding[c])},
+                                          {"coefficients", layer.num_coefficients[c]},
+                                          {"stages", layer.num_stages[c]},
                                           {"codebook_size", layer.codebook_size[c]}};
   }
   return j;
@@ -189,6 +216,14 @@ std::string layer_table(const std::vector<l4d_layer_info>& layers,
         format_count(layer.num_gaussians).c_str(), format_count(layer_bytes[l]).c_str(),
         format_count(layer.codebook_bytes).c_str(), layer.permanent != 0 ? "  permanent" : "");
   }
+  // Once for all neighbours that are coded alike.
+  for (size_t first = 0, end; first < layers.size(); first = end) {
+    const std::string components = component_text(layers[first]);
+    for (end = first + 1; end < layers.size() && component_text(layers[end]) == components;) ++end;
+    text += end - first > 1 ? format("layers %zu to %zu: ", first, end - 1)
+                            : format("layer %zu: ", first);
+    text += components + "\n";
+  }
   return text;
 }
 
@@ -233,6 +268,8 @@ Outcome run_info(Context& context, const InfoArguments& arguments) {
          {"num_layers", info.num_layers}};
     j.update(timeline_json(info.timeline));
     j["sh_degree"] = info.sh_degree;
+    j["declared_profile"] = info.profile == 0 ? Json() : Json(profile_text(info.profile));
+    j["declared_level"] = info.level;
     j["file_bytes"] = file_bytes;
     j["bits_per_gaussian"] = bits;
     j["tools"] = Json::array();
@@ -258,7 +295,8 @@ Outcome run_info(Context& context, const InfoArguments& arguments) {
                format_bytes(file_bytes).c_str(), bits);
     t += format_count(info.num_gaussians) + " Gaussians, " + describe_timeline(info.timeline) +
          format(", SH degree %u\n", info.sh_degree);
-    t += "\ntools\n";
+    t += "declared profile " + profile_text(info.profile) + ", level " + level_text(info.level) +
+         "\n\ntools\n";
     for (const Tool& tool : kTools) {
       if ((info.tools & tool.bit) == 0) continue;
       const std::string why = reason(tool.bit, info, layers);

@@ -77,9 +77,7 @@ LoadedScene decode_scene(const DecoderHandle& decoder, const l4d_query* query) {
   scene.source = "l4d";
   loaded.ranges = std::move(arrays.ranges);
   for (uint32_t l = 0; l < info.num_layers; ++l) {
-    l4d_layer_info layer;
-    l4d_layer_info_init(&layer);
-    decoder.check(l4d_decoder_get_layer_info(decoder.get(), l, &layer));
+    const l4d_layer_info layer = decoder.layer_info(l);
     loaded.levels.push_back(layer.level);
   }
   return loaded;

@@ -52,10 +52,7 @@ void describe(const EncoderHandle& e, Encoded& out) {
   out.layer_bytes.resize(d.info().num_layers);
   d.check(l4d_decoder_get_sections(d.get(), out.sections.data(), out.layer_bytes.data()));
   for (uint32_t l = 0; l < d.info().num_layers; ++l) {
-    l4d_layer_info info;
-    l4d_layer_info_init(&info);
-    d.check(l4d_decoder_get_layer_info(d.get(), l, &info));
-    out.layers.push_back(info);
+    out.layers.push_back(d.layer_info(l));
   }
 }
 

@@ -87,9 +87,7 @@ class Query {
     sh_dim_ = 3 * (degree + 1) * (degree + 1);
     host_ = decoder.decode(query);
     for (uint32_t l = 0; l < decoder.info().num_layers; ++l) {
-      l4d_layer_info layer;
-      l4d_layer_info_init(&layer);
-      decoder.check(l4d_decoder_get_layer_info(decoder.get(), l, &layer));
+      const l4d_layer_info layer = decoder.layer_info(l);
       for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
         stages_[c] = std::max<uint64_t>(stages_[c], layer.num_stages[c]);
       }

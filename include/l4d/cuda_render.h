@@ -76,8 +76,8 @@ typedef struct l4d_cuda_sh_indices {
   uint64_t stride;       /* the capacity of l4d_cuda_packed_buffers */
   const uint16_t* literal; /* [num_literals, (D+1)^2, 3] binary16, in order of their Gaussians */
   uint64_t num_literals;
-  uint64_t
-      first_literal; /* of l4d_cuda_renderer_store_indexed_rows: where in the room for literals */
+  /* Of l4d_cuda_renderer_store_indexed_rows: where in the room for literals. */
+  uint64_t first_literal;
 } l4d_cuda_sh_indices;
 L4D_API void l4d_cuda_sh_indices_init_(l4d_cuda_sh_indices* indices, size_t struct_size);
 #define l4d_cuda_sh_indices_init(indices) l4d_cuda_sh_indices_init_((indices), sizeof(*(indices)))

@@ -103,6 +103,15 @@ L4D_API void l4d_info_init_(l4d_info* info, size_t struct_size);
 #define l4d_info_init(info) l4d_info_init_((info), sizeof(*(info)))
 L4D_API l4d_status l4d_decoder_get_info(const l4d_decoder* decoder, l4d_info* info);
 
+/* How the numbers of a component are coded (spec chapter "Scene header", whose values these are).
+ */
+enum {
+  L4D_CODING_ZERO = 0, /* not at all: all are zero */
+  L4D_CODING_RAW = 1,  /* binary32 */
+  L4D_CODING_CODEBOOKS = 2,
+  L4D_CODING_TRANSFORM = 3 /* coefficients of a basis */
+};
+
 typedef struct l4d_layer_info {
   size_t struct_size;
   uint32_t index;
@@ -114,7 +123,9 @@ typedef struct l4d_layer_info {
   double bucket_width;     /* seconds */
   uint64_t codebook_bytes; /* stored */
   uint32_t num_stages[L4D_COMPONENT_COUNT];
-  uint32_t codebook_size[L4D_COMPONENT_COUNT]; /* entries of stage 0; 0 = no codebook */
+  uint32_t codebook_size[L4D_COMPONENT_COUNT];    /* entries of stage 0; 0 = no codebook */
+  uint32_t coding[L4D_COMPONENT_COUNT];           /* L4D_CODING_* */
+  uint32_t num_coefficients[L4D_COMPONENT_COUNT]; /* of the basis of a transform, else 0 */
 } l4d_layer_info;
 L4D_API void l4d_layer_info_init_(l4d_layer_info* info, size_t struct_size);
 #define l4d_layer_info_init(info) l4d_layer_info_init_((info), sizeof(*(info)))
@@ -355,8 +366,8 @@ typedef struct l4d_conformance {
   uint64_t memory_bytes; /* tables, and pages and block codebooks of an instant, expanded */
   double memory_time;
   uint64_t table_bytes; /* codebooks and entropy tables, decoded */
-  uint64_t
-      start_bytes; /* stored, of all that the first instant needs, headers and codebooks included */
+  /* Stored, of all that the first instant needs, headers and codebooks included. */
+  uint64_t start_bytes;
   /* In: a channel, to be filled in by the caller. */
   uint64_t bytes_per_second;
   uint64_t burst_bytes;
@@ -421,8 +432,8 @@ typedef struct l4d_loss {
   uint64_t num_gaussians;
   uint64_t offset;    /* byte offset in the file, UINT64_MAX if none */
   const char* clause; /* id of the MUST, "" if none; static */
-  uint32_t
-      detail_only; /* 1: the Gaussians are there, in base colour; only their SH detail is lost */
+  /* 1: the Gaussians are there, in base colour; only their SH detail is lost. */
+  uint32_t detail_only;
   uint32_t reserved;
 } l4d_loss;
 /* Losses of the last call that selected, decoded or sliced, whatever it returned; none before the
@@ -443,8 +454,8 @@ typedef struct l4d_counters {
   uint64_t peak_memory_bytes;
   /* Sums over all queries of a tolerant decoder, so that what stays lost counts each time. */
   uint64_t pages_lost;
-  uint64_t
-      buckets_lost; /* those of lost directory pages, which need not hold Gaussians, among them */
+  /* Those of lost directory pages, which need not hold Gaussians, among them. */
+  uint64_t buckets_lost;
   uint64_t gaussians_lost; /* of lost pages */
   uint64_t details_lost;   /* pages that are there without their SH detail */
 } l4d_counters;

@@ -65,6 +65,21 @@ class DecoderHandle {
     check(l4d_decoder_get_info(get(), &i));
     return i;
   }
+  l4d_layer_info layer_info(uint32_t layer) const {
+    l4d_layer_info i;
+    l4d_layer_info_init(&i);
+    check(l4d_decoder_get_layer_info(get(), layer, &i));
+    return i;
+  }
+  // What playing the stream asks for; of a channel, in the fields of it, what it has to bear.
+  l4d_conformance conformance(uint64_t bytes_per_second = 0, uint64_t burst_bytes = 0) const {
+    l4d_conformance c;
+    l4d_conformance_init(&c);
+    c.bytes_per_second = bytes_per_second;
+    c.burst_bytes = burst_bytes;
+    check(l4d_decoder_get_conformance(get(), &c));
+    return c;
+  }
   l4d_selection select(const l4d_query& query) const {
     l4d_selection s;
     l4d_selection_init(&s);

@@ -209,6 +209,8 @@ l4d_status l4d_decoder_get_layer_info(const l4d_decoder* decoder, uint32_t index
     const l4d::ComponentCoding& coding = header.component(layer, c);
     i.num_stages[c] = static_cast<uint32_t>(coding.stages.size());
     i.codebook_size[c] = coding.stages.empty() ? 0 : coding.stages[0].num_entries;
+    i.coding[c] = static_cast<uint32_t>(coding.coding);
+    i.num_coefficients[c] = coding.transform() ? coding.coefficients() : 0;
   }
   write_struct(i, info);
   return L4D_OK;

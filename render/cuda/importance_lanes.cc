@@ -51,7 +51,8 @@ Status launch_view_sums(DevicePipeline* pipeline, const l4d_gaussians& gaussians
     L4D_RETURN_IF_ERROR(await());
     launch_glimpse(pipeline->resident(), pipeline->memory(), pipeline->coverage(), sums, stream);
   } else {
-    const BackwardTask task{upstream_of(view), nullptr, view.signs, pipeline->scratch_image()};
+    const Upstream upstream = view.squared ? Upstream::kSigns : Upstream::kOnes;
+    const BackwardTask task{upstream, nullptr, view.signs, pipeline->scratch_image()};
     L4D_RETURN_IF_ERROR(pipeline->go_back(task, stream));
     L4D_RETURN_IF_ERROR(await());
     launch_importance(gradient_input(*pipeline, gaussians, view.time, view.camera), task,

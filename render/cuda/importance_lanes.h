@@ -18,10 +18,6 @@ struct ImportanceView {
   const ImportanceMemory* sums;
 };
 
-inline Upstream upstream_of(const ImportanceView& view) {
-  return view.squared ? Upstream::kSigns : Upstream::kOnes;
-}
-
 // The attributes of a scene on the device as a view needs them.
 GradientInput gradient_input(const DevicePipeline& pipeline, const l4d_gaussians& gaussians,
                              double time, const l4d_camera& camera);

@@ -283,8 +283,7 @@ l4d_cuda_player_counters Player::counters() const {
   return c;
 }
 
-// ---- the loading thread
-// ----------------------------------------------------------------------------
+// ---- the loading thread ------------------------------------------------------------------------
 
 void Player::work() {
   Status device = use();

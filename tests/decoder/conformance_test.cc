@@ -18,12 +18,7 @@ using namespace test;
 l4d_conformance conformance_of(const Bytes& file, uint64_t rate = 0, uint64_t burst = 0) {
   DecoderHandle d;
   d.open_memory(file.data(), file.size());
-  l4d_conformance c;
-  l4d_conformance_init(&c);
-  c.bytes_per_second = rate;
-  c.burst_bytes = burst;
-  d.check(l4d_decoder_get_conformance(d.get(), &c));
-  return c;
+  return d.conformance(rate, burst);
 }
 
 class Streams : public testing::TestWithParam<NamedFile> {};

@@ -756,12 +756,12 @@ TEST(Coding, IsWhicheverCostsLess) {
     DecoderHandle d;
     d.open_memory(cheaper.data(), cheaper.size());
     for (uint32_t l = 0; l < d.info().num_layers; ++l) {
-      l4d_layer_info layer;
-      l4d_layer_info_init(&layer);
-      d.check(l4d_decoder_get_layer_info(d.get(), l, &layer));
+      const l4d_layer_info layer = d.layer_info(l);
       // Scales have a number that does not repeat.
       for (const int c : {L4D_COMPONENT_SH, L4D_COMPONENT_ROTOR_SPATIAL}) {
         EXPECT_EQ(layer.codebook_size[c] > 0, repeats) << "layer " << l << " component " << c;
+        EXPECT_EQ(layer.coding[c], repeats ? L4D_CODING_CODEBOOKS : L4D_CODING_TRANSFORM) << l;
+        EXPECT_EQ(layer.num_coefficients[c] > 0, !repeats) << l;
       }
     }
     const size_t codebooks = encoded(0).size(), transforms = encoded(1).size();

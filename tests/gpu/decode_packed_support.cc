@@ -20,9 +20,7 @@ struct PackedSizes {
     uint64_t stages[L4D_COMPONENT_COUNT] = {};
     const l4d_info info = decoder.info();
     for (uint32_t l = 0; l < info.num_layers; ++l) {
-      l4d_layer_info layer;
-      l4d_layer_info_init(&layer);
-      decoder.check(l4d_decoder_get_layer_info(decoder.get(), l, &layer));
+      const l4d_layer_info layer = decoder.layer_info(l);
       for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
         stages[c] = std::max<uint64_t>(stages[c], layer.num_stages[c]);
       }

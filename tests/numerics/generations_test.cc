@@ -49,9 +49,7 @@ TEST(Property, ErrorsAreWithinWhatIsDeclared) {
       l4d_dequantization q;
       l4d_dequantization_init(&q);
       d.check(l4d_decoder_get_dequantization(d.get(), r.layer, &q));
-      l4d_layer_info layer;
-      l4d_layer_info_init(&layer);
-      d.check(l4d_decoder_get_layer_info(d.get(), r.layer, &layer));
+      const l4d_layer_info layer = d.layer_info(r.layer);
       for (size_t i = r.first; i < r.first + r.count; ++i) {
         const size_t from = e.order[i];
         for (size_t k = 0; k < 3; ++k) {
