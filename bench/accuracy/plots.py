@@ -118,19 +118,26 @@ def layer_bars(by_coding, folder):
     return save(figure, folder, "layers")
 
 
+def log_ticks(axes, values):
+    """A logarithmic axis of few numbers, which are its ticks."""
+    axes.set_xscale("log")
+    axes.set_xticks(values, [f"{v:g}" for v in values])
+    axes.minorticks_off()
+
+
 def sensitivity_plot(views, agreed, folder):
     figure, (left, right) = plt.subplots(1, 2, figsize=(8, 3.4))
     views = sorted(views, key=lambda r: r["views_measured"])
     count = [r["views_measured"] for r in views]
     for component, text in COMPONENTS.items():
         left.plot(count, [r[f"spearman_{component}"] for r in views], "o-", label=text)
-    left.set_xscale("log")
+    log_ticks(left, count)
     left.set(xlabel="views measured", ylabel="rank correlation with most views")
     left.legend(fontsize=8)
     right.plot(count, [r["fidelity_db"] for r in views], "o-", label="shares of the views")
     right.plot([agreed["views_measured"]], [agreed["fidelity_db"]], "s",
                label="stopped by agreement")
-    right.set_xscale("log")
+    log_ticks(right, count)
     right.set(xlabel="views measured", ylabel="fidelity (dB)")
     right.legend(fontsize=8)
     return save(figure, folder, "sensitivity")
