@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "decoder/cuda/expand.cuh"
+#include "decoder/cuda/expand_geometry.cuh"
+#include "decoder/cuda/expand_sh.cuh"
 #include "decoder/cuda/kernels.h"
 
 namespace l4d::cuda {

@@ -3,7 +3,7 @@
 // other, so that where they go is known only when those before them are counted.
 #pragma once
 
-#include "decoder/cuda/expand.cuh"
+#include "decoder/cuda/components.cuh"
 
 namespace l4d::cuda {
 

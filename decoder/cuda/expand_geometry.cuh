@@ -1,0 +1,102 @@
+// SPDX-License-Identifier: Apache-2.0
+// Columns to all attributes but SH (spec: "Reconstruction"), in the order of operations of
+// decoder/expand.cc. A block of kExpandThreads threads takes an ExpandTask.
+#pragma once
+
+#include "decoder/cuda/components.cuh"
+#include "decoder/cuda/values.cuh"
+#include "libl4dcodec/math/rotor.h"
+
+namespace l4d::cuda {
+
+__device__ inline void expand_scale(const DeviceJob& job, const ExpandBlock& block, size_t slot,
+                                    float* to) {
+  const DeviceLayer& layer = *block.layer;
+  const ComponentSource source(job, block, L4D_COMPONENT_SCALE);
+  float row[4] = {0.0f, 0.0f, 0.0f, 0.0f};
+  if (layer.permanent != 0) {
+    component_row<3>(source, slot, row);
+  } else {
+    component_row<4>(source, slot, row);
+  }
+  const float factor = scalar(layer.scale_factor, job.columns.scale_factor, slot);
+  for (float& number : row) number = factor + number;
+  store4(to, row[0], row[1], row[2], layer.permanent != 0 ? layer.log_scale_t : row[3]);
+}
+
+__device__ inline void expand_rotor(const DeviceJob& job, const ExpandBlock& block, size_t slot,
+                                    float* to) {
+  const ComponentSource spatial(job, block, L4D_COMPONENT_ROTOR_SPATIAL);
+  const ComponentSource temporal(job, block, L4D_COMPONENT_ROTOR_TEMPORAL);
+  float rotor[8];
+  if (block.layer->stereographic != 0) {
+    float u[3], v[3] = {0.0f, 0.0f, 0.0f}, a[3], b[3];
+    component_row<3>(spatial, slot, u);
+    if (temporal.is(ComponentCodingId::kTransform)) component_row<3>(temporal, slot, v);
+    for (unsigned k = 0; k < 3; ++k) {
+      a[k] = on_stereographic_grid(u[k] + v[k]);
+      b[k] = on_stereographic_grid(u[k] - v[k]);
+    }
+    RotorHalves<float> halves;
+    half_of_stereographic(a, halves.a);
+    half_of_stereographic(b, halves.b);
+    rotor_of_halves(halves, rotor);
+  } else {
+    float coded[8];
+    component_row<4>(spatial, slot, coded);
+    component_row<4>(temporal, slot, coded + 4);
+    normalize_rotor(coded, rotor);
+  }
+  store4(to, rotor[0], rotor[1], rotor[2], rotor[3]);
+  store4(to + 4, rotor[4], rotor[5], rotor[6], rotor[7]);
+}
+
+__device__ inline void expand_position(const DeviceLayer& layer, uint64_t code, float* to) {
+  for (unsigned axis = 0; axis < 3; ++axis) {
+    const uint32_t coded = morton_axis(code >> axis);
+    const float number = layer.position_fixed != 0 ? static_cast<float>(coded)
+                                                   : half_to_float(unordered_half(coded));
+    to[axis] = layer.position_center[axis] + layer.position_scale * number;
+  }
+}
+
+// All attributes of Gaussian i of a block but SH and rotor.
+__device__ inline void expand_place(const DeviceJob& job, const ExpandBlock& block,
+                                    const DeviceArrays& out, uint32_t i) {
+  const DeviceLayer& layer = *block.layer;
+  const size_t slot = block.slot(i), gaussian = block.gaussian(i);
+  if (out.position != nullptr) {
+    expand_position(layer, job.columns.morton[slot], out.position + 3 * gaussian);
+  }
+  if (out.mean_t != nullptr || out.mean_t_local != nullptr) {
+    const float local = layer.mean_t_coded != 0
+                            ? block.page->width * half_to_float(job.columns.mean_t[slot])
+                            : 0.0f;
+    if (out.mean_t_local != nullptr) out.mean_t_local[gaussian] = local;
+    if (out.mean_t != nullptr) {
+      out.mean_t[gaussian] = static_cast<float>(block.page->center + static_cast<double>(local));
+    }
+  }
+  if (out.opacity != nullptr) {
+    out.opacity[gaussian] = scalar(layer.opacity, job.columns.opacity, slot);
+  }
+  if (out.log_scale != nullptr) expand_scale(job, block, slot, out.log_scale + 4 * gaussian);
+}
+
+// All attributes but SH. Rotors are half of the work: threads take them apart from the rest.
+__device__ inline void expand_geometry(const DeviceJob& job, const DeviceArrays& out,
+                                       uint32_t index) {
+  static_assert(kExpandGaussians % 32 == 0, "a warp does one thing");
+  const ExpandBlock block(job, index);
+  for (uint32_t e = threadIdx.x; e < 2 * kExpandGaussians; e += kExpandThreads) {
+    const uint32_t i = e % kExpandGaussians;
+    if (i >= block.count) continue;
+    if (e < kExpandGaussians) {
+      expand_place(job, block, out, i);
+    } else if (out.rotor != nullptr) {
+      expand_rotor(job, block, block.slot(i), out.rotor + 8 * block.gaussian(i));
+    }
+  }
+}
+
+}  // namespace l4d::cuda
