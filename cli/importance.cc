@@ -104,7 +104,7 @@ Importance measure_importance(Context& context, const std::string& verb, const i
   Importance result;
   l4d_measure_report_init(&result.report);
   l4d_renderer_options rendering = renderer_options(context);
-  // Where views take a fraction of a millisecond there is no need to be sparing of them.
+  // Views cost a device little: there is no need to be sparing of them.
   if (arguments.agreement.empty() && !arguments.all_views &&
       rendering.backend == L4D_BACKEND_CUDA) {
     options.agreement = 0.99;

@@ -33,6 +33,15 @@ inline ImportanceRow importance_row(uint32_t measure, uint32_t sh_degree) {
   return {sh_terms(sh_degree), kGeometryNumbers};
 }
 
+// A well-mixed hash of a counter (splitmix64's finaliser). Signs are made of it, which so depend on
+// seed, view, pixel and channel alone: bits 0..2 of mix(base + pixel) are those of its channels.
+L4D_HOST_DEVICE inline uint64_t mix(uint64_t x) {
+  x += 0x9e3779b97f4a7c15u;
+  x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9u;
+  x = (x ^ (x >> 27)) * 0x94d049bb133111ebu;
+  return x ^ (x >> 31);
+}
+
 // Sums as whole numbers of small units, the same in any order: binary places of each kind, and
 // where what does not fit stays.
 constexpr int kCoverageBits = 24;

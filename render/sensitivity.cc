@@ -15,15 +15,6 @@ namespace {
 
 constexpr size_t kGrain = 4096;
 
-// A well-mixed hash of a counter (splitmix64's finaliser): signs that depend on seed, view, pixel
-// and channel alone.
-uint64_t mix(uint64_t x) {
-  x += 0x9e3779b97f4a7c15u;
-  x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9u;
-  x = (x ^ (x >> 27)) * 0x94d049bb133111ebu;
-  return x ^ (x >> 31);
-}
-
 // What tells views apart: instant and camera, not when they are added, so that the order of views
 // and how they are dealt out to accumulators change no sign.
 uint64_t view_key(double time, const l4d_camera& camera) {
@@ -356,10 +347,13 @@ float Sensitivity::light(size_t gaussian) const {
   return std::max(static_cast<float>(weight), seen ? FLT_MIN : 0.0f);
 }
 
-float Sensitivity::weight(size_t gaussian, uint32_t which) const {
-  if (which == L4D_WEIGHT_ALPHA_T) return light(gaussian);
+Status Sensitivity::weights(uint32_t which, float* out) const {
+  if (which >= L4D_WEIGHT_COUNT) return invalid_argument("`which` is no L4D_WEIGHT_*");
+  if (pixels_ == 0) return Status(L4D_ERR_INVALID_STATE, "no full view has been added");
+  bool on_device;
+  L4D_RETURN_IF_ERROR(read_device(&on_device));
   const bool squared = options_.measure == L4D_SENSITIVITY_GAUSS_NEWTON;
-  // Where its numbers lie in the row, and of how many numbers they are.
+  // Where its numbers lie in the row, and over how many numbers squares are averaged.
   uint32_t first = 1, numbers = row_.sh, of = sh_terms(sh_degree_);
   for (uint32_t p = 0; p < kNumGeometryParts; ++p) {
     if (kGeometryParts[p].weight != which) continue;
@@ -368,19 +362,15 @@ float Sensitivity::weight(size_t gaussian, uint32_t which) const {
     numbers = squared ? 1 : of;
   }
   const double pixels = static_cast<double>(pixels_);
-  if (squared) return static_cast<float>(std::sqrt(number(gaussian, first) / of / pixels));
-  double most = 0;
-  for (uint32_t k = 0; k < numbers; ++k) most = std::max(most, number(gaussian, first + k));
-  return static_cast<float>(most / pixels);
-}
-
-Status Sensitivity::weights(uint32_t which, float* out) const {
-  if (which >= L4D_WEIGHT_COUNT) return invalid_argument("`which` is no L4D_WEIGHT_*");
-  if (pixels_ == 0) return Status(L4D_ERR_INVALID_STATE, "no full view has been added");
-  bool on_device;
-  L4D_RETURN_IF_ERROR(read_device(&on_device));
+  const auto weight = [&](size_t i) {
+    if (which == L4D_WEIGHT_ALPHA_T) return light(i);
+    if (squared) return static_cast<float>(std::sqrt(number(i, first) / of / pixels));
+    double most = 0;
+    for (uint32_t k = 0; k < numbers; ++k) most = std::max(most, number(i, first + k));
+    return static_cast<float>(most / pixels);
+  };
   parallel_for(0, count(), kGrain, [&](size_t begin, size_t end) {
-    for (size_t i = begin; i < end; ++i) out[i] = weight(i, which);
+    for (size_t i = begin; i < end; ++i) out[i] = weight(i);
   });
   return {};
 }

@@ -48,7 +48,6 @@ class Sensitivity {
   // Number k of the Gaussian's row, added up.
   double number(size_t gaussian, size_t k) const;
   float light(size_t gaussian) const;
-  float weight(size_t gaussian, uint32_t which) const;
 
   l4d_sensitivity_options options_;
   uint32_t sh_degree_;

@@ -100,22 +100,18 @@ __device__ void component_row(const ComponentSource& source, size_t slot, float*
     for (unsigned d = 0; d < kDim; ++d) row[d] = source.book0[d];
     const uint32_t count = source.coefficients(slot);
     const float scale = source.class_scale(slot);
-    const auto code = [&](uint32_t k) {
-      return k < count ? source.value[k * source.stride + slot] : uint16_t{0};
-    };
-    const auto add = [&](uint32_t k, uint32_t coded) {
-      const float c = source.coefficient(coded, scale, source.coding.steps[k]);
-      for (unsigned d = 0; d < kDim; ++d) row[d] = row[d] + c * source.book0[kDim * (k + 1) + d];
-    };
-    // There are rarely more than numbers: those are asked for all at once.
-    uint16_t first[kDim];
-#pragma unroll
-    for (unsigned k = 0; k < kDim; ++k) first[k] = code(k);
+    // Not more than numbers (TRAN-1), and asked for all at once.
+    uint16_t codes[kDim];
 #pragma unroll
     for (unsigned k = 0; k < kDim; ++k) {
-      if (k < count) add(k, first[k]);
+      codes[k] = k < count ? source.value[k * source.stride + slot] : uint16_t{0};
     }
-    for (uint32_t k = kDim; k < count; ++k) add(k, code(k));
+#pragma unroll
+    for (unsigned k = 0; k < kDim; ++k) {
+      if (k >= count) break;
+      const float c = source.coefficient(codes[k], scale, source.coding.steps[k]);
+      for (unsigned d = 0; d < kDim; ++d) row[d] = row[d] + c * source.book0[kDim * (k + 1) + d];
+    }
     return;
   }
   const bool zero = source.is(ComponentCodingId::kZero);

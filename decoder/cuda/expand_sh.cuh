@@ -83,6 +83,7 @@ __device__ void expand_sh_tile(const ComponentSource& source, const ExpandBlock&
                                const DeviceArrays& out, uint32_t first_row,
                                TransformShared<kDim>& shared) {
   using Shared = TransformShared<kDim>;
+  __syncwarp();  // the chunks of the tile before have been read
   const uint32_t lane = threadIdx.x % 32;
   // The row of which this thread brings coefficients, and which of a chunk.
   const uint32_t place = first_row + lane % Shared::kWarpRows;

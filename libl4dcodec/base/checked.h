@@ -33,4 +33,9 @@ constexpr uint64_t align_up(uint64_t value, uint64_t alignment) {
   return (value + (alignment - 1)) & ~(alignment - 1);
 }
 
+// The largest number of 32 bits where it does not fit in them.
+constexpr uint32_t saturate32(uint64_t v) {
+  return v < UINT32_MAX ? static_cast<uint32_t>(v) : UINT32_MAX;
+}
+
 }  // namespace l4d

@@ -84,7 +84,7 @@ __device__ void start(const FrameInput& input, const BackwardTask& task, int x, 
     pixel->behind = rgb[0] + rgb[1] + rgb[2];
     return;
   }
-  const uint64_t bits = task.upstream == Upstream::kSigns ? sign_bits(task.signs + at) : 0;
+  const uint64_t bits = task.upstream == Upstream::kSigns ? mix(task.signs + at) : 0;
 #pragma unroll
   for (int c = 0; c < kChannels; ++c) {
     const float sign = (bits >> c & 1) != 0 ? 1.0f : -1.0f;

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "render/cuda/frame.h"
+#include "render/importance_numbers.h"
 
 namespace l4d::render {
 
@@ -16,7 +17,7 @@ enum class Upstream {
 struct BackwardTask {
   Upstream upstream;
   const float* rgb_gradient;  // [height, width, 3] of kGiven
-  uint64_t signs;             // of kSigns: what makes them, see sign_bits()
+  uint64_t signs;             // of kSigns: what makes them, see mix()
   const float* rgb;           // [height, width, 3] the image, background included
 };
 
@@ -35,15 +36,6 @@ struct BackwardMemory {
   SplatSums* splats;     // [max_visible]
   uint32_t* shown;       // [max_visible] those that a pixel shows, in any order
 };
-
-// A well-mixed hash of a counter (splitmix64's finaliser): bits 0..2 of sign_bits(base + pixel) are
-// the signs of its channels.
-L4D_HOST_DEVICE inline uint64_t sign_bits(uint64_t x) {
-  x += 0x9e3779b97f4a7c15u;
-  x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9u;
-  x = (x ^ (x >> 27)) * 0x94d049bb133111ebu;
-  return x ^ (x >> 31);
-}
 
 // Instances of a frame made with input.backward. Every emission is written.
 void launch_backward(const FrameInput& input, const BackwardTask& task, const uint32_t* values,

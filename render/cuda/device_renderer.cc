@@ -5,6 +5,7 @@
 #include <cstring>
 #include <limits>
 
+#include "libl4dcodec/base/checked.h"
 #include "libl4dcodec/math/layers.h"
 #include "render/cuda/importance_lanes.h"
 #include "render/cuda/pipeline.h"
@@ -14,10 +15,6 @@ namespace {
 
 Sequence sequence_of(const l4d_timeline& timeline) {
   return {timeline.time_begin, timeline.time_begin + sequence_duration(timeline)};
-}
-
-uint32_t narrow(uint64_t v) {
-  return static_cast<uint32_t>(std::min<uint64_t>(v, std::numeric_limits<uint32_t>::max()));
 }
 
 class Implementation : public DeviceRenderer {
@@ -158,8 +155,8 @@ class Implementation : public DeviceRenderer {
     FrameRoom room;
     room.width = static_cast<int>(width);
     room.height = static_cast<int>(height);
-    room.visible = narrow(visible);
-    room.instances = narrow(instances);
+    room.visible = saturate32(visible);
+    room.instances = saturate32(instances);
     room.backward = backward;
     return pipeline_.reserve(room);
   }
@@ -227,11 +224,12 @@ class Implementation : public DeviceRenderer {
 
   DeviceRendererOptions options_;
   DevicePipeline pipeline_;
-  std::unique_ptr<ImportanceLanes> lanes_;  // of the scene, from the first view nobody waits for on
   bool has_attributes_ = false;
   l4d_gaussians gaussians_{};  // device arrays
   cuda::DeviceMemory attributes_[6], rgb_, alpha_, upstream_, gradients_[6];
   cuda::PinnedMemory staging_;
+  // Of the scene, from the first view nobody waits for on; goes before what its views read.
+  std::unique_ptr<ImportanceLanes> lanes_;
 };
 
 template <class Rest>

@@ -2,7 +2,8 @@
 #include "render/cuda/importance_lanes.h"
 
 #include <algorithm>
-#include <limits>
+
+#include "libl4dcodec/base/checked.h"
 
 namespace l4d::render {
 namespace {
@@ -10,10 +11,6 @@ namespace {
 // Pairs of tile and Gaussian that there is room for before anything is known.
 constexpr uint64_t kFirstInstances = 1u << 20;
 constexpr uint64_t kMostFirstInstances = 1u << 24;
-
-uint32_t narrow(uint64_t v) {
-  return static_cast<uint32_t>(std::min<uint64_t>(v, std::numeric_limits<uint32_t>::max()));
-}
 
 }  // namespace
 
@@ -28,14 +25,14 @@ FrameRoom first_room(const DevicePipeline& pipeline, const l4d_camera& camera, b
   FrameRoom room;
   room.width = static_cast<int>(camera.width);
   room.height = static_cast<int>(camera.height);
-  room.visible = narrow(rows);
-  room.instances = narrow(std::min(std::max(kFirstInstances, 4 * rows), kMostFirstInstances));
+  room.visible = saturate32(rows);
+  room.instances = saturate32(std::min(std::max(kFirstInstances, 4 * rows), kMostFirstInstances));
   room.backward = backward;
   return room;
 }
 
 FrameRoom more_room(FrameRoom room, const FrameFigures& figures) {
-  room.instances = narrow(uint64_t{figures.wanted_instances} + figures.wanted_instances / 4);
+  room.instances = saturate32(uint64_t{figures.wanted_instances} + figures.wanted_instances / 4);
   return room;
 }
 
@@ -122,10 +119,9 @@ Status ImportanceLanes::add(const ImportanceView& view) {
   turn_ = (turn_ + 1) % kLanes;
   L4D_RETURN_IF_ERROR(finish(which));
   Lane& lane = lanes_[which];
-  const FrameRoom room = first_room(lane.pipeline, view.camera, true);
-  const uint32_t instances = std::max(lane.room.instances, room.instances);
-  lane.room = room;
-  lane.room.instances = instances;
+  const uint32_t needed_before = lane.room.instances;
+  lane.room = first_room(lane.pipeline, view.camera, true);
+  lane.room.instances = std::max(lane.room.instances, needed_before);
   lane.view = view;
   L4D_RETURN_IF_ERROR(launch(which));
   lane.busy = true;

@@ -8,6 +8,7 @@
 #include <optional>
 #include <thread>
 
+#include "libl4dcodec/base/checked.h"
 #include "render/bucket_cache.h"
 #include "render/cuda/bucket_loader.h"
 #include "render/cuda/device_player.h"
@@ -166,7 +167,7 @@ Status Player::reserve(uint32_t width, uint32_t height, uint64_t instances) {
   FrameRoom room;
   room.width = static_cast<int>(width);
   room.height = static_cast<int>(height);
-  room.instances = static_cast<uint32_t>(std::min<uint64_t>(instances, UINT32_MAX));
+  room.instances = saturate32(instances);
   return pipeline_.reserve(room);
 }
 
@@ -341,8 +342,7 @@ Status Player::add(const BucketPlace& bucket, CachedBucket** out) {
                       std::to_string(wanted * kChunkRows * pipeline_.row_bytes()) +
                       " bytes or more");
   }
-  const uint32_t chunks =
-      static_cast<uint32_t>(std::min<uint64_t>(wanted + cache_.capacity() / 16, UINT32_MAX));
+  const uint32_t chunks = saturate32(wanted + cache_.capacity() / 16);
   L4D_RETURN_IF_ERROR(pipeline_.reserve_chunks(chunks, sh_degree_, half_sh(), sequence_));
   cache_.grow(chunks);
   *out = cache_.add(key, bucket.rows);

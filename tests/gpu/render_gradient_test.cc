@@ -181,17 +181,26 @@ TEST(DeviceImportance, DoesNotDependOnTheOrderOfViews) {
   }
 }
 
+// All of `count` cameras on a ring at each of the times.
+struct RingViews {
+  std::vector<l4d_camera> cameras;
+  std::vector<l4d_view> views;
+};
+RingViews ring_views(uint32_t width, uint32_t height, uint32_t count, int times, double step) {
+  RingViews out;
+  for (uint32_t c = 0; c < count; ++c) out.cameras.push_back(ring_camera(width, height, c));
+  for (int t = 0; t < times; ++t) {
+    for (uint32_t c = 0; c < count; ++c) out.views.push_back({step * t, c, 0});
+  }
+  return out;
+}
+
 TEST(DeviceImportance, MeasuresWithL4dMeasure) {
   L4D_SKIP_WITHOUT_DEVICE();
   const io::Scene scene = synth(3000, 6);
   const l4d_gaussians gaussians = scene.view();
   const RendererHandle expected = make_renderer(L4D_RENDER_FAST), device = make_device();
-  std::vector<l4d_camera> cameras;
-  std::vector<l4d_view> views;
-  for (uint32_t c = 0; c < 6; ++c) cameras.push_back(ring_camera(90, 70, c));
-  for (int t = 0; t < 4; ++t) {
-    for (uint32_t c = 0; c < 6; ++c) views.push_back({0.9 * t, c, 0});
-  }
+  const auto [cameras, views] = ring_views(90, 70, 6, 4, 0.9);
   l4d_measure_options options;
   l4d_measure_options_init(&options);
   options.max_share = 0.5;
@@ -221,12 +230,7 @@ TEST(DeviceImportance, ViewsUnderWayTogetherAddUpAsOneByOne) {
   const l4d_gaussians gaussians = scene.view();
   const RendererHandle device = make_device();
   device.check(l4d_renderer_set_gaussians(device.get(), &gaussians, &scene.timeline));
-  std::vector<l4d_camera> cameras;
-  std::vector<l4d_view> views;
-  for (uint32_t c = 0; c < 5; ++c) cameras.push_back(ring_camera(800, 600, c));
-  for (int t = 0; t < 9; ++t) {
-    for (uint32_t c = 0; c < 5; ++c) views.push_back({0.4 * t, c, 0});
-  }
+  const auto [cameras, views] = ring_views(800, 600, 5, 9, 0.4);
   l4d_measure_options options;
   l4d_measure_options_init(&options);
   options.sensitivity.measure =
