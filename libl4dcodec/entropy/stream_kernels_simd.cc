@@ -220,8 +220,9 @@ void map_bytes(const uint8_t* map, size_t entries, const uint8_t* src, size_t n,
     auto index = hn::LoadU(d, src + i);
     auto found = hn::Zero(d);
     for (size_t at = 0; at < entries; at += 16) {
-      // 0..15 become 0x70..0x7f; all others have the top bit set, for which a lookup gives 0.
-      const auto here = hn::SaturatedAdd(index, hn::Set(d, 0x70));
+      // 0..15 become 0x70..0x7f, all others have the top bit set, for which a lookup gives 0. The
+      // bits between are cleared: what a lookup gives for 16..0x7f differs between targets.
+      const auto here = hn::And(hn::SaturatedAdd(index, hn::Set(d, 0x70)), hn::Set(d, 0x8f));
       found = hn::Or(found, hn::TableLookupBytesOr0(hn::LoadDup128(d, map + at), here));
       index = hn::Sub(index, hn::Set(d, 16));
     }
