@@ -49,6 +49,18 @@ Status check_camera(const l4d_camera& c) {
       }
     }
   }
+  // Rows at right angles may still mirror the scene: then the third is against the cross product of
+  // the others.
+  const double* x = c.world_to_camera;
+  const double* y = x + 4;
+  const double* z = x + 8;
+  const double determinant = z[0] * (x[1] * y[2] - x[2] * y[1]) +
+                             z[1] * (x[2] * y[0] - x[0] * y[2]) +
+                             z[2] * (x[0] * y[1] - x[1] * y[0]);
+  if (!(determinant > 0)) {
+    return invalid_argument(
+        "camera: world_to_camera does not begin with a rotation but with a reflection");
+  }
   return {};
 }
 

@@ -87,10 +87,12 @@ L4D_API l4d_status l4d_renderer_set_time(l4d_renderer* renderer, double time);
  * centre of the first pixel being (0.5, 0.5). */
 typedef struct l4d_camera {
   size_t struct_size;
-  uint32_t width, height;     /* pixels, 1..16384 each */
-  double fx, fy, cx, cy;      /* pixels */
-  double world_to_camera[12]; /* [3, 4] row-major, a rotation and a translation */
-  double near_plane;          /* scene units; 0.02 unless set */
+  uint32_t width, height; /* pixels, 1..16384 each */
+  double fx, fy, cx, cy;  /* pixels */
+  /* [3, 4] row-major, a rotation and a translation. A matrix whose rows are off by more than 1e-3
+   * from unit length or right angles, or that mirrors, fails with INVALID_ARGUMENT. */
+  double world_to_camera[12];
+  double near_plane; /* scene units; 0.02 unless set */
 } l4d_camera;
 L4D_API void l4d_camera_init_(l4d_camera* camera, size_t struct_size);
 #define l4d_camera_init(camera) l4d_camera_init_((camera), sizeof(*(camera)))

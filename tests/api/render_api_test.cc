@@ -3,6 +3,7 @@
 // error detail says.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <cstring>
@@ -337,6 +338,27 @@ TEST(RenderCamera, EachFieldIsChecked) {
       {"world_to_camera", [](l4d_camera& c) { c.world_to_camera[0] = 2; }},
       {"world_to_camera", [](l4d_camera& c) { c.world_to_camera[1] = 0.5; }},
       {"world_to_camera", [](l4d_camera& c) { c.world_to_camera[10] = 0; }},
+      // Shear: every row of length 1, two of them not at right angles.
+      {"rotation",
+       [](l4d_camera& c) {
+         c.world_to_camera[0] = std::sqrt(0.75);
+         c.world_to_camera[1] = 0.5;
+       }},
+      {"rotation",
+       [](l4d_camera& c) {
+         c.world_to_camera[8] = 0.6;
+         c.world_to_camera[10] = 0.8;
+       }},
+      // Reflections: rows at right angles that mirror the scene.
+      {"reflection", [](l4d_camera& c) { c.world_to_camera[0] = -1; }},
+      {"reflection",
+       [](l4d_camera& c) {
+         for (int k = 0; k < 3; ++k) c.world_to_camera[5 * k] = -1;
+       }},
+      {"reflection",
+       [](l4d_camera& c) {
+         std::swap_ranges(c.world_to_camera, c.world_to_camera + 3, c.world_to_camera + 4);
+       }},
   };
   std::vector<float> rgb(3 * kPixels, -7.0f);
   l4d_image image;
