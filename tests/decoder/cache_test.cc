@@ -122,20 +122,112 @@ INSTANTIATE_TEST_SUITE_P(Streams, Cache,
                                          NamedFile{"wandering", wandering_file}),
                          file_name);
 
-TEST(CacheBudget, ATinyCacheStaysTiny) {
-  const Bytes& bytes = dynamic_file();
-  uint64_t held[2];
-  for (int i = 0; i < 2; ++i) {
+using Buckets = std::set<std::pair<uint32_t, uint32_t>>;  // layer, bucket
+
+// What an instant needs, by the directory.
+Buckets buckets_at(const Bytes& bytes, double t) {
+  DecoderHandle d;
+  d.open_memory(bytes.data(), bytes.size());
+  l4d_query q = time_query(t);
+  q.whole_buckets = 1;
+  Buckets out;
+  for (const l4d_range& r : d.decode(q).ranges) out.emplace(r.layer, r.bucket);
+  return out;
+}
+
+Buckets without(const Buckets& a, const Buckets& b) {
+  Buckets out;
+  for (const auto& bucket : a) {
+    if (b.count(bucket) == 0) out.insert(bucket);
+  }
+  return out;
+}
+
+// Slices on a decoder that has codebooks and directory pages already: what it holds beyond them is
+// buckets.
+struct Player {
+  explicit Player(const Bytes& bytes, uint64_t cache_bytes) {
     l4d_decoder_options o = decoder_options(L4D_BACKEND_AUTO, 1);
-    o.cache_bytes = i == 0 ? 1 : 0;
-    DecoderHandle d(&o);
+    o.cache_bytes = cache_bytes;
+    d = DecoderHandle(&o);
     d.open_memory(bytes.data(), bytes.size());
+    d.decode(all_query());
+    tables = counters(d).memory_bytes;
+  }
+  // Buckets that had to be decoded.
+  uint64_t show(double t) {
+    const uint64_t before = counters(d).buckets_decoded;
     l4d_splat_buffers b;
     l4d_splat_buffers_init(&b);
-    for (const double t : frames(bytes, 1)) ASSERT_EQ(l4d_decoder_slice(d.get(), t, &b), L4D_OK);
-    held[i] = counters(d).memory_bytes;
+    EXPECT_EQ(l4d_decoder_slice(d.get(), t, &b), L4D_OK);
+    return counters(d).buckets_decoded - before;
   }
-  EXPECT_LT(held[0], held[1]);
+  uint64_t held() const { return counters(d).memory_bytes - tables; }
+  DecoderHandle d;
+  uint64_t tables = 0;
+};
+
+// With room for nothing, the cache holds the buckets of the instant that is shown and no other.
+TEST(CacheBudget, ATinyCacheHoldsTheInstantAlone) {
+  const Bytes& bytes = dynamic_file();
+  Player tiny(bytes, 1), roomy(bytes, 0);
+  Buckets kept, ever;
+  size_t again = 0;
+  for (const double t : frames(bytes, 3)) {
+    const Buckets now = buckets_at(bytes, t);
+    SCOPED_TRACE("time " + std::to_string(t));
+    const size_t wanted = without(now, kept).size();
+    EXPECT_EQ(tiny.show(t), wanted);
+    EXPECT_EQ(roomy.show(t), without(now, ever).size());
+    Player fresh(bytes, 0);
+    EXPECT_EQ(fresh.show(t), now.size());
+    // What is not needed any more goes when room is wanted.
+    if (wanted > 0) {
+      kept = now;
+      EXPECT_EQ(tiny.held(), fresh.held());
+    }
+    again += wanted - without(now, ever).size();
+    ever.insert(now.begin(), now.end());
+  }
+  // Back to the beginning, so that what was given up is wanted again.
+  again += tiny.show(0);
+  EXPECT_GT(again, 0u);
+  EXPECT_EQ(roomy.show(0), 0u);
+  EXPECT_LT(tiny.held(), roomy.held());
+}
+
+// What was used least recently goes first: of instants shown in the order A, B, A, C, nothing of A
+// goes before all of B that the others do not use.
+TEST(CacheBudget, TheLeastRecentlyUsedGoesFirst) {
+  const Bytes& bytes = dynamic_file();
+  const double a = 0.05, b = 0.75, c = 1.45;
+  const Buckets of_a = buckets_at(bytes, a), of_b = buckets_at(bytes, b),
+                of_c = buckets_at(bytes, c);
+  const size_t only_a = without(without(of_a, of_b), of_c).size();
+  const size_t only_b = without(without(of_b, of_a), of_c).size();
+  ASSERT_GT(only_a, 1u);
+  ASSERT_GT(only_b, 1u);
+  ASSERT_GT(without(without(of_c, of_a), of_b).size(), 1u);
+  Player all(bytes, 0);
+  for (const double t : {a, b, c}) all.show(t);
+  const uint64_t most = all.held();
+  size_t parted = 0;  // budgets at which A is kept and B is not
+  for (int k = 1; k <= 128; ++k) {
+    const uint64_t budget = most * static_cast<uint64_t>(k) / 128;
+    const auto missing = [&](double last) {
+      Player p(bytes, budget);
+      for (const double t : {a, b, a, c}) p.show(t);
+      return p.show(last);
+    };
+    const uint64_t of_newer = missing(a), of_older = missing(b);
+    SCOPED_TRACE("cache of " + std::to_string(budget) + " bytes");
+    EXPECT_LE(of_older, only_b + of_newer);
+    if (of_newer > 0) {
+      EXPECT_GE(of_older, only_b);  // nothing of B alone is left
+    }
+    parted += of_newer == 0 && of_older > 0;
+  }
+  EXPECT_GE(parted, 3u);
 }
 
 TEST(CacheBudget, ReopeningForgetsTheOldStream) {
