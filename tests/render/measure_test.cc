@@ -174,6 +174,117 @@ TEST(Measure, AskedViewsFindWhatOnlyTheyShow) {
   EXPECT_EQ(skipped.weights[L4D_WEIGHT_ALPHA_T][1], 0);
 }
 
+// Cameras at the origin that look outward, each at one of as many balls on a ring around it and at
+// no other.
+Request outward(uint32_t count, uint32_t side) {
+  Request out;
+  for (uint32_t c = 0; c < count; ++c) {
+    const double angle = 6.283185307179586 * c / count;
+    const double eye[3] = {0, 0, 0}, target[3] = {std::cos(angle), 0, std::sin(angle)};
+    out.cameras.push_back(look_at(side, side, 12 * side, eye, target));
+  }
+  return out;
+}
+size_t add_outer_ball(SceneBuilder* builder, uint32_t at, uint32_t of, double opacity) {
+  const double angle = 6.283185307179586 * at / of, white[3] = {0.9, 0.9, 0.9};
+  return builder->add_ball(5 * std::cos(angle), 0, 5 * std::sin(angle), 0.0065, opacity, white);
+}
+
+// However views are spread over cameras and instants, each half sees the whole scene.
+TEST(Measure, HalvesShareCamerasAndInstants) {
+  const io::Scene scene = synth(2000);
+  // One camera, many instants.
+  Request one;
+  one.cameras = {ring_camera(64, 44, 0.3)};
+  for (int k = 0; k < 16; ++k) one.add(1 + 0.01 * k, 0);
+  const Measured a = measure(scene, one);
+  ASSERT_EQ(a.status, L4D_OK);
+  EXPECT_EQ(a.report.agreed, 1u);
+  for (const double agreement : a.report.agreement) EXPECT_GE(agreement, 0.95);
+  // One instant, many cameras.
+  Request instant = ring(32, {1});
+  for (l4d_camera& c : instant.cameras) c = ring_camera(64, 44, 0.3);
+  const Measured b = measure(scene, instant);
+  ASSERT_EQ(b.status, L4D_OK);
+  EXPECT_EQ(b.report.agreed, 1u);
+  for (const double agreement : b.report.agreement) EXPECT_GE(agreement, 0.95);
+}
+
+// Two cameras that show different Gaussians, and two spans of time that do: a half that had one of
+// them alone would rank what the other has not seen at all above the rest.
+TEST(Measure, NeitherHalfSeesAPartAlone) {
+  SceneBuilder builder;
+  test::Random random(5);
+  const double grey[3] = {0.6, 0.5, 0.4};
+  for (int i = 0; i < 400; ++i) {
+    const size_t at =
+        builder.add_ball(random.uniform(-1, 1), random.uniform(-1, 1), i % 2 == 0 ? 5 : -5,
+                         0.02 + 0.1 * random.uniform(), random.uniform(0.1, 0.9), grey);
+    // Every other pair lives in the first half of the sequence or in the second.
+    builder.scene().mean_t[at] = i % 4 < 2 ? 0.5f : 1.5f;
+    builder.scene().log_scale[4 * at + 3] = static_cast<float>(std::log(0.12));
+  }
+  const double eye[3] = {0, 0, 0}, front[3] = {0, 0, 1}, back[3] = {0, 0, -1};
+  Request request;
+  request.cameras = {look_at(48, 48, 80, eye, front), look_at(48, 48, 80, eye, back)};
+  for (int k = 0; k < 32; ++k) {
+    for (uint32_t c = 0; c < 2; ++c) request.add(0.25 + 0.5 * k / 32 + (k % 2), c);
+  }
+  request.options.agreement = 1;  // looks at every round, and ends with the last view
+  const Measured m = measure(builder.scene(), request);
+  ASSERT_EQ(m.status, L4D_OK);
+  EXPECT_EQ(m.report.views_measured, 64u);
+  for (const double agreement : m.report.agreement) EXPECT_GE(agreement, 0.8);
+}
+
+// A round of asking that shows something new is followed by another, up to the last view.
+TEST(Measure, AsksForAsLongAsThereIsNews) {
+  constexpr uint32_t kViews = 48;
+  SceneBuilder builder;
+  for (uint32_t i = 0; i < kViews; ++i) add_outer_ball(&builder, i, kViews, 0.8);
+  Request request = outward(kViews, 32);
+  for (uint32_t c = 0; c < kViews; ++c) request.add(1, c);
+  request.options.max_share = 1.0 / kViews;
+  const Measured m = measure(builder.scene(), request);
+  ASSERT_EQ(m.status, L4D_OK);
+  EXPECT_EQ(m.report.views_measured, 1u);
+  EXPECT_EQ(m.report.views_asked, kViews - 1);
+  EXPECT_EQ(m.report.unseen, 0u);
+}
+
+// What is new in a round counts as nothing below 1e-4 of the light that its images could hold, and
+// asking ends there.
+TEST(Measure, NewsBelowOneInTenThousandIsNone) {
+  constexpr uint32_t kViews = 48, kSide = 96;
+  Request request = outward(kViews, kSide);
+  for (uint32_t c = 0; c < kViews; ++c) request.add(1, c);
+  request.options.max_share = 1.0 / kViews;
+  const double pixels = double{kSide} * kSide;
+  bool ended = false, went_on = false;
+  for (double opacity = 0.02; opacity < 0.2; opacity *= 1.15) {
+    SceneBuilder builder;
+    for (uint32_t i = 0; i < kViews; ++i) add_outer_ball(&builder, i, kViews, opacity);
+    RendererHandle r = make_renderer(L4D_RENDER_FAST);
+    r.set_gaussians(builder.scene().view(), builder.scene().timeline);
+    r.set_time(1);
+    double light = 0;
+    for (const float a : render_both(r, request.cameras[3]).alpha) light += static_cast<double>(a);
+    const double news = light / pixels;
+    const Measured m = measure(builder.scene(), r, request);
+    ASSERT_EQ(m.status, L4D_OK);
+    SCOPED_TRACE("opacity " + std::to_string(opacity) + ", news " + std::to_string(news));
+    if (news < 0.9e-4) {
+      EXPECT_EQ(m.report.views_asked, 3u);  // a sixteenth of the cameras
+      ended = true;
+    } else if (news > 1.1e-4) {
+      EXPECT_EQ(m.report.views_asked, kViews - 1);
+      went_on = true;
+    }
+  }
+  EXPECT_TRUE(ended);
+  EXPECT_TRUE(went_on);
+}
+
 struct Calls {
   uint64_t last = 0, total = 0;
   int count = 0, cancel_at = 1 << 30;
