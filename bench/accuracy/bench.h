@@ -26,6 +26,7 @@ struct BenchOptions {
 
 // Where weights of half the views agree to this, measuring stops.
 constexpr double kAgreement = 0.95;
+constexpr double kDeviceAgreement = 0.99;  // the tool's default on a CUDA device
 
 class Bench {
  public:

@@ -93,6 +93,11 @@ Coding one_stage() { return staged("one stage, K=4096", 4096, {1}, {1}); }
 Encoded encode(const io::Scene& scene, const io::Weights& weights, const Coding& coding, int runs) {
   l4d_encoder_options options;
   l4d_encoder_options_init(&options);
+  return encode(scene, weights, coding, runs, options);
+}
+
+Encoded encode(const io::Scene& scene, const io::Weights& weights, const Coding& coding, int runs,
+               l4d_encoder_options options) {
   options.seed = coding.seed;
   EncoderHandle e(&options);
   apply(e, coding);

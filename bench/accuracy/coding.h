@@ -67,6 +67,9 @@ struct Encoded {
 // fastest.
 Encoded encode(const io::Scene& scene, const io::Weights& weights, const Coding& coding,
                int runs = 1);
+// The same with the encoder's options given, of which the seed is the coding's.
+Encoded encode(const io::Scene& scene, const io::Weights& weights, const Coding& coding, int runs,
+               l4d_encoder_options options);
 
 // The whole stream as a scene.
 io::Scene decode(const std::vector<unsigned char>& file);

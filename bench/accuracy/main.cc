@@ -20,16 +20,15 @@ using namespace l4d::bench;
 struct Section {
   const char* name;
   Json (*run)(Bench&);
+  bool needs_device = false;  // left out where there is none, unless it is asked for by name
 };
 constexpr Section kSections[] = {
-    {"final", run_final},           {"rate", run_rate},
-    {"ladder", run_ladder},         {"crossover", run_crossover},
-    {"second", run_second},         {"sensitivity", run_sensitivity},
-    {"kmeans", run_kmeans},         {"codebooks", run_codebooks},
-    {"thresholds", run_thresholds}, {"rcq", run_rcq},
-    {"ablation", run_ablation},     {"effort", run_effort},
-    {"decoder", run_decoder},       {"renderer", run_renderer},
-    {"effects", run_effects},       {"stages", run_stages},
+    {"presets", run_presets},     {"device", run_device, true},     {"final", run_final},
+    {"rate", run_rate},           {"ladder", run_ladder},           {"crossover", run_crossover},
+    {"second", run_second},       {"sensitivity", run_sensitivity}, {"kmeans", run_kmeans},
+    {"codebooks", run_codebooks}, {"thresholds", run_thresholds},   {"rcq", run_rcq},
+    {"ablation", run_ablation},   {"effort", run_effort},           {"decoder", run_decoder},
+    {"renderer", run_renderer},   {"effects", run_effects},         {"stages", run_stages},
 };
 
 void usage(std::FILE* to) {
@@ -41,6 +40,16 @@ void usage(std::FILE* to) {
       to);
   for (const Section& s : kSections) std::fprintf(to, " %s", s.name);
   std::fputs("\n", to);
+}
+
+bool has_device() {
+  l4d_decoder_options options;
+  l4d_decoder_options_init(&options);
+  options.backend = L4D_BACKEND_CUDA;
+  l4d_decoder* decoder = nullptr;
+  const bool found = l4d_decoder_create(&options, &decoder) == L4D_OK;
+  l4d_decoder_destroy(decoder);
+  return found;
 }
 
 std::string cpu_model() {
@@ -91,10 +100,12 @@ bool parse(int argc, char** argv, Arguments* out) {
   }
   if (out->options.quick && !rows_given) out->options.max_rows = 4;
   if (out->options.max_rows == 0 || out->options.gaussians < 1000) return false;
-  if (out->json.empty())
-    out->json = out->options.quick ? "build/accuracy/quick.json" : "build/accuracy/results.json";
-  const std::filesystem::path folder = std::filesystem::path(out->json).parent_path();
-  out->options.cache_dir = folder.empty() ? "." : folder.string();
+  if (out->json.empty()) {
+    out->json = out->options.quick ? "build/accuracy/quick.json" : "docs/accuracy/results.json";
+  } else {  // weights beside results that somebody put elsewhere
+    const std::filesystem::path folder = std::filesystem::path(out->json).parent_path();
+    out->options.cache_dir = folder.empty() ? "." : folder.string();
+  }
   std::istringstream names(only);
   for (std::string name; std::getline(names, name, ',');) {
     size_t found = 0;
@@ -107,7 +118,13 @@ bool parse(int argc, char** argv, Arguments* out) {
     if (found == 0) return false;
   }
   if (only.empty()) {
-    for (const Section& s : kSections) out->sections.push_back(&s);
+    for (const Section& s : kSections) {
+      if (s.needs_device && !has_device()) {
+        std::fprintf(stderr, "bench_accuracy: no CUDA device, section %s is left out\n", s.name);
+      } else {
+        out->sections.push_back(&s);
+      }
+    }
   }
   return true;
 }

@@ -88,19 +88,26 @@ def crossover_plot(rows, folder):
 
 
 def section_bars(rows, order, folder):
-    figure, axes = plt.subplots(figsize=(8, 0.5 + 0.42 * len(rows)))
+    """Shares of the bytes, so that small files are as legible as large ones; totals beside them."""
+    figure, axes = plt.subplots(figsize=(8, 1.3 + 0.34 * len(rows)))
     palette = COLOURS + ["#8a6d3b", "#5d6bd8", "#c24d9e", "#6f9c1f", "#b08800", "#4b8f8c",
                          "#98a2ad", "#d1495b"]
     left = [0.0] * len(rows)
+    totals = [sum(r.get(section, 0) for section in order) for r in rows]
     for colour, section in zip(palette, order):
-        width = [r.get(section, 0) / 1e6 for r in rows]
+        width = [100 * r.get(section, 0) / total for r, total in zip(rows, totals)]
         axes.barh(range(len(rows)), width, left=left, color=colour, label=section.replace("_", " "))
         left = [a + b for a, b in zip(left, width)]
+    for i, total in enumerate(totals):
+        label(axes, 100, i, f"{total / 1e6:.2f} MB", 4, -3)
     axes.set_yticks(range(len(rows)), [short(r["name"]) for r in rows], fontsize=8)
+    axes.set_xlim(0, 100)
     axes.invert_yaxis()
     axes.grid(axis="y", visible=False)
-    axes.set(xlabel="MB")
-    axes.legend(fontsize=7, ncol=4, loc="upper center", bbox_to_anchor=(0.4, -0.18))
+    axes.set(xlabel="% of the bytes")
+    # A legend below the axes, half an inch down whatever the number of rows.
+    axes.legend(fontsize=7, ncol=5, loc="upper center",
+                bbox_to_anchor=(0.45, -0.5 / (0.34 * len(rows))))
     return save(figure, folder, "sections")
 
 
@@ -159,22 +166,66 @@ def kmeans_plot(iterations, samples, folder):
 
 
 def component_curves(rows, key, name, folder, reference=None):
-    """Bytes against fidelity, a line per component (the paper's Figures 4 and 5)."""
-    figure, axes = plt.subplots(figsize=(8, 3.8))
-    for component, text in COMPONENTS.items():
-        line = sorted((r for r in rows if r["name"] == component), key=lambda r: r["bytes"])
-        if not line:
-            continue
+    """Bytes against fidelity, a panel per component (the paper's Figures 4 and 5): the first and
+    the last value of each line are written beside it."""
+    lines = {component: sorted((r for r in rows if r["name"] == component),
+                               key=lambda r: r["bytes"]) for component in COMPONENTS}
+    lines = {component: line for component, line in lines.items() if line}
+    figure, all_axes = plt.subplots(1, len(lines), figsize=(9, 3), sharey=True, squeeze=False)
+    for axes, colour, (component, line) in zip(all_axes[0], COLOURS, lines.items()):
         axes.plot([r["bytes"] / 1e6 for r in line], [r["fidelity_db"] for r in line], "o-",
-                  label=text)
-        for r in (line[0], line[-1]):
-            label(axes, r["bytes"] / 1e6, r["fidelity_db"], f"{r[key]:g}")
+                  color=colour)
+        for r, dx, align in ((line[0], 5, "left"), (line[-1], -2, "right")):
+            label(axes, r["bytes"] / 1e6, r["fidelity_db"], f"{r[key]:g}",
+                  dx, -12 if align == "left" else 6, align)
+        if reference:
+            axes.plot(reference["bytes"] / 1e6, reference["fidelity_db"], "D", color=GREY,
+                      label="none")
+        axes.margins(x=0.18, y=0.12)
+        axes.set(xlabel="MB", title=COMPONENTS[component])
+    all_axes[0][0].set_ylabel("fidelity (dB)")
     if reference:
-        axes.plot(reference["bytes"] / 1e6, reference["fidelity_db"], "D", color=GREY, label="none")
-    axes.margins(x=0.12, y=0.12)
-    axes.set(xlabel="MB", ylabel="fidelity (dB)")
-    axes.legend()
+        all_axes[0][0].legend(fontsize=8)
     return save(figure, folder, name)
+
+
+def time_fidelity(rows, folder):
+    """What a preset's fidelity costs in time: with importance measured, and without. Lossless
+    files are above the plot, wherever they are."""
+    rows = [r for r in rows if r["fidelity_db"] < 90]
+    figure, axes = plt.subplots(figsize=(8, 4.6))
+    kinds = (("without measuring importance", "s",
+              lambda r: (r["encode_unweighted_s"], r["fidelity_unweighted_db"])),
+             ("importance measured", "o",
+              lambda r: (r["measure_s"] + r["encode_s"], r["fidelity_db"])))
+    for (name, style, point), colour in zip(kinds, COLOURS):
+        points = [point(r) for r in rows]
+        axes.plot([x for x, _ in points], [y for _, y in points], style, color=colour, label=name)
+    axes.set_xscale("log")
+    axes.xaxis.set_major_formatter(matplotlib.ticker.FormatStrFormatter("%g"))
+    axes.margins(x=0.15, y=0.1)
+    axes.set(xlabel="seconds from scene to file", ylabel="fidelity (dB)")
+    axes.legend(ncol=2, loc="lower center", bbox_to_anchor=(0.5, 1.0))
+    for _, _, point in kinds:
+        spread_labels(axes, [(*point(r), r["name"]) for r in rows])
+    return save(figure, folder, "time_fidelity")
+
+
+def spread_labels(axes, points, step=10):
+    """Labels to the right of points on a logarithmic axis, moved up where one would lie on
+    another."""
+    axes.figure.canvas.draw()
+    dpi = axes.figure.dpi
+    placed = []
+    for x, y, text in sorted(points, key=lambda p: p[1]):
+        left, bottom = (v * 72 / dpi for v in axes.transData.transform((x, y)))
+        at = bottom - 3
+        width = 5 * len(text)
+        for other_left, other_right, other_at in placed:
+            if left < other_right and other_left < left + width and abs(at - other_at) < step:
+                at = other_at + step
+        placed.append((left, left + width, at))
+        label(axes, x, y, text, 7, at - bottom)
 
 
 def effort_plot(tables, folder):

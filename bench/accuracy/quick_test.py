@@ -12,7 +12,7 @@ import subprocess
 import sys
 import tempfile
 
-SECTIONS = ("final", "rate", "ladder", "crossover", "second", "sensitivity", "kmeans",
+SECTIONS = ("presets", "final", "rate", "ladder", "crossover", "second", "sensitivity", "kmeans",
             "codebooks", "thresholds", "rcq", "ablation", "effort", "decoder", "renderer",
             "effects", "stages")
 # Only captured images fill it, and synthetic scenes have none.
@@ -43,6 +43,13 @@ def figures(document):
 
 def relations(document):
     """Yields a message per relation between figures that does not hold."""
+    for row in rows(document, "presets", "presets"):
+        if not (20 < row["fidelity_db"] <= 100 and row["worst_position"] >= 0 and
+                row["worst_covariance"] >= 1 and 0 <= row["worst_opacity"] <= 1):
+            yield f"presets: implausible: {row}"
+        if not (row["decode_s"] > 0 and row["first_slice_s"] > 0 and row["encode_s"] > 0 and
+                row["slice_memory_bytes"] > 0):
+            yield f"presets: took no time or no memory: {row}"
     for row in rows(document, "final", "codings"):
         if not (row["ratio"] > 1 and 20 < row["fidelity_db"] <= 100 and
                 row["min_view_db"] <= row["fidelity_db"]):

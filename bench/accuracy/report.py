@@ -13,11 +13,14 @@ import pathlib
 import sys
 
 import chapters
+import chapters_presets
 import chapters_rate
 import chapters_speed
 
 CHAPTERS = (
-    ("final", "Presets", chapters.final),
+    ("presets", "Which preset", chapters_presets.presets),
+    ("device", "Which preset, on a CUDA device", chapters_presets.device),
+    ("final", "Quality, bytes and layers in detail", chapters.final),
     ("rate", "Fidelity against bytes", chapters_rate.rate),
     ("ladder", "One tool at a time", chapters_rate.ladder),
     ("crossover", "Transforms and codebooks, part by part", chapters_rate.crossover),
@@ -40,16 +43,16 @@ INTRODUCTION = """\
 
 `./dev bench accuracy` makes this page and its plots. It wants the basketball scene
 (`$L4D_DATA_DIR`, else `../shared/data`); `./dev bench accuracy --quick` makes the same page of a
-small synthetic scene. Each section runs alone with the command under its title, and keeps the
-others' results in `build/accuracy/results.json`. Measured weights are kept beside them
-(`weights*.bin`): delete those after a change of the renderer.
+small synthetic scene. Each section runs alone with the command under its title and keeps the
+results of the others, which lie in `docs/accuracy/results.json`. Measured weights are kept in
+`build/accuracy/weights*.bin`: delete those after a change of the renderer.
 
 *Fidelity* is the PSNR of the mean squared error between renders of the decoded and of the original
 scene, both clamped to [0, 1]: it says how well a codec keeps the model that it was given, whatever
 that model is worth. *Ratio* is the float32 numbers of all given Gaussians (260 bytes each at SH
 degree 3) over the bytes of the file. Weights are Gauss-Newton weights, measured by the renderer
 from the training views, unless a table says otherwise. Fidelity is over all cameras: at every 15th
-frame in the first section, at four instants in the others. Sections on codebooks use one stage of
+frame in the third section, at four instants in the others. Sections on codebooks use one stage of
 4096 codewords per component. Seconds of encoding are CPU seconds of all threads, which other work
 on the machine disturbs little.
 """

@@ -6,6 +6,8 @@
 
 namespace l4d::bench {
 
+Json run_presets(Bench& bench);
+Json run_device(Bench& bench);  // fails where there is no CUDA device
 Json run_final(Bench& bench);
 Json run_rate(Bench& bench);
 Json run_ladder(Bench& bench);

@@ -113,7 +113,8 @@ l4d_measure_options measure_options(uint32_t measure, double agreement, double m
   return options;
 }
 
-Measured measure(const BenchScene& s, const l4d_measure_options& options) {
+Measured measure(const BenchScene& s, const l4d_measure_options& options,
+                 const l4d_renderer_options* renderer_options) {
   Measured m;
   l4d_measure_report_init(&m.report);
   std::vector<l4d_view> views;
@@ -121,7 +122,7 @@ Measured measure(const BenchScene& s, const l4d_measure_options& options) {
     for (const uint32_t camera : s.training) views.push_back({s.time_of(frame), camera, 0});
   }
   const double started = seconds_now();
-  RendererHandle renderer;
+  RendererHandle renderer(renderer_options);
   renderer.set_gaussians(s.scene.view(), s.scene.timeline);
   l4d_sensitivity* made = nullptr;
   renderer.check(l4d_measure(renderer.get(), s.cameras.data(),

@@ -17,8 +17,9 @@ struct Measured {
 // measure: L4D_SENSITIVITY_*.
 l4d_measure_options measure_options(uint32_t measure, double agreement, double max_share = 1);
 
-// All training cameras at all instants.
-Measured measure(const BenchScene& scene, const l4d_measure_options& options);
+// All training cameras at all instants. renderer: NULL for the defaults.
+Measured measure(const BenchScene& scene, const l4d_measure_options& options,
+                 const l4d_renderer_options* renderer = nullptr);
 // The same, taken from `path` if that was written for this scene, these cameras and options.
 Measured measure_cached(const BenchScene& scene, const l4d_measure_options& options,
                         const std::string& path);

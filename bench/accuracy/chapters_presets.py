@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The first chapters of docs/accuracy.md: which preset to take. As in chapters.py."""
+
+import plots
+from markdown import SIZE, front, megabytes, table
+
+
+def milliseconds(key):
+    return lambda row: row[key] * 1e3
+
+
+def mebibytes(key):
+    return lambda row: row[key] / 1e6
+
+
+def presets(tables, folder):
+    rows = tables["presets"]
+    best = [r["name"] for r in front(rows)]
+    measured = sorted({round(r["measure_s"], 1) for r in rows})
+    return ["What each preset gives and what it costs, importance measured from the training "
+            "views. *Worst Gaussian* is the largest error of any Gaussian of the file while it "
+            "has at least half of its opacity: of its place in units of its own size (its largest "
+            "standard deviation, or 1/4000 of the scene if that is more), of its mean time in its "
+            "own temporal standard deviations, of its largest variance as a factor, and of its "
+            "opacity.\n",
+            table([("preset", "name", "")] + SIZE +
+                  [("worst place", "worst_position", ".2g"),
+                   ("mean time", "worst_mean_time", ".2g"),
+                   ("variance", "worst_covariance", ".3g"),
+                   ("opacity", "worst_opacity", ".2g")], rows),
+            f"No other preset has both fewer bytes and more fidelity than: {', '.join(best)}.\n",
+            f"Time on all cores to encode; importance takes {' or '.join(map(str, measured))} s "
+            "once (Gauss-Newton, or sums for the paper's presets) and serves any number of "
+            "encodings. Without it files are larger or worse. Decoding and slicing are times of "
+            "one thread; *first instant* opens the file and shows the middle of the scene, *next "
+            "instant* has its buckets in the cache. Memory is the decoder's own, without the "
+            "arrays that it fills.\n",
+            table([("preset", "name", ""), ("measure s", "measure_s", ".1f"),
+                   ("encode s", "encode_s", ".2f"),
+                   ("unmeasured: encode s", "encode_unweighted_s", ".2f"),
+                   ("MB", lambda r: r["bytes_unweighted"] / 1e6, ".3f"),
+                   ("dB", "fidelity_unweighted_db", ".2f"),
+                   ("decode ms", milliseconds("decode_s"), ".1f"),
+                   ("first instant ms", milliseconds("first_slice_s"), ".1f"),
+                   ("next instant ms", milliseconds("next_slice_s"), ".2f"),
+                   ("decode, MB of memory", mebibytes("decode_memory_bytes"), ".1f"),
+                   ("instant, MB of memory", mebibytes("slice_memory_bytes"), ".1f")], rows),
+            plots.time_fidelity(rows, folder)]
+
+
+def device(tables, _):
+    rows = tables["presets"]
+    return ["The same scene on a CUDA device: seconds to measure importance to an agreement of "
+            "0.99, to encode, and to decode all of the file into host arrays.\n",
+            table([("preset", "name", ""), ("MB", megabytes, ".3f"),
+                   ("measure s", "measure_s", ".2f"), ("encode s", "encode_s", ".2f"),
+                   ("decode ms", milliseconds("decode_s"), ".1f")], rows)]
