@@ -1,10 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
-# Installation: headers, library, tool, CMake package and pkg-config file.
+# Installation: headers, libraries, tool, CMake package and pkg-config files. Nothing that is
+# installed names the prefix, so that the tree can be moved.
 include(CMakePackageConfigHelpers)
 
 set(l4d_cmake_dir ${CMAKE_INSTALL_LIBDIR}/cmake/l4dcodec)
+set(l4d_libraries l4dcodec)
+foreach(library IN ITEMS l4dencoder l4drender)
+  if(TARGET ${library})
+    list(APPEND l4d_libraries ${library})
+  endif()
+endforeach()
 
-install(TARGETS l4dcodec EXPORT l4dcodec
+set(runtime "")
+if(NOT BUILD_SHARED_LIBS)
+  set(runtime l4d_installed_runtime)
+endif()
+install(TARGETS ${l4d_libraries} ${runtime} EXPORT l4dcodec
   ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR}
   LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR}
   RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
@@ -12,15 +23,10 @@ install(DIRECTORY ${PROJECT_SOURCE_DIR}/include/l4d DESTINATION ${CMAKE_INSTALL_
   FILES_MATCHING PATTERN "*.h" PATTERN "*.hpp")
 install(FILES ${PROJECT_BINARY_DIR}/include/l4d/export.h
   DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/l4d)
-if(TARGET l4drender)
-  install(TARGETS l4drender EXPORT l4dcodec
-    ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR}
-    LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR}
-    RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
-endif()
 if(TARGET l4dcodec_cli)
   install(TARGETS l4dcodec_cli RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
 endif()
+install(FILES ${PROJECT_SOURCE_DIR}/LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR})
 
 install(EXPORT l4dcodec NAMESPACE l4dcodec:: FILE l4dcodecTargets.cmake
   DESTINATION ${l4d_cmake_dir})
@@ -28,6 +34,7 @@ configure_package_config_file(
   ${PROJECT_SOURCE_DIR}/cmake/l4dcodecConfig.cmake.in
   ${PROJECT_BINARY_DIR}/l4dcodecConfig.cmake
   INSTALL_DESTINATION ${l4d_cmake_dir}
+  PATH_VARS CMAKE_INSTALL_LIBDIR
   NO_SET_AND_CHECK_MACRO)
 # Until 1.0 a minor version may break what the one before promised.
 if(PROJECT_VERSION_MAJOR EQUAL 0)
@@ -42,36 +49,48 @@ install(FILES
   ${PROJECT_BINARY_DIR}/l4dcodecConfigVersion.cmake
   DESTINATION ${l4d_cmake_dir})
 
-# pkg-config: a static library needs the C++ runtime and the OpenMP runtime of the compiler it was
-# built with; a shared one brings its own.
-set(L4D_PC_CFLAGS "")
-set(L4D_PC_LIBS_PRIVATE "")
-if(NOT BUILD_SHARED_LIBS)
+# The CUDA runtime that static libraries with device code were built with goes with them, so that
+# whoever links them needs no toolkit. It looks for the driver when it runs.
+set(l4d_cuda_runtime "")
+if(L4D_HAVE_CUDA AND NOT BUILD_SHARED_LIBS)
+  install(FILES ${CUDA_cudart_static_LIBRARY} DESTINATION ${CMAKE_INSTALL_LIBDIR}
+    RENAME libl4dcudart.a)
+  set(l4d_cuda_runtime " -ll4dcudart -lrt -ldl")
+endif()
+
+# pkg-config: a static library needs the C++ runtime (and perhaps the OpenMP runtime) of the compiler
+# it was built with. It does so always, not only with --static; a shared one brings its own.
+set(dependencies "libzstd libxxhash libhwy")
+list(APPEND L4D_CXX_RUNTIME pthread m)
+list(REMOVE_DUPLICATES L4D_CXX_RUNTIME)
+list(TRANSFORM L4D_CXX_RUNTIME PREPEND " -l" OUTPUT_VARIABLE runtime)
+list(JOIN runtime "" runtime)
+string(PREPEND runtime "${l4d_cuda_runtime}")
+if(BUILD_SHARED_LIBS)
+  set(L4D_PC_REQUIRES "Requires.private: ${dependencies}")
+  set(L4D_PC_LIBS "\nLibs.private:${runtime}")
+  set(L4D_PC_CFLAGS "")
+else()
+  set(L4D_PC_REQUIRES "Requires: ${dependencies}")
+  set(L4D_PC_LIBS "${runtime}")
   set(L4D_PC_CFLAGS " -DL4D_STATIC_DEFINE")
 endif()
-set(runtime ${CMAKE_CXX_IMPLICIT_LINK_LIBRARIES})
-list(REMOVE_ITEM runtime ${CMAKE_C_IMPLICIT_LINK_LIBRARIES})
-list(APPEND runtime ${OpenMP_CXX_LIB_NAMES} pthread m)
-list(REMOVE_DUPLICATES runtime)
-foreach(library IN LISTS runtime)
-  string(APPEND L4D_PC_LIBS_PRIVATE " -l${library}")
-endforeach()
-if(L4D_HAVE_CUDA)
-  # The runtime is linked into whoever links the static library; it looks for the driver by itself.
-  string(APPEND L4D_PC_LIBS_PRIVATE " -L${CUDAToolkit_LIBRARY_DIR} -lcudart_static -lrt -ldl")
+# From the folder of the .pc file to the prefix.
+if(IS_ABSOLUTE "${CMAKE_INSTALL_LIBDIR}")
+  set(L4D_PC_PREFIX ${CMAKE_INSTALL_PREFIX})
+else()
+  file(RELATIVE_PATH up /prefix/${CMAKE_INSTALL_LIBDIR}/pkgconfig /prefix)
+  string(REGEX REPLACE "/$" "" up "${up}")
+  set(L4D_PC_PREFIX "\${pcfiledir}/${up}")
 endif()
-# The two directories stay relative to the prefix, so that a moved tree can be used with
-# pkg-config --define-prefix; an absolute one is taken as it is.
 foreach(dir IN ITEMS LIBDIR INCLUDEDIR)
-  if(IS_ABSOLUTE ${CMAKE_INSTALL_${dir}})
+  if(IS_ABSOLUTE "${CMAKE_INSTALL_${dir}}")
     set(L4D_PC_${dir} ${CMAKE_INSTALL_${dir}})
   else()
     set(L4D_PC_${dir} "\${prefix}/${CMAKE_INSTALL_${dir}}")
   endif()
 endforeach()
-configure_file(${PROJECT_SOURCE_DIR}/cmake/l4dcodec.pc.in ${PROJECT_BINARY_DIR}/l4dcodec.pc @ONLY)
-install(FILES ${PROJECT_BINARY_DIR}/l4dcodec.pc DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig)
-if(TARGET l4drender)
-  configure_file(${PROJECT_SOURCE_DIR}/cmake/l4drender.pc.in ${PROJECT_BINARY_DIR}/l4drender.pc @ONLY)
-  install(FILES ${PROJECT_BINARY_DIR}/l4drender.pc DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig)
-endif()
+foreach(library IN LISTS l4d_libraries)
+  configure_file(${PROJECT_SOURCE_DIR}/cmake/${library}.pc.in ${PROJECT_BINARY_DIR}/${library}.pc @ONLY)
+  install(FILES ${PROJECT_BINARY_DIR}/${library}.pc DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig)
+endforeach()

@@ -1,9 +1,10 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
-# usage: run.sh static|shared BUILD_DIR [SOURCE_DIR]
-# Installs BUILD_DIR into a temporary prefix and checks the file list, the symbols, the pkg-config file
-# and the CMake package. With SOURCE_DIR, BUILD_DIR is first made: the library alone, of that kind.
-# L4D_UPDATE_GOLDEN=1 rewrites the lists instead of comparing.
+# usage: run.sh static|shared|decoder BUILD_DIR [SOURCE_DIR]
+# Installs BUILD_DIR into a temporary prefix, moves the tree and uses it where it then lies: the file
+# list, the symbols, the pkg-config files and the CMake package, from C and from C++. With SOURCE_DIR,
+# BUILD_DIR is first made: the libraries alone, of that kind; `decoder` is a static build without the
+# encoder and what it needs. L4D_UPDATE_GOLDEN=1 rewrites the lists instead of comparing.
 set -euo pipefail
 
 kind=$1
@@ -28,9 +29,12 @@ compare() {
 }
 
 if [[ $# -ge 3 ]]; then
-  shared=OFF
-  [[ $kind == shared ]] && shared=ON
-  cmake -S "$3" -B "$build" -G Ninja -DCMAKE_BUILD_TYPE=Release -DBUILD_SHARED_LIBS=$shared \
+  options=()
+  [[ $kind != shared ]] || options=(-DBUILD_SHARED_LIBS=ON)
+  # Eigen hidden: a decoder must not want it.
+  [[ $kind != decoder ]] || options=(-DL4D_BUILD_ENCODER=OFF -DL4D_BUILD_RENDER=OFF
+    -DCMAKE_DISABLE_FIND_PACKAGE_Eigen3=ON)
+  cmake -S "$3" -B "$build" -G Ninja -DCMAKE_BUILD_TYPE=Release "${options[@]}" \
     -DL4D_BUILD_CLI=OFF -DL4D_BUILD_TESTS=OFF -DL4D_BUILD_BENCH=OFF -DL4D_CUDA=OFF \
     -DCMAKE_CXX_COMPILER_LAUNCHER="${L4D_COMPILER_LAUNCHER:-}"
   cmake --build "$build" -j "$jobs"
@@ -38,23 +42,35 @@ fi
 
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
-prefix=$work/prefix
-cmake --install "$build" --prefix "$prefix" >"$work/install.log"
+cmake --install "$build" --prefix "$work/installed" >"$work/install.log"
+prefix=$work/moved
+mv "$work/installed" "$prefix"
 libdir=$(cache_value CMAKE_INSTALL_LIBDIR)
 library=$prefix/$libdir
 version=$(sed -n 's/^CMAKE_PROJECT_VERSION:STATIC=//p' "$build/CMakeCache.txt")
 [[ -n $version ]] || fail "no version in $build/CMakeCache.txt"
 cc=$(cache_value CMAKE_C_COMPILER)
 cxx=$(cache_value CMAKE_CXX_COMPILER)
+packages=(l4dcodec)
+programs=(consumer_decode)
+if [[ $kind != decoder ]]; then
+  packages+=(l4dencoder l4drender)
+  programs+=(consumer consumer_render)
+fi
 
 echo "== files"
+# What depends on options: the tool with its pages, and the CUDA runtime.
 (cd "$prefix" && find . -type f -o -type l) |
   sed -e 's|^\./||' -e "s|^$libdir/|LIBDIR/|" -e 's|-release\.cmake$|-CONFIG.cmake|' \
     -e 's|-debug\.cmake$|-CONFIG.cmake|' -e "s|$version|VERSION|" |
-  grep -v '^bin/l4dcodec$' | LC_ALL=C sort | compare "files-$kind.txt"
+  grep -v -e '^bin/l4dcodec$' -e '^LIBDIR/libl4dcudart\.a$' | LC_ALL=C sort | compare "files-$kind.txt"
 if [[ $(cache_value L4D_BUILD_CLI) == ON ]]; then
   LD_LIBRARY_PATH=$library "$prefix/bin/l4dcodec" version
 fi
+# Nothing names a place that only the machine which built it has.
+for place in "$work/installed" "$(cache_value CMAKE_INSTALL_PREFIX)" "$build" /usr/local/cuda; do
+  if grep -rIF -- "$place/" "$prefix" >&2; then fail "an installed file names $place"; fi
+done
 
 # The same list for both kinds: what the archive offers as the C API is what the shared object exports,
 # and a shared object exports nothing else.
@@ -73,33 +89,57 @@ declared() {
   grep -hoE 'L4D_API [^(]*\(' "${@/#/$prefix/include/l4d/}" | grep -oE 'l4d_[a-z0-9_]+\($' | tr -d '(' |
     LC_ALL=C sort
 }
-symbols l4dcodec | compare symbols.txt
-symbols l4drender | compare symbols-render.txt
-declared l4d.h decode.h encode.h cuda.h | diff -u - "$here/symbols.txt" >&2 ||
-  fail "declared (<) and defined (>) functions differ"
-declared render.h cuda_render.h cuda_player.h | diff -u - "$here/symbols-render.txt" >&2 ||
-  fail "declared (<) and defined (>) functions of the renderer differ"
-
-echo "== pkg-config"
-export PKG_CONFIG_PATH=$library/pkgconfig
-static=()
-[[ $kind == static ]] && static=(--static)
-[[ $(pkg-config --modversion l4dcodec) == "$version" ]] || fail "version in l4dcodec.pc"
-for package in l4dcodec l4drender; do
-  source=consumer.c
-  [[ $package == l4drender ]] && source=consumer_render.c
-  read -ra flags <<<"$(pkg-config "${static[@]}" --define-prefix --cflags --libs $package)"
-  "$cc" -std=c99 -pedantic -Wall -Wextra -Werror "$here/$source" -o "$work/consumer" "${flags[@]}"
-  LD_LIBRARY_PATH=$library "$work/consumer"
+for package in "${packages[@]}"; do
+  list=symbols-${package#l4d}.txt
+  symbols "$package" | compare "$list"
+  case $package in
+    l4dcodec) headers=(l4d.h decode.h cuda.h) ;;
+    l4dencoder) headers=(encode.h) ;;
+    l4drender) headers=(render.h cuda_render.h cuda_player.h) ;;
+  esac
+  declared "${headers[@]}" | diff -u - "$here/$list" >&2 ||
+    fail "declared (<) and defined (>) functions of $package differ"
 done
 
-echo "== find_package"
-cmake -S "$here/consumer" -B "$work/consumer-build" -G Ninja -DCMAKE_BUILD_TYPE=Release \
-  -DCMAKE_PREFIX_PATH="$prefix" -DCMAKE_CXX_COMPILER="$cxx" -DCMAKE_C_COMPILER="$cc" \
-  -DEXPECTED_VERSION="$version" >"$work/configure.log" 2>&1 || {
-  cat "$work/configure.log" >&2
-  fail "find_package"
+# build_and_run PROGRAM FLAG...: a C program of this folder with the flags of pkg-config.
+build_and_run() {
+  local program=$1
+  shift
+  "$cc" -std=c99 -pedantic -Wall -Wextra -Werror "$here/$program.c" -o "$work/$program" "$@"
+  LD_LIBRARY_PATH=$library "$work/$program"
 }
-cmake --build "$work/consumer-build"
-"$work/consumer-build/consumer"
+
+echo "== pkg-config, as it is and with --static"
+export PKG_CONFIG_PATH=$library/pkgconfig
+[[ $(pkg-config --modversion l4dcodec) == "$version" ]] || fail "version in l4dcodec.pc"
+for i in "${!programs[@]}"; do
+  # Only static archives link with --static, and they link without it too.
+  for mode in '' --static; do
+    [[ -z $mode || $kind != shared ]] || continue
+    # The .pc files have to know by themselves where they lie.
+    read -ra flags <<<"$(pkg-config --dont-define-prefix $mode --cflags --libs "${packages[$i]}")"
+    build_and_run "${programs[$i]}" "${flags[@]}"
+  done
+done
+
+# find_package FOLDER OPTION...: configures and builds the project of a stranger without CUDA.
+find_package() {
+  local folder=$1
+  shift
+  cmake -S "$here/$folder" -B "$work/build-$folder" -G Ninja -DCMAKE_BUILD_TYPE=Release \
+    -DCMAKE_PREFIX_PATH="$prefix" -DCMAKE_C_COMPILER="$cc" \
+    -DCMAKE_DISABLE_FIND_PACKAGE_CUDAToolkit=ON "$@" >"$work/configure.log" 2>&1 || {
+    cat "$work/configure.log" >&2
+    fail "find_package in $folder"
+  }
+  cmake --build "$work/build-$folder"
+}
+echo "== find_package from C alone"
+find_package consumer-c -DPROGRAMS="$(IFS=';' && echo "${programs[*]}")"
+for program in "${programs[@]}"; do "$work/build-consumer-c/$program"; done
+if [[ $kind != decoder ]]; then
+  echo "== find_package from C++"
+  find_package consumer -DCMAKE_CXX_COMPILER="$cxx" -DEXPECTED_VERSION="$version"
+  "$work/build-consumer/consumer"
+fi
 echo "install test of the $kind library: ok"
