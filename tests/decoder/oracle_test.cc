@@ -41,6 +41,7 @@ std::vector<Model> models(const DecoderHandle& d, const GaussianArrays& a) {
       Model& m = out[i];
       m.permanent = layer.permanent != 0;
       m.mean = r.center + static_cast<double>(a.mean_t_local[i]);
+      EXPECT_NEAR(m.mean, static_cast<double>(a.mean_t[i]), 1e-6 * (1 + std::fabs(m.mean)));
       m.reference = (a.flags & L4D_POSITION_AT_MEAN_TIME) != 0 ? m.mean
                     : m.mean < begin                           ? begin
                     : m.mean > end                             ? end

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <set>
 
 #include "tests/common/codec.h"
 #include "tests/common/random.h"
@@ -58,6 +59,9 @@ TEST_P(Tolerant, DecodesWhatIsLeft) {
       EXPECT_EQ(loss.num_buckets, last.bucket - first.bucket + 1);
       EXPECT_EQ(c.pages_lost, lost.size());
       EXPECT_EQ(c.gaussians_lost, anatomy.gaussians(lost));
+      std::set<std::pair<uint32_t, uint32_t>> buckets;
+      for (const size_t p : lost) buckets.emplace(anatomy.pages[p].layer, anatomy.pages[p].bucket);
+      EXPECT_EQ(c.buckets_lost, buckets.size());
     }
     EXPECT_GE(c.buckets_lost, 1u);
   }
@@ -346,6 +350,40 @@ TEST(TolerantLimits, CancellingAndLimitsStillEndTheCall) {
   DecoderHandle small(&o);
   small.open_memory(damaged.data(), damaged.size());
   EXPECT_EQ(l4d_decoder_decode(small.get(), &q, &b), L4D_ERR_LIMIT_EXCEEDED);
+}
+
+// A scene with holes would look like damage: what does not fit the limit is refused, at any limit.
+TEST(TolerantLimits, AWantOfMemoryIsNoLoss) {
+  for (const Bytes* file : {&dynamic_file(), &transform_file(), &rcq_file()}) {
+    bool refused = false, done = false;
+    for (uint64_t limit = 1024; limit < (uint64_t{1} << 25); limit += limit / 12) {
+      SCOPED_TRACE("limit " + std::to_string(limit));
+      l4d_decoder_options o = decoder_options(L4D_BACKEND_AUTO, 1);
+      o.tolerant = 1;
+      o.limits.max_memory_bytes = limit;
+      const DecoderHandle d(&o);
+      if (l4d_decoder_open_memory(d.get(), file->data(), file->size()) != L4D_OK) continue;
+      const l4d_query q = all_query();
+      l4d_gaussian_buffers b;
+      l4d_gaussian_buffers_init(&b);
+      b.capacity = d.info().num_gaussians;
+      std::vector<float> scale(4 * b.capacity);
+      b.log_scale = scale.data();
+      const l4d_status status = l4d_decoder_decode(d.get(), &q, &b);
+      uint64_t losses = 1;
+      d.check(l4d_decoder_get_losses(d.get(), nullptr, 0, &losses));
+      ASSERT_EQ(losses, 0u);
+      if (status == L4D_OK) {
+        ASSERT_EQ(b.count, b.capacity);
+        done = true;
+      } else {
+        ASSERT_EQ(status, L4D_ERR_LIMIT_EXCEEDED);
+        refused = true;
+      }
+    }
+    EXPECT_TRUE(refused);
+    EXPECT_TRUE(done);
+  }
 }
 
 TEST(TolerantLimits, SectionsAndValidationAreStrict) {
