@@ -408,6 +408,33 @@ TEST(Stream, AbsurdPlaneLengthsAreRefused) {
   }
 }
 
+// spec: STRM-2
+TEST(Stream, LengthsTakeNineBytesAtMost) {
+  const size_t n = 100;
+  const auto values = values16(n, 8, 1, 3);
+  ZstdCompressor zstd(3);
+  const Bytes frame = zstd.compress(Bytes(values.begin(), values.end()));
+  ASSERT_LT(frame.size(), size_t{1} << 14);
+  for (const size_t length : {2u, 8u, 9u, 10u, 11u}) {
+    // The same number, with groups of zeros behind it.
+    Bytes bytes{1, 1};
+    for (size_t k = 0; k < length; ++k) {
+      const size_t group = k < 2 ? (frame.size() >> (7 * k)) & 0x7f : 0;
+      bytes.push_back(static_cast<unsigned char>(group | (k + 1 < length ? 0x80 : 0)));
+    }
+    bytes.insert(bytes.end(), frame.begin(), frame.end());
+    for (const auto& [name, read] : readers(n, 8)) {
+      EXPECT_STREQ(read(bytes).clause(), length <= 9 ? "" : "STRM-2") << name << ", " << length;
+    }
+    // The ninth byte still says that more follow, and the frame comes at once.
+    if (length != 9) continue;
+    bytes[2 + 8] = 0x80;
+    for (const auto& [name, read] : readers(n, 8)) {
+      EXPECT_STREQ(read(bytes).clause(), "STRM-2") << name;
+    }
+  }
+}
+
 TEST(Stream, RandomBytesNeverPassTheirEnd) {
   Random random(99);
   for (int round = 0; round < 20000; ++round) {
