@@ -164,6 +164,25 @@ TEST(Transform, HardInputs) {
   }
 }
 
+// Where the steps that a weight asks for do not reach, coarser ones do.
+TEST(Transform, RowsFarOutTakeCoarserSteps) {
+  Random random(21);
+  for (const float far : {10.0f, 1e3f, 8e3f}) {  // the coarsest step reaches 8191
+    Data d{300, 4, std::vector<float>(1200), std::vector<float>(300, 1.0f)};
+    for (float& v : d.rows) v = static_cast<float>(0.01 * random.normal());
+    for (const size_t i : {size_t{7}, size_t{8}}) {
+      d.weights[i] = 1e6f;
+      for (size_t k = 0; k < 4; ++k) d.rows[4 * i + k] = (i == 7 ? 1.0f : -1.0f) * far;
+    }
+    std::vector<float> decoded;
+    code_transform(d.rows.data(), d.weights.data(), d.n, 4, settings(1e-8, true), &decoded);
+    for (size_t i = 0; i < d.n; ++i) {
+      const double size = i == 7 || i == 8 ? static_cast<double>(far) : 0.0;
+      EXPECT_LE(std::sqrt(squared_error(d, decoded, i)), 0.5 + 1e-3 * size) << far << ", " << i;
+    }
+  }
+}
+
 TEST(Transform, ThreadsDoNotMatter) {
   const Data d = correlated(9000, 12, 8);
   TransformSettings s = settings(1e-6, true);

@@ -136,5 +136,45 @@ TEST(SeenSpan, MatchOpacityFindsTheLeastSquares) {
   }
 }
 
+// Weighted by how both are seen, the decoded Gaussian is on average where the original is, whatever
+// the times at which their positions are given.
+TEST(SeenSpan, MatchPositionPutsBothInOnePlace) {
+  Random random(10);
+  for (int i = 0; i < 300; ++i) {
+    const double begin = 0, end = 2;
+    const Fading original{1, random.uniform(0, 2), std::exp(random.uniform(-3, 6))};
+    Fading decoded = original;
+    decoded.mean += 0.3 * random.normal() / std::sqrt(original.lambda);
+    decoded.lambda *= std::exp(0.3 * random.normal());
+    Moving moving, fitted;
+    for (int k = 0; k < 3; ++k) {
+      moving.position[k] = random.normal();
+      moving.velocity[k] = random.normal();
+      fitted.velocity[k] = moving.velocity[k] + 0.5 * random.normal();
+    }
+    moving.reference = random.uniform(0, 2);
+    fitted.reference = random.uniform(0, 2);
+    SeenSpan({original, decoded}, begin, end).match_position(original, decoded, moving, &fitted);
+    double sum = 0, apart[3] = {0, 0, 0};
+    constexpr int kTimes = 4000;
+    for (int t = 0; t < kTimes; ++t) {
+      const double time = begin + (end - begin) * (t + 0.5) / kTimes;
+      const auto fade = [&](const Fading& f) {
+        const double exponent = f.lambda * (time - f.mean) * (time - f.mean);
+        return exponent <= 16 ? std::exp(-0.5 * exponent) : 0;
+      };
+      const double w = fade(original) * fade(decoded);
+      sum += w;
+      for (int k = 0; k < 3; ++k) {
+        apart[k] += w * (moving.position[k] + moving.velocity[k] * (time - moving.reference) -
+                         fitted.position[k] - fitted.velocity[k] * (time - fitted.reference));
+      }
+    }
+    const double span = std::min(2.0, 8 / std::sqrt(original.lambda));
+    // The span takes a dozen instants.
+    for (int k = 0; k < 3; ++k) ASSERT_LE(std::fabs(apart[k] / sum), 0.03 * span) << i;
+  }
+}
+
 }  // namespace
 }  // namespace l4d
