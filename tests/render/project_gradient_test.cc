@@ -366,5 +366,32 @@ TEST(SphericalHarmonics, BasisIsOrthonormal) {
   }
 }
 
+// Signs and order: real harmonics with the Condon-Shortley phase, m from -l to l.
+TEST(SphericalHarmonics, BasisIsThatOfTheDefinition) {
+  Random random(77);
+  for (int i = 0; i < 200; ++i) {
+    const double z = random.uniform(-1, 1), angle = random.uniform(0, 6.283185307179586);
+    const double r = std::sqrt(1 - z * z);
+    double basis[kMaxShTerms];
+    sh_basis(3, r * std::cos(angle), r * std::sin(angle), z, basis);
+    for (int l = 0; l <= 3; ++l) {
+      for (int m = -l; m <= l; ++m) {
+        const int a = std::abs(m);
+        double factorials = 1;  // (l - a)! / (l + a)!
+        for (int k = l - a + 1; k <= l + a; ++k) factorials /= k;
+        const double phase = a % 2 == 0 ? 1 : -1;
+        const double legendre =
+            phase * std::assoc_legendre(static_cast<unsigned>(l), static_cast<unsigned>(a), z);
+        const double around = m == 0  ? 1
+                              : m > 0 ? std::sqrt(2.0) * std::cos(a * angle)
+                                      : std::sqrt(2.0) * std::sin(a * angle);
+        const double norm = std::sqrt((2 * l + 1) / (4 * 3.14159265358979323846) * factorials);
+        EXPECT_NEAR(basis[static_cast<size_t>(l * l + l + m)], norm * legendre * around, 1e-12)
+            << l << ", " << m;
+      }
+    }
+  }
+}
+
 }  // namespace
 }  // namespace l4d::render

@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <deque>
@@ -345,6 +346,59 @@ TEST(Reference, DerivativeOfOneGaussianByHand) {
   // The splat and the image are symmetric.
   EXPECT_NEAR(out.splat[0].mean[0], 0, 1e-10);
   EXPECT_NEAR(out.splat[0].mean[1], 0, 1e-10);
+}
+
+// A colour that depends on the direction is that of the direction from the camera, wherever it is
+// and however it is turned.
+TEST(Reference, ColorsAreSeenFromTheCamera) {
+  TestScene scene;
+  const double at[3] = {1, -2, 3};
+  scene.add(at[0], at[1], at[2], 0.2, 0.9, {0.5, 0.5, 0.5});
+  // Red grows with -y, green with z, blue with -x (the harmonics of degree 1).
+  const float sh[12] = {0, 0, 0, 0.4f, 0, 0, 0, 0.4f, 0, 0, 0, 0.4f};
+  scene.frame.sh_degree = 1;
+  scene.frame.sh[0] = sh;
+  for (int i = 0; i < 12; ++i) {
+    // Axes of the camera: a turn about y, then one about x.
+    const double a = 0.7 * i, b = 0.3 * i - 1;
+    const double right[3] = {std::cos(a), 0, -std::sin(a)};
+    const double forward[3] = {std::sin(a) * std::cos(b), std::sin(b), std::cos(a) * std::cos(b)};
+    double down[3], eye[3];
+    for (int k = 0; k < 3; ++k) {
+      const int m = (k + 1) % 3, n = (k + 2) % 3;
+      down[k] = forward[m] * right[n] - forward[n] * right[m];
+      eye[k] = at[k] - 4 * forward[k] + 0.2 * right[k];
+    }
+    l4d_camera camera{};
+    camera.struct_size = sizeof camera;
+    camera.width = kWidth;
+    camera.height = kHeight;
+    camera.fx = camera.fy = 40;
+    camera.cx = 12;
+    camera.cy = 9;
+    camera.near_plane = 0.02;
+    const double* const axes[3] = {right, down, forward};
+    double distance2 = 0;
+    for (size_t r = 0; r < 3; ++r) {
+      for (size_t k = 0; k < 3; ++k) {
+        camera.world_to_camera[4 * r + k] = axes[r][k];
+        camera.world_to_camera[4 * r + 3] -= axes[r][k] * eye[k];
+      }
+      distance2 += (at[r] - eye[r]) * (at[r] - eye[r]);
+    }
+    std::vector<double> rgb(3 * kPixels), alpha(kPixels);
+    render_reference(scene.frame, make_view<double>(camera), kBlack, rgb.data(), alpha.data(),
+                     nullptr);
+    const size_t pixel =
+        static_cast<size_t>(std::max_element(alpha.begin(), alpha.end()) - alpha.begin());
+    ASSERT_GT(alpha[pixel], 0.5);
+    const double k1 = std::sqrt(3 / (4 * 3.14159265358979323846)) * 0.4 / std::sqrt(distance2);
+    const double expected[3] = {0.5 - k1 * (at[1] - eye[1]), 0.5 + k1 * (at[2] - eye[2]),
+                                0.5 - k1 * (at[0] - eye[0])};
+    for (size_t c = 0; c < 3; ++c) {
+      EXPECT_NEAR(rgb[3 * pixel + c] / alpha[pixel], expected[c], 1e-6) << i << ", " << c;
+    }
+  }
 }
 
 }  // namespace
