@@ -69,9 +69,7 @@ FfmpegProcess::FfmpegProcess(const std::string& subject, const std::vector<std::
     throw Error(L4D_ERR_IO, subject + ": " + action + ": " + words_of(error));
   };
   // A file, for a pipe that nobody reads would block ffmpeg when it is full.
-  errors_.reset(std::tmpfile());
-  if (!errors_) fail("cannot create a temporary file", errno);
-  ::fcntl(::fileno(errors_.get()), F_SETFD, FD_CLOEXEC);
+  errors_ = anonymous_file();
   // A socket and not a pipe: sending to one whose reader is gone need not raise SIGPIPE.
   int ends[2];
   if (::socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends) != 0) {

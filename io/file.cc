@@ -1,6 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "io/file.h"
 
+#include <fcntl.h>
+#include <poll.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
@@ -15,28 +20,62 @@ namespace {
   throw Error(L4D_ERR_IO, path + ": " + action + ": " + std::generic_category().message(error));
 }
 
+void check(const FileError& error, const std::string& path) {
+  if (!error.ok()) fail(path, error.action, error.error);
+}
+
+constexpr uint64_t kMaxPipeBytes = uint64_t{4} << 30;
+constexpr int kMaxIdleMilliseconds = 3000;
+
 }  // namespace
 
 InputFile::InputFile(const std::string& path) : path_(path) {
-  std::error_code error;
-  const fs::file_status status = fs::status(path, error);
-  if (fs::is_directory(status)) fail(path, "cannot read", EISDIR);
-  errno = 0;
-  file_.reset(std::fopen(path.c_str(), "rb"));
-  if (!file_) fail(path, "cannot open", errno);
-  if (fs::is_regular_file(status)) {
-    size_ = fs::file_size(path, error);
-    if (error) fail(path, "cannot read the size", error.value());
+  // Opening a named pipe would wait for whoever writes to it, for ever where nobody does.
+  const int fd = ::open(path.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC | O_NOCTTY);
+  if (fd < 0) fail(path, "cannot open", errno);
+  file_.reset(::fdopen(fd, "rb"));
+  if (!file_) {
+    ::close(fd);
+    fail(path, "cannot open", ENOMEM);
+  }
+  struct stat status {};
+  if (::fstat(fd, &status) != 0) fail(path, "cannot read the size", errno);
+  if (S_ISREG(status.st_mode)) {
+    size_ = static_cast<uint64_t>(status.st_size);
     return;
   }
-  uint8_t block[1 << 16];
-  size_t got = 0;
-  while ((got = std::fread(block, 1, sizeof(block), file_.get())) > 0) {
-    slurped_.insert(slurped_.end(), block, block + got);
+  if (S_ISDIR(status.st_mode)) fail(path, "cannot read", EISDIR);
+  if (!S_ISFIFO(status.st_mode) && !S_ISSOCK(status.st_mode)) {
+    throw Error(L4D_ERR_IO, path + ": is a device and no file");
   }
-  if (std::ferror(file_.get()) != 0) fail(path, "cannot read", errno);
+  slurp(fd);
   file_.reset();
   size_ = slurped_.size();
+}
+
+void InputFile::slurp(int fd) {
+  constexpr int kSliceMilliseconds = 100;
+  int idle = 0;  // slices in which nobody had the pipe open for writing
+  uint8_t block[1 << 16];
+  for (;;) {
+    pollfd waiting = {fd, POLLIN, 0};
+    const int ready = ::poll(&waiting, 1, kSliceMilliseconds);
+    if (ready < 0) fail(path_, "cannot read", errno);
+    const ssize_t got = ::read(fd, block, sizeof(block));
+    if (got < 0 && errno != EAGAIN) fail(path_, "cannot read", errno);
+    if (got > 0) {
+      slurped_.insert(slurped_.end(), block, block + got);
+      if (slurped_.size() > kMaxPipeBytes) {
+        throw Error(L4D_ERR_IO, path_ + ": the pipe has more than 4 GiB; write them to a file");
+      }
+    }
+    // A writer that is gone wakes poll; one that has not come yet does not.
+    if (got == 0 && ready > 0) return;
+    idle = got == 0 ? idle + 1 : 0;
+    if (idle * kSliceMilliseconds >= kMaxIdleMilliseconds) {
+      throw Error(L4D_ERR_IO, path_ + ": is a pipe that nobody writes to");
+    }
+  }
 }
 
 size_t InputFile::read(void* dst, size_t n) {
@@ -60,57 +99,46 @@ std::vector<uint8_t> read_whole_file(const std::string& path) {
   return bytes;
 }
 
-OutputFile::OutputFile(const std::string& path) : path_(path), final_path_(path) {
+OutputFile::OutputFile(const std::string& path) : path_(path) {
+  check(file_.open(path.c_str()), path);
+}
+
+void OutputFile::write(const void* data, size_t n) { check(file_.write(data, n), path_); }
+
+void OutputFile::commit() { check(file_.commit(), path_); }
+
+std::optional<FileId> identify(const std::string& path) {
+  std::string place = path;
+  if (!follow_links(&place).ok()) return std::nullopt;
+  const int descriptor = descriptor_named(place);
+  struct stat status {};
+  const int found = descriptor >= 0 ? ::fstat(descriptor, &status) : ::stat(place.c_str(), &status);
+  if (found == 0) {
+    if (!S_ISREG(status.st_mode) && !S_ISFIFO(status.st_mode)) return std::nullopt;
+    return FileId{status.st_dev, status.st_ino, ""};
+  }
+  const size_t slash = place.rfind('/');
+  const std::string folder = slash == std::string::npos ? "." : place.substr(0, slash + 1);
+  if (::stat(folder.c_str(), &status) != 0) return std::nullopt;
+  return FileId{status.st_dev, status.st_ino, place.substr(slash + 1)};
+}
+
+FileHandle anonymous_file() {
   std::error_code error;
-  const fs::file_status status = fs::status(path, error);
-  if (fs::is_directory(status)) fail(path, "cannot write", EISDIR);
-  if (fs::exists(status) && !fs::is_regular_file(status)) {
-    errno = 0;
-    file_.reset(std::fopen(path.c_str(), "wb"));
-    if (!file_) fail(path, "cannot open", errno);
-    return;
-  }
-  if (fs::is_symlink(fs::symlink_status(path, error)) && fs::exists(status)) {
-    final_path_ = fs::canonical(path, error).string();
-    if (error) fail(path, "cannot resolve", error.value());
-  }
-  // "x" refuses an existing file, so two writers of one name never share a temporary.
-  for (int attempt = 0; attempt < 1000; ++attempt) {
-    temporary_path_ = final_path_ + ".tmp" + std::to_string(attempt);
-    errno = 0;
-    file_.reset(std::fopen(temporary_path_.c_str(), "wbx"));
-    if (file_) return;
-    if (errno != EEXIST) break;
-  }
-  fail(path, "cannot create", errno);
+  const fs::path folder = fs::temp_directory_path(error);
+  const std::string name = "l4dcodec-XXXXXX";
+  std::string path = ((error ? fs::path("/tmp") : folder) / name).string();
+  const int fd = ::mkostemp(path.data(), O_CLOEXEC);
+  if (fd < 0) fail(path, "cannot create a temporary file", errno);
+  ::unlink(path.c_str());
+  FileHandle file(::fdopen(fd, "w+b"));
+  if (file) return file;
+  ::close(fd);
+  fail(path, "cannot create a temporary file", ENOMEM);
 }
 
-OutputFile::~OutputFile() {
-  if (!file_) return;
-  file_.reset();
-  if (!temporary_path_.empty()) std::remove(temporary_path_.c_str());
-}
-
-void OutputFile::write(const void* data, size_t n) {
-  errno = 0;
-  if (n > 0 && std::fwrite(data, 1, n, file_.get()) != n) fail(path_, "cannot write", errno);
-}
-
-void OutputFile::commit() {
-  errno = 0;
-  if (std::fflush(file_.get()) != 0) fail(path_, "cannot write", errno);
-  if (std::fclose(file_.release()) != 0) {
-    const int close_error = errno;
-    if (!temporary_path_.empty()) std::remove(temporary_path_.c_str());
-    fail(path_, "cannot write", close_error);
-  }
-  if (temporary_path_.empty()) return;
-  std::error_code error;
-  fs::rename(temporary_path_, final_path_, error);
-  if (error) {
-    std::remove(temporary_path_.c_str());
-    fail(path_, "cannot rename the finished file", error.value());
-  }
+std::string path_of(const FileHandle& file) {
+  return "/dev/fd/" + std::to_string(::fileno(file.get()));
 }
 
 }  // namespace l4d::io

@@ -5,11 +5,14 @@
 #include <cstdint>
 #include <cstdio>
 #include <memory>
+#include <optional>
 #include <string>
+#include <tuple>
 #include <utility>
 #include <vector>
 
 #include "io/scene.h"
+#include "libl4dcodec/base/atomic_file.h"
 
 namespace l4d::io {
 
@@ -19,7 +22,8 @@ struct FileCloser {
 using FileHandle = std::unique_ptr<std::FILE, FileCloser>;
 
 // Sequential input of known length. A pipe has none, so it is read to its end first: whoever parses
-// can then always check a count against the bytes that are left before allocating for it.
+// can then always check a count against the bytes that are left before allocating for it. A named
+// pipe that nobody opens for writing within some seconds is refused, and so are devices.
 class InputFile {
  public:
   explicit InputFile(const std::string& path);
@@ -33,6 +37,8 @@ class InputFile {
   const std::string& path() const { return path_; }
 
  private:
+  void slurp(int fd);
+
   std::string path_;
   FileHandle file_;
   std::vector<uint8_t> slurped_;  // contents, where file_ is not the source
@@ -42,24 +48,35 @@ class InputFile {
 
 std::vector<uint8_t> read_whole_file(const std::string& path);
 
-// Output that appears under its name only when it is complete: written beside it, then renamed.
-// Devices and pipes (/dev/null, /dev/stdout) are written directly, because renaming would replace
-// them.
+// Output that appears under its name only when it is complete; see AtomicFile. Throws Error where a
+// call fails.
 class OutputFile {
  public:
   explicit OutputFile(const std::string& path);
-  ~OutputFile();
-  OutputFile(const OutputFile&) = delete;
-  OutputFile& operator=(const OutputFile&) = delete;
 
   void write(const void* data, size_t n);
   void commit();
 
  private:
-  std::string path_;            // as the caller named it, for messages
-  std::string final_path_;      // symbolic links resolved
-  std::string temporary_path_;  // empty: written directly
-  FileHandle file_;
+  std::string path_;  // as the caller named it, for messages
+  AtomicFile file_;
 };
+
+// Which file a path leads to, so that two paths can be told to lead to one: its device and inode,
+// or of what does not exist yet those of the folder, and the name in it.
+struct FileId {
+  uint64_t device = 0, inode = 0;
+  std::string name;
+  bool operator<(const FileId& other) const {
+    return std::tie(device, inode, name) < std::tie(other.device, other.inode, other.name);
+  }
+};
+// Nothing where the path leads to what many may write to at a time, as a device, or to no place.
+std::optional<FileId> identify(const std::string& path);
+
+// A file without a name, for this process alone: it goes away with it, however that ends.
+FileHandle anonymous_file();
+// A name under which this process can open such a file.
+std::string path_of(const FileHandle& file);
 
 }  // namespace l4d::io

@@ -19,6 +19,11 @@ namespace {
 
 constexpr uint32_t kMaxSize = 16384;  // pixels a side
 
+// What may be read, whatever the file is called: containers that hold the frames themselves. Others
+// (ffconcat, HLS, image2) are lists, with which a file would have others read.
+constexpr const char* kContainers =
+    "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,mpegts,flv,ogg,yuv4mpegpipe";
+
 // Without the scheme a name such as concat:a would be more than a name to ffmpeg.
 std::string url_of(const std::string& path) { return "file:" + path; }
 
@@ -36,6 +41,10 @@ void check_size(const std::string& path, uint32_t width, uint32_t height) {
 
 [[noreturn]] void fail(const std::string& path, const char* action, int error) {
   throw Error(L4D_ERR_IO, path + ": " + action + ": " + std::generic_category().message(error));
+}
+
+void check(const FileError& error, const std::string& path) {
+  if (!error.ok()) fail(path, error.action, error.error);
 }
 
 }  // namespace
@@ -64,8 +73,9 @@ VideoReader::VideoReader(const std::string& path, uint32_t width, uint32_t heigh
   // the camera's is an error and not a scrambled picture.
   process_ = std::make_unique<FfmpegProcess>(
       path,
-      std::vector<std::string>{"-protocol_whitelist", "file", "-i", url_of(path), "-map", "0:v:0",
-                               "-f", "image2pipe", "-c:v", "ppm", "-pix_fmt", "rgb24", "-"},
+      std::vector<std::string>{"-protocol_whitelist", "file", "-format_whitelist", kContainers,
+                               "-i", url_of(path), "-map", "0:v:0", "-f", "image2pipe", "-c:v",
+                               "ppm", "-pix_fmt", "rgb24", "-"},
       FfmpegProcess::Direction::kFrom);
   header_ = "P6\n" + std::to_string(width) + " " + std::to_string(height) + "\n255\n";
   frame_.resize(header_.size() + size_t{3} * width * height);
@@ -114,79 +124,59 @@ void VideoReader::read(uint32_t frame, Image* image) {
 
 VideoWriter::VideoWriter(const std::string& path, uint32_t width, uint32_t height,
                          const VideoOptions& options)
-    : path_(path), final_path_(path), width_(width), height_(height) {
+    : path_(path), width_(width), height_(height) {
   check_size(path, width, height);
   if (!(std::isfinite(options.fps) && options.fps > 0) || options.crf > 51) {
     throw Error(L4D_ERR_INVALID_ARGUMENT, path + ": the frame rate is above 0, crf is 0 to 51");
   }
   std::error_code error;
   const fs::file_status status = fs::status(path, error);
-  if (fs::exists(status) && !fs::is_regular_file(status)) {
+  if ((fs::exists(status) && !fs::is_regular_file(status)) || descriptor_named(path) >= 0) {
     throw Error(L4D_ERR_IO, path + ": an .mp4 can only be written to a regular file");
   }
-  if (fs::is_symlink(fs::symlink_status(path, error)) && fs::exists(status)) {
-    final_path_ = fs::canonical(path, error).string();
-    if (error) fail(path, "cannot resolve", error.value());
-  }
-  // Reserved by creating it, as OutputFile does; ffmpeg must open it itself, to go back in it.
-  FileHandle reserved;
-  for (int attempt = 0; !reserved; ++attempt) {
-    const std::string name = final_path_ + ".tmp" + std::to_string(attempt);
-    errno = 0;
-    reserved.reset(std::fopen(name.c_str(), "wbx"));
-    if (reserved) temporary_path_ = name;
-    if (!reserved && (errno != EEXIST || attempt == 1000)) fail(path, "cannot create", errno);
-  }
-  reserved.reset();
+  check(file_.open(path.c_str()), path);
   const std::string size = std::to_string(width) + "x" + std::to_string(height);
-  try {
-    process_ = std::make_unique<FfmpegProcess>(
-        path,
-        std::vector<std::string>{
-            "-f",
-            "rawvideo",
-            "-pix_fmt",
-            "rgb24",
-            "-video_size",
-            size,
-            "-framerate",
-            decimal(options.fps),
-            "-i",
-            "pipe:0",
-            "-vf",
-            "pad=ceil(iw/2)*2:ceil(ih/2)*2,scale=out_color_matrix=bt709:out_range=tv",
-            "-c:v",
-            "libx264",
-            "-crf",
-            std::to_string(options.crf),
-            "-pix_fmt",
-            "yuv420p",
-            "-colorspace",
-            "bt709",
-            "-color_primaries",
-            "bt709",
-            "-color_trc",
-            "bt709",
-            "-color_range",
-            "tv",
-            "-movflags",
-            "+faststart",
-            "-f",
-            "mp4",
-            "-y",
-            url_of(temporary_path_)},
-        FfmpegProcess::Direction::kTo);
-  } catch (...) {
-    std::remove(temporary_path_.c_str());
-    throw;
-  }
+  // ffmpeg opens the file itself, to go back in it.
+  process_ = std::make_unique<FfmpegProcess>(
+      path,
+      std::vector<std::string>{
+          "-f",
+          "rawvideo",
+          "-pix_fmt",
+          "rgb24",
+          "-video_size",
+          size,
+          "-framerate",
+          decimal(options.fps),
+          "-i",
+          "pipe:0",
+          "-vf",
+          "pad=ceil(iw/2)*2:ceil(ih/2)*2,scale=out_color_matrix=bt709:out_range=tv",
+          "-c:v",
+          "libx264",
+          "-crf",
+          std::to_string(options.crf),
+          "-pix_fmt",
+          "yuv420p",
+          "-colorspace",
+          "bt709",
+          "-color_primaries",
+          "bt709",
+          "-color_trc",
+          "bt709",
+          "-color_range",
+          "tv",
+          "-movflags",
+          "+faststart",
+          "-f",
+          "mp4",
+          "-y",
+          url_of(file_.temporary_path())},
+      FfmpegProcess::Direction::kTo);
   frame_.resize(size_t{3} * width * height);
 }
 
-VideoWriter::~VideoWriter() {
-  process_.reset();
-  if (!temporary_path_.empty()) std::remove(temporary_path_.c_str());
-}
+VideoWriter::~VideoWriter() = default;
 
 void VideoWriter::write(const Image& image) {
   if (process_ == nullptr) throw Error(L4D_ERR_INVALID_STATE, path_ + ": the video is finished");
@@ -201,10 +191,7 @@ void VideoWriter::finish() {
   if (process_ == nullptr) throw Error(L4D_ERR_INVALID_STATE, path_ + ": the video is finished");
   const std::unique_ptr<FfmpegProcess> process = std::move(process_);
   process->finish();
-  std::error_code error;
-  fs::rename(temporary_path_, final_path_, error);
-  if (error) fail(path_, "cannot rename the finished file", error.value());
-  temporary_path_.clear();
+  check(file_.commit(), path_);
 }
 
 }  // namespace l4d::io

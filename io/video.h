@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "io/file.h"
 #include "io/image.h"
 
 namespace l4d::io {
@@ -17,8 +18,8 @@ bool ffmpeg_available();
 class FfmpegProcess;  // io/ffmpeg_process.h
 
 // The frames of a video in order, from the first on. Throws Error: L4D_ERR_IO where ffmpeg is
-// missing or fails, with its words; L4D_ERR_CORRUPT where frames are not of the size that the
-// camera has.
+// missing or fails, with its words, as it does on what is no container of frames but a list of
+// other files; L4D_ERR_CORRUPT where frames are not of the size that the camera has.
 class VideoReader {
  public:
   VideoReader(const std::string& path, uint32_t width, uint32_t height);
@@ -60,11 +61,10 @@ class VideoWriter {
   void finish();
 
  private:
-  std::string path_;            // as the caller named it, for messages
-  std::string final_path_;      // symbolic links resolved
-  std::string temporary_path_;  // "" when there is none to remove
+  std::string path_;  // as the caller named it, for messages
+  AtomicFile file_;   // of which ffmpeg fills the temporary file
   uint32_t width_, height_;
-  std::unique_ptr<FfmpegProcess> process_;
+  std::unique_ptr<FfmpegProcess> process_;  // ends before the file that it writes is removed
   std::vector<uint8_t> frame_;
 };
 

@@ -157,8 +157,8 @@ L4D_API l4d_status l4d_encoder_add_metadata(l4d_encoder* encoder, const char* ke
 
 /* ---- encoding ------------------------------------------------------------------------------ */
 L4D_API l4d_status l4d_encoder_encode(l4d_encoder* encoder, const l4d_writer* writer);
-/* Writes to a temporary file beside `path`, or beside what a symbolic link there leads to, and
- * renames it on success; nothing is left on failure. A device or pipe is written in place. */
+/* Writes PATH.l4dtmp0 beside the file (or beside what a link there leads to) and renames it when it
+ * is whole; failure leaves nothing. Devices, pipes and /dev/fd/N are written in place. */
 L4D_API l4d_status l4d_encoder_encode_file(l4d_encoder* encoder, const char* path);
 
 /* What the last successful encode did. */

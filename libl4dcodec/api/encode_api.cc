@@ -1,18 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <fcntl.h>
-#include <sys/stat.h>
-#include <unistd.h>
-
-#include <cerrno>
-#include <climits>
-#include <cstdio>
-#include <cstdlib>
-#include <cstring>
 #include <memory>
 #include <string>
+#include <system_error>
 
 #include "encoder/encoder.h"
 #include "l4d/encode.h"
+#include "libl4dcodec/base/atomic_file.h"
 #include "libl4dcodec/base/c_api.h"
 #ifdef L4D_HAVE_CUDA
 #include "encoder/cuda/device_nearest.h"
@@ -54,70 +47,32 @@ Status choose_device(const l4d_encoder_options& options, l4d::Encoder& encoder) 
 #endif
 }
 
-// A file that takes its name only when it is whole, and leaves nothing behind otherwise. What is no
-// regular file, a device or a pipe, is written in place: renaming would replace it.
-class AtomicFile {
- public:
-  ~AtomicFile() {
-    if (fd_ >= 0) ::close(fd_);
-    if (!temporary_.empty()) ::unlink(temporary_.c_str());
-  }
-  Status open(const char* path) {
-    path_ = final_path_ = path;
-    struct stat status {};
-    if (::stat(path, &status) == 0) {
-      if (!S_ISREG(status.st_mode)) {
-        fd_ = ::open(path, O_WRONLY | O_CLOEXEC);
-        return fd_ < 0 ? failure("cannot open", errno) : Status();
-      }
-      // The target of a symbolic link is replaced, not the link.
-      char resolved[PATH_MAX];
-      if (::realpath(path, resolved) == nullptr) return failure("cannot resolve", errno);
-      final_path_ = resolved;
+bool is_utf8(const char* text) {
+  const auto* at = reinterpret_cast<const unsigned char*>(text);
+  while (*at != 0) {
+    const unsigned first = *at++;
+    if (first < 0x80) continue;
+    const int more = first >= 0xf0 ? 3 : first >= 0xe0 ? 2 : 1;
+    if (first < 0xc2 || first > 0xf4) return false;
+    uint32_t code = first & (0x3fu >> more);
+    for (int k = 0; k < more; ++k, ++at) {
+      if ((*at & 0xc0) != 0x80) return false;
+      code = code << 6 | (*at & 0x3f);
     }
-    int error = EEXIST;
-    for (int attempt = 0; attempt < 1000 && error == EEXIST; ++attempt) {
-      std::string name =
-          final_path_ + ".tmp-" + std::to_string(::getpid()) + "-" + std::to_string(attempt);
-      fd_ = ::open(name.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
-      error = errno;
-      if (fd_ < 0) continue;
-      temporary_ = std::move(name);
-      return {};
+    // Shorter forms, halves of UTF-16 pairs, and what is past the last character.
+    constexpr uint32_t kLeast[] = {0x80, 0x800, 0x10000};
+    if (code < kLeast[more - 1] || (code >= 0xd800 && code < 0xe000) || code > 0x10ffff) {
+      return false;
     }
-    return failure("cannot create a temporary file beside", error);
   }
-  bool write(const unsigned char* data, size_t n) {
-    while (n > 0) {
-      const ssize_t done = ::write(fd_, data, n);
-      if (done < 0 && errno == EINTR) continue;
-      if (done <= 0) return false;
-      data += done;
-      n -= static_cast<size_t>(done);
-    }
-    return true;
-  }
-  Status commit() {
-    const int fd = fd_;
-    fd_ = -1;
-    if (::close(fd) != 0) return failure("cannot finish writing", errno);
-    if (temporary_.empty()) return {};
-    if (std::rename(temporary_.c_str(), final_path_.c_str()) != 0) {
-      return failure("cannot rename to", errno);
-    }
-    temporary_.clear();
-    return {};
-  }
-  Status failure(const char* what, int error) const {
-    return Status(L4D_ERR_IO, std::string(what) + " '" + path_ + "': " + std::strerror(error));
-  }
+  return true;
+}
 
- private:
-  std::string path_;        // as the caller named it, for messages
-  std::string final_path_;  // symbolic links resolved
-  std::string temporary_;   // empty: written in place
-  int fd_ = -1;
-};
+Status status_of(const l4d::FileError& error, const char* path) {
+  if (error.ok()) return {};
+  return Status(L4D_ERR_IO, std::string(error.action) + " '" + path +
+                                "': " + std::generic_category().message(error.error));
+}
 
 }  // namespace
 
@@ -241,6 +196,9 @@ l4d_status l4d_encoder_set_weights(l4d_encoder* encoder, uint32_t which, const f
 l4d_status l4d_encoder_add_metadata(l4d_encoder* encoder, const char* key, const char* value) {
   return with_encoder(encoder, [&](l4d::Encoder& e) -> Status {
     if (key == nullptr || value == nullptr) return l4d::invalid_argument("key or value is NULL");
+    if (!is_utf8(key) || !is_utf8(value)) {
+      return l4d::invalid_argument("metadata: key or value is no UTF-8");
+    }
     e.add_metadata(key, value);
     return {};
   });
@@ -260,17 +218,16 @@ l4d_status l4d_encoder_encode(l4d_encoder* encoder, const l4d_writer* writer) {
 l4d_status l4d_encoder_encode_file(l4d_encoder* encoder, const char* path) {
   return with_encoder(encoder, [&](l4d::Encoder& e) -> Status {
     if (path == nullptr) return l4d::invalid_argument("path is NULL");
-    AtomicFile file;
-    L4D_RETURN_IF_ERROR(file.open(path));
-    Status failed;
+    l4d::AtomicFile file;
+    L4D_RETURN_IF_ERROR(status_of(file.open(path), path));
+    l4d::FileError failed;
     const Status status = e.encode([&](const unsigned char* data, size_t n) {
-      if (file.write(data, n)) return true;
-      failed = file.failure("cannot write", errno);
-      return false;
+      failed = file.write(data, n);
+      return failed.ok();
     });
-    if (!failed.ok()) return failed;
-    if (!status.ok()) return status;
-    return file.commit();
+    L4D_RETURN_IF_ERROR(status_of(failed, path));
+    L4D_RETURN_IF_ERROR(status);
+    return status_of(file.commit(), path);
   });
 }
 

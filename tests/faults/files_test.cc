@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Files: full disks, cancelling, links and devices. Nothing half-written is left, and what was
 // there before stays.
+#include <fcntl.h>
 #include <gtest/gtest.h>
+#include <sys/file.h>
 #include <sys/resource.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -135,13 +137,38 @@ TEST_F(Files, PlacesThatCannotBeWritten) {
   EXPECT_TRUE(names().empty());
 }
 
-// Somebody else's file of the temporary name is not touched.
+// Another writer's file of the temporary name is not touched, nor is that of another program.
 TEST_F(Files, ForeignTemporariesStay) {
-  const std::string foreign = "a.l4d.tmp-" + std::to_string(::getpid()) + "-0";
-  put(foreign.c_str(), "theirs");
-  ASSERT_EQ(encode_to(folder_ / "a.l4d"), L4D_OK);
-  EXPECT_EQ(names(), (Names{"a.l4d", foreign}));
-  EXPECT_EQ(contents(folder_ / foreign).size(), 6u);
+  const fs::path foreign = put("a.l4d.l4dtmp0", "theirs");
+  const int writer = ::open(foreign.c_str(), O_WRONLY);
+  ASSERT_EQ(::flock(writer, LOCK_EX), 0);
+  put("a.l4d.tmp", "theirs");
+  ASSERT_EQ(encode_to(folder_ / "a.l4d"), L4D_OK) << detail();
+  EXPECT_EQ(names(), (Names{"a.l4d", "a.l4d.l4dtmp0", "a.l4d.tmp"}));
+  EXPECT_EQ(contents(foreign).size(), 6u);
+  ::close(writer);
+}
+
+// What a writer left that was killed goes with the next file of that name.
+TEST_F(Files, StaleTemporariesGo) {
+  put("a.l4d.l4dtmp0", "half of a stream");
+  put("a.l4d.l4dtmp3", "half of another");
+  ASSERT_EQ(encode_to(folder_ / "a.l4d"), L4D_OK) << detail();
+  EXPECT_EQ(names(), Names{"a.l4d"});
+}
+
+TEST_F(Files, PermissionsAreThoseOfTheFileReplaced) {
+  const fs::path secret = put("a.l4d", "old");
+  fs::permissions(secret, fs::perms::owner_read | fs::perms::owner_write);
+  ASSERT_EQ(encode_to(secret), L4D_OK) << detail();
+  EXPECT_EQ(fs::status(secret).permissions(), fs::perms::owner_read | fs::perms::owner_write);
+}
+
+TEST_F(Files, ALinkThatLeadsNowhereIsFollowed) {
+  fs::create_symlink("target.l4d", folder_ / "link.l4d");
+  ASSERT_EQ(encode_to(folder_ / "link.l4d"), L4D_OK) << detail();
+  EXPECT_TRUE(fs::is_symlink(folder_ / "link.l4d"));
+  EXPECT_EQ(contents(folder_ / "target.l4d"), want_);
 }
 
 struct Stop {
