@@ -31,7 +31,7 @@ double finite_number(const CameraPlace& place, const Json& value, const char* ke
   return result;
 }
 
-CameraSet read_json(InputFile& file) {
+CameraSet read_json(InputFile& file, bool any_path) {
   const std::string& path = file.path();
   std::vector<char> text(static_cast<size_t>(file.size()));
   text.resize(file.read(text.data(), text.size()));
@@ -39,7 +39,7 @@ CameraSet read_json(InputFile& file) {
   try {
     const Json root = Json::parse(text.begin(), text.end());
     if (root.is_object() && root.contains("cameras")) return read_cameras_json(path, root);
-    if (root.is_object() && root.contains("frames")) return read_transforms(path, root);
+    if (root.is_object() && root.contains("frames")) return read_transforms(path, root, any_path);
   } catch (const Json::exception& error) {
     place.fail(error.what());
   }
@@ -167,13 +167,19 @@ std::string beside(const std::string& path, const std::string& name) {
   return (std::filesystem::path(path).parent_path() / name).lexically_normal().string();
 }
 
-CameraSet read_cameras(const std::string& path) {
+bool leaves_folder(const std::string& name) {
+  const std::filesystem::path path(name);
+  return path.is_absolute() || *path.lexically_normal().begin() == "..";
+}
+
+CameraSet read_cameras(const std::string& path, bool any_path) {
   try {
     InputFile file(path);
     if (file.size() == 0) CameraPlace{path, ""}.fail("the file is empty");
     // What is left of an .npy file without its magic is an error of that format.
     const std::string extension = std::filesystem::path(path).extension().string();
-    CameraSet set = extension == ".npy" ? read_poses_bounds(file) : read_json(file);
+    CameraSet set = extension == ".npy" ? read_poses_bounds(file) : read_json(file, any_path);
+    set.any_path = any_path;
     if (set.cameras.empty()) CameraPlace{path, ""}.fail("there is no camera");
     return set;
   } catch (const std::bad_alloc&) {

@@ -19,6 +19,8 @@ struct Camera {
   // What the camera saw; paths relative to the file are resolved, and need not exist.
   std::string video;  // all frames; "" = none
   std::string image;  // the one frame of a camera that exists for an instant; "" = none
+  // Whether the file names these by an absolute path, or by one that leaves its folder.
+  bool is_outside = false;
   // The instant, where the camera has one: see CameraSet::time_is_fraction.
   std::optional<double> time;
 };
@@ -27,6 +29,8 @@ struct CameraSet {
   std::vector<Camera> cameras;
   double fps = 0;       // 0 = unknown
   uint32_t frames = 0;  // 0 = unknown
+  // Whether what lies outside the folder of the file may be read.
+  bool any_path = false;
   // Times of cameras are shares of the sequence in [0, 1]; otherwise seconds since its begin.
   bool time_is_fraction = false;
   std::string source;              // "cameras_json", "transforms", "poses_bounds", "orbit"
@@ -35,8 +39,10 @@ struct CameraSet {
 
 // Reads cameras.json (K and w2c per camera), transforms*.json of Blender, D-NeRF and their kin, or
 // poses_bounds.npy of LLFF, told apart by what they hold. Throws Error that names path and camera:
-// L4D_ERR_IO, L4D_ERR_CORRUPT, L4D_ERR_FEATURE_UNSUPPORTED.
-CameraSet read_cameras(const std::string& path);
+// L4D_ERR_IO, L4D_ERR_CORRUPT, L4D_ERR_FEATURE_UNSUPPORTED. A file may come from anywhere: images
+// that it names outside its folder are not opened to learn their size unless any_path is set
+// (L4D_ERR_INVALID_ARGUMENT).
+CameraSet read_cameras(const std::string& path, bool any_path = false);
 
 // Cameras around a scene that has none: on one ring at the height of the centre, or from 12 cameras
 // on also on rings 30 degrees below and above. They look at the opacity-weighted median position

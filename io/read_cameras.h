@@ -12,7 +12,7 @@ namespace l4d::io {
 
 // The readers read_cameras() chooses between. Those of JSON may let its exceptions pass.
 CameraSet read_cameras_json(const std::string& path, const nlohmann::json& root);
-CameraSet read_transforms(const std::string& path, const nlohmann::json& root);
+CameraSet read_transforms(const std::string& path, const nlohmann::json& root, bool any_path);
 CameraSet read_poses_bounds(InputFile& file);
 
 // ---- what they share ----
@@ -52,6 +52,8 @@ void check_camera(const CameraPlace& place, const l4d_camera& camera);
 
 // `name` relative to the folder of the file; "" stays "".
 std::string beside(const std::string& path, const std::string& name);
+// Whether `name` leads out of that folder. Symbolic links in it are those of its owner.
+bool leaves_folder(const std::string& name);
 
 constexpr uint32_t kMaxImageSize = 16384;  // pixels, as l4d_camera has it
 constexpr uint32_t kMaxFrames = 100000000;

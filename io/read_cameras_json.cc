@@ -54,7 +54,9 @@ CameraSet read_cameras_json(const std::string& path, const Json& root) {
         camera.split != "val") {
       place.fail("split is not one of train, test, val");
     }
-    camera.video = beside(path, text_or(place, object, "video", ""));
+    const std::string video = text_or(place, object, "video", "");
+    camera.video = beside(path, video);
+    camera.is_outside = leaves_folder(video);
 
     camera.camera = default_camera();
     camera.camera.width =

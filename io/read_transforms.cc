@@ -82,7 +82,8 @@ void set_opengl_pose(const CameraPlace& place, const Json& frame, l4d_camera& ca
 
 class TransformsReader {
  public:
-  TransformsReader(const std::string& path, const Json& root) : path_(path), root_(root) {}
+  TransformsReader(const std::string& path, const Json& root, bool any_path)
+      : path_(path), root_(root), any_path_(any_path) {}
 
   CameraSet read() {
     const CameraPlace file{path_, ""};
@@ -105,7 +106,9 @@ class TransformsReader {
   Camera read_frame(const CameraPlace& place, const Json& frame) {
     if (!frame.is_object()) place.fail("not an object");
     Camera out;
-    out.image = image_of(path_, text_or(place, frame, "file_path", ""));
+    const std::string image = text_or(place, frame, "file_path", "");
+    out.image = image_of(path_, image);
+    out.is_outside = leaves_folder(image);
     if (frame.contains("time")) {
       out.time = number(place, frame, "time");
       if (*out.time < 0) place.fail("time is negative");
@@ -114,7 +117,7 @@ class TransformsReader {
     }
 
     l4d_camera& camera = out.camera = default_camera();
-    set_size(place, frame, out.image, camera);
+    set_size(place, frame, out, camera);
     const auto fx = focal_length(place, frame, root_, "fl_x", "camera_angle_x", camera.width);
     if (!fx) place.fail("neither fl_x nor camera_angle_x is there");
     const auto fy = focal_length(place, frame, root_, "fl_y", "camera_angle_y", camera.height);
@@ -132,7 +135,7 @@ class TransformsReader {
     return out;
   }
 
-  void set_size(const CameraPlace& place, const Json& frame, const std::string& image,
+  void set_size(const CameraPlace& place, const Json& frame, const Camera& seen,
                 l4d_camera& camera) {
     const Json& owner = owner_of(frame, root_, "w");
     if (owner.contains("w")) {
@@ -141,7 +144,12 @@ class TransformsReader {
       return;
     }
     uint32_t size[2] = {kBlenderSize, kBlenderSize};
-    if (!png_size(image, size)) ++without_size_;
+    if (seen.is_outside && !any_path_) {
+      place.fail(L4D_ERR_INVALID_ARGUMENT, "only " + seen.image +
+                                               " tells the size, which is not in the folder of the "
+                                               "file, and is read only where any path may be");
+    }
+    if (!png_size(seen.image, size)) ++without_size_;
     camera.width = size[0];
     camera.height = size[1];
   }
@@ -169,6 +177,7 @@ class TransformsReader {
 
   std::string path_;
   const Json& root_;
+  bool any_path_;
   CameraSet set_;
   size_t without_size_ = 0, with_time_ = 0;
   double max_time_ = 0;
@@ -177,8 +186,8 @@ class TransformsReader {
 
 }  // namespace
 
-CameraSet read_transforms(const std::string& path, const Json& root) {
-  return TransformsReader(path, root).read();
+CameraSet read_transforms(const std::string& path, const Json& root, bool any_path) {
+  return TransformsReader(path, root, any_path).read();
 }
 
 }  // namespace l4d::io
