@@ -106,7 +106,7 @@ double EncoderScene::sigma_t(size_t i) const { return 1.0 / std::sqrt(lambda[i])
 
 Status check_input(const EncoderInput& input) {
   const l4d_gaussians& g = input.gaussians;
-  if (g.count == 0) return invalid_argument("the scene holds no Gaussian");
+  if (g.count == 0) return Status(L4D_ERR_INVALID_SCENE, "the scene holds no Gaussian");
   if (g.count > (uint64_t{1} << 30)) return invalid_argument("more than 2^30 Gaussians");
   if (g.sh_degree > 3) return invalid_argument("sh_degree must be 0 to 3");
   if (g.position == nullptr || g.mean_t == nullptr || g.log_scale == nullptr ||

@@ -137,8 +137,8 @@ L4D_API l4d_status l4d_encoder_set_stages(l4d_encoder* encoder, int32_t componen
 /* ---- input --------------------------------------------------------------------------------- */
 
 /* Sets the scene. Arrays are borrowed until encode returns or another scene is set. placement may
- * be NULL (identity). NaN, Inf and log scales outside [-17, 17] are refused by encode with
- * INVALID_SCENE naming Gaussian and attribute, or dropped where DROP_INVALID is set; log scales
+ * be NULL (identity). A scene of no Gaussian: INVALID_SCENE. So are NaN, Inf and log scales outside
+ * [-17, 17] in encode, naming Gaussian and attribute, unless DROP_INVALID drops them; log scales
  * between 16 and 17, as coding errors leave them, are coded as 16, those below -16 likewise. */
 L4D_API l4d_status l4d_encoder_set_scene(l4d_encoder* encoder, const l4d_gaussians* gaussians,
                                          const l4d_timeline* timeline,
@@ -151,7 +151,7 @@ L4D_API l4d_status l4d_encoder_set_scene(l4d_encoder* encoder, const l4d_gaussia
 L4D_API l4d_status l4d_encoder_set_weights(l4d_encoder* encoder, uint32_t which,
                                            const float* weights, uint64_t count);
 
-/* A key and a UTF-8 value that go into the stream's metadata. Both are copied. */
+/* A key and a value that go into the metadata; copied. What is no UTF-8: INVALID_ARGUMENT. */
 L4D_API l4d_status l4d_encoder_add_metadata(l4d_encoder* encoder, const char* key,
                                             const char* value);
 

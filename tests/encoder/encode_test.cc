@@ -241,7 +241,6 @@ TEST(InvalidInput, ScenesAndTimelines) {
   using G = l4d_gaussians;
   using T = l4d_timeline;
   const std::function<void(G&, T&)> kWrong[] = {
-      [](G& g, T&) { g.count = 0; },
       [](G& g, T&) { g.count = uint64_t{1} << 31; },
       [](G& g, T&) { g.sh_degree = 4; },
       [](G& g, T&) { g.position = nullptr; },
@@ -258,6 +257,8 @@ TEST(InvalidInput, ScenesAndTimelines) {
       [](G&, T& t) { t.time_begin = 1e30; },
       [](G&, T& t) { t.time_begin = 1e-30; }};
   for (const auto& wrong : kWrong) EXPECT_EQ(set(wrong), L4D_ERR_INVALID_ARGUMENT);
+  // No wrong call, but no scene to code: as where no Gaussian of it is left.
+  EXPECT_EQ(set([](G& g, T&) { g.count = 0; }), L4D_ERR_INVALID_SCENE);
   EXPECT_EQ(set([](G&, T&) {}), L4D_OK);
 }
 
