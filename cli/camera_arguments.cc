@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <filesystem>
 
 #include "cli/motion.h"
 #include "cli/units.h"
@@ -20,7 +21,7 @@ void CameraArguments::add_options(CLI::App* verb) {
   auto* made_up = verb->add_option("--orbit", orbit,
                                    "In place of --cameras, N cameras made up around the scene")
                       ->type_name("N")
-                      ->check(CLI::Range(1, 100000))
+                      ->transform(whole_number(1, 100000))
                       ->group(group);
   file->excludes(made_up);
   verb->add_option("--size", size, "Image size of --orbit (default: 640x360)")
@@ -37,6 +38,34 @@ void CameraArguments::add_options(CLI::App* verb) {
                    "These frames only: first:end:step (without the end), first:end, or one")
       ->type_name("RANGE")
       ->group(group);
+  add_any_path_option(verb, any_path)->group(group)->needs(file);
+}
+
+CLI::Option* add_any_path_option(CLI::App* verb, bool& any_path) {
+  return verb->add_flag("--any-path", any_path,
+                        "Read videos and images wherever the file of cameras says that they are, "
+                        "and not only in its folder and below");
+}
+
+io::CameraSet read_camera_file(Context& context, const std::string& path, bool any_path) {
+  context.files.add_input(path, "--cameras");
+  io::CameraSet set = io::read_cameras(path, any_path);
+  for (const io::Camera& camera : set.cameras) {
+    for (const std::string* seen : {&camera.video, &camera.image}) {
+      std::error_code error;
+      if (seen->empty() || !std::filesystem::exists(*seen, error)) continue;
+      context.files.keep(*seen, "what camera " + std::to_string(camera.id) + " saw");
+    }
+  }
+  return set;
+}
+
+const io::CameraSet* CameraArguments::load(Context& context) const {
+  if (cameras.empty()) return nullptr;
+  if (!set_) {
+    set_ = std::make_shared<io::CameraSet>(read_camera_file(context, cameras, any_path));
+  }
+  return set_.get();
 }
 
 void CameraArguments::check() const {
@@ -79,7 +108,7 @@ CameraViews choose_views(Context& context, const CameraArguments& arguments,
                          const std::function<io::Scene()>& instant) {
   CameraViews result;
   result.set = arguments.orbit > 0 ? make_orbit(instant(), arguments.orbit, arguments.size)
-                                   : io::read_cameras(arguments.cameras);
+                                   : *arguments.load(context);
   const auto& cameras = result.set.cameras;
   io::ViewSelection selection;
   selection.ids = arguments.ids;

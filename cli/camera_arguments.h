@@ -2,6 +2,7 @@
 #pragma once
 
 #include <functional>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -18,17 +19,29 @@ struct CameraArguments {
   std::string split;
   std::string ids;
   std::string frames;
+  bool any_path = false;
 
   void add_options(CLI::App* verb);
   bool given() const { return !cameras.empty() || orbit > 0; }
   // Usage errors: options that say which views without saying which cameras.
   void check() const;
+  // Reads --cameras, where given; the file and what it names count among the files of the command.
+  // Once: what is read is kept.
+  const io::CameraSet* load(Context& context) const;
+
+ private:
+  mutable std::shared_ptr<const io::CameraSet> set_;
 };
 
 struct CameraViews {
   io::CameraSet set;
   std::vector<io::View> views;  // as io::select_views orders them
 };
+
+// --any-path, of whatever reads a file of cameras.
+CLI::Option* add_any_path_option(CLI::App* verb, bool& any_path);
+// Reads a file of cameras and adds it, and what it names that is there, to the command's files.
+io::CameraSet read_camera_file(Context& context, const std::string& path, bool any_path);
 
 // "640x360"
 void parse_image_size(const std::string& text, uint32_t* width, uint32_t* height);

@@ -37,6 +37,11 @@ CapturedImages::CapturedImages(const CameraViews& all, const std::vector<size_t>
       }
       bytes_[view] = to_bytes(image);
     };
+    if (camera.is_outside && !all.set.any_path) {
+      throw usage_error(camera_name(camera) + ": " +
+                        (camera.video.empty() ? camera.image : camera.video) +
+                        " is not in the folder of the cameras; --any-path reads it all the same");
+    }
     if (!camera.video.empty()) {
       io::VideoReader video(camera.video, camera.camera.width, camera.camera.height);
       for (const size_t view : of_camera) {

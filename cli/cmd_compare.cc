@@ -131,7 +131,7 @@ void compare_renders(Context& context, const CompareArguments& arguments, const 
   verdict.outcome.json.update(comparison.json(arguments.per_view));
   verdict.outcome.text += comparison.text(arguments.per_view);
   if (arguments.min_fidelity.empty()) return;
-  const double least = parse_number(arguments.min_fidelity, "--min-fidelity");
+  const double least = parse_decibels(arguments.min_fidelity, "--min-fidelity");
   verdict.demand(comparison.fidelity_db() >= least, "fidelity >= " + format_number(least) + " dB");
 }
 
@@ -149,8 +149,9 @@ double check_image_options(const CompareArguments& arguments) {
   if (arguments.images && arguments.cameras.orbit > 0) {
     throw usage_error("--images: made-up cameras have seen nothing");
   }
-  if (!arguments.min_fidelity.empty()) parse_number(arguments.min_fidelity, "--min-fidelity");
+  if (!arguments.min_fidelity.empty()) parse_decibels(arguments.min_fidelity, "--min-fidelity");
   if (arguments.error_gain.empty()) return kErrorGain;
+  if (arguments.side_by_side.empty()) throw usage_error("--error-gain needs --side-by-side");
   const double gain = parse_number(arguments.error_gain, "--error-gain");
   if (!(gain > 0)) throw usage_error("--error-gain must be positive");
   return gain;
@@ -162,13 +163,19 @@ Outcome run_compare(Context& context, const CompareArguments& arguments) {
   for (const std::string& text : arguments.max_error) bounds.push_back(parse_error_bound(text));
   if (arguments.a == "-" && arguments.b == "-") throw usage_error("only one input can be stdin");
   const double gain = check_image_options(arguments);
-  const Input input_a(arguments.a);
-  const Input input_b(arguments.b);
+  arguments.import.check();
+  context.files.add_input(arguments.a, "A");
+  context.files.add_input(arguments.b, "B");
+  if (!arguments.order.empty()) context.files.add_input(arguments.order, "--order");
+  arguments.cameras.load(context);
   std::optional<Output> picture;
   if (!arguments.side_by_side.empty()) {
-    if (arguments.side_by_side == "-") throw usage_error("--side-by-side cannot go to stdout");
-    picture.emplace(context, arguments.side_by_side, std::vector<const Input*>{&input_a, &input_b});
+    check_extension(arguments.side_by_side, "--side-by-side", {".png"}, true);
+    picture.emplace(context, arguments.side_by_side, "--side-by-side");
+    if (picture->is_stdout()) throw usage_error("--side-by-side cannot go to stdout");
   }
+  const Input input_a(context, arguments.a, "A");
+  const Input input_b(context, arguments.b, "B");
   Verdict verdict;
   if (arguments.wants_attributes()) {
     compare_attributes(context, arguments, bounds, input_a, input_b, verdict);

@@ -6,6 +6,7 @@
 #include "cli/files.h"
 #include "cli/progress.h"
 #include "cli/scene_source.h"
+#include "cli/sequence.h"
 #include "cli/tolerant.h"
 #include "cli/units.h"
 #include "io/formats.h"
@@ -58,18 +59,22 @@ l4d_query make_query(Context& context, const DecodeArguments& arguments,
         arguments.from.empty() ? timeline.time_begin : seconds(arguments.from, "--from");
     query.time_end = arguments.to.empty() ? timeline.time_begin + io::duration(timeline)
                                           : seconds(arguments.to, "--to");
-    if (query.time_end < query.time_begin) throw usage_error("--to lies before --from");
   }
   return query;
 }
 
 Outcome run_decode(Context& context, const DecodeArguments& arguments) {
   const Stopwatch watch;
-  const Input input(arguments.input);
+  if (!arguments.time.empty()) parse_seconds(arguments.time, "--time");
+  check_order(arguments.from, arguments.to, true);
   const std::string name = !arguments.output.empty()    ? arguments.output
                            : arguments.format == "ftgs" ? derived_name(arguments.input, ".ftgs.ply")
                                                         : derived_name(arguments.input, ".ply");
-  Output output(context, name, {&input});
+  check_extension(name, "--output", {".ply"});
+  arguments.import.check();
+  context.files.add_input(arguments.input, kTheInput);
+  Output output(context, name);
+  const Input input(context, arguments.input);
 
   const TolerantStream stream(context, input, arguments.import, arguments.tolerant);
   const l4d_query query = make_query(context, arguments, stream.info().timeline);
@@ -145,7 +150,7 @@ void add_decode(Registry& registry) {
   verb->add_option("--max-level", arguments->max_level,
                    "Leave out temporal levels finer than this: a preview without fast detail")
       ->type_name("N")
-      ->check(CLI::Range(0, 63));
+      ->transform(whole_number(0, 63));
   add_detail_option(verb, arguments->detail);
   add_tolerant_option(verb, arguments->tolerant);
   add_import_options(verb, arguments->import);

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <memory>
 #include <optional>
+#include <set>
 
 #include "cli/camera_arguments.h"
 #include "cli/common.h"
@@ -142,11 +143,20 @@ void add_report(const l4d_encode_report& report, const std::string& name, double
 
 Outcome run_encode(Context& context, const EncodeArguments& arguments) {
   const Stopwatch watch;
-  const Input input(arguments.input);
   if (context.ranks().count() > 1 && arguments.input == "-") {
     throw usage_error("several ranks cannot share stdin");
   }
+  const std::optional<Target> target = parse_target(arguments.target, arguments.cameras);
+  check_importance(arguments, target);
+  if (target && (!arguments.parameters.quality.empty() || arguments.parameters.sets("quality"))) {
+    throw usage_error("--quality excludes a target, which chooses the quality itself");
+  }
+  arguments.import.check();
+  context.files.add_input(arguments.input, kTheInput);
+  if (!arguments.weights.empty()) context.files.add_input(arguments.weights, "--weights");
+  arguments.cameras.load(context);
   if (context.ranks().helps()) {
+    const Input input(context, arguments.input);
     if (arguments.measures()) {
       measure(context, arguments, input, load_scene(context, input, arguments.import).scene);
     }
@@ -154,18 +164,22 @@ Outcome run_encode(Context& context, const EncodeArguments& arguments) {
   }
   const std::string name =
       arguments.output.empty() ? derived_name(arguments.input, ".l4d") : arguments.output;
-  Output output(context, name, {&input});
-  const std::optional<Target> target = parse_target(arguments.target, arguments.cameras);
-  check_importance(arguments, target);
+  check_extension(name, "--output", {".l4d"});
+  Output output(context, name);
   std::optional<Output> order_output, weights_output;
   const auto open_side_output = [&](std::optional<Output>& file, const std::string& path,
                                     const char* option) {
     if (path.empty()) return;
-    if (path == "-") throw usage_error(std::string(option) + " cannot go to stdout");
-    file.emplace(context, path, std::vector<const Input*>{&input});
+    file.emplace(context, path, option);
+    if (file->is_stdout()) throw usage_error(std::string(option) + " cannot go to stdout");
   };
+  if (!arguments.save_weights.empty()) {
+    check_extension(arguments.save_weights, "--save-weights", {".ply"});
+  }
   open_side_output(order_output, arguments.order, "--order");
   open_side_output(weights_output, arguments.save_weights, "--save-weights");
+
+  const Input input(context, arguments.input);
 
   // Parameters before the scene: a wrong one should not cost the time of reading.
   l4d_encoder_options options;
@@ -177,8 +191,10 @@ Outcome run_encode(Context& context, const EncodeArguments& arguments) {
   arguments.parameters.apply(context, encoder);
   if (target) arguments.parameters.require_quality(encoder, "a target");
   decide_pruning(context, arguments, encoder);
+  std::set<std::string> keys;
   for (const std::string& text : arguments.metadata) {
     const auto [key, value] = parse_assignment(text, "--metadata");
+    if (!keys.insert(key).second) throw usage_error("--metadata: '" + key + "' is given twice");
     about("--metadata " + key, [&, key = key, value = value] {
       encoder.check(l4d_encoder_add_metadata(encoder.get(), key.c_str(), value.c_str()));
     });
@@ -216,9 +232,13 @@ Outcome run_encode(Context& context, const EncodeArguments& arguments) {
     });
   } else {
     Progress progress(context, "encode");
-    encoding = about(input.name(), [&] {
-      return encode_scene(progress, encoder, output.is_special() ? "" : output.path(), wants_order);
-    });
+    try {
+      encoding =
+          encode_scene(progress, encoder, output.is_special() ? "" : output.path(), wants_order);
+    } catch (const Error& error) {
+      // What fails about files is about the output, which the message names.
+      throw current_failure(error.status() == L4D_ERR_IO ? "" : input.name());
+    }
   }
   if (!encoding.stream.empty()) write_stream(output.path(), encoding.stream);
   if (order_output) write_order(order_output->path(), encoding.order);
@@ -297,6 +317,7 @@ void add_encode(Registry& registry) {
       "chosen by --frames or --ids or made up");
   verb->add_option("--seed", arguments->seed, "Equal seeds give equal files on one machine")
       ->type_name("N")
+      ->transform(whole_number(0))
       ->capture_default_str();
   verb->add_option("--metadata", arguments->metadata, "KEY=VALUE to store; may be repeated")
       ->type_name("KEY=VALUE")

@@ -238,11 +238,15 @@ double per_gaussian(uint64_t bytes, uint64_t gaussians) {
 }
 
 Outcome run_info(Context& context, const InfoArguments& arguments) {
-  const Input input(arguments.input);
+  if (!arguments.time.empty()) parse_seconds(arguments.time, "--time");
+  arguments.import.check();
+  context.files.add_input(arguments.input, kTheInput);
   std::optional<Output> plot;
   if (!arguments.plot.empty()) {
-    plot.emplace(context, arguments.plot, std::vector<const Input*>{&input});
+    check_extension(arguments.plot, "--plot", {".svg"}, true);
+    plot.emplace(context, arguments.plot, "--plot");
   }
+  const Input input(context, arguments.input);
   return about(input.name(), [&] {
     const SceneStream stream(context, input, arguments.import);
     const l4d_info& info = stream.info();

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
 #include <array>
+#include <cctype>
 #include <cmath>
 #include <memory>
 #include <optional>
@@ -25,6 +26,7 @@ struct RenderArguments {
   SequenceArguments sequence;
   std::string range;
   std::string cameras;
+  bool any_path = false;
   std::string camera;
   bool orbit = false;
   std::string size;
@@ -49,11 +51,16 @@ enum class Target { kStill, kNumbered, kVideo };
 
 Target target_of(const RenderArguments& arguments) {
   const std::string& name = arguments.output;
-  const bool video = name.size() > 4 && name.compare(name.size() - 4, 4, ".mp4") == 0;
+  check_extension(name, "--output", {".png", ".mp4"}, true);
+  std::string end = name.size() > 4 ? name.substr(name.size() - 4) : "";
+  std::transform(end.begin(), end.end(), end.begin(),
+                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  const bool video = end == ".mp4";
   const bool numbered = !video && name.find('%') != std::string::npos;
   const bool range = arguments.sequence.is_range() || !arguments.range.empty();
   const bool still = !arguments.sequence.time.empty();
   if (still && video) throw usage_error("--time is one image; an .mp4 holds a range");
+  if (still) NumberedName::refuse(name);
   if (name == "-" && range) throw usage_error("a sequence cannot go to stdout");
   if (video) return Target::kVideo;
   return range || (numbered && !still) ? Target::kNumbered : Target::kStill;
@@ -73,13 +80,21 @@ SequenceArguments sequence_of(const RenderArguments& arguments) {
   return sequence;
 }
 
+double parse_scale(const std::string& text) {
+  const double factor = parse_number(text, "--scale");
+  if (!(factor > 0)) throw usage_error("--scale must be positive");
+  return factor;
+}
+
 std::array<float, 3> parse_background(const std::string& text) {
   std::array<float, 3> rgb{};
   size_t begin = 0;
   for (size_t c = 0; c < 3; ++c) {
     const size_t comma = c < 2 ? text.find(',', begin) : text.size();
     if (comma == std::string::npos) throw usage_error("--background takes r,g,b, each 0 to 1");
-    rgb[c] = static_cast<float>(parse_number(text.substr(begin, comma - begin), "--background"));
+    const double value = parse_number(text.substr(begin, comma - begin), "--background");
+    if (!(value >= 0 && value <= 1)) throw usage_error("--background takes r,g,b, each 0 to 1");
+    rgb[c] = static_cast<float>(value);
     begin = comma + 1;
   }
   return rgb;
@@ -123,8 +138,8 @@ struct Path {
   }
 };
 
-Path camera_path(Context& context, const RenderArguments& arguments, const RenderedScene& scene,
-                 size_t frames) {
+Path camera_path(Context& context, const RenderArguments& arguments, const io::CameraSet& given,
+                 const RenderedScene& scene, size_t frames) {
   Path path;
   io::CameraSet set;
   const auto orbit = [&](uint32_t count) {
@@ -137,14 +152,13 @@ Path camera_path(Context& context, const RenderArguments& arguments, const Rende
     set = orbit(kRings * steps);
     for (uint32_t k = 0; k < steps; ++k) path.cameras.push_back(set.cameras[k].camera);
   } else {
-    set = arguments.cameras.empty() ? orbit(kOrbitCameras) : io::read_cameras(arguments.cameras);
+    set = arguments.cameras.empty() ? orbit(kOrbitCameras) : given;
     const io::Camera& camera = find_camera(set, arguments.camera);
     path.cameras.push_back(camera.camera);
     path.id = camera.id;
   }
   if (!arguments.scale.empty()) {
-    const double factor = parse_number(arguments.scale, "--scale");
-    if (!(factor > 0)) throw usage_error("--scale must be positive");
+    const double factor = parse_scale(arguments.scale);
     for (l4d_camera& camera : path.cameras) rescale(camera, factor);
   }
   note_cameras(context, set);
@@ -164,9 +178,7 @@ struct RenderSums {
   }
 };
 
-std::vector<std::string> output_names(const RenderArguments& arguments, Target target,
-                                      size_t frames) {
-  if (target != Target::kNumbered) return {arguments.output};
+std::vector<std::string> numbered_names(const RenderArguments& arguments, size_t frames) {
   const NumberedName pattern(arguments.output, "out_%04d.png, or out.mp4");
   std::vector<std::string> names;
   for (size_t k = 0; k < frames; ++k) names.push_back(pattern(k));
@@ -183,11 +195,23 @@ Outcome run_render(Context& context, const RenderArguments& arguments) {
   if (!arguments.size.empty() && !arguments.cameras.empty()) {
     throw usage_error("--size is for made-up cameras; --scale changes those of a file");
   }
-  uint32_t unused;
-  if (!arguments.size.empty()) parse_image_size(arguments.size, &unused, &unused);
+  uint32_t width, height;
+  if (!arguments.size.empty()) parse_image_size(arguments.size, &width, &height);
+  if (!arguments.scale.empty()) parse_scale(arguments.scale);
+  sequence.check();
   std::array<float, 3> background{};
   if (!arguments.background.empty()) background = parse_background(arguments.background);
-  const Input input(arguments.input);
+  arguments.import.check();
+  context.files.add_input(arguments.input, kTheInput);
+  io::CameraSet cameras;
+  if (!arguments.cameras.empty()) {
+    cameras = read_camera_file(context, arguments.cameras, arguments.any_path);
+    find_camera(cameras, arguments.camera);
+  }
+  std::optional<FrameSink> sink;
+  if (target == Target::kNumbered) numbered_names(arguments, 1);
+  if (target != Target::kNumbered) sink.emplace(context, std::vector{arguments.output});
+  const Input input(context, arguments.input);
   RenderedScene scene(context, input, arguments.import, arguments.path);
   scene.set_background(background.data());
   scene.set_detail(detail_id(arguments.detail));
@@ -196,11 +220,11 @@ Outcome run_render(Context& context, const RenderArguments& arguments) {
   }
   const std::vector<double> times = instants(context, sequence, scene.timeline());
   const double frame_rate = sequence_fps(sequence, scene.timeline());
-  FrameSink sink(context, output_names(arguments, target, times.size()), input);
-  const Path path = camera_path(context, arguments, scene, times.size());
+  if (!sink) sink.emplace(context, numbered_names(arguments, times.size()));
+  const Path path = camera_path(context, arguments, cameras, scene, times.size());
   const l4d_camera& first = path.cameras.front();
   if (target == Target::kVideo) {
-    sink.open_video(first.width, first.height, {frame_rate, arguments.crf});
+    sink->open_video(first.width, first.height, {frame_rate, arguments.crf});
   }
   const double open_seconds = watch.seconds();
 
@@ -217,12 +241,12 @@ Outcome run_render(Context& context, const RenderArguments& arguments) {
       sums.render += render_watch.seconds();
       sums.add(scene.stats());
       const Stopwatch write_watch;
-      sink.write(k, image);
+      sink->write(k, image);
       sums.write += write_watch.seconds();
     }
     progress.step("writing");
     const Stopwatch write_watch;
-    bytes = sink.finish();
+    bytes = sink->finish();
     sums.write += write_watch.seconds();
   }
 
@@ -233,7 +257,7 @@ Outcome run_render(Context& context, const RenderArguments& arguments) {
   for (size_t s = 0; s < L4D_RENDER_STAGE_BACKWARD; ++s) stages[kStages[s]] = sums.seconds[s];
   stages["write"] = sums.write;
   Outcome outcome;
-  outcome.stdout_is_data = sink.is_stdout();
+  outcome.stdout_is_data = sink->is_stdout();
   outcome.json = {{"schema", "l4dcodec.render/1"},
                   {"input", input.name()},
                   {"output", arguments.output},
@@ -289,6 +313,7 @@ void add_render(Registry& registry) {
                                    "Cameras to look from: cameras.json, D-NeRF transforms*.json "
                                    "or poses_bounds.npy (default: 8 made up around the scene)")
                       ->type_name("FILE");
+  add_any_path_option(verb, arguments->any_path)->needs(cameras);
   verb->add_option("--camera", arguments->camera, "Id of the camera (default: the first)")
       ->type_name("ID");
   verb->add_flag("--orbit", arguments->orbit, "Circle the scene once during the sequence")
@@ -308,7 +333,7 @@ void add_render(Registry& registry) {
       ->capture_default_str();
   verb->add_option("--crf", arguments->crf, "Constant rate factor of a video, 0 (lossless) to 51")
       ->type_name("N")
-      ->check(CLI::Range(0, 51))
+      ->transform(whole_number(0, 51))
       ->capture_default_str();
   verb->add_option("--seconds", arguments->import.seconds,
                    "Duration to give a PLY that carries no timeline (default: 1)")

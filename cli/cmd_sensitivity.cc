@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <memory>
+#include <optional>
 
 #include "cli/camera_arguments.h"
 #include "cli/common.h"
@@ -41,7 +42,13 @@ Outcome run_sensitivity(Context& context, const SensitivityArguments& arguments)
   if (!arguments.cameras.given()) throw usage_error("sensitivity needs --cameras or --orbit");
   arguments.cameras.check();
   arguments.measure.options();  // a wrong one should not cost the time of reading
-  const Input input(arguments.input);
+  check_extension(arguments.output, "--output", {".ply"});
+  arguments.import.check();
+  context.files.add_input(arguments.input, kTheInput);
+  arguments.cameras.load(context);
+  std::optional<Output> written;
+  if (!context.ranks().helps()) written.emplace(context, arguments.output);
+  const Input input(context, arguments.input);
   if (context.ranks().count() > 1 && arguments.input == "-") {
     throw usage_error("several ranks cannot share stdin");
   }
@@ -49,7 +56,7 @@ Outcome run_sensitivity(Context& context, const SensitivityArguments& arguments)
     help_to_measure(context, input, arguments);
     return {};
   }
-  Output output(context, arguments.output, {&input});
+  Output& output = *written;
   const LoadedScene loaded = load_scene(context, input, arguments.import);
   const io::Scene& scene = loaded.scene;
   const Importance importance = measure(context, input, scene, arguments);
@@ -89,6 +96,7 @@ void add_sensitivity(Registry& registry) {
   verb->add_option("--seed", arguments->measure.seed,
                    "Of the random signs of gauss-newton: equal seeds give equal weights")
       ->type_name("N")
+      ->transform(whole_number(0))
       ->capture_default_str()
       ->group("Importance from views");
   add_import_options(verb, arguments->import);

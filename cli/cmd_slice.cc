@@ -34,9 +34,16 @@ Outcome run_slice(Context& context, const SliceArguments& arguments) {
   require_what(arguments);
   const bool single = !arguments.sequence.time.empty();
   if (!single && arguments.output == "-") throw usage_error("a sequence cannot go to stdout");
-  const Input input(arguments.input);
+  arguments.sequence.check();
+  check_extension(arguments.output, "--output", {".ply"});
+  if (single) NumberedName::refuse(arguments.output);
+  arguments.import.check();
+  context.files.add_input(arguments.input, kTheInput);
   const std::unique_ptr<NumberedName> pattern(
       single ? nullptr : new NumberedName(arguments.output, "out_%04d.ply"));
+  std::vector<std::unique_ptr<Output>> outputs;
+  if (single) outputs.push_back(std::make_unique<Output>(context, arguments.output));
+  const Input input(context, arguments.input);
   const TolerantStream stream(context, input, arguments.import, arguments.tolerant);
   stream.decoder().set_detail(detail_id(arguments.detail));
   const l4d_info& info = stream.info();
@@ -49,10 +56,8 @@ Outcome run_slice(Context& context, const SliceArguments& arguments) {
   }
 
   // All names are checked before anything is written.
-  std::vector<std::unique_ptr<Output>> outputs;
-  for (size_t k = 0; k < times.size(); ++k) {
-    outputs.push_back(std::make_unique<Output>(context, single ? arguments.output : (*pattern)(k),
-                                               std::vector<const Input*>{&input}));
+  for (size_t k = outputs.size(); k < times.size(); ++k) {
+    outputs.push_back(std::make_unique<Output>(context, (*pattern)(k)));
   }
 
   Outcome outcome;

@@ -49,7 +49,8 @@ Outcome run_synth(Context& context, const SynthArguments& arguments) {
       throw usage_error("--effects: '" + effect + "' is none of " + effect_names());
     }
   }
-  Output output(context, arguments.output, {});
+  check_extension(arguments.output, "--output", {".ply"});
+  Output output(context, arguments.output);
   io::Scene scene;
   {
     Progress progress(context, "synth");
@@ -111,6 +112,7 @@ void add_synth(Registry& registry) {
       ->allow_extra_args(false);
   verb->add_option("--seed", arguments->seed, "Equal seeds give equal files on every machine")
       ->type_name("N")
+      ->transform(whole_number(0))
       ->capture_default_str();
   verb->footer(
       "Example:\n"

@@ -140,7 +140,7 @@ Judgement judge(const DecoderHandle& decoder, const Claim& claim) {
 Outcome run_validate(Context& context, const ValidateArguments& arguments) {
   const Stopwatch watch;
   const Claim claim = parse_claim(arguments);
-  const Input input(arguments.input);
+  const Input input(context, arguments.input);
   const FileReader reader(input.path());
   const l4d_decoder_options options = context.decoder_options();
   Found found;
@@ -206,6 +206,7 @@ void add_validate(Registry& registry) {
   verb->add_option("input", arguments->input, ".l4d to check, '-' = stdin")->required();
   verb->add_option("--max-errors", arguments->max_errors, "Violations to list; all are counted")
       ->type_name("N")
+      ->transform(whole_number(0))
       ->capture_default_str();
   verb->add_option("--profile", arguments->profile,
                    "Also hold the stream against this profile: indexed, main, lossless")

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/common.h"
 
+#include <charconv>
 #include <cstdio>
 #include <new>
 
@@ -72,6 +73,13 @@ void Context::note(const std::string& text) {
     std::fprintf(stderr, "note: %s\n", text.c_str());
 }
 
+void Context::check_options() const {
+  if (options.limit_memory.empty()) return;
+  if (parse_size(options.limit_memory, "--limit-memory") == 0) {
+    throw usage_error("--limit-memory must be positive");
+  }
+}
+
 uint32_t Context::backend() const {
   return options.backend == "reference" ? L4D_BACKEND_REFERENCE
          : options.backend == "cpu"     ? L4D_BACKEND_CPU
@@ -90,6 +98,25 @@ l4d_decoder_options Context::decoder_options() const {
   return o;
 }
 
+CLI::Validator whole_number(uint64_t min, uint64_t max) {
+  // An empty name, so that help does not repeat the range behind the type.
+  return CLI::Validator(
+      [min, max](std::string& text) -> std::string {
+        uint64_t value = 0;
+        const char* end = text.data() + text.size();
+        const auto result = std::from_chars(text.data(), end, value);
+        if (result.ec == std::errc() && result.ptr == end && value >= min && value <= max) {
+          text = std::to_string(value);  // "010" is ten
+          return "";
+        }
+        const std::string range =
+            max == UINT64_MAX ? (min == 0 ? "" : " from " + std::to_string(min) + " on")
+                              : " from " + std::to_string(min) + " to " + std::to_string(max);
+        return "'" + text + "' is not a whole number" + range;
+      },
+      "");
+}
+
 void add_common_options(CLI::App* verb, CommonOptions& o) {
   const std::string group = "Common options";
   verb->add_flag("--json", o.json, "One JSON document on stdout and nothing else")->group(group);
@@ -97,7 +124,7 @@ void add_common_options(CLI::App* verb, CommonOptions& o) {
   verb->add_flag("-f,--force", o.force, "Overwrite existing output")->group(group);
   verb->add_option("-t,--threads", o.threads, "Threads, 0 = one per core; never changes the output")
       ->type_name("N")
-      ->check(CLI::Range(0, 4096))
+      ->transform(whole_number(0, 4096))
       ->group(group);
   verb->add_option(
           "--backend", o.backend,
@@ -149,6 +176,7 @@ CLI::App* add_verb(Registry& registry, const std::string& name, const std::strin
   verb->callback([&registry, context, name, run = std::move(run)] {
     registry.verb = name;
     registry.run = [context, run] {
+      context->check_options();
       if (context->options.backend == "cuda") require_device();
       return run(*context);
     };

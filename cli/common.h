@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "cli/command_files.h"
 #include "cli/ranks.h"
 #include "io/scene.h"
 #include "l4d/l4d.hpp"
@@ -82,11 +83,14 @@ struct Outcome {
 class Context {
  public:
   CommonOptions options;
+  CommandFiles files;
 
   // A remark on what was done, for people and, in a list, for --json.
   void note(const std::string& text);
   const std::vector<std::string>& notes() const { return notes_; }
 
+  // Throws usage errors of the common options.
+  void check_options() const;
   uint32_t backend() const;  // L4D_BACKEND_*
   const Ranks& ranks() const { return ranks_; }
   l4d_decoder_options decoder_options() const;
@@ -106,6 +110,10 @@ struct Registry {
 // Subcommand; `run` is called when it was chosen.
 CLI::App* add_verb(Registry& registry, const std::string& name, const std::string& description,
                    std::function<Outcome(Context&)> run);
+
+// A check of options that are whole numbers: decimal digits only, which CLI11 by itself does not
+// ask for ("-1" is a large number to it, "010" is 8).
+CLI::Validator whole_number(uint64_t min, uint64_t max = UINT64_MAX);
 
 // Called last for each verb, so that help shows them last.
 void add_common_options(CLI::App* verb, CommonOptions& options);

@@ -241,6 +241,7 @@ ErrorBound parse_error_bound(const std::string& text) {
     names += std::string(", ") + attribute[0];
   }
   if (!known) throw usage_error("--max-error: '" + name + "' is none of " + names);
+  if (limit < 0) throw usage_error("--max-error " + name + " must not be negative");
   return {name, limit};
 }
 

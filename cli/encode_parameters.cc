@@ -151,7 +151,10 @@ void EncodeParameters::add_options(CLI::App* verb) {
 void EncodeParameters::apply(Context& context, const EncoderHandle& encoder) const {
   encoder.check(l4d_encoder_set_preset(encoder.get(), preset.c_str()));
   if (!quality.empty()) {
-    cli::set(encoder, L4D_ENC_QUALITY, L4D_ALL_COMPONENTS, quality, "--quality");
+    const double decibels = parse_decibels(quality, "--quality");
+    about("--quality", [&] {
+      encoder.check(l4d_encoder_set(encoder.get(), L4D_ENC_QUALITY, L4D_ALL_COMPONENTS, decibels));
+    });
   }
   if (!effort.empty()) {
     cli::set(encoder, L4D_ENC_EFFORT, L4D_ALL_COMPONENTS, effort, "--effort");

@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/files.h"
 
+#include <fcntl.h>
 #include <poll.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <cctype>
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
@@ -57,25 +60,31 @@ bool spool(int from, std::FILE* to) {
   }
 }
 
+bool names_stdout(const std::string& name) {
+  return name == "-" || descriptor_named(name) == STDOUT_FILENO;
+}
+
 }  // namespace
 
-Input::Input(const std::string& name) : name_(name == "-" ? "stdin" : name), path_(name) {
+Input::Input(Context& context, const std::string& name, const std::string& what)
+    : name_(name == "-" ? "stdin" : name), path_(name) {
+  context.files.add_input(name, what);
   if (name == "-") {
     if (::isatty(STDIN_FILENO) == 1) throw usage_error("input '-' is a terminal");
-    spool_.reset(std::tmpfile());
-    if (!spool_) throw io_failure(name_, "cannot create a temporary file", errno);
+    spool_ = io::anonymous_file();
     if (!spool(STDIN_FILENO, spool_.get())) throw io_failure(name_, "cannot copy", errno);
     std::rewind(spool_.get());
-    path_ = "/dev/fd/" + std::to_string(::fileno(spool_.get()));
+    path_ = io::path_of(spool_);
   }
-  std::error_code error;
-  if (fs::is_directory(path_, error)) throw io_failure(name_, "cannot read", EISDIR);
-  const io::FileHandle file(std::fopen(path_.c_str(), "rb"));
-  if (!file) throw io_failure(name_, "cannot open", errno);
+  // Before it is opened: to open a named pipe is to wait for whoever writes to it.
   struct stat status {};
-  if (::fstat(::fileno(file.get()), &status) != 0 || !S_ISREG(status.st_mode)) {
+  if (::stat(path_.c_str(), &status) != 0) throw io_failure(name_, "cannot open", errno);
+  if (S_ISDIR(status.st_mode)) throw io_failure(name_, "cannot read", EISDIR);
+  if (!S_ISREG(status.st_mode)) {
     throw Failure(L4D_ERR_IO, name_ + ": is no regular file; pipe it in and name it '-'");
   }
+  const io::FileHandle file(std::fopen(path_.c_str(), "rb"));
+  if (!file) throw io_failure(name_, "cannot open", errno);
   bytes_ = static_cast<uint64_t>(status.st_size);
   char magic[4] = {};
   const size_t got = std::fread(magic, 1, sizeof(magic), file.get());
@@ -83,51 +92,67 @@ Input::Input(const std::string& name) : name_(name == "-" ? "stdin" : name), pat
             (magic[3] == '\n' || magic[3] == '\r');
 }
 
-Output::Output(const Context& context, const std::string& name,
-               const std::vector<const Input*>& inputs)
-    : name_(name), path_(name) {
-  if (name == "-") {
+Output::Output(Context& context, const std::string& name, const std::string& what)
+    : path_(name), is_stdout_(names_stdout(name)) {
+  if (is_stdout_) {
     if (context.options.json) throw usage_error("--json and output '-' both want stdout");
     if (::isatty(STDOUT_FILENO) == 1) throw usage_error("binary output to a terminal refused");
-    path_ = (fs::temp_directory_path() / "l4dcodec-XXXXXX").string();
-    const int fd = ::mkstemp(path_.data());
-    if (fd < 0) throw io_failure(path_, "cannot create a temporary file", errno);
-    ::close(fd);
+    spool_ = io::anonymous_file();
+    path_ = io::path_of(spool_);
     return;
   }
+  std::string place = name;
+  const FileError unresolved = follow_links(&place);
+  if (!unresolved.ok()) throw io_failure(name, unresolved.action, unresolved.error);
   std::error_code error;
-  const fs::file_status status = fs::status(name, error);
-  if (!fs::exists(status)) {
-    const fs::path folder = fs::path(name).parent_path();
-    if (!folder.empty() && !fs::is_directory(folder, error)) {
-      throw io_failure(name, "cannot create", ENOENT);
-    }
-    return;
-  }
+  const fs::file_status status = fs::status(place, error);
+  is_special_ = descriptor_named(place) >= 0 ||
+                (fs::exists(status) && !fs::is_regular_file(status) && !fs::is_directory(status));
   if (fs::is_directory(status)) throw io_failure(name, "cannot write", EISDIR);
-  is_special_ = !fs::is_regular_file(status);
-  for (const Input* input : inputs) {
-    if (fs::equivalent(input->path(), name, error)) {
-      throw usage_error(name + ": is the input too");
-    }
-  }
-  if (!is_special_ && !context.options.force) {
+  // A name that is too long, a folder that must not be entered.
+  if (!fs::status_known(status)) throw io_failure(name, "cannot write", error.value());
+  context.files.add_output(name, what);
+  if (is_special_) return;
+  // A link that leads nowhere is in the way too: what comes to lie where it leads to is not where
+  // the name is.
+  if (fs::exists(fs::symlink_status(name, error)) && !context.options.force) {
     throw Failure(L4D_ERR_IO, name + ": exists already; --force overwrites it");
   }
-}
-
-Output::~Output() {
-  if (is_stdout()) ::unlink(path_.c_str());
+  // What would fail at the end of the work fails before it.
+  const fs::path parent = fs::path(place).parent_path();
+  const std::string folder = parent.empty() ? "." : parent.string();
+  if (!fs::is_directory(folder, error)) throw io_failure(name, "cannot create", ENOENT);
+  const bool writable =
+      ::faccessat(AT_FDCWD, folder.c_str(), W_OK | X_OK, AT_EACCESS) == 0 &&
+      (!fs::exists(status) || ::faccessat(AT_FDCWD, place.c_str(), W_OK, AT_EACCESS) == 0);
+  if (!writable) throw io_failure(name, "cannot write", errno);
 }
 
 uint64_t Output::finish() {
   std::error_code error;
   const uintmax_t bytes = fs::file_size(path_, error);
-  if (is_stdout()) {
-    const io::FileHandle file(std::fopen(path_.c_str(), "rb"));
-    if (!file || !copy(file.get(), stdout)) throw io_failure("stdout", "cannot write", errno);
+  if (spool_) {
+    std::rewind(spool_.get());
+    if (!copy(spool_.get(), stdout)) throw io_failure("stdout", "cannot write", errno);
   }
   return error ? 0 : static_cast<uint64_t>(bytes);
+}
+
+void check_extension(const std::string& name, const char* option,
+                     const std::vector<std::string>& written, bool strict) {
+  static const std::vector<std::string> kKnown = {".l4d", ".ply", ".png", ".jpg",  ".jpeg",
+                                                  ".bmp", ".mp4", ".svg", ".json", ".npy"};
+  std::string extension = fs::path(name).extension().string();
+  std::transform(extension.begin(), extension.end(), extension.begin(),
+                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  const auto is_in = [&](const std::vector<std::string>& list) {
+    return std::find(list.begin(), list.end(), extension) != list.end();
+  };
+  if (extension.empty() || is_in(written) || !(strict || is_in(kKnown))) return;
+  std::string kinds;
+  for (const std::string& kind : written) kinds += (kinds.empty() ? "" : " or ") + kind;
+  throw usage_error(std::string(option) + ": '" + name + "' ends in " + extension +
+                    ", but what is written is " + kinds);
 }
 
 std::string derived_name(const std::string& input, const std::string& extension) {

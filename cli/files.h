@@ -12,11 +12,14 @@
 
 namespace l4d::cli {
 
+inline constexpr const char* kTheInput = "the input";
+
 // An input as named on the command line. "-" is stdin, which is copied to an unnamed temporary
 // file, because reading a scene needs random access.
 class Input {
  public:
-  explicit Input(const std::string& name);
+  // `what` as CommandFiles has it.
+  Input(Context& context, const std::string& name, const std::string& what = kTheInput);
   const std::string& path() const { return path_; }  // to open
   const std::string& name() const { return name_; }  // to print
   bool is_ply() const { return is_ply_; }
@@ -35,23 +38,29 @@ class Input {
 // to a temporary file, because writers rename, and finish() copies it out.
 class Output {
  public:
-  Output(const Context& context, const std::string& name, const std::vector<const Input*>& inputs);
-  ~Output();
+  // `what` as CommandFiles has it.
+  Output(Context& context, const std::string& name, const std::string& what = "--output");
   Output(const Output&) = delete;
   Output& operator=(const Output&) = delete;
 
   const std::string& path() const { return path_; }  // to write
-  bool is_stdout() const { return name_ == "-"; }
+  bool is_stdout() const { return is_stdout_; }
   // A device or pipe: to be written in place, not renamed over.
   bool is_special() const { return is_special_; }
   // The output is complete. Returns its size in bytes.
   uint64_t finish();
 
  private:
-  std::string name_;
   std::string path_;
+  io::FileHandle spool_;  // of stdout
+  bool is_stdout_ = false;
   bool is_special_ = false;
 };
+
+// Usage error of `option` where the name's extension promises another kind of file than `written`,
+// as ".ply". Other names than those of kinds that are known are left to the user, unless `strict`.
+void check_extension(const std::string& name, const char* option,
+                     const std::vector<std::string>& written, bool strict = false);
 
 // The input's name with another extension, in the same folder.
 std::string derived_name(const std::string& input, const std::string& extension);

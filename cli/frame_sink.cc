@@ -3,11 +3,8 @@
 
 namespace l4d::cli {
 
-FrameSink::FrameSink(const Context& context, const std::vector<std::string>& names,
-                     const Input& input) {
-  for (const std::string& name : names) {
-    outputs_.push_back(std::make_unique<Output>(context, name, std::vector<const Input*>{&input}));
-  }
+FrameSink::FrameSink(Context& context, const std::vector<std::string>& names) {
+  for (const std::string& name : names) outputs_.push_back(std::make_unique<Output>(context, name));
 }
 
 void FrameSink::open_video(uint32_t width, uint32_t height, const io::VideoOptions& options) {

@@ -19,7 +19,7 @@ namespace l4d::cli {
 class FrameSink {
  public:
   // One PNG for each name; none of them is written before all have been checked.
-  FrameSink(const Context& context, const std::vector<std::string>& names, const Input& input);
+  FrameSink(Context& context, const std::vector<std::string>& names);
   // The one name there is becomes a video instead.
   void open_video(uint32_t width, uint32_t height, const io::VideoOptions& options);
   void write(size_t frame, const io::Image& image);

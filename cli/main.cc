@@ -1,6 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <fcntl.h>
+#include <unistd.h>
+
 #include <algorithm>
+#include <cerrno>
+#include <csignal>
 #include <cstdio>
+#include <cstring>
+#include <sstream>
 #include <string_view>
 
 #include "cli/common.h"
@@ -44,10 +51,21 @@ std::string suggestion(const std::string& given, const std::vector<std::string>&
 // What CLI11 says, in our words where ours are better.
 std::string describe_usage_error(const CLI::ParseError& error, const CLI::App& app,
                                  const CLI::App* verb) {
+  if (dynamic_cast<const CLI::ArgumentMismatch*>(&error) != nullptr) {
+    // "--seed: At Most 1 required but received 2"
+    const std::string words = error.what();
+    const size_t at = words.find(": At Most 1 required but received ");
+    const size_t times = words.rfind(' ');
+    if (at != std::string::npos) {
+      return words.substr(0, at) + ": given" + words.substr(times) + " times, takes one value";
+    }
+  }
   const auto* extras = dynamic_cast<const CLI::ExtrasError*>(&error);
   if (extras == nullptr) return error.what();
   std::string given;
   for (const std::string& token : app.remaining(true)) {
+    if (token.empty()) return "an argument is empty";
+    if (token == "--") continue;
     if (given.empty() || token[0] == '-') given = token;
     if (given[0] == '-') break;
   }
@@ -94,6 +112,16 @@ int report_failure(const Failure& failure, bool json, const std::string& verb) {
   return code;
 }
 
+// Whether all that was printed has arrived; says so where it has not.
+bool flush_stdout() {
+  errno = 0;
+  if (std::fflush(stdout) == 0 && std::ferror(stdout) == 0) return true;
+  // What failed before left no errno.
+  std::fprintf(stderr, "l4dcodec: stdout: cannot write: %s\n",
+               std::strerror(errno != 0 ? errno : EIO));
+  return false;
+}
+
 int print_outcome(Outcome& outcome, const Context& context) {
   if (context.options.json) {
     outcome.json["notes"] = context.notes();
@@ -101,11 +129,26 @@ int print_outcome(Outcome& outcome, const Context& context) {
   } else if (!context.options.quiet) {
     std::fputs(outcome.text.c_str(), outcome.stdout_is_data ? stderr : stdout);
   }
-  if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0) {
-    std::fprintf(stderr, "l4dcodec: stdout: cannot write\n");
-    return kExitIo;
+  return flush_stdout() ? outcome.code : kExitIo;
+}
+
+// A variable of a script that is not set must not pass for an option that is not given.
+void refuse_empty_values(const CLI::App& verb) {
+  for (const CLI::Option* option : verb.get_options()) {
+    for (const std::string& value : option->results()) {
+      if (value.empty()) throw usage_error(option->get_name() + ": the value is empty");
+    }
   }
-  return outcome.code;
+}
+
+// A file that is opened while one of the standard streams is closed would take its place, and be
+// given what the stream is meant to get. What takes the place here fails to be read or written.
+void fill_standard_streams() {
+  for (const int fd : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO}) {
+    if (::fcntl(fd, F_GETFD) >= 0 || errno != EBADF) continue;
+    // The lowest free number, which is this one.
+    if (::open("/dev/null", fd == STDIN_FILENO ? O_WRONLY : O_RDONLY) != fd) std::_Exit(kExitIo);
+  }
 }
 
 int run(int argc, char** argv) {
@@ -147,21 +190,26 @@ int run(int argc, char** argv) {
     std::reverse(words.begin(), words.end());
     app.parse(words);
     if (!registry.run) throw usage_error("no command given");
+    refuse_empty_values(*app.get_subcommands()[0]);
   } catch (const CLI::Success& help) {
-    return app.exit(help) == 0 ? kExitOk : kExitUsage;
+    std::ostringstream text, error;
+    const int status = app.exit(help, text, error);
+    std::fputs(text.str().c_str(), stdout);
+    return !flush_stdout() ? kExitIo : status == 0 ? kExitOk : kExitUsage;
   } catch (const CLI::ParseError& error) {
     const std::vector<CLI::App*> chosen = app.get_subcommands();
     const CLI::App* verb = chosen.empty() ? nullptr : chosen[0];
     return report_failure(usage_error(describe_usage_error(error, app, verb)), json,
                           verb == nullptr ? "" : verb->get_name());
   } catch (const Failure& failure) {
-    return report_failure(failure, json, "");
+    return report_failure(failure, json, registry.verb);
   }
   const bool helps = context.ranks().helps();
   // What one rank does alone is not done again by the others.
   if (helps && registry.verb != "encode" && registry.verb != "sensitivity") return kExitOk;
   try {
     install_interrupt_handler();
+    context.files.add_output("-", "stdout");
     Outcome outcome = registry.run();
     return helps ? static_cast<int>(kExitOk) : print_outcome(outcome, context);
   } catch (...) {
@@ -176,6 +224,10 @@ int run(int argc, char** argv) {
 
 int main(int argc, char** argv) {
   try {
+    l4d::cli::fill_standard_streams();
+    // A reader that goes away must not end the tool before it has removed what it began.
+    std::signal(SIGPIPE, SIG_IGN);
+    std::signal(SIGXFSZ, SIG_IGN);  // nor a file that gets larger than `ulimit -f` allows
     return l4d::cli::run(argc, argv);
   } catch (const std::exception& error) {
     std::fprintf(stderr, "l4dcodec: %s\n", error.what());

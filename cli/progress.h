@@ -9,8 +9,8 @@
 
 namespace l4d::cli {
 
-// SIGINT and SIGTERM ask running calls to stop through their progress callback, so that they clean
-// up; a second one kills.
+// SIGINT, SIGTERM and SIGHUP ask running calls to stop through their progress callback, so that
+// they clean up; a second one kills.
 void install_interrupt_handler();
 bool interrupted();
 // Throws where a signal has come: between steps that have no callback.

@@ -10,13 +10,10 @@ namespace l4d::cli {
 namespace {
 
 io::Scene import_ply(Context& context, const Input& input, const ImportArguments& arguments) {
+  arguments.check();
   io::ImportOptions options;
   if (!arguments.seconds.empty()) options.seconds = parse_seconds(arguments.seconds, "--seconds");
   if (!arguments.fps.empty()) options.fps = parse_number(arguments.fps, "--fps");
-  if (!arguments.seconds.empty() && !(options.seconds > 0)) {
-    throw usage_error("--seconds must be positive");
-  }
-  if (!arguments.fps.empty() && !(options.fps > 0)) throw usage_error("--fps must be positive");
   io::Scene scene;
   {
     Progress progress(context, "read");
@@ -24,11 +21,23 @@ io::Scene import_ply(Context& context, const Input& input, const ImportArguments
     scene = about(input.name(), [&] { return io::read_scene_ply(input.path(), options); });
   }
   check_interrupt();
+  if (scene.count() == 0) {
+    throw Failure(L4D_ERR_INVALID_SCENE, input.name() + ": the scene holds no Gaussian");
+  }
   for (const std::string& note : scene.notes) context.note(note);
   return scene;
 }
 
 }  // namespace
+
+void ImportArguments::check() const {
+  if (!seconds.empty() && !(parse_seconds(seconds, "--seconds") > 0)) {
+    throw usage_error("--seconds must be positive");
+  }
+  if (!fps.empty() && !(parse_number(fps, "--fps") > 0)) {
+    throw usage_error("--fps must be positive");
+  }
+}
 
 void add_import_options(CLI::App* verb, ImportArguments& arguments) {
   const std::string group = "Import of PLY files that carry no timeline";

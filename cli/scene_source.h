@@ -15,6 +15,8 @@ namespace l4d::cli {
 struct ImportArguments {
   std::string seconds;
   std::string fps;
+  // Usage errors, also where the scene is a stream and neither is used.
+  void check() const;
 };
 void add_import_options(CLI::App* verb, ImportArguments& arguments);
 

@@ -13,6 +13,15 @@ constexpr size_t kMaxFrames = 1u << 24;
 
 }  // namespace
 
+void NumberedName::refuse(const std::string& name) {
+  try {
+    const NumberedName pattern(name, "");
+  } catch (const Failure&) {
+    return;
+  }
+  throw usage_error("--time is one instant, and '" + name + "' the name of a sequence");
+}
+
 NumberedName::NumberedName(const std::string& pattern, const std::string& example) {
   std::string* part = &before_;
   size_t fields = 0;
@@ -59,6 +68,24 @@ void add_sequence_options(CLI::App* verb, SequenceArguments& arguments) {
   time->excludes(from)->excludes(to)->excludes(fps);
 }
 
+void check_order(const std::string& from, const std::string& to, bool may_be_equal) {
+  if (from.empty() || to.empty()) return;
+  const double begin = parse_seconds(from, "--from");
+  const double end = parse_seconds(to, "--to");
+  if (end < begin) throw usage_error("--to lies before --from");
+  if (end == begin && !may_be_equal) throw usage_error("--to must lie after --from");
+}
+
+void SequenceArguments::check() const {
+  if (!time.empty()) parse_seconds(time, "--time");
+  if (!from.empty()) parse_seconds(from, "--from");
+  if (!to.empty()) parse_seconds(to, "--to");
+  check_order(from, to, false);
+  if (!fps.empty() && !(parse_number(fps, "--fps") > 0)) {
+    throw usage_error("--fps must be positive");
+  }
+}
+
 double sequence_fps(const SequenceArguments& arguments, const l4d_timeline& timeline) {
   const double fps =
       arguments.fps.empty() ? frames_per_second(timeline) : parse_number(arguments.fps, "--fps");
@@ -77,7 +104,7 @@ std::vector<double> instants(Context& context, const SequenceArguments& argument
   const double from = seconds(arguments.from, "--from", begin);
   const double to = seconds(arguments.to, "--to", begin + io::duration(timeline));
   const double fps = sequence_fps(arguments, timeline);
-  if (!(to > from)) throw usage_error("--to must lie after --from");
+  if (!(to > from)) throw usage_error("--from and --to leave nothing of the sequence");
   // A frame that starts within rounding of the end is past it.
   const double count = std::ceil((to - from) * fps - 1e-6);
   if (count > static_cast<double>(kMaxFrames)) throw usage_error("more than 2^24 frames");

@@ -15,6 +15,8 @@ class NumberedName {
   // Throws a usage error that gives `example` where the pattern is none.
   NumberedName(const std::string& pattern, const std::string& example);
   std::string operator()(size_t number) const;
+  // Usage error where `name` is such a pattern, since it is to name one file.
+  static void refuse(const std::string& name);
 
  private:
   std::string before_, after_;
@@ -24,9 +26,15 @@ class NumberedName {
 // Instants as text: one, or a sequence [from, to) at a rate.
 struct SequenceArguments {
   std::string time, from, to, fps;
+  // Usage errors that need no scene.
+  void check() const;
   bool is_range() const { return !from.empty() || !to.empty() || !fps.empty(); }
 };
 void add_sequence_options(CLI::App* verb, SequenceArguments& arguments);
+
+// Usage error where one time lies after the other, as they are given: limited to the sequence, both
+// may be its end.
+void check_order(const std::string& from, const std::string& to, bool may_be_equal);
 
 double sequence_fps(const SequenceArguments& arguments, const l4d_timeline& timeline);
 // The one instant where --time is given, else from + k / fps in [from, to); the end of a sequence

@@ -55,10 +55,6 @@ std::string drop_suffix(const std::string& text, const std::string& suffix) {
   return has ? text.substr(0, text.size() - suffix.size()) : text;
 }
 
-double parse_decibels(const std::string& text, const std::string& option) {
-  return parse_number(drop_suffix(text, "dB"), option);
-}
-
 // "1MB/s", "8Mbit/s", "125000": bytes per second.
 double parse_bitrate(const std::string& text) {
   const std::string option = "--target-bitrate";

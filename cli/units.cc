@@ -29,7 +29,7 @@ uint64_t parse_size(const std::string& text, const std::string& option) {
   double value = 0;
   const char* rest = read_number(text, &value);
   if (rest == nullptr || value < 0) {
-    throw usage_error(option + ": '" + text + "' is not a size, such as 4096, 64KiB or 1.5M");
+    throw usage_error(option + ": '" + text + "' is no count or size, such as 4096, 64KiB or 1.5M");
   }
   std::string suffix = rest;
   if (!suffix.empty() && suffix.back() == 'B') suffix.pop_back();
@@ -62,6 +62,11 @@ double parse_number(const std::string& text, const std::string& option) {
     throw usage_error(option + ": '" + text + "' is not a number");
   }
   return value;
+}
+
+double parse_decibels(const std::string& text, const std::string& option) {
+  const bool has_unit = text.size() > 2 && text.compare(text.size() - 2, 2, "dB") == 0;
+  return parse_number(has_unit ? text.substr(0, text.size() - 2) : text, option);
 }
 
 double parse_seconds(const std::string& text, const std::string& option) {

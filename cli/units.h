@@ -13,6 +13,8 @@ namespace l4d::cli {
 // B.
 uint64_t parse_size(const std::string& text, const std::string& option);
 double parse_number(const std::string& text, const std::string& option);
+// "42", "42dB"
+double parse_decibels(const std::string& text, const std::string& option);
 // Seconds: "2.5", "2.5s", "1:30", "1:02:03.5".
 double parse_seconds(const std::string& text, const std::string& option);
 // "key=value", split at the first '='.

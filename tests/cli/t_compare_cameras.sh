@@ -76,5 +76,7 @@ make_cameras shifted.json 25
 expect_document 0 compare s.ply s.l4d --cameras shifted.json --frames 20:41:20 --images
 expect_json out "d['psnr_a_db'] < $aligned - 3"
 # A video of another size than the camera's is refused.
-expect 0 render s.ply --cameras c.json --camera 0 --scale 0.5 -o cam0.mp4 --force
+expect 2 render s.ply --cameras c.json --camera 0 --scale 0.5 -o cam0.mp4 --force
+expect 0 render s.ply --cameras c.json --camera 0 --scale 0.5 -o half.mp4
+mv half.mp4 cam0.mp4
 expect 4 compare s.ply s.l4d --cameras c.json --frames 7 --images
