@@ -68,7 +68,8 @@ void FileReader::close() {
 
 Status FileReader::open(const char* path) {
   close();
-  fd_ = ::open(path, O_RDONLY | O_CLOEXEC);
+  // Without waiting for whoever writes to a named pipe: that has no size, and is refused then.
+  fd_ = ::open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK);
   if (fd_ < 0) {
     return Status(L4D_ERR_IO, "cannot open '" + std::string(path) + "': " + std::strerror(errno));
   }

@@ -201,6 +201,9 @@ TEST_F(Files, FilesThatCannotBeRead) {
   EXPECT_EQ(l4d_decoder_open_file(d.get(), (folder_ / "none.l4d").c_str()), L4D_ERR_IO);
   EXPECT_EQ(l4d_decoder_open_file(d.get(), folder_.c_str()), L4D_ERR_IO);
   EXPECT_EQ(l4d_decoder_open_file(d.get(), "/dev/null"), L4D_ERR_IO);
+  // Nobody writes to it, and nobody waits for that.
+  ASSERT_EQ(::mkfifo((folder_ / "pipe.l4d").c_str(), 0600), 0);
+  EXPECT_EQ(l4d_decoder_open_file(d.get(), (folder_ / "pipe.l4d").c_str()), L4D_ERR_IO);
   put("empty.l4d", "");
   EXPECT_EQ(l4d_decoder_open_file(d.get(), (folder_ / "empty.l4d").c_str()), L4D_ERR_NOT_L4D);
 }
