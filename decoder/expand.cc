@@ -142,6 +142,11 @@ void PageExpander::means(const l4d_range& range, float* mean_t, float* mean_t_lo
   float* local = mean_t_local != nullptr ? mean_t_local : scratch_.means.data();
   if (layer_.mean_t == MeanCodingId::kF16) {
     kernels_.means(columns_.mean_t.data(), n, static_cast<float>(range.width), local);
+  } else if (layer_.mean_t == MeanCodingId::kFixed) {
+    for (size_t i = 0; i < n; ++i) {
+      local[i] = fixed_mean_time(layer_.mean_t_step, layer_.mean_t_zero, columns_.mean_t[i],
+                                 layer_.mean_t_fine ? columns_.mean_t_fine[i] : uint16_t{0});
+    }
   } else {
     std::fill(local, local + n, 0.0f);
   }

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "encoder/closed_loop.h"
+#include "encoder/mean_time.h"
 #include "encoder/quality.h"
 #include "encoder/shape_coder.h"
 #include "libl4dcodec/base/half.h"
@@ -110,12 +111,20 @@ class LayerCoder {
 
   void code_mean_times() {
     const size_t n = count();
-    out_.header.mean_t = plan_.permanent ? MeanCodingId::kNone
-                         : lossless_     ? MeanCodingId::kRaw32
-                                         : MeanCodingId::kF16;
-    if (out_.header.mean_t == MeanCodingId::kF16) out_.header.mean_t_shift = choose_mean_t_shift();
+    if (plan_.permanent || lossless_) {
+      out_.header.mean_t = plan_.permanent ? MeanCodingId::kNone : MeanCodingId::kRaw32;
+    } else {
+      std::vector<MeanTimeTarget> targets(n);
+      for (size_t j = 0; j < n; ++j) {
+        targets[j] = mean_target(j, scene_.mean_t[out_.members[j]], 1);
+      }
+      choose_mean_times(targets, plan_.far || settings_.codes_half_mean_times(),
+                        settings_.get_int(L4D_ENC_MEAN_T_SHIFT),
+                        bucket_width(timeline(), plan_.level), &out_.header);
+    }
     out_.decoded_mean_t.resize(n);
-    out_.mean_t.resize(out_.header.mean_t == MeanCodingId::kF16 ? n : 0);
+    out_.mean_t.resize(out_.header.has_mean_codes() ? n : 0);
+    out_.mean_t_fine.resize(out_.header.mean_t_fine ? n : 0);
     for (size_t j = 0; j < n; ++j) {
       const double mean = scene_.mean_t[out_.members[j]];
       if (plan_.permanent) {
@@ -123,29 +132,9 @@ class LayerCoder {
       } else if (lossless_) {
         out_.decoded_mean_t[j] = mean;
       } else {
-        out_.mean_t[j] = mean_code(mean, j, &out_.decoded_mean_t[j]);
+        set_mean(j, code_mean(mean_target(j, mean, 1)));
       }
     }
-  }
-
-  // The most low bits that mean times can do without.
-  unsigned choose_mean_t_shift() {
-    const int set = settings_.get_int(L4D_ENC_MEAN_T_SHIFT);
-    if (set >= 0) return static_cast<unsigned>(set);
-    const double allowed = quality_.mean_t_error();
-    for (unsigned shift = kMaxMeanShift; shift > 0; --shift) {
-      out_.header.mean_t_shift = shift;
-      double sum = 0;
-      for (size_t j = 0; j < count(); ++j) {
-        const size_t i = out_.members[j];
-        double decoded = 0;
-        mean_code(scene_.mean_t[i], j, &decoded);
-        const double error = decoded - scene_.mean_t[i];
-        sum += std::min(error * error * scene_.lambda[i], 1.0);
-      }
-      if (sum <= allowed * allowed * static_cast<double>(count())) return shift;
-    }
-    return 0;
   }
 
   void describe_lossless() {
@@ -206,6 +195,7 @@ class LayerCoder {
       out_.bucket[to] = out_.bucket[j];
       if (!out_.factor.empty()) out_.factor[to] = out_.factor[j];
       if (!out_.mean_t.empty()) out_.mean_t[to] = out_.mean_t[j];
+      if (!out_.mean_t_fine.empty()) out_.mean_t_fine[to] = out_.mean_t_fine[j];
       out_.decoded_mean_t[to] = out_.decoded_mean_t[j];
       out_.decoded_lambda[to] = out_.decoded_lambda[j];
       for (size_t k = 0; k < 3; ++k) {
@@ -217,6 +207,7 @@ class LayerCoder {
     out_.bucket.resize(to);
     if (!out_.factor.empty()) out_.factor.resize(to);
     if (!out_.mean_t.empty()) out_.mean_t.resize(to);
+    if (!out_.mean_t_fine.empty()) out_.mean_t_fine.resize(to);
     out_.decoded_mean_t.resize(to);
     out_.decoded_lambda.resize(to);
     out_.decoded_velocity.resize(3 * to);
@@ -263,13 +254,17 @@ class LayerCoder {
       // Level 0 has one bucket, and its Gaussians may be centred anywhere in time.
       if (plan_.level == 0) {
         const SeenSpan seen({original}, begin, end);
+        // Half of what the mean may be off for the match, half for its code.
+        const double half = mean_target(j, original.mean, 0.5).tolerance;
+        const double match = std::clamp(seen.matching_mean(original, decoded.lambda),
+                                        original.mean - half, original.mean + half);
+        const MeanTimeCode code = code_mean(mean_target(j, match, 0.5));
         Fading moved = decoded;
-        const uint16_t code =
-            mean_code(seen.matching_mean(original, decoded.lambda), j, &moved.mean);
+        moved.mean = decoded_mean(j, code);
         const SeenSpan any({original, decoded, moved}, begin, end);
-        if (any.match_opacity(original, &moved) < any.match_opacity(original, &decoded)) {
-          out_.mean_t[j] = code;
-          out_.decoded_mean_t[j] = moved.mean;
+        if (code.within &&
+            any.match_opacity(original, &moved) < any.match_opacity(original, &decoded)) {
+          set_mean(j, code);
           decoded.mean = moved.mean;
         }
       }
@@ -287,18 +282,22 @@ class LayerCoder {
     std::copy_n(decoded_moving.position, 3, out_.position.data() + 3 * j);
   }
 
-  // The code of a mean time of member j, and the time that it decodes to.
-  uint16_t mean_code(double mean, size_t j, double* decoded) const {
-    const double width = bucket_width(timeline(), plan_.level);
-    const double center = bucket_center(timeline(), plan_.level, out_.bucket[j]);
-    uint16_t code = float_to_half_saturate(static_cast<float>((mean - center) / width));
-    const unsigned shift = out_.header.mean_t_shift;
-    if (shift > 0) {
-      code = unorder_half(static_cast<uint16_t>(((unsigned{order_half(code)} >> shift) << shift) |
-                                                (1u << (shift - 1))));
-    }
-    *decoded = center + static_cast<double>(static_cast<float>(width) * half_to_float(code));
-    return code;
+  // A mean time of member j, and `share` of what it may be off.
+  MeanTimeTarget mean_target(size_t j, double mean, double share) const {
+    const size_t i = out_.members[j];
+    return {mean - bucket_center(timeline(), plan_.level, out_.bucket[j]),
+            share * quality_.mean_t_error() * scene_.sigma_t(i)};
+  }
+  MeanTimeCode code_mean(const MeanTimeTarget& target) const {
+    return code_mean_time(out_.header, bucket_width(timeline(), plan_.level), target);
+  }
+  double decoded_mean(size_t j, const MeanTimeCode& code) const {
+    return bucket_center(timeline(), plan_.level, out_.bucket[j]) + static_cast<double>(code.local);
+  }
+  void set_mean(size_t j, const MeanTimeCode& code) {
+    out_.mean_t[j] = code.code;
+    if (out_.header.mean_t_fine) out_.mean_t_fine[j] = code.fine;
+    out_.decoded_mean_t[j] = decoded_mean(j, code);
   }
 
   const EncoderScene& scene_;

@@ -19,7 +19,8 @@ struct CodedLayer {
   std::vector<BlockRange> blocks;  // runs of members; empty where the layer has no RCQ
   std::vector<uint16_t> factor;    // [m] SQ codes
   std::array<CodedComponent, L4D_COMPONENT_COUNT> component;  // SH stays empty
-  std::vector<uint16_t> mean_t;  // [m] binary16, bucket widths from the bucket centre
+  std::vector<uint16_t> mean_t;       // [m] binary16, or codes of fixed ones
+  std::vector<uint16_t> mean_t_fine;  // [m] refinements of fixed ones
   // What the decoder will find, in double: the means follow from these.
   std::vector<double> decoded_mean_t;    // [m] seconds
   std::vector<double> decoded_lambda;    // [m]

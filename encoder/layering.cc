@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "encoder/mean_time.h"
+#include "encoder/quality.h"
 #include "libl4dcodec/math/layers.h"
 
 namespace l4d {
@@ -27,6 +29,37 @@ bool is_permanent(const EncoderScene& s, size_t i) {
   return std::sqrt(speed2) * s.duration <= kPermanentTolerance * largest;
 }
 
+// Mean times this many durations outside the sequence, whose Gaussians live as long.
+constexpr double kFar = 64;
+
+void merge(LayerPlan& from, LayerPlan& to) {
+  std::vector<uint32_t> all(from.members.size() + to.members.size());
+  std::merge(from.members.begin(), from.members.end(), to.members.begin(), to.members.end(),
+             all.begin());
+  to.members = std::move(all);
+  from.members.clear();
+}
+
+// Takes what is far from level 0, where codes that reach it are too coarse for short-lived ones.
+LayerPlan take_far(const EncoderScene& s, double error, LayerPlan* level0) {
+  const double center = bucket_center(s.timeline, 0, 0);
+  LayerPlan far;
+  far.far = true;
+  double reach = 0, tolerance = HUGE_VAL;
+  for (const uint32_t i : level0->members) {
+    reach = std::max(reach, std::fabs(s.mean_t[i] - center));
+    tolerance = std::min(tolerance, error * s.sigma_t(i));
+  }
+  if (fixed_mean_times_fit(reach, tolerance)) return far;
+  std::vector<uint32_t> near;
+  for (const uint32_t i : level0->members) {
+    const bool is_far = std::fabs(s.mean_t[i] - center) > kFar * s.duration;
+    (is_far ? far.members : near).push_back(i);
+  }
+  level0->members = std::move(near);
+  return far;
+}
+
 }  // namespace
 
 std::vector<LayerPlan> plan_layers(const EncoderScene& s, const EncoderSettings& settings) {
@@ -46,24 +79,29 @@ std::vector<LayerPlan> plan_layers(const EncoderScene& s, const EncoderSettings&
   for (uint32_t l = 0; l < levels; ++l) layers[l].level = l;
   const double least = std::max(settings.get(L4D_ENC_MERGE_FRACTION) * static_cast<double>(s.count),
                                 settings.get(L4D_ENC_MERGE_COUNT));
-  const auto merge = [](LayerPlan& from, LayerPlan& to) {
-    std::vector<uint32_t> all(from.members.size() + to.members.size());
-    std::merge(from.members.begin(), from.members.end(), to.members.begin(), to.members.end(),
-               all.begin());
-    to.members = std::move(all);
-    from.members.clear();
+  const double error = Quality(settings, s.count).mean_t_error();
+  const bool f16 = settings.codes_half_mean_times();
+  const auto stays_exact = [&](const LayerPlan& from) {
+    const double width = bucket_width(s.timeline, from.level - 1);
+    return lossless || std::all_of(from.members.begin(), from.members.end(), [&](uint32_t i) {
+             return mean_time_fits(f16, width, error * s.sigma_t(i));
+           });
   };
   // Only towards coarser levels: that keeps the bound on neighbours.
   for (uint32_t l = levels - 1; l > 0 && static_cast<double>(layers[l].members.size()) < least;
        --l) {
-    merge(layers[l], layers[l - 1]);
+    if (stays_exact(layers[l])) merge(layers[l], layers[l - 1]);
   }
   // Two kinds of layer cost two sets of codebooks.
   if (static_cast<double>(permanent.members.size()) < least && permanent.members.size() < s.count) {
     merge(permanent, layers[0]);
   }
+  // The format has room for two layers to a level.
+  const LayerPlan far =
+      lossless || f16 || levels == 1 ? LayerPlan() : take_far(s, error, &layers[0]);
   std::vector<LayerPlan> used;
   if (!permanent.members.empty()) used.push_back(std::move(permanent));
+  if (!far.members.empty()) used.push_back(far);
   for (LayerPlan& l : layers) {
     if (l.level == 0 || !l.members.empty()) used.push_back(std::move(l));
   }

@@ -12,11 +12,13 @@ namespace l4d {
 struct LayerPlan {
   unsigned level = 0;
   bool permanent = false;
+  bool far = false;  // level 0: mean times far outside the sequence
   std::vector<uint32_t> members;  // indices in the scene, ascending
 };
 
 // Layers by ascending level, the permanent one first; thin finest layers merged into coarser ones.
-// Level 0 is always there, possibly empty: it takes what fits nowhere else.
+// Level 0 is always there, possibly empty: it takes what fits nowhere else. A layer is not merged
+// where that would leave a mean time less exact than the quality asks for.
 std::vector<LayerPlan> plan_layers(const EncoderScene& scene, const EncoderSettings& settings);
 
 }  // namespace l4d

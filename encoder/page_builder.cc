@@ -177,7 +177,8 @@ class LayerBuilder {
     }
     for (size_t i = 0; i < n; ++i) {
       const size_t j = order_[cut.begin + i];
-      if (layer_header_.mean_t == MeanCodingId::kF16) columns.mean_t.push_back(layer_.mean_t[j]);
+      if (layer_header_.has_mean_codes()) columns.mean_t.push_back(layer_.mean_t[j]);
+      if (layer_header_.mean_t_fine) columns.mean_t_fine.push_back(layer_.mean_t_fine[j]);
       if (layer_header_.mean_t == MeanCodingId::kRaw32) {
         columns.raw_mean_t.push_back(scene_.raw_mean_t[layer_.members[j]]);
       }

@@ -51,9 +51,11 @@ class Quality {
     if (set != 0) return static_cast<unsigned>(set);
     return static_cast<unsigned>(std::clamp(std::ceil(5.5 + (decibels_ - 42) / 6), 4.0, 12.0));
   }
-  // Root mean square of the error of mean times, in standard deviations of what they are the means
-  // of.
-  double mean_t_error() const { return 0.11 * std::pow(10.0, (35.4 - decibels_) / 20); }
+  // How far off a mean time may be, in standard deviations of what it is the mean of: 0.05 at 44
+  // dB, 0.01 at 54 dB.
+  double mean_t_error() const {
+    return std::clamp(0.05 * std::pow(5.0, (44 - decibels_) / 10), 0.001, 0.15);
+  }
 
  private:
   // About this many numbers of a Gaussian take part in its error. This and the offsets are where

@@ -44,8 +44,8 @@ constexpr ParameterDescription kParameters[L4D_ENC_PARAMETER_COUNT] = {
     {"quality-offset", "dB on top of the quality", -30, 30, 0, true, false},
     {"fixed-positions", "positions in fixed point, with a step that follows the quality", 0, 1, 1,
      false, true},
-    {"mean-t-shift", "low bits of mean times left out; -1 = as the quality allows", -1, 10, -1,
-     false, true},
+    {"mean-t-shift", "low bits of binary16 mean times left out; -1 = as the quality allows", -1, 10,
+     -1, false, true},
     {"rans", "code pages by rANS, not zstd", 0, 1, 1, false, true},
     {"weight-measure", "what the weights are: 0 sums of derivatives, 1 Gauss-Newton", 0, 1, 0,
      false, true},
@@ -240,6 +240,14 @@ Status EncoderSettings::set_preset(const char* name) {
   }
   *this = fresh;
   return {};
+}
+
+bool EncoderSettings::codes_half_mean_times() const {
+  if (get_int(L4D_ENC_MEAN_T_SHIFT) >= 0) return true;
+  for (int c = 0; c < L4D_COMPONENT_COUNT; ++c) {
+    if (get_int(L4D_ENC_CODING, c) != 0) return false;
+  }
+  return !get_bool(L4D_ENC_FIXED_POSITIONS);
 }
 
 Status EncoderSettings::check_profile() const {

@@ -31,6 +31,9 @@ class EncoderSettings {
 
   Status set_preset(const char* name);
 
+  // Whether mean times are binary16, for streams that have a packed form or are told their shift.
+  bool codes_half_mean_times() const;
+
   // Whether streams of these settings keep to the profile that is asked for.
   Status check_profile() const;
 

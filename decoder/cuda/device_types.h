@@ -74,8 +74,11 @@ struct DeviceLayer {
   // Reconstruction.
   uint32_t position_fixed;
   uint32_t position_bits;  // of a coded coordinate
-  uint32_t mean_t_coded;
+  uint32_t mean_t_coded;   // 0: none, else a MeanCodingId
   uint32_t mean_t_shift;
+  uint32_t mean_t_zero;
+  uint32_t mean_t_fine;
+  float mean_t_step;
   uint32_t permanent;
   uint32_t stereographic;
   float position_center[3];
@@ -161,7 +164,8 @@ enum PageFault : uint32_t {
 // does not have is not written.
 struct Columns {
   uint64_t* morton;
-  uint16_t* mean_t;  // binary16
+  uint16_t* mean_t;       // binary16, or codes of fixed ones
+  uint16_t* mean_t_fine;  // refinements
   uint16_t* opacity;
   uint16_t* scale_factor;
   uint32_t* state;  // [2, state_stride] of the Gaussians that take part in the plane at hand

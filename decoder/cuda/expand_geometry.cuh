@@ -60,6 +60,17 @@ __device__ inline void expand_position(const DeviceLayer& layer, uint64_t code, 
   }
 }
 
+__device__ inline float local_mean_time(const DeviceJob& job, const DeviceLayer& layer, float width,
+                                        size_t slot) {
+  if (layer.mean_t_coded == 0) return 0.0f;
+  const uint16_t code = job.columns.mean_t[slot];
+  if (layer.mean_t_coded != static_cast<uint32_t>(MeanCodingId::kFixed)) {
+    return width * half_to_float(code);
+  }
+  return fixed_mean_time(layer.mean_t_step, layer.mean_t_zero, code,
+                         layer.mean_t_fine != 0 ? job.columns.mean_t_fine[slot] : uint16_t{0});
+}
+
 // All attributes of Gaussian i of a block but SH and rotor.
 __device__ inline void expand_place(const DeviceJob& job, const ExpandBlock& block,
                                     const DeviceArrays& out, uint32_t i) {
@@ -69,9 +80,7 @@ __device__ inline void expand_place(const DeviceJob& job, const ExpandBlock& blo
     expand_position(layer, job.columns.morton[slot], out.position + 3 * gaussian);
   }
   if (out.mean_t != nullptr || out.mean_t_local != nullptr) {
-    const float local = layer.mean_t_coded != 0
-                            ? block.page->width * half_to_float(job.columns.mean_t[slot])
-                            : 0.0f;
+    const float local = local_mean_time(job, layer, block.page->width, slot);
     if (out.mean_t_local != nullptr) out.mean_t_local[gaussian] = local;
     if (out.mean_t != nullptr) {
       out.mean_t[gaussian] = static_cast<float>(block.page->center + static_cast<double>(local));

@@ -291,6 +291,7 @@ Status Job::lay_out() {
   const auto column = [&](uint64_t bytes) { return place(num_slots_ * bytes, kLine, &end); };
   columns_.morton = column(sizeof(uint64_t));
   columns_.mean_t = column(sizeof(uint16_t));
+  columns_.mean_t_fine = column(sizeof(uint16_t));
   columns_.opacity = column(sizeof(uint16_t));
   columns_.scale_factor = column(sizeof(uint16_t));
   columns_.state = place((header.sh.vq() ? 2 : 1) * num_states_ * sizeof(uint32_t), kLine, &end);
@@ -398,6 +399,7 @@ DeviceJob Job::device_job(unsigned char* workspace) const {
   Columns& to = job.columns;
   to.morton = reinterpret_cast<uint64_t*>(workspace + columns_.morton);
   to.mean_t = reinterpret_cast<uint16_t*>(workspace + columns_.mean_t);
+  to.mean_t_fine = reinterpret_cast<uint16_t*>(workspace + columns_.mean_t_fine);
   to.opacity = reinterpret_cast<uint16_t*>(workspace + columns_.opacity);
   to.scale_factor = reinterpret_cast<uint16_t*>(workspace + columns_.scale_factor);
   to.state = reinterpret_cast<uint32_t*>(workspace + columns_.state);

@@ -18,7 +18,7 @@ namespace l4d::cuda {
 
 // Where the columns lie in the workspace: as Columns, in bytes from its begin.
 struct ColumnOffsets {
-  uint64_t morton = 0, mean_t = 0, opacity = 0, scale_factor = 0, state = 0;
+  uint64_t morton = 0, mean_t = 0, mean_t_fine = 0, opacity = 0, scale_factor = 0, state = 0;
   struct Component {
     uint64_t head = 0, rung = 0, value = 0;
   };

@@ -28,8 +28,11 @@ DeviceLayer device_layer(const SceneHeader& header, const LayerHeader& layer) {
   DeviceLayer out{};
   out.position_fixed = header.position == MeanCodingId::kFixed ? 1 : 0;
   out.position_bits = out.position_fixed != 0 ? header.position_bits : 16;
-  out.mean_t_coded = layer.mean_t == MeanCodingId::kF16 ? 1 : 0;
+  out.mean_t_coded = layer.has_mean_codes() ? static_cast<uint32_t>(layer.mean_t) : 0;
   out.mean_t_shift = layer.mean_t_shift;
+  out.mean_t_zero = layer.mean_t_zero;
+  out.mean_t_fine = layer.mean_t_fine ? 1 : 0;
+  out.mean_t_step = layer.mean_t_step;
   out.permanent = layer.permanent ? 1 : 0;
   out.stereographic = SceneHeader::stereographic_rotor(layer) ? 1 : 0;
   std::copy_n(header.position_center, 3, out.position_center);
@@ -48,7 +51,7 @@ uint32_t plane_limit(const SceneHeader& header, const LayerHeader& layer, const 
   const ComponentCoding& coding = header.component(layer, spec.component);
   switch (spec.kind) {
     case PlaneKind::kMeanT:
-      return 1u << (16 - layer.mean_t_shift);
+      return 1u << layer.mean_t_width();
     case PlaneKind::kOpacity:
       return 1u << header.opacity.bits;
     case PlaneKind::kScaleFactor:

@@ -141,7 +141,11 @@ class PageWarp {
       case PlaneKind::kPosition:
         return positions(plane);
       case PlaneKind::kMeanT:
-        return means(plane);
+        return layer_.mean_t_coded == static_cast<uint32_t>(MeanCodingId::kFixed)
+                   ? codes(plane, job_.columns.mean_t + page_.slot)
+                   : means(plane);
+      case PlaneKind::kMeanTFine:
+        return refinements(plane);
       case PlaneKind::kOpacity:
         return codes(plane, job_.columns.opacity + page_.slot);
       case PlaneKind::kScaleFactor:
@@ -206,6 +210,13 @@ class PageWarp {
     });
     const uint32_t fault = fault_of(bad, kFaultCode);
     return fault != kPageOk ? fault : fault_of(not_finite, kFaultNotFinite);
+  }
+
+  __device__ uint32_t refinements(const PlaneProgram& plane) {
+    uint16_t* out = job_.columns.mean_t_fine + page_.slot;
+    hybrid_of_all(plane,
+                  [&](int i, uint32_t value, bool active) { store_if(active, out + i, value); });
+    return kPageOk;
   }
 
   __device__ uint32_t codes(const PlaneProgram& plane, uint16_t* out) {

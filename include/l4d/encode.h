@@ -84,9 +84,11 @@ enum {
   L4D_ENC_QUALITY = 19,
   L4D_ENC_QUALITY_OFFSET = 20, /* per component: dB on top of the quality */
   L4D_ENC_FIXED_POSITIONS =
-      21,                    /* 0: binary16, 1: fixed point with a step that follows the quality */
-  L4D_ENC_MEAN_T_SHIFT = 22, /* low bits of mean times left out, 0..10; -1: as the quality allows */
-  L4D_ENC_RANS = 23,         /* 0: zstd, 1: rANS pages */
+      21, /* 0: binary16, 1: fixed point with a step that follows the quality */
+  /* 0..10: mean times are binary16 in bucket widths, less so many low bits. -1: as the quality
+   * allows, binary16 where the stream is to have a packed form, else fixed point. */
+  L4D_ENC_MEAN_T_SHIFT = 22,
+  L4D_ENC_RANS = 23, /* 0: zstd, 1: rANS pages */
   L4D_ENC_WEIGHT_MEASURE =
       24, /* what the weights given are: 0 L4D_SENSITIVITY_SUM, 1 _GAUSS_NEWTON */
   /* Drops Gaussians without which the image changes less than other Gaussians' errors of as many

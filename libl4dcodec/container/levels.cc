@@ -63,6 +63,7 @@ std::string coded_breach(const SceneHeader& h, bool indexed) {
   for (size_t l = 0; l < h.layers.size(); ++l) {
     const std::string of = " of layer " + std::to_string(l);
     b.raw(is_raw(h.layers[l].mean_t), "mean_t" + of);
+    b.note(indexed && h.layers[l].mean_t == MeanCodingId::kFixed, "mean_t" + of, "is fixed");
     b.raw(is_raw(h.layers[l].scale_factor), "scale_factor" + of);
     for (unsigned c = L4D_COMPONENT_SCALE; c < L4D_COMPONENT_COUNT; ++c) {
       component(h.layers[l].component[c], kComponentNames[c] + of);

@@ -100,12 +100,18 @@ class PageParser {
       grow(out_.raw_mean_t, n_);
       return raw(wanted, n_, out_.raw_mean_t.data(), 1);
     }
-    const unsigned width = 16 - layer.mean_t_shift;
-    if (!wanted) return skip_stream(in_, base_, n_, width);
+    const unsigned width = layer.mean_t_width();
+    if (!wanted) {
+      L4D_RETURN_IF_ERROR(skip_stream(in_, base_, n_, width));
+      return layer.mean_t_fine ? skip_stream(in_, base_, n_, 16) : Status();
+    }
     const uint64_t at = base_ + in_.position();
     grow(out_.mean_t, n_);
     L4D_RETURN_IF_ERROR(decode_stream(decoder_, in_, base_, n_, width, 0, "", out_.mean_t.data()));
-    return finish_mean_t(layer, *decoder_.kernels, n_, at, out_.mean_t.data());
+    L4D_RETURN_IF_ERROR(finish_mean_t(layer, *decoder_.kernels, n_, at, out_.mean_t.data()));
+    if (!layer.mean_t_fine) return {};
+    grow(out_.mean_t_fine, n_);
+    return decode_stream(decoder_, in_, base_, n_, 16, 0, "", out_.mean_t_fine.data());
   }
 
   Status scalar(const ScalarCoding& coding, bool wanted, std::vector<uint16_t>* codes,
@@ -234,6 +240,10 @@ class PageWriter {
   }
   void mean_t(const LayerHeader& layer, const PageColumns& columns) {
     if (layer.mean_t == MeanCodingId::kRaw32) raw_stream(columns.raw_mean_t.data(), 1, true);
+    if (layer.mean_t == MeanCodingId::kFixed) {
+      encoder_.encode(columns.mean_t.data(), n_, layer.mean_t_bits, true, out_);
+      if (layer.mean_t_fine) encoder_.encode(columns.mean_t_fine.data(), n_, 16, false, out_);
+    }
     if (layer.mean_t != MeanCodingId::kF16) return;
     for (size_t i = 0; i < n_; ++i) {
       codes_[i] = static_cast<uint16_t>(order_half(columns.mean_t[i]) >> layer.mean_t_shift);
@@ -308,6 +318,7 @@ class PageWriter {
 
 Status finish_mean_t(const LayerHeader& layer, const StreamKernels& kernels, size_t n, uint64_t at,
                      uint16_t* values) {
+  if (layer.mean_t == MeanCodingId::kFixed) return {};  // every code is a time
   const unsigned shift = layer.mean_t_shift;
   if (shift > 0) {
     // The middle of what the code stands for.

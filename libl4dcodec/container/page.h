@@ -40,7 +40,8 @@ struct PageColumns {
   std::array<std::vector<uint16_t>, 3> position;  // binary16
   std::array<std::vector<uint32_t>, 3> fixed_position;
   std::array<std::vector<float>, 3> raw_position;
-  std::vector<uint16_t> mean_t;  // binary16
+  std::vector<uint16_t> mean_t;       // binary16, or codes of fixed ones
+  std::vector<uint16_t> mean_t_fine;  // refinements
   std::vector<float> raw_mean_t;
   std::vector<uint16_t> opacity;  // SQ codes
   std::vector<float> raw_opacity;

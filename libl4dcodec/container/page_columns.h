@@ -13,7 +13,8 @@ void grow(std::vector<T>& v, size_t n) {
   if (v.size() < n) v.resize(n);
 }
 
-// Coded mean times, in place, to binary16 bits. `at`: file offset for messages.
+// Coded mean times of f16, in place, to binary16 bits; codes of fixed ones stay. `at`: file offset
+// for messages.
 Status finish_mean_t(const LayerHeader& layer, const StreamKernels& kernels, size_t n, uint64_t at,
                      uint16_t* values);
 

@@ -37,7 +37,8 @@ uint64_t num_contexts(const std::vector<PlaneSpec>& planes) {
 std::vector<PlaneSpec> page_planes(const SceneHeader& header, const LayerHeader& layer) {
   std::vector<PlaneSpec> planes;
   planes.push_back({PlaneKind::kPosition, 0, 0, 1});
-  if (layer.mean_t == MeanCodingId::kF16) planes.push_back({PlaneKind::kMeanT, 0, 0, 1});
+  if (layer.has_mean_codes()) planes.push_back({PlaneKind::kMeanT, 0, 0, 1});
+  if (layer.mean_t_fine) planes.push_back({PlaneKind::kMeanTFine, 0, 0, 1});
   if (header.opacity.coding == ScalarCodingId::kSq) {
     planes.push_back({PlaneKind::kOpacity, 0, 0, 1});
   }

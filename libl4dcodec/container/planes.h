@@ -15,6 +15,7 @@ namespace l4d {
 enum class PlaneKind : uint8_t {
   kPosition,  // gaps of the Morton codes, wide integers; all others are hybrid ones
   kMeanT,
+  kMeanTFine,  // fixed mean times, where the layer refines them
   kOpacity,
   kScaleFactor,
   kDepth,        // vq

@@ -76,6 +76,7 @@ class RansPageParser {
       case PlaneKind::kPosition:
         return L4D_SECTION_POSITION;
       case PlaneKind::kMeanT:
+      case PlaneKind::kMeanTFine:
         return L4D_SECTION_MEAN_T;
       case PlaneKind::kOpacity:
         return L4D_SECTION_OPACITY;
@@ -119,9 +120,12 @@ class RansPageParser {
       case PlaneKind::kMeanT:
         grow(out_.mean_t, n_);
         hybrid(p, nullptr, n_, out_.mean_t.data());
-        L4D_RETURN_IF_ERROR(
-            below(out_.mean_t.data(), n_, 1u << (16 - layer_.mean_t_shift), "STRM-3"));
+        L4D_RETURN_IF_ERROR(below(out_.mean_t.data(), n_, 1u << layer_.mean_t_width(), "STRM-3"));
         return finish_mean_t(layer_, *d_.streams, n_, at_, out_.mean_t.data());
+      case PlaneKind::kMeanTFine:
+        grow(out_.mean_t_fine, n_);
+        hybrid(p, nullptr, n_, out_.mean_t_fine.data());
+        return {};
       case PlaneKind::kOpacity:
         grow(out_.opacity, n_);
         hybrid(p, nullptr, n_, out_.opacity.data());
@@ -359,7 +363,12 @@ void visit_planes(const SceneHeader& header, const LayerHeader& layer,
         break;
       }
       case PlaneKind::kMeanT:
-        narrow(columns.mean_t, n, [&](uint16_t h) { return order_half(h) >> layer.mean_t_shift; });
+        narrow(columns.mean_t, n, [&](uint16_t v) {
+          return layer.mean_t == MeanCodingId::kFixed ? v : order_half(v) >> layer.mean_t_shift;
+        });
+        break;
+      case PlaneKind::kMeanTFine:
+        narrow(columns.mean_t_fine, n, same);
         break;
       case PlaneKind::kOpacity:
         narrow(columns.opacity, n, same);

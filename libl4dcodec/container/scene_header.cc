@@ -269,12 +269,26 @@ class HeaderParser {
     return {};
   }
 
+  Status parse_mean_t(const fbs::Layer& l, LayerHeader* out) const {
+    if (l.mean_t_bits() < 1 || l.mean_t_bits() > kMaxMeanBits) {
+      return bad("TIME-1", std::to_string(l.mean_t_bits()) + " bits of mean times");
+    }
+    if (!(l.mean_t_step() >= 0x1p-60f && l.mean_t_step() <= 0x1p60f)) {
+      return bad("TIME-2", "mean_t_step is out of range");
+    }
+    out->mean_t_bits = l.mean_t_bits();
+    out->mean_t_zero = l.mean_t_zero();
+    out->mean_t_step = l.mean_t_step();
+    out->mean_t_fine = l.mean_t_fine();
+    return {};
+  }
+
   Status parse_layer(const fbs::Layer& l, LayerHeader* out) const {
     out->level = l.level();
     if (out->level >= kMaxLayers) return bad("HEAD-6", "level " + std::to_string(out->level));
     out->permanent = l.permanent();
     out->num_gaussians = l.num_gaussians();
-    if (l.mean_t() > static_cast<uint8_t>(MeanCodingId::kF16)) {  // fixed is for positions
+    if (l.mean_t() > static_cast<uint8_t>(MeanCodingId::kFixed)) {
       return unknown("mean_t coding", l.mean_t());
     }
     out->mean_t = static_cast<MeanCodingId>(l.mean_t());
@@ -287,6 +301,7 @@ class HeaderParser {
       return bad("CODE-6", "mean_t without " + std::to_string(l.mean_t_shift()) + " bits");
     }
     out->mean_t_shift = out->mean_t == MeanCodingId::kF16 ? l.mean_t_shift() : 0;
+    if (out->mean_t == MeanCodingId::kFixed) L4D_RETURN_IF_ERROR(parse_mean_t(l, out));
     if (!sound(l.log_scale_t())) return bad("HEAD-3", "log_scale_t is out of range");
     out->log_scale_t = l.log_scale_t();
     L4D_RETURN_IF_ERROR(parse_scalar(*l.scale_factor(), "scale_factor", &out->scale_factor));
@@ -349,11 +364,12 @@ Bytes serialize_scene_header(const SceneHeader& h) {
     const auto spatial = to_fbs(b, l.component[L4D_COMPONENT_ROTOR_SPATIAL]);
     const auto temporal = to_fbs(b, l.component[L4D_COMPONENT_ROTOR_TEMPORAL]);
     const fbs::ChunkRef entropy = to_fbs(l.entropy);
-    layers.push_back(
-        fbs::CreateLayer(b, static_cast<uint8_t>(l.level), l.permanent, l.num_gaussians,
-                         static_cast<uint8_t>(l.mean_t), l.log_scale_t, factor, scale, spatial,
-                         temporal, static_cast<uint8_t>(l.directory_bits), l.page_table_offset,
-                         static_cast<uint8_t>(l.mean_t_shift), l.has_entropy ? &entropy : nullptr));
+    layers.push_back(fbs::CreateLayer(
+        b, static_cast<uint8_t>(l.level), l.permanent, l.num_gaussians,
+        static_cast<uint8_t>(l.mean_t), l.log_scale_t, factor, scale, spatial, temporal,
+        static_cast<uint8_t>(l.directory_bits), l.page_table_offset,
+        static_cast<uint8_t>(l.mean_t_shift), l.has_entropy ? &entropy : nullptr, l.mean_t_step,
+        static_cast<uint16_t>(l.mean_t_zero), static_cast<uint8_t>(l.mean_t_bits), l.mean_t_fine));
   }
   const auto layer_vector = b.CreateVector(layers);
   const auto opacity = to_fbs(b, h.opacity);

@@ -26,6 +26,7 @@ constexpr uint32_t kMaxScaleBits = 16;
 constexpr uint8_t kLiteralDepth = 15;
 constexpr unsigned kMaxPositionBits = 21;  // three of them in a 63-bit Morton code
 constexpr unsigned kMaxMeanShift = 10;     // of the bits of a binary16, at least its exponent stays
+constexpr unsigned kMaxMeanBits = 16;
 constexpr unsigned kMaxCoefficients = 48;
 constexpr unsigned kTransformClasses = 16;
 
@@ -89,7 +90,11 @@ struct LayerHeader {
   bool permanent = false;
   uint64_t num_gaussians = 0;
   MeanCodingId mean_t = MeanCodingId::kF16;
-  unsigned mean_t_shift = 0;  // low bits of the ordered binary16 that are not coded
+  unsigned mean_t_shift = 0;  // f16: low bits of the ordered binary16 that are not coded
+  unsigned mean_t_bits = 0;   // fixed: of a code
+  unsigned mean_t_zero = 0;   // fixed: the code of the bucket's centre
+  float mean_t_step = 0;      // fixed: seconds from code to code
+  bool mean_t_fine = false;   // fixed: pages hold a refinement of each code
   float log_scale_t = 0;
   ScalarCoding scale_factor;
   std::array<ComponentCoding, L4D_COMPONENT_COUNT> component;  // SH unused: it is global
@@ -98,6 +103,13 @@ struct LayerHeader {
   bool has_entropy = false;
   ChunkRef entropy;  // tables of the layer's rans32 pages
 
+  // Bits of a coded mean time, where there are any.
+  unsigned mean_t_width() const {
+    return mean_t == MeanCodingId::kFixed ? mean_t_bits : 16 - mean_t_shift;
+  }
+  bool has_mean_codes() const {
+    return mean_t == MeanCodingId::kF16 || mean_t == MeanCodingId::kFixed;
+  }
   // Numbers of a normalised scale vector: permanent layers carry no temporal scale.
   unsigned scale_dim() const { return permanent ? 3 : 4; }
 };

@@ -123,6 +123,19 @@ L4D_HOST_DEVICE inline double bucket_center(const l4d_timeline& timeline, uint32
   return timeline.time_begin + (static_cast<double>(bucket) + 0.5) * bucket_width(timeline, layer);
 }
 
+// A mean time of fixed coding, in seconds from the bucket's centre (spec: "Mean time"). `fine` + 1
+// is a bit 1 and, below it, further bits of the place inside the step: 0 stands for its middle.
+L4D_HOST_DEVICE inline float fixed_mean_time(float step, unsigned zero, uint16_t code,
+                                             uint16_t fine) {
+  const float whole = static_cast<float>(static_cast<int>(code) - static_cast<int>(zero));
+  if (fine == 0) return step * whole;
+  const unsigned r = unsigned{fine} + 1;
+  unsigned top = 2;  // the highest power of two up to r
+  while (top <= r / 2) top *= 2;
+  const int middle = static_cast<int>(2 * (r - top) + 1) - static_cast<int>(top);
+  return step * (whole + static_cast<float>(middle) / static_cast<float>(2 * top));
+}
+
 // The time at which positions are coded: the mean time where that is inside the sequence, else the
 // end that is nearer to it. A mean far outside would multiply every error of the velocity.
 L4D_HOST_DEVICE inline double reference_time(const l4d_timeline& timeline, double mean_t) {

@@ -20,9 +20,10 @@ from flatbuffer import FlatBuffer, Invalid, Schema
 from header_rules import (COMPONENTS, CONSTANT, F16, FIXED, RAW32, ROTOR_SPATIAL, ROTOR_TEMPORAL,
                           SCALE, SH, TRANSFORM, VQ, ZERO, check_header, directory_pages,
                           num_buckets)
-from rans import MAGNITUDES, Entropy, RansPage, codable, page_planes, vector_length
+from rans import (MAGNITUDES, Entropy, RansPage, codable, has_fine_mean_times, page_planes,
+                  vector_length)
 from streams import (Streams, bit_width, bits_of_f32, f32, f32_of_bits, finite_halves, half,
-                     require)
+                     part_of_step, require)
 from xxh3 import xxh3_64
 
 HERE = Path(__file__).resolve().parent
@@ -261,6 +262,12 @@ class Decoder:
                 coded = [(m << shift) + (1 << shift >> 1)
                          for m in columns.read(n, 16 - shift, "mean_t")]
                 local = [f32(f32(width) * v) for v in finite_halves(coded, "mean_t", "VAL-1")]
+            elif layer["mean_t"] == FIXED:
+                codes = columns.read(n, int(layer["mean_t_bits"]), "mean_t")
+                fine = (columns.read(n, 16, "mean_t_fine") if has_fine_mean_times(layer)
+                        else [0] * n)
+                local = [f32(layer["mean_t_step"] * f32(m - layer["mean_t_zero"] + part_of_step(v)))
+                         for m, v in zip(codes, fine)]
             mean = [f32(center + v) for v in local]
 
         opacity = scalar(h["opacity"], "opacity")

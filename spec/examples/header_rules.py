@@ -31,8 +31,11 @@ def check_header(h, header_bytes):
     for layer in h["layers"]:
         require(level <= layer["level"] < levels, "HEAD-6", "level")
         level = layer["level"]
-        require(layer["mean_t"] <= F16, "HEAD-7", "mean_t")
+        require(layer["mean_t"] <= FIXED, "HEAD-7", "mean_t")
         require(layer["mean_t"] != F16 or layer["mean_t_shift"] <= 10, "CODE-6", "mean_t_shift")
+        if layer["mean_t"] == FIXED:
+            require(1 <= layer["mean_t_bits"] <= 16, "TIME-1", "mean_t_bits")
+            require(2.0 ** -60 <= layer["mean_t_step"] <= 2.0 ** 60, "TIME-2", "mean_t_step")
         require(layer["permanent"] == (layer["mean_t"] == NONE) and
                 not (layer["permanent"] and level), "HEAD-10", "permanent layer")
         require(sound(layer["log_scale_t"]), "HEAD-3", "log_scale_t")

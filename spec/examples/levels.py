@@ -32,7 +32,7 @@ def keeps_profile(h, profile):
     if RAW32 in codings + means + scalars:
         return False
     if profile == INDEXED:
-        return h["position"] == F16 and TRANSFORM not in codings
+        return h["position"] == F16 and TRANSFORM not in codings and FIXED not in means
     return h["position"] in (F16, FIXED)
 
 

@@ -3,7 +3,7 @@
 
 import struct
 
-from header_rules import NONE, RAW32, SQ, TRANSFORM, VQ
+from header_rules import FIXED, NONE, RAW32, SQ, TRANSFORM, VQ
 from streams import Columns, Streams, require
 
 LANES = 32
@@ -91,10 +91,15 @@ class Table:
         require(len(self.slots) == SLOTS, "RANS-2", "sum of frequencies")
 
 
+def has_fine_mean_times(layer):
+    return bool(layer["mean_t"] == FIXED and layer["mean_t_fine"])
+
+
 def page_planes(header, layer):
     """(name, contexts) of the planes of section 13.2. SH comes last."""
     planes = [("position", 1)]
     planes += [("mean_t", 1)] * (layer["mean_t"] != NONE)
+    planes += [("mean_t_fine", 1)] * has_fine_mean_times(layer)
     planes += [("opacity", 1)] * (header["opacity"]["coding"] == SQ)
     planes += [("scale_factor", 1)] * (layer["scale_factor"]["coding"] == SQ)
     for name in ("scale", "rotor_spatial", "rotor_temporal", "sh"):

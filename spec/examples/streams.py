@@ -60,6 +60,12 @@ class Columns:
         return read
 
 
+def part_of_step(fine):
+    """Where in the step of a fixed mean time the middle of the cell lies that `fine` names."""
+    k = (fine + 1).bit_length() - 1
+    return (2 * (fine + 1 - 2 ** k) + 1 - 2 ** k) / 2 ** (k + 1)
+
+
 def finite_halves(ordered, what, clause):
     bits = [unorder(v, 16) for v in ordered]
     require(all(b & 0x7FFF < 0x7C00 for b in bits), clause, f"{what} is not finite")

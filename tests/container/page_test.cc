@@ -53,6 +53,11 @@ PageColumns random_columns(const SceneHeader& header, const LayerHeader& layer,
   };
   for (size_t k = 0; k < 3; ++k) mean(header.position, &c.position[k], &c.raw_position[k]);
   mean(layer.mean_t, &c.mean_t, &c.raw_mean_t);
+  for (size_t i = 0; i < n && layer.mean_t == MeanCodingId::kFixed; ++i) {
+    c.mean_t.push_back(static_cast<uint16_t>(random.below(1u << layer.mean_t_bits)));
+    const unsigned bits = random.below(17);
+    if (layer.mean_t_fine) c.mean_t_fine.push_back(static_cast<uint16_t>(random.below(1u << bits)));
+  }
   scalar(header.opacity, &c.opacity, &c.raw_opacity);
   scalar(layer.scale_factor, &c.scale_factor, &c.raw_scale_factor);
   for (unsigned comp = 0; comp < L4D_COMPONENT_COUNT; ++comp) {
@@ -101,6 +106,7 @@ void expect_equal(const SceneHeader& header, const LayerHeader& layer, const Pag
     expect_prefix("raw position", a.raw_position[k], b.raw_position[k]);
   }
   expect_prefix("mean_t", a.mean_t, b.mean_t);
+  expect_prefix("mean_t_fine", a.mean_t_fine, b.mean_t_fine);
   expect_prefix("raw mean_t", a.raw_mean_t, b.raw_mean_t);
   expect_prefix("opacity", a.opacity, b.opacity);
   expect_prefix("raw opacity", a.raw_opacity, b.raw_opacity);
@@ -128,6 +134,18 @@ Status parse(ByteSpan raw, const SceneHeader& header, const LayerHeader& layer,
   StreamDecoder decoder;
   decoder.kernels = &stream_kernels_simd();
   return decode_page(decoder, raw, 5000, header, layer, block, n, wants, out, sections);
+}
+
+SceneHeader fixed_times_header() {
+  SceneHeader h = test::example_header();
+  for (size_t l = 0; l < h.layers.size(); ++l) {
+    LayerHeader& layer = h.layers[l];
+    if (layer.permanent) continue;
+    layer.mean_t = MeanCodingId::kFixed;
+    layer.mean_t_bits = l % 2 == 0 ? kMaxMeanBits : 5;
+    layer.mean_t_fine = l % 2 == 0;
+  }
+  return h;
 }
 
 SceneHeader lossless_header() {
@@ -227,7 +245,8 @@ TEST(Page, LargestPage) {
 TEST(Page, AnySubsetOfAttributesCanBeSkipped) {
   StreamEncoder encoder(3);
   uint64_t seed = 100;
-  for (const SceneHeader& header : {test::example_header(), lossless_header()}) {
+  for (const SceneHeader& header :
+       {test::example_header(), lossless_header(), fixed_times_header()}) {
     for (const LayerHeader& layer : header.layers) {
       const size_t n = 50;
       const PageColumns columns = random_columns(header, layer, nullptr, n, ++seed);
@@ -242,6 +261,7 @@ TEST(Page, AnySubsetOfAttributesCanBeSkipped) {
         EXPECT_EQ(std::accumulate(sections.begin(), sections.end(), uint64_t{0}), raw.size());
         if (wants.position) expect_prefix("position", columns.position[2], out.position[2]);
         if (wants.mean_t) expect_prefix("mean_t", columns.mean_t, out.mean_t);
+        if (wants.mean_t) expect_prefix("mean_t_fine", columns.mean_t_fine, out.mean_t_fine);
         if (wants.opacity) expect_prefix("opacity", columns.opacity, out.opacity);
         if (wants.scale) expect_prefix("factor", columns.scale_factor, out.scale_factor);
         const ComponentColumns& sh = columns.component[L4D_COMPONENT_SH];
@@ -263,7 +283,8 @@ TEST(Page, AnySubsetOfAttributesCanBeSkipped) {
 TEST(Page, TruncatedAtEveryByteAndLongerByOne) {
   StreamEncoder encoder(3);
   uint64_t seed = 200;
-  for (const SceneHeader& header : {test::example_header(), lossless_header()}) {
+  for (const SceneHeader& header :
+       {test::example_header(), lossless_header(), fixed_times_header()}) {
     for (const LayerHeader& layer : header.layers) {
       const size_t n = 30;
       const PageColumns columns = random_columns(header, layer, nullptr, n, ++seed);

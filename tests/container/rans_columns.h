@@ -45,6 +45,20 @@ inline SceneHeader transform_header() {
   return h;
 }
 
+// Fixed mean times, in one layer refined.
+inline void fix_mean_times(SceneHeader* h) {
+  for (size_t l = 0; l < h->layers.size(); ++l) {
+    LayerHeader& layer = h->layers[l];
+    if (layer.permanent) continue;
+    layer.mean_t = MeanCodingId::kFixed;
+    layer.mean_t_shift = 0;
+    layer.mean_t_bits = l % 2 == 0 ? kMaxMeanBits : 9;
+    layer.mean_t_zero = 200;
+    layer.mean_t_step = 0.01f;
+    layer.mean_t_fine = l % 2 == 0;
+  }
+}
+
 // Nothing but positions and mean times.
 inline SceneHeader bare_header() {
   SceneHeader h = example_header();
@@ -71,6 +85,8 @@ inline std::vector<SceneHeader> rans_headers() {
     headers.push_back(transform_header());
     headers.back().sh_base = base;
   }
+  headers.push_back(transform_header());
+  fix_mean_times(&headers.back());
   return headers;
 }
 
@@ -166,6 +182,11 @@ inline PageColumns rans_columns(const SceneHeader& header, const LayerHeader& la
     const uint16_t bits = unorder_half(static_cast<uint16_t>((code << shift) + (1u << shift >> 1)));
     if (half_is_finite(bits)) c.mean_t.push_back(bits);
   }
+  for (size_t i = 0; i < n && layer.mean_t == MeanCodingId::kFixed; ++i) {
+    c.mean_t.push_back(static_cast<uint16_t>(random.below(1u << layer.mean_t_bits)));
+    const unsigned bits = random.below(17);
+    if (layer.mean_t_fine) c.mean_t_fine.push_back(static_cast<uint16_t>(random.below(1u << bits)));
+  }
   for (unsigned i = 0; i < L4D_COMPONENT_COUNT; ++i) {
     const ComponentCoding& coding = header.component(layer, i);
     if (coding.transform()) random_transform(coding, n, random, &c.component[i]);
@@ -191,6 +212,7 @@ inline void expect_columns(const SceneHeader& header, const LayerHeader& layer, 
     expect_prefix("fixed position", want.fixed_position[axis], got.fixed_position[axis]);
   }
   expect_prefix("mean_t", want.mean_t, got.mean_t);
+  expect_prefix("mean_t_fine", want.mean_t_fine, got.mean_t_fine);
   expect_prefix("opacity", want.opacity, got.opacity);
   expect_prefix("scale factor", want.scale_factor, got.scale_factor);
   for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {

@@ -25,6 +25,7 @@ TEST(TransformHeader, RoundTrip) {
   a.layers[1].has_entropy = true;
   a.layers[1].entropy = test::example_chunk(77);
   a.sh_base = 48;
+  test::fix_mean_times(&a);
   SceneHeader b;
   const Status s = parse(a, &b);
   ASSERT_TRUE(s.ok()) << s.detail();
@@ -33,7 +34,12 @@ TEST(TransformHeader, RoundTrip) {
   EXPECT_EQ(b.sh_base, 48u);
   ASSERT_EQ(b.layers.size(), a.layers.size());
   for (size_t l = 0; l < a.layers.size(); ++l) {
+    EXPECT_EQ(b.layers[l].mean_t, a.layers[l].mean_t);
     EXPECT_EQ(b.layers[l].mean_t_shift, a.layers[l].mean_t_shift);
+    EXPECT_EQ(b.layers[l].mean_t_bits, a.layers[l].mean_t_bits);
+    EXPECT_EQ(b.layers[l].mean_t_zero, a.layers[l].mean_t_zero);
+    EXPECT_EQ(b.layers[l].mean_t_step, a.layers[l].mean_t_step);
+    EXPECT_EQ(b.layers[l].mean_t_fine, a.layers[l].mean_t_fine);
     EXPECT_EQ(b.layers[l].has_entropy, a.layers[l].has_entropy);
     EXPECT_EQ(b.layers[l].entropy.hash, a.layers[l].entropy.hash);
     EXPECT_EQ(b.layers[l].entropy.raw_bytes, a.layers[l].entropy.raw_bytes);
@@ -57,6 +63,26 @@ const Rule kRules[] = {
     {"CODE-5", [](SceneHeader& h) { h.position_bits = 0; }},
     {"CODE-5", [](SceneHeader& h) { h.position_bits = kMaxPositionBits + 1; }},
     {"CODE-6", [](SceneHeader& h) { h.layers[2].mean_t_shift = kMaxMeanShift + 1; }},
+    {"TIME-1",
+     [](SceneHeader& h) {
+       test::fix_mean_times(&h);
+       h.layers[1].mean_t_bits = 0;
+     }},
+    {"TIME-1",
+     [](SceneHeader& h) {
+       test::fix_mean_times(&h);
+       h.layers[2].mean_t_bits = kMaxMeanBits + 1;
+     }},
+    {"TIME-2",
+     [](SceneHeader& h) {
+       test::fix_mean_times(&h);
+       h.layers[1].mean_t_step = 0x1p-61f;
+     }},
+    {"TIME-2",
+     [](SceneHeader& h) {
+       test::fix_mean_times(&h);
+       h.layers[1].mean_t_step = std::numeric_limits<float>::quiet_NaN();
+     }},
     {"CODE-7",
      [](SceneHeader& h) {
        h.sh.basis.element = ElementType::kSq;
@@ -129,7 +155,8 @@ const Rule kRules[] = {
      }},
 };
 
-// spec: CODE-5, CODE-6, CODE-7, HEAD-14, HEAD-15, TRAN-1, TRAN-2, TRAN-3, TRAN-4, TRAN-7
+// spec: CODE-5, CODE-6, CODE-7, HEAD-14, HEAD-15, TRAN-1, TRAN-2, TRAN-3, TRAN-4, TRAN-7, TIME-1,
+// TIME-2
 TEST(TransformHeader, EachRuleIsChecked) {
   for (const Rule& rule : kRules) {
     SceneHeader header = test::transform_header();
@@ -145,7 +172,7 @@ TEST(TransformHeader, EachRuleIsChecked) {
 TEST(TransformHeader, UnknownIdsAreNamed) {
   void (*const edits[])(SceneHeader&) = {
       [](SceneHeader& h) { h.position = static_cast<MeanCodingId>(4); },
-      [](SceneHeader& h) { h.layers[1].mean_t = MeanCodingId::kFixed; },
+      [](SceneHeader& h) { h.layers[1].mean_t = static_cast<MeanCodingId>(4); },
       [](SceneHeader& h) { h.sh.coding = static_cast<ComponentCodingId>(4); },
       [](SceneHeader& h) { h.sh.basis.element = static_cast<ElementType>(2); }};
   for (const auto& edit : edits) {

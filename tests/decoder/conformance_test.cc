@@ -212,6 +212,10 @@ TEST(Levels, ProfilesSayWhatBreaksThem) {
   h.layers.resize(1);
   EXPECT_EQ(profile_of(h), ProfileId::kIndexed);
   EXPECT_EQ(profile_breach(h, ProfileId::kLossless), "position is not raw32");
+  h.layers[0].mean_t = MeanCodingId::kFixed;
+  EXPECT_EQ(profile_of(h), ProfileId::kMain);
+  EXPECT_EQ(profile_breach(h, ProfileId::kIndexed), "mean_t of layer 0 is fixed");
+  h.layers[0].mean_t = MeanCodingId::kF16;
   h.layers[0].component[L4D_COMPONENT_SCALE].coding = ComponentCodingId::kTransform;
   EXPECT_EQ(profile_of(h), ProfileId::kMain);
   EXPECT_EQ(profile_breach(h, ProfileId::kIndexed), "scale of layer 0 is a transform");

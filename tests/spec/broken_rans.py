@@ -142,6 +142,17 @@ def half_positions(p):
     p.draw()
 
 
+FIXED_MEAN_TIMES = {"mean_t": 3, "mean_t_bits": 9, "mean_t_zero": 256, "mean_t_step": 0.001,
+                    "mean_t_fine": False}
+
+
+def fixed_mean_times(**fields):
+    def edit(p):
+        p.layer.update(FIXED_MEAN_TIMES, **fields)
+        p.draw()
+    return edit
+
+
 def infinite_position(p):
     code = random_page.morton(*[order(float("inf"))] * 3)
     p.put("position", code - sum(p.planes[0].values[:-1]), N - 1)
@@ -184,6 +195,8 @@ def valid():
     yield "one part", parts(split=False)
     yield "no base", header(sh_base=0)
     yield "all of sh in the base", header(sh_base=2)
+    yield "fixed mean times", edited(fixed_mean_times())
+    yield "refined mean times", edited(fixed_mean_times(mean_t_fine=True))
     yield "bounds of 8 bits", bounded(8, 255)
     yield "bounds of 15 bits", bounded(15, 32768)
     yield "bounds of 21 bits", bounded(21, 32768)
@@ -194,7 +207,7 @@ def broken_headers():
     vq = {"coding": 2, "literals": False, "stages": [[(1.0, 0.0, 0.0, 0.0)]]}
     basis = Parts().scene["sh"]["basis"]
     yield "HEAD-7 position unknown", header(position=4)
-    yield "HEAD-7 mean_t fixed", layer(mean_t=3)
+    yield "HEAD-7 mean_t unknown", layer(mean_t=4)
     yield "HEAD-7 basis element", coding("sh", patch={"element": 2})
     yield "HEAD-14 scale coded", layer(scale_factor={"coding": 1})
     yield "HEAD-15 temporal", layer(rotor_spatial=vq)
@@ -203,6 +216,12 @@ def broken_headers():
     yield "CODE-5", header(position_bits=0)
     yield "CODE-5 many", header(position_bits=22)
     yield "CODE-6", layer(mean_t_shift=11)
+    yield "TIME-1", layer(**dict(FIXED_MEAN_TIMES, mean_t_bits=0))
+    yield "TIME-1 many", layer(**dict(FIXED_MEAN_TIMES, mean_t_bits=17))
+    yield "TIME-2", layer(**dict(FIXED_MEAN_TIMES, mean_t_step=0.0))
+    yield "TIME-2 negative", layer(**dict(FIXED_MEAN_TIMES, mean_t_step=-0.125))
+    yield "TIME-2 NaN", layer(**dict(FIXED_MEAN_TIMES, mean_t_step=float("nan")))
+    yield "TIME-2 large", layer(**dict(FIXED_MEAN_TIMES, mean_t_step=2.0 ** 61))
     yield "CODE-7", coding("sh", patch={"element": 1, "step": 0.0})
     yield "CODE-7 large", coding("sh", patch={"element": 1, "step": 1025.0})
     yield "CODE-7 NaN", coding("sh", patch={"element": 1, "step": float("nan")})
@@ -310,6 +329,7 @@ def broken_pages():
     yield "VAL-2 plane", plane("scale literal", order(float("inf")))
     yield "STRM-3 opacity", plane("opacity", 32)
     yield "STRM-3 mean_t", plane("mean_t", 1 << 14)
+    yield "STRM-3 mean_t fixed", edited(fixed_mean_times(), lambda p: p.put("mean_t", 1 << 9))
     yield "STRM-3 position", edited(lambda p: p.columns[0].position[0].__setitem__(0, 256))
     yield "STRM-3 class", edited(lambda p: planes_layout(p, "sh", "class", 16, 4))
     yield "DIR-10 fixed", bounded(8, 254)

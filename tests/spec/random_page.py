@@ -6,6 +6,7 @@ import struct
 import rans_writer
 import stream_builder as sb
 from make_tiny import order
+from rans import has_fine_mean_times
 from rans_writer import Plane
 
 ZERO, RAW32, VQ, TRANSFORM = range(4)
@@ -54,6 +55,7 @@ class Columns:
         self.rng, self.scene, self.layer, self.n = rng, scene, layer, n
         self.position = [self.coordinates() for _ in range(3)]
         self.mean_t = self.mean_times()
+        self.mean_t_fine = self.refinements()
         self.opacity = self.scalars(scene["opacity"])
         self.factor = self.scalars(layer["scale_factor"])
         self.component = {name: self.vectors(name, stage0.get(name))
@@ -75,7 +77,16 @@ class Columns:
         coding = self.layer["mean_t"]
         if coding == F16:
             return coded_mean_times(self.rng, self.layer["mean_t_shift"], self.n)
+        if coding == FIXED:
+            top = (1 << self.layer["mean_t_bits"]) - 1
+            return [self.rng.choice([0, top, self.rng.randint(0, top)]) for _ in range(self.n)]
         return self.raw() if coding == RAW32 else []
+
+    def refinements(self):
+        if not has_fine_mean_times(self.layer):
+            return []
+        return [self.rng.choice([0, 0, 1, 2, 65535, self.rng.randrange(1 << 16)])
+                for _ in range(self.n)]
 
     def raw(self):
         return [sb.order32(raw_value(self.rng)) for _ in range(self.n)]
@@ -126,7 +137,9 @@ class Columns:
         width = 16 if scene["position"] == F16 else 32
         out = b"".join(sb.stream(rng, v, width) for v in self.position)
         out += sb.stream(rng, self.mean_t,
-                         16 - layer["mean_t_shift"] if layer["mean_t"] == F16 else 32)
+                         16 - layer["mean_t_shift"] if layer["mean_t"] == F16 else
+                         layer["mean_t_bits"] if layer["mean_t"] == FIXED else 32)
+        out += sb.stream(rng, self.mean_t_fine, 16)
         for coding, values in ((scene["opacity"], self.opacity),
                                (layer["scale_factor"], self.factor)):
             out += sb.stream(rng, values, coding["bits"] if coding["coding"] == 2 else 32)
@@ -152,6 +165,7 @@ class Columns:
         out = [Plane("position", gaps, wide=True)]
         for name, there, values in (
                 ("mean_t", self.layer["mean_t"] != NONE, self.mean_t),
+                ("mean_t_fine", has_fine_mean_times(self.layer), self.mean_t_fine),
                 ("opacity", self.scene["opacity"]["coding"] == 2, self.opacity),
                 ("scale_factor", self.layer["scale_factor"]["coding"] == 2, self.factor)):
             out += [Plane(name, values)] * there

@@ -117,8 +117,12 @@ class RandomScene:
         scale = component(rng, 3 if permanent else 4, self.may_be_raw, level > 0)
         spatial, temporal = rotors(rng, self.may_be_raw, level > 0)
         layer = {"level": level, "permanent": permanent,
-                 "mean_t": 0 if permanent else rng.choice([2, 2] + [RAW32] * self.may_be_raw),
+                 "mean_t": 0 if permanent else rng.choice([2, 2, 3, 3] + [RAW32] * self.may_be_raw),
                  "mean_t_shift": rng.choice([0, rng.randint(0, 10), 10]),
+                 "mean_t_bits": rng.choice([1, 16, rng.randint(1, 16)]),
+                 "mean_t_zero": rng.choice([0, 65535, rng.randrange(1 << 16)]),
+                 "mean_t_step": f32(rng.choice([2.0 ** -60, 2.0 ** 60, rng.uniform(1e-4, 0.1)])),
+                 "mean_t_fine": rng.random() < 0.5,
                  "log_scale_t": f32(rng.uniform(-3, 9)),
                  "scale_factor": scalar(rng, may_be_raw=scale["coding"] == RAW32),
                  "scale": scale, "rotor_spatial": spatial, "rotor_temporal": temporal}

@@ -169,6 +169,7 @@ class BrokenStreams(unittest.TestCase):
     # spec: FILE-1, FILE-2, FILE-3, FILE-4, FILE-5, FILE-6
     # spec: HEAD-1, HEAD-2, HEAD-3, HEAD-4, HEAD-5, HEAD-6, HEAD-7, HEAD-8, HEAD-9, HEAD-10, HEAD-11
     # spec: HEAD-12, HEAD-13, HEAD-14, HEAD-15, CODE-1, CODE-2, CODE-3, CODE-4, CODE-5, CODE-6, CODE-7
+    # spec: TIME-1, TIME-2
     # spec: TRAN-1, TRAN-2, TRAN-3, TRAN-4, TRAN-5, TRAN-6, TRAN-7
     # spec: RANS-1, RANS-2, RANS-3, RANS-4, RANS-5, RANS-6, RANS-7, RANS-8
     # spec: CHNK-1, CHNK-2, CHNK-3, CHNK-4, CHNK-5, CHNK-6, CHNK-7, CHNK-8
@@ -197,7 +198,8 @@ class BrokenStreams(unittest.TestCase):
                 "HEAD-7 scalar": "FEATURE_UNSUPPORTED", "HEAD-8": "FEATURE_UNSUPPORTED",
                 "CHNK-6": "FEATURE_UNSUPPORTED", "CHNK-1": "TRUNCATED", "CHNK-1 size": "TRUNCATED",
                 "CHNK-2": "CHECKSUM", "PAGE-1": "CORRUPT", "VQ-2": "CORRUPT",
-                "HEAD-7 mean_t fixed": "FEATURE_UNSUPPORTED",
+                "HEAD-7 mean_t unknown": "FEATURE_UNSUPPORTED",
+                "TIME-1": "CORRUPT", "TIME-2": "CORRUPT",
                 "CHNK-6 rans codebook": "FEATURE_UNSUPPORTED", "CHNK-2 entropy": "CHECKSUM",
                 "HEAD-15 spatial": "CORRUPT", "CODE-5": "CORRUPT", "CODE-6": "CORRUPT", "CODE-7": "CORRUPT",
                 **{f"TRAN-{k}": "CORRUPT" for k in range(1, 8)},
