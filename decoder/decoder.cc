@@ -139,6 +139,7 @@ Status Decoder::decode(const l4d_query& query, l4d_gaussian_buffers* out) {
     move_rows(moves, 3, out->position);
     move_rows(moves, 1, out->mean_t);
     move_rows(moves, 1, out->mean_t_local);
+    move_rows(moves, 1, out->mean_t_double);
     move_rows(moves, 4, out->log_scale);
     move_rows(moves, 8, out->rotor);
     move_rows(moves, 1, out->opacity);

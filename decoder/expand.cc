@@ -96,9 +96,8 @@ void spread_rows(float* rows, size_t n) {
 void PageExpander::run(const l4d_range& range, size_t first, const l4d_gaussian_buffers& out) {
   past_cache_ = out.capacity >= kPastCacheGaussians;
   if (out.position != nullptr) positions(out.position + 3 * first);
-  if (out.mean_t != nullptr || out.mean_t_local != nullptr) {
-    means(range, out.mean_t == nullptr ? nullptr : out.mean_t + first,
-          out.mean_t_local == nullptr ? nullptr : out.mean_t_local + first);
+  if (out.mean_t != nullptr || out.mean_t_local != nullptr || out.mean_t_double != nullptr) {
+    means(range, first, out);
   }
   if (out.opacity != nullptr) {
     scalars(header_.opacity, columns_.opacity, columns_.raw_opacity, out.opacity + first);
@@ -126,15 +125,22 @@ void PageExpander::positions(float* dst) const {
   }
 }
 
-void PageExpander::means(const l4d_range& range, float* mean_t, float* mean_t_local) {
+// What is decoded lies anywhere in time: from the bucket's centre, to binary32 and to binary64.
+void PageExpander::means(const l4d_range& range, size_t first, const l4d_gaussian_buffers& out) {
   const size_t n = columns_.n;
-  if (layer_.mean_t == MeanCodingId::kRaw32) {
+  float* const mean_t = out.mean_t == nullptr ? nullptr : out.mean_t + first;
+  float* const mean_t_local = out.mean_t_local == nullptr ? nullptr : out.mean_t_local + first;
+  double* const exact = out.mean_t_double == nullptr ? nullptr : out.mean_t_double + first;
+  if (layer_.has_raw_means()) {
+    const bool is_float = layer_.mean_t == MeanCodingId::kRaw32;
     for (size_t i = 0; i < n; ++i) {
-      const float mean = columns_.raw_mean_t[i];
-      if (mean_t != nullptr) mean_t[i] = mean;
-      if (mean_t_local != nullptr) {
-        mean_t_local[i] = static_cast<float>(static_cast<double>(mean) - range.center);
+      const double mean =
+          is_float ? static_cast<double>(columns_.raw_mean_t[i]) : columns_.raw64_mean_t[i];
+      if (mean_t != nullptr) {
+        mean_t[i] = is_float ? columns_.raw_mean_t[i] : static_cast<float>(mean);
       }
+      if (mean_t_local != nullptr) mean_t_local[i] = static_cast<float>(mean - range.center);
+      if (exact != nullptr) exact[i] = mean;
     }
     return;
   }
@@ -150,9 +156,10 @@ void PageExpander::means(const l4d_range& range, float* mean_t, float* mean_t_lo
   } else {
     std::fill(local, local + n, 0.0f);
   }
-  if (mean_t == nullptr) return;
   for (size_t i = 0; i < n; ++i) {
-    mean_t[i] = static_cast<float>(range.center + static_cast<double>(local[i]));
+    const double mean = range.center + static_cast<double>(local[i]);
+    if (mean_t != nullptr) mean_t[i] = static_cast<float>(mean);
+    if (exact != nullptr) exact[i] = mean;
   }
 }
 

@@ -48,7 +48,7 @@ class PageExpander {
 
  private:
   void positions(float* dst) const;
-  void means(const l4d_range& range, float* mean_t, float* mean_t_local);
+  void means(const l4d_range& range, size_t first, const l4d_gaussian_buffers& out);
   void scalars(const ScalarCoding& coding, const std::vector<uint16_t>& codes,
                const std::vector<float>& raw, float* dst) const;
   void spherical_harmonics(float* dst) const;

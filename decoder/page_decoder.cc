@@ -221,7 +221,8 @@ Status PageDecoder::expand(const Plan& plan, size_t begin, size_t end,
                            LostPages* lost) {
   PageWants wants;
   wants.position = out.position != nullptr;
-  wants.mean_t = out.mean_t != nullptr || out.mean_t_local != nullptr;
+  wants.mean_t =
+      out.mean_t != nullptr || out.mean_t_local != nullptr || out.mean_t_double != nullptr;
   wants.opacity = out.opacity != nullptr;
   wants.scale = out.log_scale != nullptr;
   wants.rotor = out.rotor != nullptr;

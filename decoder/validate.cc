@@ -153,15 +153,13 @@ class Validator {
     plan.tasks.push_back(task);
     position_.resize(3 * n);
     mean_.resize(n);
-    local_.resize(n);
     log_scale_.resize(4 * n);
     rotor_.resize(8 * n);
     opacity_.resize(n);
     sh_.resize(header.sh_dim() * n);
     l4d_gaussian_buffers out{};
     out.position = position_.data();
-    out.mean_t = mean_.data();
-    out.mean_t_local = local_.data();
+    out.mean_t_double = mean_.data();
     out.log_scale = log_scale_.data();
     out.rotor = rotor_.data();
     out.opacity = opacity_.data();
@@ -179,19 +177,13 @@ class Validator {
     return slice_gaussian(normalized_halves(r), s);
   }
 
-  // Mean time of Gaussian i at full precision.
-  double mean_of(const LayerHeader& layer, const l4d_range& range, size_t i) const {
-    return layer.mean_t == MeanCodingId::kRaw32 ? static_cast<double>(mean_[i])
-                                                : range.center + static_cast<double>(local_[i]);
-  }
-
   Status check_times(const SceneHeader& header, const LayerHeader& layer, const PageRecord& record,
                      const l4d_range& range) {
     const double unit = range.width / 64;
     const double begin = header.timeline.time_begin;
     const double end = begin + sequence_duration(header.timeline);
     for (size_t i = 0; i < record.num_gaussians; ++i) {
-      const double mean = mean_of(layer, range, i);
+      const double mean = mean_[i];
       const double sigma = 1 / std::sqrt(slice_of(i).lambda);
       if (!fits_layer(mean, sigma, record.bucket, layer.level, header.timeline)) {
         return corrupt("LAYR-1", record.chunk.offset,
@@ -222,7 +214,7 @@ class Validator {
     const double end = begin + sequence_duration(header.timeline);
     for (size_t i = 0; i < record.num_gaussians; ++i) {
       const Slice4D<double> s = slice_of(i);
-      const double mean = mean_of(layer, range, i);
+      const double mean = mean_[i];
       const double reach = 4 / std::sqrt(s.lambda);
       const double reference =
           header.position_at_mean_time ? mean : reference_time(header.timeline, mean);
@@ -274,7 +266,8 @@ class Validator {
   const ViolationFn& report_;
   uint64_t done_ = 0;
   std::vector<Taken> taken_;
-  std::vector<float> position_, mean_, local_, log_scale_, rotor_, opacity_, sh_;
+  std::vector<double> mean_;
+  std::vector<float> position_, log_scale_, rotor_, opacity_, sh_;
 };
 
 }  // namespace

@@ -112,7 +112,9 @@ class LayerCoder {
   void code_mean_times() {
     const size_t n = count();
     if (plan_.permanent || lossless_) {
-      out_.header.mean_t = plan_.permanent ? MeanCodingId::kNone : MeanCodingId::kRaw32;
+      out_.header.mean_t = plan_.permanent           ? MeanCodingId::kNone
+                           : scene_.has_double_times ? MeanCodingId::kRaw64
+                                                     : MeanCodingId::kRaw32;
     } else {
       std::vector<MeanTimeTarget> targets(n);
       for (size_t j = 0; j < n; ++j) {

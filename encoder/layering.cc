@@ -29,6 +29,9 @@ bool is_permanent(const EncoderScene& s, size_t i) {
   return std::sqrt(speed2) * s.duration <= kPermanentTolerance * largest;
 }
 
+// Of local times in lossless streams, in temporal scales.
+constexpr double kLosslessError = 0.001;
+
 // Mean times this many durations outside the sequence, whose Gaussians live as long.
 constexpr double kFar = 64;
 
@@ -79,13 +82,14 @@ std::vector<LayerPlan> plan_layers(const EncoderScene& s, const EncoderSettings&
   for (uint32_t l = 0; l < levels; ++l) layers[l].level = l;
   const double least = std::max(settings.get(L4D_ENC_MERGE_FRACTION) * static_cast<double>(s.count),
                                 settings.get(L4D_ENC_MERGE_COUNT));
-  const double error = Quality(settings, s.count).mean_t_error();
-  const bool f16 = settings.codes_half_mean_times();
+  // Lossless times are exact; those in binary32 that a decoder slices with are nearly so.
+  const double error = lossless ? kLosslessError : Quality(settings, s.count).mean_t_error();
+  const bool f16 = !lossless && settings.codes_half_mean_times();
   const auto stays_exact = [&](const LayerPlan& from) {
     const double width = bucket_width(s.timeline, from.level - 1);
-    return lossless || std::all_of(from.members.begin(), from.members.end(), [&](uint32_t i) {
-             return mean_time_fits(f16, width, error * s.sigma_t(i));
-           });
+    return std::all_of(from.members.begin(), from.members.end(), [&](uint32_t i) {
+      return mean_time_fits(f16, width, error * s.sigma_t(i));
+    });
   };
   // Only towards coarser levels: that keeps the bound on neighbours.
   for (uint32_t l = levels - 1; l > 0 && static_cast<double>(layers[l].members.size()) < least;

@@ -179,6 +179,9 @@ class LayerBuilder {
       const size_t j = order_[cut.begin + i];
       if (layer_header_.has_mean_codes()) columns.mean_t.push_back(layer_.mean_t[j]);
       if (layer_header_.mean_t_fine) columns.mean_t_fine.push_back(layer_.mean_t_fine[j]);
+      if (layer_header_.mean_t == MeanCodingId::kRaw64) {
+        columns.raw64_mean_t.push_back(scene_.mean_t[layer_.members[j]]);
+      }
       if (layer_header_.mean_t == MeanCodingId::kRaw32) {
         columns.raw_mean_t.push_back(scene_.raw_mean_t[layer_.members[j]]);
       }

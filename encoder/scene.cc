@@ -109,8 +109,9 @@ Status check_input(const EncoderInput& input) {
   if (g.count == 0) return Status(L4D_ERR_INVALID_SCENE, "the scene holds no Gaussian");
   if (g.count > (uint64_t{1} << 30)) return invalid_argument("more than 2^30 Gaussians");
   if (g.sh_degree > 3) return invalid_argument("sh_degree must be 0 to 3");
-  if (g.position == nullptr || g.mean_t == nullptr || g.log_scale == nullptr ||
-      g.rotor == nullptr || g.opacity == nullptr || g.sh == nullptr) {
+  const bool has_times = g.mean_t != nullptr || g.mean_t_double != nullptr;
+  if (g.position == nullptr || !has_times || g.log_scale == nullptr || g.rotor == nullptr ||
+      g.opacity == nullptr || g.sh == nullptr) {
     return invalid_argument("an attribute array is NULL");
   }
   const l4d_timeline& t = input.timeline;
@@ -194,7 +195,8 @@ Status prepare_scene(const EncoderInput& input, const EncoderSettings& settings,
   s.lambda.resize(n);
   if (lossless) {
     s.raw_position.resize(3 * n);
-    s.raw_mean_t.resize(n);
+    s.has_double_times = g.mean_t_double != nullptr;
+    s.raw_mean_t.resize(s.has_double_times ? 0 : n);
   }
   const bool logit = (g.flags & L4D_OPACITY_LOGIT) != 0;
   const bool at_mean = (g.flags & L4D_POSITION_AT_MEAN_TIME) != 0;
@@ -211,7 +213,7 @@ Status prepare_scene(const EncoderInput& input, const EncoderSettings& settings,
         log_scale[k] = std::clamp(log_scale[k], -kMaxLogScale, kMaxLogScale);
       }
       std::copy_n(g.sh + sh_dim * from, sh_dim, s.sh.data() + sh_dim * i);
-      s.mean_t[i] = static_cast<double>(g.mean_t[from]);
+      s.mean_t[i] = mean_time(g, from);
       for (size_t k = 0; k < 3; ++k) {
         s.position[3 * i + k] = static_cast<double>(g.position[3 * from + k]);
       }
@@ -219,7 +221,7 @@ Status prepare_scene(const EncoderInput& input, const EncoderSettings& settings,
       slice_in_double(rotor, log_scale, s.velocity.data() + 3 * i, &s.lambda[i]);
       if (lossless) {
         std::copy_n(g.position + 3 * from, 3, s.raw_position.data() + 3 * i);
-        s.raw_mean_t[i] = g.mean_t[from];
+        if (!s.has_double_times) s.raw_mean_t[i] = g.mean_t[from];
         continue;
       }
       if (logit) {

@@ -20,6 +20,7 @@ struct EncoderInput {
 
 struct EncoderScene {
   size_t count = 0;
+  bool has_double_times = false;  // lossless only: the input's times are mean_t as it is here
   uint32_t sh_degree = 0;
   l4d_timeline timeline{};
   double duration = 0;
@@ -28,7 +29,7 @@ struct EncoderScene {
   std::vector<double> mean_t;    // [n]
   // The float32 values given, bit for bit (conversion through double may flush subnormals).
   std::vector<float> raw_position;  // [n, 3], lossless only
-  std::vector<float> raw_mean_t;    // [n], lossless only
+  std::vector<float> raw_mean_t;    // [n], lossless only, unless times were given as double
   std::vector<float> log_scale;     // [n, 4]
   std::vector<float> rotor;         // [n, 8] normalised; lossless: as given
   std::vector<float> opacity;       // [n] linear; lossless: as given

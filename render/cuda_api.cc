@@ -55,8 +55,9 @@ Status check_timeline(const l4d_timeline& timeline) {
 Status check_gaussians(const l4d_gaussians& g, bool indexed) {
   if (g.sh_degree > 3) return l4d::invalid_argument("sh_degree is above 3");
   if (g.count > 0 &&
-      (g.position == nullptr || g.mean_t == nullptr || g.log_scale == nullptr ||
-       g.rotor == nullptr || g.opacity == nullptr || (g.sh == nullptr && !indexed))) {
+      (g.position == nullptr || (g.mean_t == nullptr && g.mean_t_double == nullptr) ||
+       g.log_scale == nullptr || g.rotor == nullptr || g.opacity == nullptr ||
+       (g.sh == nullptr && !indexed))) {
     return l4d::invalid_argument("an attribute array is NULL");
   }
   if (indexed && g.sh != nullptr) return l4d::invalid_argument("sh is given beside indices");

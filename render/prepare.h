@@ -31,7 +31,7 @@ L4D_HOST_DEVICE inline Prepared prepare_gaussian(const l4d_gaussians& g, double 
   for (size_t k = 0; k < 4; ++k) scale[k] = std::exp(static_cast<double>(g.log_scale[4 * i + k]));
   Prepared p;
   p.slice = slice_gaussian(normalized_halves(rotor), scale);
-  p.mean = static_cast<double>(g.mean_t[i]);
+  p.mean = mean_time(g, i);
   // Seen from within the sequence, whatever the form of the input: with the mean 200 s away, a
   // position there and a velocity in binary32 would not say where the Gaussian is now.
   p.reference = p.mean < begin ? begin : p.mean > end ? end : p.mean;

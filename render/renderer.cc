@@ -150,7 +150,7 @@ Gaussian4D<T> Renderer::attributes(size_t id) const {
   const l4d_gaussians& g = scene_.gaussians();
   Gaussian4D<T> out;
   for (size_t k = 0; k < 3; ++k) out.position[k] = static_cast<T>(g.position[3 * id + k]);
-  out.mean_t = static_cast<T>(static_cast<double>(g.mean_t[id]) - time_);
+  out.mean_t = static_cast<T>(mean_time(g, id) - time_);
   for (size_t k = 0; k < 4; ++k) out.log_scale[k] = static_cast<T>(g.log_scale[4 * id + k]);
   for (size_t k = 0; k < 8; ++k) out.rotor[k] = static_cast<T>(g.rotor[8 * id + k]);
   out.opacity = static_cast<T>(g.opacity[id]);

@@ -24,7 +24,8 @@ Status Scene::set(const l4d_gaussians& gaussians, const l4d_timeline& timeline) 
     return Status(L4D_ERR_LIMIT_EXCEEDED, "more than 2^32 - 1 Gaussians");
   }
   const size_t n = static_cast<size_t>(gaussians.count);
-  if (n > 0 && (gaussians.position == nullptr || gaussians.mean_t == nullptr ||
+  if (n > 0 && (gaussians.position == nullptr ||
+                (gaussians.mean_t == nullptr && gaussians.mean_t_double == nullptr) ||
                 gaussians.log_scale == nullptr || gaussians.rotor == nullptr ||
                 gaussians.opacity == nullptr || gaussians.sh == nullptr)) {
     return invalid_argument("an attribute array is NULL");

@@ -239,7 +239,7 @@ typedef struct l4d_gaussian_buffers {
   uint64_t capacity;   /* Gaussians each array can hold */
   uint64_t count;      /* out */
   float* position;     /* [N, 3] */
-  float* mean_t;       /* [N] seconds */
+  float* mean_t;       /* [N] seconds, rounded to binary32: see mean_t_double */
   float* mean_t_local; /* [N] seconds from the centre of the range: full precision at any time */
   float* log_scale;    /* [N, 4] */
   float* rotor;        /* [N, 8] unit, unless the stream is lossless */
@@ -248,6 +248,9 @@ typedef struct l4d_gaussian_buffers {
   l4d_range* ranges;   /* [range_capacity] or NULL */
   uint64_t range_capacity;
   uint64_t num_ranges; /* out, where ranges is given */
+  /* [N] seconds, exact: the range's `center` plus mean_t_local, in lossless streams what was
+   * encoded. Where it is wanted the host decodes, whatever the backend. */
+  double* mean_t_double;
 } l4d_gaussian_buffers;
 L4D_API void l4d_gaussian_buffers_init_(l4d_gaussian_buffers* buffers, size_t struct_size);
 #define l4d_gaussian_buffers_init(buffers) l4d_gaussian_buffers_init_((buffers), sizeof(*(buffers)))

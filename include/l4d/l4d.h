@@ -92,7 +92,9 @@ typedef struct l4d_limits {
 /* ---- the scene ----------------------------------------------------------------------------- */
 
 /* The time span of a scene: frame k begins at time_begin + k * fps_den / fps_num seconds, and the
- * sequence is the half-open interval of num_frames frames. */
+ * sequence is the half-open interval of num_frames frames. All times that the library takes and
+ * gives, mean times too, are of this one clock, which may be any: seconds since 1970 are told to
+ * 0.24 us. */
 typedef struct l4d_timeline {
   double time_begin; /* seconds */
   uint32_t num_frames;
@@ -110,7 +112,9 @@ enum {
   L4D_OPACITY_LOGIT = 1u << 1
 };
 
-/* Read-only structure of arrays: N 4D-rotor Gaussians, float32. The caller owns all arrays. */
+/* Read-only structure of arrays: N 4D-rotor Gaussians, float32. The caller owns all arrays. Map
+ * coordinates such as UTM belong into l4d_placement: as absolute float32 they have steps of half a
+ * metre before the library sees them. Times are those of the timeline's clock. */
 typedef struct l4d_gaussians {
   size_t struct_size;
   uint64_t count;         /* N */
@@ -122,6 +126,9 @@ typedef struct l4d_gaussians {
   const float* rotor;     /* [N, 8] s b01 b02 b12 b03 b13 b23 p */
   const float* opacity;   /* [N] */
   const float* sh;        /* [N, (D+1)^2, 3] coefficient-major; colour = 0.5 + sum */
+  /* [N] seconds, or NULL. Where given, used in place of `mean_t`, which may be NULL then: binary32
+   * has steps of 8 ms after a day, and of two minutes since 1970. */
+  const double* mean_t_double;
 } l4d_gaussians;
 
 /* Where a decoded scene sits in the world: world = origin + scale * position. The library carries

@@ -31,6 +31,7 @@ struct GaussianArrays {
   uint32_t sh_degree = 0;
   uint32_t flags = 0;
   std::vector<float> position, mean_t, mean_t_local, log_scale, rotor, opacity, sh;
+  std::vector<double> mean_t_double;  // as l4d_gaussian_buffers
   std::vector<l4d_range> ranges;
   size_t count() const { return mean_t.size(); }
 };
@@ -96,6 +97,7 @@ class DecoderHandle {
     a.position.resize(3 * n);
     a.mean_t.resize(n);
     a.mean_t_local.resize(n);
+    a.mean_t_double.resize(n);
     a.log_scale.resize(4 * n);
     a.rotor.resize(8 * n);
     a.opacity.resize(n);
@@ -107,6 +109,9 @@ class DecoderHandle {
     b.position = a.position.data();
     b.mean_t = a.mean_t.data();
     b.mean_t_local = a.mean_t_local.data();
+    // Of other streams they follow from the ranges, and a device can decode.
+    const bool lossless = (i.tools & L4D_TOOL_LOSSLESS) != 0;
+    if (lossless) b.mean_t_double = a.mean_t_double.data();
     b.log_scale = a.log_scale.data();
     b.rotor = a.rotor.data();
     b.opacity = a.opacity.data();
@@ -120,12 +125,19 @@ class DecoderHandle {
       a.position.resize(3 * count);
       a.mean_t.resize(count);
       a.mean_t_local.resize(count);
+      a.mean_t_double.resize(count);
       a.log_scale.resize(4 * count);
       a.rotor.resize(8 * count);
       a.opacity.resize(count);
       a.sh.resize(3 * (i.sh_degree + 1) * (i.sh_degree + 1) * count);
     }
     a.ranges.resize(static_cast<size_t>(b.num_ranges));
+    for (const l4d_range& r : a.ranges) {
+      for (uint64_t k = r.first; !lossless && k < r.first + r.count; ++k) {
+        const size_t at = static_cast<size_t>(k);
+        a.mean_t_double[at] = r.center + static_cast<double>(a.mean_t_local[at]);
+      }
+    }
     return a;
   }
   void set_detail(uint32_t detail) const { check(l4d_decoder_set_detail(get(), detail)); }

@@ -246,8 +246,8 @@ l4d_status l4d_decoder_decode(l4d_decoder* decoder, const l4d_query* query,
   return with_stream(decoder, query != nullptr && out != nullptr, [&](l4d::Decoder& d) -> Status {
     l4d_gaussian_buffers buffers = read_struct(*out, l4d_gaussian_buffers{});
     const l4d_query q = read_struct(*query, default_query());
-    L4D_RETURN_IF_ERROR(decoder->decodes_on_device ? decoder->decode_on_device(q, &buffers)
-                                                   : d.decode(q, &buffers));
+    const bool on_device = decoder->decodes_on_device && buffers.mean_t_double == nullptr;
+    L4D_RETURN_IF_ERROR(on_device ? decoder->decode_on_device(q, &buffers) : d.decode(q, &buffers));
     write_struct(buffers, out);
     return {};
   });

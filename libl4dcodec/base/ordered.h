@@ -25,6 +25,17 @@ inline float unorder_float(uint32_t ordered) {
   std::memcpy(&value, &bits, sizeof value);
   return value;
 }
+inline uint64_t order_double(double value) {
+  uint64_t bits;
+  std::memcpy(&bits, &value, sizeof bits);
+  return bits ^ (bits >> 63 != 0 ? ~uint64_t{0} : uint64_t{1} << 63);
+}
+inline double unorder_double(uint64_t ordered) {
+  const uint64_t bits = ordered ^ (ordered >> 63 != 0 ? uint64_t{1} << 63 : ~uint64_t{0});
+  double value;
+  std::memcpy(&value, &bits, sizeof value);
+  return value;
+}
 inline bool half_is_finite(uint16_t bits) { return (bits & 0x7c00u) != 0x7c00u; }
 
 }  // namespace l4d

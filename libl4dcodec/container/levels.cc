@@ -33,7 +33,7 @@ class Breach {
 
 bool is_raw(const ScalarCoding& c) { return c.coding == ScalarCodingId::kRaw32; }
 bool is_raw(const ComponentCoding& c) { return c.coding == ComponentCodingId::kRaw32; }
-bool is_raw(MeanCodingId c) { return c == MeanCodingId::kRaw32; }
+bool is_raw(MeanCodingId c) { return c == MeanCodingId::kRaw32 || c == MeanCodingId::kRaw64; }
 
 std::string lossless_breach(const SceneHeader& h) {
   Breach b;

@@ -73,6 +73,24 @@ class PageParser {
     return {};
   }
 
+  Status raw64(bool wanted, double* dst) {
+    if (!wanted) {
+      L4D_RETURN_IF_ERROR(skip_stream(in_, base_, n_, 32));
+      return skip_stream(in_, base_, n_, 32);
+    }
+    const uint64_t at = base_ + in_.position();
+    std::vector<uint32_t> high(n_);
+    L4D_RETURN_IF_ERROR(decode_stream32(decoder_, in_, base_, n_, high.data()));
+    grow(raw_bits_, n_);
+    L4D_RETURN_IF_ERROR(decode_stream32(decoder_, in_, base_, n_, raw_bits_.data()));
+    for (size_t i = 0; i < n_; ++i) {
+      dst[i] = unorder_double(uint64_t{high[i]} << 32 | raw_bits_[i]);
+      if (!(std::fabs(dst[i]) <= 0x1p60))
+        return corrupt("VAL-3", at, "a raw value is out of range");
+    }
+    return {};
+  }
+
   Status position(const SceneHeader& header, bool wanted, unsigned axis) {
     if (header.position == MeanCodingId::kF16) {
       grow(out_.position[axis], n_);
@@ -99,6 +117,10 @@ class PageParser {
     if (layer.mean_t == MeanCodingId::kRaw32) {
       grow(out_.raw_mean_t, n_);
       return raw(wanted, n_, out_.raw_mean_t.data(), 1);
+    }
+    if (layer.mean_t == MeanCodingId::kRaw64) {
+      grow(out_.raw64_mean_t, n_);
+      return raw64(wanted, out_.raw64_mean_t.data());
     }
     const unsigned width = layer.mean_t_width();
     if (!wanted) {
@@ -240,6 +262,7 @@ class PageWriter {
   }
   void mean_t(const LayerHeader& layer, const PageColumns& columns) {
     if (layer.mean_t == MeanCodingId::kRaw32) raw_stream(columns.raw_mean_t.data(), 1, true);
+    if (layer.mean_t == MeanCodingId::kRaw64) raw64_stream(columns.raw64_mean_t.data());
     if (layer.mean_t == MeanCodingId::kFixed) {
       encoder_.encode(columns.mean_t.data(), n_, layer.mean_t_bits, true, out_);
       if (layer.mean_t_fine) encoder_.encode(columns.mean_t_fine.data(), n_, 16, false, out_);
@@ -305,6 +328,17 @@ class PageWriter {
     raw_bits_.resize(n_);
     for (size_t i = 0; i < n_; ++i) raw_bits_[i] = order_float(values[i * stride]);
     encoder_.encode32(raw_bits_.data(), n_, try_delta, out_);
+  }
+
+  // High halves, then low ones.
+  void raw64_stream(const double* values) {
+    for (const unsigned shift : {32u, 0u}) {
+      raw_bits_.resize(n_);
+      for (size_t i = 0; i < n_; ++i) {
+        raw_bits_[i] = static_cast<uint32_t>(order_double(values[i]) >> shift);
+      }
+      encoder_.encode32(raw_bits_.data(), n_, true, out_);
+    }
   }
 
   StreamEncoder& encoder_;

@@ -43,6 +43,7 @@ struct PageColumns {
   std::vector<uint16_t> mean_t;       // binary16, or codes of fixed ones
   std::vector<uint16_t> mean_t_fine;  // refinements
   std::vector<float> raw_mean_t;
+  std::vector<double> raw64_mean_t;
   std::vector<uint16_t> opacity;  // SQ codes
   std::vector<float> raw_opacity;
   std::vector<uint16_t> scale_factor;

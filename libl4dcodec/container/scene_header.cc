@@ -288,7 +288,7 @@ class HeaderParser {
     if (out->level >= kMaxLayers) return bad("HEAD-6", "level " + std::to_string(out->level));
     out->permanent = l.permanent();
     out->num_gaussians = l.num_gaussians();
-    if (l.mean_t() > static_cast<uint8_t>(MeanCodingId::kFixed)) {
+    if (l.mean_t() > static_cast<uint8_t>(MeanCodingId::kRaw64)) {
       return unknown("mean_t coding", l.mean_t());
     }
     out->mean_t = static_cast<MeanCodingId>(l.mean_t());

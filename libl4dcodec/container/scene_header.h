@@ -17,7 +17,7 @@ namespace l4d {
 enum class ScalarCodingId : uint8_t { kConstant = 0, kRaw32 = 1, kSq = 2 };
 enum class ComponentCodingId : uint8_t { kZero = 0, kRaw32 = 1, kVq = 2, kTransform = 3 };
 enum class ElementType : uint8_t { kF16 = 0, kSq = 1 };
-enum class MeanCodingId : uint8_t { kNone = 0, kRaw32 = 1, kF16 = 2, kFixed = 3 };
+enum class MeanCodingId : uint8_t { kNone = 0, kRaw32 = 1, kF16 = 2, kFixed = 3, kRaw64 = 4 };
 
 constexpr uint32_t kMaxCodebookEntries = 65536;
 constexpr uint32_t kMaxResidualEntries = 4096;
@@ -106,6 +106,9 @@ struct LayerHeader {
   // Bits of a coded mean time, where there are any.
   unsigned mean_t_width() const {
     return mean_t == MeanCodingId::kFixed ? mean_t_bits : 16 - mean_t_shift;
+  }
+  bool has_raw_means() const {
+    return mean_t == MeanCodingId::kRaw32 || mean_t == MeanCodingId::kRaw64;
   }
   bool has_mean_codes() const {
     return mean_t == MeanCodingId::kF16 || mean_t == MeanCodingId::kFixed;

@@ -5,6 +5,7 @@
 #include <cstddef>
 
 #include "l4d/l4d.h"
+#include "libl4dcodec/math/layers.h"
 
 namespace l4d {
 
@@ -18,7 +19,7 @@ inline const char* invalid_attribute(const l4d_gaussians& g, size_t i) {
   for (size_t k = 0; k < 3; ++k) {
     if (!(std::fabs(g.position[3 * i + k]) <= kMaxCoordinate)) return "position";
   }
-  if (!(std::fabs(g.mean_t[i]) <= kMaxCoordinate)) return "mean_t";
+  if (!(std::fabs(mean_time(g, i)) <= kMaxCoordinate)) return "mean_t";
   for (size_t k = 0; k < 4; ++k) {
     if (!(std::fabs(g.log_scale[4 * i + k]) <= kMaxLogScale + kLogScaleMargin)) return "log_scale";
   }

@@ -136,6 +136,11 @@ L4D_HOST_DEVICE inline float fixed_mean_time(float step, unsigned zero, uint16_t
   return step * (whole + static_cast<float>(middle) / static_cast<float>(2 * top));
 }
 
+L4D_HOST_DEVICE inline double mean_time(const l4d_gaussians& gaussians, size_t i) {
+  return gaussians.mean_t_double != nullptr ? gaussians.mean_t_double[i]
+                                            : static_cast<double>(gaussians.mean_t[i]);
+}
+
 // The time at which positions are coded: the mean time where that is inside the sequence, else the
 // end that is nearer to it. A mean far outside would multiply every error of the velocity.
 L4D_HOST_DEVICE inline double reference_time(const l4d_timeline& timeline, double mean_t) {

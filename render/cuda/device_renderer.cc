@@ -33,6 +33,7 @@ class Implementation : public DeviceRenderer {
     const float* from[6] = {gaussians.position, gaussians.mean_t,  gaussians.log_scale,
                             gaussians.rotor,    gaussians.opacity, gaussians.sh};
     for (int k = 0; k < 6; ++k) {
+      if (from[k] == nullptr) continue;  // times may be given as double alone
       L4D_RETURN_IF_ERROR(
           attributes_[k].reserve(std::max<size_t>(n, 1) * width[k] * sizeof(float)));
       L4D_RETURN_IF_CUDA_ERROR(cudaMemcpy(attributes_[k].data(), from[k],
@@ -41,6 +42,13 @@ class Implementation : public DeviceRenderer {
     l4d_gaussians device = gaussians;
     device.position = attributes_[0].as<float>();
     device.mean_t = attributes_[1].as<float>();
+    if (gaussians.mean_t_double != nullptr) {
+      const size_t bytes = n * sizeof(double);
+      L4D_RETURN_IF_ERROR(double_times_.reserve(std::max<size_t>(bytes, sizeof(double))));
+      L4D_RETURN_IF_CUDA_ERROR(
+          cudaMemcpy(double_times_.data(), gaussians.mean_t_double, bytes, cudaMemcpyHostToDevice));
+      device.mean_t_double = double_times_.as<double>();
+    }
     device.log_scale = attributes_[2].as<float>();
     device.rotor = attributes_[3].as<float>();
     device.opacity = attributes_[4].as<float>();
@@ -226,6 +234,7 @@ class Implementation : public DeviceRenderer {
   DevicePipeline pipeline_;
   bool has_attributes_ = false;
   l4d_gaussians gaussians_{};  // device arrays
+  cuda::DeviceMemory double_times_;
   cuda::DeviceMemory attributes_[6], rgb_, alpha_, upstream_, gradients_[6];
   cuda::PinnedMemory staging_;
   // Of the scene, from the first view nobody waits for on; goes before what its views read.

@@ -17,7 +17,7 @@ import sys
 from pathlib import Path
 
 from flatbuffer import FlatBuffer, Invalid, Schema
-from header_rules import (COMPONENTS, CONSTANT, F16, FIXED, RAW32, ROTOR_SPATIAL, ROTOR_TEMPORAL,
+from header_rules import (COMPONENTS, CONSTANT, F16, FIXED, RAW32, RAW64, ROTOR_SPATIAL, ROTOR_TEMPORAL,
                           SCALE, SH, TRANSFORM, VQ, ZERO, check_header, directory_pages,
                           num_buckets)
 from rans import (MAGNITUDES, Entropy, RansPage, codable, has_fine_mean_times, page_planes,
@@ -27,6 +27,7 @@ from streams import (Streams, bit_width, bits_of_f32, f32, f32_of_bits, finite_h
 from xxh3 import xxh3_64
 
 HERE = Path(__file__).resolve().parent
+EXACT = "mean_t_double"     # the one attribute that is binary64
 MAGIC = bytes.fromhex("894c34440d0a1a0a")
 LITERAL = 15
 NO_BLOCK = 0xFFFFFFFF
@@ -254,7 +255,10 @@ class Decoder:
         center = h["time_begin"] + (record["bucket"] + 0.5) * width
         if layer["mean_t"] == RAW32:
             mean = columns.floats(n, "mean_t")
-            local = [f32(v - center) for v in mean]
+            exact, local = mean, [f32(v - center) for v in mean]
+        elif layer["mean_t"] == RAW64:
+            exact = columns.doubles(n, "mean_t")
+            mean, local = [f32(v) for v in exact], [f32(v - center) for v in exact]
         else:
             local = [0.0] * n
             if layer["mean_t"] == F16:
@@ -268,7 +272,8 @@ class Decoder:
                         else [0] * n)
                 local = [f32(layer["mean_t_step"] * f32(m - layer["mean_t_zero"] + part_of_step(v)))
                          for m, v in zip(codes, fine)]
-            mean = [f32(center + v) for v in local]
+            exact = [center + v for v in local]
+            mean = [f32(v) for v in exact]
 
         opacity = scalar(h["opacity"], "opacity")
         factor = scalar(layer["scale_factor"], "scale_factor")
@@ -297,7 +302,7 @@ class Decoder:
             elif layer["rotor_spatial"]["coding"] != RAW32:
                 rotor = normalize_rotor(rotor)
             yield {"position": [p[i] for p in position], "mean_t_local": [local[i]],
-                   "mean_t": [mean[i]], "log_scale": log_scale, "rotor": rotor,
+                   "mean_t": [mean[i]], EXACT: [exact[i]], "log_scale": log_scale, "rotor": rotor,
                    "opacity": [opacity[i]], "sh": list(rows[SH][i])}
 
     def rows(self, columns, layer, c, n, block_book):
@@ -431,14 +436,22 @@ def dump(file):
 
 
 def values(gaussians):
-    return [f"{name} {i} {k} {bits_of_f32(v):08x}"
+    return [f"{name} {i} {k} {bits_of(name, v)}"
             for i, g in enumerate(gaussians) for name, row in g.items() for k, v in enumerate(row)]
+
+
+def bits_of(name, v):
+    if name == EXACT:
+        return struct.pack(">d", v).hex()
+    return f"{bits_of_f32(v):08x}"
 
 
 def decimals(gaussians):
     lines = []
     for i, g in enumerate(gaussians):
         for name, row in g.items():
+            if name == EXACT:
+                continue
             lines.append(f"Gaussian {i}  {name:<12}  " + "  ".join(f"{v:.9g}" for v in row))
     return lines
 

@@ -9,7 +9,7 @@ SH, SCALE, ROTOR_SPATIAL, ROTOR_TEMPORAL = range(4)
 COMPONENTS = ("sh", "scale", "rotor_spatial", "rotor_temporal")
 CONSTANT, RAW32, SQ = range(3)      # scalar-coding
 ZERO, _, VQ, TRANSFORM = range(4)   # component-coding; 1 is RAW32
-NONE, _, F16, FIXED = range(4)      # mean-coding; 1 is RAW32
+NONE, _, F16, FIXED, RAW64 = range(5)   # mean-coding; 1 is RAW32
 
 
 def check_header(h, header_bytes):
@@ -31,7 +31,7 @@ def check_header(h, header_bytes):
     for layer in h["layers"]:
         require(level <= layer["level"] < levels, "HEAD-6", "level")
         level = layer["level"]
-        require(layer["mean_t"] <= FIXED, "HEAD-7", "mean_t")
+        require(layer["mean_t"] <= RAW64, "HEAD-7", "mean_t")
         require(layer["mean_t"] != F16 or layer["mean_t_shift"] <= 10, "CODE-6", "mean_t_shift")
         if layer["mean_t"] == FIXED:
             require(1 <= layer["mean_t_bits"] <= 16, "TIME-1", "mean_t_bits")

@@ -6,7 +6,7 @@ Plain sums over all phases and windows at which something changes, in exact arit
 import math
 from fractions import Fraction
 
-from header_rules import (COMPONENTS, F16, FIXED, RAW32, SH, TRANSFORM, VQ, directory_pages,
+from header_rules import (COMPONENTS, F16, FIXED, RAW32, RAW64, SH, TRANSFORM, VQ, directory_pages,
                           num_buckets)
 from streams import require
 
@@ -25,7 +25,7 @@ LEVELS = {1: (100000, 32 * MI, 4 * MI, 8 * MI, 2 * MI, 4 * MI, 64 * MI),
 def keeps_profile(h, profile):
     components = [h["sh"]] + [la[name] for la in h["layers"] for name in COMPONENTS[1:]]
     codings = [c["coding"] for c in components]
-    means = [la["mean_t"] for la in h["layers"]]
+    means = [RAW32 if la["mean_t"] == RAW64 else la["mean_t"] for la in h["layers"]]
     if profile == LOSSLESS:
         return all(c == RAW32 for c in codings + means + [h["position"], h["opacity"]["coding"]])
     scalars = [h["opacity"]["coding"]] + [la["scale_factor"]["coding"] for la in h["layers"]]

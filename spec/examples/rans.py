@@ -3,7 +3,7 @@
 
 import struct
 
-from header_rules import FIXED, NONE, RAW32, SQ, TRANSFORM, VQ
+from header_rules import FIXED, NONE, RAW32, RAW64, SQ, TRANSFORM, VQ
 from streams import Columns, Streams, require
 
 LANES = 32
@@ -138,7 +138,7 @@ def vector_length(header, layer, name):
 
 def codable(header, layer):
     """Whether RANS-6 lets a layer have rANS pages."""
-    return RAW32 not in (
+    return layer["mean_t"] != RAW64 and RAW32 not in (
         header["position"], layer["mean_t"],
         *[c["coding"] for c in (header["opacity"], header["sh"], layer["scale_factor"],
                                 layer["scale"], layer["rotor_spatial"], layer["rotor_temporal"])])

@@ -148,5 +148,12 @@ class Streams(Columns):
         require(all(b & 0x7FFFFFFF < 0x7F800000 for b in bits), "VAL-3", f"{what} is not finite")
         return [f32_of_bits(b) for b in bits]
 
+    def doubles(self, n, what):
+        high, low = self.read(n, 32, f"{what} high"), self.read(n, 32, f"{what} low")
+        ordered = [h << 32 | lo for h, lo in zip(high, low)]
+        values = [struct.unpack("<d", unorder(v, 64).to_bytes(8, "little"))[0] for v in ordered]
+        require(all(abs(v) <= 2.0 ** 60 for v in values), "VAL-3", f"{what} is out of range")
+        return values
+
     def end(self, clause="PAGE-1"):
         require(self.at == len(self.raw), clause, "bytes left over")

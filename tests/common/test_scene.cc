@@ -39,6 +39,7 @@ l4d_gaussians TestScene::view() const {
   g.flags = flags;
   g.position = position.data();
   g.mean_t = mean_t.data();
+  g.mean_t_double = mean_t_double.empty() ? nullptr : mean_t_double.data();
   g.log_scale = log_scale.data();
   g.rotor = rotor.data();
   g.opacity = opacity.data();

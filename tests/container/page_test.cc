@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <cstring>
 #include <limits>
 #include <numeric>
@@ -53,6 +54,9 @@ PageColumns random_columns(const SceneHeader& header, const LayerHeader& layer,
   };
   for (size_t k = 0; k < 3; ++k) mean(header.position, &c.position[k], &c.raw_position[k]);
   mean(layer.mean_t, &c.mean_t, &c.raw_mean_t);
+  for (size_t i = 0; i < n && layer.mean_t == MeanCodingId::kRaw64; ++i) {
+    c.raw64_mean_t.push_back(std::ldexp(random.normal(), static_cast<int>(random.below(56))));
+  }
   for (size_t i = 0; i < n && layer.mean_t == MeanCodingId::kFixed; ++i) {
     c.mean_t.push_back(static_cast<uint16_t>(random.below(1u << layer.mean_t_bits)));
     const unsigned bits = random.below(17);
@@ -107,6 +111,7 @@ void expect_equal(const SceneHeader& header, const LayerHeader& layer, const Pag
   }
   expect_prefix("mean_t", a.mean_t, b.mean_t);
   expect_prefix("mean_t_fine", a.mean_t_fine, b.mean_t_fine);
+  expect_prefix("raw64 mean_t", a.raw64_mean_t, b.raw64_mean_t);
   expect_prefix("raw mean_t", a.raw_mean_t, b.raw_mean_t);
   expect_prefix("opacity", a.opacity, b.opacity);
   expect_prefix("raw opacity", a.raw_opacity, b.raw_opacity);
@@ -161,6 +166,14 @@ SceneHeader lossless_header() {
       c = ComponentCoding();
       c.coding = ComponentCodingId::kRaw32;
     }
+  }
+  return h;
+}
+
+SceneHeader double_times_header() {
+  SceneHeader h = lossless_header();
+  for (LayerHeader& l : h.layers) {
+    if (!l.permanent) l.mean_t = MeanCodingId::kRaw64;
   }
   return h;
 }
@@ -242,11 +255,30 @@ TEST(Page, LargestPage) {
   expect_equal(header, header.layers[1], columns, out);
 }
 
+// spec: VAL-3
+TEST(Page, TimesInDoubleHaveARange) {
+  StreamEncoder encoder(3);
+  const SceneHeader header = double_times_header();
+  const LayerHeader& layer = header.layers.back();
+  const double kBad[] = {0x1.1p60, -0x1p1000, std::numeric_limits<double>::infinity(),
+                         std::numeric_limits<double>::quiet_NaN()};
+  for (const double bad : kBad) {
+    PageColumns columns = random_columns(header, layer, nullptr, 50, 7);
+    columns.raw64_mean_t[33] = bad;
+    const Bytes raw = encode_page(encoder, header, layer, nullptr, columns);
+    PageColumns out;
+    EXPECT_STREQ(parse(raw, header, layer, nullptr, 50, PageWants(), &out).clause(), "VAL-3");
+    PageWants others;
+    others.mean_t = false;
+    EXPECT_TRUE(parse(raw, header, layer, nullptr, 50, others, &out).ok());
+  }
+}
+
 TEST(Page, AnySubsetOfAttributesCanBeSkipped) {
   StreamEncoder encoder(3);
   uint64_t seed = 100;
   for (const SceneHeader& header :
-       {test::example_header(), lossless_header(), fixed_times_header()}) {
+       {test::example_header(), lossless_header(), fixed_times_header(), double_times_header()}) {
     for (const LayerHeader& layer : header.layers) {
       const size_t n = 50;
       const PageColumns columns = random_columns(header, layer, nullptr, n, ++seed);
@@ -262,6 +294,7 @@ TEST(Page, AnySubsetOfAttributesCanBeSkipped) {
         if (wants.position) expect_prefix("position", columns.position[2], out.position[2]);
         if (wants.mean_t) expect_prefix("mean_t", columns.mean_t, out.mean_t);
         if (wants.mean_t) expect_prefix("mean_t_fine", columns.mean_t_fine, out.mean_t_fine);
+        if (wants.mean_t) expect_prefix("raw64 mean_t", columns.raw64_mean_t, out.raw64_mean_t);
         if (wants.opacity) expect_prefix("opacity", columns.opacity, out.opacity);
         if (wants.scale) expect_prefix("factor", columns.scale_factor, out.scale_factor);
         const ComponentColumns& sh = columns.component[L4D_COMPONENT_SH];
@@ -284,7 +317,7 @@ TEST(Page, TruncatedAtEveryByteAndLongerByOne) {
   StreamEncoder encoder(3);
   uint64_t seed = 200;
   for (const SceneHeader& header :
-       {test::example_header(), lossless_header(), fixed_times_header()}) {
+       {test::example_header(), lossless_header(), fixed_times_header(), double_times_header()}) {
     for (const LayerHeader& layer : header.layers) {
       const size_t n = 30;
       const PageColumns columns = random_columns(header, layer, nullptr, n, ++seed);

@@ -179,7 +179,7 @@ std::vector<Rule> rules() {
       {"HEAD-7", "position coding none", [](H& h) { h.position = MeanCodingId::kNone; },
        unsupported},
       {"HEAD-7", "position coding 4", [](H& h) { h.position = MeanCodingId{4}; }, unsupported},
-      {"HEAD-7", "mean times 4", [](H& h) { h.layers[1].mean_t = MeanCodingId{4}; },
+      {"HEAD-7", "mean times 5", [](H& h) { h.layers[1].mean_t = MeanCodingId{5}; },
        unsupported},
       {"HEAD-7", "opacity coding 3", [](H& h) { h.opacity.coding = ScalarCodingId{3}; },
        unsupported},

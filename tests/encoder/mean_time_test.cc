@@ -41,7 +41,10 @@ double worst(const TestScene& scene, const Encoded& e) {
     for (uint64_t k = r.first; k < r.first + r.count && layer.permanent == 0; ++k) {
       const size_t i = e.order[static_cast<size_t>(k)];
       const double mean = r.center + static_cast<double>(a.mean_t_local[static_cast<size_t>(k)]);
-      const double error = std::fabs(mean - static_cast<double>(scene.mean_t[i]));
+      EXPECT_EQ(mean, a.mean_t_double[static_cast<size_t>(k)]);
+      const double want = scene.mean_t_double.empty() ? static_cast<double>(scene.mean_t[i])
+                                                      : scene.mean_t_double[i];
+      const double error = std::fabs(mean - want);
       worst = std::max(worst, error / sigma_of(scene, i));
     }
   }
@@ -126,6 +129,92 @@ TEST(MeanTime, FarMeansDoNotSpoilShortEvents) {
     EXPECT_LE(worst(scene, e), preset[0] == 'd' ? 0.05 : 0.01);
     EXPECT_TRUE(validate(e.bytes).empty());
   }
+}
+
+// ---- binary64 ----------------------------------------------------------------------------------
+
+// Events of 10 to 40 ms at times that binary32 does not hold: a day, counted from `begin`.
+TestScene long_day(double begin) {
+  TestScene s = events(86400, 60, 1, 0, 9);
+  s.timeline.time_begin = begin;
+  Random random(10);
+  for (size_t i = 0; i < s.count(); ++i) {
+    const bool event = i % 3 == 0;
+    const double mean = event ? random.uniform(0, s.duration()) : static_cast<double>(s.mean_t[i]);
+    s.mean_t_double.push_back(begin + mean);
+    if (event) s.log_scale[4 * i + 3] = static_cast<float>(std::log(random.uniform(0.01, 0.04)));
+  }
+  s.mean_t.clear();
+  s.mean_t.resize(s.mean_t_double.size(), -1.0f);  // not to be looked at
+  return s;
+}
+constexpr double kBegins[] = {0, 1763800000.25};
+
+TEST(DoubleTimes, LosslessIsExact) {
+  for (const double begin : kBegins) {
+    const TestScene scene = long_day(begin);
+    EncodeOptions options;
+    options.preset = "lossless";
+    const Encoded e = encode(scene, options);
+    EXPECT_TRUE(validate(e.bytes).empty());
+    for (const uint32_t backend : {L4D_BACKEND_REFERENCE, L4D_BACKEND_CPU}) {
+      const GaussianArrays a = decode(e.bytes, all_query(), backend);
+      ASSERT_EQ(a.mean_t_double.size(), scene.count());
+      for (size_t i = 0; i < a.count(); ++i) {
+        ASSERT_EQ(a.mean_t_double[i], scene.mean_t_double[e.order[i]]);
+        ASSERT_EQ(a.mean_t[i], static_cast<float>(a.mean_t_double[i]));
+      }
+    }
+  }
+}
+
+// Every event is seen at its mean with its own opacity, and half as strong where it should be.
+TEST(DoubleTimes, SlicesShowEventsWhenTheyAre) {
+  for (const double begin : kBegins) {
+    const TestScene scene = long_day(begin);
+    for (const char* preset : {"lossless", "archive"}) {
+      EncodeOptions options = options_of(preset);
+      if (preset[0] == 'l') options = EncodeOptions{preset, false, {}, {}, 1, 0, {}};
+      const Encoded e = encode(scene, options);
+      const GaussianArrays a = decode(e.bytes, all_query());
+      DecoderHandle d;
+      d.open_memory(e.bytes.data(), e.bytes.size());
+      for (size_t k = 0; k < a.count(); k += 7) {
+        const size_t i = e.order[k];
+        if (i % 3 != 0) continue;
+        const double sigma = sigma_of(scene, i);
+        for (const double away : {0.0, 1.1774}) {
+          const double t = scene.mean_t_double[i] + away * sigma;
+          const SplatArrays splats = d.slice(t);
+          const double want = static_cast<double>(scene.opacity[i]) * std::exp(-0.5 * away * away);
+          double nearest = 1;
+          for (const float o : splats.opacity) {
+            nearest = std::min(nearest, std::fabs(static_cast<double>(o) - want));
+          }
+          EXPECT_LE(nearest, preset[0] == 'l' ? 0.002 : 0.02) << preset << ", " << begin;
+        }
+      }
+    }
+  }
+}
+
+TEST(DoubleTimes, WithinTheBoundAtAnyTimeOfDay) {
+  for (const double begin : kBegins) {
+    const TestScene scene = long_day(begin);
+    for (const auto& b : kBounds) {
+      const Encoded e = encode(scene, options_of(b.preset));
+      EXPECT_LE(worst(scene, e), b.bound) << b.preset << ", " << begin;
+      EXPECT_TRUE(validate(e.bytes).empty());
+    }
+  }
+}
+
+// Times in binary32 that are given as binary64 are the same scene.
+TEST(DoubleTimes, AreTheSameSceneAsFloatOnes) {
+  TestScene scene = make_scene({});
+  const Bytes want = encode(scene, options_of("default")).bytes;
+  scene.mean_t_double.assign(scene.mean_t.begin(), scene.mean_t.end());
+  EXPECT_TRUE(encode(scene, options_of("default")).bytes == want);
 }
 
 // What is fine enough for most is no reason to spend as many bits on all.

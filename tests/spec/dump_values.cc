@@ -47,12 +47,14 @@ l4d_status dump(l4d_decoder* decoder, const Bytes& file, const l4d_query& query)
   const size_t sh_dim = size_t{3} * (info.sh_degree + 1) * (info.sh_degree + 1);
   std::vector<float> position(3 * n), mean(n), local(n), log_scale(4 * n), rotor(8 * n), opacity(n),
       sh(sh_dim * n);
+  std::vector<double> exact(n);
   l4d_gaussian_buffers out;
   l4d_gaussian_buffers_init(&out);
   out.capacity = n;
   out.position = position.data();
   out.mean_t = mean.data();
   out.mean_t_local = local.data();
+  out.mean_t_double = exact.data();
   out.log_scale = log_scale.data();
   out.rotor = rotor.data();
   out.opacity = opacity.data();
@@ -63,6 +65,9 @@ l4d_status dump(l4d_decoder* decoder, const Bytes& file, const l4d_query& query)
     print_rows("position", position, i, 3);
     print_rows("mean_t_local", local, i, 1);
     print_rows("mean_t", mean, i, 1);
+    uint64_t exact_bits;
+    std::memcpy(&exact_bits, &exact[i], sizeof exact_bits);
+    std::printf("mean_t_double %zu 0 %016" PRIx64 "\n", i, exact_bits);
     print_rows("log_scale", log_scale, i, 4);
     print_rows("rotor", rotor, i, 8);
     print_rows("opacity", opacity, i, 1);

@@ -10,7 +10,7 @@ from rans import has_fine_mean_times
 from rans_writer import Plane
 
 ZERO, RAW32, VQ, TRANSFORM = range(4)
-NONE, _, F16, FIXED = range(4)
+NONE, _, F16, FIXED, RAW64 = range(5)
 SH = "sh"
 
 
@@ -80,6 +80,10 @@ class Columns:
         if coding == FIXED:
             top = (1 << self.layer["mean_t_bits"]) - 1
             return [self.rng.choice([0, top, self.rng.randint(0, top)]) for _ in range(self.n)]
+        if coding == RAW64:
+            return [sb.order64(self.rng.choice([0.0, 2.0 ** 60, self.rng.gauss(0, 50),
+                                                1.7e9 + self.rng.random()]))
+                    for _ in range(self.n)]
         return self.raw() if coding == RAW32 else []
 
     def refinements(self):
@@ -136,9 +140,13 @@ class Columns:
         rng, scene, layer = self.rng, self.scene, self.layer
         width = 16 if scene["position"] == F16 else 32
         out = b"".join(sb.stream(rng, v, width) for v in self.position)
-        out += sb.stream(rng, self.mean_t,
-                         16 - layer["mean_t_shift"] if layer["mean_t"] == F16 else
-                         layer["mean_t_bits"] if layer["mean_t"] == FIXED else 32)
+        if layer["mean_t"] == RAW64:
+            out += sb.stream(rng, [v >> 32 for v in self.mean_t], 32)
+            out += sb.stream(rng, [v & 0xFFFFFFFF for v in self.mean_t], 32)
+        else:
+            out += sb.stream(rng, self.mean_t,
+                             16 - layer["mean_t_shift"] if layer["mean_t"] == F16 else
+                             layer["mean_t_bits"] if layer["mean_t"] == FIXED else 32)
         out += sb.stream(rng, self.mean_t_fine, 16)
         for coding, values in ((scene["opacity"], self.opacity),
                                (layer["scale_factor"], self.factor)):

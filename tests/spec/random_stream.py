@@ -8,7 +8,7 @@ import struct
 
 import random_page
 import stream_builder as sb
-from random_page import FIXED, RAW32, TRANSFORM, VQ, ZERO, f32, half_value
+from random_page import FIXED, RAW32, RAW64, TRANSFORM, VQ, ZERO, f32, half_value
 
 
 def rows(rng, n, dim):
@@ -117,7 +117,7 @@ class RandomScene:
         scale = component(rng, 3 if permanent else 4, self.may_be_raw, level > 0)
         spatial, temporal = rotors(rng, self.may_be_raw, level > 0)
         layer = {"level": level, "permanent": permanent,
-                 "mean_t": 0 if permanent else rng.choice([2, 2, 3, 3] + [RAW32] * self.may_be_raw),
+                 "mean_t": 0 if permanent else rng.choice([2, 2, 3, 3] + [RAW32, RAW64] * self.may_be_raw),
                  "mean_t_shift": rng.choice([0, rng.randint(0, 10), 10]),
                  "mean_t_bits": rng.choice([1, 16, rng.randint(1, 16)]),
                  "mean_t_zero": rng.choice([0, 65535, rng.randrange(1 << 16)]),

@@ -67,6 +67,11 @@ def order32(value):
     return bits ^ (0xFFFFFFFF if bits >> 31 else 0x80000000)
 
 
+def order64(value):
+    bits = struct.unpack("<Q", struct.pack("<d", value))[0]
+    return bits ^ (0xFFFFFFFFFFFFFFFF if bits >> 63 else 1 << 63)
+
+
 def stream(rng, values, width):
     """A stream in one of the forms that can hold the values."""
     if not values or width == 0:
