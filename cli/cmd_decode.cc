@@ -38,6 +38,7 @@ void cut_to_ranges(LoadedScene& loaded) {
                      &scene.sh}) {
     cut(*rows);
   }
+  if (!scene.mean_t_double.empty()) scene.mean_t_double.resize(scene.mean_t.size());
 }
 
 l4d_query make_query(Context& context, const DecodeArguments& arguments,

@@ -26,7 +26,7 @@ Motion motion_of(const io::Scene& scene, size_t index) {
   }
   m.velocity = slice.velocity;
   m.sigma_t = slice.sigma_t;
-  m.mean_t = static_cast<double>(scene.mean_t[index]);
+  m.mean_t = scene.mean_time(index);
   const double begin = scene.timeline.time_begin;
   m.anchor = (scene.flags & L4D_POSITION_AT_MEAN_TIME) != 0
                  ? m.mean_t

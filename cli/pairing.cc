@@ -21,15 +21,15 @@ namespace {
 class Rows {
  public:
   explicit Rows(const io::Scene& scene)
-      : pieces_{{{scene.position.data(), 3},
-                 {scene.mean_t.data(), 1},
+      : scene_(scene),
+        pieces_{{{scene.position.data(), 3},
                  {scene.log_scale.data(), 4},
                  {scene.rotor.data(), 8},
                  {scene.opacity.data(), 1},
                  {scene.sh.data(), 3 * scene.sh_coefficients()}}} {}
 
   uint64_t hash(size_t index) const {
-    uint64_t h = 0x9e3779b97f4a7c15u;
+    uint64_t h = 0x9e3779b97f4a7c15u ^ time_bits(index);
     for (const Piece& piece : pieces_) {
       for (size_t i = 0; i < piece.width; ++i) {
         uint32_t bits;
@@ -41,6 +41,7 @@ class Rows {
     return h;
   }
   bool equal(size_t index, const Rows& other, size_t other_index) const {
+    if (time_bits(index) != other.time_bits(other_index)) return false;
     for (size_t p = 0; p < pieces_.size(); ++p) {
       const size_t width = pieces_[p].width;
       if (std::memcmp(pieces_[p].data + index * width, other.pieces_[p].data + other_index * width,
@@ -56,7 +57,15 @@ class Rows {
     const float* data;
     size_t width;
   };
-  std::array<Piece, 6> pieces_;
+  // In full: a float32 may stand for a double.
+  uint64_t time_bits(size_t index) const {
+    const double time = scene_.mean_time(index);
+    uint64_t bits;
+    std::memcpy(&bits, &time, sizeof(bits));
+    return bits;
+  }
+  const io::Scene& scene_;
+  std::array<Piece, 5> pieces_;
 };
 
 bool rows_comparable(const io::Scene& a, const io::Scene& b) {

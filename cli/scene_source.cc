@@ -2,6 +2,7 @@
 #include "cli/scene_source.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "cli/progress.h"
 #include "cli/units.h"
@@ -65,6 +66,21 @@ LoadedScene load_scene(Context& context, const Input& input, const ImportArgumen
   });
 }
 
+namespace {
+
+// Times as double where float32 is not the same: in lossless streams at all, in others by more than
+// a thousandth of a frame, which is less than what coding leaves of any but the shortest events.
+void keep_exact_times(std::vector<double>& times, bool lossless, io::Scene& scene) {
+  const double frame = static_cast<double>(scene.timeline.fps_den) / scene.timeline.fps_num;
+  double worst = 0;
+  for (size_t i = 0; i < times.size(); ++i) {
+    worst = std::max(worst, std::abs(times[i] - static_cast<double>(scene.mean_t[i])));
+  }
+  if (worst > (lossless ? 0 : 1e-3 * frame)) scene.mean_t_double = std::move(times);
+}
+
+}  // namespace
+
 LoadedScene decode_scene(const DecoderHandle& decoder, const l4d_query* query) {
   l4d_query all;
   l4d_query_init(&all);
@@ -79,6 +95,7 @@ LoadedScene decode_scene(const DecoderHandle& decoder, const l4d_query* query) {
   scene.flags = info.flags;
   scene.position = std::move(arrays.position);
   scene.mean_t = std::move(arrays.mean_t);
+  keep_exact_times(arrays.mean_t_double, (info.tools & L4D_TOOL_LOSSLESS) != 0, scene);
   scene.log_scale = std::move(arrays.log_scale);
   scene.rotor = std::move(arrays.rotor);
   scene.opacity = std::move(arrays.opacity);

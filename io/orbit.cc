@@ -42,6 +42,7 @@ std::vector<float> visible_positions(const Scene& scene) {
   moved.position = scene.position;
   if ((scene.flags & L4D_POSITION_AT_MEAN_TIME) != 0) {
     moved.mean_t = scene.mean_t;
+    moved.mean_t_double = scene.mean_t_double;
     moved.log_scale = scene.log_scale;
     moved.rotor = scene.rotor;
     positions_to_reference_time(moved);

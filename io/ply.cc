@@ -290,17 +290,34 @@ void PlyReader::read_rows(const std::vector<PlyColumn>& columns) {
 
 PlyWriter::PlyWriter(const std::string& path, const std::vector<std::string>& comments,
                      uint64_t count, const std::vector<std::string>& properties)
-    : file_(path), width_(properties.size()), block_(width_ * 1024) {
+    : file_(path) {
   std::string header = "ply\nformat binary_little_endian 1.0\n";
   for (const std::string& comment : comments) header += "comment " + comment + "\n";
   header += "element vertex " + std::to_string(count) + "\n";
-  for (const std::string& property : properties) header += "property float " + property + "\n";
+  for (const std::string& property : properties) {
+    const size_t colon = property.find(":double");
+    const bool is_double = colon != std::string::npos;
+    if (is_double) doubles_.push_back(width_);
+    width_ += is_double ? 2 : 1;
+    header += is_double ? "property double " : "property float ";
+    header += property.substr(0, colon) + "\n";
+  }
+  block_.resize(width_ * 1024);
   header += "end_header\n";
   file_.write(header.data(), header.size());
 }
 
+float* PlyWriter::put_double(double value, float* row) {
+  std::memcpy(row, &value, sizeof value);
+  return row + 2;
+}
+
 void PlyWriter::flush() {
   if (!host_is_little_endian()) {
+    // The bytes of a double are reversed as a whole, those of its halves below.
+    for (size_t row = 0; row < used_; row += width_) {
+      for (const size_t at : doubles_) std::swap(block_[row + at], block_[row + at + 1]);
+    }
     for (size_t i = 0; i < used_; ++i) {
       uint8_t* bytes = reinterpret_cast<uint8_t*>(&block_[i]);
       std::reverse(bytes, bytes + sizeof(float));

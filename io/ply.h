@@ -105,7 +105,8 @@ class PlyReader {
   size_t token_size_ = 0;
 };
 
-// Binary little-endian writer of one element `vertex` of float32 properties.
+// Binary little-endian writer of one element `vertex` of float32 properties, and of float64 ones,
+// whose names end in ":double" and which take two places of a row: see put_double.
 class PlyWriter {
  public:
   PlyWriter(const std::string& path, const std::vector<std::string>& comments, uint64_t count,
@@ -113,15 +114,17 @@ class PlyWriter {
 
   // The next row; the caller fills the returned array, [properties].
   float* next_row();
-  void finish();  // writes what is left and renames
+  static float* put_double(double value, float* row);  // returns what follows it
+  void finish();                                       // writes what is left and renames
 
  private:
   void flush();
 
   OutputFile file_;
-  size_t width_;
-  size_t used_ = 0;           // floats of block_
-  std::vector<float> block_;  // whole rows
+  size_t width_ = 0;             // floats of a row
+  std::vector<size_t> doubles_;  // where in a row
+  size_t used_ = 0;              // floats of block_
+  std::vector<float> block_;     // whole rows
 };
 
 }  // namespace l4d::io

@@ -1,8 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <cstring>
+#include <limits>
 
 #include "io/read_ply.h"
+#include "io/rotor_math.h"
 
 namespace l4d::io {
 namespace {
@@ -36,6 +40,38 @@ void read_timeline(const PlyReader& reader, const ImportOptions& options, Scene&
   }
 }
 
+// Float32 times have steps; those that short-lived Gaussians notice are told of.
+void note_coarse_times(Scene& scene) {
+  if (!scene.mean_t_double.empty()) return;
+  size_t coarse = 0;
+  double widest = 0;
+  for (size_t i = 0; i < scene.count(); ++i) {
+    const float t = std::fabs(scene.mean_t[i]);
+    if (!std::isfinite(t)) continue;
+    const double step =
+        static_cast<double>(std::nextafter(t, std::numeric_limits<float>::infinity()) - t);
+    Rotor rotor;
+    Vec4 scale;
+    for (size_t k = 0; k < 8; ++k) rotor[k] = static_cast<double>(scene.rotor[8 * i + k]);
+    for (size_t k = 0; k < 4; ++k) {
+      scale[k] = std::exp(static_cast<double>(scene.log_scale[4 * i + k]));
+    }
+    // A rotor that leaves time alone spares the slice.
+    const bool still = rotor[4] == 0 && rotor[5] == 0 && rotor[6] == 0 && rotor[7] == 0;
+    const double sigma = still ? scale[3] : slice(rotor, scale).sigma_t;
+    if (!(step > 0.1 * sigma)) continue;
+    ++coarse;
+    widest = std::max(widest, step);
+  }
+  if (coarse == 0) return;
+  char text[200];
+  std::snprintf(text, sizeof(text),
+                "Times are float32, in steps of up to %.2g seconds: too coarse for %zu short-lived "
+                "Gaussians. `property double t` keeps them.",
+                widest, coarse);
+  scene.notes.push_back(text);
+}
+
 }  // namespace
 
 Scene read_l4d_ply(PlyReader& reader, const ImportOptions& options) {
@@ -52,12 +88,13 @@ Scene read_l4d_ply(PlyReader& reader, const ImportOptions& options) {
 
   ColumnSet columns(reader);
   columns.add_position(scene);
-  columns.add("t", scene.mean_t.data(), 0, 1);
+  columns.add_time("t", scene);
   columns.add_indexed("scale", 4, scene.log_scale.data(), 4);
   columns.add_indexed("rotor", 8, scene.rotor.data(), 8);
   columns.add("opacity", scene.opacity.data(), 0, 1);
   columns.add_sh(scene);
   columns.read();
+  note_coarse_times(scene);
   return scene;
 }
 

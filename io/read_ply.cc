@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <cstdio>
 #include <cstring>
 #include <limits>
 #include <new>
@@ -33,6 +34,37 @@ double rounded_origin(double low, double high) {
   if (std::max(std::abs(low), std::abs(high)) <= 8 * half_extent) return 0;
   const double step = half_extent > 0 ? std::exp2(std::floor(std::log2(half_extent))) : 0;
   return step > 0 ? std::round(middle / step) * step : middle;
+}
+
+}  // namespace
+
+namespace {
+
+// Absolute map coordinates in float32 have lost what was below their steps before anyone reads
+// them.
+void note_coarse_positions(Scene& scene) {
+  constexpr float kInfinity = std::numeric_limits<float>::infinity();
+  double extent = 0;
+  float far = 0;
+  for (size_t k = 0; k < 3; ++k) {
+    float low = kInfinity, high = -low;
+    for (size_t i = k; i < scene.position.size(); i += 3) {
+      if (!std::isfinite(scene.position[i])) continue;
+      low = std::min(low, scene.position[i]);
+      high = std::max(high, scene.position[i]);
+    }
+    if (!(low <= high)) return;
+    extent = std::max(extent, static_cast<double>(high) - static_cast<double>(low));
+    far = std::max({far, std::fabs(low), std::fabs(high)});
+  }
+  if (extent == 0 || static_cast<double>(far) < 1000 * extent) return;
+  const double step = static_cast<double>(std::nextafter(far, kInfinity) - far);
+  char text[200];
+  std::snprintf(text, sizeof(text),
+                "Coordinates around %.3g are float32, in steps of %.2g: `property double x` and so "
+                "on would keep them.",
+                static_cast<double>(far), step);
+  scene.notes.push_back(text);
 }
 
 }  // namespace
@@ -198,6 +230,7 @@ void ColumnSet::add_position(Scene& scene) {
   }
   if (!doubles) {
     for (size_t k = 0; k < 3; ++k) add(kNames[k], scene.position.data(), k, 3);
+    scene_with_floats_ = &scene;
     return;
   }
   positions_.resize(scene.count() * 3);
@@ -212,8 +245,23 @@ void ColumnSet::add_position(Scene& scene) {
   }
 }
 
+void ColumnSet::add_time(const std::string& property, Scene& scene) {
+  const PlyType type = reader_.element().properties[require(property)].type;
+  if (type != PlyType::kFloat64 && type != PlyType::kInt32 && type != PlyType::kUint32) {
+    return add(property, scene.mean_t.data(), 0, 1);
+  }
+  times_.resize(scene.count());
+  scene_with_times_ = &scene;
+  PlyColumn column;
+  column.property = require(property);
+  column.to_double = times_.data();
+  columns_.push_back(column);
+}
+
 void ColumnSet::read() {
   reader_.read_rows(columns_);
+  if (scene_with_times_ != nullptr) scene_with_times_->set_mean_times(std::move(times_));
+  if (scene_with_floats_ != nullptr) note_coarse_positions(*scene_with_floats_);
   if (scene_with_doubles_ == nullptr) return;
   Scene& scene = *scene_with_doubles_;
   for (size_t k = 0; k < 3; ++k) {

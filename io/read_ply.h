@@ -53,6 +53,8 @@ class ColumnSet {
   // x y z: as they are where float32; where double, less a common origin that goes to the
   // placement, so that map coordinates keep their millimetres.
   void add_position(Scene& scene);
+  // Mean times, as they are where float32, and where double.
+  void add_time(const std::string& property, Scene& scene);
   void read();
 
  private:
@@ -60,8 +62,11 @@ class ColumnSet {
 
   PlyReader& reader_;
   std::vector<PlyColumn> columns_;
+  Scene* scene_with_floats_ = nullptr;
   Scene* scene_with_doubles_ = nullptr;
   std::vector<double> positions_;  // [N, 3]
+  Scene* scene_with_times_ = nullptr;
+  std::vector<double> times_;  // [N]
 };
 
 inline bool all_finite(const double* values, size_t count) {

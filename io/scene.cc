@@ -19,7 +19,7 @@ void shift_positions(Scene& scene, double direction) {
   const double begin = scene.timeline.time_begin;
   const double end = begin + duration(scene.timeline);
   for (size_t i = 0; i < scene.count(); ++i) {
-    const double mean_t = static_cast<double>(scene.mean_t[i]);
+    const double mean_t = scene.mean_time(i);
     const double dt = (std::clamp(mean_t, begin, end) - mean_t) * direction;
     if (!(dt != 0)) continue;
     Rotor rotor;
@@ -48,6 +48,17 @@ void Scene::resize(size_t count) {
   sh.resize(count * sh_coefficients() * 3);
 }
 
+void Scene::set_mean_times(std::vector<double> times) {
+  mean_t.resize(times.size());
+  bool exact = true;
+  for (size_t i = 0; i < times.size(); ++i) {
+    mean_t[i] = static_cast<float>(times[i]);
+    // Times that are no numbers stay so.
+    exact = exact && !(static_cast<double>(mean_t[i]) != times[i] && std::isfinite(times[i]));
+  }
+  mean_t_double = exact ? std::vector<double>() : std::move(times);
+}
+
 l4d_gaussians Scene::view() const {
   l4d_gaussians view{};
   view.struct_size = sizeof(view);
@@ -56,6 +67,7 @@ l4d_gaussians Scene::view() const {
   view.flags = flags;
   view.position = position.data();
   view.mean_t = mean_t.data();
+  view.mean_t_double = mean_t_double.empty() ? nullptr : mean_t_double.data();
   view.log_scale = log_scale.data();
   view.rotor = rotor.data();
   view.opacity = opacity.data();

@@ -111,7 +111,8 @@ void write_l4d_ply(const std::string& path, const Scene& scene) {
       "fps " + frame_rate(timeline)};
   append_placement(scene.placement, comments);
   const size_t coefficients = scene.sh_coefficients();
-  std::vector<std::string> names = {"x", "y", "z", "t"};
+  const bool double_times = !scene.mean_t_double.empty();
+  std::vector<std::string> names = {"x", "y", "z", double_times ? "t:double" : "t"};
   append_indexed(names, "scale_", 4);
   append_indexed(names, "rotor_", 8);
   names.push_back("opacity");
@@ -122,7 +123,11 @@ void write_l4d_ply(const std::string& path, const Scene& scene) {
   for (size_t i = 0; i < scene.count(); ++i) {
     float* out = writer.next_row();
     out = std::copy_n(&scene.position[3 * i], 3, out);
-    *out++ = scene.mean_t[i];
+    if (double_times) {
+      out = PlyWriter::put_double(scene.mean_t_double[i], out);
+    } else {
+      *out++ = scene.mean_t[i];
+    }
     out = std::copy_n(&scene.log_scale[4 * i], 4, out);
     out = std::copy_n(&scene.rotor[8 * i], 8, out);
     *out++ = scene.opacity[i];
@@ -199,8 +204,7 @@ void write_ftgs_ply(const std::string& path, const Scene& source) {
     *out++ = scene.opacity[i];
     for (double s : shapes[i].scale) *out++ = static_cast<float>(std::log(s));
     for (double q : shapes[i].wxyz) *out++ = static_cast<float>(q);
-    *out++ =
-        static_cast<float>((static_cast<double>(scene.mean_t[i]) - timeline.time_begin) / unit);
+    *out++ = static_cast<float>((scene.mean_time(i) - timeline.time_begin) / unit);
     *out++ = static_cast<float>(std::log(durations[i]));
     for (double v : velocities[i]) *out++ = static_cast<float>(v);
   }

@@ -209,6 +209,61 @@ TEST_F(FormatsTest, MapCoordinatesInDoubleKeepTheirMillimetres) {
   test::expect_same_arrays(back, scene);
 }
 
+TEST_F(FormatsTest, TimesInDoubleAreKept) {
+  for (const bool big_endian : {false, true}) {
+    std::string file = test::ply_header(big_endian ? "binary_big_endian" : "binary_little_endian",
+                                        kL4dComments, 3, l4d_properties(0));
+    file.replace(file.find("property float t"), 14, "property double");
+    const double times[] = {1763800000.0625, 1763800001.1, 0.1};
+    for (const double t : times) {
+      for (size_t p = 0; p < l4d_properties(0).size(); ++p) {
+        if (p == 3) {
+          test::append<double>(file, t, big_endian);
+        } else {
+          test::append<float>(file, 0.5F, big_endian);
+        }
+      }
+    }
+    const Scene scene = read_scene_ply(write("times.ply", file));
+    EXPECT_TRUE(scene.notes.empty());
+    ASSERT_EQ(scene.mean_t_double.size(), 3U);
+    write_l4d_ply(path("out.ply"), scene);
+    const Scene back = read_scene_ply(path("out.ply"));
+    for (size_t i = 0; i < 3; ++i) {
+      EXPECT_EQ(scene.mean_time(i), times[i]);
+      EXPECT_EQ(scene.view().mean_t_double[i], times[i]);
+      EXPECT_EQ(scene.mean_t[i], static_cast<float>(times[i]));
+      EXPECT_EQ(back.mean_time(i), times[i]);
+      EXPECT_EQ(back.opacity[i], 0.5F);
+      EXPECT_EQ(back.log_scale[4 * i], 0.5F);
+    }
+  }
+}
+
+TEST_F(FormatsTest, NumbersThatFloatHasSpoiltAreNoted) {
+  Scene scene = read_scene_ply(write("in.ply", l4d_file(0, 4)));
+  ASSERT_TRUE(scene.notes.empty());
+  for (size_t i = 0; i < 4; ++i) {
+    scene.mean_t[i] = 80000.0F + static_cast<float>(i);
+    std::fill_n(&scene.rotor[8 * i], 8, 0.0F);
+    scene.rotor[8 * i] = 1;
+    scene.log_scale[4 * i + 3] = i == 0 ? -4.0F : 2.0F;  // 18 ms, and 7 s
+  }
+  write_l4d_ply(path("day.ply"), scene);
+  const Scene day = read_scene_ply(path("day.ply"));
+  ASSERT_EQ(day.notes.size(), 1U);
+  EXPECT_NE(day.notes[0].find("0.0078 seconds"), std::string::npos) << day.notes[0];
+  EXPECT_NE(day.notes[0].find("1 short-lived"), std::string::npos) << day.notes[0];
+  for (size_t i = 0; i < 4; ++i) {
+    scene.mean_t[i] = 0;
+    scene.position[3 * i + 1] = 5.0e6F + static_cast<float>(i);
+  }
+  write_l4d_ply(path("map.ply"), scene);
+  const Scene map = read_scene_ply(path("map.ply"));
+  ASSERT_EQ(map.notes.size(), 1U);
+  EXPECT_NE(map.notes[0].find("steps of 0.5"), std::string::npos) << map.notes[0];
+}
+
 TEST_F(FormatsTest, LinearScenesAreConvertedForTheFile) {
   Scene scene = read_scene_ply(write("in.ply", l4d_file(0, 4)));
   for (size_t i = 0; i < 16; ++i) scene.log_scale[i] = i % 4 == 3 ? 1 : -1;
