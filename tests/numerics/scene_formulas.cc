@@ -88,8 +88,13 @@ const std::vector<double>& open_drifts() {
 Observed drift_at(double quantile) {
   Observed o;
   o.worst = reference::quantile(closed_drifts(), quantile);
-  o.naive = reference::quantile(open_drifts(), quantile);
   o.cases = closed_drifts().size();
+  return o;
+}
+// The farthest are those whose speed is worst off: the loop helps all others.
+Observed drift_median() {
+  Observed o = drift_at(0.5);
+  o.naive = reference::quantile(open_drifts(), 0.5);
   return o;
 }
 Observed drift_max() { return drift_at(1.0); }
@@ -219,9 +224,11 @@ std::vector<Formula> list() {
       "measured: what the quantisation of speeds (one stage, 8 Gaussians to a codeword) leaves";
   return {
       {"drift_max", "encoder, closed loop on", "original attributes, binary64", kOutside,
-       "largest distance while visible : extent of the scene", kVq, kOpen, 0.15, drift_max},
+       "largest distance while visible : extent of the scene", kVq, "", 0.15, drift_max},
+      {"drift_median", "encoder, closed loop on", "original attributes, binary64", kOutside,
+       "distance while visible : extent of the scene, median", kVq, kOpen, 0.002, drift_median},
       {"drift_p999", "encoder, closed loop on", "original attributes, binary64", kOutside,
-       "distance while visible : extent of the scene, 99.9th percentile", kVq, kOpen, 0.15,
+       "distance while visible : extent of the scene, 99.9th percentile", kVq, "", 0.15,
        drift_p999},
       {"slice_position", "l4d_decoder_slice", "binary64", kOutside,
        "error : u (|centre| + 10 s (1 + |v|))",
