@@ -7,8 +7,8 @@
 #include <utility>
 #include <vector>
 
-#include "decoder/memory.h"
 #include "decoder/source.h"
+#include "libl4dcodec/base/memory.h"
 #include "libl4dcodec/container/directory.h"
 #include "libl4dcodec/container/file_header.h"
 #include "libl4dcodec/container/planes.h"

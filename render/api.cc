@@ -37,6 +37,7 @@ l4d_renderer_options default_renderer_options() {
           L4D_RENDER_EXP_ACCURATE,
           L4D_BACKEND_AUTO,
           0,
+          0,
           0};
 }
 

@@ -5,6 +5,8 @@
 #include <cstdint>
 #include <vector>
 
+#include "libl4dcodec/base/memory.h"
+
 namespace l4d::render {
 
 // 3D Gaussians at one instant, structure of arrays: what every rasteriser takes. All cameras of an
@@ -22,12 +24,21 @@ struct Frame {
   static constexpr size_t kPadding = 16;
 
   size_t count() const { return id.size(); }
-  void resize(size_t n) {
-    id.resize(n);
-    for (auto& axis : position) axis.resize(n + kPadding);
-    for (auto& entry : covariance) entry.resize(n + kPadding);
-    opacity.resize(n + kPadding);
-    sh.resize(n);
+  // Keeps the Gaussians that there are.
+  Status resize(size_t n, MemoryBudget& memory) {
+    constexpr const char* kWhat = "the Gaussians of an instant";
+    L4D_RETURN_IF_ERROR(grow(memory, &id, n, kWhat));
+    for (auto& axis : position) L4D_RETURN_IF_ERROR(grow(memory, &axis, n + kPadding, kWhat));
+    for (auto& entry : covariance) L4D_RETURN_IF_ERROR(grow(memory, &entry, n + kPadding, kWhat));
+    L4D_RETURN_IF_ERROR(grow(memory, &opacity, n + kPadding, kWhat));
+    return grow(memory, &sh, n, kWhat);
+  }
+  void forget(MemoryBudget& memory) {
+    l4d::forget(memory, &id);
+    for (auto& axis : position) l4d::forget(memory, &axis);
+    for (auto& entry : covariance) l4d::forget(memory, &entry);
+    l4d::forget(memory, &opacity);
+    l4d::forget(memory, &sh);
   }
 };
 

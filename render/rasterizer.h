@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "l4d/render.h"
+#include "libl4dcodec/base/status.h"
 #include "render/frame.h"
 #include "render/project.h"
 
@@ -40,11 +41,14 @@ template <typename T>
 class Rasterizer {
  public:
   virtual ~Rasterizer() = default;
-  // rgb [height, width, 3] and alpha [height, width], either may be NULL. background [3].
-  virtual void forward(const Frame<T>& frame, const View<T>& view, const float* background,
-                       float* rgb, float* alpha, Stats* stats) = 0;
-  virtual void backward(const Frame<T>& frame, const View<T>& view, const float* background,
-                        const BackwardInput& input, ViewGradients<T>* out, Stats* stats) = 0;
+  // rgb [height, width, 3] and alpha [height, width], either may be NULL. background [3]. Both fail
+  // with LIMIT_EXCEEDED where the view needs more memory than the rasteriser may take.
+  virtual Status forward(const Frame<T>& frame, const View<T>& view, const float* background,
+                         float* rgb, float* alpha, Stats* stats) = 0;
+  virtual Status backward(const Frame<T>& frame, const View<T>& view, const float* background,
+                          const BackwardInput& input, ViewGradients<T>* out, Stats* stats) = 0;
+  // Gives back what is kept for the next call.
+  virtual void forget() = 0;
 };
 
 }  // namespace l4d::render

@@ -35,6 +35,7 @@ struct Item {
 std::vector<Item> sorted_splats(const Frame<double>& frame, const View<double>& view, Stats* stats,
                                 Clock* clock) {
   std::vector<Item> items;
+  items.reserve(frame.count());
   for (size_t i = 0; i < frame.count(); ++i) {
     Item item{i, {}};
     if (!project(view, frame, i, &item.splat)) continue;
@@ -134,31 +135,52 @@ void add_alpha_gradient(const Splat<double>& s, const Fragment& f, double by_alp
   out->mean[1] -= by_q * 2 * (s.conic[1] * f.dx + s.conic[2] * f.dy);
 }
 
+// What a call holds at most: splats, half as many again while they are sorted, and numbers for each
+// pixel.
+Status take_room(const Frame<double>& frame, const View<double>& view, uint64_t doubles_per_pixel,
+                 MemoryCharge* charge) {
+  const uint64_t splats = frame.count() + frame.count() / 2 + 1;
+  const uint64_t pixels = num_pixels(view);
+  return charge->take(
+      splats * sizeof(Item) + pixels * doubles_per_pixel * sizeof(double) + pixels / 8 + 8,
+      "rendering by the reference path");
+}
+
 class ReferenceRasterizer : public Rasterizer<double> {
  public:
-  void forward(const Frame<double>& frame, const View<double>& view, const float* background,
-               float* rgb, float* alpha, Stats* stats) override {
+  explicit ReferenceRasterizer(MemoryBudget& memory) : memory_(memory) {}
+
+  Status forward(const Frame<double>& frame, const View<double>& view, const float* background,
+                 float* rgb, float* alpha, Stats* stats) override {
     const size_t n = num_pixels(view);
+    MemoryCharge room(memory_);
+    L4D_RETURN_IF_ERROR(take_room(frame, view, 5, &room));
     std::vector<double> wide_rgb(rgb != nullptr ? 3 * n : 0), wide_alpha(alpha != nullptr ? n : 0);
     render_reference(frame, view, background, rgb != nullptr ? wide_rgb.data() : nullptr,
                      alpha != nullptr ? wide_alpha.data() : nullptr, stats);
     const auto narrow = [](double v) { return static_cast<float>(v); };
     if (rgb != nullptr) std::transform(wide_rgb.begin(), wide_rgb.end(), rgb, narrow);
     if (alpha != nullptr) std::transform(wide_alpha.begin(), wide_alpha.end(), alpha, narrow);
+    return {};
   }
 
-  void backward(const Frame<double>& frame, const View<double>& view, const float* background,
-                const BackwardInput& input, ViewGradients<double>* out, Stats* stats) override {
+  Status backward(const Frame<double>& frame, const View<double>& view, const float* background,
+                  const BackwardInput& input, ViewGradients<double>* out, Stats* stats) override {
     Clock clock(stats);
+    MemoryCharge room(memory_);
+    L4D_RETURN_IF_ERROR(take_room(frame, view, 3, &room));
+    L4D_RETURN_IF_ERROR(renew(memory_, &out->coverage, frame.count(), "gradients"));
+    L4D_RETURN_IF_ERROR(
+        renew(memory_, &out->splat, input.geometry ? frame.count() : 0, "gradients"));
     const std::vector<Item> items = sorted_splats(frame, view, stats, &clock);
-    out->coverage.assign(frame.count(), 0);
-    out->splat.clear();
+    std::fill(out->coverage.begin(), out->coverage.end(), 0.0);
+    std::fill(out->splat.begin(), out->splat.end(), SplatGradient2D<double>{});
     if (!input.geometry) {
       blend(view, items, [&](const Item& item, const Fragment& f) {
         out->coverage[item.index] += f.alpha * f.transmittance;
       });
       clock.charge(L4D_RENDER_STAGE_BLEND);
-      return;
+      return {};
     }
 
     // What each pixel adds to the scalar: first all of it, then what lies behind each splat in
@@ -178,7 +200,6 @@ class ReferenceRasterizer : public Rasterizer<double> {
     }
     clock.charge(L4D_RENDER_STAGE_BLEND);
 
-    out->splat.resize(frame.count());
     blend(view, items, [&](const Item& item, const Fragment& f) {
       double g[3];
       upstream(input, f.pixel, g);
@@ -193,7 +214,13 @@ class ReferenceRasterizer : public Rasterizer<double> {
       add_alpha_gradient(item.splat, f, by_alpha, splat);
     });
     clock.charge(L4D_RENDER_STAGE_BACKWARD);
+    return {};
   }
+
+  void forget() override {}
+
+ private:
+  MemoryBudget& memory_;
 };
 
 }  // namespace
@@ -218,8 +245,8 @@ void render_reference(const Frame<double>& frame, const View<double>& view, cons
   clock.charge(L4D_RENDER_STAGE_BLEND);
 }
 
-std::unique_ptr<Rasterizer<double>> make_reference_rasterizer() {
-  return std::make_unique<ReferenceRasterizer>();
+std::unique_ptr<Rasterizer<double>> make_reference_rasterizer(MemoryBudget& memory) {
+  return std::make_unique<ReferenceRasterizer>(memory);
 }
 
 }  // namespace l4d::render

@@ -3,13 +3,15 @@
 
 #include <memory>
 
+#include "libl4dcodec/base/memory.h"
 #include "render/rasterizer.h"
 
 namespace l4d::render {
 
 // What other rasterisers are measured against: double precision, one thread, splat by splat, no
 // shortcuts but the box in which a splat can be seen.
-std::unique_ptr<Rasterizer<double>> make_reference_rasterizer();
+// Charges what it holds to `memory`, which outlives it.
+std::unique_ptr<Rasterizer<double>> make_reference_rasterizer(MemoryBudget& memory);
 
 // The image before it is rounded to float. rgb [height, width, 3] and alpha [height, width] may be
 // NULL, stats too.

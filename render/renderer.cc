@@ -16,10 +16,14 @@ namespace l4d::render {
 namespace {
 
 constexpr size_t kGrain = 1024;
-void slice_into(Scene& scene, double time, int threads, Frame<float>* out) {
-  scene.slice(time, threads, out);
+constexpr uint64_t kDefaultMemory = uint64_t{16} << 30;
+
+Status slice_into(Scene& scene, double time, int threads, MemoryBudget& memory, Frame<float>* out) {
+  return scene.slice(time, threads, memory, out);
 }
-void slice_into(Scene& scene, double time, int, Frame<double>* out) { scene.slice(time, out); }
+Status slice_into(Scene& scene, double time, int, MemoryBudget& memory, Frame<double>* out) {
+  return scene.slice(time, memory, out);
+}
 
 }  // namespace
 
@@ -27,11 +31,13 @@ Renderer::Renderer(const l4d_renderer_options& options)
     : threads_(static_cast<int>(options.threads)),
       cuda_(options.backend == L4D_BACKEND_CUDA),
       device_number_(options.device) {
+  memory_.set_limit(options.max_memory_bytes == 0 ? kDefaultMemory : options.max_memory_bytes);
   if (cuda_) return;
   if (options.path == L4D_RENDER_REFERENCE || options.backend == L4D_BACKEND_REFERENCE) {
-    double_.rasterizer = make_reference_rasterizer();
+    double_.rasterizer = make_reference_rasterizer(memory_);
   } else {
-    float_.rasterizer = make_fast_rasterizer(threads_, options.exponential == L4D_RENDER_EXP_FAST);
+    float_.rasterizer =
+        make_fast_rasterizer(threads_, options.exponential == L4D_RENDER_EXP_FAST, memory_);
   }
 }
 
@@ -39,6 +45,27 @@ Status Renderer::acquire_device() {
   if (device_ != nullptr) return {};
   L4D_RETURN_IF_ERROR(make_device_renderer({static_cast<int>(device_number_), false}, &device_));
   return device_->time_stages();
+}
+
+void Renderer::forget(bool with_scene) {
+  with_path([&](auto& path) {
+    path.rasterizer->forget();
+    l4d::forget(memory_, &path.gradients.splat);
+    l4d::forget(memory_, &path.gradients.coverage);
+  });
+  if (!with_scene) return;
+  scene_.forget(memory_);
+  scratch_.forget(memory_);
+  float_.frame.forget(memory_);
+  double_.frame.forget(memory_);
+}
+
+template <typename Body>
+Status Renderer::within_limit(bool with_scene, const Body& body) {
+  Status status = body();
+  if (cuda_ || status.code() != L4D_ERR_LIMIT_EXCEEDED) return status;
+  forget(with_scene);
+  return body();
 }
 
 Status Renderer::set_gaussians(const l4d_gaussians& gaussians, const l4d_timeline& timeline) {
@@ -49,7 +76,8 @@ Status Renderer::set_gaussians(const l4d_gaussians& gaussians, const l4d_timelin
     L4D_RETURN_IF_ERROR(scene_.set(gaussians, timeline));
     L4D_RETURN_IF_ERROR(device_->set_gaussians(gaussians, timeline));
   } else {
-    L4D_RETURN_IF_ERROR(scene_.prepare(gaussians, timeline, threads_));
+    L4D_RETURN_IF_ERROR(
+        within_limit(true, [&] { return scene_.prepare(gaussians, timeline, threads_, memory_); }));
   }
   source_ = Source::kGaussians;
   return {};
@@ -67,6 +95,24 @@ Status Renderer::set_decoder(l4d_decoder* decoder) {
   return {};
 }
 
+Status Renderer::slice(double time) {
+  if (source_ == Source::kGaussians) {
+    time_ = std::clamp(time, scene_.timeline().time_begin, scene_.time_end());
+    if (cuda_) return {};  // a device slices as it renders
+    return with_path(
+        [&](auto& path) { return slice_into(scene_, time_, threads_, memory_, &path.frame); });
+  }
+  time_ = time;  // the decoder clamps
+  L4D_RETURN_IF_ERROR(slice_stream(decoder_, time, threads_, memory_, &scratch_, &float_.frame));
+  if (double_.rasterizer != nullptr) return widen(float_.frame, memory_, &double_.frame);
+  if (!cuda_) return {};
+  const Frame<float>& f = float_.frame;
+  HostSplats splats{f.count(), f.sh_degree, {}, {}, f.opacity.data(), f.sh.data()};
+  for (size_t k = 0; k < 3; ++k) splats.position[k] = f.position[k].data();
+  for (size_t k = 0; k < 6; ++k) splats.covariance[k] = f.covariance[k].data();
+  return device_->set_splats(splats);
+}
+
 Status Renderer::set_time(double time) {
   if (source_ == Source::kNone) {
     return Status(L4D_ERR_INVALID_STATE, "no scene: call set_gaussians or set_decoder first");
@@ -74,22 +120,7 @@ Status Renderer::set_time(double time) {
   if (std::isnan(time)) return invalid_argument("the time is not a number");
   has_time_ = false;
   const auto begin = std::chrono::steady_clock::now();
-  if (source_ == Source::kGaussians) {
-    time_ = std::clamp(time, scene_.timeline().time_begin, scene_.time_end());
-    // A device slices as it renders.
-    if (!cuda_) with_path([&](auto& path) { slice_into(scene_, time_, threads_, &path.frame); });
-  } else {
-    time_ = time;  // the decoder clamps
-    L4D_RETURN_IF_ERROR(slice_stream(decoder_, time, threads_, &scratch_, &float_.frame));
-    if (double_.rasterizer != nullptr) widen(float_.frame, &double_.frame);
-    if (cuda_) {
-      const Frame<float>& f = float_.frame;
-      HostSplats splats{f.count(), f.sh_degree, {}, {}, f.opacity.data(), f.sh.data()};
-      for (size_t k = 0; k < 3; ++k) splats.position[k] = f.position[k].data();
-      for (size_t k = 0; k < 6; ++k) splats.covariance[k] = f.covariance[k].data();
-      L4D_RETURN_IF_ERROR(device_->set_splats(splats));
-    }
-  }
+  L4D_RETURN_IF_ERROR(within_limit(false, [&] { return slice(time); }));
   device_visible_ = 0;
   stats_ = Stats();
   stats_.seconds[L4D_RENDER_STAGE_SLICE] =
@@ -128,12 +159,13 @@ Status Renderer::render(const l4d_camera& camera, const l4d_image& image) {
     keep(figures);
     return {};
   }
-  with_path([&](auto& path) {
+  return with_path([&](auto& path) {
     using T = typename std::decay_t<decltype(path.frame.opacity)>::value_type;
-    path.rasterizer->forward(path.frame, make_view<T>(camera), background_, image.rgb, image.alpha,
-                             &stats_);
+    return within_limit(false, [&] {
+      return path.rasterizer->forward(path.frame, make_view<T>(camera), background_, image.rgb,
+                                      image.alpha, &stats_);
+    });
   });
-  return {};
 }
 
 template <typename T>
@@ -228,13 +260,14 @@ Status Renderer::backward(const l4d_camera& camera, const float* rgb_gradient,
   }
   BackwardInput input;
   input.rgb_gradient = rgb_gradient;
-  with_path([&](auto& path) {
+  return with_path([&](auto& path) -> Status {
     using T = typename std::decay_t<decltype(path.frame.opacity)>::value_type;
     const View<T> view = make_view<T>(camera);
-    path.rasterizer->backward(path.frame, view, background_, input, &path.gradients, &stats_);
+    L4D_RETURN_IF_ERROR(
+        path.rasterizer->backward(path.frame, view, background_, input, &path.gradients, &stats_));
     add_gradients(path, make_view<double>(camera), gradients);
+    return {};
   });
-  return {};
 }
 
 template <typename T>
@@ -289,13 +322,14 @@ Status Renderer::importance(const l4d_camera& camera, const ImportanceInput& inp
   back.rgb_gradient = input.rgb_gradient;
   back.geometry = input.seen == nullptr;
   back.seen = input.seen;
-  with_path([&](auto& path) {
+  return with_path([&](auto& path) -> Status {
     using T = typename std::decay_t<decltype(path.frame.opacity)>::value_type;
     const View<T> view = make_view<T>(camera);
-    path.rasterizer->backward(path.frame, view, background_, back, &path.gradients, &stats_);
+    L4D_RETURN_IF_ERROR(
+        path.rasterizer->backward(path.frame, view, background_, back, &path.gradients, &stats_));
     collect(path, make_view<double>(camera), input, out);
+    return {};
   });
-  return {};
 }
 
 Status Renderer::make_importance(uint32_t measure, bool every_glimpse,

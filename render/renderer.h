@@ -5,6 +5,7 @@
 #include <memory>
 #include <vector>
 
+#include "libl4dcodec/base/memory.h"
 #include "libl4dcodec/base/status.h"
 #include "render/cuda/device_renderer.h"
 #include "render/rasterizer.h"
@@ -79,6 +80,12 @@ class Renderer {
   auto with_path(const Body& body) {
     return double_.rasterizer != nullptr ? body(double_) : body(float_);
   }
+  // Calls body, and once more without what earlier calls left where that takes too much room.
+  // with_scene: the scene and its instant, too, are of earlier calls.
+  template <typename Body>
+  Status within_limit(bool with_scene, const Body& body);
+  void forget(bool with_scene);
+  Status slice(double time);
   Status ready(const l4d_camera& camera) const;
   // Makes the device ready for a scene; says why not where it cannot.
   Status acquire_device();
@@ -94,6 +101,7 @@ class Renderer {
   void collect(Path<T>& path, const View<double>& view, const ImportanceInput& input,
                std::vector<Importance>* out);
 
+  MemoryBudget memory_;  // of the CPU paths; before those that it counts
   int threads_;
   bool cuda_;
   uint32_t device_number_;

@@ -49,10 +49,14 @@ Status Scene::set(const l4d_gaussians& gaussians, const l4d_timeline& timeline) 
   return {};
 }
 
-Status Scene::prepare(const l4d_gaussians& gaussians, const l4d_timeline& timeline, int threads) {
+Status Scene::prepare(const l4d_gaussians& gaussians, const l4d_timeline& timeline, int threads,
+                      MemoryBudget& memory) {
   L4D_RETURN_IF_ERROR(set(gaussians, timeline));
   const size_t n = count();
   const double begin = timeline.time_begin;
+  constexpr const char* kWhat = "preparing the scene";
+  MemoryCharge scratch(memory);
+  L4D_RETURN_IF_ERROR(scratch.take(uint64_t{n} * sizeof(MotionGroup), kWhat));
   std::vector<MotionGroup> group(n);
   const auto prepared = [&](size_t i) { return prepare_gaussian(gaussians_, begin, time_end_, i); };
   parallel_for(threads, n, kGrain, [&](size_t first, size_t last) {
@@ -60,20 +64,23 @@ Status Scene::prepare(const l4d_gaussians& gaussians, const l4d_timeline& timeli
       group[i] = group_of(prepared(i), begin, time_end_);
     }
   });
-  id_.clear();
-  id_.reserve(n);
+  L4D_RETURN_IF_ERROR(renew(memory, &id_, n, kWhat));
+  size_t placed = 0;
   for (const MotionGroup wanted : {kStill, kFading, kMoving}) {
     for (size_t i = 0; i < n; ++i) {
-      if (group[i] == wanted) id_.push_back(static_cast<uint32_t>(i));
+      if (group[i] == wanted) id_[placed++] = static_cast<uint32_t>(i);
     }
-    if (wanted == kStill) num_still_ = id_.size();
-    if (wanted == kFading) num_unmoving_ = id_.size();
+    if (wanted == kStill) num_still_ = placed;
+    if (wanted == kFading) num_unmoving_ = placed;
   }
-  for (auto& axis : position_) axis.resize(n);
-  for (auto& axis : velocity_) axis.resize(n - num_unmoving_);
-  for (auto& entry : covariance_) entry.resize(n);
-  for (auto* column : {&opacity_, &mean_, &lambda_, &begin_, &end_}) column->resize(n);
-  reference_.resize(n - num_unmoving_);
+  const size_t moving = n - num_unmoving_;
+  for (auto& axis : position_) L4D_RETURN_IF_ERROR(renew(memory, &axis, n, kWhat));
+  for (auto& axis : velocity_) L4D_RETURN_IF_ERROR(renew(memory, &axis, moving, kWhat));
+  for (auto& entry : covariance_) L4D_RETURN_IF_ERROR(renew(memory, &entry, n, kWhat));
+  for (auto* column : {&opacity_, &mean_, &lambda_, &begin_, &end_}) {
+    L4D_RETURN_IF_ERROR(renew(memory, column, n, kWhat));
+  }
+  L4D_RETURN_IF_ERROR(renew(memory, &reference_, moving, kWhat));
   parallel_for(threads, n, kGrain, [&](size_t first, size_t last) {
     for (size_t row = first; row < last; ++row) {
       const Prepared p = prepared(id_[row]);
@@ -97,14 +104,24 @@ Status Scene::prepare(const l4d_gaussians& gaussians, const l4d_timeline& timeli
   return {};
 }
 
-void Scene::slice(double time, int threads, Frame<float>* out) {
+void Scene::forget(MemoryBudget& memory) {
+  l4d::forget(memory, &id_);
+  for (auto& axis : position_) l4d::forget(memory, &axis);
+  for (auto& axis : velocity_) l4d::forget(memory, &axis);
+  for (auto& entry : covariance_) l4d::forget(memory, &entry);
+  for (auto* column : {&reference_, &opacity_, &mean_, &lambda_, &begin_, &end_}) {
+    l4d::forget(memory, column);
+  }
+}
+
+Status Scene::slice(double time, int threads, MemoryBudget& memory, Frame<float>* out) {
   const float t = static_cast<float>(time - center_);
   const size_t n = count();
   const size_t stride = size_t{3} * (gaussians_.sh_degree + 1) * (gaussians_.sh_degree + 1);
   out->sh_degree = gaussians_.sh_degree;
   // Still rows fill the beginning of the frame once.
   const bool still_done = still_frame_ == out;
-  still_frame_ = out;
+  still_frame_ = nullptr;
 
   const size_t first_row = still_done ? num_still_ : 0;
   std::vector<size_t> offset((n - first_row + kGrain - 1) / kGrain + 1, 0);
@@ -115,7 +132,7 @@ void Scene::slice(double time, int threads, Frame<float>* out) {
   });
   offset[0] = first_row;  // all still rows are visible at all times
   for (size_t p = 1; p < offset.size(); ++p) offset[p] += offset[p - 1];
-  out->resize(offset.back());
+  L4D_RETURN_IF_ERROR(out->resize(offset.back(), memory));
   parallel_for(threads, n - first_row, kGrain, [&](size_t begin, size_t end) {
     size_t at = offset[begin / kGrain];
     for (size_t r = first_row + begin; r < first_row + end; ++r) {
@@ -141,17 +158,20 @@ void Scene::slice(double time, int threads, Frame<float>* out) {
       ++at;
     }
   });
+  still_frame_ = out;
+  return {};
 }
 
-void Scene::slice(double time, Frame<double>* out) const {
+Status Scene::slice(double time, MemoryBudget& memory, Frame<double>* out) const {
   const float t = static_cast<float>(time - center_);
   const size_t stride = size_t{3} * (gaussians_.sh_degree + 1) * (gaussians_.sh_degree + 1);
   out->sh_degree = gaussians_.sh_degree;
-  out->resize(0);
+  size_t visible_rows = 0;
+  for (size_t r = 0; r < count(); ++r) visible_rows += visible(r, t);
+  L4D_RETURN_IF_ERROR(out->resize(visible_rows, memory));
+  size_t at = 0;
   for (size_t r = 0; r < count(); ++r) {
     if (!visible(r, t)) continue;
-    const size_t at = out->count();
-    out->resize(at + 1);
     const size_t i = id_[r];
     const Prepared p = prepare_gaussian(gaussians_, timeline_.time_begin, time_end_, i);
     const double dt = time - p.mean;
@@ -162,11 +182,13 @@ void Scene::slice(double time, Frame<double>* out) const {
     }
     for (size_t k = 0; k < 6; ++k) out->covariance[k][at] = p.slice.covariance[k];
     out->opacity[at] = p.opacity * std::exp(-0.5 * p.slice.lambda * dt * dt);
+    ++at;
   }
+  return {};
 }
 
-Status slice_stream(l4d_decoder* decoder, double time, int threads, StreamScratch* scratch,
-                    Frame<float>* out) {
+Status slice_stream(l4d_decoder* decoder, double time, int threads, MemoryBudget& memory,
+                    StreamScratch* scratch, Frame<float>* out) {
   l4d_info info;
   l4d_info_init(&info);
   l4d_query query;
@@ -179,9 +201,10 @@ Status slice_stream(l4d_decoder* decoder, double time, int threads, StreamScratc
   if (status == L4D_OK) status = l4d_decoder_select(decoder, &query, &selection);
   if (status != L4D_OK) return Status(status, l4d_decoder_error_detail(decoder));
   const size_t capacity = static_cast<size_t>(selection.num_gaussians);
-  scratch->position.resize(3 * capacity);
-  scratch->covariance.resize(6 * capacity);
-  out->resize(capacity);
+  constexpr const char* kWhat = "slicing the stream";
+  L4D_RETURN_IF_ERROR(renew(memory, &scratch->position, 3 * capacity, kWhat));
+  L4D_RETURN_IF_ERROR(renew(memory, &scratch->covariance, 6 * capacity, kWhat));
+  L4D_RETURN_IF_ERROR(out->resize(capacity, memory));
   l4d_splat_buffers splats;
   l4d_splat_buffers_init(&splats);
   splats.capacity = capacity;
@@ -192,7 +215,7 @@ Status slice_stream(l4d_decoder* decoder, double time, int threads, StreamScratc
   status = l4d_decoder_slice(decoder, time, &splats);
   if (status != L4D_OK) return Status(status, l4d_decoder_error_detail(decoder));
   const size_t n = static_cast<size_t>(splats.count);
-  out->resize(n);
+  L4D_RETURN_IF_ERROR(out->resize(n, memory));
   out->sh_degree = info.sh_degree;
   parallel_for(threads, n, kGrain, [&](size_t begin, size_t end) {
     for (size_t i = begin; i < end; ++i) out->id[i] = static_cast<uint32_t>(i);
@@ -206,17 +229,18 @@ Status slice_stream(l4d_decoder* decoder, double time, int threads, StreamScratc
   return {};
 }
 
-void widen(const Frame<float>& from, Frame<double>* out) {
+Status widen(const Frame<float>& from, MemoryBudget& memory, Frame<double>* out) {
+  L4D_RETURN_IF_ERROR(out->resize(from.count(), memory));
   out->sh_degree = from.sh_degree;
-  out->id = from.id;
-  out->sh = from.sh;
-  for (size_t k = 0; k < 3; ++k) {
-    out->position[k].assign(from.position[k].begin(), from.position[k].end());
-  }
-  for (size_t k = 0; k < 6; ++k) {
-    out->covariance[k].assign(from.covariance[k].begin(), from.covariance[k].end());
-  }
-  out->opacity.assign(from.opacity.begin(), from.opacity.end());
+  const auto copy = [](const auto& column, auto* to) {
+    std::copy(column.begin(), column.end(), to->begin());
+  };
+  copy(from.id, &out->id);
+  copy(from.sh, &out->sh);
+  for (size_t k = 0; k < 3; ++k) copy(from.position[k], &out->position[k]);
+  for (size_t k = 0; k < 6; ++k) copy(from.covariance[k], &out->covariance[k]);
+  copy(from.opacity, &out->opacity);
+  return {};
 }
 
 }  // namespace l4d::render

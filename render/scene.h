@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "l4d/decode.h"
+#include "libl4dcodec/base/memory.h"
 #include "libl4dcodec/base/status.h"
 #include "render/frame.h"
 
@@ -15,8 +16,11 @@ class Scene {
  public:
   // Checks the scene and holds it, for those who prepare it themselves: nothing can be sliced here.
   Status set(const l4d_gaussians& gaussians, const l4d_timeline& timeline);
-  // The same, and all that slices need.
-  Status prepare(const l4d_gaussians& gaussians, const l4d_timeline& timeline, int threads);
+  // The same, and all that slices need, which is charged to `memory`: one for the object's life.
+  Status prepare(const l4d_gaussians& gaussians, const l4d_timeline& timeline, int threads,
+                 MemoryBudget& memory);
+
+  void forget(MemoryBudget& memory);  // what was prepared
 
   size_t count() const { return static_cast<size_t>(gaussians_.count); }
   const l4d_gaussians& gaussians() const { return gaussians_; }
@@ -25,8 +29,8 @@ class Scene {
 
   // The Gaussians visible at `time`, which lies in the sequence. Both forms hold the same Gaussians
   // in the same order; the second works everything out in double from the attributes as given.
-  void slice(double time, int threads, Frame<float>* out);
-  void slice(double time, Frame<double>* out) const;
+  Status slice(double time, int threads, MemoryBudget& memory, Frame<float>* out);
+  Status slice(double time, MemoryBudget& memory, Frame<double>* out) const;
 
  private:
   bool visible(size_t row, float t) const { return t >= begin_[row] && t <= end_[row]; }
@@ -55,11 +59,15 @@ class Scene {
 // belong to the decoder until its next call.
 struct StreamScratch {
   std::vector<float> position, covariance;
+  void forget(MemoryBudget& memory) {
+    l4d::forget(memory, &position);
+    l4d::forget(memory, &covariance);
+  }
 };
-Status slice_stream(l4d_decoder* decoder, double time, int threads, StreamScratch* scratch,
-                    Frame<float>* out);
+Status slice_stream(l4d_decoder* decoder, double time, int threads, MemoryBudget& memory,
+                    StreamScratch* scratch, Frame<float>* out);
 
 // Widens a frame. Only what is in `from` is known, so this is as exact as that.
-void widen(const Frame<float>& from, Frame<double>* out);
+Status widen(const Frame<float>& from, MemoryBudget& memory, Frame<double>* out);
 
 }  // namespace l4d::render

@@ -47,6 +47,13 @@ typedef struct l4d_renderer_options {
   uint32_t backend; /* L4D_BACKEND_*; REFERENCE is the REFERENCE path, AUTO and CPU are the CPU */
   uint32_t device;  /* of the CUDA backend: CUDA's number of it */
   uint32_t reserved;
+  /* What the CPU paths may hold; 0 = 16 GiB. A call that needs more fails with LIMIT_EXCEEDED. It
+   * counts the scene prepared, the Gaussians of the instant (52 bytes each, and 36 more of a
+   * stream), splats of a view (144 bytes each) and the lists of splats by tile. The lists are made
+   * for as much of the image at a time as fits, and never for more than 256 MiB; the image does not
+   * depend on that. Not counted: what the caller gives, images and gradients among it, the decoder's
+   * memory, which has a limit of its own, and l4d_sensitivity. */
+  uint64_t max_memory_bytes;
 } l4d_renderer_options;
 L4D_API void l4d_renderer_options_init_(l4d_renderer_options* options, size_t struct_size);
 #define l4d_renderer_options_init(options) l4d_renderer_options_init_((options), sizeof(*(options)))

@@ -38,56 +38,83 @@ class Watch {
   Clock::time_point begin_;
 };
 
+// Lists of splats by tile take no more than this at a time, whatever else there is room for: with
+// larger ones a slab of the image is made after the other, for a pass over the splats' boxes each.
+constexpr uint64_t kSlabBytes = uint64_t{256} << 20;
+
 class FastRasterizer : public Rasterizer<float> {
  public:
-  FastRasterizer(int threads, bool fast_exponential)
-      : threads_(threads), fast_exponential_(fast_exponential), kernels_(render_kernels()) {}
+  FastRasterizer(int threads, bool fast_exponential, MemoryBudget& memory)
+      : threads_(threads),
+        fast_exponential_(fast_exponential),
+        kernels_(render_kernels()),
+        memory_(memory) {}
 
-  void forward(const Frame<float>& frame, const View<float>& view, const float* background,
-               float* rgb, float* alpha, Stats* stats) override {
-    prepare(frame, view, false, stats);
-    const Watch watch(&stats->seconds[L4D_RENDER_STAGE_BLEND]);
+  Status forward(const Frame<float>& frame, const View<float>& view, const float* background,
+                 float* rgb, float* alpha, Stats* stats) override {
+    L4D_RETURN_IF_ERROR(prepare(frame, view, stats));
     const auto blend = fast_exponential_ ? kernels_.blend_fast_exp : kernels_.blend;
-    for_tiles(view, [&](size_t, const TileInput& tile) {
-      TileImage image;
-      blend(tile, &image);
-      const size_t width = static_cast<size_t>(view.width);
-      for (int y = 0; y < tile.height; ++y) {
-        const size_t from = static_cast<size_t>(y * kTile);
-        const size_t to = static_cast<size_t>(tile.y + y) * width + static_cast<size_t>(tile.x);
-        for (size_t x = 0; x < static_cast<size_t>(tile.width); ++x) {
-          const float t = image.transmittance[from + x];
-          if (rgb != nullptr) {
-            for (size_t c = 0; c < 3; ++c) {
-              rgb[3 * (to + x) + c] = image.rgb[c][from + x] + t * background[c];
+    return for_slabs(0, false, stats, [&](const Slab& slab, bool) -> Status {
+      const Watch watch(&stats->seconds[L4D_RENDER_STAGE_BLEND]);
+      for_tiles(view, slab, [&](size_t, const TileInput& tile) {
+        TileImage image;
+        blend(tile, &image);
+        const size_t width = static_cast<size_t>(view.width);
+        for (int y = 0; y < tile.height; ++y) {
+          const size_t from = static_cast<size_t>(y * kTile);
+          const size_t to = static_cast<size_t>(tile.y + y) * width + static_cast<size_t>(tile.x);
+          for (size_t x = 0; x < static_cast<size_t>(tile.width); ++x) {
+            const float t = image.transmittance[from + x];
+            if (rgb != nullptr) {
+              for (size_t c = 0; c < 3; ++c) {
+                rgb[3 * (to + x) + c] = image.rgb[c][from + x] + t * background[c];
+              }
             }
+            if (alpha != nullptr) alpha[to + x] = 1.0f - t;
           }
-          if (alpha != nullptr) alpha[to + x] = 1.0f - t;
         }
-      }
+      });
+      return {};
     });
   }
 
-  void backward(const Frame<float>& frame, const View<float>& view, const float* background,
-                const BackwardInput& input, ViewGradients<float>* out, Stats* stats) override {
-    prepare(frame, view, true, stats);
-    const Watch watch(&stats->seconds[L4D_RENDER_STAGE_BACKWARD]);
-    out->coverage.assign(frame.count(), 0.0f);
-    out->splat.assign(input.geometry ? frame.count() : 0, {});
-    if (input.geometry) {
-      geometry(view, background, input, out);
-    } else {
-      coverage(frame, view, input.seen, out);
-    }
+  Status backward(const Frame<float>& frame, const View<float>& view, const float* background,
+                  const BackwardInput& input, ViewGradients<float>* out, Stats* stats) override {
+    const size_t splats = input.geometry ? frame.count() : 0;
+    L4D_RETURN_IF_ERROR(renew(memory_, &out->coverage, frame.count(), "gradients"));
+    L4D_RETURN_IF_ERROR(renew(memory_, &out->splat, splats, "gradients"));
+    std::fill(out->coverage.begin(), out->coverage.end(), 0.0f);
+    std::fill(out->splat.begin(), out->splat.end(), SplatGradient2D<float>{});
+    L4D_RETURN_IF_ERROR(prepare(frame, view, stats));
+    const uint64_t pair_bytes = input.geometry ? sizeof(InstanceGradient) : sizeof(float);
+    return for_slabs(pair_bytes, true, stats, [&](const Slab& slab, bool last) {
+      const Watch watch(&stats->seconds[L4D_RENDER_STAGE_BACKWARD]);
+      return input.geometry ? geometry(view, slab, last, background, input, out)
+                            : coverage(frame, view, slab, input.seen, out);
+    });
+  }
+
+  void forget() override {
+    forget_lists();
+    bins_.forget(memory_);
+    sort_.forget(memory_);
+    l4d::forget(memory_, &counts_);
+    l4d::forget(memory_, &projected_);
+    l4d::forget(memory_, &splats_);
   }
 
  private:
-  void prepare(const Frame<float>& frame, const View<float>& view, bool with_places, Stats* stats) {
+  // Splats of the view, front to back, and their boxes.
+  Status prepare(const Frame<float>& frame, const View<float>& view, Stats* stats) {
     const size_t n = frame.count();
     {
       const Watch watch(&stats->seconds[L4D_RENDER_STAGE_PROJECT]);
-      counts_.resize((n + kGrain - 1) / kGrain);
-      if (projected_.size() < kGrain * counts_.size()) projected_.resize(kGrain * counts_.size());
+      const size_t parts = (n + kGrain - 1) / kGrain;
+      L4D_RETURN_IF_ERROR(renew(memory_, &counts_, parts, "splats"));
+      // Parts are whole; a small frame does not shrink what a large one needed.
+      if (projected_.size() < kGrain * parts) {
+        L4D_RETURN_IF_ERROR(renew(memory_, &projected_, kGrain * parts, "splats"));
+      }
       parallel_for(threads_, n, kGrain, [&](size_t begin, size_t end) {
         counts_[begin / kGrain] =
             kernels_.project(frame, view, begin, end, projected_.data() + begin);
@@ -95,28 +122,65 @@ class FastRasterizer : public Rasterizer<float> {
     }
     {
       const Watch watch(&stats->seconds[L4D_RENDER_STAGE_SORT]);
-      sort_.sort(projected_.data(), counts_, threads_, &splats_);
+      L4D_RETURN_IF_ERROR(sort_.sort(projected_.data(), counts_, threads_, memory_, &splats_));
     }
+    const Watch watch(&stats->seconds[L4D_RENDER_STAGE_BIN]);
+    stats->projected = splats_.size();
+    return bins_.start(splats_, view.width, view.height, threads_, memory_);
+  }
+
+  // Calls body(slab, whether it is the last) with the lists of one slab of the image after the
+  // other. pair_bytes: what the body keeps for each pair of splat and tile.
+  template <typename Body>
+  Status for_slabs(uint64_t pair_bytes, bool with_places, Stats* stats, const Body& body) {
+    std::vector<Slab> slabs;
+    stats->instances = 0;
+    uint64_t bytes = 0;
+    const auto cut = [&] {
+      // Arrays may be an eighth larger than asked for.
+      bytes = std::min(kSlabBytes, memory_.room() / 9 * 8);
+      return bins_.cut(bytes, pair_bytes, with_places, memory_, &slabs);
+    };
     {
       const Watch watch(&stats->seconds[L4D_RENDER_STAGE_BIN]);
-      bins_.build(splats_, view.width, view.height, with_places, threads_);
+      // Where the view does not fit beside what other calls left, that gives way.
+      if (!cut().ok() || slabs.size() > 1) {
+        forget_lists();
+        L4D_RETURN_IF_ERROR(cut());
+      }
     }
-    stats->projected = splats_.size();
-    stats->instances = bins_.instances();
+    for (size_t k = 0; k < slabs.size(); ++k) {
+      {
+        const Watch watch(&stats->seconds[L4D_RENDER_STAGE_BIN]);
+        if (k > 0 && memory_.room() < bytes) forget_lists();
+        L4D_RETURN_IF_ERROR(bins_.build(splats_, slabs[k], with_places, threads_, memory_));
+      }
+      stats->instances += bins_.instances();
+      L4D_RETURN_IF_ERROR(body(slabs[k], k + 1 == slabs.size()));
+    }
+    // Other calls need room too.
+    if (memory_.room() < memory_.used()) forget_lists();
+    return {};
+  }
+
+  // What is kept for each pair of splat and tile.
+  void forget_lists() {
+    bins_.forget_lists(memory_);
+    l4d::forget(memory_, &instance_coverage_);
+    l4d::forget(memory_, &instances_);
   }
 
   template <typename Body>
-  void for_tiles(const View<float>& view, const Body& body) const {
-    const size_t columns = static_cast<size_t>(bins_.columns());
-    const size_t tiles = columns * static_cast<size_t>(bins_.rows());
-    parallel_for(threads_, tiles, 4, [&](size_t begin, size_t end) {
+  void for_tiles(const View<float>& view, const Slab& slab, const Body& body) const {
+    const size_t columns = static_cast<size_t>(slab.columns());
+    parallel_for(threads_, slab.tiles(), 4, [&](size_t begin, size_t end) {
       for (size_t t = begin; t < end; ++t) {
         TileInput tile;
         tile.splats = splats_.data();
         tile.list = bins_.list(t);
         tile.count = bins_.count(t);
-        tile.x = static_cast<int>(t % columns) * kTile;
-        tile.y = static_cast<int>(t / columns) * kTile;
+        tile.x = (slab.column_begin + static_cast<int>(t % columns)) * kTile;
+        tile.y = (slab.row_begin + static_cast<int>(t / columns)) * kTile;
         tile.width = std::min(kTile, view.width - tile.x);
         tile.height = std::min(kTile, view.height - tile.y);
         body(t, tile);
@@ -124,13 +188,13 @@ class FastRasterizer : public Rasterizer<float> {
     });
   }
 
-  void coverage(const Frame<float>& frame, const View<float>& view, const uint8_t* seen,
-                ViewGradients<float>* out) {
+  Status coverage(const Frame<float>& frame, const View<float>& view, const Slab& slab,
+                  const uint8_t* seen, ViewGradients<float>* out) {
     const auto wanted = [&](size_t i) {
       return seen == nullptr || seen[frame.id[splats_[i].row]] == 0;
     };
-    instance_coverage_.resize(bins_.instances());
-    for_tiles(view, [&](size_t t, const TileInput& tile) {
+    L4D_RETURN_IF_ERROR(renew(memory_, &instance_coverage_, bins_.instances(), "coverage by tile"));
+    for_tiles(view, slab, [&](size_t t, const TileInput& tile) {
       // Most tiles show nothing new once a few views have been seen.
       bool any = false;
       for (size_t n = 0; n < tile.count && !any; ++n) any = wanted(tile.list[n]);
@@ -139,19 +203,21 @@ class FastRasterizer : public Rasterizer<float> {
     parallel_for(threads_, splats_.size(), kGrain, [&](size_t begin, size_t end) {
       for (size_t i = begin; i < end; ++i) {
         if (!wanted(i)) continue;
-        float sum = 0;
+        // Slabs follow each other as the tiles of one slab do: the sums are those of one.
+        float sum = out->coverage[splats_[i].row];
         for (size_t e = bins_.emitted(i); e < bins_.emitted(i + 1); ++e) {
           sum += instance_coverage_[bins_.place(e)];
         }
         out->coverage[splats_[i].row] = sum;
       }
     });
+    return {};
   }
 
-  void geometry(const View<float>& view, const float* background, const BackwardInput& input,
-                ViewGradients<float>* out) {
-    instances_.resize(bins_.instances());
-    for_tiles(view, [&](size_t t, const TileInput& tile) {
+  Status geometry(const View<float>& view, const Slab& slab, bool last, const float* background,
+                  const BackwardInput& input, ViewGradients<float>* out) {
+    L4D_RETURN_IF_ERROR(renew(memory_, &instances_, bins_.instances(), "gradients by tile"));
+    for_tiles(view, slab, [&](size_t t, const TileInput& tile) {
       TileUpstream upstream;
       upstream.one_channel = input.rgb_gradient == nullptr;
       const size_t channels = upstream.one_channel ? 1 : 3;
@@ -173,7 +239,8 @@ class FastRasterizer : public Rasterizer<float> {
       for (size_t i = begin; i < end; ++i) {
         const FastSplat& s = splats_[i];
         SplatGradient2D<float>& g = out->splat[s.row];
-        float log_opacity = 0, covered = 0;
+        // By the natural logarithm of the opacity, until the last slab.
+        float log_opacity = g.opacity, covered = out->coverage[s.row];
         for (size_t e = bins_.emitted(i); e < bins_.emitted(i + 1); ++e) {
           const InstanceGradient& part = instances_[bins_.place(e)];
           for (size_t k = 0; k < 2; ++k) g.mean[k] += part.mean[k];
@@ -182,20 +249,24 @@ class FastRasterizer : public Rasterizer<float> {
           log_opacity += part.log_opacity;
           covered += part.coverage;
         }
+        g.opacity = log_opacity;
+        out->coverage[s.row] = covered;
+        if (!last) continue;
         // From the factors of log2(alpha) to the conic itself; the natural logarithm is already in.
         constexpr float kHalfLog2E = 0.72134752f;
         g.conic[0] *= -kHalfLog2E;
         g.conic[1] *= -2 * kHalfLog2E;
         g.conic[2] *= -kHalfLog2E;
         g.opacity = log_opacity / s.opacity;
-        out->coverage[s.row] = covered;
       }
     });
+    return {};
   }
 
   int threads_;
   bool fast_exponential_;
   const RenderKernels& kernels_;
+  MemoryBudget& memory_;
   // Kept between calls: the memory of a frame is that of the next one.
   std::vector<FastSplat> projected_;  // in parts of kGrain
   std::vector<size_t> counts_;        // of each part
@@ -208,8 +279,9 @@ class FastRasterizer : public Rasterizer<float> {
 
 }  // namespace
 
-std::unique_ptr<Rasterizer<float>> make_fast_rasterizer(int threads, bool fast_exponential) {
-  return std::make_unique<FastRasterizer>(threads, fast_exponential);
+std::unique_ptr<Rasterizer<float>> make_fast_rasterizer(int threads, bool fast_exponential,
+                                                        MemoryBudget& memory) {
+  return std::make_unique<FastRasterizer>(threads, fast_exponential, memory);
 }
 
 }  // namespace l4d::render

@@ -3,10 +3,13 @@
 
 #include <memory>
 
+#include "libl4dcodec/base/memory.h"
 #include "render/rasterizer.h"
 
 namespace l4d::render {
 
-std::unique_ptr<Rasterizer<float>> make_fast_rasterizer(int threads, bool fast_exponential);
+// Charges what it holds to `memory`, which outlives it.
+std::unique_ptr<Rasterizer<float>> make_fast_rasterizer(int threads, bool fast_exponential,
+                                                        MemoryBudget& memory);
 
 }  // namespace l4d::render

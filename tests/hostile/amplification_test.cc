@@ -4,8 +4,12 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 
+#ifdef L4D_TEST_RENDERER
+#include "l4d/render.hpp"
+#endif
 #include "tests/common/codec.h"
 #include "tests/common/flat.h"
 #include "tests/common/stream_editor.h"
@@ -137,6 +141,64 @@ TEST(Amplification, ConstantPage) {
   EXPECT_EQ(tight.status, L4D_ERR_LIMIT_EXCEEDED);
   EXPECT_LT(tight.held, 8 * kMiB + kMiB);
 }
+
+#ifdef L4D_TEST_RENDERER
+// A page of constants whose Gaussians each cover the image: each is a splat of every tile.
+TEST(Amplification, HugeSplats) {
+  StreamEditor editor = one_page();
+  editor.header.sh.literals = true;
+  EditedDirectoryPage& d = editor.layers[0].directory[0];
+  d.page.pages[0].num_gaussians = kMaxPageGaussians;
+  d.pages[0].raw = constant_page(editor);
+  d.pages[0].codec = 0;
+  set_gaussians(editor, kMaxPageGaussians);
+  const Bytes file = editor.build();
+  DecoderHandle decoder;
+  decoder.open_memory(file.data(), file.size());
+  const SplatArrays splats = decoder.slice(1e-3);
+  ASSERT_EQ(splats.count(), kMaxPageGaussians);
+  // Looks at the Gaussians, which all lie in one place, from so near that they fill the image.
+  const double size = std::sqrt(static_cast<double>(
+      std::min({splats.covariance[0], splats.covariance[3], splats.covariance[5]})));
+  l4d_camera camera;
+  l4d_camera_init(&camera);
+  camera.width = 640;
+  camera.height = 360;
+  camera.fx = camera.fy = 2000;
+  camera.cx = 320;
+  camera.cy = 180;
+  for (size_t k = 0; k < 3; ++k) {
+    camera.world_to_camera[5 * k] = 1;
+    camera.world_to_camera[4 * k + 3] = -static_cast<double>(splats.position[k]);
+  }
+  camera.near_plane = 1e-3 * size;
+  camera.world_to_camera[11] += size;
+  std::vector<float> whole(size_t{3} * camera.width * camera.height), slabs(whole.size());
+  const auto held = [&](uint64_t memory, std::vector<float>& rgb) {
+    l4d_renderer_options options;
+    l4d_renderer_options_init(&options);
+    options.max_memory_bytes = memory;
+    RendererHandle renderer(&options);
+    const AllocationMeter meter;
+    renderer.set_decoder(decoder);
+    renderer.set_time(1e-3);
+    renderer.render(camera, rgb.data());
+    EXPECT_EQ(renderer.stats().instances, uint64_t{kMaxPageGaussians} * 40 * 23);
+    return meter.peak();
+  };
+  const uint64_t unlimited = held(0, whole);
+  print_row("splats that each cover 640x360", file.size(), unlimited, "B held",
+            "slabs of 256 MiB at most");
+  EXPECT_LT(unlimited, 280 * kMiB);
+  const uint64_t limited = held(20 * kMiB, slabs);
+  print_row("the same, with 20 MiB for the renderer", file.size(), limited, "B held",
+            "slabs; l4d_renderer_options.max_memory_bytes");
+  EXPECT_LT(limited, 20 * kMiB + kMiB / 4);
+  EXPECT_EQ(whole, slabs);
+  std::vector<float> none(whole.size());
+  EXPECT_THROW(held(8 * kMiB, none), Error);
+}
+#endif
 
 // Chunks may overlap as far as a decoder looks: the records of a page cost 72 bytes, and a codec of
 // the directory makes them cost next to nothing.

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "tests/common/random.h"
+#include "tests/render/unlimited.h"
 
 namespace l4d::render {
 namespace {
@@ -38,7 +39,7 @@ Sorted sort(const std::vector<float>& depths, size_t per_part, int threads) {
     }
   }
   Sorted out;
-  DepthSort().sort(splats.data(), counts, threads, &out.splats);
+  EXPECT_TRUE(DepthSort().sort(splats.data(), counts, threads, unlimited(), &out.splats).ok());
   for (size_t i = 0; i < depths.size(); ++i) out.expected.push_back(static_cast<uint32_t>(i));
   std::stable_sort(out.expected.begin(), out.expected.end(),
                    [&](uint32_t a, uint32_t b) { return depths[a] < depths[b]; });
@@ -85,7 +86,7 @@ TEST(DepthSort, CallsShareNothing) {
       splats[i].depth = random.uniformf(1, 2);
       splats[i].row = static_cast<uint32_t>(i);
     }
-    sort.sort(splats.data(), {n}, 2, &sorted);
+    ASSERT_TRUE(sort.sort(splats.data(), {n}, 2, unlimited(), &sorted).ok());
     ASSERT_EQ(sorted.size(), n);
     std::set<uint32_t> rows;
     for (size_t i = 0; i < n; ++i) {
@@ -159,10 +160,16 @@ double largest_in_tile(const FastSplat& s, double x0, double y0, double x1, doub
   return most;
 }
 
+void build_whole(TileBins* bins, const std::vector<FastSplat>& splats, int width, int height,
+                 bool with_places, int threads) {
+  ASSERT_TRUE(bins->start(splats, width, height, threads, unlimited()).ok());
+  ASSERT_TRUE(bins->build(splats, bins->whole(), with_places, threads, unlimited()).ok());
+}
+
 void check_tiles(int width, int height, size_t count) {
   const std::vector<FastSplat> splats = random_splats(count, width, height);
   TileBins bins;
-  bins.build(splats, width, height, true, 2);
+  build_whole(&bins, splats, width, height, true, 2);
   ASSERT_EQ(bins.columns(), (width + kTile - 1) / kTile);
   ASSERT_EQ(bins.rows(), (height + kTile - 1) / kTile);
   const double level = std::log2(1.0 / 255);
@@ -221,14 +228,14 @@ TEST(TileBins, ExactlyTheTilesThatSplatsReach) {
 
 TEST(TileBins, NothingAndThreads) {
   TileBins empty;
-  empty.build({}, 40, 20, true, 2);
+  build_whole(&empty, {}, 40, 20, true, 2);
   EXPECT_EQ(empty.instances(), 0u);
   EXPECT_EQ(empty.count(0) + empty.count(5), 0u);
   const std::vector<FastSplat> splats = random_splats(40000, 300, 200);
   TileBins one, many;
-  one.build(splats, 300, 200, false, 1);
-  many.build(splats, 300, 200, true, 7);
-  many.build(splats, 300, 200, false, 7);
+  build_whole(&one, splats, 300, 200, false, 1);
+  build_whole(&many, splats, 300, 200, true, 7);
+  build_whole(&many, splats, 300, 200, false, 7);
   ASSERT_EQ(one.instances(), many.instances());
   EXPECT_TRUE(std::equal(one.list(0), one.list(0) + one.instances(), many.list(0)));
   const size_t tiles = static_cast<size_t>(one.columns() * one.rows());

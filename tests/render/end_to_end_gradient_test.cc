@@ -20,6 +20,7 @@
 #include "render/slice_gradient.h"
 #include "tests/math/reference.h"
 #include "tests/render/differences.h"
+#include "tests/render/unlimited.h"
 
 namespace l4d::render {
 namespace {
@@ -115,7 +116,7 @@ Scene random_scene(uint64_t seed, uint32_t degree, bool at_mean_time, bool logit
 Frame<double> slice(const Scene& scene) {
   Frame<double> frame;
   frame.sh_degree = scene.degree;
-  frame.resize(scene.gaussians.size());
+  EXPECT_TRUE(frame.resize(scene.gaussians.size(), unlimited()).ok());
   for (size_t i = 0; i < frame.count(); ++i) {
     const Slice3D<double> s = slice_at(scene.gaussians[i], scene.instant);
     EXPECT_TRUE(s.visible);
@@ -244,7 +245,9 @@ SceneGradient backward(const Scene& scene, const std::vector<float>& weight) {
   BackwardInput input;
   input.rgb_gradient = weight.data();
   ViewGradients<double> gradients;
-  make_reference_rasterizer()->backward(frame, view, kBackground, input, &gradients, nullptr);
+  EXPECT_TRUE(make_reference_rasterizer(unlimited())
+                  ->backward(frame, view, kBackground, input, &gradients, nullptr)
+                  .ok());
   SceneGradient out;
   for (size_t i = 0; i < frame.count(); ++i) {
     Splat<double> splat;

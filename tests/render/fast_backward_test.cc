@@ -13,6 +13,7 @@
 #include "render/reference.h"
 #include "render/scene.h"
 #include "tests/render/scenes.h"
+#include "tests/render/unlimited.h"
 
 namespace l4d::render {
 namespace {
@@ -72,9 +73,9 @@ struct Instants {
   Frame<float> frame;
   Frame<double> wide;
   Instants(const io::Scene& from, double time) {
-    EXPECT_TRUE(scene.prepare(from.view(), from.timeline, 2).ok());
-    scene.slice(time, 2, &frame);
-    widen(frame, &wide);
+    EXPECT_TRUE(scene.prepare(from.view(), from.timeline, 2, unlimited()).ok());
+    EXPECT_TRUE(scene.slice(time, 2, unlimited(), &frame).ok());
+    EXPECT_TRUE(widen(frame, unlimited(), &wide).ok());
   }
 };
 
@@ -83,8 +84,9 @@ ViewGradients<float> fast_backward(const Frame<float>& frame, const l4d_camera& 
                                    int threads = 2) {
   ViewGradients<float> out;
   Stats stats;
-  make_fast_rasterizer(threads, false)
-      ->backward(frame, make_view<float>(camera), background, input, &out, &stats);
+  EXPECT_TRUE(make_fast_rasterizer(threads, false, unlimited())
+                  ->backward(frame, make_view<float>(camera), background, input, &out, &stats)
+                  .ok());
   return out;
 }
 
@@ -98,8 +100,10 @@ void check_splats(const char* name, const io::Scene& scene, const l4d_camera& ca
     BackwardInput input;
     input.rgb_gradient = given ? gradient.data() : nullptr;
     ViewGradients<double> expected;
-    make_reference_rasterizer()->backward(at.wide, make_view<double>(camera), background, input,
-                                          &expected, nullptr);
+    EXPECT_TRUE(
+        make_reference_rasterizer(unlimited())
+            ->backward(at.wide, make_view<double>(camera), background, input, &expected, nullptr)
+            .ok());
     const auto a = columns(fast_backward(at.frame, camera, input, background));
     const auto e = columns(expected);
     std::cout << name << (given ? ", random gradient:" : ", sum of pixels:");
@@ -179,9 +183,9 @@ TEST(FastBackward, CoverageAndTheSeenMask) {
   const size_t pixels = size_t{133} * 90;
   std::vector<float> alpha(pixels);
   Stats stats;
-  const auto rasterizer = make_fast_rasterizer(2, false);
+  const auto rasterizer = make_fast_rasterizer(2, false, unlimited());
   const View<float> view = make_view<float>(camera);
-  rasterizer->forward(at.frame, view, kBlack, nullptr, alpha.data(), &stats);
+  EXPECT_TRUE(rasterizer->forward(at.frame, view, kBlack, nullptr, alpha.data(), &stats).ok());
   double total = 0, covered = 0;
   for (const float a : alpha) total += static_cast<double>(a);
   const ViewGradients<float> all = fast_backward(at.frame, camera, BackwardInput());

@@ -14,6 +14,7 @@
 #include "render/scene.h"
 #include "tests/render/judge.h"
 #include "tests/render/scenes.h"
+#include "tests/render/unlimited.h"
 
 namespace l4d::render {
 namespace {
@@ -73,25 +74,28 @@ TEST(FastBasketball, EveryPixelOfTwentyViews) {
   const io::CameraSet set = io::read_cameras(data_file("basketball/cameras.json"));
   const l4d_gaussians gaussians = scene.view();
   Scene prepared;
-  ASSERT_TRUE(prepared.prepare(gaussians, scene.timeline, 2).ok());
+  ASSERT_TRUE(prepared.prepare(gaussians, scene.timeline, 2, unlimited()).ok());
   std::vector<l4d_camera> cameras;
   for (const size_t c : {0u, 7u, 15u, 22u, 30u}) cameras.push_back(set.cameras.at(c).camera);
-  const auto accurate = make_fast_rasterizer(2, false), quick = make_fast_rasterizer(2, true);
+  const auto accurate = make_fast_rasterizer(2, false, unlimited()),
+             quick = make_fast_rasterizer(2, true, unlimited());
 
   Findings findings[2];
   for (const double time : {0.0, 1.3, 2.61, 4.9}) {
     Frame<float> frame;
     Frame<double> wide;
-    prepared.slice(time, 2, &frame);
-    prepared.slice(time, &wide);
+    EXPECT_TRUE(prepared.slice(time, 2, unlimited(), &frame).ok());
+    EXPECT_TRUE(prepared.slice(time, unlimited(), &wide).ok());
     ASSERT_EQ(frame.id, wide.id);
     std::vector<TestImage> expected(cameras.size());
     const auto render_half = [&](size_t first) {
       for (size_t k = first; k < cameras.size(); k += 2) {
         const size_t pixels = size_t{cameras[k].width} * cameras[k].height;
         expected[k].rgb.resize(3 * pixels);
-        make_reference_rasterizer()->forward(wide, make_view<double>(cameras[k]), kBlack,
-                                             expected[k].rgb.data(), nullptr, nullptr);
+        EXPECT_TRUE(make_reference_rasterizer(unlimited())
+                        ->forward(wide, make_view<double>(cameras[k]), kBlack,
+                                  expected[k].rgb.data(), nullptr, nullptr)
+                        .ok());
       }
     };
     std::thread other(render_half, 1);
@@ -103,9 +107,10 @@ TEST(FastBasketball, EveryPixelOfTwentyViews) {
         image.rgb.resize(expected[k].rgb.size());
         image.alpha.resize(image.rgb.size() / 3);
         Stats stats;
-        (fast_exponential ? quick : accurate)
-            ->forward(frame, make_view<float>(cameras[k]), kBlack, image.rgb.data(),
-                      image.alpha.data(), &stats);
+        EXPECT_TRUE((fast_exponential ? quick : accurate)
+                        ->forward(frame, make_view<float>(cameras[k]), kBlack, image.rgb.data(),
+                                  image.alpha.data(), &stats)
+                        .ok());
         EXPECT_GT(stats.projected, 40000u);
         compare(image, expected[k], cameras[k], frame, wide, fast_exponential,
                 &findings[fast_exponential ? 1 : 0]);

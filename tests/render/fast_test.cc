@@ -14,6 +14,7 @@
 #include "render/scene.h"
 #include "tests/render/judge.h"
 #include "tests/render/scenes.h"
+#include "tests/render/unlimited.h"
 
 namespace l4d::render {
 namespace {
@@ -57,11 +58,11 @@ Largest compare(const std::string& name, const io::Scene& scene,
           std::max(largest.fast_exponential, largest_difference(expected.rgb, quick_image.rgb));
       if (background != nullptr) continue;
       Scene prepared;
-      EXPECT_TRUE(prepared.prepare(gaussians, scene.timeline, 1).ok());
+      EXPECT_TRUE(prepared.prepare(gaussians, scene.timeline, 1, unlimited()).ok());
       Frame<float> frame;
       Frame<double> wide;
-      prepared.slice(time, 1, &frame);
-      prepared.slice(time, &wide);
+      EXPECT_TRUE(prepared.slice(time, 1, unlimited(), &frame).ok());
+      EXPECT_TRUE(prepared.slice(time, unlimited(), &wide).ok());
       const Judge judge(frame, wide, camera, true);
       for (size_t k = 0; k < expected.rgb.size(); ++k) {
         const double d = std::fabs(static_cast<double>(expected.rgb[k] - quick_image.rgb[k]));
@@ -271,11 +272,11 @@ TEST(Fast, ViewsAreIndependent) {
 TEST(Fast, WrongPixelsAreNotExplained) {
   const io::Scene scene = synth(1000, 6);
   Scene prepared;
-  ASSERT_TRUE(prepared.prepare(scene.view(), scene.timeline, 1).ok());
+  ASSERT_TRUE(prepared.prepare(scene.view(), scene.timeline, 1, unlimited()).ok());
   Frame<float> frame;
   Frame<double> wide;
-  prepared.slice(1, 1, &frame);
-  prepared.slice(1, &wide);
+  EXPECT_TRUE(prepared.slice(1, 1, unlimited(), &frame).ok());
+  EXPECT_TRUE(prepared.slice(1, unlimited(), &wide).ok());
   const l4d_camera camera = ring_camera(50, 40, 2);
   RendererHandle r = make_renderer(L4D_RENDER_FAST);
   r.set_gaussians(scene.view(), scene.timeline);
@@ -312,20 +313,24 @@ TEST(Fast, WrongPixelsAreNotExplained) {
 TEST(Fast, RasterizersOnOneFrame) {
   const io::Scene scene = synth(12000, 5);
   Scene prepared;
-  ASSERT_TRUE(prepared.prepare(scene.view(), scene.timeline, 2).ok());
+  ASSERT_TRUE(prepared.prepare(scene.view(), scene.timeline, 2, unlimited()).ok());
   Frame<float> frame;
   Frame<double> wide;
-  prepared.slice(2.2, 2, &frame);
-  widen(frame, &wide);
+  EXPECT_TRUE(prepared.slice(2.2, 2, unlimited(), &frame).ok());
+  EXPECT_TRUE(widen(frame, unlimited(), &wide).ok());
   const float background[3] = {0.1f, 0.2f, 0.3f};
   const l4d_camera camera = ring_camera(201, 133, 2);
   const size_t pixels = size_t{201} * 133;
   std::vector<float> rgb(3 * pixels), expected(3 * pixels), alpha(pixels), expected_alpha(pixels);
   Stats stats, reference_stats;
-  make_fast_rasterizer(2, false)->forward(frame, make_view<float>(camera), background, rgb.data(),
-                                          alpha.data(), &stats);
-  make_reference_rasterizer()->forward(wide, make_view<double>(camera), background, expected.data(),
-                                       expected_alpha.data(), &reference_stats);
+  EXPECT_TRUE(
+      make_fast_rasterizer(2, false, unlimited())
+          ->forward(frame, make_view<float>(camera), background, rgb.data(), alpha.data(), &stats)
+          .ok());
+  EXPECT_TRUE(make_reference_rasterizer(unlimited())
+                  ->forward(wide, make_view<double>(camera), background, expected.data(),
+                            expected_alpha.data(), &reference_stats)
+                  .ok());
   EXPECT_LE(largest_difference(rgb, expected), kStep);
   EXPECT_LE(largest_difference(alpha, expected_alpha), kStep);
   EXPECT_NEAR(static_cast<double>(stats.projected), static_cast<double>(reference_stats.projected),

@@ -1,8 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/render/judge.h"
 
+#include <gtest/gtest.h>
+
 #include <algorithm>
 #include <cmath>
+
+#include "tests/render/unlimited.h"
 
 namespace l4d::render {
 namespace {
@@ -26,8 +30,9 @@ Judge::Judge(const Frame<float>& frame, const Frame<double>& reference, const l4
     counts.push_back(render_kernels().project(frame, view, i, std::min(n, i + DepthSort::kPart),
                                               projected.data() + i));
   }
-  DepthSort().sort(projected.data(), counts, 1, &splats_);
-  bins_.build(splats_, view.width, view.height, false, 1);
+  EXPECT_TRUE(DepthSort().sort(projected.data(), counts, 1, unlimited(), &splats_).ok());
+  EXPECT_TRUE(bins_.start(splats_, view.width, view.height, 1, unlimited()).ok());
+  EXPECT_TRUE(bins_.build(splats_, bins_.whole(), false, 1, unlimited()).ok());
   expected_.resize(n);
   in_view_.resize(n);
   for (size_t i = 0; i < n; ++i) {

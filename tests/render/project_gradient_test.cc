@@ -13,6 +13,7 @@
 #include "libl4dcodec/math/rotor.h"
 #include "tests/math/reference.h"
 #include "tests/render/differences.h"
+#include "tests/render/unlimited.h"
 
 namespace l4d::render {
 namespace {
@@ -119,7 +120,7 @@ std::vector<Real> project_by_definition(const View<double>& view, uint32_t degre
 Case random_case(Random& random, const Kind& kind, const View<double>& view) {
   Case c;
   c.frame.sh_degree = kind.degree;
-  c.frame.resize(1);
+  EXPECT_TRUE(c.frame.resize(1, unlimited()).ok());
   const double z = random.log_uniform(0.5, 20);
   double camera[3] = {0, 0, z};
   for (int k = 0; k < 2; ++k) {

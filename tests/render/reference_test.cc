@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "render/sh.h"
+#include "tests/render/unlimited.h"
 
 namespace l4d::render {
 namespace {
@@ -43,7 +44,7 @@ struct TestScene {
 
   void add(double x, double y, double z, double sigma, double opacity, const Color& color) {
     const size_t i = frame.count();
-    frame.resize(i + 1);
+    EXPECT_TRUE(frame.resize(i + 1, unlimited()).ok());
     frame.id[i] = static_cast<uint32_t>(i);
     const double position[3] = {x, y, z};
     for (size_t k = 0; k < 3; ++k) frame.position[k][i] = position[k];
@@ -253,21 +254,25 @@ TEST(Reference, ForwardRoundsTheWideImage) {
   const TestScene scene = crowd();
   const float background[3] = {0.1f, 0.2f, 0.3f};
   const Image wide = render(scene, background);
-  const auto rasterizer = make_reference_rasterizer();
+  const auto rasterizer = make_reference_rasterizer(unlimited());
   std::vector<float> rgb(3 * kPixels), alpha(kPixels);
   Stats stats;
   const View<double> view = make_test_view();
-  rasterizer->forward(scene.frame, view, background, rgb.data(), alpha.data(), &stats);
+  EXPECT_TRUE(
+      rasterizer->forward(scene.frame, view, background, rgb.data(), alpha.data(), &stats).ok());
   for (size_t k = 0; k < rgb.size(); ++k) EXPECT_EQ(rgb[k], static_cast<float>(wide.rgb[k]));
   for (size_t k = 0; k < kPixels; ++k) EXPECT_EQ(alpha[k], static_cast<float>(wide.alpha[k]));
   EXPECT_EQ(stats.projected, 11u);
   EXPECT_GT(stats.seconds[L4D_RENDER_STAGE_BLEND], 0);
   // Either output is optional, and so is the account.
   std::vector<float> alone(3 * kPixels);
-  rasterizer->forward(scene.frame, view, background, alone.data(), nullptr, nullptr);
+  EXPECT_TRUE(
+      rasterizer->forward(scene.frame, view, background, alone.data(), nullptr, nullptr).ok());
   EXPECT_EQ(alone, rgb);
   std::vector<float> alpha_alone(kPixels);
-  rasterizer->forward(scene.frame, view, background, nullptr, alpha_alone.data(), nullptr);
+  EXPECT_TRUE(
+      rasterizer->forward(scene.frame, view, background, nullptr, alpha_alone.data(), nullptr)
+          .ok());
   EXPECT_EQ(alpha_alone, alpha);
 }
 
@@ -276,14 +281,14 @@ TEST(Reference, CoverageAddsUpToAlpha) {
   const Image image = render(scene);
   double total = 0;
   for (const double a : image.alpha) total += a;
-  const auto rasterizer = make_reference_rasterizer();
+  const auto rasterizer = make_reference_rasterizer(unlimited());
   ViewGradients<double> all, coverage_only;
   const View<double> view = make_test_view();
   Stats stats;
-  rasterizer->backward(scene.frame, view, kBlack, BackwardInput(), &all, &stats);
+  EXPECT_TRUE(rasterizer->backward(scene.frame, view, kBlack, BackwardInput(), &all, &stats).ok());
   BackwardInput input;
   input.geometry = false;
-  rasterizer->backward(scene.frame, view, kBlack, input, &coverage_only, nullptr);
+  EXPECT_TRUE(rasterizer->backward(scene.frame, view, kBlack, input, &coverage_only, nullptr).ok());
   EXPECT_EQ(all.coverage, coverage_only.coverage);
   ASSERT_EQ(all.splat.size(), scene.frame.count());
   double covered = 0;
@@ -306,7 +311,7 @@ bool equal(const SplatGradient2D<double>& a, const SplatGradient2D<double>& b) {
 // The sum of all pixels is the short form of ones given pixel by pixel.
 TEST(Reference, UpstreamForms) {
   const TestScene scene = crowd();
-  const auto rasterizer = make_reference_rasterizer();
+  const auto rasterizer = make_reference_rasterizer(unlimited());
   const View<double> view = make_test_view();
   const float background[3] = {0.3f, 0.2f, 0.1f};
   std::vector<float> ones(3 * kPixels, 1.0f), signs(3 * kPixels);
@@ -315,7 +320,7 @@ TEST(Reference, UpstreamForms) {
     BackwardInput input;
     input.rgb_gradient = gradient;
     ViewGradients<double> out;
-    rasterizer->backward(scene.frame, view, background, input, &out, nullptr);
+    EXPECT_TRUE(rasterizer->backward(scene.frame, view, background, input, &out, nullptr).ok());
     return out;
   };
   const ViewGradients<double> plain = backward(nullptr);
@@ -335,8 +340,10 @@ TEST(Reference, DerivativeOfOneGaussianByHand) {
   scene.add(0, 0, 4, 0.25, 0.8, {0.9, 0.4, 0.1});
   const float background[3] = {0.5f, 0.25f, 0.75f};
   ViewGradients<double> out;
-  make_reference_rasterizer()->backward(scene.frame, make_test_view(), background, BackwardInput(),
-                                        &out, nullptr);
+  EXPECT_TRUE(
+      make_reference_rasterizer(unlimited())
+          ->backward(scene.frame, make_test_view(), background, BackwardInput(), &out, nullptr)
+          .ok());
   double by_opacity = 0;
   for (size_t p = 0; p < kPixels; ++p) {
     by_opacity += alpha_on_axis(p, 4, 0.25, 0.8) / 0.8 * ((0.9 + 0.4 + 0.1) - 1.5);

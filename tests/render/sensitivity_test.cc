@@ -12,6 +12,7 @@
 #include "render/scene.h"
 #include "render/sh.h"
 #include "tests/render/scenes.h"
+#include "tests/render/unlimited.h"
 
 namespace l4d::render {
 namespace {
@@ -228,16 +229,18 @@ TEST(Sensitivity, ShAndCoverage) {
     const io::Scene scene = test_scene(degree);
     const std::vector<TestView> views = test_views();
     Scene prepared;
-    ASSERT_TRUE(prepared.prepare(scene.view(), scene.timeline, 1).ok());
+    ASSERT_TRUE(prepared.prepare(scene.view(), scene.timeline, 1, unlimited()).ok());
     const size_t terms = sh_terms(degree);
     std::vector<double> sh(terms * scene.count()), covered(scene.count());
     const float black[3] = {0, 0, 0};
     for (const TestView& v : views) {
       Frame<double> frame;
-      prepared.slice(v.time, &frame);
+      EXPECT_TRUE(prepared.slice(v.time, unlimited(), &frame).ok());
       const View<double> view = make_view<double>(v.camera);
       ViewGradients<double> g;
-      make_reference_rasterizer()->backward(frame, view, black, BackwardInput(), &g, nullptr);
+      EXPECT_TRUE(make_reference_rasterizer(unlimited())
+                      ->backward(frame, view, black, BackwardInput(), &g, nullptr)
+                      .ok());
       for (size_t i = 0; i < frame.count(); ++i) {
         const double position[3] = {frame.position[0][i], frame.position[1][i],
                                     frame.position[2][i]};
@@ -364,12 +367,12 @@ class Differences {
 
   std::vector<double> images() const {
     Scene prepared;
-    EXPECT_TRUE(prepared.prepare(scene_.view(), scene_.timeline, 1).ok());
+    EXPECT_TRUE(prepared.prepare(scene_.view(), scene_.timeline, 1, unlimited()).ok());
     const float black[3] = {0, 0, 0};
     std::vector<double> out;
     for (const TestView& v : views_) {
       Frame<double> frame;
-      prepared.slice(v.time, &frame);
+      EXPECT_TRUE(prepared.slice(v.time, unlimited(), &frame).ok());
       std::vector<double> rgb(size_t{3} * v.camera.width * v.camera.height);
       render_reference(frame, make_view<double>(v.camera), black, rgb.data(), nullptr, nullptr);
       out.insert(out.end(), rgb.begin(), rgb.end());

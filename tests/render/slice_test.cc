@@ -13,6 +13,7 @@
 #include "tests/common/codec.h"
 #include "tests/common/test_scene.h"
 #include "tests/render/scenes.h"
+#include "tests/render/unlimited.h"
 
 namespace l4d::render {
 namespace {
@@ -57,13 +58,13 @@ TEST_P(SliceFlags, FloatAndDoubleAgree) {
   const test::TestScene scene = mixed_scene(GetParam());
   const l4d_gaussians g = scene.view();
   Scene prepared;
-  ASSERT_TRUE(prepared.prepare(g, scene.timeline, 2).ok());
+  ASSERT_TRUE(prepared.prepare(g, scene.timeline, 2, unlimited()).ok());
   double position = 0, covariance = 0, opacity = 0;
   for (const double time : {100.0, 100.001, 100.77, 101.5, 102.0}) {
     Frame<float> frame;
     Frame<double> wide;
-    prepared.slice(time, 2, &frame);
-    prepared.slice(time, &wide);
+    EXPECT_TRUE(prepared.slice(time, 2, unlimited(), &frame).ok());
+    EXPECT_TRUE(prepared.slice(time, unlimited(), &wide).ok());
     ASSERT_EQ(frame.id, wide.id) << time;
     EXPECT_GT(frame.count(), 2000u);
     EXPECT_LT(frame.count(), scene.count());
@@ -130,18 +131,18 @@ INSTANTIATE_TEST_SUITE_P(Forms, SliceFlags,
 TEST(Slice, TimeBackAndForth) {
   const test::TestScene scene = mixed_scene();
   Scene prepared;
-  ASSERT_TRUE(prepared.prepare(scene.view(), scene.timeline, 2).ok());
+  ASSERT_TRUE(prepared.prepare(scene.view(), scene.timeline, 2, unlimited()).ok());
   Frame<float> frame, other;
   for (const double time : {101.0, 100.0, 102.0, 101.0, 100.3, 100.3, 101.9}) {
-    prepared.slice(time, 7, &frame);
+    EXPECT_TRUE(prepared.slice(time, 7, unlimited(), &frame).ok());
     Scene fresh;
-    ASSERT_TRUE(fresh.prepare(scene.view(), scene.timeline, 1).ok());
+    ASSERT_TRUE(fresh.prepare(scene.view(), scene.timeline, 1, unlimited()).ok());
     Frame<float> expected;
-    fresh.slice(time, 1, &expected);
+    EXPECT_TRUE(fresh.slice(time, 1, unlimited(), &expected).ok());
     expect_same_frame(frame, expected);
     // Another frame in between.
     if (time == 102.0) {
-      prepared.slice(100.5, 2, &other);
+      EXPECT_TRUE(prepared.slice(100.5, 2, unlimited(), &other).ok());
       EXPECT_NE(other.id, frame.id);
     }
   }
@@ -160,10 +161,10 @@ TEST(Slice, GroupsOfGaussians) {
   scene.rotor[8 * moving + 4] = 0.05f;
   scene.log_scale[4 * moving + 3] = 2;
   Scene prepared;
-  ASSERT_TRUE(prepared.prepare(scene.view(), scene.timeline, 1).ok());
+  ASSERT_TRUE(prepared.prepare(scene.view(), scene.timeline, 1, unlimited()).ok());
   Frame<float> a, b;
-  prepared.slice(1.0, 1, &a);
-  prepared.slice(1.4, 1, &b);
+  EXPECT_TRUE(prepared.slice(1.0, 1, unlimited(), &a).ok());
+  EXPECT_TRUE(prepared.slice(1.4, 1, unlimited(), &b).ok());
   const auto row = [](const Frame<float>& f, size_t id) {
     return static_cast<size_t>(std::find(f.id.begin(), f.id.end(), id) - f.id.begin());
   };

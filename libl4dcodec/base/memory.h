@@ -4,12 +4,13 @@
 #include <algorithm>
 #include <cstdint>
 #include <string>
+#include <vector>
 
 #include "libl4dcodec/base/status.h"
 
 namespace l4d {
 
-// What one decoder holds, against its limit. Charged before the allocation it stands for.
+// What one handle holds, against its limit. Charged before the allocation it stands for.
 class MemoryBudget {
  public:
   void set_limit(uint64_t bytes) { limit_ = bytes; }
@@ -23,7 +24,7 @@ class MemoryBudget {
     peak_ = std::max(peak_, used_);
     return {};
   }
-  bool has_room(uint64_t bytes) const { return bytes <= limit_ - std::min(used_, limit_); }
+  bool has_room(uint64_t bytes) const { return bytes <= room(); }
   // Whether `bytes` more would be allowed; charges nothing.
   Status check(uint64_t bytes, const char* what) {
     L4D_RETURN_IF_ERROR(charge(bytes, what));
@@ -31,6 +32,7 @@ class MemoryBudget {
     return {};
   }
   void release(uint64_t bytes) { used_ -= std::min(bytes, used_); }
+  uint64_t room() const { return limit_ - std::min(used_, limit_); }
   uint64_t used() const { return used_; }
   uint64_t peak() const { return peak_; }
 
@@ -58,5 +60,40 @@ class MemoryCharge {
   MemoryBudget& budget_;
   uint64_t bytes_ = 0;
 };
+
+// Vectors that are charged by their capacity, from their first element to forget().
+
+template <typename T>
+void forget(MemoryBudget& budget, std::vector<T>* v) {
+  budget.release(uint64_t{v->capacity()} * sizeof(T));
+  std::vector<T>().swap(*v);
+}
+
+// Gives `v` n elements and keeps those that it has. While a larger array is filled from the old
+// one, both are charged. Where there is room the array is somewhat larger than asked for, so that a
+// number that rises slowly does not move it each time.
+template <typename T>
+Status grow(MemoryBudget& budget, std::vector<T>* v, size_t n, const char* what) {
+  if (n > v->capacity()) {
+    const size_t roomy = n + n / 8;
+    const size_t taken = budget.has_room(uint64_t{roomy} * sizeof(T)) ? roomy : n;
+    MemoryCharge charge(budget);
+    L4D_RETURN_IF_ERROR(charge.take(uint64_t{taken} * sizeof(T), what));
+    const uint64_t before = uint64_t{v->capacity()} * sizeof(T);
+    v->reserve(taken);
+    charge.keep();
+    budget.release(before);
+  }
+  v->resize(n);
+  return {};
+}
+
+// Gives `v` n elements, without regard to what it holds. An array that has become far too large is
+// given back.
+template <typename T>
+Status renew(MemoryBudget& budget, std::vector<T>* v, size_t n, const char* what) {
+  if (n > v->capacity() || n < v->capacity() / 4) forget(budget, v);
+  return grow(budget, v, n, what);
+}
 
 }  // namespace l4d
