@@ -25,11 +25,13 @@ struct PreparedBucket {
   std::vector<float> position;    // [n, 3] at t_ref
   std::vector<float> mean;        // [n] seconds from center
   std::vector<float> reference;   // [n] t_ref, seconds from center
-  std::vector<float> velocity;    // [n, 3]; empty where the layer has no motion
+  std::vector<float> velocity;    // [n, 3]; empty where none of them moves
   std::vector<float> lambda;      // [n]; empty where permanent
   std::vector<float> covariance;  // [n, 6]
   std::vector<float> opacity;     // [n] in [0, 1]
   std::vector<float> sh;          // [n, sh_dim]
+  // Looks the same at all times.
+  bool still() const { return permanent && velocity.empty(); }
   static uint64_t memory_bytes(size_t n, unsigned sh_dim) {
     return uint64_t{n} * (3 + 1 + 1 + 3 + 1 + 6 + 1 + sh_dim) * sizeof(float);
   }
@@ -77,13 +79,16 @@ class Decoder {
     size_t lost_parts = 0;
     uint64_t memory_bytes = 0;
     uint64_t last_use = 0;
+    uint64_t number = 0;  // of all buckets that were ever cached here
   };
   Status start(ByteSource source);
   PageDecoder::Progress progress(const char* stage) const;
   Status begin_query(const l4d_query& query, Plan* plan);
   Losses* losses_if_tolerant() { return options_.tolerant != 0 ? &losses_ : nullptr; }
   // Makes every bucket of the plan present in the cache; *out points into it, one per range.
-  Status prepare(const Plan& plan, std::vector<const PreparedBucket*>* out);
+  Status prepare(const Plan& plan, std::vector<const CacheEntry*>* out);
+  // How many of the buckets, from the first on, are still; sets still_key_ to what stands for them.
+  size_t leading_still(const std::vector<const CacheEntry*>& buckets);
   Status prepare_range(const Plan& plan, size_t range, size_t first_task, size_t end_task,
                        CacheEntry* out);
   // Whether pages that a cached bucket lacks can be had now; if not, they are lost again.
@@ -105,6 +110,9 @@ class Decoder {
   std::map<BucketKey, CacheEntry> cache_;
   uint64_t cache_bytes_ = 0;
   uint64_t clock_ = 0;
+  uint64_t numbered_ = 0;
+  std::vector<uint64_t> still_numbers_;  // of the last slice
+  uint64_t still_key_ = 1;
   uint64_t buckets_decoded_ = 0;
   uint64_t cache_hits_ = 0;
   Losses losses_;

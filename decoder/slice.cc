@@ -45,33 +45,23 @@ class Slicer {
     return bucket_.lambda[i] * (dt * dt) <= gate_;
   }
   size_t count(size_t begin, size_t end) const {
+    if (bucket_.permanent) return end - begin;
     size_t n = 0;
     for (size_t i = begin; i < end; ++i) n += visible(i);
     return n;
   }
   void write(size_t begin, size_t end, size_t at, size_t sh_dim,
              const l4d_splat_buffers& out) const {
+    if (bucket_.permanent) return write_all(begin, end, at, sh_dim, out);
     for (size_t i = begin; i < end; ++i) {
       if (!visible(i)) continue;
-      if (out.position != nullptr) {
-        for (size_t k = 0; k < 3; ++k) {
-          float p = bucket_.position[3 * i + k];
-          if (!bucket_.velocity.empty()) {
-            p += bucket_.velocity[3 * i + k] * (t_ - bucket_.reference[i]);
-          }
-          out.position[3 * at + k] = p;
-        }
-      }
+      if (out.position != nullptr) write_position(i, out.position + 3 * at);
       if (out.covariance != nullptr) {
         std::copy_n(bucket_.covariance.data() + 6 * i, 6, out.covariance + 6 * at);
       }
       if (out.opacity != nullptr) {
-        float o = bucket_.opacity[i];
-        if (!bucket_.permanent) {
-          const float dt = t_ - bucket_.mean[i];
-          o *= std::exp(-0.5f * (bucket_.lambda[i] * (dt * dt)));
-        }
-        out.opacity[at] = o;
+        const float dt = t_ - bucket_.mean[i];
+        out.opacity[at] = bucket_.opacity[i] * std::exp(-0.5f * (bucket_.lambda[i] * (dt * dt)));
       }
       if (out.sh != nullptr) {
         std::copy_n(bucket_.sh.data() + sh_dim * i, sh_dim, out.sh + sh_dim * at);
@@ -82,6 +72,35 @@ class Slicer {
   }
 
  private:
+  void write_position(size_t i, float* out) const {
+    for (size_t k = 0; k < 3; ++k) {
+      float p = bucket_.position[3 * i + k];
+      if (!bucket_.velocity.empty()) {
+        p += bucket_.velocity[3 * i + k] * (t_ - bucket_.reference[i]);
+      }
+      out[k] = p;
+    }
+  }
+  // Rows of a permanent bucket, which are all there: copies, but for the positions of what moves.
+  void write_all(size_t begin, size_t end, size_t at, size_t sh_dim,
+                 const l4d_splat_buffers& out) const {
+    const size_t n = end - begin;
+    const auto copy = [&](const std::vector<float>& from, size_t width, float* to) {
+      if (to != nullptr) std::copy_n(from.data() + width * begin, width * n, to + width * at);
+    };
+    if (bucket_.velocity.empty()) {
+      copy(bucket_.position, 3, out.position);
+    } else if (out.position != nullptr) {
+      for (size_t i = 0; i < n; ++i) write_position(begin + i, out.position + 3 * (at + i));
+    }
+    copy(bucket_.covariance, 6, out.covariance);
+    copy(bucket_.opacity, 1, out.opacity);
+    copy(bucket_.sh, sh_dim, out.sh);
+    for (size_t i = 0; i < n && out.sh_rows != nullptr; ++i) {
+      out.sh_rows[at + i] = bucket_.sh.data() + sh_dim * (begin + i);
+    }
+  }
+
   const PreparedBucket& bucket_;
   float t_;
   float gate_;
@@ -193,6 +212,10 @@ Status Decoder::prepare_range(const Plan& plan, size_t range, size_t first_task,
   parallel_for(static_cast<int>(options_.threads), n, kSliceGrain, [&](size_t begin, size_t end) {
     prepare_gaussians(header, layer, rotor.data(), log_scale.data(), begin, end, out);
   });
+  const auto& velocity = out->velocity;
+  if (std::all_of(velocity.begin(), velocity.end(), [](float v) { return v == 0; })) {
+    std::vector<float>().swap(out->velocity);
+  }
   ++buckets_decoded_;
   return {};
 }
@@ -207,7 +230,7 @@ Status Decoder::has_recovered(const CacheEntry& entry, bool* recovered) {
   return {};
 }
 
-Status Decoder::prepare(const Plan& plan, std::vector<const PreparedBucket*>* out) {
+Status Decoder::prepare(const Plan& plan, std::vector<const CacheEntry*>* out) {
   ++clock_;
   const unsigned sh_dim = file_->header().sh_dim();
   for (const l4d_range& r : plan.ranges) {
@@ -226,7 +249,7 @@ Status Decoder::prepare(const Plan& plan, std::vector<const PreparedBucket*>* ou
       L4D_RETURN_IF_ERROR(has_recovered(it->second, &recovered));
       if (!recovered) {
         ++cache_hits_;
-        out->push_back(&it->second.bucket);
+        out->push_back(&it->second);
         continue;
       }
       drop(it);
@@ -239,13 +262,24 @@ Status Decoder::prepare(const Plan& plan, std::vector<const PreparedBucket*>* ou
     MemoryCharge charge(file_->memory());
     L4D_RETURN_IF_ERROR(charge.take(entry.memory_bytes, "the bucket cache"));
     L4D_RETURN_IF_ERROR(prepare_range(plan, i, first_task, task, &entry));
+    entry.number = ++numbered_;
     const uint64_t memory_bytes = entry.memory_bytes;
-    const PreparedBucket* const kept = &(cache_[key] = std::move(entry)).bucket;
+    const CacheEntry* const kept = &(cache_[key] = std::move(entry));
     charge.keep();
     cache_bytes_ += memory_bytes;
     out->push_back(kept);
   }
   return {};
+}
+
+size_t Decoder::leading_still(const std::vector<const CacheEntry*>& buckets) {
+  std::vector<uint64_t> numbers;
+  for (size_t b = 0; b < buckets.size() && buckets[b]->bucket.still(); ++b) {
+    numbers.push_back(buckets[b]->number);
+  }
+  if (numbers != still_numbers_) ++still_key_;
+  still_numbers_ = std::move(numbers);
+  return still_numbers_.size();
 }
 
 Status Decoder::slice(double time, l4d_splat_buffers* out) {
@@ -261,7 +295,7 @@ Status Decoder::slice(double time, l4d_splat_buffers* out) {
   query.detail = detail_;
   query.whole_buckets = 1;
   Plan plan;
-  std::vector<const PreparedBucket*> buckets;
+  std::vector<const CacheEntry*> buckets;
   const auto load = [&]() -> Status {
     L4D_RETURN_IF_ERROR(begin_query(query, &plan));
     buckets.clear();
@@ -275,24 +309,32 @@ Status Decoder::slice(double time, l4d_splat_buffers* out) {
   }
   if (!status.ok()) return status;
 
+  const uint64_t key_given = out->still_key;
+  const size_t still = leading_still(buckets);
+  size_t num_still = 0;
+  for (size_t b = 0; b < still; ++b) num_still += buckets[b]->bucket.count;
+  out->num_still = num_still;
+  out->still_key = 0;  // until they are written
   // Pieces of fixed size: first how many each shows, then all write at their offsets.
   struct Piece {
     size_t bucket, begin, end, at;
   };
   std::vector<Piece> pieces;
-  for (size_t b = 0; b < buckets.size(); ++b) {
-    for (size_t i = 0; i < buckets[b]->count; i += kSliceGrain) {
-      pieces.push_back({b, i, std::min(buckets[b]->count, i + kSliceGrain), 0});
+  const bool kept = key_given == still_key_;
+  for (size_t b = kept ? still : 0; b < buckets.size(); ++b) {
+    const size_t count = buckets[b]->bucket.count;
+    for (size_t i = 0; i < count; i += kSliceGrain) {
+      pieces.push_back({b, i, std::min(count, i + kSliceGrain), 0});
     }
   }
   const int threads = static_cast<int>(options_.threads);
   parallel_for(threads, pieces.size(), 1, [&](size_t first, size_t last) {
     for (size_t p = first; p < last; ++p) {
-      pieces[p].at = Slicer(*buckets[pieces[p].bucket], time, header.gate)
+      pieces[p].at = Slicer(buckets[pieces[p].bucket]->bucket, time, header.gate)
                          .count(pieces[p].begin, pieces[p].end);
     }
   });
-  size_t total = 0;
+  size_t total = kept ? num_still : 0;
   for (Piece& p : pieces) {
     const size_t n = p.at;
     p.at = total;
@@ -308,10 +350,11 @@ Status Decoder::slice(double time, l4d_splat_buffers* out) {
     }
     parallel_for(threads, pieces.size(), 1, [&](size_t first, size_t last) {
       for (size_t p = first; p < last; ++p) {
-        Slicer(*buckets[pieces[p].bucket], time, header.gate)
+        Slicer(buckets[pieces[p].bucket]->bucket, time, header.gate)
             .write(pieces[p].begin, pieces[p].end, pieces[p].at, header.sh_dim(), *out);
       }
     });
+    out->still_key = still_key_;
   }
   out->count = total;
   return {};

@@ -71,6 +71,7 @@ Status Renderer::within_limit(bool with_scene, const Body& body) {
 Status Renderer::set_gaussians(const l4d_gaussians& gaussians, const l4d_timeline& timeline) {
   source_ = Source::kNone;
   has_time_ = false;
+  scratch_.still_key = 0;
   if (cuda_) {
     L4D_RETURN_IF_ERROR(acquire_device());
     L4D_RETURN_IF_ERROR(scene_.set(gaussians, timeline));
@@ -91,6 +92,7 @@ Status Renderer::set_decoder(l4d_decoder* decoder) {
   has_time_ = false;
   if (cuda_) L4D_RETURN_IF_ERROR(acquire_device());
   decoder_ = decoder;
+  scratch_.still_key = 0;
   source_ = Source::kDecoder;
   return {};
 }

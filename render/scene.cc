@@ -202,6 +202,8 @@ Status slice_stream(l4d_decoder* decoder, double time, int threads, MemoryBudget
   if (status != L4D_OK) return Status(status, l4d_decoder_error_detail(decoder));
   const size_t capacity = static_cast<size_t>(selection.num_gaussians);
   constexpr const char* kWhat = "slicing the stream";
+  const uint64_t still_key = scratch->still_key;
+  scratch->still_key = 0;
   L4D_RETURN_IF_ERROR(renew(memory, &scratch->position, 3 * capacity, kWhat));
   L4D_RETURN_IF_ERROR(renew(memory, &scratch->covariance, 6 * capacity, kWhat));
   L4D_RETURN_IF_ERROR(out->resize(capacity, memory));
@@ -212,12 +214,17 @@ Status slice_stream(l4d_decoder* decoder, double time, int threads, MemoryBudget
   splats.covariance = scratch->covariance.data();
   splats.opacity = out->opacity.data();
   splats.sh_rows = out->sh.data();
+  // Of still rows nobody reads `scratch` again: it does not matter that they may be gone there.
+  splats.still_key = still_key;
   status = l4d_decoder_slice(decoder, time, &splats);
   if (status != L4D_OK) return Status(status, l4d_decoder_error_detail(decoder));
   const size_t n = static_cast<size_t>(splats.count);
+  const size_t first =
+      splats.still_key == still_key ? static_cast<size_t>(splats.num_still) : size_t{0};
   L4D_RETURN_IF_ERROR(out->resize(n, memory));
   out->sh_degree = info.sh_degree;
-  parallel_for(threads, n, kGrain, [&](size_t begin, size_t end) {
+  parallel_for(threads, n - first, kGrain, [&](size_t piece_begin, size_t piece_end) {
+    const size_t begin = first + piece_begin, end = first + piece_end;
     for (size_t i = begin; i < end; ++i) out->id[i] = static_cast<uint32_t>(i);
     for (size_t k = 0; k < 3; ++k) {
       for (size_t i = begin; i < end; ++i) out->position[k][i] = scratch->position[3 * i + k];
@@ -226,6 +233,7 @@ Status slice_stream(l4d_decoder* decoder, double time, int threads, MemoryBudget
       for (size_t i = begin; i < end; ++i) out->covariance[k][i] = scratch->covariance[6 * i + k];
     }
   });
+  scratch->still_key = splats.still_key;
   return {};
 }
 

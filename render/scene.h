@@ -55,13 +55,16 @@ class Scene {
   const Frame<float>* still_frame_ = nullptr;  // its beginning holds the still rows
 };
 
-// The Gaussians of a stream visible at `time`. `scratch` keeps memory from call to call; SH rows
-// belong to the decoder until its next call.
+// The Gaussians of a stream visible at `time`. `scratch` keeps memory from call to call, and which
+// still Gaussians lie at the beginning of the frame; SH rows belong to the decoder until its next
+// call.
 struct StreamScratch {
   std::vector<float> position, covariance;
+  uint64_t still_key = 0;  // l4d_splat_buffers; 0 also where the frame is another
   void forget(MemoryBudget& memory) {
     l4d::forget(memory, &position);
     l4d::forget(memory, &covariance);
+    still_key = 0;
   }
 };
 Status slice_stream(l4d_decoder* decoder, double time, int threads, MemoryBudget& memory,

@@ -404,6 +404,14 @@ typedef struct l4d_splat_buffers {
   /* [M] where the SH coefficients of each lie in the decoder's cache, [(D+1)^2, 3] each: spares the
    * copy. Valid until the next call that selects, decodes, slices or closes. */
   const float** sh_rows;
+  /* Gaussians that look the same at all times need not be written again for each instant. They come
+   * first; out: their number, as far as the stream keeps them apart. */
+  uint64_t num_still;
+  /* In: what the last call gave here, if the arrays are the same and their first num_still rows
+   * still hold what that call left there; 0 = they do not. Out: stands for those rows, 0 where all
+   * arrays are NULL. Where the decoder has the number that it is given, it leaves the rows as they
+   * are. */
+  uint64_t still_key;
 } l4d_splat_buffers;
 L4D_API void l4d_splat_buffers_init_(l4d_splat_buffers* buffers, size_t struct_size);
 #define l4d_splat_buffers_init(buffers) l4d_splat_buffers_init_((buffers), sizeof(*(buffers)))
