@@ -9,12 +9,26 @@
  *   l4d_renderer_render(renderer, &camera, &image);
  *   l4d_renderer_destroy(renderer);
  *
- * Conventions of the image are those of 3D Gaussian splatting: perspective projection by its local
- * affine approximation (EWA), 0.3 pixels^2 added to the variances, alpha below 1/255 skipped and
- * above 0.999 cut, front-to-back blending that stops before transmittance would fall to 1e-4,
- * colour 0.5 + SH in the direction from the camera to the sliced mean, clamped below at 0. Images
- * are not clamped above. Rendering is not normative: paths agree within rounding, not bit for bit.
- * Each path is deterministic: the number of threads never changes its result.
+ * Conventions of the image are those of 3D Gaussian splatting. All paths and backends do this:
+ *  - A Gaussian whose mean has z <= near_plane in camera axes is not drawn. The others are drawn by
+ *    rising z of their means, all of a Gaussian before the next; the order of equal ones is the
+ *    path's.
+ *  - Its splat has the mean (fx x/z + cx, fy y/z + cy) and the covariance J S J^T + 0.3 I, in
+ *    pixels, with S the covariance in camera axes and J the derivative of the projection at the
+ *    mean (EWA). In J, and only there, x/z and y/z are clamped to the image made wider and higher
+ *    by 15 % of its width and height on each side, since J grows without bound far outside. The
+ *    splat of a mean beyond that has another shape than its Gaussian, and derivatives take the
+ *    clamped slope as constant.
+ *  - alpha = min(0.999, opacity exp(-q/2)) at the centre of each pixel, q the squared distance in
+ *    units of the splat's covariance. Where it is below 1/255 the splat is skipped: its border is a
+ *    step of 1/255, and one that fades goes out at 1/255, not at 0. Derivatives do not see these
+ *    steps, nor those of cut alphas, of the order and of the near plane.
+ *  - Front to back; a splat that would bring a pixel's transmittance below 1e-4 is not drawn there,
+ *    nor is any behind it. The background shows with the transmittance that is left.
+ *  - Colour is 0.5 + SH in the direction from the camera to the sliced mean, clamped below at 0.
+ * Images are not clamped above. Rendering is not normative: paths agree within rounding, not bit
+ * for bit, and rounding decides on which side of a step a pixel lies. Each path is deterministic:
+ * neither the number of threads nor max_memory_bytes changes its result.
  */
 #ifndef L4D_RENDER_H
 #define L4D_RENDER_H
@@ -51,8 +65,8 @@ typedef struct l4d_renderer_options {
    * counts the scene prepared, the Gaussians of the instant (52 bytes each, and 36 more of a
    * stream), splats of a view (144 bytes each) and the lists of splats by tile. The lists are made
    * for as much of the image at a time as fits, and never for more than 256 MiB; the image does not
-   * depend on that. Not counted: what the caller gives, images and gradients among it, the decoder's
-   * memory, which has a limit of its own, and l4d_sensitivity. */
+   * depend on that. Not counted: what the caller gives, images and gradients among it, the
+   * decoder's memory, which has a limit of its own, and l4d_sensitivity. */
   uint64_t max_memory_bytes;
 } l4d_renderer_options;
 L4D_API void l4d_renderer_options_init_(l4d_renderer_options* options, size_t struct_size);
