@@ -34,6 +34,15 @@ if(L4D_SANITIZE)
   add_link_options(-fsanitize=${L4D_SANITIZE})
 endif()
 
+# Programs can be loaded anywhere, and what the loader has filled in cannot be written afterwards.
+include(CheckPIESupported)
+check_pie_supported()
+include(CheckLinkerFlag)
+check_linker_flag(CXX "LINKER:-z,relro,-z,now" L4D_LINKER_BINDS_NOW)
+if(L4D_LINKER_BINDS_NOW)
+  add_link_options("LINKER:-z,relro,-z,now")
+endif()
+
 add_library(l4d_settings INTERFACE)
 target_include_directories(l4d_settings INTERFACE
   $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}>
