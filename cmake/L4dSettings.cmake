@@ -57,7 +57,22 @@ if(L4D_HAVE_CUDA)
   # The host half of device code: nvcc's own output is not held to all warnings.
   target_compile_options(l4d_settings INTERFACE
     "$<$<COMPILE_LANGUAGE:CUDA>:-Xcompiler=-ffp-contract=off,-Wall;--expt-relaxed-constexpr>")
-  target_compile_definitions(l4d_settings INTERFACE L4D_HAVE_CUDA)
+  # The lowest compute capability, from 9.0 on, that there is code for; see cuda/overlap.cuh.
+  set(overlapping 1000)
+  foreach(architecture IN LISTS CMAKE_CUDA_ARCHITECTURES)
+    string(REGEX REPLACE "[^0-9]" "" number "${architecture}")
+    if(number GREATER_EQUAL 90 AND number LESS overlapping)
+      set(overlapping ${number})
+    endif()
+  endforeach()
+  target_compile_definitions(l4d_settings INTERFACE
+    L4D_HAVE_CUDA $<$<COMPILE_LANGUAGE:CUDA>:L4D_CUDA_LEAST_OVERLAPPING=${overlapping}>)
+endif()
+# Arrays and structs cannot hold vectors of a size that is known at run time alone; where a processor
+# has those, it has vectors of 128 bits too.
+if(NOT CMAKE_SYSTEM_PROCESSOR MATCHES "^(x86_64|AMD64|x86|i.86)$")
+  target_compile_definitions(l4d_settings INTERFACE
+    "HWY_DISABLED_TARGETS=(HWY_SVE|HWY_SVE2|HWY_SVE_256|HWY_SVE2_128|HWY_RVV)")
 endif()
 if(L4D_OPENMP)
   target_compile_definitions(l4d_settings INTERFACE L4D_OPENMP)

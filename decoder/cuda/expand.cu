@@ -2,6 +2,7 @@
 #include "decoder/cuda/expand_geometry.cuh"
 #include "decoder/cuda/expand_sh.cuh"
 #include "decoder/cuda/kernels.h"
+#include "libl4dcodec/cuda/overlap.cuh"
 
 namespace l4d::cuda {
 namespace {
@@ -11,7 +12,7 @@ namespace {
 // end after the last of geometry, so that whatever comes next on the stream finds both.
 __global__ void __launch_bounds__(kExpandThreads)
     geometry_kernel(const DeviceJob job, const DeviceArrays out) {
-  cudaTriggerProgrammaticLaunchCompletion();
+  let_next_begin();
   expand_geometry(job, out, blockIdx.x);
 }
 
@@ -20,14 +21,14 @@ __global__ void __launch_bounds__(kExpandThreads, 3)
     transform_kernel(const DeviceJob job, const DeviceArrays out) {
   __shared__ TransformShared<kDim> shared;
   expand_sh_transform<kDim>(job, out, blockIdx.x, shared);
-  cudaGridDependencySynchronize();
+  wait_for_previous();
 }
 
 template <unsigned kDim>
 __global__ void __launch_bounds__(kExpandThreads)
     rows_kernel(const DeviceJob job, const DeviceArrays out) {
   expand_sh_rows<kDim, kDim % 4 == 0 ? 4 : 1>(job, out, blockIdx.x);
-  cudaGridDependencySynchronize();
+  wait_for_previous();
 }
 
 template <unsigned kDim>
@@ -41,7 +42,7 @@ cudaError_t launch_sh(const DeviceJob& job, const ExpandLaunch& launch, const De
   config.blockDim = dim3(kExpandThreads);
   config.stream = stream;
   config.attrs = &early;
-  config.numAttrs = beside_geometry ? 1 : 0;
+  config.numAttrs = beside_geometry && can_overlap() ? 1 : 0;
   return cudaLaunchKernelEx(
       &config, launch.sh_transform ? transform_kernel<kDim> : rows_kernel<kDim>, job, out);
 }

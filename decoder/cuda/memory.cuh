@@ -11,16 +11,31 @@ namespace l4d::cuda {
 // are zeros. Both addresses are multiples of 16.
 __device__ inline void start_copy(unsigned char* to, const unsigned char* from,
                                   uint32_t bytes = 16) {
+#if __CUDA_ARCH__ >= 800
   const uint32_t shared = static_cast<uint32_t>(__cvta_generic_to_shared(to));
   asm volatile("cp.async.cg.shared.global [%0], [%1], 16, %2;" ::"r"(shared), "l"(from), "r"(bytes)
                : "memory");
+#else
+  // No copy runs beside other work: it is done at once.
+  if (bytes == 16) {
+    *reinterpret_cast<uint4*>(to) = *reinterpret_cast<const uint4*>(from);
+  } else {
+    for (uint32_t i = 0; i < 16; ++i) to[i] = i < bytes ? from[i] : static_cast<unsigned char>(0);
+  }
+#endif
 }
 // Closes a group of copies.
-__device__ inline void end_copies() { asm volatile("cp.async.commit_group;" ::: "memory"); }
+__device__ inline void end_copies() {
+#if __CUDA_ARCH__ >= 800
+  asm volatile("cp.async.commit_group;" ::: "memory");
+#endif
+}
 // Waits for all of the calling thread's groups but the last kLeft.
 template <int kLeft>
 __device__ void wait_for_copies() {
+#if __CUDA_ARCH__ >= 800
   asm volatile("cp.async.wait_group %0;" ::"n"(kLeft) : "memory");
+#endif
 }
 
 // Stores to global memory where `condition` holds. As a branch, which compilers like to make of an

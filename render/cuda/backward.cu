@@ -255,7 +255,7 @@ __global__ void __launch_bounds__(Block::kThreads)
         }
         // 128 pixels of at most 2^24 units.
         const uint32_t units = __float2uint_rn(sum * (1.0f / kCoverageUnit));
-        const uint32_t total = __reduce_add_sync(kFullWarp, units);
+        const uint32_t total = sum_of_warp(units);
         if (total != 0 && (threadIdx.x & 31) == 0) {
           atomicAdd(coverage + values[range.x + entry], static_cast<unsigned long long>(total));
         }

@@ -5,12 +5,14 @@
 
 #include <cuda_runtime.h>
 
+#include "libl4dcodec/cuda/overlap.cuh"
+
 namespace l4d::render {
 
 // First thing in every kernel that launch() starts: what was launched before is done after it.
 __device__ inline void await_predecessor() {
-  cudaTriggerProgrammaticLaunchCompletion();
-  cudaGridDependencySynchronize();
+  cuda::let_next_begin();
+  cuda::wait_for_previous();
 }
 
 // Errors stay for cudaGetLastError().
@@ -25,7 +27,7 @@ void launch(void (*kernel)(Parameters...), unsigned grid, unsigned block, cudaSt
   config.blockDim = dim3(block);
   config.stream = stream;
   config.attrs = &overlap;
-  config.numAttrs = 1;
+  config.numAttrs = cuda::can_overlap() ? 1 : 0;
   static_cast<void>(cudaLaunchKernelEx(&config, kernel, Parameters(arguments)...));
 }
 

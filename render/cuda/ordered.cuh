@@ -20,6 +20,18 @@ __device__ inline void store_state(uint32_t* state, uint32_t value) {
   *static_cast<volatile uint32_t*>(state) = value;
 }
 
+// Sum over the lanes of a full warp, in each of them.
+__device__ inline uint32_t sum_of_warp(uint32_t value) {
+#if __CUDA_ARCH__ >= 800
+  return __reduce_add_sync(kFullWarp, value);
+#else
+  for (int distance = 16; distance > 0; distance /= 2) {
+    value += __shfl_xor_sync(kFullWarp, value, distance);
+  }
+  return value;
+#endif
+}
+
 // The number of the block's piece of work. Numbers are taken in order, so whoever waits for a lower
 // one waits for a block that runs.
 __device__ inline uint32_t take_ticket(uint32_t* counter) {
@@ -56,7 +68,7 @@ __device__ inline uint32_t sum_before(uint32_t* states, uint32_t piece, uint32_t
     // The one that holds all counts may be large: it is added on its own.
     const bool all = whole != 0 && lane == last;
     const uint32_t owns = lane < last || (lane == last && !all) ? state & kCountMask : 0u;
-    sum = min(sum + __reduce_add_sync(kFullWarp, owns), kCountMask);
+    sum = min(sum + sum_of_warp(owns), kCountMask);
     if (whole != 0) {
       sum = min(sum + (__shfl_sync(kFullWarp, state, static_cast<int>(last)) & kCountMask),
                 kCountMask);
