@@ -1,5 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 # Build settings every target shares.
+if(CMAKE_CXX_BYTE_ORDER STREQUAL "BIG_ENDIAN")
+  message(FATAL_ERROR "l4dcodec does not run on big-endian machines (${CMAKE_SYSTEM_PROCESSOR}): "
+                      "its inner loops take numbers from memory in the order of the stream")
+endif()
+include(CheckCXXSourceCompiles)
+check_cxx_source_compiles("#include <cfloat>
+static_assert(FLT_EVAL_METHOD == 0, \"\");
+int main() {}" L4D_FLOATS_ARE_BINARY32)
+if(NOT L4D_FLOATS_ARE_BINARY32)
+  message(FATAL_ERROR "Decoding is defined bit for bit in binary32, but this compiler calculates with "
+                      "more digits; on 32-bit x86, -msse2 -mfpmath=sse changes that")
+endif()
 set(CMAKE_CXX_STANDARD 17)
 set(CMAKE_CXX_STANDARD_REQUIRED ON)
 set(CMAKE_CXX_EXTENSIONS OFF)

@@ -125,7 +125,7 @@ TEST_P(KernelTest, FlushToZeroChangesNothing) {
       const auto want = call->check(test::reference_kernels());
       std::vector<unsigned char> reference, simd;
       {
-        const test::FlushToZero flush;
+        [[maybe_unused]] const test::FlushToZero flush;
         reference = call->check(test::reference_kernels());
         simd = call->check(test::simd_kernels());
       }

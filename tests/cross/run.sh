@@ -1,0 +1,126 @@
+#!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
+# usage: run.sh aarch64 WORK_DIR TOOL DIGEST
+# Builds the decoder and its tests for another architecture, runs them there (qemu-user) and
+# holds the digests of streams against those of DIGEST, the same program on this machine.
+# L4D_CROSS_SOURCES: where `./dev setup cross` has put the sources of zstd, xxHash and Highway.
+set -euo pipefail
+
+target=${1:?"usage: run.sh aarch64 WORK_DIR TOOL DIGEST"}
+work=${2:?} tool=${3:?} digest=${4:?}
+here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
+root=$(cd "$here/../.." && pwd)
+sources=${L4D_CROSS_SOURCES:-$root/build/cross-sources}
+data=${L4D_DATA_DIR:-$root/../shared/data}
+jobs=${L4D_JOBS:-$(nproc)}
+
+skip() {
+  echo "skipped: $* (./dev setup cross)"
+  exit 77
+}
+
+options=(-DCMAKE_TOOLCHAIN_FILE="$here/$target.cmake")
+case $target in
+  aarch64)
+    needs=(aarch64-linux-gnu-g++ qemu-aarch64)
+    emulator=(qemu-aarch64 -L /usr/aarch64-linux-gnu)
+    suffix=''
+    ;;
+  *) echo "unknown target $target" >&2 && exit 2 ;;
+esac
+for program in "${needs[@]}"; do
+  command -v "$program" >/dev/null || skip "no $program"
+done
+for package in libzstd xxhash highway; do
+  [[ -d $sources/$package ]] || skip "no sources of $package in $sources"
+done
+
+prefix=$work/$target/prefix
+# A native compiler's settings are none of another architecture's.
+unset CFLAGS CXXFLAGS LDFLAGS PKG_CONFIG_PATH
+export PKG_CONFIG_LIBDIR=$prefix/lib/pkgconfig
+if command -v ccache >/dev/null; then
+  options+=(-DCMAKE_C_COMPILER_LAUNCHER=ccache -DCMAKE_CXX_COMPILER_LAUNCHER=ccache)
+fi
+
+# quietly LOG COMMAND...: its output only where it fails.
+quietly() {
+  local log=$1
+  shift
+  "$@" >"$log" 2>&1 || {
+    cat "$log" >&2
+    echo "FAIL: $*" >&2
+    exit 1
+  }
+}
+
+mkdir -p "$work/$target"
+log=$work/$target/log
+echo "== dependencies for $target"
+quietly "$log" cmake -S "$here/dependencies" -B "$work/$target/dependencies" -G Ninja \
+  -DCMAKE_BUILD_TYPE=Release -DCMAKE_INSTALL_PREFIX="$prefix" -DSOURCES="$sources" \
+  -DGOOGLETEST=/usr/src/googletest -DFLATBUFFERS=/usr/include/flatbuffers "${options[@]}"
+quietly "$log" cmake --build "$work/$target/dependencies" -j "$jobs" --target install
+echo "== decoder and tests for $target"
+quietly "$log" cmake -S "$root" -B "$work/$target/build" -G Ninja -DCMAKE_BUILD_TYPE=Release \
+  -DL4D_BUILD_ENCODER=OFF -DL4D_BUILD_RENDER=OFF -DL4D_BUILD_TESTS=ON -DL4D_CUDA=OFF \
+  -DGTest_DIR="$prefix/lib/cmake/GTest" -DFLATC="$(command -v flatc)" \
+  -DCMAKE_FIND_ROOT_PATH="$prefix" -DPKG_CONFIG_EXECUTABLE="$(command -v pkg-config)" "${options[@]}"
+quietly "$log" cmake --build "$work/$target/build" -j "$jobs"
+bin=$work/$target/build/bin
+
+# encode SCENE NAME OPTION...: makes streams/NAME.l4d, unless it is newer than the tool.
+encode() {
+  local scene=$1 stream=$work/streams/$2.l4d
+  shift 2
+  [[ $stream -nt $tool && $stream -nt $scene ]] && return
+  "$tool" encode "$scene" "$@" --set prune-weight=-1 -q -f -o "$stream.part.$target"
+  mv "$stream.part.$target" "$stream"
+}
+mkdir -p "$work/streams"
+streams=()
+presets=(default tiny small large archive indexed indexed-small indexed-high paper-small paper-large
+  lossless)
+scene=$work/scene.$target.ply
+"$tool" synth --seconds 4 --fps 30 --gaussians 6000 --seed 3 -q -f -o "$scene"
+# Each target has its own, so that both can be tested at a time.
+for preset in "${presets[@]}"; do
+  encode "$scene" "$target-$preset" --preset "$preset"
+  streams+=("$work/streams/$target-$preset.l4d")
+done
+trained=$data/basketball/basketball.ply
+if [[ -f $trained ]]; then
+  for preset in default small indexed lossless; do
+    encode "$trained" "basketball-$target-$preset" --preset "$preset"
+    streams+=("$work/streams/basketball-$target-$preset.l4d")
+  done
+else
+  echo "SKIPPED: streams of basketball: no $trained"
+fi
+
+echo "== inner loops on $target"
+"${emulator[@]}" "$bin/l4d_loops_test$suffix" --gtest_brief=1
+echo "== digests"
+# Streams that once went wrong, and damaged ones: the same errors everywhere.
+damaged=()
+for i in 1 2 3 4 5 6 7 8; do
+  stream=$work/streams/$target-damaged-$i.l4d
+  cp "$work/streams/$target-default.l4d" "$stream"
+  printf '\377' | dd of="$stream" bs=1 seek=$((i * $(stat -c %s "$stream") / 9)) conv=notrunc status=none
+  damaged+=("$stream")
+done
+streams+=("${damaged[@]}" "$root"/tests/fuzz/regress/decode/*)
+"$digest" "${streams[@]}" >"$work/$target/native.txt"
+"${emulator[@]}" "$bin/l4d_digest$suffix" "${streams[@]}" >"$work/$target/digest.txt"
+diff -u "$work/$target/native.txt" "$work/$target/digest.txt" >&2 || {
+  echo "FAIL: streams decode to something else on $target (+) than here (-)" >&2
+  exit 1
+}
+grep -E ' simd all ' "$work/$target/digest.txt"
+# Both backends of each stream agree, or the lines above mean little.
+sed -n 's/ reference / /p' "$work/$target/digest.txt" >"$work/$target/reference.txt"
+sed -n 's/ simd / /p' "$work/$target/digest.txt" | diff - "$work/$target/reference.txt" >&2 || {
+  echo "FAIL: SIMD and reference differ on $target" >&2
+  exit 1
+}
+echo "$(wc -l <"$work/$target/digest.txt") lines of digests equal on $target and here"
