@@ -111,6 +111,36 @@ TEST(RenderArguments, NullHandles) {
   EXPECT_EQ(made, nullptr);
 }
 
+// Flashes of 20 ms, counted from 1970: the picture is that of the same scene counted from 0.
+TEST(RenderTimes, DoubleOnesAreNotRounded) {
+  constexpr double kBegin = 1763800000;
+  TestScene near, far;
+  const double times[2] = {kBegin + 1.03125, kBegin + 1.0625};  // exact as float too, less kBegin
+  for (size_t i = 0; i < 2; ++i) {
+    near.log_scale[4 * i + 3] = far.log_scale[4 * i + 3] = std::log(0.02f);
+    near.mean_t[i] = static_cast<float>(times[i] - kBegin);
+  }
+  far.timeline.time_begin = kBegin;
+  l4d_gaussians g = far.view();
+  g.mean_t = nullptr;
+  g.mean_t_double = times;
+  for (const uint32_t backend : {L4D_BACKEND_REFERENCE, L4D_BACKEND_CPU}) {
+    l4d_renderer_options options;
+    l4d_renderer_options_init(&options);
+    options.backend = backend;
+    RendererHandle a(&options), b(&options);
+    a.set_gaussians(near.view(), near.timeline);
+    b.set_gaussians(g, far.timeline);
+    for (const double t : {1.03125, 1.046875, 1.0625}) {
+      a.set_time(t);
+      b.set_time(kBegin + t);
+      const std::vector<float> want = rendered(a), got = rendered(b);
+      EXPECT_GT(*std::max_element(want.begin(), want.end()), 0.1f);
+      for (size_t k = 0; k < want.size(); ++k) ASSERT_NEAR(got[k], want[k], 1e-5) << t;
+    }
+  }
+}
+
 TEST(RenderArguments, NullPointers) {
   Ready at;
   l4d_renderer* r = at.r.get();
