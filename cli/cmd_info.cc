@@ -334,7 +334,7 @@ Outcome run_info(Context& context, const InfoArguments& arguments) {
           seek_json(stream, seconds, arguments.detail, sections[L4D_SECTION_CODEBOOKS]);
       const bool base = detail_id(arguments.detail) == L4D_DETAIL_BASE_COLOR;
       const auto count = [&](const char* key) { return format_count(seek[key].get<uint64_t>()); };
-      t += "\nseek to " + format_number(seconds) + " s: " + count("bytes") + " bytes (" +
+      t += "\nseek to " + format_time(seconds) + " s: " + count("bytes") + " bytes (" +
            count("sh_detail_bytes") + (base ? " more with" : " of them") + " SH detail) in " +
            count("chunks") + " chunks, " + count("buckets") + " buckets (and " +
            count("directory_bytes") + " of directory, " + count("codebook_bytes") +

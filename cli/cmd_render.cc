@@ -280,7 +280,7 @@ Outcome run_render(Context& context, const RenderArguments& arguments) {
   const std::string size = format("%u x %u pixels", first.width, first.height);
   const std::string what =
       target == Target::kStill
-          ? size + " at " + format_number(times[0]) + " s"
+          ? size + " at " + format_time(times[0]) + " s"
           : format_count(frames) + (frames == 1 ? " frame of " : " frames of ") + size;
   outcome.text = format(
       "%s: %s, %s\n%s of %s visible Gaussians in the picture, rendered in %s (%s frames per "

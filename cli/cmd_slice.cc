@@ -109,7 +109,7 @@ Outcome run_slice(Context& context, const SliceArguments& arguments) {
                   {"total_s", watch.seconds()}};
   if (single) {
     outcome.text = format("%s: %s splats at %s s, %s\n", arguments.output.c_str(),
-                          format_count(total_splats).c_str(), format_number(times[0]).c_str(),
+                          format_count(total_splats).c_str(), format_time(times[0]).c_str(),
                           format_bytes(total_bytes).c_str());
   } else {
     outcome.text = format(

@@ -93,7 +93,7 @@ Judgement judge(const DecoderHandle& decoder, const Claim& claim) {
     q.update(times);
     out.json["quantities"].push_back(q);
     const std::string when =
-        times.contains("time") ? "  at " + format_number(times["time"]) + " s" : "";
+        times.contains("time") ? "  at " + format_time(times["time"]) + " s" : "";
     out.text +=
         format("  %-18s %16s of %16s%s%s\n", name, format_count(value).c_str(),
                format_count(limit).c_str(), when.c_str(), value <= limit ? "" : "  too many");

@@ -144,8 +144,11 @@ double frames_per_second(const l4d_timeline& timeline) {
 }
 
 std::string describe_timeline(const l4d_timeline& timeline) {
-  return format_number(io::duration(timeline)) + " s, " + format_count(timeline.num_frames) +
-         " frames at " + format_number(frames_per_second(timeline)) + " fps";
+  const std::string from =
+      timeline.time_begin == 0 ? "" : " from " + format_time(timeline.time_begin) + " s";
+  return format_number(io::duration(timeline)) + " s" + from + ", " +
+         format_count(timeline.num_frames) + " frames at " +
+         format_number(frames_per_second(timeline)) + " fps";
 }
 
 Json timeline_json(const l4d_timeline& timeline) {
@@ -162,9 +165,9 @@ double clamp_to_sequence(Context& context, const l4d_timeline& timeline, double 
   const double end = begin + io::duration(timeline);
   const double clamped = std::clamp(seconds, begin, end);
   if (clamped != seconds) {
-    context.note(std::string(option) + " " + format_number(seconds) +
-                 " lies outside the sequence [" + format_number(begin) + ", " + format_number(end) +
-                 "]; " + format_number(clamped) + " is used");
+    context.note(std::string(option) + " " + format_time(seconds) + " lies outside the sequence [" +
+                 format_time(begin) + ", " + format_time(end) + "]; " + format_time(clamped) +
+                 " is used");
   }
   return clamped;
 }

@@ -56,7 +56,7 @@ void draw_axes(Svg& svg, const Panel& panel, const std::vector<double>& ticks, c
     if (begin + tick > panel.time_end * (1 + 1e-9)) break;
     const double x = panel.x(begin + tick);
     svg.line({x, panel.bottom}, {x, panel.bottom + 4}, kAxis);
-    svg.text({x, panel.bottom + 18}, format_number(begin + tick), SvgAnchor::kMiddle);
+    svg.text({x, panel.bottom + 18}, format_time(begin + tick), SvgAnchor::kMiddle);
   }
 }
 

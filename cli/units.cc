@@ -150,6 +150,10 @@ std::string format_seconds(double seconds) {
 
 std::string format_number(double value) { return format("%.6g", value); }
 
+std::string format_time(double seconds) {
+  return std::fabs(seconds) < 1000 ? format_number(seconds) : format("%.3f", seconds);
+}
+
 std::string format(const char* pattern, ...) {
   std::va_list arguments;
   va_start(arguments, pattern);

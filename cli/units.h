@@ -31,6 +31,8 @@ std::string format_error(double value);
 std::string format_seconds(double seconds);
 // As few digits as tell the value apart for a person: "29.97", "5", "0.008333".
 std::string format_number(double value);
+// A time of the scene's clock: to the millisecond however large, as seconds since 1970 are.
+std::string format_time(double seconds);
 // printf into a string.
 [[gnu::format(printf, 1, 2)]] std::string format(const char* pattern, ...);
 

@@ -37,6 +37,10 @@ for preset in lossless archive default indexed; do
   expect 0 encode day.ply -o day.l4d --preset "$preset" -f
   expect_document 0 validate day.l4d
   expect_document 0 info day.l4d
+  expect_json out 'd["time_begin"] == 1763800000.25'
+  expect 0 info day.l4d --time "$at"
+  expect_text out "from 1763800000.250 s"
+  expect_text out "seek to 1763843280.170 s"
   expect_document 0 slice day.l4d --time "$at" -o now.ply -f
   expect_json out 'd["frames"][0]["gaussians"] == 201'
   expect_document 0 slice day.l4d --time 1763843000 -o before.ply -f
