@@ -108,13 +108,14 @@ void PageExpander::run(const l4d_range& range, size_t first, const l4d_gaussian_
 }
 
 void PageExpander::positions(float* dst) const {
-  if (header_.position == MeanCodingId::kF16) {
+  const MeanCodingId coding = header_.position_of(layer_);
+  if (coding == MeanCodingId::kF16) {
     const uint16_t* axes[3] = {columns_.position[0].data(), columns_.position[1].data(),
                                columns_.position[2].data()};
     kernels_.positions(axes, columns_.n, header_.position_center, header_.position_scale, dst);
     return;
   }
-  if (header_.position == MeanCodingId::kFixed) {
+  if (coding == MeanCodingId::kFixed) {
     const uint32_t* axes[3] = {columns_.fixed_position[0].data(), columns_.fixed_position[1].data(),
                                columns_.fixed_position[2].data()};
     transform_.positions(axes, columns_.n, header_.position_center, header_.position_scale, dst);

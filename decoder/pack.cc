@@ -72,7 +72,7 @@ bool has_other_forms(const SceneHeader& header) {
     return true;
   }
   for (const LayerHeader& layer : header.layers) {
-    if (layer.has_raw_means() || layer.mean_t == MeanCodingId::kFixed ||
+    if (layer.raw_position || layer.has_raw_means() || layer.mean_t == MeanCodingId::kFixed ||
         layer.scale_factor.coding == ScalarCodingId::kRaw32 ||
         std::any_of(layer.component.begin(), layer.component.end(), raw)) {
       return true;

@@ -72,7 +72,7 @@ enum {
   L4D_TOOL_TEMPORAL_OPACITY = 1u << 1, /* some layer has mean times and temporal scales */
   L4D_TOOL_VIEW_DEPENDENCE = 1u << 2,  /* SH degree above 0 */
   L4D_TOOL_RESIDUAL_STAGES = 1u << 3,  /* some component has more than one stage */
-  L4D_TOOL_LITERALS = 1u << 4,         /* some component has literal escapes */
+  L4D_TOOL_LITERALS = 1u << 4,         /* some component has literal escapes, or layer is literal */
   L4D_TOOL_RCQ = 1u << 5,              /* some block has its own codebook */
   L4D_TOOL_LOSSLESS = 1u << 6,         /* attributes are coded as raw float32 */
   L4D_TOOL_TRANSFORM = 1u << 7, /* some component is transform coefficients, without codebooks */

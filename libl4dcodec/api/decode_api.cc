@@ -52,7 +52,11 @@ uint32_t layer_tools(const l4d::SceneHeader& header, const l4d::LayerHeader& lay
   if (temporal.coding != l4d::ComponentCodingId::kZero) tools |= L4D_TOOL_MOTION;
   if (!layer.permanent) tools |= L4D_TOOL_TEMPORAL_OPACITY;
   if (header.sh_degree > 0) tools |= L4D_TOOL_VIEW_DEPENDENCE;
-  if (spatial.coding == l4d::ComponentCodingId::kRaw32) tools |= L4D_TOOL_LOSSLESS;
+  if (layer.raw_position) {
+    tools |= L4D_TOOL_LITERALS;
+  } else if (spatial.coding == l4d::ComponentCodingId::kRaw32) {
+    tools |= L4D_TOOL_LOSSLESS;
+  }
   if (layer.has_entropy) tools |= L4D_TOOL_RANS;
   if (layer.has_entropy && header.sh_base > 0) tools |= L4D_TOOL_SH_BASE;
   for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {

@@ -62,6 +62,8 @@ std::string coded_breach(const SceneHeader& h, bool indexed) {
   component(h.sh, "sh");
   for (size_t l = 0; l < h.layers.size(); ++l) {
     const std::string of = " of layer " + std::to_string(l);
+    b.note(indexed && h.layers[l].raw_position, "position" + of, "is raw32");
+    if (h.layers[l].raw_position) continue;
     b.raw(is_raw(h.layers[l].mean_t), "mean_t" + of);
     b.note(indexed && h.layers[l].mean_t == MeanCodingId::kFixed, "mean_t" + of, "is fixed");
     b.raw(is_raw(h.layers[l].scale_factor), "scale_factor" + of);

@@ -20,7 +20,7 @@ class PageParser {
     out_.n = n_;
     out_.sh_detail = true;
     for (unsigned axis = 0; axis < 3; ++axis) {
-      L4D_RETURN_IF_ERROR(position(header, wants.position, axis));
+      L4D_RETURN_IF_ERROR(position(header, layer, wants.position, axis));
     }
     count(L4D_SECTION_POSITION);
     L4D_RETURN_IF_ERROR(mean_t(layer, wants.mean_t));
@@ -91,12 +91,13 @@ class PageParser {
     return {};
   }
 
-  Status position(const SceneHeader& header, bool wanted, unsigned axis) {
-    if (header.position == MeanCodingId::kF16) {
+  Status position(const SceneHeader& header, const LayerHeader& layer, bool wanted, unsigned axis) {
+    const MeanCodingId coding = header.position_of(layer);
+    if (coding == MeanCodingId::kF16) {
       grow(out_.position[axis], n_);
       return halves(wanted, n_, "VAL-1", out_.position[axis].data());
     }
-    if (header.position == MeanCodingId::kRaw32) {
+    if (coding == MeanCodingId::kRaw32) {
       grow(out_.raw_position[axis], n_);
       return raw(wanted, n_, out_.raw_position[axis].data(), 1);
     }
@@ -407,7 +408,7 @@ Bytes encode_page(StreamEncoder& encoder, const SceneHeader& header, const Layer
                   const BlockRecord* block, const PageColumns& columns) {
   PageWriter writer(encoder, columns.n);
   for (unsigned axis = 0; axis < 3; ++axis) {
-    writer.position(header.position, columns, axis);
+    writer.position(header.position_of(layer), columns, axis);
   }
   writer.mean_t(layer, columns);
   writer.scalar(header.opacity, columns.opacity, columns.raw_opacity);

@@ -62,7 +62,7 @@ size_t first_detail_plane(const SceneHeader& header, const std::vector<PlaneSpec
 }
 
 bool rans_codable(const SceneHeader& header, const LayerHeader& layer) {
-  if (header.position == MeanCodingId::kRaw32 || layer.has_raw_means() ||
+  if (header.position_of(layer) == MeanCodingId::kRaw32 || layer.has_raw_means() ||
       header.opacity.coding == ScalarCodingId::kRaw32 ||
       layer.scale_factor.coding == ScalarCodingId::kRaw32) {
     return false;

@@ -247,7 +247,7 @@ class HeaderParser {
   Status parse_layers(const flatbuffers::Vector<flatbuffers::Offset<fbs::Layer>>& layers) {
     const unsigned levels = num_layers(out_.timeline.num_frames);
     // A level may hold several layers (permanent beside temporal), and no more than these few.
-    if (layers.size() == 0 || layers.size() > 2 * levels) {
+    if (layers.size() == 0 || layers.size() > 2 * levels + 1) {
       return bad("HEAD-6", "no layer, or more than the levels allow");
     }
     uint64_t total = 0;
@@ -338,6 +338,7 @@ class HeaderParser {
                  "directory pages of 2^" + std::to_string(l.directory_bits()) + " buckets");
     }
     out->page_table_offset = l.page_table_offset();
+    out->raw_position = l.raw_position();
     out->has_entropy = l.entropy() != nullptr;
     if (out->has_entropy) {
       const fbs::ChunkRef& e = *l.entropy();
@@ -369,7 +370,8 @@ Bytes serialize_scene_header(const SceneHeader& h) {
         static_cast<uint8_t>(l.mean_t), l.log_scale_t, factor, scale, spatial, temporal,
         static_cast<uint8_t>(l.directory_bits), l.page_table_offset,
         static_cast<uint8_t>(l.mean_t_shift), l.has_entropy ? &entropy : nullptr, l.mean_t_step,
-        static_cast<uint16_t>(l.mean_t_zero), static_cast<uint8_t>(l.mean_t_bits), l.mean_t_fine));
+        static_cast<uint16_t>(l.mean_t_zero), static_cast<uint8_t>(l.mean_t_bits), l.mean_t_fine,
+        l.raw_position));
   }
   const auto layer_vector = b.CreateVector(layers);
   const auto opacity = to_fbs(b, h.opacity);

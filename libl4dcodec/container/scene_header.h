@@ -101,7 +101,8 @@ struct LayerHeader {
   unsigned directory_bits = 0;
   uint64_t page_table_offset = 0;
   bool has_entropy = false;
-  ChunkRef entropy;  // tables of the layer's rans32 pages
+  ChunkRef entropy;           // tables of the layer's rans32 pages
+  bool raw_position = false;  // raw32, whatever the scene's positions are
 
   // Bits of a coded mean time, where there are any.
   unsigned mean_t_width() const {
@@ -147,6 +148,9 @@ struct SceneHeader {
     const unsigned shift =
         position == MeanCodingId::kFixed && position_bits > 15 ? position_bits - 15 : 0;
     return static_cast<double>(position_scale) * static_cast<double>(1u << shift);
+  }
+  MeanCodingId position_of(const LayerHeader& layer) const {
+    return layer.raw_position ? MeanCodingId::kRaw32 : position;
   }
   const ComponentCoding& component(const LayerHeader& layer, unsigned c) const {
     return c == L4D_COMPONENT_SH ? sh : layer.component[c];

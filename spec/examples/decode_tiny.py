@@ -242,7 +242,7 @@ class Decoder:
             return [f32(coding["offset"] + f32(coding["step"] * code))
                     for code in columns.read(n, int(coding["bits"]), what)]
 
-        if h["position"] == RAW32:
+        if h["position"] == RAW32 or layer["raw_position"]:
             position = [columns.floats(n, f"position {axis}") for axis in "xyz"]
         else:
             position = columns.positions(n, h["position"] == FIXED, int(h["position_bits"]))

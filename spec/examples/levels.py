@@ -23,16 +23,19 @@ LEVELS = {1: (100000, 32 * MI, 4 * MI, 8 * MI, 2 * MI, 4 * MI, 64 * MI),
 
 
 def keeps_profile(h, profile):
-    components = [h["sh"]] + [la[name] for la in h["layers"] for name in COMPONENTS[1:]]
+    # Of main, layers whose positions are raw32 may be raw32 in everything.
+    layers = [la for la in h["layers"] if profile != MAIN or not la["raw_position"]]
+    components = [h["sh"]] + [la[name] for la in layers for name in COMPONENTS[1:]]
     codings = [c["coding"] for c in components]
-    means = [RAW32 if la["mean_t"] == RAW64 else la["mean_t"] for la in h["layers"]]
+    means = [RAW32 if la["mean_t"] == RAW64 else la["mean_t"] for la in layers]
     if profile == LOSSLESS:
         return all(c == RAW32 for c in codings + means + [h["position"], h["opacity"]["coding"]])
-    scalars = [h["opacity"]["coding"]] + [la["scale_factor"]["coding"] for la in h["layers"]]
+    scalars = [h["opacity"]["coding"]] + [la["scale_factor"]["coding"] for la in layers]
     if RAW32 in codings + means + scalars:
         return False
     if profile == INDEXED:
-        return h["position"] == F16 and TRANSFORM not in codings and FIXED not in means
+        return (h["position"] == F16 and TRANSFORM not in codings and FIXED not in means and
+                not any(la["raw_position"] for la in layers))
     return h["position"] in (F16, FIXED)
 
 

@@ -139,7 +139,7 @@ def vector_length(header, layer, name):
 def codable(header, layer):
     """Whether RANS-6 lets a layer have rANS pages."""
     return layer["mean_t"] != RAW64 and RAW32 not in (
-        header["position"], layer["mean_t"],
+        RAW32 if layer["raw_position"] else header["position"], layer["mean_t"],
         *[c["coding"] for c in (header["opacity"], header["sh"], layer["scale_factor"],
                                 layer["scale"], layer["rotor_spatial"], layer["rotor_temporal"])])
 

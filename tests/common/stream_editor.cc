@@ -212,7 +212,9 @@ std::vector<PageStream> StreamEditor::streams(const Place& place, size_t page) c
     if (coding.coding == ScalarCodingId::kSq) step(name, n, coding.bits);
     if (coding.coding == ScalarCodingId::kRaw32) step(name, n, 32);
   };
-  for (const char* axis : {"x", "y", "z"}) mean(std::string("position.") + axis, header.position);
+  for (const char* axis : {"x", "y", "z"}) {
+    mean(std::string("position.") + axis, header.position_of(layer));
+  }
   if (layer.mean_t == MeanCodingId::kF16) {
     step("mean_t", n, 16 - layer.mean_t_shift);
   } else {

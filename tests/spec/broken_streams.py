@@ -151,6 +151,8 @@ def broken():
     yield "HEAD-4", edited(lambda s: s.update(sh_degree=4))
     yield "HEAD-5", edited(lambda s: s.update(num_gaussians=10))
     yield "HEAD-6 level", layer(1, level=2)
+    yield "HEAD-6 many", edited(lambda s: s["layers"].extend([dict(
+        s["layers"][1], num_gaussians=0, pages=[], blocks={})] * 8))
     yield "HEAD-6 none", edited(lambda s: s.update(layers=[], num_gaussians=0, sh={"coding": 0}))
     yield "HEAD-7 position", edited(lambda s: s.update(position=0))
     yield "HEAD-7 scalar", coding(None, "opacity", coding=3)

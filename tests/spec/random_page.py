@@ -64,8 +64,11 @@ class Columns:
     def coding(self, name):
         return self.scene[SH] if name == SH else self.layer[name]
 
+    def position_coding(self):
+        return RAW32 if self.layer.get("raw_position") else self.scene["position"]
+
     def coordinates(self):
-        rng, coding = self.rng, self.scene["position"]
+        rng, coding = self.rng, self.position_coding()
         if coding == RAW32:
             return self.raw()
         if coding == FIXED:
@@ -138,7 +141,7 @@ class Columns:
 
     def streams(self):
         rng, scene, layer = self.rng, self.scene, self.layer
-        width = 16 if scene["position"] == F16 else 32
+        width = 16 if self.position_coding() == F16 else 32
         out = b"".join(sb.stream(rng, v, width) for v in self.position)
         if layer["mean_t"] == RAW64:
             out += sb.stream(rng, [v >> 32 for v in self.mean_t], 32)

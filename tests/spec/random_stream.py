@@ -124,6 +124,7 @@ class RandomScene:
                  "mean_t_step": f32(rng.choice([2.0 ** -60, 2.0 ** 60, rng.uniform(1e-4, 0.1)])),
                  "mean_t_fine": rng.random() < 0.5,
                  "log_scale_t": f32(rng.uniform(-3, 9)),
+                 "raw_position": self.may_be_raw and rng.random() < 0.3,
                  "scale_factor": scalar(rng, may_be_raw=scale["coding"] == RAW32),
                  "scale": scale, "rotor_spatial": spatial, "rotor_temporal": temporal}
         buckets = 1 if level == 0 else 2 << level
