@@ -61,6 +61,28 @@ inline void canonicalize_sign(T* rotor /* [8] */) {
   }
 }
 
+// The sign of the half B is free too: (A, -B) is the rotation times -1, which leaves the covariance
+// as it was. Chosen so that A and B are no more than a right angle apart, or the temporal part of
+// the rotor no longer than the spatial one: it then mixes time and space by no more than it must,
+// and no half is near -1 while the other is near 1. A matter of which number stands where.
+template <typename T>
+inline void align_halves(T* rotor /* [8] */) {
+  T spatial = 0, temporal = 0;
+  for (int i = 0; i < 4; ++i) spatial += rotor[i] * rotor[i];
+  for (int i = 4; i < 8; ++i) temporal += rotor[i] * rotor[i];
+  if (!(temporal > spatial)) return;
+  const T s = rotor[kRotorS], b01 = rotor[kRotorB01], b02 = rotor[kRotorB02],
+          b12 = rotor[kRotorB12];
+  rotor[kRotorS] = rotor[kRotorP];
+  rotor[kRotorB01] = -rotor[kRotorB23];
+  rotor[kRotorB02] = rotor[kRotorB13];
+  rotor[kRotorB12] = -rotor[kRotorB03];
+  rotor[kRotorB03] = -b12;
+  rotor[kRotorB13] = b02;
+  rotor[kRotorB23] = -b01;
+  rotor[kRotorP] = s;
+}
+
 // Which rotation of the cube takes the Gaussian to its representative; an index into
 // kCubeRotations. The nearest rotor to the identity is the one with the largest |s|.
 template <typename T>

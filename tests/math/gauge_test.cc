@@ -10,6 +10,8 @@
 #include <iostream>
 #include <set>
 
+#include "libl4dcodec/math/slice.h"
+#include "tests/common/random.h"
 #include "tests/math/reference.h"
 
 namespace l4d {
@@ -98,6 +100,34 @@ void covariance_is_kept(double bound) {
 
 TEST(Gauge, CovarianceIsKeptInDouble) { covariance_is_kept<double>(1e-13); }
 TEST(Gauge, CovarianceIsKeptInFloat) { covariance_is_kept<float>(1e-6); }
+
+// The halves of a rotor to be at most a right angle apart, by turning one round where it has to be.
+TEST(Gauge, HalvesAreAligned) {
+  test::Random random(7);
+  size_t turned = 0;
+  for (int n = 0; n < 1000; ++n) {
+    RotorHalves<double> h;
+    for (double& v : h.a) v = random.normal();
+    for (double& v : h.b) v = random.normal();
+    normalize_half(h.a);
+    normalize_half(h.b);
+    double rotor[8], aligned[8];
+    rotor_of_halves(h, rotor);
+    std::copy_n(rotor, 8, aligned);
+    align_halves(aligned);
+    const RotorHalves<double> out = halves_of_rotor(aligned);
+    const double dot = dot4(out.a, out.b);
+    EXPECT_GE(dot, -1e-12);
+    turned += dot4(h.a, h.b) < 0;
+    const double scale[4] = {0.5, 2, 1, 3};
+    const Slice4D<double> was = slice_gaussian(normalized_halves(rotor), scale);
+    const Slice4D<double> is = slice_gaussian(normalized_halves(aligned), scale);
+    EXPECT_NEAR(is.lambda, was.lambda, 1e-12 * was.lambda);
+    for (int k = 0; k < 3; ++k) EXPECT_NEAR(is.velocity[k], was.velocity[k], 1e-9);
+    for (int k = 0; k < 6; ++k) EXPECT_NEAR(is.covariance[k], was.covariance[k], 1e-9);
+  }
+  EXPECT_GT(turned, 400u);
+}
 
 TEST(Gauge, DegenerateHalfKeepsItsMeaning) {
   Gaussian<double> before{{0.5, 0.25, -0.75, 0.125, 0.125, 0.75, 0.25, -0.5}, {-1, -2, -3, 1}};
