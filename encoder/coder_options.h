@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <functional>
 
+#include "encoder/error_bounds.h"
 #include "encoder/nearest.h"
 #include "encoder/settings.h"
 
@@ -12,6 +13,7 @@ namespace l4d {
 // What the coders of attributes get besides the scene.
 struct CoderOptions {
   const EncoderSettings* settings = nullptr;
+  ErrorBounds bounds;  // none, but for what settings and scene declare
   int threads = 0;
   NearestDevice* device = nullptr;
   uint64_t seed = 0;

@@ -7,9 +7,13 @@
 #include <cstring>
 
 #include "encoder/beside.h"
+#include "encoder/observed_errors.h"
+#include "encoder/position_plan.h"
 #include "encoder/quality.h"
 #include "encoder/sh_coder.h"
+#include "encoder/written_check.h"
 #include "libl4dcodec/base/threads.h"
+#include "libl4dcodec/container/levels.h"
 
 namespace l4d {
 namespace {
@@ -27,6 +31,28 @@ constexpr uint64_t kTotalWork = kPrepareWork + kShWork + kLayersWork + kWriteWor
 
 // While nothing but SH is left to wait for, the callback is asked whether to cancel this often.
 constexpr std::chrono::milliseconds kAskAgain{200};
+
+// Takes Gaussians (ascending) out of the layers that they were planned for; returns them.
+std::vector<uint32_t> take_out(const std::vector<uint32_t>& these, std::vector<LayerPlan>* plans) {
+  if (these.empty()) return these;
+  for (LayerPlan& plan : *plans) {
+    const auto is_one = [&](uint32_t i) {
+      return std::binary_search(these.begin(), these.end(), i);
+    };
+    plan.members.erase(std::remove_if(plan.members.begin(), plan.members.end(), is_one),
+                       plan.members.end());
+  }
+  return these;
+}
+
+// Layers stay in the order of their levels.
+void add_literals(const EncoderScene& scene, std::vector<uint32_t> members,
+                  std::vector<CodedLayer>* layers) {
+  if (members.empty()) return;
+  const auto finer = std::find_if(layers->begin(), layers->end(),
+                                  [](const CodedLayer& l) { return l.header.level > 0; });
+  layers->insert(finer, code_literals(scene, std::move(members)));
+}
 
 }  // namespace
 
@@ -123,10 +149,19 @@ Status Encoder::encode(const WriteFn& write) {
     EncoderScene scene;
     L4D_RETURN_IF_ERROR(prepare_scene(input_, settings_, threads, &scene));
     std::vector<LayerPlan> plans = plan_layers(scene, settings_);
+    const Quality quality(settings_, scene.count);
+    ErrorBounds bounds = declared_bounds(scene, settings_);
+    PositionPlan positions;
+    if (!lossless) positions = plan_positions(scene, settings_, quality, &bounds);
+    // Gaussians that are stored as they are.
+    std::vector<uint32_t> literals = take_out(positions.out_of_reach, &plans);
+    const bool may_be_literal =
+        !lossless && settings_.get_int(L4D_ENC_PROFILE) != static_cast<int>(ProfileId::kIndexed);
     steps.advance(kPrepareWork);
 
     CoderOptions coder_options;
     coder_options.settings = &settings_;
+    coder_options.bounds = bounds;
     coder_options.threads = threads;
     coder_options.device = device_.get();
     coder_options.seed = options_.seed;
@@ -178,7 +213,8 @@ Status Encoder::encode(const WriteFn& write) {
       }
       steps.begin("layering");
       std::vector<uint32_t> misfits;
-      layers[l] = code_layer(scene, plans[l], coder_options, &misfits);
+      layers[l] = code_layer(scene, plans[l], coder_options, &misfits,
+                             may_be_literal ? &literals : nullptr);
       if (!misfits.empty()) {
         std::vector<uint32_t>& to = plans[l - 1].members;
         std::vector<uint32_t> all(to.size() + misfits.size());
@@ -199,19 +235,23 @@ Status Encoder::encode(const WriteFn& write) {
                  layers.end());
 
     steps.begin("write");
+    report.totals.literals = literals.size();
+    add_literals(scene, std::move(literals), &layers);
     choose_frame(layers, lossless, &header);
     if (!lossless) {
-      const Quality quality(settings_, scene.count);
-      if (settings_.get_bool(L4D_ENC_FIXED_POSITIONS)) {
-        double sum = 0;
-        for (const float w : scene.position_importance) sum += static_cast<double>(w);
-        choose_fixed_frame(layers, quality.position_step(sum), &header);
-      }
-      choose_opacity(layers, quality.opacity_bits(), &header);
+      if (positions.step > 0) choose_fixed_frame(layers, positions.step, &header);
+      choose_opacity(layers, positions.opacity_bits, &header);
+    }
+    if (bounds.any()) {
+      const GaussianErrors worst = observed_errors(scene, header, layers, bounds, threads);
+      report.totals.max_position_error = worst.position;
+      report.totals.max_covariance_factor = worst.covariance;
+      report.totals.max_opacity_error = worst.opacity;
     }
     report.totals.num_layers = static_cast<uint32_t>(layers.size());
     FileParts parts;
     L4D_RETURN_IF_ERROR(build_file(scene, settings_, header, layers, sh, threads, &parts));
+    L4D_RETURN_IF_ERROR(check_written(parts.chunks));
     for (const Bytes& chunk : parts.chunks) {
       steps.report(kTotalWork - kWriteWork);
       if (!write(chunk.data(), chunk.size())) return Status(L4D_ERR_IO, "writing failed");

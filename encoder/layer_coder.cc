@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "encoder/closed_loop.h"
 #include "encoder/mean_time.h"
@@ -12,7 +13,6 @@
 #include "libl4dcodec/base/ordered.h"
 #include "libl4dcodec/base/threads.h"
 #include "libl4dcodec/math/layers.h"
-#include "libl4dcodec/math/slice.h"
 
 namespace l4d {
 namespace {
@@ -32,7 +32,7 @@ class LayerCoder {
         settings_(*options.settings),
         quality_(settings_, scene.count) {}
 
-  CodedLayer run(std::vector<uint32_t>* misfits) {
+  CodedLayer run(std::vector<uint32_t>* misfits, std::vector<uint32_t>* literals) {
     lossless_ = settings_.get_bool(L4D_ENC_LOSSLESS);
     out_.header.level = plan_.level;
     out_.header.permanent = plan_.permanent;
@@ -44,15 +44,16 @@ class LayerCoder {
       make_blocks();
       code_shapes(scene_, options_, quality_, &out_);
     }
-    decode();
-    drop_misfits(misfits);
+    place_all();
+    drop_misfits(misfits, literals);
+    out_.header.num_gaussians = count();
     if (!lossless_) {
+      finish_shapes(&out_);
       for (unsigned c = L4D_COMPONENT_SCALE; c < L4D_COMPONENT_COUNT; ++c) {
         rank_codebooks(out_.component[c], out_.blocks);
+        describe_component(out_.component[c], &out_.header.component[c]);
       }
-      describe_components();
     }
-    place_means();
     return std::move(out_);
   }
 
@@ -146,23 +147,93 @@ class LayerCoder {
     }
   }
 
-  // The decoder's float arithmetic, then the slice in double.
-  void decode() {
+  // As a decoder will have the shapes; then means and opacities, which absorb what those are off by
+  // (closed_loop.h); then what is off by too much all the same is coded again.
+  void place_all() {
     const size_t n = count();
     out_.decoded_lambda.resize(n);
     out_.decoded_velocity.resize(3 * n);
+    out_.position.resize(3 * n);
+    out_.opacity.resize(n);
+    literal_.assign(n, 0);
+    const bool bounded = options_.bounds.any() && !lossless_;
     parallel_for(options_.threads, n, kGrain, [&](size_t begin, size_t end) {
       for (size_t j = begin; j < end; ++j) {
-        float rotor[8], log_scale[4];
-        decoded_gaussian(j, rotor, log_scale);
-        double r[8], s[4];
-        for (size_t k = 0; k < 8; ++k) r[k] = static_cast<double>(rotor[k]);
-        for (size_t k = 0; k < 4; ++k) s[k] = std::exp(static_cast<double>(log_scale[k]));
-        const Slice4D<double> slice = slice_gaussian(normalized_halves(r), s);
-        out_.decoded_lambda[j] = slice.lambda;
-        std::copy_n(slice.velocity, 3, out_.decoded_velocity.data() + 3 * j);
+        const SeenGaussian seen = place(j);
+        if (bounded && excess(j, seen) > 1) repair(j);
       }
     });
+  }
+
+  // The decoder's float arithmetic, then the slice in double.
+  SeenGaussian place(size_t j) {
+    const size_t i = out_.members[j];
+    float rotor[8], log_scale[4];
+    decoded_gaussian(j, rotor, log_scale);
+    SeenGaussian seen{};
+    slice_in_double(rotor, log_scale, &seen);
+    out_.decoded_lambda[j] = seen.lambda;
+    std::copy_n(seen.velocity, 3, out_.decoded_velocity.data() + 3 * j);
+    out_.opacity[j] = scene_.opacity[i];
+    std::copy_n(scene_.position.data() + 3 * i, 3, out_.position.data() + 3 * j);
+    if (settings_.get_bool(L4D_ENC_CLOSED_LOOP) && !lossless_) close_loop(j);
+    if (plan_.permanent) seen.lambda = 0;
+    seen.mean = out_.decoded_mean_t[j];
+    seen.reference = reference_time(timeline(), seen.mean);
+    seen.opacity = static_cast<double>(out_.opacity[j]);
+    std::copy_n(out_.position.data() + 3 * j, 3, seen.position);
+    return seen;
+  }
+
+  double excess(size_t j, const SeenGaussian& decoded) const {
+    const double begin = timeline().time_begin;
+    return excess_of(errors_of(scene_.seen(out_.members[j]), decoded, begin,
+                               begin + scene_.duration, options_.bounds),
+                     options_.bounds);
+  }
+
+  // Codes member j more finely until it keeps to the bounds: each time the component that helps
+  // most. What no code can do is left to a literal.
+  void repair(size_t j) {
+    ShapeRefiner refiner(scene_, &out_);
+    const double mean = out_.decoded_mean_t[j];
+    const uint16_t mean_code = out_.mean_t.empty() ? uint16_t{0} : out_.mean_t[j];
+    const auto mean_fine = out_.mean_t_fine.empty() ? 0 : out_.mean_t_fine[j];
+    const auto placed_excess = [&] {
+      out_.decoded_mean_t[j] = mean;
+      if (!out_.mean_t.empty()) out_.mean_t[j] = mean_code;
+      if (!out_.mean_t_fine.empty()) {
+        out_.mean_t_fine[j] = static_cast<uint16_t>(mean_fine);
+      }
+      return excess(j, place(j));
+    };
+    double worst = placed_excess();
+    while (worst > 1) {
+      double best = std::numeric_limits<double>::infinity();
+      double gain = -std::numeric_limits<double>::infinity();
+      unsigned helps_most = 0;
+      for (unsigned c = L4D_COMPONENT_SCALE; c < L4D_COMPONENT_COUNT; ++c) {
+        const ShapeRefiner::State before = refiner.save(j, c);
+        if (!refiner.refine(j, c)) continue;
+        const double then = placed_excess();
+        refiner.restore(j, c, before);
+        // What a bit more for each of its numbers gains, as far as it has to.
+        const double gained =
+            std::log(worst / std::max(then, 1.0)) / static_cast<double>(out_.component[c].dim);
+        if (gained > gain) {
+          gain = gained;
+          best = then;
+          helps_most = c;
+        }
+      }
+      if (helps_most == 0) break;
+      // Where none helps by itself, all of them may.
+      for (unsigned c = L4D_COMPONENT_SCALE; c < L4D_COMPONENT_COUNT; ++c) {
+        if (c == helps_most || !(best < worst)) refiner.refine(j, c);
+      }
+      worst = placed_excess();
+    }
+    literal_[j] = worst > 1;
   }
 
   void decoded_gaussian(size_t j, float* rotor, float* log_scale) const {
@@ -175,17 +246,22 @@ class LayerCoder {
     decoded_shape(out_, j, rotor, log_scale);
   }
 
-  void drop_misfits(std::vector<uint32_t>* misfits) {
+  void drop_misfits(std::vector<uint32_t>* misfits, std::vector<uint32_t>* literals) {
     misfits->clear();
-    if (plan_.level == 0) return;
     const size_t n = count();
-    std::vector<uint8_t> keep(n);
+    std::vector<uint8_t> keep(n, 1);
     for (size_t j = 0; j < n; ++j) {
-      keep[j] = fits_layer(out_.decoded_mean_t[j], 1 / std::sqrt(out_.decoded_lambda[j]),
-                           out_.bucket[j], plan_.level, timeline());
-      if (!keep[j]) misfits->push_back(out_.members[j]);
+      if (literal_[j] != 0 && literals != nullptr) {
+        literals->push_back(out_.members[j]);
+        keep[j] = 0;
+      } else if (plan_.level != 0 &&
+                 !fits_layer(out_.decoded_mean_t[j], 1 / std::sqrt(out_.decoded_lambda[j]),
+                             out_.bucket[j], plan_.level, timeline())) {
+        misfits->push_back(out_.members[j]);
+        keep[j] = 0;
+      }
     }
-    if (misfits->empty()) return;
+    if (std::find(keep.begin(), keep.end(), 0) == keep.end()) return;
     std::sort(misfits->begin(), misfits->end());
     std::vector<size_t> before(n + 1, 0);  // kept Gaussians before j
     for (size_t j = 0; j < n; ++j) before[j + 1] = before[j] + keep[j];
@@ -200,8 +276,10 @@ class LayerCoder {
       if (!out_.mean_t_fine.empty()) out_.mean_t_fine[to] = out_.mean_t_fine[j];
       out_.decoded_mean_t[to] = out_.decoded_mean_t[j];
       out_.decoded_lambda[to] = out_.decoded_lambda[j];
+      out_.opacity[to] = out_.opacity[j];
       for (size_t k = 0; k < 3; ++k) {
         out_.decoded_velocity[3 * to + k] = out_.decoded_velocity[3 * j + k];
+        out_.position[3 * to + k] = out_.position[3 * j + k];
       }
       ++to;
     }
@@ -213,34 +291,12 @@ class LayerCoder {
     out_.decoded_mean_t.resize(to);
     out_.decoded_lambda.resize(to);
     out_.decoded_velocity.resize(3 * to);
+    out_.position.resize(3 * to);
+    out_.opacity.resize(to);
     if (lossless_) return;
     for (unsigned c = L4D_COMPONENT_SCALE; c < L4D_COMPONENT_COUNT; ++c) {
       drop_gaussians(out_.component[c], keep);
     }
-  }
-
-  void describe_components() {
-    out_.header.num_gaussians = count();
-    for (unsigned c = L4D_COMPONENT_SCALE; c < L4D_COMPONENT_COUNT; ++c) {
-      describe_component(out_.component[c], &out_.header.component[c]);
-    }
-  }
-
-  // Means and opacities last: see closed_loop.h.
-  void place_means() {
-    out_.header.num_gaussians = count();
-    const size_t n = count();
-    out_.position.resize(3 * n);
-    out_.opacity.resize(n);
-    const bool closed_loop = settings_.get_bool(L4D_ENC_CLOSED_LOOP) && !lossless_;
-    parallel_for(options_.threads, n, kGrain, [&](size_t begin, size_t end) {
-      for (size_t j = begin; j < end; ++j) {
-        const size_t i = out_.members[j];
-        out_.opacity[j] = scene_.opacity[i];
-        std::copy_n(scene_.position.data() + 3 * i, 3, out_.position.data() + 3 * j);
-        if (closed_loop) close_loop(j);
-      }
-    });
   }
 
   void close_loop(size_t j) {
@@ -309,13 +365,41 @@ class LayerCoder {
   Quality quality_;
   bool lossless_ = false;
   CodedLayer out_;
+  std::vector<uint8_t> literal_;  // [m] what no code brings within the bounds
 };
 
 }  // namespace
 
 CodedLayer code_layer(const EncoderScene& scene, const LayerPlan& plan, const CoderOptions& options,
-                      std::vector<uint32_t>* misfits) {
-  return LayerCoder(scene, plan, options).run(misfits);
+                      std::vector<uint32_t>* misfits, std::vector<uint32_t>* literals) {
+  return LayerCoder(scene, plan, options).run(misfits, literals);
+}
+
+CodedLayer code_literals(const EncoderScene& scene, std::vector<uint32_t> members) {
+  CodedLayer out;
+  out.header.num_gaussians = members.size();
+  out.header.raw_position = true;
+  out.header.mean_t = scene.has_double_times ? MeanCodingId::kRaw64 : MeanCodingId::kRaw32;
+  out.header.scale_factor.coding = ScalarCodingId::kConstant;
+  for (unsigned c = L4D_COMPONENT_SCALE; c < L4D_COMPONENT_COUNT; ++c) {
+    out.header.component[c].coding = ComponentCodingId::kRaw32;
+  }
+  std::sort(members.begin(), members.end());
+  out.bucket.assign(members.size(), 0);
+  for (const uint32_t i : members) {
+    const SeenGaussian seen = scene.seen(i);
+    // binary32, as they are stored.
+    out.decoded_mean_t.push_back(
+        scene.has_double_times ? seen.mean : static_cast<double>(static_cast<float>(seen.mean)));
+    out.decoded_lambda.push_back(seen.lambda);
+    out.opacity.push_back(scene.opacity[i]);
+    for (size_t k = 0; k < 3; ++k) {
+      out.position.push_back(static_cast<double>(static_cast<float>(seen.position[k])));
+      out.decoded_velocity.push_back(seen.velocity[k]);
+    }
+  }
+  out.members = std::move(members);
+  return out;
 }
 
 }  // namespace l4d

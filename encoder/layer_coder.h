@@ -30,8 +30,12 @@ struct CodedLayer {
 };
 
 // Codes the members of a plan. Those whose decoded form no longer fits the layer are left out and
-// returned in `misfits` (ascending) for the next coarser layer.
+// returned in `misfits` (ascending) for the next coarser layer. Those that no code brings within
+// options.bounds are left out too and added to `literals`, unless that is null.
 CodedLayer code_layer(const EncoderScene& scene, const LayerPlan& plan, const CoderOptions& options,
-                      std::vector<uint32_t>* misfits);
+                      std::vector<uint32_t>* misfits, std::vector<uint32_t>* literals);
+
+// A layer of level 0 that holds its members as they are, in binary32.
+CodedLayer code_literals(const EncoderScene& scene, std::vector<uint32_t> members);
 
 }  // namespace l4d

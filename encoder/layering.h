@@ -12,7 +12,7 @@ namespace l4d {
 struct LayerPlan {
   unsigned level = 0;
   bool permanent = false;
-  bool far = false;  // level 0: mean times far outside the sequence
+  bool far = false;               // level 0: mean times far outside the sequence
   std::vector<uint32_t> members;  // indices in the scene, ascending
 };
 

@@ -75,7 +75,13 @@ class LayerBuilder {
 
  private:
   bool lossless() const { return header_.position == MeanCodingId::kRaw32; }
-  bool fixed() const { return header_.position == MeanCodingId::kFixed; }
+  bool raw() const { return header_.position_of(layer_header_) == MeanCodingId::kRaw32; }
+  bool fixed() const { return header_.position_of(layer_header_) == MeanCodingId::kFixed; }
+  // The input's own bits, where the scene is lossless.
+  float raw_position(size_t j, size_t k) const {
+    return lossless() ? scene_.raw_position[3 * layer_.members[j] + k]
+                      : static_cast<float>(layer_.position[3 * j + k]);
+  }
 
   // Pages are made twice, once to count and once to code: their columns may be larger than the
   // scene.
@@ -108,15 +114,14 @@ class LayerBuilder {
             static_cast<double>(header_.position_scale);
         if (fixed()) {
           const double last = static_cast<double>((1u << header_.position_bits) - 1);
-          code[k] = static_cast<uint32_t>(std::clamp(std::nearbyint(scaled), 0.0, last));
+          code[k] = nearest_code<uint32_t>(scaled, 0, last);
           fixed_[3 * j + k] = code[k];
-          continue;
+        } else if (raw()) {
+          code[k] = static_cast<uint16_t>(order_float(raw_position(j, k)) >> 16);
+        } else {
+          half_[3 * j + k] = float_to_half_saturate(static_cast<float>(scaled));
+          code[k] = order_half(half_[3 * j + k]);
         }
-        half_[3 * j + k] = float_to_half_saturate(static_cast<float>(scaled));
-        code[k] = lossless()
-                      ? static_cast<uint16_t>(
-                            order_float(scene_.raw_position[3 * layer_.members[j] + k]) >> 16)
-                      : order_half(half_[3 * j + k]);
       }
       key[j] = morton_code(code[0], code[1], code[2]);
     }
@@ -166,8 +171,8 @@ class LayerBuilder {
     for (size_t k = 0; k < 3; ++k) {
       for (size_t i = 0; i < n; ++i) {
         const size_t j = order_[cut.begin + i];
-        if (lossless()) {
-          columns.raw_position[k].push_back(scene_.raw_position[3 * layer_.members[j] + k]);
+        if (raw()) {
+          columns.raw_position[k].push_back(raw_position(j, k));
         } else if (fixed()) {
           columns.fixed_position[k].push_back(fixed_[3 * j + k]);
         } else {
@@ -183,13 +188,14 @@ class LayerBuilder {
         columns.raw64_mean_t.push_back(scene_.mean_t[layer_.members[j]]);
       }
       if (layer_header_.mean_t == MeanCodingId::kRaw32) {
-        columns.raw_mean_t.push_back(scene_.raw_mean_t[layer_.members[j]]);
+        columns.raw_mean_t.push_back(lossless() ? scene_.raw_mean_t[layer_.members[j]]
+                                                : static_cast<float>(layer_.decoded_mean_t[j]));
       }
       if (lossless()) {
         columns.raw_opacity.push_back(layer_.opacity[j]);
       } else {
         columns.opacity.push_back(scalar_code(header_.opacity, layer_.opacity[j]));
-        columns.scale_factor.push_back(layer_.factor[j]);
+        if (!layer_.factor.empty()) columns.scale_factor.push_back(layer_.factor[j]);
       }
     }
     for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) add_component(c, cut, &columns);
@@ -287,13 +293,6 @@ class LayerBuilder {
     bound(cut, &page->record);
   }
 
-  double decoded_position(size_t j, size_t k) const {
-    if (lossless()) return layer_.position[3 * j + k];
-    const float code =
-        fixed() ? static_cast<float>(fixed_[3 * j + k]) : half_to_float(half_[3 * j + k]);
-    return static_cast<double>(header_.position_center[k] + header_.position_scale * code);
-  }
-
   // Visible interval and the box of all centres over it, both rounded outward.
   void bound(const Cut& cut, PageRecord* record) const {
     const double begin = scene_.timeline.time_begin;
@@ -315,7 +314,7 @@ class LayerBuilder {
       const double reference =
           header_.position_at_mean_time ? mean : reference_time(scene_.timeline, mean);
       for (size_t k = 0; k < 3; ++k) {
-        const double p = decoded_position(j, k);
+        const double p = coded_position(header_, layer_header_, k, layer_.position[3 * j + k]);
         const double v = layer_.decoded_velocity[3 * j + k];
         for (const double t : {a, b}) {
           const double x = p + v * (t - reference);
@@ -364,6 +363,25 @@ BlockRecord block_entries(const CodedLayer& layer, size_t block) {
   return record;
 }
 
+double coded_position(const SceneHeader& header, const LayerHeader& layer, size_t k, double x) {
+  const float center = header.position_center[k];
+  const double scaled =
+      (x - static_cast<double>(center)) / static_cast<double>(header.position_scale);
+  switch (header.position_of(layer)) {
+    case MeanCodingId::kFixed: {
+      const double last = static_cast<double>((1u << header.position_bits) - 1);
+      const float code = static_cast<float>(nearest_code<uint32_t>(scaled, 0, last));
+      return static_cast<double>(center + header.position_scale * code);
+    }
+    case MeanCodingId::kF16: {
+      const float half = half_to_float(float_to_half_saturate(static_cast<float>(scaled)));
+      return static_cast<double>(center + header.position_scale * half);
+    }
+    default:
+      return static_cast<double>(static_cast<float>(x));
+  }
+}
+
 void choose_frame(const std::vector<CodedLayer>& layers, bool lossless, SceneHeader* header) {
   header->position = lossless ? MeanCodingId::kRaw32 : MeanCodingId::kF16;
   std::vector<double> axis;
@@ -371,8 +389,10 @@ void choose_frame(const std::vector<CodedLayer>& layers, bool lossless, SceneHea
   for (size_t k = 0; k < 3; ++k) {
     axis.clear();
     for (const CodedLayer& layer : layers) {
+      if (layer.header.raw_position) continue;
       for (size_t j = k; j < layer.position.size(); j += 3) axis.push_back(layer.position[j]);
     }
+    if (axis.empty()) continue;
     const auto middle = axis.begin() + static_cast<std::ptrdiff_t>(axis.size() / 2);
     std::nth_element(axis.begin(), middle, axis.end());
     // Half of all Gaussians on either side: binary16 is finest around its zero.
@@ -394,13 +414,17 @@ void choose_fixed_frame(const std::vector<CodedLayer>& layers, double step, Scen
   std::fill_n(low, 3, HUGE_VAL);
   std::fill_n(high, 3, -HUGE_VAL);
   for (const CodedLayer& layer : layers) {
+    if (layer.header.raw_position) continue;
     for (size_t j = 0; j < layer.position.size(); ++j) {
       low[j % 3] = std::min(low[j % 3], layer.position[j]);
       high[j % 3] = std::max(high[j % 3], layer.position[j]);
     }
   }
   double reach = 0;
-  for (size_t k = 0; k < 3; ++k) reach = std::max(reach, high[k] - low[k]);
+  for (size_t k = 0; k < 3; ++k) {
+    if (low[k] > high[k]) low[k] = high[k] = 0;  // nothing but literals
+    reach = std::max(reach, high[k] - low[k]);
+  }
   // A step between powers of two saves a fraction of a bit; one that is no power of two rounds
   // nothing that matters.
   const double finest = reach / ((1u << kMaxPositionBits) - 2);

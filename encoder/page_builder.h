@@ -34,6 +34,9 @@ void choose_frame(const std::vector<CodedLayer>& layers, bool lossless, SceneHea
 void choose_fixed_frame(const std::vector<CodedLayer>& layers, double step, SceneHeader* header);
 void choose_opacity(const std::vector<CodedLayer>& layers, unsigned bits, SceneHeader* header);
 
+// What a position is decoded to along axis k.
+double coded_position(const SceneHeader& header, const LayerHeader& layer, size_t k, double x);
+
 BuiltLayer build_layer(const EncoderScene& scene, const SceneHeader& header,
                        const LayerHeader& layer_header, const CodedLayer& layer,
                        const CodedComponent& sh, const PageOptions& options, int threads);

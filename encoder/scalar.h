@@ -14,6 +14,13 @@ namespace l4d {
 // The format forbids tiny non-zero constants, whose arithmetic could be subnormal.
 inline float sound_constant(float v) { return std::fabs(v) < 0x1p-40f ? 0.0f : v; }
 
+// The integer nearest to a number, within a range; what is no number becomes 0. Converting it as it
+// is would be undefined.
+template <typename Int>
+Int nearest_code(double v, double low, double high) {
+  return std::isnan(v) ? Int{0} : static_cast<Int>(std::clamp(std::nearbyint(v), low, high));
+}
+
 // A constant where all values agree, else 2^bits codes from the smallest to the largest value.
 inline ScalarCoding choose_scalar_coding(const std::vector<float>& values, unsigned bits) {
   ScalarCoding coding;
@@ -35,8 +42,14 @@ inline uint16_t scalar_code(const ScalarCoding& coding, float value) {
   if (coding.coding != ScalarCodingId::kSq) return 0;
   const double code = (static_cast<double>(value) - static_cast<double>(coding.offset)) /
                       static_cast<double>(coding.step);
-  return static_cast<uint16_t>(
-      std::clamp<double>(std::nearbyint(code), 0, (1u << coding.bits) - 1u));
+  return nearest_code<uint16_t>(code, 0, (1u << coding.bits) - 1u);
+}
+
+// What `value` is decoded to.
+inline float scalar_value(const ScalarCoding& coding, float value) {
+  return coding.coding == ScalarCodingId::kSq
+             ? coding.offset + coding.step * static_cast<float>(scalar_code(coding, value))
+             : coding.offset;
 }
 
 }  // namespace l4d

@@ -16,15 +16,11 @@ namespace l4d {
 namespace {
 
 constexpr size_t kGrain = 4096;
+// Weights may be any finite floats. Far above this no code tells them apart, and squares of errors
+// and sums over a scene still fit a float.
+constexpr double kMaxWeight = 1e24;
 
-void slice_in_double(const float* rotor, const float* log_scale, double* velocity, double* lambda) {
-  double r[8], s[4];
-  for (size_t k = 0; k < 8; ++k) r[k] = static_cast<double>(rotor[k]);
-  for (size_t k = 0; k < 4; ++k) s[k] = std::exp(static_cast<double>(log_scale[k]));
-  const Slice4D<double> slice = slice_gaussian(normalized_halves(r), s);
-  std::copy_n(slice.velocity, 3, velocity);
-  *lambda = slice.lambda;
-}
+float bounded_weight(double weight) { return static_cast<float>(std::min(weight, kMaxWeight)); }
 
 // Stand-in for a measured importance: how much of the picture, for how long, how opaque.
 float proxy_weight(const EncoderScene& s, size_t i) {
@@ -83,24 +79,44 @@ void set_importance(const EncoderInput& input, bool gauss_newton, EncoderScene* 
     for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
       const float* own = input.weights[kOwn[c]];
       const double given = own == nullptr ? 0.0 : static_cast<double>(own[s.source[i]]);
-      s.importance[c][i] = static_cast<float>(own == nullptr ? kSquarePerAlpha[c] * share(i)
-                                              : gauss_newton ? gauss_newton_square(given)
-                                                             : kSquarePerSum[c] * given);
+      s.importance[c][i] = bounded_weight(own == nullptr ? kSquarePerAlpha[c] * share(i)
+                                          : gauss_newton ? gauss_newton_square(given)
+                                                         : kSquarePerSum[c] * given);
     }
-    s.position_importance[i] = static_cast<float>(
+    s.position_importance[i] = bounded_weight(
         own_position != nullptr
             ? gauss_newton_square(static_cast<double>(own_position[s.source[i]]))
             : kPositionPerScale * static_cast<double>(s.importance[L4D_COMPONENT_SCALE][i]) /
                   square(largest_scale(i)));
     if (input.weights[L4D_WEIGHT_ROTOR_TEMPORAL] == nullptr) {
       s.importance[L4D_COMPONENT_ROTOR_TEMPORAL][i] =
-          static_cast<float>(kTemporalPerPosition * static_cast<double>(s.position_importance[i]) *
-                             square(seen_seconds(s, i)));
+          bounded_weight(kTemporalPerPosition * static_cast<double>(s.position_importance[i]) *
+                         square(seen_seconds(s, i)));
     }
   }
 }
 
 }  // namespace
+
+void slice_in_double(const float* rotor, const float* log_scale, SeenGaussian* out) {
+  double r[8], s[4];
+  for (size_t k = 0; k < 8; ++k) r[k] = static_cast<double>(rotor[k]);
+  for (size_t k = 0; k < 4; ++k) s[k] = std::exp(static_cast<double>(log_scale[k]));
+  const Slice4D<double> slice = slice_gaussian(normalized_halves(r), s);
+  std::copy_n(slice.velocity, 3, out->velocity);
+  std::copy_n(slice.covariance, 6, out->covariance);
+  out->lambda = slice.lambda;
+}
+
+SeenGaussian EncoderScene::seen(size_t i) const {
+  SeenGaussian g{};
+  slice_in_double(rotor.data() + 8 * i, log_scale.data() + 4 * i, &g);
+  g.mean = mean_t[i];
+  g.reference = reference_time(timeline, g.mean);
+  g.opacity = static_cast<double>(opacity[i]);
+  std::copy_n(position.data() + 3 * i, 3, g.position);
+  return g;
+}
 
 double EncoderScene::sigma_t(size_t i) const { return 1.0 / std::sqrt(lambda[i]); }
 
@@ -218,7 +234,10 @@ Status prepare_scene(const EncoderInput& input, const EncoderSettings& settings,
         s.position[3 * i + k] = static_cast<double>(g.position[3 * from + k]);
       }
       s.opacity[i] = g.opacity[from];
-      slice_in_double(rotor, log_scale, s.velocity.data() + 3 * i, &s.lambda[i]);
+      SeenGaussian slice{};
+      slice_in_double(rotor, log_scale, &slice);
+      std::copy_n(slice.velocity, 3, s.velocity.data() + 3 * i);
+      s.lambda[i] = slice.lambda;
       if (lossless) {
         std::copy_n(g.position + 3 * from, 3, s.raw_position.data() + 3 * i);
         if (!s.has_double_times) s.raw_mean_t[i] = g.mean_t[from];
@@ -228,6 +247,7 @@ Status prepare_scene(const EncoderInput& input, const EncoderSettings& settings,
         s.opacity[i] = static_cast<float>(1 / (1 + std::exp(-static_cast<double>(s.opacity[i]))));
       }
       normalize_rotor(rotor, rotor);
+      if (gauge >= 1) align_halves(rotor);
       if (gauge == 1) canonicalize_sign(rotor);
       if (gauge == 2) canonicalize(rotor, log_scale, GaugeMode::kNearestIdentity);
       if (gauge == 3) canonicalize(rotor, log_scale, GaugeMode::kSortedScales);
@@ -245,8 +265,9 @@ Status prepare_scene(const EncoderInput& input, const EncoderSettings& settings,
     const float* given = own != nullptr ? own : alpha_t;
     s.weight[c].resize(n);
     for (size_t i = 0; i < n; ++i) {
-      const float w = given != nullptr ? given[s.source[i]] : proxy_weight(s, i);
-      s.weight[c][i] = own != nullptr && gauss_newton ? w * w : w;
+      const double w =
+          static_cast<double>(given != nullptr ? given[s.source[i]] : proxy_weight(s, i));
+      s.weight[c][i] = bounded_weight(own != nullptr && gauss_newton ? w * w : w);
     }
   }
   if (!lossless) set_importance(input, gauss_newton, out);

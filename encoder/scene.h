@@ -5,6 +5,7 @@
 #include <array>
 #include <vector>
 
+#include "encoder/error_bounds.h"
 #include "encoder/settings.h"
 #include "l4d/encode.h"
 #include "libl4dcodec/base/status.h"
@@ -44,9 +45,14 @@ struct EncoderScene {
   uint64_t invalid_dropped = 0;
   uint64_t pruned = 0;
 
+  // Gaussian i as it is seen.
+  SeenGaussian seen(size_t i) const;
   size_t sh_dim() const { return 3 * (sh_degree + 1) * (sh_degree + 1); }
   double sigma_t(size_t i) const;
 };
+
+// What a decoder's floats are over time: velocity, lambda and covariance of the slice.
+void slice_in_double(const float* rotor, const float* log_scale, SeenGaussian* out);
 
 Status check_input(const EncoderInput& input);
 Status prepare_scene(const EncoderInput& input, const EncoderSettings& settings, int threads,

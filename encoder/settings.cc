@@ -64,6 +64,13 @@ constexpr ParameterDescription kParameters[L4D_ENC_PARAMETER_COUNT] = {
     {"refine", "rounds in which residual stages are coded again for each other", 0, 20, 0, false,
      true},
     {"sh-base", "SH transforms: 0 freely chosen axes, 1 base colours first", 0, 1, 1, false, true},
+    {"max-position-error", "of each Gaussian while seen, in its own sizes; 0 = no bound", 0, 1e6,
+     0.5, false, false},
+    {"max-covariance-factor", "of each Gaussian's variances; 1 or less = no bound", 0, 1e6, 1.5,
+     false, false},
+    {"max-opacity-error", "of each Gaussian at any instant; 0 = no bound", 0, 1, 0.1, false, false},
+    {"max-visible-error", "distance of each Gaussian while visible, scene units; 0 = no bound", 0,
+     1e30, 0, false, false},
 };
 
 // What each effort sets; docs/accuracy.md has the front of time against quality they were taken
@@ -88,18 +95,24 @@ constexpr double kPaperRcqSize = 512;
 // Pages of zstd streams: those gain from length, and no device decodes them.
 constexpr double kStreamPageSize = 32768;
 
-// A preset of transforms is a quality.
+// A preset of transforms is a quality, which errors keep to on average, and bounds that each
+// Gaussian keeps to.
 struct QualityPreset {
   const char* name;
   double quality;
+  double position, covariance, opacity;
 };
-constexpr QualityPreset kQualityPresets[] = {
-    {"default", 44}, {"tiny", 38.5}, {"small", 42.3}, {"large", 46.5}, {"archive", 54}};
+constexpr QualityPreset kQualityPresets[] = {{"default", 44, 0.5, 1.5, 0.1},
+                                             {"tiny", 38.5, 1, 1.5, 0.1},
+                                             {"small", 42.3, 1, 1.5, 0.1},
+                                             {"large", 46.5, 0.25, 1.3, 0.05},
+                                             {"archive", 54, 0.1, 1.1, 0.02}};
 
 // Codebooks leave those Gaussians further off that are not worth a bit more: hence the higher
 // numbers.
-constexpr QualityPreset kIndexedPresets[] = {
-    {"indexed", 45.3}, {"indexed-small", 40}, {"indexed-high", 51}};
+constexpr QualityPreset kIndexedPresets[] = {{"indexed", 45.3, 0.5, 1.5, 0.1},
+                                             {"indexed-small", 40, 1, 1.5, 0.1},
+                                             {"indexed-high", 51, 0.1, 1.2, 0.05}};
 
 constexpr PresetDescription kPresets[] = {
     {"default", "a middle between small and large"},
@@ -184,6 +197,12 @@ Status EncoderSettings::set_stages(int component, const std::vector<float>& frac
   return {};
 }
 
+void EncoderSettings::set_bounds(double position, double covariance, double opacity) {
+  values_[L4D_ENC_MAX_POSITION_ERROR].fill(position);
+  values_[L4D_ENC_MAX_COVARIANCE_FACTOR].fill(covariance);
+  values_[L4D_ENC_MAX_OPACITY_ERROR].fill(opacity);
+}
+
 // Codebooks that follow no quality, and what a page of indices holds beside them.
 void EncoderSettings::use_codebooks() {
   values_[L4D_ENC_CODING].fill(0);
@@ -191,6 +210,7 @@ void EncoderSettings::use_codebooks() {
   values_[L4D_ENC_MEAN_T_SHIFT].fill(0);
   values_[L4D_ENC_OPACITY_BITS].fill(8);
   values_[L4D_ENC_PRUNE_COST].fill(0);
+  set_bounds(0, 0, 0);
 }
 
 Status EncoderSettings::set_preset(const char* name) {
@@ -198,6 +218,7 @@ Status EncoderSettings::set_preset(const char* name) {
   for (const QualityPreset& p : kQualityPresets) {
     if (std::strcmp(name, p.name) != 0) continue;
     fresh.values_[L4D_ENC_QUALITY].fill(p.quality);
+    fresh.set_bounds(p.position, p.covariance, p.opacity);
     *this = fresh;
     return {};
   }
@@ -211,11 +232,13 @@ Status EncoderSettings::set_preset(const char* name) {
     fresh.values_[L4D_ENC_CODEBOOK_SIZE][L4D_COMPONENT_SH] = 2048;
     fresh.values_[L4D_ENC_REFINE].fill(2);
     fresh.values_[L4D_ENC_QUALITY].fill(p.quality);
+    fresh.set_bounds(p.position, p.covariance, p.opacity);
     *this = fresh;
     return {};
   }
   if (std::strcmp(name, "lossless") == 0) {
     fresh.values_[L4D_ENC_LOSSLESS].fill(1);
+    fresh.set_bounds(0, 0, 0);
     fresh.values_[L4D_ENC_PAGE_SIZE].fill(kStreamPageSize);
   } else if (std::strcmp(name, "paper-small") == 0 || std::strcmp(name, "paper-large") == 0) {
     fresh.use_codebooks();

@@ -39,6 +39,7 @@ class EncoderSettings {
 
  private:
   void use_codebooks();
+  void set_bounds(double position, double covariance, double opacity);
 
   std::array<std::array<double, L4D_COMPONENT_COUNT>, L4D_ENC_PARAMETER_COUNT> values_;
   std::array<std::vector<float>, L4D_COMPONENT_COUNT> stages_;

@@ -8,6 +8,7 @@
 #include "encoder/beside.h"
 #include "encoder/coding_cost.h"
 #include "encoder/scalar.h"
+#include "libl4dcodec/base/half.h"
 #include "libl4dcodec/base/threads.h"
 #include "libl4dcodec/math/rotor.h"
 
@@ -19,6 +20,7 @@ constexpr double kMaxStep[L4D_COMPONENT_COUNT] = {0, 0.6, 0.08, 0.0215};
 // A change of one of three coordinates moves the four numbers of a half about twice as far, and
 // their squares are averages over four.
 constexpr float kRotorPerStereographic = 6.0f;
+constexpr double kStepShare = 0.95;
 constexpr double kNearMinusOne = -0.999999;
 
 constexpr int kComponents = 3;
@@ -59,6 +61,30 @@ void decoded_rotor(const CodedComponent& spatial, const CodedComponent& temporal
   std::copy_n(spatial.decoded.data() + 4 * j, 4, merged);
   std::copy_n(temporal.decoded.data() + 4 * j, 4, merged + 4);
   normalize_rotor(merged, rotor);
+}
+
+// Log scales without the decoded factor.
+void scale_row(const EncoderScene& scene, const CodedLayer& layer, size_t j, float factor,
+               float* row) {
+  const size_t i = layer.members[j], dim = layer.header.scale_dim();
+  for (size_t k = 0; k < dim; ++k) row[k] = scene.log_scale[4 * i + k] - factor;
+}
+
+// Stereographic coordinates of the spatial rotation, and what time adds to one half and takes
+// from the other.
+void stereographic_rows(const EncoderScene& scene, size_t i, float* spatial, float* temporal) {
+  double r[8], a[3], b[3];
+  for (size_t k = 0; k < 8; ++k) r[k] = static_cast<double>(scene.rotor[8 * i + k]);
+  RotorHalves<double> h = normalized_halves(r);
+  // (-1, 0, 0, 0) itself has no coordinates; a neighbour will do.
+  h.a[0] = std::max(h.a[0], kNearMinusOne);
+  h.b[0] = std::max(h.b[0], kNearMinusOne);
+  stereographic_of_half(h.a, a);
+  stereographic_of_half(h.b, b);
+  for (size_t k = 0; k < 3; ++k) {
+    spatial[k] = static_cast<float>((a[k] + b[k]) / 2);
+    temporal[k] = static_cast<float>((a[k] - b[k]) / 2);
+  }
 }
 
 class ShapeCoder {
@@ -156,9 +182,7 @@ class ShapeCoder {
     for_all([&](size_t j) {
       out.factor[j] = scalar_code(out.factor_coding, factor[j]);
       const float decoded = decoded_factor(out.factor_coding, out.factor, j);
-      for (size_t k = 0; k < dim; ++k) {
-        rows.values[j * dim + k] = scene_.log_scale[4 * size_t{out_.members[j]} + k] - decoded;
-      }
+      scale_row(scene_, out_, j, decoded, rows.values.data() + j * dim);
     });
     rows.any = any_number(rows);
     out.rows = code_rows(L4D_COMPONENT_SCALE, rows, transform,
@@ -173,13 +197,10 @@ class ShapeCoder {
                       make_rows(L4D_COMPONENT_ROTOR_TEMPORAL, dim)};
     for_all([&](size_t j) {
       const size_t i = out_.members[j];
-      double u[2][3];
-      if (stereographic) stereographic_rotor(i, u[0], u[1]);
+      float* const rows[2] = {halves[0].values.data() + j * dim, halves[1].values.data() + j * dim};
+      if (stereographic) stereographic_rows(scene_, i, rows[0], rows[1]);
       for (unsigned half = 0; half < 2; ++half) {
-        for (size_t k = 0; k < dim; ++k) {
-          halves[half].values[j * dim + k] =
-              stereographic ? static_cast<float>(u[half][k]) : scene_.rotor[8 * i + 4 * half + k];
-        }
+        if (!stereographic) std::copy_n(scene_.rotor.data() + 8 * i + 4 * half, 4, rows[half]);
         if (stereographic) halves[half].importance[j] *= kRotorPerStereographic;
       }
     });
@@ -236,6 +257,14 @@ class ShapeCoder {
       TransformSettings s;
       s.distortion = quality_.per_number(c);
       s.max_step = quality_.max_step(kMaxStep[c]);
+      // Half a step of a log scale is a factor of a variance. With a coarser one most Gaussians
+      // would be beyond their bound, and pay for a whole bit.
+      if (c == L4D_COMPONENT_SCALE && options_.bounds.covariance > 1) {
+        s.max_step = std::min(s.max_step, kStepShare * std::log(options_.bounds.covariance));
+      }
+      // What does not move has to decode to what does not move, whatever others do.
+      s.zero_origin = c == L4D_COMPONENT_ROTOR_TEMPORAL;
+      s.all_coefficients = true;
       s.threads = threads_;
       out.coding = ComponentCodingId::kTransform;
       out.component =
@@ -301,23 +330,6 @@ class ShapeCoder {
     return rows.coding == ComponentCodingId::kZero ? 0 : component_bits(rows.component);
   }
 
-  // Stereographic coordinates of the spatial rotation, and what time adds to one half and takes
-  // from the other.
-  void stereographic_rotor(size_t i, double* spatial, double* temporal) const {
-    double r[8], a[3], b[3];
-    for (size_t k = 0; k < 8; ++k) r[k] = static_cast<double>(scene_.rotor[8 * i + k]);
-    RotorHalves<double> h = normalized_halves(r);
-    // (-1, 0, 0, 0) itself has no coordinates; a neighbour will do.
-    h.a[0] = std::max(h.a[0], kNearMinusOne);
-    h.b[0] = std::max(h.b[0], kNearMinusOne);
-    stereographic_of_half(h.a, a);
-    stereographic_of_half(h.b, b);
-    for (size_t k = 0; k < 3; ++k) {
-      spatial[k] = (a[k] + b[k]) / 2;
-      temporal[k] = (a[k] - b[k]) / 2;
-    }
-  }
-
   float largest_log_scale_t() const {
     float largest = scene_.log_scale[4 * size_t{out_.members[0]} + 3];
     for (const uint32_t i : out_.members) {
@@ -337,6 +349,80 @@ class ShapeCoder {
 };
 
 }  // namespace
+
+ShapeRefiner::ShapeRefiner(const EncoderScene& scene, CodedLayer* layer)
+    : scene_(scene), layer_(*layer) {}
+
+void ShapeRefiner::make_row(size_t j, unsigned c, float* row) const {
+  const size_t i = layer_.members[j];
+  if (c == L4D_COMPONENT_SCALE) {
+    scale_row(scene_, layer_, j, decoded_factor(layer_.header.scale_factor, layer_.factor, j), row);
+    return;
+  }
+  const bool temporal = c == L4D_COMPONENT_ROTOR_TEMPORAL;
+  if (!layer_.component[c].is_transform) {
+    std::copy_n(scene_.rotor.data() + 8 * i + (temporal ? 4 : 0), 4, row);
+    return;
+  }
+  float rows[2][3];
+  stereographic_rows(scene_, i, rows[0], rows[1]);
+  std::copy_n(rows[temporal ? 1 : 0], 3, row);
+}
+
+bool ShapeRefiner::refine(size_t j, unsigned c) {
+  CodedComponent& component = layer_.component[c];
+  const ComponentCodingId coding = layer_.header.component[c].coding;
+  float row[4];
+  if (coding == ComponentCodingId::kTransform) {
+    make_row(j, c, row);
+    return code_row(row, component.dim, j, component.transform.cls[j] + 1u, component.transform,
+                    component.decoded.data() + j * component.dim);
+  }
+  if (coding != ComponentCodingId::kVq || component.depth[j] == kLiteralDepth) return false;
+  make_row(j, c, row);
+  component.depth[j] = kLiteralDepth;
+  for (size_t k = 0; k < component.dim; ++k) {
+    component.decoded[j * component.dim + k] = half_to_float(float_to_half_saturate(row[k]));
+  }
+  return true;
+}
+
+ShapeRefiner::State ShapeRefiner::save(size_t j, unsigned c) const {
+  const CodedComponent& component = layer_.component[c];
+  State s;
+  std::copy_n(component.decoded.data() + j * component.dim, component.dim, s.decoded);
+  if (!component.is_transform) {
+    s.depth = component.depth[j];
+    return s;
+  }
+  s.cls = component.transform.cls[j];
+  for (size_t k = 0; k < component.transform.coefficient.size(); ++k) {
+    s.coefficient[k] = component.transform.coefficient[k][j];
+  }
+  return s;
+}
+
+void ShapeRefiner::restore(size_t j, unsigned c, const State& s) {
+  CodedComponent& component = layer_.component[c];
+  std::copy_n(s.decoded, component.dim, component.decoded.data() + j * component.dim);
+  if (!component.is_transform) {
+    component.depth[j] = s.depth;
+    return;
+  }
+  component.transform.cls[j] = s.cls;
+  for (size_t k = 0; k < component.transform.coefficient.size(); ++k) {
+    component.transform.coefficient[k][j] = s.coefficient[k];
+  }
+}
+
+void finish_shapes(CodedLayer* layer) {
+  for (unsigned c = L4D_COMPONENT_SCALE; c < L4D_COMPONENT_COUNT; ++c) {
+    CodedComponent& component = layer->component[c];
+    if (component.is_transform) drop_unused_coefficients(component.transform, component.dim);
+    component.any_literal = std::find(component.depth.begin(), component.depth.end(),
+                                      kLiteralDepth) != component.depth.end();
+  }
+}
 
 void code_shapes(const EncoderScene& scene, const CoderOptions& options, const Quality& quality,
                  CodedLayer* layer) {

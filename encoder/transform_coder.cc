@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "decoder/transform.h"
+#include "encoder/scalar.h"
 #include "libl4dcodec/base/half.h"
 #include "libl4dcodec/base/threads.h"
 
@@ -23,8 +24,27 @@ constexpr double kMinBaseVariance = 1e-6;
 // Numbers of coefficients that a Gaussian may have: fine where most end, coarse beyond.
 constexpr uint8_t kLadder[] = {2, 4, 6, 9, 12, 16, 20, 26, 34};
 
+constexpr double kMaxCoefficient = 32767;
+
 double half_value(double v) {
   return static_cast<double>(half_to_float(float_to_half_saturate(static_cast<float>(v))));
+}
+
+// basis: with the padding that loops of a decoder rely on.
+TransformSource source_of(const CodedTransform& coded, size_t dim,
+                          const std::vector<float>& basis) {
+  TransformSource source;
+  source.dim = dim;
+  source.num_coefficients = coded.steps.size();
+  source.basis = basis.data();
+  source.steps = coded.steps.data();
+  source.cls = coded.cls.data();
+  source.rung = coded.rung.data();
+  source.ladder = coded.ladder.data();
+  for (size_t k = 0; k < coded.coefficient.size(); ++k) {
+    source.coefficient[k] = coded.coefficient[k].data();
+  }
+  return source;
 }
 
 class TransformCoder {
@@ -72,7 +92,7 @@ class TransformCoder {
     }
     out_.basis.assign((dim_ + 1) * dim_, 0.0f);
     for (size_t d = 0; d < dim_; ++d) {
-      mean[d] = half_value(mean[d] / sum);
+      mean[d] = settings_.zero_origin ? 0 : half_value(mean[d] / sum);
       out_.basis[d] = static_cast<float>(mean[d]);
     }
     if (!settings_.principal_axes) {
@@ -148,8 +168,8 @@ class TransformCoder {
     for (size_t i = 0; i < n_; ++i) {
       const double w = std::max(static_cast<double>(weights_[i]), 1e-30);
       const double step = std::sqrt(12 * settings_.distortion / w);
-      const double octaves = std::nearbyint(std::log2(static_cast<double>(step0_) / step));
-      out_.cls[i] = static_cast<uint8_t>(std::clamp<double>(octaves, 0, kTransformClasses - 1));
+      const double octaves = std::log2(static_cast<double>(step0_) / step);
+      out_.cls[i] = nearest_code<uint8_t>(octaves, 0, kTransformClasses - 1);
     }
   }
 
@@ -178,8 +198,8 @@ class TransformCoder {
             const double rounded = std::ldexp(out_.coefficient[j][i], -int{out_.cls[i]});
             c[k] += (c[j] - rounded) * leaning[k * base_ + j];
           }
-          const double q = std::nearbyint(std::ldexp(c[k], out_.cls[i]));
-          out_.coefficient[k][i] = static_cast<int16_t>(std::clamp(q, -32767.0, 32767.0));
+          out_.coefficient[k][i] = nearest_code<int16_t>(std::ldexp(c[k], out_.cls[i]),
+                                                         -kMaxCoefficient, kMaxCoefficient);
         }
       }
     });
@@ -202,6 +222,11 @@ class TransformCoder {
   }
 
   void choose_rungs() {
+    if (settings_.all_coefficients) {
+      out_.ladder.assign(1, static_cast<uint8_t>(dim_));
+      out_.rung.assign(n_, 1);
+      return;
+    }
     std::vector<uint8_t> used(n_, 0);
     size_t most = 1;
     for (size_t i = 0; i < n_; ++i) {
@@ -237,17 +262,7 @@ class TransformCoder {
     decoded_.resize(n_ * dim_);
     std::vector<float> padded = out_.basis;
     padded.resize(padded.size() + 16);
-    TransformSource source;
-    source.dim = dim_;
-    source.num_coefficients = out_.steps.size();
-    source.basis = padded.data();
-    source.steps = out_.steps.data();
-    source.cls = out_.cls.data();
-    source.rung = out_.rung.data();
-    source.ladder = out_.ladder.data();
-    for (size_t k = 0; k < out_.coefficient.size(); ++k) {
-      source.coefficient[k] = out_.coefficient[k].data();
-    }
+    const TransformSource source = source_of(out_, dim_, padded);
     parallel_for(settings_.threads, n_, kGrain, [&](size_t begin, size_t end) {
       // Not compact: coefficient i of each array is that of Gaussian i.
       for (size_t i = begin; i < end; ++i) {
@@ -271,6 +286,41 @@ class TransformCoder {
 };
 
 }  // namespace
+
+bool code_row(const float* row, size_t dim, size_t i, unsigned cls, CodedTransform& coded,
+              float* decoded) {
+  if (cls >= kTransformClasses) return false;
+  constexpr size_t kMaxDim = 4;
+  int16_t q[kMaxDim];
+  for (size_t k = 0; k < dim; ++k) {
+    const double c = (static_cast<double>(row[k]) - static_cast<double>(coded.basis[k])) /
+                     static_cast<double>(coded.steps[k]);
+    const double scaled = std::ldexp(c, static_cast<int>(cls));
+    if (!(std::fabs(scaled) <= kMaxCoefficient)) return false;
+    q[k] = nearest_code<int16_t>(scaled, -kMaxCoefficient, kMaxCoefficient);
+  }
+  coded.cls[i] = static_cast<uint8_t>(cls);
+  for (size_t k = 0; k < dim; ++k) coded.coefficient[k][i] = q[k];
+  std::vector<float> padded = coded.basis;
+  padded.resize(padded.size() + 16);
+  TransformCursor cursor;
+  cursor.coefficient.fill(i);
+  transform_kernels_reference().rows(source_of(coded, dim, padded), cursor, i, i + 1, decoded,
+                                     false);
+  return true;
+}
+
+void drop_unused_coefficients(CodedTransform& coded, size_t dim) {
+  size_t used = coded.coefficient.size();
+  const auto unused = [](const std::vector<int16_t>& column) {
+    return std::all_of(column.begin(), column.end(), [](int16_t q) { return q == 0; });
+  };
+  while (used > 1 && unused(coded.coefficient[used - 1])) --used;
+  coded.steps.resize(used);
+  coded.coefficient.resize(used);
+  coded.basis.resize((used + 1) * dim);
+  coded.ladder.assign(1, static_cast<uint8_t>(used));
+}
 
 CodedTransform code_transform(const float* rows, const float* weights, size_t n, size_t dim,
                               const TransformSettings& settings, std::vector<float>* decoded) {

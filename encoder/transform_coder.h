@@ -18,6 +18,9 @@ struct TransformSettings {
   // the others, so that as many leading coefficients are an approximation of them. 0 = freely
   // chosen axes.
   size_t base = 0;
+  bool zero_origin = false;  // a row of zeros is coded as such
+  // Keep coefficients that are 0 in all rows, for rows that may be coded again by code_row.
+  bool all_coefficients = false;
   int threads = 0;
 };
 
@@ -36,6 +39,14 @@ struct CodedTransform {
 // row. decoded: [n, dim], as a decoder will have them, bit for bit.
 CodedTransform code_transform(const float* rows, const float* weights, size_t n, size_t dim,
                               const TransformSettings& settings, std::vector<float>* decoded);
+
+// Codes row i once more, in class `cls`; decoded: [dim]. False, with nothing changed, where there
+// is no such class or a coefficient would be too large for it. Without principal axes only.
+bool code_row(const float* row, size_t dim, size_t i, unsigned cls, CodedTransform& coded,
+              float* decoded);
+
+// Drops trailing coefficients that are 0 in all rows, of transforms without principal axes.
+void drop_unused_coefficients(CodedTransform& coded, size_t dim);
 
 void drop_gaussians(CodedTransform& coded, const std::vector<uint8_t>& keep);
 

@@ -112,7 +112,22 @@ enum {
   /* Where SH is a transform: 0: freely chosen axes, 1: base colours first (L4D_TOOL_SH_BASE), so
    * that players can do without SH detail. 0 | 1 */
   L4D_ENC_SH_BASE = 32,
-  L4D_ENC_PARAMETER_COUNT = 33
+  /* Bounds on the error of each single Gaussian, whatever its weight; 0 = none. Those that the
+   * quality leaves beyond one are coded more finely, or literally, which only they pay for. Sizes
+   * below 1/4000 of the extent of the scene (of nine tenths of its Gaussians on each axis, and a
+   * quarter more) count as that. With binary16 positions, the rounding of these comes on top.
+   *
+   * Distance between where the Gaussian is seen and where it should be, in its own largest standard
+   * deviations, while it has half of its greatest opacity in the sequence or more. 0..1e6 */
+  L4D_ENC_MAX_POSITION_ERROR = 33,
+  /* Largest ratio of a principal variance to what it should be, one way or the other, and 1 +
+   * largest change of a variance in any direction in parts of the largest: 1.5, say. 0, or above 1
+   */
+  L4D_ENC_MAX_COVARIANCE_FACTOR = 34,
+  L4D_ENC_MAX_OPACITY_ERROR = 35, /* of the opacity seen at any instant, 0..1 */
+  /* Distance in scene units at any instant at which the Gaussian is visible. */
+  L4D_ENC_MAX_VISIBLE_ERROR = 36,
+  L4D_ENC_PARAMETER_COUNT = 37
 };
 L4D_API l4d_status l4d_encoder_set(l4d_encoder* encoder, l4d_encoder_parameter id,
                                    int32_t component, double value);
@@ -176,6 +191,12 @@ typedef struct l4d_encode_report {
   uint32_t num_stages; /* timed steps, see l4d_encoder_get_stage */
   uint32_t num_layers;
   double total_seconds;
+  uint64_t literals; /* Gaussians in a layer of literals: out of reach, or else beyond a bound */
+  /* Largest errors over all Gaussians, as the bounds on them measure them; 0 where there are none.
+   */
+  double max_position_error;
+  double max_covariance_factor;
+  double max_opacity_error;
 } l4d_encode_report;
 L4D_API void l4d_encode_report_init_(l4d_encode_report* report, size_t struct_size);
 #define l4d_encode_report_init(report) l4d_encode_report_init_((report), sizeof(*(report)))

@@ -78,8 +78,9 @@ L4D_LAYOUT(l4d_violation, 40);
 L4D_FIELD(l4d_violation, clause, 16);
 L4D_LAYOUT(l4d_encoder_options, 24);
 L4D_LAYOUT(l4d_parameter_info, 48);
-L4D_LAYOUT(l4d_encode_report, 80);
+L4D_LAYOUT(l4d_encode_report, 112);
 L4D_FIELD(l4d_encode_report, total_seconds, 72);
+L4D_FIELD(l4d_encode_report, max_opacity_error, 104);
 #endif
 static_assert(sizeof(l4d_status) == 4);
 

@@ -21,7 +21,10 @@ EncodeOptions small_options() {
                 {L4D_ENC_REFINE, 0},
                 {L4D_ENC_MEAN_T_SHIFT, 0},
                 {L4D_ENC_OPACITY_BITS, 8},
-                {L4D_ENC_PRUNE_COST, 0}};
+                {L4D_ENC_PRUNE_COST, 0},
+                {L4D_ENC_MAX_POSITION_ERROR, 0},
+                {L4D_ENC_MAX_COVARIANCE_FACTOR, 0},
+                {L4D_ENC_MAX_OPACITY_ERROR, 0}};
   o.stages = {{L4D_ALL_COMPONENTS, {1}}};
   return o;
 }
@@ -69,7 +72,12 @@ const Bytes& transform_file() {
     EncodeOptions o;
     o.preset = "default";
     o.rans = true;
-    o.settings = {{L4D_ENC_MERGE_COUNT, 40}, {L4D_ENC_PAGE_SIZE, 128}};
+    // No layer of literals: tests have pages of one kind.
+    o.settings = {{L4D_ENC_MERGE_COUNT, 40},
+                  {L4D_ENC_PAGE_SIZE, 128},
+                  {L4D_ENC_MAX_POSITION_ERROR, 0},
+                  {L4D_ENC_MAX_COVARIANCE_FACTOR, 0},
+                  {L4D_ENC_MAX_OPACITY_ERROR, 0}};
     return encode(make_scene({}), o).bytes;
   }();
   return kBytes;

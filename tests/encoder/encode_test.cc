@@ -762,7 +762,10 @@ TEST(Coding, IsWhicheverCostsLess) {
       o.settings = {{L4D_ENC_CODING, static_cast<double>(coding)},
                     {L4D_ENC_CODEBOOKS_BY_COST, 1},
                     {L4D_ENC_QUALITY, 44},
-                    {L4D_ENC_PRUNE_COST, 0}};
+                    {L4D_ENC_PRUNE_COST, 0},
+                    {L4D_ENC_MAX_POSITION_ERROR, 0},
+                    {L4D_ENC_MAX_COVARIANCE_FACTOR, 0},
+                    {L4D_ENC_MAX_OPACITY_ERROR, 0}};
       return encode(scene, o).bytes;
     };
     const Bytes cheaper = encoded(2);

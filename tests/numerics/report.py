@@ -58,6 +58,18 @@ def schur(document, _):
     return table(("scene", "method", "median", "p99", "max", "not positive definite"), rows)
 
 
+def bounds(document, _):
+    def cells(key):
+        show = str if key == "bytes" else figure
+        return [" -> ".join(show(r[way][key]) for way in ("without", "with")) for r in rows]
+    rows = document["bounds"]
+    columns = [cells(key) for key in ("position", "covariance", "opacity", "bytes")]
+    return table(("scene", "preset", "position, sizes", "covariance, factor", "opacity", "bytes",
+                  "literals"),
+                 [(r["scene"], r["preset"], *figures, str(r["literals"]))
+                  for r, *figures in zip(rows, *columns)])
+
+
 def plot(series, folder):
     import matplotlib
     matplotlib.use("svg")
@@ -86,7 +98,7 @@ def plot(series, folder):
     drawing.savefig(folder / "schur.png", dpi=130, metadata={"Software": None})
 
 
-MAKERS = {"formulas": formulas, "schur": schur}
+MAKERS = {"formulas": formulas, "schur": schur, "bounds": bounds}
 BLOCK = re.compile(r"(<!-- (\w+)(?: (\w+))?: written by tests/numerics/report.py -->\n)"
                    r".*?(<!-- end -->)", re.S)
 

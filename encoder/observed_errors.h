@@ -1,0 +1,17 @@
+// SPDX-License-Identifier: Apache-2.0
+// The last check of what was coded: every Gaussian, as a decoder will have it, against the scene.
+#pragma once
+
+#include <vector>
+
+#include "encoder/layer_coder.h"
+
+namespace l4d {
+
+// The largest errors of all members of the layers, whose frame and opacity coding the header holds.
+// bounds: what sizes count; its slacks do not.
+GaussianErrors observed_errors(const EncoderScene& scene, const SceneHeader& header,
+                               const std::vector<CodedLayer>& layers, ErrorBounds bounds,
+                               int threads);
+
+}  // namespace l4d

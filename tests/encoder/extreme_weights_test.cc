@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: Apache-2.0
+// Any finite weight is one that a scene may have: what is written must be a stream all the same.
+#include <gtest/gtest.h>
+
+#include <limits>
+
+#include "encoder/written_check.h"
+#include "tests/common/codec.h"
+
+namespace l4d {
+namespace {
+
+using namespace test;
+
+TestScene small_scene() {
+  SceneOptions s;
+  s.count = 300;
+  s.num_frames = 16;
+  return make_scene(s);
+}
+
+// spec: ENC-1
+TEST(ExtremeWeights, GiveStreamsThatDecode) {
+  const TestScene scene = small_scene();
+  constexpr float kMax = std::numeric_limits<float>::max();
+  for (const char* preset : {"default", "archive", "indexed-small"}) {
+    for (const double measure : {0.0, 1.0}) {
+      for (const float rest : {1e-20f, 1.0f, kMax}) {
+        std::vector<float> weights(scene.count(), rest);
+        weights[3] = kMax;
+        weights[5] = std::numeric_limits<float>::denorm_min();
+        EncodeOptions o;
+        o.preset = preset;
+        o.rans = true;
+        o.settings = {{L4D_ENC_WEIGHT_MEASURE, measure},
+                      {L4D_ENC_CODEBOOK_SIZE, 32},
+                      {L4D_ENC_PRUNE_COST, 0}};
+        for (uint32_t which = 0; which < L4D_WEIGHT_COUNT; ++which) {
+          o.weights.emplace_back(which, &weights);
+        }
+        const Encoded e = encode(scene, o);
+        EXPECT_TRUE(validate(e.bytes).empty()) << preset << measure << rest;
+        EXPECT_EQ(decode(e.bytes, all_query()).count(), scene.count());
+      }
+    }
+  }
+}
+
+// What holds for good streams is found out in bad ones, wherever their pieces lie.
+TEST(WrittenCheck, RefusesWhatADecoderRefuses) {
+  const Bytes& good = transform_file();
+  const auto cut = [](const Bytes& bytes) {
+    std::vector<Bytes> pieces;
+    for (size_t at = 0; at < bytes.size(); at += 1000) {
+      pieces.emplace_back(
+          bytes.begin() + static_cast<std::ptrdiff_t>(at),
+          bytes.begin() + static_cast<std::ptrdiff_t>(std::min(at + 1000, bytes.size())));
+    }
+    return pieces;
+  };
+  EXPECT_TRUE(check_written(cut(good)).ok());
+  EXPECT_TRUE(check_written({good}).ok());
+  Bytes bad = good;
+  bad[44] ^= 1;  // in the scene header
+  const Status status = check_written(cut(bad));
+  EXPECT_EQ(status.code(), L4D_ERR_INTERNAL);
+  EXPECT_STREQ(status.clause(), "FILE-6");
+  bad = good;
+  bad.resize(bad.size() / 2);
+  EXPECT_FALSE(check_written(cut(bad)).ok());
+}
+
+}  // namespace
+}  // namespace l4d

@@ -1,0 +1,246 @@
+// SPDX-License-Identifier: Apache-2.0
+// What presets declare of each single Gaussian, held against what is decoded: an oracle of its own,
+// in double.
+#include <gtest/gtest.h>
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "io/rotor_math.h"
+#include "tests/common/codec.h"
+#include "tests/numerics/formula.h"
+#include "tests/numerics/hard_scenes.h"
+
+namespace l4d::numerics {
+namespace {
+
+using namespace test;
+
+struct Worst {
+  double position = 0, covariance = 1, opacity = 0;
+};
+
+struct Seen {
+  Eigen::Vector3d position, velocity;
+  Eigen::Matrix3d covariance;
+  double mean, sigma, reference, opacity;
+
+  Eigen::Vector3d at(double t) const { return position + velocity * (t - reference); }
+  double opacity_at(double t) const {
+    const double z = (t - mean) / sigma;
+    return std::fabs(z) <= 4 ? opacity * std::exp(-0.5 * z * z) : 0;
+  }
+};
+
+Seen seen_of(const float* position, float mean, const float* log_scale, const float* rotor,
+             float opacity, double begin, double end) {
+  io::Rotor r;
+  io::Vec4 s;
+  for (size_t k = 0; k < 8; ++k) r[k] = static_cast<double>(rotor[k]);
+  for (size_t k = 0; k < 4; ++k) s[k] = std::exp(static_cast<double>(log_scale[k]));
+  const io::Slice slice = io::slice(r, s);
+  Seen out;
+  for (int i = 0; i < 3; ++i) {
+    out.position[i] = static_cast<double>(position[i]);
+    out.velocity[i] = slice.velocity[static_cast<size_t>(i)];
+    for (int j = 0; j < 3; ++j) {
+      double sum = 0;
+      for (size_t k = 0; k < 4; ++k) {
+        sum += slice.rows[static_cast<size_t>(i)][k] * slice.rows[static_cast<size_t>(j)][k];
+      }
+      out.covariance(i, j) = sum;
+    }
+  }
+  out.mean = static_cast<double>(mean);
+  out.sigma = slice.sigma_t;
+  out.reference = std::clamp(out.mean, begin, end);
+  out.opacity = static_cast<double>(opacity);
+  return out;
+}
+
+// 1/4000 of the largest side of the box of nine tenths of the scene, and a quarter.
+double least_size(const TestScene& s) {
+  double extent = 0;
+  for (size_t k = 0; k < 3; ++k) {
+    std::vector<float> axis;
+    for (size_t i = 0; i < s.count(); ++i) axis.push_back(s.position[3 * i + k]);
+    std::sort(axis.begin(), axis.end());
+    const size_t tail = axis.size() / 20;
+    extent = std::max(
+        extent, std::min(1.25 * static_cast<double>(axis[axis.size() - 1 - tail] - axis[tail]),
+                         static_cast<double>(axis.back() - axis.front())));
+  }
+  return extent / 4000;
+}
+
+Worst worst_errors(const TestScene& scene, const Encoded& e) {
+  const GaussianArrays a = decode(e.bytes, all_query());
+  const double begin = scene.timeline.time_begin, end = begin + scene.duration();
+  const double least = least_size(scene);
+  Worst worst;
+  for (size_t j = 0; j < a.count(); ++j) {
+    const size_t i = e.order[j];
+    const Seen was = seen_of(&scene.position[3 * i], scene.mean_t[i], &scene.log_scale[4 * i],
+                             &scene.rotor[8 * i], scene.opacity[i], begin, end);
+    const Seen is = seen_of(&a.position[3 * j], a.mean_t[j], &a.log_scale[4 * j], &a.rotor[8 * j],
+                            a.opacity[j], begin, end);
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> sizes(was.covariance);
+    const double size = std::max(std::sqrt(std::max(sizes.eigenvalues()[2], 0.0)), least);
+    const double nearest = was.reference - was.mean;
+    const double half = std::sqrt(nearest * nearest + 2 * std::log(2.0) * was.sigma * was.sigma);
+    for (int k = -20; k <= 20; ++k) {
+      const double t = std::clamp(was.mean + half * k / 20, begin, end);
+      worst.position = std::max(worst.position, (was.at(t) - is.at(t)).norm() / size);
+    }
+    for (int k = 0; k <= 200; ++k) {
+      const double t = std::clamp(was.mean + was.sigma * (k - 100) / 25, begin, end);
+      worst.opacity = std::max(worst.opacity, std::fabs(was.opacity_at(t) - is.opacity_at(t)));
+    }
+    const double floor = std::max(least, 1e-6 * size);
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> others(is.covariance);
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> change(is.covariance - was.covariance);
+    for (int k = 0; k < 3; ++k) {
+      const double ratio = (std::max(others.eigenvalues()[k], 0.0) + floor * floor) /
+                           (std::max(sizes.eigenvalues()[k], 0.0) + floor * floor);
+      const double turned =
+          std::fabs(change.eigenvalues()[k]) / (sizes.eigenvalues()[2] + floor * floor);
+      worst.covariance = std::max({worst.covariance, ratio, 1 / ratio, 1 + turned});
+    }
+  }
+  return worst;
+}
+
+struct PresetBounds {
+  const char* name;
+  double position, covariance, opacity;
+  bool binary16;  // positions, whose rounding comes on top
+};
+// As docs/numerics.md has them.
+constexpr PresetBounds kPresets[] = {
+    {"tiny", 1, 1.5, 0.1, false},       {"small", 1, 1.5, 0.1, false},
+    {"default", 0.5, 1.5, 0.1, false},  {"large", 0.25, 1.3, 0.05, false},
+    {"archive", 0.1, 1.1, 0.02, false}, {"indexed-small", 1, 1.5, 0.1, true},
+    {"indexed", 0.5, 1.5, 0.1, true},   {"indexed-high", 0.1, 1.2, 0.05, true}};
+
+EncodeOptions options_of(const PresetBounds& preset, bool bounded) {
+  EncodeOptions o;
+  o.preset = preset.name;
+  o.rans = true;
+  if (preset.binary16) o.settings.push_back({L4D_ENC_KMEANS_ITERATIONS, 2});
+  if (!bounded) {
+    o.settings.push_back({L4D_ENC_MAX_POSITION_ERROR, 0});
+    o.settings.push_back({L4D_ENC_MAX_COVARIANCE_FACTOR, 0});
+    o.settings.push_back({L4D_ENC_MAX_OPACITY_ERROR, 0});
+  }
+  return o;
+}
+
+// Half a step of a binary16 as far out as the scene goes, on three axes, in the least size.
+double rounding_of_halves(const TestScene& s) {
+  double reach = 0;
+  for (const float x : s.position) reach = std::max(reach, std::fabs(static_cast<double>(x)));
+  return std::sqrt(3.0) * 2 * reach * 0x1p-11 / least_size(s);
+}
+
+nlohmann::ordered_json& rows() {
+  static nlohmann::ordered_json all = nlohmann::ordered_json::array();
+  return all;
+}
+
+void record_row(const HardScene& scene, const PresetBounds& preset, const Worst& before,
+                const Worst& after, size_t bytes_before, size_t bytes_after, uint64_t literals) {
+  const auto figures = [](const Worst& w, size_t bytes) {
+    return nlohmann::ordered_json{{"position", w.position},
+                                  {"covariance", w.covariance},
+                                  {"opacity", w.opacity},
+                                  {"bytes", bytes}};
+  };
+  rows().push_back({{"scene", scene.name},
+                    {"what", scene.what},
+                    {"preset", preset.name},
+                    {"without", figures(before, bytes_before)},
+                    {"with", figures(after, bytes_after)},
+                    {"literals", literals}});
+  record("bounds", rows());
+}
+
+class Bounds : public testing::TestWithParam<size_t> {};
+
+TEST_P(Bounds, HoldForEveryGaussian) {
+  const HardScene& hard = hard_scenes()[GetParam()];
+  const TestScene scene = hard.make();
+  for (const PresetBounds& preset : kPresets) {
+    const Encoded e = encode(scene, options_of(preset, true));
+    ASSERT_EQ(e.report.coded_gaussians, scene.count());
+    EXPECT_TRUE(validate(e.bytes).empty()) << preset.name;
+    const Worst worst = worst_errors(scene, e);
+    const double rounding = preset.binary16 ? rounding_of_halves(scene) : 0;
+    EXPECT_LE(worst.position, preset.position + rounding + 1e-3) << preset.name;
+    EXPECT_LE(worst.covariance, preset.covariance * (1 + 1e-3)) << preset.name;
+    EXPECT_LE(worst.opacity, preset.opacity + 1e-3) << preset.name;
+    // What the encoder says it saw.
+    EXPECT_NEAR(e.report.max_position_error, worst.position, 1e-3 + 1e-2 * worst.position)
+        << preset.name;
+    EXPECT_NEAR(e.report.max_covariance_factor, worst.covariance, 1e-2 * worst.covariance)
+        << preset.name;
+    const Encoded without = encode(scene, options_of(preset, false));
+    const Worst before = worst_errors(scene, without);
+    record_row(hard, preset, before, worst, without.bytes.size(), e.bytes.size(),
+               e.report.literals);
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(HardScenes, Bounds, testing::Range<size_t>(0, 8), [](const auto& scene) {
+  std::string name = hard_scenes()[scene.param].name;
+  std::replace(name.begin(), name.end(), '-', '_');
+  return name;
+});
+
+// A static flash must not start to move.
+TEST(BoundsOf, WhatStandsStillStandsStill) {
+  const TestScene scene = hard_scenes()[2].make();
+  for (const char* preset : {"tiny", "default", "archive"}) {
+    const Encoded e = encode(scene, options_of({preset, 0, 0, 0, false}, true));
+    const GaussianArrays a = decode(e.bytes, all_query());
+    for (size_t j = 0; j < a.count(); ++j) {
+      const Seen is = seen_of(&a.position[3 * j], a.mean_t[j], &a.log_scale[4 * j], &a.rotor[8 * j],
+                              a.opacity[j], 0, 10);
+      ASSERT_LT(is.velocity.norm(), 1e-3) << preset << " " << e.order[j];
+    }
+  }
+}
+
+// The others' positions are as good as if the floaters were not there.
+TEST(BoundsOf, FloatersCoarsenNothing) {
+  const auto median = [](double distance) {
+    const TestScene scene = room_with_floaters(distance, 5);
+    EncodeOptions o;
+    o.preset = "default";
+    o.rans = true;
+    const Encoded e = encode(scene, o);
+    EXPECT_TRUE(validate(e.bytes).empty());
+    const GaussianArrays a = decode(e.bytes, all_query());
+    std::vector<double> errors;
+    for (size_t j = 0; j < a.count(); ++j) {
+      if (e.order[j] >= scene.count() - 5) continue;
+      double sum = 0;
+      for (size_t k = 0; k < 3; ++k) {
+        const double d = static_cast<double>(a.position[3 * j + k]) -
+                         static_cast<double>(scene.position[3 * e.order[j] + k]);
+        sum += d * d;
+      }
+      errors.push_back(std::sqrt(sum));
+    }
+    std::nth_element(errors.begin(),
+                     errors.begin() + static_cast<std::ptrdiff_t>(errors.size() / 2), errors.end());
+    return errors[errors.size() / 2];
+  };
+  const double near = median(1);
+  EXPECT_LT(median(1e5), 1.1 * near);
+  EXPECT_LT(median(1e6), 1.1 * near);
+}
+
+}  // namespace
+}  // namespace l4d::numerics
