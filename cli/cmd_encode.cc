@@ -124,6 +124,7 @@ void add_report(const l4d_encode_report& report, const std::string& name, double
                         {"pruned", report.pruned},
                         {"moved_to_coarser", report.moved_to_coarser},
                         {"num_layers", report.num_layers},
+                        {"literals", report.literals},
                         {"raw_bytes", report.raw_bytes},
                         {"file_bytes", report.file_bytes},
                         {"ratio", ratio},
@@ -133,6 +134,16 @@ void add_report(const l4d_encode_report& report, const std::string& name, double
       format("%s: %s Gaussians, %s, %.2f:1, %.1f bits per Gaussian, in %s\n", name.c_str(),
              format_count(report.coded_gaussians).c_str(), format_bytes(report.file_bytes).c_str(),
              ratio, bits, format_seconds(total_seconds).c_str());
+  if (report.max_covariance_factor > 0) {
+    outcome->json["max_errors"] = {{"position_sizes", report.max_position_error},
+                                   {"covariance_factor", report.max_covariance_factor},
+                                   {"seen_opacity", report.max_opacity_error}};
+    outcome->text += format(
+        "of single Gaussians at most: position %.3g of their size, variances by a factor of %.3g, "
+        "opacity %.3g; %s stored as they are\n",
+        report.max_position_error, report.max_covariance_factor, report.max_opacity_error,
+        format_count(report.literals).c_str());
+  }
   const uint64_t left_out = report.input_gaussians - report.coded_gaussians;
   if (left_out == 0) return;
   outcome->text +=

@@ -8,6 +8,7 @@
 
 #include "cli/motion.h"
 #include "cli/parallel.h"
+#include "cli/seen_errors.h"
 #include "cli/units.h"
 
 namespace l4d::cli {
@@ -28,13 +29,19 @@ constexpr const char* kNames[kAttributeCount][2] = {
     {"position", "scene units, at A's reference time"},
     {"mean_t", "seconds"},
     {"log_scale", "natural logarithm"},
-    {"rotor", "either sign, both normalised"},
+    {"rotor", "either sign of each half, both normalised"},
     {"opacity", "0 to 1"},
     {"sh", "per coefficient"},
     {"velocity", "scene units per second"},
     {"covariance", "of the slice, relative to A's"}};
 
 constexpr const char* kVisiblePosition = "visible_position";
+
+enum Seen : size_t { kSeenPosition, kSeenCovariance, kSeenOpacity, kSeenCount };
+constexpr const char* kSeenNames[kSeenCount][2] = {
+    {"position_sizes", "distance while seen : largest standard deviation"},
+    {"covariance_factor", "ratio of variances; 1 + change : largest variance"},
+    {"seen_opacity", "at any instant, with falloff"}};
 
 struct Accumulator {
   double max = 0;
@@ -81,19 +88,34 @@ double distance(const io::Vec3& x, const io::Vec3& y) {
 
 double value(float f) { return static_cast<double>(f); }
 
-void compare_rotors(const float* a, const float* b, Accumulator& out) {
+// The rotor whose half B is the negative: the same Gaussian, since covariances do not see the sign.
+std::array<double, 8> with_other_half(const float* r) {
+  return {value(r[7]),  -value(r[6]), value(r[5]),  -value(r[4]),
+          -value(r[3]), value(r[2]),  -value(r[1]), value(r[0])};
+}
+
+void compare_rotors(const float* a, const float* given, Accumulator& out) {
+  std::array<double, 8> b = with_other_half(given);
+  double same = 0, other = 0;
+  for (size_t k = 0; k < 8; ++k) {
+    same += value(a[k]) * value(given[k]);
+    other += value(a[k]) * b[k];
+  }
+  if (std::fabs(same) >= std::fabs(other)) {
+    for (size_t k = 0; k < 8; ++k) b[k] = value(given[k]);
+  }
   double norm_a = 0;
   double norm_b = 0;
   double dot = 0;
   for (size_t k = 0; k < 8; ++k) {
     norm_a += value(a[k]) * value(a[k]);
-    norm_b += value(b[k]) * value(b[k]);
-    dot += value(a[k]) * value(b[k]);
+    norm_b += b[k] * b[k];
+    dot += value(a[k]) * b[k];
   }
   const double scale_a = 1 / std::sqrt(std::max(norm_a, 1e-300));
   const double scale_b = (dot < 0 ? -1 : 1) / std::sqrt(std::max(norm_b, 1e-300));
   for (size_t k = 0; k < 8; ++k) {
-    out.add(std::abs(value(a[k]) * scale_a - value(b[k]) * scale_b));
+    out.add(std::abs(value(a[k]) * scale_a - b[k] * scale_b));
   }
 }
 
@@ -171,6 +193,28 @@ VisibleError summarise(std::vector<float>& errors) {
   return result;
 }
 
+// What 99.9 % do not exceed; and the first of the largest. errors: by Gaussian of B.
+SeenError summarise_seen(const char* const names[2], const std::vector<float>& errors,
+                         const Pairing& pairing) {
+  SeenError out;
+  out.name = names[0];
+  out.meaning = names[1];
+  std::vector<float> sorted;
+  for (size_t j = 0; j < errors.size(); ++j) {
+    if (pairing.a_of_b[j] == kUnmatched) continue;
+    if (sorted.empty() || value(errors[j]) > out.max) {
+      out.max = value(errors[j]);
+      out.worst = pairing.a_of_b[j];
+    }
+    sorted.push_back(errors[j]);
+  }
+  if (sorted.empty()) return out;
+  const auto nth = sorted.begin() + static_cast<std::ptrdiff_t>((sorted.size() - 1) * 999 / 1000);
+  std::nth_element(sorted.begin(), nth, sorted.end());
+  out.p999 = value(*nth);
+  return out;
+}
+
 Json visible_json(const VisibleError& e) {
   return {{"gaussians", e.gaussians}, {"max", e.max}, {"p999", e.p999}, {"rmse", e.rmse}};
 }
@@ -190,6 +234,9 @@ Comparison compare_scenes(const io::Scene& a, const LoadedScene& loaded_b, Pairi
   std::vector<Accumulators> sums(num_blocks(b.count()));
   constexpr float kNever = -1;
   std::vector<float> errors(kSamples * b.count(), kNever);
+  std::array<std::vector<float>, kSeenCount> seen;
+  for (auto& of_kind : seen) of_kind.resize(b.count());
+  result.least_size = least_size(a);
   for_each_block(b.count(), threads, [&](size_t block, size_t first, size_t last) {
     for (size_t j = first; j < last; ++j) {
       const size_t i = pairing.a_of_b[j];
@@ -199,6 +246,11 @@ Comparison compare_scenes(const io::Scene& a, const LoadedScene& loaded_b, Pairi
       to_a.apply(motion_b);
       compare_pair(a, i, motion_a, b, j, motion_b, sums[block]);
       visible_errors(motion_a, motion_b, begin, end, &errors[kSamples * j]);
+      const SeenErrors e = seen_errors(motion_a, linear_opacity(a, i), motion_b,
+                                       linear_opacity(b, j), begin, end, result.least_size);
+      seen[kSeenPosition][j] = static_cast<float>(e.position);
+      seen[kSeenCovariance][j] = static_cast<float>(e.covariance);
+      seen[kSeenOpacity][j] = static_cast<float>(e.opacity);
     }
   });
   Accumulators total;
@@ -227,6 +279,9 @@ Comparison compare_scenes(const io::Scene& a, const LoadedScene& loaded_b, Pairi
   std::vector<float> all;
   collect(0, b.count(), all);
   result.visible = summarise(all);
+  for (size_t k = 0; k < kSeenCount; ++k) {
+    result.seen.push_back(summarise_seen(kSeenNames[k], seen[k], pairing));
+  }
   result.pairing = std::move(pairing);
   return result;
 }
@@ -240,6 +295,10 @@ ErrorBound parse_error_bound(const std::string& text) {
     known = known || name == attribute[0];
     names += std::string(", ") + attribute[0];
   }
+  for (const auto& seen : kSeenNames) {
+    known = known || name == seen[0];
+    names += std::string(", ") + seen[0];
+  }
   if (!known) throw usage_error("--max-error: '" + name + "' is none of " + names);
   if (limit < 0) throw usage_error("--max-error " + name + " must not be negative");
   return {name, limit};
@@ -248,6 +307,9 @@ ErrorBound parse_error_bound(const std::string& text) {
 double Comparison::max_error(const std::string& name) const {
   if (name == kVisiblePosition) return visible.max;
   for (const AttributeError& e : attributes) {
+    if (name == e.name) return e.max;
+  }
+  for (const SeenError& e : seen) {
     if (name == e.name) return e.max;
   }
   throw Failure(L4D_ERR_INTERNAL, "no error is called " + name);
@@ -262,6 +324,10 @@ Json Comparison::json() const {
             {"equal_rows", pairing.equal_rows}, {"attributes", Json::object()}};
   for (const AttributeError& e : attributes) {
     j["attributes"][e.name] = {{"max", e.max}, {"rmse", e.rmse}};
+  }
+  j["seen"] = {{"least_size", least_size}};
+  for (const SeenError& e : seen) {
+    j["seen"][e.name] = {{"max", e.max}, {"p999", e.p999}, {"worst", e.worst}};
   }
   Json& v = j["visible_position"] = visible_json(visible);
   v["samples_per_gaussian"] = kSamples;
@@ -288,6 +354,13 @@ std::string Comparison::text() const {
   for (const AttributeError& e : attributes) {
     t += format("%-12s %10s %10s  %s\n", e.name, format_error(e.max).c_str(),
                 format_error(e.rmse).c_str(), e.meaning);
+  }
+  t += format("\nof single Gaussians, on their own scale; sizes below %s count as that\n",
+              format_error(least_size).c_str());
+  t += format("%-18s %10s %10s %12s\n", "error", "max", "p99.9", "worst of A");
+  for (const SeenError& e : seen) {
+    t += format("%-18s %10s %10s %12u  %s\n", e.name, format_error(e.max).c_str(),
+                format_error(e.p999).c_str(), e.worst, e.meaning);
   }
   t += "\nposition error while visible, in scene units\n";
   t += format("%-6s %-6s %12s %10s %10s %10s\n", "layer", "level", "gaussians", "max", "p99.9",

@@ -27,6 +27,15 @@ struct VisibleError {
   double rmse = 0;
 };
 
+// An error on the scale of each Gaussian, and which Gaussian of A has the largest.
+struct SeenError {
+  const char* name;
+  const char* meaning;
+  double max = 0;
+  double p999 = 0;
+  uint32_t worst = 0;
+};
+
 struct Comparison {
   uint64_t count_a = 0;
   uint64_t count_b = 0;
@@ -34,12 +43,14 @@ struct Comparison {
   std::vector<AttributeError> attributes;
   VisibleError visible;
   std::vector<VisibleError> layers;  // of B, where it is a stream
+  double least_size = 0;             // scene units: smaller sizes count as this
+  std::vector<SeenError> seen;
 
   // Same Gaussians bit for bit, in any order.
   bool identical() const { return pairing.equal_rows == count_a && count_a == count_b; }
   Json json() const;
   std::string text() const;
-  // Largest error of an attribute, or visible_position.
+  // Largest error of an attribute, visible_position, or an error of `seen`.
   double max_error(const std::string& name) const;
 };
 

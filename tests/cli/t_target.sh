@@ -72,6 +72,18 @@ expect_json out '(d["target"]["reached"] >= 0.19) == ("obstacle" not in d["targe
 expect_document 0 compare s.ply t.l4d --order t.order --max-error log_scale=0.2
 expect_json out "abs(d['attributes']['log_scale']['max'] - $reached) < 1e-9"
 
+# Errors that the encoder bounds Gaussian by Gaussian cost what the few need, not a quality for all.
+bounded() {
+  target max-error "$2" --max-error "$1=$2" --order t.order
+  expect_json out 'd["quality"] == 44 and len(d["target"]["trials"]) == 1'
+  expect_document 0 compare s.ply t.l4d --order t.order --max-error "$1=$2"
+}
+expect 0 encode s.ply -o plain.l4d
+bounded visible_position 0.02
+bounded position_sizes 0.3
+bounded covariance_factor 1.3
+[ "$(wc -c < t.l4d)" -lt $(($(wc -c < plain.l4d) * 12 / 10)) ] || die "the few cost too much"
+
 # Out of reach: the nearest there is, why, and an exit status that says no.
 expect_document 1 encode s.ply -o small.l4d --target-size 1kB
 expect_json out 'not d["target"]["met"] and d["quality"] == 20 and "end of 20 dB" in d["target"]["obstacle"]'
