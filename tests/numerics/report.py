@@ -61,7 +61,7 @@ def schur(document, _):
 def bounds(document, _):
     def cells(key):
         show = str if key == "bytes" else figure
-        return [" -> ".join(show(r[way][key]) for way in ("without", "with")) for r in rows]
+        return [" to ".join(show(r[way][key]) for way in ("without", "with")) for r in rows]
     rows = document["bounds"]
     columns = [cells(key) for key in ("position", "covariance", "opacity", "bytes")]
     return table(("scene", "preset", "position, sizes", "covariance, factor", "opacity", "bytes",
