@@ -8,9 +8,9 @@ namespace l4d {
 Status measure_conformance(SceneFile& file, StreamConformance* out) {
   const auto& layers = file.header().layers;
   std::vector<const DirectoryPage*> pages;
-  uint64_t gaussians = 0;
   for (uint32_t l = 0; l < layers.size(); ++l) {
     if (layers[l].num_gaussians == 0) continue;
+    uint64_t gaussians = 0;
     const uint32_t end = num_directory_pages(layers[l]);
     // As many at a time as one read of the page table is worth.
     constexpr uint32_t kWindow = 64;
@@ -30,10 +30,12 @@ Status measure_conformance(SceneFile& file, StreamConformance* out) {
       }
       file.trim();
     }
-  }
-  if (gaussians > file.header().num_gaussians) {
-    return corrupt("DIR-5", file.file_header().header_offset,
-                   "the directory holds more Gaussians than the scene header says");
+    if (gaussians != layers[l].num_gaussians) {
+      return corrupt("DIR-5", layers[l].page_table_offset,
+                     "the records of layer " + std::to_string(l) + " hold " +
+                         std::to_string(gaussians) + " Gaussians, its header says " +
+                         std::to_string(layers[l].num_gaussians));
+    }
   }
   out->meter.finish(FileHeader::kBytes + uint64_t{file.file_header().header_bytes});
   return {};

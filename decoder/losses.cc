@@ -48,6 +48,19 @@ void Losses::add_directory_page(uint32_t layer, uint32_t first, uint32_t last,
   buckets_ += loss.num_buckets;
 }
 
+void Losses::add_missing(uint32_t layer, uint32_t num_buckets, uint64_t num_gaussians,
+                         const Status& status) {
+  l4d_loss loss{};
+  loss.status = status.code();
+  loss.layer = layer;
+  loss.num_buckets = num_buckets;
+  loss.num_gaussians = num_gaussians;
+  loss.offset = status.offset();
+  loss.clause = status.clause();
+  add(loss);
+  gaussians_ += num_gaussians;
+}
+
 void Losses::add_pages(const Plan& plan, const LostPages& lost) {
   const PageTask* before = nullptr;
   for (const LostPage& page : lost) {

@@ -27,6 +27,9 @@ class Losses {
   void begin_query() { query_.clear(); }
   // Directory page `index` of a layer, of whose buckets the query wants [first, last].
   void add_directory_page(uint32_t layer, uint32_t first, uint32_t last, const Status& status);
+  // A layer whose records hold fewer Gaussians than its header says.
+  void add_missing(uint32_t layer, uint32_t num_buckets, uint64_t num_gaussians,
+                   const Status& status);
   void add_pages(const Plan& plan, const LostPages& lost);
 
   const std::vector<l4d_loss>& query() const { return query_; }

@@ -2,6 +2,7 @@
 // Checks of a whole stream, including those that a decoder need not make.
 #include <algorithm>
 #include <cmath>
+#include <map>
 
 #include "decoder/conformance.h"
 #include "decoder/decoder.h"
@@ -16,13 +17,16 @@ class Validator {
  public:
   Validator(SceneFile& file, PageDecoder& pages, const l4d_decoder_options& options,
             const ViolationFn& report)
-      : file_(file), pages_(pages), options_(options), report_(report) {}
+      : file_(file), pages_(pages), options_(options), report_(report), memory_(file.memory()) {}
 
   Status run() {
     const SceneHeader& header = file_.header();
-    take({0, 0, FileHeader::kBytes, 0, 0}, "the file header");
-    take({file_.file_header().header_offset, 0, file_.file_header().header_bytes, 0, 0},
-         "the scene header");
+    Taken taken;
+    L4D_RETURN_IF_ERROR(take({0, 0, FileHeader::kBytes, 0, 0}, "the file header", &taken));
+    L4D_RETURN_IF_ERROR(
+        take({file_.file_header().header_offset, 0, file_.file_header().header_bytes, 0, 0},
+             "the scene header", &taken));
+    note_shared(taken);
     L4D_RETURN_IF_ERROR(check_codebooks(header.sh, 0, L4D_COMPONENT_SH));
     for (uint32_t l = 0; l < header.layers.size(); ++l) {
       for (unsigned c = L4D_COMPONENT_SCALE; c < L4D_COMPONENT_COUNT; ++c) {
@@ -31,15 +35,23 @@ class Validator {
       L4D_RETURN_IF_ERROR(advance(0));
       L4D_RETURN_IF_ERROR(check_layer(l));
     }
-    check_overlaps();
     return check_declared();
   }
 
  private:
-  struct Taken {
-    uint64_t begin, end;
+  // A range of the file that something refers to.
+  struct Range {
+    uint64_t end;
     const char* what;
   };
+  // How many ranges, of those that were taken with it, share bytes with others, and the first.
+  struct Taken {
+    uint64_t num_shared = 0;
+    uint64_t offset = 0;
+    const char* what = nullptr;
+    const char* with = nullptr;
+  };
+  static constexpr uint64_t kBytesPerRange = 96;  // a node of the map
 
   // Gaussians are what is counted: their number is known, that of the pages is not.
   Status advance(uint64_t gaussians) {
@@ -64,20 +76,66 @@ class Validator {
     return {};
   }
 
-  void take(const ChunkRef& chunk, const char* what) {
-    if (chunk.stored_bytes == 0) return;
-    taken_.push_back({chunk.offset, chunk.offset + chunk.stored_bytes, what});
+  // Takes the stored bytes of a chunk. What shares bytes with something taken before is counted in
+  // *taken, and is not to be read: so each byte of the file is read and decoded once, whatever
+  // refers to it.
+  Status take(const ChunkRef& chunk, const char* what, Taken* taken) {
+    return take(chunk.offset, chunk.stored_bytes, what, taken);
+  }
+  Status take(uint64_t begin, uint64_t bytes, const char* what, Taken* taken) {
+    if (bytes == 0 || !in_file(begin, bytes)) return {};
+    const uint64_t end = begin + bytes;
+    const auto next = ranges_.lower_bound(begin);
+    const Range* with = nullptr;
+    if (next != ranges_.end() && next->first < end) with = &next->second;
+    if (next != ranges_.begin() && std::prev(next)->second.end > begin) {
+      with = &std::prev(next)->second;
+    }
+    if (with == nullptr) {
+      L4D_RETURN_IF_ERROR(memory_.take(kBytesPerRange, "the ranges of the file"));
+      ranges_.emplace_hint(next, begin, Range{end, what});
+    } else if (taken->num_shared++ == 0) {
+      taken->offset = begin;
+      taken->what = what;
+      taken->with = with->what;
+    }
+    return {};
+  }
+  // One violation for all that were taken together: a directory page can name a page many times.
+  void note_shared(const Taken& taken) {
+    if (taken.num_shared == 0) return;
+    std::string message = std::string(taken.what) + " overlaps " + taken.with;
+    if (taken.num_shared > 1) {
+      message += ", and " + std::to_string(taken.num_shared - 1) + " more likewise";
+    }
+    report_(corrupt("CHNK-4", taken.offset, std::move(message)));
+  }
+  bool in_file(uint64_t offset, uint64_t bytes) const {
+    const uint64_t size = file_.source().size();
+    return offset <= size && bytes <= size - offset;
+  }
+  Status beyond_file(const ChunkRef& chunk) const {
+    return Status(L4D_ERR_TRUNCATED, "CHNK-1", chunk.offset,
+                  std::to_string(chunk.stored_bytes) + " bytes wanted, the file has " +
+                      std::to_string(file_.source().size()));
+  }
+
+  Status check_codebook(const StageCoding& stage, const char* what, uint32_t layer, unsigned c,
+                        unsigned index) {
+    const CodebookData* book = nullptr;
+    Taken taken;
+    L4D_RETURN_IF_ERROR(take(stage.codebook, what, &taken));
+    note_shared(taken);
+    if (taken.num_shared > 0) return {};
+    return note(file_.codebook(layer, c, index, &book));
   }
 
   Status check_codebooks(const ComponentCoding& coding, uint32_t layer, unsigned c) {
-    const CodebookData* book = nullptr;
     for (unsigned s = 0; s < coding.num_books(); ++s) {
-      take(coding.book(s).codebook, "a codebook");
-      L4D_RETURN_IF_ERROR(note(file_.codebook(layer, c, s, &book)));
+      L4D_RETURN_IF_ERROR(check_codebook(coding.book(s), "a codebook", layer, c, s));
     }
     if (!coding.has_rcq) return {};
-    take(coding.rcq.codebook, "a residual codebook");
-    return note(file_.codebook(layer, c, SceneFile::kRcqStage, &book));
+    return check_codebook(coding.rcq, "a residual codebook", layer, c, SceneFile::kRcqStage);
   }
 
   Status check_layer(uint32_t l) {
@@ -85,56 +143,89 @@ class Validator {
     if (layer.num_gaussians == 0) return {};
     if (layer.has_entropy) {
       const EntropyTables* tables = nullptr;
-      take(layer.entropy, "entropy tables");
-      L4D_RETURN_IF_ERROR(note(file_.entropy_tables(l, &tables)));
+      Taken taken;
+      L4D_RETURN_IF_ERROR(take(layer.entropy, "entropy tables", &taken));
+      note_shared(taken);
+      if (taken.num_shared == 0) L4D_RETURN_IF_ERROR(note(file_.entropy_tables(l, &tables)));
     }
-    take({layer.page_table_offset, 0,
-          num_directory_pages(layer) * static_cast<uint32_t>(PageTableEntry::kBytes), 0, 0},
-         "a page table");
+    // Of a table that the file does not hold, what it does hold.
+    const uint64_t size = file_.source().size();
+    const uint64_t room = size - std::min(size, layer.page_table_offset);
+    const uint32_t num_entries = static_cast<uint32_t>(
+        std::min<uint64_t>(num_directory_pages(layer), room / PageTableEntry::kBytes));
+    Taken taken;
+    L4D_RETURN_IF_ERROR(take(layer.page_table_offset, num_entries * PageTableEntry::kBytes,
+                             "a page table", &taken));
+    note_shared(taken);
+    if (taken.num_shared > 0) return {};
+    if (num_entries < num_directory_pages(layer)) {
+      report_(Status(L4D_ERR_TRUNCATED, "CHNK-1",
+                     layer.page_table_offset + num_entries * PageTableEntry::kBytes,
+                     "the file ends within the page table of layer " + std::to_string(l)));
+    }
     uint64_t total = 0;
-    for (uint32_t d = 0; d < num_directory_pages(layer); ++d) {
-      std::vector<const DirectoryPage*> pages;
-      const Status status = file_.directory_pages(l, d, d, &pages);
-      if (!status.ok()) {
-        L4D_RETURN_IF_ERROR(note(status));
-        continue;
-      }
-      L4D_RETURN_IF_ERROR(take_directory_page(layer, d));
-      if (pages[0] == nullptr) continue;
-      const DirectoryPage page = *pages[0];  // the cache may drop it meanwhile
-      for (const BlockRecord& block : page.blocks) {
-        for (const RcqTableRef& t : block.tables) take(t.chunk, "a block codebook");
-      }
-      for (const PageRecord& record : page.pages) {
-        take(record.chunk, "a page");
-        take(record.sh_detail, "the SH detail of a page");
-        total += record.num_gaussians;
-        L4D_RETURN_IF_ERROR(note(check_page(l, d, record)));
-        L4D_RETURN_IF_ERROR(advance(record.num_gaussians));
-      }
-      file_.trim();
+    bool whole = num_entries == num_directory_pages(layer);
+    for (uint32_t d = 0; d < num_entries && total <= layer.num_gaussians; ++d) {
+      L4D_RETURN_IF_ERROR(check_directory_page(l, d, &total, &whole));
+      L4D_RETURN_IF_ERROR(advance(0));
     }
-    if (total != layer.num_gaussians) {
+    if (total > layer.num_gaussians || (whole && total < layer.num_gaussians)) {
       report_(corrupt("DIR-5", layer.page_table_offset,
-                      "layer " + std::to_string(l) + " holds " + std::to_string(total) +
+                      "layer " + std::to_string(l) + " holds " +
+                          (total > layer.num_gaussians ? "at least " : "") + std::to_string(total) +
                           " Gaussians, its header says " + std::to_string(layer.num_gaussians)));
     }
     return {};
   }
 
-  Status take_directory_page(const LayerHeader& layer, uint32_t d) {
+  // Adds to *total; *whole becomes false where the page cannot be read.
+  Status check_directory_page(uint32_t l, uint32_t d, uint64_t* total, bool* whole) {
+    const LayerHeader& layer = file_.header().layers[l];
     Bytes storage;
     ByteSpan bytes;
     const uint64_t at = layer.page_table_offset + uint64_t{d} * PageTableEntry::kBytes;
     L4D_RETURN_IF_ERROR(file_.source().read(at, PageTableEntry::kBytes, storage, &bytes));
     PageTableEntry entry;
-    L4D_RETURN_IF_ERROR(note(PageTableEntry::parse(bytes, at, &entry)));
-    take(entry.chunk, "a directory page");
+    Status status = PageTableEntry::parse(bytes, at, &entry);
+    Taken taken;
+    if (status.ok()) L4D_RETURN_IF_ERROR(take(entry.chunk, "a directory page", &taken));
+    note_shared(taken);
+    std::vector<const DirectoryPage*> pages{nullptr};
+    if (status.ok() && taken.num_shared == 0) status = file_.directory_pages(l, d, d, &pages);
+    *whole = *whole && status.ok() && taken.num_shared == 0;
+    if (!status.ok()) return note(status);
+    if (pages[0] == nullptr) return {};
+    const DirectoryPage page = *pages[0];  // the cache may drop it meanwhile
+    Taken parts;
+    std::vector<bool> block_is_shared(page.blocks.size());
+    for (size_t b = 0; b < page.blocks.size(); ++b) {
+      const uint64_t before = parts.num_shared;
+      for (const RcqTableRef& t : page.blocks[b].tables) {
+        L4D_RETURN_IF_ERROR(take(t.chunk, "a block codebook", &parts));
+      }
+      block_is_shared[b] = parts.num_shared > before;
+    }
+    for (const PageRecord& record : page.pages) {
+      *total += record.num_gaussians;
+      if (*total > layer.num_gaussians) break;
+      const uint64_t before = parts.num_shared;
+      L4D_RETURN_IF_ERROR(take(record.chunk, "a page", &parts));
+      L4D_RETURN_IF_ERROR(take(record.sh_detail, "the SH detail of a page", &parts));
+      const bool shared =
+          parts.num_shared > before || (record.block != kNoBlock && block_is_shared[record.block]);
+      if (!shared) L4D_RETURN_IF_ERROR(note(check_page(l, d, record)));
+      L4D_RETURN_IF_ERROR(advance(record.num_gaussians));
+    }
+    note_shared(parts);
+    file_.trim();
     return {};
   }
 
   // Decodes one page and holds its Gaussians against the bucket it lies in.
   Status check_page(uint32_t l, uint32_t d, const PageRecord& record) {
+    for (const ChunkRef* part : {&record.chunk, &record.sh_detail}) {
+      if (!in_file(part->offset, part->stored_bytes)) return beyond_file(*part);
+    }
     const SceneHeader& header = file_.header();
     const LayerHeader& layer = header.layers[l];
     const size_t n = record.num_gaussians;
@@ -241,17 +332,6 @@ class Validator {
     return {};
   }
 
-  void check_overlaps() {
-    std::sort(taken_.begin(), taken_.end(),
-              [](const Taken& a, const Taken& b) { return a.begin < b.begin; });
-    for (size_t i = 1; i < taken_.size(); ++i) {
-      if (taken_[i].begin < taken_[i - 1].end) {
-        report_(corrupt("CHNK-4", taken_[i].begin,
-                        std::string(taken_[i].what) + " overlaps " + taken_[i - 1].what));
-      }
-    }
-  }
-
   // Last, for a directory that cannot be read is reported by then.
   Status check_declared() {
     const SceneHeader& header = file_.header();
@@ -265,7 +345,8 @@ class Validator {
   const l4d_decoder_options& options_;
   const ViolationFn& report_;
   uint64_t done_ = 0;
-  std::vector<Taken> taken_;
+  MemoryCharge memory_;               // of ranges_
+  std::map<uint64_t, Range> ranges_;  // by their begins; none overlaps another
   std::vector<double> mean_;
   std::vector<float> position_, log_scale_, rotor_, opacity_, sh_;
 };

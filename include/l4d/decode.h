@@ -430,16 +430,18 @@ L4D_API l4d_status l4d_decoder_slice(l4d_decoder* decoder, double time, l4d_spla
 
 /* What one damaged or unreadable part of the stream cost a query of a tolerant decoder. A page
  * costs its Gaussians, its second part their SH detail; a directory page the buckets it describes;
- * a codebook the pages of its layer, one of a block those of the block, except in packed form.
- * Damage to the headers or to an SH codebook is never tolerated, nor is a want of memory or a
- * limit. */
+ * a codebook the pages of its layer, one of a block those of the block, except in packed form. A
+ * layer whose directory lists fewer Gaussians than its header states costs those that are missing.
+ * Damage to the headers or to an SH codebook is never tolerated, nor are pages that share stored
+ * bytes, a layer whose directory lists more Gaussians than its header states, a want of memory or
+ * a limit. */
 typedef struct l4d_loss {
   l4d_status status; /* what a decoder that is not tolerant returns: IO, TRUNCATED, CORRUPT,
                         CHECKSUM or FEATURE_UNSUPPORTED */
   uint32_t layer;
   uint32_t bucket;      /* of the layer; the first, where there are more */
   uint32_t num_buckets; /* from there on; not each need have lost something */
-  uint64_t num_chunks;  /* pages; 0 = a directory page is lost, nobody can tell how many */
+  uint64_t num_chunks;  /* pages; 0 = unknown: a directory page is lost, or pages are not listed */
   uint64_t num_gaussians;
   uint64_t offset;    /* byte offset in the file, UINT64_MAX if none */
   const char* clause; /* id of the MUST, "" if none; static */
@@ -487,7 +489,9 @@ typedef void (*l4d_violation_fn)(void* user, const l4d_violation* violation);
 
 /* Checks a whole stream against every MUST that a stream can break, including those a decoder need
  * not check. Calls `fn` for each violation; goes on after those that leave the rest readable.
- * Returns OK when the check ran to its end, whatever it found; *num_violations counts them. */
+ * Returns OK when the check ran to its end, whatever it found; *num_violations counts them. Else
+ * l4d_last_error_message says why. The work is in proportion to the bytes of the file and to the
+ * Gaussians that its header states: bytes that are referred to twice are decoded once. */
 L4D_API l4d_status l4d_validate(const l4d_reader* reader, const l4d_decoder_options* options,
                                 l4d_violation_fn fn, void* user, uint64_t* num_violations);
 

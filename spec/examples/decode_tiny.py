@@ -11,6 +11,7 @@ are stored; undoing zstd is left to others.
   decode_tiny.py --base ..         without second parts of pages: SH is what the base holds
 """
 
+import bisect
 import math
 import struct
 import sys
@@ -102,6 +103,7 @@ class Decoder:
         check_header(h, len(raw))
         self.duration = h["num_frames"] * float(h["fps_den"]) / h["fps_num"]
         self.books, self.entropies = {}, {}
+        self.parts = []                   # (begin, end) of the chunks of pages
 
     def component(self, layer, c):
         return self.header["sh"] if c == SH else self.header["layers"][layer][COMPONENTS[c]]
@@ -177,10 +179,21 @@ class Decoder:
                 require(all(map(math.isfinite, box)) and
                         all(a <= b for a, b in zip(box, box[3:])), "DIR-12", "bounds")
                 previous = r
+                self.take(r["offset"], r["stored_bytes"])
+                self.take(r["sh_offset"], r["sh_bytes"])
                 count += r["num_gaussians"]
                 block = {} if r["block"] == NO_BLOCK else blocks[r["block"]]
                 yield from self.page(index, layer, r, block)
         require(count == layer["num_gaussians"], "DIR-5", "Gaussians of a layer")
+
+    def take(self, begin, size):
+        """Bytes that no other page has."""
+        at = bisect.bisect_left(self.parts, (begin, begin))
+        require(size == 0 or (at == 0 or self.parts[at - 1][1] <= begin) and
+                (at == len(self.parts) or begin + size <= self.parts[at][0]), "CHNK-4",
+                f"pages share bytes at {begin}")
+        if size > 0:
+            self.parts.insert(at, (begin, begin + size))
 
     def directory_page(self, index, layer, d):
         at = layer["page_table_offset"] + 32 * d

@@ -364,7 +364,7 @@ TEST(Clause, CHNK_4) {
   d.pages[1].offset = at;
   editor.header.num_gaussians += gained - lost;
   editor.header.layers[place.layer].num_gaussians += gained - lost;
-  expect_clause(editor.build(), "CHNK-4", L4D_ERR_CORRUPT, Seen::kByValidatorAlone);
+  expect_clause(editor.build(), "CHNK-4", L4D_ERR_CORRUPT);
 }
 
 // spec: CHNK-5
@@ -660,7 +660,7 @@ TEST(Clause, DIR_5) {
   StreamEditor fewer(rcq_file());
   fewer.header.num_gaussians += 1;
   fewer.header.layers.back().num_gaussians += 1;
-  expect_clause(fewer.build(), "DIR-5", L4D_ERR_CORRUPT, Seen::kByValidatorAlone);
+  expect_clause(fewer.build(), "DIR-5", L4D_ERR_CORRUPT);
   StreamEditor more(rcq_file());
   more.header.num_gaussians -= 1;
   more.header.layers.back().num_gaussians -= 1;

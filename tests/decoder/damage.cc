@@ -130,6 +130,8 @@ Bytes Anatomy::rebuilt_without(size_t page) const {
   d.page.pages.erase(d.page.pages.begin() + static_cast<std::ptrdiff_t>(p.index));
   d.pages.erase(d.pages.begin() + static_cast<std::ptrdiff_t>(p.index));
   if (d.page.pages.empty()) d.present = false;
+  without_it.header.num_gaussians -= p.count;
+  without_it.header.layers[p.layer].num_gaussians -= p.count;
   return without_it.build();
 }
 

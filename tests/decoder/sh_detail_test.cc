@@ -383,16 +383,18 @@ TEST(ShDetail, ASliceIsMendedWhenDetailCanBeReadAgain) {
 }
 
 // spec: CHNK-4
-TEST(ShDetail, AValidatorLooksAtThePlacesOfSecondParts) {
+TEST(ShDetail, SecondPartsThatShareBytesAreRefused) {
   StreamEditor editor(split_file());
   EditedDirectoryPage& d = editor.at({0, 0});
   ASSERT_TRUE(d.present);
   ASSERT_GT(d.pages.size(), 1u);
   (void)editor.build();
   d.details[1].offset = d.page.pages[0].sh_detail.offset;  // both records name one place
+  const Bytes bytes = editor.build();
   bool overlaps = false;
-  for (const Violation& v : validate(editor.build())) overlaps = overlaps || v.clause == "CHNK-4";
+  for (const Violation& v : validate(bytes)) overlaps = overlaps || v.clause == "CHNK-4";
   EXPECT_TRUE(overlaps);
+  EXPECT_EQ(strict_failure(bytes, "CHNK-4"), L4D_ERR_CORRUPT);
 }
 
 }  // namespace

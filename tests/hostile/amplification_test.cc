@@ -200,21 +200,109 @@ TEST(Amplification, HugeSplats) {
 }
 #endif
 
-// Chunks may overlap as far as a decoder looks: the records of a page cost 72 bytes, and a codec of
-// the directory makes them cost next to nothing.
+// Records of one page cost 72 bytes each, and a codec of the directory makes them cost next to
+// nothing: a query that meets two of them is refused.
 TEST(Amplification, RecordsThatShareAPage) {
-  constexpr uint32_t kPages = 2000;
-  const Bytes file = repeated_page(kPages, 1);
-  const Cost cost = cost_of(file, 256 * kMiB, Use::kSelect);
-  EXPECT_EQ(cost.status, L4D_OK);
-  EXPECT_EQ(cost.gaussians, uint64_t{kPages} * kMaxPageGaussians);
-  print_row("records that share a page: claimed", file.size(), cost.gaussians * kGaussianBytes,
-            "B out", "max_gaussians");
-  print_row("the same, held to plan it", file.size(), cost.held, "B held", "max_memory_bytes");
-  EXPECT_EQ(cost_of(file, 256 * kMiB, Use::kOpen, 1000000).status, L4D_ERR_LIMIT_EXCEEDED);
-  const Cost slice = cost_of(file, 64 * kMiB, Use::kSlice);
-  EXPECT_EQ(slice.status, L4D_ERR_LIMIT_EXCEEDED);
-  EXPECT_LT(slice.held, 64 * kMiB);
+  for (const uint32_t pages : {2u, 64u, 2000u}) {
+    const Bytes file = repeated_page(pages, 1);
+    const Cost cost = cost_of(file, 256 * kMiB, Use::kSelect);
+    EXPECT_EQ(cost.status, L4D_ERR_CORRUPT);
+    EXPECT_LT(cost.held, 2 * kMiB);
+    if (pages < 2000) continue;
+    print_row("records that share a page, refused", file.size(), cost.held, "B held", "CHNK-4");
+    EXPECT_EQ(cost_of(file, 256 * kMiB, Use::kOpen, 1000000).status, L4D_ERR_LIMIT_EXCEEDED);
+    const Cost tight = cost_of(file, kMiB, Use::kSelect);
+    EXPECT_EQ(tight.status, L4D_ERR_LIMIT_EXCEEDED);
+    EXPECT_LT(tight.held, kMiB);
+  }
+}
+
+// What a whole check of a file does, in numbers that do not depend on the machine.
+struct Effort {
+  l4d_status status = L4D_OK;
+  uint64_t violations = 0;
+  uint64_t reads = 0;   // calls of the reader: at least one for a page, or a page table entry
+  bool shares = false;  // CHNK-4 is among the violations
+};
+
+Effort effort_of_validation(const Bytes& file) {
+  struct Input {
+    const Bytes* file;
+    Effort effort;
+  } input{&file, {}};
+  l4d_reader reader{};
+  reader.struct_size = sizeof reader;
+  reader.user = &input;
+  reader.read_at = [](void* user, void* to, size_t n, uint64_t offset) -> int64_t {
+    Input& in = *static_cast<Input*>(user);
+    ++in.effort.reads;
+    std::copy_n(in.file->data() + offset, n, static_cast<unsigned char*>(to));
+    return static_cast<int64_t>(n);
+  };
+  reader.size = [](void* user) {
+    return static_cast<int64_t>(static_cast<Input*>(user)->file->size());
+  };
+  const l4d_decoder_options options = decoder_options(L4D_BACKEND_AUTO, 1);
+  const auto note = [](void* user, const l4d_violation* v) {
+    Effort& effort = static_cast<Input*>(user)->effort;
+    effort.shares = effort.shares || std::string(v->clause) == "CHNK-4";
+  };
+  input.effort.status = l4d_validate(&reader, &options, note, &input, &input.effort.violations);
+  return input.effort;
+}
+
+// 16,000 records of one page ask for a billion Gaussians.
+TEST(Amplification, ValidatingRecordsThatShareAPage) {
+  const Bytes file = repeated_page(16000, 1);
+  const Effort effort = effort_of_validation(file);
+  EXPECT_EQ(effort.status, L4D_OK);
+  EXPECT_TRUE(effort.shares);
+  EXPECT_LE(effort.violations, 4u);
+  EXPECT_LE(effort.reads, 40u);
+  print_row("16,000 such records, validated", file.size(), effort.reads, "reads", "CHNK-4");
+}
+
+// Forty layers of a million directory pages each, whose page tables the file does not hold.
+Bytes far_page_tables() {
+  StreamEditor editor = one_page();
+  editor.header.timeline.num_frames = 1u << 24;
+  LayerHeader layer = editor.header.layers[0];
+  layer.permanent = false;
+  layer.mean_t = MeanCodingId::kF16;
+  layer.num_gaussians = 1;
+  layer.level = 23;
+  layer.directory_bits = 4;
+  EditedLayer empty = editor.layers[0];
+  empty.directory.clear();
+  editor.header.num_gaussians = 40;
+  editor.header.layers.assign(40, layer);
+  editor.layers.assign(40, empty);
+  return editor.build();
+}
+
+TEST(Amplification, PageTablesBeyondTheFile) {
+  const Bytes file = far_page_tables();
+  const Effort effort = effort_of_validation(file);
+  EXPECT_EQ(effort.status, L4D_OK);
+  EXPECT_GE(effort.violations, 1u);
+  EXPECT_LE(effort.violations, file.size());
+  EXPECT_LE(effort.reads, file.size());
+  print_row("page tables beyond the file, validated", file.size(), effort.reads, "reads", "CHNK-1");
+  // A tolerant decoder need not look for a million directory pages to know that they are lost.
+  l4d_decoder_options options = decoder_options(L4D_BACKEND_AUTO, 1);
+  options.tolerant = 1;
+  DecoderHandle d(&options);
+  d.open_memory(file.data(), file.size());
+  l4d_query all = all_query();
+  l4d_selection selection;
+  l4d_selection_init(&selection);
+  ASSERT_EQ(l4d_decoder_select(d.get(), &all, &selection), L4D_OK)
+      << l4d_decoder_error_detail(d.get());
+  l4d_counters counters;
+  l4d_counters_init(&counters);
+  ASSERT_EQ(l4d_decoder_get_counters(d.get(), &counters), L4D_OK);
+  // What the file holds of each table, once together and once by entries.
+  EXPECT_LE(counters.reads, 2 * 40 * file.size() / PageTableEntry::kBytes);
 }
 
 // A directory page of 64 MiB that zstd packs into a few kB.

@@ -39,7 +39,7 @@ PROGRAMS = {}
 MEMORY = [2 << 30]                    # what a reader believes before it checks would not fit
 NUM_RANDOM_STREAMS = 150
 # What the independent reader refuses and a validator has no eye for, or the other way round.
-LIBRARY_ONLY = {"CHNK-4", "CHNK-5", "DIR-9", "DIR-10", "LAYR-1"}
+LIBRARY_ONLY = {"CHNK-5", "DIR-9", "DIR-10", "LAYR-1"}
 READER_ONLY = {"HEAD-6 none", "HEAD-12 many", "HEAD-13", "HEAD-14", "CHNK-1 wrap", "RCQ-5",
                "DIR-11", "DIR-12", "VAL-3"}
 
