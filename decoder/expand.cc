@@ -3,6 +3,8 @@
 
 #include <algorithm>
 
+#include "libl4dcodec/math/attributes.h"
+
 namespace l4d {
 namespace {
 
@@ -100,7 +102,7 @@ void PageExpander::run(const l4d_range& range, size_t first, const l4d_gaussian_
     means(range, first, out);
   }
   if (out.opacity != nullptr) {
-    scalars(header_.opacity, columns_.opacity, columns_.raw_opacity, out.opacity + first);
+    opacities(out.opacity + first);
   }
   if (out.sh != nullptr) spherical_harmonics(out.sh + header_.sh_dim() * first);
   if (out.log_scale != nullptr) log_scales(out.log_scale + 4 * first);
@@ -179,6 +181,18 @@ void PageExpander::scalars(const ScalarCoding& coding, const std::vector<uint16_
   }
 }
 
+void PageExpander::opacities(float* dst) const {
+  const ScalarCoding& coding = header_.opacity;
+  scalars(coding, columns_.opacity, columns_.raw_opacity, dst);
+  if (header_.opacity_logit || coding.coding == ScalarCodingId::kRaw32) return;
+  // Rounding keeps the order of codes: where the first and the last are in range, all are.
+  const float codes =
+      coding.coding == ScalarCodingId::kSq ? static_cast<float>((1u << coding.bits) - 1u) : 0.0f;
+  const auto in_range = [](float v) { return v >= 0.0f && v <= 1.0f; };
+  if (in_range(coding.offset) && in_range(coding.offset + coding.step * codes)) return;
+  for (size_t i = 0; i < columns_.n; ++i) dst[i] = clamp_opacity(dst[i]);
+}
+
 void PageExpander::spherical_harmonics(float* dst) const {
   const unsigned dim = header_.sh_dim();
   const auto& books = books_.book[L4D_COMPONENT_SH];
@@ -223,7 +237,8 @@ void PageExpander::log_scales(float* dst) {
                           past_cache_ && !layer_.permanent);
     }
     if (layer_.permanent) {
-      for (size_t i = 0; i < count; ++i) dst[4 * i + 3] = layer_.log_scale_t;
+      const float log_scale_t = clamp_log_scale(layer_.log_scale_t);
+      for (size_t i = 0; i < count; ++i) dst[4 * i + 3] = log_scale_t;
     }
   }
 }

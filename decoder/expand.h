@@ -51,6 +51,7 @@ class PageExpander {
   void means(const l4d_range& range, size_t first, const l4d_gaussian_buffers& out);
   void scalars(const ScalarCoding& coding, const std::vector<uint16_t>& codes,
                const std::vector<float>& raw, float* dst) const;
+  void opacities(float* dst) const;
   void spherical_harmonics(float* dst) const;
   void log_scales(float* dst);
   void rotors(float* dst);

@@ -43,7 +43,7 @@ struct ReconstructKernels {
   // order: the cursor carries the place from one call to the next.
   void (*vq_rows)(const VqSource& source, VqCursor& cursor, size_t begin, size_t end, float* dst,
                   bool past_cache);
-  // dst[i, k] = factor[i] + normalized[i, k], [n, 4].
+  // dst[i, k] = factor[i] + normalized[i, k], clamped (clamp_log_scale), [n, 4].
   void (*log_scales)(const float* factor, const float* normalized, size_t n, float* dst,
                      bool past_cache);
   // dst[i] = normalised rotor of spatial[i] (s b01 b02 b12) and temporal[i] (b03 b13 b23 p), [n,

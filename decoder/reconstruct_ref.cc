@@ -2,6 +2,7 @@
 #include "decoder/reconstruct.h"
 #include "libl4dcodec/base/half.h"
 #include "libl4dcodec/container/scene_header.h"
+#include "libl4dcodec/math/attributes.h"
 #include "libl4dcodec/math/rotor.h"
 
 namespace l4d {
@@ -45,7 +46,9 @@ void vq_rows(const VqSource& source, VqCursor& cursor, size_t begin, size_t end,
 
 void log_scales(const float* factor, const float* normalized, size_t n, float* dst, bool) {
   for (size_t i = 0; i < n; ++i) {
-    for (size_t k = 0; k < 4; ++k) dst[4 * i + k] = factor[i] + normalized[4 * i + k];
+    for (size_t k = 0; k < 4; ++k) {
+      dst[4 * i + k] = clamp_log_scale(factor[i] + normalized[4 * i + k]);
+    }
   }
 }
 

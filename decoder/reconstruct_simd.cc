@@ -4,6 +4,7 @@
 #include "decoder/reconstruct.h"
 #include "libl4dcodec/base/half.h"
 #include "libl4dcodec/container/scene_header.h"
+#include "libl4dcodec/math/attributes.h"
 #include "libl4dcodec/math/rotor.h"
 
 #undef HWY_TARGET_INCLUDE
@@ -207,10 +208,12 @@ void log_scales(const float* factor, const float* normalized, size_t n, float* d
                 bool past_cache) {
   const hn::CappedTag<float, 4> d;
   const bool stream = can_stream(past_cache, dst);
+  const auto low = hn::Set(d, -kMaxDecodedLogScale), high = hn::Set(d, kMaxDecodedLogScale);
   for (size_t i = 0; i < n; ++i) {
     const auto f = hn::Set(d, factor[i]);
     for (size_t k = 0; k < 4; k += hn::Lanes(d)) {
-      const auto v = hn::Add(f, hn::LoadU(d, normalized + 4 * i + k));
+      const auto sum = hn::Add(f, hn::LoadU(d, normalized + 4 * i + k));
+      const auto v = hn::Min(hn::Max(sum, low), high);
       if (stream) {
         hn::Stream(v, d, dst + 4 * i + k);
       } else {

@@ -33,6 +33,54 @@ void prepare_gaussians(const SceneHeader& header, const LayerHeader& layer, cons
   }
 }
 
+// Whether Gaussian i of a bucket has a finite covariance, and a finite position wherever the
+// sequence takes it: from lo to hi, seconds from the centre. Its rotor can keep it from that, where
+// it is stored as it is.
+bool is_finite(const PreparedBucket& bucket, size_t i, float lo, float hi) {
+  float sum = bucket.opacity[i] + bucket.reference[i];
+  for (size_t k = 0; k < 6; ++k) sum += 0.0f * bucket.covariance[6 * i + k];
+  if (!bucket.lambda.empty()) sum += 0.0f * bucket.lambda[i];
+  for (size_t k = 0; k < 3; ++k) {
+    const float at = bucket.position[3 * i + k];
+    const float v = bucket.velocity.empty() ? 0.0f : bucket.velocity[3 * i + k];
+    // Rounding keeps the order of times: what is finite at both ends is so between them.
+    sum += 0.0f * (at + v * (lo - bucket.reference[i]));
+    sum += 0.0f * (at + v * (hi - bucket.reference[i]));
+  }
+  return std::isfinite(sum);
+}
+
+// Takes Gaussians that are not finite out of a bucket.
+void drop_not_finite(const l4d_timeline& timeline, size_t sh_dim, PreparedBucket* bucket) {
+  const float lo = static_cast<float>(timeline.time_begin - bucket->center);
+  const float hi =
+      static_cast<float>(timeline.time_begin + sequence_duration(timeline) - bucket->center);
+  std::vector<RowMove> moves;
+  size_t kept = 0;
+  for (size_t i = 0; i < bucket->count; ++i) {
+    if (!is_finite(*bucket, i, lo, hi)) continue;
+    if (!moves.empty() && moves.back().from + moves.back().count == i) {
+      ++moves.back().count;
+    } else {
+      moves.push_back({i, kept, 1});
+    }
+    ++kept;
+  }
+  if (kept == bucket->count) return;
+  bucket->count = kept;
+  const auto move = [&](std::vector<float>& rows, size_t dim) {
+    if (!rows.empty()) move_rows(moves, dim, rows.data());
+  };
+  move(bucket->position, 3);
+  move(bucket->mean, 1);
+  move(bucket->reference, 1);
+  move(bucket->velocity, 3);
+  move(bucket->lambda, 1);
+  move(bucket->covariance, 6);
+  move(bucket->opacity, 1);
+  move(bucket->sh, sh_dim);
+}
+
 // What one piece of a bucket shows at the instant.
 class Slicer {
  public:
@@ -212,6 +260,7 @@ Status Decoder::prepare_range(const Plan& plan, size_t range, size_t first_task,
   parallel_for(static_cast<int>(options_.threads), n, kSliceGrain, [&](size_t begin, size_t end) {
     prepare_gaussians(header, layer, rotor.data(), log_scale.data(), begin, end, out);
   });
+  drop_not_finite(header.timeline, header.sh_dim(), out);
   const auto& velocity = out->velocity;
   if (std::all_of(velocity.begin(), velocity.end(), [](float v) { return v == 0; })) {
     std::vector<float>().swap(out->velocity);

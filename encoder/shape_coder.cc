@@ -10,6 +10,7 @@
 #include "encoder/scalar.h"
 #include "libl4dcodec/base/half.h"
 #include "libl4dcodec/base/threads.h"
+#include "libl4dcodec/math/attributes.h"
 #include "libl4dcodec/math/rotor.h"
 
 namespace l4d {
@@ -433,7 +434,8 @@ void decoded_shape(const CodedLayer& layer, size_t j, float* rotor, float* log_s
   const float factor = decoded_factor(layer.header.scale_factor, layer.factor, j);
   const size_t dim = layer.header.scale_dim();
   for (size_t k = 0; k < dim; ++k) {
-    log_scale[k] = factor + layer.component[L4D_COMPONENT_SCALE].decoded[j * dim + k];
+    log_scale[k] =
+        clamp_log_scale(factor + layer.component[L4D_COMPONENT_SCALE].decoded[j * dim + k]);
   }
   if (layer.header.permanent) log_scale[3] = layer.header.log_scale_t;
   decoded_rotor(layer.component[L4D_COMPONENT_ROTOR_SPATIAL],

@@ -5,6 +5,7 @@
 
 #include "decoder/cuda/components.cuh"
 #include "decoder/cuda/values.cuh"
+#include "libl4dcodec/math/attributes.h"
 #include "libl4dcodec/math/rotor.h"
 
 namespace l4d::cuda {
@@ -20,7 +21,7 @@ __device__ inline void expand_scale(const DeviceJob& job, const ExpandBlock& blo
     component_row<4>(source, slot, row);
   }
   const float factor = scalar(layer.scale_factor, job.columns.scale_factor, slot);
-  for (float& number : row) number = factor + number;
+  for (float& number : row) number = clamp_log_scale(factor + number);
   store4(to, row[0], row[1], row[2], layer.permanent != 0 ? layer.log_scale_t : row[3]);
 }
 
@@ -87,7 +88,10 @@ __device__ inline void expand_place(const DeviceJob& job, const ExpandBlock& blo
     }
   }
   if (out.opacity != nullptr) {
-    out.opacity[gaussian] = scalar(layer.opacity, job.columns.opacity, slot);
+    const float opacity = scalar(layer.opacity, job.columns.opacity, slot);
+    out.opacity[gaussian] = opacity < layer.least_opacity  ? layer.least_opacity
+                            : opacity > layer.most_opacity ? layer.most_opacity
+                                                           : opacity;
   }
   if (out.log_scale != nullptr) expand_scale(job, block, slot, out.log_scale + 4 * gaussian);
 }

@@ -2,8 +2,10 @@
 #include "decoder/cuda/layer_tables.h"
 
 #include <algorithm>
+#include <cfloat>
 
 #include "libl4dcodec/entropy/rans.h"
+#include "libl4dcodec/math/attributes.h"
 
 namespace l4d::cuda {
 namespace {
@@ -37,7 +39,9 @@ DeviceLayer device_layer(const SceneHeader& header, const LayerHeader& layer) {
   out.stereographic = SceneHeader::stereographic_rotor(layer) ? 1 : 0;
   std::copy_n(header.position_center, 3, out.position_center);
   out.position_scale = header.position_scale;
-  out.log_scale_t = layer.log_scale_t;
+  out.log_scale_t = clamp_log_scale(layer.log_scale_t);
+  out.least_opacity = header.opacity_logit ? -FLT_MAX : 0.0f;
+  out.most_opacity = header.opacity_logit ? FLT_MAX : 1.0f;
   out.opacity = device_scalar(header.opacity);
   out.scale_factor = device_scalar(layer.scale_factor);
   for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {

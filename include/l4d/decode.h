@@ -241,9 +241,9 @@ typedef struct l4d_gaussian_buffers {
   float* position;     /* [N, 3] */
   float* mean_t;       /* [N] seconds, rounded to binary32: see mean_t_double */
   float* mean_t_local; /* [N] seconds from the centre of the range: full precision at any time */
-  float* log_scale;    /* [N, 4] */
+  float* log_scale;    /* [N, 4] in [-17, 17] */
   float* rotor;        /* [N, 8] unit, unless the stream is lossless */
-  float* opacity;      /* [N] */
+  float* opacity;      /* [N] in [0, 1]; a logit, of any size, with L4D_OPACITY_LOGIT */
   float* sh;           /* [N, (D+1)^2, 3] */
   l4d_range* ranges;   /* [range_capacity] or NULL */
   uint64_t range_capacity;
@@ -313,7 +313,9 @@ L4D_API l4d_status l4d_decoder_get_codebook(l4d_decoder* decoder, uint32_t layer
                                             l4d_codebook* out);
 
 /* What turns packed integers of a layer into values: position = center + scale * half,
- * opacity = opacity_offset + code * opacity_step, factor likewise. */
+ * opacity = opacity_offset + code * opacity_step, limited to [0, 1] unless the stream has
+ * L4D_OPACITY_LOGIT, factor likewise without a limit; a log scale is factor + its number of the
+ * scale vector, limited to [-17, 17]. */
 typedef struct l4d_dequantization {
   size_t struct_size;
   float position_center[3];
@@ -392,7 +394,9 @@ L4D_API l4d_status l4d_decoder_get_conformance(l4d_decoder* decoder, l4d_conform
 
 /* 3D Gaussians at one instant (engineering: projected rows, positive semi-definite by
  * construction). Not normative: equal within rounding between implementations, identical between
- * the backends and thread counts of this library. */
+ * the backends and thread counts of this library. All values are finite: a Gaussian of which the
+ * covariance, or the position at some time of the sequence, is not finite in float32 is left out.
+ * Only rotors of lossless streams, which are stored as they are, can bring that about. */
 typedef struct l4d_splat_buffers {
   size_t struct_size;
   uint64_t capacity;

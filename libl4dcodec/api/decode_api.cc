@@ -2,11 +2,17 @@
 #include "l4d/decode.h"
 #include "libl4dcodec/api/decoder_handle.h"
 #include "libl4dcodec/container/levels.h"
+#include "libl4dcodec/math/attributes.h"
 
 using l4d::Status;
+using l4d::api::call_on;
 using l4d::api::guard;
 using l4d::api::init_struct;
+using l4d::api::keep_last;
+using l4d::api::look_at;
+using l4d::api::optional;
 using l4d::api::read_struct;
+using l4d::api::required;
 using l4d::api::write_struct;
 
 namespace {
@@ -290,7 +296,9 @@ l4d_status l4d_decoder_get_dequantization(l4d_decoder* decoder, uint32_t layer,
     q.opacity_step = header.opacity.step;
     q.scale_factor_offset = factor.offset;
     q.scale_factor_step = factor.step;
-    if (header.layers[layer].permanent) q.log_scale_t = header.layers[layer].log_scale_t;
+    if (header.layers[layer].permanent) {
+      q.log_scale_t = l4d::clamp_log_scale(header.layers[layer].log_scale_t);
+    }
     write_struct(q, out);
     return {};
   });

@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
+#include <cfloat>
 #include <cmath>
 
 #include "libl4dcodec/base/ordered.h"
 #include "libl4dcodec/container/page_columns.h"
+#include "libl4dcodec/math/attributes.h"
 
 namespace l4d {
 namespace {
@@ -25,15 +27,17 @@ class PageParser {
     count(L4D_SECTION_POSITION);
     L4D_RETURN_IF_ERROR(mean_t(layer, wants.mean_t));
     count(L4D_SECTION_MEAN_T);
-    L4D_RETURN_IF_ERROR(scalar(header.opacity, wants.opacity, &out_.opacity, &out_.raw_opacity));
+    L4D_RETURN_IF_ERROR(scalar(header.opacity, wants.opacity, &out_.opacity, &out_.raw_opacity,
+                               header.opacity_logit ? kAnyValue : kOpacityRange));
     count(L4D_SECTION_OPACITY);
-    L4D_RETURN_IF_ERROR(
-        scalar(layer.scale_factor, wants.scale, &out_.scale_factor, &out_.raw_scale_factor));
+    L4D_RETURN_IF_ERROR(scalar(layer.scale_factor, wants.scale, &out_.scale_factor,
+                               &out_.raw_scale_factor, kAnyValue));
     count(L4D_SECTION_SCALE_FACTOR);
     const bool want[L4D_COMPONENT_COUNT] = {wants.sh, wants.scale, wants.rotor, wants.rotor};
     for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
       L4D_RETURN_IF_ERROR(component(header.component(layer, c), header.component_dim(layer, c),
                                     stage0_entries(header, layer, c, block), want[c],
+                                    c == L4D_COMPONENT_SCALE ? kLogScaleRange : kAnyValue,
                                     &out_.component[c]));
       count(L4D_SECTION_SH + c);
     }
@@ -45,6 +49,14 @@ class PageParser {
   }
 
  private:
+  // What raw values may be.
+  struct Range {
+    float low, high;
+  };
+  static constexpr Range kAnyValue = {-FLT_MAX, FLT_MAX};
+  static constexpr Range kOpacityRange = {0.0f, 1.0f};
+  static constexpr Range kLogScaleRange = {-kMaxDecodedLogScale, kMaxDecodedLogScale};
+
   void count(unsigned section) {
     if (sections_ != nullptr) (*sections_)[section] += in_.position() - counted_;
     counted_ = in_.position();
@@ -60,7 +72,7 @@ class PageParser {
     return {};
   }
 
-  Status raw(bool wanted, size_t n, float* dst, size_t stride) {
+  Status raw(bool wanted, size_t n, float* dst, size_t stride, Range range = kAnyValue) {
     if (!wanted) return skip_stream(in_, base_, n, 32);
     const uint64_t at = base_ + in_.position();
     grow(raw_bits_, n);
@@ -68,6 +80,9 @@ class PageParser {
     for (size_t i = 0; i < n; ++i) {
       const float v = unorder_float(raw_bits_[i]);
       if (!std::isfinite(v)) return corrupt("VAL-3", at, "a raw value is not finite");
+      if (v < range.low || v > range.high) {
+        return corrupt("VAL-4", at, "a raw opacity or log scale is out of range");
+      }
       dst[i * stride] = v;
     }
     return {};
@@ -138,10 +153,10 @@ class PageParser {
   }
 
   Status scalar(const ScalarCoding& coding, bool wanted, std::vector<uint16_t>* codes,
-                std::vector<float>* raw_values) {
+                std::vector<float>* raw_values, Range range) {
     if (coding.coding == ScalarCodingId::kRaw32) {
       grow(*raw_values, n_);
-      return raw(wanted, n_, raw_values->data(), 1);
+      return raw(wanted, n_, raw_values->data(), 1, range);
     }
     if (coding.coding != ScalarCodingId::kSq) return {};
     grow(*codes, n_);
@@ -150,7 +165,7 @@ class PageParser {
   }
 
   Status component(const ComponentCoding& coding, unsigned dim, uint32_t entries0, bool wanted,
-                   ComponentColumns* out) {
+                   Range range, ComponentColumns* out) {
     // The buffers keep what the page before left in them; the counts say what is of this page.
     out->index_count.fill(0);
     out->num_literals = 0;
@@ -159,7 +174,7 @@ class PageParser {
     if (coding.coding == ComponentCodingId::kRaw32) {
       grow(out->raw, n_ * dim);
       for (unsigned d = 0; d < dim; ++d)
-        L4D_RETURN_IF_ERROR(raw(wanted, n_, out->raw.data() + d, dim));
+        L4D_RETURN_IF_ERROR(raw(wanted, n_, out->raw.data() + d, dim, range));
       return {};
     }
     if (!coding.vq()) return {};

@@ -5,6 +5,7 @@
 #include <cstddef>
 
 #include "l4d/l4d.h"
+#include "libl4dcodec/math/hd.h"
 #include "libl4dcodec/math/layers.h"
 
 namespace l4d {
@@ -14,6 +15,18 @@ constexpr float kMaxLogScale = 16;
 constexpr float kLogScaleMargin = 1;
 constexpr double kMaxCoordinate = 0x1p60;
 
+// What decoded attributes are clamped to (spec: section 14, "Ranges"), so that no covariance and no
+// velocity of a stream overflows binary32.
+constexpr float kMaxDecodedLogScale = kMaxLogScale + kLogScaleMargin;
+L4D_HOST_DEVICE inline float clamp_log_scale(float v) {
+  return v < -kMaxDecodedLogScale  ? -kMaxDecodedLogScale
+         : v > kMaxDecodedLogScale ? kMaxDecodedLogScale
+                                   : v;
+}
+L4D_HOST_DEVICE inline float clamp_opacity(float v) {
+  return v < 0.0f ? 0.0f : v > 1.0f ? 1.0f : v;
+}
+
 // Name of the first attribute of Gaussian i that is no value a scene may hold, or null.
 inline const char* invalid_attribute(const l4d_gaussians& g, size_t i) {
   for (size_t k = 0; k < 3; ++k) {
@@ -21,7 +34,7 @@ inline const char* invalid_attribute(const l4d_gaussians& g, size_t i) {
   }
   if (!(std::fabs(mean_time(g, i)) <= kMaxCoordinate)) return "mean_t";
   for (size_t k = 0; k < 4; ++k) {
-    if (!(std::fabs(g.log_scale[4 * i + k]) <= kMaxLogScale + kLogScaleMargin)) return "log_scale";
+    if (!(std::fabs(g.log_scale[4 * i + k]) <= kMaxDecodedLogScale)) return "log_scale";
   }
   for (size_t k = 0; k < 8; ++k) {
     if (!(std::fabs(g.rotor[8 * i + k]) <= 1e15f)) return "rotor";

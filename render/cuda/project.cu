@@ -37,8 +37,13 @@ __device__ bool splat_of_row(const ResidentRows& rows, const View<float>& view, 
   Projection<float> p;
   if (!project_geometry(view, position, covariance, &p)) return false;
   const float* c = p.covariance;
-  const float det = fmaf(c[0], c[2], -c[1] * c[1]);
-  if (!(det > 0)) return false;
+  // The product of two entries must not overflow where a Gaussian is huge; a power of two rounds
+  // nothing.
+  const float widest = fmaxf(c[0], c[2]);
+  const float shrink = widest > 0x1p60f ? 0x1p-64f : 1.0f;
+  const float small[3] = {c[0] * shrink, c[1] * shrink, c[2] * shrink};
+  const float det = fmaf(small[0], small[2], -small[1] * small[1]);
+  if (!(det > 0) || !isfinite(widest)) return false;
   out->log2_opacity = log2f(opacity);
   // reach = 2 ln(opacity / kMinAlpha)
   const float reach = fmaxf(0.0f, 1.38629436f * (out->log2_opacity - kDeviceLog2MinAlpha));
@@ -52,10 +57,10 @@ __device__ bool splat_of_row(const ResidentRows& rows, const View<float>& view, 
     return false;
   }
   constexpr float kHalfLog2E = 0.72134752f;
-  const float scale = -kHalfLog2E / det;
-  out->conic[0] = scale * c[2];
-  out->conic[1] = -2 * scale * c[1];
-  out->conic_yy = scale * c[0];
+  const float scale = -kHalfLog2E / det * shrink;
+  out->conic[0] = scale * small[2];
+  out->conic[1] = -2 * scale * small[1];
+  out->conic_yy = scale * small[0];
   out->row = listed;
   *depth = p.camera[2];
   return true;

@@ -156,8 +156,14 @@ size_t project_rows(const Frame<float>& frame, const View<float>& view, size_t b
     const V xx = hn::Add(dot(t0, jw[0]), dilation);
     const V xy = dot(t0, jw[1]);
     const V yy = hn::Add(dot(t1, jw[1]), dilation);
-    const V det = hn::MulSub(xx, yy, hn::Mul(xy, xy));
-    in_view = hn::And(in_view, hn::Gt(det, zero));
+    // The product of two entries must not overflow where a Gaussian is huge; a power of two rounds
+    // nothing.
+    const V widest = hn::Max(xx, yy);
+    const V shrink = hn::IfThenElse(hn::Gt(widest, set(0x1p60f)), set(0x1p-64f), one);
+    const V small_xx = hn::Mul(xx, shrink), small_yy = hn::Mul(yy, shrink);
+    const V small_xy = hn::Mul(xy, shrink);
+    const V det = hn::MulSub(small_xx, small_yy, hn::Mul(small_xy, small_xy));
+    in_view = hn::And(in_view, hn::And(hn::Gt(det, zero), hn::IsFinite(widest)));
     const V log2_opacity = hn::Log2(d, hn::IfThenElse(in_view, opacity, one));
     // reach = 2 ln(opacity / kMinAlpha)
     const V reach =
@@ -170,12 +176,12 @@ size_t project_rows(const Frame<float>& frame, const View<float>& view, size_t b
     if (hn::AllFalse(d, in_view)) continue;
 
     constexpr float kHalfLog2E = 0.72134752f;
-    const V scale = hn::Div(set(-kHalfLog2E), hn::IfThenElse(in_view, det, one));
+    const V scale = hn::Mul(hn::Div(set(-kHalfLog2E), hn::IfThenElse(in_view, det, one)), shrink);
     hn::Store(mean[0], d, s.mean[0]);
     hn::Store(mean[1], d, s.mean[1]);
-    hn::Store(hn::Mul(scale, yy), d, s.conic[0]);
-    hn::Store(hn::Mul(hn::Mul(set(-2), scale), xy), d, s.conic[1]);
-    hn::Store(hn::Mul(scale, xx), d, s.conic[2]);
+    hn::Store(hn::Mul(scale, small_yy), d, s.conic[0]);
+    hn::Store(hn::Mul(hn::Mul(set(-2), scale), small_xy), d, s.conic[1]);
+    hn::Store(hn::Mul(scale, small_xx), d, s.conic[2]);
     hn::Store(log2_opacity, d, s.log2_opacity);
     hn::Store(extent_x, d, s.extent[0]);
     hn::Store(extent_y, d, s.extent[1]);

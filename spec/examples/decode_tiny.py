@@ -289,6 +289,10 @@ class Decoder:
             mean = [f32(v) for v in exact]
 
         opacity = scalar(h["opacity"], "opacity")
+        if not h["opacity_logit"]:
+            raw = h["opacity"]["coding"] == RAW32
+            require(not raw or all(0 <= v <= 1 for v in opacity), "VAL-4", "opacity")
+            opacity = [limit(v, 0.0, 1.0) for v in opacity]
         factor = scalar(layer["scale_factor"], "scale_factor")
         rows, classes = {}, [0] * n
         for c in columns.order:
@@ -302,13 +306,15 @@ class Decoder:
             else:
                 rows[c] = self.rows(columns, index, c, n, block.get(c))
         columns.end()
+        if layer["scale"]["coding"] == RAW32:
+            require(all(abs(v) <= 17 for row in rows[SCALE] for v in row), "VAL-4", "log scale")
 
         for i in range(n):
             log_scale = list(rows[SCALE][i])
             if layer["scale"]["coding"] != RAW32:
-                log_scale = [f32(factor[i] + v) for v in log_scale]
+                log_scale = [limit(f32(factor[i] + v), -17.0, 17.0) for v in log_scale]
             if layer["permanent"]:
-                log_scale.append(layer["log_scale_t"])
+                log_scale.append(limit(layer["log_scale_t"], -17.0, 17.0))
             rotor = list(rows[ROTOR_SPATIAL][i]) + list(rows[ROTOR_TEMPORAL][i])
             if layer["rotor_spatial"]["coding"] == TRANSFORM:
                 rotor = stereographic_rotor(rows[ROTOR_SPATIAL][i], rows[ROTOR_TEMPORAL][i])
@@ -380,6 +386,10 @@ class Decoder:
                 row = [f32(row[d] + f32(amount * basis[k + 1][d])) for d in range(dim)]
             rows.append(row)
         return rows, classes
+
+
+def limit(v, low, high):
+    return low if v < low else high if v > high else v
 
 
 def coefficient_context(cls, before):

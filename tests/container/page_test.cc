@@ -63,13 +63,19 @@ PageColumns random_columns(const SceneHeader& header, const LayerHeader& layer,
     if (layer.mean_t_fine) c.mean_t_fine.push_back(static_cast<uint16_t>(random.below(1u << bits)));
   }
   scalar(header.opacity, &c.opacity, &c.raw_opacity);
+  if (!header.opacity_logit) {
+    for (float& v : c.raw_opacity) v = random.uniformf(0, 1);
+  }
   scalar(layer.scale_factor, &c.scale_factor, &c.raw_scale_factor);
   for (unsigned comp = 0; comp < L4D_COMPONENT_COUNT; ++comp) {
     const ComponentCoding& coding = header.component(layer, comp);
     const unsigned dim = header.component_dim(layer, comp);
     ComponentColumns& to = c.component[comp];
     if (coding.coding == ComponentCodingId::kRaw32) {
-      for (size_t i = 0; i < n * dim; ++i) to.raw.push_back(random_bits(random));
+      for (size_t i = 0; i < n * dim; ++i) {
+        const bool log_scale = comp == L4D_COMPONENT_SCALE;
+        to.raw.push_back(log_scale ? random.uniformf(-17, 17) : random_bits(random));
+      }
     }
     if (!coding.vq()) continue;
     for (size_t i = 0; i < n; ++i) {
@@ -408,6 +414,30 @@ TEST_F(PageRules, LiteralsAreFinite) {
   PageColumns c = columns(layer(), 9);
   c.component[L4D_COMPONENT_SH].literal.back() = 0x7c00;
   expect("VAL-2", c, layer());
+}
+
+// spec: VAL-4
+TEST_F(PageRules, RawOpacitiesAndLogScalesAreInRange) {
+  header_ = lossless_header();
+  header_.opacity_logit = false;
+  for (const float bad : {-1e-30f, std::nextafter(1.0f, 2.0f), 1e30f}) {
+    PageColumns c = columns(layer(), 21);
+    c.raw_opacity.back() = bad;
+    expect("VAL-4", c, layer());
+  }
+  for (const float bad : {std::nextafter(-17.0f, -18.0f), 17.5f, 1e30f}) {
+    PageColumns c = columns(layer(), 22);
+    c.component[L4D_COMPONENT_SCALE].raw.front() = bad;
+    expect("VAL-4", c, layer());
+  }
+  // Logits may be of any size.
+  header_.opacity_logit = true;
+  PageColumns c = columns(layer(), 23);
+  c.raw_opacity.back() = -1e30f;
+  StreamEncoder encoder(3);
+  const Bytes raw = encode_page(encoder, header_, layer(), nullptr, c);
+  PageColumns out;
+  EXPECT_TRUE(parse(raw, header_, layer(), nullptr, c.n, PageWants(), &out).ok());
 }
 
 // spec: VAL-3

@@ -505,6 +505,23 @@ TEST(Clause, VAL_2) {
   FAIL() << "no page has literals";
 }
 
+// spec: VAL-4
+TEST(Clause, VAL_4) {
+  const auto with_value = [](const char* name, float bad) {
+    return with_stream(lossless_file(), name, [&](const PageStream& s) {
+      std::vector<uint32_t> v(s.n, order_float(0.5f));
+      v.front() = order_float(bad);
+      return packed_stream(v, 32);
+    });
+  };
+  for (const float bad : {-0x1p-149f, std::nextafter(1.0f, 2.0f), 1e30f}) {
+    expect_clause(with_value("opacity", bad), "VAL-4", L4D_ERR_CORRUPT);
+  }
+  for (const float bad : {std::nextafter(17.0f, 18.0f), -100.0f, 1e30f}) {
+    expect_clause(with_value("scale.raw.2", bad), "VAL-4", L4D_ERR_CORRUPT);
+  }
+}
+
 // spec: VAL-3
 TEST(Clause, VAL_3) {
   for (const char* name : {"position.y", "mean_t", "opacity", "sh.raw.5", "scale.raw.3",

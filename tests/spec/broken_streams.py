@@ -222,6 +222,9 @@ def broken():
     yield "VAL-2", page_edit(0, 0, make_tiny.packed([make_tiny.order(0.25)], 16),
                              make_tiny.packed([make_tiny.order(inf)], 16))
     yield "VAL-3", edited(raw_position)
+    yield "VAL-4 opacity", edited(lambda s: raw_opacities(s, 1.0 + 2.0 ** -23))
+    yield "VAL-4 negative", edited(lambda s: raw_opacities(s, -2.0 ** -149))
+    yield "VAL-4 log scale", edited(lambda s: raw_scales(s, -17.0 - 2.0 ** -19))
     yield "LAYR-1", coding(1, "scale_factor", offset=-2.0)
 
 
@@ -234,6 +237,23 @@ def overlap(s):
     first = s["layers"][0]["pages"][0]["raw"]
     s["layers"][1]["pages"][-1]["patch"].update(hash=xxh3_64(first), stored_bytes=len(first),
                                                raw_bytes=len(first))
+
+
+def raw_opacities(s, value):
+    """Raw opacities in all pages, one of which is the value."""
+    s["opacity"] = {"coding": 1}
+    raw = make_tiny.packed([sb.order32(v) for v in (0.0, value, 1.0)], 32)
+    for la in s["layers"]:
+        for p in la["pages"]:
+            p["raw"] = p["raw"].replace(make_tiny.packed([0, 5, 31], 5), raw, 1)
+
+
+def raw_scales(s, value):
+    """Raw log scales in the first layer, one of which is the value."""
+    s["layers"][0]["scale"] = {"coding": 1}
+    raw = make_tiny.packed([sb.order32(v) for v in (17.0, value, -17.0)], 32)
+    p = s["layers"][0]["pages"][0]
+    p["raw"] = p["raw"].replace(make_tiny.packed([0, 1, 2], 2), raw * 3, 1)
 
 
 def raw_position(s):

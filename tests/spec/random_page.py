@@ -27,6 +27,14 @@ def raw_value(rng):
                        f32(rng.uniform(-50, 50))])
 
 
+def raw_opacity(rng):
+    return rng.choice([0.0, -0.0, 1.0, f32(rng.random())])
+
+
+def raw_log_scale(rng):
+    return rng.choice([0.0, -0.0, 17.0, -17.0, f32(rng.uniform(-17, 17)), f32(rng.gauss(-3, 1))])
+
+
 def vector_length(scene, layer, name):
     if name == SH:
         return 3 * (scene["sh_degree"] + 1) ** 2
@@ -56,7 +64,8 @@ class Columns:
         self.position = [self.coordinates() for _ in range(3)]
         self.mean_t = self.mean_times()
         self.mean_t_fine = self.refinements()
-        self.opacity = self.scalars(scene["opacity"])
+        self.opacity = self.scalars(scene["opacity"], raw_value if scene.get("opacity_logit") else
+                                    raw_opacity)
         self.factor = self.scalars(layer["scale_factor"])
         self.component = {name: self.vectors(name, stage0.get(name))
                           for name in (SH, *sb.COMPONENTS)}
@@ -95,12 +104,12 @@ class Columns:
         return [self.rng.choice([0, 0, 1, 2, 65535, self.rng.randrange(1 << 16)])
                 for _ in range(self.n)]
 
-    def raw(self):
-        return [sb.order32(raw_value(self.rng)) for _ in range(self.n)]
+    def raw(self, value=raw_value):
+        return [sb.order32(value(self.rng)) for _ in range(self.n)]
 
-    def scalars(self, coding):
+    def scalars(self, coding, value=raw_value):
         if coding["coding"] == RAW32:
-            return self.raw()
+            return self.raw(value)
         bits = coding["bits"] if coding["coding"] == 2 else 0
         return [self.rng.randrange(1 << bits) for _ in range(self.n)] if bits else []
 
@@ -109,7 +118,8 @@ class Columns:
         rng, coding, n = self.rng, self.coding(name), self.n
         dim = vector_length(self.scene, self.layer, name)
         if coding["coding"] == RAW32:
-            return {"raw": [self.raw() for _ in range(dim)]}
+            value = raw_log_scale if name == "scale" else raw_value
+            return {"raw": [self.raw(value) for _ in range(dim)]}
         if coding["coding"] == VQ:
             stages = len(coding["stages"])
             choices = [*range(stages + 1)] + [15] * coding["literals"]

@@ -123,7 +123,7 @@ class RandomScene:
                  "mean_t_zero": rng.choice([0, 65535, rng.randrange(1 << 16)]),
                  "mean_t_step": f32(rng.choice([2.0 ** -60, 2.0 ** 60, rng.uniform(1e-4, 0.1)])),
                  "mean_t_fine": rng.random() < 0.5,
-                 "log_scale_t": f32(rng.uniform(-3, 9)),
+                 "log_scale_t": f32(rng.choice([rng.uniform(-3, 9), 2.0 ** 60, -18.0])),
                  "raw_position": self.may_be_raw and rng.random() < 0.3,
                  "scale_factor": scalar(rng, may_be_raw=scale["coding"] == RAW32),
                  "scale": scale, "rotor_spatial": spatial, "rotor_temporal": temporal}

@@ -176,7 +176,7 @@ class BrokenStreams(unittest.TestCase):
     # spec: STRM-1, STRM-2, STRM-3, STRM-4, STRM-6, RCQ-1, RCQ-2, RCQ-3, RCQ-4, RCQ-5
     # spec: DIR-1, DIR-2, DIR-3, DIR-4, DIR-5, DIR-6, DIR-7, DIR-8, DIR-9, DIR-10, DIR-11, DIR-12
     # spec: DIR-13
-    # spec: PAGE-1, VQ-1, VQ-2, VAL-1, VAL-2, VAL-3, LAYR-1, DEC-3
+    # spec: PAGE-1, VQ-1, VQ-2, VAL-1, VAL-2, VAL-3, VAL-4, LAYR-1, DEC-3
     def test_each_broken_rule_is_named(self):
         files = {**dict(broken()), **dict(broken_rans.broken())}
         for name, data in files.items():
