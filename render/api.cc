@@ -10,16 +10,29 @@
 #include "render/sensitivity.h"
 
 using l4d::Status;
+using l4d::api::call_on;
 using l4d::api::ErrorDetail;
 using l4d::api::guard;
 using l4d::api::init_struct;
+using l4d::api::keep_last;
+using l4d::api::look_at;
+using l4d::api::optional;
 using l4d::api::read_struct;
+using l4d::api::required;
 using l4d::api::write_struct;
 using l4d::render::default_camera;
+
+namespace l4d::api {
+
+L4D_FIRST_VERSION(l4d_renderer_options, backend);
+L4D_FIRST_VERSION(l4d_measure_options, ranks);
+
+}  // namespace l4d::api
 
 struct l4d_renderer {
   explicit l4d_renderer(const l4d_renderer_options& options) : renderer(options) {}
   l4d::render::Renderer renderer;
+  mutable l4d::api::Busy busy;
   ErrorDetail error;
 };
 
@@ -54,14 +67,10 @@ l4d_measure_options default_measure_options() {
   return options;
 }
 
-// Runs body(renderer) for a call on the handle, and keeps what it says.
+// Runs body(renderer) for a call on the handle.
 template <typename Body>
-l4d_status call(l4d_renderer* handle, bool arguments_ok, const Body& body) {
-  if (handle == nullptr) return L4D_ERR_INVALID_ARGUMENT;
-  return handle->error.keep(guard([&]() -> Status {
-    if (!arguments_ok) return l4d::invalid_argument("a pointer is NULL");
-    return body(handle->renderer);
-  }));
+l4d_status call(l4d_renderer* handle, const char* bad, const Body& body) {
+  return call_on(handle, bad, [&] { return body(handle->renderer); });
 }
 
 }  // namespace
@@ -95,109 +104,127 @@ void l4d_render_stats_init_(l4d_render_stats* stats, size_t struct_size) {
 }
 
 l4d_status l4d_renderer_create(const l4d_renderer_options* options, l4d_renderer** out) {
-  if (out == nullptr) return L4D_ERR_INVALID_ARGUMENT;
-  const l4d_renderer_options o = options == nullptr
-                                     ? default_renderer_options()
-                                     : read_struct(*options, default_renderer_options());
-  if (o.path > L4D_RENDER_FAST || o.exponential > L4D_RENDER_EXP_FAST || o.threads > 4096 ||
-      o.backend > L4D_BACKEND_CUDA ||
-      (o.backend == L4D_BACKEND_CUDA && o.path == L4D_RENDER_REFERENCE) ||
-      (o.backend == L4D_BACKEND_REFERENCE && o.path == L4D_RENDER_FAST)) {
-    return L4D_ERR_INVALID_ARGUMENT;
-  }
-  return guard([&]() -> Status {
-           *out = new l4d_renderer(o);
-           return {};
-         })
-      .code();
+  return keep_last(guard([&]() -> Status {
+    if (const char* bad = required(out)) return l4d::invalid_argument(bad);
+    if (const char* bad = optional(options)) return l4d::invalid_argument(bad);
+    const l4d_renderer_options o = options == nullptr
+                                       ? default_renderer_options()
+                                       : read_struct(*options, default_renderer_options());
+    if (o.path > L4D_RENDER_FAST || o.exponential > L4D_RENDER_EXP_FAST || o.threads > 4096 ||
+        o.backend > L4D_BACKEND_CUDA) {
+      return l4d::invalid_argument("an option of the renderer is out of range");
+    }
+    if ((o.backend == L4D_BACKEND_CUDA && o.path == L4D_RENDER_REFERENCE) ||
+        (o.backend == L4D_BACKEND_REFERENCE && o.path == L4D_RENDER_FAST)) {
+      return l4d::invalid_argument("path and backend of the renderer contradict each other");
+    }
+    *out = new l4d_renderer(o);
+    return {};
+  }));
 }
-void l4d_renderer_destroy(l4d_renderer* renderer) { delete renderer; }
+void l4d_renderer_destroy(l4d_renderer* renderer) {
+  if (l4d::api::may_destroy(renderer)) delete renderer;
+}
 const char* l4d_renderer_error_detail(const l4d_renderer* renderer) {
   return renderer == nullptr ? "" : renderer->error.c_str();
 }
 
 l4d_status l4d_renderer_set_gaussians(l4d_renderer* renderer, const l4d_gaussians* gaussians,
                                       const l4d_timeline* timeline) {
-  return call(renderer, gaussians != nullptr && timeline != nullptr, [&](auto& r) {
+  return call(renderer, required(gaussians, timeline), [&](auto& r) {
     return r.set_gaussians(read_struct(*gaussians, l4d_gaussians{}), *timeline);
   });
 }
 l4d_status l4d_renderer_set_decoder(l4d_renderer* renderer, l4d_decoder* decoder) {
-  return call(renderer, decoder != nullptr, [&](auto& r) { return r.set_decoder(decoder); });
+  return call(renderer, required(decoder), [&](auto& r) { return r.set_decoder(decoder); });
 }
 l4d_status l4d_renderer_set_background(l4d_renderer* renderer, const float* rgb) {
-  return call(renderer, rgb != nullptr, [&](auto& r) -> Status {
+  return call(renderer, required(rgb), [&](auto& r) -> Status {
     L4D_RETURN_IF_ERROR(l4d::render::check_background(rgb));
     r.set_background(rgb);
     return {};
   });
 }
 l4d_status l4d_renderer_set_time(l4d_renderer* renderer, double time) {
-  return call(renderer, true, [&](auto& r) { return r.set_time(time); });
+  return call(renderer, nullptr, [&](auto& r) { return r.set_time(time); });
 }
 l4d_status l4d_renderer_render(l4d_renderer* renderer, const l4d_camera* camera,
                                const l4d_image* image) {
-  return call(renderer, camera != nullptr && image != nullptr, [&](auto& r) {
+  return call(renderer, required(camera, image), [&](auto& r) {
     return r.render(read_struct(*camera, default_camera()), read_struct(*image, l4d_image{}));
   });
 }
 l4d_status l4d_renderer_backward(l4d_renderer* renderer, const l4d_camera* camera,
                                  const float* rgb_gradient, l4d_gradients* gradients) {
-  const bool ok = camera != nullptr && rgb_gradient != nullptr && gradients != nullptr;
-  return call(renderer, ok, [&](auto& r) {
+  const char* const bad = required(camera, rgb_gradient, gradients);
+  return call(renderer, bad, [&](auto& r) {
     l4d_gradients g = read_struct(*gradients, l4d_gradients{});
     return r.backward(read_struct(*camera, default_camera()), rgb_gradient, &g);
   });
 }
 l4d_status l4d_renderer_get_stats(const l4d_renderer* renderer, l4d_render_stats* stats) {
-  if (renderer == nullptr || stats == nullptr) return L4D_ERR_INVALID_ARGUMENT;
-  l4d_render_stats s{};
-  renderer->renderer.stats(&s);
-  write_struct(s, stats);
-  return L4D_OK;
+  return look_at(renderer, required(stats), [&]() -> Status {
+    l4d_render_stats s{};
+    renderer->renderer.stats(&s);
+    write_struct(s, stats);
+    return {};
+  });
 }
 
 l4d_status l4d_sensitivity_create(const l4d_sensitivity_options* options, uint64_t count,
                                   uint32_t sh_degree, l4d_sensitivity** out) {
-  if (out == nullptr || sh_degree > 3 || count > UINT32_MAX) return L4D_ERR_INVALID_ARGUMENT;
-  const l4d_sensitivity_options o = options == nullptr
-                                        ? l4d_sensitivity_options{}
-                                        : read_struct(*options, l4d_sensitivity_options{});
-  if (o.measure > L4D_SENSITIVITY_GAUSS_NEWTON) return L4D_ERR_INVALID_ARGUMENT;
-  return guard([&]() -> Status {
-           *out = new l4d_sensitivity(
-               l4d::render::Sensitivity(o, static_cast<size_t>(count), sh_degree));
-           return {};
-         })
-      .code();
+  return keep_last(guard([&]() -> Status {
+    if (const char* bad = required(out)) return l4d::invalid_argument(bad);
+    if (const char* bad = optional(options)) return l4d::invalid_argument(bad);
+    const l4d_sensitivity_options o = options == nullptr
+                                          ? l4d_sensitivity_options{}
+                                          : read_struct(*options, l4d_sensitivity_options{});
+    if (sh_degree > 3 || count > UINT32_MAX || o.measure > L4D_SENSITIVITY_GAUSS_NEWTON) {
+      return l4d::invalid_argument("sh_degree, count or measure is out of range");
+    }
+    *out = new l4d_sensitivity(l4d::render::Sensitivity(o, static_cast<size_t>(count), sh_degree));
+    return {};
+  }));
 }
 void l4d_sensitivity_destroy(l4d_sensitivity* sensitivity) { delete sensitivity; }
 l4d_status l4d_sensitivity_add_view(l4d_sensitivity* sensitivity, l4d_renderer* renderer,
                                     const l4d_camera* camera, int seen_only) {
-  return call(renderer, sensitivity != nullptr && camera != nullptr, [&](auto& r) {
+  return call(renderer, required(sensitivity, camera), [&](auto& r) {
     return sensitivity->sensitivity.add_view(r, read_struct(*camera, default_camera()),
                                              seen_only != 0);
   });
 }
 l4d_status l4d_sensitivity_merge(l4d_sensitivity* sensitivity, const l4d_sensitivity* other) {
-  if (sensitivity == nullptr || other == nullptr) return L4D_ERR_INVALID_ARGUMENT;
-  return sensitivity->sensitivity.merge(other->sensitivity).code();
+  return keep_last(guard([&]() -> Status {
+    if (const char* bad = required(sensitivity, other)) return l4d::invalid_argument(bad);
+    return sensitivity->sensitivity.merge(other->sensitivity);
+  }));
 }
 l4d_status l4d_sensitivity_get_weights(const l4d_sensitivity* sensitivity, uint32_t which,
                                        float* out, uint64_t count) {
-  if (sensitivity == nullptr || out == nullptr || which >= L4D_WEIGHT_COUNT ||
-      count != sensitivity->sensitivity.count()) {
-    return L4D_ERR_INVALID_ARGUMENT;
-  }
-  return guard([&] { return sensitivity->sensitivity.weights(which, out); }).code();
+  return keep_last(guard([&]() -> Status {
+    if (const char* bad = required(sensitivity, out)) return l4d::invalid_argument(bad);
+    if (which >= L4D_WEIGHT_COUNT || count != sensitivity->sensitivity.count()) {
+      return l4d::invalid_argument("no such weight, or another number of Gaussians");
+    }
+    return sensitivity->sensitivity.weights(which, out);
+  }));
 }
 
 l4d_status l4d_measure(l4d_renderer* renderer, const l4d_camera* cameras, uint32_t num_cameras,
                        const l4d_view* views, uint64_t num_views,
                        const l4d_measure_options* options, l4d_progress_fn progress, void* user,
                        l4d_measure_report* report, l4d_sensitivity** out) {
-  const bool ok = cameras != nullptr && views != nullptr && out != nullptr;
-  return call(renderer, ok, [&](auto& r) -> Status {
+  // An array of no cameras has no first one to look at.
+  const char* bad = required(views, out);
+  if (bad == nullptr && cameras == nullptr) bad = "a required pointer is NULL";
+  for (uint32_t i = 0; bad == nullptr && i < num_cameras; ++i) bad = optional(cameras + i);
+  if (bad == nullptr) bad = optional(options);
+  if (bad == nullptr) bad = optional(report);
+  if (bad == nullptr && options != nullptr && options->ranks != nullptr) {
+    bad = optional(options->ranks);
+  }
+  return call(renderer, bad, [&](auto& r) -> Status {
     const l4d_measure_options o = options == nullptr
                                       ? default_measure_options()
                                       : read_struct(*options, default_measure_options());

@@ -14,16 +14,21 @@
 #include "render/prepare.h"
 
 using l4d::Status;
+using l4d::api::call_on;
 using l4d::api::ErrorDetail;
 using l4d::api::guard;
 using l4d::api::init_struct;
+using l4d::api::keep_last;
+using l4d::api::optional;
 using l4d::api::read_struct;
+using l4d::api::required;
 using l4d::api::write_struct;
 using l4d::render::default_camera;
 
 struct l4d_cuda_renderer {
   std::unique_ptr<l4d::render::DeviceRenderer> renderer;
   float background[3] = {0, 0, 0};
+  mutable l4d::api::Busy busy;
   ErrorDetail error;
 };
 
@@ -35,12 +40,8 @@ static_assert(int{L4D_CUDA_ROWS_STILL} == int{l4d::render::kStill} &&
               "the API's names of motion groups");
 
 template <typename Body>
-l4d_status call(l4d_cuda_renderer* handle, bool arguments_ok, const Body& body) {
-  if (handle == nullptr) return L4D_ERR_INVALID_ARGUMENT;
-  return handle->error.keep(guard([&]() -> Status {
-    if (!arguments_ok) return l4d::invalid_argument("a pointer is NULL");
-    return body(*handle->renderer);
-  }));
+l4d_status call(l4d_cuda_renderer* handle, const char* bad, const Body& body) {
+  return call_on(handle, bad, [&] { return body(*handle->renderer); });
 }
 
 Status check_timeline(const l4d_timeline& timeline) {
@@ -99,23 +100,27 @@ void l4d_cuda_figures_init_(l4d_cuda_figures* figures, size_t struct_size) {
 
 l4d_status l4d_cuda_renderer_create(const l4d_cuda_renderer_options* options,
                                     l4d_cuda_renderer** out) {
-  if (out == nullptr) return L4D_ERR_INVALID_ARGUMENT;
-  const l4d_cuda_renderer_options o = options == nullptr
-                                          ? l4d_cuda_renderer_options{}
-                                          : read_struct(*options, l4d_cuda_renderer_options{});
-  if (o.sh_format > L4D_CUDA_SH_FLOAT16 || o.device > 4096) return L4D_ERR_INVALID_ARGUMENT;
-  return guard([&]() -> Status {
-           auto handle = std::make_unique<l4d_cuda_renderer>();
-           l4d::render::DeviceRendererOptions inner;
-           inner.device = static_cast<int>(o.device);
-           inner.half_sh = o.sh_format == L4D_CUDA_SH_FLOAT16;
-           L4D_RETURN_IF_ERROR(l4d::render::make_device_renderer(inner, &handle->renderer));
-           *out = handle.release();
-           return {};
-         })
-      .code();
+  return keep_last(guard([&]() -> Status {
+    if (const char* bad = required(out)) return l4d::invalid_argument(bad);
+    if (const char* bad = optional(options)) return l4d::invalid_argument(bad);
+    const l4d_cuda_renderer_options o = options == nullptr
+                                            ? l4d_cuda_renderer_options{}
+                                            : read_struct(*options, l4d_cuda_renderer_options{});
+    if (o.sh_format > L4D_CUDA_SH_FLOAT16 || o.device > 4096) {
+      return l4d::invalid_argument("sh_format or device is out of range");
+    }
+    auto handle = std::make_unique<l4d_cuda_renderer>();
+    l4d::render::DeviceRendererOptions inner;
+    inner.device = static_cast<int>(o.device);
+    inner.half_sh = o.sh_format == L4D_CUDA_SH_FLOAT16;
+    L4D_RETURN_IF_ERROR(l4d::render::make_device_renderer(inner, &handle->renderer));
+    *out = handle.release();
+    return {};
+  }));
 }
-void l4d_cuda_renderer_destroy(l4d_cuda_renderer* renderer) { delete renderer; }
+void l4d_cuda_renderer_destroy(l4d_cuda_renderer* renderer) {
+  if (l4d::api::may_destroy(renderer)) delete renderer;
+}
 const char* l4d_cuda_renderer_error_detail(const l4d_cuda_renderer* renderer) {
   return renderer == nullptr ? "" : renderer->error.c_str();
 }
@@ -123,7 +128,7 @@ const char* l4d_cuda_renderer_error_detail(const l4d_cuda_renderer* renderer) {
 l4d_status l4d_cuda_renderer_set_gaussians(l4d_cuda_renderer* renderer,
                                            const l4d_gaussians* gaussians,
                                            const l4d_timeline* timeline) {
-  return call(renderer, gaussians != nullptr && timeline != nullptr, [&](auto& r) -> Status {
+  return call(renderer, required(gaussians, timeline), [&](auto& r) -> Status {
     const l4d_gaussians g = read_struct(*gaussians, l4d_gaussians{});
     L4D_RETURN_IF_ERROR(check_gaussians(g, false));
     L4D_RETURN_IF_ERROR(check_timeline(*timeline));
@@ -132,7 +137,7 @@ l4d_status l4d_cuda_renderer_set_gaussians(l4d_cuda_renderer* renderer,
 }
 l4d_status l4d_cuda_renderer_reserve_rows(l4d_cuda_renderer* renderer, uint64_t rows,
                                           uint32_t sh_degree, const l4d_timeline* timeline) {
-  return call(renderer, timeline != nullptr, [&](auto& r) -> Status {
+  return call(renderer, required(timeline), [&](auto& r) -> Status {
     if (sh_degree > 3) return l4d::invalid_argument("sh_degree is above 3");
     L4D_RETURN_IF_ERROR(check_timeline(*timeline));
     return r.reserve_rows(rows, sh_degree, *timeline);
@@ -140,16 +145,19 @@ l4d_status l4d_cuda_renderer_reserve_rows(l4d_cuda_renderer* renderer, uint64_t 
 }
 l4d_status l4d_cuda_renderer_store_rows(l4d_cuda_renderer* renderer, uint64_t first_row,
                                         const l4d_gaussians* gaussians, void* stream) {
-  return call(renderer, gaussians != nullptr, [&](auto& r) -> Status {
+  return call(renderer, required(gaussians), [&](auto& r) -> Status {
     return store_rows(r, first_row, *gaussians, nullptr, stream);
   });
 }
 l4d_status l4d_cuda_renderer_set_sh_codebooks(l4d_cuda_renderer* renderer,
                                               const l4d_codebook* codebooks, uint32_t count) {
-  return call(renderer, codebooks != nullptr || count == 0, [&](auto& r) -> Status {
+  return call(renderer, count > 0 ? required(codebooks) : nullptr, [&](auto& r) -> Status {
     if (count > L4D_MAX_STAGES) return l4d::invalid_argument("too many stages");
     l4d_codebook books[L4D_MAX_STAGES] = {};
-    for (uint32_t s = 0; s < count; ++s) books[s] = read_struct(codebooks[s], l4d_codebook{});
+    for (uint32_t s = 0; s < count; ++s) {
+      if (const char* bad = optional(codebooks + s)) return l4d::invalid_argument(bad);
+      books[s] = read_struct(codebooks[s], l4d_codebook{});
+    }
     return r.set_sh_codebooks(books, count);
   });
 }
@@ -157,8 +165,8 @@ l4d_status l4d_cuda_renderer_set_indexed_gaussians(l4d_cuda_renderer* renderer,
                                                    const l4d_gaussians* gaussians,
                                                    const l4d_cuda_sh_indices* indices,
                                                    const l4d_timeline* timeline) {
-  const bool ok = gaussians != nullptr && indices != nullptr && timeline != nullptr;
-  return call(renderer, ok, [&](auto& r) -> Status {
+  const char* const bad = required(gaussians, indices, timeline);
+  return call(renderer, bad, [&](auto& r) -> Status {
     const l4d_gaussians g = read_struct(*gaussians, l4d_gaussians{});
     l4d_cuda_sh_indices i = read_struct(*indices, l4d_cuda_sh_indices{});
     L4D_RETURN_IF_ERROR(check_gaussians(g, true));
@@ -168,19 +176,19 @@ l4d_status l4d_cuda_renderer_set_indexed_gaussians(l4d_cuda_renderer* renderer,
   });
 }
 l4d_status l4d_cuda_renderer_reserve_literals(l4d_cuda_renderer* renderer, uint64_t literals) {
-  return call(renderer, true, [&](auto& r) { return r.reserve_literals(literals); });
+  return call(renderer, nullptr, [&](auto& r) { return r.reserve_literals(literals); });
 }
 l4d_status l4d_cuda_renderer_store_indexed_rows(l4d_cuda_renderer* renderer, uint64_t first_row,
                                                 const l4d_gaussians* gaussians,
                                                 const l4d_cuda_sh_indices* indices, void* stream) {
-  return call(renderer, gaussians != nullptr && indices != nullptr, [&](auto& r) -> Status {
+  return call(renderer, required(gaussians, indices), [&](auto& r) -> Status {
     const l4d_cuda_sh_indices i = read_struct(*indices, l4d_cuda_sh_indices{});
     return store_rows(r, first_row, *gaussians, &i, stream);
   });
 }
 l4d_status l4d_cuda_renderer_set_slabs(l4d_cuda_renderer* renderer, const l4d_cuda_slab* slabs,
                                        uint32_t count, void* stream) {
-  return call(renderer, slabs != nullptr || count == 0, [&](auto& r) {
+  return call(renderer, count > 0 ? required(slabs) : nullptr, [&](auto& r) {
     std::vector<l4d::render::DeviceRenderer::Rows> rows(count);
     for (uint32_t s = 0; s < count; ++s)
       rows[s] = {slabs[s].first, slabs[s].count, slabs[s].motion};
@@ -188,14 +196,14 @@ l4d_status l4d_cuda_renderer_set_slabs(l4d_cuda_renderer* renderer, const l4d_cu
   });
 }
 l4d_status l4d_cuda_renderer_set_background(l4d_cuda_renderer* renderer, const float* rgb) {
-  return call(renderer, rgb != nullptr, [&](auto&) -> Status {
+  return call(renderer, required(rgb), [&](auto&) -> Status {
     L4D_RETURN_IF_ERROR(l4d::render::check_background(rgb));
     std::copy_n(rgb, 3, renderer->background);
     return {};
   });
 }
 l4d_status l4d_cuda_renderer_reserve(l4d_cuda_renderer* renderer, const l4d_cuda_room* room) {
-  return call(renderer, room != nullptr, [&](auto& r) -> Status {
+  return call(renderer, required(room), [&](auto& r) -> Status {
     const l4d_cuda_room wanted = read_struct(*room, l4d_cuda_room{});
     if (wanted.width > 16384 || wanted.height > 16384) {
       return l4d::invalid_argument("width and height must be at most 16384");
@@ -207,7 +215,7 @@ l4d_status l4d_cuda_renderer_reserve(l4d_cuda_renderer* renderer, const l4d_cuda
 l4d_status l4d_cuda_renderer_render(l4d_cuda_renderer* renderer, double time,
                                     const l4d_camera* camera, const l4d_cuda_image* image,
                                     void* stream) {
-  return call(renderer, camera != nullptr && image != nullptr, [&](auto& r) -> Status {
+  return call(renderer, required(camera, image), [&](auto& r) -> Status {
     const l4d_camera c = read_struct(*camera, default_camera());
     L4D_RETURN_IF_ERROR(l4d::render::check_camera(c));
     if (std::isnan(time)) return l4d::invalid_argument("the time is not a number");
@@ -219,9 +227,8 @@ l4d_status l4d_cuda_renderer_backward(l4d_cuda_renderer* renderer, double time,
                                       const l4d_camera* camera, const l4d_cuda_image* image,
                                       const float* rgb_gradient, const l4d_gradients* gradients,
                                       void* stream) {
-  const bool ok =
-      camera != nullptr && image != nullptr && rgb_gradient != nullptr && gradients != nullptr;
-  return call(renderer, ok, [&](auto& r) -> Status {
+  const char* const bad = required(camera, image, rgb_gradient, gradients);
+  return call(renderer, bad, [&](auto& r) -> Status {
     const l4d_camera c = read_struct(*camera, default_camera());
     L4D_RETURN_IF_ERROR(l4d::render::check_camera(c));
     if (std::isnan(time)) return l4d::invalid_argument("the time is not a number");
@@ -232,7 +239,7 @@ l4d_status l4d_cuda_renderer_backward(l4d_cuda_renderer* renderer, double time,
 }
 l4d_status l4d_cuda_renderer_get_figures(l4d_cuda_renderer* renderer, void* stream,
                                          l4d_cuda_figures* figures) {
-  return call(renderer, figures != nullptr, [&](auto& r) -> Status {
+  return call(renderer, required(figures), [&](auto& r) -> Status {
     l4d::render::DeviceFigures f;
     l4d_cuda_figures out{};
     const Status status = r.figures(stream, &f, &out.wanted_visible, &out.wanted_instances);
@@ -246,5 +253,5 @@ l4d_status l4d_cuda_renderer_get_figures(l4d_cuda_renderer* renderer, void* stre
   });
 }
 l4d_status l4d_cuda_renderer_time_stages(l4d_cuda_renderer* renderer) {
-  return call(renderer, true, [&](auto& r) { return r.time_stages(); });
+  return call(renderer, nullptr, [&](auto& r) { return r.time_stages(); });
 }

@@ -10,16 +10,22 @@
 #include "render/cuda/device_player.h"
 
 using l4d::Status;
+using l4d::api::call_on;
 using l4d::api::ErrorDetail;
 using l4d::api::guard;
 using l4d::api::init_struct;
+using l4d::api::keep_last;
+using l4d::api::look_at;
+using l4d::api::optional;
 using l4d::api::read_struct;
+using l4d::api::required;
 using l4d::api::write_struct;
 using l4d::render::default_camera;
 
 struct l4d_cuda_player {
   std::unique_ptr<l4d::render::DevicePlayer> player;
   float background[3] = {0, 0, 0};
+  mutable l4d::api::Busy busy;
   ErrorDetail error;
 };
 
@@ -34,12 +40,8 @@ l4d_cuda_player_options default_options() {
 }
 
 template <typename Body>
-l4d_status call(l4d_cuda_player* handle, bool arguments_ok, const Body& body) {
-  if (handle == nullptr) return L4D_ERR_INVALID_ARGUMENT;
-  return handle->error.keep(guard([&]() -> Status {
-    if (!arguments_ok) return l4d::invalid_argument("a pointer is NULL");
-    return body(*handle->player);
-  }));
+l4d_status call(l4d_cuda_player* handle, const char* bad, const Body& body) {
+  return call_on(handle, bad, [&] { return body(*handle->player); });
 }
 
 }  // namespace
@@ -53,28 +55,30 @@ void l4d_cuda_player_counters_init_(l4d_cuda_player_counters* counters, size_t s
 
 l4d_status l4d_cuda_player_create(l4d_decoder* decoder, const l4d_cuda_player_options* options,
                                   l4d_cuda_player** out) {
-  if (decoder == nullptr || out == nullptr) return L4D_ERR_INVALID_ARGUMENT;
-  const l4d_cuda_player_options o =
-      options == nullptr ? default_options() : read_struct(*options, default_options());
-  if (o.sh_format > L4D_CUDA_SH_FLOAT16 || o.device > 4096 || o.detail > L4D_DETAIL_BASE_COLOR ||
-      o.read_ahead > 1 || !(o.window >= 0 && std::isfinite(o.window))) {
-    return L4D_ERR_INVALID_ARGUMENT;
-  }
-  return guard([&]() -> Status {
-           auto handle = std::make_unique<l4d_cuda_player>();
-           L4D_RETURN_IF_ERROR(l4d::render::make_device_player(decoder, o, &handle->player));
-           *out = handle.release();
-           return {};
-         })
-      .code();
+  return keep_last(guard([&]() -> Status {
+    if (const char* bad = required(decoder, out)) return l4d::invalid_argument(bad);
+    if (const char* bad = optional(options)) return l4d::invalid_argument(bad);
+    const l4d_cuda_player_options o =
+        options == nullptr ? default_options() : read_struct(*options, default_options());
+    if (o.sh_format > L4D_CUDA_SH_FLOAT16 || o.device > 4096 || o.detail > L4D_DETAIL_BASE_COLOR ||
+        o.read_ahead > 1 || !(o.window >= 0 && std::isfinite(o.window))) {
+      return l4d::invalid_argument("an option of the player is out of range");
+    }
+    auto handle = std::make_unique<l4d_cuda_player>();
+    L4D_RETURN_IF_ERROR(l4d::render::make_device_player(decoder, o, &handle->player));
+    *out = handle.release();
+    return {};
+  }));
 }
-void l4d_cuda_player_destroy(l4d_cuda_player* player) { delete player; }
+void l4d_cuda_player_destroy(l4d_cuda_player* player) {
+  if (l4d::api::may_destroy(player)) delete player;
+}
 const char* l4d_cuda_player_error_detail(const l4d_cuda_player* player) {
   return player == nullptr ? "" : player->error.c_str();
 }
 
 l4d_status l4d_cuda_player_set_background(l4d_cuda_player* player, const float* rgb) {
-  return call(player, rgb != nullptr, [&](auto&) -> Status {
+  return call(player, required(rgb), [&](auto&) -> Status {
     L4D_RETURN_IF_ERROR(l4d::render::check_background(rgb));
     std::copy_n(rgb, 3, player->background);
     return {};
@@ -82,7 +86,7 @@ l4d_status l4d_cuda_player_set_background(l4d_cuda_player* player, const float* 
 }
 l4d_status l4d_cuda_player_reserve(l4d_cuda_player* player, uint32_t width, uint32_t height,
                                    uint64_t instances) {
-  return call(player, true, [&](auto& p) -> Status {
+  return call(player, nullptr, [&](auto& p) -> Status {
     if (width > 16384 || height > 16384) {
       return l4d::invalid_argument("width and height must be at most 16384");
     }
@@ -90,14 +94,14 @@ l4d_status l4d_cuda_player_reserve(l4d_cuda_player* player, uint32_t width, uint
   });
 }
 l4d_status l4d_cuda_player_seek(l4d_cuda_player* player, double time) {
-  return call(player, true, [&](auto& p) -> Status {
+  return call(player, nullptr, [&](auto& p) -> Status {
     if (std::isnan(time)) return l4d::invalid_argument("the time is not a number");
     return p.seek(time);
   });
 }
 l4d_status l4d_cuda_player_render(l4d_cuda_player* player, double time, const l4d_camera* camera,
                                   const l4d_cuda_image* image, void* stream) {
-  return call(player, camera != nullptr && image != nullptr, [&](auto& p) -> Status {
+  return call(player, required(camera, image), [&](auto& p) -> Status {
     const l4d_camera c = read_struct(*camera, default_camera());
     L4D_RETURN_IF_ERROR(l4d::render::check_camera(c));
     if (std::isnan(time)) return l4d::invalid_argument("the time is not a number");
@@ -107,7 +111,7 @@ l4d_status l4d_cuda_player_render(l4d_cuda_player* player, double time, const l4
 }
 l4d_status l4d_cuda_player_get_figures(l4d_cuda_player* player, void* stream,
                                        l4d_cuda_figures* figures) {
-  return call(player, figures != nullptr, [&](auto& p) -> Status {
+  return call(player, required(figures), [&](auto& p) -> Status {
     l4d_cuda_figures out{};
     const Status status = p.figures(stream, &out);
     if (!status.ok() && status.code() != L4D_ERR_LIMIT_EXCEEDED) return status;
@@ -117,7 +121,8 @@ l4d_status l4d_cuda_player_get_figures(l4d_cuda_player* player, void* stream,
 }
 l4d_status l4d_cuda_player_get_counters(const l4d_cuda_player* player,
                                         l4d_cuda_player_counters* counters) {
-  if (player == nullptr || counters == nullptr) return L4D_ERR_INVALID_ARGUMENT;
-  write_struct(player->player->counters(), counters);
-  return L4D_OK;
+  return look_at(player, required(counters), [&]() -> Status {
+    write_struct(player->player->counters(), counters);
+    return {};
+  });
 }

@@ -46,7 +46,10 @@ L4D_API void l4d_cuda_player_options_init_(l4d_cuda_player_options* options, siz
   l4d_cuda_player_options_init_((options), sizeof(*(options)))
 
 /* Borrows `decoder` as l4d_cuda_decoder_create does: nobody else may use it until the player is
- * destroyed. options may be NULL. */
+ * destroyed. The stream's reader is also called on the player's thread, which runs from this call
+ * to l4d_cuda_player_destroy: the reader has to allow that, and so does what it refers to. Calls of
+ * the reader never overlap. options may be NULL. The detail of a failure is that of
+ * l4d_last_error_message. */
 L4D_API l4d_status l4d_cuda_player_create(l4d_decoder* decoder,
                                           const l4d_cuda_player_options* options,
                                           l4d_cuda_player** out);

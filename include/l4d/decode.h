@@ -47,12 +47,13 @@ typedef struct l4d_decoder_options {
 L4D_API void l4d_decoder_options_init_(l4d_decoder_options* options, size_t struct_size);
 #define l4d_decoder_options_init(options) l4d_decoder_options_init_((options), sizeof(*(options)))
 
-/* Makes a decoder with no stream. options may be NULL. */
+/* Makes a decoder with no stream. options may be NULL. The detail of a failure is that of
+ * l4d_last_error_message. */
 L4D_API l4d_status l4d_decoder_create(const l4d_decoder_options* options, l4d_decoder** out);
 L4D_API void l4d_decoder_destroy(l4d_decoder* decoder); /* accepts NULL */
 
-/* Detail of the last failure on this handle, "" if none: UTF-8, owned by the handle, valid until
- * the next call on it. For people; never parse it. */
+/* Detail of the last call on this handle, "" if that succeeded: UTF-8, owned by the handle, valid
+ * until the next call on it. For people; never parse it. */
 L4D_API const char* l4d_decoder_error_detail(const l4d_decoder* decoder);
 
 /* Opens a stream: reads the file header and the scene header, O(layers) bytes and time. A stream

@@ -5,10 +5,17 @@
  *  - A function that can fail returns l4d_status. Results come back through pointers, which are
  *    written only on L4D_OK unless a comment says otherwise.
  *  - A handle belongs to one thread at a time; different handles share no mutable state.
+ *  - A callback must not call a function on the handle whose call it serves. Such a call changes
+ *    nothing and returns L4D_ERR_INVALID_STATE; a destroy then does nothing, so the handle has to
+ *    be destroyed later. Calls on other handles are allowed.
  *  - Multi-dimensional data is row-major, innermost axis last, written [N, 3]. Lengths are scene
  *    units, time is seconds, angles radians.
- *  - A struct the caller allocates begins with `size_t struct_size` and is filled by its *_init()
- *    macro, never by hand; later versions append fields. A struct the library allocates is opaque.
+ *  - A struct with an *_init() macro begins with `size_t struct_size` and is filled by that macro;
+ *    later versions append fields. A function that reads or fills one returns
+ *    L4D_ERR_INVALID_ARGUMENT if struct_size is below the size of the struct's first version, so
+ *    also for a struct of zeros. Structs without a macro are set by hand: those that have a
+ *    struct_size need it too, and the layout of the others never changes. A struct the library
+ *    allocates is opaque.
  *  - The library never prints, exits, reads the environment or throws across this border.
  */
 #ifndef L4D_L4D_H
@@ -57,11 +64,19 @@ enum {
 };
 L4D_API const char* l4d_status_name(l4d_status status);        /* "L4D_ERR_CORRUPT"; static */
 L4D_API const char* l4d_status_description(l4d_status status); /* one sentence; static */
+/* Detail of the last call that failed on this thread, of any function of this library or of
+ * libl4drender: UTF-8, "" if none failed, valid until the next call on this thread that fails. For
+ * people; never parse it. A handle keeps the detail of its own last call, see
+ * l4d_decoder_error_detail; functions without a handle, the *_create functions among them, have
+ * this one alone. */
+L4D_API const char* l4d_last_error_message(void);
 
 /* ---- host services ------------------------------------------------------------------------- */
 
-/* Random-access input. read_at is called from the thread that called the library. It behaves as
- * pread(2): returns the number of bytes read (fewer than n only at the end), or < 0 on failure. */
+/* Random-access input. The library calls it on the thread that called the library, with one
+ * exception: a player of cuda_player.h also reads on a thread of its own, while other threads run.
+ * The library never makes two calls of one handle's reader at a time. read_at behaves as pread(2):
+ * returns the number of bytes read (fewer than n only at the end), or < 0 on failure. */
 typedef struct l4d_reader {
   size_t struct_size;
   void* user;

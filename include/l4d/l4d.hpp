@@ -48,7 +48,7 @@ class DecoderHandle {
   explicit DecoderHandle(const l4d_decoder_options* options = nullptr) {
     l4d_decoder* d = nullptr;
     const l4d_status status = l4d_decoder_create(options, &d);
-    if (status != L4D_OK) throw Error(status, "");
+    if (status != L4D_OK) throw Error(status, l4d_last_error_message());
     handle_.reset(d);
   }
   l4d_decoder* get() const noexcept { return handle_.get(); }
@@ -177,7 +177,7 @@ class EncoderHandle {
   explicit EncoderHandle(const l4d_encoder_options* options = nullptr) {
     l4d_encoder* e = nullptr;
     const l4d_status status = l4d_encoder_create(options, &e);
-    if (status != L4D_OK) throw Error(status, "");
+    if (status != L4D_OK) throw Error(status, l4d_last_error_message());
     handle_.reset(e);
   }
   l4d_encoder* get() const noexcept { return handle_.get(); }

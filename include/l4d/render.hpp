@@ -17,7 +17,7 @@ class RendererHandle {
   explicit RendererHandle(const l4d_renderer_options* options = nullptr) {
     l4d_renderer* r = nullptr;
     const l4d_status status = l4d_renderer_create(options, &r);
-    if (status != L4D_OK) throw Error(status, "");
+    if (status != L4D_OK) throw Error(status, l4d_last_error_message());
     handle_.reset(r);
   }
   l4d_renderer* get() const noexcept { return handle_.get(); }
@@ -67,7 +67,7 @@ class SensitivityHandle {
       : count_(count) {
     l4d_sensitivity* s = nullptr;
     const l4d_status status = l4d_sensitivity_create(options, count, sh_degree, &s);
-    if (status != L4D_OK) throw Error(status, "");
+    if (status != L4D_OK) throw Error(status, l4d_last_error_message());
     handle_.reset(s);
   }
   // Takes over what l4d_measure made of a scene of `count` Gaussians.
@@ -87,7 +87,7 @@ class SensitivityHandle {
 
  private:
   static void check(l4d_status status) {
-    if (status != L4D_OK) throw Error(status, "");
+    if (status != L4D_OK) throw Error(status, l4d_last_error_message());
   }
   struct Destroy {
     void operator()(l4d_sensitivity* s) const noexcept { l4d_sensitivity_destroy(s); }

@@ -6,11 +6,31 @@
 
 #include "l4d/decode.h"
 #include "l4d/l4d.h"
+#include "libl4dcodec/base/c_api.h"
 
 #define L4D_STRING_(x) #x
 #define L4D_STRING(x) L4D_STRING_(x)
 
+namespace {
+
+std::string& last_error_message() {
+  thread_local std::string message;
+  return message;
+}
+
+}  // namespace
+
 extern "C" {
+
+void l4d_keep_error_message_(const char* message) {
+  try {
+    last_error_message() = message;
+  } catch (...) {
+    last_error_message().clear();
+  }
+}
+
+const char* l4d_last_error_message(void) { return last_error_message().c_str(); }
 
 uint32_t l4d_version_number(void) {
   return uint32_t{L4D_VERSION_MAJOR} << 24 | uint32_t{L4D_VERSION_MINOR} << 16 |

@@ -11,20 +11,31 @@
 #endif
 
 using l4d::Status;
+using l4d::api::call_on;
+using l4d::api::fail;
 using l4d::api::guard;
 using l4d::api::init_struct;
+using l4d::api::keep_last;
+using l4d::api::look_at;
 using l4d::api::read_struct;
+using l4d::api::required;
 using l4d::api::write_struct;
 
 struct l4d_cuda_decoder {
 #ifdef L4D_HAVE_CUDA
-  explicit l4d_cuda_decoder(l4d::Decoder& decoder) : impl(decoder) {}
+  explicit l4d_cuda_decoder(l4d_decoder& decoder) : lender(decoder), impl(decoder.impl) {}
+  l4d_decoder& lender;
   l4d::cuda::DeviceDecoder impl;
 #endif
+  mutable l4d::api::Busy busy;
   l4d::api::ErrorDetail error;
 };
 
 namespace {
+
+#ifndef L4D_HAVE_CUDA
+constexpr char kNoDeviceCode[] = "this build has no device code";
+#endif
 
 l4d_cuda_job default_job() {
   l4d_cuda_job job{};
@@ -44,16 +55,17 @@ l4d_query default_query() {
 
 cudaStream_t stream_of(void* stream) { return static_cast<cudaStream_t>(stream); }
 
-// The work of a call on the decoder's device, its failure kept on the handle.
+// The work of a call on the decoder's device, its failure kept on the handle. Its callbacks must
+// leave the borrowed decoder alone too.
 template <typename Body>
-l4d_status on_device(l4d_cuda_decoder* decoder, bool arguments_ok, const Body& body) {
-  if (decoder == nullptr) return L4D_ERR_INVALID_ARGUMENT;
-  return decoder->error.keep(guard([&]() -> Status {
-    if (!arguments_ok) return l4d::invalid_argument("a required pointer is NULL");
+l4d_status on_device(l4d_cuda_decoder* decoder, const char* bad, const Body& body) {
+  return call_on(decoder, bad, [&]() -> Status {
+    const l4d::api::Busy::Scope lender(decoder->lender.busy);
+    if (!lender.entered()) return Status(L4D_ERR_INVALID_STATE, "the decoder serves another call");
     l4d::cuda::DeviceScope scope;
     L4D_RETURN_IF_ERROR(scope.enter(decoder->impl.device()));
     return body(decoder->impl);
-  }));
+  });
 }
 #endif
 
@@ -75,7 +87,7 @@ void l4d_cuda_packed_buffers_init_(l4d_cuda_packed_buffers* buffers, size_t stru
 }
 
 l4d_status l4d_cuda_get_device_count(uint32_t* count) {
-  if (count == nullptr) return L4D_ERR_INVALID_ARGUMENT;
+  if (const char* bad = required(count)) return fail(L4D_ERR_INVALID_ARGUMENT, bad);
 #ifdef L4D_HAVE_CUDA
   *count = static_cast<uint32_t>(l4d::cuda::device_count());
 #else
@@ -85,34 +97,37 @@ l4d_status l4d_cuda_get_device_count(uint32_t* count) {
 }
 
 l4d_status l4d_cuda_get_device_info(uint32_t device, l4d_cuda_device_info* info) {
-  if (info == nullptr) return L4D_ERR_INVALID_ARGUMENT;
+  if (const char* bad = required(info)) return fail(L4D_ERR_INVALID_ARGUMENT, bad);
 #ifdef L4D_HAVE_CUDA
-  if (device >= static_cast<uint32_t>(l4d::cuda::device_count())) return L4D_ERR_INVALID_ARGUMENT;
-  return l4d::cuda::describe_device(static_cast<int>(device), info).code();
+  return keep_last(guard([&]() -> Status {
+    if (device >= static_cast<uint32_t>(l4d::cuda::device_count())) {
+      return l4d::invalid_argument("there is no such device");
+    }
+    return l4d::cuda::describe_device(static_cast<int>(device), info);
+  }));
 #else
   static_cast<void>(device);
-  return L4D_ERR_FEATURE_UNSUPPORTED;
+  return fail(L4D_ERR_FEATURE_UNSUPPORTED, kNoDeviceCode);
 #endif
 }
 
 l4d_status l4d_cuda_decoder_create(l4d_decoder* decoder, uint32_t device, l4d_cuda_decoder** out) {
-  if (decoder == nullptr || out == nullptr) return L4D_ERR_INVALID_ARGUMENT;
-  *out = nullptr;
-  // There is no handle yet to keep a failure: the decoder tells it.
-  return decoder->error.keep(guard([&]() -> Status {
+  if (out != nullptr) *out = nullptr;
+  // There is no handle yet to keep a failure: the decoder does.
+  return call_on(decoder, required(out), [&]() -> Status {
     if (!decoder->impl.is_open()) return Status(L4D_ERR_INVALID_STATE, "no stream is open");
 #ifdef L4D_HAVE_CUDA
     const l4d::cuda::DeviceScope scope;
     L4D_RETURN_IF_ERROR(l4d::cuda::use_device(static_cast<int>(device)));
-    auto created = std::make_unique<l4d_cuda_decoder>(decoder->impl);
+    auto created = std::make_unique<l4d_cuda_decoder>(*decoder);
     L4D_RETURN_IF_ERROR(created->impl.open(static_cast<int>(device)));
     *out = created.release();
     return {};
 #else
     static_cast<void>(device);
-    return Status(L4D_ERR_FEATURE_UNSUPPORTED, "this build has no device code");
+    return Status(L4D_ERR_FEATURE_UNSUPPORTED, kNoDeviceCode);
 #endif
-  }));
+  });
 }
 
 const char* l4d_cuda_decoder_error_detail(const l4d_cuda_decoder* decoder) {
@@ -122,7 +137,7 @@ const char* l4d_cuda_decoder_error_detail(const l4d_cuda_decoder* decoder) {
 #ifdef L4D_HAVE_CUDA
 
 void l4d_cuda_decoder_destroy(l4d_cuda_decoder* decoder) {
-  if (decoder == nullptr) return;
+  if (!l4d::api::may_destroy(decoder)) return;
   l4d::cuda::DeviceScope scope;
   static_cast<void>(scope.enter(decoder->impl.device()).ok());
   delete decoder;
@@ -130,37 +145,37 @@ void l4d_cuda_decoder_destroy(l4d_cuda_decoder* decoder) {
 
 l4d_status l4d_cuda_decoder_prepare(l4d_cuda_decoder* decoder, const l4d_query* query,
                                     l4d_cuda_job* job) {
-  return on_device(
-      decoder, query != nullptr && job != nullptr, [&](l4d::cuda::DeviceDecoder& d) -> Status {
-        l4d_cuda_job prepared = read_struct(*job, default_job());
-        L4D_RETURN_IF_ERROR(d.prepare(read_struct(*query, default_query()), &prepared));
-        write_struct(prepared, job);
-        return {};
-      });
+  return on_device(decoder, required(query, job), [&](l4d::cuda::DeviceDecoder& d) -> Status {
+    l4d_cuda_job prepared = read_struct(*job, default_job());
+    L4D_RETURN_IF_ERROR(d.prepare(read_struct(*query, default_query()), &prepared));
+    write_struct(prepared, job);
+    return {};
+  });
 }
 
 l4d_status l4d_cuda_decoder_get_ranges(const l4d_cuda_decoder* decoder, l4d_range* out,
                                        uint64_t capacity, uint64_t* count) {
-  if (decoder == nullptr || count == nullptr || (out == nullptr && capacity > 0)) {
-    return L4D_ERR_INVALID_ARGUMENT;
-  }
-  const l4d::Plan* plan = decoder->impl.plan();
-  if (plan == nullptr) return L4D_ERR_INVALID_STATE;
-  std::copy_n(plan->ranges.begin(), std::min<uint64_t>(capacity, plan->ranges.size()), out);
-  *count = plan->ranges.size();
-  return L4D_OK;
+  const char* bad = required(count);
+  if (bad == nullptr && capacity > 0) bad = required(out);
+  return look_at(decoder, bad, [&]() -> Status {
+    const l4d::Plan* plan = decoder->impl.plan();
+    if (plan == nullptr) return Status(L4D_ERR_INVALID_STATE, "no job is prepared");
+    std::copy_n(plan->ranges.begin(), std::min<uint64_t>(capacity, plan->ranges.size()), out);
+    *count = plan->ranges.size();
+    return {};
+  });
 }
 
 l4d_status l4d_cuda_decoder_upload(l4d_cuda_decoder* decoder, void* workspace,
                                    uint64_t workspace_size, void* stream) {
-  return on_device(decoder, true, [&](l4d::cuda::DeviceDecoder& d) {
+  return on_device(decoder, nullptr, [&](l4d::cuda::DeviceDecoder& d) {
     return d.upload(workspace, workspace_size, stream_of(stream));
   });
 }
 
 l4d_status l4d_cuda_decoder_decode(l4d_cuda_decoder* decoder, const l4d_cuda_gaussian_buffers* out,
                                    void* workspace, uint64_t workspace_size, void* stream) {
-  return on_device(decoder, out != nullptr, [&](l4d::cuda::DeviceDecoder& d) {
+  return on_device(decoder, required(out), [&](l4d::cuda::DeviceDecoder& d) {
     return d.decode(read_struct(*out, l4d_cuda_gaussian_buffers{}), workspace, workspace_size,
                     stream_of(stream));
   });
@@ -169,25 +184,25 @@ l4d_status l4d_cuda_decoder_decode(l4d_cuda_decoder* decoder, const l4d_cuda_gau
 l4d_status l4d_cuda_decoder_decode_packed(l4d_cuda_decoder* decoder,
                                           const l4d_cuda_packed_buffers* out, void* workspace,
                                           uint64_t workspace_size, void* stream) {
-  return on_device(decoder, out != nullptr, [&](l4d::cuda::DeviceDecoder& d) {
+  return on_device(decoder, required(out), [&](l4d::cuda::DeviceDecoder& d) {
     return d.decode_packed(read_struct(*out, l4d_cuda_packed_buffers{}), workspace, workspace_size,
                            stream_of(stream));
   });
 }
 
 l4d_status l4d_cuda_decoder_finish(l4d_cuda_decoder* decoder) {
-  return on_device(decoder, true, [](l4d::cuda::DeviceDecoder& d) { return d.finish(); });
+  return on_device(decoder, nullptr, [](l4d::cuda::DeviceDecoder& d) { return d.finish(); });
 }
 
 l4d_status l4d_cuda_decoder_get_num_literals(l4d_cuda_decoder* decoder, uint64_t* counts) {
-  return on_device(decoder, counts != nullptr,
+  return on_device(decoder, required(counts),
                    [&](l4d::cuda::DeviceDecoder& d) { return d.num_literals(counts); });
 }
 
 l4d_status l4d_cuda_decoder_get_codebook(l4d_cuda_decoder* decoder, uint32_t layer,
                                          uint32_t component, uint32_t stage, uint32_t block,
                                          l4d_codebook* out) {
-  return on_device(decoder, out != nullptr, [&](l4d::cuda::DeviceDecoder& d) -> Status {
+  return on_device(decoder, required(out), [&](l4d::cuda::DeviceDecoder& d) -> Status {
     l4d_codebook book{};
     L4D_RETURN_IF_ERROR(d.codebook(layer, component, stage, block, &book));
     write_struct(book, out);
@@ -201,36 +216,38 @@ l4d_status l4d_cuda_decoder_get_codebook(l4d_cuda_decoder* decoder, uint32_t lay
 void l4d_cuda_decoder_destroy(l4d_cuda_decoder*) {}
 
 l4d_status l4d_cuda_decoder_prepare(l4d_cuda_decoder*, const l4d_query*, l4d_cuda_job*) {
-  return L4D_ERR_FEATURE_UNSUPPORTED;
+  return fail(L4D_ERR_FEATURE_UNSUPPORTED, kNoDeviceCode);
 }
 
 l4d_status l4d_cuda_decoder_get_ranges(const l4d_cuda_decoder*, l4d_range*, uint64_t, uint64_t*) {
-  return L4D_ERR_FEATURE_UNSUPPORTED;
+  return fail(L4D_ERR_FEATURE_UNSUPPORTED, kNoDeviceCode);
 }
 
 l4d_status l4d_cuda_decoder_upload(l4d_cuda_decoder*, void*, uint64_t, void*) {
-  return L4D_ERR_FEATURE_UNSUPPORTED;
+  return fail(L4D_ERR_FEATURE_UNSUPPORTED, kNoDeviceCode);
 }
 
 l4d_status l4d_cuda_decoder_decode(l4d_cuda_decoder*, const l4d_cuda_gaussian_buffers*, void*,
                                    uint64_t, void*) {
-  return L4D_ERR_FEATURE_UNSUPPORTED;
+  return fail(L4D_ERR_FEATURE_UNSUPPORTED, kNoDeviceCode);
 }
 
 l4d_status l4d_cuda_decoder_decode_packed(l4d_cuda_decoder*, const l4d_cuda_packed_buffers*, void*,
                                           uint64_t, void*) {
-  return L4D_ERR_FEATURE_UNSUPPORTED;
+  return fail(L4D_ERR_FEATURE_UNSUPPORTED, kNoDeviceCode);
 }
 
-l4d_status l4d_cuda_decoder_finish(l4d_cuda_decoder*) { return L4D_ERR_FEATURE_UNSUPPORTED; }
+l4d_status l4d_cuda_decoder_finish(l4d_cuda_decoder*) {
+  return fail(L4D_ERR_FEATURE_UNSUPPORTED, kNoDeviceCode);
+}
 
 l4d_status l4d_cuda_decoder_get_num_literals(l4d_cuda_decoder*, uint64_t*) {
-  return L4D_ERR_FEATURE_UNSUPPORTED;
+  return fail(L4D_ERR_FEATURE_UNSUPPORTED, kNoDeviceCode);
 }
 
 l4d_status l4d_cuda_decoder_get_codebook(l4d_cuda_decoder*, uint32_t, uint32_t, uint32_t, uint32_t,
                                          l4d_codebook*) {
-  return L4D_ERR_FEATURE_UNSUPPORTED;
+  return fail(L4D_ERR_FEATURE_UNSUPPORTED, kNoDeviceCode);
 }
 
 #endif

@@ -25,15 +25,24 @@ l4d_query default_query() {
   return q;
 }
 
-// The work of a call on an open decoder, its failure kept on the handle.
+const char* first_of(const char* a, const char* b) { return a != nullptr ? a : b; }
+
+// The work of a call on an open decoder.
 template <typename Body>
-l4d_status with_stream(l4d_decoder* decoder, bool arguments_ok, const Body& body) {
-  if (decoder == nullptr) return L4D_ERR_INVALID_ARGUMENT;
-  return decoder->error.keep(guard([&]() -> Status {
-    if (!arguments_ok) return l4d::invalid_argument("a required pointer is NULL");
+l4d_status with_stream(l4d_decoder* decoder, const char* bad, const Body& body) {
+  return call_on(decoder, bad, [&]() -> Status {
     if (!decoder->impl.is_open()) return Status(L4D_ERR_INVALID_STATE, "no stream is open");
     return body(decoder->impl);
-  }));
+  });
+}
+template <typename Body>
+l4d_status look_at_stream(const l4d_decoder* decoder, const char* bad, const Body& body) {
+  // Without allocating: such a call must not fail for another reason after memory has run out.
+  const bool idle = decoder != nullptr && bad == nullptr && !decoder->busy.is_set();
+  if (idle && !decoder->impl.is_open()) {
+    return l4d::api::fail(L4D_ERR_INVALID_STATE, "no stream is open");
+  }
+  return look_at(decoder, bad, [&] { return body(decoder->impl); });
 }
 
 // Counts violations and hands them on.
@@ -73,6 +82,53 @@ uint32_t layer_tools(const l4d::SceneHeader& header, const l4d::LayerHeader& lay
     if (coding.transform()) tools |= L4D_TOOL_TRANSFORM;
   }
   return tools;
+}
+
+l4d_info describe(const l4d::SceneFile& stream) {
+  const l4d::FileHeader& file = stream.file_header();
+  const l4d::SceneHeader& header = stream.header();
+  l4d_info i{};
+  i.format_major = file.version_major;
+  i.format_minor = file.version_minor;
+  i.development = (file.flags & l4d::FileHeader::kDevelopmentFlag) != 0;
+  i.sh_degree = header.sh_degree;
+  i.flags = (header.position_at_mean_time ? uint32_t{L4D_POSITION_AT_MEAN_TIME} : 0u) |
+            (header.opacity_logit ? uint32_t{L4D_OPACITY_LOGIT} : 0u);
+  i.num_layers = static_cast<uint32_t>(header.layers.size());
+  if (header.sh_degree > 0) i.tools |= L4D_TOOL_VIEW_DEPENDENCE;
+  for (const l4d::LayerHeader& layer : header.layers) {
+    if (layer.num_gaussians > 0) i.tools |= layer_tools(header, layer);
+  }
+  i.num_gaussians = header.num_gaussians;
+  i.file_bytes = stream.source().size();
+  i.timeline = header.timeline;
+  i.duration = l4d::sequence_duration(header.timeline);
+  i.placement = header.placement;
+  i.profile = header.profile;
+  i.level = header.conformance_level;
+  return i;
+}
+
+l4d_layer_info describe_layer(const l4d::SceneFile& stream, uint32_t index) {
+  const l4d::SceneHeader& header = stream.header();
+  const l4d::LayerHeader& layer = header.layers[index];
+  l4d_layer_info i{};
+  i.index = index;
+  i.level = layer.level;
+  i.permanent = layer.permanent;
+  i.tools = layer_tools(header, layer);
+  i.num_buckets = l4d::num_buckets(layer.level);
+  i.num_gaussians = layer.num_gaussians;
+  i.bucket_width = l4d::bucket_width(header.timeline, layer.level);
+  i.codebook_bytes = stream.codebook_stored_bytes(index);
+  for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
+    const l4d::ComponentCoding& coding = header.component(layer, c);
+    i.num_stages[c] = static_cast<uint32_t>(coding.stages.size());
+    i.codebook_size[c] = coding.stages.empty() ? 0 : coding.stages[0].num_entries;
+    i.coding[c] = static_cast<uint32_t>(coding.coding);
+    i.num_coefficients[c] = coding.transform() ? coding.coefficients() : 0;
+  }
+  return i;
 }
 
 Status use_first_device() {
@@ -122,138 +178,97 @@ void l4d_splat_buffers_init_(l4d_splat_buffers* b, size_t struct_size) {
 void l4d_counters_init_(l4d_counters* c, size_t struct_size) { init_struct(c, struct_size, {}); }
 
 l4d_status l4d_decoder_create(const l4d_decoder_options* options, l4d_decoder** out) {
-  if (out == nullptr) return L4D_ERR_INVALID_ARGUMENT;
-  l4d_decoder_options resolved{};
-  if (options != nullptr) resolved = read_struct(*options, resolved);
-  if (resolved.backend > L4D_BACKEND_CUDA) return L4D_ERR_FEATURE_UNSUPPORTED;
-  return guard([&]() -> Status {
-           if (resolved.backend == L4D_BACKEND_CUDA) L4D_RETURN_IF_ERROR(use_first_device());
-           *out = new l4d_decoder(resolved);
-           return {};
-         })
-      .code();
+  return keep_last(guard([&]() -> Status {
+    if (const char* bad = first_of(required(out), optional(options))) {
+      return l4d::invalid_argument(bad);
+    }
+    l4d_decoder_options resolved{};
+    if (options != nullptr) resolved = read_struct(*options, resolved);
+    if (resolved.backend > L4D_BACKEND_CUDA) {
+      return Status(L4D_ERR_FEATURE_UNSUPPORTED, "unknown backend");
+    }
+    if (resolved.backend == L4D_BACKEND_CUDA) L4D_RETURN_IF_ERROR(use_first_device());
+    *out = new l4d_decoder(resolved);
+    return {};
+  }));
 }
 
-void l4d_decoder_destroy(l4d_decoder* decoder) { delete decoder; }
+void l4d_decoder_destroy(l4d_decoder* decoder) {
+  if (l4d::api::may_destroy(decoder)) delete decoder;
+}
 
 const char* l4d_decoder_error_detail(const l4d_decoder* decoder) {
   return decoder == nullptr ? "" : decoder->error.c_str();
 }
 
 l4d_status l4d_decoder_open(l4d_decoder* decoder, const l4d_reader* reader) {
-  if (decoder == nullptr) return L4D_ERR_INVALID_ARGUMENT;
-  return decoder->error.keep(guard([&]() -> Status {
-    if (reader == nullptr) return l4d::invalid_argument("reader is NULL");
+  return call_on(decoder, required(reader), [&]() -> Status {
     decoder->close_device();
     decoder->impl.close();
     l4d::ByteSource source;
     L4D_RETURN_IF_ERROR(l4d::ByteSource::from_reader(*reader, &source));
     return decoder->impl.open(std::move(source));
-  }));
+  });
 }
 
 l4d_status l4d_decoder_open_memory(l4d_decoder* decoder, const void* data, size_t size) {
-  if (decoder == nullptr) return L4D_ERR_INVALID_ARGUMENT;
-  return decoder->error.keep(guard([&]() -> Status {
-    if (data == nullptr && size > 0) return l4d::invalid_argument("data is NULL");
+  return call_on(decoder, size > 0 ? required(data) : nullptr, [&]() -> Status {
     decoder->close_device();
     return decoder->impl.open(
         l4d::ByteSource::from_memory(l4d::ByteSpan(static_cast<const unsigned char*>(data), size)));
-  }));
+  });
 }
 
 l4d_status l4d_decoder_open_file(l4d_decoder* decoder, const char* path) {
-  if (decoder == nullptr) return L4D_ERR_INVALID_ARGUMENT;
-  return decoder->error.keep(guard([&]() -> Status {
-    if (path == nullptr) return l4d::invalid_argument("path is NULL");
+  return call_on(decoder, required(path), [&]() -> Status {
     decoder->close_device();
     return decoder->impl.open_file(path);
-  }));
+  });
 }
 
 l4d_status l4d_decoder_get_info(const l4d_decoder* decoder, l4d_info* info) {
-  if (decoder == nullptr || info == nullptr) return L4D_ERR_INVALID_ARGUMENT;
-  if (!decoder->impl.is_open()) return L4D_ERR_INVALID_STATE;
-  const l4d::FileHeader& file = decoder->impl.file().file_header();
-  const l4d::SceneHeader& header = decoder->impl.file().header();
-  l4d_info i{};
-  i.format_major = file.version_major;
-  i.format_minor = file.version_minor;
-  i.development = (file.flags & l4d::FileHeader::kDevelopmentFlag) != 0;
-  i.sh_degree = header.sh_degree;
-  i.flags = (header.position_at_mean_time ? uint32_t{L4D_POSITION_AT_MEAN_TIME} : 0u) |
-            (header.opacity_logit ? uint32_t{L4D_OPACITY_LOGIT} : 0u);
-  i.num_layers = static_cast<uint32_t>(header.layers.size());
-  if (header.sh_degree > 0) i.tools |= L4D_TOOL_VIEW_DEPENDENCE;
-  for (const l4d::LayerHeader& layer : header.layers) {
-    if (layer.num_gaussians > 0) i.tools |= layer_tools(header, layer);
-  }
-  i.num_gaussians = header.num_gaussians;
-  i.file_bytes = decoder->impl.file().source().size();
-  i.timeline = header.timeline;
-  i.duration = l4d::sequence_duration(header.timeline);
-  i.placement = header.placement;
-  i.profile = header.profile;
-  i.level = header.conformance_level;
-  write_struct(i, info);
-  return L4D_OK;
+  return look_at_stream(decoder, required(info), [&](const l4d::Decoder& d) -> Status {
+    write_struct(describe(d.file()), info);
+    return {};
+  });
 }
 
 l4d_status l4d_decoder_get_layer_info(const l4d_decoder* decoder, uint32_t index,
                                       l4d_layer_info* info) {
-  if (decoder == nullptr || info == nullptr) return L4D_ERR_INVALID_ARGUMENT;
-  if (!decoder->impl.is_open()) return L4D_ERR_INVALID_STATE;
-  const l4d::SceneHeader& header = decoder->impl.file().header();
-  if (index >= header.layers.size()) return L4D_ERR_INVALID_ARGUMENT;
-  const l4d::LayerHeader& layer = header.layers[index];
-  l4d_layer_info i{};
-  i.index = index;
-  i.level = layer.level;
-  i.permanent = layer.permanent;
-  i.tools = layer_tools(header, layer);
-  i.num_buckets = l4d::num_buckets(layer.level);
-  i.num_gaussians = layer.num_gaussians;
-  i.bucket_width = l4d::bucket_width(header.timeline, layer.level);
-  i.codebook_bytes = decoder->impl.file().codebook_stored_bytes(index);
-  for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
-    const l4d::ComponentCoding& coding = header.component(layer, c);
-    i.num_stages[c] = static_cast<uint32_t>(coding.stages.size());
-    i.codebook_size[c] = coding.stages.empty() ? 0 : coding.stages[0].num_entries;
-    i.coding[c] = static_cast<uint32_t>(coding.coding);
-    i.num_coefficients[c] = coding.transform() ? coding.coefficients() : 0;
-  }
-  write_struct(i, info);
-  return L4D_OK;
+  return look_at_stream(decoder, required(info), [&](const l4d::Decoder& d) -> Status {
+    if (index >= d.file().header().layers.size()) return l4d::invalid_argument("no such layer");
+    write_struct(describe_layer(d.file(), index), info);
+    return {};
+  });
 }
 
 l4d_status l4d_decoder_get_sections(l4d_decoder* decoder, uint64_t* sections,
                                     uint64_t* layer_bytes) {
-  return with_stream(decoder, sections != nullptr,
+  return with_stream(decoder, required(sections),
                      [&](l4d::Decoder& d) { return d.sections(sections, layer_bytes); });
 }
 
 l4d_status l4d_decoder_select(l4d_decoder* decoder, const l4d_query* query,
                               l4d_selection* selection) {
-  return with_stream(decoder, query != nullptr && selection != nullptr,
-                     [&](l4d::Decoder& d) -> Status {
-                       l4d_selection s{};
-                       L4D_RETURN_IF_ERROR(d.select(read_struct(*query, default_query()), &s));
-                       write_struct(s, selection);
-                       return {};
-                     });
+  return with_stream(decoder, required(query, selection), [&](l4d::Decoder& d) -> Status {
+    l4d_selection s{};
+    L4D_RETURN_IF_ERROR(d.select(read_struct(*query, default_query()), &s));
+    write_struct(s, selection);
+    return {};
+  });
 }
 
 l4d_status l4d_decoder_get_ranges(l4d_decoder* decoder, const l4d_query* query, l4d_range* out,
                                   uint64_t capacity, uint64_t* count) {
-  const bool ok = query != nullptr && count != nullptr && (out != nullptr || capacity == 0);
-  return with_stream(decoder, ok, [&](l4d::Decoder& d) {
+  const char* bad = first_of(required(query, count), capacity > 0 ? required(out) : nullptr);
+  return with_stream(decoder, bad, [&](l4d::Decoder& d) {
     return d.ranges(read_struct(*query, default_query()), out, capacity, count);
   });
 }
 
 l4d_status l4d_decoder_decode(l4d_decoder* decoder, const l4d_query* query,
                               l4d_gaussian_buffers* out) {
-  return with_stream(decoder, query != nullptr && out != nullptr, [&](l4d::Decoder& d) -> Status {
+  return with_stream(decoder, required(query, out), [&](l4d::Decoder& d) -> Status {
     l4d_gaussian_buffers buffers = read_struct(*out, l4d_gaussian_buffers{});
     const l4d_query q = read_struct(*query, default_query());
     const bool on_device = decoder->decodes_on_device && buffers.mean_t_double == nullptr;
@@ -265,7 +280,7 @@ l4d_status l4d_decoder_decode(l4d_decoder* decoder, const l4d_query* query,
 
 l4d_status l4d_decoder_decode_packed(l4d_decoder* decoder, const l4d_query* query,
                                      l4d_packed_buffers* out) {
-  return with_stream(decoder, query != nullptr && out != nullptr, [&](l4d::Decoder& d) -> Status {
+  return with_stream(decoder, required(query, out), [&](l4d::Decoder& d) -> Status {
     l4d_packed_buffers buffers = read_struct(*out, l4d_packed_buffers{});
     L4D_RETURN_IF_ERROR(d.decode_packed(read_struct(*query, default_query()), &buffers));
     write_struct(buffers, out);
@@ -275,7 +290,7 @@ l4d_status l4d_decoder_decode_packed(l4d_decoder* decoder, const l4d_query* quer
 
 l4d_status l4d_decoder_get_codebook(l4d_decoder* decoder, uint32_t layer, uint32_t component,
                                     uint32_t stage, uint32_t block, l4d_codebook* out) {
-  return with_stream(decoder, out != nullptr, [&](l4d::Decoder& d) -> Status {
+  return with_stream(decoder, required(out), [&](l4d::Decoder& d) -> Status {
     l4d_codebook book{};
     L4D_RETURN_IF_ERROR(d.codebook(layer, component, stage, block, &book));
     write_struct(book, out);
@@ -285,7 +300,7 @@ l4d_status l4d_decoder_get_codebook(l4d_decoder* decoder, uint32_t layer, uint32
 
 l4d_status l4d_decoder_get_dequantization(l4d_decoder* decoder, uint32_t layer,
                                           l4d_dequantization* out) {
-  return with_stream(decoder, out != nullptr, [&](l4d::Decoder& d) -> Status {
+  return with_stream(decoder, required(out), [&](l4d::Decoder& d) -> Status {
     const l4d::SceneHeader& header = d.file().header();
     if (layer >= header.layers.size()) return l4d::invalid_argument("no such layer");
     const l4d::ScalarCoding& factor = header.layers[layer].scale_factor;
@@ -307,9 +322,9 @@ l4d_status l4d_decoder_get_dequantization(l4d_decoder* decoder, uint32_t layer,
 const char* l4d_profile_name(uint32_t profile) { return l4d::profile_name(profile); }
 
 l4d_status l4d_get_level_limits(uint32_t level, uint32_t profile, l4d_level_limits* limits) {
-  if (limits == nullptr || level < 1 || level > L4D_NUM_LEVELS ||
-      l4d::profile_name(profile) == nullptr) {
-    return L4D_ERR_INVALID_ARGUMENT;
+  if (const char* bad = required(limits)) return l4d::api::fail(L4D_ERR_INVALID_ARGUMENT, bad);
+  if (level < 1 || level > L4D_NUM_LEVELS || l4d::profile_name(profile) == nullptr) {
+    return l4d::api::fail(L4D_ERR_INVALID_ARGUMENT, "unknown profile or level");
   }
   static_assert(L4D_NUM_LEVELS == l4d::kNumConformanceLevels);
   const l4d::LevelLimits from = l4d::level_limits(level, profile == L4D_PROFILE_LOSSLESS);
@@ -327,7 +342,7 @@ l4d_status l4d_get_level_limits(uint32_t level, uint32_t profile, l4d_level_limi
 }
 
 l4d_status l4d_decoder_get_conformance(l4d_decoder* decoder, l4d_conformance* conformance) {
-  return with_stream(decoder, conformance != nullptr, [&](l4d::Decoder& d) -> Status {
+  return with_stream(decoder, required(conformance), [&](l4d::Decoder& d) -> Status {
     l4d_conformance c = read_struct(*conformance, l4d_conformance{});
     L4D_RETURN_IF_ERROR(d.conformance(&c));
     write_struct(c, conformance);
@@ -338,19 +353,18 @@ l4d_status l4d_decoder_get_conformance(l4d_decoder* decoder, l4d_conformance* co
 l4d_status l4d_decoder_check_conformance(l4d_decoder* decoder, uint32_t profile, uint32_t level,
                                          l4d_violation_fn fn, void* user,
                                          uint64_t* num_violations) {
-  return with_stream(decoder, num_violations != nullptr, [&](l4d::Decoder& d) {
+  return with_stream(decoder, required(num_violations), [&](l4d::Decoder& d) {
     *num_violations = 0;
     return d.check_conformance(profile, level, reporter(fn, user, num_violations));
   });
 }
 
 l4d_status l4d_decoder_set_detail(l4d_decoder* decoder, uint32_t detail) {
-  if (decoder == nullptr) return L4D_ERR_INVALID_ARGUMENT;
-  return decoder->error.keep(guard([&] { return decoder->impl.set_detail(detail); }));
+  return call_on(decoder, nullptr, [&] { return decoder->impl.set_detail(detail); });
 }
 
 l4d_status l4d_decoder_slice(l4d_decoder* decoder, double time, l4d_splat_buffers* out) {
-  return with_stream(decoder, out != nullptr, [&](l4d::Decoder& d) -> Status {
+  return with_stream(decoder, required(out), [&](l4d::Decoder& d) -> Status {
     l4d_splat_buffers buffers = read_struct(*out, l4d_splat_buffers{});
     L4D_RETURN_IF_ERROR(d.slice(time, &buffers));
     write_struct(buffers, out);
@@ -360,44 +374,44 @@ l4d_status l4d_decoder_slice(l4d_decoder* decoder, double time, l4d_splat_buffer
 
 l4d_status l4d_decoder_get_losses(const l4d_decoder* decoder, l4d_loss* out, uint64_t capacity,
                                   uint64_t* count) {
-  if (decoder == nullptr || count == nullptr || (out == nullptr && capacity > 0)) {
-    return L4D_ERR_INVALID_ARGUMENT;
-  }
-  if (!decoder->impl.is_open()) return L4D_ERR_INVALID_STATE;
-  const std::vector<l4d_loss>& losses = decoder->impl.losses();
-  std::copy_n(losses.begin(), std::min<uint64_t>(capacity, losses.size()), out);
-  *count = losses.size();
-  return L4D_OK;
+  const char* bad = first_of(required(count), capacity > 0 ? required(out) : nullptr);
+  return look_at_stream(decoder, bad, [&](const l4d::Decoder& d) -> Status {
+    const std::vector<l4d_loss>& losses = d.losses();
+    std::copy_n(losses.begin(), std::min<uint64_t>(capacity, losses.size()), out);
+    *count = losses.size();
+    return {};
+  });
 }
 
 l4d_status l4d_decoder_get_counters(const l4d_decoder* decoder, l4d_counters* counters) {
-  if (decoder == nullptr || counters == nullptr) return L4D_ERR_INVALID_ARGUMENT;
-  if (!decoder->impl.is_open()) return L4D_ERR_INVALID_STATE;
-  l4d_counters c{};
-  decoder->impl.counters(&c);
-  write_struct(c, counters);
-  return L4D_OK;
+  return look_at_stream(decoder, required(counters), [&](const l4d::Decoder& d) -> Status {
+    l4d_counters c{};
+    d.counters(&c);
+    write_struct(c, counters);
+    return {};
+  });
 }
 
 l4d_status l4d_decoder_set_progress(l4d_decoder* decoder, l4d_progress_fn fn, void* user) {
-  if (decoder == nullptr) return L4D_ERR_INVALID_ARGUMENT;
-  decoder->impl.set_progress(fn, user);
-  return L4D_OK;
+  return call_on(decoder, nullptr, [&]() -> Status {
+    decoder->impl.set_progress(fn, user);
+    return {};
+  });
 }
 
 l4d_status l4d_validate(const l4d_reader* reader, const l4d_decoder_options* options,
                         l4d_violation_fn fn, void* user, uint64_t* num_violations) {
-  if (reader == nullptr || num_violations == nullptr) return L4D_ERR_INVALID_ARGUMENT;
-  l4d_decoder_options resolved{};
-  if (options != nullptr) resolved = read_struct(*options, resolved);
-  uint64_t count = 0;
-  const Status status = guard([&]() -> Status {
+  return keep_last(guard([&]() -> Status {
+    if (const char* bad = first_of(required(reader, num_violations), optional(options))) {
+      return l4d::invalid_argument(bad);
+    }
+    l4d_decoder_options resolved{};
+    if (options != nullptr) resolved = read_struct(*options, resolved);
+    *num_violations = 0;
     l4d::ByteSource source;
     L4D_RETURN_IF_ERROR(l4d::ByteSource::from_reader(*reader, &source));
-    return l4d::validate_stream(std::move(source), resolved, reporter(fn, user, &count));
-  });
-  *num_violations = count;
-  return status.code();
+    return l4d::validate_stream(std::move(source), resolved, reporter(fn, user, num_violations));
+  }));
 }
 
 }  // extern "C"

@@ -5,6 +5,7 @@
 #include <memory>
 
 #include "decoder/decoder.h"
+#include "libl4dcodec/api/first_versions.h"
 #include "libl4dcodec/base/c_api.h"
 #ifdef L4D_HAVE_CUDA
 #include "decoder/cuda/host_decode.h"
@@ -15,6 +16,7 @@ struct l4d_decoder {
       : impl(options),
         decodes_on_device(options.backend == L4D_BACKEND_CUDA && options.tolerant == 0) {}
   l4d::Decoder impl;
+  mutable l4d::api::Busy busy;
   l4d::api::ErrorDetail error;
   bool decodes_on_device;
 #ifdef L4D_HAVE_CUDA

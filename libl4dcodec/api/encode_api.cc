@@ -13,24 +13,31 @@
 #endif
 
 using l4d::Status;
+using l4d::api::call_on;
 using l4d::api::guard;
 using l4d::api::init_struct;
+using l4d::api::keep_last;
+using l4d::api::look_at;
+using l4d::api::optional;
 using l4d::api::read_struct;
+using l4d::api::required;
 using l4d::api::write_struct;
 
 struct l4d_encoder {
   explicit l4d_encoder(const l4d_encoder_options& options) : impl(options) {}
   l4d::Encoder impl;
+  mutable l4d::api::Busy busy;
   l4d::api::ErrorDetail error;
 };
 
 namespace {
 
 template <typename Body>
-l4d_status with_encoder(l4d_encoder* encoder, const Body& body) {
-  if (encoder == nullptr) return L4D_ERR_INVALID_ARGUMENT;
-  return encoder->error.keep(guard([&] { return body(encoder->impl); }));
+l4d_status with_encoder(l4d_encoder* encoder, const char* bad, const Body& body) {
+  return call_on(encoder, bad, [&] { return body(encoder->impl); });
 }
+
+Status no_report() { return Status(L4D_ERR_INVALID_STATE, "nothing has been encoded"); }
 
 Status choose_device(const l4d_encoder_options& options, l4d::Encoder& encoder) {
   if (options.backend > L4D_BACKEND_CUDA) return l4d::invalid_argument("unknown backend");
@@ -89,35 +96,36 @@ void l4d_encode_report_init_(l4d_encode_report* report, size_t struct_size) {
 }
 
 l4d_status l4d_encoder_create(const l4d_encoder_options* options, l4d_encoder** out) {
-  if (out == nullptr) return L4D_ERR_INVALID_ARGUMENT;
-  l4d_encoder_options resolved{};
-  if (options != nullptr) resolved = read_struct(*options, resolved);
-  return guard([&]() -> Status {
-           auto encoder = std::make_unique<l4d_encoder>(resolved);
-           L4D_RETURN_IF_ERROR(choose_device(resolved, encoder->impl));
-           *out = encoder.release();
-           return {};
-         })
-      .code();
+  return keep_last(guard([&]() -> Status {
+    if (const char* bad = required(out)) return l4d::invalid_argument(bad);
+    if (const char* bad = optional(options)) return l4d::invalid_argument(bad);
+    l4d_encoder_options resolved{};
+    if (options != nullptr) resolved = read_struct(*options, resolved);
+    auto encoder = std::make_unique<l4d_encoder>(resolved);
+    L4D_RETURN_IF_ERROR(choose_device(resolved, encoder->impl));
+    *out = encoder.release();
+    return {};
+  }));
 }
 
-void l4d_encoder_destroy(l4d_encoder* encoder) { delete encoder; }
+void l4d_encoder_destroy(l4d_encoder* encoder) {
+  if (l4d::api::may_destroy(encoder)) delete encoder;
+}
 
 const char* l4d_encoder_error_detail(const l4d_encoder* encoder) {
   return encoder == nullptr ? "" : encoder->error.c_str();
 }
 
 l4d_status l4d_encoder_set_progress(l4d_encoder* encoder, l4d_progress_fn fn, void* user) {
-  if (encoder == nullptr) return L4D_ERR_INVALID_ARGUMENT;
-  encoder->impl.set_progress(fn, user);
-  return L4D_OK;
+  return with_encoder(encoder, nullptr, [&](l4d::Encoder& e) -> Status {
+    e.set_progress(fn, user);
+    return {};
+  });
 }
 
 l4d_status l4d_encoder_set_preset(l4d_encoder* encoder, const char* name) {
-  return with_encoder(encoder, [&](l4d::Encoder& e) -> Status {
-    if (name == nullptr) return l4d::invalid_argument("name is NULL");
-    return e.settings().set_preset(name);
-  });
+  return with_encoder(encoder, required(name),
+                      [&](l4d::Encoder& e) { return e.settings().set_preset(name); });
 }
 
 const char* l4d_encoder_preset_name(uint32_t index) {
@@ -132,24 +140,26 @@ const char* l4d_encoder_preset_description(uint32_t index) {
 
 l4d_status l4d_encoder_set(l4d_encoder* encoder, l4d_encoder_parameter id, int32_t component,
                            double value) {
-  return with_encoder(encoder,
+  return with_encoder(encoder, nullptr,
                       [&](l4d::Encoder& e) { return e.settings().set(id, component, value); });
 }
 
 l4d_status l4d_encoder_get(const l4d_encoder* encoder, l4d_encoder_parameter id, int32_t component,
                            double* value) {
-  if (encoder == nullptr || value == nullptr || static_cast<int>(id) < 0 ||
-      id >= L4D_ENC_PARAMETER_COUNT || component < L4D_ALL_COMPONENTS ||
-      component >= L4D_COMPONENT_COUNT) {
-    return L4D_ERR_INVALID_ARGUMENT;
-  }
-  *value = encoder->impl.settings().get(id, std::max(component, 0));
-  return L4D_OK;
+  return look_at(encoder, required(value), [&]() -> Status {
+    if (static_cast<int>(id) < 0 || id >= L4D_ENC_PARAMETER_COUNT ||
+        component < L4D_ALL_COMPONENTS || component >= L4D_COMPONENT_COUNT) {
+      return l4d::invalid_argument("no such parameter or component");
+    }
+    *value = encoder->impl.settings().get(id, std::max(component, 0));
+    return {};
+  });
 }
 
 l4d_status l4d_encoder_parameter_info(l4d_encoder_parameter id, l4d_parameter_info* info) {
-  if (info == nullptr || static_cast<int>(id) < 0 || id >= L4D_ENC_PARAMETER_COUNT) {
-    return L4D_ERR_INVALID_ARGUMENT;
+  if (const char* bad = required(info)) return l4d::api::fail(L4D_ERR_INVALID_ARGUMENT, bad);
+  if (static_cast<int>(id) < 0 || id >= L4D_ENC_PARAMETER_COUNT) {
+    return l4d::api::fail(L4D_ERR_INVALID_ARGUMENT, "no such parameter");
   }
   const l4d::ParameterDescription& p = l4d::describe_parameter(id);
   l4d_parameter_info i{};
@@ -165,8 +175,8 @@ l4d_status l4d_encoder_parameter_info(l4d_encoder_parameter id, l4d_parameter_in
 
 l4d_status l4d_encoder_set_stages(l4d_encoder* encoder, int32_t component, uint32_t num_stages,
                                   const float* fractions) {
-  return with_encoder(encoder, [&](l4d::Encoder& e) -> Status {
-    if (fractions == nullptr || num_stages > L4D_MAX_STAGES) {
+  return with_encoder(encoder, required(fractions), [&](l4d::Encoder& e) -> Status {
+    if (num_stages > L4D_MAX_STAGES) {
       return l4d::invalid_argument("stages: 1 to 8 fractions, the first of them 1");
     }
     return e.settings().set_stages(component,
@@ -176,10 +186,7 @@ l4d_status l4d_encoder_set_stages(l4d_encoder* encoder, int32_t component, uint3
 
 l4d_status l4d_encoder_set_scene(l4d_encoder* encoder, const l4d_gaussians* gaussians,
                                  const l4d_timeline* timeline, const l4d_placement* placement) {
-  return with_encoder(encoder, [&](l4d::Encoder& e) -> Status {
-    if (gaussians == nullptr || timeline == nullptr) {
-      return l4d::invalid_argument("gaussians or timeline is NULL");
-    }
+  return with_encoder(encoder, required(gaussians, timeline), [&](l4d::Encoder& e) -> Status {
     l4d_placement p{};
     p.scale = 1;
     return e.set_scene(read_struct(*gaussians, l4d_gaussians{}), *timeline,
@@ -189,13 +196,12 @@ l4d_status l4d_encoder_set_scene(l4d_encoder* encoder, const l4d_gaussians* gaus
 
 l4d_status l4d_encoder_set_weights(l4d_encoder* encoder, uint32_t which, const float* weights,
                                    uint64_t count) {
-  return with_encoder(encoder,
+  return with_encoder(encoder, nullptr,
                       [&](l4d::Encoder& e) { return e.set_weights(which, weights, count); });
 }
 
 l4d_status l4d_encoder_add_metadata(l4d_encoder* encoder, const char* key, const char* value) {
-  return with_encoder(encoder, [&](l4d::Encoder& e) -> Status {
-    if (key == nullptr || value == nullptr) return l4d::invalid_argument("key or value is NULL");
+  return with_encoder(encoder, required(key, value), [&](l4d::Encoder& e) -> Status {
     if (!is_utf8(key) || !is_utf8(value)) {
       return l4d::invalid_argument("metadata: key or value is no UTF-8");
     }
@@ -205,10 +211,8 @@ l4d_status l4d_encoder_add_metadata(l4d_encoder* encoder, const char* key, const
 }
 
 l4d_status l4d_encoder_encode(l4d_encoder* encoder, const l4d_writer* writer) {
-  return with_encoder(encoder, [&](l4d::Encoder& e) -> Status {
-    if (writer == nullptr || writer->struct_size < sizeof(l4d_writer) || writer->write == nullptr) {
-      return l4d::invalid_argument("the writer lacks its callback or its struct_size");
-    }
+  return with_encoder(encoder, required(writer), [&](l4d::Encoder& e) -> Status {
+    if (writer->write == nullptr) return l4d::invalid_argument("the writer lacks its callback");
     return e.encode([&](const unsigned char* data, size_t n) {
       return writer->write(writer->user, data, n) == 0;
     });
@@ -216,8 +220,7 @@ l4d_status l4d_encoder_encode(l4d_encoder* encoder, const l4d_writer* writer) {
 }
 
 l4d_status l4d_encoder_encode_file(l4d_encoder* encoder, const char* path) {
-  return with_encoder(encoder, [&](l4d::Encoder& e) -> Status {
-    if (path == nullptr) return l4d::invalid_argument("path is NULL");
+  return with_encoder(encoder, required(path), [&](l4d::Encoder& e) -> Status {
     l4d::AtomicFile file;
     L4D_RETURN_IF_ERROR(status_of(file.open(path), path));
     l4d::FileError failed;
@@ -232,30 +235,33 @@ l4d_status l4d_encoder_encode_file(l4d_encoder* encoder, const char* path) {
 }
 
 l4d_status l4d_encoder_get_report(const l4d_encoder* encoder, l4d_encode_report* report) {
-  if (encoder == nullptr || report == nullptr) return L4D_ERR_INVALID_ARGUMENT;
-  if (encoder->impl.report() == nullptr) return L4D_ERR_INVALID_STATE;
-  write_struct(encoder->impl.report()->totals, report);
-  return L4D_OK;
+  return look_at(encoder, required(report), [&]() -> Status {
+    if (encoder->impl.report() == nullptr) return no_report();
+    write_struct(encoder->impl.report()->totals, report);
+    return {};
+  });
 }
 
 l4d_status l4d_encoder_get_order(const l4d_encoder* encoder, uint32_t* order, uint64_t capacity) {
-  if (encoder == nullptr || order == nullptr) return L4D_ERR_INVALID_ARGUMENT;
-  if (encoder->impl.report() == nullptr) return L4D_ERR_INVALID_STATE;
-  const std::vector<uint32_t>& from = encoder->impl.report()->order;
-  if (capacity < from.size()) return L4D_ERR_INVALID_ARGUMENT;
-  std::copy(from.begin(), from.end(), order);
-  return L4D_OK;
+  return look_at(encoder, required(order), [&]() -> Status {
+    if (encoder->impl.report() == nullptr) return no_report();
+    const std::vector<uint32_t>& from = encoder->impl.report()->order;
+    if (capacity < from.size()) return l4d::invalid_argument("capacity is below the Gaussians");
+    std::copy(from.begin(), from.end(), order);
+    return {};
+  });
 }
 
 l4d_status l4d_encoder_get_stage(const l4d_encoder* encoder, uint32_t index, const char** name,
                                  double* seconds) {
-  if (encoder == nullptr || name == nullptr || seconds == nullptr) return L4D_ERR_INVALID_ARGUMENT;
-  if (encoder->impl.report() == nullptr) return L4D_ERR_INVALID_STATE;
-  const auto& stages = encoder->impl.report()->stages;
-  if (index >= stages.size()) return L4D_ERR_INVALID_ARGUMENT;
-  *name = stages[index].first;
-  *seconds = stages[index].second;
-  return L4D_OK;
+  return look_at(encoder, required(name, seconds), [&]() -> Status {
+    if (encoder->impl.report() == nullptr) return no_report();
+    const auto& stages = encoder->impl.report()->stages;
+    if (index >= stages.size()) return l4d::invalid_argument("no such stage");
+    *name = stages[index].first;
+    *seconds = stages[index].second;
+    return {};
+  });
 }
 
 }  // extern "C"

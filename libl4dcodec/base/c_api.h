@@ -3,15 +3,63 @@
 #pragma once
 
 #include <algorithm>
+#include <atomic>
+#include <cstddef>
 #include <cstring>
 #include <exception>
 #include <new>
 #include <string>
+#include <type_traits>
 #include <utility>
 
 #include "libl4dcodec/base/status.h"
 
+// Sets what l4d_last_error_message returns on the calling thread. Exported for libl4drender, which
+// may be a library of its own. Never throws.
+extern "C" L4D_API void l4d_keep_error_message_(const char* message);
+
 namespace l4d::api {
+
+// How many bytes T had in the first version of this library that had it. A caller's struct is never
+// smaller, so one that claims to be was not filled by its init macro. A struct that has grown has a
+// line of L4D_FIRST_VERSION: the first field that came later.
+template <typename T>
+struct FirstVersion {
+  static constexpr size_t kBytes = sizeof(T);
+};
+#define L4D_FIRST_VERSION(T, next_field)                      \
+  template <>                                                 \
+  struct FirstVersion<T> {                                    \
+    static constexpr size_t kBytes = offsetof(T, next_field); \
+  }
+
+L4D_FIRST_VERSION(l4d_gaussians, mean_t_double);
+
+template <typename T, typename = void>
+struct HasStructSize : std::false_type {};
+template <typename T>
+struct HasStructSize<T, std::void_t<decltype(std::declval<const T&>().struct_size)>>
+    : std::true_type {};
+
+// What is wrong with a struct that a caller may leave out, null if nothing is.
+template <typename T>
+const char* optional(const T* p) {
+  if constexpr (HasStructSize<T>::value) {
+    if (p != nullptr && p->struct_size < FirstVersion<T>::kBytes) {
+      return "struct_size is below that of the struct's first version: fill it with its init macro";
+    }
+  }
+  return nullptr;
+}
+// What is wrong with the first of the pointers that is not as a function needs it, null if nothing
+// is.
+inline const char* required() { return nullptr; }
+template <typename T, typename... Rest>
+const char* required(const T* p, const Rest*... rest) {
+  if (p == nullptr) return "a required pointer is NULL";
+  const char* bad = optional(p);
+  return bad != nullptr ? bad : required(rest...);
+}
 
 // Fills a caller's struct of struct_size bytes with what this version's defaults say.
 template <typename T>
@@ -62,7 +110,23 @@ Status guard(const Body& body) {
   }
 }
 
-// The last failure of a handle. Keeping a message must not throw: without memory there is none.
+// Keeps a failure as the last one of the calling thread. Keeping a message must not throw: without
+// memory there is none.
+inline l4d_status keep_last(const Status& status) noexcept {
+  if (status.ok()) return L4D_OK;
+  try {
+    l4d_keep_error_message_(status.detail().c_str());
+  } catch (...) {
+    l4d_keep_error_message_("");
+  }
+  return status.code();
+}
+inline l4d_status fail(l4d_status code, const char* message) noexcept {
+  l4d_keep_error_message_(message);
+  return code;
+}
+
+// The last failure of a handle.
 class ErrorDetail {
  public:
   l4d_status keep(const Status& status) {
@@ -71,12 +135,73 @@ class ErrorDetail {
     } catch (...) {
       detail_.clear();
     }
-    return status.code();
+    return keep_last(status);
   }
   const char* c_str() const { return detail_.c_str(); }
 
  private:
   std::string detail_;
 };
+
+// Whether a call on a handle is running, so that its callbacks cannot begin another one.
+class Busy {
+ public:
+  class Scope {
+   public:
+    explicit Scope(Busy& busy) : busy_(busy), entered_(!busy.flag_.exchange(true)) {}
+    ~Scope() {
+      if (entered_) busy_.flag_.store(false);
+    }
+    Scope(const Scope&) = delete;
+    Scope& operator=(const Scope&) = delete;
+    bool entered() const { return entered_; }
+
+   private:
+    Busy& busy_;
+    const bool entered_;
+  };
+  bool is_set() const { return flag_.load(); }
+
+ private:
+  std::atomic<bool> flag_{false};
+};
+
+inline l4d_status fail_busy() noexcept {
+  return fail(L4D_ERR_INVALID_STATE, "the handle serves another call: a callback must not call it");
+}
+inline l4d_status fail_without_handle() noexcept {
+  return fail(L4D_ERR_INVALID_ARGUMENT, "the handle is NULL");
+}
+
+// Runs `body` for a call on a handle that has `busy` and `error`, and keeps its failure there. bad:
+// what is wrong with the arguments, or null.
+template <typename Handle, typename Body>
+l4d_status call_on(Handle* handle, const char* bad, const Body& body) {
+  if (handle == nullptr) return fail_without_handle();
+  const Busy::Scope scope(handle->busy);
+  if (!scope.entered()) return fail_busy();
+  return handle->error.keep(guard([&]() -> Status {
+    if (bad != nullptr) return invalid_argument(bad);
+    return body();
+  }));
+}
+// The same for a function that only looks: the handle keeps the detail that it has.
+template <typename Handle, typename Body>
+l4d_status look_at(const Handle* handle, const char* bad, const Body& body) {
+  if (handle == nullptr) return fail_without_handle();
+  const Busy::Scope scope(handle->busy);
+  if (!scope.entered()) return fail_busy();
+  return keep_last(guard([&]() -> Status {
+    if (bad != nullptr) return invalid_argument(bad);
+    return body();
+  }));
+}
+// Whether the handle may be destroyed now.
+template <typename Handle>
+bool may_destroy(const Handle* handle) {
+  if (handle == nullptr) return false;
+  if (handle->busy.is_set()) fail_busy();
+  return !handle->busy.is_set();
+}
 
 }  // namespace l4d::api
