@@ -5,7 +5,6 @@
 #include <cstring>
 #include <vector>
 
-#include "flatbuffers/flatbuffers.h"
 #include "libl4dcodec/base/span.h"
 
 namespace l4d {
@@ -31,12 +30,5 @@ class AlignedBytes {
   const unsigned char* data_;
   std::vector<uint64_t> copy_;
 };
-
-// Of a verified vector of structs. flatbuffers::Verifier asks for no more than that the number of
-// elements before them is aligned.
-template <typename T>
-bool elements_aligned(const flatbuffers::Vector<const T*>& structs) {
-  return reinterpret_cast<uintptr_t>(structs.Data()) % alignof(T) == 0;
-}
 
 }  // namespace l4d

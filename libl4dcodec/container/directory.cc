@@ -9,6 +9,7 @@
 #include "libl4dcodec/base/hash.h"
 #include "libl4dcodec/base/ordered.h"
 #include "libl4dcodec/container/aligned_bytes.h"
+#include "libl4dcodec/container/flat_check.h"
 #include "libl4dcodec/entropy/stream.h"
 
 namespace l4d {
@@ -130,13 +131,11 @@ Status parse_directory_page(ByteSpan unaligned, uint64_t base, const SceneHeader
   // The page, its blocks, and their tables for three components.
   constexpr flatbuffers::uoffset_t kMaxTables = 1 + kMaxBlocksPerPage * (1 + 3);
   flatbuffers::Verifier verifier(bytes.data(), bytes.size(), 16, kMaxTables);
-  if (!verifier.VerifyBuffer<fbs::DirectoryPage>(kIdentifier)) {
+  if (!verifier.VerifyBuffer<fbs::DirectoryPage>(kIdentifier) ||
+      !tables_are_whole({bytes.data(), bytes.size()}, fbs::DirectoryPageTypeTable())) {
     return corrupt("DIR-2", base, "the directory page is no valid FlatBuffer of its schema");
   }
   const auto& page = *flatbuffers::GetRoot<fbs::DirectoryPage>(bytes.data());
-  if (!elements_aligned(*page.pages())) {
-    return corrupt("DIR-2", base, "the records of the directory page are not aligned");
-  }
   if (page.layer() != layer_index || page.index() != index) {
     return corrupt("DIR-2", base, "the directory page is of another layer or range");
   }

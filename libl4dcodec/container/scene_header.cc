@@ -4,7 +4,9 @@
 #include <cmath>
 
 #include "l4d_generated.h"
+#include "libl4dcodec/base/utf8.h"
 #include "libl4dcodec/container/aligned_bytes.h"
+#include "libl4dcodec/container/flat_check.h"
 
 namespace l4d {
 namespace {
@@ -402,7 +404,8 @@ Bytes serialize_scene_header(const SceneHeader& h) {
 Status parse_scene_header(ByteSpan unaligned, uint64_t base, SceneHeader* out) {
   const AlignedBytes bytes(unaligned);
   flatbuffers::Verifier verifier(bytes.data(), bytes.size(), 16, 100000);
-  if (!verifier.VerifyBuffer<fbs::Header>(kIdentifier)) {
+  if (!verifier.VerifyBuffer<fbs::Header>(kIdentifier) ||
+      !tables_are_whole({bytes.data(), bytes.size()}, fbs::HeaderTypeTable())) {
     return corrupt("HEAD-1", base, "the scene header is no valid FlatBuffer of its schema");
   }
   *out = SceneHeader();

@@ -40,6 +40,12 @@ class Schema:
             largest = max(largest, align)
         return -(-at // largest) * largest, largest
 
+    def inline_size(self, f):
+        """Bytes of a field in its table."""
+        is_scalar = f.type in SCALARS and not f.vector
+        is_struct = self.kinds.get(f.type) == "struct" and not f.vector
+        return self.size_align(f.type)[0] if is_scalar or is_struct else 4
+
 
 class Invalid(Exception):
     def __init__(self, clause, message):
@@ -53,26 +59,45 @@ class FlatBuffer:
     def __init__(self, schema, data, clause, claim):
         self.schema, self.data, self.clause, self.claim = schema, data, clause, claim
 
+    def require(self, condition, message):
+        if not condition:
+            raise Invalid(self.clause, message)
+
     def unpack(self, form, at):
         size = struct.calcsize(form)
-        if at < 0 or at + size > len(self.data):
-            raise Invalid(self.clause, f"byte {at} of a FlatBuffer of {len(self.data)}")
+        self.require(0 <= at <= len(self.data) - size and at % size == 0,
+                     f"byte {at} of a FlatBuffer of {len(self.data)}")
         return struct.unpack_from(form, self.data, at)[0]
 
+    def offset(self, at):
+        """The place that an offset at a place stands for."""
+        distance = self.unpack("<I", at)
+        self.require(distance != 0, "an offset of 0")
+        return at + distance
+
     def root(self, name, identifier):
-        at = self.unpack("<I", 0)
-        if self.data[4:8] != identifier:
-            raise Invalid(self.clause, "file identifier")
+        at = self.offset(0)
+        self.require(self.data[4:8] == identifier, "file identifier")
+        self.tables, self.depth = 0, 0
         self.claim(0, 4, f"root table {name} at +0x{at:x}")
         self.claim(4, 8, f'file identifier "{identifier.decode()}"')
         return self.table(name, at, name)
 
     def table(self, name, at, path):
+        self.tables += 1
+        self.depth += 1
+        self.require(self.tables <= 100000 and self.depth <= 16, "too many tables")
         vtable = at - self.unpack("<i", at)
-        vtable_bytes = self.unpack("<H", vtable)
-        self.unpack("<B", vtable + vtable_bytes - 1)
+        vtable_bytes, table_bytes = self.unpack("<H", vtable), self.unpack("<H", vtable + 2)
+        self.require(vtable_bytes >= 4 and vtable_bytes % 2 == 0, f"vtable of {path}")
+        self.require(table_bytes >= 4 and at + table_bytes <= len(self.data), f"size of {path}")
         self.claim(vtable, vtable + vtable_bytes, f"vtable of {path}: {vtable_bytes} bytes, table "
-                   f"of {self.unpack('<H', vtable + 2)}, offset of each field")
+                   f"of {table_bytes}, offset of each field")
+        fields = self.schema.fields[name]
+        for i in range((vtable_bytes - 4) // 2):
+            place = self.unpack("<H", vtable + 4 + 2 * i)
+            size = self.schema.inline_size(fields[i]) if i < len(fields) else 1
+            self.require(place == 0 or 4 <= place <= table_bytes - size, f"field {i} of {path}")
         self.claim(at, at + 4, f"{path}: table {name}, its vtable is 0x{at - vtable:x} before")
         out = {}
         for i, f in enumerate(self.schema.fields[name]):
@@ -83,14 +108,13 @@ class FlatBuffer:
 
     def field(self, f, at, path):
         if at is None:
-            if f.required:
-                raise Invalid(self.clause, f"{path} is missing")
+            self.require(not f.required, f"{path} is missing")
             return f.default if f.type in SCALARS and not f.vector else None
         if f.type in SCALARS and not f.vector:
             return self.scalar(f.type, at, path)
         if not f.vector and self.schema.kinds.get(f.type) == "struct":
             return self.struct(f.type, at, path)
-        target = at + self.unpack("<I", at)
+        target = self.offset(at)
         self.claim(at, at + 4, f"{path}: at +0x{target:x}")
         if f.vector:
             return self.vector(f.type, target, path)
@@ -125,15 +149,18 @@ class FlatBuffer:
         out = []
         for i in range(n):
             slot = at + 4 + 4 * i
-            target = slot + self.unpack("<I", slot)
+            target = self.offset(slot)
             self.claim(slot, slot + 4, f"{path}[{i}]: at +0x{target:x}")
             out.append(self.table(kind, target, f"{path}[{i}]"))
         return out
 
     def string(self, at, path):
         n = self.unpack("<I", at)
-        self.unpack("<B", at + 4 + n)
-        text = bytes(self.data[at + 4:at + 4 + n]).decode("utf-8")
+        self.require(self.unpack("<B", at + 4 + n) == 0, f"{path} without NUL")
+        try:
+            text = bytes(self.data[at + 4:at + 4 + n]).decode("utf-8")
+        except UnicodeDecodeError:
+            raise Invalid("HEAD-17", path)
         self.claim(at, at + 4, f"{path}: {n} bytes")
         self.claim(at + 4, at + 5 + n, f'{path} = "{text}", NUL')
         return text

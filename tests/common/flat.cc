@@ -37,9 +37,10 @@ size_t element(const Bytes& b, size_t table, size_t slot, size_t i) {
 }
 
 constexpr size_t kHeaderSlots = 22;
+constexpr size_t kHeaderOpacity = 15;
 constexpr size_t kHeaderMetadata = 20;
 constexpr size_t kHeaderExtensions = 21;
-constexpr size_t kHeaderReferences[] = {15, 17, 18, 20};  // opacity, sh, layers, metadata
+constexpr size_t kHeaderReferences[] = {kHeaderOpacity, 17, 18, 20};  // sh, layers, metadata
 
 }  // namespace
 
@@ -106,6 +107,12 @@ void repeat_component(Bytes& b, size_t block) {
   const size_t first = follow(b, element(b, table, kTables, 0));
   const size_t second = follow(b, element(b, table, kTables, 1));
   b[field(b, second, kComponent)] = b[field(b, first, kComponent)];
+}
+
+size_t root_vtable(const Bytes& b) { return vtable_of(b, u32(b, 0)); }
+
+size_t opacity_vtable(const Bytes& b) {
+  return vtable_of(b, follow(b, field(b, u32(b, 0), kHeaderOpacity)));
 }
 
 }  // namespace l4d::test

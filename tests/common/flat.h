@@ -16,4 +16,9 @@ void share_metadata(Bytes& scene_header);
 // Gives the second table of a block of a directory page the component of the first.
 void repeat_component(Bytes& directory_page, size_t block);
 
+// Where a vtable begins: of the table of the opacity's coding in a scene header, and of the root
+// table of any FlatBuffer.
+size_t opacity_vtable(const Bytes& scene_header);
+size_t root_vtable(const Bytes& buffer);
+
 }  // namespace l4d::test

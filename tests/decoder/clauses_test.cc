@@ -126,6 +126,23 @@ TEST(Clause, HEAD_1) {
   expect_clause(editor.build(), "HEAD-1", L4D_ERR_CORRUPT);
 }
 
+// spec: HEAD-1
+TEST(Clause, HEAD_1_Tables) {
+  StreamEditor editor(tiny_file());
+  const auto expect = [&](size_t at, uint16_t value) {
+    editor.on_scene_header = [=](Bytes& b) {
+      store_le<uint16_t>(value, b.data() + opacity_vtable(b) + at);
+    };
+    expect_clause(editor.build(), "HEAD-1", L4D_ERR_CORRUPT);
+  };
+  expect(0, 0);       // no room for the sizes of a vtable
+  expect(0, 2);       // for one of them
+  expect(2, 0);       // a table that has no room for the offset of its vtable
+  expect(2, 4);       // fields beyond the size of their table
+  expect(2, 0xfffe);  // a table beyond the buffer
+  expect(4, 2);       // a field in the offset of the vtable
+}
+
 // spec: HEAD-2
 TEST(Clause, HEAD_2) {
   expect_header_rule("HEAD-2", [](SceneHeader& h) { h.timeline.num_frames = 0; });
@@ -649,6 +666,32 @@ TEST(Clause, DIR_1) {
     table[3] = static_cast<unsigned char>(~table[3]);
   };
   expect_clause(editor.build(), "DIR-1", L4D_ERR_CHECKSUM);
+}
+
+// spec: DIR-2
+TEST(Clause, DIR_2_Tables) {
+  StreamEditor editor(tiny_file());
+  const auto place = editor.find([](const LayerHeader&) { return true; });
+  for (const auto& [at, value] :
+       {std::pair<size_t, uint16_t>{0, uint16_t{2}}, {2, uint16_t{4}}, {2, uint16_t{0xfffe}}}) {
+    editor.at(place).on_bytes = [at = at, value = value](Bytes& b) {
+      store_le<uint16_t>(value, b.data() + root_vtable(b) + at);
+    };
+    expect_clause(editor.build(), "DIR-2", L4D_ERR_CORRUPT);
+  }
+}
+
+// Entropy tables that no page needs are no violation, even in a layer that could not use them.
+// spec: RANS-6
+TEST(Clause, EntropyTablesWithoutRansPages) {
+  StreamEditor editor(lossless_file());
+  for (size_t l = 0; l < editor.header.layers.size(); ++l) {
+    editor.header.layers[l].has_entropy = true;
+    editor.layers[l].entropy.raw = {1, 2, 3};
+  }
+  const Bytes bytes = editor.build();
+  for (const Violation& v : validate(bytes)) ADD_FAILURE() << v.clause << ": " << v.message;
+  EXPECT_TRUE(same_bits(decode(bytes, all_query()), decode(lossless_file(), all_query())));
 }
 
 // spec: DIR-2

@@ -6,9 +6,9 @@
 
 #include "l4d_generated.h"
 #include "libl4dcodec/base/hash.h"
-#include "libl4dcodec/container/aligned_bytes.h"
 #include "libl4dcodec/container/directory.h"
 #include "libl4dcodec/container/file_header.h"
+#include "libl4dcodec/container/flat_check.h"
 #include "libl4dcodec/container/scene_header.h"
 #include "libl4dcodec/entropy/zstd_codec.h"
 
@@ -93,7 +93,8 @@ class Walker {
     const auto begin = file_.begin() + static_cast<std::ptrdiff_t>(offset);
     Bytes copy(begin, begin + static_cast<std::ptrdiff_t>(bytes));
     flatbuffers::Verifier verifier(copy.data(), copy.size(), 16, 100000);
-    if (verifier.VerifyBuffer<fbs::Header>("L4DH")) {
+    if (verifier.VerifyBuffer<fbs::Header>("L4DH") &&
+        tables_are_whole(copy, fbs::HeaderTypeTable())) {
       const fbs::Header* header = flatbuffers::GetRoot<fbs::Header>(copy.data());
       component(header->sh());
       for (const fbs::Layer* layer : *header->layers()) {
@@ -149,7 +150,7 @@ class Walker {
     flatbuffers::Verifier verifier(copy.data(), copy.size(), 16, 2048);
     if (!verifier.VerifyBuffer<fbs::DirectoryPage>("L4DD")) return;
     const fbs::DirectoryPage* page = flatbuffers::GetRoot<fbs::DirectoryPage>(copy.data());
-    if (!elements_aligned(*page->pages())) return;
+    if (!tables_are_whole(copy, fbs::DirectoryPageTypeTable())) return;
     for (const fbs::PageRecord* p : *page->pages()) {
       chunk(ChunkKind::kPage, p, scene.payload_offset);
       range(ChunkKind::kShDetail, p, kShHashInStruct, p->sh_offset(), p->sh_bytes(),

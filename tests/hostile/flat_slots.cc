@@ -2,6 +2,7 @@
 #include "tests/hostile/flat_slots.h"
 
 #include "l4d_generated.h"
+#include "libl4dcodec/container/flat_check.h"
 
 namespace l4d::test {
 namespace {
@@ -87,7 +88,10 @@ void add_component(Collector& c, const fbs::ComponentCoding* coding) {
 
 std::vector<FlatSlot> scene_header_slots(const Bytes& bytes) {
   flatbuffers::Verifier verifier(bytes.data(), bytes.size(), 16, 100000);
-  if (!verifier.VerifyBuffer<fbs::Header>("L4DH")) return {};
+  if (!verifier.VerifyBuffer<fbs::Header>("L4DH") ||
+      !tables_are_whole(bytes, fbs::HeaderTypeTable())) {
+    return {};
+  }
   const fbs::Header* h = flatbuffers::GetRoot<fbs::Header>(bytes.data());
   Collector c(bytes);
   c.table(h, kHeader);
@@ -111,7 +115,10 @@ std::vector<FlatSlot> scene_header_slots(const Bytes& bytes) {
 
 std::vector<FlatSlot> directory_page_slots(const Bytes& bytes) {
   flatbuffers::Verifier verifier(bytes.data(), bytes.size(), 16, 2048);
-  if (!verifier.VerifyBuffer<fbs::DirectoryPage>("L4DD")) return {};
+  if (!verifier.VerifyBuffer<fbs::DirectoryPage>("L4DD") ||
+      !tables_are_whole(bytes, fbs::DirectoryPageTypeTable())) {
+    return {};
+  }
   const fbs::DirectoryPage* page = flatbuffers::GetRoot<fbs::DirectoryPage>(bytes.data());
   Collector c(bytes);
   c.table(page, kDirectoryPage);

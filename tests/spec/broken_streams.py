@@ -124,6 +124,24 @@ def share_strings():
     return bytes(data)
 
 
+def vtable_edited(table, at, value):
+    """The u16 at a place of the vtable of a table of the scene header."""
+    file, _ = decode_tiny.decode(sb.build(scene(), rng=FIRST))
+    begin = next(b for b, _, text in file.claims if text.startswith(f"vtable of {table}:"))
+    return header_edited(lambda d, b, e: d.__setitem__(slice(begin + at, begin + at + 2),
+                                                       value.to_bytes(2, "little")))
+
+
+def with_metadata(value):
+    """A value of the metadata that stands where a text of its length was."""
+    text = "unlike any other: " + "?" * len(value)
+    s = scene()
+    s["metadata"] = [{"key": "key", "value": text}]
+    data = sb.build(s, rng=FIRST)
+    end = data.index(text.encode()) + len(text)
+    return rehashed(data[:end - len(value)] + value + data[end:])
+
+
 def flipped(find, repair=False):
     """One bit of the first byte whose annotation contains a text."""
     data = bytearray(sb.build(scene(), rng=FIRST))
@@ -154,7 +172,12 @@ def broken():
     yield "HEAD-6 many", edited(lambda s: s["layers"].extend([dict(
         s["layers"][1], num_gaussians=0, pages=[], blocks={})] * 8))
     yield "HEAD-6 none", edited(lambda s: s.update(layers=[], num_gaussians=0, sh={"coding": 0}))
-    yield "HEAD-7 position", edited(lambda s: s.update(position=0))
+    yield "HEAD-16 position", edited(lambda s: s.update(position=0))
+    for bad in (b"\xff", b"\xc0\x80", b"\xed\xa0\x80", b"\xe2\x82"):
+        yield f"HEAD-17 {bad.hex()}", with_metadata(bad)
+    # Of the vtable of opacity: its size, that of the table, the place of the first field.
+    for at, value in ((0, 0), (0, 2), (2, 0), (2, 4), (2, 0xFFFE), (4, 2)):
+        yield f"HEAD-1 vtable {at} {value}", vtable_edited("Header.opacity", at, value)
     yield "HEAD-7 scalar", coding(None, "opacity", coding=3)
     yield "HEAD-7 component", coding(0, "scale", coding=4)
     yield "HEAD-7 element", coding(0, "scale", patch={"element": 2})
