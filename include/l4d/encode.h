@@ -168,7 +168,8 @@ L4D_API l4d_status l4d_encoder_set_scene(l4d_encoder* encoder, const l4d_gaussia
 L4D_API l4d_status l4d_encoder_set_weights(l4d_encoder* encoder, uint32_t which,
                                            const float* weights, uint64_t count);
 
-/* A key and a value that go into the metadata; copied. What is no UTF-8: INVALID_ARGUMENT. */
+/* A key and a value that go into the stream's metadata. Both are copied. Fails with
+ * INVALID_ARGUMENT where one is not UTF-8. */
 L4D_API l4d_status l4d_encoder_add_metadata(l4d_encoder* encoder, const char* key,
                                             const char* value);
 

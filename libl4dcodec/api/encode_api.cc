@@ -7,6 +7,7 @@
 #include "l4d/encode.h"
 #include "libl4dcodec/base/atomic_file.h"
 #include "libl4dcodec/base/c_api.h"
+#include "libl4dcodec/base/utf8.h"
 #ifdef L4D_HAVE_CUDA
 #include "encoder/cuda/device_nearest.h"
 #include "libl4dcodec/cuda/device.h"
@@ -52,27 +53,6 @@ Status choose_device(const l4d_encoder_options& options, l4d::Encoder& encoder) 
   static_cast<void>(encoder);
   return asked ? Status(L4D_ERR_FEATURE_UNSUPPORTED, "this build has no device code") : Status();
 #endif
-}
-
-bool is_utf8(const char* text) {
-  const auto* at = reinterpret_cast<const unsigned char*>(text);
-  while (*at != 0) {
-    const unsigned first = *at++;
-    if (first < 0x80) continue;
-    const int more = first >= 0xf0 ? 3 : first >= 0xe0 ? 2 : 1;
-    if (first < 0xc2 || first > 0xf4) return false;
-    uint32_t code = first & (0x3fu >> more);
-    for (int k = 0; k < more; ++k, ++at) {
-      if ((*at & 0xc0) != 0x80) return false;
-      code = code << 6 | (*at & 0x3f);
-    }
-    // Shorter forms, halves of UTF-16 pairs, and what is past the last character.
-    constexpr uint32_t kLeast[] = {0x80, 0x800, 0x10000};
-    if (code < kLeast[more - 1] || (code >= 0xd800 && code < 0xe000) || code > 0x10ffff) {
-      return false;
-    }
-  }
-  return true;
 }
 
 Status status_of(const l4d::FileError& error, const char* path) {
@@ -202,7 +182,7 @@ l4d_status l4d_encoder_set_weights(l4d_encoder* encoder, uint32_t which, const f
 
 l4d_status l4d_encoder_add_metadata(l4d_encoder* encoder, const char* key, const char* value) {
   return with_encoder(encoder, required(key, value), [&](l4d::Encoder& e) -> Status {
-    if (!is_utf8(key) || !is_utf8(value)) {
+    if (!l4d::is_utf8(key) || !l4d::is_utf8(value)) {
       return l4d::invalid_argument("metadata: key or value is no UTF-8");
     }
     e.add_metadata(key, value);

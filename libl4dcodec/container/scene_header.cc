@@ -90,6 +90,9 @@ class HeaderParser {
       for (const fbs::KeyValue* kv : *h.metadata()) {
         length += kv->key()->size() + kv->value()->size();
         if (length > size_) return bad("HEAD-13", "metadata longer than the scene header");
+        if (!is_utf8(kv->key()->string_view()) || !is_utf8(kv->value()->string_view())) {
+          return bad("HEAD-17", "metadata that is not UTF-8");
+        }
         out_.metadata.emplace_back(kv->key()->str(), kv->value()->str());
       }
     }
@@ -143,11 +146,13 @@ class HeaderParser {
     out_.placement.color_space = h.color_space();
     out_.position_at_mean_time = h.position_at_mean_time();
     out_.opacity_logit = h.opacity_logit();
-    if (h.position() < static_cast<uint8_t>(MeanCodingId::kRaw32) ||
-        h.position() > static_cast<uint8_t>(MeanCodingId::kFixed)) {
+    if (h.position() > static_cast<uint8_t>(MeanCodingId::kRaw64)) {
       return unknown("position coding", h.position());
     }
     out_.position = static_cast<MeanCodingId>(h.position());
+    if (out_.position == MeanCodingId::kNone || out_.position == MeanCodingId::kRaw64) {
+      return bad("HEAD-16", "a coding that positions cannot have");
+    }
     out_.position_bits = h.position_bits();
     if (out_.position == MeanCodingId::kFixed &&
         (out_.position_bits < 1 || out_.position_bits > kMaxPositionBits)) {

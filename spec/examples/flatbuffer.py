@@ -104,6 +104,7 @@ class FlatBuffer:
             slot = 4 + 2 * i
             offset = self.unpack("<H", vtable + slot) if slot + 2 <= vtable_bytes else 0
             out[f.name] = self.field(f, at + offset if offset else None, f"{path}.{f.name}")
+        self.depth -= 1
         return out
 
     def field(self, f, at, path):

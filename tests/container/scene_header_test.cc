@@ -176,11 +176,14 @@ std::vector<Rule> rules() {
            h.layers.back().num_gaussians = 0;
          }
        }},
-      {"HEAD-7", "position coding none", [](H& h) { h.position = MeanCodingId::kNone; },
-       unsupported},
-      {"HEAD-7", "position coding 4", [](H& h) { h.position = MeanCodingId{4}; }, unsupported},
+      {"HEAD-16", "position coding none", [](H& h) { h.position = MeanCodingId::kNone; }},
+      {"HEAD-16", "position coding raw64", [](H& h) { h.position = MeanCodingId::kRaw64; }},
+      {"HEAD-7", "position coding 5", [](H& h) { h.position = MeanCodingId{5}; }, unsupported},
       {"HEAD-7", "mean times 5", [](H& h) { h.layers[1].mean_t = MeanCodingId{5}; },
        unsupported},
+      {"HEAD-17", "a key that is not UTF-8", [](H& h) { h.metadata.emplace_back("\xff", "a"); }},
+      {"HEAD-17", "a value that ends within a character",
+       [](H& h) { h.metadata.emplace_back("a", "b\xe2\x82"); }},
       {"HEAD-7", "opacity coding 3", [](H& h) { h.opacity.coding = ScalarCodingId{3}; },
        unsupported},
       {"HEAD-7", "scale factor coding 200",
@@ -262,6 +265,7 @@ std::vector<Rule> rules() {
 }
 
 // spec: HEAD-2, HEAD-3, HEAD-4, HEAD-5, HEAD-6, HEAD-7, HEAD-9, HEAD-10, HEAD-11, HEAD-12
+// spec: HEAD-16, HEAD-17
 // spec: HEAD-14
 // spec: CODE-1, CODE-2, CODE-3, RCQ-2
 TEST(SceneHeader, EveryRuleIsChecked) {

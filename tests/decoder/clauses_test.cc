@@ -184,9 +184,27 @@ TEST(Clause, HEAD_7) {
   expect_header_rule(
       "HEAD-7", [](SceneHeader& h) { h.opacity.coding = ScalarCodingId{3}; }, unsupported);
   expect_header_rule(
-      "HEAD-7", [](SceneHeader& h) { h.position = MeanCodingId{4}; }, unsupported);
+      "HEAD-7", [](SceneHeader& h) { h.position = MeanCodingId{5}; }, unsupported);
   expect_header_rule(
       "HEAD-7", [](SceneHeader& h) { h.sh.stages[0].element = ElementType{2}; }, unsupported);
+}
+
+// spec: HEAD-16
+TEST(Clause, HEAD_16) {
+  expect_header_rule("HEAD-16", [](SceneHeader& h) { h.position = MeanCodingId::kNone; });
+  expect_header_rule("HEAD-16", [](SceneHeader& h) { h.position = MeanCodingId::kRaw64; });
+}
+
+// spec: HEAD-17
+TEST(Clause, HEAD_17) {
+  for (const char* bad :
+       {"\xff", "caf\xe9", "\xc0\x80", "\xed\xa0\x80", "\xf4\x90\x80\x80", "\xe2\x82"}) {
+    expect_header_rule("HEAD-17", [=](SceneHeader& h) { h.metadata.emplace_back("a", bad); });
+    expect_header_rule("HEAD-17", [=](SceneHeader& h) { h.metadata.emplace_back(bad, "a"); });
+  }
+  StreamEditor editor(tiny_file());
+  editor.header.metadata.emplace_back("\xf4\x8f\xbf\xbf\xed\x9f\xbf", "\xc2\x80 \xe2\x82\xac");
+  EXPECT_TRUE(validate(editor.build()).empty());
 }
 
 // spec: HEAD-8

@@ -72,6 +72,13 @@ def header_edited(edit):
     data = bytearray(sb.build(scene(), rng=FIRST))
     n = int.from_bytes(data[12:16], "little")
     edit(data, 40, 40 + n)
+    return rehashed(data)
+
+
+def rehashed(data):
+    """With right hashes of the scene header and the file header."""
+    data = bytearray(data)
+    n = int.from_bytes(data[12:16], "little")
     data[24:32] = xxh3_64(data[40:40 + n]).to_bytes(8, "little")
     data[32:40] = xxh3_64(data[:32]).to_bytes(8, "little")
     return bytes(data)

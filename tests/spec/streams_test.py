@@ -168,7 +168,8 @@ class BrokenStreams(unittest.TestCase):
     # Streams that break one rule, checksums repaired; both readers name the rule.
     # spec: FILE-1, FILE-2, FILE-3, FILE-4, FILE-5, FILE-6
     # spec: HEAD-1, HEAD-2, HEAD-3, HEAD-4, HEAD-5, HEAD-6, HEAD-7, HEAD-8, HEAD-9, HEAD-10, HEAD-11
-    # spec: HEAD-12, HEAD-13, HEAD-14, HEAD-15, CODE-1, CODE-2, CODE-3, CODE-4, CODE-5, CODE-6, CODE-7
+    # spec: HEAD-12, HEAD-13, HEAD-14, HEAD-15, HEAD-16, HEAD-17
+    # spec: CODE-1, CODE-2, CODE-3, CODE-4, CODE-5, CODE-6, CODE-7
     # spec: TIME-1, TIME-2
     # spec: TRAN-1, TRAN-2, TRAN-3, TRAN-4, TRAN-5, TRAN-6, TRAN-7
     # spec: RANS-1, RANS-2, RANS-3, RANS-4, RANS-5, RANS-6, RANS-7, RANS-8
@@ -200,6 +201,7 @@ class BrokenStreams(unittest.TestCase):
                 "CHNK-2": "CHECKSUM", "PAGE-1": "CORRUPT", "VQ-2": "CORRUPT",
                 "HEAD-7 mean_t unknown": "FEATURE_UNSUPPORTED",
                 "TIME-1": "CORRUPT", "TIME-2": "CORRUPT",
+                "HEAD-16 position": "CORRUPT", "HEAD-16 raw64": "CORRUPT",
                 "CHNK-6 rans codebook": "FEATURE_UNSUPPORTED", "CHNK-2 entropy": "CHECKSUM",
                 "HEAD-15 spatial": "CORRUPT", "CODE-5": "CORRUPT", "CODE-6": "CORRUPT", "CODE-7": "CORRUPT",
                 **{f"TRAN-{k}": "CORRUPT" for k in range(1, 8)},
