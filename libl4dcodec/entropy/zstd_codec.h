@@ -26,6 +26,9 @@ class ZstdCompressor {
   ZSTD_CCtx_s* context_;
 };
 
+// What a decoder that works in pieces has to keep at most (spec: CHNK-5).
+constexpr uint64_t kMaxZstdWindow = uint64_t{1} << 26;
+
 // A reusable decompression context; one per thread.
 class ZstdDecompressor {
  public:
@@ -33,7 +36,8 @@ class ZstdDecompressor {
   ~ZstdDecompressor();
   ZstdDecompressor(const ZstdDecompressor&) = delete;
   ZstdDecompressor& operator=(const ZstdDecompressor&) = delete;
-  // True if `frame` is exactly one zstd frame that decodes to exactly `size` bytes.
+  // True if `frame` is exactly one zstd frame of a window within kMaxZstdWindow that decodes to
+  // exactly `size` bytes, and whose own checksum, if it has one, is right.
   bool decompress(ByteSpan frame, unsigned char* dst, size_t size);
 
  private:
