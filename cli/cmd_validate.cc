@@ -35,9 +35,8 @@ struct Found {
   Json errors = Json::array();
   std::string text;
   uint64_t max_errors;
-  // Set where this build cannot read the stream, so that there is no telling whether it is valid.
+  // Set where this build cannot read the stream, so that there is no telling what else is wrong.
   l4d_status unreadable = L4D_OK;
-  std::string unreadable_message;
 };
 
 void collect(void* user, const l4d_violation* violation) {
@@ -45,7 +44,6 @@ void collect(void* user, const l4d_violation* violation) {
   if (violation->status == L4D_ERR_NOT_L4D || violation->status == L4D_ERR_VERSION_UNSUPPORTED ||
       violation->status == L4D_ERR_FEATURE_UNSUPPORTED) {
     found.unreadable = violation->status;
-    found.unreadable_message = violation->message;
   }
   if (found.errors.size() >= found.max_errors) return;
   const bool has_offset = violation->offset != UINT64_MAX;
@@ -151,13 +149,7 @@ Outcome run_validate(Context& context, const ValidateArguments& arguments) {
     progress.step("checking");
     const l4d_status status = l4d_validate(reader.get(), &options, &collect, &found, &violations);
     if (status != L4D_OK) {
-      const std::string detail = found.errors.empty()
-                                     ? std::string(l4d_status_description(status))
-                                     : found.errors.back()["message"].get<std::string>();
-      throw Failure(status, input.name() + ": " + detail);
-    }
-    if (found.unreadable != L4D_OK && found.unreadable != L4D_ERR_NOT_L4D) {
-      throw Failure(found.unreadable, input.name() + ": " + found.unreadable_message);
+      throw Failure(status, input.name() + ": " + l4d_last_error_message());
     }
   }
   check_interrupt();
@@ -220,7 +212,7 @@ void add_validate(Registry& registry) {
       "Exit code: 0 valid and of the profile and level asked for, 1 not so, 3 or 4 unreadable, 5 "
       "of a\n"
       "version or with a tool that this build does not know. What it prints names the clause of\n"
-      "spec/l4d.md.");
+      "spec/l4d.md, whatever the exit code from 0 to 5.");
 }
 
 }  // namespace l4d::cli

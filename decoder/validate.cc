@@ -146,7 +146,10 @@ class Validator {
       Taken taken;
       L4D_RETURN_IF_ERROR(take(layer.entropy, "entropy tables", &taken));
       note_shared(taken);
-      if (taken.num_shared == 0) L4D_RETURN_IF_ERROR(note(file_.entropy_tables(l, &tables)));
+      // Whether the layer may have rANS pages matters where it has one.
+      if (taken.num_shared == 0 && rans_codable(file_.header(), layer)) {
+        L4D_RETURN_IF_ERROR(note(file_.entropy_tables(l, &tables)));
+      }
     }
     // Of a table that the file does not hold, what it does hold.
     const uint64_t size = file_.source().size();
