@@ -21,9 +21,11 @@ std::string number(double value) {
 // A decimal, which every reader knows, unless only the fraction gives the same rate back.
 std::string frame_rate(const l4d_timeline& timeline) {
   const double fps = static_cast<double>(timeline.fps_num) / timeline.fps_den;
-  l4d_timeline back{};
-  set_fps(back, fps);
-  if (back.fps_num == timeline.fps_num && back.fps_den == timeline.fps_den) return number(fps);
+  if (fps >= 1e-6 && fps <= 1e6) {
+    l4d_timeline back{};
+    set_fps(back, fps);
+    if (back.fps_num == timeline.fps_num && back.fps_den == timeline.fps_den) return number(fps);
+  }
   return std::to_string(timeline.fps_num) + "/" + std::to_string(timeline.fps_den);
 }
 

@@ -156,7 +156,9 @@ TEST_F(FormatsTest, L4dPlyKeepsOddFrameRatesAndPlacement) {
   for (const auto& rate : {std::pair<uint32_t, uint32_t>{30000, 1001},
                            {24, 1},
                            {1000003, 999979},
-                           {4294967291U, 4294967279U}}) {
+                           {4294967291U, 4294967279U},
+                           {4294967295U, 1},
+                           {1, 4294967295U}}) {
     scene.timeline.fps_num = rate.first;
     scene.timeline.fps_den = rate.second;
     scene.timeline.num_frames = 1234;
