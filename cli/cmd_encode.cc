@@ -152,6 +152,17 @@ void add_report(const l4d_encode_report& report, const std::string& name, double
              format_count(report.invalid_dropped).c_str(), format_count(report.pruned).c_str());
 }
 
+// What a decoder says of the stream that was written.
+l4d_info info_of(const Encoding& encoding, const Output& output) {
+  DecoderHandle decoder;
+  if (encoding.stream.empty()) {
+    decoder.open_file(output.path());
+  } else {
+    decoder.open_memory(encoding.stream.data(), encoding.stream.size());
+  }
+  return decoder.info();
+}
+
 Outcome run_encode(Context& context, const EncodeArguments& arguments) {
   const Stopwatch watch;
   if (context.ranks().count() > 1 && arguments.input == "-") {
@@ -252,6 +263,7 @@ Outcome run_encode(Context& context, const EncodeArguments& arguments) {
     }
   }
   if (!encoding.stream.empty()) write_stream(output.path(), encoding.stream);
+  arguments.parameters.note_unused(context, info_of(encoding, output));
   if (order_output) write_order(order_output->path(), encoding.order);
   const double total_seconds = watch.seconds();
 

@@ -194,6 +194,14 @@ void EncodeParameters::apply(Context& context, const EncoderHandle& encoder) con
   }
 }
 
+void EncodeParameters::note_unused(Context& context, const l4d_info& written) const {
+  if (rcq == "always" && (written.tools & L4D_TOOL_RCQ) == 0) {
+    context.note(
+        "--rcq always: no block codebooks were written; they take codebooks, layers of level 1 or "
+        "above, and Gaussians there that are no literals");
+  }
+}
+
 bool EncodeParameters::sets(const std::string& name) const {
   return std::any_of(set.begin(), set.end(), [&](const std::string& text) {
     return text.compare(0, name.size() + 1, name + '=') == 0;

@@ -48,7 +48,9 @@ void rank_codebooks(CodedComponent& c, const std::vector<BlockRange>& blocks) {
     std::vector<RcqPair>& table = c.block_tables[b];
     if (table.empty()) continue;
     std::vector<uint64_t> use(table.size(), 0);
-    for (size_t i = blocks[b].begin; i < blocks[b].end; ++i) ++use[c.index[0][i]];
+    for (size_t i = blocks[b].begin; i < blocks[b].end; ++i) {
+      use[c.index[0][i]] += c.depth[i] != kLiteralDepth;
+    }
     uint32_t kept = 0;
     const std::vector<uint32_t> rank = rank_by_use(use, &kept);
     std::vector<RcqPair> ranked(kept);
@@ -57,6 +59,7 @@ void rank_codebooks(CodedComponent& c, const std::vector<BlockRange>& blocks) {
     }
     table = std::move(ranked);
     for (size_t i = blocks[b].begin; i < blocks[b].end; ++i) {
+      if (c.depth[i] == kLiteralDepth) continue;
       c.index[0][i] = static_cast<uint16_t>(rank[c.index[0][i]]);
     }
   }

@@ -193,13 +193,15 @@ class ComponentCoder {
     const size_t n = coded_.size();
     const uint32_t entries =
         by_cost() ? stage0_entries_by_cost() : useful_entries(settings_.codebook_size, n);
-    // Block codebooks work on whole blocks, so literals and RCQ do not meet. Nothing of the layer's
-    // codebook but its size is in them, and that is as good as known: they are trained beside it.
-    const bool in_blocks = settings_.rcq != 0 && direct && !blocks_.empty();
+    // Nothing of the layer's codebook but its size is in those of blocks, and that is as good as
+    // known: they are trained beside it.
+    const bool in_blocks = settings_.rcq != 0 && !blocks_.empty();
+    const std::vector<BlockRange> blocks = direct ? blocks_ : coded_blocks();
     std::vector<std::vector<float>> block_books;
     std::future<void> blocks_done = start_beside(apart, [&] {
-      if (in_blocks)
-        block_books = train_block_books(rows_, weights_, dim, blocks_, settings_, entries);
+      if (in_blocks) {
+        block_books = train_block_books(rows, weights, dim, blocks, settings_, entries);
+      }
     });
     out_.books.push_back(train_half_codebook(rows, weights, n, dim, entries, settings_, 1));
     const std::vector<float>& book = out_.books[0];
@@ -220,7 +222,40 @@ class ComponentCoder {
       }
     });
     blocks_done.get();
-    if (in_blocks) code_blocks(rows_, weights_, blocks_, settings_, distance, block_books, &out_);
+    if (!in_blocks) return;
+    if (direct) {
+      code_blocks(rows, weights, blocks, settings_, distance, block_books, &out_);
+      return;
+    }
+    // Literals have no index: blocks are coded without them.
+    CodedComponent part;
+    part.n = n;
+    part.dim = dim;
+    part.books = {book};
+    part.index.emplace_back(labels.begin(), labels.end());
+    part.decoded.resize(n * dim);
+    for (size_t j = 0; j < n; ++j) {
+      std::copy_n(book.data() + labels[j] * dim, dim, part.decoded.data() + j * dim);
+    }
+    code_blocks(rows, weights, blocks, settings_, distance, block_books, &part);
+    for (size_t j = 0; j < n; ++j) {
+      const size_t i = coded_[j];
+      out_.index[0][i] = part.index[0][j];
+      std::copy_n(part.decoded.data() + j * dim, dim, out_.decoded.data() + i * dim);
+    }
+    out_.residual_book = std::move(part.residual_book);
+    out_.block_tables = std::move(part.block_tables);
+  }
+
+  // The blocks as ranges of coded_, which ascends.
+  std::vector<BlockRange> coded_blocks() const {
+    std::vector<BlockRange> blocks;
+    const auto place = [&](size_t i) {
+      return static_cast<size_t>(std::lower_bound(coded_.begin(), coded_.end(), i) -
+                                 coded_.begin());
+    };
+    for (const BlockRange& b : blocks_) blocks.push_back({place(b.begin), place(b.end)});
+    return blocks;
   }
 
   // A small codebook tells how error falls with the number of codewords, and so which number is

@@ -60,6 +60,7 @@ std::vector<float> train_block(const float* rows, const float* weights, size_t d
                                const std::vector<BlockRange>& blocks, size_t b, size_t most,
                                const ComponentSettings& serial) {
   const size_t begin = blocks[b].begin;
+  if (blocks[b].end == begin) return {};
   return train_half_codebook(rows + begin * dim, weights + begin, blocks[b].end - begin, dim,
                              block_entries(blocks[b], most), serial, 0x100 + uint64_t{b});
 }
@@ -70,6 +71,7 @@ LocalBook make_local(const float* rows, const float* weights, size_t n, size_t d
   LocalBook local;
   local.entries = std::move(entries);
   const size_t k = local.entries.size() / dim;
+  if (k == 0) return local;  // a block of literals alone
   std::vector<uint32_t> nearest(k);
   std::vector<float> distance(std::max(n, k));
   assign_nearest(local.entries.data(), k, dim, global.data(), global.size() / dim, settings.threads,
@@ -102,6 +104,7 @@ CodedBlock code_block(const float* rows, size_t n, size_t dim, const LocalBook& 
                       const ComponentSettings& settings) {
   CodedBlock out;
   const size_t k = local.global.size();
+  if (k == 0) return out;
   std::vector<uint32_t> nearest(k);
   out.distance.resize(std::max(n, k));
   assign_nearest(local.residual.data(), k, dim, residual_book.data(), residual_book.size() / dim,
@@ -177,6 +180,7 @@ void code_blocks(const float* rows, const float* weights, const std::vector<Bloc
   for (size_t b = 0; b < blocks.size(); ++b) {
     const size_t begin = blocks[b].begin;
     const size_t n = blocks[b].end - begin;
+    if (n == 0) continue;
     BlockCost plain, local;
     std::vector<uint16_t> index(coded[b].labels.begin(), coded[b].labels.end());
     plain.bits = index_bits(c.index[0].data() + begin, n, global.size() / dim);

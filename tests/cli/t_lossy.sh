@@ -71,6 +71,15 @@ expect 0 encode s.ply -o literal.l4d --preset indexed --codebook all=256 --liter
 expect_document 0 info literal.l4d
 expect_json out '"literals" in d["tools"]'
 
+# Block codebooks where they were asked for, or a word that there are none.
+expect 0 encode s.ply -o always.l4d --preset indexed --codebook all=64 --rcq always --set merge-count=100
+expect_empty err
+expect_document 0 info always.l4d
+expect_json out '"rcq" in d["tools"]'
+expect 0 synth --seconds 2 --gaussians 2000 --effects static -o static.ply
+expect 0 encode static.ply -o static.l4d --preset indexed --rcq always
+expect_text err 'no block codebooks were written'
+
 # Transcoding a stream, and a stream as A of a comparison.
 expect 0 encode stages.l4d -o transcoded.l4d --preset indexed --codebook all=64
 expect_document 0 compare stages.l4d transcoded.l4d

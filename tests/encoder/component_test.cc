@@ -400,15 +400,24 @@ TEST(Rcq, AlwaysUsesEveryBlock) {
   }
 }
 
-TEST(Rcq, LiteralsAndBlocksDoNotMeet) {
+// Literals have no index: a block is coded as if they were not there, one of literals alone not at
+// all.
+TEST(Rcq, LiteralsMeetBlocks) {
   std::vector<BlockRange> blocks;
-  const Data d = block_data(4, 1000, true, &blocks);
+  Data d = block_data(4, 1000, true, &blocks);
+  for (size_t i = blocks[2].begin; i < blocks[2].end; ++i) d.weights[i] = 9;
   ComponentSettings s = rcq_settings(2);
   s.literal_threshold = 1.5;
-  const CodedComponent c = code(d, s, blocks);
+  s.stages = {1, 0.3f};
+  CodedComponent c = code(d, s, blocks);
   EXPECT_TRUE(c.any_literal);
-  EXPECT_TRUE(c.block_tables.empty());
-  expect_same_bits(c.decoded, reconstruct(c, d));
+  ASSERT_EQ(c.block_tables.size(), blocks.size());
+  ASSERT_FALSE(c.residual_book.empty());
+  for (size_t b = 0; b < blocks.size(); ++b) EXPECT_EQ(c.block_tables[b].empty(), b == 2) << b;
+  expect_same_bits(c.decoded, reconstruct(c, d, blocks));
+  const std::vector<float> before = c.decoded;
+  rank_codebooks(c, blocks);
+  expect_same_bits(before, reconstruct(c, d, blocks));
 }
 
 }  // namespace

@@ -787,8 +787,8 @@ TEST(Coding, IsWhicheverCostsLess) {
   }
 }
 
-// RCQ in a whole file, where it pays: the seconds of the scene have shapes of their own.
-TEST(RcqFile, PaysInASceneWhoseTimesDiffer) {
+// The seconds of the scene have shapes of their own.
+TestScene scene_whose_times_differ() {
   SceneOptions s;
   s.count = 40000;
   s.sh_degree = 0;
@@ -805,6 +805,12 @@ TEST(RcqFile, PaysInASceneWhoseTimesDiffer) {
       scene.log_scale[4 * i + k] = shape.uniformf(-7, -2) + 0.001f * static_cast<float>(i % 10);
     }
   }
+  return scene;
+}
+
+// RCQ in a whole file, where it pays.
+TEST(RcqFile, PaysInASceneWhoseTimesDiffer) {
+  const TestScene scene = scene_whose_times_differ();
   EncodeOptions o;
   o.settings = {{L4D_ENC_CODEBOOK_SIZE, 64},
                 {L4D_ENC_KMEANS_ITERATIONS, 4},
@@ -817,6 +823,31 @@ TEST(RcqFile, PaysInASceneWhoseTimesDiffer) {
   DecoderHandle d;
   d.open_memory(e.bytes.data(), e.bytes.size());
   EXPECT_NE(d.info().tools & L4D_TOOL_RCQ, 0u);
+  EXPECT_TRUE(same_bits(decode(e.bytes, all_query(), L4D_BACKEND_REFERENCE),
+                        decode(e.bytes, all_query(), L4D_BACKEND_CPU, 2)));
+}
+
+// The paper's own mode, on its own scheme: literals above thresholds, blocks for the rest.
+TEST(RcqFile, MeetsTheLiteralsOfThePaper) {
+  const TestScene scene = scene_whose_times_differ();
+  std::vector<float> weights(scene.count());
+  for (size_t i = 0; i < weights.size(); ++i) weights[i] = i % 16 == 0 ? 1e-5f : 1e-8f;
+  EncodeOptions o;
+  o.preset = "paper-small";
+  o.settings = {{L4D_ENC_CODEBOOK_SIZE, 64},
+                {L4D_ENC_KMEANS_ITERATIONS, 2},
+                {L4D_ENC_MERGE_COUNT, 100},
+                {L4D_ENC_PRUNE_WEIGHT, -1},
+                {L4D_ENC_ZSTD_LEVEL, 1}};
+  for (uint32_t w = L4D_WEIGHT_SH; w <= L4D_WEIGHT_ROTOR_TEMPORAL; ++w) {
+    o.weights.emplace_back(w, &weights);
+  }
+  const Encoded e = encode(scene, o);
+  expect_valid(e.bytes);
+  DecoderHandle d;
+  d.open_memory(e.bytes.data(), e.bytes.size());
+  EXPECT_NE(d.info().tools & L4D_TOOL_RCQ, 0u);
+  EXPECT_NE(d.info().tools & L4D_TOOL_LITERALS, 0u);
   EXPECT_TRUE(same_bits(decode(e.bytes, all_query(), L4D_BACKEND_REFERENCE),
                         decode(e.bytes, all_query(), L4D_BACKEND_CPU, 2)));
 }
