@@ -113,8 +113,8 @@ void compare_attributes(Context& context, const CompareArguments& arguments,
 void compare_renders(Context& context, const CompareArguments& arguments, const Input& input_a,
                      const Input& input_b, double gain, std::optional<Output>& picture,
                      Verdict& verdict) {
-  RenderedScene a(context, input_a, arguments.import);
-  RenderedScene b(context, input_b, arguments.import);
+  RenderedScene a(context, input_a, arguments.import, "fast", 2);
+  RenderedScene b(context, input_b, arguments.import, "fast", 2);
   if (!arguments.wants_attributes()) {
     note_timelines(context, a.timeline(), b.timeline());
     begin(verdict, input_a, a.count(), input_b, b.count(),

@@ -87,7 +87,7 @@ Outcome run_decode(Context& context, const DecodeArguments& arguments) {
     Progress progress(context, "decode");
     const DecoderHandle& decoder = stream.decoder();
     decoder.check(l4d_decoder_set_progress(decoder.get(), &Progress::callback, &progress));
-    loaded = about(input.name(), [&] { return decode_scene(decoder, &query); });
+    loaded = about(input.name(), [&] { return decode_scene(context, decoder, &query); });
     decoder.check(l4d_decoder_set_progress(decoder.get(), nullptr, nullptr));
     decode_seconds = decode_watch.seconds();
     losses.add(decoder);

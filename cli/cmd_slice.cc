@@ -72,6 +72,9 @@ Outcome run_slice(Context& context, const SliceArguments& arguments) {
       check_interrupt();
       progress.update(k, times.size(), "frames");
       const Stopwatch slice_watch;
+      const HeldMemory memory(
+          context, about(input.name(), [&] { return slice_bytes(stream.decoder(), times[k]); }),
+          "a slice");
       SplatArrays arrays = about(input.name(), [&] { return stream.decoder().slice(times[k]); });
       slice_seconds += slice_watch.seconds();
       losses.add(stream.decoder());

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/common.h"
 
+#include <algorithm>
 #include <charconv>
 #include <cstdio>
 #include <new>
@@ -87,14 +88,35 @@ uint32_t Context::backend() const {
                                         : L4D_BACKEND_AUTO;
 }
 
-l4d_decoder_options Context::decoder_options() const {
+uint64_t Context::memory_limit() const {
+  return options.limit_memory.empty() ? 0 : parse_size(options.limit_memory, "--limit-memory");
+}
+
+uint64_t Context::renderer_memory(uint32_t renderers) const {
+  const uint64_t limit = memory_limit();
+  return limit == 0 ? 0 : std::max<uint64_t>(1, limit / 4 / renderers);
+}
+
+HeldMemory::HeldMemory(Context& context, uint64_t bytes, const std::string& what)
+    : context_(context) {
+  const uint64_t limit = context.memory_limit();
+  const uint64_t room = limit / 2 - std::min(context.held_, limit / 2);
+  if (limit > 0 && bytes > room) {
+    throw Failure(L4D_ERR_LIMIT_EXCEEDED,
+                  what + " needs " + format_bytes(bytes) + "; of half of --limit-memory, " +
+                      format_bytes(limit / 2) + ", " + format_bytes(room) + " are left");
+  }
+  context.held_ += bytes;
+  bytes_ = bytes;
+}
+
+l4d_decoder_options Context::decoder_options(uint32_t share) const {
   l4d_decoder_options o;
   l4d_decoder_options_init(&o);
   o.threads = options.threads;
   o.backend = backend();
-  if (!options.limit_memory.empty()) {
-    o.limits.max_memory_bytes = parse_size(options.limit_memory, "--limit-memory");
-  }
+  const uint64_t limit = memory_limit();
+  if (limit > 0) o.limits.max_memory_bytes = std::max<uint64_t>(1, limit / share);
   return o;
 }
 
@@ -134,7 +156,8 @@ void add_common_options(CLI::App* verb, CommonOptions& o) {
       ->check(CLI::IsMember({"auto", "reference", "cpu", "cuda"}))
       ->group(group);
   verb->add_option("--limit-memory", o.limit_memory,
-                   "Memory that reading a stream may take, as 4GiB (default: 16GiB)")
+                   "Memory that a stream may make the command take, as 4GiB: half of it to decode, "
+                   "half for what is made of that (default: 16GiB to decode)")
       ->type_name("SIZE")
       ->group(group);
   verb->add_option("--progress", o.progress,

@@ -93,11 +93,35 @@ class Context {
   void check_options() const;
   uint32_t backend() const;  // L4D_BACKEND_*
   const Ranks& ranks() const { return ranks_; }
-  l4d_decoder_options decoder_options() const;
+  // share: what part of --limit-memory one of these decoders may take. A command that makes
+  // something of a stream keeps half of the limit for that.
+  l4d_decoder_options decoder_options(uint32_t share = 2) const;
+  // A quarter of the limit for the renderers of a command, or less for one of several; 0 = no
+  // limit.
+  uint64_t renderer_memory(uint32_t renderers = 1) const;
 
  private:
+  friend class HeldMemory;
+  uint64_t memory_limit() const;  // 0 = none was given
   std::vector<std::string> notes_;
   Ranks ranks_;
+  uint64_t held_ = 0;
+};
+
+// What a command holds, itself or through a renderer, because of a stream. It is counted against
+// the half of --limit-memory that is not for decoding, before it is allocated, while this object
+// lives.
+class HeldMemory {
+ public:
+  // Throws a Failure where there is no room.
+  HeldMemory(Context& context, uint64_t bytes, const std::string& what);
+  ~HeldMemory() { context_.held_ -= bytes_; }
+  HeldMemory(const HeldMemory&) = delete;
+  HeldMemory& operator=(const HeldMemory&) = delete;
+
+ private:
+  Context& context_;
+  uint64_t bytes_ = 0;
 };
 
 // A verb adds its subcommand and stores here what to run once the whole line is parsed.

@@ -40,7 +40,7 @@ Comparison compare_encoding(Context& context, Progress& progress, const io::Scen
   } else {
     decoder.open_memory(encoding.stream.data(), encoding.stream.size());
   }
-  const LoadedScene decoded = decode_scene(decoder);
+  const LoadedScene decoded = decode_scene(context, decoder);
   return compare_scenes(scene, decoded, pair_by_order(scene, decoded.scene, encoding.order),
                         context.options.threads);
 }

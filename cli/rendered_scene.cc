@@ -6,30 +6,42 @@
 
 namespace l4d::cli {
 
-l4d_renderer_options renderer_options(const Context& context, const std::string& path) {
+namespace {
+
+// Of an image, and of a file in the making: floats, bytes, and what compresses these.
+constexpr uint64_t kPixelBytes = 3 * sizeof(float) + 3 * 3;
+
+}  // namespace
+
+l4d_renderer_options renderer_options(const Context& context, const std::string& path,
+                                      uint32_t renderers) {
   l4d_renderer_options options;
   l4d_renderer_options_init(&options);
   options.threads = context.options.threads;
+  options.max_memory_bytes = context.renderer_memory(renderers);
   options.path = path == "reference" ? L4D_RENDER_REFERENCE : L4D_RENDER_FAST;
   // The reference backend is of decoders: images have a path of their own for it.
   if (context.backend() == L4D_BACKEND_CUDA) options.backend = L4D_BACKEND_CUDA;
   return options;
 }
 
-RenderedScene::RenderedScene(Context& context, const std::string& name, const std::string& path)
-    : name_(name),
+RenderedScene::RenderedScene(Context& context, const std::string& name, const std::string& path,
+                             uint32_t scenes)
+    : context_(context),
+      name_(name),
+      renderer_memory_(context, context.renderer_memory(scenes), "the renderer"),
       decoder_([&] {
-        const l4d_decoder_options options = context.decoder_options();
+        const l4d_decoder_options options = context.decoder_options(2 * scenes);
         return DecoderHandle(&options);
       }()),
       renderer_([&] {
-        const l4d_renderer_options options = renderer_options(context, path);
+        const l4d_renderer_options options = renderer_options(context, path, scenes);
         return RendererHandle(&options);
       }()) {}
 
 RenderedScene::RenderedScene(Context& context, const Input& input, const ImportArguments& arguments,
-                             const std::string& path)
-    : RenderedScene(context, input.name(), path) {
+                             const std::string& path, uint32_t scenes)
+    : RenderedScene(context, input.name(), path, scenes) {
   if (input.is_ply()) {
     loaded_ = load_scene(context, input, arguments).scene;
     show(*loaded_);
@@ -67,6 +79,8 @@ void RenderedScene::show_stream() {
 
 io::Scene RenderedScene::instant(double seconds) const {
   return about(name_, [&] {
+    const HeldMemory memory(context_, scene_ != nullptr ? 0 : slice_bytes(decoder_, seconds),
+                            "an instant");
     return scene_ != nullptr ? instant_of(*scene_, seconds) : instant_of(decoder_, seconds);
   });
 }
@@ -85,6 +99,8 @@ void RenderedScene::set_time(double seconds) {
 void RenderedScene::render(const l4d_camera& camera, io::Image* image) {
   check_interrupt();
   if (image->width != camera.width || image->height != camera.height) {
+    image_memory_.reset();
+    image_memory_.emplace(context_, kPixelBytes * camera.width * camera.height, "an image");
     *image = io::Image(camera.width, camera.height);
   }
   about(name_, [&] { renderer_.render(camera, image->rgb.data()); });

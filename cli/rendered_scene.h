@@ -16,9 +16,9 @@ namespace l4d::cli {
 // A scene with a renderer that shows it. Of a stream only what is visible at an instant is decoded.
 class RenderedScene {
  public:
-  // path: "fast" or "reference".
+  // path: "fast" or "reference". scenes: how many the command shows, which share its memory.
   RenderedScene(Context& context, const Input& input, const ImportArguments& arguments,
-                const std::string& path = "fast");
+                const std::string& path = "fast", uint32_t scenes = 1);
   // Borrow the scene, or the stream in memory; `name` is for messages.
   RenderedScene(Context& context, const io::Scene& scene, const std::string& name);
   RenderedScene(Context& context, const std::vector<unsigned char>& stream,
@@ -40,11 +40,15 @@ class RenderedScene {
   l4d_render_stats stats() const { return renderer_.stats(); }
 
  private:
-  RenderedScene(Context& context, const std::string& name, const std::string& path);
+  RenderedScene(Context& context, const std::string& name, const std::string& path,
+                uint32_t scenes = 1);
   void show(const io::Scene& scene);
   void show_stream();
 
+  Context& context_;
   std::string name_;
+  HeldMemory renderer_memory_;
+  std::optional<HeldMemory> image_memory_;
   std::optional<io::Scene> loaded_;   // of a PLY
   const io::Scene* scene_ = nullptr;  // null for a stream; the renderer borrows it
   DecoderHandle decoder_;             // likewise
@@ -54,6 +58,7 @@ class RenderedScene {
   std::optional<double> time_;
 };
 
-l4d_renderer_options renderer_options(const Context& context, const std::string& path = "fast");
+l4d_renderer_options renderer_options(const Context& context, const std::string& path = "fast",
+                                      uint32_t renderers = 1);
 
 }  // namespace l4d::cli

@@ -29,6 +29,8 @@ io::Scene import_ply(Context& context, const Input& input, const ImportArguments
   return scene;
 }
 
+uint64_t sh_numbers(uint32_t degree) { return uint64_t{3} * (degree + 1) * (degree + 1); }
+
 }  // namespace
 
 void ImportArguments::check() const {
@@ -62,7 +64,7 @@ LoadedScene load_scene(Context& context, const Input& input, const ImportArgumen
     Progress progress(context, "read");
     decoder.check(l4d_decoder_set_progress(decoder.get(), &Progress::callback, &progress));
     decoder.check(l4d_decoder_open_file(decoder.get(), input.path().c_str()));
-    return decode_scene(decoder);
+    return decode_scene(context, decoder);
   });
 }
 
@@ -81,13 +83,22 @@ void keep_exact_times(std::vector<double>& times, bool lossless, io::Scene& scen
 
 }  // namespace
 
-LoadedScene decode_scene(const DecoderHandle& decoder, const l4d_query* query) {
+LoadedScene decode_scene(Context& context, const DecoderHandle& decoder, const l4d_query* query) {
   l4d_query all;
   l4d_query_init(&all);
   all.kind = L4D_QUERY_ALL;
   const l4d_info info = decoder.info();
+  const l4d_query& wanted = query != nullptr ? *query : all;
+  // position, mean_t twice and once as double, log_scale, rotor, opacity
+  constexpr uint64_t kNumbers = 3 + 4 + 4 + 8 + 1;
+  const l4d_selection selection = decoder.select(wanted);
   LoadedScene loaded;
-  GaussianArrays arrays = decoder.decode(query != nullptr ? *query : all);
+  loaded.memory = std::make_shared<HeldMemory>(
+      context,
+      selection.num_gaussians * (kNumbers + sh_numbers(info.sh_degree)) * sizeof(float) +
+          selection.num_ranges * sizeof(l4d_range),
+      "the decoded scene");
+  GaussianArrays arrays = decoder.decode(wanted);
   io::Scene& scene = loaded.scene;
   scene.timeline = info.timeline;
   scene.placement = info.placement;
@@ -107,6 +118,17 @@ LoadedScene decode_scene(const DecoderHandle& decoder, const l4d_query* query) {
     loaded.levels.push_back(layer.level);
   }
   return loaded;
+}
+
+uint64_t slice_bytes(const DecoderHandle& decoder, double seconds) {
+  l4d_query query;
+  l4d_query_init(&query);
+  query.kind = L4D_QUERY_TIME;
+  query.time_begin = seconds;
+  // position, covariance, opacity
+  constexpr uint64_t kNumbers = 3 + 6 + 1;
+  return decoder.select(query).num_gaussians * (kNumbers + sh_numbers(decoder.info().sh_degree)) *
+         sizeof(float);
 }
 
 SceneStream::SceneStream(Context& context, const Input& input, const ImportArguments& arguments)

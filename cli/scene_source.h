@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -22,6 +23,7 @@ void add_import_options(CLI::App* verb, ImportArguments& arguments);
 
 // A scene in memory, and how its stream arranges it.
 struct LoadedScene {
+  std::shared_ptr<HeldMemory> memory;  // of a stream: what its arrays take
   io::Scene scene;
   std::vector<l4d_range> ranges;  // of a stream; empty for a PLY
   std::vector<uint32_t> levels;   // of a stream: temporal level of each layer
@@ -32,7 +34,11 @@ struct LoadedScene {
 LoadedScene load_scene(Context& context, const Input& input, const ImportArguments& arguments = {});
 
 // Reads all of an open stream, or what `query` selects.
-LoadedScene decode_scene(const DecoderHandle& decoder, const l4d_query* query = nullptr);
+LoadedScene decode_scene(Context& context, const DecoderHandle& decoder,
+                         const l4d_query* query = nullptr);
+
+// Bytes that the arrays of a slice take at most.
+uint64_t slice_bytes(const DecoderHandle& decoder, double seconds);
 
 // A decoder with any scene open in it: verbs that look into streams so take a PLY too, which is
 // encoded losslessly in memory.
