@@ -19,7 +19,8 @@ constexpr bool plain() {
   static_assert(plain<type>() && sizeof(type) == (bytes), #type " changed its size")
 #define L4D_FIELD(type, field, offset) \
   static_assert(offsetof(type, field) == (offset), #type "." #field " moved")
-L4D_LAYOUT(l4d_renderer_options, 32);
+L4D_LAYOUT(l4d_renderer_options, 40);
+L4D_FIELD(l4d_renderer_options, max_memory_bytes, 32);
 L4D_FIELD(l4d_renderer_options, backend, 20);
 L4D_FIELD(l4d_renderer_options, device, 24);
 L4D_FIELD(l4d_renderer_options, threads, 8);
