@@ -375,11 +375,20 @@ CodedLayer code_layer(const EncoderScene& scene, const LayerPlan& plan, const Co
   return LayerCoder(scene, plan, options).run(misfits, literals);
 }
 
+// Of a literal's mean time in binary32, in temporal standard deviations.
+constexpr double kMaxRoundedMean = 0.001;
+
 CodedLayer code_literals(const EncoderScene& scene, std::vector<uint32_t> members) {
   CodedLayer out;
   out.header.num_gaussians = members.size();
   out.header.raw_position = true;
-  out.header.mean_t = scene.has_double_times ? MeanCodingId::kRaw64 : MeanCodingId::kRaw32;
+  // Seconds since 1970 in binary32 are off by a minute.
+  const bool doubles = std::any_of(members.begin(), members.end(), [&](uint32_t i) {
+    const SeenGaussian seen = scene.seen(i);
+    const double off = seen.mean - static_cast<double>(static_cast<float>(seen.mean));
+    return std::fabs(off) * std::sqrt(seen.lambda) > kMaxRoundedMean;
+  });
+  out.header.mean_t = doubles ? MeanCodingId::kRaw64 : MeanCodingId::kRaw32;
   out.header.scale_factor.coding = ScalarCodingId::kConstant;
   for (unsigned c = L4D_COMPONENT_SCALE; c < L4D_COMPONENT_COUNT; ++c) {
     out.header.component[c].coding = ComponentCodingId::kRaw32;
@@ -389,8 +398,8 @@ CodedLayer code_literals(const EncoderScene& scene, std::vector<uint32_t> member
   for (const uint32_t i : members) {
     const SeenGaussian seen = scene.seen(i);
     // binary32, as they are stored.
-    out.decoded_mean_t.push_back(
-        scene.has_double_times ? seen.mean : static_cast<double>(static_cast<float>(seen.mean)));
+    out.decoded_mean_t.push_back(doubles ? seen.mean
+                                         : static_cast<double>(static_cast<float>(seen.mean)));
     out.decoded_lambda.push_back(seen.lambda);
     out.opacity.push_back(scene.opacity[i]);
     for (size_t k = 0; k < 3; ++k) {
