@@ -70,6 +70,8 @@ L4D_API const char* l4d_status_description(l4d_status status); /* one sentence; 
  * l4d_decoder_error_detail; functions without a handle, the *_create functions among them, have
  * this one alone. */
 L4D_API const char* l4d_last_error_message(void);
+/* For the project's own libraries: sets that detail, of which it keeps 1023 bytes. */
+L4D_API void l4d_keep_error_message_(const char* message);
 
 /* ---- host services ------------------------------------------------------------------------- */
 

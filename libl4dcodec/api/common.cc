@@ -2,6 +2,8 @@
 #include <hwy/highway.h>
 #include <hwy/targets.h>
 
+#include <algorithm>
+#include <cstring>
 #include <string>
 
 #include "l4d/decode.h"
@@ -13,8 +15,12 @@
 
 namespace {
 
-std::string& last_error_message() {
-  thread_local std::string message;
+// Of a fixed size, so that no thread holds memory for it and saying what failed cannot fail itself.
+struct ErrorMessage {
+  char text[1024] = "";
+};
+ErrorMessage& last_error_message() {
+  thread_local ErrorMessage message;
   return message;
 }
 
@@ -23,14 +29,13 @@ std::string& last_error_message() {
 extern "C" {
 
 void l4d_keep_error_message_(const char* message) {
-  try {
-    last_error_message() = message;
-  } catch (...) {
-    last_error_message().clear();
-  }
+  char* text = last_error_message().text;
+  const size_t length = std::min(std::strlen(message), sizeof(ErrorMessage::text) - 1);
+  std::memmove(text, message, length);
+  text[length] = 0;
 }
 
-const char* l4d_last_error_message(void) { return last_error_message().c_str(); }
+const char* l4d_last_error_message(void) { return last_error_message().text; }
 
 uint32_t l4d_version_number(void) {
   return uint32_t{L4D_VERSION_MAJOR} << 24 | uint32_t{L4D_VERSION_MINOR} << 16 |

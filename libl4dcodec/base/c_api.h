@@ -14,10 +14,6 @@
 
 #include "libl4dcodec/base/status.h"
 
-// Sets what l4d_last_error_message returns on the calling thread. Exported for libl4drender, which
-// may be a library of its own. Never throws.
-extern "C" L4D_API void l4d_keep_error_message_(const char* message);
-
 namespace l4d::api {
 
 // How many bytes T had in the first version of this library that had it. A caller's struct is never
