@@ -259,7 +259,7 @@ class Validator {
     out.opacity = opacity_.data();
     out.sh = sh_.data();
     L4D_RETURN_IF_ERROR(pages_.expand(plan, 0, 1, out, nullptr, nullptr));
-    return layer.permanent ? check_bounds(header, layer, record, range)
+    return layer.permanent ? check_bounds(header, layer, record)
                            : check_times(header, layer, record, range);
   }
 
@@ -299,11 +299,11 @@ class Validator {
             "Gaussian " + std::to_string(i) + " is visible outside the interval of its page");
       }
     }
-    return check_bounds(header, layer, record, range);
+    return check_bounds(header, layer, record);
   }
 
-  Status check_bounds(const SceneHeader& header, const LayerHeader& layer, const PageRecord& record,
-                      const l4d_range& range) {
+  Status check_bounds(const SceneHeader& header, const LayerHeader& layer,
+                      const PageRecord& record) {
     const double begin = header.timeline.time_begin;
     const double end = begin + sequence_duration(header.timeline);
     for (size_t i = 0; i < record.num_gaussians; ++i) {
