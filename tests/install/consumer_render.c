@@ -6,8 +6,8 @@
 int main(void) {
   const float position[3] = {0, 0, 2}, mean_t = 0.5f, log_scale[4] = {-2, -2, -2, 3};
   const float rotor[8] = {1, 0, 0, 0, 0, 0, 0, 0}, opacity = 0.9f, sh[3] = {1, 1, 1};
-  const l4d_gaussians scene = {sizeof scene, 1,         0,     0,        position,
-                               &mean_t,      log_scale, rotor, &opacity, sh};
+  const l4d_gaussians scene = {sizeof scene, 1,     0,        0,  position, &mean_t,
+                               log_scale,    rotor, &opacity, sh, NULL};
   const l4d_timeline timeline = {0.0, 30, 30, 1, 0};
   float rgb[3 * 9 * 9];
   l4d_renderer* renderer = NULL;

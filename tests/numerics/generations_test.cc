@@ -135,6 +135,10 @@ TEST(Property, ASecondGenerationIsStable) {
     drawn.encode.settings.push_back({L4D_ENC_KMEANS_ITERATIONS, 5});
     drawn.encode.settings.push_back({L4D_ENC_OPACITY_BITS, 8});
     drawn.encode.settings.push_back({L4D_ENC_SCALE_FACTOR_BITS, 8});
+    // Bounds mend other Gaussians in each generation.
+    drawn.encode.settings.push_back({L4D_ENC_MAX_POSITION_ERROR, 0});
+    drawn.encode.settings.push_back({L4D_ENC_MAX_COVARIANCE_FACTOR, 0});
+    drawn.encode.settings.push_back({L4D_ENC_MAX_OPACITY_ERROR, 0});
     const TestScene first = drawn.make();
     const Encoded a = encode(first, drawn.encode);
     const GaussianArrays decoded_a = decode(a.bytes, all_query());

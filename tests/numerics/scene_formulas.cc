@@ -224,12 +224,11 @@ std::vector<Formula> list() {
       "measured: what the quantisation of speeds (one stage, 8 Gaussians to a codeword) leaves";
   return {
       {"drift_max", "encoder, closed loop on", "original attributes, binary64", kOutside,
-       "largest distance while visible : extent of the scene", kVq, "", 0.15, drift_max},
+       "largest distance while visible : extent of the scene", kVq, "", 0.1, drift_max},
       {"drift_median", "encoder, closed loop on", "original attributes, binary64", kOutside,
        "distance while visible : extent of the scene, median", kVq, kOpen, 0.002, drift_median},
       {"drift_p999", "encoder, closed loop on", "original attributes, binary64", kOutside,
-       "distance while visible : extent of the scene, 99.9th percentile", kVq, "", 0.15,
-       drift_p999},
+       "distance while visible : extent of the scene, 99.9th percentile", kVq, "", 0.1, drift_p999},
       {"slice_position", "l4d_decoder_slice", "binary64", kOutside,
        "error : u (|centre| + 10 s (1 + |v|))",
        "velocity of the rotor (5), of the slice (8), the product, the sum",
