@@ -83,7 +83,7 @@ struct DeviceLayer {
   uint32_t stereographic;
   float position_center[3];
   float position_scale;
-  float log_scale_t;                 // clamped
+  float log_scale_t;                  // clamped
   float least_opacity, most_opacity;  // what decoded opacities are clamped to
   DeviceScalar opacity, scale_factor;
   DeviceComponent component[L4D_COMPONENT_COUNT];

@@ -372,13 +372,13 @@ Bytes serialize_scene_header(const SceneHeader& h) {
     const auto spatial = to_fbs(b, l.component[L4D_COMPONENT_ROTOR_SPATIAL]);
     const auto temporal = to_fbs(b, l.component[L4D_COMPONENT_ROTOR_TEMPORAL]);
     const fbs::ChunkRef entropy = to_fbs(l.entropy);
-    layers.push_back(fbs::CreateLayer(
-        b, static_cast<uint8_t>(l.level), l.permanent, l.num_gaussians,
-        static_cast<uint8_t>(l.mean_t), l.log_scale_t, factor, scale, spatial, temporal,
-        static_cast<uint8_t>(l.directory_bits), l.page_table_offset,
-        static_cast<uint8_t>(l.mean_t_shift), l.has_entropy ? &entropy : nullptr, l.mean_t_step,
-        static_cast<uint16_t>(l.mean_t_zero), static_cast<uint8_t>(l.mean_t_bits), l.mean_t_fine,
-        l.raw_position));
+    layers.push_back(
+        fbs::CreateLayer(b, static_cast<uint8_t>(l.level), l.permanent, l.num_gaussians,
+                         static_cast<uint8_t>(l.mean_t), l.log_scale_t, factor, scale, spatial,
+                         temporal, static_cast<uint8_t>(l.directory_bits), l.page_table_offset,
+                         static_cast<uint8_t>(l.mean_t_shift), l.has_entropy ? &entropy : nullptr,
+                         l.mean_t_step, static_cast<uint16_t>(l.mean_t_zero),
+                         static_cast<uint8_t>(l.mean_t_bits), l.mean_t_fine, l.raw_position));
   }
   const auto layer_vector = b.CreateVector(layers);
   const auto opacity = to_fbs(b, h.opacity);
