@@ -3,6 +3,7 @@
 // at the instant, where they are, what shape and opacity they have, in double from the definitions.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <string>
@@ -267,6 +268,30 @@ INSTANTIATE_TEST_SUITE_P(
                     NamedFile{"raw", raw_file}, NamedFile{"logit", logit_file},
                     NamedFile{"flicker", flicker_file}, NamedFile{"wandering", wandering_file}),
     file_name);
+
+// The oracle takes the reach of Gaussians from the stream; this is the reach that encoders give.
+TEST(Reach, GaussiansAreSeenForFourStandardDeviations) {
+  SceneOptions options;
+  options.count = 1;
+  options.sh_degree = 0;
+  TestScene scene = make_scene(options);
+  scene.mean_t[0] = 1;
+  const float log_scale[4] = {-2, -2, -2, std::log(0.1f)};
+  const float rotor[8] = {1, 0, 0, 0, 0, 0, 0, 0};
+  std::copy_n(log_scale, 4, scene.log_scale.begin());
+  std::copy_n(rotor, 8, scene.rotor.begin());
+  for (const char* preset : {"lossless", "archive"}) {
+    EncodeOptions e;
+    e.preset = preset;
+    const Bytes bytes = encode(scene, e).bytes;
+    DecoderHandle decoder;
+    decoder.open_memory(bytes.data(), bytes.size());
+    for (const double side : {-1.0, 1.0}) {
+      EXPECT_EQ(decoder.slice(1 + side * 0.39).count(), 1u) << preset;
+      EXPECT_EQ(decoder.slice(1 + side * 0.41).count(), 0u) << preset;
+    }
+  }
+}
 
 }  // namespace
 }  // namespace l4d
