@@ -5,6 +5,7 @@
 #include <atomic>
 #include <chrono>
 #include <cstring>
+#include <map>
 
 #include "encoder/beside.h"
 #include "encoder/observed_errors.h"
@@ -32,26 +33,33 @@ constexpr uint64_t kTotalWork = kPrepareWork + kShWork + kLayersWork + kWriteWor
 // While nothing but SH is left to wait for, the callback is asked whether to cancel this often.
 constexpr std::chrono::milliseconds kAskAgain{200};
 
+// Gaussians that are stored as they are, by the temporal level that they belong to.
+using Literals = std::map<unsigned, std::vector<uint32_t>>;
+
 // Takes Gaussians (ascending) out of the layers that they were planned for; returns them.
-std::vector<uint32_t> take_out(const std::vector<uint32_t>& these, std::vector<LayerPlan>* plans) {
-  if (these.empty()) return these;
+Literals take_out(const std::vector<uint32_t>& these, std::vector<LayerPlan>* plans) {
+  Literals out;
+  if (these.empty()) return out;
   for (LayerPlan& plan : *plans) {
+    std::vector<uint32_t>& taken = out[plan.level];
     const auto is_one = [&](uint32_t i) {
-      return std::binary_search(these.begin(), these.end(), i);
+      const bool found = std::binary_search(these.begin(), these.end(), i);
+      if (found) taken.push_back(i);
+      return found;
     };
     plan.members.erase(std::remove_if(plan.members.begin(), plan.members.end(), is_one),
                        plan.members.end());
   }
-  return these;
+  return out;
 }
 
 // Layers stay in the order of their levels.
-void add_literals(const EncoderScene& scene, std::vector<uint32_t> members,
+void add_literals(const EncoderScene& scene, unsigned level, std::vector<uint32_t> members,
                   std::vector<CodedLayer>* layers) {
   if (members.empty()) return;
   const auto finer = std::find_if(layers->begin(), layers->end(),
-                                  [](const CodedLayer& l) { return l.header.level > 0; });
-  layers->insert(finer, code_literals(scene, std::move(members)));
+                                  [&](const CodedLayer& l) { return l.header.level > level; });
+  layers->insert(finer, code_literals(scene, level, members));
 }
 
 }  // namespace
@@ -153,8 +161,7 @@ Status Encoder::encode(const WriteFn& write) {
     ErrorBounds bounds = declared_bounds(scene, settings_);
     PositionPlan positions;
     if (!lossless) positions = plan_positions(scene, settings_, quality, &bounds);
-    // Gaussians that are stored as they are.
-    std::vector<uint32_t> literals = take_out(positions.out_of_reach, &plans);
+    Literals literals = take_out(positions.out_of_reach, &plans);
     const bool may_be_literal =
         !lossless && settings_.get_int(L4D_ENC_PROFILE) != static_cast<int>(ProfileId::kIndexed);
     steps.advance(kPrepareWork);
@@ -214,7 +221,7 @@ Status Encoder::encode(const WriteFn& write) {
       steps.begin("layering");
       std::vector<uint32_t> misfits;
       layers[l] = code_layer(scene, plans[l], coder_options, &misfits,
-                             may_be_literal ? &literals : nullptr);
+                             may_be_literal ? &literals[plans[l].level] : nullptr);
       if (!misfits.empty()) {
         std::vector<uint32_t>& to = plans[l - 1].members;
         std::vector<uint32_t> all(to.size() + misfits.size());
@@ -235,8 +242,10 @@ Status Encoder::encode(const WriteFn& write) {
                  layers.end());
 
     steps.begin("write");
-    report.totals.literals = literals.size();
-    add_literals(scene, std::move(literals), &layers);
+    for (auto& [level, members] : literals) {
+      report.totals.literals += members.size();
+      add_literals(scene, level, std::move(members), &layers);
+    }
     choose_frame(layers, lossless, &header);
     if (!lossless) {
       if (positions.step > 0) choose_fixed_frame(layers, positions.step, &header);

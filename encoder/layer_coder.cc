@@ -23,6 +23,30 @@ constexpr double kBucketsPerDirectoryPage = 128;
 // Fewer Gaussians than this do not earn a codebook of their own.
 constexpr size_t kMinBlockGaussians = 8192;
 constexpr size_t kMaxBlocksPerDirectoryPage = 256;
+// Members in the order of their buckets, of a layer whose level is known.
+void place_in_buckets(const EncoderScene& scene, const std::vector<uint32_t>& members,
+                      CodedLayer* layer) {
+  const unsigned level = layer->header.level;
+  std::vector<std::pair<uint32_t, uint32_t>> order;
+  order.reserve(members.size());
+  for (const uint32_t i : members) {
+    order.emplace_back(bucket_of_time(scene.timeline, scene.mean_t[i], level), i);
+  }
+  std::sort(order.begin(), order.end());
+  size_t used = 0;
+  for (size_t j = 0; j < order.size(); ++j) {
+    used += j == 0 || order[j].first != order[j - 1].first;
+    layer->bucket.push_back(order[j].first);
+    layer->members.push_back(order[j].second);
+  }
+  const double buckets = num_buckets(level);
+  const double span =
+      kBucketsPerDirectoryPage * buckets / std::max<double>(1, static_cast<double>(used));
+  unsigned bits = 0;
+  while (bits < 16 && static_cast<double>(1u << bits) < std::min(span, buckets)) ++bits;
+  layer->header.directory_bits = bits;
+}
+
 class LayerCoder {
  public:
   LayerCoder(const EncoderScene& scene, const LayerPlan& plan, const CoderOptions& options)
@@ -36,7 +60,7 @@ class LayerCoder {
     lossless_ = settings_.get_bool(L4D_ENC_LOSSLESS);
     out_.header.level = plan_.level;
     out_.header.permanent = plan_.permanent;
-    place_in_buckets();
+    place_in_buckets(scene_, plan_.members, &out_);
     code_mean_times();
     if (lossless_) {
       describe_lossless();
@@ -60,28 +84,6 @@ class LayerCoder {
  private:
   size_t count() const { return out_.members.size(); }
   const l4d_timeline& timeline() const { return scene_.timeline; }
-
-  void place_in_buckets() {
-    const unsigned level = plan_.level;
-    std::vector<std::pair<uint32_t, uint32_t>> order;
-    order.reserve(plan_.members.size());
-    for (const uint32_t i : plan_.members) {
-      order.emplace_back(bucket_of_time(timeline(), scene_.mean_t[i], level), i);
-    }
-    std::sort(order.begin(), order.end());
-    size_t used = 0;
-    for (size_t j = 0; j < order.size(); ++j) {
-      used += j == 0 || order[j].first != order[j - 1].first;
-      out_.bucket.push_back(order[j].first);
-      out_.members.push_back(order[j].second);
-    }
-    const double buckets = num_buckets(level);
-    const double span =
-        kBucketsPerDirectoryPage * buckets / std::max<double>(1, static_cast<double>(used));
-    unsigned bits = 0;
-    while (bits < 16 && static_cast<double>(1u << bits) < std::min(span, buckets)) ++bits;
-    out_.header.directory_bits = bits;
-  }
 
   // Runs of whole buckets within one directory page, each large enough to earn a codebook.
   void make_blocks() {
@@ -378,8 +380,11 @@ CodedLayer code_layer(const EncoderScene& scene, const LayerPlan& plan, const Co
 // Of a literal's mean time in binary32, in temporal standard deviations.
 constexpr double kMaxRoundedMean = 0.001;
 
-CodedLayer code_literals(const EncoderScene& scene, std::vector<uint32_t> members) {
+CodedLayer code_literals(const EncoderScene& scene, unsigned level,
+                         const std::vector<uint32_t>& members) {
   CodedLayer out;
+  out.header.level = level;
+  place_in_buckets(scene, members, &out);
   out.header.num_gaussians = members.size();
   out.header.raw_position = true;
   // Seconds since 1970 in binary32 are off by a minute.
@@ -393,9 +398,7 @@ CodedLayer code_literals(const EncoderScene& scene, std::vector<uint32_t> member
   for (unsigned c = L4D_COMPONENT_SCALE; c < L4D_COMPONENT_COUNT; ++c) {
     out.header.component[c].coding = ComponentCodingId::kRaw32;
   }
-  std::sort(members.begin(), members.end());
-  out.bucket.assign(members.size(), 0);
-  for (const uint32_t i : members) {
+  for (const uint32_t i : out.members) {
     const SeenGaussian seen = scene.seen(i);
     // binary32, as they are stored.
     out.decoded_mean_t.push_back(doubles ? seen.mean
@@ -403,11 +406,11 @@ CodedLayer code_literals(const EncoderScene& scene, std::vector<uint32_t> member
     out.decoded_lambda.push_back(seen.lambda);
     out.opacity.push_back(scene.opacity[i]);
     for (size_t k = 0; k < 3; ++k) {
+      // binary32, as they are stored.
       out.position.push_back(static_cast<double>(static_cast<float>(seen.position[k])));
       out.decoded_velocity.push_back(seen.velocity[k]);
     }
   }
-  out.members = std::move(members);
   return out;
 }
 

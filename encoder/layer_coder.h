@@ -35,7 +35,9 @@ struct CodedLayer {
 CodedLayer code_layer(const EncoderScene& scene, const LayerPlan& plan, const CoderOptions& options,
                       std::vector<uint32_t>* misfits, std::vector<uint32_t>* literals);
 
-// A layer of level 0 that holds its members as they are, in binary32.
-CodedLayer code_literals(const EncoderScene& scene, std::vector<uint32_t> members);
+// A layer that holds its members, whose extents its level allows, as they are. (Of a
+// coarser one, times from the middle of its buckets would be rounded more than brief ones bear.)
+CodedLayer code_literals(const EncoderScene& scene, unsigned level,
+                         const std::vector<uint32_t>& members);
 
 }  // namespace l4d

@@ -254,7 +254,7 @@ class HeaderParser {
   Status parse_layers(const flatbuffers::Vector<flatbuffers::Offset<fbs::Layer>>& layers) {
     const unsigned levels = num_layers(out_.timeline.num_frames);
     // A level may hold several layers (permanent beside temporal), and no more than these few.
-    if (layers.size() == 0 || layers.size() > 2 * levels + 1) {
+    if (layers.size() == 0 || layers.size() > 2 * levels + 2) {
       return bad("HEAD-6", "no layer, or more than the levels allow");
     }
     uint64_t total = 0;

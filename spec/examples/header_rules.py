@@ -27,7 +27,7 @@ def check_header(h, header_bytes):
     most = len(h["sh"]["steps"]) if h["sh"]["coding"] == TRANSFORM else 0
     require(h["sh_base"] <= most, "TRAN-7", f"sh_base {h['sh_base']}")
     levels = bit_width(h["num_frames"]) + 1
-    require(1 <= len(h["layers"]) <= 2 * levels + 1, "HEAD-6", "number of layers")
+    require(1 <= len(h["layers"]) <= 2 * levels + 2, "HEAD-6", "number of layers")
     level = 0
     for layer in h["layers"]:
         require(level <= layer["level"] < levels, "HEAD-6", "level")

@@ -169,9 +169,9 @@ std::vector<Rule> rules() {
          h.layers[3].num_gaussians = 0;
          h.layers[3].level = 2;
        }},
-      {"HEAD-6", "more layers than two per level, and one",
+      {"HEAD-6", "more layers than two per level, and two",
        [](H& h) {
-         while (h.layers.size() <= 15) {
+         while (h.layers.size() <= 16) {
            h.layers.push_back(h.layers[2]);
            h.layers.back().num_gaussians = 0;
          }
