@@ -1,12 +1,19 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
-# usage: run.sh aarch64 WORK_DIR TOOL DIGEST
-# Builds the decoder and its tests for another architecture, runs them there (qemu-user) and
-# holds the digests of streams against those of DIGEST, the same program on this machine.
+# usage: run.sh aarch64|wasm WORK_DIR TOOL DIGEST
+#        run.sh --bench wasm WORK_DIR TOOL DIGEST
+# Builds the decoder and its tests for another architecture, runs them there (qemu-user, node) and
+# holds the digests of streams against those of DIGEST, the same program on this machine. --bench
+# prints how long decoding takes there and here, on one thread.
 # L4D_CROSS_SOURCES: where `./dev setup cross` has put the sources of zstd, xxHash and Highway.
 set -euo pipefail
 
-target=${1:?"usage: run.sh aarch64 WORK_DIR TOOL DIGEST"}
+bench=''
+if [[ ${1:-} == --bench ]]; then
+  bench=1
+  shift
+fi
+target=${1:?"usage: run.sh aarch64|wasm WORK_DIR TOOL DIGEST"}
 work=${2:?} tool=${3:?} digest=${4:?}
 here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
 root=$(cd "$here/../.." && pwd)
@@ -25,6 +32,14 @@ case $target in
     needs=(aarch64-linux-gnu-g++ qemu-aarch64)
     emulator=(qemu-aarch64 -L /usr/aarch64-linux-gnu)
     suffix=''
+    ;;
+  wasm)
+    needs=(emcc node)
+    # This version of Emscripten takes node's fetch for a browser's, which reads no files.
+    emulator=(node --no-experimental-fetch)
+    suffix=.js
+    # Debian's own modules of node, where Emscripten's packages look for them.
+    export NODE_PATH=${NODE_PATH:-/usr/share/nodejs}
     ;;
   *) echo "unknown target $target" >&2 && exit 2 ;;
 esac
@@ -96,6 +111,16 @@ if [[ -f $trained ]]; then
   done
 else
   echo "SKIPPED: streams of basketball: no $trained"
+fi
+
+if [[ -n $bench ]]; then
+  echo "milliseconds of decoding all, one thread, best of 9"
+  join -j 1 <("$digest" --bench "${streams[@]}" | sort) \
+    <("${emulator[@]}" "$bin/l4d_digest$suffix" --bench "${streams[@]}" | sort) |
+    awk -v target="$target" '
+      BEGIN { printf "%-36s %8s %8s %7s\n", "stream", "native", target, "ratio" }
+      { printf "%-36s %8.1f %8.1f %7.2f\n", $1, $2, $3, $3 / $2 }'
+  exit
 fi
 
 echo "== inner loops on $target"
