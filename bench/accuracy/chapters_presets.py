@@ -18,11 +18,10 @@ def presets(tables, folder):
     best = [r["name"] for r in front(rows)]
     measured = sorted({round(r["measure_s"], 1) for r in rows})
     return ["What each preset gives and what it costs, importance measured from the training "
-            "views. *Worst Gaussian* is the largest error of any Gaussian of the file while it "
-            "has at least half of its opacity: of its place in units of its own size (its largest "
-            "standard deviation, or 1/4000 of the scene if that is more), of its mean time in its "
-            "own temporal standard deviations, of its largest variance as a factor, and of its "
-            "opacity.\n",
+            "views. *Worst* columns are largest errors of any single Gaussian, in the units of "
+            "[the declared bounds](numerics.md#bounds-on-single-gaussians): of its place in its "
+            "own sizes, of its mean time in its own temporal standard deviations, of its largest "
+            "variance as a factor, and of the opacity seen at an instant.\n",
             table([("preset", "name", "")] + SIZE +
                   [("worst place", "worst_position", ".2g"),
                    ("mean time", "worst_mean_time", ".2g"),

@@ -63,51 +63,75 @@ double opacity_of(const io::Scene& s, size_t i) {
   return (s.flags & L4D_OPACITY_LOGIT) != 0 ? 1 / (1 + std::exp(-value)) : value;
 }
 
-// Diagonal of the box that holds 98 % of the positions on each axis: a few far Gaussians do not
-// make a scene large.
-double extent(const io::Scene& s) {
-  double squares = 0;
+// Size below which nothing counts as smaller (docs/numerics.md): 1/4000 of the extent, which is the
+// largest side of the box of nine tenths of all Gaussians on each axis, and a quarter more.
+double least_size(const io::Scene& s) {
+  double side = 0;
   std::vector<float> axis(s.count());
   for (size_t k = 0; k < 3; ++k) {
     for (size_t i = 0; i < s.count(); ++i) axis[i] = s.position[3 * i + k];
     std::sort(axis.begin(), axis.end());
-    const double low = static_cast<double>(axis[axis.size() / 100]);
-    const double high = static_cast<double>(axis[axis.size() - 1 - axis.size() / 100]);
-    squares += (high - low) * (high - low);
+    const size_t tail = axis.size() / 20;
+    side = std::max(
+        side, static_cast<double>(axis[axis.size() - 1 - tail]) - static_cast<double>(axis[tail]));
   }
-  return std::sqrt(squares);
+  return 1.25 * side / 4000;
 }
 
-// Falloff of a half: exp(-x^2 / 2) = 1/2.
-constexpr double kHalf = 1.1774100225154747;
+// Opacity at t, gone beyond four temporal standard deviations.
+double seen_opacity(double opacity, const Path& g, double t) {
+  const double x = (t - g.mean_t) / g.slice.sigma_t;
+  return std::fabs(x) <= 4 ? opacity * std::exp(-0.5 * x * x) : 0;
+}
+
+// Largest difference of opacities at any of the instants.
+double opacity_error(double opacity_a, const Path& a, double opacity_b, const Path& b, double begin,
+                     double end) {
+  constexpr int kInstants = 64;
+  const double reach = 4 * std::max(a.slice.sigma_t, b.slice.sigma_t);
+  const double from = std::max(begin, std::min(a.mean_t, b.mean_t) - reach);
+  const double to = std::min(end, std::max(a.mean_t, b.mean_t) + reach);
+  if (!(from <= to)) return 0;
+  double worst = 0;
+  for (int k = 0; k <= kInstants; ++k) {
+    const double t = from + (to - from) * k / kInstants;
+    worst =
+        std::max(worst, std::fabs(seen_opacity(opacity_a, a, t) - seen_opacity(opacity_b, b, t)));
+  }
+  return worst;
+}
 
 }  // namespace
 
 WorstGaussian worst_gaussian(const io::Scene& original, const Encoded& encoded) {
   const io::Scene decoded = decode(encoded.file);
-  const double least = extent(original) / 4000;
+  const double least = least_size(original);
   const double begin = original.timeline.time_begin;
   const double end = begin + io::duration(original.timeline);
   WorstGaussian worst;
   for (size_t i = 0; i < decoded.count(); ++i) {
     const size_t source = encoded.order[i];
     const Path a(original, source), b(decoded, i);
-    const double from = std::max(begin, a.mean_t - kHalf * a.slice.sigma_t);
-    const double to = std::min(end, a.mean_t + kHalf * a.slice.sigma_t);
-    if (!(from <= to)) continue;
+    const double nearest = std::clamp(a.mean_t, begin, end) - a.mean_t;
+    // exp(-x^2 / 2) falls to half of what it is at `nearest`.
+    const double half =
+        std::sqrt(nearest * nearest + 2 * std::log(2.0) * a.slice.sigma_t * a.slice.sigma_t);
     const double variance = a.largest_variance();
     const double unit = std::max(std::sqrt(variance), least);
     // Both move on straight lines, so that the distance is largest at an end.
-    for (const double t : {from, to}) {
+    for (const double t : {a.mean_t - half, a.mean_t + half}) {
       double squares = 0;
-      for (size_t k = 0; k < 3; ++k) squares += std::pow(a.at(t, k) - b.at(t, k), 2);
+      for (size_t k = 0; k < 3; ++k) {
+        const double at = std::clamp(t, begin, end);
+        squares += std::pow(a.at(at, k) - b.at(at, k), 2);
+      }
       worst.position = std::max(worst.position, std::sqrt(squares) / unit);
     }
     worst.mean_time = std::max(worst.mean_time, std::fabs(a.mean_t - b.mean_t) / a.slice.sigma_t);
-    const double ratio = b.largest_variance() / std::max(variance, 1e-300);
-    worst.covariance = std::max({worst.covariance, ratio, 1 / std::max(ratio, 1e-300)});
-    worst.opacity =
-        std::max(worst.opacity, std::fabs(opacity_of(original, source) - opacity_of(decoded, i)));
+    const double ratio = (b.largest_variance() + least * least) / (variance + least * least);
+    worst.covariance = std::max({worst.covariance, ratio, 1 / ratio});
+    worst.opacity = std::max(worst.opacity, opacity_error(opacity_of(original, source), a,
+                                                          opacity_of(decoded, i), b, begin, end));
   }
   return worst;
 }

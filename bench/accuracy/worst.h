@@ -6,14 +6,15 @@
 
 namespace l4d::bench {
 
-// Largest errors over all coded Gaussians, while a Gaussian has at least half of its opacity.
+// Largest errors over all coded Gaussians, in the units in which presets declare their bounds
+// (docs/numerics.md, "Bounds on single Gaussians"), worked out from the decoded arrays alone.
 struct WorstGaussian {
-  // Distance between where it is and where it ought to be, over the larger of its own largest
-  // standard deviation and 1/4000 of the scene's extent.
+  // Distance between where it is and where it ought to be while it has half of the greatest opacity
+  // that it reaches, over its largest standard deviation, or 1/4000 of the scene if that is larger.
   double position = 0;
   double mean_time = 0;   // over its own temporal standard deviation
-  double covariance = 1;  // factor by which its largest variance is off, at least 1
-  double opacity = 0;
+  double covariance = 1;  // factor between largest variances, 1/4000 of the scene squared added
+  double opacity = 0;     // difference of what is seen at an instant
 };
 
 WorstGaussian worst_gaussian(const io::Scene& original, const Encoded& encoded);
