@@ -119,6 +119,16 @@ Encoded encode(const io::Scene& scene, const io::Weights& weights, const Coding&
   return best;
 }
 
+DecoderHandle open(const std::vector<unsigned char>& file, uint32_t backend, uint32_t threads) {
+  l4d_decoder_options options;
+  l4d_decoder_options_init(&options);
+  options.backend = backend;
+  options.threads = threads;
+  DecoderHandle d(&options);
+  d.open_memory(file.data(), file.size());
+  return d;
+}
+
 io::Scene decode(const std::vector<unsigned char>& file) {
   DecoderHandle d;
   d.open_memory(file.data(), file.size());

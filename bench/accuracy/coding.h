@@ -71,6 +71,8 @@ Encoded encode(const io::Scene& scene, const io::Weights& weights, const Coding&
 Encoded encode(const io::Scene& scene, const io::Weights& weights, const Coding& coding, int runs,
                l4d_encoder_options options);
 
+// A decoder of the file, which has to outlive it. backend: L4D_BACKEND_*.
+DecoderHandle open(const std::vector<unsigned char>& file, uint32_t backend, uint32_t threads);
 // The whole stream as a scene.
 io::Scene decode(const std::vector<unsigned char>& file);
 

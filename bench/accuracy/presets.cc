@@ -8,16 +8,6 @@
 namespace l4d::bench {
 namespace {
 
-DecoderHandle open(const std::vector<unsigned char>& file, uint32_t backend, uint32_t threads) {
-  l4d_decoder_options options;
-  l4d_decoder_options_init(&options);
-  options.backend = backend;
-  options.threads = threads;
-  DecoderHandle d(&options);
-  d.open_memory(file.data(), file.size());
-  return d;
-}
-
 uint64_t peak_memory(const DecoderHandle& d) {
   l4d_counters counters;
   l4d_counters_init(&counters);

@@ -15,16 +15,6 @@ struct Setup {
   uint32_t backend, threads;
 };
 
-DecoderHandle open(const std::vector<unsigned char>& file, const Setup& setup) {
-  l4d_decoder_options options;
-  l4d_decoder_options_init(&options);
-  options.backend = setup.backend;
-  options.threads = setup.threads;
-  DecoderHandle d(&options);
-  d.open_memory(file.data(), file.size());
-  return d;
-}
-
 l4d_query whole_query() {
   l4d_query query;
   l4d_query_init(&query);
@@ -192,7 +182,7 @@ Json run_decoder(Bench& bench) {
   for (const char* output : {"expanded", "packed", "slice"}) {
     std::vector<unsigned char> wanted;
     for (const Setup& setup : setups) {
-      DecoderHandle d = open(file, setup);
+      DecoderHandle d = open(file, setup.backend, setup.threads);
       const int runs = setup.backend == L4D_BACKEND_REFERENCE ? 3 : 15;
       const Result r = output[0] == 'e'   ? expanded(d, runs)
                        : output[0] == 'p' ? packed(d, runs)
