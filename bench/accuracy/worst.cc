@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "bench/accuracy/worst.h"
 
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 
@@ -34,27 +35,19 @@ struct Path {
   double at(double t, size_t axis) const {
     return position[axis] + slice.velocity[axis] * (t - anchor);
   }
-  // Largest variance of the slice, by power iteration: the matrix is positive semi-definite.
-  double largest_variance() const {
-    double c[3][3];
-    for (size_t i = 0; i < 3; ++i) {
-      for (size_t j = 0; j < 3; ++j) {
-        c[i][j] = 0;
-        for (size_t k = 0; k < 4; ++k) c[i][j] += slice.rows[i][k] * slice.rows[j][k];
+  // Principal variances of the slice, the smallest first.
+  Eigen::Vector3d variances() const {
+    Eigen::Matrix3d c;
+    for (int i = 0; i < 3; ++i) {
+      for (int j = 0; j < 3; ++j) {
+        double sum = 0;
+        for (size_t k = 0; k < 4; ++k) {
+          sum += slice.rows[static_cast<size_t>(i)][k] * slice.rows[static_cast<size_t>(j)][k];
+        }
+        c(i, j) = sum;
       }
     }
-    io::Vec3 v = {1, 0.9, 0.8};
-    double value = 0;
-    for (int step = 0; step < 40; ++step) {
-      io::Vec3 w{};
-      for (size_t i = 0; i < 3; ++i) {
-        for (size_t j = 0; j < 3; ++j) w[i] += c[i][j] * v[j];
-      }
-      value = std::sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2]);
-      if (!(value > 0)) return 0;
-      for (size_t i = 0; i < 3; ++i) v[i] = w[i] / value;
-    }
-    return value;
+    return Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(c, Eigen::EigenvaluesOnly).eigenvalues();
   }
 };
 
@@ -116,8 +109,8 @@ WorstGaussian worst_gaussian(const io::Scene& original, const Encoded& encoded) 
     // exp(-x^2 / 2) falls to half of what it is at `nearest`.
     const double half =
         std::sqrt(nearest * nearest + 2 * std::log(2.0) * a.slice.sigma_t * a.slice.sigma_t);
-    const double variance = a.largest_variance();
-    const double unit = std::max(std::sqrt(variance), least);
+    const Eigen::Vector3d variances_a = a.variances(), variances_b = b.variances();
+    const double unit = std::max(std::sqrt(variances_a[2]), least);
     // Both move on straight lines, so that the distance is largest at an end.
     for (const double t : {a.mean_t - half, a.mean_t + half}) {
       double squares = 0;
@@ -128,8 +121,10 @@ WorstGaussian worst_gaussian(const io::Scene& original, const Encoded& encoded) 
       worst.position = std::max(worst.position, std::sqrt(squares) / unit);
     }
     worst.mean_time = std::max(worst.mean_time, std::fabs(a.mean_t - b.mean_t) / a.slice.sigma_t);
-    const double ratio = (b.largest_variance() + least * least) / (variance + least * least);
-    worst.covariance = std::max({worst.covariance, ratio, 1 / ratio});
+    for (int k = 0; k < 3; ++k) {
+      const double ratio = (variances_b[k] + least * least) / (variances_a[k] + least * least);
+      worst.covariance = std::max({worst.covariance, ratio, 1 / ratio});
+    }
     worst.opacity = std::max(worst.opacity, opacity_error(opacity_of(original, source), a,
                                                           opacity_of(decoded, i), b, begin, end));
   }

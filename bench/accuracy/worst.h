@@ -13,7 +13,7 @@ struct WorstGaussian {
   // that it reaches, over its largest standard deviation, or 1/4000 of the scene if that is larger.
   double position = 0;
   double mean_time = 0;   // over its own temporal standard deviation
-  double covariance = 1;  // factor between largest variances, 1/4000 of the scene squared added
+  double covariance = 1;  // factor between principal variances, each with 1/4000 squared added
   double opacity = 0;     // difference of what is seen at an instant
 };
 
