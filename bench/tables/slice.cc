@@ -42,10 +42,11 @@ double copy_seconds(const Arrays& from, size_t n) {
   });
 }
 
-void print_row(const char* name, uint64_t still) {
+void print_row(const char* name, const std::vector<std::string>& effects, uint64_t still) {
   io::SynthOptions options;
   options.seconds = kSeconds;
   options.gaussians = kGaussians;
+  options.effects = effects;
   options.static_gaussians = still;
   const WeightedScene scene{io::synthesize(options), {}};
   const std::vector<unsigned char> file = make_encoder(scene, {}, "default").encode();
@@ -86,8 +87,8 @@ int main() {
       "| scene | visible | still | slice ms | memcpy ms | ratio | slice that keeps ms |"
       " renderer's set_time ms |");
   std::puts("|---|---|---|---|---|---|---|---|");
-  print_row("all still", kGaussians);
-  print_row("half", kGaussians / 2);
-  print_row("all moving", 0);
+  print_row("all still", {"static", "view"}, kGaussians);
+  print_row("half", {"static", "rigid", "view"}, kGaussians / 2);
+  print_row("all moving", {"rigid", "view"}, 0);
   return 0;
 }
