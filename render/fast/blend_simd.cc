@@ -200,10 +200,15 @@ HWY_INLINE void sum_four(D d, V a, V b, V c, V e, float* HWY_RESTRICT out /* [4]
 #endif
 }
 
-// 1/x for x in [1e-3, 1], nearly to rounding.
+// 1/x for x in [1e-3, 1], nearly to rounding. A step of Newton's doubles the bits that are right:
+// at least 12 on x86, 8 on NEON.
 HWY_INLINE V reciprocal(D d, V x) {
-  const V r = hn::ApproximateReciprocal(x);
-  return hn::Mul(r, hn::NegMulAdd(x, r, hn::Set(d, 2.0f)));
+  const V two = hn::Set(d, 2.0f);
+  V r = hn::ApproximateReciprocal(x);
+#if !HWY_ARCH_X86
+  r = hn::Mul(r, hn::NegMulAdd(x, r, two));
+#endif
+  return hn::Mul(r, hn::NegMulAdd(x, r, two));
 }
 
 // Front to back a second time. What lies behind a splat is what the pixel has in all, less what
