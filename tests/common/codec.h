@@ -51,6 +51,9 @@ const Bytes& staged_file();     // residual stages and literals
 const Bytes& rcq_file();        // block codebooks
 const Bytes& transform_file();  // the default preset: rANS pages, transforms, fixed positions
 const Bytes& lossless_file();
+// One bucket of many pages, each visible for a time of its own: where a Gaussian is tells when it
+// lives, and pages follow places.
+const Bytes& wandering_file();
 const Bytes& tiny_file();  // a few hundred bytes to a few kB: for exhaustive damage
 
 // One of them as a test parameter.

@@ -38,29 +38,6 @@ std::vector<double> frames(const Bytes& bytes, uint32_t step) {
   return times;
 }
 
-// One bucket of many pages that come into sight one after the other: where a Gaussian is tells when
-// it lives, and pages follow places.
-const Bytes& wandering_file() {
-  static const Bytes kBytes = [] {
-    SceneOptions o;
-    o.count = 1500;
-    o.sh_degree = 0;
-    o.permanent = 0;
-    o.outside = 0;
-    TestScene s = make_scene(o);
-    for (size_t i = 0; i < s.count(); ++i) {
-      s.position[3 * i] = 1 + 100 * s.mean_t[i];
-      s.position[3 * i + 1] = s.position[3 * i + 2] = 0;
-      s.log_scale[4 * i + 3] = -4;
-    }
-    EncodeOptions e = small_options();
-    e.settings.push_back({L4D_ENC_MERGE_COUNT, 1e9});
-    e.settings.push_back({L4D_ENC_PAGE_SIZE, 64});
-    return encode(s, e).bytes;
-  }();
-  return kBytes;
-}
-
 class Cache : public testing::TestWithParam<NamedFile> {};
 
 TEST_P(Cache, SteppingShowsWhatAFreshDecoderShows) {
