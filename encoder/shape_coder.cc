@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "decoder/transform.h"
+#include "decoder/expand/transform.h"
 #include "encoder/beside.h"
 #include "encoder/coding_cost.h"
 #include "encoder/scalar.h"

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "decoder/transform.h"
+#include "decoder/expand/transform.h"
 #include "encoder/scalar.h"
 #include "libl4dcodec/base/half.h"
 #include "libl4dcodec/base/threads.h"

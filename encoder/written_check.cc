@@ -5,7 +5,7 @@
 #include <limits>
 #include <string>
 
-#include "decoder/scene_file.h"
+#include "decoder/read/scene_file.h"
 #include "libl4dcodec/math/layers.h"
 
 namespace l4d {

@@ -10,7 +10,7 @@
 #include <tuple>
 
 #include "decoder/cuda/job.h"
-#include "decoder/decoder.h"
+#include "decoder/session/decoder.h"
 #include "libl4dcodec/cuda/device.h"
 
 namespace l4d::cuda {

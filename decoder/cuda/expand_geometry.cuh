@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Columns to all attributes but SH (spec: "Reconstruction"), in the order of operations of
-// decoder/expand.cc. A block of kExpandThreads threads takes an ExpandTask.
+// decoder/expand/expand.cc. A block of kExpandThreads threads takes an ExpandTask.
 #pragma once
 
 #include "decoder/cuda/components.cuh"

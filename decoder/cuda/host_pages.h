@@ -6,8 +6,8 @@
 #include <array>
 #include <vector>
 
-#include "decoder/page_decoder.h"
-#include "decoder/plan.h"
+#include "decoder/expand/page_decoder.h"
+#include "decoder/read/plan.h"
 #include "l4d/cuda.h"
 #include "libl4dcodec/cuda/device.h"
 

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "decoder/cuda/device_types.h"
-#include "decoder/scene_file.h"
+#include "decoder/read/scene_file.h"
 #include "libl4dcodec/cuda/device.h"
 
 namespace l4d::cuda {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Columns to packed arrays on the device: what decoder/pack.cc does. Literals lie one behind the
-// other, so that where they go is known only when those before them are counted.
+// Columns to packed arrays on the device: what decoder/expand/pack.cc does. Literals lie one behind
+// the other, so that where they go is known only when those before them are counted.
 #pragma once
 
 #include "decoder/cuda/components.cuh"

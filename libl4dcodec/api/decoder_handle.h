@@ -4,7 +4,7 @@
 
 #include <memory>
 
-#include "decoder/decoder.h"
+#include "decoder/session/decoder.h"
 #include "libl4dcodec/api/first_versions.h"
 #include "libl4dcodec/base/c_api.h"
 #ifdef L4D_HAVE_CUDA

@@ -6,7 +6,7 @@
 #include <numeric>
 #include <set>
 
-#include "decoder/reconstruct.h"
+#include "decoder/expand/reconstruct.h"
 #include "encoder/component_coder.h"
 #include "libl4dcodec/base/half.h"
 #include "tests/common/random.h"

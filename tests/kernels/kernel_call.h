@@ -9,8 +9,8 @@
 #include <string>
 #include <vector>
 
-#include "decoder/reconstruct.h"
-#include "decoder/transform.h"
+#include "decoder/expand/reconstruct.h"
+#include "decoder/expand/transform.h"
 #include "libl4dcodec/entropy/stream_kernels.h"
 #include "tests/common/random.h"
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "decoder/transform.h"
+#include "decoder/expand/transform.h"
 #include "libl4dcodec/math/rotor.h"
 
 namespace l4d {

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "decoder/plan.h"
+#include "decoder/read/plan.h"
 
 #include <algorithm>
 #include <string>
 
-#include "decoder/losses.h"
+#include "decoder/read/losses.h"
 
 namespace l4d {
 namespace {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "decoder/conformance.h"
+#include "decoder/check/conformance.h"
 
 #include <algorithm>
 

@@ -5,8 +5,8 @@
 #include <array>
 #include <vector>
 
-#include "decoder/reconstruct.h"
-#include "decoder/transform.h"
+#include "decoder/expand/reconstruct.h"
+#include "decoder/expand/transform.h"
 #include "l4d/decode.h"
 #include "libl4dcodec/container/page.h"
 #include "libl4dcodec/quant/codebook.h"

@@ -4,8 +4,8 @@
 
 #include <vector>
 
-#include "decoder/plan.h"
-#include "decoder/source.h"
+#include "decoder/read/plan.h"
+#include "decoder/read/source.h"
 
 namespace l4d {
 

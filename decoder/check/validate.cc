@@ -4,8 +4,8 @@
 #include <cmath>
 #include <map>
 
-#include "decoder/conformance.h"
-#include "decoder/decoder.h"
+#include "decoder/check/conformance.h"
+#include "decoder/session/decoder.h"
 #include "libl4dcodec/base/half.h"
 #include "libl4dcodec/math/layers.h"
 #include "libl4dcodec/math/slice.h"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "decoder/source.h"
+#include "decoder/read/source.h"
 
 #include <fcntl.h>
 #include <sys/stat.h>

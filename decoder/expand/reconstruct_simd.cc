@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <cstring>
 
-#include "decoder/reconstruct.h"
+#include "decoder/expand/reconstruct.h"
 #include "libl4dcodec/base/half.h"
 #include "libl4dcodec/container/scene_header.h"
 #include "libl4dcodec/math/attributes.h"
 #include "libl4dcodec/math/rotor.h"
 
 #undef HWY_TARGET_INCLUDE
-#define HWY_TARGET_INCLUDE "decoder/reconstruct_simd.cc"
+#define HWY_TARGET_INCLUDE "decoder/expand/reconstruct_simd.cc"
 #include <hwy/foreach_target.h>
 #include <hwy/cache_control.h>
 #include <hwy/highway.h>

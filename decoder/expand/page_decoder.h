@@ -8,9 +8,9 @@
 #include <mutex>
 #include <vector>
 
-#include "decoder/expand.h"
-#include "decoder/losses.h"
-#include "decoder/plan.h"
+#include "decoder/expand/expand.h"
+#include "decoder/read/losses.h"
+#include "decoder/read/plan.h"
 #include "libl4dcodec/container/page.h"
 
 namespace l4d {

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "decoder/page_batch.h"
+#include "decoder/read/page_batch.h"
 
 #include <algorithm>
 
-#include "decoder/expand.h"
+#include "decoder/expand/expand.h"
 #include "libl4dcodec/container/page.h"
 #include "libl4dcodec/container/planes.h"
 

@@ -5,7 +5,7 @@
 #include <functional>
 #include <memory>
 
-#include "decoder/scene_file.h"
+#include "decoder/read/scene_file.h"
 #include "libl4dcodec/container/conformance.h"
 
 namespace l4d {

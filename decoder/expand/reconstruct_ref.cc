@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "decoder/reconstruct.h"
+#include "decoder/expand/reconstruct.h"
 #include "libl4dcodec/base/half.h"
 #include "libl4dcodec/container/scene_header.h"
 #include "libl4dcodec/math/attributes.h"

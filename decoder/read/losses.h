@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <vector>
 
-#include "decoder/plan.h"
+#include "decoder/read/plan.h"
 
 namespace l4d {
 

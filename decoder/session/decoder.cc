@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "decoder/decoder.h"
+#include "decoder/session/decoder.h"
 
 #include <algorithm>
 
-#include "decoder/conformance.h"
+#include "decoder/check/conformance.h"
 #include "libl4dcodec/base/threads.h"
 
 namespace l4d {

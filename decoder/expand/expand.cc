@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "decoder/expand.h"
+#include "decoder/expand/expand.h"
 
 #include <algorithm>
 

@@ -5,7 +5,7 @@
 #include <memory>
 #include <vector>
 
-#include "decoder/scene_file.h"
+#include "decoder/read/scene_file.h"
 #include "l4d/decode.h"
 
 namespace l4d {

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "decoder/scene_file.h"
+#include "decoder/read/scene_file.h"
 
 #include <algorithm>
 
-#include "decoder/losses.h"
+#include "decoder/read/losses.h"
 #include "libl4dcodec/base/hash.h"
 
 namespace l4d {

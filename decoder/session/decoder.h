@@ -8,10 +8,10 @@
 #include <tuple>
 #include <vector>
 
-#include "decoder/losses.h"
-#include "decoder/page_decoder.h"
-#include "decoder/plan.h"
-#include "decoder/scene_file.h"
+#include "decoder/expand/page_decoder.h"
+#include "decoder/read/losses.h"
+#include "decoder/read/plan.h"
+#include "decoder/read/scene_file.h"
 #include "l4d/decode.h"
 
 namespace l4d {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "decoder/losses.h"
+#include "decoder/read/losses.h"
 
 #include <cstring>
 

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "decoder/decoder.h"
+#include "decoder/session/decoder.h"
 #include "libl4dcodec/base/threads.h"
 
 namespace l4d {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "decoder/page_decoder.h"
+#include "decoder/expand/page_decoder.h"
 
-#include "decoder/page_batch.h"
+#include "decoder/read/page_batch.h"
 #include "libl4dcodec/base/hash.h"
 #include "libl4dcodec/base/threads.h"
 #include "libl4dcodec/container/page.h"

@@ -2,7 +2,7 @@
 // Packed decoding: columns to caller arrays, nothing dequantised.
 #include <algorithm>
 
-#include "decoder/page_decoder.h"
+#include "decoder/expand/page_decoder.h"
 
 namespace l4d {
 namespace {

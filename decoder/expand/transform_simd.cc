@@ -2,11 +2,11 @@
 #include <algorithm>
 #include <cstring>
 
-#include "decoder/transform.h"
+#include "decoder/expand/transform.h"
 #include "libl4dcodec/math/rotor.h"
 
 #undef HWY_TARGET_INCLUDE
-#define HWY_TARGET_INCLUDE "decoder/transform_simd.cc"
+#define HWY_TARGET_INCLUDE "decoder/expand/transform_simd.cc"
 #include <hwy/foreach_target.h>
 #include <hwy/cache_control.h>
 #include <hwy/highway.h>

@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-#include "decoder/source.h"
+#include "decoder/read/source.h"
 #include "libl4dcodec/base/memory.h"
 #include "libl4dcodec/container/directory.h"
 #include "libl4dcodec/container/file_header.h"
