@@ -7,7 +7,7 @@
 #include <filesystem>
 
 #include "cli/motion.h"
-#include "cli/units.h"
+#include "cli/text/units.h"
 
 namespace l4d::cli {
 

@@ -7,7 +7,7 @@
 
 #include "cli/camera_arguments.h"
 #include "cli/common.h"
-#include "cli/progress.h"
+#include "cli/text/progress.h"
 #include "io/image.h"
 
 namespace l4d::cli {

@@ -6,8 +6,8 @@
 #include <cstdio>
 #include <new>
 
-#include "cli/progress.h"
-#include "cli/units.h"
+#include "cli/text/progress.h"
+#include "cli/text/units.h"
 #include "l4d/cuda.h"
 
 namespace l4d::cli {

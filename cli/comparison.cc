@@ -9,7 +9,7 @@
 #include "cli/motion.h"
 #include "cli/parallel.h"
 #include "cli/seen_errors.h"
-#include "cli/units.h"
+#include "cli/text/units.h"
 
 namespace l4d::cli {
 namespace {

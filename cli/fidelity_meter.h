@@ -9,8 +9,8 @@
 #include "cli/camera_arguments.h"
 #include "cli/captured_images.h"
 #include "cli/common.h"
-#include "cli/progress.h"
 #include "cli/rendered_scene.h"
+#include "cli/text/progress.h"
 #include "io/image.h"
 
 namespace l4d::cli {

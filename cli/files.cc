@@ -12,7 +12,7 @@
 #include <cstring>
 #include <filesystem>
 
-#include "cli/progress.h"
+#include "cli/text/progress.h"
 
 namespace l4d::cli {
 namespace fs = std::filesystem;

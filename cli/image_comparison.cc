@@ -7,8 +7,8 @@
 #include <optional>
 
 #include "cli/captured_images.h"
-#include "cli/progress.h"
-#include "cli/units.h"
+#include "cli/text/progress.h"
+#include "cli/text/units.h"
 #include "io/metrics.h"
 
 namespace l4d::cli {

@@ -11,9 +11,9 @@
 #include <string_view>
 
 #include "cli/common.h"
-#include "cli/help.h"
-#include "cli/progress.h"
-#include "cli/units.h"
+#include "cli/text/help.h"
+#include "cli/text/progress.h"
+#include "cli/text/units.h"
 
 namespace l4d::cli {
 namespace {

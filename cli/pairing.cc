@@ -10,8 +10,8 @@
 #include "cli/motion.h"
 #include "cli/nearest.h"
 #include "cli/parallel.h"
-#include "cli/progress.h"
-#include "cli/units.h"
+#include "cli/text/progress.h"
+#include "cli/text/units.h"
 #include "io/file.h"
 
 namespace l4d::cli {

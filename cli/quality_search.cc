@@ -5,7 +5,7 @@
 #include <cmath>
 #include <optional>
 
-#include "cli/units.h"
+#include "cli/text/units.h"
 
 namespace l4d::cli {
 namespace {

@@ -2,7 +2,7 @@
 #include "cli/rendered_scene.h"
 
 #include "cli/camera_arguments.h"
-#include "cli/progress.h"
+#include "cli/text/progress.h"
 
 namespace l4d::cli {
 

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "cli/encode_parameters.h"
+#include "cli/verbs/encode_parameters.h"
 
 #include <algorithm>
 
-#include "cli/encoding.h"
-#include "cli/help.h"
-#include "cli/levels.h"
-#include "cli/units.h"
+#include "cli/text/help.h"
+#include "cli/text/levels.h"
+#include "cli/text/units.h"
+#include "cli/verbs/encoding.h"
 
 namespace l4d::cli {
 namespace {

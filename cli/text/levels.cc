@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "cli/levels.h"
+#include "cli/text/levels.h"
 
 namespace l4d::cli {
 

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "cli/time_profile.h"
+#include "cli/verbs/time_profile.h"
 
 #include <algorithm>
 #include <cmath>
 #include <map>
 
-#include "cli/units.h"
+#include "cli/text/units.h"
 
 namespace l4d::cli {
 namespace {

@@ -5,10 +5,10 @@
 #include "cli/camera_arguments.h"
 #include "cli/common.h"
 #include "cli/files.h"
-#include "cli/importance.h"
-#include "cli/progress.h"
 #include "cli/scene_source.h"
-#include "cli/units.h"
+#include "cli/text/progress.h"
+#include "cli/text/units.h"
+#include "cli/verbs/importance.h"
 
 namespace l4d::cli {
 namespace {

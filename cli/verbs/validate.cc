@@ -4,9 +4,9 @@
 
 #include "cli/common.h"
 #include "cli/files.h"
-#include "cli/levels.h"
-#include "cli/progress.h"
-#include "cli/units.h"
+#include "cli/text/levels.h"
+#include "cli/text/progress.h"
+#include "cli/text/units.h"
 
 namespace l4d::cli {
 namespace {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "cli/encoding.h"
+#include "cli/verbs/encoding.h"
 
 #include "cli/scene_source.h"
 

@@ -2,9 +2,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include "cli/svg.h"
-#include "cli/time_profile.h"
-#include "cli/units.h"
+#include "cli/text/svg.h"
+#include "cli/text/units.h"
+#include "cli/verbs/time_profile.h"
 
 namespace l4d::cli {
 namespace {

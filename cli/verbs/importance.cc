@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "cli/importance.h"
+#include "cli/verbs/importance.h"
 
 #include <algorithm>
 #include <thread>
 #include <utility>
 
-#include "cli/progress.h"
 #include "cli/rendered_scene.h"
-#include "cli/units.h"
+#include "cli/text/progress.h"
+#include "cli/text/units.h"
 #include "l4d/cuda.h"
 
 namespace l4d::cli {

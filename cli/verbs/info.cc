@@ -4,13 +4,13 @@
 #include <optional>
 
 #include "cli/common.h"
-#include "cli/detail.h"
 #include "cli/files.h"
-#include "cli/levels.h"
-#include "cli/progress.h"
 #include "cli/scene_source.h"
-#include "cli/time_profile.h"
-#include "cli/units.h"
+#include "cli/text/detail.h"
+#include "cli/text/levels.h"
+#include "cli/text/progress.h"
+#include "cli/text/units.h"
+#include "cli/verbs/time_profile.h"
 #include "io/file.h"
 
 namespace l4d::cli {

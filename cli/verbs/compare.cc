@@ -9,9 +9,9 @@
 #include "cli/files.h"
 #include "cli/image_comparison.h"
 #include "cli/pairing.h"
-#include "cli/progress.h"
 #include "cli/scene_source.h"
-#include "cli/units.h"
+#include "cli/text/progress.h"
+#include "cli/text/units.h"
 
 namespace l4d::cli {
 namespace {

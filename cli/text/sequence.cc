@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "cli/sequence.h"
+#include "cli/text/sequence.h"
 
 #include <cmath>
 
 #include "cli/scene_source.h"
-#include "cli/units.h"
+#include "cli/text/units.h"
 
 namespace l4d::cli {
 namespace {

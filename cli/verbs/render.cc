@@ -8,13 +8,13 @@
 
 #include "cli/camera_arguments.h"
 #include "cli/common.h"
-#include "cli/detail.h"
 #include "cli/files.h"
-#include "cli/frame_sink.h"
-#include "cli/progress.h"
 #include "cli/rendered_scene.h"
-#include "cli/sequence.h"
-#include "cli/units.h"
+#include "cli/text/detail.h"
+#include "cli/text/progress.h"
+#include "cli/text/sequence.h"
+#include "cli/text/units.h"
+#include "cli/verbs/frame_sink.h"
 #include "io/video.h"
 
 namespace l4d::cli {

@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "cli/common.h"
-#include "cli/progress.h"
 #include "cli/scene_source.h"
+#include "cli/text/progress.h"
 
 namespace l4d::cli {
 

@@ -2,13 +2,13 @@
 #include <memory>
 
 #include "cli/common.h"
-#include "cli/detail.h"
 #include "cli/files.h"
-#include "cli/progress.h"
 #include "cli/scene_source.h"
-#include "cli/sequence.h"
-#include "cli/tolerant.h"
-#include "cli/units.h"
+#include "cli/text/detail.h"
+#include "cli/text/progress.h"
+#include "cli/text/sequence.h"
+#include "cli/text/units.h"
+#include "cli/verbs/tolerant.h"
 #include "io/formats.h"
 
 namespace l4d::cli {

@@ -6,15 +6,15 @@
 
 #include "cli/camera_arguments.h"
 #include "cli/common.h"
-#include "cli/encode_parameters.h"
-#include "cli/encoding.h"
 #include "cli/files.h"
-#include "cli/importance.h"
 #include "cli/pairing.h"
-#include "cli/progress.h"
 #include "cli/scene_source.h"
-#include "cli/target.h"
-#include "cli/units.h"
+#include "cli/text/progress.h"
+#include "cli/text/units.h"
+#include "cli/verbs/encode_parameters.h"
+#include "cli/verbs/encoding.h"
+#include "cli/verbs/importance.h"
+#include "cli/verbs/target.h"
 #include "io/formats.h"
 
 namespace l4d::cli {

@@ -8,8 +8,8 @@
 
 #include "cli/camera_arguments.h"
 #include "cli/common.h"
-#include "cli/encoding.h"
 #include "cli/quality_search.h"
+#include "cli/verbs/encoding.h"
 
 namespace l4d::cli {
 

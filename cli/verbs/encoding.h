@@ -8,7 +8,7 @@
 #include "cli/common.h"
 #include "cli/comparison.h"
 #include "cli/pairing.h"
-#include "cli/progress.h"
+#include "cli/text/progress.h"
 
 namespace l4d::cli {
 

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "cli/target.h"
+#include "cli/verbs/target.h"
 
 #include <cmath>
 
 #include "cli/fidelity_meter.h"
-#include "cli/progress.h"
-#include "cli/units.h"
+#include "cli/text/progress.h"
+#include "cli/text/units.h"
 
 namespace l4d::cli {
 namespace {

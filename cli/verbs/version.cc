@@ -2,7 +2,7 @@
 #include <cstring>
 
 #include "cli/common.h"
-#include "cli/units.h"
+#include "cli/text/units.h"
 #include "l4d/cuda.h"
 
 namespace l4d::cli {

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "cli/svg.h"
+#include "cli/text/svg.h"
 
 #include <algorithm>
 #include <cmath>
 
-#include "cli/units.h"
+#include "cli/text/units.h"
 
 namespace l4d::cli {
 namespace {

@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "cli/scene_source.h"
-#include "cli/units.h"
+#include "cli/text/units.h"
 
 namespace l4d::cli {
 

@@ -4,9 +4,9 @@
 
 #include "cli/common.h"
 #include "cli/files.h"
-#include "cli/progress.h"
 #include "cli/scene_source.h"
-#include "cli/units.h"
+#include "cli/text/progress.h"
+#include "cli/text/units.h"
 #include "io/formats.h"
 
 namespace l4d::cli {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "cli/frame_sink.h"
+#include "cli/verbs/frame_sink.h"
 
 namespace l4d::cli {
 
