@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "libl4dcodec/math/layers.h"
+#include "libl4dcodec/scene/layers.h"
 
 namespace l4d {
 namespace {

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <limits>
 
-#include "libl4dcodec/math/layers.h"
+#include "libl4dcodec/scene/layers.h"
 
 namespace l4d {
 namespace {

@@ -12,7 +12,7 @@
 #include "libl4dcodec/base/half.h"
 #include "libl4dcodec/base/ordered.h"
 #include "libl4dcodec/base/threads.h"
-#include "libl4dcodec/math/layers.h"
+#include "libl4dcodec/scene/layers.h"
 
 namespace l4d {
 namespace {

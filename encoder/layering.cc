@@ -6,7 +6,7 @@
 
 #include "encoder/mean_time.h"
 #include "encoder/quality.h"
-#include "libl4dcodec/math/layers.h"
+#include "libl4dcodec/scene/layers.h"
 
 namespace l4d {
 namespace {

@@ -8,7 +8,7 @@
 #include "libl4dcodec/base/half.h"
 #include "libl4dcodec/base/ordered.h"
 #include "libl4dcodec/entropy/rans_encoder.h"
-#include "libl4dcodec/math/layers.h"
+#include "libl4dcodec/scene/layers.h"
 
 namespace l4d {
 namespace {

@@ -8,7 +8,7 @@
 #include "encoder/scalar.h"
 #include "encoder/shape_coder.h"
 #include "libl4dcodec/base/threads.h"
-#include "libl4dcodec/math/layers.h"
+#include "libl4dcodec/scene/layers.h"
 
 namespace l4d {
 namespace {

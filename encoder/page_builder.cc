@@ -14,7 +14,7 @@
 #include "libl4dcodec/base/ordered.h"
 #include "libl4dcodec/base/threads.h"
 #include "libl4dcodec/container/morton.h"
-#include "libl4dcodec/math/layers.h"
+#include "libl4dcodec/scene/layers.h"
 
 namespace l4d {
 namespace {

@@ -7,10 +7,10 @@
 
 #include "encoder/quality.h"
 #include "libl4dcodec/base/threads.h"
-#include "libl4dcodec/math/attributes.h"
 #include "libl4dcodec/math/gauge.h"
-#include "libl4dcodec/math/layers.h"
-#include "libl4dcodec/math/slice.h"
+#include "libl4dcodec/scene/attributes.h"
+#include "libl4dcodec/scene/layers.h"
+#include "libl4dcodec/scene/slice.h"
 
 namespace l4d {
 namespace {

@@ -10,8 +10,8 @@
 #include "encoder/scalar.h"
 #include "libl4dcodec/base/half.h"
 #include "libl4dcodec/base/threads.h"
-#include "libl4dcodec/math/attributes.h"
 #include "libl4dcodec/math/rotor.h"
+#include "libl4dcodec/scene/attributes.h"
 
 namespace l4d {
 namespace {

@@ -6,7 +6,7 @@
 #include <string>
 
 #include "decoder/read/scene_file.h"
-#include "libl4dcodec/math/layers.h"
+#include "libl4dcodec/scene/layers.h"
 
 namespace l4d {
 namespace {

@@ -8,10 +8,10 @@
 
 #include "l4d/cuda_render.h"
 #include "libl4dcodec/base/c_api.h"
-#include "libl4dcodec/math/layers.h"
+#include "libl4dcodec/scene/layers.h"
+#include "libl4dcodec/scene/prepare.h"
 #include "render/camera.h"
 #include "render/cuda/device_renderer.h"
-#include "render/prepare.h"
 
 using l4d::Status;
 using l4d::api::call_on;
@@ -34,9 +34,9 @@ struct l4d_cuda_renderer {
 
 namespace {
 
-static_assert(int{L4D_CUDA_ROWS_STILL} == int{l4d::render::kStill} &&
-                  int{L4D_CUDA_ROWS_FADING} == int{l4d::render::kFading} &&
-                  int{L4D_CUDA_ROWS_MOVING} == int{l4d::render::kMoving},
+static_assert(int{L4D_CUDA_ROWS_STILL} == int{l4d::kStill} &&
+                  int{L4D_CUDA_ROWS_FADING} == int{l4d::kFading} &&
+                  int{L4D_CUDA_ROWS_MOVING} == int{l4d::kMoving},
               "the API's names of motion groups");
 
 template <typename Body>

@@ -7,9 +7,9 @@
 #include <string>
 
 #include "libl4dcodec/base/threads.h"
-#include "libl4dcodec/math/attributes.h"
-#include "libl4dcodec/math/layers.h"
-#include "render/prepare.h"
+#include "libl4dcodec/scene/attributes.h"
+#include "libl4dcodec/scene/layers.h"
+#include "libl4dcodec/scene/prepare.h"
 
 namespace l4d::render {
 namespace {

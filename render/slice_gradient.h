@@ -3,8 +3,8 @@
 
 #include <cmath>
 
-#include "libl4dcodec/math/layers.h"
-#include "libl4dcodec/math/slice.h"
+#include "libl4dcodec/scene/layers.h"
+#include "libl4dcodec/scene/slice.h"
 #include "render/frame.h"
 
 // From the attributes of a 4D Gaussian to the 3D Gaussian of an instant, and derivatives back, one

@@ -5,12 +5,12 @@
 #include <cstdint>
 
 #include "l4d/render.h"
+#include "libl4dcodec/scene/prepare.h"
 
 namespace l4d::render {
 
-// Where alpha blending starts and ends, as 3D Gaussian splatting has it.
-constexpr double kMinAlpha = 1.0 / 255.0;  // fainter is skipped
-constexpr double kMaxAlpha = 0.999;        // never quite opaque, so that 1 - alpha has an inverse
+// Where alpha blending ends, as 3D Gaussian splatting has it; it starts at kMinAlpha.
+constexpr double kMaxAlpha = 0.999;  // never quite opaque, so that 1 - alpha has an inverse
 constexpr double kMinTransmittance =
     1e-4;                          // a pixel is done before its transmittance would fall here
 constexpr double kDilation = 0.3;  // pixels^2, added to both variances of every splat

@@ -26,6 +26,9 @@ LAYERS = {
                          "libl4dcodec/base/atomic_file.h"},
     "libl4dcodec/math": {"include/l4d", "libl4dcodec/base", "libl4dcodec/base/threads.h",
                          "libl4dcodec/math/hd.h"},
+    # What a Gaussian is and what it looks like at an instant. Headers alone, which need nothing to be
+    # linked, so that tools may use them too.
+    "libl4dcodec/scene": {"include/l4d", "libl4dcodec/math", "libl4dcodec/math/hd.h"},
     "libl4dcodec/entropy": {"include/l4d", "libl4dcodec/base", "libl4dcodec/base/threads.h"},
 }
 
@@ -38,7 +41,7 @@ def _above(name, *below):
     LAYERS[name] = allowed
 
 
-_above("libl4dcodec/container", "libl4dcodec/entropy", "libl4dcodec/math")
+_above("libl4dcodec/container", "libl4dcodec/entropy", "libl4dcodec/math", "libl4dcodec/scene")
 _above("libl4dcodec/quant", "libl4dcodec/container")
 _above("libl4dcodec/cuda", "libl4dcodec/base")
 _above("decoder", "libl4dcodec/quant")
@@ -52,8 +55,9 @@ _above("io", "include/l4d", "libl4dcodec/base/threads.h", "libl4dcodec/base/atom
 # The contracts that device code fills are told without a type of CUDA, so that renderers may know it.
 LAYERS["render/cuda/device_renderer.h"] = {"include/l4d", "libl4dcodec/base", "render/view.h"}
 LAYERS["render/cuda/device_player.h"] = {"include/l4d", "render/cuda/device_renderer.h"}
-LAYERS["render/view.h"] = {"include/l4d"}
-_above("render", "libl4dcodec/math", "render/cuda/device_renderer.h", "render/cuda/device_player.h")
+LAYERS["render/view.h"] = {"include/l4d", "libl4dcodec/scene"}
+_above("render", "libl4dcodec/math", "libl4dcodec/scene", "render/cuda/device_renderer.h",
+       "render/cuda/device_player.h")
 _above("render/cuda", "render", "libl4dcodec/cuda")
 _above("cli", "io")
 _above("bench/tables", "io")
@@ -201,7 +205,7 @@ def self_test():
         ("decoder/a.cc", "#include <Eigen/Core>", False),
         ("decoder/a.cc", "#include <vector>", True),
         ("libl4dcodec/entropy/a.h", '#include "libl4dcodec/base/ordered.h"', True),
-        ("render/a.cc", '#include "libl4dcodec/math/slice.h"', True),
+        ("render/a.cc", '#include "libl4dcodec/scene/slice.h"', True),
         ("render/a.cc", '#include "decoder/session/decoder.h"', False),
         ("encoder/a.cc", '#include "render/renderer.h"', False),
         ("io/a.cc", '#include "libl4dcodec/base/threads.h"', True),

@@ -7,8 +7,8 @@
 #include "decoder/check/conformance.h"
 #include "decoder/session/decoder.h"
 #include "libl4dcodec/base/half.h"
-#include "libl4dcodec/math/layers.h"
-#include "libl4dcodec/math/slice.h"
+#include "libl4dcodec/scene/layers.h"
+#include "libl4dcodec/scene/slice.h"
 
 namespace l4d {
 namespace {

@@ -5,8 +5,8 @@
 
 #include "decoder/cuda/components.cuh"
 #include "decoder/cuda/values.cuh"
-#include "libl4dcodec/math/attributes.h"
 #include "libl4dcodec/math/rotor.h"
+#include "libl4dcodec/scene/attributes.h"
 
 namespace l4d::cuda {
 

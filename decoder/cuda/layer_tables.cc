@@ -5,7 +5,7 @@
 #include <cfloat>
 
 #include "libl4dcodec/entropy/rans.h"
-#include "libl4dcodec/math/attributes.h"
+#include "libl4dcodec/scene/attributes.h"
 
 namespace l4d::cuda {
 namespace {

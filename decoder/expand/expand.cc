@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-#include "libl4dcodec/math/attributes.h"
+#include "libl4dcodec/scene/attributes.h"
 
 namespace l4d {
 namespace {

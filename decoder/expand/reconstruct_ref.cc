@@ -2,8 +2,8 @@
 #include "decoder/expand/reconstruct.h"
 #include "libl4dcodec/base/half.h"
 #include "libl4dcodec/container/scene_header.h"
-#include "libl4dcodec/math/attributes.h"
 #include "libl4dcodec/math/rotor.h"
+#include "libl4dcodec/scene/attributes.h"
 
 namespace l4d {
 namespace {

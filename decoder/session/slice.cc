@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // 3D Gaussians at an instant, from cached buckets.
-#include "libl4dcodec/math/slice.h"
+#include "libl4dcodec/scene/slice.h"
 
 #include <algorithm>
 #include <cmath>

@@ -2,7 +2,7 @@
 #include "l4d/decode.h"
 #include "libl4dcodec/api/decoder_handle.h"
 #include "libl4dcodec/container/levels.h"
-#include "libl4dcodec/math/attributes.h"
+#include "libl4dcodec/scene/attributes.h"
 
 using l4d::Status;
 using l4d::api::call_on;

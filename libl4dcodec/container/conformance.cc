@@ -6,7 +6,7 @@
 
 #include "libl4dcodec/container/planes.h"
 #include "libl4dcodec/entropy/rans_kernels.h"
-#include "libl4dcodec/math/layers.h"
+#include "libl4dcodec/scene/layers.h"
 
 namespace l4d {
 namespace {

@@ -5,7 +5,7 @@
 
 #include "libl4dcodec/base/ordered.h"
 #include "libl4dcodec/container/page_columns.h"
-#include "libl4dcodec/math/attributes.h"
+#include "libl4dcodec/scene/attributes.h"
 
 namespace l4d {
 namespace {

@@ -9,7 +9,7 @@
 
 #include "libl4dcodec/base/bytes.h"
 #include "libl4dcodec/base/status.h"
-#include "libl4dcodec/math/layers.h"
+#include "libl4dcodec/scene/layers.h"
 
 namespace l4d {
 

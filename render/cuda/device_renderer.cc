@@ -6,7 +6,7 @@
 #include <limits>
 
 #include "libl4dcodec/base/checked.h"
-#include "libl4dcodec/math/layers.h"
+#include "libl4dcodec/scene/layers.h"
 #include "render/cuda/importance_lanes.h"
 #include "render/cuda/pipeline.h"
 

@@ -8,7 +8,7 @@
 #include <cstdint>
 
 #include "l4d/l4d.h"
-#include "render/prepare.h"
+#include "libl4dcodec/scene/prepare.h"
 #include "render/sh.h"
 #include "render/view.h"
 

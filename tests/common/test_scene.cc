@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "libl4dcodec/math/layers.h"
 #include "libl4dcodec/math/rotor.h"
+#include "libl4dcodec/scene/layers.h"
 #include "tests/common/random.h"
 
 namespace l4d::test {

@@ -8,7 +8,7 @@
 #include <set>
 #include <vector>
 
-#include "libl4dcodec/math/layers.h"
+#include "libl4dcodec/scene/layers.h"
 #include "tests/common/codec.h"
 #include "tests/common/stream_editor.h"
 

@@ -8,7 +8,7 @@
 #include <string>
 
 #include "libl4dcodec/base/ordered.h"
-#include "libl4dcodec/math/attributes.h"
+#include "libl4dcodec/scene/attributes.h"
 #include "tests/common/codec.h"
 #include "tests/common/stream_editor.h"
 #include "tests/common/stream_writer.h"

@@ -8,7 +8,7 @@
 
 #include "l4d/l4d.hpp"
 #include "libl4dcodec/base/hash.h"
-#include "libl4dcodec/math/slice.h"
+#include "libl4dcodec/scene/slice.h"
 
 namespace l4d::test {
 

@@ -7,8 +7,8 @@
 #include <limits>
 #include <string>
 
-#include "libl4dcodec/math/layers.h"
-#include "libl4dcodec/math/slice.h"
+#include "libl4dcodec/scene/layers.h"
+#include "libl4dcodec/scene/slice.h"
 #include "tests/common/codec.h"
 #include "tests/common/random.h"
 

@@ -5,7 +5,7 @@
 
 #include <algorithm>
 
-#include "libl4dcodec/math/layers.h"
+#include "libl4dcodec/scene/layers.h"
 #include "tests/common/test_scene.h"
 
 namespace l4d {

@@ -8,9 +8,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include "libl4dcodec/math/layers.h"
 #include "libl4dcodec/math/rotor.h"
-#include "libl4dcodec/math/slice.h"
+#include "libl4dcodec/scene/layers.h"
+#include "libl4dcodec/scene/slice.h"
 #include "tests/common/codec.h"
 #include "tests/common/random.h"
 

@@ -10,7 +10,7 @@
 #include <iostream>
 #include <set>
 
-#include "libl4dcodec/math/slice.h"
+#include "libl4dcodec/scene/slice.h"
 #include "tests/common/random.h"
 #include "tests/math/reference.h"
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "libl4dcodec/math/layers.h"
+#include "libl4dcodec/scene/layers.h"
 
 #include <gtest/gtest.h>
 

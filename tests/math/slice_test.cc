@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "libl4dcodec/math/slice.h"
+#include "libl4dcodec/scene/slice.h"
 
 #include <gtest/gtest.h>
 

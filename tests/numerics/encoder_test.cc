@@ -9,7 +9,7 @@
 
 #include "encoder/component_coder.h"
 #include "encoder/kmeans.h"
-#include "libl4dcodec/math/layers.h"
+#include "libl4dcodec/scene/layers.h"
 #include "tests/common/codec.h"
 #include "tests/common/flush_to_zero.h"
 #include "tests/common/random.h"

@@ -7,8 +7,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "libl4dcodec/math/layers.h"
 #include "libl4dcodec/math/rotor.h"
+#include "libl4dcodec/scene/layers.h"
 #include "tests/common/codec.h"
 #include "tests/numerics/arbitrary_scene.h"
 

@@ -8,7 +8,7 @@
 #include <cstring>
 #include <limits>
 
-#include "libl4dcodec/math/layers.h"
+#include "libl4dcodec/scene/layers.h"
 #include "tests/common/codec.h"
 #include "tests/common/random.h"
 #include "tests/decoder/rows.h"

@@ -8,7 +8,7 @@
 #include <cstring>
 #include <limits>
 
-#include "libl4dcodec/math/slice.h"
+#include "libl4dcodec/scene/slice.h"
 #include "tests/common/flush_to_zero.h"
 #include "tests/math/reference.h"
 

@@ -4,8 +4,8 @@
 #include <cmath>
 
 #include "libl4dcodec/base/half.h"
-#include "libl4dcodec/math/layers.h"
-#include "libl4dcodec/math/slice.h"
+#include "libl4dcodec/scene/layers.h"
+#include "libl4dcodec/scene/slice.h"
 #include "tests/common/codec.h"
 #include "tests/common/random.h"
 #include "tests/math/reference.h"

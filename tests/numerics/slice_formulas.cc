@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "libl4dcodec/math/layers.h"
-#include "libl4dcodec/math/slice.h"
+#include "libl4dcodec/scene/layers.h"
+#include "libl4dcodec/scene/slice.h"
 #include "tests/math/reference.h"
 #include "tests/numerics/formula.h"
 

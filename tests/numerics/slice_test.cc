@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The three kinds of scenes that real ones are made of: how the textbook's slice fares in binary32,
 // and ours.
-#include "libl4dcodec/math/slice.h"
+#include "libl4dcodec/scene/slice.h"
 
 #include <gtest/gtest.h>
 

@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "libl4dcodec/base/half.h"
-#include "libl4dcodec/math/layers.h"
+#include "libl4dcodec/scene/layers.h"
 #include "tests/math/reference.h"
 #include "tests/numerics/formula.h"
 

@@ -6,7 +6,7 @@
 
 #include "l4d/l4d.h"
 #include "libl4dcodec/math/hd.h"
-#include "libl4dcodec/math/layers.h"
+#include "libl4dcodec/scene/layers.h"
 
 namespace l4d {
 

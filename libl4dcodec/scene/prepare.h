@@ -8,11 +8,12 @@
 
 #include "l4d/l4d.h"
 #include "libl4dcodec/math/hd.h"
-#include "libl4dcodec/math/layers.h"
-#include "libl4dcodec/math/slice.h"
-#include "render/view.h"
+#include "libl4dcodec/scene/layers.h"
+#include "libl4dcodec/scene/slice.h"
 
-namespace l4d::render {
+namespace l4d {
+
+constexpr double kMinAlpha = 1.0 / 255.0;  // renderers skip what is fainter, as 3DGS does
 
 struct Prepared {
   Slice4D<double> slice;
@@ -62,4 +63,4 @@ L4D_HOST_DEVICE inline MotionGroup group_of(const Prepared& p, double begin, dou
   return fades || p.half_life < farthest ? kFading : kStill;
 }
 
-}  // namespace l4d::render
+}  // namespace l4d
