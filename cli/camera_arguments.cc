@@ -11,7 +11,7 @@
 
 namespace l4d::cli {
 
-void CameraArguments::add_options(CLI::App* verb) {
+void CameraArguments::add_options(Verb* verb) {
   const std::string group = "Cameras and views";
   auto* file = verb->add_option("--cameras", cameras,
                                 "Cameras to look from: cameras.json, D-NeRF transforms*.json or "
@@ -21,7 +21,7 @@ void CameraArguments::add_options(CLI::App* verb) {
   auto* made_up = verb->add_option("--orbit", orbit,
                                    "In place of --cameras, N cameras made up around the scene")
                       ->type_name("N")
-                      ->transform(whole_number(1, 100000))
+                      ->whole_number(1, 100000)
                       ->group(group);
   file->excludes(made_up);
   verb->add_option("--size", size, "Image size of --orbit (default: 640x360)")
@@ -29,7 +29,7 @@ void CameraArguments::add_options(CLI::App* verb) {
       ->group(group);
   verb->add_option("--split", split, "Views of these cameras only: train, test, val or all")
       ->type_name("NAME")
-      ->check(CLI::IsMember({"train", "test", "val", "all"}))
+      ->one_of({"train", "test", "val", "all"})
       ->group(group);
   verb->add_option("--ids", ids, "Cameras with these ids only: 0,10,15 or 0-3")
       ->type_name("LIST")
@@ -41,7 +41,7 @@ void CameraArguments::add_options(CLI::App* verb) {
   add_any_path_option(verb, any_path)->group(group)->needs(file);
 }
 
-CLI::Option* add_any_path_option(CLI::App* verb, bool& any_path) {
+Option* add_any_path_option(Verb* verb, bool& any_path) {
   return verb->add_flag("--any-path", any_path,
                         "Read videos and images wherever the file of cameras says that they are, "
                         "and not only in its folder and below");

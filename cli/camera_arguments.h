@@ -21,7 +21,7 @@ struct CameraArguments {
   std::string frames;
   bool any_path = false;
 
-  void add_options(CLI::App* verb);
+  void add_options(Verb* verb);
   bool given() const { return !cameras.empty() || orbit > 0; }
   // Usage errors: options that say which views without saying which cameras.
   void check() const;
@@ -39,7 +39,7 @@ struct CameraViews {
 };
 
 // --any-path, of whatever reads a file of cameras.
-CLI::Option* add_any_path_option(CLI::App* verb, bool& any_path);
+Option* add_any_path_option(Verb* verb, bool& any_path);
 // Reads a file of cameras and adds it, and what it names that is there, to the command's files.
 io::CameraSet read_camera_file(Context& context, const std::string& path, bool any_path);
 

@@ -2,7 +2,6 @@
 #include "cli/common.h"
 
 #include <algorithm>
-#include <charconv>
 #include <cstdio>
 #include <new>
 
@@ -120,40 +119,21 @@ l4d_decoder_options Context::decoder_options(uint32_t share) const {
   return o;
 }
 
-CLI::Validator whole_number(uint64_t min, uint64_t max) {
-  // An empty name, so that help does not repeat the range behind the type.
-  return CLI::Validator(
-      [min, max](std::string& text) -> std::string {
-        uint64_t value = 0;
-        const char* end = text.data() + text.size();
-        const auto result = std::from_chars(text.data(), end, value);
-        if (result.ec == std::errc() && result.ptr == end && value >= min && value <= max) {
-          text = std::to_string(value);  // "010" is ten
-          return "";
-        }
-        const std::string range =
-            max == UINT64_MAX ? (min == 0 ? "" : " from " + std::to_string(min) + " on")
-                              : " from " + std::to_string(min) + " to " + std::to_string(max);
-        return "'" + text + "' is not a whole number" + range;
-      },
-      "");
-}
-
-void add_common_options(CLI::App* verb, CommonOptions& o) {
+void add_common_options(Verb* verb, CommonOptions& o) {
   const std::string group = "Common options";
   verb->add_flag("--json", o.json, "One JSON document on stdout and nothing else")->group(group);
   verb->add_flag("-q,--quiet", o.quiet, "Print errors only")->group(group);
   verb->add_flag("-f,--force", o.force, "Overwrite existing output")->group(group);
   verb->add_option("-t,--threads", o.threads, "Threads, 0 = one per core; never changes the output")
       ->type_name("N")
-      ->transform(whole_number(0, 4096))
+      ->whole_number(0, 4096)
       ->group(group);
   verb->add_option(
           "--backend", o.backend,
           "What works: auto, reference, cpu, cuda; changes no stream and no decoded bit, of "
           "images and weights the rounding")
       ->type_name("NAME")
-      ->check(CLI::IsMember({"auto", "reference", "cpu", "cuda"}))
+      ->one_of({"auto", "reference", "cpu", "cuda"})
       ->group(group);
   verb->add_option("--limit-memory", o.limit_memory,
                    "Memory that a stream may make the command take, as 4GiB: half of it to decode, "
@@ -163,7 +143,7 @@ void add_common_options(CLI::App* verb, CommonOptions& o) {
   verb->add_option("--progress", o.progress,
                    "Progress on stderr: auto (a line where it is a terminal), plain, json, none")
       ->type_name("FORM")
-      ->check(CLI::IsMember({"auto", "plain", "json", "none"}))
+      ->one_of({"auto", "plain", "json", "none"})
       ->group(group);
 }
 
@@ -191,12 +171,11 @@ void require_device() {
 
 }  // namespace
 
-CLI::App* add_verb(Registry& registry, const std::string& name, const std::string& description,
-                   std::function<Outcome(Context&)> run) {
-  CLI::App* verb = registry.app->add_subcommand(name, description);
-  verb->group("Commands");
+Verb* add_verb(Registry& registry, const std::string& name, const std::string& description,
+               std::function<Outcome(Context&)> run) {
   Context* context = registry.context;
-  verb->callback([&registry, context, name, run = std::move(run)] {
+  Verb& verb = registry.verbs.emplace_back(*registry.app, name, description);
+  verb.when_chosen([&registry, context, name, run = std::move(run)] {
     registry.verb = name;
     registry.run = [context, run] {
       context->check_options();
@@ -204,7 +183,7 @@ CLI::App* add_verb(Registry& registry, const std::string& name, const std::strin
       return run(*context);
     };
   });
-  return verb;
+  return &verb;
 }
 
 }  // namespace l4d::cli

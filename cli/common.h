@@ -1,23 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <cstdint>
+#include <deque>
 #include <functional>
-#include <nlohmann/json.hpp>
 #include <stdexcept>
 #include <string>
 #include <vector>
 
 #include "cli/command_files.h"
+#include "cli/options.h"
 #include "cli/ranks.h"
+#include "cli/text/json.h"
 #include "io/scene.h"
 #include "l4d/l4d.hpp"
 
 namespace l4d::cli {
-
-// Keys keep the order in which they are written: documents are read by people too.
-using Json = nlohmann::ordered_json;
 
 // Documented in docs/cli.md; scripts depend on them.
 enum ExitCode : int {
@@ -130,17 +128,14 @@ struct Registry {
   Context* context;
   std::function<Outcome()> run;
   std::string verb;
+  std::deque<Verb> verbs;
 };
 // Subcommand; `run` is called when it was chosen.
-CLI::App* add_verb(Registry& registry, const std::string& name, const std::string& description,
-                   std::function<Outcome(Context&)> run);
-
-// A check of options that are whole numbers: decimal digits only, which CLI11 by itself does not
-// ask for ("-1" is a large number to it, "010" is 8).
-CLI::Validator whole_number(uint64_t min, uint64_t max = UINT64_MAX);
+Verb* add_verb(Registry& registry, const std::string& name, const std::string& description,
+               std::function<Outcome(Context&)> run);
 
 // Called last for each verb, so that help shows them last.
-void add_common_options(CLI::App* verb, CommonOptions& options);
+void add_common_options(Verb* verb, CommonOptions& options);
 
 void add_version(Registry& registry);
 void add_encode(Registry& registry);

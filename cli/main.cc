@@ -2,6 +2,7 @@
 #include <fcntl.h>
 #include <unistd.h>
 
+#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cerrno>
 #include <csignal>
@@ -86,8 +87,7 @@ std::string describe_usage_error(const CLI::ParseError& error, const CLI::App& a
 }
 
 void print_document(const Json& document) {
-  // Names come from the command line and files: bytes that are no UTF-8 must not end the tool.
-  const std::string text = document.dump(2, ' ', false, Json::error_handler_t::replace);
+  const std::string text = document.dump(2);
   std::fwrite(text.data(), 1, text.size(), stdout);
   std::fputc('\n', stdout);
 }
@@ -170,7 +170,7 @@ int run(int argc, char** argv) {
       "See l4dcodec COMMAND --help; l4dcodec --version.");
 
   Context context;
-  Registry registry{&app, &context, nullptr, ""};
+  Registry registry{&app, &context, nullptr, "", {}};
   add_encode(registry);
   add_decode(registry);
   add_info(registry);
@@ -181,9 +181,7 @@ int run(int argc, char** argv) {
   add_sensitivity(registry);
   add_synth(registry);
   add_version(registry);
-  for (CLI::App* verb : app.get_subcommands(nullptr)) {
-    add_common_options(verb, context.options);
-  }
+  for (Verb& verb : registry.verbs) add_common_options(&verb, context.options);
 
   try {
     // CLI11 takes them last first.

@@ -42,7 +42,7 @@ void ImportArguments::check() const {
   }
 }
 
-void add_import_options(CLI::App* verb, ImportArguments& arguments) {
+void add_import_options(Verb* verb, ImportArguments& arguments) {
   const std::string group = "Import of PLY files that carry no timeline";
   verb->add_option("--seconds", arguments.seconds, "Duration of the sequence (default: 1)")
       ->type_name("T")

@@ -19,7 +19,7 @@ struct ImportArguments {
   // Usage errors, also where the scene is a stream and neither is used.
   void check() const;
 };
-void add_import_options(CLI::App* verb, ImportArguments& arguments);
+void add_import_options(Verb* verb, ImportArguments& arguments);
 
 // A scene in memory, and how its stream arranges it.
 struct LoadedScene {

@@ -71,7 +71,7 @@ _above("tests/common", "libl4dcodec/api", "io")
 _above("tests/cli", "cli")
 LAYERS["tests"].add("tests/common")
 
-# Headers from outside -> layers that may include them. Others of the outside (the standard library, the
+# Headers from outside -> layers, or single files, that may include them. Others of the outside (the standard library, the
 # operating system) are not restricted.
 OUTSIDE = {
     "l4d_generated.h": {"libl4dcodec/container", "tests", "tests/common"},
@@ -88,8 +88,10 @@ OUTSIDE = {
     "omp.h": {"libl4dcodec/base/threads.h"},
     "Eigen/": {"encoder", "io", "tests", "tests/common", "bench/micro", "bench/accuracy"},
     "png.h": {"io"},
-    "CLI/": {"cli"},
-    "nlohmann/": {"io", "cli", "tests", "tests/cli", "tests/common", "bench/tables",
+    # These two take seconds to compile wherever they are included: the tool sees the parser of command
+    # lines through cli/options.h, and JSON through cli/text/json.h.
+    "CLI/": {"cli/main.cc", "cli/options.cc", "cli/text/help.h", "cli/verbs/version.cc"},
+    "nlohmann/": {"io", "cli/text/json.cc", "tests", "tests/cli", "tests/common", "bench/tables",
                   "bench/accuracy"},
     "gtest/": {"tests", "tests/api", "tests/cli", "tests/common"},
     "gmock/": {"tests", "tests/api", "tests/cli", "tests/common"},
@@ -150,7 +152,7 @@ def check_file(path, text):
         for prefix, allowed in OUTSIDE.items():
             # Folder prefixes end in "/", the rest are whole names.
             hit = header.startswith(prefix) if prefix.endswith("/") else header == prefix
-            if hit and layer not in allowed:
+            if hit and layer not in allowed and path not in allowed:
                 yield f"{where}: {layer} must not include {header}"
 
 
@@ -223,7 +225,10 @@ def self_test():
         ("libl4dcodec/math/a.h", '#include "libl4dcodec/base/atomic_file.h"', False),
         ("cli/a.cc", '#include "io/scene.h"', True),
         ("cli/a.cc", '#include "decoder/session/decoder.h"', False),
-        ("cli/a.cc", "#include <CLI/CLI.hpp>", True),
+        ("cli/options.cc", "#include <CLI/CLI.hpp>", True),
+        ("cli/verbs/a.cc", "#include <CLI/CLI.hpp>", False),
+        ("cli/text/json.cc", "#include <nlohmann/json.hpp>", True),
+        ("cli/common.h", "#include <nlohmann/json.hpp>", False),
         ("io/a.cc", "#include <nlohmann/json.hpp>", True),
         ("decoder/a.cc", "#include <nlohmann/json.hpp>", False),
         ("io/a.cc", "#include <png.h>", True),

@@ -9,12 +9,12 @@
 
 namespace l4d::cli {
 
-inline void add_detail_option(CLI::App* verb, std::string& detail) {
+inline void add_detail_option(Verb* verb, std::string& detail) {
   verb->add_option("--detail", detail,
                    "full, or base: of a stream, base colours without the SH detail of its large "
                    "pages, which is not read then")
       ->type_name("NAME")
-      ->check(CLI::IsMember({"full", "base"}))
+      ->one_of({"full", "base"})
       ->capture_default_str();
 }
 

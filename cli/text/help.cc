@@ -1,34 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/text/help.h"
 
-#include <sstream>
+#include "cli/text/units.h"
 
 namespace l4d::cli {
 namespace {
 
-constexpr size_t kColumns = 100;
 constexpr size_t kIndent = 32;
 
 }  // namespace
-
-std::string wrap(const std::string& text, size_t indent) {
-  std::istringstream words(text);
-  std::string lines;
-  size_t column = indent;
-  for (std::string word; words >> word;) {
-    if (column > indent && column + 1 + word.size() > kColumns) {
-      lines += '\n' + std::string(indent, ' ');
-      column = indent;
-    }
-    if (column > indent) {
-      lines += ' ';
-      ++column;
-    }
-    lines += word;
-    column += word.size();
-  }
-  return lines;
-}
 
 HelpFormatter::HelpFormatter() {
   column_width(kIndent);

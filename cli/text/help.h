@@ -6,9 +6,6 @@
 
 namespace l4d::cli {
 
-// `text` in lines of at most 100 columns that begin at column `indent`; the first is not indented.
-std::string wrap(const std::string& text, size_t indent);
-
 // Help pages: descriptions wrapped to 100 columns, choices named by the descriptions and not once
 // more by the option.
 class HelpFormatter : public CLI::Formatter {

@@ -57,7 +57,7 @@ std::string NumberedName::operator()(size_t number) const {
   return before_ + digits + after_;
 }
 
-void add_sequence_options(CLI::App* verb, SequenceArguments& arguments) {
+void add_sequence_options(Verb* verb, SequenceArguments& arguments) {
   auto* time = verb->add_option("--time", arguments.time, "One instant: 2.5, 1:30")->type_name("T");
   auto* from = verb->add_option("--from", arguments.from, "Sequence from here (default: start)")
                    ->type_name("T");

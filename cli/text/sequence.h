@@ -30,7 +30,7 @@ struct SequenceArguments {
   void check() const;
   bool is_range() const { return !from.empty() || !to.empty() || !fps.empty(); }
 };
-void add_sequence_options(CLI::App* verb, SequenceArguments& arguments);
+void add_sequence_options(Verb* verb, SequenceArguments& arguments);
 
 // Usage error where one time lies after the other, as they are given: limited to the sequence, both
 // may be its end.

@@ -6,11 +6,14 @@
 #include <cmath>
 #include <cstdarg>
 #include <cstdio>
+#include <sstream>
 
 #include "cli/common.h"
 
 namespace l4d::cli {
 namespace {
+
+constexpr size_t kColumns = 100;
 
 constexpr std::array<const char*, L4D_COMPONENT_COUNT> kComponentNames = {
     "sh", "scale", "rotor-spatial", "rotor-temporal"};
@@ -152,6 +155,25 @@ std::string format_number(double value) { return format("%.6g", value); }
 
 std::string format_time(double seconds) {
   return std::fabs(seconds) < 1000 ? format_number(seconds) : format("%.3f", seconds);
+}
+
+std::string wrap(const std::string& text, size_t indent) {
+  std::istringstream words(text);
+  std::string lines;
+  size_t column = indent;
+  for (std::string word; words >> word;) {
+    if (column > indent && column + 1 + word.size() > kColumns) {
+      lines += '\n' + std::string(indent, ' ');
+      column = indent;
+    }
+    if (column > indent) {
+      lines += ' ';
+      ++column;
+    }
+    lines += word;
+    column += word.size();
+  }
+  return lines;
 }
 
 std::string format(const char* pattern, ...) {

@@ -33,6 +33,8 @@ std::string format_seconds(double seconds);
 std::string format_number(double value);
 // A time of the scene's clock: to the millisecond however large, as seconds since 1970 are.
 std::string format_time(double seconds);
+// `text` in lines of at most 100 columns that begin at column `indent`; the first is not indented.
+std::string wrap(const std::string& text, size_t indent);
 // printf into a string.
 [[gnu::format(printf, 1, 2)]] std::string format(const char* pattern, ...);
 

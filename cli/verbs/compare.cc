@@ -192,7 +192,7 @@ Outcome run_compare(Context& context, const CompareArguments& arguments) {
 
 void add_compare(Registry& registry) {
   auto arguments = std::make_shared<CompareArguments>();
-  CLI::App* verb =
+  Verb* verb =
       add_verb(registry, "compare", "Measure how far scene B is from A: attributes, or images",
                [arguments](Context& context) { return run_compare(context, *arguments); });
   verb->add_option("a", arguments->a, "Reference: .l4d or PLY, '-' = stdin")->required();

@@ -127,9 +127,8 @@ Outcome run_decode(Context& context, const DecodeArguments& arguments) {
 
 void add_decode(Registry& registry) {
   auto arguments = std::make_shared<DecodeArguments>();
-  CLI::App* verb =
-      add_verb(registry, "decode", "Decode a stream, or part of it, to a PLY",
-               [arguments](Context& context) { return run_decode(context, *arguments); });
+  Verb* verb = add_verb(registry, "decode", "Decode a stream, or part of it, to a PLY",
+                        [arguments](Context& context) { return run_decode(context, *arguments); });
   verb->add_option("input", arguments->input, "Scene: .l4d or PLY, '-' = stdin")->required();
   verb->add_option("-o,--output", arguments->output,
                    "PLY to write, '-' = stdout (default: input's name with .ply)")
@@ -138,7 +137,7 @@ void add_decode(Registry& registry) {
                    "l4d: every attribute, bit for bit where the stream is lossless; ftgs: "
                    "FreeTimeGS, converted")
       ->type_name("NAME")
-      ->check(CLI::IsMember({"l4d", "ftgs"}))
+      ->one_of({"l4d", "ftgs"})
       ->capture_default_str();
   auto* time = verb->add_option("--time", arguments->time,
                                 "Only buckets that may be visible at this time: 2.5, 1:30")
@@ -151,7 +150,7 @@ void add_decode(Registry& registry) {
   verb->add_option("--max-level", arguments->max_level,
                    "Leave out temporal levels finer than this: a preview without fast detail")
       ->type_name("N")
-      ->transform(whole_number(0, 63));
+      ->whole_number(0, 63);
   add_detail_option(verb, arguments->detail);
   add_tolerant_option(verb, arguments->tolerant);
   add_import_options(verb, arguments->import);

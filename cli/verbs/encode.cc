@@ -278,7 +278,7 @@ Outcome run_encode(Context& context, const EncodeArguments& arguments) {
   Json& stages = outcome.json["stages"] = {{"read", read_seconds}};
   if (importance) stages["sensitivity"] = importance->seconds;
   if (reached) stages["search"] = reached->seconds;
-  stages.update(encoding.stages);
+  for (const auto& [stage, seconds] : encoding.stages) stages[stage] = seconds;
   if (has_quality(encoder)) {
     outcome.json["quality"] =
         reached ? reached->search.result().quality : get_parameter(encoder, L4D_ENC_QUALITY);
@@ -310,9 +310,8 @@ Outcome run_encode(Context& context, const EncodeArguments& arguments) {
 
 void add_encode(Registry& registry) {
   auto arguments = std::make_shared<EncodeArguments>();
-  CLI::App* verb = add_verb(registry, "encode", "Encode a scene", [arguments](Context& context) {
-    return run_encode(context, *arguments);
-  });
+  Verb* verb = add_verb(registry, "encode", "Encode a scene",
+                        [arguments](Context& context) { return run_encode(context, *arguments); });
   verb->add_option(
           "input", arguments->input,
           "Scene: PLY (l4d, 3DGS, FreeTimeGS, SpacetimeGaussians lite) or .l4d, '-' = stdin")
@@ -340,7 +339,7 @@ void add_encode(Registry& registry) {
       "chosen by --frames or --ids or made up");
   verb->add_option("--seed", arguments->seed, "Equal seeds give equal files on one machine")
       ->type_name("N")
-      ->transform(whole_number(0))
+      ->whole_number(0)
       ->capture_default_str();
   verb->add_option("--metadata", arguments->metadata, "KEY=VALUE to store; may be repeated")
       ->type_name("KEY=VALUE")

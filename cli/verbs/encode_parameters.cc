@@ -3,7 +3,6 @@
 
 #include <algorithm>
 
-#include "cli/text/help.h"
 #include "cli/text/levels.h"
 #include "cli/text/units.h"
 #include "cli/verbs/encoding.h"
@@ -75,7 +74,7 @@ void set_generic(const EncoderHandle& encoder, const std::string& text) {
 
 }  // namespace
 
-void EncodeParameters::add_options(CLI::App* verb) {
+void EncodeParameters::add_options(Verb* verb) {
   const std::string group = "Coding";
   std::vector<std::string> presets;
   for (uint32_t i = 0; l4d_encoder_preset_name(i) != nullptr; ++i) {
@@ -83,7 +82,7 @@ void EncodeParameters::add_options(CLI::App* verb) {
   }
   verb->add_option("--preset", preset, "Where the parameters start; listed below")
       ->type_name("NAME")
-      ->check(CLI::IsMember(presets))
+      ->one_of(presets)
       ->capture_default_str()
       ->group(group);
   verb->add_option("--quality", quality,
@@ -116,7 +115,7 @@ void EncodeParameters::add_options(CLI::App* verb) {
       ->group(group);
   verb->add_option("--rcq", rcq, "Block codebooks: never, auto (where they pay), always")
       ->type_name("WHEN")
-      ->check(CLI::IsMember({"never", "auto", "always"}))
+      ->one_of({"never", "auto", "always"})
       ->group(group);
   verb->add_option("--rcq-size", rcq_size, "Entries of a residual codebook, 1..4096")
       ->type_name("N")

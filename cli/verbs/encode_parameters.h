@@ -25,7 +25,7 @@ struct EncodeParameters {
   bool drop_invalid = false;
   std::vector<std::string> set;
 
-  void add_options(CLI::App* verb);
+  void add_options(Verb* verb);
   // Notes options that change nothing with what else is set.
   void apply(Context& context, const EncoderHandle& encoder) const;
   // Says which of them a stream that was written shows nothing of.

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/verbs/encoding.h"
 
+#include <algorithm>
+
 #include "cli/scene_source.h"
 
 namespace l4d::cli {
@@ -21,7 +23,14 @@ Encoding encode_scene(Progress& progress, const EncoderHandle& encoder, const st
     const char* stage = nullptr;
     double seconds = 0;
     encoder.check(l4d_encoder_get_stage(encoder.get(), s, &stage, &seconds));
-    result.stages[stage] = seconds + result.stages.value(stage, 0.0);
+    const auto known =
+        std::find_if(result.stages.begin(), result.stages.end(),
+                     [&](const auto& known_stage) { return known_stage.first == stage; });
+    if (known == result.stages.end()) {
+      result.stages.emplace_back(stage, seconds);
+    } else {
+      known->second += seconds;
+    }
   }
   if (wants_order) {
     result.order.resize(static_cast<size_t>(result.report.coded_gaussians));

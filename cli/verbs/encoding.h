@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "cli/common.h"
@@ -16,8 +17,8 @@ namespace l4d::cli {
 struct Encoding {
   std::vector<unsigned char> stream;  // empty where it went to a file
   l4d_encode_report report{};
-  std::vector<uint32_t> order;  // empty unless it was wanted
-  Json stages = Json::object();
+  std::vector<uint32_t> order;                         // empty unless it was wanted
+  std::vector<std::pair<std::string, double>> stages;  // name and seconds, each name once
 };
 
 // Encodes the scene of the encoder. path: of a file to write; in memory where it is empty.

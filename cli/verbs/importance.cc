@@ -35,7 +35,7 @@ void tell_measure(const EncoderHandle& encoder, bool gauss_newton) {
 
 }  // namespace
 
-void MeasureArguments::add_options(CLI::App* verb) {
+void MeasureArguments::add_options(Verb* verb) {
   const std::string group = "Importance from views";
   auto* agree =
       verb->add_option("--agreement", agreement,
@@ -53,7 +53,7 @@ void MeasureArguments::add_options(CLI::App* verb) {
                    "Ask views that are left out what they show: few (until hardly anything new is "
                    "seen), all, none")
       ->type_name("WHICH")
-      ->check(CLI::IsMember({"few", "all", "none"}))
+      ->one_of({"few", "all", "none"})
       ->capture_default_str()
       ->excludes(all)
       ->group(group);
@@ -61,7 +61,7 @@ void MeasureArguments::add_options(CLI::App* verb) {
                    "gauss-newton: how far each attribute changes pixels, root mean square, in one "
                    "unit for all; sum: derivatives of the sum of pixels, as in the paper")
       ->type_name("NAME")
-      ->check(CLI::IsMember({"sum", "gauss-newton"}))
+      ->one_of({"sum", "gauss-newton"})
       ->capture_default_str()
       ->group(group);
 }

@@ -20,7 +20,7 @@ struct MeasureArguments {
   std::string ask = "few";
   uint64_t seed = 0;  // of the random signs of gauss-newton
 
-  void add_options(CLI::App* verb);
+  void add_options(Verb* verb);
   bool given() const;  // whether any option was
   l4d_measure_options options() const;
 

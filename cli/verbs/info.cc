@@ -135,9 +135,41 @@ Json layer_json(const l4d_layer_info& layer, uint64_t bytes) {
   return j;
 }
 
-Json seek_json(const SceneStream& stream, double seconds, const std::string& detail,
-               uint64_t codebook_bytes) {
-  const DecoderHandle& decoder = stream.decoder();
+// What a player that starts at an instant reads, and what it gets.
+struct Seek {
+  double seconds = 0;
+  std::string detail;
+  l4d_selection selection{};
+  uint64_t visible = 0;
+  uint64_t codebook_bytes = 0;
+
+  Json json() const {
+    return {{"time", seconds},
+            {"detail", detail},
+            {"bytes", selection.bytes},
+            {"sh_detail_bytes", selection.sh_bytes},
+            {"chunks", selection.num_chunks},
+            {"buckets", selection.num_ranges},
+            {"gaussians", selection.num_gaussians},
+            {"visible", visible},
+            {"directory_bytes", selection.directory_bytes},
+            {"codebook_bytes", codebook_bytes}};
+  }
+  std::string text() const {
+    const bool base = detail_id(detail) == L4D_DETAIL_BASE_COLOR;
+    return "\nseek to " + format_time(seconds) + " s: " + format_count(selection.bytes) +
+           " bytes (" + format_count(selection.sh_bytes) + (base ? " more with" : " of them") +
+           " SH detail) in " + format_count(selection.num_chunks) + " chunks, " +
+           format_count(selection.num_ranges) + " buckets (and " +
+           format_count(selection.directory_bytes) + " of directory, " +
+           format_count(codebook_bytes) + " of codebooks); " +
+           format_count(selection.num_gaussians) + " Gaussians, " + format_count(visible) +
+           " visible\n";
+  }
+};
+
+Seek seek_to(const DecoderHandle& decoder, double seconds, const std::string& detail,
+             uint64_t codebook_bytes) {
   l4d_query query;
   l4d_query_init(&query);
   query.kind = L4D_QUERY_TIME;
@@ -147,16 +179,7 @@ Json seek_json(const SceneStream& stream, double seconds, const std::string& det
   l4d_splat_buffers splats;
   l4d_splat_buffers_init(&splats);
   decoder.check(l4d_decoder_slice(decoder.get(), seconds, &splats));
-  return {{"time", seconds},
-          {"detail", detail},
-          {"bytes", selection.bytes},
-          {"sh_detail_bytes", selection.sh_bytes},
-          {"chunks", selection.num_chunks},
-          {"buckets", selection.num_ranges},
-          {"gaussians", selection.num_gaussians},
-          {"visible", splats.count},
-          {"directory_bytes", selection.directory_bytes},
-          {"codebook_bytes", codebook_bytes}};
+  return {seconds, detail, selection, splats.count, codebook_bytes};
 }
 
 std::string share_of(uint64_t bytes, uint64_t total) {
@@ -237,6 +260,141 @@ double per_gaussian(uint64_t bytes, uint64_t gaussians) {
   return gaussians == 0 ? 0 : 8 * static_cast<double>(bytes) / static_cast<double>(gaussians);
 }
 
+// What is told of a stream, read once for all parts of the answer.
+struct Facts {
+  const SceneStream& stream;
+  const Input& input;
+  const l4d_info& info;
+  const DecoderHandle& decoder;
+  std::vector<l4d_layer_info> layers;
+  std::vector<uint64_t> sections;
+  std::vector<uint64_t> layer_bytes;
+  uint64_t file_bytes;  // of the input
+
+  Facts(const SceneStream& given, const Input& from)
+      : stream(given),
+        input(from),
+        info(given.info()),
+        decoder(given.decoder()),
+        layers(read_layers(given)),
+        sections(L4D_SECTION_COUNT),
+        layer_bytes(layers.size()),
+        file_bytes(from.is_ply() ? from.bytes() : info.file_bytes) {
+    decoder.check(l4d_decoder_get_sections(decoder.get(), sections.data(), layer_bytes.data()));
+  }
+};
+
+Json placement_json(const l4d_placement& p) {
+  return {{"origin", {p.origin[0], p.origin[1], p.origin[2]}},
+          {"scale", p.scale},
+          {"coordinate_system", p.coordinate_system},
+          {"color_space", p.color_space}};
+}
+
+// Keys stand in the order in which they are added here, those of the sections below included.
+void add_summary(const Facts& facts, Outcome& outcome) {
+  const l4d_info& info = facts.info;
+  const double bits = per_gaussian(facts.file_bytes, info.num_gaussians);
+  Json& j = outcome.json;
+  j = {{"schema", "l4dcodec.info/1"},
+       {"input", facts.input.name()},
+       {"source", facts.stream.source()},
+       {"format_version", format("%u.%u", info.format_major, info.format_minor)},
+       {"development", info.development != 0},
+       {"num_gaussians", info.num_gaussians},
+       {"num_layers", info.num_layers}};
+  j.update(timeline_json(info.timeline));
+  j["sh_degree"] = info.sh_degree;
+  j["declared_profile"] = info.profile == 0 ? Json() : Json(profile_text(info.profile));
+  j["declared_level"] = info.level;
+  j["file_bytes"] = facts.file_bytes;
+  j["bits_per_gaussian"] = bits;
+  j["tools"] = Json::array();
+  j["tool_reasons"] = Json::object();
+  j["placement"] = placement_json(info.placement);
+  j["layers"] = Json::array();
+  for (size_t l = 0; l < facts.layers.size(); ++l) {
+    j["layers"].push_back(layer_json(facts.layers[l], facts.layer_bytes[l]));
+  }
+  j["stream_bytes"] = info.file_bytes;
+
+  const std::string version = format("l4d %u.%u%s", info.format_major, info.format_minor,
+                                     info.development != 0 ? " (development)" : "");
+  std::string& t = outcome.text;
+  t = format("%s: %s, %s, %.1f bits per Gaussian\n", facts.input.name().c_str(),
+             facts.input.is_ply() ? facts.stream.source().c_str() : version.c_str(),
+             format_bytes(facts.file_bytes).c_str(), bits);
+  t += format_count(info.num_gaussians) + " Gaussians, " + describe_timeline(info.timeline) +
+       format(", SH degree %u\n", info.sh_degree);
+  t +=
+      "declared profile " + profile_text(info.profile) + ", level " + level_text(info.level) + "\n";
+}
+
+void add_tools(const Facts& facts, Outcome& outcome) {
+  outcome.text += "\ntools\n";
+  for (const Tool& tool : kTools) {
+    if ((facts.info.tools & tool.bit) == 0) continue;
+    const std::string why = reason(tool.bit, facts.info, facts.layers);
+    outcome.json["tools"].push_back(tool.name);
+    outcome.json["tool_reasons"][tool.name] = why;
+    outcome.text += format("  %-18s %s\n", tool.name, why.c_str());
+  }
+}
+
+void add_sections(const Facts& facts, Outcome& outcome) {
+  Json sections = Json::object();
+  Json bits = Json::object();
+  outcome.text += format("\n%-18s %14s %9s %14s\n", "section", "bytes", "share", "bits/Gaussian");
+  for (uint32_t s = 0; s < L4D_SECTION_COUNT; ++s) {
+    const uint64_t bytes = facts.sections[s];
+    const double section_bits = per_gaussian(bytes, facts.info.num_gaussians);
+    sections[l4d_section_name(s)] = bytes;
+    bits[l4d_section_name(s)] = section_bits;
+    if (bytes == 0) continue;
+    outcome.text +=
+        format("%-18s %14s %9s %14.2f\n", l4d_section_name(s), format_count(bytes).c_str(),
+               share_of(bytes, facts.info.file_bytes).c_str(), section_bits);
+  }
+  outcome.json["sections"] = sections;
+  outcome.json["section_bits_per_gaussian"] = bits;
+}
+
+void add_scalable(const Facts& facts, Outcome& outcome) {
+  const std::vector<Rung> rungs =
+      read_rungs(facts.decoder, facts.layers, facts.layer_bytes, facts.sections);
+  Json& list = outcome.json["scalable"] = Json::array();
+  for (const Rung& r : rungs) {
+    list.push_back({{"level", r.level},
+                    {"base_bytes", r.base_bytes},
+                    {"bytes", r.bytes},
+                    {"num_gaussians", r.gaussians}});
+  }
+  outcome.text += scalable_table(rungs, facts.info.file_bytes);
+}
+
+void add_seek(Context& context, const Facts& facts, const InfoArguments& arguments,
+              Outcome& outcome) {
+  const double seconds = clamp_to_sequence(context, facts.info.timeline,
+                                           parse_seconds(arguments.time, "--time"), "--time");
+  const Seek seek =
+      seek_to(facts.decoder, seconds, arguments.detail, facts.sections[L4D_SECTION_CODEBOOKS]);
+  outcome.json["seek"] = seek.json();
+  outcome.text += seek.text();
+}
+
+void add_plot(Context& context, const Facts& facts, const std::string& name, Output& plot,
+              Outcome& outcome) {
+  const TimeProfile profile = [&] {
+    Progress progress(context, "info");
+    return profile_over_time(facts.stream, facts.layers, facts.sections, progress);
+  }();
+  write_text(plot.path(), profile.svg(facts.input.name()));
+  plot.finish();
+  outcome.stdout_is_data = plot.is_stdout();
+  outcome.json["over_time"] = profile.json();
+  outcome.text += "\n" + name + ": " + profile.text() + "\n";
+}
+
 Outcome run_info(Context& context, const InfoArguments& arguments) {
   if (!arguments.time.empty()) parse_seconds(arguments.time, "--time");
   arguments.import.check();
@@ -249,110 +407,18 @@ Outcome run_info(Context& context, const InfoArguments& arguments) {
   const Input input(context, arguments.input);
   return about(input.name(), [&] {
     const SceneStream stream(context, input, arguments.import);
-    const l4d_info& info = stream.info();
-    const DecoderHandle& decoder = stream.decoder();
-    const bool is_ply = input.is_ply();
-    if (is_ply)
+    if (input.is_ply()) {
       context.note("layers, sections and seek are those of a lossless encoding of the PLY");
-    const std::vector<l4d_layer_info> layers = read_layers(stream);
-    std::vector<uint64_t> sections(L4D_SECTION_COUNT);
-    std::vector<uint64_t> layer_bytes(layers.size());
-    decoder.check(l4d_decoder_get_sections(decoder.get(), sections.data(), layer_bytes.data()));
-    const uint64_t file_bytes = is_ply ? input.bytes() : info.file_bytes;
-    const double bits = per_gaussian(file_bytes, info.num_gaussians);
-
+    }
+    const Facts facts(stream, input);
     Outcome outcome;
-    Json& j = outcome.json;
-    j = {{"schema", "l4dcodec.info/1"},
-         {"input", input.name()},
-         {"source", stream.source()},
-         {"format_version", format("%u.%u", info.format_major, info.format_minor)},
-         {"development", info.development != 0},
-         {"num_gaussians", info.num_gaussians},
-         {"num_layers", info.num_layers}};
-    j.update(timeline_json(info.timeline));
-    j["sh_degree"] = info.sh_degree;
-    j["declared_profile"] = info.profile == 0 ? Json() : Json(profile_text(info.profile));
-    j["declared_level"] = info.level;
-    j["file_bytes"] = file_bytes;
-    j["bits_per_gaussian"] = bits;
-    j["tools"] = Json::array();
-    j["tool_reasons"] = Json::object();
-    j["placement"] = {{"origin", info.placement.origin},
-                      {"scale", info.placement.scale},
-                      {"coordinate_system", info.placement.coordinate_system},
-                      {"color_space", info.placement.color_space}};
-    j["layers"] = Json::array();
-    for (size_t l = 0; l < layers.size(); ++l) {
-      j["layers"].push_back(layer_json(layers[l], layer_bytes[l]));
-    }
-    j["stream_bytes"] = info.file_bytes;
-    j["sections"] = Json::object();
-    j["section_bits_per_gaussian"] = Json::object();
-
-    std::string& t = outcome.text;
-    t = format("%s: %s, %s, %.1f bits per Gaussian\n", input.name().c_str(),
-               is_ply ? stream.source().c_str()
-                      : format("l4d %u.%u%s", info.format_major, info.format_minor,
-                               info.development != 0 ? " (development)" : "")
-                            .c_str(),
-               format_bytes(file_bytes).c_str(), bits);
-    t += format_count(info.num_gaussians) + " Gaussians, " + describe_timeline(info.timeline) +
-         format(", SH degree %u\n", info.sh_degree);
-    t += "declared profile " + profile_text(info.profile) + ", level " + level_text(info.level) +
-         "\n\ntools\n";
-    for (const Tool& tool : kTools) {
-      if ((info.tools & tool.bit) == 0) continue;
-      const std::string why = reason(tool.bit, info, layers);
-      j["tools"].push_back(tool.name);
-      j["tool_reasons"][tool.name] = why;
-      t += format("  %-18s %s\n", tool.name, why.c_str());
-    }
-    t += layer_table(layers, layer_bytes);
-    t += format("\n%-18s %14s %9s %14s\n", "section", "bytes", "share", "bits/Gaussian");
-    for (uint32_t s = 0; s < L4D_SECTION_COUNT; ++s) {
-      const double section_bits = per_gaussian(sections[s], info.num_gaussians);
-      j["sections"][l4d_section_name(s)] = sections[s];
-      j["section_bits_per_gaussian"][l4d_section_name(s)] = section_bits;
-      if (sections[s] == 0) continue;
-      t += format("%-18s %14s %9s %14.2f\n", l4d_section_name(s), format_count(sections[s]).c_str(),
-                  share_of(sections[s], info.file_bytes).c_str(), section_bits);
-    }
-    const std::vector<Rung> rungs = read_rungs(decoder, layers, layer_bytes, sections);
-    j["scalable"] = Json::array();
-    for (const Rung& r : rungs) {
-      j["scalable"].push_back({{"level", r.level},
-                               {"base_bytes", r.base_bytes},
-                               {"bytes", r.bytes},
-                               {"num_gaussians", r.gaussians}});
-    }
-    t += scalable_table(rungs, info.file_bytes);
-    if (!arguments.time.empty()) {
-      const double seconds = clamp_to_sequence(context, info.timeline,
-                                               parse_seconds(arguments.time, "--time"), "--time");
-      const Json seek =
-          seek_json(stream, seconds, arguments.detail, sections[L4D_SECTION_CODEBOOKS]);
-      const bool base = detail_id(arguments.detail) == L4D_DETAIL_BASE_COLOR;
-      const auto count = [&](const char* key) { return format_count(seek[key].get<uint64_t>()); };
-      t += "\nseek to " + format_time(seconds) + " s: " + count("bytes") + " bytes (" +
-           count("sh_detail_bytes") + (base ? " more with" : " of them") + " SH detail) in " +
-           count("chunks") + " chunks, " + count("buckets") + " buckets (and " +
-           count("directory_bytes") + " of directory, " + count("codebook_bytes") +
-           " of codebooks); " + count("gaussians") + " Gaussians, " + count("visible") +
-           " visible\n";
-      j["seek"] = seek;
-    }
-    if (plot) {
-      const TimeProfile profile = [&] {
-        Progress progress(context, "info");
-        return profile_over_time(stream, layers, sections, progress);
-      }();
-      write_text(plot->path(), profile.svg(input.name()));
-      plot->finish();
-      outcome.stdout_is_data = plot->is_stdout();
-      j["over_time"] = profile.json();
-      t += "\n" + arguments.plot + ": " + profile.text() + "\n";
-    }
+    add_summary(facts, outcome);
+    add_tools(facts, outcome);
+    outcome.text += layer_table(facts.layers, facts.layer_bytes);
+    add_sections(facts, outcome);
+    add_scalable(facts, outcome);
+    if (!arguments.time.empty()) add_seek(context, facts, arguments, outcome);
+    if (plot) add_plot(context, facts, arguments.plot, *plot, outcome);
     return outcome;
   });
 }
@@ -361,15 +427,15 @@ Outcome run_info(Context& context, const InfoArguments& arguments) {
 
 void add_info(Registry& registry) {
   auto arguments = std::make_shared<InfoArguments>();
-  CLI::App* verb = add_verb(
-      registry, "info", "Print what a scene holds, where its bytes go, and what a seek costs",
-      [arguments](Context& context) { return run_info(context, *arguments); });
+  Verb* verb = add_verb(registry, "info",
+                        "Print what a scene holds, where its bytes go, and what a seek costs",
+                        [arguments](Context& context) { return run_info(context, *arguments); });
   verb->add_option("input", arguments->input, "Scene: .l4d or PLY, '-' = stdin")->required();
   verb->add_option("--time", arguments->time, "Also the cost of a seek to this time: 2.5, 1:30")
       ->type_name("T");
   verb->add_option("--detail", arguments->detail, "Of that seek: full, or base colours only")
       ->type_name("NAME")
-      ->check(CLI::IsMember({"full", "base"}))
+      ->one_of({"full", "base"})
       ->capture_default_str();
   verb->add_option("--plot", arguments->plot,
                    "Also an SVG, '-' = stdout: what a player has to fetch frame by frame, by "

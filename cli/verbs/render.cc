@@ -295,9 +295,8 @@ Outcome run_render(Context& context, const RenderArguments& arguments) {
 
 void add_render(Registry& registry) {
   auto arguments = std::make_shared<RenderArguments>();
-  CLI::App* verb =
-      add_verb(registry, "render", "Render the scene to an image, a sequence or a video",
-               [arguments](Context& context) { return run_render(context, *arguments); });
+  Verb* verb = add_verb(registry, "render", "Render the scene to an image, a sequence or a video",
+                        [arguments](Context& context) { return run_render(context, *arguments); });
   verb->add_option("input", arguments->input, "Scene: .l4d or PLY, '-' = stdin")->required();
   verb->add_option("-o,--output", arguments->output,
                    "PNG to write, '-' = stdout; a sequence needs a %d: out_%04d.png, counted from "
@@ -329,11 +328,11 @@ void add_render(Registry& registry) {
   verb->add_option("--path", arguments->path,
                    "Renderer: fast, or reference (double precision, slow, for checking)")
       ->type_name("NAME")
-      ->check(CLI::IsMember({"fast", "reference"}))
+      ->one_of({"fast", "reference"})
       ->capture_default_str();
   verb->add_option("--crf", arguments->crf, "Constant rate factor of a video, 0 (lossless) to 51")
       ->type_name("N")
-      ->transform(whole_number(0, 51))
+      ->whole_number(0, 51)
       ->capture_default_str();
   verb->add_option("--seconds", arguments->import.seconds,
                    "Duration to give a PLY that carries no timeline (default: 1)")

@@ -83,7 +83,7 @@ Outcome run_sensitivity(Context& context, const SensitivityArguments& arguments)
 
 void add_sensitivity(Registry& registry) {
   auto arguments = std::make_shared<SensitivityArguments>();
-  CLI::App* verb = add_verb(
+  Verb* verb = add_verb(
       registry, "sensitivity", "Measure how much each Gaussian matters for images of the scene",
       [arguments](Context& context) { return run_sensitivity(context, *arguments); });
   verb->add_option("input", arguments->input, "Scene: .l4d or PLY, '-' = stdin")->required();
@@ -96,7 +96,7 @@ void add_sensitivity(Registry& registry) {
   verb->add_option("--seed", arguments->measure.seed,
                    "Of the random signs of gauss-newton: equal seeds give equal weights")
       ->type_name("N")
-      ->transform(whole_number(0))
+      ->whole_number(0)
       ->capture_default_str()
       ->group("Importance from views");
   add_import_options(verb, arguments->import);

@@ -127,9 +127,8 @@ Outcome run_slice(Context& context, const SliceArguments& arguments) {
 
 void add_slice(Registry& registry) {
   auto arguments = std::make_shared<SliceArguments>();
-  CLI::App* verb =
-      add_verb(registry, "slice", "Write the scene at an instant, or at many, as 3DGS PLY",
-               [arguments](Context& context) { return run_slice(context, *arguments); });
+  Verb* verb = add_verb(registry, "slice", "Write the scene at an instant, or at many, as 3DGS PLY",
+                        [arguments](Context& context) { return run_slice(context, *arguments); });
   verb->add_option("input", arguments->input, "Scene: .l4d or PLY, '-' = stdin")->required();
   verb->add_option("-o,--output", arguments->output,
                    "3DGS PLY to write, '-' = stdout; a sequence needs a %d: out_%04d.ply, counted "

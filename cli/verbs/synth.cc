@@ -87,9 +87,8 @@ Outcome run_synth(Context& context, const SynthArguments& arguments) {
 
 void add_synth(Registry& registry) {
   auto arguments = std::make_shared<SynthArguments>();
-  CLI::App* verb =
-      add_verb(registry, "synth", "Make a deterministic synthetic scene",
-               [arguments](Context& context) { return run_synth(context, *arguments); });
+  Verb* verb = add_verb(registry, "synth", "Make a deterministic synthetic scene",
+                        [arguments](Context& context) { return run_synth(context, *arguments); });
   verb->add_option("-o,--output", arguments->output, "PLY to write, '-' = stdout")
       ->type_name("FILE")
       ->required();
@@ -112,7 +111,7 @@ void add_synth(Registry& registry) {
       ->allow_extra_args(false);
   verb->add_option("--seed", arguments->seed, "Equal seeds give equal files on every machine")
       ->type_name("N")
-      ->transform(whole_number(0))
+      ->whole_number(0)
       ->capture_default_str();
   verb->footer(
       "Example:\n"

@@ -148,7 +148,7 @@ class Measurement {
 
 }  // namespace
 
-void TargetArguments::add_options(CLI::App* verb) {
+void TargetArguments::add_options(Verb* verb) {
   const std::string group = "A target in place of a quality";
   verb->add_option("--target-size", size, "At most this many bytes: 3MB, 500KiB, 123456")
       ->type_name("SIZE")

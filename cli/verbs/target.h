@@ -21,7 +21,7 @@ struct TargetArguments {
   std::string psnr_loss;
   std::string max_error;
 
-  void add_options(CLI::App* verb);
+  void add_options(Verb* verb);
 };
 
 struct Target {

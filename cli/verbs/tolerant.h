@@ -14,7 +14,7 @@
 
 namespace l4d::cli {
 
-inline void add_tolerant_option(CLI::App* verb, bool& tolerant) {
+inline void add_tolerant_option(Verb* verb, bool& tolerant) {
   verb->add_flag("--tolerant", tolerant,
                  "Leave out what is damaged or cannot be read, and say so, instead of failing");
 }

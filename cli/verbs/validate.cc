@@ -86,12 +86,13 @@ Judgement judge(const DecoderHandle& decoder, const Claim& claim) {
                                               &found, &violations));
   Judgement out;
   out.holds = violations == 0;
-  const auto quantity = [&](const char* name, uint64_t value, uint64_t limit, const Json& times) {
+  const auto quantity = [&](const char* name, uint64_t value, uint64_t limit,
+                            std::optional<double> time, const Json& more = Json::object()) {
     Json q = {{"name", name}, {"value", value}, {"limit", limit}, {"holds", value <= limit}};
-    q.update(times);
+    if (time) q["time"] = *time;
+    q.update(more);
     out.json["quantities"].push_back(q);
-    const std::string when =
-        times.contains("time") ? "  at " + format_time(times["time"]) + " s" : "";
+    const std::string when = time ? "  at " + format_time(*time) + " s" : "";
     out.text +=
         format("  %-18s %16s of %16s%s%s\n", name, format_count(value).c_str(),
                format_count(limit).c_str(), when.c_str(), value <= limit ? "" : "  too many");
@@ -120,16 +121,13 @@ Judgement judge(const DecoderHandle& decoder, const Claim& claim) {
   }
   out.text += "limits of level " + level_text(level) + "\n";
   quantity("instant_gaussians", c.instant_gaussians, limits.instant_gaussians,
-           {{"time", c.instant_gaussians_time}});
-  quantity("table_bytes", c.table_bytes, limits.table_bytes, Json::object());
-  quantity("instant_bytes", c.instant_bytes, limits.instant_bytes,
-           {{"time", c.instant_bytes_time}});
-  quantity("start_bytes", c.start_bytes, limits.start_bytes, Json::object());
-  quantity("burst_bytes", c.least_burst_bytes, limits.burst_bytes,
-           {{"time", c.window_begin},
-            {"time_end", c.window_end},
-            {"bytes_per_second", c.bytes_per_second}});
-  quantity("memory_bytes", c.memory_bytes, limits.memory_bytes, {{"time", c.memory_time}});
+           c.instant_gaussians_time);
+  quantity("table_bytes", c.table_bytes, limits.table_bytes, {});
+  quantity("instant_bytes", c.instant_bytes, limits.instant_bytes, c.instant_bytes_time);
+  quantity("start_bytes", c.start_bytes, limits.start_bytes, {});
+  quantity("burst_bytes", c.least_burst_bytes, limits.burst_bytes, c.window_begin,
+           {{"time_end", c.window_end}, {"bytes_per_second", c.bytes_per_second}});
+  quantity("memory_bytes", c.memory_bytes, limits.memory_bytes, c.memory_time);
   out.json["least_bytes_per_second"] =
       c.least_bytes_per_second == UINT64_MAX ? Json() : Json(c.least_bytes_per_second);
   return out;
@@ -192,13 +190,13 @@ Outcome run_validate(Context& context, const ValidateArguments& arguments) {
 
 void add_validate(Registry& registry) {
   auto arguments = std::make_shared<ValidateArguments>();
-  CLI::App* verb =
+  Verb* verb =
       add_verb(registry, "validate", "Check a stream against every rule of the format",
                [arguments](Context& context) { return run_validate(context, *arguments); });
   verb->add_option("input", arguments->input, ".l4d to check, '-' = stdin")->required();
   verb->add_option("--max-errors", arguments->max_errors, "Violations to list; all are counted")
       ->type_name("N")
-      ->transform(whole_number(0))
+      ->whole_number(0)
       ->capture_default_str();
   verb->add_option("--profile", arguments->profile,
                    "Also hold the stream against this profile: indexed, main, lossless")

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <CLI/Version.hpp>
 #include <cstring>
 
 #include "cli/common.h"
