@@ -11,8 +11,7 @@
 #include <sstream>
 #include <string_view>
 
-#include "cli/common.h"
-#include "cli/text/help.h"
+#include "cli/commands.h"
 #include "cli/text/progress.h"
 #include "cli/text/units.h"
 
@@ -161,27 +160,10 @@ int run(int argc, char** argv) {
   } else if (!words.empty() && words[0] == "--version") {
     words[0] = "version";
   }
-  CLI::App app("Codec for long dynamic Gaussian-splat scenes", "l4dcodec");
-  app.require_subcommand(0, 1);
-  app.formatter(std::make_shared<HelpFormatter>());
-  app.footer(
-      "Exit codes: 0 done, 1 the answer is no, 2 usage, 3 I/O, 4 corrupt input,\n"
-      "5 valid but unsupported, 6 over a limit, 7 runtime, 130 cancelled.\n"
-      "See l4dcodec COMMAND --help; l4dcodec --version.");
-
-  Context context;
-  Registry registry{&app, &context, nullptr, "", {}};
-  add_encode(registry);
-  add_decode(registry);
-  add_info(registry);
-  add_slice(registry);
-  add_render(registry);
-  add_validate(registry);
-  add_compare(registry);
-  add_sensitivity(registry);
-  add_synth(registry);
-  add_version(registry);
-  for (Verb& verb : registry.verbs) add_common_options(&verb, context.options);
+  CommandLine line;
+  CLI::App& app = *line.app;
+  Context& context = line.context;
+  Registry& registry = line.registry;
 
   try {
     // CLI11 takes them last first.

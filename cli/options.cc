@@ -26,6 +26,13 @@ Option* Option::one_of(const std::vector<std::string>& values) {
   return this;
 }
 
+Option* Option::offers(const std::vector<std::string>& values) {
+  // In the form in which CLI::IsMember tells its choices.
+  option_->check(CLI::Validator([](std::string&) { return std::string(); },
+                                "{" + CLI::detail::join(values, ",") + "}"));
+  return this;
+}
+
 Option* Option::whole_number(uint64_t min, uint64_t max) {
   // An empty name, so that help does not repeat the range behind the type.
   option_->transform(CLI::Validator(

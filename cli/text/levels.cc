@@ -29,6 +29,20 @@ uint32_t parse_level(const std::string& text, const std::string& option) {
   throw usage_error(option + ": one of " + names);
 }
 
+std::vector<std::string> profile_names() {
+  std::vector<std::string> names;
+  for (uint32_t p = 1; l4d_profile_name(p) != nullptr; ++p) names.push_back(l4d_profile_name(p));
+  return names;
+}
+
+std::vector<std::string> level_names() {
+  std::vector<std::string> names;
+  for (uint32_t level = 1; level <= L4D_NUM_LEVELS; ++level) {
+    names.push_back(limits_of_level(level, L4D_PROFILE_NONE).name);
+  }
+  return names;
+}
+
 std::string profile_text(uint32_t profile) {
   const char* name = l4d_profile_name(profile);
   return name != nullptr ? name : std::to_string(profile) + " (unknown)";

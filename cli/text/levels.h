@@ -3,6 +3,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "cli/common.h"
 
@@ -12,6 +13,10 @@ namespace l4d::cli {
 uint32_t parse_profile(const std::string& text, const std::string& option);
 // By number or name: "1", "phone".
 uint32_t parse_level(const std::string& text, const std::string& option);
+
+// All of them, in order.
+std::vector<std::string> profile_names();
+std::vector<std::string> level_names();
 
 // "main"; "none" for 0.
 std::string profile_text(uint32_t profile);

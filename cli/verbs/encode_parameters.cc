@@ -129,11 +129,13 @@ void EncodeParameters::add_options(Verb* verb) {
                    "Profile to keep to and declare: indexed, main, lossless; unless set, the "
                    "narrowest that the coding keeps to")
       ->type_name("NAME")
+      ->offers(profile_names())
       ->group(group);
   verb->add_option("--level", level,
                    "Conformance level to keep to and declare, by number or name (validate --help "
                    "lists them); unless set, the lowest that the stream keeps to")
       ->type_name("N")
+      ->offers(level_names())
       ->group(group);
   verb->add_flag("--drop-invalid", drop_invalid,
                  "Drop Gaussians that cannot be coded (NaN, infinite, out of range) instead of "

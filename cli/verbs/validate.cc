@@ -200,12 +200,14 @@ void add_validate(Registry& registry) {
       ->capture_default_str();
   verb->add_option("--profile", arguments->profile,
                    "Also hold the stream against this profile: indexed, main, lossless")
-      ->type_name("NAME");
+      ->type_name("NAME")
+      ->offers(profile_names());
   verb->add_option(
           "--level", arguments->level,
           "Also hold the stream against this conformance level, by number or name: 1 phone,\n"
           "2 headset, 3 laptop, 4 desktop, 5 workstation, 6 studio")
-      ->type_name("N");
+      ->type_name("N")
+      ->offers(level_names());
   verb->footer(
       "Exit code: 0 valid and of the profile and level asked for, 1 not so, 3 or 4 unreadable, 5 "
       "of a\n"

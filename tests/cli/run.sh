@@ -25,7 +25,7 @@ for name in "$@"; do
   status=0
   (
     cd "$folder"
-    L4DCODEC=$tool ROOT=$root DATA=${L4D_DATA_DIR:-$root/../shared/data} \
+    L4DCODEC=$tool PAGES=$(dirname "$tool")/../pages ROOT=$root DATA=${L4D_DATA_DIR:-$root/../shared/data} \
       PYTHON=${PYTHON:-python3} bash -euo pipefail -c '. "$1"; . "$2"' _ \
       "$here/lib.sh" "$here/t_$name.sh"
   ) || status=$?

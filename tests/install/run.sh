@@ -59,12 +59,14 @@ if [[ $kind != decoder ]]; then
 fi
 
 echo "== files"
-# What depends on options: the tool with its pages, and the CUDA runtime.
 (cd "$prefix" && find . -type f -o -type l) |
   sed -e 's|^\./||' -e "s|^$libdir/|LIBDIR/|" -e 's|-release\.cmake$|-CONFIG.cmake|' \
-    -e 's|-debug\.cmake$|-CONFIG.cmake|' -e "s|$version|VERSION|" |
-  grep -v -e '^bin/l4dcodec$' -e '^LIBDIR/libl4dcudart\.a$' | LC_ALL=C sort | compare "files-$kind.txt"
+    -e 's|-debug\.cmake$|-CONFIG.cmake|' -e "s|$version|VERSION|" | LC_ALL=C sort >"$work/files"
+# What depends on options: the tool with its pages, and the CUDA runtime.
+tool='^(bin|share/(man|bash-completion|zsh|fish))/'
+grep -vE -e "$tool" -e '^LIBDIR/libl4dcudart\.a$' "$work/files" | compare "files-$kind.txt"
 if [[ $(cache_value L4D_BUILD_CLI) == ON ]]; then
+  grep -E "$tool" "$work/files" | compare files-tool.txt
   LD_LIBRARY_PATH=$library "$prefix/bin/l4dcodec" version
 fi
 # Nothing names a place that only the machine which built it has.
