@@ -55,9 +55,10 @@ class Pieces {
 Status read_codebooks(SceneFile& file, const ComponentCoding& coding, uint32_t layer, unsigned c) {
   const CodebookData* book = nullptr;
   for (unsigned s = 0; s < coding.num_books(); ++s) {
-    L4D_RETURN_IF_ERROR(file.codebook(layer, c, s, &book));
+    L4D_RETURN_IF_ERROR(file.codebooks().codebook(layer, c, s, &book));
   }
-  return coding.has_rcq ? file.codebook(layer, c, SceneFile::kRcqStage, &book) : Status();
+  if (!coding.has_rcq) return {};
+  return file.codebooks().codebook(layer, c, CodebookCache::kRcqStage, &book);
 }
 
 Status read_layer(SceneFile& file, uint32_t l) {
@@ -67,13 +68,12 @@ Status read_layer(SceneFile& file, uint32_t l) {
   }
   if (layer.num_gaussians == 0) return {};
   const EntropyTables* tables = nullptr;
-  if (layer.has_entropy) L4D_RETURN_IF_ERROR(file.entropy_tables(l, &tables));
+  if (layer.has_entropy) L4D_RETURN_IF_ERROR(file.codebooks().entropy_tables(l, &tables));
   uint64_t total = 0;
   for (uint32_t d = 0; d < num_directory_pages(layer); ++d) {
-    std::vector<const DirectoryPage*> pages;
-    L4D_RETURN_IF_ERROR(file.directory_pages(l, d, d, &pages));
-    if (pages[0] == nullptr) continue;
-    for (const PageRecord& record : pages[0]->pages) {
+    DirectoryPageRef read;
+    L4D_RETURN_IF_ERROR(file.directory().page(l, d, &read));
+    for (const PageRecord& record : read->page.pages) {
       total += record.num_gaussians;
       for (const ChunkRef* chunk : {&record.chunk, &record.sh_detail}) {
         if (chunk->offset + chunk->stored_bytes > file.source().size()) {

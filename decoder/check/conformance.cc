@@ -7,7 +7,7 @@ namespace l4d {
 
 Status measure_conformance(SceneFile& file, StreamConformance* out) {
   const auto& layers = file.header().layers;
-  std::vector<const DirectoryPage*> pages;
+  std::vector<DirectoryPageRef> pages;
   for (uint32_t l = 0; l < layers.size(); ++l) {
     if (layers[l].num_gaussians == 0) continue;
     uint64_t gaussians = 0;
@@ -16,17 +16,18 @@ Status measure_conformance(SceneFile& file, StreamConformance* out) {
     constexpr uint32_t kWindow = 64;
     for (uint32_t begin = 0; begin < end; begin += kWindow) {
       const uint32_t last = std::min(begin + kWindow, end) - 1;
-      L4D_RETURN_IF_ERROR(file.directory_pages(l, begin, last, &pages));
+      L4D_RETURN_IF_ERROR(file.directory().pages(l, begin, last, &pages));
       uint64_t bytes = pages.size() * ConformanceMeter::kBytesPerDirectoryPage;
-      for (const DirectoryPage* page : pages) {
-        if (page == nullptr) continue;
-        bytes += (page->pages.size() + page->blocks.size()) * ConformanceMeter::kBytesPerPage;
-        for (const PageRecord& record : page->pages) gaussians += record.num_gaussians;
+      for (const DirectoryPageRef& read : pages) {
+        const DirectoryPage& page = read->page;
+        bytes += (page.pages.size() + page.blocks.size()) * ConformanceMeter::kBytesPerPage;
+        for (const PageRecord& record : page.pages) gaussians += record.num_gaussians;
       }
       // A vector that grows holds the old elements, the new ones and room for as many again.
       L4D_RETURN_IF_ERROR(out->memory.take(3 * bytes, "the times at which pages are needed"));
       for (uint32_t d = begin; d <= last; ++d) {
-        out->meter.add_directory_page(l, d, file.directory_bytes(l, d), pages[d - begin]);
+        const LoadedDirectoryPage& page = *pages[d - begin];
+        out->meter.add_directory_page(l, d, page.stored_bytes, &page.page);
       }
       file.trim();
     }

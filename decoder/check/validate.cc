@@ -127,7 +127,7 @@ class Validator {
     L4D_RETURN_IF_ERROR(take(stage.codebook, what, &taken));
     note_shared(taken);
     if (taken.num_shared > 0) return {};
-    return note(file_.codebook(layer, c, index, &book));
+    return note(file_.codebooks().codebook(layer, c, index, &book));
   }
 
   Status check_codebooks(const ComponentCoding& coding, uint32_t layer, unsigned c) {
@@ -135,7 +135,7 @@ class Validator {
       L4D_RETURN_IF_ERROR(check_codebook(coding.book(s), "a codebook", layer, c, s));
     }
     if (!coding.has_rcq) return {};
-    return check_codebook(coding.rcq, "a residual codebook", layer, c, SceneFile::kRcqStage);
+    return check_codebook(coding.rcq, "a residual codebook", layer, c, CodebookCache::kRcqStage);
   }
 
   Status check_layer(uint32_t l) {
@@ -148,7 +148,7 @@ class Validator {
       note_shared(taken);
       // Whether the layer may have rANS pages matters where it has one.
       if (taken.num_shared == 0 && rans_codable(file_.header(), layer)) {
-        L4D_RETURN_IF_ERROR(note(file_.entropy_tables(l, &tables)));
+        L4D_RETURN_IF_ERROR(note(file_.codebooks().entropy_tables(l, &tables)));
       }
     }
     // Of a table that the file does not hold, what it does hold.
@@ -193,12 +193,12 @@ class Validator {
     Taken taken;
     if (status.ok()) L4D_RETURN_IF_ERROR(take(entry.chunk, "a directory page", &taken));
     note_shared(taken);
-    std::vector<const DirectoryPage*> pages{nullptr};
-    if (status.ok() && taken.num_shared == 0) status = file_.directory_pages(l, d, d, &pages);
+    DirectoryPageRef read;
+    if (status.ok() && taken.num_shared == 0) status = file_.directory().page(l, d, &read);
     *whole = *whole && status.ok() && taken.num_shared == 0;
     if (!status.ok()) return note(status);
-    if (pages[0] == nullptr) return {};
-    const DirectoryPage page = *pages[0];  // the cache may drop it meanwhile
+    if (read == nullptr) return {};
+    const DirectoryPage& page = read->page;
     Taken parts;
     std::vector<bool> block_is_shared(page.blocks.size());
     for (size_t b = 0; b < page.blocks.size(); ++b) {
@@ -216,7 +216,7 @@ class Validator {
       L4D_RETURN_IF_ERROR(take(record.sh_detail, "the SH detail of a page", &parts));
       const bool shared =
           parts.num_shared > before || (record.block != kNoBlock && block_is_shared[record.block]);
-      if (!shared) L4D_RETURN_IF_ERROR(note(check_page(l, d, record)));
+      if (!shared) L4D_RETURN_IF_ERROR(note(check_page(l, d, read, record)));
       L4D_RETURN_IF_ERROR(advance(record.num_gaussians));
     }
     note_shared(parts);
@@ -225,7 +225,8 @@ class Validator {
   }
 
   // Decodes one page and holds its Gaussians against the bucket it lies in.
-  Status check_page(uint32_t l, uint32_t d, const PageRecord& record) {
+  Status check_page(uint32_t l, uint32_t d, const DirectoryPageRef& directory,
+                    const PageRecord& record) {
     for (const ChunkRef* part : {&record.chunk, &record.sh_detail}) {
       if (!in_file(part->offset, part->stored_bytes)) return beyond_file(*part);
     }
@@ -244,6 +245,7 @@ class Validator {
     task.record = record;
     task.layer = l;
     task.directory_index = d;
+    if (record.block != kNoBlock) task.directory = directory;
     plan.tasks.push_back(task);
     position_.resize(3 * n);
     mean_.resize(n);

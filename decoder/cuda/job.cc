@@ -46,8 +46,7 @@ Status first_failure(std::vector<Status>& all) {
 }  // namespace
 
 Status Job::prepare(const l4d_query& query, uint32_t attributes, uint32_t forms) {
-  file_.trim();
-  file_.retry();
+  file_.begin_query();
   charge_ = std::make_unique<MemoryCharge>(file_.memory());
   L4D_RETURN_IF_ERROR(make_plan(file_, query, nullptr, &plan_));
   const bool expands = (forms & L4D_CUDA_FORM_EXPANDED) != 0;
@@ -90,7 +89,7 @@ Status Job::add_pages() {
     if (!is_device_page(record)) continue;
     L4D_RETURN_IF_ERROR(tables_.load(task.layer, wants_));
     const EntropyTables* entropy = nullptr;
-    L4D_RETURN_IF_ERROR(file_.entropy_tables(task.layer, &entropy));
+    L4D_RETURN_IF_ERROR(file_.codebooks().entropy_tables(task.layer, &entropy));
     const bool detail = record.has_sh_detail() && with_detail_;
     const bool whole = detail || !record.has_sh_detail();
     const l4d_range& range = plan_.ranges[task.range];
@@ -127,28 +126,14 @@ Status Job::add_pages() {
   return {};
 }
 
-Status Job::block_of(const PageTask& task, BlockRecord* out) {
-  std::vector<const DirectoryPage*> pages;
-  L4D_RETURN_IF_ERROR(
-      file_.directory_pages(task.layer, task.directory_index, task.directory_index, &pages));
-  // A file that changes under the reader can lose the block between two reads.
-  if (pages[0] == nullptr || task.record.block >= pages[0]->blocks.size()) {
-    return corrupt("DIR-6", Status::kNoOffset, "a block does not exist any more");
-  }
-  *out = pages[0]->blocks[task.record.block];
-  return {};
-}
-
 Status Job::add_books(const PageTask& task, DevicePage* page) {
   const SceneHeader& header = file_.header();
   const LayerHeader& layer = header.layers[task.layer];
-  BlockRecord block;
-  const bool has_block = task.record.block != kNoBlock;
-  if (has_block) L4D_RETURN_IF_ERROR(block_of(task, &block));
+  const BlockRecord* const block = task.block();
   for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
     page->book[c] = kNoBook;
-    page->stage0_entries[c] = stage0_entries(header, layer, c, has_block ? &block : nullptr);
-    if (!wants_[c] || !has_block || block.tables[c].num_entries == 0) continue;
+    page->stage0_entries[c] = stage0_entries(header, layer, c, block);
+    if (!wants_[c] || block == nullptr || block->tables[c].num_entries == 0) continue;
     const BlockKey key{task.layer, task.directory_index, task.record.block, c};
     const auto known = book_of_.find(key);
     if (known != book_of_.end()) {
@@ -157,7 +142,7 @@ Status Job::add_books(const PageTask& task, DevicePage* page) {
     }
     const CodebookData* book = nullptr;
     L4D_RETURN_IF_ERROR(
-        file_.block_codebook(task.layer, c, task.directory_index, task.record.block, &book));
+        file_.codebooks().block_codebook(task.block_id(), c, block->tables[c], &book));
     // Until lay_out(), its place in the list.
     page->book[c] = book_of_[key] = books_.size();
     books_.emplace_back(book, 0);

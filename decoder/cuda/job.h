@@ -72,7 +72,6 @@ class Job {
 
   Status add_pages();
   Status add_books(const PageTask& task, DevicePage* page);
-  Status block_of(const PageTask& task, BlockRecord* out);
   Status lay_out();
   unsigned value_columns(unsigned c) const;
   Status fill_staging();

@@ -177,7 +177,7 @@ Status LayerTables::upload(const void* data, size_t bytes, const void** out) {
 
 Status LayerTables::load_entropy(uint32_t layer) {
   const EntropyTables* tables = nullptr;
-  L4D_RETURN_IF_ERROR(file_.entropy_tables(layer, &tables));
+  L4D_RETURN_IF_ERROR(file_.codebooks().entropy_tables(layer, &tables));
   const size_t idle = tables->entries.size() / kRansSlots;
   const size_t count = idle + 1;
   std::vector<uint64_t> records(count * kTableRecords);
@@ -219,7 +219,7 @@ Status LayerTables::load_component(uint32_t layer, unsigned c) {
   }
   for (unsigned s = 0; s < coding.num_books(); ++s) {
     const CodebookData* book = nullptr;
-    L4D_RETURN_IF_ERROR(file_.codebook(layer, c, s, &book));
+    L4D_RETURN_IF_ERROR(file_.codebooks().codebook(layer, c, s, &book));
     const void* at = nullptr;
     L4D_RETURN_IF_ERROR(upload(book->entries.data(), book->memory_bytes(), &at));
     to.book[s] = static_cast<const float*>(at);

@@ -62,30 +62,25 @@ void PageDecoder::give_scratch(std::unique_ptr<PageScratch> scratch) {
   scratch_.push_back(std::move(scratch));
 }
 
-const BlockRecord* PageDecoder::block_of(const PageTask& task) const {
-  if (task.record.block == kNoBlock) return nullptr;
-  return &blocks_.at({{task.layer, task.directory_index}, task.record.block});
-}
-
 Status PageDecoder::resolve_books(const PageTask& task, const PageWants& wants, PageBooks* out) {
   const SceneHeader& header = file_.header();
   const LayerHeader& layer = header.layers[task.layer];
   const bool want[L4D_COMPONENT_COUNT] = {wants.sh, wants.scale, wants.rotor, wants.rotor};
-  const BlockRecord* block = block_of(task);
+  const BlockRecord* block = task.block();
   for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
     if (!want[c]) continue;
     const ComponentCoding& coding = header.component(layer, c);
     if (coding.transform()) {
-      L4D_RETURN_IF_ERROR(file_.codebook(task.layer, c, 0, &out->book[c][0]));
+      L4D_RETURN_IF_ERROR(file_.codebooks().codebook(task.layer, c, 0, &out->book[c][0]));
       continue;
     }
     const size_t stages = coding.stages.size();
     for (unsigned s = 0; s < stages; ++s) {
       if (s == 0 && block != nullptr && block->tables[c].num_entries != 0) {
-        L4D_RETURN_IF_ERROR(file_.block_codebook(task.layer, c, task.directory_index,
-                                                 task.record.block, &out->book[c][s]));
+        L4D_RETURN_IF_ERROR(file_.codebooks().block_codebook(task.block_id(), c, block->tables[c],
+                                                             &out->book[c][s]));
       } else {
-        L4D_RETURN_IF_ERROR(file_.codebook(task.layer, c, s, &out->book[c][s]));
+        L4D_RETURN_IF_ERROR(file_.codebooks().codebook(task.layer, c, s, &out->book[c][s]));
       }
     }
   }
@@ -118,28 +113,14 @@ Status PageDecoder::parse_page(const PageTask& task, ByteSpan bytes, const ByteS
     }
     const bool decodes_detail = detail != nullptr && detail_status->ok();
     return decode_rans_page(scratch.rans, parts, header, header.layers[task.layer], *tables,
-                            block_of(task), task.record.num_gaussians, &scratch.columns, sections,
+                            task.block(), task.record.num_gaussians, &scratch.columns, sections,
                             decodes_detail ? detail_status : nullptr);
   }
   L4D_RETURN_IF_ERROR(decode_chunk(scratch.stream, chunk.codec, bytes, chunk.raw_bytes,
                                    max_page_bytes(header, task.record.num_gaussians), chunk.offset,
                                    scratch.storage, &raw));
   return decode_page(scratch.stream, raw, chunk.offset, header, header.layers[task.layer],
-                     block_of(task), task.record.num_gaussians, wants, &scratch.columns, sections);
-}
-
-Status PageDecoder::find_block(const PageTask& task) {
-  if (task.record.block == kNoBlock) return {};
-  std::vector<const DirectoryPage*> pages;
-  L4D_RETURN_IF_ERROR(
-      file_.directory_pages(task.layer, task.directory_index, task.directory_index, &pages));
-  // A file that changes under the reader can lose the block between two reads.
-  if (pages[0] == nullptr || task.record.block >= pages[0]->blocks.size()) {
-    return corrupt("DIR-6", Status::kNoOffset, "a block does not exist any more");
-  }
-  blocks_[{{task.layer, task.directory_index}, task.record.block}] =
-      pages[0]->blocks[task.record.block];
-  return {};
+                     task.block(), task.record.num_gaussians, wants, &scratch.columns, sections);
 }
 
 Status PageDecoder::for_each_page(const Plan& plan, size_t begin, size_t end,
@@ -149,7 +130,8 @@ Status PageDecoder::for_each_page(const Plan& plan, size_t begin, size_t end,
     // Every page needs these: without them there is nothing to go on with.
     const CodebookData* book = nullptr;
     for (unsigned s = 0; s < file_.header().sh.num_books(); ++s) {
-      L4D_RETURN_IF_ERROR(file_.codebook(plan.tasks[begin].layer, L4D_COMPONENT_SH, s, &book));
+      L4D_RETURN_IF_ERROR(
+          file_.codebooks().codebook(plan.tasks[begin].layer, L4D_COMPONENT_SH, s, &book));
     }
   }
   const bool with_detail = wants.sh && wants.sh_detail;
@@ -166,13 +148,11 @@ Status PageDecoder::for_each_page(const Plan& plan, size_t begin, size_t end,
     std::vector<Status>& detail_status = batch.detail_status;
     std::vector<PageBooks> books(n);
     std::vector<const EntropyTables*> tables(n, nullptr);
-    blocks_.clear();
     for (size_t i = 0; i < n; ++i) {
       if (!status[i].ok()) continue;
       const PageTask& task = plan.tasks[batch.begin + i];
-      status[i] = find_block(task);
-      if (status[i].ok() && is_rans(task.record)) {
-        status[i] = file_.entropy_tables(task.layer, &tables[i]);
+      if (is_rans(task.record)) {
+        status[i] = file_.codebooks().entropy_tables(task.layer, &tables[i]);
       }
       if (status[i].ok() && need_books) status[i] = resolve_books(task, wants, &books[i]);
       if (!status[i].ok() && (lost == nullptr || !is_loss(status[i]))) return std::move(status[i]);

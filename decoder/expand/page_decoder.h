@@ -64,15 +64,12 @@ class PageDecoder {
   Status for_each_page(const Plan& plan, size_t begin, size_t end, const PageWants& wants,
                        bool need_books, SectionBytes* sections, const PageBody& body,
                        const Progress& progress, LostPages* lost);
-  // What a page needs besides its bytes: the record of its block, and codebooks.
-  Status find_block(const PageTask& task);
   // tables: null unless the page is coded with them. `detail`: the bytes of the second part where
   // it is there and wanted, else null; *detail_status says what became of it.
   Status parse_page(const PageTask& task, ByteSpan bytes, const ByteSpan* detail,
                     const PageWants& wants, const EntropyTables* tables, PageScratch& scratch,
                     SectionBytes* sections, Status* detail_status);
   Status resolve_books(const PageTask& task, const PageWants& wants, PageBooks* out);
-  const BlockRecord* block_of(const PageTask& task) const;
   std::unique_ptr<PageScratch> take_scratch();
   void give_scratch(std::unique_ptr<PageScratch> scratch);
 
@@ -82,8 +79,6 @@ class PageDecoder {
   uint64_t pages_decoded_ = 0;
   std::mutex scratch_mutex_;
   std::vector<std::unique_ptr<PageScratch>> scratch_;
-  // Block records of the pages at hand, copied: the directory cache may be trimmed meanwhile.
-  std::map<std::pair<std::pair<uint32_t, uint32_t>, uint32_t>, BlockRecord> blocks_;
 };
 
 }  // namespace l4d

@@ -16,8 +16,14 @@ struct PageTask {
   PageRecord record;
   uint32_t layer = 0;
   uint32_t directory_index = 0;
-  uint32_t range = 0;  // index in Plan.ranges
-  uint64_t first = 0;  // first Gaussian in the decoded arrays
+  uint32_t range = 0;          // index in Plan.ranges
+  uint64_t first = 0;          // first Gaussian in the decoded arrays
+  DirectoryPageRef directory;  // of which the record names a block, else null
+
+  const BlockRecord* block() const {
+    return directory == nullptr ? nullptr : &directory->page.blocks[record.block];
+  }
+  BlockId block_id() const { return {layer, directory_index, record.block}; }
 };
 
 struct Plan {
@@ -35,7 +41,7 @@ struct Plan {
 Status make_plan(SceneFile& file, const l4d_query& query, Losses* losses, Plan* out);
 
 // Id of a block, unique in its layer: what l4d_range.block holds.
-inline uint32_t block_id(uint32_t directory_index, uint32_t block) {
+inline uint32_t range_block(uint32_t directory_index, uint32_t block) {
   return directory_index << 8 | block;
 }
 

@@ -74,8 +74,7 @@ PageDecoder::Progress Decoder::progress(const char* stage) const {
 
 Status Decoder::begin_query(const l4d_query& query, Plan* plan) {
   losses_.begin_query();
-  file_->trim();
-  file_->retry();
+  file_->begin_query();
   return make_plan(*file_, query, losses_if_tolerant(), plan);
 }
 
@@ -199,22 +198,22 @@ Status Decoder::codebook(uint32_t layer, uint32_t component, uint32_t stage, uin
   if (stage >= coding.stages.size()) return {};
   const CodebookData* book = nullptr;
   if (block == L4D_NO_BLOCK || stage > 0) {
-    L4D_RETURN_IF_ERROR(file_->codebook(layer, component, stage, &book));
+    L4D_RETURN_IF_ERROR(file_->codebooks().codebook(layer, component, stage, &book));
   } else {
     const uint32_t directory_index = block >> 8;
     const uint32_t index = block & 0xff;
     if (directory_index >= num_directory_pages(header.layers[layer])) {
       return invalid_argument("no such block");
     }
-    std::vector<const DirectoryPage*> pages;
-    L4D_RETURN_IF_ERROR(file_->directory_pages(layer, directory_index, directory_index, &pages));
-    if (pages[0] == nullptr || index >= pages[0]->blocks.size()) {
-      return invalid_argument("no such block");
-    }
-    if (pages[0]->blocks[index].tables[component].num_entries == 0) {
-      L4D_RETURN_IF_ERROR(file_->codebook(layer, component, stage, &book));
+    DirectoryPageRef read;
+    L4D_RETURN_IF_ERROR(file_->directory().page(layer, directory_index, &read));
+    if (index >= read->page.blocks.size()) return invalid_argument("no such block");
+    const RcqTableRef& table = read->page.blocks[index].tables[component];
+    if (table.num_entries == 0) {
+      L4D_RETURN_IF_ERROR(file_->codebooks().codebook(layer, component, stage, &book));
     } else {
-      L4D_RETURN_IF_ERROR(file_->block_codebook(layer, component, directory_index, index, &book));
+      L4D_RETURN_IF_ERROR(file_->codebooks().block_codebook({layer, directory_index, index},
+                                                            component, table, &book));
     }
   }
   out->entries = book->entries.data();
@@ -224,8 +223,7 @@ Status Decoder::codebook(uint32_t layer, uint32_t component, uint32_t stage, uin
 
 Status Decoder::sections(uint64_t* sections, uint64_t* layer_bytes) {
   const SceneHeader& header = file_->header();
-  file_->trim();
-  file_->retry();
+  file_->begin_query();
   l4d_query all{};
   all.struct_size = sizeof all;
   all.kind = L4D_QUERY_ALL;
@@ -246,14 +244,12 @@ Status Decoder::sections(uint64_t* sections, uint64_t* layer_bytes) {
     bytes[L4D_SECTION_ENTROPY_TABLES] += tables;
     layers[l] += books + tables;
     if (header.layers[l].num_gaussians == 0) continue;
-    std::vector<const DirectoryPage*> page;
+    DirectoryPageRef read;
     for (uint32_t d = 0; d < num_directory_pages(header.layers[l]); ++d) {
-      L4D_RETURN_IF_ERROR(file_->directory_pages(l, d, d, &page));
-      const uint64_t directory = file_->directory_bytes(l, d);
-      bytes[L4D_SECTION_DIRECTORY] += directory;
-      layers[l] += directory;
-      if (page[0] == nullptr) continue;
-      for (const BlockRecord& block : page[0]->blocks) {
+      L4D_RETURN_IF_ERROR(file_->directory().page(l, d, &read));
+      bytes[L4D_SECTION_DIRECTORY] += read->stored_bytes;
+      layers[l] += read->stored_bytes;
+      for (const BlockRecord& block : read->page.blocks) {
         for (const RcqTableRef& t : block.tables) {
           bytes[L4D_SECTION_RCQ_TABLES] += t.chunk.stored_bytes;
           layers[l] += t.chunk.stored_bytes;
