@@ -127,7 +127,7 @@ Status PageDecoder::pack(const Plan& plan, l4d_packed_buffers& out, const Progre
       return !progress || progress(begin + done, plan.tasks.size());
     };
     L4D_RETURN_IF_ERROR(for_each_page(
-        plan, begin, end, wants, false, nullptr,
+        {plan, begin, end, wants, lost, false}, progress_of_all,
         [&](size_t t, const PageColumns& columns, const PageBooks&, PageScratch&) {
           const PageTask& task = plan.tasks[t];
           const LayerHeader& layer = header.layers[task.layer];
@@ -170,8 +170,7 @@ Status PageDecoder::pack(const Plan& plan, l4d_packed_buffers& out, const Progre
                 from.literal.begin(),
                 from.literal.begin() + static_cast<std::ptrdiff_t>(literals.count * dim));
           }
-        },
-        progress_of_all, lost));
+        }));
     for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
       l4d_packed_component& p = out.component[c];
       for (const auto& page : gathered) {

@@ -2,32 +2,17 @@
 #include "decoder/expand/page_decoder.h"
 
 #include "decoder/read/page_batch.h"
-#include "libl4dcodec/base/hash.h"
 #include "libl4dcodec/base/threads.h"
 #include "libl4dcodec/container/page.h"
 
 namespace l4d {
-namespace {
 
-bool is_rans(const PageRecord& record) {
-  return record.chunk.codec == static_cast<uint32_t>(ChunkCodec::kRans32);
-}
-
-Status check_hash(ByteSpan bytes, const ChunkRef& chunk, const char* what) {
-  if (hash64(bytes) == chunk.hash) return {};
-  return Status(L4D_ERR_CHECKSUM, "CHNK-2", chunk.offset,
-                std::string("checksum of ") + what + " does not match");
-}
-
-// What is known of a second part before it is decoded.
-Status check_detail(ByteSpan bytes, const PageRecord& record, const SceneHeader& header) {
-  if (bytes.size() > max_page_bytes(header, record.num_gaussians)) {
-    return corrupt("CHNK-8", record.sh_detail.offset, "SH detail longer than its content can be");
-  }
-  return check_hash(bytes, record.sh_detail, "the SH detail of a page");
-}
-
-}  // namespace
+// Pages that are read together, and what they need besides their bytes: [end - begin].
+struct PageDecoder::Batch : PageBatch {
+  std::vector<PageBooks> books;
+  std::vector<const EntropyTables*> tables;  // null unless the page is coded with them
+  static constexpr uint64_t kNotes = sizeof(PageBooks) + sizeof(EntropyTables*);
+};
 
 DecodeKernels decode_kernels_reference() {
   return {&stream_kernels_reference(),
@@ -87,109 +72,128 @@ Status PageDecoder::resolve_books(const PageTask& task, const PageWants& wants, 
   return {};
 }
 
-Status PageDecoder::parse_page(const PageTask& task, ByteSpan bytes, const ByteSpan* detail,
-                               const PageWants& wants, const EntropyTables* tables,
-                               PageScratch& scratch, SectionBytes* sections,
-                               Status* detail_status) {
-  const ChunkRef& chunk = task.record.chunk;
-  L4D_RETURN_IF_ERROR(check_hash(bytes, chunk, "a page"));
-  ByteSpan raw;
+Status PageDecoder::parse_rans_page(const PageTask& task, const EntropyTables& tables,
+                                    ByteSpan bytes, const ByteSpan* detail, PageScratch& scratch,
+                                    SectionBytes* sections, Status* detail_status) {
   const SceneHeader& header = file_.header();
-  if (tables != nullptr) {
-    if (chunk.raw_bytes != chunk.stored_bytes) {
-      return corrupt("CHNK-3", chunk.offset, "rANS page whose sizes differ");
-    }
-    if (chunk.stored_bytes > max_page_bytes(header, task.record.num_gaussians)) {
-      return corrupt("CHNK-8", chunk.offset, "rANS page longer than its content can be");
-    }
-    RansPageParts parts;
-    parts.first = bytes;
-    parts.first_at = chunk.offset;
-    parts.has_detail = task.record.has_sh_detail();
-    if (detail != nullptr && detail_status->ok()) {
-      *detail_status = check_detail(*detail, task.record, header);
-      parts.detail = *detail;
-      parts.detail_at = task.record.sh_detail.offset;
-    }
-    const bool decodes_detail = detail != nullptr && detail_status->ok();
-    return decode_rans_page(scratch.rans, parts, header, header.layers[task.layer], *tables,
-                            task.block(), task.record.num_gaussians, &scratch.columns, sections,
-                            decodes_detail ? detail_status : nullptr);
+  RansPageParts parts;
+  parts.first = bytes;
+  parts.first_at = task.record.chunk.offset;
+  parts.has_detail = task.record.has_sh_detail();
+  if (detail != nullptr && detail_status->ok()) {
+    *detail_status = check_page_part(header, task.record, true, *detail);
+    parts.detail = *detail;
+    parts.detail_at = task.record.sh_detail.offset;
   }
+  const bool decodes_detail = detail != nullptr && detail_status->ok();
+  return decode_rans_page(scratch.rans, parts, header, header.layers[task.layer], tables,
+                          task.block(), task.record.num_gaussians, &scratch.columns, sections,
+                          decodes_detail ? detail_status : nullptr);
+}
+
+Status PageDecoder::decode_one(const Pages& pages, size_t i, PageScratch& scratch,
+                               SectionBytes* sections, Batch* batch) {
+  const SceneHeader& header = file_.header();
+  const PageTask& task = pages.plan.tasks[batch->begin + i];
+  const ByteSpan bytes = batch->pages[i];
+  L4D_RETURN_IF_ERROR(check_page_part(header, task.record, false, bytes));
+  if (batch->tables[i] != nullptr) {
+    const bool has_detail = pages.with_detail() && task.record.has_sh_detail();
+    return parse_rans_page(task, *batch->tables[i], bytes,
+                           has_detail ? &batch->details[i] : nullptr, scratch, sections,
+                           &batch->detail_status[i]);
+  }
+  const ChunkRef& chunk = task.record.chunk;
+  ByteSpan raw;
   L4D_RETURN_IF_ERROR(decode_chunk(scratch.stream, chunk.codec, bytes, chunk.raw_bytes,
                                    max_page_bytes(header, task.record.num_gaussians), chunk.offset,
                                    scratch.storage, &raw));
   return decode_page(scratch.stream, raw, chunk.offset, header, header.layers[task.layer],
-                     task.block(), task.record.num_gaussians, wants, &scratch.columns, sections);
+                     task.block(), task.record.num_gaussians, pages.wants, &scratch.columns,
+                     sections);
 }
 
-Status PageDecoder::for_each_page(const Plan& plan, size_t begin, size_t end,
-                                  const PageWants& wants, bool need_books, SectionBytes* sections,
-                                  const PageBody& body, const Progress& progress, LostPages* lost) {
-  if (need_books && wants.sh && begin < end) {
-    // Every page needs these: without them there is nothing to go on with.
-    const CodebookData* book = nullptr;
-    for (unsigned s = 0; s < file_.header().sh.num_books(); ++s) {
-      L4D_RETURN_IF_ERROR(
-          file_.codebooks().codebook(plan.tasks[begin].layer, L4D_COMPONENT_SH, s, &book));
-    }
+Status PageDecoder::load_shared_books(const Pages& pages) {
+  if (!pages.need_books || !pages.wants.sh || pages.begin == pages.end) return {};
+  const CodebookData* book = nullptr;
+  for (unsigned s = 0; s < file_.header().sh.num_books(); ++s) {
+    L4D_RETURN_IF_ERROR(file_.codebooks().codebook(pages.plan.tasks[pages.begin].layer,
+                                                   L4D_COMPONENT_SH, s, &book));
   }
-  const bool with_detail = wants.sh && wants.sh_detail;
-  PageBatch batch;
-  batch.end = begin;
-  uint64_t done = 0;
-  while (batch.end < end) {
-    const uint64_t bytes = batch.choose_next(file_.header(), plan, end, with_detail);
-    const size_t n = batch.end - batch.begin;
+  return {};
+}
+
+Status PageDecoder::find_tables(const Pages& pages, Batch* batch) {
+  const size_t n = batch->end - batch->begin;
+  batch->books.assign(n, PageBooks());
+  batch->tables.assign(n, nullptr);
+  for (size_t i = 0; i < n; ++i) {
+    Status& status = batch->status[i];
+    if (!status.ok()) continue;
+    const PageTask& task = pages.plan.tasks[batch->begin + i];
+    if (is_rans_page(task.record)) {
+      status = file_.codebooks().entropy_tables(task.layer, &batch->tables[i]);
+    }
+    if (status.ok() && pages.need_books) {
+      status = resolve_books(task, pages.wants, &batch->books[i]);
+    }
+    if (!status.ok() && (pages.lost == nullptr || !is_loss(status))) return std::move(status);
+  }
+  return {};
+}
+
+void PageDecoder::decode_batch(const Pages& pages, const PageBody& body, Batch* batch) {
+  std::mutex sections_mutex;
+  parallel_for(threads_, batch->end - batch->begin, 1, [&](size_t first, size_t last) {
+    auto scratch = take_scratch();
+    for (size_t i = first; i < last; ++i) {
+      if (!batch->status[i].ok()) continue;
+      SectionBytes sections{};
+      batch->status[i] =
+          decode_one(pages, i, *scratch, pages.sections == nullptr ? nullptr : &sections, batch);
+      const Status& detail = batch->detail_status[i];
+      const bool whole = detail.ok() || (pages.lost != nullptr && is_loss(detail));
+      if (!batch->status[i].ok() || !whole) continue;
+      if (pages.sections != nullptr) {
+        std::lock_guard<std::mutex> lock(sections_mutex);
+        for (size_t s = 0; s < sections.size(); ++s) (*pages.sections)[s] += sections[s];
+      }
+      body(batch->begin + i, scratch->columns, batch->books[i], *scratch);
+    }
+    give_scratch(std::move(scratch));
+  });
+}
+
+Status PageDecoder::collect_failures(const Pages& pages, Batch* batch) {
+  const size_t n = batch->end - batch->begin;
+  size_t num_lost = 0;
+  for (size_t i = 0; i < n; ++i) {
+    const bool detail_only = batch->status[i].ok();
+    Status& failure = detail_only ? batch->detail_status[i] : batch->status[i];
+    if (failure.ok()) continue;
+    if (pages.lost == nullptr || !is_loss(failure)) return std::move(failure);
+    pages.lost->push_back({batch->begin + i, std::move(failure), detail_only});
+    num_lost += !detail_only;
+  }
+  pages_decoded_ += n - num_lost;
+  return {};
+}
+
+Status PageDecoder::for_each_page(const Pages& pages, const Progress& progress,
+                                  const PageBody& body) {
+  L4D_RETURN_IF_ERROR(load_shared_books(pages));
+  Batch batch;
+  batch.end = pages.begin;
+  while (batch.end < pages.end) {
+    const uint64_t bytes = batch.choose_next(file_.header(), pages.plan, pages.end,
+                                             pages.with_detail(), Batch::kNotes);
     MemoryCharge charge(file_.memory());
     L4D_RETURN_IF_ERROR(charge.take(bytes, "a batch of pages"));
-    L4D_RETURN_IF_ERROR(batch.read(file_.source(), lost != nullptr));
-    std::vector<Status>& status = batch.status;
-    std::vector<Status>& detail_status = batch.detail_status;
-    std::vector<PageBooks> books(n);
-    std::vector<const EntropyTables*> tables(n, nullptr);
-    for (size_t i = 0; i < n; ++i) {
-      if (!status[i].ok()) continue;
-      const PageTask& task = plan.tasks[batch.begin + i];
-      if (is_rans(task.record)) {
-        status[i] = file_.codebooks().entropy_tables(task.layer, &tables[i]);
-      }
-      if (status[i].ok() && need_books) status[i] = resolve_books(task, wants, &books[i]);
-      if (!status[i].ok() && (lost == nullptr || !is_loss(status[i]))) return std::move(status[i]);
-    }
-    std::mutex sections_mutex;
-    parallel_for(threads_, n, 1, [&](size_t first, size_t last) {
-      auto scratch = take_scratch();
-      for (size_t i = first; i < last; ++i) {
-        if (!status[i].ok()) continue;
-        SectionBytes page_sections{};
-        const PageTask& task = plan.tasks[batch.begin + i];
-        const bool has_detail = with_detail && task.record.has_sh_detail();
-        status[i] = parse_page(task, batch.pages[i], has_detail ? &batch.details[i] : nullptr,
-                               wants, tables[i], *scratch,
-                               sections == nullptr ? nullptr : &page_sections, &detail_status[i]);
-        const bool whole = detail_status[i].ok() || (lost != nullptr && is_loss(detail_status[i]));
-        if (!status[i].ok() || !whole) continue;
-        if (sections != nullptr) {
-          std::lock_guard<std::mutex> lock(sections_mutex);
-          for (size_t s = 0; s < page_sections.size(); ++s) (*sections)[s] += page_sections[s];
-        }
-        body(batch.begin + i, scratch->columns, books[i], *scratch);
-      }
-      give_scratch(std::move(scratch));
-    });
-    size_t num_lost = 0;
-    for (size_t i = 0; i < n; ++i) {
-      const bool detail_only = status[i].ok();
-      Status& failure = detail_only ? detail_status[i] : status[i];
-      if (failure.ok()) continue;
-      if (lost == nullptr || !is_loss(failure)) return std::move(failure);
-      lost->push_back({batch.begin + i, std::move(failure), detail_only});
-      num_lost += !detail_only;
-    }
-    done += n;
-    pages_decoded_ += n - num_lost;
-    if (progress && !progress(done, end - begin)) {
+    L4D_RETURN_IF_ERROR(batch.read(file_.source(), pages.lost != nullptr));
+    L4D_RETURN_IF_ERROR(find_tables(pages, &batch));
+    decode_batch(pages, body, &batch);
+    L4D_RETURN_IF_ERROR(collect_failures(pages, &batch));
+    if (progress && !progress(batch.end - pages.begin, pages.end - pages.begin)) {
       return Status(L4D_ERR_CANCELLED, "cancelled by the progress callback");
     }
   }
@@ -209,22 +213,20 @@ Status PageDecoder::expand(const Plan& plan, size_t begin, size_t end,
   wants.sh = out.sh != nullptr;
   wants.sh_detail = plan.detail == L4D_DETAIL_FULL;
   return for_each_page(
-      plan, begin, end, wants, true, nullptr,
+      {plan, begin, end, wants, lost}, progress,
       [&](size_t i, const PageColumns& columns, const PageBooks& books, PageScratch& scratch) {
         const PageTask& task = plan.tasks[i];
         PageExpander(file_.header(), file_.header().layers[task.layer], columns, books,
                      kernels_.expand, scratch.expand)
             .run(plan.ranges[task.range], static_cast<size_t>(task.first), out);
-      },
-      progress, lost);
+      });
 }
 
 Status PageDecoder::probe(const Plan& plan, LostPages* lost) {
   PageWants wants;
   wants.sh_detail = plan.detail == L4D_DETAIL_FULL;
-  return for_each_page(
-      plan, 0, plan.tasks.size(), wants, true, nullptr,
-      [](size_t, const PageColumns&, const PageBooks&, PageScratch&) {}, nullptr, lost);
+  return for_each_page({plan, 0, plan.tasks.size(), wants, lost}, nullptr,
+                       [](size_t, const PageColumns&, const PageBooks&, PageScratch&) {});
 }
 
 Status PageDecoder::measure(const Plan& plan, SectionBytes* sections,
@@ -239,9 +241,9 @@ Status PageDecoder::measure(const Plan& plan, SectionBytes* sections,
   // proportion to the raw bytes.
   for (size_t i = 0; i < plan.tasks.size(); ++i) {
     SectionBytes raw{};
-    L4D_RETURN_IF_ERROR(for_each_page(
-        plan, i, i + 1, none, false, &raw,
-        [](size_t, const PageColumns&, const PageBooks&, PageScratch&) {}, nullptr, nullptr));
+    L4D_RETURN_IF_ERROR(
+        for_each_page({plan, i, i + 1, none, nullptr, false, &raw}, nullptr,
+                      [](size_t, const PageColumns&, const PageBooks&, PageScratch&) {}));
     const ChunkRef& chunk = plan.tasks[i].record.chunk;
     uint64_t given = 0;
     for (size_t s = 0; s < raw.size(); ++s) {

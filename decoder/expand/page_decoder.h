@@ -58,17 +58,33 @@ class PageDecoder {
   uint64_t pages_decoded() const { return pages_decoded_; }
 
  private:
+  // Pages [begin, end) of a plan, and what is wanted of them.
+  struct Pages {
+    const Plan& plan;
+    size_t begin, end;
+    PageWants wants;
+    LostPages* lost = nullptr;
+    bool need_books = true;
+    SectionBytes* sections = nullptr;  // added to
+    bool with_detail() const { return wants.sh && wants.sh_detail; }
+  };
+  struct Batch;
   using PageBody = std::function<void(size_t task, const PageColumns& columns,
                                       const PageBooks& books, PageScratch& scratch)>;
   // Reads pages in batches, checks and parses them in parallel and hands their columns to `body`.
-  Status for_each_page(const Plan& plan, size_t begin, size_t end, const PageWants& wants,
-                       bool need_books, SectionBytes* sections, const PageBody& body,
-                       const Progress& progress, LostPages* lost);
-  // tables: null unless the page is coded with them. `detail`: the bytes of the second part where
-  // it is there and wanted, else null; *detail_status says what became of it.
-  Status parse_page(const PageTask& task, ByteSpan bytes, const ByteSpan* detail,
-                    const PageWants& wants, const EntropyTables* tables, PageScratch& scratch,
-                    SectionBytes* sections, Status* detail_status);
+  Status for_each_page(const Pages& pages, const Progress& progress, const PageBody& body);
+  // What every page of a stream needs: without it there is nothing to go on with.
+  Status load_shared_books(const Pages& pages);
+  // What the pages of a batch need besides their bytes.
+  Status find_tables(const Pages& pages, Batch* batch);
+  void decode_batch(const Pages& pages, const PageBody& body, Batch* batch);
+  // The first failure that ends the call; the others go to pages.lost.
+  Status collect_failures(const Pages& pages, Batch* batch);
+  Status decode_one(const Pages& pages, size_t i, PageScratch& scratch, SectionBytes* sections,
+                    Batch* batch);
+  Status parse_rans_page(const PageTask& task, const EntropyTables& tables, ByteSpan bytes,
+                         const ByteSpan* detail, PageScratch& scratch, SectionBytes* sections,
+                         Status* detail_status);
   Status resolve_books(const PageTask& task, const PageWants& wants, PageBooks* out);
   std::unique_ptr<PageScratch> take_scratch();
   void give_scratch(std::unique_ptr<PageScratch> scratch);

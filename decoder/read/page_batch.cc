@@ -3,61 +3,39 @@
 
 #include <algorithm>
 
-#include "decoder/expand/expand.h"
 #include "libl4dcodec/container/page.h"
-#include "libl4dcodec/container/planes.h"
 
 namespace l4d {
-namespace {
-
-// Pages are read ahead of the parallel part in batches of about this size.
-constexpr uint64_t kBatchBytes = uint64_t{32} << 20;
-// Neighbouring parts are read in one call where no more than this lies between them.
-constexpr uint64_t kMaxReadGap = 4096;
-// What is noted for each page besides its bytes.
-constexpr uint64_t kNotesPerPage =
-    sizeof(PageBooks) + sizeof(EntropyTables*) + 2 * sizeof(BlockRecord) + 4 * sizeof(Status);
-
-}  // namespace
-
-size_t PageBatch::run_end(size_t i, uint64_t* run) const {
-  *run = parts[i].chunk.offset + parts[i].chunk.stored_bytes;
-  for (++i; i < parts.size(); ++i) {
-    const ChunkRef& next = parts[i].chunk;
-    if (next.offset < *run || next.offset - *run > max_gap) break;
-    *run = next.offset + next.stored_bytes;
-  }
-  return i;
-}
 
 uint64_t PageBatch::choose_next(const SceneHeader& header, const Plan& plan, size_t last,
-                                bool with_detail) {
+                                bool with_detail, uint64_t notes) {
   begin = end;
-  parts.clear();
-  uint64_t bytes = 0;
-  for (; end < last && (end == begin || bytes < kBatchBytes); ++end) {
+  reads.clear();
+  uint64_t bytes = 0;  // stored, decoded and noted
+  uint64_t stored = 0;
+  for (; end < last && (end == begin || bytes < kMaxReadBytes); ++end) {
     const PageRecord& record = plan.tasks[end].record;
+    const uint64_t parts =
+        uint64_t{record.chunk.stored_bytes} + (with_detail ? record.sh_detail.stored_bytes : 0);
+    bytes += notes + 4 * sizeof(Status) + parts;
     bytes +=
-        kNotesPerPage + record.chunk.stored_bytes +
         std::min<uint64_t>(record.chunk.raw_bytes, max_page_bytes(header, record.num_gaussians));
-    parts.push_back({record.chunk, end - begin, false});
-    if (!with_detail || !record.has_sh_detail()) continue;
-    bytes += record.sh_detail.stored_bytes;
-    parts.push_back({record.sh_detail, end - begin, true});
+    stored += parts;
+    reads.add(record, end - begin, with_detail);
   }
-  std::stable_sort(parts.begin(), parts.end(), [](const PagePart& a, const PagePart& b) {
-    return a.chunk.offset < b.chunk.offset;
-  });
-  // What lies between may be the very parts that are not wanted.
-  max_gap = !with_detail && plan.sh_bytes > 0 ? 0 : kMaxReadGap;
-  bytes += parts.size() * sizeof(PagePart);
-  for (size_t i = 0; i < parts.size();) {
-    uint64_t gaps = 0;
-    const uint64_t first = parts[i].chunk.offset;
-    for (const size_t next = run_end(i, &gaps); i < next; ++i) gaps -= parts[i].chunk.stored_bytes;
-    bytes += gaps - first;
+  reads.finish(max_read_gap(plan, with_detail));
+  const uint64_t gaps = reads.bytes() - stored;
+  return bytes + gaps + reads.parts().size() * (sizeof(PagePart) + sizeof(PartRun));
+}
+
+void PageBatch::read_parts(ByteSource& source, const PartRun& run) {
+  for (size_t i = run.first; i < run.end; ++i) {
+    const PagePart& part = reads.parts()[i];
+    buffers.emplace_back();
+    (part.detail ? detail_status : status)[part.page] =
+        source.read(part.chunk.offset, part.chunk.stored_bytes, buffers.back(),
+                    &(part.detail ? details : pages)[part.page]);
   }
-  return bytes;
 }
 
 Status PageBatch::read(ByteSource& source, bool tolerant) {
@@ -67,30 +45,19 @@ Status PageBatch::read(ByteSource& source, bool tolerant) {
   details.assign(n, ByteSpan());
   status.assign(n, Status());
   detail_status.assign(n, Status());
-  for (size_t i = 0; i < parts.size();) {
-    uint64_t run_bytes = 0;
-    const size_t next = run_end(i, &run_bytes);
-    const uint64_t first = parts[i].chunk.offset;
-    run_bytes -= first;
+  for (const PartRun& run : reads.runs()) {
     buffers.emplace_back();
-    ByteSpan run;
-    Status failure = source.read(first, run_bytes, buffers.back(), &run);
-    if (failure.ok()) {
-      for (; i < next; ++i) {
-        const ChunkRef& c = parts[i].chunk;
-        set_read(parts[i], run.subspan(static_cast<size_t>(c.offset - first), c.stored_bytes));
-      }
+    ByteSpan bytes;
+    const Status failure = source.read(run.offset, run.bytes, buffers.back(), &bytes);
+    if (!failure.ok()) {
+      if (!tolerant) return failure;
+      buffers.pop_back();
+      read_parts(source, run);
       continue;
     }
-    if (!tolerant) return failure;
-    buffers.pop_back();
-    for (; i < next; ++i) {
-      const PagePart& part = parts[i];
-      buffers.emplace_back();
-      ByteSpan bytes;
-      (part.detail ? detail_status : status)[part.page] =
-          source.read(part.chunk.offset, part.chunk.stored_bytes, buffers.back(), &bytes);
-      set_read(part, bytes);
+    for (size_t i = run.first; i < run.end; ++i) {
+      const PagePart& part = reads.parts()[i];
+      (part.detail ? details : pages)[part.page] = bytes_of_part(run, bytes, part);
     }
   }
   return {};
