@@ -3,10 +3,8 @@
 
 #include <algorithm>
 #include <charconv>
-#include <cmath>
 #include <filesystem>
 
-#include "cli/motion.h"
 #include "cli/text/units.h"
 
 namespace l4d::cli {
@@ -69,6 +67,7 @@ const io::CameraSet* CameraArguments::load(Context& context) const {
 }
 
 void CameraArguments::check() const {
+  if (given()) require_renderer(cameras.empty() ? "--orbit" : "--cameras");
   const std::pair<const char*, const std::string*> dependent[] = {
       {"--split", &split}, {"--ids", &ids}, {"--frames", &frames}};
   for (const auto& [option, value] : dependent) {
@@ -103,10 +102,21 @@ void note_cameras(Context& context, const io::CameraSet& set) {
   for (const std::string& note : set.notes) context.note(note);
 }
 
-CameraViews choose_views(Context& context, const CameraArguments& arguments,
-                         const std::string& split, const l4d_timeline& timeline,
-                         const std::function<io::Scene()>& instant) {
-  CameraViews result;
+void check_captured(const eval::CameraViews& all) {
+  if (all.set.any_path) return;
+  for (size_t view = 0; view < all.views.size(); ++view) {
+    const io::Camera& camera = all.camera_of(view);
+    if (!camera.is_outside) continue;
+    throw usage_error("camera " + std::to_string(camera.id) + ": " +
+                      (camera.video.empty() ? camera.image : camera.video) +
+                      " is not in the folder of the cameras; --any-path reads it all the same");
+  }
+}
+
+eval::CameraViews choose_views(Context& context, const CameraArguments& arguments,
+                               const std::string& split, const l4d_timeline& timeline,
+                               const std::function<io::Scene()>& instant) {
+  eval::CameraViews result;
   result.set = arguments.orbit > 0 ? make_orbit(instant(), arguments.orbit, arguments.size)
                                    : *arguments.load(context);
   const auto& cameras = result.set.cameras;
@@ -125,37 +135,6 @@ CameraViews choose_views(Context& context, const CameraArguments& arguments,
       about(arguments.cameras, [&] { return io::select_views(result.set, selection, timeline); });
   note_cameras(context, result.set);
   return result;
-}
-
-double middle_of(const l4d_timeline& timeline) {
-  return timeline.time_begin + 0.5 * io::duration(timeline);
-}
-
-io::Scene instant_of(const io::Scene& scene, double seconds) {
-  io::Scene instant;
-  instant.timeline = scene.timeline;
-  instant.placement = scene.placement;
-  for (size_t i = 0; i < scene.count(); ++i) {
-    const Motion motion = motion_of(scene, i);
-    const double distance = (seconds - motion.mean_t) / motion.sigma_t;
-    for (const double p : motion.at(seconds)) instant.position.push_back(static_cast<float>(p));
-    instant.opacity.push_back(
-        static_cast<float>(linear_opacity(scene, i) * std::exp(-0.5 * distance * distance)));
-  }
-  instant.mean_t.resize(scene.count());
-  return instant;
-}
-
-io::Scene instant_of(const DecoderHandle& decoder, double seconds) {
-  const l4d_info info = decoder.info();
-  SplatArrays splats = decoder.slice(seconds);
-  io::Scene instant;
-  instant.timeline = info.timeline;
-  instant.placement = info.placement;
-  instant.position = std::move(splats.position);
-  instant.opacity = std::move(splats.opacity);
-  instant.mean_t.resize(instant.opacity.size());
-  return instant;
 }
 
 }  // namespace l4d::cli

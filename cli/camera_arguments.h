@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "cli/common.h"
+#include "eval/views.h"
 #include "io/cameras.h"
 
 namespace l4d::cli {
@@ -33,11 +34,6 @@ struct CameraArguments {
   mutable std::shared_ptr<const io::CameraSet> set_;
 };
 
-struct CameraViews {
-  io::CameraSet set;
-  std::vector<io::View> views;  // as io::select_views orders them
-};
-
 // --any-path, of whatever reads a file of cameras.
 Option* add_any_path_option(Verb* verb, bool& any_path);
 // Reads a file of cameras and adds it, and what it names that is there, to the command's files.
@@ -51,18 +47,14 @@ io::CameraSet make_orbit(const io::Scene& instant, uint32_t count, const std::st
 // Says what was assumed about cameras that are used.
 void note_cameras(Context& context, const io::CameraSet& set);
 
+// Usage error where what a camera of these views saw lies where it may not be read (--any-path).
+void check_captured(const eval::CameraViews& views);
+
 // The views that the arguments ask for. `instant` gives the scene to circle, and is called for an
 // orbit alone. Without --split the views of `split` are taken where the cameras have some, else
 // all.
-CameraViews choose_views(Context& context, const CameraArguments& arguments,
-                         const std::string& split, const l4d_timeline& timeline,
-                         const std::function<io::Scene()>& instant);
-
-// The middle of the sequence: where orbits are laid out.
-double middle_of(const l4d_timeline& timeline);
-// The scene at an instant, as far as an orbit needs it: positions, and opacities with their
-// falloff.
-io::Scene instant_of(const io::Scene& scene, double seconds);
-io::Scene instant_of(const DecoderHandle& decoder, double seconds);
+eval::CameraViews choose_views(Context& context, const CameraArguments& arguments,
+                               const std::string& split, const l4d_timeline& timeline,
+                               const std::function<io::Scene()>& instant);
 
 }  // namespace l4d::cli

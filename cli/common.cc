@@ -7,6 +7,7 @@
 
 #include "cli/text/progress.h"
 #include "cli/text/units.h"
+#include "eval/errors.h"
 #include "l4d/cuda.h"
 
 namespace l4d::cli {
@@ -39,6 +40,13 @@ ExitCode exit_code_of(l4d_status status) {
 
 Failure usage_error(const std::string& detail) { return Failure(kExitUsage, "USAGE", detail); }
 
+void require_renderer([[maybe_unused]] const std::string& what) {
+#ifndef L4D_HAVE_RENDERER
+  throw Failure(L4D_ERR_FEATURE_UNSUPPORTED,
+                "this build of l4dcodec has no renderer, which " + what + " needs");
+#endif
+}
+
 Failure current_failure(const std::string& subject) {
   // Import errors begin with the path already.
   const auto prefixed = [&](const std::string& detail) {
@@ -53,13 +61,7 @@ Failure current_failure(const std::string& subject) {
   } catch (const io::Error& e) {
     return Failure(e.status(), prefixed(e.what()));
   } catch (const Error& e) {
-    // what() is "NAME: detail"; the name is told apart by those who print.
-    const std::string name = l4d_status_name(e.status());
-    std::string detail = e.what();
-    if (detail.compare(0, name.size(), name) == 0) detail.erase(0, name.size());
-    if (detail.compare(0, 2, ": ") == 0) detail.erase(0, 2);
-    if (detail.empty()) detail = l4d_status_description(e.status());
-    return Failure(e.status(), prefixed(detail));
+    return Failure(e.status(), prefixed(eval::detail_of(e)));
   } catch (const std::bad_alloc&) {
     return Failure(L4D_ERR_OUT_OF_MEMORY, prefixed("out of memory"));
   } catch (const std::exception& e) {
@@ -107,6 +109,12 @@ HeldMemory::HeldMemory(Context& context, uint64_t bytes, const std::string& what
   }
   context.held_ += bytes;
   bytes_ = bytes;
+}
+
+eval::Hold holder_of(Context& context) {
+  return [&context](uint64_t bytes, const std::string& what) {
+    return std::make_shared<HeldMemory>(context, bytes, what);
+  };
 }
 
 l4d_decoder_options Context::decoder_options(uint32_t share) const {

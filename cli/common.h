@@ -12,6 +12,7 @@
 #include "cli/options.h"
 #include "cli/ranks.h"
 #include "cli/text/json.h"
+#include "eval/memory.h"
 #include "io/scene.h"
 #include "l4d/l4d.hpp"
 
@@ -46,6 +47,9 @@ class Failure : public std::runtime_error {
   std::string name_;
 };
 Failure usage_error(const std::string& detail);
+// Throws a Failure (L4D_ERR_FEATURE_UNSUPPORTED) in a build without the renderer, which `what`
+// needs.
+void require_renderer(const std::string& what);
 // The exception being handled, as a Failure whose detail begins with `subject`: a file, mostly.
 // Library messages say what is wrong, and rarely with which of several files.
 Failure current_failure(const std::string& subject);
@@ -121,6 +125,9 @@ class HeldMemory {
   Context& context_;
   uint64_t bytes_ = 0;
 };
+
+// Counts what evaluations hold as HeldMemory. The context must outlive it.
+eval::Hold holder_of(Context& context);
 
 // A verb adds its subcommand and stores here what to run once the whole line is parsed.
 struct Registry {

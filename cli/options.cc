@@ -121,6 +121,8 @@ Option* Verb::get_option(const std::string& name) { return keep(app_->get_option
 
 void Verb::footer(const std::string& text) { app_->footer(text); }
 
+void Verb::take_anything() { app_->allow_extras(); }
+
 void Verb::when_chosen(std::function<void()> call) { app_->callback(std::move(call)); }
 
 }  // namespace l4d::cli

@@ -61,6 +61,7 @@ class Verb {
   Option* add_flag(const std::string& names, bool& value, const std::string& description);
   Option* get_option(const std::string& name);  // that was added before
   void footer(const std::string& text);         // of help
+  void take_anything();  // arguments that are not defined, without a complaint
   // Called once the whole line is parsed, where it names this verb.
   void when_chosen(std::function<void()> call);
 

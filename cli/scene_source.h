@@ -8,6 +8,7 @@
 
 #include "cli/common.h"
 #include "cli/files.h"
+#include "eval/decoded_scene.h"
 #include "io/formats.h"
 
 namespace l4d::cli {
@@ -21,24 +22,15 @@ struct ImportArguments {
 };
 void add_import_options(Verb* verb, ImportArguments& arguments);
 
-// A scene in memory, and how its stream arranges it.
-struct LoadedScene {
-  std::shared_ptr<HeldMemory> memory;  // of a stream: what its arrays take
-  io::Scene scene;
-  std::vector<l4d_range> ranges;  // of a stream; empty for a PLY
-  std::vector<uint32_t> levels;   // of a stream: temporal level of each layer
-};
+using LoadedScene = eval::DecodedScene;
 
 // Reads a whole scene from a PLY of any known kind or from a stream. Import notes go to the
 // context.
 LoadedScene load_scene(Context& context, const Input& input, const ImportArguments& arguments = {});
 
-// Reads all of an open stream, or what `query` selects.
+// Reads all of an open stream, or what `query` selects; counted as held memory.
 LoadedScene decode_scene(Context& context, const DecoderHandle& decoder,
                          const l4d_query* query = nullptr);
-
-// Bytes that the arrays of a slice take at most.
-uint64_t slice_bytes(const DecoderHandle& decoder, double seconds);
 
 // A decoder with any scene open in it: verbs that look into streams so take a PLY too, which is
 // encoded losslessly in memory.

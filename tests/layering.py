@@ -59,12 +59,14 @@ LAYERS["render/view.h"] = {"include/l4d", "libl4dcodec/scene"}
 _above("render", "libl4dcodec/math", "libl4dcodec/scene", "render/cuda/device_renderer.h",
        "render/cuda/device_player.h")
 _above("render/cuda", "render", "libl4dcodec/cuda")
-_above("cli", "io")
+# Evaluations: neither command lines nor documents, so that whoever measures can use them.
+_above("eval", "io")
+_above("cli", "eval")
 _above("bench/tables", "io")
-_above("bench/accuracy", "io")
+_above("bench/accuracy", "eval")
 _above("bench/micro", "encoder", "io", "render", "bench/tables")
 _above("bench/gpu", "encoder/cuda", "decoder/cuda", "render/cuda", "bench/tables")
-_above("tests", "libl4dcodec/api", "io", "render", "render/cuda")
+_above("tests", "libl4dcodec/api", "eval", "render", "render/cuda")
 _above("tests/api", "include/l4d")
 LAYERS["tests/api"].add("tests/common")
 _above("tests/common", "libl4dcodec/api", "io")
@@ -226,6 +228,16 @@ def self_test():
         ("libl4dcodec/math/a.h", '#include "libl4dcodec/base/atomic_file.h"', False),
         ("cli/a.cc", '#include "io/scene.h"', True),
         ("cli/a.cc", '#include "decoder/session/decoder.h"', False),
+        ("eval/a.cc", '#include "io/scene.h"', True),
+        ("eval/a.cc", '#include "l4d/render.hpp"', True),
+        ("eval/a.cc", '#include "cli/common.h"', False),
+        ("eval/a.cc", '#include "decoder/session/decoder.h"', False),
+        ("eval/a.cc", '#include "libl4dcodec/base/threads.h"', True),
+        ("eval/a.cc", "#include <nlohmann/json.hpp>", False),
+        ("eval/a.cc", "#include <CLI/CLI.hpp>", False),
+        ("io/a.cc", '#include "eval/pairing.h"', False),
+        ("cli/verbs/a.cc", '#include "eval/pairing.h"', True),
+        ("bench/accuracy/a.cc", '#include "eval/fidelity_meter.h"', True),
         ("cli/options.cc", "#include <CLI/CLI.hpp>", True),
         ("cli/verbs/a.cc", "#include <CLI/CLI.hpp>", False),
         ("cli/text/json.cc", "#include <nlohmann/json.hpp>", True),

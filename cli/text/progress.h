@@ -6,6 +6,7 @@
 #include <string>
 
 #include "cli/common.h"
+#include "eval/observer.h"
 
 namespace l4d::cli {
 
@@ -17,11 +18,11 @@ bool interrupted();
 void check_interrupt();
 
 // Progress of library calls on stderr, as --progress asks. The line goes away at the end.
-class Progress {
+class Progress : public eval::Observer {
  public:
   // label: which of several rounds of the same steps this is.
   Progress(const Context& context, std::string verb, std::string label = "");
-  ~Progress();
+  ~Progress() override;
   Progress(const Progress&) = delete;
   Progress& operator=(const Progress&) = delete;
 
@@ -29,7 +30,8 @@ class Progress {
   static int callback(void* user, uint64_t done, uint64_t total, const char* stage);
   // A step that is not counted: "reading".
   void step(const char* stage) { update(0, 0, stage); }
-  void update(uint64_t done, uint64_t total, const char* stage);
+  void update(uint64_t done, uint64_t total, const char* stage) override;
+  bool cancelled() const override { return interrupted(); }
   // A line that stays, for what a round of steps came to.
   void say(const std::string& text);
 

@@ -5,13 +5,13 @@
 
 #include "cli/camera_arguments.h"
 #include "cli/common.h"
-#include "cli/comparison.h"
 #include "cli/files.h"
-#include "cli/image_comparison.h"
-#include "cli/pairing.h"
 #include "cli/scene_source.h"
+#include "cli/text/comparison_text.h"
 #include "cli/text/progress.h"
 #include "cli/text/units.h"
+#include "cli/verbs/compare_renders.h"
+#include "eval/pairing.h"
 
 namespace l4d::cli {
 namespace {
@@ -75,30 +75,40 @@ void begin(Verdict& verdict, const Input& a, uint64_t count_a, const Input& b, u
                          b.name() + ", " + format_count(count_b) + " Gaussians\n";
 }
 
+// Pairs by the file of --order; one that does not fit is a wrong argument.
+eval::Pairing pair_as_told(const io::Scene& a, const io::Scene& b,
+                           const std::vector<uint32_t>& order, const std::string& path) {
+  try {
+    return eval::pair_by_order(a, b, order);
+  } catch (const io::Error& error) {
+    if (error.status() != L4D_ERR_INVALID_ARGUMENT) throw;
+    throw usage_error(path + ": " + error.what());
+  }
+}
+
 void compare_attributes(Context& context, const CompareArguments& arguments,
                         const std::vector<ErrorBound>& bounds, const Input& input_a,
                         const Input& input_b, Verdict& verdict) {
   std::vector<uint32_t> order;
-  if (!arguments.order.empty()) order = read_order(arguments.order);
+  if (!arguments.order.empty()) order = eval::read_order(arguments.order);
   const LoadedScene a = load_scene(context, input_a, arguments.import);
   const LoadedScene b = load_scene(context, input_b, arguments.import);
   const bool same_time = same_timeline(a.scene.timeline, b.scene.timeline);
   note_timelines(context, a.scene.timeline, b.scene.timeline);
-  Comparison comparison;
-  {
+  const eval::Comparison comparison = [&] {
     Progress progress(context, "compare");
     progress.step("matching");
-    Pairing pairing =
+    eval::Pairing pairing =
         arguments.order.empty()
-            ? pair_by_content(a.scene, b.scene, context.options.threads)
-            : about(arguments.order, [&] { return pair_by_order(a.scene, b.scene, order); });
+            ? eval::pair_by_content(a.scene, b.scene, context.options.threads, progress)
+            : pair_as_told(a.scene, b.scene, order, arguments.order);
     progress.step("comparing");
-    comparison = compare_scenes(a.scene, b, std::move(pairing), context.options.threads);
-  }
+    return eval::compare_scenes(a.scene, b, std::move(pairing), context.options.threads);
+  }();
   check_interrupt();
   begin(verdict, input_a, a.scene.count(), input_b, b.scene.count(), same_time);
-  verdict.outcome.json.update(comparison.json());
-  verdict.outcome.text += comparison.text();
+  verdict.outcome.json.update(comparison_json(comparison));
+  verdict.outcome.text += comparison_text(comparison);
   if (arguments.exact) {
     verdict.demand(comparison.identical() && same_time, "the scenes are identical");
   }
@@ -110,29 +120,20 @@ void compare_attributes(Context& context, const CompareArguments& arguments,
   }
 }
 
-void compare_renders(Context& context, const CompareArguments& arguments, const Input& input_a,
-                     const Input& input_b, double gain, std::optional<Output>& picture,
-                     Verdict& verdict) {
-  RenderedScene a(context, input_a, arguments.import, "fast", 2);
-  RenderedScene b(context, input_b, arguments.import, "fast", 2);
-  if (!arguments.wants_attributes()) {
-    note_timelines(context, a.timeline(), b.timeline());
-    begin(verdict, input_a, a.count(), input_b, b.count(),
-          same_timeline(a.timeline(), b.timeline()));
-  }
-  const CameraViews views = choose_views(context, arguments.cameras, "test", a.timeline(),
-                                         [&] { return a.instant(middle_of(a.timeline())); });
-  const ImageComparison comparison = compare_images(context, a, b, views, arguments.images);
-  if (picture) {
-    const io::View& worst = comparison.views[comparison.worst()].view;
-    io::write_png(picture->path(), side_by_side(a, b, views, worst, gain));
-    picture->finish();
-  }
-  verdict.outcome.json.update(comparison.json(arguments.per_view));
-  verdict.outcome.text += comparison.text(arguments.per_view);
+void compare_views(Context& context, const CompareArguments& arguments, const Input& input_a,
+                   const Input& input_b, const RenderOptions& options, Verdict& verdict) {
+  const RendersCompared compared = compare_renders(
+      context, input_a, input_b, arguments.import, arguments.cameras, options,
+      [&](const Side& a, const Side& b) {
+        if (arguments.wants_attributes()) return;
+        note_timelines(context, a.timeline, b.timeline);
+        begin(verdict, input_a, a.count, input_b, b.count, same_timeline(a.timeline, b.timeline));
+      });
+  verdict.outcome.json.update(compared.json);
+  verdict.outcome.text += compared.text;
   if (arguments.min_fidelity.empty()) return;
   const double least = parse_decibels(arguments.min_fidelity, "--min-fidelity");
-  verdict.demand(comparison.fidelity_db() >= least, "fidelity >= " + format_number(least) + " dB");
+  verdict.demand(compared.fidelity_db >= least, "fidelity >= " + format_number(least) + " dB");
 }
 
 // Usage errors that need no file.
@@ -181,7 +182,9 @@ Outcome run_compare(Context& context, const CompareArguments& arguments) {
     compare_attributes(context, arguments, bounds, input_a, input_b, verdict);
   }
   if (arguments.cameras.given()) {
-    compare_renders(context, arguments, input_a, input_b, gain, picture, verdict);
+    const RenderOptions options = {arguments.images, arguments.per_view, gain,
+                                   picture ? &*picture : nullptr};
+    compare_views(context, arguments, input_a, input_b, options, verdict);
   }
   verdict.outcome.json["not_met"] = verdict.not_met;
   verdict.outcome.json["total_s"] = watch.seconds();

@@ -7,14 +7,15 @@
 #include "cli/camera_arguments.h"
 #include "cli/common.h"
 #include "cli/files.h"
-#include "cli/pairing.h"
 #include "cli/scene_source.h"
+#include "cli/text/comparison_text.h"
 #include "cli/text/progress.h"
 #include "cli/text/units.h"
 #include "cli/verbs/encode_parameters.h"
-#include "cli/verbs/encoding.h"
 #include "cli/verbs/importance.h"
 #include "cli/verbs/target.h"
+#include "eval/encoding.h"
+#include "eval/pairing.h"
 #include "io/formats.h"
 
 namespace l4d::cli {
@@ -41,7 +42,7 @@ struct EncodeArguments {
 };
 
 // What can be told to be wrong about weights before anything is read.
-void check_importance(const EncodeArguments& arguments, const std::optional<Target>& target) {
+void check_importance(const EncodeArguments& arguments, const std::optional<eval::Target>& target) {
   const bool measures = arguments.measures();
   arguments.cameras.check();
   if (arguments.cameras.given() && !measures && !(target && target->needs_views())) {
@@ -49,7 +50,7 @@ void check_importance(const EncodeArguments& arguments, const std::optional<Targ
         "--weights excludes --cameras and --orbit, unless for --target-fidelity or "
         "--target-psnr-loss");
   }
-  arguments.measure.options();
+  arguments.measure.check();
   if (!measures && arguments.measure.given()) {
     throw usage_error("--agreement, --all-views, --max-share, --ask and --measure need --cameras");
   }
@@ -79,8 +80,8 @@ void decide_pruning(Context& context, const EncodeArguments& arguments,
     set(L4D_ENC_PRUNE_COST, 0);
   }
   if (!arguments.measures() || arguments.no_prune) return;
-  if (get_parameter(encoder, L4D_ENC_PRUNE_WEIGHT) >= 0) return;
-  const bool lossless = get_parameter(encoder, L4D_ENC_LOSSLESS) != 0;
+  if (eval::get_parameter(encoder, L4D_ENC_PRUNE_WEIGHT) >= 0) return;
+  const bool lossless = eval::get_parameter(encoder, L4D_ENC_LOSSLESS) != 0;
   const CameraArguments& cameras = arguments.cameras;
   if (lossless || cameras.orbit > 0 || !cameras.frames.empty() || !cameras.ids.empty()) {
     if (!arguments.parameters.sets("prune-cost")) set(L4D_ENC_PRUNE_COST, 0);
@@ -94,9 +95,9 @@ void decide_pruning(Context& context, const EncodeArguments& arguments,
 
 Importance measure(Context& context, const EncodeArguments& arguments, const Input& input,
                    const io::Scene& scene) {
-  const CameraViews views = choose_views(context, arguments.cameras, "train", scene.timeline, [&] {
-    return instant_of(scene, middle_of(scene.timeline));
-  });
+  const eval::CameraViews views =
+      choose_views(context, arguments.cameras, "train", scene.timeline,
+                   [&] { return eval::instant_of(scene, eval::middle_of(scene.timeline)); });
   return about(input.name(), [&] {
     MeasureArguments how = arguments.measure;
     how.seed = arguments.seed;
@@ -153,7 +154,7 @@ void add_report(const l4d_encode_report& report, const std::string& name, double
 }
 
 // What a decoder says of the stream that was written.
-l4d_info info_of(const Encoding& encoding, const Output& output) {
+l4d_info info_of(const eval::Encoding& encoding, const Output& output) {
   DecoderHandle decoder;
   if (encoding.stream.empty()) {
     decoder.open_file(output.path());
@@ -168,7 +169,7 @@ Outcome run_encode(Context& context, const EncodeArguments& arguments) {
   if (context.ranks().count() > 1 && arguments.input == "-") {
     throw usage_error("several ranks cannot share stdin");
   }
-  const std::optional<Target> target = parse_target(arguments.target, arguments.cameras);
+  const std::optional<eval::Target> target = parse_target(arguments.target, arguments.cameras);
   check_importance(arguments, target);
   if (target && (!arguments.parameters.quality.empty() || arguments.parameters.sets("quality"))) {
     throw usage_error("--quality excludes a target, which chooses the quality itself");
@@ -245,8 +246,8 @@ Outcome run_encode(Context& context, const EncodeArguments& arguments) {
     weights.set(encoder, "measured weights", std::move(importance->weights), scene.count());
   }
   const bool wants_order = order_output || arguments.verify;
-  Encoding encoding;
-  std::optional<TargetResult> reached;
+  eval::Encoding encoding;
+  std::optional<TargetReached> reached;
   if (target) {
     reached = about(input.name(), [&] {
       return encode_to_target(context, *target, encoder, input.name(), scene, arguments.cameras,
@@ -255,8 +256,8 @@ Outcome run_encode(Context& context, const EncodeArguments& arguments) {
   } else {
     Progress progress(context, "encode");
     try {
-      encoding =
-          encode_scene(progress, encoder, output.is_special() ? "" : output.path(), wants_order);
+      encoding = eval::encode_scene(progress, encoder, output.is_special() ? "" : output.path(),
+                                    wants_order);
     } catch (const Error& error) {
       // What fails about files is about the output, which the message names.
       throw current_failure(error.status() == L4D_ERR_IO ? "" : input.name());
@@ -264,7 +265,7 @@ Outcome run_encode(Context& context, const EncodeArguments& arguments) {
   }
   if (!encoding.stream.empty()) write_stream(output.path(), encoding.stream);
   arguments.parameters.note_unused(context, info_of(encoding, output));
-  if (order_output) write_order(order_output->path(), encoding.order);
+  if (order_output) eval::write_order(order_output->path(), encoding.order);
   const double total_seconds = watch.seconds();
 
   Outcome outcome;
@@ -279,9 +280,9 @@ Outcome run_encode(Context& context, const EncodeArguments& arguments) {
   if (importance) stages["sensitivity"] = importance->seconds;
   if (reached) stages["search"] = reached->seconds;
   for (const auto& [stage, seconds] : encoding.stages) stages[stage] = seconds;
-  if (has_quality(encoder)) {
+  if (eval::has_quality(encoder)) {
     outcome.json["quality"] =
-        reached ? reached->search.result().quality : get_parameter(encoder, L4D_ENC_QUALITY);
+        reached ? reached->search.result().quality : eval::get_parameter(encoder, L4D_ENC_QUALITY);
   }
   if (reached) {
     outcome.json["target"] = reached->json();
@@ -295,11 +296,11 @@ Outcome run_encode(Context& context, const EncodeArguments& arguments) {
   if (arguments.verify) {
     const Stopwatch verify_watch;
     Progress progress(context, "verify");
-    const Comparison comparison =
-        compare_encoding(context, progress, scene, output.path(), encoding);
-    outcome.json["verify"] = comparison.json();
+    const eval::Comparison comparison =
+        eval::compare_encoding(decoding_of(context), progress, scene, output.path(), encoding);
+    outcome.json["verify"] = comparison_json(comparison);
     outcome.json["verify"]["total_s"] = verify_watch.seconds();
-    outcome.text += "\nverified against the input: " + comparison.text();
+    outcome.text += "\nverified against the input: " + comparison_text(comparison);
   }
   output.finish();
   if (order_output) order_output->finish();

@@ -5,7 +5,7 @@
 
 #include "cli/text/levels.h"
 #include "cli/text/units.h"
-#include "cli/verbs/encoding.h"
+#include "eval/encoding.h"
 
 namespace l4d::cli {
 namespace {
@@ -188,7 +188,7 @@ void EncodeParameters::apply(Context& context, const EncoderHandle& encoder) con
   if (!quality.empty()) require_quality(encoder, "--quality");
   const bool for_codebooks = !codebook.empty() || !stages.empty() || !literal_threshold.empty() ||
                              !rcq.empty() || !rcq_size.empty();
-  if (for_codebooks && !has_codebooks(encoder)) {
+  if (for_codebooks && !eval::has_codebooks(encoder)) {
     context.note(
         "no component is coded by codebooks: --codebook, --stages, --literal-threshold and "
         "--rcq change nothing; --preset indexed has codebooks");
@@ -211,10 +211,11 @@ bool EncodeParameters::sets(const std::string& name) const {
 
 void EncodeParameters::require_quality(const EncoderHandle& encoder,
                                        const std::string& option) const {
-  if (has_quality(encoder)) return;
+  if (eval::has_quality(encoder)) return;
   throw usage_error(option + ": the preset '" + preset + "' with what is set codes by " +
-                    (get_parameter(encoder, L4D_ENC_LOSSLESS) != 0 ? "float32 bits"
-                                                                   : "codebooks of given stages") +
+                    (eval::get_parameter(encoder, L4D_ENC_LOSSLESS) != 0
+                         ? "float32 bits"
+                         : "codebooks of given stages") +
                     ", which no quality changes");
 }
 

@@ -2,13 +2,9 @@
 #include "cli/verbs/importance.h"
 
 #include <algorithm>
-#include <thread>
 #include <utility>
 
-#include "cli/rendered_scene.h"
-#include "cli/text/progress.h"
 #include "cli/text/units.h"
-#include "l4d/cuda.h"
 
 namespace l4d::cli {
 namespace {
@@ -16,16 +12,6 @@ namespace {
 // What alpha_t is worth for SH where no weight_sh was measured: light that an SH error changes,
 // relative to the other components as the measure sum has them.
 constexpr float kShPerAlphaT = 0.6f;
-
-constexpr std::pair<uint32_t, std::vector<float> io::Weights::*> kColumns[] = {
-    {L4D_WEIGHT_ALPHA_T, &io::Weights::alpha_t},
-    {L4D_WEIGHT_SH, &io::Weights::sh},
-    {L4D_WEIGHT_SCALE, &io::Weights::scale},
-    {L4D_WEIGHT_ROTOR_SPATIAL, &io::Weights::rotor_spatial},
-    {L4D_WEIGHT_ROTOR_TEMPORAL, &io::Weights::rotor_temporal},
-    {L4D_WEIGHT_POSITION, &io::Weights::position},
-    {L4D_WEIGHT_OPACITY, &io::Weights::opacity},
-    {L4D_WEIGHT_MEAN_T, &io::Weights::mean_t}};
 
 // The encoder has to know in which unit its weights are.
 void tell_measure(const EncoderHandle& encoder, bool gauss_newton) {
@@ -71,67 +57,13 @@ bool MeasureArguments::given() const {
          ask != "few";
 }
 
-l4d_measure_options MeasureArguments::options() const {
-  l4d_measure_options options;
-  l4d_measure_options_init(&options);
-  if (measure == "gauss-newton") options.sensitivity.measure = L4D_SENSITIVITY_GAUSS_NEWTON;
-  options.sensitivity.seed = seed;
-  if (!agreement.empty()) options.agreement = parse_number(agreement, "--agreement");
-  if (!(options.agreement > 0 && options.agreement <= 1)) {
-    throw usage_error("--agreement must be above 0 and at most 1");
-  }
-  options.ask_all = ask == "all" ? 1 : 0;
-  options.skip_unseen = ask == "none" ? 1 : 0;
-  if (all_views) options.agreement = 2;  // a correlation never gets there
-  if (!max_share.empty()) options.max_share = parse_number(max_share, "--max-share");
-  if (!(options.max_share > 0 && options.max_share <= 1)) {
-    throw usage_error("--max-share must be above 0 and at most 1");
-  }
-  return options;
-}
-
-Importance measure_importance(Context& context, const std::string& verb, const io::Scene& scene,
-                              const CameraViews& all, const MeasureArguments& arguments) {
-  const Stopwatch watch;
-  l4d_measure_options options = arguments.options();
-  options.ranks = context.ranks().handle();
-  std::vector<l4d_camera> cameras;
-  for (const io::Camera& camera : all.set.cameras) cameras.push_back(camera.camera);
-  std::vector<l4d_view> views;
-  for (const io::View& view : all.views) {
-    views.push_back({view.time, static_cast<uint32_t>(view.camera), 0});
-  }
-  Importance result;
-  l4d_measure_report_init(&result.report);
-  l4d_renderer_options rendering = renderer_options(context);
-  // Views cost a device little: there is no need to be sparing of them.
-  if (arguments.agreement.empty() && !arguments.all_views &&
-      rendering.backend == L4D_BACKEND_CUDA) {
-    options.agreement = 0.99;
-  }
-  const Ranks& ranks = context.ranks();
-  uint32_t devices = 0;
-  l4d_cuda_get_device_count(&devices);
-  rendering.device = devices > 0 ? ranks.local_rank() % devices : 0;
-  if (rendering.threads == 0 && ranks.local_count() > 1) {
-    rendering.threads = std::max(1u, std::thread::hardware_concurrency() / ranks.local_count());
-  }
-  RendererHandle renderer(&rendering);
-  const l4d_gaussians gaussians = scene.view();
-  renderer.set_gaussians(gaussians, scene.timeline);
-  l4d_sensitivity* measured = nullptr;
-  {
-    Progress progress(context, verb);
-    renderer.check(l4d_measure(
-        renderer.get(), cameras.data(), static_cast<uint32_t>(cameras.size()), views.data(),
-        views.size(), &options, &Progress::callback, &progress, &result.report, &measured));
-  }
-  const SensitivityHandle sensitivity(measured, scene.count());
-  result.weights.count = scene.count();
-  result.weights.gauss_newton = options.sensitivity.measure == L4D_SENSITIVITY_GAUSS_NEWTON;
-  for (const auto& [which, column] : kColumns) result.weights.*column = sensitivity.weights(which);
-  result.seconds = watch.seconds();
-  return result;
+void MeasureArguments::check() const {
+  const auto share = [](const std::string& text, const std::string& option) {
+    const double value = text.empty() ? 1 : parse_number(text, option);
+    if (!(value > 0 && value <= 1)) throw usage_error(option + " must be above 0 and at most 1");
+  };
+  share(agreement, "--agreement");
+  share(max_share, "--max-share");
 }
 
 Json Importance::json() const {
@@ -177,7 +109,7 @@ void EncoderWeights::set(const EncoderHandle& encoder, const std::string& name, 
     }
   }
   tell_measure(encoder, weights_.gauss_newton);
-  for (const auto& [which, column] : kColumns) {
+  for (const auto& [which, column] : kWeightColumns) {
     const std::vector<float>& values = weights_.*column;
     if (values.empty()) continue;
     about(name, [&, which = which] {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "cli/camera_arguments.h"
@@ -22,7 +23,7 @@ struct MeasureArguments {
 
   void add_options(Verb* verb);
   bool given() const;  // whether any option was
-  l4d_measure_options options() const;
+  void check() const;  // usage errors
 
   static constexpr const char* kDefault = "gauss-newton";
 };
@@ -35,9 +36,21 @@ struct Importance {
   Json json() const;
   std::string text() const;
 };
-// Weights of all components of the scene, as l4d_measure has them.
+// The weights that the encoder takes, and where they stand.
+inline constexpr std::pair<uint32_t, std::vector<float> io::Weights::*> kWeightColumns[] = {
+    {L4D_WEIGHT_ALPHA_T, &io::Weights::alpha_t},
+    {L4D_WEIGHT_SH, &io::Weights::sh},
+    {L4D_WEIGHT_SCALE, &io::Weights::scale},
+    {L4D_WEIGHT_ROTOR_SPATIAL, &io::Weights::rotor_spatial},
+    {L4D_WEIGHT_ROTOR_TEMPORAL, &io::Weights::rotor_temporal},
+    {L4D_WEIGHT_POSITION, &io::Weights::position},
+    {L4D_WEIGHT_OPACITY, &io::Weights::opacity},
+    {L4D_WEIGHT_MEAN_T, &io::Weights::mean_t}};
+
+// Weights of all components of the scene, as l4d_measure has them. Throws in builds without
+// the renderer.
 Importance measure_importance(Context& context, const std::string& verb, const io::Scene& scene,
-                              const CameraViews& views, const MeasureArguments& arguments);
+                              const eval::CameraViews& views, const MeasureArguments& arguments);
 
 // Weights in the form the encoder takes them: it borrows what this holds.
 class EncoderWeights {

@@ -9,7 +9,7 @@
 #include "cli/camera_arguments.h"
 #include "cli/common.h"
 #include "cli/files.h"
-#include "cli/rendered_scene.h"
+#include "cli/rendering.h"
 #include "cli/text/detail.h"
 #include "cli/text/progress.h"
 #include "cli/text/sequence.h"
@@ -139,11 +139,12 @@ struct Path {
 };
 
 Path camera_path(Context& context, const RenderArguments& arguments, const io::CameraSet& given,
-                 const RenderedScene& scene, size_t frames) {
+                 const eval::RenderedScene& scene, size_t frames) {
   Path path;
   io::CameraSet set;
   const auto orbit = [&](uint32_t count) {
-    const io::Scene instant = scene.instant(middle_of(scene.timeline()));
+    const io::Scene instant =
+        about(arguments.input, [&] { return scene.instant(eval::middle_of(scene.timeline())); });
     return about(arguments.input, [&] { return make_orbit(instant, count, arguments.size); });
   };
   if (arguments.orbit && frames > 1) {
@@ -170,6 +171,7 @@ struct RenderSums {
   uint64_t visible = 0, projected = 0, instances = 0;
   double seconds[L4D_RENDER_STAGE_COUNT] = {};
   double render = 0, write = 0;
+  uint64_t bytes = 0;  // of all files
   void add(const l4d_render_stats& stats) {
     visible += stats.visible;
     projected += stats.projected;
@@ -185,10 +187,8 @@ std::vector<std::string> numbered_names(const RenderArguments& arguments, size_t
   return names;
 }
 
-Outcome run_render(Context& context, const RenderArguments& arguments) {
-  const Stopwatch watch;
-  const Target target = target_of(arguments);
-  SequenceArguments sequence = sequence_of(arguments);
+// Usage errors that need no file.
+void check(const RenderArguments& arguments, Target target, const SequenceArguments& sequence) {
   if (arguments.orbit && target == Target::kStill) {
     throw usage_error("--orbit circles the scene in a video or a sequence");
   }
@@ -199,77 +199,75 @@ Outcome run_render(Context& context, const RenderArguments& arguments) {
   if (!arguments.size.empty()) parse_image_size(arguments.size, &width, &height);
   if (!arguments.scale.empty()) parse_scale(arguments.scale);
   sequence.check();
-  std::array<float, 3> background{};
-  if (!arguments.background.empty()) background = parse_background(arguments.background);
+  if (!arguments.background.empty()) parse_background(arguments.background);
   arguments.import.check();
-  context.files.add_input(arguments.input, kTheInput);
-  io::CameraSet cameras;
-  if (!arguments.cameras.empty()) {
-    cameras = read_camera_file(context, arguments.cameras, arguments.any_path);
-    find_camera(cameras, arguments.camera);
-  }
-  std::optional<FrameSink> sink;
-  if (target == Target::kNumbered) numbered_names(arguments, 1);
-  if (target != Target::kNumbered) sink.emplace(context, std::vector{arguments.output});
-  const Input input(context, arguments.input);
-  RenderedScene scene(context, input, arguments.import, arguments.path);
-  scene.set_background(background.data());
-  scene.set_detail(detail_id(arguments.detail));
-  if (target == Target::kStill && sequence.time.empty()) {
-    sequence.time = format("%.17g", middle_of(scene.timeline()));
-  }
-  const std::vector<double> times = instants(context, sequence, scene.timeline());
-  const double frame_rate = sequence_fps(sequence, scene.timeline());
-  if (!sink) sink.emplace(context, numbered_names(arguments, times.size()));
-  const Path path = camera_path(context, arguments, cameras, scene, times.size());
-  const l4d_camera& first = path.cameras.front();
-  if (target == Target::kVideo) {
-    sink->open_video(first.width, first.height, {frame_rate, arguments.crf});
-  }
-  const double open_seconds = watch.seconds();
+}
 
+io::CameraSet read_cameras(Context& context, const RenderArguments& arguments) {
+  if (arguments.cameras.empty()) return {};
+  io::CameraSet cameras = read_camera_file(context, arguments.cameras, arguments.any_path);
+  find_camera(cameras, arguments.camera);
+  return cameras;
+}
+
+// Renders and writes all frames.
+RenderSums render_frames(Context& context, eval::RenderedScene& scene, const Path& path,
+                         const std::vector<double>& times, FrameSink& sink) {
   RenderSums sums;
   io::Image image;
-  uint64_t bytes = 0;
-  {
-    Progress progress(context, "render");
-    for (size_t k = 0; k < times.size(); ++k) {
-      progress.update(k, times.size(), "frames");
-      const Stopwatch render_watch;
-      scene.set_time(times[k]);
-      scene.render(path.at(k, times.size()), &image);
-      sums.render += render_watch.seconds();
-      sums.add(scene.stats());
-      const Stopwatch write_watch;
-      sink->write(k, image);
-      sums.write += write_watch.seconds();
-    }
-    progress.step("writing");
+  Progress progress(context, "render");
+  for (size_t k = 0; k < times.size(); ++k) {
+    check_interrupt();
+    progress.update(k, times.size(), "frames");
+    const Stopwatch render_watch;
+    scene.set_time(times[k]);
+    scene.render(path.at(k, times.size()), &image);
+    sums.render += render_watch.seconds();
+    sums.add(scene.stats());
     const Stopwatch write_watch;
-    bytes = sink->finish();
+    sink.write(k, image);
     sums.write += write_watch.seconds();
   }
+  progress.step("writing");
+  const Stopwatch write_watch;
+  sums.bytes = sink.finish();
+  sums.write += write_watch.seconds();
+  return sums;
+}
 
-  const uint64_t frames = times.size();
+// What was rendered, for both forms of the answer.
+struct Rendered {
+  const std::string& input;
+  Target target;
+  const Path& path;
+  const std::vector<double>& times;
+  double frame_rate;
+  double open_seconds;
+  RenderSums sums;
+};
+
+Outcome describe(const RenderArguments& arguments, const Rendered& r, const Stopwatch& watch) {
+  const RenderSums& sums = r.sums;
+  const l4d_camera& first = r.path.cameras.front();
+  const uint64_t frames = r.times.size();
   const double speed = static_cast<double>(frames) / std::max(sums.render, 1e-9);
   const auto mean = [&](uint64_t sum) { return (sum + frames / 2) / frames; };
-  Json stages = {{"open", open_seconds}};
+  Json stages = {{"open", r.open_seconds}};
   for (size_t s = 0; s < L4D_RENDER_STAGE_BACKWARD; ++s) stages[kStages[s]] = sums.seconds[s];
   stages["write"] = sums.write;
   Outcome outcome;
-  outcome.stdout_is_data = sink->is_stdout();
   outcome.json = {{"schema", "l4dcodec.render/1"},
-                  {"input", input.name()},
+                  {"input", r.input},
                   {"output", arguments.output},
                   {"detail", arguments.detail},
-                  {"camera", path.id ? Json(*path.id) : Json(nullptr)},
+                  {"camera", r.path.id ? Json(*r.path.id) : Json(nullptr)},
                   {"width", first.width},
                   {"height", first.height},
                   {"frames", frames},
-                  {"time_begin", times.front()},
-                  {"time_end", times.back()},
-                  {"frame_rate", frame_rate},
-                  {"file_bytes", bytes},
+                  {"time_begin", r.times.front()},
+                  {"time_end", r.times.back()},
+                  {"frame_rate", r.frame_rate},
+                  {"file_bytes", sums.bytes},
                   {"visible", mean(sums.visible)},
                   {"projected", mean(sums.projected)},
                   {"instances", mean(sums.instances)},
@@ -279,15 +277,50 @@ Outcome run_render(Context& context, const RenderArguments& arguments) {
                   {"total_s", watch.seconds()}};
   const std::string size = format("%u x %u pixels", first.width, first.height);
   const std::string what =
-      target == Target::kStill
-          ? size + " at " + format_time(times[0]) + " s"
+      r.target == Target::kStill
+          ? size + " at " + format_time(r.times[0]) + " s"
           : format_count(frames) + (frames == 1 ? " frame of " : " frames of ") + size;
   outcome.text = format(
       "%s: %s, %s\n%s of %s visible Gaussians in the picture, rendered in %s (%s frames per "
       "second)\n",
-      arguments.output.c_str(), what.c_str(), format_bytes(bytes).c_str(),
+      arguments.output.c_str(), what.c_str(), format_bytes(sums.bytes).c_str(),
       format_count(mean(sums.projected)).c_str(), format_count(mean(sums.visible)).c_str(),
       format_seconds(sums.render).c_str(), format_number(speed).c_str());
+  return outcome;
+}
+
+Outcome run_render(Context& context, const RenderArguments& arguments) {
+  const Stopwatch watch;
+  const Target target = target_of(arguments);
+  SequenceArguments sequence = sequence_of(arguments);
+  check(arguments, target, sequence);
+  context.files.add_input(arguments.input, kTheInput);
+  const io::CameraSet cameras = read_cameras(context, arguments);
+  std::optional<FrameSink> sink;
+  if (target == Target::kNumbered) numbered_names(arguments, 1);
+  if (target != Target::kNumbered) sink.emplace(context, std::vector{arguments.output});
+  const Input input(context, arguments.input);
+  eval::RenderedScene scene = render_input(context, input, arguments.import, arguments.path);
+  std::array<float, 3> background{};
+  if (!arguments.background.empty()) background = parse_background(arguments.background);
+  scene.set_background(background.data());
+  scene.set_detail(detail_id(arguments.detail));
+  if (target == Target::kStill && sequence.time.empty()) {
+    sequence.time = format("%.17g", eval::middle_of(scene.timeline()));
+  }
+  const std::vector<double> times = instants(context, sequence, scene.timeline());
+  const double frame_rate = sequence_fps(sequence, scene.timeline());
+  if (!sink) sink.emplace(context, numbered_names(arguments, times.size()));
+  const Path path = camera_path(context, arguments, cameras, scene, times.size());
+  if (target == Target::kVideo) {
+    const l4d_camera& first = path.cameras.front();
+    sink->open_video(first.width, first.height, {frame_rate, arguments.crf});
+  }
+  const double open_seconds = watch.seconds();
+  const RenderSums sums = render_frames(context, scene, path, times, *sink);
+  Outcome outcome = describe(
+      arguments, {input.name(), target, path, times, frame_rate, open_seconds, sums}, watch);
+  outcome.stdout_is_data = sink->is_stdout();
   return outcome;
 }
 

@@ -23,9 +23,9 @@ struct SensitivityArguments {
 
 Importance measure(Context& context, const Input& input, const io::Scene& scene,
                    const SensitivityArguments& arguments) {
-  const CameraViews views = choose_views(context, arguments.cameras, "train", scene.timeline, [&] {
-    return instant_of(scene, middle_of(scene.timeline));
-  });
+  const eval::CameraViews views =
+      choose_views(context, arguments.cameras, "train", scene.timeline,
+                   [&] { return eval::instant_of(scene, eval::middle_of(scene.timeline)); });
   return about(input.name(), [&] {
     return measure_importance(context, "sensitivity", scene, views, arguments.measure);
   });
@@ -39,9 +39,10 @@ void help_to_measure(Context& context, const Input& input, const SensitivityArgu
 
 Outcome run_sensitivity(Context& context, const SensitivityArguments& arguments) {
   const Stopwatch watch;
+  require_renderer("sensitivity");
   if (!arguments.cameras.given()) throw usage_error("sensitivity needs --cameras or --orbit");
   arguments.cameras.check();
-  arguments.measure.options();  // a wrong one should not cost the time of reading
+  arguments.measure.check();  // a wrong one should not cost the time of reading
   check_extension(arguments.output, "--output", {".ply"});
   arguments.import.check();
   context.files.add_input(arguments.input, kTheInput);

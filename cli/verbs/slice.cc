@@ -29,15 +29,80 @@ void require_what(const SliceArguments& arguments) {
   }
 }
 
-Outcome run_slice(Context& context, const SliceArguments& arguments) {
-  const Stopwatch watch;
-  require_what(arguments);
+// Usage errors that need no file.
+void check(const SliceArguments& arguments) {
   const bool single = !arguments.sequence.time.empty();
+  require_what(arguments);
   if (!single && arguments.output == "-") throw usage_error("a sequence cannot go to stdout");
   arguments.sequence.check();
   check_extension(arguments.output, "--output", {".ply"});
   if (single) NumberedName::refuse(arguments.output);
   arguments.import.check();
+}
+
+void note_placement(Context& context, const l4d_placement& p) {
+  if (p.scale == 1 && p.origin[0] == 0 && p.origin[1] == 0 && p.origin[2] == 0) return;
+  context.note("positions are in the frame of the scene; world = (" +
+               format("%.15g, %.15g, %.15g", p.origin[0], p.origin[1], p.origin[2]) + ") + " +
+               format("%.15g", p.scale) + " * position");
+}
+
+// What the slices of a command came to.
+struct Slices {
+  Json frames = Json::array();
+  uint64_t splats = 0;
+  uint64_t bytes = 0;
+  double seconds = 0;
+  LossReport losses;
+};
+
+Slices write_slices(Context& context, const Input& input, const TolerantStream& stream,
+                    const std::vector<double>& times, const std::vector<std::string>& names,
+                    const std::vector<std::unique_ptr<Output>>& outputs) {
+  Slices slices;
+  Progress progress(context, "slice");
+  for (size_t k = 0; k < times.size(); ++k) {
+    check_interrupt();
+    progress.update(k, times.size(), "frames");
+    const Stopwatch watch;
+    const HeldMemory memory(
+        context, about(input.name(), [&] { return eval::slice_bytes(stream.decoder(), times[k]); }),
+        "a slice");
+    SplatArrays arrays = about(input.name(), [&] { return stream.decoder().slice(times[k]); });
+    slices.seconds += watch.seconds();
+    slices.losses.add(stream.decoder());
+    io::Splats splats;
+    splats.sh_degree = arrays.sh_degree;
+    splats.position = std::move(arrays.position);
+    splats.covariance = std::move(arrays.covariance);
+    splats.opacity = std::move(arrays.opacity);
+    splats.sh = std::move(arrays.sh);
+    io::write_3dgs_ply(outputs[k]->path(), splats);
+    slices.bytes += outputs[k]->finish();
+    slices.splats += splats.count();
+    slices.frames.push_back(
+        {{"index", k}, {"time", times[k]}, {"gaussians", splats.count()}, {"output", names[k]}});
+  }
+  return slices;
+}
+
+std::string describe(const std::vector<double>& times, const std::vector<std::string>& names,
+                     bool single, const Slices& slices) {
+  if (single) {
+    return format("%s: %s splats at %s s, %s\n", names[0].c_str(),
+                  format_count(slices.splats).c_str(), format_time(times[0]).c_str(),
+                  format_bytes(slices.bytes).c_str());
+  }
+  return format("%s .. %s: %s frames, %s splats each on average, %s\n", names.front().c_str(),
+                names.back().c_str(), format_count(times.size()).c_str(),
+                format_count(slices.splats / times.size()).c_str(),
+                format_bytes(slices.bytes).c_str());
+}
+
+Outcome run_slice(Context& context, const SliceArguments& arguments) {
+  const Stopwatch watch;
+  check(arguments);
+  const bool single = !arguments.sequence.time.empty();
   context.files.add_input(arguments.input, kTheInput);
   const std::unique_ptr<NumberedName> pattern(
       single ? nullptr : new NumberedName(arguments.output, "out_%04d.ply"));
@@ -46,80 +111,35 @@ Outcome run_slice(Context& context, const SliceArguments& arguments) {
   const Input input(context, arguments.input);
   const TolerantStream stream(context, input, arguments.import, arguments.tolerant);
   stream.decoder().set_detail(detail_id(arguments.detail));
-  const l4d_info& info = stream.info();
-  const std::vector<double> times = instants(context, arguments.sequence, info.timeline);
-  const l4d_placement& p = info.placement;
-  if (p.scale != 1 || p.origin[0] != 0 || p.origin[1] != 0 || p.origin[2] != 0) {
-    context.note("positions are in the frame of the scene; world = (" +
-                 format("%.15g, %.15g, %.15g", p.origin[0], p.origin[1], p.origin[2]) + ") + " +
-                 format("%.15g", p.scale) + " * position");
-  }
+  const std::vector<double> times = instants(context, arguments.sequence, stream.info().timeline);
+  note_placement(context, stream.info().placement);
 
   // All names are checked before anything is written.
-  for (size_t k = outputs.size(); k < times.size(); ++k) {
-    outputs.push_back(std::make_unique<Output>(context, (*pattern)(k)));
+  std::vector<std::string> names;
+  for (size_t k = 0; k < times.size(); ++k) {
+    names.push_back(single ? arguments.output : (*pattern)(k));
+    if (k >= outputs.size()) outputs.push_back(std::make_unique<Output>(context, names[k]));
   }
-
-  Outcome outcome;
-  Json frames = Json::array();
-  uint64_t total_splats = 0;
-  uint64_t total_bytes = 0;
-  double slice_seconds = 0;
-  LossReport losses;
-  {
-    Progress progress(context, "slice");
-    for (size_t k = 0; k < times.size(); ++k) {
-      check_interrupt();
-      progress.update(k, times.size(), "frames");
-      const Stopwatch slice_watch;
-      const HeldMemory memory(
-          context, about(input.name(), [&] { return slice_bytes(stream.decoder(), times[k]); }),
-          "a slice");
-      SplatArrays arrays = about(input.name(), [&] { return stream.decoder().slice(times[k]); });
-      slice_seconds += slice_watch.seconds();
-      losses.add(stream.decoder());
-      io::Splats splats;
-      splats.sh_degree = arrays.sh_degree;
-      splats.position = std::move(arrays.position);
-      splats.covariance = std::move(arrays.covariance);
-      splats.opacity = std::move(arrays.opacity);
-      splats.sh = std::move(arrays.sh);
-      io::write_3dgs_ply(outputs[k]->path(), splats);
-      total_bytes += outputs[k]->finish();
-      total_splats += splats.count();
-      frames.push_back({{"index", k},
-                        {"time", times[k]},
-                        {"gaussians", splats.count()},
-                        {"output", single ? arguments.output : (*pattern)(k)}});
-    }
-  }
-  losses.note(context, input.name());
-  outcome.stdout_is_data = outputs[0]->is_stdout();
+  const Slices slices = write_slices(context, input, stream, times, names, outputs);
+  slices.losses.note(context, input.name());
   l4d_counters counters;
   l4d_counters_init(&counters);
   stream.decoder().check(l4d_decoder_get_counters(stream.decoder().get(), &counters));
 
+  Outcome outcome;
+  outcome.stdout_is_data = outputs[0]->is_stdout();
   outcome.json = {{"schema", "l4dcodec.slice/1"},
                   {"input", input.name()},
                   {"detail", arguments.detail},
                   {"num_frames", times.size()},
-                  {"frames", frames},
-                  {"file_bytes", total_bytes},
+                  {"frames", slices.frames},
+                  {"file_bytes", slices.bytes},
                   {"buckets_decoded", counters.buckets_decoded},
                   {"cache_hits", counters.cache_hits},
-                  {"losses", losses.json()},
-                  {"slice_s", slice_seconds},
+                  {"losses", slices.losses.json()},
+                  {"slice_s", slices.seconds},
                   {"total_s", watch.seconds()}};
-  if (single) {
-    outcome.text = format("%s: %s splats at %s s, %s\n", arguments.output.c_str(),
-                          format_count(total_splats).c_str(), format_time(times[0]).c_str(),
-                          format_bytes(total_bytes).c_str());
-  } else {
-    outcome.text = format(
-        "%s .. %s: %s frames, %s splats each on average, %s\n", (*pattern)(0).c_str(),
-        (*pattern)(times.size() - 1).c_str(), format_count(times.size()).c_str(),
-        format_count(total_splats / times.size()).c_str(), format_bytes(total_bytes).c_str());
-  }
+  outcome.text = describe(times, names, single, slices);
   return outcome;
 }
 

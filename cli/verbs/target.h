@@ -8,8 +8,7 @@
 
 #include "cli/camera_arguments.h"
 #include "cli/common.h"
-#include "cli/quality_search.h"
-#include "cli/verbs/encoding.h"
+#include "eval/target.h"
 
 namespace l4d::cli {
 
@@ -24,23 +23,19 @@ struct TargetArguments {
   void add_options(Verb* verb);
 };
 
-struct Target {
-  enum class Kind { kSize, kBitrate, kFidelity, kPsnrLoss, kMaxError };
-  Kind kind = Kind::kSize;
-  double asked = 0;       // bytes, bytes per second, dB, dB, unit of the attribute
-  std::string attribute;  // of a largest error
-
-  bool needs_views() const { return kind == Kind::kFidelity || kind == Kind::kPsnrLoss; }
-  std::string format_figure(double figure) const;
-};
+// "3.00 MB", "42.10 dB of fidelity"
+std::string format_figure(const eval::Target& target, double figure);
 
 // Nothing where no target is asked for. Usage errors: more than one, or none that can be.
-std::optional<Target> parse_target(const TargetArguments& arguments,
-                                   const CameraArguments& cameras);
+std::optional<eval::Target> parse_target(const TargetArguments& arguments,
+                                         const CameraArguments& cameras);
 
-struct TargetResult {
-  Target target;
-  QualitySearch search;
+// How encodings are decoded to be held against their scene.
+eval::Decoding decoding_of(Context& context);
+
+struct TargetReached {
+  eval::Target target;
+  eval::QualitySearch search;
   size_t views = 0;  // that fidelity is measured in
   double seconds = 0;
 
@@ -50,8 +45,9 @@ struct TargetResult {
 
 // Encodes the encoder's scene over and over, with the quality that reaches the target best at the
 // end. scene: the same.
-TargetResult encode_to_target(Context& context, const Target& target, const EncoderHandle& encoder,
-                              const std::string& name, const io::Scene& scene,
-                              const CameraArguments& cameras, Encoding* encoding);
+TargetReached encode_to_target(Context& context, const eval::Target& target,
+                               const EncoderHandle& encoder, const std::string& name,
+                               const io::Scene& scene, const CameraArguments& cameras,
+                               eval::Encoding* encoding);
 
 }  // namespace l4d::cli

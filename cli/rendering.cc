@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "cli/rendering.h"
+
+#include <utility>
+
+namespace l4d::cli {
+
+l4d_renderer_options renderer_options(const Context& context, const std::string& path,
+                                      uint32_t renderers) {
+  l4d_renderer_options options;
+  l4d_renderer_options_init(&options);
+  options.threads = context.options.threads;
+  options.max_memory_bytes = context.renderer_memory(renderers);
+  options.path = path == "reference" ? L4D_RENDER_REFERENCE : L4D_RENDER_FAST;
+  // The reference backend is of decoders: images have a path of their own for it.
+  if (context.backend() == L4D_BACKEND_CUDA) options.backend = L4D_BACKEND_CUDA;
+  return options;
+}
+
+eval::Rendering rendering_of(Context& context, const std::string& path, uint32_t scenes) {
+  eval::Rendering rendering;
+  rendering.holder = holder_of(context);
+  rendering.renderer_memory = rendering.holder(context.renderer_memory(scenes), "the renderer");
+  rendering.decoder = context.decoder_options(2 * scenes);
+  rendering.renderer = renderer_options(context, path, scenes);
+  return rendering;
+}
+
+eval::RenderedScene render_input(Context& context, const Input& input,
+                                 const ImportArguments& arguments, const std::string& path,
+                                 uint32_t scenes) {
+  eval::Rendering rendering = rendering_of(context, path, scenes);
+  eval::RenderedScene::Source source = eval::StreamFile{input.path()};
+  if (input.is_ply()) source = load_scene(context, input, arguments).scene;
+  return eval::RenderedScene(std::move(rendering), std::move(source), input.name());
+}
+
+}  // namespace l4d::cli

@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: Apache-2.0
+// How comparisons of attributes are told.
+#pragma once
+
+#include <string>
+
+#include "cli/text/json.h"
+#include "eval/comparison.h"
+
+namespace l4d::cli {
+
+Json comparison_json(const eval::Comparison& comparison);
+std::string comparison_text(const eval::Comparison& comparison);
+
+// "position=0.001", as --max-error takes it. Usage errors: no number, and names that no comparison
+// has.
+struct ErrorBound {
+  std::string name;
+  double limit = 0;
+};
+ErrorBound parse_error_bound(const std::string& text);
+
+}  // namespace l4d::cli

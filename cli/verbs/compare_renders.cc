@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "cli/verbs/compare_renders.h"
+
+#include "cli/rendering.h"
+#include "cli/text/image_text.h"
+#include "cli/text/progress.h"
+#include "eval/image_comparison.h"
+
+namespace l4d::cli {
+
+RendersCompared compare_renders(Context& context, const Input& input_a, const Input& input_b,
+                                const ImportArguments& import, const CameraArguments& cameras,
+                                const RenderOptions& options,
+                                const std::function<void(const Side& a, const Side& b)>& opened) {
+  eval::RenderedScene a = render_input(context, input_a, import, "fast", 2);
+  eval::RenderedScene b = render_input(context, input_b, import, "fast", 2);
+  opened({a.timeline(), a.count()}, {b.timeline(), b.count()});
+  const eval::CameraViews views = choose_views(context, cameras, "test", a.timeline(), [&] {
+    return about(a.name(), [&] { return a.instant(eval::middle_of(a.timeline())); });
+  });
+  if (options.images) check_captured(views);
+  const eval::ImageComparison comparison = [&] {
+    Progress progress(context, "compare");
+    return eval::compare_images(a, b, views, options.images, context.options.threads, progress);
+  }();
+  if (options.picture != nullptr) {
+    const io::View& worst = comparison.views[comparison.worst()].view;
+    io::write_png(options.picture->path(), eval::side_by_side(a, b, views, worst, options.gain));
+    options.picture->finish();
+  }
+  return {image_json(comparison, options.per_view), image_text(comparison, options.per_view),
+          comparison.summary(&eval::ViewFidelity::fidelity).psnr};
+}
+
+}  // namespace l4d::cli

@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <functional>
+#include <string>
+
+#include "cli/camera_arguments.h"
+#include "cli/common.h"
+#include "cli/files.h"
+#include "cli/scene_source.h"
+
+namespace l4d::cli {
+
+struct RenderOptions {
+  bool images = false;  // also against what the cameras saw
+  bool per_view = false;
+  double gain = 1;            // of the map of differences
+  Output* picture = nullptr;  // of the worst view
+};
+
+// One of two scenes that are compared.
+struct Side {
+  l4d_timeline timeline;
+  uint64_t count;
+};
+
+struct RendersCompared {
+  Json json;
+  std::string text;
+  double fidelity_db = 0;
+};
+
+// Renders both inputs. opened: called once both are open. Throws in builds without the renderer.
+RendersCompared compare_renders(Context& context, const Input& a, const Input& b,
+                                const ImportArguments& import, const CameraArguments& cameras,
+                                const RenderOptions& options,
+                                const std::function<void(const Side& a, const Side& b)>& opened);
+
+}  // namespace l4d::cli

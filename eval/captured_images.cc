@@ -1,0 +1,97 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "eval/captured_images.h"
+
+#include <algorithm>
+#include <map>
+
+#include "io/video.h"
+
+namespace l4d::eval {
+namespace {
+
+std::string camera_name(const io::Camera& camera) { return "camera " + std::to_string(camera.id); }
+
+const std::string& seen_by(const io::Camera& camera) {
+  return camera.video.empty() ? camera.image : camera.video;
+}
+
+std::vector<uint8_t> to_bytes(const io::Image& image) {
+  std::vector<uint8_t> bytes(image.rgb.size());
+  io::to_bytes(image.rgb.data(), bytes.size(), bytes.data());
+  return bytes;
+}
+
+}  // namespace
+
+CapturedImages::CapturedImages(const CameraViews& all, const std::vector<size_t>& views,
+                               Observer& observer)
+    : all_(all), bytes_(all.views.size()) {
+  std::map<size_t, std::vector<size_t>> by_camera;  // views, by rising frame
+  for (const size_t view : views) by_camera[all.views[view].camera].push_back(view);
+  size_t done = 0;
+  io::Image image;
+  for (const auto& [index, of_camera] : by_camera) {
+    const io::Camera& camera = all.set.cameras[index];
+    const auto keep = [&](size_t view) {
+      observer.check();
+      observer.update(done++, views.size(), "reading captured images");
+      if (image.width != camera.camera.width || image.height != camera.camera.height) {
+        throw io::Error(L4D_ERR_CORRUPT,
+                        seen_by(camera) + ": is not of the size of " + camera_name(camera));
+      }
+      bytes_[view] = to_bytes(image);
+    };
+    if (camera.is_outside && !all.set.any_path) {
+      throw io::Error(L4D_ERR_INVALID_ARGUMENT,
+                      camera_name(camera) + ": " + seen_by(camera) +
+                          " is not in the folder of the cameras, and may not be read");
+    }
+    if (!camera.video.empty()) {
+      io::VideoReader video(camera.video, camera.camera.width, camera.camera.height);
+      for (const size_t view : of_camera) {
+        video.read(all.views[view].frame, &image);
+        keep(view);
+      }
+    } else if (!camera.image.empty()) {
+      image = io::read_png(camera.image);
+      for (const size_t view : of_camera) keep(view);
+    } else {
+      throw io::Error(L4D_ERR_IO, camera_name(camera) + " has no captured images");
+    }
+  }
+}
+
+io::Image CapturedImages::image(size_t view) const {
+  const l4d_camera& camera = all_.set.cameras[all_.views[view].camera].camera;
+  io::Image image(camera.width, camera.height);
+  io::from_bytes(bytes_[view].data(), bytes_[view].size(), image.rgb.data());
+  return image;
+}
+
+std::vector<std::vector<size_t>> parts_of(const CameraViews& all, uint64_t max_bytes) {
+  std::vector<uint64_t> bytes(all.set.cameras.size());
+  for (const io::View& view : all.views) {
+    const l4d_camera& camera = all.set.cameras[view.camera].camera;
+    bytes[view.camera] += uint64_t{3} * camera.width * camera.height;
+  }
+  std::vector<size_t> part_of_camera(bytes.size());
+  size_t part = 0;
+  uint64_t in_part = 0;
+  for (size_t camera = 0; camera < bytes.size(); ++camera) {
+    if (in_part > 0 && in_part + bytes[camera] > max_bytes) {
+      ++part;
+      in_part = 0;
+    }
+    in_part += bytes[camera];
+    part_of_camera[camera] = part;
+  }
+  std::vector<std::vector<size_t>> parts(part + 1);
+  for (size_t view = 0; view < all.views.size(); ++view) {
+    parts[part_of_camera[all.views[view].camera]].push_back(view);
+  }
+  parts.erase(std::remove_if(parts.begin(), parts.end(), [](const auto& p) { return p.empty(); }),
+              parts.end());
+  return parts;
+}
+
+}  // namespace l4d::eval

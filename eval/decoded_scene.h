@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "eval/memory.h"
+#include "io/scene.h"
+#include "l4d/l4d.hpp"
+
+namespace l4d::eval {
+
+// A scene in memory, and how its stream arranges it.
+struct DecodedScene {
+  std::shared_ptr<void> memory;  // of a stream: what its arrays are counted as
+  io::Scene scene;
+  std::vector<l4d_range> ranges;  // of a stream; empty for other scenes
+  std::vector<uint32_t> levels;   // of a stream: temporal level of each layer
+};
+
+// Reads all of an open stream, or what `query` selects. Throws Error.
+DecodedScene decode_scene(const DecoderHandle& decoder, const l4d_query* query = nullptr,
+                          const Hold& holder = {});
+
+// Bytes that the arrays of a slice take at most.
+uint64_t slice_bytes(const DecoderHandle& decoder, double seconds);
+
+}  // namespace l4d::eval

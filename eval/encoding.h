@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "eval/comparison.h"
+#include "eval/memory.h"
+#include "eval/observer.h"
+#include "l4d/l4d.hpp"
+
+namespace l4d::eval {
+
+// What one encode of a scene gave.
+struct Encoding {
+  std::vector<unsigned char> stream;  // empty where it went to a file
+  l4d_encode_report report{};
+  std::vector<uint32_t> order;                         // empty unless it was wanted
+  std::vector<std::pair<std::string, double>> stages;  // name and seconds, each name once
+};
+
+// Encodes the scene of the encoder. path: of a file to write; in memory where it is empty.
+Encoding encode_scene(Observer& observer, const EncoderHandle& encoder, const std::string& path,
+                      bool wants_order);
+
+// How streams are decoded to be compared.
+struct Decoding {
+  l4d_decoder_options decoder;
+  uint32_t threads = 0;  // of the comparison, 0 = one per core
+  Hold holder;
+
+  Decoding() { l4d_decoder_options_init(&decoder); }
+};
+
+// Decodes an encoding of a scene, whose order is known, and holds it against the scene.
+Comparison compare_encoding(const Decoding& decoding, Observer& observer, const io::Scene& scene,
+                            const std::string& path, const Encoding& encoding);
+
+double get_parameter(const EncoderHandle& encoder, l4d_encoder_parameter id,
+                     int32_t component = L4D_ALL_COMPONENTS);
+// Whether anything follows the quality: codebooks and lossless streams have none.
+bool has_quality(const EncoderHandle& encoder);
+// Whether some component is coded by codebooks.
+bool has_codebooks(const EncoderHandle& encoder);
+
+}  // namespace l4d::eval

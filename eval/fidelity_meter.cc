@@ -1,0 +1,88 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "eval/fidelity_meter.h"
+
+#include <numeric>
+#include <utility>
+
+#include "eval/image_comparison.h"
+
+namespace l4d::eval {
+
+FidelityMeter::FidelityMeter(RenderedScene& original, CameraViews views,
+                             const MeterOptions& options, Observer& observer)
+    : views_(std::move(views)), original_(original), renders_(views_.views.size()) {
+  if (options.captured) {
+    parts_ = parts_of(views_, kMaxCapturedBytes);
+    if (parts_.size() == 1) captured_.emplace(views_, parts_[0], observer);
+    original_psnr_ = mean_psnr(observer, original_);
+    return;
+  }
+  parts_.emplace_back(num_views());
+  std::iota(parts_[0].begin(), parts_[0].end(), size_t{0});
+  uint64_t bytes = 0;
+  for (size_t view = 0; view < num_views(); ++view) {
+    const l4d_camera& camera = views_.camera_of(view).camera;
+    bytes += uint64_t{3} * sizeof(float) * camera.width * camera.height;
+    if (bytes > options.max_render_bytes) break;
+    renders_[view].emplace();
+  }
+  render_all(observer, original_, [&](size_t view, const io::Image& render, const io::Image*) {
+    if (renders_[view]) *renders_[view] = render;
+  });
+}
+
+void FidelityMeter::render_all(Observer& observer, RenderedScene& scene, const Add& add) {
+  const bool with_captured = captured_ || parts_.size() > 1;
+  io::Image image;
+  size_t done = 0;
+  for (const std::vector<size_t>& part : parts_) {
+    std::optional<CapturedImages> read;
+    if (with_captured && !captured_) read.emplace(views_, part, observer);
+    for (const size_t view : part) {
+      observer.check();
+      observer.update(done++, num_views(), "rendering");
+      scene.set_time(views_.views[view].time);
+      scene.render(views_.camera_of(view).camera, &image);
+      if (!with_captured) {
+        add(view, image, nullptr);
+        continue;
+      }
+      const io::Image seen = (captured_ ? *captured_ : *read).image(view);
+      add(view, image, &seen);
+    }
+  }
+}
+
+double FidelityMeter::mean_psnr(Observer& observer, RenderedScene& scene) {
+  double sum = 0;
+  render_all(observer, scene, [&](size_t, const io::Image& render, const io::Image* seen) {
+    sum += capped_psnr(io::mse(render, *seen));
+  });
+  return sum / static_cast<double>(num_views());
+}
+
+void FidelityMeter::visit(RenderedScene& coded, Observer& observer, const Visit& visit_view) {
+  io::Image again;
+  render_all(observer, coded, [&](size_t view, const io::Image& render, const io::Image*) {
+    if (!renders_[view]) {
+      original_.set_time(views_.views[view].time);
+      original_.render(views_.camera_of(view).camera, &again);
+    }
+    visit_view(view, renders_[view] ? *renders_[view] : again, render);
+  });
+}
+
+io::Fidelity FidelityMeter::fidelity(RenderedScene& coded, Observer& observer, bool with_ssim,
+                                     uint32_t threads) {
+  std::vector<ImageError> errors(num_views());
+  visit(coded, observer, [&](size_t view, const io::Image& original, const io::Image& render) {
+    errors[view] = {io::mse(original, render), with_ssim ? io::ssim(original, render, threads) : 1};
+  });
+  return summarise(errors);
+}
+
+double FidelityMeter::psnr_loss(RenderedScene& coded, Observer& observer) {
+  return original_psnr_ - mean_psnr(observer, coded);
+}
+
+}  // namespace l4d::eval

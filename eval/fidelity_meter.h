@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <vector>
+
+#include "eval/captured_images.h"
+#include "eval/observer.h"
+#include "eval/rendered_scene.h"
+#include "eval/views.h"
+#include "io/image.h"
+#include "io/metrics.h"
+
+namespace l4d::eval {
+
+// Views that are enough to tell one quality from another.
+constexpr size_t kMeterViews = 60;
+
+struct MeterOptions {
+  bool captured = false;                          // whether what the cameras saw is needed
+  uint64_t max_render_bytes = uint64_t{1} << 30;  // renders of the original that are kept
+};
+
+// Renders codings of one scene in the same views, and tells how they differ from the scene. What
+// all of them are held against is made once, and kept as far as memory is meant for it.
+class FidelityMeter {
+ public:
+  // original: must outlive this.
+  FidelityMeter(RenderedScene& original, CameraViews views, const MeterOptions& options,
+                Observer& observer);
+  FidelityMeter(const FidelityMeter&) = delete;
+  FidelityMeter& operator=(const FidelityMeter&) = delete;
+
+  const CameraViews& views() const { return views_; }
+  size_t num_views() const { return views_.views.size(); }
+
+  // The original's render of a view and the coding's.
+  using Visit = std::function<void(size_t view, const io::Image& original, const io::Image& coded)>;
+  void visit(RenderedScene& coded, Observer& observer, const Visit& visit);
+  // Over all views, as summarise() (eval/image_comparison.h); SSIM is 1 unless it is asked for.
+  io::Fidelity fidelity(RenderedScene& coded, Observer& observer, bool with_ssim = false,
+                        uint32_t threads = 0);
+  // Mean over views of the PSNR against what the cameras saw: the scene's less the coding's. Only
+  // where captured images were asked for.
+  double psnr_loss(RenderedScene& coded, Observer& observer);
+
+ private:
+  using Add = std::function<void(size_t view, const io::Image& render, const io::Image* seen)>;
+  // `seen` is null unless captured images are held.
+  void render_all(Observer& observer, RenderedScene& scene, const Add& add);
+  double mean_psnr(Observer& observer, RenderedScene& scene);
+
+  CameraViews views_;
+  RenderedScene& original_;
+  std::vector<std::optional<io::Image>> renders_;  // of the original, by view
+  std::vector<std::vector<size_t>> parts_;         // views whose captured images fit together
+  std::optional<CapturedImages> captured_;         // where there is one part
+  double original_psnr_ = 0;                       // mean over views
+};
+
+}  // namespace l4d::eval

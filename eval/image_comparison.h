@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <vector>
+
+#include "eval/observer.h"
+#include "eval/rendered_scene.h"
+#include "eval/views.h"
+#include "io/image.h"
+#include "io/metrics.h"
+
+namespace l4d::eval {
+
+// Decibels are reported up to here, which is far beyond what 8 bits show (59 dB): equal images have
+// no finite number of them, and JSON has no other.
+constexpr double kMaxDecibels = 100;
+double capped_psnr(double mse);
+
+// Two images of one view against each other.
+struct ImageError {
+  double mse = 0;
+  double ssim = 0;
+};
+
+// Over all views; none of its decibels is above kMaxDecibels.
+io::Fidelity summarise(const std::vector<ImageError>& views);
+
+struct ViewFidelity {
+  io::View view;
+  int camera = 0;       // id
+  ImageError fidelity;  // of B's render against A's
+  ImageError a, b;      // of the renders against what the camera saw, where that was asked for
+};
+
+struct ImageComparison {
+  std::vector<ViewFidelity> views;
+  bool has_images = false;
+  double render_seconds = 0;
+
+  // Of one of the errors that views have: &ViewFidelity::fidelity, a or b.
+  io::Fidelity summary(ImageError ViewFidelity::*of) const;
+  size_t worst() const;  // index into views
+};
+
+// Renders both scenes in all views; all cameras of an instant share it. images: also compares both
+// with what the cameras saw. threads: 0 = one per core.
+ImageComparison compare_images(RenderedScene& a, RenderedScene& b, const CameraViews& views,
+                               bool images, uint32_t threads, Observer& observer);
+
+// A, B and the map of their difference times `gain`, beside each other.
+io::Image side_by_side(RenderedScene& a, RenderedScene& b, const CameraViews& views,
+                       const io::View& view, double gain);
+
+}  // namespace l4d::eval

@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "eval/observer.h"
+#include "io/scene.h"
+
+namespace l4d::eval {
+
+constexpr uint32_t kUnmatched = UINT32_MAX;
+
+// Which Gaussian of A each Gaussian of B is. A coded scene has another order and no ids.
+struct Pairing {
+  // "order": told by the encoder; "exact": all rows equal bit for bit; "nearest": guessed for those
+  // that are not.
+  std::string match;
+  std::vector<uint32_t> a_of_b;  // [count of B], kUnmatched where there is none
+  uint64_t matched = 0;
+  uint64_t equal_rows = 0;  // pairs of the same bits
+};
+
+// order[i]: index in A of Gaussian i of B. Throws io::Error(L4D_ERR_INVALID_ARGUMENT) where it does
+// not fit.
+Pairing pair_by_order(const io::Scene& a, const io::Scene& b, const std::vector<uint32_t>& order);
+
+// Equal rows first; then, for the rest, the pairs of the smallest distance in position at the
+// middle of the visible span, times of visibility, size, opacity and colour, each used once.
+// threads: 0 = one per core; the pairs are the same for any number.
+Pairing pair_by_content(const io::Scene& a, const io::Scene& b, uint32_t threads,
+                        const Observer& observer = {});
+
+// The u32 little-endian array that `encode --order` writes.
+std::vector<uint32_t> read_order(const std::string& path);
+void write_order(const std::string& path, const std::vector<uint32_t>& order);
+
+}  // namespace l4d::eval

@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "eval/rendered_scene.h"
+
+#include <utility>
+
+#include "eval/decoded_scene.h"
+#include "eval/errors.h"
+#include "eval/views.h"
+
+namespace l4d::eval {
+namespace {
+
+// Of an image, and of a file in the making: floats, bytes, and what compresses these.
+constexpr uint64_t kPixelBytes = 3 * sizeof(float) + 3 * 3;
+
+}  // namespace
+
+RenderedScene::RenderedScene(Rendering rendering, Source source, std::string name)
+    : rendering_(std::move(rendering)),
+      name_(std::move(name)),
+      source_(std::move(source)),
+      decoder_(&rendering_.decoder),
+      renderer_(&rendering_.renderer) {
+  about(name_, [&] {
+    if (const auto* borrowed = std::get_if<const io::Scene*>(&source_)) {
+      show(**borrowed);
+    } else if (const auto* kept = std::get_if<io::Scene>(&source_)) {
+      show(*kept);
+    } else if (const auto* file = std::get_if<StreamFile>(&source_)) {
+      decoder_.open_file(file->path);
+      show_stream();
+    } else {
+      const auto& bytes = std::get<StreamBytes>(source_);
+      decoder_.open_memory(bytes.data, bytes.size);
+      show_stream();
+    }
+  });
+}
+
+void RenderedScene::show(const io::Scene& scene) {
+  scene_ = &scene;
+  timeline_ = scene.timeline;
+  count_ = scene.count();
+  renderer_.set_gaussians(scene.view(), timeline_);
+}
+
+void RenderedScene::show_stream() {
+  renderer_.set_decoder(decoder_);
+  const l4d_info info = decoder_.info();
+  timeline_ = info.timeline;
+  count_ = info.num_gaussians;
+}
+
+io::Scene RenderedScene::instant(double seconds) const {
+  return about(name_, [&] {
+    const std::shared_ptr<void> memory = hold(
+        rendering_.holder, scene_ != nullptr ? 0 : slice_bytes(decoder_, seconds), "an instant");
+    return scene_ != nullptr ? instant_of(*scene_, seconds) : instant_of(decoder_, seconds);
+  });
+}
+
+void RenderedScene::set_background(const float* rgb) {
+  renderer_.check(l4d_renderer_set_background(renderer_.get(), rgb));
+}
+
+void RenderedScene::set_time(double seconds) {
+  if (time_ == seconds) return;
+  about(name_, [&] { renderer_.set_time(seconds); });
+  time_ = seconds;
+}
+
+void RenderedScene::render(const l4d_camera& camera, io::Image* image) {
+  if (image->width != camera.width || image->height != camera.height) {
+    image_memory_.reset();
+    image_memory_ = hold(rendering_.holder, kPixelBytes * camera.width * camera.height, "an image");
+    *image = io::Image(camera.width, camera.height);
+  }
+  about(name_, [&] { renderer_.render(camera, image->rgb.data()); });
+}
+
+}  // namespace l4d::eval

@@ -1,0 +1,77 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <variant>
+
+#include "eval/memory.h"
+#include "io/image.h"
+#include "io/scene.h"
+#include "l4d/render.hpp"
+
+namespace l4d::eval {
+
+// How a scene is rendered.
+struct Rendering {
+  l4d_decoder_options decoder;
+  l4d_renderer_options renderer;
+  Hold holder;                            // counts images, and what an instant takes
+  std::shared_ptr<void> renderer_memory;  // what the renderer itself is counted as
+
+  Rendering() {
+    l4d_decoder_options_init(&decoder);
+    l4d_renderer_options_init(&renderer);
+  }
+};
+
+struct StreamFile {
+  std::string path;
+};
+struct StreamBytes {  // borrowed
+  const unsigned char* data;
+  size_t size;
+};
+
+// A scene with a renderer that shows it. Of a stream only what is visible at an instant is decoded.
+class RenderedScene {
+ public:
+  // A scene that is borrowed, one that is kept, or a stream.
+  using Source = std::variant<const io::Scene*, io::Scene, StreamFile, StreamBytes>;
+  // name: messages of the io::Error that is thrown begin with it.
+  RenderedScene(Rendering rendering, Source source, std::string name);
+  RenderedScene(const RenderedScene&) = delete;
+  RenderedScene& operator=(const RenderedScene&) = delete;
+
+  const std::string& name() const { return name_; }
+  const l4d_timeline& timeline() const { return timeline_; }
+  uint64_t count() const { return count_; }
+  io::Scene instant(double seconds) const;  // as instant_of (eval/views.h)
+
+  void set_background(const float* rgb);
+  // L4D_DETAIL_*, of a stream; before the first instant.
+  void set_detail(uint32_t detail) { decoder_.set_detail(detail); }
+  // Moves to an instant; nothing happens where the scene is there already.
+  void set_time(double seconds);
+  // Resizes the image as needed.
+  void render(const l4d_camera& camera, io::Image* image);
+  l4d_render_stats stats() const { return renderer_.stats(); }
+
+ private:
+  void show(const io::Scene& scene);
+  void show_stream();
+
+  Rendering rendering_;
+  std::string name_;
+  Source source_;  // the renderer borrows it
+  std::shared_ptr<void> image_memory_;
+  const io::Scene* scene_ = nullptr;  // null for a stream
+  DecoderHandle decoder_;             // likewise borrowed
+  RendererHandle renderer_;
+  l4d_timeline timeline_{};
+  uint64_t count_ = 0;
+  std::optional<double> time_;
+};
+
+}  // namespace l4d::eval

@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "eval/views.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "eval/motion.h"
+
+namespace l4d::eval {
+
+CameraViews spread_views(CameraViews all, size_t most) {
+  std::vector<io::View>& views = all.views;
+  if (views.size() <= most) return all;
+  // By camera, so that even steps do not meet the same cameras again and again.
+  const auto by_camera = [](const io::View& x, const io::View& y) {
+    return x.camera != y.camera ? x.camera < y.camera : x.time < y.time;
+  };
+  std::stable_sort(views.begin(), views.end(), by_camera);
+  std::vector<io::View> chosen;
+  for (size_t k = 0; k < most; ++k) {
+    chosen.push_back(views[(2 * k + 1) * views.size() / (2 * most)]);
+  }
+  // Cameras of an instant share the scene as it is then.
+  std::stable_sort(chosen.begin(), chosen.end(),
+                   [](const io::View& x, const io::View& y) { return x.time < y.time; });
+  views = std::move(chosen);
+  return all;
+}
+
+double middle_of(const l4d_timeline& timeline) {
+  return timeline.time_begin + 0.5 * io::duration(timeline);
+}
+
+io::Scene instant_of(const io::Scene& scene, double seconds) {
+  io::Scene instant;
+  instant.timeline = scene.timeline;
+  instant.placement = scene.placement;
+  for (size_t i = 0; i < scene.count(); ++i) {
+    const Motion motion = motion_of(scene, i);
+    const double distance = (seconds - motion.mean_t) / motion.sigma_t;
+    for (const double p : motion.at(seconds)) instant.position.push_back(static_cast<float>(p));
+    instant.opacity.push_back(
+        static_cast<float>(linear_opacity(scene, i) * std::exp(-0.5 * distance * distance)));
+  }
+  instant.mean_t.resize(scene.count());
+  return instant;
+}
+
+io::Scene instant_of(const DecoderHandle& decoder, double seconds) {
+  const l4d_info info = decoder.info();
+  SplatArrays splats = decoder.slice(seconds);
+  io::Scene instant;
+  instant.timeline = info.timeline;
+  instant.placement = info.placement;
+  instant.position = std::move(splats.position);
+  instant.opacity = std::move(splats.opacity);
+  instant.mean_t.resize(instant.opacity.size());
+  return instant;
+}
+
+}  // namespace l4d::eval

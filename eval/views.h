@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <vector>
+
+#include "io/cameras.h"
+#include "io/scene.h"
+#include "l4d/l4d.hpp"
+
+namespace l4d::eval {
+
+struct CameraViews {
+  io::CameraSet set;
+  std::vector<io::View> views;  // as io::select_views orders them
+
+  const io::Camera& camera_of(size_t view) const { return set.cameras[views[view].camera]; }
+};
+
+// At most `most` of the views, spread evenly over cameras and time.
+CameraViews spread_views(CameraViews views, size_t most);
+
+// The middle of the sequence: where orbits are laid out.
+double middle_of(const l4d_timeline& timeline);
+// The scene at an instant, as far as an orbit needs it: positions, and opacities with their
+// falloff.
+io::Scene instant_of(const io::Scene& scene, double seconds);
+io::Scene instant_of(const DecoderHandle& decoder, double seconds);
+
+}  // namespace l4d::eval
