@@ -123,7 +123,7 @@ l4d_decoder_options Context::decoder_options(uint32_t share) const {
   o.threads = options.threads;
   o.backend = backend();
   const uint64_t limit = memory_limit();
-  if (limit > 0) o.limits.max_memory_bytes = std::max<uint64_t>(1, limit / share);
+  if (limit > 0) o.max_memory_bytes = std::max<uint64_t>(1, limit / share);
   return o;
 }
 

@@ -162,7 +162,7 @@ std::string derived_name(const std::string& input, const std::string& extension)
 
 FileReader::FileReader(const std::string& path) : file_(std::fopen(path.c_str(), "rb")) {
   if (!file_) throw io_failure(path, "cannot open", errno);
-  reader_.struct_size = sizeof(reader_);
+  l4d_reader_init(&reader_);
   reader_.user = file_.get();
   reader_.read_at = [](void* user, void* dst, size_t n, uint64_t offset) -> int64_t {
     if (interrupted()) return -1;

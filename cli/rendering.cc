@@ -11,9 +11,12 @@ l4d_renderer_options renderer_options(const Context& context, const std::string&
   l4d_renderer_options_init(&options);
   options.threads = context.options.threads;
   options.max_memory_bytes = context.renderer_memory(renderers);
-  options.path = path == "reference" ? L4D_RENDER_REFERENCE : L4D_RENDER_FAST;
-  // The reference backend is of decoders: images have a path of their own for it.
-  if (context.backend() == L4D_BACKEND_CUDA) options.backend = L4D_BACKEND_CUDA;
+  // --backend reference is of decoders: images have --path for it.
+  const bool cuda = context.backend() == L4D_BACKEND_CUDA;
+  if (cuda && path == "reference") throw usage_error("--path reference contradicts --backend cuda");
+  options.backend = cuda                  ? L4D_BACKEND_CUDA
+                    : path == "reference" ? L4D_BACKEND_REFERENCE
+                                          : L4D_BACKEND_CPU;
   return options;
 }
 

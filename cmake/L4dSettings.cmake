@@ -58,7 +58,7 @@ endif()
 add_library(l4d_settings INTERFACE)
 target_include_directories(l4d_settings INTERFACE
   $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}>
-  $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/include>
+  $<BUILD_INTERFACE:${L4D_PUBLIC_HEADERS}>
   $<BUILD_INTERFACE:${PROJECT_BINARY_DIR}/include>)
 # Contraction off everywhere: one flag for all is simpler to trust than a list of normative files, and
 # code that wants a fused multiply-add says so (hn::MulAdd, std::fma).

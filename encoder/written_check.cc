@@ -93,8 +93,7 @@ Status read_layer(SceneFile& file, uint32_t l) {
 Status read_all(Pieces& pieces) {
   ByteSource source;
   L4D_RETURN_IF_ERROR(ByteSource::from_reader(pieces.reader(), &source));
-  l4d_limits limits{};
-  limits.struct_size = sizeof limits;
+  l4d_decoder_options limits{};
   limits.max_memory_bytes = std::numeric_limits<uint64_t>::max();
   limits.max_gaussians = std::numeric_limits<uint64_t>::max();
   limits.max_frames = kMaxFrames;

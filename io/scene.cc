@@ -60,8 +60,8 @@ void Scene::set_mean_times(std::vector<double> times) {
 }
 
 l4d_gaussians Scene::view() const {
-  l4d_gaussians view{};
-  view.struct_size = sizeof(view);
+  l4d_gaussians view;
+  l4d_gaussians_init(&view);
   view.count = count();
   view.sh_degree = sh_degree;
   view.flags = flags;

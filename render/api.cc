@@ -5,6 +5,7 @@
 #include "l4d/render.h"
 #include "libl4dcodec/base/c_api.h"
 #include "render/camera.h"
+#include "render/first_versions.h"
 #include "render/measure.h"
 #include "render/renderer.h"
 #include "render/sensitivity.h"
@@ -17,17 +18,11 @@ using l4d::api::init_struct;
 using l4d::api::keep_last;
 using l4d::api::look_at;
 using l4d::api::optional;
+using l4d::api::read_array;
 using l4d::api::read_struct;
 using l4d::api::required;
 using l4d::api::write_struct;
 using l4d::render::default_camera;
-
-namespace l4d::api {
-
-L4D_FIRST_VERSION(l4d_renderer_options, backend);
-L4D_FIRST_VERSION(l4d_measure_options, ranks);
-
-}  // namespace l4d::api
 
 struct l4d_renderer {
   explicit l4d_renderer(const l4d_renderer_options& options) : renderer(options) {}
@@ -44,14 +39,10 @@ struct l4d_sensitivity {
 namespace {
 
 l4d_renderer_options default_renderer_options() {
-  return {sizeof(l4d_renderer_options),
-          0,
-          L4D_RENDER_AUTO,
-          L4D_RENDER_EXP_ACCURATE,
-          L4D_BACKEND_AUTO,
-          0,
-          0,
-          0};
+  l4d_renderer_options options{};
+  options.backend = L4D_BACKEND_AUTO;
+  options.exponential = L4D_RENDER_EXP_ACCURATE;
+  return options;
 }
 
 l4d_ranks default_ranks() {
@@ -61,7 +52,6 @@ l4d_ranks default_ranks() {
 }
 l4d_measure_options default_measure_options() {
   l4d_measure_options options{};
-  options.sensitivity.struct_size = sizeof options.sensitivity;
   options.agreement = 0.95;
   options.max_share = 1;
   return options;
@@ -110,13 +100,9 @@ l4d_status l4d_renderer_create(const l4d_renderer_options* options, l4d_renderer
     const l4d_renderer_options o = options == nullptr
                                        ? default_renderer_options()
                                        : read_struct(*options, default_renderer_options());
-    if (o.path > L4D_RENDER_FAST || o.exponential > L4D_RENDER_EXP_FAST || o.threads > 4096 ||
-        o.backend > L4D_BACKEND_CUDA) {
+    if (o.backend > L4D_BACKEND_CUDA) return Status(L4D_ERR_FEATURE_UNSUPPORTED, "unknown backend");
+    if (o.exponential > L4D_RENDER_EXP_FAST || o.threads > L4D_MAX_THREADS) {
       return l4d::invalid_argument("an option of the renderer is out of range");
-    }
-    if ((o.backend == L4D_BACKEND_CUDA && o.path == L4D_RENDER_REFERENCE) ||
-        (o.backend == L4D_BACKEND_REFERENCE && o.path == L4D_RENDER_FAST)) {
-      return l4d::invalid_argument("path and backend of the renderer contradict each other");
     }
     *out = new l4d_renderer(o);
     return {};
@@ -215,10 +201,8 @@ l4d_status l4d_measure(l4d_renderer* renderer, const l4d_camera* cameras, uint32
                        const l4d_view* views, uint64_t num_views,
                        const l4d_measure_options* options, l4d_progress_fn progress, void* user,
                        l4d_measure_report* report, l4d_sensitivity** out) {
-  // An array of no cameras has no first one to look at.
   const char* bad = required(views, out);
   if (bad == nullptr && cameras == nullptr) bad = "a required pointer is NULL";
-  for (uint32_t i = 0; bad == nullptr && i < num_cameras; ++i) bad = optional(cameras + i);
   if (bad == nullptr) bad = optional(options);
   if (bad == nullptr) bad = optional(report);
   if (bad == nullptr && options != nullptr && options->ranks != nullptr) {
@@ -228,8 +212,7 @@ l4d_status l4d_measure(l4d_renderer* renderer, const l4d_camera* cameras, uint32
     const l4d_measure_options o = options == nullptr
                                       ? default_measure_options()
                                       : read_struct(*options, default_measure_options());
-    if (o.sensitivity.measure > L4D_SENSITIVITY_GAUSS_NEWTON || !(o.max_share > 0) ||
-        !(o.agreement >= 0)) {
+    if (o.measure > L4D_SENSITIVITY_GAUSS_NEWTON || !(o.max_share > 0) || !(o.agreement >= 0)) {
       return l4d::invalid_argument("measure options out of range");
     }
     l4d_measure_options resolved = o;
@@ -241,7 +224,10 @@ l4d_status l4d_measure(l4d_renderer* renderer, const l4d_camera* cameras, uint32
       }
       resolved.ranks = &ranks;
     }
-    std::vector<l4d_camera> own(cameras, cameras + num_cameras);
+    std::vector<l4d_camera> own;
+    if (const char* wrong = read_array(cameras, num_cameras, default_camera(), &own)) {
+      return l4d::invalid_argument(wrong);
+    }
     l4d_measure_report result{};
     std::unique_ptr<l4d::render::Sensitivity> measured;
     L4D_RETURN_IF_ERROR(l4d::render::measure(r, own.data(), num_cameras, views,

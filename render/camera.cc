@@ -6,7 +6,6 @@
 namespace l4d::render {
 namespace {
 
-constexpr uint32_t kMaxImageSide = 16384;
 // Cameras come from files with few digits.
 constexpr double kRotationTolerance = 1e-3;
 
@@ -26,7 +25,8 @@ Status check_background(const float* rgb) {
 }
 
 Status check_camera(const l4d_camera& c) {
-  if (c.width < 1 || c.height < 1 || c.width > kMaxImageSide || c.height > kMaxImageSide) {
+  if (c.width < 1 || c.height < 1 || c.width > L4D_MAX_IMAGE_SIDE ||
+      c.height > L4D_MAX_IMAGE_SIDE) {
     return invalid_argument("camera: width and height must be 1 to 16384");
   }
   if (!(c.fx > 0 && c.fy > 0) || !std::isfinite(c.fx) || !std::isfinite(c.fy) ||

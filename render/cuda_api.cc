@@ -12,6 +12,7 @@
 #include "libl4dcodec/scene/prepare.h"
 #include "render/camera.h"
 #include "render/cuda/device_renderer.h"
+#include "render/first_versions.h"
 
 using l4d::Status;
 using l4d::api::call_on;
@@ -20,6 +21,7 @@ using l4d::api::guard;
 using l4d::api::init_struct;
 using l4d::api::keep_last;
 using l4d::api::optional;
+using l4d::api::read_array;
 using l4d::api::read_struct;
 using l4d::api::required;
 using l4d::api::write_struct;
@@ -151,14 +153,13 @@ l4d_status l4d_cuda_renderer_store_rows(l4d_cuda_renderer* renderer, uint64_t fi
 }
 l4d_status l4d_cuda_renderer_set_sh_codebooks(l4d_cuda_renderer* renderer,
                                               const l4d_codebook* codebooks, uint32_t count) {
-  return call(renderer, count > 0 ? required(codebooks) : nullptr, [&](auto& r) -> Status {
+  return call(renderer, nullptr, [&](auto& r) -> Status {
     if (count > L4D_MAX_STAGES) return l4d::invalid_argument("too many stages");
-    l4d_codebook books[L4D_MAX_STAGES] = {};
-    for (uint32_t s = 0; s < count; ++s) {
-      if (const char* bad = optional(codebooks + s)) return l4d::invalid_argument(bad);
-      books[s] = read_struct(codebooks[s], l4d_codebook{});
+    std::vector<l4d_codebook> books;
+    if (const char* bad = read_array(codebooks, count, l4d_codebook{}, &books)) {
+      return l4d::invalid_argument(bad);
     }
-    return r.set_sh_codebooks(books, count);
+    return r.set_sh_codebooks(books.data(), count);
   });
 }
 l4d_status l4d_cuda_renderer_set_indexed_gaussians(l4d_cuda_renderer* renderer,
@@ -205,7 +206,7 @@ l4d_status l4d_cuda_renderer_set_background(l4d_cuda_renderer* renderer, const f
 l4d_status l4d_cuda_renderer_reserve(l4d_cuda_renderer* renderer, const l4d_cuda_room* room) {
   return call(renderer, required(room), [&](auto& r) -> Status {
     const l4d_cuda_room wanted = read_struct(*room, l4d_cuda_room{});
-    if (wanted.width > 16384 || wanted.height > 16384) {
+    if (wanted.width > L4D_MAX_IMAGE_SIDE || wanted.height > L4D_MAX_IMAGE_SIDE) {
       return l4d::invalid_argument("width and height must be at most 16384");
     }
     return r.reserve(wanted.width, wanted.height, wanted.visible, wanted.instances,

@@ -8,6 +8,7 @@
 #include "libl4dcodec/base/c_api.h"
 #include "render/camera.h"
 #include "render/cuda/device_player.h"
+#include "render/first_versions.h"
 
 using l4d::Status;
 using l4d::api::call_on;
@@ -87,7 +88,7 @@ l4d_status l4d_cuda_player_set_background(l4d_cuda_player* player, const float* 
 l4d_status l4d_cuda_player_reserve(l4d_cuda_player* player, uint32_t width, uint32_t height,
                                    uint64_t instances) {
   return call(player, nullptr, [&](auto& p) -> Status {
-    if (width > 16384 || height > 16384) {
+    if (width > L4D_MAX_IMAGE_SIDE || height > L4D_MAX_IMAGE_SIDE) {
       return l4d::invalid_argument("width and height must be at most 16384");
     }
     return p.reserve(width, height, instances);

@@ -104,6 +104,20 @@ std::vector<InstantViews> schedule(const l4d_view* views, size_t num_views) {
   return spread(instants, 0);
 }
 
+// What the sums of a measurement are of.
+l4d_sensitivity_options sums_of(const l4d_measure_options& options) {
+  l4d_sensitivity_options sums{};
+  sums.measure = options.measure;
+  sums.seed = options.seed;
+  return sums;
+}
+
+l4d_ranks one_rank() {
+  l4d_ranks ranks{};
+  ranks.count = 1;
+  return ranks;
+}
+
 // One call of l4d_measure whose arguments are in order.
 class Measurement {
  public:
@@ -116,11 +130,11 @@ class Measurement {
         progress_(progress),
         user_(user),
         whole_(options.ranks != nullptr),
-        ranks_(whole_ ? *options.ranks : l4d_ranks{sizeof(l4d_ranks), 0, 1, nullptr, nullptr}),
+        ranks_(whole_ ? *options.ranks : one_rank()),
         instants_(schedule(views, num_views)),
         report_(*report) {
     report_.views = num_views;
-    l4d_sensitivity_options half = options.sensitivity;
+    l4d_sensitivity_options half = sums_of(options);
     first_ = make_sums(half);
     half.seed ^= kSecondHalf;  // other signs
     second_ = make_sums(half);
@@ -219,7 +233,7 @@ class Measurement {
   Status ask_views() {
     std::unique_ptr<Sensitivity> own;  // of this rank
     if (whole_) {
-      own = make_sums(options_.sensitivity);
+      own = make_sums(sums_of(options_));
       own->look_past(*first_);
     }
     Sensitivity& sums = whole_ ? *own : *first_;

@@ -33,7 +33,7 @@ Renderer::Renderer(const l4d_renderer_options& options)
       device_number_(options.device) {
   memory_.set_limit(options.max_memory_bytes == 0 ? kDefaultMemory : options.max_memory_bytes);
   if (cuda_) return;
-  if (options.path == L4D_RENDER_REFERENCE || options.backend == L4D_BACKEND_REFERENCE) {
+  if (options.backend == L4D_BACKEND_REFERENCE) {
     double_.rasterizer = make_reference_rasterizer(memory_);
   } else {
     float_.rasterizer =

@@ -139,7 +139,8 @@ Status Sensitivity::add_view(Renderer& renderer, const l4d_camera& camera, bool 
   }
   Renderer::ImportanceInput input;
   if (seen_only) input.seen = seen_.data();
-  if (squared && !seen_only && camera.width <= 16384 && camera.height <= 16384) {
+  if (squared && !seen_only && camera.width <= L4D_MAX_IMAGE_SIDE &&
+      camera.height <= L4D_MAX_IMAGE_SIDE) {
     signs_.resize(static_cast<size_t>(3 * pixels));
     parallel_for(renderer.threads(), static_cast<size_t>(pixels), kGrain,
                  [&](size_t begin, size_t end) {

@@ -50,7 +50,8 @@ void describe(const EncoderHandle& e, Encoded& out) {
   DecoderHandle d;
   d.open_memory(out.file.data(), out.file.size());
   out.layer_bytes.resize(d.info().num_layers);
-  d.check(l4d_decoder_get_sections(d.get(), out.sections.data(), out.layer_bytes.data()));
+  d.check(l4d_decoder_get_sections(d.get(), out.sections.data(), L4D_SECTION_COUNT, nullptr,
+                                   out.layer_bytes.data(), d.info().num_layers));
   for (uint32_t l = 0; l < d.info().num_layers; ++l) {
     out.layers.push_back(d.layer_info(l));
   }

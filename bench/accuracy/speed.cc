@@ -109,13 +109,13 @@ PathResult render(const BenchScene& scene, const std::vector<uint32_t>& frames,
                   const std::vector<size_t>& cameras, const Path& path) {
   l4d_renderer_options options;
   l4d_renderer_options_init(&options);
-  options.path = path.path;
+  options.backend = path.path;
   options.exponential = path.exponential;
   RendererHandle renderer(&options);
   renderer.set_gaussians(scene.scene.view(), scene.scene.timeline);
   PathResult result;
   // The reference is slow enough to need no repetition.
-  const int runs = path.path == L4D_RENDER_REFERENCE ? 0 : 5;
+  const int runs = path.path == L4D_BACKEND_REFERENCE ? 0 : 5;
   for (const uint32_t f : frames) {
     renderer.set_time(scene.time_of(f));
     for (const size_t c : cameras) {
@@ -136,9 +136,9 @@ PathResult render(const BenchScene& scene, const std::vector<uint32_t>& frames,
 
 void add_paths(Bench& bench, Json& table, const BenchScene& scene,
                const std::vector<uint32_t>& frames, const std::vector<size_t>& cameras) {
-  const Path paths[] = {{"double", L4D_RENDER_REFERENCE, L4D_RENDER_EXP_ACCURATE},
-                        {"float", L4D_RENDER_FAST, L4D_RENDER_EXP_ACCURATE},
-                        {"float, fast exponential", L4D_RENDER_FAST, L4D_RENDER_EXP_FAST}};
+  const Path paths[] = {{"double", L4D_BACKEND_REFERENCE, L4D_RENDER_EXP_ACCURATE},
+                        {"float", L4D_BACKEND_CPU, L4D_RENDER_EXP_ACCURATE},
+                        {"float, fast exponential", L4D_BACKEND_CPU, L4D_RENDER_EXP_FAST}};
   std::vector<io::Image> reference;
   for (const Path& path : paths) {
     PathResult r = render(scene, frames, cameras, path);

@@ -43,7 +43,7 @@ uint64_t identity(const BenchScene& s, const l4d_measure_options& options) {
   }
   h.add(options.agreement);
   h.add(options.max_share);
-  h.add(double(options.sensitivity.measure + 2 * options.skip_unseen));
+  h.add(double(options.measure + 2 * options.skip_unseen));
   h.add(double(s.scene.timeline.num_frames));
   return h.value;
 }
@@ -107,7 +107,7 @@ std::vector<double> ranks(const std::vector<float>& values) {
 l4d_measure_options measure_options(uint32_t measure, double agreement, double max_share) {
   l4d_measure_options options;
   l4d_measure_options_init(&options);
-  options.sensitivity.measure = measure;
+  options.measure = measure;
   options.agreement = agreement;
   options.max_share = max_share;
   return options;
@@ -138,7 +138,7 @@ Measured measure(const BenchScene& s, const l4d_measure_options& options,
   m.weights.position = sensitivity.weights(L4D_WEIGHT_POSITION);
   m.weights.opacity = sensitivity.weights(L4D_WEIGHT_OPACITY);
   m.weights.mean_t = sensitivity.weights(L4D_WEIGHT_MEAN_T);
-  m.weights.gauss_newton = options.sensitivity.measure == L4D_SENSITIVITY_GAUSS_NEWTON;
+  m.weights.gauss_newton = options.measure == L4D_SENSITIVITY_GAUSS_NEWTON;
   m.seconds = seconds_now() - started;
   return m;
 }
@@ -147,7 +147,7 @@ Measured measure_cached(const BenchScene& s, const l4d_measure_options& options,
                         const std::string& path) {
   const uint64_t id = identity(s, options);
   Measured m;
-  const bool gauss_newton = options.sensitivity.measure == L4D_SENSITIVITY_GAUSS_NEWTON;
+  const bool gauss_newton = options.measure == L4D_SENSITIVITY_GAUSS_NEWTON;
   if (load(path, id, s.scene.count(), gauss_newton, &m)) return m;
   m = measure(s, options);
   store(path, id, m);

@@ -212,7 +212,9 @@ class Query {
     decode();
     check(l4d_cuda_decoder_finish(cuda_));
     uint64_t literals[L4D_COMPONENT_COUNT];
-    check(l4d_cuda_decoder_get_num_literals(cuda_, literals));
+    for (uint32_t c = 0; c < L4D_COMPONENT_COUNT; ++c) {
+      check(l4d_cuda_decoder_get_num_literals(cuda_, c, &literals[c]));
+    }
     compare_packed(bytes, arrays, literals);
     double size = 0;
     for (unsigned k = 0; k < bytes.size(); ++k) {

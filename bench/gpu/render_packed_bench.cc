@@ -86,7 +86,9 @@ struct Stream {
                                                nullptr));
     must_decode(l4d_cuda_decoder_finish(cuda));
     uint64_t literals[L4D_COMPONENT_COUNT];
-    must_decode(l4d_cuda_decoder_get_num_literals(cuda, literals));
+    for (uint32_t c = 0; c < L4D_COMPONENT_COUNT; ++c) {
+      must_decode(l4d_cuda_decoder_get_num_literals(cuda, c, &literals[c]));
+    }
     gaussians = {sizeof(l4d_gaussians), n,          info.sh_degree, info.flags,
                  out.position,          out.mean_t, out.log_scale,  out.rotor,
                  out.opacity,           out.sh};

@@ -54,7 +54,7 @@ int main() {
     DecoderHandle d(&one_thread);
     d.open_memory(file.data(), file.size());
     uint64_t b[L4D_SECTION_COUNT];
-    d.check(l4d_decoder_get_sections(d.get(), b, nullptr));
+    d.check(l4d_decoder_get_sections(d.get(), b, L4D_SECTION_COUNT, nullptr, nullptr, 0));
     GaussianArrays a = d.decode(whole_query());
     l4d_gaussian_buffers out;
     l4d_gaussian_buffers_init(&out);

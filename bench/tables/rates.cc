@@ -135,7 +135,7 @@ int main() {
     DecoderHandle d;
     d.open_memory(file.data(), file.size());
     uint64_t sections[L4D_SECTION_COUNT];
-    d.check(l4d_decoder_get_sections(d.get(), sections, nullptr));
+    d.check(l4d_decoder_get_sections(d.get(), sections, L4D_SECTION_COUNT, nullptr, nullptr, 0));
     const Entropies h = measure(file);
     const double n = static_cast<double>(r.coded_gaussians);
     std::printf(

@@ -51,7 +51,7 @@ Result run(RendererHandle& renderer, const std::vector<l4d_camera>& cameras,
 RendererHandle make_renderer(uint32_t path, uint32_t exponential, uint32_t threads) {
   l4d_renderer_options options;
   l4d_renderer_options_init(&options);
-  options.path = path;
+  options.backend = path;
   options.exponential = exponential;
   options.threads = threads;
   return RendererHandle(&options);
@@ -70,7 +70,7 @@ void table(const char* name, const WeightedScene& scene, const std::vector<float
            const std::vector<l4d_camera>& cameras) {
   const l4d_gaussians gaussians = scene.scene.view();
   const l4d_timeline& timeline = scene.scene.timeline;
-  RendererHandle reference = make_renderer(L4D_RENDER_REFERENCE, L4D_RENDER_EXP_ACCURATE, 1);
+  RendererHandle reference = make_renderer(L4D_BACKEND_REFERENCE, L4D_RENDER_EXP_ACCURATE, 1);
   reference.set_gaussians(gaussians, timeline);
   const Result slow = run(reference, cameras, timeline, kReferenceFrames);
   std::printf(
@@ -91,7 +91,7 @@ void table(const char* name, const WeightedScene& scene, const std::vector<float
                {"fast", L4D_RENDER_EXP_ACCURATE, 0, "all"},
                {"fast, fast exponential", L4D_RENDER_EXP_FAST, 0, "all"}};
   for (const auto& p : paths) {
-    RendererHandle r = make_renderer(L4D_RENDER_FAST, p.exponential, p.threads);
+    RendererHandle r = make_renderer(L4D_BACKEND_CPU, p.exponential, p.threads);
     r.set_gaussians(gaussians, timeline);
     print(p.name, p.threads_name, run(r, cameras, timeline, kFrames), slow.seconds);
   }
@@ -99,7 +99,7 @@ void table(const char* name, const WeightedScene& scene, const std::vector<float
   const std::vector<unsigned char> file = make_encoder(scene, sh, "default").encode();
   DecoderHandle decoder;
   decoder.open_memory(file.data(), file.size());
-  RendererHandle r = make_renderer(L4D_RENDER_FAST, L4D_RENDER_EXP_ACCURATE, 0);
+  RendererHandle r = make_renderer(L4D_BACKEND_CPU, L4D_RENDER_EXP_ACCURATE, 0);
   r.set_decoder(decoder);
   print("fast, from .l4d, first pass", "all", run(r, cameras, timeline, kFrames), slow.seconds);
   print("fast, from .l4d, second pass", "all", run(r, cameras, timeline, kFrames), slow.seconds);

@@ -14,8 +14,8 @@ struct CountingReader {
   const std::vector<unsigned char>* file;
   uint64_t reads = 0, bytes = 0;
   l4d_reader reader() {
-    l4d_reader r{};
-    r.struct_size = sizeof r;
+    l4d_reader r;
+    l4d_reader_init(&r);
     r.user = this;
     r.read_at = [](void* user, void* dst, size_t n, uint64_t offset) -> int64_t {
       auto* self = static_cast<CountingReader*>(user);

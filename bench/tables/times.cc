@@ -67,7 +67,7 @@ void print_row(const std::string& name, const WeightedScene& scene, const char* 
   d.open_memory(file.data(), file.size());
   const GaussianArrays a = d.decode(whole_query());
   uint64_t bytes[L4D_SECTION_COUNT];
-  d.check(l4d_decoder_get_sections(d.get(), bytes, nullptr));
+  d.check(l4d_decoder_get_sections(d.get(), bytes, L4D_SECTION_COUNT, nullptr, nullptr, 0));
   std::vector<double> error;
   size_t displaced = 0;
   for (const l4d_range& r : a.ranges) {

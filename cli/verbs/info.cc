@@ -280,7 +280,9 @@ struct Facts {
         sections(L4D_SECTION_COUNT),
         layer_bytes(layers.size()),
         file_bytes(from.is_ply() ? from.bytes() : info.file_bytes) {
-    decoder.check(l4d_decoder_get_sections(decoder.get(), sections.data(), layer_bytes.data()));
+    decoder.check(l4d_decoder_get_sections(decoder.get(), sections.data(), L4D_SECTION_COUNT,
+                                           nullptr, layer_bytes.data(),
+                                           static_cast<uint32_t>(layer_bytes.size())));
   }
 };
 

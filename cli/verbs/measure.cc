@@ -15,8 +15,8 @@ l4d_measure_options options_of(const MeasureArguments& a) {
   a.check();
   l4d_measure_options options;
   l4d_measure_options_init(&options);
-  if (a.measure == "gauss-newton") options.sensitivity.measure = L4D_SENSITIVITY_GAUSS_NEWTON;
-  options.sensitivity.seed = a.seed;
+  if (a.measure == "gauss-newton") options.measure = L4D_SENSITIVITY_GAUSS_NEWTON;
+  options.seed = a.seed;
   if (!a.agreement.empty()) options.agreement = parse_number(a.agreement, "--agreement");
   options.ask_all = a.ask == "all" ? 1 : 0;
   options.skip_unseen = a.ask == "none" ? 1 : 0;
@@ -65,7 +65,7 @@ Importance measure_importance(Context& context, const std::string& verb, const i
   }
   const SensitivityHandle sensitivity(measured, scene.count());
   result.weights.count = scene.count();
-  result.weights.gauss_newton = options.sensitivity.measure == L4D_SENSITIVITY_GAUSS_NEWTON;
+  result.weights.gauss_newton = options.measure == L4D_SENSITIVITY_GAUSS_NEWTON;
   for (const auto& [which, column] : kWeightColumns)
     result.weights.*column = sensitivity.weights(which);
   result.seconds = watch.seconds();

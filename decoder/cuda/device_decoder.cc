@@ -131,8 +131,9 @@ Status DeviceDecoder::check_arrays(uint32_t form, uint64_t capacity, const Given
                                    size_t count) const {
   if ((forms_ & form) == 0) return invalid_argument("the job was not prepared in this form");
   if (job_->plan().num_gaussians > capacity) {
-    return invalid_argument("capacity is " + std::to_string(capacity) + ", the job has " +
-                            std::to_string(job_->plan().num_gaussians) + " Gaussians");
+    return Status(L4D_ERR_BUFFER_TOO_SMALL,
+                  "capacity is " + std::to_string(capacity) + ", the job has " +
+                      std::to_string(job_->plan().num_gaussians) + " Gaussians");
   }
   for (size_t i = 0; i < count; ++i) {
     if (arrays[i].array == nullptr) continue;

@@ -34,9 +34,11 @@ Status HostDecode::decode(const l4d_query& query, l4d_gaussian_buffers* out) {
   L4D_RETURN_IF_ERROR(device_.prepare(query, &job));
   const uint64_t n = job.num_gaussians;
   if (out->capacity < n || (out->ranges != nullptr && out->range_capacity < job.num_ranges)) {
-    return invalid_argument("the selection has " + std::to_string(n) + " Gaussians in " +
-                            std::to_string(job.num_ranges) +
-                            " ranges, more than there is room for");
+    out->count = n;
+    out->num_ranges = job.num_ranges;
+    return Status(L4D_ERR_BUFFER_TOO_SMALL, "the selection has " + std::to_string(n) +
+                                                " Gaussians in " + std::to_string(job.num_ranges) +
+                                                " ranges, more than there is room for");
   }
   uint64_t bytes = aligned(job.workspace_bytes);
   for (const auto& part : parts) {

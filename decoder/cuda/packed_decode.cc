@@ -90,9 +90,10 @@ Status DeviceDecoder::check_literals() const {
   const uint64_t* counts = job_->num_literals(results_.data());
   for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
     if (counts[c] <= literal_capacity_[c]) continue;
-    return invalid_argument("literal_capacity of component " + std::to_string(c) + " is " +
-                            std::to_string(literal_capacity_[c]) + ", the job has " +
-                            std::to_string(counts[c]) + " literals");
+    return Status(L4D_ERR_BUFFER_TOO_SMALL, "literal_capacity of component " + std::to_string(c) +
+                                                " is " + std::to_string(literal_capacity_[c]) +
+                                                ", the job has " + std::to_string(counts[c]) +
+                                                " literals");
   }
   return {};
 }

@@ -176,7 +176,8 @@ Status PageDecoder::pack(const Plan& plan, l4d_packed_buffers& out, const Progre
       for (const auto& page : gathered) {
         if (p.literal != nullptr) {
           if (p.num_literals + page[c].count > p.literal_capacity) {
-            return invalid_argument("literal_capacity is below the number of literals");
+            return Status(L4D_ERR_BUFFER_TOO_SMALL,
+                          "literal_capacity is below the number of literals");
           }
           std::copy(page[c].values.begin(), page[c].values.end(), p.literal + at[c]);
         }

@@ -8,7 +8,8 @@
 
 namespace l4d {
 
-SceneFile::SceneFile(ByteSource source, const l4d_limits& limits, const StreamKernels& kernels)
+SceneFile::SceneFile(ByteSource source, const l4d_decoder_options& limits,
+                     const StreamKernels& kernels)
     : limits_(limits),
       reader_(std::move(source), limits.max_memory_bytes, kernels),
       directory_(reader_, header_),

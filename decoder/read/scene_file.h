@@ -5,6 +5,7 @@
 #include "decoder/read/chunk_reader.h"
 #include "decoder/read/codebook_cache.h"
 #include "decoder/read/directory_cache.h"
+#include "l4d/decode.h"
 #include "libl4dcodec/container/file_header.h"
 #include "libl4dcodec/container/scene_header.h"
 
@@ -12,8 +13,9 @@ namespace l4d {
 
 class SceneFile {
  public:
-  // kernels: of the wanted backend. limits: resolved, no zeros.
-  SceneFile(ByteSource source, const l4d_limits& limits, const StreamKernels& kernels);
+  // kernels: of the wanted backend. limits: options, of which only the limits count; resolved, no
+  // zeros.
+  SceneFile(ByteSource source, const l4d_decoder_options& limits, const StreamKernels& kernels);
 
   Status open();
 
@@ -36,7 +38,7 @@ class SceneFile {
   uint64_t codebook_stored_bytes(uint32_t layer) const;
 
  private:
-  l4d_limits limits_;
+  l4d_decoder_options limits_;
   ChunkReader reader_;
   FileHeader file_header_;
   SceneHeader header_;

@@ -19,9 +19,8 @@ ByteSource ByteSource::from_memory(ByteSpan data) {
 }
 
 Status ByteSource::from_reader(const l4d_reader& reader, ByteSource* out) {
-  if (reader.struct_size < sizeof(l4d_reader) || reader.read_at == nullptr ||
-      reader.size == nullptr) {
-    return invalid_argument("the reader lacks a callback or its struct_size");
+  if (reader.read_at == nullptr || reader.size == nullptr) {
+    return invalid_argument("the reader lacks a callback");
   }
   const int64_t size = reader.size(reader.user);
   if (size < 0) return Status(L4D_ERR_IO, "the reader cannot tell its size");

@@ -21,9 +21,9 @@ void replace_zero(T& value, T by) {
 }  // namespace
 
 Decoder::Decoder(const l4d_decoder_options& options) : options_(options) {
-  replace_zero(options_.limits.max_memory_bytes, kDefaultMemory);
-  replace_zero(options_.limits.max_gaussians, kDefaultGaussians);
-  replace_zero(options_.limits.max_frames, kMaxFrames);
+  replace_zero(options_.max_memory_bytes, kDefaultMemory);
+  replace_zero(options_.max_gaussians, kDefaultGaussians);
+  replace_zero(options_.max_frames, kMaxFrames);
   replace_zero(options_.cache_bytes, kDefaultCache);
   const bool reference = options_.backend == L4D_BACKEND_REFERENCE;
   kernels_ = reference ? decode_kernels_reference() : decode_kernels_simd();
@@ -47,7 +47,7 @@ Status Decoder::open(ByteSource source) {
 
 // A stream is open when both parts of it are there: neither stays alone where memory runs out.
 Status Decoder::start(ByteSource source) {
-  auto file = std::make_unique<SceneFile>(std::move(source), options_.limits, *kernels_.stream);
+  auto file = std::make_unique<SceneFile>(std::move(source), options_, *kernels_.stream);
   L4D_RETURN_IF_ERROR(file->open());
   pages_ = std::make_unique<PageDecoder>(*file, kernels_, static_cast<int>(options_.threads));
   file_ = std::move(file);
@@ -102,14 +102,17 @@ namespace {
 
 template <typename Buffers>
 Status check_capacity(const Plan& plan, Buffers* out) {
+  out->count = plan.num_gaussians;
+  if (out->ranges != nullptr) out->num_ranges = plan.ranges.size();
   if (plan.num_gaussians > out->capacity) {
-    return invalid_argument("capacity is " + std::to_string(out->capacity) +
-                            ", the query selects " + std::to_string(plan.num_gaussians) +
-                            " Gaussians");
+    return Status(L4D_ERR_BUFFER_TOO_SMALL, "capacity is " + std::to_string(out->capacity) +
+                                                ", the query selects " +
+                                                std::to_string(plan.num_gaussians) + " Gaussians");
   }
   if (out->ranges != nullptr && plan.ranges.size() > out->range_capacity) {
-    return invalid_argument("range_capacity is " + std::to_string(out->range_capacity) +
-                            ", the query selects " + std::to_string(plan.ranges.size()));
+    return Status(L4D_ERR_BUFFER_TOO_SMALL,
+                  "range_capacity is " + std::to_string(out->range_capacity) +
+                      ", the query selects " + std::to_string(plan.ranges.size()));
   }
   return {};
 }

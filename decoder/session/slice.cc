@@ -392,10 +392,12 @@ Status Decoder::slice(double time, l4d_splat_buffers* out) {
   const bool wants_arrays = out->position != nullptr || out->covariance != nullptr ||
                             out->opacity != nullptr || out->sh != nullptr ||
                             out->sh_rows != nullptr;
+  out->count = total;
   if (wants_arrays) {
     if (total > out->capacity) {
-      return invalid_argument("capacity is " + std::to_string(out->capacity) + ", " +
-                              std::to_string(total) + " Gaussians are visible");
+      return Status(L4D_ERR_BUFFER_TOO_SMALL, "capacity is " + std::to_string(out->capacity) +
+                                                  ", " + std::to_string(total) +
+                                                  " Gaussians are visible");
     }
     parallel_for(threads, pieces.size(), 1, [&](size_t first, size_t last) {
       for (size_t p = first; p < last; ++p) {
@@ -405,7 +407,6 @@ Status Decoder::slice(double time, l4d_splat_buffers* out) {
     });
     out->still_key = still_key_;
   }
-  out->count = total;
   return {};
 }
 

@@ -103,7 +103,7 @@ typedef struct l4d_cuda_packed_component {
   uint16_t* index;           /* [num_stages][N], stage s of Gaussian i at s * capacity + i */
   uint16_t* literal;         /* [literal_capacity, dim], in order of their Gaussians */
   uint64_t literal_capacity; /* the number of Gaussians is always enough */
-} l4d_cuda_packed_component;
+} l4d_cuda_packed_component; /* frozen */
 typedef struct l4d_cuda_packed_buffers {
   size_t struct_size;
   uint64_t capacity;      /* Gaussians each array can hold */
@@ -159,10 +159,11 @@ L4D_API l4d_status l4d_cuda_decoder_decode_packed(l4d_cuda_decoder* decoder,
  * first page that is damaged, where l4d_decoder_decode would. Rows of damaged pages, and those
  * only, then hold what they held before. */
 L4D_API l4d_status l4d_cuda_decoder_finish(l4d_cuda_decoder* decoder);
-/* How many literals the last decode_packed had of each component of which an array was wanted, be
- * there room for them or not: counts[L4D_COMPONENT_COUNT], on the host. Fails with INVALID_STATE
- * before finish(). */
-L4D_API l4d_status l4d_cuda_decoder_get_num_literals(l4d_cuda_decoder* decoder, uint64_t* counts);
+/* Number of literals of one component that the last decode_packed produced, even if
+ * literal_capacity was below it; 0 for a component of which no array was given. Fails with
+ * INVALID_STATE before finish(), with INVALID_ARGUMENT if component is no L4D_COMPONENT_*. */
+L4D_API l4d_status l4d_cuda_decoder_get_num_literals(l4d_cuda_decoder* decoder, uint32_t component,
+                                                     uint64_t* count);
 /* As l4d_decoder_get_codebook, with `entries` on the device: valid as long as `decoder`, those of
  * blocks until the next prepare(). Waits for the device where a codebook is not there yet. */
 L4D_API l4d_status l4d_cuda_decoder_get_codebook(l4d_cuda_decoder* decoder, uint32_t layer,

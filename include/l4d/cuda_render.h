@@ -62,8 +62,9 @@ L4D_API l4d_status l4d_cuda_renderer_set_gaussians(l4d_cuda_renderer* renderer,
  * them: 2 bytes a stage and 2 or 4 beside them stay of each Gaussian, and colours are made of the
  * codewords in each frame. With L4D_CUDA_SH_FLOAT32 images are those of the expanded SH to the last
  * bit. `codebooks`: of all stages, `entries` on the device, as l4d_cuda_decoder_get_codebook tells
- * them (SH codebooks are the same for every layer); they are copied, in the renderer's sh_format. A
- * scene that told SH by those before is lost. count = 0: no codebooks any more. */
+ * them (SH codebooks are the same for every layer); codebooks[0].struct_size bytes apart; they are
+ * copied, in the renderer's sh_format. A scene that told SH by those before is lost. count = 0: no
+ * codebooks any more. */
 L4D_API l4d_status l4d_cuda_renderer_set_sh_codebooks(l4d_cuda_renderer* renderer,
                                                       const l4d_codebook* codebooks,
                                                       uint32_t count);
@@ -118,7 +119,7 @@ typedef struct l4d_cuda_slab {
   uint32_t first, count; /* rows */
   uint32_t motion;       /* L4D_CUDA_ROWS_* */
   uint32_t reserved;
-} l4d_cuda_slab;
+} l4d_cuda_slab; /* frozen */
 /* At most 256 slabs without a row in common; of Gaussians at equal depth the one of the earlier
  * slab, then the earlier row is in front. */
 L4D_API l4d_status l4d_cuda_renderer_set_slabs(l4d_cuda_renderer* renderer,
@@ -176,7 +177,7 @@ typedef struct l4d_cuda_figures {
   uint64_t visible, projected, instances; /* as in l4d_render_stats */
   uint64_t wanted_visible;                /* had there been room for all */
   uint64_t wanted_instances;
-  double seconds[L4D_RENDER_STAGE_COUNT]; /* of the device, by stage; 0 unless timed */
+  double seconds[L4D_RENDER_MAX_STAGES]; /* of the device, by L4D_RENDER_STAGE_*; 0 unless timed */
 } l4d_cuda_figures;
 L4D_API void l4d_cuda_figures_init_(l4d_cuda_figures* figures, size_t struct_size);
 #define l4d_cuda_figures_init(figures) l4d_cuda_figures_init_((figures), sizeof(*(figures)))

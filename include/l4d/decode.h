@@ -28,18 +28,21 @@ enum { L4D_BACKEND_AUTO = 0, L4D_BACKEND_REFERENCE = 1, L4D_BACKEND_CPU = 2, L4D
 
 typedef struct l4d_decoder_options {
   size_t struct_size;
-  l4d_limits limits;
-  uint32_t threads; /* 0 = one per core; never changes the output */
+  /* Limits on what a stream may cost; 0 = the default. A stream beyond one fails with
+   * LIMIT_EXCEEDED. */
+  uint64_t max_memory_bytes; /* of all allocations of the handle; 16 GiB */
+  uint64_t max_gaussians;    /* of one stream; 2^30 */
+  uint32_t max_frames;       /* of one stream; 2^24, the format's own maximum */
+  uint32_t threads; /* at most L4D_MAX_THREADS; 0 = one per core; never changes the output */
   /* L4D_BACKEND_*; never changes the output. CUDA: l4d_decoder_decode works on CUDA's device 0 and
    * copies back, the rest on the host, and a tolerant decoder works on the host alone. A player
    * that keeps what it decodes on the device uses cuda.h. Creating such a decoder fails with DEVICE
    * where there is no usable device, with FEATURE_UNSUPPORTED in a build without device code. */
   uint32_t backend;
   uint64_t cache_bytes; /* budget of the bucket cache that time stepping uses; 0 = 512 MiB */
-  /* 0: a query that comes upon damage, or a reader that fails, is refused. 1: it leaves out what
-   * cannot be read, succeeds, and l4d_decoder_get_losses tells what is missing. */
+  /* 0 (strict): a damaged chunk or a failure of the reader fails the query. 1 (tolerant): the query
+   * skips what cannot be read and succeeds; l4d_decoder_get_losses lists what is missing. */
   uint32_t tolerant;
-  uint32_t reserved;
   /* As l4d_decoder_set_progress, for l4d_validate too; NULL = none. */
   l4d_progress_fn progress;
   void* progress_user;
@@ -153,10 +156,13 @@ enum {
   L4D_SECTION_COUNT
 };
 L4D_API const char* l4d_section_name(uint32_t section); /* "codebooks"; static; NULL if unknown */
-/* sections: [L4D_SECTION_COUNT]. layer_bytes: [num_layers] or NULL: directory, codebooks, tables
- * and pages of each layer. */
+/* sections: [capacity], bytes by L4D_SECTION_*; *count, unless NULL, is the number of sections that
+ * this library knows, and the first min(capacity, *count) are written. layer_bytes:
+ * [layer_capacity], bytes of the directory, codebooks, tables and pages of each layer, of the first
+ * min(layer_capacity, num_layers) layers; NULL where layer_capacity is 0. */
 L4D_API l4d_status l4d_decoder_get_sections(l4d_decoder* decoder, uint64_t* sections,
-                                            uint64_t* layer_bytes);
+                                            uint32_t capacity, uint32_t* count,
+                                            uint64_t* layer_bytes, uint32_t layer_capacity);
 
 /* ---- selecting and decoding ---------------------------------------------------------------- */
 enum {
@@ -169,7 +175,7 @@ enum {
 typedef struct l4d_bucket {
   uint32_t layer;
   uint32_t bucket; /* below l4d_layer_info.num_buckets */
-} l4d_bucket;
+} l4d_bucket;      /* frozen */
 /* How much of each Gaussian is wanted. */
 enum {
   L4D_DETAIL_FULL = 0,
@@ -209,7 +215,7 @@ typedef struct l4d_range {
   uint32_t bucket;
   uint32_t block; /* RCQ block of the layer, or L4D_NO_BLOCK */
   uint32_t level; /* temporal level of the layer */
-} l4d_range;
+} l4d_range;      /* frozen */
 #define L4D_NO_BLOCK 0xffffffffu
 
 /* What a query costs, from the directory alone. */
@@ -257,12 +263,12 @@ L4D_API void l4d_gaussian_buffers_init_(l4d_gaussian_buffers* buffers, size_t st
 #define l4d_gaussian_buffers_init(buffers) l4d_gaussian_buffers_init_((buffers), sizeof(*(buffers)))
 
 /* Decodes what the query selects. Reads only the pages of those buckets, and codebooks on first
- * use. On failure the arrays hold unspecified values. Fails with INVALID_ARGUMENT where capacity is
- * below the selection. A tolerant decoder leaves out pages that are lost: the Gaussians of the
- * others follow each other without gaps, `count` and the counts of the ranges are without those
- * lost, a range of which nothing is left is not listed, and array elements from `count` on hold
- * unspecified values. Capacities are still held against the selection, which knows of lost
- * directory pages only. */
+ * use. On failure the arrays hold unspecified values. Fails with BUFFER_TOO_SMALL where
+ * capacity is below the selection, and sets count and num_ranges to what it needs. A tolerant
+ * decoder leaves out pages that are lost: the Gaussians of the others follow each other without
+ * gaps, `count` and the counts of the ranges are without those lost, a range of which nothing is
+ * left is not listed, and array elements from `count` on hold unspecified values. Capacities are
+ * still held against the selection, which knows of lost directory pages only. */
 L4D_API l4d_status l4d_decoder_decode(l4d_decoder* decoder, const l4d_query* query,
                                       l4d_gaussian_buffers* out);
 
@@ -275,7 +281,7 @@ typedef struct l4d_packed_component {
   uint16_t* literal; /* [literal_capacity, dim] binary16 bits, in order of their Gaussians */
   uint64_t literal_capacity;
   uint64_t num_literals; /* out: also set when literal is NULL */
-} l4d_packed_component;
+} l4d_packed_component;  /* frozen */
 typedef struct l4d_packed_buffers {
   size_t struct_size;
   uint64_t capacity;
@@ -453,7 +459,7 @@ typedef struct l4d_loss {
   /* 1: the Gaussians are there, in base colour; only their SH detail is lost. */
   uint32_t detail_only;
   uint32_t reserved;
-} l4d_loss;
+} l4d_loss; /* frozen */
 /* Losses of the last call that selected, decoded or sliced, whatever it returned; none before the
  * first. *count is their number; the first min(capacity, *count) go to `out`, which may be NULL
  * where capacity is 0. */

@@ -10,12 +10,16 @@
  *    be destroyed later. Calls on other handles are allowed.
  *  - Multi-dimensional data is row-major, innermost axis last, written [N, 3]. Lengths are scene
  *    units, time is seconds, angles radians.
- *  - A struct with an *_init() macro begins with `size_t struct_size` and is filled by that macro;
- *    later versions append fields. A function that reads or fills one returns
- *    L4D_ERR_INVALID_ARGUMENT if struct_size is below the size of the struct's first version, so
- *    also for a struct of zeros. Structs without a macro are set by hand: those that have a
- *    struct_size need it too, and the layout of the others never changes. A struct the library
- *    allocates is opaque.
+ *  - A struct is either versioned or frozen. A versioned struct begins with `size_t struct_size`:
+ *    its *_init() macro sets that and every field's default, and later versions append fields. A
+ *    function that reads or fills one returns L4D_ERR_INVALID_ARGUMENT if struct_size is below the
+ *    size of the struct's first version, so also for a struct of zeros. A frozen struct has no
+ *    struct_size: the caller sets every field, and its layout never changes.
+ *  - The elements of an array of versioned structs lie struct_size bytes apart, and all have the
+ *    same struct_size. A program's own array is like that.
+ *  - A function that fills a caller's array takes the array's capacity, and never writes beyond it.
+ *    If the array is too small, the function returns L4D_ERR_BUFFER_TOO_SMALL and the count that it
+ *    needed, or writes as many elements as fit and returns the full count; its comment says which.
  *  - The library never prints, exits, reads the environment or throws across this border.
  */
 #ifndef L4D_L4D_H
@@ -51,8 +55,9 @@ enum {
   L4D_ERR_OUT_OF_MEMORY = -3,
   L4D_ERR_IO = -4,                   /* a reader or writer callback failed */
   L4D_ERR_CANCELLED = -5,            /* the progress callback asked to stop */
-  L4D_ERR_LIMIT_EXCEEDED = -6,       /* a valid stream that needs more than l4d_limits allows */
+  L4D_ERR_LIMIT_EXCEEDED = -6,       /* a valid stream that needs more than the caller's limits */
   L4D_ERR_INVALID_SCENE = -7,        /* encoder input holds NaN, Inf or values out of range */
+  L4D_ERR_BUFFER_TOO_SMALL = -8,     /* a caller's array is too small; the count it needs is set */
   L4D_ERR_NOT_L4D = -10,             /* the magic does not match */
   L4D_ERR_VERSION_UNSUPPORTED = -11, /* a bitstream major version this library does not read */
   L4D_ERR_FEATURE_UNSUPPORTED = -12, /* a coding tool this library lacks; the detail names it */
@@ -85,6 +90,8 @@ typedef struct l4d_reader {
   int64_t (*read_at)(void* user, void* dst, size_t n, uint64_t offset);
   int64_t (*size)(void* user); /* total bytes, or < 0 on failure */
 } l4d_reader;
+L4D_API void l4d_reader_init_(l4d_reader* reader, size_t struct_size);
+#define l4d_reader_init(reader) l4d_reader_init_((reader), sizeof(*(reader)))
 
 /* Sequential output. write takes all n bytes or fails; it returns 0 on success. */
 typedef struct l4d_writer {
@@ -92,19 +99,15 @@ typedef struct l4d_writer {
   void* user;
   int (*write)(void* user, const void* src, size_t n);
 } l4d_writer;
+L4D_API void l4d_writer_init_(l4d_writer* writer, size_t struct_size);
+#define l4d_writer_init(writer) l4d_writer_init_((writer), sizeof(*(writer)))
 
 /* Called between steps of a long call, on the thread that made the call. `stage` is a short static
  * name. A nonzero return cancels: the call returns L4D_ERR_CANCELLED and the handle stays valid. */
 typedef int (*l4d_progress_fn)(void* user, uint64_t done, uint64_t total, const char* stage);
 
-/* What a stream may make the library allocate. 0 = the default named beside the field. */
-typedef struct l4d_limits {
-  size_t struct_size;
-  uint64_t max_memory_bytes; /* all allocations of one handle: 16 GiB */
-  uint64_t max_gaussians;    /* in one stream: 2^30 */
-  uint32_t max_frames;       /* in one stream: 2^24, the format's own maximum */
-  uint32_t reserved;
-} l4d_limits;
+/* Most threads that a handle can be given; more fail with INVALID_ARGUMENT. */
+#define L4D_MAX_THREADS 4096u
 
 /* ---- the scene ----------------------------------------------------------------------------- */
 
@@ -118,7 +121,7 @@ typedef struct l4d_timeline {
   uint32_t fps_num;
   uint32_t fps_den;
   uint32_t reserved;
-} l4d_timeline;
+} l4d_timeline; /* frozen */
 
 /* Meaning of the attribute arrays. */
 enum {
@@ -147,6 +150,8 @@ typedef struct l4d_gaussians {
    * has steps of 8 ms after a day, and of two minutes since 1970. */
   const double* mean_t_double;
 } l4d_gaussians;
+L4D_API void l4d_gaussians_init_(l4d_gaussians* gaussians, size_t struct_size);
+#define l4d_gaussians_init(gaussians) l4d_gaussians_init_((gaussians), sizeof(*(gaussians)))
 
 /* Where a decoded scene sits in the world: world = origin + scale * position. The library carries
  * this and never applies it, so large coordinates cost no precision. */
@@ -155,7 +160,7 @@ typedef struct l4d_placement {
   double scale;
   uint32_t coordinate_system; /* l4d_coordinate_system */
   uint32_t color_space;       /* l4d_color_space */
-} l4d_placement;
+} l4d_placement;              /* frozen */
 enum {
   L4D_COORDINATES_UNKNOWN = 0,
   L4D_COORDINATES_RIGHT_UP_BACK = 1,

@@ -187,8 +187,8 @@ class EncoderHandle {
   // The whole stream in memory.
   std::vector<unsigned char> encode() const {
     std::vector<unsigned char> out;
-    l4d_writer w{};
-    w.struct_size = sizeof w;
+    l4d_writer w;
+    l4d_writer_init(&w);
     w.user = &out;
     w.write = [](void* user, const void* src, size_t n) -> int {
       auto& bytes = *static_cast<std::vector<unsigned char>*>(user);

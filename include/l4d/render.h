@@ -9,7 +9,7 @@
  *   l4d_renderer_render(renderer, &camera, &image);
  *   l4d_renderer_destroy(renderer);
  *
- * Conventions of the image are those of 3D Gaussian splatting. All paths and backends do this:
+ * Conventions of the image are those of 3D Gaussian splatting. All backends do this:
  *  - A Gaussian whose mean has z <= near_plane in camera axes is not drawn. The others are drawn by
  *    rising z of their means, all of a Gaussian before the next; the order of equal ones is the
  *    path's.
@@ -42,11 +42,6 @@ extern "C" {
 typedef struct l4d_renderer l4d_renderer;
 
 enum {
-  L4D_RENDER_AUTO = 0,      /* FAST */
-  L4D_RENDER_REFERENCE = 1, /* double precision, one loop per formula: slow, for checking others */
-  L4D_RENDER_FAST = 2       /* float, SIMD, tiles, threads */
-};
-enum {
   L4D_RENDER_EXP_ACCURATE = 0, /* relative error below 2e-7 */
   /* Relative error below 1e-4. Single pixels change by more than a step of 8 bits, where the error
    * decides whether blending stops before a splat or after it. */
@@ -55,12 +50,12 @@ enum {
 
 typedef struct l4d_renderer_options {
   size_t struct_size;
-  uint32_t threads;     /* 0 = one per core; never changes the result */
-  uint32_t path;        /* L4D_RENDER_* */
-  uint32_t exponential; /* L4D_RENDER_EXP_*, of the FAST path */
-  uint32_t backend; /* L4D_BACKEND_*; REFERENCE is the REFERENCE path, AUTO and CPU are the CPU */
-  uint32_t device;  /* of the CUDA backend: CUDA's number of it */
-  uint32_t reserved;
+  uint32_t threads; /* at most L4D_MAX_THREADS; 0 = one per core; never changes the result */
+  /* L4D_BACKEND_*. AUTO and CPU: float, SIMD, tiles, threads. REFERENCE: double precision, one loop
+   * per formula; slow, for checking the others. CUDA: a device. */
+  uint32_t backend;
+  uint32_t exponential; /* L4D_RENDER_EXP_*, of the CPU backend */
+  uint32_t device;      /* of the CUDA backend: CUDA's number of the device */
   /* What the CPU paths may hold; 0 = 16 GiB. A call that needs more fails with LIMIT_EXCEEDED. It
    * counts the scene prepared, the Gaussians of the instant (52 bytes each, and 36 more of a
    * stream), splats of a view (144 bytes each) and the lists of splats by tile. The lists are made
@@ -72,8 +67,8 @@ typedef struct l4d_renderer_options {
 L4D_API void l4d_renderer_options_init_(l4d_renderer_options* options, size_t struct_size);
 #define l4d_renderer_options_init(options) l4d_renderer_options_init_((options), sizeof(*(options)))
 
-/* options may be NULL. Fails with INVALID_ARGUMENT where path and backend contradict each other. A
- * renderer of the CUDA backend takes its device when it is given a scene; that call fails with
+/* options may be NULL. Fails with INVALID_ARGUMENT if an option is out of range. A renderer of the
+ * CUDA backend takes its device when it is given a scene; that call fails with
  * FEATURE_UNSUPPORTED in a build without device code, and with DEVICE where there is no device that
  * this build has code for. What it renders from is copied to the device, and images come back to
  * the host: a player that keeps both on the device uses cuda_render.h. It differs from the FAST
@@ -102,13 +97,14 @@ L4D_API l4d_status l4d_renderer_set_background(l4d_renderer* renderer, const flo
 L4D_API l4d_status l4d_renderer_set_time(l4d_renderer* renderer, double time);
 
 /* ---- images -------------------------------------------------------------------------------- */
+#define L4D_MAX_IMAGE_SIDE 16384u /* pixels */
 
 /* A pinhole camera. Camera axes: x right, y down, z forward. A point p of the scene is at
  * world_to_camera (p, 1), and z > near_plane projects to (fx x/z + cx, fy y/z + cy) in pixels, the
  * centre of the first pixel being (0.5, 0.5). */
 typedef struct l4d_camera {
   size_t struct_size;
-  uint32_t width, height; /* pixels, 1..16384 each */
+  uint32_t width, height; /* pixels, 1..L4D_MAX_IMAGE_SIDE each */
   double fx, fy, cx, cy;  /* pixels */
   /* [3, 4] row-major, a rotation and a translation. A matrix whose rows are off by more than 1e-3
    * from unit length or right angles, or that mirrors, fails with INVALID_ARGUMENT. */
@@ -217,7 +213,7 @@ typedef struct l4d_view {
   double time;     /* seconds */
   uint32_t camera; /* index into the cameras */
   uint32_t reserved;
-} l4d_view;
+} l4d_view; /* frozen */
 
 /* Processes that measure one scene together, each with a renderer of its own that holds the same
  * scene; all make the same call of l4d_measure, and all get the same result. Views are dealt out by
@@ -237,7 +233,9 @@ L4D_API void l4d_ranks_init_(l4d_ranks* ranks, size_t struct_size);
 
 typedef struct l4d_measure_options {
   size_t struct_size;
-  l4d_sensitivity_options sensitivity;
+  uint32_t measure; /* L4D_SENSITIVITY_*, as in l4d_sensitivity_options */
+  uint32_t reserved;
+  uint64_t seed; /* as in l4d_sensitivity_options */
   /* Rank correlation of the halves' weights, the smallest over components, at which measuring
    * stops; above 1 = never, all views count. 0.95 unless set. */
   double agreement;
@@ -269,8 +267,8 @@ L4D_API void l4d_measure_report_init_(l4d_measure_report* report, size_t struct_
 #define l4d_measure_report_init(report) l4d_measure_report_init_((report), sizeof(*(report)))
 
 /* The renderer holds the scene (set_gaussians), without background; its instant is moved. cameras:
- * [num_cameras], views: [num_views], in any order. options, progress and report may be NULL;
- * progress counts views. *out is the caller's to destroy. */
+ * [num_cameras], cameras[0].struct_size bytes apart, views: [num_views], in any order. options,
+ * progress and report may be NULL; progress counts views. *out is the caller's to destroy. */
 L4D_API l4d_status l4d_measure(l4d_renderer* renderer, const l4d_camera* cameras,
                                uint32_t num_cameras, const l4d_view* views, uint64_t num_views,
                                const l4d_measure_options* options, l4d_progress_fn progress,
@@ -286,12 +284,15 @@ enum {
   L4D_RENDER_STAGE_BACKWARD,
   L4D_RENDER_STAGE_COUNT
 };
+#define L4D_RENDER_MAX_STAGES                                        \
+  8 /* what arrays by stage have room for, now and in later versions \
+     */
 typedef struct l4d_render_stats {
   size_t struct_size;
   uint64_t visible;   /* Gaussians visible at the time */
   uint64_t projected; /* of these, those that touch a pixel of the last view's frame */
   uint64_t instances; /* pairs of Gaussian and tile; 0 on the reference path */
-  double seconds[L4D_RENDER_STAGE_COUNT];
+  double seconds[L4D_RENDER_MAX_STAGES]; /* by L4D_RENDER_STAGE_*; 0 beyond */
 } l4d_render_stats;
 L4D_API void l4d_render_stats_init_(l4d_render_stats* stats, size_t struct_size);
 #define l4d_render_stats_init(stats) l4d_render_stats_init_((stats), sizeof(*(stats)))

@@ -35,6 +35,16 @@ void l4d_keep_error_message_(const char* message) {
   text[length] = 0;
 }
 
+void l4d_reader_init_(l4d_reader* reader, size_t struct_size) {
+  l4d::api::init_struct(reader, struct_size, l4d_reader{});
+}
+void l4d_writer_init_(l4d_writer* writer, size_t struct_size) {
+  l4d::api::init_struct(writer, struct_size, l4d_writer{});
+}
+void l4d_gaussians_init_(l4d_gaussians* gaussians, size_t struct_size) {
+  l4d::api::init_struct(gaussians, struct_size, l4d_gaussians{});
+}
+
 const char* l4d_last_error_message(void) { return last_error_message().text; }
 
 uint32_t l4d_version_number(void) {
@@ -83,6 +93,7 @@ const char* l4d_status_name(l4d_status status) {
     L4D_CASE(L4D_ERR_CANCELLED)
     L4D_CASE(L4D_ERR_LIMIT_EXCEEDED)
     L4D_CASE(L4D_ERR_INVALID_SCENE)
+    L4D_CASE(L4D_ERR_BUFFER_TOO_SMALL)
     L4D_CASE(L4D_ERR_NOT_L4D)
     L4D_CASE(L4D_ERR_VERSION_UNSUPPORTED)
     L4D_CASE(L4D_ERR_FEATURE_UNSUPPORTED)
@@ -115,6 +126,8 @@ const char* l4d_status_description(l4d_status status) {
       return "The stream needs more than the limits allow; raise them if you trust it.";
     case L4D_ERR_INVALID_SCENE:
       return "The scene holds values that cannot be coded.";
+    case L4D_ERR_BUFFER_TOO_SMALL:
+      return "An array of the caller's is too small for the result.";
     case L4D_ERR_NOT_L4D:
       return "The data is not an .l4d stream.";
     case L4D_ERR_VERSION_UNSUPPORTED:

@@ -5,6 +5,7 @@
 #include "l4d/cuda.h"
 #include "libl4dcodec/api/decoder_handle.h"
 #include "libl4dcodec/base/c_api.h"
+#include "libl4dcodec/base/first_versions.h"
 #ifdef L4D_HAVE_CUDA
 #include "decoder/cuda/device_decoder.h"
 #include "libl4dcodec/cuda/device.h"
@@ -194,9 +195,15 @@ l4d_status l4d_cuda_decoder_finish(l4d_cuda_decoder* decoder) {
   return on_device(decoder, nullptr, [](l4d::cuda::DeviceDecoder& d) { return d.finish(); });
 }
 
-l4d_status l4d_cuda_decoder_get_num_literals(l4d_cuda_decoder* decoder, uint64_t* counts) {
-  return on_device(decoder, required(counts),
-                   [&](l4d::cuda::DeviceDecoder& d) { return d.num_literals(counts); });
+l4d_status l4d_cuda_decoder_get_num_literals(l4d_cuda_decoder* decoder, uint32_t component,
+                                             uint64_t* count) {
+  return on_device(decoder, required(count), [&](l4d::cuda::DeviceDecoder& d) -> Status {
+    if (component >= L4D_COMPONENT_COUNT) return l4d::invalid_argument("no such component");
+    uint64_t counts[L4D_COMPONENT_COUNT];
+    L4D_RETURN_IF_ERROR(d.num_literals(counts));
+    *count = counts[component];
+    return {};
+  });
 }
 
 l4d_status l4d_cuda_decoder_get_codebook(l4d_cuda_decoder* decoder, uint32_t layer,
@@ -241,7 +248,7 @@ l4d_status l4d_cuda_decoder_finish(l4d_cuda_decoder*) {
   return fail(L4D_ERR_FEATURE_UNSUPPORTED, kNoDeviceCode);
 }
 
-l4d_status l4d_cuda_decoder_get_num_literals(l4d_cuda_decoder*, uint64_t*) {
+l4d_status l4d_cuda_decoder_get_num_literals(l4d_cuda_decoder*, uint32_t, uint64_t*) {
   return fail(L4D_ERR_FEATURE_UNSUPPORTED, kNoDeviceCode);
 }
 

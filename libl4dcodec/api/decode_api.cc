@@ -60,6 +60,13 @@ l4d::ViolationFn reporter(l4d_violation_fn fn, void* user, uint64_t* count) {
   };
 }
 
+// Hands the caller's struct back where the call succeeded, and where it tells what it needed.
+template <typename T>
+Status write_output(const Status& status, const T& from, T* out) {
+  if (status.ok() || status.code() == L4D_ERR_BUFFER_TOO_SMALL) write_struct(from, out);
+  return status;
+}
+
 uint32_t layer_tools(const l4d::SceneHeader& header, const l4d::LayerHeader& layer) {
   uint32_t tools = 0;
   const auto& spatial = layer.component[L4D_COMPONENT_ROTOR_SPATIAL];
@@ -144,9 +151,7 @@ Status use_first_device() {
 extern "C" {
 
 void l4d_decoder_options_init_(l4d_decoder_options* options, size_t struct_size) {
-  l4d_decoder_options d{};
-  d.limits.struct_size = sizeof d.limits;
-  init_struct(options, struct_size, d);
+  init_struct(options, struct_size, {});
 }
 void l4d_info_init_(l4d_info* info, size_t struct_size) { init_struct(info, struct_size, {}); }
 void l4d_layer_info_init_(l4d_layer_info* info, size_t struct_size) {
@@ -187,6 +192,9 @@ l4d_status l4d_decoder_create(const l4d_decoder_options* options, l4d_decoder** 
     if (resolved.backend > L4D_BACKEND_CUDA) {
       return Status(L4D_ERR_FEATURE_UNSUPPORTED, "unknown backend");
     }
+    if (resolved.threads > L4D_MAX_THREADS) {
+      return l4d::invalid_argument("threads is above L4D_MAX_THREADS");
+    }
     if (resolved.backend == L4D_BACKEND_CUDA) L4D_RETURN_IF_ERROR(use_first_device());
     *out = new l4d_decoder(resolved);
     return {};
@@ -206,7 +214,7 @@ l4d_status l4d_decoder_open(l4d_decoder* decoder, const l4d_reader* reader) {
     decoder->close_device();
     decoder->impl.close();
     l4d::ByteSource source;
-    L4D_RETURN_IF_ERROR(l4d::ByteSource::from_reader(*reader, &source));
+    L4D_RETURN_IF_ERROR(l4d::ByteSource::from_reader(read_struct(*reader, l4d_reader{}), &source));
     return decoder->impl.open(std::move(source));
   });
 }
@@ -242,10 +250,20 @@ l4d_status l4d_decoder_get_layer_info(const l4d_decoder* decoder, uint32_t index
   });
 }
 
-l4d_status l4d_decoder_get_sections(l4d_decoder* decoder, uint64_t* sections,
-                                    uint64_t* layer_bytes) {
-  return with_stream(decoder, required(sections),
-                     [&](l4d::Decoder& d) { return d.sections(sections, layer_bytes); });
+l4d_status l4d_decoder_get_sections(l4d_decoder* decoder, uint64_t* sections, uint32_t capacity,
+                                    uint32_t* count, uint64_t* layer_bytes,
+                                    uint32_t layer_capacity) {
+  const char* bad = first_of(capacity > 0 ? required(sections) : nullptr,
+                             layer_capacity > 0 ? required(layer_bytes) : nullptr);
+  return with_stream(decoder, bad, [&](l4d::Decoder& d) -> Status {
+    uint64_t all[L4D_SECTION_COUNT];
+    std::vector<uint64_t> layers(d.file().header().layers.size());
+    L4D_RETURN_IF_ERROR(d.sections(all, layers.data()));
+    std::copy_n(all, std::min<uint32_t>(capacity, L4D_SECTION_COUNT), sections);
+    std::copy_n(layers.begin(), std::min<size_t>(layer_capacity, layers.size()), layer_bytes);
+    if (count != nullptr) *count = L4D_SECTION_COUNT;
+    return {};
+  });
 }
 
 l4d_status l4d_decoder_select(l4d_decoder* decoder, const l4d_query* query,
@@ -272,9 +290,8 @@ l4d_status l4d_decoder_decode(l4d_decoder* decoder, const l4d_query* query,
     l4d_gaussian_buffers buffers = read_struct(*out, l4d_gaussian_buffers{});
     const l4d_query q = read_struct(*query, default_query());
     const bool on_device = decoder->decodes_on_device && buffers.mean_t_double == nullptr;
-    L4D_RETURN_IF_ERROR(on_device ? decoder->decode_on_device(q, &buffers) : d.decode(q, &buffers));
-    write_struct(buffers, out);
-    return {};
+    return write_output(on_device ? decoder->decode_on_device(q, &buffers) : d.decode(q, &buffers),
+                        buffers, out);
   });
 }
 
@@ -282,9 +299,8 @@ l4d_status l4d_decoder_decode_packed(l4d_decoder* decoder, const l4d_query* quer
                                      l4d_packed_buffers* out) {
   return with_stream(decoder, required(query, out), [&](l4d::Decoder& d) -> Status {
     l4d_packed_buffers buffers = read_struct(*out, l4d_packed_buffers{});
-    L4D_RETURN_IF_ERROR(d.decode_packed(read_struct(*query, default_query()), &buffers));
-    write_struct(buffers, out);
-    return {};
+    return write_output(d.decode_packed(read_struct(*query, default_query()), &buffers), buffers,
+                        out);
   });
 }
 
@@ -366,9 +382,7 @@ l4d_status l4d_decoder_set_detail(l4d_decoder* decoder, uint32_t detail) {
 l4d_status l4d_decoder_slice(l4d_decoder* decoder, double time, l4d_splat_buffers* out) {
   return with_stream(decoder, required(out), [&](l4d::Decoder& d) -> Status {
     l4d_splat_buffers buffers = read_struct(*out, l4d_splat_buffers{});
-    L4D_RETURN_IF_ERROR(d.slice(time, &buffers));
-    write_struct(buffers, out);
-    return {};
+    return write_output(d.slice(time, &buffers), buffers, out);
   });
 }
 
@@ -407,9 +421,12 @@ l4d_status l4d_validate(const l4d_reader* reader, const l4d_decoder_options* opt
     }
     l4d_decoder_options resolved{};
     if (options != nullptr) resolved = read_struct(*options, resolved);
+    if (resolved.threads > L4D_MAX_THREADS) {
+      return l4d::invalid_argument("threads is above L4D_MAX_THREADS");
+    }
     *num_violations = 0;
     l4d::ByteSource source;
-    L4D_RETURN_IF_ERROR(l4d::ByteSource::from_reader(*reader, &source));
+    L4D_RETURN_IF_ERROR(l4d::ByteSource::from_reader(read_struct(*reader, l4d_reader{}), &source));
     return l4d::validate_stream(std::move(source), resolved, reporter(fn, user, num_violations));
   }));
 }

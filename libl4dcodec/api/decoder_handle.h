@@ -5,8 +5,8 @@
 #include <memory>
 
 #include "decoder/session/decoder.h"
-#include "libl4dcodec/api/first_versions.h"
 #include "libl4dcodec/base/c_api.h"
+#include "libl4dcodec/base/first_versions.h"
 #ifdef L4D_HAVE_CUDA
 #include "decoder/cuda/host_decode.h"
 #endif

@@ -24,6 +24,14 @@ using l4d::api::read_struct;
 using l4d::api::required;
 using l4d::api::write_struct;
 
+namespace l4d::api {
+
+L4D_FIRST_VERSION(l4d_encoder_options, seed);
+L4D_FIRST_VERSION(l4d_parameter_info, integer);
+L4D_FIRST_VERSION(l4d_encode_report, max_opacity_error);
+
+}  // namespace l4d::api
+
 struct l4d_encoder {
   explicit l4d_encoder(const l4d_encoder_options& options) : impl(options) {}
   l4d::Encoder impl;
@@ -41,7 +49,12 @@ l4d_status with_encoder(l4d_encoder* encoder, const char* bad, const Body& body)
 Status no_report() { return Status(L4D_ERR_INVALID_STATE, "nothing has been encoded"); }
 
 Status choose_device(const l4d_encoder_options& options, l4d::Encoder& encoder) {
-  if (options.backend > L4D_BACKEND_CUDA) return l4d::invalid_argument("unknown backend");
+  if (options.backend > L4D_BACKEND_CUDA) {
+    return Status(L4D_ERR_FEATURE_UNSUPPORTED, "unknown backend");
+  }
+  if (options.threads > L4D_MAX_THREADS) {
+    return l4d::invalid_argument("threads is above L4D_MAX_THREADS");
+  }
   const bool asked = options.backend == L4D_BACKEND_CUDA;
 #ifdef L4D_HAVE_CUDA
   if (asked) L4D_RETURN_IF_ERROR(l4d::cuda::use_device(0));
@@ -192,10 +205,10 @@ l4d_status l4d_encoder_add_metadata(l4d_encoder* encoder, const char* key, const
 
 l4d_status l4d_encoder_encode(l4d_encoder* encoder, const l4d_writer* writer) {
   return with_encoder(encoder, required(writer), [&](l4d::Encoder& e) -> Status {
-    if (writer->write == nullptr) return l4d::invalid_argument("the writer lacks its callback");
-    return e.encode([&](const unsigned char* data, size_t n) {
-      return writer->write(writer->user, data, n) == 0;
-    });
+    const l4d_writer w = read_struct(*writer, l4d_writer{});
+    if (w.write == nullptr) return l4d::invalid_argument("the writer lacks its callback");
+    return e.encode(
+        [&](const unsigned char* data, size_t n) { return w.write(w.user, data, n) == 0; });
   });
 }
 
@@ -226,7 +239,9 @@ l4d_status l4d_encoder_get_order(const l4d_encoder* encoder, uint32_t* order, ui
   return look_at(encoder, required(order), [&]() -> Status {
     if (encoder->impl.report() == nullptr) return no_report();
     const std::vector<uint32_t>& from = encoder->impl.report()->order;
-    if (capacity < from.size()) return l4d::invalid_argument("capacity is below the Gaussians");
+    if (capacity < from.size()) {
+      return Status(L4D_ERR_BUFFER_TOO_SMALL, "capacity is below the coded Gaussians");
+    }
     std::copy(from.begin(), from.end(), order);
     return {};
   });

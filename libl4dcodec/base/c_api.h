@@ -11,24 +11,27 @@
 #include <string>
 #include <type_traits>
 #include <utility>
+#include <vector>
 
 #include "libl4dcodec/base/status.h"
 
 namespace l4d::api {
 
-// How many bytes T had in the first version of this library that had it. A caller's struct is never
-// smaller, so one that claims to be was not filled by its init macro. A struct that has grown has a
-// line of L4D_FIRST_VERSION: the first field that came later.
+// How many bytes T has at least in every version of this library. A caller's struct is never
+// smaller, so one that claims to be was not filled by its init macro. Each versioned struct that a
+// function takes has a line of L4D_FIRST_VERSION with the last field of its first version; a struct
+// without one does not compile.
 template <typename T>
-struct FirstVersion {
-  static constexpr size_t kBytes = sizeof(T);
-};
-#define L4D_FIRST_VERSION(T, next_field)                      \
-  template <>                                                 \
-  struct FirstVersion<T> {                                    \
-    static constexpr size_t kBytes = offsetof(T, next_field); \
+struct FirstVersion;
+#define L4D_FIRST_VERSION(T, last_field)                                \
+  template <>                                                           \
+  struct FirstVersion<T> {                                              \
+    static constexpr size_t kBytes =                                    \
+        offsetof(T, last_field) + sizeof(std::declval<T>().last_field); \
   }
 
+L4D_FIRST_VERSION(l4d_reader, size);
+L4D_FIRST_VERSION(l4d_writer, write);
 L4D_FIRST_VERSION(l4d_gaussians, mean_t_double);
 
 template <typename T, typename = void>
@@ -73,6 +76,24 @@ T read_struct(const T& in, T defaults) {
   std::memcpy(static_cast<void*>(&defaults), &in, size);
   defaults.struct_size = sizeof(T);
   return defaults;
+}
+
+// Full structs from an array of a caller's: `count` of them, each as long as the first one says.
+// What is wrong with the array, null if nothing is.
+template <typename T>
+const char* read_array(const T* in, size_t count, const T& defaults, std::vector<T>* out) {
+  out->clear();
+  if (count == 0) return nullptr;
+  if (const char* bad = required(in)) return bad;
+  const size_t stride = in->struct_size;
+  for (size_t i = 0; i < count; ++i) {
+    const T& element = *reinterpret_cast<const T*>(reinterpret_cast<const char*>(in) + i * stride);
+    if (element.struct_size != stride) {
+      return "the elements of an array differ in struct_size: fill each with its init macro";
+    }
+    out->push_back(read_struct(element, defaults));
+  }
+  return nullptr;
 }
 
 // Copies results into a caller's possibly older struct, whose struct_size stays.

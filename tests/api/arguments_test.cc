@@ -49,19 +49,20 @@ struct Targets {
 // All calls that need an open stream, by name.
 std::vector<std::pair<const char*, l4d_status>> stream_calls(l4d_decoder* d) {
   Targets t;
-  return {{"info", l4d_decoder_get_info(d, &t.info)},
-          {"layer_info", l4d_decoder_get_layer_info(d, 0, &t.layer)},
-          {"sections", l4d_decoder_get_sections(d, t.sections, nullptr)},
-          {"select", l4d_decoder_select(d, &t.query, &t.selection)},
-          {"decode", l4d_decoder_decode(d, &t.query, &t.gaussians)},
-          {"decode_packed", l4d_decoder_decode_packed(d, &t.query, &t.packed)},
-          {"codebook", l4d_decoder_get_codebook(d, 0, 0, 0, L4D_NO_BLOCK, &t.book)},
-          {"dequantization", l4d_decoder_get_dequantization(d, 0, &t.dequantization)},
-          {"slice", l4d_decoder_slice(d, 0, &t.splats)},
-          {"conformance", l4d_decoder_get_conformance(d, &t.conformance)},
-          {"check_conformance",
-           l4d_decoder_check_conformance(d, 0, 1, nullptr, nullptr, &t.violations)},
-          {"counters", l4d_decoder_get_counters(d, &t.counters)}};
+  return {
+      {"info", l4d_decoder_get_info(d, &t.info)},
+      {"layer_info", l4d_decoder_get_layer_info(d, 0, &t.layer)},
+      {"sections", l4d_decoder_get_sections(d, t.sections, L4D_SECTION_COUNT, nullptr, nullptr, 0)},
+      {"select", l4d_decoder_select(d, &t.query, &t.selection)},
+      {"decode", l4d_decoder_decode(d, &t.query, &t.gaussians)},
+      {"decode_packed", l4d_decoder_decode_packed(d, &t.query, &t.packed)},
+      {"codebook", l4d_decoder_get_codebook(d, 0, 0, 0, L4D_NO_BLOCK, &t.book)},
+      {"dequantization", l4d_decoder_get_dequantization(d, 0, &t.dequantization)},
+      {"slice", l4d_decoder_slice(d, 0, &t.splats)},
+      {"conformance", l4d_decoder_get_conformance(d, &t.conformance)},
+      {"check_conformance",
+       l4d_decoder_check_conformance(d, 0, 1, nullptr, nullptr, &t.violations)},
+      {"counters", l4d_decoder_get_counters(d, &t.counters)}};
 }
 
 TEST(Arguments, NullDecoder) {
@@ -111,7 +112,7 @@ TEST(Arguments, NullPointers) {
   handle.open_memory(tiny_file().data(), tiny_file().size());
   EXPECT_EQ(l4d_decoder_get_info(d, nullptr), kInvalid);
   EXPECT_EQ(l4d_decoder_get_layer_info(d, 0, nullptr), kInvalid);
-  EXPECT_EQ(l4d_decoder_get_sections(d, nullptr, nullptr), kInvalid);
+  EXPECT_EQ(l4d_decoder_get_sections(d, nullptr, 1, nullptr, nullptr, 0), kInvalid);
   EXPECT_EQ(l4d_decoder_get_conformance(d, nullptr), kInvalid);
   EXPECT_EQ(l4d_decoder_check_conformance(d, 0, 0, nullptr, nullptr, nullptr), kInvalid);
   EXPECT_EQ(l4d_decoder_select(d, nullptr, &t.selection), kInvalid);
@@ -210,9 +211,9 @@ TEST(Names, StatusesSectionsAndVersions) {
   std::set<std::string> names;
   for (const l4d_status s :
        {L4D_OK, L4D_ERR_INVALID_ARGUMENT, L4D_ERR_INVALID_STATE, L4D_ERR_OUT_OF_MEMORY, L4D_ERR_IO,
-        L4D_ERR_CANCELLED, L4D_ERR_LIMIT_EXCEEDED, L4D_ERR_INVALID_SCENE, L4D_ERR_NOT_L4D,
-        L4D_ERR_VERSION_UNSUPPORTED, L4D_ERR_FEATURE_UNSUPPORTED, L4D_ERR_TRUNCATED,
-        L4D_ERR_CORRUPT, L4D_ERR_CHECKSUM, L4D_ERR_INTERNAL}) {
+        L4D_ERR_CANCELLED, L4D_ERR_LIMIT_EXCEEDED, L4D_ERR_INVALID_SCENE, L4D_ERR_BUFFER_TOO_SMALL,
+        L4D_ERR_NOT_L4D, L4D_ERR_VERSION_UNSUPPORTED, L4D_ERR_FEATURE_UNSUPPORTED,
+        L4D_ERR_TRUNCATED, L4D_ERR_CORRUPT, L4D_ERR_CHECKSUM, L4D_ERR_INTERNAL}) {
     EXPECT_TRUE(names.insert(l4d_status_name(s)).second);
     EXPECT_EQ(std::string(l4d_status_name(s)).rfind("L4D_", 0), 0u);
     EXPECT_EQ(std::string(l4d_status_description(s)).back(), '.');

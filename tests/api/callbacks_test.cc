@@ -46,7 +46,7 @@ std::vector<l4d_status> calls_on(l4d_decoder* d) {
           l4d_decoder_open_file(d, "/nowhere"),
           l4d_decoder_get_info(d, &info),
           l4d_decoder_get_layer_info(d, 0, &layer),
-          l4d_decoder_get_sections(d, sections, nullptr),
+          l4d_decoder_get_sections(d, sections, L4D_SECTION_COUNT, nullptr, nullptr, 0),
           l4d_decoder_select(d, &query, &selection),
           l4d_decoder_get_ranges(d, &query, nullptr, 0, &count),
           l4d_decoder_decode(d, &query, &gaussians),
@@ -75,8 +75,8 @@ struct Intruder {
     l4d_decoder_destroy(decoder);
   }
   l4d_reader reader() {
-    l4d_reader r{};
-    r.struct_size = sizeof r;
+    l4d_reader r;
+    l4d_reader_init(&r);
     r.user = this;
     r.read_at = [](void* user, void* to, size_t n, uint64_t offset) -> int64_t {
       Intruder& self = *static_cast<Intruder*>(user);
@@ -174,8 +174,8 @@ TEST(Callbacks, AnEncodersCallbacksCannotCallIt) {
     return 0;
   };
   ASSERT_EQ(l4d_encoder_set_progress(e.get(), progress, &visitor), L4D_OK);
-  l4d_writer writer{};
-  writer.struct_size = sizeof writer;
+  l4d_writer writer;
+  l4d_writer_init(&writer);
   writer.user = &visitor;
   writer.write = [](void* user, const void*, size_t) {
     static_cast<Visitor*>(user)->visit();
@@ -199,11 +199,11 @@ TEST(LastError, FunctionsWithoutAHandleKeepTheirMessage) {
   l4d_encoder_options_init(&encoder_options);
   encoder_options.backend = 99;
   l4d_encoder* encoder = nullptr;
-  EXPECT_EQ(l4d_encoder_create(&encoder_options, &encoder), L4D_ERR_INVALID_ARGUMENT);
+  EXPECT_EQ(l4d_encoder_create(&encoder_options, &encoder), L4D_ERR_FEATURE_UNSUPPORTED);
   EXPECT_NE(std::string(l4d_last_error_message()).find("backend"), std::string::npos);
   // l4d_validate: what the reader failed at.
-  l4d_reader reader{};
-  reader.struct_size = sizeof reader;
+  l4d_reader reader;
+  l4d_reader_init(&reader);
   reader.read_at = [](void*, void*, size_t, uint64_t) -> int64_t { return -1; };
   reader.size = [](void*) -> int64_t { return 100; };
   uint64_t violations = 0;

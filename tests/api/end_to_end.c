@@ -94,8 +94,7 @@ static void encode_scene(const scene* s, buffer* out, const char* path) {
   l4d_placement placement;
   l4d_writer writer;
   l4d_encode_report report;
-  memset(&g, 0, sizeof g);
-  g.struct_size = sizeof g;
+  l4d_gaussians_init(&g);
   g.count = kCount;
   g.sh_degree = 1;
   g.position = s->position;
@@ -120,8 +119,7 @@ static void encode_scene(const scene* s, buffer* out, const char* path) {
   CHECK_OK(l4d_encoder_set(encoder, L4D_ENC_MERGE_COUNT, L4D_ALL_COMPONENTS, 20));
   CHECK_OK(l4d_encoder_set_scene(encoder, &g, &timeline, &placement));
   CHECK_OK(l4d_encoder_add_metadata(encoder, "title", "end to end"));
-  memset(&writer, 0, sizeof writer);
-  writer.struct_size = sizeof writer;
+  l4d_writer_init(&writer);
   writer.user = out;
   writer.write = append;
   CHECK_OK(l4d_encoder_encode(encoder, &writer));
@@ -209,14 +207,13 @@ int main(void) {
 
   l4d_decoder_options_init(&options);
   options.threads = 1;
-  options.limits.max_memory_bytes = 64u << 20;
+  options.max_memory_bytes = 64u << 20;
   CHECK_OK(l4d_decoder_create(&options, &decoder));
   CHECK_OK(l4d_decoder_open_memory(decoder, file.data, file.size));
   read_scene(decoder);
   CHECK_OK(l4d_decoder_open_file(decoder, path));
   read_scene(decoder);
-  memset(&reader, 0, sizeof reader);
-  reader.struct_size = sizeof reader;
+  l4d_reader_init(&reader);
   reader.user = &file;
   reader.read_at = read_at;
   reader.size = size_of;

@@ -23,16 +23,15 @@ constexpr bool plain() {
   static_assert(offsetof(type, field) == (offset), #type "." #field " moved")
 L4D_LAYOUT(l4d_reader, 32);
 L4D_LAYOUT(l4d_writer, 24);
-L4D_LAYOUT(l4d_limits, 32);
 L4D_LAYOUT(l4d_timeline, 24);
 L4D_LAYOUT(l4d_gaussians, 80);
 L4D_FIELD(l4d_gaussians, mean_t_double, 72);
 L4D_LAYOUT(l4d_placement, 40);
-L4D_LAYOUT(l4d_decoder_options, 80);
-L4D_FIELD(l4d_decoder_options, threads, 40);
-L4D_FIELD(l4d_decoder_options, cache_bytes, 48);
-L4D_FIELD(l4d_decoder_options, tolerant, 56);
-L4D_FIELD(l4d_decoder_options, progress, 64);
+L4D_LAYOUT(l4d_decoder_options, 72);
+L4D_FIELD(l4d_decoder_options, threads, 28);
+L4D_FIELD(l4d_decoder_options, cache_bytes, 40);
+L4D_FIELD(l4d_decoder_options, tolerant, 48);
+L4D_FIELD(l4d_decoder_options, progress, 56);
 L4D_LAYOUT(l4d_info, 136);
 L4D_FIELD(l4d_info, num_gaussians, 40);
 L4D_FIELD(l4d_info, timeline, 56);
@@ -114,7 +113,6 @@ TEST(Layout, ConstantsKeepTheirValues) {
 // struct_size comes first in every struct that has one.
 TEST(Layout, StructSizeComesFirst) {
   EXPECT_EQ(offsetof(l4d_reader, struct_size), 0u);
-  EXPECT_EQ(offsetof(l4d_limits, struct_size), 0u);
   EXPECT_EQ(offsetof(l4d_gaussians, struct_size), 0u);
   EXPECT_EQ(offsetof(l4d_decoder_options, struct_size), 0u);
   EXPECT_EQ(offsetof(l4d_info, struct_size), 0u);

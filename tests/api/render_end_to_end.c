@@ -41,8 +41,7 @@ static const float kSh[6] = {1.7724539f,  -1.7724539f, -1.7724539f,
 
 static l4d_gaussians scene(void) {
   l4d_gaussians g;
-  memset(&g, 0, sizeof g);
-  g.struct_size = sizeof g;
+  l4d_gaussians_init(&g);
   g.count = 2;
   g.position = kPosition;
   g.mean_t = kMean;
@@ -147,10 +146,10 @@ int main(void) {
   l4d_writer writer;
   buffer file = {NULL, 0};
   uint32_t path;
-  for (path = L4D_RENDER_AUTO; path <= L4D_RENDER_FAST; ++path) {
+  for (path = L4D_BACKEND_AUTO; path <= L4D_BACKEND_CPU; ++path) {
     l4d_renderer_options options;
     l4d_renderer_options_init(&options);
-    options.path = path;
+    options.backend = path;
     options.threads = 1;
     CHECK_OK(l4d_renderer_create(&options, &renderer));
     CHECK(l4d_renderer_set_time(renderer, 0) == L4D_ERR_INVALID_STATE);
@@ -166,8 +165,7 @@ int main(void) {
   CHECK_OK(l4d_encoder_create(NULL, &encoder));
   CHECK_OK(l4d_encoder_set_preset(encoder, "lossless"));
   CHECK_OK(l4d_encoder_set_scene(encoder, &g, &t, NULL));
-  memset(&writer, 0, sizeof writer);
-  writer.struct_size = sizeof writer;
+  l4d_writer_init(&writer);
   writer.user = &file;
   writer.write = append;
   CHECK_OK(l4d_encoder_encode(encoder, &writer));

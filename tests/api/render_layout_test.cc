@@ -19,10 +19,10 @@ constexpr bool plain() {
   static_assert(plain<type>() && sizeof(type) == (bytes), #type " changed its size")
 #define L4D_FIELD(type, field, offset) \
   static_assert(offsetof(type, field) == (offset), #type "." #field " moved")
-L4D_LAYOUT(l4d_renderer_options, 40);
-L4D_FIELD(l4d_renderer_options, max_memory_bytes, 32);
-L4D_FIELD(l4d_renderer_options, backend, 20);
-L4D_FIELD(l4d_renderer_options, device, 24);
+L4D_LAYOUT(l4d_renderer_options, 32);
+L4D_FIELD(l4d_renderer_options, max_memory_bytes, 24);
+L4D_FIELD(l4d_renderer_options, backend, 12);
+L4D_FIELD(l4d_renderer_options, device, 20);
 L4D_FIELD(l4d_renderer_options, threads, 8);
 L4D_FIELD(l4d_renderer_options, exponential, 16);
 L4D_LAYOUT(l4d_camera, 152);
@@ -39,20 +39,17 @@ L4D_LAYOUT(l4d_view, 16);
 L4D_FIELD(l4d_view, camera, 8);
 L4D_LAYOUT(l4d_ranks, 32);
 L4D_FIELD(l4d_ranks, sum, 16);
-L4D_LAYOUT(l4d_measure_options, 64);
-L4D_FIELD(l4d_measure_options, ranks, 56);
-L4D_FIELD(l4d_measure_options, agreement, 32);
+L4D_LAYOUT(l4d_measure_options, 56);
+L4D_FIELD(l4d_measure_options, ranks, 48);
+L4D_FIELD(l4d_measure_options, agreement, 24);
 L4D_LAYOUT(l4d_measure_report, 80);
 L4D_FIELD(l4d_measure_report, agreement, 40);
 L4D_FIELD(l4d_measure_report, unseen, 72);
-L4D_LAYOUT(l4d_render_stats, 80);
+L4D_LAYOUT(l4d_render_stats, 96);
 L4D_FIELD(l4d_render_stats, seconds, 32);
 #endif
 
 TEST(RenderLayout, ConstantsKeepTheirValues) {
-  EXPECT_EQ(L4D_RENDER_AUTO, 0);
-  EXPECT_EQ(L4D_RENDER_REFERENCE, 1);
-  EXPECT_EQ(L4D_RENDER_FAST, 2);
   EXPECT_EQ(L4D_RENDER_EXP_ACCURATE, 0);
   EXPECT_EQ(L4D_RENDER_EXP_FAST, 1);
   EXPECT_EQ(L4D_SENSITIVITY_SUM, 0);

@@ -254,8 +254,8 @@ testing::AssertionResult same_bits(const SplatArrays& a, const SplatArrays& b) {
 }
 
 l4d_reader memory_reader(const Bytes& bytes) {
-  l4d_reader r{};
-  r.struct_size = sizeof r;
+  l4d_reader r;
+  l4d_reader_init(&r);
   r.user = const_cast<Bytes*>(&bytes);
   r.read_at = [](void* user, void* dst, size_t n, uint64_t offset) -> int64_t {
     const Bytes& from = *static_cast<const Bytes*>(user);

@@ -247,7 +247,7 @@ TEST(Packed, UnusedIndicesAreZeroAndNullArraysAreSkipped) {
   b.capacity = n;
   b.component[L4D_COMPONENT_SH].literal = literal.data();
   b.component[L4D_COMPONENT_SH].literal_capacity = all.num_literals[L4D_COMPONENT_SH] - 1;
-  EXPECT_EQ(l4d_decoder_decode_packed(d.get(), &q, &b), L4D_ERR_INVALID_ARGUMENT);
+  EXPECT_EQ(l4d_decoder_decode_packed(d.get(), &q, &b), L4D_ERR_BUFFER_TOO_SMALL);
   b.component[L4D_COMPONENT_SH].literal_capacity += 1;
   EXPECT_EQ(l4d_decoder_decode_packed(d.get(), &q, &b), L4D_OK);
 }

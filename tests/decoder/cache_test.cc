@@ -234,7 +234,7 @@ TEST(MemoryLimit, IsHonouredAtEveryValue) {
   bool refused = false, done = false;
   for (uint64_t limit = 256; limit < (uint64_t{1} << 26); limit += limit / 3) {
     l4d_decoder_options o = decoder_options(L4D_BACKEND_AUTO, 1);
-    o.limits.max_memory_bytes = limit;
+    o.max_memory_bytes = limit;
     DecoderHandle d(&o);
     const l4d_status opened =
         l4d_decoder_open_memory(d.get(), dynamic_file().data(), dynamic_file().size());
@@ -280,7 +280,7 @@ TEST(MemoryLimit, CacheGivesWayToIt) {
   }
   ASSERT_GT(all_together, largest_alone + largest_alone / 16);
   // Room for any instant, and for the codebooks and directory pages of all.
-  o.limits.max_memory_bytes = largest_alone + (all_together - largest_alone) / 2;
+  o.max_memory_bytes = largest_alone + (all_together - largest_alone) / 2;
   DecoderHandle d(&o);
   d.open_memory(bytes.data(), bytes.size());
   l4d_splat_buffers b;
@@ -322,13 +322,13 @@ TEST(StreamLimits, GaussiansAndFrames) {
     DecoderHandle d(&o);
     return l4d_decoder_open_memory(d.get(), dynamic_file().data(), dynamic_file().size());
   };
-  o.limits.max_gaussians = info.num_gaussians;
-  o.limits.max_frames = info.timeline.num_frames;
+  o.max_gaussians = info.num_gaussians;
+  o.max_frames = info.timeline.num_frames;
   EXPECT_EQ(open(), L4D_OK);
-  o.limits.max_gaussians = info.num_gaussians - 1;
+  o.max_gaussians = info.num_gaussians - 1;
   EXPECT_EQ(open(), L4D_ERR_LIMIT_EXCEEDED);
-  o.limits.max_gaussians = 0;
-  o.limits.max_frames = info.timeline.num_frames - 1;
+  o.max_gaussians = 0;
+  o.max_frames = info.timeline.num_frames - 1;
   EXPECT_EQ(open(), L4D_ERR_LIMIT_EXCEEDED);
 }
 

@@ -111,7 +111,7 @@ TEST(Conformance, MemoryIsLimited) {
   const Bytes& file = dynamic_file();
   const auto status = [&](uint64_t limit) {
     l4d_decoder_options options = decoder_options(L4D_BACKEND_AUTO, 1);
-    options.limits.max_memory_bytes = limit;
+    options.max_memory_bytes = limit;
     DecoderHandle d(&options);
     d.open_memory(file.data(), file.size());
     l4d_conformance c;

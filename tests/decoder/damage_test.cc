@@ -121,8 +121,8 @@ struct OddReader {
   int64_t size_offset = 0;
   int calls = 0;
   l4d_reader reader() {
-    l4d_reader r{};
-    r.struct_size = sizeof r;
+    l4d_reader r;
+    l4d_reader_init(&r);
     r.user = this;
     r.read_at = [](void* user, void* dst, size_t n, uint64_t offset) -> int64_t {
       OddReader& self = *static_cast<OddReader*>(user);

@@ -21,7 +21,7 @@ struct Cost {
 
 Cost cost_of(const Bytes& bytes, uint64_t limit) {
   l4d_decoder_options o = decoder_options(L4D_BACKEND_AUTO, 1);
-  o.limits.max_memory_bytes = limit;
+  o.max_memory_bytes = limit;
   Cost cost;
   const AllocationMeter meter;
   DecoderHandle d(&o);

@@ -94,12 +94,14 @@ TEST_P(Output, TooSmallArraysAreRefused) {
   l4d_gaussian_buffers_init(&b);
   b.opacity = opacity.data();
   b.capacity = s.num_gaussians - 1;
-  EXPECT_EQ(l4d_decoder_decode(d.get(), &q, &b), L4D_ERR_INVALID_ARGUMENT);
+  EXPECT_EQ(l4d_decoder_decode(d.get(), &q, &b), L4D_ERR_BUFFER_TOO_SMALL);
+  EXPECT_EQ(b.count, s.num_gaussians);
   EXPECT_EQ(opacity, std::vector<float>(opacity.size(), -77.0f));
   b.capacity = s.num_gaussians;
   b.ranges = ranges.data();
   b.range_capacity = s.num_ranges - 1;
-  EXPECT_EQ(l4d_decoder_decode(d.get(), &q, &b), L4D_ERR_INVALID_ARGUMENT);
+  EXPECT_EQ(l4d_decoder_decode(d.get(), &q, &b), L4D_ERR_BUFFER_TOO_SMALL);
+  EXPECT_EQ(b.num_ranges, s.num_ranges);
   b.range_capacity = s.num_ranges;
   EXPECT_EQ(l4d_decoder_decode(d.get(), &q, &b), L4D_OK);
   EXPECT_EQ(b.num_ranges, s.num_ranges);
@@ -124,7 +126,8 @@ TEST_P(Output, SliceArraysAndCapacity) {
     float** const to[] = {&b.position, &b.covariance, &b.opacity, &b.sh};
     for (unsigned i = 0; i < 4; ++i) *to[i] = (mask >> i & 1) != 0 ? got[i]->data() : nullptr;
     b.capacity = all.count() - 1;
-    EXPECT_EQ(l4d_decoder_slice(d.get(), 1.0, &b), L4D_ERR_INVALID_ARGUMENT);
+    EXPECT_EQ(l4d_decoder_slice(d.get(), 1.0, &b), L4D_ERR_BUFFER_TOO_SMALL);
+    EXPECT_EQ(b.count, all.count());
     b.capacity = all.count();
     ASSERT_EQ(l4d_decoder_slice(d.get(), 1.0, &b), L4D_OK);
     for (unsigned i = 0; i < 4; ++i) {
@@ -155,7 +158,8 @@ TEST_P(Output, SectionsAddUpToTheFile) {
   const DecoderHandle d = opened(bytes);
   uint64_t sections[L4D_SECTION_COUNT];
   std::vector<uint64_t> layers(d.info().num_layers);
-  d.check(l4d_decoder_get_sections(d.get(), sections, layers.data()));
+  d.check(l4d_decoder_get_sections(d.get(), sections, L4D_SECTION_COUNT, nullptr, layers.data(),
+                                   static_cast<uint32_t>(layers.size())));
   EXPECT_EQ(std::accumulate(sections, sections + L4D_SECTION_COUNT, uint64_t{0}), bytes.size());
   uint64_t in_layers = 0;
   for (size_t l = 0; l < layers.size(); ++l) {
@@ -169,7 +173,7 @@ TEST_P(Output, SectionsAddUpToTheFile) {
   EXPECT_GE(in_layers, d.select(all_query()).bytes);
   // Without the optional array.
   uint64_t alone[L4D_SECTION_COUNT];
-  d.check(l4d_decoder_get_sections(d.get(), alone, nullptr));
+  d.check(l4d_decoder_get_sections(d.get(), alone, L4D_SECTION_COUNT, nullptr, nullptr, 0));
   EXPECT_TRUE(std::equal(sections, sections + L4D_SECTION_COUNT, alone));
 }
 

@@ -149,8 +149,8 @@ struct WatchedReader {
     }
   }
   l4d_reader reader() {
-    l4d_reader r{};
-    r.struct_size = sizeof r;
+    l4d_reader r;
+    l4d_reader_init(&r);
     r.user = this;
     r.size = [](void* user) {
       return static_cast<int64_t>(static_cast<WatchedReader*>(user)->file.size());
@@ -198,7 +198,7 @@ TEST(ShDetail, BaseReadsNoByteOfASecondPart) {
   buffers.position = position.data();
   d.check(l4d_decoder_decode(d.get(), &all, &buffers));
   uint64_t sections[L4D_SECTION_COUNT];
-  d.check(l4d_decoder_get_sections(d.get(), sections, nullptr));
+  d.check(l4d_decoder_get_sections(d.get(), sections, L4D_SECTION_COUNT, nullptr, nullptr, 0));
   EXPECT_EQ(watched.touched, 0u);
   EXPECT_GT(sections[L4D_SECTION_SH], watched.total());
   (void)d.decode(all);

@@ -346,7 +346,7 @@ TEST(TolerantLimits, CancellingAndLimitsStillEndTheCall) {
   EXPECT_EQ(l4d_decoder_decode(d.get(), &q, &b), L4D_OK);
   l4d_decoder_options o = decoder_options(L4D_BACKEND_AUTO, 1);
   o.tolerant = 1;
-  o.limits.max_memory_bytes = 20000;
+  o.max_memory_bytes = 20000;
   DecoderHandle small(&o);
   small.open_memory(damaged.data(), damaged.size());
   EXPECT_EQ(l4d_decoder_decode(small.get(), &q, &b), L4D_ERR_LIMIT_EXCEEDED);
@@ -360,7 +360,7 @@ TEST(TolerantLimits, AWantOfMemoryIsNoLoss) {
       SCOPED_TRACE("limit " + std::to_string(limit));
       l4d_decoder_options o = decoder_options(L4D_BACKEND_AUTO, 1);
       o.tolerant = 1;
-      o.limits.max_memory_bytes = limit;
+      o.max_memory_bytes = limit;
       const DecoderHandle d(&o);
       if (l4d_decoder_open_memory(d.get(), file->data(), file->size()) != L4D_OK) continue;
       const l4d_query q = all_query();
@@ -391,7 +391,8 @@ TEST(TolerantLimits, SectionsAndValidationAreStrict) {
   const Bytes damaged = damage(whole, Anatomy(whole).page_chunk(0));
   const DecoderHandle d = tolerant_decoder(damaged);
   uint64_t sections[L4D_SECTION_COUNT];
-  EXPECT_EQ(l4d_decoder_get_sections(d.get(), sections, nullptr), L4D_ERR_CHECKSUM);
+  EXPECT_EQ(l4d_decoder_get_sections(d.get(), sections, L4D_SECTION_COUNT, nullptr, nullptr, 0),
+            L4D_ERR_CHECKSUM);
   l4d_decoder_options o = decoder_options(L4D_BACKEND_AUTO, 1);
   o.tolerant = 1;
   const l4d_reader reader = memory_reader(damaged);

@@ -117,7 +117,7 @@ TEST(Report, CountsAndSteps) {
   EXPECT_EQ(l4d_encoder_get_stage(e.get(), r.num_stages, &name, &seconds),
             L4D_ERR_INVALID_ARGUMENT);
   std::vector<uint32_t> order(1500);
-  EXPECT_EQ(l4d_encoder_get_order(e.get(), order.data(), 1499), L4D_ERR_INVALID_ARGUMENT);
+  EXPECT_EQ(l4d_encoder_get_order(e.get(), order.data(), 1499), L4D_ERR_BUFFER_TOO_SMALL);
   EXPECT_EQ(l4d_encoder_get_order(e.get(), order.data(), 1500), L4D_OK);
   std::sort(order.begin(), order.end());
   for (uint32_t i = 0; i < 1500; ++i) EXPECT_EQ(order[i], i);
@@ -455,7 +455,7 @@ TEST(OddScenes, StaticScenesCostNothingTemporal) {
   EXPECT_EQ(d.info().tools & (L4D_TOOL_MOTION | L4D_TOOL_TEMPORAL_OPACITY), 0u);
   EXPECT_EQ(d.info().num_layers, 1u);
   uint64_t sections[L4D_SECTION_COUNT];
-  d.check(l4d_decoder_get_sections(d.get(), sections, nullptr));
+  d.check(l4d_decoder_get_sections(d.get(), sections, L4D_SECTION_COUNT, nullptr, nullptr, 0));
   EXPECT_EQ(sections[L4D_SECTION_MEAN_T], 0u);
   EXPECT_EQ(sections[L4D_SECTION_ROTOR_TEMPORAL], 0u);
   l4d_codebook book;
@@ -479,7 +479,7 @@ TEST(OddScenes, NoMotionNoTemporalRotor) {
   EXPECT_EQ(d.info().tools & L4D_TOOL_MOTION, 0u);
   EXPECT_NE(d.info().tools & L4D_TOOL_TEMPORAL_OPACITY, 0u);
   uint64_t sections[L4D_SECTION_COUNT];
-  d.check(l4d_decoder_get_sections(d.get(), sections, nullptr));
+  d.check(l4d_decoder_get_sections(d.get(), sections, L4D_SECTION_COUNT, nullptr, nullptr, 0));
   EXPECT_EQ(sections[L4D_SECTION_ROTOR_TEMPORAL], 0u);
 }
 

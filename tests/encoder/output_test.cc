@@ -125,8 +125,8 @@ TEST_F(EncodeFile, FailingWritersEndTheEncode) {
     Writer& w = *static_cast<Writer*>(user);
     return w.calls++ == w.fail_at ? 1 : 0;
   };
-  l4d_writer w{};
-  w.struct_size = sizeof w;
+  l4d_writer w;
+  l4d_writer_init(&w);
   w.user = &count;
   w.write = write;
   ASSERT_EQ(l4d_encoder_encode(encoder_.get(), &w), L4D_OK);

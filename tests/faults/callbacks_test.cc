@@ -161,8 +161,8 @@ struct FaultyWriter {
   int calls = 0;
   Bytes bytes;
   l4d_writer writer() {
-    l4d_writer w{};
-    w.struct_size = sizeof w;
+    l4d_writer w;
+    l4d_writer_init(&w);
     w.user = this;
     w.write = [](void* user, const void* src, size_t n) -> int {
       FaultyWriter& self = *static_cast<FaultyWriter*>(user);

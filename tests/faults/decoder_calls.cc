@@ -104,7 +104,8 @@ l4d_status DecoderCalls::make(Call call, l4d_decoder* decoder, const l4d_reader&
     }
     case Call::kSections:
       wipe(got_.sections);
-      return l4d_decoder_get_sections(decoder, got_.sections.data(), nullptr);
+      return l4d_decoder_get_sections(decoder, got_.sections.data(), L4D_SECTION_COUNT, nullptr,
+                                      nullptr, 0);
     case Call::kBooks:
       got_.book.clear();
       for (uint32_t l = 0; l < num_layers_; ++l) {

@@ -21,8 +21,8 @@ struct Comparison {
   size_t at = 0;
   bool equal = true;
   l4d_writer writer() {
-    l4d_writer w{};
-    w.struct_size = sizeof w;
+    l4d_writer w;
+    l4d_writer_init(&w);
     w.user = this;
     w.write = [](void* user, const void* src, size_t n) -> int {
       Comparison& self = *static_cast<Comparison*>(user);

@@ -70,8 +70,8 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   l4d_decoder_options_init(&options);
   options.threads = 1;
   options.backend = (data[0] & 2) != 0 ? L4D_BACKEND_REFERENCE : L4D_BACKEND_CPU;
-  options.limits.max_memory_bytes = 256u << 20;
-  options.limits.max_gaussians = kMaxGaussians;
+  options.max_memory_bytes = 256u << 20;
+  options.max_gaussians = kMaxGaussians;
   l4d_decoder* decoder = nullptr;
   if (l4d_decoder_create(&options, &decoder) != L4D_OK) return 0;
   if (l4d_decoder_open_memory(decoder, file.data(), file.size()) == L4D_OK) {
@@ -81,14 +81,14 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
     decode_whole(decoder, info, L4D_DETAIL_FULL);
     decode_whole(decoder, info, L4D_DETAIL_BASE_COLOR);
     uint64_t sections[L4D_SECTION_COUNT];
-    (void)l4d_decoder_get_sections(decoder, sections, nullptr);
+    (void)l4d_decoder_get_sections(decoder, sections, L4D_SECTION_COUNT, nullptr, nullptr, 0);
     l4d_codebook book;
     l4d_codebook_init(&book);
     (void)l4d_decoder_get_codebook(decoder, 0, L4D_COMPONENT_SCALE, 0, L4D_NO_BLOCK, &book);
   }
   l4d_decoder_destroy(decoder);
-  l4d_reader reader{};
-  reader.struct_size = sizeof reader;
+  l4d_reader reader;
+  l4d_reader_init(&reader);
   reader.user = &file;
   reader.read_at = read_at;
   reader.size = size_of;

@@ -138,8 +138,10 @@ PackedResult pack_on_device(DecoderHandle& decoder, DeviceDecoding& device, cons
     failed(l4d_cuda_decoder_finish(device.get()));
     const Verdict of_decode = result.verdict;
     const std::string detail = result.detail;
-    EXPECT_FALSE(
-        failed(l4d_cuda_decoder_get_num_literals(device.get(), result.num_literals.data())));
+    for (uint32_t c = 0; c < L4D_COMPONENT_COUNT; ++c) {
+      EXPECT_FALSE(
+          failed(l4d_cuda_decoder_get_num_literals(device.get(), c, &result.num_literals[c])));
+    }
     result.verdict = of_decode;
     result.detail = detail;
   }

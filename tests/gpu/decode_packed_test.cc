@@ -180,8 +180,8 @@ TEST_F(Packed, NoRoomForLiterals) {
       PackedRequest request;
       request.literal_capacity = capacity;
       const PackedPair pair = pack_on_both(file, all_query(), request);
-      EXPECT_EQ(pair.host.verdict.status, L4D_ERR_INVALID_ARGUMENT);
-      EXPECT_EQ(pair.device.verdict.status, L4D_ERR_INVALID_ARGUMENT);
+      EXPECT_EQ(pair.host.verdict.status, L4D_ERR_BUFFER_TOO_SMALL);
+      EXPECT_EQ(pair.device.verdict.status, L4D_ERR_BUFFER_TOO_SMALL);
       EXPECT_NE(pair.device.detail.find("literal_capacity"), std::string::npos);
       EXPECT_EQ(pair.device.num_literals, whole.host.num_literals);
       for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
@@ -259,8 +259,8 @@ TEST_F(Packed, BothFormsOfOneJob) {
               L4D_OK);
     ASSERT_EQ(l4d_cuda_decoder_finish(device.get()), L4D_OK);
     EXPECT_TRUE(same_bits("sh", sh.read(), expected.sh));
-    uint64_t counts[L4D_COMPONENT_COUNT];
-    EXPECT_EQ(l4d_cuda_decoder_get_num_literals(device.get(), counts), L4D_ERR_INVALID_STATE);
+    uint64_t literals = 0;
+    EXPECT_EQ(l4d_cuda_decoder_get_num_literals(device.get(), 0, &literals), L4D_ERR_INVALID_STATE);
   }
 }
 

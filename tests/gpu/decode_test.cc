@@ -253,7 +253,7 @@ TEST_F(Jobs, RefuseWhatDoesNotFit) {
   };
   const uint64_t n = job.num_gaussians, size = job.workspace_bytes;
   EXPECT_EQ(decode_into(array.floats(), nullptr, n - 1, workspace.data(), size),
-            L4D_ERR_INVALID_ARGUMENT);
+            L4D_ERR_BUFFER_TOO_SMALL);
   EXPECT_EQ(decode_into(array.floats() + 1, nullptr, n, workspace.data(), size),
             L4D_ERR_INVALID_ARGUMENT);
   EXPECT_EQ(decode_into(nullptr, array.floats(), n, workspace.data(), size),
@@ -300,7 +300,7 @@ TEST_F(Jobs, UploadAheadOfDecoding) {
 TEST_F(Jobs, KeepToTheLimitsOfTheDecoder) {
   const Bytes& file = transform_file();
   l4d_decoder_options options = decoder_options(L4D_BACKEND_AUTO, 1);
-  options.limits.max_memory_bytes = file.size() / 2;
+  options.max_memory_bytes = file.size() / 2;
   DecoderHandle decoder(&options);
   try {
     decoder.open_memory(file.data(), file.size());

@@ -46,7 +46,7 @@ std::vector<float> upstream_of(const l4d_camera& camera, uint64_t seed) {
 
 void compare(const std::string& name, const io::Scene& scene, const l4d_camera& camera,
              double time) {
-  const RendererHandle expected = make_renderer(L4D_RENDER_REFERENCE), device = make_device();
+  const RendererHandle expected = make_renderer(L4D_BACKEND_REFERENCE), device = make_device();
   const l4d_gaussians gaussians = scene.view();
   const float background[3] = {0.2f, 0.1f, 0.4f};
   for (const RendererHandle* r : {&expected, &device}) {
@@ -139,7 +139,7 @@ TEST(DeviceImportance, IsTheReference) {
   L4D_SKIP_WITHOUT_DEVICE();
   const io::Scene scene = synth(6000, 4);
   const l4d_gaussians gaussians = scene.view();
-  const RendererHandle expected = make_renderer(L4D_RENDER_REFERENCE), device = make_device();
+  const RendererHandle expected = make_renderer(L4D_BACKEND_REFERENCE), device = make_device();
   for (const RendererHandle* r : {&expected, &device}) {
     r->check(l4d_renderer_set_gaussians(r->get(), &gaussians, &scene.timeline));
   }
@@ -199,7 +199,7 @@ TEST(DeviceImportance, MeasuresWithL4dMeasure) {
   L4D_SKIP_WITHOUT_DEVICE();
   const io::Scene scene = synth(3000, 6);
   const l4d_gaussians gaussians = scene.view();
-  const RendererHandle expected = make_renderer(L4D_RENDER_FAST), device = make_device();
+  const RendererHandle expected = make_renderer(L4D_BACKEND_CPU), device = make_device();
   const auto [cameras, views] = ring_views(90, 70, 6, 4, 0.9);
   l4d_measure_options options;
   l4d_measure_options_init(&options);
@@ -233,10 +233,11 @@ TEST(DeviceImportance, ViewsUnderWayTogetherAddUpAsOneByOne) {
   const auto [cameras, views] = ring_views(800, 600, 5, 9, 0.4);
   l4d_measure_options options;
   l4d_measure_options_init(&options);
-  options.sensitivity.measure =
-      L4D_SENSITIVITY_SUM;  // without signs, which are others in each half
+  options.measure = L4D_SENSITIVITY_SUM;  // without signs, which are others in each half
   options.agreement = 2;
-  SensitivityHandle one_by_one(&options.sensitivity, scene.count(), scene.sh_degree);
+  const l4d_sensitivity_options sums = {sizeof(l4d_sensitivity_options), options.measure, 0,
+                                        options.seed};
+  SensitivityHandle one_by_one(&sums, scene.count(), scene.sh_degree);
   for (const l4d_view& v : views) {
     device.check(l4d_renderer_set_time(device.get(), v.time));
     one_by_one.add_view(device, cameras[v.camera], false);

@@ -95,7 +95,9 @@ class DecodedScene {
         l4d_cuda_decoder_decode_packed(d, &packed, workspace.data(), job.workspace_bytes, nullptr));
     check(l4d_cuda_decoder_finish(d));
     uint64_t literals[L4D_COMPONENT_COUNT];
-    check(l4d_cuda_decoder_get_num_literals(d, literals));
+    for (uint32_t c = 0; c < L4D_COMPONENT_COUNT; ++c) {
+      check(l4d_cuda_decoder_get_num_literals(d, c, &literals[c]));
+    }
     gaussians = {sizeof(l4d_gaussians), n_,
                  info.sh_degree,        info.flags,
                  expanded.position,     expanded.mean_t,

@@ -100,8 +100,8 @@ class Playing {
 };
 
 l4d_gaussians view_of(const GaussianArrays& a) {
-  l4d_gaussians g{};
-  g.struct_size = sizeof g;
+  l4d_gaussians g;
+  l4d_gaussians_init(&g);
   g.count = a.count();
   g.sh_degree = a.sh_degree;
   g.flags = a.flags;
@@ -130,7 +130,7 @@ TEST_P(Player, ShowsTheWholeSceneAtAnyTime) {
   const Playing playing(bytes, camera, exact_options());
   // The whole of what was decoded, on the host.
   const GaussianArrays all = test::decode(bytes, test::all_query());
-  RendererHandle expected = make_renderer(L4D_RENDER_FAST);
+  RendererHandle expected = make_renderer(L4D_BACKEND_CPU);
   expected.set_gaussians(view_of(all), scene.timeline);
   test::Random random(4);
   for (int k = 0; k < 24; ++k) {

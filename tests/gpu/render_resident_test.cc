@@ -111,7 +111,7 @@ TEST(ResidentRender, WholeScenesInBothFormats) {
   for (uint32_t degree = 0; degree <= 3; ++degree) {
     const io::Scene scene = with_degree(synth(20000, 3), degree);
     const DeviceScene device(scene);
-    RendererHandle expected = make_renderer(L4D_RENDER_FAST);
+    RendererHandle expected = make_renderer(L4D_BACKEND_CPU);
     expected.set_gaussians(scene.view(), scene.timeline);
     expected.set_time(1.2);
     const l4d_camera camera = ring_camera(240, 170, 0.7);

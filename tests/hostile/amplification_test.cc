@@ -34,8 +34,8 @@ enum class Use { kOpen, kSelect, kSlice };
 
 Cost cost_of(const Bytes& file, uint64_t memory, Use use, uint64_t max_gaussians = 0) {
   l4d_decoder_options options = decoder_options(L4D_BACKEND_AUTO, 1);
-  options.limits.max_memory_bytes = memory;
-  options.limits.max_gaussians = max_gaussians;
+  options.max_memory_bytes = memory;
+  options.max_gaussians = max_gaussians;
   Cost cost;
   const AllocationMeter meter;
   const DecoderHandle d(&options);
@@ -230,8 +230,8 @@ Effort effort_of_validation(const Bytes& file) {
     const Bytes* file;
     Effort effort;
   } input{&file, {}};
-  l4d_reader reader{};
-  reader.struct_size = sizeof reader;
+  l4d_reader reader;
+  l4d_reader_init(&reader);
   reader.user = &input;
   reader.read_at = [](void* user, void* to, size_t n, uint64_t offset) -> int64_t {
     Input& in = *static_cast<Input*>(user);

@@ -68,7 +68,7 @@ TEST(Memory, ManyPages) {
   ASSERT_LT(file.size(), 600000u);
   constexpr uint64_t kLimit = 64 * kMiB;
   l4d_decoder_options options = decoder_options(L4D_BACKEND_AUTO, 1);
-  options.limits.max_memory_bytes = kLimit;
+  options.max_memory_bytes = kLimit;
   std::vector<float> opacity(kRecords);
   l4d_gaussian_buffers b;
   l4d_gaussian_buffers_init(&b);
@@ -109,7 +109,7 @@ TEST(Memory, GapsBetweenPages) {
   }();
   constexpr uint64_t kLimit = 64 * kMiB;
   l4d_decoder_options options = decoder_options(L4D_BACKEND_AUTO, 1);
-  options.limits.max_memory_bytes = kLimit;
+  options.max_memory_bytes = kLimit;
   std::vector<float> opacity(kRecords);
   l4d_gaussian_buffers b;
   l4d_gaussian_buffers_init(&b);
@@ -155,7 +155,7 @@ TEST(Memory, PackedLiterals) {
       [](DirectoryPage&) {});
   constexpr uint64_t kLimit = 48 * kMiB;
   l4d_decoder_options options = decoder_options(L4D_BACKEND_AUTO, 1);
-  options.limits.max_memory_bytes = kLimit;
+  options.max_memory_bytes = kLimit;
   std::vector<uint8_t> depth(kGaussians);
   l4d_packed_buffers b;
   l4d_packed_buffers_init(&b);
@@ -206,7 +206,7 @@ TEST(Memory, EmptyDirectoryPages) {
   ASSERT_EQ(num_directory_pages(layer), kEntries);
   constexpr uint64_t kLimit = 16 * kMiB;
   l4d_decoder_options options = decoder_options(L4D_BACKEND_AUTO, 1);
-  options.limits.max_memory_bytes = kLimit;
+  options.max_memory_bytes = kLimit;
   const AllocationMeter meter;
   const DecoderHandle d(&options);
   d.check(l4d_decoder_open_memory(d.get(), file.data(), file.size()));

@@ -47,8 +47,8 @@ l4d_decoder_options session_options() {
   l4d_decoder_options options;
   l4d_decoder_options_init(&options);
   options.threads = 1;
-  options.limits.max_memory_bytes = kSessionMemory;
-  options.limits.max_gaussians = kSessionGaussians;
+  options.max_memory_bytes = kSessionMemory;
+  options.max_gaussians = kSessionGaussians;
   options.cache_bytes = kSessionMemory / 4;
   return options;
 }
@@ -173,7 +173,8 @@ l4d_status Session::step(l4d_decoder* decoder, Step step, uint32_t choice) {
     }
     case Step::kSections: {
       uint64_t sections[L4D_SECTION_COUNT];
-      const l4d_status status = l4d_decoder_get_sections(decoder, sections, nullptr);
+      const l4d_status status =
+          l4d_decoder_get_sections(decoder, sections, L4D_SECTION_COUNT, nullptr, nullptr, 0);
       l4d_conformance conformance;
       l4d_conformance_init(&conformance);
       conformance.bytes_per_second = choice;

@@ -47,8 +47,7 @@ int main(void) {
         ((uint32_t)L4D_VERSION_MAJOR << 24 | (uint32_t)L4D_VERSION_MINOR << 16 |
          (uint32_t)L4D_VERSION_PATCH << 8));
 
-  memset(&scene, 0, sizeof scene);
-  scene.struct_size = sizeof scene;
+  l4d_gaussians_init(&scene);
   scene.count = 2;
   scene.position = position;
   scene.mean_t = mean_t;
@@ -56,7 +55,7 @@ int main(void) {
   scene.rotor = rotor;
   scene.opacity = opacity;
   scene.sh = sh;
-  writer.struct_size = sizeof writer;
+  l4d_writer_init(&writer);
   writer.user = &out;
   writer.write = append;
   CHECK(l4d_encoder_create(NULL, &encoder) == L4D_OK);

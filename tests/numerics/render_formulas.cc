@@ -19,8 +19,8 @@ constexpr uint32_t kSize = 192;
 // alpha of one Gaussian, fast path against reference, where neither the limit nor the cut decides.
 Observed exponential(uint32_t kind) {
   Observed o;
-  const RendererHandle reference_path = make_renderer(L4D_RENDER_REFERENCE);
-  const RendererHandle fast = make_renderer(L4D_RENDER_FAST, 2, kind);
+  const RendererHandle reference_path = make_renderer(L4D_BACKEND_REFERENCE);
+  const RendererHandle fast = make_renderer(L4D_BACKEND_CPU, 2, kind);
   const l4d_camera camera = axis_camera(kSize, kSize, 500);
   test::Random random(161);
   for (int i = 0; i < 24; ++i) {

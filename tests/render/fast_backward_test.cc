@@ -248,8 +248,8 @@ Gradients backward(const io::Scene& scene, const l4d_camera& camera, uint32_t pa
 
 void check_scene(const std::string& name, const io::Scene& scene, const l4d_camera& camera,
                  double largest, double relative, double time = 1.1) {
-  const Gradients fast = backward(scene, camera, L4D_RENDER_FAST, 2, time);
-  const Gradients expected = backward(scene, camera, L4D_RENDER_REFERENCE, 2, time);
+  const Gradients fast = backward(scene, camera, L4D_BACKEND_CPU, 2, time);
+  const Gradients expected = backward(scene, camera, L4D_BACKEND_REFERENCE, 2, time);
   std::cout << name << ":";
   for (size_t k = 0; k < 6; ++k) {
     const Error error = error_of(fast.arrays[k], expected.arrays[k]);
@@ -295,7 +295,7 @@ TEST(FastBackward, AddsAndSkipsWhatIsNotWanted) {
   const io::Scene scene = blobs(200, -4, -1, 0.05, 0.05);
   const l4d_camera camera = axis_camera(60, 40, 50);
   const std::vector<float> gradient = random_gradient(camera);
-  for (const uint32_t path : {L4D_RENDER_FAST, L4D_RENDER_REFERENCE}) {
+  for (const uint32_t path : {L4D_BACKEND_CPU, L4D_BACKEND_REFERENCE}) {
     RendererHandle r = make_renderer(path);
     r.set_gaussians(scene.view(), scene.timeline);
     r.set_time(1.1);
@@ -327,9 +327,9 @@ TEST(FastBackward, AddsAndSkipsWhatIsNotWanted) {
 TEST(FastBackward, ThreadsDoNotChangeBits) {
   const io::Scene scene = synth(12000, 6);
   const l4d_camera camera = ring_camera(161, 97, 1);
-  const Gradients one = backward(scene, camera, L4D_RENDER_FAST, 1);
+  const Gradients one = backward(scene, camera, L4D_BACKEND_CPU, 1);
   for (const uint32_t threads : {2u, 7u}) {
-    const Gradients many = backward(scene, camera, L4D_RENDER_FAST, threads);
+    const Gradients many = backward(scene, camera, L4D_BACKEND_CPU, threads);
     for (size_t k = 0; k < 6; ++k) EXPECT_TRUE(equal_bits(one.arrays[k], many.arrays[k]));
   }
 }

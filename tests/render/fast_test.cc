@@ -32,9 +32,9 @@ struct Largest {
 Largest compare(const std::string& name, const io::Scene& scene,
                 const std::vector<l4d_camera>& cameras, const std::vector<double>& times,
                 const float* background = nullptr, double bound = kStep) {
-  const RendererHandle reference = make_renderer(L4D_RENDER_REFERENCE);
-  const RendererHandle fast = make_renderer(L4D_RENDER_FAST);
-  const RendererHandle quick = make_renderer(L4D_RENDER_FAST, 2, L4D_RENDER_EXP_FAST);
+  const RendererHandle reference = make_renderer(L4D_BACKEND_REFERENCE);
+  const RendererHandle fast = make_renderer(L4D_BACKEND_CPU);
+  const RendererHandle quick = make_renderer(L4D_BACKEND_CPU, 2, L4D_RENDER_EXP_FAST);
   Largest largest;
   const l4d_gaussians gaussians = scene.view();
   for (const RendererHandle* r : {&reference, &fast, &quick}) {
@@ -119,7 +119,7 @@ TEST(Fast, EachEffectAlone) {
 TEST(Fast, BackgroundShinesThrough) {
   const float background[3] = {0.25f, 2.0f, 0.5f};
   compare("background", with_degree(synth(3000), 1), {ring_camera(75, 50, 2.5)}, {1}, background);
-  RendererHandle empty = make_renderer(L4D_RENDER_FAST);
+  RendererHandle empty = make_renderer(L4D_BACKEND_CPU);
   const io::Scene nothing = SceneBuilder().scene();
   empty.set_gaussians(nothing.view(), nothing.timeline);
   empty.check(l4d_renderer_set_background(empty.get(), background));
@@ -190,7 +190,7 @@ TEST(Fast, EqualDepthsBlendInOrder) {
   builder.add_ball(0, 0, 4, 1, 0.9, red);
   for (int i = 0; i < 6000; ++i) builder.add_ball(100, 0, 4, 0.01, 0.5, nothing);
   builder.add_ball(0, 0, 4, 1, 0.9, green);
-  RendererHandle renderer = make_renderer(L4D_RENDER_FAST);
+  RendererHandle renderer = make_renderer(L4D_BACKEND_CPU);
   renderer.set_gaussians(builder.scene().view(), builder.scene().timeline);
   renderer.set_time(0);
   const TestImage image = render_both(renderer, axis_camera(32, 32, 30));
@@ -231,7 +231,7 @@ TEST(Fast, ThreadsDoNotChangeBits) {
   for (const uint32_t exponential : {L4D_RENDER_EXP_ACCURATE, L4D_RENDER_EXP_FAST}) {
     TestImage first;
     for (const uint32_t threads : {1u, 2u, 7u}) {
-      RendererHandle r = make_renderer(L4D_RENDER_FAST, threads, exponential);
+      RendererHandle r = make_renderer(L4D_BACKEND_CPU, threads, exponential);
       r.set_gaussians(scene.view(), scene.timeline);
       r.set_time(1.7);
       const TestImage image = render_both(r, ring_camera(333, 217, 1));
@@ -249,7 +249,7 @@ TEST(Fast, ThreadsDoNotChangeBits) {
 // What an earlier view left behind does not show, and either output may be absent.
 TEST(Fast, ViewsAreIndependent) {
   const io::Scene scene = synth(8000, 4);
-  RendererHandle r = make_renderer(L4D_RENDER_FAST);
+  RendererHandle r = make_renderer(L4D_BACKEND_CPU);
   r.set_gaussians(scene.view(), scene.timeline);
   r.set_time(1);
   const l4d_camera small = ring_camera(41, 23, 1), large = ring_camera(333, 217, 3);
@@ -278,7 +278,7 @@ TEST(Fast, WrongPixelsAreNotExplained) {
   EXPECT_TRUE(prepared.slice(1, 1, unlimited(), &frame).ok());
   EXPECT_TRUE(prepared.slice(1, unlimited(), &wide).ok());
   const l4d_camera camera = ring_camera(50, 40, 2);
-  RendererHandle r = make_renderer(L4D_RENDER_FAST);
+  RendererHandle r = make_renderer(L4D_BACKEND_CPU);
   r.set_gaussians(scene.view(), scene.timeline);
   r.set_time(1);
   const std::vector<float> rgb = r.render(camera);

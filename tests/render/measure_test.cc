@@ -49,7 +49,7 @@ Measured measure(const io::Scene& scene, const RendererHandle& r, const Request&
 }
 
 Measured measure(const io::Scene& scene, const Request& request, uint32_t threads = 2) {
-  RendererHandle r = make_renderer(L4D_RENDER_FAST, threads);
+  RendererHandle r = make_renderer(L4D_BACKEND_CPU, threads);
   r.set_gaussians(scene.view(), scene.timeline);
   return measure(scene, r, request);
 }
@@ -76,7 +76,7 @@ TEST(Measure, AllViewsAreAllViews) {
   EXPECT_EQ(m.report.views_measured, 15u);
   EXPECT_EQ(m.report.views_asked, 0u);
   EXPECT_EQ(m.report.agreed, 0u);
-  RendererHandle r = make_renderer(L4D_RENDER_FAST);
+  RendererHandle r = make_renderer(L4D_BACKEND_CPU);
   r.set_gaussians(scene.view(), scene.timeline);
   SensitivityHandle s(nullptr, scene.count(), scene.sh_degree);
   for (const l4d_view& v : request.views) {
@@ -264,7 +264,7 @@ TEST(Measure, NewsBelowOneInTenThousandIsNone) {
   for (double opacity = 0.02; opacity < 0.2; opacity *= 1.15) {
     SceneBuilder builder;
     for (uint32_t i = 0; i < kViews; ++i) add_outer_ball(&builder, i, kViews, opacity);
-    RendererHandle r = make_renderer(L4D_RENDER_FAST);
+    RendererHandle r = make_renderer(L4D_BACKEND_CPU);
     r.set_gaussians(builder.scene().view(), builder.scene().timeline);
     r.set_time(1);
     double light = 0;
@@ -347,10 +347,10 @@ TEST(Measure, Refusals) {
   bad.options.agreement = std::nan("");
   EXPECT_EQ(refused(bad), L4D_ERR_INVALID_ARGUMENT);
   bad = good;
-  bad.options.sensitivity.measure = 7;
+  bad.options.measure = 7;
   EXPECT_EQ(refused(bad), L4D_ERR_INVALID_ARGUMENT);
 
-  RendererHandle r = make_renderer(L4D_RENDER_FAST);
+  RendererHandle r = make_renderer(L4D_BACKEND_CPU);
   EXPECT_EQ(measure(scene, r, good).status, L4D_ERR_INVALID_STATE);
   r.set_gaussians(scene.view(), scene.timeline);
   const float grey[3] = {0.5f, 0.5f, 0.5f};

@@ -49,14 +49,14 @@ using Weights = std::vector<std::vector<float>>;
 
 Weights measure_alone(const io::Scene& scene, const l4d_camera& camera, uint32_t measure,
                       const l4d_ranks& ranks) {
-  const RendererHandle r = make_renderer(L4D_RENDER_FAST, 1);
+  const RendererHandle r = make_renderer(L4D_BACKEND_CPU, 1);
   const l4d_gaussians gaussians = scene.view();
   r.check(l4d_renderer_set_gaussians(r.get(), &gaussians, &scene.timeline));
   std::vector<l4d_view> views;
   for (int t = 0; t < 24; ++t) views.push_back({t / 20.0, 0, 0});
   l4d_measure_options options;
   l4d_measure_options_init(&options);
-  options.sensitivity.measure = measure;
+  options.measure = measure;
   options.agreement = 2;
   options.ranks = &ranks;
   l4d_sensitivity* out = nullptr;

@@ -142,7 +142,7 @@ inline RendererHandle make_renderer(uint32_t path, uint32_t threads = 2,
                                     uint32_t exponential = L4D_RENDER_EXP_ACCURATE) {
   l4d_renderer_options options;
   l4d_renderer_options_init(&options);
-  options.path = path;
+  options.backend = path;
   options.threads = threads;
   options.exponential = exponential;
   return RendererHandle(&options);

@@ -61,7 +61,7 @@ io::Scene test_scene(uint32_t degree = 2) {
   return builder.scene();
 }
 
-RendererHandle renderer_of(const io::Scene& scene, uint32_t path = L4D_RENDER_FAST,
+RendererHandle renderer_of(const io::Scene& scene, uint32_t path = L4D_BACKEND_CPU,
                            uint32_t threads = 2) {
   RendererHandle r = make_renderer(path, threads);
   r.set_gaussians(scene.view(), scene.timeline);
@@ -148,7 +148,7 @@ std::vector<double> largest_of(const std::vector<double>& sums, size_t stride, s
 TEST(Sensitivity, GeometryIsTheSumOfAbsoluteDerivatives) {
   const io::Scene scene = test_scene();
   const std::vector<TestView> views = test_views();
-  RendererHandle reference = renderer_of(scene, L4D_RENDER_REFERENCE);
+  RendererHandle reference = renderer_of(scene, L4D_BACKEND_REFERENCE);
   std::vector<double> scale, rotor, position, opacity, mean_t;
   const auto add = [](std::vector<double>& sums, const std::vector<float>& derivatives) {
     sums.resize(derivatives.size());
@@ -167,7 +167,7 @@ TEST(Sensitivity, GeometryIsTheSumOfAbsoluteDerivatives) {
     add(mean_t, d.mean_t);
   }
   const double pixels = num_pixels(views);
-  for (const uint32_t path : {L4D_RENDER_FAST, L4D_RENDER_REFERENCE}) {
+  for (const uint32_t path : {L4D_BACKEND_CPU, L4D_BACKEND_REFERENCE}) {
     RendererHandle r = renderer_of(scene, path);
     SensitivityHandle s = make_sensitivity(scene);
     add_views(s, r, views);
@@ -186,7 +186,7 @@ TEST(Sensitivity, GeometryByDifferencesOfImages) {
   const io::Scene scene = test_scene(0);
   const std::vector<TestView> views = test_views();
   const auto sums = [&](const io::Scene& s) {
-    RendererHandle r = renderer_of(s, L4D_RENDER_REFERENCE);
+    RendererHandle r = renderer_of(s, L4D_BACKEND_REFERENCE);
     std::vector<double> out;
     for (const TestView& v : views) {
       r.set_time(v.time);
@@ -294,7 +294,7 @@ TEST(Sensitivity, ThreadsDoNotChangeBits) {
   for (const uint32_t measure : {L4D_SENSITIVITY_SUM, L4D_SENSITIVITY_GAUSS_NEWTON}) {
     std::vector<std::vector<float>> first;
     for (const uint32_t threads : {1u, 2u, 7u}) {
-      RendererHandle r = renderer_of(scene, L4D_RENDER_FAST, threads);
+      RendererHandle r = renderer_of(scene, L4D_BACKEND_CPU, threads);
       SensitivityHandle s = make_sensitivity(scene, measure, 5);
       add_views(s, r, {{0.5, ring_camera(100, 70, 1)}, {2, ring_camera(90, 70, 3)}});
       add_views(s, r, {{1.5, ring_camera(100, 70, 5)}}, true);
@@ -427,7 +427,7 @@ TEST(Sensitivity, GaussNewtonIsTheSquaredDifferenceOfPixels) {
       {L4D_WEIGHT_OPACITY, by.weights(&io::Scene::opacity, 1, 0, 1)},
       {L4D_WEIGHT_MEAN_T, by.weights(&io::Scene::mean_t, 1, 0, 1)}};
   for (const io::Scene* scene : {&coded, &given}) {
-    RendererHandle r = renderer_of(*scene, L4D_RENDER_FAST, 1);
+    RendererHandle r = renderer_of(*scene, L4D_BACKEND_CPU, 1);
     SensitivityHandle s = make_sensitivity(*scene, L4D_SENSITIVITY_GAUSS_NEWTON, 7);
     for (const TestView& v : views) {
       r.set_time(v.time);
@@ -465,7 +465,7 @@ TEST(Sensitivity, SignsComeFromTheSeed) {
 TEST(Sensitivity, WrongStates) {
   const io::Scene scene = test_scene();
   const l4d_camera camera = small_camera(0);
-  RendererHandle r = make_renderer(L4D_RENDER_FAST);
+  RendererHandle r = make_renderer(L4D_BACKEND_CPU);
   SensitivityHandle s = make_sensitivity(scene);
   const auto add = [&] { return l4d_sensitivity_add_view(s.get(), r.get(), &camera, 0); };
   EXPECT_EQ(add(), L4D_ERR_INVALID_STATE);  // no scene

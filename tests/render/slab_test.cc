@@ -38,12 +38,12 @@ io::Scene veils(size_t count) {
   return builder.scene();
 }
 
-RendererHandle renderer(uint64_t memory, uint32_t threads, uint32_t path = L4D_RENDER_FAST) {
+RendererHandle renderer(uint64_t memory, uint32_t threads, uint32_t path = L4D_BACKEND_CPU) {
   l4d_renderer_options options;
   l4d_renderer_options_init(&options);
   options.max_memory_bytes = memory;
   options.threads = threads;
-  options.path = path;
+  options.backend = path;
   return RendererHandle(&options);
 }
 
@@ -192,7 +192,7 @@ TEST(Slabs, TheReferenceHoldsItsLimitToo) {
   const io::Scene scene = veils(300);
   const l4d_camera camera = axis_camera(64, 48, 60);
   for (const uint64_t limit : {uint64_t{100000}, kMiB}) {
-    RendererHandle r = renderer(limit, 1, L4D_RENDER_REFERENCE);
+    RendererHandle r = renderer(limit, 1, L4D_BACKEND_REFERENCE);
     std::vector<float> rgb(size_t{3} * 64 * 48);
     l4d_image image;
     l4d_image_init(&image);

@@ -195,9 +195,9 @@ TEST(Slice, LosslessStreamRendersLikeTheScene) {
   const Bytes file = test::encode(scene, lossless).bytes;
   DecoderHandle decoder;
   decoder.open_memory(file.data(), file.size());
-  RendererHandle from_stream = make_renderer(L4D_RENDER_FAST);
-  RendererHandle from_scene = make_renderer(L4D_RENDER_FAST);
-  RendererHandle reference = make_renderer(L4D_RENDER_REFERENCE);
+  RendererHandle from_stream = make_renderer(L4D_BACKEND_CPU);
+  RendererHandle from_scene = make_renderer(L4D_BACKEND_CPU);
+  RendererHandle reference = make_renderer(L4D_BACKEND_REFERENCE);
   from_stream.set_decoder(decoder);
   reference.set_decoder(decoder);
   from_scene.set_gaussians(scene.view(), scene.timeline);

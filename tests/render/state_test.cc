@@ -102,9 +102,9 @@ TEST_P(State, ArraysThatWereFilledAnewAreReadAnew) {
   EXPECT_GT(largest_difference(before, want), 0.1);
 }
 
-INSTANTIATE_TEST_SUITE_P(Paths, State, testing::Values(L4D_RENDER_REFERENCE, L4D_RENDER_FAST),
+INSTANTIATE_TEST_SUITE_P(Paths, State, testing::Values(L4D_BACKEND_REFERENCE, L4D_BACKEND_CPU),
                          [](const testing::TestParamInfo<uint32_t>& path) {
-                           return std::string(path.param == L4D_RENDER_FAST ? "fast" : "reference");
+                           return std::string(path.param == L4D_BACKEND_CPU ? "fast" : "reference");
                          });
 
 }  // namespace

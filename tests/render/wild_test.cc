@@ -33,8 +33,8 @@ bool all_finite(const std::vector<float>& values) {
 void expect_alike(const Bytes& file, bool near) {
   DecoderHandle decoder;
   decoder.open_memory(file.data(), file.size());
-  RendererHandle fast = make_renderer(L4D_RENDER_FAST);
-  RendererHandle reference = make_renderer(L4D_RENDER_REFERENCE);
+  RendererHandle fast = make_renderer(L4D_BACKEND_CPU);
+  RendererHandle reference = make_renderer(L4D_BACKEND_REFERENCE);
   fast.set_decoder(decoder);
   reference.set_decoder(decoder);
   const double eye[3] = {-7, -2, -5}, target[3] = {0, 0, 0};

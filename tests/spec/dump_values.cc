@@ -99,8 +99,8 @@ l4d_status measure(l4d_decoder* decoder, const Bytes& file) {
 }
 
 void validate(const Bytes& file) {
-  l4d_reader reader{};
-  reader.struct_size = sizeof reader;
+  l4d_reader reader;
+  l4d_reader_init(&reader);
   reader.user = const_cast<Bytes*>(&file);
   reader.read_at = [](void* user, void* dst, size_t n, uint64_t offset) -> int64_t {
     std::memcpy(dst, static_cast<Bytes*>(user)->data() + offset, n);

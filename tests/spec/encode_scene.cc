@@ -26,8 +26,8 @@ int main(int argc, char** argv) {
     opacity.push_back(number(i, 16));
     for (unsigned k = 0; k < 12; ++k) sh.push_back(number(i, 17 + k) - 0.5f);
   }
-  l4d_gaussians g{};
-  g.struct_size = sizeof g;
+  l4d_gaussians g;
+  l4d_gaussians_init(&g);
   g.count = kCount;
   g.sh_degree = 1;
   g.position = position.data();

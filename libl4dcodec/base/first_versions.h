@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: Apache-2.0
+// The structs of decode.h and cuda.h, as their first version had them.
+#pragma once
+
+#include "l4d/cuda.h"
+#include "l4d/decode.h"
+#include "libl4dcodec/base/c_api.h"
+
+namespace l4d::api {
+
+L4D_FIRST_VERSION(l4d_decoder_options, progress_user);
+L4D_FIRST_VERSION(l4d_info, level);
+L4D_FIRST_VERSION(l4d_layer_info, num_coefficients);
+L4D_FIRST_VERSION(l4d_query, num_buckets);
+L4D_FIRST_VERSION(l4d_selection, sh_bytes);
+L4D_FIRST_VERSION(l4d_gaussian_buffers, mean_t_double);
+L4D_FIRST_VERSION(l4d_packed_buffers, num_ranges);
+L4D_FIRST_VERSION(l4d_codebook, dim);
+L4D_FIRST_VERSION(l4d_dequantization, log_scale_t);
+L4D_FIRST_VERSION(l4d_level_limits, memory_bytes);
+L4D_FIRST_VERSION(l4d_conformance, least_bytes_per_second);
+L4D_FIRST_VERSION(l4d_splat_buffers, still_key);
+L4D_FIRST_VERSION(l4d_counters, details_lost);
+
+L4D_FIRST_VERSION(l4d_cuda_device_info, memory_bytes);
+L4D_FIRST_VERSION(l4d_cuda_job, workspace_bytes);
+L4D_FIRST_VERSION(l4d_cuda_gaussian_buffers, sh);
+L4D_FIRST_VERSION(l4d_cuda_packed_buffers, component);
+
+}  // namespace l4d::api

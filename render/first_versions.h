@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: Apache-2.0
+// The structs of render.h, cuda_render.h and cuda_player.h, as their first version had them.
+#pragma once
+
+#include "l4d/cuda_player.h"
+#include "libl4dcodec/base/first_versions.h"
+
+namespace l4d::api {
+
+L4D_FIRST_VERSION(l4d_renderer_options, max_memory_bytes);
+L4D_FIRST_VERSION(l4d_camera, near_plane);
+L4D_FIRST_VERSION(l4d_image, alpha);
+L4D_FIRST_VERSION(l4d_gradients, sh);
+L4D_FIRST_VERSION(l4d_sensitivity_options, seed);
+L4D_FIRST_VERSION(l4d_ranks, user);
+L4D_FIRST_VERSION(l4d_measure_options, ranks);
+L4D_FIRST_VERSION(l4d_measure_report, unseen);
+L4D_FIRST_VERSION(l4d_render_stats, seconds);
+
+L4D_FIRST_VERSION(l4d_cuda_renderer_options, sh_format);
+L4D_FIRST_VERSION(l4d_cuda_sh_indices, first_literal);
+L4D_FIRST_VERSION(l4d_cuda_room, backward);
+L4D_FIRST_VERSION(l4d_cuda_image, rgba8);
+L4D_FIRST_VERSION(l4d_cuda_figures, seconds);
+
+L4D_FIRST_VERSION(l4d_cuda_player_options, read_ahead);
+L4D_FIRST_VERSION(l4d_cuda_player_counters, scratch_bytes);
+
+}  // namespace l4d::api

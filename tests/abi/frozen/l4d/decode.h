@@ -1,0 +1,523 @@
+/* SPDX-License-Identifier: Apache-2.0
+ * decode.h: reading .l4d streams. Safe on untrusted input: every failure is a status.
+ *
+ *   l4d_decoder_options options; l4d_decoder_options_init(&options);
+ *   l4d_decoder* decoder;
+ *   l4d_decoder_create(&options, &decoder);
+ *   l4d_decoder_open_file(decoder, "scene.l4d");
+ *   l4d_query query; l4d_query_init(&query);
+ *   query.kind = L4D_QUERY_TIME; query.time_begin = 2.5;
+ *   l4d_selection selection; l4d_selection_init(&selection);
+ *   l4d_decoder_select(decoder, &query, &selection);      // how many, how many bytes
+ *   ... allocate arrays of selection.num_gaussians ...
+ *   l4d_decoder_decode(decoder, &query, &buffers);
+ *   l4d_decoder_destroy(decoder);
+ */
+#ifndef L4D_DECODE_H
+#define L4D_DECODE_H
+
+#include "l4d/l4d.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef struct l4d_decoder l4d_decoder;
+
+enum { L4D_BACKEND_AUTO = 0, L4D_BACKEND_REFERENCE = 1, L4D_BACKEND_CPU = 2, L4D_BACKEND_CUDA = 3 };
+
+typedef struct l4d_decoder_options {
+  size_t struct_size;
+  /* Limits on what a stream may cost; 0 = the default. A stream beyond one fails with
+   * LIMIT_EXCEEDED. */
+  uint64_t max_memory_bytes; /* of all allocations of the handle; 16 GiB */
+  uint64_t max_gaussians;    /* of one stream; 2^30 */
+  uint32_t max_frames;       /* of one stream; 2^24, the format's own maximum */
+  uint32_t threads; /* at most L4D_MAX_THREADS; 0 = one per core; never changes the output */
+  /* L4D_BACKEND_*; never changes the output. CUDA: l4d_decoder_decode works on CUDA's device 0 and
+   * copies back, the rest on the host, and a tolerant decoder works on the host alone. A player
+   * that keeps what it decodes on the device uses cuda.h. Creating such a decoder fails with DEVICE
+   * where there is no usable device, with FEATURE_UNSUPPORTED in a build without device code. */
+  uint32_t backend;
+  uint64_t cache_bytes; /* budget of the bucket cache that time stepping uses; 0 = 512 MiB */
+  /* 0 (strict): a damaged chunk or a failure of the reader fails the query. 1 (tolerant): the query
+   * skips what cannot be read and succeeds; l4d_decoder_get_losses lists what is missing. */
+  uint32_t tolerant;
+  /* As l4d_decoder_set_progress, for l4d_validate too; NULL = none. */
+  l4d_progress_fn progress;
+  void* progress_user;
+} l4d_decoder_options;
+L4D_API void l4d_decoder_options_init_(l4d_decoder_options* options, size_t struct_size);
+#define l4d_decoder_options_init(options) l4d_decoder_options_init_((options), sizeof(*(options)))
+
+/* Makes a decoder with no stream. options may be NULL. The detail of a failure is that of
+ * l4d_last_error_message. */
+L4D_API l4d_status l4d_decoder_create(const l4d_decoder_options* options, l4d_decoder** out);
+L4D_API void l4d_decoder_destroy(l4d_decoder* decoder); /* accepts NULL */
+
+/* Detail of the last call on this handle, "" if that succeeded: UTF-8, owned by the handle, valid
+ * until the next call on it. For people; never parse it. */
+L4D_API const char* l4d_decoder_error_detail(const l4d_decoder* decoder);
+
+/* Opens a stream: reads the file header and the scene header, O(layers) bytes and time. A stream
+ * already open is closed. `reader` is copied; what it refers to must live until close or destroy.
+ * `data` of open_memory is borrowed likewise.
+ * Fails with NOT_L4D, VERSION_UNSUPPORTED, FEATURE_UNSUPPORTED, TRUNCATED, CORRUPT, CHECKSUM,
+ * LIMIT_EXCEEDED, IO, OUT_OF_MEMORY. */
+L4D_API l4d_status l4d_decoder_open(l4d_decoder* decoder, const l4d_reader* reader);
+L4D_API l4d_status l4d_decoder_open_memory(l4d_decoder* decoder, const void* data, size_t size);
+L4D_API l4d_status l4d_decoder_open_file(l4d_decoder* decoder, const char* path);
+
+/* ---- what the stream is -------------------------------------------------------------------- */
+
+/* Coding tools (spec chapter "Tools"). A tool that is off costs no byte and runs no code. */
+enum {
+  L4D_TOOL_MOTION = 1u << 0,           /* some layer has temporal rotors */
+  L4D_TOOL_TEMPORAL_OPACITY = 1u << 1, /* some layer has mean times and temporal scales */
+  L4D_TOOL_VIEW_DEPENDENCE = 1u << 2,  /* SH degree above 0 */
+  L4D_TOOL_RESIDUAL_STAGES = 1u << 3,  /* some component has more than one stage */
+  L4D_TOOL_LITERALS = 1u << 4,         /* some component has literal escapes, or layer is literal */
+  L4D_TOOL_RCQ = 1u << 5,              /* some block has its own codebook */
+  L4D_TOOL_LOSSLESS = 1u << 6,         /* attributes are coded as raw float32 */
+  L4D_TOOL_TRANSFORM = 1u << 7, /* some component is transform coefficients, without codebooks */
+  L4D_TOOL_RANS = 1u << 8,      /* some layer has pages coded by rANS */
+  L4D_TOOL_SH_BASE = 1u << 9 /* base colours can be had without SH detail: L4D_DETAIL_BASE_COLOR */
+};
+
+typedef struct l4d_info {
+  size_t struct_size;
+  uint32_t format_major;
+  uint32_t format_minor;
+  uint32_t development; /* 1: made by a draft of the format, no guarantee */
+  uint32_t sh_degree;
+  uint32_t flags; /* of the decoded arrays: L4D_POSITION_AT_MEAN_TIME, L4D_OPACITY_LOGIT */
+  uint32_t tools; /* L4D_TOOL_* */
+  uint32_t num_layers;
+  uint32_t reserved;
+  uint64_t num_gaussians;
+  uint64_t file_bytes;
+  l4d_timeline timeline;
+  double duration; /* seconds */
+  l4d_placement placement;
+  /* What the stream declares, as it stands in the header: l4d_validate checks it. 0 = nothing. */
+  uint32_t profile; /* L4D_PROFILE_*, or of a later version */
+  uint32_t level;   /* conformance level, see l4d_get_level_limits */
+} l4d_info;
+L4D_API void l4d_info_init_(l4d_info* info, size_t struct_size);
+#define l4d_info_init(info) l4d_info_init_((info), sizeof(*(info)))
+L4D_API l4d_status l4d_decoder_get_info(const l4d_decoder* decoder, l4d_info* info);
+
+/* How the numbers of a component are coded (spec chapter "Scene header", whose values these are).
+ */
+enum {
+  L4D_CODING_ZERO = 0, /* not at all: all are zero */
+  L4D_CODING_RAW = 1,  /* binary32 */
+  L4D_CODING_CODEBOOKS = 2,
+  L4D_CODING_TRANSFORM = 3 /* coefficients of a basis */
+};
+
+typedef struct l4d_layer_info {
+  size_t struct_size;
+  uint32_t index;
+  uint32_t level; /* temporal level: bucket width is duration / 2^(level + 1), level 0 one bucket */
+  uint32_t tools; /* L4D_TOOL_* of this layer */
+  uint32_t permanent; /* 1: always visible, no temporal falloff */
+  uint64_t num_buckets;
+  uint64_t num_gaussians;
+  double bucket_width;     /* seconds */
+  uint64_t codebook_bytes; /* stored */
+  uint32_t num_stages[L4D_COMPONENT_COUNT];
+  uint32_t codebook_size[L4D_COMPONENT_COUNT];    /* entries of stage 0; 0 = no codebook */
+  uint32_t coding[L4D_COMPONENT_COUNT];           /* L4D_CODING_* */
+  uint32_t num_coefficients[L4D_COMPONENT_COUNT]; /* of the basis of a transform, else 0 */
+} l4d_layer_info;
+L4D_API void l4d_layer_info_init_(l4d_layer_info* info, size_t struct_size);
+#define l4d_layer_info_init(info) l4d_layer_info_init_((info), sizeof(*(info)))
+L4D_API l4d_status l4d_decoder_get_layer_info(const l4d_decoder* decoder, uint32_t layer,
+                                              l4d_layer_info* info);
+
+/* Stored bytes of the whole file by what they hold; they add up to the file. Reads every directory
+ * page and every page's head. */
+enum {
+  L4D_SECTION_HEADER = 0, /* file header and scene header */
+  L4D_SECTION_DIRECTORY,  /* page tables, directory pages */
+  L4D_SECTION_CODEBOOKS,
+  L4D_SECTION_RCQ_TABLES,
+  L4D_SECTION_PAGE_OVERHEAD,
+  L4D_SECTION_POSITION,
+  L4D_SECTION_MEAN_T,
+  L4D_SECTION_OPACITY,
+  L4D_SECTION_SCALE_FACTOR,
+  L4D_SECTION_SH,
+  L4D_SECTION_SCALE,
+  L4D_SECTION_ROTOR_SPATIAL,
+  L4D_SECTION_ROTOR_TEMPORAL,
+  L4D_SECTION_ENTROPY_TABLES, /* of rANS pages */
+  L4D_SECTION_COUNT
+};
+L4D_API const char* l4d_section_name(uint32_t section); /* "codebooks"; static; NULL if unknown */
+/* sections: [capacity], bytes by L4D_SECTION_*; *count, unless NULL, is the number of sections that
+ * this library knows, and the first min(capacity, *count) are written. layer_bytes:
+ * [layer_capacity], bytes of the directory, codebooks, tables and pages of each layer, of the first
+ * min(layer_capacity, num_layers) layers; NULL where layer_capacity is 0. */
+L4D_API l4d_status l4d_decoder_get_sections(l4d_decoder* decoder, uint64_t* sections,
+                                            uint32_t capacity, uint32_t* count,
+                                            uint64_t* layer_bytes, uint32_t layer_capacity);
+
+/* ---- selecting and decoding ---------------------------------------------------------------- */
+enum {
+  L4D_QUERY_ALL = 0,    /* the whole stream */
+  L4D_QUERY_TIME = 1,   /* all buckets that may be visible at time_begin */
+  L4D_QUERY_RANGE = 2,  /* all buckets that may be visible in [time_begin, time_end] */
+  L4D_QUERY_BUCKETS = 3 /* the buckets that are listed, whole */
+};
+/* A time bucket of a layer, as in l4d_range. */
+typedef struct l4d_bucket {
+  uint32_t layer;
+  uint32_t bucket; /* below l4d_layer_info.num_buckets */
+} l4d_bucket;      /* frozen */
+/* How much of each Gaussian is wanted. */
+enum {
+  L4D_DETAIL_FULL = 0,
+  /* Only the first parts of pages are read and decoded. SH coefficients that lie in second parts
+   * count as 0: with L4D_TOOL_SH_BASE colours are about what they are on average over all
+   * directions; without, all Gaussians of pages that have a second part get the mean colour of the
+   * scene (transforms) or SH of 0 (codebooks). Pages without a second part, which are small or of
+   * streams without rANS, come whole. */
+  L4D_DETAIL_BASE_COLOR = 1
+};
+typedef struct l4d_query {
+  size_t struct_size;
+  uint32_t kind;
+  uint32_t max_level; /* finest temporal level wanted; UINT32_MAX (the default) = all */
+  double time_begin;  /* seconds; clamped to the sequence */
+  double time_end;
+  uint32_t detail; /* L4D_DETAIL_*; FULL is the default */
+  /* TIME and RANGE. 0: pages of a bucket of which nothing is visible then are left out. 1: buckets
+   * come whole, as who keeps buckets wants them. */
+  uint32_t whole_buckets;
+  /* BUCKETS: [num_buckets], borrowed, in strictly ascending order of layer and then bucket; others
+   * fail with INVALID_ARGUMENT. Those of levels above max_level are left out. */
+  const l4d_bucket* buckets;
+  uint64_t num_buckets;
+} l4d_query;
+L4D_API void l4d_query_init_(l4d_query* query, size_t struct_size);
+#define l4d_query_init(query) l4d_query_init_((query), sizeof(*(query)))
+
+/* Gaussians of one bucket, contiguous in the decoded arrays: layer by layer, bucket by bucket, in
+ * stored order. */
+typedef struct l4d_range {
+  uint64_t first;
+  uint64_t count;
+  double center; /* bucket centre, seconds; mean_t_local is relative to it */
+  double width;  /* bucket width, seconds */
+  uint32_t layer;
+  uint32_t bucket;
+  uint32_t block; /* RCQ block of the layer, or L4D_NO_BLOCK */
+  uint32_t level; /* temporal level of the layer */
+} l4d_range;      /* frozen */
+#define L4D_NO_BLOCK 0xffffffffu
+
+/* What a query costs, from the directory alone. */
+typedef struct l4d_selection {
+  size_t struct_size;
+  uint64_t num_gaussians;
+  uint64_t num_ranges;
+  uint64_t num_chunks;      /* pages */
+  uint64_t bytes;           /* stored bytes of those pages, in the detail that the query asks for */
+  uint64_t directory_bytes; /* stored bytes of directory read for this query, cached or not */
+  uint64_t sh_bytes; /* stored bytes of SH detail of those pages: part of `bytes` in full detail,
+                        what full detail costs beside them in base colour */
+} l4d_selection;
+L4D_API void l4d_selection_init_(l4d_selection* selection, size_t struct_size);
+#define l4d_selection_init(selection) l4d_selection_init_((selection), sizeof(*(selection)))
+L4D_API l4d_status l4d_decoder_select(l4d_decoder* decoder, const l4d_query* query,
+                                      l4d_selection* selection);
+/* The ranges that decoding the query would give, from the directory alone: with `whole_buckets`,
+ * what a player has to hold at a time. *count is their number; the first min(capacity, *count) go
+ * to `out`, which may be NULL where capacity is 0. */
+L4D_API l4d_status l4d_decoder_get_ranges(l4d_decoder* decoder, const l4d_query* query,
+                                          l4d_range* out, uint64_t capacity, uint64_t* count);
+
+/* Destination arrays, owned by the caller. A NULL array is not decoded and costs no time; without
+ * `sh`, SH detail is not read either. */
+typedef struct l4d_gaussian_buffers {
+  size_t struct_size;
+  uint64_t capacity;   /* Gaussians each array can hold */
+  uint64_t count;      /* out */
+  float* position;     /* [N, 3] */
+  float* mean_t;       /* [N] seconds, rounded to binary32: see mean_t_double */
+  float* mean_t_local; /* [N] seconds from the centre of the range: full precision at any time */
+  float* log_scale;    /* [N, 4] in [-17, 17] */
+  float* rotor;        /* [N, 8] unit, unless the stream is lossless */
+  float* opacity;      /* [N] in [0, 1]; a logit, of any size, with L4D_OPACITY_LOGIT */
+  float* sh;           /* [N, (D+1)^2, 3] */
+  l4d_range* ranges;   /* [range_capacity] or NULL */
+  uint64_t range_capacity;
+  uint64_t num_ranges; /* out, where ranges is given */
+  /* [N] seconds, exact: the range's `center` plus mean_t_local, in lossless streams what was
+   * encoded. Where it is wanted the host decodes, whatever the backend. */
+  double* mean_t_double;
+} l4d_gaussian_buffers;
+L4D_API void l4d_gaussian_buffers_init_(l4d_gaussian_buffers* buffers, size_t struct_size);
+#define l4d_gaussian_buffers_init(buffers) l4d_gaussian_buffers_init_((buffers), sizeof(*(buffers)))
+
+/* Decodes what the query selects. Reads only the pages of those buckets, and codebooks on first
+ * use. On failure the arrays hold unspecified values. Fails with BUFFER_TOO_SMALL where
+ * capacity is below the selection, and sets count and num_ranges to what it needs. A tolerant
+ * decoder leaves out pages that are lost: the Gaussians of the others follow each other without
+ * gaps, `count` and the counts of the ranges are without those lost, a range of which nothing is
+ * left is not listed, and array elements from `count` on hold unspecified values. Capacities are
+ * still held against the selection, which knows of lost directory pages only. */
+L4D_API l4d_status l4d_decoder_decode(l4d_decoder* decoder, const l4d_query* query,
+                                      l4d_gaussian_buffers* out);
+
+/* Packed form: what the stream holds, unpacked to whole integers and not dequantised, for players
+ * that keep data quantised. The codebooks come from l4d_decoder_get_codebook. */
+typedef struct l4d_packed_component {
+  uint8_t* depth;    /* [N]: number of stages summed, 255 = literal. NULL = not wanted */
+  uint16_t* index;   /* [num_stages][N], stage s of Gaussian i at s * capacity + i; 0 where
+                        depth says unused, as they were where a layer has no such stage */
+  uint16_t* literal; /* [literal_capacity, dim] binary16 bits, in order of their Gaussians */
+  uint64_t literal_capacity;
+  uint64_t num_literals; /* out: also set when literal is NULL */
+} l4d_packed_component;  /* frozen */
+typedef struct l4d_packed_buffers {
+  size_t struct_size;
+  uint64_t capacity;
+  uint64_t count;         /* out */
+  uint16_t* position;     /* [N, 3] binary16 bits in the coded frame */
+  uint16_t* mean_t;       /* [N] binary16 bits, bucket widths from the bucket centre */
+  uint16_t* opacity;      /* [N] SQ code */
+  uint16_t* scale_factor; /* [N] SQ code */
+  l4d_packed_component component[L4D_COMPONENT_COUNT];
+  l4d_range* ranges;
+  uint64_t range_capacity;
+  uint64_t num_ranges; /* out, where ranges is given */
+} l4d_packed_buffers;
+L4D_API void l4d_packed_buffers_init_(l4d_packed_buffers* buffers, size_t struct_size);
+#define l4d_packed_buffers_init(buffers) l4d_packed_buffers_init_((buffers), sizeof(*(buffers)))
+/* Fails with FEATURE_UNSUPPORTED on a lossless stream and on one with transform coefficients or
+ * fixed-point positions, which have no packed form: an encoder makes codebook streams with the
+ * preset "indexed". A tolerant decoder leaves out lost pages as l4d_decoder_decode does; literals
+ * too are without theirs. */
+L4D_API l4d_status l4d_decoder_decode_packed(l4d_decoder* decoder, const l4d_query* query,
+                                             l4d_packed_buffers* out);
+
+/* One codebook as float32, owned by the decoder: valid until the stream is closed, those of blocks
+ * until the next call that selects, decodes or slices. `block`: L4D_NO_BLOCK, or (stage 0 of a
+ * component with RCQ) a block of the layer. SH codebooks are the same for every layer. */
+typedef struct l4d_codebook {
+  size_t struct_size;
+  const float* entries; /* [num_entries, dim]; NULL where the component has no such stage */
+  uint32_t num_entries;
+  uint32_t dim;
+} l4d_codebook;
+L4D_API void l4d_codebook_init_(l4d_codebook* codebook, size_t struct_size);
+#define l4d_codebook_init(codebook) l4d_codebook_init_((codebook), sizeof(*(codebook)))
+L4D_API l4d_status l4d_decoder_get_codebook(l4d_decoder* decoder, uint32_t layer,
+                                            uint32_t component, uint32_t stage, uint32_t block,
+                                            l4d_codebook* out);
+
+/* What turns packed integers of a layer into values: position = center + scale * half,
+ * opacity = opacity_offset + code * opacity_step, limited to [0, 1] unless the stream has
+ * L4D_OPACITY_LOGIT, factor likewise without a limit; a log scale is factor + its number of the
+ * scale vector, limited to [-17, 17]. */
+typedef struct l4d_dequantization {
+  size_t struct_size;
+  float position_center[3];
+  float position_scale;
+  float opacity_offset, opacity_step;
+  float scale_factor_offset, scale_factor_step;
+  float log_scale_t; /* permanent layers: temporal log scale of every Gaussian; else 0 */
+  uint32_t reserved;
+} l4d_dequantization;
+L4D_API void l4d_dequantization_init_(l4d_dequantization* out, size_t struct_size);
+#define l4d_dequantization_init(out) l4d_dequantization_init_((out), sizeof(*(out)))
+L4D_API l4d_status l4d_decoder_get_dequantization(l4d_decoder* decoder, uint32_t layer,
+                                                  l4d_dequantization* out);
+
+/* ---- profiles and levels --------------------------------------------------------------------- */
+
+/* Which codings a stream keeps to (spec chapter "Profiles and levels"). */
+enum {
+  L4D_PROFILE_NONE = 0,
+  L4D_PROFILE_INDEXED = 1, /* has a packed form: codebooks and scalar codes */
+  L4D_PROFILE_MAIN = 2,    /* nothing is raw float32 */
+  L4D_PROFILE_LOSSLESS = 3 /* all attributes are raw float32 */
+};
+L4D_API const char* l4d_profile_name(uint32_t profile); /* "main"; static; NULL if unknown */
+
+/* What streams of a level may ask for at most. Bytes are stored ones but for tables and memory. */
+typedef struct l4d_level_limits {
+  size_t struct_size;
+  const char* name; /* "phone"; static */
+  uint64_t instant_gaussians;
+  uint64_t table_bytes;
+  uint64_t instant_bytes;
+  uint64_t start_bytes;
+  uint64_t bytes_per_second;
+  uint64_t burst_bytes;
+  uint64_t memory_bytes;
+} l4d_level_limits;
+L4D_API void l4d_level_limits_init_(l4d_level_limits* limits, size_t struct_size);
+#define l4d_level_limits_init(limits) l4d_level_limits_init_((limits), sizeof(*(limits)))
+/* level: 1..L4D_NUM_LEVELS. profile: L4D_PROFILE_LOSSLESS allows more stored bytes. */
+#define L4D_NUM_LEVELS 6
+L4D_API l4d_status l4d_get_level_limits(uint32_t level, uint32_t profile, l4d_level_limits* limits);
+
+/* What playing the stream forward at normal speed asks for. */
+typedef struct l4d_conformance {
+  size_t struct_size;
+  uint32_t profile;              /* the narrowest that the stream keeps to, L4D_PROFILE_* */
+  uint32_t level;                /* the smallest, 0 if none */
+  uint64_t instant_gaussians;    /* of the pages that an instant needs, the most of all instants */
+  double instant_gaussians_time; /* seconds: the first such instant */
+  uint64_t instant_bytes;        /* stored, of these pages and their block codebooks */
+  double instant_bytes_time;
+  uint64_t memory_bytes; /* tables, and pages and block codebooks of an instant, expanded */
+  double memory_time;
+  uint64_t table_bytes; /* codebooks and entropy tables, decoded */
+  /* Stored, of all that the first instant needs, headers and codebooks included. */
+  uint64_t start_bytes;
+  /* In: a channel, to be filled in by the caller. */
+  uint64_t bytes_per_second;
+  uint64_t burst_bytes;
+  /* Out: what a reader of bytes_per_second has to hold in advance, the bytes by which what is first
+   * needed in a window of time exceeds what it reads in that time, and the window. */
+  uint64_t least_burst_bytes;
+  double window_begin, window_end;
+  /* Out: what a reader that holds burst_bytes in advance has to read; UINT64_MAX if an instant
+   * alone needs more. */
+  uint64_t least_bytes_per_second;
+} l4d_conformance;
+L4D_API void l4d_conformance_init_(l4d_conformance* conformance, size_t struct_size);
+#define l4d_conformance_init(conformance) \
+  l4d_conformance_init_((conformance), sizeof(*(conformance)))
+/* Reads the whole directory and no page. Tolerates no loss. */
+L4D_API l4d_status l4d_decoder_get_conformance(l4d_decoder* decoder, l4d_conformance* conformance);
+
+/* ---- slicing ------------------------------------------------------------------------------- */
+
+/* 3D Gaussians at one instant (engineering: projected rows, positive semi-definite by
+ * construction). Not normative: equal within rounding between implementations, identical between
+ * the backends and thread counts of this library. All values are finite: a Gaussian of which the
+ * covariance, or the position at some time of the sequence, is not finite in float32 is left out.
+ * Only rotors of lossless streams, which are stored as they are, can bring that about. */
+typedef struct l4d_splat_buffers {
+  size_t struct_size;
+  uint64_t capacity;
+  uint64_t count;    /* out: Gaussians visible at the time asked for */
+  float* position;   /* [M, 3] */
+  float* covariance; /* [M, 6] xx xy xz yy yz zz */
+  float* opacity;    /* [M] in [0, 1], temporal falloff applied */
+  float* sh;         /* [M, (D+1)^2, 3] */
+  /* [M] where the SH coefficients of each lie in the decoder's cache, [(D+1)^2, 3] each: spares the
+   * copy. Valid until the next call that selects, decodes, slices or closes. */
+  const float** sh_rows;
+  /* Gaussians that look the same at all times need not be written again for each instant. They come
+   * first; out: their number, as far as the stream keeps them apart. */
+  uint64_t num_still;
+  /* In: what the last call gave here, if the arrays are the same and their first num_still rows
+   * still hold what that call left there; 0 = they do not. Out: stands for those rows, 0 where all
+   * arrays are NULL. Where the decoder has the number that it is given, it leaves the rows as they
+   * are. */
+  uint64_t still_key;
+} l4d_splat_buffers;
+L4D_API void l4d_splat_buffers_init_(l4d_splat_buffers* buffers, size_t struct_size);
+#define l4d_splat_buffers_init(buffers) l4d_splat_buffers_init_((buffers), sizeof(*(buffers)))
+/* Detail of all slices from now on, those that a renderer makes of this decoder's stream too:
+ * L4D_DETAIL_*, at first FULL. It stays when another stream is opened. Buckets are cached in each
+ * detail that they were wanted in. */
+L4D_API l4d_status l4d_decoder_set_detail(l4d_decoder* decoder, uint32_t detail);
+/* Slices at `time` seconds (clamped to the sequence). Buckets come from a cache, so stepping
+ * forward decodes each bucket once. An upper bound of count is l4d_selection.num_gaussians of a
+ * TIME query. With all arrays NULL only `count` is computed. A tolerant decoder shows what is left
+ * where pages are lost. It asks for lost pages again in each call, so `count` grows when the reader
+ * recovers. */
+L4D_API l4d_status l4d_decoder_slice(l4d_decoder* decoder, double time, l4d_splat_buffers* out);
+
+/* ---- losses -------------------------------------------------------------------------------- */
+
+/* What one damaged or unreadable part of the stream cost a query of a tolerant decoder. A page
+ * costs its Gaussians, its second part their SH detail; a directory page the buckets it describes;
+ * a codebook the pages of its layer, one of a block those of the block, except in packed form. A
+ * layer whose directory lists fewer Gaussians than its header states costs those that are missing.
+ * Damage to the headers or to an SH codebook is never tolerated, nor are pages that share stored
+ * bytes, a layer whose directory lists more Gaussians than its header states, a want of memory or
+ * a limit. */
+typedef struct l4d_loss {
+  l4d_status status; /* what a decoder that is not tolerant returns: IO, TRUNCATED, CORRUPT,
+                        CHECKSUM or FEATURE_UNSUPPORTED */
+  uint32_t layer;
+  uint32_t bucket;      /* of the layer; the first, where there are more */
+  uint32_t num_buckets; /* from there on; not each need have lost something */
+  uint64_t num_chunks;  /* pages; 0 = unknown: a directory page is lost, or pages are not listed */
+  uint64_t num_gaussians;
+  uint64_t offset;    /* byte offset in the file, UINT64_MAX if none */
+  const char* clause; /* id of the MUST, "" if none; static */
+  /* 1: the Gaussians are there, in base colour; only their SH detail is lost. */
+  uint32_t detail_only;
+  uint32_t reserved;
+} l4d_loss; /* frozen */
+/* Losses of the last call that selected, decoded or sliced, whatever it returned; none before the
+ * first. *count is their number; the first min(capacity, *count) go to `out`, which may be NULL
+ * where capacity is 0. */
+L4D_API l4d_status l4d_decoder_get_losses(const l4d_decoder* decoder, l4d_loss* out,
+                                          uint64_t capacity, uint64_t* count);
+
+/* ---- counters and checking ----------------------------------------------------------------- */
+typedef struct l4d_counters {
+  size_t struct_size;
+  uint64_t reads; /* calls of the reader */
+  uint64_t bytes_read;
+  uint64_t pages_decoded;
+  uint64_t buckets_decoded;
+  uint64_t cache_hits;   /* buckets */
+  uint64_t memory_bytes; /* held now */
+  uint64_t peak_memory_bytes;
+  /* Sums over all queries of a tolerant decoder, so that what stays lost counts each time. */
+  uint64_t pages_lost;
+  /* Those of lost directory pages, which need not hold Gaussians, among them. */
+  uint64_t buckets_lost;
+  uint64_t gaussians_lost; /* of lost pages */
+  uint64_t details_lost;   /* pages that are there without their SH detail */
+} l4d_counters;
+L4D_API void l4d_counters_init_(l4d_counters* counters, size_t struct_size);
+#define l4d_counters_init(counters) l4d_counters_init_((counters), sizeof(*(counters)))
+L4D_API l4d_status l4d_decoder_get_counters(const l4d_decoder* decoder, l4d_counters* counters);
+
+/* One violation. Strings are valid during the callback. */
+typedef struct l4d_violation {
+  size_t struct_size;
+  l4d_status status;
+  uint32_t reserved;
+  const char* clause; /* id of the MUST, "" if none */
+  uint64_t offset;    /* byte offset in the file, UINT64_MAX if none */
+  const char* message;
+} l4d_violation;
+typedef void (*l4d_violation_fn)(void* user, const l4d_violation* violation);
+
+/* Checks a whole stream against every MUST that a stream can break, including those a decoder need
+ * not check. Calls `fn` for each violation; goes on after those that leave the rest readable.
+ * Returns OK when the check ran to its end, whatever it found; *num_violations counts them. Else
+ * l4d_last_error_message says why. The work is in proportion to the bytes of the file and to the
+ * Gaussians that its header states: bytes that are referred to twice are decoded once. */
+L4D_API l4d_status l4d_validate(const l4d_reader* reader, const l4d_decoder_options* options,
+                                l4d_violation_fn fn, void* user, uint64_t* num_violations);
+
+/* Holds an open stream against a profile and a level, whatever it declares; 0 = not asked. Calls
+ * `fn` for each rule of the chapter "Profiles and levels" that is broken, with what, by how much
+ * and when. Fails with INVALID_ARGUMENT where this library does not know the profile or the level.
+ */
+L4D_API l4d_status l4d_decoder_check_conformance(l4d_decoder* decoder, uint32_t profile,
+                                                 uint32_t level, l4d_violation_fn fn, void* user,
+                                                 uint64_t* num_violations);
+
+/* Registered progress of decode calls; NULL removes it. */
+L4D_API l4d_status l4d_decoder_set_progress(l4d_decoder* decoder, l4d_progress_fn fn, void* user);
+
+#ifdef __cplusplus
+}
+#endif
+#endif /* L4D_DECODE_H */

@@ -1,0 +1,199 @@
+/* SPDX-License-Identifier: Apache-2.0
+ * l4d.h: what decoding and encoding share: status codes, versions, host I/O, limits, scene views.
+ *
+ * Conventions, true of every function of this library:
+ *  - A function that can fail returns l4d_status. Results come back through pointers, which are
+ *    written only on L4D_OK unless a comment says otherwise.
+ *  - A handle belongs to one thread at a time; different handles share no mutable state.
+ *  - A callback must not call a function on the handle whose call it serves. Such a call changes
+ *    nothing and returns L4D_ERR_INVALID_STATE; a destroy then does nothing, so the handle has to
+ *    be destroyed later. Calls on other handles are allowed.
+ *  - Multi-dimensional data is row-major, innermost axis last, written [N, 3]. Lengths are scene
+ *    units, time is seconds, angles radians.
+ *  - A struct is either versioned or frozen. A versioned struct begins with `size_t struct_size`:
+ *    its *_init() macro sets that and every field's default, and later versions append fields. A
+ *    function that reads or fills one returns L4D_ERR_INVALID_ARGUMENT if struct_size is below the
+ *    size of the struct's first version, so also for a struct of zeros. A frozen struct has no
+ *    struct_size: the caller sets every field, and its layout never changes.
+ *  - The elements of an array of versioned structs lie struct_size bytes apart, and all have the
+ *    same struct_size. A program's own array is like that.
+ *  - A function that fills a caller's array takes the array's capacity, and never writes beyond it.
+ *    If the array is too small, the function returns L4D_ERR_BUFFER_TOO_SMALL and the count that it
+ *    needed, or writes as many elements as fit and returns the full count; its comment says which.
+ *  - The library never prints, exits, reads the environment or throws across this border.
+ */
+#ifndef L4D_L4D_H
+#define L4D_L4D_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "l4d/export.h" /* L4D_API, generated at configuration */
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* ---- versions: library, and bitstream; they move apart ------------------------------------- */
+#define L4D_VERSION_MAJOR 0
+#define L4D_VERSION_MINOR 1
+#define L4D_VERSION_PATCH 0
+/* Newest bitstream this library reads, and the one it writes. */
+#define L4D_BITSTREAM_MAJOR 1
+#define L4D_BITSTREAM_MINOR 0
+L4D_API uint32_t l4d_version_number(void);    /* major << 24 | minor << 16 | patch << 8 */
+L4D_API const char* l4d_version_string(void); /* static storage */
+/* Compiler, SIMD targets compiled in, the one chosen on this machine, "; "-separated; static. */
+L4D_API const char* l4d_build_info(void);
+
+/* ---- status -------------------------------------------------------------------------------- */
+typedef int32_t l4d_status;
+enum {
+  L4D_OK = 0,
+  L4D_ERR_INVALID_ARGUMENT = -1, /* the caller's mistake */
+  L4D_ERR_INVALID_STATE = -2,    /* a right call at the wrong moment */
+  L4D_ERR_OUT_OF_MEMORY = -3,
+  L4D_ERR_IO = -4,                   /* a reader or writer callback failed */
+  L4D_ERR_CANCELLED = -5,            /* the progress callback asked to stop */
+  L4D_ERR_LIMIT_EXCEEDED = -6,       /* a valid stream that needs more than the caller's limits */
+  L4D_ERR_INVALID_SCENE = -7,        /* encoder input holds NaN, Inf or values out of range */
+  L4D_ERR_BUFFER_TOO_SMALL = -8,     /* a caller's array is too small; the count it needs is set */
+  L4D_ERR_NOT_L4D = -10,             /* the magic does not match */
+  L4D_ERR_VERSION_UNSUPPORTED = -11, /* a bitstream major version this library does not read */
+  L4D_ERR_FEATURE_UNSUPPORTED = -12, /* a coding tool this library lacks; the detail names it */
+  L4D_ERR_TRUNCATED = -13,           /* the stream ends before data it refers to */
+  L4D_ERR_CORRUPT = -14,             /* a MUST of the specification is violated */
+  L4D_ERR_CHECKSUM = -15,            /* stored bytes do not match their checksum */
+  L4D_ERR_DEVICE = -20,  /* no usable device, or the CUDA runtime failed; the detail says */
+  L4D_ERR_INTERNAL = -99 /* a defect of this library; please report it */
+};
+L4D_API const char* l4d_status_name(l4d_status status);        /* "L4D_ERR_CORRUPT"; static */
+L4D_API const char* l4d_status_description(l4d_status status); /* one sentence; static */
+/* Detail of the last call that failed on this thread, of any function of this library or of
+ * libl4drender: UTF-8, "" if none failed, valid until the next call on this thread that fails. For
+ * people; never parse it. A handle keeps the detail of its own last call, see
+ * l4d_decoder_error_detail; functions without a handle, the *_create functions among them, have
+ * this one alone. */
+L4D_API const char* l4d_last_error_message(void);
+/* For the project's own libraries: sets that detail, of which it keeps 1023 bytes. */
+L4D_API void l4d_keep_error_message_(const char* message);
+
+/* ---- host services ------------------------------------------------------------------------- */
+
+/* Random-access input. The library calls it on the thread that called the library, with one
+ * exception: a player of cuda_player.h also reads on a thread of its own, while other threads run.
+ * The library never makes two calls of one handle's reader at a time. read_at behaves as pread(2):
+ * returns the number of bytes read (fewer than n only at the end), or < 0 on failure. */
+typedef struct l4d_reader {
+  size_t struct_size;
+  void* user;
+  int64_t (*read_at)(void* user, void* dst, size_t n, uint64_t offset);
+  int64_t (*size)(void* user); /* total bytes, or < 0 on failure */
+} l4d_reader;
+L4D_API void l4d_reader_init_(l4d_reader* reader, size_t struct_size);
+#define l4d_reader_init(reader) l4d_reader_init_((reader), sizeof(*(reader)))
+
+/* Sequential output. write takes all n bytes or fails; it returns 0 on success. */
+typedef struct l4d_writer {
+  size_t struct_size;
+  void* user;
+  int (*write)(void* user, const void* src, size_t n);
+} l4d_writer;
+L4D_API void l4d_writer_init_(l4d_writer* writer, size_t struct_size);
+#define l4d_writer_init(writer) l4d_writer_init_((writer), sizeof(*(writer)))
+
+/* Called between steps of a long call, on the thread that made the call. `stage` is a short static
+ * name. A nonzero return cancels: the call returns L4D_ERR_CANCELLED and the handle stays valid. */
+typedef int (*l4d_progress_fn)(void* user, uint64_t done, uint64_t total, const char* stage);
+
+/* Most threads that a handle can be given; more fail with INVALID_ARGUMENT. */
+#define L4D_MAX_THREADS 4096u
+
+/* ---- the scene ----------------------------------------------------------------------------- */
+
+/* The time span of a scene: frame k begins at time_begin + k * fps_den / fps_num seconds, and the
+ * sequence is the half-open interval of num_frames frames. All times that the library takes and
+ * gives, mean times too, are of this one clock, which may be any: seconds since 1970 are told to
+ * 0.24 us. */
+typedef struct l4d_timeline {
+  double time_begin; /* seconds */
+  uint32_t num_frames;
+  uint32_t fps_num;
+  uint32_t fps_den;
+  uint32_t reserved;
+} l4d_timeline; /* frozen */
+
+/* Meaning of the attribute arrays. */
+enum {
+  /* `position` holds where the Gaussian is at its mean time. Without this flag: where it is at
+   * t_ref = clamp(mean_t, time_begin, time_end), the coded form of lossy streams. */
+  L4D_POSITION_AT_MEAN_TIME = 1u << 0,
+  /* `opacity` holds logits. Without this flag: values in [0, 1]. */
+  L4D_OPACITY_LOGIT = 1u << 1
+};
+
+/* Read-only structure of arrays: N 4D-rotor Gaussians, float32. The caller owns all arrays. Map
+ * coordinates such as UTM belong into l4d_placement: as absolute float32 they have steps of half a
+ * metre before the library sees them. Times are those of the timeline's clock. */
+typedef struct l4d_gaussians {
+  size_t struct_size;
+  uint64_t count;         /* N */
+  uint32_t sh_degree;     /* D, 0..3 */
+  uint32_t flags;         /* L4D_POSITION_AT_MEAN_TIME, L4D_OPACITY_LOGIT */
+  const float* position;  /* [N, 3] scene units */
+  const float* mean_t;    /* [N] seconds */
+  const float* log_scale; /* [N, 4] natural logarithms; x, y, z in scene units, t in seconds */
+  const float* rotor;     /* [N, 8] s b01 b02 b12 b03 b13 b23 p */
+  const float* opacity;   /* [N] */
+  const float* sh;        /* [N, (D+1)^2, 3] coefficient-major; colour = 0.5 + sum */
+  /* [N] seconds, or NULL. Where given, used in place of `mean_t`, which may be NULL then: binary32
+   * has steps of 8 ms after a day, and of two minutes since 1970. */
+  const double* mean_t_double;
+} l4d_gaussians;
+L4D_API void l4d_gaussians_init_(l4d_gaussians* gaussians, size_t struct_size);
+#define l4d_gaussians_init(gaussians) l4d_gaussians_init_((gaussians), sizeof(*(gaussians)))
+
+/* Where a decoded scene sits in the world: world = origin + scale * position. The library carries
+ * this and never applies it, so large coordinates cost no precision. */
+typedef struct l4d_placement {
+  double origin[3];
+  double scale;
+  uint32_t coordinate_system; /* l4d_coordinate_system */
+  uint32_t color_space;       /* l4d_color_space */
+} l4d_placement;              /* frozen */
+enum {
+  L4D_COORDINATES_UNKNOWN = 0,
+  L4D_COORDINATES_RIGHT_UP_BACK = 1,
+  L4D_COORDINATES_RIGHT_DOWN_FORWARD = 2
+};
+enum { L4D_COLOR_SRGB = 0, L4D_COLOR_LINEAR_SRGB = 1 };
+
+/* Components that carry a vector coding of their own. */
+enum {
+  L4D_COMPONENT_SH = 0,
+  L4D_COMPONENT_SCALE = 1,          /* log_scale less the scale factor */
+  L4D_COMPONENT_ROTOR_SPATIAL = 2,  /* s b01 b02 b12 */
+  L4D_COMPONENT_ROTOR_TEMPORAL = 3, /* b03 b13 b23 p */
+  L4D_COMPONENT_COUNT = 4
+};
+
+#define L4D_MAX_STAGES 8
+
+/* Kinds of importance weights: one per component and per attribute that is none, and the light a
+ * Gaussian adds to images. */
+enum {
+  L4D_WEIGHT_SH = 0,
+  L4D_WEIGHT_SCALE = 1,
+  L4D_WEIGHT_ROTOR_SPATIAL = 2,
+  L4D_WEIGHT_ROTOR_TEMPORAL = 3,
+  L4D_WEIGHT_ALPHA_T = 4, /* accumulated alpha times transmittance, per pixel */
+  L4D_WEIGHT_POSITION = 5,
+  L4D_WEIGHT_OPACITY = 6,
+  L4D_WEIGHT_MEAN_T = 7,
+  L4D_WEIGHT_COUNT = 8
+};
+
+#ifdef __cplusplus
+}
+#endif
+#endif /* L4D_L4D_H */

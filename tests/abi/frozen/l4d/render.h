@@ -1,0 +1,304 @@
+/* SPDX-License-Identifier: Apache-2.0
+ * render.h: images of a scene, gradients of images, and the importance of each Gaussian.
+ * A separate library (libl4drender): neither a decoder nor an encoder needs it.
+ *
+ *   l4d_renderer* renderer;
+ *   l4d_renderer_create(NULL, &renderer);
+ *   l4d_renderer_set_decoder(renderer, decoder);       // or l4d_renderer_set_gaussians
+ *   l4d_renderer_set_time(renderer, 2.5);              // shared by all cameras of that instant
+ *   l4d_renderer_render(renderer, &camera, &image);
+ *   l4d_renderer_destroy(renderer);
+ *
+ * Conventions of the image are those of 3D Gaussian splatting. All backends do this:
+ *  - A Gaussian whose mean has z <= near_plane in camera axes is not drawn. The others are drawn by
+ *    rising z of their means, all of a Gaussian before the next; the order of equal ones is the
+ *    path's.
+ *  - Its splat has the mean (fx x/z + cx, fy y/z + cy) and the covariance J S J^T + 0.3 I, in
+ *    pixels, with S the covariance in camera axes and J the derivative of the projection at the
+ *    mean (EWA). In J, and only there, x/z and y/z are clamped to the image made wider and higher
+ *    by 15 % of its width and height on each side, since J grows without bound far outside. The
+ *    splat of a mean beyond that has another shape than its Gaussian, and derivatives take the
+ *    clamped slope as constant.
+ *  - alpha = min(0.999, opacity exp(-q/2)) at the centre of each pixel, q the squared distance in
+ *    units of the splat's covariance. Where it is below 1/255 the splat is skipped: its border is a
+ *    step of 1/255, and one that fades goes out at 1/255, not at 0. Derivatives do not see these
+ *    steps, nor those of cut alphas, of the order and of the near plane.
+ *  - Front to back; a splat that would bring a pixel's transmittance below 1e-4 is not drawn there,
+ *    nor is any behind it. The background shows with the transmittance that is left.
+ *  - Colour is 0.5 + SH in the direction from the camera to the sliced mean, clamped below at 0.
+ * Images are not clamped above. Rendering is not normative: paths agree within rounding, not bit
+ * for bit, and rounding decides on which side of a step a pixel lies. Each path is deterministic:
+ * neither the number of threads nor max_memory_bytes changes its result.
+ */
+#ifndef L4D_RENDER_H
+#define L4D_RENDER_H
+
+#include "l4d/decode.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef struct l4d_renderer l4d_renderer;
+
+enum {
+  L4D_RENDER_EXP_ACCURATE = 0, /* relative error below 2e-7 */
+  /* Relative error below 1e-4. Single pixels change by more than a step of 8 bits, where the error
+   * decides whether blending stops before a splat or after it. */
+  L4D_RENDER_EXP_FAST = 1
+};
+
+typedef struct l4d_renderer_options {
+  size_t struct_size;
+  uint32_t threads; /* at most L4D_MAX_THREADS; 0 = one per core; never changes the result */
+  /* L4D_BACKEND_*. AUTO and CPU: float, SIMD, tiles, threads. REFERENCE: double precision, one loop
+   * per formula; slow, for checking the others. CUDA: a device. */
+  uint32_t backend;
+  uint32_t exponential; /* L4D_RENDER_EXP_*, of the CPU backend */
+  uint32_t device;      /* of the CUDA backend: CUDA's number of the device */
+  /* What the CPU paths may hold; 0 = 16 GiB. A call that needs more fails with LIMIT_EXCEEDED. It
+   * counts the scene prepared, the Gaussians of the instant (52 bytes each, and 36 more of a
+   * stream), splats of a view (144 bytes each) and the lists of splats by tile. The lists are made
+   * for as much of the image at a time as fits, and never for more than 256 MiB; the image does not
+   * depend on that. Not counted: what the caller gives, images and gradients among it, the
+   * decoder's memory, which has a limit of its own, and l4d_sensitivity. */
+  uint64_t max_memory_bytes;
+} l4d_renderer_options;
+L4D_API void l4d_renderer_options_init_(l4d_renderer_options* options, size_t struct_size);
+#define l4d_renderer_options_init(options) l4d_renderer_options_init_((options), sizeof(*(options)))
+
+/* options may be NULL. Fails with INVALID_ARGUMENT if an option is out of range. A renderer of the
+ * CUDA backend takes its device when it is given a scene; that call fails with
+ * FEATURE_UNSUPPORTED in a build without device code, and with DEVICE where there is no device that
+ * this build has code for. What it renders from is copied to the device, and images come back to
+ * the host: a player that keeps both on the device uses cuda_render.h. It differs from the FAST
+ * path by rounding. */
+L4D_API l4d_status l4d_renderer_create(const l4d_renderer_options* options, l4d_renderer** out);
+L4D_API void l4d_renderer_destroy(l4d_renderer* renderer); /* accepts NULL */
+/* As l4d_decoder_error_detail. */
+L4D_API const char* l4d_renderer_error_detail(const l4d_renderer* renderer);
+
+/* ---- what is rendered ---------------------------------------------------------------------- */
+
+/* A scene of 4D Gaussians. Its arrays are borrowed until another scene is set or the renderer is
+ * destroyed, and must not change meanwhile; what does not depend on time is prepared here. Fails
+ * with INVALID_SCENE on NaN, Inf and log scales outside [-16, 16], naming Gaussian and attribute.
+ */
+L4D_API l4d_status l4d_renderer_set_gaussians(l4d_renderer* renderer,
+                                              const l4d_gaussians* gaussians,
+                                              const l4d_timeline* timeline);
+/* An open stream: each instant reads the buckets visible then, through the decoder's own cache. The
+ * decoder is borrowed likewise, and used on the calling thread only. */
+L4D_API l4d_status l4d_renderer_set_decoder(l4d_renderer* renderer, l4d_decoder* decoder);
+/* Light behind the scene; black unless set. */
+L4D_API l4d_status l4d_renderer_set_background(l4d_renderer* renderer, const float* rgb /* [3] */);
+
+/* Slices the scene at `time` seconds (clamped to the sequence) for all calls that follow. */
+L4D_API l4d_status l4d_renderer_set_time(l4d_renderer* renderer, double time);
+
+/* ---- images -------------------------------------------------------------------------------- */
+#define L4D_MAX_IMAGE_SIDE 16384u /* pixels */
+
+/* A pinhole camera. Camera axes: x right, y down, z forward. A point p of the scene is at
+ * world_to_camera (p, 1), and z > near_plane projects to (fx x/z + cx, fy y/z + cy) in pixels, the
+ * centre of the first pixel being (0.5, 0.5). */
+typedef struct l4d_camera {
+  size_t struct_size;
+  uint32_t width, height; /* pixels, 1..L4D_MAX_IMAGE_SIDE each */
+  double fx, fy, cx, cy;  /* pixels */
+  /* [3, 4] row-major, a rotation and a translation. A matrix whose rows are off by more than 1e-3
+   * from unit length or right angles, or that mirrors, fails with INVALID_ARGUMENT. */
+  double world_to_camera[12];
+  double near_plane; /* scene units; 0.02 unless set */
+} l4d_camera;
+L4D_API void l4d_camera_init_(l4d_camera* camera, size_t struct_size);
+#define l4d_camera_init(camera) l4d_camera_init_((camera), sizeof(*(camera)))
+
+/* Destination, owned by the caller. */
+typedef struct l4d_image {
+  size_t struct_size;
+  float* rgb;   /* [height, width, 3], linear in the scene's colour space; may be NULL */
+  float* alpha; /* [height, width] opacity of all Gaussians together; may be NULL */
+} l4d_image;
+L4D_API void l4d_image_init_(l4d_image* image, size_t struct_size);
+#define l4d_image_init(image) l4d_image_init_((image), sizeof(*(image)))
+
+/* Renders the instant of the last set_time. Fails with INVALID_STATE without one, INVALID_ARGUMENT
+ * on a camera that is none. */
+L4D_API l4d_status l4d_renderer_render(l4d_renderer* renderer, const l4d_camera* camera,
+                                       const l4d_image* image);
+
+/* ---- gradients ----------------------------------------------------------------------------- */
+
+/* Gradients of a scalar with respect to the attributes as they were given: [N, ...] as in
+ * l4d_gaussians, so to logits where opacities are logits, and to unnormalised rotors. The call adds
+ * to the arrays. NULL = not wanted. */
+typedef struct l4d_gradients {
+  size_t struct_size;
+  uint64_t count;   /* N, must be the scene's */
+  float* position;  /* [N, 3] */
+  float* mean_t;    /* [N] */
+  float* log_scale; /* [N, 4] */
+  float* rotor;     /* [N, 8] */
+  float* opacity;   /* [N] */
+  float* sh;        /* [N, (D+1)^2, 3] */
+} l4d_gradients;
+L4D_API void l4d_gradients_init_(l4d_gradients* gradients, size_t struct_size);
+#define l4d_gradients_init(gradients) l4d_gradients_init_((gradients), sizeof(*(gradients)))
+
+/* Renders the view and goes back: rgb_gradient [height, width, 3] is the derivative of the scalar
+ * by each pixel. Needs a scene of set_gaussians (INVALID_STATE otherwise). */
+L4D_API l4d_status l4d_renderer_backward(l4d_renderer* renderer, const l4d_camera* camera,
+                                         const float* rgb_gradient, l4d_gradients* gradients);
+
+/* ---- importance ---------------------------------------------------------------------------- */
+
+/* How much images change with each Gaussian, by attribute. SH derivatives are those without the
+ * clamp of colours at 0: a Gaussian that is clamped to black still hides what lies behind it.
+ * Opacities count as values in [0, 1] whatever the scene's flags. */
+typedef struct l4d_sensitivity l4d_sensitivity;
+
+enum {
+  /* The sensitivity of the paper (section 3.3), as C3DGS defines it. Of each view the sum of all
+   * pixels and channels is taken on black; the magnitude of its derivative by every number of an
+   * attribute is added up over views and divided by the number of pixels, and the largest over the
+   * attribute's numbers is its weight. Of SH it is the derivative of the sum of one channel. */
+  L4D_SENSITIVITY_SUM = 0,
+  /* One unit for all attributes: weight^2 e^2, added up over all numbers that have an error e,
+   * predicts the squared error of images per pixel where errors are independent. That is with the
+   * three channels added up: three times the mean squared error of PSNR. A weight is the root of
+   * the mean, over the attribute's numbers, of the diagonal of the Gauss-Newton matrix: squared
+   * derivatives of each channel of each pixel, added up and divided by the number of pixels. They
+   * are estimated, without bias, by the squared derivative of one sum per view in which every
+   * channel of every pixel has a random sign. Derivatives are by attributes as streams code them:
+   * positions at t_ref, rotors normalised. */
+  L4D_SENSITIVITY_GAUSS_NEWTON = 1
+};
+typedef struct l4d_sensitivity_options {
+  size_t struct_size;
+  uint32_t measure; /* L4D_SENSITIVITY_* */
+  uint32_t reserved;
+  uint64_t seed; /* of the random signs, which depend on it, the view and its repetitions alone */
+} l4d_sensitivity_options;
+L4D_API void l4d_sensitivity_options_init_(l4d_sensitivity_options* options, size_t struct_size);
+#define l4d_sensitivity_options_init(options) \
+  l4d_sensitivity_options_init_((options), sizeof(*(options)))
+
+/* For a scene of `count` Gaussians of degree sh_degree. options may be NULL. */
+L4D_API l4d_status l4d_sensitivity_create(const l4d_sensitivity_options* options, uint64_t count,
+                                          uint32_t sh_degree, l4d_sensitivity** out);
+L4D_API void l4d_sensitivity_destroy(l4d_sensitivity* sensitivity); /* accepts NULL */
+
+/* Adds the view at the renderer's time; the renderer holds the scene the accumulator was made for
+ * (set_gaussians), without background. seen_only: only asks which of the Gaussians that no view has
+ * shown so far this one shows, which needs no derivatives and little time: what to call for the
+ * views one has no time for, before Gaussians without weight are dropped. On failure the detail is
+ * the renderer's. */
+L4D_API l4d_status l4d_sensitivity_add_view(l4d_sensitivity* sensitivity, l4d_renderer* renderer,
+                                            const l4d_camera* camera, int seen_only);
+/* Adds what `other` has gathered; both are for the same scene and measure. */
+L4D_API l4d_status l4d_sensitivity_merge(l4d_sensitivity* sensitivity,
+                                         const l4d_sensitivity* other);
+/* out: [count], weights of `which`: L4D_WEIGHT_*. ALPHA_T is the sum of alpha times transmittance
+ * per pixel: of the full views, and of Gaussians that only seen_only views show, of all views.
+ * Fails with INVALID_STATE before the first full view. */
+L4D_API l4d_status l4d_sensitivity_get_weights(const l4d_sensitivity* sensitivity, uint32_t which,
+                                               float* out, uint64_t count);
+
+/* Measures a scene over many views, or as many of them as it takes. Every instant is looked at from
+ * cameras that take turns, in rounds; after each round the weights of two independent halves of the
+ * views are compared, and where they agree the rest is left out. The views left out are then asked
+ * which of the Gaussians not seen so far they show. */
+typedef struct l4d_view {
+  double time;     /* seconds */
+  uint32_t camera; /* index into the cameras */
+  uint32_t reserved;
+} l4d_view; /* frozen */
+
+/* Processes that measure one scene together, each with a renderer of its own that holds the same
+ * scene; all make the same call of l4d_measure, and all get the same result. Views are dealt out by
+ * instant. */
+typedef struct l4d_ranks {
+  size_t struct_size;
+  uint32_t rank; /* of this process, below count */
+  uint32_t count;
+  /* Replaces values [n] by their sums over all ranks, which call it with the same n in the same
+   * order, on the thread that called the library. Not 0: it failed, and l4d_measure does, with IO.
+   */
+  int (*sum)(void* user, int64_t* values, uint64_t n);
+  void* user;
+} l4d_ranks;
+L4D_API void l4d_ranks_init_(l4d_ranks* ranks, size_t struct_size);
+#define l4d_ranks_init(ranks) l4d_ranks_init_((ranks), sizeof(*(ranks)))
+
+typedef struct l4d_measure_options {
+  size_t struct_size;
+  uint32_t measure; /* L4D_SENSITIVITY_*, as in l4d_sensitivity_options */
+  uint32_t reserved;
+  uint64_t seed; /* as in l4d_sensitivity_options */
+  /* Rank correlation of the halves' weights, the smallest over components, at which measuring
+   * stops; above 1 = never, all views count. 0.95 unless set. */
+  double agreement;
+  double max_share; /* stop at this share of the views, agreed or not; 1 unless set */
+  /* Views that are left out are asked what they show, a sixteenth of each instant's at a time,
+   * until of the light in a round's images less than 1e-4 comes from Gaussians that no view has
+   * shown before. */
+  uint32_t skip_unseen; /* 1: do not ask any */
+  uint32_t ask_all;     /* 1: ask all of them */
+  /* NULL = this process alone. Else, even for a count of 1, sums are whole numbers of small units,
+   * so that weights do not depend on the number of ranks. */
+  const l4d_ranks* ranks;
+} l4d_measure_options;
+L4D_API void l4d_measure_options_init_(l4d_measure_options* options, size_t struct_size);
+#define l4d_measure_options_init(options) l4d_measure_options_init_((options), sizeof(*(options)))
+
+typedef struct l4d_measure_report {
+  size_t struct_size;
+  uint64_t views;          /* given */
+  uint64_t views_measured; /* with derivatives */
+  uint64_t views_asked;    /* of the others, what they show */
+  uint32_t rounds;
+  uint32_t agreed;     /* 1: the halves agreed */
+  double agreement[4]; /* rank correlation of the halves, by L4D_COMPONENT_*; 0 before the first
+                          test */
+  uint64_t unseen;     /* Gaussians that no view shows of those measured and asked */
+} l4d_measure_report;
+L4D_API void l4d_measure_report_init_(l4d_measure_report* report, size_t struct_size);
+#define l4d_measure_report_init(report) l4d_measure_report_init_((report), sizeof(*(report)))
+
+/* The renderer holds the scene (set_gaussians), without background; its instant is moved. cameras:
+ * [num_cameras], cameras[0].struct_size bytes apart, views: [num_views], in any order. options,
+ * progress and report may be NULL; progress counts views. *out is the caller's to destroy. */
+L4D_API l4d_status l4d_measure(l4d_renderer* renderer, const l4d_camera* cameras,
+                               uint32_t num_cameras, const l4d_view* views, uint64_t num_views,
+                               const l4d_measure_options* options, l4d_progress_fn progress,
+                               void* user, l4d_measure_report* report, l4d_sensitivity** out);
+
+/* ---- what a call did ----------------------------------------------------------------------- */
+enum {
+  L4D_RENDER_STAGE_SLICE = 0, /* of the last set_time; decoding included */
+  L4D_RENDER_STAGE_PROJECT,
+  L4D_RENDER_STAGE_SORT,
+  L4D_RENDER_STAGE_BIN,
+  L4D_RENDER_STAGE_BLEND,
+  L4D_RENDER_STAGE_BACKWARD,
+  L4D_RENDER_STAGE_COUNT
+};
+#define L4D_RENDER_MAX_STAGES                                        \
+  8 /* what arrays by stage have room for, now and in later versions \
+     */
+typedef struct l4d_render_stats {
+  size_t struct_size;
+  uint64_t visible;   /* Gaussians visible at the time */
+  uint64_t projected; /* of these, those that touch a pixel of the last view's frame */
+  uint64_t instances; /* pairs of Gaussian and tile; 0 on the reference path */
+  double seconds[L4D_RENDER_MAX_STAGES]; /* by L4D_RENDER_STAGE_*; 0 beyond */
+} l4d_render_stats;
+L4D_API void l4d_render_stats_init_(l4d_render_stats* stats, size_t struct_size);
+#define l4d_render_stats_init(stats) l4d_render_stats_init_((stats), sizeof(*(stats)))
+L4D_API l4d_status l4d_renderer_get_stats(const l4d_renderer* renderer, l4d_render_stats* stats);
+
+#ifdef __cplusplus
+}
+#endif
+#endif /* L4D_RENDER_H */

@@ -1,0 +1,67 @@
+#!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
+# usage: run.sh SOURCE_DIR WORK_DIR
+# Whether programs outlive the library that they were compiled for.
+#  - Headers: every field of tests/abi/frozen has the same place in the headers of today.
+#  - Programs: compiled against tests/abi/frozen, they run with a shared library whose structs and
+#    lists have grown (grow.py), both under the address sanitizer.
+# A change that breaks programs on purpose (before 1.0 every minor version may) copies include/l4d to
+# tests/abi/frozen in the same commit.
+set -euo pipefail
+
+source=$1
+work=$2
+here=$(cd "$(dirname "$0")" && pwd)
+jobs=${L4D_JOBS:-$(nproc)}
+cc=${CC:-cc}
+mkdir -p "$work"
+
+# The export macro means nothing to a program that links a shared library of this platform.
+export_header() {
+  mkdir -p "$1/l4d"
+  echo '#define L4D_API' >"$1/l4d/export.h"
+}
+export_header "$work/export"
+
+# fields HEADERS: each struct's size and each field's offset, as this compiler has them.
+fields() {
+  python3 -B "$here/fields.py" "$1" >"$work/fields.c"
+  "$cc" -I "$1" -I "$work/export" "$work/fields.c" -o "$work/fields"
+  "$work/fields"
+}
+fields "$here/frozen" >"$work/frozen.txt"
+fields "$source/include" >"$work/today.txt"
+moved=$(comm -23 <(sort "$work/frozen.txt") <(sort "$work/today.txt"))
+if [[ -n $moved ]]; then
+  echo "FAIL: programs compiled earlier have these fields or names elsewhere:" >&2
+  echo "$moved" >&2
+  exit 1
+fi
+echo "$(wc -l <"$work/frozen.txt") fields and names are where they were"
+
+python3 -B "$here/grow.py" "$source/include" "$work/grown"
+# The check above can fail: fields that a struct loses are seen.
+sed 's/ uint64_t file_bytes;//' "$source/include/l4d/decode.h" >"$work/lost.h"
+mkdir -p "$work/lost/l4d"
+cp "$source"/include/l4d/*.h "$work/lost/l4d/"
+cp "$work/lost.h" "$work/lost/l4d/decode.h"
+fields "$work/lost" >"$work/lost.txt"
+[[ -n $(comm -23 <(sort "$work/frozen.txt") <(sort "$work/lost.txt")) ]] ||
+  { echo "FAIL: a lost field is not seen" >&2; exit 1; }
+
+# One SIMD target is enough, and the plain one compiles fastest.
+cmake -S "$source" -B "$work/build" -G Ninja -DCMAKE_BUILD_TYPE=Debug -DBUILD_SHARED_LIBS=ON \
+  -DL4D_PUBLIC_HEADERS="$work/grown" -DL4D_SANITIZE=address -DL4D_CUDA=OFF -DL4D_BUILD_CLI=OFF \
+  -DL4D_BUILD_TESTS=OFF -DL4D_BUILD_BENCH=OFF \
+  -DCMAKE_CXX_FLAGS="-g0 -O0 -DHWY_COMPILE_ONLY_SCALAR" \
+  -DCMAKE_CXX_COMPILER_LAUNCHER="${L4D_COMPILER_LAUNCHER:-}" >"$work/configure.log"
+cmake --build "$work/build" -j "$jobs"
+library=$(dirname "$(find "$work/build" -name 'libl4dcodec.so' | head -1)")
+
+for program in "$here/program.c" "$source/tests/api/end_to_end.c" \
+  "$source/tests/api/render_end_to_end.c"; do
+  name=$(basename "$program" .c)
+  "$cc" -std=c99 -g -fsanitize=address -I "$here/frozen" -I "$work/export" "$program" \
+    -o "$work/$name" -L "$library" -ll4dencoder -ll4drender -ll4dcodec -lm
+  (cd "$work" && LD_LIBRARY_PATH=$library "./$name") || { echo "FAIL: $name" >&2; exit 1; }
+done
