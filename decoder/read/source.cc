@@ -1,12 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "decoder/read/source.h"
 
-#include <fcntl.h>
-#include <sys/stat.h>
-#include <unistd.h>
-
-#include <cerrno>
-#include <cstring>
 #include <string>
 
 namespace l4d {
@@ -56,43 +50,6 @@ Status ByteSource::read(uint64_t offset, uint64_t n, Bytes& storage, ByteSpan* o
   }
   *out = ByteSpan(storage.data(), storage.size());
   return {};
-}
-
-FileReader::~FileReader() { close(); }
-
-void FileReader::close() {
-  if (fd_ >= 0) ::close(fd_);
-  fd_ = -1;
-}
-
-Status FileReader::open(const char* path) {
-  close();
-  // Without waiting for whoever writes to a named pipe: that has no size, and is refused then.
-  fd_ = ::open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK);
-  if (fd_ < 0) {
-    return Status(L4D_ERR_IO, "cannot open '" + std::string(path) + "': " + std::strerror(errno));
-  }
-  return {};
-}
-
-l4d_reader FileReader::reader() {
-  l4d_reader r{};
-  r.struct_size = sizeof r;
-  r.user = this;
-  r.read_at = [](void* user, void* dst, size_t n, uint64_t offset) -> int64_t {
-    const int fd = static_cast<FileReader*>(user)->fd_;
-    ssize_t got;
-    do {
-      got = ::pread(fd, dst, n, static_cast<off_t>(offset));
-    } while (got < 0 && errno == EINTR);
-    return got;
-  };
-  r.size = [](void* user) -> int64_t {
-    struct stat st {};
-    if (::fstat(static_cast<FileReader*>(user)->fd_, &st) != 0 || !S_ISREG(st.st_mode)) return -1;
-    return st.st_size;
-  };
-  return r;
 }
 
 }  // namespace l4d

@@ -32,19 +32,4 @@ class ByteSource {
   uint64_t bytes_read_ = 0;
 };
 
-// A reader over a file descriptor, for open_file. Not copyable: it owns the descriptor.
-class FileReader {
- public:
-  FileReader() = default;
-  ~FileReader();
-  FileReader(const FileReader&) = delete;
-  FileReader& operator=(const FileReader&) = delete;
-  Status open(const char* path);
-  void close();
-  l4d_reader reader();
-
- private:
-  int fd_ = -1;
-};
-
 }  // namespace l4d

@@ -13,6 +13,7 @@
 #include "decoder/read/plan.h"
 #include "decoder/read/scene_file.h"
 #include "l4d/decode.h"
+#include "libl4dcodec/base/file_reader.h"
 
 namespace l4d {
 

@@ -149,7 +149,7 @@ FileError AtomicFile::open(const char* path) {
     // Who may not give files away keeps what others may do to what the others could do before.
     const bool same_group = ::fchown(fd_, old.st_uid, old.st_gid) == 0 ||
                             ::fchown(fd_, static_cast<uid_t>(-1), old.st_gid) == 0;
-    if (!same_group) mode_ &= ~static_cast<mode_t>(S_IRWXG);
+    if (!same_group) mode_ &= ~unsigned{S_IRWXG};
   }
   return {};
 }

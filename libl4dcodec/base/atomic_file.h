@@ -3,8 +3,6 @@
 // library, so that the layers beside the codec may include it too.
 #pragma once
 
-#include <sys/types.h>
-
 #include <cstddef>
 #include <string>
 
@@ -28,7 +26,8 @@ struct FileError {
 // removes it: a writer holds a lock on its temporary file, and the lock dies with the process.
 //
 // What is no regular file (a device, a pipe) and what is open already (/dev/stdout, /dev/fd/3) is
-// written in place.
+// written in place. Windows has neither: a link is replaced there, and permissions are the
+// folder's.
 class AtomicFile {
  public:
   AtomicFile() = default;
@@ -52,7 +51,7 @@ class AtomicFile {
 
   std::string target_;     // symbolic links resolved
   std::string temporary_;  // "": written in place
-  mode_t mode_ = 0;        // permissions that the finished file gets
+  unsigned mode_ = 0;      // permissions that the finished file gets
   int fd_ = -1;
 };
 

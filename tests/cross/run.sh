@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
-# usage: run.sh aarch64|wasm WORK_DIR TOOL DIGEST
+# usage: run.sh aarch64|wasm|mingw WORK_DIR TOOL DIGEST
 #        run.sh --bench wasm WORK_DIR TOOL DIGEST
-# Builds the decoder and its tests for another architecture, runs them there (qemu-user, node) and
+# Builds the decoder and its tests for another architecture, runs them there (qemu-user, node, wine) and
 # holds the digests of streams against those of DIGEST, the same program on this machine. --bench
 # prints how long decoding takes there and here, on one thread.
 # L4D_CROSS_SOURCES: where `./dev setup cross` has put the sources of zstd, xxHash and Highway.
@@ -13,7 +13,7 @@ if [[ ${1:-} == --bench ]]; then
   bench=1
   shift
 fi
-target=${1:?"usage: run.sh aarch64|wasm WORK_DIR TOOL DIGEST"}
+target=${1:?"usage: run.sh aarch64|wasm|mingw WORK_DIR TOOL DIGEST"}
 work=${2:?} tool=${3:?} digest=${4:?}
 here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
 root=$(cd "$here/../.." && pwd)
@@ -40,6 +40,16 @@ case $target in
     suffix=.js
     # Debian's own modules of node, where Emscripten's packages look for them.
     export NODE_PATH=${NODE_PATH:-/usr/share/nodejs}
+    ;;
+  mingw)
+    needs=(x86_64-w64-mingw32-g++-posix)
+    emulator=(wine64)
+    command -v wine64 >/dev/null || emulator=(/usr/lib/wine/wine64)
+    needs+=("${emulator[0]}")
+    suffix=.exe
+    # A home of its own, and no words about what it lacks of a desktop.
+    export WINEPREFIX=$work/mingw/wine WINEDEBUG=-all WINEDLLOVERRIDES="mscoree,mshtml=;winemenubuilder.exe=d"
+    mkdir -p "$WINEPREFIX"
     ;;
   *) echo "unknown target $target" >&2 && exit 2 ;;
 esac
@@ -123,6 +133,26 @@ if [[ -n $bench ]]; then
   exit
 fi
 
+if [[ $target == mingw ]]; then
+  # Encoder and renderer too: files, threads and the whole C API as a program there sees them.
+  echo "== libraries for $target"
+  libraries=$work/$target/libraries
+  quietly "$log" cmake -S "$root" -B "$libraries" -G Ninja -DCMAKE_BUILD_TYPE=Release \
+    -DL4D_BUILD_CLI=OFF -DL4D_BUILD_TESTS=OFF -DL4D_BUILD_BENCH=OFF -DL4D_CUDA=OFF \
+    -DEigen3_DIR="${L4D_EIGEN_DIR:-/usr/share/eigen3/cmake}" -DFLATC="$(command -v flatc)" \
+    -DCMAKE_FIND_ROOT_PATH="$prefix" -DPKG_CONFIG_EXECUTABLE="$(command -v pkg-config)" "${options[@]}"
+  quietly "$log" cmake --build "$libraries" -j "$jobs"
+  for program in end_to_end render_end_to_end; do
+    quietly "$log" x86_64-w64-mingw32-gcc-posix -std=c99 -DL4D_STATIC_DEFINE -D__USE_MINGW_ANSI_STDIO=1 \
+      -I "$root/include" -I "$libraries/include" "$root/tests/api/$program.c" -o "$bin/$program.exe" \
+      "$libraries/render/libl4drender.a" "$libraries/libl4dcodec/api/libl4dencoder.a" \
+      "$libraries/libl4dcodec/api/libl4dcodec.a" -L "$prefix/lib" -lzstd -lxxhash -lhwy -static -lstdc++
+    (cd "$work/$target" && "${emulator[@]}" "$bin/$program.exe") ||
+      { echo "FAIL: $program on $target" >&2; exit 1; }
+    echo "$program: passed"
+  done
+fi
+
 echo "== inner loops on $target"
 "${emulator[@]}" "$bin/l4d_loops_test$suffix" --gtest_brief=1
 echo "== digests"
@@ -136,7 +166,8 @@ for i in 1 2 3 4 5 6 7 8; do
 done
 streams+=("${damaged[@]}" "$root"/tests/fuzz/regress/decode/*)
 "$digest" "${streams[@]}" >"$work/$target/native.txt"
-"${emulator[@]}" "$bin/l4d_digest$suffix" "${streams[@]}" >"$work/$target/digest.txt"
+# Windows ends lines its own way.
+"${emulator[@]}" "$bin/l4d_digest$suffix" "${streams[@]}" | tr -d '\r' >"$work/$target/digest.txt"
 diff -u "$work/$target/native.txt" "$work/$target/digest.txt" >&2 || {
   echo "FAIL: streams decode to something else on $target (+) than here (-)" >&2
   exit 1
