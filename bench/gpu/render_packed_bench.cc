@@ -89,9 +89,16 @@ struct Stream {
     for (uint32_t c = 0; c < L4D_COMPONENT_COUNT; ++c) {
       must_decode(l4d_cuda_decoder_get_num_literals(cuda, c, &literals[c]));
     }
-    gaussians = {sizeof(l4d_gaussians), n,          info.sh_degree, info.flags,
-                 out.position,          out.mean_t, out.log_scale,  out.rotor,
-                 out.opacity,           out.sh};
+    l4d_gaussians_init(&gaussians);
+    gaussians.count = n;
+    gaussians.sh_degree = info.sh_degree;
+    gaussians.flags = info.flags;
+    gaussians.position = out.position;
+    gaussians.mean_t = out.mean_t;
+    gaussians.log_scale = out.log_scale;
+    gaussians.rotor = out.rotor;
+    gaussians.opacity = out.opacity;
+    gaussians.sh = out.sh;
     l4d_cuda_sh_indices_init(&indices);
     indices.depth = sh.depth;
     indices.index = sh.index;

@@ -98,11 +98,16 @@ class DecodedScene {
     for (uint32_t c = 0; c < L4D_COMPONENT_COUNT; ++c) {
       check(l4d_cuda_decoder_get_num_literals(d, c, &literals[c]));
     }
-    gaussians = {sizeof(l4d_gaussians), n_,
-                 info.sh_degree,        info.flags,
-                 expanded.position,     expanded.mean_t,
-                 expanded.log_scale,    expanded.rotor,
-                 expanded.opacity,      expanded.sh};
+    l4d_gaussians_init(&gaussians);
+    gaussians.count = n_;
+    gaussians.sh_degree = info.sh_degree;
+    gaussians.flags = info.flags;
+    gaussians.position = expanded.position;
+    gaussians.mean_t = expanded.mean_t;
+    gaussians.log_scale = expanded.log_scale;
+    gaussians.rotor = expanded.rotor;
+    gaussians.opacity = expanded.opacity;
+    gaussians.sh = expanded.sh;
     timeline = info.timeline;
     l4d_cuda_sh_indices_init(&indices);
     indices.depth = sh.depth;

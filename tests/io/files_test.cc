@@ -237,9 +237,13 @@ TEST_F(FilesTest, AReadOnlyFileIsNotReplaced) {
   put("kept", "old", 0444);
   ::chmod(folder_.c_str(), 0777);
   const bool is_root = ::geteuid() == 0;
-  if (is_root) ASSERT_EQ(::seteuid(65534), 0);
+  if (is_root) {
+    ASSERT_EQ(::seteuid(65534), 0);
+  }
   const l4d_status status = test::status_of([&] { OutputFile file(path("kept")); });
-  if (is_root) ASSERT_EQ(::seteuid(0), 0);
+  if (is_root) {
+    ASSERT_EQ(::seteuid(0), 0);
+  }
   EXPECT_EQ(status, L4D_ERR_IO);
   EXPECT_EQ(names(), Names{"kept"});
 }

@@ -17,7 +17,10 @@ constexpr uint64_t kCount = 1500;
 
 io::Matrix3 random_rotation(Random& random) {
   double q[4], norm = 0;
-  for (double& v : q) norm += (v = random.normal()) * v;
+  for (double& v : q) {
+    v = random.normal();
+    norm += v * v;
+  }
   for (double& v : q) v /= std::sqrt(std::max(norm, 1e-12));
   const double w = q[0], x = q[1], y = q[2], z = q[3];
   return {1 - 2 * (y * y + z * z), 2 * (x * y - w * z),     2 * (x * z + w * y),
