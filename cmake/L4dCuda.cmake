@@ -2,7 +2,8 @@
 # The CUDA compiler, where there is one. L4D_HAVE_CUDA says whether device code is built.
 include(CheckLanguage)
 
-set(L4D_CUDA AUTO CACHE STRING "Device code: ON, OFF, or AUTO: where a CUDA compiler is found")
+# What is built never depends on what happens to be installed, but for AUTO.
+set(L4D_CUDA OFF CACHE STRING "Device code: ON, OFF, or AUTO: where a CUDA compiler is found")
 set_property(CACHE L4D_CUDA PROPERTY STRINGS AUTO ON OFF)
 
 set(L4D_HAVE_CUDA OFF)
