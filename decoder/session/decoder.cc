@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "decoder/check/conformance.h"
+#include "decoder/read/query_reads.h"
 #include "libl4dcodec/base/threads.h"
 
 namespace l4d {
@@ -95,6 +96,17 @@ Status Decoder::ranges(const l4d_query& query, l4d_range* out, uint64_t capacity
   L4D_RETURN_IF_ERROR(begin_query(query, &plan));
   std::copy_n(plan.ranges.begin(), std::min<uint64_t>(capacity, plan.ranges.size()), out);
   *count = plan.ranges.size();
+  return {};
+}
+
+Status Decoder::reads(const l4d_query& query, uint32_t step, l4d_byte_range* out, uint64_t capacity,
+                      uint64_t* count) {
+  losses_.begin_query();
+  file_->begin_query();
+  std::vector<l4d_byte_range> ranges;
+  L4D_RETURN_IF_ERROR(find_query_reads(*file_, query, step, losses_if_tolerant(), &ranges));
+  std::copy_n(ranges.begin(), std::min<uint64_t>(capacity, ranges.size()), out);
+  *count = ranges.size();
   return {};
 }
 

@@ -54,6 +54,8 @@ class Decoder {
 
   Status select(const l4d_query& query, l4d_selection* out);
   Status ranges(const l4d_query& query, l4d_range* out, uint64_t capacity, uint64_t* count);
+  Status reads(const l4d_query& query, uint32_t step, l4d_byte_range* out, uint64_t capacity,
+               uint64_t* count);
   Status decode(const l4d_query& query, l4d_gaussian_buffers* out);
   Status decode_packed(const l4d_query& query, l4d_packed_buffers* out);
   Status slice(double time, l4d_splat_buffers* out);

@@ -239,6 +239,46 @@ L4D_API l4d_status l4d_decoder_select(l4d_decoder* decoder, const l4d_query* que
 L4D_API l4d_status l4d_decoder_get_ranges(l4d_decoder* decoder, const l4d_query* query,
                                           l4d_range* out, uint64_t capacity, uint64_t* count);
 
+/* A range of bytes of a file: [offset, offset + size). */
+typedef struct l4d_byte_range {
+  uint64_t offset;
+  uint64_t size;
+} l4d_byte_range; /* frozen */
+
+/* What the ranges of l4d_decoder_get_reads hold, and what the call itself reads. Each step holds
+ * the ranges of the steps before it and reads only those. */
+enum {
+  L4D_READS_PAGE_TABLES = 0, /* the entries of page tables; the call reads nothing */
+  L4D_READS_DIRECTORY = 1,   /* and the directory pages that they name */
+  L4D_READS_ALL = 2          /* and codebooks, tables and pages: all that the query needs */
+};
+/* The bytes of the file that a query needs, for a caller that fetches them itself: a prefetcher, or
+ * a client whose reads are asynchronous and whose l4d_reader answers from memory. Once the reader
+ * can answer these ranges, l4d_decoder_select, _get_ranges, _decode and _decode_packed succeed with
+ * the same query, and l4d_decoder_slice where the query is of kind TIME, with the time and the
+ * detail of the slice and `whole_buckets` = 1. They ask for no other byte.
+ *
+ * A client that holds only what l4d_decoder_open has read calls this with one step after the other,
+ * and fetches the ranges before each next step. Where the reader can block, one call with ALL is
+ * enough. A tolerant decoder leaves out what it cannot read of the directory, as a loss.
+ *
+ * The ranges are in ascending order, at least one byte apart, and inside the file. They do not
+ * depend on what the decoder holds already; neighbouring pages are joined over small gaps, as the
+ * decoder reads them. *count is their number; the first min(capacity, *count) go to `ranges`, which
+ * may be NULL where capacity is 0.
+ * Fails with INVALID_ARGUMENT on an unknown step, and otherwise as l4d_decoder_select does. */
+L4D_API l4d_status l4d_decoder_get_reads(l4d_decoder* decoder, const l4d_query* query,
+                                         uint32_t step, l4d_byte_range* ranges, uint64_t capacity,
+                                         uint64_t* count);
+
+/* The bytes that l4d_decoder_open reads besides the first L4D_FILE_HEADER_BYTES: *range is the
+ * scene header, as these first bytes say. `data`: the first `size` bytes of the file.
+ * Fails with TRUNCATED where size is below L4D_FILE_HEADER_BYTES, with NOT_L4D, CHECKSUM,
+ * VERSION_UNSUPPORTED or FEATURE_UNSUPPORTED where l4d_decoder_open would.
+ * Returns ranges beyond the end of the file as they are. */
+#define L4D_FILE_HEADER_BYTES 40
+L4D_API l4d_status l4d_get_header_range(const void* data, size_t size, l4d_byte_range* range);
+
 /* Destination arrays, owned by the caller. A NULL array is not decoded and costs no time; without
  * `sh`, SH detail is not read either. */
 typedef struct l4d_gaussian_buffers {

@@ -87,6 +87,14 @@ class DecoderHandle {
     check(l4d_decoder_select(get(), &query, &s));
     return s;
   }
+  // The bytes of the file that the query needs; step: L4D_READS_*.
+  std::vector<l4d_byte_range> reads(const l4d_query& query, uint32_t step = L4D_READS_ALL) const {
+    uint64_t count = 0;
+    check(l4d_decoder_get_reads(get(), &query, step, nullptr, 0, &count));
+    std::vector<l4d_byte_range> ranges(static_cast<size_t>(count));
+    check(l4d_decoder_get_reads(get(), &query, step, ranges.data(), count, &count));
+    return ranges;
+  }
   GaussianArrays decode(const l4d_query& query) const {
     const l4d_info i = info();
     const l4d_selection s = select(query);

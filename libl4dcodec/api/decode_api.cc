@@ -284,6 +284,29 @@ l4d_status l4d_decoder_get_ranges(l4d_decoder* decoder, const l4d_query* query, 
   });
 }
 
+l4d_status l4d_decoder_get_reads(l4d_decoder* decoder, const l4d_query* query, uint32_t step,
+                                 l4d_byte_range* ranges, uint64_t capacity, uint64_t* count) {
+  const char* bad = first_of(required(query, count), capacity > 0 ? required(ranges) : nullptr);
+  return with_stream(decoder, bad, [&](l4d::Decoder& d) {
+    return d.reads(read_struct(*query, default_query()), step, ranges, capacity, count);
+  });
+}
+
+l4d_status l4d_get_header_range(const void* data, size_t size, l4d_byte_range* range) {
+  return keep_last(guard([&]() -> Status {
+    if (const char* bad = first_of(required(range), size > 0 ? required(data) : nullptr)) {
+      return l4d::invalid_argument(bad);
+    }
+    static_assert(L4D_FILE_HEADER_BYTES == l4d::FileHeader::kBytes);
+    const l4d::ByteSpan bytes(static_cast<const unsigned char*>(data),
+                              std::min<size_t>(size, L4D_FILE_HEADER_BYTES));
+    l4d::FileHeader header;
+    L4D_RETURN_IF_ERROR(l4d::FileHeader::parse(bytes, &header));
+    *range = {header.header_offset, header.header_bytes};
+    return {};
+  }));
+}
+
 l4d_status l4d_decoder_decode(l4d_decoder* decoder, const l4d_query* query,
                               l4d_gaussian_buffers* out) {
   return with_stream(decoder, required(query, out), [&](l4d::Decoder& d) -> Status {

@@ -49,6 +49,7 @@ std::vector<l4d_status> calls_on(l4d_decoder* d) {
           l4d_decoder_get_sections(d, sections, L4D_SECTION_COUNT, nullptr, nullptr, 0),
           l4d_decoder_select(d, &query, &selection),
           l4d_decoder_get_ranges(d, &query, nullptr, 0, &count),
+          l4d_decoder_get_reads(d, &query, L4D_READS_ALL, nullptr, 0, &count),
           l4d_decoder_decode(d, &query, &gaussians),
           l4d_decoder_decode_packed(d, &query, &packed),
           l4d_decoder_get_codebook(d, 0, 0, 0, L4D_NO_BLOCK, &book),

@@ -45,6 +45,8 @@ L4D_FIELD(l4d_query, time_begin, 16);
 L4D_FIELD(l4d_query, detail, 32);
 L4D_FIELD(l4d_query, whole_buckets, 36);
 L4D_FIELD(l4d_query, buckets, 40);
+L4D_LAYOUT(l4d_byte_range, 16);
+L4D_FIELD(l4d_byte_range, size, 8);
 L4D_LAYOUT(l4d_range, 48);
 L4D_FIELD(l4d_range, layer, 32);
 L4D_LAYOUT(l4d_selection, 56);
