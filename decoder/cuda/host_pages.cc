@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <memory>
 
+#include "decoder/read/page_reads.h"
+
 namespace l4d::cuda {
 
 void HostPages::find(const Plan& plan) {
@@ -14,7 +16,7 @@ void HostPages::find(const Plan& plan) {
   bytes_ = 0;
   for (size_t t = 0; t < plan.tasks.size(); ++t) {
     const PageTask& task = plan.tasks[t];
-    if (is_device_page(task.record)) continue;
+    if (is_rans_page(task.record)) continue;  // the device decodes those
     if (runs_.empty() || runs_.back().end_task != t || runs_.back().layer != task.layer) {
       HostRun run;
       run.first = task.first;
@@ -123,6 +125,7 @@ Status HostPages::pack_run(const Plan& plan, HostRun* run, MemoryCharge* charge)
   part.tasks.assign(plan.tasks.begin() + static_cast<std::ptrdiff_t>(run->first_task),
                     plan.tasks.begin() + static_cast<std::ptrdiff_t>(run->end_task));
   part.detail = plan.detail;
+  part.sh_bytes = plan.sh_bytes;
   MemoryCharge charge_for_room(file_.memory());
   l4d_packed_buffers out = packed_;
   std::array<std::unique_ptr<uint16_t[]>, L4D_COMPONENT_COUNT> room;

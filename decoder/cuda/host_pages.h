@@ -13,10 +13,6 @@
 
 namespace l4d::cuda {
 
-inline bool is_device_page(const PageRecord& record) {
-  return record.chunk.codec == static_cast<uint32_t>(ChunkCodec::kRans32);
-}
-
 // L4D_CUDA_* that asks for a component.
 inline uint32_t component_attribute(unsigned component) {
   if (component == L4D_COMPONENT_SH) return L4D_CUDA_SH;

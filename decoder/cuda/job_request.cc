@@ -1,0 +1,116 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "decoder/cuda/job_request.h"
+
+#include <utility>
+
+#include "libl4dcodec/base/checked.h"
+
+namespace l4d::cuda {
+namespace {
+
+// Columns of a page begin where those of a warp do.
+constexpr uint32_t kSlotAlignment = 32;
+
+}  // namespace
+
+Status JobRequest::make(SceneFile& file, LayerTables& tables, Plan plan,
+                        const LayerTables::Wants& wants, bool with_detail) {
+  *this = JobRequest();
+  plan_ = std::move(plan);
+  const SceneHeader& header = file.header();
+  for (size_t t = 0; t < plan_.tasks.size(); ++t) {
+    const PageTask& task = plan_.tasks[t];
+    for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
+      may_have_literals_ |= header.component(header.layers[task.layer], c).literals;
+    }
+    if (!is_rans_page(task.record)) continue;
+    L4D_RETURN_IF_ERROR(tables.load(task.layer, wants));
+    L4D_RETURN_IF_ERROR(add_page(file, wants, t, with_detail));
+  }
+  reads_.finish(max_read_gap(plan_, with_detail));
+  if (num_states_ > UINT32_MAX) {
+    return Status(L4D_ERR_LIMIT_EXCEEDED, "the query selects more Gaussians than one decode takes");
+  }
+  return {};
+}
+
+Status JobRequest::add_page(SceneFile& file, const LayerTables::Wants& wants, size_t task_index,
+                            bool with_detail) {
+  const SceneHeader& header = file.header();
+  const PageTask& task = plan_.tasks[task_index];
+  const PageRecord& record = task.record;
+  const EntropyTables* entropy = nullptr;
+  L4D_RETURN_IF_ERROR(file.codebooks().entropy_tables(task.layer, &entropy));
+  const bool detail = record.has_sh_detail() && with_detail;
+  const bool whole = detail || !record.has_sh_detail();
+  const l4d_range& range = plan_.ranges[task.range];
+  DevicePage page{};
+  page.first = task.first;
+  page.center = range.center;
+  page.width = static_cast<float>(range.width);
+  page.slot = static_cast<uint32_t>(num_slots_);
+  page.state = static_cast<uint32_t>(num_states_);
+  page.n = record.num_gaussians;
+  page.layer = task.layer;
+  page.part_bytes[0] = record.chunk.stored_bytes;
+  page.part_bytes[1] = detail ? record.sh_detail.stored_bytes : 0;
+  page.middle =
+      static_cast<uint32_t>(record.has_sh_detail() ? first_detail_plane(header, entropy->planes)
+                                                   : entropy->planes.size());
+  page.sh_limit = whole ? kMaxCoefficients : header.sh_base;
+  page.has_sh = whole || header.sh_base > 0;
+  L4D_RETURN_IF_ERROR(add_books(file, wants, task, &page));
+  const uint32_t index = static_cast<uint32_t>(pages_.size());
+  reads_.add(record, index, with_detail);
+  for (uint32_t first = 0; first < page.n; first += kExpandGaussians) {
+    expands_.push_back({index, first});
+  }
+  pages_.push_back(page);
+  page_tasks_.push_back(task_index);
+  num_slots_ += align_up(page.n, kSlotAlignment);
+  num_states_ += align_up(page.n, kSlotAlignment) + kStatesBehind;
+  return {};
+}
+
+Status JobRequest::add_books(SceneFile& file, const LayerTables::Wants& wants, const PageTask& task,
+                             DevicePage* page) {
+  const SceneHeader& header = file.header();
+  const LayerHeader& layer = header.layers[task.layer];
+  const BlockRecord* const block = task.block();
+  page_books_.emplace_back();
+  for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
+    BookIndex& index = page_books_.back()[c];
+    index = kLayerBook;
+    page->stage0_entries[c] = stage0_entries(header, layer, c, block);
+    if (!wants[c] || block == nullptr || block->tables[c].num_entries == 0) continue;
+    const BlockKey key{task.layer, task.directory_index, task.record.block, c};
+    const auto known = book_of_.find(key);
+    if (known != book_of_.end()) {
+      index = known->second;
+      continue;
+    }
+    const CodebookData* book = nullptr;
+    L4D_RETURN_IF_ERROR(
+        file.codebooks().block_codebook(task.block_id(), c, block->tables[c], &book));
+    index = book_of_[key] = static_cast<BookIndex>(books_.size());
+    books_.push_back(book);
+  }
+  return {};
+}
+
+void JobRequest::number_pieces(const HostPages& host) {
+  size_t page = 0;
+  const auto number_until = [&](size_t task) {
+    for (; page < pages_.size() && page_tasks_[page] < task; ++page) {
+      pages_[page].piece = num_pieces_;
+      num_pieces_ += (pages_[page].n + kExpandGaussians - 1) / kExpandGaussians;
+    }
+  };
+  for (const HostRun& run : host.runs()) {
+    number_until(run.first_task);
+    host_pieces_.push_back(num_pieces_++);
+  }
+  number_until(plan_.tasks.size());
+}
+
+}  // namespace l4d::cuda
