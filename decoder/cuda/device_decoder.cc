@@ -123,7 +123,7 @@ Status DeviceDecoder::copy_host_rows(const DeviceArrays& out, cudaStream_t strea
 }
 
 Status DeviceDecoder::check_has_packed_form() const {
-  if (profile_of(decoder_.file().header()) == ProfileId::kIndexed) return {};
+  if (has_packed_form(decoder_.file().header())) return {};
   return Status(L4D_ERR_FEATURE_UNSUPPORTED, "only streams of codebook indices have a packed form");
 }
 

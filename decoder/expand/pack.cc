@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "decoder/expand/page_decoder.h"
+#include "libl4dcodec/container/levels.h"
 
 namespace l4d {
 namespace {
@@ -62,31 +63,12 @@ void pack_component(const ComponentCoding& coding, const ComponentColumns& colum
   }
 }
 
-// Whether something is not held as binary16, scalar codes and codebook indices.
-bool has_other_forms(const SceneHeader& header) {
-  const auto raw = [](const ComponentCoding& c) {
-    return c.coding == ComponentCodingId::kRaw32 || c.transform();
-  };
-  if (header.position != MeanCodingId::kF16 || raw(header.sh) ||
-      header.opacity.coding == ScalarCodingId::kRaw32) {
-    return true;
-  }
-  for (const LayerHeader& layer : header.layers) {
-    if (layer.raw_position || layer.has_raw_means() || layer.mean_t == MeanCodingId::kFixed ||
-        layer.scale_factor.coding == ScalarCodingId::kRaw32 ||
-        std::any_of(layer.component.begin(), layer.component.end(), raw)) {
-      return true;
-    }
-  }
-  return false;
-}
-
 }  // namespace
 
 Status PageDecoder::pack(const Plan& plan, l4d_packed_buffers& out, const Progress& progress,
                          LostPages* lost) {
   const SceneHeader& header = file_.header();
-  if (has_other_forms(header)) {
+  if (!has_packed_form(header)) {
     return Status(L4D_ERR_FEATURE_UNSUPPORTED,
                   "only streams of codebook indices have a packed form");
   }

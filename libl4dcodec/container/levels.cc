@@ -99,6 +99,10 @@ ProfileId profile_of(const SceneHeader& header) {
   return ProfileId::kNone;
 }
 
+bool has_packed_form(const SceneHeader& header) {
+  return profile_breach(header, ProfileId::kIndexed).empty();
+}
+
 LevelLimits level_limits(unsigned level, bool lossless) {
   LevelLimits limits = kLevels[level - 1];
   if (lossless) {

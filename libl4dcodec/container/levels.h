@@ -22,6 +22,9 @@ const char* profile_name(unsigned profile);
 std::string profile_breach(const SceneHeader& header, ProfileId profile);
 // The narrowest profile that a stream keeps to.
 ProfileId profile_of(const SceneHeader& header);
+// Whether all attributes are held as binary16, scalar codes and codebook indices, which is what
+// players can keep as it is: whether the stream keeps to the profile "indexed".
+bool has_packed_form(const SceneHeader& header);
 
 // What streams of a level may ask for at most.
 struct LevelLimits {
