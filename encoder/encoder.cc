@@ -142,6 +142,19 @@ Status Encoder::set_weights(uint32_t which, const float* weights, uint64_t count
   return {};
 }
 
+Status Encoder::set_least_sizes(const float* sizes, uint64_t count) {
+  if (input_.gaussians.count == 0) return Status(L4D_ERR_INVALID_STATE, "set the scene first");
+  if (sizes != nullptr && count != input_.gaussians.count) {
+    return invalid_argument(std::to_string(count) + " least sizes for " +
+                            std::to_string(input_.gaussians.count) + " Gaussians");
+  }
+  EncoderInput input = input_;
+  input.least_sizes = sizes;
+  L4D_RETURN_IF_ERROR(check_input(input));
+  input_ = input;
+  return {};
+}
+
 Status Encoder::encode(const WriteFn& write) {
   if (input_.gaussians.count == 0) return Status(L4D_ERR_INVALID_STATE, "no scene is set");
   L4D_RETURN_IF_ERROR(settings_.check_profile());
@@ -251,12 +264,16 @@ Status Encoder::encode(const WriteFn& write) {
       if (positions.step > 0) choose_fixed_frame(layers, positions.step, &header);
       choose_opacity(layers, positions.opacity_bits, &header);
     }
-    if (bounds.any()) {
-      const GaussianErrors worst = observed_errors(scene, header, layers, bounds, threads);
-      report.totals.max_position_error = worst.position;
-      report.totals.max_covariance_factor = worst.covariance;
-      report.totals.max_opacity_error = worst.opacity;
-    }
+    // Lossless streams have no errors.
+    GaussianErrors worst;
+    if (!lossless) worst = observed_errors(scene, header, layers, bounds, threads);
+    header.errors = statement_of(worst, bounds);
+    header.errors.own_least_sizes = !lossless && input_.least_sizes != nullptr;
+    report.totals.max_position_error = worst.position;
+    report.totals.max_covariance_factor = worst.covariance;
+    report.totals.max_opacity_error = worst.opacity;
+    report.totals.max_visible_error = worst.visible;
+    report.totals.max_mean_t_error = worst.mean_time;
     report.totals.num_layers = static_cast<uint32_t>(layers.size());
     FileParts parts;
     L4D_RETURN_IF_ERROR(build_file(scene, settings_, header, layers, sh, threads, &parts));

@@ -13,13 +13,15 @@ struct SeenGaussian {
   double lambda;     // 1/s^2; 0: it does not fade
   double opacity;
   double covariance[6];  // of the slice: xx xy xz yy yz zz
+  double least_size;     // scene units: below this its errors do not count
 };
 
 struct GaussianErrors {
   double position = 0;    // in sizes, see ErrorBounds
   double covariance = 1;  // factor
   double opacity = 0;
-  double visible = 0;  // scene units
+  double visible = 0;    // scene units
+  double mean_time = 0;  // in temporal standard deviations
 };
 
 struct ErrorBounds {
@@ -29,22 +31,24 @@ struct ErrorBounds {
   double position = 0;
   // The largest ratio of a principal variance to what it should be, or the other way round; or 1
   // and the largest change of a variance in any direction in parts of the largest variance there
-  // is. All with the square of `least_size` added. 1 is no error, and as a bound none.
+  // is. All with the square of the least size added. 1 is no error, and as a bound none.
   double covariance = 0;
   double opacity = 0;  // seen at any instant
   // Distance at any instant at which it is visible at all, in scene units.
   double visible = 0;
 
-  double least_size = 0;      // scene units
+  double least_size = 0;      // scene units, of all; a Gaussian's own counts where it is larger
   double position_slack = 0;  // scene units: what coding positions will add, at most
   double opacity_slack = 0;
 
   bool any() const { return position > 0 || covariance > 1 || opacity > 0 || visible > 0; }
 };
 
-// Of `decoded` against `original` in a sequence from `begin` to `end`. Slacks count as errors.
+// Of `decoded` against `original` in a sequence from `begin` to `end`. Slacks count as errors. An
+// error of opacity that may be above `interesting_opacity` is that of the worst instant; a smaller
+// one, of the worst of some.
 GaussianErrors errors_of(const SeenGaussian& original, const SeenGaussian& decoded, double begin,
-                         double end, const ErrorBounds& bounds);
+                         double end, const ErrorBounds& bounds, double interesting_opacity);
 
 // The largest error in parts of its bound: above 1, one is exceeded. What is no number is infinite.
 double excess_of(const GaussianErrors& errors, const ErrorBounds& bounds);

@@ -162,7 +162,9 @@ class LayerCoder {
     parallel_for(options_.threads, n, kGrain, [&](size_t begin, size_t end) {
       for (size_t j = begin; j < end; ++j) {
         const SeenGaussian seen = place(j);
-        if (bounded && excess(j, seen) > 1) repair(j);
+        if (!bounded) continue;
+        const SeenGaussian original = scene_.seen(out_.members[j]);
+        if (excess(original, seen) > 1) repair(j, original);
       }
     });
   }
@@ -187,16 +189,16 @@ class LayerCoder {
     return seen;
   }
 
-  double excess(size_t j, const SeenGaussian& decoded) const {
+  double excess(const SeenGaussian& original, const SeenGaussian& decoded) const {
     const double begin = timeline().time_begin;
-    return excess_of(errors_of(scene_.seen(out_.members[j]), decoded, begin,
-                               begin + scene_.duration, options_.bounds),
+    return excess_of(errors_of(original, decoded, begin, begin + scene_.duration, options_.bounds,
+                               options_.bounds.opacity),
                      options_.bounds);
   }
 
   // Codes member j more finely until it keeps to the bounds: each time the component that helps
   // most. What no code can do is left to a literal.
-  void repair(size_t j) {
+  void repair(size_t j, const SeenGaussian& original) {
     ShapeRefiner refiner(scene_, &out_);
     const double mean = out_.decoded_mean_t[j];
     const uint16_t mean_code = out_.mean_t.empty() ? uint16_t{0} : out_.mean_t[j];
@@ -207,7 +209,7 @@ class LayerCoder {
       if (!out_.mean_t_fine.empty()) {
         out_.mean_t_fine[j] = static_cast<uint16_t>(mean_fine);
       }
-      return excess(j, place(j));
+      return excess(original, place(j));
     };
     double worst = placed_excess();
     while (worst > 1) {

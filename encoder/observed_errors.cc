@@ -2,6 +2,8 @@
 #include "encoder/observed_errors.h"
 
 #include <algorithm>
+#include <cmath>
+#include <limits>
 #include <mutex>
 
 #include "encoder/page_builder.h"
@@ -20,7 +22,7 @@ SeenGaussian decoded(const EncoderScene& scene, const SceneHeader& header, const
   SeenGaussian seen{};
   const size_t i = layer.members[j];
   if (layer.header.raw_position) {
-    seen = scene.seen(i);
+    slice_in_double(scene.rotor.data() + 8 * i, scene.log_scale.data() + 4 * i, &seen);
   } else {
     float rotor[8], log_scale[4];
     decoded_shape(layer, j, rotor, log_scale);
@@ -41,6 +43,18 @@ void take_worse(const GaussianErrors& e, GaussianErrors* worst) {
   worst->covariance = std::max(worst->covariance, e.covariance);
   worst->opacity = std::max(worst->opacity, e.opacity);
   worst->visible = std::max(worst->visible, e.visible);
+  worst->mean_time = std::max(worst->mean_time, e.mean_time);
+}
+
+// Beyond what other arithmetic in double may find.
+constexpr double kAboveObserved = 1 + 0x1p-20;
+
+float stated(double error) {
+  constexpr float kLargest = std::numeric_limits<float>::max();
+  const double above = error * kAboveObserved;
+  if (!(above < static_cast<double>(kLargest))) return kLargest;
+  const float rounded = static_cast<float>(above);
+  return static_cast<double>(rounded) < above ? std::nextafter(rounded, kLargest) : rounded;
 }
 
 }  // namespace
@@ -57,7 +71,7 @@ GaussianErrors observed_errors(const EncoderScene& scene, const SceneHeader& hea
       GaussianErrors own;
       for (size_t j = first; j < last; ++j) {
         take_worse(errors_of(scene.seen(layer.members[j]), decoded(scene, header, layer, j), begin,
-                             begin + scene.duration, bounds),
+                             begin + scene.duration, bounds, own.opacity),
                    &own);
       }
       std::lock_guard<std::mutex> lock(mutex);
@@ -65,6 +79,22 @@ GaussianErrors observed_errors(const EncoderScene& scene, const SceneHeader& hea
     });
   }
   return worst;
+}
+
+ErrorStatement statement_of(const GaussianErrors& errors, const ErrorBounds& bounds) {
+  ErrorStatement s;
+  s.stated = true;
+  s.position = stated(errors.position);
+  s.covariance = errors.covariance > 1 ? stated(errors.covariance) : 1;
+  s.opacity = stated(errors.opacity);
+  s.visible = stated(errors.visible);
+  s.mean_t = stated(errors.mean_time);
+  s.position_bound = static_cast<float>(bounds.position);
+  s.covariance_bound = static_cast<float>(bounds.covariance);
+  s.opacity_bound = static_cast<float>(bounds.opacity);
+  s.visible_bound = static_cast<float>(bounds.visible);
+  s.least_size = static_cast<float>(bounds.least_size);
+  return s;
 }
 
 }  // namespace l4d

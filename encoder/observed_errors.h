@@ -14,4 +14,7 @@ GaussianErrors observed_errors(const EncoderScene& scene, const SceneHeader& hea
                                const std::vector<CodedLayer>& layers, ErrorBounds bounds,
                                int threads);
 
+// What the header says of them, with the bounds. Rounded up: no error is beyond what is stated.
+ErrorStatement statement_of(const GaussianErrors& errors, const ErrorBounds& bounds);
+
 }  // namespace l4d

@@ -68,7 +68,7 @@ double smallest_size(const EncoderScene& s, double least_size) {
   for (size_t i = 0; i < s.count; ++i) {
     const SeenGaussian g = s.seen(i);
     const double trace = g.covariance[0] + g.covariance[3] + g.covariance[5];
-    smallest = std::min(smallest, std::max(std::sqrt(trace / 3), least_size));
+    smallest = std::min(smallest, std::max({std::sqrt(trace / 3), least_size, g.least_size}));
   }
   return smallest;
 }

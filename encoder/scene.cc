@@ -109,12 +109,19 @@ void slice_in_double(const float* rotor, const float* log_scale, SeenGaussian* o
 }
 
 SeenGaussian EncoderScene::seen(size_t i) const {
+  const size_t from = source[i];
+  float clamped[4];
+  for (size_t k = 0; k < 4; ++k) {
+    clamped[k] = std::clamp(given.log_scale[4 * from + k], -kMaxLogScale, kMaxLogScale);
+  }
   SeenGaussian g{};
-  slice_in_double(rotor.data() + 8 * i, log_scale.data() + 4 * i, &g);
+  slice_in_double(given.rotor + 8 * from, clamped, &g);
   g.mean = mean_t[i];
   g.reference = reference_time(timeline, g.mean);
-  g.opacity = static_cast<double>(opacity[i]);
+  g.opacity = static_cast<double>(given.opacity[from]);
+  if ((given.flags & L4D_OPACITY_LOGIT) != 0) g.opacity = 1 / (1 + std::exp(-g.opacity));
   std::copy_n(position.data() + 3 * i, 3, g.position);
+  if (least_sizes != nullptr) g.least_size = static_cast<double>(least_sizes[from]);
   return g;
 }
 
@@ -153,6 +160,12 @@ Status check_input(const EncoderInput& input) {
       }
     }
   }
+  for (uint64_t i = 0; input.least_sizes != nullptr && i < g.count; ++i) {
+    if (!(input.least_sizes[i] >= 0 && std::isfinite(input.least_sizes[i]))) {
+      return Status(L4D_ERR_INVALID_SCENE,
+                    "the least size of Gaussian " + std::to_string(i) + " is not a number >= 0");
+    }
+  }
   return {};
 }
 
@@ -162,6 +175,8 @@ Status prepare_scene(const EncoderInput& input, const EncoderSettings& settings,
   EncoderScene& s = *out;
   const bool lossless = settings.get_bool(L4D_ENC_LOSSLESS);
   s = EncoderScene();
+  s.given = g;
+  s.least_sizes = input.least_sizes;
   s.sh_degree = g.sh_degree;
   s.timeline = input.timeline;
   s.duration = sequence_duration(input.timeline);

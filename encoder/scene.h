@@ -17,11 +17,14 @@ struct EncoderInput {
   l4d_timeline timeline{};
   l4d_placement placement{};
   std::array<const float*, L4D_WEIGHT_COUNT> weights{};  // [count] or null
+  const float* least_sizes = nullptr;                    // [count] or null
 };
 
 struct EncoderScene {
   size_t count = 0;
-  bool has_double_times = false;  // lossless only: the input's times are mean_t as it is here
+  bool has_double_times = false;       // lossless only: the input's times are mean_t as it is here
+  l4d_gaussians given{};               // borrowed
+  const float* least_sizes = nullptr;  // of what is given, or null
   uint32_t sh_degree = 0;
   l4d_timeline timeline{};
   double duration = 0;
@@ -45,7 +48,7 @@ struct EncoderScene {
   uint64_t invalid_dropped = 0;
   uint64_t pruned = 0;
 
-  // Gaussian i as it is seen.
+  // Gaussian i as it is seen, from the numbers given: nothing of what the encoder does to them.
   SeenGaussian seen(size_t i) const;
   size_t sh_dim() const { return 3 * (sh_degree + 1) * (sh_degree + 1); }
   double sigma_t(size_t i) const;

@@ -107,6 +107,35 @@ L4D_API void l4d_info_init_(l4d_info* info, size_t struct_size);
 #define l4d_info_init(info) l4d_info_init_((info), sizeof(*(info)))
 L4D_API l4d_status l4d_decoder_get_info(const l4d_decoder* decoder, l4d_info* info);
 
+/* What the encoder states of single Gaussians (spec section "ErrorStatement"): the largest errors
+ * over all Gaussians of the stream, as they decode, and the bounds that it was to keep them below.
+ * A decoder hands it on and does not check it. */
+typedef struct l4d_coding_errors {
+  size_t struct_size;
+  uint32_t stated; /* 0: the stream says nothing of this, and all that follows is 0 */
+  /* 1: a Gaussian's size is also no less than what the encoder was told of it, half a pixel where
+   * it is seen from, say. */
+  uint32_t own_least_sizes;
+  /* Distance while the Gaussian has half of its greatest opacity or more, over its size. */
+  double position;
+  /* Ratio of a principal variance to what it should be, one way or the other, and 1 + change of a
+   * variance in any direction in parts of the largest. 1 = none */
+  double covariance;
+  double opacity; /* at any instant */
+  double visible; /* scene units: distance at any instant at which the Gaussian is visible */
+  double mean_t;  /* in standard deviations over time of the Gaussian */
+  /* 0 = there was none. */
+  double position_bound;
+  double covariance_bound;
+  double opacity_bound;
+  double visible_bound;
+  double least_size; /* scene units: the size of a Gaussian that is smaller counts as this */
+} l4d_coding_errors;
+L4D_API void l4d_coding_errors_init_(l4d_coding_errors* errors, size_t struct_size);
+#define l4d_coding_errors_init(errors) l4d_coding_errors_init_((errors), sizeof(*(errors)))
+L4D_API l4d_status l4d_decoder_get_coding_errors(const l4d_decoder* decoder,
+                                                 l4d_coding_errors* errors);
+
 /* How the numbers of a component are coded (spec chapter "Scene header", whose values these are).
  */
 enum {

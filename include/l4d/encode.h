@@ -168,6 +168,13 @@ L4D_API l4d_status l4d_encoder_set_scene(l4d_encoder* encoder, const l4d_gaussia
 L4D_API l4d_status l4d_encoder_set_weights(l4d_encoder* encoder, uint32_t which,
                                            const float* weights, uint64_t count);
 
+/* Sizes below which errors of single Gaussians do not count (L4D_ENC_MAX_POSITION_ERROR), each
+ * Gaussian's own: half a pixel at its distance from the nearest camera, say. The least size of the
+ * scene counts where that is larger. sizes: [count], scene units, finite and >= 0, borrowed as the
+ * scene is, NULL removes. */
+L4D_API l4d_status l4d_encoder_set_least_sizes(l4d_encoder* encoder, const float* sizes,
+                                               uint64_t count);
+
 /* A key and a value that go into the stream's metadata. Both are copied. Fails with
  * INVALID_ARGUMENT where one is not UTF-8. */
 L4D_API l4d_status l4d_encoder_add_metadata(l4d_encoder* encoder, const char* key,
@@ -193,11 +200,13 @@ typedef struct l4d_encode_report {
   uint32_t num_layers;
   double total_seconds;
   uint64_t literals; /* Gaussians in a layer of literals: out of reach, or else beyond a bound */
-  /* Largest errors over all Gaussians, as the bounds on them measure them; 0 where there are none.
-   */
+  /* Largest errors over all Gaussians, as the bounds on them measure them, whether there are any or
+   * not. The stream states them: l4d_decoder_get_coding_errors. */
   double max_position_error;
   double max_covariance_factor;
   double max_opacity_error;
+  double max_visible_error; /* scene units */
+  double max_mean_t_error;  /* in standard deviations over time of the Gaussian */
 } l4d_encode_report;
 L4D_API void l4d_encode_report_init_(l4d_encode_report* report, size_t struct_size);
 #define l4d_encode_report_init(report) l4d_encode_report_init_((report), sizeof(*(report)))

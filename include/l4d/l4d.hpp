@@ -66,6 +66,12 @@ class DecoderHandle {
     check(l4d_decoder_get_info(get(), &i));
     return i;
   }
+  l4d_coding_errors coding_errors() const {
+    l4d_coding_errors e;
+    l4d_coding_errors_init(&e);
+    check(l4d_decoder_get_coding_errors(get(), &e));
+    return e;
+  }
   l4d_layer_info layer_info(uint32_t layer) const {
     l4d_layer_info i;
     l4d_layer_info_init(&i);

@@ -116,6 +116,25 @@ l4d_info describe(const l4d::SceneFile& stream) {
   return i;
 }
 
+l4d_coding_errors describe_errors(const l4d::ErrorStatement& e) {
+  l4d_coding_errors out{};
+  if (!e.stated) return out;
+  const auto d = [](float v) { return static_cast<double>(v); };
+  out.stated = 1;
+  out.own_least_sizes = e.own_least_sizes;
+  out.position = d(e.position);
+  out.covariance = d(e.covariance);
+  out.opacity = d(e.opacity);
+  out.visible = d(e.visible);
+  out.mean_t = d(e.mean_t);
+  out.position_bound = d(e.position_bound);
+  out.covariance_bound = d(e.covariance_bound);
+  out.opacity_bound = d(e.opacity_bound);
+  out.visible_bound = d(e.visible_bound);
+  out.least_size = d(e.least_size);
+  return out;
+}
+
 l4d_layer_info describe_layer(const l4d::SceneFile& stream, uint32_t index) {
   const l4d::SceneHeader& header = stream.header();
   const l4d::LayerHeader& layer = header.layers[index];
@@ -154,6 +173,10 @@ void l4d_decoder_options_init_(l4d_decoder_options* options, size_t struct_size)
   init_struct(options, struct_size, {});
 }
 void l4d_info_init_(l4d_info* info, size_t struct_size) { init_struct(info, struct_size, {}); }
+void l4d_coding_errors_init_(l4d_coding_errors* errors, size_t struct_size) {
+  init_struct(errors, struct_size, l4d_coding_errors());
+}
+
 void l4d_layer_info_init_(l4d_layer_info* info, size_t struct_size) {
   init_struct(info, struct_size, {});
 }
@@ -237,6 +260,13 @@ l4d_status l4d_decoder_open_file(l4d_decoder* decoder, const char* path) {
 l4d_status l4d_decoder_get_info(const l4d_decoder* decoder, l4d_info* info) {
   return look_at_stream(decoder, required(info), [&](const l4d::Decoder& d) -> Status {
     write_struct(describe(d.file()), info);
+    return {};
+  });
+}
+
+l4d_status l4d_decoder_get_coding_errors(const l4d_decoder* decoder, l4d_coding_errors* errors) {
+  return look_at_stream(decoder, required(errors), [&](const l4d::Decoder& d) -> Status {
+    write_struct(describe_errors(d.file().header().errors), errors);
     return {};
   });
 }

@@ -193,6 +193,11 @@ l4d_status l4d_encoder_set_weights(l4d_encoder* encoder, uint32_t which, const f
                       [&](l4d::Encoder& e) { return e.set_weights(which, weights, count); });
 }
 
+l4d_status l4d_encoder_set_least_sizes(l4d_encoder* encoder, const float* sizes, uint64_t count) {
+  return with_encoder(encoder, nullptr,
+                      [&](l4d::Encoder& e) { return e.set_least_sizes(sizes, count); });
+}
+
 l4d_status l4d_encoder_add_metadata(l4d_encoder* encoder, const char* key, const char* value) {
   return with_encoder(encoder, required(key, value), [&](l4d::Encoder& e) -> Status {
     if (!l4d::is_utf8(key) || !l4d::is_utf8(value)) {

@@ -10,6 +10,7 @@ namespace l4d::api {
 
 L4D_FIRST_VERSION(l4d_decoder_options, progress_user);
 L4D_FIRST_VERSION(l4d_info, level);
+L4D_FIRST_VERSION(l4d_coding_errors, least_size);
 L4D_FIRST_VERSION(l4d_layer_info, num_coefficients);
 L4D_FIRST_VERSION(l4d_query, num_buckets);
 L4D_FIRST_VERSION(l4d_selection, sh_bytes);

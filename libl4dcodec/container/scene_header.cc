@@ -76,6 +76,7 @@ class HeaderParser {
     out_.payload_offset = h.payload_offset();
     out_.profile = h.profile();
     out_.conformance_level = h.conformance_level();
+    if (h.errors() != nullptr) L4D_RETURN_IF_ERROR(parse_errors(*h.errors(), &out_.errors));
     if (h.extensions() != nullptr) {
       for (const fbs::Extension* e : *h.extensions()) {
         if (e->critical()) {
@@ -157,6 +158,30 @@ class HeaderParser {
     if (out_.position == MeanCodingId::kFixed &&
         (out_.position_bits < 1 || out_.position_bits > kMaxPositionBits)) {
       return bad("CODE-5", "coordinates of " + std::to_string(out_.position_bits) + " bits");
+    }
+    return {};
+  }
+
+  Status parse_errors(const fbs::ErrorStatement& e, ErrorStatement* out) const {
+    *out = {true,
+            e.position(),
+            e.covariance(),
+            e.opacity(),
+            e.visible(),
+            e.mean_t(),
+            e.position_bound(),
+            e.covariance_bound(),
+            e.opacity_bound(),
+            e.visible_bound(),
+            e.least_size(),
+            e.own_least_sizes()};
+    for (const float v :
+         {out->position, out->opacity, out->visible, out->mean_t, out->position_bound,
+          out->covariance_bound, out->opacity_bound, out->visible_bound, out->least_size}) {
+      if (!(v >= 0) || std::isinf(v)) return bad("HEAD-18", "a stated error that no error can be");
+    }
+    if (!(out->covariance >= 1) || std::isinf(out->covariance)) {
+      return bad("HEAD-18", "a stated factor below 1, or infinite");
     }
     return {};
   }
@@ -391,6 +416,13 @@ Bytes serialize_scene_header(const SceneHeader& h) {
     }
     metadata = b.CreateVector(list);
   }
+  flatbuffers::Offset<fbs::ErrorStatement> errors;
+  if (h.errors.stated) {
+    const ErrorStatement& e = h.errors;
+    errors = fbs::CreateErrorStatement(b, e.position, e.covariance, e.opacity, e.visible, e.mean_t,
+                                       e.position_bound, e.covariance_bound, e.opacity_bound,
+                                       e.visible_bound, e.least_size, e.own_least_sizes);
+  }
   const fbs::DVec3 origin(h.placement.origin[0], h.placement.origin[1], h.placement.origin[2]);
   const fbs::Vec3 center(h.position_center[0], h.position_center[1], h.position_center[2]);
   b.Finish(fbs::CreateHeader(
@@ -401,7 +433,7 @@ Bytes serialize_scene_header(const SceneHeader& h) {
                h.opacity_logit, static_cast<uint8_t>(h.position), &center, h.position_scale,
                opacity, static_cast<uint8_t>(h.sh_degree), sh, layer_vector, h.payload_offset,
                metadata, 0, static_cast<uint8_t>(h.position_bits), static_cast<uint8_t>(h.profile),
-               static_cast<uint8_t>(h.conformance_level), static_cast<uint8_t>(h.sh_base)),
+               static_cast<uint8_t>(h.conformance_level), static_cast<uint8_t>(h.sh_base), errors),
            kIdentifier);
   return Bytes(b.GetBufferPointer(), b.GetBufferPointer() + b.GetSize());
 }

@@ -118,6 +118,15 @@ struct LayerHeader {
   unsigned scale_dim() const { return permanent ? 3 : 4; }
 };
 
+// What the encoder states of single Gaussians (spec: section 8.5).
+struct ErrorStatement {
+  bool stated = false;
+  float position = 0, covariance = 1, opacity = 0, visible = 0, mean_t = 0;
+  float position_bound = 0, covariance_bound = 0, opacity_bound = 0, visible_bound = 0;
+  float least_size = 0;
+  bool own_least_sizes = false;
+};
+
 struct SceneHeader {
   uint64_t num_gaussians = 0;
   l4d_timeline timeline{};
@@ -139,6 +148,7 @@ struct SceneHeader {
   std::vector<std::pair<std::string, std::string>> metadata;
   unsigned profile = 0;            // declared; 0 = none
   unsigned conformance_level = 0;  // declared; 0 = none
+  ErrorStatement errors;
 
   unsigned sh_dim() const { return 3 * (sh_degree + 1) * (sh_degree + 1); }
   // Whether a rans32 page can have a second part: planes of SH that are not of the base.

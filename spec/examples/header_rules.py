@@ -56,6 +56,9 @@ def check_header(h, header_bytes):
     total = sum(layer["num_gaussians"] for layer in h["layers"])
     require(total == h["num_gaussians"], "HEAD-5", "sum of num_gaussians")
     require(not any(e["critical"] for e in h["extensions"] or ()), "HEAD-8", "extension")
+    errors = h["errors"]
+    require(errors is None or errors["covariance"] >= 1 and
+            all(0 <= v < math.inf for v in errors.values()), "HEAD-18", "errors")
     texts = [m[key] for m in h["metadata"] or () for key in ("key", "value")]
     require(sum(len(t.encode("utf-8")) for t in texts) <= header_bytes, "HEAD-13", "metadata")
 

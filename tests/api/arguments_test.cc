@@ -30,6 +30,7 @@ struct Targets {
   l4d_conformance conformance;
   uint64_t violations = 0;
   l4d_info info;
+  l4d_coding_errors errors;
   l4d_layer_info layer;
   uint64_t sections[L4D_SECTION_COUNT];
   Targets() {
@@ -42,6 +43,7 @@ struct Targets {
     l4d_counters_init(&counters);
     l4d_conformance_init(&conformance);
     l4d_info_init(&info);
+    l4d_coding_errors_init(&errors);
     l4d_layer_info_init(&layer);
   }
 };
@@ -51,6 +53,7 @@ std::vector<std::pair<const char*, l4d_status>> stream_calls(l4d_decoder* d) {
   Targets t;
   return {
       {"info", l4d_decoder_get_info(d, &t.info)},
+      {"coding_errors", l4d_decoder_get_coding_errors(d, &t.errors)},
       {"layer_info", l4d_decoder_get_layer_info(d, 0, &t.layer)},
       {"sections", l4d_decoder_get_sections(d, t.sections, L4D_SECTION_COUNT, nullptr, nullptr, 0)},
       {"select", l4d_decoder_select(d, &t.query, &t.selection)},
@@ -95,6 +98,7 @@ TEST(Arguments, NullEncoder) {
   EXPECT_EQ(l4d_encoder_set_stages(nullptr, 0, 1, &f), kInvalid);
   EXPECT_EQ(l4d_encoder_set_scene(nullptr, &g, &t, nullptr), kInvalid);
   EXPECT_EQ(l4d_encoder_set_weights(nullptr, 0, &f, 1), kInvalid);
+  EXPECT_EQ(l4d_encoder_set_least_sizes(nullptr, &f, 1), kInvalid);
   EXPECT_EQ(l4d_encoder_add_metadata(nullptr, "a", "b"), kInvalid);
   EXPECT_EQ(l4d_encoder_encode(nullptr, &w), kInvalid);
   EXPECT_EQ(l4d_encoder_encode_file(nullptr, "x"), kInvalid);
@@ -111,6 +115,7 @@ TEST(Arguments, NullPointers) {
   l4d_decoder* d = handle.get();
   handle.open_memory(tiny_file().data(), tiny_file().size());
   EXPECT_EQ(l4d_decoder_get_info(d, nullptr), kInvalid);
+  EXPECT_EQ(l4d_decoder_get_coding_errors(d, nullptr), kInvalid);
   EXPECT_EQ(l4d_decoder_get_layer_info(d, 0, nullptr), kInvalid);
   EXPECT_EQ(l4d_decoder_get_sections(d, nullptr, 1, nullptr, nullptr, 0), kInvalid);
   EXPECT_EQ(l4d_decoder_get_conformance(d, nullptr), kInvalid);

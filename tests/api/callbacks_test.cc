@@ -36,6 +36,8 @@ std::vector<l4d_status> calls_on(l4d_decoder* d) {
   l4d_conformance_init(&conformance);
   l4d_info info;
   l4d_info_init(&info);
+  l4d_coding_errors errors;
+  l4d_coding_errors_init(&errors);
   l4d_layer_info layer;
   l4d_layer_info_init(&layer);
   l4d_counters counters;
@@ -45,6 +47,7 @@ std::vector<l4d_status> calls_on(l4d_decoder* d) {
           l4d_decoder_open_memory(d, tiny_file().data(), tiny_file().size()),
           l4d_decoder_open_file(d, "/nowhere"),
           l4d_decoder_get_info(d, &info),
+          l4d_decoder_get_coding_errors(d, &errors),
           l4d_decoder_get_layer_info(d, 0, &layer),
           l4d_decoder_get_sections(d, sections, L4D_SECTION_COUNT, nullptr, nullptr, 0),
           l4d_decoder_select(d, &query, &selection),
@@ -164,6 +167,7 @@ TEST(Callbacks, AnEncodersCallbacksCannotCallIt) {
       EXPECT_EQ(l4d_encoder_set(encoder, L4D_ENC_RCQ, L4D_ALL_COMPONENTS, 0), kState);
       EXPECT_EQ(l4d_encoder_get(encoder, L4D_ENC_RCQ, L4D_ALL_COMPONENTS, &value), kState);
       EXPECT_EQ(l4d_encoder_set_weights(encoder, 0, nullptr, 0), kState);
+      EXPECT_EQ(l4d_encoder_set_least_sizes(encoder, nullptr, 0), kState);
       EXPECT_EQ(l4d_encoder_add_metadata(encoder, "a", "b"), kState);
       EXPECT_EQ(l4d_encoder_set_progress(encoder, nullptr, nullptr), kState);
       EXPECT_EQ(l4d_encoder_get_report(encoder, &report), kState);

@@ -72,6 +72,7 @@ TEST(StructSize, InitFillsExactlyTheStruct) {
   check(l4d_gaussians(), l4d_gaussians_init_);
   check(l4d_decoder_options(), l4d_decoder_options_init_);
   check(l4d_info(), l4d_info_init_);
+  check(l4d_coding_errors(), l4d_coding_errors_init_);
   check(l4d_layer_info(), l4d_layer_info_init_);
   check(l4d_query(), l4d_query_init_);
   check(l4d_selection(), l4d_selection_init_);
@@ -114,6 +115,9 @@ TEST(StructSize, ResultsStayWithinIt) {
   const l4d_query q = all_query();
   expect_results_within<l4d_info>(l4d_info_init_, [&](void* to) {
     return l4d_decoder_get_info(d, static_cast<l4d_info*>(to));
+  });
+  expect_results_within<l4d_coding_errors>(l4d_coding_errors_init_, [&](void* to) {
+    return l4d_decoder_get_coding_errors(d, static_cast<l4d_coding_errors*>(to));
   });
   expect_results_within<l4d_layer_info>(l4d_layer_info_init_, [&](void* to) {
     return l4d_decoder_get_layer_info(d, 0, static_cast<l4d_layer_info*>(to));

@@ -37,6 +37,9 @@ L4D_FIELD(l4d_info, num_gaussians, 40);
 L4D_FIELD(l4d_info, timeline, 56);
 L4D_FIELD(l4d_info, placement, 88);
 L4D_FIELD(l4d_info, profile, 128);
+L4D_LAYOUT(l4d_coding_errors, 96);
+L4D_FIELD(l4d_coding_errors, position, 16);
+L4D_FIELD(l4d_coding_errors, least_size, 88);
 L4D_LAYOUT(l4d_layer_info, 120);
 L4D_FIELD(l4d_layer_info, num_stages, 56);
 L4D_FIELD(l4d_layer_info, coding, 88);
@@ -82,9 +85,10 @@ L4D_LAYOUT(l4d_violation, 40);
 L4D_FIELD(l4d_violation, clause, 16);
 L4D_LAYOUT(l4d_encoder_options, 24);
 L4D_LAYOUT(l4d_parameter_info, 48);
-L4D_LAYOUT(l4d_encode_report, 112);
+L4D_LAYOUT(l4d_encode_report, 128);
 L4D_FIELD(l4d_encode_report, total_seconds, 72);
 L4D_FIELD(l4d_encode_report, max_opacity_error, 104);
+L4D_FIELD(l4d_encode_report, max_mean_t_error, 120);
 #endif
 static_assert(sizeof(l4d_status) == 4);
 

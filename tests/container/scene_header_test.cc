@@ -47,6 +47,30 @@ void expect_equal(const ScalarCoding& a, const ScalarCoding& b) {
   EXPECT_EQ(a.step, b.step);
 }
 
+ErrorStatement example_errors() {
+  return {true, 0.5f, 1.5f, 0.1f, 2e9f, 0.05f, 0.75f, 1.25f, 0.2f, 3, 1e-3f, true};
+}
+
+TEST(SceneHeader, ErrorsComeBack) {
+  SceneHeader a = example_header(), b;
+  ASSERT_TRUE(parse_scene_header(serialize_scene_header(a), 0, &b).ok());
+  EXPECT_FALSE(b.errors.stated);
+  a.errors = example_errors();
+  ASSERT_TRUE(parse_scene_header(serialize_scene_header(a), 0, &b).ok());
+  const ErrorStatement &x = a.errors, &y = b.errors;
+  EXPECT_TRUE(y.stated && y.own_least_sizes);
+  EXPECT_EQ(x.position, y.position);
+  EXPECT_EQ(x.covariance, y.covariance);
+  EXPECT_EQ(x.opacity, y.opacity);
+  EXPECT_EQ(x.visible, y.visible);
+  EXPECT_EQ(x.mean_t, y.mean_t);
+  EXPECT_EQ(x.position_bound, y.position_bound);
+  EXPECT_EQ(x.covariance_bound, y.covariance_bound);
+  EXPECT_EQ(x.opacity_bound, y.opacity_bound);
+  EXPECT_EQ(x.visible_bound, y.visible_bound);
+  EXPECT_EQ(x.least_size, y.least_size);
+}
+
 TEST(SceneHeader, RoundTrip) {
   const SceneHeader a = example_header();
   SceneHeader b;
@@ -133,7 +157,14 @@ constexpr float kInf = std::numeric_limits<float>::infinity();
 
 std::vector<Rule> rules() {
   using H = SceneHeader;
+  using E = ErrorStatement;
   const auto unsupported = L4D_ERR_FEATURE_UNSUPPORTED;
+  const auto stated = [](void (*change)(E&)) {
+    return [=](H& h) {
+      h.errors = example_errors();
+      change(h.errors);
+    };
+  };
   const auto spatial = [](H& h) -> ComponentCoding& {
     return h.layers[1].component[L4D_COMPONENT_ROTOR_SPATIAL];
   };
@@ -183,6 +214,20 @@ std::vector<Rule> rules() {
       {"HEAD-17", "a key that is not UTF-8", [](H& h) { h.metadata.emplace_back("\xff", "a"); }},
       {"HEAD-17", "a value that ends within a character",
        [](H& h) { h.metadata.emplace_back("a", "b\xe2\x82"); }},
+      {"HEAD-18", "a position error below 0", stated([](E& e) { e.position = -0x1p-149f; })},
+      {"HEAD-18", "a position error that is no number", stated([](E& e) { e.position = kNan; })},
+      {"HEAD-18", "an opacity error below 0", stated([](E& e) { e.opacity = -1; })},
+      {"HEAD-18", "an infinite distance", stated([](E& e) { e.visible = kInf; })},
+      {"HEAD-18", "an infinite error of mean times", stated([](E& e) { e.mean_t = kInf; })},
+      {"HEAD-18", "a factor below 1",
+       stated([](E& e) { e.covariance = std::nextafter(1.0f, 0.0f); })},
+      {"HEAD-18", "an infinite factor", stated([](E& e) { e.covariance = kInf; })},
+      {"HEAD-18", "a factor that is no number", stated([](E& e) { e.covariance = kNan; })},
+      {"HEAD-18", "a position bound below 0", stated([](E& e) { e.position_bound = -1; })},
+      {"HEAD-18", "a covariance bound below 0", stated([](E& e) { e.covariance_bound = -1; })},
+      {"HEAD-18", "an infinite opacity bound", stated([](E& e) { e.opacity_bound = kInf; })},
+      {"HEAD-18", "a distance bound below 0", stated([](E& e) { e.visible_bound = -1; })},
+      {"HEAD-18", "a least size that is no number", stated([](E& e) { e.least_size = kNan; })},
       {"HEAD-7", "opacity coding 3", [](H& h) { h.opacity.coding = ScalarCodingId{3}; },
        unsupported},
       {"HEAD-7", "scale factor coding 200",
@@ -264,7 +309,7 @@ std::vector<Rule> rules() {
 }
 
 // spec: HEAD-2, HEAD-3, HEAD-4, HEAD-5, HEAD-6, HEAD-7, HEAD-9, HEAD-10, HEAD-11, HEAD-12
-// spec: HEAD-16, HEAD-17
+// spec: HEAD-16, HEAD-17, HEAD-18
 // spec: HEAD-14
 // spec: CODE-1, CODE-2, CODE-3, RCQ-2
 TEST(SceneHeader, EveryRuleIsChecked) {

@@ -207,6 +207,25 @@ TEST(Clause, HEAD_17) {
   EXPECT_TRUE(validate(editor.build()).empty());
 }
 
+// spec: HEAD-18
+TEST(Clause, HEAD_18) {
+  const auto state = [](ErrorStatement e) {
+    return [=](SceneHeader& h) {
+      h.errors = e;
+      h.errors.stated = true;
+    };
+  };
+  ErrorStatement e;
+  e.opacity = -0.5f;
+  expect_header_rule("HEAD-18", state(e));
+  e = ErrorStatement();
+  e.covariance = 0;
+  expect_header_rule("HEAD-18", state(e));
+  StreamEditor editor(tiny_file());
+  state(ErrorStatement())(editor.header);
+  EXPECT_TRUE(validate(editor.build()).empty());
+}
+
 // spec: HEAD-8
 TEST(Clause, HEAD_8) {
   StreamEditor editor(tiny_file());

@@ -19,7 +19,7 @@ namespace {
 using namespace test;
 
 struct Worst {
-  double position = 0, covariance = 1, opacity = 0;
+  double position = 0, covariance = 1, opacity = 0, mean_time = 0;
 };
 
 struct Seen {
@@ -34,7 +34,7 @@ struct Seen {
   }
 };
 
-Seen seen_of(const float* position, float mean, const float* log_scale, const float* rotor,
+Seen seen_of(const float* position, double mean, const float* log_scale, const float* rotor,
              float opacity, double begin, double end) {
   io::Rotor r;
   io::Vec4 s;
@@ -53,7 +53,7 @@ Seen seen_of(const float* position, float mean, const float* log_scale, const fl
       out.covariance(i, j) = sum;
     }
   }
-  out.mean = static_cast<double>(mean);
+  out.mean = mean;
   out.sigma = slice.sigma_t;
   out.reference = std::clamp(out.mean, begin, end);
   out.opacity = static_cast<double>(opacity);
@@ -75,17 +75,19 @@ double least_size(const TestScene& s) {
   return extent / 4000;
 }
 
-Worst worst_errors(const TestScene& scene, const Encoded& e) {
+Worst worst_errors(const TestScene& scene, const Encoded& e, double own_least_size = 0) {
   const GaussianArrays a = decode(e.bytes, all_query());
   const double begin = scene.timeline.time_begin, end = begin + scene.duration();
-  const double least = least_size(scene);
+  const double least = std::max(least_size(scene), own_least_size);
   Worst worst;
   for (size_t j = 0; j < a.count(); ++j) {
     const size_t i = e.order[j];
-    const Seen was = seen_of(&scene.position[3 * i], scene.mean_t[i], &scene.log_scale[4 * i],
-                             &scene.rotor[8 * i], scene.opacity[i], begin, end);
-    const Seen is = seen_of(&a.position[3 * j], a.mean_t[j], &a.log_scale[4 * j], &a.rotor[8 * j],
-                            a.opacity[j], begin, end);
+    const Seen was =
+        seen_of(&scene.position[3 * i], static_cast<double>(scene.mean_t[i]),
+                &scene.log_scale[4 * i], &scene.rotor[8 * i], scene.opacity[i], begin, end);
+    const Seen is = seen_of(&a.position[3 * j], a.mean_t_double[j], &a.log_scale[4 * j],
+                            &a.rotor[8 * j], a.opacity[j], begin, end);
+    worst.mean_time = std::max(worst.mean_time, std::fabs(is.mean - was.mean) / was.sigma);
     const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> sizes(was.covariance);
     const double size = std::max(std::sqrt(std::max(sizes.eigenvalues()[2], 0.0)), least);
     const double nearest = was.reference - was.mean;
@@ -166,6 +168,31 @@ void record_row(const HardScene& scene, const PresetBounds& preset, const Worst&
   record("bounds", rows());
 }
 
+l4d_coding_errors stated_errors(const Bytes& bytes) {
+  DecoderHandle decoder;
+  decoder.open_memory(bytes.data(), bytes.size());
+  return decoder.coding_errors();
+}
+
+// No error is beyond what the stream states, and that is hardly more.
+void expect_stated(const Encoded& e, const Worst& worst, const char* what) {
+  const l4d_coding_errors stated = stated_errors(e.bytes);
+  ASSERT_EQ(stated.stated, 1u);
+  EXPECT_GE(stated.position, worst.position) << what;
+  EXPECT_GE(stated.covariance, worst.covariance) << what;
+  EXPECT_LE(stated.position, 1.01 * worst.position + 1e-6) << what;
+  EXPECT_LE(stated.covariance, 1 + 1.01 * (worst.covariance - 1) + 1e-6) << what;
+  // The oracle looks at 200 instants, and lets permanent ones fade by up to a thousandth.
+  EXPECT_GE(stated.opacity, worst.opacity - 1e-3) << what;
+  EXPECT_LE(stated.opacity, 1.02 * worst.opacity + 2e-3) << what;
+  EXPECT_LE(stated.mean_t, worst.mean_time + 1e-6) << what;
+  // Rounded up.
+  EXPECT_GE(stated.position, e.report.max_position_error);
+  EXPECT_LE(stated.position, e.report.max_position_error * (1 + 1e-5));
+  EXPECT_GE(stated.mean_t, e.report.max_mean_t_error);
+  EXPECT_GE(stated.visible, e.report.max_visible_error);
+}
+
 class Bounds : public testing::TestWithParam<size_t> {};
 
 TEST_P(Bounds, HoldForEveryGaussian) {
@@ -185,8 +212,17 @@ TEST_P(Bounds, HoldForEveryGaussian) {
         << preset.name;
     EXPECT_NEAR(e.report.max_covariance_factor, worst.covariance, 1e-2 * worst.covariance)
         << preset.name;
+    expect_stated(e, worst, preset.name);
+    const l4d_coding_errors stated = stated_errors(e.bytes);
+    EXPECT_EQ(static_cast<float>(preset.position), static_cast<float>(stated.position_bound));
+    EXPECT_EQ(static_cast<float>(preset.covariance), static_cast<float>(stated.covariance_bound));
+    EXPECT_EQ(static_cast<float>(preset.opacity), static_cast<float>(stated.opacity_bound));
+    EXPECT_NEAR(stated.least_size, least_size(scene), 1e-6 * stated.least_size);
+    EXPECT_EQ(stated.own_least_sizes, 0u);
     const Encoded without = encode(scene, options_of(preset, false));
     const Worst before = worst_errors(scene, without);
+    expect_stated(without, before, "without bounds");
+    EXPECT_EQ(stated_errors(without.bytes).position_bound, 0);
     record_row(hard, preset, before, worst, without.bytes.size(), e.bytes.size(),
                e.report.literals);
   }
@@ -198,6 +234,54 @@ INSTANTIATE_TEST_SUITE_P(HardScenes, Bounds, testing::Range<size_t>(0, 8), [](co
   return name;
 });
 
+// Lossless streams say that they are.
+TEST(BoundsOf, LosslessStreamsStateNoErrors) {
+  EncodeOptions o;
+  o.preset = "lossless";
+  const l4d_coding_errors stated = stated_errors(encode(hard_scenes()[0].make(), o).bytes);
+  EXPECT_EQ(stated.stated, 1u);
+  EXPECT_EQ(stated.position, 0);
+  EXPECT_EQ(stated.covariance, 1);
+  EXPECT_EQ(stated.opacity, 0);
+  EXPECT_EQ(stated.visible, 0);
+  EXPECT_EQ(stated.mean_t, 0);
+}
+
+// What is smaller than its own least size counts as that, which is worth bytes.
+TEST(BoundsOf, OwnLeastSizesCount) {
+  const TestScene scene = hard_scenes()[4].make();
+  const EncodeOptions options = options_of(kPresets[4], true);
+  const Encoded with_none = encode(scene, options);
+  constexpr float kLeast = 0.2f;
+  std::vector<float> sizes(scene.count(), kLeast);
+  l4d_encoder_options o;
+  l4d_encoder_options_init(&o);
+  const EncoderHandle encoder(&o);
+  EXPECT_EQ(l4d_encoder_set_least_sizes(encoder.get(), sizes.data(), sizes.size()),
+            L4D_ERR_INVALID_STATE);
+  prepare_encoder(scene, options, encoder);
+  EXPECT_EQ(l4d_encoder_set_least_sizes(encoder.get(), sizes.data(), sizes.size() - 1),
+            L4D_ERR_INVALID_ARGUMENT);
+  sizes[7] = -1;
+  EXPECT_EQ(l4d_encoder_set_least_sizes(encoder.get(), sizes.data(), sizes.size()),
+            L4D_ERR_INVALID_SCENE);
+  sizes[7] = kLeast;
+  encoder.check(l4d_encoder_set_least_sizes(encoder.get(), sizes.data(), sizes.size()));
+  Encoded e;
+  e.bytes = encoder.encode();
+  l4d_encode_report_init(&e.report);
+  encoder.check(l4d_encoder_get_report(encoder.get(), &e.report));
+  e.order.resize(e.report.coded_gaussians);
+  encoder.check(l4d_encoder_get_order(encoder.get(), e.order.data(), e.order.size()));
+  const Worst worst = worst_errors(scene, e, static_cast<double>(kLeast));
+  EXPECT_LE(worst.position, kPresets[4].position + 1e-3);
+  EXPECT_LE(worst.covariance, kPresets[4].covariance * (1 + 1e-3));
+  EXPECT_EQ(stated_errors(e.bytes).own_least_sizes, 1u);
+  EXPECT_GE(stated_errors(e.bytes).position, worst.position);
+  EXPECT_GT(worst_errors(scene, e).position, worst.position);
+  EXPECT_LT(e.bytes.size(), with_none.bytes.size());
+}
+
 // A static flash must not start to move.
 TEST(BoundsOf, WhatStandsStillStandsStill) {
   const TestScene scene = hard_scenes()[2].make();
@@ -205,8 +289,8 @@ TEST(BoundsOf, WhatStandsStillStandsStill) {
     const Encoded e = encode(scene, options_of({preset, 0, 0, 0, false}, true));
     const GaussianArrays a = decode(e.bytes, all_query());
     for (size_t j = 0; j < a.count(); ++j) {
-      const Seen is = seen_of(&a.position[3 * j], a.mean_t[j], &a.log_scale[4 * j], &a.rotor[8 * j],
-                              a.opacity[j], 0, 10);
+      const Seen is = seen_of(&a.position[3 * j], a.mean_t_double[j], &a.log_scale[4 * j],
+                              &a.rotor[8 * j], a.opacity[j], 0, 10);
       ASSERT_LT(is.velocity.norm(), 1e-3) << preset << " " << e.order[j];
     }
   }

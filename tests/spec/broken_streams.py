@@ -182,6 +182,10 @@ def broken():
     yield "HEAD-16 position", edited(lambda s: s.update(position=0))
     for bad in (b"\xff", b"\xc0\x80", b"\xed\xa0\x80", b"\xe2\x82"):
         yield f"HEAD-17 {bad.hex()}", with_metadata(bad)
+    nan = float("nan")
+    for field, value in (("position", -1.0), ("opacity", nan), ("covariance", 0.5),
+                         ("visible_bound", inf)):
+        yield f"HEAD-18 {field}", edited(lambda s: s.update(errors={field: value}))
     # Of the vtable of opacity: its size, that of the table, the place of the first field.
     for at, value in ((0, 0), (0, 2), (2, 0), (2, 4), (2, 0xFFFE), (4, 2)):
         yield f"HEAD-1 vtable {at} {value}", vtable_edited("Header.opacity", at, value)

@@ -97,6 +97,8 @@ class RandomScene:
             "opacity": scalar(rng, self.may_be_raw), "sh_degree": degree,
             "sh": component(rng, self.sh_dim, self.may_be_raw),
             "metadata": [{"key": "a", "value": "\u00e4"}] * rng.randint(0, 2),
+            "errors": rng.choice([None, {}, {"position": 0.5, "covariance": 1.25, "mean_t": 3e38,
+                                             "least_size": 1e-3, "own_least_sizes": True}]),
             "extensions": [{"id": 70000, "critical": False}] * rng.randint(0, 1),
         }
         sh = self.scene["sh"]
