@@ -7,6 +7,7 @@
 #include "encoder/error_bounds.h"
 #include "encoder/nearest.h"
 #include "encoder/settings.h"
+#include "libl4dcodec/container/scene_header.h"
 
 namespace l4d {
 
@@ -14,6 +15,8 @@ namespace l4d {
 struct CoderOptions {
   const EncoderSettings* settings = nullptr;
   ErrorBounds bounds;  // none, but for what settings and scene declare
+  // Whose frame says how positions are rounded; null where that is not known yet.
+  const SceneHeader* frame = nullptr;
   int threads = 0;
   NearestDevice* device = nullptr;
   uint64_t seed = 0;

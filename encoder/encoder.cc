@@ -195,6 +195,13 @@ Status Encoder::encode(const WriteFn& write) {
     header.placement = input_.placement;
     header.sh_degree = scene.sh_degree;
     header.metadata = metadata_;
+    if (positions.bits > 0) {
+      header.position = MeanCodingId::kFixed;
+      header.position_bits = positions.bits;
+      header.position_scale = static_cast<float>(positions.step);
+      std::copy_n(positions.center, 3, header.position_center);
+      coder_options.frame = &header;
+    }
     // With a device, SH is mostly its work, and the host's cores are there for the layers
     // meanwhile. Only this thread may tell of steps and ask whether to cancel.
     const bool apart = device_ != nullptr && resolve_threads(threads) > 1 && !lossless &&
@@ -259,9 +266,11 @@ Status Encoder::encode(const WriteFn& write) {
       report.totals.literals += members.size();
       add_literals(scene, level, std::move(members), &layers);
     }
-    choose_frame(layers, lossless, &header);
+    if (positions.bits == 0) choose_frame(layers, lossless, &header);
     if (!lossless) {
-      if (positions.step > 0) choose_fixed_frame(layers, positions.step, &header);
+      if (positions.bits == 0 && positions.step > 0) {
+        choose_fixed_frame(layers, positions.step, &header);
+      }
       choose_opacity(layers, positions.opacity_bits, &header);
     }
     // Lossless streams have no errors.

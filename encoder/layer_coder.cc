@@ -7,6 +7,7 @@
 
 #include "encoder/closed_loop.h"
 #include "encoder/mean_time.h"
+#include "encoder/page_builder.h"
 #include "encoder/quality.h"
 #include "encoder/shape_coder.h"
 #include "libl4dcodec/base/half.h"
@@ -185,7 +186,11 @@ class LayerCoder {
     seen.mean = out_.decoded_mean_t[j];
     seen.reference = reference_time(timeline(), seen.mean);
     seen.opacity = static_cast<double>(out_.opacity[j]);
-    std::copy_n(out_.position.data() + 3 * j, 3, seen.position);
+    for (size_t k = 0; k < 3; ++k) {
+      const double x = out_.position[3 * j + k];
+      seen.position[k] =
+          options_.frame == nullptr ? x : coded_position(*options_.frame, out_.header, k, x);
+    }
     return seen;
   }
 

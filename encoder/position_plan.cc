@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "encoder/scalar.h"
 #include "libl4dcodec/container/scene_header.h"
 
 namespace l4d {
@@ -15,8 +16,12 @@ constexpr double kSizesPerExtent = 4000;
 // little more: a floater in twenty is not taken for the scene.
 constexpr double kTail = 0.05;
 constexpr double kBeyondTails = 1.25;
-// Rounding of coordinates may use up this share of what positions may be off by.
-constexpr double kRoundingShare = 0.5;
+// Rounding of coordinates may use up this share of what positions may be off by: how each is
+// rounded is known when its shape is coded, and few Gaussians are as small as the smallest.
+constexpr double kPositionRounding = 0.9;
+// Where they are rounded later, the worst has to be allowed for.
+constexpr double kLateRounding = 0.5;
+constexpr double kOpacityRounding = 0.5;
 constexpr unsigned kMaxOpacityBits = 16;
 // More Gaussians than this share are not left out of reach for the sake of a finer step.
 constexpr double kMaxOutOfReach = 0.01;
@@ -73,6 +78,43 @@ double smallest_size(const EncoderScene& s, double least_size) {
   return smallest;
 }
 
+// Where coordinates count from, so that all in reach are there wherever their bounds let them be.
+void choose_lattice(const EncoderScene& s, const std::vector<double> (&axes)[3],
+                    const ErrorBounds& bounds, PositionPlan* plan) {
+  double low[3], high[3];
+  std::fill_n(low, 3, HUGE_VAL);
+  std::fill_n(high, 3, -HUGE_VAL);
+  for (uint32_t i = 0; i < s.count; ++i) {
+    if (std::binary_search(plan->out_of_reach.begin(), plan->out_of_reach.end(), i)) continue;
+    const SeenGaussian g = s.seen(i);
+    const double trace = g.covariance[0] + g.covariance[3] + g.covariance[5];
+    const double room =
+        bounds.position * std::max({std::sqrt(trace), bounds.least_size, g.least_size});
+    for (size_t k = 0; k < 3; ++k) {
+      low[k] = std::min(low[k], g.position[k] - room);
+      high[k] = std::max(high[k], g.position[k] + room);
+    }
+  }
+  plan->step = static_cast<double>(
+      static_cast<float>(std::clamp(plan->step, 0x1p-40, 0x1p60)));  // as the header has it
+  const double most = static_cast<double>((1u << kMaxPositionBits) - 2);
+  double codes = 1;
+  for (size_t k = 0; k < 3; ++k) {
+    if (low[k] > high[k]) low[k] = high[k] = 0;  // nothing but literals
+    if (high[k] - low[k] > most * plan->step) {
+      const double unused = (1 - kReachUsed) / 2 * most * plan->step;
+      low[k] = window_begin(axes[k], kReachUsed * most * plan->step) - unused;
+      high[k] = low[k] + most * plan->step;
+    }
+    plan->center[k] = sound_constant(static_cast<float>(low[k]));
+    codes = std::max(codes, (high[k] - static_cast<double>(plan->center[k])) / plan->step);
+  }
+  plan->bits = 1;
+  while (plan->bits < kMaxPositionBits && codes > static_cast<double>((1u << plan->bits) - 1)) {
+    ++plan->bits;
+  }
+}
+
 }  // namespace
 
 double scene_extent(const EncoderScene& scene) {
@@ -99,7 +141,7 @@ PositionPlan plan_positions(const EncoderScene& scene, const EncoderSettings& se
   const auto half_step = [](unsigned bits) { return 0.5 / ((1u << bits) - 1); };
   if (settings.get_int(L4D_ENC_OPACITY_BITS) == 0) {
     while (bounds->opacity > 0 && plan.opacity_bits < kMaxOpacityBits &&
-           half_step(plan.opacity_bits) > kRoundingShare * bounds->opacity) {
+           half_step(plan.opacity_bits) > kOpacityRounding * bounds->opacity) {
       ++plan.opacity_bits;
     }
   }
@@ -110,12 +152,12 @@ PositionPlan plan_positions(const EncoderScene& scene, const EncoderSettings& se
   const double wanted = quality.position_step(importance);
   // The step whose rounding, half a diagonal, takes the share that it may of each bound.
   double coarsest = HUGE_VAL;
+  const bool early = bounds->position > 0;
   const auto allow = [&](double error) {
-    if (error > 0) coarsest = std::min(coarsest, kRoundingShare * error * 2 / std::sqrt(3.0));
+    const double share = early ? kPositionRounding : kLateRounding;
+    if (error > 0) coarsest = std::min(coarsest, share * error * 2 / std::sqrt(3.0));
   };
-  if (bounds->position > 0) {
-    allow(bounds->position * smallest_size(scene, bounds->least_size));
-  }
+  if (early) allow(bounds->position * smallest_size(scene, bounds->least_size));
   allow(bounds->visible);
   plan.step = std::min(wanted, coarsest);
 
@@ -124,14 +166,18 @@ PositionPlan plan_positions(const EncoderScene& scene, const EncoderSettings& se
   const double reach = kReachUsed * static_cast<double>((1u << kMaxPositionBits) - 2);
   // Without a bound, what a bound of half a size would ask for is fine enough.
   const double enough =
-      std::min(coarsest, 0.5 * kRoundingShare * bounds->least_size * 2 / std::sqrt(3.0));
+      std::min(coarsest, 0.5 * kLateRounding * bounds->least_size * 2 / std::sqrt(3.0));
   plan.out_of_reach = outside(scene, axes, reach * plan.step);
   const double most = kMaxOutOfReach * static_cast<double>(scene.count);
   while (static_cast<double>(plan.out_of_reach.size()) > most && plan.step < enough) {
     plan.step = std::min(2 * plan.step, enough);
     plan.out_of_reach = outside(scene, axes, reach * plan.step);
   }
-  bounds->position_slack = plan.step * std::sqrt(3.0) / 2;
+  if (early) {
+    choose_lattice(scene, axes, *bounds, &plan);
+  } else {
+    bounds->position_slack = plan.step * std::sqrt(3.0) / 2;
+  }
   return plan;
 }
 

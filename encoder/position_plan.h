@@ -14,6 +14,10 @@ namespace l4d {
 
 struct PositionPlan {
   double step = 0;  // of fixed positions, scene units; 0 = binary16
+  // With bounds on them: where coordinates count from, so that it is known how each will be
+  // rounded, and their bits. 0 = both follow from what is coded.
+  float center[3] = {0, 0, 0};
+  unsigned bits = 0;
   // Gaussians so far out that coordinates of this step do not reach them (ascending): a few
   // floaters must not coarsen the positions of all others.
   std::vector<uint32_t> out_of_reach;
