@@ -214,7 +214,7 @@ SeenError summarise_seen(const char* const names[2], const std::vector<float>& e
 }  // namespace
 
 Comparison compare_scenes(const io::Scene& a, const DecodedScene& loaded_b, Pairing pairing,
-                          uint32_t threads) {
+                          uint32_t threads, const std::vector<float>& least_sizes) {
   const io::Scene& b = loaded_b.scene;
   Comparison result;
   result.count_a = a.count();
@@ -229,17 +229,27 @@ Comparison compare_scenes(const io::Scene& a, const DecodedScene& loaded_b, Pair
   std::array<std::vector<float>, kSeenCount> seen;
   for (auto& of_kind : seen) of_kind.resize(b.count());
   result.least_size = least_size(a);
+  std::vector<uint8_t> never_fades(b.count());
+  for (const l4d_range& range : loaded_b.ranges) {
+    if (!loaded_b.permanent[range.layer]) continue;
+    std::fill_n(never_fades.begin() + static_cast<std::ptrdiff_t>(range.first), range.count, 1);
+  }
   for_each_block(b.count(), threads, [&](size_t block, size_t first, size_t last) {
     for (size_t j = first; j < last; ++j) {
       const size_t i = pairing.a_of_b[j];
       if (i == kUnmatched) continue;
       const Motion motion_a = motion_of(a, i);
-      Motion motion_b = motion_of(b, j);
+      Motion motion_b =
+          loaded_b.mean_t.empty() ? motion_of(b, j) : motion_of(b, j, loaded_b.mean_t[j]);
       to_a.apply(motion_b);
       compare_pair(a, i, motion_a, b, j, motion_b, sums[block]);
       visible_errors(motion_a, motion_b, begin, end, &errors[kSamples * j]);
-      const SeenErrors e = seen_errors(motion_a, linear_opacity(a, i), motion_b,
-                                       linear_opacity(b, j), begin, end, result.least_size);
+      const double own = least_sizes.empty() ? 0 : value(least_sizes[i]);
+      // What is permanent is always there, whatever its temporal scale.
+      if (never_fades[j]) motion_b.sigma_t = std::numeric_limits<double>::infinity();
+      const SeenErrors e =
+          seen_errors(motion_a, linear_opacity(a, i), motion_b, linear_opacity(b, j), begin, end,
+                      std::max(result.least_size, own));
       seen[kSeenPosition][j] = static_cast<float>(e.position);
       seen[kSeenCovariance][j] = static_cast<float>(e.covariance);
       seen[kSeenOpacity][j] = static_cast<float>(e.opacity);

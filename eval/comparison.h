@@ -58,8 +58,8 @@ struct Comparison {
 std::vector<std::string> error_names();
 
 // a: the reference. pairing: of b's Gaussians with a's. threads: 0 = one per core; the figures are
-// the same for any number.
+// the same for any number. least_sizes: [A's Gaussians], as `least_sizes` has them, or empty.
 Comparison compare_scenes(const io::Scene& a, const DecodedScene& b, Pairing pairing,
-                          uint32_t threads);
+                          uint32_t threads, const std::vector<float>& least_sizes = {});
 
 }  // namespace l4d::eval

@@ -47,6 +47,7 @@ DecodedScene decode_scene(const DecoderHandle& decoder, const l4d_query* query,
   scene.position = std::move(arrays.position);
   scene.mean_t = std::move(arrays.mean_t);
   keep_exact_times(arrays.mean_t_double, (info.tools & L4D_TOOL_LOSSLESS) != 0, scene);
+  loaded.mean_t = std::move(arrays.mean_t_double);
   scene.log_scale = std::move(arrays.log_scale);
   scene.rotor = std::move(arrays.rotor);
   scene.opacity = std::move(arrays.opacity);
@@ -56,6 +57,7 @@ DecodedScene decode_scene(const DecoderHandle& decoder, const l4d_query* query,
   for (uint32_t l = 0; l < info.num_layers; ++l) {
     const l4d_layer_info layer = decoder.layer_info(l);
     loaded.levels.push_back(layer.level);
+    loaded.permanent.push_back(layer.permanent != 0);
   }
   return loaded;
 }

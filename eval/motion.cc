@@ -13,6 +13,10 @@ io::Vec3 Motion::at(double seconds) const {
 }
 
 Motion motion_of(const io::Scene& scene, size_t index) {
+  return motion_of(scene, index, scene.mean_time(index));
+}
+
+Motion motion_of(const io::Scene& scene, size_t index, double mean_t) {
   io::Rotor rotor;
   io::Vec4 scale;
   for (size_t k = 0; k < 8; ++k) rotor[k] = static_cast<double>(scene.rotor[8 * index + k]);
@@ -26,7 +30,7 @@ Motion motion_of(const io::Scene& scene, size_t index) {
   }
   m.velocity = slice.velocity;
   m.sigma_t = slice.sigma_t;
-  m.mean_t = scene.mean_time(index);
+  m.mean_t = mean_t;
   const double begin = scene.timeline.time_begin;
   m.anchor = (scene.flags & L4D_POSITION_AT_MEAN_TIME) != 0
                  ? m.mean_t

@@ -22,6 +22,8 @@ struct Motion {
   io::Vec3 at(double seconds) const;
 };
 Motion motion_of(const io::Scene& scene, size_t index);
+// With a mean time that the scene holds rounded.
+Motion motion_of(const io::Scene& scene, size_t index, double mean_t);
 
 // Opacity in [0, 1], whatever form the scene holds it in.
 double linear_opacity(const io::Scene& scene, size_t index);

@@ -119,6 +119,7 @@ SeenErrors seen_errors(const Motion& a, double opacity_a, const Motion& b, doubl
   constexpr int kInstants = 32;
   for (int k = 0; k <= kInstants; ++k) look(first + (last - first) * k / kInstants);
   for (const Motion* m : {&a, &b}) {
+    if (std::isinf(m->sigma_t)) continue;
     for (const double z : {-2.0, -1.0, 0.0, 1.0, 2.0}) {
       look(std::clamp(m->mean_t + z * m->sigma_t, begin, end));
     }

@@ -11,6 +11,7 @@
 #include "cli/text/progress.h"
 #include "cli/text/units.h"
 #include "cli/verbs/compare_renders.h"
+#include "eval/least_sizes.h"
 #include "eval/pairing.h"
 
 namespace l4d::cli {
@@ -103,7 +104,11 @@ void compare_attributes(Context& context, const CompareArguments& arguments,
             ? eval::pair_by_content(a.scene, b.scene, context.options.threads, progress)
             : pair_as_told(a.scene, b.scene, order, arguments.order);
     progress.step("comparing");
-    return eval::compare_scenes(a.scene, b, std::move(pairing), context.options.threads);
+    std::vector<float> sizes;
+    if (const io::CameraSet* cameras = arguments.cameras.load(context)) {
+      sizes = eval::least_sizes(a.scene, *cameras, context.options.threads);
+    }
+    return eval::compare_scenes(a.scene, b, std::move(pairing), context.options.threads, sizes);
   }();
   check_interrupt();
   begin(verdict, input_a, a.scene.count(), input_b, b.scene.count(), same_time);

@@ -15,6 +15,7 @@
 #include "cli/verbs/importance.h"
 #include "cli/verbs/target.h"
 #include "eval/encoding.h"
+#include "eval/least_sizes.h"
 #include "eval/pairing.h"
 #include "io/formats.h"
 
@@ -135,16 +136,16 @@ void add_report(const l4d_encode_report& report, const std::string& name, double
       format("%s: %s Gaussians, %s, %.2f:1, %.1f bits per Gaussian, in %s\n", name.c_str(),
              format_count(report.coded_gaussians).c_str(), format_bytes(report.file_bytes).c_str(),
              ratio, bits, format_seconds(total_seconds).c_str());
-  if (report.max_covariance_factor > 0) {
-    outcome->json["max_errors"] = {{"position_sizes", report.max_position_error},
-                                   {"covariance_factor", report.max_covariance_factor},
-                                   {"seen_opacity", report.max_opacity_error}};
-    outcome->text += format(
-        "of single Gaussians at most: position %.3g of their size, variances by a factor of %.3g, "
-        "opacity %.3g; %s stored as they are\n",
-        report.max_position_error, report.max_covariance_factor, report.max_opacity_error,
-        format_count(report.literals).c_str());
-  }
+  outcome->json["max_errors"] = {{"position_sizes", report.max_position_error},
+                                 {"covariance_factor", report.max_covariance_factor},
+                                 {"seen_opacity", report.max_opacity_error},
+                                 {"visible_position", report.max_visible_error},
+                                 {"mean_t_sigmas", report.max_mean_t_error}};
+  outcome->text += format(
+      "of single Gaussians at most: position %.3g of their size, variances by a factor of %.3g, "
+      "opacity %.3g, mean time %.3g standard deviations; %s stored as they are\n",
+      report.max_position_error, report.max_covariance_factor, report.max_opacity_error,
+      report.max_mean_t_error, format_count(report.literals).c_str());
   const uint64_t left_out = report.input_gaussians - report.coded_gaussians;
   if (left_out == 0) return;
   outcome->text +=
@@ -229,6 +230,12 @@ Outcome run_encode(Context& context, const EncodeArguments& arguments) {
   about(input.name(), [&] {
     encoder.check(l4d_encoder_set_scene(encoder.get(), &view, &scene.timeline, &scene.placement));
   });
+  // Cameras that are made up say nothing of where the scene will be seen from.
+  std::vector<float> sizes;
+  if (const io::CameraSet* cameras = arguments.cameras.load(context)) {
+    sizes = eval::least_sizes(scene, *cameras, context.options.threads);
+    encoder.check(l4d_encoder_set_least_sizes(encoder.get(), sizes.data(), sizes.size()));
+  }
   EncoderWeights weights;
   if (!arguments.weights.empty()) {
     weights.set(encoder, arguments.weights,

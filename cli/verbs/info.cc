@@ -250,6 +250,46 @@ std::string layer_table(const std::vector<l4d_layer_info>& layers,
   return text;
 }
 
+// What the encoder states of single Gaussians; null where it states nothing.
+Json errors_json(const l4d_coding_errors& e) {
+  if (e.stated == 0) return Json();
+  return {{"position_sizes", e.position},
+          {"covariance_factor", e.covariance},
+          {"seen_opacity", e.opacity},
+          {"visible_position", e.visible},
+          {"mean_t_sigmas", e.mean_t},
+          {"bounds",
+           {{"position_sizes", e.position_bound},
+            {"covariance_factor", e.covariance_bound},
+            {"seen_opacity", e.opacity_bound},
+            {"visible_position", e.visible_bound}}},
+          {"least_size", e.least_size},
+          {"own_least_sizes", e.own_least_sizes != 0}};
+}
+
+std::string errors_text(const l4d_coding_errors& e) {
+  if (e.stated == 0) return "errors of single Gaussians: the stream states none\n";
+  if (e.position == 0 && e.covariance == 1 && e.opacity == 0 && e.mean_t == 0) {
+    return "errors of single Gaussians: none in place, shape, time and opacity\n";
+  }
+  const auto bound = [](double b) {
+    return b > 0 ? format(" (bound %.3g)", b) : std::string(" (no bound)");
+  };
+  std::string text = "errors of single Gaussians at most, as the encoder states them\n";
+  text +=
+      format("  %-18s %.3g of its size%s", "position", e.position, bound(e.position_bound).c_str());
+  text += format("; sizes below %.3g%s count as that\n", e.least_size,
+                 e.own_least_sizes != 0 ? ", or what the encoder was told of each," : "");
+  text += format("  %-18s by a factor of %.3g%s\n", "variances", e.covariance,
+                 bound(e.covariance_bound).c_str());
+  text += format("  %-18s %.3g at any instant%s\n", "opacity", e.opacity,
+                 bound(e.opacity_bound).c_str());
+  text += format("  %-18s %.3g scene units%s\n", "while visible", e.visible,
+                 bound(e.visible_bound).c_str());
+  text += format("  %-18s %.3g of its standard deviation\n", "mean time", e.mean_t);
+  return text;
+}
+
 void write_text(const std::string& path, const std::string& text) {
   io::OutputFile file(path);
   file.write(text.data(), text.size());
@@ -343,6 +383,13 @@ void add_tools(const Facts& facts, Outcome& outcome) {
   }
 }
 
+void add_errors(const Facts& facts, Outcome& outcome) {
+  const bool is_ply = facts.input.is_ply();
+  const l4d_coding_errors errors = is_ply ? l4d_coding_errors() : facts.decoder.coding_errors();
+  outcome.json["stated_errors"] = errors_json(errors);
+  if (!is_ply) outcome.text += "\n" + errors_text(errors);
+}
+
 void add_sections(const Facts& facts, Outcome& outcome) {
   Json sections = Json::object();
   Json bits = Json::object();
@@ -416,6 +463,7 @@ Outcome run_info(Context& context, const InfoArguments& arguments) {
     Outcome outcome;
     add_summary(facts, outcome);
     add_tools(facts, outcome);
+    add_errors(facts, outcome);
     outcome.text += layer_table(facts.layers, facts.layer_bytes);
     add_sections(facts, outcome);
     add_scalable(facts, outcome);
