@@ -34,8 +34,7 @@ class Quality {
   // elsewhere, a bit being worth 2 ln 2 of what a number is allowed.
   double pruning_error() const {
     constexpr double kBitsPerGaussian = 80;
-    return settings_.get(L4D_ENC_PRUNE_COST) * kBitsPerGaussian * 2 * std::log(2.0) *
-           power(decibels_);
+    return settings_.pruning(false).cost * kBitsPerGaussian * 2 * std::log(2.0) * power(decibels_);
   }
 
   // Step of positions for the importances given, of one number each. Their offset is more than

@@ -181,8 +181,8 @@ Status prepare_scene(const EncoderInput& input, const EncoderSettings& settings,
   s.timeline = input.timeline;
   s.duration = sequence_duration(input.timeline);
   const size_t sh_dim = s.sh_dim();
-  const double prune = settings.get(L4D_ENC_PRUNE_WEIGHT);
   const float* alpha_t = input.weights[L4D_WEIGHT_ALPHA_T];
+  const double prune = settings.pruning(alpha_t != nullptr).weight;
   if (prune >= 0 && alpha_t == nullptr) {
     return invalid_argument(
         "prune-weight needs alpha_t weights: measure them from cameras, or do without "

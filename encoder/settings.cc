@@ -71,6 +71,10 @@ constexpr ParameterDescription kParameters[L4D_ENC_PARAMETER_COUNT] = {
     {"max-opacity-error", "of each Gaussian at any instant; 0 = no bound", 0, 1, 0.1, false, false},
     {"max-visible-error", "distance of each Gaussian while visible, scene units; 0 = no bound", 0,
      1e30, 0, false, false},
+    {"weight-views",
+     "what the weights were measured from: 0 unknown, 1 all views, so that what shows in none is "
+     "dropped, 2 some views, so that it is kept",
+     0, 2, 0, false, true},
 };
 
 // What each effort sets; docs/accuracy.md has the front of time against quality they were taken
@@ -167,6 +171,7 @@ Status EncoderSettings::set(l4d_encoder_parameter id, int component, double valu
   } else {
     values[static_cast<size_t>(component)] = value;
   }
+  was_set_[static_cast<size_t>(id)] = true;
   if (id == L4D_ENC_LITERAL_THRESHOLD) values_[L4D_ENC_CODEBOOKS_BY_COST].fill(0);
   if (id == L4D_ENC_EFFORT) {
     const Effort& effort = kEfforts[static_cast<size_t>(value) - 1];
@@ -264,6 +269,18 @@ Status EncoderSettings::set_preset(const char* name) {
   }
   *this = fresh;
   return {};
+}
+
+Pruning EncoderSettings::pruning(bool has_alpha_t) const {
+  Pruning p = {get(L4D_ENC_PRUNE_WEIGHT), get(L4D_ENC_PRUNE_COST)};
+  const int views = get_int(L4D_ENC_WEIGHT_VIEWS);
+  if (views == L4D_WEIGHT_VIEWS_UNKNOWN || p.weight >= 0) return p;
+  if (views == L4D_WEIGHT_VIEWS_SOME || get_bool(L4D_ENC_LOSSLESS)) {
+    if (!was_set_[L4D_ENC_PRUNE_COST]) p.cost = 0;
+  } else if (has_alpha_t && !was_set_[L4D_ENC_PRUNE_WEIGHT]) {
+    p.weight = 0;
+  }
+  return p;
 }
 
 bool EncoderSettings::codes_half_mean_times() const {

@@ -10,6 +10,11 @@
 
 namespace l4d {
 
+struct Pruning {
+  double weight;  // Gaussians of at most this alpha_t weight go; negative: none
+  double cost;    // as L4D_ENC_PRUNE_COST
+};
+
 // Values of all L4D_ENC_* parameters, per component where they have one.
 class EncoderSettings {
  public:
@@ -31,6 +36,9 @@ class EncoderSettings {
 
   Status set_preset(const char* name);
 
+  // What is left out, by what is set and what the weights were measured from.
+  Pruning pruning(bool has_alpha_t) const;
+
   // Whether mean times are binary16, for streams that have a packed form or are told their shift.
   bool codes_half_mean_times() const;
 
@@ -43,6 +51,7 @@ class EncoderSettings {
 
   std::array<std::array<double, L4D_COMPONENT_COUNT>, L4D_ENC_PARAMETER_COUNT> values_;
   std::array<std::vector<float>, L4D_COMPONENT_COUNT> stages_;
+  std::array<bool, L4D_ENC_PARAMETER_COUNT> was_set_{};  // since the preset
 };
 
 struct ParameterDescription {

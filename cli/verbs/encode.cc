@@ -68,11 +68,9 @@ void check_importance(const EncodeArguments& arguments, const std::optional<eval
   }
 }
 
-// Whether Gaussians that show in no view go, and those that cost more than they show. Not where
-// only some views were chosen, or made up: what shows in others would go too. And a lossless stream
-// is promised to hold everything. What the parameters say about it counts more.
-void decide_pruning(Context& context, const EncodeArguments& arguments,
-                    const EncoderHandle& encoder) {
+// Tells the encoder what it needs to decide which Gaussians go, and people what it keeps for that.
+void tell_pruning(Context& context, const EncodeArguments& arguments,
+                  const EncoderHandle& encoder) {
   const auto set = [&](l4d_encoder_parameter id, double value) {
     encoder.check(l4d_encoder_set(encoder.get(), id, L4D_ALL_COMPONENTS, value));
   };
@@ -80,18 +78,16 @@ void decide_pruning(Context& context, const EncodeArguments& arguments,
     set(L4D_ENC_PRUNE_WEIGHT, -1);
     set(L4D_ENC_PRUNE_COST, 0);
   }
-  if (!arguments.measures() || arguments.no_prune) return;
-  if (eval::get_parameter(encoder, L4D_ENC_PRUNE_WEIGHT) >= 0) return;
-  const bool lossless = eval::get_parameter(encoder, L4D_ENC_LOSSLESS) != 0;
+  if (!arguments.measures()) return;
   const CameraArguments& cameras = arguments.cameras;
-  if (lossless || cameras.orbit > 0 || !cameras.frames.empty() || !cameras.ids.empty()) {
-    if (!arguments.parameters.sets("prune-cost")) set(L4D_ENC_PRUNE_COST, 0);
-    context.note(std::string("what shows in no view is kept, since ") +
-                 (lossless ? "the stream is to be lossless" : "these are not all views there are") +
-                 "; --prune-weight 0 drops it");
-    return;
-  }
-  set(L4D_ENC_PRUNE_WEIGHT, 0);
+  const bool all = cameras.orbit == 0 && cameras.frames.empty() && cameras.ids.empty();
+  set(L4D_ENC_WEIGHT_VIEWS, all ? L4D_WEIGHT_VIEWS_ALL : L4D_WEIGHT_VIEWS_SOME);
+  if (arguments.no_prune || eval::get_parameter(encoder, L4D_ENC_PRUNE_WEIGHT) >= 0) return;
+  const bool lossless = eval::get_parameter(encoder, L4D_ENC_LOSSLESS) != 0;
+  if (all && !lossless) return;
+  context.note(std::string("what shows in no view is kept, since ") +
+               (lossless ? "the stream is to be lossless" : "these are not all views there are") +
+               "; --prune-weight 0 drops it");
 }
 
 Importance measure(Context& context, const EncodeArguments& arguments, const Input& input,
@@ -165,8 +161,8 @@ l4d_info info_of(const eval::Encoding& encoding, const Output& output) {
   return decoder.info();
 }
 
-Outcome run_encode(Context& context, const EncodeArguments& arguments) {
-  const Stopwatch watch;
+// Usage errors that need no file, and the target.
+std::optional<eval::Target> check(Context& context, const EncodeArguments& arguments) {
   if (context.ranks().count() > 1 && arguments.input == "-") {
     throw usage_error("several ranks cannot share stdin");
   }
@@ -176,45 +172,65 @@ Outcome run_encode(Context& context, const EncodeArguments& arguments) {
     throw usage_error("--quality excludes a target, which chooses the quality itself");
   }
   arguments.import.check();
+  return target;
+}
+
+void register_inputs(Context& context, const EncodeArguments& arguments) {
   context.files.add_input(arguments.input, kTheInput);
   if (!arguments.weights.empty()) context.files.add_input(arguments.weights, "--weights");
   arguments.cameras.load(context);
-  if (context.ranks().helps()) {
-    const Input input(context, arguments.input);
-    if (arguments.measures()) {
-      measure(context, arguments, input, load_scene(context, input, arguments.import).scene);
+}
+
+// What a rank does for the one that writes the file.
+void help_to_measure(Context& context, const EncodeArguments& arguments) {
+  const Input input(context, arguments.input);
+  if (!arguments.measures()) return;
+  measure(context, arguments, input, load_scene(context, input, arguments.import).scene);
+}
+
+// The files that a command writes.
+struct Outputs {
+  std::string name;
+  Output stream;
+  std::optional<Output> order, weights;
+
+  Outputs(Context& context, const EncodeArguments& arguments)
+      : name(arguments.output.empty() ? derived_name(arguments.input, ".l4d") : arguments.output),
+        stream(context, checked(name)) {
+    if (!arguments.save_weights.empty()) {
+      check_extension(arguments.save_weights, "--save-weights", {".ply"});
     }
-    return {};
+    open(context, order, arguments.order, "--order");
+    open(context, weights, arguments.save_weights, "--save-weights");
   }
-  const std::string name =
-      arguments.output.empty() ? derived_name(arguments.input, ".l4d") : arguments.output;
-  check_extension(name, "--output", {".l4d"});
-  Output output(context, name);
-  std::optional<Output> order_output, weights_output;
-  const auto open_side_output = [&](std::optional<Output>& file, const std::string& path,
-                                    const char* option) {
+
+ private:
+  static const std::string& checked(const std::string& name) {
+    check_extension(name, "--output", {".l4d"});
+    return name;
+  }
+  static void open(Context& context, std::optional<Output>& file, const std::string& path,
+                   const char* option) {
     if (path.empty()) return;
     file.emplace(context, path, option);
     if (file->is_stdout()) throw usage_error(std::string(option) + " cannot go to stdout");
-  };
-  if (!arguments.save_weights.empty()) {
-    check_extension(arguments.save_weights, "--save-weights", {".ply"});
   }
-  open_side_output(order_output, arguments.order, "--order");
-  open_side_output(weights_output, arguments.save_weights, "--save-weights");
+};
 
-  const Input input(context, arguments.input);
-
-  // Parameters before the scene: a wrong one should not cost the time of reading.
+EncoderHandle make_encoder(const Context& context, const EncodeArguments& arguments) {
   l4d_encoder_options options;
   l4d_encoder_options_init(&options);
   options.threads = context.options.threads;
   options.backend = context.backend();
   options.seed = arguments.seed;
-  const EncoderHandle encoder(&options);
+  return EncoderHandle(&options);
+}
+
+void set_parameters(Context& context, const EncodeArguments& arguments, bool has_target,
+                    const EncoderHandle& encoder) {
   arguments.parameters.apply(context, encoder);
-  if (target) arguments.parameters.require_quality(encoder, "a target");
-  decide_pruning(context, arguments, encoder);
+  if (has_target) arguments.parameters.require_quality(encoder, "a target");
+  tell_pruning(context, arguments, encoder);
   std::set<std::string> keys;
   for (const std::string& text : arguments.metadata) {
     const auto [key, value] = parse_assignment(text, "--metadata");
@@ -223,66 +239,59 @@ Outcome run_encode(Context& context, const EncodeArguments& arguments) {
       encoder.check(l4d_encoder_add_metadata(encoder.get(), key.c_str(), value.c_str()));
     });
   }
+}
 
-  const LoadedScene loaded = load_scene(context, input, arguments.import);
-  const io::Scene& scene = loaded.scene;
-  const l4d_gaussians view = scene.view();
-  about(input.name(), [&] {
-    encoder.check(l4d_encoder_set_scene(encoder.get(), &view, &scene.timeline, &scene.placement));
-  });
-  // Cameras that are made up say nothing of where the scene will be seen from.
-  std::vector<float> sizes;
-  if (const io::CameraSet* cameras = arguments.cameras.load(context)) {
-    sizes = eval::least_sizes(scene, *cameras, context.options.threads);
-    encoder.check(l4d_encoder_set_least_sizes(encoder.get(), sizes.data(), sizes.size()));
-  }
-  EncoderWeights weights;
+// Gives the encoder the weights of a file or of views. Returns what was measured.
+std::optional<Importance> set_weights(Context& context, const EncodeArguments& arguments,
+                                      const Input& input, const io::Scene& scene,
+                                      const EncoderHandle& encoder, std::optional<Output>& saved,
+                                      EncoderWeights& weights) {
   if (!arguments.weights.empty()) {
     weights.set(encoder, arguments.weights,
                 about(arguments.weights, [&] { return io::read_weights_ply(arguments.weights); }),
                 scene.count());
   }
-  const double read_seconds = watch.seconds();
-  std::optional<Importance> importance;
-  if (arguments.measures()) {
-    importance = measure(context, arguments, input, scene);
-    if (weights_output) {
-      io::write_weights_ply(weights_output->path(), importance->weights);
-      weights_output->finish();
-    }
-    weights.set(encoder, "measured weights", std::move(importance->weights), scene.count());
+  if (!arguments.measures()) return std::nullopt;
+  Importance importance = measure(context, arguments, input, scene);
+  if (saved) {
+    io::write_weights_ply(saved->path(), importance.weights);
+    saved->finish();
   }
-  const bool wants_order = order_output || arguments.verify;
-  eval::Encoding encoding;
-  std::optional<TargetReached> reached;
-  if (target) {
-    reached = about(input.name(), [&] {
-      return encode_to_target(context, *target, encoder, input.name(), scene, arguments.cameras,
-                              &encoding);
-    });
-  } else {
-    Progress progress(context, "encode");
-    try {
-      encoding = eval::encode_scene(progress, encoder, output.is_special() ? "" : output.path(),
-                                    wants_order);
-    } catch (const Error& error) {
-      // What fails about files is about the output, which the message names.
-      throw current_failure(error.status() == L4D_ERR_IO ? "" : input.name());
-    }
-  }
-  if (!encoding.stream.empty()) write_stream(output.path(), encoding.stream);
-  arguments.parameters.note_unused(context, info_of(encoding, output));
-  if (order_output) eval::write_order(order_output->path(), encoding.order);
-  const double total_seconds = watch.seconds();
+  weights.set(encoder, "measured weights", std::move(importance.weights), scene.count());
+  return importance;
+}
 
+// Encodes in one go: into memory where the output is not to be renamed over.
+eval::Encoding encode_once(Context& context, const EncoderHandle& encoder, const Input& input,
+                           const Output& output, bool wants_order) {
+  Progress progress(context, "encode");
+  try {
+    return eval::encode_scene(progress, encoder, output.is_special() ? "" : output.path(),
+                              wants_order);
+  } catch (const Error& error) {
+    // What fails about files is about the output, which the message names.
+    throw current_failure(error.status() == L4D_ERR_IO ? "" : input.name());
+  }
+}
+
+// What a command did, and how long that took.
+struct Encoded {
+  const eval::Encoding& encoding;
+  const std::optional<Importance>& importance;
+  const std::optional<TargetReached>& reached;
+  double read_seconds, total_seconds;
+};
+
+Outcome describe(const EncodeArguments& arguments, const Input& input, const io::Scene& scene,
+                 const EncoderHandle& encoder, const std::string& name, const Encoded& encoded) {
   Outcome outcome;
-  outcome.stdout_is_data = output.is_stdout();
   outcome.json = {{"schema", "l4dcodec.encode/1"},
                   {"input", input.name()},
                   {"source", scene.source},
                   {"output", name},
                   {"preset", arguments.parameters.preset}};
-  add_report(encoding.report, name, total_seconds, &outcome);
+  add_report(encoded.encoding.report, name, encoded.total_seconds, &outcome);
+  const auto& [encoding, importance, reached, read_seconds, total_seconds] = encoded;
   Json& stages = outcome.json["stages"] = {{"read", read_seconds}};
   if (importance) stages["sensitivity"] = importance->seconds;
   if (reached) stages["search"] = reached->seconds;
@@ -300,17 +309,71 @@ Outcome run_encode(Context& context, const EncodeArguments& arguments) {
     outcome.json["sensitivity"] = importance->json();
     outcome.text += importance->text();
   }
-  if (arguments.verify) {
-    const Stopwatch verify_watch;
-    Progress progress(context, "verify");
-    const eval::Comparison comparison =
-        eval::compare_encoding(decoding_of(context), progress, scene, output.path(), encoding);
-    outcome.json["verify"] = comparison_json(comparison);
-    outcome.json["verify"]["total_s"] = verify_watch.seconds();
-    outcome.text += "\nverified against the input: " + comparison_text(comparison);
+  return outcome;
+}
+
+void add_verification(Context& context, const io::Scene& scene, const std::string& path,
+                      const eval::Encoding& encoding, Outcome* outcome) {
+  const Stopwatch watch;
+  Progress progress(context, "verify");
+  const eval::Comparison comparison =
+      eval::compare_encoding(decoding_of(context), progress, scene, path, encoding);
+  outcome->json["verify"] = comparison_json(comparison);
+  outcome->json["verify"]["total_s"] = watch.seconds();
+  outcome->text += "\nverified against the input: " + comparison_text(comparison);
+}
+
+Outcome run_encode(Context& context, const EncodeArguments& arguments) {
+  const Stopwatch watch;
+  const std::optional<eval::Target> target = check(context, arguments);
+  register_inputs(context, arguments);
+  if (context.ranks().helps()) {
+    help_to_measure(context, arguments);
+    return {};
   }
-  output.finish();
-  if (order_output) order_output->finish();
+  Outputs outputs(context, arguments);
+  const Input input(context, arguments.input);
+  // Parameters before the scene: a wrong one should not cost the time of reading.
+  const EncoderHandle encoder = make_encoder(context, arguments);
+  set_parameters(context, arguments, target.has_value(), encoder);
+  const LoadedScene loaded = load_scene(context, input, arguments.import);
+  const io::Scene& scene = loaded.scene;
+  const l4d_gaussians view = scene.view();
+  about(input.name(), [&] {
+    encoder.check(l4d_encoder_set_scene(encoder.get(), &view, &scene.timeline, &scene.placement));
+  });
+  // Cameras that are made up say nothing of where the scene will be seen from.
+  std::vector<float> sizes;
+  if (const io::CameraSet* cameras = arguments.cameras.load(context)) {
+    sizes = eval::least_sizes(scene, *cameras, context.options.threads);
+    encoder.check(l4d_encoder_set_least_sizes(encoder.get(), sizes.data(), sizes.size()));
+  }
+  const double read_seconds = watch.seconds();
+  EncoderWeights weights;
+  const std::optional<Importance> importance =
+      set_weights(context, arguments, input, scene, encoder, outputs.weights, weights);
+  eval::Encoding encoding;
+  std::optional<TargetReached> reached;
+  if (target) {
+    reached = about(input.name(), [&] {
+      return encode_to_target(context, *target, encoder, input.name(), scene, arguments.cameras,
+                              &encoding);
+    });
+  } else {
+    encoding =
+        encode_once(context, encoder, input, outputs.stream, outputs.order || arguments.verify);
+  }
+  if (!encoding.stream.empty()) write_stream(outputs.stream.path(), encoding.stream);
+  arguments.parameters.note_unused(context, info_of(encoding, outputs.stream));
+  if (outputs.order) eval::write_order(outputs.order->path(), encoding.order);
+  Outcome outcome = describe(arguments, input, scene, encoder, outputs.name,
+                             {encoding, importance, reached, read_seconds, watch.seconds()});
+  outcome.stdout_is_data = outputs.stream.is_stdout();
+  if (arguments.verify) {
+    add_verification(context, scene, outputs.stream.path(), encoding, &outcome);
+  }
+  outputs.stream.finish();
+  if (outputs.order) outputs.order->finish();
   return outcome;
 }
 

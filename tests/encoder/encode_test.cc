@@ -340,6 +340,37 @@ TEST(Weights, PruneByAlpha) {
   for (const uint32_t i : e.order) EXPECT_GE(i % 4, 2u);
 }
 
+// What weights were measured from decides what goes, unless the parameters do.
+TEST(Weights, ViewsDecideWhatIsPruned) {
+  const TestScene scene = scene_of(400);
+  std::vector<float> alpha(400), opacity(400);
+  for (size_t i = 0; i < alpha.size(); ++i) {
+    alpha[i] = static_cast<float>(i % 4);
+    opacity[i] = i % 5 == 0 ? 1e-20f : 1e3f;  // a fifth costs more than it shows
+  }
+  const auto pruned = [&](const char* preset, double views,
+                          std::vector<std::pair<l4d_encoder_parameter, double>> more = {}) {
+    EncodeOptions o;
+    o.preset = preset;
+    o.settings = {{L4D_ENC_WEIGHT_MEASURE, 1}, {L4D_ENC_WEIGHT_VIEWS, views}};
+    for (const auto& [id, value] : more) o.settings.push_back({id, value});
+    o.weights = {{L4D_WEIGHT_ALPHA_T, &alpha}, {L4D_WEIGHT_OPACITY, &opacity}};
+    return encode(scene, o).report.pruned;
+  };
+  constexpr uint64_t kUnseen = 100, kNotWorthIt = 80, kBoth = kUnseen + kNotWorthIt - 20;
+  EXPECT_EQ(pruned("default", L4D_WEIGHT_VIEWS_UNKNOWN), kNotWorthIt);
+  EXPECT_EQ(pruned("default", L4D_WEIGHT_VIEWS_ALL), kBoth);
+  EXPECT_EQ(pruned("default", L4D_WEIGHT_VIEWS_SOME), 0u);
+  EXPECT_EQ(pruned("lossless", L4D_WEIGHT_VIEWS_ALL), 0u);
+  // What is set counts more.
+  EXPECT_EQ(pruned("default", L4D_WEIGHT_VIEWS_ALL,
+                   {{L4D_ENC_PRUNE_WEIGHT, -1}, {L4D_ENC_PRUNE_COST, 0}}),
+            0u);
+  EXPECT_EQ(pruned("default", L4D_WEIGHT_VIEWS_SOME, {{L4D_ENC_PRUNE_COST, 0.2}}), kNotWorthIt);
+  EXPECT_EQ(pruned("default", L4D_WEIGHT_VIEWS_SOME, {{L4D_ENC_PRUNE_WEIGHT, 0}}), kBoth);
+  EXPECT_EQ(pruned("lossless", L4D_WEIGHT_VIEWS_SOME, {{L4D_ENC_PRUNE_WEIGHT, 0}}), kUnseen);
+}
+
 TEST(Weights, AllZero) {
   const TestScene scene = scene_of(800);
   const std::vector<float> zero(800, 0.0f);
