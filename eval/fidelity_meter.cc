@@ -61,14 +61,16 @@ double FidelityMeter::mean_psnr(Observer& observer, RenderedScene& scene) {
   return sum / static_cast<double>(num_views());
 }
 
+const io::Image& FidelityMeter::original(size_t view) {
+  if (renders_[view]) return *renders_[view];
+  original_.set_time(views_.views[view].time);
+  original_.render(views_.camera_of(view).camera, &again_);
+  return again_;
+}
+
 void FidelityMeter::visit(RenderedScene& coded, Observer& observer, const Visit& visit_view) {
-  io::Image again;
   render_all(observer, coded, [&](size_t view, const io::Image& render, const io::Image*) {
-    if (!renders_[view]) {
-      original_.set_time(views_.views[view].time);
-      original_.render(views_.camera_of(view).camera, &again);
-    }
-    visit_view(view, renders_[view] ? *renders_[view] : again, render);
+    visit_view(view, original(view), render);
   });
 }
 

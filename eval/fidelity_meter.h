@@ -35,6 +35,9 @@ class FidelityMeter {
   const CameraViews& views() const { return views_; }
   size_t num_views() const { return views_.views.size(); }
 
+  // The original's render of a view; good until the next call of anything here.
+  const io::Image& original(size_t view);
+
   // The original's render of a view and the coding's.
   using Visit = std::function<void(size_t view, const io::Image& original, const io::Image& coded)>;
   void visit(RenderedScene& coded, Observer& observer, const Visit& visit);
@@ -56,6 +59,7 @@ class FidelityMeter {
   std::vector<std::optional<io::Image>> renders_;  // of the original, by view
   std::vector<std::vector<size_t>> parts_;         // views whose captured images fit together
   std::optional<CapturedImages> captured_;         // where there is one part
+  io::Image again_;                                // of a view whose render is not kept
   double original_psnr_ = 0;                       // mean over views
 };
 

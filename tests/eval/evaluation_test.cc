@@ -1,0 +1,146 @@
+// SPDX-License-Identifier: Apache-2.0
+// Evaluations as another program than the tool calls them.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <numeric>
+
+#include "eval/comparison.h"
+#include "eval/encoding.h"
+#include "eval/target.h"
+#include "io/formats.h"
+
+namespace l4d::eval {
+namespace {
+
+io::Scene scene_of(uint64_t gaussians) {
+  io::SynthOptions options;
+  options.gaussians = gaussians;
+  options.seconds = 1;
+  return io::synthesize(options);
+}
+
+// The scene in reverse, as a coder would reorder it.
+DecodedScene reversed(const io::Scene& scene) {
+  DecodedScene out;
+  out.scene = scene;
+  const auto turn = [&](std::vector<float>& rows) {
+    const size_t width = rows.size() / scene.count();
+    std::vector<float> turned;
+    for (size_t i = scene.count(); i-- > 0;) {
+      const auto row = rows.begin() + static_cast<std::ptrdiff_t>(i * width);
+      turned.insert(turned.end(), row, row + static_cast<std::ptrdiff_t>(width));
+    }
+    rows = std::move(turned);
+  };
+  for (auto* rows : {&out.scene.position, &out.scene.mean_t, &out.scene.log_scale, &out.scene.rotor,
+                     &out.scene.opacity, &out.scene.sh}) {
+    turn(*rows);
+  }
+  std::reverse(out.scene.mean_t_double.begin(), out.scene.mean_t_double.end());
+  return out;
+}
+
+EncoderHandle encoder_of(const io::Scene& scene) {
+  EncoderHandle encoder;
+  const l4d_gaussians view = scene.view();
+  encoder.check(l4d_encoder_set_scene(encoder.get(), &view, &scene.timeline, &scene.placement));
+  return encoder;
+}
+
+TEST(Pairing, FindsEqualRowsInAnyOrder) {
+  const io::Scene a = scene_of(500);
+  const DecodedScene b = reversed(a);
+  const Comparison c = compare_scenes(a, b, pair_by_content(a, b.scene, 2), 2);
+  EXPECT_TRUE(c.identical());
+  EXPECT_EQ(c.pairing.match, "exact");
+  for (const std::string& name : error_names()) {
+    EXPECT_EQ(c.max_error(name), name == "covariance_factor" ? 1 : 0) << name;
+  }
+  EXPECT_THROW(c.max_error("weight"), io::Error);
+}
+
+TEST(Pairing, AnOrderThatDoesNotFitIsRefused) {
+  const io::Scene a = scene_of(100);
+  std::vector<uint32_t> order(a.count());
+  std::iota(order.begin(), order.end(), 0u);
+  EXPECT_EQ(pair_by_order(a, a, order).matched, a.count());
+  order[7] = order[8];
+  EXPECT_THROW(pair_by_order(a, a, order), io::Error);
+  order.pop_back();
+  EXPECT_THROW(pair_by_order(a, a, order), io::Error);
+}
+
+TEST(Comparison, TellsTheErrorThatWasMade) {
+  const io::Scene a = scene_of(300);
+  DecodedScene b;
+  b.scene = a;
+  b.scene.position[3 * 42] += 0.5f;
+  std::vector<uint32_t> order(a.count());
+  std::iota(order.begin(), order.end(), 0u);
+  const Comparison one = compare_scenes(a, b, pair_by_order(a, b.scene, order), 1);
+  EXPECT_NEAR(one.max_error("position"), 0.5, 1e-6);
+  EXPECT_NEAR(one.max_error("visible_position"), 0.5, 1e-6);
+  EXPECT_EQ(one.max_error("opacity"), 0);
+  EXPECT_EQ(one.seen[0].worst, 42u);
+  const Comparison three = compare_scenes(a, b, pair_by_order(a, b.scene, order), 3);
+  EXPECT_EQ(three.attributes[0].rmse, one.attributes[0].rmse);
+}
+
+// Counts its calls, and ends the evaluation after some.
+class Stopping : public Observer {
+ public:
+  explicit Stopping(int calls) : left_(calls) {}
+  void update(uint64_t, uint64_t, const char*) override { --left_; }
+  bool cancelled() const override { return left_ < 0; }
+
+ private:
+  int left_;
+};
+
+TEST(Encoding, AnObserverCanEndIt) {
+  const io::Scene scene = scene_of(500);
+  const EncoderHandle encoder = encoder_of(scene);
+  Stopping stopping(1);
+  try {
+    encode_scene(stopping, encoder, "", false);
+    ADD_FAILURE() << "not cancelled";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.status(), L4D_ERR_CANCELLED);
+  }
+}
+
+TEST(Target, BytesAndLargestErrorsAreReached) {
+  const io::Scene scene = scene_of(1500);
+  const EncoderHandle encoder = encoder_of(scene);
+  Observer observer;
+  for (Target target : {Target{Target::Kind::kSize, 40000, ""},
+                        Target{Target::Kind::kMaxError, 0.02, "position"}}) {
+    size_t trials = 0;
+    TargetCalls calls;
+    calls.begin = [&](size_t trial, double) -> Observer& {
+      EXPECT_LE(trial, trials++);
+      return observer;
+    };
+    calls.measure = [&](const Encoding& encoding, Observer& heard) {
+      return measure_target(target, Decoding(), heard, scene, encoding);
+    };
+    Encoding encoding;
+    const TargetResult result = encode_to_target(target, encoder, calls, &encoding);
+    EXPECT_TRUE(result.search.result().met);
+    EXPECT_EQ(measure_target(target, Decoding(), observer, scene, encoding),
+              result.search.result().figure);
+    EXPECT_LE(result.search.result().figure, target.asked);
+    EXPECT_GE(trials, 1u);
+  }
+}
+
+TEST(Target, ViewsAreNotMeasuredWithoutViews) {
+  Observer observer;
+  EXPECT_THROW(measure_target({Target::Kind::kFidelity, 40, ""}, Decoding(), observer, scene_of(10),
+                              Encoding()),
+               io::Error);
+}
+
+}  // namespace
+}  // namespace l4d::eval
