@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <ctime>
 
+#include "eval/encoding.h"
+
 namespace l4d::bench {
 namespace {
 
@@ -38,15 +40,7 @@ void set_weights(const EncoderHandle& e, const io::Weights& w) {
   }
 }
 
-void describe(const EncoderHandle& e, Encoded& out) {
-  out.order.resize(static_cast<size_t>(out.report.coded_gaussians));
-  e.check(l4d_encoder_get_order(e.get(), out.order.data(), out.order.size()));
-  for (uint32_t i = 0; i < out.report.num_stages; ++i) {
-    const char* name = nullptr;
-    double seconds = 0;
-    e.check(l4d_encoder_get_stage(e.get(), i, &name, &seconds));
-    out.steps.emplace_back(name, seconds);
-  }
+void describe(Encoded& out) {
   DecoderHandle d;
   d.open_memory(out.file.data(), out.file.size());
   out.layer_bytes.resize(d.info().num_layers);
@@ -105,16 +99,19 @@ Encoded encode(const io::Scene& scene, const io::Weights& weights, const Coding&
   const l4d_gaussians view = scene.view();
   e.check(l4d_encoder_set_scene(e.get(), &view, &scene.timeline, &scene.placement));
   set_weights(e, weights);
+  eval::Observer quiet;
   Encoded best;
   for (int run = 0; run < std::max(runs, 1); ++run) {
     Encoded out;
     const std::clock_t started = std::clock();
-    out.file = e.encode();
+    eval::Encoding encoding = eval::encode_scene(quiet, e, "", true);
     out.cpu_seconds = static_cast<double>(std::clock() - started) / CLOCKS_PER_SEC;
-    l4d_encode_report_init(&out.report);
-    e.check(l4d_encoder_get_report(e.get(), &out.report));
-    if (run > 0 && out.report.total_seconds >= best.report.total_seconds) continue;
-    describe(e, out);
+    if (run > 0 && encoding.report.total_seconds >= best.report.total_seconds) continue;
+    out.file = std::move(encoding.stream);
+    out.report = encoding.report;
+    out.steps = std::move(encoding.stages);
+    out.order = std::move(encoding.order);
+    describe(out);
     best = std::move(out);
   }
   return best;
@@ -133,22 +130,7 @@ DecoderHandle open(const std::vector<unsigned char>& file, uint32_t backend, uin
 io::Scene decode(const std::vector<unsigned char>& file) {
   DecoderHandle d;
   d.open_memory(file.data(), file.size());
-  l4d_query query;
-  l4d_query_init(&query);
-  GaussianArrays a = d.decode(query);
-  const l4d_info info = d.info();
-  io::Scene s;
-  s.timeline = info.timeline;
-  s.placement = info.placement;
-  s.sh_degree = a.sh_degree;
-  s.flags = info.flags;
-  s.position = std::move(a.position);
-  s.mean_t = std::move(a.mean_t);
-  s.log_scale = std::move(a.log_scale);
-  s.rotor = std::move(a.rotor);
-  s.opacity = std::move(a.opacity);
-  s.sh = std::move(a.sh);
-  return s;
+  return eval::decode_scene(d).scene;
 }
 
 }  // namespace l4d::bench

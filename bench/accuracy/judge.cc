@@ -1,68 +1,51 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "bench/accuracy/judge.h"
 
-#include <algorithm>
-
 namespace l4d::bench {
+namespace {
 
-Judge::Judge(const BenchScene& scene, std::vector<uint32_t> frames)
-    : scene_(scene), frames_(std::move(frames)) {
-  RendererHandle renderer;
-  renderer.set_gaussians(scene.scene.view(), scene.scene.timeline);
-  for (const uint32_t f : frames_) {
-    renderer.set_time(scene.time_of(f));
-    for (const l4d_camera& camera : scene.cameras) {
-      io::Image image(camera.width, camera.height);
-      renderer.render(camera, image.rgb.data());
-      originals_.push_back(std::move(image));
+eval::CameraViews views_at(const BenchScene& scene, const std::vector<uint32_t>& frames) {
+  eval::CameraViews all;
+  all.set = scene.set;
+  for (const uint32_t frame : frames) {
+    for (size_t camera = 0; camera < scene.cameras.size(); ++camera) {
+      all.views.push_back({camera, scene.time_of(frame), frame});
     }
   }
+  return all;
 }
 
-void Judge::visit(RendererHandle& renderer, const Visit& visit) const {
-  size_t index = 0;
-  for (const uint32_t f : frames_) {
-    renderer.set_time(scene_.time_of(f));
-    for (const l4d_camera& camera : scene_.cameras) {
-      io::Image image(camera.width, camera.height);
-      renderer.render(camera, image.rgb.data());
-      visit(index, originals_[index], image);
-      ++index;
-    }
-  }
+// All renders of the original are kept: benchmarks have the memory.
+eval::MeterOptions keep_all() {
+  eval::MeterOptions options;
+  options.max_render_bytes = UINT64_MAX;
+  return options;
 }
 
-io::Fidelity Judge::judge(RendererHandle& renderer, bool with_ssim) const {
-  io::FidelityAccumulator sums;
-  visit(renderer, [&](size_t, const io::Image& a, const io::Image& b) {
-    sums.add(io::mse(a, b), with_ssim ? io::ssim(a, b, 0) : 1);
-  });
-  io::Fidelity f = sums.result();
-  f.psnr = std::min(f.psnr, kMaxDecibels);
-  f.min_psnr = std::min(f.min_psnr, kMaxDecibels);
-  return f;
+eval::RenderedScene rendered(const std::vector<unsigned char>& file) {
+  return eval::RenderedScene({}, eval::StreamBytes{file.data(), file.size()}, "the stream");
 }
+
+}  // namespace
+
+Judge::Judge(const BenchScene& scene, const std::vector<uint32_t>& frames)
+    : original_({}, &scene.scene, scene.name),
+      meter_(original_, views_at(scene, frames), keep_all(), quiet_) {}
 
 io::Fidelity Judge::of_file(const std::vector<unsigned char>& file, bool with_ssim) const {
-  DecoderHandle decoder;
-  decoder.open_memory(file.data(), file.size());
-  RendererHandle renderer;
-  renderer.set_decoder(decoder);
-  return judge(renderer, with_ssim);
+  eval::RenderedScene coded = rendered(file);
+  return meter_.fidelity(coded, quiet_, with_ssim);
 }
 
 io::Fidelity Judge::of_scene(const io::Scene& scene, bool with_ssim) const {
-  RendererHandle renderer;
-  renderer.set_gaussians(scene.view(), scene.timeline);
-  return judge(renderer, with_ssim);
+  eval::RenderedScene coded({}, &scene, "the scene");
+  return meter_.fidelity(coded, quiet_, with_ssim);
 }
 
-void Judge::visit_file(const std::vector<unsigned char>& file, const Visit& visit_view) const {
-  DecoderHandle decoder;
-  decoder.open_memory(file.data(), file.size());
-  RendererHandle renderer;
-  renderer.set_decoder(decoder);
-  visit(renderer, visit_view);
+void Judge::visit_file(const std::vector<unsigned char>& file,
+                       const eval::FidelityMeter::Visit& visit) const {
+  eval::RenderedScene coded = rendered(file);
+  meter_.visit(coded, quiet_, visit);
 }
 
 }  // namespace l4d::bench
