@@ -13,6 +13,9 @@ if(NOT L4D_HARDENING)
 endif()
 
 set(given_flags "${CMAKE_C_FLAGS} ${CMAKE_CXX_FLAGS}")
+foreach(config IN ITEMS RELEASE RELWITHDEBINFO MINSIZEREL)
+  string(APPEND given_flags " ${CMAKE_C_FLAGS_${config}} ${CMAKE_CXX_FLAGS_${config}}")
+endforeach()
 
 # A flag is taken where a program links without it: whoever links a static library does not give it.
 # What is ignored with a warning is none that the compiler has.

@@ -46,6 +46,7 @@ if(L4D_SANITIZE)
   add_link_options(-fsanitize=${L4D_SANITIZE})
 endif()
 
+include(L4dHardening)
 # Programs can be loaded anywhere, and what the loader has filled in cannot be written afterwards.
 include(CheckPIESupported)
 check_pie_supported()
@@ -84,7 +85,12 @@ if(MINGW)
   endif()
   list(APPEND l4d_flags -Wa,-muse-unaligned-vector-move)
 endif()
-target_compile_options(l4d_settings INTERFACE "$<$<COMPILE_LANGUAGE:C,CXX>:${l4d_flags}>")
+target_compile_options(l4d_settings INTERFACE
+  "$<$<COMPILE_LANGUAGE:C,CXX>:${l4d_flags};${L4D_HARDENING_FLAGS}>")
+if(L4D_FORTIFY_LEVEL GREATER 0) # which is for optimised code only
+  target_compile_definitions(l4d_settings INTERFACE
+    "$<$<AND:$<CONFIG:Release,RelWithDebInfo,MinSizeRel>,$<COMPILE_LANGUAGE:C,CXX>>:_FORTIFY_SOURCE=${L4D_FORTIFY_LEVEL}>")
+endif()
 if(L4D_HAVE_CUDA)
   # The host half of device code: nvcc's own output is not held to all warnings.
   target_compile_options(l4d_settings INTERFACE

@@ -107,6 +107,35 @@ L4D_API void l4d_info_init_(l4d_info* info, size_t struct_size);
 #define l4d_info_init(info) l4d_info_init_((info), sizeof(*(info)))
 L4D_API l4d_status l4d_decoder_get_info(const l4d_decoder* decoder, l4d_info* info);
 
+/* What the encoder states of single Gaussians (spec section "ErrorStatement"): the largest errors
+ * over all Gaussians of the stream, as they decode, and the bounds that it was to keep them below.
+ * A decoder hands it on and does not check it. */
+typedef struct l4d_coding_errors {
+  size_t struct_size;
+  uint32_t stated; /* 0: the stream says nothing of this, and all that follows is 0 */
+  /* 1: a Gaussian's size is also no less than what the encoder was told of it, half a pixel where
+   * it is seen from, say. */
+  uint32_t own_least_sizes;
+  /* Distance while the Gaussian has half of its greatest opacity or more, over its size. */
+  double position;
+  /* Ratio of a principal variance to what it should be, one way or the other, and 1 + change of a
+   * variance in any direction in parts of the largest. 1 = none */
+  double covariance;
+  double opacity; /* at any instant */
+  double visible; /* scene units: distance at any instant at which the Gaussian is visible */
+  double mean_t;  /* in standard deviations over time of the Gaussian */
+  /* 0 = there was none. */
+  double position_bound;
+  double covariance_bound;
+  double opacity_bound;
+  double visible_bound;
+  double least_size; /* scene units: the size of a Gaussian that is smaller counts as this */
+} l4d_coding_errors;
+L4D_API void l4d_coding_errors_init_(l4d_coding_errors* errors, size_t struct_size);
+#define l4d_coding_errors_init(errors) l4d_coding_errors_init_((errors), sizeof(*(errors)))
+L4D_API l4d_status l4d_decoder_get_coding_errors(const l4d_decoder* decoder,
+                                                 l4d_coding_errors* errors);
+
 /* How the numbers of a component are coded (spec chapter "Scene header", whose values these are).
  */
 enum {
@@ -238,6 +267,46 @@ L4D_API l4d_status l4d_decoder_select(l4d_decoder* decoder, const l4d_query* que
  * to `out`, which may be NULL where capacity is 0. */
 L4D_API l4d_status l4d_decoder_get_ranges(l4d_decoder* decoder, const l4d_query* query,
                                           l4d_range* out, uint64_t capacity, uint64_t* count);
+
+/* A range of bytes of a file: [offset, offset + size). */
+typedef struct l4d_byte_range {
+  uint64_t offset;
+  uint64_t size;
+} l4d_byte_range; /* frozen */
+
+/* What the ranges of l4d_decoder_get_reads hold, and what the call itself reads. Each step holds
+ * the ranges of the steps before it and reads only those. */
+enum {
+  L4D_READS_PAGE_TABLES = 0, /* the entries of page tables; the call reads nothing */
+  L4D_READS_DIRECTORY = 1,   /* and the directory pages that they name */
+  L4D_READS_ALL = 2          /* and codebooks, tables and pages: all that the query needs */
+};
+/* The bytes of the file that a query needs, for a caller that fetches them itself: a prefetcher, or
+ * a client whose reads are asynchronous and whose l4d_reader answers from memory. Once the reader
+ * can answer these ranges, l4d_decoder_select, _get_ranges, _decode and _decode_packed succeed with
+ * the same query, and l4d_decoder_slice where the query is of kind TIME, with the time and the
+ * detail of the slice and `whole_buckets` = 1. They ask for no other byte.
+ *
+ * A client that holds only what l4d_decoder_open has read calls this with one step after the other,
+ * and fetches the ranges before each next step. Where the reader can block, one call with ALL is
+ * enough. A tolerant decoder leaves out what it cannot read of the directory, as a loss.
+ *
+ * The ranges are in ascending order, at least one byte apart, and inside the file. They do not
+ * depend on what the decoder holds already; neighbouring pages are joined over small gaps, as the
+ * decoder reads them. *count is their number; the first min(capacity, *count) go to `ranges`, which
+ * may be NULL where capacity is 0.
+ * Fails with INVALID_ARGUMENT on an unknown step, and otherwise as l4d_decoder_select does. */
+L4D_API l4d_status l4d_decoder_get_reads(l4d_decoder* decoder, const l4d_query* query,
+                                         uint32_t step, l4d_byte_range* ranges, uint64_t capacity,
+                                         uint64_t* count);
+
+/* The bytes that l4d_decoder_open reads besides the first L4D_FILE_HEADER_BYTES: *range is the
+ * scene header, as these first bytes say. `data`: the first `size` bytes of the file.
+ * Fails with TRUNCATED where size is below L4D_FILE_HEADER_BYTES, with NOT_L4D, CHECKSUM,
+ * VERSION_UNSUPPORTED or FEATURE_UNSUPPORTED where l4d_decoder_open would.
+ * Returns ranges beyond the end of the file as they are. */
+#define L4D_FILE_HEADER_BYTES 40
+L4D_API l4d_status l4d_get_header_range(const void* data, size_t size, l4d_byte_range* range);
 
 /* Destination arrays, owned by the caller. A NULL array is not decoded and costs no time; without
  * `sh`, SH detail is not read either. */

@@ -127,7 +127,20 @@ enum {
   L4D_ENC_MAX_OPACITY_ERROR = 35, /* of the opacity seen at any instant, 0..1 */
   /* Distance in scene units at any instant at which the Gaussian is visible. */
   L4D_ENC_MAX_VISIBLE_ERROR = 36,
-  L4D_ENC_PARAMETER_COUNT = 37
+  /* What the weights were measured from, L4D_WEIGHT_VIEWS_*, which decides what is dropped unless
+   * L4D_ENC_PRUNE_WEIGHT and L4D_ENC_PRUNE_COST are set after the preset:
+   *   UNKNOWN  as the preset has those two
+   *   ALL      every view that the scene is made for: Gaussians of no alpha_t weight show to
+   * nobody, and are dropped; those that cost more than they show, as the preset has it SOME     a
+   * part of these views, or made-up ones: Gaussians may show in others, and all are kept A lossless
+   * stream keeps all Gaussians whatever the views. */
+  L4D_ENC_WEIGHT_VIEWS = 37,
+  L4D_ENC_PARAMETER_COUNT = 38
+};
+enum { /* values of L4D_ENC_WEIGHT_VIEWS */
+       L4D_WEIGHT_VIEWS_UNKNOWN = 0,
+       L4D_WEIGHT_VIEWS_ALL = 1,
+       L4D_WEIGHT_VIEWS_SOME = 2
 };
 L4D_API l4d_status l4d_encoder_set(l4d_encoder* encoder, l4d_encoder_parameter id,
                                    int32_t component, double value);
@@ -168,6 +181,13 @@ L4D_API l4d_status l4d_encoder_set_scene(l4d_encoder* encoder, const l4d_gaussia
 L4D_API l4d_status l4d_encoder_set_weights(l4d_encoder* encoder, uint32_t which,
                                            const float* weights, uint64_t count);
 
+/* Sizes below which errors of single Gaussians do not count (L4D_ENC_MAX_POSITION_ERROR), each
+ * Gaussian's own: half a pixel at its distance from the nearest camera, say. The least size of the
+ * scene counts where that is larger. sizes: [count], scene units, finite and >= 0, borrowed as the
+ * scene is, NULL removes. */
+L4D_API l4d_status l4d_encoder_set_least_sizes(l4d_encoder* encoder, const float* sizes,
+                                               uint64_t count);
+
 /* A key and a value that go into the stream's metadata. Both are copied. Fails with
  * INVALID_ARGUMENT where one is not UTF-8. */
 L4D_API l4d_status l4d_encoder_add_metadata(l4d_encoder* encoder, const char* key,
@@ -193,11 +213,13 @@ typedef struct l4d_encode_report {
   uint32_t num_layers;
   double total_seconds;
   uint64_t literals; /* Gaussians in a layer of literals: out of reach, or else beyond a bound */
-  /* Largest errors over all Gaussians, as the bounds on them measure them; 0 where there are none.
-   */
+  /* Largest errors over all Gaussians, as the bounds on them measure them, whether there are any or
+   * not. The stream states them: l4d_decoder_get_coding_errors. */
   double max_position_error;
   double max_covariance_factor;
   double max_opacity_error;
+  double max_visible_error; /* scene units */
+  double max_mean_t_error;  /* in standard deviations over time of the Gaussian */
 } l4d_encode_report;
 L4D_API void l4d_encode_report_init_(l4d_encode_report* report, size_t struct_size);
 #define l4d_encode_report_init(report) l4d_encode_report_init_((report), sizeof(*(report)))
