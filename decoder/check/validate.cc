@@ -5,6 +5,7 @@
 #include <map>
 
 #include "decoder/check/conformance.h"
+#include "decoder/check/inspection.h"
 #include "decoder/session/decoder.h"
 #include "libl4dcodec/base/half.h"
 #include "libl4dcodec/scene/layers.h"

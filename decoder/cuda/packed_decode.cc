@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "decoder/cuda/device_decoder.h"
+#include "decoder/read/find_codebook.h"
 
 namespace l4d::cuda {
 namespace {
@@ -109,8 +110,9 @@ Status DeviceDecoder::num_literals(uint64_t* counts) const {
 Status DeviceDecoder::codebook(uint32_t layer, uint32_t component, uint32_t stage, uint32_t block,
                                l4d_codebook* out) {
   l4d_codebook of_layer{}, host{};
-  L4D_RETURN_IF_ERROR(decoder_.codebook(layer, component, stage, L4D_NO_BLOCK, &of_layer));
-  L4D_RETURN_IF_ERROR(decoder_.codebook(layer, component, stage, block, &host));
+  L4D_RETURN_IF_ERROR(
+      find_codebook(decoder_.file(), layer, component, stage, L4D_NO_BLOCK, &of_layer));
+  L4D_RETURN_IF_ERROR(find_codebook(decoder_.file(), layer, component, stage, block, &host));
   *out = host;
   if (host.entries == nullptr) return {};
   if (host.entries == of_layer.entries) {

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 
-#include "decoder/check/conformance.h"
 #include "decoder/read/query_reads.h"
 #include "libl4dcodec/base/threads.h"
 
@@ -196,118 +195,6 @@ Status Decoder::decode_packed(const l4d_query& query, l4d_packed_buffers* out) {
   describe_output(plan, out);
   buckets_decoded_ += plan.ranges.size();
   return {};
-}
-
-Status Decoder::codebook(uint32_t layer, uint32_t component, uint32_t stage, uint32_t block,
-                         l4d_codebook* out) {
-  const SceneHeader& header = file_->header();
-  if (layer >= header.layers.size() || component >= L4D_COMPONENT_COUNT ||
-      stage >= L4D_MAX_STAGES) {
-    return invalid_argument("no such layer, component or stage");
-  }
-  file_->retry();
-  const ComponentCoding& coding = header.component(header.layers[layer], component);
-  out->entries = nullptr;
-  out->num_entries = 0;
-  out->dim = header.component_dim(header.layers[layer], component);
-  if (stage >= coding.stages.size()) return {};
-  const CodebookData* book = nullptr;
-  if (block == L4D_NO_BLOCK || stage > 0) {
-    L4D_RETURN_IF_ERROR(file_->codebooks().codebook(layer, component, stage, &book));
-  } else {
-    const uint32_t directory_index = block >> 8;
-    const uint32_t index = block & 0xff;
-    if (directory_index >= num_directory_pages(header.layers[layer])) {
-      return invalid_argument("no such block");
-    }
-    DirectoryPageRef read;
-    L4D_RETURN_IF_ERROR(file_->directory().page(layer, directory_index, &read));
-    if (index >= read->page.blocks.size()) return invalid_argument("no such block");
-    const RcqTableRef& table = read->page.blocks[index].tables[component];
-    if (table.num_entries == 0) {
-      L4D_RETURN_IF_ERROR(file_->codebooks().codebook(layer, component, stage, &book));
-    } else {
-      L4D_RETURN_IF_ERROR(file_->codebooks().block_codebook({layer, directory_index, index},
-                                                            component, table, &book));
-    }
-  }
-  out->entries = book->entries.data();
-  out->num_entries = book->num_entries;
-  return {};
-}
-
-Status Decoder::sections(uint64_t* sections, uint64_t* layer_bytes) {
-  const SceneHeader& header = file_->header();
-  file_->begin_query();
-  l4d_query all{};
-  all.struct_size = sizeof all;
-  all.kind = L4D_QUERY_ALL;
-  all.max_level = ~0u;
-  Plan plan;
-  L4D_RETURN_IF_ERROR(make_plan(*file_, all, nullptr, &plan));
-  SectionBytes bytes{};
-  std::vector<uint64_t> layers(header.layers.size(), 0);
-  L4D_RETURN_IF_ERROR(pages_->measure(plan, &bytes, &layers));
-  bytes[L4D_SECTION_HEADER] = FileHeader::kBytes + file_->file_header().header_bytes;
-  for (size_t s = 0; s < header.sh.num_books(); ++s) {
-    bytes[L4D_SECTION_CODEBOOKS] += header.sh.book(s).codebook.stored_bytes;
-  }
-  for (uint32_t l = 0; l < header.layers.size(); ++l) {
-    const uint64_t books = file_->codebook_stored_bytes(l);
-    const uint64_t tables = header.layers[l].entropy.stored_bytes;
-    bytes[L4D_SECTION_CODEBOOKS] += books;
-    bytes[L4D_SECTION_ENTROPY_TABLES] += tables;
-    layers[l] += books + tables;
-    if (header.layers[l].num_gaussians == 0) continue;
-    DirectoryPageRef read;
-    for (uint32_t d = 0; d < num_directory_pages(header.layers[l]); ++d) {
-      L4D_RETURN_IF_ERROR(file_->directory().page(l, d, &read));
-      bytes[L4D_SECTION_DIRECTORY] += read->stored_bytes;
-      layers[l] += read->stored_bytes;
-      for (const BlockRecord& block : read->page.blocks) {
-        for (const RcqTableRef& t : block.tables) {
-          bytes[L4D_SECTION_RCQ_TABLES] += t.chunk.stored_bytes;
-          layers[l] += t.chunk.stored_bytes;
-        }
-      }
-      file_->trim();
-    }
-  }
-  std::copy(bytes.begin(), bytes.end(), sections);
-  if (layer_bytes != nullptr) std::copy(layers.begin(), layers.end(), layer_bytes);
-  return {};
-}
-
-Status Decoder::conformance(l4d_conformance* out) {
-  file_->trim();
-  StreamConformance stream(*file_);
-  L4D_RETURN_IF_ERROR(measure_conformance(*file_, &stream));
-  const ConformanceMeter& meter = stream.meter;
-  const auto peak = [&](const Peak& from, uint64_t* value, double* time) {
-    *value = from.value;
-    *time = meter.seconds(from.phase);
-  };
-  peak(meter.gaussians(), &out->instant_gaussians, &out->instant_gaussians_time);
-  peak(meter.instant_bytes(), &out->instant_bytes, &out->instant_bytes_time);
-  peak(meter.memory_bytes(), &out->memory_bytes, &out->memory_time);
-  out->profile = static_cast<uint32_t>(profile_of(file_->header()));
-  out->level = meter.smallest_level();
-  out->table_bytes = meter.table_bytes();
-  out->start_bytes = meter.start_bytes();
-  const Burst burst = meter.least_burst(out->bytes_per_second);
-  out->least_burst_bytes = burst.bytes;
-  out->window_begin = meter.seconds(burst.first);
-  out->window_end = meter.seconds(burst.last);
-  out->least_bytes_per_second = meter.least_rate(out->burst_bytes);
-  return {};
-}
-
-Status Decoder::check_conformance(uint32_t profile, uint32_t level, const ViolationFn& report) {
-  if (profile_name(profile) == nullptr || level > kNumConformanceLevels) {
-    return invalid_argument("unknown profile or level");
-  }
-  file_->trim();
-  return l4d::check_conformance(*file_, profile, level, report);
 }
 
 void Decoder::counters(l4d_counters* out) const {

@@ -2,7 +2,6 @@
 // What an l4d_decoder handle is: an open stream, the loops of a backend, and the bucket cache.
 #pragma once
 
-#include <functional>
 #include <map>
 #include <memory>
 #include <tuple>
@@ -38,8 +37,6 @@ struct PreparedBucket {
   }
 };
 
-using ViolationFn = std::function<void(const Status&)>;
-
 class Decoder {
  public:
   explicit Decoder(const l4d_decoder_options& options);
@@ -50,6 +47,7 @@ class Decoder {
   bool is_open() const { return file_ != nullptr; }
   SceneFile& file() { return *file_; }
   const SceneFile& file() const { return *file_; }
+  PageDecoder& pages() { return *pages_; }
   int threads() const { return static_cast<int>(options_.threads); }
 
   Status select(const l4d_query& query, l4d_selection* out);
@@ -61,12 +59,6 @@ class Decoder {
   Status slice(double time, l4d_splat_buffers* out);
   // Of slices; kept from stream to stream.
   Status set_detail(uint32_t detail);
-  Status codebook(uint32_t layer, uint32_t component, uint32_t stage, uint32_t block,
-                  l4d_codebook* out);
-  Status sections(uint64_t* sections, uint64_t* layer_bytes);
-  // In and out: the channel of *out is given.
-  Status conformance(l4d_conformance* out);
-  Status check_conformance(uint32_t profile, uint32_t level, const ViolationFn& report);
   void counters(l4d_counters* out) const;
   const std::vector<l4d_loss>& losses() const { return losses_.query(); }
   void set_progress(l4d_progress_fn fn, void* user) {
@@ -120,9 +112,5 @@ class Decoder {
   uint64_t cache_hits_ = 0;
   Losses losses_;
 };
-
-// Every check of the specification that a stream can fail; calls `report` for each.
-Status validate_stream(ByteSource source, const l4d_decoder_options& options,
-                       const ViolationFn& report);
 
 }  // namespace l4d

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "decoder/check/inspection.h"
+#include "decoder/read/find_codebook.h"
 #include "l4d/decode.h"
 #include "libl4dcodec/api/decoder_handle.h"
 #include "libl4dcodec/container/levels.h"
@@ -288,7 +290,7 @@ l4d_status l4d_decoder_get_sections(l4d_decoder* decoder, uint64_t* sections, ui
   return with_stream(decoder, bad, [&](l4d::Decoder& d) -> Status {
     uint64_t all[L4D_SECTION_COUNT];
     std::vector<uint64_t> layers(d.file().header().layers.size());
-    L4D_RETURN_IF_ERROR(d.sections(all, layers.data()));
+    L4D_RETURN_IF_ERROR(l4d::measure_sections(d.file(), d.pages(), all, layers.data()));
     std::copy_n(all, std::min<uint32_t>(capacity, L4D_SECTION_COUNT), sections);
     std::copy_n(layers.begin(), std::min<size_t>(layer_capacity, layers.size()), layer_bytes);
     if (count != nullptr) *count = L4D_SECTION_COUNT;
@@ -361,7 +363,7 @@ l4d_status l4d_decoder_get_codebook(l4d_decoder* decoder, uint32_t layer, uint32
                                     uint32_t stage, uint32_t block, l4d_codebook* out) {
   return with_stream(decoder, required(out), [&](l4d::Decoder& d) -> Status {
     l4d_codebook book{};
-    L4D_RETURN_IF_ERROR(d.codebook(layer, component, stage, block, &book));
+    L4D_RETURN_IF_ERROR(l4d::find_codebook(d.file(), layer, component, stage, block, &book));
     write_struct(book, out);
     return {};
   });
@@ -413,7 +415,7 @@ l4d_status l4d_get_level_limits(uint32_t level, uint32_t profile, l4d_level_limi
 l4d_status l4d_decoder_get_conformance(l4d_decoder* decoder, l4d_conformance* conformance) {
   return with_stream(decoder, required(conformance), [&](l4d::Decoder& d) -> Status {
     l4d_conformance c = read_struct(*conformance, l4d_conformance{});
-    L4D_RETURN_IF_ERROR(d.conformance(&c));
+    L4D_RETURN_IF_ERROR(l4d::inspect_conformance(d.file(), &c));
     write_struct(c, conformance);
     return {};
   });
@@ -424,7 +426,8 @@ l4d_status l4d_decoder_check_conformance(l4d_decoder* decoder, uint32_t profile,
                                          uint64_t* num_violations) {
   return with_stream(decoder, required(num_violations), [&](l4d::Decoder& d) {
     *num_violations = 0;
-    return d.check_conformance(profile, level, reporter(fn, user, num_violations));
+    return l4d::check_asked_conformance(d.file(), profile, level,
+                                        reporter(fn, user, num_violations));
   });
 }
 

@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: Apache-2.0
+// What a whole stream is made of, and whether it keeps to the rules.
+#pragma once
+
+#include <functional>
+
+#include "decoder/expand/page_decoder.h"
+#include "decoder/read/scene_file.h"
+#include "l4d/decode.h"
+
+namespace l4d {
+
+using ViolationFn = std::function<void(const Status&)>;
+
+// As l4d_decoder_get_sections. sections: [L4D_SECTION_COUNT], layer_bytes: [num_layers] or null.
+Status measure_sections(SceneFile& file, PageDecoder& pages, uint64_t* sections,
+                        uint64_t* layer_bytes);
+
+// As l4d_decoder_get_conformance. In and out: the channel of *out is given.
+Status inspect_conformance(SceneFile& file, l4d_conformance* out);
+
+// As l4d_decoder_check_conformance. Fails with INVALID_ARGUMENT on unknown ids, which
+// check_conformance() reports, since a stream may declare them.
+Status check_asked_conformance(SceneFile& file, uint32_t profile, uint32_t level,
+                               const ViolationFn& report);
+
+// Every check of the specification that a stream can fail; calls `report` for each.
+Status validate_stream(ByteSource source, const l4d_decoder_options& options,
+                       const ViolationFn& report);
+
+}  // namespace l4d
