@@ -28,7 +28,7 @@ namespace l4d::api {
 
 L4D_FIRST_VERSION(l4d_encoder_options, seed);
 L4D_FIRST_VERSION(l4d_parameter_info, integer);
-L4D_FIRST_VERSION(l4d_encode_report, max_opacity_error);
+L4D_FIRST_VERSION(l4d_encode_report, max_mean_t_error);
 
 }  // namespace l4d::api
 

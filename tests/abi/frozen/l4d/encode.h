@@ -127,20 +127,21 @@ enum {
   L4D_ENC_MAX_OPACITY_ERROR = 35, /* of the opacity seen at any instant, 0..1 */
   /* Distance in scene units at any instant at which the Gaussian is visible. */
   L4D_ENC_MAX_VISIBLE_ERROR = 36,
-  /* What the weights were measured from, L4D_WEIGHT_VIEWS_*, which decides what is dropped unless
-   * L4D_ENC_PRUNE_WEIGHT and L4D_ENC_PRUNE_COST are set after the preset:
-   *   UNKNOWN  as the preset has those two
-   *   ALL      every view that the scene is made for: Gaussians of no alpha_t weight show to
-   * nobody, and are dropped; those that cost more than they show, as the preset has it SOME     a
-   * part of these views, or made-up ones: Gaussians may show in others, and all are kept A lossless
-   * stream keeps all Gaussians whatever the views. */
+  /* What the weights were measured from, L4D_WEIGHT_VIEWS_*. It decides what is dropped, unless
+   * L4D_ENC_PRUNE_WEIGHT and L4D_ENC_PRUNE_COST are set after the preset. A lossless stream keeps
+   * all Gaussians whatever the views. */
   L4D_ENC_WEIGHT_VIEWS = 37,
   L4D_ENC_PARAMETER_COUNT = 38
 };
-enum { /* values of L4D_ENC_WEIGHT_VIEWS */
-       L4D_WEIGHT_VIEWS_UNKNOWN = 0,
-       L4D_WEIGHT_VIEWS_ALL = 1,
-       L4D_WEIGHT_VIEWS_SOME = 2
+/* Values of L4D_ENC_WEIGHT_VIEWS. */
+enum {
+  /* Pruning is as the preset has it. */
+  L4D_WEIGHT_VIEWS_UNKNOWN = 0,
+  /* Every view that the scene is made for. A Gaussian whose alpha_t weight is 0 shows to nobody and
+   * is dropped; one that costs more than it shows is dropped as the preset has it. */
+  L4D_WEIGHT_VIEWS_ALL = 1,
+  /* Some of these views, or made-up ones. A Gaussian may show in others: none is dropped. */
+  L4D_WEIGHT_VIEWS_SOME = 2
 };
 L4D_API l4d_status l4d_encoder_set(l4d_encoder* encoder, l4d_encoder_parameter id,
                                    int32_t component, double value);
