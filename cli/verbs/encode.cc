@@ -38,7 +38,7 @@ struct EncodeArguments {
   TargetArguments target;
   ImportArguments import;
 
-  // Cameras beside weights are there for a target to be measured.
+  // With weights of a file, cameras say only how small a Gaussian can look, and serve a target.
   bool measures() const { return cameras.given() && weights.empty(); }
 };
 
@@ -46,9 +46,9 @@ struct EncodeArguments {
 void check_importance(const EncodeArguments& arguments, const std::optional<eval::Target>& target) {
   const bool measures = arguments.measures();
   arguments.cameras.check();
-  if (arguments.cameras.given() && !measures && !(target && target->needs_views())) {
+  if (arguments.cameras.orbit > 0 && !measures && !(target && target->needs_views())) {
     throw usage_error(
-        "--weights excludes --cameras and --orbit, unless for --target-fidelity or "
+        "--weights excludes --orbit, unless for --target-fidelity or "
         "--target-psnr-loss");
   }
   arguments.measure.check();

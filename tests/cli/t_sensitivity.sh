@@ -64,8 +64,10 @@ from columns import columns
 a, b = columns('sum.ply', 'sum'), columns('gauss-newton.ply', 'gauss-newton')
 assert [name for name in a if a[name] == b[name]] == ['alpha_t']"
 
-# encode takes them from the file or measures for itself, with one result.
-expect_document 0 encode s.ply -o file.l4d --preset indexed --codebook all=64 --weights w.ply --prune-weight 0 --set prune-cost=0
+# encode takes them from the file or measures for itself, with one result: cameras also say how small
+# a Gaussian can look.
+expect_document 0 encode s.ply -o file.l4d --preset indexed --codebook all=64 --weights w.ply --cameras c.json \
+  --prune-weight 0 --set prune-cost=0
 expect_json out "d['pruned'] == $unseen and 'sensitivity' not in d"
 expect_document 0 encode s.ply -o own.l4d --preset indexed --codebook all=64 --set prune-cost=0 --cameras c.json \
   --all-views --save-weights own.ply
