@@ -9,26 +9,24 @@
  *   l4d_renderer_render(renderer, &camera, &image);
  *   l4d_renderer_destroy(renderer);
  *
- * Conventions of the image are those of 3D Gaussian splatting. All backends do this:
- *  - A Gaussian whose mean has z <= near_plane in camera axes is not drawn. The others are drawn by
- *    rising z of their means, all of a Gaussian before the next; the order of equal ones is the
- *    path's.
- *  - Its splat has the mean (fx x/z + cx, fy y/z + cy) and the covariance J S J^T + 0.3 I, in
- *    pixels, with S the covariance in camera axes and J the derivative of the projection at the
- *    mean (EWA). In J, and only there, x/z and y/z are clamped to the image made wider and higher
- *    by 15 % of its width and height on each side, since J grows without bound far outside. The
- *    splat of a mean beyond that has another shape than its Gaussian, and derivatives take the
- *    clamped slope as constant.
- *  - alpha = min(0.999, opacity exp(-q/2)) at the centre of each pixel, q the squared distance in
- *    units of the splat's covariance. Where it is below 1/255 the splat is skipped: its border is a
- *    step of 1/255, and one that fades goes out at 1/255, not at 0. Derivatives do not see these
- *    steps, nor those of cut alphas, of the order and of the near plane.
- *  - Front to back; a splat that would bring a pixel's transmittance below 1e-4 is not drawn there,
- *    nor is any behind it. The background shows with the transmittance that is left.
- *  - Colour is 0.5 + SH in the direction from the camera to the sliced mean, clamped below at 0.
- * Images are not clamped above. Rendering is not normative: paths agree within rounding, not bit
- * for bit, and rounding decides on which side of a step a pixel lies. Each path is deterministic:
- * neither the number of threads nor max_memory_bytes changes its result.
+ * Images follow the conventions of 3D Gaussian splatting. In all backends:
+ *  - A Gaussian whose mean has z <= near_plane in camera axes is skipped. The others are drawn in
+ *    ascending order of z of their means. Backends order equal depths differently.
+ *  - A splat has the mean (fx x/z + cx, fy y/z + cy) and the covariance J S J^T + 0.3 I, in pixels.
+ *    S is the covariance in camera axes, J the derivative of the projection at the mean (EWA). In J
+ *    alone, x/z and y/z are clamped to the image extended by 15 % of its width and height on each
+ *    side, because J grows without bound. Beyond that the splat's shape is approximate, and
+ * gradients treat the clamped slope as constant.
+ *  - alpha = min(0.999, opacity exp(-q/2)) at the centre of each pixel, where q is the squared
+ *    Mahalanobis distance. A splat is skipped where alpha is below 1/255: its border is a step of
+ *    1/255, and a fading one disappears at 1/255. Gradients ignore these steps, the clamp of alpha,
+ *    changes of the order, and the near plane.
+ *  - Blending is front to back. A splat that would bring a pixel's transmittance below 1e-4 ends
+ * the blending of that pixel and is not drawn. The remaining transmittance shows the background.
+ *  - Colour is 0.5 + SH in the direction from the camera to the sliced mean, clamped to at least 0.
+ * Images have no upper clamp. Rendering is not normative: backends agree within rounding, not bit
+ * for bit, and rounding decides on which side of a step a pixel lies. Each backend is
+ * deterministic: neither the number of threads nor max_memory_bytes changes its result.
  */
 #ifndef L4D_RENDER_H
 #define L4D_RENDER_H
@@ -56,8 +54,8 @@ typedef struct l4d_renderer_options {
   uint32_t backend;
   uint32_t exponential; /* L4D_RENDER_EXP_*, of the CPU backend */
   uint32_t device;      /* of the CUDA backend: CUDA's number of the device */
-  /* What the CPU paths may hold; 0 = 16 GiB. A call that needs more fails with LIMIT_EXCEEDED. It
-   * counts the scene prepared, the Gaussians of the instant (52 bytes each, and 36 more of a
+  /* What the CPU backends may hold; 0 = 16 GiB. A call that needs more fails with LIMIT_EXCEEDED.
+   * It counts the scene prepared, the Gaussians of the instant (52 bytes each, and 36 more of a
    * stream), splats of a view (144 bytes each) and the lists of splats by tile. The lists are made
    * for as much of the image at a time as fits, and never for more than 256 MiB; the image does not
    * depend on that. Not counted: what the caller gives, images and gradients among it, the
@@ -71,14 +69,14 @@ L4D_API void l4d_renderer_options_init_(l4d_renderer_options* options, size_t st
  * CUDA backend takes its device when it is given a scene; that call fails with
  * FEATURE_UNSUPPORTED in a build without device code, and with DEVICE where there is no device that
  * this build has code for. What it renders from is copied to the device, and images come back to
- * the host: a player that keeps both on the device uses cuda_render.h. It differs from the FAST
- * path by rounding. */
+ * the host: a player that keeps both on the device uses cuda_render.h. It differs from the CPU
+ * backend by rounding. */
 L4D_API l4d_status l4d_renderer_create(const l4d_renderer_options* options, l4d_renderer** out);
 L4D_API void l4d_renderer_destroy(l4d_renderer* renderer); /* accepts NULL */
 /* As l4d_decoder_error_detail. */
 L4D_API const char* l4d_renderer_error_detail(const l4d_renderer* renderer);
 
-/* ---- what is rendered ---------------------------------------------------------------------- */
+/* ---- the scene ------------------------------------------------------------------------------ */
 
 /* A scene of 4D Gaussians. Its arrays are borrowed until another scene is set or the renderer is
  * destroyed, and must not change meanwhile; what does not depend on time is prepared here. Fails
@@ -90,7 +88,7 @@ L4D_API l4d_status l4d_renderer_set_gaussians(l4d_renderer* renderer,
 /* An open stream: each instant reads the buckets visible then, through the decoder's own cache. The
  * decoder is borrowed likewise, and used on the calling thread only. */
 L4D_API l4d_status l4d_renderer_set_decoder(l4d_renderer* renderer, l4d_decoder* decoder);
-/* Light behind the scene; black unless set. */
+/* Sets the background colour; black at first. rgb: finite. */
 L4D_API l4d_status l4d_renderer_set_background(l4d_renderer* renderer, const float* rgb /* [3] */);
 
 /* Slices the scene at `time` seconds (clamped to the sequence) for all calls that follow. */
@@ -124,7 +122,8 @@ L4D_API void l4d_image_init_(l4d_image* image, size_t struct_size);
 #define l4d_image_init(image) l4d_image_init_((image), sizeof(*(image)))
 
 /* Renders the instant of the last set_time. Fails with INVALID_STATE without one, INVALID_ARGUMENT
- * on a camera that is none. */
+ * if the camera is invalid (see l4d_camera), LIMIT_EXCEEDED (see max_memory_bytes), OUT_OF_MEMORY,
+ * DEVICE. */
 L4D_API l4d_status l4d_renderer_render(l4d_renderer* renderer, const l4d_camera* camera,
                                        const l4d_image* image);
 
@@ -146,8 +145,9 @@ typedef struct l4d_gradients {
 L4D_API void l4d_gradients_init_(l4d_gradients* gradients, size_t struct_size);
 #define l4d_gradients_init(gradients) l4d_gradients_init_((gradients), sizeof(*(gradients)))
 
-/* Renders the view and goes back: rgb_gradient [height, width, 3] is the derivative of the scalar
- * by each pixel. Needs a scene of set_gaussians (INVALID_STATE otherwise). */
+/* Backward pass of one view at the time of the last set_time. rgb_gradient: [height, width, 3], the
+ * derivative of the scalar with respect to each pixel. Adds to the arrays of `gradients`. Fails
+ * with INVALID_STATE unless the scene is one of l4d_renderer_set_gaussians. */
 L4D_API l4d_status l4d_renderer_backward(l4d_renderer* renderer, const l4d_camera* camera,
                                          const float* rgb_gradient, l4d_gradients* gradients);
 
@@ -189,42 +189,40 @@ L4D_API l4d_status l4d_sensitivity_create(const l4d_sensitivity_options* options
                                           uint32_t sh_degree, l4d_sensitivity** out);
 L4D_API void l4d_sensitivity_destroy(l4d_sensitivity* sensitivity); /* accepts NULL */
 
-/* Adds the view at the renderer's time; the renderer holds the scene the accumulator was made for
- * (set_gaussians), without background. seen_only: only asks which of the Gaussians that no view has
- * shown so far this one shows, which needs no derivatives and little time: what to call for the
- * views one has no time for, before Gaussians without weight are dropped. On failure the detail is
- * the renderer's. */
+/* Adds one view at the renderer's time. The renderer must hold the scene of this accumulator
+ * (l4d_renderer_set_gaussians), without a background. seen_only = 1 records only which Gaussians
+ * the view shows, without derivatives, in a fraction of the time: call it for the views that you
+ * skip, so that pruning does not drop Gaussians visible only there. On failure
+ * l4d_renderer_error_detail returns the reason. */
 L4D_API l4d_status l4d_sensitivity_add_view(l4d_sensitivity* sensitivity, l4d_renderer* renderer,
                                             const l4d_camera* camera, int seen_only);
-/* Adds what `other` has gathered; both are for the same scene and measure. */
+/* Adds the sums of `other`. Fails with INVALID_ARGUMENT unless both have the same scene size and
+ * measure. */
 L4D_API l4d_status l4d_sensitivity_merge(l4d_sensitivity* sensitivity,
                                          const l4d_sensitivity* other);
-/* out: [count], weights of `which`: L4D_WEIGHT_*. ALPHA_T is the sum of alpha times transmittance
- * per pixel: of the full views, and of Gaussians that only seen_only views show, of all views.
- * Fails with INVALID_STATE before the first full view. */
+/* Returns weights. which: L4D_WEIGHT_*. out: [count]. ALPHA_T is the sum of alpha times
+ * transmittance per pixel, over the full views; for Gaussians that only seen_only views show, over
+ * all views. Fails with INVALID_STATE before the first full view. */
 L4D_API l4d_status l4d_sensitivity_get_weights(const l4d_sensitivity* sensitivity, uint32_t which,
                                                float* out, uint64_t count);
 
-/* Measures a scene over many views, or as many of them as it takes. Every instant is looked at from
- * cameras that take turns, in rounds; after each round the weights of two independent halves of the
- * views are compared, and where they agree the rest is left out. The views left out are then asked
- * which of the Gaussians not seen so far they show. */
+/* One view of l4d_measure. */
 typedef struct l4d_view {
   double time;     /* seconds */
   uint32_t camera; /* index into the cameras */
   uint32_t reserved;
 } l4d_view; /* frozen */
 
-/* Processes that measure one scene together, each with a renderer of its own that holds the same
- * scene; all make the same call of l4d_measure, and all get the same result. Views are dealt out by
- * instant. */
+/* Distributed measurement: every process loads the same scene into its own renderer, calls
+ * l4d_measure with equal arguments, and gets the same result. Each process renders the views of a
+ * part of the instants. */
 typedef struct l4d_ranks {
   size_t struct_size;
-  uint32_t rank; /* of this process, below count */
-  uint32_t count;
-  /* Replaces values [n] by their sums over all ranks, which call it with the same n in the same
-   * order, on the thread that called the library. Not 0: it failed, and l4d_measure does, with IO.
-   */
+  uint32_t rank;  /* of this process, below count */
+  uint32_t count; /* number of processes */
+  /* All-reduce: replaces values [n] by their sums over all processes. All processes call it with
+   * the same n in the same order, on the thread that called l4d_measure. Returns 0, or another
+   * value on failure; l4d_measure then fails with IO. */
   int (*sum)(void* user, int64_t* values, uint64_t n);
   void* user;
 } l4d_ranks;
@@ -236,17 +234,17 @@ typedef struct l4d_measure_options {
   uint32_t measure; /* L4D_SENSITIVITY_*, as in l4d_sensitivity_options */
   uint32_t reserved;
   uint64_t seed; /* as in l4d_sensitivity_options */
-  /* Rank correlation of the halves' weights, the smallest over components, at which measuring
-   * stops; above 1 = never, all views count. 0.95 unless set. */
+  /* Measuring stops when the rank correlation between the weights of both halves of the views is at
+   * least this for every component; above 1 = never. Default 0.95. */
   double agreement;
-  double max_share; /* stop at this share of the views, agreed or not; 1 unless set */
-  /* Views that are left out are asked what they show, a sixteenth of each instant's at a time,
-   * until of the light in a round's images less than 1e-4 comes from Gaussians that no view has
-   * shown before. */
-  uint32_t skip_unseen; /* 1: do not ask any */
-  uint32_t ask_all;     /* 1: ask all of them */
-  /* NULL = this process alone. Else, even for a count of 1, sums are whole numbers of small units,
-   * so that weights do not depend on the number of ranks. */
+  double max_share; /* measuring stops at this share of the views; default 1 */
+  /* The views that were not measured then get a visibility-only pass, in rounds of 1/16 of the
+   * views of each instant, until less than 1e-4 of a round's blending weight belongs to Gaussians
+   * that no view has shown before. */
+  uint32_t skip_unseen; /* 1: no such pass */
+  uint32_t ask_all;     /* 1: the pass covers all of these views */
+  /* NULL = this process alone. Otherwise, even for one process, sums are in fixed point, so that
+   * weights do not depend on the number of processes. */
   const l4d_ranks* ranks;
 } l4d_measure_options;
 L4D_API void l4d_measure_options_init_(l4d_measure_options* options, size_t struct_size);
@@ -256,27 +254,29 @@ typedef struct l4d_measure_report {
   size_t struct_size;
   uint64_t views;          /* given */
   uint64_t views_measured; /* with derivatives */
-  uint64_t views_asked;    /* of the others, what they show */
+  uint64_t views_asked;    /* in the visibility-only pass */
   uint32_t rounds;
   uint32_t agreed;     /* 1: the halves agreed */
-  double agreement[4]; /* rank correlation of the halves, by L4D_COMPONENT_*; 0 before the first
-                          test */
-  uint64_t unseen;     /* Gaussians that no view shows of those measured and asked */
+  double agreement[4]; /* rank correlation of the halves, by L4D_COMPONENT_*; 0 = not tested */
+  uint64_t unseen;     /* Gaussians that none of the measured and visibility-only views shows */
 } l4d_measure_report;
 L4D_API void l4d_measure_report_init_(l4d_measure_report* report, size_t struct_size);
 #define l4d_measure_report_init(report) l4d_measure_report_init_((report), sizeof(*(report)))
 
-/* The renderer holds the scene (set_gaussians), without background; its instant is moved. cameras:
- * [num_cameras], cameras[0].struct_size bytes apart, views: [num_views], in any order. options,
- * progress and report may be NULL; progress counts views. *out is the caller's to destroy. */
+/* Measures importance over as many of the views as are needed. Works in rounds: each round adds
+ * views from other cameras at every instant, and compares the weights of two independent halves of
+ * the views. The renderer must hold the scene (l4d_renderer_set_gaussians), without a background;
+ * the call changes its time. cameras: [num_cameras], cameras[0].struct_size bytes apart. views:
+ * [num_views], in any order. options, progress and report may be NULL; progress counts views. The
+ * caller destroys *out. */
 L4D_API l4d_status l4d_measure(l4d_renderer* renderer, const l4d_camera* cameras,
                                uint32_t num_cameras, const l4d_view* views, uint64_t num_views,
                                const l4d_measure_options* options, l4d_progress_fn progress,
                                void* user, l4d_measure_report* report, l4d_sensitivity** out);
 
-/* ---- what a call did ----------------------------------------------------------------------- */
+/* ---- statistics ---------------------------------------------------------------------------- */
 enum {
-  L4D_RENDER_STAGE_SLICE = 0, /* of the last set_time; decoding included */
+  L4D_RENDER_STAGE_SLICE = 0, /* the last set_time, including decoding */
   L4D_RENDER_STAGE_PROJECT,
   L4D_RENDER_STAGE_SORT,
   L4D_RENDER_STAGE_BIN,
@@ -291,7 +291,7 @@ typedef struct l4d_render_stats {
   size_t struct_size;
   uint64_t visible;   /* Gaussians visible at the time */
   uint64_t projected; /* of these, those that touch a pixel of the last view's frame */
-  uint64_t instances; /* pairs of Gaussian and tile; 0 on the reference path */
+  uint64_t instances; /* pairs of Gaussian and tile; 0 on the reference backend */
   double seconds[L4D_RENDER_MAX_STAGES]; /* by L4D_RENDER_STAGE_*; 0 beyond */
 } l4d_render_stats;
 L4D_API void l4d_render_stats_init_(l4d_render_stats* stats, size_t struct_size);

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0
- * cuda.h: what libl4dcodec does on CUDA devices. Every build has these functions; in one without
- * device code they fail with FEATURE_UNSUPPORTED, and l4d_cuda_get_device_count counts 0.
+ * cuda.h: decoding on CUDA devices. Every build has these functions. In a build without device code
+ * they fail with FEATURE_UNSUPPORTED, and l4d_cuda_get_device_count returns a count of 0.
  *
- * Streams are cudaStream_t, device arrays plain device pointers, both told as void* so that this
- * header needs none of CUDA's.
+ * CUDA streams are passed as void* (a cudaStream_t), so that this header needs none of CUDA's.
+ * Device arrays are typed pointers to device memory.
  */
 #ifndef L4D_CUDA_H
 #define L4D_CUDA_H
@@ -26,10 +26,10 @@ typedef struct l4d_cuda_device_info {
 L4D_API void l4d_cuda_device_info_init_(l4d_cuda_device_info* info, size_t struct_size);
 #define l4d_cuda_device_info_init(info) l4d_cuda_device_info_init_((info), sizeof(*(info)))
 
-/* Devices that the driver shows; *count is 0 where there is no driver or this build has no device
- * code. */
+/* Returns the number of devices that the driver reports: 0 without a driver or without device code
+ * in this build. */
 L4D_API l4d_status l4d_cuda_get_device_count(uint32_t* count);
-/* Fails with INVALID_ARGUMENT where there is no such device. */
+/* Fails with INVALID_ARGUMENT if there is no such device. */
 L4D_API l4d_status l4d_cuda_get_device_info(uint32_t device, l4d_cuda_device_info* info);
 
 /* ---- decoding -------------------------------------------------------------------------------- */
@@ -43,9 +43,9 @@ L4D_API l4d_status l4d_cuda_get_device_info(uint32_t device, l4d_cuda_device_inf
  *   l4d_cuda_decoder_prepare(cuda, &query, &job);          // host: reads, checks, learns sizes
  *   ... device arrays of job.num_gaussians, a workspace of job.workspace_bytes ...
  *   l4d_cuda_decoder_decode(cuda, &buffers, workspace, job.workspace_bytes, stream);
- *   l4d_cuda_decoder_finish(cuda);                         // waits, tells what is damaged
+ *   l4d_cuda_decoder_finish(cuda);                         // waits, returns the status
  *
- * One job at a time; to prepare the next one while the device works, use two. */
+ * A decoder has one job at a time. To prepare the next job while the device works, use two. */
 typedef struct l4d_cuda_decoder l4d_cuda_decoder;
 
 /* Attributes of a job. */
@@ -67,13 +67,13 @@ enum {
 
 typedef struct l4d_cuda_job {
   size_t struct_size;
-  uint32_t attributes;    /* in: those that decode may ask for; all unless set */
-  uint32_t forms;         /* in: L4D_CUDA_FORM_*; EXPANDED unless set */
+  uint32_t attributes;    /* in: L4D_CUDA_* attributes that decode may output; default all */
+  uint32_t forms;         /* in: L4D_CUDA_FORM_*; default EXPANDED */
   uint64_t num_gaussians; /* out, as in l4d_selection */
   uint64_t num_ranges;
   uint64_t num_chunks;
   uint64_t upload_bytes;    /* from the host to the device in each decode */
-  uint64_t workspace_bytes; /* of device memory; may be 0 where the host decodes all */
+  uint64_t workspace_bytes; /* device memory; may be 0 if the host decodes everything */
 } l4d_cuda_job;
 L4D_API void l4d_cuda_job_init_(l4d_cuda_job* job, size_t struct_size);
 #define l4d_cuda_job_init(job) l4d_cuda_job_init_((job), sizeof(*(job)))
@@ -96,8 +96,8 @@ L4D_API void l4d_cuda_gaussian_buffers_init_(l4d_cuda_gaussian_buffers* buffers,
 #define l4d_cuda_gaussian_buffers_init(buffers) \
   l4d_cuda_gaussian_buffers_init_((buffers), sizeof(*(buffers)))
 
-/* Likewise, as l4d_packed_buffers. The attribute of depths, indices and literals is that of their
- * component, and of scale_factor L4D_CUDA_LOG_SCALE. */
+/* Device arrays as in l4d_packed_buffers. depth, index and literal of a component belong to that
+ * component's L4D_CUDA_* attribute, scale_factor to L4D_CUDA_LOG_SCALE. */
 typedef struct l4d_cuda_packed_component {
   uint8_t* depth;            /* [N] */
   uint16_t* index;           /* [num_stages][N], stage s of Gaussian i at s * capacity + i */
@@ -117,55 +117,58 @@ L4D_API void l4d_cuda_packed_buffers_init_(l4d_cuda_packed_buffers* buffers, siz
 #define l4d_cuda_packed_buffers_init(buffers) \
   l4d_cuda_packed_buffers_init_((buffers), sizeof(*(buffers)))
 
-/* Borrows `decoder`, whose stream must be open: it must outlive this object, keep that stream open,
- * and serve no other call while one of this object runs. Its limits hold; damage is refused,
- * whether it is tolerant or not. Fails with DEVICE where the device cannot be used. */
+/* Creates a device decoder for the open stream of `decoder`, and borrows `decoder`: it must outlive
+ * this object, keep that stream open, and serve no other call while one of this object runs. Its
+ * limits apply. Damage fails the job even if `decoder` is tolerant. Fails with INVALID_STATE
+ * without an open stream, DEVICE if the device cannot be used. */
 L4D_API l4d_status l4d_cuda_decoder_create(l4d_decoder* decoder, uint32_t device,
                                            l4d_cuda_decoder** out);
-/* Waits for the job at hand. NULL is allowed. */
+/* Waits for the current job. Accepts NULL. */
 L4D_API void l4d_cuda_decoder_destroy(l4d_cuda_decoder* decoder);
-/* Of the last failure of a call on this handle; "" after success. Valid until the next call. */
+/* As l4d_decoder_error_detail. */
 L4D_API const char* l4d_cuda_decoder_error_detail(const l4d_cuda_decoder* decoder);
 
-/* Reads the pages that the query selects into pinned memory and checks all that the host can see of
- * them. Tables and codebooks go to the device where a page first needs them. Waits for the job
- * before. Fails as l4d_decoder_decode does, and with FEATURE_UNSUPPORTED where the packed form is
- * asked for and the stream has none, as l4d_decoder_decode_packed does. */
+/* Waits for the previous job, then reads the pages that the query selects into pinned memory and
+ * checks their structure. Uploads tables and codebooks on first use. Fails as l4d_decoder_decode
+ * does, and with FEATURE_UNSUPPORTED if job->forms includes PACKED and the stream has no packed
+ * form.
+ */
 L4D_API l4d_status l4d_cuda_decoder_prepare(l4d_cuda_decoder* decoder, const l4d_query* query,
                                             l4d_cuda_job* job);
-/* The ranges of what is prepared, in the order of the decoded arrays. *count is their number; the
- * first min(capacity, *count) go to `out`, which may be NULL where capacity is 0. */
+/* Lists the ranges of the prepared job, in the order of the decoded arrays. *count receives their
+ * number; the first min(capacity, *count) are written to `out`, which may be NULL if capacity is 0.
+ */
 L4D_API l4d_status l4d_cuda_decoder_get_ranges(const l4d_cuda_decoder* decoder, l4d_range* out,
                                                uint64_t capacity, uint64_t* count);
 
-/* These put work on `stream` (a cudaStream_t; NULL = the default stream) and neither allocate nor
- * wait. workspace: device memory at a multiple of 256 bytes that nothing else uses until the work
- * is done. decode may be called again and again for what is prepared; it uploads the compressed
- * pages each time, unless upload() has just done so for the same workspace. It is the caller who
- * orders streams, where those of the two differ. */
+/* upload, decode and decode_packed launch work on `stream` (a cudaStream_t; NULL = the default
+ * stream) and neither allocate nor wait. workspace: device memory aligned to 256 bytes; nothing
+ * else may use it until the work is done. A prepared job can be decoded many times; each decode
+ * uploads the compressed pages, unless upload() has just done so for the same workspace. If upload
+ * and decode use different streams, the caller orders them. */
 L4D_API l4d_status l4d_cuda_decoder_upload(l4d_cuda_decoder* decoder, void* workspace,
                                            uint64_t workspace_size, void* stream);
 L4D_API l4d_status l4d_cuda_decoder_decode(l4d_cuda_decoder* decoder,
                                            const l4d_cuda_gaussian_buffers* out, void* workspace,
                                            uint64_t workspace_size, void* stream);
-/* With the bits of l4d_decoder_decode_packed. Where literals are wanted and there are more of a
- * component than it has room for, the first ones are written and finish() fails with
- * INVALID_ARGUMENT. */
+/* Gives the bits of l4d_decoder_decode_packed. If a component has more literals than
+ * literal_capacity, the first ones are written and finish() fails with BUFFER_TOO_SMALL. */
 L4D_API l4d_status l4d_cuda_decoder_decode_packed(l4d_cuda_decoder* decoder,
                                                   const l4d_cuda_packed_buffers* out,
                                                   void* workspace, uint64_t workspace_size,
                                                   void* stream);
-/* Waits for the last decode and tells what became of it: CORRUPT, with clause and offset of the
- * first page that is damaged, where l4d_decoder_decode would. Rows of damaged pages, and those
- * only, then hold what they held before. */
+/* Waits for the last decode and returns its status: CORRUPT, naming clause and offset of the first
+ * damaged page, where l4d_decoder_decode would fail. The outputs of damaged pages are then
+ * unmodified; all others are valid. */
 L4D_API l4d_status l4d_cuda_decoder_finish(l4d_cuda_decoder* decoder);
 /* Number of literals of one component that the last decode_packed produced, even if
  * literal_capacity was below it; 0 for a component of which no array was given. Fails with
  * INVALID_STATE before finish(), with INVALID_ARGUMENT if component is no L4D_COMPONENT_*. */
 L4D_API l4d_status l4d_cuda_decoder_get_num_literals(l4d_cuda_decoder* decoder, uint32_t component,
                                                      uint64_t* count);
-/* As l4d_decoder_get_codebook, with `entries` on the device: valid as long as `decoder`, those of
- * blocks until the next prepare(). Waits for the device where a codebook is not there yet. */
+/* As l4d_decoder_get_codebook, with `entries` in device memory. It is valid until `decoder` is
+ * destroyed; a codebook of a block only until the next prepare(). Waits if the codebook is not yet
+ * on the device. */
 L4D_API l4d_status l4d_cuda_decoder_get_codebook(l4d_cuda_decoder* decoder, uint32_t layer,
                                                  uint32_t component, uint32_t stage, uint32_t block,
                                                  l4d_codebook* out);

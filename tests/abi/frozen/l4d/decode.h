@@ -1,15 +1,16 @@
 /* SPDX-License-Identifier: Apache-2.0
  * decode.h: reading .l4d streams. Safe on untrusted input: every failure is a status.
  *
- *   l4d_decoder_options options; l4d_decoder_options_init(&options);
  *   l4d_decoder* decoder;
- *   l4d_decoder_create(&options, &decoder);
+ *   l4d_decoder_create(NULL, &decoder);                   // each call returns an l4d_status
  *   l4d_decoder_open_file(decoder, "scene.l4d");
  *   l4d_query query; l4d_query_init(&query);
  *   query.kind = L4D_QUERY_TIME; query.time_begin = 2.5;
  *   l4d_selection selection; l4d_selection_init(&selection);
- *   l4d_decoder_select(decoder, &query, &selection);      // how many, how many bytes
- *   ... allocate arrays of selection.num_gaussians ...
+ *   l4d_decoder_select(decoder, &query, &selection);      // number of Gaussians and of bytes
+ *   float* position = malloc(selection.num_gaussians * 3 * sizeof *position);
+ *   l4d_gaussian_buffers buffers; l4d_gaussian_buffers_init(&buffers);
+ *   buffers.capacity = selection.num_gaussians; buffers.position = position;
  *   l4d_decoder_decode(decoder, &query, &buffers);
  *   l4d_decoder_destroy(decoder);
  */
@@ -34,10 +35,9 @@ typedef struct l4d_decoder_options {
   uint64_t max_gaussians;    /* of one stream; 2^30 */
   uint32_t max_frames;       /* of one stream; 2^24, the format's own maximum */
   uint32_t threads; /* at most L4D_MAX_THREADS; 0 = one per core; never changes the output */
-  /* L4D_BACKEND_*; never changes the output. CUDA: l4d_decoder_decode works on CUDA's device 0 and
-   * copies back, the rest on the host, and a tolerant decoder works on the host alone. A player
-   * that keeps what it decodes on the device uses cuda.h. Creating such a decoder fails with DEVICE
-   * where there is no usable device, with FEATURE_UNSUPPORTED in a build without device code. */
+  /* L4D_BACKEND_*; never changes the output. With CUDA, l4d_decoder_decode runs on CUDA device 0
+   * and copies the result to the host. All other functions, and all of a tolerant decoder, run on
+   * the host. To keep decoded arrays on the device, use cuda.h. */
   uint32_t backend;
   uint64_t cache_bytes; /* budget of the bucket cache that time stepping uses; 0 = 512 MiB */
   /* 0 (strict): a damaged chunk or a failure of the reader fails the query. 1 (tolerant): the query
@@ -50,27 +50,31 @@ typedef struct l4d_decoder_options {
 L4D_API void l4d_decoder_options_init_(l4d_decoder_options* options, size_t struct_size);
 #define l4d_decoder_options_init(options) l4d_decoder_options_init_((options), sizeof(*(options)))
 
-/* Makes a decoder with no stream. options may be NULL. The detail of a failure is that of
- * l4d_last_error_message. */
+/* Creates a decoder without a stream. options may be NULL: all defaults. On failure
+ * l4d_last_error_message returns the reason.
+ * Fails with INVALID_ARGUMENT if an option is out of range, OUT_OF_MEMORY, DEVICE if backend is
+ * CUDA and no device can be used, FEATURE_UNSUPPORTED if this build lacks the backend. */
 L4D_API l4d_status l4d_decoder_create(const l4d_decoder_options* options, l4d_decoder** out);
 L4D_API void l4d_decoder_destroy(l4d_decoder* decoder); /* accepts NULL */
 
-/* Detail of the last call on this handle, "" if that succeeded: UTF-8, owned by the handle, valid
- * until the next call on it. For people; never parse it. */
+/* Returns why the last call on this handle failed, or "" if it succeeded. UTF-8, owned by the
+ * handle, valid until the next call on it. For people: its wording changes between versions. */
 L4D_API const char* l4d_decoder_error_detail(const l4d_decoder* decoder);
 
-/* Opens a stream: reads the file header and the scene header, O(layers) bytes and time. A stream
- * already open is closed. `reader` is copied; what it refers to must live until close or destroy.
- * `data` of open_memory is borrowed likewise.
+/* Opens a stream, and closes the one that was open. Reads the file header and the scene header:
+ * bytes and time grow with the number of layers only. The decoder copies `reader`, and uses
+ * reader->user until another stream is opened or the decoder is destroyed. It borrows `data` of
+ * open_memory for as long.
  * Fails with NOT_L4D, VERSION_UNSUPPORTED, FEATURE_UNSUPPORTED, TRUNCATED, CORRUPT, CHECKSUM,
  * LIMIT_EXCEEDED, IO, OUT_OF_MEMORY. */
 L4D_API l4d_status l4d_decoder_open(l4d_decoder* decoder, const l4d_reader* reader);
 L4D_API l4d_status l4d_decoder_open_memory(l4d_decoder* decoder, const void* data, size_t size);
 L4D_API l4d_status l4d_decoder_open_file(l4d_decoder* decoder, const char* path);
 
-/* ---- what the stream is -------------------------------------------------------------------- */
+/* ---- properties of the stream ---------------------------------------------------------------- */
 
-/* Coding tools (spec chapter "Tools"). A tool that is off costs no byte and runs no code. */
+/* Coding tools (spec chapter "Tools"). A tool that a stream does not use costs no byte and runs no
+ * code. */
 enum {
   L4D_TOOL_MOTION = 1u << 0,           /* some layer has temporal rotors */
   L4D_TOOL_TEMPORAL_OPACITY = 1u << 1, /* some layer has mean times and temporal scales */
@@ -81,7 +85,7 @@ enum {
   L4D_TOOL_LOSSLESS = 1u << 6,         /* attributes are coded as raw float32 */
   L4D_TOOL_TRANSFORM = 1u << 7, /* some component is transform coefficients, without codebooks */
   L4D_TOOL_RANS = 1u << 8,      /* some layer has pages coded by rANS */
-  L4D_TOOL_SH_BASE = 1u << 9 /* base colours can be had without SH detail: L4D_DETAIL_BASE_COLOR */
+  L4D_TOOL_SH_BASE = 1u << 9    /* L4D_DETAIL_BASE_COLOR gives colours averaged over directions */
 };
 
 typedef struct l4d_info {
@@ -99,7 +103,7 @@ typedef struct l4d_info {
   l4d_timeline timeline;
   double duration; /* seconds */
   l4d_placement placement;
-  /* What the stream declares, as it stands in the header: l4d_validate checks it. 0 = nothing. */
+  /* What the header declares; 0 = nothing. l4d_validate checks it, l4d_decoder_open does not. */
   uint32_t profile; /* L4D_PROFILE_*, or of a later version */
   uint32_t level;   /* conformance level, see l4d_get_level_limits */
 } l4d_info;
@@ -107,19 +111,20 @@ L4D_API void l4d_info_init_(l4d_info* info, size_t struct_size);
 #define l4d_info_init(info) l4d_info_init_((info), sizeof(*(info)))
 L4D_API l4d_status l4d_decoder_get_info(const l4d_decoder* decoder, l4d_info* info);
 
-/* What the encoder states of single Gaussians (spec section "ErrorStatement"): the largest errors
- * over all Gaussians of the stream, as they decode, and the bounds that it was to keep them below.
- * A decoder hands it on and does not check it. */
+/* The encoder's statement on single Gaussians (spec section "ErrorStatement"): the largest errors
+ * over all decoded Gaussians of the stream, and the bounds that were set. The decoder does not
+ * check it.
+ */
 typedef struct l4d_coding_errors {
   size_t struct_size;
-  uint32_t stated; /* 0: the stream says nothing of this, and all that follows is 0 */
-  /* 1: a Gaussian's size is also no less than what the encoder was told of it, half a pixel where
-   * it is seen from, say. */
+  uint32_t stated; /* 0: the stream states no errors; all that follows is 0 */
+  /* 1: the caller of the encoder gave each Gaussian a least size of its own, such as half a pixel
+   * at the nearest camera; smaller sizes count as that. */
   uint32_t own_least_sizes;
   /* Distance while the Gaussian has half of its greatest opacity or more, over its size. */
   double position;
-  /* Ratio of a principal variance to what it should be, one way or the other, and 1 + change of a
-   * variance in any direction in parts of the largest. 1 = none */
+  /* Ratio between a principal variance and the given one, whichever is larger over the other; and 1
+   * plus the change of the variance in any direction over the largest variance. 1 = no error */
   double covariance;
   double opacity; /* at any instant */
   double visible; /* scene units: distance at any instant at which the Gaussian is visible */
@@ -136,10 +141,9 @@ L4D_API void l4d_coding_errors_init_(l4d_coding_errors* errors, size_t struct_si
 L4D_API l4d_status l4d_decoder_get_coding_errors(const l4d_decoder* decoder,
                                                  l4d_coding_errors* errors);
 
-/* How the numbers of a component are coded (spec chapter "Scene header", whose values these are).
- */
+/* How a component is coded. The values are those of the spec's chapter "Scene header". */
 enum {
-  L4D_CODING_ZERO = 0, /* not at all: all are zero */
+  L4D_CODING_ZERO = 0, /* not coded: all values are 0 */
   L4D_CODING_RAW = 1,  /* binary32 */
   L4D_CODING_CODEBOOKS = 2,
   L4D_CODING_TRANSFORM = 3 /* coefficients of a basis */
@@ -165,8 +169,7 @@ L4D_API void l4d_layer_info_init_(l4d_layer_info* info, size_t struct_size);
 L4D_API l4d_status l4d_decoder_get_layer_info(const l4d_decoder* decoder, uint32_t layer,
                                               l4d_layer_info* info);
 
-/* Stored bytes of the whole file by what they hold; they add up to the file. Reads every directory
- * page and every page's head. */
+/* Parts of a file. Their stored bytes add up to the size of the file. */
 enum {
   L4D_SECTION_HEADER = 0, /* file header and scene header */
   L4D_SECTION_DIRECTORY,  /* page tables, directory pages */
@@ -185,10 +188,12 @@ enum {
   L4D_SECTION_COUNT
 };
 L4D_API const char* l4d_section_name(uint32_t section); /* "codebooks"; static; NULL if unknown */
-/* sections: [capacity], bytes by L4D_SECTION_*; *count, unless NULL, is the number of sections that
- * this library knows, and the first min(capacity, *count) are written. layer_bytes:
- * [layer_capacity], bytes of the directory, codebooks, tables and pages of each layer, of the first
- * min(layer_capacity, num_layers) layers; NULL where layer_capacity is 0. */
+/* Counts stored bytes. Reads every directory page and the head of every page.
+ * sections: [capacity], indexed by L4D_SECTION_*. *count, unless NULL, receives the number of
+ * sections that this library knows; the first min(capacity, *count) elements are written.
+ * layer_bytes: [layer_capacity], bytes of each layer's directory, codebooks, tables and pages; the
+ * first min(layer_capacity, num_layers) elements are written. May be NULL if layer_capacity is 0.
+ */
 L4D_API l4d_status l4d_decoder_get_sections(l4d_decoder* decoder, uint64_t* sections,
                                             uint32_t capacity, uint32_t* count,
                                             uint64_t* layer_bytes, uint32_t layer_capacity);
@@ -196,45 +201,45 @@ L4D_API l4d_status l4d_decoder_get_sections(l4d_decoder* decoder, uint64_t* sect
 /* ---- selecting and decoding ---------------------------------------------------------------- */
 enum {
   L4D_QUERY_ALL = 0,    /* the whole stream */
-  L4D_QUERY_TIME = 1,   /* all buckets that may be visible at time_begin */
-  L4D_QUERY_RANGE = 2,  /* all buckets that may be visible in [time_begin, time_end] */
-  L4D_QUERY_BUCKETS = 3 /* the buckets that are listed, whole */
+  L4D_QUERY_TIME = 1,   /* every bucket that can hold a Gaussian visible at time_begin */
+  L4D_QUERY_RANGE = 2,  /* ... visible at some time in [time_begin, time_end] */
+  L4D_QUERY_BUCKETS = 3 /* the listed buckets, complete */
 };
 /* A time bucket of a layer, as in l4d_range. */
 typedef struct l4d_bucket {
   uint32_t layer;
   uint32_t bucket; /* below l4d_layer_info.num_buckets */
 } l4d_bucket;      /* frozen */
-/* How much of each Gaussian is wanted. */
+/* Which chunks of each page a query reads. */
 enum {
-  L4D_DETAIL_FULL = 0,
-  /* Only the first parts of pages are read and decoded. SH coefficients that lie in second parts
-   * count as 0: with L4D_TOOL_SH_BASE colours are about what they are on average over all
-   * directions; without, all Gaussians of pages that have a second part get the mean colour of the
-   * scene (transforms) or SH of 0 (codebooks). Pages without a second part, which are small or of
-   * streams without rANS, come whole. */
+  L4D_DETAIL_FULL = 0, /* the base chunk and the chunk of SH detail */
+  /* The base chunk only. If the stream has L4D_TOOL_SH_BASE, colours are approximately their
+   * average over view directions. Otherwise Gaussians of pages with a chunk of SH detail get the
+   * scene's mean colour (transforms) or SH coefficients of 0 (codebooks). Pages without such a
+   * chunk are unaffected: small pages, and all pages of streams without rANS. */
   L4D_DETAIL_BASE_COLOR = 1
 };
 typedef struct l4d_query {
   size_t struct_size;
   uint32_t kind;
-  uint32_t max_level; /* finest temporal level wanted; UINT32_MAX (the default) = all */
+  uint32_t max_level; /* finest temporal level to decode; UINT32_MAX (the default) = all */
   double time_begin;  /* seconds; clamped to the sequence */
   double time_end;
   uint32_t detail; /* L4D_DETAIL_*; FULL is the default */
-  /* TIME and RANGE. 0: pages of a bucket of which nothing is visible then are left out. 1: buckets
-   * come whole, as who keeps buckets wants them. */
+  /* For TIME and RANGE. 0: skips the pages in which nothing is visible. 1: returns complete
+   * buckets; use this to cache buckets. */
   uint32_t whole_buckets;
-  /* BUCKETS: [num_buckets], borrowed, in strictly ascending order of layer and then bucket; others
-   * fail with INVALID_ARGUMENT. Those of levels above max_level are left out. */
+  /* For BUCKETS: [num_buckets], borrowed during the call, in strictly ascending order of layer and
+   * then bucket. Any other order fails with INVALID_ARGUMENT. Buckets of levels above max_level are
+   * skipped. */
   const l4d_bucket* buckets;
   uint64_t num_buckets;
 } l4d_query;
 L4D_API void l4d_query_init_(l4d_query* query, size_t struct_size);
 #define l4d_query_init(query) l4d_query_init_((query), sizeof(*(query)))
 
-/* Gaussians of one bucket, contiguous in the decoded arrays: layer by layer, bucket by bucket, in
- * stored order. */
+/* The Gaussians of one bucket. They are contiguous in the decoded arrays, which are ordered by
+ * layer, then bucket, then the order in the file. */
 typedef struct l4d_range {
   uint64_t first;
   uint64_t count;
@@ -247,24 +252,26 @@ typedef struct l4d_range {
 } l4d_range;      /* frozen */
 #define L4D_NO_BLOCK 0xffffffffu
 
-/* What a query costs, from the directory alone. */
+/* What a query selects and costs. Computed from the directory; no page is read. */
 typedef struct l4d_selection {
   size_t struct_size;
   uint64_t num_gaussians;
   uint64_t num_ranges;
   uint64_t num_chunks;      /* pages */
-  uint64_t bytes;           /* stored bytes of those pages, in the detail that the query asks for */
-  uint64_t directory_bytes; /* stored bytes of directory read for this query, cached or not */
-  uint64_t sh_bytes; /* stored bytes of SH detail of those pages: part of `bytes` in full detail,
-                        what full detail costs beside them in base colour */
+  uint64_t bytes;           /* stored bytes that decoding reads of these pages */
+  uint64_t directory_bytes; /* stored bytes of the directory that the query needs, cached or not */
+  /* Stored bytes of the SH detail of these pages: included in `bytes` in full detail, not included
+   * in base colour. */
+  uint64_t sh_bytes;
 } l4d_selection;
 L4D_API void l4d_selection_init_(l4d_selection* selection, size_t struct_size);
 #define l4d_selection_init(selection) l4d_selection_init_((selection), sizeof(*(selection)))
 L4D_API l4d_status l4d_decoder_select(l4d_decoder* decoder, const l4d_query* query,
                                       l4d_selection* selection);
-/* The ranges that decoding the query would give, from the directory alone: with `whole_buckets`,
- * what a player has to hold at a time. *count is their number; the first min(capacity, *count) go
- * to `out`, which may be NULL where capacity is 0. */
+/* Lists the ranges that decoding the query would return. Reads the directory only. With
+ * query->whole_buckets = 1 these are the buckets that a player must hold at that time. *count
+ * receives their number; the first min(capacity, *count) are written to `out`, which may be NULL if
+ * capacity is 0. */
 L4D_API l4d_status l4d_decoder_get_ranges(l4d_decoder* decoder, const l4d_query* query,
                                           l4d_range* out, uint64_t capacity, uint64_t* count);
 
@@ -308,8 +315,8 @@ L4D_API l4d_status l4d_decoder_get_reads(l4d_decoder* decoder, const l4d_query* 
 #define L4D_FILE_HEADER_BYTES 40
 L4D_API l4d_status l4d_get_header_range(const void* data, size_t size, l4d_byte_range* range);
 
-/* Destination arrays, owned by the caller. A NULL array is not decoded and costs no time; without
- * `sh`, SH detail is not read either. */
+/* Output arrays, owned by the caller. A NULL array is not decoded and costs no time. If `sh` is
+ * NULL, SH detail is not read either. */
 typedef struct l4d_gaussian_buffers {
   size_t struct_size;
   uint64_t capacity;   /* Gaussians each array can hold */
@@ -324,29 +331,29 @@ typedef struct l4d_gaussian_buffers {
   l4d_range* ranges;   /* [range_capacity] or NULL */
   uint64_t range_capacity;
   uint64_t num_ranges; /* out, where ranges is given */
-  /* [N] seconds, exact: the range's `center` plus mean_t_local, in lossless streams what was
-   * encoded. Where it is wanted the host decodes, whatever the backend. */
+  /* [N] seconds in full precision: the range's `center` plus mean_t_local; in lossless streams the
+   * value that was encoded. If given, the host decodes, whatever the backend. */
   double* mean_t_double;
 } l4d_gaussian_buffers;
 L4D_API void l4d_gaussian_buffers_init_(l4d_gaussian_buffers* buffers, size_t struct_size);
 #define l4d_gaussian_buffers_init(buffers) l4d_gaussian_buffers_init_((buffers), sizeof(*(buffers)))
 
-/* Decodes what the query selects. Reads only the pages of those buckets, and codebooks on first
- * use. On failure the arrays hold unspecified values. Fails with BUFFER_TOO_SMALL where
- * capacity is below the selection, and sets count and num_ranges to what it needs. A tolerant
- * decoder leaves out pages that are lost: the Gaussians of the others follow each other without
- * gaps, `count` and the counts of the ranges are without those lost, a range of which nothing is
- * left is not listed, and array elements from `count` on hold unspecified values. Capacities are
- * still held against the selection, which knows of lost directory pages only. */
+/* Decodes what the query selects. Reads the pages of the selected buckets, and each codebook on its
+ * first use.
+ * Fails with BUFFER_TOO_SMALL if capacity or range_capacity is below the selection; `count` and
+ * `num_ranges` then receive what is needed. On any other failure the arrays hold unspecified
+ * values. A tolerant decoder skips lost pages. The remaining Gaussians are contiguous; `count` and
+ * the ranges' counts exclude the lost ones; ranges without a Gaussian are not listed; elements from
+ * `count` on hold unspecified values. The capacities must still suffice for the whole selection. */
 L4D_API l4d_status l4d_decoder_decode(l4d_decoder* decoder, const l4d_query* query,
                                       l4d_gaussian_buffers* out);
 
-/* Packed form: what the stream holds, unpacked to whole integers and not dequantised, for players
- * that keep data quantised. The codebooks come from l4d_decoder_get_codebook. */
+/* Packed form, for players that keep data quantised: the integers of the stream, entropy-decoded
+ * and not dequantised. l4d_decoder_get_codebook returns the codebooks. */
 typedef struct l4d_packed_component {
-  uint8_t* depth;    /* [N]: number of stages summed, 255 = literal. NULL = not wanted */
-  uint16_t* index;   /* [num_stages][N], stage s of Gaussian i at s * capacity + i; 0 where
-                        depth says unused, as they were where a layer has no such stage */
+  uint8_t* depth;    /* [N] number of stages to add up, 255 = literal; may be NULL */
+  uint16_t* index;   /* [num_stages][N], stage s of Gaussian i at s * capacity + i; entries of
+                        unused or absent stages are 0 */
   uint16_t* literal; /* [literal_capacity, dim] binary16 bits, in order of their Gaussians */
   uint64_t literal_capacity;
   uint64_t num_literals; /* out: also set when literal is NULL */
@@ -366,16 +373,17 @@ typedef struct l4d_packed_buffers {
 } l4d_packed_buffers;
 L4D_API void l4d_packed_buffers_init_(l4d_packed_buffers* buffers, size_t struct_size);
 #define l4d_packed_buffers_init(buffers) l4d_packed_buffers_init_((buffers), sizeof(*(buffers)))
-/* Fails with FEATURE_UNSUPPORTED on a lossless stream and on one with transform coefficients or
- * fixed-point positions, which have no packed form: an encoder makes codebook streams with the
- * preset "indexed". A tolerant decoder leaves out lost pages as l4d_decoder_decode does; literals
- * too are without theirs. */
+/* Decodes to the packed form. Only streams of the profile "indexed" have one; the encoder's presets
+ * "indexed*" make them. Other streams fail with FEATURE_UNSUPPORTED. A tolerant decoder skips lost
+ * pages, and their literals, as l4d_decoder_decode does. Fails with BUFFER_TOO_SMALL if a capacity
+ * is too small. */
 L4D_API l4d_status l4d_decoder_decode_packed(l4d_decoder* decoder, const l4d_query* query,
                                              l4d_packed_buffers* out);
 
-/* One codebook as float32, owned by the decoder: valid until the stream is closed, those of blocks
- * until the next call that selects, decodes or slices. `block`: L4D_NO_BLOCK, or (stage 0 of a
- * component with RCQ) a block of the layer. SH codebooks are the same for every layer. */
+/* Returns one codebook as float32. The decoder owns it. It is valid until the stream is closed; a
+ * codebook of a block only until the next call that selects, decodes or slices. `block`:
+ * L4D_NO_BLOCK, or, for stage 0 of a component with RCQ, a block of the layer. All layers have the
+ * same SH codebooks. */
 typedef struct l4d_codebook {
   size_t struct_size;
   const float* entries; /* [num_entries, dim]; NULL where the component has no such stage */
@@ -388,10 +396,12 @@ L4D_API l4d_status l4d_decoder_get_codebook(l4d_decoder* decoder, uint32_t layer
                                             uint32_t component, uint32_t stage, uint32_t block,
                                             l4d_codebook* out);
 
-/* What turns packed integers of a layer into values: position = center + scale * half,
- * opacity = opacity_offset + code * opacity_step, limited to [0, 1] unless the stream has
- * L4D_OPACITY_LOGIT, factor likewise without a limit; a log scale is factor + its number of the
- * scale vector, limited to [-17, 17]. */
+/* How to dequantise the packed integers of a layer:
+ *   position = position_center + position_scale * half
+ *   opacity = opacity_offset + code * opacity_step, clamped to [0, 1] unless the stream has
+ *             L4D_OPACITY_LOGIT
+ *   factor = scale_factor_offset + code * scale_factor_step
+ *   log_scale[k] = factor + k-th element of the scale vector, clamped to [-17, 17] */
 typedef struct l4d_dequantization {
   size_t struct_size;
   float position_center[3];
@@ -417,7 +427,8 @@ enum {
 };
 L4D_API const char* l4d_profile_name(uint32_t profile); /* "main"; static; NULL if unknown */
 
-/* What streams of a level may ask for at most. Bytes are stored ones but for tables and memory. */
+/* Upper limits of a level. Byte counts are stored (compressed) bytes, except table_bytes and
+ * memory_bytes. */
 typedef struct l4d_level_limits {
   size_t struct_size;
   const char* name; /* "phone"; static */
@@ -435,11 +446,11 @@ L4D_API void l4d_level_limits_init_(l4d_level_limits* limits, size_t struct_size
 #define L4D_NUM_LEVELS 6
 L4D_API l4d_status l4d_get_level_limits(uint32_t level, uint32_t profile, l4d_level_limits* limits);
 
-/* What playing the stream forward at normal speed asks for. */
+/* What playing the stream forward at normal speed demands of a player. */
 typedef struct l4d_conformance {
   size_t struct_size;
-  uint32_t profile;              /* the narrowest that the stream keeps to, L4D_PROFILE_* */
-  uint32_t level;                /* the smallest, 0 if none */
+  uint32_t profile;              /* the narrowest that the stream meets, L4D_PROFILE_* */
+  uint32_t level;                /* the smallest that the stream meets; 0 = none */
   uint64_t instant_gaussians;    /* of the pages that an instant needs, the most of all instants */
   double instant_gaussians_time; /* seconds: the first such instant */
   uint64_t instant_bytes;        /* stored, of these pages and their block codebooks */
@@ -449,89 +460,91 @@ typedef struct l4d_conformance {
   uint64_t table_bytes; /* codebooks and entropy tables, decoded */
   /* Stored, of all that the first instant needs, headers and codebooks included. */
   uint64_t start_bytes;
-  /* In: a channel, to be filled in by the caller. */
+  /* In: a channel, set by the caller. */
   uint64_t bytes_per_second;
   uint64_t burst_bytes;
-  /* Out: what a reader of bytes_per_second has to hold in advance, the bytes by which what is first
-   * needed in a window of time exceeds what it reads in that time, and the window. */
+  /* Out: bytes that a player must buffer before it starts, at bytes_per_second (leaky bucket), and
+   * the window of time that determines them, in seconds. */
   uint64_t least_burst_bytes;
   double window_begin, window_end;
-  /* Out: what a reader that holds burst_bytes in advance has to read; UINT64_MAX if an instant
-   * alone needs more. */
+  /* Out: lowest rate at which a player that buffers burst_bytes never stalls; UINT64_MAX if a
+   * single instant needs more than burst_bytes. */
   uint64_t least_bytes_per_second;
 } l4d_conformance;
 L4D_API void l4d_conformance_init_(l4d_conformance* conformance, size_t struct_size);
 #define l4d_conformance_init(conformance) \
   l4d_conformance_init_((conformance), sizeof(*(conformance)))
-/* Reads the whole directory and no page. Tolerates no loss. */
+/* Reads the whole directory and no page. Fails on damage, also in a tolerant decoder. */
 L4D_API l4d_status l4d_decoder_get_conformance(l4d_decoder* decoder, l4d_conformance* conformance);
 
 /* ---- slicing ------------------------------------------------------------------------------- */
 
-/* 3D Gaussians at one instant (engineering: projected rows, positive semi-definite by
- * construction). Not normative: equal within rounding between implementations, identical between
- * the backends and thread counts of this library. All values are finite: a Gaussian of which the
- * covariance, or the position at some time of the sequence, is not finite in float32 is left out.
- * Only rotors of lossless streams, which are stored as they are, can bring that about. */
+/* 3D Gaussians at one instant. Slices are not normative: implementations agree within rounding. The
+ * backends and thread counts of this library give identical values. Covariances are positive
+ * semi-definite. All values are finite: a Gaussian whose covariance, or whose position at some time
+ * of the sequence, overflows float32 is skipped. Only rotors of lossless streams can cause that. */
 typedef struct l4d_splat_buffers {
   size_t struct_size;
   uint64_t capacity;
-  uint64_t count;    /* out: Gaussians visible at the time asked for */
+  uint64_t count;    /* out: number of visible Gaussians, also if the call fails for capacity */
   float* position;   /* [M, 3] */
   float* covariance; /* [M, 6] xx xy xz yy yz zz */
   float* opacity;    /* [M] in [0, 1], temporal falloff applied */
   float* sh;         /* [M, (D+1)^2, 3] */
-  /* [M] where the SH coefficients of each lie in the decoder's cache, [(D+1)^2, 3] each: spares the
-   * copy. Valid until the next call that selects, decodes, slices or closes. */
+  /* [M] pointers to the SH coefficients of each Gaussian, [(D+1)^2, 3], in the decoder's cache; use
+   * them in place of `sh` to avoid the copy. Valid until the next call that selects, decodes,
+   * slices or closes. */
   const float** sh_rows;
-  /* Gaussians that look the same at all times need not be written again for each instant. They come
-   * first; out: their number, as far as the stream keeps them apart. */
+  /* Out: the first num_still Gaussians look the same at every instant. */
   uint64_t num_still;
-  /* In: what the last call gave here, if the arrays are the same and their first num_still rows
-   * still hold what that call left there; 0 = they do not. Out: stands for those rows, 0 where all
-   * arrays are NULL. Where the decoder has the number that it is given, it leaves the rows as they
-   * are. */
+  /* To skip writing the still Gaussians again: pass the same arrays, unchanged, and the still_key
+   * that the last call returned. Pass 0 to write everything. Out: the key of the still Gaussians
+   * now in the arrays; 0 if all arrays are NULL. */
   uint64_t still_key;
 } l4d_splat_buffers;
 L4D_API void l4d_splat_buffers_init_(l4d_splat_buffers* buffers, size_t struct_size);
 #define l4d_splat_buffers_init(buffers) l4d_splat_buffers_init_((buffers), sizeof(*(buffers)))
-/* Detail of all slices from now on, those that a renderer makes of this decoder's stream too:
- * L4D_DETAIL_*, at first FULL. It stays when another stream is opened. Buckets are cached in each
- * detail that they were wanted in. */
+/* Sets the detail of all following slices, including those of a renderer that uses this decoder.
+ * detail: L4D_DETAIL_*; FULL at first. Opening another stream keeps it. The cache keeps buckets of
+ * both details apart. */
 L4D_API l4d_status l4d_decoder_set_detail(l4d_decoder* decoder, uint32_t detail);
-/* Slices at `time` seconds (clamped to the sequence). Buckets come from a cache, so stepping
- * forward decodes each bucket once. An upper bound of count is l4d_selection.num_gaussians of a
- * TIME query. With all arrays NULL only `count` is computed. A tolerant decoder shows what is left
- * where pages are lost. It asks for lost pages again in each call, so `count` grows when the reader
- * recovers. */
+/* Slices the stream at `time` seconds, clamped to the sequence. Decoded buckets are cached:
+ * stepping forward decodes each bucket once. If all arrays are NULL, only `count` is computed;
+ * l4d_selection.num_gaussians of a TIME query is an upper bound of it.
+ * Fails with BUFFER_TOO_SMALL if capacity is below `count`. A tolerant decoder skips lost pages and
+ * reads them again in each call, so that `count` grows when the reader recovers. */
 L4D_API l4d_status l4d_decoder_slice(l4d_decoder* decoder, double time, l4d_splat_buffers* out);
 
 /* ---- losses -------------------------------------------------------------------------------- */
 
-/* What one damaged or unreadable part of the stream cost a query of a tolerant decoder. A page
- * costs its Gaussians, its second part their SH detail; a directory page the buckets it describes;
- * a codebook the pages of its layer, one of a block those of the block, except in packed form. A
- * layer whose directory lists fewer Gaussians than its header states costs those that are missing.
- * Damage to the headers or to an SH codebook is never tolerated, nor are pages that share stored
- * bytes, a layer whose directory lists more Gaussians than its header states, a want of memory or
- * a limit. */
+/* One loss of a query of a tolerant decoder.
+ *   damaged or unreadable      what is lost
+ *   page, base chunk           its Gaussians
+ *   page, chunk of SH detail   the SH detail of its Gaussians
+ *   directory page             the buckets that it lists
+ *   codebook of a layer        the pages of the layer
+ *   codebook of a block        the pages of the block; nothing in packed form
+ *   missing directory entries  the Gaussians that the layer's header counts and no entry lists
+ * These fail the query even so: damage to a header or an SH codebook, pages that share stored
+ * bytes, more Gaussians in a directory than the layer's header counts, lack of memory, and limits.
+ */
 typedef struct l4d_loss {
-  l4d_status status; /* what a decoder that is not tolerant returns: IO, TRUNCATED, CORRUPT,
-                        CHECKSUM or FEATURE_UNSUPPORTED */
+  l4d_status status; /* what a strict decoder returns: IO, TRUNCATED, CORRUPT, CHECKSUM or
+                        FEATURE_UNSUPPORTED */
   uint32_t layer;
   uint32_t bucket;      /* of the layer; the first, where there are more */
-  uint32_t num_buckets; /* from there on; not each need have lost something */
-  uint64_t num_chunks;  /* pages; 0 = unknown: a directory page is lost, or pages are not listed */
+  uint32_t num_buckets; /* from there on; some of them may be complete */
+  uint64_t num_chunks;  /* pages; 0 = unknown */
   uint64_t num_gaussians;
   uint64_t offset;    /* byte offset in the file, UINT64_MAX if none */
   const char* clause; /* id of the MUST, "" if none; static */
-  /* 1: the Gaussians are there, in base colour; only their SH detail is lost. */
+  /* 1: the Gaussians were decoded in base colour; only their SH detail is lost. */
   uint32_t detail_only;
   uint32_t reserved;
 } l4d_loss; /* frozen */
-/* Losses of the last call that selected, decoded or sliced, whatever it returned; none before the
- * first. *count is their number; the first min(capacity, *count) go to `out`, which may be NULL
- * where capacity is 0. */
+/* Lists the losses of the last call that selected, decoded or sliced, whatever it returned. *count
+ * receives their number; the first min(capacity, *count) are written to `out`, which may be NULL if
+ * capacity is 0. */
 L4D_API l4d_status l4d_decoder_get_losses(const l4d_decoder* decoder, l4d_loss* out,
                                           uint64_t capacity, uint64_t* count);
 
@@ -545,12 +558,12 @@ typedef struct l4d_counters {
   uint64_t cache_hits;   /* buckets */
   uint64_t memory_bytes; /* held now */
   uint64_t peak_memory_bytes;
-  /* Sums over all queries of a tolerant decoder, so that what stays lost counts each time. */
+  /* Sums over all queries of a tolerant decoder: a part that stays lost counts in each query. */
   uint64_t pages_lost;
-  /* Those of lost directory pages, which need not hold Gaussians, among them. */
+  /* Including all buckets of lost directory pages, empty or not. */
   uint64_t buckets_lost;
   uint64_t gaussians_lost; /* of lost pages */
-  uint64_t details_lost;   /* pages that are there without their SH detail */
+  uint64_t details_lost;   /* pages decoded without their SH detail */
 } l4d_counters;
 L4D_API void l4d_counters_init_(l4d_counters* counters, size_t struct_size);
 #define l4d_counters_init(counters) l4d_counters_init_((counters), sizeof(*(counters)))
@@ -567,23 +580,23 @@ typedef struct l4d_violation {
 } l4d_violation;
 typedef void (*l4d_violation_fn)(void* user, const l4d_violation* violation);
 
-/* Checks a whole stream against every MUST that a stream can break, including those a decoder need
- * not check. Calls `fn` for each violation; goes on after those that leave the rest readable.
- * Returns OK when the check ran to its end, whatever it found; *num_violations counts them. Else
- * l4d_last_error_message says why. The work is in proportion to the bytes of the file and to the
- * Gaussians that its header states: bytes that are referred to twice are decoded once. */
+/* Checks a whole stream against every MUST that a stream can break, including those that a decoder
+ * need not check. Calls `fn`, unless NULL, for each violation, and continues where the rest is
+ * still readable. *num_violations receives the number of violations. Returns OK if the check ran to
+ * its end, whatever it found; otherwise l4d_last_error_message returns the reason. Time is
+ * proportional to the bytes of the file plus the Gaussians that its header states. */
 L4D_API l4d_status l4d_validate(const l4d_reader* reader, const l4d_decoder_options* options,
                                 l4d_violation_fn fn, void* user, uint64_t* num_violations);
 
-/* Holds an open stream against a profile and a level, whatever it declares; 0 = not asked. Calls
- * `fn` for each rule of the chapter "Profiles and levels" that is broken, with what, by how much
- * and when. Fails with INVALID_ARGUMENT where this library does not know the profile or the level.
- */
+/* Checks an open stream against a profile and a level, whatever it declares; 0 = do not check.
+ * Calls `fn`, unless NULL, for each broken rule of the spec's chapter "Profiles and levels"; the
+ * message says by how much and when. Fails with INVALID_ARGUMENT if the profile or the level is
+ * unknown. */
 L4D_API l4d_status l4d_decoder_check_conformance(l4d_decoder* decoder, uint32_t profile,
                                                  uint32_t level, l4d_violation_fn fn, void* user,
                                                  uint64_t* num_violations);
 
-/* Registered progress of decode calls; NULL removes it. */
+/* Registers a callback for the progress of decode calls; NULL removes it. */
 L4D_API l4d_status l4d_decoder_set_progress(l4d_decoder* decoder, l4d_progress_fn fn, void* user);
 
 #ifdef __cplusplus

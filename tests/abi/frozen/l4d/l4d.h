@@ -34,7 +34,8 @@
 extern "C" {
 #endif
 
-/* ---- versions: library, and bitstream; they move apart ------------------------------------- */
+/* ---- versions of the library and of the bitstream; they are independent
+ * --------------------------------- */
 #define L4D_VERSION_MAJOR 0
 #define L4D_VERSION_MINOR 1
 #define L4D_VERSION_PATCH 0
@@ -50,8 +51,8 @@ L4D_API const char* l4d_build_info(void);
 typedef int32_t l4d_status;
 enum {
   L4D_OK = 0,
-  L4D_ERR_INVALID_ARGUMENT = -1, /* the caller's mistake */
-  L4D_ERR_INVALID_STATE = -2,    /* a right call at the wrong moment */
+  L4D_ERR_INVALID_ARGUMENT = -1, /* an argument breaks the function's contract */
+  L4D_ERR_INVALID_STATE = -2,    /* the handle cannot serve this call now */
   L4D_ERR_OUT_OF_MEMORY = -3,
   L4D_ERR_IO = -4,                   /* a reader or writer callback failed */
   L4D_ERR_CANCELLED = -5,            /* the progress callback asked to stop */
@@ -60,30 +61,30 @@ enum {
   L4D_ERR_BUFFER_TOO_SMALL = -8,     /* a caller's array is too small; the count it needs is set */
   L4D_ERR_NOT_L4D = -10,             /* the magic does not match */
   L4D_ERR_VERSION_UNSUPPORTED = -11, /* a bitstream major version this library does not read */
-  L4D_ERR_FEATURE_UNSUPPORTED = -12, /* a coding tool this library lacks; the detail names it */
+  L4D_ERR_FEATURE_UNSUPPORTED = -12, /* this library lacks a coding tool or a backend */
   L4D_ERR_TRUNCATED = -13,           /* the stream ends before data it refers to */
   L4D_ERR_CORRUPT = -14,             /* a MUST of the specification is violated */
   L4D_ERR_CHECKSUM = -15,            /* stored bytes do not match their checksum */
-  L4D_ERR_DEVICE = -20,  /* no usable device, or the CUDA runtime failed; the detail says */
-  L4D_ERR_INTERNAL = -99 /* a defect of this library; please report it */
+  L4D_ERR_DEVICE = -20,              /* no usable device, or the CUDA runtime failed */
+  L4D_ERR_INTERNAL = -99             /* a defect of this library; please report it */
 };
 L4D_API const char* l4d_status_name(l4d_status status);        /* "L4D_ERR_CORRUPT"; static */
 L4D_API const char* l4d_status_description(l4d_status status); /* one sentence; static */
-/* Detail of the last call that failed on this thread, of any function of this library or of
- * libl4drender: UTF-8, "" if none failed, valid until the next call on this thread that fails. For
- * people; never parse it. A handle keeps the detail of its own last call, see
- * l4d_decoder_error_detail; functions without a handle, the *_create functions among them, have
- * this one alone. */
+/* Returns why the last failed call on this thread failed, of any function of libl4dcodec,
+ * libl4dencoder or libl4drender; "" if none has failed. UTF-8, valid until the next call on this
+ * thread that fails. For people: its wording changes between versions. Use it after a failed
+ * *_create function and after functions without a handle; a handle keeps the reason of its own last
+ * failure, see l4d_decoder_error_detail. */
 L4D_API const char* l4d_last_error_message(void);
-/* For the project's own libraries: sets that detail, of which it keeps 1023 bytes. */
+/* Internal, for libl4dencoder and libl4drender: sets that message, cut to 1023 bytes. */
 L4D_API void l4d_keep_error_message_(const char* message);
 
 /* ---- host services ------------------------------------------------------------------------- */
 
-/* Random-access input. The library calls it on the thread that called the library, with one
- * exception: a player of cuda_player.h also reads on a thread of its own, while other threads run.
- * The library never makes two calls of one handle's reader at a time. read_at behaves as pread(2):
- * returns the number of bytes read (fewer than n only at the end), or < 0 on failure. */
+/* Random-access input. read_at behaves as pread(2): it returns the number of bytes read (fewer than
+ * n only at the end), or a negative number on failure. The library calls a handle's reader on the
+ * thread that called the library, and never twice at a time. One exception: a player of
+ * cuda_player.h also reads on its own thread. */
 typedef struct l4d_reader {
   size_t struct_size;
   void* user;
@@ -93,7 +94,7 @@ typedef struct l4d_reader {
 L4D_API void l4d_reader_init_(l4d_reader* reader, size_t struct_size);
 #define l4d_reader_init(reader) l4d_reader_init_((reader), sizeof(*(reader)))
 
-/* Sequential output. write takes all n bytes or fails; it returns 0 on success. */
+/* Sequential output. write takes all n bytes and returns 0, or returns another value on failure. */
 typedef struct l4d_writer {
   size_t struct_size;
   void* user;
@@ -111,9 +112,9 @@ typedef int (*l4d_progress_fn)(void* user, uint64_t done, uint64_t total, const 
 
 /* ---- the scene ----------------------------------------------------------------------------- */
 
-/* The time span of a scene: frame k begins at time_begin + k * fps_den / fps_num seconds, and the
- * sequence is the half-open interval of num_frames frames. All times that the library takes and
- * gives, mean times too, are of this one clock, which may be any: seconds since 1970 are told to
+/* The time span of a scene. Frame k begins at time_begin + k * fps_den / fps_num seconds; the
+ * sequence is the half-open interval of num_frames frames. All times of the API, mean times
+ * included, are on this clock. It may have any origin; seconds since 1970 have a resolution of
  * 0.24 us. */
 typedef struct l4d_timeline {
   double time_begin; /* seconds */
@@ -132,9 +133,9 @@ enum {
   L4D_OPACITY_LOGIT = 1u << 1
 };
 
-/* Read-only structure of arrays: N 4D-rotor Gaussians, float32. The caller owns all arrays. Map
- * coordinates such as UTM belong into l4d_placement: as absolute float32 they have steps of half a
- * metre before the library sees them. Times are those of the timeline's clock. */
+/* Input: N 4D-rotor Gaussians as read-only arrays, owned by the caller. Give map coordinates such
+ * as UTM relative to an origin and put that origin into l4d_placement: absolute ones have a
+ * resolution of half a metre in float32. Times are on the timeline's clock. */
 typedef struct l4d_gaussians {
   size_t struct_size;
   uint64_t count;         /* N */
@@ -146,15 +147,15 @@ typedef struct l4d_gaussians {
   const float* rotor;     /* [N, 8] s b01 b02 b12 b03 b13 b23 p */
   const float* opacity;   /* [N] */
   const float* sh;        /* [N, (D+1)^2, 3] coefficient-major; colour = 0.5 + sum */
-  /* [N] seconds, or NULL. Where given, used in place of `mean_t`, which may be NULL then: binary32
-   * has steps of 8 ms after a day, and of two minutes since 1970. */
+  /* [N] seconds, or NULL. If given, it replaces `mean_t`, which may then be NULL. float32 resolves
+   * 8 ms after a day, and two minutes in seconds since 1970. */
   const double* mean_t_double;
 } l4d_gaussians;
 L4D_API void l4d_gaussians_init_(l4d_gaussians* gaussians, size_t struct_size);
 #define l4d_gaussians_init(gaussians) l4d_gaussians_init_((gaussians), sizeof(*(gaussians)))
 
-/* Where a decoded scene sits in the world: world = origin + scale * position. The library carries
- * this and never applies it, so large coordinates cost no precision. */
+/* Where a decoded scene lies in the world: world = origin + scale * position. The library stores
+ * this and never applies it, so that large coordinates cost no precision. */
 typedef struct l4d_placement {
   double origin[3];
   double scale;
@@ -168,7 +169,7 @@ enum {
 };
 enum { L4D_COLOR_SRGB = 0, L4D_COLOR_LINEAR_SRGB = 1 };
 
-/* Components that carry a vector coding of their own. */
+/* Components: the parts of a Gaussian that are coded as vectors. Their number is final. */
 enum {
   L4D_COMPONENT_SH = 0,
   L4D_COMPONENT_SCALE = 1,          /* log_scale less the scale factor */
@@ -179,14 +180,14 @@ enum {
 
 #define L4D_MAX_STAGES 8
 
-/* Kinds of importance weights: one per component and per attribute that is none, and the light a
- * Gaussian adds to images. */
+/* Importance weights: one for each component (SH, scale, both halves of the rotor), one for each
+ * other attribute (position, opacity, mean_t), and ALPHA_T, the accumulated blending weight. */
 enum {
   L4D_WEIGHT_SH = 0,
   L4D_WEIGHT_SCALE = 1,
   L4D_WEIGHT_ROTOR_SPATIAL = 2,
   L4D_WEIGHT_ROTOR_TEMPORAL = 3,
-  L4D_WEIGHT_ALPHA_T = 4, /* accumulated alpha times transmittance, per pixel */
+  L4D_WEIGHT_ALPHA_T = 4, /* sum of alpha times transmittance, per pixel */
   L4D_WEIGHT_POSITION = 5,
   L4D_WEIGHT_OPACITY = 6,
   L4D_WEIGHT_MEAN_T = 7,
