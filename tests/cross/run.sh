@@ -145,8 +145,8 @@ if [[ $target == mingw ]]; then
   for program in end_to_end render_end_to_end; do
     quietly "$log" x86_64-w64-mingw32-gcc-posix -std=c99 -DL4D_STATIC_DEFINE -D__USE_MINGW_ANSI_STDIO=1 \
       -I "$root/include" -I "$libraries/include" "$root/tests/api/$program.c" -o "$bin/$program.exe" \
-      "$libraries/render/libl4drender.a" "$libraries/libl4dcodec/api/libl4dencoder.a" \
-      "$libraries/libl4dcodec/api/libl4dcodec.a" -L "$prefix/lib" -lzstd -lxxhash -lhwy -static -lstdc++
+      "$libraries/render/libl4drender.a" "$libraries/api/libl4dencoder.a" \
+      "$libraries/api/libl4dcodec.a" -L "$prefix/lib" -lzstd -lxxhash -lhwy -static -lstdc++
     (cd "$work/$target" && "${emulator[@]}" "$bin/$program.exe") ||
       { echo "FAIL: $program on $target" >&2; exit 1; }
     echo "$program: passed"

@@ -21,7 +21,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 SPEC = ROOT / "spec" / "l4d.md"
 TABLE = ROOT / "spec" / "must_table.md"
-CODE = ("libl4dcodec", "decoder", "encoder")
+CODE = ("libl4dcodec", "decoder", "encoder", "api")
 ID = r"[A-Z]{2,4}-\d+"
 
 

@@ -2,8 +2,8 @@
 #include <algorithm>
 #include <memory>
 
+#include "api/decoder_handle.h"
 #include "l4d/cuda.h"
-#include "libl4dcodec/api/decoder_handle.h"
 #include "libl4dcodec/base/c_api.h"
 #include "libl4dcodec/base/first_versions.h"
 #ifdef L4D_HAVE_CUDA

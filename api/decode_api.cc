@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "api/decoder_handle.h"
 #include "decoder/check/inspection.h"
 #include "decoder/read/find_codebook.h"
 #include "l4d/decode.h"
-#include "libl4dcodec/api/decoder_handle.h"
 #include "libl4dcodec/container/levels.h"
 #include "libl4dcodec/scene/attributes.h"
 
