@@ -202,6 +202,9 @@ void l4d_level_limits_init_(l4d_level_limits* limits, size_t struct_size) {
 void l4d_conformance_init_(l4d_conformance* c, size_t struct_size) {
   init_struct(c, struct_size, {});
 }
+void l4d_splat_columns_init_(l4d_splat_columns* c, size_t struct_size) {
+  init_struct(c, struct_size, {});
+}
 void l4d_splat_buffers_init_(l4d_splat_buffers* b, size_t struct_size) {
   init_struct(b, struct_size, {});
 }
@@ -433,6 +436,13 @@ l4d_status l4d_decoder_check_conformance(l4d_decoder* decoder, uint32_t profile,
 
 l4d_status l4d_decoder_set_detail(l4d_decoder* decoder, uint32_t detail) {
   return call_on(decoder, nullptr, [&] { return decoder->impl.set_detail(detail); });
+}
+
+l4d_status l4d_decoder_slice_columns(l4d_decoder* decoder, double time, l4d_splat_columns* out) {
+  return with_stream(decoder, required(out), [&](l4d::Decoder& d) -> Status {
+    l4d_splat_columns columns = read_struct(*out, l4d_splat_columns{});
+    return write_output(d.slice(time, &columns), columns, out);
+  });
 }
 
 l4d_status l4d_decoder_slice(l4d_decoder* decoder, double time, l4d_splat_buffers* out) {

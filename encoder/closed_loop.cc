@@ -4,16 +4,14 @@
 #include <algorithm>
 #include <cmath>
 
-#include "libl4dcodec/scene/layers.h"
+#include "libl4dcodec/scene/slice.h"
 
 namespace l4d {
 namespace {
 
-double falloff(const Fading& f, double t) {
-  const double dt = t - f.mean;
-  const double exponent = f.lambda * dt * dt;
+double seen_part(const Fading& f, double t) {
   // Beyond the gate a decoder shows nothing.
-  return exponent <= static_cast<double>(kVisibilityGate) ? std::exp(-0.5 * exponent) : 0.0;
+  return visible_falloff(f.lambda, t - f.mean);
 }
 
 }  // namespace
@@ -36,7 +34,7 @@ SeenSpan::SeenSpan(std::initializer_list<Fading> any, double begin, double end) 
 double SeenSpan::matching_mean(const Fading& original, double decoded_lambda) const {
   double sum = 0, weighted = 0;
   for (const double t : time_) {
-    const double f = falloff(original, t);
+    const double f = seen_part(original, t);
     sum += f * f;
     weighted += f * f * t;
   }
@@ -48,8 +46,8 @@ double SeenSpan::matching_mean(const Fading& original, double decoded_lambda) co
 double SeenSpan::match_opacity(const Fading& original, Fading* decoded) const {
   double both = 0, own = 0, theirs = 0;
   for (const double t : time_) {
-    const double f = original.opacity * falloff(original, t);
-    const double g = falloff(*decoded, t);
+    const double f = original.opacity * seen_part(original, t);
+    const double g = seen_part(*decoded, t);
     both += f * g;
     own += g * g;
     theirs += f * f;
@@ -63,7 +61,7 @@ void SeenSpan::match_position(const Fading& original, const Fading& decoded_fadi
                               const Moving& moving, Moving* decoded) const {
   double sum = 0, elapsed[2] = {0, 0};  // weighted mean of t - reference, of both
   for (const double t : time_) {
-    const double w = falloff(original, t) * falloff(decoded_fading, t);
+    const double w = seen_part(original, t) * seen_part(decoded_fading, t);
     sum += w;
     elapsed[0] += w * (t - moving.reference);
     elapsed[1] += w * (t - decoded->reference);

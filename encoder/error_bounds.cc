@@ -5,7 +5,7 @@
 #include <cmath>
 #include <limits>
 
-#include "libl4dcodec/scene/layers.h"
+#include "libl4dcodec/scene/slice.h"
 
 namespace l4d {
 namespace {
@@ -90,11 +90,7 @@ double variance_factor(const double* a, const double* b, double least_variance) 
   return std::max(factor, 1 + change / std::max(x[0] + least_variance, 1e-300));
 }
 
-double falloff(const SeenGaussian& g, double t) {
-  const double dt = t - g.mean;
-  const double exponent = g.lambda * dt * dt;
-  return exponent <= static_cast<double>(kVisibilityGate) ? std::exp(-0.5 * exponent) : 0;
-}
+double seen_part(const SeenGaussian& g, double t) { return visible_falloff(g.lambda, t - g.mean); }
 
 double distance_at(const SeenGaussian& a, const SeenGaussian& b, double t) {
   double sum = 0;
@@ -143,7 +139,7 @@ double opacity_error(const SeenGaussian& a, const SeenGaussian& b, double begin,
   }
   if (!(first <= last)) return 0;
   const auto error = [&](double t) {
-    return std::fabs(a.opacity * falloff(a, t) - b.opacity * falloff(b, t));
+    return std::fabs(a.opacity * seen_part(a, t) - b.opacity * seen_part(b, t));
   };
   const double step = (last - first) / kInstants;
   double seen[kInstants + 1], worst = 0;

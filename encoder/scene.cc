@@ -99,10 +99,7 @@ void set_importance(const EncoderInput& input, bool gauss_newton, EncoderScene* 
 }  // namespace
 
 void slice_in_double(const float* rotor, const float* log_scale, SeenGaussian* out) {
-  double r[8], s[4];
-  for (size_t k = 0; k < 8; ++k) r[k] = static_cast<double>(rotor[k]);
-  for (size_t k = 0; k < 4; ++k) s[k] = std::exp(static_cast<double>(log_scale[k]));
-  const Slice4D<double> slice = slice_gaussian(normalized_halves(r), s);
+  const Slice4D<double> slice = slice_attributes<double>(rotor, log_scale);
   std::copy_n(slice.velocity, 3, out->velocity);
   std::copy_n(slice.covariance, 6, out->covariance);
   out->lambda = slice.lambda;
@@ -118,8 +115,8 @@ SeenGaussian EncoderScene::seen(size_t i) const {
   slice_in_double(given.rotor + 8 * from, clamped, &g);
   g.mean = mean_t[i];
   g.reference = reference_time(timeline, g.mean);
-  g.opacity = static_cast<double>(given.opacity[from]);
-  if ((given.flags & L4D_OPACITY_LOGIT) != 0) g.opacity = 1 / (1 + std::exp(-g.opacity));
+  g.opacity = linear_opacity(static_cast<double>(given.opacity[from]),
+                             (given.flags & L4D_OPACITY_LOGIT) != 0);
   std::copy_n(position.data() + 3 * i, 3, g.position);
   if (least_sizes != nullptr) g.least_size = static_cast<double>(least_sizes[from]);
   return g;
@@ -132,20 +129,10 @@ Status check_input(const EncoderInput& input) {
   if (g.count == 0) return Status(L4D_ERR_INVALID_SCENE, "the scene holds no Gaussian");
   if (g.count > (uint64_t{1} << 30)) return invalid_argument("more than 2^30 Gaussians");
   if (g.sh_degree > 3) return invalid_argument("sh_degree must be 0 to 3");
-  const bool has_times = g.mean_t != nullptr || g.mean_t_double != nullptr;
-  if (g.position == nullptr || !has_times || g.log_scale == nullptr || g.rotor == nullptr ||
-      g.opacity == nullptr || g.sh == nullptr) {
-    return invalid_argument("an attribute array is NULL");
-  }
-  const l4d_timeline& t = input.timeline;
-  if (t.num_frames < 1 || t.num_frames > kMaxFrames || t.fps_num == 0 || t.fps_den == 0 ||
-      !(std::fabs(t.time_begin) <= 0x1p60) ||
-      (t.time_begin != 0 && std::fabs(t.time_begin) < 0x1p-60)) {
-    return invalid_argument("timeline out of range: 1 to 2^24 frames, a positive frame rate");
-  }
+  if (!has_all_arrays(g)) return invalid_argument("an attribute array is NULL");
+  if (!is_valid(input.timeline)) return invalid_argument(kTimelineRule);
   const l4d_placement& p = input.placement;
-  if (!std::isfinite(p.origin[0]) || !std::isfinite(p.origin[1]) || !std::isfinite(p.origin[2]) ||
-      !std::isfinite(p.scale)) {
+  if (!is_valid(p)) {
     return invalid_argument("placement: origin and scale must be finite");
   }
   if (p.coordinate_system > 255 || p.color_space > 255) {
@@ -195,9 +182,9 @@ Status prepare_scene(const EncoderInput& input, const EncoderSettings& settings,
   const double pruning_error = Quality(settings, g.count).pruning_error();
   const auto hardly_matters = [&](size_t i) {
     if (of_opacity == nullptr) return false;
-    double opacity = static_cast<double>(g.opacity[i]);
-    if ((g.flags & L4D_OPACITY_LOGIT) != 0) opacity = 1 / (1 + std::exp(-opacity));
-    const double change = static_cast<double>(of_opacity[i]) * opacity;
+    const double change =
+        static_cast<double>(of_opacity[i]) *
+        linear_opacity(static_cast<double>(g.opacity[i]), (g.flags & L4D_OPACITY_LOGIT) != 0);
     return change * change / 3 < pruning_error;
   };
   for (uint32_t i = 0; i < g.count; ++i) {
@@ -258,9 +245,7 @@ Status prepare_scene(const EncoderInput& input, const EncoderSettings& settings,
         if (!s.has_double_times) s.raw_mean_t[i] = g.mean_t[from];
         continue;
       }
-      if (logit) {
-        s.opacity[i] = static_cast<float>(1 / (1 + std::exp(-static_cast<double>(s.opacity[i]))));
-      }
+      s.opacity[i] = static_cast<float>(linear_opacity(static_cast<double>(s.opacity[i]), logit));
       normalize_rotor(rotor, rotor);
       if (gauge >= 1) align_halves(rotor);
       if (gauge == 1) canonicalize_sign(rotor);

@@ -29,29 +29,23 @@ DecodedScene decode_scene(const DecoderHandle& decoder, const l4d_query* query,
   all.kind = L4D_QUERY_ALL;
   const l4d_info info = decoder.info();
   const l4d_query& wanted = query != nullptr ? *query : all;
-  // position, mean_t twice and once as double, log_scale, rotor, opacity
-  constexpr uint64_t kNumbers = 3 + 4 + 4 + 8 + 1;
+  // All attributes, and mean times once more and as double.
+  const uint64_t numbers = numbers_per_gaussian(info.sh_degree) + 3;
   const l4d_selection selection = decoder.select(wanted);
   DecodedScene loaded;
-  loaded.memory =
-      hold(holder,
-           selection.num_gaussians * (kNumbers + sh_numbers(info.sh_degree)) * sizeof(float) +
-               selection.num_ranges * sizeof(l4d_range),
-           "the decoded scene");
+  loaded.memory = hold(
+      holder,
+      selection.num_gaussians * numbers * sizeof(float) + selection.num_ranges * sizeof(l4d_range),
+      "the decoded scene");
   GaussianArrays arrays = decoder.decode(wanted);
   io::Scene& scene = loaded.scene;
   scene.timeline = info.timeline;
   scene.placement = info.placement;
-  scene.sh_degree = info.sh_degree;
-  scene.flags = info.flags;
-  scene.position = std::move(arrays.position);
-  scene.mean_t = std::move(arrays.mean_t);
-  keep_exact_times(arrays.mean_t_double, (info.tools & L4D_TOOL_LOSSLESS) != 0, scene);
-  loaded.mean_t = std::move(arrays.mean_t_double);
-  scene.log_scale = std::move(arrays.log_scale);
-  scene.rotor = std::move(arrays.rotor);
-  scene.opacity = std::move(arrays.opacity);
-  scene.sh = std::move(arrays.sh);
+  std::vector<double> times = std::move(arrays.mean_t_double);
+  arrays.mean_t_double.clear();
+  static_cast<AttributeArrays&>(scene) = std::move(arrays);
+  keep_exact_times(times, (info.tools & L4D_TOOL_LOSSLESS) != 0, scene);
+  loaded.mean_t = std::move(times);
   scene.source = "l4d";
   loaded.ranges = std::move(arrays.ranges);
   for (uint32_t l = 0; l < info.num_layers; ++l) {

@@ -4,6 +4,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "libl4dcodec/scene/slice.h"
+#include "libl4dcodec/scene/timeline.h"
+
 namespace l4d::eval {
 
 io::Vec3 Motion::at(double seconds) const {
@@ -17,43 +20,31 @@ Motion motion_of(const io::Scene& scene, size_t index) {
 }
 
 Motion motion_of(const io::Scene& scene, size_t index, double mean_t) {
-  io::Rotor rotor;
-  io::Vec4 scale;
-  for (size_t k = 0; k < 8; ++k) rotor[k] = static_cast<double>(scene.rotor[8 * index + k]);
-  for (size_t k = 0; k < 4; ++k) {
-    scale[k] = std::exp(static_cast<double>(scene.log_scale[4 * index + k]));
-  }
-  const io::Slice slice = io::slice(rotor, scale);
+  const Slice4D<double> slice =
+      slice_attributes<double>(&scene.rotor[8 * index], &scene.log_scale[4 * index]);
   Motion m;
   for (size_t k = 0; k < 3; ++k) {
     m.position[k] = static_cast<double>(scene.position[3 * index + k]);
   }
-  m.velocity = slice.velocity;
-  m.sigma_t = slice.sigma_t;
+  std::copy_n(slice.velocity, 3, m.velocity.begin());
+  std::copy_n(slice.covariance, 6, m.covariance.begin());
+  m.lambda = slice.lambda;
+  m.sigma_t = 1 / std::sqrt(slice.lambda);
   m.mean_t = mean_t;
-  const double begin = scene.timeline.time_begin;
   m.anchor = (scene.flags & L4D_POSITION_AT_MEAN_TIME) != 0
                  ? m.mean_t
-                 : std::clamp(m.mean_t, begin, begin + io::duration(scene.timeline));
-  size_t entry = 0;
-  for (size_t i = 0; i < 3; ++i) {
-    for (size_t j = i; j < 3; ++j) {
-      double sum = 0;
-      for (size_t k = 0; k < 4; ++k) sum += slice.rows[i][k] * slice.rows[j][k];
-      m.covariance[entry++] = sum;
-    }
-  }
+                 : reference_time(scene.timeline, m.mean_t);
   return m;
 }
 
 double linear_opacity(const io::Scene& scene, size_t index) {
-  const double value = static_cast<double>(scene.opacity[index]);
-  return (scene.flags & L4D_OPACITY_LOGIT) != 0 ? 1 / (1 + std::exp(-value)) : value;
+  return l4d::linear_opacity(static_cast<double>(scene.opacity[index]),
+                             (scene.flags & L4D_OPACITY_LOGIT) != 0);
 }
 
 VisibleSpan visible_span(const Motion& motion, double begin, double end) {
-  return {std::max(begin, motion.mean_t - 4 * motion.sigma_t),
-          std::min(end, motion.mean_t + 4 * motion.sigma_t)};
+  const double reach = kVisibleSigmas * motion.sigma_t;
+  return {std::max(begin, motion.mean_t - reach), std::min(end, motion.mean_t + reach)};
 }
 
 }  // namespace l4d::eval

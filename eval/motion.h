@@ -17,6 +17,7 @@ struct Motion {
   double anchor;                     // seconds
   double mean_t;                     // seconds
   double sigma_t;                    // seconds
+  double lambda;                     // 1 / sigma_t^2
   std::array<double, 6> covariance;  // of the slice: xx xy xz yy yz zz
 
   io::Vec3 at(double seconds) const;

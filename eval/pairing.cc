@@ -10,6 +10,7 @@
 #include "eval/nearest.h"
 #include "eval/parallel.h"
 #include "io/file.h"
+#include "libl4dcodec/scene/slice.h"
 
 namespace l4d::eval {
 namespace {
@@ -17,13 +18,15 @@ namespace {
 // The attributes of one Gaussian as pieces of memory, for hashing and comparing bit for bit.
 class Rows {
  public:
-  explicit Rows(const io::Scene& scene)
-      : scene_(scene),
-        pieces_{{{scene.position.data(), 3},
-                 {scene.log_scale.data(), 4},
-                 {scene.rotor.data(), 8},
-                 {scene.opacity.data(), 1},
-                 {scene.sh.data(), 3 * scene.sh_coefficients()}}} {}
+  explicit Rows(const io::Scene& scene) : scene_(scene) {
+    for_each_attribute(
+        [&](const AttributeInfo& a, const std::vector<float>& rows) {
+          // Times are compared as doubles.
+          if (a.flag == info_of(Attribute::kMeanTime).flag) return;
+          pieces_.push_back({rows.data(), a.numbers(scene.sh_degree)});
+        },
+        scene);
+  }
 
   uint64_t hash(size_t index) const {
     uint64_t h = 0x9e3779b97f4a7c15u ^ time_bits(index);
@@ -62,7 +65,7 @@ class Rows {
     return bits;
   }
   const io::Scene& scene_;
-  std::array<Piece, 5> pieces_;
+  std::vector<Piece> pieces_;
 };
 
 bool rows_comparable(const io::Scene& a, const io::Scene& b) {
@@ -117,8 +120,8 @@ std::vector<Feature> features_of(const io::Scene& scene, const l4d_timeline& tim
       f[3] = kTimeWeight * static_cast<float>((middle - begin) / duration);
       f[4] = kTimeWeight * static_cast<float>((span.end - span.begin) / duration);
       // With its falloff: coding trades the one for the other.
-      const double z = (middle - motion.mean_t) / motion.sigma_t;
-      f[5] = kOpacityWeight * static_cast<float>(linear_opacity(scene, i) * std::exp(-0.5 * z * z));
+      f[5] = kOpacityWeight * static_cast<float>(linear_opacity(scene, i) *
+                                                 falloff(motion.lambda, middle - motion.mean_t));
       f[6] = kSizeWeight * static_cast<float>(0.25 * std::log(size2 + 1e-30));
       for (size_t k = 0; k < 3; ++k) f[7 + k] = kColourWeight * scene.sh[i * sh_stride + k];
       for (float& value : f) {

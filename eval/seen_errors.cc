@@ -6,6 +6,8 @@
 #include <limits>
 #include <vector>
 
+#include "libl4dcodec/scene/slice.h"
+
 namespace l4d::eval {
 namespace {
 
@@ -46,8 +48,7 @@ double distance(const Motion& a, const Motion& b, double t) {
 }
 
 double opacity_at(const Motion& m, double opacity, double t) {
-  const double z = (t - m.mean_t) / m.sigma_t;
-  return std::fabs(z) <= 4 ? opacity * std::exp(-0.5 * z * z) : 0;
+  return opacity * visible_falloff(m.lambda, t - m.mean_t);
 }
 
 double infinite_if_nan(double v) {

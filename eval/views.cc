@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "eval/motion.h"
+#include "libl4dcodec/scene/slice.h"
 
 namespace l4d::eval {
 
@@ -37,10 +38,9 @@ io::Scene instant_of(const io::Scene& scene, double seconds) {
   instant.placement = scene.placement;
   for (size_t i = 0; i < scene.count(); ++i) {
     const Motion motion = motion_of(scene, i);
-    const double distance = (seconds - motion.mean_t) / motion.sigma_t;
     for (const double p : motion.at(seconds)) instant.position.push_back(static_cast<float>(p));
-    instant.opacity.push_back(
-        static_cast<float>(linear_opacity(scene, i) * std::exp(-0.5 * distance * distance)));
+    instant.opacity.push_back(static_cast<float>(linear_opacity(scene, i) *
+                                                 falloff(motion.lambda, seconds - motion.mean_t)));
   }
   instant.mean_t.resize(scene.count());
   return instant;

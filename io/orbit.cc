@@ -7,6 +7,7 @@
 #include "io/cameras.h"
 #include "io/read_cameras.h"
 #include "io/rotor_math.h"
+#include "libl4dcodec/scene/slice.h"
 
 namespace l4d::io {
 namespace {
@@ -62,7 +63,7 @@ Extent extent_of(const Scene& scene) {
   const bool is_logit = (scene.flags & L4D_OPACITY_LOGIT) != 0;
   for (size_t i = 0; i < scene.count(); ++i) {
     const double stored = static_cast<double>(scene.opacity[i]);
-    const double opacity = is_logit ? 1 / (1 + std::exp(-stored)) : stored;
+    const double opacity = linear_opacity(stored, is_logit);
     bool usable = opacity > 0 && std::isfinite(opacity);
     for (size_t k = 0; k < 3; ++k) usable = usable && std::isfinite(position[3 * i + k]);
     if (!usable) continue;

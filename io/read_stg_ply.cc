@@ -3,12 +3,15 @@
 #include <cmath>
 
 #include "io/read_ply.h"
+#include "libl4dcodec/scene/slice.h"
 
 namespace l4d::io {
 namespace {
 
 constexpr double kShC0 = 0.28209479177387814;
 constexpr int kSamples = 64;  // of the visible span, midpoints
+
+double weight(double dt, double sigma) { return falloff(1 / (sigma * sigma), dt); }
 
 // What the fit of a straight line needs to know of the visible span, in normalised time from the
 // centre: the best line a + b dt for dt^2 and for dt^3 under the Gaussian falloff.
@@ -35,7 +38,7 @@ Span fit_span(double center, double sigma) {
   const double unit = std::max(-span.begin, span.end);  // keeps the moments near 1
   for (int k = 0; k < kSamples; ++k) {
     const double dt = span.sample(k);
-    double term = std::exp(-0.5 * dt * dt / (sigma * sigma));
+    double term = weight(dt, sigma);
     for (double& m : moment) {
       m += term;
       term *= dt / unit;
@@ -64,8 +67,6 @@ struct ErrorTally {
   }
   double mean() const { return count > 0 ? sum_of_means / static_cast<double>(count) : 0; }
 };
-
-double weight(double dt, double sigma) { return std::exp(-0.5 * dt * dt / (sigma * sigma)); }
 
 void tally_motion(const Span& span, double sigma, const double* quadratic, const double* cubic,
                   ErrorTally& tally) {

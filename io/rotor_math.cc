@@ -5,6 +5,8 @@
 #include <cmath>
 #include <cstddef>
 
+#include "libl4dcodec/scene/slice.h"
+
 namespace l4d::io {
 namespace {
 
@@ -71,23 +73,9 @@ double determinant(const Columns& m) {
 }  // namespace
 
 Matrix4 rotor_to_matrix(const Rotor& r) {
-  Vec4 a{r[0] + r[7], r[1] - r[6], r[2] + r[5], r[3] - r[4]};
-  Vec4 b{r[0] - r[7], r[1] + r[6], r[2] - r[5], r[3] + r[4]};
-  normalize_or_identity(a);
-  normalize_or_identity(b);
-  double k[4][4];
-  for (size_t i = 0; i < 4; ++i) {
-    for (size_t j = 0; j < 4; ++j) k[i][j] = a[i] * b[j];
-  }
-  // Each entry is a signed sum of four products, one from each row and column of k.
-  return {k[0][0] - k[1][1] - k[2][2] + k[3][3],  k[0][1] + k[1][0] - k[2][3] - k[3][2],
-          k[0][2] + k[2][0] + k[1][3] + k[3][1],  k[0][3] - k[3][0] - k[1][2] + k[2][1],
-          -k[0][1] - k[1][0] - k[2][3] - k[3][2], k[0][0] - k[1][1] + k[2][2] - k[3][3],
-          k[0][3] + k[3][0] - k[1][2] - k[2][1],  -k[0][2] + k[2][0] - k[1][3] + k[3][1],
-          -k[0][2] - k[2][0] + k[1][3] + k[3][1], -k[0][3] - k[3][0] - k[1][2] - k[2][1],
-          k[0][0] + k[1][1] - k[2][2] - k[3][3],  k[0][1] - k[1][0] - k[2][3] + k[3][2],
-          -k[0][3] + k[3][0] - k[1][2] + k[2][1], k[0][2] - k[2][0] - k[1][3] + k[3][1],
-          -k[0][1] + k[1][0] - k[2][3] + k[3][2], k[0][0] + k[1][1] + k[2][2] + k[3][3]};
+  Matrix4 matrix;
+  l4d::rotor_to_matrix(normalized_halves(r.data()), matrix.data());
+  return matrix;
 }
 
 Rotor matrix_to_rotor(const Matrix4& m) {
@@ -138,19 +126,13 @@ Vec4 matrix_to_quaternion(const Matrix3& m) {
 }
 
 Slice slice(const Rotor& rotor, const Vec4& scale) {
-  const Matrix4 r = rotor_to_matrix(rotor);
-  std::array<Vec4, 4> m;
-  for (size_t i = 0; i < 4; ++i) {
-    for (size_t k = 0; k < 4; ++k) m[i][k] = r[4 * i + k] * scale[k];
-  }
-  const double variance_t = dot(m[3], m[3]);
+  double rows[16], projected[3][4];
+  scaled_rows(normalized_halves(rotor.data()), scale.data(), rows);
+  const Slice4D<double> s = slice_rows(rows, projected);
   Slice out;
-  out.sigma_t = std::sqrt(variance_t);
-  for (size_t i = 0; i < 3; ++i) {
-    const double v = dot(m[i], m[3]) / variance_t;
-    out.velocity[i] = v;
-    for (size_t k = 0; k < 4; ++k) out.rows[i][k] = m[i][k] - v * m[3][k];
-  }
+  std::copy_n(s.velocity, 3, out.velocity.begin());
+  for (size_t i = 0; i < 3; ++i) std::copy_n(projected[i], 4, out.rows[i].begin());
+  out.sigma_t = std::sqrt(dot4(rows + 12, rows + 12));
   return out;
 }
 

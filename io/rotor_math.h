@@ -25,12 +25,12 @@ Rotor quaternion_to_rotor(const Vec4& wxyz);
 Matrix3 quaternion_to_matrix(const Vec4& wxyz);
 Vec4 matrix_to_quaternion(const Matrix3& matrix);  // w >= 0
 
-// A 4D Gaussian at an instant: mean(t) = mean + velocity (t - mean_t), opacity falls off with
-// exp(-(t - mean_t)^2 / (2 sigma_t^2)), covariance = rows rows^T.
+// A 4D Gaussian at an instant, as Slice4D.
 struct Slice {
   Vec3 velocity;
-  double sigma_t;
-  std::array<Vec4, 3> rows;  // of rotation * scale, less their part along time
+  double sigma_t;  // seconds
+  std::array<Vec4, 3>
+      rows;  // of rotation * scale, less their part along time: covariance = rows rows^T
 };
 // `scale`: standard deviations along the local axes x y z t.
 Slice slice(const Rotor& rotor, const Vec4& scale);

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "io/rotor_math.h"
+#include "libl4dcodec/scene/slice.h"
 
 namespace l4d::io {
 namespace {
@@ -16,11 +17,9 @@ constexpr double kMaxLogit = 18;
 // Moves positions from one instant to another along the Gaussians' velocities. A Gaussian that does
 // not move keeps its bits.
 void shift_positions(Scene& scene, double direction) {
-  const double begin = scene.timeline.time_begin;
-  const double end = begin + duration(scene.timeline);
   for (size_t i = 0; i < scene.count(); ++i) {
     const double mean_t = scene.mean_time(i);
-    const double dt = (std::clamp(mean_t, begin, end) - mean_t) * direction;
+    const double dt = (reference_time(scene.timeline, mean_t) - mean_t) * direction;
     if (!(dt != 0)) continue;
     Rotor rotor;
     Vec4 scale;
@@ -39,15 +38,6 @@ void shift_positions(Scene& scene, double direction) {
 
 }  // namespace
 
-void Scene::resize(size_t count) {
-  position.resize(count * 3);
-  mean_t.resize(count);
-  log_scale.resize(count * 4);
-  rotor.resize(count * 8);
-  opacity.resize(count);
-  sh.resize(count * sh_coefficients() * 3);
-}
-
 void Scene::set_mean_times(std::vector<double> times) {
   mean_t.resize(times.size());
   bool exact = true;
@@ -57,27 +47,6 @@ void Scene::set_mean_times(std::vector<double> times) {
     exact = exact && !(static_cast<double>(mean_t[i]) != times[i] && std::isfinite(times[i]));
   }
   mean_t_double = exact ? std::vector<double>() : std::move(times);
-}
-
-l4d_gaussians Scene::view() const {
-  l4d_gaussians view;
-  l4d_gaussians_init(&view);
-  view.count = count();
-  view.sh_degree = sh_degree;
-  view.flags = flags;
-  view.position = position.data();
-  view.mean_t = mean_t.data();
-  view.mean_t_double = mean_t_double.empty() ? nullptr : mean_t_double.data();
-  view.log_scale = log_scale.data();
-  view.rotor = rotor.data();
-  view.opacity = opacity.data();
-  view.sh = sh.data();
-  return view;
-}
-
-double duration(const l4d_timeline& timeline) {
-  return static_cast<double>(timeline.num_frames) * static_cast<double>(timeline.fps_den) /
-         static_cast<double>(timeline.fps_num);
 }
 
 void positions_to_reference_time(Scene& scene) {
@@ -95,7 +64,7 @@ void positions_to_mean_time(Scene& scene) {
 void opacity_to_linear(Scene& scene) {
   if ((scene.flags & L4D_OPACITY_LOGIT) == 0) return;
   for (float& o : scene.opacity) {
-    o = static_cast<float>(1 / (1 + std::exp(-static_cast<double>(o))));
+    o = static_cast<float>(linear_opacity(static_cast<double>(o), true));
   }
   scene.flags &= ~static_cast<uint32_t>(L4D_OPACITY_LOGIT);
 }

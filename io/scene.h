@@ -7,7 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "l4d/l4d.h"
+#include "l4d/attributes.hpp"
+#include "libl4dcodec/scene/timeline.h"
 
 namespace l4d::io {
 
@@ -23,38 +24,22 @@ class Error : public std::runtime_error {
 };
 
 // A scene in memory, with the attribute meanings of l4d_gaussians.
-struct Scene {
+struct Scene : AttributeArrays {
   l4d_timeline timeline{};
   l4d_placement placement{{0, 0, 0}, 1, L4D_COORDINATES_UNKNOWN, L4D_COLOR_SRGB};
-  uint32_t sh_degree = 0;
-  uint32_t flags = 0;           // L4D_POSITION_AT_MEAN_TIME, L4D_OPACITY_LOGIT
-  std::vector<float> position;  // [N, 3]
-  std::vector<float> mean_t;    // [N]
-  // [N] where float32 does not hold times as they are, else empty
-  std::vector<double> mean_t_double;
-  std::vector<float> log_scale;  // [N, 4]
-  std::vector<float> rotor;      // [N, 8]
-  std::vector<float> opacity;    // [N]
-  std::vector<float> sh;         // [N, (D+1)^2, 3]
-
   // Name of the format it was read from: "l4d_ply", "3dgs_ply", "ftgs_ply", "stg_ply", "l4d",
   // "synth".
   std::string source;
   // Approximations made on import, one sentence each, with their size. For people.
   std::vector<std::string> notes;
 
-  size_t count() const { return mean_t.size(); }
-  double mean_time(size_t i) const {
-    return mean_t_double.empty() ? static_cast<double>(mean_t[i]) : mean_t_double[i];
-  }
   // Sets mean_t, and mean_t_double where any time would not come back from float32.
   void set_mean_times(std::vector<double> times);
   size_t sh_coefficients() const { return (sh_degree + 1) * (sh_degree + 1); }
-  void resize(size_t count);  // sets all arrays for the current sh_degree
-  l4d_gaussians view() const;
 };
 
-double duration(const l4d_timeline& timeline);  // seconds
+// Seconds.
+inline double duration(const l4d_timeline& timeline) { return sequence_duration(timeline); }
 
 // Converts in double precision between the two meanings of `position` and of `opacity`; no-ops
 // where the scene already has that meaning.

@@ -2,6 +2,7 @@
 #include "render/camera.h"
 
 #include <cmath>
+#include <string>
 
 namespace l4d::render {
 namespace {
@@ -24,11 +25,15 @@ Status check_background(const float* rgb) {
   return invalid_argument("the background is not finite");
 }
 
+Status check_image_size(uint32_t width, uint32_t height) {
+  if (width <= L4D_MAX_IMAGE_SIDE && height <= L4D_MAX_IMAGE_SIDE) return {};
+  return invalid_argument("width and height must be at most " + std::to_string(L4D_MAX_IMAGE_SIDE));
+}
+
 Status check_camera(const l4d_camera& c) {
-  if (c.width < 1 || c.height < 1 || c.width > L4D_MAX_IMAGE_SIDE ||
-      c.height > L4D_MAX_IMAGE_SIDE) {
-    return invalid_argument("camera: width and height must be 1 to 16384");
-  }
+  if (c.width < 1 || c.height < 1)
+    return invalid_argument("camera: width and height must be at least 1");
+  L4D_RETURN_IF_ERROR(check_image_size(c.width, c.height));
   if (!(c.fx > 0 && c.fy > 0) || !std::isfinite(c.fx) || !std::isfinite(c.fy) ||
       !std::isfinite(c.cx) || !std::isfinite(c.cy)) {
     return invalid_argument("camera: focal lengths must be above 0 and the principal point finite");

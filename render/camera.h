@@ -10,6 +10,8 @@ namespace l4d::render {
 l4d_camera default_camera();
 // INVALID_ARGUMENT where the camera is none.
 Status check_camera(const l4d_camera& camera);
+// INVALID_ARGUMENT where an image is larger than images may be.
+Status check_image_size(uint32_t width, uint32_t height);
 // INVALID_ARGUMENT where a channel is not a finite number. rgb: [3]
 Status check_background(const float* rgb);
 

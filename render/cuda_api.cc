@@ -47,20 +47,14 @@ l4d_status call(l4d_cuda_renderer* handle, const char* bad, const Body& body) {
 }
 
 Status check_timeline(const l4d_timeline& timeline) {
-  if (timeline.num_frames == 0 || timeline.num_frames > l4d::kMaxFrames || timeline.fps_num == 0 ||
-      timeline.fps_den == 0 || !std::isfinite(timeline.time_begin)) {
-    return l4d::invalid_argument("timeline out of range: 1 to 2^24 frames, a positive frame rate");
-  }
+  if (!l4d::is_valid(timeline)) return l4d::invalid_argument(l4d::kTimelineRule);
   return {};
 }
 
 // Gaussians that are told with indices have no SH of their own.
 Status check_gaussians(const l4d_gaussians& g, bool indexed) {
   if (g.sh_degree > 3) return l4d::invalid_argument("sh_degree is above 3");
-  if (g.count > 0 &&
-      (g.position == nullptr || (g.mean_t == nullptr && g.mean_t_double == nullptr) ||
-       g.log_scale == nullptr || g.rotor == nullptr || g.opacity == nullptr ||
-       (g.sh == nullptr && !indexed))) {
+  if (g.count > 0 && !l4d::has_all_arrays(g, !indexed)) {
     return l4d::invalid_argument("an attribute array is NULL");
   }
   if (indexed && g.sh != nullptr) return l4d::invalid_argument("sh is given beside indices");
@@ -206,9 +200,7 @@ l4d_status l4d_cuda_renderer_set_background(l4d_cuda_renderer* renderer, const f
 l4d_status l4d_cuda_renderer_reserve(l4d_cuda_renderer* renderer, const l4d_cuda_room* room) {
   return call(renderer, required(room), [&](auto& r) -> Status {
     const l4d_cuda_room wanted = read_struct(*room, l4d_cuda_room{});
-    if (wanted.width > L4D_MAX_IMAGE_SIDE || wanted.height > L4D_MAX_IMAGE_SIDE) {
-      return l4d::invalid_argument("width and height must be at most 16384");
-    }
+    L4D_RETURN_IF_ERROR(l4d::render::check_image_size(wanted.width, wanted.height));
     return r.reserve(wanted.width, wanted.height, wanted.visible, wanted.instances,
                      wanted.backward != 0);
   });

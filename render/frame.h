@@ -23,23 +23,36 @@ struct Frame {
   // Numbers that vectors may read beyond the last row, without meaning.
   static constexpr size_t kPadding = 16;
 
-  size_t count() const { return id.size(); }
-  // Keeps the Gaussians that there are.
+  size_t count() const { return count_; }
+  // For how many the arrays have room.
+  size_t room() const { return id.size(); }
+  // Keeps the Gaussians that there are, and room that there is.
   Status resize(size_t n, MemoryBudget& memory) {
+    count_ = 0;
+    L4D_RETURN_IF_ERROR(reserve(n, memory));
+    count_ = n;
+    return {};
+  }
+  Status reserve(size_t n, MemoryBudget& memory) {
+    if (n <= room()) return {};
     constexpr const char* kWhat = "the Gaussians of an instant";
-    L4D_RETURN_IF_ERROR(grow(memory, &id, n, kWhat));
     for (auto& axis : position) L4D_RETURN_IF_ERROR(grow(memory, &axis, n + kPadding, kWhat));
     for (auto& entry : covariance) L4D_RETURN_IF_ERROR(grow(memory, &entry, n + kPadding, kWhat));
     L4D_RETURN_IF_ERROR(grow(memory, &opacity, n + kPadding, kWhat));
-    return grow(memory, &sh, n, kWhat);
+    L4D_RETURN_IF_ERROR(grow(memory, &sh, n, kWhat));
+    return grow(memory, &id, n, kWhat);  // last, since it tells the room of all
   }
   void forget(MemoryBudget& memory) {
+    count_ = 0;
     l4d::forget(memory, &id);
     for (auto& axis : position) l4d::forget(memory, &axis);
     for (auto& entry : covariance) l4d::forget(memory, &entry);
     l4d::forget(memory, &opacity);
     l4d::forget(memory, &sh);
   }
+
+ private:
+  size_t count_ = 0;
 };
 
 // Derivatives of a scalar by what a Frame holds of one Gaussian.

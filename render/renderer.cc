@@ -55,7 +55,7 @@ void Renderer::forget(bool with_scene) {
   });
   if (!with_scene) return;
   scene_.forget(memory_);
-  scratch_.forget(memory_);
+  still_key_ = 0;
   float_.frame.forget(memory_);
   double_.frame.forget(memory_);
 }
@@ -71,7 +71,7 @@ Status Renderer::within_limit(bool with_scene, const Body& body) {
 Status Renderer::set_gaussians(const l4d_gaussians& gaussians, const l4d_timeline& timeline) {
   source_ = Source::kNone;
   has_time_ = false;
-  scratch_.still_key = 0;
+  still_key_ = 0;
   if (cuda_) {
     L4D_RETURN_IF_ERROR(acquire_device());
     L4D_RETURN_IF_ERROR(scene_.set(gaussians, timeline));
@@ -92,7 +92,7 @@ Status Renderer::set_decoder(l4d_decoder* decoder) {
   has_time_ = false;
   if (cuda_) L4D_RETURN_IF_ERROR(acquire_device());
   decoder_ = decoder;
-  scratch_.still_key = 0;
+  still_key_ = 0;
   source_ = Source::kDecoder;
   return {};
 }
@@ -105,7 +105,7 @@ Status Renderer::slice(double time) {
         [&](auto& path) { return slice_into(scene_, time_, threads_, memory_, &path.frame); });
   }
   time_ = time;  // the decoder clamps
-  L4D_RETURN_IF_ERROR(slice_stream(decoder_, time, threads_, memory_, &scratch_, &float_.frame));
+  L4D_RETURN_IF_ERROR(slice_stream(decoder_, time, memory_, &still_key_, &float_.frame));
   if (double_.rasterizer != nullptr) return widen(float_.frame, memory_, &double_.frame);
   if (!cuda_) return {};
   const Frame<float>& f = float_.frame;
@@ -181,14 +181,7 @@ Instant<T> Renderer::instant() const {
 
 template <typename T>
 Gaussian4D<T> Renderer::attributes(size_t id) const {
-  const l4d_gaussians& g = scene_.gaussians();
-  Gaussian4D<T> out;
-  for (size_t k = 0; k < 3; ++k) out.position[k] = static_cast<T>(g.position[3 * id + k]);
-  out.mean_t = static_cast<T>(mean_time(g, id) - time_);
-  for (size_t k = 0; k < 4; ++k) out.log_scale[k] = static_cast<T>(g.log_scale[4 * id + k]);
-  for (size_t k = 0; k < 8; ++k) out.rotor[k] = static_cast<T>(g.rotor[8 * id + k]);
-  out.opacity = static_cast<T>(g.opacity[id]);
-  return out;
+  return read_gaussian<T>(scene_.gaussians(), id, time_);
 }
 
 namespace {

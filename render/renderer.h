@@ -110,7 +110,7 @@ class Renderer {
   Source source_ = Source::kNone;
   Scene scene_;
   l4d_decoder* decoder_ = nullptr;
-  StreamScratch scratch_;
+  uint64_t still_key_ = 0;  // l4d_splat_columns; 0 also where the frame is another
   Path<float> float_;
   Path<double> double_;  // of the reference; its rasteriser is absent on the fast path
   float background_[3] = {0, 0, 0};

@@ -8,7 +8,6 @@
 
 #include "libl4dcodec/base/threads.h"
 #include "libl4dcodec/scene/attributes.h"
-#include "libl4dcodec/scene/layers.h"
 #include "libl4dcodec/scene/prepare.h"
 
 namespace l4d::render {
@@ -24,16 +23,8 @@ Status Scene::set(const l4d_gaussians& gaussians, const l4d_timeline& timeline) 
     return Status(L4D_ERR_LIMIT_EXCEEDED, "more than 2^32 - 1 Gaussians");
   }
   const size_t n = static_cast<size_t>(gaussians.count);
-  if (n > 0 && (gaussians.position == nullptr ||
-                (gaussians.mean_t == nullptr && gaussians.mean_t_double == nullptr) ||
-                gaussians.log_scale == nullptr || gaussians.rotor == nullptr ||
-                gaussians.opacity == nullptr || gaussians.sh == nullptr)) {
-    return invalid_argument("an attribute array is NULL");
-  }
-  if (timeline.num_frames == 0 || timeline.num_frames > kMaxFrames || timeline.fps_num == 0 ||
-      timeline.fps_den == 0 || !std::isfinite(timeline.time_begin)) {
-    return invalid_argument("timeline out of range: 1 to 2^24 frames, a positive frame rate");
-  }
+  if (n > 0 && !has_all_arrays(gaussians)) return invalid_argument("an attribute array is NULL");
+  if (!is_valid(timeline)) return invalid_argument(kTimelineRule);
   for (size_t i = 0; i < n; ++i) {
     if (const char* attribute = invalid_attribute(gaussians, i)) {
       return Status(L4D_ERR_INVALID_SCENE, "Gaussian " + std::to_string(i) + ": " + attribute +
@@ -42,9 +33,8 @@ Status Scene::set(const l4d_gaussians& gaussians, const l4d_timeline& timeline) 
   }
   gaussians_ = gaussians;
   timeline_ = timeline;
-  const double begin = timeline.time_begin;
-  time_end_ = begin + sequence_duration(timeline);
-  center_ = begin + 0.5 * (time_end_ - begin);
+  sequence_ = sequence_of(timeline);
+  center_ = sequence_.center();
   still_frame_ = nullptr;
   return {};
 }
@@ -53,15 +43,14 @@ Status Scene::prepare(const l4d_gaussians& gaussians, const l4d_timeline& timeli
                       MemoryBudget& memory) {
   L4D_RETURN_IF_ERROR(set(gaussians, timeline));
   const size_t n = count();
-  const double begin = timeline.time_begin;
   constexpr const char* kWhat = "preparing the scene";
   MemoryCharge scratch(memory);
   L4D_RETURN_IF_ERROR(scratch.take(uint64_t{n} * sizeof(MotionGroup), kWhat));
   std::vector<MotionGroup> group(n);
-  const auto prepared = [&](size_t i) { return prepare_gaussian(gaussians_, begin, time_end_, i); };
+  const auto prepared = [&](size_t i) { return prepare_gaussian(gaussians_, sequence_, i); };
   parallel_for(threads, n, kGrain, [&](size_t first, size_t last) {
     for (size_t i = first; i < last; ++i) {
-      group[i] = group_of(prepared(i), begin, time_end_);
+      group[i] = group_of(prepared(i), sequence_);
     }
   });
   L4D_RETURN_IF_ERROR(renew(memory, &id_, n, kWhat));
@@ -77,9 +66,10 @@ Status Scene::prepare(const l4d_gaussians& gaussians, const l4d_timeline& timeli
   for (auto& axis : position_) L4D_RETURN_IF_ERROR(renew(memory, &axis, n, kWhat));
   for (auto& axis : velocity_) L4D_RETURN_IF_ERROR(renew(memory, &axis, moving, kWhat));
   for (auto& entry : covariance_) L4D_RETURN_IF_ERROR(renew(memory, &entry, n, kWhat));
-  for (auto* column : {&opacity_, &mean_, &lambda_, &begin_, &end_}) {
+  for (auto* column : {&opacity_, &mean_, &lambda_}) {
     L4D_RETURN_IF_ERROR(renew(memory, column, n, kWhat));
   }
+  L4D_RETURN_IF_ERROR(renew(memory, &shown_, n, kWhat));
   L4D_RETURN_IF_ERROR(renew(memory, &reference_, moving, kWhat));
   parallel_for(threads, n, kGrain, [&](size_t first, size_t last) {
     for (size_t row = first; row < last; ++row) {
@@ -96,9 +86,7 @@ Status Scene::prepare(const l4d_gaussians& gaussians, const l4d_timeline& timeli
       opacity_[row] = static_cast<float>(p.opacity);
       mean_[row] = static_cast<float>(mean);
       lambda_[row] = static_cast<float>(p.slice.lambda);
-      const bool ever = p.half_life >= 0;
-      begin_[row] = ever ? static_cast<float>(mean - p.half_life) : 1.0f;
-      end_[row] = ever ? static_cast<float>(mean + p.half_life) : 0.0f;
+      shown_[row] = interval_of(mean, p.half_life);
     }
   });
   return {};
@@ -109,9 +97,8 @@ void Scene::forget(MemoryBudget& memory) {
   for (auto& axis : position_) l4d::forget(memory, &axis);
   for (auto& axis : velocity_) l4d::forget(memory, &axis);
   for (auto& entry : covariance_) l4d::forget(memory, &entry);
-  for (auto* column : {&reference_, &opacity_, &mean_, &lambda_, &begin_, &end_}) {
-    l4d::forget(memory, column);
-  }
+  for (auto* column : {&reference_, &opacity_, &mean_, &lambda_}) l4d::forget(memory, column);
+  l4d::forget(memory, &shown_);
 }
 
 Status Scene::slice(double time, int threads, MemoryBudget& memory, Frame<float>* out) {
@@ -150,10 +137,7 @@ Status Scene::slice(double time, int threads, MemoryBudget& memory, Frame<float>
         }
       }
       float opacity = opacity_[r];
-      if (r >= num_still_) {
-        const float dt = t - mean_[r];
-        opacity *= std::exp(-0.5f * (lambda_[r] * (dt * dt)));
-      }
+      if (r >= num_still_) opacity *= falloff(lambda_[r], t - mean_[r]);
       out->opacity[at] = opacity;
       ++at;
     }
@@ -173,75 +157,59 @@ Status Scene::slice(double time, MemoryBudget& memory, Frame<double>* out) const
   for (size_t r = 0; r < count(); ++r) {
     if (!visible(r, t)) continue;
     const size_t i = id_[r];
-    const Prepared p = prepare_gaussian(gaussians_, timeline_.time_begin, time_end_, i);
-    const double dt = time - p.mean;
+    const Prepared p = prepare_gaussian(gaussians_, sequence_, i);
     out->id[at] = id_[r];
     out->sh[at] = gaussians_.sh + stride * i;
     for (size_t k = 0; k < 3; ++k) {
       out->position[k][at] = p.position[k] + p.slice.velocity[k] * (time - p.reference);
     }
     for (size_t k = 0; k < 6; ++k) out->covariance[k][at] = p.slice.covariance[k];
-    out->opacity[at] = p.opacity * std::exp(-0.5 * p.slice.lambda * dt * dt);
+    out->opacity[at] = p.opacity * falloff(p.slice.lambda, time - p.mean);
     ++at;
   }
   return {};
 }
 
-Status slice_stream(l4d_decoder* decoder, double time, int threads, MemoryBudget& memory,
-                    StreamScratch* scratch, Frame<float>* out) {
+Status slice_stream(l4d_decoder* decoder, double time, MemoryBudget& memory, uint64_t* still_key,
+                    Frame<float>* out) {
+  l4d_splat_columns columns;
+  l4d_splat_columns_init(&columns);
+  columns.still_key = *still_key;
+  columns.least_opacity = static_cast<float>(kMinAlpha);
   l4d_info info;
   l4d_info_init(&info);
-  l4d_query query;
-  l4d_query_init(&query);
-  query.kind = L4D_QUERY_TIME;
-  query.time_begin = time;
-  l4d_selection selection;
-  l4d_selection_init(&selection);
   l4d_status status = l4d_decoder_get_info(decoder, &info);
-  if (status == L4D_OK) status = l4d_decoder_select(decoder, &query, &selection);
+  size_t named = *still_key != 0 ? out->room() : 0;  // rows that have their ids
+  *still_key = 0;
+  const uint64_t key = columns.still_key;
+  const auto slice = [&] {
+    columns.still_key = key;
+    columns.capacity = out->room();
+    for (size_t k = 0; k < 3; ++k) columns.position[k] = out->position[k].data();
+    for (size_t k = 0; k < 6; ++k) columns.covariance[k] = out->covariance[k].data();
+    columns.opacity = out->opacity.data();
+    columns.sh_rows = out->sh.data();
+    status = l4d_decoder_slice_columns(decoder, time, &columns);
+    return status == L4D_ERR_BUFFER_TOO_SMALL || (status == L4D_OK && columns.count > out->room());
+  };
+  // Once for most instants: there was room for as many before. Still rows stay while arrays grow.
+  while (status == L4D_OK && slice()) {
+    status = L4D_OK;
+    L4D_RETURN_IF_ERROR(out->reserve(static_cast<size_t>(columns.count), memory));
+  }
   if (status != L4D_OK) return Status(status, l4d_decoder_error_detail(decoder));
-  const size_t capacity = static_cast<size_t>(selection.num_gaussians);
-  constexpr const char* kWhat = "slicing the stream";
-  const uint64_t still_key = scratch->still_key;
-  scratch->still_key = 0;
-  L4D_RETURN_IF_ERROR(renew(memory, &scratch->position, 3 * capacity, kWhat));
-  L4D_RETURN_IF_ERROR(renew(memory, &scratch->covariance, 6 * capacity, kWhat));
-  L4D_RETURN_IF_ERROR(out->resize(capacity, memory));
-  l4d_splat_buffers splats;
-  l4d_splat_buffers_init(&splats);
-  splats.capacity = capacity;
-  splats.position = scratch->position.data();
-  splats.covariance = scratch->covariance.data();
-  splats.opacity = out->opacity.data();
-  splats.sh_rows = out->sh.data();
-  // Of still rows nobody reads `scratch` again: it does not matter that they may be gone there.
-  splats.still_key = still_key;
-  status = l4d_decoder_slice(decoder, time, &splats);
-  if (status != L4D_OK) return Status(status, l4d_decoder_error_detail(decoder));
-  const size_t n = static_cast<size_t>(splats.count);
-  const size_t first =
-      splats.still_key == still_key ? static_cast<size_t>(splats.num_still) : size_t{0};
-  L4D_RETURN_IF_ERROR(out->resize(n, memory));
+  L4D_RETURN_IF_ERROR(out->resize(static_cast<size_t>(columns.count), memory));
+  for (; named < out->room(); ++named) out->id[named] = static_cast<uint32_t>(named);
   out->sh_degree = info.sh_degree;
-  parallel_for(threads, n - first, kGrain, [&](size_t piece_begin, size_t piece_end) {
-    const size_t begin = first + piece_begin, end = first + piece_end;
-    for (size_t i = begin; i < end; ++i) out->id[i] = static_cast<uint32_t>(i);
-    for (size_t k = 0; k < 3; ++k) {
-      for (size_t i = begin; i < end; ++i) out->position[k][i] = scratch->position[3 * i + k];
-    }
-    for (size_t k = 0; k < 6; ++k) {
-      for (size_t i = begin; i < end; ++i) out->covariance[k][i] = scratch->covariance[6 * i + k];
-    }
-  });
-  scratch->still_key = splats.still_key;
+  *still_key = columns.still_key;
   return {};
 }
 
 Status widen(const Frame<float>& from, MemoryBudget& memory, Frame<double>* out) {
   L4D_RETURN_IF_ERROR(out->resize(from.count(), memory));
   out->sh_degree = from.sh_degree;
-  const auto copy = [](const auto& column, auto* to) {
-    std::copy(column.begin(), column.end(), to->begin());
+  const auto copy = [&](const auto& column, auto* to) {
+    std::copy_n(column.begin(), from.count(), to->begin());
   };
   copy(from.id, &out->id);
   copy(from.sh, &out->sh);

@@ -6,6 +6,7 @@
 #include "l4d/decode.h"
 #include "libl4dcodec/base/memory.h"
 #include "libl4dcodec/base/status.h"
+#include "libl4dcodec/scene/prepare.h"
 #include "render/frame.h"
 
 namespace l4d::render {
@@ -25,7 +26,7 @@ class Scene {
   size_t count() const { return static_cast<size_t>(gaussians_.count); }
   const l4d_gaussians& gaussians() const { return gaussians_; }
   const l4d_timeline& timeline() const { return timeline_; }
-  double time_end() const { return time_end_; }
+  double time_end() const { return sequence_.end; }
 
   // The Gaussians visible at `time`, which lies in the sequence. Both forms hold the same Gaussians
   // in the same order; the second works everything out in double from the attributes as given.
@@ -33,11 +34,11 @@ class Scene {
   Status slice(double time, MemoryBudget& memory, Frame<double>* out) const;
 
  private:
-  bool visible(size_t row, float t) const { return t >= begin_[row] && t <= end_[row]; }
+  bool visible(size_t row, float t) const { return shown_[row].holds(t); }
 
   l4d_gaussians gaussians_{};
   l4d_timeline timeline_{};
-  double time_end_ = 0;
+  Sequence sequence_{};
   double center_ = 0;  // times below are seconds from here, so that binary32 holds them
   // Rows are in three groups, each in the order of the scene: still ones, which look the same at
   // all times; ones that only fade; ones that move.
@@ -51,24 +52,16 @@ class Scene {
   std::vector<float> opacity_;                 // [rows]
   std::vector<float> mean_;                    // [rows]
   std::vector<float> lambda_;                  // [rows]
-  std::vector<float> begin_, end_;             // [rows] when it is visible
+  std::vector<VisibleInterval> shown_;         // [rows]
   const Frame<float>* still_frame_ = nullptr;  // its beginning holds the still rows
 };
 
-// The Gaussians of a stream visible at `time`. `scratch` keeps memory from call to call, and which
-// still Gaussians lie at the beginning of the frame; SH rows belong to the decoder until its next
+// The Gaussians of a stream visible at `time`; their ids are their places in the frame. In and out:
+// still_key says which still Gaussians lie at the beginning of the frame (l4d_splat_columns); 0
+// where the frame is another, or holds other ids. SH rows belong to the decoder until its next
 // call.
-struct StreamScratch {
-  std::vector<float> position, covariance;
-  uint64_t still_key = 0;  // l4d_splat_buffers; 0 also where the frame is another
-  void forget(MemoryBudget& memory) {
-    l4d::forget(memory, &position);
-    l4d::forget(memory, &covariance);
-    still_key = 0;
-  }
-};
-Status slice_stream(l4d_decoder* decoder, double time, int threads, MemoryBudget& memory,
-                    StreamScratch* scratch, Frame<float>* out);
+Status slice_stream(l4d_decoder* decoder, double time, MemoryBudget& memory, uint64_t* still_key,
+                    Frame<float>* out);
 
 // Widens a frame. Only what is in `from` is known, so this is as exact as that.
 Status widen(const Frame<float>& from, MemoryBudget& memory, Frame<double>* out);

@@ -3,8 +3,9 @@
 
 #include <cmath>
 
-#include "libl4dcodec/scene/layers.h"
+#include "libl4dcodec/scene/attributes.h"
 #include "libl4dcodec/scene/slice.h"
+#include "libl4dcodec/scene/timeline.h"
 #include "render/frame.h"
 
 // From the attributes of a 4D Gaussian to the 3D Gaussian of an instant, and derivatives back, one
@@ -32,6 +33,19 @@ struct Gradient4D {
   T opacity{};
 };
 
+// Gaussian i; its mean time is counted from `origin`.
+template <typename T>
+L4D_HOST_DEVICE inline Gaussian4D<T> read_gaussian(const l4d_gaussians& g, size_t i,
+                                                   double origin) {
+  Gaussian4D<T> out;
+  for (size_t k = 0; k < 3; ++k) out.position[k] = static_cast<T>(g.position[3 * i + k]);
+  out.mean_t = static_cast<T>(mean_time(g, i) - origin);
+  for (size_t k = 0; k < 4; ++k) out.log_scale[k] = static_cast<T>(g.log_scale[4 * i + k]);
+  for (size_t k = 0; k < 8; ++k) out.rotor[k] = static_cast<T>(g.rotor[8 * i + k]);
+  out.opacity = static_cast<T>(g.opacity[i]);
+  return out;
+}
+
 template <typename T>
 struct Instant {
   T time;             // seconds
@@ -51,26 +65,23 @@ struct Slice3D {
 // When the Gaussian is at its `position`.
 template <typename T>
 L4D_HOST_DEVICE inline T position_time(const Gaussian4D<T>& g, const Instant<T>& instant) {
-  if (instant.at_mean_time) return g.mean_t;
-  return g.mean_t < instant.begin ? instant.begin : g.mean_t > instant.end ? instant.end : g.mean_t;
+  return instant.at_mean_time ? g.mean_t : reference_time(g.mean_t, instant.begin, instant.end);
 }
 
 template <typename T>
 L4D_HOST_DEVICE inline T linear_opacity(const Gaussian4D<T>& g, const Instant<T>& instant) {
-  return instant.logit ? 1 / (1 + std::exp(-g.opacity)) : g.opacity;
+  return l4d::linear_opacity(g.opacity, instant.logit);
 }
 
 template <typename T>
 L4D_HOST_DEVICE Slice3D<T> slice_at(const Gaussian4D<T>& g, const Instant<T>& instant) {
-  T scale[4];
-  for (int k = 0; k < 4; ++k) scale[k] = std::exp(g.log_scale[k]);
-  const Slice4D<T> s = slice_gaussian(normalized_halves(g.rotor), scale);
+  const Slice4D<T> s = slice_attributes<T>(g.rotor, g.log_scale);
   const T elapsed = instant.time - position_time(g, instant);
   const T dt = instant.time - g.mean_t;
   Slice3D<T> out;
   for (int i = 0; i < 3; ++i) out.position[i] = g.position[i] + s.velocity[i] * elapsed;
   for (int k = 0; k < 6; ++k) out.covariance[k] = s.covariance[k];
-  out.opacity = linear_opacity(g, instant) * std::exp(s.lambda * (dt * dt) / -2);
+  out.opacity = linear_opacity(g, instant) * falloff(s.lambda, dt);
   out.visible = is_visible(s.lambda, dt);
   return out;
 }
@@ -165,11 +176,11 @@ L4D_HOST_DEVICE Gradient4D<T> slice_gradient(const Gaussian4D<T>& g, const Insta
   // opacity(t) = opacity falloff
   const T dt = instant.time - g.mean_t;
   const T linear = linear_opacity(g, instant);
-  const T falloff = std::exp(lambda * (dt * dt) / -2);
-  out.opacity = gradient.opacity * falloff;
+  const T left = falloff(lambda, dt);
+  out.opacity = gradient.opacity * left;
   // 1 - opacity of a large logit would be nothing but rounding.
   if (instant.logit) out.opacity *= linear / (1 + std::exp(g.opacity));
-  const T shown = gradient.opacity * linear * falloff;
+  const T shown = gradient.opacity * linear * left;
   out.mean_t = shown * lambda * dt;
   const T by_lambda = clamped ? 0 : -shown * (dt * dt) / 2;
 

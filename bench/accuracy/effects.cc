@@ -35,15 +35,8 @@ Json effect_row(const BenchScene& scene, const char* name) {
   l4d_query query;
   l4d_query_init(&query);
   GaussianArrays a = d.decode(query);
-  l4d_gaussian_buffers out;
-  l4d_gaussian_buffers_init(&out);
-  out.capacity = a.count();
-  out.position = a.position.data();
-  out.mean_t = a.mean_t.data();
-  out.log_scale = a.log_scale.data();
-  out.rotor = a.rotor.data();
-  out.opacity = a.opacity.data();
-  out.sh = a.sh.data();
+  a.ranges.clear();
+  l4d_gaussian_buffers out = a.buffers();
   const double decoding =
       time_median(7, [&] { d.check(l4d_decoder_decode(d.get(), &query, &out)); });
   const double middle = scene.time_of(scene.scene.timeline.num_frames / 2);

@@ -36,20 +36,12 @@ struct Result {
 Result expanded(DecoderHandle& d, int runs) {
   const l4d_query query = whole_query();
   GaussianArrays a = d.decode(query);
-  l4d_gaussian_buffers b;
-  l4d_gaussian_buffers_init(&b);
-  b.capacity = a.count();
-  b.position = a.position.data();
-  b.mean_t = a.mean_t.data();
-  b.log_scale = a.log_scale.data();
-  b.rotor = a.rotor.data();
-  b.opacity = a.opacity.data();
-  b.sh = a.sh.data();
+  a.ranges.clear();
+  l4d_gaussian_buffers b = a.buffers();
   Result r;
   r.seconds = time_median(runs, [&] { d.check(l4d_decoder_decode(d.get(), &query, &b)); });
-  for (const auto* v : {&a.position, &a.mean_t, &a.log_scale, &a.rotor, &a.opacity, &a.sh}) {
-    append(r.bytes, *v);
-  }
+  for_each_attribute([&](const AttributeInfo&, const std::vector<float>& v) { append(r.bytes, v); },
+                     a);
   return r;
 }
 

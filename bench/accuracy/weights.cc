@@ -32,10 +32,7 @@ struct Hash {
 
 uint64_t identity(const BenchScene& s, const l4d_measure_options& options) {
   Hash h;
-  for (const auto* v : {&s.scene.position, &s.scene.mean_t, &s.scene.log_scale, &s.scene.rotor,
-                        &s.scene.opacity, &s.scene.sh}) {
-    h.add(*v);
-  }
+  for_each_attribute([&](const AttributeInfo&, const std::vector<float>& v) { h.add(v); }, s.scene);
   for (const uint32_t i : s.training) {
     const l4d_camera& c = s.cameras[i];
     for (const double v : {double(c.width), double(c.height), c.fx, c.fy, c.cx, c.cy}) h.add(v);

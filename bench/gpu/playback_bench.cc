@@ -64,15 +64,8 @@ std::vector<l4d_camera> cameras_of(const DecoderHandle& decoder) {
   query.time_begin = info.timeline.time_begin + 0.5 * info.duration;
   const GaussianArrays now = decoder.decode(query);
   io::Scene scene;
-  scene.sh_degree = info.sh_degree;
   scene.timeline = info.timeline;
-  scene.resize(now.count());
-  scene.position = now.position;
-  scene.mean_t = now.mean_t;
-  scene.log_scale = now.log_scale;
-  scene.rotor = now.rotor;
-  scene.opacity = now.opacity;
-  scene.sh = now.sh;
+  static_cast<AttributeArrays&>(scene) = now;
   std::vector<l4d_camera> cameras;
   for (const io::Camera& c : io::orbit_cameras(scene, 8, kWidth, kHeight).cameras) {
     cameras.push_back(c.camera);

@@ -69,12 +69,16 @@ struct Stream {
     l4d_cuda_gaussian_buffers out;
     l4d_cuda_gaussian_buffers_init(&out);
     out.capacity = n;
-    out.position = array<float>(3 * n);
-    out.mean_t = array<float>(n);
-    out.log_scale = array<float>(4 * n);
-    out.rotor = array<float>(8 * n);
-    out.opacity = array<float>(n);
-    out.sh = array<float>(3 * terms * n);
+    gaussians = {};
+    gaussians.struct_size = sizeof gaussians;
+    gaussians.count = n;
+    gaussians.sh_degree = info.sh_degree;
+    gaussians.flags = info.flags;
+    for_each_attribute(
+        [&](const AttributeInfo& a, float*& to, const float*& from) {
+          from = to = array<float>(a.numbers(info.sh_degree) * n);
+        },
+        out, gaussians);
     must_decode(l4d_cuda_decoder_decode(cuda, &out, workspace.get(), job.workspace_bytes, nullptr));
     must_decode(l4d_cuda_decoder_finish(cuda));
     l4d_cuda_packed_buffers packed;
@@ -89,16 +93,6 @@ struct Stream {
     for (uint32_t c = 0; c < L4D_COMPONENT_COUNT; ++c) {
       must_decode(l4d_cuda_decoder_get_num_literals(cuda, c, &literals[c]));
     }
-    l4d_gaussians_init(&gaussians);
-    gaussians.count = n;
-    gaussians.sh_degree = info.sh_degree;
-    gaussians.flags = info.flags;
-    gaussians.position = out.position;
-    gaussians.mean_t = out.mean_t;
-    gaussians.log_scale = out.log_scale;
-    gaussians.rotor = out.rotor;
-    gaussians.opacity = out.opacity;
-    gaussians.sh = out.sh;
     l4d_cuda_sh_indices_init(&indices);
     indices.depth = sh.depth;
     indices.index = sh.index;
@@ -137,14 +131,7 @@ struct Stream {
     io::Scene scene;
     scene.timeline = info.timeline;
     scene.placement = info.placement;
-    scene.sh_degree = info.sh_degree;
-    scene.flags = info.flags;
-    scene.position = host.position;
-    scene.mean_t = host.mean_t;
-    scene.log_scale = host.log_scale;
-    scene.rotor = host.rotor;
-    scene.opacity = host.opacity;
-    scene.sh = host.sh;
+    static_cast<AttributeArrays&>(scene) = host;
     for (const io::Camera& c : io::orbit_cameras(scene, 8, kWidth, kHeight).cameras) {
       cameras.push_back(c.camera);
     }

@@ -11,22 +11,6 @@ using namespace l4d::bench;
 
 constexpr int kRuns = 15;
 
-struct Arrays {
-  GaussianArrays a;
-  l4d_gaussian_buffers buffers() {
-    l4d_gaussian_buffers b;
-    l4d_gaussian_buffers_init(&b);
-    b.capacity = a.count();
-    b.position = a.position.data();
-    b.mean_t = a.mean_t.data();
-    b.log_scale = a.log_scale.data();
-    b.rotor = a.rotor.data();
-    b.opacity = a.opacity.data();
-    b.sh = a.sh.data();
-    return b;
-  }
-};
-
 DecoderHandle open(const std::vector<unsigned char>& file, uint32_t backend, uint32_t threads) {
   l4d_decoder_options options;
   l4d_decoder_options_init(&options);
@@ -39,16 +23,16 @@ DecoderHandle open(const std::vector<unsigned char>& file, uint32_t backend, uin
 
 void run(const char* name, const std::vector<unsigned char>& file) {
   const l4d_query query = whole_query();
-  Arrays arrays;
-  arrays.a = open(file, L4D_BACKEND_CPU, 0).decode(query);
-  const double n = static_cast<double>(arrays.a.count());
+  GaussianArrays arrays = open(file, L4D_BACKEND_CPU, 0).decode(query);
+  arrays.ranges.clear();
+  const double n = static_cast<double>(arrays.count());
   const auto rate = [&](double s) { return n / s / 1e6; };
   const auto expanded = [&](uint32_t backend, uint32_t threads, int runs) {
     DecoderHandle d = open(file, backend, threads);
     l4d_gaussian_buffers b = arrays.buffers();
     return time_median(runs, [&] { d.check(l4d_decoder_decode(d.get(), &query, &b)); });
   };
-  const size_t count = arrays.a.count();
+  const size_t count = arrays.count();
   std::vector<uint16_t> position(3 * count), mean(count), opacity(count), factor(count);
   std::vector<uint16_t> index[L4D_COMPONENT_COUNT];
   const auto packed = [&](uint32_t backend, uint32_t threads, int runs) {
@@ -79,21 +63,16 @@ void run(const char* name, const std::vector<unsigned char>& file) {
   std::puts(
       "\n| attribute alone (SIMD, 1 thread; each reads and checks whole pages) | ns/Gaussian |"
       "\n|---|---|");
-  const char* names[] = {"position", "mean_t", "log_scale", "rotor", "opacity", "sh"};
-  for (int a = 0; a < 6; ++a) {
+  for (const AttributeInfo& alone : kAttributes) {
     DecoderHandle d = open(file, L4D_BACKEND_CPU, 1);
-    const l4d_gaussian_buffers all = arrays.buffers();
-    l4d_gaussian_buffers b;
-    l4d_gaussian_buffers_init(&b);
-    b.capacity = all.capacity;
-    if (a == 0) b.position = all.position;
-    if (a == 1) b.mean_t = all.mean_t;
-    if (a == 2) b.log_scale = all.log_scale;
-    if (a == 3) b.rotor = all.rotor;
-    if (a == 4) b.opacity = all.opacity;
-    if (a == 5) b.sh = all.sh;
+    l4d_gaussian_buffers b = arrays.buffers();
+    for_each_attribute(
+        [&](const AttributeInfo& a, float*& to) {
+          if (a.flag != alone.flag) to = nullptr;
+        },
+        b);
     const double s = time_median(kRuns, [&] { d.check(l4d_decoder_decode(d.get(), &query, &b)); });
-    std::printf("| %s | %.2f |\n", names[a], s * 1e9 / n);
+    std::printf("| %s | %.2f |\n", alone.name, s * 1e9 / n);
   }
 }
 

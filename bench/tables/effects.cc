@@ -56,15 +56,8 @@ int main() {
     uint64_t b[L4D_SECTION_COUNT];
     d.check(l4d_decoder_get_sections(d.get(), b, L4D_SECTION_COUNT, nullptr, nullptr, 0));
     GaussianArrays a = d.decode(whole_query());
-    l4d_gaussian_buffers out;
-    l4d_gaussian_buffers_init(&out);
-    out.capacity = a.count();
-    out.position = a.position.data();
-    out.mean_t = a.mean_t.data();
-    out.log_scale = a.log_scale.data();
-    out.rotor = a.rotor.data();
-    out.opacity = a.opacity.data();
-    out.sh = a.sh.data();
+    a.ranges.clear();
+    l4d_gaussian_buffers out = a.buffers();
     const l4d_query query = whole_query();
     const double decode =
         time_median(7, [&] { d.check(l4d_decoder_decode(d.get(), &query, &out)); });

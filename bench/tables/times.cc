@@ -9,7 +9,7 @@
 #include <string>
 
 #include "bench/tables/common.h"
-#include "io/rotor_math.h"
+#include "libl4dcodec/scene/slice.h"
 
 namespace {
 
@@ -47,13 +47,7 @@ io::Scene flashes(double seconds, double sigma) {
 }
 
 double sigma_of(const io::Scene& s, size_t i) {
-  io::Rotor rotor;
-  io::Vec4 scale;
-  for (size_t k = 0; k < 8; ++k) rotor[k] = static_cast<double>(s.rotor[8 * i + k]);
-  for (size_t k = 0; k < 4; ++k) {
-    scale[k] = std::exp(static_cast<double>(s.log_scale[4 * i + k]));
-  }
-  return io::slice(rotor, scale).sigma_t;
+  return 1 / std::sqrt(slice_attributes<double>(&s.rotor[8 * i], &s.log_scale[4 * i]).lambda);
 }
 
 void print_row(const std::string& name, const WeightedScene& scene, const char* preset) {

@@ -30,15 +30,7 @@ void cut_to_ranges(LoadedScene& loaded) {
   size_t count = 0;
   for (const l4d_range& r : loaded.ranges) count += static_cast<size_t>(r.count);
   io::Scene& scene = loaded.scene;
-  const size_t selected = scene.count();
-  const auto cut = [&](std::vector<float>& rows) {
-    if (selected > 0) rows.resize(rows.size() / selected * count);
-  };
-  for (auto* rows : {&scene.position, &scene.mean_t, &scene.log_scale, &scene.rotor, &scene.opacity,
-                     &scene.sh}) {
-    cut(*rows);
-  }
-  if (!scene.mean_t_double.empty()) scene.mean_t_double.resize(scene.mean_t.size());
+  scene.resize(count);
 }
 
 l4d_query make_query(Context& context, const DecodeArguments& arguments,

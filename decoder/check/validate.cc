@@ -268,10 +268,7 @@ class Validator {
 
   // lambda and velocity of Gaussian i of the page at hand, in double.
   Slice4D<double> slice_of(size_t i) const {
-    double r[8], s[4];
-    for (size_t k = 0; k < 8; ++k) r[k] = static_cast<double>(rotor_[8 * i + k]);
-    for (size_t k = 0; k < 4; ++k) s[k] = std::exp(static_cast<double>(log_scale_[4 * i + k]));
-    return slice_gaussian(normalized_halves(r), s);
+    return slice_attributes<double>(rotor_.data() + 8 * i, log_scale_.data() + 4 * i);
   }
 
   Status check_times(const SceneHeader& header, const LayerHeader& layer, const PageRecord& record,

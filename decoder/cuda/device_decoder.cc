@@ -4,9 +4,17 @@
 #include <algorithm>
 #include <iterator>
 
+#include "l4d/attributes.hpp"
 #include "libl4dcodec/container/levels.h"
 
 namespace l4d::cuda {
+
+static_assert(info_of(Attribute::kPosition).flag == L4D_CUDA_POSITION &&
+              info_of(Attribute::kMeanTime).flag == L4D_CUDA_MEAN_T &&
+              info_of(Attribute::kLogScale).flag == L4D_CUDA_LOG_SCALE &&
+              info_of(Attribute::kRotor).flag == L4D_CUDA_ROTOR &&
+              info_of(Attribute::kOpacity).flag == L4D_CUDA_OPACITY &&
+              info_of(Attribute::kSh).flag == L4D_CUDA_SH);
 namespace {
 
 constexpr uintptr_t kWorkspaceAlignment = 256;
@@ -95,30 +103,20 @@ Status DeviceDecoder::upload(void* workspace, uint64_t workspace_size, cudaStrea
 }
 
 Status DeviceDecoder::copy_host_rows(const DeviceArrays& out, cudaStream_t stream) const {
-  const l4d_gaussian_buffers& from = job_->host().expanded();
-  const uint64_t sh_dim = decoder_.file().header().sh_dim();
-  const struct {
-    const float* from;
-    float* to;
-    uint64_t numbers;
-  } arrays[] = {
-      {from.position, out.position, 3},
-      {from.mean_t, out.mean_t, 1},
-      {from.mean_t_local, out.mean_t_local, 1},
-      {from.log_scale, out.log_scale, 4},
-      {from.rotor, out.rotor, 8},
-      {from.opacity, out.opacity, 1},
-      {from.sh, out.sh, sh_dim},
-  };
-  for (const HostRun& run : job_->host().runs()) {
-    for (const auto& a : arrays) {
-      if (a.to == nullptr) continue;
-      L4D_RETURN_IF_CUDA_ERROR(
-          cudaMemcpyAsync(a.to + a.numbers * run.first, a.from + a.numbers * run.first,
-                          static_cast<size_t>(a.numbers * run.count) * sizeof(float),
-                          cudaMemcpyHostToDevice, stream));
-    }
-  }
+  const uint32_t degree = decoder_.file().header().sh_degree;
+  cudaError_t error = cudaSuccess;
+  for_each_decoded(
+      [&](const AttributeInfo& a, const float* from, float* to) {
+        const uint64_t numbers = a.numbers(degree);
+        for (const HostRun& run : job_->host().runs()) {
+          if (to == nullptr || error != cudaSuccess) return;
+          error = cudaMemcpyAsync(to + numbers * run.first, from + numbers * run.first,
+                                  static_cast<size_t>(numbers * run.count) * sizeof(float),
+                                  cudaMemcpyHostToDevice, stream);
+        }
+      },
+      job_->host().expanded(), out);
+  L4D_RETURN_IF_CUDA_ERROR(error);
   return {};
 }
 
@@ -176,24 +174,20 @@ Status DeviceDecoder::end_decode(const void* workspace, uint32_t form, cudaStrea
 Status DeviceDecoder::decode(const l4d_cuda_gaussian_buffers& out, void* workspace,
                              uint64_t workspace_size, cudaStream_t stream) {
   L4D_RETURN_IF_ERROR(check_workspace(workspace, workspace_size));
-  const GivenArray given[] = {
-      {out.position, L4D_CUDA_POSITION},
-      {out.mean_t, L4D_CUDA_MEAN_T},
-      {out.mean_t_local, L4D_CUDA_MEAN_T},
-      {out.log_scale, L4D_CUDA_LOG_SCALE},
-      {out.rotor, L4D_CUDA_ROTOR},
-      {out.opacity, L4D_CUDA_OPACITY},
-      {out.sh, L4D_CUDA_SH},
-  };
-  L4D_RETURN_IF_ERROR(check_arrays(L4D_CUDA_FORM_EXPANDED, out.capacity, given, std::size(given)));
-  const DeviceArrays arrays = {out.position, out.mean_t, out.mean_t_local, out.log_scale, out.rotor,
-                               out.opacity,  out.sh};
+  std::vector<GivenArray> given;
+  for_each_decoded(
+      [&](const AttributeInfo& a, const float* array) {
+        given.push_back({array, a.flag});
+      },
+      out);
+  L4D_RETURN_IF_ERROR(
+      check_arrays(L4D_CUDA_FORM_EXPANDED, out.capacity, given.data(), given.size()));
   L4D_RETURN_IF_ERROR(begin_decode(workspace, workspace_size, stream));
   if (job_->num_pages() > 0) {
     const DeviceJob job = job_->device_job(static_cast<unsigned char*>(workspace));
-    L4D_RETURN_IF_CUDA_ERROR(launch_expand(job, job_->expand_launch(), arrays, stream));
+    L4D_RETURN_IF_CUDA_ERROR(launch_expand(job, job_->expand_launch(), out, stream));
   }
-  L4D_RETURN_IF_ERROR(copy_host_rows(arrays, stream));
+  L4D_RETURN_IF_ERROR(copy_host_rows(out, stream));
   return end_decode(workspace, L4D_CUDA_FORM_EXPANDED, stream);
 }
 

@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "l4d/cuda.h"
 #include "libl4dcodec/container/planes.h"
 
 namespace l4d::cuda {
@@ -198,16 +199,8 @@ struct DeviceJob {
   uint32_t num_pieces;  // 0 where nothing may have literals
 };
 
-// Decoded arrays, as l4d_gaussian_buffers; null = not wanted.
-struct DeviceArrays {
-  float* position;
-  float* mean_t;
-  float* mean_t_local;
-  float* log_scale;
-  float* rotor;
-  float* opacity;
-  float* sh;
-};
+// Decoded arrays; null = not wanted.
+using DeviceArrays = l4d_cuda_gaussian_buffers;
 
 // Packed arrays, as l4d_packed_buffers; null = not wanted.
 struct PackedArrays {

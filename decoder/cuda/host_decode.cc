@@ -3,6 +3,9 @@
 
 #include <algorithm>
 #include <string>
+#include <vector>
+
+#include "l4d/attributes.hpp"
 
 namespace l4d::cuda {
 namespace {
@@ -15,22 +18,22 @@ uint64_t aligned(uint64_t bytes) { return (bytes + kAlignment - 1) / kAlignment 
 
 Status HostDecode::decode(const l4d_query& query, l4d_gaussian_buffers* out) {
   l4d_cuda_gaussian_buffers arrays{};
-  const struct {
+  struct Part {
     float* host;
     float** device;
     size_t numbers;
     uint32_t attribute;
-  } parts[] = {{out->position, &arrays.position, 3, L4D_CUDA_POSITION},
-               {out->mean_t, &arrays.mean_t, 1, L4D_CUDA_MEAN_T},
-               {out->mean_t_local, &arrays.mean_t_local, 1, L4D_CUDA_MEAN_T},
-               {out->log_scale, &arrays.log_scale, 4, L4D_CUDA_LOG_SCALE},
-               {out->rotor, &arrays.rotor, 8, L4D_CUDA_ROTOR},
-               {out->opacity, &arrays.opacity, 1, L4D_CUDA_OPACITY},
-               {out->sh, &arrays.sh, sh_dim_, L4D_CUDA_SH}};
+  };
+  std::vector<Part> parts;
+  for_each_decoded(
+      [&](const AttributeInfo& a, float* host, float*& device) {
+        parts.push_back({host, &device, a.dim != 0 ? a.dim : sh_dim_, a.flag});
+      },
+      *out, arrays);
   l4d_cuda_job job{};
   job.struct_size = sizeof(job);
   job.forms = L4D_CUDA_FORM_EXPANDED;
-  for (const auto& part : parts) job.attributes |= part.host != nullptr ? part.attribute : 0;
+  for (const Part& part : parts) job.attributes |= part.host != nullptr ? part.attribute : 0;
   L4D_RETURN_IF_ERROR(device_.prepare(query, &job));
   const uint64_t n = job.num_gaussians;
   if (out->capacity < n || (out->ranges != nullptr && out->range_capacity < job.num_ranges)) {
@@ -41,12 +44,12 @@ Status HostDecode::decode(const l4d_query& query, l4d_gaussian_buffers* out) {
                                                 " ranges, more than there is room for");
   }
   uint64_t bytes = aligned(job.workspace_bytes);
-  for (const auto& part : parts) {
+  for (const Part& part : parts) {
     if (part.host != nullptr) bytes += aligned(n * part.numbers * sizeof(float));
   }
   L4D_RETURN_IF_ERROR(memory_.reserve(std::max<uint64_t>(bytes, kAlignment)));
   unsigned char* at = memory_.as<unsigned char>() + aligned(job.workspace_bytes);
-  for (const auto& part : parts) {
+  for (const Part& part : parts) {
     if (part.host == nullptr) continue;
     *part.device = reinterpret_cast<float*>(at);
     at += aligned(n * part.numbers * sizeof(float));
@@ -55,7 +58,7 @@ Status HostDecode::decode(const l4d_query& query, l4d_gaussian_buffers* out) {
   arrays.capacity = n;
   L4D_RETURN_IF_ERROR(device_.decode(arrays, memory_.data(), job.workspace_bytes, nullptr));
   L4D_RETURN_IF_ERROR(device_.finish());
-  for (const auto& part : parts) {
+  for (const Part& part : parts) {
     if (part.host == nullptr) continue;
     L4D_RETURN_IF_CUDA_ERROR(cudaMemcpy(part.host, *part.device, n * part.numbers * sizeof(float),
                                         cudaMemcpyDeviceToHost));

@@ -5,6 +5,7 @@
 #include <memory>
 
 #include "decoder/read/page_reads.h"
+#include "l4d/attributes.hpp"
 
 namespace l4d::cuda {
 
@@ -32,30 +33,24 @@ void HostPages::find(const Plan& plan) {
 Status HostPages::expand(const Plan& plan, uint32_t attributes, MemoryCharge* charge) {
   if (runs_.empty()) return {};
   const uint64_t n = plan.num_gaussians;
-  const struct {
-    uint32_t attribute;
-    uint64_t numbers;
-    float* l4d_gaussian_buffers::*array;
-  } arrays[] = {
-      {L4D_CUDA_POSITION, 3, &l4d_gaussian_buffers::position},
-      {L4D_CUDA_MEAN_T, 1, &l4d_gaussian_buffers::mean_t},
-      {L4D_CUDA_MEAN_T, 1, &l4d_gaussian_buffers::mean_t_local},
-      {L4D_CUDA_LOG_SCALE, 4, &l4d_gaussian_buffers::log_scale},
-      {L4D_CUDA_ROTOR, 8, &l4d_gaussian_buffers::rotor},
-      {L4D_CUDA_OPACITY, 1, &l4d_gaussian_buffers::opacity},
-      {L4D_CUDA_SH, file_.header().sh_dim(), &l4d_gaussian_buffers::sh},
-  };
+  const uint32_t degree = file_.header().sh_degree;
   uint64_t numbers = 0;
-  for (const auto& a : arrays) numbers += (attributes & a.attribute) != 0 ? a.numbers : 0;
+  for_each_decoded(
+      [&](const AttributeInfo& a, const float*) {
+        if ((attributes & a.flag) != 0) numbers += a.numbers(degree);
+      },
+      expanded_);
   const uint64_t bytes = n * numbers * sizeof(float);
   L4D_RETURN_IF_ERROR(charge->take(bytes, "pages that the host decodes"));
   L4D_RETURN_IF_ERROR(expanded_memory_.reserve(static_cast<size_t>(bytes)));
   float* next = expanded_memory_.as<float>();
-  for (const auto& a : arrays) {
-    if ((attributes & a.attribute) == 0) continue;
-    expanded_.*a.array = next;
-    next += n * a.numbers;
-  }
+  for_each_decoded(
+      [&](const AttributeInfo& a, float*& array) {
+        if ((attributes & a.flag) == 0) return;
+        array = next;
+        next += n * a.numbers(degree);
+      },
+      expanded_);
   expanded_.capacity = n;
   PageDecoder pages(file_, decode_kernels_simd(), threads_);
   uint64_t rows = 0;

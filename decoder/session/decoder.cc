@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "decoder/read/query_reads.h"
+#include "l4d/attributes.hpp"
 #include "libl4dcodec/base/threads.h"
 
 namespace l4d {
@@ -149,14 +150,11 @@ Status Decoder::decode(const l4d_query& query, l4d_gaussian_buffers* out) {
   if (!lost.empty()) {
     losses_.add_pages(plan, lost);
     const std::vector<RowMove> moves = remove_lost(lost, &plan);
-    move_rows(moves, 3, out->position);
-    move_rows(moves, 1, out->mean_t);
-    move_rows(moves, 1, out->mean_t_local);
+    const uint32_t degree = file_->header().sh_degree;
+    for_each_decoded(
+        [&](const AttributeInfo& a, float* rows) { move_rows(moves, a.numbers(degree), rows); },
+        *out);
     move_rows(moves, 1, out->mean_t_double);
-    move_rows(moves, 4, out->log_scale);
-    move_rows(moves, 8, out->rotor);
-    move_rows(moves, 1, out->opacity);
-    move_rows(moves, file_->header().sh_dim(), out->sh);
   }
   describe_output(plan, out);
   buckets_decoded_ += plan.ranges.size();

@@ -11,31 +11,11 @@
 #include "decoder/read/losses.h"
 #include "decoder/read/plan.h"
 #include "decoder/read/scene_file.h"
+#include "decoder/session/bucket.h"
 #include "l4d/decode.h"
 #include "libl4dcodec/base/file_reader.h"
 
 namespace l4d {
-
-// One decoded bucket made ready for slicing: everything of a Gaussian that does not change with
-// time.
-struct PreparedBucket {
-  size_t count = 0;
-  bool permanent = false;
-  double center = 0;
-  std::vector<float> position;    // [n, 3] at t_ref
-  std::vector<float> mean;        // [n] seconds from center
-  std::vector<float> reference;   // [n] t_ref, seconds from center
-  std::vector<float> velocity;    // [n, 3]; empty where none of them moves
-  std::vector<float> lambda;      // [n]; empty where permanent
-  std::vector<float> covariance;  // [n, 6]
-  std::vector<float> opacity;     // [n] in [0, 1]
-  std::vector<float> sh;          // [n, sh_dim]
-  // Looks the same at all times.
-  bool still() const { return permanent && velocity.empty(); }
-  static uint64_t memory_bytes(size_t n, unsigned sh_dim) {
-    return uint64_t{n} * (3 + 1 + 1 + 3 + 1 + 6 + 1 + sh_dim) * sizeof(float);
-  }
-};
 
 class Decoder {
  public:
@@ -57,6 +37,7 @@ class Decoder {
   Status decode(const l4d_query& query, l4d_gaussian_buffers* out);
   Status decode_packed(const l4d_query& query, l4d_packed_buffers* out);
   Status slice(double time, l4d_splat_buffers* out);
+  Status slice(double time, l4d_splat_columns* out);
   // Of slices; kept from stream to stream.
   Status set_detail(uint32_t detail);
   void counters(l4d_counters* out) const;
@@ -81,9 +62,12 @@ class Decoder {
   Status begin_query(const l4d_query& query, Plan* plan);
   Losses* losses_if_tolerant() { return options_.tolerant != 0 ? &losses_ : nullptr; }
   // Makes every bucket of the plan present in the cache; *out points into it, one per range.
-  Status prepare(const Plan& plan, std::vector<const CacheEntry*>* out);
-  // How many of the buckets, from the first on, are still; sets still_key_ to what stands for them.
-  size_t leading_still(const std::vector<const CacheEntry*>& buckets);
+  Status prepare(const Plan& plan, std::vector<CacheEntry*>* out);
+  // Those of an instant, which is clamped to the sequence.
+  Status load_instant(double* time, std::vector<CacheEntry*>* buckets);
+  // Sets still_key_ to what stands for the still rows of an output: their kind, and the numbers of
+  // their buckets.
+  void set_still(std::vector<uint64_t> rows);
   Status prepare_range(const Plan& plan, size_t range, size_t first_task, size_t end_task,
                        CacheEntry* out);
   // Whether pages that a cached bucket lacks can be had now; if not, they are lost again.
@@ -106,7 +90,7 @@ class Decoder {
   uint64_t cache_bytes_ = 0;
   uint64_t clock_ = 0;
   uint64_t numbered_ = 0;
-  std::vector<uint64_t> still_numbers_;  // of the last slice
+  std::vector<uint64_t> still_rows_;  // of the last slice
   uint64_t still_key_ = 1;
   uint64_t buckets_decoded_ = 0;
   uint64_t cache_hits_ = 0;

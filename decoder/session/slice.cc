@@ -3,114 +3,64 @@
 #include "libl4dcodec/scene/slice.h"
 
 #include <algorithm>
-#include <cmath>
+#include <cstring>
 
 #include "decoder/session/decoder.h"
+#include "l4d/attributes.hpp"
 #include "libl4dcodec/base/threads.h"
 
 namespace l4d {
 namespace {
 
 constexpr size_t kSliceGrain = 4096;
+// What the rows are that stand at the beginning of an output.
+constexpr uint64_t kStillBuckets = 0, kStillColumns = 1;
 
-// The constant part of n Gaussians, from their decoded attributes.
-void prepare_gaussians(const SceneHeader& header, const LayerHeader& layer, const float* rotor,
-                       const float* log_scale, size_t begin, size_t end, PreparedBucket* out) {
-  const double sequence_begin = header.timeline.time_begin;
-  const double sequence_end = sequence_begin + sequence_duration(header.timeline);
-  const float lo = static_cast<float>(sequence_begin - out->center);
-  const float hi = static_cast<float>(sequence_end - out->center);
-  for (size_t i = begin; i < end; ++i) {
-    float scale[4];
-    for (size_t k = 0; k < 4; ++k) scale[k] = std::exp(log_scale[4 * i + k]);
-    const Slice4D<float> s = slice_gaussian(normalized_halves(rotor + 8 * i), scale);
-    std::copy_n(s.covariance, 6, out->covariance.data() + 6 * i);
-    if (!out->velocity.empty()) std::copy_n(s.velocity, 3, out->velocity.data() + 3 * i);
-    if (!layer.permanent) out->lambda[i] = s.lambda;
-    out->reference[i] =
-        header.position_at_mean_time ? out->mean[i] : std::clamp(out->mean[i], lo, hi);
-    if (header.opacity_logit) out->opacity[i] = 1.0f / (1.0f + std::exp(-out->opacity[i]));
+// A piece of what an instant shows: rows of one bucket, and where they go.
+struct Piece {
+  const PreparedBucket* bucket;
+  size_t begin, end, at;
+};
+
+// Turns the counts of pieces into places, from `first` on; returns where the last one ends.
+size_t place(std::vector<Piece>* pieces, size_t first) {
+  for (Piece& p : *pieces) {
+    const size_t n = p.at;
+    p.at = first;
+    first += n;
+  }
+  return first;
+}
+
+void add_pieces(const PreparedBucket& bucket, size_t begin, size_t end,
+                std::vector<Piece>* pieces) {
+  for (; begin < end; begin += kSliceGrain) {
+    pieces->push_back({&bucket, begin, std::min(end, begin + kSliceGrain), 0});
   }
 }
 
-// Whether Gaussian i of a bucket has a finite covariance, and a finite position wherever the
-// sequence takes it: from lo to hi, seconds from the centre. Its rotor can keep it from that, where
-// it is stored as it is.
-bool is_finite(const PreparedBucket& bucket, size_t i, float lo, float hi) {
-  float sum = bucket.opacity[i] + bucket.reference[i];
-  for (size_t k = 0; k < 6; ++k) sum += 0.0f * bucket.covariance[6 * i + k];
-  if (!bucket.lambda.empty()) sum += 0.0f * bucket.lambda[i];
-  for (size_t k = 0; k < 3; ++k) {
-    const float at = bucket.position[3 * i + k];
-    const float v = bucket.velocity.empty() ? 0.0f : bucket.velocity[3 * i + k];
-    // Rounding keeps the order of times: what is finite at both ends is so between them.
-    sum += 0.0f * (at + v * (lo - bucket.reference[i]));
-    sum += 0.0f * (at + v * (hi - bucket.reference[i]));
-  }
-  return std::isfinite(sum);
-}
-
-// Takes Gaussians that are not finite out of a bucket.
-void drop_not_finite(const l4d_timeline& timeline, size_t sh_dim, PreparedBucket* bucket) {
-  const float lo = static_cast<float>(timeline.time_begin - bucket->center);
-  const float hi =
-      static_cast<float>(timeline.time_begin + sequence_duration(timeline) - bucket->center);
-  std::vector<RowMove> moves;
-  size_t kept = 0;
-  for (size_t i = 0; i < bucket->count; ++i) {
-    if (!is_finite(*bucket, i, lo, hi)) continue;
-    if (!moves.empty() && moves.back().from + moves.back().count == i) {
-      ++moves.back().count;
-    } else {
-      moves.push_back({i, kept, 1});
-    }
-    ++kept;
-  }
-  if (kept == bucket->count) return;
-  bucket->count = kept;
-  const auto move = [&](std::vector<float>& rows, size_t dim) {
-    if (!rows.empty()) move_rows(moves, dim, rows.data());
-  };
-  move(bucket->position, 3);
-  move(bucket->mean, 1);
-  move(bucket->reference, 1);
-  move(bucket->velocity, 3);
-  move(bucket->lambda, 1);
-  move(bucket->covariance, 6);
-  move(bucket->opacity, 1);
-  move(bucket->sh, sh_dim);
-}
-
-// What one piece of a bucket shows at the instant.
-class Slicer {
+// What one piece shows at an instant, in l4d_splat_buffers.
+class BufferSlicer {
  public:
-  Slicer(const PreparedBucket& bucket, double time, float gate)
-      : bucket_(bucket), t_(static_cast<float>(time - bucket.center)), gate_(gate) {}
+  BufferSlicer(const Piece& piece, double time, float gate)
+      : piece_(piece), bucket_(*piece.bucket), t_(bucket_.time_in(time)), gate_(gate) {}
 
-  bool visible(size_t i) const {
-    if (bucket_.permanent) return true;
-    const float dt = t_ - bucket_.mean[i];
-    return bucket_.lambda[i] * (dt * dt) <= gate_;
-  }
-  size_t count(size_t begin, size_t end) const {
-    if (bucket_.permanent) return end - begin;
+  size_t count() const {
+    if (bucket_.permanent) return piece_.end - piece_.begin;
     size_t n = 0;
-    for (size_t i = begin; i < end; ++i) n += visible(i);
+    for (size_t i = piece_.begin; i < piece_.end; ++i) n += bucket_.is_visible(i, t_, gate_);
     return n;
   }
-  void write(size_t begin, size_t end, size_t at, size_t sh_dim,
-             const l4d_splat_buffers& out) const {
-    if (bucket_.permanent) return write_all(begin, end, at, sh_dim, out);
-    for (size_t i = begin; i < end; ++i) {
-      if (!visible(i)) continue;
-      if (out.position != nullptr) write_position(i, out.position + 3 * at);
+  void write(size_t sh_dim, const l4d_splat_buffers& out) const {
+    if (bucket_.permanent) return write_all(sh_dim, out);
+    size_t at = piece_.at;
+    for (size_t i = piece_.begin; i < piece_.end; ++i) {
+      if (!bucket_.is_visible(i, t_, gate_)) continue;
+      if (out.position != nullptr) bucket_.position_at(i, t_, out.position + 3 * at);
       if (out.covariance != nullptr) {
         std::copy_n(bucket_.covariance.data() + 6 * i, 6, out.covariance + 6 * at);
       }
-      if (out.opacity != nullptr) {
-        const float dt = t_ - bucket_.mean[i];
-        out.opacity[at] = bucket_.opacity[i] * std::exp(-0.5f * (bucket_.lambda[i] * (dt * dt)));
-      }
+      if (out.opacity != nullptr) out.opacity[at] = bucket_.opacity_at(i, t_);
       if (out.sh != nullptr) {
         std::copy_n(bucket_.sh.data() + sh_dim * i, sh_dim, out.sh + sh_dim * at);
       }
@@ -120,39 +70,103 @@ class Slicer {
   }
 
  private:
-  void write_position(size_t i, float* out) const {
-    for (size_t k = 0; k < 3; ++k) {
-      float p = bucket_.position[3 * i + k];
-      if (!bucket_.velocity.empty()) {
-        p += bucket_.velocity[3 * i + k] * (t_ - bucket_.reference[i]);
-      }
-      out[k] = p;
-    }
-  }
   // Rows of a permanent bucket, which are all there: copies, but for the positions of what moves.
-  void write_all(size_t begin, size_t end, size_t at, size_t sh_dim,
-                 const l4d_splat_buffers& out) const {
-    const size_t n = end - begin;
+  void write_all(size_t sh_dim, const l4d_splat_buffers& out) const {
+    const size_t n = piece_.end - piece_.begin;
     const auto copy = [&](const std::vector<float>& from, size_t width, float* to) {
-      if (to != nullptr) std::copy_n(from.data() + width * begin, width * n, to + width * at);
+      if (to != nullptr) {
+        std::copy_n(from.data() + width * piece_.begin, width * n, to + width * piece_.at);
+      }
     };
-    if (bucket_.velocity.empty()) {
+    if (!bucket_.moves()) {
       copy(bucket_.position, 3, out.position);
     } else if (out.position != nullptr) {
-      for (size_t i = 0; i < n; ++i) write_position(begin + i, out.position + 3 * (at + i));
+      for (size_t i = 0; i < n; ++i) {
+        bucket_.position_at(piece_.begin + i, t_, out.position + 3 * (piece_.at + i));
+      }
     }
     copy(bucket_.covariance, 6, out.covariance);
     copy(bucket_.opacity, 1, out.opacity);
     copy(bucket_.sh, sh_dim, out.sh);
     for (size_t i = 0; i < n && out.sh_rows != nullptr; ++i) {
-      out.sh_rows[at + i] = bucket_.sh.data() + sh_dim * (begin + i);
+      out.sh_rows[piece_.at + i] = bucket_.sh.data() + sh_dim * (piece_.begin + i);
     }
   }
 
+  const Piece& piece_;
   const PreparedBucket& bucket_;
   float t_;
   float gate_;
 };
+
+// The same in l4d_splat_columns; pieces are of the bucket's order.
+class ColumnSlicer {
+ public:
+  ColumnSlicer(const Piece& piece, double time)
+      : bucket_(*piece.bucket), t_(bucket_.time_in(time)), at_(piece.at) {
+    const PreparedBucket::Order& order = bucket_.order;
+    fades_ = piece.begin >= order.num_still && !bucket_.permanent;
+    moves_ = piece.begin >= order.num_unmoving;
+    const uint32_t* row = order.row.data();
+    if (!fades_) {
+      n_ = piece.end - piece.begin;
+      std::copy_n(row + piece.begin, n_, row_);
+      return;
+    }
+    for (size_t k = piece.begin; k < piece.end; ++k) {
+      row_[n_] = row[k];
+      n_ += bucket_.is_visible(row[k], t_, order.reach[row[k]]);
+    }
+  }
+
+  size_t count() const { return n_; }
+  void write(size_t sh_dim, const l4d_splat_columns& out) const {
+    for (size_t j = 0; j < n_; j += kBlock) write_block(j, std::min(n_ - j, kBlock), out);
+    for (size_t j = 0; j < n_; ++j) {
+      const size_t i = row_[j];
+      out.opacity[at_ + j] = fades_ ? bucket_.opacity_at(i, t_) : bucket_.opacity[i];
+      out.sh_rows[at_ + j] = bucket_.sh.data() + sh_dim * i;
+    }
+  }
+
+ private:
+  // Columns that begin at the same place of a page take each other's lines of the cache, so each is
+  // written for some rows at a time.
+  static constexpr size_t kBlock = 64;
+  void write_block(size_t first, size_t n, const l4d_splat_columns& out) const {
+    float position[3][kBlock], covariance[6][kBlock];
+    for (size_t j = 0; j < n; ++j) {
+      const size_t i = row_[first + j];
+      const float* p = bucket_.position.data() + 3 * i;
+      const float* c = bucket_.covariance.data() + 6 * i;
+      for (size_t k = 0; k < 3; ++k) position[k][j] = p[k];
+      for (size_t k = 0; k < 6; ++k) covariance[k][j] = c[k];
+    }
+    for (size_t j = 0; j < n && moves_; ++j) {
+      float moved[3];
+      bucket_.position_at(row_[first + j], t_, moved);
+      for (size_t k = 0; k < 3; ++k) position[k][j] = moved[k];
+    }
+    for (size_t k = 0; k < 3; ++k) std::copy_n(position[k], n, out.position[k] + at_ + first);
+    for (size_t k = 0; k < 6; ++k) std::copy_n(covariance[k], n, out.covariance[k] + at_ + first);
+  }
+
+  const PreparedBucket& bucket_;
+  float t_;
+  size_t at_;
+  bool fades_, moves_;
+  size_t n_ = 0;
+  uint32_t row_[kSliceGrain + 1];
+};
+
+Status check_columns(const l4d_splat_columns& out) {
+  if (!(out.least_opacity >= 0)) return invalid_argument("least_opacity is below 0");
+  if (out.capacity == 0) return {};
+  bool all = out.opacity != nullptr && out.sh_rows != nullptr;
+  for (const float* axis : out.position) all = all && axis != nullptr;
+  for (const float* entry : out.covariance) all = all && entry != nullptr;
+  return all ? Status() : invalid_argument("an array is NULL");
+}
 
 // A page that is lost altogether counts for both of its parts.
 size_t count_parts(const LostPages& lost) {
@@ -203,13 +217,14 @@ Status Decoder::prepare_range(const Plan& plan, size_t range, size_t first_task,
   const l4d_range& r = plan.ranges[range];
   const SceneHeader& header = file_->header();
   const LayerHeader& layer = header.layers[r.layer];
+  const unsigned sh_dim = header.sh_dim();
   size_t n = static_cast<size_t>(r.count);
   out->permanent = layer.permanent;
   out->center = r.center;
   out->position.resize(3 * n);
   out->mean.resize(n);
   out->opacity.resize(n);
-  out->sh.resize(header.sh_dim() * n);
+  out->sh.resize(sh_dim * n);
   MemoryCharge scratch(file_->memory());
   L4D_RETURN_IF_ERROR(scratch.take(uint64_t{n} * 12 * sizeof(float), "a bucket"));
   std::vector<float> log_scale(4 * n), rotor(8 * n);
@@ -243,12 +258,9 @@ Status Decoder::prepare_range(const Plan& plan, size_t range, size_t first_task,
     for (const LostPage& page : lost) entry->missing.tasks.push_back(part.tasks[page.task]);
     const std::vector<RowMove> moves = remove_lost(lost, &part);
     n = static_cast<size_t>(part.num_gaussians);
-    move_rows(moves, 3, buffers.position);
-    move_rows(moves, 1, buffers.mean_t_local);
-    move_rows(moves, 1, buffers.opacity);
-    move_rows(moves, header.sh_dim(), buffers.sh);
-    move_rows(moves, 4, buffers.log_scale);
-    move_rows(moves, 8, buffers.rotor);
+    for_each_decoded([&](const AttributeInfo& a,
+                         float* rows) { move_rows(moves, a.numbers(header.sh_degree), rows); },
+                     buffers);
   }
   out->count = n;
   out->reference.resize(n);
@@ -258,13 +270,9 @@ Status Decoder::prepare_range(const Plan& plan, size_t range, size_t first_task,
     out->velocity.resize(3 * n);
   }
   parallel_for(static_cast<int>(options_.threads), n, kSliceGrain, [&](size_t begin, size_t end) {
-    prepare_gaussians(header, layer, rotor.data(), log_scale.data(), begin, end, out);
+    out->prepare(header, rotor.data(), log_scale.data(), begin, end);
   });
-  drop_not_finite(header.timeline, header.sh_dim(), out);
-  const auto& velocity = out->velocity;
-  if (std::all_of(velocity.begin(), velocity.end(), [](float v) { return v == 0; })) {
-    std::vector<float>().swap(out->velocity);
-  }
+  out->finish(header.timeline, sh_dim);
   ++buckets_decoded_;
   return {};
 }
@@ -279,7 +287,7 @@ Status Decoder::has_recovered(const CacheEntry& entry, bool* recovered) {
   return {};
 }
 
-Status Decoder::prepare(const Plan& plan, std::vector<const CacheEntry*>* out) {
+Status Decoder::prepare(const Plan& plan, std::vector<CacheEntry*>* out) {
   ++clock_;
   const unsigned sh_dim = file_->header().sh_dim();
   for (const l4d_range& r : plan.ranges) {
@@ -313,7 +321,7 @@ Status Decoder::prepare(const Plan& plan, std::vector<const CacheEntry*>* out) {
     L4D_RETURN_IF_ERROR(prepare_range(plan, i, first_task, task, &entry));
     entry.number = ++numbered_;
     const uint64_t memory_bytes = entry.memory_bytes;
-    const CacheEntry* const kept = &(cache_[key] = std::move(entry));
+    CacheEntry* const kept = &(cache_[key] = std::move(entry));
     charge.keep();
     cache_bytes_ += memory_bytes;
     out->push_back(kept);
@@ -321,34 +329,22 @@ Status Decoder::prepare(const Plan& plan, std::vector<const CacheEntry*>* out) {
   return {};
 }
 
-size_t Decoder::leading_still(const std::vector<const CacheEntry*>& buckets) {
-  std::vector<uint64_t> numbers;
-  for (size_t b = 0; b < buckets.size() && buckets[b]->bucket.still(); ++b) {
-    numbers.push_back(buckets[b]->number);
-  }
-  if (numbers != still_numbers_) ++still_key_;
-  still_numbers_ = std::move(numbers);
-  return still_numbers_.size();
-}
-
-Status Decoder::slice(double time, l4d_splat_buffers* out) {
-  const SceneHeader& header = file_->header();
-  const double begin = header.timeline.time_begin;
-  if (!(time == time)) return invalid_argument("the time is not a number");
-  time = std::clamp(time, begin, begin + sequence_duration(header.timeline));
+Status Decoder::load_instant(double* time, std::vector<CacheEntry*>* buckets) {
+  if (!(*time == *time)) return invalid_argument("the time is not a number");
+  const Sequence sequence = sequence_of(file_->header().timeline);
+  *time = std::clamp(*time, sequence.begin, sequence.end);
   l4d_query query{};
   query.struct_size = sizeof query;
   query.kind = L4D_QUERY_TIME;
   query.max_level = ~0u;
-  query.time_begin = time;
+  query.time_begin = *time;
   query.detail = detail_;
   query.whole_buckets = 1;
-  Plan plan;
-  std::vector<const CacheEntry*> buckets;
   const auto load = [&]() -> Status {
+    Plan plan;
     L4D_RETURN_IF_ERROR(begin_query(query, &plan));
-    buckets.clear();
-    return prepare(plan, &buckets);
+    buckets->clear();
+    return prepare(plan, buckets);
   };
   Status status = load();
   if (status.code() == L4D_ERR_LIMIT_EXCEEDED && !cache_.empty()) {
@@ -356,39 +352,41 @@ Status Decoder::slice(double time, l4d_splat_buffers* out) {
     drop_cache();
     status = load();
   }
-  if (!status.ok()) return status;
+  return status;
+}
 
+void Decoder::set_still(std::vector<uint64_t> rows) {
+  if (rows != still_rows_) ++still_key_;
+  still_rows_ = std::move(rows);
+}
+
+Status Decoder::slice(double time, l4d_splat_buffers* out) {
+  std::vector<CacheEntry*> buckets;
+  L4D_RETURN_IF_ERROR(load_instant(&time, &buckets));
+  const SceneHeader& header = file_->header();
   const uint64_t key_given = out->still_key;
-  const size_t still = leading_still(buckets);
-  size_t num_still = 0;
-  for (size_t b = 0; b < still; ++b) num_still += buckets[b]->bucket.count;
+  size_t still = 0, num_still = 0;
+  std::vector<uint64_t> numbers = {kStillBuckets};
+  for (; still < buckets.size() && buckets[still]->bucket.still(); ++still) {
+    numbers.push_back(buckets[still]->number);
+    num_still += buckets[still]->bucket.count;
+  }
+  set_still(std::move(numbers));
   out->num_still = num_still;
   out->still_key = 0;  // until they are written
   // Pieces of fixed size: first how many each shows, then all write at their offsets.
-  struct Piece {
-    size_t bucket, begin, end, at;
-  };
   std::vector<Piece> pieces;
   const bool kept = key_given == still_key_;
   for (size_t b = kept ? still : 0; b < buckets.size(); ++b) {
-    const size_t count = buckets[b]->bucket.count;
-    for (size_t i = 0; i < count; i += kSliceGrain) {
-      pieces.push_back({b, i, std::min(count, i + kSliceGrain), 0});
-    }
+    add_pieces(buckets[b]->bucket, 0, buckets[b]->bucket.count, &pieces);
   }
   const int threads = static_cast<int>(options_.threads);
   parallel_for(threads, pieces.size(), 1, [&](size_t first, size_t last) {
     for (size_t p = first; p < last; ++p) {
-      pieces[p].at = Slicer(buckets[pieces[p].bucket]->bucket, time, header.gate)
-                         .count(pieces[p].begin, pieces[p].end);
+      pieces[p].at = BufferSlicer(pieces[p], time, header.gate).count();
     }
   });
-  size_t total = kept ? num_still : 0;
-  for (Piece& p : pieces) {
-    const size_t n = p.at;
-    p.at = total;
-    total += n;
-  }
+  const size_t total = place(&pieces, kept ? num_still : 0);
   const bool wants_arrays = out->position != nullptr || out->covariance != nullptr ||
                             out->opacity != nullptr || out->sh != nullptr ||
                             out->sh_rows != nullptr;
@@ -401,12 +399,60 @@ Status Decoder::slice(double time, l4d_splat_buffers* out) {
     }
     parallel_for(threads, pieces.size(), 1, [&](size_t first, size_t last) {
       for (size_t p = first; p < last; ++p) {
-        Slicer(buckets[pieces[p].bucket]->bucket, time, header.gate)
-            .write(pieces[p].begin, pieces[p].end, pieces[p].at, header.sh_dim(), *out);
+        BufferSlicer(pieces[p], time, header.gate).write(header.sh_dim(), *out);
       }
     });
     out->still_key = still_key_;
   }
+  return {};
+}
+
+Status Decoder::slice(double time, l4d_splat_columns* out) {
+  L4D_RETURN_IF_ERROR(check_columns(*out));
+  std::vector<CacheEntry*> buckets;
+  L4D_RETURN_IF_ERROR(load_instant(&time, &buckets));
+  const SceneHeader& header = file_->header();
+  const uint64_t key_given = out->still_key;
+  size_t num_still = 0;
+  uint32_t least_bits;
+  std::memcpy(&least_bits, &out->least_opacity, sizeof least_bits);
+  std::vector<uint64_t> numbers = {kStillColumns, least_bits};
+  for (CacheEntry* entry : buckets) {
+    entry->bucket.sort(header.timeline, header.gate, out->least_opacity);
+    if (entry->bucket.order.num_still == 0) continue;
+    numbers.push_back(entry->number);
+    num_still += entry->bucket.order.num_still;
+  }
+  set_still(std::move(numbers));
+  const bool kept = key_given == still_key_;
+  std::vector<Piece> pieces;
+  for (CacheEntry* entry : buckets) {
+    if (!kept) add_pieces(entry->bucket, 0, entry->bucket.order.num_still, &pieces);
+  }
+  for (CacheEntry* entry : buckets) {
+    const PreparedBucket::Order& order = entry->bucket.order;
+    add_pieces(entry->bucket, order.num_still, order.num_unmoving, &pieces);
+    add_pieces(entry->bucket, order.num_unmoving, order.row.size(), &pieces);
+  }
+  const int threads = static_cast<int>(options_.threads);
+  parallel_for(threads, pieces.size(), 1, [&](size_t first, size_t last) {
+    for (size_t p = first; p < last; ++p) pieces[p].at = ColumnSlicer(pieces[p], time).count();
+  });
+  out->count = place(&pieces, kept ? num_still : 0);
+  out->num_still = num_still;
+  out->still_key = 0;
+  if (out->capacity == 0) return {};  // only the count is wanted
+  if (out->count > out->capacity) {
+    return Status(L4D_ERR_BUFFER_TOO_SMALL, "capacity is " + std::to_string(out->capacity) + ", " +
+                                                std::to_string(out->count) +
+                                                " Gaussians are shown");
+  }
+  parallel_for(threads, pieces.size(), 1, [&](size_t first, size_t last) {
+    for (size_t p = first; p < last; ++p) {
+      ColumnSlicer(pieces[p], time).write(header.sh_dim(), *out);
+    }
+  });
+  out->still_key = still_key_;
   return {};
 }
 

@@ -515,6 +515,34 @@ L4D_API l4d_status l4d_decoder_set_detail(l4d_decoder* decoder, uint32_t detail)
  * reads them again in each call, so that `count` grows when the reader recovers. */
 L4D_API l4d_status l4d_decoder_slice(l4d_decoder* decoder, double time, l4d_splat_buffers* out);
 
+/* 3D Gaussians at one instant as a structure of arrays, the form that renderers take. */
+typedef struct l4d_splat_columns {
+  size_t struct_size;
+  uint64_t capacity;     /* number of Gaussians that each array has room for */
+  uint64_t count;        /* out: number of Gaussians, also if the call fails for capacity */
+  float* position[3];    /* [M] each: x, y, z */
+  float* covariance[6];  /* [M] each: xx xy xz yy yz zz */
+  float* opacity;        /* [M] in [0, 1], temporal falloff applied */
+  const float** sh_rows; /* [M] as in l4d_splat_buffers */
+  /* As in l4d_splat_buffers. Here every Gaussian that looks the same throughout the sequence is
+   * among the first num_still, whichever bucket holds it. */
+  uint64_t num_still;
+  uint64_t still_key;
+  /* In: the call skips Gaussians whose opacity at `time` is below this. It may keep some that are
+   * within rounding of it. 0 = skip none. */
+  float least_opacity;
+  uint32_t reserved;
+} l4d_splat_columns;
+L4D_API void l4d_splat_columns_init_(l4d_splat_columns* columns, size_t struct_size);
+#define l4d_splat_columns_init(columns) l4d_splat_columns_init_((columns), sizeof(*(columns)))
+/* Slices the stream at `time` seconds, clamped to the sequence. The Gaussians and their numbers are
+ * those of l4d_decoder_slice, in another order. If capacity is 0, only `count` is computed;
+ * otherwise no array may be NULL.
+ * Fails with BUFFER_TOO_SMALL if capacity is above 0 and below `count`; the arrays are unchanged
+ * then. Fails with INVALID_ARGUMENT if least_opacity is not a number >= 0. */
+L4D_API l4d_status l4d_decoder_slice_columns(l4d_decoder* decoder, double time,
+                                             l4d_splat_columns* out);
+
 /* ---- losses -------------------------------------------------------------------------------- */
 
 /* One loss of a query of a tolerant decoder.

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "l4d/attributes.hpp"
 #include "l4d/decode.h"
 #include "l4d/encode.h"
 
@@ -26,14 +27,22 @@ class Error : public std::runtime_error {
   l4d_status status_;
 };
 
-// Decoded Gaussians with their arrays. Shapes as in l4d_gaussian_buffers.
-struct GaussianArrays {
-  uint32_t sh_degree = 0;
-  uint32_t flags = 0;
-  std::vector<float> position, mean_t, mean_t_local, log_scale, rotor, opacity, sh;
-  std::vector<double> mean_t_double;  // as l4d_gaussian_buffers
+// Decoded Gaussians with their arrays. mean_t_double is filled unless it was taken away.
+struct GaussianArrays : AttributeArrays {
+  std::vector<float> mean_t_local;  // as l4d_gaussian_buffers
   std::vector<l4d_range> ranges;
-  size_t count() const { return mean_t.size(); }
+  // What decode calls write to. Times in other forms than mean_t are not wanted here.
+  l4d_gaussian_buffers buffers() {
+    l4d_gaussian_buffers b;
+    l4d_gaussian_buffers_init(&b);
+    b.capacity = count();
+    for_each_attribute(
+        [](const AttributeInfo&, std::vector<float>& from, float*& to) { to = from.data(); }, *this,
+        b);
+    b.ranges = ranges.empty() ? nullptr : ranges.data();
+    b.range_capacity = ranges.size();
+    return b;
+  }
 };
 
 // 3D Gaussians of an instant. Shapes as in l4d_splat_buffers.
@@ -108,42 +117,21 @@ class DecoderHandle {
     GaussianArrays a;
     a.sh_degree = i.sh_degree;
     a.flags = i.flags;
-    a.position.resize(3 * n);
-    a.mean_t.resize(n);
+    a.resize(n);
     a.mean_t_local.resize(n);
     a.mean_t_double.resize(n);
-    a.log_scale.resize(4 * n);
-    a.rotor.resize(8 * n);
-    a.opacity.resize(n);
-    a.sh.resize(3 * (i.sh_degree + 1) * (i.sh_degree + 1) * n);
     a.ranges.resize(static_cast<size_t>(s.num_ranges));
-    l4d_gaussian_buffers b;
-    l4d_gaussian_buffers_init(&b);
-    b.capacity = n;
-    b.position = a.position.data();
-    b.mean_t = a.mean_t.data();
+    l4d_gaussian_buffers b = a.buffers();
     b.mean_t_local = a.mean_t_local.data();
     // Of other streams they follow from the ranges, and a device can decode.
     const bool lossless = (i.tools & L4D_TOOL_LOSSLESS) != 0;
     if (lossless) b.mean_t_double = a.mean_t_double.data();
-    b.log_scale = a.log_scale.data();
-    b.rotor = a.rotor.data();
-    b.opacity = a.opacity.data();
-    b.sh = a.sh.data();
-    b.ranges = a.ranges.data();
-    b.range_capacity = a.ranges.size();
     check(l4d_decoder_decode(get(), &query, &b));
     // A tolerant decoder may hand out less than it selected.
     const size_t count = static_cast<size_t>(b.count);
     if (count != n) {
-      a.position.resize(3 * count);
-      a.mean_t.resize(count);
+      a.resize(count);
       a.mean_t_local.resize(count);
-      a.mean_t_double.resize(count);
-      a.log_scale.resize(4 * count);
-      a.rotor.resize(8 * count);
-      a.opacity.resize(count);
-      a.sh.resize(3 * (i.sh_degree + 1) * (i.sh_degree + 1) * count);
     }
     a.ranges.resize(static_cast<size_t>(b.num_ranges));
     for (const l4d_range& r : a.ranges) {

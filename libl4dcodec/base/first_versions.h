@@ -21,6 +21,7 @@ L4D_FIRST_VERSION(l4d_dequantization, log_scale_t);
 L4D_FIRST_VERSION(l4d_level_limits, memory_bytes);
 L4D_FIRST_VERSION(l4d_conformance, least_bytes_per_second);
 L4D_FIRST_VERSION(l4d_splat_buffers, still_key);
+L4D_FIRST_VERSION(l4d_splat_columns, reserved);
 L4D_FIRST_VERSION(l4d_counters, details_lost);
 
 L4D_FIRST_VERSION(l4d_cuda_device_info, memory_bytes);

@@ -107,22 +107,16 @@ class HeaderParser {
   Status unknown(const std::string& what, unsigned id) const {
     return Status(L4D_ERR_FEATURE_UNSUPPORTED, "HEAD-7", base_, what + " " + std::to_string(id));
   }
-  // Zero, or a magnitude far from the ends of the range: then no sum or product of the decoding
-  // process overflows or is subnormal, and flushing subnormals to zero cannot change a result.
-  static bool sound(double v) {
-    const double magnitude = std::fabs(v);
-    return v == 0.0 || (magnitude >= 0x1p-60 && magnitude <= 0x1p60);
-  }
 
   Status parse_timeline(const fbs::Header& h) {
-    if (h.num_frames() < 1 || h.num_frames() > kMaxFrames || h.fps_num() == 0 || h.fps_den() == 0) {
-      return bad("HEAD-2", "number of frames or frame rate out of range");
-    }
-    if (!sound(h.time_begin())) return bad("HEAD-3", "time_begin is out of range");
     out_.timeline.time_begin = h.time_begin();
     out_.timeline.num_frames = h.num_frames();
     out_.timeline.fps_num = h.fps_num();
     out_.timeline.fps_den = h.fps_den();
+    if (!has_valid_frames(out_.timeline)) {
+      return bad("HEAD-2", "number of frames or frame rate out of range");
+    }
+    if (!is_valid(out_.timeline)) return bad("HEAD-3", "time_begin is out of range");
     if (!(h.gate() > 0.0f && h.gate() <= 16.0f)) return bad("HEAD-9", "gate is not in (0, 16]");
     out_.gate = h.gate();
     return {};
@@ -133,12 +127,13 @@ class HeaderParser {
                              h.position_center()->z()};
     const double origin[3] = {h.origin()->x(), h.origin()->y(), h.origin()->z()};
     for (int i = 0; i < 3; ++i) {
-      if (!sound(center[i]) || !std::isfinite(origin[i]))
+      if (!is_sound(center[i]) || !std::isfinite(origin[i]))
         return bad("HEAD-3", "position_center or origin is out of range");
       out_.position_center[i] = center[i];
       out_.placement.origin[i] = origin[i];
     }
-    if (!sound(h.position_scale()) || h.position_scale() <= 0 || !std::isfinite(h.world_scale())) {
+    if (!is_sound(h.position_scale()) || h.position_scale() <= 0 ||
+        !std::isfinite(h.world_scale())) {
       return bad("HEAD-3", "position_scale or world_scale is out of range");
     }
     out_.position_scale = h.position_scale();
@@ -194,7 +189,7 @@ class HeaderParser {
     out->bits = s.bits();
     out->offset = s.offset();
     out->step = s.step();
-    if (!sound(s.offset()) || !sound(s.step())) {
+    if (!is_sound(s.offset()) || !is_sound(s.step())) {
       return bad("HEAD-3", std::string(what) + " offset or step is out of range");
     }
     if (out->coding == ScalarCodingId::kSq && (out->bits < 1 || out->bits > kMaxScaleBits)) {
@@ -334,7 +329,7 @@ class HeaderParser {
     }
     out->mean_t_shift = out->mean_t == MeanCodingId::kF16 ? l.mean_t_shift() : 0;
     if (out->mean_t == MeanCodingId::kFixed) L4D_RETURN_IF_ERROR(parse_mean_t(l, out));
-    if (!sound(l.log_scale_t())) return bad("HEAD-3", "log_scale_t is out of range");
+    if (!is_sound(l.log_scale_t())) return bad("HEAD-3", "log_scale_t is out of range");
     out->log_scale_t = l.log_scale_t();
     L4D_RETURN_IF_ERROR(parse_scalar(*l.scale_factor(), "scale_factor", &out->scale_factor));
     const fbs::ComponentCoding* parts[] = {nullptr, l.scale(), l.rotor_spatial(),

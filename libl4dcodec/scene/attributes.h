@@ -4,9 +4,9 @@
 #include <cmath>
 #include <cstddef>
 
+#include "l4d/attributes.hpp"
 #include "l4d/l4d.h"
 #include "libl4dcodec/math/hd.h"
-#include "libl4dcodec/scene/layers.h"
 
 namespace l4d {
 
@@ -27,28 +27,71 @@ L4D_HOST_DEVICE inline float clamp_opacity(float v) {
   return v < 0.0f ? 0.0f : v > 1.0f ? 1.0f : v;
 }
 
+// How large the numbers of an attribute may be, in the order of the table.
+constexpr float kLargestNumbers[kNumAttributes] = {
+    static_cast<float>(kMaxCoordinate),
+    static_cast<float>(kMaxCoordinate),
+    kMaxDecodedLogScale,
+    1e15f,
+    INFINITY,
+    65504.0f  // the codebooks hold binary16
+};
+
+L4D_HOST_DEVICE inline double mean_time(const l4d_gaussians& gaussians, size_t i) {
+  return gaussians.mean_t_double != nullptr ? gaussians.mean_t_double[i]
+                                            : static_cast<double>(gaussians.mean_t[i]);
+}
+
+// The rows from `first` on.
+inline l4d_gaussians rows_of(const l4d_gaussians& gaussians, uint64_t first, uint64_t count) {
+  l4d_gaussians rows = gaussians;
+  rows.count = count;
+  for_each_attribute(
+      [&](const AttributeInfo& a, const float*& values) {
+        if (values != nullptr) values += a.numbers(gaussians.sh_degree) * first;
+      },
+      rows);
+  if (rows.mean_t_double != nullptr) rows.mean_t_double += first;
+  return rows;
+}
+
+// Whether all arrays are there that a scene of Gaussians needs.
+inline bool has_all_arrays(const l4d_gaussians& gaussians, bool needs_sh = true) {
+  bool all = true;
+  for_each_attribute(
+      [&](const AttributeInfo& a, const float* values) {
+        if (a.flag == info_of(Attribute::kMeanTime).flag && gaussians.mean_t_double != nullptr) {
+          return;
+        }
+        if (a.flag == info_of(Attribute::kSh).flag && !needs_sh) return;
+        all = all && values != nullptr;
+      },
+      gaussians);
+  return all;
+}
+
 // Name of the first attribute of Gaussian i that is no value a scene may hold, or null.
 inline const char* invalid_attribute(const l4d_gaussians& g, size_t i) {
-  for (size_t k = 0; k < 3; ++k) {
-    if (!(std::fabs(g.position[3 * i + k]) <= kMaxCoordinate)) return "position";
-  }
-  if (!(std::fabs(mean_time(g, i)) <= kMaxCoordinate)) return "mean_t";
-  for (size_t k = 0; k < 4; ++k) {
-    if (!(std::fabs(g.log_scale[4 * i + k]) <= kMaxDecodedLogScale)) return "log_scale";
-  }
-  for (size_t k = 0; k < 8; ++k) {
-    if (!(std::fabs(g.rotor[8 * i + k]) <= 1e15f)) return "rotor";
-  }
-  const bool logit = (g.flags & L4D_OPACITY_LOGIT) != 0;
-  if (!(logit ? std::isfinite(g.opacity[i]) : g.opacity[i] >= 0 && g.opacity[i] <= 1)) {
-    return "opacity";
-  }
-  const size_t sh_dim = size_t{3} * (g.sh_degree + 1) * (g.sh_degree + 1);
-  for (size_t k = 0; k < sh_dim; ++k) {
-    // The codebooks hold binary16.
-    if (!(std::fabs(g.sh[sh_dim * i + k]) <= 65504.0f)) return "sh";
-  }
-  return nullptr;
+  const char* invalid = nullptr;
+  size_t index = 0;
+  for_each_attribute(
+      [&](const AttributeInfo& a, const float* values) {
+        const float largest = kLargestNumbers[index++];
+        if (invalid != nullptr) return;
+        bool valid = true;
+        if (a.flag == info_of(Attribute::kMeanTime).flag) {
+          valid = std::fabs(mean_time(g, i)) <= kMaxCoordinate;
+        } else if (a.flag == info_of(Attribute::kOpacity).flag) {
+          const bool logit = (g.flags & L4D_OPACITY_LOGIT) != 0;
+          valid = logit ? std::isfinite(values[i]) : values[i] >= 0 && values[i] <= 1;
+        } else {
+          const size_t n = a.numbers(g.sh_degree);
+          for (size_t k = 0; k < n; ++k) valid = valid && std::fabs(values[n * i + k]) <= largest;
+        }
+        if (!valid) invalid = a.name;
+      },
+      g);
+  return invalid;
 }
 
 }  // namespace l4d

@@ -5,6 +5,7 @@
 
 #include "l4d/l4d.h"
 #include "libl4dcodec/math/hd.h"
+#include "libl4dcodec/scene/timeline.h"
 
 // Where in time things are stored. The sequence of n frames and duration T is cut into layers:
 // layer 0 has one bucket, layer l >= 1 has 2^(l+1) of width T / 2^(l+1). A Gaussian whose extent
@@ -19,10 +20,8 @@ namespace l4d {
 
 constexpr int kPhaseBits = 40;
 constexpr uint64_t kPhaseLast = (uint64_t{1} << kPhaseBits) - 1;
-constexpr uint32_t kMaxFrames = uint32_t{1} << 24;
+constexpr uint32_t kMaxFrames = L4D_MAX_FRAMES;
 constexpr uint32_t kMaxLayers = 25;
-// A Gaussian is visible while lambda (t - mean)^2 is at most this: 4 temporal standard deviations.
-constexpr float kVisibilityGate = 16.0f;
 // Times within this many frames of a frame's beginning are taken to be that frame, because frame
 // times such as k / 30 are not binary fractions.
 constexpr double kFrameSnap = 1e-6;
@@ -108,11 +107,6 @@ L4D_HOST_DEVICE inline uint32_t bucket_of_time(const l4d_timeline& timeline, dou
 
 // ---- seconds ------------------------------------------------------------------------------------
 
-L4D_HOST_DEVICE inline double sequence_duration(const l4d_timeline& timeline) {
-  return (static_cast<double>(timeline.num_frames) * static_cast<double>(timeline.fps_den)) /
-         static_cast<double>(timeline.fps_num);
-}
-
 // The scaling is exact.
 L4D_HOST_DEVICE inline double bucket_width(const l4d_timeline& timeline, uint32_t layer) {
   return sequence_duration(timeline) / static_cast<double>(num_buckets(layer));
@@ -136,26 +130,7 @@ L4D_HOST_DEVICE inline float fixed_mean_time(float step, unsigned zero, uint16_t
   return step * (whole + static_cast<float>(middle) / static_cast<float>(2 * top));
 }
 
-L4D_HOST_DEVICE inline double mean_time(const l4d_gaussians& gaussians, size_t i) {
-  return gaussians.mean_t_double != nullptr ? gaussians.mean_t_double[i]
-                                            : static_cast<double>(gaussians.mean_t[i]);
-}
-
-// The time at which positions are coded: the mean time where that is inside the sequence, else the
-// end that is nearer to it. A mean far outside would multiply every error of the velocity.
-L4D_HOST_DEVICE inline double reference_time(const l4d_timeline& timeline, double mean_t) {
-  const double begin = timeline.time_begin;
-  const double end = begin + sequence_duration(timeline);
-  return mean_t < begin ? begin : mean_t > end ? end : mean_t;
-}
-
-// ---- visibility and the choice of a layer -------------------------------------------------------
-
-// `dt` is t - mean_t. NaN is not visible.
-template <typename T>
-L4D_HOST_DEVICE inline bool is_visible(T lambda, T dt) {
-  return lambda * (dt * dt) <= static_cast<T>(kVisibilityGate);
-}
+// ---- the choice of a layer ----------------------------------------------------------------------
 
 // The finest of `layers` layers that may hold an extent of `tau` seconds in a sequence of
 // `duration` seconds: clamp(floor(log2(duration / tau)), 0, layers - 1), by comparisons that are

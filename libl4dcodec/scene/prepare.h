@@ -8,8 +8,9 @@
 
 #include "l4d/l4d.h"
 #include "libl4dcodec/math/hd.h"
-#include "libl4dcodec/scene/layers.h"
+#include "libl4dcodec/scene/attributes.h"
 #include "libl4dcodec/scene/slice.h"
+#include "libl4dcodec/scene/timeline.h"
 
 namespace l4d {
 
@@ -24,29 +25,49 @@ struct Prepared {
   double half_life;  // alpha may reach kMinAlpha within this of the mean time; negative: never
 };
 
-// Gaussian i of arrays that the caller's side can read. The sequence lasts from begin to end.
-L4D_HOST_DEVICE inline Prepared prepare_gaussian(const l4d_gaussians& g, double begin, double end,
+// A Gaussian is visible with an opacity of at least `least` while lambda dt^2 is at most this;
+// negative: never.
+template <typename T>
+L4D_HOST_DEVICE inline T reach_of(T opacity, T least, T gate) {
+  const T fade = 2 * std::log(opacity / least);
+  return fade < gate ? fade : gate;
+}
+
+// For how long before and after its mean time that is; negative: never.
+template <typename T>
+L4D_HOST_DEVICE inline T half_life(T reach, T lambda) {
+  return reach < 0 ? static_cast<T>(-1) : std::sqrt(reach / lambda);
+}
+
+// Gaussian i of arrays that the caller's side can read.
+L4D_HOST_DEVICE inline Prepared prepare_gaussian(const l4d_gaussians& g, const Sequence& sequence,
                                                  size_t i) {
-  double rotor[8], scale[4];
-  for (size_t k = 0; k < 8; ++k) rotor[k] = static_cast<double>(g.rotor[8 * i + k]);
-  for (size_t k = 0; k < 4; ++k) scale[k] = std::exp(static_cast<double>(g.log_scale[4 * i + k]));
   Prepared p;
-  p.slice = slice_gaussian(normalized_halves(rotor), scale);
+  p.slice = slice_attributes<double>(g.rotor + 8 * i, g.log_scale + 4 * i);
   p.mean = mean_time(g, i);
   // Seen from within the sequence, whatever the form of the input: with the mean 200 s away, a
   // position there and a velocity in binary32 would not say where the Gaussian is now.
-  p.reference = p.mean < begin ? begin : p.mean > end ? end : p.mean;
+  p.reference = reference_time(p.mean, sequence.begin, sequence.end);
   const bool at_mean = (g.flags & L4D_POSITION_AT_MEAN_TIME) != 0;
   for (size_t k = 0; k < 3; ++k) {
     p.position[k] = static_cast<double>(g.position[3 * i + k]);
     if (at_mean) p.position[k] += p.slice.velocity[k] * (p.reference - p.mean);
   }
-  p.opacity = static_cast<double>(g.opacity[i]);
-  if ((g.flags & L4D_OPACITY_LOGIT) != 0) p.opacity = 1 / (1 + std::exp(-p.opacity));
-  const double fade = 2 * std::log(p.opacity / kMinAlpha);
-  const double gate = static_cast<double>(kVisibilityGate);
-  p.half_life = fade < 0 ? -1 : std::sqrt((fade < gate ? fade : gate) / p.slice.lambda);
+  p.opacity = linear_opacity(static_cast<double>(g.opacity[i]), (g.flags & L4D_OPACITY_LOGIT) != 0);
+  p.half_life = half_life(reach_of(p.opacity, kMinAlpha, static_cast<double>(kVisibilityGate)),
+                          p.slice.lambda);
   return p;
+}
+
+// When a Gaussian is shown, in seconds from some moment; begin > end: never.
+struct alignas(8) VisibleInterval {
+  float begin, end;
+  L4D_HOST_DEVICE bool holds(float t) const { return t >= begin && t <= end; }
+};
+template <typename T>
+L4D_HOST_DEVICE inline VisibleInterval interval_of(T mean, T half_life) {
+  if (!(half_life >= 0)) return {1.0f, 0.0f};
+  return {static_cast<float>(mean - half_life), static_cast<float>(mean + half_life)};
 }
 
 enum MotionGroup : uint8_t { kStill, kFading, kMoving };
@@ -54,13 +75,19 @@ constexpr uint32_t kNumMotionGroups = 3;
 
 // What of a Gaussian can be seen to change while the sequence lasts. Rounding decides: what
 // binary32 cannot show is not worked out.
-L4D_HOST_DEVICE inline MotionGroup group_of(const Prepared& p, double begin, double end) {
-  const double* v = p.slice.velocity;
-  if (v[0] != 0 || v[1] != 0 || v[2] != 0) return kMoving;
-  const double before = std::fabs(begin - p.mean), after = std::fabs(end - p.mean);
-  const double farthest = before < after ? after : before;
-  const bool fades = 0.5 * p.slice.lambda * farthest * farthest >= 0x1p-25;
-  return fades || p.half_life < farthest ? kFading : kStill;
+template <typename T>
+L4D_HOST_DEVICE inline MotionGroup group_of(const T* velocity /* [3] */, T lambda, T mean,
+                                            T half_life, T begin, T end) {
+  if (velocity[0] != 0 || velocity[1] != 0 || velocity[2] != 0) return kMoving;
+  const T before = std::fabs(begin - mean), after = std::fabs(end - mean);
+  const T farthest = before < after ? after : before;
+  const bool fades = static_cast<T>(0.5) * lambda * farthest * farthest >= static_cast<T>(0x1p-25);
+  return fades || half_life < farthest ? kFading : kStill;
+}
+
+L4D_HOST_DEVICE inline MotionGroup group_of(const Prepared& p, const Sequence& sequence) {
+  return group_of(p.slice.velocity, p.slice.lambda, p.mean, p.half_life, sequence.begin,
+                  sequence.end);
 }
 
 }  // namespace l4d

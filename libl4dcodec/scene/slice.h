@@ -1,13 +1,45 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cmath>
+
 #include "libl4dcodec/math/rotor.h"
 
+// What a 4D Gaussian looks like at an instant: the formulas, each written once for all who slice,
+// on any side and in any precision.
 namespace l4d {
+
+// A Gaussian is visible while lambda (t - mean)^2 is at most this: 4 temporal standard deviations.
+constexpr float kVisibilityGate = 16.0f;
+constexpr double kVisibleSigmas = 4;
+
+// `dt` is t - mean_t. NaN is not visible.
+template <typename T>
+L4D_HOST_DEVICE inline bool is_visible(T lambda, T dt, float gate = kVisibilityGate) {
+  return lambda * (dt * dt) <= static_cast<T>(gate);
+}
+
+// The part of its opacity that a Gaussian has `dt` from its mean time.
+template <typename T>
+L4D_HOST_DEVICE inline T falloff(T lambda, T dt) {
+  return std::exp(static_cast<T>(-0.5) * (lambda * (dt * dt)));
+}
+
+// The same, gone where the Gaussian is not visible.
+template <typename T>
+L4D_HOST_DEVICE inline T visible_falloff(T lambda, T dt) {
+  return is_visible(lambda, dt) ? falloff(lambda, dt) : static_cast<T>(0);
+}
+
+// Opacity in [0, 1] of one that is stored as it is or as a logit.
+template <typename T>
+L4D_HOST_DEVICE inline T linear_opacity(T stored, bool logit) {
+  return logit ? static_cast<T>(1) / (static_cast<T>(1) + std::exp(-stored)) : stored;
+}
 
 // A 4D Gaussian seen at an instant, the parts of it that do not depend on the instant:
 //   mean(t)    = position + velocity (t - t_ref),  position being the mean at t_ref
-//   falloff(t) = exp(-lambda (t - mean_t)^2 / 2)
+//   opacity(t) = opacity falloff(lambda, t - mean_t)
 //   covariance = constant
 template <typename T>
 struct Slice4D {
@@ -36,14 +68,14 @@ L4D_HOST_DEVICE inline void scaled_rows(const RotorHalves<T>& halves, const T* s
 // The textbook subtracts two nearly equal products (Schur complement), which in binary32 destroys
 // the covariance of long-lived moving Gaussians. Here each spatial row first loses its part along
 // m_t, and the covariance is made of inner products of what remains: positive by construction.
+// `p`: the spatial rows without their part along m_t, the covariance is p p^T.
 template <typename T>
-L4D_HOST_DEVICE inline Slice4D<T> slice_rows(const T* rows /* [4, 4] */) {
+L4D_HOST_DEVICE inline Slice4D<T> slice_rows(const T* rows /* [4, 4] */, T (*p)[4] /* [3, 4] */) {
   const T* mt = rows + 12;
   const T variance = dot4(mt, mt);
   const T floor = static_cast<T>(kMinTemporalVariance);
   Slice4D<T> slice;
   slice.lambda = static_cast<T>(1) / (variance > floor ? variance : floor);
-  T p[3][4];  // spatial rows without their part along m_t
   for (int i = 0; i < 3; ++i) {
     const T* m = rows + 4 * i;
     const T v = dot4(m, mt) * slice.lambda;
@@ -59,6 +91,12 @@ L4D_HOST_DEVICE inline Slice4D<T> slice_rows(const T* rows /* [4, 4] */) {
   return slice;
 }
 
+template <typename T>
+L4D_HOST_DEVICE inline Slice4D<T> slice_rows(const T* rows /* [4, 4] */) {
+  T p[3][4];
+  return slice_rows(rows, p);
+}
+
 // `halves` are normalised, `scale` is the exponential of log_scale.
 template <typename T>
 L4D_HOST_DEVICE inline Slice4D<T> slice_gaussian(const RotorHalves<T>& halves,
@@ -66,6 +104,16 @@ L4D_HOST_DEVICE inline Slice4D<T> slice_gaussian(const RotorHalves<T>& halves,
   T rows[16];
   scaled_rows(halves, scale, rows);
   return slice_rows(rows);
+}
+
+// From stored attributes, worked out in T.
+template <typename T, typename Stored>
+L4D_HOST_DEVICE inline Slice4D<T> slice_attributes(const Stored* rotor /* [8], of any length */,
+                                                   const Stored* log_scale /* [4] */) {
+  T r[8], scale[4];
+  for (int k = 0; k < 8; ++k) r[k] = static_cast<T>(rotor[k]);
+  for (int k = 0; k < 4; ++k) scale[k] = std::exp(static_cast<T>(log_scale[k]));
+  return slice_gaussian(normalized_halves(r), scale);
 }
 
 }  // namespace l4d

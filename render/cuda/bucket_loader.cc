@@ -80,24 +80,31 @@ uint64_t BucketLoader::scratch_bytes() const {
 }
 
 Status BucketLoader::reserve_arrays(uint64_t gaussians, uint64_t workspace) {
-  const size_t terms = size_t{3} * sh_terms(sh_degree_);
-  const size_t floats[6] = {3, 1, 4, 8, 1, terms};
   const size_t n = static_cast<size_t>(gaussians);
+  const auto bytes_of = [&](const AttributeInfo& a) {
+    return aligned(n * a.numbers(sh_degree_) * sizeof(float));
+  };
   size_t bytes = 0;
-  for (const size_t k : floats) bytes += aligned(n * k * sizeof(float));
+  for (const AttributeInfo& a : kAttributes) bytes += bytes_of(a);
   if (bytes > gaussians_.size()) L4D_RETURN_IF_ERROR(gaussians_.reserve(with_slack(bytes)));
   if (workspace > workspace_.size()) {
     L4D_RETURN_IF_ERROR(workspace_.reserve(with_slack(static_cast<size_t>(workspace))));
   }
   l4d_cuda_gaussian_buffers_init(&arrays_);
   arrays_.capacity = gaussians;
-  float** const arrays[6] = {&arrays_.position, &arrays_.mean_t_local, &arrays_.log_scale,
-                             &arrays_.rotor,    &arrays_.opacity,      &arrays_.sh};
+  rows_ = {};
+  rows_.struct_size = sizeof rows_;
+  rows_.sh_degree = sh_degree_;
+  rows_.flags = flags_;
   auto* at = gaussians_.as<unsigned char>();
-  for (int k = 0; k < 6; ++k) {
-    *arrays[k] = reinterpret_cast<float*>(at);
-    at += aligned(n * floats[k] * sizeof(float));
-  }
+  for_each_attribute(
+      [&](const AttributeInfo& a, float*& to, const float*& from) {
+        from = to = reinterpret_cast<float*>(at);
+        at += bytes_of(a);
+      },
+      arrays_, rows_);
+  // Each bucket has its own clock.
+  std::swap(arrays_.mean_t, arrays_.mean_t_local);
   return {};
 }
 
@@ -133,26 +140,15 @@ Status BucketLoader::load(const std::vector<BucketPlace>& buckets, const Sequenc
                                            stream_));
   L4D_RETURN_IF_ERROR(told(
       l4d_cuda_decoder_decode(cuda_, &arrays_, workspace_.data(), workspace_.size(), stream_)));
-  l4d_gaussians part{};
-  part.struct_size = sizeof part;
-  part.sh_degree = sh_degree_;
-  part.flags = flags_;
   uint64_t first = 0;
   StorePlace place;
   place.chunks = chunk_list_.as<uint32_t>();
   for (const BucketPlace& b : buckets) {
-    part.count = b.rows;
-    part.position = arrays_.position + 3 * first;
-    part.mean_t = arrays_.mean_t_local + first;
-    part.log_scale = arrays_.log_scale + 4 * first;
-    part.rotor = arrays_.rotor + 8 * first;
-    part.opacity = arrays_.opacity + first;
-    part.sh = arrays_.sh + size_t{3} * sh_terms(sh_degree_) * first;
     place.count = b.rows;
     place.chunk_origin = b.center - sequence.center();
     // The bucket's own clock, in which its mean times lose nothing.
     const Sequence local{sequence.begin - b.center, sequence.end - b.center};
-    launch_store(part, local, place, half_sh, rows, stream_);
+    launch_store(rows_of(rows_, first, b.rows), local, place, half_sh, rows, stream_);
     place.chunks += b.chunks.size();
     first += b.rows;
   }

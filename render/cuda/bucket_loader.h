@@ -51,7 +51,8 @@ class BucketLoader {
   uint32_t flags_ = 0;
   l4d_cuda_decoder* cuda_ = nullptr;
   cudaStream_t stream_ = nullptr;
-  l4d_cuda_gaussian_buffers arrays_{};
+  l4d_cuda_gaussian_buffers arrays_{};  // what is decoded goes here
+  l4d_gaussians rows_{};                // the same arrays
   cuda::DeviceMemory gaussians_, workspace_, chunk_list_;
   cuda::PinnedMemory chunk_staging_;
   uint64_t uploaded_ = 0;

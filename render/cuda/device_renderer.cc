@@ -6,15 +6,32 @@
 #include <limits>
 
 #include "libl4dcodec/base/checked.h"
-#include "libl4dcodec/scene/layers.h"
+#include "libl4dcodec/scene/prepare.h"
 #include "render/cuda/importance_lanes.h"
 #include "render/cuda/pipeline.h"
 
 namespace l4d::render {
 namespace {
 
-Sequence sequence_of(const l4d_timeline& timeline) {
-  return {timeline.time_begin, timeline.time_begin + sequence_duration(timeline)};
+Status upload(const void* from, size_t bytes, cuda::DeviceMemory* to) {
+  L4D_RETURN_IF_ERROR(to->reserve(std::max<size_t>(bytes, 1)));
+  L4D_RETURN_IF_CUDA_ERROR(cudaMemcpy(to->data(), from, bytes, cudaMemcpyHostToDevice));
+  return {};
+}
+
+Status clear(size_t bytes, cuda::DeviceMemory* memory) {
+  L4D_RETURN_IF_ERROR(memory->reserve(std::max<size_t>(bytes, 1)));
+  L4D_RETURN_IF_CUDA_ERROR(cudaMemset(memory->data(), 0, bytes));
+  return {};
+}
+
+// Adds an array of the device to one of the host.
+Status add_to(size_t count, const float* device, float* host) {
+  std::vector<float> sums(count);
+  L4D_RETURN_IF_CUDA_ERROR(
+      cudaMemcpy(sums.data(), device, count * sizeof(float), cudaMemcpyDeviceToHost));
+  for (size_t i = 0; i < count; ++i) host[i] += sums[i];
+  return {};
 }
 
 class Implementation : public DeviceRenderer {
@@ -29,30 +46,23 @@ class Implementation : public DeviceRenderer {
   Status set_gaussians(const l4d_gaussians& gaussians, const l4d_timeline& timeline) override {
     L4D_RETURN_IF_ERROR(use());
     const size_t n = static_cast<size_t>(gaussians.count);
-    const size_t width[6] = {3, 1, 4, 8, 1, size_t{3} * sh_terms(gaussians.sh_degree)};
-    const float* from[6] = {gaussians.position, gaussians.mean_t,  gaussians.log_scale,
-                            gaussians.rotor,    gaussians.opacity, gaussians.sh};
-    for (int k = 0; k < 6; ++k) {
-      if (from[k] == nullptr) continue;  // times may be given as double alone
-      L4D_RETURN_IF_ERROR(
-          attributes_[k].reserve(std::max<size_t>(n, 1) * width[k] * sizeof(float)));
-      L4D_RETURN_IF_CUDA_ERROR(cudaMemcpy(attributes_[k].data(), from[k],
-                                          n * width[k] * sizeof(float), cudaMemcpyHostToDevice));
-    }
     l4d_gaussians device = gaussians;
-    device.position = attributes_[0].as<float>();
-    device.mean_t = attributes_[1].as<float>();
+    Status status;
+    size_t next = 0;
+    for_each_attribute(
+        [&](const AttributeInfo& a, const float* from, const float*& to) {
+          cuda::DeviceMemory& memory = attributes_[next++];
+          if (status.ok() && from != nullptr) {  // times may be given as double alone
+            status = upload(from, n * a.numbers(gaussians.sh_degree) * sizeof(float), &memory);
+          }
+          to = memory.as<float>();
+        },
+        gaussians, device);
+    L4D_RETURN_IF_ERROR(status);
     if (gaussians.mean_t_double != nullptr) {
-      const size_t bytes = n * sizeof(double);
-      L4D_RETURN_IF_ERROR(double_times_.reserve(std::max<size_t>(bytes, sizeof(double))));
-      L4D_RETURN_IF_CUDA_ERROR(
-          cudaMemcpy(double_times_.data(), gaussians.mean_t_double, bytes, cudaMemcpyHostToDevice));
+      L4D_RETURN_IF_ERROR(upload(gaussians.mean_t_double, n * sizeof(double), &double_times_));
       device.mean_t_double = double_times_.as<double>();
     }
-    device.log_scale = attributes_[2].as<float>();
-    device.rotor = attributes_[3].as<float>();
-    device.opacity = attributes_[4].as<float>();
-    device.sh = attributes_[5].as<float>();
     return set_device_gaussians(device, timeline);
   }
 
@@ -235,7 +245,8 @@ class Implementation : public DeviceRenderer {
   bool has_attributes_ = false;
   l4d_gaussians gaussians_{};  // device arrays
   cuda::DeviceMemory double_times_;
-  cuda::DeviceMemory attributes_[6], rgb_, alpha_, upstream_, gradients_[6];
+  cuda::DeviceMemory attributes_[kNumAttributes], gradients_[kNumAttributes];
+  cuda::DeviceMemory rgb_, alpha_, upstream_;
   cuda::PinnedMemory staging_;
   // Of the scene, from the first view nobody waits for on; goes before what its views read.
   std::unique_ptr<ImportanceLanes> lanes_;
@@ -282,7 +293,7 @@ Status Implementation::set_splats(const HostSplats& splats) {
     f[2 * i] = -std::numeric_limits<float>::infinity();
     f[2 * i + 1] = std::numeric_limits<float>::infinity();
   }
-  L4D_RETURN_IF_ERROR(send(rows.interval, n * sizeof(float2)));
+  L4D_RETURN_IF_ERROR(send(rows.interval, n * sizeof(VisibleInterval)));
   for (size_t i = 0; i < n; ++i) {
     for (size_t k = 0; k < 3; ++k) f[4 * i + k] = splats.position[k][i];
     f[4 * i + 3] = splats.opacity[i];
@@ -319,25 +330,20 @@ Status Implementation::backward(double time, const l4d_camera& camera, const flo
   L4D_RETURN_IF_ERROR(upstream_.reserve(3 * pixels * sizeof(float)));
   L4D_RETURN_IF_CUDA_ERROR(cudaMemcpy(upstream_.data(), rgb_gradient, 3 * pixels * sizeof(float),
                                       cudaMemcpyHostToDevice));
-  const size_t width[6] = {3, 1, 4, 8, 1, size_t{3} * sh_terms(gaussians_.sh_degree)};
-  float* const wanted[6] = {gradients->position, gradients->mean_t,  gradients->log_scale,
-                            gradients->rotor,    gradients->opacity, gradients->sh};
-  float* device[6] = {};
-  for (int k = 0; k < 6; ++k) {
-    if (wanted[k] == nullptr) continue;
-    const size_t bytes = n * width[k] * sizeof(float);
-    L4D_RETURN_IF_ERROR(gradients_[k].reserve(std::max<size_t>(bytes, 1)));
-    L4D_RETURN_IF_CUDA_ERROR(cudaMemset(gradients_[k].data(), 0, bytes));
-    device[k] = gradients_[k].as<float>();
-  }
-  const l4d_gradients out{sizeof(l4d_gradients),
-                          gaussians_.count,
-                          device[0],
-                          device[1],
-                          device[2],
-                          device[3],
-                          device[4],
-                          device[5]};
+  l4d_gradients out{};
+  out.struct_size = sizeof out;
+  out.count = gaussians_.count;
+  Status status;
+  size_t next = 0;
+  for_each_attribute(
+      [&](const AttributeInfo& a, const float* wanted, float*& to) {
+        cuda::DeviceMemory& memory = gradients_[next++];
+        if (wanted == nullptr || !status.ok()) return;
+        status = clear(n * a.numbers(gaussians_.sh_degree) * sizeof(float), &memory);
+        to = memory.as<float>();
+      },
+      *gradients, out);
+  L4D_RETURN_IF_ERROR(status);
   const auto go_back = [&]() -> Status {
     const BackwardTask task{Upstream::kGiven, upstream_.as<float>(), 0, pipeline_.scratch_image()};
     L4D_RETURN_IF_ERROR(pipeline_.go_back(task, nullptr));
@@ -347,14 +353,13 @@ Status Implementation::backward(double time, const l4d_camera& camera, const flo
     return {};
   };
   L4D_RETURN_IF_ERROR(whole_frame(time, camera, background, true, {}, true, figures, go_back));
-  std::vector<float> sums;
-  for (int k = 0; k < 6; ++k) {
-    if (wanted[k] == nullptr) continue;
-    sums.resize(n * width[k]);
-    L4D_RETURN_IF_CUDA_ERROR(
-        cudaMemcpy(sums.data(), device[k], sums.size() * sizeof(float), cudaMemcpyDeviceToHost));
-    for (size_t i = 0; i < sums.size(); ++i) wanted[k][i] += sums[i];
-  }
+  for_each_attribute(
+      [&](const AttributeInfo& a, float* wanted, const float* from) {
+        if (wanted == nullptr || !status.ok()) return;
+        status = add_to(n * a.numbers(gaussians_.sh_degree), from, wanted);
+      },
+      *gradients, out);
+  L4D_RETURN_IF_ERROR(status);
   return pipeline_.stage_seconds(figures->seconds);
 }
 

@@ -29,14 +29,7 @@ __device__ Instant<double> instant_of(const GradientInput& input) {
 }
 
 __device__ Gaussian4D<double> attributes_of(const GradientInput& input, size_t id) {
-  const l4d_gaussians& g = input.gaussians;
-  Gaussian4D<double> out;
-  for (size_t k = 0; k < 3; ++k) out.position[k] = static_cast<double>(g.position[3 * id + k]);
-  out.mean_t = mean_time(g, id) - input.time;
-  for (size_t k = 0; k < 4; ++k) out.log_scale[k] = static_cast<double>(g.log_scale[4 * id + k]);
-  for (size_t k = 0; k < 8; ++k) out.rotor[k] = static_cast<double>(g.rotor[8 * id + k]);
-  out.opacity = static_cast<double>(g.opacity[id]);
-  return out;
+  return read_gaussian<double>(input.gaussians, id, input.time);
 }
 
 // A Gaussian's numbers in an array, four at a time where they lie so.

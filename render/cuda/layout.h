@@ -46,11 +46,11 @@ constexpr uint32_t kShLiteral = 15;
 // its middle would not tell frames apart. `motion` is read of rows that move, the second half of
 // `shape1` of rows that fade.
 struct ResidentRows {
-  float2* interval;  // [rows] when it is visible
-  float4* place;     // [rows] position at the reference time; opacity
-  float4* motion;    // [rows] velocity; reference time
-  float4* shape0;    // [rows] covariance xx xy xz yy
-  float4* shape1;    // [rows] covariance yz zz; mean time, lambda
+  VisibleInterval* interval;  // [rows] when it is visible
+  float4* place;              // [rows] position at the reference time; opacity
+  float4* motion;             // [rows] velocity; reference time
+  float4* shape0;             // [rows] covariance xx xy xz yy
+  float4* shape1;             // [rows] covariance yz zz; mean time, lambda
   void* sh;        // [rows, sh_stride()] binary32, or binary16 padded to whole 8 bytes, or indices
   uint32_t* id;    // [rows] index in the scene
   double* origin;  // [rows / kChunkRows] seconds from the middle of the sequence; NULL: 0 for all

@@ -55,14 +55,14 @@ size_t DevicePipeline::row_sh_bytes() const {
 }
 
 size_t DevicePipeline::row_bytes() const {
-  return sizeof(float2) + 4 * sizeof(float4) + sizeof(uint32_t) + row_sh_bytes();
+  return sizeof(VisibleInterval) + 4 * sizeof(float4) + sizeof(uint32_t) + row_sh_bytes();
 }
 
 // Memory of rows of sh_degree_ and half_sh_. The device is idle.
 Status DevicePipeline::make_rows(size_t rows, bool keep) {
   const size_t n = std::max<size_t>(rows, 1);
-  const size_t bytes[7] = {sizeof(float2), sizeof(float4), sizeof(float4),  sizeof(float4),
-                           sizeof(float4), row_sh_bytes(), sizeof(uint32_t)};
+  const size_t bytes[7] = {sizeof(VisibleInterval), sizeof(float4), sizeof(float4),  sizeof(float4),
+                           sizeof(float4),          row_sh_bytes(), sizeof(uint32_t)};
   const auto grow = [&](cuda::DeviceMemory* memory, size_t wanted, size_t used) -> Status {
     if (!keep) return memory->reserve(wanted);
     if (wanted <= memory->size()) return {};
@@ -78,7 +78,7 @@ Status DevicePipeline::make_rows(size_t rows, bool keep) {
   for (int k = 0; k < 7; ++k) {
     L4D_RETURN_IF_ERROR(grow(&row_memory_[k], n * bytes[k], capacity_rows_ * bytes[k]));
   }
-  rows_.interval = row_memory_[0].as<float2>();
+  rows_.interval = row_memory_[0].as<VisibleInterval>();
   rows_.place = row_memory_[1].as<float4>();
   rows_.motion = row_memory_[2].as<float4>();
   rows_.shape0 = row_memory_[3].as<float4>();

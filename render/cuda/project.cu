@@ -29,8 +29,7 @@ __device__ bool splat_of_row(const ResidentRows& rows, const View<float>& view, 
     position[2] = fmaf(motion.z, elapsed, position[2]);
   }
   if (group != kStill) {
-    const float dt = now - shape1.z;
-    opacity *= expf(-0.5f * (shape1.w * (dt * dt)));
+    opacity *= falloff(shape1.w, now - shape1.z);
   }
   if (!(opacity >= static_cast<float>(kMinAlpha))) return false;
   const float covariance[6] = {shape0.x, shape0.y, shape0.z, shape0.w, shape1.x, shape1.y};

@@ -26,8 +26,7 @@ __global__ void __launch_bounds__(kThreads)
     const uint32_t at = static_cast<uint32_t>(k) * kThreads + threadIdx.x;
     bool visible = false;
     if (at < chunk.count) {
-      const float2 interval = rows.interval[chunk.first + at];
-      visible = now >= interval.x && now <= interval.y;
+      visible = rows.interval[chunk.first + at].holds(now);
     }
     votes[k] = __ballot_sync(kFullWarp, visible);
     if (lane == 0)

@@ -22,8 +22,7 @@ __global__ void __launch_bounds__(kThreads)
   const uint32_t lane = threadIdx.x & 31, warp = threadIdx.x / 32;
   uint32_t group = kNumMotionGroups;
   if (i < n) {
-    group = group_of(prepare_gaussian(gaussians, sequence.begin, sequence.end, i), sequence.begin,
-                     sequence.end);
+    group = group_of(prepare_gaussian(gaussians, sequence, i), sequence);
   }
   uint32_t own_votes = 0;
   for (uint32_t g = 0; g < kNumMotionGroups; ++g) {
@@ -53,14 +52,12 @@ __global__ void __launch_bounds__(kThreads)
   const uint32_t at = blockIdx.x * kThreads + threadIdx.x;
   if (at >= to.count) return;
   const uint32_t i = gaussian_of(to, at), row = row_of(to, at);
-  const Prepared p = prepare_gaussian(gaussians, sequence.begin, sequence.end, i);
+  const Prepared p = prepare_gaussian(gaussians, sequence, i);
   const auto f = [](double v) { return static_cast<float>(v); };
   const double mean = p.mean - to.origin;
-  const bool ever = p.half_life >= 0;
   const double* c = p.slice.covariance;
   const double* v = p.slice.velocity;
-  rows.interval[row] =
-      ever ? make_float2(f(mean - p.half_life), f(mean + p.half_life)) : make_float2(1, 0);
+  rows.interval[row] = interval_of(mean, p.half_life);
   rows.place[row] = make_float4(f(p.position[0]), f(p.position[1]), f(p.position[2]), f(p.opacity));
   rows.motion[row] = make_float4(f(v[0]), f(v[1]), f(v[2]), f(p.reference - to.origin));
   rows.shape0[row] = make_float4(f(c[0]), f(c[1]), f(c[2]), f(c[3]));

@@ -6,12 +6,6 @@
 
 namespace l4d::render {
 
-// The sequence, in seconds.
-struct Sequence {
-  double begin, end;
-  double center() const { return begin + 0.5 * (end - begin); }
-};
-
 // Rows of one motion group that follow each other.
 struct Slab {
   uint32_t first, count, group;

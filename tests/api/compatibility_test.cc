@@ -81,6 +81,7 @@ TEST(StructSize, InitFillsExactlyTheStruct) {
   check(l4d_codebook(), l4d_codebook_init_);
   check(l4d_dequantization(), l4d_dequantization_init_);
   check(l4d_splat_buffers(), l4d_splat_buffers_init_);
+  check(l4d_splat_columns(), l4d_splat_columns_init_);
   check(l4d_counters(), l4d_counters_init_);
   check(l4d_encoder_options(), l4d_encoder_options_init_);
   check(l4d_parameter_info(), l4d_parameter_info_init_);
@@ -136,6 +137,9 @@ TEST(StructSize, ResultsStayWithinIt) {
   });
   expect_results_within<l4d_splat_buffers>(l4d_splat_buffers_init_, [&](void* to) {
     return l4d_decoder_slice(d, 1.0, static_cast<l4d_splat_buffers*>(to));
+  });
+  expect_results_within<l4d_splat_columns>(l4d_splat_columns_init_, [&](void* to) {
+    return l4d_decoder_slice_columns(d, 1.0, static_cast<l4d_splat_columns*>(to));
   });
   expect_results_within<l4d_conformance>(l4d_conformance_init_, [&](void* to) {
     return l4d_decoder_get_conformance(d, static_cast<l4d_conformance*>(to));

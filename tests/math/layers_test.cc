@@ -9,6 +9,7 @@
 #include <limits>
 #include <vector>
 
+#include "libl4dcodec/scene/slice.h"
 #include "tests/math/reference.h"
 
 namespace l4d {
