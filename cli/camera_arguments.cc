@@ -85,10 +85,11 @@ void parse_image_size(const std::string& text, uint32_t* width, uint32_t* height
   const auto side = std::from_chars(text.data(), end, *width);
   if (side.ec == std::errc() && side.ptr != end && *side.ptr == 'x') {
     const auto other = std::from_chars(side.ptr + 1, end, *height);
-    const auto fits = [](uint32_t n) { return n >= 1 && n <= 16384; };
+    const auto fits = [](uint32_t n) { return n >= 1 && n <= L4D_MAX_IMAGE_SIDE; };
     if (other.ec == std::errc() && other.ptr == end && fits(*width) && fits(*height)) return;
   }
-  throw usage_error("--size: '" + text + "' is no size of 1 to 16384 pixels a side, as 640x360");
+  throw usage_error("--size: '" + text + "' is no size of 1 to " +
+                    std::to_string(L4D_MAX_IMAGE_SIDE) + " pixels a side, as 640x360");
 }
 
 io::CameraSet make_orbit(const io::Scene& instant, uint32_t count, const std::string& size) {

@@ -121,7 +121,7 @@ class Refiner {
     const double distortion = settings_.bit_price / (2 * std::log(2.0));
     const double codewords = static_cast<double>(book.size() / c_.dim);
     const double step = std::sqrt(12 * distortion * codewords / std::max(users, 1e-30));
-    return std::clamp(static_cast<float>(step), std::max(0x1p-20f, largest / 16384), 0x1p10f);
+    return std::clamp(static_cast<float>(step), std::max(0x1p-20f, largest * 0x1p-14f), 0x1p10f);
   }
 
   // In the order in which a decoder adds.

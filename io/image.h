@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "io/scene.h"
+#include "l4d/render.h"
 
 namespace l4d::io {
 
@@ -28,8 +29,9 @@ void from_bytes(const uint8_t* bytes, size_t count, float* values);
 
 // 8 bits a channel; appears under its name when it is complete.
 void write_png(const std::string& path, const Image& image);
-// Any PNG of up to 16384 pixels a side. 16-bit values keep their precision, what is transparent
-// lies on black, gamma and colour profiles are left aside as most programs of the field do.
+// Any PNG of up to L4D_MAX_IMAGE_SIDE pixels a side. 16-bit values keep their precision, what is
+// transparent lies on black, gamma and colour profiles are left aside as most programs of the field
+// do.
 Image read_png(const std::string& path);
 
 // Images of one height beside each other.

@@ -13,7 +13,7 @@
 namespace l4d::io {
 namespace {
 
-constexpr uint32_t kMaxSize = 16384;  // pixels a side
+constexpr uint32_t kMaxSize = L4D_MAX_IMAGE_SIDE;
 // No deflate stream grows by more than this factor when it is unpacked.
 constexpr uint64_t kMaxInflation = 1032;
 

@@ -55,7 +55,7 @@ std::string beside(const std::string& path, const std::string& name);
 // Whether `name` leads out of that folder. Symbolic links in it are those of its owner.
 bool leaves_folder(const std::string& name);
 
-constexpr uint32_t kMaxImageSize = 16384;  // pixels, as l4d_camera has it
+constexpr uint32_t kMaxImageSize = L4D_MAX_IMAGE_SIDE;
 constexpr uint32_t kMaxFrames = 100000000;
 
 }  // namespace l4d::io

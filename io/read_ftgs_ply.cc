@@ -12,7 +12,7 @@ namespace {
 void read_timeline(const PlyReader& reader, const ImportOptions& options, Scene& scene) {
   const double frames = comment_number(reader, "n_frames", 0);
   if (frames == 0) return set_default_timeline(scene, options);
-  if (!(frames >= 1 && frames <= (1 << 24) && frames == std::floor(frames))) {
+  if (!(frames >= 1 && frames <= L4D_MAX_FRAMES && frames == std::floor(frames))) {
     reader.fail(L4D_ERR_CORRUPT, "comment n_frames is no number of frames");
   }
   const double fps =

@@ -12,8 +12,6 @@
 namespace l4d::io {
 namespace {
 
-constexpr double kMaxFrames = 1 << 24;  // of the .l4d format
-
 const char* skip_blanks(const char* text) { return text + std::strspn(text, " \t"); }
 
 // Parses one number and moves on; false if there is none.
@@ -126,7 +124,7 @@ void set_duration(l4d_timeline& timeline, double seconds) {
   const double frames = std::round(seconds * static_cast<double>(timeline.fps_num) /
                                    static_cast<double>(timeline.fps_den));
   if (!(seconds > 0)) throw Error(L4D_ERR_INVALID_ARGUMENT, "a duration must be above 0 seconds");
-  if (!(frames <= kMaxFrames)) {
+  if (!(frames <= L4D_MAX_FRAMES)) {
     throw Error(L4D_ERR_INVALID_ARGUMENT, "the sequence has more than 2^24 frames");
   }
   timeline.num_frames = static_cast<uint32_t>(std::max(frames, 1.0));

@@ -17,7 +17,7 @@ namespace l4d::io {
 namespace fs = std::filesystem;
 namespace {
 
-constexpr uint32_t kMaxSize = 16384;  // pixels a side
+constexpr uint32_t kMaxSize = L4D_MAX_IMAGE_SIDE;
 
 // What may be read, whatever the file is called: containers that hold the frames themselves. Others
 // (ffconcat, HLS, image2) are lists, with which a file would have others read.

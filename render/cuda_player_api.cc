@@ -88,9 +88,7 @@ l4d_status l4d_cuda_player_set_background(l4d_cuda_player* player, const float* 
 l4d_status l4d_cuda_player_reserve(l4d_cuda_player* player, uint32_t width, uint32_t height,
                                    uint64_t instances) {
   return call(player, nullptr, [&](auto& p) -> Status {
-    if (width > L4D_MAX_IMAGE_SIDE || height > L4D_MAX_IMAGE_SIDE) {
-      return l4d::invalid_argument("width and height must be at most 16384");
-    }
+    L4D_RETURN_IF_ERROR(l4d::render::check_image_size(width, height));
     return p.reserve(width, height, instances);
   });
 }

@@ -8,6 +8,7 @@
 #include <numeric>
 
 #include "libl4dcodec/base/threads.h"
+#include "render/camera.h"
 #include "render/sh.h"
 
 namespace l4d::render {
@@ -139,8 +140,7 @@ Status Sensitivity::add_view(Renderer& renderer, const l4d_camera& camera, bool 
   }
   Renderer::ImportanceInput input;
   if (seen_only) input.seen = seen_.data();
-  if (squared && !seen_only && camera.width <= L4D_MAX_IMAGE_SIDE &&
-      camera.height <= L4D_MAX_IMAGE_SIDE) {
+  if (squared && !seen_only && check_image_size(camera.width, camera.height).ok()) {
     signs_.resize(static_cast<size_t>(3 * pixels));
     parallel_for(renderer.threads(), static_cast<size_t>(pixels), kGrain,
                  [&](size_t begin, size_t end) {

@@ -9,7 +9,7 @@
 namespace l4d::cli {
 namespace {
 
-constexpr size_t kMaxFrames = 1u << 24;
+constexpr size_t kMaxFrames = L4D_MAX_FRAMES;
 
 }  // namespace
 

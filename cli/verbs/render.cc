@@ -104,7 +104,10 @@ std::array<float, 3> parse_background(const std::string& text) {
 void rescale(l4d_camera& camera, double factor) {
   const auto side = [&](uint32_t pixels) {
     const double scaled = std::round(static_cast<double>(pixels) * factor);
-    if (scaled > 16384) throw usage_error("--scale: images have at most 16384 pixels a side");
+    if (scaled > L4D_MAX_IMAGE_SIDE) {
+      throw usage_error("--scale: images have at most " + std::to_string(L4D_MAX_IMAGE_SIDE) +
+                        " pixels a side");
+    }
     return std::max(1u, static_cast<uint32_t>(scaled));
   };
   const uint32_t width = side(camera.width);

@@ -10,7 +10,7 @@
 namespace l4d::render {
 namespace {
 
-constexpr size_t kGrain = 16384;
+constexpr size_t kGrain = size_t{1} << 14;
 constexpr size_t kPrefetch = 16;  // splats ahead
 constexpr int kRadixBits = 11;
 constexpr size_t kRadix = size_t{1} << kRadixBits;
