@@ -26,8 +26,9 @@ INSTANT = "2.5"
 INTRODUCTION = """\
 # Against other coders
 
-`./dev bench peers` makes this page. It installs from npm, into `build/peers`, the versions of
-meshoptimizer, Draco and splat-transform that are named below, and leaves out what is not there.
+`./dev bench peers` makes this page. It installs the versions of meshoptimizer, Draco and
+splat-transform named below from npm into `build/peers`, and leaves out packages that it cannot
+install.
 """
 
 
@@ -81,11 +82,12 @@ def means_chapter(rows):
     lines += [f"| {r['name']} | {r['bytes']:,} | {r['bits']:.2f} | {r['bytes'] / own:.2f} |"
               for r in rows]
     return ["## Positions", "",
-            "Positions of the basketball scene as a stream of the preset `indexed` has them "
-            "(binary16 around the median, as 16-bit integers in their order), every coder without "
-            "further loss. The rivals code all of them as one sorted set; the stream codes pages "
-            "that are decoded alone, by layers and buckets of time, the row below it without "
-            f"those. Its tables for all columns are {rows[0]['tables']:,} bytes more.", "",
+            "The table codes the positions of the basketball scene as a stream of the preset "
+            "`indexed` stores them: binary16 around the median, as 16-bit integers in the order of "
+            "their values. No coder loses anything further. The other coders code all positions as "
+            "one sorted set. The stream codes independent pages, by layers and time buckets; the "
+            "second row is the stream with one layer and without time buckets. The entropy tables "
+            f"of the stream, for all columns, take another {rows[0]['tables']:,} bytes.", "",
             *lines, ""]
 
 
@@ -98,11 +100,11 @@ def cell(row, against):
 
 def frames_chapter(compared, every):
     lines = ["## Static scenes", "",
-             "A scene of 3D Gaussians as PLY, through `splat-transform` into each format and back, "
-             "and as a stream with the smallest setting of a few that is no worse. Fidelity is the "
-             "PSNR of renders of 16 cameras around the scene. The first columns of ours are "
-             "without any views, the second with weights measured from 23 other cameras, seen from "
-             "which some Gaussians matter little or not at all; the rivals know no views. "
+             "`splat-transform` converts a PLY of 3D Gaussians into each format and back. The "
+             "stream uses the smallest of a few settings whose fidelity is no lower. Fidelity is "
+             "the PSNR of renders of 16 cameras around the scene. The first columns of ours are "
+             "without weights. The second ones use weights measured from 23 other cameras, from "
+             "which some Gaussians contribute little or nothing; the other formats use no views. "
              f"\"basketball\" is the dynamic scene at {INSTANT} s.", "",
              "| scene | format | bytes | dB | ours, no views | dB | of its bytes | ours, measured | "
              "dB | of its bytes |",
