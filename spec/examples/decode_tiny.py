@@ -17,8 +17,11 @@ import struct
 import sys
 from pathlib import Path
 
+HERE = Path(__file__).resolve().parent
+sys.path.insert(0, str(HERE.parents[1] / "conformance" / "reference"))
+
 from flatbuffer import FlatBuffer, Invalid, Schema
-from header_rules import (COMPONENTS, CONSTANT, F16, FIXED, RAW32, RAW64, ROTOR_SPATIAL, ROTOR_TEMPORAL,
+from header import (COMPONENTS, CONSTANT, F16, FIXED, RAW32, RAW64, ROTOR_SPATIAL, ROTOR_TEMPORAL,
                           SCALE, SH, TRANSFORM, VQ, ZERO, check_header, directory_pages,
                           num_buckets)
 from rans import (MAGNITUDES, Entropy, RansPage, codable, has_fine_mean_times, page_planes,
@@ -27,7 +30,6 @@ from streams import (Streams, bit_width, bits_of_f32, f32, f32_of_bits, finite_h
                      part_of_step, require)
 from xxh3 import xxh3_64
 
-HERE = Path(__file__).resolve().parent
 EXACT = "mean_t_double"     # the one attribute that is binary64
 MAGIC = bytes.fromhex("894c34440d0a1a0a")
 LITERAL = 15

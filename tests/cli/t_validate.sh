@@ -60,7 +60,7 @@ expect_empty out
 # What this build cannot read is reported like everything else, with the clause: a major version, a
 # flag.
 unknown() {
-  PYTHONPATH=$ROOT/spec/examples "$PYTHON" -B -c 'import sys
+  PYTHONPATH=$ROOT/conformance/reference "$PYTHON" -B -c 'import sys
 from xxh3 import xxh3_64
 data = bytearray(open("s.l4d", "rb").read())
 data[int(sys.argv[1])] ^= int(sys.argv[2])

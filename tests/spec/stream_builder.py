@@ -15,6 +15,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "spec" / "examples"))
+sys.path.insert(0, str(ROOT / "conformance" / "reference"))
 
 import make_tiny                                    # noqa: E402
 from flatbuffer import SCALARS, Schema              # noqa: E402

@@ -6,7 +6,7 @@ Plain sums over all phases and windows at which something changes, in exact arit
 import math
 from fractions import Fraction
 
-from header_rules import (COMPONENTS, F16, FIXED, RAW32, RAW64, SH, TRANSFORM, VQ, directory_pages,
+from header import (COMPONENTS, F16, FIXED, RAW32, RAW64, SH, TRANSFORM, VQ, directory_pages,
                           num_buckets)
 from streams import require
 

@@ -3,7 +3,7 @@
 
 import struct
 
-from header_rules import FIXED, NONE, RAW32, RAW64, SQ, TRANSFORM, VQ
+from header import FIXED, NONE, RAW32, RAW64, SQ, TRANSFORM, VQ
 from streams import Columns, Streams, require
 
 LANES = 32
