@@ -5,6 +5,8 @@ import re
 import struct
 from pathlib import Path
 
+from arithmetic import Invalid, require
+
 SCALARS = {"ubyte": "<B", "bool": "<?", "ushort": "<H", "uint": "<I", "ulong": "<Q",
            "float": "<f", "double": "<d"}
 
@@ -47,38 +49,34 @@ class Schema:
         return self.size_align(f.type)[0] if is_scalar or is_struct else 4
 
 
-class Invalid(Exception):
-    def __init__(self, clause, message):
-        super().__init__(f"{clause}: {message}")
-        self.clause = clause
-
-
 class FlatBuffer:
-    """claim(begin, end, text) hears of every byte that is read."""
+    """claim(begin, end, text) hears of every byte that is read. base: where the buffer lies in the
+    file, or None if it is not there as it is. most_tables: how many tables there may be."""
 
-    def __init__(self, schema, data, clause, claim):
+    def __init__(self, schema, data, clause, claim, base=None, most_tables=100000):
         self.schema, self.data, self.clause, self.claim = schema, data, clause, claim
+        self.base, self.most_tables = base, most_tables
+        self.tables = self.depth = 0
 
-    def require(self, condition, message):
-        if not condition:
-            raise Invalid(self.clause, message)
+    def require(self, condition, message, at=0):
+        require(condition, self.clause, message, None if self.base is None else self.base + at)
 
     def unpack(self, form, at):
         size = struct.calcsize(form)
         self.require(0 <= at <= len(self.data) - size and at % size == 0,
-                     f"byte {at} of a FlatBuffer of {len(self.data)}")
+                     f"byte {at} of a FlatBuffer of {len(self.data)}",
+                     min(max(at, 0), len(self.data)))
         return struct.unpack_from(form, self.data, at)[0]
 
     def offset(self, at):
         """The place that an offset at a place stands for."""
         distance = self.unpack("<I", at)
-        self.require(distance != 0, "an offset of 0")
+        self.require(distance != 0, "an offset of 0", at)
         return at + distance
 
     def root(self, name, identifier):
         at = self.offset(0)
-        self.require(self.data[4:8] == identifier, "file identifier")
-        self.tables, self.depth = 0, 0
+        self.require(self.data[4:8] == identifier, "file identifier", 4)
         self.claim(0, 4, f"root table {name} at +0x{at:x}")
         self.claim(4, 8, f'file identifier "{identifier.decode()}"')
         return self.table(name, at, name)
@@ -86,30 +84,32 @@ class FlatBuffer:
     def table(self, name, at, path):
         self.tables += 1
         self.depth += 1
-        self.require(self.tables <= 100000 and self.depth <= 16, "too many tables")
+        self.require(self.tables <= self.most_tables and self.depth <= 16, "too many tables", at)
         vtable = at - self.unpack("<i", at)
         vtable_bytes, table_bytes = self.unpack("<H", vtable), self.unpack("<H", vtable + 2)
-        self.require(vtable_bytes >= 4 and vtable_bytes % 2 == 0, f"vtable of {path}")
-        self.require(table_bytes >= 4 and at + table_bytes <= len(self.data), f"size of {path}")
+        self.require(vtable_bytes >= 4 and vtable_bytes % 2 == 0, f"vtable of {path}", vtable)
+        self.require(table_bytes >= 4 and at + table_bytes <= len(self.data), f"size of {path}",
+                     vtable + 2)
         self.claim(vtable, vtable + vtable_bytes, f"vtable of {path}: {vtable_bytes} bytes, table "
                    f"of {table_bytes}, offset of each field")
         fields = self.schema.fields[name]
         for i in range((vtable_bytes - 4) // 2):
             place = self.unpack("<H", vtable + 4 + 2 * i)
             size = self.schema.inline_size(fields[i]) if i < len(fields) else 1
-            self.require(place == 0 or 4 <= place <= table_bytes - size, f"field {i} of {path}")
+            self.require(place == 0 or 4 <= place <= table_bytes - size, f"field {i} of {path}",
+                         vtable + 4 + 2 * i)
         self.claim(at, at + 4, f"{path}: table {name}, its vtable is 0x{at - vtable:x} before")
         out = {}
         for i, f in enumerate(self.schema.fields[name]):
             slot = 4 + 2 * i
             offset = self.unpack("<H", vtable + slot) if slot + 2 <= vtable_bytes else 0
+            self.require(offset > 0 or not f.required, f"{path}.{f.name} is missing", at)
             out[f.name] = self.field(f, at + offset if offset else None, f"{path}.{f.name}")
         self.depth -= 1
         return out
 
     def field(self, f, at, path):
         if at is None:
-            self.require(not f.required, f"{path} is missing")
             return f.default if f.type in SCALARS and not f.vector else None
         if f.type in SCALARS and not f.vector:
             return self.scalar(f.type, at, path)
@@ -157,11 +157,11 @@ class FlatBuffer:
 
     def string(self, at, path):
         n = self.unpack("<I", at)
-        self.require(self.unpack("<B", at + 4 + n) == 0, f"{path} without NUL")
+        self.require(self.unpack("<B", at + 4 + n) == 0, f"{path} without NUL", at)
         try:
             text = bytes(self.data[at + 4:at + 4 + n]).decode("utf-8")
         except UnicodeDecodeError:
-            raise Invalid("HEAD-17", path)
+            raise Invalid("HEAD-17", path, None if self.base is None else self.base + at + 4)
         self.claim(at, at + 4, f"{path}: {n} bytes")
         self.claim(at + 4, at + 5 + n, f'{path} = "{text}", NUL')
         return text

@@ -3,7 +3,8 @@
 
 import math
 
-from streams import bit_width, require, sound
+from arithmetic import bit_width, require, sound
+from times import directory_pages
 
 SH, SCALE, ROTOR_SPATIAL, ROTOR_TEMPORAL = range(4)
 COMPONENTS = ("sh", "scale", "rotor_spatial", "rotor_temporal")
@@ -12,7 +13,41 @@ ZERO, _, VQ, TRANSFORM = range(4)   # component-coding; 1 is RAW32
 NONE, _, F16, FIXED, RAW64 = range(5)   # mean-coding; 1 is RAW32
 
 
+def component(h, layer, c):
+    """The coding of component c in a layer, of which the number is given."""
+    return h["sh"] if c == SH else h["layers"][layer][COMPONENTS[c]]
+
+
+def vector_length(h, layer, c):
+    """How many numbers the vectors of a component have."""
+    if c == SH:
+        return 3 * (int(h["sh_degree"]) + 1) ** 2
+    if c == SCALE:
+        return 3 if h["layers"][layer]["permanent"] else 4
+    return 3 if component(h, layer, c)["coding"] == TRANSFORM else 4
+
+
+def position_coding(h, layer):
+    return RAW32 if h["layers"][layer]["raw_position"] else h["position"]
+
+
+def has_fine_mean_times(layer):
+    return bool(layer["mean_t"] == FIXED and layer["mean_t_fine"])
+
+
+def has_depth(coding):
+    """Whether a page tells the depths of a vq component."""
+    return len(coding["stages"]) > 1 or bool(coding["literals"])
+
+
+def has_detail(h):
+    """DIR-13: whether rans32 pages can have second parts."""
+    return h["sh"]["coding"] == VQ or (h["sh"]["coding"] == TRANSFORM and
+                                       h["sh_base"] < len(h["sh"]["steps"]))
+
+
 def check_header(h, header_bytes):
+    """Raises Invalid where a rule of section 8 is broken."""
     require(1 <= h["num_frames"] <= 1 << 24 and h["fps_num"] and h["fps_den"], "HEAD-2", "timeline")
     require(all(map(sound, [h["time_begin"], *h["position_center"].values()])) and
             sound(h["position_scale"]) and h["position_scale"] > 0 and
@@ -97,11 +132,3 @@ def check_transform(c, dim, most_step):
             ladder[-1] == len(steps), "TRAN-3", "ladder")
     require(basis is not None and basis["num_entries"] == len(steps) + 1, "TRAN-4", "basis")
     check_element(basis)
-
-
-def num_buckets(level):
-    return 1 if level == 0 else 1 << (level + 1)
-
-
-def directory_pages(level, directory_bits):
-    return -(-num_buckets(level) // (1 << directory_bits))

@@ -1,16 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Profiles and conformance levels, section 18 of spec/l4d.md, for a Decoder of decode_tiny.py.
+"""Profiles and conformance levels, section 18 of spec/l4d.md.
 
 Plain sums over all phases and windows at which something changes, in exact arithmetic."""
 
-import math
 from fractions import Fraction
 
-from header import (COMPONENTS, F16, FIXED, RAW32, RAW64, SH, TRANSFORM, VQ, directory_pages,
-                          num_buckets)
-from streams import require
+from arithmetic import require
+from header import COMPONENTS, F16, FIXED, RAW32, RAW64, SH, TRANSFORM, VQ
+from times import directory_pages, num_buckets, phase_of_time, visible_interval
 
-LAST_PHASE = (1 << 40) - 1
 MI = 1 << 20
 INDEXED, MAIN, LOSSLESS = 1, 2, 3
 # G, C, I, H, R, B, M
@@ -37,19 +35,6 @@ def keeps_profile(h, profile):
         return (h["position"] == F16 and TRANSFORM not in codings and FIXED not in means and
                 not any(la["raw_position"] for la in layers))
     return h["position"] in (F16, FIXED)
-
-
-def phase_of_time(h, t):
-    frames = (t - h["time_begin"]) * float(h["fps_num"]) / float(h["fps_den"])
-    n = h["num_frames"]
-    if not frames > 0:
-        return 0
-    if frames >= n:
-        return LAST_PHASE
-    k = math.floor(frames + 0.5)
-    if abs(frames - k) < 1e-6:
-        return LAST_PHASE if k >= n else (k << 40) // n
-    return min(math.floor(frames / n * 2.0 ** 40), LAST_PHASE)
 
 
 class Demand:
@@ -101,10 +86,7 @@ class Demand:
         first = max(k - 1, 0) * stride
         last = (min(k + 1, buckets - 1) + 1) * stride - 1
         if not layer["permanent"]:
-            width = self.decoder.duration / buckets
-            center = h["time_begin"] + (k + 0.5) * width
-            begin = center + (record["visible_begin"] - 128) * (width / 64)
-            end = center + (record["visible_end"] - 128) * (width / 64)
+            begin, end = visible_interval(h, layer["level"], record)
             if record["visible_begin"] > 0:
                 if begin > h["time_begin"] + self.decoder.duration:
                     return None
@@ -120,10 +102,9 @@ class Demand:
         stride = (1 << 40) // num_buckets(level)
         numbers = 17 + self.decoder.dim(index, SH)
         for d in range(directory_pages(level, bits)):
-            at = layer["page_table_offset"] + 32 * d
-            stored = int.from_bytes(self.decoder.file.bytes(at + 16, 4), "little")
+            stored = self.decoder.directory.entry(index, d)["stored_bytes"]
             self.others.append((max((d << bits) - 1, 0) * stride, 32 + stored))
-            page = self.decoder.directory_page(index, layer, d)
+            page = self.decoder.directory.page(index, d)
             if page is None:
                 continue
             of_block = {}
@@ -168,11 +149,11 @@ class Demand:
 
 
 def demand(decoder):
-    return Demand(decoder, 40 + int.from_bytes(decoder.file.data[12:16], "little"))
+    return Demand(decoder, 40 + decoder.header_bytes)
 
 
 def check(decoder):
-    """Raises Invalid where what the stream declares is not so."""
+    """Raises Invalid where what a stream declares is not so. decoder: a Decoder of it."""
     h = decoder.header
     require(h["profile"] <= LOSSLESS and h["conformance_level"] <= max(LEVELS), "LEVL-1", "ids")
     require(h["profile"] == 0 or keeps_profile(h, h["profile"]), "LEVL-2", "profile")

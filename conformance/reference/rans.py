@@ -3,8 +3,11 @@
 
 import struct
 
-from header import FIXED, NONE, RAW32, RAW64, SQ, TRANSFORM, VQ
-from streams import Columns, Streams, require
+from arithmetic import located, require
+from header import (COMPONENTS, NONE, RAW32, RAW64, ROTOR_SPATIAL, ROTOR_TEMPORAL, SCALE, SH, SQ,
+                    TRANSFORM, VQ, component, has_depth, has_fine_mean_times, position_coding,
+                    vector_length)
+from streams import Streams
 
 LANES = 32
 SLOTS = 4096
@@ -32,18 +35,23 @@ def wide(token):
 class Block:
     """The planes of one rANS block, front to back."""
 
-    def __init__(self, raw, base, file, what):
-        require(len(raw) >= 4 * LANES, "RANS-1", f"a block of {len(raw)} bytes")
+    def __init__(self, file, chunk, what):
+        raw, base = chunk.raw, chunk.at       # such a chunk is stored as it is
+        self.raw, self.base, self.at = raw, base, 4 * LANES
+        require(len(raw) >= 4 * LANES, "RANS-1", f"a block of {len(raw)} bytes", base)
         file.claim(base, base + 4 * LANES, f"{what}: states of 32 lanes")
         if len(raw) > 4 * LANES:
             file.claim(base + 4 * LANES, base + len(raw), f"{what}: words")
-        self.raw, self.at = raw, 4 * LANES
         self.states = list(struct.unpack_from(f"<{LANES}I", raw))
-        require(min(self.states) >= LOW, "RANS-3", f"state {min(self.states)}")
+        for lane, x in enumerate(self.states):
+            require(x >= LOW, "RANS-3", f"state {x}", base + 4 * lane)
+
+    def place(self):
+        return self.base + self.at
 
     def refill(self, lane):
         if self.states[lane] < LOW:
-            require(self.at + 2 <= len(self.raw), "RANS-7", "words are missing")
+            require(self.at + 2 <= len(self.raw), "RANS-7", "words are missing", self.place())
             word = int.from_bytes(self.raw[self.at:self.at + 2], "little")
             self.states[lane] = (self.states[lane] << 16) + word
             self.at += 2
@@ -71,8 +79,9 @@ class Block:
         return values
 
     def end(self):
-        require(self.at == len(self.raw), "RANS-7", "words left over")
-        require(all(x == LOW for x in self.states), "RANS-7", "states at the end")
+        require(self.at == len(self.raw), "RANS-7", "words left over", self.place())
+        require(all(x == LOW for x in self.states), "RANS-7", "states at the end",
+                self.place())
 
 
 class Table:
@@ -91,26 +100,22 @@ class Table:
         require(len(self.slots) == SLOTS, "RANS-2", "sum of frequencies")
 
 
-def has_fine_mean_times(layer):
-    return bool(layer["mean_t"] == FIXED and layer["mean_t_fine"])
-
-
-def page_planes(header, layer):
-    """(name, contexts) of the planes of section 13.2. SH comes last."""
+def page_planes(header, index):
+    """(name, contexts) of the planes of section 13.2 in a layer. SH comes last."""
+    layer = header["layers"][index]
     planes = [("position", 1)]
     planes += [("mean_t", 1)] * (layer["mean_t"] != NONE)
     planes += [("mean_t_fine", 1)] * has_fine_mean_times(layer)
     planes += [("opacity", 1)] * (header["opacity"]["coding"] == SQ)
     planes += [("scale_factor", 1)] * (layer["scale_factor"]["coding"] == SQ)
-    for name in ("scale", "rotor_spatial", "rotor_temporal", "sh"):
-        coding = header["sh"] if name == "sh" else layer[name]
+    for c in RansPage.order:
+        name, coding = COMPONENTS[c], component(header, index, c)
         if coding["coding"] == VQ:
-            stages = len(coding["stages"])
-            planes += [(f"{name} depth", 1)] * (stages > 1 or bool(coding["literals"]))
-            planes += [(f"{name} index, stage {k}", 1) for k in range(stages)]
+            planes += [(f"{name} depth", 1)] * has_depth(coding)
+            planes += [(f"{name} index, stage {k}", 1) for k in range(len(coding["stages"]))]
             if coding["literals"]:
                 planes += [(f"{name} literal, number {j}", 1)
-                           for j in range(vector_length(header, layer, name))]
+                           for j in range(vector_length(header, index, c))]
         elif coding["coding"] == TRANSFORM:
             planes += [(f"{name} class", CLASSES)]
             planes += [(f"{name} rung", CLASSES)] * (len(coding["ladder"]) > 1)
@@ -128,80 +133,87 @@ def first_detail(header, planes):
     return names.index(name) if name in names else len(names)
 
 
-def vector_length(header, layer, name):
-    if name == "sh":
-        return 3 * (int(header["sh_degree"]) + 1) ** 2
-    if name == "scale":
-        return 3 if layer["permanent"] else 4
-    return 3 if layer[name]["coding"] == TRANSFORM else 4
-
-
-def codable(header, layer):
+def codable(header, index):
     """Whether RANS-6 lets a layer have rANS pages."""
+    layer = header["layers"][index]
     return layer["mean_t"] != RAW64 and RAW32 not in (
-        RAW32 if layer["raw_position"] else header["position"], layer["mean_t"],
+        position_coding(header, index), layer["mean_t"],
         *[c["coding"] for c in (header["opacity"], header["sh"], layer["scale_factor"],
                                 layer["scale"], layer["rotor_spatial"], layer["rotor_temporal"])])
+
+
+def coefficient_context(cls, before):
+    """Of coefficient k of a Gaussian of class cls; before: its coefficients 0 to k-1."""
+    if not before:
+        return cls
+    a = sum(map(abs, before[-2:]))
+    return MAGNITUDES * cls + (0 if a == 0 else 1 if a < 3 else 2 if a < 7 else 3 if a < 15 else 4)
 
 
 class Entropy:
     """An entropy chunk: the tables, and for each plane those of its contexts."""
 
-    def __init__(self, file, raw, base, header, layer):
-        streams = Streams(file, raw, base, "RANS-1")
+    def __init__(self, file, chunk, header, planes):
+        streams = Streams(file, chunk, "RANS-1")
         num_tables, num_wide = streams.vlq(), streams.vlq()
-        require(1 <= num_tables <= MAX_TABLES and 1 <= num_wide <= num_tables, "RANS-5",
-                f"{num_wide} of {num_tables} tables")
-        file.claim(base, base + streams.at, f"entropy: {num_tables} tables, {num_wide} wide")
+        with located(chunk.at):
+            require(1 <= num_tables <= MAX_TABLES and 1 <= num_wide <= num_tables, "RANS-5",
+                    f"{num_wide} of {num_tables} tables")
+        streams.claim(0, f"entropy: {num_tables} tables, {num_wide} wide")
         tables = []
         for i in range(num_tables):
-            begin = streams.at
-            tables.append(Table(streams, wide, 126) if i < num_wide else
-                          Table(streams, hybrid, 112))
-            file.claim(base + begin, base + streams.at, f"entropy: table {i}")
+            begin, place = streams.at, streams.place()
+            with located(place):
+                tables.append(Table(streams, wide, 126) if i < num_wide else
+                              Table(streams, hybrid, 112))
+            streams.claim(begin, f"entropy: table {i}")
         self.planes = []
-        for name, contexts in page_planes(header, layer):
-            begin = streams.at
+        for name, contexts in planes:
+            begin, place = streams.at, streams.place()
             used = streams.take(contexts)
             least, most = (0, num_wide) if name == "position" else (num_wide, num_tables)
-            require(all(least <= t < most for t in used), "RANS-4", f"tables of {name}")
-            file.claim(base + begin, base + streams.at, f"entropy: map of {name}")
+            require(all(least <= t < most for t in used), "RANS-4", f"tables of {name}", place)
+            streams.claim(begin, f"entropy: map of {name}")
             self.planes.append((name, [tables[t] for t in used]))
         streams.end("CHNK-7")
-        self.first_detail = first_detail(header, page_planes(header, layer))
+        self.first_detail = first_detail(header, planes)
 
 
-class RansPage(Columns):
-    """The planes of a page, front to back."""
+class RansPage:
+    """The planes of a page, front to back: read() as Streams has it."""
 
-    order = (1, 2, 3, 0)                  # of components
-    class_clause = "TRAN-5"
+    order = (SCALE, ROTOR_SPATIAL, ROTOR_TEMPORAL, SH)
 
     def __init__(self, file, first, detail, entropy, split):
-        """first, detail: (raw, base) of the parts; no detail where there is no second part, or where
+        """first, detail: the Chunks of the parts; no detail where there is no second part, or where
         it is left out. split: whether there is one."""
-        self.blocks = [Block(*first, file, "all planes" if not split else "first part")]
+        self.blocks = [Block(file, first, "all planes" if not split else "first part")]
         if detail is not None:
-            self.blocks.append(Block(*detail, file, "second part"))
+            self.blocks.append(Block(file, detail, "second part"))
         self.left = list(entropy.planes[:entropy.first_detail if split else None])
         self.left_in_detail = list(entropy.planes[entropy.first_detail:]) if detail else []
+
+    def place(self):
+        return self.blocks[not self.left and len(self.blocks) > 1].place()
 
     def read(self, n, width, what, limit=0, limit_clause="", contexts=None):
         of_detail = not self.left
         name, tables = (self.left_in_detail if of_detail else self.left).pop(0)
         assert name == what, f"{what} instead of {name}"
         block = self.blocks[of_detail]
+        place = block.place()
         values = block.plane([tables[c] for c in contexts or [0] * n])
         bound, clause = (limit, limit_clause) if limit else (1 << width, "STRM-3")
-        require(all(v < bound for v in values), clause, f"{what}, limit {bound}")
+        require(all(v < bound for v in values), clause, f"{what}, limit {bound}", place)
         return values
 
-    def positions(self, n, fixed, bits):
-        width = bits if fixed else 16
+    def positions(self, n, width):
+        """x, y and z of ascending Morton codes, of which the plane holds the gaps."""
+        place = self.place()
         gaps, code, out = self.read(n, 64, "position"), 0, ([], [], [])
         for gap in gaps:
             code += gap
-            require(code < 1 << 3 * width, "RANS-8", f"Morton code {code:x}")
+            require(code < 1 << 3 * width, "RANS-8", f"Morton code {code:x}", place)
             for j in range(3):
                 out[j].append(sum((code >> 3 * b + j & 1) << b for b in range(width)))
         return out

@@ -6,7 +6,7 @@ import struct
 import rans_writer
 import stream_builder as sb
 from make_tiny import order
-from rans import has_fine_mean_times
+from header import has_fine_mean_times
 from rans_writer import Plane
 
 ZERO, RAW32, VQ, TRANSFORM = range(4)

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Two readers of the format against each other: the library, and spec/examples/decode_tiny.py,
-which was written from the specification alone.
+"""Two readers of the format against each other: the library, and conformance/reference, which was
+written from the specification alone.
 
   streams_test.py DUMP_VALUES ENCODE_SCENE [--sanitized]
       the programs built from dump_values.cc and encode_scene.cc; with --sanitized they may take any
@@ -28,7 +28,9 @@ import stream_builder as sb     # noqa: E402
 import decode_tiny              # noqa: E402
 import levels                   # noqa: E402
 import make_tiny                # noqa: E402
+from arithmetic import Invalid  # noqa: E402
 from broken_streams import FIRST, broken, edited, scene     # noqa: E402
+from decoder import Decoder     # noqa: E402
 from xxh3 import xxh3_64        # noqa: E402
 
 SPEC = sb.ROOT / "spec" / "l4d.md"
@@ -114,7 +116,7 @@ class WorkedExample(unittest.TestCase):
             changed = bytearray(data)
             changed[i] ^= 1 << i % 8
             files[i] = bytes(changed)
-            with self.assertRaises(decode_tiny.Invalid):
+            with self.assertRaises(Invalid):
                 decode_tiny.decode(files[i])
         for i, lines in library("cpu", files).items():
             self.assertTrue(lines and lines[0].startswith("error"), f"byte {i}: {lines[:1]}")
@@ -183,7 +185,7 @@ class BrokenStreams(unittest.TestCase):
         for name, data in files.items():
             if name.split()[0] in LIBRARY_ONLY:
                 continue
-            with self.subTest(name), self.assertRaises(decode_tiny.Invalid) as caught:
+            with self.subTest(name), self.assertRaises(Invalid) as caught:
                 decode_tiny.decode(data)
             with self.subTest(name):
                 self.assertEqual(caught.exception.clause, name.split()[0])
@@ -225,13 +227,13 @@ class Levels(unittest.TestCase):
         cls.valid = dict(broken_levels.valid())
 
     def decoder(self, data):
-        return decode_tiny.Decoder(decode_tiny.File(data))
+        return Decoder(data)
 
     # spec: LEVL-1, LEVL-2, LEVL-3, LEVL-4, LEVL-5, LEVL-6, LEVL-7, LEVL-8
     def test_each_broken_rule_is_named_and_no_other(self):
         files = dict(broken_levels.broken())
         for name, lines in library("validate", files).items():
-            with self.subTest(name), self.assertRaises(decode_tiny.Invalid) as caught:
+            with self.subTest(name), self.assertRaises(Invalid) as caught:
                 levels.check(self.decoder(files[name]))
             with self.subTest(name):
                 self.assertEqual(caught.exception.clause, name.split()[0])
@@ -261,7 +263,7 @@ class Levels(unittest.TestCase):
                 fits = True
                 try:
                     want.check_level(level)
-                except decode_tiny.Invalid:
+                except Invalid:
                     fits = False
                 self.assertEqual(fits, level == got["level"], f"{name} level {level}")
         self.assertGreater(bursts, NUM_RANDOM_STREAMS // 12)
@@ -272,7 +274,7 @@ class Queries(unittest.TestCase):
     def test_a_time_gives_all_that_is_visible(self):
         data = sb.build(scene(), rng=FIRST)
         file, gaussians = decode_tiny.decode(data)
-        header = decode_tiny.Decoder(decode_tiny.File(data)).header
+        header = Decoder(data).header
 
         def by_gaussian(lines):
             """The values of each Gaussian, its number left out."""
@@ -307,7 +309,7 @@ class Encoder(unittest.TestCase):
         for preset, lines in library("validate", files).items():
             self.assertEqual(lines, [], preset)
             self.assertEqual(files[preset][10] & 1, 1, "development bit")
-            header = decode_tiny.Decoder(decode_tiny.File(files[preset])).header
+            header = Decoder(files[preset]).header
             self.assertGreater(max(la["level"] for la in header["layers"]), 1)
 
 
