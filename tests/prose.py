@@ -1,0 +1,74 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""Finds phrases in documents and public headers that CONTRIBUTING.md ("Prose") replaces.
+
+    prose.py              prints each place; exit status 1 if there is one
+    prose.py --self-test  shows that each phrase is found, and plain sentences are not
+
+Generated tables, code and quoted phrases do not count. A style is more than a list of phrases: this
+keeps out those that readers misunderstood most.
+"""
+import pathlib
+import re
+import sys
+
+ROOT = pathlib.Path(__file__).resolve().parent.parent
+# Phrase -> what to write, and a sentence with the phrase.
+PHRASES = {
+    r"(is|are|was|were|be|been|as) told": ("reports, states", "The number is told by finish."),
+    r"tells? (what|how|which|whether|where)": ("returns, reports", "finish tells what is damaged."),
+    r"(what|which|that) (was|is|were|are) asked for": ("requested", "It reads what is asked for"),
+    r"there (is|was) (no |not )?room|not room": ("capacity, fits", "Once there is room, it does."),
+    r"(that|what|which) (is|are) none": ("an invalid ..", "A camera that is none fails."),
+    r"the way back|goes back (to|through)": ("backward pass", "The way back runs in double."),
+    r"those who|whoever": ("callers, programs", "This is for those who keep buckets."),
+    r"(be|is|are|been) held against": ("compared with", "Images are held against the reference."),
+    r"no kin of|what is left of (it|them|these)": ("unrelated, residual", "It is no kin of those."),
+}
+PATTERN = re.compile("|".join(f"({p})" for p in PHRASES), re.IGNORECASE)
+
+
+def documents():
+    yield ROOT / "README.md"
+    yield ROOT / "CONTRIBUTING.md"
+    yield ROOT / "spec" / "l4d.md"
+    yield from (p for p in sorted((ROOT / "docs").glob("*.md")) if p.name != "accuracy.md")
+    yield from sorted((ROOT / "include" / "l4d").glob("*.h*"))
+
+
+def prose_of(text):
+    """The text with code, tables and quoted phrases blank, and line ends as they are."""
+    text = re.sub(r"```.*?```", lambda m: "\n" * m.group(0).count("\n"), text, flags=re.DOTALL)
+    text = re.sub(r"^(\||    ).*$", "", text, flags=re.MULTILINE)
+    return re.sub(r'"[^"\n]*"|`[^`\n]*`', "", text)
+
+
+def places(text):
+    """Lines and what is found in them, also where a phrase runs over a line end."""
+    prose = re.sub(r"[ *]", " ", prose_of(text))
+    flat = prose.replace("\n", " ")
+    return [(prose.count("\n", 0, m.start()) + 1, m.group(0)) for m in PATTERN.finditer(flat)]
+
+
+def self_test():
+    for phrase, (_, sentence) in PHRASES.items():
+        expected = re.search(phrase, sentence, re.IGNORECASE).group(0)
+        assert places("Plain.\n" + sentence) == [(2, expected)], phrase
+    assert places("Images are\nheld against it.") == [(1, "are held against")]
+    for plain in ("The function returns the number.", "| a table | that is none |",
+                  'not "there is no room".', "```\nfor those who\n```\n", "Use `those who`."):
+        assert not places(plain), plain
+
+
+def main():
+    if sys.argv[1:] == ["--self-test"]:
+        self_test()
+        return 0
+    found = [f"{path.relative_to(ROOT)}:{line}: {phrase!r}: see CONTRIBUTING.md, Prose"
+             for path in documents() for line, phrase in places(path.read_text(encoding="utf-8"))]
+    print(*found, sep="\n", end="\n" if found else "")
+    return 1 if found else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
