@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <memory>
 
+#include "cli/arrays.h"
 #include "cli/common.h"
 #include "cli/files.h"
 #include "cli/scene_source.h"
@@ -14,6 +15,8 @@
 namespace l4d::cli {
 namespace {
 
+constexpr const char* kRawExtension = ".safetensors";
+
 struct DecodeArguments {
   std::string input;
   std::string output;
@@ -22,7 +25,12 @@ struct DecodeArguments {
   uint32_t max_level = UINT32_MAX;
   std::string detail = "full";
   bool tolerant = false;
+  bool digest = false;
+  bool packed = false;
   ImportArguments import;
+
+  // Arrays as they are decoded, in place of a scene.
+  bool wants_arrays() const { return digest || format == "raw"; }
 };
 
 // Arrays have the size of what was selected; ranges say how much of it came.
@@ -56,10 +64,88 @@ l4d_query make_query(Context& context, const DecodeArguments& arguments,
   return query;
 }
 
-Outcome run_decode(Context& context, const DecodeArguments& arguments) {
-  const Stopwatch watch;
+// Usage errors that need no file.
+void check(const DecodeArguments& arguments) {
   if (!arguments.time.empty()) parse_seconds(arguments.time, "--time");
   check_order(arguments.from, arguments.to, true);
+  if (arguments.packed && !arguments.wants_arrays()) {
+    throw usage_error("--packed needs --digest or --format raw");
+  }
+  if (arguments.digest && arguments.format != "raw" &&
+      (!arguments.output.empty() || arguments.format == "ftgs")) {
+    throw usage_error("--digest hashes arrays and writes no PLY; --format raw writes the arrays");
+  }
+}
+
+// --format raw and --digest.
+Outcome run_arrays(Context& context, const DecodeArguments& arguments) {
+  const Stopwatch watch;
+  const bool writes = arguments.format == "raw";
+  const std::string name = !writes ? ""
+                           : !arguments.output.empty()
+                               ? arguments.output
+                               : derived_name(arguments.input, kRawExtension);
+  if (writes) check_extension(name, "--output", {kRawExtension});
+  arguments.import.check();
+  context.files.add_input(arguments.input, kTheInput);
+  const std::unique_ptr<Output> output(writes ? new Output(context, name) : nullptr);
+  const Input input(context, arguments.input);
+  const TolerantStream stream(context, input, arguments.import, arguments.tolerant);
+  const l4d_query query = make_query(context, arguments, stream.info().timeline);
+  const DecoderHandle& decoder = stream.decoder();
+  LossReport losses;
+  Arrays arrays;
+  double decode_seconds = 0;
+  uint64_t bytes = 0;
+  {
+    const Stopwatch decode_watch;
+    Progress progress(context, "decode");
+    decoder.check(l4d_decoder_set_progress(decoder.get(), &Progress::callback, &progress));
+    arrays = about(input.name(), [&] {
+      return arguments.packed ? decode_packed(context, decoder, query)
+                              : decode_attributes(context, decoder, query);
+    });
+    decoder.check(l4d_decoder_set_progress(decoder.get(), nullptr, nullptr));
+    decode_seconds = decode_watch.seconds();
+    losses.add(decoder);
+    check_interrupt();
+    if (writes) {
+      progress.step("writing");
+      write_raw(output->path(), arrays, stream.info());
+    }
+  }
+  losses.note(context, input.name());
+  if (writes) bytes = output->finish();
+
+  Outcome outcome;
+  outcome.stdout_is_data = writes && output->is_stdout();
+  outcome.json = {{"schema", "l4dcodec.decode/1"},
+                  {"input", input.name()},
+                  {"output", writes ? Json(name) : Json()},
+                  {"format", writes ? Json("raw") : Json()},
+                  {"detail", arguments.detail},
+                  {"num_gaussians", arrays.count},
+                  {"lossless", (stream.info().tools & L4D_TOOL_LOSSLESS) != 0},
+                  {"losses", losses.json()},
+                  {"file_bytes", bytes},
+                  {"decode_s", decode_seconds},
+                  {"total_s", watch.seconds()}};
+  if (arguments.digest) {
+    const Digests digests(arrays);
+    outcome.json["digests"] = digests.json();
+    outcome.text = digests.text();
+  } else {
+    outcome.text = format("%s: %s Gaussians, %s, decoded in %s\n", name.c_str(),
+                          format_count(arrays.count).c_str(), format_bytes(bytes).c_str(),
+                          format_seconds(decode_seconds).c_str());
+  }
+  return outcome;
+}
+
+Outcome run_decode(Context& context, const DecodeArguments& arguments) {
+  const Stopwatch watch;
+  check(arguments);
+  if (arguments.wants_arrays()) return run_arrays(context, arguments);
   const std::string name = !arguments.output.empty()    ? arguments.output
                            : arguments.format == "ftgs" ? derived_name(arguments.input, ".ftgs.ply")
                                                         : derived_name(arguments.input, ".ply");
@@ -119,17 +205,19 @@ Outcome run_decode(Context& context, const DecodeArguments& arguments) {
 
 void add_decode(Registry& registry) {
   auto arguments = std::make_shared<DecodeArguments>();
-  Verb* verb = add_verb(registry, "decode", "Decode a stream, or part of it, to a PLY",
+  Verb* verb = add_verb(registry, "decode", "Decode a stream, or part of it, to a PLY or to arrays",
                         [arguments](Context& context) { return run_decode(context, *arguments); });
   verb->add_option("input", arguments->input, "Scene: .l4d or PLY, '-' = stdin")->required();
   verb->add_option("-o,--output", arguments->output,
                    "PLY to write, '-' = stdout (default: input's name with .ply)")
       ->type_name("FILE");
-  verb->add_option("--format", arguments->format,
-                   "l4d: every attribute, bit for bit where the stream is lossless; ftgs: "
-                   "FreeTimeGS, converted")
+  verb->add_option(
+          "--format", arguments->format,
+          "l4d: every attribute, bit for bit where the stream is lossless; ftgs: "
+          "FreeTimeGS, converted; raw: arrays exactly as decoded, no PLY (input's name with "
+          ".safetensors)")
       ->type_name("NAME")
-      ->one_of({"l4d", "ftgs"})
+      ->one_of({"l4d", "ftgs", "raw"})
       ->capture_default_str();
   auto* time = verb->add_option("--time", arguments->time,
                                 "Only buckets that may be visible at this time: 2.5, 1:30")
@@ -144,12 +232,20 @@ void add_decode(Registry& registry) {
       ->type_name("N")
       ->whole_number(0, 63);
   add_detail_option(verb, arguments->detail);
+  verb->add_flag(
+      "--digest", arguments->digest,
+      "Print XXH3-64 of each decoded array and of all (appendix F of the specification); "
+      "writes no file unless with --format raw");
+  verb->add_flag("--packed", arguments->packed,
+                 "Arrays of indices and codes, not dequantised: of streams of the profile indexed, "
+                 "with --digest or --format raw");
   add_tolerant_option(verb, arguments->tolerant);
   add_import_options(verb, arguments->import);
   verb->footer(
       "Examples:\n"
       "  l4dcodec decode scene.l4d -o scene.ply\n"
       "  l4dcodec decode long.l4d --from 1:30 --to 1:35 -o part.ply\n"
+      "  l4dcodec decode scene.l4d --time 2 --digest\n"
       "A lossless stream gives back the input's bits; rows may be in another order.");
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <memory>
 
+#include "cli/arrays.h"
 #include "cli/common.h"
 #include "cli/files.h"
 #include "cli/scene_source.h"
@@ -20,6 +21,7 @@ struct SliceArguments {
   SequenceArguments sequence;
   std::string detail = "full";
   bool tolerant = false;
+  bool digest = false;
   ImportArguments import;
 };
 
@@ -33,10 +35,15 @@ void require_what(const SliceArguments& arguments) {
 void check(const SliceArguments& arguments) {
   const bool single = !arguments.sequence.time.empty();
   require_what(arguments);
+  if (arguments.digest != arguments.output.empty()) {
+    throw usage_error(arguments.digest
+                          ? "--digest hashes slices and writes none: leave out --output"
+                          : "--output is required");
+  }
   if (!single && arguments.output == "-") throw usage_error("a sequence cannot go to stdout");
   arguments.sequence.check();
   check_extension(arguments.output, "--output", {".ply"});
-  if (single) NumberedName::refuse(arguments.output);
+  if (single && !arguments.digest) NumberedName::refuse(arguments.output);
   arguments.import.check();
 }
 
@@ -54,8 +61,10 @@ struct Slices {
   uint64_t bytes = 0;
   double seconds = 0;
   LossReport losses;
+  std::string digests;
 };
 
+// No outputs: digests only.
 Slices write_slices(Context& context, const Input& input, const TolerantStream& stream,
                     const std::vector<double>& times, const std::vector<std::string>& names,
                     const std::vector<std::unique_ptr<Output>>& outputs) {
@@ -71,6 +80,18 @@ Slices write_slices(Context& context, const Input& input, const TolerantStream& 
     SplatArrays arrays = about(input.name(), [&] { return stream.decoder().slice(times[k]); });
     slices.seconds += watch.seconds();
     slices.losses.add(stream.decoder());
+    Json frame = {{"index", k}, {"time", times[k]}, {"gaussians", arrays.count()}};
+    slices.splats += arrays.count();
+    if (outputs.empty()) {
+      const Digests digests(arrays_of(std::move(arrays)));
+      if (times.size() > 1) {
+        slices.digests += format("frame %zu, %s s\n", k, format_time(times[k]).c_str());
+      }
+      slices.digests += digests.text();
+      frame["digests"] = digests.json();
+      slices.frames.push_back(frame);
+      continue;
+    }
     io::Splats splats;
     splats.sh_degree = arrays.sh_degree;
     splats.position = std::move(arrays.position);
@@ -79,9 +100,8 @@ Slices write_slices(Context& context, const Input& input, const TolerantStream& 
     splats.sh = std::move(arrays.sh);
     io::write_3dgs_ply(outputs[k]->path(), splats);
     slices.bytes += outputs[k]->finish();
-    slices.splats += splats.count();
-    slices.frames.push_back(
-        {{"index", k}, {"time", times[k]}, {"gaussians", splats.count()}, {"output", names[k]}});
+    frame["output"] = names[k];
+    slices.frames.push_back(frame);
   }
   return slices;
 }
@@ -105,9 +125,10 @@ Outcome run_slice(Context& context, const SliceArguments& arguments) {
   const bool single = !arguments.sequence.time.empty();
   context.files.add_input(arguments.input, kTheInput);
   const std::unique_ptr<NumberedName> pattern(
-      single ? nullptr : new NumberedName(arguments.output, "out_%04d.ply"));
+      single || arguments.digest ? nullptr : new NumberedName(arguments.output, "out_%04d.ply"));
   std::vector<std::unique_ptr<Output>> outputs;
-  if (single) outputs.push_back(std::make_unique<Output>(context, arguments.output));
+  if (single && !arguments.digest)
+    outputs.push_back(std::make_unique<Output>(context, arguments.output));
   const Input input(context, arguments.input);
   const TolerantStream stream(context, input, arguments.import, arguments.tolerant);
   stream.decoder().set_detail(detail_id(arguments.detail));
@@ -116,18 +137,23 @@ Outcome run_slice(Context& context, const SliceArguments& arguments) {
 
   // All names are checked before anything is written.
   std::vector<std::string> names;
-  for (size_t k = 0; k < times.size(); ++k) {
+  for (size_t k = 0; k < times.size() && !arguments.digest; ++k) {
     names.push_back(single ? arguments.output : (*pattern)(k));
     if (k >= outputs.size()) outputs.push_back(std::make_unique<Output>(context, names[k]));
   }
   const Slices slices = write_slices(context, input, stream, times, names, outputs);
   slices.losses.note(context, input.name());
+  if (arguments.digest) {
+    context.note(
+        "slices are not normative: equal digests tell that builds of this library agree, "
+        "different ones of another decoder nothing");
+  }
   l4d_counters counters;
   l4d_counters_init(&counters);
   stream.decoder().check(l4d_decoder_get_counters(stream.decoder().get(), &counters));
 
   Outcome outcome;
-  outcome.stdout_is_data = outputs[0]->is_stdout();
+  outcome.stdout_is_data = !outputs.empty() && outputs[0]->is_stdout();
   outcome.json = {{"schema", "l4dcodec.slice/1"},
                   {"input", input.name()},
                   {"detail", arguments.detail},
@@ -139,7 +165,7 @@ Outcome run_slice(Context& context, const SliceArguments& arguments) {
                   {"losses", slices.losses.json()},
                   {"slice_s", slices.seconds},
                   {"total_s", watch.seconds()}};
-  outcome.text = describe(times, names, single, slices);
+  outcome.text = arguments.digest ? slices.digests : describe(times, names, single, slices);
   return outcome;
 }
 
@@ -152,9 +178,11 @@ void add_slice(Registry& registry) {
   verb->add_option("input", arguments->input, "Scene: .l4d or PLY, '-' = stdin")->required();
   verb->add_option("-o,--output", arguments->output,
                    "3DGS PLY to write, '-' = stdout; a sequence needs a %d: out_%04d.ply, counted "
-                   "from 0")
-      ->type_name("FILE")
-      ->required();
+                   "from 0. Required unless --digest is given")
+      ->type_name("FILE");
+  verb->add_flag("--digest", arguments->digest,
+                 "Write nothing and print XXH3-64 of each array of the slice. Slices are not "
+                 "normative: this is for comparing builds of this library");
   add_sequence_options(verb, arguments->sequence);
   add_detail_option(verb, arguments->detail);
   add_tolerant_option(verb, arguments->tolerant);

@@ -1,0 +1,183 @@
+// SPDX-License-Identifier: Apache-2.0
+// From a query to arrays, through the public API.
+#include <algorithm>
+#include <cstring>
+
+#include "cli/arrays.h"
+
+namespace l4d::cli {
+namespace {
+
+// The rows of a query that is being decoded.
+class Collector {
+ public:
+  Collector(Context& context, const DecoderHandle& decoder, const l4d_query& query)
+      : context_(context), decoder_(decoder), selection_(decoder.select(query)) {}
+
+  size_t num_selected() const { return static_cast<size_t>(selection_.num_gaussians); }
+
+  // Counts memory; called once, before the arrays are made.
+  void hold(uint64_t bytes_per_gaussian) {
+    out.memory = eval::hold(holder_of(context_),
+                            selection_.num_gaussians * bytes_per_gaussian +
+                                selection_.num_ranges * (sizeof(l4d_range) + 3 * sizeof(uint64_t)),
+                            "the decoded arrays");
+    ranges.resize(static_cast<size_t>(selection_.num_ranges));
+  }
+
+  // A new array of zeros. T is what `type` says.
+  template <typename T>
+  T* add(const std::string& name, const char* type, std::vector<uint64_t> shape) {
+    Array array{name, type, std::move(shape), nullptr, nullptr};
+    const auto owner = std::make_shared<std::vector<T>>(static_cast<size_t>(array.num_elements()));
+    T* values = owner->data();
+    array.data = reinterpret_cast<unsigned char*>(values);
+    array.owner = owner;
+    out.arrays.push_back(std::move(array));
+    return values;
+  }
+
+  // Cuts the rows to those that came, adds the buckets, and turns all to little-endian order.
+  Arrays finish(uint64_t count, uint64_t num_ranges) {
+    out.count = count;
+    const uint64_t selected = selection_.num_gaussians;
+    for (Array& array : out.arrays) {
+      if (array.name.find(".literal") != std::string::npos) continue;
+      const bool by_stage = array.name.find(".index") != std::string::npos;
+      uint64_t& rows = array.shape[by_stage ? 1 : 0];
+      if (by_stage && count < selected) {
+        const size_t width = array.element_bytes();
+        for (uint64_t s = 1; s < array.shape[0]; ++s) {
+          std::memmove(array.data + s * count * width, array.data + s * selected * width,
+                       static_cast<size_t>(count) * width);
+        }
+      }
+      rows = count;
+    }
+    uint64_t* row = add<uint64_t>("buckets", "u64", {num_ranges, 3});
+    for (size_t k = 0; k < num_ranges; ++k) {
+      *row++ = ranges[k].layer;
+      *row++ = ranges[k].bucket;
+      *row++ = ranges[k].count;
+    }
+    for (Array& array : out.arrays) array.make_little_endian();
+    return std::move(out);
+  }
+
+  Arrays out;
+  std::vector<l4d_range> ranges;
+
+ private:
+  Context& context_;
+  const DecoderHandle& decoder_;
+  const l4d_selection selection_;
+};
+
+// How many literals of scale are one number shorter than others: those of permanent layers.
+uint64_t short_literals(const DecoderHandle& decoder, const std::vector<l4d_range>& ranges,
+                        const l4d_packed_buffers& buffers) {
+  const uint8_t* depth = buffers.component[L4D_COMPONENT_SCALE].depth;
+  uint64_t count = 0;
+  for (size_t k = 0; k < buffers.num_ranges; ++k) {
+    if (decoder.layer_info(ranges[k].layer).permanent == 0) continue;
+    const uint8_t* begin = depth + ranges[k].first;
+    count += static_cast<uint64_t>(std::count(begin, begin + ranges[k].count, uint8_t{255}));
+  }
+  return count;
+}
+
+}  // namespace
+
+Arrays decode_attributes(Context& context, const DecoderHandle& decoder, const l4d_query& query) {
+  const l4d_info info = decoder.info();
+  const uint64_t coefficients = uint64_t{info.sh_degree + 1} * (info.sh_degree + 1);
+  Collector collector(context, decoder, query);
+  const uint64_t n = collector.num_selected();
+  // position, mean_t twice and once as double, log_scale, rotor, opacity
+  collector.hold((3 + 2 + 2 + 4 + 8 + 1 + 3 * coefficients) * sizeof(float));
+  collector.out.form = "attributes";
+  l4d_gaussian_buffers buffers;
+  l4d_gaussian_buffers_init(&buffers);
+  buffers.capacity = n;
+  buffers.position = collector.add<float>("position", "f32", {n, 3});
+  buffers.mean_t = collector.add<float>("mean_t", "f32", {n});
+  buffers.mean_t_local = collector.add<float>("mean_t_local", "f32", {n});
+  double* exact = collector.add<double>("mean_t_exact", "f64", {n});
+  buffers.log_scale = collector.add<float>("log_scale", "f32", {n, 4});
+  buffers.rotor = collector.add<float>("rotor", "f32", {n, 8});
+  buffers.opacity = collector.add<float>("opacity", "f32", {n});
+  buffers.sh = collector.add<float>("sh", "f32", {n, coefficients, 3});
+  buffers.ranges = collector.ranges.data();
+  buffers.range_capacity = collector.ranges.size();
+  // Exact mean times make the host decode: a device decodes the rest by itself.
+  const bool apart = context.options.backend == "cuda";
+  if (!apart) buffers.mean_t_double = exact;
+  decoder.check(l4d_decoder_decode(decoder.get(), &query, &buffers));
+  const uint64_t count = buffers.count;
+  if (apart) {
+    l4d_gaussian_buffers times;
+    l4d_gaussian_buffers_init(&times);
+    times.capacity = n;
+    times.mean_t_double = exact;
+    decoder.check(l4d_decoder_decode(decoder.get(), &query, &times));
+  }
+  return collector.finish(count, buffers.num_ranges);
+}
+
+Arrays decode_packed(Context& context, const DecoderHandle& decoder, const l4d_query& query) {
+  static const char* const kNames[] = {"sh", "scale", "rotor_spatial", "rotor_temporal"};
+  const l4d_info info = decoder.info();
+  std::vector<uint64_t> stages(L4D_COMPONENT_COUNT, 0);
+  for (uint32_t l = 0; l < info.num_layers; ++l) {
+    const l4d_layer_info layer = decoder.layer_info(l);
+    for (size_t c = 0; c < stages.size(); ++c) {
+      stages[c] = std::max<uint64_t>(stages[c], layer.num_stages[c]);
+    }
+  }
+  const uint64_t dims[] = {uint64_t{3} * (info.sh_degree + 1) * (info.sh_degree + 1), 4, 4, 4};
+  Collector collector(context, decoder, query);
+  const uint64_t n = collector.num_selected();
+  uint64_t bytes = 6 * sizeof(uint16_t);
+  for (size_t c = 0; c < stages.size(); ++c) bytes += 1 + stages[c] * sizeof(uint16_t);
+  collector.hold(bytes);
+  collector.out.form = "packed";
+  l4d_packed_buffers buffers;
+  l4d_packed_buffers_init(&buffers);
+  buffers.capacity = n;
+  buffers.position = collector.add<uint16_t>("position", "u16", {n, 3});
+  buffers.mean_t = collector.add<uint16_t>("mean_t", "u16", {n});
+  buffers.opacity = collector.add<uint16_t>("opacity", "u16", {n});
+  buffers.scale_factor = collector.add<uint16_t>("scale_factor", "u16", {n});
+  for (size_t c = 0; c < stages.size(); ++c) {
+    const std::string name = kNames[c];
+    buffers.component[c].depth = collector.add<uint8_t>(name + ".depth", "u8", {n});
+    buffers.component[c].index = collector.add<uint16_t>(name + ".index", "u16", {stages[c], n});
+  }
+  buffers.ranges = collector.ranges.data();
+  buffers.range_capacity = collector.ranges.size();
+  decoder.check(l4d_decoder_decode_packed(decoder.get(), &query, &buffers));
+  // Only now is it known how many literals there are.
+  std::vector<uint64_t> numbers;
+  uint64_t literals = 0;
+  for (size_t c = 0; c < stages.size(); ++c) {
+    numbers.push_back(buffers.component[c].num_literals * dims[c]);
+    if (c == L4D_COMPONENT_SCALE) numbers[c] -= short_literals(decoder, collector.ranges, buffers);
+    literals += numbers[c];
+  }
+  const std::shared_ptr<void> memory =
+      eval::hold(holder_of(context), literals * sizeof(uint16_t), "the decoded literals");
+  l4d_packed_buffers again;
+  l4d_packed_buffers_init(&again);
+  again.capacity = n;
+  for (size_t c = 0; c < stages.size(); ++c) {
+    again.component[c].literal =
+        collector.add<uint16_t>(std::string(kNames[c]) + ".literal", "u16", {numbers[c]});
+    again.component[c].literal_capacity = buffers.component[c].num_literals;
+  }
+  if (literals > 0) decoder.check(l4d_decoder_decode_packed(decoder.get(), &query, &again));
+  collector.out.memory = std::make_shared<std::pair<std::shared_ptr<void>, std::shared_ptr<void>>>(
+      collector.out.memory, memory);
+  return collector.finish(buffers.count, buffers.num_ranges);
+}
+
+}  // namespace l4d::cli
