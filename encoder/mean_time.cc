@@ -20,10 +20,10 @@ constexpr double kMaxCodes = 65000;
 constexpr size_t kSample = 32768;
 constexpr double kQuantiles[] = {0, 0.002, 0.01, 0.03, 0.1, 0.2, 0.35, 0.5, 0.7, 0.85, 1};
 
-MeanTimeCode code_f16(const LayerHeader& layer, double width, const MeanTimeTarget& target) {
+MeanTimeCode code_f16(const MeanTimeCoding& coding, double width, const MeanTimeTarget& target) {
   MeanTimeCode out;
   out.code = float_to_half_saturate(static_cast<float>(target.local / width));
-  const unsigned shift = layer.mean_t_shift;
+  const unsigned shift = coding.mean_t_shift;
   if (shift > 0) {
     const unsigned cell = unsigned{order_half(out.code)} >> shift;
     out.code = unorder_half(static_cast<uint16_t>((cell << shift) | (1u << (shift - 1))));
@@ -33,10 +33,10 @@ MeanTimeCode code_f16(const LayerHeader& layer, double width, const MeanTimeTarg
   return out;
 }
 
-MeanTimeCode code_fixed(const LayerHeader& layer, const MeanTimeTarget& target, bool fine) {
-  const double step = static_cast<double>(layer.mean_t_step);
-  const double zero = layer.mean_t_zero;
-  const double last = static_cast<double>((1u << layer.mean_t_bits) - 1);
+MeanTimeCode code_fixed(const MeanTimeCoding& coding, const MeanTimeTarget& target, bool fine) {
+  const double step = static_cast<double>(coding.mean_t_step);
+  const double zero = coding.mean_t_zero;
+  const double last = static_cast<double>((1u << coding.mean_t_bits) - 1);
   MeanTimeCode best;
   best.code =
       static_cast<uint16_t>(std::clamp(std::nearbyint(target.local / step) + zero, 0.0, last));
@@ -48,7 +48,7 @@ MeanTimeCode code_fixed(const LayerHeader& layer, const MeanTimeTarget& target, 
     const double cell = std::clamp(std::floor(inside * cells), 0.0, cells - 1);
     MeanTimeCode out = best;
     out.fine = static_cast<uint16_t>(cells + cell - 1);
-    out.local = fixed_mean_time(layer.mean_t_step, layer.mean_t_zero, out.code, out.fine);
+    out.local = fixed_mean_time(coding.mean_t_step, coding.mean_t_zero, out.code, out.fine);
     const double error = std::fabs(static_cast<double>(out.local) - target.local);
     out.within = error <= target.tolerance;
     if (out.within) return out;
@@ -81,8 +81,8 @@ class Tokens {
 };
 
 // Fixed coding with a step of about `step`, for times from low to high.
-LayerHeader with_step(const LayerHeader& layer, double step, double low, double high) {
-  LayerHeader out = layer;
+MeanTimeCoding with_step(const MeanTimeCoding& coding, double step, double low, double high) {
+  MeanTimeCoding out = coding;
   out.mean_t = MeanCodingId::kFixed;
   step = std::clamp(std::max(step, (high - low) / kMaxCodes), 0x1p-59, 0x1p59);
   out.mean_t_step = static_cast<float>(step);
@@ -97,7 +97,7 @@ LayerHeader with_step(const LayerHeader& layer, double step, double low, double 
   return out;
 }
 
-void choose_fixed(const std::vector<MeanTimeTarget>& targets, LayerHeader* layer) {
+void choose_fixed(const std::vector<MeanTimeTarget>& targets, MeanTimeCoding* coding) {
   double low = 0, high = 0, least_tolerance = HUGE_VAL;
   for (const MeanTimeTarget& t : targets) {
     low = std::min(low, t.local);
@@ -112,11 +112,12 @@ void choose_fixed(const std::vector<MeanTimeTarget>& targets, LayerHeader* layer
   std::sort(tolerance.begin(), tolerance.end());
   // Beyond this the finest cells would be more than the least tolerance wide.
   const double largest = least_tolerance * static_cast<double>(1u << kMaxFineBits);
-  LayerHeader best;
+  MeanTimeCoding best;
   double least = HUGE_VAL;
   for (const double q : kQuantiles) {
     const size_t at = static_cast<size_t>(q * static_cast<double>(tolerance.size() - 1));
-    const LayerHeader tried = with_step(*layer, std::min(2 * tolerance[at], largest), low, high);
+    const MeanTimeCoding tried =
+        with_step(*coding, std::min(2 * tolerance[at], largest), low, high);
     Tokens whole, fine;
     for (const MeanTimeTarget& t : sample) {
       const MeanTimeCode code = code_fixed(tried, t, true);
@@ -128,20 +129,20 @@ void choose_fixed(const std::vector<MeanTimeTarget>& targets, LayerHeader* layer
     least = bits;
     best = tried;
   }
-  *layer = best;
-  layer->mean_t_fine = std::any_of(targets.begin(), targets.end(), [&](const MeanTimeTarget& t) {
-    return code_fixed(*layer, t, true).fine != 0;
+  *coding = best;
+  coding->mean_t_fine = std::any_of(targets.begin(), targets.end(), [&](const MeanTimeTarget& t) {
+    return code_fixed(*coding, t, true).fine != 0;
   });
 }
 
 // The most low bits that all can do without.
 unsigned choose_shift(const std::vector<MeanTimeTarget>& targets, double width,
-                      const LayerHeader& layer) {
-  LayerHeader tried = layer;
+                      const MeanTimeCoding& coding) {
+  MeanTimeCoding tried = coding;
   for (unsigned shift = kMaxMeanShift; shift > 0; --shift) {
     tried.mean_t_shift = shift;
     const bool all = std::all_of(targets.begin(), targets.end(), [&](const MeanTimeTarget& t) {
-      return code_f16(tried, width, t).within || !code_f16(layer, width, t).within;
+      return code_f16(tried, width, t).within || !code_f16(coding, width, t).within;
     });
     if (all) return shift;
   }
@@ -161,20 +162,21 @@ bool fixed_mean_times_fit(double reach, double tolerance) {
 }
 
 void choose_mean_times(const std::vector<MeanTimeTarget>& targets, bool f16, int shift,
-                       double width, LayerHeader* layer) {
+                       double width, MeanTimeCoding* coding) {
   if (f16 || targets.empty()) {
-    layer->mean_t = MeanCodingId::kF16;
-    layer->mean_t_shift = 0;
-    layer->mean_t_shift =
-        shift >= 0 ? static_cast<unsigned>(shift) : choose_shift(targets, width, *layer);
+    coding->mean_t = MeanCodingId::kF16;
+    coding->mean_t_shift = 0;
+    coding->mean_t_shift =
+        shift >= 0 ? static_cast<unsigned>(shift) : choose_shift(targets, width, *coding);
     return;
   }
-  choose_fixed(targets, layer);
+  choose_fixed(targets, coding);
 }
 
-MeanTimeCode code_mean_time(const LayerHeader& layer, double width, const MeanTimeTarget& target) {
-  return layer.mean_t == MeanCodingId::kFixed ? code_fixed(layer, target, layer.mean_t_fine)
-                                              : code_f16(layer, width, target);
+MeanTimeCode code_mean_time(const MeanTimeCoding& coding, double width,
+                            const MeanTimeTarget& target) {
+  return coding.mean_t == MeanCodingId::kFixed ? code_fixed(coding, target, coding.mean_t_fine)
+                                               : code_f16(coding, width, target);
 }
 
 }  // namespace l4d

@@ -31,12 +31,13 @@ bool mean_time_fits(bool f16, double width, double tolerance);
 // enough for the tolerance.
 bool fixed_mean_times_fit(double reach, double tolerance);
 
-// Sets the coding of the layer's mean times: f16 and its shift, or fixed where `f16` is false.
-// width: of a bucket. shift: of f16, -1 = as the tolerances allow.
+// Chooses how the mean times of a layer are coded: f16 and its shift, or fixed where `f16` is
+// false. width: of a bucket. shift: of f16, -1 = as the tolerances allow.
 void choose_mean_times(const std::vector<MeanTimeTarget>& targets, bool f16, int shift,
-                       double width, LayerHeader* layer);
+                       double width, MeanTimeCoding* coding);
 
 // The shortest code that is within the tolerance; where there is none, the nearest.
-MeanTimeCode code_mean_time(const LayerHeader& layer, double width, const MeanTimeTarget& target);
+MeanTimeCode code_mean_time(const MeanTimeCoding& coding, double width,
+                            const MeanTimeTarget& target);
 
 }  // namespace l4d

@@ -85,24 +85,14 @@ struct ComponentCoding {
   bool has_depth() const { return vq() && (stages.size() > 1 || literals); }
 };
 
-struct LayerHeader {
-  unsigned level = 0;
-  bool permanent = false;
-  uint64_t num_gaussians = 0;
+// How the mean times of a layer are coded.
+struct MeanTimeCoding {
   MeanCodingId mean_t = MeanCodingId::kF16;
   unsigned mean_t_shift = 0;  // f16: low bits of the ordered binary16 that are not coded
   unsigned mean_t_bits = 0;   // fixed: of a code
   unsigned mean_t_zero = 0;   // fixed: the code of the bucket's centre
   float mean_t_step = 0;      // fixed: seconds from code to code
   bool mean_t_fine = false;   // fixed: pages hold a refinement of each code
-  float log_scale_t = 0;
-  ScalarCoding scale_factor;
-  std::array<ComponentCoding, L4D_COMPONENT_COUNT> component;  // SH unused: it is global
-  unsigned directory_bits = 0;
-  uint64_t page_table_offset = 0;
-  bool has_entropy = false;
-  ChunkRef entropy;           // tables of the layer's rans32 pages
-  bool raw_position = false;  // raw32, whatever the scene's positions are
 
   // Bits of a coded mean time, where there are any.
   unsigned mean_t_width() const {
@@ -114,6 +104,21 @@ struct LayerHeader {
   bool has_mean_codes() const {
     return mean_t == MeanCodingId::kF16 || mean_t == MeanCodingId::kFixed;
   }
+};
+
+struct LayerHeader : MeanTimeCoding {
+  unsigned level = 0;
+  bool permanent = false;
+  uint64_t num_gaussians = 0;
+  float log_scale_t = 0;
+  ScalarCoding scale_factor;
+  std::array<ComponentCoding, L4D_COMPONENT_COUNT> component;  // SH unused: it is global
+  unsigned directory_bits = 0;
+  uint64_t page_table_offset = 0;
+  bool has_entropy = false;
+  ChunkRef entropy;           // tables of the layer's rans32 pages
+  bool raw_position = false;  // raw32, whatever the scene's positions are
+
   // Numbers of a normalised scale vector: permanent layers carry no temporal scale.
   unsigned scale_dim() const { return permanent ? 3 : 4; }
 };
@@ -127,17 +132,28 @@ struct ErrorStatement {
   bool own_least_sizes = false;
 };
 
-struct SceneHeader {
+// How positions are coded, in all layers but those of raw positions.
+struct PositionCoding {
+  MeanCodingId position = MeanCodingId::kF16;
+  unsigned position_bits = 0;  // fixed
+  float position_center[3] = {0, 0, 0};
+  float position_scale = 1;
+
+  // Scene units of a unit of page bounds (spec: section 12): fixed coordinates go beyond binary16.
+  double bounds_unit() const {
+    const unsigned shift =
+        position == MeanCodingId::kFixed && position_bits > 15 ? position_bits - 15 : 0;
+    return static_cast<double>(position_scale) * static_cast<double>(1u << shift);
+  }
+};
+
+struct SceneHeader : PositionCoding {
   uint64_t num_gaussians = 0;
   l4d_timeline timeline{};
   float gate = 16;
   l4d_placement placement{};
   bool position_at_mean_time = false;
   bool opacity_logit = false;
-  MeanCodingId position = MeanCodingId::kF16;
-  unsigned position_bits = 0;  // fixed
-  float position_center[3] = {0, 0, 0};
-  float position_scale = 1;
   ScalarCoding opacity;
   unsigned sh_degree = 0;
   ComponentCoding sh;
@@ -153,12 +169,6 @@ struct SceneHeader {
   unsigned sh_dim() const { return 3 * (sh_degree + 1) * (sh_degree + 1); }
   // Whether a rans32 page can have a second part: planes of SH that are not of the base.
   bool has_sh_detail() const { return sh.vq() || (sh.transform() && sh_base < sh.coefficients()); }
-  // Scene units of a unit of page bounds (spec: section 12): fixed coordinates go beyond binary16.
-  double bounds_unit() const {
-    const unsigned shift =
-        position == MeanCodingId::kFixed && position_bits > 15 ? position_bits - 15 : 0;
-    return static_cast<double>(position_scale) * static_cast<double>(1u << shift);
-  }
   MeanCodingId position_of(const LayerHeader& layer) const {
     return layer.raw_position ? MeanCodingId::kRaw32 : position;
   }
