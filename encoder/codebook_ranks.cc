@@ -35,7 +35,7 @@ void permute_book(std::vector<float>& book, size_t dim, const std::vector<uint32
 }  // namespace
 
 void rank_codebooks(CodedComponent& c, const std::vector<BlockRange>& blocks) {
-  if (c.is_transform) return;
+  if (c.is_transform()) return;
   // Which Gaussians index a block codebook instead of the layer's.
   std::vector<uint8_t> in_block(c.n, 0);
   for (size_t b = 0; b < c.block_tables.size(); ++b) {

@@ -15,8 +15,8 @@ namespace l4d {
 struct CoderOptions {
   const EncoderSettings* settings = nullptr;
   ErrorBounds bounds;  // none, but for what settings and scene declare
-  // Whose frame says how positions are rounded; null where that is not known yet.
-  const SceneHeader* frame = nullptr;
+  // Says how positions are rounded; null where that is not known yet.
+  const PositionCoding* positions = nullptr;
   int threads = 0;
   NearestDevice* device = nullptr;
   uint64_t seed = 0;

@@ -67,7 +67,7 @@ double PlaneBits::total() const {
 }
 
 double component_bits(const CodedComponent& c) {
-  if (c.is_transform) return transform_bits(c.transform, c.n, c.dim);
+  if (c.is_transform()) return transform_bits(c.transform, c.n, c.dim);
   double bits = 0;
   PlaneBits depths(1);
   std::vector<PlaneBits> stages(c.books.size(), PlaneBits(1));

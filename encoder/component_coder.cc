@@ -89,6 +89,7 @@ class ComponentCoder {
   ComponentCoder(const float* rows, const float* weights, size_t n, size_t dim,
                  const std::vector<BlockRange>& blocks, const ComponentSettings& settings)
       : rows_(rows), weights_(weights), blocks_(blocks), settings_(settings) {
+    out_.coding = ComponentCodingId::kVq;
     out_.n = n;
     out_.dim = dim;
     out_.depth.assign(n, 0);
@@ -427,7 +428,7 @@ CodedComponent code_component(const float* rows, const float* weights, size_t n,
 }
 
 void drop_gaussians(CodedComponent& c, const std::vector<uint8_t>& keep) {
-  if (c.is_transform) {
+  if (c.is_transform()) {
     drop_gaussians(c.transform, keep);
     c.depth.assign(c.n, 0);
   }
@@ -446,17 +447,58 @@ void drop_gaussians(CodedComponent& c, const std::vector<uint8_t>& keep) {
   c.decoded.resize(to * c.dim);
 }
 
+CodedComponent codes_of(const CodedComponent& c, const std::vector<uint32_t>& which, int threads) {
+  const size_t n = which.size();
+  CodedComponent out;
+  out.coding = c.coding;
+  out.n = n;
+  out.dim = c.dim;
+  out.any_literal = c.any_literal;
+  const auto pick = [&](const auto& from, size_t width, auto* to) {
+    if (from.empty()) return;
+    to->resize(n * width);
+    parallel_for(threads, n, kGrain, [&](size_t begin, size_t end) {
+      for (size_t j = begin; j < end; ++j) {
+        std::copy_n(from.data() + width * which[j], width, to->data() + width * j);
+      }
+    });
+  };
+  const auto pick_each = [&](const auto& from, auto* to) {
+    to->resize(from.size());
+    for (size_t k = 0; k < from.size(); ++k) pick(from[k], 1, &(*to)[k]);
+  };
+  pick(c.depth, 1, &out.depth);
+  pick_each(c.index, &out.index);
+  if (c.any_literal) pick(c.decoded, c.dim, &out.decoded);
+  pick(c.transform.cls, 1, &out.transform.cls);
+  pick(c.transform.rung, 1, &out.transform.rung);
+  pick_each(c.transform.coefficient, &out.transform.coefficient);
+  return out;
+}
+
+void drop_codes(CodedComponent& c) {
+  // Assigned, not cleared: their memory goes too.
+  c.n = 0;
+  c.depth = std::vector<uint8_t>();
+  c.index = std::vector<std::vector<uint16_t>>();
+  c.decoded = std::vector<float>();
+  c.transform.cls = std::vector<uint8_t>();
+  c.transform.rung = std::vector<uint8_t>();
+  c.transform.coefficient = std::vector<std::vector<int16_t>>();
+}
+
 CodedComponent code_component_transform(const float* rows, const float* weights, size_t n,
                                         size_t dim, const TransformSettings& settings) {
   CodedComponent out;
   out.n = n;
   out.dim = dim;
-  out.is_transform = true;
+  out.coding = ComponentCodingId::kTransform;
   out.transform = code_transform(rows, weights, n, dim, settings, &out.decoded);
   return out;
 }
 
 void describe_component(const CodedComponent& c, ComponentCoding* coding) {
+  coding->coding = c.coding;
   if (coding->transform()) describe_transform(c.transform, coding);
   if (!coding->vq()) return;
   coding->literals = c.any_literal;

@@ -45,6 +45,7 @@ struct BlockRange {
 };
 
 struct CodedComponent {
+  ComponentCodingId coding = ComponentCodingId::kZero;
   size_t n = 0;
   size_t dim = 0;
   std::vector<std::vector<float>> books;     // per stage [entries, dim], values of its elements
@@ -55,10 +56,11 @@ struct CodedComponent {
   std::vector<float> residual_book;  // RCQ, [entries, dim]; empty = no RCQ
   // One per block; empty = that block indexes the layer's codebook.
   std::vector<std::vector<RcqPair>> block_tables;
-  std::vector<float> decoded;  // [n, dim], bit-exact
-  bool is_transform = false;   // then this, and none of the above but `decoded`:
-  CodedTransform transform;
+  std::vector<float> decoded;      // [n, dim], bit-exact
+  CodedTransform transform;        // of a transform, which has none of the above but `decoded`
   double weighted_distortion = 0;  // sum of weight x squared error
+
+  bool is_transform() const { return coding == ComponentCodingId::kTransform; }
 };
 
 // rows: [n, dim]; weights: [n].
@@ -68,6 +70,14 @@ CodedComponent code_component(const float* rows, const float* weights, size_t n,
 
 // Drops Gaussians (keep[i] = 0) from a coded set.
 void drop_gaussians(CodedComponent& component, const std::vector<uint8_t>& keep);
+
+// What pages hold of the Gaussians `which`, in that order: depths and indices, or classes, rungs
+// and coefficients; `decoded` where there are literals. Codebooks and bases stay behind.
+CodedComponent codes_of(const CodedComponent& component, const std::vector<uint32_t>& which,
+                        int threads);
+
+// Leaves the codebooks or the basis alone.
+void drop_codes(CodedComponent& component);
 
 // Orders every codebook by use, most used first, without the entries nobody uses: small numbers
 // become frequent, which any entropy coder after this likes. Changes no decoded value.

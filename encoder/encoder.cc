@@ -2,13 +2,13 @@
 #include "encoder/encoder.h"
 
 #include <algorithm>
-#include <atomic>
 #include <chrono>
-#include <cstring>
 #include <map>
 
 #include "encoder/beside.h"
-#include "encoder/observed_errors.h"
+#include "encoder/choose_header.h"
+#include "encoder/encode_steps.h"
+#include "encoder/position_coding.h"
 #include "encoder/position_plan.h"
 #include "encoder/quality.h"
 #include "encoder/sh_coder.h"
@@ -18,9 +18,6 @@
 
 namespace l4d {
 namespace {
-
-// Thrown out of the innermost loops; caught in encode().
-struct Cancelled {};
 
 // Rough share of the work of each step, for the progress callback. Gaussians times numbers of a
 // component times codebook is what vector quantisation costs, so SH outweighs the rest.
@@ -58,63 +55,193 @@ void add_literals(const EncoderScene& scene, unsigned level, std::vector<uint32_
                   std::vector<CodedLayer>* layers) {
   if (members.empty()) return;
   const auto finer = std::find_if(layers->begin(), layers->end(),
-                                  [&](const CodedLayer& l) { return l.header.level > level; });
+                                  [&](const CodedLayer& l) { return l.level > level; });
   layers->insert(finer, code_literals(scene, level, members));
+}
+
+// Gives each layer the codes of its members, in their order, as those of other components are. What
+// stays is shared by all layers.
+void distribute_sh(int threads, CodedScene* coded) {
+  CodedComponent& sh = coded->sh;
+  if (!sh.any_literal) sh.decoded = std::vector<float>();
+  for (CodedLayer& layer : coded->layers) {
+    layer.component[L4D_COMPONENT_SH] = codes_of(sh, layer.members, threads);
+  }
+  drop_codes(sh);
 }
 
 }  // namespace
 
-// Times the steps and tells the caller about them.
-class Encoder::Steps {
+// One encode, step by step in the order of its public functions.
+class Encoder::Run {
  public:
-  Steps(l4d_progress_fn fn, void* user) : fn_(fn), user_(user) {}
+  explicit Run(const Encoder& encoder)
+      : input_(encoder.input_),
+        settings_(encoder.settings_),
+        metadata_(encoder.metadata_),
+        threads_(static_cast<int>(encoder.options_.threads)),
+        lossless_(settings_.get_bool(L4D_ENC_LOSSLESS)),
+        steps_(encoder.progress_, encoder.progress_user_, kTotalWork) {
+    options_.settings = &settings_;
+    options_.threads = threads_;
+    options_.device = encoder.device_.get();
+    options_.seed = encoder.options_.seed;
+    options_.cancelled = &cancelled_;
+    options_.cancelled_elsewhere = &was_cancelled_;
+    options_.step = [this](const char* name) { steps_.begin(name); };
+  }
+  // Its callbacks refer to it.
+  Run(const Run&) = delete;
+  Run& operator=(const Run&) = delete;
 
-  void begin(const char* name) {
-    end();
-    name_ = name;
-    started_ = Clock::now();
-    report(done_);
-  }
-  void end() {
-    if (name_ == nullptr) return;
-    const double seconds = std::chrono::duration<double>(Clock::now() - started_).count();
-    const auto same = std::find_if(stages_.begin(), stages_.end(),
-                                   [&](const auto& s) { return std::strcmp(s.first, name_) == 0; });
-    if (same == stages_.end()) {
-      stages_.emplace_back(name_, seconds);
-    } else {
-      same->second += seconds;
+  // The scene, the layers that its Gaussians belong to, and how finely positions are coded.
+  Status prepare() {
+    steps_.begin("prepare");
+    L4D_RETURN_IF_ERROR(prepare_scene(input_, settings_, threads_, &scene_));
+    plans_ = plan_layers(scene_, settings_);
+    options_.bounds = declared_bounds(scene_, settings_);
+    if (!lossless_) {
+      positions_ =
+          plan_positions(scene_, settings_, Quality(settings_, scene_.count), &options_.bounds);
     }
-    name_ = nullptr;
+    if (positions_.bits > 0) {
+      known_positions_ = planned_positions(positions_);
+      options_.positions = &known_positions_;
+    }
+    literals_ = take_out(positions_.out_of_reach, &plans_);
+    steps_.advance(kPrepareWork);
+    return {};
   }
-  void advance(uint64_t work) { done_ += work; }
-  void report(uint64_t done) {
-    if (cancelled(done)) throw Cancelled();
+
+  // With a device, SH is mostly its work, and the host's cores are there for the layers meanwhile.
+  // Only this thread may tell of steps and ask whether to cancel.
+  void start_sh() {
+    sh_apart_ = options_.device != nullptr && resolve_threads(threads_) > 1 && !lossless_ &&
+                settings_.get_int(L4D_ENC_CODING, L4D_COMPONENT_SH) == 0;
+    if (lossless_) {
+      coded_.sh.coding = ComponentCodingId::kRaw32;
+    } else {
+      sh_options_ = options_;
+      if (sh_apart_) {
+        steps_.begin("sh_vq");
+        sh_options_.cancelled = &was_cancelled_;
+        sh_options_.step = [](const char*) {};
+      }
+      sh_ = start_beside(sh_apart_, [this] { return code_sh(scene_, sh_options_); });
+      if (!sh_apart_) coded_.sh = sh_.get();
+    }
+    if (!sh_apart_) steps_.advance(kShWork);
   }
-  // Called now and then inside long loops, which then return early with what they have. One nonzero
-  // answer of the callback is enough: the next report ends the call.
-  bool cancelled() { return cancelled(done_); }
-  // For other threads: whether the callback has answered so.
-  bool was_cancelled() const { return cancelled_; }
-  std::vector<std::pair<const char*, double>> take() { return std::move(stages_); }
+
+  // Finest first: what no longer fits moves to the next coarser layer before that is coded.
+  void code_layers() {
+    const bool may_be_literal =
+        !lossless_ && settings_.get_int(L4D_ENC_PROFILE) != static_cast<int>(ProfileId::kIndexed);
+    std::vector<CodedLayer>& layers = coded_.layers;
+    layers.resize(plans_.size());
+    for (size_t l = plans_.size(); l-- > 0;) {
+      if (plans_[l].members.empty()) continue;
+      steps_.begin("layering");
+      std::vector<uint32_t> misfits;
+      layers[l] = code_layer(scene_, plans_[l], options_, &misfits,
+                             may_be_literal ? &literals_[plans_[l].level] : nullptr);
+      if (!misfits.empty()) {
+        std::vector<uint32_t>& to = plans_[l - 1].members;
+        std::vector<uint32_t> all(to.size() + misfits.size());
+        std::merge(to.begin(), to.end(), misfits.begin(), misfits.end(), all.begin());
+        to = std::move(all);
+        report_.totals.moved_to_coarser += misfits.size();
+      }
+      steps_.advance(kLayersWork / plans_.size());
+    }
+    layers.erase(std::remove_if(layers.begin(), layers.end(),
+                                [](const CodedLayer& l) { return l.members.empty(); }),
+                 layers.end());
+  }
+
+  void finish_sh() {
+    if (!sh_apart_) return;
+    steps_.begin("sh_vq");
+    while (sh_.wait_for(kAskAgain) != std::future_status::ready) steps_.cancelled();
+    coded_.sh = sh_.get();
+    steps_.advance(kShWork);
+  }
+
+  // Layers of what is stored as it is. All layers are there then, and get their SH.
+  void complete_layers() {
+    steps_.begin("write");
+    for (auto& [level, members] : literals_) {
+      report_.totals.literals += members.size();
+      add_literals(scene_, level, std::move(members), &coded_.layers);
+    }
+    report_.totals.num_layers = static_cast<uint32_t>(coded_.layers.size());
+    distribute_sh(threads_, &coded_);
+  }
+
+  void choose_header() {
+    GaussianErrors worst;
+    header_ = l4d::choose_header(
+        {input_, scene_, metadata_, positions_, options_.bounds, lossless_, threads_}, coded_,
+        &worst);
+    report_.totals.max_position_error = worst.position;
+    report_.totals.max_covariance_factor = worst.covariance;
+    report_.totals.max_opacity_error = worst.opacity;
+    report_.totals.max_visible_error = worst.visible;
+    report_.totals.max_mean_t_error = worst.mean_time;
+  }
+
+  Status write(const WriteFn& write) {
+    FileParts parts;
+    L4D_RETURN_IF_ERROR(
+        build_file(scene_, settings_, std::move(header_), coded_, threads_, &parts));
+    L4D_RETURN_IF_ERROR(check_written(parts.chunks));
+    for (const Bytes& chunk : parts.chunks) {
+      steps_.report(kTotalWork - kWriteWork);
+      if (!write(chunk.data(), chunk.size())) return Status(L4D_ERR_IO, "writing failed");
+    }
+    steps_.end();
+    report_.order = std::move(parts.order);
+    report_.totals.file_bytes = parts.bytes;
+    return {};
+  }
+
+  EncodeReport report() {
+    EncodeReport report = std::move(report_);
+    report.totals.input_gaussians = input_.gaussians.count;
+    report.totals.coded_gaussians = scene_.count;
+    report.totals.invalid_dropped = scene_.invalid_dropped;
+    report.totals.pruned = scene_.pruned;
+    report.totals.raw_bytes = 4 * (17 + scene_.sh_dim()) * input_.gaussians.count;
+    report.stages = steps_.take();
+    report.totals.num_stages = static_cast<uint32_t>(report.stages.size());
+    report.totals.total_seconds =
+        std::chrono::duration<double>(std::chrono::steady_clock::now() - started_).count();
+    return report;
+  }
 
  private:
-  using Clock = std::chrono::steady_clock;
-
-  bool cancelled(uint64_t done) {
-    if (!cancelled_ && fn_ != nullptr && name_ != nullptr) {
-      cancelled_ = fn_(user_, done, kTotalWork, name_) != 0;
-    }
-    return cancelled_;
-  }
-
-  l4d_progress_fn fn_;
-  void* user_;
-  const char* name_ = nullptr;
-  Clock::time_point started_;
-  uint64_t done_ = 0;
-  std::atomic<bool> cancelled_{false};
-  std::vector<std::pair<const char*, double>> stages_;
+  const std::chrono::steady_clock::time_point started_ = std::chrono::steady_clock::now();
+  const EncoderInput& input_;
+  const EncoderSettings& settings_;
+  const std::vector<std::pair<std::string, std::string>>& metadata_;
+  const int threads_;
+  const bool lossless_;
+  EncodeSteps steps_;
+  const std::function<bool()> cancelled_ = [this] { return steps_.cancelled(); };
+  const std::function<bool()> was_cancelled_ = [this] { return steps_.was_cancelled(); };
+  CoderOptions options_;
+  EncoderScene scene_;
+  std::vector<LayerPlan> plans_;
+  PositionPlan positions_;
+  PositionCoding known_positions_;
+  Literals literals_;
+  CodedScene coded_;
+  SceneHeader header_;
+  EncodeReport report_;
+  bool sh_apart_ = false;
+  CoderOptions sh_options_;
+  // The last member, the first to go: its end waits for a thread that uses the others.
+  std::future<CodedComponent> sh_;
 };
 
 Status Encoder::set_scene(const l4d_gaussians& gaussians, const l4d_timeline& timeline,
@@ -158,155 +285,19 @@ Status Encoder::set_least_sizes(const float* sizes, uint64_t count) {
 Status Encoder::encode(const WriteFn& write) {
   if (input_.gaussians.count == 0) return Status(L4D_ERR_INVALID_STATE, "no scene is set");
   L4D_RETURN_IF_ERROR(settings_.check_profile());
-  const auto started = std::chrono::steady_clock::now();
-  const int threads = static_cast<int>(options_.threads);
-  const bool lossless = settings_.get_bool(L4D_ENC_LOSSLESS);
-  Steps steps(progress_, progress_user_);
-  const std::function<bool()> cancelled = [&] { return steps.cancelled(); };
-  const std::function<bool()> was_cancelled = [&] { return steps.was_cancelled(); };
-  EncodeReport report;
+  Run run(*this);
   try {
-    steps.begin("prepare");
-    EncoderScene scene;
-    L4D_RETURN_IF_ERROR(prepare_scene(input_, settings_, threads, &scene));
-    std::vector<LayerPlan> plans = plan_layers(scene, settings_);
-    const Quality quality(settings_, scene.count);
-    ErrorBounds bounds = declared_bounds(scene, settings_);
-    PositionPlan positions;
-    if (!lossless) positions = plan_positions(scene, settings_, quality, &bounds);
-    Literals literals = take_out(positions.out_of_reach, &plans);
-    const bool may_be_literal =
-        !lossless && settings_.get_int(L4D_ENC_PROFILE) != static_cast<int>(ProfileId::kIndexed);
-    steps.advance(kPrepareWork);
-
-    CoderOptions coder_options;
-    coder_options.settings = &settings_;
-    coder_options.bounds = bounds;
-    coder_options.threads = threads;
-    coder_options.device = device_.get();
-    coder_options.seed = options_.seed;
-    coder_options.cancelled = &cancelled;
-    coder_options.cancelled_elsewhere = &was_cancelled;
-    coder_options.step = [&](const char* name) { steps.begin(name); };
-
-    SceneHeader header;
-    header.num_gaussians = scene.count;
-    header.timeline = scene.timeline;
-    header.placement = input_.placement;
-    header.sh_degree = scene.sh_degree;
-    header.metadata = metadata_;
-    if (positions.bits > 0) {
-      header.position = MeanCodingId::kFixed;
-      header.position_bits = positions.bits;
-      header.position_scale = static_cast<float>(positions.step);
-      std::copy_n(positions.center, 3, header.position_center);
-      coder_options.frame = &header;
-    }
-    // With a device, SH is mostly its work, and the host's cores are there for the layers
-    // meanwhile. Only this thread may tell of steps and ask whether to cancel.
-    const bool apart = device_ != nullptr && resolve_threads(threads) > 1 && !lossless &&
-                       settings_.get_int(L4D_ENC_CODING, L4D_COMPONENT_SH) == 0;
-    CoderOptions sh_options = coder_options;
-    if (apart) {
-      steps.begin("sh_vq");
-      sh_options.cancelled = &was_cancelled;
-      sh_options.step = [](const char*) {};
-    }
-    std::future<CodedComponent> sh_beside;
-    if (!lossless) sh_beside = start_beside(apart, [&] { return code_sh(scene, sh_options); });
-    CodedComponent sh;
-    const auto take_sh = [&] {
-      sh = sh_beside.get();
-      header.sh.coding = sh.is_transform ? ComponentCodingId::kTransform : ComponentCodingId::kVq;
-      describe_component(sh, &header.sh);
-      if (header.sh.transform()) header.sh_base = static_cast<unsigned>(sh.transform.base);
-    };
-    if (lossless) {
-      header.position_at_mean_time = (input_.gaussians.flags & L4D_POSITION_AT_MEAN_TIME) != 0;
-      header.opacity_logit = (input_.gaussians.flags & L4D_OPACITY_LOGIT) != 0;
-      header.opacity.coding = ScalarCodingId::kRaw32;
-      header.sh.coding = ComponentCodingId::kRaw32;
-    } else if (!apart) {
-      take_sh();
-    }
-    if (!apart) steps.advance(kShWork);
-
-    // Finest first: what no longer fits moves to the next coarser layer before that is coded.
-    std::vector<CodedLayer> layers(plans.size());
-    for (size_t l = plans.size(); l-- > 0;) {
-      if (plans[l].members.empty()) {
-        layers[l].header.level = plans[l].level;
-        continue;
-      }
-      steps.begin("layering");
-      std::vector<uint32_t> misfits;
-      layers[l] = code_layer(scene, plans[l], coder_options, &misfits,
-                             may_be_literal ? &literals[plans[l].level] : nullptr);
-      if (!misfits.empty()) {
-        std::vector<uint32_t>& to = plans[l - 1].members;
-        std::vector<uint32_t> all(to.size() + misfits.size());
-        std::merge(to.begin(), to.end(), misfits.begin(), misfits.end(), all.begin());
-        to = std::move(all);
-        report.totals.moved_to_coarser += misfits.size();
-      }
-      steps.advance(kLayersWork / plans.size());
-    }
-    if (apart) {
-      steps.begin("sh_vq");
-      while (sh_beside.wait_for(kAskAgain) != std::future_status::ready) steps.cancelled();
-      take_sh();
-      steps.advance(kShWork);
-    }
-    layers.erase(std::remove_if(layers.begin(), layers.end(),
-                                [](const CodedLayer& l) { return l.members.empty(); }),
-                 layers.end());
-
-    steps.begin("write");
-    for (auto& [level, members] : literals) {
-      report.totals.literals += members.size();
-      add_literals(scene, level, std::move(members), &layers);
-    }
-    if (positions.bits == 0) choose_frame(layers, lossless, &header);
-    if (!lossless) {
-      if (positions.bits == 0 && positions.step > 0) {
-        choose_fixed_frame(layers, positions.step, &header);
-      }
-      choose_opacity(layers, positions.opacity_bits, &header);
-    }
-    // Lossless streams have no errors.
-    GaussianErrors worst;
-    if (!lossless) worst = observed_errors(scene, header, layers, bounds, threads);
-    header.errors = statement_of(worst, bounds);
-    header.errors.own_least_sizes = !lossless && input_.least_sizes != nullptr;
-    report.totals.max_position_error = worst.position;
-    report.totals.max_covariance_factor = worst.covariance;
-    report.totals.max_opacity_error = worst.opacity;
-    report.totals.max_visible_error = worst.visible;
-    report.totals.max_mean_t_error = worst.mean_time;
-    report.totals.num_layers = static_cast<uint32_t>(layers.size());
-    FileParts parts;
-    L4D_RETURN_IF_ERROR(build_file(scene, settings_, header, layers, sh, threads, &parts));
-    L4D_RETURN_IF_ERROR(check_written(parts.chunks));
-    for (const Bytes& chunk : parts.chunks) {
-      steps.report(kTotalWork - kWriteWork);
-      if (!write(chunk.data(), chunk.size())) return Status(L4D_ERR_IO, "writing failed");
-    }
-    steps.end();
-    report.order = std::move(parts.order);
-    report.totals.file_bytes = parts.bytes;
-    report.totals.input_gaussians = input_.gaussians.count;
-    report.totals.coded_gaussians = scene.count;
-    report.totals.invalid_dropped = scene.invalid_dropped;
-    report.totals.pruned = scene.pruned;
-    report.totals.raw_bytes = 4 * (17 + scene.sh_dim()) * input_.gaussians.count;
+    L4D_RETURN_IF_ERROR(run.prepare());
+    run.start_sh();
+    run.code_layers();
+    run.finish_sh();
+    run.complete_layers();
+    run.choose_header();
+    L4D_RETURN_IF_ERROR(run.write(write));
   } catch (const Cancelled&) {
     return Status(L4D_ERR_CANCELLED, "cancelled by the progress callback");
   }
-  report.stages = steps.take();
-  report.totals.num_stages = static_cast<uint32_t>(report.stages.size());
-  report.totals.total_seconds =
-      std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count();
-  report_ = std::move(report);
+  report_ = run.report();
   has_report_ = true;
   return {};
 }

@@ -48,7 +48,7 @@ class Encoder {
   const EncodeReport* report() const { return has_report_ ? &report_ : nullptr; }
 
  private:
-  class Steps;
+  class Run;
 
   l4d_encoder_options options_;
   std::unique_ptr<NearestDevice> device_;

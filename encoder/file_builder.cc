@@ -18,18 +18,17 @@ constexpr size_t kMaxPagesPerDirectoryPage = size_t{1} << 19;
 class FileBuilder {
  public:
   FileBuilder(const EncoderScene& scene, const EncoderSettings& settings, SceneHeader header,
-              const std::vector<CodedLayer>& layers, const CodedComponent& sh, int threads)
+              const CodedScene& coded, int threads)
       : scene_(scene),
         settings_(settings),
         header_(std::move(header)),
-        layers_(layers),
-        sh_(sh),
+        layers_(coded.layers),
+        sh_(coded.sh),
         threads_(threads),
         streams_(settings.get_int(L4D_ENC_ZSTD_LEVEL)),
         zstd_(settings.get_int(L4D_ENC_ZSTD_LEVEL)) {}
 
   Status run(FileParts* out) {
-    for (const CodedLayer& layer : layers_) header_.layers.push_back(layer.header);
     add_codebooks();
     build_pages();
     build_payload();
@@ -93,7 +92,7 @@ class FileBuilder {
       const PageOptions options{page_size, settings_.get_int(L4D_ENC_ZSTD_LEVEL),
                                 settings_.get_bool(L4D_ENC_RANS)};
       built_.push_back(
-          build_layer(scene_, header_, header_.layers[l], layers_[l], sh_, options, threads_));
+          build_layer(scene_, header_, header_.layers[l], layers_[l], options, threads_));
       if (!built_.back().entropy.empty()) {
         header_.layers[l].has_entropy = true;
         header_.layers[l].entropy = make_chunk(std::move(built_.back().entropy), &entropy_);
@@ -299,9 +298,8 @@ class FileBuilder {
 }  // namespace
 
 Status build_file(const EncoderScene& scene, const EncoderSettings& settings, SceneHeader header,
-                  const std::vector<CodedLayer>& layers, const CodedComponent& sh, int threads,
-                  FileParts* out) {
-  return FileBuilder(scene, settings, std::move(header), layers, sh, threads).run(out);
+                  const CodedScene& coded, int threads, FileParts* out) {
+  return FileBuilder(scene, settings, std::move(header), coded, threads).run(out);
 }
 
 }  // namespace l4d

@@ -4,6 +4,7 @@
 
 #include <vector>
 
+#include "encoder/coded_scene.h"
 #include "encoder/page_builder.h"
 
 namespace l4d {
@@ -14,11 +15,10 @@ struct FileParts {
   uint64_t bytes = 0;
 };
 
-// header: scene-wide fields set, layers empty. `sh` is the scene's SH component (indexed by scene
-// index), unused where the scene is lossless.
+// header: as choose_header chose it. What only chunks tell is added: where each lies, which layers
+// have entropy tables, and the profile and level that the stream keeps to, unless settings say.
 // Fails with LIMIT_EXCEEDED where the file goes beyond the conformance level that it shall declare.
 Status build_file(const EncoderScene& scene, const EncoderSettings& settings, SceneHeader header,
-                  const std::vector<CodedLayer>& layers, const CodedComponent& sh, int threads,
-                  FileParts* out);
+                  const CodedScene& coded, int threads, FileParts* out);
 
 }  // namespace l4d

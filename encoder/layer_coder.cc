@@ -7,7 +7,7 @@
 
 #include "encoder/closed_loop.h"
 #include "encoder/mean_time.h"
-#include "encoder/page_builder.h"
+#include "encoder/position_coding.h"
 #include "encoder/quality.h"
 #include "encoder/shape_coder.h"
 #include "libl4dcodec/base/half.h"
@@ -27,7 +27,7 @@ constexpr size_t kMaxBlocksPerDirectoryPage = 256;
 // Members in the order of their buckets, of a layer whose level is known.
 void place_in_buckets(const EncoderScene& scene, const std::vector<uint32_t>& members,
                       CodedLayer* layer) {
-  const unsigned level = layer->header.level;
+  const unsigned level = layer->level;
   std::vector<std::pair<uint32_t, uint32_t>> order;
   order.reserve(members.size());
   for (const uint32_t i : members) {
@@ -45,7 +45,7 @@ void place_in_buckets(const EncoderScene& scene, const std::vector<uint32_t>& me
       kBucketsPerDirectoryPage * buckets / std::max<double>(1, static_cast<double>(used));
   unsigned bits = 0;
   while (bits < 16 && static_cast<double>(1u << bits) < std::min(span, buckets)) ++bits;
-  layer->header.directory_bits = bits;
+  layer->directory_bits = bits;
 }
 
 class LayerCoder {
@@ -59,8 +59,8 @@ class LayerCoder {
 
   CodedLayer run(std::vector<uint32_t>* misfits, std::vector<uint32_t>* literals) {
     lossless_ = settings_.get_bool(L4D_ENC_LOSSLESS);
-    out_.header.level = plan_.level;
-    out_.header.permanent = plan_.permanent;
+    out_.level = plan_.level;
+    out_.permanent = plan_.permanent;
     place_in_buckets(scene_, plan_.members, &out_);
     code_mean_times();
     if (lossless_) {
@@ -71,12 +71,10 @@ class LayerCoder {
     }
     place_all();
     drop_misfits(misfits, literals);
-    out_.header.num_gaussians = count();
     if (!lossless_) {
       finish_shapes(&out_);
       for (unsigned c = L4D_COMPONENT_SCALE; c < L4D_COMPONENT_COUNT; ++c) {
         rank_codebooks(out_.component[c], out_.blocks);
-        describe_component(out_.component[c], &out_.header.component[c]);
       }
     }
     return std::move(out_);
@@ -89,7 +87,7 @@ class LayerCoder {
   // Runs of whole buckets within one directory page, each large enough to earn a codebook.
   void make_blocks() {
     if (plan_.level == 0 || settings_.get_int(L4D_ENC_RCQ) == 0) return;
-    const unsigned bits = out_.header.directory_bits;
+    const unsigned bits = out_.directory_bits;
     size_t blocks_in_page = 0;
     for (size_t j = 0; j < count();) {
       size_t end = j;
@@ -116,9 +114,9 @@ class LayerCoder {
   void code_mean_times() {
     const size_t n = count();
     if (plan_.permanent || lossless_) {
-      out_.header.mean_t = plan_.permanent           ? MeanCodingId::kNone
-                           : scene_.has_double_times ? MeanCodingId::kRaw64
-                                                     : MeanCodingId::kRaw32;
+      out_.mean_times.mean_t = plan_.permanent           ? MeanCodingId::kNone
+                               : scene_.has_double_times ? MeanCodingId::kRaw64
+                                                         : MeanCodingId::kRaw32;
     } else {
       std::vector<MeanTimeTarget> targets(n);
       for (size_t j = 0; j < n; ++j) {
@@ -126,11 +124,11 @@ class LayerCoder {
       }
       choose_mean_times(targets, plan_.far || settings_.codes_half_mean_times(),
                         settings_.get_int(L4D_ENC_MEAN_T_SHIFT),
-                        bucket_width(timeline(), plan_.level), &out_.header);
+                        bucket_width(timeline(), plan_.level), &out_.mean_times);
     }
     out_.decoded_mean_t.resize(n);
-    out_.mean_t.resize(out_.header.has_mean_codes() ? n : 0);
-    out_.mean_t_fine.resize(out_.header.mean_t_fine ? n : 0);
+    out_.mean_t.resize(out_.mean_times.has_mean_codes() ? n : 0);
+    out_.mean_t_fine.resize(out_.mean_times.mean_t_fine ? n : 0);
     for (size_t j = 0; j < n; ++j) {
       const double mean = scene_.mean_t[out_.members[j]];
       if (plan_.permanent) {
@@ -144,9 +142,9 @@ class LayerCoder {
   }
 
   void describe_lossless() {
-    out_.header.scale_factor.coding = ScalarCodingId::kConstant;
+    out_.scale_factor.coding = ScalarCodingId::kConstant;
     for (unsigned c = L4D_COMPONENT_SCALE; c < L4D_COMPONENT_COUNT; ++c) {
-      out_.header.component[c].coding = ComponentCodingId::kRaw32;
+      out_.component[c].coding = ComponentCodingId::kRaw32;
     }
   }
 
@@ -187,9 +185,9 @@ class LayerCoder {
     seen.reference = reference_time(timeline(), seen.mean);
     seen.opacity = static_cast<double>(out_.opacity[j]);
     for (size_t k = 0; k < 3; ++k) {
-      const double x = out_.position[3 * j + k];
-      seen.position[k] =
-          options_.frame == nullptr ? x : coded_position(*options_.frame, out_.header, k, x);
+      seen.position[k] = options_.positions == nullptr
+                             ? out_.position[3 * j + k]
+                             : coded_position(*options_.positions, out_, j, k);
     }
     return seen;
   }
@@ -356,14 +354,14 @@ class LayerCoder {
             share * quality_.mean_t_error() * scene_.sigma_t(i)};
   }
   MeanTimeCode code_mean(const MeanTimeTarget& target) const {
-    return code_mean_time(out_.header, bucket_width(timeline(), plan_.level), target);
+    return code_mean_time(out_.mean_times, bucket_width(timeline(), plan_.level), target);
   }
   double decoded_mean(size_t j, const MeanTimeCode& code) const {
     return bucket_center(timeline(), plan_.level, out_.bucket[j]) + static_cast<double>(code.local);
   }
   void set_mean(size_t j, const MeanTimeCode& code) {
     out_.mean_t[j] = code.code;
-    if (out_.header.mean_t_fine) out_.mean_t_fine[j] = code.fine;
+    if (out_.mean_times.mean_t_fine) out_.mean_t_fine[j] = code.fine;
     out_.decoded_mean_t[j] = decoded_mean(j, code);
   }
 
@@ -390,20 +388,19 @@ constexpr double kMaxRoundedMean = 0.001;
 CodedLayer code_literals(const EncoderScene& scene, unsigned level,
                          const std::vector<uint32_t>& members) {
   CodedLayer out;
-  out.header.level = level;
+  out.level = level;
   place_in_buckets(scene, members, &out);
-  out.header.num_gaussians = members.size();
-  out.header.raw_position = true;
+  out.literal = true;
   // Seconds since 1970 in binary32 are off by a minute.
   const bool doubles = std::any_of(members.begin(), members.end(), [&](uint32_t i) {
     const SeenGaussian seen = scene.seen(i);
     const double off = seen.mean - static_cast<double>(static_cast<float>(seen.mean));
     return std::fabs(off) * std::sqrt(seen.lambda) > kMaxRoundedMean;
   });
-  out.header.mean_t = doubles ? MeanCodingId::kRaw64 : MeanCodingId::kRaw32;
-  out.header.scale_factor.coding = ScalarCodingId::kConstant;
+  out.mean_times.mean_t = doubles ? MeanCodingId::kRaw64 : MeanCodingId::kRaw32;
+  out.scale_factor.coding = ScalarCodingId::kConstant;
   for (unsigned c = L4D_COMPONENT_SCALE; c < L4D_COMPONENT_COUNT; ++c) {
-    out.header.component[c].coding = ComponentCodingId::kRaw32;
+    out.component[c].coding = ComponentCodingId::kRaw32;
   }
   for (const uint32_t i : out.members) {
     const SeenGaussian seen = scene.seen(i);

@@ -13,12 +13,18 @@
 namespace l4d {
 
 struct CodedLayer {
-  LayerHeader header;              // without chunk references and page table
+  unsigned level = 0;
+  bool permanent = false;
+  bool literal = false;  // members are stored as they are
+  unsigned directory_bits = 0;
+  MeanTimeCoding mean_times;
+  ScalarCoding scale_factor;
+  float log_scale_t = 0;           // of all members, where the layer is permanent
   std::vector<uint32_t> members;   // [m] scene indices, ordered by bucket
   std::vector<uint32_t> bucket;    // [m]
   std::vector<BlockRange> blocks;  // runs of members; empty where the layer has no RCQ
   std::vector<uint16_t> factor;    // [m] SQ codes
-  std::array<CodedComponent, L4D_COMPONENT_COUNT> component;  // SH stays empty
+  std::array<CodedComponent, L4D_COMPONENT_COUNT> component;  // SH: its codes alone, added last
   std::vector<uint16_t> mean_t;       // [m] binary16, or codes of fixed ones
   std::vector<uint16_t> mean_t_fine;  // [m] refinements of fixed ones
   // What the decoder will find, in double: the means follow from these.
@@ -27,6 +33,8 @@ struct CodedLayer {
   std::vector<double> decoded_velocity;  // [m, 3]
   std::vector<double> position;          // [m, 3] to be coded
   std::vector<float> opacity;            // [m] to be coded
+
+  unsigned scale_dim() const { return permanent ? 3 : 4; }
 };
 
 // Codes the members of a plan. Those whose decoded form no longer fits the layer are left out and

@@ -6,7 +6,7 @@
 #include <limits>
 #include <mutex>
 
-#include "encoder/page_builder.h"
+#include "encoder/position_coding.h"
 #include "encoder/scalar.h"
 #include "encoder/shape_coder.h"
 #include "libl4dcodec/base/threads.h"
@@ -17,24 +17,24 @@ namespace {
 
 constexpr size_t kGrain = 4096;
 
-SeenGaussian decoded(const EncoderScene& scene, const SceneHeader& header, const CodedLayer& layer,
-                     size_t j) {
+SeenGaussian decoded(const EncoderScene& scene, const PositionCoding& positions,
+                     const ScalarCoding& opacity, const CodedLayer& layer, size_t j) {
   SeenGaussian seen{};
   const size_t i = layer.members[j];
-  if (layer.header.raw_position) {
+  if (layer.literal) {
     slice_in_double(scene.rotor.data() + 8 * i, scene.log_scale.data() + 4 * i, &seen);
   } else {
     float rotor[8], log_scale[4];
     decoded_shape(layer, j, rotor, log_scale);
     slice_in_double(rotor, log_scale, &seen);
   }
-  if (layer.header.permanent) seen.lambda = 0;
+  if (layer.permanent) seen.lambda = 0;
   seen.mean = layer.decoded_mean_t[j];
   seen.reference = reference_time(scene.timeline, seen.mean);
   for (size_t k = 0; k < 3; ++k) {
-    seen.position[k] = coded_position(header, layer.header, k, layer.position[3 * j + k]);
+    seen.position[k] = coded_position(positions, layer, j, k);
   }
-  seen.opacity = static_cast<double>(scalar_value(header.opacity, layer.opacity[j]));
+  seen.opacity = static_cast<double>(scalar_value(opacity, layer.opacity[j]));
   return seen;
 }
 
@@ -59,9 +59,9 @@ float stated(double error) {
 
 }  // namespace
 
-GaussianErrors observed_errors(const EncoderScene& scene, const SceneHeader& header,
-                               const std::vector<CodedLayer>& layers, ErrorBounds bounds,
-                               int threads) {
+GaussianErrors observed_errors(const EncoderScene& scene, const PositionCoding& positions,
+                               const ScalarCoding& opacity, const std::vector<CodedLayer>& layers,
+                               ErrorBounds bounds, int threads) {
   bounds.position_slack = bounds.opacity_slack = 0;
   const double begin = scene.timeline.time_begin;
   GaussianErrors worst;
@@ -70,9 +70,10 @@ GaussianErrors observed_errors(const EncoderScene& scene, const SceneHeader& hea
     parallel_for(threads, layer.members.size(), kGrain, [&](size_t first, size_t last) {
       GaussianErrors own;
       for (size_t j = first; j < last; ++j) {
-        take_worse(errors_of(scene.seen(layer.members[j]), decoded(scene, header, layer, j), begin,
-                             begin + scene.duration, bounds, own.opacity),
-                   &own);
+        take_worse(
+            errors_of(scene.seen(layer.members[j]), decoded(scene, positions, opacity, layer, j),
+                      begin, begin + scene.duration, bounds, own.opacity),
+            &own);
       }
       std::lock_guard<std::mutex> lock(mutex);
       take_worse(own, &worst);

@@ -8,6 +8,7 @@
 #include <numeric>
 
 #include "encoder/entropy_model.h"
+#include "encoder/position_coding.h"
 #include "encoder/scalar.h"
 #include "libl4dcodec/base/half.h"
 #include "libl4dcodec/base/hash.h"
@@ -43,13 +44,11 @@ constexpr size_t kMinDetailBytes = 4096;
 class LayerBuilder {
  public:
   LayerBuilder(const EncoderScene& scene, const SceneHeader& header,
-               const LayerHeader& layer_header, const CodedLayer& layer, const CodedComponent& sh,
-               const PageOptions& options)
+               const LayerHeader& layer_header, const CodedLayer& layer, const PageOptions& options)
       : scene_(scene),
         header_(header),
         layer_header_(layer_header),
         layer_(layer),
-        sh_(sh),
         options_(options) {}
 
   BuiltLayer run(int threads) {
@@ -250,11 +249,11 @@ class LayerBuilder {
       }
       return;
     }
-    const CodedComponent& from = c == L4D_COMPONENT_SH ? sh_ : layer_.component[c];
-    if (coding.transform()) return add_transform(coding, c, from.transform, cut, &to);
+    const CodedComponent& from = layer_.component[c];
+    if (coding.transform()) return add_transform(coding, from.transform, cut, &to);
     if (!coding.vq()) return;
     for (size_t i = cut.begin; i < cut.end; ++i) {
-      const size_t j = c == L4D_COMPONENT_SH ? layer_.members[order_[i]] : order_[i];
+      const size_t j = order_[i];
       const uint8_t depth = from.depth[j];
       to.depth.push_back(depth);
       if (depth == kLiteralDepth) {
@@ -271,10 +270,10 @@ class LayerBuilder {
     }
   }
 
-  void add_transform(const ComponentCoding& coding, unsigned c, const CodedTransform& from,
-                     const Cut& cut, ComponentColumns* to) const {
+  void add_transform(const ComponentCoding& coding, const CodedTransform& from, const Cut& cut,
+                     ComponentColumns* to) const {
     for (size_t i = cut.begin; i < cut.end; ++i) {
-      const size_t j = c == L4D_COMPONENT_SH ? layer_.members[order_[i]] : order_[i];
+      const size_t j = order_[i];
       to->cls.push_back(from.cls[j]);
       to->rung.push_back(from.rung[j]);
       for (unsigned k = 0; k < rung_coefficients(coding, from.rung[j]); ++k) {
@@ -314,7 +313,7 @@ class LayerBuilder {
       const double reference =
           header_.position_at_mean_time ? mean : reference_time(scene_.timeline, mean);
       for (size_t k = 0; k < 3; ++k) {
-        const double p = coded_position(header_, layer_header_, k, layer_.position[3 * j + k]);
+        const double p = coded_position(header_, layer_, j, k);
         const double v = layer_.decoded_velocity[3 * j + k];
         for (const double t : {a, b}) {
           const double x = p + v * (t - reference);
@@ -342,7 +341,6 @@ class LayerBuilder {
   const SceneHeader& header_;
   const LayerHeader& layer_header_;
   const CodedLayer& layer_;
-  const CodedComponent& sh_;
   PageOptions options_;
   std::vector<uint16_t> half_;   // [m, 3], or
   std::vector<uint32_t> fixed_;  // [m, 3]
@@ -363,98 +361,10 @@ BlockRecord block_entries(const CodedLayer& layer, size_t block) {
   return record;
 }
 
-double coded_position(const SceneHeader& header, const LayerHeader& layer, size_t k, double x) {
-  const float center = header.position_center[k];
-  const double scaled =
-      (x - static_cast<double>(center)) / static_cast<double>(header.position_scale);
-  switch (header.position_of(layer)) {
-    case MeanCodingId::kFixed: {
-      const double last = static_cast<double>((1u << header.position_bits) - 1);
-      const float code = static_cast<float>(nearest_code<uint32_t>(scaled, 0, last));
-      return static_cast<double>(center + header.position_scale * code);
-    }
-    case MeanCodingId::kF16: {
-      const float half = half_to_float(float_to_half_saturate(static_cast<float>(scaled)));
-      return static_cast<double>(center + header.position_scale * half);
-    }
-    default:
-      return static_cast<double>(static_cast<float>(x));
-  }
-}
-
-void choose_frame(const std::vector<CodedLayer>& layers, bool lossless, SceneHeader* header) {
-  header->position = lossless ? MeanCodingId::kRaw32 : MeanCodingId::kF16;
-  std::vector<double> axis;
-  double reach = 0;
-  for (size_t k = 0; k < 3; ++k) {
-    axis.clear();
-    for (const CodedLayer& layer : layers) {
-      if (layer.header.raw_position) continue;
-      for (size_t j = k; j < layer.position.size(); j += 3) axis.push_back(layer.position[j]);
-    }
-    if (axis.empty()) continue;
-    const auto middle = axis.begin() + static_cast<std::ptrdiff_t>(axis.size() / 2);
-    std::nth_element(axis.begin(), middle, axis.end());
-    // Half of all Gaussians on either side: binary16 is finest around its zero.
-    const float center = sound_constant(static_cast<float>(*middle));
-    header->position_center[k] = lossless ? 0.0f : center;
-    for (const double x : axis) reach = std::max(reach, std::fabs(x - static_cast<double>(center)));
-  }
-  // A power of two, so that scaling is exact, under which the farthest Gaussian is near the top of
-  // the range of binary16 and the finest steps are used around the centre.
-  header->position_scale = 1;
-  if (!lossless && reach > 0) {
-    const int exponent = std::clamp(static_cast<int>(std::ceil(std::log2(reach / 32768))), -40, 60);
-    header->position_scale = std::ldexp(1.0f, exponent);
-  }
-}
-
-void choose_fixed_frame(const std::vector<CodedLayer>& layers, double step, SceneHeader* header) {
-  double low[3], high[3];
-  std::fill_n(low, 3, HUGE_VAL);
-  std::fill_n(high, 3, -HUGE_VAL);
-  for (const CodedLayer& layer : layers) {
-    if (layer.header.raw_position) continue;
-    for (size_t j = 0; j < layer.position.size(); ++j) {
-      low[j % 3] = std::min(low[j % 3], layer.position[j]);
-      high[j % 3] = std::max(high[j % 3], layer.position[j]);
-    }
-  }
-  double reach = 0;
-  for (size_t k = 0; k < 3; ++k) {
-    if (low[k] > high[k]) low[k] = high[k] = 0;  // nothing but literals
-    reach = std::max(reach, high[k] - low[k]);
-  }
-  // A step between powers of two saves a fraction of a bit; one that is no power of two rounds
-  // nothing that matters.
-  const double finest = reach / ((1u << kMaxPositionBits) - 2);
-  const float scale = static_cast<float>(std::clamp(std::max(step, finest), 0x1p-40, 0x1p60));
-  header->position = MeanCodingId::kFixed;
-  header->position_scale = scale;
-  header->position_bits = 1;
-  for (size_t k = 0; k < 3; ++k) {
-    header->position_center[k] = sound_constant(static_cast<float>(low[k]));
-    const double codes =
-        (high[k] - static_cast<double>(header->position_center[k])) / static_cast<double>(scale);
-    while (header->position_bits < kMaxPositionBits &&
-           codes > static_cast<double>((1u << header->position_bits) - 1)) {
-      ++header->position_bits;
-    }
-  }
-}
-
-void choose_opacity(const std::vector<CodedLayer>& layers, unsigned bits, SceneHeader* header) {
-  std::vector<float> all;
-  for (const CodedLayer& layer : layers) {
-    all.insert(all.end(), layer.opacity.begin(), layer.opacity.end());
-  }
-  header->opacity = choose_scalar_coding(all, bits);
-}
-
 BuiltLayer build_layer(const EncoderScene& scene, const SceneHeader& header,
                        const LayerHeader& layer_header, const CodedLayer& layer,
-                       const CodedComponent& sh, const PageOptions& options, int threads) {
-  return LayerBuilder(scene, header, layer_header, layer, sh, options).run(threads);
+                       const PageOptions& options, int threads) {
+  return LayerBuilder(scene, header, layer_header, layer, options).run(threads);
 }
 
 }  // namespace l4d

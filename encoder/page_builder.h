@@ -28,18 +28,10 @@ struct BuiltLayer {
   Bytes entropy;                 // tables of rANS pages; empty where the layer has none
 };
 
-// Frame of the coded positions and opacity coding, chosen over all layers.
-void choose_frame(const std::vector<CodedLayer>& layers, bool lossless, SceneHeader* header);
-// Fixed-point coordinates with a step of about `step`, or as fine as their bits allow.
-void choose_fixed_frame(const std::vector<CodedLayer>& layers, double step, SceneHeader* header);
-void choose_opacity(const std::vector<CodedLayer>& layers, unsigned bits, SceneHeader* header);
-
-// What a position is decoded to along axis k.
-double coded_position(const SceneHeader& header, const LayerHeader& layer, size_t k, double x);
-
+// header, layer_header: as choose_header chose them.
 BuiltLayer build_layer(const EncoderScene& scene, const SceneHeader& header,
                        const LayerHeader& layer_header, const CodedLayer& layer,
-                       const CodedComponent& sh, const PageOptions& options, int threads);
+                       const PageOptions& options, int threads);
 
 // The record of block b as far as pages need it: entries, no chunks.
 BlockRecord block_entries(const CodedLayer& layer, size_t block);

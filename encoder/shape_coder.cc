@@ -39,11 +39,6 @@ struct Rows {
   bool any = false;               // whether any number is not zero
 };
 
-struct CodedRows {
-  ComponentCodingId coding = ComponentCodingId::kZero;
-  CodedComponent component;
-};
-
 float decoded_factor(const ScalarCoding& f, const std::vector<uint16_t>& codes, size_t j) {
   return f.coding == ScalarCodingId::kConstant ? f.offset
                                                : f.offset + f.step * static_cast<float>(codes[j]);
@@ -52,10 +47,10 @@ float decoded_factor(const ScalarCoding& f, const std::vector<uint16_t>& codes, 
 // In the decoder's float arithmetic.
 void decoded_rotor(const CodedComponent& spatial, const CodedComponent& temporal, size_t j,
                    float* rotor) {
-  if (spatial.is_transform) {
+  if (spatial.is_transform()) {
     transform_kernels_reference().rotors(
         spatial.decoded.data() + 3 * j,
-        temporal.is_transform ? temporal.decoded.data() + 3 * j : nullptr, 1, rotor, false);
+        temporal.is_transform() ? temporal.decoded.data() + 3 * j : nullptr, 1, rotor, false);
     return;
   }
   float merged[8];
@@ -67,7 +62,7 @@ void decoded_rotor(const CodedComponent& spatial, const CodedComponent& temporal
 // Log scales without the decoded factor.
 void scale_row(const EncoderScene& scene, const CodedLayer& layer, size_t j, float factor,
                float* row) {
-  const size_t i = layer.members[j], dim = layer.header.scale_dim();
+  const size_t i = layer.members[j], dim = layer.scale_dim();
   for (size_t k = 0; k < dim; ++k) row[k] = scene.log_scale[4 * i + k] - factor;
 }
 
@@ -99,7 +94,7 @@ class ShapeCoder {
         out_(layer) {}
 
   void run() {
-    if (out_.header.permanent) out_.header.log_scale_t = largest_log_scale_t();
+    if (out_.permanent) out_.log_scale_t = largest_log_scale_t();
     const int threads = resolve_threads(options_.threads);
     apart_ = threads >= kComponents && in_codebooks_only();
     threads_ = apart_ ? (threads + kComponents - 1) / kComponents : threads;
@@ -108,17 +103,17 @@ class ShapeCoder {
     Rotors rotors = best_rotors();
     if (apart_) options_.step("scale_vq");
     put_scales(scales.get());
-    put(L4D_COMPONENT_ROTOR_SPATIAL, std::move(rotors[0]));
-    put(L4D_COMPONENT_ROTOR_TEMPORAL, std::move(rotors[1]));
+    out_.component[L4D_COMPONENT_ROTOR_SPATIAL] = std::move(rotors[0]);
+    out_.component[L4D_COMPONENT_ROTOR_TEMPORAL] = std::move(rotors[1]);
   }
 
  private:
   struct Scales {
     ScalarCoding factor_coding;
     std::vector<uint16_t> factor;
-    CodedRows rows;
+    CodedComponent coded;
   };
-  using Rotors = std::array<CodedRows, 2>;  // spatial, temporal
+  using Rotors = std::array<CodedComponent, 2>;  // spatial, temporal
 
   size_t count() const { return out_.members.size(); }
   int coding_of(unsigned c) const { return settings_.get_int(L4D_ENC_CODING, static_cast<int>(c)); }
@@ -140,9 +135,9 @@ class ShapeCoder {
   }
 
   void put_scales(Scales scales) {
-    out_.header.scale_factor = scales.factor_coding;
+    out_.scale_factor = scales.factor_coding;
     out_.factor = std::move(scales.factor);
-    put(L4D_COMPONENT_SCALE, std::move(scales.rows));
+    out_.component[L4D_COMPONENT_SCALE] = std::move(scales.coded);
   }
 
   Rotors best_rotors() const {
@@ -158,14 +153,9 @@ class ShapeCoder {
     return best;
   }
 
-  void put(unsigned c, CodedRows coded) {
-    out_.header.component[c].coding = coded.coding;
-    out_.component[c] = std::move(coded.component);
-  }
-
   // Transforms are of whole log scales, codebooks of what is left without their mean.
   Scales scales_as(bool transform) const {
-    const size_t n = count(), dim = out_.header.scale_dim();
+    const size_t n = count(), dim = out_.scale_dim();
     std::vector<float> factor(n, 0.0f);
     if (!transform) {
       for_all([&](size_t j) {
@@ -186,8 +176,8 @@ class ShapeCoder {
       scale_row(scene_, out_, j, decoded, rows.values.data() + j * dim);
     });
     rows.any = any_number(rows);
-    out.rows = code_rows(L4D_COMPONENT_SCALE, rows, transform,
-                         apart_ ? options_.cancelled_elsewhere : options_.cancelled);
+    out.coded = code_rows(L4D_COMPONENT_SCALE, rows, transform,
+                          apart_ ? options_.cancelled_elsewhere : options_.cancelled);
     return out;
   }
 
@@ -207,8 +197,8 @@ class ShapeCoder {
     });
     // The spatial half says what kind of map the temporal one belongs to.
     halves[0].any = stereographic || any_number(halves[0]);
-    halves[1].any = !out_.header.permanent && any_number(halves[1]);
-    std::future<CodedRows> spatial = start_beside(apart_, [&] {
+    halves[1].any = !out_.permanent && any_number(halves[1]);
+    std::future<CodedComponent> spatial = start_beside(apart_, [&] {
       return code_rows(L4D_COMPONENT_ROTOR_SPATIAL, halves[0], stereographic,
                        apart_ ? options_.cancelled_elsewhere : options_.cancelled);
     });
@@ -245,16 +235,18 @@ class ShapeCoder {
     });
   }
 
-  CodedRows code_rows(unsigned c, const Rows& rows, bool transform,
-                      const std::function<bool()>* cancelled) const {
+  CodedComponent code_rows(unsigned c, const Rows& rows, bool transform,
+                           const std::function<bool()>* cancelled) const {
     const size_t n = count();
-    CodedRows out;
     if (!rows.any) {
-      out.component.n = n;
-      out.component.dim = rows.dim;
-      out.component.decoded.assign(n * rows.dim, 0.0f);
-      out.component.depth.assign(n, 0);
-    } else if (transform) {
+      CodedComponent zero;
+      zero.n = n;
+      zero.dim = rows.dim;
+      zero.decoded.assign(n * rows.dim, 0.0f);
+      zero.depth.assign(n, 0);
+      return zero;
+    }
+    if (transform) {
       TransformSettings s;
       s.distortion = quality_.per_number(c);
       s.max_step = quality_.max_step(kMaxStep[c]);
@@ -267,29 +259,22 @@ class ShapeCoder {
       s.zero_origin = c == L4D_COMPONENT_ROTOR_TEMPORAL;
       s.all_coefficients = true;
       s.threads = threads_;
-      out.coding = ComponentCodingId::kTransform;
-      out.component =
-          code_component_transform(rows.values.data(), rows.importance.data(), n, rows.dim, s);
-    } else {
-      ComponentSettings s = component_settings(settings_, c);
-      s.seed = options_.seed * 131 + out_.header.level * 8 + c + (out_.header.permanent ? 4096 : 0);
-      s.threads = threads_;
-      s.device = options_.device;
-      s.cancelled = cancelled;
-      const bool by_cost =
-          settings_.get_bool(L4D_ENC_CODEBOOKS_BY_COST) || coding_of(c) == kCheaper;
-      if (by_cost) s.bit_price = quality_.bit_price(c);
-      out.coding = ComponentCodingId::kVq;
-      out.component =
-          code_component(rows.values.data(), (by_cost ? rows.importance : rows.weights).data(), n,
-                         rows.dim, out_.blocks, s);
+      return code_component_transform(rows.values.data(), rows.importance.data(), n, rows.dim, s);
     }
-    return out;
+    ComponentSettings s = component_settings(settings_, c);
+    s.seed = options_.seed * 131 + out_.level * 8 + c + (out_.permanent ? 4096 : 0);
+    s.threads = threads_;
+    s.device = options_.device;
+    s.cancelled = cancelled;
+    const bool by_cost = settings_.get_bool(L4D_ENC_CODEBOOKS_BY_COST) || coding_of(c) == kCheaper;
+    if (by_cost) s.bit_price = quality_.bit_price(c);
+    return code_component(rows.values.data(), (by_cost ? rows.importance : rows.weights).data(), n,
+                          rows.dim, out_.blocks, s);
   }
 
   // Bits, and errors in bits of the same worth.
   double cost_of(const Scales& scales) const {
-    const size_t n = count(), dim = out_.header.scale_dim();
+    const size_t n = count(), dim = out_.scale_dim();
     double error = 0;
     for (size_t j = 0; j < n; ++j) {
       const size_t i = out_.members[j];
@@ -297,12 +282,12 @@ class ShapeCoder {
       const double importance = static_cast<double>(scene_.importance[L4D_COMPONENT_SCALE][i]);
       for (size_t k = 0; k < dim; ++k) {
         const double e = static_cast<double>(scene_.log_scale[4 * i + k]) -
-                         static_cast<double>(factor + scales.rows.component.decoded[j * dim + k]);
+                         static_cast<double>(factor + scales.coded.decoded[j * dim + k]);
         error += importance * e * e;
       }
     }
     const bool constant = scales.factor_coding.coding == ScalarCodingId::kConstant;
-    return bits_of(scales.rows) + (constant ? 0 : codes_bits(scales.factor)) +
+    return bits_of(scales.coded) + (constant ? 0 : codes_bits(scales.factor)) +
            error / quality_.bit_price(L4D_COMPONENT_SCALE);
   }
 
@@ -311,7 +296,7 @@ class ShapeCoder {
     for (size_t j = 0; j < count(); ++j) {
       const size_t i = out_.members[j];
       float decoded[8];
-      decoded_rotor(rotors[0].component, rotors[1].component, j, decoded);
+      decoded_rotor(rotors[0], rotors[1], j, decoded);
       for (size_t k = 0; k < 8; ++k) {
         const double e =
             static_cast<double>(scene_.rotor[8 * i + k]) - static_cast<double>(decoded[k]);
@@ -327,8 +312,8 @@ class ShapeCoder {
     return cost;
   }
 
-  static double bits_of(const CodedRows& rows) {
-    return rows.coding == ComponentCodingId::kZero ? 0 : component_bits(rows.component);
+  static double bits_of(const CodedComponent& coded) {
+    return coded.coding == ComponentCodingId::kZero ? 0 : component_bits(coded);
   }
 
   float largest_log_scale_t() const {
@@ -357,11 +342,11 @@ ShapeRefiner::ShapeRefiner(const EncoderScene& scene, CodedLayer* layer)
 void ShapeRefiner::make_row(size_t j, unsigned c, float* row) const {
   const size_t i = layer_.members[j];
   if (c == L4D_COMPONENT_SCALE) {
-    scale_row(scene_, layer_, j, decoded_factor(layer_.header.scale_factor, layer_.factor, j), row);
+    scale_row(scene_, layer_, j, decoded_factor(layer_.scale_factor, layer_.factor, j), row);
     return;
   }
   const bool temporal = c == L4D_COMPONENT_ROTOR_TEMPORAL;
-  if (!layer_.component[c].is_transform) {
+  if (!layer_.component[c].is_transform()) {
     std::copy_n(scene_.rotor.data() + 8 * i + (temporal ? 4 : 0), 4, row);
     return;
   }
@@ -372,14 +357,14 @@ void ShapeRefiner::make_row(size_t j, unsigned c, float* row) const {
 
 bool ShapeRefiner::refine(size_t j, unsigned c) {
   CodedComponent& component = layer_.component[c];
-  const ComponentCodingId coding = layer_.header.component[c].coding;
   float row[4];
-  if (coding == ComponentCodingId::kTransform) {
+  if (component.is_transform()) {
     make_row(j, c, row);
     return code_row(row, component.dim, j, component.transform.cls[j] + 1u, component.transform,
                     component.decoded.data() + j * component.dim);
   }
-  if (coding != ComponentCodingId::kVq || component.depth[j] == kLiteralDepth) return false;
+  if (component.coding != ComponentCodingId::kVq || component.depth[j] == kLiteralDepth)
+    return false;
   make_row(j, c, row);
   component.depth[j] = kLiteralDepth;
   for (size_t k = 0; k < component.dim; ++k) {
@@ -392,7 +377,7 @@ ShapeRefiner::State ShapeRefiner::save(size_t j, unsigned c) const {
   const CodedComponent& component = layer_.component[c];
   State s;
   std::copy_n(component.decoded.data() + j * component.dim, component.dim, s.decoded);
-  if (!component.is_transform) {
+  if (!component.is_transform()) {
     s.depth = component.depth[j];
     return s;
   }
@@ -406,7 +391,7 @@ ShapeRefiner::State ShapeRefiner::save(size_t j, unsigned c) const {
 void ShapeRefiner::restore(size_t j, unsigned c, const State& s) {
   CodedComponent& component = layer_.component[c];
   std::copy_n(s.decoded, component.dim, component.decoded.data() + j * component.dim);
-  if (!component.is_transform) {
+  if (!component.is_transform()) {
     component.depth[j] = s.depth;
     return;
   }
@@ -419,7 +404,7 @@ void ShapeRefiner::restore(size_t j, unsigned c, const State& s) {
 void finish_shapes(CodedLayer* layer) {
   for (unsigned c = L4D_COMPONENT_SCALE; c < L4D_COMPONENT_COUNT; ++c) {
     CodedComponent& component = layer->component[c];
-    if (component.is_transform) drop_unused_coefficients(component.transform, component.dim);
+    if (component.is_transform()) drop_unused_coefficients(component.transform, component.dim);
     component.any_literal = std::find(component.depth.begin(), component.depth.end(),
                                       kLiteralDepth) != component.depth.end();
   }
@@ -431,13 +416,13 @@ void code_shapes(const EncoderScene& scene, const CoderOptions& options, const Q
 }
 
 void decoded_shape(const CodedLayer& layer, size_t j, float* rotor, float* log_scale) {
-  const float factor = decoded_factor(layer.header.scale_factor, layer.factor, j);
-  const size_t dim = layer.header.scale_dim();
+  const float factor = decoded_factor(layer.scale_factor, layer.factor, j);
+  const size_t dim = layer.scale_dim();
   for (size_t k = 0; k < dim; ++k) {
     log_scale[k] =
         clamp_log_scale(factor + layer.component[L4D_COMPONENT_SCALE].decoded[j * dim + k]);
   }
-  if (layer.header.permanent) log_scale[3] = layer.header.log_scale_t;
+  if (layer.permanent) log_scale[3] = layer.log_scale_t;
   decoded_rotor(layer.component[L4D_COMPONENT_ROTOR_SPATIAL],
                 layer.component[L4D_COMPONENT_ROTOR_TEMPORAL], j, rotor);
 }

@@ -8,7 +8,7 @@
 namespace l4d {
 
 // Codes the scales and rotors of layer->members, whose buckets and blocks are there. Fills factor,
-// component and, of the header, what says how they are coded but for describe_component.
+// scale_factor, log_scale_t and component.
 void code_shapes(const EncoderScene& scene, const CoderOptions& options, const Quality& quality,
                  CodedLayer* layer);
 

@@ -239,12 +239,66 @@ TEST(Component, AllLiterals) {
   CodedComponent c = code(d, s);
   rank_codebooks(c, {});
   ComponentCoding coding;
-  coding.coding = ComponentCodingId::kVq;
   describe_component(c, &coding);
+  EXPECT_EQ(coding.coding, ComponentCodingId::kVq);
   EXPECT_TRUE(coding.literals);
   ASSERT_GE(coding.stages.size(), 1u);
   EXPECT_EQ(coding.stages[0].num_entries, 1u);
   expect_same_bits(c.decoded, reconstruct(c, d));
+}
+
+TEST(Component, CodesOfSomeGaussiansInAnotherOrder) {
+  const Data d = clustered(400, 4, 40, 21);
+  ComponentSettings s = small_settings();
+  s.stages = {1, 0.5f};
+  s.literal_threshold = 1.5;
+  CodedComponent c = code(d, s);
+  ASSERT_TRUE(c.any_literal);
+  const std::vector<uint32_t> which = {399, 7, 0, 250, 8, 31};
+  for (const int threads : {1, 3}) {
+    const CodedComponent codes = codes_of(c, which, threads);
+    EXPECT_EQ(codes.coding, ComponentCodingId::kVq);
+    EXPECT_EQ(codes.n, which.size());
+    EXPECT_TRUE(codes.books.empty());
+    ASSERT_EQ(codes.index.size(), c.index.size());
+    for (size_t j = 0; j < which.size(); ++j) {
+      const size_t i = which[j];
+      EXPECT_EQ(codes.depth[j], c.depth[i]);
+      for (size_t k = 0; k < c.index.size(); ++k) EXPECT_EQ(codes.index[k][j], c.index[k][i]);
+      for (size_t k = 0; k < 4; ++k) {
+        EXPECT_EQ(codes.decoded[4 * j + k], c.decoded[4 * i + k]);
+      }
+    }
+  }
+  drop_codes(c);
+  EXPECT_EQ(c.coding, ComponentCodingId::kVq);
+  EXPECT_FALSE(c.books.empty());
+  EXPECT_TRUE(c.depth.empty());
+  EXPECT_TRUE(c.decoded.empty());
+}
+
+TEST(Component, CodesOfATransformInAnotherOrder) {
+  const Data d = clustered(300, 12, 10, 22, 0.5);
+  TransformSettings s;
+  s.distortion = 1e-3;
+  s.max_step = 1;
+  s.principal_axes = true;
+  s.threads = 1;
+  const CodedComponent c = code_component_transform(d.rows.data(), d.weights.data(), d.n, d.dim, s);
+  ASSERT_FALSE(c.transform.coefficient.empty());
+  const std::vector<uint32_t> which = {299, 3, 120};
+  const CodedComponent codes = codes_of(c, which, 1);
+  EXPECT_TRUE(codes.is_transform());
+  EXPECT_TRUE(codes.decoded.empty());  // nothing of it is stored
+  ASSERT_EQ(codes.transform.coefficient.size(), c.transform.coefficient.size());
+  for (size_t j = 0; j < which.size(); ++j) {
+    const size_t i = which[j];
+    EXPECT_EQ(codes.transform.cls[j], c.transform.cls[i]);
+    EXPECT_EQ(codes.transform.rung[j], c.transform.rung[i]);
+    for (size_t k = 0; k < c.transform.coefficient.size(); ++k) {
+      EXPECT_EQ(codes.transform.coefficient[k][j], c.transform.coefficient[k][i]);
+    }
+  }
 }
 
 TEST(Component, LiteralsSaturateInsteadOfOverflowing) {

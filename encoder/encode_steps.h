@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <cstring>
+#include <utility>
+#include <vector>
+
+#include "l4d/encode.h"
+
+namespace l4d {
+
+// Thrown out of the innermost loops; caught in Encoder::encode.
+struct Cancelled {};
+
+// Times the steps of an encode and tells the caller about them. All but was_cancelled() is for one
+// thread.
+class EncodeSteps {
+ public:
+  // total: the work of all steps.
+  EncodeSteps(l4d_progress_fn fn, void* user, uint64_t total)
+      : fn_(fn), user_(user), total_(total) {}
+
+  void begin(const char* name) {
+    end();
+    name_ = name;
+    started_ = Clock::now();
+    report(done_);
+  }
+  void end() {
+    if (name_ == nullptr) return;
+    const double seconds = std::chrono::duration<double>(Clock::now() - started_).count();
+    const auto same = std::find_if(stages_.begin(), stages_.end(),
+                                   [&](const auto& s) { return std::strcmp(s.first, name_) == 0; });
+    if (same == stages_.end()) {
+      stages_.emplace_back(name_, seconds);
+    } else {
+      same->second += seconds;
+    }
+    name_ = nullptr;
+  }
+  void advance(uint64_t work) { done_ += work; }
+  void report(uint64_t done) {
+    if (cancelled(done)) throw Cancelled();
+  }
+  // Called now and then inside long loops, which then return early with what they have. One nonzero
+  // answer of the callback is enough: the next report ends the call.
+  bool cancelled() { return cancelled(done_); }
+  // For other threads: whether the callback has answered so.
+  bool was_cancelled() const { return cancelled_; }
+  std::vector<std::pair<const char*, double>> take() { return std::move(stages_); }
+
+ private:
+  using Clock = std::chrono::steady_clock;
+
+  bool cancelled(uint64_t done) {
+    if (!cancelled_ && fn_ != nullptr && name_ != nullptr) {
+      cancelled_ = fn_(user_, done, total_, name_) != 0;
+    }
+    return cancelled_;
+  }
+
+  l4d_progress_fn fn_;
+  void* user_;
+  uint64_t total_;
+  const char* name_ = nullptr;
+  Clock::time_point started_;
+  uint64_t done_ = 0;
+  std::atomic<bool> cancelled_{false};
+  std::vector<std::pair<const char*, double>> stages_;
+};
+
+}  // namespace l4d
