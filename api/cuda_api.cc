@@ -62,7 +62,8 @@ template <typename Body>
 l4d_status on_device(l4d_cuda_decoder* decoder, const char* bad, const Body& body) {
   return call_on(decoder, bad, [&]() -> Status {
     const l4d::api::Busy::Scope lender(decoder->lender.busy);
-    if (!lender.entered()) return Status(L4D_ERR_INVALID_STATE, "the decoder serves another call");
+    if (!lender.entered())
+      return Status(L4D_ERR_INVALID_STATE, "another call is using the decoder");
     l4d::cuda::DeviceScope scope;
     L4D_RETURN_IF_ERROR(scope.enter(decoder->impl.device()));
     return body(decoder->impl);

@@ -113,7 +113,7 @@ Status check_written(const std::vector<Bytes>& chunks) {
   const Status status = read_all(pieces);
   if (status.ok() || status.code() == L4D_ERR_OUT_OF_MEMORY) return status;
   return Status(L4D_ERR_INTERNAL, status.clause(), status.offset(),
-                "the stream made would be refused: " + status.message());
+                "internal error: a decoder would refuse the encoded stream: " + status.message());
 }
 
 }  // namespace l4d

@@ -97,7 +97,7 @@ void matrix(const CameraPlace& place, const Json& object, const char* key, size_
     }
   }
   if (good) return;
-  place.fail(std::string(key) + " is no matrix of " + std::to_string(rows) + " x " +
+  place.fail(std::string(key) + " must be a matrix of " + std::to_string(rows) + " x " +
              std::to_string(columns) + " numbers");
 }
 
@@ -159,7 +159,7 @@ void check_camera(const CameraPlace& place, const l4d_camera& camera) {
   const double determinant = m[0] * (m[5] * m[10] - m[6] * m[9]) -
                              m[1] * (m[4] * m[10] - m[6] * m[8]) +
                              m[2] * (m[4] * m[9] - m[5] * m[8]);
-  if (!(determinant > 0)) place.fail("the rotation mirrors: its determinant is -1");
+  if (!(determinant > 0)) place.fail("the rotation contains a reflection: its determinant is -1");
 }
 
 std::string beside(const std::string& path, const std::string& name) {

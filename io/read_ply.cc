@@ -86,7 +86,7 @@ void set_fps_from_comment(const PlyReader& reader, l4d_timeline& timeline) {
   const auto den = std::from_chars(slash + 1, end, timeline.fps_den);
   if (num.ec != std::errc() || den.ec != std::errc() || num.ptr != slash || den.ptr != end ||
       timeline.fps_num == 0 || timeline.fps_den == 0) {
-    reader.fail(L4D_ERR_CORRUPT, "comment fps holds no frame rate");
+    reader.fail(L4D_ERR_CORRUPT, "comment fps is not a frame rate");
   }
 }
 

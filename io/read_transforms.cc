@@ -168,7 +168,7 @@ class TransformsReader {
       set_.frames = 1;  // a scene at rest
       return;
     }
-    if (with_time_ != set_.cameras.size()) file.fail("some cameras have a time and some have none");
+    if (with_time_ != set_.cameras.size()) file.fail("either all cameras or none must have a time");
     set_.time_is_fraction = max_time_ <= 1;
     set_.notes.push_back(set_.time_is_fraction
                              ? "No time is above 1: times are shares of the sequence."

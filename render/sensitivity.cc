@@ -64,7 +64,7 @@ Status sum_over(const l4d_ranks& ranks, std::vector<int64_t>* values) {
   const auto sum = [&ranks](std::vector<int64_t>* v) {
     return ranks.sum(ranks.user, v->data(), v->size()) == 0
                ? Status()
-               : Status(L4D_ERR_IO, "adding up sums of all ranks failed");
+               : Status(L4D_ERR_IO, "the sum over all processes failed");
   };
   if (ranks.count < 1u << (63 - kWholeBits)) {
     L4D_RETURN_IF_ERROR(sum(values));

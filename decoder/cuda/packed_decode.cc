@@ -101,7 +101,7 @@ Status DeviceDecoder::check_literals() const {
 
 Status DeviceDecoder::num_literals(uint64_t* counts) const {
   if (!finished_ || decoded_ != L4D_CUDA_FORM_PACKED) {
-    return Status(L4D_ERR_INVALID_STATE, "nothing was decoded in packed form and finished");
+    return Status(L4D_ERR_INVALID_STATE, "no packed decode has finished");
   }
   std::copy_n(job_->num_literals(results_.data()), L4D_COMPONENT_COUNT, counts);
   return {};

@@ -54,7 +54,7 @@ TEST_F(CamerasTest, JsonThatIsWrongIsNamed) {
       {"500, 0, 300", "0, 0, 300", "camera 7: the focal length 0"},
       {"500, 0, 300", "-500, 0, 300", "camera 7: the focal length -500"},
       {"500, 0, 300", "500, 2, 300", "camera 7: K has a skew"},
-      {"500, 0, 300", "500, 0", "camera 7: K is no matrix of 3 x 3"},
+      {"500, 0, 300", "500, 0", "camera 7: K must be a matrix of 3 x 3"},
       {"500, 0, 300", "500, 0, \"x\"", "camera 7: K is not a number"},
       {"[0, 0, 1]]", "[0, 0, 2]]", "camera 7: K is no matrix of a pinhole"},
       {"[0, 1, 0, 0]", "[0, 1.002, 0, 0]", "camera 7: the rotation is not orthonormal"},
