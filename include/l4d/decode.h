@@ -294,9 +294,9 @@ enum {
  * the same query, and l4d_decoder_slice where the query is of kind TIME, with the time and the
  * detail of the slice and `whole_buckets` = 1. They ask for no other byte.
  *
- * A client that holds only what l4d_decoder_open has read calls this with one step after the other,
- * and fetches the ranges before each next step. Where the reader can block, one call with ALL is
- * enough. A tolerant decoder leaves out what it cannot read of the directory, as a loss.
+ * A client that holds only the bytes that l4d_decoder_open has read calls this once per step, and
+ * fetches the returned ranges before the next step. If the reader can block, one call with ALL is
+ * enough. A tolerant decoder skips unreadable directory pages and reports them as losses.
  *
  * The ranges are in ascending order, at least one byte apart, and inside the file. They do not
  * depend on what the decoder holds already; neighbouring pages are joined over small gaps, as the
@@ -307,11 +307,10 @@ L4D_API l4d_status l4d_decoder_get_reads(l4d_decoder* decoder, const l4d_query* 
                                          uint32_t step, l4d_byte_range* ranges, uint64_t capacity,
                                          uint64_t* count);
 
-/* The bytes that l4d_decoder_open reads besides the first L4D_FILE_HEADER_BYTES: *range is the
- * scene header, as these first bytes say. `data`: the first `size` bytes of the file.
- * Fails with TRUNCATED where size is below L4D_FILE_HEADER_BYTES, with NOT_L4D, CHECKSUM,
- * VERSION_UNSUPPORTED or FEATURE_UNSUPPORTED where l4d_decoder_open would.
- * Returns ranges beyond the end of the file as they are. */
+/* Returns the range of the scene header: the only bytes that l4d_decoder_open reads after the first
+ * L4D_FILE_HEADER_BYTES. `data`: the first `size` bytes of the file. Does not check the range
+ * against the end of the file. Fails with TRUNCATED if size is below L4D_FILE_HEADER_BYTES, and
+ * otherwise as l4d_decoder_open does. */
 #define L4D_FILE_HEADER_BYTES 40
 L4D_API l4d_status l4d_get_header_range(const void* data, size_t size, l4d_byte_range* range);
 
@@ -418,7 +417,7 @@ L4D_API l4d_status l4d_decoder_get_dequantization(l4d_decoder* decoder, uint32_t
 
 /* ---- profiles and levels --------------------------------------------------------------------- */
 
-/* Which codings a stream keeps to (spec chapter "Profiles and levels"). */
+/* The codings that a stream is restricted to (spec chapter "Profiles and levels"). */
 enum {
   L4D_PROFILE_NONE = 0,
   L4D_PROFILE_INDEXED = 1, /* has a packed form: codebooks and scalar codes */

@@ -294,9 +294,9 @@ enum {
  * the same query, and l4d_decoder_slice where the query is of kind TIME, with the time and the
  * detail of the slice and `whole_buckets` = 1. They ask for no other byte.
  *
- * A client that holds only what l4d_decoder_open has read calls this with one step after the other,
- * and fetches the ranges before each next step. Where the reader can block, one call with ALL is
- * enough. A tolerant decoder leaves out what it cannot read of the directory, as a loss.
+ * A client that holds only the bytes that l4d_decoder_open has read calls this once per step, and
+ * fetches the returned ranges before the next step. If the reader can block, one call with ALL is
+ * enough. A tolerant decoder skips unreadable directory pages and reports them as losses.
  *
  * The ranges are in ascending order, at least one byte apart, and inside the file. They do not
  * depend on what the decoder holds already; neighbouring pages are joined over small gaps, as the
@@ -307,11 +307,10 @@ L4D_API l4d_status l4d_decoder_get_reads(l4d_decoder* decoder, const l4d_query* 
                                          uint32_t step, l4d_byte_range* ranges, uint64_t capacity,
                                          uint64_t* count);
 
-/* The bytes that l4d_decoder_open reads besides the first L4D_FILE_HEADER_BYTES: *range is the
- * scene header, as these first bytes say. `data`: the first `size` bytes of the file.
- * Fails with TRUNCATED where size is below L4D_FILE_HEADER_BYTES, with NOT_L4D, CHECKSUM,
- * VERSION_UNSUPPORTED or FEATURE_UNSUPPORTED where l4d_decoder_open would.
- * Returns ranges beyond the end of the file as they are. */
+/* Returns the range of the scene header: the only bytes that l4d_decoder_open reads after the first
+ * L4D_FILE_HEADER_BYTES. `data`: the first `size` bytes of the file. Does not check the range
+ * against the end of the file. Fails with TRUNCATED if size is below L4D_FILE_HEADER_BYTES, and
+ * otherwise as l4d_decoder_open does. */
 #define L4D_FILE_HEADER_BYTES 40
 L4D_API l4d_status l4d_get_header_range(const void* data, size_t size, l4d_byte_range* range);
 
@@ -418,7 +417,7 @@ L4D_API l4d_status l4d_decoder_get_dequantization(l4d_decoder* decoder, uint32_t
 
 /* ---- profiles and levels --------------------------------------------------------------------- */
 
-/* Which codings a stream keeps to (spec chapter "Profiles and levels"). */
+/* The codings that a stream is restricted to (spec chapter "Profiles and levels"). */
 enum {
   L4D_PROFILE_NONE = 0,
   L4D_PROFILE_INDEXED = 1, /* has a packed form: codebooks and scalar codes */
@@ -514,6 +513,34 @@ L4D_API l4d_status l4d_decoder_set_detail(l4d_decoder* decoder, uint32_t detail)
  * Fails with BUFFER_TOO_SMALL if capacity is below `count`. A tolerant decoder skips lost pages and
  * reads them again in each call, so that `count` grows when the reader recovers. */
 L4D_API l4d_status l4d_decoder_slice(l4d_decoder* decoder, double time, l4d_splat_buffers* out);
+
+/* 3D Gaussians at one instant as a structure of arrays, the form that renderers take. */
+typedef struct l4d_splat_columns {
+  size_t struct_size;
+  uint64_t capacity;     /* number of Gaussians that each array has room for */
+  uint64_t count;        /* out: number of Gaussians, also if the call fails for capacity */
+  float* position[3];    /* [M] each: x, y, z */
+  float* covariance[6];  /* [M] each: xx xy xz yy yz zz */
+  float* opacity;        /* [M] in [0, 1], temporal falloff applied */
+  const float** sh_rows; /* [M] as in l4d_splat_buffers */
+  /* As in l4d_splat_buffers. Here every Gaussian that looks the same throughout the sequence is
+   * among the first num_still, whichever bucket holds it. */
+  uint64_t num_still;
+  uint64_t still_key;
+  /* In: the call skips Gaussians whose opacity at `time` is below this. It may keep some that are
+   * within rounding of it. 0 = skip none. */
+  float least_opacity;
+  uint32_t reserved;
+} l4d_splat_columns;
+L4D_API void l4d_splat_columns_init_(l4d_splat_columns* columns, size_t struct_size);
+#define l4d_splat_columns_init(columns) l4d_splat_columns_init_((columns), sizeof(*(columns)))
+/* Slices the stream at `time` seconds, clamped to the sequence. The Gaussians and their numbers are
+ * those of l4d_decoder_slice, in another order. If capacity is 0, only `count` is computed;
+ * otherwise no array may be NULL.
+ * Fails with BUFFER_TOO_SMALL if capacity is above 0 and below `count`; the arrays are unchanged
+ * then. Fails with INVALID_ARGUMENT if least_opacity is not a number >= 0. */
+L4D_API l4d_status l4d_decoder_slice_columns(l4d_decoder* decoder, double time,
+                                             l4d_splat_columns* out);
 
 /* ---- losses -------------------------------------------------------------------------------- */
 

@@ -91,8 +91,8 @@ enum {
   L4D_ENC_QUALITY_OFFSET = 20, /* per component: dB added to the quality */
   L4D_ENC_FIXED_POSITIONS =
       21, /* 0: binary16, 1: fixed point with a step that follows the quality */
-  /* 0..10: codes mean times as binary16, in bucket widths, without this number of low bits. -1: as
-   * the quality allows; binary16 in streams with a packed form, else fixed point. */
+  /* 0..10: codes mean times as binary16 in units of the bucket width, and drops this number of low
+   * bits. -1: chosen by the quality: binary16 if the stream has a packed form, else fixed point. */
   L4D_ENC_MEAN_T_SHIFT = 22,
   L4D_ENC_RANS = 23, /* 0: zstd, 1: rANS pages */
   L4D_ENC_WEIGHT_MEASURE =

@@ -116,9 +116,10 @@ typedef int (*l4d_progress_fn)(void* user, uint64_t done, uint64_t total, const 
  * sequence is the half-open interval of num_frames frames. All times of the API, mean times
  * included, are on this clock. It may have any origin; seconds since 1970 have a resolution of
  * 0.24 us. */
+#define L4D_MAX_FRAMES (1u << 24)
 typedef struct l4d_timeline {
-  double time_begin; /* seconds */
-  uint32_t num_frames;
+  double time_begin;   /* seconds */
+  uint32_t num_frames; /* 1..L4D_MAX_FRAMES */
   uint32_t fps_num;
   uint32_t fps_den;
   uint32_t reserved;
