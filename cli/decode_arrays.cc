@@ -12,7 +12,7 @@ namespace {
 class Collector {
  public:
   Collector(Context& context, const DecoderHandle& decoder, const l4d_query& query)
-      : context_(context), decoder_(decoder), selection_(decoder.select(query)) {}
+      : context_(context), selection_(decoder.select(query)) {}
 
   size_t num_selected() const { return static_cast<size_t>(selection_.num_gaussians); }
 
@@ -69,7 +69,6 @@ class Collector {
 
  private:
   Context& context_;
-  const DecoderHandle& decoder_;
   const l4d_selection selection_;
 };
 
