@@ -59,7 +59,7 @@ TEST_F(CamerasTest, JsonThatIsWrongIsNamed) {
       {"[0, 0, 1]]", "[0, 0, 2]]", "camera 7: K is no matrix of a pinhole"},
       {"[0, 1, 0, 0]", "[0, 1.002, 0, 0]", "camera 7: the rotation is not orthonormal"},
       {"[0, 1, 0, 0]", "[0, 1, 0.002, 0]", "camera 7: the rotation is not orthonormal"},
-      {"[0, 1, 0, 0]", "[0, -1, 0, 0]", "camera 7: the rotation mirrors"},
+      {"[0, 1, 0, 0]", "[0, -1, 0, 0]", "camera 7: the rotation contains a reflection"},
       {"[0, 1, 0, 0]", "[0, null, 0, 0]", "camera 7: w2c is not a number"},
       {"[0, 0, 0, 1]]", "[0, 0, 1, 1]]", "camera 7: w2c does not end in the row"},
       {"\"K\"", "\"k\"", "camera 7: K is missing"},
@@ -172,13 +172,13 @@ TEST_F(CamerasTest, TransformsThatAreWrongAreNamed) {
   const struct {
     const char *from, *to, *message;
   } cases[] = {
-      {"\"time\": 0.25,", "", "some cameras have a time"},
+      {"\"time\": 0.25,", "", "all cameras or none must have a time"},
       {"0.25", "-0.25", "camera 0: time is negative"},
       {"1.1386263822013238", "3.5", "camera 0: camera_angle_x is no angle"},
       {"camera_angle_x", "angle", "camera 0: neither fl_x nor"},
       {"\"h\": 480,", "", "camera 0: h is missing"},
       {"[0, 0, 1, 5]", "[0, 0, 1.1, 5]", "camera 0: the rotation is not orthonormal"},
-      {"[0, 0, 1, 5]", "[0, 0, -1, 5]", "camera 0: the rotation mirrors"},
+      {"[0, 0, 1, 5]", "[0, 0, -1, 5]", "camera 0: the rotation contains a reflection"},
       {"transform_matrix", "matrix", "camera 0: transform_matrix is missing"},
   };
   for (const auto& c : cases) {
