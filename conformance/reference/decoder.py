@@ -47,7 +47,7 @@ class Decoder:
         """file: bytes, or a File."""
         self.file = file if isinstance(file, File) else File(file)
         chunk = self.file.scene_header()
-        self.header_bytes = len(chunk.raw)
+        self.header_at, self.header_bytes = chunk.at, len(chunk.raw)
         self.header = self.file.flatbuffer(chunk, "Header", b"L4DH", "HEAD-1")
         with located(chunk.at):
             check_header(self.header, len(chunk.raw))

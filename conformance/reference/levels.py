@@ -5,7 +5,7 @@ Plain sums over all phases and windows at which something changes, in exact arit
 
 from fractions import Fraction
 
-from arithmetic import require
+from arithmetic import Invalid, require
 from header import COMPONENTS, F16, FIXED, RAW32, RAW64, SH, TRANSFORM, VQ
 from times import directory_pages, num_buckets, phase_of_time, visible_interval
 
@@ -136,6 +136,16 @@ class Demand:
                 total += self.later[y]
                 most = max(most, total - rate * (y - x) * per_phase)
         return most
+
+    def level(self):
+        """The least level whose limits the stream keeps, 0 if none."""
+        for level in LEVELS:
+            try:
+                self.check_level(level)
+            except Invalid:
+                continue
+            return level
+        return 0
 
     def check_level(self, level):
         g, c, i, start, rate, burst, memory = LEVELS[level]

@@ -3,17 +3,24 @@
 """The decoder of conformance/reference by itself: reference_test.py"""
 
 import ast
+import json
+import subprocess
 import sys
+import tempfile
 import unittest
+from pathlib import Path
 
 sys.dont_write_bytecode = True
 
 import stream_builder as sb     # its import makes the following ones possible
 import broken_rans
+import digests
+import random_stream
 import zstd
 from arithmetic import Invalid
-from broken_streams import broken
-from decoder import Decoder
+from broken_streams import FIRST, broken, scene
+from decoder import Decoder, Query
+from validate import validate
 from xxh64 import xxh64
 
 REFERENCE = sb.ROOT / "conformance"
@@ -92,6 +99,77 @@ class Offsets(unittest.TestCase):
                     self.assertIsNotNone(error.offset)
                     inside = error.clause == "CHNK-1" or 0 <= error.offset <= len(data)
                     self.assertTrue(inside, error.offset)
+
+
+class Validation(unittest.TestCase):
+    def test_valid_streams(self):
+        for name, data in {"scene": sb.build(scene(), rng=FIRST), **dict(broken_rans.valid())}.items():
+            with self.subTest(name):
+                validate(Decoder(data))
+
+    # spec: CHNK-4, DIR-9, DIR-10, LAYR-1
+    def test_each_broken_rule_is_named(self):
+        files = {**dict(broken()), **dict(broken_rans.broken())}
+        for name, data in files.items():
+            with self.subTest(name), self.assertRaises(Invalid) as caught:
+                validate(Decoder(data))
+            with self.subTest(name):
+                self.assertEqual(caught.exception.clause, name.split()[0])
+
+
+class Queries(unittest.TestCase):
+    def test_all_buckets_are_everything(self):
+        fewer = 0
+        for seed in range(0, 60, 6):
+            decoder = Decoder(random_stream.RandomScene(seed).build())
+            whole = digests.of_attributes(decoder, Query())
+            used = sorted({(s.index, s.record["bucket"]) for s in decoder.select(Query())})
+            self.assertEqual(digests.of_attributes(decoder, Query(buckets=used)), whole, seed)
+            h, width = decoder.header, decoder.duration
+            everything = Query(h["time_begin"] - 1, h["time_begin"] + width + 1, whole_buckets=True)
+            some = Query(h["time_begin"], h["time_begin"])
+            count = lambda query: sum(s.record["num_gaussians"] for s in decoder.select(query))
+            self.assertLessEqual(count(some), count(everything))
+            self.assertLessEqual(count(everything), h["num_gaussians"])
+            fewer += count(some) < h["num_gaussians"]
+            least = min((la["level"] for la in h["layers"]), default=0)
+            coarse = [s for s in decoder.select(Query(most_level=least))]
+            self.assertTrue(all(h["layers"][s.index]["level"] == least for s in coarse))
+        self.assertGreater(fewer, 2)
+
+
+class CommandLine(unittest.TestCase):
+    def run_it(self, *arguments):
+        program = REFERENCE / "reference" / "l4d.py"
+        out = subprocess.run([sys.executable, "-B", str(program), *map(str, arguments)],
+                             capture_output=True, text=True, check=False)
+        return out.returncode, json.loads(out.stdout) if out.stdout else None
+
+    def test_answers(self):
+        tiny = sb.ROOT / "spec" / "examples" / "tiny.l4d"
+        for options in ((), ("--query", "time:1.25"), ("--query", "range:1:1.5"),
+                        ("--query", "buckets:0/0"), ("--level", 0), ("--detail", "base")):
+            status, out = self.run_it(tiny, *options)
+            self.assertEqual((status, out["num_gaussians"]), (0, 3), options)
+            self.assertEqual(out["digests"], digests.of_attributes(Decoder(tiny.read_bytes()), Query()))
+        self.assertEqual(self.run_it(tiny, "--query", "buckets:")[1]["num_gaussians"], 0)
+        status, out = self.run_it(tiny, "--packed")
+        self.assertEqual((status, len(out["digests"])), (0, 18))
+        self.assertEqual(self.run_it(tiny, "--query", "validate"), (0, {"valid": True}))
+        self.assertEqual(self.run_it(tiny, "--query", "demand")[1]["gaussians"], 3)
+        self.assertEqual(self.run_it(tiny, "--query", "header")[1]["header"]["fps_num"], 4)
+        for query in ("x", "time:", "range:2:1", "buckets:1", "buckets:0/1,0/0"):
+            self.assertEqual(self.run_it(tiny, "--query", query), (2, None), query)
+
+    def test_refusals(self):
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "broken.l4d"
+            path.write_bytes(dict(broken())["FILE-2"])
+            status, out = self.run_it(path)
+            self.assertEqual((status, out["refused"], out["offset"]), (1, "FILE-2", 8))
+            path.write_bytes(dict(broken())["VAL-3"])
+            status, out = self.run_it(path, "--packed")
+            self.assertEqual((status, out), (0, {"unavailable": "packed"}))
 
 
 if __name__ == "__main__":

@@ -30,7 +30,7 @@ import levels                   # noqa: E402
 import make_tiny                # noqa: E402
 from arithmetic import Invalid  # noqa: E402
 from broken_streams import FIRST, broken, edited, scene     # noqa: E402
-from decoder import Decoder     # noqa: E402
+from decoder import Decoder, Query  # noqa: E402
 from xxh3 import xxh3_64        # noqa: E402
 
 SPEC = sb.ROOT / "spec" / "l4d.md"
@@ -156,6 +156,19 @@ class RandomStreams(unittest.TestCase):
         self.assertLess(whole, len(files) - NUM_RANDOM_STREAMS // 20)
         for seed, lines in library("base", files).items():
             self.assertEqual(lines, want[seed], f"seed {seed}")
+
+    # spec: LAYR-2, DEC-2
+    def test_two_readers_select_the_same_at_a_time(self):
+        fewer = 0
+        for seed in range(0, NUM_RANDOM_STREAMS, 5):
+            data = random_stream.RandomScene(seed).build()
+            decoder = Decoder(data)
+            begin, end = decoder.header["time_begin"], decoder.header["time_begin"] + decoder.duration
+            for t in (begin - 1, begin, begin + 0.31 * (end - begin), end):
+                want = decode_tiny.values(decoder.gaussians(Query(t, t)))
+                self.assertEqual(library(repr(t), {seed: data})[seed], want, f"seed {seed}, t = {t}")
+                fewer += len(want) < len(decode_tiny.values(decoder.gaussians()))
+        self.assertGreater(fewer, NUM_RANDOM_STREAMS // 10)
 
 
 class BrokenStreams(unittest.TestCase):
