@@ -21,7 +21,7 @@ class Collector {
     out.memory = eval::hold(holder_of(context_),
                             selection_.num_gaussians * bytes_per_gaussian +
                                 selection_.num_ranges * (sizeof(l4d_range) + 3 * sizeof(uint64_t)),
-                            "the decoded arrays");
+                            "the list of decoded arrays");
     ranges.resize(static_cast<size_t>(selection_.num_ranges));
   }
 
