@@ -39,7 +39,11 @@ int main(int argc, char** argv) {
   endif()
 endfunction()
 l4d_harden(-fstack-protector-strong stack-protector)
-l4d_harden(-fstack-clash-protection stack-clash-protection)
+# Windows commits a stack page by page itself, and GCC fails on large frames there (internal error in
+# seh_emit_stackalloc).
+if(NOT WIN32)
+  l4d_harden(-fstack-clash-protection stack-clash-protection)
+endif()
 l4d_harden(-fcf-protection cf-protection)
 
 # Sanitizers watch the functions that FORTIFY_SOURCE would replace. Compilers that set a level by
