@@ -14,7 +14,7 @@ if [[ ${1:-} == --bench ]]; then
   shift
 fi
 target=${1:?"usage: run.sh aarch64|wasm|mingw WORK_DIR TOOL DIGEST"}
-work=${2:?} tool=${3:?} digest=${4:?}
+work=$(realpath -m "${2:?}") tool=$(realpath "${3:?}") digest=$(realpath "${4:?}")
 here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
 root=$(cd "$here/../.." && pwd)
 sources=${L4D_CROSS_SOURCES:-$root/build/cross-sources}
