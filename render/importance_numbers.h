@@ -5,7 +5,7 @@
 #include <cstdint>
 
 #include "l4d/render.h"
-#include "render/sh.h"
+#include "libl4dcodec/scene/sh.h"
 
 namespace l4d::render {
 

@@ -5,8 +5,8 @@
 #include <cmath>
 
 #include "libl4dcodec/math/hd.h"
+#include "libl4dcodec/scene/sh.h"
 #include "render/frame.h"
-#include "render/sh.h"
 #include "render/view.h"
 
 // From a 3D Gaussian to its splat in the image, one at a time and for any floating-point type. The
@@ -90,25 +90,7 @@ L4D_HOST_DEVICE bool project_geometry(const View<T>& view, const T* position /* 
 template <typename T>
 L4D_HOST_DEVICE inline void view_direction(const View<T>& view, const T* position /* [3] */,
                                            T* direction /* [3] */) {
-  T d[3], norm2 = 0;
-  for (int k = 0; k < 3; ++k) {
-    d[k] = position[k] - view.center[k];
-    norm2 += d[k] * d[k];
-  }
-  const T norm = std::sqrt(norm2);
-  for (int k = 0; k < 3; ++k) direction[k] = norm > 0 ? d[k] / norm : view.rotation[6 + k];
-}
-
-// 0.5 + SH, not yet clamped. sh[i]: [(degree + 1)^2, 3].
-template <typename T, typename Coefficients>
-L4D_HOST_DEVICE inline void sh_color(uint32_t degree, const Coefficients& sh,
-                                     const T* direction /* [3] */, T* color /* [3] */) {
-  T basis[kMaxShTerms];
-  sh_basis(degree, direction[0], direction[1], direction[2], basis);
-  for (int c = 0; c < 3; ++c) color[c] = static_cast<T>(0.5);
-  for (uint32_t k = 0; k < sh_terms(degree); ++k) {
-    for (uint32_t c = 0; c < 3; ++c) color[c] += basis[k] * static_cast<T>(sh[3 * k + c]);
-  }
+  direction_from(view.center, position, view.rotation + 6, direction);
 }
 
 // A Gaussian as a splat, without colour; false where it touches no pixel of the view.
@@ -156,7 +138,7 @@ void shade(const View<T>& view, const Frame<T>& frame, size_t i, Splat<T>* out) 
   T direction[3];
   view_direction(view, position, direction);
   sh_color(frame.sh_degree, frame.sh[i], direction, out->color);
-  for (T& c : out->color) c = std::max(c, static_cast<T>(0));
+  clamp_color(out->color);
 }
 
 }  // namespace l4d::render

@@ -3,9 +3,9 @@
 
 #include <cmath>
 
+#include "libl4dcodec/scene/sh.h"
 #include "render/frame.h"
 #include "render/project.h"
-#include "render/sh.h"
 #include "render/view.h"
 
 // Derivatives of project() and shade(), one Gaussian at a time and for any floating-point type.

@@ -8,8 +8,8 @@
 #include <numeric>
 
 #include "libl4dcodec/base/threads.h"
+#include "libl4dcodec/scene/sh.h"
 #include "render/camera.h"
-#include "render/sh.h"
 
 namespace l4d::render {
 namespace {

@@ -9,7 +9,7 @@
 
 #include "l4d/l4d.h"
 #include "libl4dcodec/scene/prepare.h"
-#include "render/sh.h"
+#include "libl4dcodec/scene/sh.h"
 #include "render/view.h"
 
 namespace l4d::render {

@@ -2,8 +2,8 @@
 // Projection and shading of the fast path, a vector of Gaussians at a time.
 #include "render/fast/project_simd.h"
 
+#include "libl4dcodec/scene/sh.h"
 #include "render/fast/kernels.h"
-#include "render/sh.h"
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "render/fast/project_simd.cc"

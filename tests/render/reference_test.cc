@@ -10,7 +10,7 @@
 #include <deque>
 #include <vector>
 
-#include "render/sh.h"
+#include "libl4dcodec/scene/sh.h"
 #include "tests/render/unlimited.h"
 
 namespace l4d::render {

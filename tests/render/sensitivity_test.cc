@@ -8,9 +8,9 @@
 #include <vector>
 
 #include "libl4dcodec/math/rotor.h"
+#include "libl4dcodec/scene/sh.h"
 #include "render/reference.h"
 #include "render/scene.h"
-#include "render/sh.h"
 #include "tests/render/scenes.h"
 #include "tests/render/unlimited.h"
 

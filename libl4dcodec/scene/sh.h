@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <algorithm>
+#include <cmath>
 #include <cstdint>
 
 #include "libl4dcodec/math/hd.h"
 
-namespace l4d::render {
+namespace l4d {
 
 L4D_HOST_DEVICE constexpr uint32_t sh_terms(uint32_t degree) { return (degree + 1) * (degree + 1); }
 constexpr uint32_t kMaxShTerms = 16;
@@ -49,4 +51,34 @@ L4D_HOST_DEVICE inline void sh_basis(uint32_t degree, T x, T y, T z,
   basis[15] = c(k3[6]) * x * (xx - c(3) * yy);
 }
 
-}  // namespace l4d::render
+// The unit direction from `from` to `to`, `where_equal` if they are the same point.
+template <typename T>
+L4D_HOST_DEVICE inline void direction_from(const T* from /* [3] */, const T* to /* [3] */,
+                                           const T* where_equal /* [3] */, T* out /* [3] */) {
+  T d[3], norm2 = 0;
+  for (int k = 0; k < 3; ++k) {
+    d[k] = to[k] - from[k];
+    norm2 += d[k] * d[k];
+  }
+  const T norm = std::sqrt(norm2);
+  for (int k = 0; k < 3; ++k) out[k] = norm > 0 ? d[k] / norm : where_equal[k];
+}
+
+// 0.5 + SH, not yet clamped. sh[i]: [(degree + 1)^2, 3].
+template <typename T, typename Coefficients>
+L4D_HOST_DEVICE inline void sh_color(uint32_t degree, const Coefficients& sh,
+                                     const T* direction /* [3] */, T* color /* [3] */) {
+  T basis[kMaxShTerms];
+  sh_basis(degree, direction[0], direction[1], direction[2], basis);
+  for (int c = 0; c < 3; ++c) color[c] = static_cast<T>(0.5);
+  for (uint32_t k = 0; k < sh_terms(degree); ++k) {
+    for (uint32_t c = 0; c < 3; ++c) color[c] += basis[k] * static_cast<T>(sh[3 * k + c]);
+  }
+}
+
+template <typename T>
+L4D_HOST_DEVICE inline void clamp_color(T* color /* [3] */) {
+  for (int c = 0; c < 3; ++c) color[c] = std::max(color[c], static_cast<T>(0));
+}
+
+}  // namespace l4d
