@@ -5,12 +5,12 @@
 #include <cmath>
 #include <cstddef>
 
-#include "libl4dcodec/scene/slice.h"
+#include "libl4dcodec/scene/shape.h"
 
 namespace l4d::io {
 namespace {
 
-// Columns of a matrix as vectors: Jacobi rotations mix whole columns.
+// Columns of a matrix as vectors.
 using Columns = std::array<Vec4, 4>;
 
 double dot(const Vec4& a, const Vec4& b) {
@@ -29,35 +29,10 @@ void normalize_or_identity(Vec4& quaternion) {
   if (!normalize(quaternion)) quaternion = {1, 0, 0, 0};
 }
 
-// Rotates pairs of columns until all are orthogonal: then they are the left singular vectors times
-// the singular values. Working on columns keeps the small values accurate, however large the others
-// are (1e-5 scene units beside 1e5 seconds), because scaling a column changes no rounding.
+// Makes the columns orthogonal: then they are the left singular vectors times the singular values.
 void orthogonalize(Columns& columns) {
-  constexpr int kMaxSweeps = 40;        // it converges quadratically; 5 or 6 are usual
-  constexpr double kTolerance = 1e-15;  // a few roundings of the dot product
-  for (int sweep = 0; sweep < kMaxSweeps; ++sweep) {
-    bool rotated = false;
-    for (size_t p = 0; p < 3; ++p) {
-      for (size_t q = p + 1; q < 4; ++q) {
-        Vec4& a = columns[p];
-        Vec4& b = columns[q];
-        const double aa = dot(a, a), bb = dot(b, b), ab = dot(a, b);
-        if (std::abs(ab) <= kTolerance * (std::sqrt(aa) * std::sqrt(bb))) continue;
-        rotated = true;
-        const double zeta = (bb - aa) / (2 * ab);
-        const double root = std::abs(zeta) + std::sqrt(1 + zeta * zeta);
-        const double t = (zeta >= 0 ? 1 : -1) / root;
-        const double c = 1 / std::sqrt(1 + t * t);
-        const double s = c * t;
-        for (size_t k = 0; k < 4; ++k) {
-          const double x = a[k], y = b[k];
-          a[k] = c * x - s * y;
-          b[k] = s * x + c * y;
-        }
-      }
-    }
-    if (!rotated) return;
-  }
+  static_assert(sizeof(Columns) == 16 * sizeof(double));
+  l4d::orthogonalize<4>(columns[0].data(), [](int, int, double, double) {});
 }
 
 double determinant(const Columns& m) {

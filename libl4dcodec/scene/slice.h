@@ -97,23 +97,39 @@ L4D_HOST_DEVICE inline Slice4D<T> slice_rows(const T* rows /* [4, 4] */) {
   return slice_rows(rows, p);
 }
 
-// `halves` are normalised, `scale` is the exponential of log_scale.
+// `halves` are normalised, `scale` is the exponential of log_scale. `p`: as in slice_rows.
+template <typename T>
+L4D_HOST_DEVICE inline Slice4D<T> slice_gaussian(const RotorHalves<T>& halves,
+                                                 const T* scale /* [4] */,
+                                                 T (*p)[4] /* [3, 4] */) {
+  T rows[16];
+  scaled_rows(halves, scale, rows);
+  return slice_rows(rows, p);
+}
+
 template <typename T>
 L4D_HOST_DEVICE inline Slice4D<T> slice_gaussian(const RotorHalves<T>& halves,
                                                  const T* scale /* [4] */) {
-  T rows[16];
-  scaled_rows(halves, scale, rows);
-  return slice_rows(rows);
+  T p[3][4];
+  return slice_gaussian(halves, scale, p);
 }
 
-// From stored attributes, worked out in T.
+// From stored attributes, worked out in T. `p`: as in slice_rows.
 template <typename T, typename Stored>
 L4D_HOST_DEVICE inline Slice4D<T> slice_attributes(const Stored* rotor /* [8], of any length */,
-                                                   const Stored* log_scale /* [4] */) {
+                                                   const Stored* log_scale /* [4] */,
+                                                   T (*p)[4] /* [3, 4] */) {
   T r[8], scale[4];
   for (int k = 0; k < 8; ++k) r[k] = static_cast<T>(rotor[k]);
   for (int k = 0; k < 4; ++k) scale[k] = std::exp(static_cast<T>(log_scale[k]));
-  return slice_gaussian(normalized_halves(r), scale);
+  return slice_gaussian(normalized_halves(r), scale, p);
+}
+
+template <typename T, typename Stored>
+L4D_HOST_DEVICE inline Slice4D<T> slice_attributes(const Stored* rotor /* [8] */,
+                                                   const Stored* log_scale /* [4] */) {
+  T p[3][4];
+  return slice_attributes(rotor, log_scale, p);
 }
 
 }  // namespace l4d
