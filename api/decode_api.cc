@@ -2,6 +2,7 @@
 #include "api/decoder_handle.h"
 #include "decoder/check/inspection.h"
 #include "decoder/read/find_codebook.h"
+#include "decoder/session/query.h"
 #include "l4d/decode.h"
 #include "libl4dcodec/container/levels.h"
 #include "libl4dcodec/scene/attributes.h"
@@ -305,7 +306,7 @@ l4d_status l4d_decoder_select(l4d_decoder* decoder, const l4d_query* query,
                               l4d_selection* selection) {
   return with_stream(decoder, required(query, selection), [&](l4d::Decoder& d) -> Status {
     l4d_selection s{};
-    L4D_RETURN_IF_ERROR(d.select(read_struct(*query, default_query()), &s));
+    L4D_RETURN_IF_ERROR(l4d::select_query(d.stream(), read_struct(*query, default_query()), &s));
     write_struct(s, selection);
     return {};
   });
@@ -315,7 +316,7 @@ l4d_status l4d_decoder_get_ranges(l4d_decoder* decoder, const l4d_query* query, 
                                   uint64_t capacity, uint64_t* count) {
   const char* bad = first_of(required(query, count), capacity > 0 ? required(out) : nullptr);
   return with_stream(decoder, bad, [&](l4d::Decoder& d) {
-    return d.ranges(read_struct(*query, default_query()), out, capacity, count);
+    return l4d::find_ranges(d.stream(), read_struct(*query, default_query()), out, capacity, count);
   });
 }
 
@@ -323,7 +324,8 @@ l4d_status l4d_decoder_get_reads(l4d_decoder* decoder, const l4d_query* query, u
                                  l4d_byte_range* ranges, uint64_t capacity, uint64_t* count) {
   const char* bad = first_of(required(query, count), capacity > 0 ? required(ranges) : nullptr);
   return with_stream(decoder, bad, [&](l4d::Decoder& d) {
-    return d.reads(read_struct(*query, default_query()), step, ranges, capacity, count);
+    return l4d::find_reads(d.stream(), read_struct(*query, default_query()), step, ranges, capacity,
+                           count);
   });
 }
 
@@ -435,20 +437,20 @@ l4d_status l4d_decoder_check_conformance(l4d_decoder* decoder, uint32_t profile,
 }
 
 l4d_status l4d_decoder_set_detail(l4d_decoder* decoder, uint32_t detail) {
-  return call_on(decoder, nullptr, [&] { return decoder->impl.set_detail(detail); });
+  return call_on(decoder, nullptr, [&] { return decoder->impl.slicer().set_detail(detail); });
 }
 
 l4d_status l4d_decoder_slice_columns(l4d_decoder* decoder, double time, l4d_splat_columns* out) {
   return with_stream(decoder, required(out), [&](l4d::Decoder& d) -> Status {
     l4d_splat_columns columns = read_struct(*out, l4d_splat_columns{});
-    return write_output(d.slice(time, &columns), columns, out);
+    return write_output(d.slicer().slice(time, &columns), columns, out);
   });
 }
 
 l4d_status l4d_decoder_slice(l4d_decoder* decoder, double time, l4d_splat_buffers* out) {
   return with_stream(decoder, required(out), [&](l4d::Decoder& d) -> Status {
     l4d_splat_buffers buffers = read_struct(*out, l4d_splat_buffers{});
-    return write_output(d.slice(time, &buffers), buffers, out);
+    return write_output(d.slicer().slice(time, &buffers), buffers, out);
   });
 }
 
@@ -474,7 +476,7 @@ l4d_status l4d_decoder_get_counters(const l4d_decoder* decoder, l4d_counters* co
 
 l4d_status l4d_decoder_set_progress(l4d_decoder* decoder, l4d_progress_fn fn, void* user) {
   return call_on(decoder, nullptr, [&]() -> Status {
-    decoder->impl.set_progress(fn, user);
+    decoder->impl.stream().set_progress(fn, user);
     return {};
   });
 }

@@ -1,0 +1,182 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "decoder/session/bucket_cache.h"
+
+#include <utility>
+
+#include "l4d/attributes.hpp"
+#include "libl4dcodec/base/threads.h"
+
+namespace l4d {
+namespace {
+
+constexpr size_t kPrepareGrain = 4096;
+
+// A page that is lost altogether counts for both of its parts.
+size_t count_parts(const LostPages& lost) {
+  size_t parts = 0;
+  for (const LostPage& page : lost) parts += page.detail_only ? 1 : 2;
+  return parts;
+}
+
+// Range `range` of a plan alone: its arrays begin at 0.
+Plan part_of(const Plan& plan, size_t range, size_t first_task, size_t end_task) {
+  Plan part;
+  part.detail = plan.detail;
+  part.sh_bytes = plan.sh_bytes;
+  part.ranges.push_back(plan.ranges[range]);
+  for (size_t t = first_task; t < end_task; ++t) {
+    part.tasks.push_back(plan.tasks[t]);
+    part.tasks.back().range = 0;
+    part.tasks.back().first -= plan.ranges[range].first;
+  }
+  return part;
+}
+
+}  // namespace
+
+void BucketCache::evict(uint64_t needed) {
+  // The cache gives way to its own budget and to the limit on all memory.
+  const auto fits = [&] {
+    return bytes_ + needed <= stream_.options().cache_bytes &&
+           stream_.file().memory().has_room(needed);
+  };
+  while (!entries_.empty() && !fits()) {
+    auto oldest = entries_.end();
+    for (auto it = entries_.begin(); it != entries_.end(); ++it) {
+      if (it->second.last_use == clock_) continue;  // wanted by the query at hand
+      if (oldest == entries_.end() || it->second.last_use < oldest->second.last_use) oldest = it;
+    }
+    if (oldest == entries_.end()) return;
+    drop(oldest);
+  }
+}
+
+void BucketCache::drop(Entries::iterator entry) {
+  bytes_ -= entry->second.memory_bytes;
+  stream_.file().memory().release(entry->second.memory_bytes);
+  entries_.erase(entry);
+}
+
+void BucketCache::clear() {
+  entries_.clear();
+  if (stream_.is_open()) stream_.file().memory().release(bytes_);
+  bytes_ = 0;
+}
+
+void BucketCache::close() {
+  clear();
+  buckets_decoded_ = 0;
+  hits_ = 0;
+}
+
+Status BucketCache::decode(const Plan& plan, size_t range, size_t first_task, size_t end_task,
+                           CachedBucket* entry) {
+  PreparedBucket* const out = &entry->bucket;
+  const SceneHeader& header = stream_.file().header();
+  const l4d_range& r = plan.ranges[range];
+  const LayerHeader& layer = header.layers[r.layer];
+  size_t n = static_cast<size_t>(r.count);
+  out->permanent = layer.permanent;
+  out->center = r.center;
+  out->position.resize(3 * n);
+  out->mean.resize(n);
+  out->opacity.resize(n);
+  out->sh.resize(header.sh_dim() * n);
+  MemoryCharge scratch(stream_.file().memory());
+  L4D_RETURN_IF_ERROR(scratch.take(uint64_t{n} * 12 * sizeof(float), "a bucket"));
+  std::vector<float> log_scale(4 * n), rotor(8 * n);
+  l4d_gaussian_buffers buffers{};
+  buffers.struct_size = sizeof buffers;
+  buffers.position = out->position.data();
+  buffers.mean_t_local = out->mean.data();
+  buffers.opacity = out->opacity.data();
+  buffers.sh = out->sh.data();
+  buffers.log_scale = log_scale.data();
+  buffers.rotor = rotor.data();
+  Plan part = part_of(plan, range, first_task, end_task);
+  LostPages lost;
+  L4D_RETURN_IF_ERROR(stream_.pages().expand(
+      part, 0, part.tasks.size(), buffers, stream_.progress("decode"), stream_.if_tolerant(&lost)));
+  if (!lost.empty()) {
+    stream_.losses().add_pages(part, lost);
+    entry->missing.detail = part.detail;
+    entry->missing.sh_bytes = part.sh_bytes;
+    entry->missing.ranges = part.ranges;
+    entry->lost_parts = count_parts(lost);
+    for (const LostPage& page : lost) entry->missing.tasks.push_back(part.tasks[page.task]);
+    const std::vector<RowMove> moves = remove_lost(lost, &part);
+    n = static_cast<size_t>(part.num_gaussians);
+    for_each_decoded([&](const AttributeInfo& a,
+                         float* rows) { move_rows(moves, a.numbers(header.sh_degree), rows); },
+                     buffers);
+  }
+  out->count = n;
+  out->reference.resize(n);
+  out->covariance.resize(6 * n);
+  if (!layer.permanent) out->lambda.resize(n);
+  if (layer.component[L4D_COMPONENT_ROTOR_TEMPORAL].coding != ComponentCodingId::kZero) {
+    out->velocity.resize(3 * n);
+  }
+  parallel_for(stream_.threads(), n, kPrepareGrain, [&](size_t begin, size_t end) {
+    out->prepare(header, rotor.data(), log_scale.data(), begin, end);
+  });
+  out->finish(header.timeline, header.sh_dim());
+  ++buckets_decoded_;
+  return {};
+}
+
+Status BucketCache::has_recovered(const CachedBucket& entry, bool* recovered) {
+  *recovered = false;
+  if (entry.missing.tasks.empty()) return {};
+  LostPages lost;
+  L4D_RETURN_IF_ERROR(stream_.pages().probe(entry.missing, &lost));
+  *recovered = count_parts(lost) < entry.lost_parts;
+  if (!*recovered) stream_.losses().add_pages(entry.missing, lost);
+  return {};
+}
+
+Status BucketCache::load(const Plan& plan, std::vector<CachedBucket*>* out) {
+  out->clear();
+  ++clock_;
+  for (const l4d_range& r : plan.ranges) {
+    const auto it = entries_.find({r.layer, r.bucket, plan.detail});
+    if (it != entries_.end()) it->second.last_use = clock_;
+  }
+  MemoryBudget& memory = stream_.file().memory();
+  size_t task = 0;
+  for (size_t i = 0; i < plan.ranges.size(); ++i) {
+    const l4d_range& r = plan.ranges[i];
+    const size_t first_task = task;
+    while (task < plan.tasks.size() && plan.tasks[task].range == i) ++task;
+    const Key key(r.layer, r.bucket, plan.detail);
+    const auto it = entries_.find(key);
+    if (it != entries_.end()) {
+      bool recovered = false;
+      L4D_RETURN_IF_ERROR(has_recovered(it->second, &recovered));
+      if (!recovered) {
+        ++hits_;
+        out->push_back(&it->second);
+        continue;
+      }
+      drop(it);
+    }
+    CachedBucket entry;
+    entry.memory_bytes = PreparedBucket::memory_bytes(static_cast<size_t>(r.count),
+                                                      stream_.file().header().sh_dim());
+    entry.last_use = clock_;
+    // Decoding a bucket takes scratch of less than its own size beside it.
+    evict(2 * entry.memory_bytes);
+    MemoryCharge charge(memory);
+    L4D_RETURN_IF_ERROR(charge.take(entry.memory_bytes, "the bucket cache"));
+    L4D_RETURN_IF_ERROR(decode(plan, i, first_task, task, &entry));
+    entry.number = ++numbered_;
+    const uint64_t memory_bytes = entry.memory_bytes;
+    CachedBucket* const kept = &(entries_[key] = std::move(entry));
+    charge.keep();
+    bytes_ += memory_bytes;
+    out->push_back(kept);
+  }
+  return {};
+}
+
+}  // namespace l4d

@@ -1,0 +1,130 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "decoder/session/query.h"
+
+#include <algorithm>
+#include <string>
+
+#include "decoder/read/query_reads.h"
+#include "l4d/attributes.hpp"
+
+namespace l4d {
+namespace {
+
+template <typename Buffers>
+Status check_capacity(const Plan& plan, Buffers* out) {
+  out->count = plan.num_gaussians;
+  if (out->ranges != nullptr) out->num_ranges = plan.ranges.size();
+  if (plan.num_gaussians > out->capacity) {
+    return Status(L4D_ERR_BUFFER_TOO_SMALL, "capacity is " + std::to_string(out->capacity) +
+                                                ", the query selects " +
+                                                std::to_string(plan.num_gaussians) + " Gaussians");
+  }
+  if (out->ranges != nullptr && plan.ranges.size() > out->range_capacity) {
+    return Status(L4D_ERR_BUFFER_TOO_SMALL,
+                  "range_capacity is " + std::to_string(out->range_capacity) +
+                      ", the query selects " + std::to_string(plan.ranges.size()));
+  }
+  return {};
+}
+
+template <typename Buffers>
+void describe_output(const Plan& plan, Buffers* out) {
+  if (out->ranges != nullptr) {
+    std::copy(plan.ranges.begin(), plan.ranges.end(), out->ranges);
+    out->num_ranges = plan.ranges.size();
+  }
+  out->count = plan.num_gaussians;
+}
+
+}  // namespace
+
+Status select_query(OpenStream& stream, const l4d_query& query, l4d_selection* out) {
+  Plan plan;
+  L4D_RETURN_IF_ERROR(stream.plan(query, &plan));
+  out->num_gaussians = plan.num_gaussians;
+  out->num_ranges = plan.ranges.size();
+  out->num_chunks = plan.tasks.size();
+  out->bytes = plan.bytes;
+  out->sh_bytes = plan.sh_bytes;
+  out->directory_bytes = plan.directory_bytes;
+  return {};
+}
+
+Status find_ranges(OpenStream& stream, const l4d_query& query, l4d_range* out, uint64_t capacity,
+                   uint64_t* count) {
+  Plan plan;
+  L4D_RETURN_IF_ERROR(stream.plan(query, &plan));
+  std::copy_n(plan.ranges.begin(), std::min<uint64_t>(capacity, plan.ranges.size()), out);
+  *count = plan.ranges.size();
+  return {};
+}
+
+Status find_reads(OpenStream& stream, const l4d_query& query, uint32_t step, l4d_byte_range* out,
+                  uint64_t capacity, uint64_t* count) {
+  stream.begin_query();
+  std::vector<l4d_byte_range> ranges;
+  L4D_RETURN_IF_ERROR(
+      find_query_reads(stream.file(), query, step, stream.losses_if_tolerant(), &ranges));
+  std::copy_n(ranges.begin(), std::min<uint64_t>(capacity, ranges.size()), out);
+  *count = ranges.size();
+  return {};
+}
+
+Status decode_query(OpenStream& stream, const l4d_query& query, l4d_gaussian_buffers* out,
+                    uint64_t* num_buckets) {
+  Plan plan;
+  L4D_RETURN_IF_ERROR(stream.plan(query, &plan));
+  L4D_RETURN_IF_ERROR(check_capacity(plan, out));
+  LostPages lost;
+  L4D_RETURN_IF_ERROR(stream.pages().expand(plan, 0, plan.tasks.size(), *out,
+                                            stream.progress("decode"), stream.if_tolerant(&lost)));
+  if (!lost.empty()) {
+    stream.losses().add_pages(plan, lost);
+    const std::vector<RowMove> moves = remove_lost(lost, &plan);
+    const uint32_t degree = stream.file().header().sh_degree;
+    for_each_decoded(
+        [&](const AttributeInfo& a, float* rows) { move_rows(moves, a.numbers(degree), rows); },
+        *out);
+    move_rows(moves, 1, out->mean_t_double);
+  }
+  describe_output(plan, out);
+  *num_buckets = plan.ranges.size();
+  return {};
+}
+
+Status decode_query_packed(OpenStream& stream, const l4d_query& query, l4d_packed_buffers* out,
+                           uint64_t* num_buckets) {
+  Plan plan;
+  L4D_RETURN_IF_ERROR(stream.plan(query, &plan));
+  L4D_RETURN_IF_ERROR(check_capacity(plan, out));
+  LostPages lost;
+  L4D_RETURN_IF_ERROR(
+      stream.pages().pack(plan, *out, stream.progress("decode"), stream.if_tolerant(&lost)));
+  if (!lost.empty()) {
+    stream.losses().add_pages(plan, lost);
+    size_t stages[L4D_COMPONENT_COUNT] = {};
+    for (const l4d_range& r : plan.ranges) {
+      const SceneHeader& header = stream.file().header();
+      for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
+        stages[c] = std::max(stages[c], header.component(header.layers[r.layer], c).stages.size());
+      }
+    }
+    const std::vector<RowMove> moves = remove_lost(lost, &plan);
+    move_rows(moves, 3, out->position);
+    move_rows(moves, 1, out->mean_t);
+    move_rows(moves, 1, out->opacity);
+    move_rows(moves, 1, out->scale_factor);
+    for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
+      const l4d_packed_component& to = out->component[c];
+      move_rows(moves, 1, to.depth);
+      for (size_t s = 0; to.index != nullptr && s < stages[c]; ++s) {
+        move_rows(moves, 1, to.index + s * static_cast<size_t>(out->capacity));
+      }
+    }
+  }
+  describe_output(plan, out);
+  *num_buckets = plan.ranges.size();
+  return {};
+}
+
+}  // namespace l4d

@@ -1,0 +1,161 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "decoder/session/slicer.h"
+
+#include <algorithm>
+#include <cstring>
+#include <string>
+#include <utility>
+
+#include "decoder/session/splat_writer.h"
+#include "libl4dcodec/base/threads.h"
+
+namespace l4d {
+namespace {
+
+// What the rows are that stand at the beginning of an output.
+constexpr uint64_t kStillBuckets = 0, kStillColumns = 1;
+
+Status check_columns(const l4d_splat_columns& out) {
+  if (!(out.least_opacity >= 0)) return invalid_argument("least_opacity is below 0");
+  if (out.capacity == 0) return {};
+  bool all = out.opacity != nullptr && out.sh_rows != nullptr;
+  for (const float* axis : out.position) all = all && axis != nullptr;
+  for (const float* entry : out.covariance) all = all && entry != nullptr;
+  return all ? Status() : invalid_argument("an array is NULL");
+}
+
+}  // namespace
+
+Status Slicer::set_detail(uint32_t detail) {
+  if (detail > L4D_DETAIL_BASE_COLOR) return invalid_argument("unknown detail");
+  detail_ = detail;
+  return {};
+}
+
+Status Slicer::load_instant(double* time, std::vector<CachedBucket*>* buckets) {
+  if (!(*time == *time)) return invalid_argument("the time is not a number");
+  const Sequence sequence = sequence_of(stream_.file().header().timeline);
+  *time = std::clamp(*time, sequence.begin, sequence.end);
+  l4d_query query{};
+  query.struct_size = sizeof query;
+  query.kind = L4D_QUERY_TIME;
+  query.max_level = ~0u;
+  query.time_begin = *time;
+  query.detail = detail_;
+  query.whole_buckets = 1;
+  const auto load = [&]() -> Status {
+    Plan plan;
+    L4D_RETURN_IF_ERROR(stream_.plan(query, &plan));
+    return cache_.load(plan, buckets);
+  };
+  Status status = load();
+  if (status.code() == L4D_ERR_LIMIT_EXCEEDED && !cache_.is_empty()) {
+    // What earlier instants left must not keep this one from being shown.
+    cache_.clear();
+    status = load();
+  }
+  return status;
+}
+
+void Slicer::set_still(std::vector<uint64_t> rows) {
+  if (rows != still_rows_) ++still_key_;
+  still_rows_ = std::move(rows);
+}
+
+Status Slicer::slice(double time, l4d_splat_buffers* out) {
+  std::vector<CachedBucket*> buckets;
+  L4D_RETURN_IF_ERROR(load_instant(&time, &buckets));
+  const SceneHeader& header = stream_.file().header();
+  const uint64_t key_given = out->still_key;
+  size_t still = 0, num_still = 0;
+  std::vector<uint64_t> numbers = {kStillBuckets};
+  for (; still < buckets.size() && buckets[still]->bucket.still(); ++still) {
+    numbers.push_back(buckets[still]->number);
+    num_still += buckets[still]->bucket.count;
+  }
+  set_still(std::move(numbers));
+  out->num_still = num_still;
+  out->still_key = 0;  // until they are written
+  // Pieces of fixed size: first how many each shows, then all write at their offsets.
+  std::vector<Piece> pieces;
+  const bool kept = key_given == still_key_;
+  for (size_t b = kept ? still : 0; b < buckets.size(); ++b) {
+    add_pieces(buckets[b]->bucket, 0, buckets[b]->bucket.count, &pieces);
+  }
+  const int threads = stream_.threads();
+  parallel_for(threads, pieces.size(), 1, [&](size_t first, size_t last) {
+    for (size_t p = first; p < last; ++p) {
+      pieces[p].at = BufferSlicer(pieces[p], time, header.gate).count();
+    }
+  });
+  const size_t total = place(&pieces, kept ? num_still : 0);
+  const bool wants_arrays = out->position != nullptr || out->covariance != nullptr ||
+                            out->opacity != nullptr || out->sh != nullptr ||
+                            out->sh_rows != nullptr;
+  out->count = total;
+  if (wants_arrays) {
+    if (total > out->capacity) {
+      return Status(L4D_ERR_BUFFER_TOO_SMALL, "capacity is " + std::to_string(out->capacity) +
+                                                  ", " + std::to_string(total) +
+                                                  " Gaussians are visible");
+    }
+    parallel_for(threads, pieces.size(), 1, [&](size_t first, size_t last) {
+      for (size_t p = first; p < last; ++p) {
+        BufferSlicer(pieces[p], time, header.gate).write(header.sh_dim(), *out);
+      }
+    });
+    out->still_key = still_key_;
+  }
+  return {};
+}
+
+Status Slicer::slice(double time, l4d_splat_columns* out) {
+  L4D_RETURN_IF_ERROR(check_columns(*out));
+  std::vector<CachedBucket*> buckets;
+  L4D_RETURN_IF_ERROR(load_instant(&time, &buckets));
+  const SceneHeader& header = stream_.file().header();
+  const uint64_t key_given = out->still_key;
+  size_t num_still = 0;
+  uint32_t least_bits;
+  std::memcpy(&least_bits, &out->least_opacity, sizeof least_bits);
+  std::vector<uint64_t> numbers = {kStillColumns, least_bits};
+  for (CachedBucket* entry : buckets) {
+    entry->bucket.sort(header.timeline, header.gate, out->least_opacity);
+    if (entry->bucket.order.num_still == 0) continue;
+    numbers.push_back(entry->number);
+    num_still += entry->bucket.order.num_still;
+  }
+  set_still(std::move(numbers));
+  const bool kept = key_given == still_key_;
+  std::vector<Piece> pieces;
+  for (CachedBucket* entry : buckets) {
+    if (!kept) add_pieces(entry->bucket, 0, entry->bucket.order.num_still, &pieces);
+  }
+  for (CachedBucket* entry : buckets) {
+    const PreparedBucket::Order& order = entry->bucket.order;
+    add_pieces(entry->bucket, order.num_still, order.num_unmoving, &pieces);
+    add_pieces(entry->bucket, order.num_unmoving, order.row.size(), &pieces);
+  }
+  const int threads = stream_.threads();
+  parallel_for(threads, pieces.size(), 1, [&](size_t first, size_t last) {
+    for (size_t p = first; p < last; ++p) pieces[p].at = ColumnSlicer(pieces[p], time).count();
+  });
+  out->count = place(&pieces, kept ? num_still : 0);
+  out->num_still = num_still;
+  out->still_key = 0;
+  if (out->capacity == 0) return {};  // only the count is wanted
+  if (out->count > out->capacity) {
+    return Status(L4D_ERR_BUFFER_TOO_SMALL, "capacity is " + std::to_string(out->capacity) + ", " +
+                                                std::to_string(out->count) +
+                                                " Gaussians are shown");
+  }
+  parallel_for(threads, pieces.size(), 1, [&](size_t first, size_t last) {
+    for (size_t p = first; p < last; ++p) {
+      ColumnSlicer(pieces[p], time).write(header.sh_dim(), *out);
+    }
+  });
+  out->still_key = still_key_;
+  return {};
+}
+
+}  // namespace l4d
