@@ -180,6 +180,13 @@ void l4d_coding_errors_init_(l4d_coding_errors* errors, size_t struct_size) {
   init_struct(errors, struct_size, l4d_coding_errors());
 }
 
+void l4d_rendering_init_(l4d_rendering* rendering, size_t struct_size) {
+  init_struct(rendering, struct_size, l4d::default_rendering());
+}
+void l4d_presentation_init_(l4d_presentation* presentation, size_t struct_size) {
+  init_struct(presentation, struct_size, l4d::default_presentation());
+}
+
 void l4d_layer_info_init_(l4d_layer_info* info, size_t struct_size) {
   init_struct(info, struct_size, {});
 }
@@ -266,6 +273,21 @@ l4d_status l4d_decoder_open_file(l4d_decoder* decoder, const char* path) {
 l4d_status l4d_decoder_get_info(const l4d_decoder* decoder, l4d_info* info) {
   return look_at_stream(decoder, required(info), [&](const l4d::Decoder& d) -> Status {
     write_struct(describe(d.file()), info);
+    return {};
+  });
+}
+
+l4d_status l4d_decoder_get_rendering(const l4d_decoder* decoder, l4d_rendering* rendering) {
+  return look_at_stream(decoder, required(rendering), [&](const l4d::Decoder& d) -> Status {
+    write_struct(d.file().header().rendering, rendering);
+    return {};
+  });
+}
+
+l4d_status l4d_decoder_get_presentation(const l4d_decoder* decoder,
+                                        l4d_presentation* presentation) {
+  return look_at_stream(decoder, required(presentation), [&](const l4d::Decoder& d) -> Status {
+    write_struct(d.file().header().presentation, presentation);
     return {};
   });
 }

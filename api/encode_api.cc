@@ -198,6 +198,21 @@ l4d_status l4d_encoder_set_least_sizes(l4d_encoder* encoder, const float* sizes,
                       [&](l4d::Encoder& e) { return e.set_least_sizes(sizes, count); });
 }
 
+l4d_status l4d_encoder_set_rendering(l4d_encoder* encoder, const l4d_rendering* rendering) {
+  return with_encoder(encoder, optional(rendering), [&](l4d::Encoder& e) {
+    const l4d_rendering usual = l4d::default_rendering();
+    return e.set_rendering(rendering == nullptr ? usual : read_struct(*rendering, usual));
+  });
+}
+
+l4d_status l4d_encoder_set_presentation(l4d_encoder* encoder,
+                                        const l4d_presentation* presentation) {
+  return with_encoder(encoder, optional(presentation), [&](l4d::Encoder& e) {
+    const l4d_presentation none = l4d::default_presentation();
+    return e.set_presentation(presentation == nullptr ? none : read_struct(*presentation, none));
+  });
+}
+
 l4d_status l4d_encoder_add_metadata(l4d_encoder* encoder, const char* key, const char* value) {
   return with_encoder(encoder, required(key, value), [&](l4d::Encoder& e) -> Status {
     if (!l4d::is_utf8(key) || !l4d::is_utf8(value)) {

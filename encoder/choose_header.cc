@@ -48,6 +48,8 @@ SceneHeader choose_header(const HeaderSource& source, const CodedScene& coded,
   header.placement = input.placement;
   header.sh_degree = source.scene.sh_degree;
   header.metadata = source.metadata;
+  header.rendering = input.rendering;
+  header.presentation = input.presentation;
   if (source.lossless) {
     header.position_at_mean_time = (input.gaussians.flags & L4D_POSITION_AT_MEAN_TIME) != 0;
     header.opacity_logit = (input.gaussians.flags & L4D_OPACITY_LOGIT) != 0;

@@ -282,6 +282,20 @@ Status Encoder::set_least_sizes(const float* sizes, uint64_t count) {
   return {};
 }
 
+Status Encoder::set_rendering(const l4d_rendering& rendering) {
+  if (!is_valid(rendering)) return invalid_argument("a number of the rendering is out of range");
+  input_.rendering = rendering;
+  return {};
+}
+
+Status Encoder::set_presentation(const l4d_presentation& presentation) {
+  if (!is_valid(presentation)) {
+    return invalid_argument("a number of the presentation is out of range");
+  }
+  input_.presentation = presentation;
+  return {};
+}
+
 Status Encoder::encode(const WriteFn& write) {
   if (input_.gaussians.count == 0) return Status(L4D_ERR_INVALID_STATE, "no scene is set");
   L4D_RETURN_IF_ERROR(settings_.check_profile());

@@ -9,6 +9,7 @@
 #include "encoder/settings.h"
 #include "l4d/encode.h"
 #include "libl4dcodec/base/status.h"
+#include "libl4dcodec/scene/rendering.h"
 
 namespace l4d {
 
@@ -18,6 +19,8 @@ struct EncoderInput {
   l4d_placement placement{};
   std::array<const float*, L4D_WEIGHT_COUNT> weights{};  // [count] or null
   const float* least_sizes = nullptr;                    // [count] or null
+  l4d_rendering rendering = default_rendering();
+  l4d_presentation presentation = default_presentation();
 };
 
 struct EncoderScene {

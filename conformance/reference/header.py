@@ -2,6 +2,7 @@
 """The rules of the scene header, section 8 of spec/l4d.md."""
 
 import math
+import struct
 
 from arithmetic import bit_width, require, sound
 from times import directory_pages
@@ -94,8 +95,40 @@ def check_header(h, header_bytes):
     errors = h["errors"]
     require(errors is None or errors["covariance"] >= 1 and
             all(0 <= v < math.inf for v in errors.values()), "HEAD-18", "errors")
+    if h["rendering"] is not None:
+        check_rendering(h["rendering"])
+    if h["presentation"] is not None:
+        check_presentation(h["presentation"])
     texts = [m[key] for m in h["metadata"] or () for key in ("key", "value")]
     require(sum(len(t.encode("utf-8")) for t in texts) <= header_bytes, "HEAD-13", "metadata")
+
+
+def binary32(v):
+    return struct.unpack("<f", struct.pack("<f", v))[0]
+
+
+def check_rendering(r):
+    require(0 <= r["dilation"] <= 16, "HEAD-19", "dilation")
+    require(r["cutoff"] == 0 or 1 <= r["cutoff"] <= 16, "HEAD-19", "cutoff")
+    require(binary32(1 / 255) <= r["min_alpha"] <= 0.25, "HEAD-19", "min_alpha")
+    require(0.5 <= binary32(r["max_alpha"]) <= binary32(0.999), "HEAD-19", "max_alpha")
+
+
+def check_presentation(p):
+    bounds, camera = p["bounds"], p["camera"]
+    require(0 <= p["metres_per_unit"] < math.inf, "HEAD-20", "metres_per_unit")
+    if bounds is not None:
+        require(all(math.isfinite(v) for v in bounds["min"] + bounds["max"]) and
+                all(a <= b for a, b in zip(bounds["min"], bounds["max"])), "HEAD-20", "bounds")
+    if camera is None:
+        return
+    require(all(math.isfinite(v) for key in ("position", "target", "up") for v in camera[key]),
+            "HEAD-20", "camera")
+    f = [b - a for a, b in zip(camera["position"], camera["target"])]
+    u = camera["up"]
+    cross = (f[1] * u[2] - f[2] * u[1], f[2] * u[0] - f[0] * u[2], f[0] * u[1] - f[1] * u[0])
+    area = cross[0] * cross[0] + cross[1] * cross[1] + cross[2] * cross[2]
+    require(0 < area < math.inf and 0 < camera["fov"] < 3, "HEAD-20", "camera")
 
 
 def check_scalar(s):

@@ -141,6 +141,11 @@ L4D_API void l4d_coding_errors_init_(l4d_coding_errors* errors, size_t struct_si
 L4D_API l4d_status l4d_decoder_get_coding_errors(const l4d_decoder* decoder,
                                                  l4d_coding_errors* errors);
 
+/* How the stream asks to be drawn and shown; the defaults where it states nothing. */
+L4D_API l4d_status l4d_decoder_get_rendering(const l4d_decoder* decoder, l4d_rendering* rendering);
+L4D_API l4d_status l4d_decoder_get_presentation(const l4d_decoder* decoder,
+                                                l4d_presentation* presentation);
+
 /* How a component is coded. The values are those of the spec's chapter "Scene header". */
 enum {
   L4D_CODING_ZERO = 0, /* not coded: all values are 0 */

@@ -192,6 +192,13 @@ L4D_API l4d_status l4d_encoder_set_scene(l4d_encoder* encoder, const l4d_gaussia
 L4D_API l4d_status l4d_encoder_set_weights(l4d_encoder* encoder, uint32_t which,
                                            const float* weights, uint64_t count);
 
+/* States in the stream how it asks to be drawn and shown. NULL, or what l4d_rendering_init and
+ * l4d_presentation_init set = the stream states nothing. Fails with INVALID_ARGUMENT if a number is
+ * out of its range. Coded attributes do not depend on either. */
+L4D_API l4d_status l4d_encoder_set_rendering(l4d_encoder* encoder, const l4d_rendering* rendering);
+L4D_API l4d_status l4d_encoder_set_presentation(l4d_encoder* encoder,
+                                                const l4d_presentation* presentation);
+
 /* Sizes below which errors of single Gaussians do not count (L4D_ENC_MAX_POSITION_ERROR), each
  * Gaussian's own: half a pixel at its distance from the nearest camera, say. The least size of the
  * scene counts where that is larger. sizes: [count], scene units, finite and >= 0, borrowed as the

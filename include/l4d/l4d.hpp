@@ -81,6 +81,18 @@ class DecoderHandle {
     check(l4d_decoder_get_coding_errors(get(), &e));
     return e;
   }
+  l4d_rendering rendering() const {
+    l4d_rendering r;
+    l4d_rendering_init(&r);
+    check(l4d_decoder_get_rendering(get(), &r));
+    return r;
+  }
+  l4d_presentation presentation() const {
+    l4d_presentation p;
+    l4d_presentation_init(&p);
+    check(l4d_decoder_get_presentation(get(), &p));
+    return p;
+  }
   l4d_layer_info layer_info(uint32_t layer) const {
     l4d_layer_info i;
     l4d_layer_info_init(&i);

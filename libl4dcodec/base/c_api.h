@@ -33,6 +33,8 @@ struct FirstVersion;
 L4D_FIRST_VERSION(l4d_reader, size);
 L4D_FIRST_VERSION(l4d_writer, write);
 L4D_FIRST_VERSION(l4d_gaussians, mean_t_double);
+L4D_FIRST_VERSION(l4d_rendering, stated);
+L4D_FIRST_VERSION(l4d_presentation, metres_per_unit);
 
 template <typename T, typename = void>
 struct HasStructSize : std::false_type {};

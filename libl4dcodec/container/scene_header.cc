@@ -77,6 +77,8 @@ class HeaderParser {
     out_.profile = h.profile();
     out_.conformance_level = h.conformance_level();
     if (h.errors() != nullptr) L4D_RETURN_IF_ERROR(parse_errors(*h.errors(), &out_.errors));
+    if (h.rendering() != nullptr) L4D_RETURN_IF_ERROR(parse_rendering(*h.rendering()));
+    if (h.presentation() != nullptr) L4D_RETURN_IF_ERROR(parse_presentation(*h.presentation()));
     if (h.extensions() != nullptr) {
       for (const fbs::Extension* e : *h.extensions()) {
         if (e->critical()) {
@@ -178,6 +180,41 @@ class HeaderParser {
     if (!(out->covariance >= 1) || std::isinf(out->covariance)) {
       return bad("HEAD-18", "a stated factor below 1, or infinite");
     }
+    return {};
+  }
+
+  Status parse_rendering(const fbs::Rendering& r) {
+    l4d_rendering& out = out_.rendering;
+    out.dilation = r.dilation();
+    out.cutoff = r.cutoff();
+    out.min_alpha = r.min_alpha();
+    out.max_alpha = r.max_alpha();
+    out.compensation = r.compensation();
+    out.stated = 1;
+    if (!is_valid(out)) return bad("HEAD-19", "a number of the rendering is out of range");
+    return {};
+  }
+
+  Status parse_presentation(const fbs::Presentation& p) {
+    l4d_presentation& out = out_.presentation;
+    const auto copy = [](const flatbuffers::Array<double, 3>& from, double* to) {
+      for (uint16_t k = 0; k < 3; ++k) to[k] = from.Get(k);
+    };
+    out.playback = p.playback();
+    out.metres_per_unit = p.metres_per_unit();
+    if (p.bounds() != nullptr) {
+      out.has_bounds = 1;
+      copy(*p.bounds()->min(), out.bounds_min);
+      copy(*p.bounds()->max(), out.bounds_max);
+    }
+    if (p.camera() != nullptr) {
+      out.has_camera = 1;
+      copy(*p.camera()->position(), out.camera_position);
+      copy(*p.camera()->target(), out.camera_target);
+      copy(*p.camera()->up(), out.camera_up);
+      out.camera_fov = p.camera()->fov();
+    }
+    if (!is_valid(out)) return bad("HEAD-20", "a number of the presentation is out of range");
     return {};
   }
 
@@ -418,17 +455,35 @@ Bytes serialize_scene_header(const SceneHeader& h) {
                                        e.position_bound, e.covariance_bound, e.opacity_bound,
                                        e.visible_bound, e.least_size, e.own_least_sizes);
   }
+  flatbuffers::Offset<fbs::Rendering> rendering;
+  if (!is_default(h.rendering)) {
+    const l4d_rendering& r = h.rendering;
+    rendering = fbs::CreateRendering(b, r.dilation, r.cutoff, r.min_alpha, r.max_alpha,
+                                     r.compensation != 0);
+  }
+  flatbuffers::Offset<fbs::Presentation> presentation;
+  if (!is_default(h.presentation)) {
+    const l4d_presentation& p = h.presentation;
+    const auto vec = [](const double(&v)[3]) { return flatbuffers::span<const double, 3>(v); };
+    const fbs::Box bounds(vec(p.bounds_min), vec(p.bounds_max));
+    const fbs::FirstCamera camera(vec(p.camera_position), vec(p.camera_target), vec(p.camera_up),
+                                  p.camera_fov);
+    presentation = fbs::CreatePresentation(
+        b, static_cast<uint8_t>(p.playback), p.has_bounds != 0 ? &bounds : nullptr,
+        p.has_camera != 0 ? &camera : nullptr, p.metres_per_unit);
+  }
   const fbs::DVec3 origin(h.placement.origin[0], h.placement.origin[1], h.placement.origin[2]);
   const fbs::Vec3 center(h.position_center[0], h.position_center[1], h.position_center[2]);
-  b.Finish(fbs::CreateHeader(
-               b, h.num_gaussians, h.timeline.time_begin, h.timeline.num_frames, h.timeline.fps_num,
-               h.timeline.fps_den, h.gate, &origin, h.placement.scale,
-               static_cast<uint8_t>(h.placement.coordinate_system),
-               static_cast<uint8_t>(h.placement.color_space), h.position_at_mean_time,
-               h.opacity_logit, static_cast<uint8_t>(h.position), &center, h.position_scale,
-               opacity, static_cast<uint8_t>(h.sh_degree), sh, layer_vector, h.payload_offset,
-               metadata, 0, static_cast<uint8_t>(h.position_bits), static_cast<uint8_t>(h.profile),
-               static_cast<uint8_t>(h.conformance_level), static_cast<uint8_t>(h.sh_base), errors),
+  b.Finish(fbs::CreateHeader(b, h.num_gaussians, h.timeline.time_begin, h.timeline.num_frames,
+                             h.timeline.fps_num, h.timeline.fps_den, h.gate, &origin,
+                             h.placement.scale, static_cast<uint8_t>(h.placement.coordinate_system),
+                             static_cast<uint8_t>(h.placement.color_space), h.position_at_mean_time,
+                             h.opacity_logit, static_cast<uint8_t>(h.position), &center,
+                             h.position_scale, opacity, static_cast<uint8_t>(h.sh_degree), sh,
+                             layer_vector, h.payload_offset, metadata, 0,
+                             static_cast<uint8_t>(h.position_bits), static_cast<uint8_t>(h.profile),
+                             static_cast<uint8_t>(h.conformance_level),
+                             static_cast<uint8_t>(h.sh_base), errors, rendering, presentation),
            kIdentifier);
   return Bytes(b.GetBufferPointer(), b.GetBufferPointer() + b.GetSize());
 }

@@ -10,6 +10,7 @@
 #include "libl4dcodec/base/bytes.h"
 #include "libl4dcodec/base/status.h"
 #include "libl4dcodec/scene/layers.h"
+#include "libl4dcodec/scene/rendering.h"
 
 namespace l4d {
 
@@ -165,6 +166,8 @@ struct SceneHeader : PositionCoding {
   unsigned profile = 0;            // declared; 0 = none
   unsigned conformance_level = 0;  // declared; 0 = none
   ErrorStatement errors;
+  l4d_rendering rendering = default_rendering();  // stated where it differs from the defaults
+  l4d_presentation presentation = default_presentation();
 
   unsigned sh_dim() const { return 3 * (sh_degree + 1) * (sh_degree + 1); }
   // Whether a rans32 page can have a second part: planes of SH that are not of the base.

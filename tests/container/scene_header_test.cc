@@ -47,6 +47,15 @@ void expect_equal(const ScalarCoding& a, const ScalarCoding& b) {
   EXPECT_EQ(a.step, b.step);
 }
 
+// From (2, 2, 2) to the origin.
+void look(SceneHeader& h) {
+  l4d_presentation& p = h.presentation;
+  p.has_camera = 1;
+  std::fill_n(p.camera_position, 3, 2.0);
+  p.camera_up[1] = 1;
+  p.camera_fov = 1;
+}
+
 ErrorStatement example_errors() {
   return {true, 0.5f, 1.5f, 0.1f, 2e9f, 0.05f, 0.75f, 1.25f, 0.2f, 3, 1e-3f, true};
 }
@@ -228,6 +237,50 @@ std::vector<Rule> rules() {
       {"HEAD-18", "an infinite opacity bound", stated([](E& e) { e.opacity_bound = kInf; })},
       {"HEAD-18", "a distance bound below 0", stated([](E& e) { e.visible_bound = -1; })},
       {"HEAD-18", "a least size that is no number", stated([](E& e) { e.least_size = kNan; })},
+      {"HEAD-19", "a dilation below 0", [](H& h) { h.rendering.dilation = -0x1p-149f; }},
+      {"HEAD-19", "a dilation above 16",
+       [](H& h) { h.rendering.dilation = std::nextafter(16.0f, 17.0f); }},
+      {"HEAD-19", "a dilation that is no number", [](H& h) { h.rendering.dilation = kNan; }},
+      {"HEAD-19", "a cut-off within a standard deviation",
+       [](H& h) { h.rendering.cutoff = std::nextafter(1.0f, 0.0f); }},
+      {"HEAD-19", "a cut-off that is no number", [](H& h) { h.rendering.cutoff = kNan; }},
+      {"HEAD-19", "a least alpha below 1/255",
+       [](H& h) { h.rendering.min_alpha = std::nextafter(1.0f / 255, 0.0f); }},
+      {"HEAD-19", "a least alpha above 1/4", [](H& h) { h.rendering.min_alpha = 0.251f; }},
+      {"HEAD-19", "a greatest alpha below 1/2", [](H& h) { h.rendering.max_alpha = 0.499f; }},
+      {"HEAD-19", "a greatest alpha above 0.999",
+       [](H& h) { h.rendering.max_alpha = std::nextafter(0.999f, 1.0f); }},
+      {"HEAD-20", "metres below 0", [](H& h) { h.presentation.metres_per_unit = -0x1p-1000; }},
+      {"HEAD-20", "bounds inside out",
+       [](H& h) {
+         h.presentation.has_bounds = 1;
+         h.presentation.bounds_min[1] = 0x1p-1000;
+       }},
+      {"HEAD-20", "infinite bounds",
+       [](H& h) {
+         h.presentation.has_bounds = 1;
+         h.presentation.bounds_max[2] = static_cast<double>(kInf);
+       }},
+      {"HEAD-20", "a camera that looks nowhere",
+       [](H& h) {
+         look(h);
+         for (double& v : h.presentation.camera_target) v = 2;
+       }},
+      {"HEAD-20", "a camera that looks upwards",
+       [](H& h) {
+         look(h);
+         for (double& v : h.presentation.camera_up) v = -3;
+       }},
+      {"HEAD-20", "a field of view of 0",
+       [](H& h) {
+         look(h);
+         h.presentation.camera_fov = 0;
+       }},
+      {"HEAD-20", "a field of view of 3",
+       [](H& h) {
+         look(h);
+         h.presentation.camera_fov = 3;
+       }},
       {"HEAD-7", "opacity coding 3", [](H& h) { h.opacity.coding = ScalarCodingId{3}; },
        unsupported},
       {"HEAD-7", "scale factor coding 200",
@@ -308,8 +361,44 @@ std::vector<Rule> rules() {
   return r;
 }
 
+TEST(SceneHeader, RenderingAndPresentationComeBack) {
+  SceneHeader a = example_header(), b;
+  const size_t plain = serialize_scene_header(a).size();
+  ASSERT_TRUE(parse_scene_header(serialize_scene_header(a), 0, &b).ok());
+  EXPECT_EQ(b.rendering.stated, 0u);
+  EXPECT_TRUE(is_default(b.rendering) && is_default(b.presentation));
+  // What is at its default costs nothing.
+  a.rendering.stated = 1;
+  EXPECT_EQ(serialize_scene_header(a).size(), plain);
+  a.rendering = {sizeof(l4d_rendering), 0.1f, 3, 0.25f, 0.5f, 1, 0};
+  look(a);
+  a.presentation.playback = 200;
+  a.presentation.has_bounds = 1;
+  for (int k = 0; k < 3; ++k)
+    a.presentation.bounds_min[k] = -(a.presentation.bounds_max[k] = k + 1);
+  a.presentation.metres_per_unit = 0.01;
+  ASSERT_TRUE(parse_scene_header(serialize_scene_header(a), 0, &b).ok());
+  EXPECT_EQ(b.rendering.stated, 1u);
+  EXPECT_EQ(b.rendering.dilation, 0.1f);
+  EXPECT_EQ(b.rendering.cutoff, 3);
+  EXPECT_EQ(b.rendering.min_alpha, 0.25f);
+  EXPECT_EQ(b.rendering.max_alpha, 0.5f);
+  EXPECT_EQ(b.rendering.compensation, 1u);
+  const l4d_presentation &x = a.presentation, &y = b.presentation;
+  EXPECT_EQ(y.playback, 200u);
+  EXPECT_EQ(y.metres_per_unit, 0.01);
+  EXPECT_EQ(y.camera_fov, 1);
+  for (int k = 0; k < 3; ++k) {
+    EXPECT_EQ(x.bounds_min[k], y.bounds_min[k]);
+    EXPECT_EQ(x.bounds_max[k], y.bounds_max[k]);
+    EXPECT_EQ(x.camera_position[k], y.camera_position[k]);
+    EXPECT_EQ(x.camera_target[k], y.camera_target[k]);
+    EXPECT_EQ(x.camera_up[k], y.camera_up[k]);
+  }
+}
+
 // spec: HEAD-2, HEAD-3, HEAD-4, HEAD-5, HEAD-6, HEAD-7, HEAD-9, HEAD-10, HEAD-11, HEAD-12
-// spec: HEAD-16, HEAD-17, HEAD-18
+// spec: HEAD-16, HEAD-17, HEAD-18, HEAD-19, HEAD-20
 // spec: HEAD-14
 // spec: CODE-1, CODE-2, CODE-3, RCQ-2
 TEST(SceneHeader, EveryRuleIsChecked) {

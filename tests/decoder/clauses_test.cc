@@ -226,6 +226,22 @@ TEST(Clause, HEAD_18) {
   EXPECT_TRUE(validate(editor.build()).empty());
 }
 
+// spec: HEAD-19
+TEST(Clause, HEAD_19) {
+  expect_header_rule("HEAD-19", [](SceneHeader& h) { h.rendering.max_alpha = 1; });
+  StreamEditor editor(tiny_file());
+  editor.header.rendering.dilation = 16;
+  EXPECT_TRUE(validate(editor.build()).empty());
+}
+
+// spec: HEAD-20
+TEST(Clause, HEAD_20) {
+  expect_header_rule("HEAD-20", [](SceneHeader& h) { h.presentation.has_camera = 1; });
+  StreamEditor editor(tiny_file());
+  editor.header.presentation.playback = 255;
+  EXPECT_TRUE(validate(editor.build()).empty());
+}
+
 // spec: HEAD-8
 TEST(Clause, HEAD_8) {
   StreamEditor editor(tiny_file());

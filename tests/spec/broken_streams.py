@@ -186,6 +186,18 @@ def broken():
     for field, value in (("position", -1.0), ("opacity", nan), ("covariance", 0.5),
                          ("visible_bound", inf)):
         yield f"HEAD-18 {field}", edited(lambda s: s.update(errors={field: value}))
+    for field, value in (("dilation", -0.1), ("dilation", 16.5), ("cutoff", 0.5), ("cutoff", nan),
+                         ("min_alpha", 0.001), ("max_alpha", 1.0), ("max_alpha", nan)):
+        yield f"HEAD-19 {field} {value}", edited(lambda s: s.update(rendering={field: value}))
+    camera = {"position": [0, 0, 4], "target": [0, 0, 0], "up": [0, 1, 0], "fov": 1.0}
+    box = {"min": [-1, -1, -1], "max": [1, 1, 1]}
+    for name, value in (("metres", {"metres_per_unit": -1.0}), ("metres inf", {"metres_per_unit": inf}),
+                        ("bounds", {"bounds": dict(box, max=[1, -2, 1])}),
+                        ("bounds nan", {"bounds": dict(box, min=[nan, 0, 0])}),
+                        ("up", {"camera": dict(camera, up=[0, 0, 1])}),
+                        ("fov", {"camera": dict(camera, fov=3.0)}),
+                        ("target", {"camera": dict(camera, target=camera["position"])})):
+        yield f"HEAD-20 {name}", edited(lambda s: s.update(presentation=value))
     # Of the vtable of opacity: its size, that of the table, the place of the first field.
     for at, value in ((0, 0), (0, 2), (2, 0), (2, 4), (2, 0xFFFE), (4, 2)):
         yield f"HEAD-1 vtable {at} {value}", vtable_edited("Header.opacity", at, value)

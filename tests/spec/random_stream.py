@@ -99,6 +99,13 @@ class RandomScene:
             "metadata": [{"key": "a", "value": "\u00e4"}] * rng.randint(0, 2),
             "errors": rng.choice([None, {}, {"position": 0.5, "covariance": 1.25, "mean_t": 3e38,
                                              "least_size": 1e-3, "own_least_sizes": True}]),
+            "rendering": rng.choice([None, {}, {"dilation": 0.1, "compensation": True},
+                                     {"cutoff": 3.0, "min_alpha": 0.25, "max_alpha": 0.5}]),
+            "presentation": rng.choice([None, {}, {
+                "playback": rng.choice([1, 2, 3, 200]), "metres_per_unit": 0.01,
+                "bounds": {"min": [-1.0, 0.0, -1e9], "max": [1.0, 0.0, 1e9]},
+                "camera": {"position": [0.0, 1.0, 5.0], "target": [0.0, 0.0, 0.0],
+                           "up": [0.0, 1.0, 0.0], "fov": 0.9}}]),
             "extensions": [{"id": 70000, "critical": False}] * rng.randint(0, 1),
         }
         sh = self.scene["sh"]

@@ -183,7 +183,7 @@ class BrokenStreams(unittest.TestCase):
     # Streams that break one rule, checksums repaired; both readers name the rule.
     # spec: FILE-1, FILE-2, FILE-3, FILE-4, FILE-5, FILE-6
     # spec: HEAD-1, HEAD-2, HEAD-3, HEAD-4, HEAD-5, HEAD-6, HEAD-7, HEAD-8, HEAD-9, HEAD-10, HEAD-11
-    # spec: HEAD-12, HEAD-13, HEAD-14, HEAD-15, HEAD-16, HEAD-17, HEAD-18
+    # spec: HEAD-12, HEAD-13, HEAD-14, HEAD-15, HEAD-16, HEAD-17, HEAD-18, HEAD-19, HEAD-20
     # spec: CODE-1, CODE-2, CODE-3, CODE-4, CODE-5, CODE-6, CODE-7
     # spec: TIME-1, TIME-2
     # spec: TRAN-1, TRAN-2, TRAN-3, TRAN-4, TRAN-5, TRAN-6, TRAN-7

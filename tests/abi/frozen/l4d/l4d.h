@@ -170,6 +170,47 @@ enum {
 };
 enum { L4D_COLOR_SRGB = 0, L4D_COLOR_LINEAR_SRGB = 1 };
 
+/* How a scene wants to be drawn (spec section "Rendering"): what renderers of Gaussians do
+ * differently. A scene looks as it was trained only if the renderer uses the numbers of its
+ * training. l4d_rendering_init sets the numbers of 3D Gaussian splatting, which hold if nothing is
+ * stated. */
+typedef struct l4d_rendering {
+  size_t struct_size;
+  float dilation;  /* pixels^2, 0..16; added to both variances of every splat in the image */
+  float cutoff;    /* standard deviations, 1..16, at which a splat ends; 0 = at min_alpha alone */
+  float min_alpha; /* 1/255..1/4; a splat is skipped where its alpha is lower */
+  float max_alpha; /* 0.5..0.999; alpha is clamped to it */
+  /* 1: the opacity of a splat is multiplied by sqrt(det C / det C'), where C is its covariance in
+   * the image before dilation and C' after ("anti-aliased" splatting). 0: it is not. */
+  uint32_t compensation;
+  uint32_t stated; /* output of l4d_decoder_get_rendering: 1 if the stream says so; else ignored */
+} l4d_rendering;
+L4D_API void l4d_rendering_init_(l4d_rendering* rendering, size_t struct_size);
+#define l4d_rendering_init(rendering) l4d_rendering_init_((rendering), sizeof(*(rendering)))
+
+/* What a player does with a scene unless its user says otherwise (spec section "Presentation"). */
+enum {
+  L4D_PLAYBACK_UNSTATED = 0,
+  L4D_PLAYBACK_ONCE = 1,
+  L4D_PLAYBACK_LOOP = 2,
+  L4D_PLAYBACK_PING_PONG = 3 /* forwards, then backwards, and again */
+};
+typedef struct l4d_presentation {
+  size_t struct_size;
+  uint32_t playback;                   /* L4D_PLAYBACK_*, or of a later version */
+  uint32_t has_bounds;                 /* 1: bounds_min and bounds_max are given */
+  double bounds_min[3], bounds_max[3]; /* scene units; a box around what is worth looking at */
+  uint32_t has_camera;                 /* 1: the camera is given */
+  uint32_t reserved;
+  double camera_position[3], camera_target[3]; /* scene units; the camera looks at the target */
+  double camera_up[3];                         /* direction; not parallel to the view */
+  double camera_fov;                           /* vertical field of view, in (0, 3) */
+  double metres_per_unit;                      /* length of a scene unit; 0 = unknown */
+} l4d_presentation;
+L4D_API void l4d_presentation_init_(l4d_presentation* presentation, size_t struct_size);
+#define l4d_presentation_init(presentation) \
+  l4d_presentation_init_((presentation), sizeof(*(presentation)))
+
 /* Components: the parts of a Gaussian that are coded as vectors. Their number is final. */
 enum {
   L4D_COMPONENT_SH = 0,
