@@ -4,6 +4,7 @@
 
 #include "l4d/render.h"
 #include "libl4dcodec/base/c_api.h"
+#include "libl4dcodec/scene/rendering.h"
 #include "render/camera.h"
 #include "render/first_versions.h"
 #include "render/measure.h"
@@ -124,6 +125,14 @@ l4d_status l4d_renderer_set_gaussians(l4d_renderer* renderer, const l4d_gaussian
 l4d_status l4d_renderer_set_decoder(l4d_renderer* renderer, l4d_decoder* decoder) {
   return call(renderer, required(decoder), [&](auto& r) { return r.set_decoder(decoder); });
 }
+l4d_status l4d_renderer_set_rendering(l4d_renderer* renderer, const l4d_rendering* rendering) {
+  return call(renderer, optional(rendering), [&](l4d::render::Renderer& r) -> Status {
+    if (rendering == nullptr) return r.set_rendering(nullptr);
+    const l4d_rendering given = read_struct(*rendering, l4d::default_rendering());
+    return r.set_rendering(&given);
+  });
+}
+
 l4d_status l4d_renderer_set_background(l4d_renderer* renderer, const float* rgb) {
   return call(renderer, required(rgb), [&](auto& r) -> Status {
     L4D_RETURN_IF_ERROR(l4d::render::check_background(rgb));

@@ -15,18 +15,18 @@
 namespace l4d::render {
 
 // A Gaussian in the image. At offset (dx, dy) pixels from the mean
-//   alpha = min(kMaxAlpha, opacity exp(-q/2)),
+//   alpha = min(max_alpha, opacity exp(-q/2)),
 //   q = conic[0] dx^2 + 2 conic[1] dx dy + conic[2] dy^2.
 template <typename T>
 struct Splat {
   T mean[2];   // pixels
   T conic[3];  // inverse of the covariance: xx xy yy, pixels^-2
   T depth;     // z in camera axes
-  T opacity;
+  T opacity;   // times the compensation
   T color[3];  // clamped below at 0
-  // Half-sizes of the box in which alpha reaches kMinAlpha.
+  // Half-sizes of the box in which the splat shows.
   T extent[2];
-  // alpha >= kMinAlpha exactly where q <= reach.
+  // It shows exactly where q <= reach: there alpha reaches min_alpha, and there it is not cut off.
   T reach;
 };
 
@@ -35,7 +35,7 @@ template <typename T>
 struct SplatGradient2D {
   T mean[2]{};
   T conic[3]{};  // conic[1]: by the number itself, which q counts twice
-  T opacity{};
+  T opacity{};   // of the splat
   T color[3]{};  // by the clamped colour
 };
 
@@ -79,11 +79,22 @@ L4D_HOST_DEVICE bool project_geometry(const View<T>& view, const T* position /* 
       out->jacobian[3 * k + c] = jw[k][c];
     }
   }
-  const T dilation = static_cast<T>(kDilation);
+  const T dilation = view.rules.dilation;
   out->covariance[0] = t[0][0] * jw[0][0] + t[0][1] * jw[0][1] + t[0][2] * jw[0][2] + dilation;
   out->covariance[1] = t[0][0] * jw[1][0] + t[0][1] * jw[1][1] + t[0][2] * jw[1][2];
   out->covariance[2] = t[1][0] * jw[1][0] + t[1][1] * jw[1][1] + t[1][2] * jw[1][2] + dilation;
   return true;
+}
+
+// The factor of the opacity that makes up for dilation: a splat of less than a pixel then adds as
+// much light as it would without. 0 where the splat has no area before dilation.
+template <typename T>
+L4D_HOST_DEVICE T compensation(const View<T>& view, const Projection<T>& projection) {
+  if (!view.rules.compensates) return 1;
+  const T* c = projection.covariance;
+  const T xx = c[0] - view.rules.dilation, yy = c[2] - view.rules.dilation;
+  const T before = xx * yy - c[1] * c[1], after = c[0] * c[2] - c[1] * c[1];
+  return before > 0 && after > 0 ? std::sqrt(before / after) : 0;
 }
 
 // The direction in which a camera sees a point. A camera inside the mean sees it along z.
@@ -98,9 +109,11 @@ template <typename T>
 L4D_HOST_DEVICE bool project(const View<T>& view, const T* position /* [3] */,
                              const T* covariance /* [6] */, T opacity, Splat<T>* out,
                              Projection<T>* kept) {
-  if (!(opacity >= static_cast<T>(kMinAlpha))) return false;
+  if (!(opacity >= view.rules.min_alpha)) return false;
   Projection<T>& p = *kept;
   if (!project_geometry(view, position, covariance, &p)) return false;
+  opacity *= compensation(view, p);
+  if (!(opacity >= view.rules.min_alpha)) return false;
   const T det = p.covariance[0] * p.covariance[2] - p.covariance[1] * p.covariance[1];
   if (!(det > 0)) return false;
   out->mean[0] = view.fx * p.camera[0] / p.camera[2] + view.cx;
@@ -110,7 +123,7 @@ L4D_HOST_DEVICE bool project(const View<T>& view, const T* position /* [3] */,
   out->conic[2] = p.covariance[0] / det;
   out->depth = p.camera[2];
   out->opacity = opacity;
-  out->reach = 2 * std::log(opacity / static_cast<T>(kMinAlpha));
+  out->reach = std::min(2 * std::log(opacity / view.rules.min_alpha), view.rules.max_reach);
   out->extent[0] = std::sqrt(out->reach * p.covariance[0]);
   out->extent[1] = std::sqrt(out->reach * p.covariance[2]);
   // Pixel centres lie at half-integers, from 0.5 to size - 0.5.

@@ -91,12 +91,30 @@ L4D_HOST_DEVICE void shade_gradient(const View<T>& view, uint32_t degree,
   for (int j = 0; j < 3; ++j) by_position[j] += (by_direction[j] - direction[j] * along) / norm;
 }
 
+// Adds what changes of the image covariance do through compensation(): by_c is by the entries of
+// the covariance, [2, 2] symmetric; by_log is the derivative by the logarithm of the factor.
+template <typename T>
+L4D_HOST_DEVICE void compensation_gradient(const View<T>& view, const Projection<T>& projection,
+                                           T by_log, T (*by_c)[2]) {
+  // The logarithm is half of ln det before less ln det after; d(ln det C) = tr(C^-1 dC).
+  const T* c = projection.covariance;
+  const T xx = c[0] - view.rules.dilation, yy = c[2] - view.rules.dilation;
+  const T before = xx * yy - c[1] * c[1], after = c[0] * c[2] - c[1] * c[1];
+  if (!(before > 0 && after > 0)) return;
+  const T half = by_log / 2;
+  by_c[0][0] += half * (yy / before - c[2] / after);
+  by_c[1][1] += half * (xx / before - c[0] / after);
+  const T mixed = half * (c[1] / after - c[1] / before);
+  by_c[0][1] += mixed;
+  by_c[1][0] += mixed;
+}
+
 // Back through project_geometry() and the inverse of the image covariance: sets the derivatives by
-// position and covariance.
+// position and covariance. opacity: of the Gaussian, before compensation.
 template <typename T>
 L4D_HOST_DEVICE void geometry_gradient(const View<T>& view, const T* covariance /* [6] */,
                                        const Projection<T>& projection,
-                                       const SplatGradient2D<T>& gradient,
+                                       const SplatGradient2D<T>& gradient, T opacity,
                                        SplatGradient3D<T>* out) {
   // conic = C^-1, so d(conic) = -conic dC conic.
   const T* c = projection.covariance;
@@ -106,8 +124,13 @@ L4D_HOST_DEVICE void geometry_gradient(const View<T>& view, const T* covariance 
   const T t00 = g0 * k0 + g1 * k1, t01 = g0 * k1 + g1 * k2;
   const T t10 = g1 * k0 + g2 * k1, t11 = g1 * k1 + g2 * k2;
   // By the entries of C, [2, 2] symmetric.
-  const T by_c[2][2] = {{-(k0 * t00 + k1 * t10), -(k0 * t01 + k1 * t11)},
-                        {-(k0 * t01 + k1 * t11), -(k1 * t01 + k2 * t11)}};
+  T by_c[2][2] = {{-(k0 * t00 + k1 * t10), -(k0 * t01 + k1 * t11)},
+                  {-(k0 * t01 + k1 * t11), -(k1 * t01 + k2 * t11)}};
+  const T factor = compensation(view, projection);
+  out->opacity = gradient.opacity * factor;
+  if (view.rules.compensates) {
+    compensation_gradient(view, projection, out->opacity * opacity, by_c);
+  }
 
   // C = P S P^T with P = J W.
   const T* p[2] = {projection.jacobian, projection.jacobian + 3};
@@ -164,8 +187,7 @@ void project_gradient(const View<T>& view, const Frame<T>& frame, size_t i,
   const T position[3] = {frame.position[0][i], frame.position[1][i], frame.position[2][i]};
   T covariance[6];
   for (int k = 0; k < 6; ++k) covariance[k] = frame.covariance[k][i];
-  geometry_gradient(view, covariance, projection, gradient, out);
-  out->opacity = gradient.opacity;
+  geometry_gradient(view, covariance, projection, gradient, frame.opacity[i], out);
   shade_gradient(view, frame.sh_degree, position, frame.sh[i], gradient.color, clamp_colors,
                  out->position, sh_gradient);
 }

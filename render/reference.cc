@@ -64,7 +64,7 @@ struct Fragment {
   size_t pixel;
   double dx, dy;  // from the mean to the pixel's centre
   double alpha;
-  bool cut;              // alpha is kMaxAlpha, whatever the splat says
+  bool cut;              // alpha is max_alpha, whatever the splat says
   double transmittance;  // of all that lies before
 };
 
@@ -95,10 +95,11 @@ std::vector<double> blend(const View<double>& view, const std::vector<Item>& ite
         f.dy = y + 0.5 - s.mean[1];
         const double q =
             s.conic[0] * f.dx * f.dx + 2 * s.conic[1] * f.dx * f.dy + s.conic[2] * f.dy * f.dy;
+        if (q > view.rules.max_reach) continue;
         f.alpha = s.opacity * std::exp(-q / 2);
-        f.cut = f.alpha > kMaxAlpha;
-        if (f.cut) f.alpha = kMaxAlpha;
-        if (f.alpha < kMinAlpha) continue;
+        f.cut = f.alpha > view.rules.max_alpha;
+        if (f.cut) f.alpha = view.rules.max_alpha;
+        if (f.alpha < view.rules.min_alpha) continue;
         f.transmittance = transmittance[f.pixel];
         const double left = f.transmittance * (1 - f.alpha);
         if (left < kMinTransmittance) {

@@ -7,6 +7,7 @@
 #include <string>
 
 #include "libl4dcodec/base/threads.h"
+#include "libl4dcodec/scene/rendering.h"
 #include "render/camera.h"
 #include "render/fast/fast.h"
 #include "render/project_gradient.h"
@@ -30,7 +31,9 @@ Status slice_into(Scene& scene, double time, int, MemoryBudget& memory, Frame<do
 Renderer::Renderer(const l4d_renderer_options& options)
     : threads_(static_cast<int>(options.threads)),
       cuda_(options.backend == L4D_BACKEND_CUDA),
-      device_number_(options.device) {
+      device_number_(options.device),
+      stated_(default_rendering()),
+      given_(stated_) {
   memory_.set_limit(options.max_memory_bytes == 0 ? kDefaultMemory : options.max_memory_bytes);
   if (cuda_) return;
   if (options.backend == L4D_BACKEND_REFERENCE) {
@@ -80,6 +83,7 @@ Status Renderer::set_gaussians(const l4d_gaussians& gaussians, const l4d_timelin
     L4D_RETURN_IF_ERROR(
         within_limit(true, [&] { return scene_.prepare(gaussians, timeline, threads_, memory_); }));
   }
+  stated_ = default_rendering();
   source_ = Source::kGaussians;
   return {};
 }
@@ -89,11 +93,31 @@ Status Renderer::set_decoder(l4d_decoder* decoder) {
   l4d_info_init(&info);
   const l4d_status status = l4d_decoder_get_info(decoder, &info);
   if (status != L4D_OK) return Status(status, "the decoder has no open stream");
+  l4d_rendering stated = default_rendering();
+  l4d_decoder_get_rendering(decoder, &stated);
+  if (!has_given_) L4D_RETURN_IF_ERROR(supports(stated));
   has_time_ = false;
   if (cuda_) L4D_RETURN_IF_ERROR(acquire_device());
   decoder_ = decoder;
   still_key_ = 0;
+  stated_ = stated;
   source_ = Source::kDecoder;
+  return {};
+}
+
+Status Renderer::supports(const l4d_rendering& rendering) const {
+  if (!cuda_ || is_default(rendering)) return {};
+  return Status(L4D_ERR_FEATURE_UNSUPPORTED,
+                "device code draws by the numbers of 3D Gaussian splatting alone, and the scene "
+                "states others: use a CPU backend");
+}
+
+Status Renderer::set_rendering(const l4d_rendering* rendering) {
+  const l4d_rendering next = rendering == nullptr ? stated_ : *rendering;
+  if (!is_valid(next)) return invalid_argument("a number of the rendering is out of range");
+  L4D_RETURN_IF_ERROR(supports(next));
+  has_given_ = rendering != nullptr;
+  if (has_given_) given_ = next;
   return {};
 }
 
@@ -133,6 +157,7 @@ Status Renderer::set_time(double time) {
 
 Status Renderer::ready(const l4d_camera& camera) const {
   if (!has_time_) return Status(L4D_ERR_INVALID_STATE, "no instant: call set_time first");
+  L4D_RETURN_IF_ERROR(supports(rendering()));
   return check_camera(camera);
 }
 
@@ -164,8 +189,8 @@ Status Renderer::render(const l4d_camera& camera, const l4d_image& image) {
   return with_path([&](auto& path) {
     using T = typename std::decay_t<decltype(path.frame.opacity)>::value_type;
     return within_limit(false, [&] {
-      return path.rasterizer->forward(path.frame, make_view<T>(camera), background_, image.rgb,
-                                      image.alpha, &stats_);
+      return path.rasterizer->forward(path.frame, make_view<T>(camera, rendering()), background_,
+                                      image.rgb, image.alpha, &stats_);
     });
   });
 }
@@ -197,8 +222,8 @@ bool back_to_slice(const View<double>& view, const Slice3D<double>& slice, uint3
   for (size_t k = 0; k < 2; ++k) g.mean[k] = static_cast<double>(by_splat.mean[k]);
   for (size_t k = 0; k < 3; ++k) g.conic[k] = static_cast<double>(by_splat.conic[k]);
   for (size_t k = 0; k < 3; ++k) g.color[k] = static_cast<double>(by_splat.color[k]);
-  geometry_gradient(view, slice.covariance, projection, g, out);
-  out->opacity = static_cast<double>(by_splat.opacity);
+  g.opacity = static_cast<double>(by_splat.opacity);
+  geometry_gradient(view, slice.covariance, projection, g, slice.opacity, out);
   shade_gradient(view, sh_degree, slice.position, sh, g.color, true, out->position, sh_gradient);
   return true;
 }
@@ -257,10 +282,10 @@ Status Renderer::backward(const l4d_camera& camera, const float* rgb_gradient,
   input.rgb_gradient = rgb_gradient;
   return with_path([&](auto& path) -> Status {
     using T = typename std::decay_t<decltype(path.frame.opacity)>::value_type;
-    const View<T> view = make_view<T>(camera);
+    const View<T> view = make_view<T>(camera, rendering());
     L4D_RETURN_IF_ERROR(
         path.rasterizer->backward(path.frame, view, background_, input, &path.gradients, &stats_));
-    add_gradients(path, make_view<double>(camera), gradients);
+    add_gradients(path, make_view<double>(camera, rendering()), gradients);
     return {};
   });
 }
@@ -319,10 +344,10 @@ Status Renderer::importance(const l4d_camera& camera, const ImportanceInput& inp
   back.seen = input.seen;
   return with_path([&](auto& path) -> Status {
     using T = typename std::decay_t<decltype(path.frame.opacity)>::value_type;
-    const View<T> view = make_view<T>(camera);
+    const View<T> view = make_view<T>(camera, rendering());
     L4D_RETURN_IF_ERROR(
         path.rasterizer->backward(path.frame, view, background_, back, &path.gradients, &stats_));
-    collect(path, make_view<double>(camera), input, out);
+    collect(path, make_view<double>(camera, rendering()), input, out);
     return {};
   });
 }

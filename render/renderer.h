@@ -20,6 +20,8 @@ class Renderer {
 
   Status set_gaussians(const l4d_gaussians& gaussians, const l4d_timeline& timeline);
   Status set_decoder(l4d_decoder* decoder);
+  // null: as the scene states.
+  Status set_rendering(const l4d_rendering* rendering);
   void set_background(const float* rgb) { std::copy_n(rgb, 3, background_); }
   Status set_time(double time);
   Status render(const l4d_camera& camera, const l4d_image& image);
@@ -86,6 +88,9 @@ class Renderer {
   Status within_limit(bool with_scene, const Body& body);
   void forget(bool with_scene);
   Status slice(double time);
+  const l4d_rendering& rendering() const { return has_given_ ? given_ : stated_; }
+  // Whether this backend draws like that.
+  Status supports(const l4d_rendering& rendering) const;
   Status ready(const l4d_camera& camera) const;
   // Makes the device ready for a scene; says why not where it cannot.
   Status acquire_device();
@@ -112,7 +117,10 @@ class Renderer {
   l4d_decoder* decoder_ = nullptr;
   uint64_t still_key_ = 0;  // l4d_splat_columns; 0 also where the frame is another
   Path<float> float_;
-  Path<double> double_;  // of the reference; its rasteriser is absent on the fast path
+  Path<double> double_;   // of the reference; its rasteriser is absent on the fast path
+  l4d_rendering stated_;  // by the scene
+  l4d_rendering given_;   // by the caller
+  bool has_given_ = false;
   float background_[3] = {0, 0, 0};
   bool has_time_ = false;
   double time_ = 0;

@@ -3,20 +3,46 @@
 
 #include <cmath>
 #include <cstdint>
+#include <limits>
 
 #include "l4d/render.h"
 #include "libl4dcodec/scene/prepare.h"
+#include "libl4dcodec/scene/rendering.h"
 
 namespace l4d::render {
 
-// Where alpha blending ends, as 3D Gaussian splatting has it; it starts at kMinAlpha.
+// Where alpha blending ends unless the scene says otherwise; it starts at kMinAlpha.
 constexpr double kMaxAlpha = 0.999;  // never quite opaque, so that 1 - alpha has an inverse
 constexpr double kMinTransmittance =
     1e-4;                          // a pixel is done before its transmittance would fall here
-constexpr double kDilation = 0.3;  // pixels^2, added to both variances of every splat
+constexpr double kDilation = 0.3;  // pixels^2, added to both variances of every splat, likewise
 // The affine approximation of the projection is taken at most this far outside the frame, in units
 // of half its size: far outside it would blow splats up without bound.
 constexpr double kFrustumMargin = 0.3;
+
+// What a scene asks of renderers (l4d_rendering). The defaults are those of 3D Gaussian splatting.
+template <typename T>
+struct SplatRules {
+  T dilation = static_cast<T>(kDilation);  // pixels^2
+  T min_alpha = static_cast<T>(kMinAlpha);
+  T max_alpha = static_cast<T>(kMaxAlpha);
+  // Square of the Mahalanobis distance at which a splat ends, whatever its alpha is there.
+  T max_reach = std::numeric_limits<T>::max();
+  bool compensates = false;  // opacity makes up for what dilation adds
+};
+
+template <typename T>
+SplatRules<T> make_rules(const l4d_rendering& r) {
+  SplatRules<T> rules;
+  // The defaults are decimal numbers, which a double holds better than the float that says them.
+  const l4d_rendering usual = default_rendering();
+  if (r.dilation != usual.dilation) rules.dilation = static_cast<T>(r.dilation);
+  if (r.min_alpha != usual.min_alpha) rules.min_alpha = static_cast<T>(r.min_alpha);
+  if (r.max_alpha != usual.max_alpha) rules.max_alpha = static_cast<T>(r.max_alpha);
+  if (r.cutoff > 0) rules.max_reach = static_cast<T>(r.cutoff) * static_cast<T>(r.cutoff);
+  rules.compensates = r.compensation != 0;
+  return rules;
+}
 
 // A camera, checked, with what all Gaussians need of it.
 template <typename T>
@@ -29,11 +55,13 @@ struct View {
   T near_plane{};
   // x/z and y/z at which the affine approximation is taken lie within these.
   T min_slope[2]{}, max_slope[2]{};
+  SplatRules<T> rules;
 };
 
 template <typename T>
-View<T> make_view(const l4d_camera& camera) {
+View<T> make_view(const l4d_camera& camera, const l4d_rendering& rendering = default_rendering()) {
   View<T> v;
+  v.rules = make_rules<T>(rendering);
   v.width = static_cast<int>(camera.width);
   v.height = static_cast<int>(camera.height);
   v.fx = static_cast<T>(camera.fx);

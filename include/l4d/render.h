@@ -24,9 +24,12 @@
  *  - Blending is front to back. A splat that would bring a pixel's transmittance below 1e-4 ends
  * the blending of that pixel and is not drawn. The remaining transmittance shows the background.
  *  - Colour is 0.5 + SH in the direction from the camera to the sliced mean, clamped to at least 0.
- * Images have no upper clamp. Rendering is not normative: backends agree within rounding, not bit
- * for bit, and rounding decides on which side of a step a pixel lies. Each backend is
- * deterministic: neither the number of threads nor max_memory_bytes changes its result.
+ *  - The numbers 0.3, 0.999 and 1/255 are those of l4d_rendering_init. Where l4d_rendering says
+ *    otherwise, its dilation, max_alpha and min_alpha replace them, a splat also ends at its
+ * cutoff, and its compensation scales the opacity. Images have no upper clamp. Rendering is not
+ * normative: backends agree within rounding, not bit for bit, and rounding decides on which side of
+ * a step a pixel lies. Each backend is deterministic: neither the number of threads nor
+ * max_memory_bytes changes its result.
  */
 #ifndef L4D_RENDER_H
 #define L4D_RENDER_H
@@ -90,6 +93,14 @@ L4D_API l4d_status l4d_renderer_set_gaussians(l4d_renderer* renderer,
 L4D_API l4d_status l4d_renderer_set_decoder(l4d_renderer* renderer, l4d_decoder* decoder);
 /* Sets the background colour; black at first. rgb: finite. */
 L4D_API l4d_status l4d_renderer_set_background(l4d_renderer* renderer, const float* rgb /* [3] */);
+
+/* How splats are drawn from now on, whatever the scene states. NULL = as the scene states: a stream
+ * as its header does (l4d_decoder_get_rendering), Gaussians by the defaults of l4d_rendering_init.
+ * Fails with INVALID_ARGUMENT if a number is out of its range. The CUDA backend draws by the
+ * defaults alone: with others, set_decoder, this function and rendering fail with
+ * FEATURE_UNSUPPORTED. */
+L4D_API l4d_status l4d_renderer_set_rendering(l4d_renderer* renderer,
+                                              const l4d_rendering* rendering);
 
 /* Slices the scene at `time` seconds (clamped to the sequence) for all calls that follow. */
 L4D_API l4d_status l4d_renderer_set_time(l4d_renderer* renderer, double time);

@@ -30,6 +30,9 @@ class RendererHandle {
   void set_decoder(const DecoderHandle& decoder) {
     check(l4d_renderer_set_decoder(get(), decoder.get()));
   }
+  void set_rendering(const l4d_rendering* rendering) {
+    check(l4d_renderer_set_rendering(get(), rendering));
+  }
   void set_time(double seconds) { check(l4d_renderer_set_time(get(), seconds)); }
   // rgb: [height, width, 3].
   void render(const l4d_camera& camera, float* rgb) const {

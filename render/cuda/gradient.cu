@@ -114,7 +114,7 @@ __device__ bool back_to_slice(const GradientInput& input, const View<float>& vie
   g.conic[0] = -0.5 * static_cast<double>(out->sums.xx);
   g.conic[1] = -static_cast<double>(out->sums.xy);
   g.conic[2] = -0.5 * static_cast<double>(out->sums.yy);
-  geometry_gradient(input.view, slice.covariance, projection, g, &out->by_slice);
+  geometry_gradient(input.view, slice.covariance, projection, g, slice.opacity, &out->by_slice);
   out->by_slice.opacity = static_cast<double>(out->sums.one) / slice.opacity;
   constexpr size_t kNumbers = 3 * sh_terms(kDegree);
   float by_position[3] = {0, 0, 0}, sh[kNumbers];

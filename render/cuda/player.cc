@@ -9,6 +9,7 @@
 #include <thread>
 
 #include "libl4dcodec/base/checked.h"
+#include "libl4dcodec/scene/rendering.h"
 #include "render/bucket_cache.h"
 #include "render/cuda/bucket_loader.h"
 #include "render/cuda/device_player.h"
@@ -120,6 +121,12 @@ Status Player::create() {
   l4d_info_init(&info);
   if (l4d_decoder_get_info(decoder_, &info) != L4D_OK) {
     return Status(L4D_ERR_INVALID_STATE, "no stream is open");
+  }
+  l4d_rendering rendering = default_rendering();
+  if (l4d_decoder_get_rendering(decoder_, &rendering) != L4D_OK || !is_default(rendering)) {
+    return Status(L4D_ERR_FEATURE_UNSUPPORTED,
+                  "the player draws by the numbers of 3D Gaussian splatting alone, and the stream "
+                  "states others");
   }
   sequence_ = {info.timeline.time_begin, info.timeline.time_begin + info.duration};
   sh_degree_ = info.sh_degree;

@@ -31,7 +31,7 @@ inline void prefetch(const void* address) {
 bool reach_of_rows(const FastSplat& s, float top, float bottom, float* left, float* right) {
   if (bottom < -s.extent[1] || top > s.extent[1]) return false;
   const float a = s.conic[0], b = 0.5f * s.conic[1], c = s.conic[2];  // negative definite
-  const float level = kLog2MinAlpha - s.log2_opacity;  // a x^2 + 2 b x y + c y^2 >= level
+  const float level = s.log2_least - s.log2_opacity;  // a x^2 + 2 b x y + c y^2 >= level
   // Where the ellipse is widest: x = +-extent[0] at y = -+extent[0] b / c.
   const float y_at_right = -s.extent[0] * b / c;
   const auto edge = [&](float y, float sign) {

@@ -39,9 +39,9 @@ struct Slab {
   }
 };
 
-// Which splats touch which tiles: a tile is touched where the ellipse in which the splat's alpha
-// reaches kMinAlpha meets the rectangle of the tile's pixel centres. No tile is missed; a few more
-// are listed where the ellipse is cut by the border of the image, and by rounding.
+// Which splats touch which tiles: a tile is touched where the ellipse in which the splat shows
+// meets the rectangle of the tile's pixel centres. No tile is missed; a few more are listed where
+// the ellipse is cut by the border of the image, and by rounding.
 //
 // Lists are made slab by slab: a few splats that each cover the image are as many pairs of splat
 // and tile as there are tiles. What a tile's list holds does not depend on the slab.

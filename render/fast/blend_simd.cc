@@ -21,7 +21,6 @@ using D = hn::CappedTag<float, kTile>;
 using V = hn::Vec<D>;
 constexpr size_t kPrefetch = 8;  // splats ahead
 constexpr float kStop = static_cast<float>(kMinTransmittance);
-constexpr float kCut = static_cast<float>(kMaxAlpha);
 
 // 2^x for x in [-8, 0]: the exponent's bits, times a polynomial of the rest in [-1/2, 1/2].
 template <bool kFast>
@@ -74,8 +73,8 @@ HWY_INLINE void start(D d, const TileInput& tile, float* HWY_RESTRICT transmitta
 
 // Walks the list front to back. For every vector of pixels that a splat reaches, calls
 //   body(n, pixel, dx, dy, alpha, before, stopped)
-// with n the place in the list, dx, dy offsets from the mean, alpha zero where it is below
-// kMinAlpha, and the transmittance before; pixels that stop here or have stopped are in `stopped`,
+// with n the place in the list, dx, dy offsets from the mean, alpha zero where the splat does not
+// show, and the transmittance before; pixels that stop here or have stopped are in `stopped`,
 // and the splat does not count for them. transmittance [kTilePixels] ends as what shines through.
 template <bool kFastExp, class Body>
 HWY_INLINE void walk(const TileInput& tile, float* HWY_RESTRICT transmittance, const Body& body) {
@@ -85,12 +84,14 @@ HWY_INLINE void walk(const TileInput& tile, float* HWY_RESTRICT transmittance, c
   alignas(64) float final_t[kTilePixels];
   start(d, tile, transmittance);
   std::fill_n(final_t, kTilePixels, -1.0f);
+  const V most_alpha = hn::Set(d, tile.max_alpha);
   uint32_t rows_alive = (1u << tile.height) - 1;
   for (size_t n = 0; n < tile.count && rows_alive != 0; ++n) {
     hwy::Prefetch(tile.splats + tile.list[std::min(n + kPrefetch, tile.count - 1)]);
     const FastSplat& s = tile.splats[tile.list[n]];
     const Rows rows = rows_of(tile, s);
     const float left = static_cast<float>(tile.x) + 0.5f - s.mean[0];
+    const V least = hn::Set(d, s.log2_least);
     for (int y = rows.begin; y < rows.end; ++y) {
       if ((rows_alive >> y & 1) == 0) continue;
       const float dy = static_cast<float>(tile.y + y) + 0.5f - s.mean[1];
@@ -101,12 +102,12 @@ HWY_INLINE void walk(const TileInput& tile, float* HWY_RESTRICT transmittance, c
       for (size_t x = 0; x < kStride; x += lanes) {
         const V dx = hn::Add(hn::Set(d, left), hn::Iota(d, static_cast<float>(x)));
         const V log2_alpha = hn::MulAdd(dx, hn::MulAdd(square, dx, linear), base);
-        const auto reached = hn::Ge(log2_alpha, hn::Set(d, kLog2MinAlpha));
+        const auto reached = hn::Ge(log2_alpha, least);
         if (hn::AllFalse(d, reached)) continue;
         const size_t pixel = kStride * static_cast<size_t>(y) + x;
         const V before = hn::Load(d, transmittance + pixel);
-        const V alpha = hn::IfThenElseZero(
-            reached, hn::Min(exp2_of<kFastExp>(d, log2_alpha), hn::Set(d, kCut)));
+        const V alpha =
+            hn::IfThenElseZero(reached, hn::Min(exp2_of<kFastExp>(d, log2_alpha), most_alpha));
         const V after = hn::NegMulAdd(before, alpha, before);
         // Also true of pixels that stopped earlier, whose transmittance is kept as 0 here.
         const auto stopped = hn::Lt(after, hn::Set(d, kStop));
@@ -220,7 +221,7 @@ HWY_INLINE void backward_with(const TileInput& tile, const TileUpstream& upstrea
                               const float* background, InstanceGradient* out) {
   const D d;
   const size_t lanes = hn::Lanes(d);
-  const V zero = hn::Zero(d), cut = hn::Set(d, kCut);
+  const V zero = hn::Zero(d), cut = hn::Set(d, tile.max_alpha);
   const auto color_sum = [](const float* color) HWY_ATTR { return color[0] + color[1] + color[2]; };
   alignas(64) float transmittance[kTilePixels];
   // Per pixel: derivative-weighted colour of all that has not been passed yet, background included.

@@ -183,6 +183,7 @@ class FastRasterizer : public Rasterizer<float> {
         tile.y = (slab.row_begin + static_cast<int>(t / columns)) * kTile;
         tile.width = std::min(kTile, view.width - tile.x);
         tile.height = std::min(kTile, view.height - tile.y);
+        tile.max_alpha = view.rules.max_alpha;
         body(t, tile);
       }
     });

@@ -20,12 +20,13 @@ struct alignas(64) FastSplat {
   float mean[2];   // pixels
   float conic[3];  // xx, 2 xy, yy times -log2(e)/2
   float log2_opacity;
-  float color[3];   // clamped below at 0
-  float extent[2];  // half-sizes of the box in which alpha reaches kMinAlpha, pixels
+  float log2_least;  // the splat shows where log2(alpha) is at least this
+  float color[3];    // clamped below at 0
+  float extent[2];   // half-sizes of the box in which it shows, pixels
   float depth;
   uint32_t row;      // in the frame
   uint32_t clamped;  // bit c: color[c] was negative
-  float opacity;
+  float opacity;     // times the compensation
 };
 
 // log2(kMinAlpha)
@@ -37,6 +38,7 @@ struct TileInput {
   size_t count;
   int x, y;           // first pixel
   int width, height;  // pixels of the tile inside the image
+  float max_alpha;
 };
 
 // Planes of kTilePixels, rows of kTile.

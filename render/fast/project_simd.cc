@@ -2,6 +2,8 @@
 // Projection and shading of the fast path, a vector of Gaussians at a time.
 #include "render/fast/project_simd.h"
 
+#include <cmath>
+
 #include "libl4dcodec/scene/sh.h"
 #include "render/fast/kernels.h"
 
@@ -91,6 +93,8 @@ struct Lanes {
   alignas(64) float mean[2][kMaxLanes];
   alignas(64) float conic[3][kMaxLanes];
   alignas(64) float log2_opacity[kMaxLanes];
+  alignas(64) float log2_least[kMaxLanes];
+  alignas(64) float factor[kMaxLanes];  // of the opacity
   alignas(64) float extent[2][kMaxLanes];
   alignas(64) float depth[kMaxLanes];
   alignas(64) float basis[kMaxShTerms * kMaxLanes];
@@ -107,6 +111,9 @@ size_t project_rows(const Frame<float>& frame, const View<float>& view, size_t b
   const V zero = hn::Zero(d), one = set(1), half = set(0.5f);
   const V right = set(static_cast<float>(view.width) - 0.5f);
   const V bottom = set(static_cast<float>(view.height) - 0.5f);
+  const float log2_min_alpha = view.rules.min_alpha == static_cast<float>(kMinAlpha)
+                                   ? kLog2MinAlpha
+                                   : std::log2(view.rules.min_alpha);
   const float* r = view.rotation;
   const float focal[2] = {view.fx, view.fy};
   for (size_t i = begin; i < end; i += lanes) {
@@ -125,7 +132,7 @@ size_t project_rows(const Frame<float>& frame, const View<float>& view, size_t b
                                 hn::MulAdd(set(r[3 * k + 2]), z, set(view.translation[k]))));
     }
     auto in_view = hn::And(present, hn::And(hn::Gt(camera[2], set(view.near_plane)),
-                                            hn::Ge(opacity, set(static_cast<float>(kMinAlpha)))));
+                                            hn::Ge(opacity, set(view.rules.min_alpha))));
     if (hn::AllFalse(d, in_view)) continue;
     const V inverse_z = hn::Div(one, hn::IfThenElse(in_view, camera[2], one));
     V mean[2], jw[2][3];
@@ -152,10 +159,11 @@ size_t project_rows(const Frame<float>& frame, const View<float>& view, size_t b
     const auto dot = [](const V* a, const V* b) HWY_ATTR {
       return hn::MulAdd(a[0], b[0], hn::MulAdd(a[1], b[1], hn::Mul(a[2], b[2])));
     };
-    const V dilation = set(static_cast<float>(kDilation));
-    const V xx = hn::Add(dot(t0, jw[0]), dilation);
+    const V dilation = set(view.rules.dilation);
+    const V bare_xx = dot(t0, jw[0]), bare_yy = dot(t1, jw[1]);
+    const V xx = hn::Add(bare_xx, dilation);
     const V xy = dot(t0, jw[1]);
-    const V yy = hn::Add(dot(t1, jw[1]), dilation);
+    const V yy = hn::Add(bare_yy, dilation);
     // The product of two entries must not overflow where a Gaussian is huge; a power of two rounds
     // nothing.
     const V widest = hn::Max(xx, yy);
@@ -164,10 +172,21 @@ size_t project_rows(const Frame<float>& frame, const View<float>& view, size_t b
     const V small_xy = hn::Mul(xy, shrink);
     const V det = hn::MulSub(small_xx, small_yy, hn::Mul(small_xy, small_xy));
     in_view = hn::And(in_view, hn::And(hn::Gt(det, zero), hn::IsFinite(widest)));
-    const V log2_opacity = hn::Log2(d, hn::IfThenElse(in_view, opacity, one));
-    // reach = 2 ln(opacity / kMinAlpha)
+    V factor = one;
+    if (view.rules.compensates) {
+      const V bare = hn::MulSub(hn::Mul(bare_xx, shrink), hn::Mul(bare_yy, shrink),
+                                hn::Mul(small_xy, small_xy));
+      factor = hn::Sqrt(hn::Div(hn::Max(bare, zero), hn::IfThenElse(in_view, det, one)));
+      in_view = hn::And(in_view, hn::Ge(hn::Mul(opacity, factor), set(view.rules.min_alpha)));
+    }
+    const V log2_opacity = hn::Log2(d, hn::IfThenElse(in_view, hn::Mul(opacity, factor), one));
+    // reach = 2 ln(opacity / min_alpha), or the cut-off
+    constexpr float kTwoLn2 = 1.38629436f;
     const V reach =
-        hn::Max(zero, hn::Mul(set(1.38629436f), hn::Sub(log2_opacity, set(kLog2MinAlpha))));
+        hn::Min(hn::Max(zero, hn::Mul(set(kTwoLn2), hn::Sub(log2_opacity, set(log2_min_alpha)))),
+                set(view.rules.max_reach));
+    const V log2_least =
+        hn::Max(set(log2_min_alpha), hn::Sub(log2_opacity, set(view.rules.max_reach / kTwoLn2)));
     const V extent_x = hn::Sqrt(hn::Mul(reach, xx)), extent_y = hn::Sqrt(hn::Mul(reach, yy));
     in_view = hn::And(in_view, hn::And(hn::Ge(hn::Add(mean[0], extent_x), half),
                                        hn::Le(hn::Sub(mean[0], extent_x), right)));
@@ -183,6 +202,8 @@ size_t project_rows(const Frame<float>& frame, const View<float>& view, size_t b
     hn::Store(hn::Mul(hn::Mul(set(-2), scale), small_xy), d, s.conic[1]);
     hn::Store(hn::Mul(scale, small_xx), d, s.conic[2]);
     hn::Store(log2_opacity, d, s.log2_opacity);
+    hn::Store(log2_least, d, s.log2_least);
+    hn::Store(factor, d, s.factor);
     hn::Store(extent_x, d, s.extent[0]);
     hn::Store(extent_y, d, s.extent[1]);
     hn::Store(camera[2], d, s.depth);
@@ -207,10 +228,11 @@ size_t project_rows(const Frame<float>& frame, const View<float>& view, size_t b
       for (size_t k = 0; k < 2; ++k) splat.mean[k] = s.mean[k][lane];
       for (size_t k = 0; k < 3; ++k) splat.conic[k] = s.conic[k][lane];
       splat.log2_opacity = s.log2_opacity[lane];
+      splat.log2_least = s.log2_least[lane];
       for (size_t k = 0; k < 2; ++k) splat.extent[k] = s.extent[k][lane];
       splat.depth = s.depth[lane];
       splat.row = static_cast<uint32_t>(i + lane);
-      splat.opacity = frame.opacity[i + lane];
+      splat.opacity = frame.opacity[i + lane] * s.factor[lane];
       float color[3];
       color_of<kDegree>(frame.sh[i + lane], s.basis + lane, color);
       splat.clamped = 0;

@@ -110,6 +110,7 @@ FastSplat make_splat(double x, double y, double xx, double xy, double yy, double
   s.conic[2] = static_cast<float>(scale * xx);
   s.opacity = static_cast<float>(opacity);
   s.log2_opacity = static_cast<float>(std::log2(opacity));
+  s.log2_least = kLog2MinAlpha;
   const double reach = 2 * std::log(255 * opacity);
   s.extent[0] = static_cast<float>(std::sqrt(reach * xx));
   s.extent[1] = static_cast<float>(std::sqrt(reach * yy));

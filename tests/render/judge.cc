@@ -78,6 +78,7 @@ std::vector<size_t> Judge::blended(int x, int y) const {
   tile.y = y / kTile * kTile;
   tile.width = std::min(kTile, view_.width - tile.x);
   tile.height = std::min(kTile, view_.height - tile.y);
+  tile.max_alpha = static_cast<float>(view_.rules.max_alpha);
   const auto blend = fast_exponential_ ? render_kernels().blend_fast_exp : render_kernels().blend;
   const size_t pixel = static_cast<size_t>((y - tile.y) * kTile + x - tile.x);
   std::vector<size_t> rows;

@@ -23,7 +23,7 @@ using reference::Random;
 using reference::Real;
 
 constexpr int kCases = 400;
-constexpr size_t kOutputs = 8;  // mean 2, conic 3, colour 3
+constexpr size_t kOutputs = 9;  // mean 2, conic 3, colour 3, factor of the opacity
 
 void random_rotation(Random& random, double* rotation /* [3, 3] */) {
   double rotor[8], matrix[16];
@@ -56,6 +56,7 @@ struct Kind {
   double log_scale[2];
   double slope;  // |x/z| and |y/z| are up to this many times those of the frame's margin
   uint32_t degree;
+  bool compensates = false;
 };
 
 struct Case {
@@ -90,13 +91,15 @@ std::vector<Real> project_by_definition(const View<double>& view, uint32_t degre
   Real c[2][2];
   for (int k = 0; k < 2; ++k) {
     for (int l = 0; l < 2; ++l) {
-      c[k][l] = k == l ? Real(kDilation) : 0;
+      c[k][l] = k == l ? Real(view.rules.dilation) : 0;
       for (int a = 0; a < 3; ++a) {
         for (int b = 0; b < 3; ++b) c[k][l] += jacobian[k][a] * turned[a][b] * jacobian[l][b];
       }
     }
   }
   const Real det = c[0][0] * c[1][1] - c[0][1] * c[1][0];
+  const Real dilation = Real(view.rules.dilation);
+  const Real bare = (c[0][0] - dilation) * (c[1][1] - dilation) - c[0][1] * c[1][0];
   std::vector<Real> out = {focal[0] * camera[0] / z + Real(view.cx),
                            focal[1] * camera[1] / z + Real(view.cy), c[1][1] / det, -c[0][1] / det,
                            c[0][0] / det};
@@ -112,6 +115,7 @@ std::vector<Real> project_by_definition(const View<double>& view, uint32_t degre
     for (size_t t = 0; t < sh_terms(degree); ++t) color[k] += basis[t] * Real(sh[3 * t + k]);
     out.push_back(clamp_colors ? std::max(color[k], Real(0)) : color[k]);
   }
+  out.push_back(view.rules.compensates ? std::sqrt(bare / det) : Real(1));
   return out;
 }
 
@@ -167,7 +171,9 @@ void check(const Kind& kind, bool clamp_colors, double bound) {
   int num_clamped = 0, num_black = 0;
   for (int n = 0; n < kCases; ++n) {
     const l4d_camera camera = random_camera(random);
-    const View<double> view = make_view<double>(camera);
+    View<double> view = make_view<double>(camera);
+    view.rules.compensates = kind.compensates;
+    if (kind.compensates) view.rules.dilation = 0.1;
     Case c = random_case(random, kind, view);
     Real position[3], covariance[6];
     double narrow_position[3], narrow_covariance[6];
@@ -216,7 +222,7 @@ void check(const Kind& kind, bool clamp_colors, double bound) {
       by_covariance[k] = differences::derivative(changed, covariance[k], covariance_step);
     }
     const std::vector<Real> value = forward(position, covariance);
-    if (clamp_colors) num_black += std::count(value.begin() + 5, value.end(), Real(0)) > 0;
+    if (clamp_colors) num_black += std::count(value.begin() + 5, value.begin() + 8, Real(0)) > 0;
     Real direction[3], norm = 0, basis[kMaxShTerms];
     for (int k = 0; k < 3; ++k) {
       direction[k] = position[k] - Real(view.center[k]);
@@ -232,6 +238,8 @@ void check(const Kind& kind, bool clamp_colors, double bound) {
     for (const auto& [first, last] : {std::pair(0, 8), {0, 2}, {2, 5}, {5, 8}}) {
       double part[kOutputs] = {};
       std::copy(weight + first, weight + last, part + first);
+      // The splat's opacity is the Gaussian's, times the factor.
+      part[8] = by_opacity * c.frame.opacity[0];
       SplatGradient2D<double> upstream;
       std::copy_n(part, 2, upstream.mean);
       std::copy_n(part + 2, 3, upstream.conic);
@@ -257,7 +265,7 @@ void check(const Kind& kind, bool clamp_colors, double bound) {
       numeric.clear();
       for (const auto& d : by_covariance) numeric.push_back(combine(d));
       errors.add("covariance", ours, numeric, static_cast<double>(rounding / covariance_step));
-      errors.add("opacity", {gradient.opacity}, {by_opacity});
+      errors.add("opacity", {gradient.opacity}, {by_opacity * static_cast<double>(value[8])});
       numeric.clear();
       for (size_t t = 0; t < sh_terms(kind.degree); ++t) {
         for (size_t k = 0; k < 3; ++k) {
@@ -285,6 +293,9 @@ constexpr Kind kDegree3 = {"degree 3", {-4, 0}, 0.9, 3};
 constexpr Kind kClampedSlope = {"clamped slopes", {-4, 0}, 2.5, 3};
 constexpr Kind kExtreme = {"scales e^-10 to e^3", {-10, 3}, 1.5, 3};
 
+constexpr Kind kCompensated = {"compensated opacity", {-4, 0}, 0.9, 1, true};
+
+TEST(ProjectGradient, CompensatedOpacity) { check(kCompensated, true, 1e-8); }
 TEST(ProjectGradient, Degree0) { check(kDegree0, true, 1e-8); }
 TEST(ProjectGradient, Degree1) { check(kDegree1, true, 1e-8); }
 TEST(ProjectGradient, Degree2) { check(kDegree2, true, 1e-8); }
@@ -309,8 +320,10 @@ TEST(ProjectGradient, AgreesWithProject) {
     for (size_t k = 0; k < 6; ++k) covariance[k] = Real(c.frame.covariance[k][0]);
     const std::vector<Real> expected =
         project_by_definition(view, 3, c.sh.data(), position, covariance, true);
-    const double ours[kOutputs] = {splat.mean[0],  splat.mean[1],  splat.conic[0], splat.conic[1],
-                                   splat.conic[2], splat.color[0], splat.color[1], splat.color[2]};
+    const double ours[kOutputs] = {
+        splat.mean[0],  splat.mean[1],  splat.conic[0],
+        splat.conic[1], splat.conic[2], splat.color[0],
+        splat.color[1], splat.color[2], splat.opacity / c.frame.opacity[0]};
     for (size_t k = 0; k < kOutputs; ++k) {
       worst = std::max(worst, std::fabs(ours[k] - static_cast<double>(expected[k])));
     }

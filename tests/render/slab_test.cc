@@ -219,6 +219,7 @@ TEST(Slabs, ListsAreThoseOfTheWholeImage) {
     // extent^2 = 2 ln(255 opacity) covariance, the covariance diagonal.
     s.opacity = 0.5f;
     s.log2_opacity = -1;
+    s.log2_least = kLog2MinAlpha;
     s.conic[0] = -(s.log2_opacity - kLog2MinAlpha) / (s.extent[0] * s.extent[0]);
     s.conic[1] = 0;
     s.conic[2] = -(s.log2_opacity - kLog2MinAlpha) / (s.extent[1] * s.extent[1]);
