@@ -93,6 +93,8 @@ SceneStream::SceneStream(Context& context, const Input& input, const ImportArgum
       encoder.check(l4d_encoder_set(encoder.get(), L4D_ENC_ZSTD_LEVEL, L4D_ALL_COMPONENTS, 1));
       const l4d_gaussians view = scene.view();
       encoder.check(l4d_encoder_set_scene(encoder.get(), &view, &scene.timeline, &scene.placement));
+      encoder.check(l4d_encoder_set_rendering(encoder.get(), &scene.rendering));
+      encoder.check(l4d_encoder_set_presentation(encoder.get(), &scene.presentation));
       stream_ = encoder.encode();
     });
     decoder_.open_memory(stream_.data(), stream_.size());

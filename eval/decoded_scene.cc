@@ -41,6 +41,8 @@ DecodedScene decode_scene(const DecoderHandle& decoder, const l4d_query* query,
   io::Scene& scene = loaded.scene;
   scene.timeline = info.timeline;
   scene.placement = info.placement;
+  scene.rendering = decoder.rendering();
+  scene.presentation = decoder.presentation();
   std::vector<double> times = std::move(arrays.mean_t_double);
   arrays.mean_t_double.clear();
   static_cast<AttributeArrays&>(scene) = std::move(arrays);

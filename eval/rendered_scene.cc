@@ -41,10 +41,12 @@ void RenderedScene::show(const io::Scene& scene) {
   scene_ = &scene;
   timeline_ = scene.timeline;
   count_ = scene.count();
+  renderer_.set_rendering(&scene.rendering);
   renderer_.set_gaussians(scene.view(), timeline_);
 }
 
 void RenderedScene::show_stream() {
+  renderer_.set_rendering(nullptr);
   renderer_.set_decoder(decoder_);
   const l4d_info info = decoder_.info();
   timeline_ = info.timeline;

@@ -9,6 +9,8 @@
 #include <limits>
 #include <new>
 
+#include "io/rendering_text.h"
+
 namespace l4d::io {
 namespace {
 
@@ -167,6 +169,18 @@ void read_placement(const PlyReader& reader, Scene& scene) {
       reader.fail(L4D_ERR_FEATURE_UNSUPPORTED, "unknown l4d_color_space");
     }
     placement.color_space = *text == 'l' ? L4D_COLOR_LINEAR_SRGB : L4D_COLOR_SRGB;
+  }
+  const char* comment = "l4d_rendering";
+  try {
+    if (const char* text = reader.header().comment(comment)) {
+      parse_rendering(text, &scene.rendering);
+    }
+    comment = "l4d_presentation";
+    if (const char* text = reader.header().comment(comment)) {
+      parse_presentation(text, &scene.presentation);
+    }
+  } catch (const Error& error) {
+    reader.fail(L4D_ERR_CORRUPT, std::string("comment ") + comment + ": " + error.what());
   }
 }
 

@@ -33,7 +33,7 @@ void set_fps(l4d_timeline& timeline, double fps);
 void set_duration(l4d_timeline& timeline, double seconds);
 // Timeline of a format whose file says nothing about time; notes what was assumed.
 void set_default_timeline(Scene& scene, const ImportOptions& options);
-// Placement from the l4d_origin, l4d_scale, l4d_coordinates and l4d_color_space comments.
+// Placement, rendering and presentation from the l4d_* comments.
 void read_placement(const PlyReader& reader, Scene& scene);
 
 // SH degree from the number of f_rest_* properties; throws on a count that is none.

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "l4d/attributes.hpp"
+#include "libl4dcodec/scene/rendering.h"
 #include "libl4dcodec/scene/timeline.h"
 
 namespace l4d::io {
@@ -27,6 +28,8 @@ class Error : public std::runtime_error {
 struct Scene : AttributeArrays {
   l4d_timeline timeline{};
   l4d_placement placement{{0, 0, 0}, 1, L4D_COORDINATES_UNKNOWN, L4D_COLOR_SRGB};
+  l4d_rendering rendering = default_rendering();
+  l4d_presentation presentation = default_presentation();
   // Name of the format it was read from: "l4d_ply", "3dgs_ply", "ftgs_ply", "stg_ply", "l4d",
   // "synth".
   std::string source;

@@ -7,6 +7,7 @@
 #include "io/formats.h"
 #include "io/ply.h"
 #include "io/read_ply.h"
+#include "io/rendering_text.h"
 #include "io/rotor_math.h"
 
 namespace l4d::io {
@@ -33,7 +34,8 @@ void append_indexed(std::vector<std::string>& names, const char* name, size_t co
   for (size_t k = 0; k < count; ++k) names.push_back(std::string(name) + std::to_string(k));
 }
 
-void append_placement(const l4d_placement& placement, std::vector<std::string>& comments) {
+void append_placement(const Scene& scene, std::vector<std::string>& comments) {
+  const l4d_placement& placement = scene.placement;
   const double* o = placement.origin;
   if (o[0] != 0 || o[1] != 0 || o[2] != 0) {
     comments.push_back("l4d_origin " + number(o[0]) + " " + number(o[1]) + " " + number(o[2]));
@@ -47,6 +49,10 @@ void append_placement(const l4d_placement& placement, std::vector<std::string>& 
   if (placement.color_space == L4D_COLOR_LINEAR_SRGB) {
     comments.push_back("l4d_color_space linear_srgb");
   }
+  const std::string rendering = rendering_text(scene.rendering);
+  if (!rendering.empty()) comments.push_back("l4d_rendering " + rendering);
+  const std::string presentation = presentation_text(scene.presentation);
+  if (!presentation.empty()) comments.push_back("l4d_presentation " + presentation);
 }
 
 // sh: [K, 3] coefficient-major, its f_rest part goes out channel-major.
@@ -111,7 +117,7 @@ void write_l4d_ply(const std::string& path, const Scene& scene) {
       "l4d_ply 1", "time_unit seconds", "time_begin " + number(timeline.time_begin),
       "time_end " + number(timeline.time_begin + duration(timeline)),
       "fps " + frame_rate(timeline)};
-  append_placement(scene.placement, comments);
+  append_placement(scene, comments);
   const size_t coefficients = scene.sh_coefficients();
   const bool double_times = !scene.mean_t_double.empty();
   std::vector<std::string> names = {"x", "y", "z", double_times ? "t:double" : "t"};
@@ -185,7 +191,7 @@ void write_ftgs_ply(const std::string& path, const Scene& source) {
       // Rounded down: rounding in float32 must not raise one.
       "min_duration " + number(shortest * 0.999), "opacity_floor 0",
       "n_frames " + std::to_string(timeline.num_frames)};
-  append_placement(scene.placement, comments);
+  append_placement(scene, comments);
   std::vector<std::string> names = {"x", "y", "z", "nx", "ny", "nz"};
   append_indexed(names, "f_dc_", 3);
   append_indexed(names, "f_rest_", 3 * (coefficients - 1));

@@ -18,6 +18,7 @@
 #include "eval/least_sizes.h"
 #include "eval/pairing.h"
 #include "io/formats.h"
+#include "io/rendering_text.h"
 
 namespace l4d::cli {
 namespace {
@@ -34,6 +35,7 @@ struct EncodeArguments {
   uint64_t seed = 0;
   bool verify = false;
   std::vector<std::string> metadata;
+  std::string rendering, presentation;
   EncodeParameters parameters;
   TargetArguments target;
   ImportArguments import;
@@ -181,11 +183,35 @@ void register_inputs(Context& context, const EncodeArguments& arguments) {
   arguments.cameras.load(context);
 }
 
+// Changes what the scene states of itself to what the options say.
+void change_statements(const EncodeArguments& arguments, l4d_rendering* rendering,
+                       l4d_presentation* presentation) {
+  const auto parse = [](const char* option, const std::string& text, const auto& change) {
+    if (text.empty()) return;
+    try {
+      change();
+    } catch (const io::Error& error) {
+      throw usage_error(std::string(option) + ": " + error.what());
+    }
+  };
+  parse("--rendering", arguments.rendering,
+        [&] { io::parse_rendering(arguments.rendering, rendering); });
+  parse("--presentation", arguments.presentation,
+        [&] { io::parse_presentation(arguments.presentation, presentation); });
+}
+
+// The scene, with what the options state of it.
+LoadedScene load(Context& context, const EncodeArguments& arguments, const Input& input) {
+  LoadedScene loaded = load_scene(context, input, arguments.import);
+  change_statements(arguments, &loaded.scene.rendering, &loaded.scene.presentation);
+  return loaded;
+}
+
 // What a rank does for the one that writes the file.
 void help_to_measure(Context& context, const EncodeArguments& arguments) {
   const Input input(context, arguments.input);
   if (!arguments.measures()) return;
-  measure(context, arguments, input, load_scene(context, input, arguments.import).scene);
+  measure(context, arguments, input, load(context, arguments, input).scene);
 }
 
 // The files that a command writes.
@@ -231,6 +257,9 @@ void set_parameters(Context& context, const EncodeArguments& arguments, bool has
   arguments.parameters.apply(context, encoder);
   if (has_target) arguments.parameters.require_quality(encoder, "a target");
   tell_pruning(context, arguments, encoder);
+  l4d_rendering rendering = default_rendering();
+  l4d_presentation presentation = default_presentation();
+  change_statements(arguments, &rendering, &presentation);
   std::set<std::string> keys;
   for (const std::string& text : arguments.metadata) {
     const auto [key, value] = parse_assignment(text, "--metadata");
@@ -336,11 +365,13 @@ Outcome run_encode(Context& context, const EncodeArguments& arguments) {
   // Parameters before the scene: a wrong one should not cost the time of reading.
   const EncoderHandle encoder = make_encoder(context, arguments);
   set_parameters(context, arguments, target.has_value(), encoder);
-  const LoadedScene loaded = load_scene(context, input, arguments.import);
+  const LoadedScene loaded = load(context, arguments, input);
   const io::Scene& scene = loaded.scene;
   const l4d_gaussians view = scene.view();
   about(input.name(), [&] {
     encoder.check(l4d_encoder_set_scene(encoder.get(), &view, &scene.timeline, &scene.placement));
+    encoder.check(l4d_encoder_set_rendering(encoder.get(), &scene.rendering));
+    encoder.check(l4d_encoder_set_presentation(encoder.get(), &scene.presentation));
   });
   // Cameras that are made up say nothing of where the scene will be seen from.
   std::vector<float> sizes;
@@ -415,6 +446,17 @@ void add_encode(Registry& registry) {
   verb->add_option("--metadata", arguments->metadata, "KEY=VALUE to store; may be repeated")
       ->type_name("KEY=VALUE")
       ->allow_extra_args(false);
+  verb->add_option(
+          "--rendering", arguments->rendering,
+          "How the scene wants to be drawn, where that is not as in 3D Gaussian splatting: "
+          "dilation=PIXELS^2, cutoff=SIGMAS, min_alpha=A, max_alpha=A, compensation=0|1, "
+          "separated by commas. `render` and players obey it")
+      ->type_name("NAME=VALUE,...");
+  verb->add_option("--presentation", arguments->presentation,
+                   "What a player does at first: playback=once|loop|ping-pong, bounds=X:Y:Z:X:Y:Z, "
+                   "camera=X:Y:Z:X:Y:Z:X:Y:Z:DEGREES (position, target, up direction, vertical "
+                   "field of view), metres_per_unit=M")
+      ->type_name("NAME=VALUE,...");
   verb->add_option("--order", arguments->order,
                    "Also write which input Gaussian each coded one is: u32 little-endian, for "
                    "`compare --order`")

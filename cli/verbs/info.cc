@@ -12,6 +12,7 @@
 #include "cli/text/units.h"
 #include "cli/verbs/time_profile.h"
 #include "io/file.h"
+#include "io/rendering_text.h"
 
 namespace l4d::cli {
 namespace {
@@ -383,6 +384,31 @@ void add_tools(const Facts& facts, Outcome& outcome) {
   }
 }
 
+// How the scene asks to be drawn and shown.
+void add_statements(const Facts& facts, Outcome& outcome) {
+  const l4d_rendering r = facts.decoder.rendering();
+  const l4d_presentation p = facts.decoder.presentation();
+  Json& j = outcome.json;
+  j["rendering"] = {{"stated", r.stated != 0},  {"dilation", r.dilation},
+                    {"cutoff", r.cutoff},       {"min_alpha", r.min_alpha},
+                    {"max_alpha", r.max_alpha}, {"compensation", r.compensation != 0}};
+  const auto vec = [](const double* v) { return Json{v[0], v[1], v[2]}; };
+  Json& shown = j["presentation"] = {{"playback", p.playback},
+                                     {"bounds", nullptr},
+                                     {"camera", nullptr},
+                                     {"metres_per_unit", p.metres_per_unit}};
+  if (p.has_bounds != 0) shown["bounds"] = {vec(p.bounds_min), vec(p.bounds_max)};
+  if (p.has_camera != 0) {
+    shown["camera"] = {{"position", vec(p.camera_position)},
+                       {"target", vec(p.camera_target)},
+                       {"up", vec(p.camera_up)},
+                       {"fov", p.camera_fov}};
+  }
+  const std::string rendering = io::rendering_text(r), presentation = io::presentation_text(p);
+  if (!rendering.empty()) outcome.text += "rendering: " + rendering + "\n";
+  if (!presentation.empty()) outcome.text += "presentation: " + presentation + "\n";
+}
+
 void add_errors(const Facts& facts, Outcome& outcome) {
   const bool is_ply = facts.input.is_ply();
   const l4d_coding_errors errors = is_ply ? l4d_coding_errors() : facts.decoder.coding_errors();
@@ -462,6 +488,7 @@ Outcome run_info(Context& context, const InfoArguments& arguments) {
     const Facts facts(stream, input);
     Outcome outcome;
     add_summary(facts, outcome);
+    add_statements(facts, outcome);
     add_tools(facts, outcome);
     add_errors(facts, outcome);
     outcome.text += layer_table(facts.layers, facts.layer_bytes);

@@ -55,6 +55,7 @@ Importance measure_importance(Context& context, const std::string& verb, const i
   }
   RendererHandle renderer(&rendering);
   const l4d_gaussians gaussians = scene.view();
+  renderer.set_rendering(&scene.rendering);
   renderer.set_gaussians(gaussians, scene.timeline);
   l4d_sensitivity* measured = nullptr;
   {
