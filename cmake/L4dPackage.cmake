@@ -27,6 +27,11 @@ if(TARGET l4dcodec_cli)
   install(TARGETS l4dcodec_cli RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
 endif()
 install(FILES ${PROJECT_SOURCE_DIR}/LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR})
+# What makes other programs recognise streams.
+install(FILES ${PROJECT_SOURCE_DIR}/spec/media/l4dcodec.xml
+  DESTINATION ${CMAKE_INSTALL_DATADIR}/mime/packages)
+install(FILES ${PROJECT_SOURCE_DIR}/spec/media/l4d.magic
+  DESTINATION ${CMAKE_INSTALL_DATADIR}/l4dcodec)
 
 install(EXPORT l4dcodec NAMESPACE l4dcodec:: FILE l4dcodecTargets.cmake
   DESTINATION ${l4d_cmake_dir})
