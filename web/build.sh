@@ -1,0 +1,56 @@
+#!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
+# usage: build.sh [wasm]
+# Builds l4d.wasm (build/wasm) and the packages (build/web/l4dcodec, build/web/l4dcodec-player), and
+# the player in few files (build/web/player), which the tool takes up when it is built after this.
+# `wasm`: no packages, which need what npm has installed. Exit status 77: something is not installed.
+set -euo pipefail
+root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
+cd "$root"
+out=build/web
+
+skip() {
+  echo "skipped: $* (./dev setup web)"
+  exit 77
+}
+for program in emcc node cmake ninja; do
+  command -v "$program" >/dev/null || skip "no $program"
+done
+sources=${L4D_CROSS_SOURCES:-$root/build/cross-sources}
+[[ -d $sources/highway ]] || skip "no sources of zstd, xxHash and Highway in $sources"
+
+# quietly NAME COMMAND...: its output only where it fails.
+quietly() {
+  local log=$out/$1.log
+  shift
+  "$@" >"$log" 2>&1 || {
+    cat "$log" >&2
+    echo "FAIL: $*" >&2
+    exit 1
+  }
+}
+
+mkdir -p "$out"
+launcher=()
+if command -v ccache >/dev/null; then
+  launcher=(-DCMAKE_C_COMPILER_LAUNCHER=ccache -DCMAKE_CXX_COMPILER_LAUNCHER=ccache)
+fi
+unset CFLAGS CXXFLAGS LDFLAGS
+quietly dependencies web/wasm/dependencies.sh "$root/build/wasm-prefix" "$root/build/wasm-dependencies"
+quietly configure cmake --preset wasm "${launcher[@]}"
+quietly wasm cmake --build --preset wasm -j "${L4D_JOBS:-$(nproc)}"
+wasm=build/wasm/bin/l4d.wasm
+echo "l4d.wasm: $(wc -c <"$wasm") bytes, $(gzip -9c "$wasm" | wc -c) with gzip -9"
+[[ ${1:-} != wasm ]] || exit 0
+
+bin=web/node_modules/.bin
+[[ -x $bin/tsc && -x $bin/esbuild ]] || skip "no packages of npm in web/node_modules"
+for package in core view; do
+  [[ -d web/$package/src ]] || continue
+  name=$(sed -n 's/^  "name": "\(.*\)",$/\1/p' "web/$package/package.json")
+  rm -rf "${out:?}/$name"
+  mkdir -p "$out/$name"
+  cp -r "web/$package/src" "web/$package/package.json" "$out/$name/"
+  "$bin/tsc" -p "web/$package"
+done
+cp "$wasm" "$out/l4dcodec/src/"

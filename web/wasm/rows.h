@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: Apache-2.0
+// The Gaussians of a bucket as textures of a player hold them: what of each does not change with
+// time.
+#pragma once
+
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <vector>
+
+#include "libl4dcodec/base/half.h"
+#include "libl4dcodec/scene/prepare.h"
+
+namespace l4d::web {
+
+// A row is four texels of binary32: position at the reference time and opacity; velocity and
+// reference time; covariance xx xy xz yy; covariance yz zz, mean time and lambda. Times are seconds
+// from the centre of the bucket. SH are binary16 numbers in texels of four.
+struct Rows {
+  static constexpr size_t kGeometry = 16;
+  size_t count = 0;
+  size_t sh_stride = 0;
+  std::vector<float> geometry;  // [count, kGeometry]
+  std::vector<uint16_t> sh;     // [count, sh_stride]
+
+  // Leaves out what is never visible and what is not finite. The falloff of permanent layers is not
+  // looked at.
+  void fill(const l4d_gaussians& g, const float* mean_t_local, const l4d_timeline& timeline,
+            double center, bool permanent) {
+    const size_t numbers = size_t{3} * (g.sh_degree + 1) * (g.sh_degree + 1);
+    const Sequence sequence = sequence_of(timeline);
+    sh_stride = (numbers + 3) / 4 * 4;
+    count = 0;
+    const size_t n = static_cast<size_t>(g.count);
+    geometry.resize(n * kGeometry);
+    sh.assign(n * sh_stride, 0);
+    std::vector<double> mean(n);
+    for (size_t i = 0; i < n; ++i) mean[i] = center + static_cast<double>(mean_t_local[i]);
+    l4d_gaussians exact = g;
+    exact.mean_t_double = mean.data();
+    for (size_t i = 0; i < n; ++i) {
+      const Prepared p = prepare_gaussian(exact, sequence, i);
+      if (!(p.opacity >= kMinAlpha)) continue;
+      float* row = geometry.data() + kGeometry * count;
+      const Slice4D<double>& s = p.slice;
+      const double values[kGeometry] = {p.position[0],
+                                        p.position[1],
+                                        p.position[2],
+                                        p.opacity,
+                                        s.velocity[0],
+                                        s.velocity[1],
+                                        s.velocity[2],
+                                        p.reference - center,
+                                        s.covariance[0],
+                                        s.covariance[1],
+                                        s.covariance[2],
+                                        s.covariance[3],
+                                        s.covariance[4],
+                                        s.covariance[5],
+                                        permanent ? 0 : p.mean - center,
+                                        permanent ? 0 : s.lambda};
+      float sum = 0;
+      for (size_t k = 0; k < kGeometry; ++k) {
+        row[k] = static_cast<float>(values[k]);
+        sum += 0.0f * row[k];
+      }
+      if (!std::isfinite(sum)) continue;
+      uint16_t* coefficients = sh.data() + sh_stride * count;
+      for (size_t k = 0; k < numbers; ++k) {
+        coefficients[k] = float_to_half_saturate(g.sh[numbers * i + k]);
+      }
+      ++count;
+    }
+  }
+};
+
+}  // namespace l4d::web
