@@ -1,0 +1,268 @@
+// SPDX-License-Identifier: Apache-2.0
+import {Clock} from './clock.js';
+import {Emitter} from './emitter.js';
+import {abortError, L4DError} from './errors.js';
+
+/**
+ * @typedef {object} Slice the 3D Gaussians of an instant
+ * @property {number} count @property {number} shDegree
+ * @property {Float32Array} position [count, 3]
+ * @property {Float32Array} covariance [count, 6] xx xy xz yy yz zz
+ * @property {Float32Array} opacity [count]
+ * @property {Float32Array | null} sh [count, (shDegree + 1)^2, 3]; colour = 0.5 + sum
+ */
+/**
+ * @typedef {object} BucketRows Gaussians of a span of time, as added to a view or an adapter
+ * @property {string} key a later one of the same key replaces this one
+ * @property {import('./decoder.js').Bucket} bucket
+ * @property {number} detail 0: full, 1: base colours
+ * @property {number} count @property {number} shStride @property {number} center
+ * @property {Float32Array} geometry @property {Uint16Array} sh
+ */
+/**
+ * @typedef {object} OpenOptions
+ * @property {AbortSignal} [signal]
+ * @property {number} [cacheBytes] of the file, kept in memory (256 MiB)
+ * @property {number} [maxRows] Gaussians held for showing (2 million)
+ * @property {boolean} [tolerant] show what is left of a damaged stream (true); event 'loss' tells
+ * @property {Record<string, string>} [headers] of requests
+ * @property {RequestCredentials} [credentials] of requests
+ * @property {string | URL} [wasmUrl] where l4d.wasm lies (beside this module)
+ * @property {() => Worker} [worker] makes the worker, for pages that bundle it themselves
+ */
+
+/**
+ * Opens a stream.
+ * @param {string | URL | Blob | ArrayBuffer} from an ArrayBuffer is taken over, not copied
+ * @param {OpenOptions} [options]
+ */
+export const open = async (from, options = {}) => {
+  if (options.signal?.aborted) throw abortError();
+  const movie = new Movie(options);
+  try {
+    await movie.start(from);
+    return movie;
+  } catch (error) {
+    movie.dispose();
+    throw error;
+  }
+};
+
+/**
+ * An open stream with a clock. Events: 'time' (seconds), 'play', 'pause', 'ended', 'stall', 'resume',
+ * 'ready', 'progress', 'loss', 'error', 'rows', 'removed', 'retry'.
+ */
+export class Movie extends Emitter {
+  /** @param {OpenOptions} options */
+  constructor(options) {
+    super();
+    this.options = options;
+    this.worker = options.worker?.() ??
+      new Worker(new URL('./worker.js', import.meta.url), {type: 'module'});
+    /** @type {Map<number, {resolve: (value: any) => void, reject: (reason: any) => void}>} */
+    this.calls = new Map();
+    this.nextId = 1;
+    /** @type {import('./decoder.js').Info} */
+    this.info = /** @type {any} */ (null);
+    this.buffered = /** @type {[number, number][]} */ ([]);
+    this.statistics = {bytes: 0, throughput: 0, rows: 0, lost: 0, requests: 0, decodeSeconds: 0, memoryBytes: 0};
+    this.ready = {from: 0, until: 0, detail: 'none'};
+    /** @type {{id: number, resolve: () => void, reject: (reason: any) => void} | null} */
+    this.seeking = null;
+    /** @type {'auto' | 'base' | 'full'} */
+    this.detailWanted = 'auto';
+    this.levelLimit = 0xffffffff;
+    this.disposed = false;
+    this.worker.onmessage = event => this.#receive(event.data);
+    this.worker.onerror = event => this.#fail(new L4DError('INTERNAL', event.message ?? 'the worker failed'));
+  }
+
+  /** Of `open`. @param {string | URL | Blob | ArrayBuffer} from */
+  async start(from) {
+    /** @type {any} */
+    const source = {headers: this.options.headers, credentials: this.options.credentials};
+    /** @type {Transferable[]} */
+    const transfer = [];
+    if (from instanceof ArrayBuffer) transfer.push(source.buffer = from);
+    else if (from instanceof Blob) source.blob = from;
+    else source.url = new URL(from, globalThis.location?.href).href;
+    const {cacheBytes, maxRows, tolerant} = this.options;
+    const wasmUrl = new URL(this.options.wasmUrl ?? new URL('./l4d.wasm', import.meta.url)).href;
+    this.info = await this.#call('open', {source, wasmUrl, options: {cacheBytes, maxRows, tolerant}},
+                                 this.options.signal, transfer);
+    this.clock = new Clock(this);
+    this.#want(this.clock.time, true);
+  }
+
+  get duration() { return this.info.duration; }
+  get timeBegin() { return this.info.timeBegin; }
+  get timeEnd() { return this.info.timeBegin + this.info.duration; }
+  get currentTime() { return this.clock?.time ?? 0; }
+  set currentTime(time) { void this.seek(time).catch(() => {}); }
+  get paused() { return this.clock?.paused ?? true; }
+  get rate() { return this.clock?.rate ?? 1; }
+  set rate(rate) { if (this.clock) this.clock.rate = rate; }
+  get loop() { return this.clock?.loop ?? false; }
+  set loop(loop) { if (this.clock) this.clock.loop = loop; }
+  get detail() { return this.detailWanted; }
+  set detail(detail) { this.detailWanted = detail; this.#want(this.currentTime, true); }
+  /** The finest temporal level that is shown. */
+  get maxLevel() { return this.levelLimit; }
+  set maxLevel(level) { this.levelLimit = level; this.#want(this.currentTime, true); this.emit('level', level); }
+  /** Seconds that can be shown from here without another byte. */
+  get secondsAhead() {
+    const {from, until} = this.ready;
+    return this.currentTime >= from - 1e-6 ? Math.max(until - this.currentTime, 0) : 0;
+  }
+
+  play() { this.clock?.play(); }
+  pause() { this.clock?.pause(); }
+  /** Takes the time from an audio or video element; null: from the clock again. @param {HTMLMediaElement | null} media */
+  sync(media) { this.clock?.sync(media); }
+
+  /**
+   * Resolves when the instant can be shown, in base colours at least.
+   * @param {number} time seconds @param {{signal?: AbortSignal}} [options] @returns {Promise<void>}
+   */
+  seek(time, {signal} = {}) {
+    if (signal?.aborted) return Promise.reject(abortError());
+    const at = Math.min(Math.max(time, this.timeBegin), this.timeEnd);
+    this.seeking?.reject(abortError('another seek'));
+    const id = this.nextId++;
+    const result = new Promise((resolve, reject) => {
+      this.seeking = {id, resolve: () => resolve(undefined), reject};
+      signal?.addEventListener('abort', () => {
+        if (this.seeking?.id === id) this.seeking = null;
+        reject(abortError());
+      }, {once: true});
+    });
+    this.ready = {from: at, until: -Infinity, detail: 'none'};
+    this.#want(at, true, id);
+    this.clock?.jump(at);
+    return /** @type {Promise<void>} */ (result);
+  }
+
+  /**
+   * The 3D Gaussians at `time`, for anything else than the player.
+   * @param {number} time @param {{sh?: boolean, detail?: 'base' | 'full', signal?: AbortSignal}} [options]
+   * @returns {Promise<Slice>}
+   */
+  slice(time, {sh = true, detail = 'full', signal} = {}) {
+    return this.#call('slice', {time, options: {sh, detail: detail === 'base' ? 1 : 0}}, signal);
+  }
+
+  /**
+   * Buckets as they come and go, for adapters: {added: BucketRows} or {removed: key}. Ends with the movie.
+   * @param {{signal?: AbortSignal}} [options]
+   * @returns {AsyncGenerator<{added?: BucketRows, removed?: string}>}
+   */
+  async *rows({signal} = {}) {
+    /** @type {any[]} */
+    const queue = [];
+    let wake = () => {};
+    const push = (/** @type {any} */ item) => { queue.push(item); wake(); };
+    const ends = [
+      this.on('rows', rows => push({added: rows})), this.on('removed', key => push({removed: key})),
+      this.on('disposed', () => wake())
+    ];
+    signal?.addEventListener('abort', () => wake(), {once: true});
+    this.refresh();
+    try {
+      while (!this.disposed && !signal?.aborted) {
+        if (queue.length > 0) yield queue.shift();
+        else await new Promise(resolve => { wake = () => resolve(undefined); });
+      }
+    } finally {
+      for (const end of ends) end();
+    }
+  }
+
+  /** Sends all rows again, to a listener that is new. */
+  refresh() { this.worker.postMessage({type: 'refresh'}); }
+
+  /** Called by the clock: fetch ahead of `time`. @param {number} time */
+  advance(time) { this.#want(time, false); }
+
+  dispose() {
+    if (this.disposed) return;
+    this.disposed = true;
+    this.clock?.dispose();
+    this.worker.postMessage({type: 'dispose'});
+    const gone = abortError('disposed');
+    for (const {reject} of this.calls.values()) reject(gone);
+    this.calls.clear();
+    this.seeking?.reject(gone);
+    this.emit('disposed');
+    this.listeners.clear();
+  }
+
+  /** @param {number} time @param {boolean} seek @param {number} [id] */
+  #want(time, seek, id) {
+    const ahead = 4 * Math.max(1, Math.abs(this.rate));
+    this.worker.postMessage({type: 'want', seek,
+                             goal: {time, ahead, detail: this.detailWanted, maxLevel: this.levelLimit, id}});
+  }
+
+  /** @param {string} type @param {any} message @param {AbortSignal} [signal] @param {Transferable[]} [transfer] @returns {Promise<any>} */
+  #call(type, message, signal, transfer = []) {
+    if (this.disposed) return Promise.reject(abortError('disposed'));
+    const id = this.nextId++;
+    return new Promise((resolve, reject) => {
+      this.calls.set(id, {resolve, reject});
+      signal?.addEventListener('abort', () => {
+        this.worker.postMessage({type: 'abort', id});
+        if (this.calls.delete(id)) reject(abortError());
+      }, {once: true});
+      this.worker.postMessage({type, id, ...message}, transfer);
+    });
+  }
+
+  /** @param {any} data */
+  #receive(data) {
+    const {type, ...rest} = data;
+    if (type === 'answer') {
+      const call = this.calls.get(data.id);
+      this.calls.delete(data.id);
+      if (data.error) call?.reject(errorOf(data.error));
+      else call?.resolve(data.result);
+    } else if (type === 'ready') {
+      this.#ready(rest);
+    } else if (type === 'error') {
+      this.#fail(errorOf(data.error));
+    } else if (type === 'progress') {
+      const {buffered, ...statistics} = rest;
+      this.buffered = buffered;
+      this.statistics = statistics;
+      this.emit('progress', rest);
+    } else if (type === 'removed') {
+      this.emit('removed', data.key);
+    } else {
+      this.emit(type, type === 'loss' ? data.losses : rest);
+    }
+  }
+
+  /** @param {any} ready */
+  #ready(ready) {
+    // While it plays, what was ready stays so.
+    const {from, until} = this.ready;
+    if (!this.seeking && ready.from >= from && ready.from <= until) ready.until = Math.max(ready.until, until);
+    this.ready = ready;
+    this.emit('ready', ready);
+    if (this.seeking && this.seeking.id === ready.id) {
+      this.seeking.resolve();
+      this.seeking = null;
+    }
+  }
+
+  /** @param {Error} error */
+  #fail(error) {
+    this.seeking?.reject(error);
+    this.seeking = null;
+    for (const {reject} of this.calls.values()) reject(error);
+    this.calls.clear();
+    this.emit('error', error);
+  }
+}
+
+/** @param {any} data */
+const errorOf = data => data.code === 'ABORTED' ? abortError(data.message) : L4DError.fromData(data);

@@ -1,0 +1,110 @@
+// SPDX-License-Identifier: Apache-2.0
+
+export const blockBytes = 4096;
+
+/**
+ * The bytes of a stream that have arrived, in whole blocks (the last one may be shorter). What was not
+ * used for longest goes first where there are more than `budget`.
+ */
+export class ByteStore {
+  /** @param {number} [budget] bytes */
+  constructor(budget = 256 * 2 ** 20) {
+    this.budget = budget;
+    this.size = 0;
+    /** @type {Map<number, Uint8Array>} the last used at the end */
+    this.blocks = new Map();
+    /** @type {[number, number][]} what read() was asked for in vain since missed() */
+    this.misses = [];
+  }
+
+  get bytes() { return this.blocks.size * blockBytes; }
+
+  /**
+   * Keeps whole blocks; parts of blocks at either end are dropped.
+   * @param {number} offset @param {Uint8Array} bytes
+   */
+  supply(offset, bytes) {
+    const end = offset + bytes.length;
+    for (let block = Math.ceil(offset / blockBytes); ; ++block) {
+      const begin = block * blockBytes;
+      const blockEnd = Math.min(begin + blockBytes, this.size);
+      if (begin >= end || blockEnd > end) break;
+      this.blocks.delete(block);
+      this.blocks.set(block, bytes.slice(begin - offset, blockEnd - offset));
+    }
+    for (const block of this.blocks.keys()) {
+      if (this.bytes <= this.budget) break;
+      this.blocks.delete(block);
+    }
+  }
+
+  /**
+   * Copies to `target` and returns how many bytes there were, fewer at the end of the stream; -1 where
+   * some have not arrived.
+   * @param {number} offset @param {Uint8Array} target
+   */
+  read(offset, target) {
+    const end = Math.min(offset + target.length, this.size);
+    if (end <= offset) return 0;
+    if (!this.has(offset, end - offset)) {
+      this.misses.push([offset, end - offset]);
+      return -1;
+    }
+    for (let at = offset; at < end;) {
+      const block = Math.floor(at / blockBytes);
+      const bytes = /** @type {Uint8Array} */ (this.blocks.get(block));
+      this.blocks.delete(block);
+      this.blocks.set(block, bytes);
+      const from = at - block * blockBytes;
+      const part = bytes.subarray(from, Math.min(bytes.length, from + end - at));
+      target.set(part, at - offset);
+      at += part.length;
+    }
+    return end - offset;
+  }
+
+  /** @param {number} offset @param {number} size */
+  has(offset, size) {
+    const last = Math.floor((Math.min(offset + size, this.size) - 1) / blockBytes);
+    for (let block = Math.floor(offset / blockBytes); block <= last; ++block) {
+      if (!this.blocks.has(block)) return false;
+    }
+    return true;
+  }
+
+  /** What read() missed since the last call. @returns {[number, number][]} */
+  missed() {
+    const misses = this.misses;
+    this.misses = [];
+    return misses;
+  }
+
+  /**
+   * What of these ranges has not arrived, in whole blocks, pieces less than `gap` bytes apart joined,
+   * none longer than `most`.
+   * @param {[number, number][]} ranges offset and size @param {number} gap @param {number} most
+   * @returns {[number, number][]}
+   */
+  missing(ranges, gap = 16384, most = 2 ** 20) {
+    const blocks = new Set();
+    for (const [offset, size] of ranges) {
+      const last = Math.floor((Math.min(offset + size, this.size) - 1) / blockBytes);
+      for (let block = Math.floor(offset / blockBytes); block <= last; ++block) {
+        if (!this.blocks.has(block)) blocks.add(block);
+      }
+    }
+    /** @type {[number, number][]} */
+    const pieces = [];
+    for (const block of [...blocks].sort((a, b) => a - b)) {
+      const begin = block * blockBytes;
+      const end = Math.min(begin + blockBytes, this.size);
+      const last = pieces.at(-1);
+      if (last && begin - (last[0] + last[1]) <= gap && end - last[0] <= most) {
+        last[1] = end - last[0];
+      } else {
+        pieces.push([begin, end - begin]);
+      }
+    }
+    return pieces;
+  }
+}

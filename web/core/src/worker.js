@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: Apache-2.0
+// The worker of a movie: a session, driven by messages (movie.js).
+import {L4DError} from './errors.js';
+import {compile} from './decoder.js';
+import {Session} from './session.js';
+import {BlobSource, BufferSource, HttpSource} from './sources.js';
+
+/** @type {any} */
+const scope = globalThis;
+/** @type {Session | null} */
+let session = null;
+/** @type {Map<number, AbortController>} */
+const running = new Map();
+
+/** @param {any} message @param {Transferable[]} [transfer] */
+const post = (message, transfer) => scope.postMessage(message, transfer ?? []);
+
+/** @param {any} from */
+const sourceOf = ({url, blob, buffer, headers, credentials}) => {
+  if (buffer) return new BufferSource(buffer);
+  if (blob) return new BlobSource(blob);
+  return new HttpSource(url, {headers, credentials, onRetry: message => post({type: 'retry', message})});
+};
+
+/** @type {Record<string, (message: any, signal: AbortSignal) => Promise<[any, Transferable[]?]>>} */
+const answers = {
+  async open(message, signal) {
+    const wasm = await compile(message.wasm ?? fetch(message.wasmUrl, {signal}));
+    session = new Session(wasm, sourceOf(message.source), post, message.options);
+    return [await session.open(signal)];
+  },
+  async slice({time, options}, signal) {
+    const slice = await /** @type {Session} */ (session).slice(time, options, signal);
+    const arrays = [slice.position, slice.covariance, slice.opacity];
+    if (slice.sh) arrays.push(slice.sh);
+    return [slice, arrays.map(a => a.buffer)];
+  },
+  async statistics() { return [session?.statistics()]; }
+};
+
+scope.onmessage = async (/** @type {MessageEvent} */ {data}) => {
+  if (data.type === 'want') return session?.want(data.goal, data.seek);
+  if (data.type === 'refresh') return session?.refresh();
+  if (data.type === 'abort') return running.get(data.id)?.abort();
+  if (data.type === 'dispose') {
+    session?.dispose();
+    return scope.close();
+  }
+  const control = new AbortController();
+  running.set(data.id, control);
+  try {
+    const [result, transfer] = await answers[data.type](data, control.signal);
+    post({type: 'answer', id: data.id, result}, transfer);
+  } catch (error) {
+    post({type: 'answer', id: data.id, error: L4DError.toData(error)});
+  } finally {
+    running.delete(data.id);
+  }
+};

@@ -1,0 +1,129 @@
+// SPDX-License-Identifier: Apache-2.0
+// l4d.wasm against the native tool: sizes, imports, the bits of all attributes, slices, errors.
+import assert from 'node:assert/strict';
+import {execFileSync} from 'node:child_process';
+import {mkdtempSync, readFileSync, rmSync} from 'node:fs';
+import {tmpdir} from 'node:os';
+import {basename, join} from 'node:path';
+import {test} from 'node:test';
+import {gzipSync} from 'node:zlib';
+import {details} from '../src/decoder.js';
+import {decoderOf, native, read, streams, tool, wasm, wasmBytes} from './fixture.js';
+
+const mostBytes = 150_000;
+
+test('l4d.wasm is small and asks for nothing but bytes', () => {
+  const size = gzipSync(wasmBytes, {level: 9}).length;
+  console.log(`l4d.wasm: ${wasmBytes.length} bytes, ${size} with gzip -9`);
+  assert.ok(size <= mostBytes, `${size} bytes, at most ${mostBytes}`);
+  assert.deepEqual(WebAssembly.Module.imports(wasm).map(i => `${i.module}.${i.name}`).sort(), [
+    'env.emscripten_notify_memory_growth', 'l4d.read_at', 'wasi_snapshot_preview1.fd_close',
+    'wasi_snapshot_preview1.proc_exit'
+  ]);
+});
+
+/** The arrays of a file of safetensors. @param {string} name @returns {Record<string, Uint8Array>} */
+const safetensors = name => {
+  const bytes = readFileSync(name);
+  const length = Number(bytes.readBigUInt64LE(0));
+  const header = JSON.parse(bytes.subarray(8, 8 + length).toString());
+  return Object.fromEntries(Object.entries(header).filter(([key]) => key !== '__metadata__')
+    .map(([key, {data_offsets: [begin, end]}]) => [key, bytes.subarray(8 + length + begin, 8 + length + end)]));
+};
+
+for (const name of streams) {
+  for (const detail of /** @type {const} */ (['full', 'base'])) {
+    test(`${basename(name)}: all attributes have the native bits, ${detail}`, async () => {
+      const folder = mkdtempSync(join(tmpdir(), 'l4dweb-'));
+      try {
+        const raw = join(folder, 'raw.safetensors');
+        execFileSync(tool, ['decode', name, '--format', 'raw', '-o', raw, '-q',
+                            '--detail', detail === 'full' ? 'full' : 'base']);
+        const wanted = safetensors(raw);
+        const decoder = await decoderOf(read(name));
+        decoder.open();
+        const got = decoder.decode(1, 0, details[detail]);
+        for (const [key, floats] of Object.entries(got ?? {})) {
+          assert.ok(wanted[key], key);
+          assert.ok(Buffer.from(floats.buffer).equals(wanted[key]), `${key} differs`);
+        }
+        assert.deepEqual(decoder.losses(), []);
+      } finally {
+        rmSync(folder, {recursive: true});
+      }
+    });
+  }
+
+  test(`${basename(name)}: info, buckets, rows and a slice`, async () => {
+    const decoder = await decoderOf(read(name));
+    decoder.open();
+    const info = decoder.info();
+    const told = native('info', name);
+    assert.equal(info.numGaussians, told.num_gaussians);
+    assert.ok(Math.abs(info.duration - told.duration_s) < 1e-9);
+    const time = info.timeBegin + 0.4 * info.duration;
+    const buckets = decoder.buckets(time, time) ?? [];
+    assert.ok(buckets.length > 0);
+    const slice = decoder.slice(time);
+    assert.equal(slice?.count, native('slice', name, '--time', String(time), '--digest').frames[0].gaussians);
+    assert.equal(slice?.position.length, 3 * (slice?.count ?? 0));
+    // The rows show what the slice shows, in its order.
+    let shown = 0;
+    for (const {layer, bucket} of buckets) {
+      const rows = decoder.rows(layer, bucket, details.full);
+      assert.ok(rows);
+      const sh = 3 * (info.shDegree + 1) ** 2;
+      assert.equal(rows.shStride, Math.ceil(sh / 4) * 4);
+      for (let k = 0; k < rows.count; ++k) {
+        const row = rows.geometry.subarray(16 * k, 16 * k + 16);
+        const since = time - rows.center - row[14];
+        if (row[15] * since * since > 16 || row[3] * Math.exp(-row[15] * since * since / 2) < 1 / 255) continue;
+        ++shown;
+      }
+    }
+    const visible = slice?.opacity.filter(o => o >= 1 / 255).length ?? 0;
+    assert.ok(Math.abs(shown - visible) <= Math.max(2, visible * 1e-4), `${shown} rows, ${visible} in the slice`);
+  });
+}
+
+test('errors have code, clause and offset', async () => {
+  const bytes = read(streams[0]);
+  const none = await decoderOf(new Uint8Array(64));
+  assert.throws(() => none.open(), {name: 'L4DError', code: 'NOT_L4D'});
+  const damaged = bytes.slice();
+  damaged[60] ^= 0x55;
+  const broken = await decoderOf(damaged);
+  assert.throws(() => broken.open(), error => {
+    assert.match(/** @type {any} */ (error).code, /CORRUPT|CHECKSUM/);
+    assert.match(/** @type {any} */ (error).clause, /^[A-Z]+-\d+$/);
+    assert.ok(/** @type {any} */ (error).offset >= 0);
+    return true;
+  });
+  const strict = await decoderOf(bytes, {tolerant: false});
+  strict.open();
+  assert.equal(strict.slice(0)?.shDegree, strict.info().shDegree);
+});
+
+test('a damaged page is a loss, and what is left is shown', async () => {
+  const bytes = read(streams[0]);
+  bytes[bytes.length - 100] ^= 0x55;
+  const decoder = await decoderOf(bytes);
+  decoder.open();
+  const {timeBegin, duration} = decoder.info();
+  let losses = [];
+  for (let k = 0; k <= 10 && losses.length === 0; ++k) {
+    assert.ok((decoder.slice(timeBegin + duration * k / 10)?.count ?? 0) > 0);
+    losses = decoder.losses();
+  }
+  assert.equal(losses.length, 1);
+  assert.equal(losses[0].code, 'CHECKSUM');
+  assert.ok(losses[0].offset > 0);
+});
+
+test('a limit on memory is a status', async () => {
+  const decoder = await decoderOf(read(streams[0]), {maxMemoryBytes: 200_000});
+  assert.throws(() => {
+    decoder.open();
+    decoder.slice(0);
+  }, {name: 'L4DError', code: 'LIMIT_EXCEEDED'});
+});

@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: Apache-2.0
+// What tests share: l4d.wasm (L4D_WASM), the native tool (L4D_TOOL) and streams (L4D_STREAMS).
+import {execFileSync} from 'node:child_process';
+import {readFileSync} from 'node:fs';
+import {compile, Decoder} from '../src/decoder.js';
+import {ByteStore} from '../src/store.js';
+
+const need = name => {
+  const value = process.env[name];
+  if (!value) throw new Error(`${name} is not set: run web/test/run.sh`);
+  return value;
+};
+
+export const tool = need('L4D_TOOL');
+export const streams = need('L4D_STREAMS').split(':');
+export const wasmBytes = readFileSync(need('L4D_WASM'));
+export const wasm = await compile(wasmBytes);
+
+/** @param {string} name */
+export const read = name => {
+  const bytes = readFileSync(name);
+  return new Uint8Array(bytes.buffer.slice(bytes.byteOffset, bytes.byteOffset + bytes.length));
+};
+
+/** A decoder over all bytes of a stream. @param {Uint8Array} bytes @param {any} [options] */
+export const decoderOf = async (bytes, options) => {
+  const store = new ByteStore();
+  store.size = bytes.length;
+  store.supply(0, bytes);
+  return Decoder.create(wasm, store, options);
+};
+
+/** What the native tool prints as JSON. @param {...string} args */
+export const native = (...args) => JSON.parse(execFileSync(tool, [...args, '--json'], {maxBuffer: 2 ** 28}).toString());
+
+/** @param {() => boolean} condition @param {string} what */
+export const until = async (condition, what) => {
+  for (let k = 0; k < 600; ++k) {
+    if (condition()) return;
+    await new Promise(resolve => setTimeout(resolve, 25));
+  }
+  throw new Error(`waited in vain for ${what}`);
+};

@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: Apache-2.0
+// A small HTTP server of one file, with the faults that tests want.
+import {createServer} from 'node:http';
+
+/**
+ * @param {Uint8Array} bytes
+ * @param {{ranges?: boolean, etag?: () => string, fail?: (count: number) => number | 'cut' | undefined}} [options]
+ * fail: a status to answer instead, or 'cut': half of the answer
+ */
+export const serve = async (bytes, {ranges = true, etag = () => '"1"', fail} = {}) => {
+  /** @type {[number, number][]} */
+  const requests = [];
+  const server = createServer((request, response) => {
+    const match = /^bytes=(\d+)-(\d+)$/.exec(request.headers.range ?? '');
+    const begin = match ? Number(match[1]) : 0;
+    const end = Math.min(match ? Number(match[2]) + 1 : bytes.length, bytes.length);
+    requests.push([begin, end - begin]);
+    const fault = fail?.(requests.length);
+    if (typeof fault === 'number') return response.writeHead(fault).end();
+    const changed = request.headers['if-range'] && request.headers['if-range'] !== etag();
+    const part = ranges && match && !changed;
+    const body = part ? bytes.subarray(begin, end) : bytes;
+    if (part && begin >= bytes.length) return response.writeHead(416).end();
+    response.writeHead(part ? 206 : 200, {
+      'Content-Length': body.length, ETag: etag(),
+      ...part && {'Content-Range': `bytes ${begin}-${end - 1}/${bytes.length}`}
+    });
+    if (fault === 'cut') {
+      response.write(body.subarray(0, body.length / 2), () => response.destroy());
+    } else {
+      response.end(body);
+    }
+  });
+  await new Promise(resolve => server.listen(0, '127.0.0.1', () => resolve(undefined)));
+  const address = /** @type {import('node:net').AddressInfo} */ (server.address());
+  return {
+    url: `http://127.0.0.1:${address.port}/scene.l4d`, requests,
+    close: () => { server.closeAllConnections(); server.close(); }
+  };
+};

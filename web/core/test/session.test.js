@@ -1,0 +1,181 @@
+// SPDX-License-Identifier: Apache-2.0
+// Sessions over HTTP and over memory: what they fetch, what they say, what they survive.
+import assert from 'node:assert/strict';
+import {test} from 'node:test';
+import {Session} from '../src/session.js';
+import {BlobSource, BufferSource, HttpSource} from '../src/sources.js';
+import {blockBytes, ByteStore} from '../src/store.js';
+import {read, streams, until, wasm} from './fixture.js';
+import {serve} from './server.js';
+
+const bytes = read(streams[0]);
+
+/** @param {any} source @param {any} [options] */
+const sessionOf = (source, options) => {
+  /** @type {any[]} */
+  const posts = [];
+  const session = new Session(wasm, source, message => posts.push(message), options);
+  const of = (/** @type {string} */ type) => posts.filter(p => p.type === type);
+  return {session, posts, of};
+};
+
+/** Opens, seeks to the middle and waits for it; returns the held rows. */
+const show = async (/** @type {any} */ source, options = {}) => {
+  const s = sessionOf(source, options);
+  const info = await s.session.open();
+  s.session.want({time: info.timeBegin + info.duration / 2, ahead: 1, detail: 'auto', id: 7}, true);
+  await until(() => s.of('ready').some(r => r.id === 7 && r.detail === 'full' && r.until > r.from) ||
+    s.of('error').length > 0, 'the picture');
+  return s;
+};
+
+/** Keys and rows of all full buckets. */
+const rowsOf = (/** @type {any} */ s) => Object.fromEntries(s.of('rows').filter((/** @type {any} */ r) => r.detail === 0)
+  .map((/** @type {any} */ r) => [r.key, r.count]));
+
+test('store: whole blocks, gaps, pieces and a budget', () => {
+  const store = new ByteStore(3 * blockBytes);
+  store.size = 10 * blockBytes + 5;
+  store.supply(blockBytes - 1, new Uint8Array(2 * blockBytes).fill(1));
+  assert.deepEqual([...store.blocks.keys()], [1]);
+  assert.equal(store.read(blockBytes + 3, new Uint8Array(10)), 10);
+  assert.equal(store.read(2 * blockBytes - 3, new Uint8Array(10)), -1);
+  assert.deepEqual(store.missed(), [[2 * blockBytes - 3, 10]]);
+  assert.deepEqual(store.missing([[0, 3 * blockBytes]], 0), [[0, blockBytes], [2 * blockBytes, blockBytes]]);
+  assert.deepEqual(store.missing([[0, 3 * blockBytes]]), [[0, 3 * blockBytes]]);
+  assert.deepEqual(store.missing([[10 * blockBytes + 1, 100]]), [[10 * blockBytes, 5]]);
+  store.supply(10 * blockBytes, new Uint8Array(5));
+  assert.equal(store.read(10 * blockBytes + 2, new Uint8Array(10)), 3);
+  assert.equal(store.read(store.size, new Uint8Array(10)), 0);
+  store.supply(4 * blockBytes, new Uint8Array(3 * blockBytes));
+  assert.deepEqual([...store.blocks.keys()], [4, 5, 6]);
+});
+
+test('memory, a Blob and HTTP give the same rows', async () => {
+  const server = await serve(bytes);
+  try {
+    const memory = await show(new BufferSource(bytes.slice().buffer));
+    const blob = await show(new BlobSource(new Blob([bytes])));
+    const http = await show(new HttpSource(server.url));
+    assert.ok(Object.keys(rowsOf(memory)).length > 1);
+    assert.deepEqual(rowsOf(blob), rowsOf(memory));
+    assert.deepEqual(rowsOf(http), rowsOf(memory));
+    assert.deepEqual(http.of('error'), []);
+    // Base colours first.
+    assert.equal(http.of('ready')[0].detail, 'base');
+    for (const s of [memory, blob, http]) s.session.dispose();
+  } finally {
+    server.close();
+  }
+});
+
+test('few requests bring the first picture, and no byte comes twice', async () => {
+  const server = await serve(bytes);
+  try {
+    const s = await show(new HttpSource(server.url));
+    const sum = server.requests.reduce((n, [, size]) => n + size, 0);
+    assert.ok(server.requests.length <= 8, `${server.requests.length} requests`);
+    assert.ok(sum <= bytes.length + 3 * blockBytes, `${sum} of ${bytes.length} bytes`);
+    s.session.dispose();
+  } finally {
+    server.close();
+  }
+});
+
+test('a server without ranges is read from the front', async () => {
+  const server = await serve(bytes, {ranges: false});
+  try {
+    const s = await show(new HttpSource(server.url));
+    assert.deepEqual(s.of('error'), []);
+    assert.equal(server.requests.length, 1);
+    s.session.dispose();
+  } finally {
+    server.close();
+  }
+});
+
+test('cut answers and errors of a server are tried again', async () => {
+  const server = await serve(bytes, {fail: n => n === 2 ? 'cut' : n === 3 ? 503 : undefined});
+  try {
+    const retries = [];
+    const s = await show(new HttpSource(server.url, {onRetry: why => retries.push(why)}));
+    assert.deepEqual(s.of('error'), []);
+    assert.ok(retries.length >= 2);
+    s.session.dispose();
+  } finally {
+    server.close();
+  }
+});
+
+test('a file that changes is told, and so are 404, 416 and a server that is not there', async () => {
+  let etag = '"1"';
+  const server = await serve(bytes, {etag: () => etag});
+  const s = sessionOf(new HttpSource(server.url));
+  const info = await s.session.open();
+  etag = '"2"';
+  s.session.want({time: info.timeBegin, ahead: 0, detail: 'auto'}, true);
+  await until(() => s.of('error').length > 0, 'the error');
+  assert.equal(s.of('error')[0].error.code, 'CHANGED');
+  server.close();
+  const lost = sessionOf(new HttpSource(server.url));
+  await assert.rejects(lost.session.open(), {code: 'NETWORK'});
+  const empty = await serve(new Uint8Array(0));
+  await assert.rejects(sessionOf(new HttpSource(empty.url)).session.open(), {code: 'TRUNCATED'});
+  empty.close();
+  const missing = await serve(bytes, {fail: () => 404});
+  await assert.rejects(sessionOf(new HttpSource(missing.url)).session.open(), {code: 'HTTP'});
+  missing.close();
+});
+
+test('seeks cancel what is under way; the last one is answered', async () => {
+  const server = await serve(bytes);
+  try {
+    const s = sessionOf(new HttpSource(server.url));
+    const info = await s.session.open();
+    for (let k = 0; k < 50; ++k) {
+      s.session.want({time: info.timeBegin + info.duration * (k % 10) / 10, ahead: 2, detail: 'auto', id: k}, true);
+      if (k % 7 === 0) await new Promise(resolve => setTimeout(resolve, 5));
+    }
+    await until(() => s.of('ready').some(r => r.id === 49), 'the last seek');
+    assert.deepEqual(s.of('error'), []);
+    s.session.dispose();
+  } finally {
+    server.close();
+  }
+});
+
+test('memory stays flat over 500 seeks, and rows within their limit', async () => {
+  const maxRows = 5000;
+  const s = sessionOf(new BufferSource(bytes.slice().buffer), {maxRows});
+  const info = await s.session.open();
+  const held = new Map();
+  let after = 0;
+  for (let k = 0; k < 500; ++k) {
+    s.session.want({time: info.timeBegin + info.duration * ((k * 37) % 100) / 100, ahead: 0.2, detail: 'auto', id: k}, true);
+    await until(() => s.of('ready').some(r => r.id === k && r.detail === 'full'), `seek ${k}`);
+    for (const p of s.posts.splice(0)) {
+      if (p.type === 'rows') held.set(p.key, p.count);
+      if (p.type === 'removed') held.delete(p.key);
+    }
+    if (k === 50) after = s.session.statistics().memoryBytes;
+  }
+  assert.equal(s.session.statistics().memoryBytes, after);
+  assert.equal(s.session.statistics().rows, [...held.values()].reduce((a, b) => a + b, 0));
+  s.session.dispose();
+});
+
+test('slice() brings the bytes that it needs, and can be aborted', async () => {
+  const server = await serve(bytes);
+  try {
+    const s = sessionOf(new HttpSource(server.url));
+    const info = await s.session.open();
+    const control = new AbortController();
+    const slice = await s.session.slice(info.timeBegin + 1, {}, control.signal);
+    assert.ok(slice.count > 0);
+    control.abort();
+    await assert.rejects(s.session.slice(info.timeBegin + 3, {}, control.signal), {name: 'AbortError'});
+    s.session.dispose();
+  } finally {
+    server.close();
+  }
+});
