@@ -4,6 +4,7 @@
 conformance/reference: versions_test.py TOOL ENCODE_SCENE"""
 
 import json
+import re
 import subprocess
 import sys
 import tempfile
@@ -164,6 +165,31 @@ class Versions(unittest.TestCase):
         self.files.write(later_version.next_minor(self.streams["tiny.l4d"], critical=True))
         self.refused("HEAD-8", "L4D_ERR_FEATURE_UNSUPPORTED", 5,
                      f"{later_version.EXPERIMENTAL + 1}")
+
+    # spec: DIR-2
+    def test_drafts_with_other_records_are_refused(self):
+        """The worked example as the first draft had it."""
+        data = (Path(__file__).resolve().parent / "drafts" / "first.l4d").read_bytes()
+        self.files.write(data)
+        status, document = self.files.tool("validate")
+        self.assertEqual((status, [v["clause"] for v in document["errors"]]), (1, ["DIR-2"]))
+        self.assertEqual(self.files.tool("decode", "--digest")[1]["error"]["name"], "L4D_ERR_CORRUPT")
+        self.assertEqual(self.files.reference()[1]["refused"], "DIR-2")
+
+    def test_the_appendix_on_drafts_names_what_exists(self):
+        text = (sb.ROOT / "spec" / "l4d.md").read_text(encoding="utf-8")
+        table = text.split("## Appendix D.")[1].split("\n## ")[0]
+        size = sb.SCHEMA.size_align("PageRecord")[0]
+        self.assertIn(f"A `PageRecord` has {size} bytes. Element", table)
+        fields = {f.name for of in sb.SCHEMA.fields.values() for f in of}
+        named = set(re.findall(r"`([a-z_]+)`", table)) - {"vq", "sq"}
+        self.assertGreater(len(named), 15)
+        self.assertEqual(named - fields, set())
+        new = {f.name: size for f in sb.SCHEMA.fields["PageRecord"]
+               for size in [sb.SCHEMA.size_align(f.type)[0]] if f.name.startswith("sh_")}
+        self.assertEqual(size - sum(new.values()) + 4, 56)      # and 4 less of padding
+        for clause in set(re.findall(r"[A-Z]{3,4}-\d+", table)) - {"UTF-8"}:
+            self.assertTrue(f"- **{clause}**" in text, clause)
 
 
 if __name__ == "__main__":
