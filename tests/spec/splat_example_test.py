@@ -124,18 +124,34 @@ class Rules(unittest.TestCase):
         return [gaussian() for _ in range(60)] + [
             dict(gaussian(), opacity=[1.0], log_scale=[0.75, 0.5, 0.0, 3.0]) for _ in range(6)]
 
+    def shown(self, gaussians, t):
+        """(slice, SH) of what is visible."""
+        for g in gaussians:
+            mean = g["mean_t"][0]
+            s = splats.sliced(g, t, min(max(mean, 0.0), 1.0))
+            if s["lambda"] * (t - mean) ** 2 <= 16:
+                yield s, g["sh"]
+
+    def compare(self, gaussians, t, how, rendering):
+        """Returns the picture."""
+        background = [0.25, 0.0, 0.75]
+        want = splats.image(*zip(*self.shown(gaussians, t)), self.CAMERA, background, how)
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder, "scene.l4d")
+            path.write_bytes(raw_scene.stream(gaussians, **rendering))
+            got = rendered(path, self.CAMERA, t, background)
+        errors = sorted(max(abs(x - y) for x, y in zip(a, b, strict=True))
+                        for a, b in zip(got, want, strict=True))
+        self.assertLess(errors[-3], 1e-5)                 # but for pixels at a step
+        self.assertLess(errors[-1], 0.02 if how.min_alpha < 0.01 else 0.1)
+        return want
+
     def test_random_scenes(self):
-        background, t, counts = [0.25, 0.0, 0.75], 0.375, [0] * 6
+        t, counts = 0.375, [0] * 6
         for seed in range(6):
             gaussians = self.scene(seed)
-            slices = []
-            for g in gaussians:
-                mean = g["mean_t"][0]
-                slices.append(splats.sliced(g, t, min(max(mean, 0.0), 1.0)))
-                counts[0] += slices[-1]["lambda"] * (t - mean) ** 2 > 16
-            shown = [(s, g["sh"]) for s, g in zip(slices, gaussians)
-                     if s["lambda"] * (t - g["mean_t"][0]) ** 2 <= 16]
-            want = splats.image(*zip(*shown), self.CAMERA, background)
+            shown = list(self.shown(gaussians, t))
+            counts[0] += len(gaussians) - len(shown)
             for s, sh in shown:
                 p = splats.splat(s, sh, self.CAMERA)
                 counts[1] += p is None
@@ -144,16 +160,20 @@ class Rules(unittest.TestCase):
                     counts[2] += [x / z, y / z] != p["slope"]
                     counts[3] += 0.0 in p["colour"]
                     counts[4] += splats.alpha_at(p, int(p["mean"][0]), int(p["mean"][1]))[3] == 0.999
-            counts[5] += sum(rgba[3] > 0.999 for rgba in want)
-            with tempfile.TemporaryDirectory() as folder:
-                path = Path(folder, "scene.l4d")
-                path.write_bytes(raw_scene.stream(gaussians))
-                got = rendered(path, self.CAMERA, t, background)
-            errors = sorted(max(abs(x - y) for x, y in zip(a, b, strict=True))
-                            for a, b in zip(got, want, strict=True))
-            self.assertLess(errors[-3], 1e-5, seed)       # but for pixels at a step
-            self.assertLess(errors[-1], 0.02, seed)
+            counts[5] += sum(p[3] > 0.999 for p in self.compare(gaussians, t, splats.DEFAULT, {}))
         self.assertGreater(min(counts), 0, counts)
+
+    def test_what_the_header_states(self):
+        gaussians = self.scene(7)
+        default = self.compare(gaussians, 0.375, splats.DEFAULT, {})
+        for fields in ({"dilation": 0.0}, {"dilation": 2.5}, {"cutoff": 1.5}, {"min_alpha": 0.0625},
+                       {"max_alpha": 0.75}, {"compensation": True},
+                       {"dilation": 1.0, "cutoff": 2.0, "min_alpha": 0.03125, "max_alpha": 0.875,
+                        "compensation": True}):
+            with self.subTest(fields):
+                how = splats.Rendering(**{k: f32(v) for k, v in fields.items()})
+                picture = self.compare(gaussians, 0.375, how, {"rendering": fields})
+                self.assertNotEqual(picture, default)
 
 
 if __name__ == "__main__":

@@ -5,9 +5,22 @@ for scenes of a few Gaussians."""
 import math
 from dataclasses import dataclass
 
-DILATION = 0.3
-MIN_ALPHA, MAX_ALPHA, MIN_TRANSMITTANCE = 1 / 255, 0.999, 1e-4
+MIN_TRANSMITTANCE = 1e-4
 MARGIN = 0.15                             # of the width and height, on each side
+
+
+@dataclass
+class Rendering:
+    """Section 8.6, with its defaults."""
+
+    dilation: float = 0.3
+    cutoff: float = 0.0
+    min_alpha: float = 1 / 255
+    max_alpha: float = 0.999
+    compensation: bool = False
+
+
+DEFAULT = Rendering()
 
 
 @dataclass
@@ -111,11 +124,11 @@ def colour(sh, d):
 
 # ---- appendix H ----------------------------------------------------------------------------------
 
-def splat(slice_, sh, camera):
+def splat(slice_, sh, camera, how=DEFAULT):
     """The splat of a Gaussian in the image, or None where it is left out."""
     z_axis = camera.rotation[2]
     x, y, z = (v + t for v, t in zip(apply(camera.rotation, slice_["centre"]), camera.translation))
-    if not z > camera.near or slice_["opacity"] < MIN_ALPHA:
+    if not z > camera.near or slice_["opacity"] < how.min_alpha:
         return None
     rows, slopes = [], []
     for k, (at, size) in enumerate(((x, camera.width), (y, camera.height))):
@@ -125,30 +138,38 @@ def splat(slice_, sh, camera):
         slopes.append(slope)
         rows.append([camera.f[k] / z * (r - slope * rz) for r, rz in zip(camera.rotation[k], z_axis)])
     undilated = product(product(rows, slice_["covariance"]), transposed(rows))
-    cov = [[v + DILATION * (i == j) for j, v in enumerate(row)] for i, row in enumerate(undilated)]
-    det = cov[0][0] * cov[1][1] - cov[0][1] ** 2
+    cov = [[v + how.dilation * (i == j) for j, v in enumerate(row)] for i, row in enumerate(undilated)]
+    det, opacity = determinant(cov), slice_["opacity"]
+    if how.compensation:
+        opacity *= math.sqrt(max(determinant(undilated), 0.0) / det)
+    if not det > 0 or opacity < how.min_alpha:
+        return None
     d = [a - b for a, b in zip(slice_["centre"], camera.centre())]
     norm = math.sqrt(dot(d, d))
     return {"camera": [x, y, z], "slope": slopes, "J": rows, "undilated": undilated,
             "covariance": cov, "direction": [v / norm for v in d],
             "mean": [camera.f[0] * x / z + camera.c[0], camera.f[1] * y / z + camera.c[1]],
             "conic": [cov[1][1] / det, -cov[0][1] / det, cov[0][0] / det], "depth": z,
-            "opacity": slice_["opacity"], "colour": colour(sh, [v / norm for v in d])}
+            "opacity": opacity, "colour": colour(sh, [v / norm for v in d])}
 
 
-def alpha_at(s, px, py):
+def determinant(m):
+    return m[0][0] * m[1][1] - m[0][1] * m[1][0]
+
+
+def alpha_at(s, px, py, how=DEFAULT):
     """(dx, dy, q, alpha) of a splat at the centre of pixel px, py; alpha before the cut-off."""
     dx, dy = px + 0.5 - s["mean"][0], py + 0.5 - s["mean"][1]
     q = s["conic"][0] * dx * dx + 2 * s["conic"][1] * dx * dy + s["conic"][2] * dy * dy
-    return dx, dy, q, min(MAX_ALPHA, s["opacity"] * math.exp(-q / 2))
+    return dx, dy, q, min(how.max_alpha, s["opacity"] * math.exp(-q / 2))
 
 
-def pixel(splats, px, py, background):
+def pixel(splats, px, py, background, how=DEFAULT):
     """[r, g, b, alpha] of a pixel; splats: nearest first."""
     left, out = 1.0, [0.0, 0.0, 0.0]
     for s in splats:
-        alpha = alpha_at(s, px, py)[3]
-        if alpha < MIN_ALPHA:
+        _, _, q, alpha = alpha_at(s, px, py, how)
+        if alpha < how.min_alpha or how.cutoff > 0 and q > how.cutoff ** 2:
             continue
         if left * (1 - alpha) < MIN_TRANSMITTANCE:
             break
@@ -157,8 +178,8 @@ def pixel(splats, px, py, background):
     return [o + left * b for o, b in zip(out, background)] + [1 - left]
 
 
-def image(slices, shs, camera, background):
-    splats = [splat(s, sh, camera) for s, sh in zip(slices, shs)]
+def image(slices, shs, camera, background, how=DEFAULT):
+    splats = [splat(s, sh, camera, how) for s, sh in zip(slices, shs)]
     splats = sorted((s for s in splats if s is not None), key=lambda s: s["depth"])
-    return [pixel(splats, px, py, background)
+    return [pixel(splats, px, py, background, how)
             for py in range(camera.height) for px in range(camera.width)]
