@@ -46,6 +46,8 @@ CommandLine::CommandLine()
   add_compare(registry);
   add_sensitivity(registry);
   add_synth(registry);
+  add_sign(registry);
+  add_keygen(registry);
   add_version(registry);
   for (Verb& verb : registry.verbs) add_common_options(&verb, context.options);
 }

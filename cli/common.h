@@ -154,5 +154,7 @@ void add_compare(Registry& registry);
 void add_render(Registry& registry);
 void add_sensitivity(Registry& registry);
 void add_synth(Registry& registry);
+void add_sign(Registry& registry);
+void add_keygen(Registry& registry);
 
 }  // namespace l4d::cli

@@ -4,6 +4,7 @@
 
 #include "cli/common.h"
 #include "cli/files.h"
+#include "cli/signature.h"
 #include "cli/text/levels.h"
 #include "cli/text/progress.h"
 #include "cli/text/units.h"
@@ -16,6 +17,7 @@ struct ValidateArguments {
   uint64_t max_errors = 100;
   std::string profile;
   std::string level;
+  std::string key;
 };
 
 // What a stream is to be held against besides the rules of the format; 0 = nothing.
@@ -133,9 +135,36 @@ Judgement judge(const DecoderHandle& decoder, const Claim& claim) {
   return out;
 }
 
+// Whether the file is signed, and by the key that was asked for; false where it is not.
+bool add_signature(const ValidateArguments& arguments, const Input& input,
+                   const std::optional<PublicKey>& asked, Outcome* outcome) {
+  outcome->json["signature"] = Json();
+  if (!has_signatures()) return true;
+  const std::optional<FileSignature> found = check_signature(input.path());
+  const bool by_asked = found && found->right && asked && found->key == *asked;
+  if (found) {
+    outcome->json["signature"] = {{"key", key_text(found->key)}, {"right", found->right}};
+    if (asked) outcome->json["signature"]["by_key"] = by_asked;
+    outcome->text +=
+        "signature: " + std::string(found->right ? "of these bytes" : "not of these bytes") +
+        ", by key " + key_text(found->key) + "\n";
+  }
+  if (!asked) return true;
+  outcome->text += arguments.key + (by_asked ? ": signed by this key\n"
+                                    : !found ? ": not signed\n"
+                                             : ": not signed by this key\n");
+  return by_asked;
+}
+
 Outcome run_validate(Context& context, const ValidateArguments& arguments) {
   const Stopwatch watch;
   const Claim claim = parse_claim(arguments);
+  std::optional<PublicKey> key;
+  if (!arguments.key.empty()) {
+    require_signatures("--key");
+    context.files.add_input(arguments.key, "--key");
+    key = read_public_key(arguments.key);
+  }
   const Input input(context, arguments.input);
   const FileReader reader(input.path());
   const l4d_decoder_options options = context.decoder_options(1);
@@ -183,6 +212,8 @@ Outcome run_validate(Context& context, const ValidateArguments& arguments) {
     outcome.text += judgement->text;
     if (valid && !judgement->holds) outcome.code = kExitNo;
   }
+  const bool by_key = add_signature(arguments, input, key, &outcome);
+  if (valid && !by_key) outcome.code = kExitNo;
   return outcome;
 }
 
@@ -208,8 +239,12 @@ void add_validate(Registry& registry) {
           "2 headset, 3 laptop, 4 desktop, 5 workstation, 6 studio")
       ->type_name("N")
       ->offers(level_names());
+  verb->add_option("--key", arguments->key,
+                   "Also demand a signature by this public key, as `keygen` makes it")
+      ->type_name("FILE");
   verb->footer(
-      "Exit code: 0 valid and of the profile and level asked for, 1 not so, 3 or 4 unreadable, 5 "
+      "Exit code: 0 valid, and of the profile, level and key asked for, 1 not so, 3 or 4 "
+      "unreadable, 5 "
       "of a\n"
       "version or with a tool that this build does not know. What it prints names the clause of\n"
       "spec/l4d.md, whatever the exit code from 0 to 5.");
