@@ -100,8 +100,7 @@ L4D_HOST_DEVICE inline Slice4D<T> slice_rows(const T* rows /* [4, 4] */) {
 // `halves` are normalised, `scale` is the exponential of log_scale. `p`: as in slice_rows.
 template <typename T>
 L4D_HOST_DEVICE inline Slice4D<T> slice_gaussian(const RotorHalves<T>& halves,
-                                                 const T* scale /* [4] */,
-                                                 T (*p)[4] /* [3, 4] */) {
+                                                 const T* scale /* [4] */, T (*p)[4] /* [3, 4] */) {
   T rows[16];
   scaled_rows(halves, scale, rows);
   return slice_rows(rows, p);
