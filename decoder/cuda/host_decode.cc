@@ -63,6 +63,7 @@ Status HostDecode::decode(const l4d_query& query, l4d_gaussian_buffers* out) {
     L4D_RETURN_IF_CUDA_ERROR(cudaMemcpy(part.host, *part.device, n * part.numbers * sizeof(float),
                                         cudaMemcpyDeviceToHost));
   }
+  if (out->id != nullptr) write_ids(*device_.plan(), out->id);
   const std::vector<l4d_range>& ranges = device_.plan()->ranges;
   out->count = n;
   if (out->ranges != nullptr) {

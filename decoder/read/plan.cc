@@ -203,17 +203,21 @@ class Planner {
     };
     // Pages of a bucket lie next to each other.
     size_t bucket_begin = 0;
+    uint64_t next_in_bucket = 0;
     bool bucket_wanted = false;
     for (size_t p = 0; p < page.pages.size(); ++p) {
       const PageRecord& record = page.pages[p];
       if (record.bucket < buckets.first || record.bucket > buckets.last) continue;
       if (p == 0 || record.bucket != page.pages[bucket_begin].bucket) {
         bucket_begin = p;
+        next_in_bucket = 0;
         bucket_wanted = false;
         for (size_t q = p; q < page.pages.size() && page.pages[q].bucket == record.bucket; ++q) {
           bucket_wanted = bucket_wanted || wanted(page.pages[q]);
         }
       }
+      const uint64_t first_in_bucket = next_in_bucket;
+      next_in_bucket += record.num_gaussians;
       if (!(whole_buckets_ ? bucket_wanted : wanted(record))) continue;
       const double center = bucket_center(timeline_, layer.level, record.bucket);
       const uint32_t block =
@@ -225,7 +229,7 @@ class Planner {
       }
       out_.tasks.push_back({record, index, directory_index,
                             static_cast<uint32_t>(out_.ranges.size() - 1), out_.num_gaussians,
-                            record.block == kNoBlock ? nullptr : directory});
+                            first_in_bucket, record.block == kNoBlock ? nullptr : directory});
       out_.ranges.back().count += record.num_gaussians;
       out_.num_gaussians += record.num_gaussians;
       out_.bytes += record.chunk.stored_bytes;
@@ -261,6 +265,14 @@ Status make_plan(SceneFile& file, const l4d_query& query, Losses* losses, Plan* 
   L4D_RETURN_IF_ERROR(planner.check_shared_bytes());
   if (out->detail == L4D_DETAIL_FULL) out->bytes += out->sh_bytes;
   return {};
+}
+
+void write_ids(const Plan& plan, l4d_gaussian_id* out) {
+  for (const PageTask& task : plan.tasks) {
+    for (uint64_t i = 0; i < task.record.num_gaussians; ++i) {
+      out[task.first + i] = {task.layer, task.record.bucket, task.first_in_bucket + i};
+    }
+  }
 }
 
 }  // namespace l4d

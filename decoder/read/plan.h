@@ -16,8 +16,9 @@ struct PageTask {
   PageRecord record;
   uint32_t layer = 0;
   uint32_t directory_index = 0;
-  uint32_t range = 0;          // index in Plan.ranges
-  uint64_t first = 0;          // first Gaussian in the decoded arrays
+  uint32_t range = 0;  // index in Plan.ranges
+  uint64_t first = 0;  // first Gaussian in the decoded arrays
+  uint64_t first_in_bucket = 0;
   DirectoryPageRef directory;  // of which the record names a block, else null
 
   const BlockRecord* block() const {
@@ -39,6 +40,9 @@ struct Plan {
 
 // With `losses`, directory pages that cannot be read are told there and left out.
 Status make_plan(SceneFile& file, const l4d_query& query, Losses* losses, Plan* out);
+
+// The ids of all Gaussians of a plan, in the order of the decoded arrays.
+void write_ids(const Plan& plan, l4d_gaussian_id* out);
 
 // Id of a block, unique in its layer: what l4d_range.block holds.
 inline uint32_t range_block(uint32_t directory_index, uint32_t block) {

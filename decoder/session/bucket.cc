@@ -3,8 +3,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include "l4d/attributes.hpp"
+#include "libl4dcodec/scene/sh.h"
+#include "libl4dcodec/scene/shape.h"
 
 namespace l4d {
 namespace {
@@ -50,8 +53,10 @@ void PreparedBucket::prepare(const SceneHeader& header, const float* rotor, cons
                              size_t begin, size_t end) {
   const LocalSequence sequence(header.timeline, center);
   for (size_t i = begin; i < end; ++i) {
-    const Slice4D<float> s = slice_attributes<float>(rotor + 8 * i, log_scale + 4 * i);
+    float rows[3][4];
+    const Slice4D<float> s = slice_attributes(rotor + 8 * i, log_scale + 4 * i, rows);
     std::copy_n(s.covariance, 6, covariance.data() + 6 * i);
+    if (!scale.empty()) set_shape(rows, i);
     if (moves()) std::copy_n(s.velocity, 3, velocity.data() + 3 * i);
     if (!permanent) lambda[i] = s.lambda;
     reference[i] = header.position_at_mean_time
@@ -59,6 +64,28 @@ void PreparedBucket::prepare(const SceneHeader& header, const float* rotor, cons
                        : reference_time(mean[i], sequence.begin, sequence.end);
     opacity[i] = linear_opacity(opacity[i], header.opacity_logit);
   }
+}
+
+void PreparedBucket::color_at(size_t i, float t, uint32_t sh_degree, const double* camera,
+                              float* out) const {
+  float at[3];
+  position_at(i, t, at);
+  const double seen[3] = {static_cast<double>(at[0]), static_cast<double>(at[1]),
+                          static_cast<double>(at[2])};
+  const double along_z[3] = {0, 0, 1};
+  double direction[3], color[3];
+  direction_from(camera, seen, along_z, direction);
+  sh_color(sh_degree, sh.data() + 3 * sh_terms(sh_degree) * i, direction, color);
+  clamp_color(color);
+  for (size_t k = 0; k < 3; ++k) out[k] = static_cast<float>(color[k]);
+}
+
+void PreparedBucket::set_shape(const float (*rows)[4], size_t i) {
+  double wide[12];
+  for (size_t k = 0; k < 12; ++k) wide[k] = static_cast<double>(rows[k / 4][k % 4]);
+  const Shape3 shape = shape_of_rows(wide);
+  for (size_t k = 0; k < 3; ++k) scale[3 * i + k] = static_cast<float>(shape.scale[k]);
+  for (size_t k = 0; k < 4; ++k) rotation[4 * i + k] = static_cast<float>(shape.rotation[k]);
 }
 
 void PreparedBucket::finish(const l4d_timeline& timeline, size_t sh_dim) {
@@ -75,6 +102,13 @@ void PreparedBucket::finish(const l4d_timeline& timeline, size_t sh_dim) {
     keep_rows(finite, 6, &covariance);
     for (auto* column : {&mean, &reference, &lambda, &opacity}) keep_rows(finite, 1, column);
     keep_rows(finite, sh_dim, &sh);
+    keep_rows(finite, 3, &scale);
+    keep_rows(finite, 4, &rotation);
+    if (index.empty()) {
+      index.resize(count);
+      std::iota(index.begin(), index.end(), 0u);
+    }
+    keep_rows(finite, 1, &index);
     count = kept;
   }
   if (std::all_of(velocity.begin(), velocity.end(), [](float v) { return v == 0; })) {

@@ -14,6 +14,8 @@
 namespace l4d {
 
 struct PreparedBucket {
+  uint32_t layer = 0;
+  uint32_t bucket = 0;
   size_t count = 0;
   bool permanent = false;
   double center = 0;
@@ -25,6 +27,10 @@ struct PreparedBucket {
   std::vector<float> covariance;  // [n, 6]
   std::vector<float> opacity;     // [n] in [0, 1]
   std::vector<float> sh;          // [n, sh_dim]
+  // The axes of the covariances, [n, 3] and [n, 4] as in Shape3; empty where nobody wanted them.
+  std::vector<float> scale, rotation;
+  // [n] place among all Gaussians of the bucket; empty where every one of them is here.
+  std::vector<uint32_t> index;
 
   // Of a PreparedBucket, the Gaussians that reach an opacity: first those that look the same at all
   // times of the sequence, then those that only fade, then those that move.
@@ -53,18 +59,27 @@ struct PreparedBucket {
   float opacity_at(size_t i, float t) const {
     return permanent ? opacity[i] : opacity[i] * falloff(lambda[i], t - mean[i]);
   }
-  static uint64_t memory_bytes(size_t n, unsigned sh_dim) {
-    return uint64_t{n} * (3 + 1 + 1 + 3 + 1 + 6 + 1 + 2 + sh_dim) * sizeof(float);
+  // As seen from `camera`, at the instant `t`.
+  void color_at(size_t i, float t, uint32_t sh_degree, const double* camera /* [3] */,
+                float* out /* [3] */) const;
+  l4d_gaussian_id id_of(size_t i) const { return {layer, bucket, index.empty() ? i : index[i]}; }
+  static uint64_t memory_bytes(size_t n, unsigned sh_dim, bool with_shape) {
+    return uint64_t{n} * (3 + 1 + 1 + 3 + 1 + 6 + 1 + 2 + 1 + sh_dim + (with_shape ? 7 : 0)) *
+           sizeof(float);
   }
 
   // Gaussians [begin, end) of arrays that hold what was decoded: position, mean, opacity and sh.
-  // The others have their lengths.
+  // The others have their lengths; `scale` and `rotation` are filled unless they are empty.
   void prepare(const SceneHeader& header, const float* rotor, const float* log_scale, size_t begin,
                size_t end);
   // Leaves out Gaussians that are not finite, and velocities where all are 0.
   void finish(const l4d_timeline& timeline, size_t sh_dim);
   // Puts the Gaussians in order for an opacity, if they are not.
   void sort(const l4d_timeline& timeline, float gate, float least);
+
+ private:
+  // rows: their outer products are the covariance of Gaussian i.
+  void set_shape(const float (*rows)[4] /* [3, 4] */, size_t i);
 };
 
 }  // namespace l4d

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "decoder/session/bucket_cache.h"
 
+#include <numeric>
 #include <utility>
 
 #include "l4d/attributes.hpp"
@@ -72,6 +73,8 @@ void BucketCache::close() {
 Status BucketCache::decode(const Plan& plan, size_t range, size_t first_task, size_t end_task,
                            CachedBucket* entry) {
   PreparedBucket* const out = &entry->bucket;
+  out->layer = plan.ranges[range].layer;
+  out->bucket = plan.ranges[range].bucket;
   const SceneHeader& header = stream_.file().header();
   const l4d_range& r = plan.ranges[range];
   const LayerHeader& layer = header.layers[r.layer];
@@ -109,10 +112,19 @@ Status BucketCache::decode(const Plan& plan, size_t range, size_t first_task, si
     for_each_decoded([&](const AttributeInfo& a,
                          float* rows) { move_rows(moves, a.numbers(header.sh_degree), rows); },
                      buffers);
+    // All pages of the bucket are in the plan.
+    out->index.resize(static_cast<size_t>(r.count));
+    std::iota(out->index.begin(), out->index.end(), 0u);
+    move_rows(moves, 1, out->index.data());
+    out->index.resize(n);
   }
   out->count = n;
   out->reference.resize(n);
   out->covariance.resize(6 * n);
+  if (entry->with_shape) {
+    out->scale.resize(3 * n);
+    out->rotation.resize(4 * n);
+  }
   if (!layer.permanent) out->lambda.resize(n);
   if (layer.component[L4D_COMPONENT_ROTOR_TEMPORAL].coding != ComponentCodingId::kZero) {
     out->velocity.resize(3 * n);
@@ -135,7 +147,7 @@ Status BucketCache::has_recovered(const CachedBucket& entry, bool* recovered) {
   return {};
 }
 
-Status BucketCache::load(const Plan& plan, std::vector<CachedBucket*>* out) {
+Status BucketCache::load(const Plan& plan, bool with_shape, std::vector<CachedBucket*>* out) {
   out->clear();
   ++clock_;
   for (const l4d_range& r : plan.ranges) {
@@ -151,9 +163,9 @@ Status BucketCache::load(const Plan& plan, std::vector<CachedBucket*>* out) {
     const Key key(r.layer, r.bucket, plan.detail);
     const auto it = entries_.find(key);
     if (it != entries_.end()) {
-      bool recovered = false;
-      L4D_RETURN_IF_ERROR(has_recovered(it->second, &recovered));
-      if (!recovered) {
+      bool stale = with_shape && !it->second.with_shape;
+      if (!stale) L4D_RETURN_IF_ERROR(has_recovered(it->second, &stale));
+      if (!stale) {
         ++hits_;
         out->push_back(&it->second);
         continue;
@@ -161,8 +173,9 @@ Status BucketCache::load(const Plan& plan, std::vector<CachedBucket*>* out) {
       drop(it);
     }
     CachedBucket entry;
+    entry.with_shape = with_shape;
     entry.memory_bytes = PreparedBucket::memory_bytes(static_cast<size_t>(r.count),
-                                                      stream_.file().header().sh_dim());
+                                                      stream_.file().header().sh_dim(), with_shape);
     entry.last_use = clock_;
     // Decoding a bucket takes scratch of less than its own size beside it.
     evict(2 * entry.memory_bytes);

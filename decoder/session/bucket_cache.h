@@ -13,6 +13,7 @@ namespace l4d {
 
 struct CachedBucket {
   PreparedBucket bucket;
+  bool with_shape = false;
   Plan missing;  // pages that are lost, or their detail, to be asked for again
   size_t lost_parts = 0;
   uint64_t memory_bytes = 0;
@@ -26,9 +27,10 @@ class BucketCache {
   BucketCache(const BucketCache&) = delete;
   BucketCache& operator=(const BucketCache&) = delete;
 
-  // Makes every bucket of the plan present; *out points to them, one per range, until the next
-  // call. Buckets of earlier plans give way where memory does not suffice.
-  Status load(const Plan& plan, std::vector<CachedBucket*>* out);
+  // Makes every bucket of the plan present, with_shape: with the axes of its Gaussians. *out points
+  // to them, one per range, until the next call. Buckets of earlier plans give way where memory
+  // does not suffice.
+  Status load(const Plan& plan, bool with_shape, std::vector<CachedBucket*>* out);
   bool is_empty() const { return entries_.empty(); }
   void clear();
   // Before the stream is closed: clears the cache and the counters.
@@ -43,7 +45,8 @@ class BucketCache {
   using Key = std::tuple<uint32_t, uint32_t, uint32_t>;  // layer, bucket, detail
   using Entries = std::map<Key, CachedBucket>;
 
-  // Decodes and prepares one range of a plan, whose tasks are [first_task, end_task).
+  // Decodes and prepares one range of a plan, whose tasks are [first_task, end_task), in the form
+  // that *out says.
   Status decode(const Plan& plan, size_t range, size_t first_task, size_t end_task,
                 CachedBucket* out);
   // Whether pages that a cached bucket lacks can be had now; if not, they are lost again.

@@ -78,6 +78,7 @@ Status decode_query(OpenStream& stream, const l4d_query& query, l4d_gaussian_buf
   LostPages lost;
   L4D_RETURN_IF_ERROR(stream.pages().expand(plan, 0, plan.tasks.size(), *out,
                                             stream.progress("decode"), stream.if_tolerant(&lost)));
+  if (out->id != nullptr) write_ids(plan, out->id);
   if (!lost.empty()) {
     stream.losses().add_pages(plan, lost);
     const std::vector<RowMove> moves = remove_lost(lost, &plan);
@@ -86,6 +87,7 @@ Status decode_query(OpenStream& stream, const l4d_query& query, l4d_gaussian_buf
         [&](const AttributeInfo& a, float* rows) { move_rows(moves, a.numbers(degree), rows); },
         *out);
     move_rows(moves, 1, out->mean_t_double);
+    move_rows(moves, 1, out->id);
   }
   describe_output(plan, out);
   *num_buckets = plan.ranges.size();

@@ -2,6 +2,7 @@
 #include "decoder/session/slicer.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstring>
 #include <string>
 #include <utility>
@@ -15,8 +16,27 @@ namespace {
 // What the rows are that stand at the beginning of an output.
 constexpr uint64_t kStillBuckets = 0, kStillColumns = 1;
 
+Status check_camera(bool wants_color, const double* position /* [3] */) {
+  for (size_t k = 0; k < 3 && wants_color; ++k) {
+    if (!std::isfinite(position[k])) return invalid_argument("camera_position is not finite");
+  }
+  return {};
+}
+
+template <size_t kCount>
+bool all_or_none(float* const (&columns)[kCount]) {
+  for (const float* column : columns) {
+    if ((column == nullptr) != (columns[0] == nullptr)) return false;
+  }
+  return true;
+}
+
 Status check_columns(const l4d_splat_columns& out) {
   if (!(out.least_opacity >= 0)) return invalid_argument("least_opacity is below 0");
+  L4D_RETURN_IF_ERROR(check_camera(out.color[0] != nullptr, out.camera_position));
+  if (!all_or_none(out.scale) || !all_or_none(out.rotation) || !all_or_none(out.color)) {
+    return invalid_argument("only some columns of scale, rotation or color are NULL");
+  }
   if (out.capacity == 0) return {};
   bool all = out.opacity != nullptr && out.sh_rows != nullptr;
   for (const float* axis : out.position) all = all && axis != nullptr;
@@ -32,7 +52,7 @@ Status Slicer::set_detail(uint32_t detail) {
   return {};
 }
 
-Status Slicer::load_instant(double* time, std::vector<CachedBucket*>* buckets) {
+Status Slicer::load_instant(double* time, bool with_shape, std::vector<CachedBucket*>* buckets) {
   if (!(*time == *time)) return invalid_argument("the time is not a number");
   const Sequence sequence = sequence_of(stream_.file().header().timeline);
   *time = std::clamp(*time, sequence.begin, sequence.end);
@@ -46,7 +66,7 @@ Status Slicer::load_instant(double* time, std::vector<CachedBucket*>* buckets) {
   const auto load = [&]() -> Status {
     Plan plan;
     L4D_RETURN_IF_ERROR(stream_.plan(query, &plan));
-    return cache_.load(plan, buckets);
+    return cache_.load(plan, with_shape, buckets);
   };
   Status status = load();
   if (status.code() == L4D_ERR_LIMIT_EXCEEDED && !cache_.is_empty()) {
@@ -63,8 +83,10 @@ void Slicer::set_still(std::vector<uint64_t> rows) {
 }
 
 Status Slicer::slice(double time, l4d_splat_buffers* out) {
+  L4D_RETURN_IF_ERROR(check_camera(out->color != nullptr, out->camera_position));
+  const bool with_shape = out->scale != nullptr || out->rotation != nullptr;
   std::vector<CachedBucket*> buckets;
-  L4D_RETURN_IF_ERROR(load_instant(&time, &buckets));
+  L4D_RETURN_IF_ERROR(load_instant(&time, with_shape, &buckets));
   const SceneHeader& header = stream_.file().header();
   const uint64_t key_given = out->still_key;
   size_t still = 0, num_still = 0;
@@ -76,22 +98,24 @@ Status Slicer::slice(double time, l4d_splat_buffers* out) {
   set_still(std::move(numbers));
   out->num_still = num_still;
   out->still_key = 0;  // until they are written
-  // Pieces of fixed size: first how many each shows, then all write at their offsets.
+  // Pieces of fixed size: first how many each shows, then all write at their offsets. Of still rows
+  // that the caller has, only colours are written.
   std::vector<Piece> pieces;
   const bool kept = key_given == still_key_;
-  for (size_t b = kept ? still : 0; b < buckets.size(); ++b) {
+  for (size_t b = kept && out->color == nullptr ? still : 0; b < buckets.size(); ++b) {
     add_pieces(buckets[b]->bucket, 0, buckets[b]->bucket.count, &pieces);
   }
   const int threads = stream_.threads();
   parallel_for(threads, pieces.size(), 1, [&](size_t first, size_t last) {
     for (size_t p = first; p < last; ++p) {
-      pieces[p].at = BufferSlicer(pieces[p], time, header.gate).count();
+      pieces[p].at = BufferSlicer(pieces[p], time, header).count();
     }
   });
-  const size_t total = place(&pieces, kept ? num_still : 0);
+  const size_t total = place(&pieces, kept && out->color == nullptr ? num_still : 0);
   const bool wants_arrays = out->position != nullptr || out->covariance != nullptr ||
                             out->opacity != nullptr || out->sh != nullptr ||
-                            out->sh_rows != nullptr;
+                            out->sh_rows != nullptr || with_shape || out->color != nullptr ||
+                            out->id != nullptr;
   out->count = total;
   if (wants_arrays) {
     if (total > out->capacity) {
@@ -101,7 +125,12 @@ Status Slicer::slice(double time, l4d_splat_buffers* out) {
     }
     parallel_for(threads, pieces.size(), 1, [&](size_t first, size_t last) {
       for (size_t p = first; p < last; ++p) {
-        BufferSlicer(pieces[p], time, header.gate).write(header.sh_dim(), *out);
+        const BufferSlicer slicer(pieces[p], time, header);
+        if (kept && pieces[p].at < num_still) {
+          slicer.write_colors(*out);
+        } else {
+          slicer.write(*out);
+        }
       }
     });
     out->still_key = still_key_;
@@ -111,8 +140,9 @@ Status Slicer::slice(double time, l4d_splat_buffers* out) {
 
 Status Slicer::slice(double time, l4d_splat_columns* out) {
   L4D_RETURN_IF_ERROR(check_columns(*out));
+  const bool with_shape = out->scale[0] != nullptr || out->rotation[0] != nullptr;
   std::vector<CachedBucket*> buckets;
-  L4D_RETURN_IF_ERROR(load_instant(&time, &buckets));
+  L4D_RETURN_IF_ERROR(load_instant(&time, with_shape, &buckets));
   const SceneHeader& header = stream_.file().header();
   const uint64_t key_given = out->still_key;
   size_t num_still = 0;
@@ -128,8 +158,9 @@ Status Slicer::slice(double time, l4d_splat_columns* out) {
   set_still(std::move(numbers));
   const bool kept = key_given == still_key_;
   std::vector<Piece> pieces;
+  const bool without_still = kept && out->color[0] == nullptr;
   for (CachedBucket* entry : buckets) {
-    if (!kept) add_pieces(entry->bucket, 0, entry->bucket.order.num_still, &pieces);
+    if (!without_still) add_pieces(entry->bucket, 0, entry->bucket.order.num_still, &pieces);
   }
   for (CachedBucket* entry : buckets) {
     const PreparedBucket::Order& order = entry->bucket.order;
@@ -138,9 +169,10 @@ Status Slicer::slice(double time, l4d_splat_columns* out) {
   }
   const int threads = stream_.threads();
   parallel_for(threads, pieces.size(), 1, [&](size_t first, size_t last) {
-    for (size_t p = first; p < last; ++p) pieces[p].at = ColumnSlicer(pieces[p], time).count();
+    for (size_t p = first; p < last; ++p)
+      pieces[p].at = ColumnSlicer(pieces[p], time, header).count();
   });
-  out->count = place(&pieces, kept ? num_still : 0);
+  out->count = place(&pieces, without_still ? num_still : 0);
   out->num_still = num_still;
   out->still_key = 0;
   if (out->capacity == 0) return {};  // only the count is wanted
@@ -151,7 +183,12 @@ Status Slicer::slice(double time, l4d_splat_columns* out) {
   }
   parallel_for(threads, pieces.size(), 1, [&](size_t first, size_t last) {
     for (size_t p = first; p < last; ++p) {
-      ColumnSlicer(pieces[p], time).write(header.sh_dim(), *out);
+      const ColumnSlicer slicer(pieces[p], time, header);
+      if (kept && pieces[p].at < num_still) {
+        slicer.write_colors(*out);
+      } else {
+        slicer.write(*out);
+      }
     }
   });
   out->still_key = still_key_;

@@ -22,7 +22,7 @@ class Slicer {
 
  private:
   // The buckets of an instant, which is clamped to the sequence.
-  Status load_instant(double* time, std::vector<CachedBucket*>* buckets);
+  Status load_instant(double* time, bool with_shape, std::vector<CachedBucket*>* buckets);
   // Sets still_key_ to what stands for the still rows of an output: their kind, and the numbers of
   // their buckets.
   void set_still(std::vector<uint64_t> rows);

@@ -38,68 +38,88 @@ inline void add_pieces(const PreparedBucket& bucket, size_t begin, size_t end,
 // What one piece shows at an instant, in l4d_splat_buffers.
 class BufferSlicer {
  public:
-  BufferSlicer(const Piece& piece, double time, float gate)
-      : piece_(piece), bucket_(*piece.bucket), t_(bucket_.time_in(time)), gate_(gate) {}
+  BufferSlicer(const Piece& piece, double time, const SceneHeader& header)
+      : piece_(piece), bucket_(*piece.bucket), t_(bucket_.time_in(time)), header_(header) {}
 
   size_t count() const {
     if (bucket_.permanent) return piece_.end - piece_.begin;
     size_t n = 0;
-    for (size_t i = piece_.begin; i < piece_.end; ++i) n += bucket_.is_visible(i, t_, gate_);
+    for (size_t i = piece_.begin; i < piece_.end; ++i) {
+      n += bucket_.is_visible(i, t_, header_.gate);
+    }
     return n;
   }
-  void write(size_t sh_dim, const l4d_splat_buffers& out) const {
-    if (bucket_.permanent) return write_all(sh_dim, out);
+  void write(const l4d_splat_buffers& out) const {
+    if (bucket_.permanent) return write_all(out);
     size_t at = piece_.at;
     for (size_t i = piece_.begin; i < piece_.end; ++i) {
-      if (!bucket_.is_visible(i, t_, gate_)) continue;
+      if (!bucket_.is_visible(i, t_, header_.gate)) continue;
       if (out.position != nullptr) bucket_.position_at(i, t_, out.position + 3 * at);
-      if (out.covariance != nullptr) {
-        std::copy_n(bucket_.covariance.data() + 6 * i, 6, out.covariance + 6 * at);
-      }
+      copy(bucket_.covariance, 6, i, 1, at, out.covariance);
       if (out.opacity != nullptr) out.opacity[at] = bucket_.opacity_at(i, t_);
-      if (out.sh != nullptr) {
-        std::copy_n(bucket_.sh.data() + sh_dim * i, sh_dim, out.sh + sh_dim * at);
-      }
-      if (out.sh_rows != nullptr) out.sh_rows[at] = bucket_.sh.data() + sh_dim * i;
+      copy(bucket_.sh, header_.sh_dim(), i, 1, at, out.sh);
+      copy(bucket_.scale, 3, i, 1, at, out.scale);
+      copy(bucket_.rotation, 4, i, 1, at, out.rotation);
+      write_references(i, at, out);
+      if (out.color != nullptr) write_color(i, at, out);
       ++at;
+    }
+  }
+  // The colours alone, of rows that are all visible.
+  void write_colors(const l4d_splat_buffers& out) const {
+    for (size_t i = piece_.begin; i < piece_.end; ++i) {
+      write_color(i, piece_.at + i - piece_.begin, out);
     }
   }
 
  private:
   // Rows of a permanent bucket, which are all there: copies, but for the positions of what moves.
-  void write_all(size_t sh_dim, const l4d_splat_buffers& out) const {
+  void write_all(const l4d_splat_buffers& out) const {
     const size_t n = piece_.end - piece_.begin;
-    const auto copy = [&](const std::vector<float>& from, size_t width, float* to) {
-      if (to != nullptr) {
-        std::copy_n(from.data() + width * piece_.begin, width * n, to + width * piece_.at);
-      }
+    const auto copy_all = [&](const std::vector<float>& from, size_t width, float* to) {
+      copy(from, width, piece_.begin, n, piece_.at, to);
     };
     if (!bucket_.moves()) {
-      copy(bucket_.position, 3, out.position);
+      copy_all(bucket_.position, 3, out.position);
     } else if (out.position != nullptr) {
       for (size_t i = 0; i < n; ++i) {
         bucket_.position_at(piece_.begin + i, t_, out.position + 3 * (piece_.at + i));
       }
     }
-    copy(bucket_.covariance, 6, out.covariance);
-    copy(bucket_.opacity, 1, out.opacity);
-    copy(bucket_.sh, sh_dim, out.sh);
-    for (size_t i = 0; i < n && out.sh_rows != nullptr; ++i) {
-      out.sh_rows[piece_.at + i] = bucket_.sh.data() + sh_dim * (piece_.begin + i);
+    copy_all(bucket_.covariance, 6, out.covariance);
+    copy_all(bucket_.opacity, 1, out.opacity);
+    copy_all(bucket_.sh, header_.sh_dim(), out.sh);
+    copy_all(bucket_.scale, 3, out.scale);
+    copy_all(bucket_.rotation, 4, out.rotation);
+    if (out.sh_rows != nullptr || out.id != nullptr) {
+      for (size_t i = 0; i < n; ++i) write_references(piece_.begin + i, piece_.at + i, out);
     }
+    if (out.color != nullptr) write_colors(out);
+  }
+
+  static void copy(const std::vector<float>& from, size_t width, size_t first, size_t n, size_t at,
+                   float* to) {
+    if (to != nullptr) std::copy_n(from.data() + width * first, width * n, to + width * at);
+  }
+  void write_references(size_t i, size_t at, const l4d_splat_buffers& out) const {
+    if (out.sh_rows != nullptr) out.sh_rows[at] = bucket_.sh.data() + header_.sh_dim() * i;
+    if (out.id != nullptr) out.id[at] = bucket_.id_of(i);
+  }
+  void write_color(size_t i, size_t at, const l4d_splat_buffers& out) const {
+    bucket_.color_at(i, t_, header_.sh_degree, out.camera_position, out.color + 3 * at);
   }
 
   const Piece& piece_;
   const PreparedBucket& bucket_;
   float t_;
-  float gate_;
+  const SceneHeader& header_;
 };
 
 // The same in l4d_splat_columns; pieces are of the bucket's order.
 class ColumnSlicer {
  public:
-  ColumnSlicer(const Piece& piece, double time)
-      : bucket_(*piece.bucket), t_(bucket_.time_in(time)), at_(piece.at) {
+  ColumnSlicer(const Piece& piece, double time, const SceneHeader& header)
+      : bucket_(*piece.bucket), t_(bucket_.time_in(time)), at_(piece.at), header_(header) {
     const PreparedBucket::Order& order = bucket_.order;
     fades_ = piece.begin >= order.num_still && !bucket_.permanent;
     moves_ = piece.begin >= order.num_unmoving;
@@ -116,12 +136,24 @@ class ColumnSlicer {
   }
 
   size_t count() const { return n_; }
-  void write(size_t sh_dim, const l4d_splat_columns& out) const {
+  void write(const l4d_splat_columns& out) const {
     for (size_t j = 0; j < n_; j += kBlock) write_block(j, std::min(n_ - j, kBlock), out);
     for (size_t j = 0; j < n_; ++j) {
       const size_t i = row_[j];
       out.opacity[at_ + j] = fades_ ? bucket_.opacity_at(i, t_) : bucket_.opacity[i];
-      out.sh_rows[at_ + j] = bucket_.sh.data() + sh_dim * i;
+      out.sh_rows[at_ + j] = bucket_.sh.data() + header_.sh_dim() * i;
+    }
+    for (size_t j = 0; j < n_ && out.id != nullptr; ++j) out.id[at_ + j] = bucket_.id_of(row_[j]);
+    if (out.scale[0] != nullptr) write_columns<3>(bucket_.scale, out.scale);
+    if (out.rotation[0] != nullptr) write_columns<4>(bucket_.rotation, out.rotation);
+    if (out.color[0] != nullptr) write_colors(out);
+  }
+  // The colours alone.
+  void write_colors(const l4d_splat_columns& out) const {
+    for (size_t j = 0; j < n_; ++j) {
+      float color[3];
+      bucket_.color_at(row_[j], t_, header_.sh_degree, out.camera_position, color);
+      for (size_t k = 0; k < 3; ++k) out.color[k][at_ + j] = color[k];
     }
   }
 
@@ -146,10 +178,22 @@ class ColumnSlicer {
     for (size_t k = 0; k < 3; ++k) std::copy_n(position[k], n, out.position[k] + at_ + first);
     for (size_t k = 0; k < 6; ++k) std::copy_n(covariance[k], n, out.covariance[k] + at_ + first);
   }
+  template <size_t kWidth>
+  void write_columns(const std::vector<float>& from, float* const (&to)[kWidth]) const {
+    for (size_t first = 0; first < n_; first += kBlock) {
+      const size_t n = std::min(n_ - first, kBlock);
+      float columns[kWidth][kBlock];
+      for (size_t j = 0; j < n; ++j) {
+        for (size_t k = 0; k < kWidth; ++k) columns[k][j] = from[kWidth * row_[first + j] + k];
+      }
+      for (size_t k = 0; k < kWidth; ++k) std::copy_n(columns[k], n, to[k] + at_ + first);
+    }
+  }
 
   const PreparedBucket& bucket_;
   float t_;
   size_t at_;
+  const SceneHeader& header_;
   bool fades_, moves_;
   size_t n_ = 0;
   uint32_t row_[kSliceGrain + 1];

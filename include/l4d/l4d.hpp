@@ -49,7 +49,18 @@ struct GaussianArrays : AttributeArrays {
 struct SplatArrays {
   uint32_t sh_degree = 0;
   std::vector<float> position, covariance, opacity, sh;
+  // Empty unless SliceOptions ask for them.
+  std::vector<float> scale, rotation, color;
+  std::vector<l4d_gaussian_id> id;
   size_t count() const { return opacity.size(); }
+};
+
+// What a slice returns besides position, covariance, opacity and SH.
+struct SliceOptions {
+  bool shape = false;  // scale and rotation
+  bool id = false;
+  bool color = false;  // as seen from camera_position
+  double camera_position[3] = {0, 0, 0};
 };
 
 class DecoderHandle {
@@ -155,7 +166,7 @@ class DecoderHandle {
     return a;
   }
   void set_detail(uint32_t detail) const { check(l4d_decoder_set_detail(get(), detail)); }
-  SplatArrays slice(double time) const {
+  SplatArrays slice(double time, const SliceOptions& options = {}) const {
     const l4d_info i = info();
     l4d_splat_buffers b;
     l4d_splat_buffers_init(&b);
@@ -172,6 +183,21 @@ class DecoderHandle {
     b.covariance = a.covariance.data();
     b.opacity = a.opacity.data();
     b.sh = a.sh.data();
+    if (options.shape) {
+      a.scale.resize(3 * n);
+      a.rotation.resize(4 * n);
+      b.scale = a.scale.data();
+      b.rotation = a.rotation.data();
+    }
+    if (options.color) {
+      a.color.resize(3 * n);
+      b.color = a.color.data();
+      for (int k = 0; k < 3; ++k) b.camera_position[k] = options.camera_position[k];
+    }
+    if (options.id) {
+      a.id.resize(n);
+      b.id = a.id.data();
+    }
     check(l4d_decoder_slice(get(), time, &b));
     return a;
   }

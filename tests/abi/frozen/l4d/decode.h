@@ -257,6 +257,19 @@ typedef struct l4d_range {
 } l4d_range;      /* frozen */
 #define L4D_NO_BLOCK 0xffffffffu
 
+/* Names a Gaussian of a stream. It is the same in every slice and in every query that returns the
+ * Gaussian, whatever the detail, the number of threads, and losses of a tolerant decoder. `index`
+ * is the place of the Gaussian among all Gaussians of its bucket, in the order of the file: the sum
+ * of num_gaussians over the records of the bucket in the directory before that of its page, plus
+ * its place in the page. A query that returns complete buckets (ALL, BUCKETS, or whole_buckets = 1)
+ * and loses nothing returns it at l4d_range.first + index. Another encode of the scene gives other
+ * ids. */
+typedef struct l4d_gaussian_id {
+  uint32_t layer;
+  uint32_t bucket; /* of the layer */
+  uint64_t index;  /* in the bucket */
+} l4d_gaussian_id; /* frozen */
+
 /* What a query selects and costs. Computed from the directory; no page is read. */
 typedef struct l4d_selection {
   size_t struct_size;
@@ -338,6 +351,7 @@ typedef struct l4d_gaussian_buffers {
   /* [N] seconds in full precision: the range's `center` plus mean_t_local; in lossless streams the
    * value that was encoded. If given, the host decodes, whatever the backend. */
   double* mean_t_double;
+  l4d_gaussian_id* id; /* [N] */
 } l4d_gaussian_buffers;
 L4D_API void l4d_gaussian_buffers_init_(l4d_gaussian_buffers* buffers, size_t struct_size);
 #define l4d_gaussian_buffers_init(buffers) l4d_gaussian_buffers_init_((buffers), sizeof(*(buffers)))
@@ -505,6 +519,20 @@ typedef struct l4d_splat_buffers {
    * that the last call returned. Pass 0 to write everything. Out: the key of the still Gaussians
    * now in the arrays; 0 if all arrays are NULL. */
   uint64_t still_key;
+  /* [M, 3] and [M, 4]: the axes of the covariance, R diag(scale)^2 R^T. scale: standard deviations
+   * in scene units, >= 0, in falling order. rotation: w x y z, a unit quaternion that takes the
+   * axes of the Gaussian to those of the scene. Of the quaternions that do so, the one whose w is
+   * no smaller than |x|, |y| and |z|. Each entry of R diag(scale)^2 R^T is within 1e-6 times xx +
+   * yy + zz of `covariance`. The decoder finds the axes when it first decodes a bucket for a call
+   * that gives one of these arrays, and decodes cached buckets again that lack them. */
+  float* scale;
+  float* rotation;
+  /* [M, 3] red, green, blue: 0.5 + SH in the direction from camera_position to the Gaussian, and at
+   * least 0, as the renderer computes it. A Gaussian at camera_position itself is seen along +z.
+   * Every call writes the colours of all Gaussians, also of still ones. */
+  float* color;
+  l4d_gaussian_id* id;       /* [M] */
+  double camera_position[3]; /* scene units; used with `color` only */
 } l4d_splat_buffers;
 L4D_API void l4d_splat_buffers_init_(l4d_splat_buffers* buffers, size_t struct_size);
 #define l4d_splat_buffers_init(buffers) l4d_splat_buffers_init_((buffers), sizeof(*(buffers)))
@@ -515,8 +543,9 @@ L4D_API l4d_status l4d_decoder_set_detail(l4d_decoder* decoder, uint32_t detail)
 /* Slices the stream at `time` seconds, clamped to the sequence. Decoded buckets are cached:
  * stepping forward decodes each bucket once. If all arrays are NULL, only `count` is computed;
  * l4d_selection.num_gaussians of a TIME query is an upper bound of it.
- * Fails with BUFFER_TOO_SMALL if capacity is below `count`. A tolerant decoder skips lost pages and
- * reads them again in each call, so that `count` grows when the reader recovers. */
+ * Fails with BUFFER_TOO_SMALL if capacity is below `count`, and with INVALID_ARGUMENT if
+ * camera_position is not finite and color is given. A tolerant decoder skips lost pages and reads
+ * them again in each call, so that `count` grows when the reader recovers. */
 L4D_API l4d_status l4d_decoder_slice(l4d_decoder* decoder, double time, l4d_splat_buffers* out);
 
 /* 3D Gaussians at one instant as a structure of arrays, the form that renderers take. */
@@ -536,14 +565,21 @@ typedef struct l4d_splat_columns {
    * within rounding of it. 0 = skip none. */
   float least_opacity;
   uint32_t reserved;
+  /* As in l4d_splat_buffers. All columns of one of these are NULL, or none is. */
+  float* scale[3];     /* [M] each */
+  float* rotation[4];  /* [M] each: w, x, y, z */
+  float* color[3];     /* [M] each: red, green, blue */
+  l4d_gaussian_id* id; /* [M], or NULL */
+  double camera_position[3];
 } l4d_splat_columns;
 L4D_API void l4d_splat_columns_init_(l4d_splat_columns* columns, size_t struct_size);
 #define l4d_splat_columns_init(columns) l4d_splat_columns_init_((columns), sizeof(*(columns)))
 /* Slices the stream at `time` seconds, clamped to the sequence. The Gaussians and their numbers are
  * those of l4d_decoder_slice, in another order. If capacity is 0, only `count` is computed;
- * otherwise no array may be NULL.
+ * otherwise position, covariance, opacity and sh_rows must not be NULL.
  * Fails with BUFFER_TOO_SMALL if capacity is above 0 and below `count`; the arrays are unchanged
- * then. Fails with INVALID_ARGUMENT if least_opacity is not a number >= 0. */
+ * then. Fails with INVALID_ARGUMENT if least_opacity is not a number >= 0, if only some columns of
+ * scale, rotation or color are NULL, or if camera_position is not finite and color is given. */
 L4D_API l4d_status l4d_decoder_slice_columns(l4d_decoder* decoder, double time,
                                              l4d_splat_columns* out);
 
