@@ -21,8 +21,8 @@ inline void rotate_pair(double* a, double* b, int n, double c, double s) {
 
 // Rotates pairs of rows until all of them are orthogonal (Jacobi's method, one-sided): the sum of
 // their outer products stays. Rows stay accurate however small they are next to others (1e-5 scene
-// units and 1e5 seconds), because the scale of a row changes no rounding. turn(p, q, c, s) is called
-// for each rotation, of rows p and q as in rotate_pair.
+// units and 1e5 seconds), because the scale of a row changes no rounding. turn(p, q, c, s) is
+// called for each rotation, of rows p and q as in rotate_pair.
 template <int kRows, typename Turn>
 inline void orthogonalize(double* rows /* [kRows, 4] */, const Turn& turn) {
   constexpr int kMaxSweeps = 40;        // it converges quadratically; 5 or 6 are usual
