@@ -54,3 +54,17 @@ for package in core view; do
   "$bin/tsc" -p "web/$package"
 done
 cp "$wasm" "$out/l4dcodec/src/"
+
+# The player in four files, and a page that shows scene.l4d.
+player=$out/player
+rm -rf "$player"
+mkdir -p "$player"
+bundle=("$bin/esbuild" --bundle --format=esm --minify --target=es2022 --log-level=warning --legal-comments=none
+  "--alias:l4dcodec=./web/core/src/index.js")
+"${bundle[@]}" web/view/src/index.js "--outfile=$player/player.js"
+"${bundle[@]}" web/core/src/worker.js "--outfile=$player/worker.js"
+"${bundle[@]}" web/view/src/sort-worker.js "--outfile=$player/sort-worker.js"
+cp "$wasm" web/view/page/index.html "$player/"
+for file in player.js worker.js sort-worker.js; do
+  echo "$file: $(wc -c <"$player/$file") bytes, $(gzip -9c "$player/$file" | wc -c) with gzip -9"
+done

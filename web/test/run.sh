@@ -37,7 +37,7 @@ export L4D_TOOL=$tool L4D_WASM=$root/build/wasm/bin/l4d.wasm
 export L4D_STREAMS=$work/long.l4d:$work/short.l4d:$work/indexed.l4d:$work/lossless.l4d
 export L4D_ROOT=$root L4D_WORK=$work
 case $kind in
-  core) node --test --test-timeout=300000 web/core/test/*.test.js ;;
-  browser) node --test --test-timeout=300000 --test-concurrency=1 web/test/*.test.js ;;
+  core) node --test --test-timeout=300000 web/core/test/*.test.js web/view/test/*.test.js ;;
+  browser) node --test --test-timeout=900000 --test-concurrency=1 web/test/*.test.js ;;
   *) echo "unknown kind $kind" >&2 && exit 2 ;;
 esac

@@ -23,7 +23,7 @@ import {abortError, L4DError} from './errors.js';
  * @typedef {object} OpenOptions
  * @property {AbortSignal} [signal]
  * @property {number} [cacheBytes] of the file, kept in memory (256 MiB)
- * @property {number} [maxRows] Gaussians held for showing (2 million)
+ * @property {number} [maxRows] Gaussians held for showing, each bucket rounded up to 256 (2^21)
  * @property {boolean} [tolerant] show what is left of a damaged stream (true); event 'loss' tells
  * @property {Record<string, string>} [headers] of requests
  * @property {RequestCredentials} [credentials] of requests
@@ -62,7 +62,7 @@ export class Movie extends Emitter {
     /** @type {Map<number, {resolve: (value: any) => void, reject: (reason: any) => void}>} */
     this.calls = new Map();
     this.nextId = 1;
-    /** @type {import('./decoder.js').Info} */
+    /** @type {import('./session.js').MovieInfo} */
     this.info = /** @type {any} */ (null);
     this.buffered = /** @type {[number, number][]} */ ([]);
     this.statistics = {bytes: 0, throughput: 0, rows: 0, lost: 0, requests: 0, decodeSeconds: 0, memoryBytes: 0};
@@ -72,6 +72,8 @@ export class Movie extends Emitter {
     /** @type {'auto' | 'base' | 'full'} */
     this.detailWanted = 'auto';
     this.levelLimit = 0xffffffff;
+    /** Room that a view needs: Gaussians, each bucket rounded up to 256. */
+    this.maxRows = options.maxRows ?? 2 ** 21;
     this.disposed = false;
     this.worker.onmessage = event => this.#receive(event.data);
     this.worker.onerror = event => this.#fail(new L4DError('INTERNAL', event.message ?? 'the worker failed'));
@@ -90,6 +92,7 @@ export class Movie extends Emitter {
     const wasmUrl = new URL(this.options.wasmUrl ?? new URL('./l4d.wasm', import.meta.url)).href;
     this.info = await this.#call('open', {source, wasmUrl, options: {cacheBytes, maxRows, tolerant}},
                                  this.options.signal, transfer);
+    this.maxRows = this.info.maxRows;
     this.clock = new Clock(this);
     this.#want(this.clock.time, true);
   }
@@ -105,7 +108,9 @@ export class Movie extends Emitter {
   get loop() { return this.clock?.loop ?? false; }
   set loop(loop) { if (this.clock) this.clock.loop = loop; }
   get detail() { return this.detailWanted; }
-  set detail(detail) { this.detailWanted = detail; this.#want(this.currentTime, true); }
+  set detail(detail) { this.setDetail(detail); this.#want(this.currentTime, true); }
+  /** As `detail`, but of what comes next. @param {'auto' | 'base' | 'full'} detail */
+  setDetail(detail) { this.detailWanted = detail; }
   /** The finest temporal level that is shown. */
   get maxLevel() { return this.levelLimit; }
   set maxLevel(level) { this.levelLimit = level; this.#want(this.currentTime, true); this.emit('level', level); }

@@ -12,9 +12,13 @@ import {ByteStore} from './store.js';
  * @property {'auto' | 'base' | 'full'} detail @property {number} [maxLevel]
  * @property {number} [id] of the seek that it answers
  */
+/** @typedef {import('./decoder.js').Info & {maxRows: number}} MovieInfo */
 /** @typedef {{key: string, bucket: import('./decoder.js').Bucket, detail: number, rows: number}} Held */
 
 const windowSeconds = 1;
+
+/** Views hold lines of 256. @param {number} rows */
+const roundedRows = rows => Math.ceil(rows / 256) * 256;
 
 /** @param {{layer: number, bucket: number}} b */
 const keyOf = b => `${b.layer}/${b.bucket}`;
@@ -33,7 +37,7 @@ export class Session {
     this.fetcher = new Fetcher(source, this.store, () => this.#progress());
     /** @type {Map<string, Held>} */
     this.held = new Map();
-    this.maxRows = options.maxRows ?? 2_000_000;
+    this.maxRows = options.maxRows ?? 2 ** 21;
     /** @type {Goal | null} */
     this.goal = null;
     this.pumping = false;
@@ -57,7 +61,9 @@ export class Session {
     this.info = this.decoder.info();
     this.end = this.info.timeBegin + this.info.duration;
     this.isOpen = true;
-    return this.info;
+    // Not more than the scene can fill.
+    this.maxRows = Math.min(this.maxRows, roundedRows(2 * this.info.numGaussians + 65536));
+    return {...this.info, maxRows: this.maxRows};
   }
 
   dispose() {
@@ -159,7 +165,7 @@ export class Session {
     });
     if (wanted.length === 0) return;
     await this.fetcher.steps(step => this.decoder.bucketReads(wanted, detail, step), steps.all, signal);
-    this.#evict(new Set(buckets.map(keyOf)), wanted.reduce((n, b) => n + b.count, 0));
+    this.#evict(new Set(buckets.map(keyOf)), wanted.reduce((n, b) => n + roundedRows(b.count), 0));
     for (const bucket of wanted) {
       const began = performance.now();
       const rows = await this.fetcher.with(() => this.decoder.rows(bucket.layer, bucket.bucket, detail), signal);
@@ -182,11 +188,11 @@ export class Session {
   /** Makes room for `more` rows. @param {Set<string>} keep @param {number} more */
   #evict(keep, more) {
     let rows = more;
-    for (const held of this.held.values()) rows += held.rows;
+    for (const held of this.held.values()) rows += roundedRows(held.rows);
     for (const held of [...this.held.values()]) {
       if (rows <= this.maxRows) break;
       if (keep.has(held.key)) continue;
-      rows -= held.rows;
+      rows -= roundedRows(held.rows);
       this.held.delete(held.key);
       this.post({type: 'removed', key: held.key});
     }

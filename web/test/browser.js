@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: Apache-2.0
+// What tests in Chromium share: a server of the player's files and of streams, with faults, and pages.
+import {createServer} from 'node:http';
+import {readFileSync} from 'node:fs';
+import {extname, join} from 'node:path';
+import {chromium} from 'playwright-core';
+
+const root = process.env.L4D_ROOT ?? new URL('../..', import.meta.url).pathname;
+export const work = process.env.L4D_WORK ?? join(root, 'build/release/web');
+const types = {'.html': 'text/html', '.js': 'text/javascript', '.wasm': 'application/wasm'};
+const sleep = ms => new Promise(resolve => setTimeout(resolve, ms));
+
+/**
+ * @typedef {object} Faults of the stream: no ranges, a tag, a status, Mbit/s, ms before each answer
+ * @property {boolean} [ranges] @property {string} [etag] @property {number} [status] @property {number} [rate]
+ * @property {number} [delay]
+ */
+
+/** @param {Record<string, string>} streams name to path @param {Faults} [faults] may be changed later */
+export const serve = async (streams, faults = {}) => {
+  const requests = [];
+  let busyUntil = 0;
+  const server = createServer(async (request, response) => {
+    const name = new URL(request.url ?? '/', 'http://x').pathname.slice(1) || 'index.html';
+    if (!(name in streams)) {
+      try {
+        const body = readFileSync(join(root, 'build/web/player', name));
+        response.writeHead(200, {'Content-Type': types[extname(name)] ?? 'application/octet-stream'}).end(body);
+      } catch {
+        response.writeHead(404).end();
+      }
+      return;
+    }
+    const bytes = readFileSync(streams[name]);
+    const match = /^bytes=(\d+)-(\d+)$/.exec(request.headers.range ?? '');
+    const etag = faults.etag ?? '"1"';
+    const part = match && faults.ranges !== false && (request.headers['if-range'] ?? etag) === etag;
+    const begin = part ? Number(match[1]) : 0;
+    const end = part ? Math.min(Number(match[2]) + 1, bytes.length) : bytes.length;
+    requests.push([begin, end - begin]);
+    if (faults.delay) await sleep(faults.delay);
+    if (faults.status || begin >= bytes.length) return response.writeHead(faults.status ?? 416).end();
+    response.writeHead(part ? 206 : 200, {
+      'Content-Length': end - begin, ETag: etag,
+      ...part && {'Content-Range': `bytes ${begin}-${end - 1}/${bytes.length}`}
+    });
+    for (let at = begin; at < end; at += 16384) {
+      const piece = bytes.subarray(at, Math.min(at + 16384, end));
+      if (faults.rate) {
+        // One line, which all requests share.
+        busyUntil = Math.max(busyUntil, performance.now()) + piece.length * 8 / (faults.rate * 1000);
+        await sleep(busyUntil - performance.now());
+      }
+      if (response.destroyed) return;
+      response.write(piece);
+    }
+    response.end();
+  });
+  await new Promise(resolve => server.listen(0, '127.0.0.1', () => resolve(undefined)));
+  return {
+    url: `http://127.0.0.1:${server.address().port}/`, requests, faults,
+    close: () => { server.closeAllConnections(); server.close(); }
+  };
+};
+
+export const launch = () => chromium.launch({
+  executablePath: process.env.L4D_CHROMIUM ?? '/usr/bin/chromium',
+  args: ['--no-sandbox', '--disable-dev-shm-usage', '--use-gl=angle', '--use-angle=swiftshader',
+         '--enable-unsafe-swiftshader', '--disable-gpu-watchdog']
+});
+
+/** A page whose errors are collected. @param {any} browser @param {any} [options] */
+export const newPage = async (browser, options = {}) => {
+  const page = await browser.newPage({viewport: {width: 960, height: 540}, ...options});
+  page.errors = [];
+  page.on('pageerror', error => page.errors.push(String(error)));
+  page.on('console', message => { if (message.type() === 'error') page.errors.push(message.text()); });
+  return page;
+};
+
+/** Waits until the player shows its first picture. @param {any} page */
+export const opened = page => page.waitForFunction(() => {
+  const player = document.querySelector('l4d-player');
+  return player?.movie?.info && player.shadowRoot.querySelector('.poster').classList.contains('gone');
+}, undefined, {timeout: 120000});

@@ -1,0 +1,115 @@
+// SPDX-License-Identifier: Apache-2.0
+// The view against `l4dcodec render`: 5 times x 3 cameras x 2 scenes, both targets.
+import assert from 'node:assert/strict';
+import {execFileSync} from 'node:child_process';
+import {existsSync, readFileSync, writeFileSync} from 'node:fs';
+import {join} from 'node:path';
+import {after, before, test} from 'node:test';
+import {launch, newPage, serve, work} from './browser.js';
+
+const width = 640, height = 360;
+const tool = /** @type {string} */ (process.env.L4D_TOOL);
+const data = process.env.L4D_DATA_DIR ?? join(process.env.L4D_ROOT ?? '.', '../shared/data');
+const least = {'16f': 48, 8: 45};  // dB, of the whole picture
+
+/** A camera at `eye` that looks at `target`, y down. */
+const lookAt = (eye, target, focal) => {
+  const unit = v => v.map(c => c / Math.hypot(...v));
+  const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+  const forward = unit(target.map((t, k) => t - eye[k]));
+  const right = unit(cross(forward, [0, -1, 0]));
+  const axes = [right, cross(forward, right), forward];
+  const rows = axes.map(a => [...a, -a.reduce((s, c, k) => s + c * eye[k], 0)]);
+  return {K: [[focal, 0, width / 2], [0, focal, height / 2], [0, 0, 1]], w2c: [...rows, [0, 0, 0, 1]]};
+};
+
+/** Two scenes: real ones where they are. */
+const scenes = () => {
+  const made = [lookAt([0, -1, -9], [0, 0, 0], 420), lookAt([7, -2, 4], [0, 0, 0], 420), lookAt([0.5, 0, -2], [0, 0, 1], 300)];
+  const list = [{name: 'long', cameras: made, times: [0.01, 3, 9.5, 14.2, 19.9]}];
+  const trained = join(data, 'basketball/basketball.ply');
+  if (existsSync(trained)) {
+    const stream = join(work, 'basketball.l4d');
+    if (!existsSync(stream)) execFileSync(tool, ['encode', trained, '-q', '-f', '-o', stream]);
+    const all = JSON.parse(readFileSync(join(data, 'basketball/cameras.json')).toString()).cameras;
+    list.push({name: 'basketball', cameras: [0, 10, 15].map(id => all.find(c => c.id === id)), times: [0, 1.2, 2.5, 3.7, 4.9]});
+  } else {
+    console.log(`SKIPPED: images of basketball: no ${trained}; a second made scene instead`);
+    list.push({name: 'short', cameras: made, times: [0, 1, 2, 3, 3.9]});
+  }
+  return list;
+};
+
+let browser, server, page;
+before(async () => {
+  browser = await launch();
+  server = await serve(Object.fromEntries(scenes().map(({name}) => [`${name}.l4d`, join(work, `${name}.l4d`)])));
+  page = await newPage(browser);
+  await page.route('**/blank.html', route => route.fulfill({contentType: 'text/html', body: '<!doctype html><body>'}));
+  await page.goto(`${server.url}blank.html`);
+});
+after(async () => {
+  await browser?.close();
+  server?.close();
+});
+
+for (const target of /** @type {const} */ (['16f', '8'])) {
+  for (const scene of scenes()) {
+    test(`${scene.name}, ${target}: ${least[target]} dB in each of 15 views`, async () => {
+      const cameraFile = join(work, `${scene.name}.cameras.json`);
+      writeFileSync(cameraFile, JSON.stringify({
+        fps: 30, width, height, frames: 150,
+        cameras: scene.cameras.map((c, id) => ({id, split: 'test', K: c.K, w2c: c.w2c}))
+      }));
+      await page.evaluate(async ({url, width, height, target}) => {
+        const {open, View} = await import('/player.js');
+        const canvas = Object.assign(document.createElement('canvas'), {width, height});
+        document.body.replaceChildren(canvas);
+        globalThis.view?.dispose();
+        globalThis.movie?.dispose();
+        globalThis.movie = await open(url);
+        globalThis.view = new View(canvas, {target, exact: true});
+        globalThis.view.setCamera({worldToCamera: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0], fx: 1, fy: 1, cx: 0, cy: 0, nearPlane: 0.01});
+        globalThis.view.show(globalThis.movie);
+      }, {url: `${server.url}${scene.name}.l4d`, width, height, target});
+      const found = [];
+      for (const time of scene.times) {
+        for (const [id, camera] of scene.cameras.entries()) {
+          const png = join(work, `${scene.name}.png`);
+          execFileSync(tool, ['render', join(work, `${scene.name}.l4d`), '--cameras', cameraFile, '--camera', String(id),
+                              '--time', String(time), '-q', '-f', '-o', png]);
+          const psnr = await page.evaluate(compare, {
+            time, png: readFileSync(png).toString('base64'),
+            camera: {worldToCamera: camera.w2c.flat(), fx: camera.K[0][0], fy: camera.K[1][1], cx: camera.K[0][2],
+                     cy: camera.K[1][2], nearPlane: 0.02}
+          });
+          found.push(psnr);
+        }
+      }
+      const mean = found.reduce((a, b) => a + b, 0) / found.length;
+      console.log(`${scene.name}, ${target}: ${Math.min(...found).toFixed(2)} dB at least, ${mean.toFixed(2)} on average`);
+      assert.deepEqual(page.errors, []);
+      assert.ok(Math.min(...found) >= least[target], found.map(v => v.toFixed(2)).join(' '));
+    });
+  }
+}
+
+/** In the page: PSNR of the view against a PNG. */
+async function compare({time, png, camera}) {
+  const {view, movie} = /** @type {any} */ (globalThis);
+  view.setCamera(camera);
+  await movie.seek(time);
+  while (movie.ready.detail !== 'full') await new Promise(resolve => setTimeout(resolve, 20));
+  const got = await view.pixels();
+  const bitmap = await createImageBitmap(await (await fetch(`data:image/png;base64,${png}`)).blob());
+  const context = new OffscreenCanvas(bitmap.width, bitmap.height).getContext('2d');
+  context.drawImage(bitmap, 0, 0);
+  const wanted = context.getImageData(0, 0, bitmap.width, bitmap.height).data;
+  let sum = 0, count = 0;
+  for (let k = 0; k < wanted.length; ++k) {
+    if (k % 4 === 3) continue;
+    sum += (wanted[k] - got[k]) ** 2;
+    ++count;
+  }
+  return 10 * Math.log10(255 * 255 / Math.max(sum / count, 1e-9));
+}

@@ -1,0 +1,280 @@
+// SPDX-License-Identifier: Apache-2.0
+// <l4d-player> in Chromium.
+import assert from 'node:assert/strict';
+import {readFileSync} from 'node:fs';
+import {join} from 'node:path';
+import {after, before, test} from 'node:test';
+import {launch, newPage, opened, serve, work} from './browser.js';
+
+const stream = join(work, 'short.l4d');
+let browser;
+before(async () => { browser = await launch(); });
+after(async () => browser?.close());
+
+/** Runs fn with a page of the player, over a server with these faults. */
+const withPlayer = async (fn, {faults = {}, options = {}, hash = '', wait = true, noErrors = true} = {}) => {
+  const server = await serve({'scene.l4d': stream}, faults);
+  const page = await newPage(browser, {viewport: {width: 480, height: 270}, ...options});
+  try {
+    await page.goto(`${server.url}${hash}`);
+    if (wait) {
+      await opened(page);
+      await page.evaluate(() => document.querySelector('l4d-player').movie.pause());
+    }
+    await fn(page, server);
+    if (noErrors) assert.deepEqual(page.errors, []);
+  } finally {
+    await page.close();
+    server.close();
+  }
+};
+
+/** Calls fn in the page with the player and what is given. */
+const inPlayer = (page, fn, given) =>
+  page.evaluate(`(async () => (${fn})(document.querySelector('l4d-player'), ${JSON.stringify(given ?? null)}))()`);
+const light = page => inPlayer(page, async player => {
+  const pixels = await player.view.pixels();
+  return pixels.reduce((a, b, k) => a + (k % 4 === 3 ? 0 : b), 0) / pixels.length;
+});
+const message = page => page.waitForFunction(() => {
+  const box = document.querySelector('l4d-player').shadowRoot.querySelector('.message');
+  return box.hidden ? null : box.innerText;
+}, undefined, {timeout: 60000}).then(handle => handle.jsonValue());
+
+test('opens, shows a picture, plays, pauses, seeks', () => withPlayer(async page => {
+  assert.ok(await light(page) > 5, 'the picture is not empty');
+  const moved = await inPlayer(page, async player => {
+    const before = player.movie.currentTime;
+    player.movie.play();
+    for (let k = 0; k < 400 && player.movie.currentTime < before + 0.2; ++k) await new Promise(r => setTimeout(r, 25));
+    player.movie.pause();
+    return player.movie.currentTime - before;
+  });
+  assert.ok(moved >= 0.2, `${moved} s`);
+  const states = await inPlayer(page, async player => {
+    await player.movie.seek(1.5);
+    const slice = await player.movie.slice(1.5);
+    return {time: player.movie.currentTime, count: slice.count, values: slice.position.length,
+            label: player.shadowRoot.querySelector('.play').getAttribute('aria-label'),
+            text: player.shadowRoot.querySelector('input').getAttribute('aria-valuetext')};
+  });
+  assert.equal(states.time, 1.5);
+  assert.ok(states.count > 0);
+  assert.equal(states.values, 3 * states.count);
+  assert.equal(states.label, 'Play');
+  assert.equal(states.text, '1.5 seconds of 4 seconds');
+}));
+
+test('the timeline scrubs by mouse, in base colours while it is dragged', () => withPlayer(async page => {
+  const box = await page.locator('l4d-player .track input').boundingBox();
+  const y = box.y + box.height / 2;
+  await page.mouse.move(box.x + box.width * 0.25, y);
+  await page.mouse.down();
+  await page.mouse.move(box.x + box.width * 0.75, y, {steps: 4});
+  assert.equal(await inPlayer(page, player => player.movie.detail), 'base');
+  await page.mouse.up();
+  const [time, detail, hover] = await inPlayer(page, player => [
+    player.movie.currentTime, player.movie.detail, player.shadowRoot.querySelector('.hover').textContent]);
+  assert.ok(Math.abs(time - 3) < 0.15, `${time}`);
+  assert.equal(detail, 'auto');
+  assert.match(hover, /^0:0[23]\.\d$/);
+}));
+
+test('keys are those of video players', () => withPlayer(async page => {
+  await page.locator('l4d-player canvas').focus();
+  const time = () => inPlayer(page, player => player.movie.currentTime);
+  await page.keyboard.press('End');
+  assert.equal(await time(), 4);
+  await page.keyboard.press('Home');
+  assert.equal(await time(), 0);
+  await page.keyboard.press('l');
+  assert.ok(Math.abs(await time() - 0.8) < 1e-6);
+  await page.keyboard.press('.');
+  await page.keyboard.press('.');
+  await page.keyboard.press(',');
+  assert.ok(Math.abs(await time() - 0.8 - 1 / 30) < 1e-6);
+  await page.keyboard.press('ArrowRight');
+  await page.keyboard.press('ArrowLeft');
+  await page.keyboard.press('j');
+  assert.ok(Math.abs(await time() - 1 / 30) < 1e-6);
+  await page.keyboard.press('>');
+  assert.equal(await inPlayer(page, player => player.movie.rate), 2);
+  await page.keyboard.press('<');
+  await page.keyboard.press('i');
+  assert.equal(await inPlayer(page, player => player.shadowRoot.querySelector('.overlay').hidden), false);
+  const eye = () => inPlayer(page, player => player.view.orbit.eye());
+  const before = await eye();
+  await page.keyboard.press('Alt+ArrowLeft');
+  assert.notDeepEqual(await eye(), before);
+  await page.keyboard.press('0');
+  await page.waitForFunction(([x]) => Math.abs(document.querySelector('l4d-player').view.orbit.eye()[0] - x) < 1e-6, before);
+  await page.keyboard.press(' ');
+  assert.equal(await inPlayer(page, player => player.movie.paused), false);
+  await page.keyboard.press('k');
+  assert.equal(await inPlayer(page, player => player.movie.paused), true);
+}));
+
+test('pointers turn, move and zoom; a tap plays', () => withPlayer(async page => {
+  const state = () => inPlayer(page, player => player.view.orbit.state());
+  const first = await state();
+  await page.mouse.move(200, 100);
+  await page.mouse.down();
+  await page.mouse.move(260, 120, {steps: 3});
+  await page.mouse.up();
+  const turned = await state();
+  assert.notEqual(turned.yaw, first.yaw);
+  assert.equal(turned.distance, first.distance);
+  assert.equal(await inPlayer(page, player => player.movie.paused), true);
+  await page.mouse.wheel(0, 240);
+  await page.waitForFunction(d => document.querySelector('l4d-player').view.orbit.distance > d, first.distance);
+  await page.mouse.down({button: 'right'});
+  await page.mouse.move(200, 100, {steps: 3});
+  await page.mouse.up({button: 'right'});
+  assert.notDeepEqual((await state()).target, first.target);
+  await page.mouse.click(60, 60);
+  assert.equal(await inPlayer(page, player => player.movie.paused), false);
+}));
+
+test('roles, names and focus', () => withPlayer(async page => {
+  const unnamed = await inPlayer(page, player => [...player.shadowRoot.querySelectorAll('button, input, select, canvas')]
+    .filter(e => !(e.getAttribute('aria-label') || e.labels?.[0]?.textContent || e.textContent.trim())).map(e => e.outerHTML));
+  assert.deepEqual(unnamed, []);
+  await page.getByRole('slider', {name: 'Time'}).focus();
+  for (const name of ['Play', 'Show the whole scene', 'Settings', 'Full screen']) {
+    await page.keyboard.press('Tab');
+    assert.equal(await inPlayer(page, player => player.shadowRoot.activeElement.getAttribute('aria-label')), name);
+    assert.notEqual(await inPlayer(page, player => getComputedStyle(player.shadowRoot.activeElement).outlineStyle), 'none');
+  }
+  await page.getByRole('button', {name: 'Settings'}).click();
+  assert.equal(await page.getByRole('button', {name: 'Settings'}).getAttribute('aria-expanded'), 'true');
+  await page.getByLabel('Detail').selectOption('base');
+  assert.equal(await inPlayer(page, player => player.movie.detail), 'base');
+  await page.getByLabel('Camera').selectOption('fly');
+  assert.equal(await inPlayer(page, player => player.controls.mode), 'fly');
+  await page.keyboard.press('Escape');
+  assert.equal(await inPlayer(page, player => player.shadowRoot.querySelector('.menu').hidden), true);
+  assert.match(await page.getByRole('status').innerText(), /\w/);
+}));
+
+test('a file that is dropped is played', () => withPlayer(async page => {
+  await page.evaluate(base64 => {
+    const bytes = Uint8Array.from(atob(base64), c => c.charCodeAt(0));
+    const transfer = new DataTransfer();
+    transfer.items.add(new File([bytes], 'other.l4d'));
+    const player = document.querySelector('l4d-player');
+    player.dispatchEvent(new DragEvent('dragover', {dataTransfer: transfer, cancelable: true}));
+    globalThis.marked = player.hasAttribute('dragging');
+    player.dispatchEvent(new DragEvent('drop', {dataTransfer: transfer, cancelable: true}));
+  }, readFileSync(join(work, 'indexed.l4d')).toString('base64'));
+  assert.equal(await page.evaluate(() => globalThis.marked), true);
+  await page.waitForFunction(size => document.querySelector('l4d-player').movie?.info?.fileBytes === size,
+                             readFileSync(join(work, 'indexed.l4d')).length);
+  await opened(page);
+  assert.ok(await light(page) > 5);
+}));
+
+test('links have time and camera', () => withPlayer(async (page, server) => {
+  const link = await inPlayer(page, async player => {
+    player.view.orbit.orbit(0.5, 0.2);
+    await player.movie.seek(2.25);
+    return player.link;
+  });
+  const state = await inPlayer(page, player => player.view.orbit.state());
+  assert.match(link, /#t=2\.250&cam=/);
+  await page.goto('about:blank');
+  await page.goto(link);
+  await opened(page);
+  const again = await inPlayer(page, player => player.view.orbit.state());
+  assert.ok(Math.abs(again.yaw - state.yaw) < 1e-3 && Math.abs(again.distance - state.distance) < 1e-3);
+  assert.ok(await inPlayer(page, player => player.movie.currentTime) >= 2.25);
+  assert.ok(server.requests.length > 0);
+}));
+
+test('a lost context comes back with the picture', () => withPlayer(async page => {
+  const before = await light(page);
+  await inPlayer(page, async player => {
+    const lose = player.view.gl.getExtension('WEBGL_lose_context');
+    const canvas = player.view.canvas;
+    const lost = new Promise(r => canvas.addEventListener('webglcontextlost', r, {once: true}));
+    const restored = new Promise(r => canvas.addEventListener('webglcontextrestored', r, {once: true}));
+    lose.loseContext();
+    await lost;
+    await new Promise(r => setTimeout(r, 50));
+    lose.restoreContext();
+    await restored;
+    const rows = new Promise(r => player.movie.on('ready', v => v.detail === 'full' && r()));
+    await rows;
+  });
+  assert.ok(Math.abs(await light(page) - before) < 0.5);
+}, {noErrors: false}));
+
+test('reduced motion does not play by itself', () => withPlayer(async page => {
+  await opened(page);
+  assert.equal(await inPlayer(page, player => player.movie.paused), true);
+  assert.equal(await inPlayer(page, player => player.shadowRoot.querySelector('.big').hidden), false);
+}, {options: {reducedMotion: 'reduce'}, wait: false}));
+
+test('a server without ranges', () => withPlayer(async (page, server) => {
+  assert.ok(await light(page) > 5);
+  assert.equal(server.requests.length, 1);
+}, {faults: {ranges: false}}));
+
+test('a slow network: base colours first, then all', () => withPlayer(async page => {
+  const details = await page.evaluate(async () => {
+    const {open} = await import('/player.js');
+    const movie = await open('/scene.l4d');
+    const seen = [];
+    movie.on('ready', ready => seen.push(ready.detail));
+    await movie.seek(2);
+    while (!seen.includes('full')) await new Promise(r => setTimeout(r, 20));
+    const {throughput} = movie.statistics;
+    movie.dispose();
+    return {seen, throughput};
+  });
+  assert.equal(details.seen[0], 'base');
+}, {faults: {rate: 4, delay: 50}}));
+
+for (const [name, faults, words] of /** @type {[string, any, RegExp][]} */ ([
+  ['404', {status: 404}, /server does not have this file/], ['416', {status: 416}, /cut short/],
+  ['500', {status: 500}, /server does not answer/]
+])) {
+  test(`an answer of ${name} is told`, () => withPlayer(async page => {
+    assert.match(await message(page), words);
+  }, {faults, wait: false, noErrors: false}));
+}
+
+test('a file that changes is told, and so is a lost server; trying again helps', () => withPlayer(async (page, server) => {
+  const load = inPlayer(page, player => {
+    // So that it has to ask again.
+    void player.load(new URL('scene.l4d', location.href).href);
+  });
+  await load;
+  await page.waitForFunction(() => document.querySelector('l4d-player').movie);
+  server.faults.etag = '"2"';
+  assert.match(await message(page), /file has changed/);
+  server.faults.status = 503;
+  await page.getByRole('button', {name: 'Try again'}).click();
+  await page.waitForFunction(() => /does not answer/.test(document.querySelector('l4d-player').shadowRoot.querySelector('.message').innerText));
+  server.faults.status = 0;
+  await page.getByRole('button', {name: 'Try again'}).click();
+  await opened(page);
+  assert.ok(await light(page) > 5);
+}, {faults: {delay: 150, rate: 3}, noErrors: false}));
+
+test('memory stays flat over 200 seeks', () => withPlayer(async page => {
+  const memory = async () => {
+    await page.requestGC();
+    return inPlayer(page, player => [performance.memory.usedJSHeapSize, player.movie.statistics.memoryBytes,
+                                     player.view.painter.store.free.length]);
+  };
+  const seeks = n => inPlayer(page, async (player, count) => {
+    for (let k = 0; k < count; ++k) await player.movie.seek((k * 37 % 40) / 10);
+    await player.view.settled();
+  }, n);
+  await seeks(20);
+  const before = await memory();
+  await seeks(200);
+  const after = await memory();
+  assert.ok(after[0] < before[0] + 4e6, `${before[0]} to ${after[0]} bytes of JavaScript`);
+  assert.ok(after[1] <= before[1] + 1e6, `${before[1]} to ${after[1]} bytes of the worker`);
+}));

@@ -1,0 +1,128 @@
+// SPDX-License-Identifier: Apache-2.0
+// Cameras as the renderer has them: x right, y down, z forward.
+
+/** @typedef {[number, number, number]} Vec3 */
+/**
+ * @typedef {object} Camera
+ * @property {number[]} worldToCamera [3, 4] or [4, 4], row-major
+ * @property {number} fx pixels @property {number} fy @property {number} cx @property {number} cy
+ * @property {number} nearPlane
+ */
+
+/** @param {Vec3} a @param {Vec3} b @returns {Vec3} */
+export const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+/** @param {Vec3} a @param {Vec3} b */
+export const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+/** @param {Vec3} a @param {number} s @param {Vec3} b @returns {Vec3} */
+export const madd = (a, s, b) => [a[0] + s * b[0], a[1] + s * b[1], a[2] + s * b[2]];
+/** @param {Vec3} a @returns {Vec3} */
+export const unit = a => {
+  const n = Math.hypot(...a) || 1;
+  return [a[0] / n, a[1] / n, a[2] / n];
+};
+
+/** A camera that circles a point, or flies: what pointers and keys move. */
+export class OrbitCamera {
+  constructor() {
+    /** @type {Vec3} */
+    this.target = [0, 0, 0];
+    this.distance = 5;
+    this.yaw = 0;
+    this.pitch = 0.15;
+    /** @type {Vec3} */
+    this.up = [0, -1, 0];
+    this.fov = 60 * Math.PI / 180;  // in the smaller direction
+    this.home = this.state();
+  }
+
+  /**
+   * Looks at a scene from where the ball that holds most of it fits.
+   * @param {{middle: number[], extent: number[], radius: number}} bounds
+   * @param {number} coordinates of the stream: 0 unknown, 1 y up, 2 y down
+   */
+  frame(bounds, coordinates) {
+    const [, y, z] = bounds.extent;
+    this.up = coordinates === 1 ? [0, 1, 0] : coordinates === 2 || y <= z ? [0, -1, 0] : [0, 0, 1];
+    this.target = /** @type {Vec3} */ (bounds.middle.slice());
+    this.distance = Math.max(bounds.radius, 1e-3) / Math.sin(this.fov / 2);
+    this.yaw = 0;
+    this.pitch = 0.15;
+    this.home = this.state();
+  }
+
+  state() {
+    return {target: /** @type {Vec3} */ ([...this.target]), distance: this.distance, yaw: this.yaw, pitch: this.pitch,
+            up: /** @type {Vec3} */ ([...this.up])};
+  }
+  /** @param {ReturnType<OrbitCamera['state']>} state */
+  restore(state) { Object.assign(this, structuredClone(state)); }
+
+  /** Axes of the ground: two along it and up. @returns {[Vec3, Vec3, Vec3]} */
+  #ground() {
+    const up = this.up;
+    const side = /** @type {Vec3} */ (Math.abs(up[0]) > 0.9 ? [0, 1, 0] : [1, 0, 0]);
+    const ahead = unit(cross(up, side));
+    return [unit(cross(ahead, up)), ahead, up];
+  }
+
+  /** Right, down and forward of the camera. @returns {[Vec3, Vec3, Vec3]} */
+  axes() {
+    const [east, north, up] = this.#ground();
+    const level = madd(/** @type {Vec3} */ (north.map(v => v * Math.cos(this.yaw))), Math.sin(this.yaw), east);
+    const forward = unit(madd(/** @type {Vec3} */ (level.map(v => v * Math.cos(this.pitch))), -Math.sin(this.pitch), up));
+    const right = unit(cross(forward, up));
+    return [right, cross(forward, right), forward];
+  }
+
+  /** @returns {Vec3} */
+  eye() { return madd(this.target, -this.distance, this.axes()[2]); }
+
+  /** @param {number} yaw @param {number} pitch radians */
+  orbit(yaw, pitch) {
+    this.yaw += yaw;
+    this.pitch = Math.min(Math.max(this.pitch + pitch, -1.55), 1.55);
+  }
+
+  /** Turns the head: the eye stays. @param {number} yaw @param {number} pitch */
+  look(yaw, pitch) {
+    const eye = this.eye();
+    this.orbit(yaw, pitch);
+    this.target = madd(eye, this.distance, this.axes()[2]);
+  }
+
+  /** @param {number} right @param {number} down @param {number} forward in units of the distance */
+  move(right, down, forward) {
+    const [x, y, z] = this.axes();
+    for (const [amount, axis] of /** @type {[number, Vec3][]} */ ([[right, x], [down, y], [forward, z]])) {
+      this.target = madd(this.target, amount * this.distance, axis);
+    }
+  }
+
+  /** @param {number} factor */
+  zoom(factor) { this.distance = Math.min(Math.max(this.distance * factor, 1e-4), 1e6); }
+
+  /** @param {number} width @param {number} height pixels @returns {Camera} */
+  camera(width, height) {
+    const axes = this.axes();
+    const eye = this.eye();
+    const focal = Math.min(width, height) / 2 / Math.tan(this.fov / 2);
+    return {
+      worldToCamera: axes.flatMap(axis => [...axis, -dot(axis, eye)]),
+      fx: focal, fy: focal, cx: width / 2, cy: height / 2, nearPlane: Math.min(0.01, this.distance * 0.01)
+    };
+  }
+
+  /** For links. */
+  toString() {
+    return [...this.target, this.distance, this.yaw, this.pitch, ...this.up].map(v => Number(v.toFixed(4))).join(',');
+  }
+  /** @param {string} text @returns {boolean} whether it was one */
+  parse(text) {
+    const n = text.split(',').map(Number);
+    if (n.length !== 9 || !n.every(Number.isFinite)) return false;
+    [this.distance, this.yaw, this.pitch] = n.slice(3, 6);
+    this.target = [n[0], n[1], n[2]];
+    this.up = unit([n[6], n[7], n[8]]);
+    return this.distance > 0;
+  }
+}

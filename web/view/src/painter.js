@@ -1,0 +1,152 @@
+// SPDX-License-Identifier: Apache-2.0
+import {copyFragment, copyVertex, splatFragment, splatVertex} from './shaders.js';
+import {RowTextures} from './store.js';
+
+const frustumMargin = 0.3;  // of half the picture, as render/view.h has it
+
+/** @param {WebGL2RenderingContext} gl @param {string} vertex @param {string} fragment */
+const link = (gl, vertex, fragment) => {
+  const program = gl.createProgram();
+  for (const [type, source] of /** @type {[number, string][]} */ ([[gl.VERTEX_SHADER, vertex],
+                                                                   [gl.FRAGMENT_SHADER, fragment]])) {
+    const shader = /** @type {WebGLShader} */ (gl.createShader(type));
+    gl.shaderSource(shader, source);
+    gl.compileShader(shader);
+    gl.attachShader(program, shader);
+  }
+  gl.linkProgram(program);
+  if (!gl.getProgramParameter(program, gl.LINK_STATUS) && !gl.isContextLost()) {
+    const logs = (gl.getAttachedShaders(program) ?? []).map(s => gl.getShaderInfoLog(s));
+    throw new Error(`shaders: ${gl.getProgramInfoLog(program)} ${logs.join(' ')}`);
+  }
+  return program;
+};
+
+/** What draws on a WebGL2 context; made anew where the context was lost. */
+export class Painter {
+  /**
+   * @param {WebGL2RenderingContext} gl @param {{maxRows: number, shDegree: number, target: 'auto' | '8' | '16f'}} options
+   */
+  constructor(gl, {maxRows, shDegree, target}) {
+    this.gl = gl;
+    this.degree = shDegree;
+    const texels = Math.ceil(3 * (shDegree + 1) ** 2 / 4);
+    this.store = new RowTextures(gl, maxRows, texels);
+    this.program = link(gl, splatVertex, splatFragment);
+    /** @type {Record<string, WebGLUniformLocation | null>} */
+    this.at = {};
+    for (const name of ['rows', 'harmonics', 'times', 'rotation', 'translation', 'center', 'focal', 'origin', 'size',
+                        'slopes', 'nearPlane', 'degree', 'texels']) {
+      this.at[name] = gl.getUniformLocation(this.program, name);
+    }
+    // 8 bits band where many faint Gaussians lie over each other.
+    this.isFloat = target !== '8' && gl.getExtension('EXT_color_buffer_float') !== null;
+    this.copy = this.isFloat ? link(gl, copyVertex, copyFragment) : null;
+    this.picture = this.isFloat ? gl.createTexture() : null;
+    this.frame = this.isFloat ? gl.createFramebuffer() : null;
+    this.size = [0, 0];
+    this.array = gl.createVertexArray();
+    this.order = gl.createBuffer();
+    this.orderBytes = 0;
+    this.count = 0;
+    gl.bindVertexArray(this.array);
+    gl.bindBuffer(gl.ARRAY_BUFFER, this.order);
+    gl.enableVertexAttribArray(0);
+    gl.vertexAttribIPointer(0, 1, gl.UNSIGNED_INT, 0, 0);
+    gl.vertexAttribDivisor(0, 1);
+    gl.bindVertexArray(null);
+  }
+
+  /** @param {Uint32Array} order @param {number} count */
+  setOrder(order, count) {
+    const gl = this.gl;
+    gl.bindBuffer(gl.ARRAY_BUFFER, this.order);
+    if (4 * count > this.orderBytes) {
+      this.orderBytes = 4 * Math.ceil(count * 1.25);
+      gl.bufferData(gl.ARRAY_BUFFER, this.orderBytes, gl.STREAM_DRAW);
+    }
+    gl.bufferSubData(gl.ARRAY_BUFFER, 0, order, 0, count);
+    this.count = count;
+  }
+
+  /** @param {number} width @param {number} height */
+  #resize(width, height) {
+    if (!this.isFloat || this.size[0] === width && this.size[1] === height) return;
+    const gl = this.gl;
+    this.size = [width, height];
+    gl.bindTexture(gl.TEXTURE_2D, this.picture);
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA16F, width, height, 0, gl.RGBA, gl.HALF_FLOAT, null);
+    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.NEAREST);
+    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MAG_FILTER, gl.NEAREST);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, this.frame);
+    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, this.picture, 0);
+  }
+
+  /**
+   * @param {import('./camera.js').Camera} camera @param {number} time
+   * @param {number} width @param {number} height @param {[number, number, number]} background
+   */
+  draw(camera, time, width, height, background) {
+    const gl = this.gl;
+    this.#resize(width, height);
+    this.store.setTime(time);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, this.isFloat ? this.frame : null);
+    gl.viewport(0, 0, width, height);
+    gl.clearColor(...background, 1);
+    gl.clear(gl.COLOR_BUFFER_BIT);
+    if (this.count > 0) this.#splats(camera, width, height);
+    if (!this.isFloat) return;
+    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+    gl.disable(gl.BLEND);
+    gl.useProgram(this.copy);
+    this.#bind(0, this.picture);
+    gl.drawArrays(gl.TRIANGLES, 0, 3);
+  }
+
+  /** @param {number} unit @param {WebGLTexture | null} texture */
+  #bind(unit, texture) {
+    this.gl.activeTexture(this.gl.TEXTURE0 + unit);
+    this.gl.bindTexture(this.gl.TEXTURE_2D, texture);
+  }
+
+  /** @param {import('./camera.js').Camera} camera @param {number} width @param {number} height */
+  #splats({worldToCamera: m, fx, fy, cx, cy, nearPlane}, width, height) {
+    const gl = this.gl;
+    const at = this.at;
+    gl.useProgram(this.program);
+    this.#bind(1, this.store.harmonics);
+    this.#bind(2, this.store.times);
+    this.#bind(0, this.store.rows);
+    gl.uniform1i(at.rows, 0);
+    gl.uniform1i(at.harmonics, 1);
+    gl.uniform1i(at.times, 2);
+    gl.uniformMatrix3fv(at.rotation, false, [m[0], m[4], m[8], m[1], m[5], m[9], m[2], m[6], m[10]]);
+    gl.uniform3f(at.translation, m[3], m[7], m[11]);
+    gl.uniform3fv(at.center, [0, 1, 2].map(c => -(m[c] * m[3] + m[4 + c] * m[7] + m[8 + c] * m[11])));
+    gl.uniform2f(at.focal, fx, fy);
+    gl.uniform2f(at.origin, cx, cy);
+    gl.uniform2f(at.size, width, height);
+    const margins = [frustumMargin * 0.5 * width / fx, frustumMargin * 0.5 * height / fy];
+    gl.uniform4f(at.slopes, -cx / fx - margins[0], -cy / fy - margins[1],
+                 (width - cx) / fx + margins[0], (height - cy) / fy + margins[1]);
+    gl.uniform1f(at.nearPlane, nearPlane);
+    gl.uniform1i(at.degree, this.degree);
+    gl.uniform1i(at.texels, this.store.shTexels);
+    gl.enable(gl.BLEND);
+    gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
+    gl.bindVertexArray(this.array);
+    gl.drawArraysInstanced(gl.TRIANGLE_STRIP, 0, 4, this.count);
+    gl.bindVertexArray(null);
+  }
+
+  dispose() {
+    this.store.dispose();
+    const gl = this.gl;
+    gl.deleteBuffer(this.order);
+    gl.deleteVertexArray(this.array);
+    gl.deleteTexture(this.picture);
+    gl.deleteFramebuffer(this.frame);
+    gl.deleteProgram(this.program);
+    gl.deleteProgram(this.copy);
+  }
+}

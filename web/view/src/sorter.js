@@ -1,0 +1,173 @@
+// SPDX-License-Identifier: Apache-2.0
+// The order in which Gaussians are drawn at an instant: farthest first.
+
+const packed = 10;  // position, opacity, velocity, reference time, mean time, lambda
+const digitBits = 11;
+const digits = 1 << digitBits;
+const minAlpha = 1 / 255;
+
+/**
+ * @typedef {object} Sight what the order depends on
+ * @property {number} time seconds
+ * @property {[number, number, number, number]} depth z of the camera from x, y, z, 1
+ * @property {number} nearPlane
+ */
+
+export class Sorter {
+  constructor() {
+    /** @type {Map<string, {lines: Uint32Array, data: Float32Array, count: number, center: number}>} */
+    this.buckets = new Map();
+    this.rows = 0;
+    this.capacity = 0;
+    this.histogram = [new Uint32Array(digits), new Uint32Array(digits)];
+    this.depths = new Float32Array(0);
+    this.bits = new Uint32Array(0);
+    this.ids = [new Uint32Array(0), new Uint32Array(0)];
+    this.keys = [new Uint32Array(0), new Uint32Array(0)];
+  }
+
+  /**
+   * @param {string} key @param {Float32Array} geometry [count, 16], as rows have it
+   * @param {Uint32Array} lines where each 256 of them lie @param {number} center
+   */
+  add(key, geometry, lines, center) {
+    this.remove(key);
+    const count = geometry.length / 16;
+    const data = new Float32Array(packed * count);
+    for (let k = 0; k < count; ++k) {
+      const from = 16 * k;
+      const to = packed * k;
+      for (let i = 0; i < 8; ++i) data[to + i] = geometry[from + i];
+      data[to + 8] = geometry[from + 14];
+      data[to + 9] = geometry[from + 15];
+    }
+    this.buckets.set(key, {lines, data, count, center});
+    this.rows += count;
+  }
+
+  /** @param {string} key */
+  remove(key) {
+    this.rows -= this.buckets.get(key)?.count ?? 0;
+    this.buckets.delete(key);
+  }
+
+  clear() {
+    this.buckets.clear();
+    this.rows = 0;
+  }
+
+  /** @param {number} rows */
+  #reserve(rows) {
+    if (rows <= this.capacity) return;
+    this.capacity = Math.ceil(rows * 1.25);
+    this.depths = new Float32Array(this.capacity);
+    this.bits = new Uint32Array(this.depths.buffer);
+    this.ids = [new Uint32Array(this.capacity), new Uint32Array(this.capacity)];
+    this.keys = [new Uint32Array(this.capacity), new Uint32Array(this.capacity)];
+  }
+
+  /** Fills depths and ids[0]; returns how many are visible. @param {Sight} sight */
+  #gather({time, depth: [x, y, z, w], nearPlane}) {
+    const depths = this.depths;
+    const ids = this.ids[0];
+    let visible = 0;
+    for (const {lines, data, count, center} of this.buckets.values()) {
+      const t = Math.fround(time - center);
+      for (let k = 0; k < count; ++k) {
+        const at = packed * k;
+        const since = t - data[at + 8];
+        const age = data[at + 9] * since * since;
+        if (age > 16 || data[at + 3] * Math.exp(-0.5 * age) < minAlpha) continue;
+        const dt = t - data[at + 7];
+        const d = x * (data[at] + data[at + 4] * dt) + y * (data[at + 1] + data[at + 5] * dt) +
+          z * (data[at + 2] + data[at + 6] * dt) + w;
+        if (!(d > nearPlane)) continue;
+        depths[visible] = d;
+        ids[visible++] = lines[k >> 8] * 256 + (k & 255);
+      }
+    }
+    return visible;
+  }
+
+  /**
+   * The places of the visible Gaussians, farthest first.
+   * @param {Sight} sight @param {Uint32Array | null} [reuse] @returns {Uint32Array}
+   */
+  sort(sight, reuse = null) {
+    this.#reserve(this.rows);
+    const n = this.#gather(sight);
+    const [bits, ids] = [this.bits, this.ids];
+    // Bits of positive floats are in their order.
+    let least = 0xffffffff, most = 0;
+    for (let k = 0; k < n; ++k) {
+      const b = bits[k];
+      if (b < least) least = b;
+      if (b > most) most = b;
+    }
+    let shift = 0;
+    while ((most - least) >>> shift >= 1 << 2 * digitBits) ++shift;
+    const [low, high] = this.histogram;
+    low.fill(0);
+    high.fill(0);
+    const [keys, sortedKeys] = this.keys;
+    for (let k = 0; k < n; ++k) {
+      const key = (most - bits[k]) >>> shift;
+      keys[k] = key;
+      ++low[key & digits - 1];
+      ++high[key >>> digitBits];
+    }
+    for (const histogram of this.histogram) {
+      let sum = 0;
+      for (let k = 0; k < digits; ++k) {
+        const count = histogram[k];
+        histogram[k] = sum;
+        sum += count;
+      }
+    }
+    for (let k = 0; k < n; ++k) {
+      const to = low[keys[k] & digits - 1]++;
+      sortedKeys[to] = keys[k];
+      ids[1][to] = ids[0][k];
+    }
+    const order = reuse && reuse.length >= n ? reuse : new Uint32Array(Math.ceil(n * 1.1) + 1024);
+    for (let k = 0; k < n; ++k) order[high[sortedKeys[k] >>> digitBits]++] = ids[1][k];
+    this.visible = n;
+    return order;
+  }
+  visible = 0;
+
+  /**
+   * What a camera should look at: the median of the positions at `time`, weighted by opacity, the radius
+   * of the ball that holds nine tenths of the opacity, and the scene's extent along each axis.
+   * @param {number} time
+   */
+  bounds(time) {
+    /** @type {number[][]} */
+    const points = [];
+    const step = Math.max(1, Math.floor(this.rows / 50000));
+    for (const {data, count, center} of this.buckets.values()) {
+      const t = time - center;
+      for (let k = 0; k < count; k += step) {
+        const at = packed * k;
+        const since = t - data[at + 8];
+        const opacity = data[at + 3] * Math.exp(-0.5 * data[at + 9] * since * since);
+        if (opacity < minAlpha) continue;
+        const dt = t - data[at + 7];
+        points.push([0, 1, 2].map(i => data[at + i] + data[at + 4 + i] * dt).concat(opacity));
+      }
+    }
+    if (points.length === 0) return null;
+    const total = points.reduce((sum, p) => sum + p[3], 0);
+    const quantile = (/** @type {number[][]} */ pairs, /** @type {number} */ share) => {
+      pairs.sort((a, b) => a[0] - b[0]);
+      let sum = 0;
+      for (const [value, weight] of pairs) if ((sum += weight) >= share * total) return value;
+      return pairs[pairs.length - 1][0];
+    };
+    const along = (/** @type {number} */ i) => points.map(p => [p[i], p[3]]);
+    const middle = [0, 1, 2].map(i => quantile(along(i), 0.5));
+    const extent = [0, 1, 2].map(i => quantile(along(i), 0.95) - quantile(along(i), 0.05));
+    const radius = quantile(points.map(p => [Math.hypot(...middle.map((m, i) => p[i] - m)), p[3]]), 0.9);
+    return {middle, extent, radius};
+  }
+}

@@ -1,0 +1,98 @@
+// SPDX-License-Identifier: Apache-2.0
+import {rowsPerLine} from './shaders.js';
+
+/** Rows of buckets in textures: each bucket has lines of its own, of 256 Gaussians. */
+export class RowTextures {
+  /** @param {WebGL2RenderingContext} gl @param {number} maxRows @param {number} shTexels of a Gaussian */
+  constructor(gl, maxRows, shTexels) {
+    this.gl = gl;
+    this.shTexels = shTexels;
+    this.lines = Math.min(Math.ceil(maxRows / rowsPerLine), gl.getParameter(gl.MAX_TEXTURE_SIZE));
+    this.rows = this.#texture(gl.RGBA32F, 4 * rowsPerLine, this.lines);
+    this.harmonics = this.#texture(gl.RGBA16F, shTexels * rowsPerLine, this.lines);
+    this.times = this.#texture(gl.R32F, this.lines, 1);
+    this.instants = new Float32Array(this.lines);
+    /** @type {Map<string, {lines: Uint32Array, center: number}>} */
+    this.buckets = new Map();
+    /** @type {number[]} the lowest last */
+    this.free = Array.from({length: this.lines}, (_, k) => this.lines - 1 - k);
+  }
+
+  /** @param {number} format @param {number} width @param {number} height */
+  #texture(format, width, height) {
+    const gl = this.gl;
+    const texture = gl.createTexture();
+    gl.bindTexture(gl.TEXTURE_2D, texture);
+    gl.texStorage2D(gl.TEXTURE_2D, 1, format, width, height);
+    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.NEAREST);
+    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MAG_FILTER, gl.NEAREST);
+    return texture;
+  }
+
+  /** @param {string} key */
+  remove(key) {
+    const bucket = this.buckets.get(key);
+    if (!bucket) return;
+    this.buckets.delete(key);
+    this.free.push(...bucket.lines);
+    this.free.sort((a, b) => b - a);
+  }
+
+  /** Uploads a bucket; null where there is no room. @param {import('l4dcodec').BucketRows} rows */
+  add(rows) {
+    this.remove(rows.key);
+    const count = Math.ceil(rows.count / rowsPerLine);
+    if (count > this.free.length) return null;
+    const lines = new Uint32Array(count);
+    for (let k = 0; k < count; ++k) lines[k] = /** @type {number} */ (this.free.pop());
+    const gl = this.gl;
+    // Neighbouring lines in one go.
+    for (let k = 0; k < count;) {
+      let end = k + 1;
+      while (end < count && lines[end] === lines[end - 1] + 1) ++end;
+      this.#upload(this.rows, lines[k], rows.geometry, 16, rows.count, k, end, gl.FLOAT);
+      this.#upload(this.harmonics, lines[k], rows.sh, rows.shStride, rows.count, k, end, gl.HALF_FLOAT);
+      k = end;
+    }
+    this.buckets.set(rows.key, {lines, center: rows.center});
+    return lines;
+  }
+
+  /**
+   * Lines [begin, end) of a bucket to `line` of the texture.
+   * @param {WebGLTexture | null} texture @param {number} line @param {Float32Array | Uint16Array} data
+   * @param {number} stride numbers of a row @param {number} count rows
+   * @param {number} begin @param {number} end @param {number} type
+   */
+  #upload(texture, line, data, stride, count, begin, end, type) {
+    const gl = this.gl;
+    gl.bindTexture(gl.TEXTURE_2D, texture);
+    gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
+    const width = stride / 4 * rowsPerLine;
+    const full = Math.min(end, Math.floor(count / rowsPerLine));
+    if (full > begin) {
+      gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, line, width, full - begin, gl.RGBA, type, data,
+                       begin * rowsPerLine * stride);
+    }
+    if (full < end && count > full * rowsPerLine) {
+      const rest = count - full * rowsPerLine;
+      gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, line + full - begin, rest * stride / 4, 1, gl.RGBA, type, data,
+                       full * rowsPerLine * stride);
+    }
+  }
+
+  /** The instant, of each line in the clock of its bucket. @param {number} time */
+  setTime(time) {
+    for (const {lines, center} of this.buckets.values()) {
+      for (const line of lines) this.instants[line] = time - center;
+    }
+    const gl = this.gl;
+    gl.bindTexture(gl.TEXTURE_2D, this.times);
+    gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
+    gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, this.lines, 1, gl.RED, gl.FLOAT, this.instants);
+  }
+
+  dispose() {
+    for (const texture of [this.rows, this.harmonics, this.times]) this.gl.deleteTexture(texture);
+  }
+}

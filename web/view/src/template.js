@@ -1,0 +1,124 @@
+// SPDX-License-Identifier: Apache-2.0
+
+const icon = (/** @type {string} */ path) =>
+  `<svg viewBox="0 0 24 24" aria-hidden="true" focusable="false"><path d="${path}"/></svg>`;
+
+export const icons = {
+  play: icon('M8 5.14v13.72a.6.6 0 0 0 .92.5l10.7-6.86a.6.6 0 0 0 0-1L8.92 4.64A.6.6 0 0 0 8 5.14Z'),
+  pause: icon('M7 5h3.5v14H7zM13.5 5H17v14h-3.5z'),
+  again: icon('M12 5V1.5L7 6l5 4.5V7a5 5 0 1 1-5 5H5a7 7 0 1 0 7-7Z'),
+  home: icon('M12 8.5a3.5 3.5 0 1 0 0 7 3.5 3.5 0 0 0 0-7ZM4 10V4h6v2H6v4H4Zm10-6h6v6h-2V6h-4V4ZM4 14h2v4h4v2H4v-6Zm14 4v-4h2v6h-6v-2h4Z'),
+  menu: icon('M10.3 3.5h3.4l.5 2.4 1.6.9 2.3-.8 1.7 3-1.8 1.6v1.8l1.8 1.6-1.7 3-2.3-.8-1.6.9-.5 2.4h-3.4l-.5-2.4-1.6-.9-2.3.8-1.7-3L6 12.4v-1.8L4.2 9l1.7-3 2.3.8 1.6-.9.5-2.4ZM12 9a2.8 2.8 0 1 0 0 5.6A2.8 2.8 0 0 0 12 9Z'),
+  full: icon('M4 4h6v2H6v4H4V4Zm10 0h6v6h-2V6h-4V4ZM4 14h2v4h4v2H4v-6Zm14 0h2v6h-6v-2h4v-4Z')
+};
+
+const style = `
+:host { display: block; position: relative; aspect-ratio: 16 / 9; min-width: 240px; overflow: hidden;
+  background: #0b0d10; color: #f2f4f7; font: 13px/1.4 system-ui, "Segoe UI", Roboto, "Helvetica Neue", sans-serif;
+  --accent: #5ab0ff; container-type: inline-size; border-radius: var(--l4d-radius, 10px); }
+:host([hidden]) { display: none; }
+:host(:fullscreen) { border-radius: 0; aspect-ratio: auto; }
+* { box-sizing: border-box; }
+canvas { position: absolute; inset: 0; width: 100%; height: 100%; display: block; touch-action: none; cursor: grab; outline: none; }
+canvas:active { cursor: grabbing; }
+canvas:focus-visible { box-shadow: inset 0 0 0 2px var(--accent); }
+.poster { position: absolute; inset: 0; width: 100%; height: 100%; object-fit: cover; transition: opacity .3s; pointer-events: none; }
+.poster.gone { opacity: 0; }
+.shade { position: absolute; inset: auto 0 0 0; height: 132px; pointer-events: none;
+  background: linear-gradient(transparent, rgb(5 7 10 / .38) 45%, rgb(5 7 10 / .84)); }
+.bar { position: absolute; inset: auto 0 0 0; padding: 0 14px 10px; }
+.shade, .bar { transition: opacity .25s; }
+:host([idle]) .shade, :host([idle]) .bar { opacity: 0; }
+:host([idle]) .bar:focus-within { opacity: 1; }
+:host([idle]) canvas { cursor: none; }
+.row { display: flex; align-items: center; gap: 2px; }
+.space { flex: 1; }
+button { appearance: none; border: 0; margin: 0; padding: 8px; width: 40px; height: 40px; border-radius: 8px; background: none; color: inherit;
+  font: inherit; cursor: pointer; display: grid; place-items: center; -webkit-tap-highlight-color: transparent; }
+button svg { width: 22px; height: 22px; fill: currentColor; display: block; }
+button:hover { background: rgb(255 255 255 / .14); }
+button:focus-visible, input:focus-visible, select:focus-visible { outline: 2px solid var(--accent); outline-offset: 1px; }
+.time { font-variant-numeric: tabular-nums; padding: 0 8px; white-space: nowrap; }
+.time .of { color: #b9c1cc; }
+.track { position: relative; height: 22px; margin: 0 6px; cursor: pointer; }
+.track .rail, .track .spans, .track .done { position: absolute; left: 0; top: 9px; height: 4px; border-radius: 2px; pointer-events: none; transition: transform .12s; }
+.track .rail { right: 0; background: rgb(255 255 255 / .22); }
+.track .spans { right: 0; overflow: hidden; }
+.track .spans i { position: absolute; top: 0; bottom: 0; background: rgb(255 255 255 / .34); }
+.track .done { background: var(--accent); width: 0; }
+.track:hover .rail, .track:hover .spans, .track:hover .done { transform: scaleY(1.5); }
+.track input { position: absolute; inset: 0; width: 100%; height: 100%; margin: 0; background: none; appearance: none; cursor: pointer; border-radius: 6px; }
+.track input::-webkit-slider-runnable-track { height: 22px; }
+.track input::-webkit-slider-thumb { appearance: none; width: 14px; height: 14px; margin-top: 4px; border-radius: 50%; background: #fff; border: 0;
+  box-shadow: 0 1px 4px rgb(0 0 0 / .5); }
+.track input::-moz-range-thumb { width: 14px; height: 14px; border-radius: 50%; background: #fff; border: 0; }
+.hover { position: absolute; bottom: 24px; transform: translateX(-50%); padding: 2px 7px; border-radius: 5px; background: rgb(12 15 20 / .92);
+  font-variant-numeric: tabular-nums; pointer-events: none; visibility: hidden; }
+.track:hover .hover { visibility: visible; }
+.big { position: absolute; inset: 0; margin: auto; width: 76px; height: 76px; border-radius: 50%; background: rgb(12 15 20 / .6);
+  backdrop-filter: blur(6px); transition: transform .15s, background .15s; }
+.big svg { width: 38px; height: 38px; }
+.big:hover { transform: scale(1.06); background: rgb(30 38 48 / .72); }
+.spinner { position: absolute; inset: 0; margin: auto; width: 44px; height: 44px; border-radius: 50%; border: 3px solid rgb(255 255 255 / .2);
+  border-top-color: #fff; animation: turn .9s linear infinite; pointer-events: none; }
+@keyframes turn { to { transform: rotate(1turn); } }
+.overlay { position: absolute; top: 12px; left: 12px; padding: 9px 12px; border-radius: 8px; background: rgb(9 12 16 / .74); backdrop-filter: blur(6px);
+  font: 12px/1.55 ui-monospace, "SF Mono", Menlo, Consolas, monospace; display: grid; grid-template-columns: auto auto; gap: 0 14px; pointer-events: none; margin: 0; }
+.overlay dt { color: #aeb8c5; } .overlay dd { margin: 0; text-align: right; }
+.menu { position: absolute; right: 14px; bottom: 58px; padding: 12px 14px; border-radius: 10px; background: rgb(16 20 26 / .96); display: grid; gap: 10px;
+  grid-template-columns: auto auto; align-items: center; box-shadow: 0 10px 32px rgb(0 0 0 / .5); max-height: calc(100% - 76px); overflow: auto; }
+.menu select { font: inherit; color: inherit; background: #2a323d; border: 1px solid #4b5666; border-radius: 6px; padding: 5px 8px; min-width: 108px; }
+.menu label { color: #d5dbe3; }
+.menu input[type=checkbox] { width: 18px; height: 18px; justify-self: end; accent-color: var(--accent); }
+.menu .link { grid-column: 1 / -1; width: auto; height: 34px; background: #2a323d; }
+.message { position: absolute; inset: 0; display: grid; place-content: center; justify-items: center; text-align: center; padding: 24px; gap: 12px; }
+.message.over { background: rgb(9 12 16 / .86); }
+.message b { font-size: 16px; font-weight: 600; } .message p { margin: 0; max-width: 54ch; color: #c3cbd6; overflow-wrap: anywhere; }
+.message button { width: auto; padding: 8px 18px; background: #2a323d; }
+.drop { position: absolute; inset: 10px; border: 2px dashed var(--accent); border-radius: 10px; pointer-events: none; background: rgb(90 176 255 / .12); display: none; }
+:host([dragging]) .drop { display: block; }
+.said { position: absolute; width: 1px; height: 1px; overflow: hidden; clip-path: inset(50%); white-space: nowrap; }
+[hidden] { display: none !important; }
+::slotted([slot=captions]) { position: absolute; left: 8%; right: 8%; bottom: 78px; text-align: center; pointer-events: none; }
+@container (max-width: 460px) {
+  .bar { padding: 0 6px 6px; } button { width: 44px; height: 44px; } .time .of { display: none; } .overlay { font-size: 11px; padding: 7px 9px; top: 8px; left: 8px; }
+  .menu { right: 6px; bottom: 62px; } .big { width: 66px; height: 66px; }
+}
+@media (prefers-reduced-motion: reduce) { * { transition: none !important; } .spinner { animation-duration: 3s; } }
+`;
+
+export const html = `<style>${style}</style>
+<canvas part="canvas" tabindex="0" role="application" aria-label="Scene. Drag to turn, arrow keys with Alt to turn, wheel or plus and minus to zoom."></canvas>
+<img class="poster" part="poster" alt="" hidden>
+<slot name="captions"></slot>
+<div class="spinner" role="presentation" hidden></div>
+<button class="big" part="big" aria-label="Play" hidden>${icons.play}</button>
+<dl class="overlay" part="overlay" hidden></dl>
+<div class="shade"></div>
+<div class="bar" part="bar" role="group" aria-label="Player controls">
+  <div class="track" part="timeline">
+    <div class="rail"></div><div class="spans"></div><div class="done"></div>
+    <input type="range" min="0" max="1" step="any" value="0" aria-label="Time">
+    <div class="hover" aria-hidden="true"></div>
+  </div>
+  <div class="row">
+    <button class="play" aria-label="Play" title="Play (space)">${icons.play}</button>
+    <span class="time"><span class="now">0:00.0</span> <span class="of">/ <span class="end">0:00.0</span></span></span>
+    <span class="space"></span>
+    <button class="reset" aria-label="Show the whole scene" title="Show the whole scene (0)">${icons.home}</button>
+    <button class="settings" aria-label="Settings" title="Settings" aria-haspopup="true" aria-expanded="false">${icons.menu}</button>
+    <button class="fullscreen" aria-label="Full screen" title="Full screen (f)">${icons.full}</button>
+  </div>
+</div>
+<div class="menu" part="menu" role="group" aria-label="Settings" hidden>
+  <label for="detail">Detail</label><select id="detail"><option value="auto">Automatic</option><option value="full">Full</option><option value="base">Base colours</option></select>
+  <label for="level">Motion</label><select id="level"></select>
+  <label for="rate">Speed</label><select id="rate"><option>0.25</option><option>0.5</option><option selected>1</option><option>1.5</option><option>2</option><option>4</option></select>
+  <label for="mode">Camera</label><select id="mode"><option value="orbit">Orbit</option><option value="fly">Fly</option></select>
+  <label for="loop">Loop</label><input type="checkbox" id="loop">
+  <label for="numbers">Numbers</label><input type="checkbox" id="numbers">
+  <button class="link">Copy link to this view</button>
+</div>
+<div class="message" role="alert" hidden><b></b><p></p><button>Try again</button></div>
+<div class="drop"></div>
+<div class="said" role="status" aria-live="polite"></div>`;

@@ -1,0 +1,82 @@
+// SPDX-License-Identifier: Apache-2.0
+import assert from 'node:assert/strict';
+import {test} from 'node:test';
+import {OrbitCamera} from '../src/camera.js';
+import {Sorter} from '../src/sorter.js';
+import {clockText, parseLink, spokenTime} from '../src/text.js';
+
+/** Rows at random; lambda 0: always visible. @param {number} count @param {number} lambda */
+const rowsOf = (count, lambda) => {
+  const geometry = new Float32Array(16 * count);
+  for (let k = 0; k < count; ++k) {
+    const row = geometry.subarray(16 * k, 16 * k + 16);
+    row.set([Math.random() - 0.5, Math.random() - 0.5, 1 + 9 * Math.random(), 0.1 + 0.9 * Math.random()]);
+    row.set([0, 0, Math.random() - 0.5, 0], 4);
+    row[14] = Math.random() * 4;
+    row[15] = lambda;
+  }
+  return geometry;
+};
+
+test('the order is that of an exact sort, but for depths that 22 bits do not tell apart', () => {
+  const sorter = new Sorter();
+  const count = 30000;
+  const geometry = rowsOf(count, 2);
+  sorter.add('0/0', geometry, new Uint32Array(Math.ceil(count / 256)).map((_, k) => k), 10);
+  const order = sorter.sort({time: 11.5, depth: [0, 0, 1, 0], nearPlane: 0.01});
+  const at = k => geometry.subarray(16 * k, 16 * k + 16);
+  const visible = k => {
+    const age = at(k)[15] * (1.5 - at(k)[14]) ** 2;
+    return age <= 16 && at(k)[3] * Math.exp(-0.5 * age) >= 1 / 255;
+  };
+  const depth = k => at(k)[2] + 1.5 * at(k)[6];
+  const wanted = Array.from({length: count}, (_, k) => k).filter(k => visible(k) && depth(k) > 0.01);
+  assert.equal(sorter.visible, wanted.length);
+  assert.deepEqual(new Set(order.subarray(0, sorter.visible)), new Set(wanted));
+  for (let k = 1; k < sorter.visible; ++k) assert.ok(depth(order[k]) <= depth(order[k - 1]) * (1 + 1e-5));
+});
+
+test('buckets come and go', () => {
+  const sorter = new Sorter();
+  const sight = {time: 0, depth: /** @type {any} */ ([0, 0, 1, 0]), nearPlane: 0.01};
+  sorter.add('a', rowsOf(300, 0), Uint32Array.of(4, 9), 0);
+  sorter.add('b', rowsOf(10, 0), Uint32Array.of(2), 0);
+  const order = sorter.sort(sight);
+  assert.equal(sorter.visible, 310);
+  assert.deepEqual([...new Set([...order.subarray(0, 310)].map(id => id >> 8))].sort(), [2, 4, 9]);
+  sorter.add('a', rowsOf(5, 0), Uint32Array.of(4), 0);
+  sorter.remove('b');
+  assert.equal(sorter.sort(sight, order), order);
+  assert.equal(sorter.visible, 5);
+  sorter.clear();
+  sorter.sort(sight);
+  assert.equal(sorter.visible, 0);
+  assert.equal(sorter.bounds(0), null);
+});
+
+test('cameras look at their target, and links keep them', () => {
+  const camera = new OrbitCamera();
+  camera.frame({middle: [1, 2, 3], extent: [4, 1, 4], radius: 2}, 0);
+  camera.orbit(0.7, 0.3);
+  const {worldToCamera: m, cx, cy} = camera.camera(640, 360);
+  const [x, y, z] = [0, 4, 8].map(r => m[r] * 1 + m[r + 1] * 2 + m[r + 2] * 3 + m[r + 3]);
+  assert.ok(Math.abs(x) < 1e-9 && Math.abs(y) < 1e-9 && Math.abs(z - camera.distance) < 1e-9);
+  assert.deepEqual([cx, cy], [320, 180]);
+  assert.ok(m[5] > 0.5, 'y is down');
+  const other = new OrbitCamera();
+  assert.ok(other.parse(String(camera)));
+  assert.ok(Math.abs(other.yaw - camera.yaw) < 1e-3);
+  for (const bad of ['', '1,2', '1,2,3,x,5,6,7,8,9', '0,0,0,-1,0,0,0,1,0']) assert.ok(!other.parse(bad), bad);
+  const eye = camera.eye();
+  camera.look(0.2, 0.1);
+  assert.ok(Math.hypot(...eye.map((v, k) => v - camera.eye()[k])) < 1e-9);
+});
+
+test('words', () => {
+  assert.equal(clockText(62.54), '1:02.5');
+  assert.equal(clockText(3600), '1:00:00.0');
+  assert.equal(clockText(59.99), '1:00.0');
+  assert.equal(spokenTime(61), '1 minute 1 second');
+  assert.deepEqual(parseLink('#t=1.5&cam=1,2'), {time: 1.5, camera: '1,2'});
+  assert.deepEqual(parseLink(''), {time: undefined, camera: undefined});
+});
