@@ -156,7 +156,7 @@ def transform_planes():
 
 
 def transform_stream():
-    """Three Gaussians in one page of two parts. Table 1 codes small integers, table 2 coefficients of
+    """Three Gaussians in one page of two chunks. Table 1 codes small integers, table 2 coefficients of
     small neighbours, table 3 those of large ones."""
     planes, maps = transform_planes(), []
     counts = [[0] * 126] + [[0] * 112 for _ in range(3)]
