@@ -29,7 +29,7 @@ struct l4d_cuda_decoder {
   l4d::cuda::DeviceDecoder impl;
 #endif
   mutable l4d::api::Busy busy;
-  l4d::api::ErrorDetail error;
+  l4d::api::ErrorMessage error;
 };
 
 namespace {
@@ -38,11 +38,11 @@ namespace {
 constexpr char kNoDeviceCode[] = "this build has no device code";
 #endif
 
-l4d_cuda_job default_job() {
-  l4d_cuda_job job{};
-  job.attributes = L4D_CUDA_ALL_ATTRIBUTES;
-  job.forms = L4D_CUDA_FORM_EXPANDED;
-  return job;
+l4d_cuda_request default_request() {
+  l4d_cuda_request request{};
+  request.attributes = L4D_CUDA_ALL_ATTRIBUTES;
+  request.forms = L4D_CUDA_FORM_EXPANDED;
+  return request;
 }
 
 #ifdef L4D_HAVE_CUDA
@@ -78,8 +78,8 @@ extern "C" {
 void l4d_cuda_device_info_init_(l4d_cuda_device_info* info, size_t struct_size) {
   init_struct(info, struct_size, l4d_cuda_device_info{});
 }
-void l4d_cuda_job_init_(l4d_cuda_job* job, size_t struct_size) {
-  init_struct(job, struct_size, default_job());
+void l4d_cuda_request_init_(l4d_cuda_request* request, size_t struct_size) {
+  init_struct(request, struct_size, default_request());
 }
 void l4d_cuda_gaussian_buffers_init_(l4d_cuda_gaussian_buffers* buffers, size_t struct_size) {
   init_struct(buffers, struct_size, l4d_cuda_gaussian_buffers{});
@@ -132,7 +132,7 @@ l4d_status l4d_cuda_decoder_create(l4d_decoder* decoder, uint32_t device, l4d_cu
   });
 }
 
-const char* l4d_cuda_decoder_error_detail(const l4d_cuda_decoder* decoder) {
+const char* l4d_cuda_decoder_error_message(const l4d_cuda_decoder* decoder) {
   return decoder == nullptr ? "" : decoder->error.c_str();
 }
 
@@ -146,24 +146,24 @@ void l4d_cuda_decoder_destroy(l4d_cuda_decoder* decoder) {
 }
 
 l4d_status l4d_cuda_decoder_prepare(l4d_cuda_decoder* decoder, const l4d_query* query,
-                                    l4d_cuda_job* job) {
-  return on_device(decoder, required(query, job), [&](l4d::cuda::DeviceDecoder& d) -> Status {
-    l4d_cuda_job prepared = read_struct(*job, default_job());
+                                    l4d_cuda_request* request) {
+  return on_device(decoder, required(query, request), [&](l4d::cuda::DeviceDecoder& d) -> Status {
+    l4d_cuda_request prepared = read_struct(*request, default_request());
     L4D_RETURN_IF_ERROR(d.prepare(read_struct(*query, default_query()), &prepared));
-    write_struct(prepared, job);
+    write_struct(prepared, request);
     return {};
   });
 }
 
-l4d_status l4d_cuda_decoder_get_ranges(const l4d_cuda_decoder* decoder, l4d_range* out,
-                                       uint64_t capacity, uint64_t* count) {
+l4d_status l4d_cuda_decoder_get_spans(const l4d_cuda_decoder* decoder, l4d_bucket_span* out,
+                                      uint64_t capacity, uint64_t* count) {
   const char* bad = required(count);
   if (bad == nullptr && capacity > 0) bad = required(out);
   return look_at(decoder, bad, [&]() -> Status {
     const l4d::Plan* plan = decoder->impl.plan();
-    if (plan == nullptr) return Status(L4D_ERR_INVALID_STATE, "no job is prepared");
-    std::copy_n(plan->ranges.begin(), std::min<uint64_t>(capacity, plan->ranges.size()), out);
-    *count = plan->ranges.size();
+    if (plan == nullptr) return Status(L4D_ERR_INVALID_STATE, "no request is prepared");
+    std::copy_n(plan->spans.begin(), std::min<uint64_t>(capacity, plan->spans.size()), out);
+    *count = plan->spans.size();
     return {};
   });
 }
@@ -196,12 +196,12 @@ l4d_status l4d_cuda_decoder_finish(l4d_cuda_decoder* decoder) {
   return on_device(decoder, nullptr, [](l4d::cuda::DeviceDecoder& d) { return d.finish(); });
 }
 
-l4d_status l4d_cuda_decoder_get_num_literals(l4d_cuda_decoder* decoder, uint32_t component,
-                                             uint64_t* count) {
+l4d_status l4d_cuda_decoder_get_num_escapes(l4d_cuda_decoder* decoder, uint32_t component,
+                                            uint64_t* count) {
   return on_device(decoder, required(count), [&](l4d::cuda::DeviceDecoder& d) -> Status {
     if (component >= L4D_COMPONENT_COUNT) return l4d::invalid_argument("no such component");
     uint64_t counts[L4D_COMPONENT_COUNT];
-    L4D_RETURN_IF_ERROR(d.num_literals(counts));
+    L4D_RETURN_IF_ERROR(d.num_escapes(counts));
     *count = counts[component];
     return {};
   });
@@ -211,9 +211,9 @@ l4d_status l4d_cuda_decoder_get_codebook(l4d_cuda_decoder* decoder, uint32_t lay
                                          uint32_t component, uint32_t stage, uint32_t block,
                                          l4d_codebook* out) {
   return on_device(decoder, required(out), [&](l4d::cuda::DeviceDecoder& d) -> Status {
-    l4d_codebook book{};
-    L4D_RETURN_IF_ERROR(d.codebook(layer, component, stage, block, &book));
-    write_struct(book, out);
+    l4d_codebook codebook{};
+    L4D_RETURN_IF_ERROR(d.codebook(layer, component, stage, block, &codebook));
+    write_struct(codebook, out);
     return {};
   });
 }
@@ -223,11 +223,12 @@ l4d_status l4d_cuda_decoder_get_codebook(l4d_cuda_decoder* decoder, uint32_t lay
 // No handle exists in such a build.
 void l4d_cuda_decoder_destroy(l4d_cuda_decoder*) {}
 
-l4d_status l4d_cuda_decoder_prepare(l4d_cuda_decoder*, const l4d_query*, l4d_cuda_job*) {
+l4d_status l4d_cuda_decoder_prepare(l4d_cuda_decoder*, const l4d_query*, l4d_cuda_request*) {
   return fail(L4D_ERR_FEATURE_UNSUPPORTED, kNoDeviceCode);
 }
 
-l4d_status l4d_cuda_decoder_get_ranges(const l4d_cuda_decoder*, l4d_range*, uint64_t, uint64_t*) {
+l4d_status l4d_cuda_decoder_get_spans(const l4d_cuda_decoder*, l4d_bucket_span*, uint64_t,
+                                      uint64_t*) {
   return fail(L4D_ERR_FEATURE_UNSUPPORTED, kNoDeviceCode);
 }
 
@@ -249,7 +250,7 @@ l4d_status l4d_cuda_decoder_finish(l4d_cuda_decoder*) {
   return fail(L4D_ERR_FEATURE_UNSUPPORTED, kNoDeviceCode);
 }
 
-l4d_status l4d_cuda_decoder_get_num_literals(l4d_cuda_decoder*, uint32_t, uint64_t*) {
+l4d_status l4d_cuda_decoder_get_num_escapes(l4d_cuda_decoder*, uint32_t, uint64_t*) {
   return fail(L4D_ERR_FEATURE_UNSUPPORTED, kNoDeviceCode);
 }
 

@@ -78,7 +78,7 @@ uint32_t layer_tools(const l4d::SceneHeader& header, const l4d::LayerHeader& lay
   if (!layer.permanent) tools |= L4D_TOOL_TEMPORAL_OPACITY;
   if (header.sh_degree > 0) tools |= L4D_TOOL_VIEW_DEPENDENCE;
   if (layer.raw_position) {
-    tools |= L4D_TOOL_LITERALS;
+    tools |= L4D_TOOL_ESCAPES;
   } else if (spatial.coding == l4d::ComponentCodingId::kRaw32) {
     tools |= L4D_TOOL_LOSSLESS;
   }
@@ -87,7 +87,7 @@ uint32_t layer_tools(const l4d::SceneHeader& header, const l4d::LayerHeader& lay
   for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
     const l4d::ComponentCoding& coding = header.component(layer, c);
     if (coding.stages.size() > 1) tools |= L4D_TOOL_RESIDUAL_STAGES;
-    if (coding.literals) tools |= L4D_TOOL_LITERALS;
+    if (coding.escapes) tools |= L4D_TOOL_ESCAPES;
     if (coding.has_rcq) tools |= L4D_TOOL_RCQ;
     if (coding.transform()) tools |= L4D_TOOL_TRANSFORM;
   }
@@ -124,7 +124,7 @@ l4d_coding_errors describe_errors(const l4d::ErrorStatement& e) {
   if (!e.stated) return out;
   const auto d = [](float v) { return static_cast<double>(v); };
   out.stated = 1;
-  out.own_least_sizes = e.own_least_sizes;
+  out.own_min_sizes = e.own_min_sizes;
   out.position = d(e.position);
   out.covariance = d(e.covariance);
   out.opacity = d(e.opacity);
@@ -134,7 +134,7 @@ l4d_coding_errors describe_errors(const l4d::ErrorStatement& e) {
   out.covariance_bound = d(e.covariance_bound);
   out.opacity_bound = d(e.opacity_bound);
   out.visible_bound = d(e.visible_bound);
-  out.least_size = d(e.least_size);
+  out.min_size = d(e.min_size);
   return out;
 }
 
@@ -207,7 +207,7 @@ void l4d_dequantization_init_(l4d_dequantization* d, size_t struct_size) {
 void l4d_level_limits_init_(l4d_level_limits* limits, size_t struct_size) {
   init_struct(limits, struct_size, {});
 }
-void l4d_conformance_init_(l4d_conformance* c, size_t struct_size) {
+void l4d_stream_demand_init_(l4d_stream_demand* c, size_t struct_size) {
   init_struct(c, struct_size, {});
 }
 void l4d_splat_columns_init_(l4d_splat_columns* c, size_t struct_size) {
@@ -241,7 +241,7 @@ void l4d_decoder_destroy(l4d_decoder* decoder) {
   if (l4d::api::may_destroy(decoder)) delete decoder;
 }
 
-const char* l4d_decoder_error_detail(const l4d_decoder* decoder) {
+const char* l4d_decoder_error_message(const l4d_decoder* decoder) {
   return decoder == nullptr ? "" : decoder->error.c_str();
 }
 
@@ -334,8 +334,8 @@ l4d_status l4d_decoder_select(l4d_decoder* decoder, const l4d_query* query,
   });
 }
 
-l4d_status l4d_decoder_get_ranges(l4d_decoder* decoder, const l4d_query* query, l4d_range* out,
-                                  uint64_t capacity, uint64_t* count) {
+l4d_status l4d_decoder_get_spans(l4d_decoder* decoder, const l4d_query* query, l4d_bucket_span* out,
+                                 uint64_t capacity, uint64_t* count) {
   const char* bad = first_of(required(query, count), capacity > 0 ? required(out) : nullptr);
   return with_stream(decoder, bad, [&](l4d::Decoder& d) {
     return l4d::find_ranges(d.stream(), read_struct(*query, default_query()), out, capacity, count);
@@ -389,9 +389,9 @@ l4d_status l4d_decoder_decode_packed(l4d_decoder* decoder, const l4d_query* quer
 l4d_status l4d_decoder_get_codebook(l4d_decoder* decoder, uint32_t layer, uint32_t component,
                                     uint32_t stage, uint32_t block, l4d_codebook* out) {
   return with_stream(decoder, required(out), [&](l4d::Decoder& d) -> Status {
-    l4d_codebook book{};
-    L4D_RETURN_IF_ERROR(l4d::find_codebook(d.file(), layer, component, stage, block, &book));
-    write_struct(book, out);
+    l4d_codebook codebook{};
+    L4D_RETURN_IF_ERROR(l4d::find_codebook(d.file(), layer, component, stage, block, &codebook));
+    write_struct(codebook, out);
     return {};
   });
 }
@@ -439,11 +439,11 @@ l4d_status l4d_get_level_limits(uint32_t level, uint32_t profile, l4d_level_limi
   return L4D_OK;
 }
 
-l4d_status l4d_decoder_get_conformance(l4d_decoder* decoder, l4d_conformance* conformance) {
-  return with_stream(decoder, required(conformance), [&](l4d::Decoder& d) -> Status {
-    l4d_conformance c = read_struct(*conformance, l4d_conformance{});
-    L4D_RETURN_IF_ERROR(l4d::inspect_conformance(d.file(), &c));
-    write_struct(c, conformance);
+l4d_status l4d_decoder_get_stream_demand(l4d_decoder* decoder, l4d_stream_demand* demand) {
+  return with_stream(decoder, required(demand), [&](l4d::Decoder& d) -> Status {
+    l4d_stream_demand c = read_struct(*demand, l4d_stream_demand{});
+    L4D_RETURN_IF_ERROR(l4d::inspect_stream_demand(d.file(), &c));
+    write_struct(c, demand);
     return {};
   });
 }
@@ -453,8 +453,8 @@ l4d_status l4d_decoder_check_conformance(l4d_decoder* decoder, uint32_t profile,
                                          uint64_t* num_violations) {
   return with_stream(decoder, required(num_violations), [&](l4d::Decoder& d) {
     *num_violations = 0;
-    return l4d::check_asked_conformance(d.file(), profile, level,
-                                        reporter(fn, user, num_violations));
+    return l4d::check_requested_conformance(d.file(), profile, level,
+                                            reporter(fn, user, num_violations));
   });
 }
 

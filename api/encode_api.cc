@@ -36,7 +36,7 @@ struct l4d_encoder {
   explicit l4d_encoder(const l4d_encoder_options& options) : impl(options) {}
   l4d::Encoder impl;
   mutable l4d::api::Busy busy;
-  l4d::api::ErrorDetail error;
+  l4d::api::ErrorMessage error;
 };
 
 namespace {
@@ -55,16 +55,17 @@ Status choose_device(const l4d_encoder_options& options, l4d::Encoder& encoder) 
   if (options.threads > L4D_MAX_THREADS) {
     return l4d::invalid_argument("threads is above L4D_MAX_THREADS");
   }
-  const bool asked = options.backend == L4D_BACKEND_CUDA;
+  const bool requested = options.backend == L4D_BACKEND_CUDA;
 #ifdef L4D_HAVE_CUDA
-  if (asked) L4D_RETURN_IF_ERROR(l4d::cuda::use_device(0));
-  if (asked || options.backend == L4D_BACKEND_AUTO) {
+  if (requested) L4D_RETURN_IF_ERROR(l4d::cuda::use_device(0));
+  if (requested || options.backend == L4D_BACKEND_AUTO) {
     encoder.set_device(l4d::cuda::make_device_nearest(0, static_cast<int>(options.threads)));
   }
   return {};
 #else
   static_cast<void>(encoder);
-  return asked ? Status(L4D_ERR_FEATURE_UNSUPPORTED, "this build has no device code") : Status();
+  return requested ? Status(L4D_ERR_FEATURE_UNSUPPORTED, "this build has no device code")
+                   : Status();
 #endif
 }
 
@@ -105,7 +106,7 @@ void l4d_encoder_destroy(l4d_encoder* encoder) {
   if (l4d::api::may_destroy(encoder)) delete encoder;
 }
 
-const char* l4d_encoder_error_detail(const l4d_encoder* encoder) {
+const char* l4d_encoder_error_message(const l4d_encoder* encoder) {
   return encoder == nullptr ? "" : encoder->error.c_str();
 }
 
@@ -193,9 +194,9 @@ l4d_status l4d_encoder_set_weights(l4d_encoder* encoder, uint32_t which, const f
                       [&](l4d::Encoder& e) { return e.set_weights(which, weights, count); });
 }
 
-l4d_status l4d_encoder_set_least_sizes(l4d_encoder* encoder, const float* sizes, uint64_t count) {
+l4d_status l4d_encoder_set_min_sizes(l4d_encoder* encoder, const float* sizes, uint64_t count) {
   return with_encoder(encoder, nullptr,
-                      [&](l4d::Encoder& e) { return e.set_least_sizes(sizes, count); });
+                      [&](l4d::Encoder& e) { return e.set_min_sizes(sizes, count); });
 }
 
 l4d_status l4d_encoder_set_rendering(l4d_encoder* encoder, const l4d_rendering* rendering) {
@@ -267,8 +268,8 @@ l4d_status l4d_encoder_get_order(const l4d_encoder* encoder, uint32_t* order, ui
   });
 }
 
-l4d_status l4d_encoder_get_stage(const l4d_encoder* encoder, uint32_t index, const char** name,
-                                 double* seconds) {
+l4d_status l4d_encoder_get_step(const l4d_encoder* encoder, uint32_t index, const char** name,
+                                double* seconds) {
   return look_at(encoder, required(name, seconds), [&]() -> Status {
     if (encoder->impl.report() == nullptr) return no_report();
     const auto& stages = encoder->impl.report()->stages;

@@ -71,7 +71,7 @@ Failure current_failure(const std::string& subject) {
 
 void Context::note(const std::string& text) {
   notes_.push_back(text);
-  if (!options.json && !options.quiet && !ranks_.helps())
+  if (!options.json && !options.quiet && !group_.helps())
     std::fprintf(stderr, "note: %s\n", text.c_str());
 }
 

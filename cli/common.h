@@ -10,7 +10,7 @@
 
 #include "cli/command_files.h"
 #include "cli/options.h"
-#include "cli/ranks.h"
+#include "cli/process_group.h"
 #include "cli/text/json.h"
 #include "eval/memory.h"
 #include "io/scene.h"
@@ -94,7 +94,7 @@ class Context {
   // Throws usage errors of the common options.
   void check_options() const;
   uint32_t backend() const;  // L4D_BACKEND_*
-  const Ranks& ranks() const { return ranks_; }
+  const ProcessGroup& group() const { return group_; }
   // share: what part of --limit-memory one of these decoders may take. A command that makes
   // something of a stream keeps half of the limit for that.
   l4d_decoder_options decoder_options(uint32_t share = 2) const;
@@ -106,7 +106,7 @@ class Context {
   friend class HeldMemory;
   uint64_t memory_limit() const;  // 0 = none was given
   std::vector<std::string> notes_;
-  Ranks ranks_;
+  ProcessGroup group_;
   uint64_t held_ = 0;
 };
 

@@ -18,11 +18,12 @@ class Collector {
 
   // Counts memory; called once, before the arrays are made.
   void hold(uint64_t bytes_per_gaussian) {
-    out.memory = eval::hold(holder_of(context_),
-                            selection_.num_gaussians * bytes_per_gaussian +
-                                selection_.num_ranges * (sizeof(l4d_range) + 3 * sizeof(uint64_t)),
-                            "the list of decoded arrays");
-    ranges.resize(static_cast<size_t>(selection_.num_ranges));
+    out.memory =
+        eval::hold(holder_of(context_),
+                   selection_.num_gaussians * bytes_per_gaussian +
+                       selection_.num_spans * (sizeof(l4d_bucket_span) + 3 * sizeof(uint64_t)),
+                   "the list of decoded arrays");
+    spans.resize(static_cast<size_t>(selection_.num_spans));
   }
 
   // A new array of zeros. T is what `type` says.
@@ -38,11 +39,11 @@ class Collector {
   }
 
   // Cuts the rows to those that came, adds the buckets, and turns all to little-endian order.
-  Arrays finish(uint64_t count, uint64_t num_ranges) {
+  Arrays finish(uint64_t count, uint64_t num_spans) {
     out.count = count;
     const uint64_t selected = selection_.num_gaussians;
     for (Array& array : out.arrays) {
-      if (array.name.find(".literal") != std::string::npos) continue;
+      if (array.name.find(".escape") != std::string::npos) continue;
       const bool by_stage = array.name.find(".index") != std::string::npos;
       uint64_t& rows = array.shape[by_stage ? 1 : 0];
       if (by_stage && count < selected) {
@@ -54,33 +55,33 @@ class Collector {
       }
       rows = count;
     }
-    uint64_t* row = add<uint64_t>("buckets", "u64", {num_ranges, 3});
-    for (size_t k = 0; k < num_ranges; ++k) {
-      *row++ = ranges[k].layer;
-      *row++ = ranges[k].bucket;
-      *row++ = ranges[k].count;
+    uint64_t* row = add<uint64_t>("buckets", "u64", {num_spans, 3});
+    for (size_t k = 0; k < num_spans; ++k) {
+      *row++ = spans[k].layer;
+      *row++ = spans[k].bucket;
+      *row++ = spans[k].count;
     }
     for (Array& array : out.arrays) array.make_little_endian();
     return std::move(out);
   }
 
   Arrays out;
-  std::vector<l4d_range> ranges;
+  std::vector<l4d_bucket_span> spans;
 
  private:
   Context& context_;
   const l4d_selection selection_;
 };
 
-// How many literals of scale are one number shorter than others: those of permanent layers.
-uint64_t short_literals(const DecoderHandle& decoder, const std::vector<l4d_range>& ranges,
-                        const l4d_packed_buffers& buffers) {
+// How many escapes of scale are one number shorter than others: those of permanent layers.
+uint64_t short_escapes(const DecoderHandle& decoder, const std::vector<l4d_bucket_span>& spans,
+                       const l4d_packed_buffers& buffers) {
   const uint8_t* depth = buffers.component[L4D_COMPONENT_SCALE].depth;
   uint64_t count = 0;
-  for (size_t k = 0; k < buffers.num_ranges; ++k) {
-    if (decoder.layer_info(ranges[k].layer).permanent == 0) continue;
-    const uint8_t* begin = depth + ranges[k].first;
-    count += static_cast<uint64_t>(std::count(begin, begin + ranges[k].count, uint8_t{255}));
+  for (size_t k = 0; k < buffers.num_spans; ++k) {
+    if (decoder.layer_info(spans[k].layer).permanent == 0) continue;
+    const uint8_t* begin = depth + spans[k].first;
+    count += static_cast<uint64_t>(std::count(begin, begin + spans[k].count, uint8_t{255}));
   }
   return count;
 }
@@ -106,8 +107,8 @@ Arrays decode_attributes(Context& context, const DecoderHandle& decoder, const l
   buffers.rotor = collector.add<float>("rotor", "f32", {n, 8});
   buffers.opacity = collector.add<float>("opacity", "f32", {n});
   buffers.sh = collector.add<float>("sh", "f32", {n, coefficients, 3});
-  buffers.ranges = collector.ranges.data();
-  buffers.range_capacity = collector.ranges.size();
+  buffers.spans = collector.spans.data();
+  buffers.span_capacity = collector.spans.size();
   // Exact mean times make the host decode: a device decodes the rest by itself.
   const bool apart = context.options.backend == "cuda";
   if (!apart) buffers.mean_t_double = exact;
@@ -120,7 +121,7 @@ Arrays decode_attributes(Context& context, const DecoderHandle& decoder, const l
     times.mean_t_double = exact;
     decoder.check(l4d_decoder_decode(decoder.get(), &query, &times));
   }
-  return collector.finish(count, buffers.num_ranges);
+  return collector.finish(count, buffers.num_spans);
 }
 
 Arrays decode_packed(Context& context, const DecoderHandle& decoder, const l4d_query& query) {
@@ -152,31 +153,31 @@ Arrays decode_packed(Context& context, const DecoderHandle& decoder, const l4d_q
     buffers.component[c].depth = collector.add<uint8_t>(name + ".depth", "u8", {n});
     buffers.component[c].index = collector.add<uint16_t>(name + ".index", "u16", {stages[c], n});
   }
-  buffers.ranges = collector.ranges.data();
-  buffers.range_capacity = collector.ranges.size();
+  buffers.spans = collector.spans.data();
+  buffers.span_capacity = collector.spans.size();
   decoder.check(l4d_decoder_decode_packed(decoder.get(), &query, &buffers));
-  // Only now is it known how many literals there are.
+  // Only now is it known how many escapes there are.
   std::vector<uint64_t> numbers;
-  uint64_t literals = 0;
+  uint64_t escapes = 0;
   for (size_t c = 0; c < stages.size(); ++c) {
-    numbers.push_back(buffers.component[c].num_literals * dims[c]);
-    if (c == L4D_COMPONENT_SCALE) numbers[c] -= short_literals(decoder, collector.ranges, buffers);
-    literals += numbers[c];
+    numbers.push_back(buffers.component[c].num_escapes * dims[c]);
+    if (c == L4D_COMPONENT_SCALE) numbers[c] -= short_escapes(decoder, collector.spans, buffers);
+    escapes += numbers[c];
   }
   const std::shared_ptr<void> memory =
-      eval::hold(holder_of(context), literals * sizeof(uint16_t), "the decoded literals");
+      eval::hold(holder_of(context), escapes * sizeof(uint16_t), "the decoded escapes");
   l4d_packed_buffers again;
   l4d_packed_buffers_init(&again);
   again.capacity = n;
   for (size_t c = 0; c < stages.size(); ++c) {
-    again.component[c].literal =
-        collector.add<uint16_t>(std::string(kNames[c]) + ".literal", "u16", {numbers[c]});
-    again.component[c].literal_capacity = buffers.component[c].num_literals;
+    again.component[c].escape =
+        collector.add<uint16_t>(std::string(kNames[c]) + ".escape", "u16", {numbers[c]});
+    again.component[c].escape_capacity = buffers.component[c].num_escapes;
   }
-  if (literals > 0) decoder.check(l4d_decoder_decode_packed(decoder.get(), &query, &again));
+  if (escapes > 0) decoder.check(l4d_decoder_decode_packed(decoder.get(), &query, &again));
   collector.out.memory = std::make_shared<std::pair<std::shared_ptr<void>, std::shared_ptr<void>>>(
       collector.out.memory, memory);
-  return collector.finish(buffers.count, buffers.num_ranges);
+  return collector.finish(buffers.count, buffers.num_spans);
 }
 
 }  // namespace l4d::cli

@@ -100,7 +100,7 @@ int report_failure(const Failure& failure, bool json, const std::string& verb) {
   if (json) {
     print_document(
         {{"schema", "l4dcodec.error/1"},
-         {"error", {{"code", static_cast<int>(code)}, {"name", name}, {"detail", detail}}}});
+         {"error", {{"code", static_cast<int>(code)}, {"name", name}, {"message", detail}}}});
   } else if (code == kExitUsage) {
     std::fprintf(stderr, "l4dcodec: %s\nsee l4dcodec %s%s--help\n", detail.c_str(), verb.c_str(),
                  verb.empty() ? "" : " ");
@@ -184,7 +184,7 @@ int run(int argc, char** argv) {
   } catch (const Failure& failure) {
     return report_failure(failure, json, registry.verb);
   }
-  const bool helps = context.ranks().helps();
+  const bool helps = context.group().helps();
   // What one rank does alone is not done again by the others.
   if (helps && registry.verb != "encode" && registry.verb != "sensitivity") return kExitOk;
   try {
@@ -194,7 +194,7 @@ int run(int argc, char** argv) {
     return helps ? static_cast<int>(kExitOk) : print_outcome(outcome, context);
   } catch (...) {
     const int code = report_failure(current_failure(""), json, registry.verb);
-    context.ranks().abort(code);
+    context.group().abort(code);
     return code;
   }
 }

@@ -104,7 +104,7 @@ if(L4D_HAVE_CUDA)
     endif()
   endforeach()
   target_compile_definitions(l4d_settings INTERFACE
-    L4D_HAVE_CUDA $<$<COMPILE_LANGUAGE:CUDA>:L4D_CUDA_LEAST_OVERLAPPING=${overlapping}>)
+    L4D_HAVE_CUDA $<$<COMPILE_LANGUAGE:CUDA>:L4D_CUDA_MIN_OVERLAPPING=${overlapping}>)
 endif()
 # Arrays and structs cannot hold vectors of a size that is known at run time alone; where a processor
 # has those, it has vectors of 128 bits too.

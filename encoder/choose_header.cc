@@ -26,7 +26,7 @@ LayerHeader layer_header(const CodedLayer& layer) {
   header.level = layer.level;
   header.permanent = layer.permanent;
   header.num_gaussians = layer.members.size();
-  header.raw_position = layer.literal;
+  header.raw_position = layer.escape;
   static_cast<MeanTimeCoding&>(header) = layer.mean_times;
   header.log_scale_t = layer.log_scale_t;
   header.scale_factor = layer.scale_factor;
@@ -67,7 +67,7 @@ SceneHeader choose_header(const HeaderSource& source, const CodedScene& coded,
                              source.threads);
   }
   header.errors = statement_of(*worst, source.bounds);
-  header.errors.own_least_sizes = !source.lossless && input.least_sizes != nullptr;
+  header.errors.own_min_sizes = !source.lossless && input.min_sizes != nullptr;
   return header;
 }
 

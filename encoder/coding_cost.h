@@ -11,10 +11,10 @@
 
 namespace l4d {
 
-// Bits of hybrid integers in contexts of a plane.
-class PlaneBits {
+// Bits of hybrid integers in contexts of a channel.
+class ChannelBits {
  public:
-  explicit PlaneBits(size_t contexts) : counts_(contexts) {}
+  explicit ChannelBits(size_t contexts) : counts_(contexts) {}
   void add(size_t context, uint16_t value);
   double total() const;
 
@@ -23,8 +23,8 @@ class PlaneBits {
   double raw_ = 0;
 };
 
-// Indices, depths, literals, classes, coefficients, codebooks and bases. Tables of blocks come on
-// top of nothing: with them, stage 0 counts as if it had none.
+// Indices, depths, escapes, step_exponents, coefficients, codebooks and bases. Tables of blocks
+// come on top of nothing: with them, stage 0 counts as if it had none.
 double component_bits(const CodedComponent& component);
 
 double codes_bits(const std::vector<uint16_t>& codes);

@@ -6,7 +6,7 @@
 #include <memory>
 #include <numeric>
 
-#include "encoder/beside.h"
+#include "encoder/async.h"
 #include "encoder/entropy_constrained.h"
 #include "encoder/kmeans.h"
 #include "encoder/nearest.h"
@@ -40,10 +40,10 @@ std::vector<float> train_half_codebook(const float* rows, const float* weights, 
   options.threads = settings.threads;
   options.device = settings.device;
   options.cancelled = settings.cancelled;
-  std::vector<float> book = train_codebook(rows, weights, n, dim, options).entries;
+  std::vector<float> codebook = train_codebook(rows, weights, n, dim, options).entries;
   // Assignments are made to the values a decoder has.
-  round_to_half(book);
-  return book;
+  round_to_half(codebook);
+  return codebook;
 }
 
 namespace {
@@ -69,8 +69,8 @@ void gather(const float* rows, const float* weights, size_t dim, int threads, Se
 }
 
 // The `count` members with the largest weight x squared residual; ties by index.
-std::vector<uint32_t> neediest(const std::vector<uint32_t>& members, const std::vector<float>& need,
-                               size_t count) {
+std::vector<uint32_t> largest_error(const std::vector<uint32_t>& members,
+                                    const std::vector<float>& need, size_t count) {
   std::vector<uint32_t> chosen = members;
   const auto more = [&](uint32_t a, uint32_t b) {
     return need[a] != need[b] ? need[a] > need[b] : a < b;
@@ -96,12 +96,12 @@ class ComponentCoder {
   }
 
   CodedComponent run() {
-    choose_literals();
+    choose_escapes();
     code_stage0();
     code_residual_stages();
     refine_stages(rows_, weights_, settings_, &out_);
-    choose_literals_by_cost();
-    code_literals();
+    choose_escapes_by_cost();
+    code_escapes();
     out_.weighted_distortion = sum_of_errors();
     return std::move(out_);
   }
@@ -109,14 +109,14 @@ class ComponentCoder {
  private:
   EntropyConstraint constraint() const {
     EntropyConstraint c;
-    c.price = settings_.rate_price;
+    c.price = settings_.rate_lambda;
     c.threads = settings_.threads;
     c.device = settings_.device;
     return c;
   }
 
   NearestBackend backend() const { return {settings_.threads, settings_.device}; }
-  bool by_cost() const { return settings_.bit_price > 0; }
+  bool by_cost() const { return settings_.rd_lambda > 0; }
 
   double squared_error(size_t i) const {
     double sum = 0;
@@ -151,23 +151,23 @@ class ComponentCoder {
     return std::accumulate(piece.begin(), piece.end(), 0.0);
   }
 
-  void choose_literals() {
-    if (!(settings_.literal_threshold > 0) || by_cost()) {
+  void choose_escapes() {
+    if (!(settings_.escape_threshold > 0) || by_cost()) {
       coded_.resize(out_.n);
       std::iota(coded_.begin(), coded_.end(), 0u);
       return;
     }
     for (uint32_t i = 0; i < out_.n; ++i) {
-      if (static_cast<double>(weights_[i]) > settings_.literal_threshold) {
-        out_.depth[i] = kLiteralDepth;
-        out_.any_literal = true;
+      if (static_cast<double>(weights_[i]) > settings_.escape_threshold) {
+        out_.depth[i] = kEscapeDepth;
+        out_.any_escape = true;
       } else {
         coded_.push_back(i);
       }
     }
   }
 
-  // Rows that are not literals; the input itself where all are coded.
+  // Rows that are not escapes; the input itself where all are coded.
   Selection coded_rows() const {
     Selection s;
     s.members = coded_;
@@ -180,12 +180,13 @@ class ComponentCoder {
     out_.index.emplace_back(out_.n, uint16_t{0});
     if (coded_.empty()) {  // a codebook of one entry keeps the syntax whole
       out_.decoded.assign(out_.n * dim, 0.0f);
-      out_.books.emplace_back(dim, 0.0f);
+      out_.codebooks.emplace_back(dim, 0.0f);
       return;
     }
     // New memory for SH takes as long to get as some iterations.
-    const bool apart = resolve_threads(settings_.threads) > 1;
-    std::future<void> room = start_beside(apart, [&] { out_.decoded.assign(out_.n * dim, 0.0f); });
+    const bool concurrent = resolve_threads(settings_.threads) > 1;
+    std::future<void> room =
+        start_async(concurrent, [&] { out_.decoded.assign(out_.n * dim, 0.0f); });
     const bool direct = coded_.size() == out_.n;
     Selection gathered;
     if (!direct) gathered = coded_rows();
@@ -198,20 +199,20 @@ class ComponentCoder {
     // known: they are trained beside it.
     const bool in_blocks = settings_.rcq != 0 && !blocks_.empty();
     const std::vector<BlockRange> blocks = direct ? blocks_ : coded_blocks();
-    std::vector<std::vector<float>> block_books;
-    std::future<void> blocks_done = start_beside(apart, [&] {
+    std::vector<std::vector<float>> block_codebooks;
+    std::future<void> blocks_done = start_async(concurrent, [&] {
       if (in_blocks) {
-        block_books = train_block_books(rows, weights, dim, blocks, settings_, entries);
+        block_codebooks = train_block_codebooks(rows, weights, dim, blocks, settings_, entries);
       }
     });
-    out_.books.push_back(train_half_codebook(rows, weights, n, dim, entries, settings_, 1));
-    const std::vector<float>& book = out_.books[0];
+    out_.codebooks.push_back(train_half_codebook(rows, weights, n, dim, entries, settings_, 1));
+    const std::vector<float>& codebook = out_.codebooks[0];
     std::vector<uint32_t> labels(n);
     std::vector<float> distance(n);
-    assign_nearest(rows, n, dim, book.data(), book.size() / dim, backend(), nullptr, labels.data(),
-                   distance.data());
+    assign_nearest(rows, n, dim, codebook.data(), codebook.size() / dim, backend(), nullptr,
+                   labels.data(), distance.data());
     if (settings_.rcq == 0 || blocks_.empty()) {
-      constrain_entropy(rows, weights, n, dim, constraint(), &out_.books.back(), &labels);
+      constrain_entropy(rows, weights, n, dim, constraint(), &out_.codebooks.back(), &labels);
     }
     room.get();
     parallel_for(settings_.threads, n, kGrain, [&](size_t begin, size_t end) {
@@ -219,32 +220,32 @@ class ComponentCoder {
         const size_t i = coded_[j];
         out_.depth[i] = 1;
         out_.index[0][i] = static_cast<uint16_t>(labels[j]);
-        std::copy_n(book.data() + labels[j] * dim, dim, out_.decoded.data() + i * dim);
+        std::copy_n(codebook.data() + labels[j] * dim, dim, out_.decoded.data() + i * dim);
       }
     });
     blocks_done.get();
     if (!in_blocks) return;
     if (direct) {
-      code_blocks(rows, weights, blocks, settings_, distance, block_books, &out_);
+      code_blocks(rows, weights, blocks, settings_, distance, block_codebooks, &out_);
       return;
     }
-    // Literals have no index: blocks are coded without them.
+    // Escapes have no index: blocks are coded without them.
     CodedComponent part;
     part.n = n;
     part.dim = dim;
-    part.books = {book};
+    part.codebooks = {codebook};
     part.index.emplace_back(labels.begin(), labels.end());
     part.decoded.resize(n * dim);
     for (size_t j = 0; j < n; ++j) {
-      std::copy_n(book.data() + labels[j] * dim, dim, part.decoded.data() + j * dim);
+      std::copy_n(codebook.data() + labels[j] * dim, dim, part.decoded.data() + j * dim);
     }
-    code_blocks(rows, weights, blocks, settings_, distance, block_books, &part);
+    code_blocks(rows, weights, blocks, settings_, distance, block_codebooks, &part);
     for (size_t j = 0; j < n; ++j) {
       const size_t i = coded_[j];
       out_.index[0][i] = part.index[0][j];
       std::copy_n(part.decoded.data() + j * dim, dim, out_.decoded.data() + i * dim);
     }
-    out_.residual_book = std::move(part.residual_book);
+    out_.residual_codebook = std::move(part.residual_codebook);
     out_.block_tables = std::move(part.block_tables);
   }
 
@@ -292,7 +293,7 @@ class ComponentCoder {
     const Codebook pilot = train_codebook(rows_, weights_, n, dim, options);
     const double after = pilot.weighted_distortion;
     effective_dim_ = effective_dimension(before, after, static_cast<double>(pilot.size()));
-    return codewords_by_cost(before, n, dim, effective_dim_, settings_.bit_price,
+    return codewords_by_cost(before, n, dim, effective_dim_, settings_.rd_lambda,
                              useful_entries(settings_.codebook_size, n));
   }
 
@@ -300,14 +301,14 @@ class ComponentCoder {
   StageChoice choose_members(size_t s, const std::vector<uint32_t>& members,
                              const std::vector<float>& error) const {
     if (by_cost()) {
-      return choose_stage(members, error, out_.dim, effective_dim_, settings_.bit_price,
+      return choose_stage(members, error, out_.dim, effective_dim_, settings_.rd_lambda,
                           useful_entries(settings_.codebook_size, members.size()));
     }
     StageChoice out;
     out.members =
-        neediest(members, error,
-                 static_cast<size_t>(std::llround(static_cast<double>(settings_.stages[s]) *
-                                                  static_cast<double>(out_.n))));
+        largest_error(members, error,
+                      static_cast<size_t>(std::llround(static_cast<double>(settings_.stages[s]) *
+                                                       static_cast<double>(out_.n))));
     out.codewords = useful_entries(settings_.codebook_size, out.members.size());
     return out;
   }
@@ -335,15 +336,15 @@ class ComponentCoder {
       if (chosen.members.empty()) break;
       gather(residual.get(), weights_, dim, settings_.threads, &chosen);
       const size_t n = chosen.members.size();
-      out_.books.push_back(train_half_codebook(chosen.rows.get(), chosen.weights.data(), n, dim,
-                                               choice.codewords, settings_, 1 + s));
-      const std::vector<float>& book = out_.books[s];
+      out_.codebooks.push_back(train_half_codebook(chosen.rows.get(), chosen.weights.data(), n, dim,
+                                                   choice.codewords, settings_, 1 + s));
+      const std::vector<float>& codebook = out_.codebooks[s];
       std::vector<uint32_t> labels(n);
       std::vector<float> distance(n);
-      assign_nearest(chosen.rows.get(), n, dim, book.data(), book.size() / dim, backend(), nullptr,
-                     labels.data(), distance.data());
+      assign_nearest(chosen.rows.get(), n, dim, codebook.data(), codebook.size() / dim, backend(),
+                     nullptr, labels.data(), distance.data());
       constrain_entropy(chosen.rows.get(), chosen.weights.data(), n, dim, constraint(),
-                        &out_.books[s], &labels);
+                        &out_.codebooks[s], &labels);
       out_.index.emplace_back(out_.n, uint16_t{0});
       parallel_for(settings_.threads, n, kGrain, [&](size_t begin, size_t end) {
         for (size_t j = begin; j < end; ++j) {
@@ -351,11 +352,11 @@ class ComponentCoder {
           out_.depth[i] = static_cast<uint8_t>(s + 1);
           out_.index[s][i] = static_cast<uint16_t>(labels[j]);
           for (size_t k = 0; k < dim; ++k) {
-            out_.decoded[i * dim + k] = out_.decoded[i * dim + k] + book[labels[j] * dim + k];
+            out_.decoded[i * dim + k] = out_.decoded[i * dim + k] + codebook[labels[j] * dim + k];
           }
         }
       });
-      if (by_cost()) learn_dimension(chosen.members, need, book.size() / dim);
+      if (by_cost()) learn_dimension(chosen.members, need, codebook.size() / dim);
       members = chosen.members;
     }
   }
@@ -373,21 +374,21 @@ class ComponentCoder {
   }
 
   // Rows whose last error is worth more than all of their numbers in binary16.
-  void choose_literals_by_cost() {
+  void choose_escapes_by_cost() {
     if (!by_cost() || !out_.block_tables.empty()) return;
     constexpr double kBitsPerNumber = 13;
-    const double worth = settings_.bit_price * kBitsPerNumber * static_cast<double>(out_.dim);
+    const double worth = settings_.rd_lambda * kBitsPerNumber * static_cast<double>(out_.dim);
     const std::vector<double> error = weighted_errors(coded_);
     for (size_t j = 0; j < coded_.size(); ++j) {
       if (error[j] <= worth) continue;
-      out_.depth[coded_[j]] = kLiteralDepth;
-      out_.any_literal = true;
+      out_.depth[coded_[j]] = kEscapeDepth;
+      out_.any_escape = true;
     }
   }
 
-  void code_literals() {
+  void code_escapes() {
     for (size_t i = 0; i < out_.n; ++i) {
-      if (out_.depth[i] != kLiteralDepth) continue;
+      if (out_.depth[i] != kEscapeDepth) continue;
       for (size_t k = 0; k < out_.dim; ++k) {
         out_.decoded[i * out_.dim + k] =
             half_to_float(float_to_half_saturate(rows_[i * out_.dim + k]));
@@ -411,8 +412,8 @@ ComponentSettings component_settings(const EncoderSettings& settings, unsigned c
   ComponentSettings s;
   s.codebook_size = static_cast<uint32_t>(settings.get(L4D_ENC_CODEBOOK_SIZE, c));
   s.stages = settings.stages(c);
-  s.literal_threshold = settings.get(L4D_ENC_LITERAL_THRESHOLD, c);
-  s.rate_price = settings.get(L4D_ENC_RATE_PRICE, c);
+  s.escape_threshold = settings.get(L4D_ENC_ESCAPE_THRESHOLD, c);
+  s.rate_lambda = settings.get(L4D_ENC_RATE_LAMBDA, c);
   s.refine_rounds = settings.get_int(L4D_ENC_REFINE);
   s.rcq = settings.get_int(L4D_ENC_RCQ);
   s.rcq_size = static_cast<uint32_t>(settings.get(L4D_ENC_RCQ_SIZE));
@@ -453,7 +454,7 @@ CodedComponent codes_of(const CodedComponent& c, const std::vector<uint32_t>& wh
   out.coding = c.coding;
   out.n = n;
   out.dim = c.dim;
-  out.any_literal = c.any_literal;
+  out.any_escape = c.any_escape;
   const auto pick = [&](const auto& from, size_t width, auto* to) {
     if (from.empty()) return;
     to->resize(n * width);
@@ -469,9 +470,9 @@ CodedComponent codes_of(const CodedComponent& c, const std::vector<uint32_t>& wh
   };
   pick(c.depth, 1, &out.depth);
   pick_each(c.index, &out.index);
-  if (c.any_literal) pick(c.decoded, c.dim, &out.decoded);
-  pick(c.transform.cls, 1, &out.transform.cls);
-  pick(c.transform.rung, 1, &out.transform.rung);
+  if (c.any_escape) pick(c.decoded, c.dim, &out.decoded);
+  pick(c.transform.step_exponent, 1, &out.transform.step_exponent);
+  pick(c.transform.eob_index, 1, &out.transform.eob_index);
   pick_each(c.transform.coefficient, &out.transform.coefficient);
   return out;
 }
@@ -482,8 +483,8 @@ void drop_codes(CodedComponent& c) {
   c.depth = std::vector<uint8_t>();
   c.index = std::vector<std::vector<uint16_t>>();
   c.decoded = std::vector<float>();
-  c.transform.cls = std::vector<uint8_t>();
-  c.transform.rung = std::vector<uint8_t>();
+  c.transform.step_exponent = std::vector<uint8_t>();
+  c.transform.eob_index = std::vector<uint8_t>();
   c.transform.coefficient = std::vector<std::vector<int16_t>>();
 }
 
@@ -501,16 +502,16 @@ void describe_component(const CodedComponent& c, ComponentCoding* coding) {
   coding->coding = c.coding;
   if (coding->transform()) describe_transform(c.transform, coding);
   if (!coding->vq()) return;
-  coding->literals = c.any_literal;
-  coding->stages.resize(c.books.size());
-  for (size_t s = 0; s < c.books.size(); ++s) {
-    coding->stages[s].num_entries = static_cast<uint32_t>(c.books[s].size() / c.dim);
+  coding->escapes = c.any_escape;
+  coding->stages.resize(c.codebooks.size());
+  for (size_t s = 0; s < c.codebooks.size(); ++s) {
+    coding->stages[s].num_entries = static_cast<uint32_t>(c.codebooks[s].size() / c.dim);
     coding->stages[s].step = s < c.steps.size() ? c.steps[s] : 0;
     coding->stages[s].element = coding->stages[s].step > 0 ? ElementType::kSq : ElementType::kF16;
   }
-  coding->has_rcq = !c.residual_book.empty();
+  coding->has_rcq = !c.residual_codebook.empty();
   if (coding->has_rcq) {
-    coding->rcq.num_entries = static_cast<uint32_t>(c.residual_book.size() / c.dim);
+    coding->rcq.num_entries = static_cast<uint32_t>(c.residual_codebook.size() / c.dim);
   }
 }
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Vector quantisation of one component over one set of Gaussians: stage 0 (optionally through block
-// codebooks), residual stages for those that need them most, literals above a weight.
+// codebooks), residual stages for those that need them most, escapes above a weight.
 #pragma once
 
 #include <cstdint>
@@ -18,12 +18,12 @@ namespace l4d {
 struct ComponentSettings {
   uint32_t codebook_size = 4096;
   std::vector<float> stages{1.0f};
-  double literal_threshold = 0;  // 0 = never
-  double rate_price = 0;         // see EntropyConstraint; blocks pay none
+  double escape_threshold = 0;  // 0 = never
+  double rate_lambda = 0;       // see EntropyConstraint; blocks pay none
   // Above 0: price of a bit in weighted squared error. Then sizes of codebooks (codebook_size at
-  // most), depths and literals are what they are worth, and `stages` and literal_threshold count
+  // most), depths and escapes are what they are worth, and `stages` and escape_threshold count
   // for nothing.
-  double bit_price = 0;
+  double rd_lambda = 0;
   int refine_rounds = 0;  // see refine_stages
   int rcq = 0;            // 0 never, 1 where it pays, 2 always; needs blocks
   uint32_t rcq_size = 512;
@@ -48,12 +48,12 @@ struct CodedComponent {
   ComponentCodingId coding = ComponentCodingId::kZero;
   size_t n = 0;
   size_t dim = 0;
-  std::vector<std::vector<float>> books;     // per stage [entries, dim], values of its elements
-  std::vector<float> steps;                  // per stage: of SQ elements; 0 = binary16
-  std::vector<uint8_t> depth;                // [n]; kLiteralDepth = literal
-  std::vector<std::vector<uint16_t>> index;  // per stage [n], valid where depth > stage
-  bool any_literal = false;
-  std::vector<float> residual_book;  // RCQ, [entries, dim]; empty = no RCQ
+  std::vector<std::vector<float>> codebooks;  // per stage [entries, dim], values of its elements
+  std::vector<float> steps;                   // per stage: of SQ elements; 0 = binary16
+  std::vector<uint8_t> depth;                 // [n]; kEscapeDepth = escape
+  std::vector<std::vector<uint16_t>> index;   // per stage [n], valid where depth > stage
+  bool any_escape = false;
+  std::vector<float> residual_codebook;  // RCQ, [entries, dim]; empty = no RCQ
   // One per block; empty = that block indexes the layer's codebook.
   std::vector<std::vector<RcqPair>> block_tables;
   std::vector<float> decoded;      // [n, dim], bit-exact
@@ -71,8 +71,8 @@ CodedComponent code_component(const float* rows, const float* weights, size_t n,
 // Drops Gaussians (keep[i] = 0) from a coded set.
 void drop_gaussians(CodedComponent& component, const std::vector<uint8_t>& keep);
 
-// What pages hold of the Gaussians `which`, in that order: depths and indices, or classes, rungs
-// and coefficients; `decoded` where there are literals. Codebooks and bases stay behind.
+// What pages hold of the Gaussians `which`, in that order: depths and indices, or step_exponents,
+// EOB indices and coefficients; `decoded` where there are escapes. Codebooks and bases stay behind.
 CodedComponent codes_of(const CodedComponent& component, const std::vector<uint32_t>& which,
                         int threads);
 
@@ -81,7 +81,7 @@ void drop_codes(CodedComponent& component);
 
 // Orders every codebook by use, most used first, without the entries nobody uses: small numbers
 // become frequent, which any entropy coder after this likes. Changes no decoded value.
-void rank_codebooks(CodedComponent& component, const std::vector<BlockRange>& blocks);
+void sort_codebooks_by_frequency(CodedComponent& component, const std::vector<BlockRange>& blocks);
 
 // The same as coefficients. weights: see code_transform.
 CodedComponent code_component_transform(const float* rows, const float* weights, size_t n,

@@ -5,7 +5,7 @@
 #include <chrono>
 #include <map>
 
-#include "encoder/beside.h"
+#include "encoder/async.h"
 #include "encoder/choose_header.h"
 #include "encoder/encode_steps.h"
 #include "encoder/position_coding.h"
@@ -31,11 +31,11 @@ constexpr uint64_t kTotalWork = kPrepareWork + kShWork + kLayersWork + kWriteWor
 constexpr std::chrono::milliseconds kAskAgain{200};
 
 // Gaussians that are stored as they are, by the temporal level that they belong to.
-using Literals = std::map<unsigned, std::vector<uint32_t>>;
+using Escapes = std::map<unsigned, std::vector<uint32_t>>;
 
 // Takes Gaussians (ascending) out of the layers that they were planned for; returns them.
-Literals take_out(const std::vector<uint32_t>& these, std::vector<LayerPlan>* plans) {
-  Literals out;
+Escapes take_out(const std::vector<uint32_t>& these, std::vector<LayerPlan>* plans) {
+  Escapes out;
   if (these.empty()) return out;
   for (LayerPlan& plan : *plans) {
     std::vector<uint32_t>& taken = out[plan.level];
@@ -51,19 +51,19 @@ Literals take_out(const std::vector<uint32_t>& these, std::vector<LayerPlan>* pl
 }
 
 // Layers stay in the order of their levels.
-void add_literals(const EncoderScene& scene, unsigned level, std::vector<uint32_t> members,
-                  std::vector<CodedLayer>* layers) {
+void add_escapes(const EncoderScene& scene, unsigned level, std::vector<uint32_t> members,
+                 std::vector<CodedLayer>* layers) {
   if (members.empty()) return;
   const auto finer = std::find_if(layers->begin(), layers->end(),
                                   [&](const CodedLayer& l) { return l.level > level; });
-  layers->insert(finer, code_literals(scene, level, members));
+  layers->insert(finer, code_escapes(scene, level, members));
 }
 
 // Gives each layer the codes of its members, in their order, as those of other components are. What
 // stays is shared by all layers.
 void distribute_sh(int threads, CodedScene* coded) {
   CodedComponent& sh = coded->sh;
-  if (!sh.any_literal) sh.decoded = std::vector<float>();
+  if (!sh.any_escape) sh.decoded = std::vector<float>();
   for (CodedLayer& layer : coded->layers) {
     layer.component[L4D_COMPONENT_SH] = codes_of(sh, layer.members, threads);
   }
@@ -108,7 +108,7 @@ class Encoder::Run {
       known_positions_ = planned_positions(positions_);
       options_.positions = &known_positions_;
     }
-    literals_ = take_out(positions_.out_of_reach, &plans_);
+    escapes_ = take_out(positions_.out_of_reach, &plans_);
     steps_.advance(kPrepareWork);
     return {};
   }
@@ -127,7 +127,7 @@ class Encoder::Run {
         sh_options_.cancelled = &was_cancelled_;
         sh_options_.step = [](const char*) {};
       }
-      sh_ = start_beside(sh_apart_, [this] { return code_sh(scene_, sh_options_); });
+      sh_ = start_async(sh_apart_, [this] { return code_sh(scene_, sh_options_); });
       if (!sh_apart_) coded_.sh = sh_.get();
     }
     if (!sh_apart_) steps_.advance(kShWork);
@@ -135,22 +135,22 @@ class Encoder::Run {
 
   // Finest first: what no longer fits moves to the next coarser layer before that is coded.
   void code_layers() {
-    const bool may_be_literal =
+    const bool may_be_escape =
         !lossless_ && settings_.get_int(L4D_ENC_PROFILE) != static_cast<int>(ProfileId::kIndexed);
     std::vector<CodedLayer>& layers = coded_.layers;
     layers.resize(plans_.size());
     for (size_t l = plans_.size(); l-- > 0;) {
       if (plans_[l].members.empty()) continue;
       steps_.begin("layering");
-      std::vector<uint32_t> misfits;
-      layers[l] = code_layer(scene_, plans_[l], options_, &misfits,
-                             may_be_literal ? &literals_[plans_[l].level] : nullptr);
-      if (!misfits.empty()) {
+      std::vector<uint32_t> demoted;
+      layers[l] = code_layer(scene_, plans_[l], options_, &demoted,
+                             may_be_escape ? &escapes_[plans_[l].level] : nullptr);
+      if (!demoted.empty()) {
         std::vector<uint32_t>& to = plans_[l - 1].members;
-        std::vector<uint32_t> all(to.size() + misfits.size());
-        std::merge(to.begin(), to.end(), misfits.begin(), misfits.end(), all.begin());
+        std::vector<uint32_t> all(to.size() + demoted.size());
+        std::merge(to.begin(), to.end(), demoted.begin(), demoted.end(), all.begin());
         to = std::move(all);
-        report_.totals.moved_to_coarser += misfits.size();
+        report_.totals.moved_to_coarser += demoted.size();
       }
       steps_.advance(kLayersWork / plans_.size());
     }
@@ -170,9 +170,9 @@ class Encoder::Run {
   // Layers of what is stored as it is. All layers are there then, and get their SH.
   void complete_layers() {
     steps_.begin("write");
-    for (auto& [level, members] : literals_) {
-      report_.totals.literals += members.size();
-      add_literals(scene_, level, std::move(members), &coded_.layers);
+    for (auto& [level, members] : escapes_) {
+      report_.totals.escapes += members.size();
+      add_escapes(scene_, level, std::move(members), &coded_.layers);
     }
     report_.totals.num_layers = static_cast<uint32_t>(coded_.layers.size());
     distribute_sh(threads_, &coded_);
@@ -213,7 +213,7 @@ class Encoder::Run {
     report.totals.pruned = scene_.pruned;
     report.totals.raw_bytes = 4 * (17 + scene_.sh_dim()) * input_.gaussians.count;
     report.stages = steps_.take();
-    report.totals.num_stages = static_cast<uint32_t>(report.stages.size());
+    report.totals.num_steps = static_cast<uint32_t>(report.stages.size());
     report.totals.total_seconds =
         std::chrono::duration<double>(std::chrono::steady_clock::now() - started_).count();
     return report;
@@ -234,7 +234,7 @@ class Encoder::Run {
   std::vector<LayerPlan> plans_;
   PositionPlan positions_;
   PositionCoding known_positions_;
-  Literals literals_;
+  Escapes escapes_;
   CodedScene coded_;
   SceneHeader header_;
   EncodeReport report_;
@@ -269,14 +269,14 @@ Status Encoder::set_weights(uint32_t which, const float* weights, uint64_t count
   return {};
 }
 
-Status Encoder::set_least_sizes(const float* sizes, uint64_t count) {
+Status Encoder::set_min_sizes(const float* sizes, uint64_t count) {
   if (input_.gaussians.count == 0) return Status(L4D_ERR_INVALID_STATE, "set the scene first");
   if (sizes != nullptr && count != input_.gaussians.count) {
-    return invalid_argument(std::to_string(count) + " least sizes for " +
+    return invalid_argument(std::to_string(count) + " minimum sizes for " +
                             std::to_string(input_.gaussians.count) + " Gaussians");
   }
   EncoderInput input = input_;
-  input.least_sizes = sizes;
+  input.min_sizes = sizes;
   L4D_RETURN_IF_ERROR(check_input(input));
   input_ = input;
   return {};

@@ -30,7 +30,7 @@ class Encoder {
   Status set_scene(const l4d_gaussians& gaussians, const l4d_timeline& timeline,
                    const l4d_placement& placement);
   Status set_weights(uint32_t which, const float* weights, uint64_t count);
-  Status set_least_sizes(const float* sizes, uint64_t count);
+  Status set_min_sizes(const float* sizes, uint64_t count);
   Status set_rendering(const l4d_rendering& rendering);
   Status set_presentation(const l4d_presentation& presentation);
   void add_metadata(std::string key, std::string value) {

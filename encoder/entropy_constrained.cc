@@ -12,28 +12,28 @@ namespace {
 
 // Weights are told apart by half octaves: the price of bits in a point's own error depends on them.
 constexpr double kWeightStep = 0.5;
-constexpr double kLeastWeight = 1e-12;  // of the mean one
+constexpr double kMinWeight = 1e-12;  // of the mean one
 // What a codeword that nobody uses would cost, in uses.
 constexpr double kUnused = 0.25;
 
 class Constrainer {
  public:
   Constrainer(const float* rows, const float* weights, size_t n, size_t dim,
-              const EntropyConstraint& constraint, std::vector<float>& book,
+              const EntropyConstraint& constraint, std::vector<float>& codebook,
               std::vector<uint32_t>& labels)
       : rows_(rows),
         n_(n),
         dim_(dim),
-        k_(book.size() / dim),
+        k_(codebook.size() / dim),
         constraint_(constraint),
-        book_(book),
+        codebook_(codebook),
         labels_(labels) {
     double mean = 0;
     for (size_t i = 0; i < n; ++i) mean += static_cast<double>(weights[i]);
     mean = mean > 0 ? mean / static_cast<double>(n) : 1;
     weight_.resize(n);
     for (size_t i = 0; i < n; ++i) {
-      weight_[i] = std::max(static_cast<double>(weights[i]) / mean, kLeastWeight);
+      weight_[i] = std::max(static_cast<double>(weights[i]) / mean, kMinWeight);
     }
     group_by_weight();
   }
@@ -77,7 +77,7 @@ class Constrainer {
       double e2 = 0;
       for (size_t d = 0; d < dim_; ++d) {
         const double e = static_cast<double>(rows_[i * dim_ + d]) -
-                         static_cast<double>(book_[labels_[i] * dim_ + d]);
+                         static_cast<double>(codebook_[labels_[i] * dim_ + d]);
         e2 += e * e;
       }
       sum += weight_[i] * e2;
@@ -100,7 +100,7 @@ class Constrainer {
     for (const Group& g : groups_) {
       const size_t m = g.members.size();
       for (size_t c = 0; c < k_; ++c) {
-        std::copy_n(book_.data() + c * dim_, dim_, codebook.data() + c * (dim_ + 1));
+        std::copy_n(codebook_.data() + c * dim_, dim_, codebook.data() + c * (dim_ + 1));
         codebook[c * (dim_ + 1) + dim_] = static_cast<float>(std::sqrt(price * bits[c] / g.weight));
       }
       points.assign(m * (dim_ + 1), 0.0f);
@@ -132,7 +132,7 @@ class Constrainer {
       if (total[c] == 0) continue;
       for (size_t d = 0; d < dim_; ++d) {
         const float mean = static_cast<float>(sum[c * dim_ + d] / total[c]);
-        book_[c * dim_ + d] = half_to_float(float_to_half_saturate(mean));
+        codebook_[c * dim_ + d] = half_to_float(float_to_half_saturate(mean));
       }
     }
   }
@@ -140,7 +140,7 @@ class Constrainer {
   const float* rows_;
   size_t n_, dim_, k_;
   const EntropyConstraint& constraint_;
-  std::vector<float>& book_;
+  std::vector<float>& codebook_;
   std::vector<uint32_t>& labels_;
   std::vector<double> weight_;  // relative to the mean
   std::vector<Group> groups_;
@@ -149,10 +149,10 @@ class Constrainer {
 }  // namespace
 
 void constrain_entropy(const float* rows, const float* weights, size_t n, size_t dim,
-                       const EntropyConstraint& constraint, std::vector<float>* book,
+                       const EntropyConstraint& constraint, std::vector<float>* codebook,
                        std::vector<uint32_t>* labels) {
-  if (n == 0 || constraint.price <= 0 || book->size() <= dim) return;
-  Constrainer(rows, weights, n, dim, constraint, *book, *labels).run();
+  if (n == 0 || constraint.price <= 0 || codebook->size() <= dim) return;
+  Constrainer(rows, weights, n, dim, constraint, *codebook, *labels).run();
 }
 
 }  // namespace l4d

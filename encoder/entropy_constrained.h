@@ -20,11 +20,11 @@ struct EntropyConstraint {
   NearestDevice* device = nullptr;
 };
 
-// Moves the codewords of `book` [k, dim] and assigns rows [n, dim] to them. labels [n] come in as
-// the nearest codewords. Codewords keep binary16 values; those that nobody uses stay where they
+// Moves the codewords of `codebook` [k, dim] and assigns rows [n, dim] to them. labels [n] come in
+// as the nearest codewords. Codewords keep binary16 values; those that nobody uses stay where they
 // are.
 void constrain_entropy(const float* rows, const float* weights, size_t n, size_t dim,
-                       const EntropyConstraint& constraint, std::vector<float>* book,
+                       const EntropyConstraint& constraint, std::vector<float>* codebook,
                        std::vector<uint32_t>* labels);
 
 }  // namespace l4d

@@ -43,17 +43,17 @@ struct Histogram {
 
 }  // namespace
 
-TokenCounts::TokenCounts(const std::vector<PlaneSpec>& planes) {
+TokenCounts::TokenCounts(const std::vector<ChannelSpec>& channels) {
   size_t contexts = 0;
-  for (const PlaneSpec& p : planes) {
+  for (const ChannelSpec& p : channels) {
     first_.push_back(contexts);
     contexts += p.contexts;
   }
   counts_.assign(contexts * kTokens, 0);
 }
 
-void TokenCounts::visit(const PlaneSymbols& s) {
-  uint64_t* counts = counts_.data() + first_[s.plane] * kTokens;
+void TokenCounts::visit(const ChannelSymbols& s) {
+  uint64_t* counts = counts_.data() + first_[s.channel] * kTokens;
   for (size_t i = 0; i < s.wide.size(); ++i) ++counts[wide_token(s.wide[i]).token];
   for (size_t i = 0; i < s.hybrid.size(); ++i) {
     const size_t context = s.contexts.empty() ? 0 : s.contexts[i];
@@ -65,13 +65,13 @@ void TokenCounts::add(const TokenCounts& other) {
   for (size_t i = 0; i < counts_.size(); ++i) counts_[i] += other.counts_[i];
 }
 
-EntropyModel::EntropyModel(const std::vector<PlaneSpec>& planes, const TokenCounts& counts)
-    : planes_(planes), first_(counts.first_) {
+EntropyModel::EntropyModel(const std::vector<ChannelSpec>& channels, const TokenCounts& counts)
+    : channels_(channels), first_(counts.first_) {
   map_.assign(counts.counts_.size() / TokenCounts::kTokens, 0);
   std::vector<size_t> wide, hybrid;
-  for (size_t p = 0; p < planes_.size(); ++p) {
-    auto& contexts = planes_[p].kind == PlaneKind::kPosition ? wide : hybrid;
-    for (size_t c = 0; c < planes_[p].contexts; ++c) contexts.push_back(first_[p] + c);
+  for (size_t p = 0; p < channels_.size(); ++p) {
+    auto& contexts = channels_[p].kind == ChannelKind::kPosition ? wide : hybrid;
+    for (size_t c = 0; c < channels_[p].contexts; ++c) contexts.push_back(first_[p] + c);
   }
   cluster(counts, wide, 1);
   wide_tables_ = tables_.size();
@@ -182,16 +182,16 @@ Bytes EntropyModel::serialize() const {
 namespace {
 
 // Keeps what the block writer borrows until it is done.
-class PageCoder : public PlaneVisitor {
+class PageCoder : public ChannelVisitor {
  public:
   PageCoder(const std::vector<RansTable>& tables, const std::vector<size_t>& first,
             const std::vector<uint8_t>& map)
       : tables_(tables), first_(first), map_(map) {}
 
-  void visit(const PlaneSymbols& s) override {
-    const uint8_t* map = map_.data() + first_[s.plane];
-    planes_.push_back({});
-    Plane& p = planes_.back();
+  void visit(const ChannelSymbols& s) override {
+    const uint8_t* map = map_.data() + first_[s.channel];
+    channels_.push_back({});
+    Channel& p = channels_.back();
     p.wide.assign(s.wide.begin(), s.wide.end());
     p.hybrid.assign(s.hybrid.begin(), s.hybrid.end());
     p.tables.resize(s.hybrid.size() + s.wide.size());
@@ -202,18 +202,18 @@ class PageCoder : public PlaneVisitor {
   void write(size_t begin, size_t end, Bytes& out) const {
     RansBlockWriter writer;
     for (size_t p = begin; p < end; ++p) {
-      const Plane& plane = planes_[p];
-      if (!plane.wide.empty()) {
-        writer.add_wide(tables_.data(), plane.tables.data(), plane.wide);
+      const Channel& channel = channels_[p];
+      if (!channel.wide.empty()) {
+        writer.add_wide(tables_.data(), channel.tables.data(), channel.wide);
       } else {
-        writer.add_hybrid(tables_.data(), plane.tables.data(), plane.hybrid);
+        writer.add_hybrid(tables_.data(), channel.tables.data(), channel.hybrid);
       }
     }
     writer.finish(out);
   }
 
  private:
-  struct Plane {
+  struct Channel {
     std::vector<uint64_t> wide;
     std::vector<uint16_t> hybrid;
     std::vector<uint8_t> tables;
@@ -221,22 +221,22 @@ class PageCoder : public PlaneVisitor {
   const std::vector<RansTable>& tables_;
   const std::vector<size_t>& first_;
   const std::vector<uint8_t>& map_;
-  std::vector<Plane> planes_;
+  std::vector<Channel> channels_;
 };
 
 }  // namespace
 
 Bytes EntropyModel::encode_page(const SceneHeader& header, const LayerHeader& layer,
                                 const PageColumns& columns, Bytes* detail,
-                                size_t least_detail) const {
+                                size_t min_detail) const {
   PageCoder coder(tables_, first_, map_);
-  visit_planes(header, layer, planes_, columns, coder);
-  size_t middle = detail == nullptr ? planes_.size() : first_detail_plane(header, planes_);
-  if (middle < planes_.size()) {
-    coder.write(middle, planes_.size(), *detail);
-    if (detail->size() < least_detail) {
+  visit_channels(header, layer, channels_, columns, coder);
+  size_t middle = detail == nullptr ? channels_.size() : first_detail_channel(header, channels_);
+  if (middle < channels_.size()) {
+    coder.write(middle, channels_.size(), *detail);
+    if (detail->size() < min_detail) {
       detail->clear();
-      middle = planes_.size();
+      middle = channels_.size();
     }
   }
   Bytes out;

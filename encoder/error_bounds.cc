@@ -74,20 +74,20 @@ void eigenvalues(const double* m, double* out) {
 // way or the other; or 1 and the largest change of a variance in any direction, in parts of a's
 // largest. The first is about sizes, the second about directions, on the scale of the whole: a thin
 // disc that turns a little is little changed.
-double variance_factor(const double* a, const double* b, double least_variance) {
+double variance_factor(const double* a, const double* b, double min_variance) {
   double x[3], y[3], difference[6], changes[3];
   eigenvalues(a, x);
   eigenvalues(b, y);
   double factor = 1;
   for (int k = 0; k < 3; ++k) {
     const double ratio =
-        (std::max(y[k], 0.0) + least_variance) / (std::max(x[k], 0.0) + least_variance);
+        (std::max(y[k], 0.0) + min_variance) / (std::max(x[k], 0.0) + min_variance);
     factor = std::max(factor, ratio > 0 ? std::max(ratio, 1 / ratio) : kInfinity);
   }
   for (int k = 0; k < 6; ++k) difference[k] = b[k] - a[k];
   eigenvalues(difference, changes);
   const double change = std::max(std::fabs(changes[0]), std::fabs(changes[2]));
-  return std::max(factor, 1 + change / std::max(x[0] + least_variance, 1e-300));
+  return std::max(factor, 1 + change / std::max(x[0] + min_variance, 1e-300));
 }
 
 double seen_part(const SeenGaussian& g, double t) { return visible_falloff(g.lambda, t - g.mean); }
@@ -179,8 +179,8 @@ GaussianErrors errors_of(const SeenGaussian& original, const SeenGaussian& decod
   const double half = std::sqrt(nearest * nearest + 2 * std::log(2.0) / original.lambda);
   double spread[3];
   eigenvalues(original.covariance, spread);
-  const double least_size = std::max(bounds.least_size, original.least_size);
-  const double size = std::max(std::sqrt(std::max(spread[0], 0.0)), least_size);
+  const double min_size = std::max(bounds.min_size, original.min_size);
+  const double size = std::max(std::sqrt(std::max(spread[0], 0.0)), min_size);
   out.position = (distance_within(original, decoded, half, begin, end) + bounds.position_slack) /
                  std::max(size, 1e-30);
   const double gate = 4 / std::sqrt(original.lambda);
@@ -188,7 +188,7 @@ GaussianErrors errors_of(const SeenGaussian& original, const SeenGaussian& decod
     out.visible = distance_within(original, decoded, gate, begin, end) + bounds.position_slack;
   }
   // Nothing is so flat that rounding could make its variance negative.
-  const double thinnest = std::max(least_size, 1e-6 * size);
+  const double thinnest = std::max(min_size, 1e-6 * size);
   out.covariance = variance_factor(original.covariance, decoded.covariance, thinnest * thinnest);
   out.opacity =
       opacity_error(original, decoded, begin, end, interesting_opacity) + bounds.opacity_slack;

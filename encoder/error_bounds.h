@@ -13,7 +13,7 @@ struct SeenGaussian {
   double lambda;     // 1/s^2; 0: it does not fade
   double opacity;
   double covariance[6];  // of the slice: xx xy xz yy yz zz
-  double least_size;     // scene units: below this its errors do not count
+  double min_size;       // scene units: below this its errors do not count
 };
 
 struct GaussianErrors {
@@ -27,17 +27,17 @@ struct GaussianErrors {
 struct ErrorBounds {
   // Distance between where the Gaussian is and where it should be, while it has at least half of
   // the most opacity that it reaches in the sequence, over its size: its own largest standard
-  // deviation, or `least_size` where that is larger. 0 = no bound, as in all of these.
+  // deviation, or `min_size` where that is larger. 0 = no bound, as in all of these.
   double position = 0;
   // The largest ratio of a principal variance to what it should be, or the other way round; or 1
   // and the largest change of a variance in any direction in parts of the largest variance there
-  // is. All with the square of the least size added. 1 is no error, and as a bound none.
+  // is. All with the square of the minimum size added. 1 is no error, and as a bound none.
   double covariance = 0;
   double opacity = 0;  // seen at any instant
   // Distance at any instant at which it is visible at all, in scene units.
   double visible = 0;
 
-  double least_size = 0;      // scene units, of all; a Gaussian's own counts where it is larger
+  double min_size = 0;        // scene units, of all; a Gaussian's own counts where it is larger
   double position_slack = 0;  // scene units: what coding positions will add, at most
   double opacity_slack = 0;
 

@@ -5,8 +5,8 @@
 #include <map>
 
 #include "libl4dcodec/base/hash.h"
-#include "libl4dcodec/container/conformance.h"
 #include "libl4dcodec/container/file_header.h"
+#include "libl4dcodec/container/level_meter.h"
 #include "libl4dcodec/quant/codebook.h"
 
 namespace l4d {
@@ -64,14 +64,14 @@ class FileBuilder {
     }
     if (!coding->vq()) return;
     const uint32_t dim = static_cast<uint32_t>(c.dim);
-    for (size_t s = 0; s < c.books.size(); ++s) {
+    for (size_t s = 0; s < c.codebooks.size(); ++s) {
       StageCoding& stage = coding->stages[s];
       stage.codebook =
-          make_chunk(encode_codebook(streams_, stage, c.books[s].data(), dim), &codebooks_);
+          make_chunk(encode_codebook(streams_, stage, c.codebooks[s].data(), dim), &codebooks_);
     }
     if (coding->has_rcq) {
       coding->rcq.codebook = make_chunk(
-          encode_codebook(streams_, coding->rcq, c.residual_book.data(), dim), &codebooks_);
+          encode_codebook(streams_, coding->rcq, c.residual_codebook.data(), dim), &codebooks_);
     }
   }
 
@@ -102,7 +102,7 @@ class FileBuilder {
   }
 
   // Level 0 first, then buckets by the time they begin, so that playback reads forward. The tables
-  // of a block lie before its first page. Of a bucket, the first parts of all pages lie before the
+  // of a block lie before its first page. Of a bucket, the base chunks of all pages lie before the
   // second ones: a reader of base colours alone reads one range, and so does one of everything.
   void build_payload() {
     struct Item {
@@ -216,7 +216,7 @@ class FileBuilder {
       return {};
     }
     std::string text;
-    for (const Excess& e : meter_.beyond(header_.conformance_level)) {
+    for (const LimitViolation& e : meter_.beyond(header_.conformance_level)) {
       text += (text.empty() ? "" : "; ") + e.message;
     }
     return text.empty() ? Status() : Status(L4D_ERR_LIMIT_EXCEEDED, text);
@@ -234,7 +234,7 @@ class FileBuilder {
       at += ref.stored_bytes;
     };
     const auto place_component = [&](ComponentCoding& coding) {
-      for (size_t s = 0; s < coding.num_books(); ++s) place(coding.book(s).codebook);
+      for (size_t s = 0; s < coding.num_codebooks(); ++s) place(coding.codebook(s).codebook);
       if (coding.has_rcq) place(coding.rcq.codebook);
     };
     place_component(header_.sh);
@@ -292,7 +292,7 @@ class FileBuilder {
   std::vector<BuiltLayer> built_;
   std::vector<std::map<uint32_t, BlockRecord>> block_tables_;
   std::vector<std::vector<PageTableEntry>> tables_;
-  ConformanceMeter meter_{header_};
+  LevelMeter meter_{header_};
 };
 
 }  // namespace

@@ -48,8 +48,8 @@ struct CellMeans {
 // Each cell is summed in index order by whoever gets it, so the sums do not depend on the threads.
 CellMeans cell_means(const Points& p, const std::vector<uint32_t>& labels, size_t k) {
   // A piece of fewer numbers would be done before another thread has begun.
-  constexpr size_t kLeastCells = 32, kLeastNumbers = size_t{1} << 16;
-  const size_t grain = std::max(kLeastCells, k * kLeastNumbers / std::max<size_t>(1, p.n * p.dim));
+  constexpr size_t kMinCells = 32, kMinNumbers = size_t{1} << 16;
+  const size_t grain = std::max(kMinCells, k * kMinNumbers / std::max<size_t>(1, p.n * p.dim));
   const Cells cells = sort_into_cells(labels, k);
   CellMeans out;
   out.mean.assign(k * p.dim, 0.0f);

@@ -57,7 +57,7 @@ class LayerCoder {
         settings_(*options.settings),
         quality_(settings_, scene.count) {}
 
-  CodedLayer run(std::vector<uint32_t>* misfits, std::vector<uint32_t>* literals) {
+  CodedLayer run(std::vector<uint32_t>* demoted, std::vector<uint32_t>* escapes) {
     lossless_ = settings_.get_bool(L4D_ENC_LOSSLESS);
     out_.level = plan_.level;
     out_.permanent = plan_.permanent;
@@ -70,11 +70,11 @@ class LayerCoder {
       code_shapes(scene_, options_, quality_, &out_);
     }
     place_all();
-    drop_misfits(misfits, literals);
+    drop_demoted(demoted, escapes);
     if (!lossless_) {
       finish_shapes(&out_);
       for (unsigned c = L4D_COMPONENT_SCALE; c < L4D_COMPONENT_COUNT; ++c) {
-        rank_codebooks(out_.component[c], out_.blocks);
+        sort_codebooks_by_frequency(out_.component[c], out_.blocks);
       }
     }
     return std::move(out_);
@@ -114,9 +114,9 @@ class LayerCoder {
   void code_mean_times() {
     const size_t n = count();
     if (plan_.permanent || lossless_) {
-      out_.mean_times.mean_t = plan_.permanent           ? MeanCodingId::kNone
-                               : scene_.has_double_times ? MeanCodingId::kRaw64
-                                                         : MeanCodingId::kRaw32;
+      out_.mean_times.mean_t = plan_.permanent           ? CoordinateCodingId::kNone
+                               : scene_.has_double_times ? CoordinateCodingId::kRaw64
+                                                         : CoordinateCodingId::kRaw32;
     } else {
       std::vector<MeanTimeTarget> targets(n);
       for (size_t j = 0; j < n; ++j) {
@@ -156,7 +156,7 @@ class LayerCoder {
     out_.decoded_velocity.resize(3 * n);
     out_.position.resize(3 * n);
     out_.opacity.resize(n);
-    literal_.assign(n, 0);
+    escape_.assign(n, 0);
     const bool bounded = options_.bounds.any() && !lossless_;
     parallel_for(options_.threads, n, kGrain, [&](size_t begin, size_t end) {
       for (size_t j = begin; j < end; ++j) {
@@ -200,7 +200,7 @@ class LayerCoder {
   }
 
   // Codes member j more finely until it keeps to the bounds: each time the component that helps
-  // most. What no code can do is left to a literal.
+  // most. What no code can do is left to an escape.
   void repair(size_t j, const SeenGaussian& original) {
     ShapeRefiner refiner(scene_, &out_);
     const double mean = out_.decoded_mean_t[j];
@@ -240,7 +240,7 @@ class LayerCoder {
       }
       worst = placed_excess();
     }
-    literal_[j] = worst > 1;
+    escape_[j] = worst > 1;
   }
 
   void decoded_gaussian(size_t j, float* rotor, float* log_scale) const {
@@ -253,23 +253,23 @@ class LayerCoder {
     decoded_shape(out_, j, rotor, log_scale);
   }
 
-  void drop_misfits(std::vector<uint32_t>* misfits, std::vector<uint32_t>* literals) {
-    misfits->clear();
+  void drop_demoted(std::vector<uint32_t>* demoted, std::vector<uint32_t>* escapes) {
+    demoted->clear();
     const size_t n = count();
     std::vector<uint8_t> keep(n, 1);
     for (size_t j = 0; j < n; ++j) {
-      if (literal_[j] != 0 && literals != nullptr) {
-        literals->push_back(out_.members[j]);
+      if (escape_[j] != 0 && escapes != nullptr) {
+        escapes->push_back(out_.members[j]);
         keep[j] = 0;
       } else if (plan_.level != 0 &&
                  !fits_layer(out_.decoded_mean_t[j], 1 / std::sqrt(out_.decoded_lambda[j]),
                              out_.bucket[j], plan_.level, timeline())) {
-        misfits->push_back(out_.members[j]);
+        demoted->push_back(out_.members[j]);
         keep[j] = 0;
       }
     }
     if (std::find(keep.begin(), keep.end(), 0) == keep.end()) return;
-    std::sort(misfits->begin(), misfits->end());
+    std::sort(demoted->begin(), demoted->end());
     std::vector<size_t> before(n + 1, 0);  // kept Gaussians before j
     for (size_t j = 0; j < n; ++j) before[j + 1] = before[j] + keep[j];
     for (BlockRange& b : out_.blocks) b = {before[b.begin], before[b.end]};
@@ -372,32 +372,32 @@ class LayerCoder {
   Quality quality_;
   bool lossless_ = false;
   CodedLayer out_;
-  std::vector<uint8_t> literal_;  // [m] what no code brings within the bounds
+  std::vector<uint8_t> escape_;  // [m] what no code brings within the bounds
 };
 
 }  // namespace
 
 CodedLayer code_layer(const EncoderScene& scene, const LayerPlan& plan, const CoderOptions& options,
-                      std::vector<uint32_t>* misfits, std::vector<uint32_t>* literals) {
-  return LayerCoder(scene, plan, options).run(misfits, literals);
+                      std::vector<uint32_t>* demoted, std::vector<uint32_t>* escapes) {
+  return LayerCoder(scene, plan, options).run(demoted, escapes);
 }
 
-// Of a literal's mean time in binary32, in temporal standard deviations.
+// Of an escape's mean time in binary32, in temporal standard deviations.
 constexpr double kMaxRoundedMean = 0.001;
 
-CodedLayer code_literals(const EncoderScene& scene, unsigned level,
-                         const std::vector<uint32_t>& members) {
+CodedLayer code_escapes(const EncoderScene& scene, unsigned level,
+                        const std::vector<uint32_t>& members) {
   CodedLayer out;
   out.level = level;
   place_in_buckets(scene, members, &out);
-  out.literal = true;
+  out.escape = true;
   // Seconds since 1970 in binary32 are off by a minute.
   const bool doubles = std::any_of(members.begin(), members.end(), [&](uint32_t i) {
     const SeenGaussian seen = scene.seen(i);
     const double off = seen.mean - static_cast<double>(static_cast<float>(seen.mean));
     return std::fabs(off) * std::sqrt(seen.lambda) > kMaxRoundedMean;
   });
-  out.mean_times.mean_t = doubles ? MeanCodingId::kRaw64 : MeanCodingId::kRaw32;
+  out.mean_times.mean_t = doubles ? CoordinateCodingId::kRaw64 : CoordinateCodingId::kRaw32;
   out.scale_factor.coding = ScalarCodingId::kConstant;
   for (unsigned c = L4D_COMPONENT_SCALE; c < L4D_COMPONENT_COUNT; ++c) {
     out.component[c].coding = ComponentCodingId::kRaw32;

@@ -15,7 +15,7 @@ namespace l4d {
 struct CodedLayer {
   unsigned level = 0;
   bool permanent = false;
-  bool literal = false;  // members are stored as they are
+  bool escape = false;  // members are stored as they are
   unsigned directory_bits = 0;
   MeanTimeCoding mean_times;
   ScalarCoding scale_factor;
@@ -38,14 +38,14 @@ struct CodedLayer {
 };
 
 // Codes the members of a plan. Those whose decoded form no longer fits the layer are left out and
-// returned in `misfits` (ascending) for the next coarser layer. Those that no code brings within
-// options.bounds are left out too and added to `literals`, unless that is null.
+// returned in `demoted` (ascending) for the next coarser layer. Those that no code brings within
+// options.bounds are left out too and added to `escapes`, unless that is null.
 CodedLayer code_layer(const EncoderScene& scene, const LayerPlan& plan, const CoderOptions& options,
-                      std::vector<uint32_t>* misfits, std::vector<uint32_t>* literals);
+                      std::vector<uint32_t>* demoted, std::vector<uint32_t>* escapes);
 
 // A layer that holds its members, whose extents its level allows, as they are. (Of a
 // coarser one, times from the middle of its buckets would be rounded more than brief ones bear.)
-CodedLayer code_literals(const EncoderScene& scene, unsigned level,
-                         const std::vector<uint32_t>& members);
+CodedLayer code_escapes(const EncoderScene& scene, unsigned level,
+                        const std::vector<uint32_t>& members);
 
 }  // namespace l4d

@@ -83,7 +83,7 @@ class Tokens {
 // Fixed coding with a step of about `step`, for times from low to high.
 MeanTimeCoding with_step(const MeanTimeCoding& coding, double step, double low, double high) {
   MeanTimeCoding out = coding;
-  out.mean_t = MeanCodingId::kFixed;
+  out.mean_t = CoordinateCodingId::kFixed;
   step = std::clamp(std::max(step, (high - low) / kMaxCodes), 0x1p-59, 0x1p59);
   out.mean_t_step = static_cast<float>(step);
   step = static_cast<double>(out.mean_t_step);
@@ -98,11 +98,11 @@ MeanTimeCoding with_step(const MeanTimeCoding& coding, double step, double low, 
 }
 
 void choose_fixed(const std::vector<MeanTimeTarget>& targets, MeanTimeCoding* coding) {
-  double low = 0, high = 0, least_tolerance = HUGE_VAL;
+  double low = 0, high = 0, min_tolerance = HUGE_VAL;
   for (const MeanTimeTarget& t : targets) {
     low = std::min(low, t.local);
     high = std::max(high, t.local);
-    least_tolerance = std::min(least_tolerance, t.tolerance);
+    min_tolerance = std::min(min_tolerance, t.tolerance);
   }
   std::vector<MeanTimeTarget> sample;
   const size_t stride = targets.size() / kSample + 1;
@@ -111,7 +111,7 @@ void choose_fixed(const std::vector<MeanTimeTarget>& targets, MeanTimeCoding* co
   for (const MeanTimeTarget& t : sample) tolerance.push_back(t.tolerance);
   std::sort(tolerance.begin(), tolerance.end());
   // Beyond this the finest cells would be more than the least tolerance wide.
-  const double largest = least_tolerance * static_cast<double>(1u << kMaxFineBits);
+  const double largest = min_tolerance * static_cast<double>(1u << kMaxFineBits);
   MeanTimeCoding best;
   double least = HUGE_VAL;
   for (const double q : kQuantiles) {
@@ -164,7 +164,7 @@ bool fixed_mean_times_fit(double reach, double tolerance) {
 void choose_mean_times(const std::vector<MeanTimeTarget>& targets, bool f16, int shift,
                        double width, MeanTimeCoding* coding) {
   if (f16 || targets.empty()) {
-    coding->mean_t = MeanCodingId::kF16;
+    coding->mean_t = CoordinateCodingId::kF16;
     coding->mean_t_shift = 0;
     coding->mean_t_shift =
         shift >= 0 ? static_cast<unsigned>(shift) : choose_shift(targets, width, *coding);
@@ -175,8 +175,9 @@ void choose_mean_times(const std::vector<MeanTimeTarget>& targets, bool f16, int
 
 MeanTimeCode code_mean_time(const MeanTimeCoding& coding, double width,
                             const MeanTimeTarget& target) {
-  return coding.mean_t == MeanCodingId::kFixed ? code_fixed(coding, target, coding.mean_t_fine)
-                                               : code_f16(coding, width, target);
+  return coding.mean_t == CoordinateCodingId::kFixed
+             ? code_fixed(coding, target, coding.mean_t_fine)
+             : code_f16(coding, width, target);
 }
 
 }  // namespace l4d

@@ -170,8 +170,9 @@ void build_boxes(NearestIndex& index) {
 
 }  // namespace
 
-NearestIndex::NearestIndex(const float* book, size_t num_codewords, size_t dimensions, bool rotate)
-    : codebook(book), k(num_codewords), dim(dimensions) {
+NearestIndex::NearestIndex(const float* entries, size_t num_codewords, size_t dimensions,
+                           bool rotate)
+    : codebook(entries), k(num_codewords), dim(dimensions) {
   if (!plain() && rotate) axes = find_principal_axes(codebook, k, dim);
   const std::vector<double> coordinates = rotate_codebook(*this);
   choose_lead(*this, coordinates);
@@ -201,7 +202,7 @@ NearestIndex::NearestIndex(const float* book, size_t num_codewords, size_t dimen
   if (!plain()) {
     rows.resize(order.size() * dim);
     for (size_t s = 0; s < order.size(); ++s) {
-      std::copy_n(book + order[s] * dim, dim, rows.data() + s * dim);
+      std::copy_n(entries + order[s] * dim, dim, rows.data() + s * dim);
     }
   }
   build_boxes(*this);

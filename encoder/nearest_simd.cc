@@ -434,10 +434,10 @@ bool worth_rotating(size_t n, size_t k, size_t dim) { return n >= 32 * dim && k 
 void search_all(NearestJob job, size_t n, int threads) {
   // Where there are few codewords to look at, a piece of this many points would be done before
   // another thread has begun.
-  constexpr size_t kLeastGrain = 1024;
-  constexpr size_t kLeastWork = size_t{1} << 18;
+  constexpr size_t kMinGrain = 1024;
+  constexpr size_t kMinWork = size_t{1} << 18;
   const size_t per_point = job.index->dim * std::min<size_t>(job.index->k, 64);
-  const size_t grain = std::max(kLeastGrain, kLeastWork / per_point);
+  const size_t grain = std::max(kMinGrain, kMinWork / per_point);
   parallel_for(threads, n, grain, [&](size_t begin, size_t end) {
     HWY_DYNAMIC_DISPATCH(search_range)(job, begin, end);
   });

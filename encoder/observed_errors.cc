@@ -21,7 +21,7 @@ SeenGaussian decoded(const EncoderScene& scene, const PositionCoding& positions,
                      const ScalarCoding& opacity, const CodedLayer& layer, size_t j) {
   SeenGaussian seen{};
   const size_t i = layer.members[j];
-  if (layer.literal) {
+  if (layer.escape) {
     slice_in_double(scene.rotor.data() + 8 * i, scene.log_scale.data() + 4 * i, &seen);
   } else {
     float rotor[8], log_scale[4];
@@ -94,7 +94,7 @@ ErrorStatement statement_of(const GaussianErrors& errors, const ErrorBounds& bou
   s.covariance_bound = static_cast<float>(bounds.covariance);
   s.opacity_bound = static_cast<float>(bounds.opacity);
   s.visible_bound = static_cast<float>(bounds.visible);
-  s.least_size = static_cast<float>(bounds.least_size);
+  s.min_size = static_cast<float>(bounds.min_size);
   return s;
 }
 

@@ -36,7 +36,7 @@ uint16_t half_outward(double value, bool up) {
 
 // Compressing a page as a whole adds a pass over all of it: one part in sixteen must be saved.
 constexpr size_t kMinPageSaving = 16;
-// A second part, without which SH is base colour, costs a set of rANS states and a place and a hash
+// An SH chunk, without which SH is base colour, costs a set of rANS states and a place and a hash
 // in the directory, about 150 bytes. Readers take gaps of this size with what lies around them
 // anyway.
 constexpr size_t kMinDetailBytes = 4096;
@@ -73,9 +73,9 @@ class LayerBuilder {
   }
 
  private:
-  bool lossless() const { return header_.position == MeanCodingId::kRaw32; }
-  bool raw() const { return header_.position_of(layer_header_) == MeanCodingId::kRaw32; }
-  bool fixed() const { return header_.position_of(layer_header_) == MeanCodingId::kFixed; }
+  bool lossless() const { return header_.position == CoordinateCodingId::kRaw32; }
+  bool raw() const { return header_.position_of(layer_header_) == CoordinateCodingId::kRaw32; }
+  bool fixed() const { return header_.position_of(layer_header_) == CoordinateCodingId::kFixed; }
   // The input's own bits, where the scene is lossless.
   float raw_position(size_t j, size_t k) const {
     return lossless() ? scene_.raw_position[3 * layer_.members[j] + k]
@@ -85,18 +85,18 @@ class LayerBuilder {
   // Pages are made twice, once to count and once to code: their columns may be larger than the
   // scene.
   std::unique_ptr<EntropyModel> make_model(int threads) const {
-    const std::vector<PlaneSpec> planes = page_planes(header_, layer_header_);
-    TokenCounts counts(planes);
+    const std::vector<ChannelSpec> channels = page_channels(header_, layer_header_);
+    TokenCounts counts(channels);
     std::mutex mutex;
     parallel_for(threads, cuts_.size(), 1, [&](size_t begin, size_t end) {
-      TokenCounts own(planes);
+      TokenCounts own(channels);
       for (size_t p = begin; p < end; ++p) {
-        visit_planes(header_, layer_header_, planes, make_columns(cuts_[p]), own);
+        visit_channels(header_, layer_header_, channels, make_columns(cuts_[p]), own);
       }
       std::lock_guard<std::mutex> lock(mutex);
       counts.add(own);
     });
-    return std::make_unique<EntropyModel>(planes, counts);
+    return std::make_unique<EntropyModel>(channels, counts);
   }
 
   // Coded positions, and the order inside buckets along a Morton curve over their ordered integers.
@@ -183,10 +183,10 @@ class LayerBuilder {
       const size_t j = order_[cut.begin + i];
       if (layer_header_.has_mean_codes()) columns.mean_t.push_back(layer_.mean_t[j]);
       if (layer_header_.mean_t_fine) columns.mean_t_fine.push_back(layer_.mean_t_fine[j]);
-      if (layer_header_.mean_t == MeanCodingId::kRaw64) {
+      if (layer_header_.mean_t == CoordinateCodingId::kRaw64) {
         columns.raw64_mean_t.push_back(scene_.mean_t[layer_.members[j]]);
       }
-      if (layer_header_.mean_t == MeanCodingId::kRaw32) {
+      if (layer_header_.mean_t == CoordinateCodingId::kRaw32) {
         columns.raw_mean_t.push_back(lossless() ? scene_.raw_mean_t[layer_.members[j]]
                                                 : static_cast<float>(layer_.decoded_mean_t[j]));
       }
@@ -256,11 +256,11 @@ class LayerBuilder {
       const size_t j = order_[i];
       const uint8_t depth = from.depth[j];
       to.depth.push_back(depth);
-      if (depth == kLiteralDepth) {
+      if (depth == kEscapeDepth) {
         for (size_t k = 0; k < dim; ++k) {
-          to.literal.push_back(float_to_half(from.decoded[dim * j + k]));
+          to.escape.push_back(float_to_half(from.decoded[dim * j + k]));
         }
-        ++to.num_literals;
+        ++to.num_escapes;
         continue;
       }
       for (size_t s = 0; s < depth; ++s) {
@@ -274,9 +274,9 @@ class LayerBuilder {
                      ComponentColumns* to) const {
     for (size_t i = cut.begin; i < cut.end; ++i) {
       const size_t j = order_[i];
-      to->cls.push_back(from.cls[j]);
-      to->rung.push_back(from.rung[j]);
-      for (unsigned k = 0; k < rung_coefficients(coding, from.rung[j]); ++k) {
+      to->step_exponent.push_back(from.step_exponent[j]);
+      to->eob_index.push_back(from.eob_index[j]);
+      for (unsigned k = 0; k < eob_coefficients(coding, from.eob_index[j]); ++k) {
         to->coefficient[k].push_back(from.coefficient[k][j]);
         ++to->coefficient_count[k];
       }

@@ -19,7 +19,7 @@ struct PageOptions {
 struct BuiltPage {
   PageRecord record;  // offsets open, block as index in the layer
   Bytes bytes;        // stored form
-  Bytes sh_detail;    // second part
+  Bytes sh_detail;    // SH chunk
 };
 
 struct BuiltLayer {

@@ -13,13 +13,13 @@ namespace {
 // Binary16, or with the input's own bits where the scene is lossless.
 PositionCoding float_positions(const std::vector<CodedLayer>& layers, bool lossless) {
   PositionCoding coding;
-  coding.position = lossless ? MeanCodingId::kRaw32 : MeanCodingId::kF16;
+  coding.position = lossless ? CoordinateCodingId::kRaw32 : CoordinateCodingId::kF16;
   std::vector<double> axis;
   double reach = 0;
   for (size_t k = 0; k < 3; ++k) {
     axis.clear();
     for (const CodedLayer& layer : layers) {
-      if (layer.literal) continue;
+      if (layer.escape) continue;
       for (size_t j = k; j < layer.position.size(); j += 3) axis.push_back(layer.position[j]);
     }
     if (axis.empty()) continue;
@@ -47,7 +47,7 @@ PositionCoding fixed_positions(const std::vector<CodedLayer>& layers, double ste
   std::fill_n(low, 3, HUGE_VAL);
   std::fill_n(high, 3, -HUGE_VAL);
   for (const CodedLayer& layer : layers) {
-    if (layer.literal) continue;
+    if (layer.escape) continue;
     for (size_t j = 0; j < layer.position.size(); ++j) {
       low[j % 3] = std::min(low[j % 3], layer.position[j]);
       high[j % 3] = std::max(high[j % 3], layer.position[j]);
@@ -55,14 +55,14 @@ PositionCoding fixed_positions(const std::vector<CodedLayer>& layers, double ste
   }
   double reach = 0;
   for (size_t k = 0; k < 3; ++k) {
-    if (low[k] > high[k]) low[k] = high[k] = 0;  // nothing but literals
+    if (low[k] > high[k]) low[k] = high[k] = 0;  // nothing but escapes
     reach = std::max(reach, high[k] - low[k]);
   }
   // A step between powers of two saves a fraction of a bit; one that is no power of two rounds
   // nothing that matters.
   const double finest = reach / ((1u << kMaxPositionBits) - 2);
   const float scale = static_cast<float>(std::clamp(std::max(step, finest), 0x1p-40, 0x1p60));
-  coding.position = MeanCodingId::kFixed;
+  coding.position = CoordinateCodingId::kFixed;
   coding.position_scale = scale;
   coding.position_bits = 1;
   for (size_t k = 0; k < 3; ++k) {
@@ -81,7 +81,7 @@ PositionCoding fixed_positions(const std::vector<CodedLayer>& layers, double ste
 
 PositionCoding planned_positions(const PositionPlan& plan) {
   PositionCoding coding;
-  coding.position = MeanCodingId::kFixed;
+  coding.position = CoordinateCodingId::kFixed;
   coding.position_bits = plan.bits;
   coding.position_scale = static_cast<float>(plan.step);
   std::copy_n(plan.center, 3, coding.position_center);
@@ -96,17 +96,17 @@ PositionCoding choose_positions(const PositionPlan& plan, const std::vector<Code
 
 double coded_position(const PositionCoding& coding, const CodedLayer& layer, size_t j, size_t k) {
   const double x = layer.position[3 * j + k];
-  if (layer.literal) return x;
+  if (layer.escape) return x;
   const float center = coding.position_center[k];
   const double scaled =
       (x - static_cast<double>(center)) / static_cast<double>(coding.position_scale);
   switch (coding.position) {
-    case MeanCodingId::kFixed: {
+    case CoordinateCodingId::kFixed: {
       const double last = static_cast<double>((1u << coding.position_bits) - 1);
       const float code = static_cast<float>(nearest_code<uint32_t>(scaled, 0, last));
       return static_cast<double>(center + coding.position_scale * code);
     }
-    case MeanCodingId::kF16: {
+    case CoordinateCodingId::kF16: {
       const float half = half_to_float(float_to_half_saturate(static_cast<float>(scaled)));
       return static_cast<double>(center + coding.position_scale * half);
     }

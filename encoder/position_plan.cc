@@ -68,12 +68,12 @@ double extent_of(const std::vector<double>& axis) {
 
 // The smallest size of a Gaussian that counts: a third of the trace is no more than the largest
 // variance.
-double smallest_size(const EncoderScene& s, double least_size) {
+double smallest_size(const EncoderScene& s, double min_size) {
   double smallest = HUGE_VAL;
   for (size_t i = 0; i < s.count; ++i) {
     const SeenGaussian g = s.seen(i);
     const double trace = g.covariance[0] + g.covariance[3] + g.covariance[5];
-    smallest = std::min(smallest, std::max({std::sqrt(trace / 3), least_size, g.least_size}));
+    smallest = std::min(smallest, std::max({std::sqrt(trace / 3), min_size, g.min_size}));
   }
   return smallest;
 }
@@ -88,8 +88,7 @@ void choose_lattice(const EncoderScene& s, const std::vector<double> (&axes)[3],
     if (std::binary_search(plan->out_of_reach.begin(), plan->out_of_reach.end(), i)) continue;
     const SeenGaussian g = s.seen(i);
     const double trace = g.covariance[0] + g.covariance[3] + g.covariance[5];
-    const double room =
-        bounds.position * std::max({std::sqrt(trace), bounds.least_size, g.least_size});
+    const double room = bounds.position * std::max({std::sqrt(trace), bounds.min_size, g.min_size});
     for (size_t k = 0; k < 3; ++k) {
       low[k] = std::min(low[k], g.position[k] - room);
       high[k] = std::max(high[k], g.position[k] + room);
@@ -100,7 +99,7 @@ void choose_lattice(const EncoderScene& s, const std::vector<double> (&axes)[3],
   const double most = static_cast<double>((1u << kMaxPositionBits) - 2);
   double codes = 1;
   for (size_t k = 0; k < 3; ++k) {
-    if (low[k] > high[k]) low[k] = high[k] = 0;  // nothing but literals
+    if (low[k] > high[k]) low[k] = high[k] = 0;  // nothing but escapes
     if (high[k] - low[k] > most * plan->step) {
       const double unused = (1 - kReachUsed) / 2 * most * plan->step;
       low[k] = window_begin(axes[k], kReachUsed * most * plan->step) - unused;
@@ -130,7 +129,7 @@ ErrorBounds declared_bounds(const EncoderScene& scene, const EncoderSettings& se
   b.covariance = settings.get(L4D_ENC_MAX_COVARIANCE_FACTOR);
   b.opacity = settings.get(L4D_ENC_MAX_OPACITY_ERROR);
   b.visible = settings.get(L4D_ENC_MAX_VISIBLE_ERROR);
-  b.least_size = scene_extent(scene) / kSizesPerExtent;
+  b.min_size = scene_extent(scene) / kSizesPerExtent;
   return b;
 }
 
@@ -157,7 +156,7 @@ PositionPlan plan_positions(const EncoderScene& scene, const EncoderSettings& se
     const double share = early ? kPositionRounding : kLateRounding;
     if (error > 0) coarsest = std::min(coarsest, share * error * 2 / std::sqrt(3.0));
   };
-  if (early) allow(bounds->position * smallest_size(scene, bounds->least_size));
+  if (early) allow(bounds->position * smallest_size(scene, bounds->min_size));
   allow(bounds->visible);
   plan.step = std::min(wanted, coarsest);
 
@@ -166,7 +165,7 @@ PositionPlan plan_positions(const EncoderScene& scene, const EncoderSettings& se
   const double reach = kReachUsed * static_cast<double>((1u << kMaxPositionBits) - 2);
   // Without a bound, what a bound of half a size would ask for is fine enough.
   const double enough =
-      std::min(coarsest, 0.5 * kLateRounding * bounds->least_size * 2 / std::sqrt(3.0));
+      std::min(coarsest, 0.5 * kLateRounding * bounds->min_size * 2 / std::sqrt(3.0));
   plan.out_of_reach = outside(scene, axes, reach * plan.step);
   const double most = kMaxOutOfReach * static_cast<double>(scene.count);
   while (static_cast<double>(plan.out_of_reach.size()) > most && plan.step < enough) {

@@ -19,13 +19,13 @@ class Quality {
   double decibels() const { return decibels_; }
 
   // Mean squared error of the image that one number of component c of one Gaussian may cause.
-  double per_number(unsigned c) const {
+  double distortion_per_coefficient(unsigned c) const {
     return power(decibels_ + kOffset[c] +
                  settings_.get(L4D_ENC_QUALITY_OFFSET, static_cast<int>(c)));
   }
   // What a bit of component c is worth: the slope at which that error falls with the rate of
   // uniform quantisers, 2 ln 2 of it.
-  double bit_price(unsigned c) const { return 2 * std::log(2.0) * per_number(c); }
+  double rd_lambda(unsigned c) const { return 2 * std::log(2.0) * distortion_per_coefficient(c); }
   // Of a component whose largest sensible step is known at 42 dB: small weights are estimates, and
   // hold for small errors only.
   double max_step(double at_42_db) const { return at_42_db * std::exp2((42 - decibels_) / 12); }

@@ -11,7 +11,7 @@ namespace l4d {
 namespace {
 
 // A block codebook as the paper makes it, before its residuals are quantised.
-struct LocalBook {
+struct LocalCodebook {
   std::vector<float> entries;    // [k, dim]
   std::vector<uint16_t> global;  // [k] nearest layer codeword
   std::vector<float> residual;   // [k, dim]
@@ -65,13 +65,13 @@ std::vector<float> train_block(const float* rows, const float* weights, size_t d
                              block_entries(blocks[b], most), serial, 0x100 + uint64_t{b});
 }
 
-LocalBook make_local(const float* rows, const float* weights, size_t n, size_t dim,
-                     const std::vector<float>& global, std::vector<float> entries,
-                     const ComponentSettings& settings) {
-  LocalBook local;
+LocalCodebook make_local(const float* rows, const float* weights, size_t n, size_t dim,
+                         const std::vector<float>& global, std::vector<float> entries,
+                         const ComponentSettings& settings) {
+  LocalCodebook local;
   local.entries = std::move(entries);
   const size_t k = local.entries.size() / dim;
-  if (k == 0) return local;  // a block of literals alone
+  if (k == 0) return local;  // a block of escapes alone
   std::vector<uint32_t> nearest(k);
   std::vector<float> distance(std::max(n, k));
   assign_nearest(local.entries.data(), k, dim, global.data(), global.size() / dim, settings.threads,
@@ -99,23 +99,24 @@ struct CodedBlock {
   std::vector<float> distance;
 };
 
-CodedBlock code_block(const float* rows, size_t n, size_t dim, const LocalBook& local,
-                      const std::vector<float>& global, const std::vector<float>& residual_book,
+CodedBlock code_block(const float* rows, size_t n, size_t dim, const LocalCodebook& local,
+                      const std::vector<float>& global, const std::vector<float>& residual_codebook,
                       const ComponentSettings& settings) {
   CodedBlock out;
   const size_t k = local.global.size();
   if (k == 0) return out;
   std::vector<uint32_t> nearest(k);
   out.distance.resize(std::max(n, k));
-  assign_nearest(local.residual.data(), k, dim, residual_book.data(), residual_book.size() / dim,
-                 settings.threads, nullptr, nearest.data(), out.distance.data());
+  assign_nearest(local.residual.data(), k, dim, residual_codebook.data(),
+                 residual_codebook.size() / dim, settings.threads, nullptr, nearest.data(),
+                 out.distance.data());
   out.table.resize(k);
   out.entries.resize(k * dim);
   for (size_t e = 0; e < k; ++e) {
     out.table[e] = {local.global[e], static_cast<uint16_t>(nearest[e])};
     for (size_t d = 0; d < dim; ++d) {
       out.entries[e * dim + d] =
-          global[local.global[e] * dim + d] + residual_book[nearest[e] * dim + d];
+          global[local.global[e] * dim + d] + residual_codebook[nearest[e] * dim + d];
     }
   }
   out.labels.resize(n);
@@ -126,32 +127,35 @@ CodedBlock code_block(const float* rows, size_t n, size_t dim, const LocalBook& 
 
 }  // namespace
 
-std::vector<std::vector<float>> train_block_books(const float* rows, const float* weights,
-                                                  size_t dim, const std::vector<BlockRange>& blocks,
-                                                  const ComponentSettings& settings, size_t most) {
+std::vector<std::vector<float>> train_block_codebooks(const float* rows, const float* weights,
+                                                      size_t dim,
+                                                      const std::vector<BlockRange>& blocks,
+                                                      const ComponentSettings& settings,
+                                                      size_t most) {
   const ComponentSettings serial = serial_settings(settings);
-  std::vector<std::vector<float>> books(blocks.size());
+  std::vector<std::vector<float>> codebooks(blocks.size());
   parallel_for(settings.threads, blocks.size(), 1, [&](size_t b, size_t) {
-    books[b] = train_block(rows, weights, dim, blocks, b, most, serial);
+    codebooks[b] = train_block(rows, weights, dim, blocks, b, most, serial);
   });
-  return books;
+  return codebooks;
 }
 
 void code_blocks(const float* rows, const float* weights, const std::vector<BlockRange>& blocks,
                  const ComponentSettings& settings, const std::vector<float>& distance,
-                 const std::vector<std::vector<float>>& block_books, CodedComponent* component) {
+                 const std::vector<std::vector<float>>& block_codebooks,
+                 CodedComponent* component) {
   CodedComponent& c = *component;
   const size_t dim = c.dim;
-  const std::vector<float>& global = c.books[0];
+  const std::vector<float>& global = c.codebooks[0];
   const ComponentSettings serial = serial_settings(settings);
   const size_t most = global.size() / dim;
-  std::vector<LocalBook> locals(blocks.size());
+  std::vector<LocalCodebook> locals(blocks.size());
   parallel_for(settings.threads, blocks.size(), 1, [&](size_t b, size_t) {
     const size_t begin = blocks[b].begin;
-    const bool too_large = block_books[b].size() / dim > block_entries(blocks[b], most);
+    const bool too_large = block_codebooks[b].size() / dim > block_entries(blocks[b], most);
     locals[b] = make_local(
         rows + begin * dim, weights + begin, blocks[b].end - begin, dim, global,
-        too_large ? train_block(rows, weights, dim, blocks, b, most, serial) : block_books[b],
+        too_large ? train_block(rows, weights, dim, blocks, b, most, serial) : block_codebooks[b],
         serial);
   });
   std::vector<float> residuals, residual_weights;
@@ -162,17 +166,17 @@ void code_blocks(const float* rows, const float* weights, const std::vector<Bloc
   }
   const size_t num_residuals = residual_weights.size();
   if (num_residuals == 0) return;
-  const std::vector<float> residual_book =
+  const std::vector<float> residual_codebook =
       train_half_codebook(residuals.data(), residual_weights.data(), num_residuals, dim,
                           useful_entries(settings.rcq_size, num_residuals), settings, 0x10);
   const double pair_bits = std::log2(static_cast<double>(global.size() / dim)) +
-                           std::log2(static_cast<double>(residual_book.size() / dim));
+                           std::log2(static_cast<double>(residual_codebook.size() / dim));
 
   std::vector<CodedBlock> coded(blocks.size());
   parallel_for(settings.threads, blocks.size(), 1, [&](size_t b, size_t) {
     const size_t begin = blocks[b].begin;
     coded[b] = code_block(rows + begin * dim, blocks[b].end - begin, dim, locals[b], global,
-                          residual_book, serial);
+                          residual_codebook, serial);
   });
   std::vector<uint8_t> use(blocks.size(), 0);
   BlockCost plain_total, local_total;
@@ -199,9 +203,9 @@ void code_blocks(const float* rows, const float* weights, const std::vector<Bloc
     local_total.distortion += local.distortion;
   }
   // The residual codebook itself must be earned by all blocks together.
-  local_total.bits += 16.0 * static_cast<double>(residual_book.size());
+  local_total.bits += 16.0 * static_cast<double>(residual_codebook.size());
   if (settings.rcq != 2 && !pays(plain_total, local_total, used_gaussians, dim)) return;
-  c.residual_book = residual_book;
+  c.residual_codebook = residual_codebook;
   c.block_tables.resize(blocks.size());
   for (size_t b = 0; b < blocks.size(); ++b) {
     if (!use[b]) continue;

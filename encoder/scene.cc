@@ -118,7 +118,7 @@ SeenGaussian EncoderScene::seen(size_t i) const {
   g.opacity = linear_opacity(static_cast<double>(given.opacity[from]),
                              (given.flags & L4D_OPACITY_LOGIT) != 0);
   std::copy_n(position.data() + 3 * i, 3, g.position);
-  if (least_sizes != nullptr) g.least_size = static_cast<double>(least_sizes[from]);
+  if (min_sizes != nullptr) g.min_size = static_cast<double>(min_sizes[from]);
   return g;
 }
 
@@ -147,10 +147,10 @@ Status check_input(const EncoderInput& input) {
       }
     }
   }
-  for (uint64_t i = 0; input.least_sizes != nullptr && i < g.count; ++i) {
-    if (!(input.least_sizes[i] >= 0 && std::isfinite(input.least_sizes[i]))) {
+  for (uint64_t i = 0; input.min_sizes != nullptr && i < g.count; ++i) {
+    if (!(input.min_sizes[i] >= 0 && std::isfinite(input.min_sizes[i]))) {
       return Status(L4D_ERR_INVALID_SCENE,
-                    "the least size of Gaussian " + std::to_string(i) + " is not a number >= 0");
+                    "the minimum size of Gaussian " + std::to_string(i) + " is not a number >= 0");
     }
   }
   return {};
@@ -163,7 +163,7 @@ Status prepare_scene(const EncoderInput& input, const EncoderSettings& settings,
   const bool lossless = settings.get_bool(L4D_ENC_LOSSLESS);
   s = EncoderScene();
   s.given = g;
-  s.least_sizes = input.least_sizes;
+  s.min_sizes = input.min_sizes;
   s.sh_degree = g.sh_degree;
   s.timeline = input.timeline;
   s.duration = sequence_duration(input.timeline);
@@ -176,7 +176,7 @@ Status prepare_scene(const EncoderInput& input, const EncoderSettings& settings,
         "(prune-weight=-1)");
   }
   // What is seen of a Gaussian ends with its opacity, so to leave it out is to take that away.
-  const float* of_opacity = settings.get_int(L4D_ENC_WEIGHT_MEASURE) == 1 && !lossless
+  const float* of_opacity = settings.get_int(L4D_ENC_WEIGHT_METRIC) == 1 && !lossless
                                 ? input.weights[L4D_WEIGHT_OPACITY]
                                 : nullptr;
   const double pruning_error = Quality(settings, g.count).pruning_error();
@@ -257,7 +257,7 @@ Status prepare_scene(const EncoderInput& input, const EncoderSettings& settings,
       }
     }
   });
-  const bool gauss_newton = settings.get_int(L4D_ENC_WEIGHT_MEASURE) == 1;
+  const bool gauss_newton = settings.get_int(L4D_ENC_WEIGHT_METRIC) == 1;
   static constexpr unsigned kOwn[L4D_COMPONENT_COUNT] = {
       L4D_WEIGHT_SH, L4D_WEIGHT_SCALE, L4D_WEIGHT_ROTOR_SPATIAL, L4D_WEIGHT_ROTOR_TEMPORAL};
   for (size_t c = 0; c < L4D_COMPONENT_COUNT && !lossless; ++c) {

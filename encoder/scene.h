@@ -18,16 +18,16 @@ struct EncoderInput {
   l4d_timeline timeline{};
   l4d_placement placement{};
   std::array<const float*, L4D_WEIGHT_COUNT> weights{};  // [count] or null
-  const float* least_sizes = nullptr;                    // [count] or null
+  const float* min_sizes = nullptr;                      // [count] or null
   l4d_rendering rendering = default_rendering();
   l4d_presentation presentation = default_presentation();
 };
 
 struct EncoderScene {
   size_t count = 0;
-  bool has_double_times = false;       // lossless only: the input's times are mean_t as it is here
-  l4d_gaussians given{};               // borrowed
-  const float* least_sizes = nullptr;  // of what is given, or null
+  bool has_double_times = false;     // lossless only: the input's times are mean_t as it is here
+  l4d_gaussians given{};             // borrowed
+  const float* min_sizes = nullptr;  // of what is given, or null
   uint32_t sh_degree = 0;
   l4d_timeline timeline{};
   double duration = 0;

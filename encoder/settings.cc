@@ -14,8 +14,8 @@ namespace {
 constexpr ParameterDescription kParameters[L4D_ENC_PARAMETER_COUNT] = {
     {"lossless", "code float32 attributes exactly", 0, 1, 0, false, true},
     {"codebook-size", "entries of each stage's codebook", 1, 65536, 1024, true, true},
-    {"literal-threshold", "keep vectors of a larger weight unquantised; 0 = never", 0, 1e30, 0,
-     true, false},
+    {"escape-threshold", "keep vectors of a larger weight unquantised; 0 = never", 0, 1e30, 0, true,
+     false},
     {"rcq", "block codebooks: 0 never, 1 where they pay, 2 wherever allowed", 0, 2, 1, false, true},
     {"rcq-size", "entries of a residual codebook", 1, 4096, 512, false, true},
     {"merge-fraction", "merge a finest layer with a smaller share of all Gaussians", 0, 1, 0.005,
@@ -47,12 +47,12 @@ constexpr ParameterDescription kParameters[L4D_ENC_PARAMETER_COUNT] = {
     {"mean-t-shift", "low bits of binary16 mean times left out; -1 = as the quality allows", -1, 10,
      -1, false, true},
     {"rans", "code pages by rANS, not zstd", 0, 1, 1, false, true},
-    {"weight-measure", "what the weights are: 0 sums of derivatives, 1 Gauss-Newton", 0, 1, 0,
-     false, true},
+    {"weight-metric", "what the weights are: 0 sums of derivatives, 1 Gauss-Newton", 0, 1, 0, false,
+     true},
     {"prune-cost",
      "drop Gaussians that cost more bits than they are worth, by this factor; 0 = none", 0, 10, 0.2,
      false, false},
-    {"rate-price", "price of the bits of codebook indices; 0 = nearest codeword", 0, 10, 0, true,
+    {"rate-lambda", "price of the bits of codebook indices; 0 = nearest codeword", 0, 10, 0, true,
      false},
     {"position-offset", "dB on top of the quality, of fixed positions", -30, 60, 6, false, false},
     {"profile",
@@ -129,7 +129,7 @@ constexpr PresetDescription kPresets[] = {
     {"indexed-small", "codebooks only: between tiny and small"},
     {"indexed-high", "codebooks only: between large and archive"},
     {"paper-small",
-     "the paper's small model: literals above thresholds, RCQ, unseen Gaussians dropped"},
+     "the paper's small model: escapes above thresholds, RCQ, unseen Gaussians dropped"},
     {"paper-large", "the paper's large model: twice the SH codebook, a lower SH threshold"},
     {"lossless", "the float32 bits of the input, in any order"},
 };
@@ -172,7 +172,7 @@ Status EncoderSettings::set(l4d_encoder_parameter id, int component, double valu
     values[static_cast<size_t>(component)] = value;
   }
   was_set_[static_cast<size_t>(id)] = true;
-  if (id == L4D_ENC_LITERAL_THRESHOLD) values_[L4D_ENC_CODEBOOKS_BY_COST].fill(0);
+  if (id == L4D_ENC_ESCAPE_THRESHOLD) values_[L4D_ENC_CODEBOOKS_BY_COST].fill(0);
   if (id == L4D_ENC_EFFORT) {
     const Effort& effort = kEfforts[static_cast<size_t>(value) - 1];
     values_[L4D_ENC_KMEANS_ITERATIONS].fill(effort.kmeans_iterations);
@@ -254,10 +254,10 @@ Status EncoderSettings::set_preset(const char* name) {
     };
     fresh.values_[L4D_ENC_RANS].fill(0);
     fresh.values_[L4D_ENC_PAGE_SIZE].fill(kStreamPageSize);
-    set(L4D_ENC_LITERAL_THRESHOLD, L4D_COMPONENT_SH, paper.sh_threshold);
-    set(L4D_ENC_LITERAL_THRESHOLD, L4D_COMPONENT_SCALE, kPaperScaleThreshold);
-    set(L4D_ENC_LITERAL_THRESHOLD, L4D_COMPONENT_ROTOR_SPATIAL, kPaperSpatialThreshold);
-    set(L4D_ENC_LITERAL_THRESHOLD, L4D_COMPONENT_ROTOR_TEMPORAL, kPaperTemporalThreshold);
+    set(L4D_ENC_ESCAPE_THRESHOLD, L4D_COMPONENT_SH, paper.sh_threshold);
+    set(L4D_ENC_ESCAPE_THRESHOLD, L4D_COMPONENT_SCALE, kPaperScaleThreshold);
+    set(L4D_ENC_ESCAPE_THRESHOLD, L4D_COMPONENT_ROTOR_SPATIAL, kPaperSpatialThreshold);
+    set(L4D_ENC_ESCAPE_THRESHOLD, L4D_COMPONENT_ROTOR_TEMPORAL, kPaperTemporalThreshold);
     fresh.stages_.fill({1.0f});
     fresh.values_[L4D_ENC_CODEBOOK_SIZE].fill(4096);
     fresh.values_[L4D_ENC_CODEBOOK_SIZE][L4D_COMPONENT_SH] = paper.sh_codebook;

@@ -17,7 +17,7 @@ CodedComponent as_transform(const EncoderScene& scene, const CoderOptions& optio
                             const Quality& quality) {
   options.step("sh_transform");
   TransformSettings t;
-  t.distortion = quality.per_number(kSh);
+  t.distortion = quality.distortion_per_coefficient(kSh);
   t.max_step = quality.max_step(kMaxStep);
   t.principal_axes = true;
   t.base = options.settings->get_bool(L4D_ENC_SH_BASE) ? 3 : 0;
@@ -27,18 +27,18 @@ CodedComponent as_transform(const EncoderScene& scene, const CoderOptions& optio
 }
 
 CodedComponent in_codebooks(const EncoderScene& scene, const CoderOptions& options,
-                            double bit_price) {
+                            double rd_lambda) {
   options.step("sh_vq");
   ComponentSettings s = component_settings(*options.settings, kSh);
   s.seed = options.seed * 131 + 7;
   s.threads = options.threads;
   s.device = options.device;
   s.cancelled = options.cancelled;
-  s.bit_price = bit_price;
-  const std::vector<float>& weights = bit_price > 0 ? scene.importance[kSh] : scene.weight[kSh];
+  s.rd_lambda = rd_lambda;
+  const std::vector<float>& weights = rd_lambda > 0 ? scene.importance[kSh] : scene.weight[kSh];
   CodedComponent sh =
       code_component(scene.sh.data(), weights.data(), scene.count, scene.sh_dim(), {}, s);
-  rank_codebooks(sh, {});
+  sort_codebooks_by_frequency(sh, {});
   return sh;
 }
 
@@ -49,13 +49,13 @@ CodedComponent code_sh(const EncoderScene& scene, const CoderOptions& options) {
   const int coding = options.settings->get_int(L4D_ENC_CODING, kSh);
   if (coding == 1) return as_transform(scene, options, quality);
   const bool by_cost = coding == 2 || options.settings->get_bool(L4D_ENC_CODEBOOKS_BY_COST);
-  CodedComponent best = in_codebooks(scene, options, by_cost ? quality.bit_price(kSh) : 0);
+  CodedComponent best = in_codebooks(scene, options, by_cost ? quality.rd_lambda(kSh) : 0);
   if (coding != 2) return best;
   CodedComponent other = as_transform(scene, options, quality);
   const auto cost = [&](const CodedComponent& c) {
     return component_bits(c) + weighted_error(scene.sh.data(), c.decoded.data(),
                                               scene.importance[kSh].data(), c.n, c.dim) /
-                                   quality.bit_price(kSh);
+                                   quality.rd_lambda(kSh);
   };
   return cost(other) <= cost(best) ? std::move(other) : std::move(best);
 }

@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "decoder/expand/transform.h"
-#include "encoder/beside.h"
+#include "encoder/async.h"
 #include "encoder/coding_cost.h"
 #include "encoder/scalar.h"
 #include "libl4dcodec/base/half.h"
@@ -99,7 +99,7 @@ class ShapeCoder {
     apart_ = threads >= kComponents && in_codebooks_only();
     threads_ = apart_ ? (threads + kComponents - 1) / kComponents : threads;
     options_.step("scale_vq");
-    std::future<Scales> scales = start_beside(apart_, [&] { return best_scales(); });
+    std::future<Scales> scales = start_async(apart_, [&] { return best_scales(); });
     Rotors rotors = best_rotors();
     if (apart_) options_.step("scale_vq");
     put_scales(scales.get());
@@ -198,7 +198,7 @@ class ShapeCoder {
     // The spatial half says what kind of map the temporal one belongs to.
     halves[0].any = stereographic || any_number(halves[0]);
     halves[1].any = !out_.permanent && any_number(halves[1]);
-    std::future<CodedComponent> spatial = start_beside(apart_, [&] {
+    std::future<CodedComponent> spatial = start_async(apart_, [&] {
       return code_rows(L4D_COMPONENT_ROTOR_SPATIAL, halves[0], stereographic,
                        apart_ ? options_.cancelled_elsewhere : options_.cancelled);
     });
@@ -248,7 +248,7 @@ class ShapeCoder {
     }
     if (transform) {
       TransformSettings s;
-      s.distortion = quality_.per_number(c);
+      s.distortion = quality_.distortion_per_coefficient(c);
       s.max_step = quality_.max_step(kMaxStep[c]);
       // Half a step of a log scale is a factor of a variance. With a coarser one most Gaussians
       // would be beyond their bound, and pay for a whole bit.
@@ -267,7 +267,7 @@ class ShapeCoder {
     s.device = options_.device;
     s.cancelled = cancelled;
     const bool by_cost = settings_.get_bool(L4D_ENC_CODEBOOKS_BY_COST) || coding_of(c) == kCheaper;
-    if (by_cost) s.bit_price = quality_.bit_price(c);
+    if (by_cost) s.rd_lambda = quality_.rd_lambda(c);
     return code_component(rows.values.data(), (by_cost ? rows.importance : rows.weights).data(), n,
                           rows.dim, out_.blocks, s);
   }
@@ -288,7 +288,7 @@ class ShapeCoder {
     }
     const bool constant = scales.factor_coding.coding == ScalarCodingId::kConstant;
     return bits_of(scales.coded) + (constant ? 0 : codes_bits(scales.factor)) +
-           error / quality_.bit_price(L4D_COMPONENT_SCALE);
+           error / quality_.rd_lambda(L4D_COMPONENT_SCALE);
   }
 
   double cost_of(const Rotors& rotors) const {
@@ -307,7 +307,7 @@ class ShapeCoder {
     double cost = 0;
     for (unsigned half = 0; half < 2; ++half) {
       cost += bits_of(rotors[half]) +
-              error[half] / quality_.bit_price(L4D_COMPONENT_ROTOR_SPATIAL + half);
+              error[half] / quality_.rd_lambda(L4D_COMPONENT_ROTOR_SPATIAL + half);
     }
     return cost;
   }
@@ -360,13 +360,13 @@ bool ShapeRefiner::refine(size_t j, unsigned c) {
   float row[4];
   if (component.is_transform()) {
     make_row(j, c, row);
-    return code_row(row, component.dim, j, component.transform.cls[j] + 1u, component.transform,
-                    component.decoded.data() + j * component.dim);
+    return code_row(row, component.dim, j, component.transform.step_exponent[j] + 1u,
+                    component.transform, component.decoded.data() + j * component.dim);
   }
-  if (component.coding != ComponentCodingId::kVq || component.depth[j] == kLiteralDepth)
+  if (component.coding != ComponentCodingId::kVq || component.depth[j] == kEscapeDepth)
     return false;
   make_row(j, c, row);
-  component.depth[j] = kLiteralDepth;
+  component.depth[j] = kEscapeDepth;
   for (size_t k = 0; k < component.dim; ++k) {
     component.decoded[j * component.dim + k] = half_to_float(float_to_half_saturate(row[k]));
   }
@@ -381,7 +381,7 @@ ShapeRefiner::State ShapeRefiner::save(size_t j, unsigned c) const {
     s.depth = component.depth[j];
     return s;
   }
-  s.cls = component.transform.cls[j];
+  s.step_exponent = component.transform.step_exponent[j];
   for (size_t k = 0; k < component.transform.coefficient.size(); ++k) {
     s.coefficient[k] = component.transform.coefficient[k][j];
   }
@@ -395,7 +395,7 @@ void ShapeRefiner::restore(size_t j, unsigned c, const State& s) {
     component.depth[j] = s.depth;
     return;
   }
-  component.transform.cls[j] = s.cls;
+  component.transform.step_exponent[j] = s.step_exponent;
   for (size_t k = 0; k < component.transform.coefficient.size(); ++k) {
     component.transform.coefficient[k][j] = s.coefficient[k];
   }
@@ -405,8 +405,8 @@ void finish_shapes(CodedLayer* layer) {
   for (unsigned c = L4D_COMPONENT_SCALE; c < L4D_COMPONENT_COUNT; ++c) {
     CodedComponent& component = layer->component[c];
     if (component.is_transform()) drop_unused_coefficients(component.transform, component.dim);
-    component.any_literal = std::find(component.depth.begin(), component.depth.end(),
-                                      kLiteralDepth) != component.depth.end();
+    component.any_escape = std::find(component.depth.begin(), component.depth.end(),
+                                     kEscapeDepth) != component.depth.end();
   }
 }
 

@@ -16,7 +16,7 @@ void code_shapes(const EncoderScene& scene, const CoderOptions& options, const Q
 void decoded_shape(const CodedLayer& layer, size_t j, float* rotor, float* log_scale);
 
 // Codes components of single members more finely than the quality asks for: transforms in a finer
-// class, codebooks as a literal. Distinct members may be worked on at the same time.
+// step exponent, codebooks as an escape. Distinct members may be worked on at the same time.
 class ShapeRefiner {
  public:
   ShapeRefiner(const EncoderScene& scene, CodedLayer* layer);
@@ -25,7 +25,7 @@ class ShapeRefiner {
   bool refine(size_t j, unsigned c);
 
   struct State {
-    uint8_t depth = 0, cls = 0;
+    uint8_t depth = 0, step_exponent = 0;
     int16_t coefficient[4] = {0, 0, 0, 0};
     float decoded[4] = {0, 0, 0, 0};
   };
@@ -39,7 +39,7 @@ class ShapeRefiner {
   CodedLayer& layer_;
 };
 
-// Leaves out coefficients that nobody has and notes whether there are literals. Comes last.
+// Leaves out coefficients that nobody has and notes whether there are escapes. Comes last.
 void finish_shapes(CodedLayer* layer);
 
 }  // namespace l4d

@@ -7,7 +7,7 @@
 namespace l4d {
 namespace {
 
-constexpr uint32_t kLeastCodewords = 16;
+constexpr uint32_t kMinCodewords = 16;
 // Of a codeword, after entropy coding.
 constexpr double kBitsPerNumber = 8;
 // Sets of members and numbers of codewords follow from each other; they settle within a few rounds.
@@ -29,14 +29,14 @@ double codebook_bits(double codewords, size_t dim) {
 }
 
 uint32_t codewords_by_cost(double error, size_t n, size_t dim, double effective_dim,
-                           double bit_price, uint32_t most) {
-  uint32_t best = std::min(kLeastCodewords, most);
+                           double rd_lambda, uint32_t most) {
+  uint32_t best = std::min(kMinCodewords, most);
   double least = 0;
   for (uint32_t k = best; k <= most; k *= 2) {
     const double codewords = static_cast<double>(k);
     const double bits =
         static_cast<double>(n) * std::log2(codewords) + codebook_bits(codewords, dim);
-    const double cost = error * error_after_stage(codewords, effective_dim) + bit_price * bits;
+    const double cost = error * error_after_stage(codewords, effective_dim) + rd_lambda * bits;
     if (k > best && cost >= least) break;
     best = k;
     least = cost;
@@ -45,14 +45,14 @@ uint32_t codewords_by_cost(double error, size_t n, size_t dim, double effective_
 }
 
 StageChoice choose_stage(const std::vector<uint32_t>& members, const std::vector<float>& error,
-                         size_t dim, double effective_dim, double bit_price, uint32_t most) {
+                         size_t dim, double effective_dim, double rd_lambda, uint32_t most) {
   StageChoice out;
   out.codewords = std::min<uint32_t>(1024, most);
   double sum = 0;
   for (int round = 0; round < kRounds; ++round) {
     const double codewords = static_cast<double>(out.codewords);
     const double gain = 1 - error_after_stage(codewords, effective_dim);
-    const double index = bit_price * std::log2(codewords);
+    const double index = rd_lambda * std::log2(codewords);
     out.members.clear();
     sum = 0;
     for (const uint32_t i : members) {
@@ -61,12 +61,12 @@ StageChoice choose_stage(const std::vector<uint32_t>& members, const std::vector
       sum += static_cast<double>(error[i]);
     }
     if (out.members.empty()) return out;
-    out.codewords = codewords_by_cost(sum, out.members.size(), dim, effective_dim, bit_price, most);
+    out.codewords = codewords_by_cost(sum, out.members.size(), dim, effective_dim, rd_lambda, most);
   }
   const double codewords = static_cast<double>(out.codewords);
   const double bits = static_cast<double>(out.members.size()) * std::log2(codewords) +
                       codebook_bits(codewords, dim);
-  if (sum * (1 - error_after_stage(codewords, effective_dim)) <= bit_price * bits)
+  if (sum * (1 - error_after_stage(codewords, effective_dim)) <= rd_lambda * bits)
     out.members.clear();
   return out;
 }

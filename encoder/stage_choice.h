@@ -22,7 +22,7 @@ double codebook_bits(double codewords, size_t dim);
 // The number of codewords, a power of two up to `most`, at which error and price of indices and
 // codebook together are least. error: sum over the n rows, before the stage.
 uint32_t codewords_by_cost(double error, size_t n, size_t dim, double effective_dim,
-                           double bit_price, uint32_t most);
+                           double rd_lambda, uint32_t most);
 
 struct StageChoice {
   std::vector<uint32_t> members;  // ascending; empty = the stage is not worth its codebook
@@ -31,6 +31,6 @@ struct StageChoice {
 
 // Which of `members` another stage is worth. error: by row, of all rows.
 StageChoice choose_stage(const std::vector<uint32_t>& members, const std::vector<float>& error,
-                         size_t dim, double effective_dim, double bit_price, uint32_t most);
+                         size_t dim, double effective_dim, double rd_lambda, uint32_t most);
 
 }  // namespace l4d

@@ -22,7 +22,7 @@ constexpr double kMaxAxisWeight = 20;
 // What a number of the base varies less than this share of the average is not asked about others.
 constexpr double kMinBaseVariance = 1e-6;
 // Numbers of coefficients that a Gaussian may have: fine where most end, coarse beyond.
-constexpr uint8_t kLadder[] = {2, 4, 6, 9, 12, 16, 20, 26, 34};
+constexpr uint8_t kEobTable[] = {2, 4, 6, 9, 12, 16, 20, 26, 34};
 
 constexpr double kMaxCoefficient = 32767;
 
@@ -38,9 +38,9 @@ TransformSource source_of(const CodedTransform& coded, size_t dim,
   source.num_coefficients = coded.steps.size();
   source.basis = basis.data();
   source.steps = coded.steps.data();
-  source.cls = coded.cls.data();
-  source.rung = coded.rung.data();
-  source.ladder = coded.ladder.data();
+  source.step_exponent = coded.step_exponent.data();
+  source.eob_index = coded.eob_index.data();
+  source.eob_table = coded.eob_table.data();
   for (size_t k = 0; k < coded.coefficient.size(); ++k) {
     source.coefficient[k] = coded.coefficient[k].data();
   }
@@ -61,9 +61,9 @@ class TransformCoder {
 
   CodedTransform run() {
     find_axes();
-    choose_classes();
+    choose_step_exponents();
     quantize();
-    choose_rungs();
+    choose_eob_indices();
     decode();
     return std::move(out_);
   }
@@ -161,15 +161,15 @@ class TransformCoder {
     covariance.bottomRightCorner(rest, rest) -= slopes * cross.transpose();
   }
 
-  void choose_classes() {
-    out_.cls.resize(n_);
+  void choose_step_exponents() {
+    out_.step_exponent.resize(n_);
     step0_ = static_cast<float>(settings_.max_step);
     out_.steps.assign(dim_, step0_);
     for (size_t i = 0; i < n_; ++i) {
       const double w = std::max(static_cast<double>(weights_[i]), 1e-30);
       const double step = std::sqrt(12 * settings_.distortion / w);
       const double octaves = std::log2(static_cast<double>(step0_) / step);
-      out_.cls[i] = nearest_code<uint8_t>(octaves, 0, kTransformClasses - 1);
+      out_.step_exponent[i] = nearest_code<uint8_t>(octaves, 0, kTransformStepExponents - 1);
     }
   }
 
@@ -191,14 +191,15 @@ class TransformCoder {
           largest = std::max(largest, std::fabs(c[k]));
         }
         // A row that lies far out has to do with coarser steps.
-        while (out_.cls[i] > 0 && std::ldexp(largest, out_.cls[i]) > 32700) --out_.cls[i];
+        while (out_.step_exponent[i] > 0 && std::ldexp(largest, out_.step_exponent[i]) > 32700)
+          --out_.step_exponent[i];
         for (size_t k = 0; k < dim_; ++k) {
           // What rounding of the base changes in other numbers, these make up for.
           for (size_t j = 0; j < base_ && k >= base_; ++j) {
-            const double rounded = std::ldexp(out_.coefficient[j][i], -int{out_.cls[i]});
+            const double rounded = std::ldexp(out_.coefficient[j][i], -int{out_.step_exponent[i]});
             c[k] += (c[j] - rounded) * leaning[k * base_ + j];
           }
-          out_.coefficient[k][i] = nearest_code<int16_t>(std::ldexp(c[k], out_.cls[i]),
+          out_.coefficient[k][i] = nearest_code<int16_t>(std::ldexp(c[k], out_.step_exponent[i]),
                                                          -kMaxCoefficient, kMaxCoefficient);
         }
       }
@@ -221,10 +222,10 @@ class TransformCoder {
     return leaning;
   }
 
-  void choose_rungs() {
+  void choose_eob_indices() {
     if (settings_.all_coefficients) {
-      out_.ladder.assign(1, static_cast<uint8_t>(dim_));
-      out_.rung.assign(n_, 1);
+      out_.eob_table.assign(1, static_cast<uint8_t>(dim_));
+      out_.eob_index.assign(n_, 1);
       return;
     }
     std::vector<uint8_t> used(n_, 0);
@@ -241,20 +242,20 @@ class TransformCoder {
     out_.steps.resize(most);
     out_.coefficient.resize(most);
     out_.basis.resize((most + 1) * dim_);
-    // A ladder pays for vectors of many numbers that are mostly zero.
-    if (base_ > 0 && base_ < most) out_.ladder.push_back(static_cast<uint8_t>(base_));
+    // An EOB table pays for vectors of many numbers that are mostly zero.
+    if (base_ > 0 && base_ < most) out_.eob_table.push_back(static_cast<uint8_t>(base_));
     if (dim_ > 4) {
-      for (const uint8_t step : kLadder) {
-        if (step > base_ && step < most) out_.ladder.push_back(step);
+      for (const uint8_t step : kEobTable) {
+        if (step > base_ && step < most) out_.eob_table.push_back(step);
       }
     }
-    out_.ladder.push_back(static_cast<uint8_t>(most));
-    out_.rung.assign(n_, 1);
-    if (out_.ladder.size() == 1) return;
+    out_.eob_table.push_back(static_cast<uint8_t>(most));
+    out_.eob_index.assign(n_, 1);
+    if (out_.eob_table.size() == 1) return;
     for (size_t i = 0; i < n_; ++i) {
-      uint8_t rung = 0;
-      while (rung > 0 ? out_.ladder[rung - 1] < used[i] : used[i] > 0) ++rung;
-      out_.rung[i] = rung;
+      uint8_t eob_index = 0;
+      while (eob_index > 0 ? out_.eob_table[eob_index - 1] < used[i] : used[i] > 0) ++eob_index;
+      out_.eob_index[i] = eob_index;
     }
   }
 
@@ -287,19 +288,19 @@ class TransformCoder {
 
 }  // namespace
 
-bool code_row(const float* row, size_t dim, size_t i, unsigned cls, CodedTransform& coded,
+bool code_row(const float* row, size_t dim, size_t i, unsigned step_exponent, CodedTransform& coded,
               float* decoded) {
-  if (cls >= kTransformClasses) return false;
+  if (step_exponent >= kTransformStepExponents) return false;
   constexpr size_t kMaxDim = 4;
   int16_t q[kMaxDim];
   for (size_t k = 0; k < dim; ++k) {
     const double c = (static_cast<double>(row[k]) - static_cast<double>(coded.basis[k])) /
                      static_cast<double>(coded.steps[k]);
-    const double scaled = std::ldexp(c, static_cast<int>(cls));
+    const double scaled = std::ldexp(c, static_cast<int>(step_exponent));
     if (!(std::fabs(scaled) <= kMaxCoefficient)) return false;
     q[k] = nearest_code<int16_t>(scaled, -kMaxCoefficient, kMaxCoefficient);
   }
-  coded.cls[i] = static_cast<uint8_t>(cls);
+  coded.step_exponent[i] = static_cast<uint8_t>(step_exponent);
   for (size_t k = 0; k < dim; ++k) coded.coefficient[k][i] = q[k];
   std::vector<float> padded = coded.basis;
   padded.resize(padded.size() + 16);
@@ -319,7 +320,7 @@ void drop_unused_coefficients(CodedTransform& coded, size_t dim) {
   coded.steps.resize(used);
   coded.coefficient.resize(used);
   coded.basis.resize((used + 1) * dim);
-  coded.ladder.assign(1, static_cast<uint8_t>(used));
+  coded.eob_table.assign(1, static_cast<uint8_t>(used));
 }
 
 CodedTransform code_transform(const float* rows, const float* weights, size_t n, size_t dim,
@@ -335,14 +336,14 @@ void drop_gaussians(CodedTransform& c, const std::vector<uint8_t>& keep) {
     }
     values.resize(to);
   };
-  compact(c.cls);
-  compact(c.rung);
+  compact(c.step_exponent);
+  compact(c.eob_index);
   for (auto& values : c.coefficient) compact(values);
 }
 
 void describe_transform(const CodedTransform& coded, ComponentCoding* coding) {
   coding->steps = coded.steps;
-  coding->ladder = coded.ladder;
+  coding->eob_table = coded.eob_table;
   coding->basis.num_entries = static_cast<uint32_t>(coded.steps.size() + 1);
 }
 

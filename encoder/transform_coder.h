@@ -24,14 +24,14 @@ struct TransformSettings {
   int threads = 0;
 };
 
-// A component of n Gaussians as coefficients, valid below what the rung has.
+// A component of n Gaussians as coefficients, valid below what the EOB index has.
 struct CodedTransform {
   size_t base = 0;           // leading coefficients that make the base
   std::vector<float> basis;  // [coefficients + 1, dim], the origin first, binary16 values
   std::vector<float> steps;  // [coefficients]
-  std::vector<uint8_t> ladder;
-  std::vector<uint8_t> cls;                       // [n]
-  std::vector<uint8_t> rung;                      // [n]
+  std::vector<uint8_t> eob_table;
+  std::vector<uint8_t> step_exponent;             // [n]
+  std::vector<uint8_t> eob_index;                 // [n]
   std::vector<std::vector<int16_t>> coefficient;  // per coefficient [n]
 };
 
@@ -40,9 +40,10 @@ struct CodedTransform {
 CodedTransform code_transform(const float* rows, const float* weights, size_t n, size_t dim,
                               const TransformSettings& settings, std::vector<float>* decoded);
 
-// Codes row i once more, in class `cls`; decoded: [dim]. False, with nothing changed, where there
-// is no such class or a coefficient would be too large for it. Without principal axes only.
-bool code_row(const float* row, size_t dim, size_t i, unsigned cls, CodedTransform& coded,
+// Codes row i once more, in step exponent `step_exponent`; decoded: [dim]. False, with nothing
+// changed, where there is no such step exponent or a coefficient would be too large for it. Without
+// principal axes only.
+bool code_row(const float* row, size_t dim, size_t i, unsigned step_exponent, CodedTransform& coded,
               float* decoded);
 
 // Drops trailing coefficients that are 0 in all rows, of transforms without principal axes.

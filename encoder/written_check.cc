@@ -53,12 +53,12 @@ class Pieces {
 };
 
 Status read_codebooks(SceneFile& file, const ComponentCoding& coding, uint32_t layer, unsigned c) {
-  const CodebookData* book = nullptr;
-  for (unsigned s = 0; s < coding.num_books(); ++s) {
-    L4D_RETURN_IF_ERROR(file.codebooks().codebook(layer, c, s, &book));
+  const CodebookData* codebook = nullptr;
+  for (unsigned s = 0; s < coding.num_codebooks(); ++s) {
+    L4D_RETURN_IF_ERROR(file.codebooks().codebook(layer, c, s, &codebook));
   }
   if (!coding.has_rcq) return {};
-  return file.codebooks().codebook(layer, c, CodebookCache::kRcqStage, &book);
+  return file.codebooks().codebook(layer, c, CodebookCache::kRcqStage, &codebook);
 }
 
 Status read_layer(SceneFile& file, uint32_t l) {

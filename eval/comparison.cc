@@ -214,7 +214,7 @@ SeenError summarise_seen(const char* const names[2], const std::vector<float>& e
 }  // namespace
 
 Comparison compare_scenes(const io::Scene& a, const DecodedScene& loaded_b, Pairing pairing,
-                          uint32_t threads, const std::vector<float>& least_sizes) {
+                          uint32_t threads, const std::vector<float>& min_sizes) {
   const io::Scene& b = loaded_b.scene;
   Comparison result;
   result.count_a = a.count();
@@ -228,11 +228,11 @@ Comparison compare_scenes(const io::Scene& a, const DecodedScene& loaded_b, Pair
   std::vector<float> errors(kSamples * b.count(), kNever);
   std::array<std::vector<float>, kSeenCount> seen;
   for (auto& of_kind : seen) of_kind.resize(b.count());
-  result.least_size = least_size(a);
+  result.min_size = min_size(a);
   std::vector<uint8_t> never_fades(b.count());
-  for (const l4d_range& range : loaded_b.ranges) {
-    if (!loaded_b.permanent[range.layer]) continue;
-    std::fill_n(never_fades.begin() + static_cast<std::ptrdiff_t>(range.first), range.count, 1);
+  for (const l4d_bucket_span& span : loaded_b.spans) {
+    if (!loaded_b.permanent[span.layer]) continue;
+    std::fill_n(never_fades.begin() + static_cast<std::ptrdiff_t>(span.first), span.count, 1);
   }
   for_each_block(b.count(), threads, [&](size_t block, size_t first, size_t last) {
     for (size_t j = first; j < last; ++j) {
@@ -244,12 +244,12 @@ Comparison compare_scenes(const io::Scene& a, const DecodedScene& loaded_b, Pair
       to_a.apply(motion_b);
       compare_pair(a, i, motion_a, b, j, motion_b, sums[block]);
       visible_errors(motion_a, motion_b, begin, end, &errors[kSamples * j]);
-      const double own = least_sizes.empty() ? 0 : value(least_sizes[i]);
+      const double own = min_sizes.empty() ? 0 : value(min_sizes[i]);
       // What is permanent is always there, whatever its temporal scale.
       if (never_fades[j]) motion_b.sigma_t = std::numeric_limits<double>::infinity();
       const SeenErrors e =
           seen_errors(motion_a, linear_opacity(a, i), motion_b, linear_opacity(b, j), begin, end,
-                      std::max(result.least_size, own));
+                      std::max(result.min_size, own));
       seen[kSeenPosition][j] = static_cast<float>(e.position);
       seen[kSeenCovariance][j] = static_cast<float>(e.covariance);
       seen[kSeenOpacity][j] = static_cast<float>(e.opacity);
@@ -269,8 +269,8 @@ Comparison compare_scenes(const io::Scene& a, const DecodedScene& loaded_b, Pair
     }
   };
   std::vector<std::vector<float>> by_layer(loaded_b.levels.size());
-  for (const l4d_range& range : loaded_b.ranges) {
-    collect(range.first, range.count, by_layer[range.layer]);
+  for (const l4d_bucket_span& span : loaded_b.spans) {
+    collect(span.first, span.count, by_layer[span.layer]);
   }
   for (uint32_t l = 0; l < by_layer.size(); ++l) {
     VisibleError layer = summarise(by_layer[l]);

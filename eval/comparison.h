@@ -45,7 +45,7 @@ struct Comparison {
   std::vector<AttributeError> attributes;
   VisibleError visible;
   std::vector<VisibleError> layers;  // of B, where it is a stream
-  double least_size = 0;             // scene units: smaller sizes count as this
+  double min_size = 0;               // scene units: smaller sizes count as this
   std::vector<SeenError> seen;
 
   // Same Gaussians bit for bit, in any order.
@@ -58,8 +58,8 @@ struct Comparison {
 std::vector<std::string> error_names();
 
 // a: the reference. pairing: of b's Gaussians with a's. threads: 0 = one per core; the figures are
-// the same for any number. least_sizes: [A's Gaussians], as `least_sizes` has them, or empty.
+// the same for any number. min_sizes: [A's Gaussians], as `min_sizes` has them, or empty.
 Comparison compare_scenes(const io::Scene& a, const DecodedScene& b, Pairing pairing,
-                          uint32_t threads, const std::vector<float>& least_sizes = {});
+                          uint32_t threads, const std::vector<float>& min_sizes = {});
 
 }  // namespace l4d::eval

@@ -33,10 +33,10 @@ DecodedScene decode_scene(const DecoderHandle& decoder, const l4d_query* query,
   const uint64_t numbers = numbers_per_gaussian(info.sh_degree) + 3;
   const l4d_selection selection = decoder.select(wanted);
   DecodedScene loaded;
-  loaded.memory = hold(
-      holder,
-      selection.num_gaussians * numbers * sizeof(float) + selection.num_ranges * sizeof(l4d_range),
-      "the decoded scene");
+  loaded.memory = hold(holder,
+                       selection.num_gaussians * numbers * sizeof(float) +
+                           selection.num_spans * sizeof(l4d_bucket_span),
+                       "the decoded scene");
   GaussianArrays arrays = decoder.decode(wanted);
   io::Scene& scene = loaded.scene;
   scene.timeline = info.timeline;
@@ -49,7 +49,7 @@ DecodedScene decode_scene(const DecoderHandle& decoder, const l4d_query* query,
   keep_exact_times(times, (info.tools & L4D_TOOL_LOSSLESS) != 0, scene);
   loaded.mean_t = std::move(times);
   scene.source = "l4d";
-  loaded.ranges = std::move(arrays.ranges);
+  loaded.spans = std::move(arrays.spans);
   for (uint32_t l = 0; l < info.num_layers; ++l) {
     const l4d_layer_info layer = decoder.layer_info(l);
     loaded.levels.push_back(layer.level);

@@ -14,10 +14,10 @@ namespace l4d::eval {
 struct DecodedScene {
   std::shared_ptr<void> memory;  // of a stream: what its arrays are counted as
   io::Scene scene;
-  std::vector<double> mean_t;     // of a stream: where scene's are rounded; seconds
-  std::vector<l4d_range> ranges;  // of a stream; empty for other scenes
-  std::vector<uint32_t> levels;   // of a stream: temporal level of each layer
-  std::vector<bool> permanent;    // of a stream: whether each layer's Gaussians never fade
+  std::vector<double> mean_t;          // of a stream: where scene's are rounded; seconds
+  std::vector<l4d_bucket_span> spans;  // of a stream; empty for other scenes
+  std::vector<uint32_t> levels;        // of a stream: temporal level of each layer
+  std::vector<bool> permanent;         // of a stream: whether each layer's Gaussians never fade
 };
 
 // Reads all of an open stream, or what `query` selects. Throws Error.

@@ -19,10 +19,10 @@ Encoding encode_scene(Observer& observer, const EncoderHandle& encoder, const st
   encoder.check(l4d_encoder_set_progress(encoder.get(), nullptr, nullptr));
   l4d_encode_report_init(&result.report);
   encoder.check(l4d_encoder_get_report(encoder.get(), &result.report));
-  for (uint32_t s = 0; s < result.report.num_stages; ++s) {
+  for (uint32_t s = 0; s < result.report.num_steps; ++s) {
     const char* stage = nullptr;
     double seconds = 0;
-    encoder.check(l4d_encoder_get_stage(encoder.get(), s, &stage, &seconds));
+    encoder.check(l4d_encoder_get_step(encoder.get(), s, &stage, &seconds));
     const auto known =
         std::find_if(result.stages.begin(), result.stages.end(),
                      [&](const auto& known_stage) { return known_stage.first == stage; });

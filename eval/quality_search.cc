@@ -13,27 +13,27 @@ constexpr size_t kMaxTrials = 16;
 constexpr double kFinest = 0.05;
 // Errors are small enough at this share of the bound: they may be zero, which has no logarithm, and
 // a loss negative.
-constexpr double kLeastShare = 0.1;
+constexpr double kMinShare = 0.1;
 
 // A figure as a height that rises about linearly with the quality.
 class Heights {
  public:
   explicit Heights(const Goal& goal)
-      : goal_(goal), least_(goal.rises ? 0 : kLeastShare * goal.asked) {
-    asked = of(goal.asked);
+      : goal_(goal), min_(goal.rises ? 0 : kMinShare * goal.requested) {
+    requested = of(goal.requested);
     // Inside the tolerance, on the side that keeps the bound.
     const bool from_below = goal.at_most == goal.rises;
-    aim = asked + (from_below ? -0.4 : 0.4) * goal.tolerance;
+    aim = requested + (from_below ? -0.4 : 0.4) * goal.tolerance;
   }
   double of(double figure) const {
-    const double linear = goal_.logarithm ? std::log(std::max(figure, least_)) : figure;
+    const double linear = goal_.logarithm ? std::log(std::max(figure, min_)) : figure;
     return goal_.rises ? linear : -linear;
   }
-  double asked, aim;
+  double requested, aim;
 
  private:
   const Goal& goal_;
-  double least_;
+  double min_;
 };
 
 struct Point {
@@ -65,8 +65,8 @@ QualitySearch search_quality(const Goal& goal, const QualityRange& range,
   const auto better = [&](const Trial& x, const Trial& y) {
     if (x.met != y.met) return x.met;
     if (!x.met) {
-      return std::abs(heights.of(x.figure) - heights.asked) <
-             std::abs(heights.of(y.figure) - heights.asked);
+      return std::abs(heights.of(x.figure) - heights.requested) <
+             std::abs(heights.of(y.figure) - heights.requested);
     }
     return goal.at_most == goal.rises ? x.quality > y.quality : x.quality < y.quality;
   };
@@ -76,7 +76,7 @@ QualitySearch search_quality(const Goal& goal, const QualityRange& range,
     const Point point = {quality, heights.of(figure)};
     search.trials.push_back({quality, figure, goal.met(figure)});
     const Trial& trial = search.trials.back();
-    const bool near = trial.met && std::abs(point.height - heights.asked) <= goal.tolerance;
+    const bool near = trial.met && std::abs(point.height - heights.requested) <= goal.tolerance;
     if (near || search.trials.size() == 1 || better(trial, search.result())) {
       search.best = search.trials.size() - 1;
       keep();

@@ -8,14 +8,14 @@ namespace l4d::eval {
 
 // What is wanted of an encode, as a bound on one figure of it that quality moves one way.
 struct Goal {
-  double asked = 0;        // bound on the figure
+  double requested = 0;    // bound on the figure
   bool at_most = false;    // of figures: at most that, or at least
   bool rises = false;      // with the quality
   bool logarithm = false;  // whether the figure's logarithm is about linear in the quality
   double slope = 1;        // of figure or logarithm over quality, about; positive
   double tolerance = 0;    // in figure or logarithm: how far from the bound is near enough
 
-  bool met(double figure) const { return at_most ? figure <= asked : figure >= asked; }
+  bool met(double figure) const { return at_most ? figure <= requested : figure >= requested; }
 };
 
 struct Trial {

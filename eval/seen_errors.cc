@@ -57,7 +57,7 @@ double infinite_if_nan(double v) {
 
 }  // namespace
 
-double least_size(const io::Scene& scene) {
+double min_size(const io::Scene& scene) {
   double extent = 0;
   const double begin = scene.timeline.time_begin, end = begin + io::duration(scene.timeline);
   const size_t n = scene.count();
@@ -79,19 +79,19 @@ double least_size(const io::Scene& scene) {
 }
 
 SeenErrors seen_errors(const Motion& a, double opacity_a, const Motion& b, double opacity_b,
-                       double begin, double end, double least_size) {
+                       double begin, double end, double min_size) {
   SeenErrors out;
   const double nearest = std::clamp(a.mean_t, begin, end) - a.mean_t;
   const double half = std::sqrt(nearest * nearest + 2 * std::log(2.0) * a.sigma_t * a.sigma_t);
   const auto sizes = eigenvalues(full(a.covariance, 0));
   const double largest = std::sqrt(std::max(0.0, *std::max_element(sizes.begin(), sizes.end())));
-  const double size = std::max({largest, least_size, 1e-30});
+  const double size = std::max({largest, min_size, 1e-30});
   // Both move in straight lines: they are farthest apart at an end.
   for (const double reach : {-half, half}) {
     const double t = std::clamp(a.mean_t + reach, begin, end);
     out.position = std::max(out.position, infinite_if_nan(distance(a, b, t) / size));
   }
-  const double thinnest = std::max(least_size, 1e-6 * size);
+  const double thinnest = std::max(min_size, 1e-6 * size);
   const double added = thinnest * thinnest;
   Matrix difference = full(b.covariance, 0);
   const Matrix original = full(a.covariance, 0);

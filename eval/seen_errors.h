@@ -19,9 +19,9 @@ struct SeenErrors {
 
 // Sizes below this, in scene units, count as this: 1/4000 of the largest side of the box that holds
 // nine tenths of the scene on each axis, and a quarter more, where that is not beyond all of it.
-double least_size(const io::Scene& scene);
+double min_size(const io::Scene& scene);
 
 SeenErrors seen_errors(const Motion& a, double opacity_a, const Motion& b, double opacity_b,
-                       double begin, double end, double least_size);
+                       double begin, double end, double min_size);
 
 }  // namespace l4d::eval

@@ -17,7 +17,7 @@ constexpr double kLossTolerance = 0.1;
 
 Goal goal_of(const Target& target) {
   Goal goal;
-  goal.asked = target.asked;
+  goal.requested = target.requested;
   switch (target.kind) {
     case Target::Kind::kSize:
     case Target::Kind::kBitrate:
@@ -115,13 +115,14 @@ TargetResult encode_to_target(const Target& target, const EncoderHandle& encoder
     return result;
   };
   if (const EncoderBound* bound = bound_of(target)) {
-    const double asked = target.asked + bound->added;
+    const double requested = target.requested + bound->added;
     const double before = get_parameter(encoder, bound->parameter);
-    if (!(before > 0 && before <= asked)) {
-      encoder.check(l4d_encoder_set(encoder.get(), bound->parameter, L4D_ALL_COMPONENTS, asked));
+    if (!(before > 0 && before <= requested)) {
+      encoder.check(
+          l4d_encoder_set(encoder.get(), bound->parameter, L4D_ALL_COMPONENTS, requested));
     }
     const double figure = measure(range.start, 0);
-    if (figure <= target.asked) {
+    if (figure <= target.requested) {
       keep();
       result.search.trials.push_back({range.start, figure, true});
       return finish();

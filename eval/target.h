@@ -14,7 +14,7 @@ namespace l4d::eval {
 struct Target {
   enum class Kind { kSize, kBitrate, kFidelity, kPsnrLoss, kMaxError };
   Kind kind = Kind::kSize;
-  double asked = 0;       // bytes, bytes per second, dB, dB, unit of the error; positive
+  double requested = 0;   // bytes, bytes per second, dB, dB, unit of the error; positive
   std::string attribute;  // of a largest error: one of error_names()
 
   bool needs_views() const { return kind == Kind::kFidelity || kind == Kind::kPsnrLoss; }

@@ -34,13 +34,13 @@ Weights read_weights(const std::string& path) {
   if (std::string(version) != "1") {
     reader.fail(L4D_ERR_FEATURE_UNSUPPORTED, "a version of l4d_weights other than 1");
   }
-  const char* comment = reader.header().comment("measure");
-  const std::string measure = comment != nullptr ? comment : kSum;
-  if (measure != kSum && measure != kGaussNewton) {
-    reader.fail(L4D_ERR_FEATURE_UNSUPPORTED, "weights of the unknown measure " + measure);
+  const char* comment = reader.header().comment("metric");
+  const std::string metric = comment != nullptr ? comment : kSum;
+  if (metric != kSum && metric != kGaussNewton) {
+    reader.fail(L4D_ERR_FEATURE_UNSUPPORTED, "weights of the unknown metric " + metric);
   }
   Weights weights;
-  weights.gauss_newton = measure == kGaussNewton;
+  weights.gauss_newton = metric == kGaussNewton;
   weights.count = static_cast<size_t>(reader.element().count);
   std::vector<PlyColumn> columns;
   std::vector<Column> present;
@@ -92,8 +92,8 @@ void write_weights_ply(const std::string& path, const Weights& weights) {
     names.push_back(column.property);
     columns.push_back(&values);
   }
-  const std::string measure = weights.gauss_newton ? kGaussNewton : kSum;
-  PlyWriter writer(path, {"l4d_weights 1", "measure " + measure}, weights.count, names);
+  const std::string metric = weights.gauss_newton ? kGaussNewton : kSum;
+  PlyWriter writer(path, {"l4d_weights 1", "metric " + metric}, weights.count, names);
   for (size_t i = 0; i < weights.count; ++i) {
     float* out = writer.next_row();
     for (const std::vector<float>* column : columns) *out++ = (*column)[i];

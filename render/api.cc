@@ -13,7 +13,7 @@
 
 using l4d::Status;
 using l4d::api::call_on;
-using l4d::api::ErrorDetail;
+using l4d::api::ErrorMessage;
 using l4d::api::guard;
 using l4d::api::init_struct;
 using l4d::api::keep_last;
@@ -29,7 +29,7 @@ struct l4d_renderer {
   explicit l4d_renderer(const l4d_renderer_options& options) : renderer(options) {}
   l4d::render::Renderer renderer;
   mutable l4d::api::Busy busy;
-  ErrorDetail error;
+  ErrorMessage error;
 };
 
 struct l4d_sensitivity {
@@ -46,10 +46,10 @@ l4d_renderer_options default_renderer_options() {
   return options;
 }
 
-l4d_ranks default_ranks() {
-  l4d_ranks ranks{};
-  ranks.count = 1;
-  return ranks;
+l4d_process_group default_process_group() {
+  l4d_process_group group{};
+  group.count = 1;
+  return group;
 }
 l4d_measure_options default_measure_options() {
   l4d_measure_options options{};
@@ -84,8 +84,8 @@ void l4d_sensitivity_options_init_(l4d_sensitivity_options* options, size_t stru
 void l4d_measure_options_init_(l4d_measure_options* options, size_t struct_size) {
   init_struct(options, struct_size, default_measure_options());
 }
-void l4d_ranks_init_(l4d_ranks* ranks, size_t struct_size) {
-  init_struct(ranks, struct_size, default_ranks());
+void l4d_process_group_init_(l4d_process_group* group, size_t struct_size) {
+  init_struct(group, struct_size, default_process_group());
 }
 void l4d_measure_report_init_(l4d_measure_report* report, size_t struct_size) {
   init_struct(report, struct_size, l4d_measure_report{});
@@ -112,7 +112,7 @@ l4d_status l4d_renderer_create(const l4d_renderer_options* options, l4d_renderer
 void l4d_renderer_destroy(l4d_renderer* renderer) {
   if (l4d::api::may_destroy(renderer)) delete renderer;
 }
-const char* l4d_renderer_error_detail(const l4d_renderer* renderer) {
+const char* l4d_renderer_error_message(const l4d_renderer* renderer) {
   return renderer == nullptr ? "" : renderer->error.c_str();
 }
 
@@ -174,8 +174,8 @@ l4d_status l4d_sensitivity_create(const l4d_sensitivity_options* options, uint64
     const l4d_sensitivity_options o = options == nullptr
                                           ? l4d_sensitivity_options{}
                                           : read_struct(*options, l4d_sensitivity_options{});
-    if (sh_degree > 3 || count > UINT32_MAX || o.measure > L4D_SENSITIVITY_GAUSS_NEWTON) {
-      return l4d::invalid_argument("sh_degree, count or measure is out of range");
+    if (sh_degree > 3 || count > UINT32_MAX || o.metric > L4D_SENSITIVITY_GAUSS_NEWTON) {
+      return l4d::invalid_argument("sh_degree, count or metric is out of range");
     }
     *out = new l4d_sensitivity(l4d::render::Sensitivity(o, static_cast<size_t>(count), sh_degree));
     return {};
@@ -183,10 +183,10 @@ l4d_status l4d_sensitivity_create(const l4d_sensitivity_options* options, uint64
 }
 void l4d_sensitivity_destroy(l4d_sensitivity* sensitivity) { delete sensitivity; }
 l4d_status l4d_sensitivity_add_view(l4d_sensitivity* sensitivity, l4d_renderer* renderer,
-                                    const l4d_camera* camera, int seen_only) {
+                                    const l4d_camera* camera, int visibility_only) {
   return call(renderer, required(sensitivity, camera), [&](auto& r) {
     return sensitivity->sensitivity.add_view(r, read_struct(*camera, default_camera()),
-                                             seen_only != 0);
+                                             visibility_only != 0);
   });
 }
 l4d_status l4d_sensitivity_merge(l4d_sensitivity* sensitivity, const l4d_sensitivity* other) {
@@ -206,32 +206,32 @@ l4d_status l4d_sensitivity_get_weights(const l4d_sensitivity* sensitivity, uint3
   }));
 }
 
-l4d_status l4d_measure(l4d_renderer* renderer, const l4d_camera* cameras, uint32_t num_cameras,
-                       const l4d_view* views, uint64_t num_views,
-                       const l4d_measure_options* options, l4d_progress_fn progress, void* user,
-                       l4d_measure_report* report, l4d_sensitivity** out) {
+l4d_status l4d_measure_importance(l4d_renderer* renderer, const l4d_camera* cameras,
+                                  uint32_t num_cameras, const l4d_view* views, uint64_t num_views,
+                                  const l4d_measure_options* options, l4d_progress_fn progress,
+                                  void* user, l4d_measure_report* report, l4d_sensitivity** out) {
   const char* bad = required(views, out);
   if (bad == nullptr && cameras == nullptr) bad = "a required pointer is NULL";
   if (bad == nullptr) bad = optional(options);
   if (bad == nullptr) bad = optional(report);
-  if (bad == nullptr && options != nullptr && options->ranks != nullptr) {
-    bad = optional(options->ranks);
+  if (bad == nullptr && options != nullptr && options->group != nullptr) {
+    bad = optional(options->group);
   }
   return call(renderer, bad, [&](auto& r) -> Status {
     const l4d_measure_options o = options == nullptr
                                       ? default_measure_options()
                                       : read_struct(*options, default_measure_options());
-    if (o.measure > L4D_SENSITIVITY_GAUSS_NEWTON || !(o.max_share > 0) || !(o.agreement >= 0)) {
-      return l4d::invalid_argument("measure options out of range");
+    if (o.metric > L4D_SENSITIVITY_GAUSS_NEWTON || !(o.max_share > 0) || !(o.agreement >= 0)) {
+      return l4d::invalid_argument("metric or another option is out of range");
     }
     l4d_measure_options resolved = o;
-    l4d_ranks ranks;
-    if (o.ranks != nullptr) {
-      ranks = read_struct(*o.ranks, default_ranks());
-      if (ranks.rank >= ranks.count || (ranks.count > 1 && ranks.sum == nullptr)) {
+    l4d_process_group group;
+    if (o.group != nullptr) {
+      group = read_struct(*o.group, default_process_group());
+      if (group.rank >= group.count || (group.count > 1 && group.sum == nullptr)) {
         return l4d::invalid_argument("a rank must be below their number, and their sum a function");
       }
-      resolved.ranks = &ranks;
+      resolved.group = &group;
     }
     std::vector<l4d_camera> own;
     if (const char* wrong = read_array(cameras, num_cameras, default_camera(), &own)) {

@@ -9,7 +9,7 @@ namespace l4d::render {
 CachedBucket* BucketCache::want(const BucketKey& key) {
   const auto found = buckets_.find(key);
   if (found == buckets_.end()) return nullptr;
-  found->second.last_wanted = turn_;
+  found->second.last_required = turn_;
   return &found->second;
 }
 
@@ -21,7 +21,7 @@ const CachedBucket* BucketCache::find(const BucketKey& key) const {
 uint32_t BucketCache::idle() const {
   uint32_t chunks = 0;
   for (const auto& [key, bucket] : buckets_) {
-    if (bucket.last_wanted < turn_) chunks += static_cast<uint32_t>(bucket.chunks.size());
+    if (bucket.last_required < turn_) chunks += static_cast<uint32_t>(bucket.chunks.size());
   }
   return chunks;
 }
@@ -36,13 +36,13 @@ void BucketCache::grow(uint32_t capacity) {
   capacity_ = capacity;
 }
 
-CachedBucket* BucketCache::add(const BucketKey& key, uint32_t rows) {
-  const uint32_t chunks = chunks_of(rows);
+CachedBucket* BucketCache::add(const BucketKey& key, uint32_t slots) {
+  const uint32_t chunks = chunks_of(slots);
   if (free_.size() + idle() < chunks) return nullptr;
   while (free_.size() < chunks) {
     auto oldest = buckets_.begin();
     for (auto b = buckets_.begin(); b != buckets_.end(); ++b) {
-      if (b->second.last_wanted <= oldest->second.last_wanted) oldest = b;
+      if (b->second.last_required <= oldest->second.last_required) oldest = b;
     }
     give_up(oldest);
   }
@@ -52,9 +52,9 @@ CachedBucket* BucketCache::add(const BucketKey& key, uint32_t rows) {
     bucket.chunks.push_back(free_.back());
     free_.pop_back();
   }
-  bucket.rows = rows;
-  bucket.last_wanted = turn_;
-  rows_ += rows;
+  bucket.slots = slots;
+  bucket.last_required = turn_;
+  slots_ += slots;
   return &(buckets_[key] = std::move(bucket));
 }
 
@@ -64,7 +64,7 @@ void BucketCache::remove(const BucketKey& key) {
 }
 
 void BucketCache::give_up(Buckets::iterator bucket) {
-  rows_ -= bucket->second.rows;
+  slots_ -= bucket->second.slots;
   const std::vector<uint32_t>& chunks = bucket->second.chunks;
   free_.insert(free_.end(), chunks.begin(), chunks.end());
   std::sort(free_.begin(), free_.end(), std::greater<uint32_t>());

@@ -14,9 +14,9 @@ using BucketKey = std::pair<uint32_t, uint32_t>;  // layer and bucket: in the or
 
 struct CachedBucket {
   std::vector<uint32_t> chunks;
-  uint32_t rows = 0;
+  uint32_t slots = 0;
   bool filled = false;
-  uint64_t last_wanted = 0;
+  uint64_t last_required = 0;
 };
 
 // A store of chunks of equal size. Buckets that the present turn wants are never given up for
@@ -24,13 +24,13 @@ struct CachedBucket {
 // the stream.
 class BucketCache {
  public:
-  explicit BucketCache(uint32_t chunk_rows) : chunk_rows_(chunk_rows) {}
+  explicit BucketCache(uint32_t chunk_slots) : chunk_slots_(chunk_slots) {}
 
   uint32_t capacity() const { return capacity_; }
   uint32_t used() const { return capacity_ - static_cast<uint32_t>(free_.size()); }
-  uint64_t rows() const { return rows_; }  // of all buckets
-  uint32_t chunks_of(uint64_t rows) const {
-    return static_cast<uint32_t>((rows + chunk_rows_ - 1) / chunk_rows_);
+  uint64_t slots() const { return slots_; }  // of all buckets
+  uint32_t chunks_of(uint64_t slots) const {
+    return static_cast<uint32_t>((slots + chunk_slots_ - 1) / chunk_slots_);
   }
 
   // Buckets wanted before are not any more.
@@ -45,16 +45,16 @@ class BucketCache {
   void grow(uint32_t capacity);
   // Room for a bucket that is not there, wanted in this turn; idle ones make place for it. NULL
   // where even that is too little: grow() by what is missing.
-  CachedBucket* add(const BucketKey& key, uint32_t rows);
+  CachedBucket* add(const BucketKey& key, uint32_t slots);
   void remove(const BucketKey& key);
 
  private:
   using Buckets = std::map<BucketKey, CachedBucket>;
   void give_up(Buckets::iterator bucket);
 
-  const uint32_t chunk_rows_;
+  const uint32_t chunk_slots_;
   uint32_t capacity_ = 0;
-  uint64_t rows_ = 0;
+  uint64_t slots_ = 0;
   uint64_t turn_ = 1;
   Buckets buckets_;
   std::vector<uint32_t> free_;  // the lowest number last

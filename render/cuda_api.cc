@@ -16,7 +16,7 @@
 
 using l4d::Status;
 using l4d::api::call_on;
-using l4d::api::ErrorDetail;
+using l4d::api::ErrorMessage;
 using l4d::api::guard;
 using l4d::api::init_struct;
 using l4d::api::keep_last;
@@ -31,14 +31,14 @@ struct l4d_cuda_renderer {
   std::unique_ptr<l4d::render::DeviceRenderer> renderer;
   float background[3] = {0, 0, 0};
   mutable l4d::api::Busy busy;
-  ErrorDetail error;
+  ErrorMessage error;
 };
 
 namespace {
 
-static_assert(int{L4D_CUDA_ROWS_STILL} == int{l4d::kStill} &&
-                  int{L4D_CUDA_ROWS_FADING} == int{l4d::kFading} &&
-                  int{L4D_CUDA_ROWS_MOVING} == int{l4d::kMoving},
+static_assert(int{L4D_CUDA_MOTION_STILL} == int{l4d::kStill} &&
+                  int{L4D_CUDA_MOTION_FADING} == int{l4d::kFading} &&
+                  int{L4D_CUDA_MOTION_MOVING} == int{l4d::kMoving},
               "the API's names of motion groups");
 
 template <typename Body>
@@ -61,15 +61,15 @@ Status check_gaussians(const l4d_gaussians& g, bool indexed) {
   return {};
 }
 
-Status store_rows(l4d::render::DeviceRenderer& r, uint64_t first_row,
-                  const l4d_gaussians& gaussians, const l4d_cuda_sh_indices* indices,
-                  void* stream) {
+Status store_gaussians(l4d::render::DeviceRenderer& r, uint64_t first_slot,
+                       const l4d_gaussians& gaussians, const l4d_cuda_sh_indices* indices,
+                       void* stream) {
   const l4d_gaussians g = read_struct(gaussians, l4d_gaussians{});
   L4D_RETURN_IF_ERROR(check_gaussians(g, indices != nullptr));
-  if (first_row > std::numeric_limits<uint32_t>::max()) {
-    return l4d::invalid_argument("there is no room for so many rows");
+  if (first_slot > std::numeric_limits<uint32_t>::max()) {
+    return l4d::invalid_argument("capacity is too small for so many slots");
   }
-  return r.store_rows(static_cast<uint32_t>(first_row), g, indices, stream);
+  return r.store_gaussians(static_cast<uint32_t>(first_slot), g, indices, stream);
 }
 
 l4d::render::DeviceImage image_of(const l4d_cuda_image& image) {
@@ -81,8 +81,8 @@ l4d::render::DeviceImage image_of(const l4d_cuda_image& image) {
 void l4d_cuda_renderer_options_init_(l4d_cuda_renderer_options* options, size_t struct_size) {
   init_struct(options, struct_size, l4d_cuda_renderer_options{});
 }
-void l4d_cuda_room_init_(l4d_cuda_room* room, size_t struct_size) {
-  init_struct(room, struct_size, l4d_cuda_room{});
+void l4d_cuda_frame_capacity_init_(l4d_cuda_frame_capacity* capacity, size_t struct_size) {
+  init_struct(capacity, struct_size, l4d_cuda_frame_capacity{});
 }
 void l4d_cuda_image_init_(l4d_cuda_image* image, size_t struct_size) {
   init_struct(image, struct_size, l4d_cuda_image{});
@@ -90,8 +90,8 @@ void l4d_cuda_image_init_(l4d_cuda_image* image, size_t struct_size) {
 void l4d_cuda_sh_indices_init_(l4d_cuda_sh_indices* indices, size_t struct_size) {
   init_struct(indices, struct_size, l4d_cuda_sh_indices{});
 }
-void l4d_cuda_figures_init_(l4d_cuda_figures* figures, size_t struct_size) {
-  init_struct(figures, struct_size, l4d_cuda_figures{});
+void l4d_cuda_frame_stats_init_(l4d_cuda_frame_stats* stats, size_t struct_size) {
+  init_struct(stats, struct_size, l4d_cuda_frame_stats{});
 }
 
 l4d_status l4d_cuda_renderer_create(const l4d_cuda_renderer_options* options,
@@ -117,7 +117,7 @@ l4d_status l4d_cuda_renderer_create(const l4d_cuda_renderer_options* options,
 void l4d_cuda_renderer_destroy(l4d_cuda_renderer* renderer) {
   if (l4d::api::may_destroy(renderer)) delete renderer;
 }
-const char* l4d_cuda_renderer_error_detail(const l4d_cuda_renderer* renderer) {
+const char* l4d_cuda_renderer_error_message(const l4d_cuda_renderer* renderer) {
   return renderer == nullptr ? "" : renderer->error.c_str();
 }
 
@@ -131,29 +131,29 @@ l4d_status l4d_cuda_renderer_set_gaussians(l4d_cuda_renderer* renderer,
     return r.set_device_gaussians(g, *timeline);
   });
 }
-l4d_status l4d_cuda_renderer_reserve_rows(l4d_cuda_renderer* renderer, uint64_t rows,
-                                          uint32_t sh_degree, const l4d_timeline* timeline) {
+l4d_status l4d_cuda_renderer_reserve_slots(l4d_cuda_renderer* renderer, uint64_t slots,
+                                           uint32_t sh_degree, const l4d_timeline* timeline) {
   return call(renderer, required(timeline), [&](auto& r) -> Status {
     if (sh_degree > 3) return l4d::invalid_argument("sh_degree is above 3");
     L4D_RETURN_IF_ERROR(check_timeline(*timeline));
-    return r.reserve_rows(rows, sh_degree, *timeline);
+    return r.reserve_slots(slots, sh_degree, *timeline);
   });
 }
-l4d_status l4d_cuda_renderer_store_rows(l4d_cuda_renderer* renderer, uint64_t first_row,
-                                        const l4d_gaussians* gaussians, void* stream) {
+l4d_status l4d_cuda_renderer_store_gaussians(l4d_cuda_renderer* renderer, uint64_t first_slot,
+                                             const l4d_gaussians* gaussians, void* stream) {
   return call(renderer, required(gaussians), [&](auto& r) -> Status {
-    return store_rows(r, first_row, *gaussians, nullptr, stream);
+    return store_gaussians(r, first_slot, *gaussians, nullptr, stream);
   });
 }
 l4d_status l4d_cuda_renderer_set_sh_codebooks(l4d_cuda_renderer* renderer,
                                               const l4d_codebook* codebooks, uint32_t count) {
   return call(renderer, nullptr, [&](auto& r) -> Status {
     if (count > L4D_MAX_STAGES) return l4d::invalid_argument("too many stages");
-    std::vector<l4d_codebook> books;
-    if (const char* bad = read_array(codebooks, count, l4d_codebook{}, &books)) {
+    std::vector<l4d_codebook> copies;
+    if (const char* bad = read_array(codebooks, count, l4d_codebook{}, &copies)) {
       return l4d::invalid_argument(bad);
     }
-    return r.set_sh_codebooks(books.data(), count);
+    return r.set_sh_codebooks(copies.data(), count);
   });
 }
 l4d_status l4d_cuda_renderer_set_indexed_gaussians(l4d_cuda_renderer* renderer,
@@ -166,28 +166,30 @@ l4d_status l4d_cuda_renderer_set_indexed_gaussians(l4d_cuda_renderer* renderer,
     l4d_cuda_sh_indices i = read_struct(*indices, l4d_cuda_sh_indices{});
     L4D_RETURN_IF_ERROR(check_gaussians(g, true));
     L4D_RETURN_IF_ERROR(check_timeline(*timeline));
-    i.first_literal = 0;
+    i.first_escape = 0;
     return r.set_indexed_gaussians(g, i, *timeline);
   });
 }
-l4d_status l4d_cuda_renderer_reserve_literals(l4d_cuda_renderer* renderer, uint64_t literals) {
-  return call(renderer, nullptr, [&](auto& r) { return r.reserve_literals(literals); });
+l4d_status l4d_cuda_renderer_reserve_escapes(l4d_cuda_renderer* renderer, uint64_t escapes) {
+  return call(renderer, nullptr, [&](auto& r) { return r.reserve_escapes(escapes); });
 }
-l4d_status l4d_cuda_renderer_store_indexed_rows(l4d_cuda_renderer* renderer, uint64_t first_row,
-                                                const l4d_gaussians* gaussians,
-                                                const l4d_cuda_sh_indices* indices, void* stream) {
+l4d_status l4d_cuda_renderer_store_indexed_gaussians(l4d_cuda_renderer* renderer,
+                                                     uint64_t first_slot,
+                                                     const l4d_gaussians* gaussians,
+                                                     const l4d_cuda_sh_indices* indices,
+                                                     void* stream) {
   return call(renderer, required(gaussians, indices), [&](auto& r) -> Status {
     const l4d_cuda_sh_indices i = read_struct(*indices, l4d_cuda_sh_indices{});
-    return store_rows(r, first_row, *gaussians, &i, stream);
+    return store_gaussians(r, first_slot, *gaussians, &i, stream);
   });
 }
-l4d_status l4d_cuda_renderer_set_slabs(l4d_cuda_renderer* renderer, const l4d_cuda_slab* slabs,
-                                       uint32_t count, void* stream) {
-  return call(renderer, count > 0 ? required(slabs) : nullptr, [&](auto& r) {
-    std::vector<l4d::render::DeviceRenderer::Rows> rows(count);
+l4d_status l4d_cuda_renderer_set_batches(l4d_cuda_renderer* renderer, const l4d_cuda_batch* batches,
+                                         uint32_t count, void* stream) {
+  return call(renderer, count > 0 ? required(batches) : nullptr, [&](auto& r) {
+    std::vector<l4d::render::DeviceRenderer::SlotRange> slots(count);
     for (uint32_t s = 0; s < count; ++s)
-      rows[s] = {slabs[s].first, slabs[s].count, slabs[s].motion};
-    return r.set_rows(rows.data(), count, stream);
+      slots[s] = {batches[s].first, batches[s].count, batches[s].motion};
+    return r.set_batches(slots.data(), count, stream);
   });
 }
 l4d_status l4d_cuda_renderer_set_background(l4d_cuda_renderer* renderer, const float* rgb) {
@@ -197,9 +199,10 @@ l4d_status l4d_cuda_renderer_set_background(l4d_cuda_renderer* renderer, const f
     return {};
   });
 }
-l4d_status l4d_cuda_renderer_reserve(l4d_cuda_renderer* renderer, const l4d_cuda_room* room) {
-  return call(renderer, required(room), [&](auto& r) -> Status {
-    const l4d_cuda_room wanted = read_struct(*room, l4d_cuda_room{});
+l4d_status l4d_cuda_renderer_reserve(l4d_cuda_renderer* renderer,
+                                     const l4d_cuda_frame_capacity* capacity) {
+  return call(renderer, required(capacity), [&](auto& r) -> Status {
+    const l4d_cuda_frame_capacity wanted = read_struct(*capacity, l4d_cuda_frame_capacity{});
     L4D_RETURN_IF_ERROR(l4d::render::check_image_size(wanted.width, wanted.height));
     return r.reserve(wanted.width, wanted.height, wanted.visible, wanted.instances,
                      wanted.backward != 0);
@@ -230,21 +233,21 @@ l4d_status l4d_cuda_renderer_backward(l4d_cuda_renderer* renderer, double time,
                              read_struct(*gradients, l4d_gradients{}), stream);
   });
 }
-l4d_status l4d_cuda_renderer_get_figures(l4d_cuda_renderer* renderer, void* stream,
-                                         l4d_cuda_figures* figures) {
-  return call(renderer, required(figures), [&](auto& r) -> Status {
-    l4d::render::DeviceFigures f;
-    l4d_cuda_figures out{};
-    const Status status = r.figures(stream, &f, &out.wanted_visible, &out.wanted_instances);
+l4d_status l4d_cuda_renderer_get_stats(l4d_cuda_renderer* renderer, void* stream,
+                                       l4d_cuda_frame_stats* stats) {
+  return call(renderer, required(stats), [&](auto& r) -> Status {
+    l4d::render::DeviceFrameStats f;
+    l4d_cuda_frame_stats out{};
+    const Status status = r.stats(stream, &f, &out.required_visible, &out.required_instances);
     if (!status.ok() && status.code() != L4D_ERR_LIMIT_EXCEEDED) return status;
     out.visible = f.visible;
     out.projected = f.projected;
     out.instances = f.instances;
-    std::copy_n(f.seconds, L4D_RENDER_STAGE_COUNT, out.seconds);
-    write_struct(out, figures);
+    std::copy_n(f.seconds, L4D_RENDER_PASS_COUNT, out.seconds);
+    write_struct(out, stats);
     return status;
   });
 }
-l4d_status l4d_cuda_renderer_time_stages(l4d_cuda_renderer* renderer) {
-  return call(renderer, nullptr, [&](auto& r) { return r.time_stages(); });
+l4d_status l4d_cuda_renderer_time_passes(l4d_cuda_renderer* renderer) {
+  return call(renderer, nullptr, [&](auto& r) { return r.time_passes(); });
 }

@@ -12,7 +12,7 @@
 
 using l4d::Status;
 using l4d::api::call_on;
-using l4d::api::ErrorDetail;
+using l4d::api::ErrorMessage;
 using l4d::api::guard;
 using l4d::api::init_struct;
 using l4d::api::keep_last;
@@ -27,7 +27,7 @@ struct l4d_cuda_player {
   std::unique_ptr<l4d::render::DevicePlayer> player;
   float background[3] = {0, 0, 0};
   mutable l4d::api::Busy busy;
-  ErrorDetail error;
+  ErrorMessage error;
 };
 
 namespace {
@@ -74,7 +74,7 @@ l4d_status l4d_cuda_player_create(l4d_decoder* decoder, const l4d_cuda_player_op
 void l4d_cuda_player_destroy(l4d_cuda_player* player) {
   if (l4d::api::may_destroy(player)) delete player;
 }
-const char* l4d_cuda_player_error_detail(const l4d_cuda_player* player) {
+const char* l4d_cuda_player_error_message(const l4d_cuda_player* player) {
   return player == nullptr ? "" : player->error.c_str();
 }
 
@@ -108,13 +108,13 @@ l4d_status l4d_cuda_player_render(l4d_cuda_player* player, double time, const l4
     return p.render(time, c, player->background, {i.rgb, i.alpha, i.rgba8}, stream);
   });
 }
-l4d_status l4d_cuda_player_get_figures(l4d_cuda_player* player, void* stream,
-                                       l4d_cuda_figures* figures) {
-  return call(player, required(figures), [&](auto& p) -> Status {
-    l4d_cuda_figures out{};
-    const Status status = p.figures(stream, &out);
+l4d_status l4d_cuda_player_get_stats(l4d_cuda_player* player, void* stream,
+                                     l4d_cuda_frame_stats* stats) {
+  return call(player, required(stats), [&](auto& p) -> Status {
+    l4d_cuda_frame_stats out{};
+    const Status status = p.stats(stream, &out);
     if (!status.ok() && status.code() != L4D_ERR_LIMIT_EXCEEDED) return status;
-    write_struct(out, figures);
+    write_struct(out, stats);
     return status;
   });
 }

@@ -12,16 +12,16 @@ L4D_FIRST_VERSION(l4d_camera, near_plane);
 L4D_FIRST_VERSION(l4d_image, alpha);
 L4D_FIRST_VERSION(l4d_gradients, sh);
 L4D_FIRST_VERSION(l4d_sensitivity_options, seed);
-L4D_FIRST_VERSION(l4d_ranks, user);
-L4D_FIRST_VERSION(l4d_measure_options, ranks);
+L4D_FIRST_VERSION(l4d_process_group, user);
+L4D_FIRST_VERSION(l4d_measure_options, group);
 L4D_FIRST_VERSION(l4d_measure_report, unseen);
 L4D_FIRST_VERSION(l4d_render_stats, seconds);
 
 L4D_FIRST_VERSION(l4d_cuda_renderer_options, sh_format);
-L4D_FIRST_VERSION(l4d_cuda_sh_indices, first_literal);
-L4D_FIRST_VERSION(l4d_cuda_room, backward);
+L4D_FIRST_VERSION(l4d_cuda_sh_indices, first_escape);
+L4D_FIRST_VERSION(l4d_cuda_frame_capacity, backward);
 L4D_FIRST_VERSION(l4d_cuda_image, rgba8);
-L4D_FIRST_VERSION(l4d_cuda_figures, seconds);
+L4D_FIRST_VERSION(l4d_cuda_frame_stats, seconds);
 
 L4D_FIRST_VERSION(l4d_cuda_player_options, read_ahead);
 L4D_FIRST_VERSION(l4d_cuda_player_counters, scratch_bytes);

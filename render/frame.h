@@ -25,7 +25,7 @@ struct Frame {
 
   size_t count() const { return count_; }
   // For how many the arrays have room.
-  size_t room() const { return id.size(); }
+  size_t capacity() const { return id.size(); }
   // Keeps the Gaussians that there are, and room that there is.
   Status resize(size_t n, MemoryBudget& memory) {
     count_ = 0;
@@ -34,7 +34,7 @@ struct Frame {
     return {};
   }
   Status reserve(size_t n, MemoryBudget& memory) {
-    if (n <= room()) return {};
+    if (n <= capacity()) return {};
     constexpr const char* kWhat = "the Gaussians of an instant";
     for (auto& axis : position) L4D_RETURN_IF_ERROR(grow(memory, &axis, n + kPadding, kWhat));
     for (auto& entry : covariance) L4D_RETURN_IF_ERROR(grow(memory, &entry, n + kPadding, kWhat));

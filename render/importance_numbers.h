@@ -28,8 +28,8 @@ struct ImportanceRow {
   uint32_t sh = 0, geometry = 0;
   L4D_HOST_DEVICE uint32_t width() const { return 1 + sh + geometry; }
 };
-inline ImportanceRow importance_row(uint32_t measure, uint32_t sh_degree) {
-  if (measure == L4D_SENSITIVITY_GAUSS_NEWTON) return {1, kNumGeometryParts};
+inline ImportanceRow importance_row(uint32_t metric, uint32_t sh_degree) {
+  if (metric == L4D_SENSITIVITY_GAUSS_NEWTON) return {1, kNumGeometryParts};
   return {sh_terms(sh_degree), kGeometryNumbers};
 }
 

@@ -14,15 +14,15 @@ namespace {
 // A round takes this share of an instant's cameras, at least one.
 constexpr size_t kRoundShare = 16;
 size_t round_share(size_t cameras) { return std::max<size_t>(1, cameras / kRoundShare); }
-// Asking ends where less than this of the light comes from Gaussians that are shown for the first
-// time.
+// The visibility pass ends where less than this of the light comes from Gaussians that are shown
+// for the first time.
 constexpr double kHardlyAny = 1e-4;
 // Ranks of this many Gaussians tell how well halves agree to three digits.
 constexpr size_t kMostRanked = 1 << 17;
 constexpr uint64_t kSecondHalf = uint64_t{1} << 63;
 
 // Ranks of what is not zero in either half: weights that both call zero would agree for free.
-std::vector<double> ranks(const std::vector<float>& values, const std::vector<uint32_t>& chosen) {
+std::vector<double> group(const std::vector<float>& values, const std::vector<uint32_t>& chosen) {
   std::vector<uint32_t> order(chosen.size());
   std::iota(order.begin(), order.end(), 0u);
   const auto value = [&](uint32_t i) { return values[chosen[i]]; };
@@ -50,7 +50,7 @@ double rank_correlation(const std::vector<float>& a, const std::vector<float>& b
     for (size_t k = 0; k < kMostRanked; ++k) chosen[k] = chosen[k * chosen.size() / kMostRanked];
     chosen.resize(kMostRanked);
   }
-  const std::vector<double> ra = ranks(a, chosen), rb = ranks(b, chosen);
+  const std::vector<double> ra = group(a, chosen), rb = group(b, chosen);
   const double mean = 0.5 * static_cast<double>(chosen.size() - 1);
   double ab = 0, aa = 0, bb = 0;
   for (size_t i = 0; i < ra.size(); ++i) {
@@ -107,18 +107,18 @@ std::vector<InstantViews> schedule(const l4d_view* views, size_t num_views) {
 // What the sums of a measurement are of.
 l4d_sensitivity_options sums_of(const l4d_measure_options& options) {
   l4d_sensitivity_options sums{};
-  sums.measure = options.measure;
+  sums.metric = options.metric;
   sums.seed = options.seed;
   return sums;
 }
 
-l4d_ranks one_rank() {
-  l4d_ranks ranks{};
-  ranks.count = 1;
-  return ranks;
+l4d_process_group one_process() {
+  l4d_process_group group{};
+  group.count = 1;
+  return group;
 }
 
-// One call of l4d_measure whose arguments are in order.
+// One call of l4d_measure_importance whose arguments are in order.
 class Measurement {
  public:
   Measurement(Renderer& renderer, const l4d_camera* cameras, const l4d_view* views,
@@ -129,8 +129,8 @@ class Measurement {
         options_(options),
         progress_(progress),
         user_(user),
-        whole_(options.ranks != nullptr),
-        ranks_(whole_ ? *options.ranks : one_rank()),
+        whole_(options.group != nullptr),
+        group_(whole_ ? *options.group : one_process()),
         instants_(schedule(views, num_views)),
         report_(*report) {
     report_.views = num_views;
@@ -148,8 +148,8 @@ class Measurement {
   Status run(std::unique_ptr<Sensitivity>* out) {
     L4D_RETURN_IF_ERROR(measure_views());
     L4D_RETURN_IF_ERROR(first_->merge(*second_));
-    if (whole_) L4D_RETURN_IF_ERROR(first_->share(ranks_));
-    if (options_.skip_unseen == 0) L4D_RETURN_IF_ERROR(ask_views());
+    if (whole_) L4D_RETURN_IF_ERROR(first_->share(group_));
+    if (options_.skip_visibility == 0) L4D_RETURN_IF_ERROR(visibility_pass());
     L4D_RETURN_IF_ERROR(first_->count_unseen(&report_.unseen));
     *out = std::move(first_);
     return {};
@@ -161,9 +161,9 @@ class Measurement {
     return std::make_unique<Sensitivity>(options, scene.count(), scene.gaussians().sh_degree,
                                          whole_);
   }
-  bool is_own(size_t instant) const { return instant % ranks_.count == ranks_.rank; }
+  bool is_own(size_t instant) const { return instant % group_.count == group_.rank; }
   Status proceed(const char* stage) const {
-    const uint64_t done = report_.views_measured + report_.views_asked;
+    const uint64_t done = report_.views_measured + report_.views_visibility_only;
     return progress_ == nullptr || progress_(user_, done, report_.views, stage) == 0
                ? Status()
                : Status(L4D_ERR_CANCELLED, "cancelled");
@@ -208,7 +208,7 @@ class Measurement {
     std::unique_ptr<Sensitivity> shared[2];
     for (int half = 0; whole_ && half < 2; ++half) {
       L4D_RETURN_IF_ERROR(halves[half]->copy(&shared[half]));
-      L4D_RETURN_IF_ERROR(shared[half]->share(ranks_));
+      L4D_RETURN_IF_ERROR(shared[half]->share(group_));
       halves[half] = shared[half].get();
     }
     // The weights of a component have its number. A half without views has none yet.
@@ -230,11 +230,11 @@ class Measurement {
   }
 
   // What the views that are left show, until that is hardly any light of Gaussians not seen before.
-  Status ask_views() {
+  Status visibility_pass() {
     std::unique_ptr<Sensitivity> own;  // of this rank
     if (whole_) {
       own = make_sums(sums_of(options_));
-      own->look_past(*first_);
+      own->exclude_seen(*first_);
     }
     Sensitivity& sums = whole_ ? *own : *first_;
     std::vector<uint8_t> known;
@@ -249,21 +249,21 @@ class Measurement {
         const size_t all = instant.cameras.size();
         if (instant.done == all) continue;
         const size_t end =
-            std::min(all, instant.done + (options_.ask_all != 0 ? all : round_share(all)));
+            std::min(all, instant.done + (options_.visibility_all != 0 ? all : round_share(all)));
         if (is_own(k)) L4D_RETURN_IF_ERROR(renderer_.set_time(instant.time));
         for (; instant.done < end; ++instant.done) {
           const l4d_camera& camera = cameras_[instant.cameras[instant.done]];
           if (is_own(k)) L4D_RETURN_IF_ERROR(sums.add_view(renderer_, camera, true, false));
           pixels += static_cast<double>(camera.width) * camera.height;
-          ++report_.views_asked;
+          ++report_.views_visibility_only;
           L4D_RETURN_IF_ERROR(proceed("coverage"));
         }
         more = more || instant.done < all;
       }
       if (!more) break;
       L4D_RETURN_IF_ERROR(renderer_.finish_importance());
-      L4D_RETURN_IF_ERROR(sums.glimpsed(&shown));
-      if (ranks_.count > 1 && ranks_.sum(ranks_.user, shown.data(), shown.size()) != 0) {
+      L4D_RETURN_IF_ERROR(sums.visible_only(&shown));
+      if (group_.count > 1 && group_.sum(group_.user, shown.data(), shown.size()) != 0) {
         return Status(L4D_ERR_IO, "adding up what all ranks have seen failed");
       }
       double light = 0;
@@ -272,11 +272,11 @@ class Measurement {
         known[i] = 1;
         light += static_cast<double>(shown[i]);
       }
-      news = light * Sensitivity::glimpse_unit() / pixels;
+      news = light * Sensitivity::visible_only_unit() / pixels;
     }
     L4D_RETURN_IF_ERROR(renderer_.finish_importance());
     if (!whole_) return {};
-    L4D_RETURN_IF_ERROR(own->share(ranks_));
+    L4D_RETURN_IF_ERROR(own->share(group_));
     return first_->merge(*own);
   }
 
@@ -286,7 +286,7 @@ class Measurement {
   const l4d_progress_fn progress_;
   void* const user_;
   const bool whole_;  // sums are whole numbers
-  const l4d_ranks ranks_;
+  const l4d_process_group group_;
   std::vector<InstantViews> instants_;
   std::unique_ptr<Sensitivity> first_, second_;  // halves of the views
   l4d_measure_report& report_;

@@ -39,7 +39,7 @@ struct SplatGradient2D {
   T color[3]{};  // by the clamped colour
 };
 
-// What projecting computes on the way, kept for the way back.
+// What projecting computes on the way, kept for the backward pass.
 template <typename T>
 struct Projection {
   T camera[3];  // position in camera axes

@@ -15,7 +15,7 @@ namespace l4d::render {
 struct Stats {
   uint64_t projected = 0;
   uint64_t instances = 0;
-  double seconds[L4D_RENDER_STAGE_COUNT] = {};
+  double seconds[L4D_RENDER_PASS_COUNT] = {};
 };
 
 // Derivatives by the splats of one view, in the order of the frame's Gaussians.
@@ -26,7 +26,7 @@ struct ViewGradients {
   std::vector<T> coverage;
 };
 
-// What the way back needs to know of the scalar that is derived.
+// What the backward pass needs to know of the scalar that is derived.
 struct BackwardInput {
   // [height, width, 3] derivative of the scalar by each pixel, or NULL: the scalar is the sum of
   // all pixels and channels.

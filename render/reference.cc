@@ -45,13 +45,13 @@ std::vector<Item> sorted_splats(const Frame<double>& frame, const View<double>& 
   if (stats != nullptr) {
     stats->projected = items.size();
     stats->instances = 0;
-    stats->seconds[L4D_RENDER_STAGE_BIN] = 0;
-    stats->seconds[L4D_RENDER_STAGE_BACKWARD] = 0;
+    stats->seconds[L4D_RENDER_PASS_BIN] = 0;
+    stats->seconds[L4D_RENDER_PASS_BACKWARD] = 0;
   }
-  clock->charge(L4D_RENDER_STAGE_PROJECT);
+  clock->charge(L4D_RENDER_PASS_PROJECT);
   std::stable_sort(items.begin(), items.end(),
                    [](const Item& a, const Item& b) { return a.splat.depth < b.splat.depth; });
-  clock->charge(L4D_RENDER_STAGE_SORT);
+  clock->charge(L4D_RENDER_PASS_SORT);
   return items;
 }
 
@@ -138,8 +138,8 @@ void add_alpha_gradient(const Splat<double>& s, const Fragment& f, double by_alp
 
 // What a call holds at most: splats, half as many again while they are sorted, and numbers for each
 // pixel.
-Status take_room(const Frame<double>& frame, const View<double>& view, uint64_t doubles_per_pixel,
-                 MemoryCharge* charge) {
+Status charge_memory(const Frame<double>& frame, const View<double>& view,
+                     uint64_t doubles_per_pixel, MemoryCharge* charge) {
   const uint64_t splats = frame.count() + frame.count() / 2 + 1;
   const uint64_t pixels = num_pixels(view);
   return charge->take(
@@ -155,7 +155,7 @@ class ReferenceRasterizer : public Rasterizer<double> {
                  float* rgb, float* alpha, Stats* stats) override {
     const size_t n = num_pixels(view);
     MemoryCharge room(memory_);
-    L4D_RETURN_IF_ERROR(take_room(frame, view, 5, &room));
+    L4D_RETURN_IF_ERROR(charge_memory(frame, view, 5, &room));
     std::vector<double> wide_rgb(rgb != nullptr ? 3 * n : 0), wide_alpha(alpha != nullptr ? n : 0);
     render_reference(frame, view, background, rgb != nullptr ? wide_rgb.data() : nullptr,
                      alpha != nullptr ? wide_alpha.data() : nullptr, stats);
@@ -169,7 +169,7 @@ class ReferenceRasterizer : public Rasterizer<double> {
                   const BackwardInput& input, ViewGradients<double>* out, Stats* stats) override {
     Clock clock(stats);
     MemoryCharge room(memory_);
-    L4D_RETURN_IF_ERROR(take_room(frame, view, 3, &room));
+    L4D_RETURN_IF_ERROR(charge_memory(frame, view, 3, &room));
     L4D_RETURN_IF_ERROR(renew(memory_, &out->coverage, frame.count(), "gradients"));
     L4D_RETURN_IF_ERROR(
         renew(memory_, &out->splat, input.geometry ? frame.count() : 0, "gradients"));
@@ -180,7 +180,7 @@ class ReferenceRasterizer : public Rasterizer<double> {
       blend(view, items, [&](const Item& item, const Fragment& f) {
         out->coverage[item.index] += f.alpha * f.transmittance;
       });
-      clock.charge(L4D_RENDER_STAGE_BLEND);
+      clock.charge(L4D_RENDER_PASS_BLEND);
       return {};
     }
 
@@ -199,7 +199,7 @@ class ReferenceRasterizer : public Rasterizer<double> {
       upstream(input, pixel, g);
       behind[pixel] += left[pixel] * dot3(light, g);
     }
-    clock.charge(L4D_RENDER_STAGE_BLEND);
+    clock.charge(L4D_RENDER_PASS_BLEND);
 
     blend(view, items, [&](const Item& item, const Fragment& f) {
       double g[3];
@@ -214,7 +214,7 @@ class ReferenceRasterizer : public Rasterizer<double> {
       const double by_alpha = f.transmittance * emitted - behind[f.pixel] / (1 - f.alpha);
       add_alpha_gradient(item.splat, f, by_alpha, splat);
     });
-    clock.charge(L4D_RENDER_STAGE_BACKWARD);
+    clock.charge(L4D_RENDER_PASS_BACKWARD);
     return {};
   }
 
@@ -243,7 +243,7 @@ void render_reference(const Frame<double>& frame, const View<double>& view, cons
       rgb[3 * pixel + c] += left[pixel] * static_cast<double>(background[c]);
     }
   }
-  clock.charge(L4D_RENDER_STAGE_BLEND);
+  clock.charge(L4D_RENDER_PASS_BLEND);
 }
 
 std::unique_ptr<Rasterizer<double>> make_reference_rasterizer(MemoryBudget& memory) {

@@ -47,7 +47,7 @@ Renderer::Renderer(const l4d_renderer_options& options)
 Status Renderer::acquire_device() {
   if (device_ != nullptr) return {};
   L4D_RETURN_IF_ERROR(make_device_renderer({static_cast<int>(device_number_), false}, &device_));
-  return device_->time_stages();
+  return device_->time_passes();
 }
 
 void Renderer::forget(bool with_scene) {
@@ -149,7 +149,7 @@ Status Renderer::set_time(double time) {
   L4D_RETURN_IF_ERROR(within_limit(false, [&] { return slice(time); }));
   device_visible_ = 0;
   stats_ = Stats();
-  stats_.seconds[L4D_RENDER_STAGE_SLICE] =
+  stats_.seconds[L4D_RENDER_PASS_SLICE] =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   has_time_ = true;
   return {};
@@ -162,18 +162,18 @@ Status Renderer::ready(const l4d_camera& camera) const {
 }
 
 void Renderer::begin_view() {
-  const double slice = stats_.seconds[L4D_RENDER_STAGE_SLICE];
+  const double slice = stats_.seconds[L4D_RENDER_PASS_SLICE];
   stats_ = Stats();
-  stats_.seconds[L4D_RENDER_STAGE_SLICE] = slice;
+  stats_.seconds[L4D_RENDER_PASS_SLICE] = slice;
 }
 
-void Renderer::keep(const DeviceFigures& figures) {
-  device_visible_ = figures.visible;
-  stats_.projected = figures.projected;
-  stats_.instances = figures.instances;
-  for (int k = 0; k < L4D_RENDER_STAGE_COUNT; ++k) {
+void Renderer::keep(const DeviceFrameStats& stats) {
+  device_visible_ = stats.visible;
+  stats_.projected = stats.projected;
+  stats_.instances = stats.instances;
+  for (int k = 0; k < L4D_RENDER_PASS_COUNT; ++k) {
     // Slicing on the device is part of the view; what set_time did stays.
-    stats_.seconds[k] = (k == L4D_RENDER_STAGE_SLICE ? stats_.seconds[k] : 0) + figures.seconds[k];
+    stats_.seconds[k] = (k == L4D_RENDER_PASS_SLICE ? stats_.seconds[k] : 0) + stats.seconds[k];
   }
 }
 
@@ -181,9 +181,9 @@ Status Renderer::render(const l4d_camera& camera, const l4d_image& image) {
   L4D_RETURN_IF_ERROR(ready(camera));
   begin_view();
   if (cuda_) {
-    DeviceFigures figures;
-    L4D_RETURN_IF_ERROR(device_->render(time_, camera, background_, image, &figures));
-    keep(figures);
+    DeviceFrameStats stats;
+    L4D_RETURN_IF_ERROR(device_->render(time_, camera, background_, image, &stats));
+    keep(stats);
     return {};
   }
   return with_path([&](auto& path) {
@@ -272,10 +272,10 @@ Status Renderer::backward(const l4d_camera& camera, const float* rgb_gradient,
   }
   begin_view();
   if (cuda_) {
-    DeviceFigures figures;
+    DeviceFrameStats stats;
     L4D_RETURN_IF_ERROR(
-        device_->backward(time_, camera, background_, rgb_gradient, gradients, &figures));
-    keep(figures);
+        device_->backward(time_, camera, background_, rgb_gradient, gradients, &stats));
+    keep(stats);
     return {};
   }
   BackwardInput input;
@@ -316,7 +316,7 @@ void Renderer::collect(Path<T>& path, const View<double>& view, const Importance
       double direction[3];
       view_direction(view, slice.position, direction);
       for (size_t k = 0; k < 3; ++k) item.direction[k] = static_cast<float>(direction[k]);
-      // The way back asks for the instant of the position, not for the position.
+      // The backward pass asks for the instant of the position, not for the position.
       gaussian.opacity = linear_opacity(gaussian, at);
       if (input.as_coded) normalize_rotor(gaussian.rotor, gaussian.rotor);
       const Gradient4D<double> g = slice_gradient(gaussian, derived, by_slice);
@@ -352,22 +352,22 @@ Status Renderer::importance(const l4d_camera& camera, const ImportanceInput& inp
   });
 }
 
-Status Renderer::make_importance(uint32_t measure, bool every_glimpse,
+Status Renderer::make_importance(uint32_t metric, bool sum_visible_only,
                                  std::unique_ptr<DeviceImportance>* out) {
   if (source_ != Source::kGaussians || device_ == nullptr) {
     return Status(L4D_ERR_INVALID_STATE, "importance needs the scene's Gaussians: set_gaussians");
   }
-  return device_->make_importance(measure, every_glimpse, out);
+  return device_->make_importance(metric, sum_visible_only, out);
 }
 
 Status Renderer::add_importance(const l4d_camera& camera, bool squared, uint64_t signs,
-                                bool seen_only, DeviceImportance* sums, bool wait) {
+                                bool visibility_only, DeviceImportance* sums, bool wait) {
   L4D_RETURN_IF_ERROR(ready(camera));
   begin_view();
-  DeviceFigures figures;
-  L4D_RETURN_IF_ERROR(device_->add_importance(time_, camera, squared, signs, seen_only, sums,
-                                              wait ? &figures : nullptr));
-  keep(figures);
+  DeviceFrameStats stats;
+  L4D_RETURN_IF_ERROR(device_->add_importance(time_, camera, squared, signs, visibility_only, sums,
+                                              wait ? &stats : nullptr));
+  keep(stats);
   return {};
 }
 
@@ -381,7 +381,7 @@ void Renderer::stats(l4d_render_stats* out) const {
   out->visible = cuda_ ? device_visible_ : sliced;
   out->projected = stats_.projected;
   out->instances = stats_.instances;
-  std::copy_n(stats_.seconds, L4D_RENDER_STAGE_COUNT, out->seconds);
+  std::copy_n(stats_.seconds, L4D_RENDER_PASS_COUNT, out->seconds);
 }
 
 }  // namespace l4d::render

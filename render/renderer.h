@@ -52,10 +52,10 @@ class Renderer {
 
   // A device adds importances up itself: DeviceRenderer has these calls.
   bool on_device() const { return cuda_; }
-  Status make_importance(uint32_t measure, bool every_glimpse,
+  Status make_importance(uint32_t metric, bool sum_visible_only,
                          std::unique_ptr<DeviceImportance>* out);
-  Status add_importance(const l4d_camera& camera, bool squared, uint64_t signs, bool seen_only,
-                        DeviceImportance* sums, bool wait);
+  Status add_importance(const l4d_camera& camera, bool squared, uint64_t signs,
+                        bool visibility_only, DeviceImportance* sums, bool wait);
   // Waits for views that were added without waiting; they all are in the sums then.
   Status finish_importance();
 
@@ -94,7 +94,7 @@ class Renderer {
   Status ready(const l4d_camera& camera) const;
   // Makes the device ready for a scene; says why not where it cannot.
   Status acquire_device();
-  void keep(const DeviceFigures& figures);
+  void keep(const DeviceFrameStats& stats);
   void begin_view();  // forgets the figures of the last one, not those of the instant
   template <typename T>
   Instant<T> instant() const;

@@ -175,31 +175,32 @@ Status slice_stream(l4d_decoder* decoder, double time, MemoryBudget& memory, uin
   l4d_splat_columns columns;
   l4d_splat_columns_init(&columns);
   columns.still_key = *still_key;
-  columns.least_opacity = static_cast<float>(kMinAlpha);
+  columns.min_opacity = static_cast<float>(kMinAlpha);
   l4d_info info;
   l4d_info_init(&info);
   l4d_status status = l4d_decoder_get_info(decoder, &info);
-  size_t named = *still_key != 0 ? out->room() : 0;  // rows that have their ids
+  size_t named = *still_key != 0 ? out->capacity() : 0;  // rows that have their ids
   *still_key = 0;
   const uint64_t key = columns.still_key;
   const auto slice = [&] {
     columns.still_key = key;
-    columns.capacity = out->room();
+    columns.capacity = out->capacity();
     for (size_t k = 0; k < 3; ++k) columns.position[k] = out->position[k].data();
     for (size_t k = 0; k < 6; ++k) columns.covariance[k] = out->covariance[k].data();
     columns.opacity = out->opacity.data();
     columns.sh_rows = out->sh.data();
     status = l4d_decoder_slice_columns(decoder, time, &columns);
-    return status == L4D_ERR_BUFFER_TOO_SMALL || (status == L4D_OK && columns.count > out->room());
+    return status == L4D_ERR_BUFFER_TOO_SMALL ||
+           (status == L4D_OK && columns.count > out->capacity());
   };
   // Once for most instants: there was room for as many before. Still rows stay while arrays grow.
   while (status == L4D_OK && slice()) {
     status = L4D_OK;
     L4D_RETURN_IF_ERROR(out->reserve(static_cast<size_t>(columns.count), memory));
   }
-  if (status != L4D_OK) return Status(status, l4d_decoder_error_detail(decoder));
+  if (status != L4D_OK) return Status(status, l4d_decoder_error_message(decoder));
   L4D_RETURN_IF_ERROR(out->resize(static_cast<size_t>(columns.count), memory));
-  for (; named < out->room(); ++named) out->id[named] = static_cast<uint32_t>(named);
+  for (; named < out->capacity(); ++named) out->id[named] = static_cast<uint32_t>(named);
   out->sh_degree = info.sh_degree;
   *still_key = columns.still_key;
   return {};

@@ -60,13 +60,13 @@ int bits_of(const ImportanceRow& row, size_t k) {
 }
 
 // Sums over all ranks that stay at kMostWhole as if one rank had added all of them up.
-Status sum_over(const l4d_ranks& ranks, std::vector<int64_t>* values) {
-  const auto sum = [&ranks](std::vector<int64_t>* v) {
-    return ranks.sum(ranks.user, v->data(), v->size()) == 0
+Status sum_over(const l4d_process_group& group, std::vector<int64_t>* values) {
+  const auto sum = [&group](std::vector<int64_t>* v) {
+    return group.sum(group.user, v->data(), v->size()) == 0
                ? Status()
                : Status(L4D_ERR_IO, "the sum over all processes failed");
   };
-  if (ranks.count < 1u << (63 - kWholeBits)) {
+  if (group.count < 1u << (63 - kWholeBits)) {
     L4D_RETURN_IF_ERROR(sum(values));
     for (int64_t& v : *values) v = std::min(v, kMostWhole);
     return {};
@@ -90,24 +90,24 @@ Status sum_over(const l4d_ranks& ranks, std::vector<int64_t>* values) {
 }  // namespace
 
 Sensitivity::Sensitivity(const l4d_sensitivity_options& options, size_t count, uint32_t sh_degree,
-                         bool whole_numbers)
+                         bool fixed_point)
     : options_(options),
       sh_degree_(sh_degree),
-      row_(importance_row(options.measure, sh_degree)),
+      row_(importance_row(options.metric, sh_degree)),
       seen_(count),
-      whole_numbers_(whole_numbers) {}
+      fixed_point_(fixed_point) {}
 
 void Sensitivity::make_host_sums() {
-  if (whole_numbers_) {
+  if (fixed_point_) {
     whole_.resize(count() * row_.width());
-    whole_glimpsed_.resize(count());
+    fixed_visible_only_.resize(count());
   } else {
     sums_.resize(count() * row_.width());
-    glimpsed_.resize(count());
+    visible_only_.resize(count());
   }
 }
 
-Status Sensitivity::add_view(Renderer& renderer, const l4d_camera& camera, bool seen_only,
+Status Sensitivity::add_view(Renderer& renderer, const l4d_camera& camera, bool visibility_only,
                              bool wait) {
   if (!renderer.has_scene()) {
     return Status(L4D_ERR_INVALID_STATE, "importance needs the scene's Gaussians: set_gaussians");
@@ -119,28 +119,28 @@ Status Sensitivity::add_view(Renderer& renderer, const l4d_camera& camera, bool 
     return Status(L4D_ERR_INVALID_STATE, "importance is measured on black: set the background so");
   }
   const uint64_t pixels = uint64_t{camera.width} * camera.height;
-  const bool squared = options_.measure == L4D_SENSITIVITY_GAUSS_NEWTON;
+  const bool squared = options_.metric == L4D_SENSITIVITY_GAUSS_NEWTON;
   // A sign for every channel: with one for all three, derivatives of the channels would add up
   // before they are squared. A view that is added again has other signs.
   const uint64_t key = view_key(renderer.time(), camera);
-  const uint64_t signs = mix(mix(options_.seed) ^ mix(key + (seen_only ? 0 : repeats_[key])));
+  const uint64_t signs = mix(mix(options_.seed) ^ mix(key + (visibility_only ? 0 : repeats_[key])));
   if (renderer.on_device()) {
     if (device_ == nullptr) {
-      L4D_RETURN_IF_ERROR(renderer.make_importance(options_.measure, whole_numbers_, &device_));
+      L4D_RETURN_IF_ERROR(renderer.make_importance(options_.metric, fixed_point_, &device_));
     }
     L4D_RETURN_IF_ERROR(
-        renderer.add_importance(camera, squared, signs, seen_only, device_.get(), wait));
+        renderer.add_importance(camera, squared, signs, visibility_only, device_.get(), wait));
     device_read_ = false;
     all_pixels_ += pixels;
-    if (!seen_only) {
+    if (!visibility_only) {
       pixels_ += pixels;
       ++repeats_[key];
     }
     return {};
   }
   Renderer::ImportanceInput input;
-  if (seen_only) input.seen = seen_.data();
-  if (squared && !seen_only && check_image_size(camera.width, camera.height).ok()) {
+  if (visibility_only) input.seen = seen_.data();
+  if (squared && !visibility_only && check_image_size(camera.width, camera.height).ok()) {
     signs_.resize(static_cast<size_t>(3 * pixels));
     parallel_for(renderer.threads(), static_cast<size_t>(pixels), kGrain,
                  [&](size_t begin, size_t end) {
@@ -162,13 +162,13 @@ Status Sensitivity::add_view(Renderer& renderer, const l4d_camera& camera, bool 
       const Renderer::Importance& item = items_[i];
       if (!(item.coverage > 0)) continue;
       const double coverage = static_cast<double>(item.coverage);
-      if (seen_only) {
+      if (visibility_only) {
         if (seen_[item.id] != 0) continue;
-        // Among ranks, which view comes first depends on who has it: all that glimpse add up.
-        if (whole_numbers_) {
-          add_whole(&whole_glimpsed_[item.id], whole_of(coverage, kCoverageBits));
+        // Among ranks, which view comes first depends on who has it: all visibility passes add up.
+        if (fixed_point_) {
+          add_whole(&fixed_visible_only_[item.id], whole_of(coverage, kCoverageBits));
         } else {
-          glimpsed_[item.id] += coverage;
+          visible_only_[item.id] += coverage;
           seen_[item.id] = 1;
         }
         continue;
@@ -203,7 +203,7 @@ Status Sensitivity::add_view(Renderer& renderer, const l4d_camera& camera, bool 
       }
       const size_t at = size_t{width} * item.id;
       for (uint32_t k = 0; k < width; ++k) {
-        if (whole_numbers_) {
+        if (fixed_point_) {
           add_whole(&whole_[at + k], whole_of(row[k], bits_of(row_, k)));
         } else {
           sums_[at + k] += row[k];
@@ -212,7 +212,7 @@ Status Sensitivity::add_view(Renderer& renderer, const l4d_camera& camera, bool 
     }
   });
   all_pixels_ += pixels;
-  if (!seen_only) {
+  if (!visibility_only) {
     pixels_ += pixels;
     ++repeats_[key];
   }
@@ -232,21 +232,21 @@ Status Sensitivity::seen(std::vector<uint8_t>* out) const {
   if (device_ != nullptr) L4D_RETURN_IF_ERROR(device_->read_seen(out));
   out->resize(count());
   for (size_t i = 0; i < count(); ++i) {
-    const bool glimpsed = !whole_glimpsed_.empty() && whole_glimpsed_[i] != 0;
-    (*out)[i] = (*out)[i] != 0 || seen_[i] != 0 || glimpsed ? 1 : 0;
+    const bool visible_only = !fixed_visible_only_.empty() && fixed_visible_only_[i] != 0;
+    (*out)[i] = (*out)[i] != 0 || seen_[i] != 0 || visible_only ? 1 : 0;
   }
   return {};
 }
 
-double Sensitivity::glimpse_unit() { return std::ldexp(1.0, -kCoverageBits); }
+double Sensitivity::visible_only_unit() { return std::ldexp(1.0, -kCoverageBits); }
 
-Status Sensitivity::glimpsed(std::vector<int64_t>* out) const {
+Status Sensitivity::visible_only(std::vector<int64_t>* out) const {
   out->clear();
-  if (device_ != nullptr) L4D_RETURN_IF_ERROR(device_->read_glimpsed(out));
+  if (device_ != nullptr) L4D_RETURN_IF_ERROR(device_->read_visible_only(out));
   out->resize(count());
-  add_all(whole_glimpsed_, out, add_whole);
-  for (size_t i = 0; i < glimpsed_.size(); ++i) {
-    (*out)[i] += whole_of(glimpsed_[i], kCoverageBits);
+  add_all(fixed_visible_only_, out, add_whole);
+  for (size_t i = 0; i < visible_only_.size(); ++i) {
+    (*out)[i] += whole_of(visible_only_[i], kCoverageBits);
   }
   return {};
 }
@@ -260,7 +260,7 @@ Status Sensitivity::count_unseen(uint64_t* out) const {
 
 Status Sensitivity::merge(const Sensitivity& other) {
   if (other.count() != count() || other.sh_degree_ != sh_degree_ ||
-      other.options_.measure != options_.measure || other.whole_numbers_ != whole_numbers_) {
+      other.options_.metric != options_.metric || other.fixed_point_ != fixed_point_) {
     return invalid_argument("the accumulators are for different scenes or measures");
   }
   if (other.device_ != nullptr) {
@@ -273,9 +273,9 @@ Status Sensitivity::merge(const Sensitivity& other) {
   }
   for (size_t i = 0; i < seen_.size(); ++i) seen_[i] |= other.seen_[i];
   add_all(other.whole_, &whole_, add_whole);
-  add_all(other.whole_glimpsed_, &whole_glimpsed_, add_whole);
+  add_all(other.fixed_visible_only_, &fixed_visible_only_, add_whole);
   add_all(other.sums_, &sums_, add_double);
-  add_all(other.glimpsed_, &glimpsed_, add_double);
+  add_all(other.visible_only_, &visible_only_, add_double);
   all_pixels_ += other.all_pixels_;
   pixels_ += other.pixels_;
   for (const auto& [key, times] : other.repeats_) repeats_[key] += times;
@@ -287,9 +287,9 @@ Status Sensitivity::take_from_device() {
   bool any;
   L4D_RETURN_IF_ERROR(read_device(&any));
   add_all(device_values_.numbers, &whole_, add_whole);
-  add_all(device_values_.glimpsed, &whole_glimpsed_, add_whole);
+  add_all(device_values_.visible_only, &fixed_visible_only_, add_whole);
   for (size_t i = 0; i < count(); ++i) {
-    // What was only glimpsed is told by its coverage.
+    // What only visibility passes showed counts by its coverage.
     if (device_values_.numbers[row_.width() * i] > 0) seen_[i] = 1;
   }
   device_.reset();
@@ -298,16 +298,16 @@ Status Sensitivity::take_from_device() {
   return {};
 }
 
-Status Sensitivity::share(const l4d_ranks& ranks) {
+Status Sensitivity::share(const l4d_process_group& group) {
   L4D_RETURN_IF_ERROR(take_from_device());
-  if (ranks.count < 2) return {};
+  if (group.count < 2) return {};
   make_host_sums();  // a rank may have had no view
-  L4D_RETURN_IF_ERROR(sum_over(ranks, &whole_));
-  L4D_RETURN_IF_ERROR(sum_over(ranks, &whole_glimpsed_));
+  L4D_RETURN_IF_ERROR(sum_over(group, &whole_));
+  L4D_RETURN_IF_ERROR(sum_over(group, &fixed_visible_only_));
   std::vector<int64_t> rest(seen_.begin(), seen_.end());
   rest.push_back(static_cast<int64_t>(pixels_));
   rest.push_back(static_cast<int64_t>(all_pixels_));
-  L4D_RETURN_IF_ERROR(sum_over(ranks, &rest));
+  L4D_RETURN_IF_ERROR(sum_over(group, &rest));
   for (size_t i = 0; i < seen_.size(); ++i) seen_[i] = rest[i] != 0;
   pixels_ = static_cast<uint64_t>(rest[seen_.size()]);
   all_pixels_ = static_cast<uint64_t>(rest[seen_.size() + 1]);
@@ -315,7 +315,7 @@ Status Sensitivity::share(const l4d_ranks& ranks) {
 }
 
 Status Sensitivity::copy(std::unique_ptr<Sensitivity>* out) const {
-  auto made = std::make_unique<Sensitivity>(options_, count(), sh_degree_, whole_numbers_);
+  auto made = std::make_unique<Sensitivity>(options_, count(), sh_degree_, fixed_point_);
   L4D_RETURN_IF_ERROR(made->merge(*this));
   L4D_RETURN_IF_ERROR(made->take_from_device());
   *out = std::move(made);
@@ -333,17 +333,17 @@ double Sensitivity::number(size_t gaussian, size_t k) const {
 
 float Sensitivity::light(size_t gaussian) const {
   const double coverage = number(gaussian, 0);
-  double glimpsed = glimpsed_.empty() ? 0.0 : glimpsed_[gaussian];
-  int64_t whole = whole_glimpsed_.empty() ? 0 : whole_glimpsed_[gaussian];
+  double visible_only = visible_only_.empty() ? 0.0 : visible_only_[gaussian];
+  int64_t whole = fixed_visible_only_.empty() ? 0 : fixed_visible_only_[gaussian];
   bool seen = seen_[gaussian] != 0;
   if (device_read_) {
-    add_whole(&whole, device_values_.glimpsed[gaussian]);
+    add_whole(&whole, device_values_.visible_only[gaussian]);
     seen = seen || device_values_.seen[gaussian] != 0;
   }
-  glimpsed += std::ldexp(static_cast<double>(whole), -kCoverageBits);
-  seen = seen || glimpsed > 0;
+  visible_only += std::ldexp(static_cast<double>(whole), -kCoverageBits);
+  seen = seen || visible_only > 0;
   const double weight = coverage > 0 ? coverage / static_cast<double>(pixels_)
-                                     : glimpsed / static_cast<double>(all_pixels_);
+                                     : visible_only / static_cast<double>(all_pixels_);
   // What is seen at all does not come out as unseen.
   return std::max(static_cast<float>(weight), seen ? FLT_MIN : 0.0f);
 }
@@ -353,7 +353,7 @@ Status Sensitivity::weights(uint32_t which, float* out) const {
   if (pixels_ == 0) return Status(L4D_ERR_INVALID_STATE, "no full view has been added");
   bool on_device;
   L4D_RETURN_IF_ERROR(read_device(&on_device));
-  const bool squared = options_.measure == L4D_SENSITIVITY_GAUSS_NEWTON;
+  const bool squared = options_.metric == L4D_SENSITIVITY_GAUSS_NEWTON;
   // Where its numbers lie in the row, and over how many numbers squares are averaged.
   uint32_t first = 1, numbers = row_.sh, of = sh_terms(sh_degree_);
   for (uint32_t p = 0; p < kNumGeometryParts; ++p) {

@@ -13,29 +13,30 @@ namespace l4d::render {
 
 class Sensitivity {
  public:
-  // whole_numbers: sums are of whole numbers of a small unit each, which come out the same in any
+  // fixed_point: sums are of whole numbers of a small unit each, which come out the same in any
   // order.
   Sensitivity(const l4d_sensitivity_options& options, size_t count, uint32_t sh_degree,
-              bool whole_numbers = false);
+              bool fixed_point = false);
 
   // wait: until it has been added; else a device may still be at it, and
   // Renderer::finish_importance() waits.
-  Status add_view(Renderer& renderer, const l4d_camera& camera, bool seen_only, bool wait = true);
+  Status add_view(Renderer& renderer, const l4d_camera& camera, bool visibility_only,
+                  bool wait = true);
   Status merge(const Sensitivity& other);
-  // Replaces all sums by those over all ranks. Needs whole_numbers.
-  Status share(const l4d_ranks& ranks);
+  // Replaces all sums by those over all ranks. Needs fixed_point.
+  Status share(const l4d_process_group& group);
   // A copy of what it has, in memory of the host.
   Status copy(std::unique_ptr<Sensitivity>* out) const;
   // Looks at Gaussians that `other` has not seen alone, where that saves work.
-  void look_past(const Sensitivity& other) { seen_ = other.seen_; }
+  void exclude_seen(const Sensitivity& other) { seen_ = other.seen_; }
   Status weights(uint32_t which, float* out) const;
   size_t count() const { return seen_.size(); }
   uint32_t sh_degree() const { return sh_degree_; }
   // 1 for each Gaussian that a view showed, else 0: [N].
   Status seen(std::vector<uint8_t>* out) const;
-  // What views that only asked showed, in whole numbers of a small unit of a pixel: [N].
-  Status glimpsed(std::vector<int64_t>* out) const;
-  static double glimpse_unit();
+  // What visibility-only views showed, in fixed point, in units of a small unit of a pixel: [N].
+  Status visible_only(std::vector<int64_t>* out) const;
+  static double visible_only_unit();
   Status count_unseen(uint64_t* out) const;
 
  private:
@@ -55,13 +56,14 @@ class Sensitivity {
   uint64_t all_pixels_ = 0;    // of all views
   uint64_t pixels_ = 0;        // of full views
   std::vector<uint8_t> seen_;  // [N]
-  // Sums over views of the host, empty before its first one: rows, and the coverage in seen_only
-  // views of what no full view had shown; in double, for a scene may have a hundred thousand views.
-  std::vector<double> sums_;      // [N, width]
-  std::vector<double> glimpsed_;  // [N]
+  // Sums over views of the host, empty before its first one: rows, and the coverage in
+  // visibility_only views of what no full view had shown; in double, for a scene may have a hundred
+  // thousand views.
+  std::vector<double> sums_;          // [N, width]
+  std::vector<double> visible_only_;  // [N]
   // Where sums are whole numbers, these instead.
-  bool whole_numbers_;
-  std::vector<int64_t> whole_, whole_glimpsed_;
+  bool fixed_point_;
+  std::vector<int64_t> whole_, fixed_visible_only_;
   std::vector<Renderer::Importance> items_;
   std::vector<float> signs_;
   // How often each full view has been added, by view_key().

@@ -20,5 +20,5 @@ for architecture in 75 80; do
       "$architecture"
   done
 done | xargs -0 -n 4 -P "${L4D_JOBS:-$(nproc)}" "$nvcc" -ptx -std=c++17 --expt-relaxed-constexpr \
-  -I. -Iinclude -I"$build/include" -DL4D_STATIC_DEFINE -DL4D_HAVE_CUDA -DL4D_CUDA_LEAST_OVERLAPPING=90
+  -I. -Iinclude -I"$build/include" -DL4D_STATIC_DEFINE -DL4D_HAVE_CUDA -DL4D_CUDA_MIN_OVERLAPPING=90
 echo "${#sources[@]} files compile for 7.5 and 8.0"

@@ -34,18 +34,18 @@ const BenchScene& Bench::synth() {
   return *synth_;
 }
 
-const Measured& Bench::measured(const BenchScene& scene, uint32_t measure) {
-  const auto key = std::make_pair(&scene, measure);
+const Measured& Bench::measured(const BenchScene& scene, uint32_t metric) {
+  const auto key = std::make_pair(&scene, metric);
   const auto found = measured_.find(key);
   if (found != measured_.end()) return found->second;
-  std::string name = measure == L4D_SENSITIVITY_SUM ? "weights-sum" : "weights-gauss-newton";
+  std::string name = metric == L4D_SENSITIVITY_SUM ? "weights-sum" : "weights-gauss-newton";
   note("measuring " + name + " of " + scene.name);
-  l4d_measure_options options = measure_options(measure, kAgreement);
+  l4d_measure_options options = measure_options(metric, kAgreement);
   if (quick()) name += "-quick";
   if (&scene == synth_.get()) {
     // Only there for a second opinion, so few views do.
     options.max_share = 1.0 / 8;
-    options.skip_unseen = 1;
+    options.skip_visibility = 1;
     name += "-synth";
   }
   return measured_[key] = measure_cached(scene, options, options_.cache_dir + "/" + name + ".bin");
@@ -102,7 +102,7 @@ Json coding_row(Bench& bench, const BenchScene& scene, const std::string& name,
 }
 
 Encoded encode(Bench& bench, const BenchScene& scene, const Coding& coding) {
-  return encode(scene.scene, bench.weights(scene, coding.measure), coding);
+  return encode(scene.scene, bench.weights(scene, coding.metric), coding);
 }
 
 Json coded_row(Bench& bench, const BenchScene& scene, const Coding& coding) {

@@ -41,10 +41,10 @@ class Bench {
   uint64_t synth_size(uint64_t full) const { return quick() ? options_.gaussians : full; }
 
   // measure: L4D_SENSITIVITY_*.
-  const Measured& measured(const BenchScene& scene, uint32_t measure);
+  const Measured& measured(const BenchScene& scene, uint32_t metric);
   const io::Weights& weights(const BenchScene& scene,
-                             uint32_t measure = L4D_SENSITIVITY_GAUSS_NEWTON) {
-    return measured(scene, measure).weights;
+                             uint32_t metric = L4D_SENSITIVITY_GAUSS_NEWTON) {
+    return measured(scene, metric).weights;
   }
   // All cameras at four instants.
   const Judge& judge(const BenchScene& scene);

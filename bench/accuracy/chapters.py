@@ -93,10 +93,10 @@ def sensitivity(tables, folder):
                     ("rotor, temporal", "spearman_rotor_temporal", ".4f")]
     out = ["Squared derivatives are added up over training views, of which a part is enough: the "
            "table gives Spearman's rank correlation with the weights of the largest part measured "
-           "here, and the preset `default` encoded with the weights. \"Asked\" views are only "
+           "here, and the preset `default` encoded with the weights. \"Visibility-only\" views are only "
            "looked at for Gaussians that the measured ones did not show.\n",
            table([("share of the views", "name", ""), ("views measured", "views_measured", "d"),
-                  ("views asked", "views_asked", "d"), ("seconds", "measure_s", ".1f"),
+                  ("visibility-only views", "views_visibility_only", "d"), ("seconds", "measure_s", ".1f"),
                   ("unseen", "unseen", ",d")] + correlations + SIZE, views),
            plots.sensitivity_plot(views[:-1], agreed, folder),
            "Measures and families of codings:\n",
@@ -104,7 +104,7 @@ def sensitivity(tables, folder):
            "Pruning by rate and distortion, for other prices of a Gaussian's bits:\n",
            table([("prune-cost", "prune_cost", "g"), ("pruned", "pruned", ",d")] + SIZE, pruning)]
     text = (f"Where halves of the measured views agree to 0.95, {agreed['views_measured']} views "
-            f"and {agreed['measure_s']:.0f} s (those asked among them) instead of "
+            f"and {agreed['measure_s']:.0f} s (visibility-only views included) instead of "
             f"{most['views_measured']} and {most['measure_s']:.0f} s move fidelity by "
             f"{signed(agreed['fidelity_db'] - most['fidelity_db'])} dB at "
             f"{signed((agreed['bytes'] / most['bytes'] - 1) * 100)} % of the bytes: this is the "
@@ -180,7 +180,7 @@ def codebooks(tables, folder):
 def thresholds(tables, folder):
     rows = tables["thresholds"]
     none = named(rows, "none")
-    out = ["Vectors whose weight exceeds the threshold are kept as literals (binary16), one "
+    out = ["Vectors whose weight exceeds the threshold are kept as escapes (binary16), one "
            "component at a time, over decades around the paper's threshold (its Figure 5):\n",
            table([("component", "name", ""), ("threshold", "threshold", ".0e"),
                   ("of the paper's", "of_paper", "g")] + SIZE, rows),
@@ -191,8 +191,8 @@ def thresholds(tables, folder):
         parts.append(f"{plots.COMPONENTS[name]} "
                      f"{signed(top['fidelity_db'] - none['fidelity_db'])} dB for "
                      f"{signed((top['bytes'] - none['bytes']) / 1e6)} MB")
-    return out + ["Literals alone can bring at most: " + ", ".join(parts) +
-                  ". The first section holds literals, in the paper's presets, against residual "
+    return out + ["Escapes alone can bring at most: " + ", ".join(parts) +
+                  ". The first section holds escapes, in the paper's presets, against residual "
                   "stages.\n"]
 
 

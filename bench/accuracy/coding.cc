@@ -32,7 +32,7 @@ void set_weights(const EncoderHandle& e, const io::Weights& w) {
       {L4D_WEIGHT_POSITION, &w.position},
       {L4D_WEIGHT_OPACITY, &w.opacity},
       {L4D_WEIGHT_MEAN_T, &w.mean_t}};
-  e.check(l4d_encoder_set(e.get(), L4D_ENC_WEIGHT_MEASURE, L4D_ALL_COMPONENTS,
+  e.check(l4d_encoder_set(e.get(), L4D_ENC_WEIGHT_METRIC, L4D_ALL_COMPONENTS,
                           w.gauss_newton ? L4D_SENSITIVITY_GAUSS_NEWTON : L4D_SENSITIVITY_SUM));
   for (const auto& [which, column] : columns) {
     if (column->empty()) continue;
@@ -56,7 +56,7 @@ void describe(Encoded& out) {
 Coding preset(const std::string& name) {
   Coding c;
   c.name = c.preset = name;
-  if (name.compare(0, 6, "paper-") == 0) c.measure = L4D_SENSITIVITY_SUM;
+  if (name.compare(0, 6, "paper-") == 0) c.metric = L4D_SENSITIVITY_SUM;
   return c;
 }
 

@@ -27,7 +27,7 @@ struct Coding {
   std::vector<float> sh_stages, geometry_stages;
   uint64_t seed = 0;
   // Of the weights it is encoded with: thresholds of the paper's presets are in units of the sum.
-  uint32_t measure = L4D_SENSITIVITY_GAUSS_NEWTON;
+  uint32_t metric = L4D_SENSITIVITY_GAUSS_NEWTON;
 
   Coding with(l4d_encoder_parameter id, double value, int component = L4D_ALL_COMPONENTS) const {
     Coding c = *this;
@@ -36,7 +36,7 @@ struct Coding {
   }
 };
 
-// A preset under its own name, with the measure it wants.
+// A preset under its own name, with the metric it wants.
 Coding preset(const std::string& name);
 // One stage of 4096 codewords for each component: what tables on codebooks vary.
 Coding one_stage();

@@ -79,30 +79,30 @@ Codebook train(const std::vector<Point>& points, const std::vector<float>& weigh
   for (size_t i = 0; i < sample.size(); ++i) sample[i] = i;
   std::shuffle(sample.begin(), sample.end(), random);
   sample.resize(std::min(sample.size(), size * kSample));
-  Codebook book;
-  book.size = std::min(size, sample.size());
+  Codebook codebook;
+  codebook.size = std::min(size, sample.size());
   for (size_t d = 0; d < kDim; ++d) {
-    for (size_t k = 0; k < book.size; ++k) book.values[d].push_back(points[sample[k]][d]);
+    for (size_t k = 0; k < codebook.size; ++k) codebook.values[d].push_back(points[sample[k]][d]);
   }
-  std::vector<float> distance(book.size);
+  std::vector<float> distance(codebook.size);
   for (int iteration = 0; iteration < iterations; ++iteration) {
-    std::vector<double> mass(book.size), sum(kDim * book.size);
+    std::vector<double> mass(codebook.size), sum(kDim * codebook.size);
     for (const size_t i : sample) {
-      const size_t k = book.nearest(points[i], distance);
+      const size_t k = codebook.nearest(points[i], distance);
       const double w = static_cast<double>(weights[i]);
       mass[k] += w;
       for (size_t d = 0; d < kDim; ++d) {
         sum[kDim * k + d] += w * static_cast<double>(points[i][d]);
       }
     }
-    for (size_t k = 0; k < book.size; ++k) {
+    for (size_t k = 0; k < codebook.size; ++k) {
       if (!(mass[k] > 0)) continue;
       for (size_t d = 0; d < kDim; ++d) {
-        book.values[d][k] = static_cast<float>(sum[kDim * k + d] / mass[k]);
+        codebook.values[d][k] = static_cast<float>(sum[kDim * k + d] / mass[k]);
       }
     }
   }
-  return book;
+  return codebook;
 }
 
 struct Shape {
@@ -111,11 +111,11 @@ struct Shape {
 };
 
 // Axes are eigenvectors, the most time-like of them last.
-Shape shape_of(const Codebook& book, size_t k) {
+Shape shape_of(const Codebook& codebook, size_t k) {
   Matrix c;
   size_t d = 0;
   for (int a = 0; a < 4; ++a) {
-    for (int b = a; b < 4; ++b, ++d) c(a, b) = c(b, a) = static_cast<double>(book.values[d][k]);
+    for (int b = a; b < 4; ++b, ++d) c(a, b) = c(b, a) = static_cast<double>(codebook.values[d][k]);
   }
   const Eigen::SelfAdjointEigenSolver<Matrix> solver(c);
   Matrix axes = solver.eigenvectors();
@@ -145,13 +145,13 @@ Cov4d quantise_covariances(io::Scene& s, const std::vector<float>& weights, size
   const size_t n = s.count();
   std::vector<Point> points(n);
   for (size_t i = 0; i < n; ++i) points[i] = normalised_covariance(s, i);
-  const Codebook book = train(points, weights, num_codewords, iterations);
-  std::vector<Shape> shapes(book.size);
-  for (size_t k = 0; k < book.size; ++k) shapes[k] = shape_of(book, k);
-  std::vector<float> distance(book.size);
-  std::vector<size_t> uses(book.size);
+  const Codebook codebook = train(points, weights, num_codewords, iterations);
+  std::vector<Shape> shapes(codebook.size);
+  for (size_t k = 0; k < codebook.size; ++k) shapes[k] = shape_of(codebook, k);
+  std::vector<float> distance(codebook.size);
+  std::vector<size_t> uses(codebook.size);
   for (size_t i = 0; i < n; ++i) {
-    const size_t k = book.nearest(points[i], distance);
+    const size_t k = codebook.nearest(points[i], distance);
     ++uses[k];
     const double factor = log_factor(s, i);
     for (size_t j = 0; j < 4; ++j) {
@@ -162,7 +162,7 @@ Cov4d quantise_covariances(io::Scene& s, const std::vector<float>& weights, size
     for (size_t j = 0; j < 8; ++j) s.rotor[8 * i + j] = static_cast<float>(shapes[k].rotor[j]);
   }
   Cov4d result;
-  result.codebook_bytes = static_cast<double>(2 * kDim * book.size);
+  result.codebook_bytes = static_cast<double>(2 * kDim * codebook.size);
   for (const size_t count : uses) {
     if (count == 0) continue;
     const double x = static_cast<double>(count);

@@ -16,7 +16,7 @@ struct Effects {
 
 std::string tool_names(uint32_t tools) {
   static constexpr const char* kNames[] = {"motion",          "temporal opacity", "view dependence",
-                                           "residual stages", "literals",         "RCQ",
+                                           "residual stages", "escapes",          "RCQ",
                                            "lossless",        "transform",        "rANS"};
   std::string s;
   for (unsigned i = 0; i < std::size(kNames); ++i) {
@@ -35,7 +35,7 @@ Json effect_row(const BenchScene& scene, const char* name) {
   l4d_query query;
   l4d_query_init(&query);
   GaussianArrays a = d.decode(query);
-  a.ranges.clear();
+  a.spans.clear();
   l4d_gaussian_buffers out = a.buffers();
   const double decoding =
       time_median(7, [&] { d.check(l4d_decoder_decode(d.get(), &query, &out)); });
@@ -100,7 +100,7 @@ Json run_stages(Bench& bench) {
   Json rows = Json::array();
   for (const char* name : {"default", "indexed", "paper-small"}) {
     const Coding c = preset(name);
-    const Measured& measured = bench.measured(scene, c.measure);
+    const Measured& measured = bench.measured(scene, c.metric);
     const Encoded e = encode(scene.scene, measured.weights, c, 3);
     Json row = {{"name", name}, {"sensitivity", measured.seconds}};
     double vq = 0;

@@ -170,7 +170,7 @@ Json run_final(Bench& bench) {
     bench.add(tables["sections"], section_row(coding.name, e));
     if (coding.preset != coding.name) continue;
     if (coding.name == "default" || coding.name == "paper-small") {
-      add_layers(bench, tables["layers"], bench.weights(scene, coding.measure), coding, e);
+      add_layers(bench, tables["layers"], bench.weights(scene, coding.metric), coding, e);
     }
   }
   return tables;

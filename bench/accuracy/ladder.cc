@@ -19,15 +19,15 @@ std::vector<Step> steps() {
   std::vector<Step> all = {{"paper-small", preset("paper-small"), false}};
   // Each step adds to this.
   Coding c = one_stage().with(L4D_ENC_RANS, 0);
-  c.measure = L4D_SENSITIVITY_SUM;
+  c.metric = L4D_SENSITIVITY_SUM;
   const auto add = [&](const char* name, l4d_encoder_parameter id, double value,
                        int component = L4D_ALL_COMPONENTS) {
     c = c.with(id, value, component);
     all.push_back({name, c, id != L4D_ENC_RANS});
   };
-  all.push_back({"one stage, no literals", c, false});
+  all.push_back({"one stage, no escapes", c, false});
   c = staged("", 1024, {1, .6f, .4f, .2f, .1f}, {1, .5f}).with(L4D_ENC_RANS, 0);
-  c.measure = L4D_SENSITIVITY_SUM;
+  c.metric = L4D_SENSITIVITY_SUM;
   all.push_back({"+ residual stages", c, false});
   c = c.with(L4D_ENC_REFINE, 2);
   all.push_back({"+ stages refined for each other", c, false});
@@ -39,7 +39,7 @@ std::vector<Step> steps() {
   add("+ transform of scales", L4D_ENC_CODING, 1, L4D_COMPONENT_SCALE);
   c = c.with(L4D_ENC_CODING, 1, L4D_COMPONENT_ROTOR_SPATIAL);
   add("+ transform of rotors", L4D_ENC_CODING, 1, L4D_COMPONENT_ROTOR_TEMPORAL);
-  c.measure = L4D_SENSITIVITY_GAUSS_NEWTON;
+  c.metric = L4D_SENSITIVITY_GAUSS_NEWTON;
   all.push_back({"+ Gauss-Newton weights", c, true});
   add("+ pruning by rate and distortion", L4D_ENC_PRUNE_COST, 0.2);
   return all;

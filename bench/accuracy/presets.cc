@@ -43,13 +43,13 @@ Playback play(const BenchScene& scene, const std::vector<unsigned char>& file, i
 
 Json preset_row(Bench& bench, const BenchScene& scene, const char* name) {
   const Coding coding = preset(name);
-  const Measured& measured = bench.measured(scene, coding.measure);
+  const Measured& measured = bench.measured(scene, coding.metric);
   const int runs = bench.quick() ? 1 : 3;
   const Encoded with = encode(scene.scene, measured.weights, coding, runs);
   // The paper's pruning is by a weight that is not there then.
   const Encoded without = encode(
       scene.scene, io::Weights{},
-      coding.measure == L4D_SENSITIVITY_SUM ? coding.with(L4D_ENC_PRUNE_WEIGHT, -1) : coding, runs);
+      coding.metric == L4D_SENSITIVITY_SUM ? coding.with(L4D_ENC_PRUNE_WEIGHT, -1) : coding, runs);
   const WorstGaussian worst = worst_gaussian(scene.scene, with);
   const Playback p = play(scene, with.file, bench.quick() ? 3 : 9);
   const Judge& judge = bench.judge(scene);
@@ -114,7 +114,7 @@ Json run_device(Bench& bench) {
   Json rows = Json::array();
   for (const char* name : {"tiny", "small", "default", "large", "archive", "indexed"}) {
     const Measured measured =
-        measure(scene, measure_options(preset(name).measure, kDeviceAgreement), &renderer);
+        measure(scene, measure_options(preset(name).metric, kDeviceAgreement), &renderer);
     bench.add(rows, device_row(scene, name, measured));
   }
   return {{"presets", rows}};

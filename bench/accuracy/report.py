@@ -28,7 +28,7 @@ CHAPTERS = (
     ("sensitivity", "Importance weights: how many views", chapters.sensitivity),
     ("kmeans", "k-means: iterations and training points", chapters.kmeans),
     ("codebooks", "Codebook sizes", chapters.codebooks),
-    ("thresholds", "Literal thresholds", chapters.thresholds),
+    ("thresholds", "Escape thresholds", chapters.thresholds),
     ("rcq", "Residual codebook quantisation", chapters.rcq),
     ("ablation", "What each part brings", chapters.ablation),
     ("effort", "Effort", chapters_speed.effort),

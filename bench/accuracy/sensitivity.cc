@@ -19,7 +19,7 @@ std::vector<Selection> shares() {
 // Views that are measured, none of the others being asked anything.
 Measured measure_share(const BenchScene& scene, double share) {
   l4d_measure_options options = measure_options(L4D_SENSITIVITY_GAUSS_NEWTON, 2, share);
-  options.skip_unseen = 1;
+  options.skip_visibility = 1;
   return measure(scene, options);
 }
 
@@ -29,7 +29,7 @@ Json measured_row(Bench& bench, const std::string& name, const Measured& m,
   Json row = coding_row(bench, scene, name, encode(scene.scene, m.weights, coded()));
   const Json measured = {
       {"views_measured", m.report.views_measured},
-      {"views_asked", m.report.views_asked},
+      {"views_visibility_only", m.report.views_visibility_only},
       {"measure_s", m.seconds},
       {"unseen", m.report.unseen},
       {"spearman_sh", rank_correlation(m.weights.sh, most.sh)},
@@ -44,8 +44,8 @@ void add_measures(Bench& bench, Json& table) {
   const BenchScene& scene = bench.real();
   for (const char* name : {"default", "indexed"}) {
     const Coding c = preset(name);
-    const auto add = [&](const char* measure, const io::Weights& weights) {
-      bench.add(table, coding_row(bench, scene, std::string(measure) + ", " + name,
+    const auto add = [&](const char* metric, const io::Weights& weights) {
+      bench.add(table, coding_row(bench, scene, std::string(metric) + ", " + name,
                                   encode(scene.scene, weights, c)));
     };
     add("no weights", {});

@@ -36,7 +36,7 @@ struct Result {
 Result expanded(DecoderHandle& d, int runs) {
   const l4d_query query = whole_query();
   GaussianArrays a = d.decode(query);
-  a.ranges.clear();
+  a.spans.clear();
   l4d_gaussian_buffers b = a.buffers();
   Result r;
   r.seconds = time_median(runs, [&] { d.check(l4d_decoder_decode(d.get(), &query, &b)); });

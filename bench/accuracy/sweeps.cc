@@ -70,7 +70,7 @@ Json run_thresholds(Bench& bench) {
   Json rows = Json::array();
   // They are of sums of derivatives.
   Coding base = one_stage();
-  base.measure = L4D_SENSITIVITY_SUM;
+  base.metric = L4D_SENSITIVITY_SUM;
   Json none = coded_row(bench, bench.real(), base);
   none["name"] = "none";
   none["threshold"] = 0;
@@ -79,7 +79,7 @@ Json run_thresholds(Bench& bench) {
     for (const int decade : bench.take(std::vector<int>{-2, -1, 0, 1})) {
       const double threshold = kPaperThresholds[static_cast<size_t>(c)] * std::pow(10.0, decade);
       const Encoded e =
-          encode(bench, bench.real(), base.with(L4D_ENC_LITERAL_THRESHOLD, threshold, c));
+          encode(bench, bench.real(), base.with(L4D_ENC_ESCAPE_THRESHOLD, threshold, c));
       Json row = coding_row(bench, bench.real(), kComponents[static_cast<size_t>(c)], e);
       row["threshold"] = threshold;
       row["of_paper"] = std::pow(10.0, decade);

@@ -40,7 +40,7 @@ uint64_t identity(const BenchScene& s, const l4d_measure_options& options) {
   }
   h.add(options.agreement);
   h.add(options.max_share);
-  h.add(double(options.measure + 2 * options.skip_unseen));
+  h.add(double(options.metric + 2 * options.skip_visibility));
   h.add(double(s.scene.timeline.num_frames));
   return h.value;
 }
@@ -101,10 +101,10 @@ std::vector<double> ranks(const std::vector<float>& values) {
 
 }  // namespace
 
-l4d_measure_options measure_options(uint32_t measure, double agreement, double max_share) {
+l4d_measure_options measure_options(uint32_t metric, double agreement, double max_share) {
   l4d_measure_options options;
   l4d_measure_options_init(&options);
-  options.measure = measure;
+  options.metric = metric;
   options.agreement = agreement;
   options.max_share = max_share;
   return options;
@@ -122,9 +122,9 @@ Measured measure(const BenchScene& s, const l4d_measure_options& options,
   RendererHandle renderer(renderer_options);
   renderer.set_gaussians(s.scene.view(), s.scene.timeline);
   l4d_sensitivity* made = nullptr;
-  renderer.check(l4d_measure(renderer.get(), s.cameras.data(),
-                             static_cast<uint32_t>(s.cameras.size()), views.data(), views.size(),
-                             &options, nullptr, nullptr, &m.report, &made));
+  renderer.check(l4d_measure_importance(
+      renderer.get(), s.cameras.data(), static_cast<uint32_t>(s.cameras.size()), views.data(),
+      views.size(), &options, nullptr, nullptr, &m.report, &made));
   const SensitivityHandle sensitivity(made, s.scene.count());
   m.weights.count = s.scene.count();
   m.weights.alpha_t = sensitivity.weights(L4D_WEIGHT_ALPHA_T);
@@ -135,7 +135,7 @@ Measured measure(const BenchScene& s, const l4d_measure_options& options,
   m.weights.position = sensitivity.weights(L4D_WEIGHT_POSITION);
   m.weights.opacity = sensitivity.weights(L4D_WEIGHT_OPACITY);
   m.weights.mean_t = sensitivity.weights(L4D_WEIGHT_MEAN_T);
-  m.weights.gauss_newton = options.measure == L4D_SENSITIVITY_GAUSS_NEWTON;
+  m.weights.gauss_newton = options.metric == L4D_SENSITIVITY_GAUSS_NEWTON;
   m.seconds = seconds_now() - started;
   return m;
 }
@@ -144,7 +144,7 @@ Measured measure_cached(const BenchScene& s, const l4d_measure_options& options,
                         const std::string& path) {
   const uint64_t id = identity(s, options);
   Measured m;
-  const bool gauss_newton = options.measure == L4D_SENSITIVITY_GAUSS_NEWTON;
+  const bool gauss_newton = options.metric == L4D_SENSITIVITY_GAUSS_NEWTON;
   if (load(path, id, s.scene.count(), gauss_newton, &m)) return m;
   m = measure(s, options);
   store(path, id, m);

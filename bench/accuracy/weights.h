@@ -15,7 +15,7 @@ struct Measured {
 };
 
 // measure: L4D_SENSITIVITY_*.
-l4d_measure_options measure_options(uint32_t measure, double agreement, double max_share = 1);
+l4d_measure_options measure_options(uint32_t metric, double agreement, double max_share = 1);
 
 // All training cameras at all instants. renderer: NULL for the defaults.
 Measured measure(const BenchScene& scene, const l4d_measure_options& options,

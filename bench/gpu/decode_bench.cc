@@ -102,19 +102,19 @@ class Query {
   Query& operator=(const Query&) = delete;
 
   void run(const char* name, int runs) {
-    l4d_cuda_job job;
-    l4d_cuda_job_init(&job);
-    check(l4d_cuda_decoder_prepare(cuda_, &query_, &job));
+    l4d_cuda_request request;
+    l4d_cuda_request_init(&request);
+    check(l4d_cuda_decoder_prepare(cuda_, &query_, &request));
     std::vector<double> prepares;
     for (int i = 0; i < 10; ++i) {
       const double started = seconds_now();
-      check(l4d_cuda_decoder_prepare(cuda_, &query_, &job));
+      check(l4d_cuda_decoder_prepare(cuda_, &query_, &request));
       prepares.push_back(seconds_now() - started);
     }
     const double prepare = median(prepares);
-    const uint64_t n = job.num_gaussians;
+    const uint64_t n = request.num_gaussians;
     const DeviceArray position(n * 12), mean_t(n * 4), mean_t_local(n * 4), log_scale(n * 16),
-        rotor(n * 32), opacity(n * 4), sh(n * sh_dim_ * 4), workspace(job.workspace_bytes);
+        rotor(n * 32), opacity(n * 4), sh(n * sh_dim_ * 4), workspace(request.workspace_bytes);
     l4d_cuda_gaussian_buffers none;
     l4d_cuda_gaussian_buffers_init(&none);
     none.capacity = n;
@@ -128,10 +128,11 @@ class Query {
     l4d_cuda_gaussian_buffers all = geometry;
     all.sh = sh.floats();
     const auto upload = [&] {
-      check(l4d_cuda_decoder_upload(cuda_, workspace.data(), job.workspace_bytes, stream_));
+      check(l4d_cuda_decoder_upload(cuda_, workspace.data(), request.workspace_bytes, stream_));
     };
     const auto decode = [&](const l4d_cuda_gaussian_buffers& out) {
-      check(l4d_cuda_decoder_decode(cuda_, &out, workspace.data(), job.workspace_bytes, stream_));
+      check(
+          l4d_cuda_decoder_decode(cuda_, &out, workspace.data(), request.workspace_bytes, stream_));
     };
     decode(all);
     check(l4d_cuda_decoder_finish(cuda_));
@@ -146,20 +147,20 @@ class Query {
     const auto without = [&](const l4d_cuda_gaussian_buffers& out) {
       return median_time(runs, stream_, upload, [&] { decode(out); });
     };
-    const double whole = without(all), planes = without(none), no_sh = without(geometry);
+    const double whole = without(all), channels = without(none), no_sh = without(geometry);
     const double upload_only = median_time(
         runs, stream_, [] {}, upload);
     const double bytes = 4.0 * static_cast<double>(n * (18 + sh_dim_));
     std::printf("%s: %llu Gaussians in %llu pages, %.2f MB up, %.1f MB out, workspace %.1f MB\n",
                 name, static_cast<unsigned long long>(n),
-                static_cast<unsigned long long>(job.num_chunks),
-                1e-6 * static_cast<double>(job.upload_bytes), 1e-6 * bytes,
-                1e-6 * static_cast<double>(job.workspace_bytes));
+                static_cast<unsigned long long>(request.num_pages),
+                1e-6 * static_cast<double>(request.upload_bytes), 1e-6 * bytes,
+                1e-6 * static_cast<double>(request.workspace_bytes));
     std::printf("  prepare (host)          %9.3f ms\n", 1e3 * prepare);
     std::printf("  upload                  %9.3f ms, floor %.3f\n", 1e3 * upload_only,
-                1e3 * static_cast<double>(job.upload_bytes) / kUploadBytesPerSecond);
-    std::printf("  planes                  %9.3f ms\n", 1e3 * planes);
-    std::printf("  geometry                %9.3f ms, floor %.3f\n", 1e3 * (no_sh - planes),
+                1e3 * static_cast<double>(request.upload_bytes) / kUploadBytesPerSecond);
+    std::printf("  channels                  %9.3f ms\n", 1e3 * channels);
+    std::printf("  geometry                %9.3f ms, floor %.3f\n", 1e3 * (no_sh - channels),
                 1e3 * static_cast<double>(n) * 72 / kDeviceBytesPerSecond);
     std::printf("  sh                      %9.3f ms, floor %.3f\n", 1e3 * (whole - no_sh),
                 1e3 * static_cast<double>(n * sh_dim_) * 4 / kDeviceBytesPerSecond);
@@ -174,13 +175,13 @@ class Query {
  private:
   // All arrays of the packed form, which are compared with the host's like the others.
   void run_packed(int runs) {
-    l4d_cuda_job job;
-    l4d_cuda_job_init(&job);
-    job.forms = L4D_CUDA_FORM_PACKED;
-    const l4d_status prepared = l4d_cuda_decoder_prepare(cuda_, &query_, &job);
+    l4d_cuda_request request;
+    l4d_cuda_request_init(&request);
+    request.forms = L4D_CUDA_FORM_PACKED;
+    const l4d_status prepared = l4d_cuda_decoder_prepare(cuda_, &query_, &request);
     if (prepared == L4D_ERR_FEATURE_UNSUPPORTED) return;
     check(prepared);
-    const uint64_t n = job.num_gaussians;
+    const uint64_t n = request.num_gaussians;
     std::vector<uint64_t> bytes = {6 * n, 2 * n, 2 * n, 2 * n};
     for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
       const uint64_t dim = c == L4D_COMPONENT_SH ? sh_dim_ : 4;
@@ -192,7 +193,7 @@ class Query {
       // Of a layer with fewer stages than others some indices stay as they are.
       cuda_check(cudaMemset(arrays.back()->data(), 0, b));
     }
-    const DeviceArray workspace(job.workspace_bytes);
+    const DeviceArray workspace(request.workspace_bytes);
     const auto halves = [&](size_t k) { return static_cast<uint16_t*>(arrays[k]->data()); };
     l4d_cuda_packed_buffers out;
     l4d_cuda_packed_buffers_init(&out);
@@ -206,26 +207,26 @@ class Query {
                           halves(6 + 3 * c), n};
     }
     const auto decode = [&] {
-      check(l4d_cuda_decoder_decode_packed(cuda_, &out, workspace.data(), job.workspace_bytes,
+      check(l4d_cuda_decoder_decode_packed(cuda_, &out, workspace.data(), request.workspace_bytes,
                                            stream_));
     };
     decode();
     check(l4d_cuda_decoder_finish(cuda_));
-    uint64_t literals[L4D_COMPONENT_COUNT];
+    uint64_t escapes[L4D_COMPONENT_COUNT];
     for (uint32_t c = 0; c < L4D_COMPONENT_COUNT; ++c) {
-      check(l4d_cuda_decoder_get_num_literals(cuda_, c, &literals[c]));
+      check(l4d_cuda_decoder_get_num_escapes(cuda_, c, &escapes[c]));
     }
-    compare_packed(bytes, arrays, literals);
+    compare_packed(bytes, arrays, escapes);
     double size = 0;
     for (unsigned k = 0; k < bytes.size(); ++k) {
-      const bool is_literal = k >= 4 && (k - 4) % 3 == 2;
-      const uint64_t rows = is_literal ? literals[(k - 4) / 3] : n;
+      const bool is_escape = k >= 4 && (k - 4) % 3 == 2;
+      const uint64_t rows = is_escape ? escapes[(k - 4) / 3] : n;
       size += n == 0 ? 0 : static_cast<double>(bytes[k] / n * rows);
     }
     const double whole = median_time(
         runs, stream_,
         [&] {
-          check(l4d_cuda_decoder_upload(cuda_, workspace.data(), job.workspace_bytes, stream_));
+          check(l4d_cuda_decoder_upload(cuda_, workspace.data(), request.workspace_bytes, stream_));
         },
         decode);
     const double with_upload = median_time(
@@ -238,7 +239,7 @@ class Query {
 
   void compare_packed(const std::vector<uint64_t>& bytes,
                       const std::vector<std::unique_ptr<DeviceArray>>& arrays,
-                      const uint64_t* literals) {
+                      const uint64_t* escapes) {
     std::vector<std::vector<unsigned char>> host;
     for (const uint64_t b : bytes) host.emplace_back(static_cast<size_t>(b) + 1);
     const auto halves = [&](size_t k) { return reinterpret_cast<uint16_t*>(host[k].data()); };
@@ -258,11 +259,11 @@ class Query {
       uint64_t size = bytes[k];
       if (k >= 4 && (k - 4) % 3 == 2 && out.capacity > 0) {
         const size_t c = (k - 4) / 3;
-        if (out.component[c].num_literals != literals[c]) {
-          std::fprintf(stderr, "numbers of literals differ\n");
+        if (out.component[c].num_escapes != escapes[c]) {
+          std::fprintf(stderr, "numbers of escapes differ\n");
           std::exit(1);
         }
-        size = size / out.capacity * literals[c];
+        size = size / out.capacity * escapes[c];
       }
       std::vector<unsigned char> found(static_cast<size_t>(size));
       cuda_check(cudaMemcpy(found.data(), arrays[k]->data(), found.size(), cudaMemcpyDeviceToHost));
@@ -274,7 +275,7 @@ class Query {
 
   void check(l4d_status status) const {
     if (status == L4D_OK) return;
-    std::fprintf(stderr, "%s\n", l4d_cuda_decoder_error_detail(cuda_));
+    std::fprintf(stderr, "%s\n", l4d_cuda_decoder_error_message(cuda_));
     std::exit(1);
   }
   static void compare(const char* what, const DeviceArray& device, const std::vector<float>& host) {

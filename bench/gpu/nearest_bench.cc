@@ -55,15 +55,15 @@ void assignments(size_t n) {
       "|---:|---:|---:|---:|---:|---:|---:|\n");
   for (const size_t dim : {size_t{3}, size_t{4}, size_t{48}}) {
     for (const size_t k : {size_t{1024}, size_t{4096}}) {
-      const std::vector<float> points = rows(n, dim, dim), book = rows(k, dim, k + dim);
+      const std::vector<float> points = rows(n, dim, dim), codebook = rows(k, dim, k + dim);
       std::vector<uint32_t> labels(n), host_labels(n);
       std::vector<float> sq_dist(n);
       const double host = median_of(1, [&] {
-        l4d::assign_nearest(points.data(), n, dim, book.data(), k, 0, nullptr, host_labels.data(),
-                            sq_dist.data());
+        l4d::assign_nearest(points.data(), n, dim, codebook.data(), k, 0, nullptr,
+                            host_labels.data(), sq_dist.data());
       });
       const auto search = [&] {
-        l4d::assign_nearest(points.data(), n, dim, book.data(), k, {0, device.get()}, nullptr,
+        l4d::assign_nearest(points.data(), n, dim, codebook.data(), k, {0, device.get()}, nullptr,
                             labels.data(), sq_dist.data());
       };
       search();
@@ -96,13 +96,13 @@ std::vector<unsigned char> quantise(const l4d::io::Scene& scene, bool by_hand, u
   double vq = 0;
   const char* name = nullptr;
   double seconds = 0;
-  for (uint32_t i = 0; l4d_encoder_get_stage(e.get(), i, &name, &seconds) == L4D_OK; ++i) {
+  for (uint32_t i = 0; l4d_encoder_get_step(e.get(), i, &name, &seconds) == L4D_OK; ++i) {
     if (std::strstr(name, "_vq") != nullptr) vq += seconds;
   }
   std::printf("| %s | %s | %.2f | %.2f | %zu |\n",
               by_hand ? "one stage of 4096, RCQ where it pays" : "preset indexed",
               backend == L4D_BACKEND_CUDA ? "device" : "host", vq, total, file.size());
-  for (uint32_t i = 0; l4d_encoder_get_stage(e.get(), i, &name, &seconds) == L4D_OK; ++i) {
+  for (uint32_t i = 0; l4d_encoder_get_step(e.get(), i, &name, &seconds) == L4D_OK; ++i) {
     std::printf("  %s %.3f", name, seconds);
   }
   std::puts("");

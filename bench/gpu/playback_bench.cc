@@ -103,7 +103,7 @@ class Playback {
 
   void must(l4d_status status) const {
     if (status == L4D_OK) return;
-    std::fprintf(stderr, "%s\n", l4d_cuda_player_error_detail(player_));
+    std::fprintf(stderr, "%s\n", l4d_cuda_player_error_message(player_));
     std::exit(1);
   }
   // Seconds from the call until the image is there.
@@ -114,10 +114,10 @@ class Playback {
     check(cudaStreamSynchronize(stream_));
     return seconds_since(begin);
   }
-  l4d_cuda_figures figures() const {
-    l4d_cuda_figures f;
-    l4d_cuda_figures_init(&f);
-    must(l4d_cuda_player_get_figures(player_, stream_, &f));
+  l4d_cuda_frame_stats stats() const {
+    l4d_cuda_frame_stats f;
+    l4d_cuda_frame_stats_init(&f);
+    must(l4d_cuda_player_get_stats(player_, stream_, &f));
     return f;
   }
   l4d_cuda_player_counters counters() const {
@@ -155,7 +155,7 @@ void play(const char* path, double fps, double limit, int seeks) {
   const l4d_cuda_player_counters c = p.counters();
   for (int k = 0; k < 16; ++k) {
     p.frame(begin + length * (k + 0.5) / 16, 0);
-    visible += static_cast<double>(p.figures().visible) / 16;
+    visible += static_cast<double>(p.stats().visible) / 16;
   }
   const Timing t = timing_of(seconds);
   std::printf("%s: %.0f s, %llu Gaussians, %.0f visible\n", path, info.duration,

@@ -82,16 +82,16 @@ struct Bench {
 
 void stages(const Bench& bench, l4d_cuda_renderer* r, const l4d_cuda_image& image,
             cudaStream_t stream, bool half) {
-  double sums[L4D_RENDER_STAGE_COUNT] = {};
+  double sums[L4D_RENDER_PASS_COUNT] = {};
   double visible = 0, projected = 0, instances = 0;
   constexpr int kFrames = 64;
-  must(r, l4d_cuda_renderer_time_stages(r));
-  l4d_cuda_figures f;
-  l4d_cuda_figures_init(&f);
+  must(r, l4d_cuda_renderer_time_passes(r));
+  l4d_cuda_frame_stats f;
+  l4d_cuda_frame_stats_init(&f);
   for (int k = 0; k < kFrames; ++k) {
     must(r, l4d_cuda_renderer_render(r, bench.time_of(k), &bench.camera_of(k), &image, stream));
-    must(r, l4d_cuda_renderer_get_figures(r, stream, &f));
-    for (int s = 0; s < L4D_RENDER_STAGE_COUNT; ++s) sums[s] += f.seconds[s] / kFrames;
+    must(r, l4d_cuda_renderer_get_stats(r, stream, &f));
+    for (int s = 0; s < L4D_RENDER_PASS_COUNT; ++s) sums[s] += f.seconds[s] / kFrames;
     visible += static_cast<double>(f.visible) / kFrames;
     projected += static_cast<double>(f.projected) / kFrames;
     instances += static_cast<double>(f.instances) / kFrames;
@@ -120,14 +120,14 @@ void forward(const Bench& bench, uint32_t format) {
   l4d_cuda_renderer* r = nullptr;
   if (l4d_cuda_renderer_create(&options, &r) != L4D_OK) std::exit(1);
   must(r, l4d_cuda_renderer_set_gaussians(r, &bench.device, &bench.scene.timeline));
-  l4d_cuda_room room;
-  l4d_cuda_room_init(&room);
-  room.width = kWidth;
-  room.height = kHeight;
-  room.visible = bench.scene.count();
-  room.instances = 6 * bench.scene.count();
-  room.backward = format == L4D_CUDA_SH_FLOAT32;
-  must(r, l4d_cuda_renderer_reserve(r, &room));
+  l4d_cuda_frame_capacity capacity;
+  l4d_cuda_frame_capacity_init(&capacity);
+  capacity.width = kWidth;
+  capacity.height = kHeight;
+  capacity.visible = bench.scene.count();
+  capacity.instances = 6 * bench.scene.count();
+  capacity.backward = format == L4D_CUDA_SH_FLOAT32;
+  must(r, l4d_cuda_renderer_reserve(r, &capacity));
   cudaStream_t stream;
   check(cudaStreamCreate(&stream));
   const Array<float> rgb(3 * size_t{kWidth} * kHeight), upstream(3 * size_t{kWidth} * kHeight);
@@ -206,14 +206,14 @@ void forward(const Bench& bench, uint32_t format) {
             must(r, l4d_cuda_renderer_backward(r, bench.time_of(k), &bench.camera_of(k), &image,
                                                upstream.get(), &g, stream));
           }));
-    l4d_cuda_figures f;
-    l4d_cuda_figures_init(&f);
-    must(r, l4d_cuda_renderer_time_stages(r));
+    l4d_cuda_frame_stats f;
+    l4d_cuda_frame_stats_init(&f);
+    must(r, l4d_cuda_renderer_time_passes(r));
     must(r, l4d_cuda_renderer_backward(r, bench.time_of(3), &bench.camera_of(3), &image,
                                        upstream.get(), &g, stream));
-    must(r, l4d_cuda_renderer_get_figures(r, stream, &f));
+    must(r, l4d_cuda_renderer_get_stats(r, stream, &f));
     std::printf("of that backward: pixels to splats %.1f us\n",
-                1e6 * f.seconds[L4D_RENDER_STAGE_BACKWARD]);
+                1e6 * f.seconds[L4D_RENDER_PASS_BACKWARD]);
   }
   stages(bench, r, image, stream, half);
   cudaStreamDestroy(stream);
@@ -227,22 +227,22 @@ void sensitivity(const Bench& bench, const std::vector<l4d_camera>& cameras, int
   options.backend = L4D_BACKEND_CUDA;
   RendererHandle renderer(&options);
   renderer.set_gaussians(bench.scene.view(), bench.scene.timeline);
-  for (const uint32_t measure : {L4D_SENSITIVITY_SUM, L4D_SENSITIVITY_GAUSS_NEWTON}) {
-    for (const bool seen_only : {false, true}) {
+  for (const uint32_t metric : {L4D_SENSITIVITY_SUM, L4D_SENSITIVITY_GAUSS_NEWTON}) {
+    for (const bool visibility_only : {false, true}) {
       l4d_sensitivity_options o;
       l4d_sensitivity_options_init(&o);
-      o.measure = measure;
-      if (seen_only && measure != L4D_SENSITIVITY_SUM) continue;
+      o.metric = metric;
+      if (visibility_only && metric != L4D_SENSITIVITY_SUM) continue;
       SensitivityHandle sums(&o, bench.scene.count(), bench.scene.sh_degree);
       renderer.set_time(0.1);
-      sums.add_view(renderer, cameras[0], seen_only);
+      sums.add_view(renderer, cameras[0], visibility_only);
       check(cudaDeviceSynchronize());
       const auto start = std::chrono::steady_clock::now();
       int views = 0;
       for (int t = 0; t < instants; ++t) {
         renderer.set_time(bench.time_of(t));
         for (const l4d_camera& camera : cameras) {
-          sums.add_view(renderer, camera, seen_only);
+          sums.add_view(renderer, camera, visibility_only);
           ++views;
         }
       }
@@ -252,9 +252,9 @@ void sensitivity(const Bench& bench, const std::vector<l4d_camera>& cameras, int
       std::printf(
           "%s, %s: %d views in %.2f s, %.3f ms a view; 21,600 views %.1f s, 4,050 views %.2f s\n",
           name,
-          seen_only                        ? "seen only"
-          : measure == L4D_SENSITIVITY_SUM ? "SUM"
-                                           : "GAUSS_NEWTON",
+          visibility_only                 ? "visibility only"
+          : metric == L4D_SENSITIVITY_SUM ? "SUM"
+                                          : "GAUSS_NEWTON",
           views, s, 1e3 * s / views, 21600 * s / views, 4050 * s / views);
     }
   }

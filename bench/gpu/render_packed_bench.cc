@@ -42,7 +42,7 @@ struct Stream {
   std::vector<std::unique_ptr<Array<unsigned char>>> arrays;
   l4d_gaussians gaussians{};
   l4d_cuda_sh_indices indices;
-  std::vector<l4d_codebook> books;
+  std::vector<l4d_codebook> codebooks;
   l4d_timeline timeline{};
   std::vector<l4d_camera> cameras;
 
@@ -55,17 +55,18 @@ struct Stream {
     l4d_query query;
     l4d_query_init(&query);
     for (uint32_t s = 0; s < L4D_MAX_STAGES; ++s) {
-      l4d_codebook book;
-      l4d_codebook_init(&book);
-      must_decode(l4d_cuda_decoder_get_codebook(cuda, 0, L4D_COMPONENT_SH, s, L4D_NO_BLOCK, &book));
-      if (book.entries != nullptr) books.push_back(book);
+      l4d_codebook codebook;
+      l4d_codebook_init(&codebook);
+      must_decode(
+          l4d_cuda_decoder_get_codebook(cuda, 0, L4D_COMPONENT_SH, s, L4D_NO_BLOCK, &codebook));
+      if (codebook.entries != nullptr) codebooks.push_back(codebook);
     }
-    l4d_cuda_job job;
-    l4d_cuda_job_init(&job);
-    job.forms = L4D_CUDA_FORM_EXPANDED | L4D_CUDA_FORM_PACKED;
-    must_decode(l4d_cuda_decoder_prepare(cuda, &query, &job));
-    const size_t n = static_cast<size_t>(job.num_gaussians);
-    const Array<unsigned char> workspace(static_cast<size_t>(job.workspace_bytes));
+    l4d_cuda_request request;
+    l4d_cuda_request_init(&request);
+    request.forms = L4D_CUDA_FORM_EXPANDED | L4D_CUDA_FORM_PACKED;
+    must_decode(l4d_cuda_decoder_prepare(cuda, &query, &request));
+    const size_t n = static_cast<size_t>(request.num_gaussians);
+    const Array<unsigned char> workspace(static_cast<size_t>(request.workspace_bytes));
     l4d_cuda_gaussian_buffers out;
     l4d_cuda_gaussian_buffers_init(&out);
     out.capacity = n;
@@ -79,26 +80,28 @@ struct Stream {
           from = to = array<float>(a.numbers(info.sh_degree) * n);
         },
         out, gaussians);
-    must_decode(l4d_cuda_decoder_decode(cuda, &out, workspace.get(), job.workspace_bytes, nullptr));
+    must_decode(
+        l4d_cuda_decoder_decode(cuda, &out, workspace.get(), request.workspace_bytes, nullptr));
     must_decode(l4d_cuda_decoder_finish(cuda));
     l4d_cuda_packed_buffers packed;
     l4d_cuda_packed_buffers_init(&packed);
     packed.capacity = n;
     l4d_cuda_packed_component& sh = packed.component[L4D_COMPONENT_SH];
-    sh = {array<uint8_t>(n), array<uint16_t>(books.size() * n), array<uint16_t>(3 * terms * n), n};
-    must_decode(l4d_cuda_decoder_decode_packed(cuda, &packed, workspace.get(), job.workspace_bytes,
-                                               nullptr));
+    sh = {array<uint8_t>(n), array<uint16_t>(codebooks.size() * n), array<uint16_t>(3 * terms * n),
+          n};
+    must_decode(l4d_cuda_decoder_decode_packed(cuda, &packed, workspace.get(),
+                                               request.workspace_bytes, nullptr));
     must_decode(l4d_cuda_decoder_finish(cuda));
-    uint64_t literals[L4D_COMPONENT_COUNT];
+    uint64_t escapes[L4D_COMPONENT_COUNT];
     for (uint32_t c = 0; c < L4D_COMPONENT_COUNT; ++c) {
-      must_decode(l4d_cuda_decoder_get_num_literals(cuda, c, &literals[c]));
+      must_decode(l4d_cuda_decoder_get_num_escapes(cuda, c, &escapes[c]));
     }
     l4d_cuda_sh_indices_init(&indices);
     indices.depth = sh.depth;
     indices.index = sh.index;
     indices.stride = n;
-    indices.literal = sh.literal;
-    indices.num_literals = literals[L4D_COMPONENT_SH];
+    indices.escape = sh.escape;
+    indices.num_escapes = escapes[L4D_COMPONENT_SH];
     place_cameras(info);
   }
   ~Stream() { l4d_cuda_decoder_destroy(cuda); }
@@ -121,7 +124,7 @@ struct Stream {
   }
   void must_decode(l4d_status status) const {
     if (status == L4D_OK) return;
-    std::fprintf(stderr, "%s\n", l4d_cuda_decoder_error_detail(cuda));
+    std::fprintf(stderr, "%s\n", l4d_cuda_decoder_error_message(cuda));
     std::exit(1);
   }
   void place_cameras(const l4d_info& info) {
@@ -148,8 +151,8 @@ class Rendering {
     const size_t before = free_memory();
     const l4d_gaussians& g = stream.gaussians;
     if (indexed) {
-      must(r_, l4d_cuda_renderer_set_sh_codebooks(r_, stream.books.data(),
-                                                  static_cast<uint32_t>(stream.books.size())));
+      must(r_, l4d_cuda_renderer_set_sh_codebooks(r_, stream.codebooks.data(),
+                                                  static_cast<uint32_t>(stream.codebooks.size())));
       l4d_gaussians geometry = g;
       geometry.sh = nullptr;
       must(r_, l4d_cuda_renderer_set_indexed_gaussians(r_, &geometry, &stream.indices,
@@ -158,13 +161,13 @@ class Rendering {
       must(r_, l4d_cuda_renderer_set_gaussians(r_, &g, &stream.timeline));
     }
     bytes_ = static_cast<double>(before - free_memory()) / static_cast<double>(g.count);
-    l4d_cuda_room room;
-    l4d_cuda_room_init(&room);
-    room.width = kWidth;
-    room.height = kHeight;
-    room.visible = g.count;
-    room.instances = 6 * g.count;
-    must(r_, l4d_cuda_renderer_reserve(r_, &room));
+    l4d_cuda_frame_capacity capacity;
+    l4d_cuda_frame_capacity_init(&capacity);
+    capacity.width = kWidth;
+    capacity.height = kHeight;
+    capacity.visible = g.count;
+    capacity.instances = 6 * g.count;
+    must(r_, l4d_cuda_renderer_reserve(r_, &capacity));
     check(cudaStreamCreate(&on_));
     l4d_cuda_image_init(&image_);
     image_.rgb = rgb_.get();
@@ -186,15 +189,15 @@ class Rendering {
         largest = std::max(largest, std::fabs(static_cast<double>(a[i] - b[i])));
       }
     }
-    must(r_, l4d_cuda_renderer_time_stages(r_));
-    l4d_cuda_figures f;
-    l4d_cuda_figures_init(&f);
+    must(r_, l4d_cuda_renderer_time_passes(r_));
+    l4d_cuda_frame_stats f;
+    l4d_cuda_frame_stats_init(&f);
     constexpr int kFrames = 64;
     double project = 0, visible = 0;
     for (int k = 0; k < kFrames; ++k) {
       frame(k);
-      must(r_, l4d_cuda_renderer_get_figures(r_, on_, &f));
-      project += f.seconds[L4D_RENDER_STAGE_PROJECT] / kFrames;
+      must(r_, l4d_cuda_renderer_get_stats(r_, on_, &f));
+      project += f.seconds[L4D_RENDER_PASS_PROJECT] / kFrames;
       visible += static_cast<double>(f.visible) / kFrames;
     }
     std::printf("| %s | %.1f | %.0f | %.3f | %.3f | %.1f | %.0f | ", name, bytes_, 1e3 / t.median,
@@ -226,9 +229,9 @@ class Rendering {
 
 void run(const std::string& file) {
   const Stream stream(file);
-  std::printf("\n%s: %zu Gaussians, SH degree %u in %zu stages, %llu literals\n\n", file.c_str(),
+  std::printf("\n%s: %zu Gaussians, SH degree %u in %zu stages, %llu escapes\n\n", file.c_str(),
               static_cast<size_t>(stream.gaussians.count), stream.gaussians.sh_degree,
-              stream.books.size(), static_cast<unsigned long long>(stream.indices.num_literals));
+              stream.codebooks.size(), static_cast<unsigned long long>(stream.indices.num_escapes));
   std::puts(
       "| SH | bytes a Gaussian | frames/s | median ms | 99th percentile ms | project us "
       "| visible | largest difference |\n|---|---|---|---|---|---|---|---|");

@@ -68,7 +68,7 @@ Timing time_runs(int runs, cudaStream_t stream, const Run& run) {
 
 inline void must(l4d_cuda_renderer* r, l4d_status status) {
   if (status == L4D_OK) return;
-  std::fprintf(stderr, "%s\n", l4d_cuda_renderer_error_detail(r));
+  std::fprintf(stderr, "%s\n", l4d_cuda_renderer_error_message(r));
   std::exit(1);
 }
 

@@ -70,7 +70,7 @@ class Bench:
         seeds = range(self.o.seeds)
         curve = [tuple(statistics.fmean(points["all", s, q][axis] for s in seeds)
                        for axis in (0, 1)) for q in self.qualities]
-        print("| agreement | views measured | asked | s | dB at equal bytes | seeds spread (sd) |")
+        print("| agreement | views measured | visibility only | s | dB at equal bytes | seeds spread (sd) |")
         print("|---|---:|---:|---:|---:|---:|")
         for kind in kinds:
             r = reports[kind, 0]
@@ -78,7 +78,7 @@ class Bench:
             of_seed = [statistics.fmean(points[kind, s, q][1] - interpolate(curve, points[kind, s, q][0])
                                         for q in self.qualities) for s in seeds]
             spread = statistics.stdev(of_seed) if len(of_seed) > 1 else 0.0
-            print(f"| {kind} | {r['views_measured']:,} | {r['views_asked']:,} | {seconds:.2f} "
+            print(f"| {kind} | {r['views_measured']:,} | {r['views_visibility_only']:,} | {seconds:.2f} "
                   f"| {statistics.fmean(of_seed):+.3f} | {spread:.3f} |")
 
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Planes of 12-bit codebook indices, ranked by use: rANS against zstd, which gets them as two byte
-// planes. Pages of 4096 symbols, ten planes to a block under one table.
+// Channels of 12-bit codebook indices, ranked by use: rANS against zstd, which gets them as two
+// byte planes. Pages of 4096 symbols, ten channels to a block under one table.
 #include <benchmark/benchmark.h>
 #include <hwy/highway.h>
 #include <hwy/targets.h>
@@ -18,35 +18,35 @@
 namespace l4d {
 namespace {
 
-constexpr size_t kEntries = 4096, kPlane = 4096, kPlanes = 10, kBlocks = 16;
-constexpr size_t kSymbols = kPlane * kPlanes * kBlocks;
+constexpr size_t kEntries = 4096, kChannel = 4096, kChannels = 10, kBlocks = 16;
+constexpr size_t kSymbols = kChannel * kChannels * kBlocks;
 
-struct Planes {
-  std::vector<uint16_t> values;  // [kBlocks, kPlanes, kPlane]
+struct Channels {
+  std::vector<uint16_t> values;  // [kBlocks, kChannels, kChannel]
   double entropy_bytes = 0;      // order 0
 };
 
 // Ranks of a geometric distribution with the given mean, cut off at kEntries.
-Planes make_planes(double mean) {
-  Planes planes;
+Channels make_channels(double mean) {
+  Channels channels;
   Random random(1);
   std::vector<double> counts(kEntries, 0);
-  while (planes.values.size() < kSymbols) {
+  while (channels.values.size() < kSymbols) {
     const double rank = -mean * std::log(1 - random.uniform());
     if (rank >= static_cast<double>(kEntries)) continue;
-    planes.values.push_back(static_cast<uint16_t>(rank));
-    ++counts[planes.values.back()];
+    channels.values.push_back(static_cast<uint16_t>(rank));
+    ++counts[channels.values.back()];
   }
   for (const double count : counts) {
-    if (count > 0) planes.entropy_bytes += count * std::log2(kSymbols / count) / 8;
+    if (count > 0) channels.entropy_bytes += count * std::log2(kSymbols / count) / 8;
   }
-  return planes;
+  return channels;
 }
 
-const Planes& planes(int64_t mean) {
-  static const Planes skewed = make_planes(100);
-  static const Planes mild = make_planes(700);
-  static const Planes flat = make_planes(2500);
+const Channels& channels(int64_t mean) {
+  static const Channels skewed = make_channels(100);
+  static const Channels mild = make_channels(700);
+  static const Channels flat = make_channels(2500);
   return mean == 100 ? skewed : mean == 700 ? mild : flat;
 }
 
@@ -60,9 +60,9 @@ std::vector<Bytes> encode_blocks(const std::vector<uint16_t>& values, const Rans
   std::vector<Bytes> blocks(kBlocks);
   RansBlockWriter writer;
   for (size_t b = 0; b < kBlocks; ++b) {
-    for (size_t p = 0; p < kPlanes; ++p) {
-      const uint16_t* plane = values.data() + (b * kPlanes + p) * kPlane;
-      writer.add_hybrid(&table, nullptr, Span<const uint16_t>(plane, kPlane));
+    for (size_t p = 0; p < kChannels; ++p) {
+      const uint16_t* channel = values.data() + (b * kChannels + p) * kChannel;
+      writer.add_hybrid(&table, nullptr, Span<const uint16_t>(channel, kChannel));
     }
     writer.finish(blocks[b]);
   }
@@ -85,7 +85,7 @@ double rans_bytes(const std::vector<Bytes>& blocks, const RansTable& table) {
 }
 
 void rans_encode(benchmark::State& state) {
-  const Planes& p = planes(state.range(0));
+  const Channels& p = channels(state.range(0));
   std::vector<Bytes> blocks;
   for (auto _ : state) {
     const RansTable table = table_of(p.values);
@@ -109,7 +109,7 @@ const RansKernels* kernels_of(int64_t target) {
 }
 
 void rans_decode(benchmark::State& state, int64_t target) {
-  const Planes& p = planes(state.range(0));
+  const Channels& p = channels(state.range(0));
   const RansKernels* kernels = kernels_of(target);
   if (kernels == nullptr) {
     state.SkipWithError("not available on this machine");
@@ -119,19 +119,19 @@ void rans_decode(benchmark::State& state, int64_t target) {
   const std::vector<Bytes> blocks = encode_blocks(p.values, table);
   std::vector<uint32_t> entries(kRansSlots);
   table.expand(entries.data());
-  std::vector<uint16_t> page(kPlane * kPlanes);
+  std::vector<uint16_t> page(kChannel * kChannels);
   for (auto _ : state) {
     for (const Bytes& block : blocks) {
       RansLanes lanes;
       if (!open_rans_block(block, 0, &lanes).ok()) state.SkipWithError("block refused");
-      for (size_t k = 0; k < kPlanes; ++k) {
-        kernels->hybrid(lanes, entries.data(), nullptr, kPlane, page.data() + k * kPlane);
+      for (size_t k = 0; k < kChannels; ++k) {
+        kernels->hybrid(lanes, entries.data(), nullptr, kChannel, page.data() + k * kChannel);
       }
       if (!rans_block_finished(lanes)) state.SkipWithError("block damaged");
       benchmark::DoNotOptimize(page.data());
     }
   }
-  if (!std::equal(page.begin(), page.end(), p.values.end() - kPlane * kPlanes)) {
+  if (!std::equal(page.begin(), page.end(), p.values.end() - kChannel * kChannels)) {
     state.SkipWithError("other values");
   }
   report(state, rans_bytes(blocks, table), p.entropy_bytes);
@@ -175,7 +175,7 @@ void rans_decode_gaps(benchmark::State& state, int64_t target) {
 
 // The two byte planes of each block.
 std::vector<Bytes> zstd_blocks(const std::vector<uint16_t>& values, ZstdCompressor& zstd) {
-  constexpr size_t kBlock = kPlane * kPlanes;
+  constexpr size_t kBlock = kChannel * kChannels;
   std::vector<Bytes> frames;
   Bytes plane(kBlock);
   for (size_t b = 0; b < kBlocks; ++b) {
@@ -196,7 +196,7 @@ double total(const std::vector<Bytes>& frames) {
 }
 
 void zstd_encode(benchmark::State& state) {
-  const Planes& p = planes(state.range(0));
+  const Channels& p = channels(state.range(0));
   ZstdCompressor zstd(static_cast<int>(state.range(1)));
   std::vector<Bytes> frames;
   for (auto _ : state) frames = zstd_blocks(p.values, zstd);
@@ -204,10 +204,10 @@ void zstd_encode(benchmark::State& state) {
 }
 
 void zstd_decode(benchmark::State& state) {
-  const Planes& p = planes(state.range(0));
+  const Channels& p = channels(state.range(0));
   ZstdCompressor compressor(static_cast<int>(state.range(1)));
   const std::vector<Bytes> frames = zstd_blocks(p.values, compressor);
-  constexpr size_t kBlock = kPlane * kPlanes;
+  constexpr size_t kBlock = kChannel * kChannels;
   ZstdDecompressor zstd;
   Bytes low(kBlock), high(kBlock);
   std::vector<uint16_t> page(kBlock);

@@ -24,7 +24,7 @@ DecoderHandle open(const std::vector<unsigned char>& file, uint32_t backend, uin
 void run(const char* name, const std::vector<unsigned char>& file) {
   const l4d_query query = whole_query();
   GaussianArrays arrays = open(file, L4D_BACKEND_CPU, 0).decode(query);
-  arrays.ranges.clear();
+  arrays.spans.clear();
   const double n = static_cast<double>(arrays.count());
   const auto rate = [&](double s) { return n / s / 1e6; };
   const auto expanded = [&](uint32_t backend, uint32_t threads, int runs) {

@@ -11,7 +11,7 @@ using namespace l4d::bench;
 
 std::string tool_names(uint32_t tools) {
   static constexpr const char* kNames[] = {"motion",          "temporal_opacity", "view_dependence",
-                                           "residual_stages", "literals",         "rcq",
+                                           "residual_stages", "escapes",          "rcq",
                                            "lossless"};
   std::string s;
   for (unsigned i = 0; i < 7; ++i) {
@@ -56,7 +56,7 @@ int main() {
     uint64_t b[L4D_SECTION_COUNT];
     d.check(l4d_decoder_get_sections(d.get(), b, L4D_SECTION_COUNT, nullptr, nullptr, 0));
     GaussianArrays a = d.decode(whole_query());
-    a.ranges.clear();
+    a.spans.clear();
     l4d_gaussian_buffers out = a.buffers();
     const l4d_query query = whole_query();
     const double decode =

@@ -25,10 +25,10 @@ void run(const char* name, const WeightedScene& scene, const std::vector<float>&
       static_cast<double>(peak_rss_bytes()) / 1e6, static_cast<double>(before) / 1e6);
   std::puts("| step | seconds |\n|---|---|");
   double quantisation = 0;
-  for (uint32_t i = 0; i < r.num_stages; ++i) {
+  for (uint32_t i = 0; i < r.num_steps; ++i) {
     const char* step = nullptr;
     double s = 0;
-    e.check(l4d_encoder_get_stage(e.get(), i, &step, &s));
+    e.check(l4d_encoder_get_step(e.get(), i, &step, &s));
     std::printf("| %s | %.2f |\n", step, s);
     const std::string text = step;
     if (text != "prepare" && text != "write") quantisation += s;

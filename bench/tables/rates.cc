@@ -43,7 +43,7 @@ Entropies measure(const std::vector<unsigned char>& file) {
   const l4d_selection s = d.select(query);
   const size_t n = static_cast<size_t>(s.num_gaussians);
   std::vector<uint16_t> opacity(n), factor(n);
-  std::vector<l4d_range> ranges(static_cast<size_t>(s.num_ranges));
+  std::vector<l4d_bucket_span> spans(static_cast<size_t>(s.num_spans));
   std::array<std::vector<uint16_t>, L4D_COMPONENT_COUNT> index;
   std::array<std::vector<uint8_t>, L4D_COMPONENT_COUNT> depth;
   l4d_packed_buffers b;
@@ -51,8 +51,8 @@ Entropies measure(const std::vector<unsigned char>& file) {
   b.capacity = n;
   b.opacity = opacity.data();
   b.scale_factor = factor.data();
-  b.ranges = ranges.data();
-  b.range_capacity = ranges.size();
+  b.spans = spans.data();
+  b.span_capacity = spans.size();
   for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
     index[c].resize(n * L4D_MAX_STAGES);
     depth[c].resize(n);
@@ -67,7 +67,7 @@ Entropies measure(const std::vector<unsigned char>& file) {
   for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
     // Codebooks differ from layer to layer (but for SH), so statistics do too.
     std::map<uint32_t, std::vector<uint16_t>> by_layer;
-    for (const l4d_range& r : ranges) {
+    for (const l4d_bucket_span& r : spans) {
       for (uint64_t i = r.first; i < r.first + r.count; ++i) {
         if (depth[c][i] > 0 && depth[c][i] != 255) {
           by_layer[c == L4D_COMPONENT_SH ? 0 : r.layer].push_back(index[c][i]);
@@ -79,7 +79,7 @@ Entropies measure(const std::vector<unsigned char>& file) {
   }
   e.index = streams == 0 ? 0 : bits / static_cast<double>(streams);
   std::map<uint32_t, std::vector<uint16_t>> factors;
-  for (const l4d_range& r : ranges) {
+  for (const l4d_bucket_span& r : spans) {
     auto& to = factors[r.layer];
     to.insert(to.end(), factor.begin() + static_cast<long>(r.first),
               factor.begin() + static_cast<long>(r.first + r.count));
@@ -111,7 +111,7 @@ int main() {
        {1, .5f},
        false},
       {"3 stages for all, K=1024", 1024, {1, 1, 1}, {1, 1, 1}, false},
-      {"paper Small thresholds, literals", 4096, {1}, {1}, true},
+      {"paper Small thresholds, escapes", 4096, {1}, {1}, true},
   };
   std::puts(
       "| scheme | bytes | ratio | codebooks | position + mean_t bits | stage-0 index H0 |"
@@ -127,7 +127,7 @@ int main() {
     if (s.paper_thresholds) {
       const double threshold[] = {6e-7, 2e-7, 1e-6, 8e-6};
       for (int c = 0; c < L4D_COMPONENT_COUNT; ++c) {
-        e.check(l4d_encoder_set(e.get(), L4D_ENC_LITERAL_THRESHOLD, c, threshold[c]));
+        e.check(l4d_encoder_set(e.get(), L4D_ENC_ESCAPE_THRESHOLD, c, threshold[c]));
       }
     }
     const std::vector<unsigned char> file = e.encode();

@@ -18,7 +18,7 @@ constexpr int kReferenceFrames = 1;
 
 struct Result {
   double seconds = 0;  // per frame, decoding or slicing included; the median
-  double stage[L4D_RENDER_STAGE_COUNT] = {};
+  double stage[L4D_RENDER_PASS_COUNT] = {};
   l4d_render_stats stats;
 };
 
@@ -40,7 +40,7 @@ Result run(RendererHandle& renderer, const std::vector<l4d_camera>& cameras,
     frame(k);
     seconds.push_back(seconds_now() - started);
     out.stats = renderer.stats();
-    for (size_t s = 0; s < L4D_RENDER_STAGE_COUNT; ++s) {
+    for (size_t s = 0; s < L4D_RENDER_PASS_COUNT; ++s) {
       out.stage[s] += out.stats.seconds[s] / frames;
     }
   }
@@ -59,8 +59,8 @@ RendererHandle make_renderer(uint32_t path, uint32_t exponential, uint32_t threa
 
 void print(const char* name, const char* threads, const Result& r, double reference) {
   std::printf("| %s | %s | %.2f | %.0f |", name, threads, 1 / r.seconds, reference / r.seconds);
-  for (const uint32_t s : {L4D_RENDER_STAGE_SLICE, L4D_RENDER_STAGE_PROJECT, L4D_RENDER_STAGE_SORT,
-                           L4D_RENDER_STAGE_BIN, L4D_RENDER_STAGE_BLEND}) {
+  for (const uint32_t s : {L4D_RENDER_PASS_SLICE, L4D_RENDER_PASS_PROJECT, L4D_RENDER_PASS_SORT,
+                           L4D_RENDER_PASS_BIN, L4D_RENDER_PASS_BLEND}) {
     std::printf(" %.1f |", 1e3 * r.stage[s]);
   }
   std::puts("");

@@ -83,7 +83,7 @@ int main() {
         static_cast<unsigned long long>(reads / kSeeks),
         static_cast<unsigned long long>(bytes / kSeeks),
         static_cast<unsigned long long>(selection.directory_bytes),
-        static_cast<unsigned long long>(selection.num_ranges),
+        static_cast<unsigned long long>(selection.num_spans),
         static_cast<unsigned long long>(selection.num_gaussians),
         static_cast<unsigned long long>(visible / kSeeks), median(decode_ms),
         static_cast<double>(memory) / 1e6);

@@ -64,7 +64,7 @@ void print_row(const std::string& name, const WeightedScene& scene, const char* 
   d.check(l4d_decoder_get_sections(d.get(), bytes, L4D_SECTION_COUNT, nullptr, nullptr, 0));
   std::vector<double> error;
   size_t displaced = 0;
-  for (const l4d_range& r : a.ranges) {
+  for (const l4d_bucket_span& r : a.spans) {
     l4d_layer_info layer;
     l4d_layer_info_init(&layer);
     d.check(l4d_decoder_get_layer_info(d.get(), r.layer, &layer));

@@ -37,7 +37,7 @@ Json comparison_json(const eval::Comparison& c) {
   for (const eval::AttributeError& e : c.attributes) {
     j["attributes"][e.name] = {{"max", e.max}, {"rmse", e.rmse}};
   }
-  j["seen"] = {{"least_size", c.least_size}};
+  j["seen"] = {{"min_size", c.min_size}};
   for (const eval::SeenError& e : c.seen) {
     j["seen"][e.name] = {{"max", e.max}, {"p999", e.p999}, {"worst", e.worst}};
   }
@@ -68,7 +68,7 @@ std::string comparison_text(const eval::Comparison& c) {
                 format_error(e.rmse).c_str(), e.meaning);
   }
   t += format("\nof single Gaussians, on their own scale; sizes below %s count as that\n",
-              format_error(c.least_size).c_str());
+              format_error(c.min_size).c_str());
   t += format("%-18s %10s %10s %12s\n", "error", "max", "p99.9", "worst of A");
   for (const eval::SeenError& e : c.seen) {
     t += format("%-18s %10s %10s %12u  %s\n", e.name, format_error(e.max).c_str(),

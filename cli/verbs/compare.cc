@@ -11,7 +11,7 @@
 #include "cli/text/progress.h"
 #include "cli/text/units.h"
 #include "cli/verbs/compare_renders.h"
-#include "eval/least_sizes.h"
+#include "eval/min_sizes.h"
 #include "eval/pairing.h"
 
 namespace l4d::cli {
@@ -106,7 +106,7 @@ void compare_attributes(Context& context, const CompareArguments& arguments,
     progress.step("comparing");
     std::vector<float> sizes;
     if (const io::CameraSet* cameras = arguments.cameras.load(context)) {
-      sizes = eval::least_sizes(a.scene, *cameras, context.options.threads);
+      sizes = eval::min_sizes(a.scene, *cameras, context.options.threads);
     }
     return eval::compare_scenes(a.scene, b, std::move(pairing), context.options.threads, sizes);
   }();

@@ -36,7 +36,7 @@ struct DecodeArguments {
 // Arrays have the size of what was selected; ranges say how much of it came.
 void cut_to_ranges(LoadedScene& loaded) {
   size_t count = 0;
-  for (const l4d_range& r : loaded.ranges) count += static_cast<size_t>(r.count);
+  for (const l4d_bucket_span& r : loaded.spans) count += static_cast<size_t>(r.count);
   io::Scene& scene = loaded.scene;
   scene.resize(count);
 }

@@ -15,7 +15,7 @@
 #include "cli/verbs/importance.h"
 #include "cli/verbs/target.h"
 #include "eval/encoding.h"
-#include "eval/least_sizes.h"
+#include "eval/min_sizes.h"
 #include "eval/pairing.h"
 #include "io/formats.h"
 #include "io/rendering_text.h"
@@ -55,7 +55,8 @@ void check_importance(const EncodeArguments& arguments, const std::optional<eval
   }
   arguments.measure.check();
   if (!measures && arguments.measure.given()) {
-    throw usage_error("--agreement, --all-views, --max-share, --ask and --measure need --cameras");
+    throw usage_error(
+        "--agreement, --all-views, --max-share, --visibility and --metric need --cameras");
   }
   if (!measures && !arguments.save_weights.empty()) {
     throw usage_error("--save-weights needs --cameras");
@@ -101,7 +102,7 @@ Importance measure(Context& context, const EncodeArguments& arguments, const Inp
     MeasureArguments how = arguments.measure;
     how.seed = arguments.seed;
     // The thresholds of these presets are in units of sums.
-    if (arguments.parameters.preset.rfind("paper-", 0) == 0) how.measure = "sum";
+    if (arguments.parameters.preset.rfind("paper-", 0) == 0) how.metric = "sum";
     return measure_importance(context, "encode", scene, views, how);
   });
 }
@@ -124,7 +125,7 @@ void add_report(const l4d_encode_report& report, const std::string& name, double
                         {"pruned", report.pruned},
                         {"moved_to_coarser", report.moved_to_coarser},
                         {"num_layers", report.num_layers},
-                        {"literals", report.literals},
+                        {"escapes", report.escapes},
                         {"raw_bytes", report.raw_bytes},
                         {"file_bytes", report.file_bytes},
                         {"ratio", ratio},
@@ -143,7 +144,7 @@ void add_report(const l4d_encode_report& report, const std::string& name, double
       "of single Gaussians at most: position %.3g of their size, variances by a factor of %.3g, "
       "opacity %.3g, mean time %.3g standard deviations; %s stored as they are\n",
       report.max_position_error, report.max_covariance_factor, report.max_opacity_error,
-      report.max_mean_t_error, format_count(report.literals).c_str());
+      report.max_mean_t_error, format_count(report.escapes).c_str());
   const uint64_t left_out = report.input_gaussians - report.coded_gaussians;
   if (left_out == 0) return;
   outcome->text +=
@@ -165,7 +166,7 @@ l4d_info info_of(const eval::Encoding& encoding, const Output& output) {
 
 // Usage errors that need no file, and the target.
 std::optional<eval::Target> check(Context& context, const EncodeArguments& arguments) {
-  if (context.ranks().count() > 1 && arguments.input == "-") {
+  if (context.group().count() > 1 && arguments.input == "-") {
     throw usage_error("several ranks cannot share stdin");
   }
   const std::optional<eval::Target> target = parse_target(arguments.target, arguments.cameras);
@@ -321,7 +322,7 @@ Outcome describe(const EncodeArguments& arguments, const Input& input, const io:
                   {"preset", arguments.parameters.preset}};
   add_report(encoded.encoding.report, name, encoded.total_seconds, &outcome);
   const auto& [encoding, importance, reached, read_seconds, total_seconds] = encoded;
-  Json& stages = outcome.json["stages"] = {{"read", read_seconds}};
+  Json& stages = outcome.json["steps"] = {{"read", read_seconds}};
   if (importance) stages["sensitivity"] = importance->seconds;
   if (reached) stages["search"] = reached->seconds;
   for (const auto& [stage, seconds] : encoding.stages) stages[stage] = seconds;
@@ -356,7 +357,7 @@ Outcome run_encode(Context& context, const EncodeArguments& arguments) {
   const Stopwatch watch;
   const std::optional<eval::Target> target = check(context, arguments);
   register_inputs(context, arguments);
-  if (context.ranks().helps()) {
+  if (context.group().helps()) {
     help_to_measure(context, arguments);
     return {};
   }
@@ -376,8 +377,8 @@ Outcome run_encode(Context& context, const EncodeArguments& arguments) {
   // Cameras that are made up say nothing of where the scene will be seen from.
   std::vector<float> sizes;
   if (const io::CameraSet* cameras = arguments.cameras.load(context)) {
-    sizes = eval::least_sizes(scene, *cameras, context.options.threads);
-    encoder.check(l4d_encoder_set_least_sizes(encoder.get(), sizes.data(), sizes.size()));
+    sizes = eval::min_sizes(scene, *cameras, context.options.threads);
+    encoder.check(l4d_encoder_set_min_sizes(encoder.get(), sizes.data(), sizes.size()));
   }
   const double read_seconds = watch.seconds();
   EncoderWeights weights;

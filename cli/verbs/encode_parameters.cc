@@ -108,7 +108,7 @@ void EncodeParameters::add_options(Verb* verb) {
       ->type_name("C=1,F..")
       ->allow_extra_args(false)
       ->group(group);
-  verb->add_option("--literal-threshold", literal_threshold,
+  verb->add_option("--escape-threshold", escape_threshold,
                    "C=W: keep vectors of C with a weight above W unquantised; 0 = never")
       ->type_name("C=W")
       ->allow_extra_args(false)
@@ -162,7 +162,7 @@ void EncodeParameters::apply(Context& context, const EncoderHandle& encoder) con
   }
   set_per_component(encoder, L4D_ENC_CODEBOOK_SIZE, codebook, "--codebook");
   for (const std::string& text : stages) set_stages(encoder, text);
-  set_per_component(encoder, L4D_ENC_LITERAL_THRESHOLD, literal_threshold, "--literal-threshold");
+  set_per_component(encoder, L4D_ENC_ESCAPE_THRESHOLD, escape_threshold, "--escape-threshold");
   if (!rcq.empty()) {
     const char* value = rcq == "never" ? "0" : rcq == "auto" ? "1" : "2";
     cli::set(encoder, L4D_ENC_RCQ, L4D_ALL_COMPONENTS, value, "--rcq");
@@ -186,11 +186,11 @@ void EncodeParameters::apply(Context& context, const EncoderHandle& encoder) con
   }
   for (const std::string& text : set) set_generic(encoder, text);
   if (!quality.empty()) require_quality(encoder, "--quality");
-  const bool for_codebooks = !codebook.empty() || !stages.empty() || !literal_threshold.empty() ||
+  const bool for_codebooks = !codebook.empty() || !stages.empty() || !escape_threshold.empty() ||
                              !rcq.empty() || !rcq_size.empty();
   if (for_codebooks && !eval::has_codebooks(encoder)) {
     context.note(
-        "no component is coded by codebooks: --codebook, --stages, --literal-threshold and "
+        "no component is coded by codebooks: --codebook, --stages, --escape-threshold and "
         "--rcq change nothing; --preset indexed has codebooks");
   }
 }
@@ -199,7 +199,7 @@ void EncodeParameters::note_unused(Context& context, const l4d_info& written) co
   if (rcq == "always" && (written.tools & L4D_TOOL_RCQ) == 0) {
     context.note(
         "--rcq always: no block codebooks were written; they take codebooks, layers of level 1 or "
-        "above, and Gaussians there that are no literals");
+        "above, and Gaussians there that are no escapes");
   }
 }
 

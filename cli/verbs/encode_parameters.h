@@ -16,7 +16,7 @@ struct EncodeParameters {
   std::string effort;
   std::vector<std::string> codebook;
   std::vector<std::string> stages;
-  std::vector<std::string> literal_threshold;
+  std::vector<std::string> escape_threshold;
   std::string rcq;
   std::string rcq_size;
   std::string prune_weight;

@@ -10,12 +10,12 @@ namespace l4d::cli {
 namespace {
 
 // What alpha_t is worth for SH where no weight_sh was measured: light that an SH error changes,
-// relative to the other components as the measure sum has them.
+// relative to the other components as the metric sum has them.
 constexpr float kShPerAlphaT = 0.6f;
 
 // The encoder has to know in which unit its weights are.
 void tell_measure(const EncoderHandle& encoder, bool gauss_newton) {
-  encoder.check(l4d_encoder_set(encoder.get(), L4D_ENC_WEIGHT_MEASURE, L4D_ALL_COMPONENTS,
+  encoder.check(l4d_encoder_set(encoder.get(), L4D_ENC_WEIGHT_METRIC, L4D_ALL_COMPONENTS,
                                 gauss_newton ? 1 : 0));
 }
 
@@ -35,15 +35,16 @@ void MeasureArguments::add_options(Verb* verb) {
       ->type_name("S")
       ->excludes(all)
       ->group(group);
-  verb->add_option("--ask", ask,
-                   "Ask views that are left out what they show: few (until hardly anything new is "
+  verb->add_option("--visibility", visibility,
+                   "Find out which Gaussians the views that are left out show: few (until hardly "
+                   "anything new is "
                    "seen), all, none")
       ->type_name("WHICH")
       ->one_of({"few", "all", "none"})
       ->capture_default_str()
       ->excludes(all)
       ->group(group);
-  verb->add_option("--measure", measure,
+  verb->add_option("--metric", metric,
                    "gauss-newton: how far each attribute changes pixels, root mean square, in one "
                    "unit for all; sum: derivatives of the sum of pixels, as in the paper")
       ->type_name("NAME")
@@ -53,8 +54,8 @@ void MeasureArguments::add_options(Verb* verb) {
 }
 
 bool MeasureArguments::given() const {
-  return !agreement.empty() || all_views || !max_share.empty() || measure != kDefault ||
-         ask != "few";
+  return !agreement.empty() || all_views || !max_share.empty() || metric != kDefault ||
+         visibility != "few";
 }
 
 void MeasureArguments::check() const {
@@ -73,7 +74,7 @@ Json Importance::json() const {
   }
   return {{"views", report.views},
           {"views_measured", report.views_measured},
-          {"views_asked", report.views_asked},
+          {"views_visibility_only", report.views_visibility_only},
           {"rounds", report.rounds},
           {"agreed", report.agreed != 0},
           {"agreement", agreement},

@@ -17,8 +17,8 @@ struct MeasureArguments {
   std::string agreement;
   bool all_views = false;
   std::string max_share;
-  std::string measure = kDefault;
-  std::string ask = "few";
+  std::string metric = kDefault;
+  std::string visibility = "few";
   uint64_t seed = 0;  // of the random signs of gauss-newton
 
   void add_options(Verb* verb);
@@ -47,8 +47,8 @@ inline constexpr std::pair<uint32_t, std::vector<float> io::Weights::*> kWeightC
     {L4D_WEIGHT_OPACITY, &io::Weights::opacity},
     {L4D_WEIGHT_MEAN_T, &io::Weights::mean_t}};
 
-// Weights of all components of the scene, as l4d_measure has them. Throws in builds without
-// the renderer.
+// Weights of all components of the scene, as l4d_measure_importance has them. Throws in builds
+// without the renderer.
 Importance measure_importance(Context& context, const std::string& verb, const io::Scene& scene,
                               const eval::CameraViews& views, const MeasureArguments& arguments);
 

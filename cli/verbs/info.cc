@@ -33,7 +33,7 @@ constexpr Tool kTools[] = {{L4D_TOOL_MOTION, "motion"},
                            {L4D_TOOL_TEMPORAL_OPACITY, "temporal-opacity"},
                            {L4D_TOOL_VIEW_DEPENDENCE, "view-dependence"},
                            {L4D_TOOL_RESIDUAL_STAGES, "residual-stages"},
-                           {L4D_TOOL_LITERALS, "literals"},
+                           {L4D_TOOL_ESCAPES, "escapes"},
                            {L4D_TOOL_RCQ, "rcq"},
                            {L4D_TOOL_LOSSLESS, "lossless"},
                            {L4D_TOOL_TRANSFORM, "transform"},
@@ -72,7 +72,7 @@ std::string reason(uint32_t tool, const l4d_info& info, const std::vector<l4d_la
       }
       return "stages of components: " + most;
     }
-    case L4D_TOOL_LITERALS:
+    case L4D_TOOL_ESCAPES:
       return share + "keep vectors unquantised";
     case L4D_TOOL_RCQ:
       return share + "have blocks with their own codebooks";
@@ -149,8 +149,8 @@ struct Seek {
             {"detail", detail},
             {"bytes", selection.bytes},
             {"sh_detail_bytes", selection.sh_bytes},
-            {"chunks", selection.num_chunks},
-            {"buckets", selection.num_ranges},
+            {"chunks", selection.num_pages},
+            {"buckets", selection.num_spans},
             {"gaussians", selection.num_gaussians},
             {"visible", visible},
             {"directory_bytes", selection.directory_bytes},
@@ -160,8 +160,8 @@ struct Seek {
     const bool base = detail_id(detail) == L4D_DETAIL_BASE_COLOR;
     return "\nseek to " + format_time(seconds) + " s: " + format_count(selection.bytes) +
            " bytes (" + format_count(selection.sh_bytes) + (base ? " more with" : " of them") +
-           " SH detail) in " + format_count(selection.num_chunks) + " chunks, " +
-           format_count(selection.num_ranges) + " buckets (and " +
+           " SH detail) in " + format_count(selection.num_pages) + " chunks, " +
+           format_count(selection.num_spans) + " buckets (and " +
            format_count(selection.directory_bytes) + " of directory, " +
            format_count(codebook_bytes) + " of codebooks); " +
            format_count(selection.num_gaussians) + " Gaussians, " + format_count(visible) +
@@ -189,21 +189,21 @@ std::string share_of(uint64_t bytes, uint64_t total) {
 }
 
 // What a reader of levels up to one needs of the file, with and without SH detail.
-struct Rung {
+struct Tier {
   uint32_t level = 0;
   uint64_t base_bytes = 0;
   uint64_t bytes = 0;
   uint64_t gaussians = 0;
 };
 
-std::vector<Rung> read_rungs(const DecoderHandle& decoder,
+std::vector<Tier> read_tiers(const DecoderHandle& decoder,
                              const std::vector<l4d_layer_info>& layers,
                              const std::vector<uint64_t>& layer_bytes,
                              const std::vector<uint64_t>& sections) {
   // Headers and the codebooks of SH, which every level needs.
   uint64_t sum = sections[L4D_SECTION_HEADER] + sections[L4D_SECTION_CODEBOOKS];
   for (const l4d_layer_info& layer : layers) sum -= layer.codebook_bytes;
-  std::vector<Rung> rungs;
+  std::vector<Tier> tiers;
   l4d_query query;
   l4d_query_init(&query);
   for (size_t l = 0; l < layers.size(); ++l) {
@@ -211,15 +211,15 @@ std::vector<Rung> read_rungs(const DecoderHandle& decoder,
     if (l + 1 < layers.size() && layers[l + 1].level == layers[l].level) continue;
     query.max_level = layers[l].level;
     const l4d_selection s = decoder.select(query);
-    rungs.push_back({layers[l].level, sum - s.sh_bytes, sum, s.num_gaussians});
+    tiers.push_back({layers[l].level, sum - s.sh_bytes, sum, s.num_gaussians});
   }
-  return rungs;
+  return tiers;
 }
 
-std::string scalable_table(const std::vector<Rung>& rungs, uint64_t file_bytes) {
+std::string scalable_table(const std::vector<Tier>& tiers, uint64_t file_bytes) {
   std::string text = format("\n%-18s %14s %9s %14s %9s %12s\n", "scalable up to", "base colour",
                             "share", "full", "share", "gaussians");
-  for (const Rung& r : rungs) {
+  for (const Tier& r : tiers) {
     text += format("%-18s %14s %9s %14s %9s %12s\n", format("level %u", r.level).c_str(),
                    format_count(r.base_bytes).c_str(), share_of(r.base_bytes, file_bytes).c_str(),
                    format_count(r.bytes).c_str(), share_of(r.bytes, file_bytes).c_str(),
@@ -264,8 +264,8 @@ Json errors_json(const l4d_coding_errors& e) {
             {"covariance_factor", e.covariance_bound},
             {"seen_opacity", e.opacity_bound},
             {"visible_position", e.visible_bound}}},
-          {"least_size", e.least_size},
-          {"own_least_sizes", e.own_least_sizes != 0}};
+          {"min_size", e.min_size},
+          {"own_min_sizes", e.own_min_sizes != 0}};
 }
 
 std::string errors_text(const l4d_coding_errors& e) {
@@ -279,8 +279,8 @@ std::string errors_text(const l4d_coding_errors& e) {
   std::string text = "errors of single Gaussians at most, as the encoder states them\n";
   text +=
       format("  %-18s %.3g of its size%s", "position", e.position, bound(e.position_bound).c_str());
-  text += format("; sizes below %.3g%s count as that\n", e.least_size,
-                 e.own_least_sizes != 0 ? ", or what the encoder was told of each," : "");
+  text += format("; sizes below %.3g%s count as that\n", e.min_size,
+                 e.own_min_sizes != 0 ? ", or what the encoder was told of each," : "");
   text += format("  %-18s by a factor of %.3g%s\n", "variances", e.covariance,
                  bound(e.covariance_bound).c_str());
   text += format("  %-18s %.3g at any instant%s\n", "opacity", e.opacity,
@@ -435,16 +435,16 @@ void add_sections(const Facts& facts, Outcome& outcome) {
 }
 
 void add_scalable(const Facts& facts, Outcome& outcome) {
-  const std::vector<Rung> rungs =
-      read_rungs(facts.decoder, facts.layers, facts.layer_bytes, facts.sections);
+  const std::vector<Tier> tiers =
+      read_tiers(facts.decoder, facts.layers, facts.layer_bytes, facts.sections);
   Json& list = outcome.json["scalable"] = Json::array();
-  for (const Rung& r : rungs) {
+  for (const Tier& r : tiers) {
     list.push_back({{"level", r.level},
                     {"base_bytes", r.base_bytes},
                     {"bytes", r.bytes},
                     {"num_gaussians", r.gaussians}});
   }
-  outcome.text += scalable_table(rungs, facts.info.file_bytes);
+  outcome.text += scalable_table(tiers, facts.info.file_bytes);
 }
 
 void add_seek(Context& context, const Facts& facts, const InfoArguments& arguments,

@@ -15,11 +15,11 @@ l4d_measure_options options_of(const MeasureArguments& a) {
   a.check();
   l4d_measure_options options;
   l4d_measure_options_init(&options);
-  if (a.measure == "gauss-newton") options.measure = L4D_SENSITIVITY_GAUSS_NEWTON;
+  if (a.metric == "gauss-newton") options.metric = L4D_SENSITIVITY_GAUSS_NEWTON;
   options.seed = a.seed;
   if (!a.agreement.empty()) options.agreement = parse_number(a.agreement, "--agreement");
-  options.ask_all = a.ask == "all" ? 1 : 0;
-  options.skip_unseen = a.ask == "none" ? 1 : 0;
+  options.visibility_all = a.visibility == "all" ? 1 : 0;
+  options.skip_visibility = a.visibility == "none" ? 1 : 0;
   if (a.all_views) options.agreement = 2;  // a correlation never gets there
   if (!a.max_share.empty()) options.max_share = parse_number(a.max_share, "--max-share");
   return options;
@@ -31,7 +31,7 @@ Importance measure_importance(Context& context, const std::string& verb, const i
                               const eval::CameraViews& all, const MeasureArguments& arguments) {
   const Stopwatch watch;
   l4d_measure_options options = options_of(arguments);
-  options.ranks = context.ranks().handle();
+  options.group = context.group().handle();
   std::vector<l4d_camera> cameras;
   for (const io::Camera& camera : all.set.cameras) cameras.push_back(camera.camera);
   std::vector<l4d_view> views;
@@ -46,12 +46,12 @@ Importance measure_importance(Context& context, const std::string& verb, const i
       rendering.backend == L4D_BACKEND_CUDA) {
     options.agreement = 0.99;
   }
-  const Ranks& ranks = context.ranks();
+  const ProcessGroup& group = context.group();
   uint32_t devices = 0;
   l4d_cuda_get_device_count(&devices);
-  rendering.device = devices > 0 ? ranks.local_rank() % devices : 0;
-  if (rendering.threads == 0 && ranks.local_count() > 1) {
-    rendering.threads = std::max(1u, std::thread::hardware_concurrency() / ranks.local_count());
+  rendering.device = devices > 0 ? group.local_rank() % devices : 0;
+  if (rendering.threads == 0 && group.local_count() > 1) {
+    rendering.threads = std::max(1u, std::thread::hardware_concurrency() / group.local_count());
   }
   RendererHandle renderer(&rendering);
   const l4d_gaussians gaussians = scene.view();
@@ -60,13 +60,13 @@ Importance measure_importance(Context& context, const std::string& verb, const i
   l4d_sensitivity* measured = nullptr;
   {
     Progress progress(context, verb);
-    renderer.check(l4d_measure(
+    renderer.check(l4d_measure_importance(
         renderer.get(), cameras.data(), static_cast<uint32_t>(cameras.size()), views.data(),
         views.size(), &options, &Progress::callback, &progress, &result.report, &measured));
   }
   const SensitivityHandle sensitivity(measured, scene.count());
   result.weights.count = scene.count();
-  result.weights.gauss_newton = options.measure == L4D_SENSITIVITY_GAUSS_NEWTON;
+  result.weights.gauss_newton = options.metric == L4D_SENSITIVITY_GAUSS_NEWTON;
   for (const auto& [which, column] : kWeightColumns)
     result.weights.*column = sensitivity.weights(which);
   result.seconds = watch.seconds();

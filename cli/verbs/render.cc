@@ -44,8 +44,8 @@ constexpr uint32_t kOrbitCameras = 8;
 constexpr uint32_t kRings = 3;
 constexpr uint32_t kMaxOrbitSteps = 30000;
 
-constexpr const char* kStages[L4D_RENDER_STAGE_BACKWARD] = {"slice", "project", "sort", "bin",
-                                                            "blend"};
+constexpr const char* kStages[L4D_RENDER_PASS_BACKWARD] = {"slice", "project", "sort", "bin",
+                                                           "blend"};
 
 enum class Target { kStill, kNumbered, kVideo };
 
@@ -172,14 +172,14 @@ Path camera_path(Context& context, const RenderArguments& arguments, const io::C
 // Sums over frames.
 struct RenderSums {
   uint64_t visible = 0, projected = 0, instances = 0;
-  double seconds[L4D_RENDER_STAGE_COUNT] = {};
+  double seconds[L4D_RENDER_PASS_COUNT] = {};
   double render = 0, write = 0;
   uint64_t bytes = 0;  // of all files
   void add(const l4d_render_stats& stats) {
     visible += stats.visible;
     projected += stats.projected;
     instances += stats.instances;
-    for (size_t s = 0; s < L4D_RENDER_STAGE_COUNT; ++s) seconds[s] += stats.seconds[s];
+    for (size_t s = 0; s < L4D_RENDER_PASS_COUNT; ++s) seconds[s] += stats.seconds[s];
   }
 };
 
@@ -256,7 +256,7 @@ Outcome describe(const RenderArguments& arguments, const Rendered& r, const Stop
   const double speed = static_cast<double>(frames) / std::max(sums.render, 1e-9);
   const auto mean = [&](uint64_t sum) { return (sum + frames / 2) / frames; };
   Json stages = {{"open", r.open_seconds}};
-  for (size_t s = 0; s < L4D_RENDER_STAGE_BACKWARD; ++s) stages[kStages[s]] = sums.seconds[s];
+  for (size_t s = 0; s < L4D_RENDER_PASS_BACKWARD; ++s) stages[kStages[s]] = sums.seconds[s];
   stages["write"] = sums.write;
   Outcome outcome;
   outcome.json = {{"schema", "l4dcodec.render/1"},
@@ -274,7 +274,7 @@ Outcome describe(const RenderArguments& arguments, const Rendered& r, const Stop
                   {"visible", mean(sums.visible)},
                   {"projected", mean(sums.projected)},
                   {"instances", mean(sums.instances)},
-                  {"stages", stages},
+                  {"passes", stages},
                   {"render_s", sums.render},
                   {"fps", speed},
                   {"total_s", watch.seconds()}};

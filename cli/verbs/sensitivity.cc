@@ -48,12 +48,12 @@ Outcome run_sensitivity(Context& context, const SensitivityArguments& arguments)
   context.files.add_input(arguments.input, kTheInput);
   arguments.cameras.load(context);
   std::optional<Output> written;
-  if (!context.ranks().helps()) written.emplace(context, arguments.output);
+  if (!context.group().helps()) written.emplace(context, arguments.output);
   const Input input(context, arguments.input);
-  if (context.ranks().count() > 1 && arguments.input == "-") {
+  if (context.group().count() > 1 && arguments.input == "-") {
     throw usage_error("several ranks cannot share stdin");
   }
-  if (context.ranks().helps()) {
+  if (context.group().helps()) {
     help_to_measure(context, input, arguments);
     return {};
   }
@@ -70,7 +70,7 @@ Outcome run_sensitivity(Context& context, const SensitivityArguments& arguments)
                   {"input", input.name()},
                   {"output", arguments.output},
                   {"num_gaussians", scene.count()},
-                  {"measure", arguments.measure.measure}};
+                  {"metric", arguments.measure.metric}};
   outcome.json.update(importance.json());
   outcome.json["file_bytes"] = bytes;
   outcome.json["total_s"] = watch.seconds();

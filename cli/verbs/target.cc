@@ -94,25 +94,25 @@ std::optional<eval::Target> parse_target(const TargetArguments& arguments,
   if (!target) return target;
   switch (target->kind) {
     case eval::Target::Kind::kSize:
-      target->asked = static_cast<double>(parse_size(arguments.size, "--target-size"));
+      target->requested = static_cast<double>(parse_size(arguments.size, "--target-size"));
       break;
     case eval::Target::Kind::kBitrate:
-      target->asked = parse_bitrate(arguments.bitrate);
+      target->requested = parse_bitrate(arguments.bitrate);
       break;
     case eval::Target::Kind::kFidelity:
-      target->asked = parse_decibels(arguments.fidelity, "--target-fidelity");
+      target->requested = parse_decibels(arguments.fidelity, "--target-fidelity");
       break;
     case eval::Target::Kind::kPsnrLoss:
-      target->asked = parse_decibels(arguments.psnr_loss, "--target-psnr-loss");
+      target->requested = parse_decibels(arguments.psnr_loss, "--target-psnr-loss");
       break;
     case eval::Target::Kind::kMaxError: {
       const ErrorBound bound = parse_error_bound(arguments.max_error);
       target->attribute = bound.name;
-      target->asked = bound.limit;
+      target->requested = bound.limit;
       break;
     }
   }
-  if (!(target->asked > 0)) throw usage_error("a target must be positive");
+  if (!(target->requested > 0)) throw usage_error("a target must be positive");
   check_views(*target, cameras);
   return target;
 }
@@ -158,8 +158,8 @@ TargetReached encode_to_target(Context& context, const eval::Target& target,
   calls.measure = [&](const eval::Encoding& coded, eval::Observer& observer) {
     const double figure = meter ? meter->of(coded, observer)
                                 : eval::measure_target(target, decoding, observer, scene, coded);
-    progress->say(format_figure(target, figure) + ", " + format_figure(target, target.asked) +
-                  " asked for");
+    progress->say(format_figure(target, figure) + ", " + format_figure(target, target.requested) +
+                  " requested");
     return figure;
   };
   TargetReached reached;
@@ -176,7 +176,7 @@ Json TargetReached::json() const {
   const eval::Trial& best = search.result();
   Json j = {{"kind", kNames[static_cast<size_t>(target.kind)]}};
   if (target.kind == eval::Target::Kind::kMaxError) j["attribute"] = target.attribute;
-  j.update({{"asked", target.asked},
+  j.update({{"requested", target.requested},
             {"reached", best.figure},
             {"met", best.met},
             {"quality", best.quality},
@@ -191,9 +191,9 @@ Json TargetReached::json() const {
 
 std::string TargetReached::text() const {
   const eval::Trial& best = search.result();
-  std::string t = format("%s at a quality of %.2f dB, %s asked for, in %zu trials",
+  std::string t = format("%s at a quality of %.2f dB, %s requested, in %zu trials",
                          format_figure(target, best.figure).c_str(), best.quality,
-                         format_figure(target, target.asked).c_str(), search.trials.size());
+                         format_figure(target, target.requested).c_str(), search.trials.size());
   const std::string why = obstacle_text(search);
   if (!why.empty()) t += (best.met ? "\nnot nearer: " : "\nnot met: ") + why;
   return t + '\n';

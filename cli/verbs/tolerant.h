@@ -61,7 +61,7 @@ class LossReport {
           std::max(known.bucket + known.num_buckets, loss.bucket + loss.num_buckets);
       known.bucket = std::min(known.bucket, loss.bucket);
       known.num_buckets = end - known.bucket;
-      known.num_chunks = std::max(known.num_chunks, loss.num_chunks);
+      known.num_pages = std::max(known.num_pages, loss.num_pages);
       known.num_gaussians = std::max(known.num_gaussians, loss.num_gaussians);
     }
   }
@@ -80,7 +80,7 @@ class LossReport {
                       {"layer", loss.layer},
                       {"bucket", loss.bucket},
                       {"num_buckets", loss.num_buckets},
-                      {"num_pages", loss.num_chunks},
+                      {"num_pages", loss.num_pages},
                       {"num_gaussians", loss.num_gaussians},
                       {"detail_only", loss.detail_only != 0}});
     }

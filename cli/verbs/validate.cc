@@ -68,10 +68,10 @@ struct Judgement {
 
 Judgement judge(const DecoderHandle& decoder, const Claim& claim) {
   const l4d_info info = decoder.info();
-  l4d_conformance c;
-  l4d_conformance_init(&c);
-  // Once for what the stream keeps to, then for the channel of the level in question.
-  decoder.check(l4d_decoder_get_conformance(decoder.get(), &c));
+  l4d_stream_demand c;
+  l4d_stream_demand_init(&c);
+  // Once for what the stream keeps to, then for the link of the level in question.
+  decoder.check(l4d_decoder_get_stream_demand(decoder.get(), &c));
   const uint32_t level = claim.level != 0                                  ? claim.level
                          : info.level != 0 && info.level <= L4D_NUM_LEVELS ? info.level
                          : c.level != 0                                    ? c.level
@@ -79,7 +79,7 @@ Judgement judge(const DecoderHandle& decoder, const Claim& claim) {
   const l4d_level_limits limits = limits_of_level(level, c.profile);
   c.bytes_per_second = limits.bytes_per_second;
   c.burst_bytes = limits.burst_bytes;
-  decoder.check(l4d_decoder_get_conformance(decoder.get(), &c));
+  decoder.check(l4d_decoder_get_stream_demand(decoder.get(), &c));
 
   Found found;
   found.max_errors = UINT64_MAX;
@@ -106,8 +106,8 @@ Judgement judge(const DecoderHandle& decoder, const Claim& claim) {
               {"declared_level", info.level},
               {"profile", name_or_null(c.profile)},
               {"level", c.level},
-              {"asked_profile", name_or_null(claim.profile)},
-              {"asked_level", claim.level},
+              {"requested_profile", name_or_null(claim.profile)},
+              {"requested_level", claim.level},
               {"holds", out.holds},
               {"violations", found.errors},
               {"limits_of_level", level},
@@ -127,11 +127,11 @@ Judgement judge(const DecoderHandle& decoder, const Claim& claim) {
   quantity("table_bytes", c.table_bytes, limits.table_bytes, {});
   quantity("instant_bytes", c.instant_bytes, limits.instant_bytes, c.instant_bytes_time);
   quantity("start_bytes", c.start_bytes, limits.start_bytes, {});
-  quantity("burst_bytes", c.least_burst_bytes, limits.burst_bytes, c.window_begin,
+  quantity("burst_bytes", c.min_burst_bytes, limits.burst_bytes, c.window_begin,
            {{"time_end", c.window_end}, {"bytes_per_second", c.bytes_per_second}});
   quantity("memory_bytes", c.memory_bytes, limits.memory_bytes, c.memory_time);
-  out.json["least_bytes_per_second"] =
-      c.least_bytes_per_second == UINT64_MAX ? Json() : Json(c.least_bytes_per_second);
+  out.json["min_bytes_per_second"] =
+      c.min_bytes_per_second == UINT64_MAX ? Json() : Json(c.min_bytes_per_second);
   return out;
 }
 

@@ -4,7 +4,7 @@
 from arithmetic import bit_width, f32, half, located, require, unorder, unzigzag
 from header import (COMPONENTS, ROTOR_SPATIAL, ROTOR_TEMPORAL, SCALE, SH, VQ, component,
                     vector_length)
-from rans import Entropy, page_planes
+from rans import Entropy, page_channels
 from streams import Streams
 
 RESIDUAL, BASIS = 8, 9              # stand for stages
@@ -15,17 +15,17 @@ class Codebooks:
 
     def __init__(self, file, header):
         self.file, self.header = file, header
-        self.books, self.entropies = {}, {}
+        self.codebooks, self.entropies = {}, {}
 
     def stage(self, layer, c, stage):
         coding = component(self.header, layer, c)
         return (coding["basis"] if stage == BASIS else coding["rcq"] if stage == RESIDUAL else
                 coding["stages"][stage])
 
-    def book(self, layer, c, stage):
+    def codebook(self, layer, c, stage):
         """Rows of a codebook, of a residual codebook, or of a basis."""
         key = (0 if c == SH else layer, c, stage)
-        if key not in self.books:
+        if key not in self.codebooks:
             coding, s = component(self.header, layer, c), self.stage(layer, c, stage)
             dim, n = vector_length(self.header, layer, c), s["num_entries"]
             name = f"{COMPONENTS[c]} codebook" + f" {stage}" * (len(coding["stages"] or ()) > 1)
@@ -38,35 +38,35 @@ class Codebooks:
                     columns.append(halves(coded, "CODE-4") if s["element"] == 0 else
                                    [f32(s["step"] * f32(unzigzag(v))) for v in coded])
             streams.end("CHNK-7")
-            self.books[key] = list(zip(*columns))
-        return self.books[key]
+            self.codebooks[key] = list(zip(*columns))
+        return self.codebooks[key]
 
     def of_block(self, layer, block):
         """Component -> rows of the codebook that a block has in place of the layer's stage 0."""
-        books = {}
+        codebooks = {}
         for table in block["tables"]:
             c, n = table["component"], table["num_entries"]
             require(c in (SCALE, ROTOR_SPATIAL, ROTOR_TEMPORAL) and
                     component(self.header, layer, c)["coding"] == VQ and
                     component(self.header, layer, c)["rcq"] is not None, "RCQ-3", f"component {c}")
             require(1 <= n <= 65536, "RCQ-4", "entries")
-            require(c not in books, "RCQ-5", "two tables")
-            whole, residual = self.book(layer, c, 0), self.book(layer, c, RESIDUAL)
+            require(c not in codebooks, "RCQ-5", "two tables")
+            whole, residual = self.codebook(layer, c, 0), self.codebook(layer, c, RESIDUAL)
             streams = Streams(self.file, self.file.chunk(
                 table["table"], 2 * (2 * n + 32), self.header["payload_offset"]))
             g = streams.read(n, bit_width(len(whole)), "global", len(whole), "RCQ-1")
             r = streams.read(n, bit_width(len(residual)), "residual", len(residual), "RCQ-1")
             streams.end("CHNK-7")
-            books[c] = [[f32(a + b) for a, b in zip(whole[i], residual[j])] for i, j in zip(g, r)]
-        return books
+            codebooks[c] = [[f32(a + b) for a, b in zip(whole[i], residual[j])] for i, j in zip(g, r)]
+        return codebooks
 
     def entropy(self, layer):
         """The tables of the rANS pages of a layer."""
         if layer not in self.entropies:
-            planes = page_planes(self.header, layer)
-            most = 65794 + sum(contexts for _, contexts in planes)
+            channels = page_channels(self.header, layer)
+            most = 65794 + sum(contexts for _, contexts in channels)
             chunk = self.file.chunk(self.header["layers"][layer]["entropy"], most)
-            self.entropies[layer] = Entropy(self.file, chunk, self.header, planes)
+            self.entropies[layer] = Entropy(self.file, chunk, self.header, channels)
         return self.entropies[layer]
 
 

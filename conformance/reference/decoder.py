@@ -21,7 +21,7 @@ class Query:
     end: float = None                     # an instant is begin = end
     buckets: list = None                  # of (layer, bucket), ascending
     most_level: int = 255                 # finer layers are left out
-    base_only: bool = False               # leaves second parts of pages unread
+    base_only: bool = False               # leaves SH chunks of pages unread
     whole_buckets: bool = False           # takes all pages of a bucket if it needs one
 
     def in_layer(self, header, index):
@@ -93,10 +93,10 @@ class Decoder:
             for r in records:
                 base = self.header["payload_offset"]
                 taken.take(base + r["offset"], r["stored_bytes"], "a page")
-                taken.take(base + r["sh_offset"], r["sh_bytes"], "a second part")
+                taken.take(base + r["sh_offset"], r["sh_bytes"], "an SH chunk")
                 yield Selected(index, r, page)
 
-    def block_books(self, selected):
+    def block_codebooks(self, selected):
         """Codebooks of the page's block, by component."""
         number, page = selected.record["block"], selected.directory_page
         if number == NO_BLOCK:
@@ -109,13 +109,13 @@ class Decoder:
     def page(self, selected, base_only=False):
         """The columns of a selected page."""
         return Page(self.file, self.codebooks, selected.index, selected.record,
-                    self.block_books(selected), base_only)
+                    self.block_codebooks(selected), base_only)
 
     def attributes(self, selected, base_only=False):
         """Name -> a row for each Gaussian of a selected page."""
         with located(self.header["payload_offset"] + selected.record["offset"]):
             page = self.page(selected, base_only)
-            return attributes(page, self.codebooks, self.block_books(selected))
+            return attributes(page, self.codebooks, self.block_codebooks(selected))
 
     def pages(self, query):
         """Attributes of page after page of what a query selects."""

@@ -6,7 +6,7 @@ import struct
 from arithmetic import require, unorder
 from header import COMPONENTS, F16, VQ
 from levels import INDEXED, keeps_profile
-from page import LITERAL, ordered_mean_time
+from page import ESCAPE, ordered_mean_time
 from xxh3 import xxh3_64
 
 ATTRIBUTES = {"position": "f", "mean_t": "f", "mean_t_local": "f", "mean_t_exact": "d",
@@ -69,7 +69,7 @@ class Packed:
         self.scalar = {name: [] for name in ("position", "mean_t", "opacity", "scale_factor")}
         self.depth = [[] for _ in COMPONENTS]
         self.index = [[[] for _ in range(self.most_stages(c))] for c in range(len(COMPONENTS))]
-        self.literal = [[] for _ in COMPONENTS]
+        self.escape = [[] for _ in COMPONENTS]
 
     def most_stages(self, c):
         layers = range(len(self.decoder.header["layers"]))
@@ -90,14 +90,14 @@ class Packed:
             self.add_component(c, page.component.get(c) or {}, n)
 
     def add_component(self, c, columns, n):
-        """columns: {} where the component is zero, or in a second part that was left out."""
+        """columns: {} where the component is zero, or in an SH chunk that was left out."""
         depth = columns.get("depth", [0] * n)
-        self.depth[c] += [255 if d == LITERAL else d for d in depth]
+        self.depth[c] += [255 if d == ESCAPE else d for d in depth]
         for s, row in enumerate(self.index[c]):
             entries = iter(columns["index"][s] if s < len(columns.get("index", ())) else ())
-            row += [next(entries) if s < d != LITERAL else 0 for d in depth]
-        for row in zip(*columns.get("literal", ())):
-            self.literal[c] += [unorder(v, 16) for v in row]
+            row += [next(entries) if s < d != ESCAPE else 0 for d in depth]
+        for row in zip(*columns.get("escape", ())):
+            self.escape[c] += [unorder(v, 16) for v in row]
 
     def arrays(self):
         out = {name: little_endian("H", values) for name, values in self.scalar.items()}
@@ -105,5 +105,5 @@ class Packed:
             out[f"{name}.depth"] = little_endian("B", self.depth[c])
             out[f"{name}.index"] = b"".join(little_endian("H", row) for row in self.index[c])
         for c, name in enumerate(COMPONENTS):
-            out[f"{name}.literal"] = little_endian("H", self.literal[c])
+            out[f"{name}.escape"] = little_endian("H", self.escape[c])
         return out

@@ -78,9 +78,9 @@ class Directory:
                     previous["block"] == r["block"], "DIR-8", "blocks of a bucket")
             require(r["visible_begin"] <= r["visible_end"], "DIR-7", "visible interval")
             if r["sh_bytes"] == 0:
-                require(r["sh_offset"] == r["sh_hash"] == 0, "DIR-13", "no second part")
+                require(r["sh_offset"] == r["sh_hash"] == 0, "DIR-13", "no SH chunk")
             else:
-                require(has_detail(self.header) and r["codec"] >= RANS32, "DIR-13", "a second part")
+                require(has_detail(self.header) and r["codec"] >= RANS32, "DIR-13", "an SH chunk")
             box = [half(b) for b in r["bounds"]]
             require(all(map(math.isfinite, box)) and
                     all(a <= b for a, b in zip(box, box[3:])), "DIR-12", "bounds")

@@ -11,7 +11,7 @@ SH, SCALE, ROTOR_SPATIAL, ROTOR_TEMPORAL = range(4)
 COMPONENTS = ("sh", "scale", "rotor_spatial", "rotor_temporal")
 CONSTANT, RAW32, SQ = range(3)      # scalar-coding
 ZERO, _, VQ, TRANSFORM = range(4)   # component-coding; 1 is RAW32
-NONE, _, F16, FIXED, RAW64 = range(5)   # mean-coding; 1 is RAW32
+NONE, _, F16, FIXED, RAW64 = range(5)   # coordinate-coding; 1 is RAW32
 
 
 def component(h, layer, c):
@@ -38,11 +38,11 @@ def has_fine_mean_times(layer):
 
 def has_depth(coding):
     """Whether a page tells the depths of a vq component."""
-    return len(coding["stages"]) > 1 or bool(coding["literals"])
+    return len(coding["stages"]) > 1 or bool(coding["escapes"])
 
 
 def has_detail(h):
-    """DIR-13: whether rans32 pages can have second parts."""
+    """DIR-13: whether rans32 pages can have SH chunks."""
     return h["sh"]["coding"] == VQ or (h["sh"]["coding"] == TRANSFORM and
                                        h["sh_base"] < len(h["sh"]["steps"]))
 
@@ -158,10 +158,10 @@ def check_element(stage):
 
 def check_transform(c, dim, most_step):
     """dim: of the vectors of a transform."""
-    steps, ladder, basis = c["steps"] or [], c["ladder"] or [], c["basis"]
+    steps, eob_table, basis = c["steps"] or [], c["eob_table"] or [], c["basis"]
     require(1 <= len(steps) <= dim, "TRAN-1", f"{len(steps)} steps")
     require(all(2.0 ** -20 <= s <= most_step for s in steps), "TRAN-2", "steps")
-    require(ladder and all(a < b for a, b in zip([0, *ladder], ladder)) and
-            ladder[-1] == len(steps), "TRAN-3", "ladder")
+    require(eob_table and all(a < b for a, b in zip([0, *eob_table], eob_table)) and
+            eob_table[-1] == len(steps), "TRAN-3", "eob_table")
     require(basis is not None and basis["num_entries"] == len(steps) + 1, "TRAN-4", "basis")
     check_element(basis)

@@ -12,7 +12,7 @@
   --query validate           every rule of the format, also those that only validators check
   --query demand             what playing it asks for (section 18.2), and the profile it keeps to
   --level N                  only layers of level N or less
-  --detail base|full         base: second parts of pages stay unread
+  --detail base|full         base: SH chunks of pages stay unread
   --packed                   the integers of pages instead of attributes; streams of profile 1 only
   --whole-buckets            all pages of a bucket of which one may be visible
 

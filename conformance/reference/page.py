@@ -9,7 +9,7 @@ from header import (CONSTANT, COMPONENTS, F16, FIXED, NONE, RAW32, RAW64, ROTOR_
 from rans import RansPage, codable, coefficient_context
 from streams import Streams
 
-LITERAL = 15                        # a depth
+ESCAPE = 15                        # a depth
 
 
 class StreamPage(Streams):
@@ -51,11 +51,11 @@ class Page:
       position    x, y, z: ordered binary16, fixed or, where raw32, bits of binary32
       mean_t      codes; bits of binary32 or binary64 where raw
       opacity, scale_factor   codes, or bits of binary32
-      component   {"depth", "index", "literal"}, {"class", "rung", "coefficient"} or {"raw"}
+      component   {"depth", "index", "escape"}, {"step_exponent", "eob_index", "coefficient"} or {"raw"}
     """
 
-    def __init__(self, file, codebooks, index, record, block_books, base_only=False):
-        """block_books: of the page's block. base_only: leaves out the second part."""
+    def __init__(self, file, codebooks, index, record, block_codebooks, base_only=False):
+        """block_codebooks: of the page's block. base_only: leaves out the SH chunk."""
         self.header, self.index, self.n = codebooks.header, index, record["num_gaussians"]
         self.record, self.layer = record, codebooks.header["layers"][index]
         self.has_sh = not (base_only and record["sh_bytes"] > 0)      # all of it
@@ -65,12 +65,12 @@ class Page:
         self.mean_t, self.mean_t_fine = self.mean_times()
         self.opacity = self.scalars(self.header["opacity"], "opacity")
         self.scale_factor = self.scalars(self.layer["scale_factor"], "scale_factor")
-        self.component, self.classes = {}, [0] * self.n
+        self.component, self.step_exponents = {}, [0] * self.n
         for c in self.streams.order:
             if c == SH and not self.has_sh and self.header["sh_base"] == 0:
                 continue
             coding = component(self.header, index, c)["coding"]
-            self.component[c] = (self.vq(c, block_books.get(c)) if coding == VQ else
+            self.component[c] = (self.vq(c, block_codebooks.get(c)) if coding == VQ else
                                  self.transform(c) if coding == TRANSFORM else
                                  self.raw_vectors(c) if coding == RAW32 else {})
         self.streams.end()
@@ -122,7 +122,7 @@ class Page:
             return self.raw(what)
         return self.streams.read(self.n, int(coding["bits"]), what)
 
-    def vq(self, c, block_book):
+    def vq(self, c, block_codebook):
         coding, name, n = component(self.header, self.index, c), COMPONENTS[c], self.n
         stages, read = len(coding["stages"]), self.streams.read
         depth = [stages] * n
@@ -130,39 +130,39 @@ class Page:
             place = self.streams.place()
             depth = read(n, 4, f"{name} depth")
             for d in depth:
-                require(d <= stages or d == LITERAL and coding["literals"], "VQ-1", f"depth {d}", place)
+                require(d <= stages or d == ESCAPE and coding["escapes"], "VQ-1", f"depth {d}", place)
         index = []
         for s, stage in enumerate(coding["stages"]):
-            entries = len(block_book) if s == 0 and block_book else stage["num_entries"]
-            count = sum(s < d != LITERAL for d in depth)
+            entries = len(block_codebook) if s == 0 and block_codebook else stage["num_entries"]
+            count = sum(s < d != ESCAPE for d in depth)
             index.append(read(count, bit_width(entries), f"{name} index, stage {s}", entries, "VQ-2"))
-        literal = []
-        for d in range(vector_length(self.header, self.index, c) if coding["literals"] else 0):
+        escape = []
+        for d in range(vector_length(self.header, self.index, c) if coding["escapes"] else 0):
             place = self.streams.place()
-            literal.append(read(depth.count(LITERAL), 16, f"{name} literal, number {d}"))
-            require(all(map(is_finite, literal[-1])), "VAL-2", f"{name} literal", place)
-        return {"depth": depth, "index": index, "literal": literal}
+            escape.append(read(depth.count(ESCAPE), 16, f"{name} escape, number {d}"))
+            require(all(map(is_finite, escape[-1])), "VAL-2", f"{name} escape", place)
+        return {"depth": depth, "index": index, "escape": escape}
 
     def transform(self, c):
         coding, name, n = component(self.header, self.index, c), COMPONENTS[c], self.n
-        read, ladder = self.streams.read, [0, *coding["ladder"]]
+        read, eob_table = self.streams.read, [0, *coding["eob_table"]]
         clause = "TRAN-5" if isinstance(self.streams, RansPage) else "STRM-3"
-        classes = read(n, 4, f"{name} class", 16, clause, self.classes)
-        rungs = [1] * n
-        if len(ladder) > 2:
-            rungs = read(n, bit_width(len(ladder)), f"{name} rung", len(ladder), "TRAN-6", classes)
+        step_exponents = read(n, 4, f"{name} step exponent", 16, clause, self.step_exponents)
+        eob_indices = [1] * n
+        if len(eob_table) > 2:
+            eob_indices = read(n, bit_width(len(eob_table)), f"{name} EOB index", len(eob_table), "TRAN-6", step_exponents)
         coefficients = [[] for _ in range(n)]
         number = len(coding["steps"])
         if c == SH and not self.has_sh:
             number = int(self.header["sh_base"])
         for k in range(number):
-            who = [i for i in range(n) if ladder[rungs[i]] > k]
-            contexts = [coefficient_context(classes[i], coefficients[i]) for i in who]
+            who = [i for i in range(n) if eob_table[eob_indices[i]] > k]
+            contexts = [coefficient_context(step_exponents[i], coefficients[i]) for i in who]
             coded = read(len(who), 16, f"{name} coefficient {k}", contexts=contexts)
             for i, z in zip(who, coded):
                 coefficients[i].append(unzigzag(z))
-        self.classes = classes
-        return {"class": classes, "rung": rungs, "coefficient": coefficients}
+        self.step_exponents = step_exponents
+        return {"step_exponent": step_exponents, "eob_index": eob_indices, "coefficient": coefficients}
 
 
 def is_finite(ordered):

@@ -13,7 +13,7 @@ LANES = 32
 SLOTS = 4096
 LOW = 1 << 16
 MAX_TABLES = 128
-CLASSES = 16
+STEP_EXPONENTS = 16
 MAGNITUDES = 5
 
 
@@ -33,7 +33,7 @@ def wide(token):
 
 
 class Block:
-    """The planes of one rANS block, front to back."""
+    """The channels of one rANS block, front to back."""
 
     def __init__(self, file, chunk, what):
         raw, base = chunk.raw, chunk.at       # such a chunk is stored as it is
@@ -56,7 +56,7 @@ class Block:
             self.states[lane] = (self.states[lane] << 16) + word
             self.at += 2
 
-    def plane(self, tables):
+    def channel(self, tables):
         """One integer for each of the tables."""
         values = []
         for group in range(0, len(tables), LANES):
@@ -100,33 +100,33 @@ class Table:
         require(len(self.slots) == SLOTS, "RANS-2", "sum of frequencies")
 
 
-def page_planes(header, index):
-    """(name, contexts) of the planes of section 13.2 in a layer. SH comes last."""
+def page_channels(header, index):
+    """(name, contexts) of the channels of section 13.2 in a layer. SH comes last."""
     layer = header["layers"][index]
-    planes = [("position", 1)]
-    planes += [("mean_t", 1)] * (layer["mean_t"] != NONE)
-    planes += [("mean_t_fine", 1)] * has_fine_mean_times(layer)
-    planes += [("opacity", 1)] * (header["opacity"]["coding"] == SQ)
-    planes += [("scale_factor", 1)] * (layer["scale_factor"]["coding"] == SQ)
+    channels = [("position", 1)]
+    channels += [("mean_t", 1)] * (layer["mean_t"] != NONE)
+    channels += [("mean_t_fine", 1)] * has_fine_mean_times(layer)
+    channels += [("opacity", 1)] * (header["opacity"]["coding"] == SQ)
+    channels += [("scale_factor", 1)] * (layer["scale_factor"]["coding"] == SQ)
     for c in RansPage.order:
         name, coding = COMPONENTS[c], component(header, index, c)
         if coding["coding"] == VQ:
-            planes += [(f"{name} depth", 1)] * has_depth(coding)
-            planes += [(f"{name} index, stage {k}", 1) for k in range(len(coding["stages"]))]
-            if coding["literals"]:
-                planes += [(f"{name} literal, number {j}", 1)
+            channels += [(f"{name} depth", 1)] * has_depth(coding)
+            channels += [(f"{name} index, stage {k}", 1) for k in range(len(coding["stages"]))]
+            if coding["escapes"]:
+                channels += [(f"{name} escape, number {j}", 1)
                            for j in range(vector_length(header, index, c))]
         elif coding["coding"] == TRANSFORM:
-            planes += [(f"{name} class", CLASSES)]
-            planes += [(f"{name} rung", CLASSES)] * (len(coding["ladder"]) > 1)
-            planes += [(f"{name} coefficient {k}", CLASSES * MAGNITUDES if k else CLASSES)
+            channels += [(f"{name} step exponent", STEP_EXPONENTS)]
+            channels += [(f"{name} EOB index", STEP_EXPONENTS)] * (len(coding["eob_table"]) > 1)
+            channels += [(f"{name} coefficient {k}", STEP_EXPONENTS * MAGNITUDES if k else STEP_EXPONENTS)
                        for k in range(len(coding["steps"]))]
-    return planes
+    return channels
 
 
-def first_detail(header, planes):
-    """How many of the planes the first part of a page holds, if it has a second."""
-    names = [name for name, _ in planes]
+def first_detail(header, channels):
+    """How many of the channels the base chunk of a page holds, if there is an SH chunk."""
+    names = [name for name, _ in channels]
     if header["sh_base"] == 0:
         return next((i for i, name in enumerate(names) if name.startswith("sh ")), len(names))
     name = f"sh coefficient {int(header['sh_base'])}"
@@ -142,18 +142,18 @@ def codable(header, index):
                                 layer["scale"], layer["rotor_spatial"], layer["rotor_temporal"])])
 
 
-def coefficient_context(cls, before):
-    """Of coefficient k of a Gaussian of class cls; before: its coefficients 0 to k-1."""
+def coefficient_context(step_exponent, before):
+    """Of coefficient k of a Gaussian of step exponent step_exponent; before: its coefficients 0 to k-1."""
     if not before:
-        return cls
+        return step_exponent
     a = sum(map(abs, before[-2:]))
-    return MAGNITUDES * cls + (0 if a == 0 else 1 if a < 3 else 2 if a < 7 else 3 if a < 15 else 4)
+    return MAGNITUDES * step_exponent + (0 if a == 0 else 1 if a < 3 else 2 if a < 7 else 3 if a < 15 else 4)
 
 
 class Entropy:
-    """An entropy chunk: the tables, and for each plane those of its contexts."""
+    """An entropy chunk: the tables, and for each channel those of its contexts."""
 
-    def __init__(self, file, chunk, header, planes):
+    def __init__(self, file, chunk, header, channels):
         streams = Streams(file, chunk, "RANS-1")
         num_tables, num_wide = streams.vlq(), streams.vlq()
         with located(chunk.at):
@@ -167,31 +167,31 @@ class Entropy:
                 tables.append(Table(streams, wide, 126) if i < num_wide else
                               Table(streams, hybrid, 112))
             streams.claim(begin, f"entropy: table {i}")
-        self.planes = []
-        for name, contexts in planes:
+        self.channels = []
+        for name, contexts in channels:
             begin, place = streams.at, streams.place()
             used = streams.take(contexts)
             least, most = (0, num_wide) if name == "position" else (num_wide, num_tables)
             require(all(least <= t < most for t in used), "RANS-4", f"tables of {name}", place)
             streams.claim(begin, f"entropy: map of {name}")
-            self.planes.append((name, [tables[t] for t in used]))
+            self.channels.append((name, [tables[t] for t in used]))
         streams.end("CHNK-7")
-        self.first_detail = first_detail(header, planes)
+        self.first_detail = first_detail(header, channels)
 
 
 class RansPage:
-    """The planes of a page, front to back: read() as Streams has it."""
+    """The channels of a page, front to back: read() as Streams has it."""
 
     order = (SCALE, ROTOR_SPATIAL, ROTOR_TEMPORAL, SH)
 
     def __init__(self, file, first, detail, entropy, split):
-        """first, detail: the Chunks of the parts; no detail where there is no second part, or where
+        """first, detail: the Chunks of the parts; no detail where there is no SH chunk, or where
         it is left out. split: whether there is one."""
-        self.blocks = [Block(file, first, "all planes" if not split else "first part")]
+        self.blocks = [Block(file, first, "all channels" if not split else "base chunk")]
         if detail is not None:
-            self.blocks.append(Block(file, detail, "second part"))
-        self.left = list(entropy.planes[:entropy.first_detail if split else None])
-        self.left_in_detail = list(entropy.planes[entropy.first_detail:]) if detail else []
+            self.blocks.append(Block(file, detail, "SH chunk"))
+        self.left = list(entropy.channels[:entropy.first_detail if split else None])
+        self.left_in_detail = list(entropy.channels[entropy.first_detail:]) if detail else []
 
     def place(self):
         return self.blocks[not self.left and len(self.blocks) > 1].place()
@@ -202,13 +202,13 @@ class RansPage:
         assert name == what, f"{what} instead of {name}"
         block = self.blocks[of_detail]
         place = block.place()
-        values = block.plane([tables[c] for c in contexts or [0] * n])
+        values = block.channel([tables[c] for c in contexts or [0] * n])
         bound, clause = (limit, limit_clause) if limit else (1 << width, "STRM-3")
         require(all(v < bound for v in values), clause, f"{what}, limit {bound}", place)
         return values
 
     def positions(self, n, width):
-        """x, y and z of ascending Morton codes, of which the plane holds the gaps."""
+        """x, y and z of ascending Morton codes, of which the channel holds the gaps."""
         place = self.place()
         gaps, code, out = self.read(n, 64, "position"), 0, ([], [], [])
         for gap in gaps:

@@ -7,7 +7,7 @@ from arithmetic import f32, f32_of_bits, half, limit, require, unorder
 from codebooks import BASIS
 from header import (CONSTANT, F16, FIXED, RAW32, RAW64, ROTOR_SPATIAL, ROTOR_TEMPORAL, SCALE,
                     SH, TRANSFORM, VQ, ZERO, component, position_coding, vector_length)
-from page import LITERAL, ordered_mean_time
+from page import ESCAPE, ordered_mean_time
 from rotor import normalized_rotor, stereographic_rotor
 from times import center_of_bucket, width_of_bucket
 
@@ -16,10 +16,10 @@ def ordered_half(v):
     return half(unorder(v, 16))
 
 
-def attributes(page, codebooks, block_books):
+def attributes(page, codebooks, block_codebooks):
     """Name -> a row for each Gaussian, in the order of the page."""
     local, mean, exact = mean_times(page)
-    rows = {c: vectors(page, c, codebooks, block_books.get(c)) for c in (SCALE, ROTOR_SPATIAL,
+    rows = {c: vectors(page, c, codebooks, block_codebooks.get(c)) for c in (SCALE, ROTOR_SPATIAL,
                                                                          ROTOR_TEMPORAL, SH)}
     return {"position": positions(page), "mean_t_local": [[v] for v in local],
             "mean_t": [[v] for v in mean], "mean_t_double": [[v] for v in exact],
@@ -90,33 +90,33 @@ def opacities(page):
     return [limit(v, 0.0, 1.0) for v in values]
 
 
-def vectors(page, c, codebooks, block_book):
+def vectors(page, c, codebooks, block_codebook):
     """The rows of a component."""
     coding, dim = component(page.header, page.index, c), vector_length(page.header, page.index, c)
     columns, n = page.component.get(c), page.n
     if columns is None:                   # DEC-7: of SH without a base, no part is there
         has_origin = coding["coding"] == TRANSFORM
-        return [codebooks.book(page.index, c, BASIS)[0] if has_origin else [0.0] * dim] * n
+        return [codebooks.codebook(page.index, c, BASIS)[0] if has_origin else [0.0] * dim] * n
     if coding["coding"] == ZERO:
         return [[0.0] * dim] * n
     if coding["coding"] == RAW32:
         return list(zip(*[[f32_of_bits(v) for v in column] for column in columns["raw"]]))
     if coding["coding"] == VQ:
-        books = [codebooks.book(page.index, c, s) for s in range(len(coding["stages"]))]
-        return sums_of_codewords(columns, [block_book or books[0], *books[1:]], dim)
-    return transformed(columns, coding["steps"], codebooks.book(page.index, c, BASIS))
+        codebooks = [codebooks.codebook(page.index, c, s) for s in range(len(coding["stages"]))]
+        return sums_of_codewords(columns, [block_codebook or codebooks[0], *codebooks[1:]], dim)
+    return transformed(columns, coding["steps"], codebooks.codebook(page.index, c, BASIS))
 
 
-def sums_of_codewords(columns, books, dim):
-    index, literal = [iter(column) for column in columns["index"]], zip(*columns["literal"])
+def sums_of_codewords(columns, codebooks, dim):
+    index, escape = [iter(column) for column in columns["index"]], zip(*columns["escape"])
     rows = []
     for depth in columns["depth"]:
-        if depth == LITERAL:
-            rows.append([ordered_half(v) for v in next(literal)])
+        if depth == ESCAPE:
+            rows.append([ordered_half(v) for v in next(escape)])
             continue
         row = [0.0] * dim
         for s in range(depth):
-            codeword = books[s][next(index[s])]
+            codeword = codebooks[s][next(index[s])]
             row = list(codeword) if s == 0 else [f32(a + b) for a, b in zip(row, codeword)]
         rows.append(row)
     return rows
@@ -124,10 +124,10 @@ def sums_of_codewords(columns, books, dim):
 
 def transformed(columns, steps, basis):
     rows = []
-    for cls, coefficients in zip(columns["class"], columns["coefficient"]):
+    for step_exponent, coefficients in zip(columns["step_exponent"], columns["coefficient"]):
         row = list(basis[0])
         for k, q in enumerate(coefficients):
-            amount = f32(f32(q * 2.0 ** -cls) * steps[k])
+            amount = f32(f32(q * 2.0 ** -step_exponent) * steps[k])
             row = [f32(v + f32(amount * b)) for v, b in zip(row, basis[k + 1])]
         rows.append(row)
     return rows

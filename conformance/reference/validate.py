@@ -52,7 +52,7 @@ def check_tables(decoder):
     """Codebooks and entropy chunks that perhaps no page uses."""
     names = {"rcq": 8, "basis": 9}
     for index, c, k, _ in stages_of(decoder):
-        decoder.codebooks.book(index, c, names.get(k, k))
+        decoder.codebooks.codebook(index, c, names.get(k, k))
     for index, layer in enumerate(decoder.header["layers"]):
         if layer["entropy"] is not None and layer["num_gaussians"] > 0 and codable(decoder.header,
                                                                                   index):
@@ -94,7 +94,7 @@ def check_ranges(decoder):
                 taken.take(base + ref["offset"], ref["stored_bytes"], "a block codebook")
             for r in page["pages"]:
                 taken.take(base + r["offset"], r["stored_bytes"], "a page")
-                taken.take(base + r["sh_offset"], r["sh_bytes"], "a second part")
+                taken.take(base + r["sh_offset"], r["sh_bytes"], "an SH chunk")
             for block in range(len(page["blocks"] or ())):
                 decoder.codebooks.of_block(index, page["blocks"][block])
 

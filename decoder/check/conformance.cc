@@ -5,7 +5,7 @@
 
 namespace l4d {
 
-Status measure_conformance(SceneFile& file, StreamConformance* out) {
+Status measure_stream_demand(SceneFile& file, StreamDemand* out) {
   const auto& layers = file.header().layers;
   std::vector<DirectoryPageRef> pages;
   for (uint32_t l = 0; l < layers.size(); ++l) {
@@ -17,10 +17,10 @@ Status measure_conformance(SceneFile& file, StreamConformance* out) {
     for (uint32_t begin = 0; begin < end; begin += kWindow) {
       const uint32_t last = std::min(begin + kWindow, end) - 1;
       L4D_RETURN_IF_ERROR(file.directory().pages(l, begin, last, &pages));
-      uint64_t bytes = pages.size() * ConformanceMeter::kBytesPerDirectoryPage;
+      uint64_t bytes = pages.size() * LevelMeter::kBytesPerDirectoryPage;
       for (const DirectoryPageRef& read : pages) {
         const DirectoryPage& page = read->page;
-        bytes += (page.pages.size() + page.blocks.size()) * ConformanceMeter::kBytesPerPage;
+        bytes += (page.pages.size() + page.blocks.size()) * LevelMeter::kBytesPerPage;
         for (const PageRecord& record : page.pages) gaussians += record.num_gaussians;
       }
       // A vector that grows holds the old elements, the new ones and room for as many again.
@@ -48,10 +48,10 @@ Status check_conformance(SceneFile& file, uint32_t profile, uint32_t level,
   if (profile_name(profile) == nullptr) {
     report(Status(L4D_ERR_FEATURE_UNSUPPORTED, "LEVL-1", at, "profile " + std::to_string(profile)));
   } else {
-    const std::string breach = profile_breach(file.header(), static_cast<ProfileId>(profile));
-    if (!breach.empty()) {
-      report(
-          corrupt("LEVL-2", at, std::string("profile ") + profile_name(profile) + ": " + breach));
+    const std::string violation = profile_violation(file.header(), static_cast<ProfileId>(profile));
+    if (!violation.empty()) {
+      report(corrupt("LEVL-2", at,
+                     std::string("profile ") + profile_name(profile) + ": " + violation));
     }
   }
   if (level == 0) return {};
@@ -60,9 +60,10 @@ Status check_conformance(SceneFile& file, uint32_t profile, uint32_t level,
                   "conformance level " + std::to_string(level)));
     return {};
   }
-  StreamConformance stream(file);
-  L4D_RETURN_IF_ERROR(measure_conformance(file, &stream));
-  for (const Excess& e : stream.meter.beyond(level)) report(corrupt(e.clause, at, e.message));
+  StreamDemand stream(file);
+  L4D_RETURN_IF_ERROR(measure_stream_demand(file, &stream));
+  for (const LimitViolation& e : stream.meter.beyond(level))
+    report(corrupt(e.clause, at, e.message));
   return {};
 }
 

@@ -6,17 +6,17 @@
 #include <memory>
 
 #include "decoder/read/scene_file.h"
-#include "libl4dcodec/container/conformance.h"
+#include "libl4dcodec/container/level_meter.h"
 
 namespace l4d {
 
 // A meter that has seen the whole directory, and the memory it takes.
-struct StreamConformance {
-  explicit StreamConformance(SceneFile& file) : memory(file.memory()), meter(file.header()) {}
+struct StreamDemand {
+  explicit StreamDemand(SceneFile& file) : memory(file.memory()), meter(file.header()) {}
   MemoryCharge memory;
-  ConformanceMeter meter;
+  LevelMeter meter;
 };
-Status measure_conformance(SceneFile& file, StreamConformance* out);
+Status measure_stream_demand(SceneFile& file, StreamDemand* out);
 
 // Reports what a stream breaks of a profile and a level, 0 = not asked. An id that is not known is
 // reported too.

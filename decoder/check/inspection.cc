@@ -21,15 +21,15 @@ Status measure_sections(SceneFile& file, PageDecoder& pages, uint64_t* sections,
   std::vector<uint64_t> layers(header.layers.size(), 0);
   L4D_RETURN_IF_ERROR(pages.measure(plan, &bytes, &layers));
   bytes[L4D_SECTION_HEADER] = FileHeader::kBytes + file.file_header().header_bytes;
-  for (size_t s = 0; s < header.sh.num_books(); ++s) {
-    bytes[L4D_SECTION_CODEBOOKS] += header.sh.book(s).codebook.stored_bytes;
+  for (size_t s = 0; s < header.sh.num_codebooks(); ++s) {
+    bytes[L4D_SECTION_CODEBOOKS] += header.sh.codebook(s).codebook.stored_bytes;
   }
   for (uint32_t l = 0; l < header.layers.size(); ++l) {
-    const uint64_t books = file.codebook_stored_bytes(l);
+    const uint64_t codebooks = file.codebook_stored_bytes(l);
     const uint64_t tables = header.layers[l].entropy.stored_bytes;
-    bytes[L4D_SECTION_CODEBOOKS] += books;
+    bytes[L4D_SECTION_CODEBOOKS] += codebooks;
     bytes[L4D_SECTION_ENTROPY_TABLES] += tables;
-    layers[l] += books + tables;
+    layers[l] += codebooks + tables;
     if (header.layers[l].num_gaussians == 0) continue;
     DirectoryPageRef read;
     for (uint32_t d = 0; d < num_directory_pages(header.layers[l]); ++d) {
@@ -50,11 +50,11 @@ Status measure_sections(SceneFile& file, PageDecoder& pages, uint64_t* sections,
   return {};
 }
 
-Status inspect_conformance(SceneFile& file, l4d_conformance* out) {
+Status inspect_stream_demand(SceneFile& file, l4d_stream_demand* out) {
   file.trim();
-  StreamConformance stream(file);
-  L4D_RETURN_IF_ERROR(measure_conformance(file, &stream));
-  const ConformanceMeter& meter = stream.meter;
+  StreamDemand stream(file);
+  L4D_RETURN_IF_ERROR(measure_stream_demand(file, &stream));
+  const LevelMeter& meter = stream.meter;
   const auto peak = [&](const Peak& from, uint64_t* value, double* time) {
     *value = from.value;
     *time = meter.seconds(from.phase);
@@ -66,16 +66,16 @@ Status inspect_conformance(SceneFile& file, l4d_conformance* out) {
   out->level = meter.smallest_level();
   out->table_bytes = meter.table_bytes();
   out->start_bytes = meter.start_bytes();
-  const Burst burst = meter.least_burst(out->bytes_per_second);
-  out->least_burst_bytes = burst.bytes;
+  const Burst burst = meter.min_burst(out->bytes_per_second);
+  out->min_burst_bytes = burst.bytes;
   out->window_begin = meter.seconds(burst.first);
   out->window_end = meter.seconds(burst.last);
-  out->least_bytes_per_second = meter.least_rate(out->burst_bytes);
+  out->min_bytes_per_second = meter.min_rate(out->burst_bytes);
   return {};
 }
 
-Status check_asked_conformance(SceneFile& file, uint32_t profile, uint32_t level,
-                               const ViolationFn& report) {
+Status check_requested_conformance(SceneFile& file, uint32_t profile, uint32_t level,
+                                   const ViolationFn& report) {
   if (profile_name(profile) == nullptr || level > kNumConformanceLevels) {
     return invalid_argument("unknown profile or level");
   }

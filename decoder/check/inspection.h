@@ -16,13 +16,13 @@ using ViolationFn = std::function<void(const Status&)>;
 Status measure_sections(SceneFile& file, PageDecoder& pages, uint64_t* sections,
                         uint64_t* layer_bytes);
 
-// As l4d_decoder_get_conformance. In and out: the channel of *out is given.
-Status inspect_conformance(SceneFile& file, l4d_conformance* out);
+// As l4d_decoder_get_stream_demand. In and out: the link of *out is given.
+Status inspect_stream_demand(SceneFile& file, l4d_stream_demand* out);
 
 // As l4d_decoder_check_conformance. Fails with INVALID_ARGUMENT on unknown ids, which
 // check_conformance() reports, since a stream may declare them.
-Status check_asked_conformance(SceneFile& file, uint32_t profile, uint32_t level,
-                               const ViolationFn& report);
+Status check_requested_conformance(SceneFile& file, uint32_t profile, uint32_t level,
+                                   const ViolationFn& report);
 
 // Every check of the specification that a stream can fail; calls `report` for each.
 Status validate_stream(ByteSource source, const l4d_decoder_options& options,

@@ -52,7 +52,7 @@ class Validator {
     const char* what = nullptr;
     const char* with = nullptr;
   };
-  static constexpr uint64_t kBytesPerRange = 96;  // a node of the map
+  static constexpr uint64_t kBytesPerSpan = 96;  // a node of the map
 
   // Gaussians are what is counted: their number is known, that of the pages is not.
   Status advance(uint64_t gaussians) {
@@ -93,7 +93,7 @@ class Validator {
       with = &std::prev(next)->second;
     }
     if (with == nullptr) {
-      L4D_RETURN_IF_ERROR(memory_.take(kBytesPerRange, "the ranges of the file"));
+      L4D_RETURN_IF_ERROR(memory_.take(kBytesPerSpan, "the ranges of the file"));
       ranges_.emplace_hint(next, begin, Range{end, what});
     } else if (taken->num_shared++ == 0) {
       taken->offset = begin;
@@ -123,17 +123,17 @@ class Validator {
 
   Status check_codebook(const StageCoding& stage, const char* what, uint32_t layer, unsigned c,
                         unsigned index) {
-    const CodebookData* book = nullptr;
+    const CodebookData* codebook = nullptr;
     Taken taken;
     L4D_RETURN_IF_ERROR(take(stage.codebook, what, &taken));
     note_shared(taken);
     if (taken.num_shared > 0) return {};
-    return note(file_.codebooks().codebook(layer, c, index, &book));
+    return note(file_.codebooks().codebook(layer, c, index, &codebook));
   }
 
   Status check_codebooks(const ComponentCoding& coding, uint32_t layer, unsigned c) {
-    for (unsigned s = 0; s < coding.num_books(); ++s) {
-      L4D_RETURN_IF_ERROR(check_codebook(coding.book(s), "a codebook", layer, c, s));
+    for (unsigned s = 0; s < coding.num_codebooks(); ++s) {
+      L4D_RETURN_IF_ERROR(check_codebook(coding.codebook(s), "a codebook", layer, c, s));
     }
     if (!coding.has_rcq) return {};
     return check_codebook(coding.rcq, "a residual codebook", layer, c, CodebookCache::kRcqStage);
@@ -235,13 +235,13 @@ class Validator {
     const LayerHeader& layer = header.layers[l];
     const size_t n = record.num_gaussians;
     Plan plan;
-    l4d_range range{};
+    l4d_bucket_span range{};
     range.count = n;
     range.center = bucket_center(header.timeline, layer.level, record.bucket);
     range.width = bucket_width(header.timeline, layer.level);
     range.layer = l;
     range.bucket = record.bucket;
-    plan.ranges.push_back(range);
+    plan.spans.push_back(range);
     PageTask task;
     task.record = record;
     task.layer = l;
@@ -272,7 +272,7 @@ class Validator {
   }
 
   Status check_times(const SceneHeader& header, const LayerHeader& layer, const PageRecord& record,
-                     const l4d_range& range) {
+                     const l4d_bucket_span& range) {
     const double unit = range.width / 64;
     const double begin = header.timeline.time_begin;
     const double end = begin + sequence_duration(header.timeline);

@@ -20,14 +20,14 @@ struct ExpandBlock {
   uint32_t first;  // Gaussian of the page
   uint32_t count;
 
-  __device__ ExpandBlock(const DeviceJob& job, uint32_t index) {
-    const ExpandTask task = job.expands[index];
-    page = &job.pages[task.page];
-    layer = &job.layers[page->layer];
+  __device__ ExpandBlock(const DeviceRequest& request, uint32_t index) {
+    const ExpandTask task = request.expands[index];
+    page = &request.pages[task.page];
+    layer = &request.layers[page->layer];
     first = task.first;
     count = min(page->n - first, kExpandGaussians);
     // Columns of damaged pages hold anything.
-    if ((job.faults[2 * task.page] | job.faults[2 * task.page + 1]) != kPageOk) count = 0;
+    if ((request.faults[2 * task.page] | request.faults[2 * task.page + 1]) != kPageOk) count = 0;
   }
   __device__ size_t slot(uint32_t i) const { return size_t{page->slot} + first + i; }
   __device__ size_t gaussian(uint32_t i) const { return page->first + first + i; }
@@ -37,43 +37,43 @@ struct ExpandBlock {
 struct ComponentSource {
   const DeviceComponent& coding;
   const uint8_t* head;
-  const uint8_t* rung;
+  const uint8_t* eob_index;
   const uint16_t* value;
   size_t stride;
-  const float* book0;
+  const float* codebook0;
   uint32_t limit;  // coefficients that count
 
-  __device__ ComponentSource(const DeviceJob& job, const ExpandBlock& block, unsigned c)
+  __device__ ComponentSource(const DeviceRequest& request, const ExpandBlock& block, unsigned c)
       : coding(block.layer->component[c]),
-        head(job.columns.component[c].head),
-        rung(job.columns.component[c].rung),
-        value(job.columns.component[c].value),
-        stride(job.columns.stride),
-        book0(block.page->book[c] == kNoBook
-                  ? coding.book[0]
-                  : reinterpret_cast<const float*>(job.upload + block.page->book[c])),
+        head(request.columns.component[c].head),
+        eob_index(request.columns.component[c].eob_index),
+        value(request.columns.component[c].value),
+        stride(request.columns.stride),
+        codebook0(block.page->codebook[c] == kNoCodebook
+                      ? coding.codebook[0]
+                      : reinterpret_cast<const float*>(request.upload + block.page->codebook[c])),
         limit(c == L4D_COMPONENT_SH ? block.page->sh_limit : kMaxCoefficients) {}
 
   __device__ bool is(ComponentCodingId id) const {
     return coding.coding == static_cast<uint32_t>(id);
   }
-  __device__ const float* book(unsigned stage) const {
-    return stage == 0 ? book0 : coding.book[stage];
+  __device__ const float* codebook(unsigned stage) const {
+    return stage == 0 ? codebook0 : coding.codebook[stage];
   }
   __device__ uint32_t depth(size_t slot) const {
     return coding.has_depth != 0 ? head[slot] : coding.num_stages;
   }
   __device__ uint32_t coefficients(size_t slot) const {
     if (limit == 0) return 0;
-    if (coding.num_rungs <= 1) return min(coding.num_coefficients, limit);
-    const uint32_t r = rung[slot];
-    return r == 0 ? 0 : min(uint32_t{coding.ladder[r - 1]}, limit);
+    if (coding.num_eob_indices <= 1) return min(coding.num_coefficients, limit);
+    const uint32_t r = eob_index[slot];
+    return r == 0 ? 0 : min(uint32_t{coding.eob_table[r - 1]}, limit);
   }
   // c_k of the synthesis, from a zigzag code.
   __device__ static float coefficient(uint32_t code, float scale, float step) {
     return (static_cast<float>(unzigzag(code)) * scale) * step;
   }
-  __device__ float class_scale(size_t slot) const {
+  __device__ float step_scale(size_t slot) const {
     return 1.0f / static_cast<float>(1u << head[slot]);
   }
 };
@@ -81,13 +81,13 @@ struct ComponentSource {
 // One number of the row of a component in codebooks.
 __device__ inline float vq_number(const ComponentSource& source, size_t slot, uint32_t depth,
                                   uint32_t dim, uint32_t k) {
-  if (depth == kLiteralDepth) {
+  if (depth == kEscapeDepth) {
     return half_to_float(source.value[(source.coding.num_stages + k) * source.stride + slot]);
   }
   float sum = 0.0f;
   for (uint32_t s = 0; s < depth; ++s) {
     const uint32_t index = source.value[s * source.stride + slot];
-    const float number = source.book(s)[size_t{index} * dim + k];
+    const float number = source.codebook(s)[size_t{index} * dim + k];
     sum = s == 0 ? number : sum + number;
   }
   return sum;
@@ -97,9 +97,9 @@ __device__ inline float vq_number(const ComponentSource& source, size_t slot, ui
 template <unsigned kDim>
 __device__ void component_row(const ComponentSource& source, size_t slot, float* row) {
   if (source.is(ComponentCodingId::kTransform)) {
-    for (unsigned d = 0; d < kDim; ++d) row[d] = source.book0[d];
+    for (unsigned d = 0; d < kDim; ++d) row[d] = source.codebook0[d];
     const uint32_t count = source.coefficients(slot);
-    const float scale = source.class_scale(slot);
+    const float scale = source.step_scale(slot);
     // Not more than numbers (TRAN-1), and asked for all at once.
     uint16_t codes[kDim];
 #pragma unroll
@@ -110,7 +110,8 @@ __device__ void component_row(const ComponentSource& source, size_t slot, float*
     for (unsigned k = 0; k < kDim; ++k) {
       if (k >= count) break;
       const float c = source.coefficient(codes[k], scale, source.coding.steps[k]);
-      for (unsigned d = 0; d < kDim; ++d) row[d] = row[d] + c * source.book0[kDim * (k + 1) + d];
+      for (unsigned d = 0; d < kDim; ++d)
+        row[d] = row[d] + c * source.codebook0[kDim * (k + 1) + d];
     }
     return;
   }

@@ -28,7 +28,7 @@ bool is_aligned(const void* address, uintptr_t alignment) {
 
 DeviceDecoder::~DeviceDecoder() {
   if (done_ == nullptr) return;
-  // Copies of the last job may still read what goes now.
+  // Copies of the last request may still read what goes now.
   if (in_flight_) static_cast<void>(cudaEventSynchronize(done_));
   static_cast<void>(cudaEventDestroy(done_));
 }
@@ -41,47 +41,50 @@ Status DeviceDecoder::open(int device) {
   multiprocessors_ = static_cast<uint32_t>(std::max(1, multiprocessors));
   L4D_RETURN_IF_CUDA_ERROR(cudaEventCreateWithFlags(&done_, cudaEventDisableTiming));
   tables_ = std::make_unique<LayerTables>(decoder_.file());
-  job_ = std::make_unique<Job>(decoder_.file(), *tables_, multiprocessors_, decoder_.threads());
+  request_ = std::make_unique<PreparedRequest>(decoder_.file(), *tables_, multiprocessors_,
+                                               decoder_.threads());
   return {};
 }
 
-Status DeviceDecoder::prepare(const l4d_query& query, l4d_cuda_job* job) {
-  if ((job->attributes & ~uint32_t{L4D_CUDA_ALL_ATTRIBUTES}) != 0) {
+Status DeviceDecoder::prepare(const l4d_query& query, l4d_cuda_request* request) {
+  if ((request->attributes & ~uint32_t{L4D_CUDA_ALL_ATTRIBUTES}) != 0) {
     return invalid_argument("unknown attributes");
   }
   const uint32_t all_forms = L4D_CUDA_FORM_EXPANDED | L4D_CUDA_FORM_PACKED;
-  if (job->forms == 0 || (job->forms & ~all_forms) != 0) return invalid_argument("unknown forms");
-  // The job at hand goes, so that its copies must have ended.
+  if (request->forms == 0 || (request->forms & ~all_forms) != 0)
+    return invalid_argument("unknown forms");
+  // The request at hand goes, so that its copies must have ended.
   if (in_flight_) L4D_RETURN_IF_CUDA_ERROR(cudaEventSynchronize(done_));
   in_flight_ = false;
   prepared_ = false;
   decoded_ = 0;
   finished_ = false;
   uploaded_to_ = nullptr;
-  block_books_.clear();
-  attributes_ = job->attributes;
-  forms_ = job->forms;
+  block_codebooks_.clear();
+  attributes_ = request->attributes;
+  forms_ = request->forms;
   if ((forms_ & L4D_CUDA_FORM_PACKED) != 0) L4D_RETURN_IF_ERROR(check_has_packed_form());
-  L4D_RETURN_IF_ERROR(job_->prepare(query, attributes_, forms_));
-  const size_t result_bytes = static_cast<size_t>(job_->results_bytes());
+  L4D_RETURN_IF_ERROR(request_->prepare(query, attributes_, forms_));
+  const size_t result_bytes = static_cast<size_t>(request_->results_bytes());
   L4D_RETURN_IF_ERROR(results_.reserve(result_bytes));
   // What it stays where nothing runs on the device.
   std::fill_n(results_.as<unsigned char>(), result_bytes, static_cast<unsigned char>(0));
   prepared_ = true;
-  job->num_gaussians = job_->plan().num_gaussians;
-  job->num_ranges = job_->plan().ranges.size();
-  job->num_chunks = job_->plan().tasks.size();
-  job->upload_bytes = job_->upload_bytes();
-  job->workspace_bytes = job_->workspace_bytes();
+  request->num_gaussians = request_->plan().num_gaussians;
+  request->num_spans = request_->plan().spans.size();
+  request->num_pages = request_->plan().tasks.size();
+  request->upload_bytes = request_->upload_bytes();
+  request->workspace_bytes = request_->workspace_bytes();
   return {};
 }
 
 Status DeviceDecoder::check_workspace(const void* workspace, uint64_t size) const {
   if (!prepared_) return Status(L4D_ERR_INVALID_STATE, "nothing is prepared");
-  if (job_->workspace_bytes() == 0) return {};
-  if (size < job_->workspace_bytes()) {
-    return invalid_argument("the workspace has " + std::to_string(size) + " bytes, the job needs " +
-                            std::to_string(job_->workspace_bytes()));
+  if (request_->workspace_bytes() == 0) return {};
+  if (size < request_->workspace_bytes()) {
+    return invalid_argument("the workspace has " + std::to_string(size) +
+                            " bytes, the request needs " +
+                            std::to_string(request_->workspace_bytes()));
   }
   if (workspace == nullptr || !is_aligned(workspace, kWorkspaceAlignment)) {
     return invalid_argument("the workspace is not at a multiple of " +
@@ -92,9 +95,9 @@ Status DeviceDecoder::check_workspace(const void* workspace, uint64_t size) cons
 
 Status DeviceDecoder::upload(void* workspace, uint64_t workspace_size, cudaStream_t stream) {
   L4D_RETURN_IF_ERROR(check_workspace(workspace, workspace_size));
-  if (job_->staging_bytes() == 0) return {};
-  L4D_RETURN_IF_CUDA_ERROR(cudaMemcpyAsync(workspace, job_->staging(),
-                                           static_cast<size_t>(job_->staging_bytes()),
+  if (request_->staging_bytes() == 0) return {};
+  L4D_RETURN_IF_CUDA_ERROR(cudaMemcpyAsync(workspace, request_->staging(),
+                                           static_cast<size_t>(request_->staging_bytes()),
                                            cudaMemcpyHostToDevice, stream));
   L4D_RETURN_IF_CUDA_ERROR(cudaEventRecord(done_, stream));
   in_flight_ = true;
@@ -108,14 +111,14 @@ Status DeviceDecoder::copy_host_rows(const DeviceArrays& out, cudaStream_t strea
   for_each_decoded(
       [&](const AttributeInfo& a, const float* from, float* to) {
         const uint64_t numbers = a.numbers(degree);
-        for (const HostRun& run : job_->host().runs()) {
+        for (const HostRun& run : request_->host().runs()) {
           if (to == nullptr || error != cudaSuccess) return;
           error = cudaMemcpyAsync(to + numbers * run.first, from + numbers * run.first,
                                   static_cast<size_t>(numbers * run.count) * sizeof(float),
                                   cudaMemcpyHostToDevice, stream);
         }
       },
-      job_->host().expanded(), out);
+      request_->host().expanded(), out);
   L4D_RETURN_IF_CUDA_ERROR(error);
   return {};
 }
@@ -127,11 +130,11 @@ Status DeviceDecoder::check_has_packed_form() const {
 
 Status DeviceDecoder::check_arrays(uint32_t form, uint64_t capacity, const GivenArray* arrays,
                                    size_t count) const {
-  if ((forms_ & form) == 0) return invalid_argument("the job was not prepared in this form");
-  if (job_->plan().num_gaussians > capacity) {
+  if ((forms_ & form) == 0) return invalid_argument("the request was not prepared in this form");
+  if (request_->plan().num_gaussians > capacity) {
     return Status(L4D_ERR_BUFFER_TOO_SMALL,
-                  "capacity is " + std::to_string(capacity) + ", the job has " +
-                      std::to_string(job_->plan().num_gaussians) + " Gaussians");
+                  "capacity is " + std::to_string(capacity) + ", the request has " +
+                      std::to_string(request_->plan().num_gaussians) + " Gaussians");
   }
   for (size_t i = 0; i < count; ++i) {
     if (arrays[i].array == nullptr) continue;
@@ -151,17 +154,18 @@ Status DeviceDecoder::begin_decode(void* workspace, uint64_t workspace_size, cud
     L4D_RETURN_IF_ERROR(upload(workspace, workspace_size, stream));
   }
   uploaded_to_ = nullptr;
-  if (job_->num_pages() == 0) return {};
-  const DeviceJob job = job_->device_job(static_cast<unsigned char*>(workspace));
-  L4D_RETURN_IF_CUDA_ERROR(launch_planes(job, job_->planes_launch(), stream));
+  if (request_->num_pages() == 0) return {};
+  const DeviceRequest request = request_->device_request(static_cast<unsigned char*>(workspace));
+  L4D_RETURN_IF_CUDA_ERROR(launch_channels(request, request_->channels_launch(), stream));
   return {};
 }
 
 Status DeviceDecoder::end_decode(const void* workspace, uint32_t form, cudaStream_t stream) {
-  if (job_->staging_bytes() > 0) {
-    const unsigned char* from = static_cast<const unsigned char*>(workspace) + job_->faults_at();
+  if (request_->staging_bytes() > 0) {
+    const unsigned char* from =
+        static_cast<const unsigned char*>(workspace) + request_->faults_at();
     L4D_RETURN_IF_CUDA_ERROR(cudaMemcpyAsync(results_.data(), from,
-                                             static_cast<size_t>(job_->results_bytes()),
+                                             static_cast<size_t>(request_->results_bytes()),
                                              cudaMemcpyDeviceToHost, stream));
   }
   L4D_RETURN_IF_CUDA_ERROR(cudaEventRecord(done_, stream));
@@ -183,9 +187,9 @@ Status DeviceDecoder::decode(const l4d_cuda_gaussian_buffers& out, void* workspa
   L4D_RETURN_IF_ERROR(
       check_arrays(L4D_CUDA_FORM_EXPANDED, out.capacity, given.data(), given.size()));
   L4D_RETURN_IF_ERROR(begin_decode(workspace, workspace_size, stream));
-  if (job_->num_pages() > 0) {
-    const DeviceJob job = job_->device_job(static_cast<unsigned char*>(workspace));
-    L4D_RETURN_IF_CUDA_ERROR(launch_expand(job, job_->expand_launch(), out, stream));
+  if (request_->num_pages() > 0) {
+    const DeviceRequest request = request_->device_request(static_cast<unsigned char*>(workspace));
+    L4D_RETURN_IF_CUDA_ERROR(launch_expand(request, request_->expand_launch(), out, stream));
   }
   L4D_RETURN_IF_ERROR(copy_host_rows(out, stream));
   return end_decode(workspace, L4D_CUDA_FORM_EXPANDED, stream);
@@ -196,8 +200,8 @@ Status DeviceDecoder::finish() {
   L4D_RETURN_IF_CUDA_ERROR(cudaEventSynchronize(done_));
   in_flight_ = false;
   finished_ = true;
-  L4D_RETURN_IF_ERROR(job_->check(results_.as<const uint32_t>()));
-  return decoded_ == L4D_CUDA_FORM_PACKED ? check_literals() : Status();
+  L4D_RETURN_IF_ERROR(request_->check(results_.as<const uint32_t>()));
+  return decoded_ == L4D_CUDA_FORM_PACKED ? check_escapes() : Status();
 }
 
 }  // namespace l4d::cuda

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What an l4d_cuda_decoder handle is: a decoder's stream, its tables on a device, and the job at
-// hand.
+// What an l4d_cuda_decoder handle is: a decoder's stream, its tables on a device, and the request
+// at hand.
 #pragma once
 
 #include <array>
@@ -9,7 +9,7 @@
 #include <memory>
 #include <tuple>
 
-#include "decoder/cuda/job.h"
+#include "decoder/cuda/prepared_request.h"
 #include "decoder/session/decoder.h"
 #include "libl4dcodec/cuda/device.h"
 
@@ -27,8 +27,8 @@ class DeviceDecoder {
   int device() const { return device_; }
 
   // As the functions of l4d/cuda.h.
-  Status prepare(const l4d_query& query, l4d_cuda_job* job);
-  const Plan* plan() const { return prepared_ ? &job_->plan() : nullptr; }
+  Status prepare(const l4d_query& query, l4d_cuda_request* request);
+  const Plan* plan() const { return prepared_ ? &request_->plan() : nullptr; }
   Status upload(void* workspace, uint64_t workspace_size, cudaStream_t stream);
   Status decode(const l4d_cuda_gaussian_buffers& out, void* workspace, uint64_t workspace_size,
                 cudaStream_t stream);
@@ -36,7 +36,7 @@ class DeviceDecoder {
                        cudaStream_t stream);
   Status finish();
   // Of the last decode_packed, finished.
-  Status num_literals(uint64_t* counts) const;
+  Status num_escapes(uint64_t* counts) const;
   Status codebook(uint32_t layer, uint32_t component, uint32_t stage, uint32_t block,
                   l4d_codebook* out);
 
@@ -54,21 +54,21 @@ class DeviceDecoder {
   Status end_decode(const void* workspace, uint32_t form, cudaStream_t stream);
   Status copy_host_rows(const DeviceArrays& out, cudaStream_t stream) const;
   Status copy_packed_host_rows(const PackedArrays& out, cudaStream_t stream) const;
-  Status check_literals() const;
+  Status check_escapes() const;
 
   Decoder& decoder_;
   int device_ = -1;
   uint32_t multiprocessors_ = 1;
   std::unique_ptr<LayerTables> tables_;
-  std::unique_ptr<Job> job_;
+  std::unique_ptr<PreparedRequest> request_;
   uint32_t attributes_ = 0;
   uint32_t forms_ = 0;
   bool prepared_ = false;
   const void* uploaded_to_ = nullptr;
-  PinnedMemory results_;  // faults and numbers of literals, as Job tells
+  PinnedMemory results_;  // faults and numbers of escapes, as PreparedRequest tells
   // Of the last decode_packed.
-  std::array<uint64_t, L4D_COMPONENT_COUNT> literal_capacity_{};
-  std::map<std::tuple<uint32_t, uint32_t, uint32_t>, DeviceMemory> block_books_;
+  std::array<uint64_t, L4D_COMPONENT_COUNT> escape_capacity_{};
+  std::map<std::tuple<uint32_t, uint32_t, uint32_t>, DeviceMemory> block_codebooks_;
   cudaEvent_t done_ = nullptr;
   bool in_flight_ = false;
   uint32_t decoded_ = 0;  // L4D_CUDA_FORM_* of the last decode

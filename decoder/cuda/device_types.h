@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the host lays out for the kernels: tables of a layer, pages of a job, and the columns
+// What the host lays out for the kernels: tables of a layer, pages of a request, and the columns
 // between the two steps of decoding. Plain data, the same on both sides.
 #pragma once
 
@@ -7,7 +7,7 @@
 #include <cstdint>
 
 #include "l4d/cuda.h"
-#include "libl4dcodec/container/planes.h"
+#include "libl4dcodec/container/channels.h"
 
 namespace l4d::cuda {
 
@@ -21,29 +21,29 @@ constexpr unsigned kRecordSlots = 32;
 constexpr unsigned kTableRecords = kRansSlots / kRecordSlots;
 constexpr unsigned kTableRanks = 128;  // bytes that tell the token of each rank
 
-// Tables of a plane by what is known of a symbol: eight for each class, of which the first is that
-// of symbols of which no magnitudes are known.
-constexpr unsigned kMapBytes = 8 * kTransformClasses;
+// Tables of a channel by what is known of a symbol: eight for each step exponent, of which the
+// first is that of symbols of which no magnitudes are known.
+constexpr unsigned kMapBytes = 8 * kTransformStepExponents;
 constexpr unsigned kIdleContext = 7;  // in a map, of lanes that have no symbol
 static_assert(kMagnitudes <= kIdleContext, "a context that no symbol has");
 // States that a page has room for behind those of its Gaussians: what lanes look at ahead of the
 // last one.
 constexpr unsigned kStatesBehind = 224;
 
-// One plane of a page, in the order of the stream.
-struct PlaneProgram {
-  uint8_t kind;  // PlaneKind
+// One channel of a page, in the order of the stream.
+struct ChannelProgram {
+  uint8_t kind;  // ChannelKind
   uint8_t component;
   uint8_t index;
   uint8_t table;  // of all symbols, where there is no map
   uint8_t reserved;
   uint8_t by_depth;    // index: members are those whose depth is above
-  uint8_t keep_above;  // afterwards only members of a larger rung or depth stay; 0 = all
-  uint8_t context_of;  // class: component whose classes are the contexts, 255 = none
-  uint32_t map;        // where its map lies in those of the layer, of kinds from class on
+  uint8_t keep_above;  // afterwards only members of a larger EOB index or depth stay; 0 = all
+  uint8_t context_of;  // step exponent: component whose step_exponents are the contexts, 255 = none
+  uint32_t map;        // where its map lies in those of the layer, of kinds from step exponent on
   uint32_t limit;      // values are below this; of stage 0 what the page says
 };
-static_assert(sizeof(PlaneProgram) == 16);
+static_assert(sizeof(ChannelProgram) == 16);
 
 struct DeviceScalar {
   uint32_t is_coded;  // 0: the offset is the value
@@ -55,12 +55,12 @@ struct DeviceComponent {
   uint32_t num_stages;
   uint32_t has_depth;
   uint32_t num_coefficients;
-  uint32_t num_rungs;  // steps of the ladder; with one there is no column of rungs
-  uint32_t dim;        // numbers of a row, as coded
+  uint32_t num_eob_indices;  // steps of the EOB table; with one there is no column of EOB indices
+  uint32_t dim;              // numbers of a row, as coded
   // [entries, dim]; of a transform [0] is the basis, the origin first.
-  const float* book[L4D_MAX_STAGES];
+  const float* codebook[L4D_MAX_STAGES];
   const float* steps;  // [num_coefficients]
-  uint8_t ladder[kMaxCoefficients];
+  uint8_t eob_table[kMaxCoefficients];
 };
 
 struct DeviceLayer {
@@ -68,14 +68,14 @@ struct DeviceLayer {
   const uint64_t* records;  // [num_tables, kTableRecords], the last one idle
   const uint8_t* tokens;    // [num_tables, kTableRanks]
   const uint8_t* maps;      // [map_bytes], kMapBytes each
-  const PlaneProgram* planes;
+  const ChannelProgram* channels;
   uint32_t num_tables;
   uint32_t map_bytes;
-  uint32_t num_planes;
+  uint32_t num_channels;
   // Reconstruction.
   uint32_t position_fixed;
   uint32_t position_bits;  // of a coded coordinate
-  uint32_t mean_t_coded;   // 0: none, else a MeanCodingId
+  uint32_t mean_t_coded;   // 0: none, else a CoordinateCodingId
   uint32_t mean_t_shift;
   uint32_t mean_t_zero;
   uint32_t mean_t_fine;
@@ -84,30 +84,30 @@ struct DeviceLayer {
   uint32_t stereographic;
   float position_center[3];
   float position_scale;
-  float log_scale_t;                  // clamped
-  float least_opacity, most_opacity;  // what decoded opacities are clamped to
+  float log_scale_t;                // clamped
+  float min_opacity, most_opacity;  // what decoded opacities are clamped to
   DeviceScalar opacity, scale_factor;
   DeviceComponent component[L4D_COMPONENT_COUNT];
 };
 
-constexpr uint64_t kNoBook = ~uint64_t{0};
+constexpr uint64_t kNoCodebook = ~uint64_t{0};
 
 // A page and where its parts lie in the upload, each at a multiple of 16 bytes.
 struct DevicePage {
   uint64_t first;  // Gaussian in the decoded arrays
-  uint64_t part_at[2];
-  uint64_t book[L4D_COMPONENT_COUNT];  // of stage 0 in the upload; kNoBook = the layer's
+  uint64_t chunk_at[2];
+  uint64_t codebook[L4D_COMPONENT_COUNT];  // of stage 0 in the upload; kNoCodebook = the layer's
   double center;
   float width;
   uint32_t slot;   // first Gaussian in the columns, a multiple of 32
   uint32_t state;  // and among the states
   uint32_t n;
   uint32_t layer;
-  uint32_t part_bytes[2];
-  uint32_t middle;    // planes of the first part
+  uint32_t chunk_bytes[2];
+  uint32_t middle;    // channels of the base chunk
   uint32_t sh_limit;  // coefficients of SH that count
-  uint32_t has_sh;    // 0: no plane of SH is decoded, not even depths and classes
-  uint32_t piece;     // first of the pieces that its literals are counted in
+  uint32_t has_sh;    // 0: no channel of SH is decoded, not even depths and step_exponents
+  uint32_t piece;     // first of the pieces that its escapes are counted in
   uint32_t stage0_entries[L4D_COMPONENT_COUNT];
 };
 
@@ -132,7 +132,7 @@ struct ExpandTask {
   uint32_t first;
 };
 
-// Pages of one layer that the host has packed: one piece, and literals that lie in the upload.
+// Pages of one layer that the host has packed: one piece, and escapes that lie in the upload.
 struct HostPiece {
   uint64_t at[L4D_COMPONENT_COUNT];  // in the upload, [rows, dim] binary16
   uint64_t rows[L4D_COMPONENT_COUNT];
@@ -141,28 +141,28 @@ struct HostPiece {
   uint32_t reserved;
 };
 
-// Literals of a piece, and then of the pieces before it: rows, and the numbers of those rows, which
+// Escapes of a piece, and then of the pieces before it: rows, and the numbers of those rows, which
 // are more or fewer from layer to layer.
-struct LiteralSum {
+struct EscapeSum {
   uint64_t rows, numbers;
 };
 
 // What is wrong with a part of a page; the first word that is not kPageOk ends its decoding.
 enum PageFault : uint32_t {
   kPageOk = 0,
-  kFaultEnd,        // RANS-7
-  kFaultPosition,   // RANS-8
-  kFaultCode,       // STRM-3
-  kFaultNotFinite,  // VAL-1
-  kFaultLiteral,    // VAL-2
-  kFaultDepth,      // VQ-1
-  kFaultIndex,      // VQ-2
-  kFaultClass,      // TRAN-5
-  kFaultRung,       // TRAN-6
+  kFaultEnd,           // RANS-7
+  kFaultPosition,      // RANS-8
+  kFaultCode,          // STRM-3
+  kFaultNotFinite,     // VAL-1
+  kFaultEscape,        // VAL-2
+  kFaultDepth,         // VQ-1
+  kFaultIndex,         // VQ-2
+  kFaultStepExponent,  // TRAN-5
+  kFaultEobIndex,      // TRAN-6
 };
 
 // Values between the two steps, one column after another, `stride` slots each. Values of a
-// component are those of its stages and then of its literals, or its coefficients; what a Gaussian
+// component are those of its stages and then of its escapes, or its coefficients; what a Gaussian
 // does not have is not written.
 struct Columns {
   uint64_t* morton;
@@ -170,18 +170,18 @@ struct Columns {
   uint16_t* mean_t_fine;  // refinements
   uint16_t* opacity;
   uint16_t* scale_factor;
-  uint32_t* state;  // [2, state_stride] of the Gaussians that take part in the plane at hand
+  uint32_t* state;  // [2, state_stride] of the Gaussians that take part in the channel at hand
   struct Component {
-    uint8_t* head;  // depth or class
-    uint8_t* rung;
+    uint8_t* head;  // depth or step exponent
+    uint8_t* eob_index;
     uint16_t* value;
   } component[L4D_COMPONENT_COUNT];
   size_t stride;
   size_t state_stride;
 };
 
-// A job as kernels see it.
-struct DeviceJob {
+// A request as kernels see it.
+struct DeviceRequest {
   const DeviceLayer* layers;
   const unsigned char* upload;
   const DevicePage* pages;
@@ -192,11 +192,11 @@ struct DeviceJob {
   Columns columns;
   // Of the packed form. Pieces are ExpandTasks and HostPieces in the order of the Gaussians.
   const HostPiece* host_pieces;
-  LiteralSum* literals;    // [num_pieces, L4D_COMPONENT_COUNT]
-  uint64_t* num_literals;  // [L4D_COMPONENT_COUNT]
+  EscapeSum* escapes;     // [num_pieces, L4D_COMPONENT_COUNT]
+  uint64_t* num_escapes;  // [L4D_COMPONENT_COUNT]
   uint32_t num_expands;
   uint32_t num_host_pieces;
-  uint32_t num_pieces;  // 0 where nothing may have literals
+  uint32_t num_pieces;  // 0 where nothing may have escapes
 };
 
 // Decoded arrays; null = not wanted.
@@ -211,11 +211,11 @@ struct PackedArrays {
   struct Component {
     uint8_t* depth;
     uint16_t* index;  // stage s at s * capacity
-    uint16_t* literal;
-    uint64_t literal_capacity;
+    uint16_t* escape;
+    uint64_t escape_capacity;
   } component[L4D_COMPONENT_COUNT];
   uint64_t capacity;
 };
-static_assert(sizeof(DeviceJob) + sizeof(PackedArrays) <= 4096, "parameters of one kernel");
+static_assert(sizeof(DeviceRequest) + sizeof(PackedArrays) <= 4096, "parameters of one kernel");
 
 }  // namespace l4d::cuda

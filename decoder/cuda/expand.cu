@@ -11,29 +11,29 @@ namespace {
 // geometry are under way those of SH, which need nothing of them, begin where there is room; they
 // end after the last of geometry, so that whatever comes next on the stream finds both.
 __global__ void __launch_bounds__(kExpandThreads)
-    geometry_kernel(const DeviceJob job, const DeviceArrays out) {
+    geometry_kernel(const DeviceRequest request, const DeviceArrays out) {
   let_next_begin();
-  expand_geometry(job, out, blockIdx.x);
+  expand_geometry(request, out, blockIdx.x);
 }
 
 template <unsigned kDim>
 __global__ void __launch_bounds__(kExpandThreads, 3)
-    transform_kernel(const DeviceJob job, const DeviceArrays out) {
+    transform_kernel(const DeviceRequest request, const DeviceArrays out) {
   __shared__ TransformShared<kDim> shared;
-  expand_sh_transform<kDim>(job, out, blockIdx.x, shared);
+  expand_sh_transform<kDim>(request, out, blockIdx.x, shared);
   wait_for_previous();
 }
 
 template <unsigned kDim>
 __global__ void __launch_bounds__(kExpandThreads)
-    rows_kernel(const DeviceJob job, const DeviceArrays out) {
-  expand_sh_rows<kDim, kDim % 4 == 0 ? 4 : 1>(job, out, blockIdx.x);
+    rows_kernel(const DeviceRequest request, const DeviceArrays out) {
+  expand_sh_rows<kDim, kDim % 4 == 0 ? 4 : 1>(request, out, blockIdx.x);
   wait_for_previous();
 }
 
 template <unsigned kDim>
-cudaError_t launch_sh(const DeviceJob& job, const ExpandLaunch& launch, const DeviceArrays& out,
-                      bool beside_geometry, cudaStream_t stream) {
+cudaError_t launch_sh(const DeviceRequest& request, const ExpandLaunch& launch,
+                      const DeviceArrays& out, bool beside_geometry, cudaStream_t stream) {
   cudaLaunchAttribute early{};
   early.id = cudaLaunchAttributeProgrammaticStreamSerialization;
   early.val.programmaticStreamSerializationAllowed = 1;
@@ -44,7 +44,7 @@ cudaError_t launch_sh(const DeviceJob& job, const ExpandLaunch& launch, const De
   config.attrs = &early;
   config.numAttrs = beside_geometry && can_overlap() ? 1 : 0;
   return cudaLaunchKernelEx(
-      &config, launch.sh_transform ? transform_kernel<kDim> : rows_kernel<kDim>, job, out);
+      &config, launch.sh_transform ? transform_kernel<kDim> : rows_kernel<kDim>, request, out);
 }
 
 bool has_geometry(const DeviceArrays& out) {
@@ -54,25 +54,25 @@ bool has_geometry(const DeviceArrays& out) {
 
 }  // namespace
 
-cudaError_t launch_expand(const DeviceJob& job, const ExpandLaunch& launch, const DeviceArrays& out,
-                          cudaStream_t stream) {
+cudaError_t launch_expand(const DeviceRequest& request, const ExpandLaunch& launch,
+                          const DeviceArrays& out, cudaStream_t stream) {
   if (launch.num_blocks == 0) return cudaSuccess;
   const bool geometry = has_geometry(out);
   if (geometry) {
-    geometry_kernel<<<launch.num_blocks, kExpandThreads, 0, stream>>>(job, out);
+    geometry_kernel<<<launch.num_blocks, kExpandThreads, 0, stream>>>(request, out);
     const cudaError_t error = cudaGetLastError();
     if (error != cudaSuccess) return error;
   }
   if (out.sh == nullptr) return cudaSuccess;
   switch (launch.sh_dim) {
     case 3:
-      return launch_sh<3>(job, launch, out, geometry, stream);
+      return launch_sh<3>(request, launch, out, geometry, stream);
     case 12:
-      return launch_sh<12>(job, launch, out, geometry, stream);
+      return launch_sh<12>(request, launch, out, geometry, stream);
     case 27:
-      return launch_sh<27>(job, launch, out, geometry, stream);
+      return launch_sh<27>(request, launch, out, geometry, stream);
     case 48:
-      return launch_sh<48>(job, launch, out, geometry, stream);
+      return launch_sh<48>(request, launch, out, geometry, stream);
     default:
       return cudaErrorInvalidValue;
   }

@@ -10,25 +10,25 @@
 
 namespace l4d::cuda {
 
-__device__ inline void expand_scale(const DeviceJob& job, const ExpandBlock& block, size_t slot,
-                                    float* to) {
+__device__ inline void expand_scale(const DeviceRequest& request, const ExpandBlock& block,
+                                    size_t slot, float* to) {
   const DeviceLayer& layer = *block.layer;
-  const ComponentSource source(job, block, L4D_COMPONENT_SCALE);
+  const ComponentSource source(request, block, L4D_COMPONENT_SCALE);
   float row[4] = {0.0f, 0.0f, 0.0f, 0.0f};
   if (layer.permanent != 0) {
     component_row<3>(source, slot, row);
   } else {
     component_row<4>(source, slot, row);
   }
-  const float factor = scalar(layer.scale_factor, job.columns.scale_factor, slot);
+  const float factor = scalar(layer.scale_factor, request.columns.scale_factor, slot);
   for (float& number : row) number = clamp_log_scale(factor + number);
   store4(to, row[0], row[1], row[2], layer.permanent != 0 ? layer.log_scale_t : row[3]);
 }
 
-__device__ inline void expand_rotor(const DeviceJob& job, const ExpandBlock& block, size_t slot,
-                                    float* to) {
-  const ComponentSource spatial(job, block, L4D_COMPONENT_ROTOR_SPATIAL);
-  const ComponentSource temporal(job, block, L4D_COMPONENT_ROTOR_TEMPORAL);
+__device__ inline void expand_rotor(const DeviceRequest& request, const ExpandBlock& block,
+                                    size_t slot, float* to) {
+  const ComponentSource spatial(request, block, L4D_COMPONENT_ROTOR_SPATIAL);
+  const ComponentSource temporal(request, block, L4D_COMPONENT_ROTOR_TEMPORAL);
   float rotor[8];
   if (block.layer->stereographic != 0) {
     float u[3], v[3] = {0.0f, 0.0f, 0.0f}, a[3], b[3];
@@ -61,53 +61,53 @@ __device__ inline void expand_position(const DeviceLayer& layer, uint64_t code, 
   }
 }
 
-__device__ inline float local_mean_time(const DeviceJob& job, const DeviceLayer& layer, float width,
-                                        size_t slot) {
+__device__ inline float local_mean_time(const DeviceRequest& request, const DeviceLayer& layer,
+                                        float width, size_t slot) {
   if (layer.mean_t_coded == 0) return 0.0f;
-  const uint16_t code = job.columns.mean_t[slot];
-  if (layer.mean_t_coded != static_cast<uint32_t>(MeanCodingId::kFixed)) {
+  const uint16_t code = request.columns.mean_t[slot];
+  if (layer.mean_t_coded != static_cast<uint32_t>(CoordinateCodingId::kFixed)) {
     return width * half_to_float(code);
   }
   return fixed_mean_time(layer.mean_t_step, layer.mean_t_zero, code,
-                         layer.mean_t_fine != 0 ? job.columns.mean_t_fine[slot] : uint16_t{0});
+                         layer.mean_t_fine != 0 ? request.columns.mean_t_fine[slot] : uint16_t{0});
 }
 
 // All attributes of Gaussian i of a block but SH and rotor.
-__device__ inline void expand_place(const DeviceJob& job, const ExpandBlock& block,
+__device__ inline void expand_place(const DeviceRequest& request, const ExpandBlock& block,
                                     const DeviceArrays& out, uint32_t i) {
   const DeviceLayer& layer = *block.layer;
   const size_t slot = block.slot(i), gaussian = block.gaussian(i);
   if (out.position != nullptr) {
-    expand_position(layer, job.columns.morton[slot], out.position + 3 * gaussian);
+    expand_position(layer, request.columns.morton[slot], out.position + 3 * gaussian);
   }
   if (out.mean_t != nullptr || out.mean_t_local != nullptr) {
-    const float local = local_mean_time(job, layer, block.page->width, slot);
+    const float local = local_mean_time(request, layer, block.page->width, slot);
     if (out.mean_t_local != nullptr) out.mean_t_local[gaussian] = local;
     if (out.mean_t != nullptr) {
       out.mean_t[gaussian] = static_cast<float>(block.page->center + static_cast<double>(local));
     }
   }
   if (out.opacity != nullptr) {
-    const float opacity = scalar(layer.opacity, job.columns.opacity, slot);
-    out.opacity[gaussian] = opacity < layer.least_opacity  ? layer.least_opacity
+    const float opacity = scalar(layer.opacity, request.columns.opacity, slot);
+    out.opacity[gaussian] = opacity < layer.min_opacity    ? layer.min_opacity
                             : opacity > layer.most_opacity ? layer.most_opacity
                                                            : opacity;
   }
-  if (out.log_scale != nullptr) expand_scale(job, block, slot, out.log_scale + 4 * gaussian);
+  if (out.log_scale != nullptr) expand_scale(request, block, slot, out.log_scale + 4 * gaussian);
 }
 
 // All attributes but SH. Rotors are half of the work: threads take them apart from the rest.
-__device__ inline void expand_geometry(const DeviceJob& job, const DeviceArrays& out,
+__device__ inline void expand_geometry(const DeviceRequest& request, const DeviceArrays& out,
                                        uint32_t index) {
   static_assert(kExpandGaussians % 32 == 0, "a warp does one thing");
-  const ExpandBlock block(job, index);
+  const ExpandBlock block(request, index);
   for (uint32_t e = threadIdx.x; e < 2 * kExpandGaussians; e += kExpandThreads) {
     const uint32_t i = e % kExpandGaussians;
     if (i >= block.count) continue;
     if (e < kExpandGaussians) {
-      expand_place(job, block, out, i);
+      expand_place(request, block, out, i);
     } else if (out.rotor != nullptr) {
-      expand_rotor(job, block, block.slot(i), out.rotor + 8 * block.gaussian(i));
+      expand_rotor(request, block, block.slot(i), out.rotor + 8 * block.gaussian(i));
     }
   }
 }

@@ -66,12 +66,12 @@ __device__ void order_by_coefficients(const ComponentSource& source, const Expan
 // Number d of a row as the sum of exactly those terms that it has.
 __device__ inline float sum_of_terms(const ComponentSource& source, size_t slot, uint32_t count,
                                      uint32_t dim, uint32_t d) {
-  const float scale = source.class_scale(slot);
-  float sum = source.book0[d];
+  const float scale = source.step_scale(slot);
+  float sum = source.codebook0[d];
   for (uint32_t k = 0; k < count; ++k) {
     const float c =
         source.coefficient(source.value[k * source.stride + slot], scale, source.coding.steps[k]);
-    sum = sum + c * source.book0[dim * (k + 1) + d];
+    sum = sum + c * source.codebook0[dim * (k + 1) + d];
   }
   return sum;
 }
@@ -92,7 +92,7 @@ __device__ void expand_sh_tile(const ComponentSource& source, const ExpandBlock&
   const uint32_t count = own >> 8;
   const uint32_t most = __shfl_sync(0xffffffffu, count, 0);
   const size_t own_slot = block.slot(own & 0xff);
-  const float scale = count > 0 ? source.class_scale(own_slot) : 0.0f;
+  const float scale = count > 0 ? source.step_scale(own_slot) : 0.0f;
   const uint16_t* codes = source.value + own_slot;
   uint32_t code[Shared::kCodes];
   const auto load = [&](uint32_t first) {
@@ -108,7 +108,7 @@ __device__ void expand_sh_tile(const ComponentSource& source, const ExpandBlock&
 #pragma unroll
   for (uint32_t m = 0; m < Shared::kNumbers; ++m) {
     const uint32_t d = column + Shared::kLanes * m;
-    const float origin = d < kDim ? source.book0[d] : 0.0f;
+    const float origin = d < kDim ? source.codebook0[d] : 0.0f;
 #pragma unroll
     for (uint32_t r = 0; r < Shared::kRows; ++r) sum[r][m] = origin;
   }
@@ -158,17 +158,17 @@ __device__ void expand_sh_tile(const ComponentSource& source, const ExpandBlock&
 // fused operations. Gaussians are taken by falling number of coefficients, so that those of a warp
 // have about as many; zeros behind those that a row has change nothing but the sign of a zero.
 template <unsigned kDim>
-__device__ void expand_sh_transform(const DeviceJob& job, const DeviceArrays& out, uint32_t index,
-                                    TransformShared<kDim>& shared) {
+__device__ void expand_sh_transform(const DeviceRequest& request, const DeviceArrays& out,
+                                    uint32_t index, TransformShared<kDim>& shared) {
   using Shared = TransformShared<kDim>;
-  const ExpandBlock block(job, index);
+  const ExpandBlock block(request, index);
   if (block.count == 0) return;
-  const ComponentSource source(job, block, L4D_COMPONENT_SH);
+  const ComponentSource source(request, block, L4D_COMPONENT_SH);
   const uint32_t t = threadIdx.x;
   const uint32_t coded = min(source.coding.num_coefficients, source.limit);
   for (uint32_t e = t; e < kMaxCoefficients * Shared::kWidth; e += kExpandThreads) {
     const uint32_t k = e / Shared::kWidth, d = e % Shared::kWidth;
-    shared.basis[e] = k < coded && d < kDim ? source.book0[kDim * (k + 1) + d] : 0.0f;
+    shared.basis[e] = k < coded && d < kDim ? source.codebook0[kDim * (k + 1) + d] : 0.0f;
   }
   if (t < kMaxCoefficients) shared.steps[t] = t < coded ? source.coding.steps[t] : 0.0f;
   order_by_coefficients(source, block, shared);
@@ -182,18 +182,19 @@ __device__ void expand_sh_transform(const DeviceJob& job, const DeviceArrays& ou
 // SH of codebooks, or zeros: a thread for each kWidth numbers of a row, so that rows are read and
 // written whole.
 template <unsigned kDim, unsigned kWidth>
-__device__ void expand_sh_rows(const DeviceJob& job, const DeviceArrays& out, uint32_t index) {
+__device__ void expand_sh_rows(const DeviceRequest& request, const DeviceArrays& out,
+                               uint32_t index) {
   static_assert(kDim % kWidth == 0 && (kWidth == 1 || kWidth == 4), "rows are cut evenly");
   constexpr uint32_t kPieces = kDim / kWidth;
-  const ExpandBlock block(job, index);
-  const ComponentSource source(job, block, L4D_COMPONENT_SH);
+  const ExpandBlock block(request, index);
+  const ComponentSource source(request, block, L4D_COMPONENT_SH);
   const bool zero = source.is(ComponentCodingId::kZero) || block.page->has_sh == 0;
   for (uint32_t e = threadIdx.x; e < block.count * kPieces; e += kExpandThreads) {
     const uint32_t i = e / kPieces, first = e % kPieces * kWidth;
     const size_t slot = block.slot(i);
     const uint32_t depth = zero ? 0 : source.depth(slot);
     float row[kWidth] = {};
-    if (depth == kLiteralDepth || kWidth == 1) {
+    if (depth == kEscapeDepth || kWidth == 1) {
       for (unsigned d = 0; d < kWidth; ++d) {
         row[d] = vq_number(source, slot, depth, kDim, first + d);
       }
@@ -201,7 +202,7 @@ __device__ void expand_sh_rows(const DeviceJob& job, const DeviceArrays& out, ui
       for (uint32_t s = 0; s < depth; ++s) {
         const uint32_t index = source.value[s * source.stride + slot];
         const float4 v =
-            *reinterpret_cast<const float4*>(source.book(s) + size_t{index} * kDim + first);
+            *reinterpret_cast<const float4*>(source.codebook(s) + size_t{index} * kDim + first);
         const float numbers[4] = {v.x, v.y, v.z, v.w};
         for (unsigned d = 0; d < kWidth; ++d) row[d] = s == 0 ? numbers[d] : row[d] + numbers[d];
       }

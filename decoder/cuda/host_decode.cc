@@ -30,25 +30,25 @@ Status HostDecode::decode(const l4d_query& query, l4d_gaussian_buffers* out) {
         parts.push_back({host, &device, a.dim != 0 ? a.dim : sh_dim_, a.flag});
       },
       *out, arrays);
-  l4d_cuda_job job{};
-  job.struct_size = sizeof(job);
-  job.forms = L4D_CUDA_FORM_EXPANDED;
-  for (const Part& part : parts) job.attributes |= part.host != nullptr ? part.attribute : 0;
-  L4D_RETURN_IF_ERROR(device_.prepare(query, &job));
-  const uint64_t n = job.num_gaussians;
-  if (out->capacity < n || (out->ranges != nullptr && out->range_capacity < job.num_ranges)) {
+  l4d_cuda_request request{};
+  request.struct_size = sizeof(request);
+  request.forms = L4D_CUDA_FORM_EXPANDED;
+  for (const Part& part : parts) request.attributes |= part.host != nullptr ? part.attribute : 0;
+  L4D_RETURN_IF_ERROR(device_.prepare(query, &request));
+  const uint64_t n = request.num_gaussians;
+  if (out->capacity < n || (out->spans != nullptr && out->span_capacity < request.num_spans)) {
     out->count = n;
-    out->num_ranges = job.num_ranges;
-    return Status(L4D_ERR_BUFFER_TOO_SMALL, "the selection has " + std::to_string(n) +
-                                                " Gaussians in " + std::to_string(job.num_ranges) +
-                                                " ranges, more than there is room for");
+    out->num_spans = request.num_spans;
+    return Status(L4D_ERR_BUFFER_TOO_SMALL,
+                  "the selection has " + std::to_string(n) + " Gaussians in " +
+                      std::to_string(request.num_spans) + " ranges, more than there is room for");
   }
-  uint64_t bytes = aligned(job.workspace_bytes);
+  uint64_t bytes = aligned(request.workspace_bytes);
   for (const Part& part : parts) {
     if (part.host != nullptr) bytes += aligned(n * part.numbers * sizeof(float));
   }
   L4D_RETURN_IF_ERROR(memory_.reserve(std::max<uint64_t>(bytes, kAlignment)));
-  unsigned char* at = memory_.as<unsigned char>() + aligned(job.workspace_bytes);
+  unsigned char* at = memory_.as<unsigned char>() + aligned(request.workspace_bytes);
   for (const Part& part : parts) {
     if (part.host == nullptr) continue;
     *part.device = reinterpret_cast<float*>(at);
@@ -56,7 +56,7 @@ Status HostDecode::decode(const l4d_query& query, l4d_gaussian_buffers* out) {
   }
   arrays.struct_size = sizeof(arrays);
   arrays.capacity = n;
-  L4D_RETURN_IF_ERROR(device_.decode(arrays, memory_.data(), job.workspace_bytes, nullptr));
+  L4D_RETURN_IF_ERROR(device_.decode(arrays, memory_.data(), request.workspace_bytes, nullptr));
   L4D_RETURN_IF_ERROR(device_.finish());
   for (const Part& part : parts) {
     if (part.host == nullptr) continue;
@@ -64,11 +64,11 @@ Status HostDecode::decode(const l4d_query& query, l4d_gaussian_buffers* out) {
                                         cudaMemcpyDeviceToHost));
   }
   if (out->id != nullptr) write_ids(*device_.plan(), out->id);
-  const std::vector<l4d_range>& ranges = device_.plan()->ranges;
+  const std::vector<l4d_bucket_span>& spans = device_.plan()->spans;
   out->count = n;
-  if (out->ranges != nullptr) {
-    std::copy(ranges.begin(), ranges.end(), out->ranges);
-    out->num_ranges = ranges.size();
+  if (out->spans != nullptr) {
+    std::copy(spans.begin(), spans.end(), out->spans);
+    out->num_spans = spans.size();
   }
   return {};
 }

@@ -11,7 +11,7 @@ namespace l4d::cuda {
 
 void HostPages::find(const Plan& plan) {
   runs_.clear();
-  literals_.clear();
+  escapes_.clear();
   expanded_ = {};
   packed_ = {};
   bytes_ = 0;
@@ -112,7 +112,7 @@ Status HostPages::pack(const Plan& plan, uint32_t attributes, MemoryCharge* char
   return {};
 }
 
-// How many literals there are is known when they are decoded.
+// How many escapes there are is known when they are decoded.
 Status HostPages::pack_run(const Plan& plan, HostRun* run, MemoryCharge* charge) {
   const SceneHeader& header = file_.header();
   const LayerHeader& layer = header.layers[run->layer];
@@ -126,23 +126,23 @@ Status HostPages::pack_run(const Plan& plan, HostRun* run, MemoryCharge* charge)
   std::array<std::unique_ptr<uint16_t[]>, L4D_COMPONENT_COUNT> room;
   for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
     l4d_packed_component& to = out.component[c];
-    if (to.depth == nullptr || !header.component(layer, c).literals) continue;
+    if (to.depth == nullptr || !header.component(layer, c).escapes) continue;
     const uint64_t numbers = run->count * header.component_dim(layer, c);
-    L4D_RETURN_IF_ERROR(charge_for_room.take(numbers * sizeof(uint16_t), "literals"));
+    L4D_RETURN_IF_ERROR(charge_for_room.take(numbers * sizeof(uint16_t), "escapes"));
     // Not filled with zeros: most of it is never touched.
     room[c].reset(new uint16_t[static_cast<size_t>(numbers)]);
-    to.literal = room[c].get();
-    to.literal_capacity = run->count;
+    to.escape = room[c].get();
+    to.escape_capacity = run->count;
   }
   PageDecoder pages(file_, decode_kernels_simd(), threads_);
   L4D_RETURN_IF_ERROR(pages.pack(part, out, nullptr, nullptr));
   for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
-    const uint64_t numbers = out.component[c].num_literals * header.component_dim(layer, c);
-    run->literal_rows[c] = out.component[c].num_literals;
-    run->literal_at[c] = literals_.size();
+    const uint64_t numbers = out.component[c].num_escapes * header.component_dim(layer, c);
+    run->escape_rows[c] = out.component[c].num_escapes;
+    run->escape_at[c] = escapes_.size();
     if (numbers == 0) continue;
-    L4D_RETURN_IF_ERROR(charge->take(numbers * sizeof(uint16_t), "literals"));
-    literals_.insert(literals_.end(), room[c].get(), room[c].get() + numbers);
+    L4D_RETURN_IF_ERROR(charge->take(numbers * sizeof(uint16_t), "escapes"));
+    escapes_.insert(escapes_.end(), room[c].get(), room[c].get() + numbers);
   }
   return {};
 }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Pages that the host decodes, since the device has no decoder for them: rows in pinned memory, as
-// wide as those of the whole job, to be copied run by run.
+// wide as those of the whole request, to be copied run by run.
 #pragma once
 
 #include <array>
@@ -25,8 +25,8 @@ struct HostRun {
   uint64_t count = 0;
   uint32_t layer = 0;
   size_t first_task = 0, end_task = 0;  // in the plan
-  // Packed: literals, and where they lie among those of all runs.
-  std::array<uint64_t, L4D_COMPONENT_COUNT> literal_rows{}, literal_at{};
+  // Packed: escapes, and where they lie among those of all runs.
+  std::array<uint64_t, L4D_COMPONENT_COUNT> escape_rows{}, escape_at{};
 };
 
 class HostPages {
@@ -41,8 +41,8 @@ class HostPages {
   const std::vector<HostRun>& runs() const { return runs_; }
   const l4d_gaussian_buffers& expanded() const { return expanded_; }
   const l4d_packed_buffers& packed() const { return packed_; }
-  const std::vector<uint16_t>& literals() const { return literals_; }
-  // Of the rows to be copied, the more where both forms are there; without literals.
+  const std::vector<uint16_t>& escapes() const { return escapes_; }
+  // Of the rows to be copied, the more where both forms are there; without escapes.
   uint64_t bytes() const { return bytes_; }
 
  private:
@@ -54,7 +54,7 @@ class HostPages {
   PinnedMemory expanded_memory_, packed_memory_;
   l4d_gaussian_buffers expanded_{};
   l4d_packed_buffers packed_{};
-  std::vector<uint16_t> literals_;
+  std::vector<uint16_t> escapes_;
   uint64_t bytes_ = 0;
 };
 

@@ -20,15 +20,15 @@ DeviceComponent device_component(const ComponentCoding& coding, unsigned dim) {
   out.num_stages = static_cast<uint32_t>(coding.stages.size());
   out.has_depth = coding.has_depth() ? 1 : 0;
   out.num_coefficients = coding.coefficients();
-  out.num_rungs = static_cast<uint32_t>(coding.ladder.size());
+  out.num_eob_indices = static_cast<uint32_t>(coding.eob_table.size());
   out.dim = dim;
-  std::copy(coding.ladder.begin(), coding.ladder.end(), out.ladder);
+  std::copy(coding.eob_table.begin(), coding.eob_table.end(), out.eob_table);
   return out;
 }
 
 DeviceLayer device_layer(const SceneHeader& header, const LayerHeader& layer) {
   DeviceLayer out{};
-  out.position_fixed = header.position == MeanCodingId::kFixed ? 1 : 0;
+  out.position_fixed = header.position == CoordinateCodingId::kFixed ? 1 : 0;
   out.position_bits = out.position_fixed != 0 ? header.position_bits : 16;
   out.mean_t_coded = layer.has_mean_codes() ? static_cast<uint32_t>(layer.mean_t) : 0;
   out.mean_t_shift = layer.mean_t_shift;
@@ -40,7 +40,7 @@ DeviceLayer device_layer(const SceneHeader& header, const LayerHeader& layer) {
   std::copy_n(header.position_center, 3, out.position_center);
   out.position_scale = header.position_scale;
   out.log_scale_t = clamp_log_scale(layer.log_scale_t);
-  out.least_opacity = header.opacity_logit ? -FLT_MAX : 0.0f;
+  out.min_opacity = header.opacity_logit ? -FLT_MAX : 0.0f;
   out.most_opacity = header.opacity_logit ? FLT_MAX : 1.0f;
   out.opacity = device_scalar(header.opacity);
   out.scale_factor = device_scalar(layer.scale_factor);
@@ -50,37 +50,38 @@ DeviceLayer device_layer(const SceneHeader& header, const LayerHeader& layer) {
   return out;
 }
 
-// Values of plane `spec` are below this; a limit of 2^16 and more is none.
-uint32_t plane_limit(const SceneHeader& header, const LayerHeader& layer, const PlaneSpec& spec) {
+// Values of channel `spec` are below this; a limit of 2^16 and more is none.
+uint32_t channel_limit(const SceneHeader& header, const LayerHeader& layer,
+                       const ChannelSpec& spec) {
   const ComponentCoding& coding = header.component(layer, spec.component);
   switch (spec.kind) {
-    case PlaneKind::kMeanT:
+    case ChannelKind::kMeanT:
       return 1u << layer.mean_t_width();
-    case PlaneKind::kOpacity:
+    case ChannelKind::kOpacity:
       return 1u << header.opacity.bits;
-    case PlaneKind::kScaleFactor:
+    case ChannelKind::kScaleFactor:
       return 1u << layer.scale_factor.bits;
-    case PlaneKind::kDepth:
-      return coding.literals ? kLiteralDepth + 1u : kLiteralDepth;
-    case PlaneKind::kIndex:
+    case ChannelKind::kDepth:
+      return coding.escapes ? kEscapeDepth + 1u : kEscapeDepth;
+    case ChannelKind::kIndex:
       return coding.stages[spec.index].num_entries;
-    case PlaneKind::kRung:
-      return static_cast<uint32_t>(coding.ladder.size() + 1);
+    case ChannelKind::kEobIndex:
+      return static_cast<uint32_t>(coding.eob_table.size() + 1);
     default:
       return 0;
   }
 }
 
-// Rung or depth above which a Gaussian has to be to take part in the plane after `spec`; 0 = all
-// that took part in this one.
-uint8_t least_after(const ComponentCoding& coding, const PlaneSpec& spec) {
-  if (spec.kind == PlaneKind::kIndex) {
+// EOB index or depth above which a Gaussian has to be to take part in the channel after `spec`; 0 =
+// all that took part in this one.
+uint8_t min_after(const ComponentCoding& coding, const ChannelSpec& spec) {
+  if (spec.kind == ChannelKind::kIndex) {
     const bool is_last = spec.index + 1u == coding.stages.size();
     return coding.has_depth() && !is_last ? static_cast<uint8_t>(spec.index + 1) : uint8_t{0};
   }
-  if (spec.kind != PlaneKind::kCoefficient || spec.index + 1u == coding.coefficients()) return 0;
-  for (size_t s = 0; s < coding.ladder.size(); ++s) {
-    if (coding.ladder[s] == spec.index + 1u) return static_cast<uint8_t>(s + 1);
+  if (spec.kind != ChannelKind::kCoefficient || spec.index + 1u == coding.coefficients()) return 0;
+  for (size_t s = 0; s < coding.eob_table.size(); ++s) {
+    if (coding.eob_table[s] == spec.index + 1u) return static_cast<uint8_t>(s + 1);
   }
   return 0;
 }
@@ -121,40 +122,41 @@ void idle_rans_table(uint64_t* records, uint8_t* tokens) {
   pack_rans_table(entries.data(), records, tokens);
 }
 
-// Eight tables for each class.
+// Eight tables for each step exponent.
 void append_map(const std::vector<uint8_t>& map, uint8_t idle, std::vector<uint8_t>* maps) {
   const size_t first = maps->size();
-  const size_t of_class = map.size() / kTransformClasses;
+  const size_t of_exponent = map.size() / kTransformStepExponents;
   maps->resize(first + kMapBytes, map[0]);
   for (size_t i = 0; i < map.size(); ++i) {
-    (*maps)[first + 8 * (i / of_class) + i % of_class] = map[i];
+    (*maps)[first + 8 * (i / of_exponent) + i % of_exponent] = map[i];
   }
-  for (size_t c = 0; c < kTransformClasses; ++c) (*maps)[first + 8 * c + kIdleContext] = idle;
+  for (size_t c = 0; c < kTransformStepExponents; ++c) (*maps)[first + 8 * c + kIdleContext] = idle;
 }
 
-std::vector<PlaneProgram> plane_programs(const SceneHeader& header, const LayerHeader& layer,
-                                         const EntropyTables& tables, std::vector<uint8_t>* maps) {
-  std::vector<PlaneProgram> out;
-  uint8_t with_classes = 0xff;
-  for (size_t p = 0; p < tables.planes.size(); ++p) {
-    const PlaneSpec& spec = tables.planes[p];
+std::vector<ChannelProgram> channel_programs(const SceneHeader& header, const LayerHeader& layer,
+                                             const EntropyTables& tables,
+                                             std::vector<uint8_t>* maps) {
+  std::vector<ChannelProgram> out;
+  uint8_t with_step_exponents = 0xff;
+  for (size_t p = 0; p < tables.channels.size(); ++p) {
+    const ChannelSpec& spec = tables.channels[p];
     const ComponentCoding& coding = header.component(layer, spec.component);
     const std::vector<uint8_t>& map = tables.maps[p];
-    PlaneProgram plane{};
-    plane.kind = static_cast<uint8_t>(spec.kind);
-    plane.component = spec.component;
-    plane.index = spec.index;
-    plane.table = map[0];
-    plane.by_depth = spec.kind == PlaneKind::kIndex && coding.has_depth() ? 1 : 0;
-    plane.keep_above = least_after(coding, spec);
-    plane.context_of = with_classes;
-    plane.limit = plane_limit(header, layer, spec);
-    if (spec.kind == PlaneKind::kClass) with_classes = spec.component;
+    ChannelProgram channel{};
+    channel.kind = static_cast<uint8_t>(spec.kind);
+    channel.component = spec.component;
+    channel.index = spec.index;
+    channel.table = map[0];
+    channel.by_depth = spec.kind == ChannelKind::kIndex && coding.has_depth() ? 1 : 0;
+    channel.keep_above = min_after(coding, spec);
+    channel.context_of = with_step_exponents;
+    channel.limit = channel_limit(header, layer, spec);
+    if (spec.kind == ChannelKind::kStepExponent) with_step_exponents = spec.component;
     if (map.size() > 1) {
-      plane.map = static_cast<uint32_t>(maps->size());
+      channel.map = static_cast<uint32_t>(maps->size());
       append_map(map, static_cast<uint8_t>(tables.entries.size() / kRansSlots), maps);
     }
-    out.push_back(plane);
+    out.push_back(channel);
   }
   return out;
 }
@@ -188,21 +190,21 @@ Status LayerTables::load_entropy(uint32_t layer) {
                     tokens.data() + t * kTableRanks);
   }
   const SceneHeader& header = file_.header();
-  const std::vector<PlaneProgram> planes =
-      plane_programs(header, header.layers[layer], *tables, &maps);
+  const std::vector<ChannelProgram> channels =
+      channel_programs(header, header.layers[layer], *tables, &maps);
   DeviceLayer& to = layers_[layer];
   const void* at[4] = {};
   L4D_RETURN_IF_ERROR(upload(records.data(), records.size() * sizeof(uint64_t), &at[0]));
   L4D_RETURN_IF_ERROR(upload(tokens.data(), tokens.size(), &at[1]));
   L4D_RETURN_IF_ERROR(upload(maps.data(), maps.size(), &at[2]));
-  L4D_RETURN_IF_ERROR(upload(planes.data(), planes.size() * sizeof(PlaneProgram), &at[3]));
+  L4D_RETURN_IF_ERROR(upload(channels.data(), channels.size() * sizeof(ChannelProgram), &at[3]));
   to.records = static_cast<const uint64_t*>(at[0]);
   to.tokens = static_cast<const uint8_t*>(at[1]);
   to.maps = static_cast<const uint8_t*>(at[2]);
-  to.planes = static_cast<const PlaneProgram*>(at[3]);
+  to.channels = static_cast<const ChannelProgram*>(at[3]);
   to.num_tables = static_cast<uint32_t>(count);
   to.map_bytes = static_cast<uint32_t>(maps.size());
-  to.num_planes = static_cast<uint32_t>(planes.size());
+  to.num_channels = static_cast<uint32_t>(channels.size());
   return {};
 }
 
@@ -217,12 +219,12 @@ Status LayerTables::load_component(uint32_t layer, unsigned c) {
     changed_ = true;
     return {};
   }
-  for (unsigned s = 0; s < coding.num_books(); ++s) {
-    const CodebookData* book = nullptr;
-    L4D_RETURN_IF_ERROR(file_.codebooks().codebook(layer, c, s, &book));
+  for (unsigned s = 0; s < coding.num_codebooks(); ++s) {
+    const CodebookData* codebook = nullptr;
+    L4D_RETURN_IF_ERROR(file_.codebooks().codebook(layer, c, s, &codebook));
     const void* at = nullptr;
-    L4D_RETURN_IF_ERROR(upload(book->entries.data(), book->memory_bytes(), &at));
-    to.book[s] = static_cast<const float*>(at);
+    L4D_RETURN_IF_ERROR(upload(codebook->entries.data(), codebook->memory_bytes(), &at));
+    to.codebook[s] = static_cast<const float*>(at);
   }
   if (!coding.transform()) return {};
   const void* at = nullptr;
@@ -231,10 +233,10 @@ Status LayerTables::load_component(uint32_t layer, unsigned c) {
   return {};
 }
 
-Status LayerTables::load_books(uint32_t layer, unsigned c) {
+Status LayerTables::load_codebooks(uint32_t layer, unsigned c) {
   const SceneHeader& header = file_.header();
   const ComponentCoding& coding = header.component(header.layers[layer], c);
-  if (loaded_[layer][c] || coding.num_books() == 0) return {};
+  if (loaded_[layer][c] || coding.num_codebooks() == 0) return {};
   L4D_RETURN_IF_ERROR(load_component(layer, c));
   loaded_[layer][c] = true;
   return {};
@@ -242,7 +244,7 @@ Status LayerTables::load_books(uint32_t layer, unsigned c) {
 
 Status LayerTables::load(uint32_t layer, const Wants& wants) {
   for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
-    if (wants[c]) L4D_RETURN_IF_ERROR(load_books(layer, c));
+    if (wants[c]) L4D_RETURN_IF_ERROR(load_codebooks(layer, c));
   }
   if (loaded_[layer][L4D_COMPONENT_COUNT]) return {};
   L4D_RETURN_IF_ERROR(load_entropy(layer));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the pages of a layer have in common, on the device: rANS tables, the order of planes,
+// What the pages of a layer have in common, on the device: rANS tables, the order of channels,
 // codebooks. Each is brought there when a page first needs it, and stays.
 #pragma once
 
@@ -22,20 +22,21 @@ Status copy_to_device(const void* from, size_t bytes, void* to);
 // One table of kRansSlots entries to kTableRecords records and the tokens of kTableRanks ranks.
 void pack_rans_table(const uint32_t* entries, uint64_t* records, uint8_t* tokens);
 
-// The planes of a layer in the form that kernels follow.
-std::vector<PlaneProgram> plane_programs(const SceneHeader& header, const LayerHeader& layer,
-                                         const EntropyTables& tables, std::vector<uint8_t>* maps);
+// The channels of a layer in the form that kernels follow.
+std::vector<ChannelProgram> channel_programs(const SceneHeader& header, const LayerHeader& layer,
+                                             const EntropyTables& tables,
+                                             std::vector<uint8_t>* maps);
 
 class LayerTables {
  public:
   explicit LayerTables(SceneFile& file);
 
-  // Which components have to be expanded; of others only the planes are decoded.
+  // Which components have to be expanded; of others only the channels are decoded.
   using Wants = std::array<bool, L4D_COMPONENT_COUNT>;
   Status load(uint32_t layer, const Wants& wants);
   // Codebooks of a component alone, which are in layers() then.
-  Status load_books(uint32_t layer, unsigned c);
-  // After load() of all layers of a job: brings what is new of layers() to the device.
+  Status load_codebooks(uint32_t layer, unsigned c);
+  // After load() of all layers of a request: brings what is new of layers() to the device.
   Status update();
 
   const std::vector<DeviceLayer>& layers() const { return layers_; }

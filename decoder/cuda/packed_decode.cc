@@ -18,8 +18,8 @@ PackedArrays packed_arrays(const l4d_cuda_packed_buffers& from) {
   to.scale_factor = from.scale_factor;
   for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
     const l4d_cuda_packed_component& component = from.component[c];
-    to.component[c] = {component.depth, component.index, component.literal,
-                       component.literal_capacity};
+    to.component[c] = {component.depth, component.index, component.escape,
+                       component.escape_capacity};
   }
   to.capacity = from.capacity;
   return to;
@@ -39,29 +39,29 @@ Status DeviceDecoder::decode_packed(const l4d_cuda_packed_buffers& out, void* wo
     const l4d_cuda_packed_component& component = out.component[c];
     for (const void* array :
          {static_cast<const void*>(component.depth), static_cast<const void*>(component.index),
-          static_cast<const void*>(component.literal)}) {
+          static_cast<const void*>(component.escape)}) {
       given.push_back({array, component_attribute(c)});
     }
   }
   L4D_RETURN_IF_ERROR(check_arrays(L4D_CUDA_FORM_PACKED, out.capacity, given.data(), given.size()));
   const PackedArrays arrays = packed_arrays(out);
   for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
-    literal_capacity_[c] =
-        out.component[c].literal != nullptr ? out.component[c].literal_capacity : UINT64_MAX;
+    escape_capacity_[c] =
+        out.component[c].escape != nullptr ? out.component[c].escape_capacity : UINT64_MAX;
   }
   L4D_RETURN_IF_ERROR(begin_decode(workspace, workspace_size, stream));
-  if (job_->staging_bytes() > 0) {
-    const DeviceJob job = job_->device_job(static_cast<unsigned char*>(workspace));
-    L4D_RETURN_IF_CUDA_ERROR(launch_pack(job, arrays, stream));
+  if (request_->staging_bytes() > 0) {
+    const DeviceRequest request = request_->device_request(static_cast<unsigned char*>(workspace));
+    L4D_RETURN_IF_CUDA_ERROR(launch_pack(request, arrays, stream));
   }
   L4D_RETURN_IF_ERROR(copy_packed_host_rows(arrays, stream));
   return end_decode(workspace, L4D_CUDA_FORM_PACKED, stream);
 }
 
 Status DeviceDecoder::copy_packed_host_rows(const PackedArrays& out, cudaStream_t stream) const {
-  const l4d_packed_buffers& from = job_->host().packed();
+  const l4d_packed_buffers& from = request_->host().packed();
   const SceneHeader& header = decoder_.file().header();
-  for (const HostRun& run : job_->host().runs()) {
+  for (const HostRun& run : request_->host().runs()) {
     const auto copy = [&](const auto* source, auto* target, uint64_t numbers) -> Status {
       if (target == nullptr) return {};
       L4D_RETURN_IF_CUDA_ERROR(
@@ -87,23 +87,23 @@ Status DeviceDecoder::copy_packed_host_rows(const PackedArrays& out, cudaStream_
   return {};
 }
 
-Status DeviceDecoder::check_literals() const {
-  const uint64_t* counts = job_->num_literals(results_.data());
+Status DeviceDecoder::check_escapes() const {
+  const uint64_t* counts = request_->num_escapes(results_.data());
   for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
-    if (counts[c] <= literal_capacity_[c]) continue;
-    return Status(L4D_ERR_BUFFER_TOO_SMALL, "literal_capacity of component " + std::to_string(c) +
-                                                " is " + std::to_string(literal_capacity_[c]) +
-                                                ", the job has " + std::to_string(counts[c]) +
-                                                " literals");
+    if (counts[c] <= escape_capacity_[c]) continue;
+    return Status(L4D_ERR_BUFFER_TOO_SMALL, "escape_capacity of component " + std::to_string(c) +
+                                                " is " + std::to_string(escape_capacity_[c]) +
+                                                ", the request has " + std::to_string(counts[c]) +
+                                                " escapes");
   }
   return {};
 }
 
-Status DeviceDecoder::num_literals(uint64_t* counts) const {
+Status DeviceDecoder::num_escapes(uint64_t* counts) const {
   if (!finished_ || decoded_ != L4D_CUDA_FORM_PACKED) {
     return Status(L4D_ERR_INVALID_STATE, "no packed decode has finished");
   }
-  std::copy_n(job_->num_literals(results_.data()), L4D_COMPONENT_COUNT, counts);
+  std::copy_n(request_->num_escapes(results_.data()), L4D_COMPONENT_COUNT, counts);
   return {};
 }
 
@@ -116,11 +116,11 @@ Status DeviceDecoder::codebook(uint32_t layer, uint32_t component, uint32_t stag
   *out = host;
   if (host.entries == nullptr) return {};
   if (host.entries == of_layer.entries) {
-    L4D_RETURN_IF_ERROR(tables_->load_books(layer, component));
-    out->entries = tables_->layers()[layer].component[component].book[stage];
+    L4D_RETURN_IF_ERROR(tables_->load_codebooks(layer, component));
+    out->entries = tables_->layers()[layer].component[component].codebook[stage];
     return {};
   }
-  DeviceMemory& memory = block_books_[{layer, component, block}];
+  DeviceMemory& memory = block_codebooks_[{layer, component, block}];
   if (memory.data() == nullptr) {
     const size_t bytes = size_t{host.num_entries} * host.dim * sizeof(float);
     DeviceMemory fresh;

@@ -14,11 +14,11 @@ WarpSchedule schedule_warps(const std::vector<DevicePage>& pages,
   WarpSchedule out;
   const auto cost = [&](const WarpTask& w) {
     const DevicePage& page = pages[w.page];
-    return uint64_t{(w.parts & 1) != 0 ? page.part_bytes[0] : 0} +
-           ((w.parts & 2) != 0 ? page.part_bytes[1] : 0);
+    return uint64_t{(w.parts & 1) != 0 ? page.chunk_bytes[0] : 0} +
+           ((w.parts & 2) != 0 ? page.chunk_bytes[1] : 0);
   };
   for (uint32_t p = 0; p < pages.size(); ++p) {
-    const bool detail = pages[p].part_bytes[1] != 0;
+    const bool detail = pages[p].chunk_bytes[1] != 0;
     out.warps.push_back({p, detail && !detail_apart ? 3u : 1u});
     if (detail && detail_apart) out.warps.push_back({p, 2u});
   }
@@ -33,7 +33,7 @@ WarpSchedule schedule_warps(const std::vector<DevicePage>& pages,
   const auto shared_bytes = [&](uint32_t block_pages) {
     uint32_t most = 0;
     for (const WarpTask& w : out.warps) {
-      most = std::max(most, planes_shared_bytes(layers[pages[w.page].layer], block_pages));
+      most = std::max(most, channels_shared_bytes(layers[pages[w.page].layer], block_pages));
     }
     return most;
   };

@@ -12,10 +12,10 @@ namespace l4d::cuda {
 struct WarpSchedule {
   std::vector<WarpTask> warps;
   std::vector<BlockTask> blocks;
-  PlanesLaunch launch;
+  ChannelsLaunch launch;
 };
 
-// layers: of the tables, by index. detail_apart: SH detail needs nothing of the first part.
+// layers: of the tables, by index. detail_apart: SH detail needs nothing of the base chunk.
 WarpSchedule schedule_warps(const std::vector<DevicePage>& pages,
                             const std::vector<DeviceLayer>& layers, bool detail_apart,
                             uint32_t multiprocessors);

@@ -8,9 +8,9 @@
 namespace l4d::cuda {
 namespace {
 
-// Kernels take blocks and books from multiples of this, and arrays of the workspace from whole
+// Kernels take blocks and codebooks from multiples of this, and arrays of the workspace from whole
 // lines.
-constexpr uint64_t kPartAlignment = 16;
+constexpr uint64_t kChunkAlignment = 16;
 constexpr uint64_t kLine = 256;
 
 // Places arrays one behind the other.
@@ -36,7 +36,7 @@ unsigned value_columns(const SceneHeader& header, const std::vector<DevicePage>&
     const LayerHeader& layer = header.layers[page.layer];
     const ComponentCoding& coding = header.component(layer, c);
     unsigned columns = static_cast<unsigned>(coding.stages.size());
-    if (coding.literals) columns += header.component_dim(layer, c);
+    if (coding.escapes) columns += header.component_dim(layer, c);
     if (coding.transform()) columns = coding.coefficients();
     if (c == L4D_COMPONENT_SH && coding.transform()) columns = std::min(columns, page.sh_limit);
     most = std::max(most, columns);
@@ -46,7 +46,7 @@ unsigned value_columns(const SceneHeader& header, const std::vector<DevicePage>&
 
 }  // namespace
 
-WorkspaceLayout lay_out(const SceneHeader& header, const JobRequest& request,
+WorkspaceLayout lay_out(const SceneHeader& header, const DecodeRequest& request,
                         const WarpSchedule& schedule, const HostPages& host) {
   WorkspaceLayout out;
   Placer placer;
@@ -56,20 +56,20 @@ WorkspaceLayout lay_out(const SceneHeader& header, const JobRequest& request,
   placer.place(schedule.blocks.size(), &out.blocks);
   placer.place(request.expands().size(), &out.expands);
   placer.place(2 * pages.size(), &out.faults);
-  placer.place(L4D_COMPONENT_COUNT, &out.num_literals, sizeof(uint64_t));
+  placer.place(L4D_COMPONENT_COUNT, &out.num_escapes, sizeof(uint64_t));
   placer.place(request.host_pieces().size(), &out.host_pieces);
-  placer.place(host.literals().size(), &out.host_literals);
-  out.books.resize(request.books().size());
-  for (size_t b = 0; b < out.books.size(); ++b) {
-    placer.place(request.books()[b]->entries.size(), &out.books[b], kPartAlignment);
+  placer.place(host.escapes().size(), &out.host_escapes);
+  out.codebooks.resize(request.codebooks().size());
+  for (size_t b = 0; b < out.codebooks.size(); ++b) {
+    placer.place(request.codebooks()[b]->entries.size(), &out.codebooks[b], kChunkAlignment);
   }
   out.parts.resize(request.reads().parts().size());
   for (size_t p = 0; p < out.parts.size(); ++p) {
-    placer.place(request.reads().parts()[p].chunk.stored_bytes, &out.parts[p], kPartAlignment);
+    placer.place(request.reads().parts()[p].chunk.stored_bytes, &out.parts[p], kChunkAlignment);
   }
   const bool idle = pages.empty() && request.num_pieces() == 0;
   out.upload_bytes = idle ? 0 : placer.end();
-  placer.place(uint64_t{request.num_pieces()} * L4D_COMPONENT_COUNT, &out.literals);
+  placer.place(uint64_t{request.num_pieces()} * L4D_COMPONENT_COUNT, &out.escapes);
   const uint64_t slots = request.num_slots();
   placer.place(slots, &out.columns.morton);
   placer.place(slots, &out.columns.mean_t);
@@ -79,29 +79,31 @@ WorkspaceLayout lay_out(const SceneHeader& header, const JobRequest& request,
   placer.place((header.sh.vq() ? 2 : 1) * request.num_states(), &out.columns.state);
   for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
     placer.place(slots + kStatesBehind, &out.columns.component[c].head);
-    placer.place(slots, &out.columns.component[c].rung);
+    placer.place(slots, &out.columns.component[c].eob_index);
     placer.place(slots * value_columns(header, pages, c), &out.columns.component[c].value);
   }
   out.bytes = idle ? 0 : align_up(placer.end(), kLine);
   return out;
 }
 
-std::vector<DevicePage> placed_pages(const JobRequest& request, const WorkspaceLayout& layout) {
+std::vector<DevicePage> placed_pages(const DecodeRequest& request, const WorkspaceLayout& layout) {
   std::vector<DevicePage> pages = request.pages();
   for (size_t p = 0; p < pages.size(); ++p) {
     for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
-      const JobRequest::BookIndex book = request.page_books()[p][c];
-      pages[p].book[c] = book == JobRequest::kLayerBook ? kNoBook : layout.books[book].offset;
+      const DecodeRequest::CodebookIndex codebook = request.page_codebooks()[p][c];
+      pages[p].codebook[c] = codebook == DecodeRequest::kLayerCodebook
+                                 ? kNoCodebook
+                                 : layout.codebooks[codebook].offset;
     }
   }
   for (size_t i = 0; i < layout.parts.size(); ++i) {
-    const PagePart& part = request.reads().parts()[i];
-    pages[part.page].part_at[part.detail ? 1 : 0] = layout.parts[i].offset;
+    const PageChunk& part = request.reads().parts()[i];
+    pages[part.page].chunk_at[part.detail ? 1 : 0] = layout.parts[i].offset;
   }
   return pages;
 }
 
-std::vector<HostPiece> placed_host_pieces(const SceneHeader& header, const JobRequest& request,
+std::vector<HostPiece> placed_host_pieces(const SceneHeader& header, const DecodeRequest& request,
                                           const HostPages& host, const WorkspaceLayout& layout) {
   std::vector<HostPiece> pieces;
   for (size_t i = 0; i < request.host_pieces().size(); ++i) {
@@ -109,8 +111,8 @@ std::vector<HostPiece> placed_host_pieces(const SceneHeader& header, const JobRe
     HostPiece piece{};
     piece.piece = request.host_pieces()[i];
     for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
-      piece.at[c] = layout.host_literals.offset + run.literal_at[c] * sizeof(uint16_t);
-      piece.rows[c] = run.literal_rows[c];
+      piece.at[c] = layout.host_escapes.offset + run.escape_at[c] * sizeof(uint16_t);
+      piece.rows[c] = run.escape_rows[c];
       piece.dim[c] = header.component_dim(header.layers[run.layer], c);
     }
     pieces.push_back(piece);
@@ -118,23 +120,23 @@ std::vector<HostPiece> placed_host_pieces(const SceneHeader& header, const JobRe
   return pieces;
 }
 
-DeviceJob device_job(const JobRequest& request, const WorkspaceLayout& layout,
-                     const DeviceLayer* layers, unsigned char* workspace) {
-  DeviceJob job{};
-  job.layers = layers;
-  job.upload = workspace;
-  job.pages = layout.pages.in(workspace);
-  job.warps = layout.warps.in(workspace);
-  job.blocks = layout.blocks.in(workspace);
-  job.expands = layout.expands.in(workspace);
-  job.faults = layout.faults.in(workspace);
-  job.host_pieces = layout.host_pieces.in(workspace);
-  job.literals = layout.literals.in(workspace);
-  job.num_literals = layout.num_literals.in(workspace);
-  job.num_expands = static_cast<uint32_t>(request.expands().size());
-  job.num_host_pieces = static_cast<uint32_t>(request.host_pieces().size());
-  job.num_pieces = request.num_pieces();
-  Columns& to = job.columns;
+DeviceRequest device_request(const DecodeRequest& request, const WorkspaceLayout& layout,
+                             const DeviceLayer* layers, unsigned char* workspace) {
+  DeviceRequest out{};
+  out.layers = layers;
+  out.upload = workspace;
+  out.pages = layout.pages.in(workspace);
+  out.warps = layout.warps.in(workspace);
+  out.blocks = layout.blocks.in(workspace);
+  out.expands = layout.expands.in(workspace);
+  out.faults = layout.faults.in(workspace);
+  out.host_pieces = layout.host_pieces.in(workspace);
+  out.escapes = layout.escapes.in(workspace);
+  out.num_escapes = layout.num_escapes.in(workspace);
+  out.num_expands = static_cast<uint32_t>(request.expands().size());
+  out.num_host_pieces = static_cast<uint32_t>(request.host_pieces().size());
+  out.num_pieces = request.num_pieces();
+  Columns& to = out.columns;
   const WorkspaceLayout::ColumnsAt& from = layout.columns;
   to.morton = from.morton.in(workspace);
   to.mean_t = from.mean_t.in(workspace);
@@ -143,12 +145,13 @@ DeviceJob device_job(const JobRequest& request, const WorkspaceLayout& layout,
   to.scale_factor = from.scale_factor.in(workspace);
   to.state = from.state.in(workspace);
   for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
-    to.component[c] = {from.component[c].head.in(workspace), from.component[c].rung.in(workspace),
+    to.component[c] = {from.component[c].head.in(workspace),
+                       from.component[c].eob_index.in(workspace),
                        from.component[c].value.in(workspace)};
   }
   to.stride = static_cast<size_t>(request.num_slots());
   to.state_stride = static_cast<size_t>(request.num_states());
-  return job;
+  return out;
 }
 
 }  // namespace l4d::cuda

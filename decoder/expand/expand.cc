@@ -19,7 +19,7 @@ class ComponentRows {
   // most: coefficients of a transform that are there, others count as 0.
   ComponentRows(const ReconstructKernels& kernels, const TransformKernels& transform,
                 const ComponentCoding& coding, unsigned dim, const ComponentColumns& columns,
-                const std::array<const CodebookData*, L4D_MAX_STAGES>& books,
+                const std::array<const CodebookData*, L4D_MAX_STAGES>& codebooks,
                 unsigned most = kMaxCoefficients)
       : kernels_(kernels),
         transform_(transform),
@@ -29,15 +29,15 @@ class ComponentRows {
     if (coding.transform()) {
       coefficients_.dim = dim;
       coefficients_.num_coefficients = std::min(coding.coefficients(), most);
-      coefficients_.basis = books[0]->entries.data();
+      coefficients_.basis = codebooks[0]->entries.data();
       coefficients_.steps = coding.steps.data();
-      coefficients_.cls = columns.cls.data();
-      if (coding.ladder.size() > 1) {
-        for (size_t s = 0; s < coding.ladder.size(); ++s) {
-          ladder_[s] = static_cast<uint8_t>(std::min<unsigned>(coding.ladder[s], most));
+      coefficients_.step_exponent = columns.step_exponent.data();
+      if (coding.eob_table.size() > 1) {
+        for (size_t s = 0; s < coding.eob_table.size(); ++s) {
+          eob_table_[s] = static_cast<uint8_t>(std::min<unsigned>(coding.eob_table[s], most));
         }
-        coefficients_.rung = columns.rung.data();
-        coefficients_.ladder = ladder_.data();
+        coefficients_.eob_index = columns.eob_index.data();
+        coefficients_.eob_table = eob_table_.data();
       }
       for (size_t k = 0; k < coefficients_.num_coefficients; ++k) {
         coefficients_.coefficient[k] = columns.coefficient[k].data();
@@ -47,11 +47,11 @@ class ComponentRows {
     source_.dim = dim;
     source_.num_stages = coding.stages.size();
     for (size_t s = 0; s < source_.num_stages; ++s) {
-      source_.book[s] = books[s]->entries.data();
+      source_.codebook[s] = codebooks[s]->entries.data();
       source_.index[s] = columns.index[s].data();
     }
     if (coding.has_depth()) source_.depth = columns.depth.data();
-    source_.literal = columns.literal.data();
+    source_.escape = columns.escape.data();
   }
 
   void rows(size_t begin, size_t end, float* dst, bool past_cache) {
@@ -81,7 +81,7 @@ class ComponentRows {
   VqCursor cursor_;
   TransformSource coefficients_;
   TransformCursor coefficient_cursor_;
-  std::array<uint8_t, kMaxCoefficients> ladder_{};
+  std::array<uint8_t, kMaxCoefficients> eob_table_{};
 };
 
 // Rows of three numbers to rows of four, in place: from the back, so that none is overwritten
@@ -95,11 +95,11 @@ void spread_rows(float* rows, size_t n) {
 
 }  // namespace
 
-void PageExpander::run(const l4d_range& range, size_t first, const l4d_gaussian_buffers& out) {
+void PageExpander::run(const l4d_bucket_span& span, size_t first, const l4d_gaussian_buffers& out) {
   past_cache_ = out.capacity >= kPastCacheGaussians;
   if (out.position != nullptr) positions(out.position + 3 * first);
   if (out.mean_t != nullptr || out.mean_t_local != nullptr || out.mean_t_double != nullptr) {
-    means(range, first, out);
+    means(span, first, out);
   }
   if (out.opacity != nullptr) {
     opacities(out.opacity + first);
@@ -110,14 +110,14 @@ void PageExpander::run(const l4d_range& range, size_t first, const l4d_gaussian_
 }
 
 void PageExpander::positions(float* dst) const {
-  const MeanCodingId coding = header_.position_of(layer_);
-  if (coding == MeanCodingId::kF16) {
+  const CoordinateCodingId coding = header_.position_of(layer_);
+  if (coding == CoordinateCodingId::kF16) {
     const uint16_t* axes[3] = {columns_.position[0].data(), columns_.position[1].data(),
                                columns_.position[2].data()};
     kernels_.positions(axes, columns_.n, header_.position_center, header_.position_scale, dst);
     return;
   }
-  if (coding == MeanCodingId::kFixed) {
+  if (coding == CoordinateCodingId::kFixed) {
     const uint32_t* axes[3] = {columns_.fixed_position[0].data(), columns_.fixed_position[1].data(),
                                columns_.fixed_position[2].data()};
     transform_.positions(axes, columns_.n, header_.position_center, header_.position_scale, dst);
@@ -129,29 +129,30 @@ void PageExpander::positions(float* dst) const {
 }
 
 // What is decoded lies anywhere in time: from the bucket's centre, to binary32 and to binary64.
-void PageExpander::means(const l4d_range& range, size_t first, const l4d_gaussian_buffers& out) {
+void PageExpander::means(const l4d_bucket_span& span, size_t first,
+                         const l4d_gaussian_buffers& out) {
   const size_t n = columns_.n;
   float* const mean_t = out.mean_t == nullptr ? nullptr : out.mean_t + first;
   float* const mean_t_local = out.mean_t_local == nullptr ? nullptr : out.mean_t_local + first;
   double* const exact = out.mean_t_double == nullptr ? nullptr : out.mean_t_double + first;
   if (layer_.has_raw_means()) {
-    const bool is_float = layer_.mean_t == MeanCodingId::kRaw32;
+    const bool is_float = layer_.mean_t == CoordinateCodingId::kRaw32;
     for (size_t i = 0; i < n; ++i) {
       const double mean =
           is_float ? static_cast<double>(columns_.raw_mean_t[i]) : columns_.raw64_mean_t[i];
       if (mean_t != nullptr) {
         mean_t[i] = is_float ? columns_.raw_mean_t[i] : static_cast<float>(mean);
       }
-      if (mean_t_local != nullptr) mean_t_local[i] = static_cast<float>(mean - range.center);
+      if (mean_t_local != nullptr) mean_t_local[i] = static_cast<float>(mean - span.center);
       if (exact != nullptr) exact[i] = mean;
     }
     return;
   }
   scratch_.means.resize(n);
   float* local = mean_t_local != nullptr ? mean_t_local : scratch_.means.data();
-  if (layer_.mean_t == MeanCodingId::kF16) {
-    kernels_.means(columns_.mean_t.data(), n, static_cast<float>(range.width), local);
-  } else if (layer_.mean_t == MeanCodingId::kFixed) {
+  if (layer_.mean_t == CoordinateCodingId::kF16) {
+    kernels_.means(columns_.mean_t.data(), n, static_cast<float>(span.width), local);
+  } else if (layer_.mean_t == CoordinateCodingId::kFixed) {
     for (size_t i = 0; i < n; ++i) {
       local[i] = fixed_mean_time(layer_.mean_t_step, layer_.mean_t_zero, columns_.mean_t[i],
                                  layer_.mean_t_fine ? columns_.mean_t_fine[i] : uint16_t{0});
@@ -160,7 +161,7 @@ void PageExpander::means(const l4d_range& range, size_t first, const l4d_gaussia
     std::fill(local, local + n, 0.0f);
   }
   for (size_t i = 0; i < n; ++i) {
-    const double mean = range.center + static_cast<double>(local[i]);
+    const double mean = span.center + static_cast<double>(local[i]);
     if (mean_t != nullptr) mean_t[i] = static_cast<float>(mean);
     if (exact != nullptr) exact[i] = mean;
   }
@@ -195,13 +196,13 @@ void PageExpander::opacities(float* dst) const {
 
 void PageExpander::spherical_harmonics(float* dst) const {
   const unsigned dim = header_.sh_dim();
-  const auto& books = books_.book[L4D_COMPONENT_SH];
+  const auto& codebooks = codebooks_.codebook[L4D_COMPONENT_SH];
   const bool detail = columns_.sh_detail;
   if (!detail && header_.sh_base == 0) {
-    // Neither classes nor depths are there: rows of no coefficients, or of depth 0.
+    // Neither step_exponents nor depths are there: rows of no coefficients, or of depth 0.
     for (size_t i = 0; i < columns_.n; ++i, dst += dim) {
       if (header_.sh.transform()) {
-        std::copy_n(books[0]->entries.data(), dim, dst);
+        std::copy_n(codebooks[0]->entries.data(), dim, dst);
       } else {
         std::fill_n(dst, dim, 0.0f);
       }
@@ -209,7 +210,7 @@ void PageExpander::spherical_harmonics(float* dst) const {
     return;
   }
   ComponentRows sh(kernels_, transform_, header_.sh, dim, columns_.component[L4D_COMPONENT_SH],
-                   books, detail ? kMaxCoefficients : header_.sh_base);
+                   codebooks, detail ? kMaxCoefficients : header_.sh_base);
   sh.rows(0, columns_.n, dst, past_cache_);
 }
 
@@ -219,7 +220,7 @@ void PageExpander::log_scales(float* dst) {
   const ComponentCoding& coding = layer_.component[L4D_COMPONENT_SCALE];
   const bool raw = coding.coding == ComponentCodingId::kRaw32;
   ComponentRows scale(kernels_, transform_, coding, dim, columns_.component[L4D_COMPONENT_SCALE],
-                      books_.book[L4D_COMPONENT_SCALE]);
+                      codebooks_.codebook[L4D_COMPONENT_SCALE]);
   scratch_.rows_a.resize(4 * kRowBlock);
   scratch_.factor.resize(n);
   scalars(layer_.scale_factor, columns_.scale_factor, columns_.raw_scale_factor,
@@ -247,7 +248,7 @@ void PageExpander::stereographic_rotors(float* dst) {
   const size_t n = columns_.n;
   const auto rows_of = [&](unsigned c) {
     return ComponentRows(kernels_, transform_, layer_.component[c], 3, columns_.component[c],
-                         books_.book[c]);
+                         codebooks_.codebook[c]);
   };
   ComponentRows spatial = rows_of(L4D_COMPONENT_ROTOR_SPATIAL);
   ComponentRows temporal = rows_of(L4D_COMPONENT_ROTOR_TEMPORAL);
@@ -269,7 +270,7 @@ void PageExpander::rotors(float* dst) {
   const size_t n = columns_.n;
   const auto rows_of = [&](unsigned c) {
     return ComponentRows(kernels_, transform_, layer_.component[c], 4, columns_.component[c],
-                         books_.book[c]);
+                         codebooks_.codebook[c]);
   };
   ComponentRows spatial = rows_of(L4D_COMPONENT_ROTOR_SPATIAL);
   ComponentRows temporal = rows_of(L4D_COMPONENT_ROTOR_TEMPORAL);

@@ -21,8 +21,8 @@ struct ExpandKernels {
 
 // Codebooks a page needs, resolved before pages are worked on in parallel; of a transform its
 // basis.
-struct PageBooks {
-  std::array<std::array<const CodebookData*, L4D_MAX_STAGES>, L4D_COMPONENT_COUNT> book{};
+struct PageCodebooks {
+  std::array<std::array<const CodebookData*, L4D_MAX_STAGES>, L4D_COMPONENT_COUNT> codebook{};
 };
 
 // Buffers kept from page to page.
@@ -34,21 +34,21 @@ class PageExpander {
  public:
   // Where `columns` lack SH detail, so does what comes out.
   PageExpander(const SceneHeader& header, const LayerHeader& layer, const PageColumns& columns,
-               const PageBooks& books, const ExpandKernels& kernels, ExpandScratch& scratch)
+               const PageCodebooks& codebooks, const ExpandKernels& kernels, ExpandScratch& scratch)
       : header_(header),
         layer_(layer),
         columns_(columns),
-        books_(books),
+        codebooks_(codebooks),
         kernels_(*kernels.reconstruct),
         transform_(*kernels.transform),
         scratch_(scratch) {}
 
   // Fills the arrays of `out` that are given, from Gaussian `first` on.
-  void run(const l4d_range& range, size_t first, const l4d_gaussian_buffers& out);
+  void run(const l4d_bucket_span& span, size_t first, const l4d_gaussian_buffers& out);
 
  private:
   void positions(float* dst) const;
-  void means(const l4d_range& range, size_t first, const l4d_gaussian_buffers& out);
+  void means(const l4d_bucket_span& span, size_t first, const l4d_gaussian_buffers& out);
   void scalars(const ScalarCoding& coding, const std::vector<uint16_t>& codes,
                const std::vector<float>& raw, float* dst) const;
   void opacities(float* dst) const;
@@ -60,7 +60,7 @@ class PageExpander {
   const SceneHeader& header_;
   const LayerHeader& layer_;
   const PageColumns& columns_;
-  const PageBooks& books_;
+  const PageCodebooks& codebooks_;
   const ReconstructKernels& kernels_;
   const TransformKernels& transform_;
   ExpandScratch& scratch_;

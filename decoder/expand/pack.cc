@@ -8,11 +8,11 @@
 namespace l4d {
 namespace {
 
-// Literals are gathered for pages that may have this many bytes of them.
+// Escapes are gathered for pages that may have this many bytes of them.
 constexpr uint64_t kGatherBytes = uint64_t{32} << 20;
 
-// The literals of one component of one page.
-struct PageLiterals {
+// The escapes of one component of one page.
+struct PageEscapes {
   size_t count = 0;
   std::vector<uint16_t> values;  // [count, dim], where they are wanted
 };
@@ -27,7 +27,7 @@ void copy_scalar(const ScalarCoding& coding, const std::vector<uint16_t>& codes,
   }
 }
 
-// present: false where the component is in a second part that is not at hand; depths are 0 then.
+// present: false where the component is in an SH chunk that is not at hand; depths are 0 then.
 void pack_component(const ComponentCoding& coding, const ComponentColumns& columns, bool present,
                     size_t n, size_t first, size_t capacity, const l4d_packed_component& out) {
   const size_t stages = coding.stages.size();
@@ -38,7 +38,7 @@ void pack_component(const ComponentCoding& coding, const ComponentColumns& colum
       std::fill(dst, dst + n, uint8_t{0});
     } else if (coding.has_depth()) {
       for (size_t i = 0; i < n; ++i) {
-        dst[i] = columns.depth[i] == kLiteralDepth ? uint8_t{255} : columns.depth[i];
+        dst[i] = columns.depth[i] == kEscapeDepth ? uint8_t{255} : columns.depth[i];
       }
     } else {
       std::fill(dst, dst + n, full_depth);
@@ -57,7 +57,7 @@ void pack_component(const ComponentCoding& coding, const ComponentColumns& colum
       continue;
     }
     for (size_t i = 0; i < n; ++i) {
-      const bool has_stage = columns.depth[i] != kLiteralDepth && columns.depth[i] > s;
+      const bool has_stage = columns.depth[i] != kEscapeDepth && columns.depth[i] > s;
       dst[i] = has_stage ? *src++ : uint16_t{0};
     }
   }
@@ -74,7 +74,7 @@ Status PageDecoder::pack(const Plan& plan, l4d_packed_buffers& out, const Progre
   }
   const auto wanted = [&](unsigned c) {
     const l4d_packed_component& p = out.component[c];
-    return p.depth != nullptr || p.index != nullptr || p.literal != nullptr;
+    return p.depth != nullptr || p.index != nullptr || p.escape != nullptr;
   };
   PageWants wants;
   wants.position = out.position != nullptr;
@@ -86,31 +86,31 @@ Status PageDecoder::pack(const Plan& plan, l4d_packed_buffers& out, const Progre
   wants.sh_detail = plan.detail == L4D_DETAIL_FULL;
   const size_t capacity = static_cast<size_t>(out.capacity);
 
-  // Where a page's literals go depends on the pages before it, so they are gathered first, for a
-  // few pages at a time: all of a page may be literals.
+  // Where a page's escapes go depends on the pages before it, so they are gathered first, for a
+  // few pages at a time: all of a page may be escapes.
   std::array<uint64_t, L4D_COMPONENT_COUNT> at{};
-  for (l4d_packed_component& p : out.component) p.num_literals = 0;
+  for (l4d_packed_component& p : out.component) p.num_escapes = 0;
   for (size_t begin = 0, end = 0; begin < plan.tasks.size(); begin = end) {
     uint64_t bytes = 0;
     for (; end < plan.tasks.size() && (end == begin || bytes < kGatherBytes); ++end) {
       const PageTask& task = plan.tasks[end];
-      bytes += sizeof(std::array<PageLiterals, L4D_COMPONENT_COUNT>);
+      bytes += sizeof(std::array<PageEscapes, L4D_COMPONENT_COUNT>);
       for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
         const LayerHeader& layer = header.layers[task.layer];
-        if (out.component[c].literal == nullptr || !header.component(layer, c).literals) continue;
+        if (out.component[c].escape == nullptr || !header.component(layer, c).escapes) continue;
         bytes +=
             uint64_t{task.record.num_gaussians} * header.component_dim(layer, c) * sizeof(uint16_t);
       }
     }
     MemoryCharge charge(file_.memory());
-    L4D_RETURN_IF_ERROR(charge.take(bytes, "literals"));
-    std::vector<std::array<PageLiterals, L4D_COMPONENT_COUNT>> gathered(end - begin);
+    L4D_RETURN_IF_ERROR(charge.take(bytes, "escapes"));
+    std::vector<std::array<PageEscapes, L4D_COMPONENT_COUNT>> gathered(end - begin);
     const Progress progress_of_all = [&](uint64_t done, uint64_t) {
       return !progress || progress(begin + done, plan.tasks.size());
     };
     L4D_RETURN_IF_ERROR(for_each_page(
         {plan, begin, end, wants, lost, false}, progress_of_all,
-        [&](size_t t, const PageColumns& columns, const PageBooks&, PageScratch&) {
+        [&](size_t t, const PageColumns& columns, const PageCodebooks&, PageScratch&) {
           const PageTask& task = plan.tasks[t];
           const LayerHeader& layer = header.layers[task.layer];
           const size_t n = columns.n;
@@ -128,7 +128,7 @@ Status PageDecoder::pack(const Plan& plan, l4d_packed_buffers& out, const Progre
           }
           if (out.mean_t != nullptr) {
             uint16_t* dst = out.mean_t + first;
-            if (layer.mean_t == MeanCodingId::kF16) {
+            if (layer.mean_t == CoordinateCodingId::kF16) {
               std::copy_n(columns.mean_t.data(), n, dst);
             } else {
               std::fill(dst, dst + n, uint16_t{0});
@@ -145,26 +145,26 @@ Status PageDecoder::pack(const Plan& plan, l4d_packed_buffers& out, const Progre
             pack_component(header.component(layer, c), from, present, n, first, capacity,
                            out.component[c]);
             const size_t dim = header.component_dim(layer, c);
-            PageLiterals& literals = gathered[t - begin][c];
-            literals.count = present ? from.num_literals : 0;
-            if (out.component[c].literal == nullptr) continue;
-            literals.values.assign(
-                from.literal.begin(),
-                from.literal.begin() + static_cast<std::ptrdiff_t>(literals.count * dim));
+            PageEscapes& escapes = gathered[t - begin][c];
+            escapes.count = present ? from.num_escapes : 0;
+            if (out.component[c].escape == nullptr) continue;
+            escapes.values.assign(
+                from.escape.begin(),
+                from.escape.begin() + static_cast<std::ptrdiff_t>(escapes.count * dim));
           }
         }));
     for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
       l4d_packed_component& p = out.component[c];
       for (const auto& page : gathered) {
-        if (p.literal != nullptr) {
-          if (p.num_literals + page[c].count > p.literal_capacity) {
+        if (p.escape != nullptr) {
+          if (p.num_escapes + page[c].count > p.escape_capacity) {
             return Status(L4D_ERR_BUFFER_TOO_SMALL,
-                          "literal_capacity is below the number of literals");
+                          "escape_capacity is below the number of escapes");
           }
-          std::copy(page[c].values.begin(), page[c].values.end(), p.literal + at[c]);
+          std::copy(page[c].values.begin(), page[c].values.end(), p.escape + at[c]);
         }
         at[c] += page[c].values.size();
-        p.num_literals += page[c].count;
+        p.num_escapes += page[c].count;
       }
     }
   }

@@ -9,9 +9,9 @@ namespace l4d {
 
 // Pages that are read together, and what they need besides their bytes: [end - begin].
 struct PageDecoder::Batch : PageBatch {
-  std::vector<PageBooks> books;
+  std::vector<PageCodebooks> codebooks;
   std::vector<const EntropyTables*> tables;  // null unless the page is coded with them
-  static constexpr uint64_t kNotes = sizeof(PageBooks) + sizeof(EntropyTables*);
+  static constexpr uint64_t kNotes = sizeof(PageCodebooks) + sizeof(EntropyTables*);
 };
 
 DecodeKernels decode_kernels_reference() {
@@ -47,7 +47,8 @@ void PageDecoder::give_scratch(std::unique_ptr<PageScratch> scratch) {
   scratch_.push_back(std::move(scratch));
 }
 
-Status PageDecoder::resolve_books(const PageTask& task, const PageWants& wants, PageBooks* out) {
+Status PageDecoder::resolve_codebooks(const PageTask& task, const PageWants& wants,
+                                      PageCodebooks* out) {
   const SceneHeader& header = file_.header();
   const LayerHeader& layer = header.layers[task.layer];
   const bool want[L4D_COMPONENT_COUNT] = {wants.sh, wants.scale, wants.rotor, wants.rotor};
@@ -56,16 +57,16 @@ Status PageDecoder::resolve_books(const PageTask& task, const PageWants& wants, 
     if (!want[c]) continue;
     const ComponentCoding& coding = header.component(layer, c);
     if (coding.transform()) {
-      L4D_RETURN_IF_ERROR(file_.codebooks().codebook(task.layer, c, 0, &out->book[c][0]));
+      L4D_RETURN_IF_ERROR(file_.codebooks().codebook(task.layer, c, 0, &out->codebook[c][0]));
       continue;
     }
     const size_t stages = coding.stages.size();
     for (unsigned s = 0; s < stages; ++s) {
       if (s == 0 && block != nullptr && block->tables[c].num_entries != 0) {
         L4D_RETURN_IF_ERROR(file_.codebooks().block_codebook(task.block_id(), c, block->tables[c],
-                                                             &out->book[c][s]));
+                                                             &out->codebook[c][s]));
       } else {
-        L4D_RETURN_IF_ERROR(file_.codebooks().codebook(task.layer, c, s, &out->book[c][s]));
+        L4D_RETURN_IF_ERROR(file_.codebooks().codebook(task.layer, c, s, &out->codebook[c][s]));
       }
     }
   }
@@ -76,12 +77,12 @@ Status PageDecoder::parse_rans_page(const PageTask& task, const EntropyTables& t
                                     ByteSpan bytes, const ByteSpan* detail, PageScratch& scratch,
                                     SectionBytes* sections, Status* detail_status) {
   const SceneHeader& header = file_.header();
-  RansPageParts parts;
+  RansPageChunks parts;
   parts.first = bytes;
   parts.first_at = task.record.chunk.offset;
   parts.has_detail = task.record.has_sh_detail();
   if (detail != nullptr && detail_status->ok()) {
-    *detail_status = check_page_part(header, task.record, true, *detail);
+    *detail_status = check_page_chunk(header, task.record, true, *detail);
     parts.detail = *detail;
     parts.detail_at = task.record.sh_detail.offset;
   }
@@ -96,7 +97,7 @@ Status PageDecoder::decode_one(const Pages& pages, size_t i, PageScratch& scratc
   const SceneHeader& header = file_.header();
   const PageTask& task = pages.plan.tasks[batch->begin + i];
   const ByteSpan bytes = batch->pages[i];
-  L4D_RETURN_IF_ERROR(check_page_part(header, task.record, false, bytes));
+  L4D_RETURN_IF_ERROR(check_page_chunk(header, task.record, false, bytes));
   if (batch->tables[i] != nullptr) {
     const bool has_detail = pages.with_detail() && task.record.has_sh_detail();
     return parse_rans_page(task, *batch->tables[i], bytes,
@@ -113,19 +114,19 @@ Status PageDecoder::decode_one(const Pages& pages, size_t i, PageScratch& scratc
                      sections);
 }
 
-Status PageDecoder::load_shared_books(const Pages& pages) {
-  if (!pages.need_books || !pages.wants.sh || pages.begin == pages.end) return {};
-  const CodebookData* book = nullptr;
-  for (unsigned s = 0; s < file_.header().sh.num_books(); ++s) {
+Status PageDecoder::load_shared_codebooks(const Pages& pages) {
+  if (!pages.need_codebooks || !pages.wants.sh || pages.begin == pages.end) return {};
+  const CodebookData* codebook = nullptr;
+  for (unsigned s = 0; s < file_.header().sh.num_codebooks(); ++s) {
     L4D_RETURN_IF_ERROR(file_.codebooks().codebook(pages.plan.tasks[pages.begin].layer,
-                                                   L4D_COMPONENT_SH, s, &book));
+                                                   L4D_COMPONENT_SH, s, &codebook));
   }
   return {};
 }
 
 Status PageDecoder::find_tables(const Pages& pages, Batch* batch) {
   const size_t n = batch->end - batch->begin;
-  batch->books.assign(n, PageBooks());
+  batch->codebooks.assign(n, PageCodebooks());
   batch->tables.assign(n, nullptr);
   for (size_t i = 0; i < n; ++i) {
     Status& status = batch->status[i];
@@ -134,8 +135,8 @@ Status PageDecoder::find_tables(const Pages& pages, Batch* batch) {
     if (is_rans_page(task.record)) {
       status = file_.codebooks().entropy_tables(task.layer, &batch->tables[i]);
     }
-    if (status.ok() && pages.need_books) {
-      status = resolve_books(task, pages.wants, &batch->books[i]);
+    if (status.ok() && pages.need_codebooks) {
+      status = resolve_codebooks(task, pages.wants, &batch->codebooks[i]);
     }
     if (!status.ok() && (pages.lost == nullptr || !is_loss(status))) return std::move(status);
   }
@@ -158,7 +159,7 @@ void PageDecoder::decode_batch(const Pages& pages, const PageBody& body, Batch* 
         std::lock_guard<std::mutex> lock(sections_mutex);
         for (size_t s = 0; s < sections.size(); ++s) (*pages.sections)[s] += sections[s];
       }
-      body(batch->begin + i, scratch->columns, batch->books[i], *scratch);
+      body(batch->begin + i, scratch->columns, batch->codebooks[i], *scratch);
     }
     give_scratch(std::move(scratch));
   });
@@ -181,7 +182,7 @@ Status PageDecoder::collect_failures(const Pages& pages, Batch* batch) {
 
 Status PageDecoder::for_each_page(const Pages& pages, const Progress& progress,
                                   const PageBody& body) {
-  L4D_RETURN_IF_ERROR(load_shared_books(pages));
+  L4D_RETURN_IF_ERROR(load_shared_codebooks(pages));
   Batch batch;
   batch.end = pages.begin;
   while (batch.end < pages.end) {
@@ -212,21 +213,21 @@ Status PageDecoder::expand(const Plan& plan, size_t begin, size_t end,
   wants.rotor = out.rotor != nullptr;
   wants.sh = out.sh != nullptr;
   wants.sh_detail = plan.detail == L4D_DETAIL_FULL;
-  return for_each_page(
-      {plan, begin, end, wants, lost}, progress,
-      [&](size_t i, const PageColumns& columns, const PageBooks& books, PageScratch& scratch) {
-        const PageTask& task = plan.tasks[i];
-        PageExpander(file_.header(), file_.header().layers[task.layer], columns, books,
-                     kernels_.expand, scratch.expand)
-            .run(plan.ranges[task.range], static_cast<size_t>(task.first), out);
-      });
+  return for_each_page({plan, begin, end, wants, lost}, progress,
+                       [&](size_t i, const PageColumns& columns, const PageCodebooks& codebooks,
+                           PageScratch& scratch) {
+                         const PageTask& task = plan.tasks[i];
+                         PageExpander(file_.header(), file_.header().layers[task.layer], columns,
+                                      codebooks, kernels_.expand, scratch.expand)
+                             .run(plan.spans[task.span], static_cast<size_t>(task.first), out);
+                       });
 }
 
 Status PageDecoder::probe(const Plan& plan, LostPages* lost) {
   PageWants wants;
   wants.sh_detail = plan.detail == L4D_DETAIL_FULL;
   return for_each_page({plan, 0, plan.tasks.size(), wants, lost}, nullptr,
-                       [](size_t, const PageColumns&, const PageBooks&, PageScratch&) {});
+                       [](size_t, const PageColumns&, const PageCodebooks&, PageScratch&) {});
 }
 
 Status PageDecoder::measure(const Plan& plan, SectionBytes* sections,
@@ -243,7 +244,7 @@ Status PageDecoder::measure(const Plan& plan, SectionBytes* sections,
     SectionBytes raw{};
     L4D_RETURN_IF_ERROR(
         for_each_page({plan, i, i + 1, none, nullptr, false, &raw}, nullptr,
-                      [](size_t, const PageColumns&, const PageBooks&, PageScratch&) {}));
+                      [](size_t, const PageColumns&, const PageCodebooks&, PageScratch&) {}));
     const ChunkRef& chunk = plan.tasks[i].record.chunk;
     uint64_t given = 0;
     for (size_t s = 0; s < raw.size(); ++s) {

@@ -41,14 +41,14 @@ class PageDecoder {
       : file_(file), kernels_(kernels), threads_(threads) {}
 
   // With `lost`, pages that cannot be read or are damaged are told there and the rows they would
-  // fill stay as they are; without, one of them ends the call. A page of which the second part
+  // fill stay as they are; without, one of them ends the call. A page of which the SH chunk
   // alone cannot be had is told as such, and its rows have SH without detail.
 
   // Expands tasks [begin, end) of the plan into `out`, whose arrays hold at least
   // plan.num_gaussians.
   Status expand(const Plan& plan, size_t begin, size_t end, const l4d_gaussian_buffers& out,
                 const Progress& progress, LostPages* lost);
-  // The packed form; literal arrays are filled in stored order.
+  // The packed form; escape arrays are filled in stored order.
   Status pack(const Plan& plan, l4d_packed_buffers& out, const Progress& progress, LostPages* lost);
   // Decodes nothing: tells which pages cannot be.
   Status probe(const Plan& plan, LostPages* lost);
@@ -64,17 +64,17 @@ class PageDecoder {
     size_t begin, end;
     PageWants wants;
     LostPages* lost = nullptr;
-    bool need_books = true;
+    bool need_codebooks = true;
     SectionBytes* sections = nullptr;  // added to
     bool with_detail() const { return wants.sh && wants.sh_detail; }
   };
   struct Batch;
   using PageBody = std::function<void(size_t task, const PageColumns& columns,
-                                      const PageBooks& books, PageScratch& scratch)>;
+                                      const PageCodebooks& codebooks, PageScratch& scratch)>;
   // Reads pages in batches, checks and parses them in parallel and hands their columns to `body`.
   Status for_each_page(const Pages& pages, const Progress& progress, const PageBody& body);
   // What every page of a stream needs: without it there is nothing to go on with.
-  Status load_shared_books(const Pages& pages);
+  Status load_shared_codebooks(const Pages& pages);
   // What the pages of a batch need besides their bytes.
   Status find_tables(const Pages& pages, Batch* batch);
   void decode_batch(const Pages& pages, const PageBody& body, Batch* batch);
@@ -85,7 +85,7 @@ class PageDecoder {
   Status parse_rans_page(const PageTask& task, const EntropyTables& tables, ByteSpan bytes,
                          const ByteSpan* detail, PageScratch& scratch, SectionBytes* sections,
                          Status* detail_status);
-  Status resolve_books(const PageTask& task, const PageWants& wants, PageBooks* out);
+  Status resolve_codebooks(const PageTask& task, const PageWants& wants, PageCodebooks* out);
   std::unique_ptr<PageScratch> take_scratch();
   void give_scratch(std::unique_ptr<PageScratch> scratch);
 

@@ -16,16 +16,16 @@ namespace l4d {
 struct VqSource {
   size_t dim = 0;
   size_t num_stages = 0;
-  std::array<const float*, L4D_MAX_STAGES> book{};      // [entries, dim], CodebookData padding
+  std::array<const float*, L4D_MAX_STAGES> codebook{};  // [entries, dim], CodebookData padding
   std::array<const uint16_t*, L4D_MAX_STAGES> index{};  // compact: Gaussians with depth > s
   const uint8_t* depth = nullptr;                       // [n], or null: num_stages for all
-  const uint16_t* literal = nullptr;                    // [num_literals, dim] binary16
+  const uint16_t* escape = nullptr;                     // [num_escapes, dim] binary16
 };
 
 // Where the next Gaussian's entries lie in the compact arrays.
 struct VqCursor {
   std::array<size_t, L4D_MAX_STAGES> index{};
-  size_t literal = 0;
+  size_t escape = 0;
 };
 
 // `past_cache`: dst is larger than the cache and not read again soon, so it may be written around
@@ -38,7 +38,7 @@ struct ReconstructKernels {
   void (*means)(const uint16_t* halves, size_t n, float width, float* dst);
   // dst[i] = offset + step * code.
   void (*scalars)(const uint16_t* codes, size_t n, float offset, float step, float* dst);
-  // Rows i = begin..end-1 of the page to dst [end - begin, dim]: the literal, or the codewords of
+  // Rows i = begin..end-1 of the page to dst [end - begin, dim]: the escape, or the codewords of
   // all stages below the depth summed in order of stages (zeros at depth 0). Rows are taken in
   // order: the cursor carries the place from one call to the next.
   void (*vq_rows)(const VqSource& source, VqCursor& cursor, size_t begin, size_t end, float* dst,

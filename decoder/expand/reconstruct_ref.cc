@@ -28,8 +28,8 @@ void scalars(const uint16_t* codes, size_t n, float offset, float step, float* d
 void vq_rows(const VqSource& source, VqCursor& cursor, size_t begin, size_t end, float* dst, bool) {
   for (size_t i = begin; i < end; ++i, dst += source.dim) {
     const size_t depth = source.depth == nullptr ? source.num_stages : source.depth[i];
-    if (depth == kLiteralDepth) {
-      const uint16_t* row = source.literal + source.dim * cursor.literal++;
+    if (depth == kEscapeDepth) {
+      const uint16_t* row = source.escape + source.dim * cursor.escape++;
       for (size_t k = 0; k < source.dim; ++k) dst[k] = half_to_float(row[k]);
       continue;
     }
@@ -38,7 +38,7 @@ void vq_rows(const VqSource& source, VqCursor& cursor, size_t begin, size_t end,
       continue;
     }
     for (size_t s = 0; s < depth; ++s) {
-      const float* row = source.book[s] + source.dim * source.index[s][cursor.index[s]++];
+      const float* row = source.codebook[s] + source.dim * source.index[s][cursor.index[s]++];
       for (size_t k = 0; k < source.dim; ++k) dst[k] = s == 0 ? row[k] : dst[k] + row[k];
     }
   }

@@ -115,11 +115,12 @@ HWY_INLINE bool can_stream(bool past_cache, const float* dst) {
 constexpr size_t kPrefetchRows = 8;
 
 template <class D>
-HWY_INLINE void stream_rows(D d, const uint16_t* HWY_RESTRICT index, const float* HWY_RESTRICT book,
-                            size_t n, size_t dim, float* HWY_RESTRICT dst) {
+HWY_INLINE void stream_rows(D d, const uint16_t* HWY_RESTRICT index,
+                            const float* HWY_RESTRICT codebook, size_t n, size_t dim,
+                            float* HWY_RESTRICT dst) {
   for (size_t i = 0; i < n; ++i, dst += dim) {
-    const float* HWY_RESTRICT row = book + dim * index[i];
-    const float* ahead = book + dim * index[i + kPrefetchRows < n ? i + kPrefetchRows : i];
+    const float* HWY_RESTRICT row = codebook + dim * index[i];
+    const float* ahead = codebook + dim * index[i + kPrefetchRows < n ? i + kPrefetchRows : i];
     for (size_t k = 0; k < dim; k += 16) hwy::Prefetch(ahead + k);
     for (size_t k = 0; k < dim; k += hn::Lanes(d)) hn::Stream(hn::LoadU(d, row + k), d, dst + k);
   }
@@ -131,28 +132,29 @@ HWY_INLINE void vq_rows_with(D d, const VqSource& source, size_t dim, VqCursor& 
                              size_t begin, size_t end, float* dst, bool past_cache) {
   if (source.depth == nullptr && source.num_stages == 1) {
     const uint16_t* HWY_RESTRICT index = source.index[0] + cursor.index[0];
-    const float* HWY_RESTRICT book = source.book[0];
+    const float* HWY_RESTRICT codebook = source.codebook[0];
     const hn::CappedTag<float, 4> d4;
     if (dim % 16 == 0 && can_stream(past_cache, dst)) {
-      stream_rows(d4, index, book, end - begin, dim, dst);
+      stream_rows(d4, index, codebook, end - begin, dim, dst);
       cursor.index[0] += end - begin;
       return;
     }
-    for (size_t i = 0; i < end - begin; ++i) copy_row(d, book + dim * index[i], dim, dst + dim * i);
+    for (size_t i = 0; i < end - begin; ++i)
+      copy_row(d, codebook + dim * index[i], dim, dst + dim * i);
     cursor.index[0] += end - begin;
     return;
   }
   for (size_t i = begin; i < end; ++i, dst += dim) {
     const size_t depth = source.depth == nullptr ? source.num_stages : source.depth[i];
-    if (depth == kLiteralDepth) {
-      const uint16_t* row = source.literal + dim * cursor.literal++;
+    if (depth == kEscapeDepth) {
+      const uint16_t* row = source.escape + dim * cursor.escape++;
       for (size_t k = 0; k < dim; ++k) dst[k] = half_to_float(row[k]);
     } else if (depth == 0) {
       std::memset(dst, 0, dim * sizeof(float));
     } else {
-      copy_row(d, source.book[0] + dim * source.index[0][cursor.index[0]++], dim, dst);
+      copy_row(d, source.codebook[0] + dim * source.index[0][cursor.index[0]++], dim, dst);
       for (size_t s = 1; s < depth; ++s) {
-        add_row(d, source.book[s] + dim * source.index[s][cursor.index[s]++], dim, dst);
+        add_row(d, source.codebook[s] + dim * source.index[s][cursor.index[s]++], dim, dst);
       }
     }
   }
@@ -165,10 +167,10 @@ void copy_rows_of_3(const VqSource& source, VqCursor& cursor, size_t begin, size
                     float* dst) {
   const hn::CappedTag<float, 4> d;
   const uint16_t* HWY_RESTRICT index = source.index[0] + cursor.index[0];
-  const float* HWY_RESTRICT book = source.book[0];
+  const float* HWY_RESTRICT codebook = source.codebook[0];
   const size_t n = end - begin;
   for (size_t i = 0; i < n; ++i) {
-    const float* row = book + 3 * size_t{index[i]};
+    const float* row = codebook + 3 * size_t{index[i]};
     if (hn::Lanes(d) == 4 && i + 1 < n) {
       hn::StoreU(hn::LoadU(d, row), d, dst + 3 * i);
     } else {

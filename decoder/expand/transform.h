@@ -15,12 +15,12 @@ struct TransformSource {
   size_t num_coefficients = 0;
   const float* basis =
       nullptr;  // [num_coefficients + 1, dim], the origin first; CodebookData padding
-  const float* steps = nullptr;  // [num_coefficients]
-  const uint8_t* cls = nullptr;  // [n], below 16
-  const uint8_t* rung =
-      nullptr;  // [n], at most the number of steps of the ladder; null: all of them
-  const uint8_t* ladder = nullptr;
-  std::array<const int16_t*, 48> coefficient{};  // compact: Gaussians whose rung reaches it
+  const float* steps = nullptr;            // [num_coefficients]
+  const uint8_t* step_exponent = nullptr;  // [n], below 16
+  const uint8_t* eob_index =
+      nullptr;  // [n], at most the number of steps of the EOB table; null: all of them
+  const uint8_t* eob_table = nullptr;
+  std::array<const int16_t*, 48> coefficient{};  // compact: Gaussians whose EOB index reaches it
 };
 
 // Where the next Gaussian's coefficients lie in the compact arrays.
@@ -29,9 +29,10 @@ struct TransformCursor {
 };
 
 struct TransformKernels {
-  // Rows i = begin..end-1 of the page to dst [end - begin, dim]. With c_k = (q_k * 2^-class) *
-  // step_k, a row is the origin, to which c_k times basis vector k is added for k = 0, 1, .. below
-  // what the Gaussian's rung has. Rows are taken in order: the cursor carries the place.
+  // Rows i = begin..end-1 of the page to dst [end - begin, dim]. With c_k = (q_k *
+  // 2^-step_exponent) * step_k, a row is the origin, to which c_k times basis vector k is added for
+  // k = 0, 1, .. below what the Gaussian's EOB index has. Rows are taken in order: the cursor
+  // carries the place.
   void (*rows)(const TransformSource& source, TransformCursor& cursor, size_t begin, size_t end,
                float* dst, bool past_cache);
   // dst[i] = rotor [8] of the halves whose stereographic coordinates are spatial[i] + temporal[i]

@@ -10,10 +10,10 @@ void rows(const TransformSource& source, TransformCursor& cursor, size_t begin, 
   for (size_t i = begin; i < end; ++i, dst += source.dim) {
     for (size_t d = 0; d < source.dim; ++d) dst[d] = source.basis[d];
     size_t count = source.num_coefficients;
-    if (source.rung != nullptr) {
-      count = source.rung[i] == 0 ? 0 : source.ladder[source.rung[i] - 1];
+    if (source.eob_index != nullptr) {
+      count = source.eob_index[i] == 0 ? 0 : source.eob_table[source.eob_index[i] - 1];
     }
-    const float scale = 1.0f / static_cast<float>(1u << source.cls[i]);
+    const float scale = 1.0f / static_cast<float>(1u << source.step_exponent[i]);
     for (size_t k = 0; k < count; ++k) {
       const int16_t q = source.coefficient[k][cursor.coefficient[k]++];
       const float c = (static_cast<float>(q) * scale) * source.steps[k];

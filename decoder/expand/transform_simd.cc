@@ -55,16 +55,16 @@ HWY_INLINE V load_int16(const int16_t* q) {
   return hn::ConvertTo(d, hn::PromoteTo(di, hn::LoadU(d16, q)));
 }
 
-// 2^-class
-HWY_INLINE V class_scales(const uint8_t* cls) {
+// 2^-step_exponent
+HWY_INLINE V step_scales(const uint8_t* step_exponent) {
   const D d;
   const hn::RebindToUnsigned<D> du;
   const hn::Rebind<uint8_t, D> d8;
-  const auto exponent = hn::Sub(hn::Set(du, 127), hn::PromoteTo(du, hn::LoadU(d8, cls)));
+  const auto exponent = hn::Sub(hn::Set(du, 127), hn::PromoteTo(du, hn::LoadU(d8, step_exponent)));
   return hn::BitCast(d, hn::ShiftLeft<23>(exponent));
 }
 
-float class_scale(uint8_t cls) { return 1.0f / static_cast<float>(1u << cls); }
+float step_scale(uint8_t step_exponent) { return 1.0f / static_cast<float>(1u << step_exponent); }
 
 // Gaussians that are worked on together, with whole vectors for each row. Bit i of a mask is
 // Gaussian i. Before the first element of `scale` and `c` there is room for the rest of a vector
@@ -74,17 +74,17 @@ struct Batch {
   static constexpr size_t kPitch = kWidth + kSize;
   HWY_ALIGN float rows[kSize * kMaxDim];
   HWY_ALIGN float basis[(kMaxDim + 1) * kMaxDim];
-  HWY_ALIGN float class_scale[kSize];
-  HWY_ALIGN float scale[kPitch + kWidth];  // of those that reach the step of the ladder at hand
+  HWY_ALIGN float step_scale[kSize];
+  HWY_ALIGN float scale[kPitch + kWidth];  // of those that reach the step of the EOB table at hand
   HWY_ALIGN float c[kMaxDim][kPitch];      // of those that reach coefficient k, in order
   uint64_t reach[kMaxDim];                 // who reaches step s
-  uint8_t cls[kSize];
-  uint8_t rung[kSize];
+  uint8_t step_exponent[kSize];
+  uint8_t eob_index[kSize];
 };
 
-// The first n coefficients of a plane, times scale and step.
-HWY_INLINE void scale_plane(const int16_t* HWY_RESTRICT q, size_t before, size_t n, float step,
-                            const float* HWY_RESTRICT scale, float* HWY_RESTRICT c) {
+// The first n coefficients of a channel, times scale and step.
+HWY_INLINE void scale_channel(const int16_t* HWY_RESTRICT q, size_t before, size_t n, float step,
+                              const float* HWY_RESTRICT scale, float* HWY_RESTRICT c) {
   const D d;
   const V steps = hn::Set(d, step);
   const auto vector_at = [&](std::ptrdiff_t j) HWY_ATTR {
@@ -111,7 +111,7 @@ constexpr size_t kMaxVectors = 2;
 // kVectors vectors, from `column` on, of the rows of kGroup Gaussians that have all coefficients of
 // the first `steps` steps. Several at a time share the loads of the basis.
 template <size_t kGroup, size_t kVectors>
-HWY_INLINE void sum_columns(const uint8_t* HWY_RESTRICT ladder, size_t steps,
+HWY_INLINE void sum_columns(const uint8_t* HWY_RESTRICT eob_table, size_t steps,
                             const size_t (&gaussian)[kGroup], size_t column, size_t stride,
                             Batch& batch) {
   const D d;
@@ -120,16 +120,16 @@ HWY_INLINE void sum_columns(const uint8_t* HWY_RESTRICT ladder, size_t steps,
   for (size_t v = 0; v < kVectors; ++v) {
     for (size_t g = 0; g < kGroup; ++g) row[g][v] = hn::Load(d, vector + v * kWidth);
   }
-  const float* HWY_RESTRICT plane = batch.c[0] + kWidth;
+  const float* HWY_RESTRICT channel = batch.c[0] + kWidth;
   for (size_t s = 0, k = 0; s < steps; ++s) {
     const float* c[kGroup];
     for (size_t g = 0; g < kGroup; ++g) {
       const uint64_t before = batch.reach[s] & ((uint64_t{1} << gaussian[g]) - 1);
-      c[g] = plane + hwy::PopCount(before);
+      c[g] = channel + hwy::PopCount(before);
     }
-    const size_t count = ladder[s] - k;
-    k = ladder[s];
-    plane += Batch::kPitch * count;
+    const size_t count = eob_table[s] - k;
+    k = eob_table[s];
+    channel += Batch::kPitch * count;
     for (size_t at = 0; at < Batch::kPitch * count; at += Batch::kPitch) {
       vector += stride;
       V a[kGroup];
@@ -148,8 +148,8 @@ HWY_INLINE void sum_columns(const uint8_t* HWY_RESTRICT ladder, size_t steps,
 
 // Takes kGroup Gaussians from `members`; where there are fewer, one is done several times.
 template <size_t kGroup>
-HWY_INLINE uint64_t sum_group(const uint8_t* ladder, size_t steps, uint64_t members, size_t stride,
-                              Batch& batch) {
+HWY_INLINE uint64_t sum_group(const uint8_t* eob_table, size_t steps, uint64_t members,
+                              size_t stride, Batch& batch) {
   size_t gaussian[kGroup];
   size_t last = 0;
   for (size_t g = 0; g < kGroup; ++g) {
@@ -159,33 +159,33 @@ HWY_INLINE uint64_t sum_group(const uint8_t* ladder, size_t steps, uint64_t memb
   }
   size_t column = 0;
   for (; column + kMaxVectors * kWidth <= stride; column += kMaxVectors * kWidth) {
-    sum_columns<kGroup, kMaxVectors>(ladder, steps, gaussian, column, stride, batch);
+    sum_columns<kGroup, kMaxVectors>(eob_table, steps, gaussian, column, stride, batch);
   }
   const size_t left = (stride - column) / kWidth;
-  if (left == 1) sum_columns<kGroup, 1>(ladder, steps, gaussian, column, stride, batch);
-  if (left == 2) sum_columns<kGroup, 2>(ladder, steps, gaussian, column, stride, batch);
+  if (left == 1) sum_columns<kGroup, 1>(eob_table, steps, gaussian, column, stride, batch);
+  if (left == 2) sum_columns<kGroup, 2>(eob_table, steps, gaussian, column, stride, batch);
   return members;
 }
 
-// The rows of the Gaussians of one rung.
-HWY_NOINLINE void sum_rows(const uint8_t* ladder, size_t steps, uint64_t members, size_t stride,
+// The rows of the Gaussians of one EOB index.
+HWY_NOINLINE void sum_rows(const uint8_t* eob_table, size_t steps, uint64_t members, size_t stride,
                            Batch& batch) {
   size_t n = hwy::PopCount(members);
   for (; n > 2; n -= std::min<size_t>(n, 4)) {
-    members = sum_group<4>(ladder, steps, members, stride, batch);
+    members = sum_group<4>(eob_table, steps, members, stride, batch);
   }
-  if (n > 0) sum_group<2>(ladder, steps, members, stride, batch);
+  if (n > 0) sum_group<2>(eob_table, steps, members, stride, batch);
 }
 
-// Who has a rung above `step`. Both are small enough for signed comparisons.
-HWY_INLINE uint64_t rungs_above(const uint8_t* HWY_RESTRICT rung, size_t step) {
+// Who has an EOB index above `step`. Both are small enough for signed comparisons.
+HWY_INLINE uint64_t eob_indices_above(const uint8_t* HWY_RESTRICT eob_index, size_t step) {
   const hn::CappedTag<int8_t, Batch::kSize> d8;
   const auto steps = hn::Set(d8, static_cast<int8_t>(step));
   uint64_t mask = 0;
   for (size_t i = 0; i < Batch::kSize; i += hn::Lanes(d8)) {
     uint8_t bits[8] = {};
-    const auto rungs = hn::LoadU(d8, reinterpret_cast<const int8_t*>(rung + i));
-    hn::StoreMaskBits(d8, hn::Gt(rungs, steps), bits);
+    const auto eob_indices = hn::LoadU(d8, reinterpret_cast<const int8_t*>(eob_index + i));
+    hn::StoreMaskBits(d8, hn::Gt(eob_indices, steps), bits);
     uint64_t part;
     std::memcpy(&part, bits, sizeof(part));
     mask |= part << i;
@@ -193,7 +193,7 @@ HWY_INLINE uint64_t rungs_above(const uint8_t* HWY_RESTRICT rung, size_t step) {
   return mask;
 }
 
-// Leaves the scales of `members`, whose rung is above `step`.
+// Leaves the scales of `members`, whose EOB index is above `step`.
 HWY_INLINE void compress_scales(const Batch& batch, uint64_t members, size_t step,
                                 float* HWY_RESTRICT to) {
 #if HWY_TARGET <= HWY_AVX3
@@ -203,60 +203,60 @@ HWY_INLINE void compress_scales(const Batch& batch, uint64_t members, size_t ste
   const hn::Rebind<uint8_t, D> d8;
   const auto steps = hn::Set(di, static_cast<int32_t>(step));
   for (size_t i = 0; i < Batch::kSize; i += kWidth) {
-    const auto rungs = hn::PromoteTo(di, hn::LoadU(d8, batch.rung + i));
-    const auto above = hn::RebindMask(d, hn::Gt(rungs, steps));
-    hn::StoreU(hn::Compress(hn::Load(d, batch.class_scale + i), above), d, to);
+    const auto eob_indices = hn::PromoteTo(di, hn::LoadU(d8, batch.eob_index + i));
+    const auto above = hn::RebindMask(d, hn::Gt(eob_indices, steps));
+    hn::StoreU(hn::Compress(hn::Load(d, batch.step_scale + i), above), d, to);
     to += hn::CountTrue(d, above);
   }
 #else
   // Without an instruction for it, Compress of Highway 1.0 copies its table at each call (gcc).
   (void)step;
   for (; members != 0; members &= members - 1) {
-    *to++ = batch.class_scale[hwy::Num0BitsBelowLS1Bit_Nonzero64(members)];
+    *to++ = batch.step_scale[hwy::Num0BitsBelowLS1Bit_Nonzero64(members)];
   }
 #endif
 }
 
-// Fills the first n rows of a batch from its classes and rungs. Step by step of the ladder: who
-// goes no further is summed up, the others get the coefficients of the step.
+// Fills the first n rows of a batch from its step_exponents and EOB indices. Step by step of the
+// EOB table: who goes no further is summed up, the others get the coefficients of the step.
 HWY_NOINLINE void sum_batch(const TransformSource& source, TransformCursor& cursor,
-                            const uint8_t* ladder, size_t n, size_t stride, Batch& batch) {
+                            const uint8_t* eob_table, size_t n, size_t stride, Batch& batch) {
   const D d;
   for (size_t i = 0; i < Batch::kSize; i += kWidth) {
-    hn::Store(class_scales(batch.cls + i), d, batch.class_scale + i);
+    hn::Store(step_scales(batch.step_exponent + i), d, batch.step_scale + i);
   }
   uint64_t members = ~uint64_t{0} >> (Batch::kSize - n);
   size_t s = 0;
   for (size_t k = 0; k < source.num_coefficients && members != 0; ++s) {
-    const uint64_t reach = members & rungs_above(batch.rung, s);
+    const uint64_t reach = members & eob_indices_above(batch.eob_index, s);
     batch.reach[s] = reach;
-    sum_rows(ladder, s, members ^ reach, stride, batch);
+    sum_rows(eob_table, s, members ^ reach, stride, batch);
     members = reach;
     compress_scales(batch, members, s, batch.scale + kWidth);
     const size_t count = hwy::PopCount(members);
-    for (; k < ladder[s]; ++k) {
+    for (; k < eob_table[s]; ++k) {
       size_t& at = cursor.coefficient[k];
-      scale_plane(source.coefficient[k] + at, at, count, source.steps[k], batch.scale + kWidth,
-                  batch.c[k] + kWidth);
+      scale_channel(source.coefficient[k] + at, at, count, source.steps[k], batch.scale + kWidth,
+                    batch.c[k] + kWidth);
       at += count;
     }
   }
-  sum_rows(ladder, s, members, stride, batch);
+  sum_rows(eob_table, s, members, stride, batch);
 }
 
-void rows_by_rung(const TransformSource& source, TransformCursor& cursor, size_t begin, size_t end,
-                  float* dst, bool past_cache) {
+void rows_by_eob_index(const TransformSource& source, TransformCursor& cursor, size_t begin,
+                       size_t end, float* dst, bool past_cache) {
   const D d;
   const size_t dim = source.dim;
   const size_t stride = hwy::RoundUpTo(dim, kWidth);
   const bool stream = can_stream(past_cache, dst);
-  // Without a ladder there is one step, which all reach.
+  // Without an EOB table there is one step, which all reach.
   const uint8_t all = static_cast<uint8_t>(source.num_coefficients);
-  const uint8_t* ladder = source.rung == nullptr ? &all : source.ladder;
+  const uint8_t* eob_table = source.eob_index == nullptr ? &all : source.eob_table;
   Batch batch;
   std::fill_n(batch.scale, kWidth, 0.0f);
-  std::fill_n(batch.cls, Batch::kSize, uint8_t{0});
-  std::fill_n(batch.rung, Batch::kSize, uint8_t{1});
+  std::fill_n(batch.step_exponent, Batch::kSize, uint8_t{0});
+  std::fill_n(batch.eob_index, Batch::kSize, uint8_t{1});
   for (size_t k = 0; k <= source.num_coefficients; ++k) {
     for (size_t v = 0; v < stride; v += kWidth) {
       hn::Store(hn::LoadU(d, source.basis + dim * k + v), d, batch.basis + stride * k + v);
@@ -264,9 +264,9 @@ void rows_by_rung(const TransformSource& source, TransformCursor& cursor, size_t
   }
   for (size_t i = begin; i < end; i += Batch::kSize) {
     const size_t n = std::min(Batch::kSize, end - i);
-    std::copy_n(source.cls + i, n, batch.cls);
-    if (source.rung != nullptr) std::copy_n(source.rung + i, n, batch.rung);
-    sum_batch(source, cursor, ladder, n, stride, batch);
+    std::copy_n(source.step_exponent + i, n, batch.step_exponent);
+    if (source.eob_index != nullptr) std::copy_n(source.eob_index + i, n, batch.eob_index);
+    sum_batch(source, cursor, eob_table, n, stride, batch);
     for (size_t j = 1; j < n && stride != dim; ++j) {
       for (size_t v = 0; v < stride; v += kWidth) {
         hn::StoreU(hn::LoadU(d, batch.rows + j * stride + v), d, batch.rows + j * dim + v);
@@ -284,7 +284,7 @@ void rows_of(const TransformSource& source, TransformCursor& cursor, size_t begi
              float* dst) {
   const D d;
   const size_t n = end - begin;
-  const uint8_t* HWY_RESTRICT cls = source.cls + begin;
+  const uint8_t* HWY_RESTRICT step_exponent = source.step_exponent + begin;
   const float* HWY_RESTRICT basis = source.basis;
   const int16_t* q[kMaxDim];
   for (size_t k = 0; k < source.num_coefficients; ++k) {
@@ -293,7 +293,7 @@ void rows_of(const TransformSource& source, TransformCursor& cursor, size_t begi
   }
   size_t i = 0;
   for (; i + kWidth <= n; i += kWidth) {
-    const V scale = class_scales(cls + i);
+    const V scale = step_scales(step_exponent + i);
     V row[kDim];
     for (size_t a = 0; a < kDim; ++a) row[a] = hn::Set(d, basis[a]);
     for (size_t k = 0; k < source.num_coefficients; ++k) {
@@ -310,7 +310,7 @@ void rows_of(const TransformSource& source, TransformCursor& cursor, size_t begi
     }
   }
   for (; i < n; ++i) {
-    const float scale = class_scale(cls[i]);
+    const float scale = step_scale(step_exponent[i]);
     float* row = dst + kDim * i;
     for (size_t a = 0; a < kDim; ++a) row[a] = basis[a];
     for (size_t k = 0; k < source.num_coefficients; ++k) {
@@ -322,13 +322,13 @@ void rows_of(const TransformSource& source, TransformCursor& cursor, size_t begi
 
 void rows(const TransformSource& source, TransformCursor& cursor, size_t begin, size_t end,
           float* dst, bool past_cache) {
-  if (source.rung == nullptr && source.dim == 3) {
+  if (source.eob_index == nullptr && source.dim == 3) {
     return rows_of<3>(source, cursor, begin, end, dst);
   }
-  if (source.rung == nullptr && source.dim == 4) {
+  if (source.eob_index == nullptr && source.dim == 4) {
     return rows_of<4>(source, cursor, begin, end, dst);
   }
-  rows_by_rung(source, cursor, begin, end, dst, past_cache);
+  rows_by_eob_index(source, cursor, begin, end, dst, past_cache);
 }
 
 HWY_INLINE V on_grid(V w) {

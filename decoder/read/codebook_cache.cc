@@ -19,7 +19,7 @@ Status CodebookCache::codebook(uint32_t layer, unsigned component, unsigned stag
                                const CodebookData** out) {
   // SH is global: one key for all layers.
   const uint32_t owner = component == L4D_COMPONENT_SH ? 0 : layer;
-  const BookKey key(owner, component * 16 + stage);
+  const CodebookKey key(owner, component * 16 + stage);
   const auto it = codebooks_.find(key);
   if (it != codebooks_.end()) {
     *out = &it->second;
@@ -30,25 +30,25 @@ Status CodebookCache::codebook(uint32_t layer, unsigned component, unsigned stag
   if (failed != failed_.end()) return failed->second;
   const LayerHeader& l = header_.layers[layer];
   const ComponentCoding& coding = header_.component(l, component);
-  const Status status = load_codebook(key, stage == kRcqStage ? coding.rcq : coding.book(stage),
+  const Status status = load_codebook(key, stage == kRcqStage ? coding.rcq : coding.codebook(stage),
                                       header_.component_dim(l, component), out);
   if (is_loss(status)) failed_[failed_key] = status;
   return status;
 }
 
-Status CodebookCache::load_codebook(const BookKey& key, const StageCoding& stage, uint32_t dim,
+Status CodebookCache::load_codebook(const CodebookKey& key, const StageCoding& stage, uint32_t dim,
                                     const CodebookData** out) {
   MemoryCharge charge(reader_.memory());
   L4D_RETURN_IF_ERROR(charge.take(
       (uint64_t{stage.num_entries} * dim + CodebookData::kPadding) * sizeof(float), "a codebook"));
   Bytes stored, storage;
   ByteSpan raw;
-  CodebookData book;
+  CodebookData codebook;
   L4D_RETURN_IF_ERROR(reader_.read(stage.codebook, max_codebook_bytes(stage.num_entries, dim),
                                    stored, storage, &raw));
   L4D_RETURN_IF_ERROR(
-      decode_codebook(reader_.decoder(), raw, stage.codebook.offset, stage, dim, &book));
-  *out = &(codebooks_[key] = std::move(book));
+      decode_codebook(reader_.decoder(), raw, stage.codebook.offset, stage, dim, &codebook));
+  *out = &(codebooks_[key] = std::move(codebook));
   charge.keep();
   return {};
 }
@@ -73,12 +73,12 @@ Status CodebookCache::load_entropy_tables(uint32_t layer, const EntropyTables** 
     return corrupt("RANS-6", Status::kNoOffset,
                    "a rANS page in layer " + std::to_string(layer) + ", which cannot have one");
   }
-  const std::vector<PlaneSpec> planes = page_planes(header_, l);
+  const std::vector<ChannelSpec> channels = page_channels(header_, l);
   Bytes stored, storage;
   ByteSpan raw;
-  L4D_RETURN_IF_ERROR(reader_.read(l.entropy, max_entropy_bytes(planes), stored, storage, &raw));
+  L4D_RETURN_IF_ERROR(reader_.read(l.entropy, max_entropy_bytes(channels), stored, storage, &raw));
   MemoryCharge charge(reader_.memory());
-  L4D_RETURN_IF_ERROR(charge.take(entropy_memory(raw, planes), "entropy tables"));
+  L4D_RETURN_IF_ERROR(charge.take(entropy_memory(raw, channels), "entropy tables"));
   EntropyTables tables;
   L4D_RETURN_IF_ERROR(parse_entropy_tables(raw, l.entropy.offset, header_, l, &tables));
   *out = &(entropy_[layer] = std::move(tables));
@@ -89,8 +89,8 @@ Status CodebookCache::load_entropy_tables(uint32_t layer, const EntropyTables** 
 Status CodebookCache::block_codebook(const BlockId& block, unsigned component,
                                      const RcqTableRef& table, const CodebookData** out) {
   const BlockKey key(block.layer, block.directory_index, block.index, component);
-  const auto it = block_books_.find(key);
-  if (it != block_books_.end()) {
+  const auto it = block_codebooks_.find(key);
+  if (it != block_codebooks_.end()) {
     *out = &it->second;
     return {};
   }
@@ -114,12 +114,12 @@ Status CodebookCache::load_block_codebook(const BlockKey& key, const RcqTableRef
   L4D_RETURN_IF_ERROR(charge.take(bytes, "a block codebook"));
   Bytes stored, storage;
   ByteSpan raw;
-  CodebookData book;
+  CodebookData codebook;
   L4D_RETURN_IF_ERROR(
       reader_.read(table.chunk, max_rcq_table_bytes(table.num_entries), stored, storage, &raw));
   L4D_RETURN_IF_ERROR(decode_rcq_table(reader_.decoder(), raw, table.chunk.offset,
-                                       table.num_entries, global, residual, &book));
-  *out = &(block_books_[key] = std::move(book));
+                                       table.num_entries, global, residual, &codebook));
+  *out = &(block_codebooks_[key] = std::move(codebook));
   charge.keep();
   block_memory_ += bytes;
   return {};
@@ -127,7 +127,7 @@ Status CodebookCache::load_block_codebook(const BlockKey& key, const RcqTableRef
 
 void CodebookCache::trim() {
   if (block_memory_ <= kBlockCacheBytes) return;
-  block_books_.clear();
+  block_codebooks_.clear();
   reader_.memory().release(block_memory_);
   block_memory_ = 0;
 }

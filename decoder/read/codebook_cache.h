@@ -7,8 +7,8 @@
 #include <utility>
 
 #include "decoder/read/chunk_reader.h"
+#include "libl4dcodec/container/channels.h"
 #include "libl4dcodec/container/directory.h"
-#include "libl4dcodec/container/planes.h"
 #include "libl4dcodec/quant/codebook.h"
 
 namespace l4d {
@@ -43,9 +43,9 @@ class CodebookCache {
   void trim();
 
  private:
-  using BookKey = std::pair<uint32_t, uint32_t>;                        // layer, what of it
+  using CodebookKey = std::pair<uint32_t, uint32_t>;                    // layer, what of it
   using BlockKey = std::tuple<uint32_t, uint32_t, uint32_t, unsigned>;  // a BlockId, component
-  Status load_codebook(const BookKey& key, const StageCoding& stage, uint32_t dim,
+  Status load_codebook(const CodebookKey& key, const StageCoding& stage, uint32_t dim,
                        const CodebookData** out);
   Status load_entropy_tables(uint32_t layer, const EntropyTables** out);
   Status load_block_codebook(const BlockKey& key, const RcqTableRef& table,
@@ -54,9 +54,9 @@ class CodebookCache {
 
   ChunkReader& reader_;
   const SceneHeader& header_;
-  std::map<BookKey, CodebookData> codebooks_;
+  std::map<CodebookKey, CodebookData> codebooks_;
   std::map<uint32_t, EntropyTables> entropy_;
-  std::map<BlockKey, CodebookData> block_books_;
+  std::map<BlockKey, CodebookData> block_codebooks_;
   std::map<BlockKey, Status> failed_;  // what belongs to no block under block kNoBlock
   uint64_t block_memory_ = 0;
 };

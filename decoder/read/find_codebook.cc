@@ -16,9 +16,9 @@ Status find_codebook(SceneFile& file, uint32_t layer, uint32_t component, uint32
   out->num_entries = 0;
   out->dim = header.component_dim(header.layers[layer], component);
   if (stage >= coding.stages.size()) return {};
-  const CodebookData* book = nullptr;
+  const CodebookData* codebook = nullptr;
   if (block == L4D_NO_BLOCK || stage > 0) {
-    L4D_RETURN_IF_ERROR(file.codebooks().codebook(layer, component, stage, &book));
+    L4D_RETURN_IF_ERROR(file.codebooks().codebook(layer, component, stage, &codebook));
   } else {
     const uint32_t directory_index = block >> 8;
     const uint32_t index = block & 0xff;
@@ -30,14 +30,14 @@ Status find_codebook(SceneFile& file, uint32_t layer, uint32_t component, uint32
     if (index >= read->page.blocks.size()) return invalid_argument("no such block");
     const RcqTableRef& table = read->page.blocks[index].tables[component];
     if (table.num_entries == 0) {
-      L4D_RETURN_IF_ERROR(file.codebooks().codebook(layer, component, stage, &book));
+      L4D_RETURN_IF_ERROR(file.codebooks().codebook(layer, component, stage, &codebook));
     } else {
       L4D_RETURN_IF_ERROR(file.codebooks().block_codebook({layer, directory_index, index},
-                                                          component, table, &book));
+                                                          component, table, &codebook));
     }
   }
-  out->entries = book->entries.data();
-  out->num_entries = book->num_entries;
+  out->entries = codebook->entries.data();
+  out->num_entries = codebook->num_entries;
   return {};
 }
 

@@ -25,9 +25,9 @@ void Losses::add(const l4d_loss& loss) {
     const bool same_place = last.offset == loss.offset || loss.status == L4D_ERR_TRUNCATED;
     if (last.layer == loss.layer && last.status == loss.status && same_place &&
         last.detail_only == loss.detail_only && std::strcmp(last.clause, loss.clause) == 0 &&
-        last.bucket <= loss.bucket && (last.num_chunks == 0) == (loss.num_chunks == 0)) {
+        last.bucket <= loss.bucket && (last.num_pages == 0) == (loss.num_pages == 0)) {
       last.num_buckets = std::max(last.num_buckets, loss.bucket + loss.num_buckets - last.bucket);
-      last.num_chunks += loss.num_chunks;
+      last.num_pages += loss.num_pages;
       last.num_gaussians += loss.num_gaussians;
       return;
     }
@@ -70,7 +70,7 @@ void Losses::add_pages(const Plan& plan, const LostPages& lost) {
     loss.layer = task.layer;
     loss.bucket = task.record.bucket;
     loss.num_buckets = 1;
-    loss.num_chunks = 1;
+    loss.num_pages = 1;
     loss.num_gaussians = task.record.num_gaussians;
     loss.offset = page.status.offset();
     loss.clause = page.status.clause();
@@ -92,7 +92,7 @@ void Losses::add_pages(const Plan& plan, const LostPages& lost) {
 
 std::vector<RowMove> remove_lost(const LostPages& lost, Plan* plan) {
   std::vector<RowMove> moves;
-  std::vector<l4d_range> ranges;
+  std::vector<l4d_bucket_span> spans;
   size_t next = 0;
   uint64_t at = 0;
   for (size_t t = 0; t < plan->tasks.size(); ++t) {
@@ -102,12 +102,12 @@ std::vector<RowMove> remove_lost(const LostPages& lost, Plan* plan) {
       if (whole) continue;
     }
     const PageTask& task = plan->tasks[t];
-    const l4d_range& range = plan->ranges[task.range];
-    if (ranges.empty() || ranges.back().layer != range.layer ||
-        ranges.back().bucket != range.bucket || ranges.back().block != range.block) {
-      ranges.push_back(range);
-      ranges.back().first = at;
-      ranges.back().count = 0;
+    const l4d_bucket_span& span = plan->spans[task.span];
+    if (spans.empty() || spans.back().layer != span.layer || spans.back().bucket != span.bucket ||
+        spans.back().block != span.block) {
+      spans.push_back(span);
+      spans.back().first = at;
+      spans.back().count = 0;
     }
     const size_t n = task.record.num_gaussians;
     if (task.first != at) {
@@ -118,10 +118,10 @@ std::vector<RowMove> remove_lost(const LostPages& lost, Plan* plan) {
         moves.push_back({from, to, n});
       }
     }
-    ranges.back().count += n;
+    spans.back().count += n;
     at += n;
   }
-  plan->ranges = std::move(ranges);
+  plan->spans = std::move(spans);
   plan->num_gaussians = at;
   return moves;
 }

@@ -13,7 +13,7 @@ namespace l4d {
 // as limits and cancelling, concern the call.
 bool is_loss(const Status& status);
 
-// A page of a plan that could not be decoded, or of which the second part could not.
+// A page of a plan that could not be decoded, or of which the SH chunk could not.
 struct LostPage {
   size_t task = 0;
   Status status;

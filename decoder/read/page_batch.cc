@@ -25,12 +25,12 @@ uint64_t PageBatch::choose_next(const SceneHeader& header, const Plan& plan, siz
   }
   reads.finish(max_read_gap(plan, with_detail));
   const uint64_t gaps = reads.bytes() - stored;
-  return bytes + gaps + reads.parts().size() * (sizeof(PagePart) + sizeof(PartRun));
+  return bytes + gaps + reads.parts().size() * (sizeof(PageChunk) + sizeof(ChunkRun));
 }
 
-void PageBatch::read_parts(ByteSource& source, const PartRun& run) {
+void PageBatch::read_chunks(ByteSource& source, const ChunkRun& run) {
   for (size_t i = run.first; i < run.end; ++i) {
-    const PagePart& part = reads.parts()[i];
+    const PageChunk& part = reads.parts()[i];
     buffers.emplace_back();
     (part.detail ? detail_status : status)[part.page] =
         source.read(part.chunk.offset, part.chunk.stored_bytes, buffers.back(),
@@ -45,19 +45,19 @@ Status PageBatch::read(ByteSource& source, bool tolerant) {
   details.assign(n, ByteSpan());
   status.assign(n, Status());
   detail_status.assign(n, Status());
-  for (const PartRun& run : reads.runs()) {
+  for (const ChunkRun& run : reads.runs()) {
     buffers.emplace_back();
     ByteSpan bytes;
     const Status failure = source.read(run.offset, run.bytes, buffers.back(), &bytes);
     if (!failure.ok()) {
       if (!tolerant) return failure;
       buffers.pop_back();
-      read_parts(source, run);
+      read_chunks(source, run);
       continue;
     }
     for (size_t i = run.first; i < run.end; ++i) {
-      const PagePart& part = reads.parts()[i];
-      (part.detail ? details : pages)[part.page] = bytes_of_part(run, bytes, part);
+      const PageChunk& part = reads.parts()[i];
+      (part.detail ? details : pages)[part.page] = bytes_of_chunk(run, bytes, part);
     }
   }
   return {};

@@ -27,7 +27,7 @@ struct PageBatch {
 
  private:
   // The parts of a run that cannot be read as one, each by itself.
-  void read_parts(ByteSource& source, const PartRun& run);
+  void read_chunks(ByteSource& source, const ChunkRun& run);
 };
 
 }  // namespace l4d

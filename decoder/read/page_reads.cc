@@ -32,14 +32,14 @@ void PageReads::add(const PageRecord& record, size_t page, bool with_detail) {
 }
 
 void PageReads::finish(uint64_t max_gap) {
-  std::stable_sort(parts_.begin(), parts_.end(), [](const PagePart& a, const PagePart& b) {
+  std::stable_sort(parts_.begin(), parts_.end(), [](const PageChunk& a, const PageChunk& b) {
     return a.chunk.offset < b.chunk.offset;
   });
   runs_.clear();
   for (size_t i = 0; i < parts_.size(); ++i) {
     const ChunkRef& chunk = parts_[i].chunk;
     if (!runs_.empty()) {
-      PartRun& run = runs_.back();
+      ChunkRun& run = runs_.back();
       const uint64_t end = run.offset + run.bytes;
       const bool near = chunk.offset >= end && chunk.offset - end <= max_gap;
       if (near && chunk.offset + chunk.stored_bytes - run.offset <= kMaxReadBytes) {
@@ -54,7 +54,7 @@ void PageReads::finish(uint64_t max_gap) {
 
 uint64_t PageReads::bytes() const {
   uint64_t bytes = 0;
-  for (const PartRun& run : runs_) bytes += run.bytes;
+  for (const ChunkRun& run : runs_) bytes += run.bytes;
   return bytes;
 }
 
@@ -63,8 +63,8 @@ uint64_t max_read_gap(const Plan& plan, bool with_detail) {
   return !with_detail && plan.sh_bytes > 0 ? 0 : kMaxReadGap;
 }
 
-Status check_page_part(const SceneHeader& header, const PageRecord& record, bool detail,
-                       ByteSpan bytes) {
+Status check_page_chunk(const SceneHeader& header, const PageRecord& record, bool detail,
+                        ByteSpan bytes) {
   const uint64_t most = max_page_bytes(header, record.num_gaussians);
   if (detail) {
     if (bytes.size() > most) {

@@ -14,14 +14,14 @@ namespace l4d {
 constexpr uint64_t kMaxReadBytes = uint64_t{32} << 20;
 
 // One of the parts of a page.
-struct PagePart {
+struct PageChunk {
   ChunkRef chunk;
   size_t page = 0;  // what the one who added it calls its page
   bool detail = false;
 };
 
 // Parts [first, end) of PageReads, which are read in one call.
-struct PartRun {
+struct ChunkRun {
   uint64_t offset = 0, bytes = 0;
   size_t first = 0, end = 0;
 };
@@ -35,20 +35,20 @@ class PageReads {
   // lie no more than `max_gap` bytes apart.
   void finish(uint64_t max_gap);
 
-  const std::vector<PagePart>& parts() const { return parts_; }
-  const std::vector<PartRun>& runs() const { return runs_; }
+  const std::vector<PageChunk>& parts() const { return parts_; }
+  const std::vector<ChunkRun>& runs() const { return runs_; }
   // Of all runs: parts and what lies between them.
   uint64_t bytes() const;
 
  private:
-  std::vector<PagePart> parts_;
-  std::vector<PartRun> runs_;
+  std::vector<PageChunk> parts_;
+  std::vector<ChunkRun> runs_;
 };
 
 // Gap that reads of a plan's pages, all of them or some, may bridge.
 uint64_t max_read_gap(const Plan& plan, bool with_detail);
 
-inline ByteSpan bytes_of_part(const PartRun& run, ByteSpan run_bytes, const PagePart& part) {
+inline ByteSpan bytes_of_chunk(const ChunkRun& run, ByteSpan run_bytes, const PageChunk& part) {
   return run_bytes.subspan(static_cast<size_t>(part.chunk.offset - run.offset),
                            part.chunk.stored_bytes);
 }
@@ -59,7 +59,7 @@ inline bool is_rans_page(const PageRecord& record) {
 
 // What can be said of a part from its bytes and its record alone: the hash, and of rANS pages the
 // sizes.
-Status check_page_part(const SceneHeader& header, const PageRecord& record, bool detail,
-                       ByteSpan bytes);
+Status check_page_chunk(const SceneHeader& header, const PageRecord& record, bool detail,
+                        ByteSpan bytes);
 
 }  // namespace l4d

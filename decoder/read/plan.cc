@@ -52,7 +52,7 @@ class Planner {
         if (page == nullptr) continue;
         const size_t num_records = page->page.pages.size();
         // A vector that grows holds the old elements, the new ones and room for as many again.
-        constexpr uint64_t kBytesPerPage = 3 * (sizeof(PageTask) + sizeof(l4d_range));
+        constexpr uint64_t kBytesPerPage = 3 * (sizeof(PageTask) + sizeof(l4d_bucket_span));
         if (out_.memory == nullptr) out_.memory = std::make_unique<MemoryCharge>(file_.memory());
         L4D_RETURN_IF_ERROR(out_.memory->take(num_records * kBytesPerPage, "a plan"));
         add_pages(index, layer, d, page, buckets);
@@ -222,15 +222,15 @@ class Planner {
       const double center = bucket_center(timeline_, layer.level, record.bucket);
       const uint32_t block =
           record.block == kNoBlock ? L4D_NO_BLOCK : range_block(directory_index, record.block);
-      if (out_.ranges.empty() || out_.ranges.back().layer != index ||
-          out_.ranges.back().bucket != record.bucket || out_.ranges.back().block != block) {
-        out_.ranges.push_back(
+      if (out_.spans.empty() || out_.spans.back().layer != index ||
+          out_.spans.back().bucket != record.bucket || out_.spans.back().block != block) {
+        out_.spans.push_back(
             {out_.num_gaussians, 0, center, width, index, record.bucket, block, layer.level});
       }
       out_.tasks.push_back({record, index, directory_index,
-                            static_cast<uint32_t>(out_.ranges.size() - 1), out_.num_gaussians,
+                            static_cast<uint32_t>(out_.spans.size() - 1), out_.num_gaussians,
                             first_in_bucket, record.block == kNoBlock ? nullptr : directory});
-      out_.ranges.back().count += record.num_gaussians;
+      out_.spans.back().count += record.num_gaussians;
       out_.num_gaussians += record.num_gaussians;
       out_.bytes += record.chunk.stored_bytes;
       out_.sh_bytes += record.sh_detail.stored_bytes;

@@ -16,7 +16,7 @@ struct PageTask {
   PageRecord record;
   uint32_t layer = 0;
   uint32_t directory_index = 0;
-  uint32_t range = 0;  // index in Plan.ranges
+  uint32_t span = 0;   // index in Plan.ranges
   uint64_t first = 0;  // first Gaussian in the decoded arrays
   uint64_t first_in_bucket = 0;
   DirectoryPageRef directory;  // of which the record names a block, else null
@@ -29,11 +29,11 @@ struct PageTask {
 
 struct Plan {
   std::vector<PageTask> tasks;
-  std::vector<l4d_range> ranges;
+  std::vector<l4d_bucket_span> spans;
   uint64_t num_gaussians = 0;
   uint32_t detail = L4D_DETAIL_FULL;
   uint64_t bytes = 0;     // of the parts that the detail asks for
-  uint64_t sh_bytes = 0;  // of second parts, asked for or not
+  uint64_t sh_bytes = 0;  // of SH chunks, asked for or not
   uint64_t directory_bytes = 0;
   std::unique_ptr<MemoryCharge> memory;  // of tasks and ranges
 };
@@ -44,7 +44,7 @@ Status make_plan(SceneFile& file, const l4d_query& query, Losses* losses, Plan* 
 // The ids of all Gaussians of a plan, in the order of the decoded arrays.
 void write_ids(const Plan& plan, l4d_gaussian_id* out);
 
-// Id of a block, unique in its layer: what l4d_range.block holds.
+// Id of a block, unique in its layer: what l4d_bucket_span.block holds.
 inline uint32_t range_block(uint32_t directory_index, uint32_t block) {
   return directory_index << 8 | block;
 }

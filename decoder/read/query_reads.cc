@@ -47,7 +47,7 @@ class QueryReads {
     const SceneHeader& header = file_.header();
     const bool with_detail = plan.detail == L4D_DETAIL_FULL;
     MemoryCharge scratch(file_.memory());
-    L4D_RETURN_IF_ERROR(scratch.take(2 * plan.tasks.size() * (sizeof(PagePart) + sizeof(PartRun)),
+    L4D_RETURN_IF_ERROR(scratch.take(2 * plan.tasks.size() * (sizeof(PageChunk) + sizeof(ChunkRun)),
                                      "the reads of a query"));
     PageReads reads;
     // Of each layer: whether pages of it are read, and whether some are coded by rANS.
@@ -69,7 +69,7 @@ class QueryReads {
       }
     }
     reads.finish(max_read_gap(plan, with_detail));
-    for (const PartRun& run : reads.runs()) L4D_RETURN_IF_ERROR(add(run.offset, run.bytes));
+    for (const ChunkRun& run : reads.runs()) L4D_RETURN_IF_ERROR(add(run.offset, run.bytes));
     if (!plan.tasks.empty()) L4D_RETURN_IF_ERROR(add_codebooks(header.sh, false));
     for (size_t l = 0; l < header.layers.size(); ++l) {
       if (!has_pages[l]) continue;
@@ -131,8 +131,8 @@ class QueryReads {
   }
 
   Status add_codebooks(const ComponentCoding& coding, bool with_residual) {
-    for (unsigned s = 0; s < coding.num_books(); ++s) {
-      L4D_RETURN_IF_ERROR(add(coding.book(s).codebook));
+    for (unsigned s = 0; s < coding.num_codebooks(); ++s) {
+      L4D_RETURN_IF_ERROR(add(coding.codebook(s).codebook));
     }
     return with_residual && coding.has_rcq ? add(coding.rcq.codebook) : Status();
   }

@@ -55,7 +55,7 @@ void SceneFile::trim() {
 uint64_t SceneFile::codebook_stored_bytes(uint32_t layer) const {
   uint64_t bytes = 0;
   for (const ComponentCoding& c : header_.layers[layer].component) {
-    for (size_t s = 0; s < c.num_books(); ++s) bytes += c.book(s).codebook.stored_bytes;
+    for (size_t s = 0; s < c.num_codebooks(); ++s) bytes += c.codebook(s).codebook.stored_bytes;
     if (c.has_rcq) bytes += c.rcq.codebook.stored_bytes;
   }
   return bytes;

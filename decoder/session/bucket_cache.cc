@@ -13,22 +13,22 @@ namespace {
 constexpr size_t kPrepareGrain = 4096;
 
 // A page that is lost altogether counts for both of its parts.
-size_t count_parts(const LostPages& lost) {
+size_t count_chunks(const LostPages& lost) {
   size_t parts = 0;
   for (const LostPage& page : lost) parts += page.detail_only ? 1 : 2;
   return parts;
 }
 
-// Range `range` of a plan alone: its arrays begin at 0.
-Plan part_of(const Plan& plan, size_t range, size_t first_task, size_t end_task) {
+// Range `span` of a plan alone: its arrays begin at 0.
+Plan part_of(const Plan& plan, size_t span, size_t first_task, size_t end_task) {
   Plan part;
   part.detail = plan.detail;
   part.sh_bytes = plan.sh_bytes;
-  part.ranges.push_back(plan.ranges[range]);
+  part.spans.push_back(plan.spans[span]);
   for (size_t t = first_task; t < end_task; ++t) {
     part.tasks.push_back(plan.tasks[t]);
-    part.tasks.back().range = 0;
-    part.tasks.back().first -= plan.ranges[range].first;
+    part.tasks.back().span = 0;
+    part.tasks.back().first -= plan.spans[span].first;
   }
   return part;
 }
@@ -39,7 +39,7 @@ void BucketCache::evict(uint64_t needed) {
   // The cache gives way to its own budget and to the limit on all memory.
   const auto fits = [&] {
     return bytes_ + needed <= stream_.options().cache_bytes &&
-           stream_.file().memory().has_room(needed);
+           stream_.file().memory().has_capacity(needed);
   };
   while (!entries_.empty() && !fits()) {
     auto oldest = entries_.end();
@@ -70,13 +70,13 @@ void BucketCache::close() {
   hits_ = 0;
 }
 
-Status BucketCache::decode(const Plan& plan, size_t range, size_t first_task, size_t end_task,
+Status BucketCache::decode(const Plan& plan, size_t span, size_t first_task, size_t end_task,
                            CachedBucket* entry) {
   PreparedBucket* const out = &entry->bucket;
-  out->layer = plan.ranges[range].layer;
-  out->bucket = plan.ranges[range].bucket;
+  out->layer = plan.spans[span].layer;
+  out->bucket = plan.spans[span].bucket;
   const SceneHeader& header = stream_.file().header();
-  const l4d_range& r = plan.ranges[range];
+  const l4d_bucket_span& r = plan.spans[span];
   const LayerHeader& layer = header.layers[r.layer];
   size_t n = static_cast<size_t>(r.count);
   out->permanent = layer.permanent;
@@ -96,7 +96,7 @@ Status BucketCache::decode(const Plan& plan, size_t range, size_t first_task, si
   buffers.sh = out->sh.data();
   buffers.log_scale = log_scale.data();
   buffers.rotor = rotor.data();
-  Plan part = part_of(plan, range, first_task, end_task);
+  Plan part = part_of(plan, span, first_task, end_task);
   LostPages lost;
   L4D_RETURN_IF_ERROR(stream_.pages().expand(
       part, 0, part.tasks.size(), buffers, stream_.progress("decode"), stream_.if_tolerant(&lost)));
@@ -104,8 +104,8 @@ Status BucketCache::decode(const Plan& plan, size_t range, size_t first_task, si
     stream_.losses().add_pages(part, lost);
     entry->missing.detail = part.detail;
     entry->missing.sh_bytes = part.sh_bytes;
-    entry->missing.ranges = part.ranges;
-    entry->lost_parts = count_parts(lost);
+    entry->missing.spans = part.spans;
+    entry->lost_chunks = count_chunks(lost);
     for (const LostPage& page : lost) entry->missing.tasks.push_back(part.tasks[page.task]);
     const std::vector<RowMove> moves = remove_lost(lost, &part);
     n = static_cast<size_t>(part.num_gaussians);
@@ -142,7 +142,7 @@ Status BucketCache::has_recovered(const CachedBucket& entry, bool* recovered) {
   if (entry.missing.tasks.empty()) return {};
   LostPages lost;
   L4D_RETURN_IF_ERROR(stream_.pages().probe(entry.missing, &lost));
-  *recovered = count_parts(lost) < entry.lost_parts;
+  *recovered = count_chunks(lost) < entry.lost_chunks;
   if (!*recovered) stream_.losses().add_pages(entry.missing, lost);
   return {};
 }
@@ -150,16 +150,16 @@ Status BucketCache::has_recovered(const CachedBucket& entry, bool* recovered) {
 Status BucketCache::load(const Plan& plan, bool with_shape, std::vector<CachedBucket*>* out) {
   out->clear();
   ++clock_;
-  for (const l4d_range& r : plan.ranges) {
+  for (const l4d_bucket_span& r : plan.spans) {
     const auto it = entries_.find({r.layer, r.bucket, plan.detail});
     if (it != entries_.end()) it->second.last_use = clock_;
   }
   MemoryBudget& memory = stream_.file().memory();
   size_t task = 0;
-  for (size_t i = 0; i < plan.ranges.size(); ++i) {
-    const l4d_range& r = plan.ranges[i];
+  for (size_t i = 0; i < plan.spans.size(); ++i) {
+    const l4d_bucket_span& r = plan.spans[i];
     const size_t first_task = task;
-    while (task < plan.tasks.size() && plan.tasks[task].range == i) ++task;
+    while (task < plan.tasks.size() && plan.tasks[task].span == i) ++task;
     const Key key(r.layer, r.bucket, plan.detail);
     const auto it = entries_.find(key);
     if (it != entries_.end()) {

@@ -15,7 +15,7 @@ struct CachedBucket {
   PreparedBucket bucket;
   bool with_shape = false;
   Plan missing;  // pages that are lost, or their detail, to be asked for again
-  size_t lost_parts = 0;
+  size_t lost_chunks = 0;
   uint64_t memory_bytes = 0;
   uint64_t last_use = 0;
   uint64_t number = 0;  // of all buckets that were ever cached here
@@ -47,7 +47,7 @@ class BucketCache {
 
   // Decodes and prepares one range of a plan, whose tasks are [first_task, end_task), in the form
   // that *out says.
-  Status decode(const Plan& plan, size_t range, size_t first_task, size_t end_task,
+  Status decode(const Plan& plan, size_t span, size_t first_task, size_t end_task,
                 CachedBucket* out);
   // Whether pages that a cached bucket lacks can be had now; if not, they are lost again.
   Status has_recovered(const CachedBucket& entry, bool* recovered);

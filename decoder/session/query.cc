@@ -13,25 +13,25 @@ namespace {
 template <typename Buffers>
 Status check_capacity(const Plan& plan, Buffers* out) {
   out->count = plan.num_gaussians;
-  if (out->ranges != nullptr) out->num_ranges = plan.ranges.size();
+  if (out->spans != nullptr) out->num_spans = plan.spans.size();
   if (plan.num_gaussians > out->capacity) {
     return Status(L4D_ERR_BUFFER_TOO_SMALL, "capacity is " + std::to_string(out->capacity) +
                                                 ", the query selects " +
                                                 std::to_string(plan.num_gaussians) + " Gaussians");
   }
-  if (out->ranges != nullptr && plan.ranges.size() > out->range_capacity) {
+  if (out->spans != nullptr && plan.spans.size() > out->span_capacity) {
     return Status(L4D_ERR_BUFFER_TOO_SMALL,
-                  "range_capacity is " + std::to_string(out->range_capacity) +
-                      ", the query selects " + std::to_string(plan.ranges.size()));
+                  "span_capacity is " + std::to_string(out->span_capacity) +
+                      ", the query selects " + std::to_string(plan.spans.size()));
   }
   return {};
 }
 
 template <typename Buffers>
 void describe_output(const Plan& plan, Buffers* out) {
-  if (out->ranges != nullptr) {
-    std::copy(plan.ranges.begin(), plan.ranges.end(), out->ranges);
-    out->num_ranges = plan.ranges.size();
+  if (out->spans != nullptr) {
+    std::copy(plan.spans.begin(), plan.spans.end(), out->spans);
+    out->num_spans = plan.spans.size();
   }
   out->count = plan.num_gaussians;
 }
@@ -42,31 +42,31 @@ Status select_query(OpenStream& stream, const l4d_query& query, l4d_selection* o
   Plan plan;
   L4D_RETURN_IF_ERROR(stream.plan(query, &plan));
   out->num_gaussians = plan.num_gaussians;
-  out->num_ranges = plan.ranges.size();
-  out->num_chunks = plan.tasks.size();
+  out->num_spans = plan.spans.size();
+  out->num_pages = plan.tasks.size();
   out->bytes = plan.bytes;
   out->sh_bytes = plan.sh_bytes;
   out->directory_bytes = plan.directory_bytes;
   return {};
 }
 
-Status find_ranges(OpenStream& stream, const l4d_query& query, l4d_range* out, uint64_t capacity,
-                   uint64_t* count) {
+Status find_ranges(OpenStream& stream, const l4d_query& query, l4d_bucket_span* out,
+                   uint64_t capacity, uint64_t* count) {
   Plan plan;
   L4D_RETURN_IF_ERROR(stream.plan(query, &plan));
-  std::copy_n(plan.ranges.begin(), std::min<uint64_t>(capacity, plan.ranges.size()), out);
-  *count = plan.ranges.size();
+  std::copy_n(plan.spans.begin(), std::min<uint64_t>(capacity, plan.spans.size()), out);
+  *count = plan.spans.size();
   return {};
 }
 
 Status find_reads(OpenStream& stream, const l4d_query& query, uint32_t step, l4d_byte_range* out,
                   uint64_t capacity, uint64_t* count) {
   stream.begin_query();
-  std::vector<l4d_byte_range> ranges;
+  std::vector<l4d_byte_range> spans;
   L4D_RETURN_IF_ERROR(
-      find_query_reads(stream.file(), query, step, stream.losses_if_tolerant(), &ranges));
-  std::copy_n(ranges.begin(), std::min<uint64_t>(capacity, ranges.size()), out);
-  *count = ranges.size();
+      find_query_reads(stream.file(), query, step, stream.losses_if_tolerant(), &spans));
+  std::copy_n(spans.begin(), std::min<uint64_t>(capacity, spans.size()), out);
+  *count = spans.size();
   return {};
 }
 
@@ -90,7 +90,7 @@ Status decode_query(OpenStream& stream, const l4d_query& query, l4d_gaussian_buf
     move_rows(moves, 1, out->id);
   }
   describe_output(plan, out);
-  *num_buckets = plan.ranges.size();
+  *num_buckets = plan.spans.size();
   return {};
 }
 
@@ -105,7 +105,7 @@ Status decode_query_packed(OpenStream& stream, const l4d_query& query, l4d_packe
   if (!lost.empty()) {
     stream.losses().add_pages(plan, lost);
     size_t stages[L4D_COMPONENT_COUNT] = {};
-    for (const l4d_range& r : plan.ranges) {
+    for (const l4d_bucket_span& r : plan.spans) {
       const SceneHeader& header = stream.file().header();
       for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
         stages[c] = std::max(stages[c], header.component(header.layers[r.layer], c).stages.size());
@@ -125,7 +125,7 @@ Status decode_query_packed(OpenStream& stream, const l4d_query& query, l4d_packe
     }
   }
   describe_output(plan, out);
-  *num_buckets = plan.ranges.size();
+  *num_buckets = plan.spans.size();
   return {};
 }
 

@@ -7,8 +7,8 @@
 namespace l4d {
 
 Status select_query(OpenStream& stream, const l4d_query& query, l4d_selection* out);
-Status find_ranges(OpenStream& stream, const l4d_query& query, l4d_range* out, uint64_t capacity,
-                   uint64_t* count);
+Status find_ranges(OpenStream& stream, const l4d_query& query, l4d_bucket_span* out,
+                   uint64_t capacity, uint64_t* count);
 Status find_reads(OpenStream& stream, const l4d_query& query, uint32_t step, l4d_byte_range* out,
                   uint64_t capacity, uint64_t* count);
 // *num_buckets: how many were decoded.

@@ -32,7 +32,7 @@ bool all_or_none(float* const (&columns)[kCount]) {
 }
 
 Status check_columns(const l4d_splat_columns& out) {
-  if (!(out.least_opacity >= 0)) return invalid_argument("least_opacity is below 0");
+  if (!(out.min_opacity >= 0)) return invalid_argument("min_opacity is below 0");
   L4D_RETURN_IF_ERROR(check_camera(out.color[0] != nullptr, out.camera_position));
   if (!all_or_none(out.scale) || !all_or_none(out.rotation) || !all_or_none(out.color)) {
     return invalid_argument("only some columns of scale, rotation or color are NULL");
@@ -146,11 +146,11 @@ Status Slicer::slice(double time, l4d_splat_columns* out) {
   const SceneHeader& header = stream_.file().header();
   const uint64_t key_given = out->still_key;
   size_t num_still = 0;
-  uint32_t least_bits;
-  std::memcpy(&least_bits, &out->least_opacity, sizeof least_bits);
-  std::vector<uint64_t> numbers = {kStillColumns, least_bits};
+  uint32_t min_bits;
+  std::memcpy(&min_bits, &out->min_opacity, sizeof min_bits);
+  std::vector<uint64_t> numbers = {kStillColumns, min_bits};
   for (CachedBucket* entry : buckets) {
-    entry->bucket.sort(header.timeline, header.gate, out->least_opacity);
+    entry->bucket.sort(header.timeline, header.gate, out->min_opacity);
     if (entry->bucket.order.num_still == 0) continue;
     numbers.push_back(entry->number);
     num_still += entry->bucket.order.num_still;

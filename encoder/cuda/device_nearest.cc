@@ -16,10 +16,10 @@ namespace {
 
 // Below this many differences of numbers, the way to the device and back takes longer than the
 // search.
-constexpr double kLeastWork = 2e7;
+constexpr double kMinWork = 2e7;
 // The same where the points are there already, and for points to go there for tens of searches.
-constexpr double kLeastWorkHeld = 1e5;
-constexpr double kLeastWorkToHold = 2e6;
+constexpr double kMinWorkHeld = 1e5;
+constexpr double kMinWorkToHold = 2e6;
 // Points go up in slices: one is copied while another is searched.
 constexpr size_t kSliceBytes = size_t{4} << 20;
 constexpr int kSlots = 3;
@@ -209,11 +209,11 @@ class DeviceNearest : public NearestDevice {
     if (job.held != nullptr) {
       Held& held = static_cast<Held&>(*job.held);
       if (held.points == job.points && held.n == job.n && held.dim == job.dim) {
-        if (work < kLeastWorkHeld || !enter()) return false;
+        if (work < kMinWorkHeld || !enter()) return false;
         return keep_trust(held.workspace->search_held(job));
       }
     }
-    if (work < kLeastWork || !nearest_has_kernel(job.dim) || !enter()) return false;
+    if (work < kMinWork || !nearest_has_kernel(job.dim) || !enter()) return false;
     std::unique_ptr<Workspace> workspace = take();
     if (workspace == nullptr) return false;  // the host's cores are there for it
     const bool done = keep_trust(workspace->search(job, threads_));
@@ -223,7 +223,7 @@ class DeviceNearest : public NearestDevice {
 
   std::unique_ptr<HeldPoints> hold(const float* points, size_t n, size_t dim, size_t k) override {
     const double work = static_cast<double>(n) * static_cast<double>(k) * static_cast<double>(dim);
-    if (work < kLeastWorkToHold || !nearest_has_kernel(dim) || !enter()) return nullptr;
+    if (work < kMinWorkToHold || !nearest_has_kernel(dim) || !enter()) return nullptr;
     auto held = std::make_unique<Held>(*this);
     held->workspace = take();
     held->points = points;

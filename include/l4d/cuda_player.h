@@ -7,7 +7,7 @@
  *   l4d_cuda_player_create(decoder, NULL, &p);            // a decoder with an open stream
  *   l4d_cuda_player_reserve(p, 1352, 1014, 1 << 21);      // once
  *   l4d_cuda_player_render(p, 2.5, &camera, &image, stream);
- *   l4d_cuda_player_get_figures(p, stream, &figures);     // waits; was the capacity enough?
+ *   l4d_cuda_player_get_stats(p, stream, &stats);         // waits; was the capacity enough?
  *
  * The timeline is divided into windows. A frame needs the buckets of its window; the player
  * prefetches those of the next window in the direction of playback, and the first window follows
@@ -35,7 +35,7 @@ typedef struct l4d_cuda_player_options {
   uint32_t max_level; /* finest temporal level shown; UINT32_MAX (the default) = all */
   /* Memory budget for Gaussians. 0: as little as two windows need. Otherwise the store has this
    * size from the start, and buckets stay resident while it suffices, so that replaying does not
-   * decode them again. Frames need the memory of l4d_cuda_room in addition. */
+   * decode them again. Frames need the memory of l4d_cuda_frame_capacity in addition. */
   uint64_t memory_bytes;
   double window;       /* seconds; 0: 1/8 s, or the width of the finest buckets, at most 1 s */
   uint32_t read_ahead; /* 1 (the default): prefetch the next window on the player's thread */
@@ -53,8 +53,8 @@ L4D_API l4d_status l4d_cuda_player_create(l4d_decoder* decoder,
                                           const l4d_cuda_player_options* options,
                                           l4d_cuda_player** out);
 L4D_API void l4d_cuda_player_destroy(l4d_cuda_player* player); /* accepts NULL; waits */
-/* As l4d_decoder_error_detail. */
-L4D_API const char* l4d_cuda_player_error_detail(const l4d_cuda_player* player);
+/* As l4d_decoder_error_message. */
+L4D_API const char* l4d_cuda_player_error_message(const l4d_cuda_player* player);
 L4D_API l4d_status l4d_cuda_player_set_background(l4d_cuda_player* player,
                                                   const float* rgb /* [3], host */);
 
@@ -73,9 +73,9 @@ L4D_API l4d_status l4d_cuda_player_seek(l4d_cuda_player* player, double time);
 L4D_API l4d_status l4d_cuda_player_render(l4d_cuda_player* player, double time,
                                           const l4d_camera* camera, const l4d_cuda_image* image,
                                           void* stream);
-/* Of the last frame, as l4d_cuda_renderer_get_figures. */
-L4D_API l4d_status l4d_cuda_player_get_figures(l4d_cuda_player* player, void* stream,
-                                               l4d_cuda_figures* figures);
+/* Of the last frame, as l4d_cuda_renderer_get_stats. */
+L4D_API l4d_status l4d_cuda_player_get_stats(l4d_cuda_player* player, void* stream,
+                                             l4d_cuda_frame_stats* stats);
 
 typedef struct l4d_cuda_player_counters {
   size_t struct_size;

@@ -7,9 +7,9 @@
  *   l4d_cuda_renderer* r;
  *   l4d_cuda_renderer_create(NULL, &r);
  *   l4d_cuda_renderer_set_gaussians(r, &device_arrays, &timeline);
- *   l4d_cuda_renderer_reserve(r, &room);                         // once; render() never allocates
+ *   l4d_cuda_renderer_reserve(r, &capacity);                     // once; render() never allocates
  *   l4d_cuda_renderer_render(r, 2.5, &camera, &image, stream);   // returns at once
- *   l4d_cuda_renderer_get_figures(r, stream, &figures);          // waits; was the capacity enough?
+ *   l4d_cuda_renderer_get_stats(r, stream, &stats);              // waits; was the capacity enough?
  *
  * CUDA streams are passed as void* (a cudaStream_t). Calls that take a stream only launch work on
  * it and may be captured into a CUDA graph; the others wait for the device. A renderer has one set
@@ -47,8 +47,8 @@ L4D_API void l4d_cuda_renderer_options_init_(l4d_cuda_renderer_options* options,
 L4D_API l4d_status l4d_cuda_renderer_create(const l4d_cuda_renderer_options* options,
                                             l4d_cuda_renderer** out);
 L4D_API void l4d_cuda_renderer_destroy(l4d_cuda_renderer* renderer); /* accepts NULL; waits */
-/* As l4d_decoder_error_detail. */
-L4D_API const char* l4d_cuda_renderer_error_detail(const l4d_cuda_renderer* renderer);
+/* As l4d_decoder_error_message. */
+L4D_API const char* l4d_cuda_renderer_error_message(const l4d_cuda_renderer* renderer);
 
 /* ---- the scene ------------------------------------------------------------------------------- */
 
@@ -70,16 +70,17 @@ L4D_API l4d_status l4d_cuda_renderer_set_sh_codebooks(l4d_cuda_renderer* rendere
                                                       const l4d_codebook* codebooks,
                                                       uint32_t count);
 /* Device arrays of N Gaussians. Indices are clamped to their codebook and depths to the number of
- * stages; a literal beyond num_literals counts as SH of 0. */
+ * stages; an escape beyond num_escapes counts as SH of 0. */
 typedef struct l4d_cuda_sh_indices {
   size_t struct_size;
-  const uint8_t* depth;  /* [N] stages that add up, 255 = literal; NULL: all stages, no literals */
-  const uint16_t* index; /* [num_stages][N], stage s of Gaussian i at s * stride + i */
-  uint64_t stride;       /* the capacity of l4d_cuda_packed_buffers */
-  const uint16_t* literal; /* [num_literals, (D+1)^2, 3] binary16, in order of their Gaussians */
-  uint64_t num_literals;
-  /* For l4d_cuda_renderer_store_indexed_rows: index of the first literal in the reserved memory. */
-  uint64_t first_literal;
+  const uint8_t* depth;   /* [N] stages that add up, 255 = escape; NULL: all stages, no escapes */
+  const uint16_t* index;  /* [num_stages][N], stage s of Gaussian i at s * stride + i */
+  uint64_t stride;        /* the capacity of l4d_cuda_packed_buffers */
+  const uint16_t* escape; /* [num_escapes, (D+1)^2, 3] binary16, in order of their Gaussians */
+  uint64_t num_escapes;
+  /* For l4d_cuda_renderer_store_indexed_gaussians: index of the first escape in the reserved
+   * memory. */
+  uint64_t first_escape;
 } l4d_cuda_sh_indices;
 L4D_API void l4d_cuda_sh_indices_init_(l4d_cuda_sh_indices* indices, size_t struct_size);
 #define l4d_cuda_sh_indices_init(indices) l4d_cuda_sh_indices_init_((indices), sizeof(*(indices)))
@@ -90,44 +91,46 @@ L4D_API l4d_status l4d_cuda_renderer_set_indexed_gaussians(l4d_cuda_renderer* re
                                                            const l4d_cuda_sh_indices* indices,
                                                            const l4d_timeline* timeline);
 
-/* Alternatively, a scene is loaded in parts: reserve_rows allocates a store of Gaussians,
- * store_rows fills parts of it, and set_slabs names the parts that frames show. Parts that no
- * running frame shows may be filled while it runs. */
-L4D_API l4d_status l4d_cuda_renderer_reserve_rows(l4d_cuda_renderer* renderer, uint64_t rows,
-                                                  uint32_t sh_degree, const l4d_timeline* timeline);
-/* With codebooks set, the store holds indices; this allocates memory for their literals, none at
- * first, and discards the literals that were stored. */
-L4D_API l4d_status l4d_cuda_renderer_reserve_literals(l4d_cuda_renderer* renderer,
-                                                      uint64_t literals);
-/* Fills rows first_row, first_row + 1, ... from device arrays. The arrays may be freed once the
+/* Alternatively, a scene is loaded in parts: reserve_slots allocates a store of Gaussians,
+ * store_gaussians fills parts of it, and set_batches names the parts that frames show. Parts that
+ * no running frame shows may be filled while it runs. */
+L4D_API l4d_status l4d_cuda_renderer_reserve_slots(l4d_cuda_renderer* renderer, uint64_t slots,
+                                                   uint32_t sh_degree,
+                                                   const l4d_timeline* timeline);
+/* With codebooks set, the store holds indices; this allocates memory for their escapes, none at
+ * first, and discards the escapes that were stored. */
+L4D_API l4d_status l4d_cuda_renderer_reserve_escapes(l4d_cuda_renderer* renderer, uint64_t escapes);
+/* Fills slots first_slot, first_slot + 1, ... from device arrays. The arrays may be freed once the
  * work on the stream is done. */
-L4D_API l4d_status l4d_cuda_renderer_store_rows(l4d_cuda_renderer* renderer, uint64_t first_row,
-                                                const l4d_gaussians* gaussians, void* stream);
-/* Likewise rows of indices, with gaussians->sh NULL; their literals go to first_literal,
- * first_literal + 1,
- * ... of the room for them. Each of the two fails with INVALID_STATE on rows of the other kind. */
-L4D_API l4d_status l4d_cuda_renderer_store_indexed_rows(l4d_cuda_renderer* renderer,
-                                                        uint64_t first_row,
-                                                        const l4d_gaussians* gaussians,
-                                                        const l4d_cuda_sh_indices* indices,
-                                                        void* stream);
-/* Which properties of a slab's Gaussians vary over the sequence. The renderer computes constant
+L4D_API l4d_status l4d_cuda_renderer_store_gaussians(l4d_cuda_renderer* renderer,
+                                                     uint64_t first_slot,
+                                                     const l4d_gaussians* gaussians, void* stream);
+/* Likewise slots of indices, with gaussians->sh NULL; their escapes go to first_escape,
+ * first_escape + 1,
+ * ... of the reserved memory. Each of the two fails with INVALID_STATE on slots of the other kind.
+ */
+L4D_API l4d_status l4d_cuda_renderer_store_indexed_gaussians(l4d_cuda_renderer* renderer,
+                                                             uint64_t first_slot,
+                                                             const l4d_gaussians* gaussians,
+                                                             const l4d_cuda_sh_indices* indices,
+                                                             void* stream);
+/* Which properties of a batch's Gaussians vary over the sequence. The renderer computes constant
  * ones once. MOVING is always correct. */
 enum {
-  L4D_CUDA_ROWS_STILL = 0,  /* nothing */
-  L4D_CUDA_ROWS_FADING = 1, /* opacity */
-  L4D_CUDA_ROWS_MOVING = 2  /* position and opacity */
+  L4D_CUDA_MOTION_STILL = 0,  /* nothing */
+  L4D_CUDA_MOTION_FADING = 1, /* opacity */
+  L4D_CUDA_MOTION_MOVING = 2  /* position and opacity */
 };
-typedef struct l4d_cuda_slab {
-  uint32_t first, count; /* rows */
-  uint32_t motion;       /* L4D_CUDA_ROWS_* */
+typedef struct l4d_cuda_batch {
+  uint32_t first, count; /* slots */
+  uint32_t motion;       /* L4D_CUDA_MOTION_* */
   uint32_t reserved;
-} l4d_cuda_slab; /* frozen */
-/* Sets the rows that frames show: at most 256 slabs, which must not overlap. Of Gaussians at equal
- * depth, that of the earlier slab, then of the earlier row, is in front. */
-L4D_API l4d_status l4d_cuda_renderer_set_slabs(l4d_cuda_renderer* renderer,
-                                               const l4d_cuda_slab* slabs, uint32_t count,
-                                               void* stream);
+} l4d_cuda_batch; /* frozen */
+/* Sets the slots that frames show: at most 256 batches, which must not overlap. Of Gaussians at
+ * equal depth, that of the earlier batch, then of the earlier slot, is in front. */
+L4D_API l4d_status l4d_cuda_renderer_set_batches(l4d_cuda_renderer* renderer,
+                                                 const l4d_cuda_batch* batches, uint32_t count,
+                                                 void* stream);
 L4D_API l4d_status l4d_cuda_renderer_set_background(l4d_cuda_renderer* renderer,
                                                     const float* rgb /* [3], host */);
 
@@ -135,18 +138,19 @@ L4D_API l4d_status l4d_cuda_renderer_set_background(l4d_cuda_renderer* renderer,
 
 /* Capacities for the largest frame. Memory: 76 bytes per visible Gaussian and 16 per instance; for
  * the backward pass 60 and 52 more. They only grow. */
-typedef struct l4d_cuda_room {
+typedef struct l4d_cuda_frame_capacity {
   size_t struct_size;
   uint32_t width, height; /* pixels */
-  uint64_t visible;       /* Gaussians visible at one time; the number of rows is always enough */
+  uint64_t visible;       /* Gaussians visible at one time; the number of slots is always enough */
   uint64_t instances;     /* pairs of Gaussian and tile of 16x16 pixels, below 2^26 */
   uint32_t backward;      /* 1: l4d_cuda_renderer_backward will be called */
   uint32_t reserved;
-} l4d_cuda_room;
-L4D_API void l4d_cuda_room_init_(l4d_cuda_room* room, size_t struct_size);
-#define l4d_cuda_room_init(room) l4d_cuda_room_init_((room), sizeof(*(room)))
+} l4d_cuda_frame_capacity;
+L4D_API void l4d_cuda_frame_capacity_init_(l4d_cuda_frame_capacity* capacity, size_t struct_size);
+#define l4d_cuda_frame_capacity_init(capacity) \
+  l4d_cuda_frame_capacity_init_((capacity), sizeof(*(capacity)))
 L4D_API l4d_status l4d_cuda_renderer_reserve(l4d_cuda_renderer* renderer,
-                                             const l4d_cuda_room* room);
+                                             const l4d_cuda_frame_capacity* capacity);
 
 /* Destination on the device, owned by the caller; NULL = not wanted. */
 typedef struct l4d_cuda_image {
@@ -160,7 +164,7 @@ L4D_API void l4d_cuda_image_init_(l4d_cuda_image* image, size_t struct_size);
 
 /* Renders at `time` seconds, clamped to the sequence. Consecutive frames of one time share the list
  * of visible Gaussians. Fails with INVALID_STATE if the reserved image size is too small. If a
- * frame exceeds the reserved Gaussians or instances, the farthest ones are dropped, and get_figures
+ * frame exceeds the reserved Gaussians or instances, the farthest ones are dropped, and get_stats
  * fails with LIMIT_EXCEEDED. */
 L4D_API l4d_status l4d_cuda_renderer_render(l4d_cuda_renderer* renderer, double time,
                                             const l4d_camera* camera, const l4d_cuda_image* image,
@@ -176,21 +180,21 @@ L4D_API l4d_status l4d_cuda_renderer_backward(l4d_cuda_renderer* renderer, doubl
                                               const float* rgb_gradient,
                                               const l4d_gradients* gradients, void* stream);
 
-typedef struct l4d_cuda_figures {
+typedef struct l4d_cuda_frame_stats {
   size_t struct_size;
   uint64_t visible, projected, instances; /* as in l4d_render_stats */
-  uint64_t wanted_visible;                /* required capacities */
-  uint64_t wanted_instances;
-  double seconds[L4D_RENDER_MAX_STAGES]; /* of the device, by L4D_RENDER_STAGE_*; 0 unless timed */
-} l4d_cuda_figures;
-L4D_API void l4d_cuda_figures_init_(l4d_cuda_figures* figures, size_t struct_size);
-#define l4d_cuda_figures_init(figures) l4d_cuda_figures_init_((figures), sizeof(*(figures)))
+  uint64_t required_visible;              /* required capacities */
+  uint64_t required_instances;
+  double seconds[L4D_RENDER_MAX_PASSES]; /* of the device, by L4D_RENDER_PASS_*; 0 unless timed */
+} l4d_cuda_frame_stats;
+L4D_API void l4d_cuda_frame_stats_init_(l4d_cuda_frame_stats* stats, size_t struct_size);
+#define l4d_cuda_frame_stats_init(stats) l4d_cuda_frame_stats_init_((stats), sizeof(*(stats)))
 /* Returns statistics of the last frame. Waits for its stream. Fails with LIMIT_EXCEEDED, and sets
- * `figures` even so, if the frame exceeded the reserved capacities. */
-L4D_API l4d_status l4d_cuda_renderer_get_figures(l4d_cuda_renderer* renderer, void* stream,
-                                                 l4d_cuda_figures* figures);
-/* Makes all following frames time their stages, at a cost of some microseconds each. */
-L4D_API l4d_status l4d_cuda_renderer_time_stages(l4d_cuda_renderer* renderer);
+ * `stats` even so, if the frame exceeded the reserved capacities. */
+L4D_API l4d_status l4d_cuda_renderer_get_stats(l4d_cuda_renderer* renderer, void* stream,
+                                               l4d_cuda_frame_stats* stats);
+/* Makes all following frames time their passes, at a cost of some microseconds each. */
+L4D_API l4d_status l4d_cuda_renderer_time_passes(l4d_cuda_renderer* renderer);
 
 #ifdef __cplusplus
 }

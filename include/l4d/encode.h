@@ -36,8 +36,8 @@ L4D_API void l4d_encoder_options_init_(l4d_encoder_options* options, size_t stru
  * CUDA and no device can be used, FEATURE_UNSUPPORTED if this build lacks the backend. */
 L4D_API l4d_status l4d_encoder_create(const l4d_encoder_options* options, l4d_encoder** out);
 L4D_API void l4d_encoder_destroy(l4d_encoder* encoder); /* accepts NULL */
-/* As l4d_decoder_error_detail. */
-L4D_API const char* l4d_encoder_error_detail(const l4d_encoder* encoder);
+/* As l4d_decoder_error_message. */
+L4D_API const char* l4d_encoder_error_message(const l4d_encoder* encoder);
 /* Registers a callback for the progress of encode calls; NULL removes it. */
 L4D_API l4d_status l4d_encoder_set_progress(l4d_encoder* encoder, l4d_progress_fn fn, void* user);
 
@@ -60,8 +60,8 @@ typedef int32_t l4d_encoder_parameter;
 enum {
   L4D_ENC_LOSSLESS = 0,      /* 0 | 1: raw float32 attributes */
   L4D_ENC_CODEBOOK_SIZE = 1, /* per component: entries of each stage, 1..65536 */
-  L4D_ENC_LITERAL_THRESHOLD =
-      2,           /* per component: weight above which a vector is coded literally; 0 = never */
+  L4D_ENC_ESCAPE_THRESHOLD =
+      2,           /* per component: weight above which a vector is coded as an escape; 0 = never */
   L4D_ENC_RCQ = 3, /* 0 never, 1 where it pays, 2 wherever allowed */
   L4D_ENC_RCQ_SIZE = 4,       /* entries of a residual codebook, 1..4096 */
   L4D_ENC_MERGE_FRACTION = 5, /* a finest layer with fewer than this share is merged, 0..1 */
@@ -95,7 +95,7 @@ enum {
    * bits. -1: chosen by the quality: binary16 if the stream has a packed form, else fixed point. */
   L4D_ENC_MEAN_T_SHIFT = 22,
   L4D_ENC_RANS = 23, /* 0: zstd, 1: rANS pages */
-  L4D_ENC_WEIGHT_MEASURE =
+  L4D_ENC_WEIGHT_METRIC =
       24, /* what the caller's weights are: 0 L4D_SENSITIVITY_SUM, 1 _GAUSS_NEWTON */
   /* Drops a Gaussian if its bits reduce the error more when spent on other Gaussians: factor on
    * that threshold, 0 = drops none, 0..10. Needs weights L4D_WEIGHT_OPACITY of
@@ -103,7 +103,7 @@ enum {
   L4D_ENC_PRUNE_COST = 25,
   /* Per component: Lagrangian weight of the rate of codebook indices, relative to the slope of the
    * codebook's own rate-distortion curve; 0 = always the nearest codeword. 0..10 */
-  L4D_ENC_RATE_PRICE = 26,
+  L4D_ENC_RATE_LAMBDA = 26,
   L4D_ENC_POSITION_OFFSET = 27, /* dB added to the quality of fixed-point positions */
   /* What the stream declares (spec chapter "Profiles and levels"): -1 = the narrowest profile and
    * the smallest level that it meets, 0 = none. Encoding fails with INVALID_ARGUMENT if other
@@ -112,17 +112,18 @@ enum {
   L4D_ENC_PROFILE = 28, /* L4D_PROFILE_*, or -1 */
   L4D_ENC_LEVEL = 29,   /* 1..6, 0 or -1 */
   /* 0 | 1. 1: the quality also chooses codebook sizes (at most CODEBOOK_SIZE), the number of stages
-   * of each Gaussian, and literals. Setting stages or a literal threshold sets this to 0. */
+   * of each Gaussian, and escapes. Setting stages or an escape threshold sets this to 0. */
   L4D_ENC_CODEBOOKS_BY_COST = 30,
   L4D_ENC_REFINE = 31, /* rounds of joint refinement of residual stages, 0..20 */
   /* 0 | 1, where SH is a transform. 1: codes base colours apart from SH detail (L4D_TOOL_SH_BASE),
    * so that players can skip the latter. */
   L4D_ENC_SH_BASE = 32,
   /* The next four bound the error of every single Gaussian, whatever its weight; 0 = no bound. A
-   * Gaussian that exceeds a bound is coded more finely, or literally; the others are not affected.
-   * A Gaussian's size is its largest standard deviation, or, if that is more, 1/4000 of the scene's
-   * extent: 1.25 times the largest side of the box that holds nine tenths of the Gaussians on each
-   * axis. Rounding of positions to binary16, where positions are that, adds to the error.
+   * Gaussian that exceeds a bound is coded more finely, or as an escape; the others are not
+   * affected. A Gaussian's size is its largest standard deviation, or, if that is more, 1/4000 of
+   * the scene's extent: 1.25 times the largest side of the box that holds nine tenths of the
+   * Gaussians on each axis. Rounding of positions to binary16, where positions are that, adds to
+   * the error.
    *
    * Distance between decoded and given position, in sizes, while the opacity is at least half of
    * its maximum. 0..1e6 */
@@ -200,11 +201,11 @@ L4D_API l4d_status l4d_encoder_set_presentation(l4d_encoder* encoder,
                                                 const l4d_presentation* presentation);
 
 /* Sizes below which errors of single Gaussians do not count (L4D_ENC_MAX_POSITION_ERROR), each
- * Gaussian's own: half a pixel at its distance from the nearest camera, say. The least size of the
- * scene counts where that is larger. sizes: [count], scene units, finite and >= 0, borrowed as the
- * scene is, NULL removes. */
-L4D_API l4d_status l4d_encoder_set_least_sizes(l4d_encoder* encoder, const float* sizes,
-                                               uint64_t count);
+ * Gaussian's own: half a pixel at its distance from the nearest camera, say. The minimum size of
+ * the scene counts where that is larger. sizes: [count], scene units, finite and >= 0, borrowed as
+ * the scene is, NULL removes. */
+L4D_API l4d_status l4d_encoder_set_min_sizes(l4d_encoder* encoder, const float* sizes,
+                                             uint64_t count);
 
 /* Adds a key and a value to the stream's metadata. Both are copied. Fails with INVALID_ARGUMENT if
  * one is not UTF-8. */
@@ -233,10 +234,10 @@ typedef struct l4d_encode_report {
   uint64_t moved_to_coarser; /* moved to a coarser layer after quantisation */
   uint64_t raw_bytes;        /* 4 (17 + 3 (D+1)^2) per input Gaussian */
   uint64_t file_bytes;
-  uint32_t num_stages; /* timed steps, see l4d_encoder_get_stage */
+  uint32_t num_steps; /* timed steps, see l4d_encoder_get_step */
   uint32_t num_layers;
   double total_seconds;
-  uint64_t literals; /* Gaussians coded literally: far outside, or to meet a bound */
+  uint64_t escapes; /* Gaussians coded as escapes: far outside, or to meet a bound */
   /* Largest errors over all Gaussians, as the bounds on them measure them, whether there are any or
    * not. The stream states them: l4d_decoder_get_coding_errors. */
   double max_position_error;
@@ -254,9 +255,9 @@ L4D_API l4d_status l4d_encoder_get_report(const l4d_encoder* encoder, l4d_encode
 L4D_API l4d_status l4d_encoder_get_order(const l4d_encoder* encoder, uint32_t* order,
                                          uint64_t capacity);
 /* Returns the name (static) and the wall seconds of step `index`, below
- * l4d_encode_report.num_stages. */
-L4D_API l4d_status l4d_encoder_get_stage(const l4d_encoder* encoder, uint32_t index,
-                                         const char** name, double* seconds);
+ * l4d_encode_report.num_steps. */
+L4D_API l4d_status l4d_encoder_get_step(const l4d_encoder* encoder, uint32_t index,
+                                        const char** name, double* seconds);
 
 #ifdef __cplusplus
 }

@@ -74,7 +74,7 @@ L4D_API const char* l4d_status_description(l4d_status status); /* one sentence; 
  * libl4dencoder or libl4drender; "" if none has failed. UTF-8, valid until the next call on this
  * thread that fails. For people: its wording changes between versions. Use it after a failed
  * *_create function and after functions without a handle; a handle keeps the reason of its own last
- * failure, see l4d_decoder_error_detail. */
+ * failure, see l4d_decoder_error_message. */
 L4D_API const char* l4d_last_error_message(void);
 /* Internal, for libl4dencoder and libl4drender: sets that message, cut to 1023 bytes. */
 L4D_API void l4d_keep_error_message_(const char* message);

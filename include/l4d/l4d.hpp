@@ -30,7 +30,7 @@ class Error : public std::runtime_error {
 // Decoded Gaussians with their arrays. mean_t_double is filled unless it was taken away.
 struct GaussianArrays : AttributeArrays {
   std::vector<float> mean_t_local;  // as l4d_gaussian_buffers
-  std::vector<l4d_range> ranges;
+  std::vector<l4d_bucket_span> spans;
   // What decode calls write to. Times in other forms than mean_t are not wanted here.
   l4d_gaussian_buffers buffers() {
     l4d_gaussian_buffers b;
@@ -39,8 +39,8 @@ struct GaussianArrays : AttributeArrays {
     for_each_attribute(
         [](const AttributeInfo&, std::vector<float>& from, float*& to) { to = from.data(); }, *this,
         b);
-    b.ranges = ranges.empty() ? nullptr : ranges.data();
-    b.range_capacity = ranges.size();
+    b.spans = spans.empty() ? nullptr : spans.data();
+    b.span_capacity = spans.size();
     return b;
   }
 };
@@ -110,13 +110,14 @@ class DecoderHandle {
     check(l4d_decoder_get_layer_info(get(), layer, &i));
     return i;
   }
-  // What playing the stream asks for; of a channel, in the fields of it, what it has to bear.
-  l4d_conformance conformance(uint64_t bytes_per_second = 0, uint64_t burst_bytes = 0) const {
-    l4d_conformance c;
-    l4d_conformance_init(&c);
+  // What playing the stream asks for; fields that the caller sets describe the link that it reads
+  // from.
+  l4d_stream_demand demand(uint64_t bytes_per_second = 0, uint64_t burst_bytes = 0) const {
+    l4d_stream_demand c;
+    l4d_stream_demand_init(&c);
     c.bytes_per_second = bytes_per_second;
     c.burst_bytes = burst_bytes;
-    check(l4d_decoder_get_conformance(get(), &c));
+    check(l4d_decoder_get_stream_demand(get(), &c));
     return c;
   }
   l4d_selection select(const l4d_query& query) const {
@@ -143,7 +144,7 @@ class DecoderHandle {
     a.resize(n);
     a.mean_t_local.resize(n);
     a.mean_t_double.resize(n);
-    a.ranges.resize(static_cast<size_t>(s.num_ranges));
+    a.spans.resize(static_cast<size_t>(s.num_spans));
     l4d_gaussian_buffers b = a.buffers();
     b.mean_t_local = a.mean_t_local.data();
     // Of other streams they follow from the ranges, and a device can decode.
@@ -156,8 +157,8 @@ class DecoderHandle {
       a.resize(count);
       a.mean_t_local.resize(count);
     }
-    a.ranges.resize(static_cast<size_t>(b.num_ranges));
-    for (const l4d_range& r : a.ranges) {
+    a.spans.resize(static_cast<size_t>(b.num_spans));
+    for (const l4d_bucket_span& r : a.spans) {
       for (uint64_t k = r.first; !lossless && k < r.first + r.count; ++k) {
         const size_t at = static_cast<size_t>(k);
         a.mean_t_double[at] = r.center + static_cast<double>(a.mean_t_local[at]);
@@ -202,7 +203,7 @@ class DecoderHandle {
     return a;
   }
   void check(l4d_status status) const {
-    if (status != L4D_OK) throw Error(status, l4d_decoder_error_detail(get()));
+    if (status != L4D_OK) throw Error(status, l4d_decoder_error_message(get()));
   }
 
  private:
@@ -222,7 +223,7 @@ class EncoderHandle {
   }
   l4d_encoder* get() const noexcept { return handle_.get(); }
   void check(l4d_status status) const {
-    if (status != L4D_OK) throw Error(status, l4d_encoder_error_detail(get()));
+    if (status != L4D_OK) throw Error(status, l4d_encoder_error_message(get()));
   }
   // The whole stream in memory.
   std::vector<unsigned char> encode() const {

@@ -53,7 +53,7 @@ class RendererHandle {
     return s;
   }
   void check(l4d_status status) const {
-    if (status != L4D_OK) throw Error(status, l4d_renderer_error_detail(get()));
+    if (status != L4D_OK) throw Error(status, l4d_renderer_error_message(get()));
   }
 
  private:
@@ -73,13 +73,15 @@ class SensitivityHandle {
     if (status != L4D_OK) throw Error(status, l4d_last_error_message());
     handle_.reset(s);
   }
-  // Takes over what l4d_measure made of a scene of `count` Gaussians.
+  // Takes over what l4d_measure_importance made of a scene of `count` Gaussians.
   SensitivityHandle(l4d_sensitivity* measured, uint64_t count) : count_(count), handle_(measured) {}
   l4d_sensitivity* get() const noexcept { return handle_.get(); }
 
-  // seen_only as in l4d_sensitivity_add_view.
-  void add_view(const RendererHandle& renderer, const l4d_camera& camera, bool seen_only = false) {
-    renderer.check(l4d_sensitivity_add_view(get(), renderer.get(), &camera, seen_only ? 1 : 0));
+  // visibility_only as in l4d_sensitivity_add_view.
+  void add_view(const RendererHandle& renderer, const l4d_camera& camera,
+                bool visibility_only = false) {
+    renderer.check(
+        l4d_sensitivity_add_view(get(), renderer.get(), &camera, visibility_only ? 1 : 0));
   }
   void merge(const SensitivityHandle& other) { check(l4d_sensitivity_merge(get(), other.get())); }
   std::vector<float> weights(uint32_t which) const {

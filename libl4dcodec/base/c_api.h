@@ -146,7 +146,7 @@ inline l4d_status fail(l4d_status code, const char* message) noexcept {
 }
 
 // The last failure of a handle.
-class ErrorDetail {
+class ErrorMessage {
  public:
   l4d_status keep(const Status& status) {
     try {

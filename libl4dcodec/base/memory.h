@@ -15,7 +15,7 @@ class MemoryBudget {
  public:
   void set_limit(uint64_t bytes) { limit_ = bytes; }
   Status charge(uint64_t bytes, const char* what) {
-    if (!has_room(bytes)) {
+    if (!has_capacity(bytes)) {
       return Status(L4D_ERR_LIMIT_EXCEEDED, std::string(what) + " needs " + std::to_string(bytes) +
                                                 " bytes more than the " + std::to_string(used_) +
                                                 " held; the limit is " + std::to_string(limit_));
@@ -24,7 +24,7 @@ class MemoryBudget {
     peak_ = std::max(peak_, used_);
     return {};
   }
-  bool has_room(uint64_t bytes) const { return bytes <= room(); }
+  bool has_capacity(uint64_t bytes) const { return bytes <= capacity(); }
   // Whether `bytes` more would be allowed; charges nothing.
   Status check(uint64_t bytes, const char* what) {
     L4D_RETURN_IF_ERROR(charge(bytes, what));
@@ -32,7 +32,7 @@ class MemoryBudget {
     return {};
   }
   void release(uint64_t bytes) { used_ -= std::min(bytes, used_); }
-  uint64_t room() const { return limit_ - std::min(used_, limit_); }
+  uint64_t capacity() const { return limit_ - std::min(used_, limit_); }
   uint64_t used() const { return used_; }
   uint64_t peak() const { return peak_; }
 
@@ -76,7 +76,7 @@ template <typename T>
 Status grow(MemoryBudget& budget, std::vector<T>* v, size_t n, const char* what) {
   if (n > v->capacity()) {
     const size_t roomy = n + n / 8;
-    const size_t taken = budget.has_room(uint64_t{roomy} * sizeof(T)) ? roomy : n;
+    const size_t taken = budget.has_capacity(uint64_t{roomy} * sizeof(T)) ? roomy : n;
     MemoryCharge charge(budget);
     L4D_RETURN_IF_ERROR(charge.take(uint64_t{taken} * sizeof(T), what));
     const uint64_t before = uint64_t{v->capacity()} * sizeof(T);

@@ -28,7 +28,7 @@ class [[nodiscard]] Status {
   // Byte offset in the file, kNoOffset where none applies.
   uint64_t offset() const { return offset_; }
   const std::string& message() const { return message_; }
-  // "spec PAGE-3 at byte 1841: ..." : what the public error detail shows.
+  // "spec PAGE-3 at byte 1841: ..." : what the public error message shows.
   std::string detail() const;
 
  private:

@@ -51,7 +51,7 @@ Status parse_block(const fbs::Block& block, uint64_t base, const SceneHeader& he
   return {};
 }
 
-// Stored bytes of a second part, where the record may have one.
+// Stored bytes of an SH chunk, where the record may have one.
 Status parse_sh_detail(const fbs::PageRecord& p, uint64_t base, const SceneHeader& header,
                        ChunkRef* out) {
   if (p.sh_bytes() == 0) {

@@ -27,8 +27,8 @@ struct PageTableEntry {
 };
 
 struct PageRecord {
-  ChunkRef chunk;      // rans32: the first part
-  ChunkRef sh_detail;  // rans32: the second part, stored as it is; stored_bytes 0 = none
+  ChunkRef chunk;      // rans32: the base chunk
+  ChunkRef sh_detail;  // rans32: the SH chunk, stored as it is; stored_bytes 0 = none
   uint32_t num_gaussians = 0;
   uint32_t bucket = 0;
   uint32_t block = kNoBlock;  // index within the directory page

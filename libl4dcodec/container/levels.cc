@@ -18,7 +18,7 @@ constexpr LevelLimits kLevels[kNumConformanceLevels] = {
 };
 
 // Tells what a profile forbids: the first such thing is kept.
-class Breach {
+class Violation {
  public:
   void raw(bool is_raw, const std::string& what) { note(is_raw, what, "is raw32"); }
   void not_raw(bool is_raw, const std::string& what) { note(!is_raw, what, "is not raw32"); }
@@ -33,10 +33,12 @@ class Breach {
 
 bool is_raw(const ScalarCoding& c) { return c.coding == ScalarCodingId::kRaw32; }
 bool is_raw(const ComponentCoding& c) { return c.coding == ComponentCodingId::kRaw32; }
-bool is_raw(MeanCodingId c) { return c == MeanCodingId::kRaw32 || c == MeanCodingId::kRaw64; }
+bool is_raw(CoordinateCodingId c) {
+  return c == CoordinateCodingId::kRaw32 || c == CoordinateCodingId::kRaw64;
+}
 
-std::string lossless_breach(const SceneHeader& h) {
-  Breach b;
+std::string lossless_violation(const SceneHeader& h) {
+  Violation b;
   b.not_raw(is_raw(h.position), "position");
   b.not_raw(is_raw(h.opacity), "opacity");
   b.not_raw(is_raw(h.sh), "sh");
@@ -50,14 +52,14 @@ std::string lossless_breach(const SceneHeader& h) {
   return b.take();
 }
 
-std::string coded_breach(const SceneHeader& h, bool indexed) {
-  Breach b;
+std::string coded_violation(const SceneHeader& h, bool indexed) {
+  Violation b;
   const auto component = [&](const ComponentCoding& c, const std::string& what) {
     b.raw(is_raw(c), what);
     b.note(indexed && c.transform(), what, "is a transform");
   };
   b.raw(is_raw(h.position), "position");
-  b.note(indexed && h.position == MeanCodingId::kFixed, "position", "is fixed");
+  b.note(indexed && h.position == CoordinateCodingId::kFixed, "position", "is fixed");
   b.raw(is_raw(h.opacity), "opacity");
   component(h.sh, "sh");
   for (size_t l = 0; l < h.layers.size(); ++l) {
@@ -65,7 +67,7 @@ std::string coded_breach(const SceneHeader& h, bool indexed) {
     b.note(indexed && h.layers[l].raw_position, "position" + of, "is raw32");
     if (h.layers[l].raw_position) continue;
     b.raw(is_raw(h.layers[l].mean_t), "mean_t" + of);
-    b.note(indexed && h.layers[l].mean_t == MeanCodingId::kFixed, "mean_t" + of, "is fixed");
+    b.note(indexed && h.layers[l].mean_t == CoordinateCodingId::kFixed, "mean_t" + of, "is fixed");
     b.raw(is_raw(h.layers[l].scale_factor), "scale_factor" + of);
     for (unsigned c = L4D_COMPONENT_SCALE; c < L4D_COMPONENT_COUNT; ++c) {
       component(h.layers[l].component[c], kComponentNames[c] + of);
@@ -80,13 +82,13 @@ const char* profile_name(unsigned profile) {
   return profile <= kNumProfiles ? kProfileNames[profile] : nullptr;
 }
 
-std::string profile_breach(const SceneHeader& header, ProfileId profile) {
+std::string profile_violation(const SceneHeader& header, ProfileId profile) {
   switch (profile) {
     case ProfileId::kIndexed:
     case ProfileId::kMain:
-      return coded_breach(header, profile == ProfileId::kIndexed);
+      return coded_violation(header, profile == ProfileId::kIndexed);
     case ProfileId::kLossless:
-      return lossless_breach(header);
+      return lossless_violation(header);
     default:
       return {};
   }
@@ -94,13 +96,13 @@ std::string profile_breach(const SceneHeader& header, ProfileId profile) {
 
 ProfileId profile_of(const SceneHeader& header) {
   for (const ProfileId p : {ProfileId::kIndexed, ProfileId::kMain, ProfileId::kLossless}) {
-    if (profile_breach(header, p).empty()) return p;
+    if (profile_violation(header, p).empty()) return p;
   }
   return ProfileId::kNone;
 }
 
 bool has_packed_form(const SceneHeader& header) {
-  return profile_breach(header, ProfileId::kIndexed).empty();
+  return profile_violation(header, ProfileId::kIndexed).empty();
 }
 
 LevelLimits level_limits(unsigned level, bool lossless) {

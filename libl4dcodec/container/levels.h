@@ -19,7 +19,7 @@ constexpr unsigned kNumConformanceLevels = 6;
 const char* profile_name(unsigned profile);
 
 // Why a stream does not keep to a profile, "" where it does.
-std::string profile_breach(const SceneHeader& header, ProfileId profile);
+std::string profile_violation(const SceneHeader& header, ProfileId profile);
 // The narrowest profile that a stream keeps to.
 ProfileId profile_of(const SceneHeader& header);
 // Whether all attributes are held as binary16, scalar codes and codebook indices, which is what

@@ -107,12 +107,12 @@ class PageParser {
   }
 
   Status position(const SceneHeader& header, const LayerHeader& layer, bool wanted, unsigned axis) {
-    const MeanCodingId coding = header.position_of(layer);
-    if (coding == MeanCodingId::kF16) {
+    const CoordinateCodingId coding = header.position_of(layer);
+    if (coding == CoordinateCodingId::kF16) {
       grow(out_.position[axis], n_);
       return halves(wanted, n_, "VAL-1", out_.position[axis].data());
     }
-    if (coding == MeanCodingId::kRaw32) {
+    if (coding == CoordinateCodingId::kRaw32) {
       grow(out_.raw_position[axis], n_);
       return raw(wanted, n_, out_.raw_position[axis].data(), 1);
     }
@@ -129,12 +129,12 @@ class PageParser {
   }
 
   Status mean_t(const LayerHeader& layer, bool wanted) {
-    if (layer.mean_t == MeanCodingId::kNone) return {};
-    if (layer.mean_t == MeanCodingId::kRaw32) {
+    if (layer.mean_t == CoordinateCodingId::kNone) return {};
+    if (layer.mean_t == CoordinateCodingId::kRaw32) {
       grow(out_.raw_mean_t, n_);
       return raw(wanted, n_, out_.raw_mean_t.data(), 1);
     }
-    if (layer.mean_t == MeanCodingId::kRaw64) {
+    if (layer.mean_t == CoordinateCodingId::kRaw64) {
       grow(out_.raw64_mean_t, n_);
       return raw64(wanted, out_.raw64_mean_t.data());
     }
@@ -168,7 +168,7 @@ class PageParser {
                    Range range, ComponentColumns* out) {
     // The buffers keep what the page before left in them; the counts say what is of this page.
     out->index_count.fill(0);
-    out->num_literals = 0;
+    out->num_escapes = 0;
     out->coefficient_count.fill(0);
     if (coding.transform()) return transform(coding, wanted, out);
     if (coding.coding == ComponentCodingId::kRaw32) {
@@ -195,7 +195,7 @@ class PageParser {
       L4D_RETURN_IF_ERROR(decode_stream(decoder_, in_, base_, out->index_count[s], bit_width(limit),
                                         limit, "VQ-2", out->index[s].data()));
     }
-    return literals(dim, wanted, out);
+    return escapes(dim, wanted, out);
   }
 
   Status depths(const ComponentCoding& coding, ComponentColumns* out) {
@@ -207,23 +207,23 @@ class PageParser {
   }
 
   Status transform(const ComponentCoding& coding, bool wanted, ComponentColumns* out) {
-    // As depths do, rungs say how long the other streams are.
+    // As depths do, EOB indices say how long the other streams are.
     grow(codes_, n_);
-    grow(out->cls, n_);
-    grow(out->rung, n_);
+    grow(out->step_exponent, n_);
+    grow(out->eob_index, n_);
     L4D_RETURN_IF_ERROR(decode_stream(decoder_, in_, base_, n_, 4, 0, "", codes_.data()));
-    for (size_t i = 0; i < n_; ++i) out->cls[i] = static_cast<uint8_t>(codes_[i]);
-    const size_t steps = coding.ladder.size();
+    for (size_t i = 0; i < n_; ++i) out->step_exponent[i] = static_cast<uint8_t>(codes_[i]);
+    const size_t steps = coding.eob_table.size();
     if (steps == 1) {
-      std::fill_n(out->rung.begin(), n_, uint8_t{1});
+      std::fill_n(out->eob_index.begin(), n_, uint8_t{1});
     } else {
       L4D_RETURN_IF_ERROR(decode_stream(decoder_, in_, base_, n_,
                                         bit_width(static_cast<uint32_t>(steps + 1)),
                                         static_cast<uint32_t>(steps + 1), "TRAN-6", codes_.data()));
-      for (size_t i = 0; i < n_; ++i) out->rung[i] = static_cast<uint8_t>(codes_[i]);
+      for (size_t i = 0; i < n_; ++i) out->eob_index[i] = static_cast<uint8_t>(codes_[i]);
     }
     for (size_t i = 0; i < n_; ++i) {
-      for (unsigned k = 0; k < rung_coefficients(coding, out->rung[i]); ++k) {
+      for (unsigned k = 0; k < eob_coefficients(coding, out->eob_index[i]); ++k) {
         ++out->coefficient_count[k];
       }
     }
@@ -240,14 +240,14 @@ class PageParser {
     return {};
   }
 
-  Status literals(unsigned dim, bool wanted, ComponentColumns* out) {
-    const size_t n = out->num_literals;
-    grow(out->literal, n * dim);
+  Status escapes(unsigned dim, bool wanted, ComponentColumns* out) {
+    const size_t n = out->num_escapes;
+    grow(out->escape, n * dim);
     grow(codes_, n);
     for (unsigned d = 0; d < dim; ++d) {
       L4D_RETURN_IF_ERROR(halves(wanted, n, "VAL-2", codes_.data()));
       if (!wanted) continue;
-      for (size_t i = 0; i < n; ++i) out->literal[i * dim + d] = codes_[i];
+      for (size_t i = 0; i < n; ++i) out->escape[i * dim + d] = codes_[i];
     }
     return {};
   }
@@ -269,21 +269,22 @@ class PageWriter {
 
   // Neighbours in Morton order are close in space, so differences are tried for means; for other
   // attributes they only cost encoding time.
-  void position(MeanCodingId coding, const PageColumns& columns, unsigned axis) {
-    if (coding == MeanCodingId::kF16) half_stream(columns.position[axis].data(), 1, n_, true);
-    if (coding == MeanCodingId::kRaw32) raw_stream(columns.raw_position[axis].data(), 1, true);
-    if (coding == MeanCodingId::kFixed) {
+  void position(CoordinateCodingId coding, const PageColumns& columns, unsigned axis) {
+    if (coding == CoordinateCodingId::kF16) half_stream(columns.position[axis].data(), 1, n_, true);
+    if (coding == CoordinateCodingId::kRaw32)
+      raw_stream(columns.raw_position[axis].data(), 1, true);
+    if (coding == CoordinateCodingId::kFixed) {
       encoder_.encode32(columns.fixed_position[axis].data(), n_, true, out_);
     }
   }
   void mean_t(const LayerHeader& layer, const PageColumns& columns) {
-    if (layer.mean_t == MeanCodingId::kRaw32) raw_stream(columns.raw_mean_t.data(), 1, true);
-    if (layer.mean_t == MeanCodingId::kRaw64) raw64_stream(columns.raw64_mean_t.data());
-    if (layer.mean_t == MeanCodingId::kFixed) {
+    if (layer.mean_t == CoordinateCodingId::kRaw32) raw_stream(columns.raw_mean_t.data(), 1, true);
+    if (layer.mean_t == CoordinateCodingId::kRaw64) raw64_stream(columns.raw64_mean_t.data());
+    if (layer.mean_t == CoordinateCodingId::kFixed) {
       encoder_.encode(columns.mean_t.data(), n_, layer.mean_t_bits, true, out_);
       if (layer.mean_t_fine) encoder_.encode(columns.mean_t_fine.data(), n_, 16, false, out_);
     }
-    if (layer.mean_t != MeanCodingId::kF16) return;
+    if (layer.mean_t != CoordinateCodingId::kF16) return;
     for (size_t i = 0; i < n_; ++i) {
       codes_[i] = static_cast<uint16_t>(order_half(columns.mean_t[i]) >> layer.mean_t_shift);
     }
@@ -313,18 +314,17 @@ class PageWriter {
       const uint32_t limit = s == 0 ? entries0 : coding.stages[s].num_entries;
       encoder_.encode(c.index[s].data(), c.index_count[s], bit_width(limit), false, out_);
     }
-    if (c.num_literals == 0) return;  // a column of nothing has no address
-    for (unsigned d = 0; d < dim; ++d)
-      half_stream(c.literal.data() + d, dim, c.num_literals, false);
+    if (c.num_escapes == 0) return;  // a column of nothing has no address
+    for (unsigned d = 0; d < dim; ++d) half_stream(c.escape.data() + d, dim, c.num_escapes, false);
   }
 
   void transform(const ComponentCoding& coding, const ComponentColumns& c) {
-    for (size_t i = 0; i < n_; ++i) codes_[i] = c.cls[i];
+    for (size_t i = 0; i < n_; ++i) codes_[i] = c.step_exponent[i];
     encoder_.encode(codes_.data(), n_, 4, false, out_);
-    if (coding.ladder.size() > 1) {
-      for (size_t i = 0; i < n_; ++i) codes_[i] = c.rung[i];
-      const uint32_t rungs = static_cast<uint32_t>(coding.ladder.size() + 1);
-      encoder_.encode(codes_.data(), n_, bit_width(rungs), false, out_);
+    if (coding.eob_table.size() > 1) {
+      for (size_t i = 0; i < n_; ++i) codes_[i] = c.eob_index[i];
+      const uint32_t eob_indices = static_cast<uint32_t>(coding.eob_table.size() + 1);
+      encoder_.encode(codes_.data(), n_, bit_width(eob_indices), false, out_);
     }
     for (unsigned k = 0; k < coding.coefficients(); ++k) {
       const size_t count = c.coefficient_count[k];
@@ -368,7 +368,7 @@ class PageWriter {
 
 Status finish_mean_t(const LayerHeader& layer, const StreamKernels& kernels, size_t n, uint64_t at,
                      uint16_t* values) {
-  if (layer.mean_t == MeanCodingId::kFixed) return {};  // every code is a time
+  if (layer.mean_t == CoordinateCodingId::kFixed) return {};  // every code is a time
   const unsigned shift = layer.mean_t_shift;
   if (shift > 0) {
     // The middle of what the code stands for.
@@ -386,8 +386,8 @@ Status count_depths(const ComponentCoding& coding, const uint16_t* depths, size_
   for (size_t i = 0; i < n; ++i) {
     const unsigned depth = depths[i];
     out->depth[i] = static_cast<uint8_t>(depth);
-    if (depth == kLiteralDepth && coding.literals) {
-      ++out->num_literals;
+    if (depth == kEscapeDepth && coding.escapes) {
+      ++out->num_escapes;
     } else if (depth <= stages) {
       for (size_t s = 0; s < depth; ++s) ++out->index_count[s];
     } else {

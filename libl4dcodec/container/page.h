@@ -8,8 +8,8 @@
 
 #include "l4d/decode.h"
 #include "libl4dcodec/base/status.h"
+#include "libl4dcodec/container/channels.h"
 #include "libl4dcodec/container/directory.h"
-#include "libl4dcodec/container/planes.h"
 #include "libl4dcodec/container/scene_header.h"
 #include "libl4dcodec/entropy/stream.h"
 
@@ -17,16 +17,16 @@ namespace l4d {
 
 // What a page holds of one component, not yet dequantised.
 struct ComponentColumns {
-  std::vector<uint8_t> depth;  // [n], kLiteralDepth = literal; empty where all have full depth
+  std::vector<uint8_t> depth;  // [n], kEscapeDepth = escape; empty where all have full depth
   // index[s]: one value for each Gaussian whose depth is above s, in order.
   std::array<std::vector<uint16_t>, L4D_MAX_STAGES> index;
-  std::vector<uint16_t> literal;  // [num_literals, dim] binary16
-  std::vector<float> raw;         // [n, dim]
-  size_t num_literals = 0;
+  std::vector<uint16_t> escape;  // [num_escapes, dim] binary16
+  std::vector<float> raw;        // [n, dim]
+  size_t num_escapes = 0;
   std::array<size_t, L4D_MAX_STAGES> index_count{};
-  // Transform: coefficient[k] has one value for each Gaussian whose rung reaches k, in order.
-  std::vector<uint8_t> cls;   // [n] class
-  std::vector<uint8_t> rung;  // [n] step of the ladder, 0 = no coefficients
+  // Transform: coefficient[k] has one value for each Gaussian whose EOB index reaches k, in order.
+  std::vector<uint8_t> step_exponent;  // [n] step exponent
+  std::vector<uint8_t> eob_index;      // [n] step of the EOB table, 0 = no coefficients
   std::array<std::vector<int16_t>, kMaxCoefficients> coefficient;
   std::array<size_t, kMaxCoefficients> coefficient_count{};
 };
@@ -34,7 +34,7 @@ struct ComponentColumns {
 // All columns of a page. Buffers are reused from page to page: sizes only grow, n counts.
 struct PageColumns {
   size_t n = 0;
-  // False: SH is what the first part of a rans32 page holds, coefficients below the base or
+  // False: SH is what the base chunk of a rans32 page holds, coefficients below the base or
   // nothing.
   bool sh_detail = true;
   std::array<std::vector<uint16_t>, 3> position;  // binary16
@@ -59,7 +59,7 @@ struct PageWants {
   bool scale = true;  // scale factor and normalised scale
   bool rotor = true;
   bool sh = true;
-  bool sh_detail = true;  // where sh: second parts too
+  bool sh_detail = true;  // where sh: SH chunks too
 };
 
 // Bytes of a page by section, indexed by L4D_SECTION_*.
@@ -69,9 +69,9 @@ using SectionBytes = std::array<uint64_t, L4D_SECTION_COUNT>;
 uint32_t stage0_entries(const SceneHeader& header, const LayerHeader& layer, unsigned c,
                         const BlockRecord* block);
 
-// Number of coefficients that each rung of a ladder has.
-inline unsigned rung_coefficients(const ComponentCoding& coding, unsigned rung) {
-  return rung == 0 ? 0 : coding.ladder[rung - 1];
+// Number of coefficients that each EOB index of an EOB table has.
+inline unsigned eob_coefficients(const ComponentCoding& coding, unsigned eob_index) {
+  return eob_index == 0 ? 0 : coding.eob_table[eob_index - 1];
 }
 inline uint16_t zigzag16(int16_t v) {
   return static_cast<uint16_t>((static_cast<uint32_t>(v) << 1) ^ (v < 0 ? 0xffffu : 0u));
@@ -88,47 +88,48 @@ Status decode_page(StreamDecoder& decoder, ByteSpan raw, uint64_t base, const Sc
                    const PageWants& wants, PageColumns* out, SectionBytes* sections);
 
 // A rans32 page in its parts, and where they lie in the file.
-struct RansPageParts {
+struct RansPageChunks {
   ByteSpan first;
   uint64_t first_at = 0;
-  bool has_detail = false;  // the page has a second part, be it given or not
+  bool has_detail = false;  // the page has an SH chunk, be it given or not
   ByteSpan detail;
   uint64_t detail_at = 0;
 };
 
-// Parses a rans32 page with the tables of its layer. Planes are coded one after another, so that
-// only the second part can be left out; columns of the first are filled unasked. `detail` is null
-// where the second part is not wanted or there is none; else it gets what became of that, beside
-// which the columns hold the first part as if the second were not wanted.
+// Parses a rans32 page with the tables of its layer. Channels are coded one after another, so that
+// only the SH chunk can be left out; columns of the first are filled unasked. `detail` is null
+// where the SH chunk is not wanted or there is none; else it gets what became of that, beside
+// which the columns hold the base chunk as if the second were not wanted.
 struct RansDecoder {
   const RansKernels* kernels = nullptr;
   const StreamKernels* streams = nullptr;
   std::vector<uint64_t> wide;
   std::vector<uint16_t> codes;
-  std::vector<uint8_t> tables, cls, rung, before, last;  // of the Gaussians that a plane is about
+  std::vector<uint8_t> tables, step_exponent, eob_index, before,
+      last;  // of the Gaussians that a channel is about
 };
-Status decode_rans_page(RansDecoder& decoder, const RansPageParts& parts, const SceneHeader& header,
-                        const LayerHeader& layer, const EntropyTables& tables,
-                        const BlockRecord* block, size_t n, PageColumns* out,
-                        SectionBytes* sections, Status* detail);
+Status decode_rans_page(RansDecoder& decoder, const RansPageChunks& parts,
+                        const SceneHeader& header, const LayerHeader& layer,
+                        const EntropyTables& tables, const BlockRecord* block, size_t n,
+                        PageColumns* out, SectionBytes* sections, Status* detail);
 
-// Walks the planes of a page that rANS can code in their order, with the context of each symbol:
+// Walks the channels of a page that rANS can code in their order, with the context of each symbol:
 // what counts tokens for tables and what codes with them see the same. Either span of values is
 // empty.
-struct PlaneSymbols {
-  size_t plane = 0;  // index in page_planes()
+struct ChannelSymbols {
+  size_t channel = 0;  // index in page_channels()
   Span<const uint16_t> hybrid;
   Span<const uint64_t> wide;
   Span<const uint8_t> contexts;  // empty = context 0 for all
 };
-class PlaneVisitor {
+class ChannelVisitor {
  public:
-  virtual ~PlaneVisitor() = default;
-  virtual void visit(const PlaneSymbols& symbols) = 0;
+  virtual ~ChannelVisitor() = default;
+  virtual void visit(const ChannelSymbols& symbols) = 0;
 };
-void visit_planes(const SceneHeader& header, const LayerHeader& layer,
-                  const std::vector<PlaneSpec>& planes, const PageColumns& columns,
-                  PlaneVisitor& visitor);
+void visit_channels(const SceneHeader& header, const LayerHeader& layer,
+                    const std::vector<ChannelSpec>& channels, const PageColumns& columns,
+                    ChannelVisitor& visitor);
 
 Bytes encode_page(StreamEncoder& encoder, const SceneHeader& header, const LayerHeader& layer,
                   const BlockRecord* block, const PageColumns& columns);

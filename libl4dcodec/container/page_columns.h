@@ -18,13 +18,13 @@ void grow(std::vector<T>& v, size_t n) {
 Status finish_mean_t(const LayerHeader& layer, const StreamKernels& kernels, size_t n, uint64_t at,
                      uint16_t* values);
 
-// Sets depths, and from them the numbers of indices and literals.
+// Sets depths, and from them the numbers of indices and escapes.
 Status count_depths(const ComponentCoding& coding, const uint16_t* depths, size_t n, uint64_t at,
                     ComponentColumns* out);
 
 // The Morton code of coded position i.
 inline uint64_t page_morton(const SceneHeader& header, const PageColumns& columns, size_t i) {
-  if (header.position == MeanCodingId::kFixed) {
+  if (header.position == CoordinateCodingId::kFixed) {
     return morton_code(columns.fixed_position[0][i], columns.fixed_position[1][i],
                        columns.fixed_position[2][i]);
   }
@@ -32,9 +32,9 @@ inline uint64_t page_morton(const SceneHeader& header, const PageColumns& column
                      order_half(columns.position[2][i]));
 }
 
-// Contexts of coefficient k of n Gaussians: their classes, and the magnitudes (15 = that or more)
-// of the two coefficients before.
-void coefficient_contexts(const uint8_t* cls, const uint8_t* last, const uint8_t* before, size_t n,
-                          unsigned k, uint8_t* contexts);
+// Contexts of coefficient k of n Gaussians: their step_exponents, and the magnitudes (15 = that or
+// more) of the two coefficients before.
+void coefficient_contexts(const uint8_t* step_exponent, const uint8_t* last, const uint8_t* before,
+                          size_t n, unsigned k, uint8_t* contexts);
 
 }  // namespace l4d

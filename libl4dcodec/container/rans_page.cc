@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Pages whose planes are coded by rANS (spec: "rANS pages").
+// Pages whose channels are coded by rANS (spec: "rANS pages").
 #include <algorithm>
 #include <array>
 
@@ -36,19 +36,20 @@ class RansPageParser {
         out_(*out),
         sections_(sections) {}
 
-  Status run(const RansPageParts& parts, Status* detail) {
+  Status run(const RansPageChunks& parts, Status* detail) {
     out_.n = n_;
     out_.sh_detail = !parts.has_detail;
     for (ComponentColumns& c : out_.component) {
       c.index_count.fill(0);
-      c.num_literals = 0;
+      c.num_escapes = 0;
       c.coefficient_count.fill(0);
     }
-    const size_t planes = tables_.planes.size();
-    const size_t middle = parts.has_detail ? first_detail_plane(header_, tables_.planes) : planes;
+    const size_t channels = tables_.channels.size();
+    const size_t middle =
+        parts.has_detail ? first_detail_channel(header_, tables_.channels) : channels;
     L4D_RETURN_IF_ERROR(run_block(parts.first, parts.first_at, 0, middle));
     if (detail == nullptr) return {};
-    *detail = run_block(parts.detail, parts.detail_at, middle, planes);
+    *detail = run_block(parts.detail, parts.detail_at, middle, channels);
     out_.sh_detail = detail->ok();
     return {};
   }
@@ -59,9 +60,9 @@ class RansPageParser {
     L4D_RETURN_IF_ERROR(open_rans_block(block, at_, &lanes_));
     const unsigned char* counted = lanes_.next;
     for (size_t p = first; p < last; ++p) {
-      L4D_RETURN_IF_ERROR(run_plane(p));
+      L4D_RETURN_IF_ERROR(run_channel(p));
       if (sections_ == nullptr) continue;
-      (*sections_)[section_of(tables_.planes[p])] += static_cast<uint64_t>(lanes_.next - counted);
+      (*sections_)[section_of(tables_.channels[p])] += static_cast<uint64_t>(lanes_.next - counted);
       counted = lanes_.next;
     }
     if (!rans_block_finished(lanes_)) {
@@ -71,23 +72,23 @@ class RansPageParser {
     return {};
   }
 
-  static unsigned section_of(const PlaneSpec& p) {
+  static unsigned section_of(const ChannelSpec& p) {
     switch (p.kind) {
-      case PlaneKind::kPosition:
+      case ChannelKind::kPosition:
         return L4D_SECTION_POSITION;
-      case PlaneKind::kMeanT:
-      case PlaneKind::kMeanTFine:
+      case ChannelKind::kMeanT:
+      case ChannelKind::kMeanTFine:
         return L4D_SECTION_MEAN_T;
-      case PlaneKind::kOpacity:
+      case ChannelKind::kOpacity:
         return L4D_SECTION_OPACITY;
-      case PlaneKind::kScaleFactor:
+      case ChannelKind::kScaleFactor:
         return L4D_SECTION_SCALE_FACTOR;
       default:
         return L4D_SECTION_SH + p.component;
     }
   }
 
-  // Decodes plane p for `count` Gaussians, whose contexts are given where it has more than one.
+  // Decodes channel p for `count` Gaussians, whose contexts are given where it has more than one.
   void hybrid(size_t p, const uint8_t* contexts, size_t count, uint16_t* dst) {
     const std::vector<uint8_t>& map = tables_.maps[p];
     const bool one = std::all_of(map.begin(), map.end(), [&](uint8_t t) { return t == map[0]; });
@@ -111,32 +112,32 @@ class RansPageParser {
                    "value " + std::to_string(largest) + " is not below " + std::to_string(limit));
   }
 
-  Status run_plane(size_t p) {
-    const PlaneSpec& spec = tables_.planes[p];
+  Status run_channel(size_t p) {
+    const ChannelSpec& spec = tables_.channels[p];
     ComponentColumns& c = out_.component[spec.component];
     switch (spec.kind) {
-      case PlaneKind::kPosition:
+      case ChannelKind::kPosition:
         return positions(p);
-      case PlaneKind::kMeanT:
+      case ChannelKind::kMeanT:
         grow(out_.mean_t, n_);
         hybrid(p, nullptr, n_, out_.mean_t.data());
         L4D_RETURN_IF_ERROR(below(out_.mean_t.data(), n_, 1u << layer_.mean_t_width(), "STRM-3"));
         return finish_mean_t(layer_, *d_.streams, n_, at_, out_.mean_t.data());
-      case PlaneKind::kMeanTFine:
+      case ChannelKind::kMeanTFine:
         grow(out_.mean_t_fine, n_);
         hybrid(p, nullptr, n_, out_.mean_t_fine.data());
         return {};
-      case PlaneKind::kOpacity:
+      case ChannelKind::kOpacity:
         grow(out_.opacity, n_);
         hybrid(p, nullptr, n_, out_.opacity.data());
         return below(out_.opacity.data(), n_, 1u << header_.opacity.bits, "STRM-3");
-      case PlaneKind::kScaleFactor:
+      case ChannelKind::kScaleFactor:
         grow(out_.scale_factor, n_);
         hybrid(p, nullptr, n_, out_.scale_factor.data());
         return below(out_.scale_factor.data(), n_, 1u << layer_.scale_factor.bits, "STRM-3");
-      case PlaneKind::kDepth:
+      case ChannelKind::kDepth:
         return depths(p, spec.component);
-      case PlaneKind::kIndex: {
+      case ChannelKind::kIndex: {
         const ComponentCoding& coding = header_.component(layer_, spec.component);
         if (!coding.has_depth()) c.index_count[spec.index] = n_;
         const size_t count = c.index_count[spec.index];
@@ -147,13 +148,13 @@ class RansPageParser {
                                    : coding.stages[spec.index].num_entries;
         return below(c.index[spec.index].data(), count, limit, "VQ-2");
       }
-      case PlaneKind::kLiteral:
-        return literals(p, spec);
-      case PlaneKind::kClass:
-        return classes(p, spec.component);
-      case PlaneKind::kRung:
-        return rungs(p, spec.component);
-      case PlaneKind::kCoefficient:
+      case ChannelKind::kEscape:
+        return escapes(p, spec);
+      case ChannelKind::kStepExponent:
+        return step_exponents(p, spec.component);
+      case ChannelKind::kEobIndex:
+        return eob_indices(p, spec.component);
+      case ChannelKind::kCoefficient:
         return coefficients(p, spec.component, spec.index);
     }
     return {};
@@ -163,7 +164,7 @@ class RansPageParser {
     grow(d_.wide, n_);
     d_.kernels->wide(lanes_, tables_.entries.data() + size_t{tables_.maps[p][0]} * kRansSlots,
                      nullptr, n_, d_.wide.data());
-    const bool fixed = header_.position == MeanCodingId::kFixed;
+    const bool fixed = header_.position == CoordinateCodingId::kFixed;
     const unsigned bits = fixed ? header_.position_bits : 16;
     uint64_t code = 0, above = 0;
     for (size_t i = 0; i < n_; ++i) {
@@ -213,46 +214,47 @@ class RansPageParser {
     return count_depths(coding, d_.codes.data(), n_, at_, &c);
   }
 
-  Status literals(size_t p, const PlaneSpec& spec) {
+  Status escapes(size_t p, const ChannelSpec& spec) {
     ComponentColumns& c = out_.component[spec.component];
     const size_t dim = header_.component_dim(layer_, spec.component);
-    const size_t count = c.num_literals;
+    const size_t count = c.num_escapes;
     grow(d_.codes, count);
     hybrid(p, nullptr, count, d_.codes.data());
     if (d_.streams->unorder_halves(d_.codes.data(), count) >= 0x7c00u) {
       return corrupt("VAL-2", at_, "a coded value is not finite");
     }
-    grow(c.literal, count * dim);
-    for (size_t i = 0; i < count; ++i) c.literal[i * dim + spec.index] = d_.codes[i];
+    grow(c.escape, count * dim);
+    for (size_t i = 0; i < count; ++i) c.escape[i * dim + spec.index] = d_.codes[i];
     return {};
   }
 
-  Status classes(size_t p, unsigned component) {
+  Status step_exponents(size_t p, unsigned component) {
     ComponentColumns& c = out_.component[component];
     grow(d_.codes, n_);
-    grow(c.cls, n_);
-    grow(d_.cls, n_);
-    if (class_component_ == nullptr) std::fill_n(d_.cls.begin(), n_, uint8_t{0});
-    const uint8_t* contexts =
-        class_component_ == nullptr ? d_.cls.data() : class_component_->cls.data();
+    grow(c.step_exponent, n_);
+    grow(d_.step_exponent, n_);
+    if (step_exponent_component_ == nullptr) std::fill_n(d_.step_exponent.begin(), n_, uint8_t{0});
+    const uint8_t* contexts = step_exponent_component_ == nullptr
+                                  ? d_.step_exponent.data()
+                                  : step_exponent_component_->step_exponent.data();
     hybrid(p, contexts, n_, d_.codes.data());
-    L4D_RETURN_IF_ERROR(below(d_.codes.data(), n_, kTransformClasses, "TRAN-5"));
-    narrow(d_.codes.data(), n_, c.cls.data());
-    class_component_ = &c;
-    if (header_.component(layer_, component).ladder.size() > 1) return {};
-    grow(c.rung, n_);
-    std::fill_n(c.rung.begin(), n_, uint8_t{1});
+    L4D_RETURN_IF_ERROR(below(d_.codes.data(), n_, kTransformStepExponents, "TRAN-5"));
+    narrow(d_.codes.data(), n_, c.step_exponent.data());
+    step_exponent_component_ = &c;
+    if (header_.component(layer_, component).eob_table.size() > 1) return {};
+    grow(c.eob_index, n_);
+    std::fill_n(c.eob_index.begin(), n_, uint8_t{1});
     return {};
   }
 
-  Status rungs(size_t p, unsigned component) {
+  Status eob_indices(size_t p, unsigned component) {
     ComponentColumns& c = out_.component[component];
     grow(d_.codes, n_);
-    grow(c.rung, n_);
-    hybrid(p, c.cls.data(), n_, d_.codes.data());
-    const size_t steps = header_.component(layer_, component).ladder.size();
+    grow(c.eob_index, n_);
+    hybrid(p, c.step_exponent.data(), n_, d_.codes.data());
+    const size_t steps = header_.component(layer_, component).eob_table.size();
     L4D_RETURN_IF_ERROR(below(d_.codes.data(), n_, static_cast<uint32_t>(steps + 1), "TRAN-6"));
-    narrow(d_.codes.data(), n_, c.rung.data());
+    narrow(d_.codes.data(), n_, c.eob_index.data());
     return {};
   }
 
@@ -262,20 +264,22 @@ class RansPageParser {
     if (k == 0) {
       step_ = 0;
       members_ = n_;
-      d_.cls.assign(c.cls.begin(), c.cls.begin() + static_cast<std::ptrdiff_t>(n_));
-      d_.rung.assign(c.rung.begin(), c.rung.begin() + static_cast<std::ptrdiff_t>(n_));
+      d_.step_exponent.assign(c.step_exponent.begin(),
+                              c.step_exponent.begin() + static_cast<std::ptrdiff_t>(n_));
+      d_.eob_index.assign(c.eob_index.begin(),
+                          c.eob_index.begin() + static_cast<std::ptrdiff_t>(n_));
       d_.last.assign(n_, 0);
       d_.before.assign(n_, 0);
       compact();
-    } else if (k == coding.ladder[step_]) {
+    } else if (k == coding.eob_table[step_]) {
       ++step_;
       compact();
     }
-    const uint8_t* contexts = d_.cls.data();
+    const uint8_t* contexts = d_.step_exponent.data();
     if (k > 0) {
       grow(contexts_, members_);
-      d_.streams->coefficient_contexts(d_.cls.data(), d_.last.data(), d_.before.data(), members_,
-                                       contexts_.data());
+      d_.streams->coefficient_contexts(d_.step_exponent.data(), d_.last.data(), d_.before.data(),
+                                       members_, contexts_.data());
       contexts = contexts_.data();
     }
     grow(d_.codes, members_);
@@ -287,9 +291,10 @@ class RansPageParser {
     return {};
   }
 
-  // Leaves those Gaussians whose rung reaches the step at hand.
+  // Leaves those Gaussians whose EOB index reaches the step at hand.
   void compact() {
-    uint8_t* const arrays[] = {d_.rung.data(), d_.cls.data(), d_.last.data(), d_.before.data()};
+    uint8_t* const arrays[] = {d_.eob_index.data(), d_.step_exponent.data(), d_.last.data(),
+                               d_.before.data()};
     members_ = d_.streams->keep_above(arrays, 4, members_, static_cast<uint8_t>(step_));
   }
 
@@ -303,47 +308,47 @@ class RansPageParser {
   SectionBytes* sections_;
   uint64_t at_ = 0;
   RansLanes lanes_{};
-  const ComponentColumns* class_component_ = nullptr;  // the last one with classes
-  size_t step_ = 0;                                    // of the ladder
+  const ComponentColumns* step_exponent_component_ = nullptr;  // the last one with step_exponents
+  size_t step_ = 0;                                            // of the EOB table
   size_t members_ = 0;  // Gaussians that have the coefficient at hand
   std::vector<uint8_t> contexts_;
 };
 
 }  // namespace
 
-void coefficient_contexts(const uint8_t* cls, const uint8_t* last, const uint8_t* before, size_t n,
-                          unsigned k, uint8_t* contexts) {
+void coefficient_contexts(const uint8_t* step_exponent, const uint8_t* last, const uint8_t* before,
+                          size_t n, unsigned k, uint8_t* contexts) {
   if (k == 0) {
-    std::copy_n(cls, n, contexts);
+    std::copy_n(step_exponent, n, contexts);
     return;
   }
   for (size_t i = 0; i < n; ++i) {
     const unsigned sum = unsigned{last[i]} + unsigned{before[i]};
-    contexts[i] = static_cast<uint8_t>(cls[i] * kMagnitudes + magnitude_context(sum));
+    contexts[i] = static_cast<uint8_t>(step_exponent[i] * kMagnitudes + magnitude_context(sum));
   }
 }
 
-Status decode_rans_page(RansDecoder& decoder, const RansPageParts& parts, const SceneHeader& header,
-                        const LayerHeader& layer, const EntropyTables& tables,
-                        const BlockRecord* block, size_t n, PageColumns* out,
-                        SectionBytes* sections, Status* detail) {
+Status decode_rans_page(RansDecoder& decoder, const RansPageChunks& parts,
+                        const SceneHeader& header, const LayerHeader& layer,
+                        const EntropyTables& tables, const BlockRecord* block, size_t n,
+                        PageColumns* out, SectionBytes* sections, Status* detail) {
   return RansPageParser(decoder, header, layer, tables, block, n, out, sections).run(parts, detail);
 }
 
-void visit_planes(const SceneHeader& header, const LayerHeader& layer,
-                  const std::vector<PlaneSpec>& planes, const PageColumns& columns,
-                  PlaneVisitor& visitor) {
+void visit_channels(const SceneHeader& header, const LayerHeader& layer,
+                    const std::vector<ChannelSpec>& channels, const PageColumns& columns,
+                    ChannelVisitor& visitor) {
   const size_t n = columns.n;
   std::vector<uint64_t> wide;
   std::vector<uint16_t> codes;
-  std::vector<uint8_t> contexts, cls, last, before;
+  std::vector<uint8_t> contexts, step_exponent, last, before;
   std::vector<uint32_t> members;
-  const ComponentColumns* with_classes = nullptr;
-  for (size_t p = 0; p < planes.size(); ++p) {
-    const PlaneSpec& spec = planes[p];
+  const ComponentColumns* with_step_exponents = nullptr;
+  for (size_t p = 0; p < channels.size(); ++p) {
+    const ChannelSpec& spec = channels[p];
     const ComponentColumns& c = columns.component[spec.component];
-    PlaneSymbols symbols;
-    symbols.plane = p;
+    ChannelSymbols symbols;
+    symbols.channel = p;
     const auto narrow = [&](const auto& values, size_t count, auto&& code_of) {
       codes.resize(count);
       for (size_t i = 0; i < count; ++i) codes[i] = static_cast<uint16_t>(code_of(values[i]));
@@ -351,7 +356,7 @@ void visit_planes(const SceneHeader& header, const LayerHeader& layer,
     };
     const auto same = [](uint16_t v) { return v; };
     switch (spec.kind) {
-      case PlaneKind::kPosition: {
+      case ChannelKind::kPosition: {
         wide.resize(n);
         uint64_t previous = 0;
         for (size_t i = 0; i < n; ++i) {
@@ -362,45 +367,46 @@ void visit_planes(const SceneHeader& header, const LayerHeader& layer,
         symbols.wide = wide;
         break;
       }
-      case PlaneKind::kMeanT:
+      case ChannelKind::kMeanT:
         narrow(columns.mean_t, n, [&](uint16_t v) {
-          return layer.mean_t == MeanCodingId::kFixed ? v : order_half(v) >> layer.mean_t_shift;
+          return layer.mean_t == CoordinateCodingId::kFixed ? v
+                                                            : order_half(v) >> layer.mean_t_shift;
         });
         break;
-      case PlaneKind::kMeanTFine:
+      case ChannelKind::kMeanTFine:
         narrow(columns.mean_t_fine, n, same);
         break;
-      case PlaneKind::kOpacity:
+      case ChannelKind::kOpacity:
         narrow(columns.opacity, n, same);
         break;
-      case PlaneKind::kScaleFactor:
+      case ChannelKind::kScaleFactor:
         narrow(columns.scale_factor, n, same);
         break;
-      case PlaneKind::kDepth:
+      case ChannelKind::kDepth:
         narrow(c.depth, n, same);
         break;
-      case PlaneKind::kIndex:
+      case ChannelKind::kIndex:
         narrow(c.index[spec.index], c.index_count[spec.index], same);
         break;
-      case PlaneKind::kLiteral: {
+      case ChannelKind::kEscape: {
         const size_t dim = header.component_dim(layer, spec.component);
-        codes.resize(c.num_literals);
-        for (size_t i = 0; i < c.num_literals; ++i) {
-          codes[i] = order_half(c.literal[i * dim + spec.index]);
+        codes.resize(c.num_escapes);
+        for (size_t i = 0; i < c.num_escapes; ++i) {
+          codes[i] = order_half(c.escape[i * dim + spec.index]);
         }
         symbols.hybrid = codes;
         break;
       }
-      case PlaneKind::kClass:
-        narrow(c.cls, n, same);
-        if (with_classes != nullptr) symbols.contexts = with_classes->cls;
-        with_classes = &c;
+      case ChannelKind::kStepExponent:
+        narrow(c.step_exponent, n, same);
+        if (with_step_exponents != nullptr) symbols.contexts = with_step_exponents->step_exponent;
+        with_step_exponents = &c;
         break;
-      case PlaneKind::kRung:
-        narrow(c.rung, n, same);
-        symbols.contexts = c.cls;
+      case ChannelKind::kEobIndex:
+        narrow(c.eob_index, n, same);
+        symbols.contexts = c.step_exponent;
         break;
-      case PlaneKind::kCoefficient: {
+      case ChannelKind::kCoefficient: {
         const ComponentCoding& coding = header.component(layer, spec.component);
         const unsigned k = spec.index;
         if (k == 0) {
@@ -409,19 +415,20 @@ void visit_planes(const SceneHeader& header, const LayerHeader& layer,
         }
         members.clear();
         for (size_t i = 0; i < n; ++i) {
-          if (rung_coefficients(coding, c.rung[i]) > k) members.push_back(static_cast<uint32_t>(i));
+          if (eob_coefficients(coding, c.eob_index[i]) > k)
+            members.push_back(static_cast<uint32_t>(i));
         }
         const size_t count = members.size();
         codes.resize(count);
         contexts.resize(count);
-        cls.resize(3 * count);
+        step_exponent.resize(3 * count);
         for (size_t i = 0; i < count; ++i) {
-          cls[i] = c.cls[members[i]];
-          cls[count + i] = last[members[i]];
-          cls[2 * count + i] = before[members[i]];
+          step_exponent[i] = c.step_exponent[members[i]];
+          step_exponent[count + i] = last[members[i]];
+          step_exponent[2 * count + i] = before[members[i]];
         }
-        coefficient_contexts(cls.data(), cls.data() + count, cls.data() + 2 * count, count, k,
-                             contexts.data());
+        coefficient_contexts(step_exponent.data(), step_exponent.data() + count,
+                             step_exponent.data() + 2 * count, count, k, contexts.data());
         for (size_t i = 0; i < count; ++i) {
           const int16_t q = c.coefficient[k][i];
           codes[i] = zigzag16(q);

@@ -41,13 +41,13 @@ flatbuffers::Offset<fbs::ComponentCoding> to_fbs(flatbuffers::FlatBufferBuilder&
   }
   if (c.has_rcq) rcq = to_fbs(b, c.rcq);
   if (!c.transform()) {
-    return fbs::CreateComponentCoding(b, static_cast<uint8_t>(c.coding), stages, c.literals, rcq);
+    return fbs::CreateComponentCoding(b, static_cast<uint8_t>(c.coding), stages, c.escapes, rcq);
   }
   const auto basis = to_fbs(b, c.basis);
   const auto steps = b.CreateVector(c.steps);
-  const auto ladder = b.CreateVector(c.ladder);
-  return fbs::CreateComponentCoding(b, static_cast<uint8_t>(c.coding), stages, c.literals, rcq,
-                                    basis, steps, ladder);
+  const auto eob_table = b.CreateVector(c.eob_table);
+  return fbs::CreateComponentCoding(b, static_cast<uint8_t>(c.coding), stages, c.escapes, rcq,
+                                    basis, steps, eob_table);
 }
 
 // ---- parsing ----
@@ -144,15 +144,15 @@ class HeaderParser {
     out_.placement.color_space = h.color_space();
     out_.position_at_mean_time = h.position_at_mean_time();
     out_.opacity_logit = h.opacity_logit();
-    if (h.position() > static_cast<uint8_t>(MeanCodingId::kRaw64)) {
+    if (h.position() > static_cast<uint8_t>(CoordinateCodingId::kRaw64)) {
       return unknown("position coding", h.position());
     }
-    out_.position = static_cast<MeanCodingId>(h.position());
-    if (out_.position == MeanCodingId::kNone || out_.position == MeanCodingId::kRaw64) {
+    out_.position = static_cast<CoordinateCodingId>(h.position());
+    if (out_.position == CoordinateCodingId::kNone || out_.position == CoordinateCodingId::kRaw64) {
       return bad("HEAD-16", "a coding that positions cannot have");
     }
     out_.position_bits = h.position_bits();
-    if (out_.position == MeanCodingId::kFixed &&
+    if (out_.position == CoordinateCodingId::kFixed &&
         (out_.position_bits < 1 || out_.position_bits > kMaxPositionBits)) {
       return bad("CODE-5", "coordinates of " + std::to_string(out_.position_bits) + " bits");
     }
@@ -170,11 +170,11 @@ class HeaderParser {
             e.covariance_bound(),
             e.opacity_bound(),
             e.visible_bound(),
-            e.least_size(),
-            e.own_least_sizes()};
+            e.min_size(),
+            e.own_min_sizes()};
     for (const float v :
          {out->position, out->opacity, out->visible, out->mean_t, out->position_bound,
-          out->covariance_bound, out->opacity_bound, out->visible_bound, out->least_size}) {
+          out->covariance_bound, out->opacity_bound, out->visible_bound, out->min_size}) {
       if (!(v >= 0) || std::isinf(v)) return bad("HEAD-18", "a stated error that no error can be");
     }
     if (!(out->covariance >= 1) || std::isinf(out->covariance)) {
@@ -274,7 +274,7 @@ class HeaderParser {
       L4D_RETURN_IF_ERROR(parse_stage(*c.stages()->Get(static_cast<flatbuffers::uoffset_t>(s)),
                                       what, kMaxCodebookEntries, &out->stages[s]));
     }
-    out->literals = c.literals();
+    out->escapes = c.escapes();
     out->has_rcq = c.rcq() != nullptr;
     if (out->has_rcq) {
       L4D_RETURN_IF_ERROR(parse_stage(*c.rcq(), what, kMaxResidualEntries, &out->rcq));
@@ -296,12 +296,13 @@ class HeaderParser {
       out->steps.push_back(step);
     }
     unsigned last = 0;
-    for (unsigned i = 0; c.ladder() != nullptr && i < c.ladder()->size(); ++i) {
-      const unsigned end = c.ladder()->Get(i);
-      if (end <= last || end > steps) return bad("TRAN-3", name + " ladder does not ascend");
-      out->ladder.push_back(static_cast<uint8_t>(last = end));
+    for (unsigned i = 0; c.eob_table() != nullptr && i < c.eob_table()->size(); ++i) {
+      const unsigned end = c.eob_table()->Get(i);
+      if (end <= last || end > steps) return bad("TRAN-3", name + " EOB table does not ascend");
+      out->eob_table.push_back(static_cast<uint8_t>(last = end));
     }
-    if (last != steps) return bad("TRAN-3", name + " ladder does not end at the last coefficient");
+    if (last != steps)
+      return bad("TRAN-3", name + " EOB table does not end at the last coefficient");
     if (c.basis() == nullptr || c.basis()->num_entries() != steps + 1) {
       return bad("TRAN-4", name + " basis does not have a row for the origin and each coefficient");
     }
@@ -352,20 +353,20 @@ class HeaderParser {
     if (out->level >= kMaxLayers) return bad("HEAD-6", "level " + std::to_string(out->level));
     out->permanent = l.permanent();
     out->num_gaussians = l.num_gaussians();
-    if (l.mean_t() > static_cast<uint8_t>(MeanCodingId::kRaw64)) {
+    if (l.mean_t() > static_cast<uint8_t>(CoordinateCodingId::kRaw64)) {
       return unknown("mean_t coding", l.mean_t());
     }
-    out->mean_t = static_cast<MeanCodingId>(l.mean_t());
-    if (out->permanent != (out->mean_t == MeanCodingId::kNone) ||
+    out->mean_t = static_cast<CoordinateCodingId>(l.mean_t());
+    if (out->permanent != (out->mean_t == CoordinateCodingId::kNone) ||
         (out->permanent && out->level != 0)) {
       return bad("HEAD-10",
                  "a permanent layer has level 0 and no mean times, and no other has none");
     }
-    if (out->mean_t == MeanCodingId::kF16 && l.mean_t_shift() > kMaxMeanShift) {
+    if (out->mean_t == CoordinateCodingId::kF16 && l.mean_t_shift() > kMaxMeanShift) {
       return bad("CODE-6", "mean_t without " + std::to_string(l.mean_t_shift()) + " bits");
     }
-    out->mean_t_shift = out->mean_t == MeanCodingId::kF16 ? l.mean_t_shift() : 0;
-    if (out->mean_t == MeanCodingId::kFixed) L4D_RETURN_IF_ERROR(parse_mean_t(l, out));
+    out->mean_t_shift = out->mean_t == CoordinateCodingId::kF16 ? l.mean_t_shift() : 0;
+    if (out->mean_t == CoordinateCodingId::kFixed) L4D_RETURN_IF_ERROR(parse_mean_t(l, out));
     if (!is_sound(l.log_scale_t())) return bad("HEAD-3", "log_scale_t is out of range");
     out->log_scale_t = l.log_scale_t();
     L4D_RETURN_IF_ERROR(parse_scalar(*l.scale_factor(), "scale_factor", &out->scale_factor));
@@ -453,7 +454,7 @@ Bytes serialize_scene_header(const SceneHeader& h) {
     const ErrorStatement& e = h.errors;
     errors = fbs::CreateErrorStatement(b, e.position, e.covariance, e.opacity, e.visible, e.mean_t,
                                        e.position_bound, e.covariance_bound, e.opacity_bound,
-                                       e.visible_bound, e.least_size, e.own_least_sizes);
+                                       e.visible_bound, e.min_size, e.own_min_sizes);
   }
   flatbuffers::Offset<fbs::Rendering> rendering;
   if (!is_default(h.rendering)) {

@@ -18,18 +18,18 @@ namespace l4d {
 enum class ScalarCodingId : uint8_t { kConstant = 0, kRaw32 = 1, kSq = 2 };
 enum class ComponentCodingId : uint8_t { kZero = 0, kRaw32 = 1, kVq = 2, kTransform = 3 };
 enum class ElementType : uint8_t { kF16 = 0, kSq = 1 };
-enum class MeanCodingId : uint8_t { kNone = 0, kRaw32 = 1, kF16 = 2, kFixed = 3, kRaw64 = 4 };
+enum class CoordinateCodingId : uint8_t { kNone = 0, kRaw32 = 1, kF16 = 2, kFixed = 3, kRaw64 = 4 };
 
 constexpr uint32_t kMaxCodebookEntries = 65536;
 constexpr uint32_t kMaxResidualEntries = 4096;
 constexpr uint32_t kMaxPageGaussians = 65536;
 constexpr uint32_t kMaxScaleBits = 16;
-constexpr uint8_t kLiteralDepth = 15;
+constexpr uint8_t kEscapeDepth = 15;
 constexpr unsigned kMaxPositionBits = 21;  // three of them in a 63-bit Morton code
 constexpr unsigned kMaxMeanShift = 10;     // of the bits of a binary16, at least its exponent stays
 constexpr unsigned kMaxMeanBits = 16;
 constexpr unsigned kMaxCoefficients = 48;
-constexpr unsigned kTransformClasses = 16;
+constexpr unsigned kTransformStepExponents = 16;
 
 struct ChunkRef {
   uint64_t offset = 0;
@@ -42,7 +42,7 @@ struct ChunkRef {
 // Upper bounds of raw_bytes (spec: CHNK-8). A codec can blow up a few bytes without end; these are
 // what the content of each kind of chunk can take in its longest form, so nothing larger is ever
 // allocated.
-constexpr uint64_t kMaxStreamOverhead = 32;  // mode, plane codecs and sizes of one stream
+constexpr uint64_t kMaxStreamOverhead = 32;  // mode, channel codecs and sizes of one stream
 constexpr uint64_t kMaxDirectoryPageBytes = uint64_t{1} << 26;
 inline uint64_t max_codebook_bytes(uint32_t num_entries, uint32_t dim) {
   return uint64_t{dim} * (2 * uint64_t{num_entries} + kMaxStreamOverhead);
@@ -68,27 +68,27 @@ struct StageCoding {
 struct ComponentCoding {
   ComponentCodingId coding = ComponentCodingId::kZero;
   std::vector<StageCoding> stages;
-  bool literals = false;
+  bool escapes = false;
   bool has_rcq = false;
   StageCoding rcq;
-  StageCoding basis;            // transform: coefficients() + 1 rows
-  std::vector<float> steps;     // transform, one per coefficient
-  std::vector<uint8_t> ladder;  // transform, ascending, the last is the number of coefficients
+  StageCoding basis;               // transform: coefficients() + 1 rows
+  std::vector<float> steps;        // transform, one per coefficient
+  std::vector<uint8_t> eob_table;  // transform, ascending, the last is the number of coefficients
 
   bool transform() const { return coding == ComponentCodingId::kTransform; }
   unsigned coefficients() const { return static_cast<unsigned>(steps.size()); }
   // Codebook chunks besides that of RCQ: stages, or the basis.
-  size_t num_books() const { return transform() ? 1 : stages.size(); }
-  const StageCoding& book(size_t i) const { return transform() ? basis : stages[i]; }
-  StageCoding& book(size_t i) { return transform() ? basis : stages[i]; }
+  size_t num_codebooks() const { return transform() ? 1 : stages.size(); }
+  const StageCoding& codebook(size_t i) const { return transform() ? basis : stages[i]; }
+  StageCoding& codebook(size_t i) { return transform() ? basis : stages[i]; }
   bool vq() const { return coding == ComponentCodingId::kVq; }
   // Whether each page carries a depth per Gaussian.
-  bool has_depth() const { return vq() && (stages.size() > 1 || literals); }
+  bool has_depth() const { return vq() && (stages.size() > 1 || escapes); }
 };
 
 // How the mean times of a layer are coded.
 struct MeanTimeCoding {
-  MeanCodingId mean_t = MeanCodingId::kF16;
+  CoordinateCodingId mean_t = CoordinateCodingId::kF16;
   unsigned mean_t_shift = 0;  // f16: low bits of the ordered binary16 that are not coded
   unsigned mean_t_bits = 0;   // fixed: of a code
   unsigned mean_t_zero = 0;   // fixed: the code of the bucket's centre
@@ -97,13 +97,13 @@ struct MeanTimeCoding {
 
   // Bits of a coded mean time, where there are any.
   unsigned mean_t_width() const {
-    return mean_t == MeanCodingId::kFixed ? mean_t_bits : 16 - mean_t_shift;
+    return mean_t == CoordinateCodingId::kFixed ? mean_t_bits : 16 - mean_t_shift;
   }
   bool has_raw_means() const {
-    return mean_t == MeanCodingId::kRaw32 || mean_t == MeanCodingId::kRaw64;
+    return mean_t == CoordinateCodingId::kRaw32 || mean_t == CoordinateCodingId::kRaw64;
   }
   bool has_mean_codes() const {
-    return mean_t == MeanCodingId::kF16 || mean_t == MeanCodingId::kFixed;
+    return mean_t == CoordinateCodingId::kF16 || mean_t == CoordinateCodingId::kFixed;
   }
 };
 
@@ -129,13 +129,13 @@ struct ErrorStatement {
   bool stated = false;
   float position = 0, covariance = 1, opacity = 0, visible = 0, mean_t = 0;
   float position_bound = 0, covariance_bound = 0, opacity_bound = 0, visible_bound = 0;
-  float least_size = 0;
-  bool own_least_sizes = false;
+  float min_size = 0;
+  bool own_min_sizes = false;
 };
 
 // How positions are coded, in all layers but those of raw positions.
 struct PositionCoding {
-  MeanCodingId position = MeanCodingId::kF16;
+  CoordinateCodingId position = CoordinateCodingId::kF16;
   unsigned position_bits = 0;  // fixed
   float position_center[3] = {0, 0, 0};
   float position_scale = 1;
@@ -143,7 +143,7 @@ struct PositionCoding {
   // Scene units of a unit of page bounds (spec: section 12): fixed coordinates go beyond binary16.
   double bounds_unit() const {
     const unsigned shift =
-        position == MeanCodingId::kFixed && position_bits > 15 ? position_bits - 15 : 0;
+        position == CoordinateCodingId::kFixed && position_bits > 15 ? position_bits - 15 : 0;
     return static_cast<double>(position_scale) * static_cast<double>(1u << shift);
   }
 };
@@ -158,7 +158,7 @@ struct SceneHeader : PositionCoding {
   ScalarCoding opacity;
   unsigned sh_degree = 0;
   ComponentCoding sh;
-  unsigned sh_base = 0;  // transform: how many of its coefficients the first part of a page holds
+  unsigned sh_base = 0;  // transform: how many of its coefficients the base chunk of a page holds
   std::vector<LayerHeader> layers;
   // Directory pages count offsets from here, so their bytes do not depend on what lies before them.
   uint64_t payload_offset = 0;
@@ -170,10 +170,10 @@ struct SceneHeader : PositionCoding {
   l4d_presentation presentation = default_presentation();
 
   unsigned sh_dim() const { return 3 * (sh_degree + 1) * (sh_degree + 1); }
-  // Whether a rans32 page can have a second part: planes of SH that are not of the base.
+  // Whether a rans32 page can have an SH chunk: channels of SH that are not of the base.
   bool has_sh_detail() const { return sh.vq() || (sh.transform() && sh_base < sh.coefficients()); }
-  MeanCodingId position_of(const LayerHeader& layer) const {
-    return layer.raw_position ? MeanCodingId::kRaw32 : position;
+  CoordinateCodingId position_of(const LayerHeader& layer) const {
+    return layer.raw_position ? CoordinateCodingId::kRaw32 : position;
   }
   const ComponentCoding& component(const LayerHeader& layer, unsigned c) const {
     return c == L4D_COMPONENT_SH ? sh : layer.component[c];

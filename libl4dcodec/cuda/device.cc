@@ -11,7 +11,7 @@ namespace l4d::cuda {
 namespace {
 
 // The lowest compute capability that device code is built for: 90 is 9.0.
-constexpr int kLeastArchitecture = L4D_CUDA_LEAST_ARCHITECTURE;
+constexpr int kMinArchitecture = L4D_CUDA_MIN_ARCHITECTURE;
 
 std::string capability(int major, int minor) {
   return std::to_string(major) + "." + std::to_string(minor);
@@ -45,7 +45,7 @@ Status describe_device(int device, l4d_cuda_device_info* out) {
   info.compute_minor = static_cast<uint32_t>(properties.minor);
   info.multiprocessors = static_cast<uint32_t>(properties.multiProcessorCount);
   info.memory_bytes = properties.totalGlobalMem;
-  info.usable = properties.major * 10 + properties.minor >= kLeastArchitecture;
+  info.usable = properties.major * 10 + properties.minor >= kMinArchitecture;
   api::write_struct(info, out);
   return {};
 }
@@ -64,11 +64,11 @@ Status use_device(int device) {
   info.struct_size = sizeof(info);
   L4D_RETURN_IF_ERROR(describe_device(device, &info));
   if (info.usable == 0) {
-    return Status(L4D_ERR_DEVICE, std::string(info.name) + " has compute capability " +
-                                      capability(static_cast<int>(info.compute_major),
-                                                 static_cast<int>(info.compute_minor)) +
-                                      ", and this build needs " +
-                                      capability(kLeastArchitecture / 10, kLeastArchitecture % 10));
+    return Status(
+        L4D_ERR_DEVICE,
+        std::string(info.name) + " has compute capability " +
+            capability(static_cast<int>(info.compute_major), static_cast<int>(info.compute_minor)) +
+            ", and this build needs " + capability(kMinArchitecture / 10, kMinArchitecture % 10));
   }
   L4D_RETURN_IF_CUDA_ERROR(cudaSetDevice(device));
   return {};

@@ -28,7 +28,7 @@ inline bool can_overlap() {
   return cudaGetDevice(&device) == cudaSuccess &&
          cudaDeviceGetAttribute(&major, cudaDevAttrComputeCapabilityMajor, device) == cudaSuccess &&
          cudaDeviceGetAttribute(&minor, cudaDevAttrComputeCapabilityMinor, device) == cudaSuccess &&
-         10 * major + minor >= L4D_CUDA_LEAST_OVERLAPPING;
+         10 * major + minor >= L4D_CUDA_MIN_OVERLAPPING;
 }
 
 }  // namespace l4d::cuda

@@ -21,7 +21,7 @@ void expand_rans_table(const uint32_t* frequencies, size_t tokens, uint32_t* ent
 Status read_rans_table(ByteReader& in, uint64_t base, size_t max_tokens, uint32_t* entries);
 
 // Starts a block: all of `block`, whose first byte lies at file offset `base`. The kernels then
-// take plane after plane from the lanes.
+// take channel after channel from the lanes.
 Status open_rans_block(ByteSpan block, uint64_t base, RansLanes* lanes);
 
 // True if all words are used up and every lane is back where the encoder began. That does not

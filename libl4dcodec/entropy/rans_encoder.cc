@@ -137,31 +137,31 @@ void RansTable::expand(uint32_t* entries) const {
 
 void RansBlockWriter::add_hybrid(const RansTable* tables, const uint8_t* contexts,
                                  Span<const uint16_t> values) {
-  planes_.push_back({tables, contexts, values.data(), nullptr, values.size()});
+  channels_.push_back({tables, contexts, values.data(), nullptr, values.size()});
 }
 
 void RansBlockWriter::add_wide(const RansTable* tables, const uint8_t* contexts,
                                Span<const uint64_t> values) {
-  planes_.push_back({tables, contexts, nullptr, values.data(), values.size()});
+  channels_.push_back({tables, contexts, nullptr, values.data(), values.size()});
 }
 
 // The steps of the decoder, each undone, from the last to the first. Words are written downwards
 // from `at`; the result is where they begin.
 template <typename T>
-unsigned char* RansBlockWriter::encode(const Plane& plane, const T* values, uint32_t* x,
+unsigned char* RansBlockWriter::encode(const Channel& channel, const T* values, uint32_t* x,
                                        unsigned char* at) const {
   RansToken tokens[kRansLanes];
   const RansTable::Code* codes[kRansLanes];
-  for (size_t groups = (plane.n + kRansLanes - 1) / kRansLanes; groups-- > 0;) {
+  for (size_t groups = (channel.n + kRansLanes - 1) / kRansLanes; groups-- > 0;) {
     const size_t begin = groups * kRansLanes;
-    const size_t count = std::min(kRansLanes, plane.n - begin);
+    const size_t count = std::min(kRansLanes, channel.n - begin);
     uint32_t most_bits = 0;
     for (size_t lane = 0; lane < count; ++lane) {
-      const size_t context = plane.contexts != nullptr ? plane.contexts[begin + lane] : 0;
+      const size_t context = channel.contexts != nullptr ? channel.contexts[begin + lane] : 0;
       tokens[lane] = token_of(values[begin + lane]);
       most_bits = std::max(most_bits, tokens[lane].bits);
-      assert(plane.tables[context].frequency(tokens[lane].token) > 0);
-      codes[lane] = &plane.tables[context].codes_[tokens[lane].token];
+      assert(channel.tables[context].frequency(tokens[lane].token) > 0);
+      codes[lane] = &channel.tables[context].codes_[tokens[lane].token];
     }
     for (uint32_t step = (most_bits + 15) / 16; step-- > 0;) {
       const uint32_t done = step * 16;
@@ -189,8 +189,8 @@ unsigned char* RansBlockWriter::encode(const Plane& plane, const T* values, uint
 
 void RansBlockWriter::finish(Bytes& out) {
   size_t most = 0;
-  for (const Plane& plane : planes_) {
-    most += plane.n * (plane.wide != nullptr ? most_words(uint64_t{}) : most_words(uint16_t{}));
+  for (const Channel& channel : channels_) {
+    most += channel.n * (channel.wide != nullptr ? most_words(uint64_t{}) : most_words(uint16_t{}));
   }
   // emit() stores a word below the last one even where it is not kept.
   if (words_.size() < 2 * most + 2) words_.resize(2 * most + 2);
@@ -198,14 +198,14 @@ void RansBlockWriter::finish(Bytes& out) {
   std::fill(x, x + kRansLanes, kRansLow);
   unsigned char* const end = words_.data() + words_.size();
   unsigned char* at = end;
-  for (size_t i = planes_.size(); i-- > 0;) {
-    const Plane& plane = planes_[i];
-    at = plane.wide != nullptr ? encode(plane, plane.wide, x, at)
-                               : encode(plane, plane.hybrid, x, at);
+  for (size_t i = channels_.size(); i-- > 0;) {
+    const Channel& channel = channels_[i];
+    at = channel.wide != nullptr ? encode(channel, channel.wide, x, at)
+                                 : encode(channel, channel.hybrid, x, at);
   }
   for (const uint32_t state : x) append_le(state, out);
   out.insert(out.end(), at, end);
-  planes_.clear();
+  channels_.clear();
 }
 
 }  // namespace l4d

@@ -48,7 +48,7 @@ class RansTable {
   std::vector<Code> codes_;
 };
 
-// Collects the planes of a block in the order of decoding. rANS codes backwards, so that all work
+// Collects the channels of a block in the order of decoding. rANS codes backwards, so that all work
 // is done at the end: tables, contexts and values must live until then.
 class RansBlockWriter {
  public:
@@ -56,11 +56,11 @@ class RansBlockWriter {
   // that occurs has a frequency there.
   void add_hybrid(const RansTable* tables, const uint8_t* contexts, Span<const uint16_t> values);
   void add_wide(const RansTable* tables, const uint8_t* contexts, Span<const uint64_t> values);
-  // Appends the block and forgets the planes.
+  // Appends the block and forgets the channels.
   void finish(Bytes& out);
 
  private:
-  struct Plane {
+  struct Channel {
     const RansTable* tables;
     const uint8_t* contexts;
     const uint16_t* hybrid;  // this or wide
@@ -68,9 +68,10 @@ class RansBlockWriter {
     size_t n;
   };
   template <typename T>
-  unsigned char* encode(const Plane& plane, const T* values, uint32_t* x, unsigned char* at) const;
+  unsigned char* encode(const Channel& channel, const T* values, uint32_t* x,
+                        unsigned char* at) const;
 
-  std::vector<Plane> planes_;
+  std::vector<Channel> channels_;
   Bytes words_;  // scratch
 };
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Contract of the loops that decode the planes of a rANS block (spec: "rANS blocks").
+// Contract of the loops that decode the channels of a rANS block (spec: "rANS blocks").
 // Exactness class A: every implementation gives the same integers, the same states and the same
 // position for every input.
 #pragma once
@@ -16,8 +16,8 @@ constexpr uint32_t kRansLow = uint32_t{1} << 16;                // states are ne
 constexpr unsigned kRansHybridTokens = 112;
 constexpr unsigned kRansWideTokens = 126;
 
-// The decoder between two planes. Symbol i of a plane belongs to lane i mod 32; the lanes share all
-// words.
+// The decoder between two channels. Symbol i of a channel belongs to lane i mod 32; the lanes share
+// all words.
 struct RansLanes {
   uint32_t x[kRansLanes];     // each at least kRansLow
   const unsigned char* next;  // 16-bit little-endian words

@@ -29,10 +29,10 @@ struct StreamKernels {
   void (*split_morton)(const uint64_t* codes, size_t n, uint32_t* const columns[3]);
   // values[i] = unzigzag(codes[i]); magnitudes[i] = |values[i]|, but at most 15.
   void (*unzigzag)(const uint16_t* codes, size_t n, int16_t* values, uint8_t* magnitudes);
-  // contexts[i] = 5 cls[i] + (how many of 0, 2, 6 and 14 are below last[i] + before[i]). cls, last
-  // and before hold at most 15.
-  void (*coefficient_contexts)(const uint8_t* cls, const uint8_t* last, const uint8_t* before,
-                               size_t n, uint8_t* contexts);
+  // contexts[i] = 5 step_exponent[i] + (how many of 0, 2, 6 and 14 are below last[i] + before[i]).
+  // step_exponent, last and before hold at most 15.
+  void (*coefficient_contexts)(const uint8_t* step_exponent, const uint8_t* last,
+                               const uint8_t* before, size_t n, uint8_t* contexts);
   // dst[i] = map[src[i]]; dst may be src. src is below `entries`, at most 128; map is readable up
   // to a multiple of 16.
   void (*map_bytes)(const uint8_t* map, size_t entries, const uint8_t* src, size_t n, uint8_t* dst);

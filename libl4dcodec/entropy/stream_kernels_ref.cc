@@ -71,11 +71,12 @@ void unzigzag(const uint16_t* codes, size_t n, int16_t* values, uint8_t* magnitu
   }
 }
 
-void coefficient_contexts(const uint8_t* cls, const uint8_t* last, const uint8_t* before, size_t n,
-                          uint8_t* contexts) {
+void coefficient_contexts(const uint8_t* step_exponent, const uint8_t* last, const uint8_t* before,
+                          size_t n, uint8_t* contexts) {
   for (size_t i = 0; i < n; ++i) {
     const int sum = last[i] + before[i];
-    contexts[i] = static_cast<uint8_t>(5 * cls[i] + (sum > 0) + (sum > 2) + (sum > 6) + (sum > 14));
+    contexts[i] =
+        static_cast<uint8_t>(5 * step_exponent[i] + (sum > 0) + (sum > 2) + (sum > 6) + (sum > 14));
   }
 }
 

@@ -189,8 +189,8 @@ void unzigzag(const uint16_t* codes, size_t n, int16_t* values, uint8_t* magnitu
   for (; i < n; ++i) one_vector(hn::CappedTag<uint16_t, 1>(), i);
 }
 
-void coefficient_contexts(const uint8_t* cls, const uint8_t* last, const uint8_t* before, size_t n,
-                          uint8_t* contexts) {
+void coefficient_contexts(const uint8_t* step_exponent, const uint8_t* last, const uint8_t* before,
+                          size_t n, uint8_t* contexts) {
   size_t i = 0;
 #if HWY_TARGET != HWY_SCALAR
   // By the sum, of which all from 15 on are alike.
@@ -201,14 +201,15 @@ void coefficient_contexts(const uint8_t* cls, const uint8_t* last, const uint8_t
   for (; i + hn::Lanes(d) <= n; i += hn::Lanes(d)) {
     const auto sum = hn::Add(hn::LoadU(d, last + i), hn::LoadU(d, before + i));
     const auto magnitude = hn::TableLookupBytes(magnitudes, hn::Min(sum, hn::Set(d, 15)));
-    const auto c = hn::LoadU(d, cls + i);
+    const auto c = hn::LoadU(d, step_exponent + i);
     const auto c2 = hn::Add(c, c);
     hn::StoreU(hn::Add(hn::Add(hn::Add(c2, c2), c), magnitude), d, contexts + i);
   }
 #endif
   for (; i < n; ++i) {
     const int sum = last[i] + before[i];
-    contexts[i] = static_cast<uint8_t>(5 * cls[i] + (sum > 0) + (sum > 2) + (sum > 6) + (sum > 14));
+    contexts[i] =
+        static_cast<uint8_t>(5 * step_exponent[i] + (sum > 0) + (sum > 2) + (sum > 6) + (sum > 14));
   }
 }
 

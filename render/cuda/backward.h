@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The way back of a frame: from pixels to instances, to splats, to the scene.
+// The backward pass of a frame: from pixels to instances, to splats, to the scene.
 #pragma once
 
 #include "render/cuda/frame.h"

@@ -58,7 +58,7 @@ __global__ void __launch_bounds__(kThreads)
   __shared__ BlockSplats block;
   __shared__ uint32_t kept_place[kKeptRows], kept_span[kKeptRows];
   __shared__ uint32_t first_of[kThreads],
-      end_of[kThreads];  // on the way back: instances of each splat
+      end_of[kThreads];  // on the backward pass: instances of each splat
   __shared__ uint32_t digits[kMaxSortPasses * kSortRadix];
   __shared__ uint32_t base;
   FrameCounts* counts = memory.counts;

@@ -22,7 +22,7 @@ BucketLoader::~BucketLoader() {
 
 Status BucketLoader::told(l4d_status status) const {
   if (status == L4D_OK) return {};
-  const char* detail = l4d_cuda_decoder_error_detail(cuda_);
+  const char* detail = l4d_cuda_decoder_error_message(cuda_);
   return Status(status, *detail != 0 ? detail : l4d_status_name(status));
 }
 
@@ -35,7 +35,7 @@ Status BucketLoader::create() {
   sh_degree_ = info.sh_degree;
   flags_ = info.flags;
   const l4d_status made = l4d_cuda_decoder_create(decoder_, options_.device, &cuda_);
-  if (made != L4D_OK) return Status(made, l4d_decoder_error_detail(decoder_));
+  if (made != L4D_OK) return Status(made, l4d_decoder_error_message(decoder_));
   int lowest = 0, highest = 0;
   L4D_RETURN_IF_CUDA_ERROR(cudaDeviceGetStreamPriorityRange(&lowest, &highest));
   L4D_RETURN_IF_CUDA_ERROR(cudaStreamCreateWithPriority(&stream_, cudaStreamNonBlocking, lowest));
@@ -50,21 +50,21 @@ Status BucketLoader::plan(double begin, double end, std::vector<BucketPlace>* ou
   query.time_end = end;
   query.max_level = options_.max_level;
   query.whole_buckets = 1;
-  std::vector<l4d_range> ranges(64);
+  std::vector<l4d_bucket_span> spans(64);
   uint64_t count = 0;
   for (;;) {
     const l4d_status status =
-        l4d_decoder_get_ranges(decoder_, &query, ranges.data(), ranges.size(), &count);
-    if (status != L4D_OK) return Status(status, l4d_decoder_error_detail(decoder_));
-    if (count <= ranges.size()) break;
-    ranges.resize(static_cast<size_t>(count));
+        l4d_decoder_get_spans(decoder_, &query, spans.data(), spans.size(), &count);
+    if (status != L4D_OK) return Status(status, l4d_decoder_error_message(decoder_));
+    if (count <= spans.size()) break;
+    spans.resize(static_cast<size_t>(count));
   }
   out->clear();
   for (size_t i = 0; i < static_cast<size_t>(count); ++i) {
-    const l4d_range& r = ranges[i];
+    const l4d_bucket_span& r = spans[i];
     if (r.count == 0) continue;
-    if (r.count > kRowMask)
-      return Status(L4D_ERR_LIMIT_EXCEEDED, "a bucket of more than 2^30 - 1 rows");
+    if (r.count > kSlotMask)
+      return Status(L4D_ERR_LIMIT_EXCEEDED, "a bucket of more than 2^30 - 1 slots");
     out->push_back({{r.layer, r.bucket}, static_cast<uint32_t>(r.count), r.center, {}});
   }
   return {};
@@ -92,24 +92,24 @@ Status BucketLoader::reserve_arrays(uint64_t gaussians, uint64_t workspace) {
   }
   l4d_cuda_gaussian_buffers_init(&arrays_);
   arrays_.capacity = gaussians;
-  rows_ = {};
-  rows_.struct_size = sizeof rows_;
-  rows_.sh_degree = sh_degree_;
-  rows_.flags = flags_;
+  slots_ = {};
+  slots_.struct_size = sizeof slots_;
+  slots_.sh_degree = sh_degree_;
+  slots_.flags = flags_;
   auto* at = gaussians_.as<unsigned char>();
   for_each_attribute(
       [&](const AttributeInfo& a, float*& to, const float*& from) {
         from = to = reinterpret_cast<float*>(at);
         at += bytes_of(a);
       },
-      arrays_, rows_);
+      arrays_, slots_);
   // Each bucket has its own clock.
   std::swap(arrays_.mean_t, arrays_.mean_t_local);
   return {};
 }
 
 Status BucketLoader::load(const std::vector<BucketPlace>& buckets, const Sequence& sequence,
-                          bool half_sh, const ResidentRows& rows) {
+                          bool half_sh, const ResidentGaussians& slots) {
   std::vector<l4d_bucket> list;
   size_t chunks = 0;
   for (const BucketPlace& b : buckets) {
@@ -122,15 +122,15 @@ Status BucketLoader::load(const std::vector<BucketPlace>& buckets, const Sequenc
   query.buckets = list.data();
   query.num_buckets = list.size();
   query.detail = options_.detail;
-  l4d_cuda_job job;
-  l4d_cuda_job_init(&job);
-  L4D_RETURN_IF_ERROR(told(l4d_cuda_decoder_prepare(cuda_, &query, &job)));
+  l4d_cuda_request request;
+  l4d_cuda_request_init(&request);
+  L4D_RETURN_IF_ERROR(told(l4d_cuda_decoder_prepare(cuda_, &query, &request)));
   uint64_t wanted = 0;
-  for (const BucketPlace& b : buckets) wanted += b.rows;
-  if (job.num_gaussians != wanted) {
+  for (const BucketPlace& b : buckets) wanted += b.slots;
+  if (request.num_gaussians != wanted) {
     return Status(L4D_ERR_IO, "the stream's directory changed while it was played");
   }
-  L4D_RETURN_IF_ERROR(reserve_arrays(job.num_gaussians, job.workspace_bytes));
+  L4D_RETURN_IF_ERROR(reserve_arrays(request.num_gaussians, request.workspace_bytes));
   L4D_RETURN_IF_ERROR(chunk_staging_.reserve(with_slack(chunks * sizeof(uint32_t))));
   L4D_RETURN_IF_ERROR(chunk_list_.reserve(with_slack(chunks * sizeof(uint32_t))));
   uint32_t* to = chunk_staging_.as<uint32_t>();
@@ -144,16 +144,16 @@ Status BucketLoader::load(const std::vector<BucketPlace>& buckets, const Sequenc
   StorePlace place;
   place.chunks = chunk_list_.as<uint32_t>();
   for (const BucketPlace& b : buckets) {
-    place.count = b.rows;
+    place.count = b.slots;
     place.chunk_origin = b.center - sequence.center();
     // The bucket's own clock, in which its mean times lose nothing.
     const Sequence local{sequence.begin - b.center, sequence.end - b.center};
-    launch_store(rows_of(rows_, first, b.rows), local, place, half_sh, rows, stream_);
+    launch_store(rows_of(slots_, first, b.slots), local, place, half_sh, slots, stream_);
     place.chunks += b.chunks.size();
-    first += b.rows;
+    first += b.slots;
   }
   L4D_RETURN_IF_CUDA_ERROR(cudaGetLastError());
-  uploaded_ += job.upload_bytes;
+  uploaded_ += request.upload_bytes;
   L4D_RETURN_IF_ERROR(told(l4d_cuda_decoder_finish(cuda_)));
   L4D_RETURN_IF_CUDA_ERROR(cudaStreamSynchronize(stream_));
   return {};

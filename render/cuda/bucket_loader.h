@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// From stored bytes to rows of a store: reads and decodes lists of buckets on a stream of its own.
+// From stored bytes to slots of a store: reads and decodes lists of buckets on a stream of its own.
 #pragma once
 
 #include <vector>
@@ -13,7 +13,7 @@ namespace l4d::render {
 // A bucket and where it goes.
 struct BucketPlace {
   l4d_bucket bucket;
-  uint32_t rows;
+  uint32_t slots;
   double center;  // of its time, seconds
   std::vector<uint32_t> chunks;
 };
@@ -36,7 +36,7 @@ class BucketLoader {
   Status wait_for(cudaEvent_t passed);
   // Decodes buckets in ascending order into their chunks and waits until they are there.
   Status load(const std::vector<BucketPlace>& buckets, const Sequence& sequence, bool half_sh,
-              const ResidentRows& rows);
+              const ResidentGaussians& slots);
 
   uint64_t uploaded_bytes() const { return uploaded_; }
   uint64_t scratch_bytes() const;
@@ -52,7 +52,7 @@ class BucketLoader {
   l4d_cuda_decoder* cuda_ = nullptr;
   cudaStream_t stream_ = nullptr;
   l4d_cuda_gaussian_buffers arrays_{};  // what is decoded goes here
-  l4d_gaussians rows_{};                // the same arrays
+  l4d_gaussians slots_{};               // the same arrays
   cuda::DeviceMemory gaussians_, workspace_, chunk_list_;
   cuda::PinnedMemory chunk_staging_;
   uint64_t uploaded_ = 0;

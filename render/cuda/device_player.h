@@ -17,7 +17,7 @@ class DevicePlayer {
   virtual Status seek(double time) = 0;
   virtual Status render(double time, const l4d_camera& camera, const float* background,
                         const DeviceImage& image, void* stream) = 0;
-  virtual Status figures(void* stream, l4d_cuda_figures* out) = 0;
+  virtual Status stats(void* stream, l4d_cuda_frame_stats* out) = 0;
   virtual l4d_cuda_player_counters counters() const = 0;
 };
 

@@ -7,7 +7,7 @@
 
 #include "libl4dcodec/base/checked.h"
 #include "libl4dcodec/scene/prepare.h"
-#include "render/cuda/importance_lanes.h"
+#include "render/cuda/in_flight_views.h"
 #include "render/cuda/pipeline.h"
 
 namespace l4d::render {
@@ -72,7 +72,7 @@ class Implementation : public DeviceRenderer {
     forget_scene();
     const size_t n = static_cast<size_t>(gaussians.count);
     L4D_RETURN_IF_ERROR(
-        pipeline_.reserve_rows(n, gaussians.sh_degree, options_.half_sh, sequence_of(timeline)));
+        pipeline_.reserve_slots(n, gaussians.sh_degree, options_.half_sh, sequence_of(timeline)));
     L4D_RETURN_IF_ERROR(pipeline_.store_scene(gaussians, nullptr));
     gaussians_ = gaussians;
     has_attributes_ = true;
@@ -82,7 +82,7 @@ class Implementation : public DeviceRenderer {
   Status set_splats(const HostSplats& splats) override;
 
   Status render(double time, const l4d_camera& camera, const float* background,
-                const l4d_image& image, DeviceFigures* figures) override {
+                const l4d_image& image, DeviceFrameStats* stats) override {
     L4D_RETURN_IF_ERROR(use());
     const size_t pixels = size_t{camera.width} * camera.height;
     ImageTarget target{};
@@ -94,7 +94,7 @@ class Implementation : public DeviceRenderer {
       L4D_RETURN_IF_ERROR(alpha_.reserve(pixels * sizeof(float)));
       target.alpha = alpha_.as<float>();
     }
-    L4D_RETURN_IF_ERROR(whole_frame(time, camera, background, false, target, false, figures,
+    L4D_RETURN_IF_ERROR(whole_frame(time, camera, background, false, target, false, stats,
                                     [] { return Status(); }));
     if (image.rgb != nullptr) {
       L4D_RETURN_IF_CUDA_ERROR(
@@ -104,79 +104,81 @@ class Implementation : public DeviceRenderer {
       L4D_RETURN_IF_CUDA_ERROR(
           cudaMemcpy(image.alpha, target.alpha, pixels * sizeof(float), cudaMemcpyDeviceToHost));
     }
-    return pipeline_.stage_seconds(figures->seconds);
+    return pipeline_.stage_seconds(stats->seconds);
   }
 
   Status backward(double time, const l4d_camera& camera, const float* background,
                   const float* rgb_gradient, l4d_gradients* gradients,
-                  DeviceFigures* figures) override;
-  Status make_importance(uint32_t measure, bool every_glimpse,
+                  DeviceFrameStats* stats) override;
+  Status make_importance(uint32_t metric, bool sum_visible_only,
                          std::unique_ptr<DeviceImportance>* out) override {
     L4D_RETURN_IF_ERROR(use());
     auto memory = std::make_unique<ImportanceMemory>();
     L4D_RETURN_IF_ERROR(memory->create(static_cast<size_t>(gaussians_.count),
-                                       importance_row(measure, gaussians_.sh_degree),
-                                       every_glimpse));
+                                       importance_row(metric, gaussians_.sh_degree),
+                                       sum_visible_only));
     *out = std::move(memory);
     return {};
   }
   Status add_importance(double time, const l4d_camera& camera, bool squared, uint64_t signs,
-                        bool seen_only, DeviceImportance* sums, DeviceFigures* figures) override;
+                        bool visibility_only, DeviceImportance* sums,
+                        DeviceFrameStats* stats) override;
   Status finish_importance() override {
     L4D_RETURN_IF_ERROR(use());
-    return lanes_ == nullptr ? Status() : lanes_->finish();
+    return views_ == nullptr ? Status() : views_->finish();
   }
 
-  Status reserve_rows(uint64_t rows, uint32_t sh_degree, const l4d_timeline& timeline) override {
+  Status reserve_slots(uint64_t slots, uint32_t sh_degree, const l4d_timeline& timeline) override {
     L4D_RETURN_IF_ERROR(use());
     forget_scene();
     if (pipeline_.sh_codebooks().empty()) {
-      return pipeline_.reserve_rows(static_cast<size_t>(rows), sh_degree, options_.half_sh,
-                                    sequence_of(timeline));
+      return pipeline_.reserve_slots(static_cast<size_t>(slots), sh_degree, options_.half_sh,
+                                     sequence_of(timeline));
     }
     if (sh_degree != pipeline_.sh_codebooks().degree()) {
       return invalid_argument("the codebooks are of other SH degree");
     }
-    return pipeline_.reserve_indexed_rows(static_cast<size_t>(rows), sequence_of(timeline));
+    return pipeline_.reserve_indexed_slots(static_cast<size_t>(slots), sequence_of(timeline));
   }
-  Status store_rows(uint32_t first, const l4d_gaussians& gaussians,
-                    const l4d_cuda_sh_indices* indices, void* stream) override {
+  Status store_gaussians(uint32_t first, const l4d_gaussians& gaussians,
+                         const l4d_cuda_sh_indices* indices, void* stream) override {
     L4D_RETURN_IF_ERROR(use());
     return pipeline_.store(gaussians, indices, first, first, static_cast<cudaStream_t>(stream));
   }
-  Status set_sh_codebooks(const l4d_codebook* books, uint32_t count) override {
+  Status set_sh_codebooks(const l4d_codebook* codebooks, uint32_t count) override {
     L4D_RETURN_IF_ERROR(use());
-    return pipeline_.set_sh_codebooks(books, count, options_.half_sh);
+    return pipeline_.set_sh_codebooks(codebooks, count, options_.half_sh);
   }
   Status set_indexed_gaussians(const l4d_gaussians& gaussians, const l4d_cuda_sh_indices& indices,
                                const l4d_timeline& timeline) override {
     L4D_RETURN_IF_ERROR(use());
     forget_scene();
     const size_t n = static_cast<size_t>(gaussians.count);
-    L4D_RETURN_IF_ERROR(pipeline_.reserve_indexed_rows(n, sequence_of(timeline)));
-    L4D_RETURN_IF_ERROR(pipeline_.reserve_literals(indices.num_literals));
+    L4D_RETURN_IF_ERROR(pipeline_.reserve_indexed_slots(n, sequence_of(timeline)));
+    L4D_RETURN_IF_ERROR(pipeline_.reserve_escapes(indices.num_escapes));
     return pipeline_.store_scene(gaussians, &indices);
   }
-  Status reserve_literals(uint64_t literals) override {
+  Status reserve_escapes(uint64_t escapes) override {
     L4D_RETURN_IF_ERROR(use());
-    return pipeline_.reserve_literals(literals);
+    return pipeline_.reserve_escapes(escapes);
   }
-  Status set_rows(const Rows* rows, uint32_t count, void* stream) override {
+  Status set_batches(const SlotRange* ranges, uint32_t count, void* stream) override {
     L4D_RETURN_IF_ERROR(use());
-    std::vector<Slab> slabs(count);
-    for (uint32_t s = 0; s < count; ++s) slabs[s] = {rows[s].first, rows[s].count, rows[s].motion};
-    return pipeline_.set_slabs(slabs.data(), count, static_cast<cudaStream_t>(stream));
+    std::vector<Batch> batches(count);
+    for (uint32_t s = 0; s < count; ++s)
+      batches[s] = {ranges[s].first, ranges[s].count, ranges[s].motion};
+    return pipeline_.set_batches(batches.data(), count, static_cast<cudaStream_t>(stream));
   }
   Status reserve(uint32_t width, uint32_t height, uint64_t visible, uint64_t instances,
                  bool backward) override {
     L4D_RETURN_IF_ERROR(use());
-    FrameRoom room;
-    room.width = static_cast<int>(width);
-    room.height = static_cast<int>(height);
-    room.visible = saturate32(visible);
-    room.instances = saturate32(instances);
-    room.backward = backward;
-    return pipeline_.reserve(room);
+    FrameCapacity capacity;
+    capacity.width = static_cast<int>(width);
+    capacity.height = static_cast<int>(height);
+    capacity.visible = saturate32(visible);
+    capacity.instances = saturate32(instances);
+    capacity.backward = backward;
+    return pipeline_.reserve(capacity);
   }
   Status launch(double time, const l4d_camera& camera, const float* background,
                 const DeviceImage& image, void* stream) override {
@@ -199,29 +201,29 @@ class Implementation : public DeviceRenderer {
     if (target.rgb == nullptr) target.rgb = pipeline_.scratch_image();
     L4D_RETURN_IF_ERROR(pipeline_.render(time, camera, background, true, target, on));
     const BackwardTask task{Upstream::kGiven, rgb_gradient, 0, target.rgb};
-    L4D_RETURN_IF_ERROR(pipeline_.go_back(task, on));
+    L4D_RETURN_IF_ERROR(pipeline_.backward(task, on));
     launch_gradients(gradient_input(pipeline_, gaussians_, time, camera), task,
                      pipeline_.resident(), pipeline_.memory(), pipeline_.back_memory(), gradients,
                      on);
     L4D_RETURN_IF_CUDA_ERROR(cudaGetLastError());
     return {};
   }
-  Status figures(void* stream, DeviceFigures* out, uint64_t* wanted_visible,
-                 uint64_t* wanted_instances) override {
+  Status stats(void* stream, DeviceFrameStats* out, uint64_t* required_visible,
+               uint64_t* required_instances) override {
     L4D_RETURN_IF_ERROR(use());
-    FrameFigures f;
-    L4D_RETURN_IF_ERROR(pipeline_.figures(static_cast<cudaStream_t>(stream), &f));
+    FrameStats f;
+    L4D_RETURN_IF_ERROR(pipeline_.stats(static_cast<cudaStream_t>(stream), &f));
     out->visible = f.visible;
     out->projected = f.projected;
     out->instances = f.instances;
-    *wanted_visible = f.wanted_visible;
-    *wanted_instances = f.wanted_instances;
+    *required_visible = f.required_visible;
+    *required_instances = f.required_instances;
     L4D_RETURN_IF_ERROR(pipeline_.stage_seconds(out->seconds));
     return f.check_whole();
   }
-  Status time_stages() override {
+  Status time_passes() override {
     L4D_RETURN_IF_ERROR(use());
-    return pipeline_.time_stages();
+    return pipeline_.time_passes();
   }
 
  private:
@@ -231,13 +233,13 @@ class Implementation : public DeviceRenderer {
   }
   void forget_scene() {
     has_attributes_ = false;
-    lanes_.reset();
+    views_.reset();
   }
   // Renders until there is room for all, and waits. rest(): what is to be launched after the frame;
   // what comes of frames without room must do no harm.
   template <class Rest>
   Status whole_frame(double time, const l4d_camera& camera, const float* background, bool backward,
-                     const ImageTarget& target, bool back_room, DeviceFigures* figures,
+                     const ImageTarget& target, bool backward_capacity, DeviceFrameStats* stats,
                      const Rest& rest);
 
   DeviceRendererOptions options_;
@@ -249,28 +251,28 @@ class Implementation : public DeviceRenderer {
   cuda::DeviceMemory rgb_, alpha_, upstream_;
   cuda::PinnedMemory staging_;
   // Of the scene, from the first view nobody waits for on; goes before what its views read.
-  std::unique_ptr<ImportanceLanes> lanes_;
+  std::unique_ptr<InFlightViews> views_;
 };
 
 template <class Rest>
 Status Implementation::whole_frame(double time, const l4d_camera& camera, const float* background,
-                                   bool backward, const ImageTarget& target, bool back_room,
-                                   DeviceFigures* figures, const Rest& rest) {
-  FrameRoom room = first_room(pipeline_, camera, back_room);
-  FrameFigures f{};
+                                   bool backward, const ImageTarget& target, bool backward_capacity,
+                                   DeviceFrameStats* stats, const Rest& rest) {
+  FrameCapacity capacity = first_capacity(pipeline_, camera, backward_capacity);
+  FrameStats f{};
   do {
-    L4D_RETURN_IF_ERROR(pipeline_.reserve(room));
+    L4D_RETURN_IF_ERROR(pipeline_.reserve(capacity));
     ImageTarget into = target;
     if (backward && into.rgb == nullptr) into.rgb = pipeline_.scratch_image();
     L4D_RETURN_IF_ERROR(pipeline_.render(time, camera, background, backward, into, nullptr));
     L4D_RETURN_IF_ERROR(rest());
     L4D_RETURN_IF_CUDA_ERROR(cudaGetLastError());
-    L4D_RETURN_IF_ERROR(pipeline_.figures(nullptr, &f));
-    if (f.overflow) room = more_room(room, f);
+    L4D_RETURN_IF_ERROR(pipeline_.stats(nullptr, &f));
+    if (f.overflow) capacity = more_capacity(capacity, f);
   } while (f.overflow);
-  figures->visible = f.visible;
-  figures->projected = f.projected;
-  figures->instances = f.instances;
+  stats->visible = f.visible;
+  stats->projected = f.projected;
+  stats->instances = f.instances;
   return {};
 }
 
@@ -278,8 +280,8 @@ Status Implementation::set_splats(const HostSplats& splats) {
   L4D_RETURN_IF_ERROR(use());
   forget_scene();
   const size_t n = splats.count;
-  L4D_RETURN_IF_ERROR(pipeline_.reserve_rows(n, splats.sh_degree, false, {0, 0}));
-  const ResidentRows& rows = pipeline_.resident();
+  L4D_RETURN_IF_ERROR(pipeline_.reserve_slots(n, splats.sh_degree, false, {0, 0}));
+  const ResidentGaussians& slots = pipeline_.resident();
   const size_t numbers = size_t{3} * sh_terms(splats.sh_degree);
   const size_t stride = sh_stride(splats.sh_degree, false);
   L4D_RETURN_IF_ERROR(staging_.reserve(std::max<size_t>(n, 1) * stride * sizeof(float)));
@@ -287,43 +289,43 @@ Status Implementation::set_splats(const HostSplats& splats) {
     L4D_RETURN_IF_CUDA_ERROR(cudaMemcpy(to, staging_.data(), bytes, cudaMemcpyHostToDevice));
     return {};
   };
-  // Still rows: all that slicing would do has been done.
+  // Still slots: all that slicing would do has been done.
   float* f = staging_.as<float>();
   for (size_t i = 0; i < n; ++i) {
     f[2 * i] = -std::numeric_limits<float>::infinity();
     f[2 * i + 1] = std::numeric_limits<float>::infinity();
   }
-  L4D_RETURN_IF_ERROR(send(rows.interval, n * sizeof(VisibleInterval)));
+  L4D_RETURN_IF_ERROR(send(slots.interval, n * sizeof(VisibleInterval)));
   for (size_t i = 0; i < n; ++i) {
     for (size_t k = 0; k < 3; ++k) f[4 * i + k] = splats.position[k][i];
     f[4 * i + 3] = splats.opacity[i];
   }
-  L4D_RETURN_IF_ERROR(send(rows.place, n * sizeof(float4)));
+  L4D_RETURN_IF_ERROR(send(slots.place, n * sizeof(float4)));
   for (size_t i = 0; i < n; ++i) {
     for (size_t k = 0; k < 4; ++k) f[4 * i + k] = splats.covariance[k][i];
   }
-  L4D_RETURN_IF_ERROR(send(rows.shape0, n * sizeof(float4)));
+  L4D_RETURN_IF_ERROR(send(slots.shape0, n * sizeof(float4)));
   for (size_t i = 0; i < n; ++i) {
     f[4 * i] = splats.covariance[4][i];
     f[4 * i + 1] = splats.covariance[5][i];
     f[4 * i + 2] = f[4 * i + 3] = 0;
   }
-  L4D_RETURN_IF_ERROR(send(rows.shape1, n * sizeof(float4)));
+  L4D_RETURN_IF_ERROR(send(slots.shape1, n * sizeof(float4)));
   for (size_t i = 0; i < n; ++i) {
     std::copy_n(splats.sh[i], numbers, f + stride * i);
     std::fill_n(f + stride * i + numbers, stride - numbers, 0.0f);
   }
-  L4D_RETURN_IF_ERROR(send(rows.sh, n * stride * sizeof(float)));
+  L4D_RETURN_IF_ERROR(send(slots.sh, n * stride * sizeof(float)));
   uint32_t* ids = staging_.as<uint32_t>();
   for (size_t i = 0; i < n; ++i) ids[i] = static_cast<uint32_t>(i);
-  L4D_RETURN_IF_ERROR(send(rows.id, n * sizeof(uint32_t)));
-  const Slab all{0, static_cast<uint32_t>(n), kStill};
-  return pipeline_.set_slabs(&all, n > 0 ? 1 : 0, nullptr);
+  L4D_RETURN_IF_ERROR(send(slots.id, n * sizeof(uint32_t)));
+  const Batch all{0, static_cast<uint32_t>(n), kStill};
+  return pipeline_.set_batches(&all, n > 0 ? 1 : 0, nullptr);
 }
 
 Status Implementation::backward(double time, const l4d_camera& camera, const float* background,
                                 const float* rgb_gradient, l4d_gradients* gradients,
-                                DeviceFigures* figures) {
+                                DeviceFrameStats* stats) {
   L4D_RETURN_IF_ERROR(use());
   const size_t n = static_cast<size_t>(gaussians_.count);
   const size_t pixels = size_t{camera.width} * camera.height;
@@ -344,15 +346,15 @@ Status Implementation::backward(double time, const l4d_camera& camera, const flo
       },
       *gradients, out);
   L4D_RETURN_IF_ERROR(status);
-  const auto go_back = [&]() -> Status {
+  const auto backward = [&]() -> Status {
     const BackwardTask task{Upstream::kGiven, upstream_.as<float>(), 0, pipeline_.scratch_image()};
-    L4D_RETURN_IF_ERROR(pipeline_.go_back(task, nullptr));
+    L4D_RETURN_IF_ERROR(pipeline_.backward(task, nullptr));
     launch_gradients(gradient_input(pipeline_, gaussians_, time, camera), task,
                      pipeline_.resident(), pipeline_.memory(), pipeline_.back_memory(), out,
                      nullptr);
     return {};
   };
-  L4D_RETURN_IF_ERROR(whole_frame(time, camera, background, true, {}, true, figures, go_back));
+  L4D_RETURN_IF_ERROR(whole_frame(time, camera, background, true, {}, true, stats, backward));
   for_each_attribute(
       [&](const AttributeInfo& a, float* wanted, const float* from) {
         if (wanted == nullptr || !status.ok()) return;
@@ -360,26 +362,26 @@ Status Implementation::backward(double time, const l4d_camera& camera, const flo
       },
       *gradients, out);
   L4D_RETURN_IF_ERROR(status);
-  return pipeline_.stage_seconds(figures->seconds);
+  return pipeline_.stage_seconds(stats->seconds);
 }
 
 Status Implementation::add_importance(double time, const l4d_camera& camera, bool squared,
-                                      uint64_t signs, bool seen_only, DeviceImportance* sums,
-                                      DeviceFigures* figures) {
+                                      uint64_t signs, bool visibility_only, DeviceImportance* sums,
+                                      DeviceFrameStats* stats) {
   L4D_RETURN_IF_ERROR(use());
-  const ImportanceView view{time,  camera,    squared,
-                            signs, seen_only, static_cast<const ImportanceMemory*>(sums)};
-  if (figures == nullptr) {
-    if (lanes_ == nullptr) {
-      auto lanes = std::make_unique<ImportanceLanes>();
-      L4D_RETURN_IF_ERROR(lanes->create(pipeline_, gaussians_));
-      lanes_ = std::move(lanes);
+  const ImportanceView view{time,  camera,          squared,
+                            signs, visibility_only, static_cast<const ImportanceMemory*>(sums)};
+  if (stats == nullptr) {
+    if (views_ == nullptr) {
+      auto views = std::make_unique<InFlightViews>();
+      L4D_RETURN_IF_ERROR(views->create(pipeline_, gaussians_));
+      views_ = std::move(views);
     }
-    return lanes_->add(view);
+    return views_->add(view);
   }
   L4D_RETURN_IF_ERROR(finish_importance());
   const float black[3] = {0, 0, 0};
-  return whole_frame(time, camera, black, !seen_only, {}, true, figures, [&]() -> Status {
+  return whole_frame(time, camera, black, !visibility_only, {}, true, stats, [&]() -> Status {
     return launch_view_sums(&pipeline_, gaussians_, view, nullptr, nullptr);
   });
 }

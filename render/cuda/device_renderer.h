@@ -15,9 +15,9 @@
 
 namespace l4d::render {
 
-struct DeviceFigures {
+struct DeviceFrameStats {
   uint64_t visible = 0, projected = 0, instances = 0;
-  double seconds[L4D_RENDER_STAGE_COUNT] = {};
+  double seconds[L4D_RENDER_PASS_COUNT] = {};
 };
 
 // 3D Gaussians at an instant, in host memory.
@@ -36,14 +36,14 @@ class DeviceImportance {
   virtual ~DeviceImportance() = default;
   // Of all Gaussians, in images with their pixels counted one by one; host arrays.
   struct Values {
-    std::vector<int64_t> numbers;   // [N, width]
-    std::vector<int64_t> glimpsed;  // [N] coverage in views that only asked
-    std::vector<uint8_t> seen;      // [N]
+    std::vector<int64_t> numbers;       // [N, width]
+    std::vector<int64_t> visible_only;  // [N] coverage in visibility-only views
+    std::vector<uint8_t> seen;          // [N]
   };
   virtual Status read(Values* out) const = 0;
   virtual Status read_seen(std::vector<uint8_t>* out) const = 0;  // [N]
-  // [N], as Values::glimpsed.
-  virtual Status read_glimpsed(std::vector<int64_t>* out) const = 0;
+  // [N], as Values::visible_only.
+  virtual Status read_visible_only(std::vector<int64_t>* out) const = 0;
   virtual Status clone(std::unique_ptr<DeviceImportance>* out) const = 0;
   // Adds the sums of another one on the same device.
   virtual Status add(const DeviceImportance& other) = 0;
@@ -65,42 +65,44 @@ class DeviceRenderer {
   virtual Status set_gaussians(const l4d_gaussians& gaussians, const l4d_timeline& timeline) = 0;
   virtual Status set_splats(const HostSplats& splats) = 0;
   virtual Status render(double time, const l4d_camera& camera, const float* background,
-                        const l4d_image& image, DeviceFigures* figures) = 0;
+                        const l4d_image& image, DeviceFrameStats* stats) = 0;
   virtual Status backward(double time, const l4d_camera& camera, const float* background,
                           const float* rgb_gradient, l4d_gradients* gradients,
-                          DeviceFigures* figures) = 0;
-  // every_glimpse: views that only ask add up what they show of a Gaussian; else the first one
+                          DeviceFrameStats* stats) = 0;
+  // sum_visible_only: visibility-only views add up what they show of a Gaussian; else the first one
   // tells.
-  virtual Status make_importance(uint32_t measure, bool every_glimpse,
+  virtual Status make_importance(uint32_t metric, bool sum_visible_only,
                                  std::unique_ptr<DeviceImportance>* out) = 0;
   // Adds a view: magnitudes of derivatives of the sum of all pixels, or, where `squared`, squares
-  // of derivatives with random signs made from `signs`; or, where seen_only, coverage alone.
+  // of derivatives with random signs made from `signs`; or, where visibility_only, coverage alone.
   // figures: NULL does not wait for the view, which fails in a later call then. Sums, of which all
   // views take turns, and the scene must stay until finish_importance().
   virtual Status add_importance(double time, const l4d_camera& camera, bool squared, uint64_t signs,
-                                bool seen_only, DeviceImportance* sums, DeviceFigures* figures) = 0;
+                                bool visibility_only, DeviceImportance* sums,
+                                DeviceFrameStats* stats) = 0;
   virtual Status finish_importance() = 0;
 
   // ---- device memory throughout; calls only launch unless they say otherwise ----
   // Arrays of `gaussians` are device pointers here. Waits.
   virtual Status set_device_gaussians(const l4d_gaussians& gaussians,
                                       const l4d_timeline& timeline) = 0;
-  // SH codebooks of device arrays, copied; and scenes and rows that tell SH by indices into them.
+  // SH codebooks of device arrays, copied; and scenes and slots that tell SH by indices into them.
   // Wait.
-  virtual Status set_sh_codebooks(const l4d_codebook* books, uint32_t count) = 0;
+  virtual Status set_sh_codebooks(const l4d_codebook* codebooks, uint32_t count) = 0;
   virtual Status set_indexed_gaussians(const l4d_gaussians& gaussians,
                                        const l4d_cuda_sh_indices& indices,
                                        const l4d_timeline& timeline) = 0;
-  virtual Status reserve_literals(uint64_t literals) = 0;
-  struct Rows {
+  virtual Status reserve_escapes(uint64_t escapes) = 0;
+  struct SlotRange {
     uint32_t first, count, motion;  // motion: MotionGroup
   };
   // Of indices, where there are codebooks. Waits.
-  virtual Status reserve_rows(uint64_t rows, uint32_t sh_degree, const l4d_timeline& timeline) = 0;
-  // indices: NULL where rows hold their SH.
-  virtual Status store_rows(uint32_t first, const l4d_gaussians& gaussians,
-                            const l4d_cuda_sh_indices* indices, void* stream) = 0;
-  virtual Status set_rows(const Rows* rows, uint32_t count, void* stream) = 0;
+  virtual Status reserve_slots(uint64_t slots, uint32_t sh_degree,
+                               const l4d_timeline& timeline) = 0;
+  // indices: NULL where slots hold their SH.
+  virtual Status store_gaussians(uint32_t first, const l4d_gaussians& gaussians,
+                                 const l4d_cuda_sh_indices* indices, void* stream) = 0;
+  virtual Status set_batches(const SlotRange* ranges, uint32_t count, void* stream) = 0;
   // Waits where it has to grow.
   virtual Status reserve(uint32_t width, uint32_t height, uint64_t visible, uint64_t instances,
                          bool backward) = 0;
@@ -111,12 +113,12 @@ class DeviceRenderer {
   virtual Status launch_backward(double time, const l4d_camera& camera, const float* background,
                                  const DeviceImage& image, const float* rgb_gradient,
                                  const l4d_gradients& gradients, void* stream) = 0;
-  // Of the last frame. Waits for it. Fails with LIMIT_EXCEEDED where there was not room for all of
-  // it; *wanted_visible and *wanted_instances then say how much is missing, and are set in any
-  // case.
-  virtual Status figures(void* stream, DeviceFigures* out, uint64_t* wanted_visible,
-                         uint64_t* wanted_instances) = 0;
-  virtual Status time_stages() = 0;
+  // Of the last frame. Waits for it. Fails with LIMIT_EXCEEDED where the capacity did not suffice
+  // for all of it; *required_visible and *required_instances then say how much is missing, and are
+  // set in any case.
+  virtual Status stats(void* stream, DeviceFrameStats* out, uint64_t* required_visible,
+                       uint64_t* required_instances) = 0;
+  virtual Status time_passes() = 0;
 };
 
 struct DeviceRendererOptions {

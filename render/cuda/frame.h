@@ -40,7 +40,7 @@ struct FrameMemory {
   uint32_t* depth_keys[2];   // [max_visible]
   uint32_t* depth_order[2];  // [max_visible] splats, front to back
   uint32_t* tile_keys[2];    // [max_instances]
-  uint32_t* tile_values[2];  // [max_instances] splats, or emissions on the way back
+  uint32_t* tile_values[2];  // [max_instances] splats, or emissions on the backward pass
   uint32_t* splat_of;        // [max_instances] of each emission; NULL unless there is a way back
   uint2* ranges;             // [tiles] instances of each tile; set to 0 before each frame
   uint32_t* tile_order;      // [tiles] those with long lists first
@@ -73,11 +73,11 @@ inline int tile_bits(int tiles) {
 }
 
 // Rows of the chunks that are visible at the time, in order.
-void launch_slice(const ResidentRows& rows, const Chunk* chunks, uint32_t num_chunks, double time,
-                  const FrameMemory& memory, cudaStream_t stream);
+void launch_slice(const ResidentGaussians& rows, const Chunk* chunks, uint32_t num_chunks,
+                  double time, const FrameMemory& memory, cudaStream_t stream);
 // The splats of the visible rows that touch a tile, with their colours; keys of their depths.
-void launch_project(const ResidentRows& rows, const FrameInput& input, const FrameMemory& memory,
-                    cudaStream_t stream);
+void launch_project(const ResidentGaussians& rows, const FrameInput& input,
+                    const FrameMemory& memory, cudaStream_t stream);
 // Pairs of tile and splat, front to back.
 void launch_emit(const FrameInput& input, const uint32_t* order, const FrameMemory& memory,
                  cudaStream_t stream);

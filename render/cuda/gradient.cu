@@ -80,7 +80,7 @@ struct Row {
 // False beyond the last splat that the frame shows, and where the frame is not whole.
 template <uint32_t kDegree>
 __device__ bool back_to_slice(const GradientInput& input, const View<float>& view,
-                              const ResidentRows& rows, const FrameMemory& memory,
+                              const ResidentGaussians& rows, const FrameMemory& memory,
                               const BackwardMemory& back, bool one_channel, Shown<kDegree>* out,
                               float* by_sh /* [terms, 3] or NULL */) {
   const uint32_t at = blockIdx.x * kThreads + threadIdx.x;
@@ -90,7 +90,7 @@ __device__ bool back_to_slice(const GradientInput& input, const View<float>& vie
   out->color[0] = one_channel ? out->sums.coverage : out->sums.red;
   out->color[1] = one_channel ? out->sums.coverage : out->sums.green;
   out->color[2] = one_channel ? out->sums.coverage : out->sums.blue;
-  out->id = rows.id[memory.splats[splat].row & kRowMask];
+  out->id = rows.id[memory.splats[splat].slot & kSlotMask];
   out->at = instant_of(input);
   out->gaussian = attributes_of(input, out->id);
   const Slice3D<double> slice = slice_at(out->gaussian, out->at);
@@ -126,7 +126,7 @@ __device__ bool back_to_slice(const GradientInput& input, const View<float>& vie
 
 template <uint32_t kDegree>
 __global__ void __launch_bounds__(kThreads)
-    add_gradients(GradientInput input, View<float> view, bool one_channel, ResidentRows rows,
+    add_gradients(GradientInput input, View<float> view, bool one_channel, ResidentGaussians rows,
                   FrameMemory memory, BackwardMemory back, l4d_gradients out) {
   await_predecessor();
   constexpr size_t kNumbers = 3 * sh_terms(kDegree);
@@ -171,7 +171,7 @@ __device__ void add_squares(long long* numbers, double coverage, double sh, cons
 template <uint32_t kDegree>
 __global__ void __launch_bounds__(kThreads)
     add_importance(GradientInput input, View<float> view, bool one_channel, bool squared,
-                   ResidentRows rows, FrameMemory memory, BackwardMemory back,
+                   ResidentGaussians rows, FrameMemory memory, BackwardMemory back,
                    ImportanceSums sums) {
   await_predecessor();
   Shown<kDegree> shown;
@@ -185,7 +185,7 @@ __global__ void __launch_bounds__(kThreads)
   constexpr uint32_t kTerms = sh_terms(kDegree);
   float basis[kTerms];
   sh_basis(kDegree, shown.direction[0], shown.direction[1], shown.direction[2], basis);
-  // The way back asks for the instant of the position, not for the position.
+  // The backward pass asks for the instant of the position, not for the position.
   Gaussian4D<double>& gaussian = shown.gaussian;
   gaussian.opacity = linear_opacity(gaussian, shown.at);
   Instant<double> derived = shown.at;
@@ -231,15 +231,15 @@ __global__ void __launch_bounds__(kThreads)
 }
 
 __global__ void __launch_bounds__(kThreads)
-    add_glimpse(ResidentRows rows, FrameMemory memory, const unsigned long long* coverage,
-                ImportanceSums sums) {
+    add_visible_only(ResidentGaussians rows, FrameMemory memory, const unsigned long long* coverage,
+                     ImportanceSums sums) {
   await_predecessor();
   const uint32_t splat = blockIdx.x * kThreads + threadIdx.x;
   if (splat >= memory.counts->projected || coverage[splat] == 0 || !is_whole(memory)) return;
-  const uint32_t id = rows.id[memory.splats[splat].row & kRowMask];
-  if (!sums.every_glimpse && sums.seen[id] != 0) return;
+  const uint32_t id = rows.id[memory.splats[splat].slot & kSlotMask];
+  if (!sums.sum_visible_only && sums.seen[id] != 0) return;
   sums.seen[id] = 1;
-  sums.glimpsed[id] += static_cast<long long>(coverage[splat]);
+  sums.visible_only[id] += static_cast<long long>(coverage[splat]);
 }
 __global__ void __launch_bounds__(kThreads)
     add_sums(const long long* from, long long* to, size_t count) {
@@ -292,7 +292,7 @@ View<float> narrow(const View<double>& v) {
 }  // namespace
 
 void launch_gradients(const GradientInput& input, const BackwardTask& task,
-                      const ResidentRows& rows, const FrameMemory& memory,
+                      const ResidentGaussians& rows, const FrameMemory& memory,
                       const BackwardMemory& back, const l4d_gradients& out, cudaStream_t stream) {
   const unsigned grid = (memory.max_visible + kThreads - 1) / kThreads;
   for_degree(input.gaussians.sh_degree, [&](auto degree) {
@@ -302,7 +302,7 @@ void launch_gradients(const GradientInput& input, const BackwardTask& task,
 }
 
 void launch_importance(const GradientInput& input, const BackwardTask& task, bool squared,
-                       const ResidentRows& rows, const FrameMemory& memory,
+                       const ResidentGaussians& rows, const FrameMemory& memory,
                        const BackwardMemory& back, const ImportanceSums& sums,
                        cudaStream_t stream) {
   const unsigned grid = (memory.max_visible + kThreads - 1) / kThreads;
@@ -318,15 +318,15 @@ void launch_add_sums(const ImportanceSums& from, size_t count, const ImportanceS
   const auto grid = [](size_t n) { return static_cast<unsigned>((n + kThreads - 1) / kThreads); };
   const size_t numbers = count * from.row.width();
   launch(add_sums, grid(numbers), kThreads, stream, from.numbers, to.numbers, numbers);
-  launch(add_sums, grid(count), kThreads, stream, from.glimpsed, to.glimpsed, count);
+  launch(add_sums, grid(count), kThreads, stream, from.visible_only, to.visible_only, count);
   launch(add_flags, grid(count), kThreads, stream, from.seen, to.seen, count);
 }
 
-void launch_glimpse(const ResidentRows& rows, const FrameMemory& memory,
-                    const unsigned long long* coverage, const ImportanceSums& sums,
-                    cudaStream_t stream) {
+void launch_visible_only(const ResidentGaussians& rows, const FrameMemory& memory,
+                         const unsigned long long* coverage, const ImportanceSums& sums,
+                         cudaStream_t stream) {
   const unsigned grid = (memory.max_visible + kThreads - 1) / kThreads;
-  launch(add_glimpse, grid, kThreads, stream, rows, memory, coverage, sums);
+  launch(add_visible_only, grid, kThreads, stream, rows, memory, coverage, sums);
 }
 
 }  // namespace l4d::render

@@ -8,8 +8,8 @@
 
 namespace l4d::render {
 
-// What the way back to the attributes needs of them. All arrays are on the device; a splat's id is
-// its place in them.
+// What the backward pass to the attributes needs of them. All arrays are on the device; a splat's
+// id is its place in them.
 struct GradientInput {
   l4d_gaussians gaussians;
   View<double> view;
@@ -18,33 +18,33 @@ struct GradientInput {
 };
 
 // Adds to those arrays of `out` that are not NULL; each Gaussian is in a frame once at most. As the
-// calls below it adds nothing where there was not room for all of the frame.
+// calls below it adds nothing where the capacity did not suffice for all of the frame.
 void launch_gradients(const GradientInput& input, const BackwardTask& task,
-                      const ResidentRows& rows, const FrameMemory& memory,
+                      const ResidentGaussians& rows, const FrameMemory& memory,
                       const BackwardMemory& back, const l4d_gradients& out, cudaStream_t stream);
 
 // Sums over views of importances, in whole numbers: neither the order of views nor how they are
 // dealt out to devices changes them.
 struct ImportanceSums {
-  long long* numbers;   // [N, row.width()]
-  long long* glimpsed;  // [N] coverage in views that only asked, of what no full view had shown
-  uint8_t* seen;        // [N]
+  long long* numbers;       // [N, row.width()]
+  long long* visible_only;  // [N] coverage in visibility-only views, of what no full view had shown
+  uint8_t* seen;            // [N]
   ImportanceRow row;
-  bool every_glimpse;  // all of them add up; else the first one tells
+  bool sum_visible_only;  // all of them add up; else the first one tells
 };
 
 // Adds magnitudes of derivatives, or, where squared, squares of derivatives by attributes as
 // streams code them.
 void launch_importance(const GradientInput& input, const BackwardTask& task, bool squared,
-                       const ResidentRows& rows, const FrameMemory& memory,
+                       const ResidentGaussians& rows, const FrameMemory& memory,
                        const BackwardMemory& back, const ImportanceSums& sums, cudaStream_t stream);
 // Adds the sums of other views.
 void launch_add_sums(const ImportanceSums& from, size_t count, const ImportanceSums& to,
                      cudaStream_t stream);
 // Adds coverage of what has not been seen, or of all, and marks it as seen. coverage as
 // launch_coverage has it.
-void launch_glimpse(const ResidentRows& rows, const FrameMemory& memory,
-                    const unsigned long long* coverage, const ImportanceSums& sums,
-                    cudaStream_t stream);
+void launch_visible_only(const ResidentGaussians& rows, const FrameMemory& memory,
+                         const unsigned long long* coverage, const ImportanceSums& sums,
+                         cudaStream_t stream);
 
 }  // namespace l4d::render

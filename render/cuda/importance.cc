@@ -17,7 +17,7 @@ Status read_array(const From* from, size_t count, std::vector<To>* out) {
 
 }  // namespace
 
-Status ImportanceMemory::create(size_t count, const ImportanceRow& row, bool every_glimpse) {
+Status ImportanceMemory::create(size_t count, const ImportanceRow& row, bool sum_visible_only) {
   count_ = count;
   const size_t n = std::max<size_t>(count, 1), number = sizeof(long long);
   const size_t bytes[3] = {n * row.width() * number, n * number, n};
@@ -28,13 +28,13 @@ Status ImportanceMemory::create(size_t count, const ImportanceRow& row, bool eve
   // Views are added on streams that do not wait for this one.
   L4D_RETURN_IF_CUDA_ERROR(cudaDeviceSynchronize());
   sums_ = {memory_[0].as<long long>(), memory_[1].as<long long>(), memory_[2].as<uint8_t>(), row,
-           every_glimpse};
+           sum_visible_only};
   return {};
 }
 
 Status ImportanceMemory::read(Values* out) const {
   L4D_RETURN_IF_ERROR(read_array(sums_.numbers, count_ * sums_.row.width(), &out->numbers));
-  L4D_RETURN_IF_ERROR(read_glimpsed(&out->glimpsed));
+  L4D_RETURN_IF_ERROR(read_visible_only(&out->visible_only));
   return read_seen(&out->seen);
 }
 
@@ -42,13 +42,13 @@ Status ImportanceMemory::read_seen(std::vector<uint8_t>* out) const {
   return read_array(sums_.seen, count_, out);
 }
 
-Status ImportanceMemory::read_glimpsed(std::vector<int64_t>* out) const {
-  return read_array(sums_.glimpsed, count_, out);
+Status ImportanceMemory::read_visible_only(std::vector<int64_t>* out) const {
+  return read_array(sums_.visible_only, count_, out);
 }
 
 Status ImportanceMemory::clone(std::unique_ptr<DeviceImportance>* out) const {
   auto copy = std::make_unique<ImportanceMemory>();
-  L4D_RETURN_IF_ERROR(copy->create(count_, sums_.row, sums_.every_glimpse));
+  L4D_RETURN_IF_ERROR(copy->create(count_, sums_.row, sums_.sum_visible_only));
   L4D_RETURN_IF_ERROR(copy->add(*this));
   *out = std::move(copy);
   return {};

@@ -10,15 +10,15 @@ namespace {
 
 constexpr int kThreads = 256;
 static_assert(kRankPiece == kThreads, "one Gaussian per thread");
-constexpr uint8_t kPackedLiteral = 255;  // as decoders tell them
+constexpr uint8_t kPackedEscape = 255;  // as decoders tell them
 
 __global__ void __launch_bounds__(kThreads)
-    rank_literals(const uint8_t* depth, uint32_t count, uint32_t* ranks, uint32_t* states) {
+    rank_escapes(const uint8_t* depth, uint32_t count, uint32_t* ranks, uint32_t* states) {
   await_predecessor();
   __shared__ uint32_t before_piece;
   const uint32_t piece = take_ticket(states + gridDim.x);
   const uint32_t i = piece * kThreads + threadIdx.x;
-  const uint32_t own = i < count && depth[i] == kPackedLiteral ? 1 : 0;
+  const uint32_t own = i < count && depth[i] == kPackedEscape ? 1 : 0;
   uint32_t total = 0;
   const uint32_t before = block_sum_before<kThreads>(own, &total);
   if (threadIdx.x < 32) {
@@ -30,29 +30,30 @@ __global__ void __launch_bounds__(kThreads)
 }
 
 __global__ void __launch_bounds__(kThreads)
-    store_indices(ShIndices indices, StorePlace place, ResidentRows rows) {
+    store_indices(ShIndices indices, StorePlace place, ResidentGaussians slots) {
   await_predecessor();
   const uint32_t at = blockIdx.x * kThreads + threadIdx.x;
   if (at >= place.count) return;
   const uint32_t i = gaussian_of(place, at);
-  const ShBooks& books = rows.books;
-  uint32_t* words = static_cast<uint32_t*>(rows.sh) + size_t{row_of(place, at)} * books.words();
-  uint32_t depth = indices.depth != nullptr ? indices.depth[i] : books.num_stages;
-  if (depth == kPackedLiteral) {
+  const ShCodebookTable& codebooks = slots.codebooks;
+  uint32_t* words =
+      static_cast<uint32_t*>(slots.sh) + size_t{row_of(place, at)} * codebooks.words();
+  uint32_t depth = indices.depth != nullptr ? indices.depth[i] : codebooks.num_stages;
+  if (depth == kPackedEscape) {
     const uint32_t rank = indices.rank != nullptr ? indices.rank[i] : 0;
-    if (indices.rank != nullptr && rank < indices.num_literals) {
-      words[0] = kShLiteral | (indices.first_literal + rank) << kShDepthBits;
+    if (indices.rank != nullptr && rank < indices.num_escapes) {
+      words[0] = kShEscape | (indices.first_escape + rank) << kShDepthBits;
       return;
     }
     depth = 0;
   }
-  depth = min(depth, books.num_stages);
+  depth = min(depth, codebooks.num_stages);
   const auto index_of = [&](uint32_t s) {
     if (s >= depth) return 0u;
-    return min(uint32_t{indices.index[s * indices.stride + i]}, books.entries[s] - 1);
+    return min(uint32_t{indices.index[s * indices.stride + i]}, codebooks.entries[s] - 1);
   };
   words[0] = depth | index_of(0) << 16;
-  for (uint32_t s = 1; s < books.num_stages; s += 2) {
+  for (uint32_t s = 1; s < codebooks.num_stages; s += 2) {
     words[1 + s / 2] = index_of(s) | index_of(s + 1) << 16;
   }
 }
@@ -83,22 +84,22 @@ void launch_pad(const From* from, uint32_t numbers, uint32_t stride, uint32_t co
 
 }  // namespace
 
-void launch_rank_literals(const uint8_t* depth, uint32_t count, uint32_t* ranks, uint32_t* states,
-                          cudaStream_t stream) {
+void launch_rank_escapes(const uint8_t* depth, uint32_t count, uint32_t* ranks, uint32_t* states,
+                         cudaStream_t stream) {
   if (count == 0) return;
-  launch(rank_literals, (count + kThreads - 1) / kThreads, kThreads, stream, depth, count, ranks,
+  launch(rank_escapes, (count + kThreads - 1) / kThreads, kThreads, stream, depth, count, ranks,
          states);
 }
 
 void launch_store_indices(const ShIndices& indices, const StorePlace& place,
-                          const ResidentRows& rows, cudaStream_t stream) {
+                          const ResidentGaussians& slots, cudaStream_t stream) {
   if (place.count == 0) return;
   launch(store_indices, (place.count + kThreads - 1) / kThreads, kThreads, stream, indices, place,
-         rows);
+         slots);
 }
 
-void launch_pad_books(const float* from, uint32_t numbers, uint32_t stride, uint32_t count,
-                      bool half, void* to, cudaStream_t stream) {
+void launch_pad_codebooks(const float* from, uint32_t numbers, uint32_t stride, uint32_t count,
+                          bool half, void* to, cudaStream_t stream) {
   if (half) {
     launch_pad(from, numbers, stride, count, static_cast<__half*>(to), stream);
   } else {
@@ -106,8 +107,8 @@ void launch_pad_books(const float* from, uint32_t numbers, uint32_t stride, uint
   }
 }
 
-void launch_pad_literals(const uint16_t* from, uint32_t numbers, uint32_t stride, uint32_t count,
-                         uint16_t* to, cudaStream_t stream) {
+void launch_pad_escapes(const uint16_t* from, uint32_t numbers, uint32_t stride, uint32_t count,
+                        uint16_t* to, cudaStream_t stream) {
   launch_pad(from, numbers, stride, count, to, stream);
 }
 

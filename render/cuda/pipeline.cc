@@ -8,7 +8,7 @@ namespace l4d::render {
 namespace {
 
 constexpr uint32_t kMaxInstances = (1u << 26) - 1;
-size_t pieces(size_t rows, size_t piece) { return (rows + piece - 1) / piece; }
+size_t pieces(size_t slots, size_t piece) { return (slots + piece - 1) / piece; }
 
 Status launched(const char* what) {
   const cudaError_t error = cudaGetLastError();
@@ -16,9 +16,9 @@ Status launched(const char* what) {
 }
 
 // Cuts a block of memory into arrays.
-class Cutter {
+class ArenaLayout {
  public:
-  explicit Cutter(void* base) : base_(static_cast<unsigned char*>(base)) {}
+  explicit ArenaLayout(void* base) : base_(static_cast<unsigned char*>(base)) {}
   template <typename T>
   T* take(size_t count) {
     unsigned char* at = base_ == nullptr ? nullptr : base_ + bytes_;
@@ -34,9 +34,9 @@ class Cutter {
 
 }  // namespace
 
-Status FrameFigures::check_whole() const {
+Status FrameStats::check_whole() const {
   if (!overflow) return {};
-  return Status(L4D_ERR_LIMIT_EXCEEDED, "the frame has more than there was room for: reserve more");
+  return Status(L4D_ERR_LIMIT_EXCEEDED, "the frame exceeds the reserved capacity: reserve more");
 }
 
 Status DevicePipeline::create() {
@@ -50,7 +50,7 @@ DevicePipeline::~DevicePipeline() {
 }
 
 size_t DevicePipeline::row_sh_bytes() const {
-  if (rows_.books.num_stages > 0) return rows_.books.words() * sizeof(uint32_t);
+  if (slots_.codebooks.num_stages > 0) return slots_.codebooks.words() * sizeof(uint32_t);
   return sh_stride(sh_degree_, half_sh_) * (half_sh_ ? sizeof(uint16_t) : sizeof(float));
 }
 
@@ -58,9 +58,9 @@ size_t DevicePipeline::row_bytes() const {
   return sizeof(VisibleInterval) + 4 * sizeof(float4) + sizeof(uint32_t) + row_sh_bytes();
 }
 
-// Memory of rows of sh_degree_ and half_sh_. The device is idle.
-Status DevicePipeline::make_rows(size_t rows, bool keep) {
-  const size_t n = std::max<size_t>(rows, 1);
+// Memory of slots of sh_degree_ and half_sh_. The device is idle.
+Status DevicePipeline::make_slots(size_t slots, bool keep) {
+  const size_t n = std::max<size_t>(slots, 1);
   const size_t bytes[7] = {sizeof(VisibleInterval), sizeof(float4), sizeof(float4),  sizeof(float4),
                            sizeof(float4),          row_sh_bytes(), sizeof(uint32_t)};
   const auto grow = [&](cuda::DeviceMemory* memory, size_t wanted, size_t used) -> Status {
@@ -76,26 +76,26 @@ Status DevicePipeline::make_rows(size_t rows, bool keep) {
     return {};
   };
   for (int k = 0; k < 7; ++k) {
-    L4D_RETURN_IF_ERROR(grow(&row_memory_[k], n * bytes[k], capacity_rows_ * bytes[k]));
+    L4D_RETURN_IF_ERROR(grow(&slot_memory_[k], n * bytes[k], capacity_slots_ * bytes[k]));
   }
-  rows_.interval = row_memory_[0].as<VisibleInterval>();
-  rows_.place = row_memory_[1].as<float4>();
-  rows_.motion = row_memory_[2].as<float4>();
-  rows_.shape0 = row_memory_[3].as<float4>();
-  rows_.shape1 = row_memory_[4].as<float4>();
-  rows_.sh = row_memory_[5].data();
-  rows_.id = row_memory_[6].as<uint32_t>();
-  rows_.origin = nullptr;
+  slots_.interval = slot_memory_[0].as<VisibleInterval>();
+  slots_.place = slot_memory_[1].as<float4>();
+  slots_.motion = slot_memory_[2].as<float4>();
+  slots_.shape0 = slot_memory_[3].as<float4>();
+  slots_.shape1 = slot_memory_[4].as<float4>();
+  slots_.sh = slot_memory_[5].data();
+  slots_.id = slot_memory_[6].as<uint32_t>();
+  slots_.origin = nullptr;
   if (keep) {
-    L4D_RETURN_IF_ERROR(grow(&origins_, n / kChunkRows * sizeof(double),
-                             capacity_rows_ / kChunkRows * sizeof(double)));
-    rows_.origin = origins_.as<double>();
+    L4D_RETURN_IF_ERROR(grow(&origins_, n / kChunkSlots * sizeof(double),
+                             capacity_slots_ / kChunkSlots * sizeof(double)));
+    slots_.origin = origins_.as<double>();
   }
-  // As many chunks as slabs can make of the rows.
-  const size_t chunks = n / kChunkRows + kMaxSlabs + 1;
+  // As many chunks as batches can make of the slots.
+  const size_t chunks = n / kChunkSlots + kMaxBatches + 1;
   L4D_RETURN_IF_ERROR(grow(&chunks_, chunks * sizeof(Chunk), num_chunks_ * sizeof(Chunk)));
   chunk_list_ = chunks_.as<Chunk>();
-  capacity_rows_ = rows;
+  capacity_slots_ = slots;
   return reserve_slices(chunks);
 }
 
@@ -107,88 +107,91 @@ Status DevicePipeline::reserve_slices(size_t chunks) {
   return {};
 }
 
-Status DevicePipeline::share_rows(const DevicePipeline& owner) {
+Status DevicePipeline::share_slots(const DevicePipeline& owner) {
   sequence_ = owner.sequence_;
-  capacity_rows_ = owner.capacity_rows_;
+  capacity_slots_ = owner.capacity_slots_;
   sh_degree_ = owner.sh_degree_;
   half_sh_ = owner.half_sh_;
   num_chunks_ = owner.num_chunks_;
   chunk_list_ = owner.chunk_list_;
-  rows_ = owner.rows_;
+  slots_ = owner.slots_;
   return reserve_slices(num_chunks_);
 }
 
-Status DevicePipeline::reserve_rows(size_t rows, uint32_t sh_degree, bool half_sh,
-                                    const Sequence& sequence) {
-  if (rows > kRowMask) return Status(L4D_ERR_LIMIT_EXCEEDED, "more than 2^30 - 1 rows");
+Status DevicePipeline::reserve_slots(size_t slots, uint32_t sh_degree, bool half_sh,
+                                     const Sequence& sequence) {
+  if (slots > kSlotMask) return Status(L4D_ERR_LIMIT_EXCEEDED, "more than 2^30 - 1 slots");
   L4D_RETURN_IF_CUDA_ERROR(cudaDeviceSynchronize());
-  capacity_rows_ = 0;
+  capacity_slots_ = 0;
   num_chunks_ = 0;
   sh_degree_ = sh_degree;
   half_sh_ = half_sh;
   sequence_ = sequence;
-  rows_.books = {};
-  return make_rows(rows, false);
+  slots_.codebooks = {};
+  return make_slots(slots, false);
 }
 
-Status DevicePipeline::set_sh_codebooks(const l4d_codebook* books, uint32_t count, bool half_sh) {
+Status DevicePipeline::set_sh_codebooks(const l4d_codebook* codebooks, uint32_t count,
+                                        bool half_sh) {
   // Rows of the codebooks that go mean nothing any more.
-  if (rows_.books.num_stages > 0) {
-    L4D_RETURN_IF_ERROR(reserve_rows(0, sh_degree_, half_sh_, sequence_));
+  if (slots_.codebooks.num_stages > 0) {
+    L4D_RETURN_IF_ERROR(reserve_slots(0, sh_degree_, half_sh_, sequence_));
   }
-  half_books_ = half_sh;
-  return codebooks_.set(books, count, half_sh);
+  half_codebooks_ = half_sh;
+  return codebooks_.set(codebooks, count, half_sh);
 }
 
-Status DevicePipeline::reserve_indexed_rows(size_t rows, const Sequence& sequence) {
+Status DevicePipeline::reserve_indexed_slots(size_t slots, const Sequence& sequence) {
   if (codebooks_.empty()) return Status(L4D_ERR_INVALID_STATE, "there are no codebooks");
-  L4D_RETURN_IF_ERROR(reserve_rows(0, codebooks_.degree(), half_books_, sequence));
+  L4D_RETURN_IF_ERROR(reserve_slots(0, codebooks_.degree(), half_codebooks_, sequence));
   L4D_RETURN_IF_ERROR(codebooks_.reserve(0, 0));
-  rows_.books = codebooks_.books();
-  if (rows > kRowMask) return Status(L4D_ERR_LIMIT_EXCEEDED, "more than 2^30 - 1 rows");
-  return make_rows(rows, false);
+  slots_.codebooks = codebooks_.codebooks();
+  if (slots > kSlotMask) return Status(L4D_ERR_LIMIT_EXCEEDED, "more than 2^30 - 1 slots");
+  return make_slots(slots, false);
 }
 
-Status DevicePipeline::reserve_literals(uint64_t literals) {
-  if (rows_.books.num_stages == 0) return Status(L4D_ERR_INVALID_STATE, "rows are not of indices");
-  L4D_RETURN_IF_ERROR(codebooks_.reserve(capacity_rows_, literals));
-  rows_.books = codebooks_.books();
+Status DevicePipeline::reserve_escapes(uint64_t escapes) {
+  if (slots_.codebooks.num_stages == 0)
+    return Status(L4D_ERR_INVALID_STATE, "slots are not of indices");
+  L4D_RETURN_IF_ERROR(codebooks_.reserve(capacity_slots_, escapes));
+  slots_.codebooks = codebooks_.codebooks();
   return {};
 }
 
 Status DevicePipeline::reserve_chunks(uint32_t chunks, uint32_t sh_degree, bool half_sh,
                                       const Sequence& sequence) {
-  if (chunks > kRowMask / kChunkRows) {
-    return Status(L4D_ERR_LIMIT_EXCEEDED, "more than 2^30 - 1 rows");
+  if (chunks > kSlotMask / kChunkSlots) {
+    return Status(L4D_ERR_LIMIT_EXCEEDED, "more than 2^30 - 1 slots");
   }
   L4D_RETURN_IF_CUDA_ERROR(cudaDeviceSynchronize());
   sh_degree_ = sh_degree;
   half_sh_ = half_sh;
   sequence_ = sequence;
-  rows_.books = {};
-  return make_rows(size_t{chunks} * kChunkRows, true);
+  slots_.codebooks = {};
+  return make_slots(size_t{chunks} * kChunkSlots, true);
 }
 
 Status DevicePipeline::take_indices(const l4d_cuda_sh_indices* indices, uint64_t count,
                                     ShIndices* out, cudaStream_t stream) {
-  if ((indices != nullptr) != (rows_.books.num_stages > 0)) {
-    return Status(L4D_ERR_INVALID_STATE, indices != nullptr ? "the rows hold SH, not indices"
-                                                            : "the rows hold indices, not SH");
+  if ((indices != nullptr) != (slots_.codebooks.num_stages > 0)) {
+    return Status(L4D_ERR_INVALID_STATE, indices != nullptr ? "the slots hold SH, not indices"
+                                                            : "the slots hold indices, not SH");
   }
   return indices == nullptr ? Status() : codebooks_.take(*indices, count, out, stream);
 }
 
-void DevicePipeline::launch_rows(const l4d_gaussians& gaussians, const ShIndices& indices,
-                                 const StorePlace& place, cudaStream_t stream) {
-  launch_store(gaussians, sequence_, place, half_sh_, rows_, stream);
-  if (rows_.books.num_stages > 0) launch_store_indices(indices, place, rows_, stream);
+void DevicePipeline::launch_store_slots(const l4d_gaussians& gaussians, const ShIndices& indices,
+                                        const StorePlace& place, cudaStream_t stream) {
+  launch_store(gaussians, sequence_, place, half_sh_, slots_, stream);
+  if (slots_.codebooks.num_stages > 0) launch_store_indices(indices, place, slots_, stream);
 }
 
 Status DevicePipeline::store(const l4d_gaussians& gaussians, const l4d_cuda_sh_indices* indices,
                              uint32_t first, uint32_t first_id, cudaStream_t stream) {
-  if (gaussians.sh_degree != sh_degree_) return invalid_argument("the rows are of other SH degree");
-  if (first > capacity_rows_ || gaussians.count > capacity_rows_ - first) {
-    return invalid_argument("there is no room for so many rows");
+  if (gaussians.sh_degree != sh_degree_)
+    return invalid_argument("the slots are of other SH degree");
+  if (first > capacity_slots_ || gaussians.count > capacity_slots_ - first) {
+    return invalid_argument("capacity is too small for so many slots");
   }
   ShIndices taken{};
   L4D_RETURN_IF_ERROR(take_indices(indices, gaussians.count, &taken, stream));
@@ -198,15 +201,15 @@ Status DevicePipeline::store(const l4d_gaussians& gaussians, const l4d_cuda_sh_i
   place.first = first;
   place.first_id = first_id;
   place.origin = sequence_.center();
-  launch_rows(gaussians, taken, place, stream);
-  return launched("storing rows");
+  launch_store_slots(gaussians, taken, place, stream);
+  return launched("storing slots");
 }
 
 Status DevicePipeline::store_scene(const l4d_gaussians& gaussians,
                                    const l4d_cuda_sh_indices* indices) {
   const size_t n = static_cast<size_t>(gaussians.count);
-  if (n > capacity_rows_ || gaussians.sh_degree != sh_degree_) {
-    return invalid_argument("there is no room for the scene");
+  if (n > capacity_slots_ || gaussians.sh_degree != sh_degree_) {
+    return invalid_argument("the reserved capacity is too small for the scene");
   }
   const size_t words = (n + kGroupPiece - 1) / kGroupPiece * kNumMotionGroups + 1;
   cuda::DeviceMemory lists, states, counts;
@@ -220,41 +223,42 @@ Status DevicePipeline::store_scene(const l4d_gaussians& gaussians,
   L4D_RETURN_IF_CUDA_ERROR(cudaMemsetAsync(counts.data(), 0, counts.size(), stream));
   launch_group(gaussians, sequence_, lists.as<uint32_t>(), counts.as<uint32_t>(),
                states.as<uint32_t>(), stream);
-  L4D_RETURN_IF_ERROR(launched("sorting rows by motion"));
+  L4D_RETURN_IF_ERROR(launched("sorting slots by motion"));
   uint32_t lengths[kNumMotionGroups];
   L4D_RETURN_IF_CUDA_ERROR(
       cudaMemcpy(lengths, counts.data(), sizeof lengths, cudaMemcpyDeviceToHost));
-  Slab slabs[kNumMotionGroups];
+  Batch batches[kNumMotionGroups];
   StorePlace place;
   place.origin = sequence_.center();
   for (uint32_t group = 0; group < kNumMotionGroups; ++group) {
     place.list = lists.as<uint32_t>() + size_t{group} * n;
     place.count = lengths[group];
-    launch_rows(gaussians, taken, place, stream);
-    slabs[group] = {place.first, place.count, group};
+    launch_store_slots(gaussians, taken, place, stream);
+    batches[group] = {place.first, place.count, group};
     place.first += place.count;
   }
-  L4D_RETURN_IF_ERROR(launched("storing rows"));
-  L4D_RETURN_IF_ERROR(set_slabs(slabs, kNumMotionGroups, stream));
+  L4D_RETURN_IF_ERROR(launched("storing slots"));
+  L4D_RETURN_IF_ERROR(set_batches(batches, kNumMotionGroups, stream));
   L4D_RETURN_IF_CUDA_ERROR(cudaDeviceSynchronize());
   return {};
 }
 
-Status DevicePipeline::set_slabs(const Slab* slabs, uint32_t count, cudaStream_t stream) {
-  if (count > kMaxSlabs) return invalid_argument("too many slabs");
-  uint64_t rows = 0;
+Status DevicePipeline::set_batches(const Batch* batches, uint32_t count, cudaStream_t stream) {
+  if (count > kMaxBatches) return invalid_argument("too many batches");
+  uint64_t slots = 0;
   for (uint32_t s = 0; s < count; ++s) {
-    rows += slabs[s].count;
-    if (slabs[s].first > capacity_rows_ || slabs[s].count > capacity_rows_ - slabs[s].first ||
-        slabs[s].group >= kNumMotionGroups) {
-      return invalid_argument("slab " + std::to_string(s) + " lies beyond the rows");
+    slots += batches[s].count;
+    if (batches[s].first > capacity_slots_ ||
+        batches[s].count > capacity_slots_ - batches[s].first ||
+        batches[s].group >= kNumMotionGroups) {
+      return invalid_argument("batch " + std::to_string(s) + " lies beyond the slots");
     }
   }
-  if (rows > capacity_rows_) return invalid_argument("slabs overlap");
+  if (slots > capacity_slots_) return invalid_argument("batches overlap");
   sliced_ = false;
-  num_chunks_ = num_chunks(slabs, count);
-  launch_chunks(slabs, count, chunks_.as<Chunk>(), stream);
-  return launched("setting slabs");
+  num_chunks_ = num_chunks(batches, count);
+  launch_chunks(batches, count, chunks_.as<Chunk>(), stream);
+  return launched("setting batches");
 }
 
 Status DevicePipeline::set_chunks(const Chunk* chunks, uint32_t count, cudaStream_t stream) {
@@ -265,40 +269,41 @@ Status DevicePipeline::set_chunks(const Chunk* chunks, uint32_t count, cudaStrea
   return {};
 }
 
-Status DevicePipeline::reserve(const FrameRoom& wanted) {
-  FrameRoom room = room_;
-  room.width = std::max(room.width, wanted.width);
-  room.height = std::max(room.height, wanted.height);
-  room.visible = std::max({room.visible, wanted.visible, 1u});
-  room.instances = std::max({room.instances, wanted.instances, 1u});
-  room.backward = room.backward || wanted.backward;
-  if (room.instances > kMaxInstances) {
+Status DevicePipeline::reserve(const FrameCapacity& wanted) {
+  FrameCapacity capacity = capacity_;
+  capacity.width = std::max(capacity.width, wanted.width);
+  capacity.height = std::max(capacity.height, wanted.height);
+  capacity.visible = std::max({capacity.visible, wanted.visible, 1u});
+  capacity.instances = std::max({capacity.instances, wanted.instances, 1u});
+  capacity.backward = capacity.backward || wanted.backward;
+  if (capacity.instances > kMaxInstances) {
     return Status(L4D_ERR_LIMIT_EXCEEDED,
                   "a frame of more than 2^26 - 1 pairs of tile and Gaussian");
   }
-  if (room.width == room_.width && room.height == room_.height && room.visible == room_.visible &&
-      room.instances == room_.instances && room.backward == room_.backward) {
+  if (capacity.width == capacity_.width && capacity.height == capacity_.height &&
+      capacity.visible == capacity_.visible && capacity.instances == capacity_.instances &&
+      capacity.backward == capacity_.backward) {
     return {};
   }
   L4D_RETURN_IF_CUDA_ERROR(cudaDeviceSynchronize());
-  room_ = FrameRoom();
+  capacity_ = FrameCapacity();
   sliced_ = false;
-  const size_t v = room.visible, n = room.instances;
-  const size_t columns = static_cast<size_t>(room.width + kTileWidth - 1) / kTileWidth;
-  const size_t tile_rows = static_cast<size_t>(room.height + kTileHeight - 1) / kTileHeight;
+  const size_t v = capacity.visible, n = capacity.instances;
+  const size_t columns = static_cast<size_t>(capacity.width + kTileWidth - 1) / kTileWidth;
+  const size_t tile_rows = static_cast<size_t>(capacity.height + kTileHeight - 1) / kTileHeight;
   const size_t tiles = columns * tile_rows;
   const auto cut = [&](void* base) {
-    Cutter cutter(base);
-    memory_.counts = cutter.take<FrameCounts>(1);
-    memory_.project_states = cutter.take<uint32_t>(pieces(v, project_piece(false, false)));
-    memory_.emit_states = cutter.take<uint32_t>(pieces(v, kEmitPiece));
-    memory_.depth_states = cutter.take<uint32_t>(sort_state_words(room.visible, kDepthBits));
-    memory_.tile_states =
-        cutter.take<uint32_t>(sort_state_words(room.instances, tile_bits(static_cast<int>(tiles))));
-    memory_.depth_histograms = cutter.take<uint32_t>(kMaxSortPasses * kSortRadix);
-    memory_.tile_histograms = cutter.take<uint32_t>(kMaxSortPasses * kSortRadix);
-    memory_.ranges = cutter.take<uint2>(tiles);
-    return cutter.bytes();
+    ArenaLayout arena(base);
+    memory_.counts = arena.take<FrameCounts>(1);
+    memory_.project_states = arena.take<uint32_t>(pieces(v, project_piece(false, false)));
+    memory_.emit_states = arena.take<uint32_t>(pieces(v, kEmitPiece));
+    memory_.depth_states = arena.take<uint32_t>(sort_state_words(capacity.visible, kDepthBits));
+    memory_.tile_states = arena.take<uint32_t>(
+        sort_state_words(capacity.instances, tile_bits(static_cast<int>(tiles))));
+    memory_.depth_histograms = arena.take<uint32_t>(kMaxSortPasses * kSortRadix);
+    memory_.tile_histograms = arena.take<uint32_t>(kMaxSortPasses * kSortRadix);
+    memory_.ranges = arena.take<uint2>(tiles);
+    return arena.bytes();
   };
   control_bytes_ = cut(nullptr);
   L4D_RETURN_IF_ERROR(control_.reserve(control_bytes_));
@@ -316,7 +321,7 @@ Status DevicePipeline::reserve(const FrameRoom& wanted) {
     memory_.depth_keys[k] = per_visible_[4 + k].as<uint32_t>();
     memory_.depth_order[k] = per_visible_[6 + k].as<uint32_t>();
   }
-  for (int k = 0; k < (room.backward ? 5 : 4); ++k) {
+  for (int k = 0; k < (capacity.backward ? 5 : 4); ++k) {
     L4D_RETURN_IF_ERROR(per_instance_[k].reserve(n * word));
   }
   for (int k = 0; k < 2; ++k) {
@@ -324,8 +329,9 @@ Status DevicePipeline::reserve(const FrameRoom& wanted) {
     memory_.tile_values[k] = per_instance_[2 + k].as<uint32_t>();
   }
   memory_.splat_of = per_instance_[4].as<uint32_t>();
-  if (room.backward) {
-    const size_t pixels = static_cast<size_t>(room.width) * static_cast<size_t>(room.height);
+  if (capacity.backward) {
+    const size_t pixels =
+        static_cast<size_t>(capacity.width) * static_cast<size_t>(capacity.height);
     L4D_RETURN_IF_ERROR(image_.reserve(3 * pixels * sizeof(float)));
     L4D_RETURN_IF_ERROR(back_instances_.reserve(n * sizeof(SplatSums)));
     L4D_RETURN_IF_ERROR(back_splats_.reserve(v * sizeof(SplatSums)));
@@ -335,9 +341,9 @@ Status DevicePipeline::reserve(const FrameRoom& wanted) {
   back_.instances = back_instances_.as<SplatSums>();
   back_.splats = back_splats_.as<SplatSums>();
   back_.shown = shown_.as<uint32_t>();
-  memory_.max_visible = room.visible;
-  memory_.max_instances = room.instances;
-  room_ = room;
+  memory_.max_visible = capacity.visible;
+  memory_.max_instances = capacity.instances;
+  capacity_ = capacity;
   return {};
 }
 
@@ -349,8 +355,9 @@ Status DevicePipeline::mark(int event, cudaStream_t stream) {
 Status DevicePipeline::render(double time, const l4d_camera& camera, const float* background,
                               bool backward, const ImageTarget& target, cudaStream_t stream) {
   const int width = static_cast<int>(camera.width), height = static_cast<int>(camera.height);
-  if (width > room_.width || height > room_.height || (backward && !room_.backward)) {
-    return Status(L4D_ERR_INVALID_STATE, "there is no room for such a frame: reserve it first");
+  if (width > capacity_.width || height > capacity_.height || (backward && !capacity_.backward)) {
+    return Status(L4D_ERR_INVALID_STATE,
+                  "the reserved capacity is too small for this frame: reserve it first");
   }
   time = std::min(std::max(time, sequence_.begin), sequence_.end);
   input_.view = make_view<float>(camera);
@@ -366,15 +373,15 @@ Status DevicePipeline::render(double time, const l4d_camera& camera, const float
   input_.tile_digits = sort_digits(tile_key_bits);
 
   L4D_RETURN_IF_ERROR(mark(0, stream));
-  // All cameras of an instant share its list of visible rows.
+  // All cameras of an instant share its list of visible slots.
   if (!sliced_ || sliced_time_ != time) {
     const size_t bytes = sizeof(SliceCounts) + num_chunks_ * sizeof(uint32_t);
     L4D_RETURN_IF_CUDA_ERROR(cudaMemsetAsync(slice_control_.data(), 0, bytes, stream));
-    launch_slice(rows_, chunk_list_, num_chunks_, input_.time, memory_, stream);
+    launch_slice(slots_, chunk_list_, num_chunks_, input_.time, memory_, stream);
   }
   L4D_RETURN_IF_CUDA_ERROR(cudaMemsetAsync(control_.data(), 0, control_bytes_, stream));
   L4D_RETURN_IF_ERROR(mark(1, stream));
-  launch_project(rows_, input_, memory_, stream);
+  launch_project(slots_, input_, memory_, stream);
   L4D_RETURN_IF_ERROR(mark(2, stream));
   int where = 0;
   SortBuffers depths{{memory_.depth_keys[0], memory_.depth_keys[1]},
@@ -409,14 +416,14 @@ Status DevicePipeline::render(double time, const l4d_camera& camera, const float
   return launched("rendering");
 }
 
-Status DevicePipeline::go_back(const BackwardTask& task, cudaStream_t stream) {
+Status DevicePipeline::backward(const BackwardTask& task, cudaStream_t stream) {
   L4D_RETURN_IF_ERROR(mark(5, stream));
   L4D_RETURN_IF_CUDA_ERROR(
       cudaMemsetAsync(&memory_.counts->shown, 0, sizeof memory_.counts->shown, stream));
   launch_backward(input_, task, values_, memory_, back_, stream);
   launch_sum_instances(input_, task, order_, memory_, back_, stream);
   L4D_RETURN_IF_ERROR(mark(6, stream));
-  return launched("the way back");
+  return launched("the backward pass");
 }
 
 Status DevicePipeline::cover(cudaStream_t stream) {
@@ -428,7 +435,7 @@ Status DevicePipeline::cover(cudaStream_t stream) {
   return launched("coverage");
 }
 
-Status DevicePipeline::figures(cudaStream_t stream, FrameFigures* out) {
+Status DevicePipeline::stats(cudaStream_t stream, FrameStats* out) {
   auto* slice = counts_.as<SliceCounts>();
   auto* frame = reinterpret_cast<FrameCounts*>(slice + 1);
   L4D_RETURN_IF_CUDA_ERROR(
@@ -439,13 +446,13 @@ Status DevicePipeline::figures(cudaStream_t stream, FrameFigures* out) {
   out->visible = slice->visible;
   out->projected = frame->projected;
   out->instances = frame->instances;
-  out->wanted_visible = slice->wanted;
-  out->wanted_instances = frame->wanted;
+  out->required_visible = slice->wanted;
+  out->required_instances = frame->wanted;
   out->overflow = slice->wanted > slice->visible || frame->wanted > frame->instances;
   return {};
 }
 
-Status DevicePipeline::time_stages() {
+Status DevicePipeline::time_passes() {
   for (cudaEvent_t& event : events_) {
     if (event == nullptr) L4D_RETURN_IF_CUDA_ERROR(cudaEventCreate(&event));
   }
@@ -454,10 +461,10 @@ Status DevicePipeline::time_stages() {
 }
 
 Status DevicePipeline::stage_seconds(double* out) {
-  std::fill_n(out, L4D_RENDER_STAGE_COUNT, 0.0);
+  std::fill_n(out, L4D_RENDER_PASS_COUNT, 0.0);
   if (!timed_) return {};
   L4D_RETURN_IF_CUDA_ERROR(cudaEventSynchronize(events_[kEvents - 1]));
-  for (int k = 0; k < L4D_RENDER_STAGE_COUNT; ++k) {
+  for (int k = 0; k < L4D_RENDER_PASS_COUNT; ++k) {
     float milliseconds = 0;
     L4D_RETURN_IF_CUDA_ERROR(cudaEventElapsedTime(&milliseconds, events_[k], events_[k + 1]));
     out[k] = 1e-3 * static_cast<double>(milliseconds);

@@ -11,16 +11,16 @@
 namespace l4d::render {
 
 // What was counted in the last frame.
-struct FrameFigures {
+struct FrameStats {
   uint32_t visible, projected, instances;
   bool overflow;  // the frame lacks something: there was not room for all
-  uint32_t wanted_visible, wanted_instances;
+  uint32_t required_visible, required_instances;
   // LIMIT_EXCEEDED where it does.
   Status check_whole() const;
 };
 
 // What a frame needs beside the scene.
-struct FrameRoom {
+struct FrameCapacity {
   int width = 0, height = 0;
   uint32_t visible = 0, instances = 0;
   bool backward = false;
@@ -35,51 +35,51 @@ class DevicePipeline {
   DevicePipeline(const DevicePipeline&) = delete;
   DevicePipeline& operator=(const DevicePipeline&) = delete;
 
-  // Room for rows of a scene; what is there is lost. Waits for the device.
-  Status reserve_rows(size_t rows, uint32_t sh_degree, bool half_sh, const Sequence& sequence);
-  // SH codebooks for rows of indices, which are lost where there are some. Waits for the device.
-  Status set_sh_codebooks(const l4d_codebook* books, uint32_t count, bool half_sh);
+  // Room for slots of a scene; what is there is lost. Waits for the device.
+  Status reserve_slots(size_t slots, uint32_t sh_degree, bool half_sh, const Sequence& sequence);
+  // SH codebooks for slots of indices, which are lost where there are some. Waits for the device.
+  Status set_sh_codebooks(const l4d_codebook* codebooks, uint32_t count, bool half_sh);
   const ShCodebooks& sh_codebooks() const { return codebooks_; }
-  // As reserve_rows(), of rows that tell SH by indices.
-  Status reserve_indexed_rows(size_t rows, const Sequence& sequence);
-  // Room for the literals of such rows; what is there is lost. Waits for the device.
-  Status reserve_literals(uint64_t literals);
-  // Room for chunks of kChunkRows rows, each with a clock of its own (origin); of what was there
-  // all stays. For stores that are not to be had with reserve_rows(): its rows have one clock.
+  // As reserve_slots(), of slots that tell SH by indices.
+  Status reserve_indexed_slots(size_t slots, const Sequence& sequence);
+  // Room for the escapes of such slots; what is there is lost. Waits for the device.
+  Status reserve_escapes(uint64_t escapes);
+  // Room for chunks of kChunkSlots slots, each with a clock of its own (origin); of what was there
+  // all stays. For stores that are not to be had with reserve_slots(): its slots have one clock.
   // Waits for the device.
   Status reserve_chunks(uint32_t chunks, uint32_t sh_degree, bool half_sh,
                         const Sequence& sequence);
-  // Frames of the rows and chunks of another pipeline, which must have them as they are as long as
+  // Frames of the slots and chunks of another pipeline, which must have them as they are as long as
   // there are frames.
-  Status share_rows(const DevicePipeline& owner);
-  // Fills rows [first, first + gaussians.count) from device arrays. indices: of rows that tell SH
+  Status share_slots(const DevicePipeline& owner);
+  // Fills slots [first, first + gaussians.count) from device arrays. indices: of slots that tell SH
   // by them, else NULL.
   Status store(const l4d_gaussians& gaussians, const l4d_cuda_sh_indices* indices, uint32_t first,
                uint32_t first_id, cudaStream_t stream);
   // A whole scene from device arrays, sorted by motion. Waits for the device.
   Status store_scene(const l4d_gaussians& gaussians, const l4d_cuda_sh_indices* indices);
-  // The rows that frames show.
-  Status set_slabs(const Slab* slabs, uint32_t count, cudaStream_t stream);
+  // The slots that frames show.
+  Status set_batches(const Batch* batches, uint32_t count, cudaStream_t stream);
   // Or the chunks that frames show, from pinned memory that stays as it is until the stream has
   // passed.
   Status set_chunks(const Chunk* chunks, uint32_t count, cudaStream_t stream);
-  size_t rows() const { return capacity_rows_; }
+  size_t slots() const { return capacity_slots_; }
   // Of the store.
   size_t row_bytes() const;
-  const ResidentRows& resident() const { return rows_; }
+  const ResidentGaussians& resident() const { return slots_; }
   const Sequence& sequence() const { return sequence_; }
 
   // Only grows. Waits for the device where it has to.
-  Status reserve(const FrameRoom& room);
-  const FrameRoom& room() const { return room_; }
+  Status reserve(const FrameCapacity& capacity);
+  const FrameCapacity& capacity() const { return capacity_; }
 
-  // Launches a frame, without waiting. There must be room for its size, and for the way back if it
-  // is wanted. `time` in seconds.
+  // Launches a frame, without waiting. There must be room for its size, and for the backward pass
+  // if it is wanted. `time` in seconds.
   Status render(double time, const l4d_camera& camera, const float* background, bool backward,
                 const ImageTarget& target, cudaStream_t stream);
   // After render() with `backward` of the same view, and an image with its background: sums by
   // splat.
-  Status go_back(const BackwardTask& task, cudaStream_t stream);
+  Status backward(const BackwardTask& task, cudaStream_t stream);
   // After render(): coverage of each splat, and nothing else.
   Status cover(cudaStream_t stream);
 
@@ -89,36 +89,36 @@ class DevicePipeline {
   // [height, width, 3] of room().
   float* scratch_image() const { return image_.as<float>(); }
   // Waits for the stream.
-  Status figures(cudaStream_t stream, FrameFigures* out);
+  Status stats(cudaStream_t stream, FrameStats* out);
 
   // Stages of frames are timed from now on, which costs a few microseconds each.
-  Status time_stages();
-  // Of the last frame, in seconds: L4D_RENDER_STAGE_*. Waits for it.
+  Status time_passes();
+  // Of the last frame, in seconds: L4D_RENDER_PASS_*. Waits for it.
   Status stage_seconds(double* out);
 
  private:
   Status mark(int event, cudaStream_t stream);
-  Status make_rows(size_t rows, bool keep);
+  Status make_slots(size_t slots, bool keep);
   Status reserve_slices(size_t chunks);
   size_t row_sh_bytes() const;
   Status take_indices(const l4d_cuda_sh_indices* indices, uint64_t count, ShIndices* out,
                       cudaStream_t stream);
-  void launch_rows(const l4d_gaussians& gaussians, const ShIndices& indices,
-                   const StorePlace& place, cudaStream_t stream);
+  void launch_store_slots(const l4d_gaussians& gaussians, const ShIndices& indices,
+                          const StorePlace& place, cudaStream_t stream);
 
-  static constexpr int kEvents = L4D_RENDER_STAGE_COUNT + 1;
+  static constexpr int kEvents = L4D_RENDER_PASS_COUNT + 1;
   Sequence sequence_{};
-  size_t capacity_rows_ = 0;
+  size_t capacity_slots_ = 0;
   uint32_t sh_degree_ = 0;
   bool half_sh_ = false;
   uint32_t num_chunks_ = 0;
   const Chunk* chunk_list_ = nullptr;
-  cuda::DeviceMemory row_memory_[7], origins_, chunks_, slice_control_;
-  ResidentRows rows_{};
+  cuda::DeviceMemory slot_memory_[7], origins_, chunks_, slice_control_;
+  ResidentGaussians slots_{};
   ShCodebooks codebooks_;
-  bool half_books_ = false;
+  bool half_codebooks_ = false;
 
-  FrameRoom room_;
+  FrameCapacity capacity_;
   cuda::DeviceMemory control_, tile_order_, per_visible_[8], per_instance_[5], image_,
       back_instances_, back_splats_, shown_, coverage_;
   size_t control_bytes_ = 0;

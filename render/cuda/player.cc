@@ -29,11 +29,11 @@ double seconds_since(std::chrono::steady_clock::time_point begin) {
 }
 
 // The caller's thread renders; one of the player's own loads. What both touch is under the mutex,
-// and frames are launched under it: rows do not move to a larger store in the middle of one.
+// and frames are launched under it: slots do not move to a larger store in the middle of one.
 class Player final : public DevicePlayer {
  public:
   Player(l4d_decoder* decoder, const l4d_cuda_player_options& options)
-      : decoder_(decoder), options_(options), loader_(decoder, options), cache_(kChunkRows) {}
+      : decoder_(decoder), options_(options), loader_(decoder, options), cache_(kChunkSlots) {}
   ~Player() override;
   Status create();
 
@@ -41,7 +41,7 @@ class Player final : public DevicePlayer {
   Status seek(double time) override;
   Status render(double time, const l4d_camera& camera, const float* background,
                 const DeviceImage& image, void* stream) override;
-  Status figures(void* stream, l4d_cuda_figures* out) override;
+  Status stats(void* stream, l4d_cuda_frame_stats* out) override;
   l4d_cuda_player_counters counters() const override;
 
  private:
@@ -135,7 +135,7 @@ Status Player::create() {
     l4d_layer_info layer;
     l4d_layer_info_init(&layer);
     if (l4d_decoder_get_layer_info(decoder_, k, &layer) != L4D_OK) {
-      return Status(L4D_ERR_INTERNAL, l4d_decoder_error_detail(decoder_));
+      return Status(L4D_ERR_INTERNAL, l4d_decoder_error_message(decoder_));
     }
     narrowest = std::min(narrowest, layer.bucket_width);
     group_of_layer_.push_back((layer.tools & L4D_TOOL_MOTION) != 0             ? kMoving
@@ -147,12 +147,12 @@ Status Player::create() {
   num_windows_ = static_cast<uint32_t>(std::clamp(std::ceil(info.duration / window_), 1.0, 0x1p30));
   L4D_RETURN_IF_CUDA_ERROR(cudaEventCreateWithFlags(&passed_, cudaEventDisableTiming));
   L4D_RETURN_IF_CUDA_ERROR(cudaEventCreateWithFlags(&listed_, cudaEventDisableTiming));
-  // Tells the size of rows; a budget takes its store at once.
+  // Tells the size of slots; a budget takes its store at once.
   L4D_RETURN_IF_ERROR(pipeline_.reserve_chunks(0, sh_degree_, half_sh(), sequence_));
-  const uint64_t chunk_bytes = kChunkRows * pipeline_.row_bytes();
+  const uint64_t chunk_bytes = kChunkSlots * pipeline_.row_bytes();
   if (options_.memory_bytes > 0) {
     const uint32_t chunks = static_cast<uint32_t>(
-        std::min<uint64_t>(options_.memory_bytes / chunk_bytes, kRowMask / kChunkRows));
+        std::min<uint64_t>(options_.memory_bytes / chunk_bytes, kSlotMask / kChunkSlots));
     if (chunks == 0) return Status(L4D_ERR_LIMIT_EXCEEDED, "memory_bytes holds no Gaussians");
     L4D_RETURN_IF_ERROR(pipeline_.reserve_chunks(chunks, sh_degree_, half_sh(), sequence_));
     cache_.grow(chunks);
@@ -171,11 +171,11 @@ uint32_t Player::ahead_of(uint32_t window) const { return (window + step_) % num
 Status Player::reserve(uint32_t width, uint32_t height, uint64_t instances) {
   const Lock lock(mutex_);
   L4D_RETURN_IF_ERROR(use());
-  FrameRoom room;
-  room.width = static_cast<int>(width);
-  room.height = static_cast<int>(height);
-  room.instances = saturate32(instances);
-  return pipeline_.reserve(room);
+  FrameCapacity capacity;
+  capacity.width = static_cast<int>(width);
+  capacity.height = static_cast<int>(height);
+  capacity.instances = saturate32(instances);
+  return pipeline_.reserve(capacity);
 }
 
 bool Player::is_there(uint32_t window) const {
@@ -208,29 +208,29 @@ Status Player::seek(double time) {
 // Makes a window whose buckets are there the one that frames show.
 Status Player::show(uint32_t window, cudaStream_t stream) {
   const Plan& plan = plans_.at(window);
-  uint64_t rows = 0;
+  uint64_t slots = 0;
   std::vector<Chunk> chunks;
   for (const BucketPlace& b : plan) {
     const CachedBucket* cached = cache_.want({b.bucket.layer, b.bucket.bucket});
-    uint32_t left = cached->rows;
-    rows += left;
+    uint32_t left = cached->slots;
+    slots += left;
     for (const uint32_t chunk : cached->chunks) {
-      const uint32_t count = std::min(left, kChunkRows);
-      chunks.push_back({chunk * kChunkRows, count, group_of_layer_[b.bucket.layer]});
+      const uint32_t count = std::min(left, kChunkSlots);
+      chunks.push_back({chunk * kChunkSlots, count, group_of_layer_[b.bucket.layer]});
       left -= count;
     }
   }
-  if (rows > pipeline_.room().visible) {
-    FrameRoom room = pipeline_.room();
-    room.visible = static_cast<uint32_t>(std::min<uint64_t>(rows + rows / 4, kRowMask));
-    L4D_RETURN_IF_ERROR(pipeline_.reserve(room));
+  if (slots > pipeline_.capacity().visible) {
+    FrameCapacity capacity = pipeline_.capacity();
+    capacity.visible = static_cast<uint32_t>(std::min<uint64_t>(slots + slots / 4, kSlotMask));
+    L4D_RETURN_IF_ERROR(pipeline_.reserve(capacity));
   }
   // The list that was uploaded before has been; this is for callers that change windows in each
   // frame.
   L4D_RETURN_IF_CUDA_ERROR(cudaEventSynchronize(listed_));
   // With slack, as growing waits for the device.
-  const size_t room = chunks.size() + chunks.size() / 4 + 1;
-  L4D_RETURN_IF_ERROR(list_.reserve(room * sizeof(Chunk)));
+  const size_t list_capacity = chunks.size() + chunks.size() / 4 + 1;
+  L4D_RETURN_IF_ERROR(list_.reserve(list_capacity * sizeof(Chunk)));
   std::copy(chunks.begin(), chunks.end(), list_.as<Chunk>());
   L4D_RETURN_IF_ERROR(
       pipeline_.set_chunks(list_.as<Chunk>(), static_cast<uint32_t>(chunks.size()), stream));
@@ -270,24 +270,24 @@ Status Player::render(double time, const l4d_camera& camera, const float* backgr
                           {image.rgb, image.alpha, image.rgba8}, on);
 }
 
-Status Player::figures(void* stream, l4d_cuda_figures* out) {
+Status Player::stats(void* stream, l4d_cuda_frame_stats* out) {
   const Lock lock(mutex_);
   L4D_RETURN_IF_ERROR(use());
-  FrameFigures f;
-  L4D_RETURN_IF_ERROR(pipeline_.figures(static_cast<cudaStream_t>(stream), &f));
+  FrameStats f;
+  L4D_RETURN_IF_ERROR(pipeline_.stats(static_cast<cudaStream_t>(stream), &f));
   out->visible = f.visible;
   out->projected = f.projected;
   out->instances = f.instances;
-  out->wanted_visible = f.wanted_visible;
-  out->wanted_instances = f.wanted_instances;
+  out->required_visible = f.required_visible;
+  out->required_instances = f.required_instances;
   return f.check_whole();
 }
 
 l4d_cuda_player_counters Player::counters() const {
   const Lock lock(mutex_);
   l4d_cuda_player_counters c = counters_;
-  c.resident_gaussians = cache_.rows();
-  c.store_bytes = pipeline_.rows() * pipeline_.row_bytes();
+  c.resident_gaussians = cache_.slots();
+  c.store_bytes = pipeline_.slots() * pipeline_.row_bytes();
   return c;
 }
 
@@ -339,37 +339,37 @@ Status Player::plan_of(uint32_t window) {
 // Makes room for one more bucket.
 Status Player::add(const BucketPlace& bucket, CachedBucket** out) {
   const BucketKey key{bucket.bucket.layer, bucket.bucket.bucket};
-  *out = cache_.add(key, bucket.rows);
+  *out = cache_.add(key, bucket.slots);
   if (*out != nullptr) return {};
   const uint32_t free = cache_.capacity() - cache_.used() + cache_.idle();
-  const uint64_t wanted = uint64_t{cache_.capacity()} + cache_.chunks_of(bucket.rows) - free;
+  const uint64_t wanted = uint64_t{cache_.capacity()} + cache_.chunks_of(bucket.slots) - free;
   if (options_.memory_bytes > 0) {
     return Status(L4D_ERR_LIMIT_EXCEEDED,
                   "memory_bytes is too small for two windows: this one needs " +
-                      std::to_string(wanted * kChunkRows * pipeline_.row_bytes()) +
+                      std::to_string(wanted * kChunkSlots * pipeline_.row_bytes()) +
                       " bytes or more");
   }
   const uint32_t chunks = saturate32(wanted + cache_.capacity() / 16);
   L4D_RETURN_IF_ERROR(pipeline_.reserve_chunks(chunks, sh_degree_, half_sh(), sequence_));
   cache_.grow(chunks);
-  *out = cache_.add(key, bucket.rows);
+  *out = cache_.add(key, bucket.slots);
   return {};
 }
 
 // Wants all buckets of a window and takes on the next ones that are missing.
 Status Player::next_batch(uint32_t window, Plan* batch) {
   batch->clear();
-  uint64_t rows = 0;
+  uint64_t slots = 0;
   const Plan& plan = plans_.at(window);
   for (const BucketPlace& b : plan) cache_.want({b.bucket.layer, b.bucket.bucket});
   for (const BucketPlace& b : plan) {
     if (cache_.find({b.bucket.layer, b.bucket.bucket}) != nullptr) continue;
-    if (!batch->empty() && rows + b.rows > kBatchRows) break;
+    if (!batch->empty() && slots + b.slots > kBatchRows) break;
     CachedBucket* cached = nullptr;
     L4D_RETURN_IF_ERROR(add(b, &cached));
     batch->push_back(b);
     batch->back().chunks = cached->chunks;
-    rows += b.rows;
+    slots += b.slots;
   }
   return {};
 }
@@ -389,7 +389,7 @@ Status Player::fill(Plan* batch) {
     // Nobody but this thread takes buckets out.
     if (CachedBucket* cached = cache_.want(key)) cached->filled = true;
     ++counters_.buckets_decoded;
-    counters_.gaussians_decoded += b.rows;
+    counters_.gaussians_decoded += b.slots;
   }
   return status;
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// From visible rows to splats: position and opacity at the instant, projection, tiles, colour.
+// From visible slots to splats: position and opacity at the instant, projection, tiles, colour.
 #include "render/cuda/frame.h"
 #include "render/cuda/launch.cuh"
 #include "render/cuda/ordered.cuh"
@@ -9,20 +9,20 @@
 namespace l4d::render {
 namespace {
 
-// The splat of a row; false where it touches no pixel. Everything but its colour.
-__device__ bool splat_of_row(const ResidentRows& rows, const View<float>& view, double time,
+// The splat of a slot; false where it touches no pixel. Everything but its colour.
+__device__ bool splat_of_row(const ResidentGaussians& slots, const View<float>& view, double time,
                              uint32_t listed, float* position, DeviceSplat* out, float* depth) {
-  const uint32_t row = listed & kRowMask, group = listed >> kGroupShift;
-  const float4 place = __ldg(rows.place + row);
-  const float4 shape0 = __ldg(rows.shape0 + row);
-  const float4 shape1 = __ldg(rows.shape1 + row);
+  const uint32_t slot = listed & kSlotMask, group = listed >> kGroupShift;
+  const float4 place = __ldg(slots.place + slot);
+  const float4 shape0 = __ldg(slots.shape0 + slot);
+  const float4 shape1 = __ldg(slots.shape1 + slot);
   position[0] = place.x;
   position[1] = place.y;
   position[2] = place.z;
   float opacity = place.w;
-  const float now = row_time(rows, time, row);
+  const float now = slot_time(slots, time, slot);
   if (group == kMoving) {
-    const float4 motion = __ldg(rows.motion + row);
+    const float4 motion = __ldg(slots.motion + slot);
     const float elapsed = now - motion.w;
     position[0] = fmaf(motion.x, elapsed, position[0]);
     position[1] = fmaf(motion.y, elapsed, position[1]);
@@ -60,7 +60,7 @@ __device__ bool splat_of_row(const ResidentRows& rows, const View<float>& view, 
   out->conic[0] = scale * small[2];
   out->conic[1] = -2 * scale * small[1];
   out->conic_yy = scale * small[0];
-  out->row = listed;
+  out->slot = listed;
   *depth = p.camera[2];
   return true;
 }
@@ -68,7 +68,7 @@ __device__ bool splat_of_row(const ResidentRows& rows, const View<float>& view, 
 // Sh: CoefficientSh or IndexedSh.
 template <uint32_t kDegree, int kThreads, class Sh>
 __global__ void __launch_bounds__(kThreads)
-    project_rows(ResidentRows rows, FrameInput input, FrameMemory memory) {
+    project_rows(ResidentGaussians slots, FrameInput input, FrameMemory memory) {
   await_predecessor();
   __shared__ uint32_t before[kThreads / 32];
   __shared__ uint32_t digits[kMaxSortPasses * kSortRadix];
@@ -82,10 +82,10 @@ __global__ void __launch_bounds__(kThreads)
   DeviceSplat splat;
   float position[3], depth = 0;
   Sh sh;
-  const bool shown = at < n && splat_of_row(rows, input.view, input.time, memory.visible[at],
+  const bool shown = at < n && splat_of_row(slots, input.view, input.time, memory.visible[at],
                                             position, &splat, &depth);
   // The longest loads begin before anything waits for other warps.
-  if (shown) sh.load(rows, splat.row & kRowMask);
+  if (shown) sh.load(slots, splat.slot & kSlotMask);
   clear_digits<kThreads>(input.depth_digits, digits);
   const uint32_t votes = __ballot_sync(kFullWarp, shown);
   if (lane == 0) before[warp] = static_cast<uint32_t>(__popc(votes));
@@ -104,7 +104,7 @@ __global__ void __launch_bounds__(kThreads)
     count_digits(input.depth_digits, key, digits);
     float direction[3] = {0, 0, 1};
     if (kDegree > 0) view_direction(input.view, position, direction);
-    sh.finish(rows, splat.row & kRowMask);
+    sh.finish(slots, splat.slot & kSlotMask);
     sh_color(kDegree, sh, direction, splat.color);
     for (float& channel : splat.color) channel = fmaxf(channel, 0.0f);
   }
@@ -116,11 +116,11 @@ __global__ void __launch_bounds__(kThreads)
   words[0] = make_float4(splat.mean[0], splat.mean[1], splat.conic[0], splat.conic[1]);
   words[1] = make_float4(splat.conic_yy, splat.log2_opacity, splat.extent[0], splat.extent[1]);
   words[2] =
-      make_float4(splat.color[0], splat.color[1], splat.color[2], __uint_as_float(splat.row));
+      make_float4(splat.color[0], splat.color[1], splat.color[2], __uint_as_float(splat.slot));
   memory.depth_keys[0][to] = key;
 }
 
-using Kernel = void (*)(ResidentRows, FrameInput, FrameMemory);
+using Kernel = void (*)(ResidentGaussians, FrameInput, FrameMemory);
 
 template <uint32_t kDegree>
 Kernel kernel_of(bool half, bool indexed) {
@@ -149,12 +149,12 @@ Kernel kernel_of(uint32_t degree, bool half, bool indexed) {
 
 }  // namespace
 
-void launch_project(const ResidentRows& rows, const FrameInput& input, const FrameMemory& memory,
-                    cudaStream_t stream) {
-  const bool indexed = rows.books.num_stages > 0;
+void launch_project(const ResidentGaussians& slots, const FrameInput& input,
+                    const FrameMemory& memory, cudaStream_t stream) {
+  const bool indexed = slots.codebooks.num_stages > 0;
   const unsigned threads = static_cast<unsigned>(project_piece(input.half_sh, indexed));
   const unsigned grid = (memory.max_visible + threads - 1) / threads;
-  launch(kernel_of(input.sh_degree, input.half_sh, indexed), grid, threads, stream, rows, input,
+  launch(kernel_of(input.sh_degree, input.half_sh, indexed), grid, threads, stream, slots, input,
          memory);
 }
 

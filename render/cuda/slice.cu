@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which rows are visible at an instant.
+// Which slots are visible at an instant.
 #include "render/cuda/frame.h"
 #include "render/cuda/launch.cuh"
 #include "render/cuda/ordered.cuh"
@@ -9,16 +9,16 @@ namespace {
 
 constexpr int kThreads = 256;
 constexpr int kWarps = kThreads / 32;
-constexpr int kTurns = kChunkRows / kThreads;
+constexpr int kTurns = kChunkSlots / kThreads;
 static_assert(kTurns * kWarps == 32, "one lane per warp and turn");
 
 __global__ void __launch_bounds__(kThreads)
-    slice(ResidentRows rows, const Chunk* chunks, double time, FrameMemory memory) {
+    slice(ResidentGaussians slots, const Chunk* chunks, double time, FrameMemory memory) {
   await_predecessor();
-  __shared__ uint32_t before[32];  // visible rows before each turn of each warp
+  __shared__ uint32_t before[32];  // visible slots before each turn of each warp
   const uint32_t piece = take_ticket(&memory.slice_counts->ticket);
   const Chunk chunk = chunks[piece];
-  const float now = row_time(rows, time, chunk.first);
+  const float now = slot_time(slots, time, chunk.first);
   const uint32_t lane = threadIdx.x & 31, warp = threadIdx.x / 32;
   uint32_t votes[kTurns];
 #pragma unroll
@@ -26,7 +26,7 @@ __global__ void __launch_bounds__(kThreads)
     const uint32_t at = static_cast<uint32_t>(k) * kThreads + threadIdx.x;
     bool visible = false;
     if (at < chunk.count) {
-      visible = rows.interval[chunk.first + at].holds(now);
+      visible = slots.interval[chunk.first + at].holds(now);
     }
     votes[k] = __ballot_sync(kFullWarp, visible);
     if (lane == 0)
@@ -51,17 +51,17 @@ __global__ void __launch_bounds__(kThreads)
     if (((votes[k] >> lane) & 1) == 0) continue;
     const uint32_t at = before[k * kWarps + static_cast<int>(warp)] +
                         static_cast<uint32_t>(__popc(votes[k] & ((1u << lane) - 1)));
-    const uint32_t row = chunk.first + static_cast<uint32_t>(k) * kThreads + threadIdx.x;
-    if (at < memory.max_visible) memory.visible[at] = row | chunk.group << kGroupShift;
+    const uint32_t slot = chunk.first + static_cast<uint32_t>(k) * kThreads + threadIdx.x;
+    if (at < memory.max_visible) memory.visible[at] = slot | chunk.group << kGroupShift;
   }
 }
 
 }  // namespace
 
-void launch_slice(const ResidentRows& rows, const Chunk* chunks, uint32_t num_chunks, double time,
-                  const FrameMemory& memory, cudaStream_t stream) {
+void launch_slice(const ResidentGaussians& slots, const Chunk* chunks, uint32_t num_chunks,
+                  double time, const FrameMemory& memory, cudaStream_t stream) {
   if (num_chunks == 0) return;
-  launch(slice, num_chunks, kThreads, stream, rows, chunks, time, memory);
+  launch(slice, num_chunks, kThreads, stream, slots, chunks, time, memory);
 }
 
 }  // namespace l4d::render

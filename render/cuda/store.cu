@@ -47,23 +47,26 @@ __global__ void __launch_bounds__(kThreads)
 }
 
 __global__ void __launch_bounds__(kThreads)
-    store_rows(l4d_gaussians gaussians, Sequence sequence, StorePlace to, ResidentRows rows) {
+    store_gaussians(l4d_gaussians gaussians, Sequence sequence, StorePlace to,
+                    ResidentGaussians slots) {
   await_predecessor();
   const uint32_t at = blockIdx.x * kThreads + threadIdx.x;
   if (at >= to.count) return;
-  const uint32_t i = gaussian_of(to, at), row = row_of(to, at);
+  const uint32_t i = gaussian_of(to, at), slot = row_of(to, at);
   const Prepared p = prepare_gaussian(gaussians, sequence, i);
   const auto f = [](double v) { return static_cast<float>(v); };
   const double mean = p.mean - to.origin;
   const double* c = p.slice.covariance;
   const double* v = p.slice.velocity;
-  rows.interval[row] = interval_of(mean, p.half_life);
-  rows.place[row] = make_float4(f(p.position[0]), f(p.position[1]), f(p.position[2]), f(p.opacity));
-  rows.motion[row] = make_float4(f(v[0]), f(v[1]), f(v[2]), f(p.reference - to.origin));
-  rows.shape0[row] = make_float4(f(c[0]), f(c[1]), f(c[2]), f(c[3]));
-  rows.shape1[row] = make_float4(f(c[4]), f(c[5]), f(mean), f(p.slice.lambda));
-  rows.id[row] = to.first_id + i;
-  if (to.chunks != nullptr && at % kChunkRows == 0) rows.origin[row / kChunkRows] = to.chunk_origin;
+  slots.interval[slot] = interval_of(mean, p.half_life);
+  slots.place[slot] =
+      make_float4(f(p.position[0]), f(p.position[1]), f(p.position[2]), f(p.opacity));
+  slots.motion[slot] = make_float4(f(v[0]), f(v[1]), f(v[2]), f(p.reference - to.origin));
+  slots.shape0[slot] = make_float4(f(c[0]), f(c[1]), f(c[2]), f(c[3]));
+  slots.shape1[slot] = make_float4(f(c[4]), f(c[5]), f(mean), f(p.slice.lambda));
+  slots.id[slot] = to.first_id + i;
+  if (to.chunks != nullptr && at % kChunkSlots == 0)
+    slots.origin[slot / kChunkSlots] = to.chunk_origin;
 }
 
 template <bool kHalf>
@@ -85,22 +88,22 @@ __global__ void __launch_bounds__(kThreads)
   }
 }
 
-struct SlabTable {
-  Slab slabs[kMaxSlabs];
+struct BatchTable {
+  Batch batches[kMaxBatches];
   uint32_t count;
 };
 
-// A block per slab.
-__global__ void make_chunks(SlabTable table, Chunk* chunks) {
+// A block per batch.
+__global__ void make_chunks(BatchTable table, Chunk* chunks) {
   await_predecessor();
   uint32_t to = 0;
   for (uint32_t s = 0; s < blockIdx.x; ++s) {
-    to += (table.slabs[s].count + kChunkRows - 1) / kChunkRows;
+    to += (table.batches[s].count + kChunkSlots - 1) / kChunkSlots;
   }
-  const Slab slab = table.slabs[blockIdx.x];
-  for (uint32_t k = threadIdx.x; k * kChunkRows < slab.count; k += blockDim.x) {
-    const uint32_t from = k * kChunkRows;
-    chunks[to + k] = {slab.first + from, min(kChunkRows, slab.count - from), slab.group};
+  const Batch batch = table.batches[blockIdx.x];
+  for (uint32_t k = threadIdx.x; k * kChunkSlots < batch.count; k += blockDim.x) {
+    const uint32_t from = k * kChunkSlots;
+    chunks[to + k] = {batch.first + from, min(kChunkSlots, batch.count - from), batch.group};
   }
 }
 
@@ -114,34 +117,36 @@ void launch_group(const l4d_gaussians& gaussians, const Sequence& sequence, uint
 }
 
 void launch_store(const l4d_gaussians& gaussians, const Sequence& sequence, const StorePlace& place,
-                  bool half_sh, const ResidentRows& rows, cudaStream_t stream) {
+                  bool half_sh, const ResidentGaussians& slots, cudaStream_t stream) {
   if (place.count == 0) return;
   const unsigned grid = (place.count + kThreads - 1) / kThreads;
-  launch(store_rows, grid, kThreads, stream, gaussians, sequence, place, rows);
-  if (rows.books.num_stages > 0) return;
+  launch(store_gaussians, grid, kThreads, stream, gaussians, sequence, place, slots);
+  if (slots.codebooks.num_stages > 0) return;
   const uint32_t numbers = 3 * sh_terms(gaussians.sh_degree);
   const uint32_t stride = sh_stride(gaussians.sh_degree, half_sh);
   const unsigned blocks = grid < 4096 ? grid : 4096;
   if (half_sh) {
-    launch(store_sh<true>, blocks, kThreads, stream, gaussians.sh, numbers, stride, place, rows.sh);
+    launch(store_sh<true>, blocks, kThreads, stream, gaussians.sh, numbers, stride, place,
+           slots.sh);
   } else {
     launch(store_sh<false>, blocks, kThreads, stream, gaussians.sh, numbers, stride, place,
-           rows.sh);
+           slots.sh);
   }
 }
 
-uint32_t num_chunks(const Slab* slabs, uint32_t num_slabs) {
+uint32_t num_chunks(const Batch* batches, uint32_t num_batches) {
   uint32_t n = 0;
-  for (uint32_t s = 0; s < num_slabs; ++s) n += (slabs[s].count + kChunkRows - 1) / kChunkRows;
+  for (uint32_t s = 0; s < num_batches; ++s)
+    n += (batches[s].count + kChunkSlots - 1) / kChunkSlots;
   return n;
 }
 
-void launch_chunks(const Slab* slabs, uint32_t num_slabs, Chunk* chunks, cudaStream_t stream) {
-  if (num_slabs == 0) return;
-  SlabTable table{};
-  for (uint32_t s = 0; s < num_slabs; ++s) table.slabs[s] = slabs[s];
-  table.count = num_slabs;
-  launch(make_chunks, num_slabs, 256, stream, table, chunks);
+void launch_chunks(const Batch* batches, uint32_t num_batches, Chunk* chunks, cudaStream_t stream) {
+  if (num_batches == 0) return;
+  BatchTable table{};
+  for (uint32_t s = 0; s < num_batches; ++s) table.batches[s] = batches[s];
+  table.count = num_batches;
+  launch(make_chunks, num_batches, 256, stream, table, chunks);
 }
 
 }  // namespace l4d::render

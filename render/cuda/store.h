@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// From attributes in device arrays to resident rows.
+// From attributes in device arrays to resident slots.
 #pragma once
 
 #include "render/cuda/layout.h"
@@ -7,10 +7,10 @@
 namespace l4d::render {
 
 // Rows of one motion group that follow each other.
-struct Slab {
+struct Batch {
   uint32_t first, count, group;
 };
-constexpr uint32_t kMaxSlabs = 256;
+constexpr uint32_t kMaxBatches = 256;
 
 // Sorts [0, gaussians.count) by motion group, each group in order: lists [kNumMotionGroups, count]
 // and their lengths counts [kNumMotionGroups]. states: [kNumMotionGroups, pieces of kGroupPiece]
@@ -19,16 +19,16 @@ constexpr uint32_t kGroupPiece = 256;
 void launch_group(const l4d_gaussians& gaussians, const Sequence& sequence, uint32_t* lists,
                   uint32_t* counts, uint32_t* states, cudaStream_t stream);
 
-// Which rows are made, and of which Gaussians.
+// Which slots are made, and of which Gaussians.
 struct StorePlace {
   const uint32_t* list = nullptr;  // of Gaussians; NULL: 0, 1, ...
   const uint32_t* chunks =
-      nullptr;  // chunks of kChunkRows rows, one behind the other; NULL: `first` on
+      nullptr;  // chunks of kChunkSlots slots, one behind the other; NULL: `first` on
   uint32_t count = 0;
   uint32_t first = 0;
   uint32_t first_id = 0;    // ids are the Gaussians' numbers plus this
-  double origin = 0;        // rows count time from here, in the clock of the Gaussians
-  double chunk_origin = 0;  // what is told of `chunks`: ResidentRows.origin
+  double origin = 0;        // slots count time from here, in the clock of the Gaussians
+  double chunk_origin = 0;  // what is told of `chunks`: ResidentGaussians.origin
 };
 #ifdef __CUDACC__
 __device__ inline uint32_t gaussian_of(const StorePlace& place, uint32_t at) {
@@ -36,15 +36,15 @@ __device__ inline uint32_t gaussian_of(const StorePlace& place, uint32_t at) {
 }
 __device__ inline uint32_t row_of(const StorePlace& place, uint32_t at) {
   return place.chunks == nullptr ? place.first + at
-                                 : place.chunks[at / kChunkRows] * kChunkRows + at % kChunkRows;
+                                 : place.chunks[at / kChunkSlots] * kChunkSlots + at % kChunkSlots;
 }
 #endif
 // Rows of indices get theirs by launch_store_indices().
 void launch_store(const l4d_gaussians& gaussians, const Sequence& sequence, const StorePlace& place,
-                  bool half_sh, const ResidentRows& rows, cudaStream_t stream);
+                  bool half_sh, const ResidentGaussians& slots, cudaStream_t stream);
 
-// Returns how many chunks the slabs are; chunks has room for them.
-uint32_t num_chunks(const Slab* slabs, uint32_t num_slabs);
-void launch_chunks(const Slab* slabs, uint32_t num_slabs, Chunk* chunks, cudaStream_t stream);
+// Returns how many chunks the batches are; chunks has room for them.
+uint32_t num_chunks(const Batch* batches, uint32_t num_batches);
+void launch_chunks(const Batch* batches, uint32_t num_batches, Chunk* chunks, cudaStream_t stream);
 
 }  // namespace l4d::render

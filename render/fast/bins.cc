@@ -197,7 +197,7 @@ std::vector<TileBins::Bound> TileBins::bounds_of_columns(int row) const {
 }
 
 Status TileBins::cut(uint64_t bytes, uint64_t pair_bytes, bool with_places, MemoryBudget& memory,
-                     std::vector<Slab>* out) const {
+                     std::vector<Band>* out) const {
   out->clear();
   pair_bytes += (with_places ? 2 : 1) * sizeof(uint32_t);
   const uint64_t columns = static_cast<uint64_t>(columns_);
@@ -233,7 +233,7 @@ Status TileBins::cut(uint64_t bytes, uint64_t pair_bytes, bool with_places, Memo
 }
 
 Status TileBins::cut_row(int row, uint64_t bytes, uint64_t pair_bytes, MemoryBudget& memory,
-                         std::vector<Slab>* out) const {
+                         std::vector<Band>* out) const {
   const std::vector<Bound> bounds = bounds_of_columns(row);
   Bound sum;
   int begin = 0;
@@ -253,20 +253,20 @@ Status TileBins::cut_row(int row, uint64_t bytes, uint64_t pair_bytes, MemoryBud
   return {};
 }
 
-size_t TileBins::bound_spans(const Slab& slab, size_t first, size_t last) const {
+size_t TileBins::bound_spans(const Band& band, size_t first, size_t last) const {
   size_t spans = 0;
   for (size_t i = first; i < last; ++i) {
     const Box& box = boxes_[i];
     const int rows =
-        std::min<int>(box.row_end, slab.row_end) - std::max<int>(box.row_begin, slab.row_begin);
-    const bool meets = box.column_begin < slab.column_end && box.column_end > slab.column_begin;
+        std::min<int>(box.row_end, band.row_end) - std::max<int>(box.row_begin, band.row_begin);
+    const bool meets = box.column_begin < band.column_end && box.column_end > band.column_begin;
     if (rows > 0 && meets) spans += static_cast<size_t>(rows);
   }
   return spans;
 }
 
 TileBins::Span TileBins::span_of(const FastSplat& s, const Box& box, int row,
-                                 const Slab& slab) const {
+                                 const Band& band) const {
   TileRange range{box.column_begin, box.column_end};
   // One row or column of tiles: the box is as good as the ellipse.
   if (box.row_end - box.row_begin > 1 && box.column_end - box.column_begin > 1) {
@@ -275,29 +275,30 @@ TileBins::Span TileBins::span_of(const FastSplat& s, const Box& box, int row,
     if (!reach_of_rows(s, top, top + static_cast<float>(kTile - 1), &left, &right)) return {};
     range = tiles_between(s.mean[0] + left, s.mean[0] + right, columns_);
   }
-  const int begin = std::max(range.begin, slab.column_begin);
-  const int end = std::max(begin, std::min(range.end, slab.column_end));
+  const int begin = std::max(range.begin, band.column_begin);
+  const int end = std::max(begin, std::min(range.end, band.column_end));
   return {static_cast<uint16_t>(row), static_cast<uint16_t>(begin), static_cast<uint16_t>(end)};
 }
 
 // Room for what pieces write each on their own.
-Status TileBins::take_room(const Slab& slab, bool with_places, int threads, MemoryBudget& memory) {
+Status TileBins::charge_memory(const Band& band, bool with_places, int threads,
+                               MemoryBudget& memory) {
   const size_t n = boxes_.size(), pieces = pieces_of(n);
   L4D_RETURN_IF_ERROR(renew(memory, &first_span_, pieces + 1, kLists));
   first_span_[0] = 0;
   parallel_for(threads, n, kGrain, [&](size_t first, size_t last) {
-    first_span_[first / kGrain + 1] = bound_spans(slab, first, last);
+    first_span_[first / kGrain + 1] = bound_spans(band, first, last);
   });
   for (size_t p = 0; p < pieces; ++p) first_span_[p + 1] += first_span_[p];
   L4D_RETURN_IF_ERROR(renew(memory, &spans_, first_span_[pieces], kLists));
-  L4D_RETURN_IF_ERROR(renew(memory, &next_, pieces * slab.tiles(), kLists));
+  L4D_RETURN_IF_ERROR(renew(memory, &next_, pieces * band.tiles(), kLists));
   L4D_RETURN_IF_ERROR(renew(memory, &spans_of_, n, kLists));
   return renew(memory, &emitted_, with_places ? n + 1 : 0, kLists);
 }
 
 // From counts to places in the lists.
-Status TileBins::place_lists(const Slab& slab, bool with_places, MemoryBudget& memory) {
-  const size_t tiles = slab.tiles(), pieces = pieces_of(boxes_.size());
+Status TileBins::place_lists(const Band& band, bool with_places, MemoryBudget& memory) {
+  const size_t tiles = band.tiles(), pieces = pieces_of(boxes_.size());
   for (size_t i = 1; i < emitted_.size(); ++i) emitted_[i] += emitted_[i - 1];
   L4D_RETURN_IF_ERROR(renew(memory, &first_, tiles + 1, kLists));
   size_t at = 0;
@@ -315,16 +316,16 @@ Status TileBins::place_lists(const Slab& slab, bool with_places, MemoryBudget& m
   return renew(memory, &place_, with_places ? at : 0, kLists);
 }
 
-Status TileBins::build(const std::vector<FastSplat>& splats, const Slab& slab, bool with_places,
+Status TileBins::build(const std::vector<FastSplat>& splats, const Band& band, bool with_places,
                        int threads, MemoryBudget& memory) {
-  const size_t n = splats.size(), tiles = slab.tiles();
-  const size_t columns = static_cast<size_t>(slab.columns());
-  // Of the slab.
-  const auto row_of = [&](int row) { return static_cast<size_t>(row - slab.row_begin) * columns; };
+  const size_t n = splats.size(), tiles = band.tiles();
+  const size_t columns = static_cast<size_t>(band.columns());
+  // Of the band.
+  const auto row_of = [&](int row) { return static_cast<size_t>(row - band.row_begin) * columns; };
   const auto column_of = [&](int column) {
-    return static_cast<size_t>(column - slab.column_begin);
+    return static_cast<size_t>(column - band.column_begin);
   };
-  L4D_RETURN_IF_ERROR(take_room(slab, with_places, threads, memory));
+  L4D_RETURN_IF_ERROR(charge_memory(band, with_places, threads, memory));
   if (with_places) emitted_[0] = 0;
   parallel_for(threads, n, kGrain, [&](size_t first, size_t last) {
     const size_t piece = first / kGrain;
@@ -333,12 +334,12 @@ Status TileBins::build(const std::vector<FastSplat>& splats, const Slab& slab, b
     std::fill_n(counts, tiles, 0u);
     for (size_t i = first; i < last; ++i) {
       const Box& box = boxes_[i];
-      const int end = std::min<int>(box.row_end, slab.row_end);
+      const int end = std::min<int>(box.row_end, band.row_end);
       const Span* const before = next_span;
       size_t emitted = 0;
-      for (int row = std::max<int>(box.row_begin, slab.row_begin); row < end; ++row) {
-        if (box.column_begin >= slab.column_end || box.column_end <= slab.column_begin) break;
-        const Span span = span_of(splats[i], box, row, slab);
+      for (int row = std::max<int>(box.row_begin, band.row_begin); row < end; ++row) {
+        if (box.column_begin >= band.column_end || box.column_end <= band.column_begin) break;
+        const Span span = span_of(splats[i], box, row, band);
         if (span.begin >= span.end) continue;
         *next_span++ = span;
         uint32_t* row_counts = counts + row_of(row);
@@ -349,7 +350,7 @@ Status TileBins::build(const std::vector<FastSplat>& splats, const Slab& slab, b
       if (with_places) emitted_[i + 1] = emitted;
     }
   });
-  L4D_RETURN_IF_ERROR(place_lists(slab, with_places, memory));
+  L4D_RETURN_IF_ERROR(place_lists(band, with_places, memory));
   parallel_for(threads, n, kGrain, [&](size_t first, size_t last) {
     const size_t piece = first / kGrain;
     uint32_t* next = next_.data() + piece * tiles;

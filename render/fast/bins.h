@@ -31,7 +31,7 @@ class DepthSort {
 };
 
 // Tiles of the image that are worked on together: whole rows of tiles, or a part of one row.
-struct Slab {
+struct Band {
   int row_begin, row_end, column_begin, column_end;
   int columns() const { return column_end - column_begin; }
   size_t tiles() const {
@@ -43,21 +43,21 @@ struct Slab {
 // meets the rectangle of the tile's pixel centres. No tile is missed; a few more are listed where
 // the ellipse is cut by the border of the image, and by rounding.
 //
-// Lists are made slab by slab: a few splats that each cover the image are as many pairs of splat
-// and tile as there are tiles. What a tile's list holds does not depend on the slab.
+// Lists are made band by band: a few splats that each cover the image are as many pairs of splat
+// and tile as there are tiles. What a tile's list holds does not depend on the band.
 class TileBins {
  public:
   // The splats stay the caller's, unchanged while their lists are asked for.
   Status start(const std::vector<FastSplat>& splats, int width, int height, int threads,
                MemoryBudget& memory);
-  Slab whole() const { return {0, rows_, 0, columns_}; }
-  // Cuts the image into slabs, from top to bottom and from left to right, none of which takes more
+  Band whole() const { return {0, rows_, 0, columns_}; }
+  // Cuts the image into bands, from top to bottom and from left to right, none of which takes more
   // than `bytes`, or one tile where that is more. pair_bytes: what the caller keeps for each pair,
   // besides the lists. Fails with LIMIT_EXCEEDED where a tile alone does not fit in `memory`.
   Status cut(uint64_t bytes, uint64_t pair_bytes, bool with_places, MemoryBudget& memory,
-             std::vector<Slab>* out) const;
-  // The lists of a slab. with_places: also fills what place() and emitted() tell.
-  Status build(const std::vector<FastSplat>& splats, const Slab& slab, bool with_places,
+             std::vector<Band>* out) const;
+  // The lists of a band. with_places: also fills what place() and emitted() tell.
+  Status build(const std::vector<FastSplat>& splats, const Band& band, bool with_places,
                int threads, MemoryBudget& memory);
   // Gives back what lists take, or all of it.
   void forget_lists(MemoryBudget& memory);
@@ -65,7 +65,7 @@ class TileBins {
 
   int columns() const { return columns_; }  // of the image
   int rows() const { return rows_; }
-  // Of the slab; tiles count from its first one, row by row.
+  // Of the band; tiles count from its first one, row by row.
   size_t instances() const { return list_.size(); }
   const uint32_t* list(size_t tile) const { return list_.data() + first_[tile]; }
   size_t first(size_t tile) const { return first_[tile]; }
@@ -90,12 +90,12 @@ class TileBins {
   std::vector<Bound> bounds_of_rows() const;
   std::vector<Bound> bounds_of_columns(int row) const;
   Status cut_row(int row, uint64_t bytes, uint64_t pair_bytes, MemoryBudget& memory,
-                 std::vector<Slab>* out) const;
-  size_t bound_spans(const Slab& slab, size_t first, size_t last) const;
-  // The tiles of the slab's row that splat i touches; an empty range where there are none.
-  Span span_of(const FastSplat& splat, const Box& box, int row, const Slab& slab) const;
-  Status take_room(const Slab& slab, bool with_places, int threads, MemoryBudget& memory);
-  Status place_lists(const Slab& slab, bool with_places, MemoryBudget& memory);
+                 std::vector<Band>* out) const;
+  size_t bound_spans(const Band& band, size_t first, size_t last) const;
+  // The tiles of the band's row that splat i touches; an empty range where there are none.
+  Span span_of(const FastSplat& splat, const Box& box, int row, const Band& band) const;
+  Status charge_memory(const Band& band, bool with_places, int threads, MemoryBudget& memory);
+  Status place_lists(const Band& band, bool with_places, MemoryBudget& memory);
 
   int columns_ = 0, rows_ = 0;
   Bound bound_;             // of the whole image

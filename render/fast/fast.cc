@@ -39,8 +39,8 @@ class Watch {
 };
 
 // Lists of splats by tile take no more than this at a time, whatever else there is room for: with
-// larger ones a slab of the image is made after the other, for a pass over the splats' boxes each.
-constexpr uint64_t kSlabBytes = uint64_t{256} << 20;
+// larger ones a band of the image is made after the other, for a pass over the splats' boxes each.
+constexpr uint64_t kBandBytes = uint64_t{256} << 20;
 
 class FastRasterizer : public Rasterizer<float> {
  public:
@@ -54,9 +54,9 @@ class FastRasterizer : public Rasterizer<float> {
                  float* rgb, float* alpha, Stats* stats) override {
     L4D_RETURN_IF_ERROR(prepare(frame, view, stats));
     const auto blend = fast_exponential_ ? kernels_.blend_fast_exp : kernels_.blend;
-    return for_slabs(0, false, stats, [&](const Slab& slab, bool) -> Status {
-      const Watch watch(&stats->seconds[L4D_RENDER_STAGE_BLEND]);
-      for_tiles(view, slab, [&](size_t, const TileInput& tile) {
+    return for_bands(0, false, stats, [&](const Band& band, bool) -> Status {
+      const Watch watch(&stats->seconds[L4D_RENDER_PASS_BLEND]);
+      for_tiles(view, band, [&](size_t, const TileInput& tile) {
         TileImage image;
         blend(tile, &image);
         const size_t width = static_cast<size_t>(view.width);
@@ -87,10 +87,10 @@ class FastRasterizer : public Rasterizer<float> {
     std::fill(out->splat.begin(), out->splat.end(), SplatGradient2D<float>{});
     L4D_RETURN_IF_ERROR(prepare(frame, view, stats));
     const uint64_t pair_bytes = input.geometry ? sizeof(InstanceGradient) : sizeof(float);
-    return for_slabs(pair_bytes, true, stats, [&](const Slab& slab, bool last) {
-      const Watch watch(&stats->seconds[L4D_RENDER_STAGE_BACKWARD]);
-      return input.geometry ? geometry(view, slab, last, background, input, out)
-                            : coverage(frame, view, slab, input.seen, out);
+    return for_bands(pair_bytes, true, stats, [&](const Band& band, bool last) {
+      const Watch watch(&stats->seconds[L4D_RENDER_PASS_BACKWARD]);
+      return input.geometry ? geometry(view, band, last, background, input, out)
+                            : coverage(frame, view, band, input.seen, out);
     });
   }
 
@@ -108,7 +108,7 @@ class FastRasterizer : public Rasterizer<float> {
   Status prepare(const Frame<float>& frame, const View<float>& view, Stats* stats) {
     const size_t n = frame.count();
     {
-      const Watch watch(&stats->seconds[L4D_RENDER_STAGE_PROJECT]);
+      const Watch watch(&stats->seconds[L4D_RENDER_PASS_PROJECT]);
       const size_t parts = (n + kGrain - 1) / kGrain;
       L4D_RETURN_IF_ERROR(renew(memory_, &counts_, parts, "splats"));
       // Parts are whole; a small frame does not shrink what a large one needed.
@@ -121,45 +121,45 @@ class FastRasterizer : public Rasterizer<float> {
       });
     }
     {
-      const Watch watch(&stats->seconds[L4D_RENDER_STAGE_SORT]);
+      const Watch watch(&stats->seconds[L4D_RENDER_PASS_SORT]);
       L4D_RETURN_IF_ERROR(sort_.sort(projected_.data(), counts_, threads_, memory_, &splats_));
     }
-    const Watch watch(&stats->seconds[L4D_RENDER_STAGE_BIN]);
+    const Watch watch(&stats->seconds[L4D_RENDER_PASS_BIN]);
     stats->projected = splats_.size();
     return bins_.start(splats_, view.width, view.height, threads_, memory_);
   }
 
-  // Calls body(slab, whether it is the last) with the lists of one slab of the image after the
+  // Calls body(band, whether it is the last) with the lists of one band of the image after the
   // other. pair_bytes: what the body keeps for each pair of splat and tile.
   template <typename Body>
-  Status for_slabs(uint64_t pair_bytes, bool with_places, Stats* stats, const Body& body) {
-    std::vector<Slab> slabs;
+  Status for_bands(uint64_t pair_bytes, bool with_places, Stats* stats, const Body& body) {
+    std::vector<Band> bands;
     stats->instances = 0;
     uint64_t bytes = 0;
     const auto cut = [&] {
       // Arrays may be an eighth larger than asked for.
-      bytes = std::min(kSlabBytes, memory_.room() / 9 * 8);
-      return bins_.cut(bytes, pair_bytes, with_places, memory_, &slabs);
+      bytes = std::min(kBandBytes, memory_.capacity() / 9 * 8);
+      return bins_.cut(bytes, pair_bytes, with_places, memory_, &bands);
     };
     {
-      const Watch watch(&stats->seconds[L4D_RENDER_STAGE_BIN]);
+      const Watch watch(&stats->seconds[L4D_RENDER_PASS_BIN]);
       // Where the view does not fit beside what other calls left, that gives way.
-      if (!cut().ok() || slabs.size() > 1) {
+      if (!cut().ok() || bands.size() > 1) {
         forget_lists();
         L4D_RETURN_IF_ERROR(cut());
       }
     }
-    for (size_t k = 0; k < slabs.size(); ++k) {
+    for (size_t k = 0; k < bands.size(); ++k) {
       {
-        const Watch watch(&stats->seconds[L4D_RENDER_STAGE_BIN]);
-        if (k > 0 && memory_.room() < bytes) forget_lists();
-        L4D_RETURN_IF_ERROR(bins_.build(splats_, slabs[k], with_places, threads_, memory_));
+        const Watch watch(&stats->seconds[L4D_RENDER_PASS_BIN]);
+        if (k > 0 && memory_.capacity() < bytes) forget_lists();
+        L4D_RETURN_IF_ERROR(bins_.build(splats_, bands[k], with_places, threads_, memory_));
       }
       stats->instances += bins_.instances();
-      L4D_RETURN_IF_ERROR(body(slabs[k], k + 1 == slabs.size()));
+      L4D_RETURN_IF_ERROR(body(bands[k], k + 1 == bands.size()));
     }
     // Other calls need room too.
-    if (memory_.room() < memory_.used()) forget_lists();
+    if (memory_.capacity() < memory_.used()) forget_lists();
     return {};
   }
 
@@ -171,16 +171,16 @@ class FastRasterizer : public Rasterizer<float> {
   }
 
   template <typename Body>
-  void for_tiles(const View<float>& view, const Slab& slab, const Body& body) const {
-    const size_t columns = static_cast<size_t>(slab.columns());
-    parallel_for(threads_, slab.tiles(), 4, [&](size_t begin, size_t end) {
+  void for_tiles(const View<float>& view, const Band& band, const Body& body) const {
+    const size_t columns = static_cast<size_t>(band.columns());
+    parallel_for(threads_, band.tiles(), 4, [&](size_t begin, size_t end) {
       for (size_t t = begin; t < end; ++t) {
         TileInput tile;
         tile.splats = splats_.data();
         tile.list = bins_.list(t);
         tile.count = bins_.count(t);
-        tile.x = (slab.column_begin + static_cast<int>(t % columns)) * kTile;
-        tile.y = (slab.row_begin + static_cast<int>(t / columns)) * kTile;
+        tile.x = (band.column_begin + static_cast<int>(t % columns)) * kTile;
+        tile.y = (band.row_begin + static_cast<int>(t / columns)) * kTile;
         tile.width = std::min(kTile, view.width - tile.x);
         tile.height = std::min(kTile, view.height - tile.y);
         tile.max_alpha = view.rules.max_alpha;
@@ -189,13 +189,13 @@ class FastRasterizer : public Rasterizer<float> {
     });
   }
 
-  Status coverage(const Frame<float>& frame, const View<float>& view, const Slab& slab,
+  Status coverage(const Frame<float>& frame, const View<float>& view, const Band& band,
                   const uint8_t* seen, ViewGradients<float>* out) {
     const auto wanted = [&](size_t i) {
       return seen == nullptr || seen[frame.id[splats_[i].row]] == 0;
     };
     L4D_RETURN_IF_ERROR(renew(memory_, &instance_coverage_, bins_.instances(), "coverage by tile"));
-    for_tiles(view, slab, [&](size_t t, const TileInput& tile) {
+    for_tiles(view, band, [&](size_t t, const TileInput& tile) {
       // Most tiles show nothing new once a few views have been seen.
       bool any = false;
       for (size_t n = 0; n < tile.count && !any; ++n) any = wanted(tile.list[n]);
@@ -204,7 +204,7 @@ class FastRasterizer : public Rasterizer<float> {
     parallel_for(threads_, splats_.size(), kGrain, [&](size_t begin, size_t end) {
       for (size_t i = begin; i < end; ++i) {
         if (!wanted(i)) continue;
-        // Slabs follow each other as the tiles of one slab do: the sums are those of one.
+        // Bands follow each other as the tiles of one band do: the sums are those of one.
         float sum = out->coverage[splats_[i].row];
         for (size_t e = bins_.emitted(i); e < bins_.emitted(i + 1); ++e) {
           sum += instance_coverage_[bins_.place(e)];
@@ -215,10 +215,10 @@ class FastRasterizer : public Rasterizer<float> {
     return {};
   }
 
-  Status geometry(const View<float>& view, const Slab& slab, bool last, const float* background,
+  Status geometry(const View<float>& view, const Band& band, bool last, const float* background,
                   const BackwardInput& input, ViewGradients<float>* out) {
     L4D_RETURN_IF_ERROR(renew(memory_, &instances_, bins_.instances(), "gradients by tile"));
-    for_tiles(view, slab, [&](size_t t, const TileInput& tile) {
+    for_tiles(view, band, [&](size_t t, const TileInput& tile) {
       TileUpstream upstream;
       upstream.one_channel = input.rgb_gradient == nullptr;
       const size_t channels = upstream.one_channel ? 1 : 3;
@@ -240,7 +240,7 @@ class FastRasterizer : public Rasterizer<float> {
       for (size_t i = begin; i < end; ++i) {
         const FastSplat& s = splats_[i];
         SplatGradient2D<float>& g = out->splat[s.row];
-        // By the natural logarithm of the opacity, until the last slab.
+        // By the natural logarithm of the opacity, until the last band.
         float log_opacity = g.opacity, covered = out->coverage[s.row];
         for (size_t e = bins_.emitted(i); e < bins_.emitted(i + 1); ++e) {
           const InstanceGradient& part = instances_[bins_.place(e)];

@@ -47,7 +47,7 @@ struct TileImage {
   alignas(64) float rgb[3][kTilePixels];
 };
 
-// What the way back is given per pixel of a tile, in planes as above. Outside the image all is
+// What the backward pass is given per pixel of a tile, in planes as above. Outside the image all is
 // zero.
 struct TileUpstream {
   alignas(64) float gradient[3][kTilePixels];  // of the scalar, by each channel

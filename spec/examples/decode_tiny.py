@@ -7,7 +7,7 @@ alone; what stands here shows what it read. Bytes of zstd frames are not explain
 
   decode_tiny.py [FILE]            the bytes, annotated, then the decoded Gaussians
   decode_tiny.py --values [FILE]   every decoded value as the bits of its binary32
-  decode_tiny.py --base ..         without second parts of pages: SH is what the base holds
+  decode_tiny.py --base ..         without SH chunks of pages: SH is what the base holds
 """
 
 import struct

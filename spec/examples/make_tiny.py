@@ -154,10 +154,10 @@ def codebook(rows):
 
 # ---- the scene -----------------------------------------------------------------------------------
 
-SH_BOOK = [(0.5, -0.25, 1.0), (0.0, 0.75, -0.5)]
-SCALE_BOOK = [(0.5, 0.0, -0.5, 3.0), (-0.25, 0.25, 0.0, 3.5), (1.0, -1.0, 0.0, 2.0)]
-SPATIAL_BOOK = [(1.0, 0.0, 0.0, 0.0), (0.75, 0.5, -0.25, 0.125)]
-TEMPORAL_BOOK = [(0.0625, 0.0, -0.03125, 0.015625)]
+SH_CODEBOOK = [(0.5, -0.25, 1.0), (0.0, 0.75, -0.5)]
+SCALE_CODEBOOK = [(0.5, 0.0, -0.5, 3.0), (-0.25, 0.25, 0.0, 3.5), (1.0, -1.0, 0.0, 2.0)]
+SPATIAL_CODEBOOK = [(1.0, 0.0, 0.0, 0.0), (0.75, 0.5, -0.25, 0.125)]
+TEMPORAL_CODEBOOK = [(0.0625, 0.0, -0.03125, 0.015625)]
 
 PAGE = b"".join((
     packed([order(v) for v in (4.0, -2.0, 0.0)], 16),            # x
@@ -167,19 +167,19 @@ PAGE = b"".join((
     packed([255, 128, 51], 8),                                   # opacity
     packed([1, 15, 1], 4),                                       # sh: depths
     packed([0, 1], 1),                                           # sh: indices of Gaussians 0 and 2
-    b"".join(constant(order(v), 16) for v in (0.125, 2.0, -1.0)),  # sh: the literal of Gaussian 1
+    b"".join(constant(order(v), 16) for v in (0.125, 2.0, -1.0)),  # sh: the escape of Gaussian 1
     packed([2, 0, 1], 2),                                        # scale
     packed([0, 1, 1], 1),                                        # rotor_spatial
 ))                                                               # rotor_temporal: one entry, 0 bits
 
 
-def vq(num_entries, book, literals=False):
-    stage = Table((0, "I", num_entries), (2, "struct", book))
-    return Table((0, "B", 2), (1, "offset", [stage]), *[(2, "B", 1)] * literals)
+def vq(num_entries, codebook, escapes=False):
+    stage = Table((0, "I", num_entries), (2, "struct", codebook))
+    return Table((0, "B", 2), (1, "offset", [stage]), *[(2, "B", 1)] * escapes)
 
 
-def scene_header(books, page_table_offset, payload_offset):
-    sh, scale, spatial, temporal = books
+def scene_header(codebooks, page_table_offset, payload_offset):
+    sh, scale, spatial, temporal = codebooks
     layer = Table((2, "Q", 3), (3, "B", 2),
                   (5, "offset", Table((2, "f", -3.0))),          # scale_factor: constant
                   (6, "offset", vq(3, scale)), (7, "offset", vq(2, spatial)),
@@ -189,7 +189,7 @@ def scene_header(books, page_table_offset, payload_offset):
         (6, "struct", Struct(struct.pack("<3d", 100.0, 0.0, -20.0))), (8, "B", 1), (12, "B", 2),
         (13, "struct", Struct(struct.pack("<3f", 1.0, 0.5, -3.0))), (14, "f", 0.25),
         (15, "offset", Table((0, "B", 2), (1, "B", 8), (3, "f", 1 / 255))),
-        (17, "offset", vq(2, sh, literals=True)), (18, "offset", [layer]),
+        (17, "offset", vq(2, sh, escapes=True)), (18, "offset", [layer]),
         (19, "Q", payload_offset)), b"L4DH")
 
 
@@ -201,21 +201,21 @@ def directory_page():
 
 
 def make():
-    raw_books = [codebook(b) for b in (SH_BOOK, SCALE_BOOK, SPATIAL_BOOK, TEMPORAL_BOOK)]
-    header = scene_header([chunk_ref(0, b) for b in raw_books], 1, 1)   # for its size alone
+    raw_codebooks = [codebook(b) for b in (SH_CODEBOOK, SCALE_CODEBOOK, SPATIAL_CODEBOOK, TEMPORAL_CODEBOOK)]
+    header = scene_header([chunk_ref(0, b) for b in raw_codebooks], 1, 1)   # for its size alone
     at = 40 + len(header)
-    books = []
-    for raw in raw_books:
-        books.append(chunk_ref(at, raw))
+    codebooks = []
+    for raw in raw_codebooks:
+        codebooks.append(chunk_ref(at, raw))
         at += len(raw)
     directory = directory_page()
     entry = struct.pack("<QQIII", at + 32, xxh3_64(directory), len(directory), len(directory), 0)
     entry += struct.pack("<I", xxh3_64(entry) & 0xFFFFFFFF)
-    header = scene_header(books, at, at + 32 + len(directory))
+    header = scene_header(codebooks, at, at + 32 + len(directory))
     head = struct.pack("<8sBBHIQQ", bytes.fromhex("894c34440d0a1a0a"), 1, 0, 1, len(header), 40,
                        xxh3_64(header))
     head += struct.pack("<Q", xxh3_64(head))
-    return b"".join([head, header, *raw_books, entry, directory, PAGE])
+    return b"".join([head, header, *raw_codebooks, entry, directory, PAGE])
 
 
 if __name__ == "__main__":

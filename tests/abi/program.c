@@ -106,7 +106,7 @@ static void inspect(l4d_decoder* d) {
   l4d_info info;
   l4d_layer_info layer;
   l4d_selection selection;
-  l4d_conformance demand;
+  l4d_stream_demand demand;
   l4d_level_limits limits;
   l4d_counters counters;
   l4d_query query;
@@ -126,8 +126,8 @@ static void inspect(l4d_decoder* d) {
   l4d_selection_init(&selection);
   CHECK_OK(l4d_decoder_select(d, &query, &selection));
   CHECK(selection.num_gaussians == kCount);
-  l4d_conformance_init(&demand);
-  CHECK_OK(l4d_decoder_get_conformance(d, &demand));
+  l4d_stream_demand_init(&demand);
+  CHECK_OK(l4d_decoder_get_stream_demand(d, &demand));
   CHECK(demand.instant_gaussians > 0);
   l4d_level_limits_init(&limits);
   CHECK_OK(l4d_get_level_limits(1, L4D_PROFILE_MAIN, &limits));
@@ -139,7 +139,7 @@ static void inspect(l4d_decoder* d) {
 
 static void decode(l4d_decoder* d) {
   float at[3 * kCount], when[kCount], covariance[6 * kCount];
-  l4d_range ranges[256];
+  l4d_bucket_span spans[256];
   l4d_gaussian_buffers arrays;
   l4d_splat_buffers splats;
   l4d_query query;
@@ -150,10 +150,10 @@ static void decode(l4d_decoder* d) {
   CHECK(l4d_decoder_decode(d, &query, &arrays) == L4D_ERR_BUFFER_TOO_SMALL);
   CHECK(arrays.count == kCount);
   arrays.capacity = kCount;
-  arrays.ranges = ranges;
-  arrays.range_capacity = 256;
+  arrays.spans = spans;
+  arrays.span_capacity = 256;
   CHECK_OK(l4d_decoder_decode(d, &query, &arrays));
-  CHECK(arrays.count == kCount && arrays.num_ranges > 0);
+  CHECK(arrays.count == kCount && arrays.num_spans > 0);
   l4d_splat_buffers_init(&splats);
   splats.position = at;
   splats.covariance = covariance;
@@ -230,29 +230,29 @@ static void render(const l4d_gaussians* g) {
   measuring.measure = L4D_SENSITIVITY_GAUSS_NEWTON;
   measuring.agreement = 2;
   l4d_measure_report_init(&report);
-  CHECK_OK(l4d_measure(renderer, cameras, kCameras, views, 6, &measuring, NULL, NULL, &report,
+  CHECK_OK(l4d_measure_importance(renderer, cameras, kCameras, views, 6, &measuring, NULL, NULL, &report,
                        &sensitivity));
   CHECK(report.views == 6 && report.views_measured == 6);
   CHECK_OK(l4d_sensitivity_get_weights(sensitivity, L4D_WEIGHT_SH, weights, kCount));
   l4d_sensitivity_destroy(sensitivity);
   /* An array of structs that differ is no array of one version. */
   cameras[1].struct_size += 8;
-  CHECK(l4d_measure(renderer, cameras, kCameras, views, 6, &measuring, NULL, NULL, &report,
+  CHECK(l4d_measure_importance(renderer, cameras, kCameras, views, 6, &measuring, NULL, NULL, &report,
                     &sensitivity) == L4D_ERR_INVALID_ARGUMENT);
   l4d_renderer_destroy(renderer);
 }
 
 static void device_structs(void) {
-  l4d_cuda_job job;
+  l4d_cuda_request request;
   l4d_cuda_player_options player;
-  l4d_cuda_room room;
-  l4d_cuda_figures figures;
-  l4d_cuda_job_init(&job);
-  CHECK(job.attributes == L4D_CUDA_ALL_ATTRIBUTES);
+  l4d_cuda_frame_capacity capacity;
+  l4d_cuda_frame_stats stats;
+  l4d_cuda_request_init(&request);
+  CHECK(request.attributes == L4D_CUDA_ALL_ATTRIBUTES);
   l4d_cuda_player_options_init(&player);
   CHECK(player.max_level == UINT32_MAX);
-  l4d_cuda_room_init(&room);
-  l4d_cuda_figures_init(&figures);
+  l4d_cuda_frame_capacity_init(&capacity);
+  l4d_cuda_frame_stats_init(&stats);
 }
 
 int main(void) {

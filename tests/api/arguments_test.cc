@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// NULL, wrong moments, and what the error detail says.
+// NULL, wrong moments, and what the error message says.
 #include <gtest/gtest.h>
 
 #include <fstream>
@@ -23,11 +23,11 @@ struct Targets {
   l4d_selection selection;
   l4d_gaussian_buffers gaussians;
   l4d_packed_buffers packed;
-  l4d_codebook book;
+  l4d_codebook codebook;
   l4d_dequantization dequantization;
   l4d_splat_buffers splats;
   l4d_counters counters;
-  l4d_conformance conformance;
+  l4d_stream_demand demand;
   uint64_t violations = 0;
   l4d_info info;
   l4d_coding_errors errors;
@@ -37,11 +37,11 @@ struct Targets {
     l4d_selection_init(&selection);
     l4d_gaussian_buffers_init(&gaussians);
     l4d_packed_buffers_init(&packed);
-    l4d_codebook_init(&book);
+    l4d_codebook_init(&codebook);
     l4d_dequantization_init(&dequantization);
     l4d_splat_buffers_init(&splats);
     l4d_counters_init(&counters);
-    l4d_conformance_init(&conformance);
+    l4d_stream_demand_init(&demand);
     l4d_info_init(&info);
     l4d_coding_errors_init(&errors);
     l4d_layer_info_init(&layer);
@@ -59,10 +59,10 @@ std::vector<std::pair<const char*, l4d_status>> stream_calls(l4d_decoder* d) {
       {"select", l4d_decoder_select(d, &t.query, &t.selection)},
       {"decode", l4d_decoder_decode(d, &t.query, &t.gaussians)},
       {"decode_packed", l4d_decoder_decode_packed(d, &t.query, &t.packed)},
-      {"codebook", l4d_decoder_get_codebook(d, 0, 0, 0, L4D_NO_BLOCK, &t.book)},
+      {"codebook", l4d_decoder_get_codebook(d, 0, 0, 0, L4D_NO_BLOCK, &t.codebook)},
       {"dequantization", l4d_decoder_get_dequantization(d, 0, &t.dequantization)},
       {"slice", l4d_decoder_slice(d, 0, &t.splats)},
-      {"conformance", l4d_decoder_get_conformance(d, &t.conformance)},
+      {"demand", l4d_decoder_get_stream_demand(d, &t.demand)},
       {"check_conformance",
        l4d_decoder_check_conformance(d, 0, 1, nullptr, nullptr, &t.violations)},
       {"counters", l4d_decoder_get_counters(d, &t.counters)}};
@@ -76,7 +76,7 @@ TEST(Arguments, NullDecoder) {
   const l4d_reader r = memory_reader(tiny_file());
   EXPECT_EQ(l4d_decoder_open(nullptr, &r), kInvalid);
   EXPECT_EQ(l4d_decoder_set_progress(nullptr, nullptr, nullptr), kInvalid);
-  EXPECT_STREQ(l4d_decoder_error_detail(nullptr), "");
+  EXPECT_STREQ(l4d_decoder_error_message(nullptr), "");
   l4d_decoder_destroy(nullptr);
 }
 
@@ -98,14 +98,14 @@ TEST(Arguments, NullEncoder) {
   EXPECT_EQ(l4d_encoder_set_stages(nullptr, 0, 1, &f), kInvalid);
   EXPECT_EQ(l4d_encoder_set_scene(nullptr, &g, &t, nullptr), kInvalid);
   EXPECT_EQ(l4d_encoder_set_weights(nullptr, 0, &f, 1), kInvalid);
-  EXPECT_EQ(l4d_encoder_set_least_sizes(nullptr, &f, 1), kInvalid);
+  EXPECT_EQ(l4d_encoder_set_min_sizes(nullptr, &f, 1), kInvalid);
   EXPECT_EQ(l4d_encoder_add_metadata(nullptr, "a", "b"), kInvalid);
   EXPECT_EQ(l4d_encoder_encode(nullptr, &w), kInvalid);
   EXPECT_EQ(l4d_encoder_encode_file(nullptr, "x"), kInvalid);
   EXPECT_EQ(l4d_encoder_get_report(nullptr, &report), kInvalid);
   EXPECT_EQ(l4d_encoder_get_order(nullptr, &order, 1), kInvalid);
-  EXPECT_EQ(l4d_encoder_get_stage(nullptr, 0, &name, &value), kInvalid);
-  EXPECT_STREQ(l4d_encoder_error_detail(nullptr), "");
+  EXPECT_EQ(l4d_encoder_get_step(nullptr, 0, &name, &value), kInvalid);
+  EXPECT_STREQ(l4d_encoder_error_message(nullptr), "");
   l4d_encoder_destroy(nullptr);
 }
 
@@ -118,7 +118,7 @@ TEST(Arguments, NullPointers) {
   EXPECT_EQ(l4d_decoder_get_coding_errors(d, nullptr), kInvalid);
   EXPECT_EQ(l4d_decoder_get_layer_info(d, 0, nullptr), kInvalid);
   EXPECT_EQ(l4d_decoder_get_sections(d, nullptr, 1, nullptr, nullptr, 0), kInvalid);
-  EXPECT_EQ(l4d_decoder_get_conformance(d, nullptr), kInvalid);
+  EXPECT_EQ(l4d_decoder_get_stream_demand(d, nullptr), kInvalid);
   EXPECT_EQ(l4d_decoder_check_conformance(d, 0, 0, nullptr, nullptr, nullptr), kInvalid);
   EXPECT_EQ(l4d_decoder_select(d, nullptr, &t.selection), kInvalid);
   EXPECT_EQ(l4d_decoder_select(d, &t.query, nullptr), kInvalid);
@@ -145,8 +145,8 @@ TEST(Arguments, NullPointers) {
   EXPECT_EQ(l4d_encoder_add_metadata(e.get(), "a", nullptr), kInvalid);
   EXPECT_EQ(l4d_encoder_get_report(e.get(), nullptr), kInvalid);
   EXPECT_EQ(l4d_encoder_get_order(e.get(), nullptr, 0), kInvalid);
-  EXPECT_EQ(l4d_encoder_get_stage(e.get(), 0, nullptr, &value), kInvalid);
-  EXPECT_EQ(l4d_encoder_get_stage(e.get(), 0, &name, nullptr), kInvalid);
+  EXPECT_EQ(l4d_encoder_get_step(e.get(), 0, nullptr, &value), kInvalid);
+  EXPECT_EQ(l4d_encoder_get_step(e.get(), 0, &name, nullptr), kInvalid);
 
   uint64_t violations = 0;
   const l4d_reader r = memory_reader(tiny_file());
@@ -177,17 +177,17 @@ TEST(State, UnknownBackend) {
   EXPECT_EQ(d, nullptr);
 }
 
-TEST(ErrorDetail, TellsOfTheLastFailure) {
+TEST(ErrorMessage, TellsOfTheLastFailure) {
   DecoderHandle d;
-  EXPECT_STREQ(l4d_decoder_error_detail(d.get()), "");
+  EXPECT_STREQ(l4d_decoder_error_message(d.get()), "");
   EXPECT_EQ(l4d_decoder_open_memory(d.get(), "garbage", 7), L4D_ERR_NOT_L4D);
-  EXPECT_EQ(std::string(l4d_decoder_error_detail(d.get())).rfind("spec FILE-1 at byte 0: ", 0), 0u)
-      << l4d_decoder_error_detail(d.get());
+  EXPECT_EQ(std::string(l4d_decoder_error_message(d.get())).rfind("spec FILE-1 at byte 0: ", 0), 0u)
+      << l4d_decoder_error_message(d.get());
   EXPECT_EQ(l4d_decoder_open_file(d.get(), "/nonexistent/scene.l4d"), L4D_ERR_IO);
-  EXPECT_NE(std::string(l4d_decoder_error_detail(d.get())).find("/nonexistent/scene.l4d"),
+  EXPECT_NE(std::string(l4d_decoder_error_message(d.get())).find("/nonexistent/scene.l4d"),
             std::string::npos);
   d.open_memory(tiny_file().data(), tiny_file().size());
-  EXPECT_STREQ(l4d_decoder_error_detail(d.get()), "");
+  EXPECT_STREQ(l4d_decoder_error_message(d.get()), "");
   try {
     d.open_memory("x", 1);
     ADD_FAILURE();

@@ -28,12 +28,12 @@ std::vector<l4d_status> calls_on(l4d_decoder* d) {
   l4d_packed_buffers_init(&packed);
   l4d_splat_buffers splats;
   l4d_splat_buffers_init(&splats);
-  l4d_codebook book;
-  l4d_codebook_init(&book);
+  l4d_codebook codebook;
+  l4d_codebook_init(&codebook);
   l4d_dequantization dequantization;
   l4d_dequantization_init(&dequantization);
-  l4d_conformance conformance;
-  l4d_conformance_init(&conformance);
+  l4d_stream_demand demand;
+  l4d_stream_demand_init(&demand);
   l4d_info info;
   l4d_info_init(&info);
   l4d_coding_errors errors;
@@ -51,13 +51,13 @@ std::vector<l4d_status> calls_on(l4d_decoder* d) {
           l4d_decoder_get_layer_info(d, 0, &layer),
           l4d_decoder_get_sections(d, sections, L4D_SECTION_COUNT, nullptr, nullptr, 0),
           l4d_decoder_select(d, &query, &selection),
-          l4d_decoder_get_ranges(d, &query, nullptr, 0, &count),
+          l4d_decoder_get_spans(d, &query, nullptr, 0, &count),
           l4d_decoder_get_reads(d, &query, L4D_READS_ALL, nullptr, 0, &count),
           l4d_decoder_decode(d, &query, &gaussians),
           l4d_decoder_decode_packed(d, &query, &packed),
-          l4d_decoder_get_codebook(d, 0, 0, 0, L4D_NO_BLOCK, &book),
+          l4d_decoder_get_codebook(d, 0, 0, 0, L4D_NO_BLOCK, &codebook),
           l4d_decoder_get_dequantization(d, 0, &dequantization),
-          l4d_decoder_get_conformance(d, &conformance),
+          l4d_decoder_get_stream_demand(d, &demand),
           l4d_decoder_check_conformance(d, 0, 1, nullptr, nullptr, &count),
           l4d_decoder_set_detail(d, L4D_DETAIL_BASE_COLOR),
           l4d_decoder_slice(d, 0, &splats),
@@ -167,7 +167,7 @@ TEST(Callbacks, AnEncodersCallbacksCannotCallIt) {
       EXPECT_EQ(l4d_encoder_set(encoder, L4D_ENC_RCQ, L4D_ALL_COMPONENTS, 0), kState);
       EXPECT_EQ(l4d_encoder_get(encoder, L4D_ENC_RCQ, L4D_ALL_COMPONENTS, &value), kState);
       EXPECT_EQ(l4d_encoder_set_weights(encoder, 0, nullptr, 0), kState);
-      EXPECT_EQ(l4d_encoder_set_least_sizes(encoder, nullptr, 0), kState);
+      EXPECT_EQ(l4d_encoder_set_min_sizes(encoder, nullptr, 0), kState);
       EXPECT_EQ(l4d_encoder_add_metadata(encoder, "a", "b"), kState);
       EXPECT_EQ(l4d_encoder_set_progress(encoder, nullptr, nullptr), kState);
       EXPECT_EQ(l4d_encoder_get_report(encoder, &report), kState);
@@ -230,7 +230,7 @@ TEST(LastError, IsOfTheThread) {
   EXPECT_EQ(l4d_decoder_open_file(d.get(), "/nowhere/at-all"), L4D_ERR_IO);
   const std::string here = l4d_last_error_message();
   EXPECT_NE(here.find("/nowhere/at-all"), std::string::npos);
-  EXPECT_EQ(here, l4d_decoder_error_detail(d.get()));
+  EXPECT_EQ(here, l4d_decoder_error_message(d.get()));
   std::thread([] {
     EXPECT_STREQ(l4d_last_error_message(), "");
     EXPECT_EQ(l4d_decoder_open_file(nullptr, "x"), L4D_ERR_INVALID_ARGUMENT);
@@ -240,7 +240,7 @@ TEST(LastError, IsOfTheThread) {
   // A call that succeeds leaves it, and clears the handle's own.
   d.open_memory(tiny_file().data(), tiny_file().size());
   EXPECT_EQ(here, l4d_last_error_message());
-  EXPECT_STREQ(l4d_decoder_error_detail(d.get()), "");
+  EXPECT_STREQ(l4d_decoder_error_message(d.get()), "");
 }
 
 }  // namespace

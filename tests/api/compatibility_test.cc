@@ -141,8 +141,8 @@ TEST(StructSize, ResultsStayWithinIt) {
   expect_results_within<l4d_splat_columns>(l4d_splat_columns_init_, [&](void* to) {
     return l4d_decoder_slice_columns(d, 1.0, static_cast<l4d_splat_columns*>(to));
   });
-  expect_results_within<l4d_conformance>(l4d_conformance_init_, [&](void* to) {
-    return l4d_decoder_get_conformance(d, static_cast<l4d_conformance*>(to));
+  expect_results_within<l4d_stream_demand>(l4d_stream_demand_init_, [&](void* to) {
+    return l4d_decoder_get_stream_demand(d, static_cast<l4d_stream_demand*>(to));
   });
   expect_results_within<l4d_level_limits>(l4d_level_limits_init_, [&](void* to) {
     return l4d_get_level_limits(1, L4D_PROFILE_MAIN, static_cast<l4d_level_limits*>(to));

@@ -226,7 +226,7 @@ int main(void) {
   CHECK_OK(l4d_validate(&reader, NULL, NULL, NULL, &violations));
   CHECK(violations == 1);
   CHECK(l4d_decoder_open_memory(decoder, "no stream", 9) == L4D_ERR_NOT_L4D);
-  CHECK(strstr(l4d_decoder_error_detail(decoder), "magic") != NULL);
+  CHECK(strstr(l4d_decoder_error_message(decoder), "magic") != NULL);
   l4d_decoder_destroy(decoder);
   remove(path);
   free(file.data);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The renderer's C API: NULL, wrong moments, older structs, cameras that are none, and what the
-// error detail says.
+// error message says.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -61,7 +61,7 @@ l4d_camera test_camera() {
   return camera;
 }
 
-std::string detail(const RendererHandle& r) { return l4d_renderer_error_detail(r.get()); }
+std::string detail(const RendererHandle& r) { return l4d_renderer_error_message(r.get()); }
 
 struct Ready {
   TestScene scene;
@@ -96,13 +96,14 @@ TEST(RenderArguments, NullHandles) {
   EXPECT_EQ(l4d_renderer_render(nullptr, &camera, &image), kInvalid);
   EXPECT_EQ(l4d_renderer_backward(nullptr, &camera, f, &gradients), kInvalid);
   EXPECT_EQ(l4d_renderer_get_stats(nullptr, &stats), kInvalid);
-  EXPECT_EQ(l4d_measure(nullptr, &camera, 1, &view, 1, nullptr, nullptr, nullptr, nullptr, &made),
+  EXPECT_EQ(l4d_measure_importance(nullptr, &camera, 1, &view, 1, nullptr, nullptr, nullptr,
+                                   nullptr, &made),
             kInvalid);
   EXPECT_EQ(l4d_sensitivity_create(nullptr, 2, 0, nullptr), kInvalid);
   EXPECT_EQ(l4d_sensitivity_add_view(nullptr, nullptr, &camera, 0), kInvalid);
   EXPECT_EQ(l4d_sensitivity_merge(nullptr, nullptr), kInvalid);
   EXPECT_EQ(l4d_sensitivity_get_weights(nullptr, 0, out, 3), kInvalid);
-  EXPECT_STREQ(l4d_renderer_error_detail(nullptr), "");
+  EXPECT_STREQ(l4d_renderer_error_message(nullptr), "");
   l4d_renderer_destroy(nullptr);
   l4d_sensitivity_destroy(nullptr);
   // Nothing to fill is no harm.
@@ -199,7 +200,7 @@ TEST(RenderArguments, OptionsOutOfRange) {
   l4d_sensitivity_options_init(&o);
   l4d_sensitivity* s = nullptr;
   EXPECT_EQ(l4d_sensitivity_create(&o, 2, 4, &s), kInvalid);
-  o.measure = 2;
+  o.metric = 2;
   EXPECT_EQ(l4d_sensitivity_create(&o, 2, 0, &s), kInvalid);
   EXPECT_EQ(s, nullptr);
 }
@@ -218,7 +219,7 @@ TEST(RenderStructs, Defaults) {
   l4d_measure_options measure;
   l4d_measure_options_init(&measure);
   EXPECT_EQ(measure.struct_size, sizeof measure);
-  EXPECT_EQ(measure.measure, uint32_t{L4D_SENSITIVITY_SUM});
+  EXPECT_EQ(measure.metric, uint32_t{L4D_SENSITIVITY_SUM});
   EXPECT_EQ(measure.agreement, 0.95);
   EXPECT_EQ(measure.max_share, 1);
   l4d_image image;

@@ -37,10 +37,10 @@ L4D_LAYOUT(l4d_sensitivity_options, 24);
 L4D_FIELD(l4d_sensitivity_options, seed, 16);
 L4D_LAYOUT(l4d_view, 16);
 L4D_FIELD(l4d_view, camera, 8);
-L4D_LAYOUT(l4d_ranks, 32);
-L4D_FIELD(l4d_ranks, sum, 16);
+L4D_LAYOUT(l4d_process_group, 32);
+L4D_FIELD(l4d_process_group, sum, 16);
 L4D_LAYOUT(l4d_measure_options, 56);
-L4D_FIELD(l4d_measure_options, ranks, 48);
+L4D_FIELD(l4d_measure_options, group, 48);
 L4D_FIELD(l4d_measure_options, agreement, 24);
 L4D_LAYOUT(l4d_measure_report, 80);
 L4D_FIELD(l4d_measure_report, agreement, 40);
@@ -54,9 +54,9 @@ TEST(RenderLayout, ConstantsKeepTheirValues) {
   EXPECT_EQ(L4D_RENDER_EXP_FAST, 1);
   EXPECT_EQ(L4D_SENSITIVITY_SUM, 0);
   EXPECT_EQ(L4D_SENSITIVITY_GAUSS_NEWTON, 1);
-  EXPECT_EQ(L4D_RENDER_STAGE_SLICE, 0);
-  EXPECT_EQ(L4D_RENDER_STAGE_BACKWARD, 5);
-  EXPECT_EQ(L4D_RENDER_STAGE_COUNT, 6);
+  EXPECT_EQ(L4D_RENDER_PASS_SLICE, 0);
+  EXPECT_EQ(L4D_RENDER_PASS_BACKWARD, 5);
+  EXPECT_EQ(L4D_RENDER_PASS_COUNT, 6);
 }
 
 TEST(RenderLayout, StructSizeComesFirst) {

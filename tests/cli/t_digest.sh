@@ -87,7 +87,7 @@ for form in '' --packed; do
   # shellcheck disable=SC2086
   expect_document 0 decode bad.l4d --digest --tolerant $form
   expect_json out 'd["losses"] and 0 < d["digests"]["num_gaussians"] < 4000'
-  expect_json out 'all(d["num_gaussians"] in a["shape"] or a["name"].endswith(".literal")
+  expect_json out 'all(d["num_gaussians"] in a["shape"] or a["name"].endswith(".escape")
                        or a["name"] == "buckets" for a in d["digests"]["arrays"])'
 done
 

@@ -55,8 +55,8 @@ expect_json out '{"transform", "rans"} <= set(d["tools"]) and "residual-stages" 
 # What the header declares is what the stream keeps to, and components say how they are coded.
 expect_json out 'd["declared_profile"] == "main" and d["declared_level"] >= 1'
 expect_json out 'all(c["coding"] == "transform" and c["coefficients"] > 0 == c["stages"] for l in d["layers"] for c in l["components"].values())'
-expect 0 encode s.ply -o books.l4d --preset indexed --codebook all=128
-expect_document 0 info books.l4d
+expect 0 encode s.ply -o codebooks.l4d --preset indexed --codebook all=128
+expect_document 0 info codebooks.l4d
 expect_json out 'all(l["components"]["sh"]["coding"] == "codebooks" and l["components"]["sh"]["coefficients"] == 0 for l in d["layers"])'
 expect 0 info default.l4d
 grep -q "declared profile main, level" out || die "no profile in the text"

@@ -45,9 +45,9 @@ base=$(peak 0 info s.l4d 2>/dev/null || peak 0 version)
 
 expect_below "$(peak 0 render veils.l4d --size 1280x720 -o whole.png --limit-memory 4GiB)" \
   $((base + 450))
-expect_below "$(peak 0 render veils.l4d --size 1280x720 -o slabs.png --limit-memory 96MiB)" \
+expect_below "$(peak 0 render veils.l4d --size 1280x720 -o batches.png --limit-memory 96MiB)" \
   $((base + 96))
-cmp whole.png slabs.png
+cmp whole.png batches.png
 # Where it does not fit, that is said before it is taken.
 expect_below "$(peak 6 render veils.l4d --size 1280x720 -o none.png --limit-memory 16MiB)" \
   $((base + 16))

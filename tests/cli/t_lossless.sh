@@ -7,7 +7,7 @@ expect_json out 'd["input_gaussians"] == d["coded_gaussians"] == 20000 and d["pr
 expect_json out 'd["raw_bytes"] == 20000 * 4 * (17 + 48)'
 expect_json out 'd["file_bytes"] == '"$(wc -c < s.l4d)"
 expect_json out 'abs(d["ratio"] - d["raw_bytes"] / d["file_bytes"]) < 1e-9'
-expect_json out 'abs(sum(d["stages"].values()) - d["total_s"]) < 0.2 * d["total_s"] + 0.05'
+expect_json out 'abs(sum(d["steps"].values()) - d["total_s"]) < 0.2 * d["total_s"] + 0.05'
 expect_json out 'd["verify"]["identical"] and d["verify"]["match"] == "order"'
 expect_json out 'd["verify"]["visible_position"]["max"] == 0'
 

@@ -67,9 +67,9 @@ assert more["log_scale"]["rmse"] < few["log_scale"]["rmse"]'
 expect 0 encode s.ply -o never.l4d --preset indexed --codebook all=256 --rcq never
 expect_document 0 info never.l4d
 expect_json out '"rcq" not in d["tools"]'
-expect 0 encode s.ply -o literal.l4d --preset indexed --codebook all=256 --literal-threshold sh=1e-30
-expect_document 0 info literal.l4d
-expect_json out '"literals" in d["tools"]'
+expect 0 encode s.ply -o escape.l4d --preset indexed --codebook all=256 --escape-threshold sh=1e-30
+expect_document 0 info escape.l4d
+expect_json out '"escapes" in d["tools"]'
 
 # Block codebooks where they were asked for, or a word that there are none.
 expect 0 encode s.ply -o always.l4d --preset indexed --codebook all=64 --rcq always --set merge-count=100

@@ -5,10 +5,10 @@ make_scene s.ply 3000
 make_cameras c.json
 
 expect_document 0 sensitivity s.ply --cameras c.json --all-views -o w.ply
-expect_json out 'd["views"] == d["views_measured"] == 120 and d["views_asked"] == 0'
+expect_json out 'd["views"] == d["views_measured"] == 120 and d["views_visibility_only"] == 0'
 expect_json out 'd["num_gaussians"] == 3000 and not d["agreed"] and d["unseen"] < 1500'
 unseen=$(json out 'd["unseen"]')
-expect_json out 'd["measure"] == "gauss-newton"'
+expect_json out 'd["metric"] == "gauss-newton"'
 # Columns larger for what shows, nothing for what does not.
 cat > columns.py << 'END'
 import struct
@@ -19,7 +19,7 @@ def columns(name, measure):
     at = data.index(b"end_header\n") + 11
     header = data[:at].decode()
     assert "comment l4d_weights 1\n" in header and "element vertex 3000\n" in header
-    assert "comment measure %s\n" % measure in header
+    assert "comment metric %s\n" % measure in header
     names = [line.split()[2] for line in header.splitlines() if line.startswith("property float ")]
     rows = list(struct.iter_unpack("<%df" % len(names), data[at:]))
     assert len(rows) == 3000
@@ -42,22 +42,22 @@ cmp w.ply again.ply
 # Fewer views, and the same Gaussians seen.
 expect_document 0 sensitivity s.ply --orbit 9 --size 64x48 --frames 0:60:2 --all-views -o every.ply
 all_unseen=$(json out 'd["unseen"]')
-expect_document 0 sensitivity s.ply --orbit 9 --size 64x48 --frames 0:60:2 --agreement 0.5 --ask all -o asked.ply
-expect_json out 'd["agreed"] and d["views_measured"] < 270 == d["views_measured"] + d["views_asked"]'
+expect_document 0 sensitivity s.ply --orbit 9 --size 64x48 --frames 0:60:2 --agreement 0.5 --visibility all -o requested.ply
+expect_json out 'd["agreed"] and d["views_measured"] < 270 == d["views_measured"] + d["views_visibility_only"]'
 expect_json out "d['unseen'] == $all_unseen and min(d['agreement'].values()) >= 0.5"
 # By default asking ends where hardly anything is new, and with it none is asked.
 expect_document 0 sensitivity s.ply --orbit 9 --size 64x48 --frames 0:60:2 --agreement 0.5 -o few.ply
-expect_json out "0 < d['views_asked'] < 270 - d['views_measured'] and d['unseen'] >= $all_unseen"
+expect_json out "0 < d['views_visibility_only'] < 270 - d['views_measured'] and d['unseen'] >= $all_unseen"
 few_unseen=$(json out 'd["unseen"]')
-expect_document 0 sensitivity s.ply --orbit 9 --size 64x48 --frames 0:60:2 --agreement 0.5 --ask none -o none.ply
-expect_json out "d['views_asked'] == 0 and d['unseen'] > $few_unseen"
-expect 2 sensitivity s.ply --orbit 9 --ask some -o none.ply
+expect_document 0 sensitivity s.ply --orbit 9 --size 64x48 --frames 0:60:2 --agreement 0.5 --visibility none -o none.ply
+expect_json out "d['views_visibility_only'] == 0 and d['unseen'] > $few_unseen"
+expect 2 sensitivity s.ply --orbit 9 --visibility some -o none.ply
 expect_document 0 sensitivity s.ply --cameras c.json --max-share 0.1 --split all -o share.ply
 expect_json out 'd["views"] == 240 and d["views_measured"] <= 60'
 # The measures share what they cover and nothing else.
-for measure in sum gauss-newton; do
-  expect_document 0 sensitivity s.ply --orbit 2 --size 64x48 --frames 0:60:30 --measure $measure -o $measure.ply
-  expect_json out "d['views'] == 4 and d['measure'] == '$measure'"
+for metric in sum gauss-newton; do
+  expect_document 0 sensitivity s.ply --orbit 2 --size 64x48 --frames 0:60:30 --metric $metric -o $metric.ply
+  expect_json out "d['views'] == 4 and d['metric'] == '$metric'"
 done
 "$PYTHON" -c "
 from columns import columns
@@ -72,7 +72,7 @@ expect_json out "d['pruned'] == $unseen and 'sensitivity' not in d"
 expect_document 0 encode s.ply -o own.l4d --preset indexed --codebook all=64 --set prune-cost=0 --cameras c.json \
   --all-views --save-weights own.ply
 expect_json out "d['pruned'] == $unseen == d['sensitivity']['unseen'] == 3000 - d['coded_gaussians']"
-expect_json out 'd["stages"]["sensitivity"] == d["sensitivity"]["seconds"] < d["total_s"]'
+expect_json out 'd["steps"]["sensitivity"] == d["sensitivity"]["seconds"] < d["total_s"]'
 cmp own.ply w.ply
 cmp own.l4d file.l4d
 expect 0 validate own.l4d

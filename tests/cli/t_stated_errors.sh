@@ -52,7 +52,7 @@ check() {
 import json, os, sys
 stated = json.load(open("info.json"))["stated_errors"]
 seen = json.load(open("out"))
-found = {k: v["max"] for k, v in seen["seen"].items() if k != "least_size"}
+found = {k: v["max"] for k, v in seen["seen"].items() if k != "min_size"}
 found["visible_position"] = seen["visible_position"]["max"]
 for name, bound in stated["bounds"].items():
     # What is found is kept as float32.
@@ -63,7 +63,7 @@ for name, bound in stated["bounds"].items():
     if "BINARY16" in os.environ:
         continue
     assert bound == 0 or stated[name] <= bound * 1.0001, (sys.argv[1], name, stated[name], bound)
-assert stated["least_size"] <= seen["seen"]["least_size"] * 1.0001
+assert stated["min_size"] <= seen["seen"]["min_size"] * 1.0001
 EOF
 }
 
@@ -106,8 +106,8 @@ json.dump({"fps": 30, "width": 64, "height": 48, "frames": 150, "cameras": camer
 expect 0 encode needles.ply -o far.l4d --order s.order -f --cameras cameras.json \
   --save-weights w.ply --no-prune
 check needles.ply far.l4d --cameras cameras.json --frames 0
-expect_json info.json 'd["stated_errors"]["own_least_sizes"]'
+expect_json info.json 'd["stated_errors"]["own_min_sizes"]'
 expect 0 encode needles.ply -o near.l4d --weights w.ply --no-prune
 expect_document 0 info near.l4d
-expect_json out 'not d["stated_errors"]["own_least_sizes"]'
+expect_json out 'not d["stated_errors"]["own_min_sizes"]'
 [ "$(wc -c < far.l4d)" -lt "$(wc -c < near.l4d)" ] || die "least sizes save nothing"

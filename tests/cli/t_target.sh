@@ -24,10 +24,10 @@ expect 0 encode s.ply -o indexed60.l4d --preset indexed --quality 60
 # What is not near enough is explained, since figures may jump from one quality to the next.
 # target KIND ASKED ARGUMENTS...
 target() {
-  local kind=$1 asked=$2
+  local kind=$1 requested=$2
   shift 2
   expect_document 0 encode s.ply -o t.l4d --force "$@"
-  expect_json out "d['target']['kind'] == '$kind' and d['target']['asked'] == $asked"
+  expect_json out "d['target']['kind'] == '$kind' and d['target']['requested'] == $requested"
   expect_json out 'd["target"]["met"]'
   expect_json out 'd["quality"] == d["target"]["quality"]'
   expect_json out '{"quality": d["quality"], "reached": d["target"]["reached"]} in d["target"]["trials"]'
@@ -36,21 +36,21 @@ target() {
 }
 
 # Halfway between two sizes that there are.
-asked=$(($(wc -c < q40.l4d) / 2 + $(wc -c < q60.l4d) / 2))
-target size "$asked" --target-size "$asked"
+requested=$(($(wc -c < q40.l4d) / 2 + $(wc -c < q60.l4d) / 2))
+target size "$requested" --target-size "$requested"
 expect_equal "$reached" "$(wc -c < t.l4d).0"
-expect_json out "0.98 * $asked <= d['file_bytes'] <= $asked and 'obstacle' not in d['target']"
+expect_json out "0.98 * $requested <= d['file_bytes'] <= $requested and 'obstacle' not in d['target']"
 # The file is what its quality gives.
 expect 0 encode s.ply -o same.l4d --quality "$(json out 'd["quality"]')"
 cmp t.l4d same.l4d
 expect 0 validate t.l4d
 # The sequence has 2 s.
-target bitrate "$asked / 2" --target-bitrate "$((asked * 4))bit/s"
-expect_json out "0.98 * $asked <= d['file_bytes'] <= $asked"
-expect 0 encode s.ply -o - --target-size "$asked" --progress plain > /dev/null
+target bitrate "$requested / 2" --target-bitrate "$((requested * 4))bit/s"
+expect_json out "0.98 * $requested <= d['file_bytes'] <= $requested"
+expect 0 encode s.ply -o - --target-size "$requested" --progress plain > /dev/null
 expect_text err '^encode: trial 1, [0-9.]+ dB: '
-expect_text err '^trial 1, [0-9.]+ dB: .*asked for$'
-expect_text err ' dB, .* asked for, in [0-9]+ trials$'
+expect_text err '^trial 1, [0-9.]+ dB: .*requested$'
+expect_text err ' dB, .* requested, in [0-9]+ trials$'
 cmp t.l4d out
 
 # Fidelity is what compare measures in the same views.

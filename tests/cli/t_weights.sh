@@ -24,12 +24,12 @@ expect 0 encode s.ply -o pruned.l4d --weights w.ply --prune-weight 0 --force
 expect_text out 'left out 100 of 3,000: 0 invalid, 100 pruned'
 
 # What they measure comes from the file, sum where it does not say so, and matters.
-for measure in sum gauss-newton other; do
+for metric in sum gauss-newton other; do
   "$PYTHON" -c 'import sys
 data = open("w.ply", "rb").read()
 comment = b"comment l4d_weights 1\n"
-more = b"comment measure " + sys.argv[1].encode() + b"\n"
-open("w-" + sys.argv[1] + ".ply", "wb").write(data.replace(comment, comment + more))' $measure
+more = b"comment metric " + sys.argv[1].encode() + b"\n"
+open("w-" + sys.argv[1] + ".ply", "wb").write(data.replace(comment, comment + more))' $metric
 done
 for name in w w-sum w-gauss-newton; do
   expect 0 encode s.ply -o $name.l4d --weights $name.ply

@@ -72,7 +72,7 @@ const Bytes& transform_file() {
     EncodeOptions o;
     o.preset = "default";
     o.rans = true;
-    // No layer of literals: tests have pages of one kind.
+    // No layer of escapes: tests have pages of one kind.
     o.settings = {{L4D_ENC_MERGE_COUNT, 40},
                   {L4D_ENC_PAGE_SIZE, 128},
                   {L4D_ENC_MAX_POSITION_ERROR, 0},
@@ -90,7 +90,7 @@ const Bytes& staged_file() {
     const TestScene scene = make_scene({});
     std::vector<float> weights(scene.count());
     for (size_t i = 0; i < weights.size(); ++i) weights[i] = static_cast<float>(i % 40);
-    o.settings.push_back({L4D_ENC_LITERAL_THRESHOLD, 37.5});
+    o.settings.push_back({L4D_ENC_ESCAPE_THRESHOLD, 37.5});
     for (uint32_t w = L4D_WEIGHT_SH; w <= L4D_WEIGHT_ROTOR_TEMPORAL; ++w) {
       o.weights.emplace_back(w, &weights);
     }
@@ -228,10 +228,10 @@ testing::AssertionResult same_bits(const GaussianArrays& a, const GaussianArrays
     const testing::AssertionResult result = same_bits(name, a.*array, b.*array);
     if (!result) return result;
   }
-  if (a.ranges.size() != b.ranges.size()) return testing::AssertionFailure() << "ranges differ";
-  for (size_t i = 0; i < a.ranges.size(); ++i) {
-    const l4d_range& x = a.ranges[i];
-    const l4d_range& y = b.ranges[i];
+  if (a.spans.size() != b.spans.size()) return testing::AssertionFailure() << "ranges differ";
+  for (size_t i = 0; i < a.spans.size(); ++i) {
+    const l4d_bucket_span& x = a.spans[i];
+    const l4d_bucket_span& y = b.spans[i];
     if (x.first != y.first || x.count != y.count || x.layer != y.layer || x.bucket != y.bucket ||
         x.block != y.block || x.level != y.level || x.center != y.center || x.width != y.width) {
       return testing::AssertionFailure() << "range " << i << " differs";

@@ -47,7 +47,7 @@ void prepare_encoder(const TestScene& scene, const EncodeOptions& options,
 
 // The seeded scenes that many tests share, encoded once per process.
 const Bytes& dynamic_file();    // several layers, a permanent one, motion, small pages
-const Bytes& staged_file();     // residual stages and literals
+const Bytes& staged_file();     // residual stages and escapes
 const Bytes& rcq_file();        // block codebooks
 const Bytes& transform_file();  // the default preset: rANS pages, transforms, fixed positions
 const Bytes& lossless_file();

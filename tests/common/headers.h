@@ -11,10 +11,10 @@ inline ChunkRef example_chunk(uint64_t seed) {
           static_cast<uint32_t>(90 + seed), static_cast<uint32_t>(seed % 2)};
 }
 
-inline ComponentCoding example_vq(uint32_t entries, size_t stages, bool literals, uint64_t seed) {
+inline ComponentCoding example_vq(uint32_t entries, size_t stages, bool escapes, uint64_t seed) {
   ComponentCoding c;
   c.coding = ComponentCodingId::kVq;
-  c.literals = literals;
+  c.escapes = escapes;
   for (size_t s = 0; s < stages; ++s) {
     c.stages.push_back(
         {entries + static_cast<uint32_t>(s), ElementType::kF16, example_chunk(seed + s)});
@@ -45,7 +45,7 @@ inline SceneHeader example_header() {
     l.level = i == 2 ? 3 : 0;
     l.permanent = i == 0;
     l.num_gaussians = 100 * (i + 1);
-    l.mean_t = i == 0 ? MeanCodingId::kNone : MeanCodingId::kF16;
+    l.mean_t = i == 0 ? CoordinateCodingId::kNone : CoordinateCodingId::kF16;
     l.log_scale_t = i == 0 ? 4.5f : 0;
     l.scale_factor = {ScalarCodingId::kSq, 5 + i, -6.0f, 0.1f};
     l.component[L4D_COMPONENT_SCALE] = example_vq(40 + i, 1, false, 10 * i + 4);

@@ -30,9 +30,9 @@ std::vector<CodedPage> decode_pages(const SceneHeader& header, const LayerHeader
     for (size_t p = 0; d.present && p < d.pages.size(); ++p) {
       if (d.pages[p].codec != static_cast<uint32_t>(ChunkCodec::kRans32)) continue;
       const PageRecord& record = d.page.pages[p];
-      if (record.has_sh_detail()) throw std::runtime_error("the page has a second part already");
+      if (record.has_sh_detail()) throw std::runtime_error("the page has an SH chunk already");
       const BlockRecord* block = record.block == kNoBlock ? nullptr : &d.page.blocks[record.block];
-      RansPageParts parts;
+      RansPageChunks parts;
       parts.first = d.pages[p].raw;
       PageColumns columns;
       require(decode_rans_page(decoder, parts, header, layer, tables, block, record.num_gaussians,
@@ -54,13 +54,13 @@ Bytes with_sh_detail(const Bytes& file, unsigned sh_base,
     const LayerHeader& layer = editor.header.layers[l];
     if (!layer.has_entropy) continue;
     std::vector<CodedPage> pages = decode_pages(before, layer, &editor.layers[l]);
-    const std::vector<PlaneSpec> planes = page_planes(editor.header, layer);
-    TokenCounts counts(planes);
+    const std::vector<ChannelSpec> channels = page_channels(editor.header, layer);
+    TokenCounts counts(channels);
     for (CodedPage& page : pages) {
       if (edit) edit(page.columns);
-      visit_planes(editor.header, layer, planes, page.columns, counts);
+      visit_channels(editor.header, layer, channels, page.columns, counts);
     }
-    const EntropyModel model(planes, counts);
+    const EntropyModel model(channels, counts);
     editor.layers[l].entropy.raw = model.serialize();
     editor.layers[l].entropy.codec = 0;
     for (const CodedPage& page : pages) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Files whose pages have a second part, be they as small as they may: an encoder splits large ones.
+// Files whose pages have an SH chunk, be they as small as they may: an encoder splits large ones.
 #pragma once
 
 #include <functional>
@@ -8,7 +8,7 @@
 
 namespace l4d::test {
 
-// Codes the rANS pages of a file anew, with SH detail in a second part of each. `edit` may change
+// Codes the rANS pages of a file anew, with SH detail in an SH chunk of each. `edit` may change
 // the columns of each page before.
 Bytes with_sh_detail(const Bytes& file, unsigned sh_base,
                      const std::function<void(PageColumns&)>& edit = nullptr);

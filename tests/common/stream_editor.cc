@@ -92,16 +92,16 @@ StreamEditor::StreamEditor(const Bytes& bytes) {
   require(FileHeader::parse(part(bytes, 0, FileHeader::kBytes), &file));
   require(parse_scene_header(part(bytes, file.header_offset, file.header_bytes), file.header_offset,
                              &header));
-  for (size_t s = 0; s < header.sh.num_books(); ++s) {
-    sh_books.push_back(take(bytes, header.sh.book(s).codebook));
+  for (size_t s = 0; s < header.sh.num_codebooks(); ++s) {
+    sh_codebooks.push_back(take(bytes, header.sh.codebook(s).codebook));
   }
   for (uint32_t l = 0; l < header.layers.size(); ++l) {
     const LayerHeader& layer = header.layers[l];
     EditedLayer out;
     for (unsigned c = L4D_COMPONENT_SCALE; c < L4D_COMPONENT_COUNT; ++c) {
       const ComponentCoding& coding = layer.component[c];
-      for (size_t s = 0; s < coding.num_books(); ++s) {
-        out.books[c].push_back(take(bytes, coding.book(s).codebook));
+      for (size_t s = 0; s < coding.num_codebooks(); ++s) {
+        out.codebooks[c].push_back(take(bytes, coding.codebook(s).codebook));
       }
       if (coding.has_rcq) out.rcq[c] = take(bytes, coding.rcq.codebook);
     }
@@ -116,14 +116,14 @@ StreamEditor::StreamEditor(const Bytes& bytes) {
 Bytes StreamEditor::build() {
   SceneHeader h = header;
   Bytes out(FileHeader::kBytes, 0);
-  for (size_t s = 0; s < sh_books.size() && s < h.sh.num_books(); ++s) {
-    h.sh.book(s).codebook = put(sh_books[s], 0, &out);
+  for (size_t s = 0; s < sh_codebooks.size() && s < h.sh.num_codebooks(); ++s) {
+    h.sh.codebook(s).codebook = put(sh_codebooks[s], 0, &out);
   }
   for (size_t l = 0; l < layers.size() && l < h.layers.size(); ++l) {
     for (unsigned c = L4D_COMPONENT_SCALE; c < L4D_COMPONENT_COUNT; ++c) {
       ComponentCoding& coding = h.layers[l].component[c];
-      for (size_t s = 0; s < layers[l].books[c].size() && s < coding.num_books(); ++s) {
-        coding.book(s).codebook = put(layers[l].books[c][s], 0, &out);
+      for (size_t s = 0; s < layers[l].codebooks[c].size() && s < coding.num_codebooks(); ++s) {
+        coding.codebook(s).codebook = put(layers[l].codebooks[c][s], 0, &out);
       }
       if (coding.has_rcq) coding.rcq.codebook = put(layers[l].rcq[c], 0, &out);
     }
@@ -205,8 +205,9 @@ std::vector<PageStream> StreamEditor::streams(const Place& place, size_t page) c
     s.end = in.position();
     list.push_back(s);
   };
-  const auto mean = [&](const std::string& name, MeanCodingId coding) {
-    if (coding != MeanCodingId::kNone) step(name, n, coding == MeanCodingId::kF16 ? 16 : 32);
+  const auto mean = [&](const std::string& name, CoordinateCodingId coding) {
+    if (coding != CoordinateCodingId::kNone)
+      step(name, n, coding == CoordinateCodingId::kF16 ? 16 : 32);
   };
   const auto scalar = [&](const std::string& name, const ScalarCoding& coding) {
     if (coding.coding == ScalarCodingId::kSq) step(name, n, coding.bits);
@@ -215,7 +216,7 @@ std::vector<PageStream> StreamEditor::streams(const Place& place, size_t page) c
   for (const char* axis : {"x", "y", "z"}) {
     mean(std::string("position.") + axis, header.position_of(layer));
   }
-  if (layer.mean_t == MeanCodingId::kF16) {
+  if (layer.mean_t == CoordinateCodingId::kF16) {
     step("mean_t", n, 16 - layer.mean_t_shift);
   } else {
     mean("mean_t", layer.mean_t);
@@ -231,17 +232,17 @@ std::vector<PageStream> StreamEditor::streams(const Place& place, size_t page) c
       for (unsigned k = 0; k < dim; ++k) step(name + ".raw." + std::to_string(k), n, 32);
     }
     if (coding.transform()) {
-      step(name + ".class", n, 4);
-      std::vector<uint16_t> rung(n, 1);
-      if (coding.ladder.size() > 1) {
-        const unsigned width = bit_width(static_cast<uint32_t>(coding.ladder.size() + 1));
+      step(name + ".step_exponent", n, 4);
+      std::vector<uint16_t> eob_index(n, 1);
+      if (coding.eob_table.size() > 1) {
+        const unsigned width = bit_width(static_cast<uint32_t>(coding.eob_table.size() + 1));
         ByteReader again(ByteSpan(raw).subspan(in.position(), in.remaining()));
-        require(decode_stream(decoder(), again, 0, n, width, 0, "", rung.data()));
-        step(name + ".rung", n, width);
+        require(decode_stream(decoder(), again, 0, n, width, 0, "", eob_index.data()));
+        step(name + ".eob_index", n, width);
       }
       for (unsigned k = 0; k < coding.coefficients(); ++k) {
         size_t count = 0;
-        for (const uint16_t r : rung) count += rung_coefficients(coding, r) > k;
+        for (const uint16_t r : eob_index) count += eob_coefficients(coding, r) > k;
         step(name + ".coefficient." + std::to_string(k), count, 16);
       }
     }
@@ -252,16 +253,16 @@ std::vector<PageStream> StreamEditor::streams(const Place& place, size_t page) c
       require(decode_stream(decoder(), again, 0, n, 4, 0, "", depth.data()));
       step(name + ".depth", n, 4);
     }
-    size_t literals = 0;
-    for (const uint16_t v : depth) literals += v == kLiteralDepth;
+    size_t escapes = 0;
+    for (const uint16_t v : depth) escapes += v == kEscapeDepth;
     for (size_t s = 0; s < coding.stages.size(); ++s) {
       size_t count = 0;
-      for (const uint16_t v : depth) count += v != kLiteralDepth && v > s;
+      for (const uint16_t v : depth) count += v != kEscapeDepth && v > s;
       const uint32_t limit = s == 0 ? stage0_entries(header, layer, c, block_of(place, page))
                                     : coding.stages[s].num_entries;
       step(name + ".index." + std::to_string(s), count, bit_width(limit));
     }
-    for (unsigned k = 0; k < dim; ++k) step(name + ".literal." + std::to_string(k), literals, 16);
+    for (unsigned k = 0; k < dim; ++k) step(name + ".escape." + std::to_string(k), escapes, 16);
   }
   if (in.remaining() != 0) throw std::runtime_error("streams do not fill the page");
   return list;

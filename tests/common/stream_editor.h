@@ -28,11 +28,10 @@ struct EditedChunk {
 };
 
 struct EditedDirectoryPage {
-  bool present = false;            // false: the page table says that it is empty
-  DirectoryPage page;              // chunk references are filled in by build()
-  std::vector<EditedChunk> pages;  // beside page.pages; of rans32 pages the stored bytes
-  std::vector<EditedChunk>
-      details;  // likewise, second parts; without bytes a record stays as it is
+  bool present = false;              // false: the page table says that it is empty
+  DirectoryPage page;                // chunk references are filled in by build()
+  std::vector<EditedChunk> pages;    // beside page.pages; of rans32 pages the stored bytes
+  std::vector<EditedChunk> details;  // likewise, SH chunks; without bytes a record stays as it is
   std::vector<std::array<EditedChunk, L4D_COMPONENT_COUNT>> tables;  // beside page.blocks
   uint32_t says_layer = 0, says_index = 0;
   EditedChunk chunk;                     // raw is made by build()
@@ -40,7 +39,7 @@ struct EditedDirectoryPage {
 };
 
 struct EditedLayer {
-  std::array<std::vector<EditedChunk>, L4D_COMPONENT_COUNT> books;
+  std::array<std::vector<EditedChunk>, L4D_COMPONENT_COUNT> codebooks;
   std::array<EditedChunk, L4D_COMPONENT_COUNT> rcq;
   EditedChunk entropy;  // where the header has it
   std::vector<EditedDirectoryPage> directory;
@@ -50,7 +49,7 @@ struct EditedLayer {
 
 // One stream of a page: where it lies in the raw bytes and what it holds.
 struct PageStream {
-  std::string name;  // "position.x", "opacity", "sh.depth", "sh.index.0", "sh.literal.17", ...
+  std::string name;  // "position.x", "opacity", "sh.depth", "sh.index.0", "sh.escape.17", ...
   size_t begin = 0, end = 0;
   size_t n = 0;
   unsigned width = 0;
@@ -62,7 +61,7 @@ class StreamEditor {
 
   FileHeader file;
   SceneHeader header;
-  std::vector<EditedChunk> sh_books;
+  std::vector<EditedChunk> sh_codebooks;
   std::vector<EditedLayer> layers;
   std::function<void(Bytes&)> on_scene_header;  // after serialisation, before its checksum
   std::function<void(Bytes&)> on_file_header;   // after its checksum

@@ -42,23 +42,23 @@ Bytes packed_stream(std::vector<T> values, unsigned width, bool delta = false) {
   return out;
 }
 
-// codecs: bit p set = plane p is compressed.
+// codecs: bit p set = channel p is compressed.
 template <typename T>
 Bytes planes_stream(std::vector<T> values, unsigned width, bool delta = false,
                     unsigned codecs = 0) {
   if (delta) values = delta_of(values);
   Bytes out{static_cast<uint8_t>(kPlanesMode | (delta ? kDeltaMode : 0))};
   for (unsigned p = 0; p < (width + 7) / 8; ++p) {
-    Bytes plane;
-    for (const T v : values) plane.push_back(static_cast<unsigned char>(v >> (8 * p)));
+    Bytes channel;
+    for (const T v : values) channel.push_back(static_cast<unsigned char>(v >> (8 * p)));
     if ((codecs >> p & 1) != 0) {
-      const Bytes frame = ZstdCompressor(3).compress(plane);
+      const Bytes frame = ZstdCompressor(3).compress(channel);
       out.push_back(1);
       append_vlq(frame.size(), out);
       out.insert(out.end(), frame.begin(), frame.end());
     } else {
       out.push_back(0);
-      out.insert(out.end(), plane.begin(), plane.end());
+      out.insert(out.end(), channel.begin(), channel.end());
     }
   }
   return out;

@@ -81,14 +81,16 @@ TEST(Codebook, RoundTrip) {
       if (entries == 4096 && dim > 4) continue;
       const auto values = random_halves(size_t{entries} * dim, entries * 100 + dim);
       const Bytes bytes = encode_codebook(encoder, half_stage(entries), values.data(), dim);
-      CodebookData book;
-      const Status s = decode(bytes, entries, dim, &book);
+      CodebookData codebook;
+      const Status s = decode(bytes, entries, dim, &codebook);
       ASSERT_TRUE(s.ok()) << s.detail();
-      EXPECT_EQ(book.num_entries, entries);
-      EXPECT_EQ(book.dim, dim);
-      ASSERT_EQ(book.entries.size(), values.size() + CodebookData::kPadding);
-      EXPECT_EQ(std::memcmp(book.entries.data(), values.data(), values.size() * sizeof(float)), 0);
-      for (size_t i = values.size(); i < book.entries.size(); ++i) EXPECT_EQ(book.entries[i], 0.0f);
+      EXPECT_EQ(codebook.num_entries, entries);
+      EXPECT_EQ(codebook.dim, dim);
+      ASSERT_EQ(codebook.entries.size(), values.size() + CodebookData::kPadding);
+      EXPECT_EQ(std::memcmp(codebook.entries.data(), values.data(), values.size() * sizeof(float)),
+                0);
+      for (size_t i = values.size(); i < codebook.entries.size(); ++i)
+        EXPECT_EQ(codebook.entries[i], 0.0f);
     }
   }
 }
@@ -105,10 +107,11 @@ TEST(Codebook, MultiplesOfAStepRoundTrip) {
     const Bytes bytes = encode_codebook(encoder, stage, values.data(), 1);
     StreamDecoder decoder;
     decoder.kernels = &stream_kernels_simd();
-    CodebookData book;
-    const Status s = decode_codebook(decoder, bytes, 500, stage, 1, &book);
+    CodebookData codebook;
+    const Status s = decode_codebook(decoder, bytes, 500, stage, 1, &codebook);
     ASSERT_TRUE(s.ok()) << s.detail();
-    EXPECT_EQ(std::memcmp(book.entries.data(), values.data(), values.size() * sizeof(float)), 0);
+    EXPECT_EQ(std::memcmp(codebook.entries.data(), values.data(), values.size() * sizeof(float)),
+              0);
   }
 }
 
@@ -117,15 +120,15 @@ TEST(Codebook, TruncatedAndLeftOver) {
   StreamEncoder encoder(3);
   const auto values = random_halves(40 * 4, 3);
   Bytes bytes = encode_codebook(encoder, half_stage(40), values.data(), 4);
-  CodebookData book;
+  CodebookData codebook;
   for (size_t n = 0; n < bytes.size(); ++n) {
     const Bytes cut(bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(n));
-    const Status s = decode(cut, 40, 4, &book);
+    const Status s = decode(cut, 40, 4, &codebook);
     ASSERT_EQ(s.code(), L4D_ERR_CORRUPT) << n;
     ASSERT_STREQ(s.clause(), "STRM-2") << n;
   }
   bytes.push_back(0);
-  const Status s = decode(bytes, 40, 4, &book);
+  const Status s = decode(bytes, 40, 4, &codebook);
   EXPECT_EQ(s.code(), L4D_ERR_CORRUPT);
   EXPECT_STREQ(s.clause(), "CHNK-7");
 }
@@ -136,21 +139,21 @@ TEST(Codebook, NonFiniteValuesAreRefused) {
     for (const size_t at : {size_t{0}, size_t{17}, size_t{39}}) {
       std::vector<uint16_t> column(40, order_half(0x3c00));
       column[at] = order_half(bits);
-      CodebookData book;
-      const Status s = decode(test::packed_stream(column, 16), 40, 1, &book);
+      CodebookData codebook;
+      const Status s = decode(test::packed_stream(column, 16), 40, 1, &codebook);
       EXPECT_EQ(s.code(), L4D_ERR_CORRUPT);
       EXPECT_STREQ(s.clause(), "CODE-4") << std::hex << bits;
     }
   }
 }
 
-struct RcqBooks {
+struct RcqCodebooks {
   CodebookData global, residual;
 };
 
-RcqBooks rcq_books(uint32_t num_global, uint32_t num_residual, uint32_t dim) {
+RcqCodebooks rcq_codebooks(uint32_t num_global, uint32_t num_residual, uint32_t dim) {
   StreamEncoder encoder(3);
-  RcqBooks b;
+  RcqCodebooks b;
   const auto g = random_halves(size_t{num_global} * dim, 1);
   const auto r = random_halves(size_t{num_residual} * dim, 2);
   EXPECT_TRUE(decode(encode_codebook(encoder, half_stage(num_global), g.data(), dim), num_global,
@@ -162,10 +165,11 @@ RcqBooks rcq_books(uint32_t num_global, uint32_t num_residual, uint32_t dim) {
   return b;
 }
 
-Status decode_table(ByteSpan bytes, uint32_t entries, const RcqBooks& books, CodebookData* out) {
+Status decode_table(ByteSpan bytes, uint32_t entries, const RcqCodebooks& codebooks,
+                    CodebookData* out) {
   StreamDecoder decoder;
   decoder.kernels = &stream_kernels_simd();
-  return decode_rcq_table(decoder, bytes, 500, entries, books.global, books.residual, out);
+  return decode_rcq_table(decoder, bytes, 500, entries, codebooks.global, codebooks.residual, out);
 }
 
 TEST(RcqTable, RoundTripSumsRows) {
@@ -173,7 +177,7 @@ TEST(RcqTable, RoundTripSumsRows) {
   StreamEncoder encoder(3);
   for (const auto& [num_global, num_residual] :
        {std::pair<uint32_t, uint32_t>{300, 17}, {1, 1}, {4096, 4096}, {2, 1}}) {
-    const RcqBooks books = rcq_books(num_global, num_residual, 4);
+    const RcqCodebooks codebooks = rcq_codebooks(num_global, num_residual, 4);
     for (const size_t entries : {size_t{1}, size_t{5}, size_t{1000}}) {
       std::vector<RcqPair> pairs(entries);
       for (RcqPair& p : pairs) {
@@ -182,13 +186,13 @@ TEST(RcqTable, RoundTripSumsRows) {
       }
       const Bytes bytes = encode_rcq_table(encoder, pairs, num_global, num_residual);
       CodebookData out;
-      const Status s = decode_table(bytes, static_cast<uint32_t>(entries), books, &out);
+      const Status s = decode_table(bytes, static_cast<uint32_t>(entries), codebooks, &out);
       ASSERT_TRUE(s.ok()) << s.detail();
       ASSERT_EQ(out.num_entries, entries);
       for (size_t i = 0; i < entries; ++i) {
         for (size_t k = 0; k < 4; ++k) {
-          const float sum =
-              books.global.row(pairs[i].global)[k] + books.residual.row(pairs[i].residual)[k];
+          const float sum = codebooks.global.row(pairs[i].global)[k] +
+                            codebooks.residual.row(pairs[i].residual)[k];
           ASSERT_EQ(std::memcmp(&out.row(i)[k], &sum, sizeof sum), 0);
         }
       }
@@ -198,12 +202,12 @@ TEST(RcqTable, RoundTripSumsRows) {
 
 // spec: RCQ-1
 TEST(RcqTable, IndicesBeyondTheCodebooksAreRefused) {
-  const RcqBooks books = rcq_books(300, 17, 4);
+  const RcqCodebooks codebooks = rcq_codebooks(300, 17, 4);
   StreamEncoder encoder(3);
   for (const RcqPair bad : {RcqPair{300, 0}, RcqPair{511, 0}, RcqPair{0, 17}, RcqPair{0, 31}}) {
     std::vector<RcqPair> pairs = {{1, 2}, {3, 4}, bad, {5, 6}};
     CodebookData out;
-    const Status s = decode_table(encode_rcq_table(encoder, pairs, 300, 17), 4, books, &out);
+    const Status s = decode_table(encode_rcq_table(encoder, pairs, 300, 17), 4, codebooks, &out);
     EXPECT_EQ(s.code(), L4D_ERR_CORRUPT);
     EXPECT_STREQ(s.clause(), "RCQ-1");
   }
@@ -211,17 +215,17 @@ TEST(RcqTable, IndicesBeyondTheCodebooksAreRefused) {
 
 // spec: STRM-2, CHNK-7
 TEST(RcqTable, TruncatedAndLeftOver) {
-  const RcqBooks books = rcq_books(300, 17, 4);
+  const RcqCodebooks codebooks = rcq_codebooks(300, 17, 4);
   StreamEncoder encoder(3);
   const std::vector<RcqPair> pairs = {{1, 2}, {3, 4}, {299, 16}, {5, 6}};
   Bytes bytes = encode_rcq_table(encoder, pairs, 300, 17);
   CodebookData out;
   for (size_t n = 0; n < bytes.size(); ++n) {
     const Bytes cut(bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(n));
-    ASSERT_STREQ(decode_table(cut, 4, books, &out).clause(), "STRM-2") << n;
+    ASSERT_STREQ(decode_table(cut, 4, codebooks, &out).clause(), "STRM-2") << n;
   }
   bytes.push_back(7);
-  EXPECT_STREQ(decode_table(bytes, 4, books, &out).clause(), "CHNK-7");
+  EXPECT_STREQ(decode_table(bytes, 4, codebooks, &out).clause(), "CHNK-7");
 }
 
 }  // namespace

@@ -214,7 +214,7 @@ TEST(Directory, TwoTablesOfOneComponentAreRefused) {
 }
 
 // spec: DIR-13
-TEST(Directory, SecondPartsWhereNoneCanBeAreRefused) {
+TEST(Directory, ShChunksWhereNoneCanBeAreRefused) {
   const auto clause_of = [](const SceneHeader& header, auto&& edit) {
     DirectoryPage page = example_page(), parsed;
     edit(page.pages);

@@ -37,10 +37,11 @@ PageColumns random_columns(const SceneHeader& header, const LayerHeader& layer,
   Random random(seed);
   PageColumns c;
   c.n = n;
-  const auto mean = [&](MeanCodingId coding, std::vector<uint16_t>* half, std::vector<float>* raw) {
+  const auto mean = [&](CoordinateCodingId coding, std::vector<uint16_t>* half,
+                        std::vector<float>* raw) {
     for (size_t i = 0; i < n; ++i) {
-      if (coding == MeanCodingId::kF16) half->push_back(random_half(random));
-      if (coding == MeanCodingId::kRaw32) raw->push_back(random_bits(random));
+      if (coding == CoordinateCodingId::kF16) half->push_back(random_half(random));
+      if (coding == CoordinateCodingId::kRaw32) raw->push_back(random_bits(random));
     }
   };
   const auto scalar = [&](const ScalarCoding& coding, std::vector<uint16_t>* codes,
@@ -54,10 +55,10 @@ PageColumns random_columns(const SceneHeader& header, const LayerHeader& layer,
   };
   for (size_t k = 0; k < 3; ++k) mean(header.position, &c.position[k], &c.raw_position[k]);
   mean(layer.mean_t, &c.mean_t, &c.raw_mean_t);
-  for (size_t i = 0; i < n && layer.mean_t == MeanCodingId::kRaw64; ++i) {
+  for (size_t i = 0; i < n && layer.mean_t == CoordinateCodingId::kRaw64; ++i) {
     c.raw64_mean_t.push_back(std::ldexp(random.normal(), static_cast<int>(random.below(56))));
   }
-  for (size_t i = 0; i < n && layer.mean_t == MeanCodingId::kFixed; ++i) {
+  for (size_t i = 0; i < n && layer.mean_t == CoordinateCodingId::kFixed; ++i) {
     c.mean_t.push_back(static_cast<uint16_t>(random.below(1u << layer.mean_t_bits)));
     const unsigned bits = random.below(17);
     if (layer.mean_t_fine) c.mean_t_fine.push_back(static_cast<uint16_t>(random.below(1u << bits)));
@@ -82,12 +83,12 @@ PageColumns random_columns(const SceneHeader& header, const LayerHeader& layer,
       uint32_t depth = static_cast<uint32_t>(coding.stages.size());
       if (coding.has_depth()) {
         depth = random.below(depth + 1);
-        if (coding.literals && random.below(5) == 0) depth = kLiteralDepth;
+        if (coding.escapes && random.below(5) == 0) depth = kEscapeDepth;
       }
       to.depth.push_back(static_cast<uint8_t>(depth));
-      if (depth == kLiteralDepth) {
-        for (unsigned k = 0; k < dim; ++k) to.literal.push_back(random_half(random));
-        ++to.num_literals;
+      if (depth == kEscapeDepth) {
+        for (unsigned k = 0; k < dim; ++k) to.escape.push_back(random_half(random));
+        ++to.num_escapes;
         continue;
       }
       for (size_t s = 0; s < depth; ++s) {
@@ -130,8 +131,8 @@ void expect_equal(const SceneHeader& header, const LayerHeader& layer, const Pag
     expect_prefix("raw", x.raw, y.raw);
     if (!coding.vq()) continue;
     if (coding.has_depth()) expect_prefix("depth", x.depth, y.depth);
-    EXPECT_EQ(x.num_literals, y.num_literals);
-    expect_prefix("literal", x.literal, y.literal);
+    EXPECT_EQ(x.num_escapes, y.num_escapes);
+    expect_prefix("escape", x.escape, y.escape);
     for (size_t s = 0; s < coding.stages.size(); ++s) {
       EXPECT_EQ(x.index_count[s], y.index_count[s]);
       expect_prefix("index", x.index[s], y.index[s]);
@@ -152,7 +153,7 @@ SceneHeader fixed_times_header() {
   for (size_t l = 0; l < h.layers.size(); ++l) {
     LayerHeader& layer = h.layers[l];
     if (layer.permanent) continue;
-    layer.mean_t = MeanCodingId::kFixed;
+    layer.mean_t = CoordinateCodingId::kFixed;
     layer.mean_t_bits = l % 2 == 0 ? kMaxMeanBits : 5;
     layer.mean_t_fine = l % 2 == 0;
   }
@@ -161,12 +162,12 @@ SceneHeader fixed_times_header() {
 
 SceneHeader lossless_header() {
   SceneHeader h = test::example_header();
-  h.position = MeanCodingId::kRaw32;
+  h.position = CoordinateCodingId::kRaw32;
   h.opacity.coding = ScalarCodingId::kRaw32;
   h.sh = ComponentCoding();
   h.sh.coding = ComponentCodingId::kRaw32;
   for (LayerHeader& l : h.layers) {
-    if (!l.permanent) l.mean_t = MeanCodingId::kRaw32;
+    if (!l.permanent) l.mean_t = CoordinateCodingId::kRaw32;
     l.scale_factor.coding = ScalarCodingId::kRaw32;
     for (ComponentCoding& c : l.component) {
       c = ComponentCoding();
@@ -179,7 +180,7 @@ SceneHeader lossless_header() {
 SceneHeader double_times_header() {
   SceneHeader h = lossless_header();
   for (LayerHeader& l : h.layers) {
-    if (!l.permanent) l.mean_t = MeanCodingId::kRaw64;
+    if (!l.permanent) l.mean_t = CoordinateCodingId::kRaw64;
   }
   return h;
 }
@@ -410,9 +411,9 @@ TEST_F(PageRules, MeansAreFinite) {
 }
 
 // spec: VAL-2
-TEST_F(PageRules, LiteralsAreFinite) {
+TEST_F(PageRules, EscapesAreFinite) {
   PageColumns c = columns(layer(), 9);
-  c.component[L4D_COMPONENT_SH].literal.back() = 0x7c00;
+  c.component[L4D_COMPONENT_SH].escape.back() = 0x7c00;
   expect("VAL-2", c, layer());
 }
 
@@ -464,7 +465,7 @@ TEST_F(PageRules, DepthsAreKnown) {
   c.component[L4D_COMPONENT_SH].depth[0] = 4;  // of 3 stages
   expect("VQ-1", c, layer());
   c = columns(layer(), 11);
-  c.component[L4D_COMPONENT_ROTOR_SPATIAL].depth[5] = kLiteralDepth;  // which has no literals
+  c.component[L4D_COMPONENT_ROTOR_SPATIAL].depth[5] = kEscapeDepth;  // which has no escapes
   expect("VQ-1", c, layer());
 }
 

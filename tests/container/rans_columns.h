@@ -17,19 +17,19 @@
 
 namespace l4d::test {
 
-inline ComponentCoding example_transform(std::vector<uint8_t> ladder, uint64_t seed) {
+inline ComponentCoding example_transform(std::vector<uint8_t> eob_table, uint64_t seed) {
   ComponentCoding c;
   c.coding = ComponentCodingId::kTransform;
-  c.ladder = std::move(ladder);
-  c.steps.assign(c.ladder.back(), 0.125f);
-  c.basis = {c.ladder.back() + 1u, ElementType::kF16, example_chunk(seed)};
+  c.eob_table = std::move(eob_table);
+  c.steps.assign(c.eob_table.back(), 0.125f);
+  c.basis = {c.eob_table.back() + 1u, ElementType::kF16, example_chunk(seed)};
   return c;
 }
 
 // The example with each of its layers' codebooks replaced by a transform, and fixed positions.
 inline SceneHeader transform_header() {
   SceneHeader h = example_header();
-  h.position = MeanCodingId::kFixed;
+  h.position = CoordinateCodingId::kFixed;
   h.position_bits = kMaxPositionBits;
   h.sh_degree = 3;
   h.sh = example_transform({1, 4, 11, 48}, 1);
@@ -50,7 +50,7 @@ inline void fix_mean_times(SceneHeader* h) {
   for (size_t l = 0; l < h->layers.size(); ++l) {
     LayerHeader& layer = h->layers[l];
     if (layer.permanent) continue;
-    layer.mean_t = MeanCodingId::kFixed;
+    layer.mean_t = CoordinateCodingId::kFixed;
     layer.mean_t_shift = 0;
     layer.mean_t_bits = l % 2 == 0 ? kMaxMeanBits : 9;
     layer.mean_t_zero = 200;
@@ -62,7 +62,7 @@ inline void fix_mean_times(SceneHeader* h) {
 // Nothing but positions and mean times.
 inline SceneHeader bare_header() {
   SceneHeader h = example_header();
-  h.position = MeanCodingId::kFixed;
+  h.position = CoordinateCodingId::kFixed;
   h.position_bits = 1;
   h.opacity = ScalarCoding();
   h.sh = ComponentCoding();
@@ -74,11 +74,11 @@ inline SceneHeader bare_header() {
   return h;
 }
 
-// Between them: every kind of plane, and every kind of plane absent. Bases of SH are nothing, a
-// part of a step of the ladder, some steps and all coefficients.
+// Between them: every kind of channel, and every kind of channel absent. Bases of SH are nothing, a
+// part of a step of the EOB table, some steps and all coefficients.
 inline std::vector<SceneHeader> rans_headers() {
   SceneHeader mixed = transform_header();
-  mixed.position = MeanCodingId::kF16;
+  mixed.position = CoordinateCodingId::kF16;
   mixed.sh = example_vq(kMaxCodebookEntries - 7, 8, true, 1);  // the last stage is the largest
   std::vector<SceneHeader> headers = {example_header(), bare_header(), mixed};
   for (const unsigned base : {0u, 3u, 11u, 48u}) {
@@ -96,7 +96,7 @@ inline uint16_t random_half(Random& random) {
 }
 
 inline void random_positions(const SceneHeader& header, Random& random, PageColumns* out) {
-  const bool fixed = header.position == MeanCodingId::kFixed;
+  const bool fixed = header.position == CoordinateCodingId::kFixed;
   std::vector<std::array<uint32_t, 3>> points(out->n);
   for (auto& p : points) {
     for (uint32_t& v : p) {
@@ -119,13 +119,13 @@ inline void random_positions(const SceneHeader& header, Random& random, PageColu
 
 inline void random_transform(const ComponentCoding& coding, size_t n, Random& random,
                              ComponentColumns* out) {
-  const bool told = coding.ladder.size() > 1;
-  const uint32_t classes = 1 + random.below(kTransformClasses);
+  const bool told = coding.eob_table.size() > 1;
+  const uint32_t step_exponents = 1 + random.below(kTransformStepExponents);
   for (size_t i = 0; i < n; ++i) {
-    out->cls.push_back(static_cast<uint8_t>(random.below(classes)));
-    const uint32_t rungs = static_cast<uint32_t>(coding.ladder.size()) + 1;
-    out->rung.push_back(static_cast<uint8_t>(told ? random.below(rungs) : 1));
-    const unsigned count = rung_coefficients(coding, out->rung.back());
+    out->step_exponent.push_back(static_cast<uint8_t>(random.below(step_exponents)));
+    const uint32_t eob_indices = static_cast<uint32_t>(coding.eob_table.size()) + 1;
+    out->eob_index.push_back(static_cast<uint8_t>(told ? random.below(eob_indices) : 1));
+    const unsigned count = eob_coefficients(coding, out->eob_index.back());
     for (unsigned k = 0; k < count; ++k) {
       constexpr int16_t kEnds[] = {0, 1, -1, INT16_MAX, INT16_MIN};
       const uint32_t kind = random.below(20);
@@ -143,12 +143,12 @@ inline void random_vq(const SceneHeader& header, const LayerHeader& layer, const
   const uint32_t stages = static_cast<uint32_t>(coding.stages.size());
   for (size_t i = 0; i < n; ++i) {
     uint32_t depth = coding.has_depth() ? random.below(stages + 1) : stages;
-    if (coding.literals && random.below(5) == 0) depth = kLiteralDepth;
+    if (coding.escapes && random.below(5) == 0) depth = kEscapeDepth;
     out->depth.push_back(static_cast<uint8_t>(depth));
-    if (depth == kLiteralDepth) {
-      ++out->num_literals;
+    if (depth == kEscapeDepth) {
+      ++out->num_escapes;
       for (unsigned k = 0; k < header.component_dim(layer, component); ++k) {
-        out->literal.push_back(random_half(random));
+        out->escape.push_back(random_half(random));
       }
       continue;
     }
@@ -176,13 +176,13 @@ inline PageColumns rans_columns(const SceneHeader& header, const LayerHeader& la
   };
   codes(header.opacity, &c.opacity);
   codes(layer.scale_factor, &c.scale_factor);
-  while (layer.mean_t == MeanCodingId::kF16 && c.mean_t.size() < n) {
+  while (layer.mean_t == CoordinateCodingId::kF16 && c.mean_t.size() < n) {
     const unsigned shift = layer.mean_t_shift;
     const unsigned code = static_cast<unsigned>(order_half(random_half(random))) >> shift;
     const uint16_t bits = unorder_half(static_cast<uint16_t>((code << shift) + (1u << shift >> 1)));
     if (half_is_finite(bits)) c.mean_t.push_back(bits);
   }
-  for (size_t i = 0; i < n && layer.mean_t == MeanCodingId::kFixed; ++i) {
+  for (size_t i = 0; i < n && layer.mean_t == CoordinateCodingId::kFixed; ++i) {
     c.mean_t.push_back(static_cast<uint16_t>(random.below(1u << layer.mean_t_bits)));
     const unsigned bits = random.below(17);
     if (layer.mean_t_fine) c.mean_t_fine.push_back(static_cast<uint16_t>(random.below(1u << bits)));
@@ -202,7 +202,7 @@ void expect_prefix(const char* what, const std::vector<T>& want, const std::vect
   ASSERT_EQ(std::memcmp(want.data(), got.data(), want.size() * sizeof(T)), 0) << what;
 }
 
-// Without detail, SH is what the first part of a page that has two holds of it.
+// Without detail, SH is what the base chunk of a page that has two holds of it.
 inline void expect_columns(const SceneHeader& header, const LayerHeader& layer, bool with_detail,
                            const PageColumns& want, const PageColumns& got) {
   ASSERT_EQ(want.n, got.n);
@@ -223,16 +223,16 @@ inline void expect_columns(const SceneHeader& header, const LayerHeader& layer, 
     const ComponentColumns& b = got.component[c];
     if (coding.vq()) {
       if (coding.has_depth()) expect_prefix("depth", a.depth, b.depth);
-      EXPECT_EQ(a.num_literals, b.num_literals);
+      EXPECT_EQ(a.num_escapes, b.num_escapes);
       EXPECT_EQ(a.index_count, b.index_count);
-      expect_prefix("literal", a.literal, b.literal);
+      expect_prefix("escape", a.escape, b.escape);
       for (size_t s = 0; s < coding.stages.size(); ++s) {
         expect_prefix("index", a.index[s], b.index[s]);
       }
     }
     if (coding.transform()) {
-      expect_prefix("class", a.cls, b.cls);
-      expect_prefix("rung", a.rung, b.rung);
+      expect_prefix("class", a.step_exponent, b.step_exponent);
+      expect_prefix("eob_index", a.eob_index, b.eob_index);
       for (unsigned k = 0; k < coding.coefficients(); ++k) {
         const bool there = !base_only || k < header.sh_base;
         EXPECT_EQ(b.coefficient_count[k], there ? a.coefficient_count[k] : 0);

@@ -24,14 +24,14 @@ struct Coded {
 
   static EntropyModel model_of(const SceneHeader& header, const LayerHeader& layer,
                                const std::vector<PageColumns>& pages) {
-    const std::vector<PlaneSpec> planes = page_planes(header, layer);
-    TokenCounts all(planes);
+    const std::vector<ChannelSpec> channels = page_channels(header, layer);
+    TokenCounts all(channels);
     for (const PageColumns& page : pages) {
-      TokenCounts counts(planes);
-      visit_planes(header, layer, planes, page, counts);
+      TokenCounts counts(channels);
+      visit_channels(header, layer, channels, page, counts);
       all.add(counts);
     }
-    return EntropyModel(planes, all);
+    return EntropyModel(channels, all);
   }
 
   Coded(const SceneHeader& header, const LayerHeader& layer, const std::vector<PageColumns>& pages)
@@ -48,12 +48,12 @@ struct Kernels {
 const Kernels kBackends[] = {{rans_kernels_reference(), stream_kernels_reference()},
                              {rans_kernels_simd(), stream_kernels_simd()}};
 
-// A page as the model coded it; without a second part all planes are in the first.
+// A page as the model coded it; without an SH chunk all channels are in the base chunk.
 struct Page {
   Bytes first, detail;
 
-  RansPageParts parts() const {
-    RansPageParts p;
+  RansPageChunks parts() const {
+    RansPageChunks p;
     p.first = first;
     p.first_at = kBase;
     p.has_detail = !detail.empty();
@@ -226,7 +226,7 @@ TEST(RansPage, StatesBelowTheLeastAreRefused) {
 }
 
 // spec: DEC-3
-TEST(RansPage, DamageInASecondPartCostsNothingElse) {
+TEST(RansPage, DamageInAShChunkCostsNothingElse) {
   for (const unsigned sh_base : {0u, 1u, 3u, 11u, 47u}) {
     Sample sample(sh_base);
     const Page page = sample.page(true);
@@ -258,37 +258,37 @@ TEST(RansPage, DamageInASecondPartCostsNothingElse) {
 
 // Pages with any integers, whether they keep the rules or not: one table for wide ones and one for
 // the others have all tokens.
-class AnyPage : public PlaneVisitor {
+class AnyPage : public ChannelVisitor {
  public:
   AnyPage(const SceneHeader& header, const LayerHeader& layer, const PageColumns& columns)
-      : header_(header), layer_(layer), planes_(page_planes(header, layer)) {
-    visit_planes(header, layer, planes_, columns, *this);
+      : header_(header), layer_(layer), channels_(page_channels(header, layer)) {
+    visit_channels(header, layer, channels_, columns, *this);
   }
 
-  void visit(const PlaneSymbols& s) override {
+  void visit(const ChannelSymbols& s) override {
     wide_.emplace_back(s.wide.begin(), s.wide.end());
     hybrid_.emplace_back(s.hybrid.begin(), s.hybrid.end());
   }
 
-  void put(PlaneKind kind, unsigned component, size_t i, uint64_t value) {
-    for (size_t p = 0; p < planes_.size(); ++p) {
-      if (planes_[p].kind != kind || planes_[p].component != component) continue;
-      if (kind == PlaneKind::kPosition) {
+  void put(ChannelKind kind, unsigned component, size_t i, uint64_t value) {
+    for (size_t p = 0; p < channels_.size(); ++p) {
+      if (channels_[p].kind != kind || channels_[p].component != component) continue;
+      if (kind == ChannelKind::kPosition) {
         wide_[p].at(i) = value;
       } else {
         hybrid_[p].at(i) = static_cast<uint16_t>(value);
       }
       return;
     }
-    FAIL() << "no such plane";
+    FAIL() << "no such channel";
   }
 
   Bytes tables() const {
     Bytes out = {2, 1};
     wide_table_.append_to(out);
     hybrid_table_.append_to(out);
-    for (const PlaneSpec& p : planes_) {
-      out.insert(out.end(), p.contexts, p.kind == PlaneKind::kPosition ? uint8_t{0} : uint8_t{1});
+    for (const ChannelSpec& p : channels_) {
+      out.insert(out.end(), p.contexts, p.kind == ChannelKind::kPosition ? uint8_t{0} : uint8_t{1});
     }
     return out;
   }
@@ -298,8 +298,8 @@ class AnyPage : public PlaneVisitor {
     const Status s = parse_entropy_tables(tables(), kBase, header_, layer_, &entropy);
     if (!s.ok()) return s;
     RansBlockWriter writer;
-    for (size_t p = 0; p < planes_.size(); ++p) {
-      if (planes_[p].kind == PlaneKind::kPosition) {
+    for (size_t p = 0; p < channels_.size(); ++p) {
+      if (channels_[p].kind == ChannelKind::kPosition) {
         writer.add_wide(&wide_table_, nullptr, wide_[p]);
       } else {
         writer.add_hybrid(&hybrid_table_, nullptr, hybrid_[p]);
@@ -315,7 +315,7 @@ class AnyPage : public PlaneVisitor {
 
   const SceneHeader& header_;
   const LayerHeader& layer_;
-  std::vector<PlaneSpec> planes_;
+  std::vector<ChannelSpec> channels_;
   std::vector<std::vector<uint64_t>> wide_;
   std::vector<std::vector<uint16_t>> hybrid_;
   RansTable wide_table_ = all_tokens(kRansWideTokens);
@@ -324,7 +324,7 @@ class AnyPage : public PlaneVisitor {
 
 struct Rule {
   const char* clause;
-  PlaneKind kind;
+  ChannelKind kind;
   unsigned component;
   size_t i;
   uint64_t value;
@@ -357,15 +357,15 @@ TEST(RansPage, RulesOfTransformsAndFixedPositions) {
   const unsigned scale = L4D_COMPONENT_SCALE, spatial = L4D_COMPONENT_ROTOR_SPATIAL;
   const uint64_t end = uint64_t{1} << 63;
   expect_rules(h, h.layers[1],
-               {{"TRAN-5", PlaneKind::kClass, L4D_COMPONENT_SH, 32, 16},
-                {"TRAN-5", PlaneKind::kClass, spatial, 0, 65535},
-                {"TRAN-6", PlaneKind::kRung, L4D_COMPONENT_SH, 31, 5},
-                {"TRAN-6", PlaneKind::kRung, scale, 0, 4},
-                {"STRM-3", PlaneKind::kOpacity, 0, 5, 256},
-                {"STRM-3", PlaneKind::kScaleFactor, 0, 32, 64},
-                {"STRM-3", PlaneKind::kMeanT, 0, 0, 1 << 13},
-                {"VAL-1", PlaneKind::kMeanT, 0, 32, (1 << 13) - 1},
-                {"RANS-8", PlaneKind::kPosition, 0, 32, end - 1}});
+               {{"TRAN-5", ChannelKind::kStepExponent, L4D_COMPONENT_SH, 32, 16},
+                {"TRAN-5", ChannelKind::kStepExponent, spatial, 0, 65535},
+                {"TRAN-6", ChannelKind::kEobIndex, L4D_COMPONENT_SH, 31, 5},
+                {"TRAN-6", ChannelKind::kEobIndex, scale, 0, 4},
+                {"STRM-3", ChannelKind::kOpacity, 0, 5, 256},
+                {"STRM-3", ChannelKind::kScaleFactor, 0, 32, 64},
+                {"STRM-3", ChannelKind::kMeanT, 0, 0, 1 << 13},
+                {"VAL-1", ChannelKind::kMeanT, 0, 32, (1 << 13) - 1},
+                {"RANS-8", ChannelKind::kPosition, 0, 32, end - 1}});
 }
 
 // spec: RANS-8, STRM-3, VAL-1, VAL-2, VQ-1, VQ-2
@@ -373,15 +373,15 @@ TEST(RansPage, RulesOfCodebooksAndHalfPositions) {
   const SceneHeader h = test::example_header();
   const unsigned temporal = L4D_COMPONENT_ROTOR_TEMPORAL;
   expect_rules(h, h.layers[1],
-               {{"VQ-1", PlaneKind::kDepth, L4D_COMPONENT_SH, 0, 4},
-                {"VQ-1", PlaneKind::kDepth, L4D_COMPONENT_ROTOR_SPATIAL, 32, kLiteralDepth},
-                {"VQ-2", PlaneKind::kIndex, L4D_COMPONENT_SH, 0, 300},
-                {"VQ-2", PlaneKind::kIndex, L4D_COMPONENT_SCALE, 32, 41},
-                {"VAL-2", PlaneKind::kLiteral, temporal, 0, order_half(0x7c00)},
-                {"VAL-2", PlaneKind::kLiteral, temporal, 1, order_half(0xfe00)},
-                {"VAL-1", PlaneKind::kMeanT, 0, 32, order_half(0xfc00)},
-                {"RANS-8", PlaneKind::kPosition, 0, 0, uint64_t{1} << 48},
-                {"RANS-8", PlaneKind::kPosition, 0, 32, (uint64_t{1} << 63) - 1}});
+               {{"VQ-1", ChannelKind::kDepth, L4D_COMPONENT_SH, 0, 4},
+                {"VQ-1", ChannelKind::kDepth, L4D_COMPONENT_ROTOR_SPATIAL, 32, kEscapeDepth},
+                {"VQ-2", ChannelKind::kIndex, L4D_COMPONENT_SH, 0, 300},
+                {"VQ-2", ChannelKind::kIndex, L4D_COMPONENT_SCALE, 32, 41},
+                {"VAL-2", ChannelKind::kEscape, temporal, 0, order_half(0x7c00)},
+                {"VAL-2", ChannelKind::kEscape, temporal, 1, order_half(0xfe00)},
+                {"VAL-1", ChannelKind::kMeanT, 0, 32, order_half(0xfc00)},
+                {"RANS-8", ChannelKind::kPosition, 0, 0, uint64_t{1} << 48},
+                {"RANS-8", ChannelKind::kPosition, 0, 32, (uint64_t{1} << 63) - 1}});
 }
 
 // spec: RANS-8
@@ -391,10 +391,10 @@ TEST(RansPage, GapsThatWrapAroundAreOutOfRange) {
   PageColumns columns = rans_columns(h, h.layers[0], nullptr, 4, 3);
   AnyPage page(h, h.layers[0], columns);
   const uint64_t third = (uint64_t{1} << 63) - 1;
-  page.put(PlaneKind::kPosition, 0, 0, third);
-  page.put(PlaneKind::kPosition, 0, 1, third);
-  page.put(PlaneKind::kPosition, 0, 2, 2);  // 2^64 in all
-  page.put(PlaneKind::kPosition, 0, 3, 5);
+  page.put(ChannelKind::kPosition, 0, 0, third);
+  page.put(ChannelKind::kPosition, 0, 1, third);
+  page.put(ChannelKind::kPosition, 0, 2, 2);  // 2^64 in all
+  page.put(ChannelKind::kPosition, 0, 3, 5);
   PageColumns out;
   EXPECT_STREQ(page.decode(parse, &out).clause(), "RANS-8");
 }
@@ -423,8 +423,8 @@ TEST(RansPage, DamagedBytesAreRefusedOrParsedSafely) {
     for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
       const ComponentCoding& coding = sample.header.component(sample.layer, c);
       for (size_t i = 0; i < sample.columns.n; ++i) {
-        ASSERT_LT(out.component[c].cls[i], kTransformClasses);
-        ASSERT_LE(out.component[c].rung[i], coding.ladder.size());
+        ASSERT_LT(out.component[c].step_exponent[i], kTransformStepExponents);
+        ASSERT_LE(out.component[c].eob_index[i], coding.eob_table.size());
       }
     }
   }

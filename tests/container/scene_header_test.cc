@@ -33,7 +33,7 @@ void expect_equal(const StageCoding& a, const StageCoding& b) {
 
 void expect_equal(const ComponentCoding& a, const ComponentCoding& b) {
   EXPECT_EQ(a.coding, b.coding);
-  EXPECT_EQ(a.literals, b.literals);
+  EXPECT_EQ(a.escapes, b.escapes);
   EXPECT_EQ(a.has_rcq, b.has_rcq);
   if (a.has_rcq) expect_equal(a.rcq, b.rcq);
   ASSERT_EQ(a.stages.size(), b.stages.size());
@@ -67,7 +67,7 @@ TEST(SceneHeader, ErrorsComeBack) {
   a.errors = example_errors();
   ASSERT_TRUE(parse_scene_header(serialize_scene_header(a), 0, &b).ok());
   const ErrorStatement &x = a.errors, &y = b.errors;
-  EXPECT_TRUE(y.stated && y.own_least_sizes);
+  EXPECT_TRUE(y.stated && y.own_min_sizes);
   EXPECT_EQ(x.position, y.position);
   EXPECT_EQ(x.covariance, y.covariance);
   EXPECT_EQ(x.opacity, y.opacity);
@@ -77,7 +77,7 @@ TEST(SceneHeader, ErrorsComeBack) {
   EXPECT_EQ(x.covariance_bound, y.covariance_bound);
   EXPECT_EQ(x.opacity_bound, y.opacity_bound);
   EXPECT_EQ(x.visible_bound, y.visible_bound);
-  EXPECT_EQ(x.least_size, y.least_size);
+  EXPECT_EQ(x.min_size, y.min_size);
 }
 
 TEST(SceneHeader, RoundTrip) {
@@ -129,14 +129,14 @@ TEST(SceneHeader, FlagsRoundTrip) {
   for (const bool at_mean : {false, true}) {
     for (const bool logit : {false, true}) {
       SceneHeader a = example_header();
-      a.position = MeanCodingId::kRaw32;
+      a.position = CoordinateCodingId::kRaw32;
       a.position_at_mean_time = at_mean;
       a.opacity_logit = logit;
       SceneHeader b;
       ASSERT_TRUE(parse_scene_header(serialize_scene_header(a), 0, &b).ok());
       EXPECT_EQ(b.position_at_mean_time, at_mean);
       EXPECT_EQ(b.opacity_logit, logit);
-      EXPECT_EQ(b.position, MeanCodingId::kRaw32);
+      EXPECT_EQ(b.position, CoordinateCodingId::kRaw32);
     }
   }
 }
@@ -216,10 +216,12 @@ std::vector<Rule> rules() {
            h.layers.back().num_gaussians = 0;
          }
        }},
-      {"HEAD-16", "position coding none", [](H& h) { h.position = MeanCodingId::kNone; }},
-      {"HEAD-16", "position coding raw64", [](H& h) { h.position = MeanCodingId::kRaw64; }},
-      {"HEAD-7", "position coding 5", [](H& h) { h.position = MeanCodingId{5}; }, unsupported},
-      {"HEAD-7", "mean times 5", [](H& h) { h.layers[1].mean_t = MeanCodingId{5}; }, unsupported},
+      {"HEAD-16", "position coding none", [](H& h) { h.position = CoordinateCodingId::kNone; }},
+      {"HEAD-16", "position coding raw64", [](H& h) { h.position = CoordinateCodingId::kRaw64; }},
+      {"HEAD-7", "position coding 5", [](H& h) { h.position = CoordinateCodingId{5}; },
+       unsupported},
+      {"HEAD-7", "mean times 5", [](H& h) { h.layers[1].mean_t = CoordinateCodingId{5}; },
+       unsupported},
       {"HEAD-17", "a key that is not UTF-8", [](H& h) { h.metadata.emplace_back("\xff", "a"); }},
       {"HEAD-17", "a value that ends within a character",
        [](H& h) { h.metadata.emplace_back("a", "b\xe2\x82"); }},
@@ -236,7 +238,7 @@ std::vector<Rule> rules() {
       {"HEAD-18", "a covariance bound below 0", stated([](E& e) { e.covariance_bound = -1; })},
       {"HEAD-18", "an infinite opacity bound", stated([](E& e) { e.opacity_bound = kInf; })},
       {"HEAD-18", "a distance bound below 0", stated([](E& e) { e.visible_bound = -1; })},
-      {"HEAD-18", "a least size that is no number", stated([](E& e) { e.least_size = kNan; })},
+      {"HEAD-18", "a minimum size that is no number", stated([](E& e) { e.min_size = kNan; })},
       {"HEAD-19", "a dilation below 0", [](H& h) { h.rendering.dilation = -0x1p-149f; }},
       {"HEAD-19", "a dilation above 16",
        [](H& h) { h.rendering.dilation = std::nextafter(16.0f, 17.0f); }},
@@ -298,13 +300,13 @@ std::vector<Rule> rules() {
       {"HEAD-9", "gate above 16", [](H& h) { h.gate = std::nextafter(16.0f, 17.0f); }},
       {"HEAD-9", "gate NaN", [](H& h) { h.gate = kNan; }},
       {"HEAD-10", "permanent with mean times",
-       [](H& h) { h.layers[0].mean_t = MeanCodingId::kF16; }},
+       [](H& h) { h.layers[0].mean_t = CoordinateCodingId::kF16; }},
       {"HEAD-10", "temporal without mean times",
-       [](H& h) { h.layers[1].mean_t = MeanCodingId::kNone; }},
+       [](H& h) { h.layers[1].mean_t = CoordinateCodingId::kNone; }},
       {"HEAD-10", "permanent at level 3",
        [](H& h) {
          h.layers[2].permanent = true;
-         h.layers[2].mean_t = MeanCodingId::kNone;
+         h.layers[2].mean_t = CoordinateCodingId::kNone;
          h.layers[2].component[L4D_COMPONENT_SCALE].has_rcq = false;
        }},
       {"HEAD-11", "raw temporal rotor beside a coded spatial one",

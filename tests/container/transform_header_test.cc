@@ -29,7 +29,7 @@ TEST(TransformHeader, RoundTrip) {
   SceneHeader b;
   const Status s = parse(a, &b);
   ASSERT_TRUE(s.ok()) << s.detail();
-  EXPECT_EQ(b.position, MeanCodingId::kFixed);
+  EXPECT_EQ(b.position, CoordinateCodingId::kFixed);
   EXPECT_EQ(b.position_bits, kMaxPositionBits);
   EXPECT_EQ(b.sh_base, 48u);
   ASSERT_EQ(b.layers.size(), a.layers.size());
@@ -48,7 +48,7 @@ TEST(TransformHeader, RoundTrip) {
       const ComponentCoding& y = b.component(b.layers[l], c);
       ASSERT_EQ(x.coding, y.coding);
       EXPECT_EQ(x.steps, y.steps);
-      EXPECT_EQ(x.ladder, y.ladder);
+      EXPECT_EQ(x.eob_table, y.eob_table);
       EXPECT_EQ(x.basis.num_entries, y.basis.num_entries);
       EXPECT_EQ(x.basis.codebook.offset, y.basis.codebook.offset);
     }
@@ -107,7 +107,7 @@ const Rule kRules[] = {
     {"TRAN-1",
      [](SceneHeader& h) {
        h.sh.steps.push_back(1);
-       h.sh.ladder.back() = 49;
+       h.sh.eob_table.back() = 49;
        h.sh.basis.num_entries = 50;
      }},
     {"TRAN-1",
@@ -125,19 +125,19 @@ const Rule kRules[] = {
     {"TRAN-2",
      [](SceneHeader& h) { h.layers[1].component[kSpatial].steps[0] = std::nextafterf(1, 2); }},
     {"TRAN-2", [](SceneHeader& h) { h.layers[1].component[kTemporal].steps[2] = 2; }},
-    {"TRAN-3", [](SceneHeader& h) { h.sh.ladder.clear(); }},
+    {"TRAN-3", [](SceneHeader& h) { h.sh.eob_table.clear(); }},
     {"TRAN-3",
      [](SceneHeader& h) {
-       h.sh.ladder = {0, 48};
+       h.sh.eob_table = {0, 48};
      }},
     {"TRAN-3",
      [](SceneHeader& h) {
-       h.sh.ladder = {3, 3, 48};
+       h.sh.eob_table = {3, 3, 48};
      }},
-    {"TRAN-3", [](SceneHeader& h) { h.sh.ladder = {47}; }},
+    {"TRAN-3", [](SceneHeader& h) { h.sh.eob_table = {47}; }},
     {"TRAN-3",
      [](SceneHeader& h) {
-       h.sh.ladder = {48, 49};
+       h.sh.eob_table = {48, 49};
      }},
     {"TRAN-4", [](SceneHeader& h) { h.sh.basis.num_entries = 48; }},
     {"TRAN-4", [](SceneHeader& h) { h.sh.basis.num_entries = 50; }},
@@ -171,8 +171,8 @@ TEST(TransformHeader, EachRuleIsChecked) {
 // spec: HEAD-7
 TEST(TransformHeader, UnknownIdsAreNamed) {
   void (*const edits[])(SceneHeader&) = {
-      [](SceneHeader& h) { h.position = static_cast<MeanCodingId>(5); },
-      [](SceneHeader& h) { h.layers[1].mean_t = static_cast<MeanCodingId>(5); },
+      [](SceneHeader& h) { h.position = static_cast<CoordinateCodingId>(5); },
+      [](SceneHeader& h) { h.layers[1].mean_t = static_cast<CoordinateCodingId>(5); },
       [](SceneHeader& h) { h.sh.coding = static_cast<ComponentCodingId>(4); },
       [](SceneHeader& h) { h.sh.basis.element = static_cast<ElementType>(2); }};
   for (const auto& edit : edits) {

@@ -106,7 +106,7 @@ TEST_P(PackedBackends, ExpandsToTheSameBits) {
       d.open_memory(bytes.data(), bytes.size());
       for (const l4d_query& q : {all_query(), time_query(1.1)}) {
         GaussianArrays want = d.decode(q);
-        for (const l4d_range& r : want.ranges) {
+        for (const l4d_bucket_span& r : want.spans) {
           l4d_layer_info layer;
           l4d_layer_info_init(&layer);
           ASSERT_EQ(l4d_decoder_get_layer_info(d.get(), r.layer, &layer), L4D_OK);
@@ -124,7 +124,7 @@ TEST_P(PackedBackends, ExpandsToTheSameBits) {
   }
 }
 
-TEST_P(PackedBackends, CountsItsLiterals) {
+TEST_P(PackedBackends, CountsItsEscapes) {
   const Bytes& bytes = GetParam().bytes();
   DecoderHandle d;
   d.open_memory(bytes.data(), bytes.size());
@@ -132,9 +132,9 @@ TEST_P(PackedBackends, CountsItsLiterals) {
   for (int round = 0; round < 2; ++round) {
     const PackedArrays p = decode_packed(d, all_query());
     for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
-      uint64_t literals = 0;
-      for (const uint8_t depth : p.depth[c]) literals += depth == 255;
-      EXPECT_EQ(p.num_literals[c], literals) << "component " << c << ", round " << round;
+      uint64_t escapes = 0;
+      for (const uint8_t depth : p.depth[c]) escapes += depth == 255;
+      EXPECT_EQ(p.num_escapes[c], escapes) << "component " << c << ", round " << round;
     }
   }
 }
@@ -162,8 +162,8 @@ TEST(TestFiles, UseTheToolsTheyAreFor) {
   };
   EXPECT_EQ(tools(dynamic_file()),
             uint32_t{L4D_TOOL_MOTION | L4D_TOOL_TEMPORAL_OPACITY | L4D_TOOL_VIEW_DEPENDENCE});
-  EXPECT_EQ(tools(staged_file()) & (L4D_TOOL_RESIDUAL_STAGES | L4D_TOOL_LITERALS),
-            uint32_t{L4D_TOOL_RESIDUAL_STAGES | L4D_TOOL_LITERALS});
+  EXPECT_EQ(tools(staged_file()) & (L4D_TOOL_RESIDUAL_STAGES | L4D_TOOL_ESCAPES),
+            uint32_t{L4D_TOOL_RESIDUAL_STAGES | L4D_TOOL_ESCAPES});
   EXPECT_NE(tools(rcq_file()) & L4D_TOOL_RCQ, 0u);
   EXPECT_NE(tools(lossless_file()) & L4D_TOOL_LOSSLESS, 0u);
   DecoderHandle d;
@@ -174,7 +174,7 @@ TEST(TestFiles, UseTheToolsTheyAreFor) {
   EXPECT_EQ(layer.permanent, 1u);
   EXPECT_GE(d.info().num_layers, 4u);
   uint32_t with_block = 0;
-  for (const l4d_range& r : decode(rcq_file(), all_query()).ranges) {
+  for (const l4d_bucket_span& r : decode(rcq_file(), all_query()).spans) {
     with_block += r.block != L4D_NO_BLOCK;
   }
   EXPECT_GT(with_block, 0u);
@@ -190,12 +190,12 @@ TEST(Packed, LosslessStreamsHaveNone) {
   EXPECT_EQ(l4d_decoder_decode_packed(d.get(), &q, &b), L4D_ERR_FEATURE_UNSUPPORTED);
 }
 
-// All temporal rotors are literals, but the permanent layer has none at all.
-TEST(Packed, LiteralsOfOnePageDoNotShowInTheNext) {
+// All temporal rotors are escapes, but the permanent layer has none at all.
+TEST(Packed, EscapesOfOnePageDoNotShowInTheNext) {
   EncodeOptions o = small_options();
   const TestScene scene = make_scene({});
   const std::vector<float> weights(scene.count(), 1.0f);
-  o.settings.push_back({L4D_ENC_LITERAL_THRESHOLD, 0.5, L4D_COMPONENT_ROTOR_TEMPORAL});
+  o.settings.push_back({L4D_ENC_ESCAPE_THRESHOLD, 0.5, L4D_COMPONENT_ROTOR_TEMPORAL});
   o.weights = {{L4D_WEIGHT_ROTOR_TEMPORAL, &weights}};
   const Bytes bytes = encode(scene, o).bytes;
   const l4d_decoder_options options = decoder_options(L4D_BACKEND_AUTO, 1);
@@ -209,7 +209,7 @@ TEST(Packed, LiteralsOfOnePageDoNotShowInTheNext) {
   permanent = layer.num_gaussians;
   for (int round = 0; round < 2; ++round) {
     const PackedArrays p = decode_packed(d, all_query());
-    EXPECT_EQ(p.num_literals[L4D_COMPONENT_ROTOR_TEMPORAL], p.count() - permanent)
+    EXPECT_EQ(p.num_escapes[L4D_COMPONENT_ROTOR_TEMPORAL], p.count() - permanent)
         << "round " << round;
   }
 }
@@ -240,15 +240,15 @@ TEST(Packed, UnusedIndicesAreZeroAndNullArraysAreSkipped) {
   const l4d_query q = all_query();
   ASSERT_EQ(l4d_decoder_decode_packed(d.get(), &q, &b), L4D_OK);
   EXPECT_EQ(b.count, n);
-  EXPECT_EQ(b.component[L4D_COMPONENT_SH].num_literals, all.num_literals[L4D_COMPONENT_SH]);
+  EXPECT_EQ(b.component[L4D_COMPONENT_SH].num_escapes, all.num_escapes[L4D_COMPONENT_SH]);
   EXPECT_TRUE(std::equal(index.begin(), index.end(), all.index[L4D_COMPONENT_SH].begin()));
-  std::vector<uint16_t> literal(48 * n);
+  std::vector<uint16_t> escape(48 * n);
   l4d_packed_buffers_init(&b);
   b.capacity = n;
-  b.component[L4D_COMPONENT_SH].literal = literal.data();
-  b.component[L4D_COMPONENT_SH].literal_capacity = all.num_literals[L4D_COMPONENT_SH] - 1;
+  b.component[L4D_COMPONENT_SH].escape = escape.data();
+  b.component[L4D_COMPONENT_SH].escape_capacity = all.num_escapes[L4D_COMPONENT_SH] - 1;
   EXPECT_EQ(l4d_decoder_decode_packed(d.get(), &q, &b), L4D_ERR_BUFFER_TOO_SMALL);
-  b.component[L4D_COMPONENT_SH].literal_capacity += 1;
+  b.component[L4D_COMPONENT_SH].escape_capacity += 1;
   EXPECT_EQ(l4d_decoder_decode_packed(d.get(), &q, &b), L4D_OK);
 }
 

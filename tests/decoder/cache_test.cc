@@ -83,8 +83,8 @@ TEST_P(Cache, SteppingDecodesEachBucketOnce) {
   for (const double t : frames(bytes, 1)) {
     ASSERT_EQ(l4d_decoder_slice(d.get(), t, &b), L4D_OK);
     const GaussianArrays a = other.decode(time_query(t));
-    for (const l4d_range& r : a.ranges) buckets.emplace(r.layer, r.bucket);
-    uses += a.ranges.size();
+    for (const l4d_bucket_span& r : a.spans) buckets.emplace(r.layer, r.bucket);
+    uses += a.spans.size();
   }
   const l4d_counters c = counters(d);
   EXPECT_EQ(c.buckets_decoded, buckets.size());
@@ -108,7 +108,7 @@ Buckets buckets_at(const Bytes& bytes, double t) {
   l4d_query q = time_query(t);
   q.whole_buckets = 1;
   Buckets out;
-  for (const l4d_range& r : d.decode(q).ranges) out.emplace(r.layer, r.bucket);
+  for (const l4d_bucket_span& r : d.decode(q).spans) out.emplace(r.layer, r.bucket);
   return out;
 }
 
@@ -240,7 +240,7 @@ TEST(MemoryLimit, IsHonouredAtEveryValue) {
         l4d_decoder_open_memory(d.get(), dynamic_file().data(), dynamic_file().size());
     if (opened != L4D_OK) {
       ASSERT_EQ(opened, L4D_ERR_LIMIT_EXCEEDED) << limit;
-      EXPECT_STRNE(l4d_decoder_error_detail(d.get()), "");
+      EXPECT_STRNE(l4d_decoder_error_message(d.get()), "");
       refused = true;
       continue;
     }
@@ -287,7 +287,7 @@ TEST(MemoryLimit, CacheGivesWayToIt) {
   l4d_splat_buffers_init(&b);
   for (const double t : frames(bytes, 5)) {
     ASSERT_EQ(l4d_decoder_slice(d.get(), t, &b), L4D_OK)
-        << "time " << t << ": " << l4d_decoder_error_detail(d.get());
+        << "time " << t << ": " << l4d_decoder_error_message(d.get());
   }
 }
 

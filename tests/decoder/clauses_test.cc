@@ -39,7 +39,7 @@ void expect_clause(const Bytes& bytes, const char* clause, l4d_status status,
   } catch (const Error& e) {
     got = e.status();
   }
-  const std::string detail = l4d_decoder_error_detail(d.get());
+  const std::string detail = l4d_decoder_error_message(d.get());
   if (seen == Seen::kByValidatorAlone) {
     EXPECT_EQ(got, L4D_OK) << detail;
     return;
@@ -184,15 +184,15 @@ TEST(Clause, HEAD_7) {
   expect_header_rule(
       "HEAD-7", [](SceneHeader& h) { h.opacity.coding = ScalarCodingId{3}; }, unsupported);
   expect_header_rule(
-      "HEAD-7", [](SceneHeader& h) { h.position = MeanCodingId{5}; }, unsupported);
+      "HEAD-7", [](SceneHeader& h) { h.position = CoordinateCodingId{5}; }, unsupported);
   expect_header_rule(
       "HEAD-7", [](SceneHeader& h) { h.sh.stages[0].element = ElementType{2}; }, unsupported);
 }
 
 // spec: HEAD-16
 TEST(Clause, HEAD_16) {
-  expect_header_rule("HEAD-16", [](SceneHeader& h) { h.position = MeanCodingId::kNone; });
-  expect_header_rule("HEAD-16", [](SceneHeader& h) { h.position = MeanCodingId::kRaw64; });
+  expect_header_rule("HEAD-16", [](SceneHeader& h) { h.position = CoordinateCodingId::kNone; });
+  expect_header_rule("HEAD-16", [](SceneHeader& h) { h.position = CoordinateCodingId::kRaw64; });
 }
 
 // spec: HEAD-17
@@ -257,7 +257,7 @@ TEST(Clause, HEAD_9) {
 // spec: HEAD-10
 TEST(Clause, HEAD_10) {
   expect_header_rule("HEAD-10",
-                     [](SceneHeader& h) { h.layers.back().mean_t = MeanCodingId::kNone; });
+                     [](SceneHeader& h) { h.layers.back().mean_t = CoordinateCodingId::kNone; });
 }
 
 // spec: HEAD-11
@@ -308,7 +308,7 @@ TEST(Clause, CODE_3) {
 }
 
 // A codebook's content with one value that is no number.
-Bytes damaged_book(uint32_t entries, uint32_t dim) {
+Bytes damaged_codebook(uint32_t entries, uint32_t dim) {
   Bytes raw;
   for (uint32_t k = 0; k < dim; ++k) {
     std::vector<uint16_t> column(entries, order_half(0x3c00));
@@ -322,8 +322,8 @@ Bytes damaged_book(uint32_t entries, uint32_t dim) {
 // spec: CODE-4
 TEST(Clause, CODE_4) {
   StreamEditor editor(staged_file());
-  EditedChunk& book = editor.sh_books[1];
-  book.raw = damaged_book(editor.header.sh.stages[1].num_entries, editor.header.sh_dim());
+  EditedChunk& codebook = editor.sh_codebooks[1];
+  codebook.raw = damaged_codebook(editor.header.sh.stages[1].num_entries, editor.header.sh_dim());
   expect_clause(editor.build(), "CODE-4", L4D_ERR_CORRUPT);
 }
 
@@ -339,9 +339,9 @@ void expect_chunk_rule(const char* clause, l4d_status status,
     expect_clause(editor.build(), clause, status);
   };
   const auto place = StreamEditor(rcq_file()).find(temporal);
-  with("SH codebook", [](StreamEditor& e) -> EditedChunk& { return e.sh_books[0]; });
+  with("SH codebook", [](StreamEditor& e) -> EditedChunk& { return e.sh_codebooks[0]; });
   with("codebook", [](StreamEditor& e) -> EditedChunk& {
-    return e.layers.back().books[L4D_COMPONENT_SCALE][0];
+    return e.layers.back().codebooks[L4D_COMPONENT_SCALE][0];
   });
   with("page", [&](StreamEditor& e) -> EditedChunk& { return e.at(place).pages[0]; });
   with("residual codebook",
@@ -377,7 +377,7 @@ TEST(Clause, CHNK_1_NoWrapAround) {
     DecoderHandle d;
     d.open_memory(bytes.data(), bytes.size());
     EXPECT_THROW(d.decode(all_query()), Error);
-    EXPECT_NE(std::string(l4d_decoder_error_detail(d.get())).find("CHNK-1"), std::string::npos);
+    EXPECT_NE(std::string(l4d_decoder_error_message(d.get())).find("CHNK-1"), std::string::npos);
   }
 }
 
@@ -457,7 +457,7 @@ TEST(Clause, CHNK_6) {
 // spec: CHNK-7
 TEST(Clause, CHNK_7) {
   StreamEditor editor(rcq_file());
-  editor.sh_books[0].raw.push_back(0);
+  editor.sh_codebooks[0].raw.push_back(0);
   expect_clause(editor.build(), "CHNK-7", L4D_ERR_CORRUPT);
   StreamEditor table(rcq_file());
   for (EditedDirectoryPage& d : table.layers.back().directory) {
@@ -565,14 +565,14 @@ TEST(Clause, VAL_2) {
   const auto place = editor.find(temporal);
   const size_t pages = editor.at(place).pages.size();
   for (size_t p = 0; p < pages; ++p) {
-    const PageStream s = editor.stream(place, p, "sh.literal.11");
+    const PageStream s = editor.stream(place, p, "sh.escape.11");
     if (s.n == 0) continue;
     editor.replace_stream(place, p, s.name,
                           packed_stream(values(s, 0x8000, order_half(0x7c00)), 16));
     expect_clause(editor.build(), "VAL-2", L4D_ERR_CORRUPT);
     return;
   }
-  FAIL() << "no page has literals";
+  FAIL() << "no page has escapes";
 }
 
 // spec: VAL-4

@@ -119,10 +119,10 @@ TEST(Columns, StillRowsAreWrittenOnce) {
   EXPECT_EQ(c.columns.still_key, key);
   EXPECT_EQ(c.opacity[still - 1], 7);
   // The rows are others where other Gaussians are left out.
-  c.columns.least_opacity = 0.5f;
+  c.columns.min_opacity = 0.5f;
   d.check(c.slice(d, 0.1));
   EXPECT_NE(c.columns.still_key, key);
-  c.columns.least_opacity = 0;
+  c.columns.min_opacity = 0;
   c.columns.still_key = 0;
   d.check(c.slice(d, 0.1));
   EXPECT_EQ(splats_of(c), before);
@@ -132,7 +132,7 @@ TEST(Columns, LeaveOutWhatIsTooFaintAndNothingElse) {
   const DecoderHandle d = open(dynamic_file());
   Columns c(static_cast<size_t>(d.info().num_gaussians));
   for (const float least : {1.0f / 255.0f, 0.3f, 1.0f, 2.0f}) {
-    c.columns.least_opacity = least;
+    c.columns.min_opacity = least;
     for (const double time : {0.1, 0.9, 1.7}) {
       const std::map<const float*, Splat> all = splats_at(d, time);
       d.check(c.slice(d, time));
@@ -185,10 +185,10 @@ TEST(Columns, RefuseWhatMakesNoSense) {
   c.resize(c.opacity.size());
   EXPECT_EQ(c.slice(d, std::nan("")), L4D_ERR_INVALID_ARGUMENT);
   for (const float least : {-1.0f, std::nanf("")}) {
-    c.columns.least_opacity = least;
+    c.columns.min_opacity = least;
     EXPECT_EQ(c.slice(d, 0.9), L4D_ERR_INVALID_ARGUMENT);
   }
-  c.columns.least_opacity = 0;
+  c.columns.min_opacity = 0;
   EXPECT_EQ(c.slice(d, 0.9), L4D_OK);
   EXPECT_EQ(l4d_decoder_slice_columns(d.get(), 0.9, nullptr), L4D_ERR_INVALID_ARGUMENT);
   EXPECT_EQ(l4d_decoder_slice_columns(nullptr, 0.9, &c.columns), L4D_ERR_INVALID_ARGUMENT);

@@ -15,10 +15,10 @@ namespace {
 
 using namespace test;
 
-l4d_conformance conformance_of(const Bytes& file, uint64_t rate = 0, uint64_t burst = 0) {
+l4d_stream_demand demand_of(const Bytes& file, uint64_t rate = 0, uint64_t burst = 0) {
   DecoderHandle d;
   d.open_memory(file.data(), file.size());
-  return d.conformance(rate, burst);
+  return d.demand(rate, burst);
 }
 
 class Streams : public testing::TestWithParam<NamedFile> {};
@@ -33,7 +33,7 @@ INSTANTIATE_TEST_SUITE_P(Conformance, Streams,
 // What queries select over the sequence never goes beyond the peak, and comes up to it.
 TEST_P(Streams, PeakIsTheLargestQuery) {
   const Bytes& file = GetParam().bytes();
-  const l4d_conformance c = conformance_of(file);
+  const l4d_stream_demand c = demand_of(file);
   DecoderHandle d;
   d.open_memory(file.data(), file.size());
   const l4d_info info = d.info();
@@ -54,10 +54,10 @@ TEST_P(Streams, PeakIsTheLargestQuery) {
 
 // A player that reads what a query needs and has not got yet never needs more than start, rate and
 // burst bring.
-TEST_P(Streams, AChannelOfTheLeastBurstIsEnough) {
+TEST_P(Streams, ALinkOfTheMinBurstIsEnough) {
   const Bytes& file = GetParam().bytes();
   const uint64_t rate = file.size() / 4;
-  const l4d_conformance c = conformance_of(file, rate, 1000);
+  const l4d_stream_demand c = demand_of(file, rate, 1000);
   DecoderHandle d;
   d.open_memory(file.data(), file.size());
   const l4d_info info = d.info();
@@ -69,14 +69,14 @@ TEST_P(Streams, AChannelOfTheLeastBurstIsEnough) {
         d.select(range_query(info.timeline.time_begin, info.timeline.time_begin + t));
     bytes = s.bytes;
     worst = std::max(worst, static_cast<double>(bytes) -
-                                static_cast<double>(c.start_bytes + c.least_burst_bytes) -
+                                static_cast<double>(c.start_bytes + c.min_burst_bytes) -
                                 static_cast<double>(rate) * t);
   }
   EXPECT_LE(worst, 1);
   EXPECT_LE(bytes, file.size());
   EXPECT_LE(c.start_bytes, file.size());
-  if (c.least_bytes_per_second != UINT64_MAX) {
-    EXPECT_LE(conformance_of(file, c.least_bytes_per_second).least_burst_bytes, 1000u);
+  if (c.min_bytes_per_second != UINT64_MAX) {
+    EXPECT_LE(demand_of(file, c.min_bytes_per_second).min_burst_bytes, 1000u);
   }
 }
 
@@ -84,7 +84,7 @@ TEST_P(Streams, DeclareWhatTheyKeepTo) {
   const Bytes& file = GetParam().bytes();
   DecoderHandle d;
   d.open_memory(file.data(), file.size());
-  const l4d_conformance c = conformance_of(file);
+  const l4d_stream_demand c = demand_of(file);
   const bool lossless = std::string(GetParam().name) == "lossless";
   EXPECT_EQ(c.profile, uint32_t{lossless ? L4D_PROFILE_LOSSLESS : L4D_PROFILE_INDEXED});
   EXPECT_EQ(d.info().profile, c.profile);
@@ -114,9 +114,9 @@ TEST(Conformance, MemoryIsLimited) {
     options.max_memory_bytes = limit;
     DecoderHandle d(&options);
     d.open_memory(file.data(), file.size());
-    l4d_conformance c;
-    l4d_conformance_init(&c);
-    return l4d_decoder_get_conformance(d.get(), &c);
+    l4d_stream_demand c;
+    l4d_stream_demand_init(&c);
+    return l4d_decoder_get_stream_demand(d.get(), &c);
   };
   DecoderHandle d;
   d.open_memory(file.data(), file.size());
@@ -124,10 +124,10 @@ TEST(Conformance, MemoryIsLimited) {
   l4d_counters_init(&before);
   l4d_counters_init(&after);
   d.check(l4d_decoder_get_counters(d.get(), &before));
-  conformance_of(file);
-  l4d_conformance c;
-  l4d_conformance_init(&c);
-  d.check(l4d_decoder_get_conformance(d.get(), &c));
+  demand_of(file);
+  l4d_stream_demand c;
+  l4d_stream_demand_init(&c);
+  d.check(l4d_decoder_get_stream_demand(d.get(), &c));
   d.check(l4d_decoder_get_counters(d.get(), &after));
   ASSERT_GT(after.peak_memory_bytes, before.memory_bytes);
   EXPECT_EQ(after.pages_decoded, 0u);
@@ -142,9 +142,9 @@ TEST(Conformance, ADamagedDirectoryIsNoAnswer) {
   const Bytes bytes = editor.build();
   DecoderHandle d;
   d.open_memory(bytes.data(), bytes.size());
-  l4d_conformance c;
-  l4d_conformance_init(&c);
-  EXPECT_EQ(l4d_decoder_get_conformance(d.get(), &c), L4D_ERR_CHECKSUM);
+  l4d_stream_demand c;
+  l4d_stream_demand_init(&c);
+  EXPECT_EQ(l4d_decoder_get_stream_demand(d.get(), &c), L4D_ERR_CHECKSUM);
   // It is told once, and not held against the level.
   for (const Violation& v : validate(bytes))
     EXPECT_EQ(v.clause.rfind("LEVL", 0), std::string::npos);
@@ -211,17 +211,17 @@ TEST(Levels, ProfilesSayWhatBreaksThem) {
   SceneHeader h;
   h.layers.resize(1);
   EXPECT_EQ(profile_of(h), ProfileId::kIndexed);
-  EXPECT_EQ(profile_breach(h, ProfileId::kLossless), "position is not raw32");
-  h.layers[0].mean_t = MeanCodingId::kFixed;
+  EXPECT_EQ(profile_violation(h, ProfileId::kLossless), "position is not raw32");
+  h.layers[0].mean_t = CoordinateCodingId::kFixed;
   EXPECT_EQ(profile_of(h), ProfileId::kMain);
-  EXPECT_EQ(profile_breach(h, ProfileId::kIndexed), "mean_t of layer 0 is fixed");
-  h.layers[0].mean_t = MeanCodingId::kF16;
+  EXPECT_EQ(profile_violation(h, ProfileId::kIndexed), "mean_t of layer 0 is fixed");
+  h.layers[0].mean_t = CoordinateCodingId::kF16;
   h.layers[0].component[L4D_COMPONENT_SCALE].coding = ComponentCodingId::kTransform;
   EXPECT_EQ(profile_of(h), ProfileId::kMain);
-  EXPECT_EQ(profile_breach(h, ProfileId::kIndexed), "scale of layer 0 is a transform");
-  h.layers[0].mean_t = MeanCodingId::kRaw32;
+  EXPECT_EQ(profile_violation(h, ProfileId::kIndexed), "scale of layer 0 is a transform");
+  h.layers[0].mean_t = CoordinateCodingId::kRaw32;
   EXPECT_EQ(profile_of(h), ProfileId::kNone);
-  EXPECT_EQ(profile_breach(h, ProfileId::kMain), "mean_t of layer 0 is raw32");
+  EXPECT_EQ(profile_violation(h, ProfileId::kMain), "mean_t of layer 0 is raw32");
 }
 
 }  // namespace

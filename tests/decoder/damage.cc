@@ -13,7 +13,7 @@ Anatomy::Anatomy(const Bytes& file) : editor(file) {
     chunks.push_back(std::move(chunk));
   };
   Chunk chunk;
-  chunk.kind = Chunk::kBook;
+  chunk.kind = Chunk::kCodebook;
   chunk.needed_by_all = true;
   for (const StageCoding& s : header.sh.stages) add(chunk, s.codebook, "SH codebook");
   chunk.needed_by_all = false;
@@ -24,10 +24,10 @@ Anatomy::Anatomy(const Bytes& file) : editor(file) {
     chunk.layer = l;
     for (unsigned c = L4D_COMPONENT_SCALE; c < L4D_COMPONENT_COUNT; ++c) {
       chunk.component = c;
-      chunk.kind = Chunk::kBook;
+      chunk.kind = Chunk::kCodebook;
       for (const StageCoding& s : layer.component[c].stages)
         add(chunk, s.codebook, "codebook" + in);
-      chunk.kind = Chunk::kResidualBook;
+      chunk.kind = Chunk::kResidualCodebook;
       if (layer.component[c].has_rcq) {
         add(chunk, layer.component[c].rcq.codebook, "residual codebook" + in);
       }
@@ -44,7 +44,7 @@ Anatomy::Anatomy(const Bytes& file) : editor(file) {
               ByteSpan(file).subspan(static_cast<size_t>(at), PageTableEntry::kBytes), at, &entry)
               .ok());
       add(chunk, entry.chunk, "directory page " + std::to_string(d) + in);
-      chunk.kind = Chunk::kBlockBook;
+      chunk.kind = Chunk::kBlockCodebook;
       for (uint32_t b = 0; b < directory.page.blocks.size(); ++b) {
         chunk.block = b;
         for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
@@ -71,7 +71,7 @@ Anatomy::Anatomy(const Bytes& file) : editor(file) {
 }
 
 std::vector<Chunk> Anatomy::some_chunks(size_t most) const {
-  std::array<size_t, Chunk::kBook + 1> total{}, seen{};
+  std::array<size_t, Chunk::kCodebook + 1> total{}, seen{};
   for (const Chunk& c : chunks) ++total[c.kind];
   std::vector<Chunk> some;
   for (const Chunk& c : chunks) {
@@ -102,13 +102,13 @@ std::vector<size_t> Anatomy::lost_with(const Chunk& chunk) const {
       case Chunk::kDirectory:
         needs = here;
         break;
-      case Chunk::kBlockBook:
+      case Chunk::kBlockCodebook:
         needs = here && page.block == chunk.block;
         break;
-      case Chunk::kResidualBook:
+      case Chunk::kResidualCodebook:
         needs = page.has_table[chunk.component];
         break;
-      case Chunk::kBook:
+      case Chunk::kCodebook:
         needs = true;
         break;
     }
@@ -165,8 +165,8 @@ GaussianArrays decode_rest(const DecoderHandle& decoder, const l4d_query& query)
   GaussianArrays a = decoder.decode(query);
   // Ranges beyond those handed out stay empty.
   size_t n = 0;
-  while (!a.ranges.empty() && a.ranges.back().count == 0) a.ranges.pop_back();
-  for (const l4d_range& r : a.ranges) n += static_cast<size_t>(r.count);
+  while (!a.spans.empty() && a.spans.back().count == 0) a.spans.pop_back();
+  for (const l4d_bucket_span& r : a.spans) n += static_cast<size_t>(r.count);
   a.position.resize(3 * n);
   a.mean_t.resize(n);
   a.mean_t_local.resize(n);
@@ -186,16 +186,16 @@ GaussianArrays without(const GaussianArrays& all, const Anatomy& anatomy,
   for (size_t p = 0; p < anatomy.pages.size(); ++p) {
     if (std::find(lost.begin(), lost.end(), p) != lost.end()) continue;
     const uint64_t first = anatomy.pages[p].first, count = anatomy.pages[p].count;
-    const auto from = std::find_if(all.ranges.begin(), all.ranges.end(), [&](const l4d_range& r) {
-      return first >= r.first && first < r.first + r.count;
-    });
-    if (rest.ranges.empty() || rest.ranges.back().layer != from->layer ||
-        rest.ranges.back().bucket != from->bucket) {
-      rest.ranges.push_back(*from);
-      rest.ranges.back().first = rest.count();
-      rest.ranges.back().count = 0;
+    const auto from = std::find_if(
+        all.spans.begin(), all.spans.end(),
+        [&](const l4d_bucket_span& r) { return first >= r.first && first < r.first + r.count; });
+    if (rest.spans.empty() || rest.spans.back().layer != from->layer ||
+        rest.spans.back().bucket != from->bucket) {
+      rest.spans.push_back(*from);
+      rest.spans.back().first = rest.count();
+      rest.spans.back().count = 0;
     }
-    rest.ranges.back().count += count;
+    rest.spans.back().count += count;
     const auto append = [&](const std::vector<float>& source, size_t dim, std::vector<float>* to) {
       const auto begin = source.begin() + static_cast<std::ptrdiff_t>(dim * first);
       to->insert(to->end(), begin, begin + static_cast<std::ptrdiff_t>(dim * count));

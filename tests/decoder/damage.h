@@ -11,7 +11,7 @@
 namespace l4d::test {
 
 struct Chunk {
-  enum Kind { kPage, kDirectory, kBlockBook, kResidualBook, kBook };
+  enum Kind { kPage, kDirectory, kBlockCodebook, kResidualCodebook, kCodebook };
   std::string name;
   ChunkRef ref;
   Kind kind = kPage;

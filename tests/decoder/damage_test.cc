@@ -26,7 +26,7 @@ Outcome try_decode(const Bytes& bytes) {
     out.arrays = d.decode(all_query());
   } catch (const Error& e) {
     out.status = e.status();
-    EXPECT_STRNE(l4d_decoder_error_detail(d.get()), "");
+    EXPECT_STRNE(l4d_decoder_error_message(d.get()), "");
   }
   return out;
 }

@@ -31,7 +31,7 @@ l4d_status select_status(const DecoderHandle& decoder, const l4d_query& query) {
 
 void expect_refused(const DecoderHandle& decoder, l4d_status status, const char* clause) {
   EXPECT_EQ(l4d_status_name(status), std::string("L4D_ERR_CORRUPT"));
-  const std::string detail = l4d_decoder_error_detail(decoder.get());
+  const std::string detail = l4d_decoder_error_message(decoder.get());
   EXPECT_EQ(detail.rfind(std::string("spec ") + clause + " at byte ", 0), 0u) << detail;
 }
 
@@ -76,9 +76,9 @@ TEST(DirectoryRules, ALayerWithoutAllItsGaussiansIsRefused) {
         l4d_splat_buffers_init(&splats);
         expect_refused(d, l4d_decoder_slice(d.get(), 0, &splats), "DIR-5");
       }
-      l4d_conformance conformance;
-      l4d_conformance_init(&conformance);
-      expect_refused(d, l4d_decoder_get_conformance(d.get(), &conformance), "DIR-5");
+      l4d_stream_demand demand;
+      l4d_stream_demand_init(&demand);
+      expect_refused(d, l4d_decoder_get_stream_demand(d.get(), &demand), "DIR-5");
     }
   }
 }
@@ -94,7 +94,7 @@ TEST(DirectoryRules, ATolerantDecoderReportsGaussiansThatAreNotThere) {
   EXPECT_EQ(losses[0].status, L4D_ERR_CORRUPT);
   EXPECT_STREQ(losses[0].clause, "DIR-5");
   EXPECT_EQ(losses[0].layer, 0u);
-  EXPECT_EQ(losses[0].num_chunks, 0u);
+  EXPECT_EQ(losses[0].num_pages, 0u);
   EXPECT_EQ(losses[0].num_gaussians, 1u);
   EXPECT_EQ(counters_of(d).gaussians_lost, 2u);  // of the selection, and of the decode
 }
@@ -147,7 +147,7 @@ TEST(DirectoryRules, PagesThatShareBytesAreRefusedWhereAQueryMeetsBoth) {
                                           {shared.layer, shared.buckets[1]}};
     expect_refused(d, select_status(d, list_query(both)), "CHNK-4");
     for (const l4d_bucket& one : both) {
-      EXPECT_EQ(select_status(d, list_query({one})), L4D_OK) << l4d_decoder_error_detail(d.get());
+      EXPECT_EQ(select_status(d, list_query({one})), L4D_OK) << l4d_decoder_error_message(d.get());
     }
   }
 }

@@ -42,7 +42,7 @@ TEST(Hostile, LargeCodebooksAreRefusedBeforeTheyAreAllocated) {
     const Bytes constant = constant_stream(0x8000, 16);
     raw.insert(raw.end(), constant.begin(), constant.end());
   }
-  editor.sh_books[0].raw = raw;
+  editor.sh_codebooks[0].raw = raw;
   const Bytes bytes = editor.build();
   const Cost cost = cost_of(bytes, 1u << 20);
   EXPECT_EQ(cost.status, L4D_ERR_LIMIT_EXCEEDED);
@@ -92,7 +92,7 @@ TEST(Hostile, OddOffsets) {
     for (EditedLayer& l : editor.layers) {
       for (EditedDirectoryPage& d : l.directory) d.chunk.codec = 0;  // read in place
     }
-    editor.sh_books[0].codec = 0;
+    editor.sh_codebooks[0].codec = 0;
     const Bytes built = editor.build();
     // The same bytes at an odd address, whole file and all.
     Bytes storage(built.size() + shift);
@@ -127,7 +127,7 @@ TEST(Hostile, RandomContentIsSafe) {
         d.on_bytes = damage;
         break;
       case 2:
-        if (!editor.sh_books.empty()) damage(editor.sh_books[0].raw);
+        if (!editor.sh_codebooks.empty()) damage(editor.sh_codebooks[0].raw);
         break;
       default:
         if (!d.pages.empty())

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "libl4dcodec/container/conformance.h"
+#include "libl4dcodec/container/level_meter.h"
 #include "tests/common/random.h"
 
 namespace l4d {
@@ -77,8 +77,8 @@ Pages random_pages(uint64_t seed) {
   return out;
 }
 
-ConformanceMeter measure(const Pages& pages, uint64_t head_bytes = 0) {
-  ConformanceMeter meter(pages.header);
+LevelMeter measure(const Pages& pages, uint64_t head_bytes = 0) {
+  LevelMeter meter(pages.header);
   for (const Pages::Entry& e : pages.directory) {
     meter.add_directory_page(e.layer, e.index, e.stored_bytes,
                              e.page.pages.empty() ? nullptr : &e.page);
@@ -129,7 +129,7 @@ std::vector<Chunk> chunks_of(const Pages& pages) {
 TEST(Conformance, PeaksAreThoseOfBruteForce) {
   for (uint64_t seed = 0; seed < 40; ++seed) {
     const Pages pages = random_pages(seed);
-    const ConformanceMeter meter = measure(pages, 1000);
+    const LevelMeter meter = measure(pages, 1000);
     const std::vector<Chunk> chunks = chunks_of(pages);
     Peak gaussians, bytes, memory;
     uint64_t start = 1000;
@@ -185,10 +185,10 @@ TEST(Conformance, LeakyBucketIsThatOfAllWindows) {
   for (uint64_t seed = 100; seed < 112; ++seed) {
     SCOPED_TRACE(seed);
     const Pages pages = random_pages(seed);
-    const ConformanceMeter meter = measure(pages);
+    const LevelMeter meter = measure(pages);
     const std::vector<Chunk> chunks = chunks_of(pages);
     for (const uint64_t rate : {0u, 1000u, 20000u, 300000u}) {
-      const Burst burst = meter.least_burst(rate);
+      const Burst burst = meter.min_burst(rate);
       const double want = brute_force_burst(pages, chunks, static_cast<double>(rate));
       EXPECT_NEAR(static_cast<double>(burst.bytes), std::floor(want), 1) << rate;
       // The window named is one that takes so much.
@@ -202,12 +202,12 @@ TEST(Conformance, LeakyBucketIsThatOfAllWindows) {
       EXPECT_NEAR(bytes - static_cast<double>(rate) * time, want, 1) << rate;
     }
     for (const uint64_t burst : {uint64_t{0}, uint64_t{30000}, uint64_t{1} << 40}) {
-      const uint64_t rate = meter.least_rate(burst);
+      const uint64_t rate = meter.min_rate(burst);
       const auto need = [&](uint64_t r) {
         return brute_force_burst(pages, chunks, static_cast<double>(r));
       };
       const double limit = static_cast<double>(burst) + 1;
-      if (rate == ConformanceMeter::kNoRate) {
+      if (rate == LevelMeter::kNoRate) {
         EXPECT_GE(need(uint64_t{1} << 62), limit);
         continue;
       }
@@ -222,12 +222,12 @@ TEST(Conformance, LeakyBucketIsThatOfAllWindows) {
 TEST(Conformance, WithoutPagesNothingIsAskedFor) {
   SceneHeader header;
   header.timeline.num_frames = header.timeline.fps_num = header.timeline.fps_den = 1;
-  ConformanceMeter meter(header);
+  LevelMeter meter(header);
   meter.finish(77);
   EXPECT_EQ(meter.gaussians().value, 0u);
   EXPECT_EQ(meter.start_bytes(), 77u);
-  EXPECT_EQ(meter.least_burst(0).bytes, 0u);
-  EXPECT_EQ(meter.least_rate(0), 0u);
+  EXPECT_EQ(meter.min_burst(0).bytes, 0u);
+  EXPECT_EQ(meter.min_rate(0), 0u);
   EXPECT_EQ(meter.smallest_level(), 1u);
 }
 
@@ -248,8 +248,8 @@ Pages one_page(const PageRecord& record) {
 
 std::vector<std::string> clauses(const Pages& pages, uint64_t head_bytes = 0, unsigned level = 1) {
   std::vector<std::string> out;
-  const ConformanceMeter meter = measure(pages, head_bytes);
-  for (const Excess& e : meter.beyond(level)) {
+  const LevelMeter meter = measure(pages, head_bytes);
+  for (const LimitViolation& e : meter.beyond(level)) {
     out.push_back(std::string(e.clause) + " " + e.message);
   }
   return out;
@@ -301,8 +301,8 @@ TEST(Levels, EachLimitIsHeld) {
   two.directory[0].page.pages[1].visible_begin = 128;
   EXPECT_EQ(clauses(two), Strings());
   EXPECT_EQ(measure(two).instant_bytes().value, 3u << 20);
-  EXPECT_EQ(measure(two).least_burst(0).bytes, 6u << 20);
-  EXPECT_EQ(measure(two).least_burst(10000).bytes, (6u << 20) - 375000);
+  EXPECT_EQ(measure(two).min_burst(0).bytes, 6u << 20);
+  EXPECT_EQ(measure(two).min_burst(10000).bytes, (6u << 20) - 375000);
 
   PageRecord block;
   block.num_gaussians = 1;

@@ -34,7 +34,7 @@ std::vector<Model> models(const DecoderHandle& d, const GaussianArrays& a) {
   const l4d_info info = d.info();
   const double begin = info.timeline.time_begin, end = begin + info.duration;
   std::vector<Model> out(a.count());
-  for (const l4d_range& r : a.ranges) {
+  for (const l4d_bucket_span& r : a.spans) {
     l4d_layer_info layer;
     l4d_layer_info_init(&layer);
     d.check(l4d_decoder_get_layer_info(d.get(), r.layer, &layer));
@@ -121,7 +121,7 @@ void expect_slice(const DecoderHandle& d, const GaussianArrays& a, const std::ve
   const SplatArrays s = d.slice(time);
   const size_t sh = 3 * (a.sh_degree + 1) * (a.sh_degree + 1);
   size_t at = 0;
-  for (const l4d_range& r : a.ranges) {
+  for (const l4d_bucket_span& r : a.spans) {
     for (size_t i = r.first; i < r.first + r.count; ++i) {
       const double dt = t - m[i].mean;
       const double exponent = m[i].permanent ? 0 : m[i].lambda * dt * dt;

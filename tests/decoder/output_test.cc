@@ -89,7 +89,7 @@ TEST_P(Output, TooSmallArraysAreRefused) {
   const l4d_query q = all_query();
   const l4d_selection s = d.select(q);
   std::vector<float> opacity(s.num_gaussians, -77.0f);
-  std::vector<l4d_range> ranges(s.num_ranges);
+  std::vector<l4d_bucket_span> spans(s.num_spans);
   l4d_gaussian_buffers b;
   l4d_gaussian_buffers_init(&b);
   b.opacity = opacity.data();
@@ -98,13 +98,13 @@ TEST_P(Output, TooSmallArraysAreRefused) {
   EXPECT_EQ(b.count, s.num_gaussians);
   EXPECT_EQ(opacity, std::vector<float>(opacity.size(), -77.0f));
   b.capacity = s.num_gaussians;
-  b.ranges = ranges.data();
-  b.range_capacity = s.num_ranges - 1;
+  b.spans = spans.data();
+  b.span_capacity = s.num_spans - 1;
   EXPECT_EQ(l4d_decoder_decode(d.get(), &q, &b), L4D_ERR_BUFFER_TOO_SMALL);
-  EXPECT_EQ(b.num_ranges, s.num_ranges);
-  b.range_capacity = s.num_ranges;
+  EXPECT_EQ(b.num_spans, s.num_spans);
+  b.span_capacity = s.num_spans;
   EXPECT_EQ(l4d_decoder_decode(d.get(), &q, &b), L4D_OK);
-  EXPECT_EQ(b.num_ranges, s.num_ranges);
+  EXPECT_EQ(b.num_spans, s.num_spans);
 }
 
 TEST_P(Output, SliceArraysAndCapacity) {
@@ -145,7 +145,7 @@ TEST_P(Output, SelectionAddsUp) {
   const DecoderHandle d = opened(bytes);
   const l4d_selection s = d.select(all_query());
   EXPECT_EQ(s.num_gaussians, d.info().num_gaussians);
-  EXPECT_GE(s.num_chunks, s.num_ranges);
+  EXPECT_GE(s.num_pages, s.num_spans);
   EXPECT_GT(s.directory_bytes, 0u);
   EXPECT_LT(s.bytes + s.directory_bytes, bytes.size());
   const l4d_selection again = d.select(all_query());  // cached now, and counted all the same
@@ -190,13 +190,13 @@ TEST_P(Output, LayersAddUpToTheScene) {
     tools |= layer.tools;
     for (uint32_t c = 0; c < L4D_COMPONENT_COUNT; ++c) {
       for (uint32_t s = 0; s < L4D_MAX_STAGES; ++s) {
-        l4d_codebook book;
-        l4d_codebook_init(&book);
-        d.check(l4d_decoder_get_codebook(d.get(), l, c, s, L4D_NO_BLOCK, &book));
-        EXPECT_EQ(book.entries != nullptr, s < layer.num_stages[c]);
-        EXPECT_EQ(book.num_entries > 0, s < layer.num_stages[c]);
+        l4d_codebook codebook;
+        l4d_codebook_init(&codebook);
+        d.check(l4d_decoder_get_codebook(d.get(), l, c, s, L4D_NO_BLOCK, &codebook));
+        EXPECT_EQ(codebook.entries != nullptr, s < layer.num_stages[c]);
+        EXPECT_EQ(codebook.num_entries > 0, s < layer.num_stages[c]);
         if (s == 0) {
-          EXPECT_EQ(book.num_entries, layer.codebook_size[c]);
+          EXPECT_EQ(codebook.num_entries, layer.codebook_size[c]);
         }
       }
     }
@@ -227,7 +227,7 @@ TEST(Codebook, BlocksHaveTheirOwn) {
   const DecoderHandle d = opened(rcq_file());
   const GaussianArrays a = d.decode(all_query());
   size_t blocks = 0;
-  for (const l4d_range& r : a.ranges) {
+  for (const l4d_bucket_span& r : a.spans) {
     if (r.block == L4D_NO_BLOCK) continue;
     ++blocks;
     l4d_codebook global, block;
@@ -249,11 +249,11 @@ TEST(Codebook, BlocksHaveTheirOwn) {
 
 TEST(Codebook, ArgumentsAreChecked) {
   const DecoderHandle d = opened(rcq_file());
-  l4d_codebook book;
-  l4d_codebook_init(&book);
+  l4d_codebook codebook;
+  l4d_codebook_init(&codebook);
   const uint32_t layers = d.info().num_layers;
   const auto get = [&](uint32_t layer, uint32_t c, uint32_t stage, uint32_t block) {
-    return l4d_decoder_get_codebook(d.get(), layer, c, stage, block, &book);
+    return l4d_decoder_get_codebook(d.get(), layer, c, stage, block, &codebook);
   };
   EXPECT_EQ(get(layers, 0, 0, L4D_NO_BLOCK), L4D_ERR_INVALID_ARGUMENT);
   EXPECT_EQ(get(0, L4D_COMPONENT_COUNT, 0, L4D_NO_BLOCK), L4D_ERR_INVALID_ARGUMENT);

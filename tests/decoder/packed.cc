@@ -60,13 +60,13 @@ class Expander {
     out_.rotor.resize(8 * n);
     out_.opacity.resize(n);
     out_.sh.resize(sh_dim * n);
-    out_.ranges = p_.ranges;
-    for (const l4d_range& r : p_.ranges) expand_range(r, sh_dim);
+    out_.spans = p_.spans;
+    for (const l4d_bucket_span& r : p_.spans) expand_range(r, sh_dim);
     return out_;
   }
 
  private:
-  void expand_range(const l4d_range& r, size_t sh_dim) {
+  void expand_range(const l4d_bucket_span& r, size_t sh_dim) {
     const l4d_layer_info layer = layer_info(d_, r.layer);
     l4d_dequantization q;
     l4d_dequantization_init(&q);
@@ -94,22 +94,23 @@ class Expander {
     }
   }
 
-  void row(const l4d_range& r, const l4d_layer_info& layer, unsigned c, size_t i, float* dst) {
+  void row(const l4d_bucket_span& r, const l4d_layer_info& layer, unsigned c, size_t i,
+           float* dst) {
     const unsigned dim = component_dim(info_, layer, c);
     for (unsigned k = 0; k < dim; ++k) dst[k] = 0;
     const uint8_t depth = p_.depth[c][i];
     if (depth == 255) {
       for (unsigned k = 0; k < dim; ++k) {
-        dst[k] = half_to_float(p_.literal[c][literals_[c]++]);
+        dst[k] = half_to_float(p_.escape[c][escapes_[c]++]);
       }
       return;
     }
     for (uint32_t s = 0; s < depth; ++s) {
-      l4d_codebook book;
-      l4d_codebook_init(&book);
+      l4d_codebook codebook;
+      l4d_codebook_init(&codebook);
       d_.check(l4d_decoder_get_codebook(d_.get(), r.layer, c, s, s == 0 ? r.block : L4D_NO_BLOCK,
-                                        &book));
-      const float* entry = book.entries + size_t{dim} * p_.index[c][s * p_.count() + i];
+                                        &codebook));
+      const float* entry = codebook.entries + size_t{dim} * p_.index[c][s * p_.count() + i];
       for (unsigned k = 0; k < dim; ++k) dst[k] = s == 0 ? entry[k] : dst[k] + entry[k];
     }
   }
@@ -117,7 +118,7 @@ class Expander {
   const DecoderHandle& d_;
   const PackedArrays& p_;
   l4d_info info_;
-  std::array<size_t, L4D_COMPONENT_COUNT> literals_{};
+  std::array<size_t, L4D_COMPONENT_COUNT> escapes_{};
   GaussianArrays out_;
 };
 
@@ -131,7 +132,7 @@ PackedArrays decode_packed(const DecoderHandle& decoder, const l4d_query& query)
   p.mean_t.resize(n);
   p.opacity.resize(n);
   p.scale_factor.resize(n);
-  p.ranges.resize(static_cast<size_t>(s.num_ranges));
+  p.spans.resize(static_cast<size_t>(s.num_spans));
   l4d_packed_buffers b;
   l4d_packed_buffers_init(&b);
   b.capacity = n;
@@ -139,20 +140,19 @@ PackedArrays decode_packed(const DecoderHandle& decoder, const l4d_query& query)
   b.mean_t = p.mean_t.data();
   b.opacity = p.opacity.data();
   b.scale_factor = p.scale_factor.data();
-  b.ranges = p.ranges.data();
-  b.range_capacity = p.ranges.size();
+  b.spans = p.spans.data();
+  b.span_capacity = p.spans.size();
   for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
     p.depth[c].resize(n);
     p.index[c].assign(L4D_MAX_STAGES * n, 0xeeee);
-    p.literal[c].resize(48 * n);
+    p.escape[c].resize(48 * n);
     b.component[c].depth = p.depth[c].data();
     b.component[c].index = p.index[c].data();
-    b.component[c].literal = p.literal[c].data();
-    b.component[c].literal_capacity = n;
+    b.component[c].escape = p.escape[c].data();
+    b.component[c].escape_capacity = n;
   }
   decoder.check(l4d_decoder_decode_packed(decoder.get(), &query, &b));
-  for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c)
-    p.num_literals[c] = b.component[c].num_literals;
+  for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) p.num_escapes[c] = b.component[c].num_escapes;
   return p;
 }
 

@@ -13,10 +13,10 @@ namespace l4d::test {
 struct PackedArrays {
   std::vector<uint16_t> position, mean_t, opacity, scale_factor;
   std::array<std::vector<uint8_t>, L4D_COMPONENT_COUNT> depth;
-  std::array<std::vector<uint16_t>, L4D_COMPONENT_COUNT> index;    // [L4D_MAX_STAGES, n]
-  std::array<std::vector<uint16_t>, L4D_COMPONENT_COUNT> literal;  // [num_literals, dim]
-  std::array<uint64_t, L4D_COMPONENT_COUNT> num_literals{};
-  std::vector<l4d_range> ranges;
+  std::array<std::vector<uint16_t>, L4D_COMPONENT_COUNT> index;   // [L4D_MAX_STAGES, n]
+  std::array<std::vector<uint16_t>, L4D_COMPONENT_COUNT> escape;  // [num_escapes, dim]
+  std::array<uint64_t, L4D_COMPONENT_COUNT> num_escapes{};
+  std::vector<l4d_bucket_span> spans;
   size_t count() const { return mean_t.size(); }
 };
 

@@ -95,11 +95,11 @@ TEST_P(Plan, PagesAreSelectedForAsLongAsTheySay) {
   ASSERT_GT(times.size(), 50u);
   const auto expect = [&](l4d_query q, const Wanted& want) {
     const l4d_selection some = d.select(q);
-    EXPECT_EQ(some.num_chunks, want.pages) << q.time_begin;
+    EXPECT_EQ(some.num_pages, want.pages) << q.time_begin;
     EXPECT_EQ(some.num_gaussians, want.gaussians) << q.time_begin;
     q.whole_buckets = 1;
     const l4d_selection whole = d.select(q);
-    EXPECT_EQ(whole.num_chunks, want.whole_pages) << q.time_begin;
+    EXPECT_EQ(whole.num_pages, want.whole_pages) << q.time_begin;
     EXPECT_EQ(whole.num_gaussians, want.whole_gaussians) << q.time_begin;
   };
   double before = first;
@@ -115,7 +115,7 @@ TEST_P(Plan, PagesAreSelectedForAsLongAsTheySay) {
   uint64_t all = 0;
   for (const Page& p : pages) all += p.num_gaussians;
   EXPECT_EQ(d.select(all_query()).num_gaussians, all);
-  EXPECT_EQ(d.select(all_query()).num_chunks, pages.size());
+  EXPECT_EQ(d.select(all_query()).num_pages, pages.size());
   EXPECT_EQ(all, info.num_gaussians);
 }
 

@@ -210,7 +210,7 @@ TEST_P(PackedReads, AreAmongThoseOfTheQuery) {
     EXPECT_EQ(got.position, want.position);
     for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
       EXPECT_EQ(got.index[c], want.index[c]);
-      EXPECT_EQ(got.literal[c], want.literal[c]);
+      EXPECT_EQ(got.escape[c], want.escape[c]);
     }
   }
 }

@@ -56,7 +56,7 @@ class Query : public testing::TestWithParam<NamedFile> {
       t.push_back(begin_ + frame * info_.timeline.fps_den / info_.timeline.fps_num);
     }
     std::set<uint32_t> levels;
-    for (const l4d_range& r : all_.ranges) levels.insert(r.level);
+    for (const l4d_bucket_span& r : all_.spans) levels.insert(r.level);
     for (const uint32_t level : levels) {
       const uint32_t buckets = level == 0 ? 1 : 2u << level;
       for (int i = 0; i < 4; ++i) {
@@ -92,7 +92,7 @@ class Query : public testing::TestWithParam<NamedFile> {
 TEST_P(Query, AllHoldsEveryGaussian) {
   EXPECT_EQ(all_.count(), info_.num_gaussians);
   uint64_t first = 0;
-  for (const l4d_range& r : all_.ranges) {
+  for (const l4d_bucket_span& r : all_.spans) {
     EXPECT_EQ(r.first, first);
     first += r.count;
   }
@@ -151,9 +151,9 @@ TEST_P(Query, MaxLevelLeavesOutFinerLayers) {
       q.max_level = level;
       const GaussianArrays part = d_.decode(q);
       uint64_t want = 0;
-      for (const l4d_range& r : whole.ranges) want += r.level <= level ? r.count : 0;
+      for (const l4d_bucket_span& r : whole.spans) want += r.level <= level ? r.count : 0;
       EXPECT_EQ(part.count(), want);
-      for (const l4d_range& r : part.ranges) EXPECT_LE(r.level, level);
+      for (const l4d_bucket_span& r : part.spans) EXPECT_LE(r.level, level);
       EXPECT_TRUE(contains(rows(whole), rows(part)));
     }
   }
@@ -163,7 +163,7 @@ TEST_P(Query, RangesDescribeTheirBuckets) {
   for (const l4d_query& q : {all_query(), time_query(0.5 * (begin_ + end_))}) {
     const GaussianArrays a = d_.decode(q);
     std::set<std::pair<uint32_t, uint32_t>> seen;
-    for (const l4d_range& r : a.ranges) {
+    for (const l4d_bucket_span& r : a.spans) {
       l4d_layer_info layer;
       l4d_layer_info_init(&layer);
       ASSERT_EQ(l4d_decoder_get_layer_info(d_.get(), r.layer, &layer), L4D_OK);
@@ -192,17 +192,17 @@ TEST_P(Query, AnInstantReadsLittleMoreThanItShows) {
   EXPECT_LT(now.num_gaussians, 3 * in_reach + 300);
 }
 
-std::vector<l4d_range> ranges_of(const DecoderHandle& d, const l4d_query& q) {
+std::vector<l4d_bucket_span> ranges_of(const DecoderHandle& d, const l4d_query& q) {
   uint64_t count = 0;
-  EXPECT_EQ(l4d_decoder_get_ranges(d.get(), &q, nullptr, 0, &count), L4D_OK);
-  std::vector<l4d_range> ranges(static_cast<size_t>(count));
-  EXPECT_EQ(l4d_decoder_get_ranges(d.get(), &q, ranges.data(), count, &count), L4D_OK);
-  EXPECT_EQ(count, ranges.size());
-  return ranges;
+  EXPECT_EQ(l4d_decoder_get_spans(d.get(), &q, nullptr, 0, &count), L4D_OK);
+  std::vector<l4d_bucket_span> spans(static_cast<size_t>(count));
+  EXPECT_EQ(l4d_decoder_get_spans(d.get(), &q, spans.data(), count, &count), L4D_OK);
+  EXPECT_EQ(count, spans.size());
+  return spans;
 }
-std::vector<l4d_bucket> buckets_of(const std::vector<l4d_range>& ranges) {
+std::vector<l4d_bucket> buckets_of(const std::vector<l4d_bucket_span>& spans) {
   std::vector<l4d_bucket> buckets;
-  for (const l4d_range& r : ranges) buckets.push_back({r.layer, r.bucket});
+  for (const l4d_bucket_span& r : spans) buckets.push_back({r.layer, r.bucket});
   return buckets;
 }
 l4d_query bucket_query(const std::vector<l4d_bucket>& buckets) {
@@ -215,11 +215,11 @@ l4d_query bucket_query(const std::vector<l4d_bucket>& buckets) {
 
 TEST_P(Query, RangesComeFromTheDirectoryAlone) {
   for (const l4d_query& q : {all_query(), time_query(0.5 * (begin_ + end_))}) {
-    const std::vector<l4d_range> ranges = ranges_of(d_, q);
+    const std::vector<l4d_bucket_span> spans = ranges_of(d_, q);
     const GaussianArrays a = d_.decode(q);
-    ASSERT_EQ(ranges.size(), a.ranges.size());
-    for (size_t i = 0; i < ranges.size(); ++i) {
-      EXPECT_EQ(std::memcmp(&ranges[i], &a.ranges[i], sizeof(l4d_range)), 0) << i;
+    ASSERT_EQ(spans.size(), a.spans.size());
+    for (size_t i = 0; i < spans.size(); ++i) {
+      EXPECT_EQ(std::memcmp(&spans[i], &a.spans[i], sizeof(l4d_bucket_span)), 0) << i;
     }
   }
 }
@@ -237,16 +237,16 @@ TEST_P(Query, ListedBucketsAreThoseOfATime) {
     // Each by itself is its range of the whole.
     for (size_t i = 0; i < buckets.size(); i += 1 + buckets.size() / 3) {
       const GaussianArrays one = d_.decode(bucket_query({buckets[i]}));
-      ASSERT_EQ(one.count(), whole.ranges[i].count);
+      ASSERT_EQ(one.count(), whole.spans[i].count);
       for (size_t k = 0; k < one.count(); ++k) {
-        ASSERT_EQ(row(one, k), row(whole, static_cast<size_t>(whole.ranges[i].first) + k));
+        ASSERT_EQ(row(one, k), row(whole, static_cast<size_t>(whole.spans[i].first) + k));
       }
     }
   }
 }
 
 TEST_P(Query, EveryBucketListedIsTheWhole) {
-  const std::vector<l4d_bucket> buckets = buckets_of(all_.ranges);
+  const std::vector<l4d_bucket> buckets = buckets_of(all_.spans);
   l4d_query q = bucket_query(buckets);
   EXPECT_TRUE(same_bits(d_.decode(q), all_));
   EXPECT_EQ(d_.select(q).directory_bytes, d_.select(all_query()).directory_bytes);
@@ -255,7 +255,7 @@ TEST_P(Query, EveryBucketListedIsTheWhole) {
   uint64_t want = 0;
   for (size_t i = 0; i < buckets.size(); i += 2) {
     some.push_back(buckets[i]);
-    want += all_.ranges[i].count;
+    want += all_.spans[i].count;
   }
   EXPECT_EQ(d_.decode(bucket_query(some)).count(), want);
   q = bucket_query({});
@@ -288,7 +288,7 @@ TEST(QueryArguments, AreChecked) {
         unit, no_list, bucket_query(no_layer), bucket_query(no_bucket), bucket_query(twice),
         bucket_query(descending)}) {
     EXPECT_EQ(l4d_decoder_select(d.get(), &q, &s), L4D_ERR_INVALID_ARGUMENT);
-    EXPECT_STRNE(l4d_decoder_error_detail(d.get()), "");
+    EXPECT_STRNE(l4d_decoder_error_message(d.get()), "");
   }
   l4d_splat_buffers b;
   l4d_splat_buffers_init(&b);

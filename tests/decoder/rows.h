@@ -58,7 +58,7 @@ inline Visibility visibility(const DecoderHandle& d, const GaussianArrays& a) {
   v.mean.resize(n);
   v.lambda.resize(n);
   v.permanent.resize(n);
-  for (const l4d_range& r : a.ranges) {
+  for (const l4d_bucket_span& r : a.spans) {
     l4d_layer_info layer;
     l4d_layer_info_init(&layer);
     d.check(l4d_decoder_get_layer_info(d.get(), r.layer, &layer));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Second parts of pages: what comes without them, what is read, and what their loss costs.
+// SH chunks of pages: what comes without them, what is read, and what their loss costs.
 #include "tests/common/sh_detail.h"
 
 #include <gtest/gtest.h>
@@ -25,7 +25,7 @@ TestScene scene() {
   return make_scene(o);
 }
 
-// SH as a transform, without second parts.
+// SH as a transform, without SH chunks.
 const Bytes& plain_file() {
   static const Bytes kBytes = [] {
     EncodeOptions o;
@@ -37,7 +37,7 @@ const Bytes& plain_file() {
   return kBytes;
 }
 
-// SH as codebooks, without second parts.
+// SH as codebooks, without SH chunks.
 const Bytes& plain_codebook_file() {
   static const Bytes kBytes = [] {
     EncodeOptions o = small_options();
@@ -94,7 +94,7 @@ TEST(ShDetail, BaseIsTheWholeWithLaterCoefficientsZero) {
   }
 }
 
-TEST(ShDetail, AWholeBaseHasNoSecondPart) {
+TEST(ShDetail, AWholeBaseHasNoShChunk) {
   const Bytes file = with_sh_detail(plain_file(), coefficients(plain_file()));
   for (const PageRecord& r : page_records(file)) EXPECT_FALSE(r.has_sh_detail());
   EXPECT_TRUE(same_bits(decode(plain_file(), all_query()), decode(file, base_query())));
@@ -110,7 +110,7 @@ TEST(ShDetail, WithoutABaseShIsTheOriginOrNothing) {
   const uint32_t dim = editor.header.sh_dim();
   CodebookData basis;
   ASSERT_TRUE(
-      decode_codebook(decoder, editor.sh_books[0].raw, 0, editor.header.sh.basis, dim, &basis)
+      decode_codebook(decoder, editor.sh_codebooks[0].raw, 0, editor.header.sh.basis, dim, &basis)
           .ok());
   for (const uint32_t backend : kBackends) {
     const GaussianArrays t = decode(transform, base_query(), backend);
@@ -130,7 +130,7 @@ TEST(ShDetail, WithoutABaseShIsTheOriginOrNothing) {
   EXPECT_EQ(all.index[L4D_COMPONENT_SCALE], base.index[L4D_COMPONENT_SCALE]);
   const auto& depth = base.depth[L4D_COMPONENT_SH];
   EXPECT_TRUE(std::all_of(depth.begin(), depth.end(), [](uint8_t v) { return v == 0; }));
-  EXPECT_EQ(base.num_literals[L4D_COMPONENT_SH], 0u);
+  EXPECT_EQ(base.num_escapes[L4D_COMPONENT_SH], 0u);
   EXPECT_NE(all.depth[L4D_COMPONENT_SH], depth);
 }
 
@@ -178,7 +178,7 @@ struct WatchedReader {
 };
 
 // spec: DEC-3
-TEST(ShDetail, BaseReadsNoByteOfASecondPart) {
+TEST(ShDetail, BaseReadsNoByteOfAShChunk) {
   WatchedReader watched(split_file());
   ASSERT_GT(watched.ranges.size(), 5u);
   const l4d_reader reader = watched.reader();
@@ -279,7 +279,7 @@ TEST(ShDetail, TheBucketCacheKeepsDetailsApart) {
   EXPECT_EQ(counters_of(d).buckets_decoded, decoded);
 }
 
-// One page's second part damaged.
+// One page's SH chunk damaged.
 struct Damaged {
   Bytes bytes = split_file();
   std::vector<PageRecord> pages = page_records(bytes);
@@ -341,7 +341,7 @@ TEST(ShDetail, ATolerantDecoderGivesTheBaseForWhatIsLost) {
 }
 
 // Beside a page that is lost altogether.
-TEST(ShDetail, LossesOfBothPartsAreToldApart) {
+TEST(ShDetail, LossesOfBothChunksAreToldApart) {
   Damaged damaged(1);
   const ChunkRef& first = damaged.pages[4].chunk;
   damaged.bytes[static_cast<size_t>(first.offset + first.stored_bytes / 2)] ^= 1;
@@ -350,7 +350,7 @@ TEST(ShDetail, LossesOfBothPartsAreToldApart) {
   EXPECT_TRUE(same_bits(decode_rest(d, all_query()), want));
   uint64_t details = 0, pages = 0;
   for (const l4d_loss& loss : losses_of(d)) {
-    (loss.detail_only != 0 ? details : pages) += loss.num_chunks;
+    (loss.detail_only != 0 ? details : pages) += loss.num_pages;
   }
   EXPECT_EQ(details, 1u);
   EXPECT_EQ(pages, 1u);
@@ -383,7 +383,7 @@ TEST(ShDetail, ASliceIsMendedWhenDetailCanBeReadAgain) {
 }
 
 // spec: CHNK-4
-TEST(ShDetail, SecondPartsThatShareBytesAreRefused) {
+TEST(ShDetail, ShChunksThatShareBytesAreRefused) {
   StreamEditor editor(split_file());
   EditedDirectoryPage& d = editor.at({0, 0});
   ASSERT_TRUE(d.present);

@@ -219,7 +219,7 @@ TEST_P(SplatForms, AGaussianHasOneIdInAllQueriesAndSlices) {
   EXPECT_EQ(where.size(), all.id.size()) << "two Gaussians have one id";
   // As the comment of l4d_gaussian_id says where they are in complete buckets.
   const GaussianArrays ranged = d.decode(all_query());
-  for (const l4d_range& r : ranged.ranges) {
+  for (const l4d_bucket_span& r : ranged.spans) {
     for (uint64_t k = 0; k < r.count; ++k) {
       ASSERT_EQ(key_of(all.id[static_cast<size_t>(r.first + k)]), (Id{r.layer, r.bucket, k}));
     }

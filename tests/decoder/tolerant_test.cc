@@ -51,10 +51,10 @@ TEST_P(Tolerant, DecodesWhatIsLeft) {
     EXPECT_GT(loss.bucket + loss.num_buckets, last.bucket);
     const l4d_counters c = counters_of(d);
     if (chunk.kind == Chunk::kDirectory) {
-      EXPECT_EQ(loss.num_chunks, 0u);
+      EXPECT_EQ(loss.num_pages, 0u);
       EXPECT_EQ(c.pages_lost, 0u);
     } else {
-      EXPECT_EQ(loss.num_chunks, lost.size());
+      EXPECT_EQ(loss.num_pages, lost.size());
       EXPECT_EQ(loss.num_gaussians, anatomy.gaussians(lost));
       EXPECT_EQ(loss.num_buckets, last.bucket - first.bucket + 1);
       EXPECT_EQ(c.pages_lost, lost.size());
@@ -161,8 +161,8 @@ TEST(TolerantPacked, UnpacksWhatIsLeft) {
       EXPECT_TRUE(starts_with(b.scale_factor, a.scale_factor));
       for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
         EXPECT_TRUE(starts_with(b.depth[c], a.depth[c]));
-        EXPECT_EQ(b.num_literals[c], a.num_literals[c]);
-        EXPECT_TRUE(starts_with(b.literal[c], a.literal[c]));
+        EXPECT_EQ(b.num_escapes[c], a.num_escapes[c]);
+        EXPECT_TRUE(starts_with(b.escape[c], a.escape[c]));
         for (size_t i = 0; i < a.count(); ++i) {
           for (size_t s = 0; s < a.depth[c][i] && a.depth[c][i] != 255; ++s) {
             ASSERT_EQ(a.index[c][s * a.count() + i], b.index[c][s * b.count() + i]);

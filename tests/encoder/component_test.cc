@@ -50,53 +50,53 @@ CodedComponent code(const Data& d, const ComponentSettings& s,
   return code_component(d.rows.data(), d.weights.data(), d.n, d.dim, blocks, s);
 }
 
-// Rows as a decoder makes them from what is coded: books, tables, indices and literals of the
+// Rows as a decoder makes them from what is coded: codebooks, tables, indices and escapes of the
 // input.
 std::vector<float> reconstruct(const CodedComponent& c, const Data& d,
                                const std::vector<BlockRange>& blocks = {}) {
   std::vector<float> out(c.n * c.dim);
-  const auto run = [&](size_t begin, size_t end, const std::vector<float>& book0) {
+  const auto run = [&](size_t begin, size_t end, const std::vector<float>& codebook0) {
     VqSource source;
     source.dim = c.dim;
-    source.num_stages = c.books.size();
-    std::vector<std::vector<uint16_t>> compact(c.books.size());
-    std::vector<uint16_t> literal;
-    std::vector<std::vector<float>> books = c.books;
-    books[0] = book0;
+    source.num_stages = c.codebooks.size();
+    std::vector<std::vector<uint16_t>> compact(c.codebooks.size());
+    std::vector<uint16_t> escape;
+    std::vector<std::vector<float>> codebooks = c.codebooks;
+    codebooks[0] = codebook0;
     for (size_t i = begin; i < end; ++i) {
-      if (c.depth[i] == kLiteralDepth) {
-        for (size_t k = 0; k < c.dim; ++k) literal.push_back(float_to_half(d.rows[i * c.dim + k]));
+      if (c.depth[i] == kEscapeDepth) {
+        for (size_t k = 0; k < c.dim; ++k) escape.push_back(float_to_half(d.rows[i * c.dim + k]));
         continue;
       }
       for (size_t s = 0; s < c.depth[i]; ++s) compact[s].push_back(c.index[s][i]);
     }
-    for (size_t s = 0; s < books.size(); ++s) {
-      books[s].resize(books[s].size() + CodebookData::kPadding);
-      source.book[s] = books[s].data();
+    for (size_t s = 0; s < codebooks.size(); ++s) {
+      codebooks[s].resize(codebooks[s].size() + CodebookData::kPadding);
+      source.codebook[s] = codebooks[s].data();
       source.index[s] = compact[s].data();
     }
     source.depth = c.depth.data() + begin;
-    source.literal = literal.data();
+    source.escape = escape.data();
     VqCursor cursor;
     reconstruct_kernels_simd().vq_rows(source, cursor, 0, end - begin, out.data() + begin * c.dim,
                                        false);
   };
   if (c.block_tables.empty()) {
-    run(0, c.n, c.books[0]);
+    run(0, c.n, c.codebooks[0]);
     return out;
   }
   for (size_t b = 0; b < blocks.size(); ++b) {
-    std::vector<float> book = c.books[0];
+    std::vector<float> codebook = c.codebooks[0];
     if (!c.block_tables[b].empty()) {
-      book.clear();
+      codebook.clear();
       for (const RcqPair& p : c.block_tables[b]) {
         for (size_t k = 0; k < c.dim; ++k) {
-          book.push_back(c.books[0][p.global * c.dim + k] +
-                         c.residual_book[p.residual * c.dim + k]);
+          codebook.push_back(c.codebooks[0][p.global * c.dim + k] +
+                             c.residual_codebook[p.residual * c.dim + k]);
         }
       }
     }
-    run(blocks[b].begin, blocks[b].end, book);
+    run(blocks[b].begin, blocks[b].end, codebook);
   }
   return out;
 }
@@ -124,9 +124,9 @@ TEST(Component, CodebooksHoldHalves) {
   const Data d = clustered(2000, 4, 20, 1);
   ComponentSettings s = small_settings();
   s.stages = {1, 0.5f};
-  for (const auto& book : code(d, s).books) {
-    EXPECT_LE(book.size(), 32u * 4);
-    for (const float v : book) EXPECT_EQ(v, half_to_float(float_to_half(v)));
+  for (const auto& codebook : code(d, s).codebooks) {
+    EXPECT_LE(codebook.size(), 32u * 4);
+    for (const float v : codebook) EXPECT_EQ(v, half_to_float(float_to_half(v)));
   }
 }
 
@@ -135,11 +135,11 @@ TEST(Component, DecodedRowsAreTheDecoders) {
     const Data d = clustered(1500, dim, 20, dim);
     ComponentSettings s = small_settings();
     s.stages = {1, 0.6f, 0.3f, 0.1f};
-    s.literal_threshold = 1.9;
+    s.escape_threshold = 1.9;
     CodedComponent c = code(d, s);
     expect_same_bits(c.decoded, reconstruct(c, d));
     const std::vector<float> before = c.decoded;
-    rank_codebooks(c, {});
+    sort_codebooks_by_frequency(c, {});
     expect_same_bits(before, reconstruct(c, d));
     expect_same_bits(before, c.decoded);
   }
@@ -150,7 +150,7 @@ TEST(Component, StageFractionsAreHonoured) {
   ComponentSettings s = small_settings();
   s.stages = {1, 0.5f, 0.25f, 0.1f};
   const CodedComponent c = code(d, s);
-  ASSERT_EQ(c.books.size(), 4u);
+  ASSERT_EQ(c.codebooks.size(), 4u);
   for (size_t stage = 0; stage < 4; ++stage) {
     const auto deeper =
         std::count_if(c.depth.begin(), c.depth.end(), [&](uint8_t depth) { return depth > stage; });
@@ -158,14 +158,14 @@ TEST(Component, StageFractionsAreHonoured) {
   }
 }
 
-TEST(Component, StagesGoToTheNeediest) {
+TEST(Component, StagesGoToTheLargestErrors) {
   const Data d = clustered(2000, 4, 50, 4);
   ComponentSettings one = small_settings();
   ComponentSettings two = one;
   two.stages = {1, 0.3f};
   const CodedComponent c1 = code(d, one);
   const CodedComponent c2 = code(d, two);
-  float least_chosen = 1e30f, most_left = 0;
+  float min_chosen = 1e30f, most_left = 0;
   for (size_t i = 0; i < d.n; ++i) {
     double e2 = 0;
     for (size_t k = 0; k < d.dim; ++k) {
@@ -175,12 +175,12 @@ TEST(Component, StagesGoToTheNeediest) {
     }
     const float need = static_cast<float>(static_cast<double>(d.weights[i]) * e2);
     if (c2.depth[i] > 1) {
-      least_chosen = std::min(least_chosen, need);
+      min_chosen = std::min(min_chosen, need);
     } else {
       most_left = std::max(most_left, need);
     }
   }
-  EXPECT_GE(least_chosen, most_left);
+  EXPECT_GE(min_chosen, most_left);
 }
 
 TEST(Component, EachStageReducesTheError) {
@@ -213,35 +213,35 @@ TEST(Component, MoreWeightMeansLessError) {
   EXPECT_LT(error[0], error[1]);
 }
 
-TEST(Component, LiteralsAreThoseAboveTheThreshold) {
+TEST(Component, EscapesAreThoseAboveTheThreshold) {
   const Data d = clustered(1000, 4, 20, 7);
   ComponentSettings s = small_settings();
   s.stages = {1, 0.5f};
-  s.literal_threshold = 1.5;
+  s.escape_threshold = 1.5;
   const CodedComponent c = code(d, s);
-  EXPECT_TRUE(c.any_literal);
+  EXPECT_TRUE(c.any_escape);
   for (size_t i = 0; i < d.n; ++i) {
-    EXPECT_EQ(c.depth[i] == kLiteralDepth, static_cast<double>(d.weights[i]) > 1.5) << i;
-    if (c.depth[i] != kLiteralDepth) continue;
+    EXPECT_EQ(c.depth[i] == kEscapeDepth, static_cast<double>(d.weights[i]) > 1.5) << i;
+    if (c.depth[i] != kEscapeDepth) continue;
     for (size_t k = 0; k < 4; ++k) {
       EXPECT_EQ(c.decoded[4 * i + k], half_to_float(float_to_half(d.rows[4 * i + k])));
     }
   }
-  s.literal_threshold = 100;
-  EXPECT_FALSE(code(d, s).any_literal);
+  s.escape_threshold = 100;
+  EXPECT_FALSE(code(d, s).any_escape);
 }
 
-TEST(Component, AllLiterals) {
+TEST(Component, AllEscapes) {
   const Data d = clustered(50, 4, 5, 8);
   ComponentSettings s = small_settings();
   s.stages = {1, 0.5f};
-  s.literal_threshold = 1e-9;
+  s.escape_threshold = 1e-9;
   CodedComponent c = code(d, s);
-  rank_codebooks(c, {});
+  sort_codebooks_by_frequency(c, {});
   ComponentCoding coding;
   describe_component(c, &coding);
   EXPECT_EQ(coding.coding, ComponentCodingId::kVq);
-  EXPECT_TRUE(coding.literals);
+  EXPECT_TRUE(coding.escapes);
   ASSERT_GE(coding.stages.size(), 1u);
   EXPECT_EQ(coding.stages[0].num_entries, 1u);
   expect_same_bits(c.decoded, reconstruct(c, d));
@@ -251,15 +251,15 @@ TEST(Component, CodesOfSomeGaussiansInAnotherOrder) {
   const Data d = clustered(400, 4, 40, 21);
   ComponentSettings s = small_settings();
   s.stages = {1, 0.5f};
-  s.literal_threshold = 1.5;
+  s.escape_threshold = 1.5;
   CodedComponent c = code(d, s);
-  ASSERT_TRUE(c.any_literal);
+  ASSERT_TRUE(c.any_escape);
   const std::vector<uint32_t> which = {399, 7, 0, 250, 8, 31};
   for (const int threads : {1, 3}) {
     const CodedComponent codes = codes_of(c, which, threads);
     EXPECT_EQ(codes.coding, ComponentCodingId::kVq);
     EXPECT_EQ(codes.n, which.size());
-    EXPECT_TRUE(codes.books.empty());
+    EXPECT_TRUE(codes.codebooks.empty());
     ASSERT_EQ(codes.index.size(), c.index.size());
     for (size_t j = 0; j < which.size(); ++j) {
       const size_t i = which[j];
@@ -272,7 +272,7 @@ TEST(Component, CodesOfSomeGaussiansInAnotherOrder) {
   }
   drop_codes(c);
   EXPECT_EQ(c.coding, ComponentCodingId::kVq);
-  EXPECT_FALSE(c.books.empty());
+  EXPECT_FALSE(c.codebooks.empty());
   EXPECT_TRUE(c.depth.empty());
   EXPECT_TRUE(c.decoded.empty());
 }
@@ -293,20 +293,20 @@ TEST(Component, CodesOfATransformInAnotherOrder) {
   ASSERT_EQ(codes.transform.coefficient.size(), c.transform.coefficient.size());
   for (size_t j = 0; j < which.size(); ++j) {
     const size_t i = which[j];
-    EXPECT_EQ(codes.transform.cls[j], c.transform.cls[i]);
-    EXPECT_EQ(codes.transform.rung[j], c.transform.rung[i]);
+    EXPECT_EQ(codes.transform.step_exponent[j], c.transform.step_exponent[i]);
+    EXPECT_EQ(codes.transform.eob_index[j], c.transform.eob_index[i]);
     for (size_t k = 0; k < c.transform.coefficient.size(); ++k) {
       EXPECT_EQ(codes.transform.coefficient[k][j], c.transform.coefficient[k][i]);
     }
   }
 }
 
-TEST(Component, LiteralsSaturateInsteadOfOverflowing) {
+TEST(Component, EscapesSaturateInsteadOfOverflowing) {
   Data d = clustered(10, 4, 2, 9);
   d.rows[5] = 1e9f;
   d.rows[6] = -1e9f;
   ComponentSettings s = small_settings();
-  s.literal_threshold = 1e-9;
+  s.escape_threshold = 1e-9;
   const CodedComponent c = code(d, s);
   EXPECT_EQ(c.decoded[5], 65504.0f);
   EXPECT_EQ(c.decoded[6], -65504.0f);
@@ -319,7 +319,7 @@ TEST(Component, DegenerateInput) {
       ComponentSettings s = small_settings();
       s.stages = {1, 1, 0.5f};
       CodedComponent c = code(d, s);
-      rank_codebooks(c, {});
+      sort_codebooks_by_frequency(c, {});
       for (const float v : c.decoded) EXPECT_EQ(v, 0.25f);
       expect_same_bits(c.decoded, reconstruct(c, d));
     }
@@ -329,8 +329,8 @@ TEST(Component, DegenerateInput) {
 TEST(Component, RankingPutsFrequentEntriesFirstAndDropsUnusedOnes) {
   const Data d = clustered(4000, 4, 10, 10);
   CodedComponent c = code(d, small_settings());
-  rank_codebooks(c, {});
-  std::vector<size_t> use(c.books[0].size() / 4, 0);
+  sort_codebooks_by_frequency(c, {});
+  std::vector<size_t> use(c.codebooks[0].size() / 4, 0);
   for (const uint16_t i : c.index[0]) ++use.at(i);
   EXPECT_TRUE(std::is_sorted(use.rbegin(), use.rend()));
   EXPECT_GT(use.back(), 0u);
@@ -340,7 +340,7 @@ TEST(Component, DroppedGaussiansLeaveTheRestAsItWas) {
   const Data d = clustered(500, 4, 10, 11);
   ComponentSettings s = small_settings();
   s.stages = {1, 0.5f};
-  s.literal_threshold = 1.8;
+  s.escape_threshold = 1.8;
   CodedComponent c = code(d, s);
   const CodedComponent whole = c;
   std::vector<uint8_t> keep(d.n);
@@ -358,7 +358,7 @@ TEST(Component, DroppedGaussiansLeaveTheRestAsItWas) {
   }
   drop_gaussians(c, keep);
   ASSERT_EQ(c.n, kept.n);
-  rank_codebooks(c, {});
+  sort_codebooks_by_frequency(c, {});
   expect_same_bits(want, c.decoded);
   expect_same_bits(want, reconstruct(c, kept));
 }
@@ -371,12 +371,12 @@ TEST(Component, EqualForAnyNumberOfThreadsAndUnequalForOtherSeeds) {
   for (const int threads : {2, 7}) {
     s.threads = threads;
     const CodedComponent c = code(d, s);
-    EXPECT_EQ(c.books, one.books);
+    EXPECT_EQ(c.codebooks, one.codebooks);
     EXPECT_EQ(c.index, one.index);
     EXPECT_EQ(c.depth, one.depth);
   }
   s.seed = 1;
-  EXPECT_NE(code(d, s).books, one.books);
+  EXPECT_NE(code(d, s).codebooks, one.codebooks);
 }
 
 // ---- RCQ ---------------------------------------------------------------------------------------
@@ -409,17 +409,17 @@ TEST(Rcq, PaysWhereBlocksDiffer) {
   CodedComponent c = code(d, rcq_settings(1), blocks);
   EXPECT_TRUE(plain.block_tables.empty());
   ASSERT_EQ(c.block_tables.size(), blocks.size());
-  ASSERT_FALSE(c.residual_book.empty());
-  EXPECT_LE(c.residual_book.size() / 4, 64u);
+  ASSERT_FALSE(c.residual_codebook.empty());
+  EXPECT_LE(c.residual_codebook.size() / 4, 64u);
   const auto used = std::count_if(c.block_tables.begin(), c.block_tables.end(),
                                   [](const auto& t) { return !t.empty(); });
   EXPECT_GE(used, 4);
   EXPECT_LT(c.weighted_distortion, 0.7 * plain.weighted_distortion);
   expect_same_bits(c.decoded, reconstruct(c, d, blocks));
   const std::vector<float> before = c.decoded;
-  rank_codebooks(c, blocks);
+  sort_codebooks_by_frequency(c, blocks);
   expect_same_bits(before, reconstruct(c, d, blocks));
-  for (const float v : c.residual_book) EXPECT_EQ(v, half_to_float(float_to_half(v)));
+  for (const float v : c.residual_codebook) EXPECT_EQ(v, half_to_float(float_to_half(v)));
 }
 
 TEST(Rcq, DoesNotPayOnUniformData) {
@@ -428,8 +428,8 @@ TEST(Rcq, DoesNotPayOnUniformData) {
   const CodedComponent plain = code(d, rcq_settings(0), blocks);
   const CodedComponent c = code(d, rcq_settings(1), blocks);
   EXPECT_TRUE(c.block_tables.empty());
-  EXPECT_TRUE(c.residual_book.empty());
-  EXPECT_EQ(c.books, plain.books);
+  EXPECT_TRUE(c.residual_codebook.empty());
+  EXPECT_EQ(c.codebooks, plain.codebooks);
   EXPECT_EQ(c.index, plain.index);
 }
 
@@ -444,7 +444,7 @@ TEST(Rcq, AlwaysUsesEveryBlock) {
     for (const auto& t : c.block_tables) EXPECT_FALSE(t.empty());
     expect_same_bits(c.decoded, reconstruct(c, d, blocks));
     const std::vector<float> before = c.decoded;
-    rank_codebooks(c, blocks);
+    sort_codebooks_by_frequency(c, blocks);
     expect_same_bits(before, reconstruct(c, d, blocks));
     for (size_t b = 0; b < blocks.size(); ++b) {
       for (size_t i = blocks[b].begin; i < blocks[b].end; ++i) {
@@ -454,23 +454,23 @@ TEST(Rcq, AlwaysUsesEveryBlock) {
   }
 }
 
-// Literals have no index: a block is coded as if they were not there, one of literals alone not at
+// Escapes have no index: a block is coded as if they were not there, one of escapes alone not at
 // all.
-TEST(Rcq, LiteralsMeetBlocks) {
+TEST(Rcq, EscapesMeetBlocks) {
   std::vector<BlockRange> blocks;
   Data d = block_data(4, 1000, true, &blocks);
   for (size_t i = blocks[2].begin; i < blocks[2].end; ++i) d.weights[i] = 9;
   ComponentSettings s = rcq_settings(2);
-  s.literal_threshold = 1.5;
+  s.escape_threshold = 1.5;
   s.stages = {1, 0.3f};
   CodedComponent c = code(d, s, blocks);
-  EXPECT_TRUE(c.any_literal);
+  EXPECT_TRUE(c.any_escape);
   ASSERT_EQ(c.block_tables.size(), blocks.size());
-  ASSERT_FALSE(c.residual_book.empty());
+  ASSERT_FALSE(c.residual_codebook.empty());
   for (size_t b = 0; b < blocks.size(); ++b) EXPECT_EQ(c.block_tables[b].empty(), b == 2) << b;
   expect_same_bits(c.decoded, reconstruct(c, d, blocks));
   const std::vector<float> before = c.decoded;
-  rank_codebooks(c, blocks);
+  sort_codebooks_by_frequency(c, blocks);
   expect_same_bits(before, reconstruct(c, d, blocks));
 }
 

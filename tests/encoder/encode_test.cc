@@ -102,11 +102,11 @@ TEST(Report, CountsAndSteps) {
   EXPECT_EQ(d.info().development, 1u);
   EXPECT_EQ(d.info().format_major, uint32_t{L4D_BITSTREAM_MAJOR});
   double sum = 0;
-  ASSERT_GT(r.num_stages, 3u);
-  for (uint32_t i = 0; i < r.num_stages; ++i) {
+  ASSERT_GT(r.num_steps, 3u);
+  for (uint32_t i = 0; i < r.num_steps; ++i) {
     const char* name = nullptr;
     double seconds = -1;
-    e.check(l4d_encoder_get_stage(e.get(), i, &name, &seconds));
+    e.check(l4d_encoder_get_step(e.get(), i, &name, &seconds));
     EXPECT_NE(std::string(name), "");
     EXPECT_GE(seconds, 0);
     sum += seconds;
@@ -114,8 +114,7 @@ TEST(Report, CountsAndSteps) {
   EXPECT_LE(sum, r.total_seconds * 1.01 + 1e-3);
   const char* name = nullptr;
   double seconds = 0;
-  EXPECT_EQ(l4d_encoder_get_stage(e.get(), r.num_stages, &name, &seconds),
-            L4D_ERR_INVALID_ARGUMENT);
+  EXPECT_EQ(l4d_encoder_get_step(e.get(), r.num_steps, &name, &seconds), L4D_ERR_INVALID_ARGUMENT);
   std::vector<uint32_t> order(1500);
   EXPECT_EQ(l4d_encoder_get_order(e.get(), order.data(), 1499), L4D_ERR_BUFFER_TOO_SMALL);
   EXPECT_EQ(l4d_encoder_get_order(e.get(), order.data(), 1500), L4D_OK);
@@ -289,7 +288,7 @@ TEST(InvalidInput, PlacementsAreRefusedOrReadBack) {
     DecoderHandle d;
     const l4d_status opened = l4d_decoder_open_memory(d.get(), bytes.data(), bytes.size());
     EXPECT_EQ(opened, L4D_OK) << "the encoder wrote what the decoder refuses: "
-                              << l4d_decoder_error_detail(d.get());
+                              << l4d_decoder_error_message(d.get());
     if (opened != L4D_OK) continue;
     const l4d_placement got = d.info().placement;
     for (int k = 0; k < 3; ++k) EXPECT_EQ(got.origin[k], p.origin[k]);
@@ -314,7 +313,8 @@ TEST(Weights, AreChecked) {
   for (const float bad : {-1.0f, kNan, kInf}) {
     w[7] = bad;
     EXPECT_EQ(set(L4D_WEIGHT_SH, 10), L4D_ERR_INVALID_SCENE);
-    EXPECT_NE(std::string(l4d_encoder_error_detail(e.get())).find("Gaussian 7"), std::string::npos);
+    EXPECT_NE(std::string(l4d_encoder_error_message(e.get())).find("Gaussian 7"),
+              std::string::npos);
   }
   w[7] = 0;
   EXPECT_EQ(set(L4D_WEIGHT_SH, 10), L4D_OK);
@@ -352,7 +352,7 @@ TEST(Weights, ViewsDecideWhatIsPruned) {
                           std::vector<std::pair<l4d_encoder_parameter, double>> more = {}) {
     EncodeOptions o;
     o.preset = preset;
-    o.settings = {{L4D_ENC_WEIGHT_MEASURE, 1}, {L4D_ENC_WEIGHT_VIEWS, views}};
+    o.settings = {{L4D_ENC_WEIGHT_METRIC, 1}, {L4D_ENC_WEIGHT_VIEWS, views}};
     for (const auto& [id, value] : more) o.settings.push_back({id, value});
     o.weights = {{L4D_WEIGHT_ALPHA_T, &alpha}, {L4D_WEIGHT_OPACITY, &opacity}};
     return encode(scene, o).report.pruned;
@@ -489,10 +489,10 @@ TEST(OddScenes, StaticScenesCostNothingTemporal) {
   d.check(l4d_decoder_get_sections(d.get(), sections, L4D_SECTION_COUNT, nullptr, nullptr, 0));
   EXPECT_EQ(sections[L4D_SECTION_MEAN_T], 0u);
   EXPECT_EQ(sections[L4D_SECTION_ROTOR_TEMPORAL], 0u);
-  l4d_codebook book;
-  l4d_codebook_init(&book);
-  d.check(l4d_decoder_get_codebook(d.get(), 0, L4D_COMPONENT_SCALE, 0, L4D_NO_BLOCK, &book));
-  EXPECT_EQ(book.dim, 3u);
+  l4d_codebook codebook;
+  l4d_codebook_init(&codebook);
+  d.check(l4d_decoder_get_codebook(d.get(), 0, L4D_COMPONENT_SCALE, 0, L4D_NO_BLOCK, &codebook));
+  EXPECT_EQ(codebook.dim, 3u);
   const GaussianArrays a = d.decode(all_query());
   for (size_t i = 0; i < a.count(); ++i) {
     for (size_t k = 4; k < 8; ++k) EXPECT_EQ(a.rotor[8 * i + k], 0.0f);
@@ -587,7 +587,7 @@ TEST(OddScenes, LogitOpacitiesAndPositionsAtTheMean) {
 // Layers are chosen from the input, but a decoder sees quantised extents: those that no longer fit
 // move to a coarser layer.
 // spec: ENC-2
-TEST(Misfits, MoveToCoarserLayers) {
+TEST(Demoted, MoveToCoarserLayers) {
   EncodeOptions o = small_options();
   o.settings.push_back({L4D_ENC_CODEBOOK_SIZE, 2});
   o.settings.push_back({L4D_ENC_SCALE_FACTOR_BITS, 2});
@@ -641,8 +641,8 @@ TEST(Bounds, HoldForFastGaussians) {
 struct SeenErrors {
   double place =
       0;  // length of the mean displacement over the times at which both are seen; mean of all
-  double fade = 0;        // RMS difference of opacities over the sequence
-  double least_fade = 0;  // the same, had each decoded Gaussian the opacity that suits it best
+  double fade = 0;      // RMS difference of opacities over the sequence
+  double min_fade = 0;  // the same, had each decoded Gaussian the opacity that suits it best
 };
 
 SeenErrors seen_errors(const TestScene& scene, const Encoded& e) {
@@ -688,14 +688,14 @@ SeenErrors seen_errors(const TestScene& scene, const Encoded& e) {
       }
     }
     const double best = own > 0 ? std::min(both / own, 1.0) : 0;
-    errors.least_fade += theirs - 2 * best * both + best * best * own;
+    errors.min_fade += theirs - 2 * best * both + best * best * own;
     if (weight > 0) {
       errors.place += std::hypot(shift[0], shift[1], shift[2]) / weight;
     }
   }
   errors.place /= static_cast<double>(a.count());
   errors.fade = std::sqrt(errors.fade / kTimes / static_cast<double>(a.count()));
-  errors.least_fade = std::sqrt(errors.least_fade / kTimes / static_cast<double>(a.count()));
+  errors.min_fade = std::sqrt(errors.min_fade / kTimes / static_cast<double>(a.count()));
   return errors;
 }
 
@@ -710,13 +710,13 @@ TEST(ClosedLoop, PutsGaussiansInPlaceWhereAndWhenTheyAreSeen) {
   o.settings.push_back({L4D_ENC_CLOSED_LOOP, 1});
   const SeenErrors closed = seen_errors(scene, encode(scene, o));
   std::printf("open: place %g fade %g (%g); closed: place %g fade %g (%g)\n", open.place, open.fade,
-              open.least_fade, closed.place, closed.fade, closed.least_fade);
+              open.min_fade, closed.place, closed.fade, closed.min_fade);
   EXPECT_LT(closed.place, 0.2 * open.place);
   EXPECT_LT(closed.place, 0.01);
   EXPECT_LT(closed.fade, 0.9 * open.fade);
   // Of all opacities, those that suit the decoded mean times and scales.
-  EXPECT_LT(closed.fade, 1.03 * closed.least_fade);
-  EXPECT_GT(open.fade, 1.1 * open.least_fade);
+  EXPECT_LT(closed.fade, 1.03 * closed.min_fade);
+  EXPECT_GT(open.fade, 1.1 * open.min_fade);
 }
 
 TEST(Gauge, ChangesParametersButNotTheShape) {
@@ -767,12 +767,12 @@ TEST(Quality, MoreStagesAndCodewordsGiveLessError) {
     return sum;
   };
   EncodeOptions small = small_options();
-  EncodeOptions books = small_options();
-  books.settings.push_back({L4D_ENC_CODEBOOK_SIZE, 256});
+  EncodeOptions codebooks = small_options();
+  codebooks.settings.push_back({L4D_ENC_CODEBOOK_SIZE, 256});
   EncodeOptions stages = small_options();
   stages.stages = {{L4D_ALL_COMPONENTS, {1, 1, 1}}};
   const double base = sh_error(small);
-  EXPECT_LT(sh_error(books), 0.9 * base);
+  EXPECT_LT(sh_error(codebooks), 0.9 * base);
   EXPECT_LT(sh_error(stages), 0.8 * base);
 }
 
@@ -858,8 +858,8 @@ TEST(RcqFile, PaysInASceneWhoseTimesDiffer) {
                         decode(e.bytes, all_query(), L4D_BACKEND_CPU, 2)));
 }
 
-// The paper's own mode, on its own scheme: literals above thresholds, blocks for the rest.
-TEST(RcqFile, MeetsTheLiteralsOfThePaper) {
+// The paper's own mode, on its own scheme: escapes above thresholds, blocks for the rest.
+TEST(RcqFile, MeetsTheEscapesOfThePaper) {
   const TestScene scene = scene_whose_times_differ();
   std::vector<float> weights(scene.count());
   for (size_t i = 0; i < weights.size(); ++i) weights[i] = i % 16 == 0 ? 1e-5f : 1e-8f;
@@ -878,7 +878,7 @@ TEST(RcqFile, MeetsTheLiteralsOfThePaper) {
   DecoderHandle d;
   d.open_memory(e.bytes.data(), e.bytes.size());
   EXPECT_NE(d.info().tools & L4D_TOOL_RCQ, 0u);
-  EXPECT_NE(d.info().tools & L4D_TOOL_LITERALS, 0u);
+  EXPECT_NE(d.info().tools & L4D_TOOL_ESCAPES, 0u);
   EXPECT_TRUE(same_bits(decode(e.bytes, all_query(), L4D_BACKEND_REFERENCE),
                         decode(e.bytes, all_query(), L4D_BACKEND_CPU, 2)));
 }

@@ -41,11 +41,11 @@ Data clustered(uint64_t seed) {
 }
 
 struct Quantised {
-  std::vector<float> book;
+  std::vector<float> codebook;
   std::vector<uint32_t> labels;
 
   double bits() const {
-    std::vector<double> use(book.size() / kDim, 0.0);
+    std::vector<double> use(codebook.size() / kDim, 0.0);
     for (const uint32_t l : labels) use[l] += 1;
     double sum = 0;
     for (const double n : use) {
@@ -58,7 +58,7 @@ struct Quantised {
     for (size_t i = 0; i < kCount; ++i) {
       for (size_t k = 0; k < kDim; ++k) {
         const double e = static_cast<double>(d.rows[i * kDim + k]) -
-                         static_cast<double>(book[labels[i] * kDim + k]);
+                         static_cast<double>(codebook[labels[i] * kDim + k]);
         sum += static_cast<double>(d.weights[i]) * e * e;
       }
     }
@@ -71,12 +71,12 @@ Quantised plain(const Data& d, size_t entries) {
   options.num_codewords = entries;
   options.threads = 1;
   Quantised q;
-  q.book = train_codebook(d.rows.data(), d.weights.data(), kCount, kDim, options).entries;
-  for (float& v : q.book) v = half_to_float(float_to_half_saturate(v));
+  q.codebook = train_codebook(d.rows.data(), d.weights.data(), kCount, kDim, options).entries;
+  for (float& v : q.codebook) v = half_to_float(float_to_half_saturate(v));
   q.labels.resize(kCount);
   std::vector<float> distance(kCount);
-  assign_nearest(d.rows.data(), kCount, kDim, q.book.data(), q.book.size() / kDim, 1, nullptr,
-                 q.labels.data(), distance.data());
+  assign_nearest(d.rows.data(), kCount, kDim, q.codebook.data(), q.codebook.size() / kDim, 1,
+                 nullptr, q.labels.data(), distance.data());
   return q;
 }
 
@@ -85,7 +85,7 @@ Quantised constrained(const Data& d, Quantised q, double price, int threads = 1)
   c.price = price;
   c.rounds = 6;
   c.threads = threads;
-  constrain_entropy(d.rows.data(), d.weights.data(), kCount, kDim, c, &q.book, &q.labels);
+  constrain_entropy(d.rows.data(), d.weights.data(), kCount, kDim, c, &q.codebook, &q.labels);
   return q;
 }
 
@@ -117,7 +117,7 @@ TEST(EntropyConstrained, NothingIsFreeOfCharge) {
   const Data d = clustered(5);
   const Quantised before = plain(d, 64);
   const Quantised q = constrained(d, before, 0);
-  EXPECT_EQ(q.book, before.book);
+  EXPECT_EQ(q.codebook, before.codebook);
   EXPECT_EQ(q.labels, before.labels);
 }
 
@@ -126,9 +126,9 @@ TEST(EntropyConstrained, ThreadsDoNotMatter) {
   const Quantised large = plain(d, 300);
   const Quantised one = constrained(d, large, 1, 1);
   const Quantised three = constrained(d, large, 1, 3);
-  EXPECT_EQ(one.book, three.book);
+  EXPECT_EQ(one.codebook, three.codebook);
   EXPECT_EQ(one.labels, three.labels);
-  for (const float v : one.book) EXPECT_EQ(v, half_to_float(float_to_half_saturate(v)));
+  for (const float v : one.codebook) EXPECT_EQ(v, half_to_float(float_to_half_saturate(v)));
 }
 
 }  // namespace

@@ -32,9 +32,8 @@ TEST(ExtremeWeights, GiveStreamsThatDecode) {
         EncodeOptions o;
         o.preset = preset;
         o.rans = true;
-        o.settings = {{L4D_ENC_WEIGHT_MEASURE, measure},
-                      {L4D_ENC_CODEBOOK_SIZE, 32},
-                      {L4D_ENC_PRUNE_COST, 0}};
+        o.settings = {
+            {L4D_ENC_WEIGHT_METRIC, measure}, {L4D_ENC_CODEBOOK_SIZE, 32}, {L4D_ENC_PRUNE_COST, 0}};
         for (uint32_t which = 0; which < L4D_WEIGHT_COUNT; ++which) {
           o.weights.emplace_back(which, &weights);
         }

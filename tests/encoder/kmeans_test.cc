@@ -90,17 +90,17 @@ std::set<std::vector<float>> distinct(const std::vector<float>& rows, size_t dim
 }
 
 TEST(KMeansTest, NoPoints) {
-  const Codebook book = train_codebook(nullptr, nullptr, 0, 4, options_for(16));
-  EXPECT_EQ(book.size(), 0u);
-  EXPECT_EQ(book.weighted_distortion, 0);
+  const Codebook codebook = train_codebook(nullptr, nullptr, 0, 4, options_for(16));
+  EXPECT_EQ(codebook.size(), 0u);
+  EXPECT_EQ(codebook.weighted_distortion, 0);
 }
 
 TEST(KMeansTest, OnePoint) {
   const std::vector<float> point = {1.5f, -2.25f, 0.1f, 1e-20f};
   for (const size_t k : {0u, 1u, 4096u}) {
-    const Codebook book = train(point, 4, options_for(k));
-    EXPECT_EQ(book.entries, point);
-    EXPECT_EQ(book.weighted_distortion, 0);
+    const Codebook codebook = train(point, 4, options_for(k));
+    EXPECT_EQ(codebook.entries, point);
+    EXPECT_EQ(codebook.weighted_distortion, 0);
   }
 }
 
@@ -118,10 +118,10 @@ TEST(KMeansTest, FewDistinctPointsAreKeptExactly) {
         weights.push_back(random.uniformf(0.1, 1));
       }
       for (const size_t k : {37u, 100u, 5000u}) {  // trained on a sample, and on all
-        const Codebook book = train(points, dim, options_for(k), &weights);
-        EXPECT_EQ(book.size(), count);
-        EXPECT_EQ(distinct(book.entries, dim), distinct(few, dim));
-        EXPECT_EQ(book.weighted_distortion, 0);
+        const Codebook codebook = train(points, dim, options_for(k), &weights);
+        EXPECT_EQ(codebook.size(), count);
+        EXPECT_EQ(distinct(codebook.entries, dim), distinct(few, dim));
+        EXPECT_EQ(codebook.weighted_distortion, 0);
       }
     }
   }
@@ -129,8 +129,8 @@ TEST(KMeansTest, FewDistinctPointsAreKeptExactly) {
 
 TEST(KMeansTest, MoreCodewordsThanPoints) {
   const std::vector<float> points = blobs(50, 48, 50, 2);
-  const Codebook book = train(points, 48, options_for(4096));
-  EXPECT_EQ(distinct(book.entries, 48), distinct(points, 48));
+  const Codebook codebook = train(points, 48, options_for(4096));
+  EXPECT_EQ(distinct(codebook.entries, 48), distinct(points, 48));
 }
 
 TEST(KMeansTest, OneCodewordIsTheWeightedMean) {
@@ -138,9 +138,9 @@ TEST(KMeansTest, OneCodewordIsTheWeightedMean) {
   const std::vector<float> weights = {1, 3, 0};
   KMeansOptions options = options_for(1);
   options.sample_per_codeword = 100;
-  const Codebook book = train(points, 2, options, &weights);
-  EXPECT_EQ(book.entries, (std::vector<float>{0, 3}));
-  EXPECT_EQ(book.weighted_distortion, 12);
+  const Codebook codebook = train(points, 2, options, &weights);
+  EXPECT_EQ(codebook.entries, (std::vector<float>{0, 3}));
+  EXPECT_EQ(codebook.weighted_distortion, 12);
 }
 
 TEST(KMeansTest, ZeroWeights) {
@@ -158,9 +158,9 @@ TEST(KMeansTest, ZeroWeights) {
     weights[i] = 0;
   }
   for (const size_t k : {16u, 64u, 2999u}) {
-    const Codebook book = train(with_strays, 4, options_for(k), &weights);
-    EXPECT_LE(book.size(), k);
-    for (const float v : book.entries) ASSERT_LT(std::abs(v), 100);
+    const Codebook codebook = train(with_strays, 4, options_for(k), &weights);
+    EXPECT_LE(codebook.size(), k);
+    for (const float v : codebook.entries) ASSERT_LT(std::abs(v), 100);
   }
 }
 
@@ -171,11 +171,11 @@ TEST(KMeansTest, SeparatedBlobsGetOneCodewordEach) {
       points[i * dim + i % 2] += static_cast<float>(100 * (i % 100));
     }
     const std::vector<float> weights(40000, 1.0f);
-    const Codebook book = train(points, dim, options_for(100), &weights);
-    EXPECT_EQ(book.size(), 100u);
+    const Codebook codebook = train(points, dim, options_for(100), &weights);
+    EXPECT_EQ(codebook.size(), 100u);
     const double noise = 0.05 * 0.05 * static_cast<double>(dim) * 40000;
-    EXPECT_NEAR(book.weighted_distortion / noise, 1, 0.03);  // of a sample
-    EXPECT_NEAR(distortion(points, dim, book.entries, weights) / noise, 1, 0.01);
+    EXPECT_NEAR(codebook.weighted_distortion / noise, 1, 0.03);  // of a sample
+    EXPECT_NEAR(distortion(points, dim, codebook.entries, weights) / noise, 1, 0.01);
   }
 }
 
@@ -252,8 +252,8 @@ TEST(KMeansTest, CancelledTrainingStillReturnsACodebook) {
   const std::function<bool()> after_two = [&] { return ++asked > 2; };
   KMeansOptions options = options_for(100);
   options.cancelled = &after_two;
-  const Codebook book = train(points, 4, options);
-  EXPECT_GE(book.size(), 1u);
+  const Codebook codebook = train(points, 4, options);
+  EXPECT_GE(codebook.size(), 1u);
   EXPECT_LE(asked, 4);
   const std::function<bool()> at_once = [] { return true; };
   options.cancelled = &at_once;
@@ -312,8 +312,8 @@ TEST(KMeansTest, SeedingIsAnAssignmentToDistinctPoints) {
 TEST(KMeansTest, HeavyTailsAreServed) {
   const std::vector<float> points = heavy_tails(40000, 4, 14);
   const std::vector<float> weights(40000, 1.0f);
-  const Codebook book = train(points, 4, options_for(512), &weights);
-  const double ours = distortion(points, 4, book.entries, weights);
+  const Codebook codebook = train(points, 4, options_for(512), &weights);
+  const double ours = distortion(points, 4, codebook.entries, weights);
   EXPECT_LT(ours, 0.5 * plain_lloyd(points, 4, weights, 512, 30));
 }
 
@@ -324,13 +324,13 @@ TEST(KMeansTest, RealVectorsComparedWithLongPlainLloyd) {
   const test::RealVectors real = test::read_basketball(folder, 5);
   const auto compare = [&](const char* name, const std::vector<float>& points, size_t dim) {
     constexpr size_t kEntries = 512;
-    const Codebook book = train(points, dim, options_for(kEntries), &real.sh_weight);
-    const double ours = distortion(points, dim, book.entries, real.sh_weight);
+    const Codebook codebook = train(points, dim, options_for(kEntries), &real.sh_weight);
+    const double ours = distortion(points, dim, codebook.entries, real.sh_weight);
     const double plain = plain_lloyd(points, dim, real.sh_weight, kEntries, 30);
     std::printf("%s: weighted distortion %.6g, plain Lloyd %.6g, ratio %.4f\n", name, ours, plain,
                 ours / plain);
     EXPECT_LT(ours, 1.02 * plain);
-    EXPECT_NEAR(book.weighted_distortion / ours, 1, 0.03);
+    EXPECT_NEAR(codebook.weighted_distortion / ours, 1, 0.03);
   };
   compare("SH", real.sh, 48);
   compare("temporal rotor", real.temporal_rotor, 4);

@@ -34,7 +34,7 @@ double worst(const TestScene& scene, const Encoded& e) {
   DecoderHandle d;
   d.open_memory(e.bytes.data(), e.bytes.size());
   double worst = 0;
-  for (const l4d_range& r : a.ranges) {
+  for (const l4d_bucket_span& r : a.spans) {
     l4d_layer_info layer;
     l4d_layer_info_init(&layer);
     d.check(l4d_decoder_get_layer_info(d.get(), r.layer, &layer));
@@ -226,7 +226,7 @@ TEST(MeanTime, RefinesOnlyWhatNeedsIt) {
   }
   LayerHeader layer;
   choose_mean_times(targets, false, -1, 600, &layer);
-  EXPECT_EQ(layer.mean_t, MeanCodingId::kFixed);
+  EXPECT_EQ(layer.mean_t, CoordinateCodingId::kFixed);
   EXPECT_TRUE(layer.mean_t_fine);
   EXPECT_LE(layer.mean_t_bits, 8u);
   int refined = 0;

@@ -99,8 +99,8 @@ TEST_P(NearestTest, MatchesReferenceInAllShapes) {
       const auto codebook = blobs(k, dim, 300, dim);  // the same blobs
       expect_close(points, dim, codebook, assign(points, dim, codebook));
       const auto tails = heavy_tails(500, dim, 7);
-      const auto tail_book = heavy_tails(k, dim, 8);
-      expect_close(tails, dim, tail_book, assign(tails, dim, tail_book));
+      const auto tail_codebook = heavy_tails(k, dim, 8);
+      expect_close(tails, dim, tail_codebook, assign(tails, dim, tail_codebook));
     }
   }
 }
@@ -233,8 +233,8 @@ TEST_P(NearestTest, LargestCodebook) {
   const auto codebook = blobs(65536, 4, 5000, 12);
   expect_close(points, 4, codebook, assign(points, 4, codebook));
   const auto sh = blobs(60, 48, 5000, 13);
-  const auto sh_book = blobs(20000, 48, 5000, 13);
-  expect_close(sh, 48, sh_book, assign(sh, 48, sh_book));
+  const auto sh_codebook = blobs(20000, 48, 5000, 13);
+  expect_close(sh, 48, sh_codebook, assign(sh, 48, sh_codebook));
 }
 
 TEST_P(NearestTest, NoPoints) {

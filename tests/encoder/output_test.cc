@@ -146,7 +146,7 @@ TEST_F(EncodeFile, FailingWritersEndTheEncode) {
 TEST_F(EncodeFile, UnwritablePlaces) {
   EXPECT_EQ(l4d_encoder_encode_file(encoder_.get(), (folder_ + "/none/scene.l4d").c_str()),
             L4D_ERR_IO);
-  EXPECT_NE(std::string(l4d_encoder_error_detail(encoder_.get())).find("/none/scene.l4d"),
+  EXPECT_NE(std::string(l4d_encoder_error_message(encoder_.get())).find("/none/scene.l4d"),
             std::string::npos);
   // A folder of that name is in the way.
   fs::create_directory(path_);

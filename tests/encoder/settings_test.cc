@@ -91,7 +91,7 @@ TEST(Settings, ValuesAreSetWithinTheirRangesOnly) {
     for (const double v : {std::nextafter(info.min, -inf), std::nextafter(info.max, inf), -inf, inf,
                            std::numeric_limits<double>::quiet_NaN()}) {
       EXPECT_EQ(set(v), L4D_ERR_INVALID_ARGUMENT) << v;
-      EXPECT_NE(std::string(l4d_encoder_error_detail(e.get())).find(info.name), std::string::npos);
+      EXPECT_NE(std::string(l4d_encoder_error_message(e.get())).find(info.name), std::string::npos);
       EXPECT_EQ(get(0), kept);
     }
     EXPECT_EQ(set(0.5 * (info.min + info.min + 1)),
@@ -146,7 +146,7 @@ TEST(Settings, PresetsReplaceEverything) {
   ASSERT_TRUE(s.set_stages(L4D_COMPONENT_SH, {1.0f, 0.5f}).ok());
   EXPECT_FALSE(s.get_bool(L4D_ENC_CODEBOOKS_BY_COST));
   ASSERT_TRUE(s.set_preset("indexed").ok());
-  ASSERT_TRUE(s.set(L4D_ENC_LITERAL_THRESHOLD, L4D_COMPONENT_SCALE, 1e-6).ok());
+  ASSERT_TRUE(s.set(L4D_ENC_ESCAPE_THRESHOLD, L4D_COMPONENT_SCALE, 1e-6).ok());
   EXPECT_FALSE(s.get_bool(L4D_ENC_CODEBOOKS_BY_COST));
   ASSERT_TRUE(s.set_preset("default").ok());
   for (int id = 0; id < L4D_ENC_PARAMETER_COUNT; ++id) {
@@ -162,15 +162,15 @@ TEST(Settings, PresetsReplaceEverything) {
   // The paper's settings, appendix "Compression".
   ASSERT_TRUE(s.set_preset("paper-large").ok());
   EXPECT_EQ(s.get(L4D_ENC_CODEBOOK_SIZE, L4D_COMPONENT_SH), 8192);
-  EXPECT_EQ(s.get(L4D_ENC_LITERAL_THRESHOLD, L4D_COMPONENT_SH), 1e-7);
+  EXPECT_EQ(s.get(L4D_ENC_ESCAPE_THRESHOLD, L4D_COMPONENT_SH), 1e-7);
   EXPECT_EQ(s.get(L4D_ENC_RCQ_SIZE), 512);
   EXPECT_EQ(s.get(L4D_ENC_PRUNE_WEIGHT), 0);
   ASSERT_TRUE(s.set_preset("paper-small").ok());
   EXPECT_EQ(s.get(L4D_ENC_CODEBOOK_SIZE, L4D_COMPONENT_SH), 4096);
-  EXPECT_EQ(s.get(L4D_ENC_LITERAL_THRESHOLD, L4D_COMPONENT_SH), 6e-7);
-  EXPECT_EQ(s.get(L4D_ENC_LITERAL_THRESHOLD, L4D_COMPONENT_SCALE), 2e-7);
-  EXPECT_EQ(s.get(L4D_ENC_LITERAL_THRESHOLD, L4D_COMPONENT_ROTOR_SPATIAL), 1e-6);
-  EXPECT_EQ(s.get(L4D_ENC_LITERAL_THRESHOLD, L4D_COMPONENT_ROTOR_TEMPORAL), 8e-6);
+  EXPECT_EQ(s.get(L4D_ENC_ESCAPE_THRESHOLD, L4D_COMPONENT_SH), 6e-7);
+  EXPECT_EQ(s.get(L4D_ENC_ESCAPE_THRESHOLD, L4D_COMPONENT_SCALE), 2e-7);
+  EXPECT_EQ(s.get(L4D_ENC_ESCAPE_THRESHOLD, L4D_COMPONENT_ROTOR_SPATIAL), 1e-6);
+  EXPECT_EQ(s.get(L4D_ENC_ESCAPE_THRESHOLD, L4D_COMPONENT_ROTOR_TEMPORAL), 8e-6);
 
   // Effort sets how hard k-means and zstd try, and each step tries no less hard than the one
   // before.

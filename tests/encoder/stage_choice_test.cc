@@ -32,17 +32,17 @@ Rows make_rows(size_t n, size_t dim, uint64_t seed) {
   return rows;
 }
 
-ComponentSettings by_cost(double bit_price) {
+ComponentSettings by_cost(double rd_lambda) {
   ComponentSettings s;
   s.codebook_size = 1024;
   s.iterations = 6;
   s.threads = 1;
-  s.bit_price = bit_price;
+  s.rd_lambda = rd_lambda;
   return s;
 }
 
-double cost(const CodedComponent& c, double bit_price) {
-  return component_bits(c) + c.weighted_distortion / bit_price;
+double cost(const CodedComponent& c, double rd_lambda) {
+  return component_bits(c) + c.weighted_distortion / rd_lambda;
 }
 
 TEST(StageChoice, EffectiveDimensionIsThatOfUniformVectors) {
@@ -88,12 +88,12 @@ TEST(StageChoice, StagesGoToThoseWhomTheyAreWorth) {
   ASSERT_LT(choice.members.size(), members.size());
   std::vector<uint8_t> chosen(error.size(), 0);
   for (const uint32_t i : choice.members) chosen[i] = 1;
-  float least_in = 1e30f, most_out = 0;
+  float min_in = 1e30f, most_out = 0;
   for (size_t i = 0; i < error.size(); ++i) {
-    (chosen[i] ? least_in : most_out) =
-        chosen[i] ? std::min(least_in, error[i]) : std::max(most_out, error[i]);
+    (chosen[i] ? min_in : most_out) =
+        chosen[i] ? std::min(min_in, error[i]) : std::max(most_out, error[i]);
   }
-  EXPECT_GT(least_in, most_out);
+  EXPECT_GT(min_in, most_out);
   // Nothing is worth a bit that costs more than all errors together.
   EXPECT_TRUE(choose_stage(members, error, 4, 4, 1e9, 4096).members.empty());
 }
@@ -129,7 +129,7 @@ TEST(StageChoice, CostsNoMoreThanStagesByHand) {
   }
 }
 
-TEST(StageChoice, HeavyRowsFarOffBecomeLiterals) {
+TEST(StageChoice, HeavyRowsFarOffBecomeEscapes) {
   Rows rows = make_rows(5000, 4, 11);
   // Ten rows that no codebook will reach.
   for (size_t i = 0; i < 10; ++i) {
@@ -140,8 +140,8 @@ TEST(StageChoice, HeavyRowsFarOffBecomeLiterals) {
   const CodedComponent c =
       code_component(rows.values.data(), rows.weights.data(), rows.n, rows.dim, {}, by_cost(1e-3));
   for (size_t i = 0; i < c.n; ++i) {
-    if (c.depth[i] != kLiteralDepth) continue;
-    EXPECT_TRUE(c.any_literal);
+    if (c.depth[i] != kEscapeDepth) continue;
+    EXPECT_TRUE(c.any_escape);
     for (size_t k = 0; k < 4; ++k) {
       EXPECT_NEAR(c.decoded[i * 4 + k], rows.values[i * 4 + k],
                   1e-3f * std::fabs(rows.values[i * 4 + k]) + 1e-4f);
@@ -154,9 +154,9 @@ TEST(StageChoice, HeavyRowsFarOffBecomeLiterals) {
                        static_cast<double>(rows.values[400 * i * 4 + k]);
       e2 += e * e;
     }
-    // Never more off than a literal would be worth.
-    const bool literal = c.depth[400 * i] == kLiteralDepth;
-    EXPECT_TRUE(literal || 1e4 * e2 <= 1e-3 * 16 * 4) << i << " " << e2;
+    // Never more off than an escape would be worth.
+    const bool escape = c.depth[400 * i] == kEscapeDepth;
+    EXPECT_TRUE(escape || 1e4 * e2 <= 1e-3 * 16 * 4) << i << " " << e2;
   }
 }
 
@@ -178,9 +178,9 @@ TEST(StageRefinement, LessErrorAtTheSameDepths) {
     // What the coder says is decoded is the sum of the codewords, in the decoder's order.
     for (size_t i = 0; i < joint.n; i += 97) {
       for (size_t k = 0; k < joint.dim; ++k) {
-        float sum = joint.books[0][joint.index[0][i] * joint.dim + k];
+        float sum = joint.codebooks[0][joint.index[0][i] * joint.dim + k];
         for (size_t stage = 1; stage < joint.depth[i]; ++stage) {
-          sum = sum + joint.books[stage][joint.index[stage][i] * joint.dim + k];
+          sum = sum + joint.codebooks[stage][joint.index[stage][i] * joint.dim + k];
         }
         ASSERT_EQ(sum, joint.decoded[i * joint.dim + k]);
       }
@@ -190,27 +190,27 @@ TEST(StageRefinement, LessErrorAtTheSameDepths) {
     const CodedComponent again =
         code_component(rows.values.data(), rows.weights.data(), rows.n, rows.dim, {}, more_threads);
     EXPECT_EQ(again.index, joint.index);
-    EXPECT_EQ(again.books, joint.books);
+    EXPECT_EQ(again.codebooks, joint.codebooks);
   }
 }
 
 TEST(CodingCost, IsCloseToEntropyAndCountsLearning) {
   Random random(3);
-  PlaneBits plane(2);
+  ChannelBits channel(2);
   double entropy = 0;
   const double p[2] = {0.5, 0.05};
   constexpr size_t kCount = 40000;
   for (size_t i = 0; i < kCount; ++i) {
     const size_t context = i % 2;
     const bool one = random.uniformf(0, 1) < static_cast<float>(p[context]);
-    plane.add(context, one ? 1 : 0);
+    channel.add(context, one ? 1 : 0);
   }
   for (const double q : p) {
     entropy += kCount / 2.0 * (-q * std::log2(q) - (1 - q) * std::log2(1 - q));
   }
-  EXPECT_NEAR(plane.total(), entropy, 0.02 * entropy);
+  EXPECT_NEAR(channel.total(), entropy, 0.02 * entropy);
   // One symbol costs about a bit where nothing is known of two.
-  PlaneBits fresh(1);
+  ChannelBits fresh(1);
   fresh.add(0, 1);
   EXPECT_NEAR(fresh.total(), 1, 1e-9);
 }

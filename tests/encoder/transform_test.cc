@@ -66,7 +66,7 @@ TEST_P(TransformTest, ErrorsAreThoseOfTheSteps) {
       code_transform(d.rows.data(), d.weights.data(), d.n, dim, settings(1e-6, axes), &decoded);
   ASSERT_LE(c.steps.size(), dim);
   for (size_t i = 0; i < d.n; ++i) {
-    const double step = std::ldexp(static_cast<double>(c.steps[0]), -c.cls[i]);
+    const double step = std::ldexp(static_cast<double>(c.steps[0]), -c.step_exponent[i]);
     double length = 0;
     for (size_t k = 0; k < dim; ++k) {
       length += static_cast<double>(d.rows[i * dim + k]) * static_cast<double>(d.rows[i * dim + k]);
@@ -77,8 +77,9 @@ TEST_P(TransformTest, ErrorsAreThoseOfTheSteps) {
   }
 }
 
-// A weight four times as large halves the step, between the largest step and the finest class.
-TEST_P(TransformTest, ClassesFollowWeights) {
+// A weight four times as large halves the step, between the largest step and the finest step
+// exponent.
+TEST_P(TransformTest, StepExponentsFollowWeights) {
   const auto [dim, axes] = GetParam();
   const Data d = correlated(2000, dim, 5);
   std::vector<float> decoded;
@@ -87,7 +88,7 @@ TEST_P(TransformTest, ClassesFollowWeights) {
   for (size_t i = 0; i < d.n; ++i) {
     const double step = std::sqrt(12 * 1e-7 / static_cast<double>(d.weights[i]));
     const double octaves = std::log2(0.5 / step);
-    EXPECT_NEAR(c.cls[i], std::clamp(octaves, 0.0, 15.0), 0.51) << i;
+    EXPECT_NEAR(c.step_exponent[i], std::clamp(octaves, 0.0, 15.0), 0.51) << i;
   }
 }
 
@@ -101,7 +102,7 @@ TEST_P(TransformTest, DecodedRowsAreTheDecoders) {
   std::vector<std::vector<int16_t>> compact(c.steps.size());
   for (size_t k = 0; k < compact.size(); ++k) {
     for (size_t i = 0; i < d.n; ++i) {
-      const size_t count = c.rung[i] == 0 ? 0 : c.ladder[c.rung[i] - 1u];
+      const size_t count = c.eob_index[i] == 0 ? 0 : c.eob_table[c.eob_index[i] - 1u];
       if (k < count) compact[k].push_back(c.coefficient[k][i]);
       EXPECT_TRUE(k < count || c.coefficient[k][i] == 0);
     }
@@ -113,9 +114,9 @@ TEST_P(TransformTest, DecodedRowsAreTheDecoders) {
   source.num_coefficients = c.steps.size();
   source.basis = basis.data();
   source.steps = c.steps.data();
-  source.cls = c.cls.data();
-  if (c.ladder.size() > 1) source.rung = c.rung.data();
-  source.ladder = c.ladder.data();
+  source.step_exponent = c.step_exponent.data();
+  if (c.eob_table.size() > 1) source.eob_index = c.eob_index.data();
+  source.eob_table = c.eob_table.data();
   for (size_t k = 0; k < compact.size(); ++k) source.coefficient[k] = compact[k].data();
   std::vector<float> out(d.n * dim);
   TransformCursor cursor;
@@ -137,8 +138,8 @@ TEST(Transform, PrincipalAxesNeedFewerCoefficients) {
     const CodedTransform c =
         code_transform(d.rows.data(), d.weights.data(), d.n, 48, settings(1e-6, axes), &decoded);
     size_t count = 0;
-    for (const auto& plane : c.coefficient) {
-      for (const int16_t q : plane) count += q != 0;
+    for (const auto& channel : c.coefficient) {
+      for (const int16_t q : channel) count += q != 0;
     }
     return count;
   };
@@ -157,7 +158,7 @@ TEST(Transform, HardInputs) {
         for (size_t i = 0; i < n; ++i) {
           EXPECT_LE(std::sqrt(squared_error(d, decoded, i)), 0.5 + 2e-3 * static_cast<double>(far))
               << far << " " << weight << " " << n;
-          EXPECT_LT(c.cls[i], 16);
+          EXPECT_LT(c.step_exponent[i], 16);
         }
       }
     }

@@ -5,7 +5,7 @@
 #include <hwy/highway.h>
 #include <hwy/targets.h>
 
-#include "tests/entropy/rans_planes.h"
+#include "tests/entropy/rans_channels.h"
 
 namespace l4d {
 namespace {
@@ -14,7 +14,7 @@ using test::decode;
 using test::expected;
 using test::kShapes;
 using test::Random;
-using test::random_plane;
+using test::random_channel;
 using test::RansCase;
 using test::RansResult;
 using test::Shape;
@@ -51,8 +51,8 @@ class RansKernelTest : public testing::TestWithParam<int64_t> {
 
 RansCase one_of_each(size_t n, Shape shape, size_t contexts, uint64_t seed) {
   RansCase c;
-  c.hybrid.push_back(random_plane<uint16_t>(n, shape, contexts, seed));
-  c.wide.push_back(random_plane<uint64_t>(n, shape, contexts, seed + 1));
+  c.hybrid.push_back(random_channel<uint16_t>(n, shape, contexts, seed));
+  c.wide.push_back(random_channel<uint64_t>(n, shape, contexts, seed + 1));
   return c;
 }
 
@@ -70,17 +70,17 @@ TEST_P(RansKernelTest, EveryShapeAndLength) {
   }
 }
 
-TEST_P(RansKernelTest, ManyPlanesUnderOneSetOfLanes) {
+TEST_P(RansKernelTest, ManyChannelsUnderOneSetOfLanes) {
   for (uint64_t seed = 0; seed < 60; ++seed) {
     Random random(seed);
     RansCase c;
     for (uint32_t i = random.below(8) + 1; i > 0; --i) {
-      c.hybrid.push_back(random_plane<uint16_t>(random.below(300), kShapes[random.below(5)],
-                                                random.below(4), random.bits()));
+      c.hybrid.push_back(random_channel<uint16_t>(random.below(300), kShapes[random.below(5)],
+                                                  random.below(4), random.bits()));
     }
     for (uint32_t i = random.below(8) + 1; i > 0; --i) {
-      c.wide.push_back(random_plane<uint64_t>(random.below(300), kShapes[random.below(5)],
-                                              random.below(4), random.bits()));
+      c.wide.push_back(random_channel<uint64_t>(random.below(300), kShapes[random.below(5)],
+                                                random.below(4), random.bits()));
     }
     SCOPED_TRACE(testing::Message() << "seed " << seed);
     check(c);
@@ -90,7 +90,7 @@ TEST_P(RansKernelTest, ManyPlanesUnderOneSetOfLanes) {
 
 TEST_P(RansKernelTest, AllContexts) {
   RansCase c;
-  c.hybrid.push_back(random_plane<uint16_t>(5000, Shape::kSmall, 256, 7));
+  c.hybrid.push_back(random_channel<uint16_t>(5000, Shape::kSmall, 256, 7));
   check(c);
 }
 

@@ -6,13 +6,13 @@
 #include <algorithm>
 #include <cmath>
 
-#include "tests/entropy/rans_planes.h"
+#include "tests/entropy/rans_channels.h"
 
 namespace l4d {
 namespace {
 
+using test::channel_of;
 using test::decode;
-using test::plane_of;
 using test::Random;
 using test::RansCase;
 
@@ -204,7 +204,7 @@ TEST(RansBlock, BytesAreThoseOfTheSpecification) {
   RansCase c;
   std::vector<uint64_t> values;
   for (uint64_t i = 0; i < 2 * kRansLanes; ++i) values.push_back(0x20000 + 0x101 * i);
-  c.wide.push_back(plane_of(values));
+  c.wide.push_back(channel_of(values));
   want.clear();
   for (size_t i = 0; i < 32; ++i) append_le(static_cast<uint32_t>(0x10000 + 0x101 * i), want);
   for (size_t i = 32; i < 64; ++i) append_le(static_cast<uint16_t>(0x101 * i), want);
@@ -255,7 +255,7 @@ TEST(RansBlock, EveryFrequencyDividesExactly) {
   }
 }
 
-// A page of ten planes of codebook indices, against the entropy of what they were drawn from.
+// A page of ten channels of codebook indices, against the entropy of what they were drawn from.
 TEST(RansBlock, SizeIsCloseToTheEntropy) {
   constexpr size_t kEntries = 4096, kSymbols = 4096;
   for (const double mean : {100.0, 700.0, 2500.0}) {
@@ -270,7 +270,7 @@ TEST(RansBlock, SizeIsCloseToTheEntropy) {
     }
     RansCase c;
     double bits = 0;
-    for (int plane = 0; plane < 10; ++plane) {
+    for (int channel = 0; channel < 10; ++channel) {
       std::vector<uint16_t> values(kSymbols);
       for (uint16_t& v : values) {
         const auto at =
@@ -278,7 +278,7 @@ TEST(RansBlock, SizeIsCloseToTheEntropy) {
         v = static_cast<uint16_t>(at - cumulative.begin());
         bits -= std::log2(p[v]);
       }
-      c.hybrid.push_back(plane_of(values));
+      c.hybrid.push_back(channel_of(values));
     }
     const double bytes = static_cast<double>(c.block().size());
     EXPECT_LT(bytes, 1.005 * bits / 8) << "mean " << mean;
@@ -289,8 +289,8 @@ TEST(RansBlock, SizeIsCloseToTheEntropy) {
 // A writer starts anew after each block.
 TEST(RansBlock, WritersCanBeUsedAgain) {
   RansCase first, second;
-  first.hybrid.push_back(test::random_plane<uint16_t>(3000, test::Shape::kUniform, 0, 1));
-  second.wide.push_back(test::random_plane<uint64_t>(77, test::Shape::kUniform, 2, 2));
+  first.hybrid.push_back(test::random_channel<uint16_t>(3000, test::Shape::kUniform, 0, 1));
+  second.wide.push_back(test::random_channel<uint64_t>(77, test::Shape::kUniform, 2, 2));
   RansBlockWriter writer;
   Bytes out;
   writer.add_hybrid(first.hybrid[0].tables.data(), nullptr, first.hybrid[0].values);

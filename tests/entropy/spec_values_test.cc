@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "libl4dcodec/base/hash.h"
-#include "tests/entropy/rans_planes.h"
+#include "tests/entropy/rans_channels.h"
 
 namespace l4d {
 namespace {
@@ -83,10 +83,10 @@ uint16_t integer(size_t i, uint16_t*) {
 uint64_t integer(size_t i, uint64_t*) { return (i * uint64_t{0x9e3779b97f4a7c15}) >> (1 + i % 63); }
 
 template <typename T>
-test::RansPlane<T> plane(size_t n, size_t tokens) {
+test::RansChannel<T> channel(size_t n, size_t tokens) {
   std::vector<uint64_t> counts(tokens);
   for (size_t t = 0; t < tokens; ++t) counts[t] = 4096 / tokens + (t < 4096 % tokens ? 1 : 0);
-  test::RansPlane<T> out;
+  test::RansChannel<T> out;
   for (size_t i = 0; i < n; ++i) out.values.push_back(integer(i, static_cast<T*>(nullptr)));
   out.tables.emplace_back(counts);
   for (size_t t = 0; t < tokens; ++t) EXPECT_EQ(out.tables[0].frequency(t), counts[t]) << t;
@@ -102,9 +102,9 @@ TEST(SpecValues, Blocks) {
     const size_t n = std::stoul(row[1]);
     test::RansCase c;
     if (row[0] == "hybrid") {
-      c.hybrid.push_back(plane<uint16_t>(n, kRansHybridTokens));
+      c.hybrid.push_back(channel<uint16_t>(n, kRansHybridTokens));
     } else {
-      c.wide.push_back(plane<uint64_t>(n, kRansWideTokens));
+      c.wide.push_back(channel<uint64_t>(n, kRansWideTokens));
     }
     const Bytes block = c.block();
     EXPECT_EQ(block.size(), std::stoul(row[2])) << row[0] << " " << n;

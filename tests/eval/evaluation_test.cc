@@ -130,7 +130,7 @@ TEST(Target, BytesAndLargestErrorsAreReached) {
     EXPECT_TRUE(result.search.result().met);
     EXPECT_EQ(measure_target(target, Decoding(), observer, scene, encoding),
               result.search.result().figure);
-    EXPECT_LE(result.search.result().figure, target.asked);
+    EXPECT_LE(result.search.result().figure, target.requested);
     EXPECT_GE(trials, 1u);
   }
 }

@@ -15,7 +15,7 @@ double bytes_at(double quality) { return 1000 * std::exp2((quality - 20) / 8); }
 
 Goal at_most_bytes(double bytes) {
   Goal goal;
-  goal.asked = bytes;
+  goal.requested = bytes;
   goal.at_most = goal.rises = goal.logarithm = true;
   goal.slope = 0.08;
   goal.tolerance = 0.02;
@@ -32,12 +32,12 @@ QualitySearch search(const Goal& goal, const std::function<double(double)>& figu
 }
 
 TEST(QualitySearch, ComesAsNearAsTheToleranceFromTheSideThatKeepsTheBound) {
-  for (const double asked : {1500.0, 20000.0, 300000.0}) {
-    const QualitySearch found = search(at_most_bytes(asked), bytes_at);
+  for (const double requested : {1500.0, 20000.0, 300000.0}) {
+    const QualitySearch found = search(at_most_bytes(requested), bytes_at);
     EXPECT_EQ(found.obstacle, Obstacle::kNone);
     EXPECT_TRUE(found.result().met);
-    EXPECT_LE(found.result().figure, asked);
-    EXPECT_GE(found.result().figure, asked * std::exp(-0.02));
+    EXPECT_LE(found.result().figure, requested);
+    EXPECT_GE(found.result().figure, requested * std::exp(-0.02));
     EXPECT_EQ(found.result().figure, bytes_at(found.result().quality));
   }
 }

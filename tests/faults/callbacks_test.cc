@@ -56,10 +56,10 @@ void fail_every_read(const Bytes& file) {
         const l4d_reader reader = faulty.reader();
         const DecoderHandle d = calls.opened(reader, 1);
         ASSERT_EQ(calls.make(call, d.get(), reader), L4D_ERR_IO) << "read " << k;
-        ASSERT_STRNE(l4d_decoder_error_detail(d.get()), "");
+        ASSERT_STRNE(l4d_decoder_error_message(d.get()), "");
         ASSERT_EQ(calls.make(call, d.get(), reader), L4D_OK) << "read " << k;
         ASSERT_TRUE(calls.right(call)) << "read " << k;
-        ASSERT_STREQ(l4d_decoder_error_detail(d.get()), "");
+        ASSERT_STREQ(l4d_decoder_error_message(d.get()), "");
       }
     }
   }
@@ -202,7 +202,7 @@ TEST(WriterFaults, EveryCall) {
     writer = faulty.writer();
     ASSERT_EQ(l4d_encoder_encode(small.encoder.get(), &writer), L4D_ERR_IO) << "write " << k;
     EXPECT_EQ(faulty.calls, k + 1) << "nothing is written after a failure";
-    ASSERT_STRNE(l4d_encoder_error_detail(small.encoder.get()), "");
+    ASSERT_STRNE(l4d_encoder_error_message(small.encoder.get()), "");
     // What came before is a beginning of the file.
     ASSERT_LE(faulty.bytes.size(), whole.bytes.size());
     ASSERT_TRUE(std::equal(faulty.bytes.begin(), faulty.bytes.end(), whole.bytes.begin()));

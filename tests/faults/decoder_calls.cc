@@ -18,7 +18,7 @@ void wipe(Vectors&... vectors) {
 
 const char* name_of(Call call) {
   constexpr const char* kNames[] = {"open",   "select",   "decode",       "slice",
-                                    "packed", "sections", "get_codebook", "conformance"};
+                                    "packed", "sections", "get_codebook", "demand"};
   return kNames[static_cast<size_t>(call)];
 }
 
@@ -38,7 +38,7 @@ DecoderCalls::DecoderCalls(const Bytes& file) : file_(file) {
     r->opacity.resize(n);
     r->packed.resize(3 * n);
     r->index.resize(L4D_MAX_STAGES * n);
-    r->book.reserve(size_t{1} << 16);
+    r->codebook.reserve(size_t{1} << 16);
   }
   for (const Call call : kCalls) {
     EXPECT_EQ(make(call, d.get(), reader), L4D_OK) << name_of(call);
@@ -106,23 +106,24 @@ l4d_status DecoderCalls::make(Call call, l4d_decoder* decoder, const l4d_reader&
       wipe(got_.sections);
       return l4d_decoder_get_sections(decoder, got_.sections.data(), L4D_SECTION_COUNT, nullptr,
                                       nullptr, 0);
-    case Call::kBooks:
-      got_.book.clear();
+    case Call::kCodebooks:
+      got_.codebook.clear();
       for (uint32_t l = 0; l < num_layers_; ++l) {
         for (uint32_t c = 0; c < L4D_COMPONENT_COUNT; ++c) {
-          l4d_codebook book;
-          l4d_codebook_init(&book);
-          const l4d_status status = l4d_decoder_get_codebook(decoder, l, c, 0, L4D_NO_BLOCK, &book);
+          l4d_codebook codebook;
+          l4d_codebook_init(&codebook);
+          const l4d_status status =
+              l4d_decoder_get_codebook(decoder, l, c, 0, L4D_NO_BLOCK, &codebook);
           if (status != L4D_OK) return status;
-          if (book.entries == nullptr) continue;
-          const size_t size = size_t{book.num_entries} * book.dim;
-          got_.book.insert(got_.book.end(), book.entries, book.entries + size);
+          if (codebook.entries == nullptr) continue;
+          const size_t size = size_t{codebook.num_entries} * codebook.dim;
+          got_.codebook.insert(got_.codebook.end(), codebook.entries, codebook.entries + size);
         }
       }
       return L4D_OK;
-    case Call::kConformance:
-      l4d_conformance_init(&got_.conformance);
-      return l4d_decoder_get_conformance(decoder, &got_.conformance);
+    case Call::kStreamDemand:
+      l4d_stream_demand_init(&got_.demand);
+      return l4d_decoder_get_stream_demand(decoder, &got_.demand);
   }
   return L4D_ERR_INTERNAL;
 }
@@ -145,12 +146,12 @@ bool DecoderCalls::right(Call call) const {
              got_.packed_count == want_.packed_count;
     case Call::kSections:
       return got_.sections == want_.sections;
-    case Call::kBooks:
-      return same_bits("codebooks", want_.book, got_.book);
-    case Call::kConformance:
-      return got_.conformance.instant_bytes == want_.conformance.instant_bytes &&
-             got_.conformance.memory_bytes == want_.conformance.memory_bytes &&
-             got_.conformance.start_bytes == want_.conformance.start_bytes;
+    case Call::kCodebooks:
+      return same_bits("codebooks", want_.codebook, got_.codebook);
+    case Call::kStreamDemand:
+      return got_.demand.instant_bytes == want_.demand.instant_bytes &&
+             got_.demand.memory_bytes == want_.demand.memory_bytes &&
+             got_.demand.start_bytes == want_.demand.start_bytes;
   }
   return false;
 }

@@ -11,10 +11,10 @@
 
 namespace l4d::test {
 
-enum class Call { kOpen, kSelect, kDecode, kSlice, kPacked, kSections, kBooks, kConformance };
-constexpr std::array<Call, 8> kCalls = {Call::kOpen,  Call::kSelect,     Call::kDecode,
-                                        Call::kSlice, Call::kPacked,     Call::kSections,
-                                        Call::kBooks, Call::kConformance};
+enum class Call { kOpen, kSelect, kDecode, kSlice, kPacked, kSections, kCodebooks, kStreamDemand };
+constexpr std::array<Call, 8> kCalls = {Call::kOpen,      Call::kSelect,      Call::kDecode,
+                                        Call::kSlice,     Call::kPacked,      Call::kSections,
+                                        Call::kCodebooks, Call::kStreamDemand};
 const char* name_of(Call call);
 
 class DecoderCalls {
@@ -40,8 +40,8 @@ class DecoderCalls {
     std::vector<uint16_t> packed, index;
     uint64_t packed_count = 0;
     std::array<uint64_t, L4D_SECTION_COUNT> sections{};
-    std::vector<float> book;
-    l4d_conformance conformance{};
+    std::vector<float> codebook;
+    l4d_stream_demand demand{};
   };
 
   const Bytes& file_;

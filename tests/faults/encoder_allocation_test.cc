@@ -100,7 +100,7 @@ TEST_P(EncoderAllocations, EncodingSurvivesEachFailure) {
     } else {
       ASSERT_EQ(status, L4D_ERR_OUT_OF_MEMORY) << "allocation " << k;
       ++refused;
-      ASSERT_STRNE(l4d_encoder_error_detail(e.get()), "");
+      ASSERT_STRNE(l4d_encoder_error_message(e.get()), "");
     }
     // Every now and then: that the handle still works. Each is one encode more.
     if (k % 16 == 0) {
@@ -108,7 +108,7 @@ TEST_P(EncoderAllocations, EncodingSurvivesEachFailure) {
       writer = again.writer();
       ASSERT_EQ(l4d_encoder_encode(e.get(), &writer), L4D_OK) << "allocation " << k;
       ASSERT_TRUE(again.done()) << "allocation " << k;
-      // An error detail and its text may stay; a report is as large as the one before.
+      // An error message and its text may stay; a report is as large as the one before.
       ASSERT_EQ(live_allocations(), live) << "allocation " << k;
     }
   }

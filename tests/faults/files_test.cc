@@ -48,7 +48,7 @@ class Files : public testing::Test {
   l4d_status encode_to(const fs::path& path) const {
     return l4d_encoder_encode_file(encoder_.get(), path.c_str());
   }
-  std::string detail() const { return l4d_encoder_error_detail(encoder_.get()); }
+  std::string detail() const { return l4d_encoder_error_message(encoder_.get()); }
   std::vector<std::string> names() const {
     std::vector<std::string> all;
     for (const auto& entry : fs::directory_iterator(folder_)) {

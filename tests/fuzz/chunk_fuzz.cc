@@ -33,32 +33,32 @@ struct Result {
   }
 };
 
-CodebookData book_of(uint32_t entries, uint32_t dim) {
-  CodebookData book;
-  book.num_entries = entries;
-  book.dim = dim;
-  book.entries.assign(size_t{entries} * dim + CodebookData::kPadding, 0.5f);
-  return book;
+CodebookData codebook_of(uint32_t entries, uint32_t dim) {
+  CodebookData codebook;
+  codebook.num_entries = entries;
+  codebook.dim = dim;
+  codebook.entries.assign(size_t{entries} * dim + CodebookData::kPadding, 0.5f);
+  return codebook;
 }
 
 Result codebook(StreamDecoder& decoder, ByteSpan raw, uint32_t n, unsigned choice) {
   static constexpr uint32_t kDims[] = {3, 4, 12, 27, 48};
   StageCoding stage;
   stage.num_entries = 1 + n;
-  CodebookData book;
+  CodebookData codebook;
   Result r;
-  r.status = decode_codebook(decoder, raw, 0, stage, kDims[choice % 5], &book).code();
-  if (r.status == L4D_OK) r.values = book.entries;
+  r.status = decode_codebook(decoder, raw, 0, stage, kDims[choice % 5], &codebook).code();
+  if (r.status == L4D_OK) r.values = codebook.entries;
   return r;
 }
 
 Result block_codebook(StreamDecoder& decoder, ByteSpan raw, uint32_t n, unsigned choice) {
-  const CodebookData global = book_of(1 + (choice & 15) * 17, 4);
-  const CodebookData residual = book_of(1 + (choice >> 4) * 3, 4);
-  CodebookData book;
+  const CodebookData global = codebook_of(1 + (choice & 15) * 17, 4);
+  const CodebookData residual = codebook_of(1 + (choice >> 4) * 3, 4);
+  CodebookData codebook;
   Result r;
-  r.status = decode_rcq_table(decoder, raw, 0, 1 + n, global, residual, &book).code();
-  if (r.status == L4D_OK) r.values = book.entries;
+  r.status = decode_rcq_table(decoder, raw, 0, 1 + n, global, residual, &codebook).code();
+  if (r.status == L4D_OK) r.values = codebook.entries;
   return r;
 }
 
@@ -92,15 +92,15 @@ Result stream(StreamDecoder& decoder, ByteSpan raw, uint32_t n, unsigned choice)
 SceneHeader page_header(unsigned a, unsigned b) {
   SceneHeader header;
   header.sh_degree = a & 3;
-  header.position = (a & 4) != 0 ? MeanCodingId::kRaw32 : MeanCodingId::kF16;
+  header.position = (a & 4) != 0 ? CoordinateCodingId::kRaw32 : CoordinateCodingId::kF16;
   header.opacity.coding = static_cast<ScalarCodingId>((a >> 3) % 3);
   header.opacity.bits = 1 + (a >> 5);
   header.layers.resize(1);
   LayerHeader& layer = header.layers[0];
   layer.permanent = (b & 1) != 0;
-  layer.mean_t = layer.permanent ? MeanCodingId::kNone
-                 : (b & 2) != 0  ? MeanCodingId::kRaw32
-                                 : MeanCodingId::kF16;
+  layer.mean_t = layer.permanent ? CoordinateCodingId::kNone
+                 : (b & 2) != 0  ? CoordinateCodingId::kRaw32
+                                 : CoordinateCodingId::kF16;
   layer.scale_factor.coding = (b & 4) != 0 ? ScalarCodingId::kSq : ScalarCodingId::kConstant;
   layer.scale_factor.bits = 12;
   const auto set = [&](ComponentCoding& c, unsigned kind) {
@@ -109,7 +109,7 @@ SceneHeader page_header(unsigned a, unsigned b) {
     c.stages.resize(1 + (b >> 6));
     uint32_t entries = 1 + b;
     for (StageCoding& s : c.stages) s.num_entries = entries = 1 + entries / 2;
-    c.literals = (b & 8) != 0;
+    c.escapes = (b & 8) != 0;
   };
   set(header.sh, 2 + (b >> 4));
   for (ComponentCoding& c : layer.component) set(c, 2 + (b >> 5));

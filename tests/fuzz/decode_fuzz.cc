@@ -82,9 +82,9 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
     decode_whole(decoder, info, L4D_DETAIL_BASE_COLOR);
     uint64_t sections[L4D_SECTION_COUNT];
     (void)l4d_decoder_get_sections(decoder, sections, L4D_SECTION_COUNT, nullptr, nullptr, 0);
-    l4d_codebook book;
-    l4d_codebook_init(&book);
-    (void)l4d_decoder_get_codebook(decoder, 0, L4D_COMPONENT_SCALE, 0, L4D_NO_BLOCK, &book);
+    l4d_codebook codebook;
+    l4d_codebook_init(&codebook);
+    (void)l4d_decoder_get_codebook(decoder, 0, L4D_COMPONENT_SCALE, 0, L4D_NO_BLOCK, &codebook);
   }
   l4d_decoder_destroy(decoder);
   l4d_reader reader;

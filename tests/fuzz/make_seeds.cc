@@ -93,7 +93,7 @@ void write_pieces(const Seeds& seeds, const std::string& name, const Bytes& file
         control = {3, 4, 0, 16, 0};
         seeds.write("chunk", piece + "-stream", control, bytes);
         break;
-      case ChunkKind::kShDetail:  // nothing without its first part
+      case ChunkKind::kShDetail:  // nothing without its base chunk
         break;
     }
   }

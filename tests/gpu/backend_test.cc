@@ -40,11 +40,11 @@ TEST_P(Backend, DecodesToTheHostsBits) {
     expect_same_bits(a.rotor, b.rotor, "rotor");
     expect_same_bits(a.opacity, b.opacity, "opacity");
     expect_same_bits(a.sh, b.sh, "sh");
-    ASSERT_EQ(a.ranges.size(), b.ranges.size());
-    for (size_t r = 0; r < a.ranges.size(); ++r) {
-      EXPECT_EQ(a.ranges[r].first, b.ranges[r].first);
-      EXPECT_EQ(a.ranges[r].count, b.ranges[r].count);
-      EXPECT_EQ(a.ranges[r].bucket, b.ranges[r].bucket);
+    ASSERT_EQ(a.spans.size(), b.spans.size());
+    for (size_t r = 0; r < a.spans.size(); ++r) {
+      EXPECT_EQ(a.spans[r].first, b.spans[r].first);
+      EXPECT_EQ(a.spans[r].count, b.spans[r].count);
+      EXPECT_EQ(a.spans[r].bucket, b.spans[r].bucket);
     }
   }
 }

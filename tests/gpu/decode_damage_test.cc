@@ -23,7 +23,7 @@ Verdict of_host(const Bytes& bytes, const l4d_query& query, GaussianArrays* out)
     decoder.open_memory(bytes.data(), bytes.size());
     *out = decoder.decode(query);
   } catch (const Error& e) {
-    return verdict(e.status(), l4d_decoder_error_detail(decoder.get()));
+    return verdict(e.status(), l4d_decoder_error_message(decoder.get()));
   }
   return {};
 }
@@ -39,7 +39,7 @@ Verdict same_verdict(const Bytes& bytes) {
     found = DeviceDecoding(decoder).decode(all_query());
   } catch (const Error& e) {
     found.status = e.status();
-    found.detail = l4d_decoder_error_detail(decoder.get());
+    found.detail = l4d_decoder_error_message(decoder.get());
   }
   EXPECT_EQ(verdict(found.status, found.detail), host) << found.detail;
   if (host.status == L4D_OK && found.status == L4D_OK) {
@@ -65,7 +65,7 @@ Bytes transforms(uint64_t count, const char* preset, std::vector<Setting> settin
   return encode(make_scene(s), o).bytes;
 }
 
-Bytes codebooks_with_literals() {
+Bytes codebooks_with_escapes() {
   SceneOptions s;
   s.count = 900;
   const TestScene scene = make_scene(s);
@@ -73,7 +73,7 @@ Bytes codebooks_with_literals() {
   for (size_t i = 0; i < weights.size(); ++i) weights[i] = static_cast<float>(i % 40);
   EncodeOptions o = small_options();
   o.rans = true;
-  o.settings.push_back({L4D_ENC_LITERAL_THRESHOLD, 30});
+  o.settings.push_back({L4D_ENC_ESCAPE_THRESHOLD, 30});
   o.stages = {{L4D_ALL_COMPONENTS, {1.0f, 0.5f, 0.25f}}};
   for (uint32_t w = L4D_WEIGHT_SH; w <= L4D_WEIGHT_ROTOR_TEMPORAL; ++w) {
     o.weights.emplace_back(w, &weights);
@@ -97,7 +97,7 @@ TEST_F(Damage, OfPagesAndTablesIsFoundWhereTheHostFindsIt) {
   const Bytes files[] = {transforms(600, "default", {{L4D_ENC_PAGE_SIZE, 200}}),
                          transforms(600, "default", {{L4D_ENC_FIXED_POSITIONS, 0}}),
                          transforms(700, "indexed", {{L4D_ENC_CODEBOOK_SIZE, 50}}),
-                         codebooks_with_literals(), encode(make_scene(large), in_parts).bytes};
+                         codebooks_with_escapes(), encode(make_scene(large), in_parts).bytes};
   for (const Bytes& file : files) {
     for (int round = 0; round < 60; ++round) {
       StreamEditor editor(file);
@@ -115,7 +115,7 @@ TEST_F(Damage, OfPagesAndTablesIsFoundWhereTheHostFindsIt) {
       if (random.below(4) == 0) bytes = &layer.entropy.raw;
       const bool tables = bytes == &layer.entropy.raw;
       const uint32_t size = static_cast<uint32_t>(bytes->size());
-      // Often among the states and the first words, where planes of small values are.
+      // Often among the states and the first words, where channels of small values are.
       const uint32_t reach = random.below(2) == 0 && !tables ? std::min(size, 400u) : size;
       const uint32_t at =
           tables ? size - 1 - random.below(std::min(size, 300u)) : random.below(reach);
@@ -175,7 +175,7 @@ l4d_status opacity_status(const Bytes& file, size_t count) {
 TEST_F(Damage, LeavesRowsOfOtherPagesAndNoTraceInItsOwn) {
   const Bytes file = transforms(2000, "default", {{L4D_ENC_PAGE_SIZE, 200}});
   StreamEditor editor(file);
-  // Of literals any bits are right.
+  // Of escapes any bits are right.
   const StreamEditor::Place place =
       editor.find([](const LayerHeader& layer) { return !layer.raw_position; });
   ASSERT_GT(editor.at(place).pages.size(), 2u);
@@ -195,19 +195,19 @@ TEST_F(Damage, LeavesRowsOfOtherPagesAndNoTraceInItsOwn) {
   DecoderHandle decoder;
   decoder.open_memory(damaged.data(), damaged.size());
   DeviceDecoding device(decoder);
-  l4d_cuda_job job;
-  l4d_cuda_job_init(&job);
+  l4d_cuda_request request;
+  l4d_cuda_request_init(&request);
   const l4d_query query = all_query();
-  ASSERT_EQ(l4d_cuda_decoder_prepare(device.get(), &query, &job), L4D_OK);
-  const PoisonedMemory workspace(static_cast<size_t>(job.workspace_bytes));
-  const PoisonedMemory array(static_cast<size_t>(job.num_gaussians) * sizeof(float));
+  ASSERT_EQ(l4d_cuda_decoder_prepare(device.get(), &query, &request), L4D_OK);
+  const PoisonedMemory workspace(static_cast<size_t>(request.workspace_bytes));
+  const PoisonedMemory array(static_cast<size_t>(request.num_gaussians) * sizeof(float));
   const std::vector<float> before = array.read();
   l4d_cuda_gaussian_buffers buffers;
   l4d_cuda_gaussian_buffers_init(&buffers);
-  buffers.capacity = job.num_gaussians;
+  buffers.capacity = request.num_gaussians;
   buffers.opacity = array.floats();
-  ASSERT_EQ(l4d_cuda_decoder_decode(device.get(), &buffers, workspace.data(), job.workspace_bytes,
-                                    nullptr),
+  ASSERT_EQ(l4d_cuda_decoder_decode(device.get(), &buffers, workspace.data(),
+                                    request.workspace_bytes, nullptr),
             L4D_OK);
   ASSERT_EQ(l4d_cuda_decoder_finish(device.get()), L4D_ERR_CORRUPT);
   const std::vector<float> found = array.read();

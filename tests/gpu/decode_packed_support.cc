@@ -11,12 +11,12 @@ namespace {
 
 // Sizes of the arrays that a request asks for.
 struct PackedSizes {
-  uint64_t capacity = 0, literal_capacity = 0;
+  uint64_t capacity = 0, escape_capacity = 0;
   std::array<size_t, kNumPackedArrays> bytes{};
 
   PackedSizes(DecoderHandle& decoder, uint64_t n, const PackedRequest& request) {
     capacity = n + request.spare;
-    literal_capacity = std::min(request.literal_capacity, capacity);
+    escape_capacity = std::min(request.escape_capacity, capacity);
     uint64_t stages[L4D_COMPONENT_COUNT] = {};
     const l4d_info info = decoder.info();
     for (uint32_t l = 0; l < info.num_layers; ++l) {
@@ -37,7 +37,7 @@ struct PackedSizes {
           c == L4D_COMPONENT_SH ? 3 * (info.sh_degree + 1) * (info.sh_degree + 1) : 4;
       set(kPackedDepth + 3 * c, capacity);
       set(kPackedIndex + 3 * c, 2 * capacity * stages[c]);
-      set(kPackedLiteral + 3 * c, 2 * literal_capacity * dim);
+      set(kPackedEscape + 3 * c, 2 * escape_capacity * dim);
     }
   }
 };
@@ -71,13 +71,13 @@ void set_array(unsigned k, void* at, Buffers* buffers) {
       component.index = halves;
       return;
     default:
-      component.literal = halves;
+      component.escape = halves;
       return;
   }
 }
 
 Verdict verdict_of(DecoderHandle& decoder, l4d_status status) {
-  return verdict(status, l4d_decoder_error_detail(decoder.get()));
+  return verdict(status, l4d_decoder_error_message(decoder.get()));
 }
 
 }  // namespace
@@ -95,12 +95,12 @@ PackedResult pack_on_host(DecoderHandle& decoder, const l4d_query& query,
     result.arrays[k].resize(std::max<size_t>(sizes.bytes[k], 1), PoisonedMemory::kPoison);
     set_array(k, result.arrays[k].data(), &buffers);
   }
-  for (l4d_packed_component& c : buffers.component) c.literal_capacity = sizes.literal_capacity;
+  for (l4d_packed_component& c : buffers.component) c.escape_capacity = sizes.escape_capacity;
   const l4d_status status = l4d_decoder_decode_packed(decoder.get(), &query, &buffers);
   result.verdict = verdict_of(decoder, status);
-  result.detail = l4d_decoder_error_detail(decoder.get());
+  result.detail = l4d_decoder_error_message(decoder.get());
   for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
-    result.num_literals[c] = buffers.component[c].num_literals;
+    result.num_escapes[c] = buffers.component[c].num_escapes;
   }
   return result;
 }
@@ -109,15 +109,15 @@ PackedResult pack_on_device(DecoderHandle& decoder, DeviceDecoding& device, cons
                             const PackedRequest& request) {
   PackedResult result;
   const auto failed = [&](l4d_status status) {
-    result.detail = l4d_cuda_decoder_error_detail(device.get());
+    result.detail = l4d_cuda_decoder_error_message(device.get());
     result.verdict = verdict(status, result.detail);
     return status != L4D_OK;
   };
-  l4d_cuda_job job;
-  l4d_cuda_job_init(&job);
-  job.forms = request.forms;
-  if (failed(l4d_cuda_decoder_prepare(device.get(), &query, &job))) return result;
-  const PackedSizes sizes(decoder, job.num_gaussians, request);
+  l4d_cuda_request prepared;
+  l4d_cuda_request_init(&prepared);
+  prepared.forms = request.forms;
+  if (failed(l4d_cuda_decoder_prepare(device.get(), &query, &prepared))) return result;
+  const PackedSizes sizes(decoder, prepared.num_gaussians, request);
   l4d_cuda_packed_buffers buffers;
   l4d_cuda_packed_buffers_init(&buffers);
   buffers.capacity = sizes.capacity;
@@ -128,19 +128,19 @@ PackedResult pack_on_device(DecoderHandle& decoder, DeviceDecoding& device, cons
     set_array(k, memory[k]->data(), &buffers);
   }
   for (l4d_cuda_packed_component& c : buffers.component) {
-    c.literal_capacity = sizes.literal_capacity;
+    c.escape_capacity = sizes.escape_capacity;
   }
-  const PoisonedMemory workspace(static_cast<size_t>(job.workspace_bytes));
+  const PoisonedMemory workspace(static_cast<size_t>(prepared.workspace_bytes));
   cudaStream_t stream = nullptr;
   cuda_check(cudaStreamCreate(&stream));
   if (!failed(l4d_cuda_decoder_decode_packed(device.get(), &buffers, workspace.data(),
-                                             job.workspace_bytes, stream))) {
+                                             prepared.workspace_bytes, stream))) {
     failed(l4d_cuda_decoder_finish(device.get()));
     const Verdict of_decode = result.verdict;
     const std::string detail = result.detail;
     for (uint32_t c = 0; c < L4D_COMPONENT_COUNT; ++c) {
       EXPECT_FALSE(
-          failed(l4d_cuda_decoder_get_num_literals(device.get(), c, &result.num_literals[c])));
+          failed(l4d_cuda_decoder_get_num_escapes(device.get(), c, &result.num_escapes[c])));
     }
     result.verdict = of_decode;
     result.detail = detail;
@@ -185,9 +185,9 @@ testing::AssertionResult same_packed(const PackedPair& pair) {
   }
   if (pair.host.verdict.status != L4D_OK) return testing::AssertionSuccess();
   for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
-    if (pair.host.num_literals[c] == pair.device.num_literals[c]) continue;
-    return testing::AssertionFailure() << "component " << c << " has " << pair.host.num_literals[c]
-                                       << " literals, not " << pair.device.num_literals[c];
+    if (pair.host.num_escapes[c] == pair.device.num_escapes[c]) continue;
+    return testing::AssertionFailure() << "component " << c << " has " << pair.host.num_escapes[c]
+                                       << " escapes, not " << pair.device.num_escapes[c];
   }
   for (unsigned k = 0; k < kNumPackedArrays; ++k) {
     const Bytes& host = pair.host.arrays[k];

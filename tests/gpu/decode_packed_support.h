@@ -17,15 +17,15 @@ enum PackedArray : unsigned {
   kPackedScaleFactor,
   kPackedDepth,
   kPackedIndex,
-  kPackedLiteral,
+  kPackedEscape,
   kNumPackedArrays = kPackedDepth + 3 * L4D_COMPONENT_COUNT
 };
 constexpr uint32_t kAllPackedArrays = (1u << kNumPackedArrays) - 1;
 
 struct PackedRequest {
-  uint32_t arrays = kAllPackedArrays;      // bit k: array k is wanted
-  uint64_t spare = 3;                      // capacity beyond the Gaussians
-  uint64_t literal_capacity = UINT64_MAX;  // if less than there may be
+  uint32_t arrays = kAllPackedArrays;     // bit k: array k is wanted
+  uint64_t spare = 3;                     // capacity beyond the Gaussians
+  uint64_t escape_capacity = UINT64_MAX;  // if less than there may be
   uint32_t forms = L4D_CUDA_FORM_PACKED;
 };
 
@@ -33,7 +33,7 @@ struct PackedResult {
   Verdict verdict;
   std::string detail;
   std::array<Bytes, kNumPackedArrays> arrays;  // empty where not wanted
-  std::array<uint64_t, L4D_COMPONENT_COUNT> num_literals{};
+  std::array<uint64_t, L4D_COMPONENT_COUNT> num_escapes{};
 };
 
 PackedResult pack_on_host(DecoderHandle& decoder, const l4d_query& query,

@@ -35,27 +35,27 @@ void expect_same_for_all_queries(const Bytes& file) {
   }
 }
 
-// All components in three stages, and some Gaussians as literals.
-EncodeOptions with_literals(const TestScene& scene, bool rans, std::vector<float>* weights) {
+// All components in three stages, and some Gaussians as escapes.
+EncodeOptions with_escapes(const TestScene& scene, bool rans, std::vector<float>* weights) {
   weights->resize(scene.count());
   for (size_t i = 0; i < weights->size(); ++i) (*weights)[i] = static_cast<float>(i % 40);
   EncodeOptions o = small_options();
   o.rans = rans;
   o.stages = {{L4D_ALL_COMPONENTS, {1.0f, 0.5f, 0.25f}}};
-  o.settings.push_back({L4D_ENC_LITERAL_THRESHOLD, 37.5});
+  o.settings.push_back({L4D_ENC_ESCAPE_THRESHOLD, 37.5});
   for (uint32_t w = L4D_WEIGHT_SH; w <= L4D_WEIGHT_ROTOR_TEMPORAL; ++w) {
     o.weights.emplace_back(w, weights);
   }
   return o;
 }
 
-Bytes literal_file(uint64_t count, uint32_t degree, bool rans) {
+Bytes escape_file(uint64_t count, uint32_t degree, bool rans) {
   SceneOptions s;
   s.count = count;
   s.sh_degree = degree;
   const TestScene scene = make_scene(s);
   std::vector<float> weights;
-  return encode(scene, with_literals(scene, rans, &weights)).bytes;
+  return encode(scene, with_escapes(scene, rans, &weights)).bytes;
 }
 
 class Packed : public OnDevice<testing::Test> {};
@@ -88,14 +88,14 @@ TEST_F(Packed, PresetsOfCodebooks) {
   }
 }
 
-TEST_F(Packed, LiteralsAndStages) {
+TEST_F(Packed, EscapesAndStages) {
   for (const bool rans : {true, false}) {
     for (const uint32_t degree : {0u, 1u, 3u}) {
       SCOPED_TRACE(testing::Message() << "rans " << rans << ", degree " << degree);
-      const Bytes file = literal_file(3000, degree, rans);
+      const Bytes file = escape_file(3000, degree, rans);
       expect_same_for_all_queries(file);
       const PackedPair pair = pack_on_both(file, all_query());
-      for (const uint64_t count : pair.host.num_literals) EXPECT_GT(count, 0u);
+      for (const uint64_t count : pair.host.num_escapes) EXPECT_GT(count, 0u);
     }
   }
 }
@@ -110,7 +110,7 @@ TEST_F(Packed, BlockCodebooks) {
   }
 }
 
-TEST_F(Packed, PermanentLayersAndSecondParts) {
+TEST_F(Packed, PermanentLayersAndShChunks) {
   for (const double permanent : {0.0, 0.9, 1.0}) {
     SceneOptions s;
     s.count = 40000;
@@ -128,8 +128,8 @@ TEST_F(Packed, PermanentLayersAndSecondParts) {
 
 // Every second page by another codec: some are decoded here, some there.
 TEST_F(Packed, PagesOfBothKindsInOneStream) {
-  StreamEditor mixed(literal_file(3000, 1, true));
-  const StreamEditor streams(literal_file(3000, 1, false));
+  StreamEditor mixed(escape_file(3000, 1, true));
+  const StreamEditor streams(escape_file(3000, 1, false));
   size_t page = 0, changed = 0;
   for (size_t l = 0; l < mixed.layers.size(); ++l) {
     for (size_t d = 0; d < mixed.layers[l].directory.size(); ++d) {
@@ -153,7 +153,7 @@ TEST_F(Packed, PagesOfBothKindsInOneStream) {
 
 TEST_F(Packed, AnySubsetOfArrays) {
   Random random(3);
-  const Bytes files[] = {literal_file(900, 1, true), literal_file(900, 1, false)};
+  const Bytes files[] = {escape_file(900, 1, true), escape_file(900, 1, false)};
   for (const Bytes& file : files) {
     std::vector<uint32_t> subsets = {0};
     for (unsigned k = 0; k < kNumPackedArrays; ++k) {
@@ -169,33 +169,33 @@ TEST_F(Packed, AnySubsetOfArrays) {
   }
 }
 
-TEST_F(Packed, NoRoomForLiterals) {
+TEST_F(Packed, NoCapacityForEscapes) {
   for (const bool rans : {true, false}) {
-    const Bytes file = literal_file(3000, 1, rans);
+    const Bytes file = escape_file(3000, 1, rans);
     const PackedPair whole = pack_on_both(file, all_query());
     uint64_t least = UINT64_MAX;
-    for (const uint64_t count : whole.host.num_literals) least = std::min(least, count);
+    for (const uint64_t count : whole.host.num_escapes) least = std::min(least, count);
     ASSERT_GT(least, 1u);
     for (const uint64_t capacity : {uint64_t{0}, uint64_t{1}, least - 1}) {
       PackedRequest request;
-      request.literal_capacity = capacity;
+      request.escape_capacity = capacity;
       const PackedPair pair = pack_on_both(file, all_query(), request);
       EXPECT_EQ(pair.host.verdict.status, L4D_ERR_BUFFER_TOO_SMALL);
       EXPECT_EQ(pair.device.verdict.status, L4D_ERR_BUFFER_TOO_SMALL);
-      EXPECT_NE(pair.device.detail.find("literal_capacity"), std::string::npos);
-      EXPECT_EQ(pair.device.num_literals, whole.host.num_literals);
+      EXPECT_NE(pair.device.detail.find("escape_capacity"), std::string::npos);
+      EXPECT_EQ(pair.device.num_escapes, whole.host.num_escapes);
       for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
-        const Bytes& found = pair.device.arrays[kPackedLiteral + 3 * c];
+        const Bytes& found = pair.device.arrays[kPackedEscape + 3 * c];
         if (capacity == 0) continue;
         // Rows of three numbers at least.
         const size_t sure = static_cast<size_t>(capacity) * 3 * sizeof(uint16_t);
-        EXPECT_EQ(std::memcmp(found.data(), whole.host.arrays[kPackedLiteral + 3 * c].data(), sure),
+        EXPECT_EQ(std::memcmp(found.data(), whole.host.arrays[kPackedEscape + 3 * c].data(), sure),
                   0);
       }
     }
     PackedRequest enough;
-    enough.literal_capacity =
-        *std::max_element(whole.host.num_literals.begin(), whole.host.num_literals.end());
+    enough.escape_capacity =
+        *std::max_element(whole.host.num_escapes.begin(), whole.host.num_escapes.end());
     EXPECT_TRUE(same_packed(pack_on_both(file, all_query(), enough)));
   }
 }
@@ -211,7 +211,7 @@ TEST_F(Packed, RefusesWhatHasNoPackedForm) {
     const PackedPair pair = pack_on_both(file, all_query());
     EXPECT_EQ(pair.host.verdict.status, L4D_ERR_FEATURE_UNSUPPORTED);
     EXPECT_EQ(pair.device.verdict.status, L4D_ERR_FEATURE_UNSUPPORTED);
-    // Of a job for the expanded form, too.
+    // Of a request for the expanded form, too.
     PackedRequest expanded;
     expanded.forms = L4D_CUDA_FORM_EXPANDED;
     EXPECT_EQ(pack_on_both(file, all_query(), expanded).device.verdict.status,
@@ -228,9 +228,9 @@ TEST_F(Packed, RefusesWhatHasNoPackedForm) {
   }
 }
 
-TEST_F(Packed, BothFormsOfOneJob) {
+TEST_F(Packed, BothFormsOfOneRequest) {
   for (const bool rans : {true, false}) {
-    const Bytes file = literal_file(2000, 2, rans);
+    const Bytes file = escape_file(2000, 2, rans);
     DecoderHandle decoder, host;
     decoder.open_memory(file.data(), file.size());
     host.open_memory(file.data(), file.size());
@@ -241,33 +241,33 @@ TEST_F(Packed, BothFormsOfOneJob) {
     pair.host = pack_on_host(host, all_query(), both);
     pair.device = pack_on_device(decoder, device, all_query(), both);
     EXPECT_TRUE(same_packed(pair));
-    // The job is still there.
+    // The request is still there.
     const GaussianArrays expected = decode(file, all_query());
-    l4d_cuda_job job;
-    l4d_cuda_job_init(&job);
-    job.forms = both.forms;
+    l4d_cuda_request request;
+    l4d_cuda_request_init(&request);
+    request.forms = both.forms;
     const l4d_query query = all_query();
-    ASSERT_EQ(l4d_cuda_decoder_prepare(device.get(), &query, &job), L4D_OK);
-    const PoisonedMemory workspace(static_cast<size_t>(job.workspace_bytes));
+    ASSERT_EQ(l4d_cuda_decoder_prepare(device.get(), &query, &request), L4D_OK);
+    const PoisonedMemory workspace(static_cast<size_t>(request.workspace_bytes));
     const PoisonedMemory sh(expected.sh.size() * sizeof(float));
     l4d_cuda_gaussian_buffers buffers;
     l4d_cuda_gaussian_buffers_init(&buffers);
-    buffers.capacity = job.num_gaussians;
+    buffers.capacity = request.num_gaussians;
     buffers.sh = sh.floats();
-    ASSERT_EQ(l4d_cuda_decoder_decode(device.get(), &buffers, workspace.data(), job.workspace_bytes,
-                                      nullptr),
+    ASSERT_EQ(l4d_cuda_decoder_decode(device.get(), &buffers, workspace.data(),
+                                      request.workspace_bytes, nullptr),
               L4D_OK);
     ASSERT_EQ(l4d_cuda_decoder_finish(device.get()), L4D_OK);
     EXPECT_TRUE(same_bits("sh", sh.read(), expected.sh));
-    uint64_t literals = 0;
-    EXPECT_EQ(l4d_cuda_decoder_get_num_literals(device.get(), 0, &literals), L4D_ERR_INVALID_STATE);
+    uint64_t escapes = 0;
+    EXPECT_EQ(l4d_cuda_decoder_get_num_escapes(device.get(), 0, &escapes), L4D_ERR_INVALID_STATE);
   }
 }
 
 TEST_F(Packed, CodebooksStayUnread) {
-  StreamEditor editor(literal_file(900, 1, true));
-  ASSERT_FALSE(editor.sh_books.empty());
-  for (EditedChunk& book : editor.sh_books) book.wrong_hash = true;
+  StreamEditor editor(escape_file(900, 1, true));
+  ASSERT_FALSE(editor.sh_codebooks.empty());
+  for (EditedChunk& codebook : editor.sh_codebooks) codebook.wrong_hash = true;
   const Bytes file = editor.build();
   EXPECT_EQ(decode_on_device(file, all_query()).status, L4D_ERR_CHECKSUM);
   const PackedPair pair = pack_on_both(file, all_query());
@@ -276,14 +276,14 @@ TEST_F(Packed, CodebooksStayUnread) {
 }
 
 TEST_F(Packed, CodebooksAreThoseOfTheHost) {
-  for (const Bytes& file : {literal_file(900, 1, true), block_codebooks_file(true),
+  for (const Bytes& file : {escape_file(900, 1, true), block_codebooks_file(true),
                             block_codebooks_file(false), transform_file()}) {
     DecoderHandle decoder, host;
     decoder.open_memory(file.data(), file.size());
     host.open_memory(file.data(), file.size());
     DeviceDecoding device(decoder);
     const GaussianArrays all = decode(file, all_query());
-    int books = 0, blocks = 0;
+    int codebooks = 0, blocks = 0;
     const auto compare = [&](uint32_t layer, uint32_t c, uint32_t s, uint32_t block) {
       l4d_codebook expected, found;
       l4d_codebook_init(&expected);
@@ -294,7 +294,7 @@ TEST_F(Packed, CodebooksAreThoseOfTheHost) {
       ASSERT_EQ(found.dim, expected.dim);
       ASSERT_EQ(found.entries == nullptr, expected.entries == nullptr);
       if (found.entries == nullptr) return;
-      ++books;
+      ++codebooks;
       if (block != L4D_NO_BLOCK) ++blocks;
       std::vector<float> entries(size_t{found.num_entries} * found.dim);
       const size_t bytes = entries.size() * sizeof(float);
@@ -306,12 +306,12 @@ TEST_F(Packed, CodebooksAreThoseOfTheHost) {
         for (uint32_t s = 0; s < L4D_MAX_STAGES; ++s) compare(layer, c, s, L4D_NO_BLOCK);
       }
     }
-    for (const l4d_range& r : all.ranges) {
+    for (const l4d_bucket_span& r : all.spans) {
       if (r.block == L4D_NO_BLOCK) continue;
       for (uint32_t c = 0; c < L4D_COMPONENT_COUNT; ++c) compare(r.layer, c, 0, r.block);
     }
     EXPECT_EQ(blocks > 0, (decoder.info().tools & L4D_TOOL_RCQ) != 0);
-    EXPECT_EQ(books > 0, (decoder.info().tools & L4D_TOOL_TRANSFORM) == 0);
+    EXPECT_EQ(codebooks > 0, (decoder.info().tools & L4D_TOOL_TRANSFORM) == 0);
     l4d_codebook none;
     l4d_codebook_init(&none);
     EXPECT_EQ(l4d_cuda_decoder_get_codebook(device.get(), 1000, 0, 0, L4D_NO_BLOCK, &none),
@@ -324,7 +324,7 @@ TEST_F(Packed, DamageIsFoundWhereTheHostFindsIt) {
   Random random(9);
   std::map<std::string, int> seen;
   for (const bool rans : {true, false}) {
-    const Bytes file = literal_file(900, 1, rans);
+    const Bytes file = escape_file(900, 1, rans);
     for (int round = 0; round < 60; ++round) {
       StreamEditor editor(file);
       EditedLayer& layer = editor.layers[random.below(static_cast<uint32_t>(editor.layers.size()))];

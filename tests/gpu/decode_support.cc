@@ -55,13 +55,13 @@ DeviceResult DeviceDecoding::decode(const l4d_query& query, uint32_t attributes)
   DeviceResult result;
   const auto failed = [&](l4d_status status) {
     result.status = status;
-    result.detail = l4d_cuda_decoder_error_detail(cuda_);
+    result.detail = l4d_cuda_decoder_error_message(cuda_);
     return status != L4D_OK;
   };
-  l4d_cuda_job_init(&result.job);
-  result.job.attributes = attributes;
-  if (failed(l4d_cuda_decoder_prepare(cuda_, &query, &result.job))) return result;
-  const size_t n = static_cast<size_t>(result.job.num_gaussians);
+  l4d_cuda_request_init(&result.request);
+  result.request.attributes = attributes;
+  if (failed(l4d_cuda_decoder_prepare(cuda_, &query, &result.request))) return result;
+  const size_t n = static_cast<size_t>(result.request.num_gaussians);
   l4d_cuda_gaussian_buffers buffers;
   l4d_cuda_gaussian_buffers_init(&buffers);
   buffers.capacity = n;
@@ -86,11 +86,11 @@ DeviceResult DeviceDecoding::decode(const l4d_query& query, uint32_t attributes)
     memory.push_back(std::make_unique<PoisonedMemory>(n * w.numbers * sizeof(float)));
     *w.array = memory.back()->floats();
   }
-  const PoisonedMemory workspace(static_cast<size_t>(result.job.workspace_bytes));
+  const PoisonedMemory workspace(static_cast<size_t>(result.request.workspace_bytes));
   cudaStream_t stream = nullptr;
   cuda_check(cudaStreamCreate(&stream));
   const l4d_status launched = l4d_cuda_decoder_decode(cuda_, &buffers, workspace.data(),
-                                                      result.job.workspace_bytes, stream);
+                                                      result.request.workspace_bytes, stream);
   const bool ok = !failed(launched) && !failed(l4d_cuda_decoder_finish(cuda_));
   cuda_check(cudaStreamSynchronize(stream));
   cuda_check(cudaStreamDestroy(stream));
@@ -103,13 +103,13 @@ DeviceResult DeviceDecoding::decode(const l4d_query& query, uint32_t attributes)
     if (ok) *w.to = array.read();
   }
   uint64_t count = 0;
-  if (failed(l4d_cuda_decoder_get_ranges(cuda_, nullptr, 0, &count))) return result;
-  out.ranges.resize(static_cast<size_t>(count));
-  if (failed(l4d_cuda_decoder_get_ranges(cuda_, out.ranges.data(), count, &count))) return result;
+  if (failed(l4d_cuda_decoder_get_spans(cuda_, nullptr, 0, &count))) return result;
+  out.spans.resize(static_cast<size_t>(count));
+  if (failed(l4d_cuda_decoder_get_spans(cuda_, out.spans.data(), count, &count))) return result;
   if (!ok) {
     // The failure of the decode, not the success of what was asked afterwards.
     result.status = launched != L4D_OK ? launched : l4d_cuda_decoder_finish(cuda_);
-    result.detail = l4d_cuda_decoder_error_detail(cuda_);
+    result.detail = l4d_cuda_decoder_error_message(cuda_);
   }
   return result;
 }

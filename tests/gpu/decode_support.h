@@ -64,7 +64,7 @@ class PoisonedMemory {
 struct DeviceResult {
   l4d_status status = L4D_OK;  // of the first call that failed
   std::string detail;
-  l4d_cuda_job job{};
+  l4d_cuda_request request{};
   GaussianArrays arrays;  // what was asked for, as the device left it
 };
 
@@ -77,7 +77,7 @@ class DeviceDecoding {
   DeviceDecoding& operator=(const DeviceDecoding&) = delete;
 
   l4d_cuda_decoder* get() const { return cuda_; }
-  // attributes: L4D_CUDA_*, of the job and of the arrays.
+  // attributes: L4D_CUDA_*, of the request and of the arrays.
   DeviceResult decode(const l4d_query& query, uint32_t attributes = L4D_CUDA_ALL_ATTRIBUTES);
 
  private:

@@ -20,8 +20,8 @@ GaussianArrays on_host(const Bytes& bytes, const l4d_query& query) {
   return decode(bytes, query, L4D_BACKEND_REFERENCE);
 }
 
-testing::AssertionResult same_ranges(const std::vector<l4d_range>& a,
-                                     const std::vector<l4d_range>& b) {
+testing::AssertionResult same_ranges(const std::vector<l4d_bucket_span>& a,
+                                     const std::vector<l4d_bucket_span>& b) {
   if (a.size() != b.size()) return testing::AssertionFailure() << a.size() << " and " << b.size();
   for (size_t i = 0; i < a.size(); ++i) {
     if (a[i].first != b[i].first || a[i].count != b[i].count || a[i].layer != b[i].layer ||
@@ -44,7 +44,7 @@ void expect_same(const Bytes& bytes, const l4d_query& query,
   EXPECT_TRUE(same_bits("rotor", found.arrays.rotor, expected.rotor));
   EXPECT_TRUE(same_bits("opacity", found.arrays.opacity, expected.opacity));
   EXPECT_TRUE(same_bits("sh", found.arrays.sh, expected.sh));
-  EXPECT_TRUE(same_ranges(found.arrays.ranges, expected.ranges));
+  EXPECT_TRUE(same_ranges(found.arrays.spans, expected.spans));
 }
 
 void expect_same_for_all_queries(const Bytes& bytes) {
@@ -131,7 +131,7 @@ TEST_F(Scenes, WithoutMotionAndWithoutTime) {
   }
 }
 
-TEST_F(Scenes, WithSecondPartsOfSh) {
+TEST_F(Scenes, WithShChunksOfSh) {
   SceneOptions s;
   s.count = 40000;
   s.sh_degree = 3;
@@ -146,7 +146,7 @@ TEST_F(Scenes, WithSecondPartsOfSh) {
   }
 }
 
-TEST_F(Scenes, WithLiteralsAndStages) {
+TEST_F(Scenes, WithEscapesAndStages) {
   EncodeOptions o = small_options();
   o.rans = true;
   o.stages = {{L4D_ALL_COMPONENTS, {1.0f, 0.5f, 0.25f}}};
@@ -158,7 +158,7 @@ TEST_F(Scenes, WithLiteralsAndStages) {
     std::vector<float> weights(scene.count());
     for (size_t i = 0; i < weights.size(); ++i) weights[i] = static_cast<float>(i % 40);
     EncodeOptions with = o;
-    with.settings.push_back({L4D_ENC_LITERAL_THRESHOLD, 37.5});
+    with.settings.push_back({L4D_ENC_ESCAPE_THRESHOLD, 37.5});
     for (uint32_t w = L4D_WEIGHT_SH; w <= L4D_WEIGHT_ROTOR_TEMPORAL; ++w) {
       with.weights.emplace_back(w, &weights);
     }
@@ -237,13 +237,13 @@ TEST_F(Jobs, RefuseWhatDoesNotFit) {
   EXPECT_EQ(l4d_cuda_decoder_decode(device.get(), &buffers, nullptr, 0, nullptr),
             L4D_ERR_INVALID_STATE);
   EXPECT_EQ(l4d_cuda_decoder_finish(device.get()), L4D_ERR_INVALID_STATE);
-  l4d_cuda_job job;
-  l4d_cuda_job_init(&job);
-  job.attributes = L4D_CUDA_POSITION;
+  l4d_cuda_request request;
+  l4d_cuda_request_init(&request);
+  request.attributes = L4D_CUDA_POSITION;
   const l4d_query query = all_query();
-  ASSERT_EQ(l4d_cuda_decoder_prepare(device.get(), &query, &job), L4D_OK);
-  const PoisonedMemory workspace(static_cast<size_t>(job.workspace_bytes));
-  const PoisonedMemory array(static_cast<size_t>(job.num_gaussians) * 3 * sizeof(float));
+  ASSERT_EQ(l4d_cuda_decoder_prepare(device.get(), &query, &request), L4D_OK);
+  const PoisonedMemory workspace(static_cast<size_t>(request.workspace_bytes));
+  const PoisonedMemory array(static_cast<size_t>(request.num_gaussians) * 3 * sizeof(float));
   const auto decode_into = [&](float* position, float* opacity, uint64_t capacity, void* at,
                                uint64_t size) {
     buffers.position = position;
@@ -251,7 +251,7 @@ TEST_F(Jobs, RefuseWhatDoesNotFit) {
     buffers.capacity = capacity;
     return l4d_cuda_decoder_decode(device.get(), &buffers, at, size, nullptr);
   };
-  const uint64_t n = job.num_gaussians, size = job.workspace_bytes;
+  const uint64_t n = request.num_gaussians, size = request.workspace_bytes;
   EXPECT_EQ(decode_into(array.floats(), nullptr, n - 1, workspace.data(), size),
             L4D_ERR_BUFFER_TOO_SMALL);
   EXPECT_EQ(decode_into(array.floats() + 1, nullptr, n, workspace.data(), size),
@@ -261,7 +261,7 @@ TEST_F(Jobs, RefuseWhatDoesNotFit) {
   EXPECT_EQ(decode_into(array.floats(), nullptr, n, workspace.data(), size - 1),
             L4D_ERR_INVALID_ARGUMENT);
   EXPECT_EQ(decode_into(array.floats(), nullptr, n, nullptr, size), L4D_ERR_INVALID_ARGUMENT);
-  EXPECT_NE(std::string(l4d_cuda_decoder_error_detail(device.get())), "");
+  EXPECT_NE(std::string(l4d_cuda_decoder_error_message(device.get())), "");
   ASSERT_EQ(decode_into(array.floats(), nullptr, n, workspace.data(), size), L4D_OK);
   EXPECT_EQ(l4d_cuda_decoder_finish(device.get()), L4D_OK);
   EXPECT_TRUE(same_bits("position", array.read(), on_host(file, query).position));
@@ -272,25 +272,25 @@ TEST_F(Jobs, UploadAheadOfDecoding) {
   DecoderHandle decoder;
   decoder.open_memory(file.data(), file.size());
   DeviceDecoding device(decoder);
-  l4d_cuda_job job;
-  l4d_cuda_job_init(&job);
+  l4d_cuda_request request;
+  l4d_cuda_request_init(&request);
   const l4d_query query = all_query();
-  ASSERT_EQ(l4d_cuda_decoder_prepare(device.get(), &query, &job), L4D_OK);
-  EXPECT_GT(job.upload_bytes, 0u);
-  const PoisonedMemory workspace(static_cast<size_t>(job.workspace_bytes));
-  const PoisonedMemory array(static_cast<size_t>(job.num_gaussians) * 8 * sizeof(float));
+  ASSERT_EQ(l4d_cuda_decoder_prepare(device.get(), &query, &request), L4D_OK);
+  EXPECT_GT(request.upload_bytes, 0u);
+  const PoisonedMemory workspace(static_cast<size_t>(request.workspace_bytes));
+  const PoisonedMemory array(static_cast<size_t>(request.num_gaussians) * 8 * sizeof(float));
   l4d_cuda_gaussian_buffers buffers;
   l4d_cuda_gaussian_buffers_init(&buffers);
-  buffers.capacity = job.num_gaussians;
+  buffers.capacity = request.num_gaussians;
   buffers.rotor = array.floats();
   for (int round = 0; round < 3; ++round) {
     if (round != 1) {
       ASSERT_EQ(
-          l4d_cuda_decoder_upload(device.get(), workspace.data(), job.workspace_bytes, nullptr),
+          l4d_cuda_decoder_upload(device.get(), workspace.data(), request.workspace_bytes, nullptr),
           L4D_OK);
     }
-    ASSERT_EQ(l4d_cuda_decoder_decode(device.get(), &buffers, workspace.data(), job.workspace_bytes,
-                                      nullptr),
+    ASSERT_EQ(l4d_cuda_decoder_decode(device.get(), &buffers, workspace.data(),
+                                      request.workspace_bytes, nullptr),
               L4D_OK);
     ASSERT_EQ(l4d_cuda_decoder_finish(device.get()), L4D_OK);
     EXPECT_TRUE(same_bits("rotor", array.read(), on_host(file, query).rotor));

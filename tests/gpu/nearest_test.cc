@@ -37,8 +37,8 @@ std::vector<float> normal(size_t n, size_t dim, uint64_t seed) {
 // Counts how many searches went to the device, and how often points stayed there.
 class Counting : public NearestDevice {
  public:
-  bool search(const Job& job) override {
-    const bool done = device_->search(job);
+  bool search(const Job& request) override {
+    const bool done = device_->search(request);
     count += done;
     return done;
   }
@@ -73,17 +73,18 @@ TEST_F(DeviceNearest, IsTheHostsToTheLastBit) {
     for (const size_t k : {size_t{1000}, size_t{4096}}) {
       SCOPED_TRACE("dim " + std::to_string(dim) + ", k " + std::to_string(k));
       const size_t n = 30011;
-      std::vector<float> points = normal(n, dim, dim), book = normal(k, dim, 1000 + k);
+      std::vector<float> points = normal(n, dim, dim), codebook = normal(k, dim, 1000 + k);
       // Ties: points on codewords, and codewords twice.
-      std::copy_n(book.begin(), 100 * dim, points.begin());
-      std::copy_n(book.begin(), 50 * dim, book.end() - static_cast<std::ptrdiff_t>(50 * dim));
+      std::copy_n(codebook.begin(), 100 * dim, points.begin());
+      std::copy_n(codebook.begin(), 50 * dim,
+                  codebook.end() - static_cast<std::ptrdiff_t>(50 * dim));
       points[200 * dim] = std::numeric_limits<float>::quiet_NaN();
       points[201 * dim] = 1e30f;
       points[202 * dim] = std::numeric_limits<float>::infinity();
       Result host = poisoned(n), got = poisoned(n);
-      assign_nearest(points.data(), n, dim, book.data(), k, 0, nullptr, host.labels.data(),
+      assign_nearest(points.data(), n, dim, codebook.data(), k, 0, nullptr, host.labels.data(),
                      host.sq_dist.data());
-      assign_nearest(points.data(), n, dim, book.data(), k, {0, &device}, nullptr,
+      assign_nearest(points.data(), n, dim, codebook.data(), k, {0, &device}, nullptr,
                      got.labels.data(), got.sq_dist.data());
       expect_equal(host, got);
       EXPECT_EQ(device.count, ++searches);
@@ -104,12 +105,12 @@ TEST_F(DeviceNearest, IsTheHostsToTheLastBit) {
 TEST_F(DeviceNearest, SlicesOfManyPointsAreOne) {
   Counting device;
   const size_t n = 700001, dim = 12, k = 64;  // several slices of 4 MiB
-  const std::vector<float> points = normal(n, dim, 5), book = normal(k, dim, 6);
+  const std::vector<float> points = normal(n, dim, 5), codebook = normal(k, dim, 6);
   Result host = poisoned(n), got = poisoned(n);
-  assign_nearest(points.data(), n, dim, book.data(), k, 0, nullptr, host.labels.data(),
+  assign_nearest(points.data(), n, dim, codebook.data(), k, 0, nullptr, host.labels.data(),
                  host.sq_dist.data());
-  assign_nearest(points.data(), n, dim, book.data(), k, {0, &device}, nullptr, got.labels.data(),
-                 got.sq_dist.data());
+  assign_nearest(points.data(), n, dim, codebook.data(), k, {0, &device}, nullptr,
+                 got.labels.data(), got.sq_dist.data());
   expect_equal(host, got);
   EXPECT_EQ(device.count, 1u);
 }
@@ -138,21 +139,21 @@ TEST_F(DeviceNearest, PointsThatStayAreSearchedAlike) {
       expect_equal(host, got);
       first += static_cast<uint32_t>(k);
     }
-    const std::vector<float> book = normal(1024, dim, 9);
+    const std::vector<float> codebook = normal(1024, dim, 9);
     host = got = poisoned(n);
-    assign_nearest(points.data(), n, dim, book.data(), 1024, 0, nullptr, host.labels.data(),
+    assign_nearest(points.data(), n, dim, codebook.data(), 1024, 0, nullptr, host.labels.data(),
                    host.sq_dist.data());
-    assign_nearest(points.data(), n, dim, book.data(), 1024, {1, &device, held.get()}, nullptr,
+    assign_nearest(points.data(), n, dim, codebook.data(), 1024, {1, &device, held.get()}, nullptr,
                    got.labels.data(), got.sq_dist.data());
     expect_equal(host, got);
     EXPECT_EQ(device.count, 4u);
     // Those that are others come from the host.
     std::vector<float> others = normal(n / 2, dim, 10);
     host = got = poisoned(n / 2);
-    assign_nearest(others.data(), n / 2, dim, book.data(), 1024, 0, nullptr, host.labels.data(),
+    assign_nearest(others.data(), n / 2, dim, codebook.data(), 1024, 0, nullptr, host.labels.data(),
                    host.sq_dist.data());
-    assign_nearest(others.data(), n / 2, dim, book.data(), 1024, {1, &device, held.get()}, nullptr,
-                   got.labels.data(), got.sq_dist.data());
+    assign_nearest(others.data(), n / 2, dim, codebook.data(), 1024, {1, &device, held.get()},
+                   nullptr, got.labels.data(), got.sq_dist.data());
     expect_equal(host, got);
     EXPECT_EQ(device.count, 5u);
   }
@@ -166,12 +167,12 @@ TEST_F(DeviceNearest, SearchesSideBySide) {
   std::vector<std::thread> callers;
   for (size_t c = 0; c < kCallers; ++c) {
     callers.emplace_back([&, c] {
-      const std::vector<float> points = normal(n, dim, 100 + c), book = normal(k, dim, 200 + c);
-      assign_nearest(points.data(), n, dim, book.data(), k, 1, nullptr, host[c].labels.data(),
+      const std::vector<float> points = normal(n, dim, 100 + c), codebook = normal(k, dim, 200 + c);
+      assign_nearest(points.data(), n, dim, codebook.data(), k, 1, nullptr, host[c].labels.data(),
                      host[c].sq_dist.data());
       for (int again = 0; again < 5; ++again) {
         got[c] = poisoned(n);
-        assign_nearest(points.data(), n, dim, book.data(), k, {1, &device}, nullptr,
+        assign_nearest(points.data(), n, dim, codebook.data(), k, {1, &device}, nullptr,
                        got[c].labels.data(), got[c].sq_dist.data());
       }
     });
@@ -183,10 +184,10 @@ TEST_F(DeviceNearest, SearchesSideBySide) {
 
 TEST_F(DeviceNearest, LeavesWhatIsSmallToTheHost) {
   Counting device;
-  const std::vector<float> points = normal(100, 4, 5), book = normal(8, 4, 6);
+  const std::vector<float> points = normal(100, 4, 5), codebook = normal(8, 4, 6);
   Result got = poisoned(100);
-  assign_nearest(points.data(), 100, 4, book.data(), 8, {1, &device}, nullptr, got.labels.data(),
-                 got.sq_dist.data());
+  assign_nearest(points.data(), 100, 4, codebook.data(), 8, {1, &device}, nullptr,
+                 got.labels.data(), got.sq_dist.data());
   EXPECT_EQ(device.count, 0u);
   EXPECT_LT(got.labels[0], 8u);
 }

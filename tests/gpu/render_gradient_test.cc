@@ -109,7 +109,7 @@ struct Weights {
 struct TestView {
   double time;
   double angle;
-  bool seen_only;
+  bool visibility_only;
 };
 
 Weights weights_of(const SensitivityHandle& sums) {
@@ -118,16 +118,16 @@ Weights weights_of(const SensitivityHandle& sums) {
   return out;
 }
 
-SensitivityHandle measured(const RendererHandle& renderer, const io::Scene& scene, uint32_t measure,
+SensitivityHandle measured(const RendererHandle& renderer, const io::Scene& scene, uint32_t metric,
                            const std::vector<TestView>& views) {
   l4d_sensitivity_options options;
   l4d_sensitivity_options_init(&options);
-  options.measure = measure;
+  options.metric = metric;
   options.seed = 77;
   SensitivityHandle sums(&options, scene.count(), scene.sh_degree);
   for (const TestView& v : views) {
     renderer.check(l4d_renderer_set_time(renderer.get(), v.time));
-    sums.add_view(renderer, ring_camera(140, 100, v.angle), v.seen_only);
+    sums.add_view(renderer, ring_camera(140, 100, v.angle), v.visibility_only);
   }
   return sums;
 }
@@ -143,14 +143,14 @@ TEST(DeviceImportance, IsTheReference) {
   for (const RendererHandle* r : {&expected, &device}) {
     r->check(l4d_renderer_set_gaussians(r->get(), &gaussians, &scene.timeline));
   }
-  for (const uint32_t measure : {L4D_SENSITIVITY_SUM, L4D_SENSITIVITY_GAUSS_NEWTON}) {
-    const Weights e = weights_of(measured(expected, scene, measure, kViews));
-    const Weights d = weights_of(measured(device, scene, measure, kViews));
+  for (const uint32_t metric : {L4D_SENSITIVITY_SUM, L4D_SENSITIVITY_GAUSS_NEWTON}) {
+    const Weights e = weights_of(measured(expected, scene, metric, kViews));
+    const Weights d = weights_of(measured(device, scene, metric, kViews));
     for (uint32_t k = 0; k < L4D_WEIGHT_COUNT; ++k) {
       const double distance = relative_distance(d.array[k], e.array[k]);
-      std::cout << "measure " << measure << ", weight " << k << ": relative distance " << distance
+      std::cout << "measure " << metric << ", weight " << k << ": relative distance " << distance
                 << "\n";
-      EXPECT_LT(distance, 2e-3) << "measure " << measure << ", weight " << k;
+      EXPECT_LT(distance, 2e-3) << "measure " << metric << ", weight " << k;
       size_t unlike = 0;
       for (size_t i = 0; i < scene.count(); ++i) {
         unlike += (d.array[L4D_WEIGHT_ALPHA_T][i] > 0) != (e.array[L4D_WEIGHT_ALPHA_T][i] > 0);
@@ -168,15 +168,15 @@ TEST(DeviceImportance, DoesNotDependOnTheOrderOfViews) {
   const RendererHandle device = make_device();
   device.check(l4d_renderer_set_gaussians(device.get(), &gaussians, &scene.timeline));
   const std::vector<TestView> full(kViews.begin(), kViews.begin() + 3);
-  for (const uint32_t measure : {L4D_SENSITIVITY_SUM, L4D_SENSITIVITY_GAUSS_NEWTON}) {
-    const Weights one = weights_of(measured(device, scene, measure, full));
-    SensitivityHandle first = measured(device, scene, measure, {full[2]});
-    const SensitivityHandle second = measured(device, scene, measure, {full[1], full[0]});
+  for (const uint32_t metric : {L4D_SENSITIVITY_SUM, L4D_SENSITIVITY_GAUSS_NEWTON}) {
+    const Weights one = weights_of(measured(device, scene, metric, full));
+    SensitivityHandle first = measured(device, scene, metric, {full[2]});
+    const SensitivityHandle second = measured(device, scene, metric, {full[1], full[0]});
     first.merge(second);
     const Weights two = weights_of(first);
     for (uint32_t k = 0; k < L4D_WEIGHT_COUNT; ++k) {
       EXPECT_TRUE(equal_bits(one.array[k], two.array[k]))
-          << "measure " << measure << ", weight " << k;
+          << "measure " << metric << ", weight " << k;
     }
   }
 }
@@ -211,8 +211,8 @@ TEST(DeviceImportance, MeasuresWithL4dMeasure) {
     l4d_measure_report report;
     l4d_measure_report_init(&report);
     l4d_sensitivity* out = nullptr;
-    r->check(l4d_measure(r->get(), cameras.data(), 6, views.data(), views.size(), &options, nullptr,
-                         nullptr, &report, &out));
+    r->check(l4d_measure_importance(r->get(), cameras.data(), 6, views.data(), views.size(),
+                                    &options, nullptr, nullptr, &report, &out));
     const SensitivityHandle sums(out, scene.count());
     EXPECT_GT(report.views_measured, 0u);
     unseen[which++] = report.unseen;
@@ -221,8 +221,8 @@ TEST(DeviceImportance, MeasuresWithL4dMeasure) {
   EXPECT_NEAR(static_cast<double>(unseen[1]), static_cast<double>(unseen[0]), 10);
 }
 
-// l4d_measure has two views under way at a time, with more instances than there is room for at
-// first, and adds them up as one by one.
+// l4d_measure_importance has two views under way at a time, with more instances than there is room
+// for at first, and adds them up as one by one.
 TEST(DeviceImportance, ViewsUnderWayTogetherAddUpAsOneByOne) {
   L4D_SKIP_WITHOUT_DEVICE();
   io::Scene scene = synth(40000, 6);
@@ -233,9 +233,9 @@ TEST(DeviceImportance, ViewsUnderWayTogetherAddUpAsOneByOne) {
   const auto [cameras, views] = ring_views(800, 600, 5, 9, 0.4);
   l4d_measure_options options;
   l4d_measure_options_init(&options);
-  options.measure = L4D_SENSITIVITY_SUM;  // without signs, which are others in each half
+  options.metric = L4D_SENSITIVITY_SUM;  // without signs, which are others in each half
   options.agreement = 2;
-  const l4d_sensitivity_options sums = {sizeof(l4d_sensitivity_options), options.measure, 0,
+  const l4d_sensitivity_options sums = {sizeof(l4d_sensitivity_options), options.metric, 0,
                                         options.seed};
   SensitivityHandle one_by_one(&sums, scene.count(), scene.sh_degree);
   for (const l4d_view& v : views) {
@@ -245,8 +245,8 @@ TEST(DeviceImportance, ViewsUnderWayTogetherAddUpAsOneByOne) {
   const Weights expected = weights_of(one_by_one);
   for (int round = 0; round < 3; ++round) {
     l4d_sensitivity* out = nullptr;
-    device.check(l4d_measure(device.get(), cameras.data(), 5, views.data(), views.size(), &options,
-                             nullptr, nullptr, nullptr, &out));
+    device.check(l4d_measure_importance(device.get(), cameras.data(), 5, views.data(), views.size(),
+                                        &options, nullptr, nullptr, nullptr, &out));
     const Weights found = weights_of(SensitivityHandle(out, scene.count()));
     for (uint32_t k = 0; k < L4D_WEIGHT_COUNT; ++k) {
       EXPECT_TRUE(equal_bits(expected.array[k], found.array[k])) << round << ", weight " << k;

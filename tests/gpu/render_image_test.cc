@@ -188,7 +188,7 @@ TEST(DeviceImage, ArgumentsAreChecked) {
   const io::Scene scene = synth(10);
   const l4d_gaussians gaussians = scene.view();
   EXPECT_EQ(l4d_renderer_set_gaussians(device.get(), &gaussians, &scene.timeline), L4D_ERR_DEVICE);
-  EXPECT_NE(std::string(l4d_renderer_error_detail(device.get())), "");
+  EXPECT_NE(std::string(l4d_renderer_error_message(device.get())), "");
 }
 
 }  // namespace

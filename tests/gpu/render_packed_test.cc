@@ -15,8 +15,8 @@ namespace {
 using test::cuda_check;
 using test::PoisonedMemory;
 
-// A stream of codebooks: `stages` of SH, and every so many-th Gaussian a literal; 0 = none.
-Bytes encode_indexed(const io::Scene& scene, size_t stages, size_t literal_each) {
+// A stream of codebooks: `stages` of SH, and every so many-th Gaussian an escape; 0 = none.
+Bytes encode_indexed(const io::Scene& scene, size_t stages, size_t escape_each) {
   test::TestScene source;
   source.timeline = scene.timeline;
   source.sh_degree = scene.sh_degree;
@@ -38,9 +38,9 @@ Bytes encode_indexed(const io::Scene& scene, size_t stages, size_t literal_each)
   o.stages = {{L4D_COMPONENT_SH,
                {fractions.begin(), fractions.begin() + static_cast<std::ptrdiff_t>(stages)}}};
   std::vector<float> weights(scene.count(), 1.0f);
-  for (size_t i = 0; literal_each > 0 && i < weights.size(); i += literal_each) weights[i] = 40.0f;
-  if (literal_each > 0) {
-    o.settings.push_back({L4D_ENC_LITERAL_THRESHOLD, 37.5});
+  for (size_t i = 0; escape_each > 0 && i < weights.size(); i += escape_each) weights[i] = 40.0f;
+  if (escape_each > 0) {
+    o.settings.push_back({L4D_ENC_ESCAPE_THRESHOLD, 37.5});
     o.weights.emplace_back(L4D_WEIGHT_SH, &weights);
   }
   return test::encode(source, o).bytes;
@@ -53,21 +53,21 @@ class DecodedScene {
     decoder_.open_memory(file_.data(), file_.size());
     device_ = std::make_unique<test::DeviceDecoding>(decoder_);
     l4d_cuda_decoder* d = device_->get();
-    l4d_cuda_job job;
-    l4d_cuda_job_init(&job);
-    job.forms = L4D_CUDA_FORM_EXPANDED | L4D_CUDA_FORM_PACKED;
+    l4d_cuda_request request;
+    l4d_cuda_request_init(&request);
+    request.forms = L4D_CUDA_FORM_EXPANDED | L4D_CUDA_FORM_PACKED;
     const l4d_query query = test::all_query();
-    check(l4d_cuda_decoder_prepare(d, &query, &job));
-    n_ = static_cast<size_t>(job.num_gaussians);
+    check(l4d_cuda_decoder_prepare(d, &query, &request));
+    n_ = static_cast<size_t>(request.num_gaussians);
     const l4d_info info = decoder_.info();
     terms_ = (info.sh_degree + 1) * (info.sh_degree + 1);
     for (uint32_t s = 0; s < L4D_MAX_STAGES; ++s) {
-      l4d_codebook book;
-      l4d_codebook_init(&book);
-      check(l4d_cuda_decoder_get_codebook(d, 0, L4D_COMPONENT_SH, s, L4D_NO_BLOCK, &book));
-      if (book.entries != nullptr) books.push_back(book);
+      l4d_codebook codebook;
+      l4d_codebook_init(&codebook);
+      check(l4d_cuda_decoder_get_codebook(d, 0, L4D_COMPONENT_SH, s, L4D_NO_BLOCK, &codebook));
+      if (codebook.entries != nullptr) codebooks.push_back(codebook);
     }
-    const PoisonedMemory workspace(static_cast<size_t>(job.workspace_bytes));
+    const PoisonedMemory workspace(static_cast<size_t>(request.workspace_bytes));
     const auto array = [&](size_t bytes) {
       arrays_.push_back(std::make_unique<PoisonedMemory>(std::max<size_t>(bytes, 1)));
       return arrays_.back().get();
@@ -81,22 +81,23 @@ class DecodedScene {
     expanded.rotor = array(32 * n_)->floats();
     expanded.opacity = array(4 * n_)->floats();
     expanded.sh = array(12 * terms_ * n_)->floats();
-    check(l4d_cuda_decoder_decode(d, &expanded, workspace.data(), job.workspace_bytes, nullptr));
+    check(
+        l4d_cuda_decoder_decode(d, &expanded, workspace.data(), request.workspace_bytes, nullptr));
     check(l4d_cuda_decoder_finish(d));
     l4d_cuda_packed_buffers packed;
     l4d_cuda_packed_buffers_init(&packed);
     packed.capacity = n_ + 5;
     l4d_cuda_packed_component& sh = packed.component[L4D_COMPONENT_SH];
     sh.depth = static_cast<uint8_t*>(array(n_)->data());
-    sh.index = static_cast<uint16_t*>(array(2 * books.size() * packed.capacity)->data());
-    sh.literal = static_cast<uint16_t*>(array(6 * terms_ * n_)->data());
-    sh.literal_capacity = n_;
-    check(
-        l4d_cuda_decoder_decode_packed(d, &packed, workspace.data(), job.workspace_bytes, nullptr));
+    sh.index = static_cast<uint16_t*>(array(2 * codebooks.size() * packed.capacity)->data());
+    sh.escape = static_cast<uint16_t*>(array(6 * terms_ * n_)->data());
+    sh.escape_capacity = n_;
+    check(l4d_cuda_decoder_decode_packed(d, &packed, workspace.data(), request.workspace_bytes,
+                                         nullptr));
     check(l4d_cuda_decoder_finish(d));
-    uint64_t literals[L4D_COMPONENT_COUNT];
+    uint64_t escapes[L4D_COMPONENT_COUNT];
     for (uint32_t c = 0; c < L4D_COMPONENT_COUNT; ++c) {
-      check(l4d_cuda_decoder_get_num_literals(d, c, &literals[c]));
+      check(l4d_cuda_decoder_get_num_escapes(d, c, &escapes[c]));
     }
     l4d_gaussians_init(&gaussians);
     gaussians.count = n_;
@@ -113,8 +114,8 @@ class DecodedScene {
     indices.depth = sh.depth;
     indices.index = sh.index;
     indices.stride = packed.capacity;
-    indices.literal = sh.literal;
-    indices.num_literals = literals[L4D_COMPONENT_SH];
+    indices.escape = sh.escape;
+    indices.num_escapes = escapes[L4D_COMPONENT_SH];
     depths.resize(n_);
     cuda_check(cudaMemcpy(depths.data(), sh.depth, n_, cudaMemcpyDeviceToHost));
   }
@@ -134,29 +135,29 @@ class DecodedScene {
   // Their SH.
   l4d_cuda_sh_indices part(size_t first, size_t count) const {
     const auto begin = depths.begin() + static_cast<std::ptrdiff_t>(first);
-    const auto literals_until = [&](size_t end) {
+    const auto escapes_until = [&](size_t end) {
       return static_cast<size_t>(
           std::count(depths.begin(), depths.begin() + static_cast<std::ptrdiff_t>(end), 255));
     };
     l4d_cuda_sh_indices out = indices;
     out.depth += first;
     out.index += first;
-    out.literal += 3 * terms_ * literals_until(first);
-    out.num_literals =
+    out.escape += 3 * terms_ * escapes_until(first);
+    out.num_escapes =
         static_cast<uint64_t>(std::count(begin, begin + static_cast<std::ptrdiff_t>(count), 255));
-    out.first_literal = literals_until(first);
+    out.first_escape = escapes_until(first);
     return out;
   }
 
   l4d_gaussians gaussians{};
   l4d_timeline timeline{};
   l4d_cuda_sh_indices indices{};
-  std::vector<l4d_codebook> books;
+  std::vector<l4d_codebook> codebooks;
   std::vector<uint8_t> depths;
 
  private:
   void check(l4d_status status) const {
-    ASSERT_EQ(status, L4D_OK) << l4d_cuda_decoder_error_detail(device_->get());
+    ASSERT_EQ(status, L4D_OK) << l4d_cuda_decoder_error_message(device_->get());
   }
 
   Bytes file_;
@@ -179,17 +180,17 @@ class Renderer {
   Renderer& operator=(const Renderer&) = delete;
   l4d_cuda_renderer* get() const { return r_; }
   void check(l4d_status status) const {
-    EXPECT_EQ(status, L4D_OK) << l4d_cuda_renderer_error_detail(r_);
+    EXPECT_EQ(status, L4D_OK) << l4d_cuda_renderer_error_message(r_);
   }
   void reserve(const l4d_camera& camera, uint64_t visible) const {
-    l4d_cuda_room room;
-    l4d_cuda_room_init(&room);
-    room.width = camera.width;
-    room.height = camera.height;
-    room.visible = visible;
-    room.instances = 1 << 20;
-    room.backward = 1;
-    check(l4d_cuda_renderer_reserve(r_, &room));
+    l4d_cuda_frame_capacity capacity;
+    l4d_cuda_frame_capacity_init(&capacity);
+    capacity.width = camera.width;
+    capacity.height = camera.height;
+    capacity.visible = visible;
+    capacity.instances = 1 << 20;
+    capacity.backward = 1;
+    check(l4d_cuda_renderer_reserve(r_, &capacity));
   }
   std::vector<float> render(const l4d_camera& camera, double time) const {
     const PoisonedMemory rgb(size_t{12} * camera.width * camera.height);
@@ -197,10 +198,10 @@ class Renderer {
     l4d_cuda_image_init(&image);
     image.rgb = rgb.floats();
     check(l4d_cuda_renderer_render(r_, time, &camera, &image, nullptr));
-    l4d_cuda_figures figures;
-    l4d_cuda_figures_init(&figures);
-    check(l4d_cuda_renderer_get_figures(r_, nullptr, &figures));
-    EXPECT_GT(figures.projected, 50u);
+    l4d_cuda_frame_stats stats;
+    l4d_cuda_frame_stats_init(&stats);
+    check(l4d_cuda_renderer_get_stats(r_, nullptr, &stats));
+    EXPECT_GT(stats.projected, 50u);
     return rgb.read();
   }
 
@@ -209,8 +210,8 @@ class Renderer {
 };
 
 void set_whole(const Renderer& r, const DecodedScene& scene) {
-  r.check(l4d_cuda_renderer_set_sh_codebooks(r.get(), scene.books.data(),
-                                             static_cast<uint32_t>(scene.books.size())));
+  r.check(l4d_cuda_renderer_set_sh_codebooks(r.get(), scene.codebooks.data(),
+                                             static_cast<uint32_t>(scene.codebooks.size())));
   const l4d_gaussians g = scene.geometry(0, scene.count());
   r.check(l4d_cuda_renderer_set_indexed_gaussians(r.get(), &g, &scene.indices, &scene.timeline));
 }
@@ -219,13 +220,13 @@ TEST(IndexedRender, ImagesAreThoseOfExpandedSh) {
   L4D_SKIP_WITHOUT_DEVICE();
   for (uint32_t degree = 0; degree <= 3; ++degree) {
     for (const size_t stages : {1u, 2u, 3u, 4u}) {
-      for (const size_t literal_each : {size_t{0}, size_t{9}}) {
+      for (const size_t escape_each : {size_t{0}, size_t{9}}) {
         SCOPED_TRACE(testing::Message() << "degree " << degree << ", " << stages
-                                        << " stages, a literal in " << literal_each);
+                                        << " stages, an escape in " << escape_each);
         const DecodedScene scene(
-            encode_indexed(with_degree(synth(4000, 3 + degree), degree), stages, literal_each));
-        ASSERT_EQ(scene.books.size(), stages);
-        EXPECT_EQ(scene.indices.num_literals > 0, literal_each > 0);
+            encode_indexed(with_degree(synth(4000, 3 + degree), degree), stages, escape_each));
+        ASSERT_EQ(scene.codebooks.size(), stages);
+        EXPECT_EQ(scene.indices.num_escapes > 0, escape_each > 0);
         for (const uint32_t format : {L4D_CUDA_SH_FLOAT32, L4D_CUDA_SH_FLOAT16}) {
           const Renderer expanded(format), indexed(format);
           expanded.check(
@@ -249,7 +250,7 @@ TEST(IndexedRender, ImagesAreThoseOfExpandedSh) {
   }
 }
 
-TEST(IndexedRender, RowsAndTheirLiteralsComeInParts) {
+TEST(IndexedRender, RowsAndTheirEscapesComeInParts) {
   L4D_SKIP_WITHOUT_DEVICE();
   const DecodedScene scene(encode_indexed(synth(6000, 8), 2, 7));
   const uint64_t n = scene.count();
@@ -257,45 +258,47 @@ TEST(IndexedRender, RowsAndTheirLiteralsComeInParts) {
   const Renderer expanded, parts;
   const auto fill = [&](const Renderer& r, bool indexed) {
     r.reserve(camera, n);
-    r.check(l4d_cuda_renderer_reserve_rows(r.get(), n + 3000, 3, &scene.timeline));
+    r.check(l4d_cuda_renderer_reserve_slots(r.get(), n + 3000, 3, &scene.timeline));
     if (indexed) {
-      r.check(l4d_cuda_renderer_reserve_literals(r.get(), scene.indices.num_literals));
+      r.check(l4d_cuda_renderer_reserve_escapes(r.get(), scene.indices.num_escapes));
     }
     const uint64_t cuts[4] = {0, 1700, 1701, n}, places[3] = {n + 500, 0, 300};
-    l4d_cuda_slab slabs[3];
+    l4d_cuda_batch batches[3];
     for (size_t k = 0; k < 3; ++k) {
       const size_t first = static_cast<size_t>(cuts[k]);
       const size_t count = static_cast<size_t>(cuts[k + 1] - cuts[k]);
       l4d_gaussians g = scene.geometry(first, count);
       if (indexed) {
         const l4d_cuda_sh_indices indices = scene.part(first, count);
-        r.check(l4d_cuda_renderer_store_indexed_rows(r.get(), places[k], &g, &indices, nullptr));
+        r.check(
+            l4d_cuda_renderer_store_indexed_gaussians(r.get(), places[k], &g, &indices, nullptr));
       } else {
         g.sh = scene.gaussians.sh + 48 * first;
-        r.check(l4d_cuda_renderer_store_rows(r.get(), places[k], &g, nullptr));
+        r.check(l4d_cuda_renderer_store_gaussians(r.get(), places[k], &g, nullptr));
       }
-      slabs[k] = {static_cast<uint32_t>(places[k]), static_cast<uint32_t>(count),
-                  L4D_CUDA_ROWS_MOVING, 0};
+      batches[k] = {static_cast<uint32_t>(places[k]), static_cast<uint32_t>(count),
+                    L4D_CUDA_MOTION_MOVING, 0};
     }
-    r.check(l4d_cuda_renderer_set_slabs(r.get(), slabs, 3, nullptr));
+    r.check(l4d_cuda_renderer_set_batches(r.get(), batches, 3, nullptr));
   };
   fill(expanded, false);
-  parts.check(l4d_cuda_renderer_set_sh_codebooks(parts.get(), scene.books.data(),
-                                                 static_cast<uint32_t>(scene.books.size())));
+  parts.check(l4d_cuda_renderer_set_sh_codebooks(parts.get(), scene.codebooks.data(),
+                                                 static_cast<uint32_t>(scene.codebooks.size())));
   fill(parts, true);
   for (const double time : {0.4, 2.6}) {
     EXPECT_TRUE(equal_bits(parts.render(camera, time), expanded.render(camera, time))) << time;
   }
   // Rows of the one kind are not taken for the other.
   const l4d_gaussians with_sh = scene.gaussians;
-  EXPECT_EQ(l4d_cuda_renderer_store_rows(parts.get(), 0, &with_sh, nullptr), L4D_ERR_INVALID_STATE);
+  EXPECT_EQ(l4d_cuda_renderer_store_gaussians(parts.get(), 0, &with_sh, nullptr),
+            L4D_ERR_INVALID_STATE);
   const l4d_gaussians g = scene.geometry(0, 10);
   l4d_cuda_sh_indices few = scene.part(0, 10);
-  EXPECT_EQ(l4d_cuda_renderer_store_indexed_rows(expanded.get(), 0, &g, &few, nullptr),
+  EXPECT_EQ(l4d_cuda_renderer_store_indexed_gaussians(expanded.get(), 0, &g, &few, nullptr),
             L4D_ERR_INVALID_STATE);
-  few.first_literal = scene.indices.num_literals;
-  few.num_literals = 1;
-  EXPECT_EQ(l4d_cuda_renderer_store_indexed_rows(parts.get(), 0, &g, &few, nullptr),
+  few.first_escape = scene.indices.num_escapes;
+  few.num_escapes = 1;
+  EXPECT_EQ(l4d_cuda_renderer_store_indexed_gaussians(parts.get(), 0, &g, &few, nullptr),
             L4D_ERR_INVALID_ARGUMENT);
 }
 
@@ -328,22 +331,22 @@ TEST(IndexedRender, RefusesWhatDoesNotFit) {
   L4D_SKIP_WITHOUT_DEVICE();
   const DecodedScene scene(encode_indexed(synth(3000, 6), 2, 5));
   const Renderer r;
-  std::vector<l4d_codebook> books = scene.books;
-  const auto set_books = [&] {
-    return l4d_cuda_renderer_set_sh_codebooks(r.get(), books.data(),
-                                              static_cast<uint32_t>(books.size()));
+  std::vector<l4d_codebook> codebooks = scene.codebooks;
+  const auto set_codebooks = [&] {
+    return l4d_cuda_renderer_set_sh_codebooks(r.get(), codebooks.data(),
+                                              static_cast<uint32_t>(codebooks.size()));
   };
-  books[1].dim = 12;
-  EXPECT_EQ(set_books(), L4D_ERR_INVALID_ARGUMENT);
-  books[1].dim = 47;
-  EXPECT_EQ(set_books(), L4D_ERR_INVALID_ARGUMENT);
-  books[1] = scene.books[1];
-  books[0].entries = nullptr;
-  EXPECT_EQ(set_books(), L4D_ERR_INVALID_ARGUMENT);
-  books.assign(L4D_MAX_STAGES + 1, scene.books[0]);
-  EXPECT_EQ(set_books(), L4D_ERR_INVALID_ARGUMENT);
-  books = scene.books;
-  ASSERT_EQ(set_books(), L4D_OK);
+  codebooks[1].dim = 12;
+  EXPECT_EQ(set_codebooks(), L4D_ERR_INVALID_ARGUMENT);
+  codebooks[1].dim = 47;
+  EXPECT_EQ(set_codebooks(), L4D_ERR_INVALID_ARGUMENT);
+  codebooks[1] = scene.codebooks[1];
+  codebooks[0].entries = nullptr;
+  EXPECT_EQ(set_codebooks(), L4D_ERR_INVALID_ARGUMENT);
+  codebooks.assign(L4D_MAX_STAGES + 1, scene.codebooks[0]);
+  EXPECT_EQ(set_codebooks(), L4D_ERR_INVALID_ARGUMENT);
+  codebooks = scene.codebooks;
+  ASSERT_EQ(set_codebooks(), L4D_OK);
   const auto set_scene = [&](const l4d_gaussians& g, const l4d_cuda_sh_indices& indices) {
     return l4d_cuda_renderer_set_indexed_gaussians(r.get(), &g, &indices, &scene.timeline);
   };
@@ -359,7 +362,7 @@ TEST(IndexedRender, RefusesWhatDoesNotFit) {
   indices.index = nullptr;
   EXPECT_EQ(set_scene(g, indices), L4D_ERR_INVALID_ARGUMENT);
   indices = scene.indices;
-  indices.literal = nullptr;
+  indices.escape = nullptr;
   EXPECT_EQ(set_scene(g, indices), L4D_ERR_INVALID_ARGUMENT);
   EXPECT_EQ(set_scene(g, scene.indices), L4D_OK);
   // There is no way back to codewords.
@@ -384,7 +387,7 @@ TEST(IndexedRender, BringsBackWhatIsBeyondTheCodebooks) {
   const size_t n = scene.count();
   const l4d_camera camera = ring_camera(160, 110, 1.0);
   const PoisonedMemory index(4 * n), depth(n);
-  // All indices are 0xb5b5, and depths 0xb5 with a literal here and there.
+  // All indices are 0xb5b5, and depths 0xb5 with an escape here and there.
   std::vector<uint8_t> depths(n, 0xb5);
   for (size_t i = 0; i < n; i += 3) depths[i] = 255;
   cuda_check(cudaMemcpy(depth.data(), depths.data(), n, cudaMemcpyHostToDevice));
@@ -395,25 +398,25 @@ TEST(IndexedRender, BringsBackWhatIsBeyondTheCodebooks) {
   const Renderer r, last;
   const l4d_gaussians g = scene.geometry(0, n);
   for (const Renderer* renderer : {&r, &last}) {
-    renderer->check(l4d_cuda_renderer_set_sh_codebooks(renderer->get(), scene.books.data(),
-                                                       static_cast<uint32_t>(scene.books.size())));
+    renderer->check(l4d_cuda_renderer_set_sh_codebooks(
+        renderer->get(), scene.codebooks.data(), static_cast<uint32_t>(scene.codebooks.size())));
     renderer->reserve(camera, n);
   }
   r.check(l4d_cuda_renderer_set_indexed_gaussians(r.get(), &g, &indices, &scene.timeline));
-  // What it comes to: the last codewords, and no SH where there are fewer literals than said.
+  // What it comes to: the last codewords, and no SH where there are fewer escapes than said.
   std::vector<uint16_t> wanted(2 * n);
-  size_t literals = 0;
+  size_t escapes = 0;
   for (size_t i = 0; i < n; ++i) {
     if (depths[i] == 255) {
-      if (literals++ >= indices.num_literals) depths[i] = 0;
+      if (escapes++ >= indices.num_escapes) depths[i] = 0;
     } else {
       depths[i] = 2;
     }
     for (size_t s = 0; s < 2; ++s) {
-      wanted[s * n + i] = static_cast<uint16_t>(scene.books[s].num_entries - 1);
+      wanted[s * n + i] = static_cast<uint16_t>(scene.codebooks[s].num_entries - 1);
     }
   }
-  ASSERT_GT(literals, indices.num_literals);
+  ASSERT_GT(escapes, indices.num_escapes);
   cuda_check(cudaMemcpy(depth.data(), depths.data(), n, cudaMemcpyHostToDevice));
   cuda_check(cudaMemcpy(index.data(), wanted.data(), 4 * n, cudaMemcpyHostToDevice));
   last.check(l4d_cuda_renderer_set_indexed_gaussians(last.get(), &g, &indices, &scene.timeline));

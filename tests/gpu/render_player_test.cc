@@ -50,7 +50,7 @@ class Playing {
     decoder_.open_memory(bytes.data(), bytes.size());
     l4d_cuda_player* p = nullptr;
     EXPECT_EQ(l4d_cuda_player_create(decoder_.get(), &options, &p), L4D_OK)
-        << l4d_decoder_error_detail(decoder_.get());
+        << l4d_decoder_error_message(decoder_.get());
     player_.reset(p);
     cuda_check(cudaMalloc(&rgb_, 3 * pixels() * sizeof(float)));
     cuda_check(cudaStreamCreate(&stream_));
@@ -66,7 +66,7 @@ class Playing {
 
   l4d_cuda_player* get() const { return player_.get(); }
   void check(l4d_status status) const {
-    EXPECT_EQ(status, L4D_OK) << l4d_cuda_player_error_detail(get());
+    EXPECT_EQ(status, L4D_OK) << l4d_cuda_player_error_message(get());
   }
   l4d_status launch(double time) const {
     l4d_cuda_image image;
@@ -76,9 +76,9 @@ class Playing {
   }
   std::vector<float> render(double time) const {
     check(launch(time));
-    l4d_cuda_figures figures;
-    l4d_cuda_figures_init(&figures);
-    check(l4d_cuda_player_get_figures(get(), stream_, &figures));
+    l4d_cuda_frame_stats stats;
+    l4d_cuda_frame_stats_init(&stats);
+    check(l4d_cuda_player_get_stats(get(), stream_, &stats));
     std::vector<float> out(3 * pixels());
     cuda_check(cudaMemcpy(out.data(), rgb_, out.size() * sizeof(float), cudaMemcpyDeviceToHost));
     return out;
@@ -220,7 +220,7 @@ TEST(PlayerMemory, BudgetsKeepWhatFitsAndRefuseWhatDoesNot) {
   options.memory_bytes = 2000 * 268;
   const Playing little(bytes, camera, options);
   EXPECT_EQ(little.launch(1), L4D_ERR_LIMIT_EXCEEDED);
-  EXPECT_STRNE(l4d_cuda_player_error_detail(little.get()), "");
+  EXPECT_STRNE(l4d_cuda_player_error_message(little.get()), "");
 }
 
 TEST(PlayerFaults, DamageIsToldAndTheRestPlays) {
@@ -258,7 +258,7 @@ TEST(PlayerFaults, DamageIsToldAndTheRestPlays) {
     }
     ++failed;
     EXPECT_EQ(status, L4D_ERR_CHECKSUM);
-    EXPECT_STRNE(l4d_cuda_player_error_detail(playing.get()), "");
+    EXPECT_STRNE(l4d_cuda_player_error_message(playing.get()), "");
   }
   EXPECT_GT(failed, 0);
   EXPECT_LT(failed, 51);

@@ -75,17 +75,18 @@ Handle make(uint32_t sh_format) {
 }
 
 void check(const Handle& r, l4d_status status) {
-  EXPECT_EQ(status, L4D_OK) << l4d_cuda_renderer_error_detail(r.get());
+  EXPECT_EQ(status, L4D_OK) << l4d_cuda_renderer_error_message(r.get());
 }
 
-l4d_cuda_room room_of(const l4d_camera& camera, uint64_t visible, uint64_t instances) {
-  l4d_cuda_room room;
-  l4d_cuda_room_init(&room);
-  room.width = camera.width;
-  room.height = camera.height;
-  room.visible = visible;
-  room.instances = instances;
-  return room;
+l4d_cuda_frame_capacity capacity_of(const l4d_camera& camera, uint64_t visible,
+                                    uint64_t instances) {
+  l4d_cuda_frame_capacity capacity;
+  l4d_cuda_frame_capacity_init(&capacity);
+  capacity.width = camera.width;
+  capacity.height = camera.height;
+  capacity.visible = visible;
+  capacity.instances = instances;
+  return capacity;
 }
 
 std::vector<float> render(const Handle& r, const l4d_camera& camera, double time,
@@ -99,9 +100,9 @@ std::vector<float> render(const Handle& r, const l4d_camera& camera, double time
   image.alpha = alpha.floats();
   image.rgba8 = rgba8.words();
   check(r, l4d_cuda_renderer_render(r.get(), time, &camera, &image, nullptr));
-  l4d_cuda_figures figures;
-  l4d_cuda_figures_init(&figures);
-  check(r, l4d_cuda_renderer_get_figures(r.get(), nullptr, &figures));
+  l4d_cuda_frame_stats stats;
+  l4d_cuda_frame_stats_init(&stats);
+  check(r, l4d_cuda_renderer_get_stats(r.get(), nullptr, &stats));
   if (bytes != nullptr) *bytes = rgba8.read<uint32_t>();
   return rgb.read<float>();
 }
@@ -120,8 +121,8 @@ TEST(ResidentRender, WholeScenesInBothFormats) {
       const Handle r = make(format);
       const l4d_gaussians g = device.view(0, scene.count());
       check(r, l4d_cuda_renderer_set_gaussians(r.get(), &g, &scene.timeline));
-      const l4d_cuda_room room = room_of(camera, scene.count(), 1 << 20);
-      check(r, l4d_cuda_renderer_reserve(r.get(), &room));
+      const l4d_cuda_frame_capacity capacity = capacity_of(camera, scene.count(), 1 << 20);
+      check(r, l4d_cuda_renderer_reserve(r.get(), &capacity));
       std::vector<uint32_t> bytes;
       const std::vector<float> image = render(r, camera, 1.2, &bytes);
       const ImageDifference d = difference_of(image, e, 1.0 / 255);
@@ -138,41 +139,42 @@ TEST(ResidentRender, WholeScenesInBothFormats) {
   }
 }
 
-// Parts of a scene in slabs, out of order in the store, look as the whole does.
-TEST(ResidentRender, SlabsAreAScene) {
+// Parts of a scene in batches, out of order in the store, look as the whole does.
+TEST(ResidentRender, BatchesAreAScene) {
   L4D_SKIP_WITHOUT_DEVICE();
   const io::Scene scene = synth(9000, 8);
   const DeviceScene device(scene);
   const l4d_camera camera = ring_camera(200, 150, 2.0);
   const Handle whole = make(L4D_CUDA_SH_FLOAT32), parts = make(L4D_CUDA_SH_FLOAT32);
   const l4d_gaussians g = device.view(0, scene.count());
-  const l4d_cuda_room room = room_of(camera, scene.count(), 1 << 19);
+  const l4d_cuda_frame_capacity capacity = capacity_of(camera, scene.count(), 1 << 19);
   check(whole, l4d_cuda_renderer_set_gaussians(whole.get(), &g, &scene.timeline));
-  check(whole, l4d_cuda_renderer_reserve(whole.get(), &room));
-  check(parts, l4d_cuda_renderer_reserve_rows(parts.get(), 12000, 3, &scene.timeline));
-  check(parts, l4d_cuda_renderer_reserve(parts.get(), &room));
+  check(whole, l4d_cuda_renderer_reserve(whole.get(), &capacity));
+  check(parts, l4d_cuda_renderer_reserve_slots(parts.get(), 12000, 3, &scene.timeline));
+  check(parts, l4d_cuda_renderer_reserve(parts.get(), &capacity));
   const uint32_t cuts[4] = {0, 1700, 1701, 9000}, places[3] = {9000, 0, 300};
-  l4d_cuda_slab slabs[3];
+  l4d_cuda_batch batches[3];
   for (size_t k = 0; k < 3; ++k) {
     const l4d_gaussians part = device.view(cuts[k], cuts[k + 1] - cuts[k]);
-    check(parts, l4d_cuda_renderer_store_rows(parts.get(), places[k], &part, nullptr));
-    slabs[k] = {places[k], cuts[k + 1] - cuts[k], L4D_CUDA_ROWS_MOVING, 0};
+    check(parts, l4d_cuda_renderer_store_gaussians(parts.get(), places[k], &part, nullptr));
+    batches[k] = {places[k], cuts[k + 1] - cuts[k], L4D_CUDA_MOTION_MOVING, 0};
   }
-  check(parts, l4d_cuda_renderer_set_slabs(parts.get(), slabs, 3, nullptr));
+  check(parts, l4d_cuda_renderer_set_batches(parts.get(), batches, 3, nullptr));
   for (const double time : {0.4, 2.6}) {
     const ImageDifference d =
         difference_of(render(parts, camera, time), render(whole, camera, time), 1.0 / 255);
     EXPECT_LE(d.beyond, 2u) << time;
   }
   // Without a part the image is another one.
-  check(parts, l4d_cuda_renderer_set_slabs(parts.get(), slabs, 1, nullptr));
+  check(parts, l4d_cuda_renderer_set_batches(parts.get(), batches, 1, nullptr));
   EXPECT_GT(difference_of(render(parts, camera, 0.4), render(whole, camera, 0.4), 0.1).beyond,
             100u);
-  slabs[0].count = 5000;
-  EXPECT_EQ(l4d_cuda_renderer_set_slabs(parts.get(), slabs, 1, nullptr), L4D_ERR_INVALID_ARGUMENT);
+  batches[0].count = 5000;
+  EXPECT_EQ(l4d_cuda_renderer_set_batches(parts.get(), batches, 1, nullptr),
+            L4D_ERR_INVALID_ARGUMENT);
 }
 
-TEST(ResidentRender, TellsWhereRoomIsMissing) {
+TEST(ResidentRender, ReportsMissingCapacity) {
   L4D_SKIP_WITHOUT_DEVICE();
   const io::Scene scene = synth(9000, 8);
   const DeviceScene device(scene);
@@ -189,26 +191,26 @@ TEST(ResidentRender, TellsWhereRoomIsMissing) {
     EXPECT_EQ(l4d_cuda_renderer_render(r.get(), 1, &camera, &image, nullptr),
               L4D_ERR_INVALID_STATE);
     check(r, l4d_cuda_renderer_set_gaussians(r.get(), &g, &scene.timeline));
-    const l4d_cuda_room room = room_of(camera, visible, instances);
-    check(r, l4d_cuda_renderer_reserve(r.get(), &room));
+    const l4d_cuda_frame_capacity capacity = capacity_of(camera, visible, instances);
+    check(r, l4d_cuda_renderer_reserve(r.get(), &capacity));
     EXPECT_EQ(l4d_cuda_renderer_render(r.get(), 1, &larger, &image, nullptr),
               L4D_ERR_INVALID_STATE);
     check(r, l4d_cuda_renderer_render(r.get(), 1, &camera, &image, nullptr));
-    l4d_cuda_figures figures;
-    l4d_cuda_figures_init(&figures);
-    const l4d_status status = l4d_cuda_renderer_get_figures(r.get(), nullptr, &figures);
+    l4d_cuda_frame_stats stats;
+    l4d_cuda_frame_stats_init(&stats);
+    const l4d_status status = l4d_cuda_renderer_get_stats(r.get(), nullptr, &stats);
     if (instances == 5000) {
       EXPECT_EQ(status, L4D_ERR_LIMIT_EXCEEDED);
-      EXPECT_EQ(figures.instances, 5000u);
-      wanted[0] = figures.wanted_instances;
+      EXPECT_EQ(stats.instances, 5000u);
+      wanted[0] = stats.required_instances;
     } else if (visible == 700) {
       EXPECT_EQ(status, L4D_ERR_LIMIT_EXCEEDED);
-      EXPECT_EQ(figures.visible, 700u);
-      wanted[1] = figures.wanted_visible;
+      EXPECT_EQ(stats.visible, 700u);
+      wanted[1] = stats.required_visible;
     } else {
       EXPECT_EQ(status, L4D_OK);
-      EXPECT_EQ(figures.instances, wanted[0]);
-      EXPECT_EQ(figures.visible, wanted[1]);
+      EXPECT_EQ(stats.instances, wanted[0]);
+      EXPECT_EQ(stats.visible, wanted[1]);
     }
   }
 }
@@ -234,9 +236,9 @@ TEST(ResidentRender, GradientsAreThoseOfTheRenderer) {
   const Handle r = make(L4D_CUDA_SH_FLOAT32);
   const l4d_gaussians g = device.view(0, n);
   check(r, l4d_cuda_renderer_set_gaussians(r.get(), &g, &scene.timeline));
-  l4d_cuda_room room = room_of(camera, n, 1 << 19);
-  room.backward = 1;
-  check(r, l4d_cuda_renderer_reserve(r.get(), &room));
+  l4d_cuda_frame_capacity capacity = capacity_of(camera, n, 1 << 19);
+  capacity.backward = 1;
+  check(r, l4d_cuda_renderer_reserve(r.get(), &capacity));
   const DeviceCopy device_upstream(upstream), by_position(std::vector<float>(3 * n, 0)),
       by_sh(std::vector<float>(sh.size(), 0));
   l4d_gradients out = host;

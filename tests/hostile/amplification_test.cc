@@ -94,7 +94,7 @@ Bytes constant_page(const StreamEditor& editor) {
   for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
     const ComponentCoding& coding = header.component(layer, c);
     if (!coding.vq()) continue;
-    // Depth 0: neither indices nor literals.
+    // Depth 0: neither indices nor escapes.
     if (coding.has_depth()) append(raw, constant_stream(0, 4));
     if (coding.has_depth()) continue;
     const unsigned width = bit_width(coding.stages[0].num_entries);
@@ -106,7 +106,7 @@ Bytes constant_page(const StreamEditor& editor) {
 // A page of constants that `records` records name.
 Bytes repeated_page(uint32_t records, uint32_t directory_codec) {
   StreamEditor editor = one_page();
-  editor.header.sh.literals = true;  // so that depths are coded, and may be 0
+  editor.header.sh.escapes = true;  // so that depths are coded, and may be 0
   EditedDirectoryPage& d = editor.layers[0].directory[0];
   d.page.pages[0].num_gaussians = kMaxPageGaussians;
   d.pages[0].raw = constant_page(editor);
@@ -146,7 +146,7 @@ TEST(Amplification, ConstantPage) {
 // A page of constants whose Gaussians each cover the image: each is a splat of every tile.
 TEST(Amplification, HugeSplats) {
   StreamEditor editor = one_page();
-  editor.header.sh.literals = true;
+  editor.header.sh.escapes = true;
   EditedDirectoryPage& d = editor.layers[0].directory[0];
   d.page.pages[0].num_gaussians = kMaxPageGaussians;
   d.pages[0].raw = constant_page(editor);
@@ -173,7 +173,7 @@ TEST(Amplification, HugeSplats) {
   }
   camera.near_plane = 1e-3 * size;
   camera.world_to_camera[11] += size;
-  std::vector<float> whole(size_t{3} * camera.width * camera.height), slabs(whole.size());
+  std::vector<float> whole(size_t{3} * camera.width * camera.height), batches(whole.size());
   const auto held = [&](uint64_t memory, std::vector<float>& rgb) {
     l4d_renderer_options options;
     l4d_renderer_options_init(&options);
@@ -188,13 +188,13 @@ TEST(Amplification, HugeSplats) {
   };
   const uint64_t unlimited = held(0, whole);
   print_row("splats that each cover 640x360", file.size(), unlimited, "B held",
-            "slabs of 256 MiB at most");
+            "batches of 256 MiB at most");
   EXPECT_LT(unlimited, 280 * kMiB);
-  const uint64_t limited = held(20 * kMiB, slabs);
+  const uint64_t limited = held(20 * kMiB, batches);
   print_row("the same, with 20 MiB for the renderer", file.size(), limited, "B held",
-            "slabs; l4d_renderer_options.max_memory_bytes");
+            "batches; l4d_renderer_options.max_memory_bytes");
   EXPECT_LT(limited, 20 * kMiB + kMiB / 4);
-  EXPECT_EQ(whole, slabs);
+  EXPECT_EQ(whole, batches);
   std::vector<float> none(whole.size());
   EXPECT_THROW(held(8 * kMiB, none), Error);
 }
@@ -268,7 +268,7 @@ Bytes far_page_tables() {
   editor.header.timeline.num_frames = 1u << 24;
   LayerHeader layer = editor.header.layers[0];
   layer.permanent = false;
-  layer.mean_t = MeanCodingId::kF16;
+  layer.mean_t = CoordinateCodingId::kF16;
   layer.num_gaussians = 1;
   layer.level = 23;
   layer.directory_bits = 4;
@@ -297,7 +297,7 @@ TEST(Amplification, PageTablesBeyondTheFile) {
   l4d_selection selection;
   l4d_selection_init(&selection);
   ASSERT_EQ(l4d_decoder_select(d.get(), &all, &selection), L4D_OK)
-      << l4d_decoder_error_detail(d.get());
+      << l4d_decoder_error_message(d.get());
   l4d_counters counters;
   l4d_counters_init(&counters);
   ASSERT_EQ(l4d_decoder_get_counters(d.get(), &counters), L4D_OK);
@@ -327,7 +327,7 @@ TEST(Amplification, PackedDirectory) {
 // zstd under the columns of a page: 65536 values come from a few bytes, and no more than those fit.
 TEST(Amplification, PackedPlanes) {
   StreamEditor editor = one_page();
-  editor.header.sh.literals = true;
+  editor.header.sh.escapes = true;
   EditedDirectoryPage& d = editor.layers[0].directory[0];
   d.page.pages[0].num_gaussians = kMaxPageGaussians;
   Bytes raw;
@@ -353,7 +353,7 @@ TEST(Amplification, PackedPlanes) {
 // Whole pages under zstd: raw_bytes is held against what n Gaussians can take.
 TEST(Amplification, PackedPage) {
   StreamEditor editor = one_page();
-  editor.header.sh.literals = true;
+  editor.header.sh.escapes = true;
   EditedDirectoryPage& d = editor.layers[0].directory[0];
   d.page.pages[0].num_gaussians = kMaxPageGaussians;
   d.pages[0].raw = Bytes(static_cast<size_t>(max_page_bytes(editor.header, kMaxPageGaussians)), 0);
@@ -375,15 +375,15 @@ TEST(Amplification, PackedPage) {
 TEST(Amplification, ConstantCodebooks) {
   StreamEditor editor = one_page();
   editor.header.sh.coding = ComponentCodingId::kVq;
-  editor.header.sh.literals = true;
+  editor.header.sh.escapes = true;
   Bytes raw;
   for (unsigned k = 0; k < editor.header.sh_dim(); ++k) append(raw, constant_stream(0x8000, 16));
   StageCoding stage;
   stage.num_entries = kMaxCodebookEntries;
   editor.header.sh.stages.assign(L4D_MAX_STAGES, stage);
-  EditedChunk book;
-  book.raw = raw;
-  editor.sh_books.assign(L4D_MAX_STAGES, book);
+  EditedChunk codebook;
+  codebook.raw = raw;
+  editor.sh_codebooks.assign(L4D_MAX_STAGES, codebook);
   EditedDirectoryPage& d = editor.layers[0].directory[0];
   d.page.pages[0].num_gaussians = 1;
   d.pages[0].raw = constant_page(editor);

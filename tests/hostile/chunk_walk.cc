@@ -16,7 +16,7 @@ namespace l4d::test {
 namespace {
 
 // Both structs that locate chunks in FlatBuffers begin with the offset and the hash. A page record
-// has those of a second part next.
+// has those of an SH chunk next.
 constexpr size_t kHashInStruct = 8;
 constexpr size_t kShHashInStruct = 24;
 // Of one layer: a stream may claim a million of them.

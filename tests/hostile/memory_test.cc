@@ -126,8 +126,8 @@ TEST(Memory, GapsBetweenPages) {
   EXPECT_LT(meter.peak(), kLimit + kUncharged);
 }
 
-// Literals of constants: gathered for the packed form, page by page.
-TEST(Memory, PackedLiterals) {
+// Escapes of constants: gathered for the packed form, page by page.
+TEST(Memory, PackedEscapes) {
   constexpr uint32_t kRecords = 16;
   constexpr uint64_t kGaussians = uint64_t{kRecords} * kMaxPageGaussians;
   const Bytes file = one_layer(
@@ -135,7 +135,7 @@ TEST(Memory, PackedLiterals) {
       [](StreamEditor& e) {
         e.header.sh_degree = 3;
         e.header.sh.coding = ComponentCodingId::kVq;
-        e.header.sh.literals = true;
+        e.header.sh.escapes = true;
         e.header.sh.stages.resize(1);
         e.header.sh.stages[0].num_entries = 1;
         LayerHeader& layer = e.header.layers[0];
@@ -145,7 +145,7 @@ TEST(Memory, PackedLiterals) {
         d.page.pages[0].num_gaussians = kMaxPageGaussians;
         Bytes raw;
         for (int axis = 0; axis < 3; ++axis) append(raw, constant_stream(0x8000, 16));
-        append(raw, constant_stream(kLiteralDepth, 4));
+        append(raw, constant_stream(kEscapeDepth, 4));
         for (unsigned k = 0; k < 48; ++k) append(raw, constant_stream(0x8000, 16));
         d.pages[0].raw = raw;
         d.pages[0].codec = 0;
@@ -167,7 +167,7 @@ TEST(Memory, PackedLiterals) {
   d.check(l4d_decoder_open_memory(d.get(), file.data(), file.size()));
   const l4d_status status = l4d_decoder_decode_packed(d.get(), &all, &b);
   EXPECT_TRUE(status == L4D_OK || status == L4D_ERR_LIMIT_EXCEEDED) << l4d_status_name(status);
-  // The columns of a page of 65536 literals are working memory.
+  // The columns of a page of 65536 escapes are working memory.
   EXPECT_LT(meter.peak(), kLimit + 16 * kMiB);
 }
 
@@ -215,14 +215,14 @@ TEST(Memory, EmptyDirectoryPages) {
   l4d_selection_init(&selection);
   const l4d_status status = l4d_decoder_select(d.get(), &all, &selection);
   EXPECT_TRUE(status == L4D_ERR_CORRUPT || status == L4D_ERR_LIMIT_EXCEEDED)
-      << l4d_decoder_error_detail(d.get());
+      << l4d_decoder_error_message(d.get());
   EXPECT_LT(meter.peak(), kLimit + kUncharged);
   // A tolerant decoder reads them all.
   options.tolerant = 1;
   DecoderHandle tolerant(&options);
   tolerant.open_memory(file.data(), file.size());
   EXPECT_EQ(l4d_decoder_select(tolerant.get(), &all, &selection), L4D_OK)
-      << l4d_decoder_error_detail(tolerant.get());
+      << l4d_decoder_error_message(tolerant.get());
   EXPECT_LT(meter.peak(), kLimit + kUncharged);
 }
 

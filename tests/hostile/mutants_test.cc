@@ -78,7 +78,7 @@ TEST(SmallFiles, AreSoundAndUseEveryTool) {
     EXPECT_EQ(repaired, file.bytes);
   }
   const uint32_t all = L4D_TOOL_MOTION | L4D_TOOL_TEMPORAL_OPACITY | L4D_TOOL_VIEW_DEPENDENCE |
-                       L4D_TOOL_RESIDUAL_STAGES | L4D_TOOL_LITERALS | L4D_TOOL_RCQ |
+                       L4D_TOOL_RESIDUAL_STAGES | L4D_TOOL_ESCAPES | L4D_TOOL_RCQ |
                        L4D_TOOL_LOSSLESS | L4D_TOOL_TRANSFORM | L4D_TOOL_RANS | L4D_TOOL_SH_BASE;
   EXPECT_EQ(tools & all, all);
 }

@@ -79,8 +79,8 @@ l4d_status Session::decode(l4d_decoder* decoder, const l4d_query& query, bool so
   b.opacity = next(1);
   b.sh = next(48);
   if (some_arrays) b.position = b.log_scale = b.sh = nullptr;
-  b.ranges = ranges_.data();
-  b.range_capacity = ranges_.size();
+  b.spans = ranges_.data();
+  b.span_capacity = ranges_.size();
   if (digest != nullptr) std::fill(floats_.begin(), floats_.end(), 0.0f);
   const l4d_status status = l4d_decoder_decode(decoder, &query, &b);
   if (status == L4D_OK && b.count > n) std::abort();
@@ -106,7 +106,7 @@ l4d_status Session::decode_buckets(l4d_decoder* decoder, l4d_query query, uint32
   query.whole_buckets = choice & 1;
   uint64_t count = 0;
   const l4d_status status =
-      l4d_decoder_get_ranges(decoder, &query, ranges_.data(), ranges_.size(), &count);
+      l4d_decoder_get_spans(decoder, &query, ranges_.data(), ranges_.size(), &count);
   if (status != L4D_OK) return status;
   std::vector<l4d_bucket> buckets;
   for (size_t i = 0; i < std::min<uint64_t>(count, ranges_.size()); i += 1 + choice / 2 % 3) {
@@ -153,8 +153,8 @@ l4d_status Session::step(l4d_decoder* decoder, Step step, uint32_t choice) {
       for (l4d_packed_component& c : b.component) {
         c.depth = bytes_.data();
         c.index = next(L4D_MAX_STAGES);
-        c.literal = next(48);
-        c.literal_capacity = n;
+        c.escape = next(48);
+        c.escape_capacity = n;
       }
       return l4d_decoder_decode_packed(decoder, &query, &b);
     }
@@ -175,21 +175,21 @@ l4d_status Session::step(l4d_decoder* decoder, Step step, uint32_t choice) {
       uint64_t sections[L4D_SECTION_COUNT];
       const l4d_status status =
           l4d_decoder_get_sections(decoder, sections, L4D_SECTION_COUNT, nullptr, nullptr, 0);
-      l4d_conformance conformance;
-      l4d_conformance_init(&conformance);
-      conformance.bytes_per_second = choice;
-      const l4d_status measured = l4d_decoder_get_conformance(decoder, &conformance);
+      l4d_stream_demand demand;
+      l4d_stream_demand_init(&demand);
+      demand.bytes_per_second = choice;
+      const l4d_status measured = l4d_decoder_get_stream_demand(decoder, &demand);
       return status != L4D_OK ? status : measured;
     }
     case Step::kCodebook: {
-      l4d_codebook book;
-      l4d_codebook_init(&book);
+      l4d_codebook codebook;
+      l4d_codebook_init(&codebook);
       const uint32_t block = choice % 3 == 0 ? 0 : L4D_NO_BLOCK;
       const l4d_status status = l4d_decoder_get_codebook(decoder, choice / 3 % 4, choice / 12 % 4,
-                                                         choice / 48 % 3, block, &book);
+                                                         choice / 48 % 3, block, &codebook);
       float sum = 0;
-      for (size_t i = 0; status == L4D_OK && i < size_t{book.num_entries} * book.dim; ++i) {
-        sum += book.entries[i];
+      for (size_t i = 0; status == L4D_OK && i < size_t{codebook.num_entries} * codebook.dim; ++i) {
+        sum += codebook.entries[i];
       }
       floats_[0] = sum;
       return status;

@@ -48,7 +48,7 @@ class Session {
   std::vector<float> floats_;
   std::vector<uint16_t> halves_;
   std::vector<uint8_t> bytes_;
-  std::vector<l4d_range> ranges_;
+  std::vector<l4d_bucket_span> ranges_;
 };
 
 }  // namespace l4d::test

@@ -20,7 +20,7 @@ struct Recipe {
   const char* preset = "indexed-small";
   bool rans = false;
   uint32_t stages = 1;
-  double literal_threshold = 0;
+  double escape_threshold = 0;
 };
 
 Bytes encode_small(const Recipe& recipe) {
@@ -45,7 +45,7 @@ Bytes encode_small(const Recipe& recipe) {
   if (!lossless) {
     settings.insert(settings.end(), {{L4D_ENC_CODEBOOK_SIZE, 2},
                                      {L4D_ENC_KMEANS_ITERATIONS, 4},
-                                     {L4D_ENC_LITERAL_THRESHOLD, recipe.literal_threshold}});
+                                     {L4D_ENC_ESCAPE_THRESHOLD, recipe.escape_threshold}});
   }
   if (std::string(recipe.preset) == "indexed-small") {
     // Nothing that follows a quality.
@@ -67,7 +67,7 @@ Bytes encode_small(const Recipe& recipe) {
   const l4d_gaussians view = scene.view();
   e.check(l4d_encoder_set_scene(e.get(), &view, &scene.timeline, nullptr));
   std::vector<float> weights(scene.count());  // borrowed by the encoder
-  if (recipe.literal_threshold > 0) {
+  if (recipe.escape_threshold > 0) {
     for (size_t i = 0; i < weights.size(); ++i) weights[i] = static_cast<float>(i % 4);
     for (uint32_t w = L4D_WEIGHT_SH; w <= L4D_WEIGHT_ROTOR_TEMPORAL; ++w) {
       e.check(l4d_encoder_set_weights(e.get(), w, weights.data(), weights.size()));
@@ -110,10 +110,10 @@ Bytes with_blocks(const Bytes& file) {
 
 Bytes with_codec(const Bytes& file, uint32_t codec) {
   StreamEditor editor(file);
-  for (EditedChunk& book : editor.sh_books) book.codec = codec;
+  for (EditedChunk& codebook : editor.sh_codebooks) codebook.codec = codec;
   for (EditedLayer& layer : editor.layers) {
-    for (auto& books : layer.books) {
-      for (EditedChunk& book : books) book.codec = codec;
+    for (auto& codebooks : layer.codebooks) {
+      for (EditedChunk& codebook : codebooks) codebook.codec = codec;
     }
     layer.entropy.codec = codec;
     for (EditedDirectoryPage& d : layer.directory) {
@@ -132,7 +132,7 @@ const std::vector<SmallFile>& small_files() {
   static const std::vector<SmallFile> kFiles = [] {
     Recipe stages, degree3, lossless, transform, rans;
     stages.stages = 3;
-    stages.literal_threshold = 2.5;
+    stages.escape_threshold = 2.5;
     stages.sh_degree = 1;
     degree3.sh_degree = 3;
     lossless.preset = "lossless";

@@ -14,7 +14,7 @@ struct SmallFile {
   Bytes bytes;
 };
 
-// plain (motion, permanent layer), stages (residual stages, literals), degree3 (SH), blocks (RCQ),
+// plain (motion, permanent layer), stages (residual stages, escapes), degree3 (SH), blocks (RCQ),
 // lossless, packed (every chunk under zstd), transform, rans and rans-transform (rANS pages), parts
 // and parts-base (these with SH detail apart). Made once per process; throws where that fails.
 const std::vector<SmallFile>& small_files();

@@ -61,7 +61,7 @@ TEST_F(WeightsTest, WrittenAndRead) {
   EXPECT_EQ(test::status_of([&] { write_weights_ply(file, weights); }), L4D_ERR_INVALID_ARGUMENT);
 }
 
-TEST_F(WeightsTest, Measure) {
+TEST_F(WeightsTest, Metric) {
   const auto of = [&](const std::vector<std::string>& comments) {
     return test::ply_header("ascii", comments, 1, {"alpha_t"}) + "1\n";
   };
@@ -69,10 +69,10 @@ TEST_F(WeightsTest, Measure) {
     return read_weights_ply(write("w.ply", bytes)).gauss_newton;
   };
   EXPECT_FALSE(gauss_newton(of({"l4d_weights 1"})));
-  EXPECT_FALSE(gauss_newton(of({"l4d_weights 1", "measure sum"})));
-  EXPECT_TRUE(gauss_newton(of({"l4d_weights 1", "measure gauss-newton"})));
-  EXPECT_EQ(status(of({"l4d_weights 1", "measure other"})), L4D_ERR_FEATURE_UNSUPPORTED);
-  EXPECT_EQ(status(of({"l4d_weights 1", "measure"})), L4D_ERR_FEATURE_UNSUPPORTED);
+  EXPECT_FALSE(gauss_newton(of({"l4d_weights 1", "metric sum"})));
+  EXPECT_TRUE(gauss_newton(of({"l4d_weights 1", "metric gauss-newton"})));
+  EXPECT_EQ(status(of({"l4d_weights 1", "metric other"})), L4D_ERR_FEATURE_UNSUPPORTED);
+  EXPECT_EQ(status(of({"l4d_weights 1", "metric"})), L4D_ERR_FEATURE_UNSUPPORTED);
 }
 
 TEST_F(WeightsTest, BadFiles) {

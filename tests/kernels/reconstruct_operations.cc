@@ -78,10 +78,10 @@ std::unique_ptr<Call> make_scalars(const CallOptions& o) {
 
 // A VQ component; rows are taken in two calls to see that the cursor is carried.
 struct VqInput {
-  std::vector<std::vector<float>> books;
+  std::vector<std::vector<float>> codebooks;
   std::vector<std::vector<uint16_t>> index;
   std::vector<uint8_t> depth;
-  std::vector<uint16_t> literal;
+  std::vector<uint16_t> escape;
 };
 
 template <size_t kDim, size_t kStages, bool kDepth>
@@ -90,20 +90,20 @@ std::unique_ptr<Call> make_vq(const CallOptions& o) {
   constexpr uint32_t kEntries = 257;
   auto input = std::make_shared<VqInput>();
   std::vector<size_t> count(kStages, kDepth ? 0 : o.n);
-  size_t num_literals = 0;
+  size_t num_escapes = 0;
   for (size_t i = 0; kDepth && i < o.n; ++i) {
     const uint32_t r = random.below(kStages + 3);
     const uint32_t depth = o.fill == Fill::kLow    ? 0
-                           : o.fill == Fill::kHigh ? kLiteralDepth
-                           : r > kStages           ? kLiteralDepth
+                           : o.fill == Fill::kHigh ? kEscapeDepth
+                           : r > kStages           ? kEscapeDepth
                                                    : r;
     input->depth.push_back(static_cast<uint8_t>(depth));
-    num_literals += depth == kLiteralDepth;
-    for (size_t s = 0; s < kStages && depth != kLiteralDepth && s < depth; ++s) ++count[s];
+    num_escapes += depth == kEscapeDepth;
+    for (size_t s = 0; s < kStages && depth != kEscapeDepth && s < depth; ++s) ++count[s];
   }
   for (size_t s = 0; s < kStages; ++s) {
-    input->books.push_back(floats_of_halves(o, kEntries * kDim, s + 1));
-    input->books.back().resize(kEntries * kDim + CodebookData::kPadding, 0.0f);
+    input->codebooks.push_back(floats_of_halves(o, kEntries * kDim, s + 1));
+    input->codebooks.back().resize(kEntries * kDim + CodebookData::kPadding, 0.0f);
     std::vector<uint16_t> index(count[s]);
     for (uint16_t& v : index) {
       v = static_cast<uint16_t>(o.fill == Fill::kLow    ? 0
@@ -112,7 +112,7 @@ std::unique_ptr<Call> make_vq(const CallOptions& o) {
     }
     input->index.push_back(std::move(index));
   }
-  input->literal = halves(o, num_literals * kDim);
+  input->escape = halves(o, num_escapes * kDim);
   return std::make_unique<ArrayCall<float>>(
       o.n * kDim, o.offset, std::vector<float>(),
       [input, o](const Kernels& k, float* out) -> uint64_t {
@@ -120,16 +120,16 @@ std::unique_ptr<Call> make_vq(const CallOptions& o) {
         source.dim = kDim;
         source.num_stages = kStages;
         for (size_t s = 0; s < kStages; ++s) {
-          source.book[s] = input->books[s].data();
+          source.codebook[s] = input->codebooks[s].data();
           source.index[s] = input->index[s].data();
         }
         if (kDepth) source.depth = input->depth.data();
-        source.literal = input->literal.data();
+        source.escape = input->escape.data();
         VqCursor cursor;
         const size_t middle = o.n / 3;
         k.reconstruct->vq_rows(source, cursor, 0, middle, out, o.past_cache);
         k.reconstruct->vq_rows(source, cursor, middle, o.n, out + kDim * middle, o.past_cache);
-        uint64_t places = cursor.literal;
+        uint64_t places = cursor.escape;
         for (const size_t i : cursor.index) places = places * 31 + i;
         return places;
       });
@@ -197,7 +197,7 @@ const std::vector<Operation>& reconstruct_operations() {
       {"vq_rows_48_stages_3", make_vq<48, 3, true>},
       {"vq_rows_3_stages_8", make_vq<3, 8, true>},
       {"vq_rows_12_stages_2_full", make_vq<12, 2, false>},
-      {"vq_rows_4_literals", make_vq<4, 1, true>},
+      {"vq_rows_4_escapes", make_vq<4, 1, true>},
       {"log_scales", make_log_scales},
       {"rotors", make_rotors}};
   return kOperations;

@@ -175,9 +175,9 @@ std::vector<uint8_t> small_bytes(const CallOptions& o, uint64_t salt, unsigned w
 std::unique_ptr<Call> make_contexts(const CallOptions& o) {
   return std::make_unique<ArrayCall<uint8_t>>(
       o.n, o.offset, std::vector<uint8_t>(),
-      [cls = small_bytes(o, 1, 4), last = small_bytes(o, 2, 4), before = small_bytes(o, 3, 4), o](
-          const Kernels& k, uint8_t* out) -> uint64_t {
-        k.stream->coefficient_contexts(cls.data() + o.offset, last.data() + o.offset,
+      [step_exponent = small_bytes(o, 1, 4), last = small_bytes(o, 2, 4),
+       before = small_bytes(o, 3, 4), o](const Kernels& k, uint8_t* out) -> uint64_t {
+        k.stream->coefficient_contexts(step_exponent.data() + o.offset, last.data() + o.offset,
                                        before.data() + o.offset, o.n, out);
         return 0;
       });

@@ -6,14 +6,15 @@
 namespace l4d::test {
 namespace {
 
-// How common the rungs of a ladder of five steps are in SH of a typical scene, in percent.
-constexpr uint32_t kRungPercent[] = {5, 30, 17, 33, 11, 4};
+// How common the EOB indices of an EOB table of five steps are in SH of a typical scene, in
+// percent.
+constexpr uint32_t kEobIndexPercent[] = {5, 30, 17, 33, 11, 4};
 
-uint8_t typical_rung(Random& random) {
+uint8_t typical_eob_index(Random& random) {
   uint32_t r = random.below(100);
-  uint8_t rung = 0;
-  while (r >= kRungPercent[rung]) r -= kRungPercent[rung++];
-  return rung;
+  uint8_t eob_index = 0;
+  while (r >= kEobIndexPercent[eob_index]) r -= kEobIndexPercent[eob_index++];
+  return eob_index;
 }
 
 // A value of `fill` among 0..last.
@@ -38,28 +39,31 @@ float step_of(const CallOptions& o, Random& random) {
 
 struct TransformInput {
   std::vector<float> basis, steps;
-  std::vector<uint8_t> cls, rung, ladder;
+  std::vector<uint8_t> step_exponent, eob_index, eob_table;
   std::vector<std::vector<int16_t>> coefficient;
 };
 
-// Rows are taken in two calls to see that the cursor is carried. An empty ladder: all have all.
+// Rows are taken in two calls to see that the cursor is carried. An empty EOB table: all have all.
 std::unique_ptr<Call> make_rows(const CallOptions& o, size_t dim, size_t num_coefficients,
-                                std::vector<uint8_t> ladder) {
+                                std::vector<uint8_t> eob_table) {
   Random random(o.seed + dim);
   auto input = std::make_shared<TransformInput>();
   for (const uint16_t h : halves(o, (num_coefficients + 1) * dim)) {
     input->basis.push_back(half_to_float(h));
   }
   input->basis.resize(input->basis.size() + CodebookData::kPadding, 1e30f);
-  input->cls.resize(o.offset);
-  input->rung.resize(o.offset);
+  input->step_exponent.resize(o.offset);
+  input->eob_index.resize(o.offset);
   std::vector<size_t> count(num_coefficients, 0);
   for (size_t i = 0; i < o.n; ++i) {
-    input->cls.push_back(choice(o, random, 15));
-    const bool typical = ladder.size() == 5 && o.fill == Fill::kRandom;
-    const uint8_t rung = typical ? typical_rung(random) : choice(o, random, ladder.size());
-    input->rung.push_back(rung);
-    const size_t has = ladder.empty() ? num_coefficients : rung == 0 ? 0 : ladder[rung - 1u];
+    input->step_exponent.push_back(choice(o, random, 15));
+    const bool typical = eob_table.size() == 5 && o.fill == Fill::kRandom;
+    const uint8_t eob_index =
+        typical ? typical_eob_index(random) : choice(o, random, eob_table.size());
+    input->eob_index.push_back(eob_index);
+    const size_t has = eob_table.empty() ? num_coefficients
+                       : eob_index == 0  ? 0
+                                         : eob_table[eob_index - 1u];
     for (size_t k = 0; k < has; ++k) ++count[k];
   }
   for (size_t k = 0; k < num_coefficients; ++k) {
@@ -73,7 +77,7 @@ std::unique_ptr<Call> make_rows(const CallOptions& o, size_t dim, size_t num_coe
     }
     input->coefficient.push_back(std::move(q));
   }
-  input->ladder = std::move(ladder);
+  input->eob_table = std::move(eob_table);
   return std::make_unique<ArrayCall<float>>(
       o.n * dim, o.offset, std::vector<float>(),
       [input, dim, o](const Kernels& k, float* out) -> uint64_t {
@@ -82,10 +86,10 @@ std::unique_ptr<Call> make_rows(const CallOptions& o, size_t dim, size_t num_coe
         source.num_coefficients = input->steps.size();
         source.basis = input->basis.data();
         source.steps = input->steps.data();
-        source.cls = input->cls.data() + o.offset;
-        if (!input->ladder.empty()) {
-          source.rung = input->rung.data() + o.offset;
-          source.ladder = input->ladder.data();
+        source.step_exponent = input->step_exponent.data() + o.offset;
+        if (!input->eob_table.empty()) {
+          source.eob_index = input->eob_index.data() + o.offset;
+          source.eob_table = input->eob_table.data();
         }
         for (size_t c = 0; c < input->steps.size(); ++c) {
           source.coefficient[c] = input->coefficient[c].data();
@@ -103,7 +107,7 @@ std::unique_ptr<Call> make_rows(const CallOptions& o, size_t dim, size_t num_coe
 std::unique_ptr<Call> make_rows_3(const CallOptions& o) { return make_rows(o, 3, 3, {}); }
 std::unique_ptr<Call> make_rows_4(const CallOptions& o) { return make_rows(o, 4, 4, {}); }
 std::unique_ptr<Call> make_rows_4_few(const CallOptions& o) { return make_rows(o, 4, 2, {}); }
-std::unique_ptr<Call> make_rows_3_ladder(const CallOptions& o) {
+std::unique_ptr<Call> make_rows_3_eob_table(const CallOptions& o) {
   return make_rows(o, 3, 3, {1, 3});
 }
 std::unique_ptr<Call> make_rows_12(const CallOptions& o) {
@@ -116,11 +120,11 @@ std::unique_ptr<Call> make_rows_48(const CallOptions& o) {
   return make_rows(o, 48, 48, {3, 8, 16, 28, 48});
 }
 std::unique_ptr<Call> make_rows_48_full(const CallOptions& o) { return make_rows(o, 48, 48, {}); }
-// The longest ladder: a step for each coefficient.
+// The longest EOB table: a step for each coefficient.
 std::unique_ptr<Call> make_rows_48_steps(const CallOptions& o) {
-  std::vector<uint8_t> ladder;
-  while (ladder.size() < 48) ladder.push_back(static_cast<uint8_t>(ladder.size() + 1));
-  return make_rows(o, 48, 48, std::move(ladder));
+  std::vector<uint8_t> eob_table;
+  while (eob_table.size() < 48) eob_table.push_back(static_cast<uint8_t>(eob_table.size() + 1));
+  return make_rows(o, 48, 48, std::move(eob_table));
 }
 
 std::vector<float> stereographic(const CallOptions& o, size_t n, uint64_t salt) {
@@ -181,7 +185,7 @@ const std::vector<Operation>& transform_operations() {
       {"transform_rows_3", make_rows_3},
       {"transform_rows_4", make_rows_4},
       {"transform_rows_4_few", make_rows_4_few},
-      {"transform_rows_3_ladder", make_rows_3_ladder},
+      {"transform_rows_3_eob_table", make_rows_3_eob_table},
       {"transform_rows_12", make_rows_12},
       {"transform_rows_27", make_rows_27},
       {"transform_rows_48", make_rows_48},

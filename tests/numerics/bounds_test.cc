@@ -61,7 +61,7 @@ Seen seen_of(const float* position, double mean, const float* log_scale, const f
 }
 
 // 1/4000 of the largest side of the box of nine tenths of the scene, and a quarter.
-double least_size(const TestScene& s) {
+double min_size(const TestScene& s) {
   double extent = 0;
   for (size_t k = 0; k < 3; ++k) {
     std::vector<float> axis;
@@ -75,10 +75,10 @@ double least_size(const TestScene& s) {
   return extent / 4000;
 }
 
-Worst worst_errors(const TestScene& scene, const Encoded& e, double own_least_size = 0) {
+Worst worst_errors(const TestScene& scene, const Encoded& e, double own_min_size = 0) {
   const GaussianArrays a = decode(e.bytes, all_query());
   const double begin = scene.timeline.time_begin, end = begin + scene.duration();
-  const double least = std::max(least_size(scene), own_least_size);
+  const double least = std::max(min_size(scene), own_min_size);
   Worst worst;
   for (size_t j = 0; j < a.count(); ++j) {
     const size_t i = e.order[j];
@@ -139,11 +139,11 @@ EncodeOptions options_of(const PresetBounds& preset, bool bounded) {
   return o;
 }
 
-// Half a step of a binary16 as far out as the scene goes, on three axes, in the least size.
+// Half a step of a binary16 as far out as the scene goes, on three axes, in the minimum size.
 double rounding_of_halves(const TestScene& s) {
   double reach = 0;
   for (const float x : s.position) reach = std::max(reach, std::fabs(static_cast<double>(x)));
-  return std::sqrt(3.0) * 2 * reach * 0x1p-11 / least_size(s);
+  return std::sqrt(3.0) * 2 * reach * 0x1p-11 / min_size(s);
 }
 
 nlohmann::ordered_json& rows() {
@@ -152,7 +152,7 @@ nlohmann::ordered_json& rows() {
 }
 
 void record_row(const HardScene& scene, const PresetBounds& preset, const Worst& before,
-                const Worst& after, size_t bytes_before, size_t bytes_after, uint64_t literals) {
+                const Worst& after, size_t bytes_before, size_t bytes_after, uint64_t escapes) {
   const auto figures = [](const Worst& w, size_t bytes) {
     return nlohmann::ordered_json{{"position", w.position},
                                   {"covariance", w.covariance},
@@ -164,7 +164,7 @@ void record_row(const HardScene& scene, const PresetBounds& preset, const Worst&
                     {"preset", preset.name},
                     {"without", figures(before, bytes_before)},
                     {"with", figures(after, bytes_after)},
-                    {"literals", literals}});
+                    {"escapes", escapes}});
   record("bounds", rows());
 }
 
@@ -217,14 +217,13 @@ TEST_P(Bounds, HoldForEveryGaussian) {
     EXPECT_EQ(static_cast<float>(preset.position), static_cast<float>(stated.position_bound));
     EXPECT_EQ(static_cast<float>(preset.covariance), static_cast<float>(stated.covariance_bound));
     EXPECT_EQ(static_cast<float>(preset.opacity), static_cast<float>(stated.opacity_bound));
-    EXPECT_NEAR(stated.least_size, least_size(scene), 1e-6 * stated.least_size);
-    EXPECT_EQ(stated.own_least_sizes, 0u);
+    EXPECT_NEAR(stated.min_size, min_size(scene), 1e-6 * stated.min_size);
+    EXPECT_EQ(stated.own_min_sizes, 0u);
     const Encoded without = encode(scene, options_of(preset, false));
     const Worst before = worst_errors(scene, without);
     expect_stated(without, before, "without bounds");
     EXPECT_EQ(stated_errors(without.bytes).position_bound, 0);
-    record_row(hard, preset, before, worst, without.bytes.size(), e.bytes.size(),
-               e.report.literals);
+    record_row(hard, preset, before, worst, without.bytes.size(), e.bytes.size(), e.report.escapes);
   }
 }
 
@@ -247,8 +246,8 @@ TEST(BoundsOf, LosslessStreamsStateNoErrors) {
   EXPECT_EQ(stated.mean_t, 0);
 }
 
-// What is smaller than its own least size counts as that, which is worth bytes.
-TEST(BoundsOf, OwnLeastSizesCount) {
+// What is smaller than its own minimum size counts as that, which is worth bytes.
+TEST(BoundsOf, OwnMinSizesCount) {
   const TestScene scene = hard_scenes()[4].make();
   const EncodeOptions options = options_of(kPresets[4], true);
   const Encoded with_none = encode(scene, options);
@@ -257,16 +256,16 @@ TEST(BoundsOf, OwnLeastSizesCount) {
   l4d_encoder_options o;
   l4d_encoder_options_init(&o);
   const EncoderHandle encoder(&o);
-  EXPECT_EQ(l4d_encoder_set_least_sizes(encoder.get(), sizes.data(), sizes.size()),
+  EXPECT_EQ(l4d_encoder_set_min_sizes(encoder.get(), sizes.data(), sizes.size()),
             L4D_ERR_INVALID_STATE);
   prepare_encoder(scene, options, encoder);
-  EXPECT_EQ(l4d_encoder_set_least_sizes(encoder.get(), sizes.data(), sizes.size() - 1),
+  EXPECT_EQ(l4d_encoder_set_min_sizes(encoder.get(), sizes.data(), sizes.size() - 1),
             L4D_ERR_INVALID_ARGUMENT);
   sizes[7] = -1;
-  EXPECT_EQ(l4d_encoder_set_least_sizes(encoder.get(), sizes.data(), sizes.size()),
+  EXPECT_EQ(l4d_encoder_set_min_sizes(encoder.get(), sizes.data(), sizes.size()),
             L4D_ERR_INVALID_SCENE);
   sizes[7] = kLeast;
-  encoder.check(l4d_encoder_set_least_sizes(encoder.get(), sizes.data(), sizes.size()));
+  encoder.check(l4d_encoder_set_min_sizes(encoder.get(), sizes.data(), sizes.size()));
   Encoded e;
   e.bytes = encoder.encode();
   l4d_encode_report_init(&e.report);
@@ -276,7 +275,7 @@ TEST(BoundsOf, OwnLeastSizesCount) {
   const Worst worst = worst_errors(scene, e, static_cast<double>(kLeast));
   EXPECT_LE(worst.position, kPresets[4].position + 1e-3);
   EXPECT_LE(worst.covariance, kPresets[4].covariance * (1 + 1e-3));
-  EXPECT_EQ(stated_errors(e.bytes).own_least_sizes, 1u);
+  EXPECT_EQ(stated_errors(e.bytes).own_min_sizes, 1u);
   EXPECT_GE(stated_errors(e.bytes).position, worst.position);
   EXPECT_GT(worst_errors(scene, e).position, worst.position);
   EXPECT_LT(e.bytes.size(), with_none.bytes.size());

@@ -37,11 +37,11 @@ TEST(KMeansNumerics, DuplicatesAreTheirOwnCodeword) {
     std::vector<float> points(4 * 3000, value), weights(3000);
     for (float& w : weights) w = static_cast<float>(std::pow(10.0, random.uniform(-30, 30)));
     for (const size_t codewords : {1u, 64u, 5000u}) {
-      const Codebook book =
+      const Codebook codebook =
           train_codebook(points.data(), weights.data(), 3000, 4, kmeans_options(codewords));
-      ASSERT_EQ(book.size(), 1u) << value;
-      for (const float c : book.entries) EXPECT_EQ(c, value);
-      EXPECT_EQ(book.weighted_distortion, 0);
+      ASSERT_EQ(codebook.size(), 1u) << value;
+      for (const float c : codebook.entries) EXPECT_EQ(c, value);
+      EXPECT_EQ(codebook.weighted_distortion, 0);
     }
   }
 }
@@ -51,12 +51,12 @@ TEST(KMeansNumerics, FewerPointsThanCodewordsAtAnyMagnitude) {
   for (const double magnitude : {1e-20, 1e-6, 1.0, 1e6, 1e15}) {
     std::vector<float> points(4 * 5);
     for (float& p : points) p = static_cast<float>(magnitude * random.normal());
-    const Codebook book = train_codebook(points.data(), nullptr, 5, 4, kmeans_options(256));
-    ASSERT_GE(book.size(), 1u);
-    ASSERT_LE(book.size(), 5u);
+    const Codebook codebook = train_codebook(points.data(), nullptr, 5, 4, kmeans_options(256));
+    ASSERT_GE(codebook.size(), 1u);
+    ASSERT_LE(codebook.size(), 5u);
     double scatter = 0;
     for (const float p : points) scatter += static_cast<double>(p) * static_cast<double>(p);
-    EXPECT_LE(book.weighted_distortion, 1e-12 * scatter) << magnitude;
+    EXPECT_LE(codebook.weighted_distortion, 1e-12 * scatter) << magnitude;
   }
 }
 
@@ -68,10 +68,11 @@ TEST(KMeansNumerics, PointsWithoutWeightDoNotCount) {
     for (int k = 0; k < 4; ++k) points.push_back(counts ? static_cast<float>(i % 4) : 1e18f);
     weights.push_back(counts ? 1.0f : 0.0f);
   }
-  const Codebook book = train_codebook(points.data(), weights.data(), 600, 4, kmeans_options(4));
-  ASSERT_EQ(book.size(), 4u);
-  for (const float c : book.entries) EXPECT_LE(c, 3.0f);
-  EXPECT_EQ(book.weighted_distortion, 0);
+  const Codebook codebook =
+      train_codebook(points.data(), weights.data(), 600, 4, kmeans_options(4));
+  ASSERT_EQ(codebook.size(), 4u);
+  for (const float c : codebook.entries) EXPECT_LE(c, 3.0f);
+  EXPECT_EQ(codebook.weighted_distortion, 0);
 }
 
 // ---- residual stages ---------------------------------------------------------------------------

@@ -25,7 +25,7 @@ double half_step(double x) {
 
 double wide(float x) { return static_cast<double>(x); }
 
-// All vectors literal, no closed loop: every error is a rounding that the stream declares.
+// All vectors escape, no closed loop: every error is a rounding that the stream declares.
 TEST(Property, ErrorsAreWithinWhatIsDeclared) {
   EXPECT_TRUE(rc::check("declared", [] {
     ArbitraryScene drawn = draw_scene(true);
@@ -34,7 +34,7 @@ TEST(Property, ErrorsAreWithinWhatIsDeclared) {
     // The gauge would permute scales, and a rotor is one of two.
     drawn.encode.settings.push_back({L4D_ENC_GAUGE, 0});
     drawn.encode.settings.push_back({L4D_ENC_CLOSED_LOOP, 0});
-    drawn.encode.settings.push_back({L4D_ENC_LITERAL_THRESHOLD, 0.5});
+    drawn.encode.settings.push_back({L4D_ENC_ESCAPE_THRESHOLD, 0.5});
     const TestScene scene = drawn.make();
     const std::vector<float> ones(scene.count(), 1.0f);
     for (uint32_t w = L4D_WEIGHT_SH; w <= L4D_WEIGHT_ROTOR_TEMPORAL; ++w) {
@@ -45,7 +45,7 @@ TEST(Property, ErrorsAreWithinWhatIsDeclared) {
     d.open_memory(e.bytes.data(), e.bytes.size());
     const GaussianArrays a = d.decode(all_query());
     const size_t sh_dim = scene.sh_dim();
-    for (const l4d_range& r : a.ranges) {
+    for (const l4d_bucket_span& r : a.spans) {
       l4d_dequantization q;
       l4d_dequantization_init(&q);
       d.check(l4d_decoder_get_dequantization(d.get(), r.layer, &q));

@@ -75,14 +75,14 @@ TEST(Property, VisibleGaussiansAreInNeighbouringBuckets) {
     const Opened s(e.bytes);
     for (int k = 0; k < 10; ++k) {
       const double t = draw_time(s);
-      for (const l4d_range& r : s.all.ranges) {
+      for (const l4d_bucket_span& r : s.all.spans) {
         const uint32_t now = bucket_of_time(s.info.timeline, t, r.level);
         for (size_t i = r.first; i < r.first + r.count; ++i) {
           if (s.seen.visible(i, t)) RC_ASSERT(same_or_neighbour(now, r.bucket));
         }
       }
     }
-    for (const l4d_range& r : s.all.ranges) {
+    for (const l4d_bucket_span& r : s.all.spans) {
       for (size_t i = r.first; i < r.first + r.count; ++i) {
         if (s.seen.permanent[i]) continue;
         const double sigma = 1 / std::sqrt(s.seen.lambda[i]);

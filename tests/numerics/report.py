@@ -65,8 +65,8 @@ def bounds(document, _):
     rows = document["bounds"]
     columns = [cells(key) for key in ("position", "covariance", "opacity", "bytes")]
     return table(("scene", "preset", "position, sizes", "covariance, factor", "opacity", "bytes",
-                  "literals"),
-                 [(r["scene"], r["preset"], *figures, str(r["literals"]))
+                  "escapes"),
+                 [(r["scene"], r["preset"], *figures, str(r["escapes"]))
                   for r, *figures in zip(rows, *columns)])
 
 

@@ -17,12 +17,12 @@ TEST(BucketCache, GivesChunksOnce) {
   const CachedBucket* a = cache.add({0, 0}, 201);
   ASSERT_NE(a, nullptr);
   EXPECT_EQ(a->chunks, (std::vector<uint32_t>{0, 1, 2}));
-  EXPECT_EQ(a->rows, 201u);
+  EXPECT_EQ(a->slots, 201u);
   EXPECT_FALSE(a->filled);
   EXPECT_EQ(cache.add({0, 1}, 201), nullptr);  // wanted now: nothing to give up
   EXPECT_NE(cache.add({0, 1}, 200), nullptr);
   EXPECT_EQ(cache.used(), 5u);
-  EXPECT_EQ(cache.rows(), 401u);
+  EXPECT_EQ(cache.slots(), 401u);
   cache.grow(6);
   EXPECT_EQ(cache.add({1, 0}, 1)->chunks, std::vector<uint32_t>{5});
   cache.remove({0, 0});
@@ -74,21 +74,21 @@ TEST(BucketCache, HoldsInvariantsUnderRandomUse) {
       default:
         there = cache.want(key);
         if (there == nullptr) {
-          const uint32_t rows = 1 + random.below(400);
+          const uint32_t slots = 1 + random.below(400);
           const uint32_t free = cache.capacity() - cache.used() + cache.idle();
-          there = cache.add(key, rows);
-          ASSERT_EQ(there != nullptr, cache.chunks_of(rows) <= free);
+          there = cache.add(key, slots);
+          ASSERT_EQ(there != nullptr, cache.chunks_of(slots) <= free);
         }
-        if (there != nullptr) wanted[key] = there->rows;
+        if (there != nullptr) wanted[key] = there->slots;
     }
     std::set<uint32_t> chunks;
-    uint64_t rows = 0;
+    uint64_t slots = 0;
     uint32_t used = 0;
     for (uint32_t layer = 0; layer < 3; ++layer) {
       for (uint32_t bucket = 0; bucket < 30; ++bucket) {
         const CachedBucket* b = cache.find({layer, bucket});
         if (b == nullptr) continue;
-        rows += b->rows;
+        slots += b->slots;
         used += static_cast<uint32_t>(b->chunks.size());
         for (const uint32_t c : b->chunks) {
           ASSERT_LT(c, cache.capacity());
@@ -96,11 +96,11 @@ TEST(BucketCache, HoldsInvariantsUnderRandomUse) {
         }
       }
     }
-    ASSERT_EQ(rows, cache.rows());
+    ASSERT_EQ(slots, cache.slots());
     ASSERT_EQ(used, cache.used());
     for (const auto& [k, n] : wanted) {
       ASSERT_NE(cache.find(k), nullptr);
-      ASSERT_EQ(cache.find(k)->rows, n);
+      ASSERT_EQ(cache.find(k)->slots, n);
     }
   }
 }

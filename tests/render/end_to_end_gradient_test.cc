@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// From the attributes of 4D Gaussians to a weighted sum of pixels, and all the way back.
+// From the attributes of 4D Gaussians to a weighted sum of pixels, and all the backward pass.
 //
 // The sum jumps where a pixel starts to be blended, is finished, or where alpha or a colour meets
 // its bound. Differences say nothing there, so every step is watched: an image computed pixel by

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which views l4d_measure takes, and what it reports.
+// Which views l4d_measure_importance takes, and what it reports.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -33,11 +33,11 @@ struct Request {
 Measured measure(const io::Scene& scene, const RendererHandle& r, const Request& request) {
   Measured m;
   l4d_measure_report_init(&m.report);
-  m.status =
-      l4d_measure(r.get(), request.cameras.data(), static_cast<uint32_t>(request.cameras.size()),
-                  request.views.data(), request.views.size(), &request.options, request.progress,
-                  request.user, &m.report, &m.handle);
-  m.detail = l4d_renderer_error_detail(r.get());
+  m.status = l4d_measure_importance(r.get(), request.cameras.data(),
+                                    static_cast<uint32_t>(request.cameras.size()),
+                                    request.views.data(), request.views.size(), &request.options,
+                                    request.progress, request.user, &m.report, &m.handle);
+  m.detail = l4d_renderer_error_message(r.get());
   if (m.status != L4D_OK) {
     EXPECT_EQ(m.handle, nullptr);
     return m;
@@ -74,7 +74,7 @@ TEST(Measure, AllViewsAreAllViews) {
   ASSERT_EQ(m.status, L4D_OK) << m.detail;
   EXPECT_EQ(m.report.views, 15u);
   EXPECT_EQ(m.report.views_measured, 15u);
-  EXPECT_EQ(m.report.views_asked, 0u);
+  EXPECT_EQ(m.report.views_visibility_only, 0u);
   EXPECT_EQ(m.report.agreed, 0u);
   RendererHandle r = make_renderer(L4D_BACKEND_CPU);
   r.set_gaussians(scene.view(), scene.timeline);
@@ -114,20 +114,20 @@ TEST(Measure, StopsWhereViewsRepeatEachOther) {
   EXPECT_EQ(m.report.rounds, 1u);
   EXPECT_LE(m.report.views_measured, 16u);
   // They show nothing new: asking ends with its first round.
-  EXPECT_EQ(m.report.views_asked, 8u);
+  EXPECT_EQ(m.report.views_visibility_only, 8u);
   for (const double a : m.report.agreement) {
     EXPECT_GE(a, 0.95);
     EXPECT_LE(a, 1);
   }
-  request.options.ask_all = 1;
+  request.options.visibility_all = 1;
   const Measured all = measure(scene, request);
-  EXPECT_EQ(all.report.views_measured + all.report.views_asked, all.report.views);
+  EXPECT_EQ(all.report.views_measured + all.report.views_visibility_only, all.report.views);
   EXPECT_EQ(all.report.unseen, m.report.unseen);
-  request.options.ask_all = 0;
-  request.options.skip_unseen = 1;
+  request.options.visibility_all = 0;
+  request.options.skip_visibility = 1;
   const Measured skipped = measure(scene, request);
   EXPECT_EQ(skipped.report.views_measured, m.report.views_measured);
-  EXPECT_EQ(skipped.report.views_asked, 0u);
+  EXPECT_EQ(skipped.report.views_visibility_only, 0u);
   // Views from all sides take longer to agree.
   Request sides = ring(32, {1, 1.05, 1.1, 1.15});
   EXPECT_GT(measure(scene, sides).report.views_measured, m.report.views_measured);
@@ -137,19 +137,19 @@ TEST(Measure, MaxShare) {
   const io::Scene scene = synth(2000);
   Request request = ring(10, {0.5, 1.5});
   request.options.agreement = 2;
-  request.options.ask_all = 1;
+  request.options.visibility_all = 1;
   for (const double share : {0.01, 0.25, 0.33, 1.0}) {
     request.options.max_share = share;
     const Measured m = measure(scene, request);
     ASSERT_EQ(m.status, L4D_OK);
     EXPECT_EQ(m.report.views_measured, static_cast<uint64_t>(std::max(1.0, std::ceil(share * 20))));
-    EXPECT_EQ(m.report.views_measured + m.report.views_asked, 20u);
+    EXPECT_EQ(m.report.views_measured + m.report.views_visibility_only, 20u);
     EXPECT_EQ(m.report.agreed, 0u);
   }
 }
 
 // Gaussians in front, behind, and where nobody looks; the camera that looks back is left out.
-TEST(Measure, AskedViewsFindWhatOnlyTheyShow) {
+TEST(Measure, VisibilityViewsFindWhatOnlyTheyShow) {
   const double red[3] = {1, 0, 0};
   SceneBuilder builder;
   for (const double z : {4.0, -4.0}) builder.add_ball(0, 0, z, 0.2, 0.8, red);
@@ -163,12 +163,12 @@ TEST(Measure, AskedViewsFindWhatOnlyTheyShow) {
   const Measured m = measure(builder.scene(), request);
   ASSERT_EQ(m.status, L4D_OK) << m.detail;
   EXPECT_EQ(m.report.views_measured, 1u);
-  EXPECT_EQ(m.report.views_asked, 1u);
+  EXPECT_EQ(m.report.views_visibility_only, 1u);
   EXPECT_EQ(m.report.unseen, 1u);
   EXPECT_GT(m.weights[L4D_WEIGHT_ALPHA_T][0], 0);
   EXPECT_GT(m.weights[L4D_WEIGHT_ALPHA_T][1], 0);
   EXPECT_EQ(m.weights[L4D_WEIGHT_ALPHA_T][2], 0);
-  request.options.skip_unseen = 1;
+  request.options.skip_visibility = 1;
   const Measured skipped = measure(builder.scene(), request);
   EXPECT_EQ(skipped.report.unseen, 2u);
   EXPECT_EQ(skipped.weights[L4D_WEIGHT_ALPHA_T][1], 0);
@@ -238,7 +238,7 @@ TEST(Measure, NeitherHalfSeesAPartAlone) {
 }
 
 // A round of asking that shows something new is followed by another, up to the last view.
-TEST(Measure, AsksForAsLongAsThereIsNews) {
+TEST(Measure, VisibilityPassLastsAsLongAsThereIsNews) {
   constexpr uint32_t kViews = 48;
   SceneBuilder builder;
   for (uint32_t i = 0; i < kViews; ++i) add_outer_ball(&builder, i, kViews, 0.8);
@@ -248,7 +248,7 @@ TEST(Measure, AsksForAsLongAsThereIsNews) {
   const Measured m = measure(builder.scene(), request);
   ASSERT_EQ(m.status, L4D_OK);
   EXPECT_EQ(m.report.views_measured, 1u);
-  EXPECT_EQ(m.report.views_asked, kViews - 1);
+  EXPECT_EQ(m.report.views_visibility_only, kViews - 1);
   EXPECT_EQ(m.report.unseen, 0u);
 }
 
@@ -274,10 +274,10 @@ TEST(Measure, NewsBelowOneInTenThousandIsNone) {
     ASSERT_EQ(m.status, L4D_OK);
     SCOPED_TRACE("opacity " + std::to_string(opacity) + ", news " + std::to_string(news));
     if (news < 0.9e-4) {
-      EXPECT_EQ(m.report.views_asked, 3u);  // a sixteenth of the cameras
+      EXPECT_EQ(m.report.views_visibility_only, 3u);  // a sixteenth of the cameras
       ended = true;
     } else if (news > 1.1e-4) {
-      EXPECT_EQ(m.report.views_asked, kViews - 1);
+      EXPECT_EQ(m.report.views_visibility_only, kViews - 1);
       went_on = true;
     }
   }
@@ -304,7 +304,7 @@ TEST(Measure, ProgressAndCancelling) {
   Request request = ring(6, {0.5, 1.5});
   request.options.max_share = 0.5;
   request.options.agreement = 2;
-  request.options.ask_all = 1;
+  request.options.visibility_all = 1;
   Calls calls;
   request.progress = note;
   request.user = &calls;
@@ -347,7 +347,7 @@ TEST(Measure, Refusals) {
   bad.options.agreement = std::nan("");
   EXPECT_EQ(refused(bad), L4D_ERR_INVALID_ARGUMENT);
   bad = good;
-  bad.options.measure = 7;
+  bad.options.metric = 7;
   EXPECT_EQ(refused(bad), L4D_ERR_INVALID_ARGUMENT);
 
   RendererHandle r = make_renderer(L4D_BACKEND_CPU);
@@ -362,7 +362,8 @@ TEST(Measure, Refusals) {
   l4d_sensitivity* out = nullptr;
   const auto call = [&](const l4d_camera* cameras, const l4d_view* views, uint64_t n,
                         l4d_sensitivity** to) {
-    return l4d_measure(r.get(), cameras, 3, views, n, nullptr, nullptr, nullptr, nullptr, to);
+    return l4d_measure_importance(r.get(), cameras, 3, views, n, nullptr, nullptr, nullptr, nullptr,
+                                  to);
   };
   const l4d_camera* cameras = good.cameras.data();
   EXPECT_EQ(call(cameras, good.views.data(), 0, &out), L4D_ERR_INVALID_ARGUMENT);

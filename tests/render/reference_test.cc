@@ -263,7 +263,7 @@ TEST(Reference, ForwardRoundsTheWideImage) {
   for (size_t k = 0; k < rgb.size(); ++k) EXPECT_EQ(rgb[k], static_cast<float>(wide.rgb[k]));
   for (size_t k = 0; k < kPixels; ++k) EXPECT_EQ(alpha[k], static_cast<float>(wide.alpha[k]));
   EXPECT_EQ(stats.projected, 11u);
-  EXPECT_GT(stats.seconds[L4D_RENDER_STAGE_BLEND], 0);
+  EXPECT_GT(stats.seconds[L4D_RENDER_PASS_BLEND], 0);
   // Either output is optional, and so is the account.
   std::vector<float> alone(3 * kPixels);
   EXPECT_TRUE(
@@ -299,7 +299,7 @@ TEST(Reference, CoverageAddsUpToAlpha) {
   EXPECT_NEAR(covered, total, 1e-10);
   EXPECT_EQ(all.coverage[7], 0);  // too faint
   EXPECT_EQ(all.splat[7].opacity, 0);
-  EXPECT_GT(stats.seconds[L4D_RENDER_STAGE_BACKWARD], 0);
+  EXPECT_GT(stats.seconds[L4D_RENDER_PASS_BACKWARD], 0);
 }
 
 bool equal(const SplatGradient2D<double>& a, const SplatGradient2D<double>& b) {

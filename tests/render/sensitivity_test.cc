@@ -68,20 +68,20 @@ RendererHandle renderer_of(const io::Scene& scene, uint32_t path = L4D_BACKEND_C
   return r;
 }
 
-SensitivityHandle make_sensitivity(const io::Scene& scene, uint32_t measure = L4D_SENSITIVITY_SUM,
+SensitivityHandle make_sensitivity(const io::Scene& scene, uint32_t metric = L4D_SENSITIVITY_SUM,
                                    uint64_t seed = 0) {
   l4d_sensitivity_options options;
   l4d_sensitivity_options_init(&options);
-  options.measure = measure;
+  options.metric = metric;
   options.seed = seed;
   return {&options, scene.count(), scene.sh_degree};
 }
 
 void add_views(SensitivityHandle& s, RendererHandle& r, const std::vector<TestView>& views,
-               bool seen_only = false) {
+               bool visibility_only = false) {
   for (const TestView& v : views) {
     r.set_time(v.time);
-    s.add_view(r, v.camera, seen_only);
+    s.add_view(r, v.camera, visibility_only);
   }
 }
 
@@ -291,11 +291,11 @@ TEST(Sensitivity, MergedIsAllInOne) {
 
 TEST(Sensitivity, ThreadsDoNotChangeBits) {
   const io::Scene scene = synth(9000, 2);
-  for (const uint32_t measure : {L4D_SENSITIVITY_SUM, L4D_SENSITIVITY_GAUSS_NEWTON}) {
+  for (const uint32_t metric : {L4D_SENSITIVITY_SUM, L4D_SENSITIVITY_GAUSS_NEWTON}) {
     std::vector<std::vector<float>> first;
     for (const uint32_t threads : {1u, 2u, 7u}) {
       RendererHandle r = renderer_of(scene, L4D_BACKEND_CPU, threads);
-      SensitivityHandle s = make_sensitivity(scene, measure, 5);
+      SensitivityHandle s = make_sensitivity(scene, metric, 5);
       add_views(s, r, {{0.5, ring_camera(100, 70, 1)}, {2, ring_camera(90, 70, 3)}});
       add_views(s, r, {{1.5, ring_camera(100, 70, 5)}}, true);
       for (uint32_t which = 0; which < L4D_WEIGHT_COUNT; ++which) {
@@ -310,7 +310,7 @@ TEST(Sensitivity, ThreadsDoNotChangeBits) {
 }
 
 // Views that are only asked count for what nothing else shows.
-TEST(Sensitivity, SeenOnlyViews) {
+TEST(Sensitivity, VisibilityOnlyViews) {
   const double red[3] = {1, 0, 0};
   SceneBuilder builder;
   builder.add_ball(0, 0, 4, 0.2, 0.8, red);
@@ -475,7 +475,7 @@ TEST(Sensitivity, WrongStates) {
   const float grey[3] = {0.5f, 0.5f, 0.5f}, black[3] = {0, 0, 0};
   r.check(l4d_renderer_set_background(r.get(), grey));
   EXPECT_EQ(add(), L4D_ERR_INVALID_STATE);
-  EXPECT_NE(std::string(l4d_renderer_error_detail(r.get())).find("background"), std::string::npos);
+  EXPECT_NE(std::string(l4d_renderer_error_message(r.get())).find("background"), std::string::npos);
   r.check(l4d_renderer_set_background(r.get(), black));
   EXPECT_EQ(add(), L4D_OK);
   const io::Scene other = test_scene(1);

@@ -216,7 +216,7 @@ TEST(Slice, LosslessStreamRendersLikeTheScene) {
     EXPECT_LE(largest_difference(a.rgb, c.rgb), 1.0 / 255) << time;
     EXPECT_GT(*std::max_element(a.alpha.begin(), a.alpha.end()), 0.5f);
     EXPECT_GT(a.stats.visible, 500u);
-    EXPECT_GT(a.stats.seconds[L4D_RENDER_STAGE_SLICE], 0);
+    EXPECT_GT(a.stats.seconds[L4D_RENDER_PASS_SLICE], 0);
   }
   // And back to the scene on the same handle.
   from_stream.set_gaussians(scene.view(), scene.timeline);

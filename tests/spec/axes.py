@@ -14,7 +14,7 @@ from splats import apply, basis, dot, product, transposed
 
 H = math.sqrt(0.5)
 Y_UP_OF_Z_UP = [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]
-# Rotor coefficients that a mirror at x, y or z negates: p, and those of planes with the axis.
+# Rotor coefficients that a mirror at x, y or z negates: p, and those of channels with the axis.
 NAMES = ("s", "b01", "b02", "b12", "b03", "b13", "b23", "p")
 
 

@@ -46,18 +46,18 @@ def stream(layers, sh=ZERO, frames=4, level=1, **fields):
         "sh": sh, "layers": layers, "profile": 1, "conformance_level": level, **fields}, rng=FIRST)
 
 
-def books(stages):
+def codebooks(stages):
     """SH codebooks of 65536 equal codewords each."""
-    return {"coding": 2, "literals": False, "stages": [[(0.0,) * 48]] * stages,
+    return {"coding": 2, "escapes": False, "stages": [[(0.0,) * 48]] * stages,
             "patch": {"num_entries": 65536}}
 
 
-def literal_page(n, *columns, **record):
-    """Pages whose SH vectors are all literals: 96 bytes a Gaussian."""
+def escape_page(n, *columns, **record):
+    """Pages whose SH vectors are all escapes: 96 bytes a Gaussian."""
     return page(n, *columns, make_tiny.constant(15, 4), packed_zeros(n) * 48, **record)
 
 
-LITERALS = {"coding": 2, "literals": True, "stages": [[(0.0,) * 48]]}
+ESCAPES = {"coding": 2, "escapes": True, "stages": [[(0.0,) * 48]]}
 
 
 def gaussians(n):
@@ -66,11 +66,11 @@ def gaussians(n):
 
 def tables(stages):
     columns = [make_tiny.constant(stages, 4)] * (stages > 1) + [zeros(1)] * stages
-    return stream([layer([page(1, *columns)])], sh=books(stages))
+    return stream([layer([page(1, *columns)])], sh=codebooks(stages))
 
 
 def instant(n):
-    return stream([layer([literal_page(n)])], sh=LITERALS)
+    return stream([layer([escape_page(n)])], sh=ESCAPES)
 
 
 def start(n):
@@ -80,16 +80,16 @@ def start(n):
 def burst(n):
     """Two pages of a bucket, needed a sixteenth of a second apart and for less than that."""
     at = lambda time: make_tiny.constant(make_tiny.order(time), 16)
-    pages = [literal_page(n, at(0.0), bucket=2, visible_begin=126, visible_end=130),
-             literal_page(n, at(0.25), bucket=2, visible_begin=142, visible_end=146)]
-    return stream([layer(pages, level=1)], sh=LITERALS)
+    pages = [escape_page(n, at(0.0), bucket=2, visible_begin=126, visible_end=130),
+             escape_page(n, at(0.25), bucket=2, visible_begin=142, visible_end=146)]
+    return stream([layer(pages, level=1)], sh=ESCAPES)
 
 
 def memory(num_layers):
     """Layers with three block codebooks of 3 MiB around the middle of the sequence."""
     layers = []
     row = (1.0, 0.0, 0.0, 0.0)
-    coding = {"coding": 2, "literals": False, "stages": [[row] * 2], "rcq": [row] * 2}
+    coding = {"coding": 2, "escapes": False, "stages": [[row] * 2], "rcq": [row] * 2}
     entry = make_tiny.constant(0, 1) * 2
     for k in range(num_layers):
         level = 1 + k // 2

@@ -12,7 +12,7 @@ import random_page
 import rans_writer
 from broken_streams import FIRST
 from make_tiny import order
-from rans_writer import Plane, vlq
+from rans_writer import Channel, vlq
 from xxh3 import xxh3_64
 
 NO_BOUNDS = (0xFBFF,) * 3 + (0x7BFF,) * 3
@@ -22,18 +22,18 @@ N = 33
 
 class Parts:
     """What the stream is made of: one layer with two pages, the first of streams and the second of
-    planes. An edit changes parts before they are put together."""
+    channels. An edit changes parts before they are put together."""
 
     def __init__(self):
-        def transform(*ladder):
-            return {"coding": 3, "steps": [0.5, 0.25, 0.125], "ladder": list(ladder),
+        def transform(*eob_table):
+            return {"coding": 3, "steps": [0.5, 0.25, 0.125], "eob_table": list(eob_table),
                     "basis": [(0.0, 0.5, -0.25), (1.0, 0.0, 0.0), (0.0, 1.0, 0.5),
                               (0.25, 0.0, 1.0)]}
         self.layer = {
             "level": 0, "permanent": False, "mean_t": 2, "mean_t_shift": 2, "log_scale_t": 0.0,
             "num_gaussians": 2 * N, "directory_bits": 0, "table_size": 1, "blocks": {},
             "scale_factor": {"coding": 0, "bits": 0, "offset": -4.0, "step": 0.0},
-            "scale": {"coding": 2, "literals": True, "stages": [[(0.0, 0.25, 0.5, 0.0)] * 3] * 2},
+            "scale": {"coding": 2, "escapes": True, "stages": [[(0.0, 0.25, 0.5, 0.0)] * 3] * 2},
             "rotor_spatial": transform(1, 3), "rotor_temporal": transform(3)}
         self.scene = {
             "num_gaussians": 2 * N, "time_begin": 1.0, "num_frames": 2, "fps_num": 4, "fps_den": 1,
@@ -54,18 +54,18 @@ class Parts:
             c = random_page.Columns(random.Random(seed), scene, layer, N, {})
             c.rng = FIRST                 # packed streams
             self.columns.append(c)
-        self.planes = self.columns[1].planes()
-        self.map = [[0 if p.wide else 1] * p.num_contexts for p in self.planes]
+        self.channels = self.columns[1].channels()
+        self.map = [[0 if p.wide else 1] * p.num_contexts for p in self.channels]
 
     def find(self, name):
-        return next(i for i, p in enumerate(self.planes) if p.name == name)
+        return next(i for i, p in enumerate(self.channels) if p.name == name)
 
     def put(self, name, value, i=0):
-        """Value i of a plane."""
+        """Value i of a channel."""
         at = self.find(name)
-        old = self.planes[at]
+        old = self.channels[at]
         values = old.values[:i] + [value] + old.values[i + 1:]
-        self.planes[at] = Plane(name, values, old.contexts, old.num_contexts, old.wide)
+        self.channels[at] = Channel(name, values, old.contexts, old.num_contexts, old.wide)
 
     def build(self):
         chunk = vlq(len(self.tables) if self.num_tables is None else self.num_tables)
@@ -73,9 +73,9 @@ class Parts:
         for i, frequencies in enumerate(self.tables):
             chunk += self.table_bytes.get(i, rans_writer.table(frequencies))
         chunk += b"".join(map(bytes, self.map))
-        used = [[WIDE if p.wide else HYBRID] * p.num_contexts for p in self.planes]
-        split = rans_writer.first_detail(self.planes, self.scene["sh_base"])
-        raw, detail = rans_writer.page(self.planes, used, split if self.split else None, **self.end)
+        used = [[WIDE if p.wide else HYBRID] * p.num_contexts for p in self.channels]
+        split = rans_writer.first_detail(self.channels, self.scene["sh_base"])
+        raw, detail = rans_writer.page(self.channels, used, split if self.split else None, **self.end)
         record = {"num_gaussians": N, "bucket": 0, "block": sb.NO_BLOCK, "visible_begin": 0,
                   "visible_end": 255, "bounds": NO_BOUNDS, "reserved": 0}
         pages = [{**record, "raw": self.columns[0].streams(), **self.records[0]},
@@ -104,7 +104,7 @@ def coding(name, **fields):
     return edited(lambda p: (p.scene if name == "sh" else p.layer)[name].update(fields))
 
 
-def plane(name, value, i=0):
+def channel(name, value, i=0):
     return edited(lambda p: p.put(name, value, i))
 
 
@@ -155,7 +155,7 @@ def fixed_mean_times(**fields):
 
 def infinite_position(p):
     code = random_page.morton(*[order(float("inf"))] * 3)
-    p.put("position", code - sum(p.planes[0].values[:-1]), N - 1)
+    p.put("position", code - sum(p.channels[0].values[:-1]), N - 1)
 
 
 def raw(name):
@@ -204,7 +204,7 @@ def valid():
 
 def broken_headers():
     """(clause, file); a second word tells cases of it apart."""
-    vq = {"coding": 2, "literals": False, "stages": [[(1.0, 0.0, 0.0, 0.0)]]}
+    vq = {"coding": 2, "escapes": False, "stages": [[(1.0, 0.0, 0.0, 0.0)]]}
     basis = Parts().scene["sh"]["basis"]
     yield "HEAD-7 position unknown", header(position=5)
     yield "HEAD-16 raw64", header(position=4)
@@ -226,9 +226,9 @@ def broken_headers():
     yield "CODE-7", coding("sh", patch={"element": 1, "step": 0.0})
     yield "CODE-7 large", coding("sh", patch={"element": 1, "step": 1025.0})
     yield "CODE-7 NaN", coding("sh", patch={"element": 1, "step": float("nan")})
-    yield "TRAN-1", coding("sh", steps=[], ladder=[], basis=basis[:1])
-    yield "TRAN-1 many", coding("sh", steps=[1.0] * 4, ladder=[4], basis=basis + basis[:2])
-    yield "TRAN-1 rotor", coding("rotor_spatial", steps=[1.0] * 4, ladder=[4],
+    yield "TRAN-1", coding("sh", steps=[], eob_table=[], basis=basis[:1])
+    yield "TRAN-1 many", coding("sh", steps=[1.0] * 4, eob_table=[4], basis=basis + basis[:2])
+    yield "TRAN-1 rotor", coding("rotor_spatial", steps=[1.0] * 4, eob_table=[4],
                                  basis=[(0.0, 0.0, 0.0)] * 5)
     yield "TRAN-2", coding("sh", steps=[1.0, 2.0 ** -21])
     yield "TRAN-2 large", coding("sh", steps=[1025.0, 1.0])
@@ -236,17 +236,17 @@ def broken_headers():
     yield "TRAN-2 rotor", coding("rotor_spatial", steps=[1.0, 1.0, 1.0 + 2.0 ** -23])
     yield "TRAN-2 temporal", coding("rotor_temporal", steps=[2.0, 1.0, 1.0])
     yield "TRAN-2 NaN", coding("sh", steps=[float("nan"), 1.0])
-    yield "TRAN-3", coding("sh", ladder=[1, 1, 2])
-    yield "TRAN-3 zero", coding("sh", ladder=[0, 2])
-    yield "TRAN-3 last", coding("sh", ladder=[1])
-    yield "TRAN-3 beyond", coding("sh", ladder=[1, 2, 3])
-    yield "TRAN-3 none", coding("sh", ladder=[])
+    yield "TRAN-3", coding("sh", eob_table=[1, 1, 2])
+    yield "TRAN-3 zero", coding("sh", eob_table=[0, 2])
+    yield "TRAN-3 last", coding("sh", eob_table=[1])
+    yield "TRAN-3 beyond", coding("sh", eob_table=[1, 2, 3])
+    yield "TRAN-3 none", coding("sh", eob_table=[])
     yield "TRAN-4", coding("sh", basis=[])
     yield "TRAN-4 few", coding("sh", patch={"num_entries": 2})
     yield "TRAN-4 many", coding("sh", patch={"num_entries": 4})
     yield "TRAN-7", header(sh_base=3)
     yield "TRAN-7 vq", edited(lambda p: p.scene.update(sh={
-        "coding": 2, "literals": False, "stages": [[(1.0, 0.0, 0.0)]]}), lambda p: p.draw())
+        "coding": 2, "escapes": False, "stages": [[(1.0, 0.0, 0.0)]]}), lambda p: p.draw())
 
 
 def broken_chunks():
@@ -259,7 +259,7 @@ def broken_chunks():
     yield "CHNK-8 entropy", parts(chunk_bytes=lambda raw: raw + bytes(67000))
     yield "CHNK-2 entropy", layer(entropy_patch={"hash": 1})
     yield "CHNK-3 rans", parts(records=[{}, {"patch": {"raw_bytes": 5}}])
-    yield "CHNK-6 rans plane", edited(lambda p: p.records[0].update(
+    yield "CHNK-6 rans channel", edited(lambda p: p.records[0].update(
         raw=b"\x01\x02" + p.columns[0].streams()[2:]))
     yield "CHNK-6 rans directory", directory_codec(2)
     yield "RANS-1 vlq", parts(chunk_bytes=lambda raw: b"\xff" * 9 + raw)
@@ -276,7 +276,7 @@ def broken_chunks():
     yield "RANS-2 beyond", frequencies(1, [4096, 0, 0, 0], 3)
     yield "RANS-4 wide", mapped("opacity", 0)
     yield "RANS-4 hybrid", mapped("position", 1)
-    yield "RANS-4 beyond", mapped("sh class", 2)
+    yield "RANS-4 beyond", mapped("sh step exponent", 2)
     yield "RANS-5", parts(num_tables=0)
     yield "RANS-5 many", edited(lambda p: p.tables.extend([HYBRID] * 127))
     yield "RANS-5 no wide", parts(num_wide=0)
@@ -313,26 +313,26 @@ def broken_pages():
     yield "RANS-7 missing", second(lambda raw: raw[:-2])
     yield "RANS-7 state", parts(end={"states": low[:31] + [rans_writer.LOW + 1]})
     yield "RANS-7 all", parts(split=False, end={"states": [rans_writer.LOW + 1] + low[:31]})
-    yield "RANS-8", plane("position", 1 << 24, 0)
-    yield "RANS-8 sum", plane("position", (1 << 24) - 1, N - 1)
+    yield "RANS-8", channel("position", 1 << 24, 0)
+    yield "RANS-8 sum", channel("position", (1 << 24) - 1, N - 1)
     yield "RANS-8 wrap", edited(lambda p: p.put("position", (1 << 63) - 1, N - 2),
                                 lambda p: p.put("position", (1 << 63) - 1, N - 1))
     yield "RANS-8 f16", edited(half_positions, lambda p: p.put("position", 1 << 48, 0))
-    yield "TRAN-5", plane("sh class", 16)
-    yield "TRAN-5 rotor", plane("rotor_temporal class", 65535, N - 1)
-    yield "TRAN-6", plane("sh rung", 3)
-    yield "TRAN-6 stream", column("sh", "rung", 3)
-    yield "VQ-1 plane", plane("scale depth", 3)
-    yield "VQ-2 plane", plane("scale index", 3)
-    yield "VAL-1 plane", plane("mean_t", 0x3FFF)
+    yield "TRAN-5", channel("sh step exponent", 16)
+    yield "TRAN-5 rotor", channel("rotor_temporal step exponent", 65535, N - 1)
+    yield "TRAN-6", channel("sh EOB index", 3)
+    yield "TRAN-6 stream", column("sh", "eob_index", 3)
+    yield "VQ-1 channel", channel("scale depth", 3)
+    yield "VQ-2 channel", channel("scale index", 3)
+    yield "VAL-1 channel", channel("mean_t", 0x3FFF)
     yield "VAL-1 mean_t", edited(lambda p: p.columns[0].mean_t.__setitem__(0, 0x3FFF))
     yield "VAL-1 position", edited(half_positions, infinite_position)
-    yield "VAL-2 plane", plane("scale literal", order(float("inf")))
-    yield "STRM-3 opacity", plane("opacity", 32)
-    yield "STRM-3 mean_t", plane("mean_t", 1 << 14)
+    yield "VAL-2 channel", channel("scale escape", order(float("inf")))
+    yield "STRM-3 opacity", channel("opacity", 32)
+    yield "STRM-3 mean_t", channel("mean_t", 1 << 14)
     yield "STRM-3 mean_t fixed", edited(fixed_mean_times(), lambda p: p.put("mean_t", 1 << 9))
     yield "STRM-3 position", edited(lambda p: p.columns[0].position[0].__setitem__(0, 256))
-    yield "STRM-3 class", edited(lambda p: planes_layout(p, "sh", "class", 16, 4))
+    yield "STRM-3 step exponent", edited(lambda p: planes_layout(p, "sh", "step_exponent", 16, 4))
     yield "DIR-10 fixed", bounded(8, 254)
     yield "DIR-10 scaled", bounded(21, 32752)
     yield "PAGE-1 transform", edited(lambda p: p.records[0].update(

@@ -14,11 +14,11 @@ def scene():
     halves = lambda values: make_tiny.packed([make_tiny.order(v) for v in values], 16)
     box = (0xCC00,) * 3 + (0x4C00,) * 3
     record = {"bounds": box, "reserved": 0}
-    vq = lambda *stages, literals=False, **more: {"coding": 2, "stages": list(stages),
-                                                  "literals": literals, **more}
+    vq = lambda *stages, escapes=False, **more: {"coding": 2, "stages": list(stages),
+                                                  "escapes": escapes, **more}
     sq = {"coding": 2, "bits": 5, "offset": 0.0, "step": 0.03125}
     factor = {"coding": 0, "bits": 0, "offset": -4.0, "step": 0.0}
-    book4 = [(0.0, 0.25, 0.5, 0.0), (0.0, 0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)]
+    codebook4 = [(0.0, 0.25, 0.5, 0.0), (0.0, 0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)]
     spatial = [(1.0, 0.0, 0.0, 0.0), (0.5, 0.5, 0.0, 0.0)]
     sh = make_tiny.packed([1, 2, 15], 4) + make_tiny.packed([0, 1], 1) + make_tiny.packed([1], 1)
     sh += b"".join(halves([v]) for v in (0.5, 0.25, 0.125))
@@ -27,14 +27,14 @@ def scene():
     zero_mean = halves([0.0, 0.0, 0.0])
     layers = [
         {"level": 0, "permanent": True, "mean_t": 0, "num_gaussians": 3, "log_scale_t": 4.0,
-         "scale_factor": factor, "scale": vq([r[:3] for r in book4]), "rotor_spatial": vq(spatial),
+         "scale_factor": factor, "scale": vq([r[:3] for r in codebook4]), "rotor_spatial": vq(spatial),
          "rotor_temporal": {"coding": 0}, "directory_bits": 0, "table_size": 1, "blocks": {},
          "pages": [{"num_gaussians": 3, "bucket": 0, "block": sb.NO_BLOCK, "visible_begin": 0,
                     "visible_end": 255, **record, "raw": head + opacity + sh +
                     make_tiny.packed([0, 1, 2], 2) + make_tiny.packed([0, 1, 0], 1)}]},
         {"level": 1, "permanent": False, "mean_t": 2, "num_gaussians": 6, "log_scale_t": 0.0,
          "scale_factor": factor,
-         "scale": vq(book4, rcq=[(0.0, 0.0, 0.0, -0.25), (0.0, 0.0, 0.0, 0.0)]),
+         "scale": vq(codebook4, rcq=[(0.0, 0.0, 0.0, -0.25), (0.0, 0.0, 0.0, 0.0)]),
          "rotor_spatial": vq(spatial), "rotor_temporal": {"coding": 0}, "directory_bits": 1,
          "table_size": 2, "blocks": {0: [[(1, 2, sb.rcq_table(FIRST, [(0, 0), (1, 1)], 3, 2))]]},
          "pages": [{"num_gaussians": 3, "bucket": 1, "block": 0, "visible_begin": 80,
@@ -46,7 +46,7 @@ def scene():
     return {"num_gaussians": 9, "time_begin": 1.0, "num_frames": 2, "fps_num": 4, "fps_den": 1,
             "origin": {}, "position": 2, "position_center": {}, "position_scale": 1.0,
             "opacity": sq, "sh_degree": 0, "layers": layers,
-            "sh": vq([(0.5, 0.0, 0.0), (0.0, 1.0, 0.0)], [(0.1, 0.0, 0.0)] * 2, literals=True)}
+            "sh": vq([(0.5, 0.0, 0.0), (0.0, 1.0, 0.0)], [(0.1, 0.0, 0.0)] * 2, escapes=True)}
 
 
 class First:
@@ -233,7 +233,7 @@ def broken():
                            overlap(s))
     yield "CHNK-5", record(0, 0, codec=1)
     yield "CHNK-6", record(0, 0, codec=9)
-    yield "CHNK-6 plane", page_edit(0, 0, (0, 7), b"\x01\x09")
+    yield "CHNK-6 channel", page_edit(0, 0, (0, 7), b"\x01\x09")
     yield "CHNK-7", coding(0, "scale", suffix=b"\x00")
     yield "CHNK-8", page_edit(0, 0, (0, 0), bytes(8000))
     yield "STRM-1", page_edit(0, 0, (0, 1), b"\x08")

@@ -18,9 +18,9 @@ SOURCES = ("libl4dcodec/container/scene_header.h", "libl4dcodec/container/levels
            "libl4dcodec/entropy/stream.h",
            "include/l4d/l4d.h", "include/l4d/decode.h")
 # Names of constants that have to be in a registry, all of them.
-REGISTERED = re.compile(r"(ScalarCodingId|ComponentCodingId|ElementType|MeanCodingId|StreamLayout|"
+REGISTERED = re.compile(r"(ScalarCodingId|ComponentCodingId|ElementType|CoordinateCodingId|StreamLayout|"
                         r"ChunkCodec|ProfileId)::\w+|L4D_(COORDINATES|COLOR|PLAYBACK|TOOL)_\w+")
-ORDER = ("chunk-codec", "stream-layout", "scalar-coding", "component-coding", "mean-coding",
+ORDER = ("chunk-codec", "stream-layout", "scalar-coding", "component-coding", "coordinate-coding",
          "element-type", "coordinate-system", "color-space", "playback", "profile", "conformance-level",
          "extensions", "tools")
 BEGIN = "<!-- registries: written by tests/spec/check_registry.py -->\n"

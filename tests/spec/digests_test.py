@@ -40,7 +40,7 @@ def tool(path, *arguments):
                          capture_output=True, text=True, check=False)
     document = json.loads(out.stdout)
     if out.returncode != 0:
-        raise AssertionError(document["error"]["detail"])
+        raise AssertionError(document["error"]["message"])
     found = document["digests"]
     return {**{a["name"]: a["digest"] for a in found["arrays"]}, "all": found["all"]}
 
@@ -89,7 +89,7 @@ class Digests(unittest.TestCase):
             self.assertGreater(fewer[query], NUM_RANDOM_STREAMS // 10, query)
 
     def test_packed_form_of_random_streams(self):
-        files, stages, literals, rans_pages = {}, 0, 0, 0
+        files, stages, escapes, rans_pages = {}, 0, 0, 0
         for seed in range(100 * NUM_PACKED_STREAMS):
             drawn = random_stream.RandomScene(seed)
             if drawn.scene["position"] != F16 or drawn.may_be_raw:
@@ -99,14 +99,14 @@ class Digests(unittest.TestCase):
                 continue
             files[seed] = data
             layers = [layer for layer in drawn.scene["layers"] if layer["pages"]]
-            books = [drawn.scene["sh"]] + [layer["scale"] for layer in layers]
-            stages += any(len(book.get("stages", ())) > 1 for book in books)
-            literals += any(book.get("literals", False) for book in books)
+            codebooks = [drawn.scene["sh"]] + [layer["scale"] for layer in layers]
+            stages += any(len(codebook.get("stages", ())) > 1 for codebook in codebooks)
+            escapes += any(codebook.get("escapes", False) for codebook in codebooks)
             rans_pages += any(page.get("codec") == 2 for layer in layers for page in layer["pages"])
             if len(files) == NUM_PACKED_STREAMS:
                 break
         self.assertEqual(len(files), NUM_PACKED_STREAMS)
-        for count in (stages, literals, rans_pages):
+        for count in (stages, escapes, rans_pages):
             self.assertGreater(count, NUM_PACKED_STREAMS // 5)
         fewer = self.compare(files, "packed")
         self.assertGreater(min(fewer["time"], fewer["range"], fewer["level"]), 2)

@@ -79,10 +79,10 @@ l4d_status dump(l4d_decoder* decoder, const Bytes& file, const l4d_query& query)
 l4d_status measure(l4d_decoder* decoder, const Bytes& file) {
   l4d_status status = l4d_decoder_open_memory(decoder, file.data(), file.size());
   if (status != L4D_OK) return status;
-  l4d_conformance c;
-  l4d_conformance_init(&c);
+  l4d_stream_demand c;
+  l4d_stream_demand_init(&c);
   c.bytes_per_second = 1000;
-  status = l4d_decoder_get_conformance(decoder, &c);
+  status = l4d_decoder_get_stream_demand(decoder, &c);
   if (status != L4D_OK) return status;
   const auto print = [](const char* name, uint64_t value) {
     std::printf("%s %" PRIu64 "\n", name, value);
@@ -94,7 +94,7 @@ l4d_status measure(l4d_decoder* decoder, const Bytes& file) {
   print("instant_bytes", c.instant_bytes);
   print("start_bytes", c.start_bytes);
   print("memory_bytes", c.memory_bytes);
-  print("burst_bytes", c.least_burst_bytes);
+  print("burst_bytes", c.min_burst_bytes);
   return L4D_OK;
 }
 
@@ -128,7 +128,7 @@ int main(int argc, char** argv) {
   l4d_query_init(&query);
   if (mode == "base") {
     query.detail = L4D_DETAIL_BASE_COLOR;
-  } else if (mode != "reference" && mode != "cpu" && mode != "validate" && mode != "conformance") {
+  } else if (mode != "reference" && mode != "cpu" && mode != "validate" && mode != "demand") {
     query.kind = L4D_QUERY_TIME;
     query.time_begin = std::stod(mode);
   }
@@ -143,8 +143,8 @@ int main(int argc, char** argv) {
       continue;
     }
     const l4d_status status =
-        mode == "conformance" ? measure(decoder, file) : dump(decoder, file, query);
-    if (status != L4D_OK) print_error(status, l4d_decoder_error_detail(decoder));
+        mode == "demand" ? measure(decoder, file) : dump(decoder, file, query);
+    if (status != L4D_OK) print_error(status, l4d_decoder_error_message(decoder));
   }
   l4d_decoder_destroy(decoder);
   return 0;

@@ -7,7 +7,7 @@ import rans_writer
 import stream_builder as sb
 from make_tiny import order
 from header import has_fine_mean_times
-from rans_writer import Plane
+from rans_writer import Channel
 
 ZERO, RAW32, VQ, TRANSFORM = range(4)
 NONE, _, F16, FIXED, RAW64 = range(5)
@@ -122,24 +122,24 @@ class Columns:
             return {"raw": [self.raw(value) for _ in range(dim)]}
         if coding["coding"] == VQ:
             stages = len(coding["stages"])
-            choices = [*range(stages + 1)] + [15] * coding["literals"]
-            told = stages > 1 or coding["literals"]
+            choices = [*range(stages + 1)] + [15] * coding["escapes"]
+            told = stages > 1 or coding["escapes"]
             depth = [rng.choice(choices) if told else stages for _ in range(n)]
             sizes = [stage0 or len(coding["stages"][0]), *map(len, coding["stages"][1:])]
             index = [[rng.randrange(size) for d in depth if k < d < 15]
                      for k, size in enumerate(sizes)]
-            literal = [[order(half_value(rng)) for d in depth if d == 15] for _ in range(dim)]
+            escape = [[order(half_value(rng)) for d in depth if d == 15] for _ in range(dim)]
             return {"depth": depth if told else None, "sizes": sizes, "index": index,
-                    "literal": literal}
+                    "escape": escape}
         if coding["coding"] == TRANSFORM:
-            ladder = [0, *coding["ladder"]]
+            eob_table = [0, *coding["eob_table"]]
             most = rng.choice([0, 3, 15, 15])
-            classes = [rng.randint(0, most) for _ in range(n)]
-            rungs = [rng.randrange(len(ladder)) if len(ladder) > 2 else 1 for _ in range(n)]
-            who = [[i for i in range(n) if ladder[rungs[i]] > k]
+            step_exponents = [rng.randint(0, most) for _ in range(n)]
+            eob_indices = [rng.randrange(len(eob_table)) if len(eob_table) > 2 else 1 for _ in range(n)]
+            who = [[i for i in range(n) if eob_table[eob_indices[i]] > k]
                    for k in range(len(coding["steps"]))]
-            return {"class": classes, "rung": rungs if len(ladder) > 2 else None,
-                    "rungs": len(ladder), "who": who,
+            return {"step_exponent": step_exponents, "eob_index": eob_indices if len(eob_table) > 2 else None,
+                    "eob_indices": len(eob_table), "who": who,
                     "coefficient": [[self.coefficient() for _ in w] for w in who]}
         return {}
 
@@ -172,50 +172,50 @@ class Columns:
         if "index" in c:
             out += stream(c["depth"] or [], 4)
             out += b"".join(stream(v, sb.bit_width(k)) for v, k in zip(c["index"], c["sizes"]))
-            out += b"".join(stream(v, 16) for v in c["literal"])
-        if "class" in c:
-            out += stream(c["class"], 4) + stream(c["rung"] or [], sb.bit_width(c["rungs"]))
+            out += b"".join(stream(v, 16) for v in c["escape"])
+        if "step_exponent" in c:
+            out += stream(c["step_exponent"], 4) + stream(c["eob_index"] or [], sb.bit_width(c["eob_indices"]))
             out += b"".join(stream(list(map(zigzag, v)), 16) for v in c["coefficient"])
         return out
 
-    # ---- planes ----------------------------------------------------------------------------------
+    # ---- channels ----------------------------------------------------------------------------------
 
-    def planes(self):
+    def channels(self):
         codes = sorted(morton(*p) for p in zip(*self.position))
         gaps = [a - b for a, b in zip(codes, [0, *codes])]
-        out = [Plane("position", gaps, wide=True)]
+        out = [Channel("position", gaps, wide=True)]
         for name, there, values in (
                 ("mean_t", self.layer["mean_t"] != NONE, self.mean_t),
                 ("mean_t_fine", has_fine_mean_times(self.layer), self.mean_t_fine),
                 ("opacity", self.scene["opacity"]["coding"] == 2, self.opacity),
                 ("scale_factor", self.layer["scale_factor"]["coding"] == 2, self.factor)):
-            out += [Plane(name, values)] * there
+            out += [Channel(name, values)] * there
         before = [0] * self.n
         for name in (*sb.COMPONENTS, SH):
             c, of = self.component[name], self.coding(name)
             if "index" in c:
-                out += [Plane(f"{name} depth", c["depth"] or [])] * (c["depth"] is not None)
-                out += [Plane(f"{name} index", v) for v in c["index"]]
-                out += [Plane(f"{name} literal", v) for v in c["literal"]] if of["literals"] else []
-            if "class" in c:
-                classes = c["class"]
-                out.append(Plane(f"{name} class", classes, before, 16))
-                if c["rung"] is not None:
-                    out.append(Plane(f"{name} rung", c["rung"], classes, 16))
-                out += self.coefficient_planes(name, c)
-                before = classes
+                out += [Channel(f"{name} depth", c["depth"] or [])] * (c["depth"] is not None)
+                out += [Channel(f"{name} index", v) for v in c["index"]]
+                out += [Channel(f"{name} escape", v) for v in c["escape"]] if of["escapes"] else []
+            if "step_exponent" in c:
+                step_exponents = c["step_exponent"]
+                out.append(Channel(f"{name} step exponent", step_exponents, before, 16))
+                if c["eob_index"] is not None:
+                    out.append(Channel(f"{name} EOB index", c["eob_index"], step_exponents, 16))
+                out += self.coefficient_channels(name, c)
+                before = step_exponents
         return out
 
-    def coefficient_planes(self, name, c):
+    def coefficient_channels(self, name, c):
         out, history = [], [[0, 0] for _ in range(self.n)]
         for k, (who, values) in enumerate(zip(c["who"], c["coefficient"])):
             contexts = []
             for i, q in zip(who, values):
                 a = abs(history[i][-1]) + abs(history[i][-2])
                 m = sum(a >= limit for limit in (1, 3, 7, 15))
-                contexts.append(5 * c["class"][i] + m if k else c["class"][i])
+                contexts.append(5 * c["step_exponent"][i] + m if k else c["step_exponent"][i])
                 history[i].append(q)
-            out.append(Plane(f"{name} coefficient", list(map(zigzag, values)), contexts,
+            out.append(Channel(f"{name} coefficient", list(map(zigzag, values)), contexts,
                              80 if k else 16))
         return out
 
@@ -226,11 +226,11 @@ def zigzag(q):
 
 def add_rans_pages(rng, scene, layer):
     """Gives the layer its entropy chunk, and its pages their bytes."""
-    names = [(p.name, p.num_contexts, p.wide) for p in Columns(rng, scene, layer, 0, {}).planes()]
+    names = [(p.name, p.num_contexts, p.wide) for p in Columns(rng, scene, layer, 0, {}).channels()]
     chosen = [p for p in layer["pages"] if rng.random() < 0.8]
-    planes = [p["columns"].planes() for p in chosen]
-    model = rans_writer.Model(rng, names, planes)
+    channels = [p["columns"].channels() for p in chosen]
+    model = rans_writer.Model(rng, names, channels)
     layer["entropy"] = model.chunk
-    for page, of in zip(chosen, planes):
+    for page, of in zip(chosen, channels):
         detail = rans_writer.first_detail(of, scene["sh_base"]) if rng.random() < 0.6 else None
         page["codec"], (page["raw"], page["detail"]) = 2, model.page(of, detail)

@@ -36,8 +36,8 @@ def ignored(rng, stages=False):
     """Fields that mean nothing unless the coding is transform; with stages, unless it is vq."""
     if rng.random() < 0.8:
         return {}
-    also = {"steps": [float("nan"), 0.0], "ladder": [7, 0]}
-    return {"also": {**also, "stages": [], "literals": True} if stages else also}
+    also = {"steps": [float("nan"), 0.0], "eob_table": [7, 0]}
+    return {"also": {**also, "stages": [], "escapes": True} if stages else also}
 
 
 def rotors(rng, may_be_raw, may_have_rcq):
@@ -51,7 +51,7 @@ def rotors(rng, may_be_raw, may_have_rcq):
 
 
 def vq(rng, dim, may_have_rcq):
-    out = {"coding": VQ, "literals": rng.random() < 0.4, **ignored(rng),
+    out = {"coding": VQ, "escapes": rng.random() < 0.4, **ignored(rng),
            "stages": [rows(rng, entries(rng), dim) for _ in range(rng.choice([1, 1, 2, 3, 8]))]}
     if may_have_rcq and rng.random() < 0.6:
         out["rcq"] = rows(rng, entries(rng), dim)
@@ -64,8 +64,8 @@ def transform(rng, dim, most_step=2.0 ** 10):
                                    2.0 ** rng.uniform(-20, 0)]))
     below = rng.sample(range(1, number), min(number - 1, rng.choice([0, 0, 1, 2, 6, number])))
     return {"coding": TRANSFORM, "steps": [step() for _ in range(number)],
-            "ladder": [*sorted(below), number], "basis": rows(rng, number + 1, dim),
-            "also": {"literals": rng.random() < 0.2}}
+            "eob_table": [*sorted(below), number], "basis": rows(rng, number + 1, dim),
+            "also": {"escapes": rng.random() < 0.2}}
 
 
 def scalar(rng, may_be_raw=True):
@@ -98,7 +98,7 @@ class RandomScene:
             "sh": component(rng, self.sh_dim, self.may_be_raw),
             "metadata": [{"key": "a", "value": "\u00e4"}] * rng.randint(0, 2),
             "errors": rng.choice([None, {}, {"position": 0.5, "covariance": 1.25, "mean_t": 3e38,
-                                             "least_size": 1e-3, "own_least_sizes": True}]),
+                                             "min_size": 1e-3, "own_min_sizes": True}]),
             "rendering": rng.choice([None, {}, {"dilation": 0.1, "compensation": True},
                                      {"cutoff": 3.0, "min_alpha": 0.25, "max_alpha": 0.5}]),
             "presentation": rng.choice([None, {}, {

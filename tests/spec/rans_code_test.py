@@ -18,7 +18,7 @@ import random_stream
 import rans_writer
 from decoder import Decoder, Query
 from file import RANS32
-from rans import page_planes
+from rans import page_channels
 
 NUM_RANDOM_STREAMS = 150
 BEGIN = "<!-- code: run by tests/spec/rans_code_test.py -->\n```\n"
@@ -50,10 +50,10 @@ def run_code(decoder, selected):
     h, record = decoder.header, selected.record
     layer, at = h["layers"][selected.index], h["payload_offset"]
     entropy = decoder.file.chunk(layer["entropy"], 1 << 32).raw
-    planes = CODE["entropy_chunk"](entropy, [n for _, n in page_planes(h, selected.index)])
+    channels = CODE["entropy_chunk"](entropy, [n for _, n in page_channels(h, selected.index)])
     base = decoder.file.data[at + record["offset"]:][:record["stored_bytes"]]
     detail = decoder.file.data[at + record["sh_offset"]:][:record["sh_bytes"]]
-    return CODE["rans_page"](int(record["num_gaussians"]), h, layer, planes, base, detail or None)
+    return CODE["rans_page"](int(record["num_gaussians"]), h, layer, channels, base, detail or None)
 
 
 def of_reference(decoder, selected):
@@ -88,9 +88,9 @@ class Code(unittest.TestCase):
 
     def test_notices_what_its_comments_say(self):
         one = [4096]                      # a table of one token
-        plane = rans_writer.Plane("opacity", [0, 5, 900])
+        channel = rans_writer.Channel("opacity", [0, 5, 900])
         table = rans_writer.fitted([1] * 112)
-        good = rans_writer.block([plane], [[table]])
+        good = rans_writer.block([channel], [[table]])
         tables = [table] * 3
         for clause, raw in (("RANS-1", good[:127]), ("RANS-3", bytes(4) + good[4:]),
                             ("RANS-7", good + b"\0\0")):

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""The worked examples and test values of rANS: appendix G of spec/l4d.md, plane.l4d and transform.l4d.
+"""The worked examples and test values of rANS: appendix G of spec/l4d.md, channel.l4d and transform.l4d.
 
   rans_examples.py --write    writes the streams, and what the appendix shows of them
 """
@@ -15,7 +15,7 @@ from arithmetic import unzigzag
 from broken_streams import FIRST
 from file import Chunk
 from rans import RansPage, Table, wide
-from rans_writer import LANES, SLOTS, Plane, hybrid_token, wide_token
+from rans_writer import LANES, SLOTS, Channel, hybrid_token, wide_token
 from streams import Streams
 from xxh3 import xxh3_64
 
@@ -23,7 +23,7 @@ SPEC = sb.ROOT / "spec" / "l4d.md"
 FOLDER = sb.ROOT / "spec" / "examples"
 NO_BOUNDS = (0xFBFF,) * 3 + (0x7BFF,) * 3
 LENGTHS = (1, 31, 32, 33, 64, 1000)
-# The plane of appendix G.2.
+# The channel of appendix G.2.
 INTEGERS = [0, 0, 1, 0, 3, 0, 0, 21, 0, 2, 0, 0, 0, 1, 0, 900, 0, 0, 0, 1, 0, 0, 5, 0, 0, 0, 1, 0, 0,
             40000, 0, 2, 1, 17]
 
@@ -47,8 +47,8 @@ def test_integers(kind, n):
 
 def test_block(kind, n):
     wide = kind == "wide"
-    plane = Plane(kind, test_integers(kind, n), wide=wide)
-    return rans_writer.block([plane], [[uniform(126 if wide else 112)]])
+    channel = Channel(kind, test_integers(kind, n), wide=wide)
+    return rans_writer.block([channel], [[uniform(126 if wide else 112)]])
 
 
 def tokens():
@@ -76,12 +76,12 @@ ZERO = {"coding": 0}
 CONSTANT = {"coding": 0, "bits": 0, "offset": -3.0, "step": 0.0}
 
 
-def stream(planes, tables, maps, n, scene, layer, sh_base=0):
+def stream(channels, tables, maps, n, scene, layer, sh_base=0):
     """A stream of one permanent layer with one rANS page. tables: the wide one first."""
     chunk = rans_writer.entropy_chunk(tables, 1, maps)
-    used = [[tables[t] for t in of_plane] for of_plane in maps]
-    split = rans_writer.first_detail(planes, sh_base) if scene["sh"] != ZERO else None
-    raw, detail = rans_writer.page(planes, used, split)
+    used = [[tables[t] for t in of_channel] for of_channel in maps]
+    split = rans_writer.first_detail(channels, sh_base) if scene["sh"] != ZERO else None
+    raw, detail = rans_writer.page(channels, used, split)
     page = {"num_gaussians": n, "bucket": 0, "block": sb.NO_BLOCK, "visible_begin": 0,
             "visible_end": 255, "bounds": NO_BOUNDS, "reserved": 0, "codec": 2, "raw": raw,
             "detail": detail}
@@ -94,32 +94,32 @@ def stream(planes, tables, maps, n, scene, layer, sh_base=0):
     return sb.build(scene, rng=FIRST)
 
 
-def plane_tables():
+def channel_tables():
     counts = [0] * 112
     for v in INTEGERS:
         counts[hybrid_token(v)[0]] += 1
     return [[SLOTS], rans_writer.fitted(counts)]
 
 
-def plane_stream():
+def channel_stream():
     """One page whose only integers that are not 0 are opacities."""
     n = len(INTEGERS)
-    planes = [Plane("position", [0] * n, wide=True), Plane("opacity", INTEGERS)]
-    return stream(planes, plane_tables(), [[0], [1]], n,
+    channels = [Channel("position", [0] * n, wide=True), Channel("opacity", INTEGERS)]
+    return stream(channels, channel_tables(), [[0], [1]], n,
                   {"position_bits": 1, "position_scale": 1.0, "sh": ZERO,
                    "opacity": {"coding": 2, "bits": 16, "offset": 0.0, "step": 2.0 ** -16}},
                   {"scale": ZERO, "rotor_spatial": ZERO, "rotor_temporal": ZERO})
 
 
-def transform(steps, ladder, *basis):
-    return {"coding": 3, "steps": steps, "ladder": ladder, "basis": list(basis)}
+def transform(steps, eob_table, *basis):
+    return {"coding": 3, "steps": steps, "eob_table": eob_table, "basis": list(basis)}
 
 
 CODES = [0x015, 0x0A3, 0x7F0]                             # Morton codes
-SCALE_CLASS, ROTOR_CLASS, SH_CLASS = [0, 1, 1], [2, 2, 0], [1, 1, 2]
+SCALE_STEP_EXPONENT, ROTOR_STEP_EXPONENT, SH_STEP_EXPONENT = [0, 1, 1], [2, 2, 0], [1, 1, 2]
 SCALE = [[2, -1, 6], [0, 3, -20]]                         # coefficient by coefficient
 ROTOR = [[1, -4, 0]]
-RUNGS = [2, 0, 1]
+EOB_INDICES = [2, 0, 1]
 SH = [[5, -1], [-9], [1]]                                 # of the Gaussians that have one
 SCENE = {"position_bits": 4, "position_scale": 0.25, "sh_degree": 0,
          "opacity": {"coding": 2, "bits": 4, "offset": 0.0625, "step": 0.0625},
@@ -130,43 +130,43 @@ LAYER = {"scale": transform([0.5, 0.25], [2], (0.0, 0.0, -1.0), (1.0, 1.0, 0.0),
          "rotor_temporal": ZERO}
 
 
-def transform_planes():
-    """The planes, with the contexts that section 13.2 says."""
+def transform_channels():
+    """The channels, with the contexts that section 13.2 says."""
     gaps = [b - a for a, b in zip([0, *CODES], CODES)]
-    def coefficients(name, classes, columns, who):
-        out, before = [], [[] for _ in classes]
+    def coefficients(name, step_exponents, columns, who):
+        out, before = [], [[] for _ in step_exponents]
         for k, column in enumerate(columns):
             contexts = []
             for i, q in zip(who[k], column):
                 a = sum(map(abs, before[i][-2:]))
                 m = sum(a >= limit for limit in (1, 3, 7, 15))
-                contexts.append(classes[i] if k == 0 else 5 * classes[i] + m)
+                contexts.append(step_exponents[i] if k == 0 else 5 * step_exponents[i] + m)
                 before[i].append(q)
-            out.append(Plane(f"{name} coefficient {k}", list(map(zigzag, column)), contexts,
+            out.append(Channel(f"{name} coefficient {k}", list(map(zigzag, column)), contexts,
                              80 if k else 16))
         return out
     everyone = [range(3)] * 2
-    return [Plane("position", gaps, wide=True), Plane("opacity", [15, 8, 4]),
-            Plane("scale class", SCALE_CLASS, [0] * 3, 16),
-            *coefficients("scale", SCALE_CLASS, SCALE, everyone),
-            Plane("rotor_spatial class", ROTOR_CLASS, SCALE_CLASS, 16),
-            *coefficients("rotor_spatial", ROTOR_CLASS, ROTOR, everyone),
-            Plane("sh class", SH_CLASS, ROTOR_CLASS, 16), Plane("sh rung", RUNGS, SH_CLASS, 16),
-            *coefficients("sh", SH_CLASS, SH, [[0, 2], [0], [0]])]
+    return [Channel("position", gaps, wide=True), Channel("opacity", [15, 8, 4]),
+            Channel("scale step exponent", SCALE_STEP_EXPONENT, [0] * 3, 16),
+            *coefficients("scale", SCALE_STEP_EXPONENT, SCALE, everyone),
+            Channel("rotor_spatial step exponent", ROTOR_STEP_EXPONENT, SCALE_STEP_EXPONENT, 16),
+            *coefficients("rotor_spatial", ROTOR_STEP_EXPONENT, ROTOR, everyone),
+            Channel("sh step exponent", SH_STEP_EXPONENT, ROTOR_STEP_EXPONENT, 16), Channel("sh EOB index", EOB_INDICES, SH_STEP_EXPONENT, 16),
+            *coefficients("sh", SH_STEP_EXPONENT, SH, [[0, 2], [0], [0]])]
 
 
 def transform_stream():
     """Three Gaussians in one page of two chunks. Table 1 codes small integers, table 2 coefficients of
     small neighbours, table 3 those of large ones."""
-    planes, maps = transform_planes(), []
+    channels, maps = transform_channels(), []
     counts = [[0] * 126] + [[0] * 112 for _ in range(3)]
-    for p in planes:
+    for p in channels:
         last = p.name.split()[-2:-1] == ["coefficient"]
         maps.append([0 if p.wide else 1 if not last else 2 if p.num_contexts == 16 else
                      2 + (c % 5 > 1) for c in range(p.num_contexts)])
         for (token, _), context in zip(p.tokens, p.contexts):
             counts[maps[-1][context]][token] += 1
-    return stream(planes, [rans_writer.fitted(c) for c in counts], maps, 3, SCENE, LAYER, sh_base=1)
+    return stream(channels, [rans_writer.fitted(c) for c in counts], maps, 3, SCENE, LAYER, sh_base=1)
 
 
 # ---- what the appendix shows ---------------------------------------------------------------------
@@ -180,7 +180,7 @@ def table_text(frequencies):
 
 
 class Traced:
-    """Decodes a hybrid plane and says each step."""
+    """Decodes a hybrid channel and says each step."""
 
     def __init__(self, raw):
         self.words = struct.unpack_from(f"<{(len(raw) - 128) // 2}H", raw, 128)
@@ -216,7 +216,7 @@ class Traced:
         self.lines.append(text + self.refill(lane))
         return value
 
-    def plane(self, n, frequencies):
+    def channel(self, n, frequencies):
         for group in range(0, n, LANES):
             members = range(group, min(group + LANES, n))
             self.lines.append(f"group {group // LANES}: tokens")
@@ -232,7 +232,7 @@ class Traced:
 
 
 def chunk_of(data, kind):
-    """(offset, bytes) of the entropy chunk, the page or its second part of the stream's one layer."""
+    """(offset, bytes) of the entropy chunk, the page or its SH chunk of the stream's one layer."""
     file, _ = decode_tiny.decode(data)
     decoder = decode_tiny.Decoder(file)
     if kind == "entropy":
@@ -244,11 +244,11 @@ def chunk_of(data, kind):
     return at, data[at:][:record[size]]
 
 
-def plane_example():
-    at, raw = chunk_of(plane_stream(), "page")
-    frequencies = plane_tables()[1]
+def channel_example():
+    at, raw = chunk_of(channel_stream(), "page")
+    frequencies = channel_tables()[1]
     traced = Traced(raw)
-    traced.plane(len(INTEGERS), frequencies)
+    traced.channel(len(INTEGERS), frequencies)
     assert traced.values == INTEGERS and traced.used == len(traced.words)
     assert traced.states == [1 << 16] * LANES
     return ["```", f"table   {table_text(frequencies)}", "states", *hex_rows(raw[:128], at), "words",
@@ -257,7 +257,7 @@ def plane_example():
 
 
 def recorded(data):
-    """(name, contexts, integers) of the planes as the reference reads them."""
+    """(name, contexts, integers) of the channels as the reference reads them."""
     out, read = [], RansPage.read
 
     def reading(self, n, width, what, limit=0, limit_clause="", contexts=None):
@@ -283,7 +283,7 @@ def run_lengths(numbers):
     return ", ".join(out)
 
 
-def entropy_lines(data, planes):
+def entropy_lines(data, channels):
     at, raw = chunk_of(data, "entropy")
     file = decode_tiny.File(data)
     streams = Streams(file, Chunk(raw, at))
@@ -296,7 +296,7 @@ def entropy_lines(data, planes):
         for token, _, frequency in table.slots:
             shown[token] = frequency
         lines += [f"  {raw[begin:streams.at].hex(' ')}", f"      table {t}: {table_text(shown)}"]
-    for p in planes:
+    for p in channels:
         used = streams.take(p.num_contexts)
         text = run_lengths(used)
         if p.num_contexts == 80:          # 5 for each class
@@ -328,8 +328,8 @@ def row_text(coding, of_class, q):
 
 def by_hand(gaussians):
     """Two rows, worked out."""
-    scale, scale_row = row_text(LAYER["scale"], SCALE_CLASS[2], [SCALE[0][2], SCALE[1][2]])
-    sh, sh_row = row_text(SCENE["sh"], SH_CLASS[0], [column[0] for column in SH])
+    scale, scale_row = row_text(LAYER["scale"], SCALE_STEP_EXPONENT[2], [SCALE[0][2], SCALE[1][2]])
+    sh, sh_row = row_text(SCENE["sh"], SH_STEP_EXPONENT[0], [column[0] for column in SH])
     assert [x + CONSTANT["offset"] for x in scale_row] == list(gaussians[2]["log_scale"][:3])
     assert sh_row == list(gaussians[0]["sh"])
     x, y, z = (sum((CODES[2] >> 3 * b + j & 1) << b for b in range(4)) for j in range(3))
@@ -343,10 +343,10 @@ def by_hand(gaussians):
 
 def transform_example():
     data = transform_stream()
-    planes, (read, gaussians) = transform_planes(), recorded(data)
-    assert [(p.name, p.contexts, p.values) for p in planes] == read
-    lines = ["```", *entropy_lines(data, planes), *block_lines("first part", data, "page"),
-             *block_lines("second part", data, "detail"), "planes"]
+    channels, (read, gaussians) = transform_channels(), recorded(data)
+    assert [(p.name, p.contexts, p.values) for p in channels] == read
+    lines = ["```", *entropy_lines(data, channels), *block_lines("base chunk", data, "page"),
+             *block_lines("SH chunk", data, "detail"), "channels"]
     for name, contexts, values in read:
         text = f"  {name:<27} {' '.join(map(str, values)):<13} contexts {' '.join(map(str, contexts)):<9}"
         if "coefficient" in name:
@@ -355,8 +355,8 @@ def transform_example():
     return [*lines, "", *by_hand(gaussians), "", *decode_tiny.decimals(gaussians), "```"]
 
 
-PARTS = {"tokens": tokens, "blocks": blocks, "plane": plane_example, "transform": transform_example}
-STREAMS = {"plane.l4d": plane_stream, "transform.l4d": transform_stream}
+PARTS = {"tokens": tokens, "blocks": blocks, "channel": channel_example, "transform": transform_example}
+STREAMS = {"channel.l4d": channel_stream, "transform.l4d": transform_stream}
 
 
 def markers(name):

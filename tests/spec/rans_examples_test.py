@@ -56,8 +56,8 @@ class Examples(unittest.TestCase):
             validate(Decoder(path.read_bytes()))
             subprocess.run([PROGRAMS["tool"], "validate", path, "-q"], check=True)
 
-    def test_the_plane_is_what_the_page_decodes_to(self):
-        _, gaussians = decode_tiny.decode((examples.FOLDER / "plane.l4d").read_bytes())
+    def test_the_channel_is_what_the_page_decodes_to(self):
+        _, gaussians = decode_tiny.decode((examples.FOLDER / "channel.l4d").read_bytes())
         self.assertEqual([g["opacity"][0] * 2 ** 16 for g in gaussians], examples.INTEGERS)
 
     def test_the_code_of_the_specification_reads_the_pages(self):
@@ -83,7 +83,7 @@ class Blocks(unittest.TestCase):
             for n in examples.LENGTHS:
                 raw, want = examples.test_block(kind, n), examples.test_integers(kind, n)
                 block = rans.Block(File(raw), Chunk(raw, 0), "")
-                self.assertEqual(block.plane([table] * n), want)
+                self.assertEqual(block.channel([table] * n), want)
                 block.end()
                 block = CODE["open_block"](raw)
                 self.assertEqual(CODE["integers"](block, [f] * n, CODE[kind]), want)

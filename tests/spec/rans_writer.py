@@ -35,7 +35,7 @@ def vlq(value, spare=0):
     return bytes([g | 0x80 for g in groups[:-1]] + groups[-1:])
 
 
-class Plane:
+class Channel:
     """values, and for each the number of its context."""
 
     def __init__(self, name, values, contexts=None, num_contexts=1, wide=False):
@@ -45,13 +45,13 @@ class Plane:
         self.tokens = [(wide_token if wide else hybrid_token)(v) for v in values]
 
 
-def block(planes, maps, states=None, words=b""):
-    """maps: for each plane the frequencies of each of its contexts. states: those at the end, and
+def block(channels, maps, states=None, words=b""):
+    """maps: for each channel the frequencies of each of its contexts. states: those at the end, and
     words after it, where they shall be wrong."""
     steps = []                            # (lane, (frequency, begin) or (bits, raw)) as read
-    for plane, tables in zip(planes, maps):
-        for group in range(0, len(plane.tokens), LANES):
-            part = list(zip(plane.tokens, plane.contexts))[group:group + LANES]
+    for channel, tables in zip(channels, maps):
+        for group in range(0, len(channel.tokens), LANES):
+            part = list(zip(channel.tokens, channel.contexts))[group:group + LANES]
             for lane, ((token, _), context) in enumerate(part):
                 f = tables[context]
                 steps.append((lane, True, f[token], sum(f[:token])))
@@ -67,19 +67,19 @@ def block(planes, maps, states=None, words=b""):
     return struct.pack(f"<{LANES}I{len(out)}H", *x, *reversed(out)) + words
 
 
-def first_detail(planes, sh_base):
-    """Number of the first plane of SH detail."""
+def first_detail(channels, sh_base):
+    """Number of the first channel of SH detail."""
     of = "sh coefficient" if sh_base else "sh "
-    found = [i for i, p in enumerate(planes) if p.name.startswith(of)]
-    return [*found, *[len(planes)] * (sh_base + 1)][sh_base]
+    found = [i for i, p in enumerate(channels) if p.name.startswith(of)]
+    return [*found, *[len(channels)] * (sh_base + 1)][sh_base]
 
 
-def page(planes, maps, split, **end):
-    """The parts. split: number of the first plane of the second, None for one part. end: of the last
+def page(channels, maps, split, **end):
+    """The parts. split: number of the first channel of the second, None for one part. end: of the last
     block."""
-    if split is None or split == len(planes):
-        return block(planes, maps, **end), b""
-    return block(planes[:split], maps[:split]), block(planes[split:], maps[split:], **end)
+    if split is None or split == len(channels):
+        return block(channels, maps, **end), b""
+    return block(channels[:split], maps[:split]), block(channels[split:], maps[split:], **end)
 
 
 def table(frequencies, num_tokens=None, spare=lambda: 0):
@@ -99,7 +99,7 @@ def table(frequencies, num_tokens=None, spare=lambda: 0):
 
 
 def entropy_chunk(tables, num_wide, maps, spare=lambda: 0):
-    """maps: for each plane the numbers of tables of its contexts."""
+    """maps: for each channel the numbers of tables of its contexts."""
     out = vlq(len(tables), spare()) + vlq(num_wide, spare())
     return out + b"".join(table(t, spare=spare) for t in tables) + b"".join(map(bytes, maps))
 
@@ -119,7 +119,7 @@ def fitted(counts):
 class Model:
     """Tables for all pages of a layer, and which of them each context has: at random.
 
-    pages: for each page its planes; all have the same names in the same order."""
+    pages: for each page its channels; all have the same names in the same order."""
 
     def __init__(self, rng, names, pages):
         num_wide, num_hybrid = rng.choice([1, 1, 2, 5]), rng.choice([0, 1, 2, 7, 40, 123])
@@ -129,9 +129,9 @@ class Model:
                                num_wide + rng.randrange(num_hybrid))
         self.map = [[choose(wide) for _ in range(contexts)] for _, contexts, wide in names]
         counts = [[0] * (126 if t < num_wide else 112) for t in range(num_wide + num_hybrid)]
-        for planes in pages:
-            for plane, used in zip(planes, self.map):
-                for (token, _), context in zip(plane.tokens, plane.contexts):
+        for channels in pages:
+            for channel, used in zip(channels, self.map):
+                for (token, _), context in zip(channel.tokens, channel.contexts):
                     counts[used[context]][token] += 1
         for c in counts:                  # tokens that nothing uses; tables of all tokens
             for _ in range(rng.choice([0, 0, 3, len(c)])):
@@ -140,5 +140,5 @@ class Model:
         spare = lambda: rng.randrange(40) == 0
         self.chunk = entropy_chunk(self.tables, num_wide, self.map, spare=spare)
 
-    def page(self, planes, split):
-        return page(planes, [[self.tables[t] for t in used] for used in self.map], split)
+    def page(self, channels, split):
+        return page(channels, [[self.tables[t] for t in used] for used in self.map], split)

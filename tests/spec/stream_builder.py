@@ -137,9 +137,9 @@ def build(scene, version=(1, 0), flags=1, rng=random.Random(0), unknown_fields=F
             **c.get("patch", {})}
         if c["coding"] == 3:
             basis = stage(c["basis"]) if c["basis"] else None
-            return {"coding": 3, "basis": basis, "steps": c["steps"], "ladder": c["ladder"],
+            return {"coding": 3, "basis": basis, "steps": c["steps"], "eob_table": c["eob_table"],
                     **also}
-        out = {"coding": 2, "literals": c["literals"],
+        out = {"coding": 2, "escapes": c["escapes"],
                "stages": [stage(rows) for rows in c["stages"]], **also}
         if c.get("rcq"):
             out["rcq"] = stage(c["rcq"])

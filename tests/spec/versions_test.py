@@ -124,8 +124,8 @@ class Versions(unittest.TestCase):
                                  ("render", "-o", "out.png")):
             status, document = self.files.tool(verb, *arguments)
             self.assertEqual((status, document["error"]["name"]), (code, name), verb)
-            self.assertIn(f"spec {clause} at byte ", document["error"]["detail"], verb)
-            self.assertIn(message, document["error"]["detail"], verb)
+            self.assertIn(f"spec {clause} at byte ", document["error"]["message"], verb)
+            self.assertIn(message, document["error"]["message"], verb)
         status, document = self.files.tool("validate")
         self.assertEqual((status, [v["clause"] for v in document["errors"]]),
                          (of_validate or code, [clause]))

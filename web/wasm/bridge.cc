@@ -97,7 +97,7 @@ l4d_status info_of(Session& s, l4d_info* info) {
 // Which of the arrays of a decoded bucket lies where in Session::floats.
 enum { kPosition, kMeanTime, kMeanTimeLocal, kLogScale, kRotor, kOpacity, kSh, kCovariance };
 
-l4d_status decode(Session& s, const l4d_query& query, std::vector<l4d_range>* ranges) {
+l4d_status decode(Session& s, const l4d_query& query, std::vector<l4d_bucket_span>* ranges) {
   l4d_info info;
   l4d_selection selection;
   l4d_selection_init(&selection);
@@ -108,7 +108,7 @@ l4d_status decode(Session& s, const l4d_query& query, std::vector<l4d_range>* ra
   const size_t terms = size_t{info.sh_degree + 1} * (info.sh_degree + 1);
   const size_t widths[] = {3, 1, 1, 4, 8, 1, 3 * terms, 0};
   for (size_t k = 0; k < 8; ++k) s.floats[k].resize(n * widths[k]);
-  ranges->resize(static_cast<size_t>(selection.num_ranges));
+  ranges->resize(static_cast<size_t>(selection.num_spans));
   l4d_gaussian_buffers b;
   l4d_gaussian_buffers_init(&b);
   b.capacity = n;
@@ -119,11 +119,11 @@ l4d_status decode(Session& s, const l4d_query& query, std::vector<l4d_range>* ra
   b.rotor = s.floats[kRotor].data();
   b.opacity = s.floats[kOpacity].data();
   b.sh = s.floats[kSh].data();
-  b.ranges = ranges->data();
-  b.range_capacity = ranges->size();
+  b.spans = ranges->data();
+  b.span_capacity = ranges->size();
   status = l4d_decoder_decode(s.decoder, &query, &b);
   if (status != L4D_OK) return status;
-  ranges->resize(static_cast<size_t>(b.num_ranges));
+  ranges->resize(static_cast<size_t>(b.num_spans));
   for (size_t k = 0; k < 8; ++k) s.floats[k].resize(static_cast<size_t>(b.count) * widths[k]);
   return status;
 }
@@ -157,7 +157,7 @@ void L4DW_EXPORT(l4dw_destroy)(Session* s) {
 
 // Why the last call failed, ended by a zero byte.
 const char* L4DW_EXPORT(l4dw_error)(const Session* s) {
-  return l4d_decoder_error_detail(s->decoder);
+  return l4d_decoder_error_message(s->decoder);
 }
 const char* L4DW_EXPORT(l4dw_status_name)(l4d_status status) { return l4d_status_name(status); }
 
@@ -221,13 +221,13 @@ l4d_status L4DW_EXPORT(l4dw_buckets)(Session* s, double begin, double end, uint3
     const l4d_query query = query_of(begin == end ? L4D_QUERY_TIME : L4D_QUERY_RANGE, begin, end,
                                      max_level, L4D_DETAIL_FULL);
     uint64_t count = 0;
-    l4d_status status = l4d_decoder_get_ranges(s->decoder, &query, nullptr, 0, &count);
+    l4d_status status = l4d_decoder_get_spans(s->decoder, &query, nullptr, 0, &count);
     if (status != L4D_OK) return status;
-    std::vector<l4d_range> ranges(static_cast<size_t>(count));
-    status = l4d_decoder_get_ranges(s->decoder, &query, ranges.data(), count, &count);
+    std::vector<l4d_bucket_span> ranges(static_cast<size_t>(count));
+    status = l4d_decoder_get_spans(s->decoder, &query, ranges.data(), count, &count);
     if (status != L4D_OK) return status;
     s->numbers.clear();
-    for (const l4d_range& r : ranges) {
+    for (const l4d_bucket_span& r : ranges) {
       for (const double v :
            {static_cast<double>(r.layer), static_cast<double>(r.bucket),
             static_cast<double>(r.count), r.center, r.width, static_cast<double>(r.level)}) {
@@ -260,7 +260,7 @@ l4d_status L4DW_EXPORT(l4dw_bucket_reads)(Session* s, const l4d_bucket* buckets,
 l4d_status L4DW_EXPORT(l4dw_rows)(Session* s, uint32_t layer, uint32_t bucket, uint32_t detail) {
   return guarded([&] {
     const l4d_bucket wanted{layer, bucket};
-    std::vector<l4d_range> ranges;
+    std::vector<l4d_bucket_span> ranges;
     l4d_status status = decode(*s, query_of(&wanted, 1, detail), &ranges);
     l4d_info info;
     l4d_layer_info layer_info;
@@ -301,7 +301,7 @@ l4d_status L4DW_EXPORT(l4dw_decode)(Session* s, double begin, double end, uint32
         query_of(begin <= end ? (begin == end ? L4D_QUERY_TIME : L4D_QUERY_RANGE) : L4D_QUERY_ALL,
                  begin, end, std::numeric_limits<uint32_t>::max(), detail);
     query.whole_buckets = 0;
-    std::vector<l4d_range> ranges;
+    std::vector<l4d_bucket_span> ranges;
     const l4d_status status = decode(*s, query, &ranges);
     if (status != L4D_OK) return status;
     s->numbers = {static_cast<double>(s->floats[kOpacity].size())};

@@ -39,16 +39,17 @@ L4D_API l4d_status l4d_cuda_get_device_info(uint32_t device, l4d_cuda_device_inf
  * uploaded: the calls are the same, and slower.
  *
  *   l4d_cuda_decoder_create(decoder, 0, &cuda);
- *   l4d_cuda_job job; l4d_cuda_job_init(&job);
- *   l4d_cuda_decoder_prepare(cuda, &query, &job);          // host: reads, checks, learns sizes
- *   ... device arrays of job.num_gaussians, a workspace of job.workspace_bytes ...
- *   l4d_cuda_decoder_decode(cuda, &buffers, workspace, job.workspace_bytes, stream);
+ *   l4d_cuda_request request; l4d_cuda_request_init(&request);
+ *   l4d_cuda_decoder_prepare(cuda, &query, &request);      // host: reads, checks, learns sizes
+ *   ... device arrays of request.num_gaussians, a workspace of request.workspace_bytes ...
+ *   l4d_cuda_decoder_decode(cuda, &buffers, workspace, request.workspace_bytes, stream);
  *   l4d_cuda_decoder_finish(cuda);                         // waits, returns the status
  *
- * A decoder has one job at a time. To prepare the next job while the device works, use two. */
+ * A decoder has one request at a time. To prepare the next request while the device works, use two.
+ */
 typedef struct l4d_cuda_decoder l4d_cuda_decoder;
 
-/* Attributes of a job. */
+/* Attributes of a request. */
 enum {
   L4D_CUDA_POSITION = 1u << 0,
   L4D_CUDA_MEAN_T = 1u << 1, /* mean_t and mean_t_local */
@@ -59,24 +60,24 @@ enum {
   L4D_CUDA_ALL_ATTRIBUTES = (1u << 6) - 1
 };
 
-/* What a job may be decoded to. */
+/* What a request may be decoded to. */
 enum {
   L4D_CUDA_FORM_EXPANDED = 1u << 0, /* by decode */
   L4D_CUDA_FORM_PACKED = 1u << 1    /* by decode_packed; alone, codebooks stay unread */
 };
 
-typedef struct l4d_cuda_job {
+typedef struct l4d_cuda_request {
   size_t struct_size;
   uint32_t attributes;    /* in: L4D_CUDA_* attributes that decode may output; default all */
   uint32_t forms;         /* in: L4D_CUDA_FORM_*; default EXPANDED */
   uint64_t num_gaussians; /* out, as in l4d_selection */
-  uint64_t num_ranges;
-  uint64_t num_chunks;
+  uint64_t num_spans;
+  uint64_t num_pages;
   uint64_t upload_bytes;    /* from the host to the device in each decode */
   uint64_t workspace_bytes; /* device memory; may be 0 if the host decodes everything */
-} l4d_cuda_job;
-L4D_API void l4d_cuda_job_init_(l4d_cuda_job* job, size_t struct_size);
-#define l4d_cuda_job_init(job) l4d_cuda_job_init_((job), sizeof(*(job)))
+} l4d_cuda_request;
+L4D_API void l4d_cuda_request_init_(l4d_cuda_request* request, size_t struct_size);
+#define l4d_cuda_request_init(request) l4d_cuda_request_init_((request), sizeof(*(request)))
 
 /* Device arrays, owned by the caller, each at a multiple of 16 bytes; shapes and units as in
  * l4d_gaussian_buffers. NULL = not wanted. */
@@ -96,13 +97,13 @@ L4D_API void l4d_cuda_gaussian_buffers_init_(l4d_cuda_gaussian_buffers* buffers,
 #define l4d_cuda_gaussian_buffers_init(buffers) \
   l4d_cuda_gaussian_buffers_init_((buffers), sizeof(*(buffers)))
 
-/* Device arrays as in l4d_packed_buffers. depth, index and literal of a component belong to that
+/* Device arrays as in l4d_packed_buffers. depth, index and escape of a component belong to that
  * component's L4D_CUDA_* attribute, scale_factor to L4D_CUDA_LOG_SCALE. */
 typedef struct l4d_cuda_packed_component {
   uint8_t* depth;            /* [N] */
   uint16_t* index;           /* [num_stages][N], stage s of Gaussian i at s * capacity + i */
-  uint16_t* literal;         /* [literal_capacity, dim], in order of their Gaussians */
-  uint64_t literal_capacity; /* the number of Gaussians is always enough */
+  uint16_t* escape;          /* [escape_capacity, dim], in order of their Gaussians */
+  uint64_t escape_capacity;  /* the number of Gaussians is always enough */
 } l4d_cuda_packed_component; /* frozen */
 typedef struct l4d_cuda_packed_buffers {
   size_t struct_size;
@@ -119,31 +120,32 @@ L4D_API void l4d_cuda_packed_buffers_init_(l4d_cuda_packed_buffers* buffers, siz
 
 /* Creates a device decoder for the open stream of `decoder`, and borrows `decoder`: it must outlive
  * this object, keep that stream open, and serve no other call while one of this object runs. Its
- * limits apply. Damage fails the job even if `decoder` is tolerant. Fails with INVALID_STATE
+ * limits apply. Damage fails the request even if `decoder` is tolerant. Fails with INVALID_STATE
  * without an open stream, DEVICE if the device cannot be used. */
 L4D_API l4d_status l4d_cuda_decoder_create(l4d_decoder* decoder, uint32_t device,
                                            l4d_cuda_decoder** out);
-/* Waits for the current job. Accepts NULL. */
+/* Waits for the current request. Accepts NULL. */
 L4D_API void l4d_cuda_decoder_destroy(l4d_cuda_decoder* decoder);
-/* As l4d_decoder_error_detail. */
-L4D_API const char* l4d_cuda_decoder_error_detail(const l4d_cuda_decoder* decoder);
+/* As l4d_decoder_error_message. */
+L4D_API const char* l4d_cuda_decoder_error_message(const l4d_cuda_decoder* decoder);
 
-/* Waits for the previous job, then reads the pages that the query selects into pinned memory and
- * checks their structure. Uploads tables and codebooks on first use. Fails as l4d_decoder_decode
- * does, and with FEATURE_UNSUPPORTED if job->forms includes PACKED and the stream has no packed
- * form.
+/* Waits for the previous request, then reads the pages that the query selects into pinned memory
+ * and checks their structure. Uploads tables and codebooks on first use. Fails as
+ * l4d_decoder_decode does, and with FEATURE_UNSUPPORTED if request->forms includes PACKED and the
+ * stream has no packed form.
  */
 L4D_API l4d_status l4d_cuda_decoder_prepare(l4d_cuda_decoder* decoder, const l4d_query* query,
-                                            l4d_cuda_job* job);
-/* Lists the ranges of the prepared job, in the order of the decoded arrays. *count receives their
- * number; the first min(capacity, *count) are written to `out`, which may be NULL if capacity is 0.
+                                            l4d_cuda_request* request);
+/* Lists the bucket spans of the prepared request, in the order of the decoded arrays. *count
+ * receives their number; the first min(capacity, *count) are written to `out`, which may be NULL if
+ * capacity is 0.
  */
-L4D_API l4d_status l4d_cuda_decoder_get_ranges(const l4d_cuda_decoder* decoder, l4d_range* out,
-                                               uint64_t capacity, uint64_t* count);
+L4D_API l4d_status l4d_cuda_decoder_get_spans(const l4d_cuda_decoder* decoder, l4d_bucket_span* out,
+                                              uint64_t capacity, uint64_t* count);
 
 /* upload, decode and decode_packed launch work on `stream` (a cudaStream_t; NULL = the default
  * stream) and neither allocate nor wait. workspace: device memory aligned to 256 bytes; nothing
- * else may use it until the work is done. A prepared job can be decoded many times; each decode
+ * else may use it until the work is done. A prepared request can be decoded many times; each decode
  * uploads the compressed pages, unless upload() has just done so for the same workspace. If upload
  * and decode use different streams, the caller orders them. */
 L4D_API l4d_status l4d_cuda_decoder_upload(l4d_cuda_decoder* decoder, void* workspace,
@@ -151,8 +153,8 @@ L4D_API l4d_status l4d_cuda_decoder_upload(l4d_cuda_decoder* decoder, void* work
 L4D_API l4d_status l4d_cuda_decoder_decode(l4d_cuda_decoder* decoder,
                                            const l4d_cuda_gaussian_buffers* out, void* workspace,
                                            uint64_t workspace_size, void* stream);
-/* Gives the bits of l4d_decoder_decode_packed. If a component has more literals than
- * literal_capacity, the first ones are written and finish() fails with BUFFER_TOO_SMALL. */
+/* Gives the bits of l4d_decoder_decode_packed. If a component has more escapes than
+ * escape_capacity, the first ones are written and finish() fails with BUFFER_TOO_SMALL. */
 L4D_API l4d_status l4d_cuda_decoder_decode_packed(l4d_cuda_decoder* decoder,
                                                   const l4d_cuda_packed_buffers* out,
                                                   void* workspace, uint64_t workspace_size,
@@ -161,11 +163,11 @@ L4D_API l4d_status l4d_cuda_decoder_decode_packed(l4d_cuda_decoder* decoder,
  * damaged page, where l4d_decoder_decode would fail. The outputs of damaged pages are then
  * unmodified; all others are valid. */
 L4D_API l4d_status l4d_cuda_decoder_finish(l4d_cuda_decoder* decoder);
-/* Number of literals of one component that the last decode_packed produced, even if
- * literal_capacity was below it; 0 for a component of which no array was given. Fails with
+/* Number of escapes of one component that the last decode_packed produced, even if
+ * escape_capacity was below it; 0 for a component of which no array was given. Fails with
  * INVALID_STATE before finish(), with INVALID_ARGUMENT if component is no L4D_COMPONENT_*. */
-L4D_API l4d_status l4d_cuda_decoder_get_num_literals(l4d_cuda_decoder* decoder, uint32_t component,
-                                                     uint64_t* count);
+L4D_API l4d_status l4d_cuda_decoder_get_num_escapes(l4d_cuda_decoder* decoder, uint32_t component,
+                                                    uint64_t* count);
 /* As l4d_decoder_get_codebook, with `entries` in device memory. It is valid until `decoder` is
  * destroyed; a codebook of a block only until the next prepare(). Waits if the codebook is not yet
  * on the device. */

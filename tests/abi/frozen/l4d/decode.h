@@ -59,7 +59,7 @@ L4D_API void l4d_decoder_destroy(l4d_decoder* decoder); /* accepts NULL */
 
 /* Returns why the last call on this handle failed, or "" if it succeeded. UTF-8, owned by the
  * handle, valid until the next call on it. For people: its wording changes between versions. */
-L4D_API const char* l4d_decoder_error_detail(const l4d_decoder* decoder);
+L4D_API const char* l4d_decoder_error_message(const l4d_decoder* decoder);
 
 /* Opens a stream, and closes the one that was open. Reads the file header and the scene header:
  * bytes and time grow with the number of layers only. The decoder copies `reader`, and uses
@@ -80,9 +80,9 @@ enum {
   L4D_TOOL_TEMPORAL_OPACITY = 1u << 1, /* some layer has mean times and temporal scales */
   L4D_TOOL_VIEW_DEPENDENCE = 1u << 2,  /* SH degree above 0 */
   L4D_TOOL_RESIDUAL_STAGES = 1u << 3,  /* some component has more than one stage */
-  L4D_TOOL_LITERALS = 1u << 4,         /* some component has literal escapes, or layer is literal */
-  L4D_TOOL_RCQ = 1u << 5,              /* some block has its own codebook */
-  L4D_TOOL_LOSSLESS = 1u << 6,         /* attributes are coded as raw float32 */
+  L4D_TOOL_ESCAPES = 1u << 4,   /* some component has escapes, or one that is stored as escapes */
+  L4D_TOOL_RCQ = 1u << 5,       /* some block has its own codebook */
+  L4D_TOOL_LOSSLESS = 1u << 6,  /* attributes are coded as raw float32 */
   L4D_TOOL_TRANSFORM = 1u << 7, /* some component is transform coefficients, without codebooks */
   L4D_TOOL_RANS = 1u << 8,      /* some layer has pages coded by rANS */
   L4D_TOOL_SH_BASE = 1u << 9    /* L4D_DETAIL_BASE_COLOR gives colours averaged over directions */
@@ -118,9 +118,9 @@ L4D_API l4d_status l4d_decoder_get_info(const l4d_decoder* decoder, l4d_info* in
 typedef struct l4d_coding_errors {
   size_t struct_size;
   uint32_t stated; /* 0: the stream states no errors; all that follows is 0 */
-  /* 1: the caller of the encoder gave each Gaussian a least size of its own, such as half a pixel
+  /* 1: the caller of the encoder gave each Gaussian a minimum size of its own, such as half a pixel
    * at the nearest camera; smaller sizes count as that. */
-  uint32_t own_least_sizes;
+  uint32_t own_min_sizes;
   /* Distance while the Gaussian has half of its greatest opacity or more, over its size. */
   double position;
   /* Ratio between a principal variance and the given one, whichever is larger over the other; and 1
@@ -134,7 +134,7 @@ typedef struct l4d_coding_errors {
   double covariance_bound;
   double opacity_bound;
   double visible_bound;
-  double least_size; /* scene units: the size of a Gaussian that is smaller counts as this */
+  double min_size; /* scene units: the size of a Gaussian that is smaller counts as this */
 } l4d_coding_errors;
 L4D_API void l4d_coding_errors_init_(l4d_coding_errors* errors, size_t struct_size);
 #define l4d_coding_errors_init(errors) l4d_coding_errors_init_((errors), sizeof(*(errors)))
@@ -210,16 +210,16 @@ enum {
   L4D_QUERY_RANGE = 2,  /* ... visible at some time in [time_begin, time_end] */
   L4D_QUERY_BUCKETS = 3 /* the listed buckets, complete */
 };
-/* A time bucket of a layer, as in l4d_range. */
+/* A time bucket of a layer, as in l4d_bucket_span. */
 typedef struct l4d_bucket {
   uint32_t layer;
   uint32_t bucket; /* below l4d_layer_info.num_buckets */
 } l4d_bucket;      /* frozen */
 /* Which chunks of each page a query reads. */
 enum {
-  L4D_DETAIL_FULL = 0, /* the base chunk and the chunk of SH detail */
+  L4D_DETAIL_FULL = 0, /* the base chunk and the SH chunk */
   /* The base chunk only. If the stream has L4D_TOOL_SH_BASE, colours are approximately their
-   * average over view directions. Otherwise Gaussians of pages with a chunk of SH detail get the
+   * average over view directions. Otherwise Gaussians of pages with an SH chunk get the
    * scene's mean colour (transforms) or SH coefficients of 0 (codebooks). Pages without such a
    * chunk are unaffected: small pages, and all pages of streams without rANS. */
   L4D_DETAIL_BASE_COLOR = 1
@@ -245,16 +245,16 @@ L4D_API void l4d_query_init_(l4d_query* query, size_t struct_size);
 
 /* The Gaussians of one bucket. They are contiguous in the decoded arrays, which are ordered by
  * layer, then bucket, then the order in the file. */
-typedef struct l4d_range {
+typedef struct l4d_bucket_span {
   uint64_t first;
   uint64_t count;
   double center; /* bucket centre, seconds; mean_t_local is relative to it */
   double width;  /* bucket width, seconds */
   uint32_t layer;
   uint32_t bucket;
-  uint32_t block; /* RCQ block of the layer, or L4D_NO_BLOCK */
-  uint32_t level; /* temporal level of the layer */
-} l4d_range;      /* frozen */
+  uint32_t block;  /* RCQ block of the layer, or L4D_NO_BLOCK */
+  uint32_t level;  /* temporal level of the layer */
+} l4d_bucket_span; /* frozen */
 #define L4D_NO_BLOCK 0xffffffffu
 
 /* Names a Gaussian of a stream. It is the same in every slice and in every query that returns the
@@ -262,8 +262,8 @@ typedef struct l4d_range {
  * is the place of the Gaussian among all Gaussians of its bucket, in the order of the file: the sum
  * of num_gaussians over the records of the bucket in the directory before that of its page, plus
  * its place in the page. A query that returns complete buckets (ALL, BUCKETS, or whole_buckets = 1)
- * and loses nothing returns it at l4d_range.first + index. Another encode of the scene gives other
- * ids. */
+ * and loses nothing returns it at l4d_bucket_span.first + index. Another encode of the scene gives
+ * other ids. */
 typedef struct l4d_gaussian_id {
   uint32_t layer;
   uint32_t bucket; /* of the layer */
@@ -274,8 +274,8 @@ typedef struct l4d_gaussian_id {
 typedef struct l4d_selection {
   size_t struct_size;
   uint64_t num_gaussians;
-  uint64_t num_ranges;
-  uint64_t num_chunks;      /* pages */
+  uint64_t num_spans;
+  uint64_t num_pages;       /* pages */
   uint64_t bytes;           /* stored bytes that decoding reads of these pages */
   uint64_t directory_bytes; /* stored bytes of the directory that the query needs, cached or not */
   /* Stored bytes of the SH detail of these pages: included in `bytes` in full detail, not included
@@ -286,12 +286,12 @@ L4D_API void l4d_selection_init_(l4d_selection* selection, size_t struct_size);
 #define l4d_selection_init(selection) l4d_selection_init_((selection), sizeof(*(selection)))
 L4D_API l4d_status l4d_decoder_select(l4d_decoder* decoder, const l4d_query* query,
                                       l4d_selection* selection);
-/* Lists the ranges that decoding the query would return. Reads the directory only. With
+/* Lists the bucket spans that decoding the query would return. Reads the directory only. With
  * query->whole_buckets = 1 these are the buckets that a player must hold at that time. *count
  * receives their number; the first min(capacity, *count) are written to `out`, which may be NULL if
  * capacity is 0. */
-L4D_API l4d_status l4d_decoder_get_ranges(l4d_decoder* decoder, const l4d_query* query,
-                                          l4d_range* out, uint64_t capacity, uint64_t* count);
+L4D_API l4d_status l4d_decoder_get_spans(l4d_decoder* decoder, const l4d_query* query,
+                                         l4d_bucket_span* out, uint64_t capacity, uint64_t* count);
 
 /* A range of bytes of a file: [offset, offset + size). */
 typedef struct l4d_byte_range {
@@ -308,7 +308,7 @@ enum {
 };
 /* The bytes of the file that a query needs, for a caller that fetches them itself: a prefetcher, or
  * a client whose reads are asynchronous and whose l4d_reader answers from memory. Once the reader
- * can answer these ranges, l4d_decoder_select, _get_ranges, _decode and _decode_packed succeed with
+ * can answer these ranges, l4d_decoder_select, _get_spans, _decode and _decode_packed succeed with
  * the same query, and l4d_decoder_slice where the query is of kind TIME, with the time and the
  * detail of the slice and `whole_buckets` = 1. They ask for no other byte.
  *
@@ -340,14 +340,14 @@ typedef struct l4d_gaussian_buffers {
   uint64_t count;      /* out */
   float* position;     /* [N, 3] */
   float* mean_t;       /* [N] seconds, rounded to binary32: see mean_t_double */
-  float* mean_t_local; /* [N] seconds from the centre of the range: full precision at any time */
+  float* mean_t_local; /* [N] seconds from the centre of the bucket: full precision at any time */
   float* log_scale;    /* [N, 4] in [-17, 17] */
   float* rotor;        /* [N, 8] unit, unless the stream is lossless */
   float* opacity;      /* [N] in [0, 1]; a logit, of any size, with L4D_OPACITY_LOGIT */
   float* sh;           /* [N, (D+1)^2, 3] */
-  l4d_range* ranges;   /* [range_capacity] or NULL */
-  uint64_t range_capacity;
-  uint64_t num_ranges; /* out, where ranges is given */
+  l4d_bucket_span* spans; /* [span_capacity] or NULL */
+  uint64_t span_capacity;
+  uint64_t num_spans; /* out, where spans is given */
   /* [N] seconds in full precision: the range's `center` plus mean_t_local; in lossless streams the
    * value that was encoded. If given, the host decodes, whatever the backend. */
   double* mean_t_double;
@@ -358,10 +358,10 @@ L4D_API void l4d_gaussian_buffers_init_(l4d_gaussian_buffers* buffers, size_t st
 
 /* Decodes what the query selects. Reads the pages of the selected buckets, and each codebook on its
  * first use.
- * Fails with BUFFER_TOO_SMALL if capacity or range_capacity is below the selection; `count` and
- * `num_ranges` then receive what is needed. On any other failure the arrays hold unspecified
+ * Fails with BUFFER_TOO_SMALL if capacity or span_capacity is below the selection; `count` and
+ * `num_spans` then receive what is needed. On any other failure the arrays hold unspecified
  * values. A tolerant decoder skips lost pages. The remaining Gaussians are contiguous; `count` and
- * the ranges' counts exclude the lost ones; ranges without a Gaussian are not listed; elements from
+ * the spans' counts exclude the lost ones; spans without a Gaussian are not listed; elements from
  * `count` on hold unspecified values. The capacities must still suffice for the whole selection. */
 L4D_API l4d_status l4d_decoder_decode(l4d_decoder* decoder, const l4d_query* query,
                                       l4d_gaussian_buffers* out);
@@ -369,13 +369,13 @@ L4D_API l4d_status l4d_decoder_decode(l4d_decoder* decoder, const l4d_query* que
 /* Packed form, for players that keep data quantised: the integers of the stream, entropy-decoded
  * and not dequantised. l4d_decoder_get_codebook returns the codebooks. */
 typedef struct l4d_packed_component {
-  uint8_t* depth;    /* [N] number of stages to add up, 255 = literal; may be NULL */
-  uint16_t* index;   /* [num_stages][N], stage s of Gaussian i at s * capacity + i; entries of
-                        unused or absent stages are 0 */
-  uint16_t* literal; /* [literal_capacity, dim] binary16 bits, in order of their Gaussians */
-  uint64_t literal_capacity;
-  uint64_t num_literals; /* out: also set when literal is NULL */
-} l4d_packed_component;  /* frozen */
+  uint8_t* depth;   /* [N] number of stages to add up, 255 = escape; may be NULL */
+  uint16_t* index;  /* [num_stages][N], stage s of Gaussian i at s * capacity + i; entries of
+                       unused or absent stages are 0 */
+  uint16_t* escape; /* [escape_capacity, dim] binary16 bits, in order of their Gaussians */
+  uint64_t escape_capacity;
+  uint64_t num_escapes; /* out: also set when escape is NULL */
+} l4d_packed_component; /* frozen */
 typedef struct l4d_packed_buffers {
   size_t struct_size;
   uint64_t capacity;
@@ -385,15 +385,15 @@ typedef struct l4d_packed_buffers {
   uint16_t* opacity;      /* [N] SQ code */
   uint16_t* scale_factor; /* [N] SQ code */
   l4d_packed_component component[L4D_COMPONENT_COUNT];
-  l4d_range* ranges;
-  uint64_t range_capacity;
-  uint64_t num_ranges; /* out, where ranges is given */
+  l4d_bucket_span* spans;
+  uint64_t span_capacity;
+  uint64_t num_spans; /* out, where spans is given */
 } l4d_packed_buffers;
 L4D_API void l4d_packed_buffers_init_(l4d_packed_buffers* buffers, size_t struct_size);
 #define l4d_packed_buffers_init(buffers) l4d_packed_buffers_init_((buffers), sizeof(*(buffers)))
 /* Decodes to the packed form. Only streams of the profile "indexed" have one; the encoder's presets
  * "indexed*" make them. Other streams fail with FEATURE_UNSUPPORTED. A tolerant decoder skips lost
- * pages, and their literals, as l4d_decoder_decode does. Fails with BUFFER_TOO_SMALL if a capacity
+ * pages, and their escapes, as l4d_decoder_decode does. Fails with BUFFER_TOO_SMALL if a capacity
  * is too small. */
 L4D_API l4d_status l4d_decoder_decode_packed(l4d_decoder* decoder, const l4d_query* query,
                                              l4d_packed_buffers* out);
@@ -465,7 +465,7 @@ L4D_API void l4d_level_limits_init_(l4d_level_limits* limits, size_t struct_size
 L4D_API l4d_status l4d_get_level_limits(uint32_t level, uint32_t profile, l4d_level_limits* limits);
 
 /* What playing the stream forward at normal speed demands of a player. */
-typedef struct l4d_conformance {
+typedef struct l4d_stream_demand {
   size_t struct_size;
   uint32_t profile;              /* the narrowest that the stream meets, L4D_PROFILE_* */
   uint32_t level;                /* the smallest that the stream meets; 0 = none */
@@ -478,22 +478,21 @@ typedef struct l4d_conformance {
   uint64_t table_bytes; /* codebooks and entropy tables, decoded */
   /* Stored, of all that the first instant needs, headers and codebooks included. */
   uint64_t start_bytes;
-  /* In: a channel, set by the caller. */
+  /* In: a link, set by the caller. */
   uint64_t bytes_per_second;
   uint64_t burst_bytes;
   /* Out: bytes that a player must buffer before it starts, at bytes_per_second (leaky bucket), and
    * the window of time that determines them, in seconds. */
-  uint64_t least_burst_bytes;
+  uint64_t min_burst_bytes;
   double window_begin, window_end;
   /* Out: lowest rate at which a player that buffers burst_bytes never stalls; UINT64_MAX if a
    * single instant needs more than burst_bytes. */
-  uint64_t least_bytes_per_second;
-} l4d_conformance;
-L4D_API void l4d_conformance_init_(l4d_conformance* conformance, size_t struct_size);
-#define l4d_conformance_init(conformance) \
-  l4d_conformance_init_((conformance), sizeof(*(conformance)))
+  uint64_t min_bytes_per_second;
+} l4d_stream_demand;
+L4D_API void l4d_stream_demand_init_(l4d_stream_demand* demand, size_t struct_size);
+#define l4d_stream_demand_init(demand) l4d_stream_demand_init_((demand), sizeof(*(demand)))
 /* Reads the whole directory and no page. Fails on damage, also in a tolerant decoder. */
-L4D_API l4d_status l4d_decoder_get_conformance(l4d_decoder* decoder, l4d_conformance* conformance);
+L4D_API l4d_status l4d_decoder_get_stream_demand(l4d_decoder* decoder, l4d_stream_demand* demand);
 
 /* ---- slicing ------------------------------------------------------------------------------- */
 
@@ -563,7 +562,7 @@ typedef struct l4d_splat_columns {
   uint64_t still_key;
   /* In: the call skips Gaussians whose opacity at `time` is below this. It may keep some that are
    * within rounding of it. 0 = skip none. */
-  float least_opacity;
+  float min_opacity;
   uint32_t reserved;
   /* As in l4d_splat_buffers. All columns of one of these are NULL, or none is. */
   float* scale[3];     /* [M] each */
@@ -578,7 +577,7 @@ L4D_API void l4d_splat_columns_init_(l4d_splat_columns* columns, size_t struct_s
  * those of l4d_decoder_slice, in another order. If capacity is 0, only `count` is computed;
  * otherwise position, covariance, opacity and sh_rows must not be NULL.
  * Fails with BUFFER_TOO_SMALL if capacity is above 0 and below `count`; the arrays are unchanged
- * then. Fails with INVALID_ARGUMENT if least_opacity is not a number >= 0, if only some columns of
+ * then. Fails with INVALID_ARGUMENT if min_opacity is not a number >= 0, if only some columns of
  * scale, rotation or color are NULL, or if camera_position is not finite and color is given. */
 L4D_API l4d_status l4d_decoder_slice_columns(l4d_decoder* decoder, double time,
                                              l4d_splat_columns* out);
@@ -588,7 +587,7 @@ L4D_API l4d_status l4d_decoder_slice_columns(l4d_decoder* decoder, double time,
 /* One loss of a query of a tolerant decoder.
  *   damaged or unreadable      what is lost
  *   page, base chunk           its Gaussians
- *   page, chunk of SH detail   the SH detail of its Gaussians
+ *   page, SH chunk             the SH detail of its Gaussians
  *   directory page             the buckets that it lists
  *   codebook of a layer        the pages of the layer
  *   codebook of a block        the pages of the block; nothing in packed form
@@ -602,7 +601,7 @@ typedef struct l4d_loss {
   uint32_t layer;
   uint32_t bucket;      /* of the layer; the first, where there are more */
   uint32_t num_buckets; /* from there on; some of them may be complete */
-  uint64_t num_chunks;  /* pages; 0 = unknown */
+  uint64_t num_pages;   /* pages; 0 = unknown */
   uint64_t num_gaussians;
   uint64_t offset;    /* byte offset in the file, UINT64_MAX if none */
   const char* clause; /* id of the MUST, "" if none; static */

@@ -76,8 +76,8 @@ L4D_API void l4d_renderer_options_init_(l4d_renderer_options* options, size_t st
  * backend by rounding. */
 L4D_API l4d_status l4d_renderer_create(const l4d_renderer_options* options, l4d_renderer** out);
 L4D_API void l4d_renderer_destroy(l4d_renderer* renderer); /* accepts NULL */
-/* As l4d_decoder_error_detail. */
-L4D_API const char* l4d_renderer_error_detail(const l4d_renderer* renderer);
+/* As l4d_decoder_error_message. */
+L4D_API const char* l4d_renderer_error_message(const l4d_renderer* renderer);
 
 /* ---- the scene ------------------------------------------------------------------------------ */
 
@@ -187,7 +187,7 @@ enum {
 };
 typedef struct l4d_sensitivity_options {
   size_t struct_size;
-  uint32_t measure; /* L4D_SENSITIVITY_* */
+  uint32_t metric; /* L4D_SENSITIVITY_* */
   uint32_t reserved;
   uint64_t seed; /* of the random signs, which depend on it, the view and its repetitions alone */
 } l4d_sensitivity_options;
@@ -201,23 +201,23 @@ L4D_API l4d_status l4d_sensitivity_create(const l4d_sensitivity_options* options
 L4D_API void l4d_sensitivity_destroy(l4d_sensitivity* sensitivity); /* accepts NULL */
 
 /* Adds one view at the renderer's time. The renderer must hold the scene of this accumulator
- * (l4d_renderer_set_gaussians), without a background. seen_only = 1 records only which Gaussians
- * the view shows, without derivatives, in a fraction of the time: call it for the views that you
- * skip, so that pruning does not drop Gaussians visible only there. On failure
- * l4d_renderer_error_detail returns the reason. */
+ * (l4d_renderer_set_gaussians), without a background. visibility_only = 1 records only which
+ * Gaussians the view shows, without derivatives, in a fraction of the time: call it for the views
+ * that you skip, so that pruning does not drop Gaussians visible only there. On failure
+ * l4d_renderer_error_message returns the reason. */
 L4D_API l4d_status l4d_sensitivity_add_view(l4d_sensitivity* sensitivity, l4d_renderer* renderer,
-                                            const l4d_camera* camera, int seen_only);
+                                            const l4d_camera* camera, int visibility_only);
 /* Adds the sums of `other`. Fails with INVALID_ARGUMENT unless both have the same scene size and
- * measure. */
+ * metric. */
 L4D_API l4d_status l4d_sensitivity_merge(l4d_sensitivity* sensitivity,
                                          const l4d_sensitivity* other);
 /* Returns weights. which: L4D_WEIGHT_*. out: [count]. ALPHA_T is the sum of alpha times
- * transmittance per pixel, over the full views; for Gaussians that only seen_only views show, over
- * all views. Fails with INVALID_STATE before the first full view. */
+ * transmittance per pixel, over the full views; for Gaussians that only visibility_only views show,
+ * over all views. Fails with INVALID_STATE before the first full view. */
 L4D_API l4d_status l4d_sensitivity_get_weights(const l4d_sensitivity* sensitivity, uint32_t which,
                                                float* out, uint64_t count);
 
-/* One view of l4d_measure. */
+/* One view of l4d_measure_importance. */
 typedef struct l4d_view {
   double time;     /* seconds */
   uint32_t camera; /* index into the cameras */
@@ -225,24 +225,24 @@ typedef struct l4d_view {
 } l4d_view; /* frozen */
 
 /* Distributed measurement: every process loads the same scene into its own renderer, calls
- * l4d_measure with equal arguments, and gets the same result. Each process renders the views of a
- * part of the instants. */
-typedef struct l4d_ranks {
+ * l4d_measure_importance with equal arguments, and gets the same result. Each process renders the
+ * views of a part of the instants. */
+typedef struct l4d_process_group {
   size_t struct_size;
   uint32_t rank;  /* of this process, below count */
   uint32_t count; /* number of processes */
   /* All-reduce: replaces values [n] by their sums over all processes. All processes call it with
-   * the same n in the same order, on the thread that called l4d_measure. Returns 0, or another
-   * value on failure; l4d_measure then fails with IO. */
+   * the same n in the same order, on the thread that called l4d_measure_importance. Returns 0, or
+   * another value on failure; l4d_measure_importance then fails with IO. */
   int (*sum)(void* user, int64_t* values, uint64_t n);
   void* user;
-} l4d_ranks;
-L4D_API void l4d_ranks_init_(l4d_ranks* ranks, size_t struct_size);
-#define l4d_ranks_init(ranks) l4d_ranks_init_((ranks), sizeof(*(ranks)))
+} l4d_process_group;
+L4D_API void l4d_process_group_init_(l4d_process_group* group, size_t struct_size);
+#define l4d_process_group_init(group) l4d_process_group_init_((group), sizeof(*(group)))
 
 typedef struct l4d_measure_options {
   size_t struct_size;
-  uint32_t measure; /* L4D_SENSITIVITY_*, as in l4d_sensitivity_options */
+  uint32_t metric; /* L4D_SENSITIVITY_*, as in l4d_sensitivity_options */
   uint32_t reserved;
   uint64_t seed; /* as in l4d_sensitivity_options */
   /* Measuring stops when the rank correlation between the weights of both halves of the views is at
@@ -252,20 +252,20 @@ typedef struct l4d_measure_options {
   /* The views that were not measured then get a visibility-only pass, in rounds of 1/16 of the
    * views of each instant, until less than 1e-4 of a round's blending weight belongs to Gaussians
    * that no view has shown before. */
-  uint32_t skip_unseen; /* 1: no such pass */
-  uint32_t ask_all;     /* 1: the pass covers all of these views */
+  uint32_t skip_visibility; /* 1: no such pass */
+  uint32_t visibility_all;  /* 1: the pass covers all of these views */
   /* NULL = this process alone. Otherwise, even for one process, sums are in fixed point, so that
    * weights do not depend on the number of processes. */
-  const l4d_ranks* ranks;
+  const l4d_process_group* group;
 } l4d_measure_options;
 L4D_API void l4d_measure_options_init_(l4d_measure_options* options, size_t struct_size);
 #define l4d_measure_options_init(options) l4d_measure_options_init_((options), sizeof(*(options)))
 
 typedef struct l4d_measure_report {
   size_t struct_size;
-  uint64_t views;          /* given */
-  uint64_t views_measured; /* with derivatives */
-  uint64_t views_asked;    /* in the visibility-only pass */
+  uint64_t views;                 /* given */
+  uint64_t views_measured;        /* with derivatives */
+  uint64_t views_visibility_only; /* in the visibility-only pass */
   uint32_t rounds;
   uint32_t agreed;     /* 1: the halves agreed */
   double agreement[4]; /* rank correlation of the halves, by L4D_COMPONENT_*; 0 = not tested */
@@ -280,30 +280,31 @@ L4D_API void l4d_measure_report_init_(l4d_measure_report* report, size_t struct_
  * the call changes its time. cameras: [num_cameras], cameras[0].struct_size bytes apart. views:
  * [num_views], in any order. options, progress and report may be NULL; progress counts views. The
  * caller destroys *out. */
-L4D_API l4d_status l4d_measure(l4d_renderer* renderer, const l4d_camera* cameras,
-                               uint32_t num_cameras, const l4d_view* views, uint64_t num_views,
-                               const l4d_measure_options* options, l4d_progress_fn progress,
-                               void* user, l4d_measure_report* report, l4d_sensitivity** out);
+L4D_API l4d_status l4d_measure_importance(l4d_renderer* renderer, const l4d_camera* cameras,
+                                          uint32_t num_cameras, const l4d_view* views,
+                                          uint64_t num_views, const l4d_measure_options* options,
+                                          l4d_progress_fn progress, void* user,
+                                          l4d_measure_report* report, l4d_sensitivity** out);
 
 /* ---- statistics ---------------------------------------------------------------------------- */
 enum {
-  L4D_RENDER_STAGE_SLICE = 0, /* the last set_time, including decoding */
-  L4D_RENDER_STAGE_PROJECT,
-  L4D_RENDER_STAGE_SORT,
-  L4D_RENDER_STAGE_BIN,
-  L4D_RENDER_STAGE_BLEND,
-  L4D_RENDER_STAGE_BACKWARD,
-  L4D_RENDER_STAGE_COUNT
+  L4D_RENDER_PASS_SLICE = 0, /* the last set_time, including decoding */
+  L4D_RENDER_PASS_PROJECT,
+  L4D_RENDER_PASS_SORT,
+  L4D_RENDER_PASS_BIN,
+  L4D_RENDER_PASS_BLEND,
+  L4D_RENDER_PASS_BACKWARD,
+  L4D_RENDER_PASS_COUNT
 };
-#define L4D_RENDER_MAX_STAGES                                        \
-  8 /* what arrays by stage have room for, now and in later versions \
+#define L4D_RENDER_MAX_PASSES                              \
+  8 /* length of arrays by pass, now and in later versions \
      */
 typedef struct l4d_render_stats {
   size_t struct_size;
   uint64_t visible;   /* Gaussians visible at the time */
   uint64_t projected; /* of these, those that touch a pixel of the last view's frame */
   uint64_t instances; /* pairs of Gaussian and tile; 0 on the reference backend */
-  double seconds[L4D_RENDER_MAX_STAGES]; /* by L4D_RENDER_STAGE_*; 0 beyond */
+  double seconds[L4D_RENDER_MAX_PASSES]; /* by L4D_RENDER_PASS_*; 0 beyond */
 } l4d_render_stats;
 L4D_API void l4d_render_stats_init_(l4d_render_stats* stats, size_t struct_size);
 #define l4d_render_stats_init(stats) l4d_render_stats_init_((stats), sizeof(*(stats)))

@@ -12,7 +12,7 @@ namespace {
 
 using namespace test;
 
-// Two pages of one bucket, large enough for second parts, and small ones of others.
+// Two pages of one bucket, large enough for SH chunks, and small ones of others.
 Encoded encode_large() {
   SceneOptions o;
   o.count = 26000;
@@ -29,7 +29,7 @@ Encoded encode_large() {
   return encode(make_scene(o), e);
 }
 
-TEST(PageParts, OfABucketFirstPartsLieBeforeSecondOnes) {
+TEST(PageChunks, OfABucketBaseChunksLieBeforeShChunks) {
   const Bytes file = encode_large().bytes;
   EXPECT_TRUE(validate(file).empty());
   const StreamEditor editor(file);
@@ -39,7 +39,7 @@ TEST(PageParts, OfABucketFirstPartsLieBeforeSecondOnes) {
       std::map<uint32_t, std::vector<const PageRecord*>> buckets;
       for (const PageRecord& r : d.page.pages) buckets[r.bucket].push_back(&r);
       for (const auto& [bucket, pages] : buckets) {
-        // All first parts, then all second ones, without a gap.
+        // All base chunks, then all SH chunks, without a gap.
         uint64_t at = pages[0]->chunk.offset;
         for (const PageRecord* r : pages) {
           EXPECT_EQ(r->chunk.offset, at);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "decoder/cuda/job.h"
+#include "decoder/cuda/prepared_request.h"
 
 #include <iterator>
 #include <utility>
@@ -8,8 +8,8 @@
 
 namespace l4d::cuda {
 
-Status Job::prepare(const l4d_query& query, uint32_t attributes, uint32_t forms) {
-  request_ = JobRequest();  // what the last one held must not keep this one from being made
+Status PreparedRequest::prepare(const l4d_query& query, uint32_t attributes, uint32_t forms) {
+  request_ = DecodeRequest();  // what the last one held must not keep this one from being made
   file_.begin_query();
   charge_ = std::make_unique<MemoryCharge>(file_.memory());
   Plan plan;
@@ -27,17 +27,17 @@ Status Job::prepare(const l4d_query& query, uint32_t attributes, uint32_t forms)
   host_.find(request_.plan());
   if (packs) {
     L4D_RETURN_IF_ERROR(host_.pack(request_.plan(), attributes, charge_.get()));
-    if (request_.may_have_literals()) request_.number_pieces(host_);
+    if (request_.may_have_escapes()) request_.number_pieces(host_);
   }
   const SceneHeader& header = file_.header();
-  // Codebooks of SH need nothing of the first part.
+  // Codebooks of SH need nothing of the base chunk.
   schedule_ = schedule_warps(request_.pages(), tables_.layers(), header.sh.vq(), multiprocessors_);
   layout_ = lay_out(header, request_, schedule_, host_);
   L4D_RETURN_IF_ERROR(upload_.fill(request_, schedule_, host_, layout_, charge_.get()));
   return expands ? host_.expand(request_.plan(), attributes, charge_.get()) : Status();
 }
 
-ExpandLaunch Job::expand_launch() const {
+ExpandLaunch PreparedRequest::expand_launch() const {
   ExpandLaunch launch;
   launch.num_blocks = static_cast<uint32_t>(request_.expands().size());
   launch.sh_dim = file_.header().sh_dim();
@@ -45,7 +45,7 @@ ExpandLaunch Job::expand_launch() const {
   return launch;
 }
 
-Status Job::check(const uint32_t* faults) const {
+Status PreparedRequest::check(const uint32_t* faults) const {
   struct Meaning {
     const char* clause;
     const char* message;
@@ -60,8 +60,8 @@ Status Job::check(const uint32_t* faults) const {
       {"VAL-2", "a coded value is not finite"},
       {"VQ-1", "a depth is above the number of stages"},
       {"VQ-2", "an index is not below the number of codewords"},
-      {"TRAN-5", "a class is not below the number of classes"},
-      {"TRAN-6", "a rung is above the ladder"},
+      {"TRAN-5", "a step exponent is not below the number of step_exponents"},
+      {"TRAN-6", "an EOB index is above the EOB table"},
   };
   for (size_t i = 0; i < 2 * num_pages(); ++i) {
     if (faults[i] == kPageOk) continue;

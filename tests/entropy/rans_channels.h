@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Planes of random integers, coded and decoded.
+// Channels of random integers, coded and decoded.
 #pragma once
 
 #include <cmath>
@@ -15,9 +15,9 @@ enum class Shape { kConstant, kSmall, kUniform, kGeometric, kEnds };
 constexpr Shape kShapes[] = {Shape::kConstant, Shape::kSmall, Shape::kUniform, Shape::kGeometric,
                              Shape::kEnds};
 
-// T: uint16_t for a hybrid plane, uint64_t for a wide one.
+// T: uint16_t for a hybrid channel, uint64_t for a wide one.
 template <typename T>
-struct RansPlane {
+struct RansChannel {
   std::vector<T> values;
   std::vector<uint8_t> contexts;  // empty = none
   std::vector<RansTable> tables;
@@ -48,27 +48,27 @@ T random_value(Shape shape, Random& random) {
 }
 
 template <typename T>
-RansPlane<T> plane_of(std::vector<T> values, std::vector<uint8_t> contexts = {}) {
-  RansPlane<T> plane;
+RansChannel<T> channel_of(std::vector<T> values, std::vector<uint8_t> contexts = {}) {
+  RansChannel<T> channel;
   size_t tables = 1;
   for (const uint8_t c : contexts) tables = std::max<size_t>(tables, size_t{c} + 1);
   std::vector<std::vector<uint64_t>> counts(tables, std::vector<uint64_t>(kRansMaxTokens, 0));
   for (size_t i = 0; i < values.size(); ++i) {
     ++counts[contexts.empty() ? 0 : contexts[i]][token_of(values[i]).token];
   }
-  plane.entries.resize(tables * kRansSlots);
+  channel.entries.resize(tables * kRansSlots);
   for (size_t t = 0; t < tables; ++t) {
-    plane.tables.emplace_back(counts[t]);
-    plane.tables[t].expand(plane.entries.data() + t * kRansSlots);
+    channel.tables.emplace_back(counts[t]);
+    channel.tables[t].expand(channel.entries.data() + t * kRansSlots);
   }
-  plane.values = std::move(values);
-  plane.contexts = std::move(contexts);
-  return plane;
+  channel.values = std::move(values);
+  channel.contexts = std::move(contexts);
+  return channel;
 }
 
 // contexts: 0 = no array of contexts.
 template <typename T>
-RansPlane<T> random_plane(size_t n, Shape shape, size_t contexts, uint64_t seed) {
+RansChannel<T> random_channel(size_t n, Shape shape, size_t contexts, uint64_t seed) {
   Random random(seed);
   std::vector<T> values(n);
   std::vector<uint8_t> chosen(contexts == 0 ? 0 : n);
@@ -78,13 +78,13 @@ RansPlane<T> random_plane(size_t n, Shape shape, size_t contexts, uint64_t seed)
     const size_t c = contexts == 0 ? 0 : chosen[i];
     values[i] = random_value<T>(kShapes[(static_cast<size_t>(shape) + c) % 5], random);
   }
-  return plane_of(std::move(values), std::move(chosen));
+  return channel_of(std::move(values), std::move(chosen));
 }
 
-// A block of some planes of both kinds, in this order: hybrid, wide, hybrid, wide, ...
+// A block of some channels of both kinds, in this order: hybrid, wide, hybrid, wide, ...
 struct RansCase {
-  std::vector<RansPlane<uint16_t>> hybrid;
-  std::vector<RansPlane<uint64_t>> wide;
+  std::vector<RansChannel<uint16_t>> hybrid;
+  std::vector<RansChannel<uint64_t>> wide;
 
   Bytes block() const {
     RansBlockWriter writer;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "cli/ranks.h"
+#include "cli/process_group.h"
 
 #include <algorithm>
 #include <cstdlib>
@@ -35,7 +35,7 @@ int sum(void*, int64_t* values, uint64_t n) {
 
 }  // namespace
 
-Ranks::Ranks() {
+ProcessGroup::ProcessGroup() {
   if (!started_by_mpi()) return;
   int provided = 0;
   if (MPI_Init_thread(nullptr, nullptr, MPI_THREAD_FUNNELED, &provided) != MPI_SUCCESS) return;
@@ -54,25 +54,25 @@ Ranks::Ranks() {
     local_count_ = static_cast<uint32_t>(count);
     MPI_Comm_free(&local);
   }
-  l4d_ranks_init(&handle_);
+  l4d_process_group_init(&handle_);
   handle_.rank = rank_;
   handle_.count = count_;
   handle_.sum = sum;
 }
 
-Ranks::~Ranks() {
+ProcessGroup::~ProcessGroup() {
   int initialized = 0;
   MPI_Initialized(&initialized);
   if (initialized != 0) MPI_Finalize();
 }
 
-void Ranks::abort(int exit_code) const {
+void ProcessGroup::abort(int exit_code) const {
   if (count_ > 1) MPI_Abort(MPI_COMM_WORLD, exit_code);
 }
 #else
-Ranks::Ranks() = default;
-Ranks::~Ranks() = default;
-void Ranks::abort(int) const {}
+ProcessGroup::ProcessGroup() = default;
+ProcessGroup::~ProcessGroup() = default;
+void ProcessGroup::abort(int) const {}
 #endif
 
 }  // namespace l4d::cli

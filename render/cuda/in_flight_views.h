@@ -14,7 +14,7 @@ struct ImportanceView {
   l4d_camera camera;
   bool squared;
   uint64_t signs;
-  bool seen_only;
+  bool visibility_only;
   const ImportanceMemory* sums;
 };
 
@@ -28,18 +28,19 @@ Status launch_view_sums(DevicePipeline* pipeline, const l4d_gaussians& gaussians
                         const ImportanceView& view, cudaEvent_t after, cudaStream_t stream);
 
 // The room to try a frame of the camera with, where nothing is known of it, and after that one.
-FrameRoom first_room(const DevicePipeline& pipeline, const l4d_camera& camera, bool backward);
-FrameRoom more_room(FrameRoom room, const FrameFigures& figures);
+FrameCapacity first_capacity(const DevicePipeline& pipeline, const l4d_camera& camera,
+                             bool backward);
+FrameCapacity more_capacity(FrameCapacity capacity, const FrameStats& stats);
 
-class ImportanceLanes {
+class InFlightViews {
  public:
   // Views of the scene that `scene` holds and `gaussians`, device arrays, describes: both stay as
-  // they are as long as there are lanes.
+  // they are as long as there are views.
   Status create(const DevicePipeline& scene, const l4d_gaussians& gaussians);
-  ImportanceLanes() = default;
-  ~ImportanceLanes();
-  ImportanceLanes(const ImportanceLanes&) = delete;
-  ImportanceLanes& operator=(const ImportanceLanes&) = delete;
+  InFlightViews() = default;
+  ~InFlightViews();
+  InFlightViews(const InFlightViews&) = delete;
+  InFlightViews& operator=(const InFlightViews&) = delete;
 
   // Launches a view, and waits for the one before the last. Views add to sums in their order.
   Status add(const ImportanceView& view);
@@ -47,20 +48,20 @@ class ImportanceLanes {
   Status finish();
 
  private:
-  static constexpr size_t kLanes = 2;
-  struct Lane {
+  static constexpr size_t kInFlight = 2;
+  struct InFlight {
     DevicePipeline pipeline;
     cudaStream_t stream = nullptr;
     cudaEvent_t added = nullptr;
     ImportanceView view{};
-    FrameRoom room;
+    FrameCapacity capacity;
     bool busy = false;
   };
   Status launch(size_t which);
   Status finish(size_t which);
 
   l4d_gaussians gaussians_{};
-  Lane lanes_[kLanes];
+  InFlight views_[kInFlight];
   size_t turn_ = 0;
 };
 

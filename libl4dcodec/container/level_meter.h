@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What playing a stream asks of a decoder and of the channel it reads from, computed from headers
+// What playing a stream asks of a decoder and of the link it reads from, computed from headers
 // and directory alone, and held against the limits of a level (spec: section 18).
 #pragma once
 
@@ -36,12 +36,12 @@ struct Burst {
 };
 
 // A limit of a level that a stream goes beyond.
-struct Excess {
+struct LimitViolation {
   const char* clause;
   std::string message;
 };
 
-class ConformanceMeter {
+class LevelMeter {
  public:
   // What it holds for each page and block of pages, and for each directory page.
   static constexpr uint64_t kBytesPerPage = 2 * 32 + 16;
@@ -50,7 +50,7 @@ class ConformanceMeter {
   static constexpr uint64_t kNoRate = ~uint64_t{0};
 
   // header outlives this.
-  explicit ConformanceMeter(const SceneHeader& header) : header_(header) {}
+  explicit LevelMeter(const SceneHeader& header) : header_(header) {}
 
   // Every directory page in any order, null where it is empty. stored_bytes: of its page table
   // entry and of itself.
@@ -65,12 +65,12 @@ class ConformanceMeter {
   const Peak& memory_bytes() const { return memory_bytes_; }
   uint64_t table_bytes() const { return table_bytes_; }
   uint64_t start_bytes() const { return start_bytes_; }
-  Burst least_burst(uint64_t bytes_per_second) const;
-  uint64_t least_rate(uint64_t burst_bytes) const;
+  Burst min_burst(uint64_t bytes_per_second) const;
+  uint64_t min_rate(uint64_t burst_bytes) const;
 
   double seconds(uint64_t phase) const;
   // level: 1..kNumConformanceLevels.
-  std::vector<Excess> beyond(unsigned level) const;
+  std::vector<LimitViolation> beyond(unsigned level) const;
   // The smallest level that the stream keeps to, 0 if none.
   unsigned smallest_level() const;
 
@@ -85,7 +85,7 @@ class ConformanceMeter {
     uint64_t bytes;
   };
   void add(const PhaseRun& run, uint64_t gaussians, uint64_t bytes, uint64_t memory);
-  bool lossless() const { return profile_breach(header_, ProfileId::kLossless).empty(); }
+  bool lossless() const { return profile_violation(header_, ProfileId::kLossless).empty(); }
   double seconds_per_phase() const;
 
   const SceneHeader& header_;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "decoder/cuda/job_request.h"
+#include "decoder/cuda/decode_request.h"
 
 #include <utility>
 
@@ -13,15 +13,15 @@ constexpr uint32_t kSlotAlignment = 32;
 
 }  // namespace
 
-Status JobRequest::make(SceneFile& file, LayerTables& tables, Plan plan,
-                        const LayerTables::Wants& wants, bool with_detail) {
-  *this = JobRequest();
+Status DecodeRequest::make(SceneFile& file, LayerTables& tables, Plan plan,
+                           const LayerTables::Wants& wants, bool with_detail) {
+  *this = DecodeRequest();
   plan_ = std::move(plan);
   const SceneHeader& header = file.header();
   for (size_t t = 0; t < plan_.tasks.size(); ++t) {
     const PageTask& task = plan_.tasks[t];
     for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
-      may_have_literals_ |= header.component(header.layers[task.layer], c).literals;
+      may_have_escapes_ |= header.component(header.layers[task.layer], c).escapes;
     }
     if (!is_rans_page(task.record)) continue;
     L4D_RETURN_IF_ERROR(tables.load(task.layer, wants));
@@ -34,8 +34,8 @@ Status JobRequest::make(SceneFile& file, LayerTables& tables, Plan plan,
   return {};
 }
 
-Status JobRequest::add_page(SceneFile& file, const LayerTables::Wants& wants, size_t task_index,
-                            bool with_detail) {
+Status DecodeRequest::add_page(SceneFile& file, const LayerTables::Wants& wants, size_t task_index,
+                               bool with_detail) {
   const SceneHeader& header = file.header();
   const PageTask& task = plan_.tasks[task_index];
   const PageRecord& record = task.record;
@@ -43,23 +43,23 @@ Status JobRequest::add_page(SceneFile& file, const LayerTables::Wants& wants, si
   L4D_RETURN_IF_ERROR(file.codebooks().entropy_tables(task.layer, &entropy));
   const bool detail = record.has_sh_detail() && with_detail;
   const bool whole = detail || !record.has_sh_detail();
-  const l4d_range& range = plan_.ranges[task.range];
+  const l4d_bucket_span& span = plan_.spans[task.span];
   DevicePage page{};
   page.first = task.first;
-  page.center = range.center;
-  page.width = static_cast<float>(range.width);
+  page.center = span.center;
+  page.width = static_cast<float>(span.width);
   page.slot = static_cast<uint32_t>(num_slots_);
   page.state = static_cast<uint32_t>(num_states_);
   page.n = record.num_gaussians;
   page.layer = task.layer;
-  page.part_bytes[0] = record.chunk.stored_bytes;
-  page.part_bytes[1] = detail ? record.sh_detail.stored_bytes : 0;
+  page.chunk_bytes[0] = record.chunk.stored_bytes;
+  page.chunk_bytes[1] = detail ? record.sh_detail.stored_bytes : 0;
   page.middle =
-      static_cast<uint32_t>(record.has_sh_detail() ? first_detail_plane(header, entropy->planes)
-                                                   : entropy->planes.size());
+      static_cast<uint32_t>(record.has_sh_detail() ? first_detail_channel(header, entropy->channels)
+                                                   : entropy->channels.size());
   page.sh_limit = whole ? kMaxCoefficients : header.sh_base;
   page.has_sh = whole || header.sh_base > 0;
-  L4D_RETURN_IF_ERROR(add_books(file, wants, task, &page));
+  L4D_RETURN_IF_ERROR(add_codebooks(file, wants, task, &page));
   const uint32_t index = static_cast<uint32_t>(pages_.size());
   reads_.add(record, index, with_detail);
   for (uint32_t first = 0; first < page.n; first += kExpandGaussians) {
@@ -72,33 +72,33 @@ Status JobRequest::add_page(SceneFile& file, const LayerTables::Wants& wants, si
   return {};
 }
 
-Status JobRequest::add_books(SceneFile& file, const LayerTables::Wants& wants, const PageTask& task,
-                             DevicePage* page) {
+Status DecodeRequest::add_codebooks(SceneFile& file, const LayerTables::Wants& wants,
+                                    const PageTask& task, DevicePage* page) {
   const SceneHeader& header = file.header();
   const LayerHeader& layer = header.layers[task.layer];
   const BlockRecord* const block = task.block();
-  page_books_.emplace_back();
+  page_codebooks_.emplace_back();
   for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
-    BookIndex& index = page_books_.back()[c];
-    index = kLayerBook;
+    CodebookIndex& index = page_codebooks_.back()[c];
+    index = kLayerCodebook;
     page->stage0_entries[c] = stage0_entries(header, layer, c, block);
     if (!wants[c] || block == nullptr || block->tables[c].num_entries == 0) continue;
     const BlockKey key{task.layer, task.directory_index, task.record.block, c};
-    const auto known = book_of_.find(key);
-    if (known != book_of_.end()) {
+    const auto known = codebook_of_.find(key);
+    if (known != codebook_of_.end()) {
       index = known->second;
       continue;
     }
-    const CodebookData* book = nullptr;
+    const CodebookData* codebook = nullptr;
     L4D_RETURN_IF_ERROR(
-        file.codebooks().block_codebook(task.block_id(), c, block->tables[c], &book));
-    index = book_of_[key] = static_cast<BookIndex>(books_.size());
-    books_.push_back(book);
+        file.codebooks().block_codebook(task.block_id(), c, block->tables[c], &codebook));
+    index = codebook_of_[key] = static_cast<CodebookIndex>(codebooks_.size());
+    codebooks_.push_back(codebook);
   }
   return {};
 }
 
-void JobRequest::number_pieces(const HostPages& host) {
+void DecodeRequest::number_pieces(const HostPages& host) {
   size_t page = 0;
   const auto number_until = [&](size_t task) {
     for (; page < pages_.size() && page_tasks_[page] < task; ++page) {

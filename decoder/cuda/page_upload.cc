@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "decoder/cuda/job_upload.h"
+#include "decoder/cuda/page_upload.h"
 
 #include <algorithm>
 
@@ -16,50 +16,51 @@ void put(const std::vector<T>& values, const ArrayAt<T>& at, unsigned char* stag
 }
 
 // The device takes blocks that open; what it finds in them comes back as faults.
-Status check_part(const SceneHeader& header, const PageRecord& record, bool detail,
-                  ByteSpan bytes) {
-  L4D_RETURN_IF_ERROR(check_page_part(header, record, detail, bytes));
+Status check_chunk(const SceneHeader& header, const PageRecord& record, bool detail,
+                   ByteSpan bytes) {
+  L4D_RETURN_IF_ERROR(check_page_chunk(header, record, detail, bytes));
   RansLanes lanes;
   return open_rans_block(bytes, detail ? record.sh_detail.offset : record.chunk.offset, &lanes);
 }
 
 }  // namespace
 
-Status JobUpload::fill(const JobRequest& request, const WarpSchedule& schedule,
-                       const HostPages& host, const WorkspaceLayout& layout, MemoryCharge* charge) {
+Status PageUpload::fill(const DecodeRequest& request, const WarpSchedule& schedule,
+                        const HostPages& host, const WorkspaceLayout& layout,
+                        MemoryCharge* charge) {
   if (layout.upload_bytes == 0) return {};
   L4D_RETURN_IF_ERROR(charge->take(layout.upload_bytes, "the upload of a decode"));
   L4D_RETURN_IF_ERROR(staging_.reserve(static_cast<size_t>(layout.upload_bytes)));
   unsigned char* const to = staging_.as<unsigned char>();
-  const uint64_t head_bytes = layout.num_literals.offset + WorkspaceLayout::kNumLiteralsBytes;
+  const uint64_t head_bytes = layout.num_escapes.offset + WorkspaceLayout::kNumEscapesBytes;
   std::fill_n(to, head_bytes, static_cast<unsigned char>(0));
   put(placed_pages(request, layout), layout.pages, to);
   put(schedule.warps, layout.warps, to);
   put(schedule.blocks, layout.blocks, to);
   put(request.expands(), layout.expands, to);
   put(placed_host_pieces(file_.header(), request, host, layout), layout.host_pieces, to);
-  put(host.literals(), layout.host_literals, to);
-  for (size_t b = 0; b < layout.books.size(); ++b) {
-    put(request.books()[b]->entries, layout.books[b], to);
+  put(host.escapes(), layout.host_escapes, to);
+  for (size_t b = 0; b < layout.codebooks.size(); ++b) {
+    put(request.codebooks()[b]->entries, layout.codebooks[b], to);
   }
-  return read_parts(request, layout);
+  return read_chunks(request, layout);
 }
 
-Status JobUpload::read_parts(const JobRequest& request, const WorkspaceLayout& layout) {
+Status PageUpload::read_chunks(const DecodeRequest& request, const WorkspaceLayout& layout) {
   unsigned char* const to = staging_.as<unsigned char>();
-  const std::vector<PagePart>& parts = request.reads().parts();
+  const std::vector<PageChunk>& parts = request.reads().parts();
   std::vector<Status> status(2 * request.pages().size());  // [pages, 2], as they are decoded
-  for (const PartRun& run : request.reads().runs()) {
+  for (const ChunkRun& run : request.reads().runs()) {
     MemoryCharge charge(file_.memory());
     L4D_RETURN_IF_ERROR(charge.take(run.bytes, "a batch of pages"));
     ByteSpan run_bytes;
     L4D_RETURN_IF_ERROR(file_.source().read(run.offset, run.bytes, read_buffer_, &run_bytes));
     parallel_for(threads_, run.end - run.first, 4, [&](size_t a, size_t b) {
       for (size_t p = run.first + a; p < run.first + b; ++p) {
-        const PagePart& part = parts[p];
-        const ByteSpan bytes = bytes_of_part(run, run_bytes, part);
+        const PageChunk& part = parts[p];
+        const ByteSpan bytes = bytes_of_chunk(run, run_bytes, part);
         status[2 * part.page + (part.detail ? 1 : 0)] =
-            check_part(file_.header(), request.task_of(part.page).record, part.detail, bytes);
+            check_chunk(file_.header(), request.task_of(part.page).record, part.detail, bytes);
         std::copy(bytes.begin(), bytes.end(), layout.parts[p].in(to));
       }
     });

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Views whose pairs of splat and tile do not fit in memory: made slab by slab, with the same bits.
+// Views whose pairs of splat and tile do not fit in memory: made band by band, with the same bits.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -88,7 +88,7 @@ Results results_of(const io::Scene& scene, uint64_t memory, uint32_t threads = 2
   gradients.sh = out.sh.data();
   const RendererHandle r = renderer(memory, threads);
   const auto step = [&](l4d_status status) {
-    if (out.status == L4D_OK && status != L4D_OK) out.detail = l4d_renderer_error_detail(r.get());
+    if (out.status == L4D_OK && status != L4D_OK) out.detail = l4d_renderer_error_message(r.get());
     if (out.status == L4D_OK) out.status = status;
     return out.status == L4D_OK;
   };
@@ -103,15 +103,15 @@ Results results_of(const io::Scene& scene, uint64_t memory, uint32_t threads = 2
   }
   out.peak = meter.peak();
   if (out.status != L4D_OK) return out;
-  for (const uint32_t measure : {L4D_SENSITIVITY_SUM, L4D_SENSITIVITY_GAUSS_NEWTON}) {
+  for (const uint32_t metric : {L4D_SENSITIVITY_SUM, L4D_SENSITIVITY_GAUSS_NEWTON}) {
     l4d_sensitivity_options options;
     l4d_sensitivity_options_init(&options);
-    options.measure = measure;
+    options.metric = metric;
     SensitivityHandle sums(&options, n, scene.sh_degree);
     sums.add_view(r, camera, true);
     sums.add_view(r, camera);
     for (const uint32_t which : {L4D_WEIGHT_ALPHA_T, L4D_WEIGHT_POSITION}) {
-      std::vector<float>& weights = out.weights[2 * measure + (which == L4D_WEIGHT_POSITION)];
+      std::vector<float>& weights = out.weights[2 * metric + (which == L4D_WEIGHT_POSITION)];
       weights.resize(n);
       EXPECT_EQ(l4d_sensitivity_get_weights(sums.get(), which, weights.data(), n), L4D_OK);
     }
@@ -132,8 +132,8 @@ void expect_same(const Results& a, const Results& b) {
   EXPECT_EQ(a.instances, b.instances);
 }
 
-// From what holds all of it in one slab to what holds a part of a row of tiles.
-TEST(Slabs, LimitsChangeNoBit) {
+// From what holds all of it in one band to what holds a part of a row of tiles.
+TEST(Bands, LimitsChangeNoBit) {
   const io::Scene scene = veils(3000);
   const Results all = results_of(scene, 0);
   ASSERT_EQ(all.status, L4D_OK) << all.detail;
@@ -155,7 +155,7 @@ TEST(Slabs, LimitsChangeNoBit) {
 }
 
 // Where even the splats do not fit, the call says so, and the next one works.
-TEST(Slabs, RefusesWhatDoesNotFit) {
+TEST(Bands, RefusesWhatDoesNotFit) {
   const io::Scene scene = veils(1500);
   uint64_t refused = 0;
   for (uint64_t limit = kMiB / 32; limit < 3 * kMiB / 4; limit += kMiB / 32) {
@@ -188,7 +188,7 @@ TEST(Slabs, RefusesWhatDoesNotFit) {
   EXPECT_EQ(rgb, expected);
 }
 
-TEST(Slabs, TheReferenceHoldsItsLimitToo) {
+TEST(Bands, TheReferenceHoldsItsLimitToo) {
   const io::Scene scene = veils(300);
   const l4d_camera camera = axis_camera(64, 48, 60);
   for (const uint64_t limit : {uint64_t{100000}, kMiB}) {
@@ -206,8 +206,8 @@ TEST(Slabs, TheReferenceHoldsItsLimitToo) {
   }
 }
 
-// A tile has one list, whatever slab it is made in.
-TEST(Slabs, ListsAreThoseOfTheWholeImage) {
+// A tile has one list, whatever band it is made in.
+TEST(Bands, ListsAreThoseOfTheWholeImage) {
   Random random(9);
   std::vector<FastSplat> splats(20000);
   for (FastSplat& s : splats) {
@@ -231,20 +231,20 @@ TEST(Slabs, ListsAreThoseOfTheWholeImage) {
   ASSERT_TRUE(cut.start(splats, 300, 200, 2, memory).ok());
   size_t most = 0;
   for (const uint64_t bytes : {4 * kMiB, kMiB, kMiB / 8, uint64_t{1}}) {
-    std::vector<Slab> slabs;
-    ASSERT_TRUE(cut.cut(bytes, 0, true, memory, &slabs).ok());
-    EXPECT_GT(slabs.size(), most);
-    most = slabs.size();
+    std::vector<Band> bands;
+    ASSERT_TRUE(cut.cut(bytes, 0, true, memory, &bands).ok());
+    EXPECT_GT(bands.size(), most);
+    most = bands.size();
     size_t tiles = 0, instances = 0;
-    for (const Slab& slab : slabs) {
-      ASSERT_TRUE(cut.build(splats, slab, true, 2, memory).ok());
-      EXPECT_TRUE(cut.instances() * 8 <= bytes || slab.tiles() == 1);
-      for (size_t t = 0; t < slab.tiles(); ++t) {
-        const size_t columns = static_cast<size_t>(slab.columns());
-        const size_t row = static_cast<size_t>(slab.row_begin) + t / columns;
-        const size_t column = static_cast<size_t>(slab.column_begin) + t % columns;
+    for (const Band& band : bands) {
+      ASSERT_TRUE(cut.build(splats, band, true, 2, memory).ok());
+      EXPECT_TRUE(cut.instances() * 8 <= bytes || band.tiles() == 1);
+      for (size_t t = 0; t < band.tiles(); ++t) {
+        const size_t columns = static_cast<size_t>(band.columns());
+        const size_t row = static_cast<size_t>(band.row_begin) + t / columns;
+        const size_t column = static_cast<size_t>(band.column_begin) + t % columns;
         const size_t tile = row * static_cast<size_t>(whole.columns()) + column;
-        EXPECT_EQ(tile, tiles++) << "slabs follow each other as tiles do";
+        EXPECT_EQ(tile, tiles++) << "bands follow each other as tiles do";
         ASSERT_EQ(cut.count(t), whole.count(tile));
         ASSERT_TRUE(std::equal(cut.list(t), cut.list(t) + cut.count(t), whole.list(tile)));
       }

@@ -1,24 +1,24 @@
 // SPDX-License-Identifier: Apache-2.0
-// The host's half of a decode: what is wanted (JobRequest), who decodes it (WarpSchedule), where it
-// lies (WorkspaceLayout) and what goes to the device (JobUpload), put together for one query.
+// The host's half of a decode: what is wanted (DecodeRequest), who decodes it (WarpSchedule), where
+// it lies (WorkspaceLayout) and what goes to the device (PageUpload), put together for one query.
 #pragma once
 
 #include <memory>
 
+#include "decoder/cuda/decode_request.h"
 #include "decoder/cuda/host_pages.h"
-#include "decoder/cuda/job_request.h"
-#include "decoder/cuda/job_upload.h"
 #include "decoder/cuda/kernels.h"
 #include "decoder/cuda/layer_tables.h"
+#include "decoder/cuda/page_upload.h"
 #include "decoder/cuda/warp_schedule.h"
 #include "decoder/cuda/workspace_layout.h"
 
 namespace l4d::cuda {
 
-class Job {
+class PreparedRequest {
  public:
   // multiprocessors: of the device.
-  Job(SceneFile& file, LayerTables& tables, uint32_t multiprocessors, int threads)
+  PreparedRequest(SceneFile& file, LayerTables& tables, uint32_t multiprocessors, int threads)
       : file_(file),
         tables_(tables),
         multiprocessors_(multiprocessors),
@@ -34,22 +34,22 @@ class Job {
   uint64_t staging_bytes() const { return layout_.upload_bytes; }
   uint64_t workspace_bytes() const { return layout_.bytes; }
   const void* staging() const { return upload_.data(); }
-  // The job in a workspace on the device.
-  DeviceJob device_job(unsigned char* workspace) const {
-    return cuda::device_job(request_, layout_, tables_.device_layers(), workspace);
+  // The request in a workspace on the device.
+  DeviceRequest device_request(unsigned char* workspace) const {
+    return cuda::device_request(request_, layout_, tables_.device_layers(), workspace);
   }
-  const PlanesLaunch& planes_launch() const { return schedule_.launch; }
+  const ChannelsLaunch& channels_launch() const { return schedule_.launch; }
   ExpandLaunch expand_launch() const;
-  // What comes back: faults [num_pages, 2], and behind them the numbers of literals.
+  // What comes back: faults [num_pages, 2], and behind them the numbers of escapes.
   uint64_t faults_at() const { return layout_.faults.offset; }
   uint64_t results_bytes() const { return layout_.results_bytes(); }
   size_t num_pages() const { return request_.pages().size(); }
   // What faults [num_pages, 2] mean: the first one in the order of the plan.
   Status check(const uint32_t* faults) const;
 
-  const uint64_t* num_literals(const void* results) const {
+  const uint64_t* num_escapes(const void* results) const {
     return reinterpret_cast<const uint64_t*>(static_cast<const unsigned char*>(results) +
-                                             (layout_.num_literals.offset - layout_.faults.offset));
+                                             (layout_.num_escapes.offset - layout_.faults.offset));
   }
 
   const HostPages& host() const { return host_; }
@@ -59,11 +59,11 @@ class Job {
   LayerTables& tables_;
   const uint32_t multiprocessors_;
   std::unique_ptr<MemoryCharge> charge_;
-  JobRequest request_;
+  DecodeRequest request_;
   WarpSchedule schedule_;
   WorkspaceLayout layout_;
   HostPages host_;
-  JobUpload upload_;
+  PageUpload upload_;
 };
 
 }  // namespace l4d::cuda

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The planes of a page, one after another, from its rANS blocks to columns (spec: "rANS pages").
-// One warp works on one page; what it does to each plane is what libl4dcodec/container/rans_page.cc
-// does.
+// The channels of a page, one after another, from its rANS blocks to columns (spec: "rANS pages").
+// One warp works on one page; what it does to each channel is what
+// libl4dcodec/container/rans_page.cc does.
 #pragma once
 
 #include "decoder/cuda/lanes.cuh"
@@ -9,18 +9,18 @@
 
 namespace l4d::cuda {
 
-// What a plane knows of a Gaussian that takes part in it.
+// What a channel knows of a Gaussian that takes part in it.
 //   bits  0..15 its place in the page
 //   bits 16..19 magnitude of the coefficient before, 15 = that or more
 //   bits 20..22 what the two magnitudes before add to the context
-//   bits 23..26 class or depth
-// From bit 20 on it is an index of a plane's map.
-constexpr uint32_t kStateLast = 16, kStateContext = 20, kStateClass = 23;
+//   bits 23..26 step exponent or depth
+// From bit 20 on it is an index of a channel's map.
+constexpr uint32_t kStateLast = 16, kStateContext = 20, kStateStepExponent = 23;
 // Where no Gaussian is: no magnitudes give this context, and maps send it to the idle table.
 constexpr uint32_t kNoState = kIdleContext << kStateContext;
 __device__ inline uint32_t state_place(uint32_t state) { return state & 0xffff; }
-__device__ inline uint32_t state_of(int place, uint32_t cls) {
-  return cls << kStateClass | static_cast<uint32_t>(place);
+__device__ inline uint32_t state_of(int place, uint32_t step_exponent) {
+  return step_exponent << kStateStepExponent | static_cast<uint32_t>(place);
 }
 
 // Coefficient `code`, as zigzag, comes before the next one.
@@ -29,18 +29,18 @@ __device__ inline uint32_t state_after(uint32_t state, uint32_t code) {
   // The context of two magnitudes is the logarithm of their sum and 1.
   const uint32_t sum = (state & 15u << kStateLast) + magnitude + (1u << kStateLast);
   const uint32_t context = 31 - static_cast<uint32_t>(__clz(static_cast<int>(sum))) - kStateLast;
-  return (state & (15u << kStateClass | 0xffffu)) | magnitude | context << kStateContext;
+  return (state & (15u << kStateStepExponent | 0xffffu)) | magnitude | context << kStateContext;
 }
 
 class PageWarp {
  public:
-  __device__ PageWarp(const DeviceJob& job, const DeviceLayer& layer, const DevicePage& page,
-                      const PlaneProgram* planes, const uint8_t* maps, const SharedTables& tables,
-                      unsigned char* ring, uint32_t* state)
-      : job_(job),
+  __device__ PageWarp(const DeviceRequest& request, const DeviceLayer& layer,
+                      const DevicePage& page, const ChannelProgram* channels, const uint8_t* maps,
+                      const SharedTables& tables, unsigned char* ring, uint32_t* state)
+      : request_(request),
         layer_(layer),
         page_(page),
-        planes_(planes),
+        channels_(channels),
         maps_(maps),
         idle_(tables.idle),
         lanes_(tables, ring),
@@ -49,36 +49,37 @@ class PageWarp {
         n_(static_cast<int>(page.n)) {}
 
   __device__ uint32_t run_part(uint32_t part) {
-    lanes_.open(job_.upload + page_.part_at[part], page_.part_bytes[part]);
+    lanes_.open(request_.upload + page_.chunk_at[part], page_.chunk_bytes[part]);
     const uint32_t first = part == 0 ? 0 : page_.middle;
-    const uint32_t last = part == 0 ? page_.middle : layer_.num_planes;
+    const uint32_t last = part == 0 ? page_.middle : layer_.num_channels;
     for (uint32_t p = first; p < last; ++p) {
-      const uint32_t fault = run_plane(planes_[p]);
+      const uint32_t fault = run_channel(channels_[p]);
       if (fault != kPageOk) return fault;
     }
     return lanes_.finished() ? kPageOk : kFaultEnd;
   }
 
  private:
-  // Where the table of a symbol comes from: it is one for all, or what the plane's map says of what
-  // is loaded, from kStateContext on. Behind the last of kStates come some of kNoState.
-  enum class TableOf { kPlane, kContexts, kStates };
+  // Where the table of a symbol comes from: it is one for all, or what the channel's map says of
+  // what is loaded, from kStateContext on. Behind the last of kStates come some of kNoState.
+  enum class TableOf { kChannel, kContexts, kStates };
 
-  // Decodes a plane of `count` symbols. load(i): what is known of symbol i, or of no symbol, up to
-  // kStatesBehind places behind the last. sink(i, loaded, value, active) is called by all lanes;
+  // Decodes a channel of `count` symbols. load(i): what is known of symbol i, or of no symbol, up
+  // to kStatesBehind places behind the last. sink(i, loaded, value, active) is called by all lanes;
   // `active` tells whose symbol there is. A warp does one thing after another, and each step of a
   // state waits for the one before. So that other work fills the wait, what is known of symbols is
   // asked for two groups ahead, tables are found one group ahead, and values are put away while the
   // next group is decoded, all of it without a branch.
   template <TableOf kTableOf, typename Load, typename Sink>
-  __device__ void hybrid(const PlaneProgram& plane, int count, const Load& load, const Sink& sink) {
+  __device__ void hybrid(const ChannelProgram& channel, int count, const Load& load,
+                         const Sink& sink) {
     if (count == 0) return;
-    const uint8_t* map = maps_ + plane.map;
-    const uint32_t only = plane.table;
+    const uint8_t* map = maps_ + channel.map;
+    const uint32_t only = channel.table;
     const int lane = static_cast<int>(lane_);
     const auto table_of = [&](int i, uint32_t loaded) {
       if (kTableOf == TableOf::kStates) return uint32_t{map[loaded >> kStateContext]};
-      const uint32_t table = kTableOf == TableOf::kPlane ? only : map[loaded >> kStateContext];
+      const uint32_t table = kTableOf == TableOf::kChannel ? only : map[loaded >> kStateContext];
       return i < count ? table : idle_;
     };
     uint32_t before = 0, value = 0;
@@ -105,9 +106,9 @@ class PageWarp {
     __syncwarp();
   }
   template <typename Sink>
-  __device__ void hybrid_of_all(const PlaneProgram& plane, const Sink& sink) {
-    hybrid<TableOf::kPlane>(
-        plane, n_, [](int) { return 0u; },
+  __device__ void hybrid_of_all(const ChannelProgram& channel, const Sink& sink) {
+    hybrid<TableOf::kChannel>(
+        channel, n_, [](int) { return 0u; },
         [&](int i, uint32_t, uint32_t value, bool active) { sink(i, value, active); });
   }
 
@@ -128,53 +129,53 @@ class PageWarp {
     __syncwarp();
   }
 
-  __device__ Columns::Component component(const PlaneProgram& plane) const {
-    Columns::Component c = job_.columns.component[plane.component];
+  __device__ Columns::Component component(const ChannelProgram& channel) const {
+    Columns::Component c = request_.columns.component[channel.component];
     c.head += page_.slot;
-    c.rung += page_.slot;
+    c.eob_index += page_.slot;
     c.value += page_.slot;
     return c;
   }
 
-  __device__ uint32_t run_plane(const PlaneProgram& plane) {
-    switch (static_cast<PlaneKind>(plane.kind)) {
-      case PlaneKind::kPosition:
-        return positions(plane);
-      case PlaneKind::kMeanT:
-        return layer_.mean_t_coded == static_cast<uint32_t>(MeanCodingId::kFixed)
-                   ? codes(plane, job_.columns.mean_t + page_.slot)
-                   : means(plane);
-      case PlaneKind::kMeanTFine:
-        return refinements(plane);
-      case PlaneKind::kOpacity:
-        return codes(plane, job_.columns.opacity + page_.slot);
-      case PlaneKind::kScaleFactor:
-        return codes(plane, job_.columns.scale_factor + page_.slot);
-      case PlaneKind::kDepth:
-        return depths(plane);
-      case PlaneKind::kIndex:
-        return indices(plane);
-      case PlaneKind::kLiteral:
-        return literals(plane);
-      case PlaneKind::kClass:
-        return classes(plane);
-      case PlaneKind::kRung:
-        return rungs(plane);
-      case PlaneKind::kCoefficient:
-        return coefficients(plane);
+  __device__ uint32_t run_channel(const ChannelProgram& channel) {
+    switch (static_cast<ChannelKind>(channel.kind)) {
+      case ChannelKind::kPosition:
+        return positions(channel);
+      case ChannelKind::kMeanT:
+        return layer_.mean_t_coded == static_cast<uint32_t>(CoordinateCodingId::kFixed)
+                   ? codes(channel, request_.columns.mean_t + page_.slot)
+                   : means(channel);
+      case ChannelKind::kMeanTFine:
+        return refinements(channel);
+      case ChannelKind::kOpacity:
+        return codes(channel, request_.columns.opacity + page_.slot);
+      case ChannelKind::kScaleFactor:
+        return codes(channel, request_.columns.scale_factor + page_.slot);
+      case ChannelKind::kDepth:
+        return depths(channel);
+      case ChannelKind::kIndex:
+        return indices(channel);
+      case ChannelKind::kEscape:
+        return escapes(channel);
+      case ChannelKind::kStepExponent:
+        return step_exponents(channel);
+      case ChannelKind::kEobIndex:
+        return eob_indices(channel);
+      case ChannelKind::kCoefficient:
+        return coefficients(channel);
     }
     return kPageOk;
   }
 
-  __device__ uint32_t positions(const PlaneProgram& plane) {
-    uint64_t* out = job_.columns.morton + page_.slot;
+  __device__ uint32_t positions(const ChannelProgram& channel) {
+    uint64_t* out = request_.columns.morton + page_.slot;
     const bool is_half = layer_.position_fixed == 0;
     uint64_t sum = 0, above = 0;
     bool not_finite = false;
     for (uint32_t base = 0; base < page_.n; base += 32) {
       const uint32_t i = base + lane_;
       const bool active = i < page_.n;
-      uint64_t code = lanes_.wide(active ? uint32_t{plane.table} : idle_);
+      uint64_t code = lanes_.wide(active ? uint32_t{channel.table} : idle_);
       for (uint32_t step = 1; step < 32; step *= 2) {
         const uint64_t before = __shfl_up_sync(kAllLanes, code, step);
         if (lane_ >= step) code += before;
@@ -195,14 +196,14 @@ class PageWarp {
     return fault != kPageOk ? fault : fault_of(not_finite, kFaultNotFinite);
   }
 
-  __device__ uint32_t means(const PlaneProgram& plane) {
-    uint16_t* out = job_.columns.mean_t + page_.slot;
+  __device__ uint32_t means(const ChannelProgram& channel) {
+    uint16_t* out = request_.columns.mean_t + page_.slot;
     const uint32_t shift = layer_.mean_t_shift;
     // The middle of what a code stands for.
     const uint32_t middle = shift > 0 ? 1u << (shift - 1) : 0;
     bool bad = false, not_finite = false;
-    const uint32_t limit = plane.limit;
-    hybrid_of_all(plane, [&](int i, uint32_t value, bool active) {
+    const uint32_t limit = channel.limit;
+    hybrid_of_all(channel, [&](int i, uint32_t value, bool active) {
       bad |= active && value >= limit;
       const uint16_t half = unordered_half(value << shift | middle);
       not_finite |= active && !is_finite_half(half);
@@ -212,130 +213,133 @@ class PageWarp {
     return fault != kPageOk ? fault : fault_of(not_finite, kFaultNotFinite);
   }
 
-  __device__ uint32_t refinements(const PlaneProgram& plane) {
-    uint16_t* out = job_.columns.mean_t_fine + page_.slot;
-    hybrid_of_all(plane,
+  __device__ uint32_t refinements(const ChannelProgram& channel) {
+    uint16_t* out = request_.columns.mean_t_fine + page_.slot;
+    hybrid_of_all(channel,
                   [&](int i, uint32_t value, bool active) { store_if(active, out + i, value); });
     return kPageOk;
   }
 
-  __device__ uint32_t codes(const PlaneProgram& plane, uint16_t* out) {
-    const uint32_t limit = plane.limit;
+  __device__ uint32_t codes(const ChannelProgram& channel, uint16_t* out) {
+    const uint32_t limit = channel.limit;
     bool bad = false;
-    hybrid_of_all(plane, [&](int i, uint32_t value, bool active) {
+    hybrid_of_all(channel, [&](int i, uint32_t value, bool active) {
       bad |= active && value >= limit;
       store_if(active, out + i, value);
     });
     return fault_of(bad, kFaultCode);
   }
 
-  __device__ uint32_t depths(const PlaneProgram& plane) {
-    const Columns::Component c = component(plane);
-    const DeviceComponent& coding = layer_.component[plane.component];
-    const bool has_literals = plane.limit > kLiteralDepth;
+  __device__ uint32_t depths(const ChannelProgram& channel) {
+    const Columns::Component c = component(channel);
+    const DeviceComponent& coding = layer_.component[channel.component];
+    const bool has_escapes = channel.limit > kEscapeDepth;
     bool bad = false;
     int kept = 0;
-    hybrid<TableOf::kPlane>(
-        plane, n_, [](int) { return 0u; },
+    hybrid<TableOf::kChannel>(
+        channel, n_, [](int) { return 0u; },
         [&](int i, uint32_t, uint32_t value, bool active) {
-          const bool literal = value == kLiteralDepth && has_literals;
-          bad |= !literal && value > coding.num_stages;
+          const bool escape = value == kEscapeDepth && has_escapes;
+          bad |= !escape && value > coding.num_stages;
           store_if(active, c.head + i, value);
-          keep(active && !literal && value > 0, state_of(i, value & 15), &kept);
+          keep(active && !escape && value > 0, state_of(i, value & 15), &kept);
         });
     set_members(kept);
     return fault_of(bad, kFaultDepth);
   }
 
-  __device__ uint32_t indices(const PlaneProgram& plane) {
-    uint16_t* out = component(plane).value + plane.index * job_.columns.stride;
-    const uint32_t limit = plane.index == 0 ? page_.stage0_entries[plane.component] : plane.limit;
+  __device__ uint32_t indices(const ChannelProgram& channel) {
+    uint16_t* out = component(channel).value + channel.index * request_.columns.stride;
+    const uint32_t limit =
+        channel.index == 0 ? page_.stage0_entries[channel.component] : channel.limit;
     bool bad = false;
-    if (plane.by_depth == 0) {
-      hybrid_of_all(plane, [&](int i, uint32_t value, bool active) {
+    if (channel.by_depth == 0) {
+      hybrid_of_all(channel, [&](int i, uint32_t value, bool active) {
         bad |= active && value >= limit;
         store_if(active, out + i, value);
       });
       return fault_of(bad, kFaultIndex);
     }
-    const uint32_t least = plane.keep_above;
+    const uint32_t least = channel.keep_above;
     int kept = 0;
-    hybrid<TableOf::kPlane>(
-        plane, members_, [&](int i) { return state_[i]; },
+    hybrid<TableOf::kChannel>(
+        channel, members_, [&](int i) { return state_[i]; },
         [&](int, uint32_t state, uint32_t value, bool active) {
           bad |= active && value >= limit;
           store_if(active, out + state_place(state), value);
           if (least == 0) return;
-          keep(active && state >> kStateClass > least, state, &kept);
+          keep(active && state >> kStateStepExponent > least, state, &kept);
         });
     if (least != 0) set_members(kept);
     return fault_of(bad, kFaultIndex);
   }
 
-  __device__ uint32_t literals(const PlaneProgram& plane) {
-    const Columns::Component c = component(plane);
-    if (plane.index == 0) {
+  __device__ uint32_t escapes(const ChannelProgram& channel) {
+    const Columns::Component c = component(channel);
+    if (channel.index == 0) {
       int kept = 0;
       for (int base = 0; base < n_; base += 32) {
         const int i = base + static_cast<int>(lane_);
-        keep(i < n_ && c.head[i] == kLiteralDepth, state_of(i, 0), &kept);
+        keep(i < n_ && c.head[i] == kEscapeDepth, state_of(i, 0), &kept);
       }
       set_members(kept);
     }
-    const uint32_t stages = layer_.component[plane.component].num_stages;
-    uint16_t* out = c.value + (stages + plane.index) * job_.columns.stride;
+    const uint32_t stages = layer_.component[channel.component].num_stages;
+    uint16_t* out = c.value + (stages + channel.index) * request_.columns.stride;
     bool not_finite = false;
-    hybrid<TableOf::kPlane>(
-        plane, members_, [&](int i) { return state_[i]; },
+    hybrid<TableOf::kChannel>(
+        channel, members_, [&](int i) { return state_[i]; },
         [&](int, uint32_t state, uint32_t value, bool active) {
           const uint16_t half = unordered_half(value);
           not_finite |= active && !is_finite_half(half);
           store_if(active, out + state_place(state), half);
         });
-    return fault_of(not_finite, kFaultLiteral);
+    return fault_of(not_finite, kFaultEscape);
   }
 
-  __device__ uint32_t classes(const PlaneProgram& plane) {
-    const Columns::Component c = component(plane);
-    const bool has_contexts = plane.context_of != 0xff;
+  __device__ uint32_t step_exponents(const ChannelProgram& channel) {
+    const Columns::Component c = component(channel);
+    const bool has_contexts = channel.context_of != 0xff;
     const uint8_t* contexts =
-        has_contexts ? job_.columns.component[plane.context_of].head + page_.slot : nullptr;
+        has_contexts ? request_.columns.component[channel.context_of].head + page_.slot : nullptr;
     bool bad = false;
     hybrid<TableOf::kContexts>(
-        plane, n_,
-        [&](int i) { return has_contexts ? (contexts[i] % kTransformClasses) << kStateClass : 0u; },
+        channel, n_,
+        [&](int i) {
+          return has_contexts ? (contexts[i] % kTransformStepExponents) << kStateStepExponent : 0u;
+        },
         [&](int i, uint32_t, uint32_t value, bool active) {
-          bad |= active && value >= kTransformClasses;
+          bad |= active && value >= kTransformStepExponents;
           store_if(active, c.head + i, value);
           store_if(active, state_ + i, state_of(i, value & 15));
         });
     set_members(n_);
-    return fault_of(bad, kFaultClass);
+    return fault_of(bad, kFaultStepExponent);
   }
 
-  __device__ uint32_t rungs(const PlaneProgram& plane) {
-    const Columns::Component c = component(plane);
+  __device__ uint32_t eob_indices(const ChannelProgram& channel) {
+    const Columns::Component c = component(channel);
     bool bad = false;
     int kept = 0;
-    const uint32_t limit = plane.limit;
+    const uint32_t limit = channel.limit;
     hybrid<TableOf::kStates>(
-        plane, n_, [&](int i) { return state_[i]; },
+        channel, n_, [&](int i) { return state_[i]; },
         [&](int i, uint32_t state, uint32_t value, bool active) {
           bad |= active && value >= limit;
-          store_if(active, c.rung + i, value);
+          store_if(active, c.eob_index + i, value);
           keep(active && value > 0, state, &kept);
         });
     set_members(kept);
-    return fault_of(bad, kFaultRung);
+    return fault_of(bad, kFaultEobIndex);
   }
 
-  __device__ uint32_t coefficients(const PlaneProgram& plane) {
-    const Columns::Component c = component(plane);
-    uint16_t* out = whole(c.value + plane.index * job_.columns.stride);
-    const uint32_t least = plane.keep_above;
+  __device__ uint32_t coefficients(const ChannelProgram& channel) {
+    const Columns::Component c = component(channel);
+    uint16_t* out = whole(c.value + channel.index * request_.columns.stride);
+    const uint32_t least = channel.keep_above;
     const auto load = [&](int i) { return state_[i]; };
     if (least == 0) {
-      hybrid<TableOf::kStates>(plane, members_, load,
+      hybrid<TableOf::kStates>(channel, members_, load,
                                [&](int i, uint32_t state, uint32_t value, bool active) {
                                  store_if(active, out + state_place(state), value);
                                  store_if(active, state_ + i, state_after(state, value));
@@ -344,19 +348,19 @@ class PageWarp {
     }
     int kept = 0;
     hybrid<TableOf::kStates>(
-        plane, members_, load, [&](int, uint32_t state, uint32_t value, bool active) {
+        channel, members_, load, [&](int, uint32_t state, uint32_t value, bool active) {
           const uint32_t place = state_place(state);
           store_if(active, out + place, value);
-          keep(active && c.rung[place] > least, state_after(state, value), &kept);
+          keep(active && c.eob_index[place] > least, state_after(state, value), &kept);
         });
     set_members(kept);
     return kPageOk;
   }
 
-  const DeviceJob& job_;
+  const DeviceRequest& request_;
   const DeviceLayer& layer_;
   const DevicePage& page_;
-  const PlaneProgram* planes_;
+  const ChannelProgram* channels_;
   const uint8_t* maps_;
   const uint32_t idle_;
   Lanes lanes_;
@@ -366,14 +370,14 @@ class PageWarp {
   int members_ = 0;
 };
 
-// Shared memory of a block of threads: records, tokens, planes, maps, and the ring of each warp.
+// Shared memory of a block of threads: records, tokens, channels, maps, and the ring of each warp.
 struct PlanesLayout {
-  uint32_t tokens, planes, maps, rings, bytes;
-  __host__ __device__ PlanesLayout(uint32_t num_tables, uint32_t num_planes, uint32_t map_bytes,
+  uint32_t tokens, channels, maps, rings, bytes;
+  __host__ __device__ PlanesLayout(uint32_t num_tables, uint32_t num_channels, uint32_t map_bytes,
                                    uint32_t warps)
       : tokens(num_tables * kTableRecords * 8),
-        planes(tokens + num_tables * kTableRanks),
-        maps(planes + num_planes * static_cast<uint32_t>(sizeof(PlaneProgram))),
+        channels(tokens + num_tables * kTableRanks),
+        maps(channels + num_channels * static_cast<uint32_t>(sizeof(ChannelProgram))),
         rings(maps + map_bytes),
         bytes(rings + warps * kRingBytes) {}
 };
@@ -387,13 +391,13 @@ __device__ inline void copy_to_shared(const void* from, uint32_t bytes, unsigned
 }
 
 // shared: of PlanesLayout. One block of threads for each BlockTask, a warp for each of its pages.
-__device__ inline void decode_planes(const DeviceJob& job, unsigned char* shared) {
-  const BlockTask block = job.blocks[blockIdx.x];
-  const DeviceLayer& layer = job.layers[block.layer];
-  const PlanesLayout at(layer.num_tables, layer.num_planes, layer.map_bytes, 0);
+__device__ inline void decode_channels(const DeviceRequest& request, unsigned char* shared) {
+  const BlockTask block = request.blocks[blockIdx.x];
+  const DeviceLayer& layer = request.layers[block.layer];
+  const PlanesLayout at(layer.num_tables, layer.num_channels, layer.map_bytes, 0);
   copy_to_shared(layer.records, at.tokens, shared);
-  copy_to_shared(layer.tokens, at.planes - at.tokens, shared + at.tokens);
-  copy_to_shared(layer.planes, at.maps - at.planes, shared + at.planes);
+  copy_to_shared(layer.tokens, at.channels - at.tokens, shared + at.tokens);
+  copy_to_shared(layer.channels, at.maps - at.channels, shared + at.channels);
   copy_to_shared(layer.maps, at.rings - at.maps, shared + at.maps);
   end_copies();
   wait_for_copies<0>();
@@ -401,18 +405,19 @@ __device__ inline void decode_planes(const DeviceJob& job, unsigned char* shared
   // One number for a warp, as compilers can see.
   const uint32_t warp = __shfl_sync(kAllLanes, threadIdx.x / 32, 0);
   if (warp >= block.count) return;
-  const WarpTask task = job.warps[block.first + warp];
-  const DevicePage& page = job.pages[task.page];
+  const WarpTask task = request.warps[block.first + warp];
+  const DevicePage& page = request.pages[task.page];
   const SharedTables tables{shared, shared + at.tokens, layer.num_tables - 1};
   // Parts that two warps decode at the same time need a state each.
-  uint32_t* state =
-      whole(job.columns.state + (task.parts == 2 ? job.columns.state_stride : 0) + page.state);
-  PageWarp decoder(job, layer, page, reinterpret_cast<const PlaneProgram*>(shared + at.planes),
-                   shared + at.maps, tables, shared + at.rings + warp * kRingBytes, state);
+  uint32_t* state = whole(request.columns.state +
+                          (task.parts == 2 ? request.columns.state_stride : 0) + page.state);
+  PageWarp decoder(request, layer, page,
+                   reinterpret_cast<const ChannelProgram*>(shared + at.channels), shared + at.maps,
+                   tables, shared + at.rings + warp * kRingBytes, state);
   for (uint32_t part = 0; part < 2; ++part) {
     if ((task.parts >> part & 1) == 0) continue;
     const uint32_t fault = decoder.run_part(part);
-    if (threadIdx.x % 32 == 0) job.faults[2 * task.page + part] = fault;
+    if (threadIdx.x % 32 == 0) request.faults[2 * task.page + part] = fault;
     if (fault != kPageOk) return;
   }
 }

@@ -10,13 +10,13 @@
 
 namespace l4d::cli {
 
-class Ranks {
+class ProcessGroup {
  public:
   // Joins the others where the environment says that there are any and this build has MPI.
-  Ranks();
-  ~Ranks();
-  Ranks(const Ranks&) = delete;
-  Ranks& operator=(const Ranks&) = delete;
+  ProcessGroup();
+  ~ProcessGroup();
+  ProcessGroup(const ProcessGroup&) = delete;
+  ProcessGroup& operator=(const ProcessGroup&) = delete;
 
   uint32_t rank() const { return rank_; }
   uint32_t count() const { return count_; }
@@ -27,7 +27,7 @@ class Ranks {
   bool helps() const { return rank_ > 0; }
   // For the library; null where the command was not started for ranks. One rank alone has it too,
   // so that it measures what several do.
-  const l4d_ranks* handle() const { return joined_ ? &handle_ : nullptr; }
+  const l4d_process_group* handle() const { return joined_ ? &handle_ : nullptr; }
   // Ends all ranks, since those that wait for this one would wait for ever. Returns where there is
   // one.
   void abort(int exit_code) const;
@@ -36,7 +36,7 @@ class Ranks {
   bool joined_ = false;
   uint32_t rank_ = 0, count_ = 1;
   uint32_t local_rank_ = 0, local_count_ = 1;
-  l4d_ranks handle_{};
+  l4d_process_group handle_{};
 };
 
 }  // namespace l4d::cli

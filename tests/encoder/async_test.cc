@@ -2,7 +2,7 @@
 // Work beside the calling thread: SH beside the layers where there is a device, scales and both
 // halves of rotors where there are threads enough. Neither may change a bit of the file, nor what
 // cancelling does.
-#include "encoder/beside.h"
+#include "encoder/async.h"
 
 #include <gtest/gtest.h>
 
@@ -20,22 +20,22 @@ namespace {
 using test::SceneOptions;
 using test::TestScene;
 
-TEST(BesideTest, ApartOrAtOnce) {
+TEST(AsyncTest, ApartOrAtOnce) {
   std::thread::id worker;
   const auto work = [&] {
     worker = std::this_thread::get_id();
     return 5;
   };
-  EXPECT_EQ(start_beside(true, work).get(), 5);
+  EXPECT_EQ(start_async(true, work).get(), 5);
   EXPECT_NE(worker, std::this_thread::get_id());
-  std::future<int> done = start_beside(false, work);
+  std::future<int> done = start_async(false, work);
   EXPECT_EQ(worker, std::this_thread::get_id());
   EXPECT_EQ(done.get(), 5);
 }
 
-TEST(BesideTest, ExceptionsComeWithTheResult) {
-  for (const bool apart : {true, false}) {
-    std::future<void> failed = start_beside(apart, [] { throw std::runtime_error("no"); });
+TEST(AsyncTest, ExceptionsComeWithTheResult) {
+  for (const bool concurrent : {true, false}) {
+    std::future<void> failed = start_async(concurrent, [] { throw std::runtime_error("no"); });
     EXPECT_THROW(failed.get(), std::runtime_error);
   }
 }
@@ -80,7 +80,7 @@ int on_progress(void* user, uint64_t done, uint64_t, const char*) {
   return a.calls++ == a.at ? 1 : 0;
 }
 
-class BesideEncode : public testing::TestWithParam<bool> {  // whether with one stage of codebooks
+class AsyncEncode : public testing::TestWithParam<bool> {  // whether with one stage of codebooks
  protected:
   void SetUp() override {
     SceneOptions s;
@@ -121,7 +121,7 @@ class BesideEncode : public testing::TestWithParam<bool> {  // whether with one 
   std::atomic<size_t> searches_{0};
 };
 
-TEST_P(BesideEncode, ChangesNoBit) {
+TEST_P(AsyncEncode, ChangesNoBit) {
   const std::string want = encode(1, false);
   ASSERT_FALSE(want.empty());
   for (const uint32_t threads : {1u, 2u, 3u, 7u}) {
@@ -132,7 +132,7 @@ TEST_P(BesideEncode, ChangesNoBit) {
   }
 }
 
-TEST_P(BesideEncode, CancelsFromTheFirstCallOn) {
+TEST_P(AsyncEncode, CancelsFromTheFirstCallOn) {
   Answers count;
   const std::string want = encode(4, true, &count);
   EXPECT_FALSE(want.empty());
@@ -147,7 +147,7 @@ TEST_P(BesideEncode, CancelsFromTheFirstCallOn) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Settings, BesideEncode, testing::Bool());
+INSTANTIATE_TEST_SUITE_P(Settings, AsyncEncode, testing::Bool());
 
 }  // namespace
 }  // namespace l4d

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "libl4dcodec/container/planes.h"
+#include "libl4dcodec/container/channels.h"
 
 #include <gtest/gtest.h>
 
@@ -37,8 +37,8 @@ struct Chunk {
   Bytes map;
 
   Chunk(const SceneHeader& header, const LayerHeader& layer) {
-    for (const PlaneSpec& p : page_planes(header, layer)) {
-      map.insert(map.end(), p.contexts, p.kind == PlaneKind::kPosition ? uint8_t{0} : uint8_t{1});
+    for (const ChannelSpec& p : page_channels(header, layer)) {
+      map.insert(map.end(), p.contexts, p.kind == ChannelKind::kPosition ? uint8_t{0} : uint8_t{1});
     }
   }
   Bytes bytes() const {
@@ -52,11 +52,11 @@ struct Chunk {
 };
 
 struct Expected {
-  PlaneKind kind;
+  ChannelKind kind;
   unsigned component, index, contexts;
 };
 
-void expect_planes(const std::vector<Expected>& want, const std::vector<PlaneSpec>& got) {
+void expect_channels(const std::vector<Expected>& want, const std::vector<ChannelSpec>& got) {
   ASSERT_EQ(want.size(), got.size());
   for (size_t i = 0; i < want.size(); ++i) {
     EXPECT_EQ(want[i].kind, got[i].kind) << i;
@@ -67,64 +67,64 @@ void expect_planes(const std::vector<Expected>& want, const std::vector<PlaneSpe
 }
 
 // spec: PAGE-2
-TEST(Planes, OrderAndContexts) {
+TEST(Channels, OrderAndContexts) {
   SceneHeader h = test::transform_header();
   h.sh = test::example_transform({2}, 1);
   LayerHeader& layer = h.layers[1];
   layer.component[L4D_COMPONENT_SCALE] = test::example_vq(4, 2, true, 1);
   const unsigned scale = L4D_COMPONENT_SCALE, spatial = L4D_COMPONENT_ROTOR_SPATIAL,
                  temporal = L4D_COMPONENT_ROTOR_TEMPORAL, sh = L4D_COMPONENT_SH;
-  const std::vector<PlaneSpec> planes = page_planes(h, layer);
-  expect_planes({{PlaneKind::kPosition, 0, 0, 1},
-                 {PlaneKind::kMeanT, 0, 0, 1},
-                 {PlaneKind::kOpacity, 0, 0, 1},
-                 {PlaneKind::kScaleFactor, 0, 0, 1},
-                 {PlaneKind::kDepth, scale, 0, 1},
-                 {PlaneKind::kIndex, scale, 0, 1},
-                 {PlaneKind::kIndex, scale, 1, 1},
-                 {PlaneKind::kLiteral, scale, 0, 1},
-                 {PlaneKind::kLiteral, scale, 1, 1},
-                 {PlaneKind::kLiteral, scale, 2, 1},
-                 {PlaneKind::kLiteral, scale, 3, 1},
-                 {PlaneKind::kClass, spatial, 0, 16},
-                 {PlaneKind::kCoefficient, spatial, 0, 16},
-                 {PlaneKind::kCoefficient, spatial, 1, 80},
-                 {PlaneKind::kCoefficient, spatial, 2, 80},
-                 {PlaneKind::kClass, temporal, 0, 16},
-                 {PlaneKind::kRung, temporal, 0, 16},
-                 {PlaneKind::kCoefficient, temporal, 0, 16},
-                 {PlaneKind::kCoefficient, temporal, 1, 80},
-                 {PlaneKind::kCoefficient, temporal, 2, 80},
-                 {PlaneKind::kClass, sh, 0, 16},
-                 {PlaneKind::kCoefficient, sh, 0, 16},
-                 {PlaneKind::kCoefficient, sh, 1, 80}},
-                planes);
+  const std::vector<ChannelSpec> channels = page_channels(h, layer);
+  expect_channels({{ChannelKind::kPosition, 0, 0, 1},
+                   {ChannelKind::kMeanT, 0, 0, 1},
+                   {ChannelKind::kOpacity, 0, 0, 1},
+                   {ChannelKind::kScaleFactor, 0, 0, 1},
+                   {ChannelKind::kDepth, scale, 0, 1},
+                   {ChannelKind::kIndex, scale, 0, 1},
+                   {ChannelKind::kIndex, scale, 1, 1},
+                   {ChannelKind::kEscape, scale, 0, 1},
+                   {ChannelKind::kEscape, scale, 1, 1},
+                   {ChannelKind::kEscape, scale, 2, 1},
+                   {ChannelKind::kEscape, scale, 3, 1},
+                   {ChannelKind::kStepExponent, spatial, 0, 16},
+                   {ChannelKind::kCoefficient, spatial, 0, 16},
+                   {ChannelKind::kCoefficient, spatial, 1, 80},
+                   {ChannelKind::kCoefficient, spatial, 2, 80},
+                   {ChannelKind::kStepExponent, temporal, 0, 16},
+                   {ChannelKind::kEobIndex, temporal, 0, 16},
+                   {ChannelKind::kCoefficient, temporal, 0, 16},
+                   {ChannelKind::kCoefficient, temporal, 1, 80},
+                   {ChannelKind::kCoefficient, temporal, 2, 80},
+                   {ChannelKind::kStepExponent, sh, 0, 16},
+                   {ChannelKind::kCoefficient, sh, 0, 16},
+                   {ChannelKind::kCoefficient, sh, 1, 80}},
+                  channels);
   const SceneHeader bare = test::bare_header();
-  expect_planes({{PlaneKind::kPosition, 0, 0, 1}}, page_planes(bare, bare.layers[0]));
+  expect_channels({{ChannelKind::kPosition, 0, 0, 1}}, page_channels(bare, bare.layers[0]));
 }
 
 // spec: section 13.2
-TEST(Planes, DetailBeginsBehindTheBase) {
-  SceneHeader h = test::transform_header();  // SH: class, rung, 48 coefficients
-  const std::vector<PlaneSpec> planes = page_planes(h, h.layers[1]);
-  const size_t first = planes.size() - 50;
-  ASSERT_EQ(planes[first].kind, PlaneKind::kClass);
-  EXPECT_EQ(first_detail_plane(h, planes), first);
+TEST(Channels, DetailBeginsBehindTheBase) {
+  SceneHeader h = test::transform_header();  // SH: step exponent, EOB index, 48 coefficients
+  const std::vector<ChannelSpec> channels = page_channels(h, h.layers[1]);
+  const size_t first = channels.size() - 50;
+  ASSERT_EQ(channels[first].kind, ChannelKind::kStepExponent);
+  EXPECT_EQ(first_detail_channel(h, channels), first);
   for (const unsigned base : {1u, 3u, 47u, 48u}) {
     h.sh_base = base;
-    EXPECT_EQ(first_detail_plane(h, planes), first + 2 + base);
+    EXPECT_EQ(first_detail_channel(h, channels), first + 2 + base);
     EXPECT_EQ(h.has_sh_detail(), base < 48);
   }
-  h = test::example_header();  // SH: depth, three stages, 27 numbers of literals
-  const std::vector<PlaneSpec> of_codebooks = page_planes(h, h.layers[1]);
-  EXPECT_EQ(first_detail_plane(h, of_codebooks), of_codebooks.size() - 31);
+  h = test::example_header();  // SH: depth, three stages, 27 numbers of escapes
+  const std::vector<ChannelSpec> of_codebooks = page_channels(h, h.layers[1]);
+  EXPECT_EQ(first_detail_channel(h, of_codebooks), of_codebooks.size() - 31);
   EXPECT_TRUE(h.has_sh_detail());
   h = test::bare_header();
-  EXPECT_EQ(first_detail_plane(h, page_planes(h, h.layers[0])), 1u);
+  EXPECT_EQ(first_detail_channel(h, page_channels(h, h.layers[0])), 1u);
   EXPECT_FALSE(h.has_sh_detail());
 }
 
-TEST(Planes, MagnitudeContextsAreThoseOfTheSpecification) {
+TEST(Channels, MagnitudeContextsAreThoseOfTheSpecification) {
   for (unsigned sum = 0; sum < 70000; ++sum) {
     const unsigned want = sum == 0 ? 0 : sum < 3 ? 1 : sum < 7 ? 2 : sum < 15 ? 3 : 4;
     ASSERT_EQ(magnitude_context(sum), want) << sum;
@@ -132,7 +132,7 @@ TEST(Planes, MagnitudeContextsAreThoseOfTheSpecification) {
 }
 
 // spec: RANS-6
-TEST(Planes, RawColumnsCannotBeCoded) {
+TEST(Channels, RawColumnsCannotBeCoded) {
   const SceneHeader valid = test::transform_header();
   EXPECT_TRUE(rans_codable(valid, valid.layers[1]));
   const auto codable_after = [&](auto&& edit) {
@@ -140,10 +140,11 @@ TEST(Planes, RawColumnsCannotBeCoded) {
     edit(h);
     return rans_codable(h, h.layers[1]);
   };
-  EXPECT_FALSE(codable_after([](SceneHeader& h) { h.position = MeanCodingId::kRaw32; }));
+  EXPECT_FALSE(codable_after([](SceneHeader& h) { h.position = CoordinateCodingId::kRaw32; }));
   EXPECT_FALSE(codable_after([](SceneHeader& h) { h.opacity.coding = ScalarCodingId::kRaw32; }));
   EXPECT_FALSE(codable_after([](SceneHeader& h) { h.sh.coding = ComponentCodingId::kRaw32; }));
-  EXPECT_FALSE(codable_after([](SceneHeader& h) { h.layers[1].mean_t = MeanCodingId::kRaw32; }));
+  EXPECT_FALSE(
+      codable_after([](SceneHeader& h) { h.layers[1].mean_t = CoordinateCodingId::kRaw32; }));
   EXPECT_FALSE(codable_after(
       [](SceneHeader& h) { h.layers[1].scale_factor.coding = ScalarCodingId::kRaw32; }));
   for (unsigned c = L4D_COMPONENT_SCALE; c < L4D_COMPONENT_COUNT; ++c) {
@@ -151,7 +152,8 @@ TEST(Planes, RawColumnsCannotBeCoded) {
         [c](SceneHeader& h) { h.layers[1].component[c].coding = ComponentCodingId::kRaw32; }));
   }
   // Another layer's codings do not matter.
-  EXPECT_TRUE(codable_after([](SceneHeader& h) { h.layers[2].mean_t = MeanCodingId::kRaw32; }));
+  EXPECT_TRUE(
+      codable_after([](SceneHeader& h) { h.layers[2].mean_t = CoordinateCodingId::kRaw32; }));
 }
 
 TEST(EntropyTables, EverySlotHasItsToken) {
@@ -173,9 +175,9 @@ TEST(EntropyTables, EverySlotHasItsToken) {
       for (size_t slot = 0; slot < kRansSlots; ++slot) {
         ASSERT_EQ(out.entries[2 * kRansSlots + slot], want[slot]) << slot;
       }
-      ASSERT_EQ(out.maps.size(), out.planes.size());
-      for (size_t p = 0; p < out.planes.size(); ++p) {
-        EXPECT_EQ(out.maps[p].size(), out.planes[p].contexts);
+      ASSERT_EQ(out.maps.size(), out.channels.size());
+      for (size_t p = 0; p < out.channels.size(); ++p) {
+        EXPECT_EQ(out.maps[p].size(), out.channels[p].contexts);
         EXPECT_EQ(out.maps[p].front(), p == 0 ? 0 : 2);
       }
     }
@@ -279,11 +281,11 @@ TEST(EntropyTables, TheLongestChunkIsNotLongerThanItsBound) {
   EntropyTables out;
   const Status s = parse_entropy_tables(raw, kBase, h, layer, &out);
   ASSERT_TRUE(s.ok()) << s.detail();
-  EXPECT_LE(raw.size(), max_entropy_bytes(page_planes(h, layer)));
-  EXPECT_LE(out.memory_bytes(), entropy_memory(raw, page_planes(h, layer)));
+  EXPECT_LE(raw.size(), max_entropy_bytes(page_channels(h, layer)));
+  EXPECT_LE(out.memory_bytes(), entropy_memory(raw, page_channels(h, layer)));
   size_t contexts = 0;
-  for (const PlaneSpec& p : page_planes(h, layer)) contexts += p.contexts;
-  EXPECT_EQ(max_entropy_bytes(page_planes(h, layer)), 65794 + contexts);
+  for (const ChannelSpec& p : page_channels(h, layer)) contexts += p.contexts;
+  EXPECT_EQ(max_entropy_bytes(page_channels(h, layer)), 65794 + contexts);
 }
 
 }  // namespace

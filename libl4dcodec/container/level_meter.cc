@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "libl4dcodec/container/conformance.h"
+#include "libl4dcodec/container/level_meter.h"
 
 #include <algorithm>
 #include <cstdio>
 
-#include "libl4dcodec/container/planes.h"
+#include "libl4dcodec/container/channels.h"
 #include "libl4dcodec/entropy/rans_kernels.h"
 #include "libl4dcodec/scene/layers.h"
 
@@ -21,7 +21,7 @@ PhaseRun bucket_phases(unsigned level, uint32_t bucket) {
   return {first << shift, ((last + 1) << shift) - 1};
 }
 
-struct Books {
+struct Codebooks {
   uint64_t stored = 0, decoded = 0;
 
   void add(const StageCoding& stage, uint32_t dim) {
@@ -29,23 +29,23 @@ struct Books {
     decoded += uint64_t{stage.num_entries} * dim * sizeof(float);
   }
   void add(const ComponentCoding& c, uint32_t dim) {
-    for (size_t s = 0; s < c.num_books(); ++s) add(c.book(s), dim);
+    for (size_t s = 0; s < c.num_codebooks(); ++s) add(c.codebook(s), dim);
     if (c.has_rcq) add(c.rcq, dim);
   }
 };
 
-Books all_books(const SceneHeader& header) {
-  Books books;
-  books.add(header.sh, header.sh_dim());
+Codebooks all_codebooks(const SceneHeader& header) {
+  Codebooks codebooks;
+  codebooks.add(header.sh, header.sh_dim());
   for (const LayerHeader& layer : header.layers) {
     for (unsigned c = L4D_COMPONENT_SCALE; c < L4D_COMPONENT_COUNT; ++c) {
-      books.add(layer.component[c], header.component_dim(layer, c));
+      codebooks.add(layer.component[c], header.component_dim(layer, c));
     }
     if (!layer.has_entropy) continue;
-    books.stored += layer.entropy.stored_bytes;
-    books.decoded += kEntropyBytes;
+    codebooks.stored += layer.entropy.stored_bytes;
+    codebooks.decoded += kEntropyBytes;
   }
-  return books;
+  return codebooks;
 }
 
 std::string seconds_text(double seconds) {
@@ -75,8 +75,7 @@ PhaseRun needed_phases(const l4d_timeline& timeline, const LayerHeader& layer,
   return run;
 }
 
-void ConformanceMeter::add(const PhaseRun& run, uint64_t gaussians, uint64_t bytes,
-                           uint64_t memory) {
+void LevelMeter::add(const PhaseRun& run, uint64_t gaussians, uint64_t bytes, uint64_t memory) {
   if (run.empty()) return;
   const auto g = static_cast<int64_t>(gaussians);
   const auto b = static_cast<int64_t>(bytes);
@@ -86,8 +85,8 @@ void ConformanceMeter::add(const PhaseRun& run, uint64_t gaussians, uint64_t byt
   arrivals_.push_back({run.first, bytes});
 }
 
-void ConformanceMeter::add_directory_page(uint32_t layer_index, uint32_t index,
-                                          uint64_t stored_bytes, const DirectoryPage* page) {
+void LevelMeter::add_directory_page(uint32_t layer_index, uint32_t index, uint64_t stored_bytes,
+                                    const DirectoryPage* page) {
   const LayerHeader& layer = header_.layers[layer_index];
   const uint32_t first_bucket = index << layer.directory_bits;
   arrivals_.push_back({bucket_phases(layer.level, first_bucket).first, stored_bytes});
@@ -107,22 +106,22 @@ void ConformanceMeter::add_directory_page(uint32_t layer_index, uint32_t index,
                 : PhaseRun{std::min(block.first, run.first), std::max(block.last, run.last)};
   }
   for (size_t b = 0; b < blocks.size(); ++b) {
-    Books books;
+    Codebooks codebooks;
     for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
       const RcqTableRef& table = page->blocks[b].tables[c];
       if (table.num_entries == 0) continue;
-      books.stored += table.chunk.stored_bytes;
-      books.decoded +=
+      codebooks.stored += table.chunk.stored_bytes;
+      codebooks.decoded +=
           uint64_t{table.num_entries} * header_.component_dim(layer, c) * sizeof(float);
     }
-    add(blocks[b], 0, books.stored, books.decoded);
+    add(blocks[b], 0, codebooks.stored, codebooks.decoded);
   }
 }
 
-void ConformanceMeter::finish(uint64_t head_bytes) {
-  const Books books = all_books(header_);
-  table_bytes_ = books.decoded;
-  start_bytes_ = head_bytes + books.stored;
+void LevelMeter::finish(uint64_t head_bytes) {
+  const Codebooks codebooks = all_codebooks(header_);
+  table_bytes_ = codebooks.decoded;
+  start_bytes_ = head_bytes + codebooks.stored;
 
   std::sort(changes_.begin(), changes_.end(),
             [](const Change& a, const Change& b) { return a.phase < b.phase; });
@@ -158,16 +157,16 @@ void ConformanceMeter::finish(uint64_t head_bytes) {
   arrivals_.resize(kept);
 }
 
-double ConformanceMeter::seconds_per_phase() const {
+double LevelMeter::seconds_per_phase() const {
   return sequence_duration(header_.timeline) * 0x1p-40;
 }
 
-double ConformanceMeter::seconds(uint64_t phase) const {
+double LevelMeter::seconds(uint64_t phase) const {
   return header_.timeline.time_begin + static_cast<double>(phase) * seconds_per_phase();
 }
 
 // A bucket that leaks at the rate: how full it ever gets is what it has to hold.
-Burst ConformanceMeter::least_burst(uint64_t bytes_per_second) const {
+Burst LevelMeter::min_burst(uint64_t bytes_per_second) const {
   const double bytes_per_phase = static_cast<double>(bytes_per_second) * seconds_per_phase();
   Burst most;
   double fill = 0, highest = 0;
@@ -187,8 +186,8 @@ Burst ConformanceMeter::least_burst(uint64_t bytes_per_second) const {
   return most;
 }
 
-uint64_t ConformanceMeter::least_rate(uint64_t burst_bytes) const {
-  const auto enough = [&](uint64_t rate) { return least_burst(rate).bytes <= burst_bytes; };
+uint64_t LevelMeter::min_rate(uint64_t burst_bytes) const {
+  const auto enough = [&](uint64_t rate) { return min_burst(rate).bytes <= burst_bytes; };
   uint64_t high = uint64_t{1} << 62;
   if (!enough(high)) return kNoRate;
   if (enough(0)) return 0;
@@ -199,10 +198,10 @@ uint64_t ConformanceMeter::least_rate(uint64_t burst_bytes) const {
   return high;
 }
 
-std::vector<Excess> ConformanceMeter::beyond(unsigned level) const {
+std::vector<LimitViolation> LevelMeter::beyond(unsigned level) const {
   const LevelLimits limits = level_limits(level, lossless());
   const std::string name = "level " + std::to_string(level) + " (" + limits.name + "): ";
-  std::vector<Excess> found;
+  std::vector<LimitViolation> found;
   const auto hold = [&](const char* clause, uint64_t value, uint64_t limit,
                         const std::string& what) {
     if (value <= limit) return;
@@ -216,7 +215,7 @@ std::vector<Excess> ConformanceMeter::beyond(unsigned level) const {
   hold("LEVL-5", instant_bytes_.value, limits.instant_bytes,
        "bytes of pages needed" + at(instant_bytes_));
   hold("LEVL-6", start_bytes_, limits.start_bytes, "bytes needed before the first instant");
-  const Burst burst = least_burst(limits.bytes_per_second);
+  const Burst burst = min_burst(limits.bytes_per_second);
   hold("LEVL-7", burst.bytes, limits.burst_bytes,
        "bytes first needed from " + seconds_text(seconds(burst.first)) + " to " +
            seconds_text(seconds(burst.last)) + " beyond " +
@@ -225,7 +224,7 @@ std::vector<Excess> ConformanceMeter::beyond(unsigned level) const {
   return found;
 }
 
-unsigned ConformanceMeter::smallest_level() const {
+unsigned LevelMeter::smallest_level() const {
   for (unsigned level = 1; level <= kNumConformanceLevels; ++level) {
     if (beyond(level).empty()) return level;
   }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "libl4dcodec/container/planes.h"
+#include "libl4dcodec/container/channels.h"
 
 #include <algorithm>
 
@@ -7,62 +7,63 @@ namespace l4d {
 namespace {
 
 void add_component(const ComponentCoding& coding, unsigned c, unsigned dim,
-                   std::vector<PlaneSpec>* planes) {
-  const auto add = [&](PlaneKind kind, size_t index, unsigned contexts) {
-    planes->push_back({kind, static_cast<uint8_t>(c), static_cast<uint8_t>(index),
-                       static_cast<uint8_t>(contexts)});
+                   std::vector<ChannelSpec>* channels) {
+  const auto add = [&](ChannelKind kind, size_t index, unsigned contexts) {
+    channels->push_back({kind, static_cast<uint8_t>(c), static_cast<uint8_t>(index),
+                         static_cast<uint8_t>(contexts)});
   };
   if (coding.vq()) {
-    if (coding.has_depth()) add(PlaneKind::kDepth, 0, 1);
-    for (size_t s = 0; s < coding.stages.size(); ++s) add(PlaneKind::kIndex, s, 1);
-    for (unsigned k = 0; coding.literals && k < dim; ++k) add(PlaneKind::kLiteral, k, 1);
+    if (coding.has_depth()) add(ChannelKind::kDepth, 0, 1);
+    for (size_t s = 0; s < coding.stages.size(); ++s) add(ChannelKind::kIndex, s, 1);
+    for (unsigned k = 0; coding.escapes && k < dim; ++k) add(ChannelKind::kEscape, k, 1);
   }
   if (coding.transform()) {
-    add(PlaneKind::kClass, 0, kTransformClasses);
-    if (coding.ladder.size() > 1) add(PlaneKind::kRung, 0, kTransformClasses);
+    add(ChannelKind::kStepExponent, 0, kTransformStepExponents);
+    if (coding.eob_table.size() > 1) add(ChannelKind::kEobIndex, 0, kTransformStepExponents);
     for (unsigned k = 0; k < coding.coefficients(); ++k) {
-      add(PlaneKind::kCoefficient, k, kTransformClasses * (k == 0 ? 1 : kMagnitudes));
+      add(ChannelKind::kCoefficient, k, kTransformStepExponents * (k == 0 ? 1 : kMagnitudes));
     }
   }
 }
 
-uint64_t num_contexts(const std::vector<PlaneSpec>& planes) {
+uint64_t num_contexts(const std::vector<ChannelSpec>& channels) {
   uint64_t sum = 0;
-  for (const PlaneSpec& p : planes) sum += p.contexts;
+  for (const ChannelSpec& p : channels) sum += p.contexts;
   return sum;
 }
 
 }  // namespace
 
-std::vector<PlaneSpec> page_planes(const SceneHeader& header, const LayerHeader& layer) {
-  std::vector<PlaneSpec> planes;
-  planes.push_back({PlaneKind::kPosition, 0, 0, 1});
-  if (layer.has_mean_codes()) planes.push_back({PlaneKind::kMeanT, 0, 0, 1});
-  if (layer.mean_t_fine) planes.push_back({PlaneKind::kMeanTFine, 0, 0, 1});
+std::vector<ChannelSpec> page_channels(const SceneHeader& header, const LayerHeader& layer) {
+  std::vector<ChannelSpec> channels;
+  channels.push_back({ChannelKind::kPosition, 0, 0, 1});
+  if (layer.has_mean_codes()) channels.push_back({ChannelKind::kMeanT, 0, 0, 1});
+  if (layer.mean_t_fine) channels.push_back({ChannelKind::kMeanTFine, 0, 0, 1});
   if (header.opacity.coding == ScalarCodingId::kSq) {
-    planes.push_back({PlaneKind::kOpacity, 0, 0, 1});
+    channels.push_back({ChannelKind::kOpacity, 0, 0, 1});
   }
   if (layer.scale_factor.coding == ScalarCodingId::kSq) {
-    planes.push_back({PlaneKind::kScaleFactor, 0, 0, 1});
+    channels.push_back({ChannelKind::kScaleFactor, 0, 0, 1});
   }
   for (unsigned c = L4D_COMPONENT_SCALE; c < L4D_COMPONENT_COUNT; ++c) {
-    add_component(layer.component[c], c, header.component_dim(layer, c), &planes);
+    add_component(layer.component[c], c, header.component_dim(layer, c), &channels);
   }
-  add_component(header.sh, L4D_COMPONENT_SH, header.sh_dim(), &planes);
-  return planes;
+  add_component(header.sh, L4D_COMPONENT_SH, header.sh_dim(), &channels);
+  return channels;
 }
 
-size_t first_detail_plane(const SceneHeader& header, const std::vector<PlaneSpec>& planes) {
-  const auto is_detail = [&](const PlaneSpec& p) {
-    if (p.kind < PlaneKind::kDepth || p.component != L4D_COMPONENT_SH) return false;
-    return header.sh_base == 0 || (p.kind == PlaneKind::kCoefficient && p.index >= header.sh_base);
+size_t first_detail_channel(const SceneHeader& header, const std::vector<ChannelSpec>& channels) {
+  const auto is_detail = [&](const ChannelSpec& p) {
+    if (p.kind < ChannelKind::kDepth || p.component != L4D_COMPONENT_SH) return false;
+    return header.sh_base == 0 ||
+           (p.kind == ChannelKind::kCoefficient && p.index >= header.sh_base);
   };
-  return static_cast<size_t>(std::find_if(planes.begin(), planes.end(), is_detail) -
-                             planes.begin());
+  return static_cast<size_t>(std::find_if(channels.begin(), channels.end(), is_detail) -
+                             channels.begin());
 }
 
 bool rans_codable(const SceneHeader& header, const LayerHeader& layer) {
-  if (header.position_of(layer) == MeanCodingId::kRaw32 || layer.has_raw_means() ||
+  if (header.position_of(layer) == CoordinateCodingId::kRaw32 || layer.has_raw_means() ||
       header.opacity.coding == ScalarCodingId::kRaw32 ||
       layer.scale_factor.coding == ScalarCodingId::kRaw32) {
     return false;
@@ -74,24 +75,24 @@ bool rans_codable(const SceneHeader& header, const LayerHeader& layer) {
 }
 
 uint64_t EntropyTables::memory_bytes() const {
-  return entries.size() * sizeof(uint32_t) + planes.size() * sizeof(PlaneSpec) +
-         num_contexts(planes);
+  return entries.size() * sizeof(uint32_t) + channels.size() * sizeof(ChannelSpec) +
+         num_contexts(channels);
 }
 
-uint64_t max_entropy_bytes(const std::vector<PlaneSpec>& planes) {
+uint64_t max_entropy_bytes(const std::vector<ChannelSpec>& channels) {
   // Token counts and frequencies take at most two bytes each.
-  return 2 + kMaxEntropyTables * 2 * (1 + kRansMaxTokens) + num_contexts(planes);
+  return 2 + kMaxEntropyTables * 2 * (1 + kRansMaxTokens) + num_contexts(channels);
 }
 
-uint64_t entropy_memory(ByteSpan raw, const std::vector<PlaneSpec>& planes) {
+uint64_t entropy_memory(ByteSpan raw, const std::vector<ChannelSpec>& channels) {
   const uint64_t tables = ByteReader(raw).vlq();
   return std::min<uint64_t>(tables, kMaxEntropyTables) * kRansSlots * sizeof(uint32_t) +
-         planes.size() * sizeof(PlaneSpec) + num_contexts(planes);
+         channels.size() * sizeof(ChannelSpec) + num_contexts(channels);
 }
 
 Status parse_entropy_tables(ByteSpan raw, uint64_t base, const SceneHeader& header,
                             const LayerHeader& layer, EntropyTables* out) {
-  out->planes = page_planes(header, layer);
+  out->channels = page_channels(header, layer);
   ByteReader in(raw);
   const uint64_t tables = in.vlq();
   if (in.failed()) return corrupt("RANS-1", base, "the entropy tables end early");
@@ -110,11 +111,11 @@ Status parse_entropy_tables(ByteSpan raw, uint64_t base, const SceneHeader& head
                                         out->entries.data() + t * kRansSlots));
   }
   out->maps.clear();
-  for (const PlaneSpec& p : out->planes) {
+  for (const ChannelSpec& p : out->channels) {
     const uint64_t at = base + in.position();
     const ByteSpan map = in.take(p.contexts);
     if (in.failed()) return corrupt("RANS-1", at, "a context map ends early");
-    const bool is_wide = p.kind == PlaneKind::kPosition;
+    const bool is_wide = p.kind == ChannelKind::kPosition;
     for (const unsigned char t : map) {
       if (t >= tables || (t < wide) != is_wide) {
         return corrupt(

@@ -25,7 +25,7 @@ cmp w1.ply w2.ply
 cmp w1.ply w3.ply
 # So it is in rounds that end when halves agree, and for views that are only asked.
 for n in 1 2; do
-  ranks $n sensitivity s.ply --cameras c.json -o r$n.ply --max-share 0.4 --measure sum || die "$(cat err)"
+  ranks $n sensitivity s.ply --cameras c.json -o r$n.ply --max-share 0.4 --metric sum || die "$(cat err)"
 done
 cmp r1.ply r2.ply
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// l4d_measure by several ranks, here threads: weights do not depend on how many there are, neither
-// where sums are full nor where there are so many that sums of sums could be.
+// l4d_measure_importance by several ranks, here threads: weights do not depend on how many there
+// are, neither where sums are full nor where there are so many that sums of sums could be.
 #include <gtest/gtest.h>
 
 #include <condition_variable>
@@ -47,8 +47,8 @@ class Meeting {
 
 using Weights = std::vector<std::vector<float>>;
 
-Weights measure_alone(const io::Scene& scene, const l4d_camera& camera, uint32_t measure,
-                      const l4d_ranks& ranks) {
+Weights measure_alone(const io::Scene& scene, const l4d_camera& camera, uint32_t metric,
+                      const l4d_process_group& group) {
   const RendererHandle r = make_renderer(L4D_BACKEND_CPU, 1);
   const l4d_gaussians gaussians = scene.view();
   r.check(l4d_renderer_set_gaussians(r.get(), &gaussians, &scene.timeline));
@@ -56,12 +56,12 @@ Weights measure_alone(const io::Scene& scene, const l4d_camera& camera, uint32_t
   for (int t = 0; t < 24; ++t) views.push_back({t / 20.0, 0, 0});
   l4d_measure_options options;
   l4d_measure_options_init(&options);
-  options.measure = measure;
+  options.metric = metric;
   options.agreement = 2;
-  options.ranks = &ranks;
+  options.group = &group;
   l4d_sensitivity* out = nullptr;
-  r.check(l4d_measure(r.get(), &camera, 1, views.data(), views.size(), &options, nullptr, nullptr,
-                      nullptr, &out));
+  r.check(l4d_measure_importance(r.get(), &camera, 1, views.data(), views.size(), &options, nullptr,
+                                 nullptr, nullptr, &out));
   const SensitivityHandle sums(out, scene.count());
   Weights weights;
   for (uint32_t k = 0; k < L4D_WEIGHT_COUNT; ++k) weights.push_back(sums.weights(k));
@@ -69,23 +69,23 @@ Weights measure_alone(const io::Scene& scene, const l4d_camera& camera, uint32_t
 }
 
 // Of each rank.
-std::vector<Weights> measure_by(const io::Scene& scene, const l4d_camera& camera, uint32_t measure,
+std::vector<Weights> measure_by(const io::Scene& scene, const l4d_camera& camera, uint32_t metric,
                                 uint32_t count) {
   Meeting meeting(count);
   std::vector<Weights> out(count);
   std::vector<std::thread> threads;
   for (uint32_t rank = 0; rank < count; ++rank) {
     threads.emplace_back([&, rank] {
-      l4d_ranks ranks;
-      l4d_ranks_init(&ranks);
-      ranks.rank = rank;
-      ranks.count = count;
-      ranks.user = &meeting;
-      ranks.sum = [](void* user, int64_t* values, uint64_t n) {
+      l4d_process_group group;
+      l4d_process_group_init(&group);
+      group.rank = rank;
+      group.count = count;
+      group.user = &meeting;
+      group.sum = [](void* user, int64_t* values, uint64_t n) {
         static_cast<Meeting*>(user)->sum(values, n);
         return testing::Test::HasFatalFailure() ? 1 : 0;
       };
-      out[rank] = measure_alone(scene, camera, measure, ranks);
+      out[rank] = measure_alone(scene, camera, metric, group);
     });
   }
   for (std::thread& t : threads) t.join();
@@ -103,12 +103,12 @@ void expect_the_same(const io::Scene& scene, const l4d_camera& camera) {
   }
 }
 
-TEST(Ranks, WeightsDoNotDependOnTheirNumber) {
+TEST(ProcessGroup, WeightsDoNotDependOnTheirNumber) {
   expect_the_same(synth(1500), ring_camera(64, 44, 0.7));
 }
 
 // A telescope: what moves by a hair crosses many pixels, and squares are beyond what sums hold.
-TEST(Ranks, FullSumsAreFullForAll) {
+TEST(ProcessGroup, FullSumsAreFullForAll) {
   SceneBuilder builder;
   const double rgb[3] = {0.9, 0.2, 0.6};
   for (int i = 0; i < 40; ++i) {

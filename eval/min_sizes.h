@@ -11,7 +11,7 @@ namespace l4d::eval {
 
 // Half a pixel of the nearest camera, in scene units, for each Gaussian: as near as it comes to the
 // camera while it is visible, whichever way the camera looks.
-std::vector<float> least_sizes(const io::Scene& scene, const io::CameraSet& cameras,
-                               uint32_t threads);
+std::vector<float> min_sizes(const io::Scene& scene, const io::CameraSet& cameras,
+                             uint32_t threads);
 
 }  // namespace l4d::eval

@@ -23,18 +23,18 @@ std::vector<uint32_t> rank_by_use(const std::vector<uint64_t>& use, uint32_t* ke
   return rank;
 }
 
-void permute_book(std::vector<float>& book, size_t dim, const std::vector<uint32_t>& rank,
-                  uint32_t kept) {
+void permute_codebook(std::vector<float>& codebook, size_t dim, const std::vector<uint32_t>& rank,
+                      uint32_t kept) {
   std::vector<float> ranked(size_t{kept} * dim);
   for (size_t e = 0; e < rank.size(); ++e) {
-    if (rank[e] < kept) std::copy_n(book.data() + e * dim, dim, ranked.data() + rank[e] * dim);
+    if (rank[e] < kept) std::copy_n(codebook.data() + e * dim, dim, ranked.data() + rank[e] * dim);
   }
-  book = std::move(ranked);
+  codebook = std::move(ranked);
 }
 
 }  // namespace
 
-void rank_codebooks(CodedComponent& c, const std::vector<BlockRange>& blocks) {
+void sort_codebooks_by_frequency(CodedComponent& c, const std::vector<BlockRange>& blocks) {
   if (c.is_transform()) return;
   // Which Gaussians index a block codebook instead of the layer's.
   std::vector<uint8_t> in_block(c.n, 0);
@@ -49,7 +49,7 @@ void rank_codebooks(CodedComponent& c, const std::vector<BlockRange>& blocks) {
     if (table.empty()) continue;
     std::vector<uint64_t> use(table.size(), 0);
     for (size_t i = blocks[b].begin; i < blocks[b].end; ++i) {
-      use[c.index[0][i]] += c.depth[i] != kLiteralDepth;
+      use[c.index[0][i]] += c.depth[i] != kEscapeDepth;
     }
     uint32_t kept = 0;
     const std::vector<uint32_t> rank = rank_by_use(use, &kept);
@@ -59,16 +59,16 @@ void rank_codebooks(CodedComponent& c, const std::vector<BlockRange>& blocks) {
     }
     table = std::move(ranked);
     for (size_t i = blocks[b].begin; i < blocks[b].end; ++i) {
-      if (c.depth[i] == kLiteralDepth) continue;
+      if (c.depth[i] == kEscapeDepth) continue;
       c.index[0][i] = static_cast<uint16_t>(rank[c.index[0][i]]);
     }
   }
-  for (size_t s = 0; s < c.books.size(); ++s) {
-    const auto uses_book = [&](size_t i) {
-      return c.depth[i] != kLiteralDepth && c.depth[i] > s && !(s == 0 && in_block[i]);
+  for (size_t s = 0; s < c.codebooks.size(); ++s) {
+    const auto uses_codebook = [&](size_t i) {
+      return c.depth[i] != kEscapeDepth && c.depth[i] > s && !(s == 0 && in_block[i]);
     };
-    std::vector<uint64_t> use(c.books[s].size() / c.dim, 0);
-    for (size_t i = 0; i < c.n; ++i) use[c.index[s][i]] += uses_book(i);
+    std::vector<uint64_t> use(c.codebooks[s].size() / c.dim, 0);
+    for (size_t i = 0; i < c.n; ++i) use[c.index[s][i]] += uses_codebook(i);
     if (s == 0) {
       for (const auto& table : c.block_tables) {
         for (const RcqPair& p : table) ++use[p.global];
@@ -76,9 +76,9 @@ void rank_codebooks(CodedComponent& c, const std::vector<BlockRange>& blocks) {
     }
     uint32_t kept = 0;
     const std::vector<uint32_t> rank = rank_by_use(use, &kept);
-    permute_book(c.books[s], c.dim, rank, kept);
+    permute_codebook(c.codebooks[s], c.dim, rank, kept);
     for (size_t i = 0; i < c.n; ++i) {
-      if (uses_book(i)) c.index[s][i] = static_cast<uint16_t>(rank[c.index[s][i]]);
+      if (uses_codebook(i)) c.index[s][i] = static_cast<uint16_t>(rank[c.index[s][i]]);
     }
     if (s == 0) {
       for (auto& table : c.block_tables) {
@@ -86,14 +86,14 @@ void rank_codebooks(CodedComponent& c, const std::vector<BlockRange>& blocks) {
       }
     }
   }
-  if (!c.residual_book.empty()) {
-    std::vector<uint64_t> use(c.residual_book.size() / c.dim, 0);
+  if (!c.residual_codebook.empty()) {
+    std::vector<uint64_t> use(c.residual_codebook.size() / c.dim, 0);
     for (const auto& table : c.block_tables) {
       for (const RcqPair& p : table) ++use[p.residual];
     }
     uint32_t kept = 0;
     const std::vector<uint32_t> rank = rank_by_use(use, &kept);
-    permute_book(c.residual_book, c.dim, rank, kept);
+    permute_codebook(c.residual_codebook, c.dim, rank, kept);
     for (auto& table : c.block_tables) {
       for (RcqPair& p : table) p.residual = static_cast<uint16_t>(rank[p.residual]);
     }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a rans32 page is made of, and the tables that its planes are coded with (spec: "rANS
+// What a rans32 page is made of, and the tables that its channels are coded with (spec: "rANS
 // pages").
 #pragma once
 
@@ -12,28 +12,29 @@
 
 namespace l4d {
 
-enum class PlaneKind : uint8_t {
+enum class ChannelKind : uint8_t {
   kPosition,  // gaps of the Morton codes, wide integers; all others are hybrid ones
   kMeanT,
   kMeanTFine,  // fixed mean times, where the layer refines them
   kOpacity,
   kScaleFactor,
-  kDepth,        // vq
-  kIndex,        // vq, one per stage
-  kLiteral,      // vq, one per number
-  kClass,        // transform
-  kRung,         // transform, where the ladder has more than one step
-  kCoefficient,  // transform, one per coefficient
+  kDepth,         // vq
+  kIndex,         // vq, one per stage
+  kEscape,        // vq, one per number
+  kStepExponent,  // transform
+  kEobIndex,      // transform, where the EOB table has more than one step
+  kCoefficient,   // transform, one per coefficient
 };
 
-struct PlaneSpec {
-  PlaneKind kind;
+struct ChannelSpec {
+  ChannelKind kind;
   uint8_t component;  // L4D_COMPONENT_*, of the kinds from kDepth on
   uint8_t index;      // stage, number or coefficient
   uint8_t contexts;   // how many tables its symbols may tell apart
 };
 
-// A coefficient's context is its Gaussian's class and how large the two coefficients before it are.
+// A coefficient's context is its Gaussian's step exponent and how large the two coefficients before
+// it are.
 constexpr unsigned kMagnitudes = 5;
 inline unsigned magnitude_context(unsigned sum) {  // of the two magnitudes
   return unsigned{sum > 0} + unsigned{sum > 2} + unsigned{sum > 6} + unsigned{sum > 14};
@@ -41,31 +42,31 @@ inline unsigned magnitude_context(unsigned sum) {  // of the two magnitudes
 
 constexpr unsigned kMaxEntropyTables = 128;
 
-// Every plane that pages of a layer may have, in the order in which pages hold them. Those of SH
+// Every channel that pages of a layer may have, in the order in which pages hold them. Those of SH
 // are the last.
-std::vector<PlaneSpec> page_planes(const SceneHeader& header, const LayerHeader& layer);
+std::vector<ChannelSpec> page_channels(const SceneHeader& header, const LayerHeader& layer);
 
-// Index of the first plane of SH detail, which is the second part of pages that have two: the first
-// coefficient of SH beyond the base, or the first plane of SH where there is no base. The number of
-// planes where there is none.
-size_t first_detail_plane(const SceneHeader& header, const std::vector<PlaneSpec>& planes);
+// Index of the first channel of SH detail, which is the SH chunk of pages that have two: the first
+// coefficient of SH beyond the base, or the first channel of SH where there is no base. The number
+// of channels where there is none.
+size_t first_detail_channel(const SceneHeader& header, const std::vector<ChannelSpec>& channels);
 
 // Whether a layer's codings can be told in rans32 pages: raw float32 columns cannot.
 bool rans_codable(const SceneHeader& header, const LayerHeader& layer);
 
 // The tables of a layer.
 struct EntropyTables {
-  std::vector<PlaneSpec> planes;
+  std::vector<ChannelSpec> channels;
   std::vector<uint32_t> entries;           // [tables, kRansSlots], as kernels take them
-  std::vector<std::vector<uint8_t>> maps;  // per plane [contexts]: which table
+  std::vector<std::vector<uint8_t>> maps;  // per channel [contexts]: which table
 
   uint64_t memory_bytes() const;
 };
 
 // Upper bound of raw_bytes (spec: CHNK-8).
-uint64_t max_entropy_bytes(const std::vector<PlaneSpec>& planes);
+uint64_t max_entropy_bytes(const std::vector<ChannelSpec>& channels);
 // What the parsed form of `raw` takes.
-uint64_t entropy_memory(ByteSpan raw, const std::vector<PlaneSpec>& planes);
+uint64_t entropy_memory(ByteSpan raw, const std::vector<ChannelSpec>& channels);
 
 Status parse_entropy_tables(ByteSpan raw, uint64_t base, const SceneHeader& header,
                             const LayerHeader& layer, EntropyTables* out);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "eval/least_sizes.h"
+#include "eval/min_sizes.h"
 
 #include <algorithm>
 #include <cmath>
@@ -52,8 +52,8 @@ double distance(const io::Vec3& point, const io::Vec3& a, const io::Vec3& b) {
 
 }  // namespace
 
-std::vector<float> least_sizes(const io::Scene& scene, const io::CameraSet& cameras,
-                               uint32_t threads) {
+std::vector<float> min_sizes(const io::Scene& scene, const io::CameraSet& cameras,
+                             uint32_t threads) {
   const std::vector<Eye> eyes = eyes_of(cameras);
   const double begin = scene.timeline.time_begin, end = begin + io::duration(scene.timeline);
   std::vector<float> sizes(scene.count());

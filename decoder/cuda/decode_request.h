@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a job decodes: pages of a plan, and what they need besides their bytes. Nothing of where any
-// of it will lie.
+// What a request decodes: pages of a plan, and what they need besides their bytes. Nothing of where
+// any of it will lie.
 #pragma once
 
 #include <array>
@@ -15,17 +15,18 @@
 
 namespace l4d::cuda {
 
-class JobRequest {
+class DecodeRequest {
  public:
-  // Index of a block codebook in books().
-  using BookIndex = uint32_t;
-  static constexpr BookIndex kLayerBook = ~BookIndex{0};  // the page uses that of its layer
+  // Index of a block codebook in codebooks().
+  using CodebookIndex = uint32_t;
+  static constexpr CodebookIndex kLayerCodebook =
+      ~CodebookIndex{0};  // the page uses that of its layer
 
   // The pages of `plan` that the device decodes; host pages are left to HostPages. Loads what is
   // new of the tables of their layers.
   Status make(SceneFile& file, LayerTables& tables, Plan plan, const LayerTables::Wants& wants,
               bool with_detail);
-  // Where the literals of pages are counted, those of the host's among them.
+  // Where the escapes of pages are counted, those of the host's among them.
   void number_pieces(const HostPages& host);
 
   const Plan& plan() const { return plan_; }
@@ -33,40 +34,40 @@ class JobRequest {
   const std::vector<DevicePage>& pages() const { return pages_; }
   const PageTask& task_of(size_t page) const { return plan_.tasks[page_tasks_[page]]; }
   // Of each page and component.
-  const std::vector<std::array<BookIndex, L4D_COMPONENT_COUNT>>& page_books() const {
-    return page_books_;
+  const std::vector<std::array<CodebookIndex, L4D_COMPONENT_COUNT>>& page_codebooks() const {
+    return page_codebooks_;
   }
-  const std::vector<const CodebookData*>& books() const { return books_; }
+  const std::vector<const CodebookData*>& codebooks() const { return codebooks_; }
   const std::vector<ExpandTask>& expands() const { return expands_; }
   // Of pages(), in full detail where SH is wanted so.
   const PageReads& reads() const { return reads_; }
-  // Of each run of host pages, its first piece; empty where nothing may have literals.
+  // Of each run of host pages, its first piece; empty where nothing may have escapes.
   const std::vector<uint32_t>& host_pieces() const { return host_pieces_; }
   uint32_t num_pieces() const { return num_pieces_; }
   uint64_t num_slots() const { return num_slots_; }
   uint64_t num_states() const { return num_states_; }
-  // Whether a page of the plan, decoded on the device or not, may have literals.
-  bool may_have_literals() const { return may_have_literals_; }
+  // Whether a page of the plan, decoded on the device or not, may have escapes.
+  bool may_have_escapes() const { return may_have_escapes_; }
 
  private:
   using BlockKey = std::tuple<uint32_t, uint32_t, uint32_t, unsigned>;
   Status add_page(SceneFile& file, const LayerTables::Wants& wants, size_t task, bool with_detail);
-  Status add_books(SceneFile& file, const LayerTables::Wants& wants, const PageTask& task,
-                   DevicePage* page);
+  Status add_codebooks(SceneFile& file, const LayerTables::Wants& wants, const PageTask& task,
+                       DevicePage* page);
 
   Plan plan_;
   std::vector<size_t> page_tasks_;  // of pages_: index in the plan
   std::vector<DevicePage> pages_;
-  std::vector<std::array<BookIndex, L4D_COMPONENT_COUNT>> page_books_;
-  std::vector<const CodebookData*> books_;
-  std::map<BlockKey, BookIndex> book_of_;
+  std::vector<std::array<CodebookIndex, L4D_COMPONENT_COUNT>> page_codebooks_;
+  std::vector<const CodebookData*> codebooks_;
+  std::map<BlockKey, CodebookIndex> codebook_of_;
   std::vector<ExpandTask> expands_;
   PageReads reads_;
   std::vector<uint32_t> host_pieces_;
   uint32_t num_pieces_ = 0;
   uint64_t num_slots_ = 0;
   uint64_t num_states_ = 0;
-  bool may_have_literals_ = false;
+  bool may_have_escapes_ = false;
 };
 
 }  // namespace l4d::cuda

@@ -6,11 +6,12 @@
 
 namespace l4d {
 
-// Starts `work` on a thread of its own, or does it at once where `apart` is not set or the system
-// gives no thread. What the future gives, and throws, is the work's. Its end waits for the work.
+// Starts `work` on a thread of its own, or does it at once where `concurrent` is not set or the
+// system gives no thread. What the future gives, and throws, is the work's. Its end waits for the
+// work.
 template <typename Work>
-auto start_beside(bool apart, const Work& work) -> std::future<decltype(work())> {
-  if (apart) {
+auto start_async(bool concurrent, const Work& work) -> std::future<decltype(work())> {
+  if (concurrent) {
     try {
       return std::async(std::launch::async, work);
     } catch (const std::system_error&) {
