@@ -230,15 +230,15 @@ static void render(const l4d_gaussians* g) {
   measuring.measure = L4D_SENSITIVITY_GAUSS_NEWTON;
   measuring.agreement = 2;
   l4d_measure_report_init(&report);
-  CHECK_OK(l4d_measure_importance(renderer, cameras, kCameras, views, 6, &measuring, NULL, NULL, &report,
-                       &sensitivity));
+  CHECK_OK(l4d_measure_importance(renderer, cameras, kCameras, views, 6, &measuring, NULL, NULL,
+                                  &report, &sensitivity));
   CHECK(report.views == 6 && report.views_measured == 6);
   CHECK_OK(l4d_sensitivity_get_weights(sensitivity, L4D_WEIGHT_SH, weights, kCount));
   l4d_sensitivity_destroy(sensitivity);
   /* An array of structs that differ is no array of one version. */
   cameras[1].struct_size += 8;
-  CHECK(l4d_measure_importance(renderer, cameras, kCameras, views, 6, &measuring, NULL, NULL, &report,
-                    &sensitivity) == L4D_ERR_INVALID_ARGUMENT);
+  CHECK(l4d_measure_importance(renderer, cameras, kCameras, views, 6, &measuring, NULL, NULL,
+                               &report, &sensitivity) == L4D_ERR_INVALID_ARGUMENT);
   l4d_renderer_destroy(renderer);
 }
 

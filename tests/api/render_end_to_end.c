@@ -130,7 +130,8 @@ static void check_importance(l4d_renderer* renderer) {
   CHECK(by_opacity[0] > 0 && by_opacity[1] > by_opacity[0]);
 
   l4d_measure_report_init(&report);
-  CHECK_OK(l4d_measure_importance(renderer, &c, 1, views, 2, NULL, NULL, NULL, &report, &sensitivity));
+  CHECK_OK(
+      l4d_measure_importance(renderer, &c, 1, views, 2, NULL, NULL, NULL, &report, &sensitivity));
   CHECK(report.views == 2 && report.views_measured == 2 && report.unseen == 0);
   CHECK_OK(l4d_sensitivity_get_weights(sensitivity, L4D_WEIGHT_ALPHA_T, weights, 2));
   CHECK(weights[0] > 0 && weights[1] > weights[0] && weights[1] < 0.5f);
