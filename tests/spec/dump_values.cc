@@ -4,7 +4,7 @@
 //   dump_values reference|cpu FILE...     every value as bits of its binary32
 //   dump_values SECONDS FILE...           the values of what a query for that time selects
 //   dump_values validate FILE...          the clause of each violation
-//   dump_values conformance FILE...       what playing it asks for; a rate of 1000 bytes/s leaves
+//   dump_values demand FILE...            what playing it asks for; a rate of 1000 bytes/s leaves
 // Per file one line "file NAME", then the values or clauses, or "error STATUS CLAUSE".
 #include <cinttypes>
 #include <cstdio>

@@ -151,7 +151,8 @@ def transform_channels():
             *coefficients("scale", SCALE_STEP_EXPONENT, SCALE, everyone),
             Channel("rotor_spatial step exponent", ROTOR_STEP_EXPONENT, SCALE_STEP_EXPONENT, 16),
             *coefficients("rotor_spatial", ROTOR_STEP_EXPONENT, ROTOR, everyone),
-            Channel("sh step exponent", SH_STEP_EXPONENT, ROTOR_STEP_EXPONENT, 16), Channel("sh EOB index", EOB_INDICES, SH_STEP_EXPONENT, 16),
+            Channel("sh step exponent", SH_STEP_EXPONENT, ROTOR_STEP_EXPONENT, 16),
+            Channel("sh EOB index", EOB_INDICES, SH_STEP_EXPONENT, 16),
             *coefficients("sh", SH_STEP_EXPONENT, SH, [[0, 2], [0], [0]])]
 
 

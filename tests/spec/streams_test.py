@@ -262,7 +262,7 @@ class Levels(unittest.TestCase):
                  for seed in range(0, NUM_RANDOM_STREAMS, 3)}
         files.update(self.valid)
         bursts = 0
-        for name, lines in library("conformance", files).items():
+        for name, lines in library("demand", files).items():
             decoder = self.decoder(files[name])
             want, got = levels.demand(decoder), {k: int(v) for k, v in map(str.split, lines)}
             h = decoder.header
