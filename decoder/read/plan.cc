@@ -6,7 +6,6 @@
 #include <utility>
 
 #include "decoder/read/losses.h"
-#include "decoder/read/query_buckets.h"
 
 namespace l4d {
 namespace {
@@ -42,7 +41,7 @@ class Planner {
     // A whole-file query of a long file would hold every directory page at once; a window bounds
     // it.
     constexpr uint32_t kWindow = 64;
-    std::vector<DirectoryPageRef> pages;
+    std::vector<DirectoryPageRef>& pages = out_.scratch.pages;
     for (uint32_t begin = first; begin <= last; begin += kWindow) {
       const uint32_t end = std::min(last, begin + kWindow - 1);
       L4D_RETURN_IF_ERROR(read_directory(index, begin, end, buckets, &pages));
@@ -81,13 +80,12 @@ class Planner {
   // Fails where two parts of pages have stored bytes in common: a few bytes could otherwise stand
   // for any number of Gaussians.
   Status check_shared_bytes() {
-    struct Extent {
-      uint64_t begin, end;
-    };
+    using Extent = PlanScratch::Extent;
     num_checked_ = std::max(out_.tasks.size(), kFewTasks);
     MemoryCharge charge(file_.memory());
     L4D_RETURN_IF_ERROR(charge.take(2 * sizeof(Extent) * out_.tasks.size(), "a plan"));
-    std::vector<Extent> parts;
+    std::vector<Extent>& parts = out_.scratch.parts;
+    parts.clear();
     parts.reserve(2 * out_.tasks.size());
     for (const PageTask& task : out_.tasks) {
       for (const ChunkRef* chunk : {&task.record.chunk, &task.record.sh_detail}) {
@@ -165,8 +163,10 @@ class Planner {
   Status read_directory(uint32_t index, uint32_t begin, uint32_t end, const BucketRange& buckets,
                         std::vector<DirectoryPageRef>* out) {
     const bool again = read_.last_index == begin;
-    std::vector<DirectoryPageRef> fresh;
-    std::vector<DirectoryCache::Failure> failures;
+    std::vector<DirectoryPageRef>& fresh = out_.scratch.fresh;
+    std::vector<DirectoryCache::Failure>& failures = out_.scratch.failures;
+    fresh.clear();
+    failures.clear();
     if (!again || begin < end) {
       L4D_RETURN_IF_ERROR(file_.directory().pages(index, again ? begin + 1 : begin, end, &fresh,
                                                   losses_ == nullptr ? nullptr : &failures));
@@ -251,8 +251,8 @@ class Planner {
 }  // namespace
 
 Status make_plan(SceneFile& file, const l4d_query& query, Losses* losses, Plan* out) {
-  *out = Plan();
-  QueryBuckets buckets;
+  out->clear();
+  QueryBuckets& buckets = out->scratch.buckets;
   L4D_RETURN_IF_ERROR(find_query_buckets(file.header(), query, &buckets));
   out->detail = query.detail;
   Planner planner(file, buckets.interval, query.whole_buckets != 0, losses, out);
@@ -265,6 +265,21 @@ Status make_plan(SceneFile& file, const l4d_query& query, Losses* losses, Plan* 
   L4D_RETURN_IF_ERROR(planner.check_shared_bytes());
   if (out->detail == L4D_DETAIL_FULL) out->bytes += out->sh_bytes;
   return {};
+}
+
+void Plan::clear() {
+  tasks.clear();
+  spans.clear();
+  num_gaussians = 0;
+  detail = L4D_DETAIL_FULL;
+  bytes = sh_bytes = directory_bytes = 0;
+  scratch.pages.clear();
+  scratch.fresh.clear();
+  scratch.failures.clear();
+  if (memory == nullptr) return;
+  const auto bytes_of = [](const auto& v) { return uint64_t{v.capacity()} * sizeof(v[0]); };
+  memory->shrink_to(bytes_of(tasks) + bytes_of(spans) + bytes_of(scratch.buckets.runs) +
+                    bytes_of(scratch.pages) + bytes_of(scratch.fresh) + bytes_of(scratch.parts));
 }
 
 void write_ids(const Plan& plan, l4d_gaussian_id* out) {

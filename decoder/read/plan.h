@@ -5,6 +5,7 @@
 #include <memory>
 #include <vector>
 
+#include "decoder/read/query_buckets.h"
 #include "decoder/read/scene_file.h"
 #include "l4d/decode.h"
 
@@ -27,6 +28,17 @@ struct PageTask {
   BlockId block_id() const { return {layer, directory_index, record.block}; }
 };
 
+// Working memory of make_plan.
+struct PlanScratch {
+  struct Extent {
+    uint64_t begin, end;
+  };
+  QueryBuckets buckets;
+  std::vector<DirectoryPageRef> pages, fresh;
+  std::vector<DirectoryCache::Failure> failures;
+  std::vector<Extent> parts;
+};
+
 struct Plan {
   std::vector<PageTask> tasks;
   std::vector<l4d_bucket_span> spans;
@@ -35,10 +47,15 @@ struct Plan {
   uint64_t bytes = 0;     // of the parts that the detail asks for
   uint64_t sh_bytes = 0;  // of SH chunks, asked for or not
   uint64_t directory_bytes = 0;
-  std::unique_ptr<MemoryCharge> memory;  // of tasks and ranges
+  std::unique_ptr<MemoryCharge> memory;  // of tasks, ranges and scratch
+  PlanScratch scratch;
+
+  // Empties the plan, and keeps its memory for the next one. Lets go of directory pages.
+  void clear();
 };
 
-// With `losses`, directory pages that cannot be read are told there and left out.
+// With `losses`, directory pages that cannot be read are told there and left out. Allocates nothing
+// where an earlier plan in *out was as large, and the directory pages are at hand.
 Status make_plan(SceneFile& file, const l4d_query& query, Losses* losses, Plan* out);
 
 // The ids of all Gaussians of a plan, in the order of the decoded arrays.

@@ -60,7 +60,8 @@ void add_listed_buckets(const l4d_query& query, const SceneHeader& header,
 }  // namespace
 
 Status find_query_buckets(const SceneHeader& header, const l4d_query& query, QueryBuckets* out) {
-  *out = QueryBuckets();
+  out->interval = Interval();
+  out->runs.clear();
   if (query.detail > L4D_DETAIL_BASE_COLOR) return invalid_argument("unknown detail");
   if (query.whole_buckets > 1) return invalid_argument("whole_buckets is 0 or 1");
   L4D_RETURN_IF_ERROR(query_interval(query, header.timeline, &out->interval));

@@ -52,7 +52,12 @@ Status Slicer::set_detail(uint32_t detail) {
   return {};
 }
 
-Status Slicer::load_instant(double* time, bool with_shape, std::vector<CachedBucket*>* buckets) {
+void Slicer::close() {
+  plan_ = Plan();
+  cache_.close();
+}
+
+Status Slicer::load_instant(double* time, bool with_shape) {
   if (!(*time == *time)) return invalid_argument("the time is not a number");
   const Sequence sequence = sequence_of(stream_.file().header().timeline);
   *time = std::clamp(*time, sequence.begin, sequence.end);
@@ -64,46 +69,51 @@ Status Slicer::load_instant(double* time, bool with_shape, std::vector<CachedBuc
   query.detail = detail_;
   query.whole_buckets = 1;
   const auto load = [&]() -> Status {
-    Plan plan;
-    L4D_RETURN_IF_ERROR(stream_.plan(query, &plan));
-    return cache_.load(plan, with_shape, buckets);
+    L4D_RETURN_IF_ERROR(stream_.plan(query, &plan_));
+    return cache_.load(plan_, with_shape, &buckets_);
   };
   Status status = load();
   if (status.code() == L4D_ERR_LIMIT_EXCEEDED && !cache_.is_empty()) {
     // What earlier instants left must not keep this one from being shown.
     cache_.clear();
+    plan_ = Plan();
     status = load();
+  }
+  if (status.ok()) {
+    plan_.clear();
+  } else {
+    plan_ = Plan();
   }
   return status;
 }
 
-void Slicer::set_still(std::vector<uint64_t> rows) {
-  if (rows != still_rows_) ++still_key_;
-  still_rows_ = std::move(rows);
+void Slicer::set_still() {
+  if (new_rows_ != still_rows_) ++still_key_;
+  still_rows_.swap(new_rows_);
 }
 
 Status Slicer::slice(double time, l4d_splat_buffers* out) {
   L4D_RETURN_IF_ERROR(check_camera(out->color != nullptr, out->camera_position));
   const bool with_shape = out->scale != nullptr || out->rotation != nullptr;
-  std::vector<CachedBucket*> buckets;
-  L4D_RETURN_IF_ERROR(load_instant(&time, with_shape, &buckets));
+  L4D_RETURN_IF_ERROR(load_instant(&time, with_shape));
   const SceneHeader& header = stream_.file().header();
   const uint64_t key_given = out->still_key;
   size_t still = 0, num_still = 0;
-  std::vector<uint64_t> numbers = {kStillBuckets};
-  for (; still < buckets.size() && buckets[still]->bucket.still(); ++still) {
-    numbers.push_back(buckets[still]->number);
-    num_still += buckets[still]->bucket.count;
+  new_rows_.assign(1, kStillBuckets);
+  for (; still < buckets_.size() && buckets_[still]->bucket.still(); ++still) {
+    new_rows_.push_back(buckets_[still]->number);
+    num_still += buckets_[still]->bucket.count;
   }
-  set_still(std::move(numbers));
+  set_still();
   out->num_still = num_still;
   out->still_key = 0;  // until they are written
   // Pieces of fixed size: first how many each shows, then all write at their offsets. Of still rows
   // that the caller has, only colours are written.
-  std::vector<Piece> pieces;
+  std::vector<Piece>& pieces = pieces_;
+  pieces.clear();
   const bool kept = key_given == still_key_;
-  for (size_t b = kept && out->color == nullptr ? still : 0; b < buckets.size(); ++b) {
-    add_pieces(buckets[b]->bucket, 0, buckets[b]->bucket.count, &pieces);
+  for (size_t b = kept && out->color == nullptr ? still : 0; b < buckets_.size(); ++b) {
+    add_pieces(buckets_[b]->bucket, 0, buckets_[b]->bucket.count, &pieces);
   }
   const int threads = stream_.threads();
   parallel_for(threads, pieces.size(), 1, [&](size_t first, size_t last) {
@@ -141,28 +151,28 @@ Status Slicer::slice(double time, l4d_splat_buffers* out) {
 Status Slicer::slice(double time, l4d_splat_columns* out) {
   L4D_RETURN_IF_ERROR(check_columns(*out));
   const bool with_shape = out->scale[0] != nullptr || out->rotation[0] != nullptr;
-  std::vector<CachedBucket*> buckets;
-  L4D_RETURN_IF_ERROR(load_instant(&time, with_shape, &buckets));
+  L4D_RETURN_IF_ERROR(load_instant(&time, with_shape));
   const SceneHeader& header = stream_.file().header();
   const uint64_t key_given = out->still_key;
   size_t num_still = 0;
   uint32_t min_bits;
   std::memcpy(&min_bits, &out->min_opacity, sizeof min_bits);
-  std::vector<uint64_t> numbers = {kStillColumns, min_bits};
-  for (CachedBucket* entry : buckets) {
+  new_rows_.assign({kStillColumns, min_bits});
+  for (CachedBucket* entry : buckets_) {
     entry->bucket.sort(header.timeline, header.gate, out->min_opacity);
     if (entry->bucket.order.num_still == 0) continue;
-    numbers.push_back(entry->number);
+    new_rows_.push_back(entry->number);
     num_still += entry->bucket.order.num_still;
   }
-  set_still(std::move(numbers));
+  set_still();
   const bool kept = key_given == still_key_;
-  std::vector<Piece> pieces;
+  std::vector<Piece>& pieces = pieces_;
+  pieces.clear();
   const bool without_still = kept && out->color[0] == nullptr;
-  for (CachedBucket* entry : buckets) {
+  for (CachedBucket* entry : buckets_) {
     if (!without_still) add_pieces(entry->bucket, 0, entry->bucket.order.num_still, &pieces);
   }
-  for (CachedBucket* entry : buckets) {
+  for (CachedBucket* entry : buckets_) {
     const PreparedBucket::Order& order = entry->bucket.order;
     add_pieces(entry->bucket, order.num_still, order.num_unmoving, &pieces);
     add_pieces(entry->bucket, order.num_unmoving, order.row.size(), &pieces);

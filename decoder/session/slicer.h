@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "decoder/session/bucket_cache.h"
+#include "decoder/session/splat_writer.h"
 
 namespace l4d {
 
@@ -17,21 +18,26 @@ class Slicer {
   // Kept from stream to stream.
   Status set_detail(uint32_t detail);
   // Before the stream is closed.
-  void close() { cache_.close(); }
+  void close();
   const BucketCache& cache() const { return cache_; }
 
  private:
-  // The buckets of an instant, which is clamped to the sequence.
-  Status load_instant(double* time, bool with_shape, std::vector<CachedBucket*>* buckets);
-  // Sets still_key_ to what stands for the still rows of an output: their kind, and the numbers of
-  // their buckets.
-  void set_still(std::vector<uint64_t> rows);
+  // Sets buckets_ to those of an instant, which is clamped to the sequence.
+  Status load_instant(double* time, bool with_shape);
+  // Sets still_key_ to what stands for the still rows of an output, new_rows_.
+  void set_still();
 
   OpenStream& stream_;
   BucketCache cache_;
   uint32_t detail_ = L4D_DETAIL_FULL;
-  std::vector<uint64_t> still_rows_;  // of the last slice
+  // Of the last slice: what the rows are, and the numbers of their buckets.
+  std::vector<uint64_t> still_rows_;
   uint64_t still_key_ = 1;
+  // Of the slice at hand. They keep their memory: stepping through time allocates none.
+  Plan plan_;
+  std::vector<CachedBucket*> buckets_;
+  std::vector<uint64_t> new_rows_;
+  std::vector<Piece> pieces_;
 };
 
 }  // namespace l4d

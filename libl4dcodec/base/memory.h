@@ -55,6 +55,12 @@ class MemoryCharge {
     return {};
   }
   void keep() { bytes_ = 0; }
+  // Gives back what is above `bytes`.
+  void shrink_to(uint64_t bytes) {
+    if (bytes >= bytes_) return;
+    budget_.release(bytes_ - bytes);
+    bytes_ = bytes;
+  }
 
  private:
   MemoryBudget& budget_;

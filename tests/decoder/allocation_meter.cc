@@ -12,10 +12,12 @@ namespace {
 
 std::atomic<int64_t> held{0};
 std::atomic<int64_t> most{0};
+std::atomic<uint64_t> allocations{0};
 
 void* try_allocate(size_t n) {
   void* p = std::malloc(n == 0 ? 1 : n);
   if (p == nullptr) return nullptr;
+  ++allocations;
   const int64_t now = held += static_cast<int64_t>(malloc_usable_size(p));
   int64_t seen = most.load();
   while (now > seen && !most.compare_exchange_weak(seen, now)) {
@@ -50,7 +52,11 @@ void operator delete[](void* p, size_t) noexcept { release(p); }
 
 namespace l4d::test {
 
-AllocationMeter::AllocationMeter() : at_start_(held.load()) { most = at_start_; }
+AllocationMeter::AllocationMeter() : at_start_(held.load()), count_at_start_(allocations.load()) {
+  most = at_start_;
+}
+
+uint64_t AllocationMeter::count() const { return allocations.load() - count_at_start_; }
 
 uint64_t AllocationMeter::peak() const {
   return static_cast<uint64_t>(std::max<int64_t>(0, most.load() - at_start_));

@@ -12,9 +12,11 @@ class AllocationMeter {
   AllocationMeter();  // starts counting from here; one at a time
   // Most bytes held at once since then, above those held at the start.
   uint64_t peak() const;
+  uint64_t count() const;  // of allocations since then
 
  private:
   int64_t at_start_;
+  uint64_t count_at_start_;
 };
 
 }  // namespace l4d::test

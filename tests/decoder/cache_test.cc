@@ -144,6 +144,9 @@ struct Player {
   uint64_t tables = 0;
 };
 
+// What a decoder keeps of its plans, which grows with the largest one: less than any bucket takes.
+constexpr uint64_t kMostPlan = 2048;
+
 // With room for nothing, the cache holds the buckets of the instant that is shown and no other.
 TEST(CacheBudget, ATinyCacheHoldsTheInstantAlone) {
   const Bytes& bytes = dynamic_file();
@@ -161,7 +164,8 @@ TEST(CacheBudget, ATinyCacheHoldsTheInstantAlone) {
     // What is not needed any more goes when room is wanted.
     if (wanted > 0) {
       kept = now;
-      EXPECT_EQ(tiny.held(), fresh.held());
+      EXPECT_GE(tiny.held(), fresh.held());
+      EXPECT_LT(tiny.held(), fresh.held() + kMostPlan);
     }
     again += wanted - without(now, ever).size();
     ever.insert(now.begin(), now.end());

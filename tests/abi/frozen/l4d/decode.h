@@ -540,11 +540,13 @@ L4D_API void l4d_splat_buffers_init_(l4d_splat_buffers* buffers, size_t struct_s
  * both details apart. */
 L4D_API l4d_status l4d_decoder_set_detail(l4d_decoder* decoder, uint32_t detail);
 /* Slices the stream at `time` seconds, clamped to the sequence. Decoded buckets are cached:
- * stepping forward decodes each bucket once. If all arrays are NULL, only `count` is computed;
- * l4d_selection.num_gaussians of a TIME query is an upper bound of it.
- * Fails with BUFFER_TOO_SMALL if capacity is below `count`, and with INVALID_ARGUMENT if
- * camera_position is not finite and color is given. A tolerant decoder skips lost pages and reads
- * them again in each call, so that `count` grows when the reader recovers. */
+ * stepping forward decodes each bucket once. A handle with one thread allocates no memory for an
+ * instant whose buckets and directory pages it holds, once it has sliced one of as many pages; a
+ * handle with more threads starts them in each call. If all arrays are NULL, only `count` is
+ * computed; l4d_selection.num_gaussians of a TIME query is an upper bound of it. Fails with
+ * BUFFER_TOO_SMALL if capacity is below `count`, and with INVALID_ARGUMENT if camera_position is
+ * not finite and color is given. A tolerant decoder skips lost pages and reads them again in each
+ * call, so that `count` grows when the reader recovers. */
 L4D_API l4d_status l4d_decoder_slice(l4d_decoder* decoder, double time, l4d_splat_buffers* out);
 
 /* 3D Gaussians at one instant as a structure of arrays, the form that renderers take. */
