@@ -41,6 +41,85 @@ struct Histogram {
   }
 };
 
+Histogram histogram_of(const uint64_t* count /* [kTokens] */) {
+  Histogram h;
+  for (size_t t = 0; t < TokenCounts::kTokens; ++t) {
+    if (count[t] == 0) continue;
+    h.tokens.emplace_back(static_cast<uint16_t>(t), static_cast<float>(count[t]));
+    h.total += static_cast<double>(count[t]);
+  }
+  for (const auto& [token, n] : h.tokens) {
+    h.entropy -= static_cast<double>(n) * std::log2(static_cast<double>(n) / h.total);
+  }
+  return h;
+}
+
+void add_tokens(const Histogram& histogram, std::vector<double>* sum) {
+  for (const auto& [token, n] : histogram.tokens) (*sum)[token] += static_cast<double>(n);
+}
+
+// The tokens of all histograms of a cluster.
+std::vector<double> sum_of(const std::vector<Histogram>& histograms,
+                           const std::vector<size_t>& owner, size_t cluster) {
+  std::vector<double> sum(TokenCounts::kTokens, 0.0);
+  for (size_t i = 0; i < histograms.size(); ++i) {
+    if (owner[i] == cluster) add_tokens(histograms[i], &sum);
+  }
+  return sum;
+}
+
+// Farthest first: the histogram that would gain most by a table of its own gets one, as long as
+// that is more than the table takes. Returns the number of clusters, and which one each is in.
+size_t seed_clusters(const std::vector<Histogram>& histograms, size_t max_tables,
+                     std::vector<size_t>* owner) {
+  owner->assign(histograms.size(), 0);
+  const auto costs_of = [](const Histogram& histogram) {
+    std::vector<double> seed(TokenCounts::kTokens, 0.0);
+    add_tokens(histogram, &seed);
+    return Costs(seed);
+  };
+  Costs costs = costs_of(
+      *std::max_element(histograms.begin(), histograms.end(),
+                        [](const Histogram& a, const Histogram& b) { return a.total < b.total; }));
+  std::vector<double> excess;
+  for (const Histogram& h : histograms) excess.push_back(h.cost(costs) - h.entropy);
+  size_t clusters = 1;
+  while (clusters < max_tables) {
+    const size_t worst =
+        static_cast<size_t>(std::max_element(excess.begin(), excess.end()) - excess.begin());
+    const double price = kBitsPerToken * static_cast<double>(histograms[worst].tokens.size() + 2);
+    if (excess[worst] <= price) break;
+    costs = costs_of(histograms[worst]);
+    for (size_t i = 0; i < histograms.size(); ++i) {
+      const double own = histograms[i].cost(costs) - histograms[i].entropy;
+      if (own >= excess[i]) continue;
+      excess[i] = own;
+      (*owner)[i] = clusters;
+    }
+    ++clusters;
+  }
+  return clusters;
+}
+
+// Moves each histogram to the cluster whose table codes it best, and that with what it then holds.
+void refine_clusters(const std::vector<Histogram>& histograms, size_t clusters,
+                     std::vector<size_t>* owner) {
+  for (int round = 0; round < kRounds; ++round) {
+    std::vector<Costs> all;
+    for (size_t k = 0; k < clusters; ++k) all.emplace_back(sum_of(histograms, *owner, k));
+    for (size_t i = 0; i < histograms.size(); ++i) {
+      double best = HUGE_VAL;
+      for (size_t k = 0; k < clusters; ++k) {
+        const double cost = histograms[i].cost(all[k]);
+        if (cost < best) {
+          best = cost;
+          (*owner)[i] = k;
+        }
+      }
+    }
+  }
+}
+
 }  // namespace
 
 TokenCounts::TokenCounts(const std::vector<ChannelSpec>& channels) {
@@ -84,82 +163,23 @@ void EntropyModel::cluster(const TokenCounts& counts, const std::vector<size_t>&
   std::vector<size_t> used;
   std::vector<Histogram> histograms;
   for (const size_t c : contexts) {
-    Histogram h;
-    const uint64_t* count = counts.counts_.data() + c * kTokens;
-    for (size_t t = 0; t < kTokens; ++t) {
-      if (count[t] == 0) continue;
-      h.tokens.emplace_back(static_cast<uint16_t>(t), static_cast<float>(count[t]));
-      h.total += static_cast<double>(count[t]);
-    }
+    Histogram h = histogram_of(counts.counts_.data() + c * kTokens);
     if (h.tokens.empty()) continue;
-    for (const auto& [token, n] : h.tokens) {
-      h.entropy -= static_cast<double>(n) * std::log2(static_cast<double>(n) / h.total);
-    }
     used.push_back(c);
     histograms.push_back(std::move(h));
   }
-  const size_t first_table = tables_.size();
-  for (const size_t c : contexts) map_[c] = static_cast<uint8_t>(first_table);
+  for (const size_t c : contexts) map_[c] = static_cast<uint8_t>(tables_.size());
   if (used.empty()) {
     const uint64_t one[] = {1};
     tables_.emplace_back(Span<const uint64_t>(one, 1));
     return;
   }
-  const auto sum_of = [&](const std::vector<size_t>& owner, size_t cluster) {
-    std::vector<double> sum(kTokens, 0.0);
-    for (size_t i = 0; i < used.size(); ++i) {
-      if (owner[i] != cluster) continue;
-      for (const auto& [token, n] : histograms[i].tokens) sum[token] += static_cast<double>(n);
-    }
-    return sum;
-  };
-  // Farthest first: the context that would gain most by a table of its own gets one, as long as
-  // that is more than the table takes.
-  std::vector<size_t> owner(used.size(), 0);
-  std::vector<double> excess(used.size());
-  size_t clusters = 1;
-  const size_t largest = static_cast<size_t>(
-      std::max_element(histograms.begin(), histograms.end(),
-                       [](const Histogram& a, const Histogram& b) { return a.total < b.total; }) -
-      histograms.begin());
-  std::vector<double> seed(kTokens, 0.0);
-  for (const auto& [token, n] : histograms[largest].tokens) seed[token] = static_cast<double>(n);
-  Costs costs(seed);
-  for (size_t i = 0; i < used.size(); ++i)
-    excess[i] = histograms[i].cost(costs) - histograms[i].entropy;
-  while (clusters < max_tables) {
-    const size_t worst =
-        static_cast<size_t>(std::max_element(excess.begin(), excess.end()) - excess.begin());
-    const double price = kBitsPerToken * static_cast<double>(histograms[worst].tokens.size() + 2);
-    if (excess[worst] <= price) break;
-    std::fill(seed.begin(), seed.end(), 0.0);
-    for (const auto& [token, n] : histograms[worst].tokens) seed[token] = static_cast<double>(n);
-    costs = Costs(seed);
-    for (size_t i = 0; i < used.size(); ++i) {
-      const double own = histograms[i].cost(costs) - histograms[i].entropy;
-      if (own >= excess[i]) continue;
-      excess[i] = own;
-      owner[i] = clusters;
-    }
-    ++clusters;
-  }
-  for (int round = 0; round < kRounds; ++round) {
-    std::vector<Costs> all;
-    for (size_t k = 0; k < clusters; ++k) all.emplace_back(sum_of(owner, k));
-    for (size_t i = 0; i < used.size(); ++i) {
-      double best = HUGE_VAL;
-      for (size_t k = 0; k < clusters; ++k) {
-        const double cost = histograms[i].cost(all[k]);
-        if (cost < best) {
-          best = cost;
-          owner[i] = k;
-        }
-      }
-    }
-  }
+  std::vector<size_t> owner;
+  const size_t clusters = seed_clusters(histograms, max_tables, &owner);
+  refine_clusters(histograms, clusters, &owner);
   std::vector<uint8_t> table_of(clusters, 0);
   for (size_t k = 0; k < clusters; ++k) {
-    const std::vector<double> sum = sum_of(owner, k);
+    const std::vector<double> sum = sum_of(histograms, owner, k);
     std::vector<uint64_t> exact(kTokens);
     for (size_t t = 0; t < kTokens; ++t) exact[t] = static_cast<uint64_t>(sum[t]);
     while (!exact.empty() && exact.back() == 0) exact.pop_back();

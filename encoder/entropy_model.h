@@ -15,12 +15,12 @@ class TokenCounts : public ChannelVisitor {
   explicit TokenCounts(const std::vector<ChannelSpec>& channels);
   void visit(const ChannelSymbols& symbols) override;
   void add(const TokenCounts& other);
+  static constexpr size_t kTokens = 128;  // above both kRansHybridTokens and kRansWideTokens
 
  private:
   friend class EntropyModel;
-  static constexpr size_t kTokens = 128;  // above both kRansHybridTokens and kRansWideTokens
-  std::vector<size_t> first_;             // of each channel, in contexts
-  std::vector<uint64_t> counts_;          // [contexts, kTokens]
+  std::vector<size_t> first_;     // of each channel, in contexts
+  std::vector<uint64_t> counts_;  // [contexts, kTokens]
 };
 
 class EntropyModel {

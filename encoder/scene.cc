@@ -156,18 +156,13 @@ Status check_input(const EncoderInput& input) {
   return {};
 }
 
-Status prepare_scene(const EncoderInput& input, const EncoderSettings& settings, int threads,
-                     EncoderScene* out) {
+namespace {
+
+// Chooses the Gaussians that are coded: s.source, and the numbers of the others.
+Status choose_gaussians(const EncoderInput& input, const EncoderSettings& settings,
+                        EncoderScene* out) {
   const l4d_gaussians& g = input.gaussians;
   EncoderScene& s = *out;
-  const bool lossless = settings.get_bool(L4D_ENC_LOSSLESS);
-  s = EncoderScene();
-  s.given = g;
-  s.min_sizes = input.min_sizes;
-  s.sh_degree = g.sh_degree;
-  s.timeline = input.timeline;
-  s.duration = sequence_duration(input.timeline);
-  const size_t sh_dim = s.sh_dim();
   const float* alpha_t = input.weights[L4D_WEIGHT_ALPHA_T];
   const double prune = settings.pruning(alpha_t != nullptr).weight;
   if (prune >= 0 && alpha_t == nullptr) {
@@ -176,9 +171,9 @@ Status prepare_scene(const EncoderInput& input, const EncoderSettings& settings,
         "(prune-weight=-1)");
   }
   // What is seen of a Gaussian ends with its opacity, so to leave it out is to take that away.
-  const float* of_opacity = settings.get_int(L4D_ENC_WEIGHT_METRIC) == 1 && !lossless
-                                ? input.weights[L4D_WEIGHT_OPACITY]
-                                : nullptr;
+  const bool squares = settings.get_int(L4D_ENC_WEIGHT_METRIC) == 1;
+  const float* of_opacity =
+      squares && !settings.get_bool(L4D_ENC_LOSSLESS) ? input.weights[L4D_WEIGHT_OPACITY] : nullptr;
   const double pruning_error = Quality(settings, g.count).pruning_error();
   const auto hardly_matters = [&](size_t i) {
     if (of_opacity == nullptr) return false;
@@ -200,77 +195,114 @@ Status prepare_scene(const EncoderInput& input, const EncoderSettings& settings,
       s.source.push_back(i);
     }
   }
-  const size_t n = s.source.size();
-  if (n == 0) return Status(L4D_ERR_INVALID_SCENE, "no Gaussian is left to code");
-  s.count = n;
+  s.count = s.source.size();
+  if (s.count == 0) return Status(L4D_ERR_INVALID_SCENE, "no Gaussian is left to code");
+  return {};
+}
+
+void resize(EncoderScene* out, bool lossless) {
+  EncoderScene& s = *out;
+  const size_t n = s.count;
   s.position.resize(3 * n);
   s.mean_t.resize(n);
   s.log_scale.resize(4 * n);
   s.rotor.resize(8 * n);
   s.opacity.resize(n);
-  s.sh.resize(sh_dim * n);
+  s.sh.resize(s.sh_dim() * n);
   s.velocity.resize(3 * n);
   s.lambda.resize(n);
-  if (lossless) {
-    s.raw_position.resize(3 * n);
-    s.has_double_times = g.mean_t_double != nullptr;
-    s.raw_mean_t.resize(s.has_double_times ? 0 : n);
+  if (!lossless) return;
+  s.raw_position.resize(3 * n);
+  s.has_double_times = s.given.mean_t_double != nullptr;
+  s.raw_mean_t.resize(s.has_double_times ? 0 : n);
+}
+
+// Gaussian i as it is given, with its velocity and lambda.
+void gather(EncoderScene* out, size_t i, bool lossless) {
+  EncoderScene& s = *out;
+  const l4d_gaussians& g = s.given;
+  const size_t from = s.source[i], sh_dim = s.sh_dim();
+  float* rotor = s.rotor.data() + 8 * i;
+  float* log_scale = s.log_scale.data() + 4 * i;
+  std::copy_n(g.rotor + 8 * from, 8, rotor);
+  std::copy_n(g.log_scale + 4 * from, 4, log_scale);
+  // So that what is encoded again and again stays where it is.
+  for (size_t k = 0; !lossless && k < 4; ++k) {
+    log_scale[k] = std::clamp(log_scale[k], -kMaxLogScale, kMaxLogScale);
   }
-  const bool logit = (g.flags & L4D_OPACITY_LOGIT) != 0;
-  const bool at_mean = (g.flags & L4D_POSITION_AT_MEAN_TIME) != 0;
-  const int gauge = settings.get_int(L4D_ENC_GAUGE);
-  parallel_for(threads, n, kGrain, [&](size_t begin, size_t end) {
-    for (size_t i = begin; i < end; ++i) {
-      const size_t from = s.source[i];
-      float* rotor = s.rotor.data() + 8 * i;
-      float* log_scale = s.log_scale.data() + 4 * i;
-      std::copy_n(g.rotor + 8 * from, 8, rotor);
-      std::copy_n(g.log_scale + 4 * from, 4, log_scale);
-      // So that what is encoded again and again stays where it is.
-      for (size_t k = 0; !lossless && k < 4; ++k) {
-        log_scale[k] = std::clamp(log_scale[k], -kMaxLogScale, kMaxLogScale);
-      }
-      std::copy_n(g.sh + sh_dim * from, sh_dim, s.sh.data() + sh_dim * i);
-      s.mean_t[i] = mean_time(g, from);
-      for (size_t k = 0; k < 3; ++k) {
-        s.position[3 * i + k] = static_cast<double>(g.position[3 * from + k]);
-      }
-      s.opacity[i] = g.opacity[from];
-      SeenGaussian slice{};
-      slice_in_double(rotor, log_scale, &slice);
-      std::copy_n(slice.velocity, 3, s.velocity.data() + 3 * i);
-      s.lambda[i] = slice.lambda;
-      if (lossless) {
-        std::copy_n(g.position + 3 * from, 3, s.raw_position.data() + 3 * i);
-        if (!s.has_double_times) s.raw_mean_t[i] = g.mean_t[from];
-        continue;
-      }
-      s.opacity[i] = static_cast<float>(linear_opacity(static_cast<double>(s.opacity[i]), logit));
-      normalize_rotor(rotor, rotor);
-      if (gauge >= 1) align_halves(rotor);
-      if (gauge == 1) canonicalize_sign(rotor);
-      if (gauge == 2) canonicalize(rotor, log_scale, GaugeMode::kNearestIdentity);
-      if (gauge == 3) canonicalize(rotor, log_scale, GaugeMode::kSortedScales);
-      if (at_mean) {
-        const double dt = reference_time(s.timeline, s.mean_t[i]) - s.mean_t[i];
-        for (size_t k = 0; k < 3; ++k) s.position[3 * i + k] += s.velocity[3 * i + k] * dt;
-      }
-    }
-  });
-  const bool gauss_newton = settings.get_int(L4D_ENC_WEIGHT_METRIC) == 1;
+  std::copy_n(g.sh + sh_dim * from, sh_dim, s.sh.data() + sh_dim * i);
+  s.mean_t[i] = mean_time(g, from);
+  for (size_t k = 0; k < 3; ++k) {
+    s.position[3 * i + k] = static_cast<double>(g.position[3 * from + k]);
+  }
+  s.opacity[i] = g.opacity[from];
+  SeenGaussian slice{};
+  slice_in_double(rotor, log_scale, &slice);
+  std::copy_n(slice.velocity, 3, s.velocity.data() + 3 * i);
+  s.lambda[i] = slice.lambda;
+  if (!lossless) return;
+  std::copy_n(g.position + 3 * from, 3, s.raw_position.data() + 3 * i);
+  if (!s.has_double_times) s.raw_mean_t[i] = g.mean_t[from];
+}
+
+// Brings Gaussian i to the form in which lossy streams have it.
+void normalize(EncoderScene* out, size_t i, int gauge) {
+  EncoderScene& s = *out;
+  float* rotor = s.rotor.data() + 8 * i;
+  float* log_scale = s.log_scale.data() + 4 * i;
+  const bool logit = (s.given.flags & L4D_OPACITY_LOGIT) != 0;
+  s.opacity[i] = static_cast<float>(linear_opacity(static_cast<double>(s.opacity[i]), logit));
+  normalize_rotor(rotor, rotor);
+  if (gauge >= 1) align_halves(rotor);
+  if (gauge == 1) canonicalize_sign(rotor);
+  if (gauge == 2) canonicalize(rotor, log_scale, GaugeMode::kNearestIdentity);
+  if (gauge == 3) canonicalize(rotor, log_scale, GaugeMode::kSortedScales);
+  if ((s.given.flags & L4D_POSITION_AT_MEAN_TIME) == 0) return;
+  const double dt = reference_time(s.timeline, s.mean_t[i]) - s.mean_t[i];
+  for (size_t k = 0; k < 3; ++k) s.position[3 * i + k] += s.velocity[3 * i + k] * dt;
+}
+
+void set_weights(const EncoderInput& input, bool gauss_newton, EncoderScene* out) {
+  EncoderScene& s = *out;
   static constexpr unsigned kOwn[L4D_COMPONENT_COUNT] = {
       L4D_WEIGHT_SH, L4D_WEIGHT_SCALE, L4D_WEIGHT_ROTOR_SPATIAL, L4D_WEIGHT_ROTOR_TEMPORAL};
-  for (size_t c = 0; c < L4D_COMPONENT_COUNT && !lossless; ++c) {
+  for (size_t c = 0; c < L4D_COMPONENT_COUNT; ++c) {
     const float* own = input.weights[kOwn[c]];
-    const float* given = own != nullptr ? own : alpha_t;
-    s.weight[c].resize(n);
-    for (size_t i = 0; i < n; ++i) {
+    const float* given = own != nullptr ? own : input.weights[L4D_WEIGHT_ALPHA_T];
+    s.weight[c].resize(s.count);
+    for (size_t i = 0; i < s.count; ++i) {
       const double w =
           static_cast<double>(given != nullptr ? given[s.source[i]] : proxy_weight(s, i));
       s.weight[c][i] = bounded_weight(own != nullptr && gauss_newton ? w * w : w);
     }
   }
-  if (!lossless) set_importance(input, gauss_newton, out);
+}
+
+}  // namespace
+
+Status prepare_scene(const EncoderInput& input, const EncoderSettings& settings, int threads,
+                     EncoderScene* out) {
+  EncoderScene& s = *out;
+  const bool lossless = settings.get_bool(L4D_ENC_LOSSLESS);
+  s = EncoderScene();
+  s.given = input.gaussians;
+  s.min_sizes = input.min_sizes;
+  s.sh_degree = input.gaussians.sh_degree;
+  s.timeline = input.timeline;
+  s.duration = sequence_duration(input.timeline);
+  L4D_RETURN_IF_ERROR(choose_gaussians(input, settings, out));
+  resize(out, lossless);
+  const int gauge = settings.get_int(L4D_ENC_GAUGE);
+  parallel_for(threads, s.count, kGrain, [&](size_t begin, size_t end) {
+    for (size_t i = begin; i < end; ++i) {
+      gather(out, i, lossless);
+      if (!lossless) normalize(out, i, gauge);
+    }
+  });
+  if (lossless) return {};
+  const bool gauss_newton = settings.get_int(L4D_ENC_WEIGHT_METRIC) == 1;
+  set_weights(input, gauss_newton, out);
+  set_importance(input, gauss_newton, out);
   return {};
 }
 

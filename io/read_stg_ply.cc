@@ -122,6 +122,104 @@ void note_approximations(const ErrorTally& motion, const ErrorTally& turning, do
   }
 }
 
+// What the file has of each Gaussian beside the columns of a Scene.
+struct StgColumns {
+  std::vector<float> quaternion, turning_rate, motion, center, log_width;
+  explicit StgColumns(size_t count)
+      : quaternion(count * 4),
+        turning_rate(count * 4),
+        motion(count * 9),
+        center(count),
+        log_width(count) {}
+};
+
+// What the approximation of motion by a line, and of turning by one orientation, costs.
+struct StgErrors {
+  ErrorTally motion, turning;
+  double largest_angle = 0;
+};
+
+// One Gaussian, in double.
+struct StgGaussian {
+  double motion[9];
+  Vec4 q, omega;
+  Vec3 scale;
+  double t, sigma;  // in units of the sequence
+
+  StgGaussian(const StgColumns& columns, const float* log_scale /* [4] */, size_t i) {
+    for (size_t k = 0; k < 9; ++k) motion[k] = static_cast<double>(columns.motion[9 * i + k]);
+    for (size_t k = 0; k < 4; ++k) {
+      q[k] = static_cast<double>(columns.quaternion[4 * i + k]);
+      omega[k] = static_cast<double>(columns.turning_rate[4 * i + k]);
+    }
+    for (size_t k = 0; k < 3; ++k) scale[k] = std::exp(static_cast<double>(log_scale[k]));
+    t = static_cast<double>(columns.center[i]);
+    // Opacity falls with exp(-(dt / width)^2), without the half of a Gaussian's exponent.
+    sigma = std::exp(static_cast<double>(columns.log_width[i])) / std::sqrt(2.0);
+  }
+  bool is_valid() const {
+    return all_finite(motion, 9) && all_finite(q.data(), 4) && all_finite(omega.data(), 4) &&
+           all_finite(scale.data(), 3) && all_finite(&t, 1) && all_finite(&sigma, 1) && sigma > 0;
+  }
+  bool is_curved() const {
+    return std::any_of(motion + 3, motion + 9, [](double x) { return x != 0; });
+  }
+  bool turns() const {
+    return std::any_of(omega.begin(), omega.end(), [](double x) { return x != 0; });
+  }
+  Vec4 orientation(double dt) const {
+    Vec4 turned = q;
+    for (size_t k = 0; k < 4; ++k) turned[k] += dt * omega[k];
+    return normalized(turned);
+  }
+};
+
+// The orientation that stands for all of them.
+Vec4 freeze_orientation(const StgGaussian& g, const Span& span, StgErrors* errors) {
+  const Vec4 frozen = g.orientation(span.mean);
+  if (!span.visible) return frozen;
+  const double reach = *std::max_element(g.scale.begin(), g.scale.end());
+  double largest = 0, sum = 0, weights = 0;
+  for (int k = 0; k < kSamples; ++k) {
+    const double dt = span.sample(k);
+    const double angle = angle_between(frozen, g.orientation(dt));
+    largest = std::max(largest, angle);
+    sum += weight(dt, g.sigma) * angle;
+    weights += weight(dt, g.sigma);
+  }
+  errors->largest_angle = std::max(errors->largest_angle, largest);
+  errors->turning.add(largest * reach, weights > 0 ? sum / weights * reach : 0);
+  return frozen;
+}
+
+// Shape and motion of Gaussian i. unit: seconds.
+void store_gaussian(Scene& scene, size_t i, const StgGaussian& g, double unit, StgErrors* errors) {
+  const double* m = g.motion;
+  Vec4 q = g.q;
+  Vec3 velocity{m[0], m[1], m[2]};
+  const bool curved = g.is_curved(), turns = g.turns();
+  if (curved || turns) {
+    const Span span = fit_span(g.t, g.sigma);
+    if (curved) {
+      for (size_t k = 0; k < 3; ++k) {
+        velocity[k] += m[3 + k] * span.b2 + m[6 + k] * span.b3;
+        scene.position[3 * i + k] =
+            static_cast<float>(static_cast<double>(scene.position[3 * i + k]) + m[3 + k] * span.a2 +
+                               m[6 + k] * span.a3);
+      }
+      if (span.visible) tally_motion(span, g.sigma, m + 3, m + 6, errors->motion);
+    }
+    if (turns) q = freeze_orientation(g, span, errors);
+  }
+  for (double& v : velocity) v /= unit;
+  if (velocity == Vec3{0, 0, 0}) {
+    store_still_shape(scene, i, q, g.sigma * unit);
+  } else {
+    store_shape(scene, i,
+                shape_of_moving(quaternion_to_matrix(q), g.scale, velocity, g.sigma * unit));
+  }
+}
+
 }  // namespace
 
 Scene read_stg_ply(PlyReader& reader, const ImportOptions& options) {
@@ -137,94 +235,34 @@ Scene read_stg_ply(PlyReader& reader, const ImportOptions& options) {
   read_placement(reader, scene);
   const size_t count = static_cast<size_t>(reader.element().count);
   scene.resize(count);
-  std::vector<float> quaternion(count * 4), turning_rate(count * 4), motion(count * 9),
-      center(count), log_width(count);
+  StgColumns stg(count);
 
   ColumnSet columns(reader);
   columns.add_position(scene);
   columns.add_indexed("scale", 3, scene.log_scale.data(), 4);
-  columns.add_indexed("rot", 4, quaternion.data(), 4);
-  columns.add_indexed("omega", 4, turning_rate.data(), 4);
-  columns.add_indexed("motion", 9, motion.data(), 9);
+  columns.add_indexed("rot", 4, stg.quaternion.data(), 4);
+  columns.add_indexed("omega", 4, stg.turning_rate.data(), 4);
+  columns.add_indexed("motion", 9, stg.motion.data(), 9);
   columns.add("opacity", scene.opacity.data(), 0, 1);
-  columns.add("trbf_center", center.data(), 0, 1);
-  columns.add("trbf_scale", log_width.data(), 0, 1);
+  columns.add("trbf_center", stg.center.data(), 0, 1);
+  columns.add("trbf_scale", stg.log_width.data(), 0, 1);
   columns.add_sh(scene);
   columns.read();
   // Lite colours are plain RGB.
   for (float& c : scene.sh) c = static_cast<float>((static_cast<double>(c) - 0.5) / kShC0);
 
   const double unit = duration(scene.timeline);  // seconds
-  ErrorTally motion_errors, turning_errors;
-  double largest_angle = 0;
+  StgErrors errors;
   for (size_t i = 0; i < count; ++i) {
-    double m[9];
-    Vec4 q, omega;
-    Vec3 scale;
-    for (size_t k = 0; k < 9; ++k) m[k] = static_cast<double>(motion[9 * i + k]);
-    for (size_t k = 0; k < 4; ++k) {
-      q[k] = static_cast<double>(quaternion[4 * i + k]);
-      omega[k] = static_cast<double>(turning_rate[4 * i + k]);
-    }
-    for (size_t k = 0; k < 3; ++k) {
-      scale[k] = std::exp(static_cast<double>(scene.log_scale[4 * i + k]));
-    }
-    const double t = static_cast<double>(center[i]);
-    // Opacity falls with exp(-(dt / width)^2), without the half of a Gaussian's exponent.
-    const double sigma = std::exp(static_cast<double>(log_width[i])) / std::sqrt(2.0);
-    scene.mean_t[i] = static_cast<float>(t * unit);
-    if (!all_finite(m, 9) || !all_finite(q.data(), 4) || !all_finite(omega.data(), 4) ||
-        !all_finite(scale.data(), 3) || !all_finite(&t, 1) || !all_finite(&sigma, 1) ||
-        !(sigma > 0)) {
-      store_invalid_shape(scene, i);
-      continue;
-    }
-    const bool curved = std::any_of(m + 3, m + 9, [](double x) { return x != 0; });
-    const bool turns = std::any_of(omega.begin(), omega.end(), [](double x) { return x != 0; });
-    Vec3 velocity{m[0], m[1], m[2]};
-    if (curved || turns) {
-      const Span span = fit_span(t, sigma);
-      if (curved) {
-        for (size_t k = 0; k < 3; ++k) {
-          velocity[k] += m[3 + k] * span.b2 + m[6 + k] * span.b3;
-          scene.position[3 * i + k] =
-              static_cast<float>(static_cast<double>(scene.position[3 * i + k]) +
-                                 m[3 + k] * span.a2 + m[6 + k] * span.a3);
-        }
-        if (span.visible) tally_motion(span, sigma, m + 3, m + 6, motion_errors);
-      }
-      if (turns) {
-        const auto orientation = [&](double dt) {
-          Vec4 turned = q;
-          for (size_t k = 0; k < 4; ++k) turned[k] += dt * omega[k];
-          return normalized(turned);
-        };
-        const Vec4 frozen = orientation(span.mean);
-        if (span.visible) {
-          const double reach = *std::max_element(scale.begin(), scale.end());
-          double largest = 0, sum = 0, weights = 0;
-          for (int k = 0; k < kSamples; ++k) {
-            const double dt = span.sample(k);
-            const double angle = angle_between(frozen, orientation(dt));
-            largest = std::max(largest, angle);
-            sum += weight(dt, sigma) * angle;
-            weights += weight(dt, sigma);
-          }
-          largest_angle = std::max(largest_angle, largest);
-          turning_errors.add(largest * reach, weights > 0 ? sum / weights * reach : 0);
-        }
-        q = frozen;
-      }
-    }
-    for (double& v : velocity) v /= unit;
-    if (velocity == Vec3{0, 0, 0}) {
-      store_still_shape(scene, i, q, sigma * unit);
+    const StgGaussian gaussian(stg, &scene.log_scale[4 * i], i);
+    scene.mean_t[i] = static_cast<float>(gaussian.t * unit);
+    if (gaussian.is_valid()) {
+      store_gaussian(scene, i, gaussian, unit, &errors);
     } else {
-      store_shape(scene, i,
-                  shape_of_moving(quaternion_to_matrix(q), scale, velocity, sigma * unit));
+      store_invalid_shape(scene, i);
     }
   }
-  note_approximations(motion_errors, turning_errors, largest_angle, scene);
+  note_approximations(errors.motion, errors.turning, errors.largest_angle, scene);
   return scene;
 }
 

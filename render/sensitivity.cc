@@ -107,8 +107,7 @@ void Sensitivity::make_host_sums() {
   }
 }
 
-Status Sensitivity::add_view(Renderer& renderer, const l4d_camera& camera, bool visibility_only,
-                             bool wait) {
+Status Sensitivity::check_renderer(const Renderer& renderer) const {
   if (!renderer.has_scene()) {
     return Status(L4D_ERR_INVALID_STATE, "importance needs the scene's Gaussians: set_gaussians");
   }
@@ -118,6 +117,22 @@ Status Sensitivity::add_view(Renderer& renderer, const l4d_camera& camera, bool 
   if (renderer.has_background()) {
     return Status(L4D_ERR_INVALID_STATE, "importance is measured on black: set the background so");
   }
+  return {};
+}
+
+void Sensitivity::draw_signs(uint64_t seed, size_t pixels, int threads) {
+  signs_.resize(3 * pixels);
+  parallel_for(threads, pixels, kGrain, [&](size_t begin, size_t end) {
+    for (size_t p = begin; p < end; ++p) {
+      const uint64_t bits = mix(seed + p);
+      for (size_t c = 0; c < 3; ++c) signs_[3 * p + c] = (bits >> c & 1) != 0 ? 1.0f : -1.0f;
+    }
+  });
+}
+
+Status Sensitivity::add_view(Renderer& renderer, const l4d_camera& camera, bool visibility_only,
+                             bool wait) {
+  L4D_RETURN_IF_ERROR(check_renderer(renderer));
   const uint64_t pixels = uint64_t{camera.width} * camera.height;
   const bool squared = options_.metric == L4D_SENSITIVITY_GAUSS_NEWTON;
   // A sign for every channel: with one for all three, derivatives of the channels would add up
@@ -131,92 +146,88 @@ Status Sensitivity::add_view(Renderer& renderer, const l4d_camera& camera, bool 
     L4D_RETURN_IF_ERROR(
         renderer.add_importance(camera, squared, signs, visibility_only, device_.get(), wait));
     device_read_ = false;
-    all_pixels_ += pixels;
-    if (!visibility_only) {
-      pixels_ += pixels;
-      ++repeats_[key];
+  } else {
+    Renderer::ImportanceInput input;
+    if (visibility_only) input.seen = seen_.data();
+    if (squared && !visibility_only && check_image_size(camera.width, camera.height).ok()) {
+      draw_signs(signs, static_cast<size_t>(pixels), renderer.threads());
+      input.rgb_gradient = signs_.data();
+      input.as_coded = true;
     }
-    return {};
+    L4D_RETURN_IF_ERROR(renderer.importance(camera, input, &items_));
+    add_on_host(visibility_only, renderer.threads());
   }
-  Renderer::ImportanceInput input;
-  if (visibility_only) input.seen = seen_.data();
-  if (squared && !visibility_only && check_image_size(camera.width, camera.height).ok()) {
-    signs_.resize(static_cast<size_t>(3 * pixels));
-    parallel_for(renderer.threads(), static_cast<size_t>(pixels), kGrain,
-                 [&](size_t begin, size_t end) {
-                   for (size_t p = begin; p < end; ++p) {
-                     const uint64_t bits = mix(signs + p);
-                     for (size_t c = 0; c < 3; ++c) {
-                       signs_[3 * p + c] = (bits >> c & 1) != 0 ? 1.0f : -1.0f;
-                     }
-                   }
-                 });
-    input.rgb_gradient = signs_.data();
-    input.as_coded = true;
-  }
-  L4D_RETURN_IF_ERROR(renderer.importance(camera, input, &items_));
-  make_host_sums();
-  const uint32_t terms = sh_terms(sh_degree_), width = row_.width();
-  parallel_for(renderer.threads(), items_.size(), kGrain, [&](size_t begin, size_t end) {
-    for (size_t i = begin; i < end; ++i) {
-      const Renderer::Importance& item = items_[i];
-      if (!(item.coverage > 0)) continue;
-      const double coverage = static_cast<double>(item.coverage);
-      if (visibility_only) {
-        if (seen_[item.id] != 0) continue;
-        // Among ranks, which view comes first depends on who has it: all visibility passes add up.
-        if (fixed_point_) {
-          add_whole(&fixed_visible_only_[item.id], whole_of(coverage, kCoverageBits));
-        } else {
-          visible_only_[item.id] += coverage;
-          seen_[item.id] = 1;
-        }
-        continue;
-      }
-      seen_[item.id] = 1;
-      double row[1 + kMaxShTerms + kGeometryNumbers] = {coverage};
-      float basis[kMaxShTerms];
-      sh_basis(sh_degree_, item.direction[0], item.direction[1], item.direction[2], basis);
-      double geometry[kGeometryNumbers];
-      const Gradient4D<float>& g = item.gradient;
-      double* end_of = std::copy_n(g.log_scale, 4, geometry);
-      end_of = std::copy_n(g.rotor, 8, end_of);
-      end_of = std::copy_n(g.position, 3, end_of);
-      *end_of++ = static_cast<double>(g.opacity);
-      *end_of = static_cast<double>(g.mean_t);
-      if (squared) {
-        // With random signs the channels are three estimates of one square.
-        const float* c = item.color;
-        const float square = (c[0] * c[0] + c[1] * c[1] + c[2] * c[2]) / 3;
-        for (uint32_t k = 0; k < terms; ++k) {
-          row[1] += static_cast<double>(square * basis[k] * basis[k]);
-        }
-        for (uint32_t p = 0; p < kNumGeometryParts; ++p) {
-          const double* first = geometry + kGeometryParts[p].first;
-          row[2 + p] = std::inner_product(first, first + kGeometryParts[p].count, first, 0.0);
-        }
-      } else {
-        for (uint32_t k = 0; k < terms; ++k) {
-          row[1 + k] = static_cast<double>(std::fabs(item.color[0] * basis[k]));
-        }
-        for (uint32_t k = 0; k < kGeometryNumbers; ++k) row[1 + terms + k] = std::fabs(geometry[k]);
-      }
-      const size_t at = size_t{width} * item.id;
-      for (uint32_t k = 0; k < width; ++k) {
-        if (fixed_point_) {
-          add_whole(&whole_[at + k], whole_of(row[k], bits_of(row_, k)));
-        } else {
-          sums_[at + k] += row[k];
-        }
-      }
-    }
-  });
   all_pixels_ += pixels;
   if (!visibility_only) {
     pixels_ += pixels;
     ++repeats_[key];
   }
   return {};
+}
+
+void Sensitivity::add_on_host(bool visibility_only, int threads) {
+  make_host_sums();
+  parallel_for(threads, items_.size(), kGrain, [&](size_t begin, size_t end) {
+    for (size_t i = begin; i < end; ++i) {
+      if (!(items_[i].coverage > 0)) continue;
+      if (visibility_only) {
+        add_visible_only(items_[i]);
+      } else {
+        add_item(items_[i]);
+      }
+    }
+  });
+}
+
+void Sensitivity::add_visible_only(const Renderer::Importance& item) {
+  if (seen_[item.id] != 0) return;
+  const double coverage = static_cast<double>(item.coverage);
+  // Among ranks, which view comes first depends on who has it: all visibility passes add up.
+  if (fixed_point_) {
+    add_whole(&fixed_visible_only_[item.id], whole_of(coverage, kCoverageBits));
+  } else {
+    visible_only_[item.id] += coverage;
+    seen_[item.id] = 1;
+  }
+}
+
+void Sensitivity::add_item(const Renderer::Importance& item) {
+  const uint32_t terms = sh_terms(sh_degree_), width = row_.width();
+  seen_[item.id] = 1;
+  double row[1 + kMaxShTerms + kGeometryNumbers] = {static_cast<double>(item.coverage)};
+  float basis[kMaxShTerms];
+  sh_basis(sh_degree_, item.direction[0], item.direction[1], item.direction[2], basis);
+  double geometry[kGeometryNumbers];
+  const Gradient4D<float>& g = item.gradient;
+  double* end_of = std::copy_n(g.log_scale, 4, geometry);
+  end_of = std::copy_n(g.rotor, 8, end_of);
+  end_of = std::copy_n(g.position, 3, end_of);
+  *end_of++ = static_cast<double>(g.opacity);
+  *end_of = static_cast<double>(g.mean_t);
+  if (options_.metric == L4D_SENSITIVITY_GAUSS_NEWTON) {
+    // With random signs the channels are three estimates of one square.
+    const float* c = item.color;
+    const float square = (c[0] * c[0] + c[1] * c[1] + c[2] * c[2]) / 3;
+    for (uint32_t k = 0; k < terms; ++k)
+      row[1] += static_cast<double>(square * basis[k] * basis[k]);
+    for (uint32_t p = 0; p < kNumGeometryParts; ++p) {
+      const double* first = geometry + kGeometryParts[p].first;
+      row[2 + p] = std::inner_product(first, first + kGeometryParts[p].count, first, 0.0);
+    }
+  } else {
+    for (uint32_t k = 0; k < terms; ++k) {
+      row[1 + k] = static_cast<double>(std::fabs(item.color[0] * basis[k]));
+    }
+    for (uint32_t k = 0; k < kGeometryNumbers; ++k) row[1 + terms + k] = std::fabs(geometry[k]);
+  }
+  const size_t at = size_t{width} * item.id;
+  for (uint32_t k = 0; k < width; ++k) {
+    if (fixed_point_) {
+      add_whole(&whole_[at + k], whole_of(row[k], bits_of(row_, k)));
+    } else {
+      sums_[at + k] += row[k];
+    }
+  }
 }
 
 Status Sensitivity::read_device(bool* any) const {

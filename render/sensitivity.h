@@ -45,6 +45,14 @@ class Sensitivity {
   // Brings device_values_ up to date; false where there are none.
   Status read_device(bool* any) const;
 
+  // Why a view cannot be added, if so.
+  Status check_renderer(const Renderer& renderer) const;
+  // A sign for every channel of every pixel.
+  void draw_signs(uint64_t seed, size_t pixels, int threads);
+  void add_on_host(bool visibility_only, int threads);
+  // Adds what one view shows of a Gaussian: all of it, or only that it is seen.
+  void add_item(const Renderer::Importance& item);
+  void add_visible_only(const Renderer::Importance& item);
   void make_host_sums();
   // Number k of the Gaussian's row, added up.
   double number(size_t gaussian, size_t k) const;

@@ -113,6 +113,65 @@ void stages(const Bench& bench, l4d_cuda_renderer* r, const l4d_cuda_image& imag
   }
 }
 
+void print(const char* what, const Timing& t) {
+  std::printf("%-34s median %.3f ms, 99th percentile %.3f ms: %.0f per second\n", what, t.median,
+              t.p99, 1e3 / t.median);
+}
+
+// One frame, over and over, as launches and as a graph.
+void one_frame(const Bench& bench, l4d_cuda_renderer* r, const l4d_cuda_image& image,
+               cudaStream_t stream) {
+  const auto one = [&] {
+    must(r, l4d_cuda_renderer_render(r, 1.0, &bench.camera_of(0), &image, stream));
+  };
+  one();
+  check(cudaStreamSynchronize(stream));
+  print("one frame, launched", time_runs(kRuns, stream, [&](int) { one(); }));
+  cudaGraph_t captured = nullptr;
+  cudaGraphExec_t replay = nullptr;
+  check(cudaStreamBeginCapture(stream, cudaStreamCaptureModeThreadLocal));
+  one();
+  check(cudaStreamEndCapture(stream, &captured));
+  check(cudaGraphInstantiate(&replay, captured, 0));
+  print("one frame, as a CUDA graph",
+        time_runs(kRuns, stream, [&](int) { check(cudaGraphLaunch(replay, stream)); }));
+  cudaGraphExecDestroy(replay);
+  cudaGraphDestroy(captured);
+}
+
+void backward(const Bench& bench, l4d_cuda_renderer* r, const l4d_cuda_image& image,
+              cudaStream_t stream) {
+  std::vector<float> weights(3 * size_t{kWidth} * kHeight);
+  for (size_t k = 0; k < weights.size(); ++k) weights[k] = static_cast<float>(k % 17) / 16 - 0.4f;
+  const Array<float> upstream(weights.size());
+  check(cudaMemcpy(upstream.get(), weights.data(), weights.size() * sizeof(float),
+                   cudaMemcpyHostToDevice));
+  const size_t n = bench.scene.count();
+  const Array<float> p(3 * n), m(n), s(4 * n), q(8 * n), o(n), sh(bench.scene.sh.size());
+  for (const Array<float>* a : {&p, &m, &s, &q, &o, &sh}) a->clear();
+  l4d_gradients g;
+  l4d_gradients_init(&g);
+  g.count = n;
+  g.position = p.get();
+  g.mean_t = m.get();
+  g.log_scale = s.get();
+  g.rotor = q.get();
+  g.opacity = o.get();
+  g.sh = sh.get();
+  print("forward and backward", time_runs(kRuns, stream, [&](int k) {
+          must(r, l4d_cuda_renderer_backward(r, bench.time_of(k), &bench.camera_of(k), &image,
+                                             upstream.get(), &g, stream));
+        }));
+  l4d_cuda_frame_stats f;
+  l4d_cuda_frame_stats_init(&f);
+  must(r, l4d_cuda_renderer_time_passes(r));
+  must(r, l4d_cuda_renderer_backward(r, bench.time_of(3), &bench.camera_of(3), &image,
+                                     upstream.get(), &g, stream));
+  must(r, l4d_cuda_renderer_get_stats(r, stream, &f));
+  std::printf("of that backward: pixels to splats %.1f us\n",
+              1e6 * f.seconds[L4D_RENDER_PASS_BACKWARD]);
+}
+
 void forward(const Bench& bench, uint32_t format) {
   l4d_cuda_renderer_options options;
   l4d_cuda_renderer_options_init(&options);
@@ -130,7 +189,7 @@ void forward(const Bench& bench, uint32_t format) {
   must(r, l4d_cuda_renderer_reserve(r, &capacity));
   cudaStream_t stream;
   check(cudaStreamCreate(&stream));
-  const Array<float> rgb(3 * size_t{kWidth} * kHeight), upstream(3 * size_t{kWidth} * kHeight);
+  const Array<float> rgb(3 * size_t{kWidth} * kHeight);
   const Array<uint32_t> rgba8(size_t{kWidth} * kHeight);
   l4d_cuda_image image;
   l4d_cuda_image_init(&image);
@@ -138,10 +197,6 @@ void forward(const Bench& bench, uint32_t format) {
   const bool half = format == L4D_CUDA_SH_FLOAT16;
   const auto frame = [&](int k) {
     must(r, l4d_cuda_renderer_render(r, bench.time_of(k), &bench.camera_of(k), &image, stream));
-  };
-  const auto print = [](const char* what, const Timing& t) {
-    std::printf("%-34s median %.3f ms, 99th percentile %.3f ms: %.0f per second\n", what, t.median,
-                t.p99, 1e3 / t.median);
   };
   std::printf("\n## %zu Gaussians, SH in %s\n", bench.scene.count(),
               half ? "binary16" : "binary32");
@@ -156,65 +211,9 @@ void forward(const Bench& bench, uint32_t format) {
           must(r,
                l4d_cuda_renderer_render(r, bench.time_of(k), &bench.camera_of(k), &bytes, stream));
         }));
-  // As a graph: one frame, over and over.
   frame(0);
-  must(r, l4d_cuda_renderer_render(r, 1.0, &bench.camera_of(0), &image, stream));
-  check(cudaStreamSynchronize(stream));
-  for (const bool graph : {false, true}) {
-    cudaGraph_t captured = nullptr;
-    cudaGraphExec_t replay = nullptr;
-    const auto one = [&] {
-      must(r, l4d_cuda_renderer_render(r, 1.0, &bench.camera_of(0), &image, stream));
-    };
-    if (graph) {
-      check(cudaStreamBeginCapture(stream, cudaStreamCaptureModeThreadLocal));
-      one();
-      check(cudaStreamEndCapture(stream, &captured));
-      check(cudaGraphInstantiate(&replay, captured, 0));
-    }
-    print(graph ? "one frame, as a CUDA graph" : "one frame, launched",
-          time_runs(kRuns, stream, [&](int) {
-            if (graph) {
-              check(cudaGraphLaunch(replay, stream));
-            } else {
-              one();
-            }
-          }));
-    if (graph) {
-      cudaGraphExecDestroy(replay);
-      cudaGraphDestroy(captured);
-    }
-  }
-  if (!half) {
-    std::vector<float> weights(3 * size_t{kWidth} * kHeight);
-    for (size_t k = 0; k < weights.size(); ++k) weights[k] = static_cast<float>(k % 17) / 16 - 0.4f;
-    check(cudaMemcpy(upstream.get(), weights.data(), weights.size() * sizeof(float),
-                     cudaMemcpyHostToDevice));
-    const size_t n = bench.scene.count();
-    const Array<float> p(3 * n), m(n), s(4 * n), q(8 * n), o(n), sh(bench.scene.sh.size());
-    for (const Array<float>* a : {&p, &m, &s, &q, &o, &sh}) a->clear();
-    l4d_gradients g;
-    l4d_gradients_init(&g);
-    g.count = n;
-    g.position = p.get();
-    g.mean_t = m.get();
-    g.log_scale = s.get();
-    g.rotor = q.get();
-    g.opacity = o.get();
-    g.sh = sh.get();
-    print("forward and backward", time_runs(kRuns, stream, [&](int k) {
-            must(r, l4d_cuda_renderer_backward(r, bench.time_of(k), &bench.camera_of(k), &image,
-                                               upstream.get(), &g, stream));
-          }));
-    l4d_cuda_frame_stats f;
-    l4d_cuda_frame_stats_init(&f);
-    must(r, l4d_cuda_renderer_time_passes(r));
-    must(r, l4d_cuda_renderer_backward(r, bench.time_of(3), &bench.camera_of(3), &image,
-                                       upstream.get(), &g, stream));
-    must(r, l4d_cuda_renderer_get_stats(r, stream, &f));
-    std::printf("of that backward: pixels to splats %.1f us\n",
-                1e6 * f.seconds[L4D_RENDER_PASS_BACKWARD]);
-  }
+  one_frame(bench, r, image, stream);
+  if (!half) backward(bench, r, image, stream);
   stages(bench, r, image, stream, half);
   cudaStreamDestroy(stream);
   l4d_cuda_renderer_destroy(r);

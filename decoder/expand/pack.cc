@@ -63,6 +63,110 @@ void pack_component(const ComponentCoding& coding, const ComponentColumns& colum
   }
 }
 
+using AllEscapes = std::array<PageEscapes, L4D_COMPONENT_COUNT>;
+
+// Writes pages to the arrays of a caller. A page has its own rows there; its escapes stand behind
+// those of the pages before it, so they are gathered first.
+class Packer {
+ public:
+  Packer(const SceneHeader& header, l4d_packed_buffers& out)
+      : header_(header), out_(out), capacity_(static_cast<size_t>(out.capacity)) {
+    for (l4d_packed_component& p : out_.component) p.num_escapes = 0;
+  }
+
+  PageWants wants(uint32_t detail) const {
+    PageWants wants;
+    wants.position = out_.position != nullptr;
+    wants.mean_t = out_.mean_t != nullptr;
+    wants.opacity = out_.opacity != nullptr;
+    wants.scale = out_.scale_factor != nullptr || wanted(L4D_COMPONENT_SCALE);
+    wants.rotor = wanted(L4D_COMPONENT_ROTOR_SPATIAL) || wanted(L4D_COMPONENT_ROTOR_TEMPORAL);
+    wants.sh = wanted(L4D_COMPONENT_SH);
+    wants.sh_detail = detail == L4D_DETAIL_FULL;
+    return wants;
+  }
+
+  // What gathering the escapes of a page takes at most: all of it may be escapes.
+  uint64_t gathered_bytes(const PageTask& task) const {
+    uint64_t bytes = sizeof(AllEscapes);
+    const LayerHeader& layer = header_.layers[task.layer];
+    for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
+      if (out_.component[c].escape == nullptr || !header_.component(layer, c).escapes) continue;
+      bytes +=
+          uint64_t{task.record.num_gaussians} * header_.component_dim(layer, c) * sizeof(uint16_t);
+    }
+    return bytes;
+  }
+
+  // Any thread, one page each.
+  void write_page(const PageTask& task, const PageColumns& columns, AllEscapes* escapes) const {
+    const LayerHeader& layer = header_.layers[task.layer];
+    const size_t n = columns.n;
+    const size_t first = static_cast<size_t>(task.first);
+    if (out_.position != nullptr) {
+      uint16_t* dst = out_.position + 3 * first;
+      for (size_t k = 0; k < 3; ++k) {
+        for (size_t i = 0; i < n; ++i) dst[3 * i + k] = columns.position[k][i];
+      }
+    }
+    if (out_.mean_t != nullptr) {
+      uint16_t* dst = out_.mean_t + first;
+      if (layer.mean_t == CoordinateCodingId::kF16) {
+        std::copy_n(columns.mean_t.data(), n, dst);
+      } else {
+        std::fill(dst, dst + n, uint16_t{0});
+      }
+    }
+    copy_scalar(header_.opacity, columns.opacity, n,
+                out_.opacity == nullptr ? nullptr : out_.opacity + first);
+    copy_scalar(layer.scale_factor, columns.scale_factor, n,
+                out_.scale_factor == nullptr ? nullptr : out_.scale_factor + first);
+    for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
+      if (!wanted(c)) continue;
+      const ComponentColumns& from = columns.component[c];
+      const bool present = c != L4D_COMPONENT_SH || columns.sh_detail;
+      pack_component(header_.component(layer, c), from, present, n, first, capacity_,
+                     out_.component[c]);
+      PageEscapes& to = (*escapes)[c];
+      to.count = present ? from.num_escapes : 0;
+      if (out_.component[c].escape == nullptr) continue;
+      const size_t numbers = to.count * header_.component_dim(layer, c);
+      to.values.assign(from.escape.begin(),
+                       from.escape.begin() + static_cast<std::ptrdiff_t>(numbers));
+    }
+  }
+
+  // The escapes of the next pages, in their order.
+  Status append_escapes(const std::vector<AllEscapes>& pages) {
+    for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
+      l4d_packed_component& p = out_.component[c];
+      for (const AllEscapes& page : pages) {
+        if (p.escape != nullptr) {
+          if (p.num_escapes + page[c].count > p.escape_capacity) {
+            return Status(L4D_ERR_BUFFER_TOO_SMALL,
+                          "escape_capacity is below the number of escapes");
+          }
+          std::copy(page[c].values.begin(), page[c].values.end(), p.escape + at_[c]);
+        }
+        at_[c] += page[c].values.size();
+        p.num_escapes += page[c].count;
+      }
+    }
+    return {};
+  }
+
+ private:
+  bool wanted(unsigned c) const {
+    const l4d_packed_component& p = out_.component[c];
+    return p.depth != nullptr || p.index != nullptr || p.escape != nullptr;
+  }
+
+  const SceneHeader& header_;
+  l4d_packed_buffers& out_;
+  const size_t capacity_;
+  std::array<uint64_t, L4D_COMPONENT_COUNT> at_{};  // where the next escape goes
+};
+
 }  // namespace
 
 Status PageDecoder::pack(const Plan& plan, l4d_packed_buffers& out, const Progress& progress,
@@ -72,101 +176,24 @@ Status PageDecoder::pack(const Plan& plan, l4d_packed_buffers& out, const Progre
     return Status(L4D_ERR_FEATURE_UNSUPPORTED,
                   "only streams of codebook indices have a packed form");
   }
-  const auto wanted = [&](unsigned c) {
-    const l4d_packed_component& p = out.component[c];
-    return p.depth != nullptr || p.index != nullptr || p.escape != nullptr;
-  };
-  PageWants wants;
-  wants.position = out.position != nullptr;
-  wants.mean_t = out.mean_t != nullptr;
-  wants.opacity = out.opacity != nullptr;
-  wants.scale = out.scale_factor != nullptr || wanted(L4D_COMPONENT_SCALE);
-  wants.rotor = wanted(L4D_COMPONENT_ROTOR_SPATIAL) || wanted(L4D_COMPONENT_ROTOR_TEMPORAL);
-  wants.sh = wanted(L4D_COMPONENT_SH);
-  wants.sh_detail = plan.detail == L4D_DETAIL_FULL;
-  const size_t capacity = static_cast<size_t>(out.capacity);
-
-  // Where a page's escapes go depends on the pages before it, so they are gathered first, for a
-  // few pages at a time: all of a page may be escapes.
-  std::array<uint64_t, L4D_COMPONENT_COUNT> at{};
-  for (l4d_packed_component& p : out.component) p.num_escapes = 0;
+  Packer packer(header, out);
   for (size_t begin = 0, end = 0; begin < plan.tasks.size(); begin = end) {
     uint64_t bytes = 0;
     for (; end < plan.tasks.size() && (end == begin || bytes < kGatherBytes); ++end) {
-      const PageTask& task = plan.tasks[end];
-      bytes += sizeof(std::array<PageEscapes, L4D_COMPONENT_COUNT>);
-      for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
-        const LayerHeader& layer = header.layers[task.layer];
-        if (out.component[c].escape == nullptr || !header.component(layer, c).escapes) continue;
-        bytes +=
-            uint64_t{task.record.num_gaussians} * header.component_dim(layer, c) * sizeof(uint16_t);
-      }
+      bytes += packer.gathered_bytes(plan.tasks[end]);
     }
     MemoryCharge charge(file_.memory());
     L4D_RETURN_IF_ERROR(charge.take(bytes, "escapes"));
-    std::vector<std::array<PageEscapes, L4D_COMPONENT_COUNT>> gathered(end - begin);
+    std::vector<AllEscapes> gathered(end - begin);
     const Progress progress_of_all = [&](uint64_t done, uint64_t) {
       return !progress || progress(begin + done, plan.tasks.size());
     };
     L4D_RETURN_IF_ERROR(for_each_page(
-        {plan, begin, end, wants, lost, false}, progress_of_all,
+        {plan, begin, end, packer.wants(plan.detail), lost, false}, progress_of_all,
         [&](size_t t, const PageColumns& columns, const PageCodebooks&, PageScratch&) {
-          const PageTask& task = plan.tasks[t];
-          const LayerHeader& layer = header.layers[task.layer];
-          const size_t n = columns.n;
-          const size_t first = static_cast<size_t>(task.first);
-          if (out.position != nullptr) {
-            uint16_t* dst = out.position + 3 * first;
-            const uint16_t* x = columns.position[0].data();
-            const uint16_t* y = columns.position[1].data();
-            const uint16_t* z = columns.position[2].data();
-            for (size_t i = 0; i < n; ++i) {
-              dst[3 * i] = x[i];
-              dst[3 * i + 1] = y[i];
-              dst[3 * i + 2] = z[i];
-            }
-          }
-          if (out.mean_t != nullptr) {
-            uint16_t* dst = out.mean_t + first;
-            if (layer.mean_t == CoordinateCodingId::kF16) {
-              std::copy_n(columns.mean_t.data(), n, dst);
-            } else {
-              std::fill(dst, dst + n, uint16_t{0});
-            }
-          }
-          copy_scalar(header.opacity, columns.opacity, n,
-                      out.opacity == nullptr ? nullptr : out.opacity + first);
-          copy_scalar(layer.scale_factor, columns.scale_factor, n,
-                      out.scale_factor == nullptr ? nullptr : out.scale_factor + first);
-          for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
-            if (!wanted(c)) continue;
-            const ComponentColumns& from = columns.component[c];
-            const bool present = c != L4D_COMPONENT_SH || columns.sh_detail;
-            pack_component(header.component(layer, c), from, present, n, first, capacity,
-                           out.component[c]);
-            const size_t dim = header.component_dim(layer, c);
-            PageEscapes& escapes = gathered[t - begin][c];
-            escapes.count = present ? from.num_escapes : 0;
-            if (out.component[c].escape == nullptr) continue;
-            escapes.values.assign(
-                from.escape.begin(),
-                from.escape.begin() + static_cast<std::ptrdiff_t>(escapes.count * dim));
-          }
+          packer.write_page(plan.tasks[t], columns, &gathered[t - begin]);
         }));
-    for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
-      l4d_packed_component& p = out.component[c];
-      for (const auto& page : gathered) {
-        if (p.escape != nullptr) {
-          if (p.num_escapes + page[c].count > p.escape_capacity) {
-            return Status(L4D_ERR_BUFFER_TOO_SMALL,
-                          "escape_capacity is below the number of escapes");
-          }
-          std::copy(page[c].values.begin(), page[c].values.end(), p.escape + at[c]);
-        }
-        at[c] += page[c].values.size();
-        p.num_escapes += page[c].count;
-      }
-    }
+    L4D_RETURN_IF_ERROR(packer.append_escapes(gathered));
   }
   return {};
 }

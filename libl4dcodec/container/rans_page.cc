@@ -335,111 +335,151 @@ Status decode_rans_page(RansDecoder& decoder, const RansPageChunks& parts,
   return RansPageParser(decoder, header, layer, tables, block, n, out, sections).run(parts, detail);
 }
 
+namespace {
+
+// The symbols of the channels of a page that is encoded, one channel after the other.
+class ChannelWalk {
+ public:
+  ChannelWalk(const SceneHeader& header, const LayerHeader& layer, const PageColumns& columns)
+      : header_(header), layer_(layer), columns_(columns) {}
+
+  // In arrays of this object, until the next call. Channels come in the order of the page.
+  ChannelSymbols symbols_of(const ChannelSpec& spec) {
+    const size_t n = columns_.n;
+    const ComponentColumns& c = columns_.component[spec.component];
+    ChannelSymbols symbols;
+    switch (spec.kind) {
+      case ChannelKind::kPosition:
+        position(&symbols);
+        break;
+      case ChannelKind::kMeanT:
+        narrow(
+            columns_.mean_t, n,
+            [&](uint16_t v) {
+              return layer_.mean_t == CoordinateCodingId::kFixed
+                         ? v
+                         : order_half(v) >> layer_.mean_t_shift;
+            },
+            &symbols);
+        break;
+      case ChannelKind::kMeanTFine:
+        same(columns_.mean_t_fine, n, &symbols);
+        break;
+      case ChannelKind::kOpacity:
+        same(columns_.opacity, n, &symbols);
+        break;
+      case ChannelKind::kScaleFactor:
+        same(columns_.scale_factor, n, &symbols);
+        break;
+      case ChannelKind::kDepth:
+        same(c.depth, n, &symbols);
+        break;
+      case ChannelKind::kIndex:
+        same(c.index[spec.index], c.index_count[spec.index], &symbols);
+        break;
+      case ChannelKind::kEscape:
+        escapes(c, header_.component_dim(layer_, spec.component), spec.index, &symbols);
+        break;
+      case ChannelKind::kStepExponent:
+        same(c.step_exponent, n, &symbols);
+        if (with_classes_ != nullptr) symbols.contexts = with_classes_->step_exponent;
+        with_classes_ = &c;
+        break;
+      case ChannelKind::kEobIndex:
+        same(c.eob_index, n, &symbols);
+        symbols.contexts = c.step_exponent;
+        break;
+      case ChannelKind::kCoefficient:
+        coefficients(header_.component(layer_, spec.component), c, spec.index, &symbols);
+        break;
+    }
+    return symbols;
+  }
+
+ private:
+  template <typename Values, typename CodeOf>
+  void narrow(const Values& values, size_t count, const CodeOf& code_of, ChannelSymbols* symbols) {
+    codes_.resize(count);
+    for (size_t i = 0; i < count; ++i) codes_[i] = static_cast<uint16_t>(code_of(values[i]));
+    symbols->hybrid = codes_;
+  }
+  template <typename Values>
+  void same(const Values& values, size_t count, ChannelSymbols* symbols) {
+    narrow(
+        values, count, [](uint16_t v) { return v; }, symbols);
+  }
+
+  void position(ChannelSymbols* symbols) {
+    wide_.resize(columns_.n);
+    uint64_t previous = 0;
+    for (size_t i = 0; i < columns_.n; ++i) {
+      const uint64_t code = page_morton(header_, columns_, i);
+      wide_[i] = code - previous;
+      previous = code;
+    }
+    symbols->wide = wide_;
+  }
+
+  void escapes(const ComponentColumns& c, size_t dim, size_t number, ChannelSymbols* symbols) {
+    codes_.resize(c.num_escapes);
+    for (size_t i = 0; i < c.num_escapes; ++i) {
+      codes_[i] = order_half(c.escape[i * dim + number]);
+    }
+    symbols->hybrid = codes_;
+  }
+
+  // Coefficient k of the Gaussians that have it. Contexts come from the two before.
+  void coefficients(const ComponentCoding& coding, const ComponentColumns& c, unsigned k,
+                    ChannelSymbols* symbols) {
+    if (k == 0) {
+      last_.assign(columns_.n, 0);
+      before_.assign(columns_.n, 0);
+    }
+    members_.clear();
+    for (size_t i = 0; i < columns_.n; ++i) {
+      if (eob_coefficients(coding, c.eob_index[i]) > k)
+        members_.push_back(static_cast<uint32_t>(i));
+    }
+    const size_t count = members_.size();
+    codes_.resize(count);
+    contexts_.resize(count);
+    cls_.resize(3 * count);
+    for (size_t i = 0; i < count; ++i) {
+      cls_[i] = c.step_exponent[members_[i]];
+      cls_[count + i] = last_[members_[i]];
+      cls_[2 * count + i] = before_[members_[i]];
+    }
+    coefficient_contexts(cls_.data(), cls_.data() + count, cls_.data() + 2 * count, count, k,
+                         contexts_.data());
+    for (size_t i = 0; i < count; ++i) {
+      const int16_t q = c.coefficient[k][i];
+      codes_[i] = zigzag16(q);
+      before_[members_[i]] = last_[members_[i]];
+      last_[members_[i]] = small_magnitude(q);
+    }
+    symbols->hybrid = codes_;
+    symbols->contexts = contexts_;
+  }
+
+  const SceneHeader& header_;
+  const LayerHeader& layer_;
+  const PageColumns& columns_;
+  std::vector<uint64_t> wide_;
+  std::vector<uint16_t> codes_;
+  std::vector<uint8_t> contexts_, cls_, last_, before_;
+  std::vector<uint32_t> members_;
+  const ComponentColumns* with_classes_ = nullptr;
+};
+
+}  // namespace
+
 void visit_channels(const SceneHeader& header, const LayerHeader& layer,
                     const std::vector<ChannelSpec>& channels, const PageColumns& columns,
                     ChannelVisitor& visitor) {
-  const size_t n = columns.n;
-  std::vector<uint64_t> wide;
-  std::vector<uint16_t> codes;
-  std::vector<uint8_t> contexts, step_exponent, last, before;
-  std::vector<uint32_t> members;
-  const ComponentColumns* with_step_exponents = nullptr;
+  ChannelWalk walk(header, layer, columns);
   for (size_t p = 0; p < channels.size(); ++p) {
-    const ChannelSpec& spec = channels[p];
-    const ComponentColumns& c = columns.component[spec.component];
-    ChannelSymbols symbols;
+    ChannelSymbols symbols = walk.symbols_of(channels[p]);
     symbols.channel = p;
-    const auto narrow = [&](const auto& values, size_t count, auto&& code_of) {
-      codes.resize(count);
-      for (size_t i = 0; i < count; ++i) codes[i] = static_cast<uint16_t>(code_of(values[i]));
-      symbols.hybrid = codes;
-    };
-    const auto same = [](uint16_t v) { return v; };
-    switch (spec.kind) {
-      case ChannelKind::kPosition: {
-        wide.resize(n);
-        uint64_t previous = 0;
-        for (size_t i = 0; i < n; ++i) {
-          const uint64_t code = page_morton(header, columns, i);
-          wide[i] = code - previous;
-          previous = code;
-        }
-        symbols.wide = wide;
-        break;
-      }
-      case ChannelKind::kMeanT:
-        narrow(columns.mean_t, n, [&](uint16_t v) {
-          return layer.mean_t == CoordinateCodingId::kFixed ? v
-                                                            : order_half(v) >> layer.mean_t_shift;
-        });
-        break;
-      case ChannelKind::kMeanTFine:
-        narrow(columns.mean_t_fine, n, same);
-        break;
-      case ChannelKind::kOpacity:
-        narrow(columns.opacity, n, same);
-        break;
-      case ChannelKind::kScaleFactor:
-        narrow(columns.scale_factor, n, same);
-        break;
-      case ChannelKind::kDepth:
-        narrow(c.depth, n, same);
-        break;
-      case ChannelKind::kIndex:
-        narrow(c.index[spec.index], c.index_count[spec.index], same);
-        break;
-      case ChannelKind::kEscape: {
-        const size_t dim = header.component_dim(layer, spec.component);
-        codes.resize(c.num_escapes);
-        for (size_t i = 0; i < c.num_escapes; ++i) {
-          codes[i] = order_half(c.escape[i * dim + spec.index]);
-        }
-        symbols.hybrid = codes;
-        break;
-      }
-      case ChannelKind::kStepExponent:
-        narrow(c.step_exponent, n, same);
-        if (with_step_exponents != nullptr) symbols.contexts = with_step_exponents->step_exponent;
-        with_step_exponents = &c;
-        break;
-      case ChannelKind::kEobIndex:
-        narrow(c.eob_index, n, same);
-        symbols.contexts = c.step_exponent;
-        break;
-      case ChannelKind::kCoefficient: {
-        const ComponentCoding& coding = header.component(layer, spec.component);
-        const unsigned k = spec.index;
-        if (k == 0) {
-          last.assign(n, 0);
-          before.assign(n, 0);
-        }
-        members.clear();
-        for (size_t i = 0; i < n; ++i) {
-          if (eob_coefficients(coding, c.eob_index[i]) > k)
-            members.push_back(static_cast<uint32_t>(i));
-        }
-        const size_t count = members.size();
-        codes.resize(count);
-        contexts.resize(count);
-        step_exponent.resize(3 * count);
-        for (size_t i = 0; i < count; ++i) {
-          step_exponent[i] = c.step_exponent[members[i]];
-          step_exponent[count + i] = last[members[i]];
-          step_exponent[2 * count + i] = before[members[i]];
-        }
-        coefficient_contexts(step_exponent.data(), step_exponent.data() + count,
-                             step_exponent.data() + 2 * count, count, k, contexts.data());
-        for (size_t i = 0; i < count; ++i) {
-          const int16_t q = c.coefficient[k][i];
-          codes[i] = zigzag16(q);
-          before[members[i]] = last[members[i]];
-          last[members[i]] = small_magnitude(q);
-        }
-        symbols.hybrid = codes;
-        symbols.contexts = contexts;
-        break;
-      }
-    }
     visitor.visit(symbols);
   }
 }
