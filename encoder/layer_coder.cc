@@ -10,6 +10,7 @@
 #include "encoder/position_coding.h"
 #include "encoder/quality.h"
 #include "encoder/shape_coder.h"
+#include "l4d/attributes.hpp"
 #include "libl4dcodec/base/half.h"
 #include "libl4dcodec/base/ordered.h"
 #include "libl4dcodec/base/threads.h"
@@ -273,33 +274,16 @@ class LayerCoder {
     std::vector<size_t> before(n + 1, 0);  // kept Gaussians before j
     for (size_t j = 0; j < n; ++j) before[j + 1] = before[j] + keep[j];
     for (BlockRange& b : out_.blocks) b = {before[b.begin], before[b.end]};
-    size_t to = 0;
-    for (size_t j = 0; j < n; ++j) {
-      if (!keep[j]) continue;
-      out_.members[to] = out_.members[j];
-      out_.bucket[to] = out_.bucket[j];
-      if (!out_.factor.empty()) out_.factor[to] = out_.factor[j];
-      if (!out_.mean_t.empty()) out_.mean_t[to] = out_.mean_t[j];
-      if (!out_.mean_t_fine.empty()) out_.mean_t_fine[to] = out_.mean_t_fine[j];
-      out_.decoded_mean_t[to] = out_.decoded_mean_t[j];
-      out_.decoded_lambda[to] = out_.decoded_lambda[j];
-      out_.opacity[to] = out_.opacity[j];
-      for (size_t k = 0; k < 3; ++k) {
-        out_.decoded_velocity[3 * to + k] = out_.decoded_velocity[3 * j + k];
-        out_.position[3 * to + k] = out_.position[3 * j + k];
-      }
-      ++to;
-    }
-    out_.members.resize(to);
-    out_.bucket.resize(to);
-    if (!out_.factor.empty()) out_.factor.resize(to);
-    if (!out_.mean_t.empty()) out_.mean_t.resize(to);
-    if (!out_.mean_t_fine.empty()) out_.mean_t_fine.resize(to);
-    out_.decoded_mean_t.resize(to);
-    out_.decoded_lambda.resize(to);
-    out_.decoded_velocity.resize(3 * to);
-    out_.position.resize(3 * to);
-    out_.opacity.resize(to);
+    keep_rows(keep, 1, &out_.members);
+    keep_rows(keep, 1, &out_.bucket);
+    keep_rows(keep, 1, &out_.factor);
+    keep_rows(keep, 1, &out_.mean_t);
+    keep_rows(keep, 1, &out_.mean_t_fine);
+    keep_rows(keep, 1, &out_.decoded_mean_t);
+    keep_rows(keep, 1, &out_.decoded_lambda);
+    keep_rows(keep, 3, &out_.decoded_velocity);
+    keep_rows(keep, 3, &out_.position);
+    keep_rows(keep, 1, &out_.opacity);
     if (lossless_) return;
     for (unsigned c = L4D_COMPONENT_SCALE; c < L4D_COMPONENT_COUNT; ++c) {
       drop_gaussians(out_.component[c], keep);
