@@ -11,9 +11,20 @@ foreach(library IN ITEMS l4dencoder l4drender)
   endif()
 endforeach()
 
+set(l4d_installs_static ON)
+if(BUILD_SHARED_LIBS AND NOT L4D_STATIC_TOO)
+  set(l4d_installs_static OFF)
+endif()
 set(runtime "")
 if(NOT BUILD_SHARED_LIBS)
   set(runtime l4d_installed_runtime)
+elseif(L4D_STATIC_TOO)
+  # Targets of their own: who uses the shared ones needs none of the dependencies.
+  list(TRANSFORM l4d_libraries APPEND _static OUTPUT_VARIABLE static_libraries)
+  install(TARGETS ${static_libraries} l4d_installed_runtime EXPORT l4dcodec_static
+    ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})
+  install(EXPORT l4dcodec_static NAMESPACE l4dcodec:: FILE l4dcodecStaticTargets.cmake
+    DESTINATION ${l4d_cmake_dir})
 endif()
 install(TARGETS ${l4d_libraries} ${runtime} EXPORT l4dcodec
   ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR}
@@ -57,7 +68,7 @@ install(FILES
 # The CUDA runtime that static libraries with device code were built with goes with them, so that
 # whoever links them needs no toolkit. It looks for the driver when it runs.
 set(l4d_cuda_runtime "")
-if(L4D_HAVE_CUDA AND NOT BUILD_SHARED_LIBS)
+if(L4D_HAVE_CUDA AND l4d_installs_static)
   install(FILES ${CUDA_cudart_static_LIBRARY} DESTINATION ${CMAKE_INSTALL_LIBDIR}
     RENAME libl4dcudart.a)
   set(l4d_cuda_runtime " -ll4dcudart -lrt -ldl")

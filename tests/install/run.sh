@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
-# usage: run.sh static|shared|decoder BUILD_DIR [SOURCE_DIR]
+# usage: run.sh static|shared|both|decoder BUILD_DIR [SOURCE_DIR]
 # Installs BUILD_DIR into a temporary prefix, moves the tree and uses it where it then lies: the file
 # list, the symbols, the pkg-config files and the CMake package, from C and from C++. With SOURCE_DIR,
-# BUILD_DIR is first made: the libraries alone, of that kind; `decoder` is a static build without the
-# encoder and what it needs. L4D_UPDATE_GOLDEN=1 rewrites the lists instead of comparing.
+# BUILD_DIR is first made: the libraries alone, of that kind; `both` has shared and static libraries of
+# one build, and `decoder` is a static build without the encoder and what it needs. L4D_UPDATE_GOLDEN=1 rewrites the lists instead of comparing.
 set -euo pipefail
 
 kind=$1
@@ -31,6 +31,7 @@ compare() {
 if [[ $# -ge 3 ]]; then
   options=()
   [[ $kind != shared ]] || options=(-DBUILD_SHARED_LIBS=ON)
+  [[ $kind != both ]] || options=(-DBUILD_SHARED_LIBS=ON -DL4D_STATIC_TOO=ON)
   # Eigen hidden: a decoder must not want it.
   [[ $kind != decoder ]] || options=(-DL4D_BUILD_ENCODER=OFF -DL4D_BUILD_RENDER=OFF
     -DCMAKE_DISABLE_FIND_PACKAGE_Eigen3=ON)
@@ -77,15 +78,19 @@ done
 # The same list for both kinds: what the archive offers as the C API is what the shared object exports,
 # and a shared object exports nothing else.
 echo "== symbols"
-# symbols LIBRARY
+# symbols FILE
 symbols() {
-  if [[ $kind == shared ]]; then
-    nm -D --defined-only "$library/lib$1.so" | awk '$2 != "A" { sub(/@.*/, "", $3); print $3 }'
+  if [[ $1 == *.so ]]; then
+    nm -D --defined-only "$1" | awk '$2 != "A" { sub(/@.*/, "", $3); print $3 }'
   else
-    nm -g --defined-only "$library/lib$1.a" 2>"$work/nm.log" |
-      awk '$2 == "T" && $3 ~ /^l4d_/ { print $3 }'
+    nm -g --defined-only "$1" 2>"$work/nm.log" | awk '$2 == "T" && $3 ~ /^l4d_/ { print $3 }'
   fi | LC_ALL=C sort
 }
+case $kind in
+  shared) suffixes=(so) ;;
+  both) suffixes=(so a) ;;
+  *) suffixes=(a) ;;
+esac
 # declared HEADER...
 declared() {
   grep -hoE 'L4D_API [^(]*\(' "${@/#/$prefix/include/l4d/}" | grep -oE 'l4d_[a-z0-9_]+\($' | tr -d '(' |
@@ -93,7 +98,7 @@ declared() {
 }
 for package in "${packages[@]}"; do
   list=symbols-${package#l4d}.txt
-  symbols "$package" | compare "$list"
+  for suffix in "${suffixes[@]}"; do symbols "$library/lib$package.$suffix" | compare "$list"; done
   case $package in
     l4dcodec) headers=(l4d.h decode.h cuda.h) ;;
     l4dencoder) headers=(encode.h) ;;
@@ -111,6 +116,10 @@ build_and_run() {
   LD_LIBRARY_PATH=$library "$work/$program"
 }
 
+links_no_shared() {
+  if readelf -d "$1" | grep 'NEEDED.*libl4d' >&2; then fail "$1 links a shared library"; fi
+}
+
 echo "== pkg-config, as it is and with --static"
 export PKG_CONFIG_PATH=$library/pkgconfig
 [[ $(pkg-config --modversion l4dcodec) == "$version" ]] || fail "version in l4dcodec.pc"
@@ -120,7 +129,19 @@ for i in "${!programs[@]}"; do
     [[ -z $mode || $kind != shared ]] || continue
     # The .pc files have to know by themselves where they lie.
     read -ra flags <<<"$(pkg-config --dont-define-prefix $mode --cflags --libs "${packages[$i]}")"
+    # Of both kinds the linker takes the shared library, unless the other is named.
+    if [[ $kind == both && -n $mode ]]; then
+      for k in "${!flags[@]}"; do
+        if [[ ${flags[k]} == -ll4d* ]]; then flags[k]=-l:lib${flags[k]#-l}.a; fi
+      done
+    fi
     build_and_run "${programs[$i]}" "${flags[@]}"
+    if [[ $kind == both ]]; then
+      [[ -n $mode ]] && expected=0 || expected=1
+      (($(readelf -d "$work/${programs[$i]}" | grep -c 'NEEDED.*libl4d') >= expected)) ||
+        fail "${programs[$i]} does not link the shared library"
+      [[ -z $mode ]] || links_no_shared "$work/${programs[$i]}"
+    fi
   done
 done
 
@@ -139,6 +160,15 @@ find_package() {
 echo "== find_package from C alone"
 find_package consumer-c -DPROGRAMS="$(IFS=';' && echo "${programs[*]}")"
 for program in "${programs[@]}"; do "$work/build-consumer-c/$program"; done
+if [[ $kind == both ]]; then
+  echo "== find_package, the static libraries"
+  rm -rf "$work/build-consumer-c"
+  find_package consumer-c -DSUFFIX=_static -DPROGRAMS="$(IFS=';' && echo "${programs[*]}")"
+  for program in "${programs[@]}"; do
+    "$work/build-consumer-c/$program"
+    links_no_shared "$work/build-consumer-c/$program"
+  done
+fi
 if [[ $kind != decoder ]]; then
   echo "== find_package from C++"
   find_package consumer -DCMAKE_CXX_COMPILER="$cxx" -DEXPECTED_VERSION="$version"
