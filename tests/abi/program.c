@@ -227,7 +227,7 @@ static void render(const l4d_gaussians* g) {
     views[i].reserved = 0;
   }
   l4d_measure_options_init(&measuring);
-  measuring.measure = L4D_SENSITIVITY_GAUSS_NEWTON;
+  measuring.metric = L4D_SENSITIVITY_GAUSS_NEWTON;
   measuring.agreement = 2;
   l4d_measure_report_init(&report);
   CHECK_OK(l4d_measure_importance(renderer, cameras, kCameras, views, 6, &measuring, NULL, NULL,

@@ -82,7 +82,7 @@ expect_words 'validate version' help v
 for verb in "${verbs[@]}"; do
   expect_words "$(options_of "$verb" | paste -s -d ' ')" "$verb" -
 done
-expect_words '--preset' encode --pre
+expect_words '--presentation' encode --presen
 expect_words 'tiny' encode --preset ti
 expect_words "$(l4d encode --help | sed -n '/^Presets:/,/^$/s/^  \([a-z][a-z-]*\) .*/\1/p' | paste -s -d ' ')" \
   encode --preset ''

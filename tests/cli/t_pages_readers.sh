@@ -47,7 +47,7 @@ if command -v fish > /dev/null; then
   fish --no-execute "$fish"
   expect_equal "$(fish_offers 'l4dcodec enc')" 'encode'
   expect_equal "$(fish_offers 'l4dcodec help va')" 'validate'
-  expect_equal "$(fish_offers 'l4dcodec encode --pres')" '--preset'
+  expect_equal "$(fish_offers 'l4dcodec encode --presen')" '--presentation'
   expect_equal "$(fish_offers 'l4dcodec encode --rcq ')" 'always auto never'
   expect_equal "$(fish_offers 'l4dcodec encode -o tw')" 'two.l4d'
   expect_equal "$(fish_offers 'l4dcodec encode tw')" 'two.l4d'

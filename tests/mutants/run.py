@@ -282,7 +282,7 @@ def run_logged(command, log, **more):
                               stdin=subprocess.DEVNULL, check=False, **more).returncode
 
 
-def build_base(tree, base, targets, requests, more):
+def build_base(tree, base, targets, jobs, more):
     base.mkdir(parents=True, exist_ok=True)
     update_sources(tree, base)
     log = base.parent / "base.log"
@@ -295,7 +295,7 @@ def build_base(tree, base, targets, requests, more):
     if run_logged(command, log) != 0:
         sys.exit(f"mutants: configuring failed, see {log}")
     relative_rules(base)
-    if run_logged(["ninja", "-C", str(base), "-j", str(requests), *targets], log) != 0:
+    if run_logged(["ninja", "-C", str(base), "-j", str(jobs), *targets], log) != 0:
         sys.exit(f"mutants: the tree does not build, see {log}")
 
 
@@ -391,8 +391,8 @@ def try_mutant(mutant, folder, work, seconds):
     return SURVIVED, ", ".join(mutant.tests)
 
 
-def in_workers(work, base, requests, items, action):
-    """action(item, folder) for each item, `requests` at a time, each in a copy of base of its own."""
+def in_workers(work, base, jobs, items, action):
+    """action(item, folder) for each item, `jobs` at a time, each in a copy of base of its own."""
     todo = queue.Queue()
     for item in items:
         todo.put(item)
@@ -415,7 +415,7 @@ def in_workers(work, base, requests, items, action):
                 failures.append(e)
             restore(base, folder, wanted)
 
-    threads = [threading.Thread(target=worker, args=(k,)) for k in range(min(requests, len(items)))]
+    threads = [threading.Thread(target=worker, args=(k,)) for k in range(min(jobs, len(items)))]
     for thread in threads:
         thread.start()
     for thread in threads:
@@ -424,19 +424,19 @@ def in_workers(work, base, requests, items, action):
         raise failures[0]
 
 
-def run(tree, patches, work, names, requests, cmake=()):
+def run(tree, patches, work, names, jobs, cmake=()):
     work = work.resolve()
     (work / "logs").mkdir(parents=True, exist_ok=True)
     mutants = load(patches, names)
     results = Results(work / "results.json", fingerprint(tree))
     todo = [m for m in mutants if results.get(m) is None]
-    print(f"{len(mutants)} mutants, {len(mutants) - len(todo)} known from before, {requests} at a time",
+    print(f"{len(mutants)} mutants, {len(mutants) - len(todo)} known from before, {jobs} at a time",
           flush=True)
     if todo:
         start = time.monotonic()
         targets = sorted({t for m in mutants for t in m.targets()})
         base = work / "base"
-        build_base(tree, base, targets, requests, cmake)
+        build_base(tree, base, targets, jobs, cmake)
         print(f"built {', '.join(targets)} in {time.monotonic() - start:.0f} s", flush=True)
         unsound = {}
 
@@ -451,7 +451,7 @@ def run(tree, patches, work, names, requests, cmake=()):
                 unsound[test] = why
 
         wanted = sorted({t for m in todo for t in m.tests} - results.seconds.keys())
-        in_workers(work, base, requests, wanted, sound)
+        in_workers(work, base, jobs, wanted, sound)
         done = [0]
 
         def one(mutant, folder):
@@ -471,7 +471,7 @@ def run(tree, patches, work, names, requests, cmake=()):
         others = {}
         # What many objects depend on takes longest, so it goes first.
         todo.sort(key=lambda m: (not any(p.endswith(".h") for p in m.files), m.name))
-        in_workers(work, base, requests, todo, one)
+        in_workers(work, base, jobs, todo, one)
     else:
         others = {}
     return report(mutants, results, others)
@@ -502,7 +502,7 @@ def main():
     parser.add_argument("--tree", type=pathlib.Path, default=ROOT)
     parser.add_argument("--patches", type=pathlib.Path, default=HERE)
     parser.add_argument("--work", type=pathlib.Path, default=None, help="default: TREE/build/mutants")
-    parser.add_argument("--requests", type=int, default=int(os.environ.get("L4D_JOBS") or os.cpu_count()))
+    parser.add_argument("--jobs", type=int, default=int(os.environ.get("L4D_JOBS") or os.cpu_count()))
     parser.add_argument("--cmake", action="append", default=[], metavar="ARGUMENT",
                         help="given to cmake too: --cmake=-DCMAKE_PREFIX_PATH=/opt")
     parser.add_argument("names", nargs="*")
@@ -521,7 +521,7 @@ def main():
         work = a.work or a.tree / "build" / "mutants"
         if a.fresh:
             (work / "results.json").unlink(missing_ok=True)
-        return run(a.tree.resolve(), a.patches, work, a.names, max(1, a.requests), a.cmake)
+        return run(a.tree.resolve(), a.patches, work, a.names, max(1, a.jobs), a.cmake)
     except Bad as e:
         print(f"mutants: {e}", file=sys.stderr)
         return 1

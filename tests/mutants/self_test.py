@@ -78,10 +78,10 @@ def expect(truth, what):
         raise AssertionError(what)
 
 
-def run_toy(root, names, requests):
+def run_toy(root, names, jobs):
     out = io.StringIO()
     with contextlib.redirect_stdout(out):
-        status = run.run(root / "tree", root / "patches", root / "work", names, requests)
+        status = run.run(root / "tree", root / "patches", root / "work", names, jobs)
     return status, out.getvalue()
 
 
@@ -91,13 +91,13 @@ def row(text, name):
 
 
 def check_outcomes(root):
-    for requests in (1, 3):
+    for jobs in (1, 3):
         shutil.rmtree(root / "work", ignore_errors=True)
-        status, text = run_toy(root, [], requests)
+        status, text = run_toy(root, [], jobs)
         expect(status == 1, "survivors, and an exit status of 0")
         for name, (_, _, outcome, why) in CASES.items():
             line = row(text, name)
-            expect(outcome in line and why in line, f"{requests} at a time, wanted {outcome} ({why}): {line}")
+            expect(outcome in line and why in line, f"{jobs} at a time, wanted {outcome} ({why}): {line}")
     # Resumed: what was decided is not done again, the rest is.
     status, text = run_toy(root, [], 1)
     decided = sum(c[2] in (run.KILLED, run.SURVIVED) for c in CASES.values())
