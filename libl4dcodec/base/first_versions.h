@@ -14,14 +14,14 @@ L4D_FIRST_VERSION(l4d_coding_errors, min_size);
 L4D_FIRST_VERSION(l4d_layer_info, num_coefficients);
 L4D_FIRST_VERSION(l4d_query, num_buckets);
 L4D_FIRST_VERSION(l4d_selection, sh_bytes);
-L4D_FIRST_VERSION(l4d_gaussian_buffers, mean_t_double);
+L4D_FIRST_VERSION(l4d_gaussian_buffers, id);
 L4D_FIRST_VERSION(l4d_packed_buffers, num_spans);
 L4D_FIRST_VERSION(l4d_codebook, dim);
 L4D_FIRST_VERSION(l4d_dequantization, log_scale_t);
 L4D_FIRST_VERSION(l4d_level_limits, memory_bytes);
 L4D_FIRST_VERSION(l4d_stream_demand, min_bytes_per_second);
-L4D_FIRST_VERSION(l4d_splat_buffers, still_key);
-L4D_FIRST_VERSION(l4d_splat_columns, reserved);
+L4D_FIRST_VERSION(l4d_splat_buffers, camera_position);
+L4D_FIRST_VERSION(l4d_splat_columns, camera_position);
 L4D_FIRST_VERSION(l4d_counters, details_lost);
 
 L4D_FIRST_VERSION(l4d_cuda_device_info, memory_bytes);
