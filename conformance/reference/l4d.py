@@ -19,7 +19,7 @@
 Prints one line of JSON:
   {"num_gaussians": N, "digests": {NAME: XXH3-64, .., "all": ..}}
   {"refused": CLAUSE, "offset": BYTE, "message": ..}
-  {"valid": true}, or what --query asks for
+  {"valid": true}, {"demand": {..}}, {"header": {..}} for these queries
 Exit status: 0 an answer, 1 refused, 2 usage.
 """
 
@@ -69,7 +69,7 @@ def answer(data, args, query):
         validate.validate(decoder)
         return {"valid": True}
     if args.query == "demand":
-        return demand(decoder)
+        return {"demand": demand(decoder)}
     if args.packed and not levels.keeps_profile(decoder.header, levels.INDEXED):
         return {"unavailable": "packed"}
     of = digests.of_packed_form if args.packed else digests.of_attributes

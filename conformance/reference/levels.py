@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Profiles and conformance levels, section 18 of spec/l4d.md.
 
-Plain sums over all phases and windows at which something changes, in exact arithmetic."""
+Plain sums over all phases at which something changes, in exact arithmetic."""
 
 from fractions import Fraction
 
@@ -126,16 +126,16 @@ class Demand:
                             for t in block["tables"])))
 
     def burst(self, rate):
-        """The least B that a rate leaves."""
-        per_phase = Fraction(self.h["num_frames"] * self.h["fps_den"],
-                             self.h["fps_num"] << 40)
-        most, phases = Fraction(0), sorted(self.later)
-        for i, x in enumerate(phases):
-            total = 0
-            for y in phases[i:]:
-                total += self.later[y]
-                most = max(most, total - rate * (y - x) * per_phase)
-        return most
+        """The least B that a rate leaves: what a bucket holds at most that what is first needed fills, and
+        that leaks at the rate."""
+        # In units of which `unit` are a byte, so that all numbers are integers.
+        unit = self.h["fps_num"] << 40
+        leak = rate * self.h["num_frames"] * self.h["fps_den"]
+        most = held = before = 0
+        for phase in sorted(self.later):
+            held = max(held - leak * (phase - before), 0) + self.later[phase] * unit
+            most, before = max(most, held), phase
+        return Fraction(most, unit)
 
     def level(self):
         """The least level whose limits the stream keeps, 0 if none."""

@@ -43,12 +43,17 @@ def rotor_of(a, b):
 
 # ---- section 16, in binary64 ---------------------------------------------------------------------
 
+def unit_half(v):
+    n2 = sum(x * x for x in v)
+    return [1.0, 0.0, 0.0, 0.0] if n2 < 1e-12 else [x / math.sqrt(n2) for x in v]
+
+
 def slice_of(rotor, log_scale):
     """(lambda, velocity x y z) of a Gaussian."""
     s, b01, b02, b12, b03, b13, b23, p = rotor
     a = [s + p, b01 - b23, b02 + b13, b12 - b03]
     b = [s - p, b01 + b23, b02 - b13, b12 + b03]
-    a, b = ([x / math.sqrt(sum(y * y for y in v)) for x in v] for v in (a, b))
+    a, b = map(unit_half, (a, b))
     q = [[x * y for y in b] for x in a]
     rows = [[q[0][0] - q[1][1] - q[2][2] + q[3][3], q[0][1] + q[1][0] - q[2][3] - q[3][2],
              q[0][2] + q[2][0] + q[1][3] + q[3][1], q[0][3] - q[3][0] - q[1][2] + q[2][1]],

@@ -18,6 +18,7 @@ from pathlib import Path
 sys.dont_write_bytecode = True
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
+import generator_path           # noqa: E402, F401
 import random_stream            # noqa: E402
 import stream_builder as sb     # noqa: E402
 import digests                  # noqa: E402
@@ -109,7 +110,7 @@ class Digests(unittest.TestCase):
         for count in (stages, escapes, rans_pages):
             self.assertGreater(count, NUM_PACKED_STREAMS // 5)
         fewer = self.compare(files, "packed")
-        self.assertGreater(min(fewer["time"], fewer["range"], fewer["level"]), 2)
+        self.assertGreater(min(fewer["time"], fewer["range"], fewer["level"]), 1)
 
     def test_streams_of_the_encoder(self):
         files = {}

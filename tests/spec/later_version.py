@@ -14,7 +14,8 @@ import struct
 import sys
 from pathlib import Path
 
-import stream_builder as sb     # its import makes the following ones possible
+import generator_path           # its import makes the following ones possible
+import stream_builder as sb
 from decoder import Decoder
 from make_tiny import Scalars, Table, write_flatbuffer
 from times import directory_pages

@@ -11,7 +11,8 @@ import unittest
 
 sys.dont_write_bytecode = True
 
-import stream_builder as sb     # its import makes the following ones possible
+import generator_path           # its import makes the following ones possible
+import stream_builder as sb
 import broken_rans
 import header as ids
 import random_stream

@@ -8,7 +8,8 @@
 import struct
 import sys
 
-import stream_builder as sb     # its import makes the following ones possible
+import generator_path           # its import makes the following ones possible
+import stream_builder as sb
 import decode_tiny
 import rans_writer
 from arithmetic import unzigzag

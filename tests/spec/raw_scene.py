@@ -4,7 +4,8 @@
 import math
 import struct
 
-import stream_builder as sb     # its import makes the following ones possible
+import generator_path           # its import makes the following ones possible
+import stream_builder as sb
 import make_tiny
 from broken_streams import FIRST
 

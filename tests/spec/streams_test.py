@@ -21,6 +21,7 @@ from pathlib import Path
 sys.dont_write_bytecode = True
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
+import generator_path           # noqa: E402, F401
 import broken_levels            # noqa: E402
 import broken_rans              # noqa: E402
 import random_stream            # noqa: E402

@@ -13,7 +13,8 @@ from pathlib import Path
 
 sys.dont_write_bytecode = True
 
-import random_stream            # its import makes the following ones possible
+import generator_path           # its import makes the following ones possible
+import random_stream
 import later_version
 import stream_builder as sb
 import digests

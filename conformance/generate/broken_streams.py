@@ -50,7 +50,7 @@ def scene():
 
 
 class First:
-    """Stands in for random.Random where streams shall have one form: packed, no gaps."""
+    """Stands in for Rng where streams shall have one form: packed, no gaps."""
 
     random = staticmethod(lambda: 0.5)
     randrange = staticmethod(lambda n: 0)

@@ -4,6 +4,8 @@ have them read."""
 
 import struct
 
+from stream_builder import vlq
+
 LANES = 32
 SLOTS = 4096
 LOW = 1 << 16
@@ -27,12 +29,6 @@ def wide_token(value):
         size = min(16, bits - at)
         pieces.append((size, raw >> at & (1 << size) - 1))
     return 2 * (bits + 1) + (value >> bits & 1), pieces
-
-
-def vlq(value, spare=0):
-    """spare: groups of zeros more than it takes."""
-    groups = [value >> s & 0x7F for s in range(0, max(value.bit_length(), 1), 7)] + [0] * spare
-    return bytes([g | 0x80 for g in groups[:-1]] + groups[-1:])
 
 
 class Channel:

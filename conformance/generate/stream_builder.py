@@ -8,7 +8,6 @@ entropy chunk. build() turns it into a file. To break a rule, put a "patch" of f
 (for its stages or basis), a page (for its record) or a layer (for its directory pages), or an
 "entropy_patch" into a layer."""
 
-import random
 import struct
 import sys
 from pathlib import Path
@@ -17,10 +16,12 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "spec" / "examples"))
 sys.path.insert(0, str(ROOT / "conformance" / "reference"))
 
+import frames                                       # noqa: E402
 import make_tiny                                    # noqa: E402
 from flatbuffer import SCALARS, Schema              # noqa: E402
 from make_tiny import (Scalars, Struct, Table, write_flatbuffer,    # noqa: E402
                        zigzag_deltas)
+from rng import Rng                                 # noqa: E402
 from xxh3 import xxh3_64                            # noqa: E402
 
 SCHEMA = Schema(ROOT / "spec" / "l4d.fbs")
@@ -81,9 +82,31 @@ def stream(rng, values, width):
         return make_tiny.constant(values[0], width)
     delta = 4 if width in (16, 32) and rng.random() < 0.4 else 0
     coded = zigzag_deltas(values, width) if delta else values
-    form = make_tiny.packed if rng.random() < 0.6 else make_tiny.planes
-    out = form(coded, width)
+    if rng.random() < 0.6:
+        out = make_tiny.packed(coded, width)
+    elif rng.random() < 0.5:
+        out = make_tiny.planes(coded, width)
+    else:
+        out = channels_with_frames(rng, coded, width)
     return bytes([out[0] | delta]) + out[1:]
+
+
+def channels_with_frames(rng, values, width):
+    """Byte planes of which some are zstd frames."""
+    out = b"\x01"
+    for p in range((width + 7) // 8):
+        data = bytes(v >> 8 * p & 0xFF for v in values)
+        frame = frames.frame(rng, data)
+        # CHNK-8 leaves 32 bytes for the form of a stream.
+        framed = len(frame) <= len(data) + 11 and rng.random() < 0.7
+        out += b"\x01" + vlq(len(frame), rng.choice([0, 0, 1])) + frame if framed else b"\x00" + data
+    return out
+
+
+def vlq(value, spare=0):
+    """spare: groups of zeros more than it takes."""
+    groups = [value >> s & 0x7F for s in range(0, max(value.bit_length(), 1), 7)] + [0] * spare
+    return bytes([g | 0x80 for g in groups[:-1]] + groups[-1:])
 
 
 def halves(rng, values):
@@ -116,14 +139,17 @@ def rcq_table(rng, pairs, num_global, num_residual):
 
 # ---- the file ------------------------------------------------------------------------------------
 
-def build(scene, version=(1, 0), flags=1, rng=random.Random(0), unknown_fields=False):
-    header = dict(scene)
-    payload, codebooks = [], []           # (reference to fill, raw)
+def build(scene, version=(1, 0), flags=1, rng=None, unknown_fields=False, zstd=0.0, header_last=False):
+    """zstd: how likely a chunk is to be a zstd frame. header_last: the scene header is at the end."""
+    header, rng = dict(scene), rng or Rng(0)
+    payload, codebooks = [], []           # (reference to fill, stored bytes)
 
-    def chunk(raw, to, **patch):
-        ref = {"hash": xxh3_64(raw), "stored_bytes": len(raw), "raw_bytes": len(raw), "codec": 0,
+    def chunk(raw, to, may_be_zstd=True, **patch):
+        codec = int(may_be_zstd and zstd > 0 and rng.random() < zstd)
+        stored = frames.frame(rng, raw) if codec else raw
+        ref = {"hash": xxh3_64(stored), "stored_bytes": len(stored), "raw_bytes": len(raw), "codec": codec,
                "offset": 1, **patch}
-        to.append((ref, raw))
+        to.append((ref, stored))
         return ref
 
     def coding(c):
@@ -148,7 +174,7 @@ def build(scene, version=(1, 0), flags=1, rng=random.Random(0), unknown_fields=F
     header["sh"] = coding(scene["sh"])
     header["layers"] = [
         dict(layer, **{c: coding(layer[c]) for c in COMPONENTS}, page_table_offset=1,
-             entropy=chunk(layer["entropy"], codebooks, **layer.get("entropy_patch", {}))
+             entropy=chunk(layer["entropy"], codebooks, False, **layer.get("entropy_patch", {}))
              if layer.get("entropy") is not None else None)
         for layer in scene["layers"]]
     directories = [
@@ -172,32 +198,42 @@ def build(scene, version=(1, 0), flags=1, rng=random.Random(0), unknown_fields=F
         return write_flatbuffer(root, b"L4DH")
 
     size = len(scene_header())
-    at = 40 + size
+    at = 40 if header_last else 40 + size
     body = bytearray()
     for ref, raw in codebooks:
         body += rng.randbytes(rng.randrange(3))
         ref["offset"] = at + len(body)
         body += raw
     for index, pages in enumerate(directories):
-        raws = [write_flatbuffer(table("DirectoryPage", p), b"L4DD") if p else b"" for p in pages]
-        places = []
-        for raw in raws:
-            places.append(at + len(body))
-            body += raw + rng.randbytes(rng.randrange(3) if raw else 0)
+        stored, entries = [], []
+        for p in pages:
+            ref = chunk(write_flatbuffer(table("DirectoryPage", p), b"L4DD"), stored) if p else {}
+            entries.append(ref)
+            if p:
+                ref["offset"] = at + len(body)
+                body += stored[-1][1] + rng.randbytes(rng.randrange(3))
         header["layers"][index]["page_table_offset"] = at + len(body)
-        for raw, place in zip(raws, places):
-            entry = struct.pack("<QQIII", *((place, xxh3_64(raw), len(raw), len(raw), 0) if raw else
-                                            (0, 0, 0, 0, 0)))
-            body += entry + struct.pack("<I", xxh3_64(entry) & 0xFFFFFFFF)
+        for ref in entries:
+            body += table_entry(ref)
     header["payload_offset"] = at + len(body)
     raw = scene_header()
     assert len(raw) == size
+    if header_last:
+        place = at + len(body) + len(tail)
+        return file_header(raw, version, flags, place) + bytes(body) + bytes(tail) + raw
     return file_header(raw, version, flags) + raw + bytes(body) + bytes(tail)
 
 
-def file_header(scene_header, version=(1, 0), flags=1):
+def table_entry(ref):
+    """Of a page table; {} where there is no directory page."""
+    keys = ("offset", "hash", "stored_bytes", "raw_bytes", "codec")
+    entry = struct.pack("<QQIII", *(ref.get(key, 0) for key in keys))
+    return entry + struct.pack("<I", xxh3_64(entry) & 0xFFFFFFFF)
+
+
+def file_header(scene_header, version=(1, 0), flags=1, place=40):
     head = struct.pack("<8sBBHIQQ", bytes.fromhex("894c34440d0a1a0a"), *version, flags,
-                       len(scene_header), 40, xxh3_64(scene_header))
+                       len(scene_header), place, xxh3_64(scene_header))
     return head + struct.pack("<Q", xxh3_64(head))
 
 
@@ -211,8 +247,8 @@ def directory_page(index, layer, d, chunk, payload):
             {"component": c, "num_entries": n, "table": chunk(raw, payload)}
             for c, n, raw in tables]})
     for p in records:
-        ref = chunk(p["raw"], payload)
-        detail = chunk(p["detail"], payload) if p.get("detail") else {}
+        ref = chunk(p["raw"], payload, p.get("codec", 0) == 0)
+        detail = chunk(p["detail"], payload, False) if p.get("detail") else {}
         out["pages"].append(PageRecord(p, ref, detail))
     return out
 

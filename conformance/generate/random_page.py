@@ -5,6 +5,8 @@ import struct
 
 import rans_writer
 import stream_builder as sb
+from arithmetic import half, unorder
+from legal import NoLegalValue
 from make_tiny import order
 from header import has_fine_mean_times
 from rans_writer import Channel
@@ -19,11 +21,11 @@ def f32(x):
 
 
 def half_value(rng):
-    return rng.choice([0.0, -0.0, 1.0, 2.0 ** -24, -65504.0, rng.uniform(-4, 4), rng.gauss(0, 0.1)])
+    return rng.choice([0.0, -0.0, 1.0, 2.0 ** -24, -65504.0, rng.uniform(-4, 4), rng.bell(0.1)])
 
 
 def raw_value(rng):
-    return rng.choice([0.0, -0.0, f32(3.0e38), f32(1e-3), f32(rng.gauss(0, 1)),
+    return rng.choice([0.0, -0.0, f32(3.0e38), f32(1e-3), f32(rng.bell(1)),
                        f32(rng.uniform(-50, 50))])
 
 
@@ -31,8 +33,10 @@ def raw_opacity(rng):
     return rng.choice([0.0, -0.0, 1.0, f32(rng.random())])
 
 
-def raw_log_scale(rng):
-    return rng.choice([0.0, -0.0, 17.0, -17.0, f32(rng.uniform(-17, 17)), f32(rng.gauss(-3, 1))])
+def raw_log_scale(rng, most):
+    """most: a Gaussian whose log scales are no greater fits its layer."""
+    return rng.choice([v for v in (0.0, -0.0, 17.0, -17.0) if v <= most] +
+                      [f32(rng.uniform(-17, max(most, -17.0)))] * 2)
 
 
 def vector_length(scene, layer, name):
@@ -47,23 +51,16 @@ def morton(x, y, z):
     return sum((v >> b & 1) << 3 * b + j for j, v in enumerate((x, y, z)) for b in range(21))
 
 
-def coded_mean_times(rng, shift, n):
-    """Codes that stand for finite numbers."""
-    least, most = order(-65504.0), order(65504.0)
-    half_step = 1 << shift >> 1
-    codes = [c for c in (order(half_value(rng)) >> shift for _ in range(8 * n))
-             if least <= (c << shift) + half_step <= most]
-    return (codes + [0x8000 >> shift] * n)[:n]
-
-
 class Columns:
-    """stage0: component -> entries of the block codebook."""
+    """window: the bucket that the page is of. stage0: component -> entries of the block codebook.
+    mean: the mean time of each Gaussian, about as it is decoded."""
 
-    def __init__(self, rng, scene, layer, n, stage0):
-        self.rng, self.scene, self.layer, self.n = rng, scene, layer, n
+    def __init__(self, rng, scene, layer, n, window, stage0):
+        self.rng, self.scene, self.layer, self.n, self.window = rng, scene, layer, n, window
         self.position = [self.coordinates() for _ in range(3)]
-        self.mean_t = self.mean_times()
-        self.mean_t_fine = self.refinements()
+        drawn = [self.mean_time() for _ in range(n)] if layer["mean_t"] != NONE else []
+        self.mean_t, fine, self.mean = ([d[k] for d in drawn] for k in range(3))
+        self.mean_t_fine = fine if has_fine_mean_times(layer) else []
         self.opacity = self.scalars(scene["opacity"], raw_value if scene.get("opacity_logit") else
                                     raw_opacity)
         self.factor = self.scalars(layer["scale_factor"])
@@ -85,24 +82,38 @@ class Columns:
             return [rng.choice([0, top, rng.randint(0, top)]) for _ in range(self.n)]
         return [order(half_value(rng)) for _ in range(self.n)]
 
-    def mean_times(self):
-        coding = self.layer["mean_t"]
-        if coding == F16:
-            return coded_mean_times(self.rng, self.layer["mean_t_shift"], self.n)
-        if coding == FIXED:
-            top = (1 << self.layer["mean_t_bits"]) - 1
-            return [self.rng.choice([0, top, self.rng.randint(0, top)]) for _ in range(self.n)]
-        if coding == RAW64:
-            return [sb.order64(self.rng.choice([0.0, 2.0 ** 60, self.rng.gauss(0, 50),
-                                                1.7e9 + self.rng.random()]))
-                    for _ in range(self.n)]
-        return self.raw() if coding == RAW32 else []
+    def mean_time(self):
+        """(code, refinement, about the mean time), legal in the bucket"""
+        for _ in range(400):
+            code, fine, mean = self.drawn_mean_time()
+            if mean is not None and self.window.allows(mean):
+                return code, fine, mean
+        raise NoLegalValue
 
-    def refinements(self):
-        if not has_fine_mean_times(self.layer):
-            return []
-        return [self.rng.choice([0, 0, 1, 2, 65535, self.rng.randrange(1 << 16)])
-                for _ in range(self.n)]
+    def drawn_mean_time(self):
+        rng, layer, window = self.rng, self.layer, self.window
+        coding, fine = layer["mean_t"], 0
+        near = window.center + rng.uniform(-0.7, 0.7) * window.width
+        if coding == RAW64:
+            mean = rng.choice([near, near, 0.0, -0.0, 2.0 ** 60, -2.0 ** 60, 1.7e9 + rng.random()])
+            return sb.order64(mean), 0, mean
+        if coding == RAW32:
+            mean = f32(rng.choice([near, near, near, raw_value(rng)]))
+            return sb.order32(mean), 0, mean
+        if coding == F16:
+            shift = layer["mean_t_shift"]
+            drawn = rng.choice([half_value(rng), rng.uniform(-0.7, 0.7)])
+            code = order(drawn) >> shift
+            value = half(unorder((code << shift) + (1 << shift >> 1), 16))
+            return code, 0, window.center + window.width * value if abs(value) < 65536 else None
+        top = (1 << layer["mean_t_bits"]) - 1
+        code = rng.choice([0, top, rng.randint(0, top), min(layer["mean_t_zero"], top)])
+        part = 0.0
+        if layer["mean_t_fine"]:
+            fine = rng.choice([0, 0, 1, 2, 65535, rng.randrange(1 << 16)])
+            bits = (fine + 1).bit_length() - 1
+            part = (fine + 1 - (1 << bits) + 0.5) / (1 << bits) - 0.5
+        return code, fine, window.center + layer["mean_t_step"] * (code - layer["mean_t_zero"] + part)
 
     def raw(self, value=raw_value):
         return [sb.order32(value(self.rng)) for _ in range(self.n)]
@@ -115,10 +126,11 @@ class Columns:
 
     def vectors(self, name, stage0):
         """{what a section of section 13.1 is called: its values}"""
-        rng, coding, n = self.rng, self.coding(name), self.n
+        rng, coding, layer, n = self.rng, self.coding(name), self.layer, self.n
         dim = vector_length(self.scene, self.layer, name)
         if coding["coding"] == RAW32:
-            value = raw_log_scale if name == "scale" else raw_value
+            most = 17.0 if layer["level"] == 0 else self.window.most_log_scale()
+            value = (lambda r: raw_log_scale(r, most)) if name == "scale" else raw_value
             return {"raw": [self.raw(value) for _ in range(dim)]}
         if coding["coding"] == VQ:
             stages = len(coding["stages"])
@@ -224,10 +236,10 @@ def zigzag(q):
     return 2 * q if q >= 0 else -2 * q - 1
 
 
-def add_rans_pages(rng, scene, layer):
-    """Gives the layer its entropy chunk, and its pages their bytes."""
-    names = [(p.name, p.num_contexts, p.wide) for p in Columns(rng, scene, layer, 0, {}).channels()]
-    chosen = [p for p in layer["pages"] if rng.random() < 0.8]
+def add_rans_pages(rng, scene, layer, all_pages=False):
+    """Gives the layer its entropy chunk, and its pages, or most of them, their bytes."""
+    names = [(p.name, p.num_contexts, p.wide) for p in Columns(rng, scene, layer, 0, None, {}).channels()]
+    chosen = [p for p in layer["pages"] if all_pages or rng.random() < 0.8]
     channels = [p["columns"].channels() for p in chosen]
     model = rans_writer.Model(rng, names, channels)
     layer["entropy"] = model.chunk

@@ -1,0 +1,158 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What suite.json says of each vector: its queries and their digests, by the reference decoder."""
+
+import functools
+import hashlib
+import json
+
+import digests
+import faults
+import levels
+from arithmetic import Invalid
+from decoder import Decoder, Query
+from header import RAW32, RAW64, TRANSFORM, VQ
+from l4d import demand
+from validate import validate
+
+FORMAT = 1
+LEAST_RANGE = 0.05                  # a query of a range has this share of the sequence at least
+
+
+class Cached(Decoder):
+    """Decodes each page once for all queries."""
+
+    def __init__(self, data):
+        super().__init__(data)
+        self.known = {}
+        self.directory.page = functools.lru_cache(None)(self.directory.page)
+        self.directory.entry = functools.lru_cache(None)(self.directory.entry)
+
+    def once(self, what, selected, base_only):
+        key = (what, selected.index, selected.record["offset"], base_only)
+        if key not in self.known:
+            self.known[key] = getattr(super(), what)(selected, base_only)
+        return self.known[key]
+
+    def page(self, selected, base_only=False):
+        return self.once("page", selected, base_only)
+
+    def attributes(self, selected, base_only=False):
+        return dict(self.once("attributes", selected, base_only))
+
+
+def queries_of(decoder, times=()):
+    """(arguments, Query, whether packed); times: of queries in addition"""
+    begin, length = decoder.header["time_begin"], decoder.duration
+    a, b, c = (begin + share * length for share in (0.21, 0.48, 0.9))
+    base = ["--detail", "base"]
+    yield ["--query", "all"], Query(), False
+    yield ["--query", "all", *base], Query(base_only=True), False
+    yield ["--query", f"time:{a!r}"], Query(a, a), False
+    yield ["--query", f"time:{c!r}", "--level", "2"], Query(c, c, most_level=2), False
+    yield ["--query", f"range:{a!r}:{b!r}", *base], Query(a, b, base_only=True), False
+    if len({la["level"] for la in decoder.header["layers"]}) > 1:
+        yield ["--query", "all", "--level", "0"], Query(most_level=0), False
+    for t in times:
+        yield ["--query", f"time:{t!r}"], Query(t, t), False
+    if levels.keeps_profile(decoder.header, levels.INDEXED):
+        yield ["--query", "all", "--packed"], Query(), True
+        yield ["--query", f"time:{a!r}", "--packed"], Query(a, a), True
+
+
+def answers(decoder, times):
+    """The queries of a legal vector with their answers. Digests of single arrays are given once."""
+    out, whole = [], set()
+    for arguments, query, packed in queries_of(decoder, times):
+        of = digests.of_packed_form if packed else digests.of_attributes
+        found = of(decoder, query)
+        count = sum(s.record["num_gaussians"] for s in decoder.select(query))
+        answer = found if packed not in whole else {"all": found["all"]}
+        whole.add(packed)
+        out.append({"arguments": arguments, "num_gaussians": count, "digests": answer})
+    validate(decoder)
+    out.append({"arguments": ["--query", "validate"], "valid": True})
+    out.append({"arguments": ["--query", "demand"], "demand": demand(decoder)})
+    return out
+
+
+def features(decoder):
+    """What of the format's options a stream uses."""
+    h, found = decoder.header, set()
+    codings = [h["sh"], *(la[c] for la in h["layers"] for c in ("scale", "rotor_spatial", "rotor_temporal"))]
+    for coding in codings:
+        if coding["coding"] == VQ:
+            found |= {"codebooks"} | {"stages"} & ({"stages"} if len(coding["stages"]) > 1 else set())
+            found |= {"unquantised"} if coding["escapes"] else set()
+            found |= {"rcq"} if coding["rcq"] is not None else set()
+        found |= {"transform"} if coding["coding"] == TRANSFORM else set()
+    raw = RAW32 in [c["coding"] for c in codings] or any(
+        la["mean_t"] in (RAW32, RAW64) or la["raw_position"] for la in h["layers"])
+    found |= {"raw"} if raw or h["position"] == RAW32 or h["opacity"]["coding"] == RAW32 else set()
+    found |= {"permanent"} if any(la["permanent"] for la in h["layers"]) else set()
+    for selected in decoder.select(Query()):
+        found |= {("stored", "zstd", "rans")[selected.record["codec"]]}
+        found |= {"two-parts"} if selected.record["sh_bytes"] else set()
+    return sorted(found)
+
+
+def entry(vector):
+    """The vector in suite.json."""
+    data = vector.data
+    out = {"name": f"{vector.group}/{vector.name}", "file": f"vectors/{vector.path()}", "group": vector.group,
+           "about": vector.about, "clauses": vector.clauses, "made_by": vector.made_by, "bytes": len(data),
+           "sha256": hashlib.sha256(data).hexdigest()}
+    return {**out, **(faulty(vector) if vector.group == "faulty" else legal(data, vector.more.get("times", ())))}
+
+
+def legal(data, times):
+    decoder = Cached(data)
+    asked = answers(decoder, times)
+    limits = asked[-1]["demand"]
+    return {"profile": limits["profile"], "level": limits["level"], "features": features(decoder),
+            "limits": {"num_gaussians": int(decoder.header["num_gaussians"]),
+                       "memory_bytes": limits["memory_bytes"]}, "queries": asked}
+
+
+def faulty(vector):
+    clause, data = vector.clauses[0], vector.data
+    query = "validate" if clause in faults.OF_VALIDATORS else "all"
+    check_refusal(vector, query)
+    answer = {"arguments": ["--query", query], "refused": [clause, *faults.ALSO.get(vector.more["title"], [])],
+              "kinds": faults.kinds(vector.more["title"])}
+    profile = level = 0
+    try:
+        header = Decoder(data).header
+        profile = min([p for p in (1, 2, 3) if levels.keeps_profile(header, p)], default=0)
+        level = levels.demand(Decoder(data)).level()
+    except (Invalid, ValueError, OverflowError, ZeroDivisionError):
+        pass                              # nobody knows what it would keep to
+    return {"profile": profile, "level": level, "features": ["validate"] if query == "validate" else [],
+            "limits": {"num_gaussians": 0, "memory_bytes": 0}, "queries": [answer]}
+
+
+def check_refusal(vector, query):
+    try:
+        decoder = Decoder(vector.data)
+        validate(decoder) if query == "validate" else list(decoder.pages(Query()))
+    except Invalid as broken:
+        if broken.clause in [vector.clauses[0], *faults.ALSO.get(vector.more["title"], [])]:
+            return
+        raise ValueError(f"{vector.name} breaks {broken.clause}") from broken
+    raise ValueError(f"{vector.name} breaks no rule")
+
+
+def document(vectors, entries):
+    return {"$schema": "suite.schema.json", "name": "l4d", "format": FORMAT, "bitstream": "1.0-draft",
+            "description": "Conformance vectors of the L4D bitstream, spec/l4d.md", "vectors": entries}
+
+
+def text(document_):
+    """JSON with one vector to a paragraph and one query to a line."""
+    head = {k: v for k, v in document_.items() if k != "vectors"}
+    lines = ["{"] + [f"  {json.dumps(k)}: {json.dumps(v)}," for k, v in head.items()] + ['  "vectors": [']
+    rows = []
+    for v in document_["vectors"]:
+        fields = [f"     {json.dumps(k)}: {json.dumps(x)}" for k, x in v.items() if k != "queries"]
+        queries = ",\n".join(f"       {json.dumps(q)}" for q in v["queries"])
+        rows.append("    {\n" + ",\n".join(fields) + ',\n     "queries": [\n' + queries + "]}")
+    return "\n".join(lines) + "\n" + ",\n".join(rows) + "\n  ]\n}\n"
