@@ -24,7 +24,7 @@ library and the files of the suite is needed.
 
 import argparse
 import concurrent.futures
-import importlib.util
+import importlib
 import json
 import os
 import subprocess
@@ -91,11 +91,9 @@ def answer_of(command, arguments, path, timeout):
 
 
 def loaded(path):
-    """answer_of of an adapter."""
-    spec = importlib.util.spec_from_file_location("adapter", path)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module.answer_of
+    """answer_of of an adapter. Its name is known to processes that it starts."""
+    sys.path.insert(0, str(path.resolve().parent))
+    return importlib.import_module(path.stem).answer_of
 
 
 def run(result, ask, command, folder, timeout):

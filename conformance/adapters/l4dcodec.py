@@ -33,7 +33,7 @@ def command_of(arguments):
 
 
 def refusal(error):
-    clause = re.search(r"spec ([A-Z]+-\d+)\b", error["detail"])
+    clause = re.search(r"\bspec ([A-Z]+-\d+)\b", error["message"])
     return clause.group(1) if clause else KINDS.get(error["name"], error["name"])
 
 

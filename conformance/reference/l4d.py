@@ -73,8 +73,9 @@ def answer(data, args, query):
     if args.packed and not levels.keeps_profile(decoder.header, levels.INDEXED):
         return {"unavailable": "packed"}
     of = digests.of_packed_form if args.packed else digests.of_attributes
+    found = of(decoder, query)
     count = sum(selected.record["num_gaussians"] for selected in decoder.select(query))
-    return {"num_gaussians": count, "digests": of(decoder, query)}
+    return {"num_gaussians": count, "digests": found}
 
 
 def demand(decoder):
