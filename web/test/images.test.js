@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The view against `l4dcodec render`: 5 times x 3 cameras x 2 scenes, both targets.
+// The view against `l4dcodec render`: 5 times x 3 cameras x 2 scenes, both targets. Each time with one
+// camera, unless L4D_WEB_VIEWS is `all` (./dev web): Chromium draws on the processor here.
 import assert from 'node:assert/strict';
 import {execFileSync} from 'node:child_process';
 import {existsSync, readFileSync, writeFileSync} from 'node:fs';
@@ -10,7 +11,8 @@ import {launch, newPage, serve, work} from './browser.js';
 const width = 640, height = 360;
 const tool = /** @type {string} */ (process.env.L4D_TOOL);
 const data = process.env.L4D_DATA_DIR ?? join(process.env.L4D_ROOT ?? '.', '../shared/data');
-const least = {'16f': 48, 8: 45};  // dB, of the whole picture
+const allViews = process.env.L4D_WEB_VIEWS === 'all';
+const least = {'16f': 48, 10: 45};  // dB, of the whole picture
 
 /** A camera at `eye` that looks at `target`, y down. */
 const lookAt = (eye, target, focal) => {
@@ -53,9 +55,9 @@ after(async () => {
   server?.close();
 });
 
-for (const target of /** @type {const} */ (['16f', '8'])) {
+for (const target of /** @type {const} */ (['16f', '10'])) {
   for (const scene of scenes()) {
-    test(`${scene.name}, ${target}: ${least[target]} dB in each of 15 views`, async () => {
+    test(`${scene.name}, ${target}: ${least[target]} dB in each of ${allViews ? 15 : 5} views`, async () => {
       const cameraFile = join(work, `${scene.name}.cameras.json`);
       writeFileSync(cameraFile, JSON.stringify({
         fps: 30, width, height, frames: 150,
@@ -73,11 +75,15 @@ for (const target of /** @type {const} */ (['16f', '8'])) {
         globalThis.view.show(globalThis.movie);
       }, {url: `${server.url}${scene.name}.l4d`, width, height, target});
       const found = [];
-      for (const time of scene.times) {
+      for (const [k, time] of scene.times.entries()) {
         for (const [id, camera] of scene.cameras.entries()) {
-          const png = join(work, `${scene.name}.png`);
-          execFileSync(tool, ['render', join(work, `${scene.name}.l4d`), '--cameras', cameraFile, '--camera', String(id),
-                              '--time', String(time), '-q', '-f', '-o', png]);
+          if (!allViews && id !== k % 3) continue;
+          const png = join(work, `${scene.name}.${k}.${id}.png`);
+          // The first target has made it for the second.
+          if (target === '16f') {
+            execFileSync(tool, ['render', join(work, `${scene.name}.l4d`), '--cameras', cameraFile, '--camera', String(id),
+                                '--time', String(time), '-q', '-f', '-o', png]);
+          }
           const psnr = await page.evaluate(compare, {
             time, png: readFileSync(png).toString('base64'),
             camera: {worldToCamera: camera.w2c.flat(), fx: camera.K[0][0], fy: camera.K[1][1], cx: camera.K[0][2],
@@ -99,7 +105,15 @@ async function compare({time, png, camera}) {
   const {view, movie} = /** @type {any} */ (globalThis);
   view.setCamera(camera);
   await movie.seek(time);
-  while (movie.ready.detail !== 'full') await new Promise(resolve => setTimeout(resolve, 20));
+  await new Promise(resolve => {
+    const check = () => {
+      if (movie.ready.detail !== 'full') return;
+      end();
+      resolve(undefined);
+    };
+    const end = movie.on('ready', check);
+    check();
+  });
   const got = await view.pixels();
   const bitmap = await createImageBitmap(await (await fetch(`data:image/png;base64,${png}`)).blob());
   const context = new OffscreenCanvas(bitmap.width, bitmap.height).getContext('2d');

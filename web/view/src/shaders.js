@@ -18,6 +18,7 @@ uniform vec2 focal, origin, size;  // pixels
 uniform vec4 slopes;       // least and greatest x/z and y/z of the affine approximation
 uniform float nearPlane;
 uniform int degree, texels;  // SH texels of a Gaussian
+uniform float white;       // in the target of blending
 
 layout(location = 0) in uint index;
 out vec2 place;            // in standard deviations from the mean
@@ -105,7 +106,7 @@ void main() {
   vec3 toward = position - center;
   float far = length(toward);
   vec3 direction = far > 0.0 ? toward / far : forward;
-  paint = vec4(max(shade(ivec2(texels * at.x, at.y), direction), 0.0), opacity);
+  paint = vec4(white * max(shade(ivec2(texels * at.x, at.y), direction), 0.0), opacity);
 }`;
 
 export const splatFragment = `#version 300 es
@@ -119,7 +120,7 @@ void main() {
   color = vec4(paint.rgb * alpha, alpha);
 }`;
 
-// From the float target to the canvas.
+// From the target of blending to the canvas.
 export const copyVertex = `#version 300 es
 void main() {
   gl_Position = vec4(vec2(gl_VertexID & 1, gl_VertexID >> 1) * 4.0 - 1.0, 0.0, 1.0);
@@ -128,5 +129,6 @@ export const copyFragment = `#version 300 es
 precision highp float;
 precision highp sampler2D;
 uniform sampler2D picture;
+uniform float white;
 out vec4 color;
-void main() { color = vec4(texelFetch(picture, ivec2(gl_FragCoord.xy), 0).rgb, 1.0); }`;
+void main() { color = vec4(texelFetch(picture, ivec2(gl_FragCoord.xy), 0).rgb / white, 1.0); }`;

@@ -4,7 +4,7 @@ import {Painter} from './painter.js';
 
 /**
  * @typedef {object} ViewOptions
- * @property {'auto' | '8' | '16f'} [target] bits of a channel while blending; auto: 16 where there are some
+ * @property {'auto' | '10' | '16f'} [target] bits of a channel while blending; auto: 16 where there are some
  * @property {[number, number, number]} [background] each 0 to 1
  * @property {boolean} [exact] draw only once the order of the instant and the camera is there (false: a frame late)
  * @property {number} [maxPixels] of the picture; more are not drawn, but scaled (2560 x 1440)
