@@ -76,6 +76,7 @@ uint32_t layer_tools(const l4d::SceneHeader& header, const l4d::LayerHeader& lay
   const auto& temporal = layer.component[L4D_COMPONENT_ROTOR_TEMPORAL];
   if (temporal.coding != l4d::ComponentCodingId::kZero) tools |= L4D_TOOL_MOTION;
   if (!layer.permanent) tools |= L4D_TOOL_TEMPORAL_OPACITY;
+  if (layer.flat()) tools |= L4D_TOOL_FLAT_WINDOWS;
   if (header.sh_degree > 0) tools |= L4D_TOOL_VIEW_DEPENDENCE;
   if (layer.raw_position) {
     tools |= L4D_TOOL_ESCAPES;
@@ -371,7 +372,8 @@ l4d_status l4d_decoder_decode(l4d_decoder* decoder, const l4d_query* query,
   return with_stream(decoder, required(query, out), [&](l4d::Decoder& d) -> Status {
     l4d_gaussian_buffers buffers = read_struct(*out, l4d_gaussian_buffers{});
     const l4d_query q = read_struct(*query, default_query());
-    const bool on_device = decoder->decodes_on_device && buffers.mean_t_double == nullptr;
+    const bool on_device = decoder->decodes_on_device && buffers.mean_t_double == nullptr &&
+                           buffers.window == nullptr && !d.file().header().has_windows();
     return write_output(on_device ? decoder->decode_on_device(q, &buffers) : d.decode(q, &buffers),
                         buffers, out);
   });

@@ -30,15 +30,16 @@ constexpr uint64_t kTotalWork = kPrepareWork + kShWork + kLayersWork + kWriteWor
 // While nothing but SH is left to wait for, the callback is asked whether to cancel this often.
 constexpr std::chrono::milliseconds kAskAgain{200};
 
-// Gaussians that are stored as they are, by the temporal level that they belong to.
-using Escapes = std::map<unsigned, std::vector<uint32_t>>;
+// Gaussians that are stored as they are, by the temporal level that they belong to and whether they
+// have flat windows.
+using Escapes = std::map<std::pair<unsigned, bool>, std::vector<uint32_t>>;
 
 // Takes Gaussians (ascending) out of the layers that they were planned for; returns them.
 Escapes take_out(const std::vector<uint32_t>& these, std::vector<LayerPlan>* plans) {
   Escapes out;
   if (these.empty()) return out;
   for (LayerPlan& plan : *plans) {
-    std::vector<uint32_t>& taken = out[plan.level];
+    std::vector<uint32_t>& taken = out[{plan.level, plan.flat}];
     const auto is_one = [&](uint32_t i) {
       const bool found = std::binary_search(these.begin(), these.end(), i);
       if (found) taken.push_back(i);
@@ -51,12 +52,12 @@ Escapes take_out(const std::vector<uint32_t>& these, std::vector<LayerPlan>* pla
 }
 
 // Layers stay in the order of their levels.
-void add_escapes(const EncoderScene& scene, unsigned level, std::vector<uint32_t> members,
-                 std::vector<CodedLayer>* layers) {
+void add_escapes(const EncoderScene& scene, unsigned level, bool flat,
+                 std::vector<uint32_t> members, std::vector<CodedLayer>* layers) {
   if (members.empty()) return;
   const auto finer = std::find_if(layers->begin(), layers->end(),
                                   [&](const CodedLayer& l) { return l.level > level; });
-  layers->insert(finer, code_escapes(scene, level, members));
+  layers->insert(finer, code_escapes(scene, level, flat, members));
 }
 
 // Gives each layer the codes of its members, in their order, as those of other components are. What
@@ -143,10 +144,13 @@ class Encoder::Run {
       if (plans_[l].members.empty()) continue;
       steps_.begin("layering");
       std::vector<uint32_t> demoted;
-      layers[l] = code_layer(scene_, plans_[l], options_, &demoted,
-                             may_be_escape ? &escapes_[plans_[l].level] : nullptr);
+      layers[l] =
+          code_layer(scene_, plans_[l], options_, &demoted,
+                     may_be_escape ? &escapes_[{plans_[l].level, plans_[l].flat}] : nullptr);
       if (!demoted.empty()) {
-        std::vector<uint32_t>& to = plans_[l - 1].members;
+        size_t coarser = l - 1;
+        while (plans_[coarser].flat) --coarser;
+        std::vector<uint32_t>& to = plans_[coarser].members;
         std::vector<uint32_t> all(to.size() + demoted.size());
         std::merge(to.begin(), to.end(), demoted.begin(), demoted.end(), all.begin());
         to = std::move(all);
@@ -170,9 +174,9 @@ class Encoder::Run {
   // Layers of what is stored as it is. All layers are there then, and get their SH.
   void complete_layers() {
     steps_.begin("write");
-    for (auto& [level, members] : escapes_) {
+    for (auto& [layer, members] : escapes_) {
       report_.totals.escapes += members.size();
-      add_escapes(scene_, level, std::move(members), &coded_.layers);
+      add_escapes(scene_, layer.first, layer.second, std::move(members), &coded_.layers);
     }
     report_.totals.num_layers = static_cast<uint32_t>(coded_.layers.size());
     distribute_sh(threads_, &coded_);

@@ -32,7 +32,10 @@ void place_in_buckets(const EncoderScene& scene, const std::vector<uint32_t>& me
   std::vector<std::pair<uint32_t, uint32_t>> order;
   order.reserve(members.size());
   for (const uint32_t i : members) {
-    order.emplace_back(bucket_of_time(scene.timeline, scene.mean_t[i], level), i);
+    const uint32_t bucket =
+        layer->flat ? bucket_of_window(scene.window[i], level, scene.timeline.num_frames)
+                    : bucket_of_time(scene.timeline, scene.mean_t[i], level);
+    order.emplace_back(bucket, i);
   }
   std::sort(order.begin(), order.end());
   size_t used = 0;
@@ -49,6 +52,29 @@ void place_in_buckets(const EncoderScene& scene, const std::vector<uint32_t>& me
   layer->directory_bits = bits;
 }
 
+unsigned bits_of(uint32_t largest) {
+  unsigned bits = 0;
+  while (bits < 32 && largest >> bits != 0) ++bits;
+  return bits;
+}
+
+// The shortest codes that hold the windows of all members, whose buckets are known.
+void choose_window_codes(const EncoderScene& scene, CodedLayer* layer) {
+  MeanTimeCoding& coding = layer->mean_times;
+  coding.mean_t = CoordinateCodingId::kWindow;
+  uint32_t largest_begin = 0, least = L4D_MAX_FRAMES, longest = 0;
+  for (size_t j = 0; j < layer->members.size(); ++j) {
+    const FrameWindow window = scene.window[layer->members[j]];
+    const uint32_t base = window_base(layer->bucket[j], layer->level, scene.timeline.num_frames);
+    largest_begin = std::max(largest_begin, window.begin - base);
+    least = std::min(least, window.end - window.begin);
+    longest = std::max(longest, window.end - window.begin);
+  }
+  coding.window_begin_bits = bits_of(largest_begin);
+  coding.window_length_bits = bits_of(longest - least);
+  coding.window_length = least;
+}
+
 class LayerCoder {
  public:
   LayerCoder(const EncoderScene& scene, const LayerPlan& plan, const CoderOptions& options)
@@ -62,6 +88,7 @@ class LayerCoder {
     lossless_ = settings_.get_bool(L4D_ENC_LOSSLESS);
     out_.level = plan_.level;
     out_.permanent = plan_.permanent;
+    out_.flat = plan_.flat;
     place_in_buckets(scene_, plan_.members, &out_);
     code_mean_times();
     if (lossless_) {
@@ -114,7 +141,9 @@ class LayerCoder {
 
   void code_mean_times() {
     const size_t n = count();
-    if (plan_.permanent || lossless_) {
+    if (plan_.flat) {
+      choose_window_codes(scene_, &out_);
+    } else if (plan_.permanent || lossless_) {
       out_.mean_times.mean_t = plan_.permanent           ? CoordinateCodingId::kNone
                                : scene_.has_double_times ? CoordinateCodingId::kRaw64
                                                          : CoordinateCodingId::kRaw32;
@@ -134,7 +163,7 @@ class LayerCoder {
       const double mean = scene_.mean_t[out_.members[j]];
       if (plan_.permanent) {
         out_.decoded_mean_t[j] = bucket_center(timeline(), plan_.level, out_.bucket[j]);
-      } else if (lossless_) {
+      } else if (lossless_ || plan_.flat) {
         out_.decoded_mean_t[j] = mean;
       } else {
         set_mean(j, code_mean(mean_target(j, mean, 1)));
@@ -164,7 +193,7 @@ class LayerCoder {
         const SeenGaussian seen = place(j);
         if (!bounded) continue;
         const SeenGaussian original = scene_.seen(out_.members[j]);
-        if (excess(original, seen) > 1) repair(j, original);
+        if (excess(j, original, seen) > 1) repair(j, original);
       }
     });
   }
@@ -181,7 +210,7 @@ class LayerCoder {
     out_.opacity[j] = scene_.opacity[i];
     std::copy_n(scene_.position.data() + 3 * i, 3, out_.position.data() + 3 * j);
     if (settings_.get_bool(L4D_ENC_CLOSED_LOOP) && !lossless_) close_loop(j);
-    if (plan_.permanent) seen.lambda = 0;
+    if (!out_.fades()) seen.lambda = 0;
     seen.mean = out_.decoded_mean_t[j];
     seen.reference = reference_time(timeline(), seen.mean);
     seen.opacity = static_cast<double>(out_.opacity[j]);
@@ -193,9 +222,9 @@ class LayerCoder {
     return seen;
   }
 
-  double excess(const SeenGaussian& original, const SeenGaussian& decoded) const {
-    const double begin = timeline().time_begin;
-    return excess_of(errors_of(original, decoded, begin, begin + scene_.duration, options_.bounds,
+  double excess(size_t j, const SeenGaussian& original, const SeenGaussian& decoded) const {
+    const Sequence shown = scene_.shown(out_.members[j]);
+    return excess_of(errors_of(original, decoded, shown.begin, shown.end, options_.bounds,
                                options_.bounds.opacity),
                      options_.bounds);
   }
@@ -213,7 +242,7 @@ class LayerCoder {
       if (!out_.mean_t_fine.empty()) {
         out_.mean_t_fine[j] = static_cast<uint16_t>(mean_fine);
       }
-      return excess(original, place(j));
+      return excess(j, original, place(j));
     };
     double worst = placed_excess();
     while (worst > 1) {
@@ -262,7 +291,7 @@ class LayerCoder {
       if (escape_[j] != 0 && escapes != nullptr) {
         escapes->push_back(out_.members[j]);
         keep[j] = 0;
-      } else if (plan_.level != 0 &&
+      } else if (plan_.level != 0 && !plan_.flat &&
                  !fits_layer(out_.decoded_mean_t[j], 1 / std::sqrt(out_.decoded_lambda[j]),
                              out_.bucket[j], plan_.level, timeline())) {
         demoted->push_back(out_.members[j]);
@@ -292,14 +321,14 @@ class LayerCoder {
 
   void close_loop(size_t j) {
     const size_t i = out_.members[j];
-    const double begin = timeline().time_begin;
-    const double end = begin + scene_.duration;
-    // What is permanent does not fade, to a decoder.
+    const double begin = scene_.shown(i).begin;
+    const double end = scene_.shown(i).end;
+    // What is permanent or has a window does not fade, to a decoder.
     const Fading original{static_cast<double>(scene_.opacity[i]), scene_.mean_t[i],
-                          plan_.permanent ? 0.0 : scene_.lambda[i]};
+                          out_.fades() ? scene_.lambda[i] : 0.0};
     Fading decoded{original.opacity, out_.decoded_mean_t[j],
-                   plan_.permanent ? 0.0 : out_.decoded_lambda[j]};
-    if (!plan_.permanent) {
+                   out_.fades() ? out_.decoded_lambda[j] : 0.0};
+    if (out_.fades()) {
       // Level 0 has one bucket, and its Gaussians may be centred anywhere in time.
       if (plan_.level == 0) {
         const SeenSpan seen({original}, begin, end);
@@ -369,19 +398,22 @@ CodedLayer code_layer(const EncoderScene& scene, const LayerPlan& plan, const Co
 // Of an escape's mean time in binary32, in temporal standard deviations.
 constexpr double kMaxRoundedMean = 0.001;
 
-CodedLayer code_escapes(const EncoderScene& scene, unsigned level,
+CodedLayer code_escapes(const EncoderScene& scene, unsigned level, bool flat,
                         const std::vector<uint32_t>& members) {
   CodedLayer out;
   out.level = level;
+  out.flat = flat;
   place_in_buckets(scene, members, &out);
   out.escape = true;
   // Seconds since 1970 in binary32 are off by a minute.
-  const bool doubles = std::any_of(members.begin(), members.end(), [&](uint32_t i) {
-    const SeenGaussian seen = scene.seen(i);
-    const double off = seen.mean - static_cast<double>(static_cast<float>(seen.mean));
-    return std::fabs(off) * std::sqrt(seen.lambda) > kMaxRoundedMean;
-  });
+  const bool doubles = flat || std::any_of(members.begin(), members.end(), [&](uint32_t i) {
+                         const SeenGaussian seen = scene.seen(i);
+                         const double off =
+                             seen.mean - static_cast<double>(static_cast<float>(seen.mean));
+                         return std::fabs(off) * std::sqrt(seen.lambda) > kMaxRoundedMean;
+                       });
   out.mean_times.mean_t = doubles ? CoordinateCodingId::kRaw64 : CoordinateCodingId::kRaw32;
+  if (flat) choose_window_codes(scene, &out);
   out.scale_factor.coding = ScalarCodingId::kConstant;
   for (unsigned c = L4D_COMPONENT_SCALE; c < L4D_COMPONENT_COUNT; ++c) {
     out.component[c].coding = ComponentCodingId::kRaw32;

@@ -15,6 +15,7 @@ namespace l4d {
 struct CodedLayer {
   unsigned level = 0;
   bool permanent = false;
+  bool flat = false;    // of Gaussians with flat windows
   bool escape = false;  // members are stored as they are
   unsigned directory_bits = 0;
   MeanTimeCoding mean_times;
@@ -34,6 +35,7 @@ struct CodedLayer {
   std::vector<double> position;          // [m, 3] to be coded
   std::vector<float> opacity;            // [m] to be coded
 
+  bool fades() const { return !permanent && !flat; }
   unsigned scale_dim() const { return permanent ? 3 : 4; }
 };
 
@@ -45,7 +47,7 @@ CodedLayer code_layer(const EncoderScene& scene, const LayerPlan& plan, const Co
 
 // A layer that holds its members, whose extents its level allows, as they are. (Of a
 // coarser one, times from the middle of its buckets would be rounded more than brief ones bear.)
-CodedLayer code_escapes(const EncoderScene& scene, unsigned level,
+CodedLayer code_escapes(const EncoderScene& scene, unsigned level, bool flat,
                         const std::vector<uint32_t>& members);
 
 }  // namespace l4d

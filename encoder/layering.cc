@@ -71,15 +71,22 @@ std::vector<LayerPlan> plan_layers(const EncoderScene& s, const EncoderSettings&
   LayerPlan permanent;
   permanent.permanent = true;
   const bool lossless = settings.get_bool(L4D_ENC_LOSSLESS);
+  std::vector<LayerPlan> flat(levels);
   for (uint32_t i = 0; i < s.count; ++i) {
-    if (!lossless && is_permanent(s, i)) {
+    if (s.is_flat(i)) {
+      const uint32_t level = layer_of_window(s.window[i], s.timeline.num_frames, levels);
+      flat[level].members.push_back(i);
+    } else if (!lossless && is_permanent(s, i)) {
       permanent.members.push_back(i);
     } else {
       const double tau = 8 * s.sigma_t(i) * kExtentGuard;
       layers[layer_of_extent(tau, s.duration, levels)].members.push_back(i);
     }
   }
-  for (uint32_t l = 0; l < levels; ++l) layers[l].level = l;
+  for (uint32_t l = 0; l < levels; ++l) {
+    layers[l].level = flat[l].level = l;
+    flat[l].flat = true;
+  }
   const double least = std::max(settings.get(L4D_ENC_MERGE_FRACTION) * static_cast<double>(s.count),
                                 settings.get(L4D_ENC_MERGE_COUNT));
   // Lossless times are exact; those in binary32 that a decoder slices with are nearly so.
@@ -96,18 +103,24 @@ std::vector<LayerPlan> plan_layers(const EncoderScene& s, const EncoderSettings&
        --l) {
     if (stays_exact(layers[l])) merge(layers[l], layers[l - 1]);
   }
+  // Windows are exact in all layers, and what fits a bucket fits the one around it.
+  for (uint32_t l = levels - 1; l > 0 && static_cast<double>(flat[l].members.size()) < least; --l) {
+    merge(flat[l], flat[l - 1]);
+  }
   // Two kinds of layer cost two sets of codebooks.
   if (static_cast<double>(permanent.members.size()) < least && permanent.members.size() < s.count) {
     merge(permanent, layers[0]);
   }
-  // The format has room for two layers to a level.
+  // In level 0 the format has room for four layers, and for two that are stored as they are.
   const LayerPlan far =
       lossless || f16 || levels == 1 ? LayerPlan() : take_far(s, error, &layers[0]);
   std::vector<LayerPlan> used;
   if (!permanent.members.empty()) used.push_back(std::move(permanent));
   if (!far.members.empty()) used.push_back(far);
   for (LayerPlan& l : layers) {
-    if (l.level == 0 || !l.members.empty()) used.push_back(std::move(l));
+    const unsigned level = l.level;
+    if (level == 0 || !l.members.empty()) used.push_back(std::move(l));
+    if (!flat[level].members.empty()) used.push_back(std::move(flat[level]));
   }
   return used;
 }

@@ -28,7 +28,7 @@ SeenGaussian decoded(const EncoderScene& scene, const PositionCoding& positions,
     decoded_shape(layer, j, rotor, log_scale);
     slice_in_double(rotor, log_scale, &seen);
   }
-  if (layer.permanent) seen.lambda = 0;
+  if (!layer.fades()) seen.lambda = 0;
   seen.mean = layer.decoded_mean_t[j];
   seen.reference = reference_time(scene.timeline, seen.mean);
   for (size_t k = 0; k < 3; ++k) {
@@ -63,17 +63,17 @@ GaussianErrors observed_errors(const EncoderScene& scene, const PositionCoding& 
                                const ScalarCoding& opacity, const std::vector<CodedLayer>& layers,
                                ErrorBounds bounds, int threads) {
   bounds.position_slack = bounds.opacity_slack = 0;
-  const double begin = scene.timeline.time_begin;
   GaussianErrors worst;
   std::mutex mutex;
   for (const CodedLayer& layer : layers) {
     parallel_for(threads, layer.members.size(), kGrain, [&](size_t first, size_t last) {
       GaussianErrors own;
       for (size_t j = first; j < last; ++j) {
-        take_worse(
-            errors_of(scene.seen(layer.members[j]), decoded(scene, positions, opacity, layer, j),
-                      begin, begin + scene.duration, bounds, own.opacity),
-            &own);
+        const size_t i = layer.members[j];
+        const Sequence shown = scene.shown(i);
+        take_worse(errors_of(scene.seen(i), decoded(scene, positions, opacity, layer, j),
+                             shown.begin, shown.end, bounds, own.opacity),
+                   &own);
       }
       std::lock_guard<std::mutex> lock(mutex);
       take_worse(own, &worst);

@@ -183,6 +183,7 @@ class LayerBuilder {
       const size_t j = order_[cut.begin + i];
       if (layer_header_.has_mean_codes()) columns.mean_t.push_back(layer_.mean_t[j]);
       if (layer_header_.mean_t_fine) columns.mean_t_fine.push_back(layer_.mean_t_fine[j]);
+      if (layer_header_.flat()) add_window(j, &columns);
       if (layer_header_.mean_t == CoordinateCodingId::kRaw64) {
         columns.raw64_mean_t.push_back(scene_.mean_t[layer_.members[j]]);
       }
@@ -199,6 +200,17 @@ class LayerBuilder {
     }
     for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) add_component(c, cut, &columns);
     return columns;
+  }
+
+  void add_window(size_t j, PageColumns* columns) const {
+    const FrameWindow window = scene_.window[layer_.members[j]];
+    const uint32_t base =
+        window_base(layer_.bucket[j], layer_header_.level, scene_.timeline.num_frames);
+    const uint32_t values[2] = {window.begin - base,
+                                window.end - window.begin - layer_header_.window_length};
+    for (size_t k = 0; k < kWindowColumns; ++k) {
+      columns->window[k].push_back(static_cast<uint16_t>(values[k / 2] >> (16 * (k % 2))));
+    }
   }
 
   BuiltPage build_page(const Cut& cut, const EntropyModel* model, StreamEncoder& streams,
@@ -306,8 +318,11 @@ class LayerBuilder {
       const size_t j = order_[i];
       const double mean = layer_.decoded_mean_t[j];
       const double reach = 4 * kExtentGuard / std::sqrt(layer_.decoded_lambda[j]);
-      const double a = layer_header_.permanent ? begin : std::clamp(mean - reach, begin, end);
-      const double b = layer_header_.permanent ? end : std::clamp(mean + reach, begin, end);
+      Sequence shown = {begin, end};
+      if (layer_.fades()) shown = {mean - reach, mean + reach};
+      if (layer_.flat) shown = window_times(scene_.timeline, scene_.window[layer_.members[j]]);
+      const double a = std::clamp(shown.begin, begin, end);
+      const double b = std::clamp(shown.end, begin, end);
       first = std::min(first, a);
       last = std::max(last, b);
       const double reference =

@@ -22,13 +22,16 @@ constexpr double kMaxWeight = 1e24;
 
 float bounded_weight(double weight) { return static_cast<float>(std::min(weight, kMaxWeight)); }
 
+double seconds_of(const Sequence& part) { return part.end - part.begin; }
+
 // Stand-in for a measured importance: how much of the picture, for how long, how opaque.
 float proxy_weight(const EncoderScene& s, size_t i) {
   double scale[3];
   for (size_t k = 0; k < 3; ++k) scale[k] = static_cast<double>(s.log_scale[4 * i + k]);
   std::sort(scale, scale + 3);
   const double area = std::exp(scale[1] + scale[2]);
-  const double life = std::min(1.0, 8 * s.sigma_t(i) / s.duration);
+  const double shown = s.is_flat(i) ? seconds_of(s.shown(i)) : 8 * s.sigma_t(i);
+  const double life = std::min(1.0, shown / s.duration);
   return static_cast<float>(static_cast<double>(s.opacity[i]) * area * life);
 }
 
@@ -43,6 +46,7 @@ constexpr double kProxyGain = 0.7;  // where the default preset has about the fi
 
 // Part of the sequence in which Gaussian i is visible, in seconds.
 double seen_seconds(const EncoderScene& s, size_t i) {
+  if (s.is_flat(i)) return seconds_of(s.shown(i));
   const double begin = s.timeline.time_begin;
   const double reach = 4 * s.sigma_t(i);
   const double span =
@@ -96,6 +100,24 @@ void set_importance(const EncoderInput& input, bool gauss_newton, EncoderScene* 
   }
 }
 
+// A decoder takes the middle of a window for the time that the position is of, and so does all that
+// follows.
+void refer_to_window(bool at_mean, size_t i, EncoderScene* scene) {
+  EncoderScene& s = *scene;
+  const double given = at_mean ? s.mean_t[i] : reference_time(s.timeline, s.mean_t[i]);
+  s.mean_t[i] = window_middle(s.timeline, s.window[i]);
+  s.lambda[i] = 0;
+  const double dt = reference_time(s.timeline, s.mean_t[i]) - given;
+  for (size_t k = 0; k < 3; ++k) {
+    const double moved = s.velocity[3 * i + k] * dt;
+    if (moved == 0) continue;  // what is stored as it is stays as it is
+    s.position[3 * i + k] += moved;
+    if (!s.raw_position.empty()) {
+      s.raw_position[3 * i + k] = static_cast<float>(s.position[3 * i + k]);
+    }
+  }
+}
+
 }  // namespace
 
 void slice_in_double(const float* rotor, const float* log_scale, SeenGaussian* out) {
@@ -113,6 +135,7 @@ SeenGaussian EncoderScene::seen(size_t i) const {
   }
   SeenGaussian g{};
   slice_in_double(given.rotor + 8 * from, clamped, &g);
+  if (is_flat(i)) g.lambda = 0;
   g.mean = mean_t[i];
   g.reference = reference_time(timeline, g.mean);
   g.opacity = linear_opacity(static_cast<double>(given.opacity[from]),
@@ -120,6 +143,11 @@ SeenGaussian EncoderScene::seen(size_t i) const {
   std::copy_n(position.data() + 3 * i, 3, g.position);
   if (min_sizes != nullptr) g.min_size = static_cast<double>(min_sizes[from]);
   return g;
+}
+
+Sequence EncoderScene::shown(size_t i) const {
+  if (!is_flat(i)) return sequence_of(timeline);
+  return {time_of_frame(timeline, window[i].begin), time_of_frame(timeline, window[i].end)};
 }
 
 double EncoderScene::sigma_t(size_t i) const { return 1.0 / std::sqrt(lambda[i]); }
@@ -175,6 +203,7 @@ Status choose_gaussians(const EncoderInput& input, const EncoderSettings& settin
   const float* of_opacity =
       squares && !settings.get_bool(L4D_ENC_LOSSLESS) ? input.weights[L4D_WEIGHT_OPACITY] : nullptr;
   const double pruning_error = Quality(settings, g.count).pruning_error();
+  bool has_windows = false;
   const auto hardly_matters = [&](size_t i) {
     if (of_opacity == nullptr) return false;
     const double change =
@@ -183,7 +212,11 @@ Status choose_gaussians(const EncoderInput& input, const EncoderSettings& settin
     return change * change / 3 < pruning_error;
   };
   for (uint32_t i = 0; i < g.count; ++i) {
-    if (const char* attribute = invalid_attribute(g, i)) {
+    const char* attribute = invalid_attribute(g, i);
+    if (attribute == nullptr && !has_valid_window(g, i, s.timeline.num_frames)) {
+      attribute = "window";
+    }
+    if (attribute != nullptr) {
       if (!settings.get_bool(L4D_ENC_DROP_INVALID)) {
         return Status(L4D_ERR_INVALID_SCENE, "Gaussian " + std::to_string(i) + " has an invalid " +
                                                  attribute + " (NaN, Inf or out of range)");
@@ -193,9 +226,16 @@ Status choose_gaussians(const EncoderInput& input, const EncoderSettings& settin
       ++s.pruned;
     } else {
       s.source.push_back(i);
+      has_windows = has_windows || window_of(g, i).is_flat();
     }
   }
+  if (has_windows && !tells_frames_apart(s.timeline)) {
+    return invalid_argument(
+        "a scene with flat windows has to lie within 2^40 frames of time 0: choose time_begin "
+        "nearer to 0");
+  }
   s.count = s.source.size();
+  s.window.resize(has_windows ? s.count : 0);
   if (s.count == 0) return Status(L4D_ERR_INVALID_SCENE, "no Gaussian is left to code");
   return {};
 }
@@ -240,8 +280,10 @@ void gather(EncoderScene* out, size_t i, bool lossless) {
   slice_in_double(rotor, log_scale, &slice);
   std::copy_n(slice.velocity, 3, s.velocity.data() + 3 * i);
   s.lambda[i] = slice.lambda;
+  if (lossless) std::copy_n(g.position + 3 * from, 3, s.raw_position.data() + 3 * i);
+  if (!s.window.empty()) s.window[i] = window_of(g, from);
+  if (s.is_flat(i)) refer_to_window((g.flags & L4D_POSITION_AT_MEAN_TIME) != 0, i, out);
   if (!lossless) return;
-  std::copy_n(g.position + 3 * from, 3, s.raw_position.data() + 3 * i);
   if (!s.has_double_times) s.raw_mean_t[i] = g.mean_t[from];
 }
 
@@ -257,7 +299,7 @@ void normalize(EncoderScene* out, size_t i, int gauge) {
   if (gauge == 1) canonicalize_sign(rotor);
   if (gauge == 2) canonicalize(rotor, log_scale, GaugeMode::kNearestIdentity);
   if (gauge == 3) canonicalize(rotor, log_scale, GaugeMode::kSortedScales);
-  if ((s.given.flags & L4D_POSITION_AT_MEAN_TIME) == 0) return;
+  if ((s.given.flags & L4D_POSITION_AT_MEAN_TIME) == 0 || s.is_flat(i)) return;
   const double dt = reference_time(s.timeline, s.mean_t[i]) - s.mean_t[i];
   for (size_t k = 0; k < 3; ++k) s.position[3 * i + k] += s.velocity[3 * i + k] * dt;
 }

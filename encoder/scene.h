@@ -10,6 +10,7 @@
 #include "l4d/encode.h"
 #include "libl4dcodec/base/status.h"
 #include "libl4dcodec/scene/rendering.h"
+#include "libl4dcodec/scene/window.h"
 
 namespace l4d {
 
@@ -42,7 +43,8 @@ struct EncoderScene {
   std::vector<float> opacity;       // [n] linear; lossless: as given
   std::vector<float> sh;            // [n, sh_dim]
   std::vector<double> velocity;     // [n, 3]
-  std::vector<double> lambda;       // [n]
+  std::vector<double> lambda;       // [n]; 0 of Gaussians with flat windows: they do not fade
+  std::vector<FrameWindow> window;  // [n]; empty where no Gaussian has one
   std::array<std::vector<float>, L4D_COMPONENT_COUNT>
       weight;  // [n], of squared errors of codewords
   // [n] mean squared change of the image by a change of one number: of components and positions.
@@ -53,6 +55,9 @@ struct EncoderScene {
 
   // Gaussian i as it is seen, from the numbers given: nothing of what the encoder does to them.
   SeenGaussian seen(size_t i) const;
+  bool is_flat(size_t i) const { return !window.empty() && window[i].is_flat(); }
+  // The part of the sequence outside which Gaussian i is not shown, for those that do not fade.
+  Sequence shown(size_t i) const;
   size_t sh_dim() const { return 3 * (sh_degree + 1) * (sh_degree + 1); }
   double sigma_t(size_t i) const;
 };

@@ -207,9 +207,9 @@ def broken_headers():
     """(clause, file); a second word tells cases of it apart."""
     vq = {"coding": 2, "escapes": False, "stages": [[(1.0, 0.0, 0.0, 0.0)]]}
     basis = Parts().scene["sh"]["basis"]
-    yield "HEAD-7 position unknown", header(position=5)
+    yield "HEAD-7 position unknown", header(position=6)
     yield "HEAD-16 raw64", header(position=4)
-    yield "HEAD-7 mean_t unknown", layer(mean_t=5)
+    yield "HEAD-7 mean_t unknown", layer(mean_t=6)
     yield "HEAD-7 basis element", coding("sh", patch={"element": 2})
     yield "HEAD-14 scale coded", layer(scale_factor={"coding": 1})
     yield "HEAD-15 temporal", layer(rotor_spatial=vq)

@@ -9,6 +9,10 @@ import make_tiny
 from xxh3 import xxh3_64
 
 
+MEAN_TIMES = (21, 28)       # where three mean times are in a page of the second layer
+WINDOWS = (21, 25)          # and three windows
+
+
 def scene():
     """A valid stream of two layers with every kind of column, which breaks no rule at all."""
     halves = lambda values: make_tiny.packed([make_tiny.order(v) for v in values], 16)
@@ -59,6 +63,53 @@ class First:
 
 
 FIRST = First()
+
+
+def windows(begins, bits=2, lengths=(0, 0, 0)):
+    """The streams of three windows of one frame, and more."""
+    return make_tiny.packed(begins, bits) + make_tiny.packed(lengths, 1)
+
+
+def flat_scene():
+    """The same with windows in place of mean times: of frame 0 in bucket 1, of frame 1 in bucket 2."""
+    s = scene()
+    la = s["layers"][1]
+    la.update(mean_t=5, window_begin_bits=2, window_length_bits=1, window_length=1)
+    for page, begins, times in zip(la["pages"], ([0, 0, 0], [1, 1, 1]), ((32, 160), (95, 224))):
+        begin, end = MEAN_TIMES
+        page["raw"] = page["raw"][:begin] + windows(begins) + page["raw"][end:]
+        page.update(visible_begin=times[0], visible_end=times[1])
+    return s
+
+
+def flat_edited(edit):
+    s = flat_scene()
+    edit(s["layers"][1])
+    return sb.build(s, rng=FIRST)
+
+
+def window_page(page, columns):
+    def edit(la):
+        begin, end = WINDOWS
+        raw = la["pages"][page]["raw"]
+        la["pages"][page]["raw"] = raw[:begin] + columns + raw[end:]
+    return flat_edited(edit)
+
+
+def broken_windows():
+    flat = flat_scene()
+    yield "WIND-1 begin", flat_edited(lambda la: la.update(window_begin_bits=25))
+    yield "WIND-1 length", flat_edited(lambda la: la.update(window_length_bits=25))
+    yield "WIND-1 least", flat_edited(lambda la: la.update(window_length=(1 << 24) + 1))
+    yield "WIND-2", sb.build({**flat, "time_begin": 2.0 ** 39}, rng=FIRST)
+    yield "WIND-3 late", window_page(1, windows([1, 1, 1], lengths=[0, 1, 0]))
+    yield "WIND-3 empty", flat_edited(lambda la: la.update(window_length=0))
+    yield "WIND-3 beyond", window_page(1, windows([1, 3, 1]))
+    yield "STRM-3 window", window_page(0, b"\x02\x04" + windows([0, 0, 0])[2:])
+    yield "HEAD-16 window", sb.build({**flat, "position": 5}, rng=FIRST)
+    yield "LAYR-3", window_page(0, windows([0, 1, 0]))
+    yield "DIR-9 window", flat_edited(lambda la: la["pages"][1].update(visible_begin=97))
+    yield "DIR-9 window end", flat_edited(lambda la: la["pages"][0].update(visible_end=159))
 
 
 def edited(edit):
@@ -177,7 +228,7 @@ def broken():
     yield "HEAD-5", edited(lambda s: s.update(num_gaussians=10))
     yield "HEAD-6 level", layer(1, level=2)
     yield "HEAD-6 many", edited(lambda s: s["layers"].extend([dict(
-        s["layers"][1], num_gaussians=0, pages=[], blocks={})] * 8))
+        s["layers"][1], num_gaussians=0, pages=[], blocks={})] * 9))
     yield "HEAD-6 none", edited(lambda s: s.update(layers=[], num_gaussians=0, sh={"coding": 0}))
     yield "HEAD-16 position", edited(lambda s: s.update(position=0))
     for bad in (b"\xff", b"\xc0\x80", b"\xed\xa0\x80", b"\xe2\x82"):
@@ -272,6 +323,7 @@ def broken():
     yield "VAL-4 negative", edited(lambda s: raw_opacities(s, -2.0 ** -149))
     yield "VAL-4 log scale", edited(lambda s: raw_scales(s, -17.0 - 2.0 ** -19))
     yield "LAYR-1", coding(1, "scale_factor", offset=-2.0)
+    yield from broken_windows()
 
 
 def overlap(s):

@@ -5,10 +5,13 @@ and 15 of spec/l4d.md.
 In a layer of level 1 or finer, the decoded log scales stay below log(width / 16). A rotation leaves vectors
 their length, so sigma is at most width / 16, and a Gaussian is visible for a quarter of a width before and
 after its mean time. A mean time within 0.7 widths of the bucket's centre then keeps LAYR-1; so does one so far
-outside the sequence that nothing is visible."""
+outside the sequence that nothing is visible. Flat windows are drawn until LAYR-3 is kept: a window of one frame
+does that in every bucket that is no shorter than a frame."""
 
 import math
 import struct
+
+from times import bucket_bits, bucket_of_phase
 
 LEAST_SIGMA = 1e-6                  # of section 16
 NO_BOUNDS = (0xFBFF,) * 3 + (0x7BFF,) * 3
@@ -24,7 +27,7 @@ class Window:
     def __init__(self, scene, level, bucket=0):
         duration = float(scene["num_frames"] * scene["fps_den"]) / scene["fps_num"]
         self.begin, self.end = scene["time_begin"], scene["time_begin"] + duration
-        self.level, self.width = level, duration / (1 if level == 0 else 2 << level)
+        self.level, self.bucket, self.width = level, bucket, duration / (1 if level == 0 else 2 << level)
         self.center = self.begin + (bucket + 0.5) * self.width
         self.reach = self.width / 4
 
@@ -42,11 +45,19 @@ class Window:
         return (self.level == 0 or abs(mean - self.center) <= 0.7 * self.width or
                 mean + margin < self.begin or mean - margin > self.end)
 
-    def visible(self, rng, means):
-        """visible_begin and visible_end of a page; the means are those of its Gaussians, with a reach."""
+    def begins(self, frames):
+        """Flat windows that begin later, in frames after the first that a code can say, reach too far."""
+        return (3 * frames >> bucket_bits(self.level)) + 2
+
+    def holds(self, phases):
+        """LAYR-3"""
+        return all(abs(bucket_of_phase(phase, self.level) - self.bucket) <= 1 for phase in phases)
+
+    def visible(self, rng, shown):
+        """visible_begin and visible_end of a page; `shown`: when each of its Gaussians may be visible."""
         first, last = math.inf, -math.inf
-        for mean in means:
-            begin, end = max(mean - self.reach, self.begin), min(mean + self.reach, self.end)
+        for begin, end in shown:
+            begin, end = max(begin, self.begin), min(end, self.end)
             if begin <= end:
                 first, last = min(first, begin), max(last, end)
         unit = self.width / 64

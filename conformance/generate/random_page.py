@@ -8,11 +8,12 @@ import stream_builder as sb
 from arithmetic import half, unorder
 from legal import NoLegalValue
 from make_tiny import order
-from header import has_fine_mean_times
+from header import has_fine_mean_times, window_columns
 from rans_writer import Channel
+from times import phases_of_window, window_base, window_times
 
 ZERO, RAW32, VQ, TRANSFORM = range(4)
-NONE, _, F16, FIXED, RAW64 = range(5)
+NONE, _, F16, FIXED, RAW64, WINDOW = range(6)
 SH = "sh"
 
 
@@ -53,13 +54,17 @@ def morton(x, y, z):
 
 class Columns:
     """window: the bucket that the page is of. stage0: component -> entries of the block codebook.
-    mean: the mean time of each Gaussian, about as it is decoded."""
+    shown: the times in which each Gaussian may be visible. flat: [(name, bits, values)] of the columns of
+    flat windows."""
 
     def __init__(self, rng, scene, layer, n, window, stage0):
         self.rng, self.scene, self.layer, self.n, self.window = rng, scene, layer, n, window
         self.position = [self.coordinates() for _ in range(3)]
-        drawn = [self.mean_time() for _ in range(n)] if layer["mean_t"] != NONE else []
-        self.mean_t, fine, self.mean = ([d[k] for d in drawn] for k in range(3))
+        self.shown = []
+        self.flat = self.windows() if layer["mean_t"] == WINDOW else []
+        drawn = [self.mean_time() for _ in range(n)] if layer["mean_t"] not in (NONE, WINDOW) else []
+        self.mean_t, fine, means = ([d[k] for d in drawn] for k in range(3))
+        self.shown += [(mean - window.reach, mean + window.reach) for mean in means]
         self.mean_t_fine = fine if has_fine_mean_times(layer) else []
         self.opacity = self.scalars(scene["opacity"], raw_value if scene.get("opacity_logit") else
                                     raw_opacity)
@@ -81,6 +86,31 @@ class Columns:
             top = (1 << self.scene["position_bits"]) - 1
             return [rng.choice([0, top, rng.randint(0, top)]) for _ in range(self.n)]
         return [order(half_value(rng)) for _ in range(self.n)]
+
+    def windows(self):
+        rows = []
+        for _ in range(self.n):
+            begin, end = self.flat_window()
+            self.shown.append(window_times(self.scene, (begin, end)))
+            length = end - begin - self.layer["window_length"]
+            begin -= window_base(self.scene, self.window.level, self.window.bucket)
+            rows.append((begin & 0xFFFF, begin >> 16, length & 0xFFFF, length >> 16))
+        return [(name, bits, list(values))
+                for (name, bits), values in zip(window_columns(self.layer), zip(*rows) if rows else [()] * 4) if bits]
+
+    def flat_window(self):
+        """(begin, end), frames, legal in the bucket"""
+        rng, layer, frames = self.rng, self.layer, self.scene["num_frames"]
+        base = window_base(self.scene, self.window.level, self.window.bucket)
+        least = layer["window_length"]
+        most_begin = min((1 << layer["window_begin_bits"]) - 1, frames - 1 - base, self.window.begins(frames))
+        for _ in range(400):
+            begin = base + rng.randint(0, most_begin)
+            most = min((1 << layer["window_length_bits"]) - 1, frames - begin - least)
+            end = begin + least + rng.choice([1 - least, most, rng.randint(1 - least, most)])
+            if self.window.holds(phases_of_window(self.scene, (begin, end))):
+                return begin, end
+        raise NoLegalValue
 
     def mean_time(self):
         """(code, refinement, about the mean time), legal in the bucket"""
@@ -173,6 +203,7 @@ class Columns:
                              16 - layer["mean_t_shift"] if layer["mean_t"] == F16 else
                              layer["mean_t_bits"] if layer["mean_t"] == FIXED else 32)
         out += sb.stream(rng, self.mean_t_fine, 16)
+        out += b"".join(sb.stream(rng, values, bits) for _, bits, values in self.flat)
         for coding, values in ((scene["opacity"], self.opacity),
                                (layer["scale_factor"], self.factor)):
             out += sb.stream(rng, values, coding["bits"] if coding["coding"] == 2 else 32)
@@ -197,8 +228,9 @@ class Columns:
         gaps = [a - b for a, b in zip(codes, [0, *codes])]
         out = [Channel("position", gaps, wide=True)]
         for name, there, values in (
-                ("mean_t", self.layer["mean_t"] != NONE, self.mean_t),
+                ("mean_t", self.layer["mean_t"] not in (NONE, WINDOW), self.mean_t),
                 ("mean_t_fine", has_fine_mean_times(self.layer), self.mean_t_fine),
+                *[(name, True, values) for name, _, values in self.flat],
                 ("opacity", self.scene["opacity"]["coding"] == 2, self.opacity),
                 ("scale_factor", self.layer["scale_factor"]["coding"] == 2, self.factor)):
             out += [Channel(name, values)] * there

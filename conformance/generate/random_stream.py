@@ -8,8 +8,9 @@ import stream_builder as sb
 from arithmetic import half, unorder
 from legal import NO_BOUNDS, NoLegalValue, Window, box
 from random_coding import component, entries, f32, rotors, scalar
-from random_page import F16, FIXED, NONE, RAW32, RAW64, TRANSFORM, VQ, ZERO
+from random_page import F16, FIXED, NONE, RAW32, RAW64, TRANSFORM, VQ, WINDOW, ZERO
 from rng import Rng
+from times import bucket_bits, tells_frames_apart
 
 
 class RandomScene:
@@ -125,9 +126,11 @@ class RandomScene:
         scale = component(rng, 3 if permanent else 4, raw, level > 0, tame=rng.random() < 0.7)
         spatial, temporal = rotors(rng, raw, level > 0)
         width = Window(self.scene, level).width
+        may_be_flat = (1 << bucket_bits(level)) <= self.scene["num_frames"] and tells_frames_apart(self.scene)
         layer = {"level": level, "permanent": permanent,
                  "mean_t": NONE if permanent else rng.choice([F16, F16, FIXED, FIXED] +
-                                                             [RAW32, RAW64] * raw),
+                                                             [RAW32, RAW64] * raw + [WINDOW] * may_be_flat),
+                 **self.window_codes(level),
                  "mean_t_shift": rng.choice([0, rng.randint(0, 10), 10]),
                  "mean_t_bits": rng.choice([1, 16, rng.randint(1, 16)]),
                  "mean_t_zero": rng.choice([0, 65535, rng.randrange(1 << 16)]),
@@ -141,6 +144,14 @@ class RandomScene:
         for key, value in given.items():
             layer[key] = value(rng, lengths[key], level > 0) if callable(value) else value
         return layer
+
+    def window_codes(self, level):
+        """Every bucket has a legal window with them."""
+        rng, frames = self.rng, self.scene["num_frames"]
+        enough = sb.bit_width(Window(self.scene, level).begins(frames) + 1) if level > 0 else 0
+        least = rng.randint(0, 1)
+        return {"window_begin_bits": max(rng.choice([0, 1, 9, 17, 24]), enough),
+                "window_length_bits": rng.choice([1 - least, 1, 9, 17, 24]), "window_length": least}
 
     def block(self, layer):
         rng, tables = self.rng, []
@@ -185,7 +196,7 @@ class RandomScene:
         elif layer["level"] == 0:
             first, last = rng.choice([0, 32, 95]), rng.choice([161, 224, 255])
         else:
-            first, last = window.visible(rng, columns.mean)
+            first, last = window.visible(rng, columns.shown)
         return {"visible_begin": first, "visible_end": last}
 
     def bounds(self, layer, columns):

@@ -4,17 +4,22 @@
 import struct
 
 from arithmetic import require, unorder
-from header import COMPONENTS, F16, VQ
+from header import COMPONENTS, F16, VQ, WINDOW
 from levels import INDEXED, keeps_profile
 from page import ESCAPE, ordered_mean_time
 from xxh3 import xxh3_64
 
 ATTRIBUTES = {"position": "f", "mean_t": "f", "mean_t_local": "f", "mean_t_exact": "d",
               "log_scale": "f", "rotor": "f", "opacity": "f", "sh": "f"}
+WINDOWS = {"window": "I"}                 # of streams that have them
 
 
 def little_endian(form, values):
     return struct.pack(f"<{len(values)}{form}", *values)
+
+
+def has_windows(h):
+    return any(la["mean_t"] == WINDOW and la["num_gaussians"] > 0 for la in h["layers"])
 
 
 class Buckets:
@@ -42,12 +47,14 @@ def finish(arrays, buckets):
 
 
 def of_attributes(decoder, query):
-    buckets, arrays = Buckets(), {name: bytearray() for name in ATTRIBUTES}
+    forms = {**ATTRIBUTES, **(WINDOWS if has_windows(decoder.header) else {})}
+    buckets, arrays = Buckets(), {name: bytearray() for name in forms}
     for selected in decoder.select(query):
         buckets.add(selected)
         page = decoder.attributes(selected, query.base_only)
         page["mean_t_exact"] = page["mean_t_double"]
-        for name, form in ATTRIBUTES.items():
+        page.setdefault("window", [[0, 0]] * len(page["mean_t"]))
+        for name, form in forms.items():
             arrays[name] += little_endian(form, [number for row in page[name] for number in row])
     return finish(arrays, buckets)
 
@@ -67,6 +74,7 @@ class Packed:
     def __init__(self, decoder):
         self.decoder = decoder
         self.scalar = {name: [] for name in ("position", "mean_t", "opacity", "scale_factor")}
+        self.window = []
         self.depth = [[] for _ in COMPONENTS]
         self.index = [[[] for _ in range(self.most_stages(c))] for c in range(len(COMPONENTS))]
         self.escape = [[] for _ in COMPONENTS]
@@ -84,6 +92,7 @@ class Packed:
             self.scalar["mean_t"] += [unorder(ordered_mean_time(m, shift), 16) for m in page.mean_t]
         else:
             self.scalar["mean_t"] += [0] * n
+        self.window += [frame for window in page.window or [(0, 0)] * n for frame in window]
         self.scalar["opacity"] += page.opacity or [0] * n
         self.scalar["scale_factor"] += page.scale_factor or [0] * n
         for c in range(len(COMPONENTS)):
@@ -101,6 +110,8 @@ class Packed:
 
     def arrays(self):
         out = {name: little_endian("H", values) for name, values in self.scalar.items()}
+        if has_windows(self.decoder.header):
+            out["window"] = little_endian("I", self.window)
         for c, name in enumerate(COMPONENTS):
             out[f"{name}.depth"] = little_endian("B", self.depth[c])
             out[f"{name}.index"] = b"".join(little_endian("H", row) for row in self.index[c])

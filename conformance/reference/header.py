@@ -5,13 +5,13 @@ import math
 import struct
 
 from arithmetic import bit_width, require, sound
-from times import directory_pages
+from times import directory_pages, tells_frames_apart
 
 SH, SCALE, ROTOR_SPATIAL, ROTOR_TEMPORAL = range(4)
 COMPONENTS = ("sh", "scale", "rotor_spatial", "rotor_temporal")
 CONSTANT, RAW32, SQ = range(3)      # scalar-coding
 ZERO, _, VQ, TRANSFORM = range(4)   # component-coding; 1 is RAW32
-NONE, _, F16, FIXED, RAW64 = range(5)   # coordinate-coding; 1 is RAW32
+NONE, _, F16, FIXED, RAW64, WINDOW = range(6)   # coordinate-coding; 1 is RAW32
 
 
 def component(h, layer, c):
@@ -36,6 +36,15 @@ def has_fine_mean_times(layer):
     return bool(layer["mean_t"] == FIXED and layer["mean_t_fine"])
 
 
+def window_columns(layer):
+    """(name, bits) of the columns of windows: section 13.1."""
+    columns = []
+    for what in ("begin", "length"):
+        bits = int(layer[f"window_{what}_bits"])
+        columns += [(f"window_{what}", min(bits, 16)), (f"window_{what}_high", bits - min(bits, 16))]
+    return columns
+
+
 def has_depth(coding):
     """Whether a page tells the depths of a vq component."""
     return len(coding["stages"]) > 1 or bool(coding["escapes"])
@@ -55,24 +64,28 @@ def check_header(h, header_bytes):
             all(map(math.isfinite, [h["world_scale"], *h["origin"].values()])), "HEAD-3", "range")
     require(0 < h["gate"] <= 16, "HEAD-9", "gate")
     require(h["sh_degree"] <= 3, "HEAD-4", "sh_degree")
-    require(h["position"] <= RAW64, "HEAD-7", "position")
-    require(h["position"] not in (NONE, RAW64), "HEAD-16", "position")
+    require(h["position"] <= WINDOW, "HEAD-7", "position")
+    require(h["position"] not in (NONE, RAW64, WINDOW), "HEAD-16", "position")
     require(h["position"] != FIXED or 1 <= h["position_bits"] <= 21, "CODE-5", "position_bits")
     check_scalar(h["opacity"])
     check_component(h["sh"], 3 * (int(h["sh_degree"]) + 1) ** 2, rcq=False)
     most = len(h["sh"]["steps"]) if h["sh"]["coding"] == TRANSFORM else 0
     require(h["sh_base"] <= most, "TRAN-7", f"sh_base {h['sh_base']}")
     levels = bit_width(h["num_frames"]) + 1
-    require(1 <= len(h["layers"]) <= 2 * levels + 2, "HEAD-6", "number of layers")
+    require(1 <= len(h["layers"]) <= 4 * levels + 2, "HEAD-6", "number of layers")
     level = 0
     for layer in h["layers"]:
         require(level <= layer["level"] < levels, "HEAD-6", "level")
         level = layer["level"]
-        require(layer["mean_t"] <= RAW64, "HEAD-7", "mean_t")
+        require(layer["mean_t"] <= WINDOW, "HEAD-7", "mean_t")
         require(layer["mean_t"] != F16 or layer["mean_t_shift"] <= 10, "CODE-6", "mean_t_shift")
         if layer["mean_t"] == FIXED:
             require(1 <= layer["mean_t_bits"] <= 16, "TIME-1", "mean_t_bits")
             require(2.0 ** -60 <= layer["mean_t_step"] <= 2.0 ** 60, "TIME-2", "mean_t_step")
+        if layer["mean_t"] == WINDOW:
+            require(layer["window_begin_bits"] <= 24 and layer["window_length_bits"] <= 24 and
+                    layer["window_length"] <= 1 << 24, "WIND-1", "window")
+            require(tells_frames_apart(h), "WIND-2", "windows over 2^40 frames from time 0")
         require(layer["permanent"] == (layer["mean_t"] == NONE) and
                 not (layer["permanent"] and level), "HEAD-10", "permanent layer")
         require(sound(layer["log_scale_t"]), "HEAD-3", "log_scale_t")

@@ -6,7 +6,7 @@ Plain sums over all phases at which something changes, in exact arithmetic."""
 from fractions import Fraction
 
 from arithmetic import Invalid, require
-from header import COMPONENTS, F16, FIXED, RAW32, RAW64, SH, TRANSFORM, VQ
+from header import COMPONENTS, F16, FIXED, RAW32, RAW64, SH, TRANSFORM, VQ, WINDOW
 from times import directory_pages, num_buckets, phase_of_time, visible_interval
 
 MI = 1 << 20
@@ -27,7 +27,8 @@ def keeps_profile(h, profile):
     codings = [c["coding"] for c in components]
     means = [RAW32 if la["mean_t"] == RAW64 else la["mean_t"] for la in layers]
     if profile == LOSSLESS:
-        return all(c == RAW32 for c in codings + means + [h["position"], h["opacity"]["coding"]])
+        times = [c for c in means if c != WINDOW]
+        return all(c == RAW32 for c in codings + times + [h["position"], h["opacity"]["coding"]])
     scalars = [h["opacity"]["coding"]] + [la["scale_factor"]["coding"] for la in layers]
     if RAW32 in codings + means + scalars:
         return False

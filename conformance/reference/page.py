@@ -4,10 +4,11 @@
 from arithmetic import bit_width, located, require, unorder, unzigzag
 from file import RANS32, STORED, ZSTD
 from header import (CONSTANT, COMPONENTS, F16, FIXED, NONE, RAW32, RAW64, ROTOR_SPATIAL,
-                    ROTOR_TEMPORAL, SCALE, SH, TRANSFORM, VQ, component, has_depth,
-                    has_fine_mean_times, position_coding, vector_length)
+                    ROTOR_TEMPORAL, SCALE, SH, TRANSFORM, VQ, WINDOW, component, has_depth,
+                    has_fine_mean_times, position_coding, vector_length, window_columns)
 from rans import RansPage, codable, coefficient_context
 from streams import Streams
+from times import window_base
 
 ESCAPE = 15                        # a depth
 
@@ -49,7 +50,8 @@ class Page:
     has none; components are dictionaries by number, what a page leaves out is absent.
 
       position    x, y, z: ordered binary16, fixed or, where raw32, bits of binary32
-      mean_t      codes; bits of binary32 or binary64 where raw
+      mean_t      codes; bits of binary32 or binary64 where raw; None where there are windows
+      window      (begin, end), frames; None where there are mean times or neither
       opacity, scale_factor   codes, or bits of binary32
       component   {"depth", "index", "escape"}, {"step_exponent", "eob_index", "coefficient"} or {"raw"}
     """
@@ -62,6 +64,7 @@ class Page:
         self.in_detail = record["sh_bytes"] > 0
         self.streams = page_streams(file, codebooks, index, record, base_only)
         self.position = self.positions()
+        self.window = self.windows() if self.layer["mean_t"] == WINDOW else None
         self.mean_t, self.mean_t_fine = self.mean_times()
         self.opacity = self.scalars(self.header["opacity"], "opacity")
         self.scale_factor = self.scalars(self.layer["scale_factor"], "scale_factor")
@@ -97,9 +100,22 @@ class Page:
             require(coding != F16 or all(map(is_finite, column)), "VAL-1", "position", place)
         return columns
 
+    def windows(self):
+        place = self.streams.place()
+        columns = [self.streams.read(self.n, bits, name) if bits else [0] * self.n
+                   for name, bits in window_columns(self.layer)]
+        base = window_base(self.header, self.layer["level"], self.record["bucket"])
+        out = []
+        for low, high, length, length_high in zip(*columns):
+            begin = base + low + (high << 16)
+            end = begin + self.layer["window_length"] + length + (length_high << 16)
+            require(begin < end <= self.header["num_frames"], "WIND-3", f"{begin} to {end}", place)
+            out.append((begin, end))
+        return out
+
     def mean_times(self):
         layer, read, n, place = self.layer, self.streams.read, self.n, self.streams.place()
-        if layer["mean_t"] == NONE:
+        if layer["mean_t"] in (NONE, WINDOW):
             return None, None
         if layer["mean_t"] == RAW32:
             return self.raw("mean_t"), None

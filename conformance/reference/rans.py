@@ -5,8 +5,8 @@ import struct
 
 from arithmetic import located, require
 from header import (COMPONENTS, NONE, RAW32, RAW64, ROTOR_SPATIAL, ROTOR_TEMPORAL, SCALE, SH, SQ,
-                    TRANSFORM, VQ, component, has_depth, has_fine_mean_times, position_coding,
-                    vector_length)
+                    TRANSFORM, VQ, WINDOW, component, has_depth, has_fine_mean_times,
+                    position_coding, vector_length, window_columns)
 from streams import Streams
 
 LANES = 32
@@ -104,8 +104,10 @@ def page_channels(header, index):
     """(name, contexts) of the channels of section 13.2 in a layer. SH comes last."""
     layer = header["layers"][index]
     channels = [("position", 1)]
-    channels += [("mean_t", 1)] * (layer["mean_t"] != NONE)
+    channels += [("mean_t", 1)] * (layer["mean_t"] not in (NONE, WINDOW))
     channels += [("mean_t_fine", 1)] * has_fine_mean_times(layer)
+    if layer["mean_t"] == WINDOW:
+        channels += [(name, 1) for name, bits in window_columns(layer) if bits]
     channels += [("opacity", 1)] * (header["opacity"]["coding"] == SQ)
     channels += [("scale_factor", 1)] * (layer["scale_factor"]["coding"] == SQ)
     for c in RansPage.order:

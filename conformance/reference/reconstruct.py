@@ -6,10 +6,10 @@ import struct
 from arithmetic import f32, f32_of_bits, half, limit, require, unorder
 from codebooks import BASIS
 from header import (CONSTANT, F16, FIXED, RAW32, RAW64, ROTOR_SPATIAL, ROTOR_TEMPORAL, SCALE,
-                    SH, TRANSFORM, VQ, ZERO, component, position_coding, vector_length)
+                    SH, TRANSFORM, VQ, WINDOW, ZERO, component, position_coding, vector_length)
 from page import ESCAPE, ordered_mean_time
 from rotor import normalized_rotor, stereographic_rotor
-from times import center_of_bucket, width_of_bucket
+from times import center_of_bucket, width_of_bucket, window_middle
 
 
 def ordered_half(v):
@@ -21,11 +21,13 @@ def attributes(page, codebooks, block_codebooks):
     local, mean, exact = mean_times(page)
     rows = {c: vectors(page, c, codebooks, block_codebooks.get(c)) for c in (SCALE, ROTOR_SPATIAL,
                                                                          ROTOR_TEMPORAL, SH)}
+    windows = {} if page.window is None else {"window": [list(w) for w in page.window]}
     return {"position": positions(page), "mean_t_local": [[v] for v in local],
             "mean_t": [[v] for v in mean], "mean_t_double": [[v] for v in exact],
             "log_scale": log_scales(page, rows[SCALE]),
             "rotor": rotors(page, rows[ROTOR_SPATIAL], rows[ROTOR_TEMPORAL]),
-            "opacity": [[v] for v in opacities(page)], "sh": [list(row) for row in rows[SH]]}
+            "opacity": [[v] for v in opacities(page)], "sh": [list(row) for row in rows[SH]],
+            **windows}
 
 
 def positions(page):
@@ -51,6 +53,9 @@ def mean_times(page):
     if layer["mean_t"] == RAW64:
         exact = [struct.unpack("<d", struct.pack("<Q", v))[0] for v in page.mean_t]
         require(all(abs(v) <= 2.0 ** 60 for v in exact), "VAL-3", "mean_t is out of range")
+        return [f32(v - center) for v in exact], [f32(v) for v in exact], exact
+    if layer["mean_t"] == WINDOW:
+        exact = [window_middle(h, w) for w in page.window]
         return [f32(v - center) for v in exact], [f32(v) for v in exact], exact
     local = [0.0] * page.n
     if layer["mean_t"] == F16:

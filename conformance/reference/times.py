@@ -38,8 +38,12 @@ def phase_of_frame(h, k):
     return LAST_PHASE if k >= h["num_frames"] else (k << 40) // h["num_frames"]
 
 
+def frames_of_time(h, t):
+    return (t - h["time_begin"]) * float(h["fps_num"]) / float(h["fps_den"])
+
+
 def phase_of_time(h, t):
-    frames = (t - h["time_begin"]) * float(h["fps_num"]) / float(h["fps_den"])
+    frames = frames_of_time(h, t)
     n = h["num_frames"]
     if not frames > 0:
         return 0
@@ -49,6 +53,46 @@ def phase_of_time(h, t):
     if abs(frames - k) < 1e-6:
         return phase_of_frame(h, k)
     return min(math.floor(frames / n * 2.0 ** 40), LAST_PHASE)
+
+
+def frame_of_time(h, t):
+    """The frame that a time belongs to: section 15.6."""
+    frames, last = frames_of_time(h, t), h["num_frames"] - 1
+    if not frames > 0:
+        return 0
+    return last if frames >= h["num_frames"] else min(math.floor(frames + 2.0 ** -11), last)
+
+
+def tells_frames_apart(h):
+    """WIND-2"""
+    farthest = abs(h["time_begin"]) + duration(h)
+    return farthest * float(h["fps_num"]) / float(h["fps_den"]) <= 2.0 ** 40
+
+
+def window_base(h, level, bucket):
+    """What coded begins of windows count from."""
+    return max(bucket - 1, 0) * h["num_frames"] >> bucket_bits(level)
+
+
+def window_middle(h, window):
+    """The exact mean time of a Gaussian with a window."""
+    total = float(sum(window))
+    return h["time_begin"] + total * float(h["fps_den"]) / float(h["fps_num"]) * 0.5
+
+
+def window_times(h, window):
+    """The times outside which a window is closed (DIR-9)."""
+    begin, end = window
+    first = begin - 2.0 ** -10 if begin else 0.0
+    return [h["time_begin"] + frame * float(h["fps_den"]) / float(h["fps_num"])
+            for frame in (first, float(end))]
+
+
+def phases_of_window(h, window):
+    """The phases that LAYR-3 is about."""
+    begin, end = window
+    first = max(phase_of_frame(h, begin) - (1 << 30) // h["num_frames"], 0)
+    return first, LAST_PHASE if end >= h["num_frames"] else phase_of_frame(h, end) - 1
 
 
 def bucket_of_phase(phase, level):

@@ -8,11 +8,12 @@ import levels
 from arithmetic import half, require
 from decoder import Query
 from directory import Taken
-from header import COMPONENTS, FIXED, SH, TRANSFORM, VQ
+from header import COMPONENTS, FIXED, SH, TRANSFORM, VQ, WINDOW
 from rans import codable
 from rotor import slice_of
 from times import (LAST_PHASE, bucket_of_phase, clamp_time, directory_pages,
-                   duration, phase_of_time, visible_interval, width_of_bucket)
+                   duration, phase_of_time, phases_of_window, visible_interval, width_of_bucket,
+                   window_times)
 
 NOWHERE = 65504.0                   # as a bound of a box: none
 
@@ -25,11 +26,12 @@ def validate(decoder):
         place = decoder.header["payload_offset"] + selected.record["offset"]
         rows = decoder.attributes(selected)
         layer = decoder.header["layers"][selected.index]
-        for position, mean, log_scale, rotor in zip(rows["position"], rows["mean_t_double"],
-                                                    rows["log_scale"], rows["rotor"]):
+        for position, mean, log_scale, rotor, window in zip(
+                rows["position"], rows["mean_t_double"], rows["log_scale"], rows["rotor"],
+                rows.get("window", rows["position"])):
             rate, velocity = slice_of(rotor, log_scale)
             check_gaussian(decoder.header, layer, selected.record, place,
-                           position, mean[0], rate, velocity)
+                           position, mean[0], rate, velocity, window)
     levels.check(decoder)
 
 
@@ -99,12 +101,17 @@ def check_ranges(decoder):
                 decoder.codebooks.of_block(index, page["blocks"][block])
 
 
-def check_gaussian(h, layer, record, place, position, mean, rate, velocity):
+def check_gaussian(h, layer, record, place, position, mean, rate, velocity, window):
     """rate: lambda."""
     begin, end = h["time_begin"], h["time_begin"] + duration(h)
     sigma = 1 / math.sqrt(rate)
     if layer["permanent"]:
         first, last = begin, end
+    elif layer["mean_t"] == WINDOW:
+        require(window_fits(h, layer["level"], record["bucket"], window), "LAYR-3",
+                "a window reaches beyond the neighbouring buckets", place)
+        first, last = [min(max(t, begin), end) for t in window_times(h, window)]
+        check_interval(h, layer, record, place, first, last)
     else:
         require(fits_layer(h, layer["level"], record["bucket"], mean, sigma), "LAYR-1",
                 "a Gaussian is visible beyond the neighbouring buckets", place)
@@ -125,6 +132,12 @@ def fits_layer(h, level, bucket, mean, sigma):
     first = bucket_of_phase(max(phase_of_time(h, mean - reach) - 1, 0), level)
     last = bucket_of_phase(min(phase_of_time(h, mean + reach) + 1, LAST_PHASE), level)
     return abs(first - bucket) <= 1 and abs(last - bucket) <= 1
+
+
+def window_fits(h, level, bucket, window):
+    """LAYR-3"""
+    return all(abs(bucket_of_phase(phase, level) - bucket) <= 1
+               for phase in phases_of_window(h, window))
 
 
 def check_interval(h, layer, record, place, first, last):

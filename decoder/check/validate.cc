@@ -257,6 +257,8 @@ class Validator {
     l4d_gaussian_buffers out{};
     out.position = position_.data();
     out.mean_t_double = mean_.data();
+    window_.resize(layer.flat() ? 2 * n : 0);
+    out.window = layer.flat() ? window_.data() : nullptr;
     out.log_scale = log_scale_.data();
     out.rotor = rotor_.data();
     out.opacity = opacity_.data();
@@ -266,6 +268,7 @@ class Validator {
                            : check_times(header, layer, record, range);
   }
 
+  FrameWindow window(size_t i) const { return {window_[2 * i], window_[2 * i + 1]}; }
   // lambda and velocity of Gaussian i of the page at hand, in double.
   Slice4D<double> slice_of(size_t i) const {
     return slice_attributes<double>(rotor_.data() + 8 * i, log_scale_.data() + 4 * i);
@@ -279,15 +282,21 @@ class Validator {
     for (size_t i = 0; i < record.num_gaussians; ++i) {
       const double mean = mean_[i];
       const double sigma = 1 / std::sqrt(slice_of(i).lambda);
-      if (!fits_layer(mean, sigma, record.bucket, layer.level, header.timeline)) {
-        return corrupt("LAYR-1", record.chunk.offset,
+      const bool fits =
+          layer.flat()
+              ? window_fits(window(i), record.bucket, layer.level, header.timeline.num_frames)
+              : fits_layer(mean, sigma, record.bucket, layer.level, header.timeline);
+      if (!fits) {
+        return corrupt(layer.flat() ? "LAYR-3" : "LAYR-1", record.chunk.offset,
                        "Gaussian " + std::to_string(i) + " of a page of bucket " +
                            std::to_string(record.bucket) + ", level " +
                            std::to_string(layer.level) +
                            " is visible beyond the neighbouring buckets");
       }
-      const double first = std::max(begin, mean - 4 * sigma);
-      const double last = std::min(end, mean + 4 * sigma);
+      const Sequence shown = layer.flat() ? window_times(header.timeline, window(i))
+                                          : Sequence{mean - 4 * sigma, mean + 4 * sigma};
+      const double first = std::max(begin, shown.begin);
+      const double last = std::min(end, shown.end);
       if (first > last) continue;
       const double slack = 1e-9 * range.width;
       if ((record.visible_begin > 0 &&
@@ -312,8 +321,11 @@ class Validator {
       const double reach = 4 / std::sqrt(s.lambda);
       const double reference =
           header.position_at_mean_time ? mean : reference_time(header.timeline, mean);
-      const double first = layer.permanent ? begin : std::max(begin, mean - reach);
-      const double last = layer.permanent ? end : std::min(end, mean + reach);
+      Sequence shown = {begin, end};
+      if (layer.flat()) shown = window_times(header.timeline, window(i));
+      if (!layer.flat() && !layer.permanent) shown = {mean - reach, mean + reach};
+      const double first = std::max(begin, shown.begin);
+      const double last = std::min(end, shown.end);
       if (first > last) continue;
       for (size_t k = 0; k < 3; ++k) {
         for (const double t : {first, last}) {
@@ -351,6 +363,7 @@ class Validator {
   MemoryCharge memory_;               // of ranges_
   std::map<uint64_t, Range> ranges_;  // by their begins; none overlaps another
   std::vector<double> mean_;
+  std::vector<uint32_t> window_;  // [n, 2] of flat layers
   std::vector<float> position_, log_scale_, rotor_, opacity_, sh_;
 };
 

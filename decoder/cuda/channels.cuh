@@ -147,6 +147,8 @@ class PageWarp {
                    : means(channel);
       case ChannelKind::kMeanTFine:
         return refinements(channel);
+      case ChannelKind::kWindow:
+        break;  // DeviceDecoder opens no stream that has them
       case ChannelKind::kOpacity:
         return codes(channel, request_.columns.opacity + page_.slot);
       case ChannelKind::kScaleFactor:

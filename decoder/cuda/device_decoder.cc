@@ -34,6 +34,10 @@ DeviceDecoder::~DeviceDecoder() {
 }
 
 Status DeviceDecoder::open(int device) {
+  if (decoder_.file().header().has_windows()) {
+    return Status(L4D_ERR_FEATURE_UNSUPPORTED,
+                  "the stream has flat windows, which only the host decodes");
+  }
   device_ = device;
   int multiprocessors = 0;
   L4D_RETURN_IF_CUDA_ERROR(

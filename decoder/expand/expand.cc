@@ -98,8 +98,13 @@ void spread_rows(float* rows, size_t n) {
 void PageExpander::run(const l4d_bucket_span& span, size_t first, const l4d_gaussian_buffers& out) {
   past_cache_ = out.capacity >= kPastCacheGaussians;
   if (out.position != nullptr) positions(out.position + 3 * first);
-  if (out.mean_t != nullptr || out.mean_t_local != nullptr || out.mean_t_double != nullptr) {
-    means(span, first, out);
+  if (layer_.flat()) {
+    windows(span, first, out);
+  } else {
+    if (out.mean_t != nullptr || out.mean_t_local != nullptr || out.mean_t_double != nullptr) {
+      means(span, first, out);
+    }
+    if (out.window != nullptr) std::fill_n(out.window + 2 * first, 2 * columns_.n, uint32_t{0});
   }
   if (out.opacity != nullptr) {
     opacities(out.opacity + first);
@@ -164,6 +169,29 @@ void PageExpander::means(const l4d_bucket_span& span, size_t first,
     const double mean = span.center + static_cast<double>(local[i]);
     if (mean_t != nullptr) mean_t[i] = static_cast<float>(mean);
     if (exact != nullptr) exact[i] = mean;
+  }
+}
+
+// The mean time of a window is its middle.
+void PageExpander::windows(const l4d_bucket_span& span, size_t first,
+                           const l4d_gaussian_buffers& out) const {
+  const l4d_timeline& timeline = header_.timeline;
+  const bool wants_means =
+      out.mean_t != nullptr || out.mean_t_local != nullptr || out.mean_t_double != nullptr;
+  if (!wants_means && out.window == nullptr) return;
+  for (size_t i = 0; i < columns_.n; ++i) {
+    const FrameWindow window = window_of(layer_, span.bucket, timeline.num_frames, columns_, i);
+    if (out.window != nullptr) {
+      out.window[2 * (first + i)] = window.begin;
+      out.window[2 * (first + i) + 1] = window.end;
+    }
+    if (!wants_means) continue;
+    const double mean = window_middle(timeline, window);
+    if (out.mean_t != nullptr) out.mean_t[first + i] = static_cast<float>(mean);
+    if (out.mean_t_local != nullptr) {
+      out.mean_t_local[first + i] = static_cast<float>(mean - span.center);
+    }
+    if (out.mean_t_double != nullptr) out.mean_t_double[first + i] = mean;
   }
 }
 

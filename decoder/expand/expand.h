@@ -49,6 +49,7 @@ class PageExpander {
  private:
   void positions(float* dst) const;
   void means(const l4d_bucket_span& span, size_t first, const l4d_gaussian_buffers& out);
+  void windows(const l4d_bucket_span& span, size_t first, const l4d_gaussian_buffers& out) const;
   void scalars(const ScalarCoding& coding, const std::vector<uint16_t>& codes,
                const std::vector<float>& raw, float* dst) const;
   void opacities(float* dst) const;

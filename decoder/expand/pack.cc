@@ -63,6 +63,17 @@ void pack_component(const ComponentCoding& coding, const ComponentColumns& colum
   }
 }
 
+void pack_windows(const SceneHeader& header, const LayerHeader& layer, uint32_t bucket,
+                  const PageColumns& columns, uint32_t* dst /* [n, 2] */) {
+  for (size_t i = 0; i < columns.n; ++i) {
+    const FrameWindow window =
+        layer.flat() ? window_of(layer, bucket, header.timeline.num_frames, columns, i)
+                     : FrameWindow();
+    dst[2 * i] = window.begin;
+    dst[2 * i + 1] = window.end;
+  }
+}
+
 using AllEscapes = std::array<PageEscapes, L4D_COMPONENT_COUNT>;
 
 // Writes pages to the arrays of a caller. A page has its own rows there; its escapes stand behind
@@ -77,7 +88,7 @@ class Packer {
   PageWants wants(uint32_t detail) const {
     PageWants wants;
     wants.position = out_.position != nullptr;
-    wants.mean_t = out_.mean_t != nullptr;
+    wants.mean_t = out_.mean_t != nullptr || out_.window != nullptr;
     wants.opacity = out_.opacity != nullptr;
     wants.scale = out_.scale_factor != nullptr || wanted(L4D_COMPONENT_SCALE);
     wants.rotor = wanted(L4D_COMPONENT_ROTOR_SPATIAL) || wanted(L4D_COMPONENT_ROTOR_TEMPORAL);
@@ -116,6 +127,9 @@ class Packer {
       } else {
         std::fill(dst, dst + n, uint16_t{0});
       }
+    }
+    if (out_.window != nullptr) {
+      pack_windows(header_, layer, task.record.bucket, columns, out_.window + 2 * first);
     }
     copy_scalar(header_.opacity, columns.opacity, n,
                 out_.opacity == nullptr ? nullptr : out_.opacity + first);

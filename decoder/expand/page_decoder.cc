@@ -94,6 +94,16 @@ Status PageDecoder::parse_rans_page(const PageTask& task, const EntropyTables& t
 
 Status PageDecoder::decode_one(const Pages& pages, size_t i, PageScratch& scratch,
                                SectionBytes* sections, Batch* batch) {
+  L4D_RETURN_IF_ERROR(parse_one(pages, i, scratch, sections, batch));
+  const PageTask& task = pages.plan.tasks[batch->begin + i];
+  const LayerHeader& layer = file_.header().layers[task.layer];
+  if (!layer.flat() || !pages.wants.mean_t) return {};
+  return check_windows(file_.header(), layer, task.record.bucket, task.record.chunk.offset,
+                       scratch.columns);
+}
+
+Status PageDecoder::parse_one(const Pages& pages, size_t i, PageScratch& scratch,
+                              SectionBytes* sections, Batch* batch) {
   const SceneHeader& header = file_.header();
   const PageTask& task = pages.plan.tasks[batch->begin + i];
   const ByteSpan bytes = batch->pages[i];
@@ -206,8 +216,8 @@ Status PageDecoder::expand(const Plan& plan, size_t begin, size_t end,
                            LostPages* lost) {
   PageWants wants;
   wants.position = out.position != nullptr;
-  wants.mean_t =
-      out.mean_t != nullptr || out.mean_t_local != nullptr || out.mean_t_double != nullptr;
+  wants.mean_t = out.mean_t != nullptr || out.mean_t_local != nullptr ||
+                 out.mean_t_double != nullptr || out.window != nullptr;
   wants.opacity = out.opacity != nullptr;
   wants.scale = out.log_scale != nullptr;
   wants.rotor = out.rotor != nullptr;

@@ -82,6 +82,8 @@ class PageDecoder {
   Status collect_failures(const Pages& pages, Batch* batch);
   Status decode_one(const Pages& pages, size_t i, PageScratch& scratch, SectionBytes* sections,
                     Batch* batch);
+  Status parse_one(const Pages& pages, size_t i, PageScratch& scratch, SectionBytes* sections,
+                   Batch* batch);
   Status parse_rans_page(const PageTask& task, const EntropyTables& tables, ByteSpan bytes,
                          const ByteSpan* detail, PageScratch& scratch, SectionBytes* sections,
                          Status* detail_status);

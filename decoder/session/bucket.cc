@@ -58,7 +58,7 @@ void PreparedBucket::prepare(const SceneHeader& header, const float* rotor, cons
     std::copy_n(s.covariance, 6, covariance.data() + 6 * i);
     if (!scale.empty()) set_shape(rows, i);
     if (moves()) std::copy_n(s.velocity, 3, velocity.data() + 3 * i);
-    if (!permanent) lambda[i] = s.lambda;
+    if (fades()) lambda[i] = s.lambda;
     reference[i] = header.position_at_mean_time
                        ? mean[i]
                        : reference_time(mean[i], sequence.begin, sequence.end);
@@ -102,6 +102,7 @@ void PreparedBucket::finish(const l4d_timeline& timeline, size_t sh_dim) {
     keep_rows(finite, 6, &covariance);
     for (auto* column : {&mean, &reference, &lambda, &opacity}) keep_rows(finite, 1, column);
     keep_rows(finite, sh_dim, &sh);
+    keep_rows(finite, 1, &window);
     keep_rows(finite, 3, &scale);
     keep_rows(finite, 4, &rotation);
     if (index.empty()) {
@@ -128,11 +129,13 @@ void PreparedBucket::sort(const l4d_timeline& timeline, float gate, float least)
     const float reach = order.reach[i] = roomy_reach(opacity[i], gate, least);
     float v[3] = {0, 0, 0};
     for (size_t k = 0; k < 3 && moves(); ++k) v[k] = velocity[3 * i + k];
-    const float own_lambda = permanent ? 0 : lambda[i];
-    const float life = permanent ? INFINITY : half_life(reach, own_lambda);
+    const float own_lambda = fades() ? lambda[i] : 0;
+    const float life = fades() ? half_life(reach, own_lambda) : INFINITY;
     group[i] = kNever;
     if (!(reach < 0)) {
       group[i] = group_of(v, own_lambda, mean[i], life, sequence.begin, sequence.end);
+      const bool always = !flat || (window[i].begin == 0 && window[i].end == timeline.num_frames);
+      if (group[i] == kStill && !always) group[i] = kFading;
     }
     ++size[group[i]];
   }

@@ -10,6 +10,7 @@
 #include "l4d/decode.h"
 #include "libl4dcodec/container/scene_header.h"
 #include "libl4dcodec/scene/prepare.h"
+#include "libl4dcodec/scene/window.h"
 
 namespace l4d {
 
@@ -18,15 +19,17 @@ struct PreparedBucket {
   uint32_t bucket = 0;
   size_t count = 0;
   bool permanent = false;
+  bool flat = false;  // shown as `window` says, and not as mean and lambda do
   double center = 0;
-  std::vector<float> position;    // [n, 3] at `reference`
-  std::vector<float> mean;        // [n] seconds from center
-  std::vector<float> reference;   // [n] seconds from center
-  std::vector<float> velocity;    // [n, 3]; empty where none of them moves
-  std::vector<float> lambda;      // [n]; empty where permanent
-  std::vector<float> covariance;  // [n, 6]
-  std::vector<float> opacity;     // [n] in [0, 1]
-  std::vector<float> sh;          // [n, sh_dim]
+  std::vector<float> position;      // [n, 3] at `reference`
+  std::vector<float> mean;          // [n] seconds from center
+  std::vector<float> reference;     // [n] seconds from center
+  std::vector<float> velocity;      // [n, 3]; empty where none of them moves
+  std::vector<float> lambda;        // [n]; empty where permanent or flat
+  std::vector<FrameWindow> window;  // [n]; empty unless flat
+  std::vector<float> covariance;    // [n, 6]
+  std::vector<float> opacity;       // [n] in [0, 1]
+  std::vector<float> sh;            // [n, sh_dim]
   // The axes of the covariances, [n, 3] and [n, 4] as in Shape3; empty where nobody wanted them.
   std::vector<float> scale, rotation;
   // [n] place among all Gaussians of the bucket; empty where every one of them is here.
@@ -56,16 +59,17 @@ struct PreparedBucket {
       if (moves()) out[k] += velocity[3 * i + k] * (t - reference[i]);
     }
   }
+  bool fades() const { return !permanent && !flat; }
   float opacity_at(size_t i, float t) const {
-    return permanent ? opacity[i] : opacity[i] * falloff(lambda[i], t - mean[i]);
+    return fades() ? opacity[i] * falloff(lambda[i], t - mean[i]) : opacity[i];
   }
   // As seen from `camera`, at the instant `t`.
   void color_at(size_t i, float t, uint32_t sh_degree, const double* camera /* [3] */,
                 float* out /* [3] */) const;
   l4d_gaussian_id id_of(size_t i) const { return {layer, bucket, index.empty() ? i : index[i]}; }
-  static uint64_t memory_bytes(size_t n, unsigned sh_dim, bool with_shape) {
-    return uint64_t{n} * (3 + 1 + 1 + 3 + 1 + 6 + 1 + 2 + 1 + sh_dim + (with_shape ? 7 : 0)) *
-           sizeof(float);
+  static uint64_t memory_bytes(size_t n, unsigned sh_dim, bool flat, bool with_shape) {
+    const unsigned more = (flat ? 2u : 0u) + (with_shape ? 7u : 0u);
+    return uint64_t{n} * (3 + 1 + 1 + 3 + 1 + 6 + 1 + 2 + 1 + sh_dim + more) * sizeof(float);
   }
 
   // Gaussians [begin, end) of arrays that hold what was decoded: position, mean, opacity and sh.

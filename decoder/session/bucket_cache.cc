@@ -80,14 +80,17 @@ Status BucketCache::decode(const Plan& plan, size_t span, size_t first_task, siz
   const LayerHeader& layer = header.layers[r.layer];
   size_t n = static_cast<size_t>(r.count);
   out->permanent = layer.permanent;
+  out->flat = layer.flat();
   out->center = r.center;
   out->position.resize(3 * n);
   out->mean.resize(n);
   out->opacity.resize(n);
   out->sh.resize(header.sh_dim() * n);
   MemoryCharge scratch(stream_.file().memory());
-  L4D_RETURN_IF_ERROR(scratch.take(uint64_t{n} * 12 * sizeof(float), "a bucket"));
+  const size_t numbers = layer.flat() ? 14 : 12;
+  L4D_RETURN_IF_ERROR(scratch.take(uint64_t{n} * numbers * sizeof(float), "a bucket"));
   std::vector<float> log_scale(4 * n), rotor(8 * n);
+  std::vector<uint32_t> windows(layer.flat() ? 2 * n : 0);
   l4d_gaussian_buffers buffers{};
   buffers.struct_size = sizeof buffers;
   buffers.position = out->position.data();
@@ -96,6 +99,7 @@ Status BucketCache::decode(const Plan& plan, size_t span, size_t first_task, siz
   buffers.sh = out->sh.data();
   buffers.log_scale = log_scale.data();
   buffers.rotor = rotor.data();
+  buffers.window = layer.flat() ? windows.data() : nullptr;
   Plan part = part_of(plan, span, first_task, end_task);
   LostPages lost;
   L4D_RETURN_IF_ERROR(stream_.pages().expand(
@@ -112,6 +116,7 @@ Status BucketCache::decode(const Plan& plan, size_t span, size_t first_task, siz
     for_each_decoded([&](const AttributeInfo& a,
                          float* rows) { move_rows(moves, a.numbers(header.sh_degree), rows); },
                      buffers);
+    move_rows(moves, 2, buffers.window);
     // All pages of the bucket are in the plan.
     out->index.resize(static_cast<size_t>(r.count));
     std::iota(out->index.begin(), out->index.end(), 0u);
@@ -125,7 +130,11 @@ Status BucketCache::decode(const Plan& plan, size_t span, size_t first_task, siz
     out->scale.resize(3 * n);
     out->rotation.resize(4 * n);
   }
-  if (!layer.permanent) out->lambda.resize(n);
+  if (out->fades()) out->lambda.resize(n);
+  out->window.resize(out->flat ? n : 0);
+  for (size_t i = 0; i < out->window.size(); ++i) {
+    out->window[i] = {windows[2 * i], windows[2 * i + 1]};
+  }
   if (layer.component[L4D_COMPONENT_ROTOR_TEMPORAL].coding != ComponentCodingId::kZero) {
     out->velocity.resize(3 * n);
   }
@@ -174,8 +183,9 @@ Status BucketCache::load(const Plan& plan, bool with_shape, std::vector<CachedBu
     }
     CachedBucket entry;
     entry.with_shape = with_shape;
-    entry.memory_bytes = PreparedBucket::memory_bytes(static_cast<size_t>(r.count),
-                                                      stream_.file().header().sh_dim(), with_shape);
+    const SceneHeader& header = stream_.file().header();
+    entry.memory_bytes = PreparedBucket::memory_bytes(static_cast<size_t>(r.count), header.sh_dim(),
+                                                      header.layers[r.layer].flat(), with_shape);
     entry.last_use = clock_;
     // Decoding a bucket takes scratch of less than its own size beside it.
     evict(2 * entry.memory_bytes);

@@ -87,6 +87,7 @@ Status decode_query(OpenStream& stream, const l4d_query& query, l4d_gaussian_buf
         [&](const AttributeInfo& a, float* rows) { move_rows(moves, a.numbers(degree), rows); },
         *out);
     move_rows(moves, 1, out->mean_t_double);
+    move_rows(moves, 2, out->window);
     move_rows(moves, 1, out->id);
   }
   describe_output(plan, out);
@@ -116,6 +117,7 @@ Status decode_query_packed(OpenStream& stream, const l4d_query& query, l4d_packe
     move_rows(moves, 1, out->mean_t);
     move_rows(moves, 1, out->opacity);
     move_rows(moves, 1, out->scale_factor);
+    move_rows(moves, 2, out->window);
     for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
       const l4d_packed_component& to = out->component[c];
       move_rows(moves, 1, to.depth);

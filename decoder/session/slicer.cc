@@ -97,6 +97,7 @@ Status Slicer::slice(double time, l4d_splat_buffers* out) {
   const bool with_shape = out->scale != nullptr || out->rotation != nullptr;
   L4D_RETURN_IF_ERROR(load_instant(&time, with_shape));
   const SceneHeader& header = stream_.file().header();
+  const Instant instant(header.timeline, time);
   const uint64_t key_given = out->still_key;
   size_t still = 0, num_still = 0;
   new_rows_.assign(1, kStillBuckets);
@@ -118,7 +119,7 @@ Status Slicer::slice(double time, l4d_splat_buffers* out) {
   const int threads = stream_.threads();
   parallel_for(threads, pieces.size(), 1, [&](size_t first, size_t last) {
     for (size_t p = first; p < last; ++p) {
-      pieces[p].at = BufferSlicer(pieces[p], time, header).count();
+      pieces[p].at = BufferSlicer(pieces[p], instant, header).count();
     }
   });
   const size_t total = place(&pieces, kept && out->color == nullptr ? num_still : 0);
@@ -135,7 +136,7 @@ Status Slicer::slice(double time, l4d_splat_buffers* out) {
     }
     parallel_for(threads, pieces.size(), 1, [&](size_t first, size_t last) {
       for (size_t p = first; p < last; ++p) {
-        const BufferSlicer slicer(pieces[p], time, header);
+        const BufferSlicer slicer(pieces[p], instant, header);
         if (kept && pieces[p].at < num_still) {
           slicer.write_colors(*out);
         } else {
@@ -153,6 +154,7 @@ Status Slicer::slice(double time, l4d_splat_columns* out) {
   const bool with_shape = out->scale[0] != nullptr || out->rotation[0] != nullptr;
   L4D_RETURN_IF_ERROR(load_instant(&time, with_shape));
   const SceneHeader& header = stream_.file().header();
+  const Instant instant(header.timeline, time);
   const uint64_t key_given = out->still_key;
   size_t num_still = 0;
   uint32_t min_bits;
@@ -180,7 +182,7 @@ Status Slicer::slice(double time, l4d_splat_columns* out) {
   const int threads = stream_.threads();
   parallel_for(threads, pieces.size(), 1, [&](size_t first, size_t last) {
     for (size_t p = first; p < last; ++p)
-      pieces[p].at = ColumnSlicer(pieces[p], time, header).count();
+      pieces[p].at = ColumnSlicer(pieces[p], instant, header).count();
   });
   out->count = place(&pieces, without_still ? num_still : 0);
   out->num_still = num_still;
@@ -193,7 +195,7 @@ Status Slicer::slice(double time, l4d_splat_columns* out) {
   }
   parallel_for(threads, pieces.size(), 1, [&](size_t first, size_t last) {
     for (size_t p = first; p < last; ++p) {
-      const ColumnSlicer slicer(pieces[p], time, header);
+      const ColumnSlicer slicer(pieces[p], instant, header);
       if (kept && pieces[p].at < num_still) {
         slicer.write_colors(*out);
       } else {

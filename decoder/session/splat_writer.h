@@ -18,6 +18,14 @@ struct Piece {
   size_t begin, end, at;
 };
 
+// A time of the sequence, and the frame that it belongs to.
+struct Instant {
+  double time;
+  uint32_t frame;
+  Instant(const l4d_timeline& timeline, double seconds)
+      : time(seconds), frame(frame_of_time(timeline, seconds)) {}
+};
+
 // Turns the counts of pieces into places, from `first` on; returns where the last one ends.
 inline size_t place(std::vector<Piece>* pieces, size_t first) {
   for (Piece& p : *pieces) {
@@ -38,12 +46,20 @@ inline void add_pieces(const PreparedBucket& bucket, size_t begin, size_t end,
 // What one piece shows at an instant, in l4d_splat_buffers.
 class BufferSlicer {
  public:
-  BufferSlicer(const Piece& piece, double time, const SceneHeader& header)
-      : piece_(piece), bucket_(*piece.bucket), t_(bucket_.time_in(time)), header_(header) {}
+  BufferSlicer(const Piece& piece, const Instant& instant, const SceneHeader& header)
+      : piece_(piece),
+        bucket_(*piece.bucket),
+        t_(bucket_.time_in(instant.time)),
+        frame_(instant.frame),
+        header_(header) {}
 
   size_t count() const {
     if (bucket_.permanent) return piece_.end - piece_.begin;
     size_t n = 0;
+    if (bucket_.flat) {
+      for (size_t i = piece_.begin; i < piece_.end; ++i) n += bucket_.window[i].holds(frame_);
+      return n;
+    }
     for (size_t i = piece_.begin; i < piece_.end; ++i) {
       n += bucket_.is_visible(i, t_, header_.gate);
     }
@@ -51,9 +67,24 @@ class BufferSlicer {
   }
   void write(const l4d_splat_buffers& out) const {
     if (bucket_.permanent) return write_all(out);
+    if (bucket_.flat) {
+      return write_shown(out, [&](size_t i) { return bucket_.window[i].holds(frame_); });
+    }
+    write_shown(out, [&](size_t i) { return bucket_.is_visible(i, t_, header_.gate); });
+  }
+  // The colours alone, of rows that are all visible.
+  void write_colors(const l4d_splat_buffers& out) const {
+    for (size_t i = piece_.begin; i < piece_.end; ++i) {
+      write_color(i, piece_.at + i - piece_.begin, out);
+    }
+  }
+
+ private:
+  template <typename IsShown>
+  void write_shown(const l4d_splat_buffers& out, const IsShown& is_shown) const {
     size_t at = piece_.at;
     for (size_t i = piece_.begin; i < piece_.end; ++i) {
-      if (!bucket_.is_visible(i, t_, header_.gate)) continue;
+      if (!is_shown(i)) continue;
       if (out.position != nullptr) bucket_.position_at(i, t_, out.position + 3 * at);
       copy(bucket_.covariance, 6, i, 1, at, out.covariance);
       if (out.opacity != nullptr) out.opacity[at] = bucket_.opacity_at(i, t_);
@@ -65,14 +96,7 @@ class BufferSlicer {
       ++at;
     }
   }
-  // The colours alone, of rows that are all visible.
-  void write_colors(const l4d_splat_buffers& out) const {
-    for (size_t i = piece_.begin; i < piece_.end; ++i) {
-      write_color(i, piece_.at + i - piece_.begin, out);
-    }
-  }
 
- private:
   // Rows of a permanent bucket, which are all there: copies, but for the positions of what moves.
   void write_all(const l4d_splat_buffers& out) const {
     const size_t n = piece_.end - piece_.begin;
@@ -112,18 +136,27 @@ class BufferSlicer {
   const Piece& piece_;
   const PreparedBucket& bucket_;
   float t_;
+  uint32_t frame_;
   const SceneHeader& header_;
 };
 
 // The same in l4d_splat_columns; pieces are of the bucket's order.
 class ColumnSlicer {
  public:
-  ColumnSlicer(const Piece& piece, double time, const SceneHeader& header)
-      : bucket_(*piece.bucket), t_(bucket_.time_in(time)), at_(piece.at), header_(header) {
+  ColumnSlicer(const Piece& piece, const Instant& instant, const SceneHeader& header)
+      : bucket_(*piece.bucket), t_(bucket_.time_in(instant.time)), at_(piece.at), header_(header) {
     const PreparedBucket::Order& order = bucket_.order;
-    fades_ = piece.begin >= order.num_still && !bucket_.permanent;
+    const bool still = piece.begin < order.num_still;
+    fades_ = !still && bucket_.fades();
     moves_ = piece.begin >= order.num_unmoving;
     const uint32_t* row = order.row.data();
+    if (bucket_.flat && !still) {
+      for (size_t k = piece.begin; k < piece.end; ++k) {
+        row_[n_] = row[k];
+        n_ += bucket_.window[row[k]].holds(instant.frame);
+      }
+      return;
+    }
     if (!fades_) {
       n_ = piece.end - piece.begin;
       std::copy_n(row + piece.begin, n_, row_);

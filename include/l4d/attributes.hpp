@@ -86,6 +86,8 @@ struct AttributeArrays {
   std::vector<float> position, mean_t, log_scale, rotor, opacity, sh;
   // [N] where binary32 does not hold times as they are, else empty.
   std::vector<double> mean_t_double;
+  // [N, 2] where some Gaussians have flat windows, else empty.
+  std::vector<uint32_t> window;
 
   size_t count() const { return mean_t.size(); }
   double mean_time(size_t i) const {
@@ -97,6 +99,7 @@ struct AttributeArrays {
                            std::vector<float>& v) { v.resize(count * a.numbers(sh_degree)); },
                        *this);
     if (!mean_t_double.empty()) mean_t_double.resize(count);
+    if (!window.empty()) window.resize(2 * count);
   }
   // Keeps the Gaussians whose mask is not 0, in their order. mask: [count()].
   template <typename Mask>
@@ -105,6 +108,7 @@ struct AttributeArrays {
                            std::vector<float>& v) { keep_rows(mask, a.numbers(sh_degree), &v); },
                        *this);
     keep_rows(mask, 1, &mean_t_double);
+    keep_rows(mask, 2, &window);
   }
   // Borrows the arrays, until one of them is resized.
   l4d_gaussians view() const {
@@ -117,6 +121,7 @@ struct AttributeArrays {
                           const float*& to) { to = from.data(); },
                        *this, g);
     g.mean_t_double = mean_t_double.empty() ? nullptr : mean_t_double.data();
+    g.window = window.empty() ? nullptr : window.data();
     return g;
   }
 };

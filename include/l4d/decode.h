@@ -77,7 +77,7 @@ L4D_API l4d_status l4d_decoder_open_file(l4d_decoder* decoder, const char* path)
  * code. */
 enum {
   L4D_TOOL_MOTION = 1u << 0,           /* some layer has temporal rotors */
-  L4D_TOOL_TEMPORAL_OPACITY = 1u << 1, /* some layer has mean times and temporal scales */
+  L4D_TOOL_TEMPORAL_OPACITY = 1u << 1, /* some layer has mean times or windows */
   L4D_TOOL_VIEW_DEPENDENCE = 1u << 2,  /* SH degree above 0 */
   L4D_TOOL_RESIDUAL_STAGES = 1u << 3,  /* some component has more than one stage */
   L4D_TOOL_ESCAPES = 1u << 4,   /* some component has escapes, or one that is stored as escapes */
@@ -85,7 +85,8 @@ enum {
   L4D_TOOL_LOSSLESS = 1u << 6,  /* attributes are coded as raw float32 */
   L4D_TOOL_TRANSFORM = 1u << 7, /* some component is transform coefficients, without codebooks */
   L4D_TOOL_RANS = 1u << 8,      /* some layer has pages coded by rANS */
-  L4D_TOOL_SH_BASE = 1u << 9    /* L4D_DETAIL_BASE_COLOR gives colours averaged over directions */
+  L4D_TOOL_SH_BASE = 1u << 9,   /* L4D_DETAIL_BASE_COLOR gives colours averaged over directions */
+  L4D_TOOL_FLAT_WINDOWS = 1u << 10 /* Gaussians of some layer are shown in a range of frames */
 };
 
 typedef struct l4d_info {
@@ -182,7 +183,7 @@ enum {
   L4D_SECTION_RCQ_TABLES,
   L4D_SECTION_PAGE_OVERHEAD,
   L4D_SECTION_POSITION,
-  L4D_SECTION_MEAN_T,
+  L4D_SECTION_MEAN_T, /* or flat windows */
   L4D_SECTION_OPACITY,
   L4D_SECTION_SCALE_FACTOR,
   L4D_SECTION_SH,
@@ -352,6 +353,10 @@ typedef struct l4d_gaussian_buffers {
    * value that was encoded. If given, the host decodes, whatever the backend. */
   double* mean_t_double;
   l4d_gaussian_id* id; /* [N] */
+  /* [N, 2] frames: begin and end of flat windows, as in l4d_gaussians; 0, 0 in layers without
+   * L4D_TOOL_FLAT_WINDOWS. The mean time of a Gaussian with a window is the middle of it. If given,
+   * the host decodes, whatever the backend. */
+  uint32_t* window;
 } l4d_gaussian_buffers;
 L4D_API void l4d_gaussian_buffers_init_(l4d_gaussian_buffers* buffers, size_t struct_size);
 #define l4d_gaussian_buffers_init(buffers) l4d_gaussian_buffers_init_((buffers), sizeof(*(buffers)))
@@ -388,6 +393,7 @@ typedef struct l4d_packed_buffers {
   l4d_bucket_span* spans;
   uint64_t span_capacity;
   uint64_t num_spans; /* out, where spans is given */
+  uint32_t* window;   /* [N, 2] frames, as in l4d_gaussian_buffers; mean_t is 0 there */
 } l4d_packed_buffers;
 L4D_API void l4d_packed_buffers_init_(l4d_packed_buffers* buffers, size_t struct_size);
 #define l4d_packed_buffers_init(buffers) l4d_packed_buffers_init_((buffers), sizeof(*(buffers)))

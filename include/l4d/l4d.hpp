@@ -39,6 +39,7 @@ struct GaussianArrays : AttributeArrays {
     for_each_attribute(
         [](const AttributeInfo&, std::vector<float>& from, float*& to) { to = from.data(); }, *this,
         b);
+    b.window = window.empty() ? nullptr : window.data();
     b.spans = spans.empty() ? nullptr : spans.data();
     b.span_capacity = spans.size();
     return b;
@@ -144,12 +145,14 @@ class DecoderHandle {
     a.resize(n);
     a.mean_t_local.resize(n);
     a.mean_t_double.resize(n);
+    const bool windows = (i.tools & L4D_TOOL_FLAT_WINDOWS) != 0;
+    if (windows) a.window.resize(2 * n);
     a.spans.resize(static_cast<size_t>(s.num_spans));
     l4d_gaussian_buffers b = a.buffers();
     b.mean_t_local = a.mean_t_local.data();
     // Of other streams they follow from the ranges, and a device can decode.
-    const bool lossless = (i.tools & L4D_TOOL_LOSSLESS) != 0;
-    if (lossless) b.mean_t_double = a.mean_t_double.data();
+    const bool exact = windows || (i.tools & L4D_TOOL_LOSSLESS) != 0;
+    if (exact) b.mean_t_double = a.mean_t_double.data();
     check(l4d_decoder_decode(get(), &query, &b));
     // A tolerant decoder may hand out less than it selected.
     const size_t count = static_cast<size_t>(b.count);
@@ -159,7 +162,7 @@ class DecoderHandle {
     }
     a.spans.resize(static_cast<size_t>(b.num_spans));
     for (const l4d_bucket_span& r : a.spans) {
-      for (uint64_t k = r.first; !lossless && k < r.first + r.count; ++k) {
+      for (uint64_t k = r.first; !exact && k < r.first + r.count; ++k) {
         const size_t at = static_cast<size_t>(k);
         a.mean_t_double[at] = r.center + static_cast<double>(a.mean_t_local[at]);
       }

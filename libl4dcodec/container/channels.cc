@@ -39,6 +39,11 @@ std::vector<ChannelSpec> page_channels(const SceneHeader& header, const LayerHea
   channels.push_back({ChannelKind::kPosition, 0, 0, 1});
   if (layer.has_mean_codes()) channels.push_back({ChannelKind::kMeanT, 0, 0, 1});
   if (layer.mean_t_fine) channels.push_back({ChannelKind::kMeanTFine, 0, 0, 1});
+  for (size_t k = 0; k < kWindowColumns; ++k) {
+    if (layer.window_width(k) > 0) {
+      channels.push_back({ChannelKind::kWindow, 0, static_cast<uint8_t>(k), 1});
+    }
+  }
   if (header.opacity.coding == ScalarCodingId::kSq) {
     channels.push_back({ChannelKind::kOpacity, 0, 0, 1});
   }

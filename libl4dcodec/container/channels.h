@@ -16,6 +16,7 @@ enum class ChannelKind : uint8_t {
   kPosition,  // gaps of the Morton codes, wide integers; all others are hybrid ones
   kMeanT,
   kMeanTFine,  // fixed mean times, where the layer refines them
+  kWindow,     // flat windows: one per column that has bits
   kOpacity,
   kScaleFactor,
   kDepth,         // vq
@@ -29,7 +30,7 @@ enum class ChannelKind : uint8_t {
 struct ChannelSpec {
   ChannelKind kind;
   uint8_t component;  // L4D_COMPONENT_*, of the kinds from kDepth on
-  uint8_t index;      // stage, number or coefficient
+  uint8_t index;      // stage, number, coefficient or column
   uint8_t contexts;   // how many tables its symbols may tell apart
 };
 

@@ -44,7 +44,7 @@ std::string lossless_violation(const SceneHeader& h) {
   b.not_raw(is_raw(h.sh), "sh");
   for (size_t l = 0; l < h.layers.size(); ++l) {
     const std::string of = " of layer " + std::to_string(l);
-    b.not_raw(is_raw(h.layers[l].mean_t), "mean_t" + of);
+    b.not_raw(is_raw(h.layers[l].mean_t) || h.layers[l].flat(), "mean_t" + of);
     for (unsigned c = L4D_COMPONENT_SCALE; c < L4D_COMPONENT_COUNT; ++c) {
       b.not_raw(is_raw(h.layers[l].component[c]), kComponentNames[c] + of);
     }

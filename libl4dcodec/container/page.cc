@@ -130,6 +130,7 @@ class PageParser {
 
   Status mean_t(const LayerHeader& layer, bool wanted) {
     if (layer.mean_t == CoordinateCodingId::kNone) return {};
+    if (layer.flat()) return windows(layer, wanted);
     if (layer.mean_t == CoordinateCodingId::kRaw32) {
       grow(out_.raw_mean_t, n_);
       return raw(wanted, n_, out_.raw_mean_t.data(), 1);
@@ -150,6 +151,20 @@ class PageParser {
     if (!layer.mean_t_fine) return {};
     grow(out_.mean_t_fine, n_);
     return decode_stream(decoder_, in_, base_, n_, 16, 0, "", out_.mean_t_fine.data());
+  }
+
+  Status windows(const LayerHeader& layer, bool wanted) {
+    for (size_t k = 0; k < kWindowColumns; ++k) {
+      const unsigned width = layer.window_width(k);
+      if (!wanted) {
+        L4D_RETURN_IF_ERROR(skip_stream(in_, base_, n_, width));
+        continue;
+      }
+      grow(out_.window[k], n_);
+      L4D_RETURN_IF_ERROR(
+          decode_stream(decoder_, in_, base_, n_, width, 0, "", out_.window[k].data()));
+    }
+    return {};
   }
 
   Status scalar(const ScalarCoding& coding, bool wanted, std::vector<uint16_t>* codes,
@@ -284,6 +299,9 @@ class PageWriter {
       encoder_.encode(columns.mean_t.data(), n_, layer.mean_t_bits, true, out_);
       if (layer.mean_t_fine) encoder_.encode(columns.mean_t_fine.data(), n_, 16, false, out_);
     }
+    for (size_t k = 0; layer.flat() && k < kWindowColumns; ++k) {
+      encoder_.encode(columns.window[k].data(), n_, layer.window_width(k), false, out_);
+    }
     if (layer.mean_t != CoordinateCodingId::kF16) return;
     for (size_t i = 0; i < n_; ++i) {
       codes_[i] = static_cast<uint16_t>(order_half(columns.mean_t[i]) >> layer.mean_t_shift);
@@ -395,6 +413,32 @@ Status count_depths(const ComponentCoding& coding, const uint16_t* depths, size_
                      "depth " + std::to_string(depth) + " of a component with " +
                          std::to_string(stages) + " stages");
     }
+  }
+  return {};
+}
+
+FrameWindow window_of(const LayerHeader& layer, uint32_t bucket, uint32_t num_frames,
+                      const PageColumns& columns, size_t i) {
+  const auto value = [&](size_t column) {
+    const auto part = [&](size_t k) {
+      return layer.window_width(k) == 0 ? uint32_t{0} : uint32_t{columns.window[k][i]};
+    };
+    return part(column) | part(column + 1) << 16;
+  };
+  const uint32_t begin = window_base(bucket, layer.level, num_frames) + value(0);
+  return {begin, begin + layer.window_length + value(2)};
+}
+
+Status check_windows(const SceneHeader& header, const LayerHeader& layer, uint32_t bucket,
+                     uint64_t at, const PageColumns& columns) {
+  const uint32_t num_frames = header.timeline.num_frames;
+  for (size_t i = 0; i < columns.n; ++i) {
+    const FrameWindow w = window_of(layer, bucket, num_frames, columns, i);
+    if (w.is_valid(num_frames)) continue;
+    return corrupt("WIND-3", at,
+                   "Gaussian " + std::to_string(i) + " has the window " + std::to_string(w.begin) +
+                       " to " + std::to_string(w.end) + " in a sequence of " +
+                       std::to_string(num_frames) + " frames");
   }
   return {};
 }

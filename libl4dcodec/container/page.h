@@ -12,6 +12,7 @@
 #include "libl4dcodec/container/directory.h"
 #include "libl4dcodec/container/scene_header.h"
 #include "libl4dcodec/entropy/stream.h"
+#include "libl4dcodec/scene/window.h"
 
 namespace l4d {
 
@@ -44,6 +45,7 @@ struct PageColumns {
   std::vector<uint16_t> mean_t_fine;  // refinements
   std::vector<float> raw_mean_t;
   std::vector<double> raw64_mean_t;
+  std::array<std::vector<uint16_t>, kWindowColumns> window;
   std::vector<uint16_t> opacity;  // SQ codes
   std::vector<float> raw_opacity;
   std::vector<uint16_t> scale_factor;
@@ -68,6 +70,13 @@ using SectionBytes = std::array<uint64_t, L4D_SECTION_COUNT>;
 // Number of entries that stage 0 of component c indexes in a page of `block` (may be null).
 uint32_t stage0_entries(const SceneHeader& header, const LayerHeader& layer, unsigned c,
                         const BlockRecord* block);
+
+// The window of Gaussian i of a page of `bucket`, of a flat layer; nothing says that it is valid.
+FrameWindow window_of(const LayerHeader& layer, uint32_t bucket, uint32_t num_frames,
+                      const PageColumns& columns, size_t i);
+// WIND-3: whether all of them lie in the sequence and none is empty.
+Status check_windows(const SceneHeader& header, const LayerHeader& layer, uint32_t bucket,
+                     uint64_t at, const PageColumns& columns);
 
 // Number of coefficients that each EOB index of an EOB table has.
 inline unsigned eob_coefficients(const ComponentCoding& coding, unsigned eob_index) {

@@ -78,6 +78,7 @@ class RansPageParser {
         return L4D_SECTION_POSITION;
       case ChannelKind::kMeanT:
       case ChannelKind::kMeanTFine:
+      case ChannelKind::kWindow:
         return L4D_SECTION_MEAN_T;
       case ChannelKind::kOpacity:
         return L4D_SECTION_OPACITY;
@@ -127,6 +128,12 @@ class RansPageParser {
         grow(out_.mean_t_fine, n_);
         hybrid(p, nullptr, n_, out_.mean_t_fine.data());
         return {};
+      case ChannelKind::kWindow: {
+        std::vector<uint16_t>& column = out_.window[spec.index];
+        grow(column, n_);
+        hybrid(p, nullptr, n_, column.data());
+        return below(column.data(), n_, 1u << layer_.window_width(spec.index), "STRM-3");
+      }
       case ChannelKind::kOpacity:
         grow(out_.opacity, n_);
         hybrid(p, nullptr, n_, out_.opacity.data());
@@ -364,6 +371,9 @@ class ChannelWalk {
         break;
       case ChannelKind::kMeanTFine:
         same(columns_.mean_t_fine, n, &symbols);
+        break;
+      case ChannelKind::kWindow:
+        same(columns_.window[spec.index], n, &symbols);
         break;
       case ChannelKind::kOpacity:
         same(columns_.opacity, n, &symbols);

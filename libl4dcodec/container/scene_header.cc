@@ -7,6 +7,7 @@
 #include "libl4dcodec/base/utf8.h"
 #include "libl4dcodec/container/aligned_bytes.h"
 #include "libl4dcodec/container/flat_check.h"
+#include "libl4dcodec/scene/window.h"
 
 namespace l4d {
 namespace {
@@ -144,11 +145,12 @@ class HeaderParser {
     out_.placement.color_space = h.color_space();
     out_.position_at_mean_time = h.position_at_mean_time();
     out_.opacity_logit = h.opacity_logit();
-    if (h.position() > static_cast<uint8_t>(CoordinateCodingId::kRaw64)) {
+    if (h.position() > static_cast<uint8_t>(CoordinateCodingId::kWindow)) {
       return unknown("position coding", h.position());
     }
     out_.position = static_cast<CoordinateCodingId>(h.position());
-    if (out_.position == CoordinateCodingId::kNone || out_.position == CoordinateCodingId::kRaw64) {
+    if (out_.position == CoordinateCodingId::kNone || out_.position == CoordinateCodingId::kRaw64 ||
+        out_.position == CoordinateCodingId::kWindow) {
       return bad("HEAD-16", "a coding that positions cannot have");
     }
     out_.position_bits = h.position_bits();
@@ -311,8 +313,9 @@ class HeaderParser {
 
   Status parse_layers(const flatbuffers::Vector<flatbuffers::Offset<fbs::Layer>>& layers) {
     const unsigned levels = num_layers(out_.timeline.num_frames);
-    // A level may hold several layers (permanent beside temporal), and no more than these few.
-    if (layers.size() == 0 || layers.size() > 2 * levels + 2) {
+    // A level may hold several layers: falloffs or windows, coded or stored as they are, and in
+    // level 0 permanent ones and ones with mean times far outside.
+    if (layers.size() == 0 || layers.size() > 4 * levels + 2) {
       return bad("HEAD-6", "no layer, or more than the levels allow");
     }
     uint64_t total = 0;
@@ -348,12 +351,28 @@ class HeaderParser {
     return {};
   }
 
+  Status parse_windows(const fbs::Layer& l, LayerHeader* out) const {
+    if (l.window_begin_bits() > kMaxWindowBits || l.window_length_bits() > kMaxWindowBits ||
+        l.window_length() > L4D_MAX_FRAMES) {
+      return bad("WIND-1", "windows of " + std::to_string(l.window_begin_bits()) + " and " +
+                               std::to_string(l.window_length_bits()) + " bits, and of " +
+                               std::to_string(l.window_length()) + " frames at least");
+    }
+    if (!tells_frames_apart(out_.timeline)) {
+      return bad("WIND-2", "a sequence over 2^40 frames from time 0 has windows");
+    }
+    out->window_begin_bits = l.window_begin_bits();
+    out->window_length_bits = l.window_length_bits();
+    out->window_length = l.window_length();
+    return {};
+  }
+
   Status parse_layer(const fbs::Layer& l, LayerHeader* out) const {
     out->level = l.level();
     if (out->level >= kMaxLayers) return bad("HEAD-6", "level " + std::to_string(out->level));
     out->permanent = l.permanent();
     out->num_gaussians = l.num_gaussians();
-    if (l.mean_t() > static_cast<uint8_t>(CoordinateCodingId::kRaw64)) {
+    if (l.mean_t() > static_cast<uint8_t>(CoordinateCodingId::kWindow)) {
       return unknown("mean_t coding", l.mean_t());
     }
     out->mean_t = static_cast<CoordinateCodingId>(l.mean_t());
@@ -367,6 +386,7 @@ class HeaderParser {
     }
     out->mean_t_shift = out->mean_t == CoordinateCodingId::kF16 ? l.mean_t_shift() : 0;
     if (out->mean_t == CoordinateCodingId::kFixed) L4D_RETURN_IF_ERROR(parse_mean_t(l, out));
+    if (out->flat()) L4D_RETURN_IF_ERROR(parse_windows(l, out));
     if (!is_sound(l.log_scale_t())) return bad("HEAD-3", "log_scale_t is out of range");
     out->log_scale_t = l.log_scale_t();
     L4D_RETURN_IF_ERROR(parse_scalar(*l.scale_factor(), "scale_factor", &out->scale_factor));
@@ -430,13 +450,14 @@ Bytes serialize_scene_header(const SceneHeader& h) {
     const auto spatial = to_fbs(b, l.component[L4D_COMPONENT_ROTOR_SPATIAL]);
     const auto temporal = to_fbs(b, l.component[L4D_COMPONENT_ROTOR_TEMPORAL]);
     const fbs::ChunkRef entropy = to_fbs(l.entropy);
-    layers.push_back(
-        fbs::CreateLayer(b, static_cast<uint8_t>(l.level), l.permanent, l.num_gaussians,
-                         static_cast<uint8_t>(l.mean_t), l.log_scale_t, factor, scale, spatial,
-                         temporal, static_cast<uint8_t>(l.directory_bits), l.page_table_offset,
-                         static_cast<uint8_t>(l.mean_t_shift), l.has_entropy ? &entropy : nullptr,
-                         l.mean_t_step, static_cast<uint16_t>(l.mean_t_zero),
-                         static_cast<uint8_t>(l.mean_t_bits), l.mean_t_fine, l.raw_position));
+    layers.push_back(fbs::CreateLayer(
+        b, static_cast<uint8_t>(l.level), l.permanent, l.num_gaussians,
+        static_cast<uint8_t>(l.mean_t), l.log_scale_t, factor, scale, spatial, temporal,
+        static_cast<uint8_t>(l.directory_bits), l.page_table_offset,
+        static_cast<uint8_t>(l.mean_t_shift), l.has_entropy ? &entropy : nullptr, l.mean_t_step,
+        static_cast<uint16_t>(l.mean_t_zero), static_cast<uint8_t>(l.mean_t_bits), l.mean_t_fine,
+        l.raw_position, l.window_length, static_cast<uint8_t>(l.window_begin_bits),
+        static_cast<uint8_t>(l.window_length_bits)));
   }
   const auto layer_vector = b.CreateVector(layers);
   const auto opacity = to_fbs(b, h.opacity);

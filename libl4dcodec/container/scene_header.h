@@ -18,7 +18,14 @@ namespace l4d {
 enum class ScalarCodingId : uint8_t { kConstant = 0, kRaw32 = 1, kSq = 2 };
 enum class ComponentCodingId : uint8_t { kZero = 0, kRaw32 = 1, kVq = 2, kTransform = 3 };
 enum class ElementType : uint8_t { kF16 = 0, kSq = 1 };
-enum class CoordinateCodingId : uint8_t { kNone = 0, kRaw32 = 1, kF16 = 2, kFixed = 3, kRaw64 = 4 };
+enum class CoordinateCodingId : uint8_t {
+  kNone = 0,
+  kRaw32 = 1,
+  kF16 = 2,
+  kFixed = 3,
+  kRaw64 = 4,
+  kWindow = 5
+};
 
 constexpr uint32_t kMaxCodebookEntries = 65536;
 constexpr uint32_t kMaxResidualEntries = 4096;
@@ -28,6 +35,9 @@ constexpr uint8_t kEscapeDepth = 15;
 constexpr unsigned kMaxPositionBits = 21;  // three of them in a 63-bit Morton code
 constexpr unsigned kMaxMeanShift = 10;     // of the bits of a binary16, at least its exponent stays
 constexpr unsigned kMaxMeanBits = 16;
+constexpr unsigned kMaxWindowBits = 24;  // frames: L4D_MAX_FRAMES
+// Flat windows take four columns: the low 16 bits of begins, those above, and likewise of lengths.
+constexpr size_t kWindowColumns = 4;
 constexpr unsigned kMaxCoefficients = 48;
 constexpr unsigned kTransformStepExponents = 16;
 
@@ -94,6 +104,11 @@ struct MeanTimeCoding {
   unsigned mean_t_zero = 0;   // fixed: the code of the bucket's centre
   float mean_t_step = 0;      // fixed: seconds from code to code
   bool mean_t_fine = false;   // fixed: pages hold a refinement of each code
+  // window: of the frames of a window, counted from window_base; and of its length, counted from
+  // the least.
+  unsigned window_begin_bits = 0;
+  unsigned window_length_bits = 0;
+  uint32_t window_length = 0;  // window: the least length, frames
 
   // Bits of a coded mean time, where there are any.
   unsigned mean_t_width() const {
@@ -101,6 +116,15 @@ struct MeanTimeCoding {
   }
   bool has_raw_means() const {
     return mean_t == CoordinateCodingId::kRaw32 || mean_t == CoordinateCodingId::kRaw64;
+  }
+  // Gaussians have flat windows in place of mean times.
+  bool flat() const { return mean_t == CoordinateCodingId::kWindow; }
+  // Bits of a column of windows: the low 16 bits of begins, those above, and likewise of lengths.
+  unsigned window_width(size_t column) const {
+    if (!flat()) return 0;
+    const unsigned bits = column < 2 ? window_begin_bits : window_length_bits;
+    const unsigned low = bits < 16 ? bits : 16;
+    return column % 2 == 0 ? low : bits - low;
   }
   bool has_mean_codes() const {
     return mean_t == CoordinateCodingId::kF16 || mean_t == CoordinateCodingId::kFixed;
@@ -170,6 +194,13 @@ struct SceneHeader : PositionCoding {
   l4d_presentation presentation = default_presentation();
 
   unsigned sh_dim() const { return 3 * (sh_degree + 1) * (sh_degree + 1); }
+  // Whether Gaussians of some layer have flat windows.
+  bool has_windows() const {
+    for (const LayerHeader& layer : layers) {
+      if (layer.flat() && layer.num_gaussians > 0) return true;
+    }
+    return false;
+  }
   // Whether a rans32 page can have an SH chunk: channels of SH that are not of the base.
   bool has_sh_detail() const { return sh.vq() || (sh.transform() && sh_base < sh.coefficients()); }
   CoordinateCodingId position_of(const LayerHeader& layer) const {

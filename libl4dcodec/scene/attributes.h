@@ -7,6 +7,7 @@
 #include "l4d/attributes.hpp"
 #include "l4d/l4d.h"
 #include "libl4dcodec/math/hd.h"
+#include "libl4dcodec/scene/window.h"
 
 namespace l4d {
 
@@ -42,6 +43,11 @@ L4D_HOST_DEVICE inline double mean_time(const l4d_gaussians& gaussians, size_t i
                                             : static_cast<double>(gaussians.mean_t[i]);
 }
 
+L4D_HOST_DEVICE inline FrameWindow window_of(const l4d_gaussians& gaussians, size_t i) {
+  if (gaussians.window == nullptr) return {};
+  return {gaussians.window[2 * i], gaussians.window[2 * i + 1]};
+}
+
 // The rows from `first` on.
 inline l4d_gaussians rows_of(const l4d_gaussians& gaussians, uint64_t first, uint64_t count) {
   l4d_gaussians rows = gaussians;
@@ -52,6 +58,7 @@ inline l4d_gaussians rows_of(const l4d_gaussians& gaussians, uint64_t first, uin
       },
       rows);
   if (rows.mean_t_double != nullptr) rows.mean_t_double += first;
+  if (rows.window != nullptr) rows.window += 2 * first;
   return rows;
 }
 
@@ -68,6 +75,12 @@ inline bool has_all_arrays(const l4d_gaussians& gaussians, bool needs_sh = true)
       },
       gaussians);
   return all;
+}
+
+// Whether Gaussian i has no window, or one inside the sequence.
+inline bool has_valid_window(const l4d_gaussians& gaussians, size_t i, uint32_t num_frames) {
+  const FrameWindow window = window_of(gaussians, i);
+  return (window.begin == 0 && window.end == 0) || window.is_valid(num_frames);
 }
 
 // Name of the first attribute of Gaussian i that is no value a scene may hold, or null.

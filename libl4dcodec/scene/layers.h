@@ -82,13 +82,18 @@ L4D_HOST_DEVICE constexpr uint64_t phase_of_frame(uint32_t frame, uint32_t num_f
                              : (static_cast<uint64_t>(frame) << kPhaseBits) / num_frames;
 }
 
+// Frames from the beginning of the sequence to a time in seconds.
+L4D_HOST_DEVICE inline double frames_of_time(const l4d_timeline& timeline, double seconds) {
+  return ((seconds - timeline.time_begin) * static_cast<double>(timeline.fps_num)) /
+         static_cast<double>(timeline.fps_den);
+}
+
 // Phase of a time in seconds, clamped to the sequence; NaN counts as the beginning. Never decreases
 // as the time grows: every rounding below is monotone, and a time that just escapes the snap is at
 // least kFrameSnap 2^40 / 2^24 = 0.065 phases from the frame, against 2^-13 phases of rounding.
 L4D_HOST_DEVICE inline uint64_t phase_of_time(const l4d_timeline& timeline, double seconds) {
   const double n = static_cast<double>(timeline.num_frames);
-  const double frames = ((seconds - timeline.time_begin) * static_cast<double>(timeline.fps_num)) /
-                        static_cast<double>(timeline.fps_den);
+  const double frames = frames_of_time(timeline, seconds);
   if (!(frames > 0.0)) return 0;
   if (frames >= n) return kPhaseLast;
   const uint32_t nearest = static_cast<uint32_t>(frames + 0.5);

@@ -11,6 +11,7 @@
 #include "libl4dcodec/scene/attributes.h"
 #include "libl4dcodec/scene/slice.h"
 #include "libl4dcodec/scene/timeline.h"
+#include "libl4dcodec/scene/window.h"
 
 namespace l4d {
 
@@ -22,7 +23,8 @@ struct Prepared {
   double reference;    // seconds
   double mean;         // seconds
   double opacity;
-  double half_life;  // alpha may reach kMinAlpha within this of the mean time; negative: never
+  double half_life;    // alpha may reach kMinAlpha within this of the mean time; negative: never
+  FrameWindow window;  // flat ones do not fade, and their slice.lambda is 0
 };
 
 // A Gaussian is visible with an opacity of at least `least` while lambda dt^2 is at most this;
@@ -54,8 +56,11 @@ L4D_HOST_DEVICE inline Prepared prepare_gaussian(const l4d_gaussians& g, const S
     if (at_mean) p.position[k] += p.slice.velocity[k] * (p.reference - p.mean);
   }
   p.opacity = linear_opacity(static_cast<double>(g.opacity[i]), (g.flags & L4D_OPACITY_LOGIT) != 0);
-  p.half_life = half_life(reach_of(p.opacity, kMinAlpha, static_cast<double>(kVisibilityGate)),
-                          p.slice.lambda);
+  const double reach = reach_of(p.opacity, kMinAlpha, static_cast<double>(kVisibilityGate));
+  p.window = window_of(g, i);
+  if (p.window.is_flat()) p.slice.lambda = 0;
+  p.half_life = p.window.is_flat() && reach >= 0 ? static_cast<double>(INFINITY)
+                                                 : half_life(reach, p.slice.lambda);
   return p;
 }
 
@@ -86,8 +91,9 @@ L4D_HOST_DEVICE inline MotionGroup group_of(const T* velocity /* [3] */, T lambd
 }
 
 L4D_HOST_DEVICE inline MotionGroup group_of(const Prepared& p, const Sequence& sequence) {
-  return group_of(p.slice.velocity, p.slice.lambda, p.mean, p.half_life, sequence.begin,
-                  sequence.end);
+  const MotionGroup group =
+      group_of(p.slice.velocity, p.slice.lambda, p.mean, p.half_life, sequence.begin, sequence.end);
+  return group == kStill && p.window.is_flat() ? kFading : group;
 }
 
 }  // namespace l4d

@@ -22,6 +22,7 @@ from decoder import Decoder, Query                      # noqa: E402
 from file import File                                   # noqa: E402
 
 EXACT = "mean_t_double"     # the one attribute that is binary64
+WINDOW = "window"           # and the one of integers
 
 
 def dump(file):
@@ -52,6 +53,8 @@ def values(gaussians):
 def bits_of(name, v):
     if name == EXACT:
         return struct.pack(">d", v).hex()
+    if name == WINDOW:
+        return f"{v:08x}"
     return f"{bits_of_f32(v):08x}"
 
 

@@ -40,6 +40,7 @@ l4d_gaussians TestScene::view() const {
   g.position = position.data();
   g.mean_t = mean_t.data();
   g.mean_t_double = mean_t_double.empty() ? nullptr : mean_t_double.data();
+  g.window = window.empty() ? nullptr : window.data();
   g.log_scale = log_scale.data();
   g.rotor = rotor.data();
   g.opacity = opacity.data();
@@ -50,6 +51,7 @@ l4d_gaussians TestScene::view() const {
 void TestScene::resize(size_t n) {
   position.resize(3 * n);
   mean_t.resize(n);
+  if (!window.empty()) window.resize(2 * n);
   log_scale.resize(4 * n);
   rotor.resize(8 * n);
   opacity.resize(n);

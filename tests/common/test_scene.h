@@ -30,6 +30,7 @@ struct TestScene {
   uint32_t flags = 0;
   std::vector<float> position, mean_t, log_scale, rotor, opacity, sh;  // shapes of l4d_gaussians
   std::vector<double> mean_t_double;  // empty, or in place of mean_t
+  std::vector<uint32_t> window;       // empty, or [n, 2]
 
   size_t count() const { return mean_t.size(); }
   size_t sh_dim() const { return 3 * (sh_degree + 1) * (sh_degree + 1); }

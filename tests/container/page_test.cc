@@ -63,6 +63,12 @@ PageColumns random_columns(const SceneHeader& header, const LayerHeader& layer,
     const unsigned bits = random.below(17);
     if (layer.mean_t_fine) c.mean_t_fine.push_back(static_cast<uint16_t>(random.below(1u << bits)));
   }
+  for (size_t k = 0; k < kWindowColumns; ++k) {
+    const unsigned width = layer.window_width(k);
+    while (width > 0 && c.window[k].size() < n) {
+      c.window[k].push_back(static_cast<uint16_t>(random.below(1u << width)));
+    }
+  }
   scalar(header.opacity, &c.opacity, &c.raw_opacity);
   if (!header.opacity_logit) {
     for (float& v : c.raw_opacity) v = random.uniformf(0, 1);
@@ -118,6 +124,7 @@ void expect_equal(const SceneHeader& header, const LayerHeader& layer, const Pag
   }
   expect_prefix("mean_t", a.mean_t, b.mean_t);
   expect_prefix("mean_t_fine", a.mean_t_fine, b.mean_t_fine);
+  for (size_t k = 0; k < kWindowColumns; ++k) expect_prefix("window", a.window[k], b.window[k]);
   expect_prefix("raw64 mean_t", a.raw64_mean_t, b.raw64_mean_t);
   expect_prefix("raw mean_t", a.raw_mean_t, b.raw_mean_t);
   expect_prefix("opacity", a.opacity, b.opacity);
@@ -156,6 +163,18 @@ SceneHeader fixed_times_header() {
     layer.mean_t = CoordinateCodingId::kFixed;
     layer.mean_t_bits = l % 2 == 0 ? kMaxMeanBits : 5;
     layer.mean_t_fine = l % 2 == 0;
+  }
+  return h;
+}
+
+// Columns of all widths: none, some bits, and beyond 16.
+SceneHeader windows_header() {
+  SceneHeader h = test::example_header();
+  for (LayerHeader& layer : h.layers) {
+    if (layer.permanent) continue;
+    layer.mean_t = CoordinateCodingId::kWindow;
+    layer.window_begin_bits = layer.level == 0 ? kMaxWindowBits : 3;
+    layer.window_length_bits = layer.level == 0 ? kMaxWindowBits : 0;
   }
   return h;
 }
@@ -208,7 +227,8 @@ TEST(Page, RoundTripInEveryCoding) {
   uint64_t seed = 0;
   PageColumns
       reused;  // a decoder reuses its buffers, and nothing of one page may leak into the next
-  for (const SceneHeader& header : {test::example_header(), lossless_header(), plain_header()}) {
+  for (const SceneHeader& header :
+       {test::example_header(), windows_header(), lossless_header(), plain_header()}) {
     for (const LayerHeader& layer : header.layers) {
       for (const BlockRecord* b : {static_cast<const BlockRecord*>(nullptr), &block}) {
         if (b != nullptr && !layer.component[L4D_COMPONENT_SCALE].has_rcq) continue;
@@ -240,7 +260,8 @@ TEST(Page, NoPageIsLongerThanItsBound) {
     l.scale_factor.bits = 16;
     for (ComponentCoding& c : l.component) c = test::example_vq(65536, 8, true, 1);
   }
-  for (const SceneHeader& header : {test::example_header(), longest, lossless_header()}) {
+  for (const SceneHeader& header :
+       {test::example_header(), windows_header(), longest, lossless_header()}) {
     for (const LayerHeader& layer : header.layers) {
       for (const size_t n : {size_t{1}, size_t{2}, size_t{100}}) {
         const PageColumns columns = random_columns(header, layer, nullptr, n, n);
@@ -284,8 +305,8 @@ TEST(Page, TimesInDoubleHaveARange) {
 TEST(Page, AnySubsetOfAttributesCanBeSkipped) {
   StreamEncoder encoder(3);
   uint64_t seed = 100;
-  for (const SceneHeader& header :
-       {test::example_header(), lossless_header(), fixed_times_header(), double_times_header()}) {
+  for (const SceneHeader& header : {test::example_header(), lossless_header(), fixed_times_header(),
+                                    double_times_header(), windows_header()}) {
     for (const LayerHeader& layer : header.layers) {
       const size_t n = 50;
       const PageColumns columns = random_columns(header, layer, nullptr, n, ++seed);
@@ -302,6 +323,7 @@ TEST(Page, AnySubsetOfAttributesCanBeSkipped) {
         if (wants.mean_t) expect_prefix("mean_t", columns.mean_t, out.mean_t);
         if (wants.mean_t) expect_prefix("mean_t_fine", columns.mean_t_fine, out.mean_t_fine);
         if (wants.mean_t) expect_prefix("raw64 mean_t", columns.raw64_mean_t, out.raw64_mean_t);
+        if (wants.mean_t) expect_prefix("window", columns.window[0], out.window[0]);
         if (wants.opacity) expect_prefix("opacity", columns.opacity, out.opacity);
         if (wants.scale) expect_prefix("factor", columns.scale_factor, out.scale_factor);
         const ComponentColumns& sh = columns.component[L4D_COMPONENT_SH];

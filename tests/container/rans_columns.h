@@ -87,6 +87,14 @@ inline std::vector<SceneHeader> rans_headers() {
   }
   headers.push_back(transform_header());
   fix_mean_times(&headers.back());
+  headers.push_back(transform_header());
+  for (LayerHeader& layer : headers.back().layers) {
+    if (layer.permanent) continue;
+    layer.mean_t = CoordinateCodingId::kWindow;
+    layer.mean_t_shift = 0;
+    layer.window_begin_bits = layer.level == 0 ? kMaxWindowBits : 2;
+    layer.window_length_bits = layer.level == 0 ? 17 : 0;
+  }
   return headers;
 }
 
@@ -182,6 +190,12 @@ inline PageColumns rans_columns(const SceneHeader& header, const LayerHeader& la
     const uint16_t bits = unorder_half(static_cast<uint16_t>((code << shift) + (1u << shift >> 1)));
     if (half_is_finite(bits)) c.mean_t.push_back(bits);
   }
+  for (size_t k = 0; k < kWindowColumns; ++k) {
+    const unsigned width = layer.window_width(k);
+    while (width > 0 && c.window[k].size() < n) {
+      c.window[k].push_back(static_cast<uint16_t>(random.below(1u << width)));
+    }
+  }
   for (size_t i = 0; i < n && layer.mean_t == CoordinateCodingId::kFixed; ++i) {
     c.mean_t.push_back(static_cast<uint16_t>(random.below(1u << layer.mean_t_bits)));
     const unsigned bits = random.below(17);
@@ -213,6 +227,9 @@ inline void expect_columns(const SceneHeader& header, const LayerHeader& layer, 
   }
   expect_prefix("mean_t", want.mean_t, got.mean_t);
   expect_prefix("mean_t_fine", want.mean_t_fine, got.mean_t_fine);
+  for (size_t k = 0; k < kWindowColumns; ++k) {
+    expect_prefix("window", want.window[k], got.window[k]);
+  }
   expect_prefix("opacity", want.opacity, got.opacity);
   expect_prefix("scale factor", want.scale_factor, got.scale_factor);
   for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {

@@ -209,18 +209,41 @@ std::vector<Rule> rules() {
          h.layers[3].num_gaussians = 0;
          h.layers[3].level = 2;
        }},
-      {"HEAD-6", "more layers than two per level, and two",
+      {"HEAD-6", "more layers than four per level, and two",
        [](H& h) {
-         while (h.layers.size() <= 16) {
+         while (h.layers.size() <= 30) {
            h.layers.push_back(h.layers[2]);
            h.layers.back().num_gaussians = 0;
          }
        }},
       {"HEAD-16", "position coding none", [](H& h) { h.position = CoordinateCodingId::kNone; }},
       {"HEAD-16", "position coding raw64", [](H& h) { h.position = CoordinateCodingId::kRaw64; }},
-      {"HEAD-7", "position coding 5", [](H& h) { h.position = CoordinateCodingId{5}; },
+      {"HEAD-16", "position coding window", [](H& h) { h.position = CoordinateCodingId::kWindow; }},
+      {"WIND-1", "begins of 25 bits",
+       [](H& h) {
+         h.layers[1].mean_t = CoordinateCodingId::kWindow;
+         h.layers[1].window_begin_bits = 25;
+       }},
+      {"WIND-1", "lengths of 25 bits",
+       [](H& h) {
+         h.layers[2].mean_t = CoordinateCodingId::kWindow;
+         h.layers[2].window_length_bits = 25;
+       }},
+      {"WIND-1", "windows longer than any sequence",
+       [](H& h) {
+         h.layers[1].mean_t = CoordinateCodingId::kWindow;
+         h.layers[1].window_length = (1u << 24) + 1;
+       }},
+      {"WIND-2", "windows far from time 0",
+       [](H& h) {
+         h.layers[1].mean_t = CoordinateCodingId::kWindow;
+         h.timeline.time_begin = -0x1p36;
+       }},
+      {"HEAD-10", "a permanent layer with windows",
+       [](H& h) { h.layers[0].mean_t = CoordinateCodingId::kWindow; }},
+      {"HEAD-7", "position coding 6", [](H& h) { h.position = CoordinateCodingId{6}; },
        unsupported},
-      {"HEAD-7", "mean times 5", [](H& h) { h.layers[1].mean_t = CoordinateCodingId{5}; },
+      {"HEAD-7", "mean times 6", [](H& h) { h.layers[1].mean_t = CoordinateCodingId{6}; },
        unsupported},
       {"HEAD-17", "a key that is not UTF-8", [](H& h) { h.metadata.emplace_back("\xff", "a"); }},
       {"HEAD-17", "a value that ends within a character",

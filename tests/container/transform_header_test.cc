@@ -171,8 +171,8 @@ TEST(TransformHeader, EachRuleIsChecked) {
 // spec: HEAD-7
 TEST(TransformHeader, UnknownIdsAreNamed) {
   void (*const edits[])(SceneHeader&) = {
-      [](SceneHeader& h) { h.position = static_cast<CoordinateCodingId>(5); },
-      [](SceneHeader& h) { h.layers[1].mean_t = static_cast<CoordinateCodingId>(5); },
+      [](SceneHeader& h) { h.position = static_cast<CoordinateCodingId>(6); },
+      [](SceneHeader& h) { h.layers[1].mean_t = static_cast<CoordinateCodingId>(6); },
       [](SceneHeader& h) { h.sh.coding = static_cast<ComponentCodingId>(4); },
       [](SceneHeader& h) { h.sh.basis.element = static_cast<ElementType>(2); }};
   for (const auto& edit : edits) {

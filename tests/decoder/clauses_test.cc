@@ -184,7 +184,7 @@ TEST(Clause, HEAD_7) {
   expect_header_rule(
       "HEAD-7", [](SceneHeader& h) { h.opacity.coding = ScalarCodingId{3}; }, unsupported);
   expect_header_rule(
-      "HEAD-7", [](SceneHeader& h) { h.position = CoordinateCodingId{5}; }, unsupported);
+      "HEAD-7", [](SceneHeader& h) { h.position = CoordinateCodingId{6}; }, unsupported);
   expect_header_rule(
       "HEAD-7", [](SceneHeader& h) { h.sh.stages[0].element = ElementType{2}; }, unsupported);
 }

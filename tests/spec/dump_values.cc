@@ -48,6 +48,7 @@ l4d_status dump(l4d_decoder* decoder, const Bytes& file, const l4d_query& query)
   std::vector<float> position(3 * n), mean(n), local(n), log_scale(4 * n), rotor(8 * n), opacity(n),
       sh(sh_dim * n);
   std::vector<double> exact(n);
+  std::vector<uint32_t> window(2 * n);
   l4d_gaussian_buffers out;
   l4d_gaussian_buffers_init(&out);
   out.capacity = n;
@@ -55,6 +56,7 @@ l4d_status dump(l4d_decoder* decoder, const Bytes& file, const l4d_query& query)
   out.mean_t = mean.data();
   out.mean_t_local = local.data();
   out.mean_t_double = exact.data();
+  out.window = window.data();
   out.log_scale = log_scale.data();
   out.rotor = rotor.data();
   out.opacity = opacity.data();
@@ -72,6 +74,9 @@ l4d_status dump(l4d_decoder* decoder, const Bytes& file, const l4d_query& query)
     print_rows("rotor", rotor, i, 8);
     print_rows("opacity", opacity, i, 1);
     print_rows("sh", sh, i, sh_dim);
+    for (size_t k = 0; k < 2 && window[2 * i + 1] != 0; ++k) {
+      std::printf("window %zu %zu %08" PRIx32 "\n", i, k, window[2 * i + k]);
+    }
   }
   return L4D_OK;
 }

@@ -20,6 +20,7 @@ import rans_writer
 from decoder import Decoder, Query
 from file import RANS32
 from rans import page_channels
+from times import window_base
 
 NUM_RANDOM_STREAMS = 150
 BEGIN = "<!-- code: run by tests/spec/rans_code_test.py -->\n```\n"
@@ -31,7 +32,7 @@ def code():
     text = (sb.ROOT / "spec" / "l4d.md").read_text(encoding="utf-8")
     source = text[text.index(BEGIN) + len(BEGIN):text.index(END)]
     names = {"little": lambda data, at, n: int.from_bytes(data[at:at + n], "little"),
-             **{name: getattr(ids, name) for name in ("NONE", "FIXED", "SQ", "VQ", "TRANSFORM")}}
+             **{name: getattr(ids, name) for name in ("NONE", "FIXED", "WINDOW", "SQ", "VQ", "TRANSFORM")}}
     exec(compile(source, "spec/l4d.md", "exec"), names)     # pylint: disable=exec-used
     return names
 
@@ -64,6 +65,11 @@ def of_reference(decoder, selected):
     for name in ("mean_t", "mean_t_fine", "opacity", "scale_factor"):
         if getattr(page, name) is not None:
             out[name] = getattr(page, name)
+    if page.window is not None:
+        layer, bucket = decoder.header["layers"][selected.index], selected.record["bucket"]
+        base = window_base(decoder.header, layer["level"], bucket)
+        out["window_begin"] = [begin - base for begin, _ in page.window]
+        out["window_length"] = [end - begin - layer["window_length"] for begin, end in page.window]
     for number, columns in page.component.items():
         if columns:
             out[ids.COMPONENTS[number]] = tuple(columns.values())
@@ -84,8 +90,9 @@ class Code(unittest.TestCase):
                 kinds |= got.keys()
         self.assertGreater(count, NUM_RANDOM_STREAMS)
         self.assertGreater(split, NUM_RANDOM_STREAMS // 5)
-        self.assertEqual(kinds, {"position", "mean_t", "mean_t_fine", "opacity", "scale_factor",
-                                 "scale", "rotor_spatial", "rotor_temporal", "sh"})
+        self.assertEqual(kinds, {"position", "mean_t", "mean_t_fine", "window_begin",
+                                 "window_length", "opacity", "scale_factor", "scale",
+                                 "rotor_spatial", "rotor_temporal", "sh"})
 
     def test_notices_what_its_comments_say(self):
         one = [4096]                      # a table of one token

@@ -151,6 +151,12 @@ typedef struct l4d_gaussians {
   /* [N] seconds, or NULL. If given, it replaces `mean_t`, which may then be NULL. float32 resolves
    * 8 ms after a day, and two minutes in seconds since 1970. */
   const double* mean_t_double;
+  /* [N, 2] frames, or NULL. begin < end <= num_frames: a flat window. The Gaussian has its whole
+   * opacity in the frames from `begin` to `end` - 1, and is not there in any other; `mean_t` says
+   * what its position refers to, and nothing else. 0, 0: the Gaussian fades around its mean time.
+   * Windows that begin where others end tile time: every time belongs to exactly one frame. A
+   * caller whose windows do not begin and end with frames rounds them. */
+  const uint32_t* window;
 } l4d_gaussians;
 L4D_API void l4d_gaussians_init_(l4d_gaussians* gaussians, size_t struct_size);
 #define l4d_gaussians_init(gaussians) l4d_gaussians_init_((gaussians), sizeof(*(gaussians)))
