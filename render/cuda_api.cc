@@ -57,6 +57,9 @@ Status check_gaussians(const l4d_gaussians& g, bool indexed) {
   if (g.count > 0 && !l4d::has_all_arrays(g, !indexed)) {
     return l4d::invalid_argument("an attribute array is NULL");
   }
+  if (g.window != nullptr) {
+    return Status(L4D_ERR_FEATURE_UNSUPPORTED, "flat windows, which a device does not slice");
+  }
   if (indexed && g.sh != nullptr) return l4d::invalid_argument("sh is given beside indices");
   return {};
 }

@@ -77,6 +77,11 @@ Status Renderer::set_gaussians(const l4d_gaussians& gaussians, const l4d_timelin
   still_key_ = 0;
   if (cuda_) {
     L4D_RETURN_IF_ERROR(acquire_device());
+    if (gaussians.window != nullptr) {
+      return Status(L4D_ERR_FEATURE_UNSUPPORTED,
+                    "the scene has flat windows, which a device does not slice; encode it, and "
+                    "render the stream");
+    }
     L4D_RETURN_IF_ERROR(scene_.set(gaussians, timeline));
     L4D_RETURN_IF_ERROR(device_->set_gaussians(gaussians, timeline));
   } else {

@@ -30,6 +30,10 @@ Status Scene::set(const l4d_gaussians& gaussians, const l4d_timeline& timeline) 
       return Status(L4D_ERR_INVALID_SCENE, "Gaussian " + std::to_string(i) + ": " + attribute +
                                                " is not a number or out of range");
     }
+    if (!has_valid_window(gaussians, i, timeline.num_frames)) {
+      return Status(L4D_ERR_INVALID_SCENE,
+                    "Gaussian " + std::to_string(i) + ": window is empty or outside the sequence");
+    }
   }
   gaussians_ = gaussians;
   timeline_ = timeline;
@@ -70,6 +74,7 @@ Status Scene::prepare(const l4d_gaussians& gaussians, const l4d_timeline& timeli
     L4D_RETURN_IF_ERROR(renew(memory, column, n, kWhat));
   }
   L4D_RETURN_IF_ERROR(renew(memory, &shown_, n, kWhat));
+  L4D_RETURN_IF_ERROR(renew(memory, &window_, gaussians.window == nullptr ? 0 : n, kWhat));
   L4D_RETURN_IF_ERROR(renew(memory, &reference_, moving, kWhat));
   parallel_for(threads, n, kGrain, [&](size_t first, size_t last) {
     for (size_t row = first; row < last; ++row) {
@@ -87,6 +92,7 @@ Status Scene::prepare(const l4d_gaussians& gaussians, const l4d_timeline& timeli
       mean_[row] = static_cast<float>(mean);
       lambda_[row] = static_cast<float>(p.slice.lambda);
       shown_[row] = interval_of(mean, p.half_life);
+      if (!window_.empty()) window_[row] = p.window;
     }
   });
   return {};
@@ -99,10 +105,12 @@ void Scene::forget(MemoryBudget& memory) {
   for (auto& entry : covariance_) l4d::forget(memory, &entry);
   for (auto* column : {&reference_, &opacity_, &mean_, &lambda_}) l4d::forget(memory, column);
   l4d::forget(memory, &shown_);
+  l4d::forget(memory, &window_);
 }
 
 Status Scene::slice(double time, int threads, MemoryBudget& memory, Frame<float>* out) {
   const float t = static_cast<float>(time - center_);
+  const uint32_t frame = frame_of_time(timeline_, time);
   const size_t n = count();
   const size_t stride = size_t{3} * (gaussians_.sh_degree + 1) * (gaussians_.sh_degree + 1);
   out->sh_degree = gaussians_.sh_degree;
@@ -114,7 +122,8 @@ Status Scene::slice(double time, int threads, MemoryBudget& memory, Frame<float>
   std::vector<size_t> offset((n - first_row + kGrain - 1) / kGrain + 1, 0);
   parallel_for(threads, n - first_row, kGrain, [&](size_t begin, size_t end) {
     size_t visible_rows = 0;
-    for (size_t r = first_row + begin; r < first_row + end; ++r) visible_rows += visible(r, t);
+    for (size_t r = first_row + begin; r < first_row + end; ++r)
+      visible_rows += visible(r, t, frame);
     offset[begin / kGrain + 1] = visible_rows;
   });
   offset[0] = first_row;  // all still rows are visible at all times
@@ -123,7 +132,7 @@ Status Scene::slice(double time, int threads, MemoryBudget& memory, Frame<float>
   parallel_for(threads, n - first_row, kGrain, [&](size_t begin, size_t end) {
     size_t at = offset[begin / kGrain];
     for (size_t r = first_row + begin; r < first_row + end; ++r) {
-      if (!visible(r, t)) continue;
+      if (!visible(r, t, frame)) continue;
       out->id[at] = id_[r];
       out->sh[at] = gaussians_.sh + stride * id_[r];
       for (size_t k = 0; k < 6; ++k) out->covariance[k][at] = covariance_[k][r];
@@ -148,14 +157,15 @@ Status Scene::slice(double time, int threads, MemoryBudget& memory, Frame<float>
 
 Status Scene::slice(double time, MemoryBudget& memory, Frame<double>* out) const {
   const float t = static_cast<float>(time - center_);
+  const uint32_t frame = frame_of_time(timeline_, time);
   const size_t stride = size_t{3} * (gaussians_.sh_degree + 1) * (gaussians_.sh_degree + 1);
   out->sh_degree = gaussians_.sh_degree;
   size_t visible_rows = 0;
-  for (size_t r = 0; r < count(); ++r) visible_rows += visible(r, t);
+  for (size_t r = 0; r < count(); ++r) visible_rows += visible(r, t, frame);
   L4D_RETURN_IF_ERROR(out->resize(visible_rows, memory));
   size_t at = 0;
   for (size_t r = 0; r < count(); ++r) {
-    if (!visible(r, t)) continue;
+    if (!visible(r, t, frame)) continue;
     const size_t i = id_[r];
     const Prepared p = prepare_gaussian(gaussians_, sequence_, i);
     out->id[at] = id_[r];

@@ -34,7 +34,10 @@ class Scene {
   Status slice(double time, MemoryBudget& memory, Frame<double>* out) const;
 
  private:
-  bool visible(size_t row, float t) const { return shown_[row].holds(t); }
+  bool visible(size_t row, float t, uint32_t frame) const {
+    return shown_[row].holds(t) &&
+           (window_.empty() || !window_[row].is_flat() || window_[row].holds(frame));
+  }
 
   l4d_gaussians gaussians_{};
   l4d_timeline timeline_{};
@@ -53,6 +56,7 @@ class Scene {
   std::vector<float> mean_;                    // [rows]
   std::vector<float> lambda_;                  // [rows]
   std::vector<VisibleInterval> shown_;         // [rows]
+  std::vector<FrameWindow> window_;            // [rows]; empty where no Gaussian has one
   const Frame<float>* still_frame_ = nullptr;  // its beginning holds the still rows
 };
 

@@ -16,11 +16,12 @@ namespace l4d::render {
 // Attributes as l4d_gaussians gives them.
 template <typename T>
 struct Gaussian4D {
-  T position[3];   // at the reference time, see position_time() below
-  T mean_t;        // seconds
-  T log_scale[4];  // x, y, z, t
-  T rotor[8];      // of any length
-  T opacity;       // a logit if the instant says so
+  T position[3];      // at the reference time, see position_time() below
+  T mean_t;           // seconds
+  T log_scale[4];     // x, y, z, t
+  T rotor[8];         // of any length
+  T opacity;          // a logit if the instant says so
+  bool flat = false;  // does not fade; whether it is shown is not for here
 };
 
 // Derivatives of a scalar by the attributes.
@@ -43,6 +44,7 @@ L4D_HOST_DEVICE inline Gaussian4D<T> read_gaussian(const l4d_gaussians& g, size_
   for (size_t k = 0; k < 4; ++k) out.log_scale[k] = static_cast<T>(g.log_scale[4 * i + k]);
   for (size_t k = 0; k < 8; ++k) out.rotor[k] = static_cast<T>(g.rotor[8 * i + k]);
   out.opacity = static_cast<T>(g.opacity[i]);
+  out.flat = window_of(g, i).is_flat();
   return out;
 }
 
@@ -81,8 +83,8 @@ L4D_HOST_DEVICE Slice3D<T> slice_at(const Gaussian4D<T>& g, const Instant<T>& in
   Slice3D<T> out;
   for (int i = 0; i < 3; ++i) out.position[i] = g.position[i] + s.velocity[i] * elapsed;
   for (int k = 0; k < 6; ++k) out.covariance[k] = s.covariance[k];
-  out.opacity = linear_opacity(g, instant) * falloff(s.lambda, dt);
-  out.visible = is_visible(s.lambda, dt);
+  out.opacity = linear_opacity(g, instant) * (g.flat ? 1 : falloff(s.lambda, dt));
+  out.visible = g.flat || is_visible(s.lambda, dt);
   return out;
 }
 
@@ -176,11 +178,11 @@ L4D_HOST_DEVICE Gradient4D<T> slice_gradient(const Gaussian4D<T>& g, const Insta
   // opacity(t) = opacity falloff
   const T dt = instant.time - g.mean_t;
   const T linear = linear_opacity(g, instant);
-  const T left = falloff(lambda, dt);
+  const T left = g.flat ? 1 : falloff(lambda, dt);
   out.opacity = gradient.opacity * left;
   // 1 - opacity of a large logit would be nothing but rounding.
   if (instant.logit) out.opacity *= linear / (1 + std::exp(g.opacity));
-  const T shown = gradient.opacity * linear * left;
+  const T shown = g.flat ? 0 : gradient.opacity * linear * left;
   out.mean_t = shown * lambda * dt;
   const T by_lambda = clamped ? 0 : -shown * (dt * dt) / 2;
 
