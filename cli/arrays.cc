@@ -45,7 +45,7 @@ void Array::make_little_endian() {
 }
 
 size_t Array::element_bytes() const {
-  return type == "u8" ? 1 : type == "u16" ? 2 : type == "f32" ? 4 : 8;
+  return type == "u8" ? 1 : type == "u16" ? 2 : type == "f32" || type == "u32" ? 4 : 8;
 }
 
 uint64_t Array::num_elements() const {

@@ -15,7 +15,7 @@ namespace l4d::cli {
 // The little-endian numbers of an array, rows one after the other.
 struct Array {
   std::string name;
-  std::string type;  // f32, f64, u8, u16, u64
+  std::string type;  // f32, f64, u8, u16, u32, u64
   std::vector<uint64_t> shape;
   std::shared_ptr<void> owner;  // of `data`
   unsigned char* data = nullptr;

@@ -94,7 +94,8 @@ Arrays decode_attributes(Context& context, const DecoderHandle& decoder, const l
   Collector collector(context, decoder, query);
   const uint64_t n = collector.num_selected();
   // position, mean_t twice and once as double, log_scale, rotor, opacity
-  collector.hold((3 + 2 + 2 + 4 + 8 + 1 + 3 * coefficients) * sizeof(float));
+  const bool windows = (info.tools & L4D_TOOL_FLAT_WINDOWS) != 0;
+  collector.hold((3 + 2 + 2 + 4 + 8 + 1 + 3 * coefficients + (windows ? 2 : 0)) * sizeof(float));
   collector.out.form = "attributes";
   l4d_gaussian_buffers buffers;
   l4d_gaussian_buffers_init(&buffers);
@@ -107,6 +108,7 @@ Arrays decode_attributes(Context& context, const DecoderHandle& decoder, const l
   buffers.rotor = collector.add<float>("rotor", "f32", {n, 8});
   buffers.opacity = collector.add<float>("opacity", "f32", {n});
   buffers.sh = collector.add<float>("sh", "f32", {n, coefficients, 3});
+  if (windows) buffers.window = collector.add<uint32_t>("window", "u32", {n, 2});
   buffers.spans = collector.spans.data();
   buffers.span_capacity = collector.spans.size();
   // Exact mean times make the host decode: a device decodes the rest by itself.
@@ -137,7 +139,8 @@ Arrays decode_packed(Context& context, const DecoderHandle& decoder, const l4d_q
   const uint64_t dims[] = {uint64_t{3} * (info.sh_degree + 1) * (info.sh_degree + 1), 4, 4, 4};
   Collector collector(context, decoder, query);
   const uint64_t n = collector.num_selected();
-  uint64_t bytes = 6 * sizeof(uint16_t);
+  const bool windows = (info.tools & L4D_TOOL_FLAT_WINDOWS) != 0;
+  uint64_t bytes = 6 * sizeof(uint16_t) + (windows ? 2 * sizeof(uint32_t) : 0);
   for (size_t c = 0; c < stages.size(); ++c) bytes += 1 + stages[c] * sizeof(uint16_t);
   collector.hold(bytes);
   collector.out.form = "packed";
@@ -148,6 +151,7 @@ Arrays decode_packed(Context& context, const DecoderHandle& decoder, const l4d_q
   buffers.mean_t = collector.add<uint16_t>("mean_t", "u16", {n});
   buffers.opacity = collector.add<uint16_t>("opacity", "u16", {n});
   buffers.scale_factor = collector.add<uint16_t>("scale_factor", "u16", {n});
+  if (windows) buffers.window = collector.add<uint32_t>("window", "u32", {n, 2});
   for (size_t c = 0; c < stages.size(); ++c) {
     const std::string name = kNames[c];
     buffers.component[c].depth = collector.add<uint8_t>(name + ".depth", "u8", {n});

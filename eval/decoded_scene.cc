@@ -30,7 +30,8 @@ DecodedScene decode_scene(const DecoderHandle& decoder, const l4d_query* query,
   const l4d_info info = decoder.info();
   const l4d_query& wanted = query != nullptr ? *query : all;
   // All attributes, and mean times once more and as double.
-  const uint64_t numbers = numbers_per_gaussian(info.sh_degree) + 3;
+  const uint64_t windows = (info.tools & L4D_TOOL_FLAT_WINDOWS) != 0 ? 2 : 0;
+  const uint64_t numbers = numbers_per_gaussian(info.sh_degree) + 3 + windows;
   const l4d_selection selection = decoder.select(wanted);
   DecodedScene loaded;
   loaded.memory = hold(holder,

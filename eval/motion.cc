@@ -34,7 +34,20 @@ Motion motion_of(const io::Scene& scene, size_t index, double mean_t) {
   m.anchor = (scene.flags & L4D_POSITION_AT_MEAN_TIME) != 0
                  ? m.mean_t
                  : reference_time(scene.timeline, m.mean_t);
+  const FrameWindow window = window_in(scene, index);
+  if (window.is_flat()) {
+    m.lambda = 0;
+    m.mean_t = window_middle(scene.timeline, window);
+    m.sigma_t =
+        (time_of_frame(scene.timeline, window.end) - time_of_frame(scene.timeline, window.begin)) /
+        (2 * kVisibleSigmas);
+  }
   return m;
+}
+
+FrameWindow window_in(const io::Scene& scene, size_t index) {
+  if (scene.window.empty()) return {};
+  return {scene.window[2 * index], scene.window[2 * index + 1]};
 }
 
 double linear_opacity(const io::Scene& scene, size_t index) {

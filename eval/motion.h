@@ -6,15 +6,17 @@
 
 #include "io/rotor_math.h"
 #include "io/scene.h"
+#include "libl4dcodec/scene/window.h"
 
 namespace l4d::eval {
 
 // What a Gaussian does over time, in double precision, so that comparing two of them adds no error
 // of its own.
 struct Motion {
-  io::Vec3 position;                 // at `anchor`
-  io::Vec3 velocity;                 // scene units per second
-  double anchor;                     // seconds
+  io::Vec3 position;  // at `anchor`
+  io::Vec3 velocity;  // scene units per second
+  double anchor;      // seconds
+  // Of a flat window: its middle, a quarter of its half, and 0: it fills its visible span.
   double mean_t;                     // seconds
   double sigma_t;                    // seconds
   double lambda;                     // 1 / sigma_t^2
@@ -25,6 +27,8 @@ struct Motion {
 Motion motion_of(const io::Scene& scene, size_t index);
 // With a mean time that the scene holds rounded.
 Motion motion_of(const io::Scene& scene, size_t index, double mean_t);
+
+FrameWindow window_in(const io::Scene& scene, size_t index);
 
 // Opacity in [0, 1], whatever form the scene holds it in.
 double linear_opacity(const io::Scene& scene, size_t index);

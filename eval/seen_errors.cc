@@ -48,6 +48,7 @@ double distance(const Motion& a, const Motion& b, double t) {
 }
 
 double opacity_at(const Motion& m, double opacity, double t) {
+  if (m.lambda == 0) return std::fabs(t - m.mean_t) <= kVisibleSigmas * m.sigma_t ? opacity : 0;
   return opacity * visible_falloff(m.lambda, t - m.mean_t);
 }
 
@@ -82,7 +83,9 @@ SeenErrors seen_errors(const Motion& a, double opacity_a, const Motion& b, doubl
                        double begin, double end, double min_size) {
   SeenErrors out;
   const double nearest = std::clamp(a.mean_t, begin, end) - a.mean_t;
-  const double half = std::sqrt(nearest * nearest + 2 * std::log(2.0) * a.sigma_t * a.sigma_t);
+  const double half =
+      a.lambda == 0 ? kVisibleSigmas * a.sigma_t
+                    : std::sqrt(nearest * nearest + 2 * std::log(2.0) * a.sigma_t * a.sigma_t);
   const auto sizes = eigenvalues(full(a.covariance, 0));
   const double largest = std::sqrt(std::max(0.0, *std::max_element(sizes.begin(), sizes.end())));
   const double size = std::max({largest, min_size, 1e-30});

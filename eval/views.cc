@@ -36,11 +36,14 @@ io::Scene instant_of(const io::Scene& scene, double seconds) {
   io::Scene instant;
   instant.timeline = scene.timeline;
   instant.placement = scene.placement;
+  const uint32_t frame = frame_of_time(scene.timeline, seconds);
   for (size_t i = 0; i < scene.count(); ++i) {
     const Motion motion = motion_of(scene, i);
+    const FrameWindow window = window_in(scene, i);
+    const double part = window.is_flat() ? (window.holds(frame) ? 1.0 : 0.0)
+                                         : falloff(motion.lambda, seconds - motion.mean_t);
     for (const double p : motion.at(seconds)) instant.position.push_back(static_cast<float>(p));
-    instant.opacity.push_back(static_cast<float>(linear_opacity(scene, i) *
-                                                 falloff(motion.lambda, seconds - motion.mean_t)));
+    instant.opacity.push_back(static_cast<float>(linear_opacity(scene, i) * part));
   }
   instant.mean_t.resize(scene.count());
   return instant;

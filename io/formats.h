@@ -50,10 +50,10 @@ struct SynthOptions {
   uint64_t seed = 1;
   // Gaussians of the room, for scenes that differ in length alone; 0 = a fixed share of all.
   uint64_t static_gaussians = 0;
-  // Subset of: static, rigid, deform, flicker, appear, view. Empty = all of them.
+  // Subset of: static, rigid, deform, flicker, appear, view, frames. Empty = all but the last.
   std::vector<std::string> effects;
 };
-extern const std::array<const char*, 6> kSynthEffects;
+extern const std::array<const char*, 7> kSynthEffects;
 Scene synthesize(const SynthOptions& options);
 
 }  // namespace l4d::io

@@ -44,6 +44,7 @@ std::vector<float> visible_positions(const Scene& scene) {
   if ((scene.flags & L4D_POSITION_AT_MEAN_TIME) != 0) {
     moved.mean_t = scene.mean_t;
     moved.mean_t_double = scene.mean_t_double;
+    moved.window = scene.window;
     moved.log_scale = scene.log_scale;
     moved.rotor = scene.rotor;
     positions_to_reference_time(moved);

@@ -72,6 +72,16 @@ void note_coarse_times(Scene& scene) {
   scene.notes.push_back(text);
 }
 
+// To whole frames. What is no frame of the format stays invalid, for the encoder to name or drop.
+void set_windows(const std::vector<float>& frames, Scene& scene) {
+  if (std::all_of(frames.begin(), frames.end(), [](float f) { return f == 0; })) return;
+  constexpr uint32_t kNoFrame = 0xffffffff;
+  for (const float f : frames) {
+    const bool valid = f >= 0 && f <= static_cast<float>(L4D_MAX_FRAMES);
+    scene.window.push_back(valid ? static_cast<uint32_t>(std::floor(f + 0.5f)) : kNoFrame);
+  }
+}
+
 }  // namespace
 
 Scene read_l4d_ply(PlyReader& reader, const ImportOptions& options) {
@@ -93,7 +103,13 @@ Scene read_l4d_ply(PlyReader& reader, const ImportOptions& options) {
   columns.add_indexed("rotor", 8, scene.rotor.data(), 8);
   columns.add("opacity", scene.opacity.data(), 0, 1);
   columns.add_sh(scene);
+  std::vector<float> windows(reader.element().has("window_begin") ? 2 * scene.count() : 0);
+  if (!windows.empty()) {
+    columns.add("window_begin", windows.data(), 0, 2);
+    columns.add("window_end", windows.data(), 1, 2);
+  }
   columns.read();
+  set_windows(windows, scene);
   note_coarse_times(scene);
   return scene;
 }

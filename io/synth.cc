@@ -10,8 +10,8 @@
 
 namespace l4d::io {
 
-const std::array<const char*, 6> kSynthEffects = {"static",  "rigid",  "deform",
-                                                  "flicker", "appear", "view"};
+const std::array<const char*, 7> kSynthEffects = {"static", "rigid", "deform", "flicker",
+                                                  "appear", "view",  "frames"};
 
 namespace {
 
@@ -130,6 +130,7 @@ void put_particle(const Particle& p, Scene& scene, size_t i) {
     stored_scale[k] = synth::exp(static_cast<double>(scene.log_scale[4 * i + k]));
   }
   scene.mean_t[i] = static_cast<float>(p.mean_t);
+  if (!scene.window.empty()) std::copy_n(p.window, 2, &scene.window[2 * i]);
   scene.opacity[i] = static_cast<float>(p.opacity_logit);
   // From the stored values: a mean time far from the sequence is a long lever, and the Gaussian has
   // to be in its place when it is seen.
@@ -153,7 +154,8 @@ struct Effects {
 
 Effects parse_effects(const std::vector<std::string>& names) {
   Effects effects;
-  if (names.empty()) std::fill(std::begin(effects.on), std::end(effects.on), true);
+  // All but the last, which shows its Gaussians in another way.
+  if (names.empty()) std::fill(std::begin(effects.on), std::end(effects.on) - 1, true);
   for (const std::string& name : names) {
     const auto found = std::find(kSynthEffects.begin(), kSynthEffects.end(), name);
     if (found == kSynthEffects.end()) {
@@ -162,7 +164,8 @@ Effects parse_effects(const std::vector<std::string>& names) {
     effects.on[found - kSynthEffects.begin()] = true;
   }
   // A scene needs some geometry to have colours on.
-  if (!std::any_of(effects.on, effects.on + 5, [](bool on) { return on; })) effects.on[0] = true;
+  const bool any_part = std::any_of(effects.on, effects.on + 5, [](bool on) { return on; });
+  if (!any_part && !effects["frames"]) effects.on[0] = true;
   return effects;
 }
 
@@ -176,7 +179,8 @@ constexpr Portion kPortions[] = {{"static", 0.75, synth::make_room},
                                  {"rigid", 0.11, synth::make_rigid_objects},
                                  {"deform", 0.07, synth::make_deforming_sheets},
                                  {"flicker", 0.02, synth::make_flickering_lamps},
-                                 {"appear", 0.05, synth::make_appearing_objects}};
+                                 {"appear", 0.05, synth::make_appearing_objects},
+                                 {"frames", 0.5, synth::make_frames}};
 
 // Where the Gaussians of each portion end. Without a number of their own, static ones take a share
 // like the others.
@@ -229,8 +233,10 @@ Scene synthesize(const SynthOptions& options) {
   setting.seed = options.seed;
   setting.begin = scene.timeline.time_begin;
   setting.seconds = duration(scene.timeline);
+  setting.frames = scene.timeline.num_frames;
   setting.motion = effects["rigid"] || effects["deform"];
   setting.temporal = setting.motion || effects["flicker"] || effects["appear"];
+  if (effects["frames"]) scene.window.resize(2 * scene.count());
 
   const std::array<uint64_t, std::size(kPortions)> ends = portion_ends(effects, options);
   uint64_t first = 0;

@@ -272,6 +272,37 @@ class AppearingObjects final : public Part {
   Setting setting_;
 };
 
+// ---- an object that is made anew in every frame, as pipelines make it that train frame by frame
+// ----
+class Frames final : public Part {
+ public:
+  explicit Frames(const Setting& setting) : setting_(setting) {}
+
+  Particle particle(uint64_t i, uint64_t count) const override {
+    const Share part = share(i, count, setting_.frames);
+    const double frame = static_cast<double>(part.slot);
+    const double seconds = setting_.seconds / setting_.frames;
+    Rng object(setting_.seed, 75, 0);
+    const Ellipsoid shape(object, 0.25, 0.5);
+    const double turns = 0.5 * frame * seconds;
+
+    Rng rng(setting_.seed, 76, i);
+    Particle p;
+    shape.place(rng, setting_.seed, 4000,
+                std::max<uint64_t>(count / std::max<uint32_t>(setting_.frames, 1), 1), p);
+    p.position = add(p.position, {sin_turns(turns), 1 + 0.3 * cos_turns(turns), 0});
+    p.mean_t = setting_.begin + (frame + 0.5) * seconds;
+    p.time = p.mean_t;
+    p.opacity_logit = trained_opacity_logit(rng);
+    p.window[0] = static_cast<uint32_t>(part.slot);
+    p.window[1] = p.window[0] + 1;
+    return p;
+  }
+
+ private:
+  Setting setting_;
+};
+
 }  // namespace
 
 std::unique_ptr<Part> make_rigid_objects(const Setting& setting) {
@@ -285,6 +316,9 @@ std::unique_ptr<Part> make_flickering_lamps(const Setting& setting) {
 }
 std::unique_ptr<Part> make_appearing_objects(const Setting& setting) {
   return std::make_unique<AppearingObjects>(setting);
+}
+std::unique_ptr<Part> make_frames(const Setting& setting) {
+  return std::make_unique<Frames>(setting);
 }
 
 }  // namespace l4d::io::synth

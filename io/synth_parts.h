@@ -21,6 +21,7 @@ struct Particle {
   Vec3 normal{0, 1, 0};
   double gloss = 0;
   double opacity_logit = 0;
+  uint32_t window[2] = {0, 0};  // frames; 0, 0: it fades around mean_t
 };
 
 struct Setting {
@@ -29,6 +30,7 @@ struct Setting {
   double seconds = 0;     // its length
   bool temporal = false;  // something in the scene comes and goes
   bool motion = false;    // something moves
+  uint32_t frames = 1;    // in the sequence
 };
 
 // Gaussian `i` of the `count` of one part.
@@ -43,6 +45,7 @@ std::unique_ptr<Part> make_rigid_objects(const Setting& setting);
 std::unique_ptr<Part> make_deforming_sheets(const Setting& setting);
 std::unique_ptr<Part> make_flickering_lamps(const Setting& setting);
 std::unique_ptr<Part> make_appearing_objects(const Setting& setting);
+std::unique_ptr<Part> make_frames(const Setting& setting);
 
 // ---- what parts share ----
 

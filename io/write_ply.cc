@@ -126,6 +126,8 @@ void write_l4d_ply(const std::string& path, const Scene& scene) {
   names.push_back("opacity");
   append_indexed(names, "f_dc_", 3);
   append_indexed(names, "f_rest_", 3 * (coefficients - 1));
+  const bool windows = !scene.window.empty();
+  if (windows) names.insert(names.end(), {"window_begin", "window_end"});
 
   PlyWriter writer(path, comments, scene.count(), names);
   for (size_t i = 0; i < scene.count(); ++i) {
@@ -140,12 +142,18 @@ void write_l4d_ply(const std::string& path, const Scene& scene) {
     out = std::copy_n(&scene.rotor[8 * i], 8, out);
     *out++ = scene.opacity[i];
     const float* sh = &scene.sh[3 * coefficients * i];
-    put_sh_rest(sh, coefficients, std::copy_n(sh, 3, out));
+    out = put_sh_rest(sh, coefficients, std::copy_n(sh, 3, out));
+    // float32 holds every number of a frame.
+    for (size_t k = 0; windows && k < 2; ++k) *out++ = static_cast<float>(scene.window[2 * i + k]);
   }
   writer.finish();
 }
 
 void write_ftgs_ply(const std::string& path, const Scene& source) {
+  if (!source.window.empty()) {
+    throw Error(L4D_ERR_FEATURE_UNSUPPORTED,
+                path + ": ftgs_ply has no flat windows; write l4d_ply");
+  }
   Scene scene = source;
   positions_to_mean_time(scene);
   opacity_to_logit(scene);

@@ -38,7 +38,8 @@ constexpr Tool kTools[] = {{L4D_TOOL_MOTION, "motion"},
                            {L4D_TOOL_LOSSLESS, "lossless"},
                            {L4D_TOOL_TRANSFORM, "transform"},
                            {L4D_TOOL_RANS, "rans"},
-                           {L4D_TOOL_SH_BASE, "sh-base"}};
+                           {L4D_TOOL_SH_BASE, "sh-base"},
+                           {L4D_TOOL_FLAT_WINDOWS, "flat-windows"}};
 
 std::vector<l4d_layer_info> read_layers(const SceneStream& stream) {
   std::vector<l4d_layer_info> layers;
@@ -57,7 +58,7 @@ std::string reason(uint32_t tool, const l4d_info& info, const std::vector<l4d_la
     case L4D_TOOL_MOTION:
       return share + "have temporal rotors";
     case L4D_TOOL_TEMPORAL_OPACITY:
-      return share + "have mean times and temporal scales";
+      return share + "have mean times or windows";
     case L4D_TOOL_VIEW_DEPENDENCE:
       return format("SH degree %u", info.sh_degree);
     case L4D_TOOL_RESIDUAL_STAGES: {
@@ -82,6 +83,8 @@ std::string reason(uint32_t tool, const l4d_info& info, const std::vector<l4d_la
       return share + "code pages by rANS, with a model of each column";
     case L4D_TOOL_SH_BASE:
       return "base colours come first, and large pages have SH detail apart";
+    case L4D_TOOL_FLAT_WINDOWS:
+      return share + "show each Gaussian in a range of frames, without falloff";
     default:
       return "attributes are raw float32";
   }
@@ -228,17 +231,22 @@ std::string scalable_table(const std::vector<Tier>& tiers, uint64_t file_bytes) 
   return text;
 }
 
+const char* temporal_kind(const l4d_layer_info& layer) {
+  if (layer.permanent != 0) return "  permanent";
+  return (layer.tools & L4D_TOOL_FLAT_WINDOWS) != 0 ? "  flat windows" : "";
+}
+
 std::string layer_table(const std::vector<l4d_layer_info>& layers,
                         const std::vector<uint64_t>& layer_bytes) {
   std::string text = format("\n%-6s %-6s %10s %12s %12s %12s %12s\n", "layer", "level", "buckets",
                             "bucket", "gaussians", "bytes", "codebooks");
   for (size_t l = 0; l < layers.size(); ++l) {
     const l4d_layer_info& layer = layers[l];
-    text += format(
-        "%-6u %-6u %10s %12s %12s %12s %12s%s\n", layer.index, layer.level,
-        format_count(layer.num_buckets).c_str(), (format_number(layer.bucket_width) + " s").c_str(),
-        format_count(layer.num_gaussians).c_str(), format_count(layer_bytes[l]).c_str(),
-        format_count(layer.codebook_bytes).c_str(), layer.permanent != 0 ? "  permanent" : "");
+    text += format("%-6u %-6u %10s %12s %12s %12s %12s%s\n", layer.index, layer.level,
+                   format_count(layer.num_buckets).c_str(),
+                   (format_number(layer.bucket_width) + " s").c_str(),
+                   format_count(layer.num_gaussians).c_str(), format_count(layer_bytes[l]).c_str(),
+                   format_count(layer.codebook_bytes).c_str(), temporal_kind(layer));
   }
   // Once for all neighbours that are coded alike.
   for (size_t first = 0, end; first < layers.size(); first = end) {

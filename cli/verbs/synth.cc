@@ -71,7 +71,7 @@ Outcome run_synth(Context& context, const SynthArguments& arguments) {
   outcome.json.update(timeline_json(scene.timeline));
   outcome.json["effects"] =
       options.effects.empty()
-          ? Json(std::vector<std::string>(io::kSynthEffects.begin(), io::kSynthEffects.end()))
+          ? Json(std::vector<std::string>(io::kSynthEffects.begin(), io::kSynthEffects.end() - 1))
           : Json(options.effects);
   outcome.json["seed"] = options.seed;
   outcome.json["file_bytes"] = bytes;
