@@ -102,6 +102,10 @@ l4d_status decode(Session& s, const l4d_query& query, std::vector<l4d_bucket_spa
   l4d_selection selection;
   l4d_selection_init(&selection);
   l4d_status status = info_of(s, &info);
+  // The arrays hold no windows; without them all frames would be seen at once.
+  if (status == L4D_OK && (info.tools & L4D_TOOL_FLAT_WINDOWS) != 0) {
+    return L4D_ERR_FEATURE_UNSUPPORTED;
+  }
   if (status == L4D_OK) status = l4d_decoder_select(s.decoder, &query, &selection);
   if (status != L4D_OK) return status;
   const size_t n = static_cast<size_t>(selection.num_gaussians);

@@ -171,7 +171,10 @@ export class Decoder {
     return n && Array.from({length: n.length / 2}, (_, k) => [n[2 * k], n[2 * k + 1]]);
   }
 
-  /** @param {number} layer @param {number} bucket @param {number} detail @returns {Rows | undefined} */
+  /**
+   * Fails with FEATURE_UNSUPPORTED if the stream has flat windows, which rows do not hold.
+   * @param {number} layer @param {number} bucket @param {number} detail @returns {Rows | undefined}
+   */
   rows(layer, bucket, detail) {
     const n = this.#call('rows', layer, bucket, detail);
     if (!n) return undefined;
@@ -209,6 +212,7 @@ export class Decoder {
 
   /**
    * Attributes as the stream has them, of everything or of [begin, end].
+   * Fails with FEATURE_UNSUPPORTED if the stream has flat windows.
    * @param {number} [begin] @param {number} [end] @param {number} [detail]
    * @returns {Record<string, Float32Array> | undefined}
    */

@@ -127,3 +127,22 @@ test('a limit on memory is a status', async () => {
     decoder.slice(0);
   }, {name: 'L4DError', code: 'LIMIT_EXCEEDED'});
 });
+
+test('a stream with flat windows is sliced, and has no rows', async () => {
+  const folder = mkdtempSync(join(tmpdir(), 'l4dweb-'));
+  try {
+    const [ply, name] = [join(folder, 'frames.ply'), join(folder, 'frames.l4d')];
+    execFileSync(tool, ['synth', '-n', '300', '--seconds', '1', '--fps', '30', '--effects', 'frames', '-q', '-o', ply]);
+    execFileSync(tool, ['encode', ply, '-q', '-o', name]);
+    const decoder = await decoderOf(read(name));
+    decoder.open();
+    for (const frame of [0, 7, 29]) assert.equal(decoder.slice(frame / 30)?.count, 10);
+    const [first] = decoder.buckets(0, 0) ?? [];
+    assert.ok(first);
+    const refused = {code: 'FEATURE_UNSUPPORTED'};
+    assert.throws(() => decoder.rows(first.layer, first.bucket, details.full), refused);
+    assert.throws(() => decoder.decode(), refused);
+  } finally {
+    rmSync(folder, {recursive: true});
+  }
+});
