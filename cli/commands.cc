@@ -3,6 +3,7 @@
 
 #include "cli/text/help.h"
 #include "cli/text/units.h"
+#include "cli/verbs/serve.h"
 
 namespace l4d::cli {
 
@@ -48,6 +49,8 @@ CommandLine::CommandLine()
   add_synth(registry);
   add_sign(registry);
   add_keygen(registry);
+  add_serve(registry);
+  add_view(registry);
   add_version(registry);
   for (Verb& verb : registry.verbs) add_common_options(&verb, context.options);
 }

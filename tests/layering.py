@@ -98,6 +98,7 @@ OUTSIDE = {
     "omp.h": {"libl4dcodec/base/threads.h"},
     "Eigen/": {"encoder", "io", "tests", "tests/common", "bench/micro", "bench/accuracy"},
     "png.h": {"io"},
+    "httplib.h": {"cli/http/server.cc"},
     # These two take seconds to compile wherever they are included: the tool sees the parser of command
     # lines through cli/options.h, and JSON through cli/text/json.h.
     "CLI/": {"cli/main.cc", "cli/options.cc", "cli/pages/manual.cc", "cli/text/help.h",

@@ -56,7 +56,7 @@ done
 cp "$wasm" "$out/l4dcodec/src/"
 
 # The player in four files, and a page that shows scene.l4d.
-player=$out/player
+player=$out/player.part
 rm -rf "$player"
 mkdir -p "$player"
 bundle=("$bin/esbuild" --bundle --format=esm --minify --target=es2022 --log-level=warning --legal-comments=none
@@ -65,6 +65,13 @@ bundle=("$bin/esbuild" --bundle --format=esm --minify --target=es2022 --log-leve
 "${bundle[@]}" web/core/src/worker.js "--outfile=$player/worker.js"
 "${bundle[@]}" web/view/src/sort-worker.js "--outfile=$player/sort-worker.js"
 cp "$wasm" web/view/page/index.html "$player/"
+# As it is where nothing has changed, or the tool would be linked anew.
+if ! diff -rq "$player" "$out/player" >/dev/null 2>&1; then
+  rm -rf "$out/player"
+  mv "$player" "$out/player"
+fi
+rm -rf "$player"
+player=$out/player
 for file in player.js worker.js sort-worker.js; do
   echo "$file: $(wc -c <"$player/$file") bytes, $(gzip -9c "$player/$file" | wc -c) with gzip -9"
 done

@@ -102,7 +102,7 @@ ManualVerb verb_of(const CLI::App& app, const CLI::App& verb) {
   for (const CLI::Option* option : verb.get_options()) {
     if (option->get_positional()) {
       result.positionals.emplace_back(option->get_name(true), squeeze(option->get_description()));
-    } else if (!is_common(app, *option)) {
+    } else if (!option->get_group().empty() && !is_common(app, *option)) {
       const std::string group = option->get_group();
       add_option(option_of(*option), group == "Options" ? "" : group, &result.groups);
     }

@@ -78,7 +78,7 @@ bash -n "$bash"
 expect_words "${verbs[*]} help" ''
 expect_words 'encode' enc
 expect_words '--help --version' --
-expect_words 'validate version' help v
+expect_words 'validate version view' help v
 for verb in "${verbs[@]}"; do
   expect_words "$(options_of "$verb" | paste -s -d ' ')" "$verb" -
 done

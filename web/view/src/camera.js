@@ -74,6 +74,17 @@ export class OrbitCamera {
     return [right, cross(forward, right), forward];
   }
 
+  /** Looks from `eye` at `target`. @param {Vec3} eye @param {Vec3} target */
+  lookAt(eye, target) {
+    const toward = madd(target, -1, eye);
+    const [east, north, up] = this.#ground();
+    const forward = unit(toward);
+    this.target = [...target];
+    this.distance = Math.hypot(...toward);
+    this.pitch = Math.asin(Math.min(Math.max(-dot(forward, up), -1), 1));
+    this.yaw = Math.atan2(dot(forward, east), dot(forward, north));
+  }
+
   /** @returns {Vec3} */
   eye() { return madd(this.target, -this.distance, this.axes()[2]); }
 

@@ -49,7 +49,7 @@ export const overlayLines = (movie, view, fps) => {
   const {bytes, throughput, lost, memoryBytes} = movie.statistics;
   const number = (/** @type {number} */ v, /** @type {number} */ digits = 0) => v.toFixed(digits);
   return [
-    ['frames', `${number(fps)} /s`],
+    ['frames', movie.paused && fps < 1 ? 'paused' : `${number(fps)} /s`],
     ['splats', Math.round(view.stats.visible).toLocaleString('en')],
     ['sort, draw', `${number(view.stats.sortMs, 1)}, ${number(view.stats.drawMs, 1)} ms`],
     ['network', throughput > 0 ? `${number(throughput / 1e6, 1)} Mbit/s` : 'local'],

@@ -67,6 +67,9 @@ test('cameras look at their target, and links keep them', () => {
   assert.ok(other.parse(String(camera)));
   assert.ok(Math.abs(other.yaw - camera.yaw) < 1e-3);
   for (const bad of ['', '1,2', '1,2,3,x,5,6,7,8,9', '0,0,0,-1,0,0,0,1,0']) assert.ok(!other.parse(bad), bad);
+  const same = new OrbitCamera();
+  same.lookAt(camera.eye(), camera.target);
+  camera.axes().forEach((axis, i) => axis.forEach((v, k) => assert.ok(Math.abs(v - same.axes()[i][k]) < 1e-9)));
   const eye = camera.eye();
   camera.look(0.2, 0.1);
   assert.ok(Math.hypot(...eye.map((v, k) => v - camera.eye()[k])) < 1e-9);

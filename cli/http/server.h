@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+
+namespace l4d::cli {
+
+struct ServerOptions {
+  std::string folder;  // what lies in it is served, nothing outside, and no name with a leading dot
+  std::string file;    // the only name that is served of it; "" = every one
+  int port = 0;        // 0 = any
+  double megabits = 0;    // a second, of all answers together; 0 = no limit
+  uint32_t delay_ms = 0;  // before each answer
+};
+
+struct ServerCounts {
+  uint64_t requests = 0;
+  uint64_t bytes = 0;  // of files
+};
+
+// An HTTP/1.1 server on 127.0.0.1, for people at this machine: its paths begin with a random token,
+// and requests that name another host are refused, so that pages of others cannot read from it.
+// GET and HEAD; single ranges, ETag and If-Range.
+class Server {
+ public:
+  // Throws a Failure where the port is taken.
+  explicit Server(const ServerOptions& options);
+  ~Server();
+  Server(const Server&) = delete;
+  Server& operator=(const Server&) = delete;
+
+  const std::string& url() const;  // "http://127.0.0.1:PORT/TOKEN/"
+  // Serves until stopped() says so, which is called ten times a second.
+  ServerCounts run(const std::function<bool()>& stopped);
+
+ private:
+  struct Parts;
+  std::unique_ptr<Parts> parts_;
+};
+
+}  // namespace l4d::cli

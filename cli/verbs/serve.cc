@@ -1,0 +1,136 @@
+// SPDX-License-Identifier: Apache-2.0
+// serve and view: files over HTTP to a browser at this machine.
+#include "cli/verbs/serve.h"
+
+#include <fcntl.h>
+#include <spawn.h>
+#include <unistd.h>
+
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <memory>
+
+#include "cli/http/player.h"
+#include "cli/http/server.h"
+#include "cli/text/progress.h"
+#include "cli/text/units.h"
+
+extern char** environ;
+
+namespace l4d::cli {
+namespace {
+
+struct ServeArguments {
+  std::string input;
+  uint32_t port = 0;
+  bool no_browser = false;
+  double rate = 0;
+  uint32_t delay = 0;
+};
+
+void add_server_options(Verb* verb, ServeArguments& arguments) {
+  verb->add_option("--port", arguments.port, "Port to listen at (default: any that is free)")
+      ->type_name("N")
+      ->whole_number(1, 65535);
+  // For tests of players: a slow network.
+  verb->add_option("--rate", arguments.rate, "Mbit/s of all answers together")->group("");
+  verb->add_option("--delay", arguments.delay, "Milliseconds before each answer")
+      ->whole_number(0, 60000)
+      ->group("");
+}
+
+// Where somebody sits at a screen.
+void open_browser(const std::string& url) {
+  if (std::getenv("DISPLAY") == nullptr && std::getenv("WAYLAND_DISPLAY") == nullptr) return;
+  std::string program = "xdg-open", address = url;
+  char* words[] = {program.data(), address.data(), nullptr};
+  posix_spawn_file_actions_t actions;
+  posix_spawn_file_actions_init(&actions);
+  for (const int fd : {STDOUT_FILENO, STDERR_FILENO}) {
+    posix_spawn_file_actions_addopen(&actions, fd, "/dev/null", O_WRONLY, 0);
+  }
+  pid_t child;
+  // Without such a program the address that is printed has to do.
+  (void)posix_spawnp(&child, program.c_str(), &actions, nullptr, words, environ);
+  posix_spawn_file_actions_destroy(&actions);
+}
+
+Outcome run_server(Context& context, const ServeArguments& arguments, ServerOptions options,
+                   const std::string& verb, bool browse) {
+  options.port = static_cast<int>(arguments.port);
+  options.megabits = arguments.rate;
+  options.delay_ms = arguments.delay;
+  Server server(options);
+  // Now, not when it has ended.
+  std::FILE* to = context.options.json ? stderr : stdout;
+  std::fprintf(to, "%s\n", server.url().c_str());
+  std::fflush(to);
+  if (browse) open_browser(server.url());
+  const ServerCounts counts = server.run(interrupted);
+  Outcome outcome;
+  outcome.json = {{"schema", "l4dcodec." + verb + "/1"},
+                  {"input", arguments.input},
+                  {"url", server.url()},
+                  {"requests", counts.requests},
+                  {"bytes", counts.bytes}};
+  outcome.text = format("%s requests, %s\n", format_count(counts.requests).c_str(),
+                        format_bytes(counts.bytes).c_str());
+  return outcome;
+}
+
+Outcome run_serve(Context& context, const ServeArguments& arguments) {
+  std::error_code error;
+  if (!std::filesystem::is_directory(arguments.input, error)) {
+    throw Failure(L4D_ERR_IO, arguments.input + ": not a folder");
+  }
+  ServerOptions options;
+  options.folder = arguments.input;
+  return run_server(context, arguments, options, "serve", false);
+}
+
+Outcome run_view(Context& context, const ServeArguments& arguments) {
+  if (player_files().empty()) {
+    throw Failure(L4D_ERR_FEATURE_UNSUPPORTED,
+                  "the player is not in this build: './dev web' builds it, and then the tool");
+  }
+  context.files.add_input(arguments.input, "the input");
+  l4d::DecoderHandle decoder;
+  about(arguments.input, [&] { decoder.open_file(arguments.input); });
+  const std::filesystem::path path = std::filesystem::canonical(arguments.input);
+  ServerOptions options;
+  options.folder = path.parent_path();
+  options.file = path.filename();
+  return run_server(context, arguments, options, "view", !arguments.no_browser);
+}
+
+}  // namespace
+
+void add_serve(Registry& registry) {
+  auto arguments = std::make_shared<ServeArguments>();
+  Verb* verb = add_verb(registry, "serve", "Serve a folder of streams over HTTP to this machine",
+                        [arguments](Context& context) { return run_serve(context, *arguments); });
+  verb->add_option("folder", arguments->input, "Folder: its .l4d files are listed and played")
+      ->required();
+  add_server_options(verb, *arguments);
+  verb->footer(
+      "Examples:\n"
+      "  l4dcodec serve scenes\n"
+      "Prints the address, whose path is random, and serves until Ctrl-C. Other machines cannot\n"
+      "reach it. This is for trying things out: put files on any web server to publish them.");
+}
+
+void add_view(Registry& registry) {
+  auto arguments = std::make_shared<ServeArguments>();
+  Verb* verb = add_verb(registry, "view", "Play a stream in the browser",
+                        [arguments](Context& context) { return run_view(context, *arguments); });
+  verb->add_option("input", arguments->input, "Scene: .l4d")->required();
+  verb->add_flag("--no-browser", arguments->no_browser, "Only print the address");
+  add_server_options(verb, *arguments);
+  verb->footer(
+      "Examples:\n"
+      "  l4dcodec view scene.l4d\n"
+      "Prints the address, opens it where there is a screen, and serves until Ctrl-C.");
+}
+
+}  // namespace l4d::cli

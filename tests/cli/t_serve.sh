@@ -1,0 +1,234 @@
+# SPDX-License-Identifier: Apache-2.0
+# shellcheck shell=bash
+# serve and view: ranges, conditions, what is refused, and an end by a signal.
+command -v curl > /dev/null || skip "no curl"
+if l4d serve . --port 70000 2> err; then die "no port"; fi
+grep -q "no HTTP server" err && skip "the tool has no HTTP server (./dev setup web)"
+
+make_scene s.ply 3000
+mkdir -p files/inner
+expect 0 encode s.ply -o files/a.l4d
+cp files/a.l4d files/inner/b.l4d
+echo secret > outside.txt
+echo hidden > files/.hidden
+ln -s ../outside.txt files/link.l4d
+ln -s a.l4d files/good.l4d
+mkfifo files/pipe.l4d
+size=$(wc -c < files/a.l4d)
+
+server=
+stop() { [ -z "$server" ] || kill "$server" 2> /dev/null || true; }
+trap stop EXIT
+# start VERB ARGUMENTS...: leaves the address in `url`.
+start() {
+  "$L4DCODEC" "$@" > address 2> err &
+  server=$!
+  for _ in $(seq 200); do
+    [ -s address ] && break
+    sleep 0.05
+  done
+  url=$(head -1 address)
+  case $url in
+    http://127.0.0.1:*/????????????????????????????????/) ;;
+    *) cat err >&2 && die "address '$url'" ;;
+  esac
+}
+# get PATH CURL_OPTIONS...: status in `status`, headers in `head`, the body in `body`.
+get() {
+  local path=$1
+  shift
+  status=$(curl -s --path-as-is --max-time 20 -D headers -o body -w '%{http_code}' "$@" "${url%/}$path")
+  tr -d '\r' < headers > head.text
+}
+expect_status() {
+  [ "$status" = "$1" ] || {
+    cat head.text >&2
+    die "$2: status $status, not $1"
+  }
+}
+
+start serve files
+get /a.l4d
+expect_status 200 "a file"
+cmp body files/a.l4d
+tag=$(sed -n 's/^ETag: //p' head.text)
+expect_text head.text '^Accept-Ranges: bytes$'
+expect_text head.text '^Content-Type: model/l4d$'
+expect_text head.text '^X-Content-Type-Options: nosniff$'
+
+# ranged RANGE BEGIN COUNT: a part, with these bytes.
+ranged() {
+  get /a.l4d -H "Range: bytes=$1"
+  expect_status 206 "$1"
+  expect_text head.text "^Content-Range: bytes $2-$(($2 + $3 - 1))/$size\$"
+  expect_text head.text "^Content-Length: $3\$"
+  tail -c +$(($2 + 1)) files/a.l4d > rest
+  head -c "$3" rest | cmp - body
+}
+ranged 0-0 0 1
+ranged 0-39 0 40
+ranged 100-299 100 200
+ranged "$((size - 5))-" $((size - 5)) 5
+ranged "-7" $((size - 7)) 7
+ranged "-999999999" 0 "$size"
+ranged "10-999999999" 10 $((size - 10))
+# Several are answered with the whole file; what is no range is never answered with a part.
+get /a.l4d -H "Range: bytes=0-1,5-6"
+expect_status 200 "two ranges"
+cmp body files/a.l4d
+for range in x-y 9-3 - 0x1-2 99999999999999999999-; do
+  get /a.l4d -H "Range: bytes=$range"
+  case $status in
+    200) cmp body files/a.l4d ;;
+    416) expect_empty body ;;
+    *) die "$range: status $status" ;;
+  esac
+done
+for range in "$size-" "999999999-9999999999" -0; do
+  get /a.l4d -H "Range: bytes=$range"
+  expect_status 416 "$range"
+  expect_text head.text "^Content-Range: bytes \*/$size\$"
+done
+
+# If-Range: a part of the same file only.
+get /a.l4d -H "Range: bytes=0-9" -H "If-Range: $tag"
+expect_status 206 "the same tag"
+get /a.l4d -H "Range: bytes=0-9" -H 'If-Range: "other"'
+expect_status 200 "another tag"
+touch -d '2001-01-01' files/a.l4d
+get /a.l4d -H "Range: bytes=0-9" -H "If-Range: $tag"
+expect_status 200 "a changed file"
+
+# HEAD has the length and no body.
+curl -s --max-time 20 -I "${url}a.l4d" | tr -d '\r' > head.text
+expect_text head.text '^HTTP/1.1 200'
+expect_text head.text "^Content-Length: $size\$"
+
+# Folders below, links within and the list; nothing else.
+get /inner/b.l4d
+expect_status 200 "a folder below"
+get /good.l4d
+expect_status 200 "a link within"
+get /
+expect_status 200 "the list"
+expect_text body 'a\.l4d'
+for path in /link.l4d /.hidden /../outside.txt /%2e%2e/outside.txt /inner/../../outside.txt /..%2foutside.txt \
+  /..%5coutside.txt //etc/passwd /inner /pipe.l4d /missing /a.l4d%00.txt /play/../../outside.txt /player/../a.l4d; do
+  get "$path"
+  expect_status 404 "$path"
+done
+with_token=$url
+url=${url%/*/}/
+for path in / /a.l4d /00000000000000000000000000000000/a.l4d; do
+  get "$path"
+  expect_status 404 "without the token, $path"
+done
+url=$with_token
+get /a.l4d -H 'Host: evil.example'
+expect_status 403 "another host"
+get /a.l4d -H "Host: localhost:$(echo "$url" | cut -d: -f3 | cut -d/ -f1)"
+expect_status 200 "localhost"
+for method in POST PUT DELETE; do
+  get /a.l4d -X "$method" -d x
+  [ "$status" -ge 400 ] || die "$method: status $status"
+  ! cmp -s body files/a.l4d || die "$method answers"
+done
+
+# Many at a time, while some read slowly.
+for k in 1 2 3 4; do
+  curl -s --max-time 60 --limit-rate 4000 -r 0-7999 -o "slow.$k" "${url}a.l4d" &
+  slow[k]=$!
+done
+for k in $(seq 24); do
+  curl -s --max-time 20 -o "many.$k" "${url}a.l4d" &
+  many[k]=$!
+done
+for k in $(seq 24); do
+  wait "${many[$k]}" || die "one of many: status $?"
+  cmp "many.$k" files/a.l4d
+done
+for k in 1 2 3 4; do
+  wait "${slow[$k]}" || die "a slow one: status $?"
+  head -c 8000 files/a.l4d | cmp - "slow.$k"
+done
+
+# A signal is how it ends, also while somebody has asked and does not read.
+head -c 60000000 /dev/zero > files/large.l4d
+"$PYTHON" - "$url" << 'END' &
+import socket, sys, time
+_, _, where, token = sys.argv[1].rstrip("/").split("/")
+host, port = where.split(":")
+with socket.create_connection((host, int(port))) as s:
+    s.sendall(f"GET /{token}/large.l4d HTTP/1.1\r\nHost: {where}\r\n\r\n".encode())
+    s.recv(1000)
+    open("stalled", "w").close()
+    time.sleep(60)
+END
+reader=$!
+for _ in $(seq 200); do
+  [ -e stalled ] && break
+  sleep 0.05
+done
+[ -e stalled ] || die "no reader that stalls"
+kill -INT "$server"
+wait "$server" || die "exit status $?"
+kill "$reader"
+server=
+rm files/large.l4d
+expect_text address 'requests'
+
+# One document, and the address on stderr from the beginning.
+"$L4DCODEC" serve files --json > out 2> address &
+server=$!
+for _ in $(seq 200); do
+  [ -s address ] && break
+  sleep 0.05
+done
+url=$(head -1 address)
+get /a.l4d
+kill -TERM "$server"
+wait "$server" || die "exit status $?"
+server=
+"$PYTHON" "$ROOT/tests/cli/check_schema.py" "$ROOT/docs/schema" out || die "serve --json"
+expect_json out "d['requests'] == 1 and d['bytes'] == $size and d['url'] == '$url'"
+
+# Slow on demand: 0.2 s before, and 80 kbit take 0.4 s at 0.2 Mbit/s.
+start serve files --delay 200 --rate 0.2
+began=$(date +%s%N)
+get /a.l4d -H 'Range: bytes=0-9999'
+expect_status 206 "a slow range"
+took=$((($(date +%s%N) - began) / 1000000))
+[ "$took" -ge 580 ] || die "took $took ms"
+port=$(echo "$url" | cut -d: -f3 | cut -d/ -f1)
+expect 3 serve files --port "$port"
+expect_text err 'port'
+kill "$server"
+wait "$server" || true
+server=
+
+# view serves one file, with the player where the tool has it.
+expect 3 serve missing
+if l4d view missing.l4d --no-browser 2> err; then die "no such file"; fi
+if grep -q 'not in this build' err; then
+  echo "view is not tested: the tool was built without the player (./dev web)"
+else
+  start view files/a.l4d --no-browser
+  get /
+  expect_status 200 "the page"
+  expect_text body 'l4d-player'
+  expect_text head.text '^Content-Security-Policy: default-src .none'
+  for file in player.js worker.js sort-worker.js l4d.wasm; do
+    get "/player/$file"
+    expect_status 200 "$file"
+  done
+  expect_text head.text '^Content-Type: application/wasm$'
+  get /a.l4d
+  expect_status 200 "the file"
+  for path in /good.l4d /inner/b.l4d; do
+    get "$path"
+    expect_status 404 "another file, $path"
+  done
+  kill "$server"
+  wait "$server" || true
+  server=
+fi
