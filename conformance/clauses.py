@@ -51,7 +51,7 @@ def page(found, tests):
              "Each rule of [the specification](../spec/l4d.md), the vectors of the suite that exercise it, those that",
              "break it, and the number of files of tests that hold it ([their names](../spec/must_table.md)).", "",
              f"{len(musts())} rules. A file can break {len(checkable)} of them, and {len(negative)} have a faulty vector",
-             f"here; {', '.join(sorted(faults.LARGE))} need files of megabytes, which `conformance/limits.py` makes.", "",
+             f"here; {', '.join(sorted(faults.LARGE))} need files of megabytes, which `generate.py --limits` makes.", "",
              "| rule | legal vectors | faulty vectors | tests |", "|---|---|---|---|"]
     for key, _ in musts():
         legal, faulty = found.get(key, ([], []))

@@ -7,6 +7,9 @@
   generate.py --check [--tool L4DCODEC]   exit status 1 and a line for each file that would not come out again
   generate.py --count N [--first SEED] FOLDER
                                           writes N more random legal streams and a suite.json of them
+  generate.py --limits LEVEL[,LEVEL..] FOLDER
+                                          writes streams at each limit of conformance levels and just beyond it,
+                                          which have up to 8 MiB at level 1 and 512 MiB at level 6, and suite.json
 
 Needs the folders spec and conformance/reference beside it.
 """
@@ -23,6 +26,7 @@ sys.path[:0] = [str(HERE / "generate"), str(HERE / "reference"), str(HERE.parent
 import catalogue            # noqa: E402
 import encoded              # noqa: E402
 import faults               # noqa: E402
+import limits               # noqa: E402
 import suite                # noqa: E402
 from catalogue import Vector    # noqa: E402
 from random_stream import RandomScene   # noqa: E402
@@ -33,6 +37,7 @@ def vectors(folder, tool):
     yield from catalogue.core()
     yield from encoded.vectors(folder, tool)
     yield from catalogue.uncommon()
+    yield from limits.small()
     for title, data in faults.faults():
         yield Vector("faulty", faults.slug(title), f"breaks {title}", data, [title.split()[0]],
                      "one edit of a legal stream", title=title)
@@ -78,10 +83,12 @@ def differences(folder, made):
     return out
 
 
-def more(folder, count, first):
-    made = [Vector("random", f"random-{seed}", "all codings in one random scene", RandomScene(seed).build(),
+def more(count, first):
+    return [Vector("random", f"random-{seed}", "all codings in one random scene", RandomScene(seed).build(),
                    made_by=f"random scene, seed {seed}") for seed in range(first, first + count)]
-    entries = entries_of(made)
+
+
+def write_suite(folder, made, entries):
     write(folder, {**{f"vectors/{v.path()}": v.data for v in made},
                    "suite.json": suite.text(suite.document(made, entries)).encode("utf-8")})
 
@@ -92,17 +99,26 @@ def main(arguments):
     parser.add_argument("--check", action="store_true")
     parser.add_argument("--count", type=int)
     parser.add_argument("--first", type=int, default=100000)
+    parser.add_argument("--limits", type=lambda text: [int(word) for word in text.split(",")])
     parser.add_argument("--tool")
     parser.add_argument("folder", nargs="?", type=Path)
     args = parser.parse_args(arguments)
     if args.count is not None:
         if args.folder is None:
             parser.error("--count needs a folder")
-        more(args.folder, args.count, args.first)
+        made = more(args.count, args.first)
+        write_suite(args.folder, made, entries_of(made))
         print(f"{args.count} vectors in {args.folder}")
         return 0
+    if args.limits is not None:
+        if args.folder is None:
+            parser.error("--limits needs a folder")
+        made = list(limits.vectors(args.limits, args.limits))
+        write_suite(args.folder, made, [suite.entry(vector) for vector in made])
+        print(f"{len(made)} vectors in {args.folder}")
+        return 0
     if args.write == args.check:
-        parser.error("one of --write, --check and --count")
+        parser.error("one of --write, --check, --count and --limits")
     made = files(HERE, args.tool)
     if args.write:
         write(HERE, made)

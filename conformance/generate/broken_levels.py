@@ -85,7 +85,7 @@ def burst(n):
     return stream([layer(pages, level=1)], sh=ESCAPES)
 
 
-def memory(num_layers):
+def block_layers(num_layers):
     """Layers with three block codebooks of 3 MiB around the middle of the sequence."""
     layers = []
     row = (1.0, 0.0, 0.0, 0.0)
@@ -97,8 +97,13 @@ def memory(num_layers):
                       bucket=(1 << level) - 2 + b) for b in range(3)]
         blocks = [[(c, 65536, entry) for c in (1, 2, 3)] for _ in range(3)]
         layers.append(layer(pages, level, blocks={0: blocks}, scale=coding, rotor_spatial=coding,
-                            rotor_temporal=coding))
-    return stream(layers, frames=16)
+                            rotor_temporal=coding,
+                            scale_factor={**CONSTANT, "offset": -8.0 - max(level - 4, 0)}))
+    return layers
+
+
+def memory(num_layers):
+    return stream(block_layers(num_layers), frames=16)
 
 
 def declared(profile, level, edit=lambda s: None):

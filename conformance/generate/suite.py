@@ -8,6 +8,7 @@ import json
 import digests
 import faults
 import levels
+import limits
 from arithmetic import Invalid
 from decoder import Decoder, Query
 from header import RAW32, RAW64, TRANSFORM, VQ
@@ -101,7 +102,24 @@ def entry(vector):
     out = {"name": f"{vector.group}/{vector.name}", "file": f"vectors/{vector.path()}", "group": vector.group,
            "about": vector.about, "clauses": vector.clauses, "made_by": vector.made_by, "bytes": len(data),
            "sha256": hashlib.sha256(data).hexdigest()}
+    if vector.group == "limits":
+        return {**out, **limit(vector)}
     return {**out, **(faulty(vector) if vector.group == "faulty" else legal(data, vector.more.get("times", ())))}
+
+
+def limit(vector):
+    """A stream at a limit of a level or beyond it. Only levels are checked here: it may have 8 million Gaussians."""
+    decoder, clause = Decoder(vector.data), vector.clauses[0]
+    broken, found = limits.broken_rule(vector.data), demand(decoder)
+    if broken != (clause if vector.more["beyond"] else None):
+        raise ValueError(f"{vector.name} breaks {broken}")
+    queries = [{"arguments": ["--query", "demand"], "demand": found}]
+    if vector.more["validated"]:
+        verdict = {"refused": [clause], "kinds": ["rule"]} if vector.more["beyond"] else {"valid": True}
+        queries.append({"arguments": ["--query", "validate"], **verdict})
+    return {"profile": found["profile"], "level": found["level"], "features": ["validate"],
+            "limits": {"num_gaussians": int(decoder.header["num_gaussians"]),
+                       "memory_bytes": found["memory_bytes"]}, "queries": queries}
 
 
 def legal(data, times):
