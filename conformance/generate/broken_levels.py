@@ -92,7 +92,7 @@ def block_layers(num_layers):
     coding = {"coding": 2, "escapes": False, "stages": [[row] * 2], "rcq": [row] * 2}
     entry = make_tiny.constant(0, 1) * 2
     for k in range(num_layers):
-        level = 1 + k // 2
+        level = 1 + k // 6
         pages = [page(1, zeros(1), *[make_tiny.constant(0, 16)] * 3, block=b,
                       bucket=(1 << level) - 2 + b) for b in range(3)]
         blocks = [[(c, 65536, entry) for c in (1, 2, 3)] for _ in range(3)]

@@ -8,7 +8,7 @@ import corners
 import make_tiny
 import stream_builder as sb
 from random_coding import transform, vq
-from random_page import F16, FIXED, NONE, RAW32, RAW64, VQ, ZERO
+from random_page import F16, FIXED, NONE, RAW32, RAW64, VQ, WINDOW, ZERO
 from random_stream import RandomScene
 
 ALWAYS = {"version": (1, 0), "flags": 1, "unknown_fields": False, "header_last": False}
@@ -80,6 +80,13 @@ def codings():
     yield "mean-fixed-fine", "mean times of 9 bits with refinements", {}, {**fixed, "mean_t_fine": True}, {}
     yield "mean-raw32", "mean times of binary32", {}, {"mean_t": RAW32}, {}
     yield "mean-raw64", "mean times of binary64", {"time_begin": 1.7e9}, {"mean_t": RAW64}, {}
+    flat = {"mean_t": WINDOW, "window_begin_bits": 6, "window_length_bits": 5, "window_length": 1}
+    yield "window", "flat windows in place of mean times", {}, flat, {}
+    yield "window-rans", "flat windows in rANS pages", {}, flat, {"forms": "rans"}
+    yield "window-and-mean-time", "layers of flat windows beside others", {}, lambda level: (
+        flat if level == 1 else {"permanent": level == 0}), {"levels": [0, 0, 1, 1, 2]}
+    yield "window-of-one-length", "windows of one frame each: lengths of no bits", {}, {
+        **flat, "window_length_bits": 0}, {}
     yield "opacity-constant", "one opacity for all", {"opacity": CONSTANT}, {}, {}
     yield "opacity-clamped", "opacity codes that stand for less than 0 and more than 1", {
         "opacity": SQ(12)}, {}, {}
@@ -136,7 +143,7 @@ def core():
 
 
 CLAUSES_OF = {"sh-transform": ["DEC-7"], "rans-transform": ["DEC-7"], "all-transforms": ["DEC-7"],
-              "mean-none": ["LAYR-2"], "block-codebooks": ["LAYR-2"]}
+              "mean-none": ["LAYR-2"], "window": ["LAYR-2", "LAYR-3"], "block-codebooks": ["LAYR-2"]}
 NUM_MIXED = 60
 
 

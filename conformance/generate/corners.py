@@ -3,7 +3,7 @@
 
 import stream_builder as sb
 from random_coding import transform, vq
-from random_page import FIXED, RAW32
+from random_page import FIXED, RAW32, WINDOW
 
 MANY_FRAMES = {"num_frames": 1 << 24, "fps_num": 30, "fps_den": 1}
 FULL = (1 << 32) - 1
@@ -30,6 +30,14 @@ def corners(plain):
                {"fps_num": FULL, "fps_den": FULL - 4, "num_frames": 7}, levels=[0, 1, 2])
     yield made("one-frame-in-136-years", "frames of 4294967295 seconds", ["HEAD-2"],
                {"fps_num": 1, "fps_den": FULL, "num_frames": 3, "time_begin": -2.0 ** 33}, levels=[0, 1])
+    yield made("windows-of-24-bits", "flat windows among 2^24 frames, whose codes take two columns",
+               ["WIND-1", "WIND-3", "LAYR-3"], MANY_FRAMES,
+               {"mean_t": WINDOW, "window_begin_bits": 24, "window_length_bits": 24, "window_length": 0},
+               levels=[0, 1, 9], forms=None)
+    yield made("windows-far-away", "flat windows at the latest times at which binary64 tells frames apart",
+               ["WIND-2", "LAYR-2"], {"time_begin": 2.0 ** 35, "num_frames": 32, "fps_num": 30},
+               {"mean_t": WINDOW, "window_begin_bits": 6, "window_length_bits": 6, "window_length": 0},
+               levels=[0, 1, 2])
     yield made("empty-layers", "layers without Gaussians between others", ["LAYR-2"],
                layer=lambda level: {}, levels=[0, 0, 1, 1, 2, 2], forms=None, buckets=1)
     yield made("most-layers", "as many layers as 30 frames allow", ["HEAD-6"],
