@@ -182,6 +182,7 @@ Status PageDecoder::collect_failures(const Pages& pages, Batch* batch) {
     const bool detail_only = batch->status[i].ok();
     Status& failure = detail_only ? batch->detail_status[i] : batch->status[i];
     if (failure.ok()) continue;
+    file_.source().distrust();
     if (pages.lost == nullptr || !is_loss(failure)) return std::move(failure);
     pages.lost->push_back({batch->begin + i, std::move(failure), detail_only});
     num_lost += !detail_only;
@@ -196,8 +197,9 @@ Status PageDecoder::for_each_page(const Pages& pages, const Progress& progress,
   Batch batch;
   batch.end = pages.begin;
   while (batch.end < pages.end) {
-    const uint64_t bytes = batch.choose_next(file_.header(), pages.plan, pages.end,
-                                             pages.with_detail(), Batch::kNotes);
+    const uint64_t bytes =
+        batch.choose_next(file_.header(), pages.plan, pages.end, pages.with_detail(),
+                          file_.source().block_bytes(), Batch::kNotes);
     MemoryCharge charge(file_.memory());
     L4D_RETURN_IF_ERROR(charge.take(bytes, "a batch of pages"));
     L4D_RETURN_IF_ERROR(batch.read(file_.source(), pages.lost != nullptr));

@@ -32,8 +32,8 @@ class ChunkReader {
   StreamDecoder& decoder() { return decoder_; }
 
  private:
+  MemoryBudget memory_;  // outlives the source, which charges what it fetches
   ByteSource source_;
-  MemoryBudget memory_;
   StreamDecoder decoder_;
 };
 

@@ -147,6 +147,13 @@ Status DirectoryCache::pages(uint32_t layer, uint32_t first, uint32_t last,
   return {};
 }
 
+bool DirectoryCache::holds(uint32_t layer, uint32_t first, uint32_t last) const {
+  for (uint32_t index = first; index <= last; ++index) {
+    if (cache_.count({layer, index}) == 0) return false;
+  }
+  return true;
+}
+
 Status DirectoryCache::page(uint32_t layer, uint32_t index, DirectoryPageRef* out) {
   std::vector<DirectoryPageRef> one;
   L4D_RETURN_IF_ERROR(pages(layer, index, index, &one));

@@ -39,6 +39,8 @@ class DirectoryCache {
   Status pages(uint32_t layer, uint32_t first, uint32_t last, std::vector<DirectoryPageRef>* out,
                std::vector<Failure>* failures = nullptr);
   Status page(uint32_t layer, uint32_t index, DirectoryPageRef* out);
+  // Whether pages() would read nothing.
+  bool holds(uint32_t layer, uint32_t first, uint32_t last) const;
 
   // Drops all pages where they take more than a budget: what a long playback has passed.
   void trim();

@@ -8,7 +8,7 @@
 namespace l4d {
 
 uint64_t PageBatch::choose_next(const SceneHeader& header, const Plan& plan, size_t last,
-                                bool with_detail, uint64_t notes) {
+                                bool with_detail, uint64_t block_bytes, uint64_t notes) {
   begin = end;
   reads.clear();
   uint64_t bytes = 0;  // stored, decoded and noted
@@ -23,9 +23,18 @@ uint64_t PageBatch::choose_next(const SceneHeader& header, const Plan& plan, siz
     stored += parts;
     reads.add(record, end - begin, with_detail);
   }
-  reads.finish(max_read_gap(plan, with_detail));
+  reads.finish(std::max(max_read_gap(plan, with_detail), block_bytes));
   const uint64_t gaps = reads.bytes() - stored;
   return bytes + gaps + reads.parts().size() * (sizeof(PageChunk) + sizeof(ChunkRun));
+}
+
+bool PageBatch::is_fetched_in_parts(const ByteSource& source, const ChunkRun& run) const {
+  if (source.is_fetched(run.offset, run.bytes)) return false;
+  for (size_t i = run.first; i < run.end; ++i) {
+    const ChunkRef& chunk = reads.parts()[i].chunk;
+    if (!source.is_fetched(chunk.offset, chunk.stored_bytes)) return false;
+  }
+  return true;
 }
 
 void PageBatch::read_chunks(ByteSource& source, const ChunkRun& run) {
@@ -46,6 +55,10 @@ Status PageBatch::read(ByteSource& source, bool tolerant) {
   status.assign(n, Status());
   detail_status.assign(n, Status());
   for (const ChunkRun& run : reads.runs()) {
+    if (source.fetches() && is_fetched_in_parts(source, run)) {
+      read_chunks(source, run);
+      continue;
+    }
     buffers.emplace_back();
     ByteSpan bytes;
     const Status failure = source.read(run.offset, run.bytes, buffers.back(), &bytes);

@@ -17,15 +17,18 @@ struct PageBatch {
   std::vector<ByteSpan> pages, details;       // [end - begin]
   std::vector<Status> status, detail_status;  // [end - begin]
 
-  // Takes pages from where the batch ended, up to `last`, and chooses what to read of them. Returns
-  // what that takes in memory, with `notes` bytes for each page.
+  // Takes pages from where the batch ended, up to `last`, and chooses what to read of them, over
+  // gaps of `block_bytes` at least. Returns what that takes in memory, with `notes` bytes for each
+  // page.
   uint64_t choose_next(const SceneHeader& header, const Plan& plan, size_t last, bool with_detail,
-                       uint64_t notes);
+                       uint64_t block_bytes, uint64_t notes);
   // With `tolerant`, a part that cannot be read does not keep the others from being read: its
   // status tells.
   Status read(ByteSource& source, bool tolerant);
 
  private:
+  // Whether the parts of a run are at hand, but what lies between is not.
+  bool is_fetched_in_parts(const ByteSource& source, const ChunkRun& run) const;
   // The parts of a run that cannot be read as one, each by itself.
   void read_chunks(ByteSource& source, const ChunkRun& run);
 };

@@ -10,9 +10,6 @@
 
 namespace l4d {
 
-// Pages are read in batches, and neighbouring parts in runs, of no more than about this size.
-constexpr uint64_t kMaxReadBytes = uint64_t{32} << 20;
-
 // One of the parts of a page.
 struct PageChunk {
   ChunkRef chunk;

@@ -43,41 +43,75 @@ class QueryReads {
     return {};
   }
 
-  Status add_pages(const Plan& plan) {
-    const SceneHeader& header = file_.header();
+  // Pages and RCQ tables of all tasks, or of those whose span is wanted. joined: in the runs in
+  // which a decoder reads them all.
+  Status add_chunks(const Plan& plan, bool joined, const std::vector<bool>* wanted) {
     const bool with_detail = plan.detail == L4D_DETAIL_FULL;
     MemoryCharge scratch(file_.memory());
     L4D_RETURN_IF_ERROR(scratch.take(2 * plan.tasks.size() * (sizeof(PageChunk) + sizeof(ChunkRun)),
                                      "the reads of a query"));
     PageReads reads;
+    const BlockRecord* last_block = nullptr;
+    for (size_t t = 0; t < plan.tasks.size(); ++t) {
+      const PageTask& task = plan.tasks[t];
+      if (wanted != nullptr && !(*wanted)[task.span]) continue;
+      reads.add(task.record, t, with_detail);
+      const BlockRecord* const block = task.block();
+      if (block == nullptr || block == last_block) continue;
+      last_block = block;
+      for (const RcqTableRef& table : block->tables) {
+        if (table.num_entries > 0) L4D_RETURN_IF_ERROR(add(table.chunk));
+      }
+    }
+    if (joined) {
+      reads.finish(max_read_gap(plan, with_detail));
+      for (const ChunkRun& run : reads.runs()) L4D_RETURN_IF_ERROR(add(run.offset, run.bytes));
+    } else {
+      for (const PageChunk& part : reads.parts()) L4D_RETURN_IF_ERROR(add(part.chunk));
+    }
+    return {};
+  }
+
+  // Codebooks and entropy tables that the pages of a plan are decoded with.
+  Status add_tables_of(const Plan& plan) {
+    const SceneHeader& header = file_.header();
     // Of each layer: whether pages of it are read, and whether some are coded by rANS.
     std::vector<bool> has_pages(header.layers.size()), has_rans(header.layers.size());
     std::vector<bool> has_blocks(header.layers.size());
     const BlockRecord* last_block = nullptr;
-    for (size_t t = 0; t < plan.tasks.size(); ++t) {
-      const PageTask& task = plan.tasks[t];
-      reads.add(task.record, t, with_detail);
+    for (const PageTask& task : plan.tasks) {
       has_pages[task.layer] = true;
       if (is_rans_page(task.record)) has_rans[task.layer] = true;
       const BlockRecord* const block = task.block();
       if (block == nullptr || block == last_block) continue;
       last_block = block;
       for (const RcqTableRef& table : block->tables) {
-        if (table.num_entries == 0) continue;
-        has_blocks[task.layer] = true;
-        L4D_RETURN_IF_ERROR(add(table.chunk));
+        if (table.num_entries > 0) has_blocks[task.layer] = true;
       }
     }
-    reads.finish(max_read_gap(plan, with_detail));
-    for (const ChunkRun& run : reads.runs()) L4D_RETURN_IF_ERROR(add(run.offset, run.bytes));
     if (!plan.tasks.empty()) L4D_RETURN_IF_ERROR(add_codebooks(header.sh, false));
     for (size_t l = 0; l < header.layers.size(); ++l) {
       if (!has_pages[l]) continue;
-      const LayerHeader& layer = header.layers[l];
-      if (has_rans[l] && layer.has_entropy) L4D_RETURN_IF_ERROR(add(layer.entropy));
-      for (unsigned c = L4D_COMPONENT_SCALE; c < L4D_COMPONENT_COUNT; ++c) {
-        L4D_RETURN_IF_ERROR(add_codebooks(layer.component[c], has_blocks[l]));
-      }
+      L4D_RETURN_IF_ERROR(add_tables(header.layers[l], has_rans[l], has_blocks[l]));
+    }
+    return {};
+  }
+
+  // Codebooks and entropy tables of all layers, and page tables of at most so many bytes in all.
+  Status add_stream(uint64_t max_page_table_bytes) {
+    const SceneHeader& header = file_.header();
+    uint64_t page_table_bytes = 0;
+    L4D_RETURN_IF_ERROR(add_codebooks(header.sh, true));
+    for (const LayerHeader& layer : header.layers) {
+      if (layer.num_gaussians == 0) continue;
+      L4D_RETURN_IF_ERROR(add_tables(layer, true, true));
+      page_table_bytes += uint64_t{num_directory_pages(layer)} * PageTableEntry::kBytes;
+    }
+    if (page_table_bytes > max_page_table_bytes) return {};
+    for (const LayerHeader& layer : header.layers) {
+      if (layer.num_gaussians == 0) continue;
+      const uint64_t bytes = uint64_t{num_directory_pages(layer)} * PageTableEntry::kBytes;
+      L4D_RETURN_IF_ERROR(add(layer.page_table_offset, bytes));
     }
     return {};
   }
@@ -130,6 +164,13 @@ class QueryReads {
     return {};
   }
 
+  Status add_tables(const LayerHeader& layer, bool with_entropy, bool with_residual) {
+    if (with_entropy && layer.has_entropy) L4D_RETURN_IF_ERROR(add(layer.entropy));
+    for (unsigned c = L4D_COMPONENT_SCALE; c < L4D_COMPONENT_COUNT; ++c) {
+      L4D_RETURN_IF_ERROR(add_codebooks(layer.component[c], with_residual));
+    }
+    return {};
+  }
   Status add_codebooks(const ComponentCoding& coding, bool with_residual) {
     for (unsigned s = 0; s < coding.num_codebooks(); ++s) {
       L4D_RETURN_IF_ERROR(add(coding.codebook(s).codebook));
@@ -172,10 +213,36 @@ Status find_query_reads(SceneFile& file, const l4d_query& query, uint32_t step, 
   if (step >= L4D_READS_ALL) {
     Plan plan;
     L4D_RETURN_IF_ERROR(make_plan(file, query, losses, &plan));
-    L4D_RETURN_IF_ERROR(reads.add_pages(plan));
+    L4D_RETURN_IF_ERROR(reads.add_chunks(plan, true, nullptr));
+    L4D_RETURN_IF_ERROR(reads.add_tables_of(plan));
   }
   reads.finish();
   return {};
+}
+
+Status find_table_reads(SceneFile& file, uint64_t max_page_table_bytes,
+                        std::vector<l4d_byte_range>* out) {
+  out->clear();
+  return QueryReads(file, out).add_stream(max_page_table_bytes);
+}
+
+Status find_directory_reads(SceneFile& file, const QueryBuckets& buckets,
+                            std::vector<l4d_byte_range>* out) {
+  out->clear();
+  QueryReads reads(file, out);
+  L4D_RETURN_IF_ERROR(reads.add_page_tables(buckets));
+  return reads.add_directory(buckets, true);
+}
+
+Status find_chunk_reads(SceneFile& file, const Plan& plan, const std::vector<bool>& wanted,
+                        std::vector<l4d_byte_range>* out) {
+  out->clear();
+  return QueryReads(file, out).add_chunks(plan, false, &wanted);
+}
+
+Status find_plan_table_reads(SceneFile& file, const Plan& plan, std::vector<l4d_byte_range>* out) {
+  out->clear();
+  return QueryReads(file, out).add_tables_of(plan);
 }
 
 }  // namespace l4d

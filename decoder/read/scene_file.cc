@@ -18,7 +18,10 @@ SceneFile::SceneFile(ByteSource source, const l4d_decoder_options& limits,
 Status SceneFile::open() {
   Bytes storage;
   ByteSpan bytes;
-  const uint64_t head = std::min<uint64_t>(reader_.source().size(), FileHeader::kBytes);
+  const uint64_t size = reader_.source().size();
+  reader_.source().fetch({{0, std::min(size, reader_.source().block_bytes())}}, FetchedFor::kStream,
+                         reader_.memory());
+  const uint64_t head = std::min<uint64_t>(size, FileHeader::kBytes);
   L4D_RETURN_IF_ERROR(reader_.source().read(0, head, storage, &bytes));
   L4D_RETURN_IF_ERROR(FileHeader::parse(bytes, &file_header_));
   L4D_RETURN_IF_ERROR(reader_.memory().charge(file_header_.header_bytes, "the scene header"));
@@ -43,6 +46,7 @@ Status SceneFile::open() {
 }
 
 void SceneFile::begin_query() {
+  reader_.source().begin_query();
   trim();
   retry();
 }

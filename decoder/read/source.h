@@ -2,12 +2,18 @@
 #pragma once
 
 #include <cstdint>
+#include <vector>
 
-#include "l4d/l4d.h"
+#include "decoder/read/fetched_bytes.h"
+#include "l4d/decode.h"
 #include "libl4dcodec/base/bytes.h"
+#include "libl4dcodec/base/memory.h"
 #include "libl4dcodec/base/status.h"
 
 namespace l4d {
+
+// Neighbouring parts of a file are read in runs of no more than about this size.
+constexpr uint64_t kMaxReadBytes = uint64_t{32} << 20;
 
 // The bytes of a stream: host memory (no copy) or a reader callback. Counts what it reads.
 class ByteSource {
@@ -17,19 +23,42 @@ class ByteSource {
   static Status from_reader(const l4d_reader& reader, ByteSource* out);
 
   uint64_t size() const { return size_; }
-  // Bytes [offset, offset + n). The result aliases host memory or `storage`. Fails with TRUNCATED
-  // (citing CHNK-1) where the range leaves the file; nothing is allocated then.
+  // Bytes [offset, offset + n). The result aliases host memory, `storage`, or what was fetched, up
+  // to the next fetch() or forget(). Fails with TRUNCATED (citing CHNK-1) where the range leaves
+  // the file; nothing is allocated then.
   Status read(uint64_t offset, uint64_t n, Bytes& storage, ByteSpan* out);
+
+  // How many bytes are worth one more read, 0 if reads cost nothing. Only then fetch() fetches.
+  uint64_t block_bytes() const { return reader_.block_bytes; }
+  bool fetches() const { return block_bytes() > 0; }
+  // Reads ranges in few calls, so that read() needs none for any part of them. What was fetched
+  // before stays as long as its reason says. What is held is not read again, what cannot be read or
+  // does not fit into `memory` is left out: read() then says why.
+  void fetch(std::vector<l4d_byte_range> ranges, FetchedFor reason, MemoryBudget& memory);
+  // Whether read() needs no call.
+  bool is_fetched(uint64_t offset, uint64_t n) const;
+  // Drops what was fetched.
+  void forget() { fetched_.clear(); }
+  // What was read is wrong somewhere: the next query asks the reader again.
+  void distrust() { trusted_ = false; }
+  void begin_query() {
+    if (!trusted_) forget();
+    trusted_ = true;
+  }
 
   uint64_t reads() const { return reads_; }
   uint64_t bytes_read() const { return bytes_read_; }
 
  private:
+  Status call_reader(uint64_t offset, uint64_t n, unsigned char* to);
+
   ByteSpan memory_;
   l4d_reader reader_{};
   uint64_t size_ = 0;
   uint64_t reads_ = 0;
   uint64_t bytes_read_ = 0;
+  FetchedBytes fetched_;
+  bool trusted_ = true;
 };
 
 }  // namespace l4d

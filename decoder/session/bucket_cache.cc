@@ -156,6 +156,11 @@ Status BucketCache::has_recovered(const CachedBucket& entry, bool* recovered) {
   return {};
 }
 
+bool BucketCache::holds(const l4d_bucket_span& span, uint32_t detail, bool with_shape) const {
+  const auto it = entries_.find({span.layer, span.bucket, detail});
+  return it != entries_.end() && (it->second.with_shape || !with_shape);
+}
+
 Status BucketCache::load(const Plan& plan, bool with_shape, std::vector<CachedBucket*>* out) {
   out->clear();
   ++clock_;
@@ -196,6 +201,9 @@ Status BucketCache::load(const Plan& plan, bool with_shape, std::vector<CachedBu
     const uint64_t memory_bytes = entry.memory_bytes;
     CachedBucket* const kept = &(entries_[key] = std::move(entry));
     charge.keep();
+    // Who has come to want the details is not likely to go back.
+    const auto base = entries_.find({r.layer, r.bucket, L4D_DETAIL_BASE_COLOR});
+    if (plan.detail == L4D_DETAIL_FULL && base != entries_.end()) drop(base);
     bytes_ += memory_bytes;
     out->push_back(kept);
   }

@@ -31,6 +31,8 @@ class BucketCache {
   // to them, one per range, until the next call. Buckets of earlier plans give way where memory
   // does not suffice.
   Status load(const Plan& plan, bool with_shape, std::vector<CachedBucket*>* out);
+  // Whether load() would decode nothing for a span, unless it recovers what was lost.
+  bool holds(const l4d_bucket_span& span, uint32_t detail, bool with_shape) const;
   bool is_empty() const { return entries_.empty(); }
   void clear();
   // Before the stream is closed: clears the cache and the counters.

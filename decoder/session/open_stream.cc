@@ -3,6 +3,8 @@
 
 #include <utility>
 
+#include "decoder/read/read_ahead.h"
+
 namespace l4d {
 namespace {
 
@@ -43,6 +45,7 @@ Status OpenStream::open(ByteSource source) {
 Status OpenStream::start(ByteSource source) {
   auto file = std::make_unique<SceneFile>(std::move(source), options_, *kernels_.stream);
   L4D_RETURN_IF_ERROR(file->open());
+  fetch_index(*file);
   pages_ = std::make_unique<PageDecoder>(*file, kernels_, threads());
   file_ = std::move(file);
   return {};
@@ -73,6 +76,7 @@ void OpenStream::begin_query() {
 
 Status OpenStream::plan(const l4d_query& query, Plan* plan) {
   begin_query();
+  fetch_directory(*file_, query, query);
   return make_plan(*file_, query, losses_if_tolerant(), plan);
 }
 

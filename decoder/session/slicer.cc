@@ -54,6 +54,7 @@ Status Slicer::set_detail(uint32_t detail) {
 
 void Slicer::close() {
   plan_ = Plan();
+  ahead_.close();
   cache_.close();
 }
 
@@ -68,16 +69,20 @@ Status Slicer::load_instant(double* time, bool with_shape) {
   query.time_begin = *time;
   query.detail = detail_;
   query.whole_buckets = 1;
-  const auto load = [&]() -> Status {
+  const auto load = [&](bool ahead) -> Status {
+    if (ahead) ahead_.fetch_directory(query);
     L4D_RETURN_IF_ERROR(stream_.plan(query, &plan_));
+    if (ahead) ahead_.fetch_buckets(query, plan_, with_shape);
     return cache_.load(plan_, with_shape, &buckets_);
   };
-  Status status = load();
-  if (status.code() == L4D_ERR_LIMIT_EXCEEDED && !cache_.is_empty()) {
-    // What earlier instants left must not keep this one from being shown.
+  Status status = load(true);
+  ByteSource& source = stream_.file().source();
+  if (status.code() == L4D_ERR_LIMIT_EXCEEDED && (!cache_.is_empty() || source.fetches())) {
+    // What earlier instants left, and what was read ahead, must not keep this one from being shown.
     cache_.clear();
     plan_ = Plan();
-    status = load();
+    source.forget();
+    status = load(false);
   }
   if (status.ok()) {
     plan_.clear();

@@ -5,13 +5,14 @@
 #include <vector>
 
 #include "decoder/session/bucket_cache.h"
+#include "decoder/session/read_ahead.h"
 #include "decoder/session/splat_writer.h"
 
 namespace l4d {
 
 class Slicer {
  public:
-  explicit Slicer(OpenStream& stream) : stream_(stream), cache_(stream) {}
+  explicit Slicer(OpenStream& stream) : stream_(stream), cache_(stream), ahead_(stream, cache_) {}
 
   Status slice(double time, l4d_splat_buffers* out);
   Status slice(double time, l4d_splat_columns* out);
@@ -29,6 +30,7 @@ class Slicer {
 
   OpenStream& stream_;
   BucketCache cache_;
+  ReadAhead ahead_;
   uint32_t detail_ = L4D_DETAIL_FULL;
   // Of the last slice: what the rows are, and the numbers of their buckets.
   std::vector<uint64_t> still_rows_;

@@ -311,7 +311,8 @@ enum {
  * a client whose reads are asynchronous and whose l4d_reader answers from memory. Once the reader
  * can answer these ranges, l4d_decoder_select, _get_spans, _decode and _decode_packed succeed with
  * the same query, and l4d_decoder_slice where the query is of kind TIME, with the time and the
- * detail of the slice and `whole_buckets` = 1. They ask for no other byte.
+ * detail of the slice and `whole_buckets` = 1. With a reader whose block_bytes is 0 they ask for no
+ * other byte; otherwise they may, and do without it where the reader fails.
  *
  * A client that holds only the bytes that l4d_decoder_open has read calls this once per step, and
  * fetches the returned ranges before the next step. If the reader can block, one call with ALL is

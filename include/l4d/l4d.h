@@ -81,6 +81,13 @@ L4D_API void l4d_keep_error_message_(const char* message);
 
 /* ---- host services ------------------------------------------------------------------------- */
 
+/* One of several reads: `size` bytes of the file from `offset` on go to `dst`. */
+typedef struct l4d_read {
+  uint64_t offset;
+  size_t size;
+  void* dst;
+} l4d_read; /* frozen */
+
 /* Random-access input. read_at behaves as pread(2): it returns the number of bytes read (fewer than
  * n only at the end), or a negative number on failure. The library calls a handle's reader on the
  * thread that called the library, and never twice at a time. One exception: a player of
@@ -90,6 +97,15 @@ typedef struct l4d_reader {
   void* user;
   int64_t (*read_at)(void* user, void* dst, size_t n, uint64_t offset);
   int64_t (*size)(void* user); /* total bytes, or < 0 on failure */
+  /* Makes `count` reads, in any order or at the same time, and returns 0 when all are done, or
+   * another value on failure. NULL: the library calls read_at for each. */
+  int (*read_many)(void* user, const l4d_read* reads, size_t count);
+  /* How many bytes take as long as one more read: latency times throughput. 0: of a local file,
+   * and the decoder reads what it needs when it needs it. Otherwise, of a network (65536 suits
+   * most), a decoder reads more and less often: the first block_bytes of the file at once, all
+   * codebooks and directory pages that are not too large beforehand, all pages of a slice together,
+   * over gaps of up to block_bytes, and the next second while slices step forward. */
+  uint64_t block_bytes;
 } l4d_reader;
 L4D_API void l4d_reader_init_(l4d_reader* reader, size_t struct_size);
 #define l4d_reader_init(reader) l4d_reader_init_((reader), sizeof(*(reader)))

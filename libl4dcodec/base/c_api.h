@@ -30,7 +30,7 @@ struct FirstVersion;
         offsetof(T, last_field) + sizeof(std::declval<T>().last_field); \
   }
 
-L4D_FIRST_VERSION(l4d_reader, size);
+L4D_FIRST_VERSION(l4d_reader, block_bytes);
 L4D_FIRST_VERSION(l4d_writer, write);
 L4D_FIRST_VERSION(l4d_gaussians, mean_t_double);
 L4D_FIRST_VERSION(l4d_rendering, stated);

@@ -21,7 +21,7 @@ constexpr bool plain() {
   static_assert(plain<type>() && sizeof(type) == (bytes), #type " changed its size")
 #define L4D_FIELD(type, field, offset) \
   static_assert(offsetof(type, field) == (offset), #type "." #field " moved")
-L4D_LAYOUT(l4d_reader, 32);
+L4D_LAYOUT(l4d_reader, 48);
 L4D_LAYOUT(l4d_writer, 24);
 L4D_LAYOUT(l4d_timeline, 24);
 L4D_LAYOUT(l4d_gaussians, 88);
