@@ -112,6 +112,28 @@ def broken_windows():
     yield "DIR-9 window end", flat_edited(lambda la: la["pages"][0].update(visible_end=159))
 
 
+def raw_mean_times(s, value):
+    """Mean times of binary64 in the second layer, whose first is `value`."""
+    la, (begin, end) = s["layers"][1], MEAN_TIMES
+    la["mean_t"] = 4
+    for page, values in zip(la["pages"], ([value, 1.0, 1.0], [1.0] * 3)):
+        coded = [sb.order64(v) for v in values]
+        columns = make_tiny.packed([v >> 32 for v in coded], 32) + make_tiny.packed([v & 0xFFFFFFFF for v in coded], 32)
+        page["raw"] = page["raw"][:begin] + columns + page["raw"][end:]
+
+
+def broken_numbers():
+    """Rules of which other streams break one part."""
+    infinite = float("inf")
+    camera = {"position": [0, 0, infinite], "target": [0, 0, 0], "up": [0, 1, 0], "fov": 1.0}
+    yield "FILE-5 bytes", header_edited(lambda d, b, e: d.__setitem__(slice(12, 16), bytes(4)))
+    yield "HEAD-3 log scale", edited(lambda s: s["layers"][0].update(log_scale_t=infinite))
+    yield "HEAD-3 step", coding(None, "opacity", step=2.0 ** -61)
+    yield "HEAD-20 camera", edited(lambda s: s.update(presentation={"camera": camera}))
+    yield "DIR-5 many", edited(lambda s: (s.update(num_gaussians=8), s["layers"][1].update(num_gaussians=5)))
+    yield "VAL-3 mean time", edited(lambda s: raw_mean_times(s, 2.0 ** 61))
+
+
 def edited(edit):
     s = copy.deepcopy(scene())
     edit(s)
@@ -324,6 +346,7 @@ def broken():
     yield "VAL-4 log scale", edited(lambda s: raw_scales(s, -17.0 - 2.0 ** -19))
     yield "LAYR-1", coding(1, "scale_factor", offset=-2.0)
     yield from broken_windows()
+    yield from broken_numbers()
 
 
 def overlap(s):

@@ -148,10 +148,10 @@ NUM_MIXED = 60
 
 
 def uncommon():
-    yield from (Vector("uncommon", *rest) for rest in corners.corners(plain))
+    yield from (Vector("uncommon", *rest) for rest in (*corners.corners(plain), *corners.by_hand()))
     yield Vector("uncommon", "times-of-frames", "queries for frames whose times binary64 rounds down",
                  plain(2999, corners.NTSC, levels=[0, 1, 2, 3, 4], sizes=[2, 3], buckets=20, loose=True),
-                 ["LAYR-2"], "random scene, seed 2999", times=list(corners.times_of_frames())[:4])
+                 ["LAYR-2"], "random scene, seed 2999", times=[*list(corners.times_of_frames())[:4], corners.BEFORE_THE_END])
     for seed in range(NUM_MIXED):
         yield Vector("uncommon", f"mixed-{seed:02}", "all codings in one random scene", RandomScene(seed).build(),
                      ["DEC-1", "DEC-2", "DEC-7", "PAGE-2", "PAGE-3", "STRM-5", "LAYR-2", "VER-1", "VER-2"],

@@ -1,7 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Corners of the format that are legal and rare, one for each vector."""
 
+import broken_levels as bl
+import frames
 import stream_builder as sb
+from make_tiny import constant, order
 from random_coding import transform, vq
 from random_page import FIXED, RAW32, WINDOW
 
@@ -83,7 +86,37 @@ def corners(plain):
     yield made("gate", "a gate below 16, which concerns nothing that decodes", ["HEAD-9"], {"gate": 0.5})
 
 
+def by_hand():
+    """(name, about, file, clauses, how it is made) of streams that chance does not make"""
+    made_by = "corners.py, field by field"
+    yield ("zstd-repeated-tables", "a frame whose second block has the Huffman code and the tables of the first",
+           bl.stream([bl.layer([{**bl.page(96), "raw": repeated_tables() + bl.zeros(2)}])]), ["CHNK-5"], made_by)
+    mean = lambda seconds: constant(order(seconds), 16)
+    pages = [bl.page(1, mean(-1000.0), bucket=0, visible_begin=0, visible_end=0),
+             bl.page(1, mean(-1000.0), bucket=0, visible_begin=255, visible_end=255),
+             bl.page(1, mean(0.0), bucket=1),
+             bl.page(1, mean(1000.0), bucket=3, visible_begin=255, visible_end=255)]
+    yield ("pages-never-needed", "pages that are visible before and after the sequence alone",
+           bl.stream([bl.layer(pages, 1)]), ["LAYR-2"], made_by)
+
+
+def repeated_tables():
+    """The x coordinates of 96 Gaussians: a frame with their low bytes, and high bytes."""
+    text = bytes(b"LayersOfBuckets"[k * k % 15] for k in range(45))
+    literals = frames.huffman_section(bl.FIRST, text)
+    # The section's head has 3 bytes, and the table a byte and half a byte for each weight.
+    codes = literals[3 + 1 + (literals[3] - 127 + 1) // 2:]
+    again = (3 | len(text) << 4 | len(codes) << 14).to_bytes(3, "little") + codes
+    # One sequence: a literal, and 3 bytes from one byte before.
+    sequence, extra = bytes([0b01010100, 1, 2, 0]), frames.bits_of([(0, 2)])
+    blocks = [literals + b"\x01" + sequence + extra, again + b"\x01" + b"\xfc" + extra]
+    frame = frames.MAGIC + b"\x00\x58" + frames.block(2, blocks[0]) + frames.block(2, blocks[1], last=True)
+    return b"\x01\x01" + sb.vlq(len(frame)) + frame + b"\x00" + b"\xbc" * 96
+
+
 NTSC = {"num_frames": 32, "fps_num": 24000, "fps_den": 1001, "time_begin": 12.34}
+
+BEFORE_THE_END = NTSC["time_begin"] + NTSC["num_frames"] * NTSC["fps_den"] / NTSC["fps_num"] - 1e-9
 
 
 def times_of_frames():

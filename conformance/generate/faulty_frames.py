@@ -78,6 +78,7 @@ def faults():
     for name, frame in wrong_frames(low + b"\0"):
         if name in ("magic", "too-many-bytes", "checksum", "bytes-after", "ends-early"):
             yield f"CHNK-5 channel-{name}", channel_of_frame(frame)
+    yield "CHNK-5 channel-too-few-bytes", channel_of_frame(HEAD + whole(low[:-1]))
 
 
 def valid():

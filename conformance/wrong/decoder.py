@@ -20,6 +20,7 @@ import directory        # noqa: E402
 import file             # noqa: E402
 import header           # noqa: E402
 import l4d              # noqa: E402
+import levels           # noqa: E402
 import page             # noqa: E402
 import rans             # noqa: E402
 import reconstruct      # noqa: E402
@@ -217,6 +218,33 @@ def base_without_coefficients():
         left_out = c == header.SH and not p.has_sh
         return [list(books.codebook(p.index, c, codebooks.BASIS)[0])] * len(rows) if left_out else rows
     reconstruct.vectors = vectors
+
+
+@mistake("core/window", "coded begins of windows count from the first frame")
+def windows_from_the_first_frame():
+    page.window_base = lambda h, level, bucket: 0
+
+
+@mistake("core/window", "the mean time of a window is its begin")
+def mean_time_at_the_begin():
+    before = reconstruct.window_middle
+    reconstruct.window_middle = lambda h, window: before(h, (window[0], window[0]))
+
+
+@mistake("uncommon/windows-of-24-bits", "the high bits of lengths of windows are left out")
+def high_bits_of_lengths():
+    before = page.Page.windows
+    page.Page.windows = lambda self: [(a, a + (b - a & 0xFFFF)) for a, b in before(self)]
+
+
+@mistake("limits/level-3-memory-beyond", "block codebooks do not count as memory")
+def memory_of_blocks():
+    before = levels.Demand.layer
+
+    def layer(self, *arguments):
+        before(self, *arguments)
+        self.chunks = [c if c[2] else (*c[:4], 0) for c in self.chunks]
+    levels.Demand.layer = layer
 
 
 @mistake("uncommon/minor-version", "other minor versions are refused")
