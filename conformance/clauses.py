@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""The map of clauses: each MUST of spec/l4d.md, the vectors that hold it, the tests that do.
+"""The map of clauses: each MUST of spec/l4d.md and the vectors that hold it.
 
   clauses.py           prints it
   clauses.py --write   writes clauses.md
@@ -44,18 +44,18 @@ def cell(names):
     return ", ".join(short) + (f" and {more} more" if more > 0 else "") if names else "-"
 
 
-def page(found, tests):
+def page(found):
     negative = [key for key, _ in musts() if found.get(key, ([], []))[1]]
     checkable = [key for key, _ in musts() if key not in faults.NOT_CHECKABLE]
     lines = ["<!-- written by conformance/clauses.py -->", "# Clauses and vectors", "",
              "Each rule of [the specification](../spec/l4d.md), the vectors of the suite that exercise it, those that",
-             "break it, and the number of files of tests that hold it ([their names](../spec/must_table.md)).", "",
+             "break it. [Another page](../spec/must_table.md) lists the code that checks each rule, and tests of it.", "",
              f"{len(musts())} rules. A file can break {len(checkable)} of them, and {len(negative)} have a faulty vector",
              f"here; {', '.join(sorted(faults.LARGE))} need files of megabytes, which `generate.py --limits` makes.", "",
-             "| rule | legal vectors | faulty vectors | tests |", "|---|---|---|---|"]
+             "| rule | legal vectors | faulty vectors |", "|---|---|---|"]
     for key, _ in musts():
         legal, faulty = found.get(key, ([], []))
-        lines.append(f"| {key} | {cell(legal)} | {cell(faulty)} | {len(tests.get(key, ()))} |")
+        lines.append(f"| {key} | {cell(legal)} | {cell(faulty)} |")
     lines += ["", "Rules that no file can break:", "", "| rule | why |", "|---|---|"]
     lines += [f"| {key} | {why} |" for key, why in faults.NOT_CHECKABLE.items()]
     return "\n".join(lines) + "\n"
@@ -74,7 +74,7 @@ def problems(found):
 
 def main(arguments):
     found = vectors()
-    text = page(found, must_table.tests())
+    text = page(found)
     if "--write" in arguments:
         PAGE.write_text(text, encoding="utf-8")
     elif "--check" not in arguments:

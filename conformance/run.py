@@ -11,7 +11,7 @@
   --only TEXT          vectors whose name contains the text; may be repeated
   --group NAME         vectors of one group; may be repeated
   -j N                 that many decoders at once (default: one per core)
-  --timeout SECONDS    for one query (default: 60)
+  --timeout SECONDS    for one query (default: 300)
   --adapter FILE       a Python file whose answer_of(command, arguments, path, timeout) asks the decoder in place of the
                        contract and returns (exit status, output, errors): no process for each adapter
   --json FILE          writes all results
@@ -247,7 +247,7 @@ def main(arguments):
     parser.add_argument("--only", action="append")
     parser.add_argument("--group", action="append")
     parser.add_argument("-j", type=int, default=os.cpu_count() or 1)
-    parser.add_argument("--timeout", type=float, default=60)
+    parser.add_argument("--timeout", type=float, default=300)
     parser.add_argument("--adapter", type=Path)
     parser.add_argument("--json")
     parser.add_argument("--junit")
