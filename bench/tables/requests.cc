@@ -46,10 +46,10 @@ struct Network {
       self->copy(dst, n, offset);
       return static_cast<int64_t>(n);
     };
-    r.read_many = [](void* user, const l4d_read* reads, size_t count) -> int {
+    r.read_many = [](void* user, const l4d_read* all, size_t count) -> int {
       auto* self = static_cast<Network*>(user);
       ++self->rounds;
-      for (size_t i = 0; i < count; ++i) self->copy(reads[i].dst, reads[i].size, reads[i].offset);
+      for (size_t i = 0; i < count; ++i) self->copy(all[i].dst, all[i].size, all[i].offset);
       return 0;
     };
     r.size = [](void* user) -> int64_t {
