@@ -3,6 +3,7 @@
 # usage: build.sh [wasm]
 # Builds l4d.wasm (build/wasm) and the packages (build/web/l4dcodec, build/web/l4dcodec-player), and
 # the player in few files (build/web/player), which the tool takes up when it is built after this.
+# Where npm has installed Spark: the adapter to it (build/web/l4dcodec-spark) and its page (build/web/spark).
 # `wasm`: no packages, which need what npm has installed. Exit status 77: something is not installed.
 set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
@@ -45,8 +46,13 @@ echo "l4d.wasm: $(wc -c <"$wasm") bytes, $(gzip -9c "$wasm" | wc -c) with gzip -
 
 bin=web/node_modules/.bin
 [[ -x $bin/tsc && -x $bin/esbuild ]] || skip "no packages of npm in web/node_modules"
-for package in core view; do
-  [[ -d web/$package/src ]] || continue
+packages=(core view)
+if [[ -d web/node_modules/@sparkjsdev/spark && -d web/node_modules/three ]]; then
+  packages+=(spark)
+else
+  echo "SKIPPED: l4dcodec-spark: no Spark or three.js in web/node_modules (./dev setup web)"
+fi
+for package in "${packages[@]}"; do
   name=$(sed -n 's/^  "name": "\(.*\)",$/\1/p' "web/$package/package.json")
   rm -rf "${out:?}/$name"
   mkdir -p "$out/$name"
@@ -75,3 +81,11 @@ player=$out/player
 for file in player.js worker.js sort-worker.js; do
   echo "$file: $(wc -c <"$player/$file") bytes, $(gzip -9c "$player/$file" | wc -c) with gzip -9"
 done
+
+# A page of the adapter, with three.js and Spark in it.
+[[ " ${packages[*]} " == *" spark "* ]] || exit 0
+page=$out/spark
+rm -rf "$page"
+mkdir -p "$page"
+"${bundle[@]}" "--alias:l4dcodec-spark=./web/spark/src/index.js" web/spark/page/example.js "--outfile=$page/example.js"
+cp web/spark/page/index.html "$out/player/worker.js" "$wasm" "$page/"

@@ -16,15 +16,18 @@ const sleep = ms => new Promise(resolve => setTimeout(resolve, ms));
  * @property {number} [delay]
  */
 
-/** @param {Record<string, string>} streams name to path @param {Faults} [faults] may be changed later */
-export const serve = async (streams, faults = {}) => {
+/**
+ * @param {Record<string, string>} streams name to path @param {Faults} [faults] may be changed later
+ * @param {string} [folder] of the files beside them
+ */
+export const serve = async (streams, faults = {}, folder = 'build/web/player') => {
   const requests = [];
   let busyUntil = 0;
   const server = createServer(async (request, response) => {
     const name = new URL(request.url ?? '/', 'http://x').pathname.slice(1) || 'index.html';
     if (!(name in streams)) {
       try {
-        const body = readFileSync(join(root, 'build/web/player', name));
+        const body = readFileSync(join(root, folder, name));
         response.writeHead(200, {'Content-Type': types[extname(name)] ?? 'application/octet-stream'}).end(body);
       } catch {
         response.writeHead(404).end();

@@ -1,10 +1,11 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
-# usage: run.sh core|browser TOOL WORK_DIR
-# core: the decoder and its sessions in node, against TOOL. browser: the player in Chromium.
+# usage: run.sh core|browser|spark TOOL WORK_DIR
+# core: the decoder and its sessions in node, against TOOL. browser: the player in Chromium. spark: the adapter
+# to Spark in Chromium.
 # Exit status 77: something that they need is not installed.
 set -euo pipefail
-kind=${1:?"usage: run.sh core|browser TOOL WORK_DIR"} tool=${2:?} work=${3:?}
+kind=${1:?"usage: run.sh core|browser|spark TOOL WORK_DIR"} tool=${2:?} work=${3:?}
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
 cd "$root"
 
@@ -13,9 +14,10 @@ skip() {
   exit 77
 }
 command -v node >/dev/null || skip "no node"
-if [[ $kind == browser ]]; then
+if [[ $kind != core ]]; then
   command -v chromium >/dev/null || skip "no chromium"
   [[ -d web/node_modules/playwright-core ]] || skip "no packages of npm in web/node_modules"
+  [[ $kind != spark || -d web/node_modules/@sparkjsdev/spark ]] || skip "no Spark in web/node_modules"
   web/build.sh
 else
   web/build.sh wasm
@@ -39,5 +41,6 @@ export L4D_ROOT=$root L4D_WORK=$work
 case $kind in
   core) node --test --test-timeout=300000 web/core/test/*.test.js web/view/test/*.test.js ;;
   browser) node --test --test-timeout=900000 --test-concurrency=1 web/test/*.test.js ;;
+  spark) node --test --test-timeout=900000 --test-concurrency=1 web/spark/test/*.test.js ;;
   *) echo "unknown kind $kind" >&2 && exit 2 ;;
 esac
