@@ -6,13 +6,20 @@
 int main(void) {
   const float position[3] = {0, 0, 2}, mean_t = 0.5f, log_scale[4] = {-2, -2, -2, 3};
   const float rotor[8] = {1, 0, 0, 0, 0, 0, 0, 0}, opacity = 0.9f, sh[3] = {1, 1, 1};
-  const l4d_gaussians scene = {sizeof scene, 1,     0,        0,  position, &mean_t,
-                               log_scale,    rotor, &opacity, sh, NULL};
+  l4d_gaussians scene;
   const l4d_timeline timeline = {0.0, 30, 30, 1, 0};
   float rgb[3 * 9 * 9];
   l4d_renderer* renderer = NULL;
   l4d_camera camera;
   l4d_image image;
+  l4d_gaussians_init(&scene);
+  scene.count = 1;
+  scene.position = position;
+  scene.mean_t = &mean_t;
+  scene.log_scale = log_scale;
+  scene.rotor = rotor;
+  scene.opacity = &opacity;
+  scene.sh = sh;
   l4d_camera_init(&camera);
   l4d_image_init(&image);
   camera.width = camera.height = 9;
