@@ -112,18 +112,28 @@ def show(out):
     print(f"declared         {holds[out['level_holds']]}")
 
 
-def positive(text):
-    value = Fraction(text)
-    if value <= 0:
-        raise argparse.ArgumentTypeError("is not above 0")
+def number(least, most):
+    """A type of an argument: a number of this range, as exact as it is written."""
+    def parse(text):
+        value = Fraction(text)
+        if not least <= value <= most:
+            raise argparse.ArgumentTypeError(f"is not in {float(least):g}..{most:g}")
+        return value
+    return parse
+
+
+def whole(text):
+    value = int(text)
+    if value < 0:
+        raise argparse.ArgumentTypeError("is below 0")
     return value
 
 
 def main(arguments):
     parser = argparse.ArgumentParser(usage=__doc__)
-    parser.add_argument("--bytes-per-second", dest="rate", type=positive)
-    parser.add_argument("--delay", type=Fraction)
-    parser.add_argument("--buffer", type=int)
+    parser.add_argument("--bytes-per-second", dest="rate", type=number(Fraction(1, 1000), 10**15))
+    parser.add_argument("--delay", type=number(0, 10**9))
+    parser.add_argument("--buffer", type=whole)
     parser.add_argument("--json", action="store_true")
     parser.add_argument("stream", type=Path)
     args = parser.parse_args(arguments)

@@ -18,17 +18,25 @@
   --junit FILE         writes them as JUnit does
   --quiet              no matrix
 
-The contract is in README.md. Exit status: 0 all passed, 1 some failed, 2 usage. Nothing but Python's standard
-library and the files of the suite is needed.
+The contract is in README.md. While it runs, a line every few seconds on standard error says how far it is.
+Exit status: 0 none failed and some passed, 1 otherwise, 2 nothing was run (usage, a suite that is not whole, a
+decoder that does not start), 130 interrupted; what was known then is reported. Nothing but Python's standard library
+and the files of the suite is needed.
 """
 
 import argparse
 import concurrent.futures
+import hashlib
 import importlib
 import json
+import math
 import os
+import shutil
+import signal
 import subprocess
 import sys
+import tempfile
+import threading
 import time
 import xml.etree.ElementTree as ET
 from pathlib import Path
@@ -38,6 +46,10 @@ PROFILES = {"any": None, "indexed": {1}, "main": {1, 2}, "lossless": {3}}
 NAMES_OF_PROFILES = {0: "none", 1: "indexed", 2: "main", 3: "lossless"}
 FEATURES = ("packed", "base", "validate", "demand")
 PASSED, FAILED, SKIPPED = "passed", "failed", "skipped"
+HIGHEST_LEVEL = 6
+MOST_OUTPUT = 1 << 20  # bytes of an answer
+MOST_TIMEOUT = 1e6
+PROGRESS_SECONDS = 5
 
 
 class Result:
@@ -46,6 +58,7 @@ class Result:
     def __init__(self, vector, query):
         self.vector, self.query = vector, query
         self.outcome, self.why, self.seconds, self.answer, self.named = FAILED, "", 0.0, None, False
+        self.done = False
 
     def name(self):
         return f"{self.vector['name']} {' '.join(self.query['arguments'])}"
@@ -84,10 +97,56 @@ def chosen(suite, args):
 
 # ---- one query -----------------------------------------------------------------------------------
 
+class Running:
+    """The decoders at work. They and what they start are ended together."""
+
+    def __init__(self):
+        self.lock, self.groups, self.stopped = threading.Lock(), set(), False
+
+    def add(self, process):
+        with self.lock:
+            self.groups.add(process.pid)
+            if self.stopped:
+                self.end(process.pid)
+
+    def remove(self, process):
+        """What the decoder left behind ends with it."""
+        with self.lock:
+            self.groups.discard(process.pid)
+            self.end(process.pid)
+
+    def stop(self):
+        with self.lock:
+            self.stopped = True
+            for group in self.groups:
+                self.end(group)
+
+    @staticmethod
+    def end(group):
+        try:
+            os.killpg(group, signal.SIGKILL)
+        except (AttributeError, OSError):
+            pass  # it has ended, or this system has no groups
+
+
+RUNNING = Running()
+
+
 def answer_of(command, arguments, path, timeout):
-    """What the decoder says: exit status, output, errors."""
-    done = subprocess.run([*command, *arguments, path], capture_output=True, timeout=timeout, check=False)
-    return done.returncode, done.stdout, done.stderr
+    """What the decoder says: exit status, output, errors, of both no more than is of use."""
+    with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
+        process = subprocess.Popen([*command, *arguments, path], stdin=subprocess.DEVNULL, stdout=out, stderr=err,
+                                   start_new_session=True)
+        RUNNING.add(process)
+        try:
+            status = process.wait(timeout)
+        finally:
+            RUNNING.remove(process)
+            process.wait()
+        size = err.seek(0, os.SEEK_END)
+        err.seek(max(0, size - MOST_OUTPUT))
+        out.seek(0)
+        return status, out.read(MOST_OUTPUT + 1), err.read()
 
 
 def loaded(path):
@@ -105,24 +164,40 @@ def run(result, ask, command, folder, timeout):
         result.why = f"no answer after {timeout} s"
     except OSError as error:
         result.why = f"the decoder does not run: {error}"
+    except Exception as error:  # an answer of any kind is the decoder's, and must not end the run
+        result.why = f"its answer cannot be judged: {type(error).__name__}: {error}"
     result.seconds = time.monotonic() - begin
+    result.done = True
     return result
+
+
+def name_of(status):
+    """An exit status, or the signal that ended the process."""
+    try:
+        return f"ended by {signal.Signals(-status).name}" if status < 0 else f"exit status {status}"
+    except ValueError:
+        return f"exit status {status}"
 
 
 def judge(result, status, out, err):
     """Sets the outcome and, where it is not `passed`, why."""
     if status not in (0, 1):
         words = err.decode("utf-8", "replace").strip().splitlines()
-        result.why = f"exit status {status}" + (f": {words[-1]}" if words else "")
+        result.why = name_of(status) + (f": {words[-1][:200]}" if words else "")
+        return
+    if len(out) > MOST_OUTPUT:
+        result.why = f"its output is longer than {MOST_OUTPUT} bytes"
         return
     try:
         answer = json.loads(out)
-    except ValueError:
+    except (ValueError, RecursionError):
         result.why = f"its output is not one JSON object: {out[:80]!r}"
         return
     result.answer = answer
     if not isinstance(answer, dict):
         result.why = "its output is not a JSON object"
+    elif malformed(answer):
+        result.why = malformed(answer)
     elif "unavailable" in answer:
         result.outcome, result.why = SKIPPED, f"unavailable: {answer['unavailable']}"
     elif ("refused" in answer) != (status == 1):
@@ -131,6 +206,16 @@ def judge(result, status, out, err):
         judge_refusal(result, answer)
     else:
         judge_answer(result, answer)
+
+
+def malformed(answer):
+    """What of an answer has another type than the contract says, or None."""
+    types = {"refused": str, "num_gaussians": int, "digests": dict, "demand": dict, "valid": bool}
+    for key, wanted in types.items():
+        is_number = wanted is int and isinstance(answer.get(key), bool)
+        if key in answer and (not isinstance(answer[key], wanted) or is_number):
+            return f"{key} is {json.dumps(answer[key])[:60]}"
+    return None
 
 
 def judge_refusal(result, answer):
@@ -211,14 +296,24 @@ def clause_key(clause):
     return name, int(number or 0)
 
 
+def write_file(path, data):
+    """Replaces a file as a whole; writes into what is no file, such as a pipe."""
+    if path.exists() and not path.is_file():
+        path.write_bytes(data)
+        return
+    part = path.with_name(path.name + ".part")
+    part.write_bytes(data)
+    os.replace(part, path)
+
+
 def write_json(path, results, command, seconds):
     passed, failed, skipped = count(results)
     rows = [{"vector": r.vector["name"], "arguments": r.query["arguments"], "outcome": r.outcome, "why": r.why,
              "answer": r.answer, "seconds": round(r.seconds, 3)} for r in results]
     clauses = {c: {"legal": count(a)[:2], "faulty": count(b)[:2]} for c, (a, b) in by_clause(results).items()}
-    Path(path).write_text(json.dumps({"decoder": command, "passed": passed, "failed": failed,
+    write_file(path, json.dumps({"decoder": command, "passed": passed, "failed": failed,
                                       "skipped": skipped, "seconds": round(seconds, 1), "clauses": clauses,
-                                      "results": rows}, indent=1) + "\n", encoding="utf-8")
+                                      "results": rows}, indent=1).encode() + b"\n")
 
 
 def write_junit(path, results, seconds):
@@ -230,55 +325,151 @@ def write_junit(path, results, seconds):
                              name=" ".join(r.query["arguments"]), time=f"{r.seconds:.3f}")
         if r.outcome != PASSED:
             ET.SubElement(case, "failure" if r.outcome == FAILED else "skipped", message=r.why)
-    ET.ElementTree(root).write(path, encoding="utf-8", xml_declaration=True)
+    write_file(path, ET.tostring(root, encoding="utf-8", xml_declaration=True))
 
 
-def main(arguments):
-    if "--" not in arguments:
-        print(__doc__, file=sys.stderr)
-        return 2
-    split = arguments.index("--")
-    command = arguments[split + 1:]
-    parser = argparse.ArgumentParser(usage=__doc__)
+def report(results, args, command, seconds):
+    """Prints and writes what is known. Returns whether all of it could be written."""
+    for r in results:
+        if r.outcome == FAILED and r.done:
+            print(f"FAIL {r.name()}: {r.why}")
+    done = [r for r in results if r.done]
+    if not args.quiet and done:
+        matrix(done)
+    written = True
+    for path, write in ((args.json, lambda to: write_json(to, done, command, seconds)),
+                        (args.junit, lambda to: write_junit(to, done, seconds))):
+        if path is None:
+            continue
+        try:
+            write(path)
+        except OSError as error:
+            print(f"run.py: {path}: {error.strerror}", file=sys.stderr)
+            written = False
+    passed, failed, skipped = count(done)
+    print(f"\n{len({r.vector['name'] for r in done})} vectors, {len(done)} queries, {skipped} skipped, "
+          f"{seconds:.1f} s; claim: profile {args.profile}, level {args.level or 'any'}"
+          + "".join(f", without {f}" for f in args.without))
+    if len(done) < len(results):
+        print(f"interrupted: {len(results) - len(done)} queries were not run")
+    elif failed or skipped or not passed:
+        print(f"the claim does not hold: {failed} failed, {skipped} skipped")
+    else:
+        print("the claim holds for these vectors")
+    print(f"{passed} passed, {failed} failed")
+    return written
+
+
+def damaged(results, folder):
+    """The vectors that are not the files of the suite, and why."""
+    out = []
+    for vector in {r.vector["name"]: r.vector for r in results}.values():
+        path = folder / vector["file"]
+        try:
+            data = path.read_bytes()
+        except OSError as error:
+            out.append(f"{path}: {error.strerror}")
+            continue
+        if hashlib.sha256(data).hexdigest() != vector["sha256"]:
+            out.append(f"{path}: {len(data)} bytes, which are not those of the suite")
+    return out
+
+
+def run_all(results, ask, command, folder, args):
+    """Runs all queries. Returns False where that was interrupted."""
+    shown = time.monotonic()
+    with concurrent.futures.ThreadPoolExecutor(args.j) as pool:
+        pending = {pool.submit(run, r, ask, command, folder, args.timeout) for r in results}
+        try:
+            while pending:
+                _, pending = concurrent.futures.wait(pending, 0.5, concurrent.futures.FIRST_COMPLETED)
+                if pending and time.monotonic() - shown > PROGRESS_SECONDS:
+                    shown = time.monotonic()
+                    _, failed, _ = count([r for r in results if r.done])
+                    print(f"{len(results) - len(pending)} of {len(results)} queries, {failed} failed",
+                          file=sys.stderr, flush=True)
+        except KeyboardInterrupt:
+            known = {id(r) for r in results if r.done}
+            for future in pending:
+                future.cancel()
+            RUNNING.stop()
+            concurrent.futures.wait(pending)
+            for r in results:  # those that were ended just now answered nothing
+                r.done = id(r) in known
+            return False
+    return True
+
+
+def positive_seconds(text):
+    value = float(text)
+    if not (math.isfinite(value) and 0 < value <= MOST_TIMEOUT):
+        raise argparse.ArgumentTypeError(f"is not above 0 and at most {MOST_TIMEOUT:.0f}")
+    return value
+
+
+def arguments_of(given):
+    """The arguments, the command of the decoder, and the suite; ends the program where they are of no use."""
+    parser = argparse.ArgumentParser(prog="run.py", add_help=False, usage="run.py [OPTIONS] -- DECODER [ARGUMENT...]; "
+                                     "run.py --help lists the options")
     parser.add_argument("--suite", type=Path, default=HERE / "suite.json")
     parser.add_argument("--profile", choices=PROFILES, default="any")
-    parser.add_argument("--level", type=int, default=0)
+    parser.add_argument("--level", type=int, choices=range(HIGHEST_LEVEL + 1), default=0)
     parser.add_argument("--without", choices=FEATURES, action="append", default=[])
     parser.add_argument("--only", action="append")
     parser.add_argument("--group", action="append")
     parser.add_argument("-j", type=int, default=os.cpu_count() or 1)
-    parser.add_argument("--timeout", type=float, default=300)
+    parser.add_argument("--timeout", type=positive_seconds, default=300)
     parser.add_argument("--adapter", type=Path)
-    parser.add_argument("--json")
-    parser.add_argument("--junit")
+    parser.add_argument("--json", type=Path)
+    parser.add_argument("--junit", type=Path)
     parser.add_argument("--quiet", action="store_true")
-    args = parser.parse_args(arguments[:split])
+    split = given.index("--") if "--" in given else len(given)
+    args, command = parser.parse_args(given[:split]), given[split + 1:]
     if not command:
-        parser.error("no decoder given")
-    suite = json.loads(args.suite.read_text(encoding="utf-8"))
+        parser.error("no decoder given: it comes after --")
+    if args.j < 1:
+        parser.error("-j is at least 1")
+    if args.adapter is None and shutil.which(command[0]) is None:
+        parser.error(f"{command[0]} is not a program that can be run (one of this folder is ./{Path(command[0]).name})")
+    if args.adapter is not None and not args.adapter.is_file():
+        parser.error(f"{args.adapter} is no file")
+    for path in (args.json, args.junit):
+        if path is not None and (path.is_dir() or not path.resolve().parent.is_dir()):
+            parser.error(f"{path} cannot be written")
+    try:
+        suite = json.loads(args.suite.read_text(encoding="utf-8"))
+        groups = sorted({v["group"] for v in suite["vectors"]})
+    except OSError as error:
+        parser.error(f"{args.suite}: {error.strerror}")
+    except (ValueError, KeyError, TypeError):
+        parser.error(f"{args.suite} is no suite")
+    if args.group and not set(args.group) <= set(groups):
+        parser.error(f"the groups are {', '.join(groups)}")
+    return args, command, suite, parser
+
+
+def main(given):
+    if {"-h", "--help"} & set(given[:given.index("--") if "--" in given else None]):
+        print(__doc__)
+        return 0
+    args, command, suite, parser = arguments_of(given)
     results = list(chosen(suite, args))
     if not results:
-        parser.error("no vector fits")
+        parser.error("no vector has such a name and fits the claim (--only takes a part of a name, no pattern)")
+    folder = args.suite.resolve().parent
+    bad = damaged(results, folder)
+    if bad:
+        print("\n".join(bad[:10]), file=sys.stderr)
+        parser.error(f"{len(bad)} files are not those of the suite; was a line end changed in them?")
     ask = loaded(args.adapter) if args.adapter else answer_of
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     begin = time.monotonic()
-    with concurrent.futures.ThreadPoolExecutor(max(args.j, 1)) as pool:
-        list(pool.map(lambda r: run(r, ask, command, args.suite.resolve().parent, args.timeout), results))
-    seconds = time.monotonic() - begin
-    for r in results:
-        if r.outcome == FAILED:
-            print(f"FAIL {r.name()}: {r.why}")
-    if not args.quiet:
-        matrix(results)
-    if args.json:
-        write_json(args.json, results, command, seconds)
-    if args.junit:
-        write_junit(args.junit, results, seconds)
-    passed, failed, skipped = count(results)
-    print(f"\n{len({r.vector['name'] for r in results})} vectors, {len(results)} queries, {skipped} skipped, "
-          f"{seconds:.1f} s; claim: profile {args.profile}, level {args.level or 'any'}"
-          + "".join(f", without {f}" for f in args.without))
-    print(f"{passed} passed, {failed} failed")
-    return 1 if failed else 0
+    complete = run_all(results, ask, command, folder, args)
+    written = report(results, args, command, time.monotonic() - begin)
+    if not complete:
+        return 130
+    passed, failed, _ = count(results)
+    return 1 if failed or not passed or not written else 0
 
 
 if __name__ == "__main__":

@@ -5,9 +5,12 @@
 import copy
 import hashlib
 import json
+import shutil
+import signal
 import subprocess
 import sys
 import tempfile
+import time
 import unittest
 import xml.etree.ElementTree as ET
 from pathlib import Path
@@ -73,7 +76,8 @@ class Runner(unittest.TestCase):
 
     def outcome(self, script, *options, only="core/tiny"):
         status, lines = run("--only", only, "--quiet", *options, decoder=["sh", "-c", script, "decoder"])
-        self.assertEqual(status, 0 if lines[-1].endswith(" 0 failed") else 1)
+        passed, _, failed, _ = lines[-1].split()
+        self.assertEqual(status, 0 if failed == "0" and passed != "0" else 1)
         return lines
 
     def fails(self, script, why, *options, **more):
@@ -83,7 +87,7 @@ class Runner(unittest.TestCase):
 
     def test_answers_that_break_the_contract(self):
         self.fails("exit 3", "exit status 3")
-        self.fails("kill -9 $$", "exit status -9")
+        self.fails("kill -9 $$", "ended by SIGKILL")
         self.fails("echo no", "not one JSON object")
         self.fails("echo '[]'", "not a JSON object")
         self.fails("echo '{}'", "all differs")
@@ -91,6 +95,10 @@ class Runner(unittest.TestCase):
         self.fails("""echo '{"refused": "PAGE-1"}'; exit 1""", "breaks no rule")
         self.fails("""echo '{"num_gaussians": 3, "digests": {"all": "0"}}'""", "all differs")
         self.fails("sleep 9", "no answer after", "--timeout", "0.2")
+        self.fails("""echo '{"num_gaussians": "x"}'""", "num_gaussians is")
+        self.fails("""echo '{"digests": 5}'""", "digests is 5")
+        self.fails("head -c 200000 /dev/zero | tr '\\0' '['", "not one JSON object")
+        self.fails("head -c 9000000 /dev/zero", "longer than")
 
     def test_refusals(self):
         accepts = """echo '{"num_gaussians": 0, "digests": {"all": "0"}}'"""
@@ -103,7 +111,71 @@ class Runner(unittest.TestCase):
     def test_what_is_not_there_is_skipped(self):
         lines = self.outcome("""echo '{"unavailable": "all"}'""")
         self.assertEqual(lines[-1], "0 passed, 0 failed")
-        self.assertIn("skipped", lines[-2])
+        self.assertIn("the claim does not hold", lines[-2])
+        self.assertIn("skipped", lines[-3])
+
+    def test_what_a_decoder_leaves_behind_ends_with_it(self):
+        with tempfile.TemporaryDirectory() as folder:
+            note = Path(folder) / "pid"
+            for end, limit in (("sleep 1000", "0.5"), ("exit 3", "9")):
+                self.outcome(f"sleep 1000 & echo $! > {note}; {end}", "--timeout", limit, "-j", "1", only="FILE-1-short")
+                self.assertFalse(self.is_running(int(note.read_text())), end)
+
+    def is_running(self, pid):
+        state = Path(f"/proc/{pid}/stat")
+        for _ in range(50):
+            if not state.exists() or state.read_text().split()[2] == "Z":
+                return False
+            time.sleep(0.1)
+        return True
+
+    def test_an_interrupted_run_reports_what_it_knows(self):
+        with tempfile.TemporaryDirectory() as folder:
+            script = f"""if [ -e {folder}/one ]; then sleep 1000; fi; touch {folder}/one; exit 3"""
+            process = subprocess.Popen(
+                [sys.executable, "-B", str(CONFORMANCE / "run.py"), "--quiet", "-j", "1", "--json", f"{folder}/j",
+                 "--", "sh", "-c", script], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+            for _ in range(200):
+                if (Path(folder) / "one").exists():
+                    break
+                time.sleep(0.1)
+            time.sleep(1)
+            process.send_signal(signal.SIGINT)
+            out, err = process.communicate(timeout=60)
+            self.assertEqual(process.returncode, 130, err)
+            self.assertNotIn("Traceback", err)
+            self.assertIn("0 passed, 1 failed", out)
+            self.assertIn("queries were not run", out)
+            self.assertEqual(json.loads(Path(f"{folder}/j").read_text(encoding="utf-8"))["failed"], 1)
+
+    def test_what_is_of_no_use_is_refused_before_anything_runs(self):
+        for options, decoder, why in (
+                (["--level", "-1"], ["true"], "--level"), (["--level", "99"], ["true"], "--level"),
+                (["--timeout", "nan"], ["true"], "--timeout"), (["--timeout", "0"], ["true"], "--timeout"),
+                (["-j", "0"], ["true"], "-j"), (["--group", "nosuch"], ["true"], "core"),
+                (["--only", "core/*"], ["true"], "no pattern"), (["--suite", "/nosuch"], ["true"], "/nosuch"),
+                (["--suite", __file__], ["true"], "no suite"), (["--json", "/nosuch/x"], ["true"], "/nosuch/x"),
+                (["--junit", "/tmp"], ["true"], "/tmp"), (["--adapter", "/nosuch.py"], ["true"], "/nosuch.py"),
+                ([], ["/nosuch"], "/nosuch"), ([], [], "after --")):
+            done = subprocess.run([sys.executable, "-B", str(CONFORMANCE / "run.py"), *options, "--", *decoder],
+                                  capture_output=True, text=True, check=False)
+            self.assertEqual(done.returncode, 2, options)
+            self.assertNotIn("Traceback", done.stderr)
+            self.assertIn(why, done.stderr.splitlines()[-1])
+
+    def test_files_that_are_not_those_of_the_suite_are_named(self):
+        with tempfile.TemporaryDirectory() as folder:
+            copy_of = Path(folder)
+            (copy_of / "suite.json").write_text((CONFORMANCE / "suite.json").read_text(encoding="utf-8"))
+            shutil.copytree(CONFORMANCE / "vectors" / "core", copy_of / "vectors" / "core")
+            tiny = copy_of / "vectors" / "core" / "tiny.l4d"
+            tiny.write_bytes(tiny.read_bytes().replace(b"\n", b"\r\n"))
+            for only in ("core/tiny", "FILE-1-short"):
+                done = subprocess.run([sys.executable, "-B", str(CONFORMANCE / "run.py"), "--suite",
+                                       str(copy_of / "suite.json"), "--only", only, "--", "true"],
+                                      capture_output=True, text=True, check=False)
+                self.assertEqual(done.returncode, 2)
+                self.assertIn("not those of the suite", done.stderr)
 
     def test_claims(self):
         names = lambda *o: {r["vector"] for r in self.results(*o)}
@@ -117,7 +189,7 @@ class Runner(unittest.TestCase):
 
     def results(self, *options):
         with tempfile.TemporaryDirectory() as folder:
-            run(*options, "--json", f"{folder}/j", "--junit", f"{folder}/x", "--quiet", decoder=["/nowhere"])
+            run(*options, "--json", f"{folder}/j", "--junit", f"{folder}/x", "--quiet", decoder=["false"])
             document = json.loads(Path(f"{folder}/j").read_text(encoding="utf-8"))
             root = ET.parse(f"{folder}/x").getroot()
         self.assertEqual(len(root), len(document["results"]))
