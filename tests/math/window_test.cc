@@ -150,6 +150,10 @@ TEST(Window, LayersFollowTheExtent) {
   EXPECT_EQ(layer_of_window({3, 29}, 32, num_layers(32)), 0u);
   EXPECT_EQ(layer_of_window({0, 1}, 1, num_layers(1)), 0u);
   EXPECT_FALSE(window_fits({1, 2}, 0, 4, 16));
+  // Over three buckets of two frames, a window is in the middle one.
+  EXPECT_EQ(bucket_of_window({3, 7}, 3, 32), 2u);
+  EXPECT_TRUE(window_fits({3, 7}, 2, 3, 32));
+  EXPECT_GE(layer_of_window({3, 7}, 32, num_layers(32)), 3u);
 }
 
 TEST(Window, TheMiddleIsTheMeanTime) {
