@@ -94,6 +94,7 @@ const char* l4d_status_name(l4d_status status) {
     L4D_CASE(L4D_ERR_LIMIT_EXCEEDED)
     L4D_CASE(L4D_ERR_INVALID_SCENE)
     L4D_CASE(L4D_ERR_BUFFER_TOO_SMALL)
+    L4D_CASE(L4D_ERR_NEED_DATA)
     L4D_CASE(L4D_ERR_NOT_L4D)
     L4D_CASE(L4D_ERR_VERSION_UNSUPPORTED)
     L4D_CASE(L4D_ERR_FEATURE_UNSUPPORTED)
@@ -128,6 +129,8 @@ const char* l4d_status_description(l4d_status status) {
       return "The scene holds values that cannot be coded.";
     case L4D_ERR_BUFFER_TOO_SMALL:
       return "An array of the caller's is too small for the result.";
+    case L4D_ERR_NEED_DATA:
+      return "Bytes that the call needs have not been supplied yet.";
     case L4D_ERR_NOT_L4D:
       return "The data is not an .l4d stream.";
     case L4D_ERR_VERSION_UNSUPPORTED:

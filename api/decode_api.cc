@@ -30,10 +30,13 @@ l4d_query default_query() {
 
 const char* first_of(const char* a, const char* b) { return a != nullptr ? a : b; }
 
+constexpr const char* kHeadersLack = "the headers of the stream have not been supplied yet";
+
 // The work of a call on an open decoder.
 template <typename Body>
 l4d_status with_stream(l4d_decoder* decoder, const char* bad, const Body& body) {
   return call_on(decoder, bad, [&]() -> Status {
+    if (decoder->impl.is_waiting()) return Status(L4D_ERR_NEED_DATA, kHeadersLack);
     if (!decoder->impl.is_open()) return Status(L4D_ERR_INVALID_STATE, "no stream is open");
     return body(decoder->impl);
   });
@@ -42,6 +45,9 @@ template <typename Body>
 l4d_status look_at_stream(const l4d_decoder* decoder, const char* bad, const Body& body) {
   // Without allocating: such a call must not fail for another reason after memory has run out.
   const bool idle = decoder != nullptr && bad == nullptr && !decoder->busy.is_set();
+  if (idle && decoder->impl.is_waiting()) {
+    return l4d::api::fail(L4D_ERR_NEED_DATA, kHeadersLack);
+  }
   if (idle && !decoder->impl.is_open()) {
     return l4d::api::fail(L4D_ERR_INVALID_STATE, "no stream is open");
   }

@@ -182,7 +182,10 @@ Status PageDecoder::collect_failures(const Pages& pages, Batch* batch) {
     const bool detail_only = batch->status[i].ok();
     Status& failure = detail_only ? batch->detail_status[i] : batch->status[i];
     if (failure.ok()) continue;
-    file_.source().distrust();
+    const PageRecord& record = pages.plan.tasks[batch->begin + i].record;
+    const ChunkRef& chunk = detail_only ? record.sh_detail : record.chunk;
+    failure = file_.source().after_check(std::move(failure), chunk.offset, chunk.stored_bytes,
+                                         file_.memory());
     if (pages.lost == nullptr || !is_loss(failure)) return std::move(failure);
     pages.lost->push_back({batch->begin + i, std::move(failure), detail_only});
     num_lost += !detail_only;

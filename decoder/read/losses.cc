@@ -8,6 +8,7 @@ namespace l4d {
 bool is_loss(const Status& status) {
   switch (status.code()) {
     case L4D_ERR_IO:
+    case L4D_ERR_NEED_DATA:
     case L4D_ERR_TRUNCATED:
     case L4D_ERR_CORRUPT:
     case L4D_ERR_CHECKSUM:

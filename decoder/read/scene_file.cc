@@ -24,12 +24,15 @@ Status SceneFile::open() {
   const uint64_t head = std::min<uint64_t>(size, FileHeader::kBytes);
   L4D_RETURN_IF_ERROR(reader_.source().read(0, head, storage, &bytes));
   L4D_RETURN_IF_ERROR(FileHeader::parse(bytes, &file_header_));
-  L4D_RETURN_IF_ERROR(reader_.memory().charge(file_header_.header_bytes, "the scene header"));
+  MemoryCharge charge(reader_.memory());
+  L4D_RETURN_IF_ERROR(charge.take(file_header_.header_bytes, "the scene header"));
   L4D_RETURN_IF_ERROR(reader_.source().read(file_header_.header_offset, file_header_.header_bytes,
                                             storage, &bytes));
   if (hash64(bytes) != file_header_.header_hash) {
-    return Status(L4D_ERR_CHECKSUM, "FILE-6", file_header_.header_offset,
-                  "checksum of the scene header does not match");
+    return reader_.source().after_check(
+        Status(L4D_ERR_CHECKSUM, "FILE-6", file_header_.header_offset,
+               "checksum of the scene header does not match"),
+        file_header_.header_offset, file_header_.header_bytes, reader_.memory());
   }
   L4D_RETURN_IF_ERROR(parse_scene_header(bytes, file_header_.header_offset, &header_));
   if (header_.num_gaussians > limits_.max_gaussians) {
@@ -42,6 +45,7 @@ Status SceneFile::open() {
                                               " frames; the limit is " +
                                               std::to_string(limits_.max_frames));
   }
+  charge.keep();
   return {};
 }
 

@@ -53,10 +53,52 @@ Status ByteSource::from_reader(const l4d_reader& reader, ByteSource* out) {
   return {};
 }
 
+ByteSource ByteSource::from_supplies(uint64_t size) {
+  ByteSource s;
+  s.is_supplied_ = true;
+  s.size_ = size > 0 ? size : UINT64_MAX;
+  return s;
+}
+
+Status ByteSource::supply(uint64_t offset, ByteSpan data, MemoryBudget& memory) {
+  if (offset > size_ || data.size() > size_ - offset) {
+    return invalid_argument("supplied bytes lie behind the end of the file");
+  }
+  supplied_.make_room(data.size(), memory);
+  return supplied_.add(offset, data, memory);
+}
+
+Status ByteSource::after_check(Status status, uint64_t offset, uint64_t n, MemoryBudget& memory) {
+  if (status.code() != L4D_ERR_CHECKSUM) return status;
+  distrust();
+  if (!is_supplied_ || is_lost(offset)) return status;
+  drop(offset, n, memory);
+  if (++rejected_[offset] > 1) return status;
+  return Status(L4D_ERR_NEED_DATA, status.clause(), offset, "bytes were supplied wrong");
+}
+
+bool ByteSource::is_lost(uint64_t offset) const {
+  const auto it = rejected_.find(offset);
+  return it != rejected_.end() && it->second > 1;
+}
+
 Status ByteSource::read(uint64_t offset, uint64_t n, Bytes& storage, ByteSpan* out) {
   if (offset > size_ || n > size_ - offset) {
     return Status(L4D_ERR_TRUNCATED, "CHNK-1", offset,
                   std::to_string(n) + " bytes wanted, the file has " + std::to_string(size_));
+  }
+  if (is_supplied_) {
+    if (!supplied_.holds(offset, n)) {
+      if (is_lost(offset)) {
+        return Status(L4D_ERR_CHECKSUM, "CHNK-2", offset, "a chunk arrived wrong twice");
+      }
+      return Status(L4D_ERR_NEED_DATA, "", supplied_.gap_begin(offset),
+                    "bytes have not been supplied yet");
+    }
+    ++reads_;
+    bytes_read_ += n;
+    *out = supplied_.get(offset, n, storage);
+    return {};
   }
   if (reader_.read_at == nullptr) {
     ++reads_;

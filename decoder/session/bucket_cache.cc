@@ -53,6 +53,9 @@ void BucketCache::evict(uint64_t needed) {
 }
 
 void BucketCache::drop(Entries::iterator entry) {
+  for (const l4d_byte_range& range : entry->second.supplied) {
+    stream_.file().source().drop(range.offset, range.size, stream_.file().memory());
+  }
   bytes_ -= entry->second.memory_bytes;
   stream_.file().memory().release(entry->second.memory_bytes);
   entries_.erase(entry);
@@ -161,6 +164,27 @@ bool BucketCache::holds(const l4d_bucket_span& span, uint32_t detail, bool with_
   return it != entries_.end() && (it->second.with_shape || !with_shape);
 }
 
+bool BucketCache::holds_whole(const l4d_bucket_span& span, uint32_t detail) const {
+  const auto it = entries_.find({span.layer, span.bucket, detail});
+  return it != entries_.end() && it->second.missing.tasks.empty();
+}
+
+void BucketCache::drop_supplies(const Plan& plan, size_t first_task, size_t end_task,
+                                CachedBucket* entry) {
+  SceneFile& file = stream_.file();
+  if (!file.source().is_supplied() || !entry->missing.tasks.empty()) return;
+  for (size_t t = first_task; t < end_task; ++t) {
+    const PageRecord& record = plan.tasks[t].record;
+    if (plan.detail != L4D_DETAIL_FULL && record.has_sh_detail()) {
+      entry->supplied.push_back({record.chunk.offset, record.chunk.stored_bytes});
+      continue;
+    }
+    file.source().drop(record.chunk.offset, record.chunk.stored_bytes, file.memory());
+    if (!record.has_sh_detail()) continue;
+    file.source().drop(record.sh_detail.offset, record.sh_detail.stored_bytes, file.memory());
+  }
+}
+
 Status BucketCache::load(const Plan& plan, bool with_shape, std::vector<CachedBucket*>* out) {
   out->clear();
   ++clock_;
@@ -197,6 +221,7 @@ Status BucketCache::load(const Plan& plan, bool with_shape, std::vector<CachedBu
     MemoryCharge charge(memory);
     L4D_RETURN_IF_ERROR(charge.take(entry.memory_bytes, "the bucket cache"));
     L4D_RETURN_IF_ERROR(decode(plan, i, first_task, task, &entry));
+    drop_supplies(plan, first_task, task, &entry);
     entry.number = ++numbered_;
     const uint64_t memory_bytes = entry.memory_bytes;
     CachedBucket* const kept = &(entries_[key] = std::move(entry));

@@ -18,7 +18,8 @@ struct CachedBucket {
   size_t lost_chunks = 0;
   uint64_t memory_bytes = 0;
   uint64_t last_use = 0;
-  uint64_t number = 0;  // of all buckets that were ever cached here
+  std::vector<l4d_byte_range> supplied;  // chunks that stay while the bucket does
+  uint64_t number = 0;                   // of all buckets that were ever cached here
 };
 
 class BucketCache {
@@ -33,6 +34,10 @@ class BucketCache {
   Status load(const Plan& plan, bool with_shape, std::vector<CachedBucket*>* out);
   // Whether load() would decode nothing for a span, unless it recovers what was lost.
   bool holds(const l4d_bucket_span& span, uint32_t detail, bool with_shape) const;
+  // Whether a bucket is there and nothing of it is lost.
+  bool holds_whole(const l4d_bucket_span& span, uint32_t detail) const;
+  // Drops buckets that the last instant did not want, oldest first, until there is room.
+  void make_room(uint64_t bytes) { evict(bytes); }
   bool is_empty() const { return entries_.empty(); }
   void clear();
   // Before the stream is closed: clears the cache and the counters.
@@ -54,6 +59,9 @@ class BucketCache {
   // Whether pages that a cached bucket lacks can be had now; if not, they are lost again.
   Status has_recovered(const CachedBucket& entry, bool* recovered);
   void drop(Entries::iterator entry);
+  // What the caller supplied of a bucket that has been decoded: of one without SH chunks, base
+  // chunks stay with it, as SH chunks may follow.
+  void drop_supplies(const Plan& plan, size_t first_task, size_t end_task, CachedBucket* entry);
   void evict(uint64_t needed);
 
   OpenStream& stream_;

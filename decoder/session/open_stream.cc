@@ -46,8 +46,20 @@ Status OpenStream::start(ByteSource source) {
   auto file = std::make_unique<SceneFile>(std::move(source), options_, *kernels_.stream);
   L4D_RETURN_IF_ERROR(file->open());
   fetch_index(*file);
-  pages_ = std::make_unique<PageDecoder>(*file, kernels_, threads());
+  auto pages = std::make_unique<PageDecoder>(*file, kernels_, threads());
   file_ = std::move(file);
+  pages_ = std::move(pages);
+  return {};
+}
+
+void OpenStream::open_supplied(uint64_t size) {
+  close();
+  file_ = std::make_unique<SceneFile>(ByteSource::from_supplies(size), options_, *kernels_.stream);
+}
+
+Status OpenStream::try_open() {
+  L4D_RETURN_IF_ERROR(file_->open());
+  pages_ = std::make_unique<PageDecoder>(*file_, kernels_, threads());
   return {};
 }
 

@@ -21,8 +21,15 @@ class OpenStream {
 
   Status open(ByteSource source);
   Status open_file(const char* path);
+  // A file of which no byte is here yet. It is open once its headers are supplied: the supply that
+  // completes them opens it.
+  void open_supplied(uint64_t size);
+  // Before it is open: fails with NEED_DATA where bytes lack.
+  Status try_open();
   void close();
-  bool is_open() const { return file_ != nullptr; }
+  bool is_open() const { return pages_ != nullptr; }
+  // For supplies, before the headers are here.
+  bool is_waiting() const { return file_ != nullptr && pages_ == nullptr; }
   SceneFile& file() { return *file_; }
   const SceneFile& file() const { return *file_; }
   PageDecoder& pages() { return *pages_; }

@@ -59,6 +59,8 @@ void Slicer::close() {
 }
 
 Status Slicer::load_instant(double* time, bool with_shape) {
+  // Supplied bytes go once a bucket is cached: all that a slice may want is in it.
+  with_shape = with_shape || stream_.file().source().is_supplied();
   if (!(*time == *time)) return invalid_argument("the time is not a number");
   const Sequence sequence = sequence_of(stream_.file().header().timeline);
   *time = std::clamp(*time, sequence.begin, sequence.end);

@@ -20,6 +20,7 @@ class Slicer {
   Status set_detail(uint32_t detail);
   // Before the stream is closed.
   void close();
+  BucketCache& cache() { return cache_; }
   const BucketCache& cache() const { return cache_; }
 
  private:

@@ -8,6 +8,7 @@
 
 #include "l4d/decode.h"
 #include "l4d/encode.h"
+#include "l4d/stream.h"
 
 namespace {
 
@@ -50,6 +51,10 @@ L4D_FIELD(l4d_query, detail, 32);
 L4D_FIELD(l4d_query, whole_buckets, 36);
 L4D_FIELD(l4d_query, buckets, 40);
 L4D_LAYOUT(l4d_byte_range, 16);
+L4D_LAYOUT(l4d_read, 24);
+L4D_LAYOUT(l4d_planned_range, 40);
+L4D_LAYOUT(l4d_plan_query, 56);
+L4D_LAYOUT(l4d_time_span, 16);
 L4D_FIELD(l4d_byte_range, size, 8);
 L4D_LAYOUT(l4d_bucket_span, 48);
 L4D_FIELD(l4d_bucket_span, layer, 32);

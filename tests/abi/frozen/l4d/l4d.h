@@ -59,6 +59,7 @@ enum {
   L4D_ERR_LIMIT_EXCEEDED = -6,       /* a valid stream that needs more than the caller's limits */
   L4D_ERR_INVALID_SCENE = -7,        /* encoder input holds NaN, Inf or values out of range */
   L4D_ERR_BUFFER_TOO_SMALL = -8,     /* a caller's array is too small; the count it needs is set */
+  L4D_ERR_NEED_DATA = -9,            /* bytes that are not supplied yet, see stream.h */
   L4D_ERR_NOT_L4D = -10,             /* the magic does not match */
   L4D_ERR_VERSION_UNSUPPORTED = -11, /* a bitstream major version this library does not read */
   L4D_ERR_FEATURE_UNSUPPORTED = -12, /* this library lacks a coding tool or a backend */
