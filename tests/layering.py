@@ -68,6 +68,7 @@ _above("render/cuda", "render", "libl4dcodec/cuda")
 # Evaluations: neither command lines nor documents, so that whoever measures can use them.
 _above("eval", "io")
 _above("cli", "eval")
+_above("examples", "include/l4d")
 # The decoder for web pages: another customer.
 _above("web/wasm", "include/l4d", "libl4dcodec/scene", "libl4dcodec/base")
 _above("bench/tables", "io")

@@ -159,13 +159,20 @@ Status BucketCache::has_recovered(const CachedBucket& entry, bool* recovered) {
   return {};
 }
 
+BucketCache::Key BucketCache::key_of(const l4d_bucket_span& span, uint32_t detail) const {
+  const Key own(span.layer, span.bucket, detail), full(span.layer, span.bucket, L4D_DETAIL_FULL);
+  if (detail == L4D_DETAIL_FULL || !stream_.file().source().is_supplied()) return own;
+  const auto it = entries_.find(full);
+  return it != entries_.end() && it->second.missing.tasks.empty() ? full : own;
+}
+
 bool BucketCache::holds(const l4d_bucket_span& span, uint32_t detail, bool with_shape) const {
-  const auto it = entries_.find({span.layer, span.bucket, detail});
+  const auto it = entries_.find(key_of(span, detail));
   return it != entries_.end() && (it->second.with_shape || !with_shape);
 }
 
 bool BucketCache::holds_whole(const l4d_bucket_span& span, uint32_t detail) const {
-  const auto it = entries_.find({span.layer, span.bucket, detail});
+  const auto it = entries_.find(key_of(span, detail));
   return it != entries_.end() && it->second.missing.tasks.empty();
 }
 
@@ -189,7 +196,7 @@ Status BucketCache::load(const Plan& plan, bool with_shape, std::vector<CachedBu
   out->clear();
   ++clock_;
   for (const l4d_bucket_span& r : plan.spans) {
-    const auto it = entries_.find({r.layer, r.bucket, plan.detail});
+    const auto it = entries_.find(key_of(r, plan.detail));
     if (it != entries_.end()) it->second.last_use = clock_;
   }
   MemoryBudget& memory = stream_.file().memory();
@@ -198,7 +205,7 @@ Status BucketCache::load(const Plan& plan, bool with_shape, std::vector<CachedBu
     const l4d_bucket_span& r = plan.spans[i];
     const size_t first_task = task;
     while (task < plan.tasks.size() && plan.tasks[task].span == i) ++task;
-    const Key key(r.layer, r.bucket, plan.detail);
+    const Key key = key_of(r, plan.detail);
     const auto it = entries_.find(key);
     if (it != entries_.end()) {
       bool stale = with_shape && !it->second.with_shape;

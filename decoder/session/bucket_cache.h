@@ -48,10 +48,13 @@ class BucketCache {
 
  private:
   // Of ranges: RCQ blocks never split a bucket, so layer and bucket name one. Buckets of one detail
-  // are of no use to slices of another.
+  // are of no use to slices of another, unless their bytes were supplied.
   using Key = std::tuple<uint32_t, uint32_t, uint32_t>;  // layer, bucket, detail
   using Entries = std::map<Key, CachedBucket>;
 
+  // Which bucket serves a span. What was supplied of a bucket goes once it is cached: one in full
+  // detail then serves those who want less.
+  Key key_of(const l4d_bucket_span& span, uint32_t detail) const;
   // Decodes and prepares one range of a plan, whose tasks are [first_task, end_task), in the form
   // that *out says.
   Status decode(const Plan& plan, size_t span, size_t first_task, size_t end_task,

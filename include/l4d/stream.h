@@ -8,6 +8,9 @@
  *                   for each answer: l4d_decoder_supply(...);
  *                   l4d_decoder_slice(...): NEED_DATA, or the picture.
  *
+ * Slices in base colours (l4d_decoder_set_detail) show the buckets that are cached in full detail
+ * in full detail, so that no byte is needed twice.
+ *
  * A tolerant decoder does not fail with NEED_DATA once the headers are here: slices hold what is
  * there, and l4d_decoder_get_losses lists the rest with that status.
  */

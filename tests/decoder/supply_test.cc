@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -13,6 +14,8 @@
 #include "tests/common/codec.h"
 #include "tests/common/random.h"
 #include "tests/common/sh_detail.h"
+#include "tests/decoder/allocation_meter.h"
+#include "tests/decoder/recording_reader.h"
 
 namespace l4d {
 namespace {
@@ -231,6 +234,44 @@ TEST(Supply, RoundsAndBytes) {
   }
 }
 
+// At gap 0 the pages of a plan are those that a plain reader reads, in playback and over seeks.
+TEST(Supply, LittleElseThanWhatIsRead) {
+  const Bytes& file = minute_file();
+  RecordingReader plain(file);
+  DecoderHandle reader;
+  reader.open(plain.reader());
+  Player player(file);
+  std::vector<bool> named(file.size());
+  for (const double begin : {0.0, 41.0, 7.5, 58.0, 20.2}) {
+    l4d_plan_query query = plan_query(begin, 1.5);
+    query.merge_gap = 0;
+    for (Ranges ranges = player.plan(query); !ranges.empty(); ranges = player.plan(query)) {
+      for (const l4d_planned_range& r : ranges) {
+        ASSERT_EQ(player.supply(r.offset, r.size), L4D_OK);
+        if (r.kind < L4D_RANGE_BASE) continue;
+        std::fill_n(named.begin() + static_cast<ptrdiff_t>(r.offset), r.size, true);
+      }
+    }
+    SplatArrays got;
+    for (int i = 0; i <= 45; ++i) {
+      const double t = begin + i / 30.0;
+      ASSERT_EQ(player.slice(t, &got), L4D_OK);
+      EXPECT_TRUE(same_bits(reader.slice(t), got));
+    }
+  }
+  std::vector<bool> read(file.size());
+  for (const RecordingReader::Read& r : plain.reads) {
+    std::fill_n(read.begin() + static_cast<ptrdiff_t>(r.offset), r.n, true);
+  }
+  uint64_t pages = 0, more = 0;
+  for (size_t i = 0; i < file.size(); ++i) {
+    pages += named[i];
+    more += named[i] && !read[i];
+  }
+  EXPECT_GT(pages, 100000u);
+  EXPECT_LE(static_cast<double>(more), 0.05 * static_cast<double>(pages));
+}
+
 // Without gaps a plan names what is read, and nothing else.
 TEST(Supply, NoByteTwice) {
   const Bytes& file = minute_file();
@@ -306,6 +347,26 @@ TEST(Supply, MoreDetailNeedsShChunksOnly) {
   EXPECT_TRUE(same_bits(whole_slice(file, 0.7), got));
 }
 
+// What is here in full detail serves slices in base colours: no byte is wanted twice.
+TEST(Supply, LessDetailNeedsNothing) {
+  const Bytes& file = split_file();
+  Player player(file);
+  player.fill(plan_query(0.7));
+  SplatArrays full, base;
+  ASSERT_EQ(player.slice(0.7, &full), L4D_OK);
+  player.decoder().set_detail(L4D_DETAIL_BASE_COLOR);
+  l4d_plan_query query = plan_query(0.7);
+  query.detail = L4D_DETAIL_BASE_COLOR;
+  EXPECT_TRUE(player.plan(query).empty());
+  ASSERT_EQ(player.slice(0.7, &base), L4D_OK);
+  EXPECT_TRUE(same_bits(full, base));
+  // Buckets that are new show the detail that is set, next to those.
+  query.time = 1.9;
+  for (const l4d_planned_range& r : player.plan(query)) EXPECT_EQ(r.kind, L4D_RANGE_BASE);
+  player.fill(query);
+  EXPECT_EQ(player.slice(1.9, &base), L4D_OK);
+}
+
 // A tolerant decoder shows more and more, and says what lacks.
 TEST(Supply, TolerantShowsWhatIsThere) {
   const Bytes& file = split_file();
@@ -378,17 +439,23 @@ TEST(Supply, WrongBytesArePlannedOnceMore) {
 
 TEST(Supply, MemoryDoesNotGrow) {
   const Bytes& file = minute_file();
-  Player player(file, false, 12 << 20);
+  constexpr uint64_t kMaxMemory = 12 << 20;
+  Player player(file, false, kMaxMemory);
   Random random(7);
   uint64_t early = 0, late = 0;
   SplatArrays got;
-  for (int i = 0; i < 300; ++i) {
+  std::optional<AllocationMeter> meter;
+  for (int i = 0; i < 1000; ++i) {
+    if (i == 200) meter.emplace();
     const double t = 0.1 * static_cast<double>(random.below(600));
     player.fill(plan_query(t, 0.2));
     ASSERT_EQ(player.slice(t, &got), L4D_OK);
-    (i < 100 ? early : late) = std::max(i < 100 ? early : late, player.memory());
+    (i < 200 ? early : late) = std::max(i < 200 ? early : late, player.memory());
   }
   EXPECT_LE(late, early + early / 4);
+  EXPECT_LE(late, kMaxMemory);
+  // What the program really allocates: at the 200th seek memory is full but for what is at hand.
+  EXPECT_LE(meter->peak(), kMaxMemory / 2);
 }
 
 TEST(Supply, BufferedSpans) {
