@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// The structs of render.h, cuda_render.h and cuda_player.h, as their first version had them.
+// The structs of render.h, cuda_render.h, cuda_player.h and cuda_train.h, as their first version
+// had them.
 #pragma once
 
 #include "l4d/cuda_player.h"
+#include "l4d/cuda_train.h"
 #include "libl4dcodec/base/first_versions.h"
 
 namespace l4d::api {
@@ -25,5 +27,11 @@ L4D_FIRST_VERSION(l4d_cuda_frame_stats, seconds);
 
 L4D_FIRST_VERSION(l4d_cuda_player_options, read_ahead);
 L4D_FIRST_VERSION(l4d_cuda_player_counters, scratch_bytes);
+
+L4D_FIRST_VERSION(l4d_cuda_live_rows, overflow);
+L4D_FIRST_VERSION(l4d_cuda_live_view, alpha);
+L4D_FIRST_VERSION(l4d_cuda_live_loss, error);
+L4D_FIRST_VERSION(l4d_cuda_live_statistics, screen_gradient);
+L4D_FIRST_VERSION(l4d_cuda_live_report, seconds);
 
 }  // namespace l4d::api

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // In builds without device code.
+#include "render/cuda/device_live.h"
 #include "render/cuda/device_player.h"
 
 namespace l4d::render {
@@ -7,6 +8,11 @@ namespace l4d::render {
 Status make_device_renderer(const DeviceRendererOptions&, std::unique_ptr<DeviceRenderer>*) {
   return Status(L4D_ERR_FEATURE_UNSUPPORTED,
                 "this build has no device code: use another backend, or build with L4D_CUDA=ON");
+}
+
+Status make_device_live(int, std::unique_ptr<DeviceLive>*) {
+  return Status(L4D_ERR_FEATURE_UNSUPPORTED,
+                "this build has no device code: build with L4D_CUDA=ON");
 }
 
 Status make_device_player(l4d_decoder*, const l4d_cuda_player_options&,

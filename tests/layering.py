@@ -61,9 +61,10 @@ LAYERS["io"].add("libl4dcodec/scene")
 # The contracts that device code fills are told without a type of CUDA, so that renderers may know it.
 LAYERS["render/cuda/device_renderer.h"] = {"include/l4d", "libl4dcodec/base", "render/view.h"}
 LAYERS["render/cuda/device_player.h"] = {"include/l4d", "render/cuda/device_renderer.h"}
+LAYERS["render/cuda/device_live.h"] = {"include/l4d", "render/cuda/device_renderer.h"}
 LAYERS["render/view.h"] = {"include/l4d", "libl4dcodec/scene"}
 _above("render", "libl4dcodec/math", "libl4dcodec/scene", "render/cuda/device_renderer.h",
-       "render/cuda/device_player.h")
+       "render/cuda/device_player.h", "render/cuda/device_live.h")
 _above("render/cuda", "render", "libl4dcodec/cuda")
 # Evaluations: neither command lines nor documents, so that whoever measures can use them.
 _above("eval", "io")

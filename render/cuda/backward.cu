@@ -18,13 +18,16 @@ constexpr float kCut = static_cast<float>(kMaxAlpha);
 constexpr int kWarps = Block::kWarps;
 
 // Numbers that are summed over pixels: those of SplatSums, in its order.
-template <int kChannels>
-constexpr int kSums = kChannels == 1 ? 8 : 10;
+template <int kChannels, bool kError>
+constexpr int kSums = kChannels == 1 ? 8
+                      : kError       ? 11
+                                     : 10;
 
-template <int kChannels>
+template <int kChannels, bool kError>
 struct Pixel {
   float transmittance = 1, behind = 0;
   float gradient[kChannels];
+  float error = 0;
   float threshold = kDeviceLog2MinAlpha;  // infinite where the pixel is done
 
   __device__ bool done() const { return threshold > 0; }
@@ -52,6 +55,7 @@ struct Pixel {
       for (int c = 0; c < kChannels; ++c) sums[7 + c] = fmaf(gradient[c], weight, sums[7 + c]);
     }
     sums[3] += weight;
+    if constexpr (kError) sums[10] = fmaf(error, weight, sums[10]);
     behind = fmaf(-weight, shade, behind);
     // By alpha: T shade - behind / (1 - alpha); by ln(alpha): times alpha. Cut: none.
     const float inverse = __fdividef(1.0f, 1.0f - alpha);
@@ -70,9 +74,9 @@ struct Pixel {
 };
 
 // What the scalar has of a pixel in all.
-template <int kChannels>
+template <int kChannels, bool kError>
 __device__ void start(const FrameInput& input, const BackwardTask& task, int x, int y,
-                      Pixel<kChannels>* pixel) {
+                      Pixel<kChannels, kError>* pixel) {
   if (x >= input.view.width || y >= input.view.height) {
     pixel->threshold = INFINITY;
     return;
@@ -84,6 +88,7 @@ __device__ void start(const FrameInput& input, const BackwardTask& task, int x, 
     pixel->behind = rgb[0] + rgb[1] + rgb[2];
     return;
   }
+  if constexpr (kError) pixel->error = task.error[at];
   const uint64_t bits = task.upstream == Upstream::kSigns ? mix(task.signs + at) : 0;
 #pragma unroll
   for (int c = 0; c < kChannels; ++c) {
@@ -127,12 +132,23 @@ __device__ float sum_two(const float* v) {
   return sum;
 }
 
-template <int kChannels>
+// Likewise of 3, whose lanes 24..31 end with nothing.
+__device__ float sum_three(const float* v) {
+  const bool high16 = (threadIdx.x & 16) != 0, high8 = (threadIdx.x & 8) != 0;
+  const float a = (high16 ? v[2] : v[0]) + __shfl_xor_sync(kFullWarp, high16 ? v[0] : v[2], 16);
+  const float b = (high16 ? 0.0f : v[1]) + __shfl_xor_sync(kFullWarp, high16 ? v[1] : 0.0f, 16);
+  float sum = (high8 ? b : a) + __shfl_xor_sync(kFullWarp, high8 ? a : b, 8);
+#pragma unroll
+  for (int step = 4; step > 0; step /= 2) sum += __shfl_xor_sync(kFullWarp, sum, step);
+  return sum;
+}
+
+template <int kChannels, bool kError>
 __global__ void __launch_bounds__(Block::kThreads)
     backward(FrameInput input, BackwardTask task, const uint32_t* values, FrameMemory memory,
              SplatSums* instances) {
   await_predecessor();
-  constexpr int kNumbers = kSums<kChannels>;
+  constexpr int kNumbers = kSums<kChannels, kError>;
   __shared__ DeviceSplat batch[2][kBatch];
   // Of each warp and entry of the batch. One more column, so that a warp's numbers lie in different
   // banks.
@@ -143,7 +159,7 @@ __global__ void __launch_bounds__(Block::kThreads)
   const WarpPixels pixels(block);
   const uint2 range = block.range;
   const uint32_t count = range.y - range.x;
-  Pixel<kChannels> pixel[kPixels];
+  Pixel<kChannels, kError> pixel[kPixels];
 #pragma unroll
   for (int k = 0; k < kPixels; ++k) {
     start(input, task, pixels.x + k / 2 * kSide, pixels.y + k % 2 * kRowStep, &pixel[k]);
@@ -176,7 +192,10 @@ __global__ void __launch_bounds__(Block::kThreads)
         const uint32_t place = entry % kBatch;
         const float eight = sum_eight(own);
         if ((lane & 3) == 0) sums[warp][lane / 4][place] = eight;
-        if constexpr (kChannels == 3) {
+        if constexpr (kError) {
+          const float three = sum_three(own + 8);
+          if ((lane & 7) == 0 && lane < 24) sums[warp][8 + lane / 8][place] = three;
+        } else if constexpr (kChannels == 3) {
           const float two = sum_two(own + 8);
           if ((lane & 15) == 0) sums[warp][8 + lane / 16][place] = two;
         }
@@ -201,7 +220,9 @@ __global__ void __launch_bounds__(Block::kThreads)
           to[0] = make_float4(total[0], total[1], total[2], total[3]);
           if (total[3] > 0) {
             to[1] = make_float4(total[4], total[5], total[6], total[7]);
-            if constexpr (kChannels == 3) to[2] = make_float4(total[8], total[9], 0, 0);
+            if constexpr (kChannels == 3) {
+              to[2] = make_float4(total[8], total[9], kError ? total[kNumbers - 1] : 0, 0);
+            }
           }
         }
         left_off = first + here;
@@ -347,9 +368,14 @@ void launch_backward(const FrameInput& input, const BackwardTask& task, const ui
                      const FrameMemory& memory, const BackwardMemory& back, cudaStream_t stream) {
   const unsigned grid = static_cast<unsigned>(input.columns * input.rows);
   if (task.upstream == Upstream::kOnes) {
-    launch(backward<1>, grid, Block::kThreads, stream, input, task, values, memory, back.instances);
+    launch(backward<1, false>, grid, Block::kThreads, stream, input, task, values, memory,
+           back.instances);
+  } else if (task.error == nullptr) {
+    launch(backward<3, false>, grid, Block::kThreads, stream, input, task, values, memory,
+           back.instances);
   } else {
-    launch(backward<3>, grid, Block::kThreads, stream, input, task, values, memory, back.instances);
+    launch(backward<3, true>, grid, Block::kThreads, stream, input, task, values, memory,
+           back.instances);
   }
 }
 

@@ -16,18 +16,19 @@ enum class Upstream {
 
 struct BackwardTask {
   Upstream upstream;
-  const float* rgb_gradient;  // [height, width, 3] of kGiven
-  uint64_t signs;             // of kSigns: what makes them, see mix()
-  const float* rgb;           // [height, width, 3] the image, background included
+  const float* rgb_gradient;     // [height, width, 3] of kGiven
+  uint64_t signs;                // of kSigns: what makes them, see mix()
+  const float* rgb;              // [height, width, 3] the image, background included
+  const float* error = nullptr;  // [height, width] of kGiven: what SplatSums::error weighs; NULL: 0
 };
 
 // Derivatives by one instance, and by one splat once they are added up: sums over pixels of the
 // derivative by ln(alpha) times 1, dx, dy, dx^2, dx dy, dy^2; of the derivative by each channel;
-// and of alpha times transmittance.
+// of alpha times transmittance; and of that times the task's error.
 struct alignas(16) SplatSums {
   float one, x, y, coverage;
   float xx, xy, yy, red;
-  float green, blue, unused[2];  // not of kOnes, where all channels are alike
+  float green, blue, error, unused;  // not of kOnes, where all channels are alike
 };
 static_assert(sizeof(SplatSums) == 48, "three words");
 

@@ -204,7 +204,7 @@ class Implementation : public DeviceRenderer {
     L4D_RETURN_IF_ERROR(pipeline_.backward(task, on));
     launch_gradients(gradient_input(pipeline_, gaussians_, time, camera), task,
                      pipeline_.resident(), pipeline_.memory(), pipeline_.back_memory(), gradients,
-                     on);
+                     {}, on);
     L4D_RETURN_IF_CUDA_ERROR(cudaGetLastError());
     return {};
   }
@@ -350,7 +350,7 @@ Status Implementation::backward(double time, const l4d_camera& camera, const flo
     const BackwardTask task{Upstream::kGiven, upstream_.as<float>(), 0, pipeline_.scratch_image()};
     L4D_RETURN_IF_ERROR(pipeline_.backward(task, nullptr));
     launch_gradients(gradient_input(pipeline_, gaussians_, time, camera), task,
-                     pipeline_.resident(), pipeline_.memory(), pipeline_.back_memory(), out,
+                     pipeline_.resident(), pipeline_.memory(), pipeline_.back_memory(), out, {},
                      nullptr);
     return {};
   };

@@ -16,6 +16,7 @@ struct Shown {
   SplatSums sums;
   float color[3];      // derivatives by the colour, without the clamp
   float direction[3];  // in which the camera sees it
+  double by_mean[2];   // derivatives by the mean in the image, pixels
   Gaussian4D<double> gaussian;
   Instant<double> at;
   SplatGradient3D<double> by_slice;
@@ -35,12 +36,13 @@ __device__ Gaussian4D<double> attributes_of(const GradientInput& input, size_t i
 // A Gaussian's numbers in an array, four at a time where they lie so.
 template <size_t kCount>
 struct Row {
-  __device__ static bool in_fours(const float* array) {
-    return kCount % 4 == 0 && reinterpret_cast<uintptr_t>(array) % sizeof(float4) == 0;
+  __device__ static bool in_fours(const float* array, size_t stride) {
+    return kCount % 4 == 0 && stride % 4 == 0 &&
+           reinterpret_cast<uintptr_t>(array) % sizeof(float4) == 0;
   }
-  __device__ static void read(const float* array, size_t id, float* out) {
-    const float* row = array + kCount * id;
-    if (in_fours(array)) {
+  __device__ static void read(const float* array, size_t id, float* out, size_t stride = kCount) {
+    const float* row = array + stride * id;
+    if (in_fours(array, stride)) {
 #pragma unroll
       for (size_t k = 0; k + 3 < kCount; k += 4) {
         const float4 v = *reinterpret_cast<const float4*>(row + k);
@@ -55,14 +57,14 @@ struct Row {
     }
   }
   template <typename T>
-  __device__ static void add(float* array, size_t id, const T* values) {
+  __device__ static void add(float* array, size_t id, const T* values, size_t stride = kCount) {
     if (array == nullptr) return;
     float sums[kCount];
-    read(array, id, sums);
+    read(array, id, sums, stride);
 #pragma unroll
     for (size_t k = 0; k < kCount; ++k) sums[k] += static_cast<float>(values[k]);
-    float* row = array + kCount * id;
-    if (in_fours(array)) {
+    float* row = array + stride * id;
+    if (in_fours(array, stride)) {
 #pragma unroll
       for (size_t k = 0; k + 3 < kCount; k += 4) {
         *reinterpret_cast<float4*>(row + k) =
@@ -101,6 +103,7 @@ __device__ bool back_to_slice(const GradientInput& input, const View<float>& vie
   Projection<double> projection;
   if (!project_geometry(input.view, slice.position, slice.covariance, &projection)) {
     out->by_slice = {};
+    out->by_mean[0] = out->by_mean[1] = 0;
     return true;
   }
   // The sums hold derivatives by ln(alpha) = ln(opacity) - q/2 times what q is made of.
@@ -111,6 +114,8 @@ __device__ bool back_to_slice(const GradientInput& input, const View<float>& vie
   SplatGradient2D<double> g;
   g.mean[0] = conic[0] * x + conic[1] * y;
   g.mean[1] = conic[1] * x + conic[2] * y;
+  out->by_mean[0] = g.mean[0];
+  out->by_mean[1] = g.mean[1];
   g.conic[0] = -0.5 * static_cast<double>(out->sums.xx);
   g.conic[1] = -static_cast<double>(out->sums.xy);
   g.conic[2] = -0.5 * static_cast<double>(out->sums.yy);
@@ -118,16 +123,33 @@ __device__ bool back_to_slice(const GradientInput& input, const View<float>& vie
   out->by_slice.opacity = static_cast<double>(out->sums.one) / slice.opacity;
   constexpr size_t kNumbers = 3 * sh_terms(kDegree);
   float by_position[3] = {0, 0, 0}, sh[kNumbers];
-  Row<kNumbers>::read(input.gaussians.sh, out->id, sh);
+  Row<kNumbers>::read(input.gaussians.sh, out->id, sh, input.sh_stride);
   shade_gradient(view, kDegree, position, sh, out->color, true, by_position, by_sh);
   for (int k = 0; k < 3; ++k) out->by_slice.position[k] += static_cast<double>(by_position[k]);
   return true;
 }
 
+// Views that add to the same arrays follow each other, and each shows a Gaussian once.
+template <uint32_t kDegree>
+__device__ void add_statistics(const View<float>& view, const Shown<kDegree>& shown,
+                               const ViewStatistics& out) {
+  const uint32_t id = shown.id;
+  if (out.shown != nullptr) out.shown[id] = 1;
+  if (out.views != nullptr) out.views[id] += 1;
+  if (out.coverage != nullptr) out.coverage[id] += shown.sums.coverage;
+  if (out.error_coverage != nullptr) out.error_coverage[id] += shown.sums.error;
+  if (out.screen_gradient != nullptr) {
+    const float x = 0.5f * static_cast<float>(view.width) * static_cast<float>(shown.by_mean[0]);
+    const float y = 0.5f * static_cast<float>(view.height) * static_cast<float>(shown.by_mean[1]);
+    out.screen_gradient[id] += sqrtf(x * x + y * y);
+  }
+}
+
 template <uint32_t kDegree>
 __global__ void __launch_bounds__(kThreads)
     add_gradients(GradientInput input, View<float> view, bool one_channel, ResidentGaussians rows,
-                  FrameMemory memory, BackwardMemory back, l4d_gradients out) {
+                  FrameMemory memory, BackwardMemory back, l4d_gradients out,
+                  ViewStatistics statistics) {
   await_predecessor();
   constexpr size_t kNumbers = 3 * sh_terms(kDegree);
   Shown<kDegree> shown;
@@ -139,7 +161,8 @@ __global__ void __launch_bounds__(kThreads)
   Row<4>::add(out.log_scale, shown.id, g.log_scale);
   Row<8>::add(out.rotor, shown.id, g.rotor);
   Row<1>::add(out.opacity, shown.id, &g.opacity);
-  Row<kNumbers>::add(out.sh, shown.id, by_sh);
+  Row<kNumbers>::add(out.sh, shown.id, by_sh, input.sh_stride);
+  add_statistics(view, shown, statistics);
 }
 
 // A sum and a number that is not negative.
@@ -293,11 +316,13 @@ View<float> narrow(const View<double>& v) {
 
 void launch_gradients(const GradientInput& input, const BackwardTask& task,
                       const ResidentGaussians& rows, const FrameMemory& memory,
-                      const BackwardMemory& back, const l4d_gradients& out, cudaStream_t stream) {
+                      const BackwardMemory& back, const l4d_gradients& out,
+                      const ViewStatistics& statistics, cudaStream_t stream) {
   const unsigned grid = (memory.max_visible + kThreads - 1) / kThreads;
   for_degree(input.gaussians.sh_degree, [&](auto degree) {
     launch(add_gradients<decltype(degree)::value>, grid, kThreads, stream, input,
-           narrow(input.view), task.upstream == Upstream::kOnes, rows, memory, back, out);
+           narrow(input.view), task.upstream == Upstream::kOnes, rows, memory, back, out,
+           statistics);
   });
 }
 

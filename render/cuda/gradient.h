@@ -15,13 +15,26 @@ struct GradientInput {
   View<double> view;
   Sequence sequence;
   double time;  // seconds
+  uint32_t
+      sh_stride;  // numbers from one Gaussian's SH to the next one's, in attributes and gradients
 };
 
-// Adds to those arrays of `out` that are not NULL; each Gaussian is in a frame once at most. As the
-// calls below it adds nothing where the capacity did not suffice for all of the frame.
+// What a view shows of each Gaussian: l4d_cuda_live_statistics. NULL is not wanted.
+struct ViewStatistics {
+  uint8_t* shown;
+  uint32_t* views;
+  float* coverage;
+  float* error_coverage;
+  float* screen_gradient;
+};
+
+// Adds to those arrays of `out` and `statistics` that are not NULL; each Gaussian is in a frame
+// once at most. As the calls below it adds nothing where the capacity did not suffice for all of
+// the frame.
 void launch_gradients(const GradientInput& input, const BackwardTask& task,
                       const ResidentGaussians& rows, const FrameMemory& memory,
-                      const BackwardMemory& back, const l4d_gradients& out, cudaStream_t stream);
+                      const BackwardMemory& back, const l4d_gradients& out,
+                      const ViewStatistics& statistics, cudaStream_t stream);
 
 // Sums over views of importances, in whole numbers: neither the order of views nor how they are
 // dealt out to devices changes them.

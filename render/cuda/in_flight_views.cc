@@ -17,7 +17,8 @@ constexpr uint64_t kMostFirstInstances = 1u << 24;
 GradientInput gradient_input(const DevicePipeline& pipeline, const l4d_gaussians& gaussians,
                              double time, const l4d_camera& camera) {
   const Sequence& s = pipeline.sequence();
-  return {gaussians, make_view<double>(camera), s, std::min(std::max(time, s.begin), s.end)};
+  return {gaussians, make_view<double>(camera), s, std::min(std::max(time, s.begin), s.end),
+          3 * sh_terms(gaussians.sh_degree)};
 }
 
 FrameCapacity first_capacity(const DevicePipeline& pipeline, const l4d_camera& camera,

@@ -51,10 +51,11 @@ struct ResidentGaussians {
   float4* motion;             // [slots] velocity; reference time
   float4* shape0;             // [slots] covariance xx xy xz yy
   float4* shape1;             // [slots] covariance yz zz; mean time, lambda
-  void* sh;        // [slots, sh_stride()] binary32, or binary16 padded to whole 8 bytes, or indices
+  void* sh;        // [slots, sh_words] binary32, or binary16 padded to whole 8 bytes, or indices
   uint32_t* id;    // [slots] index in the scene
   double* origin;  // [slots / kChunkSlots] seconds from the middle of the sequence; NULL: 0 for all
   ShCodebookTable codebooks;
+  uint32_t sh_words;  // of 4 bytes, from one slot's SH to the next one's
 };
 
 #ifdef __CUDACC__

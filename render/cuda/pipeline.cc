@@ -61,8 +61,9 @@ size_t DevicePipeline::row_bytes() const {
 // Memory of slots of sh_degree_ and half_sh_. The device is idle.
 Status DevicePipeline::make_slots(size_t slots, bool keep) {
   const size_t n = std::max<size_t>(slots, 1);
+  const size_t sh_bytes = sh_elsewhere_ ? 0 : row_sh_bytes();
   const size_t bytes[7] = {sizeof(VisibleInterval), sizeof(float4), sizeof(float4),  sizeof(float4),
-                           sizeof(float4),          row_sh_bytes(), sizeof(uint32_t)};
+                           sizeof(float4),          sh_bytes,       sizeof(uint32_t)};
   const auto grow = [&](cuda::DeviceMemory* memory, size_t wanted, size_t used) -> Status {
     if (!keep) return memory->reserve(wanted);
     if (wanted <= memory->size()) return {};
@@ -84,6 +85,7 @@ Status DevicePipeline::make_slots(size_t slots, bool keep) {
   slots_.shape0 = slot_memory_[3].as<float4>();
   slots_.shape1 = slot_memory_[4].as<float4>();
   slots_.sh = slot_memory_[5].data();
+  slots_.sh_words = static_cast<uint32_t>(row_sh_bytes() / sizeof(uint32_t));
   slots_.id = slot_memory_[6].as<uint32_t>();
   slots_.origin = nullptr;
   if (keep) {
@@ -126,9 +128,25 @@ Status DevicePipeline::reserve_slots(size_t slots, uint32_t sh_degree, bool half
   num_chunks_ = 0;
   sh_degree_ = sh_degree;
   half_sh_ = half_sh;
+  sh_elsewhere_ = false;
   sequence_ = sequence;
   slots_.codebooks = {};
   return make_slots(slots, false);
+}
+
+Status DevicePipeline::reserve_live_slots(size_t slots, const Sequence& sequence) {
+  L4D_RETURN_IF_ERROR(reserve_slots(0, 0, false, sequence));
+  if (slots > kSlotMask) return Status(L4D_ERR_LIMIT_EXCEEDED, "more than 2^30 - 1 slots");
+  sh_elsewhere_ = true;
+  L4D_RETURN_IF_ERROR(make_slots(slots, false));
+  const Batch all{0, static_cast<uint32_t>(slots), kMoving};
+  return set_batches(&all, slots > 0 ? 1 : 0, nullptr);
+}
+
+void DevicePipeline::set_live_sh(const float* sh, uint32_t stride, uint32_t degree) {
+  slots_.sh = const_cast<float*>(sh);  // frames only read it
+  slots_.sh_words = stride;
+  sh_degree_ = degree;
 }
 
 Status DevicePipeline::set_sh_codebooks(const l4d_codebook* codebooks, uint32_t count,
@@ -166,6 +184,7 @@ Status DevicePipeline::reserve_chunks(uint32_t chunks, uint32_t sh_degree, bool 
   L4D_RETURN_IF_CUDA_ERROR(cudaDeviceSynchronize());
   sh_degree_ = sh_degree;
   half_sh_ = half_sh;
+  sh_elsewhere_ = false;
   sequence_ = sequence;
   slots_.codebooks = {};
   return make_slots(size_t{chunks} * kChunkSlots, true);
@@ -352,8 +371,33 @@ Status DevicePipeline::mark(int event, cudaStream_t stream) {
   return {};
 }
 
+// All cameras of an instant share its list of visible slots.
+Status DevicePipeline::slice(double time, const SliceSharing& sharing, cudaStream_t stream) {
+  if (sharing.owner != nullptr) {
+    L4D_RETURN_IF_CUDA_ERROR(cudaStreamWaitEvent(stream, sharing.sliced));
+    memory_.visible = sharing.owner->memory_.visible;
+    memory_.slice_counts = sharing.owner->memory_.slice_counts;
+    sliced_ = false;
+    return {};
+  }
+  memory_.visible = per_visible_[0].as<uint32_t>();
+  memory_.slice_counts = slice_control_.as<SliceCounts>();
+  if (!sliced_ || sliced_time_ != time) {
+    const size_t bytes = sizeof(SliceCounts) + num_chunks_ * sizeof(uint32_t);
+    L4D_RETURN_IF_CUDA_ERROR(cudaMemsetAsync(slice_control_.data(), 0, bytes, stream));
+    launch_slice(slots_, chunk_list_, num_chunks_, time - sequence_.center(), memory_, stream);
+    sliced_ = true;
+    sliced_time_ = time;
+  }
+  if (sharing.sliced != nullptr) {
+    L4D_RETURN_IF_CUDA_ERROR(cudaEventRecord(sharing.sliced, stream));
+  }
+  return {};
+}
+
 Status DevicePipeline::render(double time, const l4d_camera& camera, const float* background,
-                              bool backward, const ImageTarget& target, cudaStream_t stream) {
+                              bool backward, const ImageTarget& target, cudaStream_t stream,
+                              const SliceSharing& sharing) {
   const int width = static_cast<int>(camera.width), height = static_cast<int>(camera.height);
   if (width > capacity_.width || height > capacity_.height || (backward && !capacity_.backward)) {
     return Status(L4D_ERR_INVALID_STATE,
@@ -373,12 +417,7 @@ Status DevicePipeline::render(double time, const l4d_camera& camera, const float
   input_.tile_digits = sort_digits(tile_key_bits);
 
   L4D_RETURN_IF_ERROR(mark(0, stream));
-  // All cameras of an instant share its list of visible slots.
-  if (!sliced_ || sliced_time_ != time) {
-    const size_t bytes = sizeof(SliceCounts) + num_chunks_ * sizeof(uint32_t);
-    L4D_RETURN_IF_CUDA_ERROR(cudaMemsetAsync(slice_control_.data(), 0, bytes, stream));
-    launch_slice(slots_, chunk_list_, num_chunks_, input_.time, memory_, stream);
-  }
+  L4D_RETURN_IF_ERROR(slice(time, sharing, stream));
   L4D_RETURN_IF_CUDA_ERROR(cudaMemsetAsync(control_.data(), 0, control_bytes_, stream));
   L4D_RETURN_IF_ERROR(mark(1, stream));
   launch_project(slots_, input_, memory_, stream);
@@ -411,8 +450,6 @@ Status DevicePipeline::render(double time, const l4d_camera& camera, const float
   }
   L4D_RETURN_IF_ERROR(mark(5, stream));
   L4D_RETURN_IF_ERROR(mark(6, stream));
-  sliced_ = true;
-  sliced_time_ = time;
   return launched("rendering");
 }
 

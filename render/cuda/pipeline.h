@@ -26,6 +26,16 @@ struct FrameCapacity {
   bool backward = false;
 };
 
+class DevicePipeline;
+
+// Frames of one time on several streams, of one list of visible slots.
+struct SliceSharing {
+  // Has the list, of the same slots, time and capacity. NULL: the frame makes its own.
+  const DevicePipeline* owner = nullptr;
+  // When there is the list: recorded by frames that make it, awaited by others. NULL: nobody waits.
+  cudaEvent_t sliced = nullptr;
+};
+
 class DevicePipeline {
  public:
   // Of the calling thread's device, see l4d::cuda::use_device.
@@ -49,6 +59,11 @@ class DevicePipeline {
   // Waits for the device.
   Status reserve_chunks(uint32_t chunks, uint32_t sh_degree, bool half_sh,
                         const Sequence& sequence);
+  // As reserve_slots(), of slots that move and whose SH lies elsewhere, see set_live_sh(). Waits
+  // for the device.
+  Status reserve_live_slots(size_t slots, const Sequence& sequence);
+  // sh: [slots, stride] binary32; frames show it up to `degree`.
+  void set_live_sh(const float* sh, uint32_t stride, uint32_t degree);
   // Frames of the slots and chunks of another pipeline, which must have them as they are as long as
   // there are frames.
   Status share_slots(const DevicePipeline& owner);
@@ -73,10 +88,12 @@ class DevicePipeline {
   Status reserve(const FrameCapacity& capacity);
   const FrameCapacity& capacity() const { return capacity_; }
 
+  // Slots have changed: what was sliced is not so any more.
+  void forget_slice() { sliced_ = false; }
   // Launches a frame, without waiting. There must be room for its size, and for the backward pass
   // if it is wanted. `time` in seconds.
   Status render(double time, const l4d_camera& camera, const float* background, bool backward,
-                const ImageTarget& target, cudaStream_t stream);
+                const ImageTarget& target, cudaStream_t stream, const SliceSharing& sharing = {});
   // After render() with `backward` of the same view, and an image with its background: sums by
   // splat.
   Status backward(const BackwardTask& task, cudaStream_t stream);
@@ -98,6 +115,7 @@ class DevicePipeline {
 
  private:
   Status mark(int event, cudaStream_t stream);
+  Status slice(double time, const SliceSharing& sharing, cudaStream_t stream);
   Status make_slots(size_t slots, bool keep);
   Status reserve_slices(size_t chunks);
   size_t row_sh_bytes() const;
@@ -111,6 +129,7 @@ class DevicePipeline {
   size_t capacity_slots_ = 0;
   uint32_t sh_degree_ = 0;
   bool half_sh_ = false;
+  bool sh_elsewhere_ = false;
   uint32_t num_chunks_ = 0;
   const Chunk* chunk_list_ = nullptr;
   cuda::DeviceMemory slot_memory_[7], origins_, chunks_, slice_control_;

@@ -53,18 +53,7 @@ __global__ void __launch_bounds__(kThreads)
   const uint32_t at = blockIdx.x * kThreads + threadIdx.x;
   if (at >= to.count) return;
   const uint32_t i = gaussian_of(to, at), slot = row_of(to, at);
-  const Prepared p = prepare_gaussian(gaussians, sequence, i);
-  const auto f = [](double v) { return static_cast<float>(v); };
-  const double mean = p.mean - to.origin;
-  const double* c = p.slice.covariance;
-  const double* v = p.slice.velocity;
-  slots.interval[slot] = interval_of(mean, p.half_life);
-  slots.place[slot] =
-      make_float4(f(p.position[0]), f(p.position[1]), f(p.position[2]), f(p.opacity));
-  slots.motion[slot] = make_float4(f(v[0]), f(v[1]), f(v[2]), f(p.reference - to.origin));
-  slots.shape0[slot] = make_float4(f(c[0]), f(c[1]), f(c[2]), f(c[3]));
-  slots.shape1[slot] = make_float4(f(c[4]), f(c[5]), f(mean), f(p.slice.lambda));
-  slots.id[slot] = to.first_id + i;
+  store_slot(prepare_gaussian(gaussians, sequence, i), to.origin, to.first_id + i, slot, slots);
   if (to.chunks != nullptr && at % kChunkSlots == 0)
     slots.origin[slot / kChunkSlots] = to.chunk_origin;
 }

@@ -38,6 +38,22 @@ __device__ inline uint32_t row_of(const StorePlace& place, uint32_t at) {
   return place.chunks == nullptr ? place.first + at
                                  : place.chunks[at / kChunkSlots] * kChunkSlots + at % kChunkSlots;
 }
+
+// All of a slot but its SH. origin: what the slot's clock counts from, in the clock of `p`.
+__device__ inline void store_slot(const Prepared& p, double origin, uint32_t id, uint32_t slot,
+                                  const ResidentGaussians& slots) {
+  const auto f = [](double v) { return static_cast<float>(v); };
+  const double mean = p.mean - origin;
+  const double* c = p.slice.covariance;
+  const double* v = p.slice.velocity;
+  slots.interval[slot] = interval_of(mean, p.half_life);
+  slots.place[slot] =
+      make_float4(f(p.position[0]), f(p.position[1]), f(p.position[2]), f(p.opacity));
+  slots.motion[slot] = make_float4(f(v[0]), f(v[1]), f(v[2]), f(p.reference - origin));
+  slots.shape0[slot] = make_float4(f(c[0]), f(c[1]), f(c[2]), f(c[3]));
+  slots.shape1[slot] = make_float4(f(c[4]), f(c[5]), f(mean), f(p.slice.lambda));
+  slots.id[slot] = id;
+}
 #endif
 // Rows of indices get theirs by launch_store_indices().
 void launch_store(const l4d_gaussians& gaussians, const Sequence& sequence, const StorePlace& place,

@@ -16,8 +16,8 @@ struct ShRow {
   static constexpr uint32_t kWords = kHalf ? kStride / 2 : kStride;  // of 4 bytes
   uint32_t words[kWords];
 
-  __device__ void load(const void* slots, uint32_t slot) {
-    const uint32_t* from = static_cast<const uint32_t*>(slots) + size_t{slot} * kWords;
+  __device__ void load(const void* slots, uint32_t slot, uint32_t stride = kWords) {
+    const uint32_t* from = static_cast<const uint32_t*>(slots) + size_t{slot} * stride;
     if constexpr (kWords % 4 == 0) {
 #pragma unroll
       for (uint32_t w = 0; w < kWords; w += 4) {
@@ -47,7 +47,7 @@ struct ShRow {
 template <uint32_t kDegree, bool kHalf>
 struct CoefficientSh : ShRow<kDegree, kHalf> {
   __device__ void load(const ResidentGaussians& slots, uint32_t slot) {
-    ShRow<kDegree, kHalf>::load(slots.sh, slot);
+    ShRow<kDegree, kHalf>::load(slots.sh, slot, slots.sh_words);
   }
   __device__ void finish(const ResidentGaussians&, uint32_t) {}
 };

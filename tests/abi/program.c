@@ -7,6 +7,7 @@
 
 #include "l4d/cuda.h"
 #include "l4d/cuda_player.h"
+#include "l4d/cuda_train.h"
 #include "l4d/decode.h"
 #include "l4d/encode.h"
 #include "l4d/render.h"
@@ -247,12 +248,17 @@ static void device_structs(void) {
   l4d_cuda_player_options player;
   l4d_cuda_frame_capacity capacity;
   l4d_cuda_frame_stats stats;
+  l4d_cuda_live_view view;
+  l4d_cuda_live_report report;
   l4d_cuda_request_init(&request);
   CHECK(request.attributes == L4D_CUDA_ALL_ATTRIBUTES);
   l4d_cuda_player_options_init(&player);
   CHECK(player.max_level == UINT32_MAX);
   l4d_cuda_frame_capacity_init(&capacity);
   l4d_cuda_frame_stats_init(&stats);
+  l4d_cuda_live_view_init(&view);
+  CHECK(view.camera == NULL);
+  l4d_cuda_live_report_init(&report);
 }
 
 int main(void) {

@@ -102,7 +102,7 @@ for package in "${packages[@]}"; do
   case $package in
     l4dcodec) headers=(l4d.h decode.h stream.h cuda.h) ;;
     l4dencoder) headers=(encode.h) ;;
-    l4drender) headers=(render.h cuda_render.h cuda_player.h) ;;
+    l4drender) headers=(render.h cuda_render.h cuda_player.h cuda_train.h) ;;
   esac
   declared "${headers[@]}" | diff -u - "$here/$list" >&2 ||
     fail "declared (<) and defined (>) functions of $package differ"
