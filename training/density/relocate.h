@@ -19,9 +19,11 @@ struct DensityStep {
   uint64_t seed = 0;
   uint64_t step = 0;
   uint64_t count = 0;     // Gaussians
-  uint64_t births = 0;    // rows to add at the end; capacity holds them
+  uint64_t births = 0;    // rows to add at the end, at most; capacity holds them
   uint32_t sh_degree = 0;
-  uint32_t next_id = 0;   // of the first birth; relocated rows keep their ids
+  // Births have the ids from here on, `births` of them whether all find a target or not. Relocated
+  // rows keep their ids.
+  uint32_t next_id = 0;
   double time_begin = 0, time_end = 0;  // of the sequence, s
   // A row that no view of the steps since `unseen_since` shows is dead. 0 = none is dead for that.
   uint32_t unseen_since = 0;

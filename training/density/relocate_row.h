@@ -61,12 +61,19 @@ L4D_HOST_DEVICE inline uint64_t draw_target(const double* cumulative, uint64_t c
   return low;
 }
 
-// The target of the row with this id. Two uniform numbers of 24 bits make one of 48.
+// The target of the row with this id, or kNoTarget if both of the rows that are drawn have died since
+// the weights were made. A uniform number has 48 bits, of two of 24.
+constexpr uint64_t kNoTarget = ~uint64_t{0};
 L4D_HOST_DEVICE inline uint64_t target_of(const DensityStep& s, const DensityArrays& a,
                                           uint32_t id) {
   const Random4 r = philox(s.seed, s.step, id, Use::kTarget);
-  const double u = (static_cast<double>(r.v[0] >> 8) + static_cast<double>(uniform(r.v[1]))) * 0x1p-24;
-  return draw_target(a.cumulative, a.sampled, u);
+  for (int k = 0; k < 4; k += 2) {
+    const double u =
+        (static_cast<double>(r.v[k] >> 8) + static_cast<double>(uniform(r.v[k + 1]))) * 0x1p-24;
+    const uint64_t target = draw_target(a.cumulative, a.sampled, u);
+    if (!is_dead(s, a, target)) return target;
+  }
+  return kNoTarget;
 }
 
 L4D_HOST_DEVICE inline void reset_row(const DensityStep& s, const DensityArrays& a, uint64_t i) {

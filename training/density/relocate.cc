@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "training/density/relocate.h"
+
+#include <algorithm>
+
+#include "training/density/relocate_row.h"
+
+namespace l4d::train {
+
+void accumulate_weights(const Rows<const float>& value, const float* coverage, const float* error,
+                        uint64_t count, float beta, std::vector<double>* cumulative) {
+  const auto excess = [&](uint64_t i) {
+    return coverage[i] > 0 ? static_cast<double>(error[i] / coverage[i]) : 0.0;
+  };
+  double mean = 0;
+  for (uint64_t i = 0; i < count; ++i) mean += excess(i);
+  mean /= static_cast<double>(std::max<uint64_t>(count, 1));
+  cumulative->resize(static_cast<size_t>(count));
+  double sum = 0;
+  for (uint64_t i = 0; i < count; ++i) {
+    const double opacity = 1 / (1 + std::exp(-static_cast<double>(value.opacity[i])));
+    const double e = mean > 0 ? excess(i) / mean : 0;
+    if (std::isfinite(opacity) && opacity >= static_cast<double>(kDeadOpacity)) {
+      sum += opacity * (1 + static_cast<double>(beta) * e);
+    }
+    (*cumulative)[i] = sum;
+  }
+}
+
+DensityChange change_density(const DensityStep& step, const DensityArrays& arrays) {
+  DensityChange change;
+  if (arrays.sampled == 0 || !(arrays.cumulative[arrays.sampled - 1] > 0)) return change;
+  struct Child {
+    uint64_t target, row;
+  };
+  std::vector<Child> children;
+  for (uint64_t i = 0; i < step.count; ++i) {
+    if (arrays.id[i] % kCycle != step.step % kCycle || !is_dead(step, arrays, i)) continue;
+    const uint64_t target = target_of(step, arrays, arrays.id[i]);
+    if (target != kNoTarget) children.push_back({target, i});
+  }
+  change.relocated = children.size();
+  for (uint64_t k = 0; k < step.births; ++k) {
+    const uint32_t id = step.next_id + static_cast<uint32_t>(k);
+    const uint64_t target = target_of(step, arrays, id);
+    if (target == kNoTarget) continue;
+    const uint64_t row = step.count + change.born++;
+    arrays.id[row] = id;
+    children.push_back({target, row});
+  }
+  std::sort(children.begin(), children.end(), [](const Child& a, const Child& b) {
+    return a.target != b.target ? a.target < b.target : a.row < b.row;
+  });
+  for (size_t k = 0; k < children.size();) {
+    const uint64_t target = children[k].target;
+    size_t end = k;
+    while (end < children.size() && children[end].target == target) ++end;
+    const int copies = static_cast<int>(std::min<size_t>(end - k + 1, kMaxCopies));
+    shrink_target(step, arrays, target, copies);
+    for (; k < end; ++k) place_child(step, arrays, target, children[k].row);
+  }
+  return change;
+}
+
+}  // namespace l4d::train

@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "io/image.h"
+#include "l4d/render.h"
+#include "training/density/relocate.h"
+#include "training/model/state.h"
+#include "training/step/adam.h"
+#include "training/step/loss.h"
+
+// What a trainer needs of the machine that it runs on. A back end owns the model while it trains:
+// the CPU's in memory, a device's on the device. The trainer decides what happens in each step, so
+// that all back ends train alike.
+namespace l4d::train {
+
+struct StepView {
+  l4d_camera camera;      // of the size of the target
+  uint64_t image = 0;     // identifies the target, for back ends that keep images
+  const uint8_t* target = nullptr;  // [height, width, 3] on the host
+  const uint8_t* alpha = nullptr;   // [height, width] or null
+  const uint8_t* mask = nullptr;    // [height, width] or null
+  const double* exposure = nullptr;  // [3, 4] of the camera, or null: none
+};
+
+struct StepInput {
+  double time = 0;  // s; all views are of one instant
+  float background[3] = {0, 0, 0};
+  float ssim_weight = 0.2f;
+  std::vector<StepView> views;
+  AdamStep adam;  // the back end sets `count`
+  // Also update `coverage` and `error` of the rows that the views show: moving averages of the
+  // sum of blending weights per pixel, and of that weighted by the mean absolute error of pixels.
+  bool measure = false;
+};
+
+// Seconds since the last call of Backend::take_seconds, by stage.
+enum Stage : uint32_t { kPrepare, kRender, kLoss, kBackward, kAdam, kDensity, kStages };
+extern const std::array<const char*, kStages> kStageNames;
+
+struct StepOutput {
+  std::vector<LossSums> views;
+  // [views] derivative of the mean loss of the views by each exposure; zeros without one.
+  std::vector<std::array<double, 12>> exposure_gradients;
+  uint64_t skipped_rows = 0;  // whose derivatives were not finite
+  // Losses are finite. Otherwise the model is as before the step.
+  bool finite = true;
+};
+
+class Backend {
+ public:
+  virtual ~Backend() = default;
+  // Takes the model over, but for exposures, which are the trainer's. `timeline` is that of the
+  // capture. Arrays keep their capacity.
+  virtual void load(ModelState state, const l4d_timeline& timeline) = 0;
+  // Copies the model out: for checkpoints, previews and the end.
+  virtual ModelState save() = 0;
+  virtual uint64_t count() const = 0;
+  virtual uint64_t capacity() const = 0;
+
+  // Renders the views, computes losses and derivatives, and updates the model.
+  virtual StepOutput step(const StepInput& input) = 0;
+  // step.count, births and next_id are the back end's; `growth` is how many rows to add at most.
+  virtual DensityChange change_density(DensityStep step, uint64_t growth) = 0;
+  // Renews the weights by which targets are drawn.
+  virtual void renew_weights(float beta) = 0;
+  // Removes the rows whose mask is 0. mask: [count].
+  virtual void keep(const std::vector<uint8_t>& mask) = 0;
+
+  virtual io::Image render(const l4d_camera& camera, double time, const float* background) = 0;
+  virtual std::array<double, kStages> take_seconds() = 0;
+};
+
+// The back end of l4d_renderer. threads: 0 = one per core; never changes the result.
+std::unique_ptr<Backend> make_cpu_backend(uint32_t threads);
+
+}  // namespace l4d::train

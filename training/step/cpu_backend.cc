@@ -1,0 +1,350 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+
+#include "l4d/render.hpp"
+#include "libl4dcodec/base/threads.h"
+#include "training/step/backend.h"
+
+namespace l4d::train {
+
+const std::array<const char*, kStages> kStageNames = {"prepare",  "render", "loss",
+                                                      "backward", "adam",   "density"};
+
+namespace {
+
+constexpr size_t kRowGrain = 512;
+constexpr float kAverage = 0.1f;            // weight of a new observation in moving averages
+constexpr float kDcFactor = 0.28209479f;    // of SH of degree 0
+using Clock = std::chrono::steady_clock;
+
+// One view of a step: a renderer, and arrays that keep their size from step to step. Views have
+// arrays of their own and are added up in order, so that results do not depend on threads.
+struct Slot {
+  explicit Slot(const l4d_renderer_options& options) : renderer(&options) {}
+  RendererHandle renderer;
+  AttributeArrays gradient;
+  std::vector<float> measured;  // [count, (D+1)^2, 3]
+  std::vector<float> image, rgb_gradient, factors;
+  LossSums sums;
+  std::array<double, 12> exposure_gradient{};
+  std::array<float, 12> exposure{};
+  std::array<double, kStages> seconds{};
+};
+
+class StageClock {
+ public:
+  explicit StageClock(std::array<double, kStages>* seconds) : seconds_(seconds) {}
+  void ends(Stage stage) {
+    const Clock::time_point now = Clock::now();
+    (*seconds_)[stage] += std::chrono::duration<double>(now - since_).count();
+    since_ = now;
+  }
+
+ private:
+  std::array<double, kStages>* seconds_;
+  Clock::time_point since_ = Clock::now();
+};
+
+l4d_gradients gradients_of(AttributeArrays* arrays, uint64_t count) {
+  l4d_gradients g;
+  l4d_gradients_init(&g);
+  g.count = count;
+  for_each_attribute([](const AttributeInfo&, std::vector<float>& from,
+                        float*& to) { to = from.data(); },
+                     *arrays, g);
+  return g;
+}
+
+class CpuBackend final : public Backend {
+ public:
+  explicit CpuBackend(uint32_t threads) : threads_(resolve_threads(static_cast<int>(threads))) {}
+
+  void load(ModelState state, const l4d_timeline& timeline) override {
+    state_ = std::move(state);
+    timeline_ = timeline;
+    gradient_ = AttributeArrays();
+    gradient_.sh_degree = state_.sh_degree();
+    gradient_.resize(static_cast<size_t>(state_.capacity()));
+    shown_.assign(static_cast<size_t>(state_.capacity()), 0);
+    slots_.clear();
+  }
+  ModelState save() override { return state_; }
+  uint64_t count() const override { return state_.count; }
+  uint64_t capacity() const override { return state_.capacity(); }
+
+  StepOutput step(const StepInput& input) override {
+    AdamStep adam = input.adam;
+    adam.count = state_.count;
+    StageClock clock(&seconds_);
+    if (adam.sparse) {
+      for_rows([&](uint64_t begin, uint64_t end) {
+        catch_up_rows(adam, adam_arrays(), input.time, begin, end);
+      });
+    }
+    make_slots(input.views.size());
+    clock.ends(kAdam);
+
+    // Whole views in parallel, where there are enough of them, else threads within one.
+    const int workers = std::min(threads_, static_cast<int>(input.views.size()));
+    parallel_for(workers, input.views.size(), 1,
+                 [&](size_t begin, size_t) { run_view(input, begin, slots_[begin].get()); });
+
+    StepOutput output;
+    for (size_t k = 0; k < input.views.size(); ++k) {
+      const Slot& slot = *slots_[k];
+      output.views.push_back(slot.sums);
+      output.exposure_gradients.push_back(slot.exposure_gradient);
+      output.finite = output.finite && std::isfinite(slot.sums.loss(0.5));
+      for (size_t s = 0; s < kStages; ++s) {
+        seconds_[s] += slot.seconds[s] / static_cast<double>(workers);
+      }
+    }
+    if (!output.finite) return output;
+    clock = StageClock(&seconds_);
+    add_views(input);
+    output.skipped_rows = update(adam);
+    clock.ends(kAdam);
+    return output;
+  }
+
+  DensityChange change_density(DensityStep step, uint64_t growth) override {
+    StageClock clock(&seconds_);
+    step.count = state_.count;
+    step.sh_degree = state_.sh_degree();
+    step.births = std::min(growth, state_.capacity() - state_.count);
+    step.next_id = state_.next_id;
+    DensityArrays a;
+    a.value = rows_of<float>(state_.value);
+    a.m = rows_of<float>(state_.m);
+    a.v = rows_of<float>(state_.v);
+    a.updates = state_.updates.data();
+    a.prepared = state_.prepared.data();
+    a.born = state_.born.data();
+    a.id = state_.id.data();
+    a.last_shown = state_.last_shown.data();
+    a.coverage = state_.coverage.data();
+    a.error = state_.error.data();
+    a.cumulative = state_.cumulative.data();
+    a.sampled = state_.cumulative.size();
+    const DensityChange change = train::change_density(step, a);
+    state_.count += change.born;
+    state_.next_id += static_cast<uint32_t>(step.births);
+    clock.ends(kDensity);
+    return change;
+  }
+
+  void renew_weights(float beta) override {
+    accumulate_weights(rows_of<const float>(state_.value), state_.coverage.data(),
+                       state_.error.data(), state_.count, beta, &state_.cumulative);
+  }
+
+  void keep(const std::vector<uint8_t>& mask) override {
+    const uint64_t capacity = state_.capacity();
+    std::vector<uint8_t> whole(static_cast<size_t>(capacity), 0);
+    std::copy_n(mask.begin(), state_.count, whole.begin());
+    for (AttributeArrays* arrays : {&state_.value, &state_.m, &state_.v}) {
+      arrays->keep(whole);
+      arrays->resize(static_cast<size_t>(capacity));
+    }
+    for (std::vector<uint32_t>* rows : {&state_.id, &state_.updates, &state_.prepared,
+                                        &state_.born, &state_.last_shown}) {
+      keep_rows(whole, 1, rows);
+      rows->resize(static_cast<size_t>(capacity));
+    }
+    for (std::vector<float>* rows : {&state_.coverage, &state_.error}) {
+      keep_rows(whole, 1, rows);
+      rows->resize(static_cast<size_t>(capacity));
+    }
+    state_.count = static_cast<uint64_t>(std::count_if(whole.begin(), whole.end(),
+                                                       [](uint8_t kept) { return kept != 0; }));
+    state_.cumulative.clear();
+  }
+
+  io::Image render(const l4d_camera& camera, double time, const float* background) override {
+    make_slots(1);
+    l4d_renderer* renderer = prepare(slots_[0].get(), time, background);
+    io::Image image(camera.width, camera.height);
+    l4d_image out;
+    l4d_image_init(&out);
+    out.rgb = image.rgb.data();
+    slots_[0]->renderer.check(l4d_renderer_render(renderer, &camera, &out));
+    return image;
+  }
+
+  std::array<double, kStages> take_seconds() override {
+    const std::array<double, kStages> seconds = seconds_;
+    seconds_.fill(0);
+    return seconds;
+  }
+
+ private:
+  template <typename Body>
+  void for_rows(const Body& body) {
+    parallel_for(threads_, static_cast<size_t>(state_.count), kRowGrain, body);
+  }
+
+  AdamArrays adam_arrays() {
+    AdamArrays a;
+    a.value = rows_of<float>(state_.value);
+    a.m = rows_of<float>(state_.m);
+    a.v = rows_of<float>(state_.v);
+    a.gradient = rows_of<float>(gradient_);
+    a.shown = shown_.data();
+    a.updates = state_.updates.data();
+    a.prepared = state_.prepared.data();
+    a.born = state_.born.data();
+    a.id = state_.id.data();
+    return a;
+  }
+
+  void make_slots(size_t views) {
+    while (slots_.size() < views) {
+      l4d_renderer_options options;
+      l4d_renderer_options_init(&options);
+      const int share = threads_ / static_cast<int>(std::max<size_t>(views, 1));
+      options.threads = static_cast<uint32_t>(std::max(1, share));
+      slots_.push_back(std::make_unique<Slot>(options));
+    }
+  }
+
+  l4d_renderer* prepare(Slot* slot, double time, const float* background) {
+    const l4d_gaussians gaussians = state_.view();
+    slot->renderer.set_gaussians(gaussians, timeline_);
+    slot->renderer.check(l4d_renderer_set_background(slot->renderer.get(), background));
+    slot->renderer.set_time(time);
+    return slot->renderer.get();
+  }
+
+  void run_view(const StepInput& input, size_t index, Slot* slot) {
+    const StepView& view = input.views[index];
+    slot->seconds.fill(0);
+    StageClock clock(&slot->seconds);
+    l4d_renderer* renderer = prepare(slot, input.time, input.background);
+    slot->gradient.sh_degree = state_.sh_degree();
+    slot->gradient.resize(static_cast<size_t>(state_.count));
+    for_each_attribute([](const AttributeInfo&,
+                          std::vector<float>& v) { std::fill(v.begin(), v.end(), 0.0f); },
+                       slot->gradient);
+    clock.ends(kPrepare);
+
+    const size_t pixels = size_t{view.camera.width} * view.camera.height;
+    slot->image.resize(3 * pixels);
+    slot->rgb_gradient.resize(3 * pixels);
+    slot->factors.resize(9 * pixels);
+    slot->renderer.render(view.camera, slot->image.data());
+    clock.ends(kRender);
+
+    LossView<float> loss{};
+    loss.width = view.camera.width;
+    loss.height = view.camera.height;
+    loss.rendered = slot->image.data();
+    loss.target = view.target;
+    loss.alpha = view.alpha;
+    loss.mask = view.mask;
+    loss.ssim_weight = input.ssim_weight;
+    std::copy_n(input.background, 3, loss.background);
+    if (view.exposure != nullptr) {
+      for (size_t k = 0; k < 12; ++k) slot->exposure[k] = static_cast<float>(view.exposure[k]);
+      loss.exposure = slot->exposure.data();
+    }
+    slot->exposure_gradient.fill(0);
+    slot->sums = loss_forward(loss, slot->factors.data());
+    const double weight = 1.0 / static_cast<double>(input.views.size());
+    loss_backward(loss, slot->factors.data(), slot->sums, weight, slot->rgb_gradient.data(),
+                  slot->exposure_gradient.data());
+    clock.ends(kLoss);
+
+    l4d_gradients gradients = gradients_of(&slot->gradient, state_.count);
+    slot->renderer.check(
+        l4d_renderer_backward(renderer, &view.camera, slot->rgb_gradient.data(), &gradients));
+    if (input.measure) measure(loss, renderer, view.camera, slot);
+    clock.ends(kBackward);
+  }
+
+  // The derivative by the colour of a row of a sum of pixels is the sum of its blending weights:
+  // two channels of one backward pass give the coverage and the coverage weighted by the error.
+  void measure(const LossView<float>& loss, l4d_renderer* renderer, const l4d_camera& camera,
+               Slot* slot) {
+    const size_t pixels = size_t{camera.width} * camera.height;
+    const float each = 1 / static_cast<float>(pixels);
+    for (size_t i = 0; i < pixels; ++i) {
+      float difference = 0;
+      const bool counted = loss.mask == nullptr || loss.mask[i] != 0;
+      const float alpha = loss.alpha == nullptr ? 1.0f : static_cast<float>(loss.alpha[i]) / 255;
+      for (size_t c = 0; c < 3 && counted; ++c) {
+        const float y = alpha * (static_cast<float>(loss.target[3 * i + c]) / 255) +
+                        (1 - alpha) * loss.background[c];
+        difference += std::abs(loss.rendered[3 * i + c] - y);
+      }
+      slot->rgb_gradient[3 * i] = difference / 3 * each;
+      slot->rgb_gradient[3 * i + 1] = each;
+      slot->rgb_gradient[3 * i + 2] = 0;
+    }
+    slot->measured.assign(slot->gradient.sh.size(), 0);
+    l4d_gradients gradients;
+    l4d_gradients_init(&gradients);
+    gradients.count = state_.count;
+    gradients.sh = slot->measured.data();
+    slot->renderer.check(
+        l4d_renderer_backward(renderer, &camera, slot->rgb_gradient.data(), &gradients));
+  }
+
+  void add_views(const StepInput& input) {
+    const size_t views = input.views.size();
+    const size_t width = 3 * (state_.sh_degree() + 1) * (state_.sh_degree() + 1);
+    for_rows([&](uint64_t begin, uint64_t end) {
+      for (size_t k = 0; k < views; ++k) {
+        for_each_attribute(
+            [&](const AttributeInfo& a, const std::vector<float>& from, std::vector<float>& to) {
+              const size_t n = a.numbers(state_.sh_degree());
+              for (size_t i = begin * n; i < end * n; ++i) to[i] += from[i];
+            },
+            slots_[k]->gradient, gradient_);
+      }
+      for (size_t i = begin; i < end; ++i) {
+        shown_[i] = gradient_.opacity[i] != 0 ? 1 : 0;
+        if (shown_[i] != 0) state_.last_shown[i] = static_cast<uint32_t>(input.adam.step);
+      }
+      if (!input.measure) return;
+      for (size_t i = begin; i < end; ++i) {
+        float error = 0, coverage = 0;
+        for (size_t k = 0; k < views; ++k) {
+          error += slots_[k]->measured[width * i];
+          coverage += slots_[k]->measured[width * i + 1];
+        }
+        if (!(coverage > 0)) continue;
+        const float each = 1 / (kDcFactor * static_cast<float>(views));
+        state_.coverage[i] += kAverage * (coverage * each - state_.coverage[i]);
+        state_.error[i] += kAverage * (error * each - state_.error[i]);
+      }
+    });
+  }
+
+  uint64_t update(const AdamStep& adam) {
+    std::vector<uint64_t> skipped(static_cast<size_t>(state_.count) / kRowGrain + 1, 0);
+    for_rows([&](uint64_t begin, uint64_t end) {
+      skipped[static_cast<size_t>(begin) / kRowGrain] = adam_rows(adam, adam_arrays(), begin, end);
+    });
+    uint64_t sum = 0;
+    for (const uint64_t n : skipped) sum += n;
+    return sum;
+  }
+
+  int threads_;
+  l4d_timeline timeline_{};
+  ModelState state_;
+  AttributeArrays gradient_;
+  std::vector<uint8_t> shown_;
+  std::vector<std::unique_ptr<Slot>> slots_;
+  std::array<double, kStages> seconds_{};
+};
+
+}  // namespace
+
+std::unique_ptr<Backend> make_cpu_backend(uint32_t threads) {
+  return std::make_unique<CpuBackend>(threads);
+}
+
+}  // namespace l4d::train
