@@ -24,13 +24,6 @@ std::string decimal(double value) {
   return text;
 }
 
-double finite_number(const CameraPlace& place, const Json& value, const char* key) {
-  if (!value.is_number()) place.fail(std::string(key) + " is not a number");
-  const double result = value.get<double>();
-  if (!std::isfinite(result)) place.fail(std::string(key) + " is not finite");
-  return result;
-}
-
 CameraSet read_json(InputFile& file, bool any_path) {
   const std::string& path = file.path();
   std::vector<char> text(static_cast<size_t>(file.size()));
@@ -57,6 +50,13 @@ const Json& member(const CameraPlace& place, const Json& object, const char* key
   const auto found = object.find(key);
   if (found == object.end()) place.fail(std::string(key) + " is missing");
   return *found;
+}
+
+double finite_number(const CameraPlace& place, const Json& value, const char* key) {
+  if (!value.is_number()) place.fail(std::string(key) + " is not a number");
+  const double result = value.get<double>();
+  if (!std::isfinite(result)) place.fail(std::string(key) + " is not finite");
+  return result;
 }
 
 double number(const CameraPlace& place, const Json& object, const char* key) {

@@ -12,13 +12,32 @@
 
 namespace l4d::io {
 
+// How the lens of a camera departs from a pinhole. OpenCV's models: with (x, y) of the pinhole at
+// depth 1 and r^2 = x^2 + y^2,
+//   kRadial:  x' = x d + 2 p1 x y + p2 (r^2 + 2 x^2),  y' = y d + p1 (r^2 + 2 y^2) + 2 p2 x y,
+//             d = (1 + k1 r^2 + k2 r^4 + k3 r^6) / (1 + k4 r^2 + k5 r^4 + k6 r^6)
+//   kFisheye: (x', y') = (x, y) theta (1 + k1 theta^2 + k2 theta^4 + k3 theta^6 + k4 theta^8) / r,
+//             theta = atan(r)
+struct Distortion {
+  enum class Model { kNone, kRadial, kFisheye };
+  Model model = Model::kNone;
+  double k[6] = {0, 0, 0, 0, 0, 0};  // k1 to k6
+  double p[2] = {0, 0};              // p1, p2
+};
+
 struct Camera {
   l4d_camera camera{};
+  Distortion distortion;  // of what the camera saw; renderings have none
+  // Seconds by which a frame was taken later than its number says.
+  double time_offset = 0;
   int id = 0;         // unique in its set
   std::string split;  // "train", "test", "val" or "": the file says nothing
   // What the camera saw; paths relative to the file are resolved, and need not exist.
   std::string video;  // all frames; "" = none
   std::string image;  // the one frame of a camera that exists for an instant; "" = none
+  // All frames as image files: a path with one %d, %04d or the like for the number; "" = none.
+  std::string images;
+  std::string mask;  // an image that is black where pixels of the camera do not count; "" = none
   // Whether the file names these by an absolute path, or by one that leaves its folder.
   bool is_outside = false;
   // The instant, where the camera has one: see CameraSet::time_is_fraction.

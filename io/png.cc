@@ -96,7 +96,9 @@ float sample(const uint8_t* bytes, unsigned depth) {
   return static_cast<float>(bytes[0] << 8 | bytes[1]) / 65535;
 }
 
-Image decode(const std::string& path, const std::vector<uint8_t>& bytes) {
+// alpha: null, and what is transparent lies on black; or where it goes.
+Image decode(const std::string& path, const std::vector<uint8_t>& bytes,
+             std::vector<float>* alpha_plane) {
   PngSource source;
   source.bytes = bytes.data();
   source.left = bytes.size();
@@ -121,14 +123,17 @@ Image decode(const std::string& path, const std::vector<uint8_t>& bytes) {
   Image image(layout.width, layout.height);
   const size_t sample_bytes = layout.depth / 8;
   const size_t pixel_bytes = layout.channels * sample_bytes;
+  const bool has_alpha = layout.channels == 4;
+  const bool keeps_alpha = alpha_plane != nullptr;
+  if (keeps_alpha) alpha_plane->resize(has_alpha ? size_t{layout.width} * layout.height : 0);
   for (size_t y = 0; y < layout.height; ++y) {
     float* out = &image.rgb[y * 3 * layout.width];
     for (size_t x = 0; x < layout.width; ++x, out += 3) {
       const uint8_t* pixel = rows[y] + x * pixel_bytes;
-      const float alpha =
-          layout.channels == 4 ? sample(pixel + 3 * sample_bytes, layout.depth) : 1.0F;
+      const float alpha = has_alpha ? sample(pixel + 3 * sample_bytes, layout.depth) : 1.0F;
+      if (keeps_alpha && has_alpha) (*alpha_plane)[y * layout.width + x] = alpha;
       for (size_t c = 0; c < 3; ++c) {
-        out[c] = alpha * sample(pixel + c * sample_bytes, layout.depth);
+        out[c] = (keeps_alpha ? 1.0F : alpha) * sample(pixel + c * sample_bytes, layout.depth);
       }
     }
   }
@@ -137,9 +142,11 @@ Image decode(const std::string& path, const std::vector<uint8_t>& bytes) {
 
 }  // namespace
 
-Image read_png(const std::string& path) {
+Image read_png(const std::string& path) { return read_png(path, nullptr); }
+
+Image read_png(const std::string& path, std::vector<float>* alpha) {
   try {
-    return decode(path, read_whole_file(path));
+    return decode(path, read_whole_file(path), alpha);
   } catch (const std::bad_alloc&) {
     throw Error(L4D_ERR_OUT_OF_MEMORY, path + ": not enough memory for the image");
   }

@@ -30,6 +30,7 @@ struct CameraPlace {
 const nlohmann::json& member(const CameraPlace& place, const nlohmann::json& object,
                              const char* key);
 double number(const CameraPlace& place, const nlohmann::json& object, const char* key);
+double finite_number(const CameraPlace& place, const nlohmann::json& value, const char* key);
 double number_or(const CameraPlace& place, const nlohmann::json& object, const char* key,
                  double fallback);
 uint32_t whole_number(const CameraPlace& place, const nlohmann::json& object, const char* key,

@@ -27,6 +27,47 @@ void set_intrinsics(const CameraPlace& place, const Json& object, l4d_camera& ca
   }
 }
 
+// [k1, k2, p1, p2, k3, k4, k5, k6], as OpenCV writes it, of any length up to that; or of a fisheye
+// lens [k1, k2, k3, k4].
+Distortion distortion_of(const CameraPlace& place, const Json& object) {
+  Distortion out;
+  if (!object.contains("distortion")) return out;
+  const Json& list = object.at("distortion");
+  const std::string model = text_or(place, object, "distortion_model", "radial");
+  if (model != "radial" && model != "fisheye") {
+    place.fail("distortion_model is not one of radial, fisheye");
+  }
+  const bool fisheye = model == "fisheye";
+  if (!list.is_array() || list.size() > (fisheye ? 4 : 8)) {
+    place.fail(fisheye ? "distortion is not a list of up to 4 numbers"
+                       : "distortion is not a list of up to 8 numbers");
+  }
+  double* const places[] = {&out.k[0], &out.k[1], &out.p[0], &out.p[1],
+                            &out.k[2], &out.k[3], &out.k[4], &out.k[5]};
+  bool any = false;
+  for (size_t i = 0; i < list.size(); ++i) {
+    const double value = finite_number(place, list[i], "distortion");
+    *(fisheye ? &out.k[i] : places[i]) = value;
+    any |= value != 0;
+  }
+  if (any) out.model = fisheye ? Distortion::Model::kFisheye : Distortion::Model::kRadial;
+  return out;
+}
+
+// What may be told of where the frames of a camera are, and of how they were taken.
+void read_frames_of(const CameraPlace& place, const Json& object, Camera* camera) {
+  const auto path = [&](const char* key) {
+    const std::string name = text_or(place, object, key, "");
+    camera->is_outside |= leaves_folder(name);
+    return beside(place.path, name);
+  };
+  camera->video = path("video");
+  camera->images = path("images");
+  camera->mask = path("mask");
+  camera->distortion = distortion_of(place, object);
+  camera->time_offset = number_or(place, object, "time_offset", 0);
+}
+
 }  // namespace
 
 CameraSet read_cameras_json(const std::string& path, const Json& root) {
@@ -54,10 +95,7 @@ CameraSet read_cameras_json(const std::string& path, const Json& root) {
         camera.split != "val") {
       place.fail("split is not one of train, test, val");
     }
-    const std::string video = text_or(place, object, "video", "");
-    camera.video = beside(path, video);
-    camera.is_outside = leaves_folder(video);
-
+    read_frames_of(place, object, &camera);
     camera.camera = default_camera();
     camera.camera.width =
         whole_number(place, object.contains("width") ? object : root, "width", kMaxImageSize);

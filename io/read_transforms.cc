@@ -127,12 +127,33 @@ class TransformsReader {
     const double height = static_cast<double>(camera.height);
     camera.cx = number_or(place, owner_of(frame, root_, "cx"), "cx", width / 2);
     camera.cy = number_or(place, owner_of(frame, root_, "cy"), "cy", height / 2);
-    for (const char* key : {"k1", "k2", "k3", "k4", "p1", "p2"}) {
-      distorted_ |= number_or(place, owner_of(frame, root_, key), key, 0) != 0;
-    }
+    out.distortion = distortion_of(place, frame);
+    distorted_ |= out.distortion.model != Distortion::Model::kNone;
     set_opengl_pose(place, frame, camera);
     check_camera(place, camera);
     return out;
+  }
+
+  Distortion distortion_of(const CameraPlace& place, const Json& frame) const {
+    Distortion lens;
+    bool any = false;
+    const auto read = [&](const char* key, double* to) {
+      *to = number_or(place, owner_of(frame, root_, key), key, 0);
+      any |= *to != 0;
+    };
+    read("k1", &lens.k[0]);
+    read("k2", &lens.k[1]);
+    read("k3", &lens.k[2]);
+    read("k4", &lens.k[3]);
+    read("p1", &lens.p[0]);
+    read("p2", &lens.p[1]);
+    const std::string model =
+        text_or(place, owner_of(frame, root_, "camera_model"), "camera_model", "OPENCV");
+    if (any) {
+      lens.model = model == "OPENCV_FISHEYE" ? Distortion::Model::kFisheye
+                                             : Distortion::Model::kRadial;
+    }
+    return lens;
   }
 
   void set_size(const CameraPlace& place, const Json& frame, const Camera& seen,

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
+#include <sstream>
 #include <system_error>
 #include <utility>
 
@@ -43,6 +44,12 @@ void check_size(const std::string& path, uint32_t width, uint32_t height) {
   throw Error(L4D_ERR_IO, path + ": " + action + ": " + std::generic_category().message(error));
 }
 
+void check_file(const std::string& path) {
+  std::error_code error;
+  if (fs::is_regular_file(path, error)) return;
+  fail(path, "cannot open the video", error ? error.value() : ENOENT);
+}
+
 void check(const FileError& error, const std::string& path) {
   if (!error.ok()) fail(path, error.action, error.error);
 }
@@ -62,30 +69,81 @@ bool ffmpeg_available() {
   }
 }
 
+VideoFacts probe_video(const std::string& path) {
+  check_file(path);
+  FfmpegProcess process(path,
+                        {"-protocol_whitelist", "file", "-format_whitelist", kContainers, "-i",
+                         url_of(path), "-map", "0:v:0", "-c", "copy", "-f", "framecrc", "-"},
+                        FfmpegProcess::Direction::kFrom);
+  std::string text;
+  std::vector<char> block(size_t{1} << 16);
+  while (const size_t n = process.read(block.data(), block.size())) text.append(block.data(), n);
+  process.finish();
+
+  // "#tb 0: 1/15360", "#dimensions 0: 640x360", then a line for each packet:
+  // stream, dts, pts, duration, size, checksum.
+  VideoFacts facts;
+  double tick = 0, duration = 0;
+  std::istringstream lines(text);
+  for (std::string line; std::getline(lines, line);) {
+    unsigned a = 0, b = 0;
+    long long dts = 0, pts = 0, length = 0;
+    if (std::sscanf(line.c_str(), "#tb 0: %u/%u", &a, &b) == 2 && b != 0) {
+      tick = static_cast<double>(a) / b;
+    } else if (std::sscanf(line.c_str(), "#dimensions 0: %ux%u", &a, &b) == 2) {
+      facts.width = a;
+      facts.height = b;
+    } else if (std::sscanf(line.c_str(), "0, %lld, %lld, %lld", &dts, &pts, &length) == 3) {
+      ++facts.frames;
+      duration += static_cast<double>(length) * tick;
+    }
+  }
+  if (duration > 0) facts.fps = static_cast<double>(facts.frames) / duration;
+  return facts;
+}
+
 VideoReader::VideoReader(const std::string& path, uint32_t width, uint32_t height)
-    : path_(path), width_(width), height_(height) {
+    : VideoReader(path, width, height, VideoRange{}) {}
+
+VideoReader::VideoReader(const std::string& path, uint32_t width, uint32_t height,
+                         const VideoRange& range)
+    : path_(path),
+      width_(range.out_width != 0 ? range.out_width : width),
+      height_(range.out_height != 0 ? range.out_height : height),
+      position_(range.first) {
   check_size(path, width, height);
-  std::error_code error;
-  if (!fs::is_regular_file(path, error)) {
-    fail(path, "cannot open the video", error ? error.value() : ENOENT);
+  check_size(path, width_, height_);
+  check_file(path);
+  std::vector<std::string> arguments = {"-protocol_whitelist", "file", "-format_whitelist",
+                                        kContainers};
+  if (range.first > 0) {
+    if (!(range.fps > 0)) {
+      throw Error(L4D_ERR_INVALID_ARGUMENT, path + ": without a frame rate, frame " +
+                                                std::to_string(range.first) + " has no time");
+    }
+    // Half a frame early, for times of frames are rounded.
+    arguments.insert(arguments.end(), {"-ss", decimal((range.first - 0.5) / range.fps)});
   }
   // PPM and not raw frames: it tells the size of each frame, so that a video of another size than
   // the camera's is an error and not a scrambled picture.
-  process_ = std::make_unique<FfmpegProcess>(
-      path,
-      std::vector<std::string>{"-protocol_whitelist", "file", "-format_whitelist", kContainers,
-                               "-i", url_of(path), "-map", "0:v:0", "-f", "image2pipe", "-c:v",
-                               "ppm", "-pix_fmt", "rgb24", "-"},
-      FfmpegProcess::Direction::kFrom);
-  header_ = "P6\n" + std::to_string(width) + " " + std::to_string(height) + "\n255\n";
-  frame_.resize(header_.size() + size_t{3} * width * height);
+  arguments.insert(arguments.end(), {"-i", url_of(path), "-map", "0:v:0"});
+  if (width_ != width || height_ != height) {
+    arguments.insert(arguments.end(), {"-vf", "scale=" + std::to_string(width_) + ":" +
+                                                  std::to_string(height_) + ":flags=area"});
+  }
+  arguments.insert(arguments.end(),
+                   {"-f", "image2pipe", "-c:v", "ppm", "-pix_fmt", "rgb24", "-"});
+  process_ =
+      std::make_unique<FfmpegProcess>(path, arguments, FfmpegProcess::Direction::kFrom);
+  header_ = "P6\n" + std::to_string(width_) + " " + std::to_string(height_) + "\n255\n";
+  frame_.resize(header_.size() + size_t{3} * width_ * height_);
 }
 
 VideoReader::~VideoReader() = default;
 VideoReader::VideoReader(VideoReader&&) noexcept = default;
 VideoReader& VideoReader::operator=(VideoReader&&) noexcept = default;
 
-bool VideoReader::next(Image* image) {
+bool VideoReader::fetch() {
   if (process_ == nullptr) return false;
   // The header first: where frames are smaller, a whole frame would be more than there is.
   const size_t header_bytes = process_->read(frame_.data(), header_.size());
@@ -104,9 +162,20 @@ bool VideoReader::next(Image* image) {
     throw Error(L4D_ERR_IO, path_ + ": ffmpeg stopped within frame " + std::to_string(position_));
   }
   ++position_;
+  return true;
+}
+
+bool VideoReader::next(std::vector<uint8_t>* rgb) {
+  if (!fetch()) return false;
+  rgb->assign(frame_.begin() + static_cast<ptrdiff_t>(header_.size()), frame_.end());
+  return true;
+}
+
+bool VideoReader::next(Image* image) {
+  if (!fetch()) return false;
   if (image == nullptr) return true;
   if (image->width != width_ || image->height != height_) *image = Image(width_, height_);
-  from_bytes(&frame_[header_.size()], pixel_bytes, image->rgb.data());
+  from_bytes(&frame_[header_.size()], frame_.size() - header_.size(), image->rgb.data());
   return true;
 }
 
@@ -115,7 +184,7 @@ void VideoReader::read(uint32_t frame, Image* image) {
     throw Error(L4D_ERR_INVALID_ARGUMENT,
                 path_ + ": frame " + std::to_string(frame) + " is already past");
   }
-  while (position_ < frame && next(nullptr)) {
+  while (position_ < frame && fetch()) {
   }
   if (position_ == frame && next(image)) return;
   throw Error(L4D_ERR_IO, path_ + ": there is no frame " + std::to_string(frame) +

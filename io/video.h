@@ -17,25 +17,49 @@ bool ffmpeg_available();
 
 class FfmpegProcess;  // io/ffmpeg_process.h
 
+// What a video says of itself without being decoded.
+struct VideoFacts {
+  uint32_t width = 0, height = 0;  // pixels
+  uint32_t frames = 0;
+  double fps = 0;  // 0 = unknown
+};
+// Reads all packets, and decodes none. Throws Error(L4D_ERR_IO) where ffmpeg is missing or fails.
+VideoFacts probe_video(const std::string& path);
+
+// A part of a video, possibly at another size.
+struct VideoRange {
+  uint32_t first = 0;                     // frame
+  double fps = 0;                         // of the video, to find `first`; not needed for frame 0
+  uint32_t out_width = 0, out_height = 0;  // pixels: frames are averaged by area; 0 = as they are
+};
+
 // The frames of a video in order, from the first on. Throws Error: L4D_ERR_IO where ffmpeg is
 // missing or fails, with its words, as it does on what is no container of frames but a list of
 // other files; L4D_ERR_CORRUPT where frames are not of the size that the camera has.
 class VideoReader {
  public:
   VideoReader(const std::string& path, uint32_t width, uint32_t height);
+  // From frame `range.first` on, which has that number in next() and read(). Nothing is decoded
+  // before the last key frame ahead of it. Whoever asks for another size has to know that the video
+  // has width x height pixels: only the size of what ffmpeg returns is checked.
+  VideoReader(const std::string& path, uint32_t width, uint32_t height, const VideoRange& range);
   ~VideoReader();
   VideoReader(VideoReader&&) noexcept;
   VideoReader& operator=(VideoReader&&) noexcept;
 
   // The next frame; false at the end of the video. Null passes it over without converting it.
   bool next(Image* image);
+  // The same as 8-bit RGB, [height, width, 3].
+  bool next(std::vector<uint8_t>* rgb);
   // Frame number `frame`, which must not lie before the next one. Throws where the video has fewer.
   void read(uint32_t frame, Image* image);
   uint32_t position() const { return position_; }  // number of the next frame
 
  private:
+  bool fetch();  // the next frame into frame_; false at the end
+
   std::string path_;
-  uint32_t width_, height_;
+  uint32_t width_, height_;  // of frames as they are returned
   uint32_t position_ = 0;
   std::unique_ptr<FfmpegProcess> process_;  // null once the end was reached
   std::string header_;                      // that every frame must have

@@ -1,0 +1,190 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "training/capture/capture.h"
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <set>
+
+#include "io/read_ply.h"
+#include "io/video.h"
+
+namespace l4d::train {
+namespace {
+
+namespace fs = std::filesystem;
+using io::Error;
+
+constexpr uint32_t kTestEvery = 8;  // cameras, where a layout names none for tests
+constexpr size_t kMinViews = 3;
+
+// "0,10,15" and "0-3".
+std::set<int> ids_of(const std::string& text) {
+  std::set<int> ids;
+  const auto fail = [&] {
+    throw Error(L4D_ERR_INVALID_ARGUMENT, "the test cameras are \"" + text +
+                                              "\"; they must be numbers and ranges: 0,10,15 or 0-3");
+  };
+  size_t at = 0;
+  const auto number = [&]() -> int {
+    size_t end = at;
+    while (end < text.size() && text[end] >= '0' && text[end] <= '9') ++end;
+    if (end == at || end - at > 6) fail();
+    const int value = std::stoi(text.substr(at, end - at));
+    at = end;
+    return value;
+  };
+  while (at < text.size()) {
+    const int first = number();
+    int last = first;
+    if (at < text.size() && text[at] == '-') {
+      ++at;
+      last = number();
+    }
+    for (int id = first; id <= last; ++id) ids.insert(id);
+    if (at == text.size()) break;
+    if (text[at++] != ',') fail();
+  }
+  return ids;
+}
+
+void choose_test_cameras(Capture* capture, const CaptureOptions& options) {
+  if (!options.test.empty()) {
+    std::set<int> ids = ids_of(options.test);
+    for (CaptureCamera& camera : capture->cameras) {
+      camera.split = ids.erase(camera.source.id) > 0 ? "test" : "train";
+    }
+    if (ids.empty()) return;
+    throw Error(L4D_ERR_INVALID_ARGUMENT, capture->path + ": there is no camera " +
+                                              std::to_string(*ids.begin()) +
+                                              ", which is to be a test camera");
+  }
+  const auto named = [](const CaptureCamera& camera) { return !camera.split.empty(); };
+  if (std::any_of(capture->cameras.begin(), capture->cameras.end(), named)) {
+    for (CaptureCamera& camera : capture->cameras) {
+      if (camera.split != "test") camera.split = "train";
+    }
+    return;
+  }
+  for (size_t k = 0; k < capture->cameras.size(); ++k) {
+    capture->cameras[k].split = k % kTestEvery == 0 ? "test" : "train";
+  }
+  capture->notes.push_back("The capture names no test cameras; every 8th is one.");
+}
+
+struct FrameChoice {
+  uint32_t first = 0, end = 0, step = 1;
+};
+
+FrameChoice frames_of(const std::string& text, uint32_t frames) {
+  FrameChoice choice{0, frames, 1};
+  if (text.empty()) return choice;
+  unsigned first = 0, end = 0, step = 1;
+  char rest = 0;
+  const int n = std::sscanf(text.c_str(), "%u:%u:%u%c", &first, &end, &step, &rest);
+  if ((n != 2 && n != 3) || first >= end || step == 0 || first >= frames) {
+    throw Error(L4D_ERR_INVALID_ARGUMENT,
+                "the frames are \"" + text + "\"; they must be first:end or first:end:step with "
+                "first < end, of the " + std::to_string(frames) + " frames of the capture");
+  }
+  return {first, std::min(end, frames), step};
+}
+
+// Frame k of the choice becomes frame k of the sequence where all are kept from the first on; times
+// stay those of the capture.
+void choose_frames(Capture* capture, const CaptureOptions& options) {
+  const FrameChoice choice = frames_of(options.frames, capture->frames);
+  const auto left_out = [&](const CaptureView& view) {
+    return view.frame < choice.first || view.frame >= choice.end ||
+           (view.frame - choice.first) % choice.step != 0;
+  };
+  auto& views = capture->views;
+  views.erase(std::remove_if(views.begin(), views.end(), left_out), views.end());
+  capture->frames = choice.end;
+}
+
+void check(const Capture& capture) {
+  size_t training = 0;
+  for (const CaptureView& view : capture.views) {
+    training += capture.cameras[view.camera].split == "train" ? 1 : 0;
+  }
+  if (training < kMinViews) {
+    throw Error(L4D_ERR_INVALID_ARGUMENT, capture.path + ": only " + std::to_string(training) +
+                                              " images to train on; at least 3 are needed");
+  }
+}
+
+bool exists(const fs::path& path) {
+  std::error_code error;
+  return fs::exists(path, error);
+}
+
+Capture read_layout(const std::string& path, const CaptureOptions& options) {
+  const fs::path place(path);
+  std::error_code error;
+  if (!fs::exists(place, error)) {
+    throw Error(L4D_ERR_IO, path + ": cannot open the capture: it does not exist");
+  }
+  const bool is_folder = fs::is_directory(place, error);
+  const auto file = [&](const char* name) { return is_folder ? place / name : place; };
+  const auto is = [&](const char* name) {
+    return is_folder ? exists(place / name) : place.filename() == name;
+  };
+  if (is("cameras.json")) return read_cameras_capture(file("cameras.json").string(), options);
+  if (is("poses_bounds.npy")) return read_n3dv_capture(file("poses_bounds.npy").string(), options);
+  if (is("transforms_train.json")) {
+    return read_dnerf_capture((is_folder ? place : place.parent_path()).string(), options);
+  }
+  throw Error(L4D_ERR_FEATURE_UNSUPPORTED,
+              path + ": no layout of captures that is known: none of cameras.json, "
+                     "poses_bounds.npy and transforms_train.json is there");
+}
+
+}  // namespace
+
+l4d_timeline Capture::timeline() const {
+  l4d_timeline out{};
+  io::set_fps(out, fps);
+  out.num_frames = frames;
+  return out;
+}
+
+void camera_center(const l4d_camera& camera, double* out) {
+  const double* m = camera.world_to_camera;
+  for (size_t c = 0; c < 3; ++c) {
+    out[c] = -(m[c] * m[3] + m[4 + c] * m[7] + m[8 + c] * m[11]);
+  }
+}
+
+CaptureFrame frame_of(const Capture& capture) {
+  CaptureFrame frame{{0, 0, 0}, 0};
+  double center[3];
+  const double share = 1.0 / static_cast<double>(capture.cameras.size());
+  for (const CaptureCamera& camera : capture.cameras) {
+    camera_center(camera.source.camera, center);
+    for (size_t k = 0; k < 3; ++k) frame.center[k] += share * center[k];
+  }
+  for (const CaptureCamera& camera : capture.cameras) {
+    camera_center(camera.source.camera, center);
+    double square = 0;
+    for (size_t k = 0; k < 3; ++k) square += std::pow(center[k] - frame.center[k], 2);
+    frame.radius = std::max(frame.radius, std::sqrt(square));
+  }
+  if (!(frame.radius > 1e-6)) frame.radius = 1;
+  return frame;
+}
+
+Capture read_capture(const std::string& path, const CaptureOptions& options) {
+  Capture capture = read_layout(path, options);
+  capture.path = path;
+  choose_test_cameras(&capture, options);
+  choose_frames(&capture, options);
+  std::stable_sort(capture.views.begin(), capture.views.end(),
+                   [](const CaptureView& a, const CaptureView& b) {
+                     return a.time != b.time ? a.time < b.time : a.camera < b.camera;
+                   });
+  check(capture);
+  return capture;
+}
+
+}  // namespace l4d::train

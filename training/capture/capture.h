@@ -1,0 +1,80 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "io/cameras.h"
+
+// Captures of a scene: cameras that saw it, and where their images are. Every layout is read into
+// one form, in the coordinates of the capture.
+namespace l4d::train {
+
+struct CaptureCamera {
+  io::Camera source;  // the camera as it took the images, and where they are
+  std::string name;   // for people
+  std::string split;  // "train" or "test"
+  uint32_t frames = 0;  // of its video or its numbered images
+  bool is_video() const { return !source.video.empty(); }
+};
+
+// An image of a camera. Its time is its own: offsets of cameras may be parts of a frame.
+struct CaptureView {
+  uint32_t camera = 0;  // index
+  uint32_t frame = 0;   // of the sequence
+  double time = 0;      // s
+  std::string file;     // empty: frame `frame` of the camera's video
+};
+
+struct Point {
+  float position[3];
+  float rgb[3];      // [0, 1]
+  float time = 0;    // s
+  bool has_time = false;
+};
+
+struct Capture {
+  std::string layout;  // "cameras", "n3dv", "dnerf", "hypernerf", "selfcap", "colmap"
+  std::string path;
+  double fps = 0;
+  uint32_t frames = 0;  // of the sequence, which begins at 0 s
+  std::vector<CaptureCamera> cameras;
+  std::vector<CaptureView> views;  // by time, then by camera
+  std::vector<Point> points;       // that the capture comes with
+  std::vector<std::string> notes;  // assumptions, one sentence each
+
+  double duration() const { return static_cast<double>(frames) / fps; }
+  l4d_timeline timeline() const;
+};
+
+struct CaptureOptions {
+  double seconds = 1;  // D-NeRF: how long the sequence is whose times are in [0, 1]
+  double fps = 0;      // 0 = what the capture says
+  std::string frames;  // "a:b:step", end exclusive; "" = all
+  std::string test;    // ids of cameras: "0,10,15", "0-3"; "" = those that the layout names
+  bool tolerant = false;  // leave out cameras whose images are not there, cut all to the shortest
+};
+
+// Reads a folder, or the file that describes a capture. Throws io::Error: IO if images are missing,
+// CORRUPT if cameras or sizes are wrong, FEATURE_UNSUPPORTED for lenses and files that are not
+// known, INVALID_ARGUMENT if options select nothing. It names the camera and the frame.
+Capture read_capture(const std::string& path, const CaptureOptions& options);
+
+// Where the cameras are. Radius: the largest distance of a camera from their mean; of cameras that
+// are all in one place, 1. `forward`: towards what they see.
+struct CaptureFrame {
+  double center[3];
+  double radius;
+};
+CaptureFrame frame_of(const Capture& capture);
+// Position of a camera in the world.
+void camera_center(const l4d_camera& camera, double* out /* [3] */);
+
+// ---- readers of layouts, which read_capture() chooses between ----
+
+Capture read_cameras_capture(const std::string& file, const CaptureOptions& options);
+Capture read_n3dv_capture(const std::string& file, const CaptureOptions& options);
+Capture read_dnerf_capture(const std::string& folder, const CaptureOptions& options);
+
+}  // namespace l4d::train

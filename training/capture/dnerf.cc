@@ -1,0 +1,114 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <filesystem>
+#include <map>
+
+#include "io/video.h"
+#include "training/capture/capture.h"
+
+// D-NeRF: transforms_train.json and transforms_test.json, an image and a camera for each frame.
+namespace l4d::train {
+namespace {
+
+namespace fs = std::filesystem;
+using io::Error;
+
+bool same_camera(const l4d_camera& a, const l4d_camera& b) {
+  bool same = a.width == b.width && a.height == b.height && a.fx == b.fx && a.fy == b.fy &&
+              a.cx == b.cx && a.cy == b.cy;
+  for (size_t k = 0; k < 12; ++k) {
+    same = same && std::abs(a.world_to_camera[k] - b.world_to_camera[k]) <= 1e-6;
+  }
+  return same;
+}
+
+// The smallest step between distinct times, as a frame rate.
+double fps_of(std::vector<double> times) {
+  std::sort(times.begin(), times.end());
+  double step = 0;
+  for (size_t k = 1; k < times.size(); ++k) {
+    const double d = times[k] - times[k - 1];
+    if (d > 1e-6 && (step == 0 || d < step)) step = d;
+  }
+  if (step == 0) return 1;
+  const double fps = 1 / step;
+  return std::abs(fps - std::round(fps)) < 0.01 ? std::round(fps) : fps;
+}
+
+class DnerfReader {
+ public:
+  DnerfReader(const std::string& folder, const CaptureOptions& options)
+      : folder_(folder), options_(options) {}
+
+  Capture read() {
+    capture_.layout = "dnerf";
+    const bool has_test = fs::exists(fs::path(folder_) / "transforms_test.json");
+    // Test images first: what is in both files is for tests.
+    if (has_test) add("test");
+    add("train");
+    std::vector<double> times;
+    for (const CaptureView& view : capture_.views) times.push_back(view.time);
+    capture_.fps = options_.fps > 0 ? options_.fps : fps_of(times);
+    for (CaptureView& view : capture_.views) {
+      view.frame = static_cast<uint32_t>(std::lround(view.time * capture_.fps));
+      capture_.frames = std::max(capture_.frames, view.frame + 1);
+    }
+    // The test camera of a capture with few cameras has images in both files.
+    if (repeated_ > 0) {
+      capture_.notes.push_back(std::to_string(repeated_) +
+                               " images are in the files for training and for tests; they are "
+                               "used for tests alone.");
+    }
+    return std::move(capture_);
+  }
+
+ private:
+  uint32_t camera_index(const io::Camera& source, const char* split) {
+    for (uint32_t k = 0; k < capture_.cameras.size(); ++k) {
+      if (same_camera(capture_.cameras[k].source.camera, source.camera)) return k;
+    }
+    CaptureCamera camera;
+    camera.source = source;
+    camera.source.id = static_cast<int>(capture_.cameras.size());
+    camera.name = "camera " + std::to_string(camera.source.id);
+    camera.split = split;
+    capture_.cameras.push_back(std::move(camera));
+    return static_cast<uint32_t>(capture_.cameras.size() - 1);
+  }
+
+  void add(const char* split) {
+    const std::string file =
+        (fs::path(folder_) / (std::string("transforms_") + split + ".json")).string();
+    const io::CameraSet set = io::read_cameras(file, true);
+    for (const io::Camera& source : set.cameras) {
+      const uint32_t index = camera_index(source, split);
+      if (capture_.cameras[index].split != split) {
+        ++repeated_;
+        continue;
+      }
+      std::error_code error;
+      if (!fs::is_regular_file(source.image, error)) {
+        if (options_.tolerant) continue;
+        throw Error(L4D_ERR_IO, file + ": camera " + std::to_string(source.id) +
+                                    ": cannot open the image " + source.image);
+      }
+      CaptureView view{index, 0, source.time.value_or(0) * options_.seconds, source.image};
+      capture_.views.push_back(std::move(view));
+    }
+  }
+
+  std::string folder_;
+  const CaptureOptions& options_;
+  Capture capture_;
+  size_t repeated_ = 0;
+};
+
+}  // namespace
+
+Capture read_dnerf_capture(const std::string& folder, const CaptureOptions& options) {
+  return DnerfReader(folder, options).read();
+}
+
+}  // namespace l4d::train

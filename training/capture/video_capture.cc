@@ -1,0 +1,147 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "training/capture/video_capture.h"
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+
+#include "io/video.h"
+
+namespace l4d::train {
+namespace {
+
+namespace fs = std::filesystem;
+using io::Error;
+
+std::string name_of(const io::Camera& camera) { return "camera " + std::to_string(camera.id); }
+
+[[noreturn]] void fail(l4d_status status, const std::string& path, const io::Camera& camera,
+                       const std::string& what) {
+  throw Error(status, path + ": " + name_of(camera) + ": " + what);
+}
+
+uint32_t count_images(const std::string& pattern, uint32_t most) {
+  std::error_code error;
+  uint32_t n = 0;
+  while (n < most && fs::is_regular_file(numbered_image(pattern, n), error)) ++n;
+  return n;
+}
+
+// Frames of the camera, and its frame rate; checks what can be told without decoding.
+uint32_t look_at(const std::string& path, const io::Camera& camera, const io::CameraSet& set,
+                 double* fps) {
+  const uint32_t most = set.frames != 0 ? set.frames : UINT32_MAX;
+  if (!camera.images.empty()) return count_images(camera.images, most);
+  if (camera.video.empty()) {
+    fail(L4D_ERR_CORRUPT, path, camera, "it has neither a video nor images");
+  }
+  io::VideoFacts facts;
+  try {
+    facts = io::probe_video(camera.video);
+  } catch (const Error& error) {
+    fail(error.status(), path, camera, error.what());
+  }
+  if (facts.width != camera.camera.width || facts.height != camera.camera.height) {
+    fail(L4D_ERR_CORRUPT, path, camera,
+         camera.video + " has " + std::to_string(facts.width) + " x " +
+             std::to_string(facts.height) + " pixels, and the camera has " +
+             std::to_string(camera.camera.width) + " x " + std::to_string(camera.camera.height));
+  }
+  if (set.fps > 0 && facts.fps > 0 && std::abs(facts.fps - set.fps) > 0.01 * set.fps) {
+    fail(L4D_ERR_CORRUPT, path, camera,
+         camera.video + " has " + std::to_string(facts.fps) + " frames a second, and the capture " +
+             std::to_string(set.fps) + ": they are not synchronised");
+  }
+  *fps = facts.fps;
+  return std::min(facts.frames, most);
+}
+
+}  // namespace
+
+std::string numbered_image(const std::string& pattern, uint32_t frame) {
+  const size_t percent = pattern.find('%');
+  size_t end = percent == std::string::npos ? percent : percent + 1;
+  size_t width = 0;
+  while (end < pattern.size() && pattern[end] >= '0' && pattern[end] <= '9') {
+    width = std::min<size_t>(10 * width + static_cast<size_t>(pattern[end++] - '0'), 20);
+  }
+  if (end >= pattern.size() || pattern[end] != 'd') {
+    throw Error(L4D_ERR_CORRUPT, pattern + ": a path of numbered images has one %d or %04d");
+  }
+  std::string number = std::to_string(frame);
+  if (number.size() < width) number.insert(0, width - number.size(), '0');
+  return pattern.substr(0, percent) + number + pattern.substr(end + 1);
+}
+
+Capture make_video_capture(const std::string& path, const io::CameraSet& set,
+                           const CaptureOptions& options) {
+  Capture capture;
+  capture.notes = set.notes;
+  double video_fps = 0;
+  for (const io::Camera& source : set.cameras) {
+    CaptureCamera camera;
+    camera.source = source;
+    camera.name = name_of(source);
+    camera.split = source.split;
+    try {
+      camera.frames = look_at(path, source, set, &video_fps);
+    } catch (const Error& error) {
+      if (!options.tolerant) throw;
+      capture.notes.push_back("Left out: " + std::string(error.what()));
+      continue;
+    }
+    capture.cameras.push_back(std::move(camera));
+  }
+  if (capture.cameras.empty()) throw Error(L4D_ERR_INVALID_ARGUMENT, path + ": no camera is left");
+  uint32_t shortest = UINT32_MAX, longest = 0;
+  const CaptureCamera* short_one = nullptr;
+  for (const CaptureCamera& camera : capture.cameras) {
+    if (camera.frames < shortest) {
+      shortest = camera.frames;
+      short_one = &camera;
+    }
+    longest = std::max(longest, camera.frames);
+  }
+  const uint32_t wanted = set.frames != 0 ? set.frames : longest;
+  if (shortest < wanted) {
+    const std::string what = "its images end before frame " + std::to_string(shortest) + " of " +
+                             std::to_string(wanted);
+    if (!options.tolerant || shortest == 0) fail(L4D_ERR_IO, path, short_one->source, what);
+    capture.notes.push_back("All cameras are cut to " + std::to_string(shortest) + " frames: of " +
+                            short_one->name + ", " + what + ".");
+  }
+  capture.frames = std::min(shortest, wanted);
+  capture.fps = options.fps > 0 ? options.fps : set.fps > 0 ? set.fps : video_fps;
+  if (!(capture.fps > 0)) {
+    capture.fps = 30;
+    capture.notes.push_back("Nothing tells the frame rate; it is taken to be 30.");
+  }
+  for (uint32_t frame = 0; frame < capture.frames; ++frame) {
+    for (uint32_t c = 0; c < capture.cameras.size(); ++c) {
+      const io::Camera& source = capture.cameras[c].source;
+      CaptureView view{c, frame, static_cast<double>(frame) / capture.fps + source.time_offset, ""};
+      view.time = std::clamp(view.time, 0.0, capture.duration());
+      if (!source.images.empty()) view.file = numbered_image(source.images, frame);
+      capture.views.push_back(std::move(view));
+    }
+  }
+  return capture;
+}
+
+Capture read_cameras_capture(const std::string& file, const CaptureOptions& options) {
+  Capture capture = make_video_capture(file, io::read_cameras(file, true), options);
+  capture.layout = "cameras";
+  return capture;
+}
+
+Capture read_n3dv_capture(const std::string& file, const CaptureOptions& options) {
+  io::CameraSet set = io::read_cameras(file, true);
+  for (io::Camera& camera : set.cameras) {
+    camera.split = fs::path(camera.video).filename() == "cam00.mp4" ? "test" : "train";
+  }
+  Capture capture = make_video_capture(file, set, options);
+  capture.layout = "n3dv";
+  return capture;
+}
+
+}  // namespace l4d::train
