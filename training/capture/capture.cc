@@ -84,14 +84,14 @@ FrameChoice frames_of(const std::string& text, uint32_t frames) {
   const int n = std::sscanf(text.c_str(), "%u:%u:%u%c", &first, &end, &step, &rest);
   if ((n != 2 && n != 3) || first >= end || step == 0 || first >= frames) {
     throw Error(L4D_ERR_INVALID_ARGUMENT,
-                "the frames are \"" + text + "\"; they must be first:end or first:end:step with "
-                "first < end, of the " + std::to_string(frames) + " frames of the capture");
+                "the frames are \"" + text +
+                    "\"; they must be first:end or first:end:step with first < end, of the " +
+                    std::to_string(frames) + " frames of the capture");
   }
   return {first, std::min(end, frames), step};
 }
 
-// Frame k of the choice becomes frame k of the sequence where all are kept from the first on; times
-// stay those of the capture.
+// The sequence then begins with the first frame of the choice.
 void choose_frames(Capture* capture, const CaptureOptions& options) {
   const FrameChoice choice = frames_of(options.frames, capture->frames);
   const auto left_out = [&](const CaptureView& view) {
@@ -100,7 +100,10 @@ void choose_frames(Capture* capture, const CaptureOptions& options) {
   };
   auto& views = capture->views;
   views.erase(std::remove_if(views.begin(), views.end(), left_out), views.end());
-  capture->frames = choice.end;
+  const double begin = static_cast<double>(choice.first) / capture->fps;
+  for (CaptureView& view : views) view.time = std::max(0.0, view.time - begin);
+  for (Point& point : capture->points) point.time -= static_cast<float>(begin);
+  capture->frames = choice.end - choice.first;
 }
 
 void check(const Capture& capture) {

@@ -22,7 +22,7 @@ struct CaptureCamera {
 // An image of a camera. Its time is its own: offsets of cameras may be parts of a frame.
 struct CaptureView {
   uint32_t camera = 0;  // index
-  uint32_t frame = 0;   // of the sequence
+  uint32_t frame = 0;   // of the camera's video
   double time = 0;      // s
   std::string file;     // empty: frame `frame` of the camera's video
 };
@@ -62,7 +62,7 @@ struct CaptureOptions {
 Capture read_capture(const std::string& path, const CaptureOptions& options);
 
 // Where the cameras are. Radius: the largest distance of a camera from their mean; of cameras that
-// are all in one place, 1. `forward`: towards what they see.
+// are all in one place, 1.
 struct CaptureFrame {
   double center[3];
   double radius;

@@ -1,0 +1,155 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "training/images/loader.h"
+
+#include <algorithm>
+#include <map>
+
+#include "io/video.h"
+#include "libl4dcodec/base/threads.h"
+
+namespace l4d::train {
+namespace {
+
+using io::Error;
+
+void check_size(const CaptureCamera& camera, const std::string& file, const io::Image& image) {
+  const l4d_camera& wanted = camera.source.camera;
+  if (image.width == wanted.width && image.height == wanted.height) return;
+  throw Error(L4D_ERR_CORRUPT, camera.name + ": " + file + " has " + std::to_string(image.width) +
+                                   " x " + std::to_string(image.height) +
+                                   " pixels, and the camera has " + std::to_string(wanted.width) +
+                                   " x " + std::to_string(wanted.height));
+}
+
+}  // namespace
+
+ImageLoader::ImageLoader(const Capture& capture, double scale) : capture_(capture) {
+  for (const CaptureCamera& camera : capture.cameras) {
+    const l4d_camera& full = camera.source.camera;
+    cameras_.push_back(scaled_camera(full, scale));
+    const l4d_camera& out = cameras_.back();
+    std::unique_ptr<Undistortion> undistortion;
+    std::vector<uint8_t> mask;
+    if (camera.source.distortion.model != io::Distortion::Model::kNone) {
+      undistortion = std::make_unique<Undistortion>(full, camera.source.distortion);
+      mask = undistortion->mask();
+    }
+    if (!camera.source.mask.empty()) {
+      io::Image image = io::read_png(camera.source.mask);
+      check_size(camera, camera.source.mask, image);
+      if (undistortion) image = undistortion->apply(image);
+      mask.resize(size_t{full.width} * full.height, 255);
+      for (size_t i = 0; i < mask.size(); ++i) {
+        if (image.rgb[3 * i] + image.rgb[3 * i + 1] + image.rgb[3 * i + 2] < 1.5f) mask[i] = 0;
+      }
+    }
+    if (!mask.empty()) {
+      io::Image image(full.width, full.height);
+      for (size_t i = 0; i < mask.size(); ++i) image.rgb[3 * i] = mask[i] != 0 ? 1.0f : 0.0f;
+      const Pixels small = resized(image, {}, out.width, out.height);
+      mask.assign(size_t{out.width} * out.height, 0);
+      // A pixel counts where nothing of it is masked.
+      for (size_t i = 0; i < mask.size(); ++i) mask[i] = small.rgb[3 * i] == 255 ? 255 : 0;
+    }
+    masks_.push_back(std::move(mask));
+    undistortions_.push_back(std::move(undistortion));
+  }
+}
+
+Pixels ImageLoader::finish(uint32_t camera, const io::Image& image,
+                           const std::vector<float>& alpha) const {
+  const l4d_camera& out = cameras_[camera];
+  if (undistortions_[camera] == nullptr) return resized(image, alpha, out.width, out.height);
+  io::Image plane(image.width, image.height);
+  std::vector<float> straight = alpha;
+  if (!alpha.empty()) {
+    for (size_t i = 0; i < alpha.size(); ++i) plane.rgb[3 * i] = alpha[i];
+    plane = undistortions_[camera]->apply(plane);
+    for (size_t i = 0; i < alpha.size(); ++i) straight[i] = plane.rgb[3 * i];
+  }
+  return resized(undistortions_[camera]->apply(image), straight, out.width, out.height);
+}
+
+void ImageLoader::load_file(uint32_t index, const Sink& sink) const {
+  const CaptureView& view = capture_.views[index];
+  const CaptureCamera& camera = capture_.cameras[view.camera];
+  std::vector<float> alpha;
+  io::Image image;
+  try {
+    image = io::read_png(view.file, &alpha);
+  } catch (const Error& error) {
+    throw Error(error.status(), camera.name + ", frame " + std::to_string(view.frame) + ": " +
+                                    error.what());
+  }
+  check_size(camera, view.file, image);
+  sink(index, finish(view.camera, image, alpha));
+}
+
+void ImageLoader::load_video(uint32_t index, const std::vector<uint32_t>& views, const Sink& sink,
+                             const std::function<bool()>& cancelled) const {
+  const CaptureCamera& camera = capture_.cameras[index];
+  const l4d_camera& full = camera.source.camera;
+  const l4d_camera& out = cameras_[index];
+  const bool scales_itself = undistortions_[index] != nullptr;
+  io::VideoRange range;
+  range.fps = capture_.fps;
+  range.first = capture_.views[views.front()].frame;
+  if (!scales_itself) {
+    range.out_width = out.width;
+    range.out_height = out.height;
+  }
+  try {
+    io::VideoReader reader(camera.source.video, full.width, full.height, range);
+    std::vector<uint8_t> rgb;
+    for (const uint32_t view : views) {
+      if (cancelled && cancelled()) return;
+      const uint32_t frame = capture_.views[view].frame;
+      bool there = true;
+      while (there && reader.position() <= frame) there = reader.next(&rgb);
+      if (!there) {
+        throw Error(L4D_ERR_IO, camera.source.video + ": there is no frame " +
+                                    std::to_string(frame) + "; the video ends after " +
+                                    std::to_string(reader.position()));
+      }
+      if (!scales_itself) {
+        sink(view, Pixels{out.width, out.height, rgb, {}});
+        continue;
+      }
+      io::Image image(full.width, full.height);
+      io::from_bytes(rgb.data(), rgb.size(), image.rgb.data());
+      sink(view, finish(index, image, {}));
+    }
+  } catch (const Error& error) {
+    throw Error(error.status(), camera.name + ": " + error.what());
+  }
+}
+
+void ImageLoader::load(std::vector<uint32_t> views, uint32_t threads, const Sink& sink,
+                       const std::function<bool()>& cancelled) const {
+  std::map<uint32_t, std::vector<uint32_t>> videos;
+  std::vector<uint32_t> files;
+  for (const uint32_t view : views) {
+    if (capture_.views[view].file.empty()) {
+      videos[capture_.views[view].camera].push_back(view);
+    } else {
+      files.push_back(view);
+    }
+  }
+  for (auto& [camera, list] : videos) {
+    std::sort(list.begin(), list.end(), [&](uint32_t a, uint32_t b) {
+      return capture_.views[a].frame < capture_.views[b].frame;
+    });
+  }
+  const std::vector<std::pair<uint32_t, std::vector<uint32_t>>> list(videos.begin(), videos.end());
+  const int workers = static_cast<int>(threads);
+  parallel_for(workers, list.size(), 1, [&](size_t k, size_t) {
+    if (cancelled && cancelled()) return;
+    load_video(list[k].first, list[k].second, sink, cancelled);
+  });
+  parallel_for(workers, files.size(), 1, [&](size_t k, size_t) {
+    if (cancelled && cancelled()) return;
+    load_file(files[k], sink);
+  });
+}
+
+}  // namespace l4d::train

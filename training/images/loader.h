@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <vector>
+
+#include "training/capture/capture.h"
+#include "training/images/pixels.h"
+
+namespace l4d::train {
+
+// Reads the images of a capture: undistorted, scaled and as bytes.
+class ImageLoader {
+ public:
+  ImageLoader(const Capture& capture, double scale);
+
+  // Cameras of the images that are returned, by index of the capture's cameras.
+  const l4d_camera& camera(uint32_t index) const { return cameras_[index]; }
+  const l4d_camera& camera_of(uint32_t view) const {
+    return cameras_[capture_.views[view].camera];
+  }
+  // [height, width] of the scaled camera; empty where all pixels count.
+  const std::vector<uint8_t>& mask(uint32_t index) const { return masks_[index]; }
+
+  using Sink = std::function<void(uint32_t view, Pixels pixels)>;
+  // Reads views, given as indices of the capture's. A video is decoded once, from the key frame
+  // ahead of the first of them to the last. Cameras are read in parallel: the sink is called on any
+  // thread, once for each view. Stops where `cancelled`, which may be null, returns true. Throws
+  // io::Error that names camera and frame.
+  void load(std::vector<uint32_t> views, uint32_t threads, const Sink& sink,
+            const std::function<bool()>& cancelled = nullptr) const;
+
+ private:
+  Pixels finish(uint32_t camera, const io::Image& image, const std::vector<float>& alpha) const;
+  void load_file(uint32_t view, const Sink& sink) const;
+  void load_video(uint32_t camera, const std::vector<uint32_t>& views, const Sink& sink,
+                  const std::function<bool()>& cancelled) const;
+
+  const Capture& capture_;
+  std::vector<l4d_camera> cameras_;
+  std::vector<std::vector<uint8_t>> masks_;
+  std::vector<std::unique_ptr<Undistortion>> undistortions_;  // null: a pinhole
+};
+
+}  // namespace l4d::train

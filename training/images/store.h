@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <vector>
+
+#include "training/images/loader.h"
+
+namespace l4d::train {
+
+// A moment of a capture, with the images that may be trained on.
+struct Instant {
+  double time = 0;              // s
+  std::vector<uint32_t> views;  // indices of the capture's views
+};
+// The views of the split, by time. Times within 1e-9 s are one instant.
+std::vector<Instant> instants_of(const Capture& capture, const char* split);
+
+// Images in memory of bounded size. Which of them are there follows from the number of the step
+// alone, so that a training that resumes meets the same.
+class ImageStore {
+ public:
+  virtual ~ImageStore() = default;
+  // Called before each step, in order; the first step may be any. Waits for images that are late.
+  virtual void go_to(uint64_t step) = 0;
+  // Indices of the instants whose images are there, in order.
+  virtual const std::vector<uint32_t>& instants() const = 0;
+  // Steps that have the same instants have the same number.
+  virtual uint64_t period() const = 0;
+  // Steps since the period began.
+  virtual uint64_t step_of_period() const = 0;
+  virtual const Pixels& image(uint32_t view) const = 0;
+  virtual uint64_t bytes() const = 0;           // of the images that are there
+  virtual double seconds_waited() const = 0;    // for images
+};
+
+struct StoreOptions {
+  uint64_t memory = uint64_t{8} << 30;  // bytes of images
+  uint32_t threads = 0;                 // that read images; 0 = one per core
+  uint64_t seed = 0;
+  uint32_t views_per_step = 2;
+  // Images of a window, in frames, and how often each is used before the window goes.
+  uint32_t window = 8;
+  uint32_t uses = 4;
+};
+
+// Keeps all images if they fit into the memory, else a reservoir of windows that are spread over
+// the sequence: the oldest goes, and the next of a permutation, whose images a thread has read
+// meanwhile, takes its place. Throws io::Error(LIMIT_EXCEEDED) if 2 windows do not fit.
+// progress(done, total): images read at the start; may be null. Returning true cancels.
+std::unique_ptr<ImageStore> make_image_store(
+    const ImageLoader& loader, const std::vector<Instant>& instants, const StoreOptions& options,
+    const std::function<bool(uint64_t, uint64_t)>& progress);
+
+}  // namespace l4d::train
