@@ -161,6 +161,7 @@ class Reservoir final : public ImageStore {
   }
   void read_ahead(uint32_t window) {
     if (resident_.count(window) != 0) return;
+    if (reader_.joinable()) reader_.join();
     ahead_ = window;
     ahead_images_.clear();
     error_ = nullptr;

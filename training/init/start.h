@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "training/capture/capture.h"
+#include "training/images/store.h"
+#include "training/model/state.h"
+
+// Where a training begins.
+namespace l4d::train {
+
+struct StartOptions {
+  uint64_t count = 0;     // Gaussians to begin with
+  uint64_t capacity = 0;  // at most
+  uint32_t sh_degree = 3;
+  uint64_t seed = 0;
+};
+
+// x, y, z, optionally red, green, blue (uchar, or float in [0, 1]) and t (s) of the element
+// `vertex`. Throws io::Error.
+std::vector<Point> read_points(const std::string& path);
+
+// Without points: half of them in the ball around the mean of the cameras with their radius, where
+// a third of the cameras see it, half in a shell of 0.9 to 1.5 of that radius; random colours.
+std::vector<Point> random_points(const Capture& capture, uint64_t count, uint64_t seed);
+
+// Points that all views of an instant show with alpha above 1/2, of 16 instants. Empty if no image
+// has alpha.
+std::vector<Point> hull_points(const Capture& capture, const ImageLoader& loader,
+                               const std::vector<Instant>& instants, const ImageStore& store,
+                               uint64_t count, uint64_t seed);
+
+// Gaussians at the points: as many as `options.count`, drawn from them. The scale is the root mean
+// square distance to 3 neighbours, times live around the time of a point that has one, else for a
+// random part of the sequence.
+ModelState start_model(const Capture& capture, const std::vector<Point>& points,
+                       const StartOptions& options);
+
+// Root mean square distance of each point to its `k` nearest neighbours. positions: [n, 3].
+std::vector<float> neighbour_distance(const std::vector<float>& positions, uint32_t k);
+
+}  // namespace l4d::train
