@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <set>
 
 #include "io/ply.h"
 #include "training/step/random.h"
@@ -135,6 +136,12 @@ ModelState start_model(const Capture& capture, const std::vector<Point>& points,
   for (size_t i = 0; i < n; ++i) {
     std::copy_n(points[order[i]].position, 3, &positions[3 * i]);
   }
+  // Where points come as clouds of some instants, each cloud stands for the time until the next.
+  std::set<float> times;
+  for (const Point& p : points) {
+    if (p.has_time) times.insert(p.time);
+  }
+  const bool are_clouds = !times.empty() && times.size() <= capture.frames + size_t{1};
   const std::vector<float> distance = neighbour_distance(positions, 3);
   state.value.position.assign(positions.begin(), positions.end());
   state.value.position.resize(static_cast<size_t>(3 * options.capacity));
@@ -151,6 +158,7 @@ ModelState start_model(const Capture& capture, const std::vector<Point>& points,
     state.value.mean_t[i] = static_cast<float>(static_cast<double>(uniform(r.v[1])) * duration);
     if (p.has_time) {
       state.value.mean_t[i] = p.time;
+      if (are_clouds) sigma = duration / static_cast<double>(times.size());
     }
     sigma = std::clamp(sigma, 0.15 / capture.fps, 30 * duration);
     state.value.log_scale[4 * i + 3] = static_cast<float>(std::log(sigma));

@@ -1,0 +1,121 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "training/run/evaluate.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <mutex>
+
+#include "training/images/store.h"
+
+namespace l4d::train {
+namespace {
+
+constexpr size_t kBatch = 64;  // images in memory at a time
+constexpr uint32_t kMinSsimSize = 11;
+
+// Mean squared error of the captured image against the affine map of the render that is nearest to
+// it: three least-squares problems of four unknowns.
+double affine_mse(const io::Image& render, const io::Image& captured) {
+  const size_t n = render.rgb.size() / 3;
+  double normal[4][4] = {}, right[3][4] = {};
+  for (size_t i = 0; i < n; ++i) {
+    double row[4] = {0, 0, 0, 1};
+    for (size_t k = 0; k < 3; ++k) {
+      row[k] = std::clamp(static_cast<double>(render.rgb[3 * i + k]), 0.0, 1.0);
+    }
+    for (size_t a = 0; a < 4; ++a) {
+      for (size_t b = 0; b < 4; ++b) normal[a][b] += row[a] * row[b];
+      for (size_t c = 0; c < 3; ++c) {
+        right[c][a] += row[a] * static_cast<double>(captured.rgb[3 * i + c]);
+      }
+    }
+  }
+  for (size_t a = 0; a < 4; ++a) normal[a][a] += 1e-6 * static_cast<double>(n);
+  // Gauss and Jordan, on all three right-hand sides.
+  for (size_t p = 0; p < 4; ++p) {
+    for (size_t a = 0; a < 4; ++a) {
+      if (a == p) continue;
+      const double factor = normal[a][p] / normal[p][p];
+      for (size_t b = 0; b < 4; ++b) normal[a][b] -= factor * normal[p][b];
+      for (size_t c = 0; c < 3; ++c) right[c][a] -= factor * right[c][p];
+    }
+  }
+  double sum = 0;
+  for (size_t i = 0; i < n; ++i) {
+    for (size_t c = 0; c < 3; ++c) {
+      double x = right[c][3] / normal[3][3];
+      for (size_t k = 0; k < 3; ++k) {
+        x += right[c][k] / normal[k][k] *
+             std::clamp(static_cast<double>(render.rgb[3 * i + k]), 0.0, 1.0);
+      }
+      const double d = std::clamp(x, 0.0, 1.0) - static_cast<double>(captured.rgb[3 * i + c]);
+      sum += d * d;
+    }
+  }
+  return sum / static_cast<double>(3 * n);
+}
+
+// Leaves the pixels of both images black that do not count.
+void apply_mask(const std::vector<uint8_t>& mask, io::Image* a, io::Image* b) {
+  for (size_t i = 0; i < mask.size(); ++i) {
+    if (mask[i] != 0) continue;
+    for (size_t c = 0; c < 3; ++c) a->rgb[3 * i + c] = b->rgb[3 * i + c] = 0;
+  }
+}
+
+}  // namespace
+
+std::vector<uint32_t> views_to_score(const Capture& capture, const char* split, uint32_t frames) {
+  const std::vector<Instant> instants = instants_of(capture, split);
+  std::vector<uint32_t> views;
+  const size_t n = instants.size();
+  const size_t chosen = frames == 0 ? n : std::min<size_t>(n, frames);
+  for (size_t k = 0; k < chosen; ++k) {
+    const Instant& instant = instants[k * n / chosen];
+    views.insert(views.end(), instant.views.begin(), instant.views.end());
+  }
+  return views;
+}
+
+Score score_views(const Capture& capture, const ImageLoader& loader,
+                  const std::vector<uint32_t>& views, uint32_t threads,
+                  const std::function<io::Image(uint32_t view)>& render,
+                  const std::function<bool()>& cancelled) {
+  io::FidelityAccumulator sum;
+  double affine = 0;
+  // Whole cameras follow each other, so that a video is not opened for each of its frames.
+  std::vector<uint32_t> order = views;
+  std::stable_sort(order.begin(), order.end(), [&](uint32_t a, uint32_t b) {
+    return capture.views[a].camera < capture.views[b].camera;
+  });
+  constexpr float kBlack[3] = {0, 0, 0};
+  for (size_t begin = 0; begin < order.size(); begin += kBatch) {
+    const auto first = order.begin() + static_cast<ptrdiff_t>(begin);
+    const auto end = order.begin() + static_cast<ptrdiff_t>(std::min(begin + kBatch, order.size()));
+    std::map<uint32_t, Pixels> images;
+    std::mutex mutex;
+    loader.load(
+        std::vector<uint32_t>(first, end), threads,
+        [&](uint32_t view, Pixels pixels) {
+          const std::lock_guard<std::mutex> lock(mutex);
+          images[view] = std::move(pixels);
+        },
+        cancelled);
+    for (const auto& [view, pixels] : images) {
+      if (cancelled && cancelled()) throw io::Error(L4D_ERR_CANCELLED, "cancelled");
+      io::Image captured = image_of(pixels, kBlack), rendered = render(view);
+      apply_mask(loader.mask(capture.views[view].camera), &captured, &rendered);
+      const bool has_ssim = std::min(captured.width, captured.height) >= kMinSsimSize;
+      sum.add(io::mse(captured, rendered),
+              has_ssim ? io::ssim(captured, rendered, threads) : std::nan(""));
+      affine += io::psnr_of_mse(affine_mse(rendered, captured));
+    }
+  }
+  Score score;
+  score.plain = sum.result();
+  score.psnr_affine = affine / static_cast<double>(order.size());
+  return score;
+}
+
+}  // namespace l4d::train

@@ -1,0 +1,96 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "training/run/settings.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+namespace l4d::train {
+namespace {
+
+using io::Error;
+
+constexpr size_t kMinVideosForExposure = 8;
+
+std::string number(double value) {
+  char text[40];
+  std::snprintf(text, sizeof(text), "%.17g", value);
+  return text;
+}
+
+bool is_one_of(const std::string& value, std::initializer_list<const char*> list) {
+  return std::any_of(list.begin(), list.end(), [&](const char* item) { return value == item; });
+}
+
+}  // namespace
+
+std::string text_of(const Settings& s) {
+  std::string out;
+  const auto line = [&](const char* name, const std::string& value) {
+    out += std::string(name) + " " + value + "\n";
+  };
+  line("capture", s.capture);
+  line("seconds_of_sequence", number(s.reading.seconds));
+  line("fps", number(s.reading.fps));
+  line("frames", s.reading.frames);
+  line("test", s.reading.test);
+  line("tolerant", s.reading.tolerant ? "1" : "0");
+  line("scale", number(s.scale));
+  line("gaussians", std::to_string(s.gaussians));
+  line("steps", std::to_string(s.steps));
+  line("time", number(s.seconds));
+  line("views", std::to_string(s.views));
+  line("init", s.init);
+  line("sh_degree", std::to_string(s.sh_degree));
+  line("exposure", s.exposure);
+  line("density", s.density);
+  line("adam", s.adam);
+  line("drift", number(s.drift));
+  line("error_weight", number(s.error_weight));
+  line("host_memory", std::to_string(s.host_memory));
+  line("seed", std::to_string(s.seed));
+  return out;
+}
+
+void check(const Settings& s) {
+  const auto fail = [](const std::string& what) { throw Error(L4D_ERR_INVALID_ARGUMENT, what); };
+  if (!(s.scale > 0 && s.scale <= 1)) fail("--scale is " + number(s.scale) + "; it must be above 0 and at most 1");
+  if (s.sh_degree > 3) fail("--sh-degree is " + std::to_string(s.sh_degree) + "; it must be 0 to 3");
+  if (!is_one_of(s.exposure, {"auto", "on", "off"})) fail("--exposure is " + s.exposure + "; it must be auto, on or off");
+  if (!is_one_of(s.density, {"relocate", "off"})) fail("--density is " + s.density + "; it must be relocate or off");
+  if (!is_one_of(s.adam, {"dense", "sparse"})) fail("--adam is " + s.adam + "; it must be dense or sparse");
+  if (!(s.seconds >= 0)) fail("--time must be a number of seconds");
+  if (s.seconds > 0 && s.steps > 0) fail("--time and --steps exclude each other");
+  if (s.steps > 100000000) fail("--steps is above 100000000");
+  if (s.gaussians > 100000000) fail("--gaussians is above 100000000");
+  if (s.views > 256) fail("--views is above 256");
+  if (!(s.drift >= 0) || !(s.error_weight >= 0)) fail("--drift and --error-weight must be 0 or more");
+}
+
+Settings resolved(const Settings& settings, const Capture& capture, uint32_t width,
+                  uint32_t height) {
+  Settings s = settings;
+  const double length = std::max(1.0, capture.duration() / 10);
+  if (s.steps == 0 && s.seconds == 0) {
+    s.steps = static_cast<uint64_t>(20000 * std::pow(length, 0.9));
+  }
+  if (s.gaussians == 0) {
+    const double pixels = static_cast<double>(width) * height;
+    s.gaussians = static_cast<uint64_t>(
+        std::max(200e3, 0.5 * pixels * std::pow(capture.duration() / 10, 0.55)));
+  }
+  size_t most = 0, run = 0, videos = 0;
+  for (size_t k = 0; k < capture.views.size(); ++k) {
+    run = k > 0 && capture.views[k].time == capture.views[k - 1].time ? run + 1 : 1;
+    most = std::max(most, run);
+  }
+  if (s.views == 0) s.views = static_cast<uint32_t>(std::min<size_t>(most, 4));
+  for (const CaptureCamera& camera : capture.cameras) {
+    videos += camera.is_video() && camera.split == "train" ? 1 : 0;
+  }
+  if (s.exposure == "auto") s.exposure = videos >= kMinVideosForExposure ? "on" : "off";
+  if (s.init == "auto" && !capture.points.empty()) s.init = "capture";
+  return s;
+}
+
+}  // namespace l4d::train
