@@ -33,8 +33,8 @@ void write_png(const std::string& path, const Image& image);
 // transparent lies on black, gamma and colour profiles are left aside as most programs of the field
 // do.
 Image read_png(const std::string& path);
-// The same with what is transparent as it is in the file. alpha: [height, width] in [0, 1]; empty if
-// the image has none.
+// The same with what is transparent as it is in the file. alpha: [height, width] in [0, 1]; empty
+// if the image has none.
 Image read_png(const std::string& path, std::vector<float>* alpha);
 
 // Images of one height beside each other.

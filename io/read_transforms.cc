@@ -150,8 +150,8 @@ class TransformsReader {
     const std::string model =
         text_or(place, owner_of(frame, root_, "camera_model"), "camera_model", "OPENCV");
     if (any) {
-      lens.model = model == "OPENCV_FISHEYE" ? Distortion::Model::kFisheye
-                                             : Distortion::Model::kRadial;
+      lens.model =
+          model == "OPENCV_FISHEYE" ? Distortion::Model::kFisheye : Distortion::Model::kRadial;
     }
     return lens;
   }

@@ -131,10 +131,8 @@ VideoReader::VideoReader(const std::string& path, uint32_t width, uint32_t heigh
     arguments.insert(arguments.end(), {"-vf", "scale=" + std::to_string(width_) + ":" +
                                                   std::to_string(height_) + ":flags=area"});
   }
-  arguments.insert(arguments.end(),
-                   {"-f", "image2pipe", "-c:v", "ppm", "-pix_fmt", "rgb24", "-"});
-  process_ =
-      std::make_unique<FfmpegProcess>(path, arguments, FfmpegProcess::Direction::kFrom);
+  arguments.insert(arguments.end(), {"-f", "image2pipe", "-c:v", "ppm", "-pix_fmt", "rgb24", "-"});
+  process_ = std::make_unique<FfmpegProcess>(path, arguments, FfmpegProcess::Direction::kFrom);
   header_ = "P6\n" + std::to_string(width_) + " " + std::to_string(height_) + "\n255\n";
   frame_.resize(header_.size() + size_t{3} * width_ * height_);
 }

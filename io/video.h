@@ -28,8 +28,8 @@ VideoFacts probe_video(const std::string& path);
 
 // A part of a video, possibly at another size.
 struct VideoRange {
-  uint32_t first = 0;                     // frame
-  double fps = 0;                         // of the video, to find `first`; not needed for frame 0
+  uint32_t first = 0;                      // frame
+  double fps = 0;                          // of the video, to find `first`; not needed for frame 0
   uint32_t out_width = 0, out_height = 0;  // pixels: frames are averaged by area; 0 = as they are
 };
 

@@ -70,13 +70,16 @@ _above("render/cuda", "render", "libl4dcodec/cuda")
 _above("eval", "io")
 _above("cli", "eval")
 _above("examples", "include/l4d")
+# The companion that makes scenes of videos: a customer too.
+_above("training", "eval")
+LAYERS["training"].add("libl4dcodec/math/hd.h")
 # The decoder for web pages: another customer.
 _above("web/wasm", "include/l4d", "libl4dcodec/scene", "libl4dcodec/base")
 _above("bench/tables", "io")
 _above("bench/accuracy", "eval")
 _above("bench/micro", "encoder", "io", "render", "bench/tables")
 _above("bench/gpu", "encoder/cuda", "decoder/cuda", "render/cuda", "bench/tables")
-_above("tests", "encoder/cuda", "decoder/cuda", "eval", "render/cuda")
+_above("tests", "encoder/cuda", "decoder/cuda", "eval", "render/cuda", "training")
 _above("tests/api", "include/l4d")
 LAYERS["tests/api"].add("tests/common")
 _above("tests/common", "encoder/cuda", "decoder/cuda", "io")
@@ -89,7 +92,7 @@ OUTSIDE = {
     "l4d_generated.h": {"libl4dcodec/container", "tests", "tests/common"},
     "flatbuffers/": {"libl4dcodec/container", "tests", "tests/common"},
     "zstd.h": {"libl4dcodec/entropy", "tests", "tests/common", "bench/micro"},
-    "xxhash.h": {"libl4dcodec/base", "cli/arrays.cc", "tests", "tests/common"},
+    "xxhash.h": {"libl4dcodec/base", "cli/arrays.cc", "training", "tests", "tests/common"},
     "hwy/": {"libl4dcodec/entropy", "api", "decoder/expand", "encoder", "render", "tests",
              "tests/common", "bench/micro"},
     "cuda_runtime_api.h": {"libl4dcodec/cuda", "decoder/cuda", "encoder/cuda", "render/cuda",
@@ -103,9 +106,9 @@ OUTSIDE = {
     "httplib.h": {"cli/http/server.cc"},
     # These two take seconds to compile wherever they are included: the tool sees the parser of command
     # lines through cli/options.h, and JSON through cli/text/json.h.
-    "CLI/": {"cli/main.cc", "cli/options.cc", "cli/pages/manual.cc", "cli/text/help.h",
+    "CLI/": {"training/cli/main.cc", "cli/main.cc", "cli/options.cc", "cli/pages/manual.cc", "cli/text/help.h",
              "cli/verbs/version.cc"},
-    "nlohmann/": {"io", "cli/text/json.cc", "tests", "tests/cli", "tests/common", "bench/tables",
+    "nlohmann/": {"io", "training", "cli/text/json.cc", "tests", "tests/cli", "tests/common", "bench/tables",
                   "bench/accuracy"},
     "gtest/": {"tests", "tests/api", "tests/cli", "tests/common"},
     "gmock/": {"tests", "tests/api", "tests/cli", "tests/common"},
@@ -263,6 +266,12 @@ def self_test():
         ("eval/a.cc", "#include <CLI/CLI.hpp>", False),
         ("io/a.cc", '#include "eval/pairing.h"', False),
         ("cli/verbs/a.cc", '#include "eval/pairing.h"', True),
+        ("training/step/a.cc", '#include "io/image.h"', True),
+        ("training/step/a.cc", '#include "libl4dcodec/scene/slice.h"', True),
+        ("training/step/a.cc", '#include "libl4dcodec/base/status.h"', False),
+        ("training/step/a.cc", '#include "render/scene.h"', False),
+        ("training/step/a.cc", '#include "cli/common.h"', False),
+        ("io/a.cc", '#include "training/step/loss.h"', False),
         ("bench/accuracy/a.cc", '#include "eval/fidelity_meter.h"', True),
         ("cli/options.cc", "#include <CLI/CLI.hpp>", True),
         ("cli/verbs/a.cc", "#include <CLI/CLI.hpp>", False),

@@ -2,12 +2,17 @@
 #include <algorithm>
 #include <cmath>
 
-#include "cli/text/svg.h"
 #include "cli/text/units.h"
 #include "cli/verbs/time_profile.h"
+#include "io/svg.h"
 
 namespace l4d::cli {
 namespace {
+
+using io::axis_ticks;
+using io::Svg;
+using io::SvgAnchor;
+using io::SvgPoint;
 
 constexpr double kWidth = 960, kHeight = 620;
 constexpr double kLeft = 80, kRight = 800;  // of both panels

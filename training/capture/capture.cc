@@ -22,8 +22,9 @@ constexpr size_t kMinViews = 3;
 std::set<int> ids_of(const std::string& text) {
   std::set<int> ids;
   const auto fail = [&] {
-    throw Error(L4D_ERR_INVALID_ARGUMENT, "the test cameras are \"" + text +
-                                              "\"; they must be numbers and ranges: 0,10,15 or 0-3");
+    throw Error(
+        L4D_ERR_INVALID_ARGUMENT,
+        "the test cameras are \"" + text + "\"; they must be numbers and ranges: 0,10,15 or 0-3");
   };
   size_t at = 0;
   const auto number = [&]() -> int {
@@ -139,8 +140,9 @@ Capture read_layout(const std::string& path, const CaptureOptions& options) {
     return read_dnerf_capture((is_folder ? place : place.parent_path()).string(), options);
   }
   throw Error(L4D_ERR_FEATURE_UNSUPPORTED,
-              path + ": no layout of captures that is known: none of cameras.json, "
-                     "poses_bounds.npy and transforms_train.json is there");
+              path +
+                  ": no layout of captures that is known: none of cameras.json, "
+                  "poses_bounds.npy and transforms_train.json is there");
 }
 
 }  // namespace

@@ -12,9 +12,9 @@
 namespace l4d::train {
 
 struct CaptureCamera {
-  io::Camera source;  // the camera as it took the images, and where they are
-  std::string name;   // for people
-  std::string split;  // "train" or "test"
+  io::Camera source;    // the camera as it took the images, and where they are
+  std::string name;     // for people
+  std::string split;    // "train" or "test"
   uint32_t frames = 0;  // of its video or its numbered images
   bool is_video() const { return !source.video.empty(); }
 };
@@ -29,8 +29,8 @@ struct CaptureView {
 
 struct Point {
   float position[3];
-  float rgb[3];      // [0, 1]
-  float time = 0;    // s
+  float rgb[3];    // [0, 1]
+  float time = 0;  // s
   bool has_time = false;
 };
 
@@ -49,10 +49,10 @@ struct Capture {
 };
 
 struct CaptureOptions {
-  double seconds = 1;  // D-NeRF: how long the sequence is whose times are in [0, 1]
-  double fps = 0;      // 0 = what the capture says
-  std::string frames;  // "a:b:step", end exclusive; "" = all
-  std::string test;    // ids of cameras: "0,10,15", "0-3"; "" = those that the layout names
+  double seconds = 1;     // D-NeRF: how long the sequence is whose times are in [0, 1]
+  double fps = 0;         // 0 = what the capture says
+  std::string frames;     // "a:b:step", end exclusive; "" = all
+  std::string test;       // ids of cameras: "0,10,15", "0-3"; "" = those that the layout names
   bool tolerant = false;  // leave out cameras whose images are not there, cut all to the shortest
 };
 

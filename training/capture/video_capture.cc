@@ -104,8 +104,8 @@ Capture make_video_capture(const std::string& path, const io::CameraSet& set,
   }
   const uint32_t wanted = set.frames != 0 ? set.frames : longest;
   if (shortest < wanted) {
-    const std::string what = "its images end before frame " + std::to_string(shortest) + " of " +
-                             std::to_string(wanted);
+    const std::string what =
+        "its images end before frame " + std::to_string(shortest) + " of " + std::to_string(wanted);
     if (!options.tolerant || shortest == 0) fail(L4D_ERR_IO, path, short_one->source, what);
     capture.notes.push_back("All cameras are cut to " + std::to_string(shortest) + " frames: of " +
                             short_one->name + ", " + what + ".");

@@ -18,8 +18,8 @@ constexpr float kDeadOpacity = 0.005f;
 struct DensityStep {
   uint64_t seed = 0;
   uint64_t step = 0;
-  uint64_t count = 0;     // Gaussians
-  uint64_t births = 0;    // rows to add at the end, at most; capacity holds them
+  uint64_t count = 0;   // Gaussians
+  uint64_t births = 0;  // rows to add at the end, at most; capacity holds them
   uint32_t sh_degree = 0;
   // Births have the ids from here on, `births` of them whether all find a target or not. Relocated
   // rows keep their ids.
@@ -32,10 +32,10 @@ struct DensityStep {
 };
 
 struct DensityArrays {
-  Rows<float> value, m, v;   // [capacity]
+  Rows<float> value, m, v;                   // [capacity]
   uint32_t *updates, *prepared, *born, *id;  // [capacity], as in AdamArrays
-  uint32_t* last_shown;      // [capacity] the last step that showed the row
-  float *coverage, *error;   // [capacity] moving averages, see statistics.h
+  uint32_t* last_shown;                      // [capacity] the last step that showed the row
+  float *coverage, *error;                   // [capacity] moving averages, see statistics.h
   // [sampled] running sums of the weights by which targets are drawn, renewed every kCycle steps.
   const double* cumulative;
   uint64_t sampled;

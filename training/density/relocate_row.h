@@ -61,8 +61,8 @@ L4D_HOST_DEVICE inline uint64_t draw_target(const double* cumulative, uint64_t c
   return low;
 }
 
-// The target of the row with this id, or kNoTarget if both of the rows that are drawn have died since
-// the weights were made. A uniform number has 48 bits, of two of 24.
+// The target of the row with this id, or kNoTarget if both of the rows that are drawn have died
+// since the weights were made. A uniform number has 48 bits, of two of 24.
 constexpr uint64_t kNoTarget = ~uint64_t{0};
 L4D_HOST_DEVICE inline uint64_t target_of(const DensityStep& s, const DensityArrays& a,
                                           uint32_t id) {

@@ -78,8 +78,8 @@ void ImageLoader::load_file(uint32_t index, const Sink& sink) const {
   try {
     image = io::read_png(view.file, &alpha);
   } catch (const Error& error) {
-    throw Error(error.status(), camera.name + ", frame " + std::to_string(view.frame) + ": " +
-                                    error.what());
+    throw Error(error.status(),
+                camera.name + ", frame " + std::to_string(view.frame) + ": " + error.what());
   }
   check_size(camera, view.file, image);
   sink(index, finish(view.camera, image, alpha));

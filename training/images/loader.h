@@ -17,9 +17,7 @@ class ImageLoader {
 
   // Cameras of the images that are returned, by index of the capture's cameras.
   const l4d_camera& camera(uint32_t index) const { return cameras_[index]; }
-  const l4d_camera& camera_of(uint32_t view) const {
-    return cameras_[capture_.views[view].camera];
-  }
+  const l4d_camera& camera_of(uint32_t view) const { return cameras_[capture_.views[view].camera]; }
   // [height, width] of the scaled camera; empty where all pixels count.
   const std::vector<uint8_t>& mask(uint32_t index) const { return masks_[index]; }
 

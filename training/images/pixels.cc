@@ -11,7 +11,8 @@ uint8_t byte_of(double value) {
   return static_cast<uint8_t>(std::clamp(std::lround(value * 255), 0L, 255L));
 }
 
-// The part of [k, k + 1) x `step` that each source pixel has: first pixel, and weights that sum to 1.
+// The part of [k, k + 1) x `step` that each source pixel has: first pixel, and weights that sum
+// to 1.
 struct Share {
   size_t first;
   std::vector<double> weights;
@@ -56,7 +57,8 @@ Pixels resized(const io::Image& image, const std::vector<float>& alpha, uint32_t
   out.height = height;
   out.rgb.resize(size_t{3} * width * height);
   if (!alpha.empty()) out.alpha.resize(size_t{width} * height);
-  const std::vector<Share> columns = shares(image.width, width), rows = shares(image.height, height);
+  const std::vector<Share> columns = shares(image.width, width),
+                           rows = shares(image.height, height);
   for (size_t y = 0; y < height; ++y) {
     for (size_t x = 0; x < width; ++x) {
       double sum[3] = {0, 0, 0}, plain[3] = {0, 0, 0}, covered = 0;
@@ -125,8 +127,7 @@ void distort(const io::Distortion& d, double x, double y, double* out) {
   const double r2 = x * x + y * y;
   if (d.model == io::Distortion::Model::kFisheye) {
     const double r = std::sqrt(r2), theta = std::atan(r), t2 = theta * theta;
-    const double scale =
-        theta * (1 + t2 * (d.k[0] + t2 * (d.k[1] + t2 * (d.k[2] + t2 * d.k[3]))));
+    const double scale = theta * (1 + t2 * (d.k[0] + t2 * (d.k[1] + t2 * (d.k[2] + t2 * d.k[3]))));
     const double factor = r > 1e-12 ? scale / r : 1;
     out[0] = x * factor;
     out[1] = y * factor;
@@ -170,7 +171,8 @@ io::Image Undistortion::apply(const io::Image& image) const {
     if (mask_[at] == 0) continue;
     const float u = clamped(source_[2 * at], width_), v = clamped(source_[2 * at + 1], height_);
     const size_t u0 = static_cast<size_t>(u), v0 = static_cast<size_t>(v);
-    const size_t u1 = std::min<size_t>(u0 + 1, width_ - 1), v1 = std::min<size_t>(v0 + 1, height_ - 1);
+    const size_t u1 = std::min<size_t>(u0 + 1, width_ - 1),
+                 v1 = std::min<size_t>(v0 + 1, height_ - 1);
     const float a = u - static_cast<float>(u0), b = v - static_cast<float>(v0);
     for (size_t c = 0; c < 3; ++c) {
       const auto pixel = [&](size_t y, size_t x) { return image.rgb[3 * (y * width_ + x) + c]; };

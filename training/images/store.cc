@@ -143,9 +143,8 @@ class Reservoir final : public ImageStore {
     const uint64_t round = position / strata, place = position % strata;
     const uint32_t first = static_cast<uint32_t>(place * windows_ / strata);
     const uint32_t size = static_cast<uint32_t>((place + 1) * windows_ / strata) - first;
-    const std::vector<uint32_t> order =
-        permutation(size, options_.seed, place << 32 | round / size,
-                    static_cast<uint32_t>(Use::kWindows));
+    const std::vector<uint32_t> order = permutation(size, options_.seed, place << 32 | round / size,
+                                                    static_cast<uint32_t>(Use::kWindows));
     return first + order[round % size];
   }
   std::vector<uint32_t> instants_of_window(uint32_t window) const {
@@ -242,10 +241,10 @@ std::unique_ptr<ImageStore> make_image_store(
   }
   const uint64_t fit = largest == 0 ? 0 : options.memory / largest;
   if (fit < 3) {
-    throw Error(L4D_ERR_LIMIT_EXCEEDED,
-                "the images of three windows of " + std::to_string(options.window) + " frames take " +
-                    std::to_string(3 * largest) + " bytes, and only " +
-                    std::to_string(options.memory) + " are allowed");
+    throw Error(L4D_ERR_LIMIT_EXCEEDED, "the images of three windows of " +
+                                            std::to_string(options.window) + " frames take " +
+                                            std::to_string(3 * largest) + " bytes, and only " +
+                                            std::to_string(options.memory) + " are allowed");
   }
   return std::make_unique<Reservoir>(loader, instants, options, static_cast<uint32_t>(fit - 1));
 }

@@ -32,8 +32,8 @@ class ImageStore {
   // Steps since the period began.
   virtual uint64_t step_of_period() const = 0;
   virtual const Pixels& image(uint32_t view) const = 0;
-  virtual uint64_t bytes() const = 0;           // of the images that are there
-  virtual double seconds_waited() const = 0;    // for images
+  virtual uint64_t bytes() const = 0;         // of the images that are there
+  virtual double seconds_waited() const = 0;  // for images
 };
 
 struct StoreOptions {

@@ -70,7 +70,8 @@ std::vector<Point> hull_points(const Capture& capture, const ImageLoader& loader
     }
     uint64_t found = 0;
     bool is_tight = false;
-    double box_low[3] = {HUGE_VAL, HUGE_VAL, HUGE_VAL}, box_high[3] = {-HUGE_VAL, -HUGE_VAL, -HUGE_VAL};
+    double box_low[3] = {HUGE_VAL, HUGE_VAL, HUGE_VAL},
+           box_high[3] = {-HUGE_VAL, -HUGE_VAL, -HUGE_VAL};
     for (uint64_t i = 0; i < kTries && found < each; ++i) {
       const Random4 r = philox(seed, 100 + k, i, Use::kStart);
       double p[3];

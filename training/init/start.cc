@@ -16,7 +16,7 @@ using io::Error;
 
 constexpr float kStartOpacity = 0.1f;
 constexpr float kDc = 0.28209479f;
-constexpr double kMinScale = 1e-4, kMaxScale = 0.05;  // of the radius
+constexpr double kMinScale = 1e-4, kMaxScale = 0.05;           // of the radius
 constexpr float kSpatialNoise = 0.1f, kTemporalNoise = 1e-3f;  // of rotors
 
 // Uniform in the ball of radius 1 (shell: between radii `low` and `high`).
@@ -72,9 +72,10 @@ std::vector<Point> read_points(const std::string& path) {
   if (!column("x", &xyz, 0, 3) || !column("y", &xyz, 1, 3) || !column("z", &xyz, 2, 3)) {
     reader.fail(L4D_ERR_FEATURE_UNSUPPORTED, "the points have no x, y and z");
   }
-  bool has_colour = column("red", &rgb, 0, 3) && column("green", &rgb, 1, 3) &&
-                    column("blue", &rgb, 2, 3);
-  const bool is_byte = has_colour && element.properties[element.find("red")].type == io::PlyType::kUint8;
+  bool has_colour =
+      column("red", &rgb, 0, 3) && column("green", &rgb, 1, 3) && column("blue", &rgb, 2, 3);
+  const bool is_byte =
+      has_colour && element.properties[element.find("red")].type == io::PlyType::kUint8;
   const bool has_time = column("t", &time, 0, 1);
   reader.read_rows(columns);
   std::vector<Point> points(n);
@@ -86,7 +87,8 @@ std::vector<Point> read_points(const std::string& path) {
       p.position[c] = xyz[3 * i + c];
       p.rgb[c] = rgb[3 * i + c] / (is_byte ? 255.0f : 1.0f);
       if (!std::isfinite(p.position[c]) || !std::isfinite(p.rgb[c]) || !std::isfinite(p.time)) {
-        reader.fail(L4D_ERR_CORRUPT, "point " + std::to_string(i) + " has a number that is not finite");
+        reader.fail(L4D_ERR_CORRUPT,
+                    "point " + std::to_string(i) + " has a number that is not finite");
       }
     }
   }
@@ -129,9 +131,8 @@ ModelState start_model(const Capture& capture, const std::vector<Point>& points,
   ModelState state;
   state.allocate(options.capacity, options.sh_degree);
   state.count = n;
-  const std::vector<uint32_t> order =
-      permutation(static_cast<uint32_t>(points.size()), options.seed, 2,
-                  static_cast<uint32_t>(Use::kStart));
+  const std::vector<uint32_t> order = permutation(
+      static_cast<uint32_t>(points.size()), options.seed, 2, static_cast<uint32_t>(Use::kStart));
   std::vector<float> positions(3 * n);
   for (size_t i = 0; i < n; ++i) {
     std::copy_n(points[order[i]].position, 3, &positions[3 * i]);

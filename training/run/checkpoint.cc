@@ -125,9 +125,9 @@ std::vector<uint8_t> pack_checkpoint(const Checkpoint& c) {
   const ModelState& model = c.model;
   Packer out;
   out.add("settings", c.settings.data(), c.settings.size());
-  const uint64_t whole[] = {c.run.step,        c.run.high_losses,  c.run.lost,
-                            c.run.swept ? 1u : 0u, model.count,    model.capacity(),
-                            model.sh_degree(), model.next_id};
+  const uint64_t whole[] = {
+      c.run.step,  c.run.high_losses, c.run.lost,        c.run.swept ? 1u : 0u,
+      model.count, model.capacity(),  model.sh_degree(), model.next_id};
   out.add("numbers", whole, 8);
   const double real[] = {c.run.seconds, c.run.loss_average, c.run.rate_factor};
   out.add("measures", real, 3);
@@ -213,9 +213,8 @@ Checkpoint unpack_checkpoint(const std::string& name, const std::vector<uint8_t>
   in.finish();
   // Only now, when all is known to be right: the rows that are free.
   for (AttributeArrays* set : arrays) set->resize(static_cast<size_t>(capacity));
-  for_each_row_array(model, [&](const char*, auto& rows) {
-    rows.resize(static_cast<size_t>(capacity));
-  });
+  for_each_row_array(model,
+                     [&](const char*, auto& rows) { rows.resize(static_cast<size_t>(capacity)); });
   model.count = count;
   model.next_id = static_cast<uint32_t>(whole[7]);
   return c;

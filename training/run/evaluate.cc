@@ -78,18 +78,33 @@ std::vector<uint32_t> views_to_score(const Capture& capture, const char* split, 
   return views;
 }
 
+void Scorer::add(const Pixels& pixels, const std::vector<uint8_t>& mask, io::Image rendered,
+                 uint32_t threads) {
+  constexpr float kBlack[3] = {0, 0, 0};
+  io::Image captured = image_of(pixels, kBlack);
+  apply_mask(mask, &captured, &rendered);
+  const bool has_ssim = std::min(captured.width, captured.height) >= kMinSsimSize;
+  sum_.add(io::mse(captured, rendered),
+           has_ssim ? io::ssim(captured, rendered, threads) : std::nan(""));
+  affine_ += io::psnr_of_mse(affine_mse(rendered, captured));
+}
+
+Score Scorer::score() const {
+  Score score;
+  score.plain = sum_.result();
+  score.psnr_affine = affine_ / static_cast<double>(score.plain.views);
+  return score;
+}
+
 Score score_views(const Capture& capture, const ImageLoader& loader,
-                  const std::vector<uint32_t>& views, uint32_t threads,
-                  const std::function<io::Image(uint32_t view)>& render,
-                  const std::function<bool()>& cancelled) {
-  io::FidelityAccumulator sum;
-  double affine = 0;
+                  const std::vector<uint32_t>& views, uint32_t threads, const RenderView& render,
+                  const IsCancelled& cancelled) {
+  Scorer scorer;
   // Whole cameras follow each other, so that a video is not opened for each of its frames.
   std::vector<uint32_t> order = views;
   std::stable_sort(order.begin(), order.end(), [&](uint32_t a, uint32_t b) {
     return capture.views[a].camera < capture.views[b].camera;
   });
-  constexpr float kBlack[3] = {0, 0, 0};
   for (size_t begin = 0; begin < order.size(); begin += kBatch) {
     const auto first = order.begin() + static_cast<ptrdiff_t>(begin);
     const auto end = order.begin() + static_cast<ptrdiff_t>(std::min(begin + kBatch, order.size()));
@@ -104,18 +119,10 @@ Score score_views(const Capture& capture, const ImageLoader& loader,
         cancelled);
     for (const auto& [view, pixels] : images) {
       if (cancelled && cancelled()) throw io::Error(L4D_ERR_CANCELLED, "cancelled");
-      io::Image captured = image_of(pixels, kBlack), rendered = render(view);
-      apply_mask(loader.mask(capture.views[view].camera), &captured, &rendered);
-      const bool has_ssim = std::min(captured.width, captured.height) >= kMinSsimSize;
-      sum.add(io::mse(captured, rendered),
-              has_ssim ? io::ssim(captured, rendered, threads) : std::nan(""));
-      affine += io::psnr_of_mse(affine_mse(rendered, captured));
+      scorer.add(pixels, loader.mask(capture.views[view].camera), render(view), threads);
     }
   }
-  Score score;
-  score.plain = sum.result();
-  score.psnr_affine = affine / static_cast<double>(order.size());
-  return score;
+  return scorer.score();
 }
 
 }  // namespace l4d::train

@@ -20,11 +20,25 @@ struct Score {
   double psnr_affine = 0;
 };
 
-// Renders the views and compares them with what was captured, on black. render: image of a view,
-// called on one thread. cancelled: may be null. SSIM is NaN for images of less than 11 pixels.
+// Adds views up. Images are compared on black; SSIM is NaN for images of less than 11 pixels.
+class Scorer {
+ public:
+  // mask: [height, width] or empty.
+  void add(const Pixels& captured, const std::vector<uint8_t>& mask, io::Image rendered,
+           uint32_t threads);
+  Score score() const;
+
+ private:
+  io::FidelityAccumulator sum_;
+  double affine_ = 0;
+};
+
+using RenderView = std::function<io::Image(uint32_t view)>;
+using IsCancelled = std::function<bool()>;
+
+// Reads the views, renders them and compares. render: called on one thread. cancelled: may be null.
 Score score_views(const Capture& capture, const ImageLoader& loader,
-                  const std::vector<uint32_t>& views, uint32_t threads,
-                  const std::function<io::Image(uint32_t view)>& render,
-                  const std::function<bool()>& cancelled);
+                  const std::vector<uint32_t>& views, uint32_t threads, const RenderView& render,
+                  const IsCancelled& cancelled);
 
 }  // namespace l4d::train

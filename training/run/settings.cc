@@ -54,17 +54,23 @@ std::string text_of(const Settings& s) {
 
 void check(const Settings& s) {
   const auto fail = [](const std::string& what) { throw Error(L4D_ERR_INVALID_ARGUMENT, what); };
-  if (!(s.scale > 0 && s.scale <= 1)) fail("--scale is " + number(s.scale) + "; it must be above 0 and at most 1");
-  if (s.sh_degree > 3) fail("--sh-degree is " + std::to_string(s.sh_degree) + "; it must be 0 to 3");
-  if (!is_one_of(s.exposure, {"auto", "on", "off"})) fail("--exposure is " + s.exposure + "; it must be auto, on or off");
-  if (!is_one_of(s.density, {"relocate", "off"})) fail("--density is " + s.density + "; it must be relocate or off");
-  if (!is_one_of(s.adam, {"dense", "sparse"})) fail("--adam is " + s.adam + "; it must be dense or sparse");
+  if (!(s.scale > 0 && s.scale <= 1))
+    fail("--scale is " + number(s.scale) + "; it must be above 0 and at most 1");
+  if (s.sh_degree > 3)
+    fail("--sh-degree is " + std::to_string(s.sh_degree) + "; it must be 0 to 3");
+  if (!is_one_of(s.exposure, {"auto", "on", "off"}))
+    fail("--exposure is " + s.exposure + "; it must be auto, on or off");
+  if (!is_one_of(s.density, {"relocate", "off"}))
+    fail("--density is " + s.density + "; it must be relocate or off");
+  if (!is_one_of(s.adam, {"dense", "sparse"}))
+    fail("--adam is " + s.adam + "; it must be dense or sparse");
   if (!(s.seconds >= 0)) fail("--time must be a number of seconds");
   if (s.seconds > 0 && s.steps > 0) fail("--time and --steps exclude each other");
   if (s.steps > 100000000) fail("--steps is above 100000000");
   if (s.gaussians > 100000000) fail("--gaussians is above 100000000");
   if (s.views > 256) fail("--views is above 256");
-  if (!(s.drift >= 0) || !(s.error_weight >= 0)) fail("--drift and --error-weight must be 0 or more");
+  if (!(s.drift >= 0) || !(s.error_weight >= 0))
+    fail("--drift and --error-weight must be 0 or more");
 }
 
 Settings resolved(const Settings& settings, const Capture& capture, uint32_t width,

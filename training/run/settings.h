@@ -12,18 +12,18 @@ namespace l4d::train {
 struct Settings {
   std::string capture;  // path
   CaptureOptions reading;
-  double scale = 1;        // of images
-  uint64_t gaussians = 0;  // N_max; 0 = from the images and the duration
-  uint64_t steps = 0;      // 0 = from the duration, or as many as `seconds` allow
-  double seconds = 0;      // > 0: the clock decides when the training ends
-  uint32_t views = 0;      // of a step; 0 = 4, or 1 for a moving camera
+  double scale = 1;           // of images
+  uint64_t gaussians = 0;     // N_max; 0 = from the images and the duration
+  uint64_t steps = 0;         // 0 = from the duration, or as many as `seconds` allow
+  double seconds = 0;         // > 0: the clock decides when the training ends
+  uint32_t views = 0;         // of a step; 0 = 4, or 1 for a moving camera
   std::string init = "auto";  // auto, frustum, hull, or a PLY of points
   uint32_t sh_degree = 3;
-  std::string exposure = "auto";     // auto, on, off
-  std::string density = "relocate";  // relocate, off
-  std::string adam = "dense";        // dense, sparse
-  double drift = 2;                  // kappa
-  double error_weight = 1;           // beta
+  std::string exposure = "auto";             // auto, on, off
+  std::string density = "relocate";          // relocate, off
+  std::string adam = "dense";                // dense, sparse
+  double drift = 2;                          // kappa
+  double error_weight = 1;                   // beta
   uint64_t host_memory = uint64_t{8} << 30;  // bytes of images
   uint64_t seed = 0;
 };

@@ -10,16 +10,16 @@
 namespace l4d::train {
 namespace {
 
-constexpr uint64_t kMeasureEvery = 8;    // steps
-constexpr double kGrowth = 0.05;         // in kCycle steps
-constexpr double kLossAverage = 0.02;    // weight of a new loss in its average
-constexpr double kHighLoss = 3;          // times the average
+constexpr uint64_t kMeasureEvery = 8;  // steps
+constexpr double kGrowth = 0.05;       // in kCycle steps
+constexpr double kLossAverage = 0.02;  // weight of a new loss in its average
+constexpr double kHighLoss = 3;        // times the average
 constexpr uint64_t kMaxHighLosses = 200, kMaxLost = 3;
 constexpr double kExposureRate = 1e-3, kExposureWeight = 0.01;
-constexpr uint32_t kMinHalfSize = 64;    // pixels: smaller images are not halved
-constexpr uint64_t kWatchFrom = 2000;    // steps
-constexpr double kUnsynchronised = 3;    // times the median loss
-constexpr double kMinCoverage = 1e-8;    // per pixel
+constexpr uint32_t kMinHalfSize = 64;  // pixels: smaller images are not halved
+constexpr uint64_t kWatchFrom = 2000;  // steps
+constexpr double kUnsynchronised = 3;  // times the median loss
+constexpr double kMinCoverage = 1e-8;  // per pixel
 constexpr float kIdentity[12] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
 
 }  // namespace
@@ -262,7 +262,8 @@ void Trainer::watch_cameras(const StepOutput& output, const std::vector<uint32_t
     if (loss > 0) seen.push_back(loss);
   }
   if (seen.size() < 4) return;
-  std::nth_element(seen.begin(), seen.begin() + static_cast<ptrdiff_t>(seen.size() / 2), seen.end());
+  std::nth_element(seen.begin(), seen.begin() + static_cast<ptrdiff_t>(seen.size() / 2),
+                   seen.end());
   const double median = seen[seen.size() / 2];
   for (size_t c = 0; c < state_.camera_loss.size(); ++c) {
     if (state_.camera_loss[c] <= kUnsynchronised * median) continue;
@@ -286,7 +287,8 @@ DensityChange Trainer::change_density(uint64_t step, double f) {
   if (static_cast<double>(step) < begin) return change;
   const double per_step = kGrowth / kCycle * static_cast<double>(backend_->count());
   const double before = std::floor(per_step * static_cast<double>(step - 1));
-  uint64_t growth = static_cast<uint64_t>(std::floor(per_step * static_cast<double>(step)) - before);
+  uint64_t growth =
+      static_cast<uint64_t>(std::floor(per_step * static_cast<double>(step)) - before);
   growth = std::min(growth, settings_.gaussians - std::min(settings_.gaussians, backend_->count()));
   DensityStep density;
   density.seed = settings_.seed;
@@ -304,7 +306,8 @@ void Trainer::sweep(uint64_t step) {
   std::vector<uint8_t> mask(static_cast<size_t>(model.count), 1);
   for (size_t i = 0; i < mask.size(); ++i) {
     const bool unseen = model.last_shown[i] + patience < step;
-    const bool faint = model.coverage[i] > 0 && static_cast<double>(model.coverage[i]) < kMinCoverage;
+    const bool faint =
+        model.coverage[i] > 0 && static_cast<double>(model.coverage[i]) < kMinCoverage;
     const float opacity = 1 / (1 + std::exp(-model.value.opacity[i]));
     mask[i] = unseen || faint || !(opacity >= kDeadOpacity) ? 0 : 1;
   }

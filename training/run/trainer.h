@@ -16,13 +16,13 @@ namespace l4d::train {
 
 // What changes besides the model, and is part of a checkpoint.
 struct RunState {
-  uint64_t step = 0;        // steps done
-  double seconds = 0;       // of all runs
-  double loss_average = 0;  // moving average; 0 = none yet
+  uint64_t step = 0;         // steps done
+  double seconds = 0;        // of all runs
+  double loss_average = 0;   // moving average; 0 = none yet
   uint64_t high_losses = 0;  // steps in a row whose loss is above 3 x the average
   uint64_t lost = 0;         // steps in a row whose loss is not finite
   double rate_factor = 1;
-  bool swept = false;        // what shows nothing has been removed
+  bool swept = false;               // what shows nothing has been removed
   std::vector<double> camera_loss;  // moving averages by camera; 0 = none yet
 };
 
@@ -83,7 +83,8 @@ class Trainer {
   const Instant& choose_instant(uint64_t* visit) const;
   std::vector<uint32_t> choose_views(const Instant& instant, uint32_t index, uint64_t visit) const;
   void update_exposures(const StepOutput& output, const std::vector<uint32_t>& views, double f);
-  void guard(const StepReport& report, const StepOutput& output, const std::vector<uint32_t>& views);
+  void guard(const StepReport& report, const StepOutput& output,
+             const std::vector<uint32_t>& views);
   void watch_cameras(const StepOutput& output, const std::vector<uint32_t>& views);
   DensityChange change_density(uint64_t step, double f);
   void sweep(uint64_t step);

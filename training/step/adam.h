@@ -12,7 +12,7 @@ namespace l4d::train {
 
 // Learning rates at a moment of the training; see schedule.h.
 struct Rates {
-  float position = 0;     // scene units
+  float position = 0;      // scene units
   float mean_t_floor = 0;  // s; a row's rate is max(mean_t_floor, mean_t_share min(tau, T))
   float mean_t_share = 0;
   float log_scale = 0;
@@ -27,8 +27,8 @@ struct Rates {
 
 struct AdamStep {
   uint64_t seed = 0;
-  uint64_t step = 0;   // of the training, from 1
-  uint64_t count = 0;  // Gaussians
+  uint64_t step = 0;              // of the training, from 1
+  uint64_t count = 0;             // Gaussians
   uint32_t sh_degree = 0;         // of the arrays
   uint32_t active_sh_degree = 0;  // coefficients above it stay as they are
   // Only rows that the step shows are updated, with the corrections of docs/training.md. Otherwise
@@ -39,8 +39,8 @@ struct AdamStep {
   float scale_weight = 0;    // and scale_weight mean(spatial scales), per scene unit
   float noise = 0;           // factor of the noise on positions; 0 = none
   // The range of values.
-  float duration = 1;                     // T, s
-  float time_begin = 0;                   // s
+  float duration = 1;                             // T, s
+  float time_begin = 0;                           // s
   float min_log_scale = -16, max_log_scale = 16;  // spatial axes
   float min_log_sigma = -16, max_log_sigma = 16;  // temporal axis
   float min_mean_t = -1e30f, max_mean_t = 1e30f;  // s

@@ -15,16 +15,18 @@
 namespace l4d::train {
 
 constexpr float kBeta1 = 0.9f, kBeta2 = 0.999f, kEpsilon = 1e-15f;
-constexpr float kMaxRateFactor = 10;   // for rows that few steps show
-constexpr float kMaxRepeats = 50;      // of regularisers
-constexpr uint32_t kMaxTail = 20;      // unseen steps whose momentum is applied
+constexpr float kMaxRateFactor = 10;  // for rows that few steps show
+constexpr float kMaxRepeats = 50;     // of regularisers
+constexpr uint32_t kMaxTail = 20;     // unseen steps whose momentum is applied
 constexpr float kNoiseSteepness = 100, kNoiseOpacity = 0.005f;
 
 L4D_HOST_DEVICE inline float sigmoid(float x) { return 1.0f / (1.0f + std::exp(-x)); }
 L4D_HOST_DEVICE inline float clamped(float x, float low, float high) {
   return x < low ? low : x > high ? high : x;
 }
-L4D_HOST_DEVICE inline uint32_t sh_values(uint32_t degree) { return 3 * (degree + 1) * (degree + 1); }
+L4D_HOST_DEVICE inline uint32_t sh_values(uint32_t degree) {
+  return 3 * (degree + 1) * (degree + 1);
+}
 
 // What the rates of a row depend on. `p`: the spatial rows of the covariance's root.
 struct RowShape {
@@ -60,7 +62,8 @@ L4D_HOST_DEVICE inline void for_each_number(const AdamStep& s, const AdamArrays&
       at(a.gradient.log_scale, 4), 0, 4, r.log_scale);
   run(at(a.value.rotor, 8), at(a.m.rotor, 8), at(a.v.rotor, 8), at(a.gradient.rotor, 8), 0, 4,
       r.rotor);
-  const float drift = r.rotor_drift == 0 ? r.rotor : clamped(r.rotor_drift / span, r.rotor_floor, r.rotor);
+  const float drift =
+      r.rotor_drift == 0 ? r.rotor : clamped(r.rotor_drift / span, r.rotor_floor, r.rotor);
   run(at(a.value.rotor, 8), at(a.m.rotor, 8), at(a.v.rotor, 8), at(a.gradient.rotor, 8), 4, 8,
       drift);
   run(at(a.value.opacity, 1), at(a.m.opacity, 1), at(a.v.opacity, 1), at(a.gradient.opacity, 1), 0,
@@ -111,7 +114,8 @@ L4D_HOST_DEVICE inline bool adam_row(const AdamStep& s, const AdamArrays& a, uin
   if (s.sparse && a.shown[i] == 0) return true;
   const RowShape shape = row_shape(s, a, i);
   float sum = 0;
-  for_each_number(s, a, i, shape.span, [&](float&, float&, float&, float& g, float) { sum += g * 0; });
+  for_each_number(s, a, i, shape.span,
+                  [&](float&, float&, float&, float& g, float) { sum += g * 0; });
   if (!(sum == 0)) {
     clear_gradient(s, a, i);
     return false;

@@ -19,11 +19,11 @@
 namespace l4d::train {
 
 struct StepView {
-  l4d_camera camera;      // of the size of the target
-  uint64_t image = 0;     // identifies the target, for back ends that keep images
-  const uint8_t* target = nullptr;  // [height, width, 3] on the host
-  const uint8_t* alpha = nullptr;   // [height, width] or null
-  const uint8_t* mask = nullptr;    // [height, width] or null
+  l4d_camera camera;                 // of the size of the target
+  uint64_t image = 0;                // identifies the target, for back ends that keep images
+  const uint8_t* target = nullptr;   // [height, width, 3] on the host
+  const uint8_t* alpha = nullptr;    // [height, width] or null
+  const uint8_t* mask = nullptr;     // [height, width] or null
   const double* exposure = nullptr;  // [3, 4] of the camera, or null: none
 };
 

@@ -15,8 +15,8 @@ const std::array<const char*, kStages> kStageNames = {"prepare",  "render", "los
 namespace {
 
 constexpr size_t kRowGrain = 512;
-constexpr float kAverage = 0.1f;            // weight of a new observation in moving averages
-constexpr float kDcFactor = 0.28209479f;    // of SH of degree 0
+constexpr float kAverage = 0.1f;          // weight of a new observation in moving averages
+constexpr float kDcFactor = 0.28209479f;  // of SH of degree 0
 using Clock = std::chrono::steady_clock;
 
 // One view of a step: a renderer, and arrays that keep their size from step to step. Views have
@@ -51,9 +51,9 @@ l4d_gradients gradients_of(AttributeArrays* arrays, uint64_t count) {
   l4d_gradients g;
   l4d_gradients_init(&g);
   g.count = count;
-  for_each_attribute([](const AttributeInfo&, std::vector<float>& from,
-                        float*& to) { to = from.data(); },
-                     *arrays, g);
+  for_each_attribute(
+      [](const AttributeInfo&, std::vector<float>& from, float*& to) { to = from.data(); }, *arrays,
+      g);
   return g;
 }
 
@@ -148,8 +148,8 @@ class CpuBackend final : public Backend {
       arrays->keep(whole);
       arrays->resize(static_cast<size_t>(capacity));
     }
-    for (std::vector<uint32_t>* rows : {&state_.id, &state_.updates, &state_.prepared,
-                                        &state_.born, &state_.last_shown}) {
+    for (std::vector<uint32_t>* rows :
+         {&state_.id, &state_.updates, &state_.prepared, &state_.born, &state_.last_shown}) {
       keep_rows(whole, 1, rows);
       rows->resize(static_cast<size_t>(capacity));
     }
@@ -157,8 +157,8 @@ class CpuBackend final : public Backend {
       keep_rows(whole, 1, rows);
       rows->resize(static_cast<size_t>(capacity));
     }
-    state_.count = static_cast<uint64_t>(std::count_if(whole.begin(), whole.end(),
-                                                       [](uint8_t kept) { return kept != 0; }));
+    state_.count = static_cast<uint64_t>(
+        std::count_if(whole.begin(), whole.end(), [](uint8_t kept) { return kept != 0; }));
     state_.cumulative.clear();
   }
 
@@ -224,9 +224,9 @@ class CpuBackend final : public Backend {
     l4d_renderer* renderer = prepare(slot, input.time, input.background);
     slot->gradient.sh_degree = state_.sh_degree();
     slot->gradient.resize(static_cast<size_t>(state_.count));
-    for_each_attribute([](const AttributeInfo&,
-                          std::vector<float>& v) { std::fill(v.begin(), v.end(), 0.0f); },
-                       slot->gradient);
+    for_each_attribute(
+        [](const AttributeInfo&, std::vector<float>& v) { std::fill(v.begin(), v.end(), 0.0f); },
+        slot->gradient);
     clock.ends(kPrepare);
 
     const size_t pixels = size_t{view.camera.width} * view.camera.height;

@@ -22,13 +22,13 @@ namespace l4d::train {
 template <typename T>
 struct LossView {
   uint32_t width, height;
-  const T* rendered;         // [height, width, 3]
-  const uint8_t* target;     // [height, width, 3]
-  const uint8_t* alpha;      // [height, width] of the target, or null: opaque
-  const uint8_t* mask;       // [height, width], or null: all pixels count
-  const T* exposure;         // [3, 4] rows (E, b), or null: identity
-  T background[3];           // behind a target with alpha; the renderer has the same
-  T ssim_weight;             // w
+  const T* rendered;      // [height, width, 3]
+  const uint8_t* target;  // [height, width, 3]
+  const uint8_t* alpha;   // [height, width] of the target, or null: opaque
+  const uint8_t* mask;    // [height, width], or null: all pixels count
+  const T* exposure;      // [3, 4] rows (E, b), or null: identity
+  T background[3];        // behind a target with alpha; the renderer has the same
+  T ssim_weight;          // w
 };
 
 // What the backward pass needs from the forward pass: [3, 3, height, width], by channel, then the
@@ -41,8 +41,8 @@ size_t loss_factors_size(const LossView<T>& view) {
 }
 
 struct LossSums {
-  double absolute = 0;  // sum of |x - y|
-  double squared = 0;   // sum of (x - y)^2
+  double absolute = 0;    // sum of |x - y|
+  double squared = 0;     // sum of (x - y)^2
   double similarity = 0;  // sum of S
   uint64_t values = 0;    // 3 x pixels that count
   double loss(double ssim_weight) const {

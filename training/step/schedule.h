@@ -19,9 +19,9 @@ struct ScheduleOptions {
 };
 
 // The phases of f.
-constexpr double kDensityBegin = 500;   // steps
-constexpr double kDensityEnd = 0.85;    // no growth, relocation and noise from here on
-constexpr double kSettleRates = 0.1;    // of constant rates after kDensityEnd
+constexpr double kDensityBegin = 500;    // steps
+constexpr double kDensityEnd = 0.85;     // no growth, relocation and noise from here on
+constexpr double kSettleRates = 0.1;     // of constant rates after kDensityEnd
 constexpr double kHalfResolution = 0.1;  // images have half their size before
 
 Rates rates_at(const ScheduleOptions& options, double f);

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-namespace l4d::cli {
+namespace l4d::io {
 
 struct SvgPoint {
   double x, y;
@@ -33,4 +33,4 @@ class Svg {
 // Round numbers from 0 to at least `most`, about `count` of them.
 std::vector<double> axis_ticks(double most, size_t count);
 
-}  // namespace l4d::cli
+}  // namespace l4d::io

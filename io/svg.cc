@@ -1,13 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "cli/text/svg.h"
+#include "io/svg.h"
 
 #include <algorithm>
 #include <cmath>
+#include <cstdarg>
+#include <cstdio>
 
-#include "cli/text/units.h"
-
-namespace l4d::cli {
+namespace l4d::io {
 namespace {
+
+// For short pieces: longer ones are cut off.
+[[gnu::format(printf, 1, 2)]] std::string format(const char* pattern, ...) {
+  char text[512];
+  va_list arguments;
+  va_start(arguments, pattern);
+  std::vsnprintf(text, sizeof(text), pattern, arguments);
+  va_end(arguments);
+  return text;
+}
 
 std::string escaped(const std::string& text) {
   std::string out;
@@ -91,4 +101,4 @@ std::vector<double> axis_ticks(double most, size_t count) {
   return ticks;
 }
 
-}  // namespace l4d::cli
+}  // namespace l4d::io

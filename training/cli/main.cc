@@ -1,0 +1,324 @@
+// SPDX-License-Identifier: Apache-2.0
+// l4dtrain: trains scenes from captures.
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <chrono>
+#include <cmath>
+#include <csignal>
+#include <cstdio>
+#include <string>
+
+#include "io/scene.h"
+#include "l4d/l4d.hpp"
+#include "training/run/run.h"
+
+namespace l4d::train {
+namespace {
+
+// As those of l4dcodec (docs/cli.md).
+enum ExitCode : int {
+  kExitOk = 0,
+  kExitUsage = 2,
+  kExitIo = 3,
+  kExitCorrupt = 4,
+  kExitUnsupported = 5,
+  kExitLimit = 6,
+  kExitRuntime = 7,
+  kExitCancelled = 130
+};
+
+int exit_code_of(l4d_status status) {
+  switch (status) {
+    case L4D_ERR_INVALID_ARGUMENT:
+      return kExitUsage;
+    case L4D_ERR_IO:
+      return kExitIo;
+    case L4D_ERR_CORRUPT:
+      return kExitCorrupt;
+    case L4D_ERR_FEATURE_UNSUPPORTED:
+      return kExitUnsupported;
+    case L4D_ERR_LIMIT_EXCEEDED:
+    case L4D_ERR_OUT_OF_MEMORY:
+      return kExitLimit;
+    case L4D_ERR_CANCELLED:
+      return kExitCancelled;
+    default:
+      return kExitRuntime;
+  }
+}
+
+volatile std::sig_atomic_t stop_signal = 0;
+volatile std::sig_atomic_t checkpoint_signal = 0;
+
+void install_handlers() {
+  struct sigaction stop {};
+  stop.sa_handler = [](int) { stop_signal = 1; };
+  // A second signal ends the process at once.
+  stop.sa_flags = static_cast<int>(SA_RESETHAND);
+  ::sigaction(SIGINT, &stop, nullptr);
+  ::sigaction(SIGTERM, &stop, nullptr);
+  struct sigaction checkpoint {};
+  checkpoint.sa_handler = [](int) { checkpoint_signal = 1; };
+  checkpoint.sa_flags = SA_RESTART;
+  ::sigaction(SIGUSR1, &checkpoint, nullptr);
+  std::signal(SIGPIPE, SIG_IGN);
+}
+
+// A line on stderr that is drawn again and again, or lines where stderr is no terminal.
+class Terminal final : public RunObserver {
+ public:
+  explicit Terminal(bool quiet) : quiet_(quiet), draws_(::isatty(STDERR_FILENO) == 1) {}
+  ~Terminal() override { clear(); }
+
+  void update(uint64_t done, uint64_t total, const std::string& stage) override {
+    if (quiet_) return;
+    const auto now = Clock::now();
+    if (total != total_) {
+      total_ = total;
+      begin_ = now;
+      first_ = done;
+      tenth_ = -1;
+    }
+    const double share = total == 0 ? 0 : static_cast<double>(done) / static_cast<double>(total);
+    const int tenth = static_cast<int>(share * 10);
+    if (draws_ ? now - drawn_ < std::chrono::milliseconds(200) && total != 0
+               : total != 0 && tenth == tenth_) {
+      return;
+    }
+    drawn_ = now;
+    tenth_ = tenth;
+    std::string line = stage;
+    if (total > 0) line += "  " + std::to_string(static_cast<int>(100 * share)) + "%" + eta(done);
+    std::fprintf(stderr, draws_ ? "\r%s\033[K" : "%s\n", line.c_str());
+    shown_ = draws_;
+  }
+  void note(const std::string& text) override {
+    clear();
+    if (!quiet_) std::fprintf(stderr, "note: %s\n", text.c_str());
+  }
+  bool cancelled() override { return stop_signal != 0; }
+  bool wants_checkpoint() override {
+    const bool wanted = checkpoint_signal != 0;
+    checkpoint_signal = 0;
+    return wanted;
+  }
+
+ private:
+  using Clock = std::chrono::steady_clock;
+
+  std::string eta(uint64_t done) const {
+    const double elapsed = std::chrono::duration<double>(Clock::now() - begin_).count();
+    if (done <= first_ || elapsed < 1) return "";
+    const double left = elapsed * static_cast<double>(total_ - std::min(done, total_)) /
+                        static_cast<double>(done - first_);
+    const auto seconds = static_cast<unsigned>(left + 0.5);
+    char text[40];
+    std::snprintf(text, sizeof(text), "  ETA %u:%02u:%02u", seconds / 3600, seconds / 60 % 60,
+                  seconds % 60);
+    return text;
+  }
+  void clear() {
+    if (shown_) std::fputs("\r\033[K", stderr);
+    shown_ = false;
+  }
+
+  bool quiet_, draws_, shown_ = false;
+  uint64_t total_ = UINT64_MAX, first_ = 0;
+  int tenth_ = -1;
+  Clock::time_point begin_{}, drawn_{};
+};
+
+std::string describe(const Score& score) {
+  if (score.plain.views == 0) return "no views";
+  char text[120];
+  std::snprintf(text, sizeof(text), "%.2f dB, SSIM %.4f, %.2f dB after fitting colours, %llu views",
+                score.plain.mean_psnr, score.plain.mean_ssim, score.psnr_affine,
+                static_cast<unsigned long long>(score.plain.views));
+  return text;
+}
+
+std::string describe(const RunReport& r) {
+  std::string out;
+  const auto line = [&](const char* name, const std::string& text) {
+    char begin[24];
+    std::snprintf(begin, sizeof(begin), "%-12s", name);
+    out += begin + text + "\n";
+  };
+  char text[160];
+  std::snprintf(text, sizeof(text), "%llu, %llu steps in %.1f s",
+                static_cast<unsigned long long>(r.gaussians),
+                static_cast<unsigned long long>(r.steps), r.training_seconds);
+  line("Gaussians", r.steps > 0 ? text : std::to_string(r.gaussians));
+  line("training", describe(r.train));
+  line("test", describe(r.test));
+  if (r.stream_bytes > 0) {
+    line("stream", std::to_string(r.stream_bytes) + " bytes");
+    line("  training", describe(r.stream_train));
+    line("  test", describe(r.stream_test));
+  }
+  return out;
+}
+
+// Bytes: "500M", "8G", "1000000".
+uint64_t bytes_of(const std::string& text) {
+  size_t used = 0;
+  double value = -1;
+  try {
+    value = std::stod(text, &used);
+  } catch (const std::exception&) {
+  }
+  const std::string unit = used <= text.size() ? text.substr(used) : "";
+  const double factor = unit == "k"    ? 1e3
+                        : unit == "M"  ? 1e6
+                        : unit == "G"  ? 1e9
+                        : unit.empty() ? 1
+                                       : 0;
+  if (!(value >= 0 && value < 1e12) || factor == 0) {
+    throw io::Error(L4D_ERR_INVALID_ARGUMENT,
+                    "\"" + text + "\" is no number of bytes; 500M and 8G are");
+  }
+  return static_cast<uint64_t>(value * factor);
+}
+
+struct Arguments {
+  RunOptions run;
+  std::string host_memory = "8G";
+  std::string sheet;
+  std::string folder;  // of a run that is evaluated
+  bool json = false, quiet = false;
+};
+
+void add_reading(CLI::App* verb, Arguments& a) {
+  Settings& s = a.run.settings;
+  verb->add_option("capture", s.capture, "Folder of the capture, or the file that describes it")
+      ->required();
+  verb->add_option("--frames", s.reading.frames, "Frames: first:end or first:end:step (all)");
+  verb->add_option(
+      "--test", s.reading.test,
+      "Cameras for tests: 0,10,15 or 0-3 (those that the capture names, else every 8th)");
+  verb->add_option("--seconds", s.reading.seconds,
+                   "D-NeRF: the time that 1 in its files stands for")
+      ->capture_default_str();
+  verb->add_option("--fps", s.reading.fps, "Frame rate (that of the capture)");
+  verb->add_flag("--tolerant", s.reading.tolerant,
+                 "Leave out cameras without images, and cut all to the shortest");
+}
+
+void add_common(CLI::App* verb, Arguments& a) {
+  verb->add_option("--threads", a.run.threads, "Threads; never change the result (one per core)");
+  verb->add_flag("--json", a.json, "Print the report as JSON");
+  verb->add_flag("-q,--quiet", a.quiet, "No progress and no notes");
+}
+
+void add_train(CLI::App& app, Arguments& a) {
+  CLI::App* verb = app.add_subcommand("train", "Train a scene from a capture");
+  Settings& s = a.run.settings;
+  add_reading(verb, a);
+  verb->add_option("-o,--output", a.run.folder, "Folder for the results")->required();
+  verb->add_option("-n,--gaussians", s.gaussians,
+                   "Gaussians at most (from the size of images and the duration)");
+  auto* steps = verb->add_option("--steps", s.steps, "Steps (20000 for 10 s and less)");
+  verb->add_option("--time", s.seconds, "Seconds to train for, in place of steps; not repeatable")
+      ->excludes(steps);
+  verb->add_option("--views", s.views, "Views of a step (4; 1 for a moving camera)");
+  verb->add_option("--scale", s.scale, "Of images, 0 to 1")->capture_default_str();
+  verb->add_option(
+          "--init", s.init,
+          "Where Gaussians begin: frustum, hull (images with alpha), a PLY of points; auto "
+          "takes the capture's points, else the hull, else the frustum")
+      ->capture_default_str();
+  verb->add_option("--sh-degree", s.sh_degree, "0 to 3")->capture_default_str();
+  verb->add_option("--exposure", s.exposure, "Colours of cameras: auto (on from 8 videos), on, off")
+      ->capture_default_str();
+  verb->add_option("--density", s.density, "relocate, off")->capture_default_str();
+  verb->add_option("--adam", s.adam, "dense, sparse")->capture_default_str();
+  verb->add_option("--drift", s.drift,
+                   "Bound of the temporal rotor's rate, in steps of positions; 0: no bound")
+      ->capture_default_str();
+  verb->add_option("--error-weight", s.error_weight,
+                   "How strongly errors of images attract Gaussians")
+      ->capture_default_str();
+  verb->add_option("--host-memory", a.host_memory, "Bytes of images in memory: 500M, 8G")
+      ->capture_default_str();
+  verb->add_option("--seed", s.seed, "Of all random numbers")->capture_default_str();
+  verb->add_option("--encode", a.run.preset, "Also encode, with this preset of the encoder");
+  verb->add_option("--checkpoint-every", a.run.checkpoint_seconds, "Seconds between checkpoints")
+      ->capture_default_str();
+  auto* resume = verb->add_flag("--resume", a.run.resume, "Go on from the last checkpoint");
+  verb->add_flag("--force", a.run.force, "Replace a run that is in the folder")->excludes(resume);
+  add_common(verb, a);
+  verb->footer(
+      "Examples:\n"
+      "  l4dtrain train capture -o run --encode default\n"
+      "  l4dtrain train capture -o run --time 600 --scale 0.5 --gaussians 200000\n"
+      "  l4dtrain train capture -o run --resume\n"
+      "SIGINT and SIGTERM end a training after a checkpoint, SIGUSR1 writes one.");
+}
+
+int report_failure(int code, const std::string& message) {
+  std::fprintf(stderr, "l4dtrain: %s\n", message.c_str());
+  return code;
+}
+
+int run_verb(const CLI::App& app, Arguments& a) {
+  Terminal terminal(a.quiet);
+  if (app.got_subcommand("inspect")) {
+    const Inspection result =
+        inspect(a.run.settings.capture, a.run.settings.reading, a.sheet, a.run.threads);
+    std::printf("%s%s", (a.json ? result.json : result.text).c_str(), a.json ? "\n" : "");
+    return kExitOk;
+  }
+  RunReport report;
+  if (app.got_subcommand("train")) {
+    a.run.settings.host_memory = bytes_of(a.host_memory);
+    report = train(a.run, &terminal);
+  } else {
+    report = evaluate_run(a.folder, a.run.threads, &terminal);
+  }
+  std::printf("%s%s", (a.json ? json_of(report) : describe(report)).c_str(), a.json ? "\n" : "");
+  return kExitOk;
+}
+
+int run(int argc, char** argv) {
+  CLI::App app("Trains scenes of 4D Gaussians from captures, for l4dcodec");
+  app.require_subcommand(1);
+  // Each verb has arguments of its own.
+  Arguments training, evaluation, inspection;
+  add_train(app, training);
+  CLI::App* eval = app.add_subcommand("eval", "Compare the scene of a run with its capture");
+  eval->add_option("run", evaluation.folder, "Folder of the run")->required();
+  add_common(eval, evaluation);
+  CLI::App* look = app.add_subcommand("inspect", "Say what a capture is");
+  add_reading(look, inspection);
+  look->add_option("--sheet", inspection.sheet, "PNG to write: the first image of each camera");
+  add_common(look, inspection);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? kExitOk : kExitUsage;
+  }
+  install_handlers();
+  Arguments& chosen = app.got_subcommand("train")  ? training
+                      : app.got_subcommand("eval") ? evaluation
+                                                   : inspection;
+  try {
+    const int code = run_verb(app, chosen);
+    return std::fflush(stdout) == 0 ? code : kExitIo;
+  } catch (const io::Error& error) {
+    return report_failure(exit_code_of(error.status()), error.what());
+  } catch (const l4d::Error& error) {
+    return report_failure(exit_code_of(error.status()), error.what());
+  } catch (const TrainingFailed& error) {
+    return report_failure(kExitRuntime, error.what());
+  } catch (const std::bad_alloc&) {
+    return report_failure(kExitLimit, "out of memory");
+  } catch (const std::exception& error) {
+    return report_failure(kExitRuntime, error.what());
+  }
+}
+
+}  // namespace
+}  // namespace l4d::train
+
+int main(int argc, char** argv) { return l4d::train::run(argc, argv); }

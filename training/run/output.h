@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <functional>
+#include <string>
+
+#include "io/formats.h"
+#include "training/images/loader.h"
+#include "training/model/state.h"
+
+namespace l4d::train {
+
+// The model as a scene that the codec reads.
+io::Scene scene_of(const ModelState& model, const l4d_timeline& timeline);
+// The same scene as a model that can be rendered, without what only training needs.
+ModelState model_of(const io::Scene& scene);
+
+// Pinhole cameras of the images that were trained on: K, w2c, split. Of a moving camera, each image
+// has its own.
+void write_cameras(const std::string& path, const Capture& capture, const ImageLoader& loader);
+
+// The importance of each Gaussian for the training views (l4d_measure_importance).
+io::Weights measure_weights(const io::Scene& scene, const Capture& capture,
+                            const ImageLoader& loader, uint32_t threads, uint64_t seed);
+
+// Encodes with a preset of the encoder; returns the bytes of the stream.
+uint64_t encode_scene(const std::string& path, const io::Scene& scene, const io::Weights& weights,
+                      const std::string& preset, uint32_t threads);
+// Throws io::Error(INVALID_ARGUMENT) where there is no such preset, and lists those that there are.
+void check_preset(const std::string& preset);
+
+// Truth, render and error beside each other.
+io::Image preview_of(const io::Image& captured, const io::Image& rendered);
+
+}  // namespace l4d::train

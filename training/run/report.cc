@@ -1,0 +1,202 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "training/run/report.h"
+
+#include <cmath>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "io/file.h"
+#include "io/formats.h"
+#include "training/run/output.h"
+
+namespace l4d::train {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+using io::Error;
+
+constexpr uint32_t kScoredInstants = 15;
+constexpr size_t kSheetColumns = 6;
+constexpr uint32_t kSheetWidth = 160;  // pixels of each image
+
+Json number(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
+
+Json object_of(const Score& score) {
+  return {{"psnr", number(score.plain.mean_psnr)},    {"psnr_of_mse", number(score.plain.psnr)},
+          {"min_psnr", number(score.plain.min_psnr)}, {"ssim", number(score.plain.mean_ssim)},
+          {"psnr_affine", number(score.psnr_affine)}, {"views", score.plain.views}};
+}
+
+Json object_of(const Settings& s) {
+  return {{"capture", s.capture},
+          {"seconds", s.reading.seconds},
+          {"fps", s.reading.fps},
+          {"frames", s.reading.frames},
+          {"test", s.reading.test},
+          {"tolerant", s.reading.tolerant},
+          {"scale", s.scale},
+          {"gaussians", s.gaussians},
+          {"steps", s.steps},
+          {"time", s.seconds},
+          {"views", s.views},
+          {"init", s.init},
+          {"sh_degree", s.sh_degree},
+          {"exposure", s.exposure},
+          {"density", s.density},
+          {"adam", s.adam},
+          {"drift", s.drift},
+          {"error_weight", s.error_weight},
+          {"host_memory", s.host_memory},
+          {"seed", s.seed}};
+}
+
+}  // namespace
+
+std::string json_of(const Settings& settings) { return object_of(settings).dump(1); }
+
+Settings settings_of(const std::string& text) {
+  Settings s;
+  try {
+    const Json j = Json::parse(text);
+    j.at("capture").get_to(s.capture);
+    j.at("seconds").get_to(s.reading.seconds);
+    j.at("fps").get_to(s.reading.fps);
+    j.at("frames").get_to(s.reading.frames);
+    j.at("test").get_to(s.reading.test);
+    j.at("tolerant").get_to(s.reading.tolerant);
+    j.at("scale").get_to(s.scale);
+    j.at("gaussians").get_to(s.gaussians);
+    j.at("steps").get_to(s.steps);
+    j.at("time").get_to(s.seconds);
+    j.at("views").get_to(s.views);
+    j.at("init").get_to(s.init);
+    j.at("sh_degree").get_to(s.sh_degree);
+    j.at("exposure").get_to(s.exposure);
+    j.at("density").get_to(s.density);
+    j.at("adam").get_to(s.adam);
+    j.at("drift").get_to(s.drift);
+    j.at("error_weight").get_to(s.error_weight);
+    j.at("host_memory").get_to(s.host_memory);
+    j.at("seed").get_to(s.seed);
+  } catch (const Json::exception& error) {
+    throw Error(L4D_ERR_CORRUPT, std::string("settings.json: ") + error.what());
+  }
+  return s;
+}
+
+std::string first_difference(const std::string& before, const std::string& now) {
+  std::istringstream a(before), b(now);
+  std::string x, y;
+  while (true) {
+    const bool more_a = static_cast<bool>(std::getline(a, x));
+    const bool more_b = static_cast<bool>(std::getline(b, y));
+    if (!more_a && !more_b) return "";
+    if (!more_a || !more_b || x != y) return "it has \"" + x + "\", and now it is \"" + y + "\"";
+  }
+}
+
+RunReport describe_capture(const Capture& capture, const ImageLoader& loader) {
+  RunReport report;
+  report.layout = capture.layout;
+  report.cameras = capture.cameras.size();
+  for (const CaptureView& view : capture.views) {
+    ++(capture.cameras[view.camera].split == "train" ? report.training_images : report.test_images);
+  }
+  report.width = loader.camera(0).width;
+  report.height = loader.camera(0).height;
+  return report;
+}
+
+std::string json_of(const RunReport& r) {
+  Json j = {{"schema", "l4dtrain.report/1"},
+            {"layout", r.layout},
+            {"cameras", r.cameras},
+            {"training_images", r.training_images},
+            {"test_images", r.test_images},
+            {"width", r.width},
+            {"height", r.height},
+            {"steps", r.steps},
+            {"gaussians", r.gaussians},
+            {"training_s", r.training_seconds},
+            {"total_s", r.total_seconds},
+            {"train", object_of(r.train)},
+            {"test", object_of(r.test)}};
+  if (r.stream_bytes > 0) {
+    j["stream"] = {{"file_bytes", r.stream_bytes},
+                   {"train", object_of(r.stream_train)},
+                   {"test", object_of(r.stream_test)}};
+  }
+  j["settings"] = object_of(r.settings);
+  j["notes"] = r.notes;
+  return j.dump(1);
+}
+
+namespace {
+
+l4d_renderer_options renderer_options(uint32_t threads) {
+  l4d_renderer_options options;
+  l4d_renderer_options_init(&options);
+  options.threads = threads;
+  return options;
+}
+
+}  // namespace
+
+StreamViews::StreamViews(const std::string& path, const Capture& capture, const ImageLoader& loader,
+                         const l4d_renderer_options& options)
+    : capture_(capture), loader_(loader), renderer_(&options) {
+  decoder_.open_file(path);
+  renderer_.set_decoder(decoder_);
+}
+
+StreamViews::StreamViews(const std::string& path, const Capture& capture, const ImageLoader& loader,
+                         uint32_t threads)
+    : StreamViews(path, capture, loader, renderer_options(threads)) {}
+
+io::Image StreamViews::render(uint32_t view) {
+  const CaptureView& v = capture_.views[view];
+  const l4d_camera& camera = loader_.camera(v.camera);
+  renderer_.set_time(v.time);
+  io::Image image(camera.width, camera.height);
+  renderer_.render(camera, image.rgb.data());
+  return image;
+}
+
+RunReport evaluate_run(const std::string& folder, uint32_t threads, RunObserver* observer) {
+  const auto file = [&](const char* name) { return (fs::path(folder) / name).string(); };
+  const std::vector<uint8_t> text = io::read_whole_file(file("settings.json"));
+  const Settings settings = settings_of(std::string(text.begin(), text.end()));
+  const Capture capture = read_capture(settings.capture, settings.reading);
+  const ImageLoader loader(capture, settings.scale);
+  const io::Scene scene = io::read_scene_ply(file("scene.ply"));
+  const std::unique_ptr<Backend> backend = make_cpu_backend(threads);
+  backend->load(model_of(scene), capture.timeline());
+  RunReport report = describe_capture(capture, loader);
+  report.settings = settings;
+  report.gaussians = scene.count();
+  report.notes = capture.notes;
+  constexpr float kBlack[3] = {0, 0, 0};
+  const auto score = [&](const char* split, const RenderView& render) {
+    return score_views(capture, loader, views_to_score(capture, split, kScoredInstants), threads,
+                       render, [&] { return observer->cancelled(); });
+  };
+  const auto render = [&](uint32_t view) {
+    const CaptureView& v = capture.views[view];
+    return backend->render(loader.camera(v.camera), v.time, kBlack);
+  };
+  observer->update(0, 0, "comparing with the captured images");
+  report.train = score("train", render);
+  report.test = score("test", render);
+  std::error_code error;
+  if (!fs::exists(file("scene.l4d"), error)) return report;
+  report.stream_bytes = fs::file_size(file("scene.l4d"), error);
+  StreamViews views(file("scene.l4d"), capture, loader, threads);
+  const auto render_stream = [&](uint32_t view) { return views.render(view); };
+  report.stream_train = score("train", render_stream);
+  report.stream_test = score("test", render_stream);
+  return report;
+}
+
+}  // namespace l4d::train

@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "l4d/render.hpp"
+#include "training/images/loader.h"
+#include "training/run/run.h"
+
+namespace l4d::train {
+
+// The part of a report that follows from the capture alone.
+RunReport describe_capture(const Capture& capture, const ImageLoader& loader);
+
+std::string json_of(const Settings& settings);
+Settings settings_of(const std::string& json);  // throws io::Error(CORRUPT)
+
+// The first line in which two texts of settings differ.
+std::string first_difference(const std::string& before, const std::string& now);
+
+// Views of a capture, rendered from a stream.
+class StreamViews {
+ public:
+  StreamViews(const std::string& path, const Capture& capture, const ImageLoader& loader,
+              uint32_t threads);
+  io::Image render(uint32_t view);
+
+ private:
+  StreamViews(const std::string& path, const Capture& capture, const ImageLoader& loader,
+              const l4d_renderer_options& options);
+
+  const Capture& capture_;
+  const ImageLoader& loader_;
+  DecoderHandle decoder_;
+  RendererHandle renderer_;
+};
+
+}  // namespace l4d::train

@@ -1,0 +1,392 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "training/run/run.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <filesystem>
+#include <map>
+#include <mutex>
+
+#include "io/file.h"
+#include "l4d/render.hpp"
+#include "training/init/start.h"
+#include "training/run/checkpoint.h"
+#include "training/run/output.h"
+#include "training/run/report.h"
+
+namespace l4d::train {
+namespace {
+
+namespace fs = std::filesystem;
+using Clock = std::chrono::steady_clock;
+using io::Error;
+
+constexpr uint64_t kLogEvery = 100;       // steps
+constexpr double kScores = 10;            // while training
+constexpr size_t kSampleViews = 12;       // of each split, for them
+constexpr uint32_t kScoredInstants = 15;  // at the end
+constexpr uint64_t kMinStart = 120000;    // Gaussians to begin with
+
+double since(Clock::time_point begin) {
+  return std::chrono::duration<double>(Clock::now() - begin).count();
+}
+
+void write_text(const std::string& path, const std::string& text) {
+  io::OutputFile file(path);
+  file.write(text.data(), text.size());
+  file.commit();
+}
+
+// Images that scores and previews use again and again.
+class Sample {
+ public:
+  Sample(const Capture& capture, const ImageLoader& loader, const char* split, uint32_t threads)
+      : capture_(capture), loader_(loader), threads_(threads) {
+    std::vector<uint32_t> views = views_to_score(capture, split, 0);
+    const size_t n = views.size(), chosen = std::min(n, kSampleViews);
+    std::vector<uint32_t> spread;
+    for (size_t k = 0; k < chosen; ++k) spread.push_back(views[(2 * k + 1) * n / (2 * chosen)]);
+    std::mutex mutex;
+    loader.load(spread, threads, [&](uint32_t view, Pixels pixels) {
+      const std::lock_guard<std::mutex> lock(mutex);
+      images_[view] = std::move(pixels);
+    });
+  }
+  Score score(Trainer* trainer) const {
+    Scorer scorer;
+    for (const auto& [view, pixels] : images_) {
+      scorer.add(pixels, loader_.mask(capture_.views[view].camera), trainer->render(view),
+                 threads_);
+    }
+    return scorer.score();
+  }
+  bool empty() const { return images_.empty(); }
+  io::Image preview(Trainer* trainer) const {
+    const auto middle = std::next(images_.begin(), static_cast<ptrdiff_t>(images_.size() / 2));
+    constexpr float kBlack[3] = {0, 0, 0};
+    return preview_of(image_of(middle->second, kBlack), trainer->render(middle->first));
+  }
+
+ private:
+  const Capture& capture_;
+  const ImageLoader& loader_;
+  uint32_t threads_;
+  std::map<uint32_t, Pixels> images_;
+};
+
+class Run {
+ public:
+  Run(const RunOptions& options, RunObserver* observer)
+      : options_(options), observer_(observer), folder_(options.folder) {}
+
+  RunReport run() {
+    if (!options_.preset.empty()) check_preset(options_.preset);
+    check(options_.settings);
+    open_folder();
+    observer_->update(0, 0, "reading the capture");
+    capture_ = read_capture(options_.settings.capture, options_.settings.reading);
+    loader_ = std::make_unique<ImageLoader>(capture_, options_.settings.scale);
+    for (const std::string& note : capture_.notes) say(note);
+    const l4d_camera& camera = loader_->camera(0);
+    settings_ = resolved(options_.settings, capture_, camera.width, camera.height);
+    read_images();
+    backend_ = make_cpu_backend(options_.threads);
+    trainer_ = std::make_unique<Trainer>(settings_, capture_, *loader_, instants_, store_.get(),
+                                         backend_.get());
+    begin();
+    log_ = std::make_unique<Log>(file("log.jsonl"), trainer_->state().step);
+    loop();
+    return finish();
+  }
+
+ private:
+  std::string file(const std::string& name) const { return (fs::path(folder_) / name).string(); }
+
+  void say(const std::string& note) {
+    notes_.push_back(note);
+    observer_->note(note);
+  }
+
+  void open_folder() {
+    std::error_code error;
+    fs::create_directories(folder_, error);
+    if (!fs::is_directory(folder_, error)) {
+      throw Error(L4D_ERR_IO, folder_ + ": cannot make the folder of the run");
+    }
+    const bool has_run = !list_checkpoints(folder_).empty() || fs::exists(file("report.json"));
+    if (options_.resume && list_checkpoints(folder_).empty()) {
+      throw Error(L4D_ERR_IO, folder_ + ": there is no checkpoint to resume from");
+    }
+    if (has_run && !options_.resume && !options_.force) {
+      throw Error(L4D_ERR_INVALID_ARGUMENT,
+                  folder_ +
+                      ": there is a run already; --resume goes on with it, and --force "
+                      "replaces it");
+    }
+    if (options_.resume) return;
+    for (const std::string& old : list_checkpoints(folder_)) fs::remove(old, error);
+    for (const char* name : {"scene.ply", "scene.l4d", "weights.ply", "report.json"}) {
+      fs::remove(file(name), error);
+    }
+  }
+
+  void read_images() {
+    instants_ = instants_of(capture_, "train");
+    StoreOptions store;
+    store.memory = settings_.host_memory;
+    store.threads = options_.threads;
+    store.seed = settings_.seed;
+    store.views_per_step = settings_.views;
+    store_ = make_image_store(*loader_, instants_, store, [&](uint64_t done, uint64_t total) {
+      observer_->update(done, total, "reading images");
+      return observer_->cancelled();
+    });
+    train_sample_ = std::make_unique<Sample>(capture_, *loader_, "train", options_.threads);
+    test_sample_ = std::make_unique<Sample>(capture_, *loader_, "test", options_.threads);
+  }
+
+  void begin() {
+    write_text(file("settings.json"), json_of(settings_) + "\n");
+    if (options_.resume) {
+      restore(load_newest());
+      return;
+    }
+    observer_->update(0, 0, "placing the first Gaussians");
+    StartOptions start;
+    start.capacity = settings_.gaussians;
+    start.count = std::min(settings_.gaussians, kMinStart);
+    start.sh_degree = settings_.sh_degree;
+    start.seed = settings_.seed;
+    store_->go_to(0);
+    std::vector<Point> points = first_points(start.count);
+    start.count = std::max<uint64_t>(start.count, points.size());
+    trainer_->start(start_model(capture_, points, start));
+  }
+
+  std::vector<Point> first_points(uint64_t count) {
+    const std::string& init = settings_.init;
+    if (init == "capture") return capture_.points;
+    if (init == "hull" || init == "auto") {
+      std::vector<Point> points =
+          hull_points(capture_, *loader_, instants_, *store_, count, settings_.seed);
+      if (!points.empty()) return points;
+      if (init == "hull") {
+        throw Error(L4D_ERR_INVALID_ARGUMENT,
+                    "--init is hull, but no point is inside the alpha of all images");
+      }
+    }
+    if (init == "frustum" || init == "auto") return random_points(capture_, count, settings_.seed);
+    return read_points(init);
+  }
+
+  // The newest checkpoint that is right: one that is not is said to be wrong, and stays.
+  Checkpoint load_newest() {
+    std::string first_error;
+    for (const std::string& path : list_checkpoints(folder_)) {
+      try {
+        Checkpoint checkpoint = unpack_checkpoint(path, io::read_whole_file(path));
+        if (!first_error.empty()) say(first_error + "; the one before it is used");
+        return checkpoint;
+      } catch (const Error& error) {
+        if (first_error.empty()) first_error = error.what();
+      }
+    }
+    throw Error(L4D_ERR_CORRUPT, first_error);
+  }
+
+  void restore(Checkpoint checkpoint) {
+    const std::string text = text_of(settings_);
+    if (checkpoint.settings != text) {
+      throw Error(L4D_ERR_INVALID_ARGUMENT, folder_ + ": the checkpoint is of other settings: " +
+                                                first_difference(checkpoint.settings, text));
+    }
+    if (checkpoint.run.camera_loss.size() != capture_.cameras.size()) {
+      throw Error(L4D_ERR_INVALID_ARGUMENT, folder_ + ": the capture has other cameras now");
+    }
+    trainer_->restore(std::move(checkpoint.model), checkpoint.run);
+  }
+
+  void write_checkpoint() {
+    Checkpoint checkpoint;
+    checkpoint.settings = text_of(settings_);
+    checkpoint.run = trainer_->state();
+    checkpoint.model = trainer_->model();
+    writer_.write(checkpoint);
+    last_checkpoint_ = Clock::now();
+  }
+
+  void write_preview() {
+    const Sample& sample = test_sample_->empty() ? *train_sample_ : *test_sample_;
+    io::write_png(file("preview.png"), sample.preview(trainer_.get()));
+    last_preview_ = Clock::now();
+  }
+
+  void loop() {
+    last_checkpoint_ = last_preview_ = Clock::now();
+    Clock::time_point step_begin = Clock::now();
+    int milestone = static_cast<int>(trainer_->progress() * kScores);
+    while (!trainer_->done()) {
+      if (observer_->cancelled()) {
+        write_checkpoint();
+        writer_.finish();
+        throw Error(L4D_ERR_CANCELLED, "cancelled at step " +
+                                           std::to_string(trainer_->state().step) +
+                                           "; --resume goes on from there");
+      }
+      step_begin = Clock::now();
+      if (!step()) continue;
+      trainer_->state().seconds += since(step_begin);
+      for (const std::string& note : trainer_->take_notes()) say(note);
+      const int now = static_cast<int>(trainer_->progress() * kScores);
+      const bool scores = now != milestone;
+      milestone = now;
+      if (scores || trainer_->state().step % kLogEvery == 0) add_to_log(scores);
+      if (since(last_checkpoint_) > options_.checkpoint_seconds || observer_->wants_checkpoint()) {
+        write_checkpoint();
+      }
+      if (since(last_preview_) > options_.preview_seconds) write_preview();
+      report_progress();
+    }
+  }
+
+  // False where the training went back to a checkpoint.
+  bool step() {
+    try {
+      const StepReport report = trainer_->advance();
+      ++steps_;
+      loss_ += report.loss;
+      psnr_ += report.psnr;
+      gaussians_ = report.count;
+      relocated_ += report.density.relocated;
+      born_ += report.density.born;
+      skipped_ += report.skipped_rows;
+      return true;
+    } catch (const Diverged& diverged) {
+      writer_.finish();
+      if (trainer_->state().rate_factor < 1 || list_checkpoints(folder_).empty()) {
+        throw TrainingFailed(diverged.what());
+      }
+      Checkpoint checkpoint = load_newest();
+      checkpoint.run.rate_factor *= 0.5;
+      checkpoint.run.lost = checkpoint.run.high_losses = 0;
+      say(std::string(diverged.what()) + ": going on from step " +
+          std::to_string(checkpoint.run.step) + " with half the rates");
+      restore(std::move(checkpoint));
+      return false;
+    }
+  }
+
+  void add_to_log(bool scores) {
+    LogEntry entry;
+    entry.step = trainer_->state().step;
+    entry.seconds = trainer_->state().seconds;
+    entry.progress = trainer_->progress();
+    const double n = static_cast<double>(std::max<uint64_t>(steps_, 1));
+    entry.loss = loss_ / n;
+    entry.psnr = psnr_ / n;
+    entry.gaussians = gaussians_;
+    entry.relocated = relocated_;
+    entry.born = born_;
+    entry.skipped_rows = skipped_;
+    entry.image_bytes = store_->bytes();
+    entry.image_wait = store_->seconds_waited();
+    entry.stages = backend_->take_seconds();
+    for (double& stage : entry.stages) stage *= 1000 / n;
+    entry.has_score = scores;
+    if (scores) {
+      entry.train = train_sample_->score(trainer_.get());
+      entry.test = test_sample_->score(trainer_.get());
+      last_score_ = entry.test.plain.mean_psnr;
+      backend_->take_seconds();
+    }
+    log_->add(entry);
+    steps_ = relocated_ = born_ = skipped_ = 0;
+    last_psnr_ = entry.psnr;
+    loss_ = psnr_ = 0;
+    if (scores) write_text(file("curves.svg"), draw_curves(log_->entries()));
+  }
+
+  void report_progress() {
+    char text[120];
+    std::snprintf(text, sizeof(text), "training  %.2f dB, test %.2f dB, %llu Gaussians", last_psnr_,
+                  last_score_, static_cast<unsigned long long>(gaussians_));
+    const uint64_t total = settings_.seconds > 0 ? 1000 : settings_.steps;
+    const uint64_t done = settings_.seconds > 0 ? static_cast<uint64_t>(1000 * trainer_->progress())
+                                                : trainer_->state().step;
+    observer_->update(done, total, text);
+  }
+
+  RunReport finish() {
+    write_checkpoint();
+    observer_->update(0, 0, "writing the scene");
+    const ModelState model = trainer_->model();
+    const io::Scene scene = scene_of(model, capture_.timeline());
+    io::write_l4d_ply(file("scene.ply"), scene);
+    write_cameras(file("cameras.json"), capture_, *loader_);
+    write_preview();
+    write_text(file("curves.svg"), draw_curves(log_->entries()));
+
+    RunReport report = describe_capture(capture_, *loader_);
+    report.settings = settings_;
+    report.steps = trainer_->state().step;
+    report.gaussians = model.count;
+    report.training_seconds = trainer_->state().seconds;
+    const auto render = [&](uint32_t view) { return trainer_->render(view); };
+    observer_->update(0, 0, "comparing with the captured images");
+    report.train = score("train", render);
+    report.test = score("test", render);
+    if (!options_.preset.empty()) encode(scene, &report);
+    report.notes = notes_;
+    report.total_seconds = since(started_);
+    write_text(file("report.json"), json_of(report) + "\n");
+    writer_.finish();
+    return report;
+  }
+
+  Score score(const char* split, const RenderView& render) {
+    return score_views(capture_, *loader_, views_to_score(capture_, split, kScoredInstants),
+                       options_.threads, render, [&] { return observer_->cancelled(); });
+  }
+
+  void encode(const io::Scene& scene, RunReport* report) {
+    observer_->update(0, 0, "measuring the importance of Gaussians");
+    const io::Weights weights =
+        measure_weights(scene, capture_, *loader_, options_.threads, settings_.seed);
+    io::write_weights_ply(file("weights.ply"), weights);
+    observer_->update(0, 0, "encoding");
+    const std::string stream = file("scene.l4d");
+    report->stream_bytes = encode_scene(stream, scene, weights, options_.preset, options_.threads);
+    StreamViews views(stream, capture_, *loader_, options_.threads);
+    const auto render = [&](uint32_t view) { return views.render(view); };
+    report->stream_train = score("train", render);
+    report->stream_test = score("test", render);
+  }
+
+  const RunOptions& options_;
+  RunObserver* observer_;
+  std::string folder_;
+  Clock::time_point started_ = Clock::now();
+  Capture capture_;
+  std::unique_ptr<ImageLoader> loader_;
+  Settings settings_;
+  std::vector<Instant> instants_;
+  std::unique_ptr<ImageStore> store_;
+  std::unique_ptr<Sample> train_sample_, test_sample_;
+  std::unique_ptr<Backend> backend_;
+  std::unique_ptr<Trainer> trainer_;
+  std::unique_ptr<Log> log_;
+  CheckpointWriter writer_{folder_};
+  Clock::time_point last_checkpoint_, last_preview_;
+  uint64_t steps_ = 0, relocated_ = 0, born_ = 0, skipped_ = 0, gaussians_ = 0;
+  double loss_ = 0, psnr_ = 0, last_psnr_ = 0, last_score_ = 0;
+  std::vector<std::string> notes_;
+};
+
+}  // namespace
+
+RunReport train(const RunOptions& options, RunObserver* observer) {
+  return Run(options, observer).run();
+}
+
+}  // namespace l4d::train
