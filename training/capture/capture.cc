@@ -110,7 +110,7 @@ void choose_frames(Capture* capture, const CaptureOptions& options) {
 void check(const Capture& capture) {
   size_t training = 0;
   for (const CaptureView& view : capture.views) {
-    training += capture.cameras[view.camera].split == "train" ? 1 : 0;
+    training += capture.cameras[view.camera].split == "train" ? 1U : 0U;
   }
   if (training < kMinViews) {
     throw Error(L4D_ERR_INVALID_ARGUMENT, capture.path + ": only " + std::to_string(training) +
@@ -118,7 +118,7 @@ void check(const Capture& capture) {
   }
 }
 
-bool exists(const fs::path& path) {
+bool is_there(const fs::path& path) {
   std::error_code error;
   return fs::exists(path, error);
 }
@@ -126,13 +126,13 @@ bool exists(const fs::path& path) {
 Capture read_layout(const std::string& path, const CaptureOptions& options) {
   const fs::path place(path);
   std::error_code error;
-  if (!fs::exists(place, error)) {
+  if (!is_there(place)) {
     throw Error(L4D_ERR_IO, path + ": cannot open the capture: it does not exist");
   }
   const bool is_folder = fs::is_directory(place, error);
   const auto file = [&](const char* name) { return is_folder ? place / name : place; };
   const auto is = [&](const char* name) {
-    return is_folder ? exists(place / name) : place.filename() == name;
+    return is_folder ? is_there(place / name) : place.filename() == name;
   };
   if (is("cameras.json")) return read_cameras_capture(file("cameras.json").string(), options);
   if (is("poses_bounds.npy")) return read_n3dv_capture(file("poses_bounds.npy").string(), options);

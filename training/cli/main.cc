@@ -9,8 +9,9 @@
 #include <cstdio>
 #include <string>
 
-#include "io/scene.h"
+#include "io/formats.h"
 #include "l4d/l4d.hpp"
+#include "training/run/render_capture.h"
 #include "training/run/run.h"
 
 namespace l4d::train {
@@ -185,7 +186,10 @@ struct Arguments {
   RunOptions run;
   std::string host_memory = "8G";
   std::string sheet;
-  std::string folder;  // of a run that is evaluated
+  std::string folder;  // of a run that is evaluated, or for a capture that is rendered
+  std::string scene;   // that a capture is rendered of
+  std::string size = "320x240";
+  RenderCaptureOptions capture;
   bool json = false, quiet = false;
 };
 
@@ -256,6 +260,35 @@ void add_train(CLI::App& app, Arguments& a) {
       "SIGINT and SIGTERM end a training after a checkpoint, SIGUSR1 writes one.");
 }
 
+void add_capture(CLI::App& app, Arguments& a) {
+  CLI::App* verb =
+      app.add_subcommand("capture", "Render a scene as a capture, whose truth is then known");
+  verb->add_option("scene", a.scene, "PLY of a scene, as `l4dcodec synth` makes")->required();
+  verb->add_option("-o,--output", a.folder, "Folder for the capture")->required();
+  verb->add_option("--cameras", a.capture.cameras, "Cameras around the scene; every 8th tests")
+      ->capture_default_str();
+  verb->add_option("--size", a.size, "Pixels of images: 320x240")->capture_default_str();
+  verb->add_option("--first", a.capture.first_frame, "First frame")->capture_default_str();
+  verb->add_option("--frames", a.capture.frames, "Number of frames (all)");
+  verb->add_option("--format", a.capture.format, "png, mp4")->capture_default_str();
+  add_common(verb, a);
+}
+
+int run_capture(Arguments& a) {
+  char rest = 0;
+  if (std::sscanf(a.size.c_str(), "%ux%u%c", &a.capture.width, &a.capture.height, &rest) != 2 ||
+      a.capture.width < 1 || a.capture.height < 1 || a.capture.width > L4D_MAX_IMAGE_SIDE ||
+      a.capture.height > L4D_MAX_IMAGE_SIDE || a.capture.cameras < 1 || a.capture.cameras > 1000) {
+    throw io::Error(L4D_ERR_INVALID_ARGUMENT,
+                    "--size must be like 320x240, and --cameras 1 to 1000");
+  }
+  a.capture.threads = a.run.threads;
+  const io::Scene scene = io::read_scene_ply(a.scene);
+  render_capture(a.folder, scene, a.capture);
+  if (!a.quiet) std::printf("%s: %u cameras\n", a.folder.c_str(), a.capture.cameras);
+  return kExitOk;
+}
+
 int report_failure(int code, const std::string& message) {
   std::fprintf(stderr, "l4dtrain: %s\n", message.c_str());
   return code;
@@ -269,6 +302,7 @@ int run_verb(const CLI::App& app, Arguments& a) {
     std::printf("%s%s", (a.json ? result.json : result.text).c_str(), a.json ? "\n" : "");
     return kExitOk;
   }
+  if (app.got_subcommand("capture")) return run_capture(a);
   RunReport report;
   if (app.got_subcommand("train")) {
     a.run.settings.host_memory = bytes_of(a.host_memory);
@@ -284,7 +318,7 @@ int run(int argc, char** argv) {
   CLI::App app("Trains scenes of 4D Gaussians from captures, for l4dcodec");
   app.require_subcommand(1);
   // Each verb has arguments of its own.
-  Arguments training, evaluation, inspection;
+  Arguments training, evaluation, inspection, capture;
   add_train(app, training);
   CLI::App* eval = app.add_subcommand("eval", "Compare the scene of a run with its capture");
   eval->add_option("run", evaluation.folder, "Folder of the run")->required();
@@ -293,15 +327,17 @@ int run(int argc, char** argv) {
   add_reading(look, inspection);
   look->add_option("--sheet", inspection.sheet, "PNG to write: the first image of each camera");
   add_common(look, inspection);
+  add_capture(app, capture);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? kExitOk : kExitUsage;
   }
   install_handlers();
-  Arguments& chosen = app.got_subcommand("train")  ? training
-                      : app.got_subcommand("eval") ? evaluation
-                                                   : inspection;
+  Arguments& chosen = app.got_subcommand("train")     ? training
+                      : app.got_subcommand("eval")    ? evaluation
+                      : app.got_subcommand("capture") ? capture
+                                                      : inspection;
   try {
     const int code = run_verb(app, chosen);
     return std::fflush(stdout) == 0 ? code : kExitIo;

@@ -45,7 +45,7 @@ bool sees(const l4d_camera& camera, const float* p) {
 bool third_sees(const Capture& capture, const float* p) {
   size_t seen = 0;
   for (const CaptureCamera& camera : capture.cameras) {
-    seen += sees(camera.source.camera, p) ? 1 : 0;
+    seen += sees(camera.source.camera, p) ? 1U : 0U;
   }
   return 3 * seen >= capture.cameras.size();
 }

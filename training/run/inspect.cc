@@ -67,8 +67,8 @@ Inspection inspect(const std::string& path, const CaptureOptions& options, const
   for (const CaptureCamera& camera : capture.cameras) {
     const l4d_camera& c = camera.source.camera;
     const bool is_distorted = camera.source.distortion.model != io::Distortion::Model::kNone;
-    videos += camera.is_video() ? 1 : 0;
-    distorted += is_distorted ? 1 : 0;
+    videos += camera.is_video() ? 1U : 0U;
+    distorted += is_distorted ? 1U : 0U;
     if (camera.split == "test") test_names += " " + std::to_string(camera.source.id);
     cameras.push_back({{"id", camera.source.id},
                        {"split", camera.split},

@@ -92,7 +92,7 @@ Settings resolved(const Settings& settings, const Capture& capture, uint32_t wid
   }
   if (s.views == 0) s.views = static_cast<uint32_t>(std::min<size_t>(most, 4));
   for (const CaptureCamera& camera : capture.cameras) {
-    videos += camera.is_video() && camera.split == "train" ? 1 : 0;
+    videos += camera.is_video() && camera.split == "train" ? 1U : 0U;
   }
   if (s.exposure == "auto") s.exposure = videos >= kMinVideosForExposure ? "on" : "off";
   if (s.init == "auto" && !capture.points.empty()) s.init = "capture";

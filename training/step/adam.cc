@@ -7,7 +7,7 @@ namespace l4d::train {
 
 uint64_t adam_rows(const AdamStep& step, const AdamArrays& arrays, uint64_t begin, uint64_t end) {
   uint64_t skipped = 0;
-  for (uint64_t i = begin; i < end; ++i) skipped += adam_row(step, arrays, i) ? 0 : 1;
+  for (uint64_t i = begin; i < end; ++i) skipped += adam_row(step, arrays, i) ? 0U : 1U;
   return skipped;
 }
 

@@ -1,0 +1,113 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "training/run/render_capture.h"
+
+#include <algorithm>
+#include <filesystem>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "io/file.h"
+#include "io/image.h"
+#include "io/video.h"
+#include "l4d/render.hpp"
+
+namespace l4d::train {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+using io::Error;
+
+constexpr uint32_t kTestEvery = 8;
+
+Json json_of(const io::Camera& camera, const std::string& name, bool is_video, bool is_test) {
+  const l4d_camera& c = camera.camera;
+  const double* m = c.world_to_camera;
+  Json w2c = Json::array();
+  for (size_t r = 0; r < 3; ++r) {
+    w2c.push_back({m[4 * r], m[4 * r + 1], m[4 * r + 2], m[4 * r + 3]});
+  }
+  w2c.push_back({0, 0, 0, 1});
+  Json out = {{"id", camera.id},
+              {"split", is_test ? "test" : "train"},
+              {"K", {{c.fx, 0, c.cx}, {0, c.fy, c.cy}, {0, 0, 1}}},
+              {"w2c", w2c}};
+  if (is_video) {
+    out["video"] = name + ".mp4";
+  } else {
+    out["images"] = "images/" + name + "/%04d.png";
+  }
+  return out;
+}
+
+std::string frame_name(const fs::path& folder, uint32_t frame) {
+  char name[24];
+  std::snprintf(name, sizeof(name), "%04u.png", frame);
+  return (folder / name).string();
+}
+
+}  // namespace
+
+void render_capture(const std::string& folder, const io::Scene& scene,
+                    const RenderCaptureOptions& options) {
+  const bool is_video = options.format == "mp4";
+  if (!is_video && options.format != "png") {
+    throw Error(L4D_ERR_INVALID_ARGUMENT,
+                "--format is " + options.format + "; it must be png or mp4");
+  }
+  const uint32_t all = scene.timeline.num_frames;
+  const uint32_t first = std::min(options.first_frame, all - 1);
+  const uint32_t frames = std::min(options.frames == 0 ? all : options.frames, all - first);
+  const double fps = static_cast<double>(scene.timeline.fps_num) / scene.timeline.fps_den;
+  const io::CameraSet set =
+      io::orbit_cameras(scene, options.cameras, options.width, options.height);
+  const fs::path root(folder);
+  fs::create_directories(root);
+  l4d_renderer_options rendering;
+  l4d_renderer_options_init(&rendering);
+  rendering.threads = options.threads;
+  RendererHandle renderer(&rendering);
+  renderer.set_gaussians(scene.view(), scene.timeline);
+
+  Json cameras = Json::array();
+  std::vector<std::string> names;
+  std::vector<std::unique_ptr<io::VideoWriter>> videos;
+  for (size_t k = 0; k < set.cameras.size(); ++k) {
+    names.push_back("cam" + std::string(k < 10 ? "0" : "") + std::to_string(k));
+    cameras.push_back(json_of(set.cameras[k], names[k], is_video, k % kTestEvery == 0));
+    if (is_video) {
+      io::VideoOptions video;
+      video.fps = fps;
+      video.crf = 14;
+      videos.push_back(std::make_unique<io::VideoWriter>((root / (names[k] + ".mp4")).string(),
+                                                         options.width, options.height, video));
+    } else {
+      fs::create_directories(root / "images" / names[k]);
+    }
+  }
+  io::Image image(options.width, options.height);
+  for (uint32_t frame = 0; frame < frames; ++frame) {
+    // All cameras share the slice of an instant.
+    renderer.set_time(scene.timeline.time_begin + (first + frame) / fps);
+    for (size_t k = 0; k < set.cameras.size(); ++k) {
+      renderer.render(set.cameras[k].camera, image.rgb.data());
+      if (is_video) {
+        videos[k]->write(image);
+      } else {
+        io::write_png(frame_name(root / "images" / names[k], frame), image);
+      }
+    }
+  }
+  for (const auto& video : videos) video->finish();
+  const Json document = {{"fps", fps},
+                         {"frames", frames},
+                         {"width", options.width},
+                         {"height", options.height},
+                         {"cameras", cameras}};
+  const std::string text = document.dump(1) + "\n";
+  io::OutputFile file((root / "cameras.json").string());
+  file.write(text.data(), text.size());
+  file.commit();
+}
+
+}  // namespace l4d::train
