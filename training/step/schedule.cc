@@ -14,7 +14,9 @@ namespace {
 constexpr double kPositionRate = 1.6e-4;  // of the radius
 constexpr double kSpatialRotorRate = 1e-3;
 constexpr double kNoise = 5e5;
-constexpr double kOpacityWeight = 0.005, kScaleWeight = 0.01;
+constexpr double kOpacityWeight = 0.005;
+// Of scales in units of the radius, so that the unit of the capture does not matter.
+constexpr double kScaleWeight = 0.05;
 
 float log_of(double x) { return static_cast<float>(std::log(x)); }
 

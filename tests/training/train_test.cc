@@ -1,0 +1,138 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "training/run/run.h"
+
+#include <gmock/gmock.h>
+
+#include "tests/training/tiny_capture.h"
+#include "training/run/checkpoint.h"
+
+namespace l4d::train {
+namespace {
+
+using test::Folder;
+using test::Listener;
+using test::tiny_run;
+
+TEST(Training, FromRandomPoints) {
+  const Folder folder;
+  Listener listener;
+  const RunReport report = train(tiny_run(folder / "run", 4500), &listener);
+  RecordProperty("train_db", std::to_string(report.train.plain.mean_psnr));
+  RecordProperty("test_db", std::to_string(report.test.plain.mean_psnr));
+  EXPECT_GE(report.train.plain.mean_psnr, 34);
+  EXPECT_GE(report.test.plain.mean_psnr, 21);
+  EXPECT_LE(report.gaussians, 2000U);
+  for (const char* name : {"scene.ply", "cameras.json", "report.json", "log.jsonl", "curves.svg",
+                           "preview.png", "settings.json"}) {
+    EXPECT_TRUE(std::filesystem::exists(folder / ("run/" + std::string(name)))) << name;
+  }
+}
+
+TEST(Training, FromTruePoints) {
+  const Folder folder;
+  test::write_true_points(folder / "points.ply");
+  RunOptions options = tiny_run(folder / "run", 2200);
+  options.settings.init = folder / "points.ply";
+  Listener listener;
+  const RunReport report = train(options, &listener);
+  RecordProperty("train_db", std::to_string(report.train.plain.mean_psnr));
+  RecordProperty("test_db", std::to_string(report.test.plain.mean_psnr));
+  EXPECT_GE(report.train.plain.mean_psnr, 36);
+  EXPECT_GE(report.test.plain.mean_psnr, 24.5);
+}
+
+// The same bits from one run, from one that is cancelled and resumed, and for any number of threads.
+TEST(Training, ResumesWithTheSameBits) {
+  const Folder folder;
+  RunOptions options = tiny_run(folder / "whole", 120);
+  options.settings.exposure = "on";
+  Listener listener;
+  options.threads = 1;
+  train(options, &listener);
+  const std::string whole = test::bytes_of(folder / "whole/scene.ply");
+  ASSERT_FALSE(whole.empty());
+
+  options.folder = folder / "parts";
+  options.threads = 2;
+  Listener first(47);
+  EXPECT_THROW(train(options, &first), io::Error);
+  options.resume = true;
+  train(options, &listener);
+  EXPECT_TRUE(whole == test::bytes_of(folder / "parts/scene.ply"));
+}
+
+TEST(Training, RefusesToReplaceOrMixRuns) {
+  const Folder folder;
+  RunOptions options = tiny_run(folder / "run", 6);
+  Listener listener;
+  train(options, &listener);
+  EXPECT_THROW(train(options, &listener), io::Error);
+  options.resume = true;
+  options.settings.seed = 5;
+  try {
+    train(options, &listener);
+    FAIL();
+  } catch (const io::Error& error) {
+    EXPECT_EQ(error.status(), L4D_ERR_INVALID_ARGUMENT);
+    EXPECT_THAT(error.what(), testing::HasSubstr("\"seed 0\", and now it is \"seed 5\""));
+  }
+  options.resume = false;
+  options.force = true;
+  EXPECT_NO_THROW(train(options, &listener));
+}
+
+// A damaged checkpoint is named, and the one before it is used; without one the error is about it.
+TEST(Training, GoesOnFromTheCheckpointBefore) {
+  const Folder folder;
+  RunOptions options = tiny_run(folder / "run", 40);
+  options.checkpoint_seconds = 0;  // after each step
+  Listener listener;
+  train(options, &listener);
+  const std::string whole = test::bytes_of(folder / "run/scene.ply");
+  const std::vector<std::string> all = list_checkpoints(folder / "run");
+  ASSERT_EQ(all.size(), 2U);
+  std::string bytes = test::bytes_of(all[0]);
+  bytes[bytes.size() / 2] = static_cast<char>(bytes[bytes.size() / 2] ^ 1);
+  std::ofstream(all[0], std::ios::binary) << bytes;
+  options.resume = true;
+  Listener resumed;
+  train(options, &resumed);
+  EXPECT_THAT(resumed.notes, testing::HasSubstr("checksum"));
+  EXPECT_TRUE(whole == test::bytes_of(folder / "run/scene.ply"));
+
+  for (const std::string& path : list_checkpoints(folder / "run")) {
+    std::ofstream(path, std::ios::binary) << "L4DTRN01 and no more";
+  }
+  try {
+    train(options, &listener);
+    FAIL();
+  } catch (const io::Error& error) {
+    EXPECT_EQ(error.status(), L4D_ERR_CORRUPT);
+  }
+}
+
+// No byte of a checkpoint can change, and none can be missing, without being noticed.
+TEST(Checkpoint, NoticesEveryDamage) {
+  Checkpoint checkpoint;
+  checkpoint.settings = "steps 5\n";
+  checkpoint.model.allocate(3, 1);
+  checkpoint.model.count = 2;
+  checkpoint.model.exposures.resize(2);
+  checkpoint.run.step = 4;
+  checkpoint.run.camera_loss = {0.5, 0.25};
+  const std::vector<uint8_t> bytes = pack_checkpoint(checkpoint);
+  const Checkpoint again = unpack_checkpoint("a", bytes);
+  EXPECT_EQ(again.model.capacity(), 3U);
+  EXPECT_EQ(again.run.step, 4U);
+  EXPECT_TRUE(pack_checkpoint(again) == bytes);
+  for (size_t n = 0; n < bytes.size(); ++n) {
+    EXPECT_THROW(unpack_checkpoint("a", {bytes.begin(), bytes.begin() + static_cast<ptrdiff_t>(n)}),
+                 io::Error);
+    std::vector<uint8_t> damaged = bytes;
+    damaged[n] = static_cast<uint8_t>(damaged[n] ^ 4);
+    EXPECT_THROW(unpack_checkpoint("a", damaged), io::Error) << n;
+  }
+}
+
+}  // namespace
+}  // namespace l4d::train
