@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "training/run/run.h"
-
 #include <gmock/gmock.h>
 
 #include "tests/training/tiny_capture.h"
 #include "training/run/checkpoint.h"
+#include "training/run/run.h"
 
 namespace l4d::train {
 namespace {
@@ -41,7 +40,8 @@ TEST(Training, FromTruePoints) {
   EXPECT_GE(report.test.plain.mean_psnr, 24.5);
 }
 
-// The same bits from one run, from one that is cancelled and resumed, and for any number of threads.
+// The same bits from one run, from one that is cancelled and resumed, and for any number of
+// threads.
 TEST(Training, ResumesWithTheSameBits) {
   const Folder folder;
   RunOptions options = tiny_run(folder / "whole", 120);

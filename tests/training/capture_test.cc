@@ -1,0 +1,278 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "training/capture/capture.h"
+
+#include <gmock/gmock.h>
+
+#include <nlohmann/json.hpp>
+
+#include "io/video.h"
+#include "tests/training/tiny_capture.h"
+#include "training/images/loader.h"
+
+namespace l4d::train {
+namespace {
+
+using nlohmann::json;
+using test::Folder;
+using testing::HasSubstr;
+
+// Expects that reading fails with the status and a message that names all of `words`.
+void expect_error(const std::string& path, const CaptureOptions& options, l4d_status status,
+                  const std::vector<std::string>& words) {
+  try {
+    read_capture(path, options);
+    FAIL() << path;
+  } catch (const io::Error& error) {
+    EXPECT_EQ(error.status(), status) << error.what();
+    for (const std::string& word : words) EXPECT_THAT(error.what(), HasSubstr(word));
+  }
+}
+
+json tiny_document() { return json::parse(test::bytes_of(test::tiny_capture() + "/cameras.json")); }
+
+// A file of cameras beside that of the tiny capture, so that its images are found.
+std::string write_document(const json& document) {
+  static int number = 0;
+  const std::string folder = test::tiny_capture() + "/variant" + std::to_string(number++);
+  std::filesystem::create_directories(folder);
+  std::filesystem::create_directory_symlink(test::tiny_capture() + "/images", folder + "/images");
+  std::ofstream(folder + "/cameras.json") << document;
+  return folder;
+}
+
+TEST(Captures, Ours) {
+  const Capture capture = read_capture(test::tiny_capture(), {});
+  EXPECT_EQ(capture.layout, "cameras");
+  EXPECT_EQ(capture.frames, 20U);
+  EXPECT_EQ(capture.fps, 10);
+  ASSERT_EQ(capture.cameras.size(), 16U);
+  EXPECT_EQ(capture.cameras[8].split, "test");
+  EXPECT_EQ(capture.views.size(), 320U);
+  EXPECT_EQ(capture.views[17].camera, 1U);
+  EXPECT_NEAR(capture.views[17].time, 0.1, 1e-12);
+}
+
+TEST(Captures, OptionsChooseFramesAndTests) {
+  CaptureOptions options;
+  options.frames = "4:16:2";
+  options.test = "1,3-5";
+  const Capture capture = read_capture(test::tiny_capture(), options);
+  EXPECT_EQ(capture.views.size(), 6U * 16);
+  EXPECT_EQ(capture.frames, 12U);
+  EXPECT_EQ(capture.views.front().frame, 4U);
+  EXPECT_EQ(capture.views.front().time, 0);
+  EXPECT_EQ(capture.cameras[4].split, "test");
+  EXPECT_EQ(capture.cameras[0].split, "train");
+  options.test = "99";
+  expect_error(test::tiny_capture(), options, L4D_ERR_INVALID_ARGUMENT, {"99"});
+  options.test = "1-";
+  expect_error(test::tiny_capture(), options, L4D_ERR_INVALID_ARGUMENT, {"1-"});
+  options.test = "";
+  options.frames = "9:3";
+  expect_error(test::tiny_capture(), options, L4D_ERR_INVALID_ARGUMENT, {"9:3"});
+}
+
+TEST(Captures, BadCameras) {
+  json document = tiny_document();
+  document["cameras"][2]["w2c"][0][0] = document["cameras"][2]["w2c"][0][0].get<double>() + 0.1;
+  expect_error(write_document(document), {}, L4D_ERR_CORRUPT, {"camera 2"});
+  document = tiny_document();
+  document["cameras"][3]["K"][0][0] = -5;
+  expect_error(write_document(document), {}, L4D_ERR_CORRUPT, {"camera 3", "focal"});
+  document = tiny_document();
+  document["cameras"][3]["w2c"][1][3] = nullptr;  // as JSON has NaN
+  expect_error(write_document(document), {}, L4D_ERR_CORRUPT, {"camera 3", "w2c"});
+  document = tiny_document();
+  document["cameras"].erase(1);
+  for (json& camera : document["cameras"]) camera["split"] = "test";
+  expect_error(write_document(document), {}, L4D_ERR_INVALID_ARGUMENT, {"at least 3"});
+  expect_error(test::tiny_capture() + "/images", {}, L4D_ERR_FEATURE_UNSUPPORTED, {"layout"});
+  expect_error("/nonexistent", {}, L4D_ERR_IO, {"/nonexistent"});
+}
+
+TEST(Captures, MissingFrames) {
+  json document = tiny_document();
+  document["frames"] = 25;
+  const std::string folder = write_document(document);
+  expect_error(folder, {}, L4D_ERR_IO, {"camera 0", "frame 20 of 25"});
+  CaptureOptions options;
+  options.tolerant = true;
+  const Capture capture = read_capture(folder, options);
+  EXPECT_EQ(capture.frames, 20U);
+  EXPECT_THAT(capture.notes, testing::Contains(HasSubstr("cut to 20 frames")));
+}
+
+class VideoCaptures : public testing::Test {
+ protected:
+  void SetUp() override {
+    if (!io::ffmpeg_available()) GTEST_SKIP() << "no ffmpeg";
+    RenderCaptureOptions options;
+    options.cameras = 4;
+    options.width = 64;
+    options.height = 48;
+    options.frames = 12;
+    options.format = "mp4";
+    render_capture(folder_ / "capture", test::tiny_truth(), options);
+    path_ = folder_ / "capture";
+  }
+  Folder folder_;
+  std::string path_;
+};
+
+TEST_F(VideoCaptures, FramesAreThoseOfTheVideo) {
+  const Capture capture = read_capture(path_, {});
+  EXPECT_TRUE(capture.cameras[0].is_video());
+  EXPECT_EQ(capture.frames, 12U);
+  const ImageLoader loader(capture, 1), half(capture, 0.5);
+  EXPECT_EQ(half.camera(0).width, 32U);
+  EXPECT_NEAR(half.camera(0).fx, loader.camera(0).fx / 2, 1e-9);
+  std::map<uint32_t, Pixels> all, some, small;
+  std::vector<uint32_t> views, late;
+  for (uint32_t k = 0; k < capture.views.size(); ++k) {
+    if (capture.views[k].camera != 1) continue;
+    views.push_back(k);
+    if (capture.views[k].frame >= 7) late.push_back(k);
+  }
+  loader.load(views, 1, [&](uint32_t view, Pixels p) { all[view] = std::move(p); });
+  // The same frames where reading begins in the middle of the video.
+  loader.load(late, 1, [&](uint32_t view, Pixels p) { some[view] = std::move(p); });
+  half.load(late, 1, [&](uint32_t view, Pixels p) { small[view] = std::move(p); });
+  ASSERT_EQ(some.size(), 5U);
+  for (const auto& [view, pixels] : some) {
+    EXPECT_EQ(pixels.rgb, all[view].rgb) << view;
+    const Pixels wanted = halved(all[view]);
+    double difference = 0;
+    for (size_t i = 0; i < wanted.rgb.size(); ++i) {
+      difference += std::abs(int{wanted.rgb[i]} - int{small[view].rgb[i]});
+    }
+    EXPECT_LT(difference / static_cast<double>(wanted.rgb.size()), 3) << view;
+  }
+}
+
+TEST_F(VideoCaptures, WrongVideosAreNamed) {
+  json document = json::parse(test::bytes_of(path_ + "/cameras.json"));
+  const auto write = [&] { std::ofstream(path_ + "/cameras.json") << document; };
+  document["frames"] = 40;
+  write();
+  expect_error(path_, {}, L4D_ERR_IO, {"camera 0", "frame 12 of 40"});
+  document["frames"] = 12;
+  document["fps"] = 12.5;
+  write();
+  expect_error(path_, {}, L4D_ERR_CORRUPT, {"camera 0", "synchronised"});
+  document["fps"] = 10;
+  document["width"] = 66;
+  write();
+  expect_error(path_, {}, L4D_ERR_CORRUPT, {"camera 0", "64 x 48", "66 x 48"});
+  document["width"] = 64;
+  write();
+  std::filesystem::remove(path_ + "/cam02.mp4");
+  expect_error(path_, {}, L4D_ERR_IO, {"camera 2", "cam02.mp4"});
+  CaptureOptions options;
+  options.tolerant = true;
+  EXPECT_EQ(read_capture(path_, options).cameras.size(), 3U);
+}
+
+// D-NeRF: one image and one camera for each frame, alpha, and a test camera in both files.
+TEST(Captures, Dnerf) {
+  const Folder folder;
+  const io::Scene truth = test::tiny_truth();
+  const Capture source = read_capture(test::tiny_capture(), {});
+  const auto write = [&](const std::string& split, const std::vector<uint32_t>& cameras) {
+    json frames = json::array();
+    for (const CaptureView& view : source.views) {
+      if (view.frame % 5 != 0 ||
+          std::find(cameras.begin(), cameras.end(), view.camera) == cameras.end()) {
+        continue;
+      }
+      const double* m = source.cameras[view.camera].source.camera.world_to_camera;
+      double center[3];
+      camera_center(source.cameras[view.camera].source.camera, center);
+      json matrix = json::array();
+      for (size_t r = 0; r < 3; ++r) matrix.push_back({m[r], -m[4 + r], -m[8 + r], center[r]});
+      matrix.push_back({0, 0, 0, 1});
+      frames.push_back(
+          {{"file_path", view.file}, {"time", view.time / 2}, {"transform_matrix", matrix}});
+    }
+    const l4d_camera& c = source.cameras[0].source.camera;
+    std::ofstream(folder / ("transforms_" + split + ".json"))
+        << json{{"fl_x", c.fx}, {"fl_y", c.fy},  {"cx", c.cx},      {"cy", c.cy},
+                {"w", c.width}, {"h", c.height}, {"frames", frames}};
+  };
+  write("train", {1, 2, 3, 4});
+  write("test", {4});
+  CaptureOptions options;
+  options.seconds = 2;
+  const Capture capture = read_capture(folder / "transforms_train.json", options);
+  EXPECT_EQ(capture.layout, "dnerf");
+  EXPECT_EQ(capture.cameras.size(), 4U);
+  EXPECT_EQ(capture.views.size(), 16U);
+  EXPECT_EQ(capture.fps, 2);
+  EXPECT_EQ(capture.frames, 4U);
+  size_t tests = 0;
+  for (const CaptureView& view : capture.views) {
+    tests += capture.cameras[view.camera].split == "test" ? 1U : 0U;
+  }
+  EXPECT_EQ(tests, 4U);
+  EXPECT_THAT(capture.notes, testing::Contains(HasSubstr("used for tests alone")));
+  // Cameras are where they were.
+  const l4d_camera& a = capture.cameras[0].source.camera;
+  const l4d_camera& b = source.cameras[4].source.camera;
+  for (size_t k = 0; k < 12; ++k) EXPECT_NEAR(a.world_to_camera[k], b.world_to_camera[k], 1e-9);
+  std::filesystem::remove(folder / "transforms_train.json");
+  expect_error(folder / "transforms_test.json", {}, L4D_ERR_FEATURE_UNSUPPORTED, {"layout"});
+}
+
+// A straight line stays where the pinhole camera has it: distort, then undistort.
+TEST(Undistortion, UndoesTheLens) {
+  l4d_camera camera =
+      scaled_camera(read_capture(test::tiny_capture(), {}).cameras[0].source.camera, 1);
+  camera.width = 120;
+  camera.height = 90;
+  camera.fx = camera.fy = 100;
+  camera.cx = 60;
+  camera.cy = 45;
+  for (const auto model : {io::Distortion::Model::kRadial, io::Distortion::Model::kFisheye}) {
+    io::Distortion lens;
+    lens.model = model;
+    lens.k[0] = -0.2;
+    lens.k[1] = 0.05;
+    if (model == io::Distortion::Model::kRadial) lens.p[0] = 0.01;
+    // Each pixel of the distorted image tells the direction that it sees: found by iteration.
+    io::Image image(120, 90);
+    for (size_t y = 0; y < 90; ++y) {
+      for (size_t x = 0; x < 120; ++x) {
+        const double u = (static_cast<double>(x) + 0.5 - 60) / 100;
+        const double v = (static_cast<double>(y) + 0.5 - 45) / 100;
+        double at[2] = {u, v}, seen[2];
+        for (int i = 0; i < 60; ++i) {
+          distort(lens, at[0], at[1], seen);
+          at[0] += u - seen[0];
+          at[1] += v - seen[1];
+        }
+        image.rgb[3 * (y * 120 + x)] = static_cast<float>(0.5 + 0.5 * at[0]);
+        image.rgb[3 * (y * 120 + x) + 1] = static_cast<float>(0.5 + 0.5 * at[1]);
+      }
+    }
+    const Undistortion undistortion(camera, lens);
+    const io::Image out = undistortion.apply(image);
+    double worst = 0;
+    size_t counted = 0;
+    for (size_t y = 0; y < 90; ++y) {
+      for (size_t x = 0; x < 120; ++x) {
+        const size_t i = y * 120 + x;
+        if (undistortion.mask()[i] == 0) continue;
+        ++counted;
+        const double u = 0.5 + 0.5 * (static_cast<double>(x) + 0.5 - 60) / 100;
+        const double v = 0.5 + 0.5 * (static_cast<double>(y) + 0.5 - 45) / 100;
+        if (x < 2 || y < 2 || x > 117 || y > 87) continue;
+        worst = std::max(worst, std::abs(static_cast<double>(out.rgb[3 * i]) - u));
+        worst = std::max(worst, std::abs(static_cast<double>(out.rgb[3 * i + 1]) - v));
+      }
+    }
+    EXPECT_LT(worst, 0.002) << static_cast<int>(model);
+    EXPECT_GT(counted, 120U * 90 * 9 / 10);
+  }
+}
+
+}  // namespace
+}  // namespace l4d::train
