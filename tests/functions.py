@@ -16,7 +16,7 @@ import sys
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 FOLDERS = ("include", "libl4dcodec", "decoder", "encoder", "api", "render", "io", "eval", "cli",
-           "bench")
+           "training", "bench")
 SUFFIXES = {".h", ".hpp", ".cc", ".cu", ".cuh"}
 MOST_LINES = 80
 

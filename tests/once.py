@@ -13,7 +13,7 @@ import sys
 import tempfile
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
-FOLDERS = ("include", "libl4dcodec", "decoder", "encoder", "render", "io", "eval", "cli", "bench")
+FOLDERS = ("include", "libl4dcodec", "decoder", "encoder", "render", "io", "eval", "cli", "training", "bench")
 SUFFIXES = {".h", ".hpp", ".cc", ".cu", ".cuh"}
 
 COMMENT = re.compile(r'//[^\n]*|/\*.*?\*/|"(?:[^"\\\n]|\\.)*"', re.DOTALL)
@@ -95,6 +95,10 @@ RULES = {
         "bench/tables/times.cc": 1,
         # The arrays of a digest, whose order is that of the specification.
         "cli/decode_arrays.cc": 1,
+        # Rows of a model in training, and the rate of each.
+        "training/model/rows.h": 1,
+        "training/step/adam.h": 1,
+        "training/step/schedule.cc": 1,
         # Arrays of a device that are made one by one.
         "bench/gpu/decode_bench.cc": 2,
         "bench/gpu/render_bench.cc": 4}),

@@ -85,6 +85,56 @@ TEST_F(CamerasTest, JsonThatIsWrongIsNamed) {
   }
 }
 
+TEST_F(CamerasTest, JsonOfLensesOffsetsAndImages) {
+  const std::string text = R"({"width": 64, "height": 48, "cameras": [
+    {"id": 0, "images": "a/%04d.png", "mask": "m.png", "time_offset": -0.004,
+     "distortion": [0.1, -0.2, 0.003, 0.004, 0.05],
+     "K": [[50, 0, 32], [0, 50, 24], [0, 0, 1]],
+     "w2c": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]},
+    {"id": 1, "distortion_model": "fisheye", "distortion": [0.1, 0.2, 0.3, 0.4],
+     "K": [[50, 0, 32], [0, 50, 24], [0, 0, 1]],
+     "w2c": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]}]})";
+  const CameraSet set = read_cameras(write("cameras.json", text));
+  ASSERT_EQ(set.cameras.size(), 2U);
+  const Camera& a = set.cameras[0];
+  EXPECT_EQ(a.images, path("a/%04d.png"));
+  EXPECT_EQ(a.mask, path("m.png"));
+  EXPECT_EQ(a.time_offset, -0.004);
+  EXPECT_EQ(a.distortion.model, Distortion::Model::kRadial);
+  EXPECT_EQ(a.distortion.k[1], -0.2);
+  EXPECT_EQ(a.distortion.p[0], 0.003);
+  EXPECT_EQ(a.distortion.k[2], 0.05);
+  EXPECT_EQ(set.cameras[1].distortion.model, Distortion::Model::kFisheye);
+  EXPECT_EQ(set.cameras[1].distortion.k[3], 0.4);
+  const auto wrong = [&](const std::string& from, const std::string& to) {
+    std::string changed = text;
+    changed.replace(changed.find(from), from.size(), to);
+    try {
+      read_cameras(write("cameras.json", changed));
+      FAIL() << to;
+    } catch (const Error& error) {
+      EXPECT_EQ(error.status(), L4D_ERR_CORRUPT) << to;
+    }
+  };
+  wrong("[0.1, 0.2, 0.3, 0.4]", "[0.1, 0.2, 0.3, 0.4, 0.5]");
+  wrong("[0.1, 0.2, 0.3, 0.4]", "[0.1, null]");
+  wrong("fisheye", "fisheyes");
+  wrong("-0.004", "null");
+}
+
+TEST_F(CamerasTest, TransformsOfADistortedLens) {
+  std::string text = test::kTransforms;
+  text.insert(1, R"("k1": 0.1, "k4": 0.02, "p2": 0.01, )");
+  Distortion lens = read_cameras(write("transforms.json", text)).cameras[0].distortion;
+  EXPECT_EQ(lens.model, Distortion::Model::kRadial);
+  EXPECT_EQ(lens.k[0], 0.1);
+  EXPECT_EQ(lens.p[1], 0.01);
+  text.insert(1, R"("camera_model": "OPENCV_FISHEYE", )");
+  lens = read_cameras(write("transforms.json", text)).cameras[0].distortion;
+  EXPECT_EQ(lens.model, Distortion::Model::kFisheye);
+  EXPECT_EQ(lens.k[3], 0.02);
+}
+
 TEST_F(CamerasTest, TruncatedAndForeignFiles) {
   std::string message;
   for (size_t size = 0; size < test::kCamerasJson.size(); size += 7) {

@@ -107,6 +107,18 @@ TEST_F(ImageTest, PngOfManyKinds) {
          {0x1234 / 65535., 1, 1 / 65535.});
 }
 
+TEST_F(ImageTest, PngWithAlphaKeptApart) {
+  std::vector<float> alpha = {5, 5};
+  Image image = read_png(write("a.png", png(1, 1, 8, 6, text_of({0, 100, 200, 50, 51}))), &alpha);
+  ASSERT_EQ(alpha.size(), 1U);
+  EXPECT_NEAR(alpha[0], 51 / 255., 1e-7);
+  EXPECT_NEAR(image.rgb[0], 100 / 255., 1e-7);
+  EXPECT_NEAR(image.rgb[1], 200 / 255., 1e-7);
+  image = read_png(write("a.png", png(1, 1, 8, 2, text_of({0, 100, 200, 50}))), &alpha);
+  EXPECT_TRUE(alpha.empty());
+  EXPECT_NEAR(image.rgb[2], 50 / 255., 1e-7);
+}
+
 TEST_F(ImageTest, PngThatIsDamaged) {
   const std::string good = png(2, 2, 8, 2, text_of({0, 1, 2, 3, 4, 5, 6, 0, 7, 8, 9, 10, 11, 12}));
   const auto status = [&](const std::string& bytes) {

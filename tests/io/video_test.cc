@@ -55,6 +55,51 @@ TEST_F(VideoTest, RoundTrip) {
   EXPECT_FALSE(reader.next(&image));
 }
 
+TEST_F(VideoTest, FactsWithoutDecoding) {
+  VideoOptions options;
+  options.fps = 25;
+  VideoWriter writer(path("a.mp4"), 96, 64, options);
+  for (uint32_t k = 0; k < 13; ++k) writer.write(frame(96, 64, k));
+  writer.finish();
+  const VideoFacts facts = probe_video(path("a.mp4"));
+  EXPECT_EQ(facts.width, 96U);
+  EXPECT_EQ(facts.height, 64U);
+  EXPECT_EQ(facts.frames, 13U);
+  EXPECT_NEAR(facts.fps, 25, 1e-6);
+  EXPECT_THROW(probe_video(path("none.mp4")), Error);
+  EXPECT_THROW(probe_video(write("list.mp4", "ffconcat version 1.0\nfile a.mp4\n")), Error);
+}
+
+TEST_F(VideoTest, RangesBeginWhereTheyAreAskedTo) {
+  const std::string file = write_video(path("a.mp4"), 96, 64, 10);
+  VideoReader whole(file, 96, 64);
+  std::vector<Image> frames(10);
+  for (Image& image : frames) ASSERT_TRUE(whole.next(&image));
+  for (const uint32_t first : {1U, 4U, 9U}) {
+    VideoRange range;
+    range.first = first;
+    range.fps = 30;
+    VideoReader reader(file, 96, 64, range);
+    Image image;
+    for (uint32_t k = first; k < 10; ++k) {
+      EXPECT_EQ(reader.position(), k);
+      ASSERT_TRUE(reader.next(&image));
+      EXPECT_EQ(image.rgb, frames[k].rgb) << first << " " << k;
+    }
+    EXPECT_FALSE(reader.next(&image));
+  }
+  VideoRange half;
+  half.out_width = 48;
+  half.out_height = 32;
+  VideoReader reader(file, 96, 64, half);
+  std::vector<uint8_t> rgb;
+  ASSERT_TRUE(reader.next(&rgb));
+  EXPECT_EQ(rgb.size(), 3U * 48 * 32);
+  VideoRange unknown;
+  unknown.first = 3;
+  EXPECT_THROW(VideoReader(file, 96, 64, unknown), Error);
+}
+
 TEST_F(VideoTest, SelectedFrames) {
   VideoReader reader(write_video(path("a.mp4"), 96, 64, 10), 96, 64);
   Image image;

@@ -18,7 +18,7 @@ void accumulate_weights(const Rows<const float>& value, const float* coverage, c
   cumulative->resize(static_cast<size_t>(count));
   double sum = 0;
   for (uint64_t i = 0; i < count; ++i) {
-    const double opacity = 1 / (1 + std::exp(-static_cast<double>(value.opacity[i])));
+    const double opacity = linear_opacity(static_cast<double>(value.opacity[i]), true);
     const double e = mean > 0 ? excess(i) / mean : 0;
     if (std::isfinite(opacity) && opacity >= static_cast<double>(kDeadOpacity)) {
       sum += opacity * (1 + static_cast<double>(beta) * e);

@@ -42,7 +42,7 @@ L4D_HOST_DEVICE inline bool is_dead(const DensityStep& s, const DensityArrays& a
   for (uint64_t k = 4 * i; k < 4 * i + 4; ++k) sum += a.value.log_scale[k];
   for (uint64_t k = 8 * i; k < 8 * i + 8; ++k) sum += a.value.rotor[k];
   if (!(sum * 0 == 0)) return true;
-  if (!(1 / (1 + std::exp(-logit)) >= kDeadOpacity)) return true;
+  if (!(linear_opacity(logit, true) >= kDeadOpacity)) return true;
   return s.unseen_since != 0 && a.last_shown[i] < s.unseen_since && a.born[i] < s.unseen_since;
 }
 
@@ -77,18 +77,13 @@ L4D_HOST_DEVICE inline uint64_t target_of(const DensityStep& s, const DensityArr
 }
 
 L4D_HOST_DEVICE inline void reset_row(const DensityStep& s, const DensityArrays& a, uint64_t i) {
-  const auto clear = [&](float* base, uint64_t width) {
-    for (uint64_t k = width * i; k < width * (i + 1); ++k) base[k] = 0;
-  };
-  const uint64_t sh = 3 * (s.sh_degree + 1) * (s.sh_degree + 1);
-  for (const Rows<float>& rows : {a.m, a.v}) {
-    clear(rows.position, 3);
-    clear(rows.mean_t, 1);
-    clear(rows.log_scale, 4);
-    clear(rows.rotor, 8);
-    clear(rows.opacity, 1);
-    clear(rows.sh, sh);
-  }
+  Rows<float> m = a.m, v = a.v;
+  for_each_attribute(
+      [&](const AttributeInfo& attribute, float*& of_m, float*& of_v) {
+        const uint64_t width = attribute.numbers(s.sh_degree);
+        for (uint64_t k = width * i; k < width * (i + 1); ++k) of_m[k] = of_v[k] = 0;
+      },
+      m, v);
   a.updates[i] = 0;
   a.prepared[i] = a.born[i] = a.last_shown[i] = static_cast<uint32_t>(s.step);
 }
@@ -96,7 +91,7 @@ L4D_HOST_DEVICE inline void reset_row(const DensityStep& s, const DensityArrays&
 // Gives `target`, which n - 1 children will copy, its share of opacity and size.
 L4D_HOST_DEVICE inline void shrink_target(const DensityStep& s, const DensityArrays& a,
                                           uint64_t target, int n) {
-  double opacity = 1 / (1 + std::exp(-static_cast<double>(a.value.opacity[target])));
+  double opacity = linear_opacity(static_cast<double>(a.value.opacity[target]), true);
   opacity = opacity < 1 - 1e-6 ? opacity : 1 - 1e-6;
   double split = split_opacity(opacity, n);
   const double factor = split_scale(opacity, split, n);
@@ -111,16 +106,13 @@ L4D_HOST_DEVICE inline void shrink_target(const DensityStep& s, const DensityArr
 // Makes row i a child of `target`, at a sample of its distribution in space and time.
 L4D_HOST_DEVICE inline void place_child(const DensityStep& s, const DensityArrays& a,
                                         uint64_t target, uint64_t i) {
-  const auto copy = [&](float* base, uint64_t width) {
-    for (uint64_t k = 0; k < width; ++k) base[width * i + k] = base[width * target + k];
-  };
-  const Rows<float>& x = a.value;
-  copy(x.position, 3);
-  copy(x.mean_t, 1);
-  copy(x.log_scale, 4);
-  copy(x.rotor, 8);
-  copy(x.opacity, 1);
-  copy(x.sh, 3 * (s.sh_degree + 1) * (s.sh_degree + 1));
+  Rows<float> x = a.value;
+  for_each_attribute(
+      [&](const AttributeInfo& attribute, float*& rows) {
+        const uint64_t width = attribute.numbers(s.sh_degree);
+        for (uint64_t k = 0; k < width; ++k) rows[width * i + k] = rows[width * target + k];
+      },
+      x);
   a.coverage[i] = a.coverage[target];
   a.error[i] = a.error[target];
 

@@ -25,8 +25,10 @@ struct Rows {
 // Rows of owned arrays. Arrays: AttributeArrays, possibly const.
 template <typename T, typename Arrays>
 Rows<T> rows_of(Arrays& arrays) {
-  return {arrays.position.data(), arrays.mean_t.data(),  arrays.log_scale.data(),
-          arrays.rotor.data(),    arrays.opacity.data(), arrays.sh.data()};
+  Rows<T> rows{};
+  for_each_attribute([](const AttributeInfo&, auto& from, T*& to) { to = from.data(); }, arrays,
+                     rows);
+  return rows;
 }
 
 }  // namespace l4d::train

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "io/metrics.h"
+#include "libl4dcodec/scene/slice.h"
 #include "training/step/random.h"
 
 namespace l4d::train {
@@ -308,7 +309,7 @@ void Trainer::sweep(uint64_t step) {
     const bool unseen = model.last_shown[i] + patience < step;
     const bool faint =
         model.coverage[i] > 0 && static_cast<double>(model.coverage[i]) < kMinCoverage;
-    const float opacity = 1 / (1 + std::exp(-model.value.opacity[i]));
+    const float opacity = linear_opacity(model.value.opacity[i], true);
     mask[i] = unseen || faint || !(opacity >= kDeadOpacity) ? 0 : 1;
   }
   if (std::any_of(mask.begin(), mask.end(), [](uint8_t kept) { return kept != 0; })) {

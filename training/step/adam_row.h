@@ -20,7 +20,7 @@ constexpr float kMaxRepeats = 50;     // of regularisers
 constexpr uint32_t kMaxTail = 20;     // unseen steps whose momentum is applied
 constexpr float kNoiseSteepness = 100, kNoiseOpacity = 0.005f;
 
-L4D_HOST_DEVICE inline float sigmoid(float x) { return 1.0f / (1.0f + std::exp(-x)); }
+L4D_HOST_DEVICE inline float sigmoid(float x) { return linear_opacity(x, true); }
 L4D_HOST_DEVICE inline float clamped(float x, float low, float high) {
   return x < low ? low : x > high ? high : x;
 }
@@ -83,13 +83,13 @@ L4D_HOST_DEVICE inline void clamp_row(const AdamStep& s, const AdamArrays& a, ui
 }
 
 L4D_HOST_DEVICE inline void clear_gradient(const AdamStep& s, const AdamArrays& a, uint64_t i) {
-  for (uint64_t k = 3 * i; k < 3 * i + 3; ++k) a.gradient.position[k] = 0;
-  a.gradient.mean_t[i] = 0;
-  for (uint64_t k = 4 * i; k < 4 * i + 4; ++k) a.gradient.log_scale[k] = 0;
-  for (uint64_t k = 8 * i; k < 8 * i + 8; ++k) a.gradient.rotor[k] = 0;
-  a.gradient.opacity[i] = 0;
-  const uint64_t width = sh_values(s.sh_degree);
-  for (uint64_t k = width * i; k < width * (i + 1); ++k) a.gradient.sh[k] = 0;
+  Rows<float> gradient = a.gradient;
+  for_each_attribute(
+      [&](const AttributeInfo& attribute, float*& rows) {
+        const uint64_t width = attribute.numbers(s.sh_degree);
+        for (uint64_t k = width * i; k < width * (i + 1); ++k) rows[k] = 0;
+      },
+      gradient);
 }
 
 // Noise that moves faint Gaussians along their own shape, so that they find what is still

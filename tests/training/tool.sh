@@ -1,0 +1,85 @@
+#!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
+# The tool l4dtrain from end to end: tool.sh L4DTRAIN L4DCODEC. Works in a folder of its own.
+set -euo pipefail
+
+train=$1 codec=$2
+folder=$(mktemp -d)
+trap 'rm -rf "$folder"' EXIT
+cd "$folder"
+
+die() {
+  echo "  $*" >&2
+  exit 1
+}
+# expect STATUS PATTERN ARGUMENTS...: runs l4dtrain; stderr or stdout matches the pattern.
+expect() {
+  local want=$1 pattern=$2 status=0
+  shift 2
+  "$train" "$@" >out 2>err || status=$?
+  [ "$status" -eq "$want" ] || { cat out err >&2; die "l4dtrain $*: exit status $status, not $want"; }
+  cat out err | grep -Eq -- "$pattern" || { cat out err >&2; die "l4dtrain $*: nothing matches $pattern"; }
+}
+
+"$codec" synth --seconds 0.8 --fps 10 --gaussians 800 --seed 7 -o truth.ply --quiet
+expect 0 "9 cameras" capture truth.ply -o capture --cameras 9 --size 48x40
+expect 0 "cameras +9" inspect capture --sheet sheet.png
+[ -s sheet.png ] || die "there is no contact sheet"
+expect 0 '"layout": "cameras"' inspect capture --json
+
+options=(capture --gaussians 300 --sh-degree 0 --views 2 --init frustum --exposure off)
+expect 0 "Gaussians +[0-9]" train "${options[@]}" -o whole --steps 400 -q
+for name in scene.ply cameras.json settings.json log.jsonl curves.svg preview.png report.json; do
+  [ -s "whole/$name" ] || die "$name is missing"
+done
+expect 0 "test +[0-9.]+ dB" eval whole -q
+
+# What is killed goes on from its last checkpoint, and reaches the same bits.
+"$train" train "${options[@]}" -o killed --steps 400 --checkpoint-every 0.1 -q >out 2>err &
+pid=$!
+for _ in $(seq 200); do
+  compgen -G "killed/checkpoint-*.l4dtrain" >found && break
+  sleep 0.02
+done
+kill -9 "$pid" 2>/dev/null || true
+wait "$pid" || true
+expect 0 "Gaussians" train "${options[@]}" -o killed --steps 400 --resume -q
+cmp whole/scene.ply killed/scene.ply || die "a run that was killed and resumed differs"
+
+# What is asked to stop writes a checkpoint and says so.
+"$train" train "${options[@]}" -o stopped --steps 400000 -q >out 2>err &
+pid=$!
+for _ in $(seq 200); do
+  [ -s stopped/log.jsonl ] && break
+  sleep 0.02
+done
+kill -TERM "$pid"
+status=0
+wait "$pid" || status=$?
+[ "$status" -eq 130 ] || { cat err >&2; die "SIGTERM: exit status $status, not 130"; }
+grep -q "resume" err || die "SIGTERM: nothing says how to go on"
+compgen -G "stopped/checkpoint-*.l4dtrain" >found || die "SIGTERM: there is no checkpoint"
+
+# The hand-over to the encoder.
+expect 0 "stream +[0-9]+ bytes" train "${options[@]}" -o coded --steps 60 --encode default -q
+"$codec" validate coded/scene.l4d >out || die "the stream is not valid"
+"$codec" encode coded/scene.ply --weights coded/weights.ply -o again.l4d --quiet
+cmp coded/scene.l4d again.l4d || die "l4dcodec encode --weights makes another stream"
+
+# What cannot be done.
+expect 2 "there is a run already" train "${options[@]}" -o whole --steps 400
+expect 2 "other settings" train "${options[@]}" -o whole --steps 401 --resume
+expect 3 "no checkpoint" train "${options[@]}" -o none --steps 400 --resume
+expect 2 "preset" train "${options[@]}" -o x --steps 10 --encode finest
+expect 2 "exclude" train "${options[@]}" -o x --steps 10 --time 5
+expect 2 "--scale" train "${options[@]}" -o x --steps 10 --scale 2
+expect 6 "windows" train "${options[@]}" -o x --steps 10 --host-memory 10k
+expect 3 "nowhere" train nowhere -o x
+expect 5 "layout" inspect .
+expect 2 "" train
+mv capture/images/cam03/0004.png kept.png
+expect 3 "camera 3" train "${options[@]}" -o x --steps 10
+printf 'no image' >capture/images/cam03/0004.png
+expect 4 "camera 3, frame 4" train "${options[@]}" -o x --steps 10
+mv kept.png capture/images/cam03/0004.png
+echo "passed"
