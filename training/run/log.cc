@@ -87,6 +87,7 @@ class Panel {
     for (const auto& [step, value] : values) points.push_back({x(step), y(value)});
     if (points.empty()) return;
     svg_->polyline(points, colour);
+    if (name.empty()) return;
     svg_->rect(label_x, top_ - 19, 10, 10, colour);
     svg_->text({label_x + 15, top_ - 10}, name);
   }

@@ -63,12 +63,21 @@ class Sample {
   }
   bool empty() const { return images_.empty(); }
   io::Image preview(Trainer* trainer) const {
-    const auto middle = std::next(images_.begin(), static_cast<ptrdiff_t>(images_.size() / 2));
-    constexpr float kBlack[3] = {0, 0, 0};
-    return preview_of(image_of(middle->second, kBlack), trainer->render(middle->first));
+    const auto& [view, pixels] = middle();
+    return preview_of(image_of(pixels, kBlack), trainer->render(view));
+  }
+  // What was captured, the scene and its stream.
+  io::Image beside(Trainer* trainer, const RenderView& stream) const {
+    const auto& [view, pixels] = middle();
+    return io::side_by_side({image_of(pixels, kBlack), trainer->render(view), stream(view)});
   }
 
  private:
+  const std::pair<const uint32_t, Pixels>& middle() const {
+    return *std::next(images_.begin(), static_cast<ptrdiff_t>(images_.size() / 2));
+  }
+  static constexpr float kBlack[3] = {0, 0, 0};
+
   const Capture& capture_;
   const ImageLoader& loader_;
   uint32_t threads_;
@@ -126,7 +135,8 @@ class Run {
     }
     if (options_.resume) return;
     for (const std::string& old : list_checkpoints(folder_)) fs::remove(old, error);
-    for (const char* name : {"scene.ply", "scene.l4d", "weights.ply", "report.json"}) {
+    for (const char* name :
+         {"scene.ply", "scene.l4d", "weights.ply", "stream.png", "report.json"}) {
       fs::remove(file(name), error);
     }
   }
@@ -359,6 +369,8 @@ class Run {
     report->stream_bytes = encode_scene(stream, scene, weights, options_.preset, options_.threads);
     StreamViews views(stream, capture_, *loader_, options_.threads);
     const auto render = [&](uint32_t view) { return views.render(view); };
+    const Sample& sample = test_sample_->empty() ? *train_sample_ : *test_sample_;
+    io::write_png(file("stream.png"), sample.beside(trainer_.get(), render));
     report->stream_train = score("train", render);
     report->stream_test = score("test", render);
   }
