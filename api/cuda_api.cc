@@ -51,6 +51,7 @@ l4d_query default_query() {
   q.struct_size = sizeof q;
   q.kind = L4D_QUERY_ALL;
   q.max_level = UINT32_MAX;
+  q.max_tier = UINT32_MAX;
   return q;
 }
 

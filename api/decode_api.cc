@@ -25,6 +25,7 @@ l4d_query default_query() {
   q.struct_size = sizeof q;
   q.kind = L4D_QUERY_ALL;
   q.max_level = UINT32_MAX;
+  q.max_tier = UINT32_MAX;
   return q;
 }
 
@@ -108,6 +109,7 @@ l4d_info describe(const l4d::SceneFile& stream) {
   i.format_major = file.version_major;
   i.format_minor = file.version_minor;
   i.development = (file.flags & l4d::FileHeader::kDevelopmentFlag) != 0;
+  i.streamable = (file.flags & l4d::FileHeader::kStreamableFlag) != 0;
   i.sh_degree = header.sh_degree;
   i.flags = (header.position_at_mean_time ? uint32_t{L4D_POSITION_AT_MEAN_TIME} : 0u) |
             (header.opacity_logit ? uint32_t{L4D_OPACITY_LOGIT} : 0u);
@@ -152,6 +154,7 @@ l4d_layer_info describe_layer(const l4d::SceneFile& stream, uint32_t index) {
   i.index = index;
   i.level = layer.level;
   i.permanent = layer.permanent;
+  i.tier = layer.tier;
   i.tools = layer_tools(header, layer);
   i.num_buckets = l4d::num_buckets(layer.level);
   i.num_gaussians = layer.num_gaussians;
@@ -463,6 +466,13 @@ l4d_status l4d_decoder_check_conformance(l4d_decoder* decoder, uint32_t profile,
     *num_violations = 0;
     return l4d::check_requested_conformance(d.file(), profile, level,
                                             reporter(fn, user, num_violations));
+  });
+}
+
+l4d_status l4d_decoder_set_layers(l4d_decoder* decoder, uint32_t max_level, uint32_t max_tier) {
+  return call_on(decoder, nullptr, [&]() -> Status {
+    decoder->impl.slicer().set_layers(max_level, max_tier);
+    return {};
   });
 }
 

@@ -167,6 +167,15 @@ l4d_status l4d_encoder_parameter_info(l4d_encoder_parameter id, l4d_parameter_in
   return L4D_OK;
 }
 
+l4d_status l4d_encoder_set_tiers(l4d_encoder* encoder, uint32_t num_shares, const float* shares) {
+  return with_encoder(encoder, num_shares > 0 ? required(shares) : nullptr,
+                      [&](l4d::Encoder& e) -> Status {
+                        if (num_shares >= L4D_MAX_TIERS)
+                          return l4d::invalid_argument("too many tiers");
+                        return e.settings().set_tiers({shares, shares + num_shares});
+                      });
+}
+
 l4d_status l4d_encoder_set_stages(l4d_encoder* encoder, int32_t component, uint32_t num_stages,
                                   const float* fractions) {
   return with_encoder(encoder, required(fractions), [&](l4d::Encoder& e) -> Status {

@@ -21,6 +21,7 @@ l4d_plan_query default_plan_query() {
   l4d_plan_query q{};
   q.struct_size = sizeof q;
   q.max_level = UINT32_MAX;
+  q.max_tier = UINT32_MAX;
   q.detail = L4D_DETAIL_FULL;
   q.merge_gap = kDefaultMergeGap;
   return q;

@@ -27,6 +27,7 @@ LayerHeader layer_header(const CodedLayer& layer) {
   header.permanent = layer.permanent;
   header.num_gaussians = layer.members.size();
   header.raw_position = layer.escape;
+  header.tier = layer.tier;
   static_cast<MeanTimeCoding&>(header) = layer.mean_times;
   header.log_scale_t = layer.log_scale_t;
   header.scale_factor = layer.scale_factor;

@@ -149,7 +149,7 @@ class Encoder::Run {
                      may_be_escape ? &escapes_[{plans_[l].level, plans_[l].flat}] : nullptr);
       if (!demoted.empty()) {
         size_t coarser = l - 1;
-        while (plans_[coarser].flat) --coarser;
+        while (plans_[coarser].flat || plans_[coarser].tier > 0) --coarser;
         std::vector<uint32_t>& to = plans_[coarser].members;
         std::vector<uint32_t> all(to.size() + demoted.size());
         std::merge(to.begin(), to.end(), demoted.begin(), demoted.end(), all.begin());

@@ -7,6 +7,7 @@
 #include "libl4dcodec/base/hash.h"
 #include "libl4dcodec/container/file_header.h"
 #include "libl4dcodec/container/level_meter.h"
+#include "libl4dcodec/container/streamable.h"
 #include "libl4dcodec/quant/codebook.h"
 
 namespace l4d {
@@ -101,25 +102,23 @@ class FileBuilder {
     }
   }
 
-  // Level 0 first, then buckets by the time they begin, so that playback reads forward. The tables
-  // of a block lie before its first page. Of a bucket, the base chunks of all pages lie before the
-  // second ones: a reader of base colours alone reads one range, and so does one of everything.
+  // Level 0 first, tier by tier, then buckets by the time they begin, so that playback reads
+  // forward (spec: section 12.1). The tables of a block lie before its first page. Of a bucket, the
+  // base chunks of all pages lie before the second ones: a reader of base colours alone reads one
+  // range, and so does one of everything.
   void build_payload() {
     struct Item {
-      uint64_t phase;
+      uint64_t place;
       size_t layer, page;
     };
     std::vector<Item> items;
     for (size_t l = 0; l < built_.size(); ++l) {
-      const unsigned level = header_.layers[l].level;
       for (size_t p = 0; p < built_[l].pages.size(); ++p) {
-        const uint64_t bucket = built_[l].pages[p].record.bucket;
-        const uint64_t phase = level == 0 ? 0 : 1 + (bucket << (kPhaseBits - bucket_bits(level)));
-        items.push_back({phase, l, p});
+        items.push_back({payload_place(header_.layers[l], built_[l].pages[p].record.bucket), l, p});
       }
     }
     std::stable_sort(items.begin(), items.end(),
-                     [](const Item& a, const Item& b) { return a.phase < b.phase; });
+                     [](const Item& a, const Item& b) { return a.place < b.place; });
     block_tables_.resize(layers_.size());
     const auto add = [&](Bytes bytes, ChunkRef* ref) {
       if (bytes.empty()) return;
@@ -184,6 +183,8 @@ class FileBuilder {
         }
         PageTableEntry entry;
         if (!page.pages.empty()) {
+          directory_order_.push_back(
+              {directory_place(header_.layers[l], d), directory_.size(), l, d});
           entry.chunk =
               make_chunk(serialize_directory_page(page, static_cast<uint32_t>(l), d), &directory_);
         }
@@ -225,7 +226,7 @@ class FileBuilder {
   // Gives every chunk its place.
   void assemble() {
     FileHeader file;
-    file.flags = FileHeader::kDevelopmentFlag;
+    file.flags = FileHeader::kDevelopmentFlag | FileHeader::kStreamableFlag;
     file.header_bytes = header_bytes();
     uint64_t at = FileHeader::kBytes + file.header_bytes;
 
@@ -244,22 +245,20 @@ class FileBuilder {
     for (LayerHeader& layer : header_.layers) {
       if (layer.has_entropy) place(layer.entropy);
     }
+    const uint64_t tables_at = at;
+    for (const auto& table : tables_) at += table.size() * PageTableEntry::kBytes;
+    std::stable_sort(directory_order_.begin(), directory_order_.end(),
+                     [](const auto& a, const auto& b) { return a.place < b.place; });
+    for (const PlacedDirectoryPage& page : directory_order_) {
+      place(tables_[page.layer][page.index].chunk);
+    }
+    header_.payload_offset = at;
     Bytes tables;
-    uint64_t table_bytes = 0;
-    for (const auto& table : tables_) table_bytes += table.size() * PageTableEntry::kBytes;
-    uint64_t directory_at = at + table_bytes;
     for (size_t l = 0; l < tables_.size(); ++l) {
       if (tables_[l].empty()) continue;
-      header_.layers[l].page_table_offset = at + tables.size();
-      for (PageTableEntry& entry : tables_[l]) {
-        if (entry.chunk.stored_bytes != 0) {
-          entry.chunk.offset = directory_at;
-          directory_at += entry.chunk.stored_bytes;
-        }
-        entry.append(tables);
-      }
+      header_.layers[l].page_table_offset = tables_at + tables.size();
+      for (const PageTableEntry& entry : tables_[l]) entry.append(tables);
     }
-    header_.payload_offset = directory_at;
 
     Bytes scene_header = serialize_scene_header(header_);
     file.header_hash = hash64(scene_header);
@@ -274,7 +273,7 @@ class FileBuilder {
     for (Bytes& b : codebooks_) add(std::move(b));
     for (Bytes& b : entropy_) add(std::move(b));
     add(std::move(tables));
-    for (Bytes& b : directory_) add(std::move(b));
+    for (const PlacedDirectoryPage& page : directory_order_) add(std::move(directory_[page.chunk]));
     for (Bytes& b : payload_) add(std::move(b));
   }
 
@@ -287,6 +286,13 @@ class FileBuilder {
   StreamEncoder streams_;
   ZstdCompressor zstd_;
   FileParts parts_;
+  struct PlacedDirectoryPage {
+    uint64_t place;  // directory_place
+    size_t chunk;    // of directory_
+    size_t layer;
+    uint32_t index;
+  };
+  std::vector<PlacedDirectoryPage> directory_order_;
   std::vector<Bytes> codebooks_, entropy_, directory_, payload_;
   uint64_t payload_bytes_ = 0;
   std::vector<BuiltLayer> built_;

@@ -89,6 +89,7 @@ class LayerCoder {
     out_.level = plan_.level;
     out_.permanent = plan_.permanent;
     out_.flat = plan_.flat;
+    out_.tier = plan_.tier;
     place_in_buckets(scene_, plan_.members, &out_);
     code_mean_times();
     if (lossless_) {

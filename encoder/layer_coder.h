@@ -17,6 +17,7 @@ struct CodedLayer {
   bool permanent = false;
   bool flat = false;    // of Gaussians with flat windows
   bool escape = false;  // members are stored as they are
+  unsigned tier = 0;
   unsigned directory_bits = 0;
   MeanTimeCoding mean_times;
   ScalarCoding scale_factor;

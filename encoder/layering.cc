@@ -6,6 +6,7 @@
 
 #include "encoder/mean_time.h"
 #include "encoder/quality.h"
+#include "encoder/tiers.h"
 #include "libl4dcodec/scene/layers.h"
 
 namespace l4d {
@@ -122,6 +123,7 @@ std::vector<LayerPlan> plan_layers(const EncoderScene& s, const EncoderSettings&
     if (level == 0 || !l.members.empty()) used.push_back(std::move(l));
     if (!flat[level].members.empty()) used.push_back(std::move(flat[level]));
   }
+  if (!settings.tiers().empty()) return cut_into_tiers(s, settings, least, std::move(used));
   return used;
 }
 

@@ -12,15 +12,16 @@ namespace l4d {
 struct LayerPlan {
   unsigned level = 0;
   bool permanent = false;
-  bool far = false;               // level 0: mean times far outside the sequence
-  bool flat = false;              // of Gaussians with flat windows
+  bool far = false;   // level 0: mean times far outside the sequence
+  bool flat = false;  // of Gaussians with flat windows
+  unsigned tier = 0;
   std::vector<uint32_t> members;  // indices in the scene, ascending
 };
 
 // Layers by ascending level, the permanent one first; thin finest layers merged into coarser ones.
 // Gaussians with flat windows have layers of their own, by level among the others.
-// Level 0 is always there, possibly empty: it takes what fits nowhere else. A layer is not merged
-// where that would leave a mean time less exact than the quality asks for.
+// Level 0 is always there, possibly empty: its first tier takes what fits nowhere else. A layer is
+// not merged where that would leave a mean time less exact than the quality asks for.
 std::vector<LayerPlan> plan_layers(const EncoderScene& scene, const EncoderSettings& settings);
 
 }  // namespace l4d

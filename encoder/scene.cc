@@ -24,15 +24,20 @@ float bounded_weight(double weight) { return static_cast<float>(std::min(weight,
 
 double seconds_of(const Sequence& part) { return part.end - part.begin; }
 
-// Stand-in for a measured importance: how much of the picture, for how long, how opaque.
-float proxy_weight(const EncoderScene& s, size_t i) {
+// Stand-in for how much of the pictures shows Gaussian i: how large and for how long.
+double shown_area(const EncoderScene& s, size_t i) {
   double scale[3];
   for (size_t k = 0; k < 3; ++k) scale[k] = static_cast<double>(s.log_scale[4 * i + k]);
   std::sort(scale, scale + 3);
   const double area = std::exp(scale[1] + scale[2]);
   const double shown = s.is_flat(i) ? seconds_of(s.shown(i)) : 8 * s.sigma_t(i);
   const double life = std::min(1.0, shown / s.duration);
-  return static_cast<float>(static_cast<double>(s.opacity[i]) * area * life);
+  return area * life;
+}
+
+// Stand-in for a measured importance: how much of the picture, for how long, how opaque.
+float proxy_weight(const EncoderScene& s, size_t i) {
+  return static_cast<float>(static_cast<double>(s.opacity[i]) * shown_area(s, i));
 }
 
 // Squared change of the image by one number of each component, where only sums of derivatives or
@@ -304,6 +309,23 @@ void normalize(EncoderScene* out, size_t i, int gauge) {
   for (size_t k = 0; k < 3; ++k) s.position[3 * i + k] += s.velocity[3 * i + k] * dt;
 }
 
+// Measured where it was, else as it seems from a Gaussian's size, opacity and life.
+void set_light(const EncoderInput& input, bool lossless, EncoderScene* out) {
+  EncoderScene& s = *out;
+  const float* const alpha_t = input.weights[L4D_WEIGHT_ALPHA_T];
+  const float* const of_opacity = input.weights[L4D_WEIGHT_OPACITY];
+  const bool logit = lossless && (s.given.flags & L4D_OPACITY_LOGIT) != 0;
+  s.light.resize(s.count);
+  for (size_t i = 0; i < s.count; ++i) {
+    const double opacity = linear_opacity(static_cast<double>(s.opacity[i]), logit);
+    const size_t from = s.source[i];
+    s.light[i] = alpha_t != nullptr ? alpha_t[from]
+                 : of_opacity != nullptr
+                     ? bounded_weight(opacity * static_cast<double>(of_opacity[from]))
+                     : bounded_weight(opacity * shown_area(s, i));
+  }
+}
+
 void set_weights(const EncoderInput& input, bool gauss_newton, EncoderScene* out) {
   EncoderScene& s = *out;
   static constexpr unsigned kOwn[L4D_COMPONENT_COUNT] = {
@@ -341,6 +363,7 @@ Status prepare_scene(const EncoderInput& input, const EncoderSettings& settings,
       if (!lossless) normalize(out, i, gauge);
     }
   });
+  if (!settings.tiers().empty()) set_light(input, lossless, out);
   if (lossless) return {};
   const bool gauss_newton = settings.get_int(L4D_ENC_WEIGHT_METRIC) == 1;
   set_weights(input, gauss_newton, out);

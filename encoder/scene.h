@@ -50,6 +50,8 @@ struct EncoderScene {
   // [n] mean squared change of the image by a change of one number: of components and positions.
   std::array<std::vector<float>, L4D_COMPONENT_COUNT> importance;
   std::vector<float> position_importance;
+  // [n] how much of the images is of a Gaussian; empty where the settings ask for no tiers.
+  std::vector<float> light;
   uint64_t invalid_dropped = 0;
   uint64_t pruned = 0;
 

@@ -203,6 +203,19 @@ Status EncoderSettings::set_stages(int component, const std::vector<float>& frac
   return {};
 }
 
+Status EncoderSettings::set_tiers(const std::vector<double>& shares) {
+  if (shares.size() >= L4D_MAX_TIERS) {
+    return invalid_argument("tiers: at most " + std::to_string(L4D_MAX_TIERS - 1) + " shares");
+  }
+  for (size_t k = 0; k < shares.size(); ++k) {
+    if (!(shares[k] > (k > 0 ? shares[k - 1] : 0.0) && shares[k] < 1)) {
+      return invalid_argument("tiers: shares must ascend and lie between 0 and 1");
+    }
+  }
+  tiers_ = shares;
+  return {};
+}
+
 void EncoderSettings::set_bounds(double position, double covariance, double opacity) {
   values_[L4D_ENC_MAX_POSITION_ERROR].fill(position);
   values_[L4D_ENC_MAX_COVARIANCE_FACTOR].fill(covariance);

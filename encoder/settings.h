@@ -34,6 +34,10 @@ class EncoderSettings {
     return stages_[static_cast<size_t>(component)];
   }
 
+  // Shares of the long-lived Gaussians that the tiers but the last hold together, ascending.
+  Status set_tiers(const std::vector<double>& shares);
+  const std::vector<double>& tiers() const { return tiers_; }
+
   Status set_preset(const char* name);
 
   // What is left out, by what is set and what the weights were measured from.
@@ -51,6 +55,7 @@ class EncoderSettings {
 
   std::array<std::array<double, L4D_COMPONENT_COUNT>, L4D_ENC_PARAMETER_COUNT> values_;
   std::array<std::vector<float>, L4D_COMPONENT_COUNT> stages_;
+  std::vector<double> tiers_;
   std::array<bool, L4D_ENC_PARAMETER_COUNT> was_set_{};  // since the preset
 };
 

@@ -52,6 +52,10 @@ class RenderedScene {
   void set_background(const float* rgb);
   // L4D_DETAIL_*, of a stream; before the first instant.
   void set_detail(uint32_t detail) { decoder_.set_detail(detail); }
+  // Likewise, which layers are shown: as l4d_decoder_set_layers.
+  void set_layers(uint32_t max_level, uint32_t max_tier) {
+    decoder_.set_layers(max_level, max_tier);
+  }
   // Moves to an instant; nothing happens where the scene is there already.
   void set_time(double seconds);
   // Resizes the image as needed.

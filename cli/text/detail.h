@@ -22,4 +22,13 @@ inline uint32_t detail_id(const std::string& detail) {
   return detail == "base" ? L4D_DETAIL_BASE_COLOR : L4D_DETAIL_FULL;
 }
 
+// Every verb that can leave out tiers calls it alike.
+inline void add_tier_option(Verb* verb, uint32_t& max_tier) {
+  verb->add_option("--max-tier", max_tier,
+                   "Leave out tiers above this: a preview without the less important of the "
+                   "long-lived Gaussians (encode --tiers)")
+      ->type_name("N")
+      ->whole_number(0, 255);
+}
+
 }  // namespace l4d::cli

@@ -23,6 +23,7 @@ struct DecodeArguments {
   std::string format = "l4d";
   std::string time, from, to;
   uint32_t max_level = UINT32_MAX;
+  uint32_t max_tier = UINT32_MAX;
   std::string detail = "full";
   bool tolerant = false;
   bool digest = false;
@@ -47,6 +48,7 @@ l4d_query make_query(Context& context, const DecodeArguments& arguments,
   l4d_query_init(&query);
   query.kind = L4D_QUERY_ALL;
   query.max_level = arguments.max_level;
+  query.max_tier = arguments.max_tier;
   query.detail = detail_id(arguments.detail);
   const auto seconds = [&](const std::string& text, const char* option) {
     return clamp_to_sequence(context, timeline, parse_seconds(text, option), option);
@@ -231,6 +233,7 @@ void add_decode(Registry& registry) {
                    "Leave out temporal levels finer than this: a preview without fast detail")
       ->type_name("N")
       ->whole_number(0, 63);
+  add_tier_option(verb, arguments->max_tier);
   add_detail_option(verb, arguments->detail);
   verb->add_flag(
       "--digest", arguments->digest,

@@ -45,15 +45,28 @@ void set_per_component(const EncoderHandle& encoder, l4d_encoder_parameter id,
   }
 }
 
-void set_stages(const EncoderHandle& encoder, const std::string& text) {
-  const auto [name, list] = parse_assignment(text, "--stages");
-  std::vector<float> fractions;
+// "1,0.5,0.25"
+std::vector<float> parse_list(const std::string& list, const std::string& option) {
+  std::vector<float> numbers;
   for (size_t begin = 0; begin <= list.size();) {
     const size_t comma = std::min(list.find(',', begin), list.size());
-    fractions.push_back(
-        static_cast<float>(parse_number(list.substr(begin, comma - begin), "--stages " + name)));
+    numbers.push_back(static_cast<float>(parse_number(list.substr(begin, comma - begin), option)));
     begin = comma + 1;
   }
+  return numbers;
+}
+
+void set_tiers(const EncoderHandle& encoder, const std::string& list, const std::string& option) {
+  const std::vector<float> shares = parse_list(list, option);
+  about(option, [&] {
+    encoder.check(
+        l4d_encoder_set_tiers(encoder.get(), static_cast<uint32_t>(shares.size()), shares.data()));
+  });
+}
+
+void set_stages(const EncoderHandle& encoder, const std::string& text) {
+  const auto [name, list] = parse_assignment(text, "--stages");
+  const std::vector<float> fractions = parse_list(list, "--stages " + name);
   const int32_t component = parse_component(name, "--stages");
   about("--stages " + name, [&] {
     encoder.check(l4d_encoder_set_stages(
@@ -64,6 +77,7 @@ void set_stages(const EncoderHandle& encoder, const std::string& text) {
 // "--set page-size=4096", "--set codebook-size.sh=8192"
 void set_generic(const EncoderHandle& encoder, const std::string& text) {
   const auto [target, value] = parse_assignment(text, "--set");
+  if (target == "tiers") return set_tiers(encoder, value, "--set tiers");
   const size_t dot = target.find('.');
   const l4d_encoder_parameter id = find_parameter(target.substr(0, dot));
   const int32_t component = dot == std::string::npos
@@ -107,6 +121,12 @@ void EncodeParameters::add_options(Verb* verb) {
                    "Gaussians, up to 8")
       ->type_name("C=1,F..")
       ->allow_extra_args(false)
+      ->group(group);
+  verb->add_option("--tiers", tiers,
+                   "S1,S2..: cut the long-lived Gaussians into tiers by importance, of which the "
+                   "first holds the share S1, the first two S2..: players show the first ones "
+                   "while the others arrive")
+      ->type_name("S,S..")
       ->group(group);
   verb->add_option("--escape-threshold", escape_threshold,
                    "C=W: keep vectors of C with a weight above W unquantised; 0 = never")
@@ -162,6 +182,7 @@ void EncodeParameters::apply(Context& context, const EncoderHandle& encoder) con
   }
   set_per_component(encoder, L4D_ENC_CODEBOOK_SIZE, codebook, "--codebook");
   for (const std::string& text : stages) set_stages(encoder, text);
+  if (!tiers.empty()) set_tiers(encoder, tiers, "--tiers");
   set_per_component(encoder, L4D_ENC_ESCAPE_THRESHOLD, escape_threshold, "--escape-threshold");
   if (!rcq.empty()) {
     const char* value = rcq == "never" ? "0" : rcq == "auto" ? "1" : "2";

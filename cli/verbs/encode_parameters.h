@@ -16,6 +16,7 @@ struct EncodeParameters {
   std::string effort;
   std::vector<std::string> codebook;
   std::vector<std::string> stages;
+  std::string tiers;
   std::vector<std::string> escape_threshold;
   std::string rcq;
   std::string rcq_size;

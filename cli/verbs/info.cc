@@ -2,6 +2,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <set>
 
 #include "cli/common.h"
 #include "cli/files.h"
@@ -119,6 +120,7 @@ std::string component_text(const l4d_layer_info& layer) {
 Json layer_json(const l4d_layer_info& layer, uint64_t bytes) {
   Json j = {{"index", layer.index},
             {"level", layer.level},
+            {"tier", layer.tier},
             {"num_buckets", layer.num_buckets},
             {"bucket_width_s", layer.bucket_width},
             {"num_gaussians", layer.num_gaussians},
@@ -191,39 +193,62 @@ std::string share_of(uint64_t bytes, uint64_t total) {
                 100 * static_cast<double>(bytes) / std::max(1.0, static_cast<double>(total)));
 }
 
-// What a reader of levels up to one needs of the file, with and without SH detail.
-struct Tier {
-  uint32_t level = 0;
+// What a reader of levels, or of tiers, up to one needs of the file, with and without SH detail.
+struct Rung {
+  const char* kind = "level";
+  uint32_t number = 0;
   uint64_t base_bytes = 0;
   uint64_t bytes = 0;
   uint64_t gaussians = 0;
 };
 
-std::vector<Tier> read_tiers(const DecoderHandle& decoder,
+// Of the layers that a query takes.
+Rung rung_of(const DecoderHandle& decoder, const char* kind, const l4d_query& query,
+             const std::vector<l4d_layer_info>& layers, const std::vector<uint64_t>& layer_bytes,
+             uint64_t shared_bytes) {
+  uint64_t sum = shared_bytes;
+  for (size_t l = 0; l < layers.size(); ++l) {
+    const bool taken = layers[l].level <= query.max_level && layers[l].tier <= query.max_tier;
+    if (taken) sum += layer_bytes[l];
+  }
+  const l4d_selection s = decoder.select(query);
+  const bool by_level = query.max_level != UINT32_MAX;
+  return {kind, by_level ? query.max_level : query.max_tier, sum - s.sh_bytes, sum,
+          s.num_gaussians};
+}
+
+std::vector<Rung> read_rungs(const DecoderHandle& decoder,
                              const std::vector<l4d_layer_info>& layers,
                              const std::vector<uint64_t>& layer_bytes,
                              const std::vector<uint64_t>& sections) {
   // Headers and the codebooks of SH, which every level needs.
-  uint64_t sum = sections[L4D_SECTION_HEADER] + sections[L4D_SECTION_CODEBOOKS];
-  for (const l4d_layer_info& layer : layers) sum -= layer.codebook_bytes;
-  std::vector<Tier> tiers;
-  l4d_query query;
-  l4d_query_init(&query);
+  uint64_t shared = sections[L4D_SECTION_HEADER] + sections[L4D_SECTION_CODEBOOKS];
+  for (const l4d_layer_info& layer : layers) shared -= layer.codebook_bytes;
+  std::vector<Rung> rungs;
+  std::set<uint32_t> tiers;
   for (size_t l = 0; l < layers.size(); ++l) {
-    sum += layer_bytes[l];
+    tiers.insert(layers[l].tier);
     if (l + 1 < layers.size() && layers[l + 1].level == layers[l].level) continue;
+    l4d_query query;
+    l4d_query_init(&query);
     query.max_level = layers[l].level;
-    const l4d_selection s = decoder.select(query);
-    tiers.push_back({layers[l].level, sum - s.sh_bytes, sum, s.num_gaussians});
+    rungs.push_back(rung_of(decoder, "level", query, layers, layer_bytes, shared));
   }
-  return tiers;
+  for (const uint32_t tier : tiers) {
+    if (tiers.size() == 1) break;
+    l4d_query query;
+    l4d_query_init(&query);
+    query.max_tier = tier;
+    rungs.push_back(rung_of(decoder, "tier", query, layers, layer_bytes, shared));
+  }
+  return rungs;
 }
 
-std::string scalable_table(const std::vector<Tier>& tiers, uint64_t file_bytes) {
+std::string scalable_table(const std::vector<Rung>& rungs, uint64_t file_bytes) {
   std::string text = format("\n%-18s %14s %9s %14s %9s %12s\n", "scalable up to", "base colour",
                             "share", "full", "share", "gaussians");
-  for (const Tier& r : tiers) {
-    text += format("%-18s %14s %9s %14s %9s %12s\n", format("level %u", r.level).c_str(),
+  for (const Rung& r : rungs) {
+    text += format("%-18s %14s %9s %14s %9s %12s\n", format("%s %u", r.kind, r.number).c_str(),
                    format_count(r.base_bytes).c_str(), share_of(r.base_bytes, file_bytes).c_str(),
                    format_count(r.bytes).c_str(), share_of(r.bytes, file_bytes).c_str(),
                    format_count(r.gaussians).c_str());
@@ -238,15 +263,19 @@ const char* temporal_kind(const l4d_layer_info& layer) {
 
 std::string layer_table(const std::vector<l4d_layer_info>& layers,
                         const std::vector<uint64_t>& layer_bytes) {
+  const bool has_tiers = std::any_of(layers.begin(), layers.end(),
+                                     [](const l4d_layer_info& layer) { return layer.tier > 0; });
   std::string text = format("\n%-6s %-6s %10s %12s %12s %12s %12s\n", "layer", "level", "buckets",
                             "bucket", "gaussians", "bytes", "codebooks");
   for (size_t l = 0; l < layers.size(); ++l) {
     const l4d_layer_info& layer = layers[l];
-    text += format("%-6u %-6u %10s %12s %12s %12s %12s%s\n", layer.index, layer.level,
+    const std::string tier =
+        has_tiers && layer.level == 0 ? format("  tier %u", layer.tier) : std::string();
+    text += format("%-6u %-6u %10s %12s %12s %12s %12s%s%s\n", layer.index, layer.level,
                    format_count(layer.num_buckets).c_str(),
                    (format_number(layer.bucket_width) + " s").c_str(),
                    format_count(layer.num_gaussians).c_str(), format_count(layer_bytes[l]).c_str(),
-                   format_count(layer.codebook_bytes).c_str(), temporal_kind(layer));
+                   format_count(layer.codebook_bytes).c_str(), temporal_kind(layer), tier.c_str());
   }
   // Once for all neighbours that are coded alike.
   for (size_t first = 0, end; first < layers.size(); first = end) {
@@ -352,6 +381,7 @@ void add_summary(const Facts& facts, Outcome& outcome) {
        {"source", facts.stream.source()},
        {"format_version", format("%u.%u", info.format_major, info.format_minor)},
        {"development", info.development != 0},
+       {"streamable", info.streamable != 0},
        {"num_gaussians", info.num_gaussians},
        {"num_layers", info.num_layers}};
   j.update(timeline_json(info.timeline));
@@ -443,16 +473,16 @@ void add_sections(const Facts& facts, Outcome& outcome) {
 }
 
 void add_scalable(const Facts& facts, Outcome& outcome) {
-  const std::vector<Tier> tiers =
-      read_tiers(facts.decoder, facts.layers, facts.layer_bytes, facts.sections);
+  const std::vector<Rung> rungs =
+      read_rungs(facts.decoder, facts.layers, facts.layer_bytes, facts.sections);
   Json& list = outcome.json["scalable"] = Json::array();
-  for (const Tier& r : tiers) {
-    list.push_back({{"level", r.level},
+  for (const Rung& r : rungs) {
+    list.push_back({{r.kind, r.number},
                     {"base_bytes", r.base_bytes},
                     {"bytes", r.bytes},
                     {"num_gaussians", r.gaussians}});
   }
-  outcome.text += scalable_table(tiers, facts.info.file_bytes);
+  outcome.text += scalable_table(rungs, facts.info.file_bytes);
 }
 
 void add_seek(Context& context, const Facts& facts, const InfoArguments& arguments,

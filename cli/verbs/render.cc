@@ -33,6 +33,7 @@ struct RenderArguments {
   std::string scale;
   std::string background;
   std::string detail = "full";
+  uint32_t max_tier = UINT32_MAX;
   std::string path = "fast";
   uint32_t crf = io::VideoOptions().crf;
   ImportArguments import;
@@ -308,6 +309,7 @@ Outcome run_render(Context& context, const RenderArguments& arguments) {
   if (!arguments.background.empty()) background = parse_background(arguments.background);
   scene.set_background(background.data());
   scene.set_detail(detail_id(arguments.detail));
+  scene.set_layers(UINT32_MAX, arguments.max_tier);
   if (target == Target::kStill && sequence.time.empty()) {
     sequence.time = format("%.17g", eval::middle_of(scene.timeline()));
   }
@@ -360,6 +362,7 @@ void add_render(Registry& registry) {
   verb->add_option("--background", arguments->background,
                    "Colour behind the scene, each 0 to 1 (default: 0,0,0)")
       ->type_name("R,G,B");
+  add_tier_option(verb, arguments->max_tier);
   add_detail_option(verb, arguments->detail);
   verb->add_option("--path", arguments->path,
                    "Renderer: fast, or reference (double precision, slow, for checking)")

@@ -20,6 +20,7 @@ struct SliceArguments {
   std::string output;
   SequenceArguments sequence;
   std::string detail = "full";
+  uint32_t max_tier = UINT32_MAX;
   bool tolerant = false;
   bool digest = false;
   ImportArguments import;
@@ -132,6 +133,7 @@ Outcome run_slice(Context& context, const SliceArguments& arguments) {
   const Input input(context, arguments.input);
   const TolerantStream stream(context, input, arguments.import, arguments.tolerant);
   stream.decoder().set_detail(detail_id(arguments.detail));
+  stream.decoder().set_layers(UINT32_MAX, arguments.max_tier);
   const std::vector<double> times = instants(context, arguments.sequence, stream.info().timeline);
   note_placement(context, stream.info().placement);
 
@@ -184,6 +186,7 @@ void add_slice(Registry& registry) {
                  "Write nothing and print XXH3-64 of each array of the slice. Slices are not "
                  "normative: this is for comparing builds of this library");
   add_sequence_options(verb, arguments->sequence);
+  add_tier_option(verb, arguments->max_tier);
   add_detail_option(verb, arguments->detail);
   add_tolerant_option(verb, arguments->tolerant);
   verb->add_option("--seconds", arguments->import.seconds,

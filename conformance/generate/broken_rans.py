@@ -45,6 +45,7 @@ class Parts:
         self.draw()
         self.split, self.tables, self.num_wide, self.num_tables = True, [WIDE, HYBRID], 1, None
         self.records, self.table_bytes, self.end = [{}, {}], {}, {}
+        self.file = {}                    # of the file: options of build()
         self.page_bytes = self.detail_bytes = self.chunk_bytes = lambda raw: raw
 
     def draw(self):
@@ -83,7 +84,7 @@ class Parts:
                  {**record, "codec": 2, "raw": self.page_bytes(raw),
                   "detail": self.detail_bytes(detail), **self.records[1]}]
         layer = dict({"entropy": self.chunk_bytes(chunk)}, **self.layer)
-        return sb.build(dict(self.scene, layers=[dict(layer, pages=pages)]), rng=FIRST)
+        return sb.build(dict(self.scene, layers=[dict(layer, pages=pages)]), rng=FIRST, **self.file)
 
 
 def edited(*edits):
@@ -301,6 +302,7 @@ def broken_pages():
     yield "CHNK-8 second", second(lambda raw: raw + bytes(20000))
     yield "DIR-13", parts(split=False, records=[{}, {"patch": {"sh_offset": 1}}])
     yield "DIR-13 hash", parts(split=False, records=[{}, {"patch": {"sh_hash": 1}}])
+    yield "FILE-7 detail", parts(file={"flags": 5, "streamable": lambda what, found: found[::-1]})
     yield "DIR-13 streams", parts(records=[{"detail": bytes(128)}, {}])
     yield "DIR-13 zstd", parts(records=[{"detail": bytes(128), "codec": 1}, {}])
     yield "DIR-13 base", edited(lambda p: p.scene.update(sh_base=2), lambda p: p.records[1].update(

@@ -230,6 +230,17 @@ def flipped(find, repair=False):
     return bytes(data)
 
 
+STREAMABLE = 5              # flags: a draft in the streamable layout
+
+
+def streamable(order):
+    """Layers of level 0 with the tiers 0 and 1, and the layer of level 1."""
+    s = scene()
+    s["layers"].insert(1, dict(copy.deepcopy(s["layers"][0]), tier=1))
+    s["num_gaussians"] += s["layers"][1]["num_gaussians"]
+    return sb.build(s, flags=STREAMABLE, rng=FIRST, streamable=order)
+
+
 def broken():
     """(clause, file) of streams that break one rule each; a second word tells cases of it apart."""
     inf = float("inf")
@@ -243,6 +254,10 @@ def broken():
     yield "FILE-4", whole[:9] + b"\x01" + whole[10:]
     yield "FILE-5", header_edited(lambda d, b, e: put(d, 16, 39))
     yield "FILE-6", flipped("Header.num_gaussians =")
+    yield "FILE-7", sb.build(scene(), flags=STREAMABLE, rng=FIRST)
+    for part in ("pages", "directory"):
+        yield f"FILE-7 {part}", streamable(lambda what, parts, part=part: parts[::-1] if what == part else parts)
+    yield "FILE-7 tier", streamable(lambda what, parts: parts[1::-1] + parts[2:] if what == "pages" else parts)
     yield "HEAD-1", header_edited(lambda d, b, e: put(d, b + 4, 0x6C))
     yield "HEAD-2", edited(lambda s: s.update(num_frames=0))
     yield "HEAD-3", edited(lambda s: s.update(position_scale=2.0 ** -61))

@@ -25,6 +25,7 @@ EXTRA = {"default-zstd": [*PRESETS["default"], "--set", "rans=0"],
          "indexed-zstd": [*PRESETS["indexed"], "--set", "rans=0", "--set", "page-size=64"],
          "rcq": ["--preset", "default", *FEW[:4], "--rcq", "always", "--rcq-size", "8", "--set", "coding=0",
                  "--codebook", "all=32"],
+         "tiers": [*PRESETS["default"], "--tiers", "0.15,0.5"],
          "stages": ["--preset", "indexed", *FEW[:4], "--codebook", "all=16", "--stages", "all=1,0.5,0.25"]}
 
 

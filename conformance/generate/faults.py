@@ -8,7 +8,7 @@ import broken_streams
 import faulty_frames
 
 # Of validators alone (DEC-3).
-OF_VALIDATORS = {"DIR-9", "DIR-10", "LAYR-1", "LAYR-3", *(f"LEVL-{k}" for k in range(1, 9))}
+OF_VALIDATORS = {"FILE-7", "DIR-9", "DIR-10", "LAYR-1", "LAYR-3", *(f"LEVL-{k}" for k in range(1, 9))}
 # Files too large to be kept: the test spec/streams makes them.
 LARGE = {"LEVL-5", "LEVL-6", "LEVL-7"}
 # What else may be said of a file.

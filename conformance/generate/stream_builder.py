@@ -139,8 +139,11 @@ def rcq_table(rng, pairs, num_global, num_residual):
 
 # ---- the file ------------------------------------------------------------------------------------
 
-def build(scene, version=(1, 0), flags=1, rng=None, unknown_fields=False, zstd=0.0, header_last=False):
-    """zstd: how likely a chunk is to be a zstd frame. header_last: the scene header is at the end."""
+def build(scene, version=(1, 0), flags=1, rng=None, unknown_fields=False, zstd=0.0, header_last=False,
+          streamable=None):
+    """zstd: how likely a chunk is to be a zstd frame. header_last: the scene header is at the end.
+    streamable: the streamable layout; a function of ("pages" or "directory", what lies in its order), which
+    returns the order to take."""
     header, rng = dict(scene), rng or Rng(0)
     payload, codebooks = [], []           # (reference to fill, stored bytes)
 
@@ -185,6 +188,9 @@ def build(scene, version=(1, 0), flags=1, rng=None, unknown_fields=False, zstd=0
     at = rng.randrange(20)
     shuffled = payload[:]
     rng.shuffle(shuffled)
+    if streamable is not None:
+        at = 0
+        shuffled = streamable("pages", in_streamable_order(scene, directories, payload))
     tail = bytearray(rng.randbytes(at))
     for ref, raw in shuffled:
         ref["offset"] = len(tail)
@@ -204,7 +210,9 @@ def build(scene, version=(1, 0), flags=1, rng=None, unknown_fields=False, zstd=0
         body += rng.randbytes(rng.randrange(3))
         ref["offset"] = at + len(body)
         body += raw
-    for index, pages in enumerate(directories):
+    if streamable is not None:
+        body += streamable_directory(scene, header, directories, chunk, at + len(body), streamable)
+    for index, pages in enumerate(directories if streamable is None else []):
         stored, entries = [], []
         for p in pages:
             ref = chunk(write_flatbuffer(table("DirectoryPage", p), b"L4DD"), stored) if p else {}
@@ -222,6 +230,43 @@ def build(scene, version=(1, 0), flags=1, rng=None, unknown_fields=False, zstd=0
         place = at + len(body) + len(tail)
         return file_header(raw, version, flags, place) + bytes(body) + bytes(tail) + raw
     return file_header(raw, version, flags) + raw + bytes(body) + bytes(tail)
+
+
+def begin_of_bucket(layer, bucket):
+    return 1 + (bucket << 39 - layer["level"]) if layer["level"] > 0 else 0
+
+
+def in_streamable_order(scene, directories, payload):
+    places = {}                           # of the reference of a chunk
+    for index, (layer, pages) in enumerate(zip(scene["layers"], directories)):
+        for page in filter(None, pages):
+            for p in page["pages"]:
+                place = (begin_of_bucket(layer, p["bucket"]), layer.get("tier", 0), index, p["bucket"])
+                places[id(p.ref)], places[id(p.detail)] = (*place, 1), (*place, 2)
+                if p["block"] == NO_BLOCK:
+                    continue
+                for t in page["blocks"][p["block"]]["tables"]:
+                    places.setdefault(id(t["table"]), (*place, 0))
+    return sorted(payload, key=lambda part: places[id(part[0])])
+
+
+def streamable_directory(scene, header, directories, chunk, at, streamable):
+    """Page tables and directory pages from byte `at` of the file on."""
+    stored, begins = [], {}
+    entries = [[chunk(write_flatbuffer(table("DirectoryPage", p), b"L4DD"), stored) if p else {} for p in pages]
+               for pages in directories]
+    for layer, refs in zip(scene["layers"], entries):
+        begins.update((id(ref), begin_of_bucket(layer, d << layer["directory_bits"])) for d, ref in enumerate(refs))
+    pages = streamable("directory", sorted(stored, key=lambda part: begins[id(part[0])]))
+    place = at + 32 * sum(map(len, entries))
+    for ref, raw in pages:
+        ref["offset"] = place
+        place += len(raw)
+    tables = b""
+    for index, refs in enumerate(entries):
+        header["layers"][index]["page_table_offset"] = at + len(tables)
+        tables += b"".join(map(table_entry, refs))
+    return tables + b"".join(raw for _, raw in pages)
 
 
 def table_entry(ref):

@@ -29,7 +29,7 @@ class File:
     """explain: keep in `claims` what every byte that is read means, as (begin, end, text)."""
 
     def __init__(self, data, explain=False):
-        self.data, self.claims, self.explain = data, [], explain
+        self.data, self.claims, self.explain, self.flags = data, [], explain, 0
 
     def claim(self, begin, end, text):
         if self.explain:
@@ -73,6 +73,7 @@ class File:
         require(len(d) >= 40, "FILE-1", f"a file of {len(d)} bytes", len(d))
         major, minor, flags, header_bytes, offset, header_hash, own_hash = struct.unpack_from(
             "<BBHIQQQ", d, 8)
+        self.flags = flags
         require(own_hash == xxh3_64(d[:32]), "FILE-4", "hash of the file header", 32)
         require(major == 1, "FILE-2", f"version {major}.{minor}", 8)
         require(flags & 0xFF00 == 0, "FILE-3", f"flags {flags:04x}", 10)

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a validator checks beside what a decoder meets: CHNK-4 of everything, DIR-9, DIR-10, LAYR-1
+"""What a validator checks beside what a decoder meets: CHNK-4 of everything, FILE-7, DIR-9, DIR-10, LAYR-1
 and the LEVL rules, sections 7, 12, 15 and 18 of spec/l4d.md."""
 
 import math
 
+import layout
 import levels
 from arithmetic import half, require
 from decoder import Query
@@ -64,41 +65,59 @@ def check_tables(decoder):
 class TakenOfFile(Taken):
     def __init__(self, file_bytes):
         super().__init__()
-        self.file_bytes = file_bytes
+        self.file_bytes, self.parts = file_bytes, []
 
-    def take(self, begin, size, what):
+    def take(self, begin, size, what, place):
+        """place: in the streamable layout."""
         require(size == 0 or begin + size <= self.file_bytes, "CHNK-1", f"{what} beyond the file", begin)
         super().take(begin, size, what)
+        self.parts += [(begin, place)] if size > 0 else []
 
 
 def check_ranges(decoder):
-    """CHNK-4, of all that the stream refers to; pages and block codebooks too."""
+    """CHNK-4, of all that the stream refers to; pages and block codebooks too. FILE-7."""
     taken, h = TakenOfFile(len(decoder.file.data)), decoder.header
-    taken.take(0, 40, "the file header")
-    taken.take(decoder.header_at, decoder.header_bytes, "the scene header")
+    taken.take(0, 40, "the file header", (layout.HEADERS,))
+    taken.take(decoder.header_at, decoder.header_bytes, "the scene header", (layout.HEADERS,))
     for _, _, _, stage in stages_of(decoder):
         ref = stage["codebook"]
-        taken.take(ref["offset"], ref["stored_bytes"], "a codebook")
+        taken.take(ref["offset"], ref["stored_bytes"], "a codebook", (layout.TABLES,))
     for index, layer in enumerate(h["layers"]):
         if layer["num_gaussians"] == 0:
             continue
         if layer["entropy"] is not None:
             ref = layer["entropy"]
-            taken.take(ref["offset"], ref["stored_bytes"], "an entropy chunk")
+            taken.take(ref["offset"], ref["stored_bytes"], "an entropy chunk", (layout.TABLES,))
         number = directory_pages(layer["level"], layer["directory_bits"])
-        taken.take(layer["page_table_offset"], 32 * number, "a page table")
+        taken.take(layer["page_table_offset"], 32 * number, "a page table", (layout.PAGE_TABLES,))
         for d in range(number):
             entry = decoder.directory.entry(index, d)
-            taken.take(entry["offset"], entry["stored_bytes"], "a directory page")
-        base = h["payload_offset"]
+            taken.take(entry["offset"], entry["stored_bytes"], "a directory page",
+                       layout.directory_place(layer, d))
         for page in decoder.directory.pages(index):
-            for ref in [t["table"] for block in page["blocks"] or () for t in block["tables"]]:
-                taken.take(base + ref["offset"], ref["stored_bytes"], "a block codebook")
-            for r in page["pages"]:
-                taken.take(base + r["offset"], r["stored_bytes"], "a page")
-                taken.take(base + r["sh_offset"], r["sh_bytes"], "an SH chunk")
-            for block in range(len(page["blocks"] or ())):
-                decoder.codebooks.of_block(index, page["blocks"][block])
+            check_ranges_of_payload(decoder, index, page, taken)
+    if decoder.file.flags & layout.STREAMABLE:
+        layout.check_order(taken.parts)
+
+
+def check_ranges_of_payload(decoder, index, page, taken):
+    """Of what one directory page refers to."""
+    layer, base = decoder.header["layers"][index], decoder.header["payload_offset"]
+    for block, place in zip(page["blocks"] or (), layout.block_places(layer, page)):
+        for t in block["tables"]:
+            taken.take(base + t["table"]["offset"], t["table"]["stored_bytes"], "a block codebook", place)
+        decoder.codebooks.of_block(index, block)
+    of_bucket = {}
+    for r in page["pages"]:
+        place = layout.payload_place(layer, r["bucket"])
+        taken.take(base + r["offset"], r["stored_bytes"], "a page", place)
+        taken.take(base + r["sh_offset"], r["sh_bytes"], "an SH chunk", place)
+        chunks = of_bucket.setdefault(r["bucket"], [])
+        chunks += [(base + r["offset"], (0,))]
+        chunks += [(base + r["sh_offset"], (1,))] if r["sh_bytes"] > 0 else []
+    for chunks in of_bucket.values():
+        if decoder.file.flags & layout.STREAMABLE:
+            layout.check_order(chunks)
 
 
 def check_gaussian(h, layer, record, place, position, mean, rate, velocity, window):

@@ -15,6 +15,7 @@ Status measure_sections(SceneFile& file, PageDecoder& pages, uint64_t* sections,
   all.struct_size = sizeof all;
   all.kind = L4D_QUERY_ALL;
   all.max_level = ~0u;
+  all.max_tier = ~0u;
   Plan plan;
   L4D_RETURN_IF_ERROR(make_plan(file, all, nullptr, &plan));
   SectionBytes bytes{};

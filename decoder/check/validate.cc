@@ -8,6 +8,7 @@
 #include "decoder/check/inspection.h"
 #include "decoder/session/decoder.h"
 #include "libl4dcodec/base/half.h"
+#include "libl4dcodec/container/streamable.h"
 #include "libl4dcodec/scene/layers.h"
 #include "libl4dcodec/scene/slice.h"
 
@@ -23,10 +24,10 @@ class Validator {
   Status run() {
     const SceneHeader& header = file_.header();
     Taken taken;
-    L4D_RETURN_IF_ERROR(take({0, 0, FileHeader::kBytes, 0, 0}, "the file header", &taken));
+    L4D_RETURN_IF_ERROR(take({0, 0, FileHeader::kBytes, 0, 0}, "the file header", 0, &taken));
     L4D_RETURN_IF_ERROR(
         take({file_.file_header().header_offset, 0, file_.file_header().header_bytes, 0, 0},
-             "the scene header", &taken));
+             "the scene header", 0, &taken));
     note_shared(taken);
     L4D_RETURN_IF_ERROR(check_codebooks(header.sh, 0, L4D_COMPONENT_SH));
     for (uint32_t l = 0; l < header.layers.size(); ++l) {
@@ -36,6 +37,7 @@ class Validator {
       L4D_RETURN_IF_ERROR(advance(0));
       L4D_RETURN_IF_ERROR(check_layer(l));
     }
+    check_layout();
     return check_declared();
   }
 
@@ -44,6 +46,7 @@ class Validator {
   struct Range {
     uint64_t end;
     const char* what;
+    uint64_t place;  // in the streamable layout
   };
   // How many ranges, of those that were taken with it, share bytes with others, and the first.
   struct Taken {
@@ -80,10 +83,10 @@ class Validator {
   // Takes the stored bytes of a chunk. What shares bytes with something taken before is counted in
   // *taken, and is not to be read: so each byte of the file is read and decoded once, whatever
   // refers to it.
-  Status take(const ChunkRef& chunk, const char* what, Taken* taken) {
-    return take(chunk.offset, chunk.stored_bytes, what, taken);
+  Status take(const ChunkRef& chunk, const char* what, uint64_t place, Taken* taken) {
+    return take(chunk.offset, chunk.stored_bytes, what, place, taken);
   }
-  Status take(uint64_t begin, uint64_t bytes, const char* what, Taken* taken) {
+  Status take(uint64_t begin, uint64_t bytes, const char* what, uint64_t place, Taken* taken) {
     if (bytes == 0 || !in_file(begin, bytes)) return {};
     const uint64_t end = begin + bytes;
     const auto next = ranges_.lower_bound(begin);
@@ -94,7 +97,7 @@ class Validator {
     }
     if (with == nullptr) {
       L4D_RETURN_IF_ERROR(memory_.take(kBytesPerSpan, "the ranges of the file"));
-      ranges_.emplace_hint(next, begin, Range{end, what});
+      ranges_.emplace_hint(next, begin, Range{end, what, place});
     } else if (taken->num_shared++ == 0) {
       taken->offset = begin;
       taken->what = what;
@@ -125,7 +128,7 @@ class Validator {
                         unsigned index) {
     const CodebookData* codebook = nullptr;
     Taken taken;
-    L4D_RETURN_IF_ERROR(take(stage.codebook, what, &taken));
+    L4D_RETURN_IF_ERROR(take(stage.codebook, what, kTablesPlace, &taken));
     note_shared(taken);
     if (taken.num_shared > 0) return {};
     return note(file_.codebooks().codebook(layer, c, index, &codebook));
@@ -145,7 +148,7 @@ class Validator {
     if (layer.has_entropy) {
       const EntropyTables* tables = nullptr;
       Taken taken;
-      L4D_RETURN_IF_ERROR(take(layer.entropy, "entropy tables", &taken));
+      L4D_RETURN_IF_ERROR(take(layer.entropy, "entropy tables", kTablesPlace, &taken));
       note_shared(taken);
       // Whether the layer may have rANS pages matters where it has one.
       if (taken.num_shared == 0 && rans_codable(file_.header(), layer)) {
@@ -159,7 +162,7 @@ class Validator {
         std::min<uint64_t>(num_directory_pages(layer), room / PageTableEntry::kBytes));
     Taken taken;
     L4D_RETURN_IF_ERROR(take(layer.page_table_offset, num_entries * PageTableEntry::kBytes,
-                             "a page table", &taken));
+                             "a page table", kPageTablesPlace, &taken));
     note_shared(taken);
     if (taken.num_shared > 0) return {};
     if (num_entries < num_directory_pages(layer)) {
@@ -192,7 +195,9 @@ class Validator {
     PageTableEntry entry;
     Status status = PageTableEntry::parse(bytes, at, &entry);
     Taken taken;
-    if (status.ok()) L4D_RETURN_IF_ERROR(take(entry.chunk, "a directory page", &taken));
+    if (status.ok()) {
+      L4D_RETURN_IF_ERROR(take(entry.chunk, "a directory page", directory_place(layer, d), &taken));
+    }
     note_shared(taken);
     DirectoryPageRef read;
     if (status.ok() && taken.num_shared == 0) status = file_.directory().page(l, d, &read);
@@ -200,12 +205,14 @@ class Validator {
     if (!status.ok()) return note(status);
     if (read == nullptr) return {};
     const DirectoryPage& page = read->page;
+    check_parts(page);
     Taken parts;
     std::vector<bool> block_is_shared(page.blocks.size());
+    const std::vector<uint64_t> block_places = places_of_blocks(layer, d, page);
     for (size_t b = 0; b < page.blocks.size(); ++b) {
       const uint64_t before = parts.num_shared;
       for (const RcqTableRef& t : page.blocks[b].tables) {
-        L4D_RETURN_IF_ERROR(take(t.chunk, "a block codebook", &parts));
+        L4D_RETURN_IF_ERROR(take(t.chunk, "a block codebook", block_places[b], &parts));
       }
       block_is_shared[b] = parts.num_shared > before;
     }
@@ -213,8 +220,9 @@ class Validator {
       *total += record.num_gaussians;
       if (*total > layer.num_gaussians) break;
       const uint64_t before = parts.num_shared;
-      L4D_RETURN_IF_ERROR(take(record.chunk, "a page", &parts));
-      L4D_RETURN_IF_ERROR(take(record.sh_detail, "the SH detail of a page", &parts));
+      const uint64_t place = payload_place(layer, record.bucket);
+      L4D_RETURN_IF_ERROR(take(record.chunk, "a page", place, &parts));
+      L4D_RETURN_IF_ERROR(take(record.sh_detail, "the SH detail of a page", place, &parts));
       const bool shared =
           parts.num_shared > before || (record.block != kNoBlock && block_is_shared[record.block]);
       if (!shared) L4D_RETURN_IF_ERROR(note(check_page(l, d, read, record)));
@@ -223,6 +231,56 @@ class Validator {
     note_shared(parts);
     file_.trim();
     return {};
+  }
+
+  bool is_streamable() const {
+    return (file_.file_header().flags & FileHeader::kStreamableFlag) != 0;
+  }
+
+  // A block codebook lies with the first bucket that uses it, or with the first of all.
+  static std::vector<uint64_t> places_of_blocks(const LayerHeader& layer, uint32_t d,
+                                                const DirectoryPage& page) {
+    std::vector<uint64_t> places(page.blocks.size(), UINT64_MAX);
+    for (const PageRecord& record : page.pages) {
+      if (record.block == kNoBlock) continue;
+      uint64_t& place = places[record.block];
+      place = std::min(place, payload_place(layer, record.bucket));
+    }
+    const uint64_t unused = payload_place(layer, d << layer.directory_bits);
+    std::replace(places.begin(), places.end(), UINT64_MAX, unused);
+    return places;
+  }
+
+  // FILE-7, of the pages of each bucket: base chunks come before SH chunks.
+  void check_parts(const DirectoryPage& page) {
+    if (!is_streamable()) return;
+    const std::vector<PageRecord>& pages = page.pages;
+    for (size_t begin = 0, end = 0; begin < pages.size(); begin = end) {
+      uint64_t last_base = 0, first_detail = UINT64_MAX;
+      for (; end < pages.size() && pages[end].bucket == pages[begin].bucket; ++end) {
+        last_base = std::max(last_base, pages[end].chunk.offset);
+        if (!pages[end].has_sh_detail()) continue;
+        first_detail = std::min(first_detail, pages[end].sh_detail.offset);
+      }
+      if (first_detail > last_base) continue;
+      report_(
+          corrupt("FILE-7", first_detail, "an SH chunk lies before a base chunk of its bucket"));
+      return;
+    }
+  }
+
+  // FILE-7, of everything else. Ranges that overlap others are not there.
+  void check_layout() {
+    if (!is_streamable()) return;
+    const auto is_late = [](const auto& a, const auto& b) {
+      return a.second.place > b.second.place;
+    };
+    const auto first = std::adjacent_find(ranges_.begin(), ranges_.end(), is_late);
+    if (first == ranges_.end()) return;
+    const auto next = std::next(first);
+    report_(corrupt("FILE-7", next->first,
+                    std::string(next->second.what) + " lies behind " + first->second.what +
+                        ", and not as the streamable layout has it"));
   }
 
   // Decodes one page and holds its Gaussians against the bucket it lies in.

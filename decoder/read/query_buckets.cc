@@ -41,13 +41,17 @@ Status check_buckets(const l4d_query& query, const SceneHeader& header) {
   return {};
 }
 
+bool leaves_out(const l4d_query& query, const LayerHeader& layer) {
+  return layer.level > query.max_level || layer.tier > query.max_tier || layer.num_gaussians == 0;
+}
+
 // Buckets that follow each other make one run.
 void add_listed_buckets(const l4d_query& query, const SceneHeader& header,
                         std::vector<BucketRun>* runs) {
   for (uint64_t i = 0; i < query.num_buckets; ++i) {
     const l4d_bucket& b = query.buckets[i];
     const LayerHeader& layer = header.layers[b.layer];
-    if (layer.level > query.max_level || layer.num_gaussians == 0) continue;
+    if (leaves_out(query, layer)) continue;
     if (!runs->empty() && runs->back().layer == b.layer &&
         runs->back().buckets.last + 1 == b.bucket) {
       ++runs->back().buckets.last;
@@ -73,7 +77,7 @@ Status find_query_buckets(const SceneHeader& header, const l4d_query& query, Que
   const Interval& t = out->interval;
   for (uint32_t i = 0; i < header.layers.size(); ++i) {
     const LayerHeader& layer = header.layers[i];
-    if (layer.level > query.max_level || layer.num_gaussians == 0) continue;
+    if (leaves_out(query, layer)) continue;
     BucketRange buckets{0, num_buckets(layer.level) - 1};
     if (!t.everything) {
       buckets = buckets_of_phases(phase_of_time(header.timeline, t.begin),

@@ -67,7 +67,8 @@ Status Slicer::load_instant(double* time, bool with_shape) {
   l4d_query query{};
   query.struct_size = sizeof query;
   query.kind = L4D_QUERY_TIME;
-  query.max_level = ~0u;
+  query.max_level = max_level_;
+  query.max_tier = max_tier_;
   query.time_begin = *time;
   query.detail = detail_;
   query.whole_buckets = 1;

@@ -18,6 +18,11 @@ class Slicer {
   Status slice(double time, l4d_splat_columns* out);
   // Kept from stream to stream.
   Status set_detail(uint32_t detail);
+  // Layers of finer levels and of higher tiers are left out.
+  void set_layers(uint32_t max_level, uint32_t max_tier) {
+    max_level_ = max_level;
+    max_tier_ = max_tier;
+  }
   // Before the stream is closed.
   void close();
   BucketCache& cache() { return cache_; }
@@ -33,6 +38,8 @@ class Slicer {
   BucketCache cache_;
   ReadAhead ahead_;
   uint32_t detail_ = L4D_DETAIL_FULL;
+  uint32_t max_level_ = UINT32_MAX;
+  uint32_t max_tier_ = UINT32_MAX;
   // Of the last slice: what the rows are, and the numbers of their buckets.
   std::vector<uint64_t> still_rows_;
   uint64_t still_key_ = 1;

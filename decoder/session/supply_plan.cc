@@ -70,6 +70,7 @@ class SupplyPlanner {
     query.struct_size = sizeof query;
     query.kind = L4D_QUERY_RANGE;
     query.max_level = query_.max_level;
+    query.max_tier = query_.max_tier;
     query.time_begin = begin_;
     query.time_end = end_;
     query.detail = query_.detail;

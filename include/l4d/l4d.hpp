@@ -170,6 +170,9 @@ class DecoderHandle {
     return a;
   }
   void set_detail(uint32_t detail) const { check(l4d_decoder_set_detail(get(), detail)); }
+  void set_layers(uint32_t max_level, uint32_t max_tier) const {
+    check(l4d_decoder_set_layers(get(), max_level, max_tier));
+  }
   SplatArrays slice(double time, const SliceOptions& options = {}) const {
     const l4d_info i = info();
     l4d_splat_buffers b;

@@ -15,8 +15,9 @@ struct FileHeader {
   static constexpr std::array<unsigned char, 8> kMagic = {0x89, 'L',  '4',  'D',
                                                           0x0d, 0x0a, 0x1a, 0x0a};
   static constexpr uint16_t kDevelopmentFlag = 1u << 0;
-  static constexpr uint16_t kIgnoredFlags = 0x00fe;   // a decoder does not look at these
-  static constexpr uint16_t kRejectedFlags = 0xff00;  // a decoder refuses a file that sets one
+  static constexpr uint16_t kStreamableFlag = 1u << 2;  // of writers, for readers who care
+  static constexpr uint16_t kIgnoredFlags = 0x00fe;     // a decoder does not look at these
+  static constexpr uint16_t kRejectedFlags = 0xff00;    // a decoder refuses a file that sets one
 
   uint8_t version_major = L4D_BITSTREAM_MAJOR;
   uint8_t version_minor = L4D_BITSTREAM_MINOR;

@@ -313,9 +313,7 @@ class HeaderParser {
 
   Status parse_layers(const flatbuffers::Vector<flatbuffers::Offset<fbs::Layer>>& layers) {
     const unsigned levels = num_layers(out_.timeline.num_frames);
-    // A level may hold several layers: falloffs or windows, coded or stored as they are, and in
-    // level 0 permanent ones and ones with mean times far outside.
-    if (layers.size() == 0 || layers.size() > 4 * levels + 2) {
+    if (layers.size() == 0 || layers.size() > max_layers(out_.timeline.num_frames)) {
       return bad("HEAD-6", "no layer, or more than the levels allow");
     }
     uint64_t total = 0;
@@ -424,6 +422,7 @@ class HeaderParser {
     }
     out->page_table_offset = l.page_table_offset();
     out->raw_position = l.raw_position();
+    out->tier = l.tier();
     out->has_entropy = l.entropy() != nullptr;
     if (out->has_entropy) {
       const fbs::ChunkRef& e = *l.entropy();
@@ -457,7 +456,7 @@ Bytes serialize_scene_header(const SceneHeader& h) {
         static_cast<uint8_t>(l.mean_t_shift), l.has_entropy ? &entropy : nullptr, l.mean_t_step,
         static_cast<uint16_t>(l.mean_t_zero), static_cast<uint8_t>(l.mean_t_bits), l.mean_t_fine,
         l.raw_position, l.window_length, static_cast<uint8_t>(l.window_begin_bits),
-        static_cast<uint8_t>(l.window_length_bits)));
+        static_cast<uint8_t>(l.window_length_bits), static_cast<uint8_t>(l.tier)));
   }
   const auto layer_vector = b.CreateVector(layers);
   const auto opacity = to_fbs(b, h.opacity);

@@ -143,6 +143,7 @@ struct LayerHeader : MeanTimeCoding {
   bool has_entropy = false;
   ChunkRef entropy;           // tables of the layer's rans32 pages
   bool raw_position = false;  // raw32, whatever the scene's positions are
+  unsigned tier = 0;          // players may leave out those above one
 
   // Numbers of a normalised scale vector: permanent layers carry no temporal scale.
   unsigned scale_dim() const { return permanent ? 3 : 4; }

@@ -38,6 +38,12 @@ L4D_HOST_DEVICE constexpr uint32_t num_layers(uint32_t num_frames) {
   return layers;
 }
 
+// Most layers of a stream: in each level falloffs or windows, coded or stored as they are, and in
+// level 0 permanent ones and ones with mean times far outside.
+L4D_HOST_DEVICE constexpr uint32_t max_layers(uint32_t num_frames) {
+  return 4 * num_layers(num_frames) + 2;
+}
+
 // log2 of the number of buckets.
 L4D_HOST_DEVICE constexpr int bucket_bits(uint32_t layer) {
   return layer == 0 ? 0 : static_cast<int>(layer) + 1;

@@ -91,9 +91,10 @@ TEST(StructSize, InitFillsExactlyTheStruct) {
 // Each function that fills a struct, with structs of several versions.
 using Fill = std::function<l4d_status(void*)>;
 
+// first_version: bytes of the struct's first version.
 template <typename T, typename Init>
-void expect_results_within(Init init, const Fill& fill) {
-  for (const size_t size : {sizeof(T), sizeof(T) + 40}) {
+void expect_results_within(Init init, const Fill& fill, size_t first_version = sizeof(T)) {
+  for (const size_t size : {first_version, sizeof(T), sizeof(T) + 40}) {
     Sized<T> s(size, init);
     EXPECT_EQ(fill(s.get()), L4D_OK) << l4d_last_error_message();
     EXPECT_EQ(s->struct_size, size);
@@ -101,7 +102,7 @@ void expect_results_within(Init init, const Fill& fill) {
     EXPECT_TRUE(s.zero_between(std::min(size, sizeof(T)), size));
   }
   // Smaller than any version: nothing is written.
-  for (const size_t size : {size_t{0}, sizeof(size_t), sizeof(T) - 8}) {
+  for (const size_t size : {size_t{0}, sizeof(size_t), first_version - 8}) {
     Sized<T> s(size, [](T* at, size_t bytes) { at->struct_size = bytes; });
     const Sized<T> before = s;
     EXPECT_EQ(fill(s.get()), L4D_ERR_INVALID_ARGUMENT) << size;
@@ -114,15 +115,16 @@ TEST(StructSize, ResultsStayWithinIt) {
   const DecoderHandle handle = opened();
   l4d_decoder* const d = handle.get();
   const l4d_query q = all_query();
-  expect_results_within<l4d_info>(l4d_info_init_, [&](void* to) {
-    return l4d_decoder_get_info(d, static_cast<l4d_info*>(to));
-  });
+  expect_results_within<l4d_info>(
+      l4d_info_init_, [&](void* to) { return l4d_decoder_get_info(d, static_cast<l4d_info*>(to)); },
+      offsetof(l4d_info, streamable));
   expect_results_within<l4d_coding_errors>(l4d_coding_errors_init_, [&](void* to) {
     return l4d_decoder_get_coding_errors(d, static_cast<l4d_coding_errors*>(to));
   });
-  expect_results_within<l4d_layer_info>(l4d_layer_info_init_, [&](void* to) {
-    return l4d_decoder_get_layer_info(d, 0, static_cast<l4d_layer_info*>(to));
-  });
+  expect_results_within<l4d_layer_info>(
+      l4d_layer_info_init_,
+      [&](void* to) { return l4d_decoder_get_layer_info(d, 0, static_cast<l4d_layer_info*>(to)); },
+      offsetof(l4d_layer_info, tier));
   expect_results_within<l4d_selection>(l4d_selection_init_, [&](void* to) {
     return l4d_decoder_select(d, &q, static_cast<l4d_selection*>(to));
   });

@@ -39,6 +39,8 @@ void prepare_encoder(const TestScene& scene, const EncodeOptions& options, const
     e.check(l4d_encoder_set_stages(e.get(), component, static_cast<uint32_t>(fractions.size()),
                                    fractions.data()));
   }
+  e.check(l4d_encoder_set_tiers(e.get(), static_cast<uint32_t>(options.tiers.size()),
+                                options.tiers.data()));
   const l4d_gaussians view = scene.view();
   e.check(l4d_encoder_set_scene(e.get(), &view, &scene.timeline, nullptr));
   for (const auto& [which, weights] : options.weights) {

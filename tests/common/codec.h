@@ -29,6 +29,7 @@ struct EncodeOptions {
   uint32_t threads = 1;
   uint64_t seed = 0;
   std::vector<std::pair<uint32_t, const std::vector<float>*>> weights;  // L4D_WEIGHT_*, [n]
+  std::vector<float> tiers;                                             // shares
 };
 
 struct Encoded {

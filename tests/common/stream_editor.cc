@@ -90,6 +90,8 @@ EditedDirectoryPage take_directory_page(const Bytes& file, const SceneHeader& he
 
 StreamEditor::StreamEditor(const Bytes& bytes) {
   require(FileHeader::parse(part(bytes, 0, FileHeader::kBytes), &file));
+  // build() writes in another order.
+  file.flags &= static_cast<uint16_t>(~FileHeader::kStreamableFlag);
   require(parse_scene_header(part(bytes, file.header_offset, file.header_bytes), file.header_offset,
                              &header));
   for (size_t s = 0; s < header.sh.num_codebooks(); ++s) {

@@ -174,7 +174,7 @@ TEST(DoubleTimes, SlicesShowEventsWhenTheyAre) {
     const TestScene scene = long_day(begin);
     for (const char* preset : {"lossless", "archive"}) {
       EncodeOptions options = options_of(preset);
-      if (preset[0] == 'l') options = EncodeOptions{preset, false, {}, {}, 1, 0, {}};
+      if (preset[0] == 'l') options = EncodeOptions{preset, false, {}, {}, 1, 0, {}, {}};
       const Encoded e = encode(scene, options);
       const GaussianArrays a = decode(e.bytes, all_query());
       DecoderHandle d;

@@ -3,7 +3,7 @@
 """Rewrites a stream as a later version might have written it.
 
   later_version.py 1.1 IN OUT    with all that a minor version may add: unknown fields in every table,
-                                 an unknown extension with a chunk, flags 1 to 7, `reserved` of structs
+                                 an unknown extension with a chunk, flags 1 and 3 to 7, `reserved` of structs
   later_version.py 2.0 IN OUT    the same bytes under another major version
 
 The pages, and so the Gaussians, stay as they are. The scene header and the directory pages are written
@@ -89,7 +89,8 @@ def next_minor(data, minor=1, critical=False):
     header["extensions"] = [*(header["extensions"] or ()),
                             {"id": EXPERIMENTAL + 1, "critical": critical, "chunk": chunk}]
     raw = buffer("Header", header, b"L4DH")
-    flags = int.from_bytes(data[10:12], "little") | 0xFE
+    # What is added lies at the end: that is not the streamable layout.
+    flags = (int.from_bytes(data[10:12], "little") | 0xFE) & ~4
     file_header(out, (1, minor), flags, len(raw), append(raw), xxh3_64(raw))
     return bytes(out)
 

@@ -111,7 +111,7 @@ class Versions(unittest.TestCase):
         table = sb.table("Header", Decoder(data).header)
         self.assertGreater(later_version.add_unknown_fields(table), 10)
         self.assertEqual(later[8:10], bytes((1, 1)))
-        self.assertEqual(later[10] & 0xFE, 0xFE)
+        self.assertEqual(later[10] & 0xFE, 0xFA)
         header = Decoder(later).header
         self.assertEqual([e["id"] for e in header["extensions"]], [later_version.EXPERIMENTAL + 1])
         self.assertEqual(header["layers"][0]["scale"]["basis"]["codebook"]["reserved"], 0xFF)

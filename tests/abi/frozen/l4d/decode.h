@@ -107,6 +107,10 @@ typedef struct l4d_info {
   /* What the header declares; 0 = nothing. l4d_validate checks it, l4d_decoder_open does not. */
   uint32_t profile; /* L4D_PROFILE_*, or of a later version */
   uint32_t level;   /* conformance level, see l4d_get_level_limits */
+  /* 1: the file declares the streamable layout: what a player needs first comes first. l4d_validate
+   * checks it, l4d_decoder_open does not. */
+  uint32_t streamable;
+  uint32_t reserved2;
 } l4d_info;
 L4D_API void l4d_info_init_(l4d_info* info, size_t struct_size);
 #define l4d_info_init(info) l4d_info_init_((info), sizeof(*(info)))
@@ -169,6 +173,10 @@ typedef struct l4d_layer_info {
   uint32_t codebook_size[L4D_COMPONENT_COUNT];    /* entries of stage 0; 0 = no codebook */
   uint32_t coding[L4D_COMPONENT_COUNT];           /* L4D_CODING_* */
   uint32_t num_coefficients[L4D_COMPONENT_COUNT]; /* of the basis of a transform, else 0 */
+  /* 0 for what matters most. The encoder may cut the long-lived Gaussians into tiers by importance,
+   * so that a player shows a coarse picture before all of them are here. */
+  uint32_t tier;
+  uint32_t reserved;
 } l4d_layer_info;
 L4D_API void l4d_layer_info_init_(l4d_layer_info* info, size_t struct_size);
 #define l4d_layer_info_init(info) l4d_layer_info_init_((info), sizeof(*(info)))
@@ -236,10 +244,13 @@ typedef struct l4d_query {
    * buckets; use this to cache buckets. */
   uint32_t whole_buckets;
   /* For BUCKETS: [num_buckets], borrowed during the call, in strictly ascending order of layer and
-   * then bucket. Any other order fails with INVALID_ARGUMENT. Buckets of levels above max_level are
-   * skipped. */
+   * then bucket. Any other order fails with INVALID_ARGUMENT. Buckets of levels above max_level and
+   * of tiers above max_tier are skipped. */
   const l4d_bucket* buckets;
   uint64_t num_buckets;
+  /* Highest tier to decode; UINT32_MAX (the default) = all. Layers of lower tiers matter more. */
+  uint32_t max_tier;
+  uint32_t reserved;
 } l4d_query;
 L4D_API void l4d_query_init_(l4d_query* query, size_t struct_size);
 #define l4d_query_init(query) l4d_query_init_((query), sizeof(*(query)))
@@ -546,6 +557,10 @@ L4D_API void l4d_splat_buffers_init_(l4d_splat_buffers* buffers, size_t struct_s
  * detail: L4D_DETAIL_*; FULL at first. Opening another stream keeps it. The cache keeps buckets of
  * both details apart. */
 L4D_API l4d_status l4d_decoder_set_detail(l4d_decoder* decoder, uint32_t detail);
+/* Sets which layers all following slices show: those of at most this temporal level and this tier;
+ * UINT32_MAX, as at first, for all. Opening another stream keeps it. */
+L4D_API l4d_status l4d_decoder_set_layers(l4d_decoder* decoder, uint32_t max_level,
+                                          uint32_t max_tier);
 /* Slices the stream at `time` seconds, clamped to the sequence. Decoded buckets are cached:
  * stepping forward decodes each bucket once. A handle with one thread allocates no memory for an
  * instant whose buckets and directory pages it holds, once it has sliced one of as many pages; a

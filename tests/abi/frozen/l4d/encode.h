@@ -166,6 +166,16 @@ L4D_API void l4d_parameter_info_init_(l4d_parameter_info* info, size_t struct_si
 #define l4d_parameter_info_init(info) l4d_parameter_info_init_((info), sizeof(*(info)))
 L4D_API l4d_status l4d_encoder_parameter_info(l4d_encoder_parameter id, l4d_parameter_info* info);
 
+/* Cuts the Gaussians of temporal level 0, the long-lived ones, into num_shares + 1 tiers by
+ * importance: by alpha_t weights, else by those of opacities, else as the encoder estimates it. The
+ * first k tiers hold the share shares[k - 1] of them, about; small parts join the tier before. A
+ * player shows a coarse picture with the first tier (l4d_query.max_tier). shares: [num_shares],
+ * less than L4D_MAX_TIERS values between 0 and 1, ascending; 0 of them, as at first: one tier. A
+ * preset sets that too. Fails with INVALID_ARGUMENT on any other list. */
+#define L4D_MAX_TIERS 8
+L4D_API l4d_status l4d_encoder_set_tiers(l4d_encoder* encoder, uint32_t num_shares,
+                                         const float* shares);
+
 /* Sets residual stages. Stage s of a component is coded for the share fractions[s] of the
  * Gaussians: those with the largest weight times squared residual. fractions:
  * [num_stages], 1..L4D_MAX_STAGES values in [0, 1], not increasing, the first 1. Fails with

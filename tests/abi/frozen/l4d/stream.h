@@ -64,6 +64,8 @@ typedef struct l4d_plan_query {
   uint64_t
       max_range_bytes; /* longer ranges are cut, so that a request can be cancelled; 0 = 1 MiB */
   uint64_t merge_gap;  /* ranges this close become one; the default is 16 KiB */
+  uint32_t max_tier;   /* as in l4d_query; UINT32_MAX (the default) = all */
+  uint32_t reserved;
 } l4d_plan_query;
 L4D_API void l4d_plan_query_init_(l4d_plan_query* query, size_t struct_size);
 #define l4d_plan_query_init(query) l4d_plan_query_init_((query), sizeof(*(query)))
