@@ -8,6 +8,7 @@
 
 #include "l4d/decode.h"
 #include "l4d/encode.h"
+#include "l4d/rate.h"
 #include "l4d/stream.h"
 
 namespace {
@@ -59,6 +60,11 @@ L4D_LAYOUT(l4d_planned_range, 40);
 L4D_LAYOUT(l4d_plan_query, 64);
 L4D_FIELD(l4d_plan_query, max_tier, 56);
 L4D_LAYOUT(l4d_time_span, 16);
+L4D_LAYOUT(l4d_rung, 16);
+L4D_LAYOUT(l4d_rung_state, 16);
+L4D_LAYOUT(l4d_rate_options, 32);
+L4D_LAYOUT(l4d_rate_choice, 56);
+L4D_FIELD(l4d_rate_choice, merge_gap, 24);
 L4D_FIELD(l4d_byte_range, size, 8);
 L4D_LAYOUT(l4d_bucket_span, 48);
 L4D_FIELD(l4d_bucket_span, layer, 32);

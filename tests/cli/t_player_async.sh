@@ -18,8 +18,21 @@ cp out first
 "$player" scene.l4d 20 0.05 10 20 > out
 cmp first out
 # A link that is too slow stalls, and plays on.
-"$player" scene.l4d 0.05 0.2 3 0 > out || die "the player fails on a slow link"
+"$player" scene.l4d 0.005 0.2 3 0 > out || die "the player fails on a slow link"
 expect_text out '^ +[1-9][0-9]* stalls'
+
+# With tiers a first picture takes less; where the link allows, the picture ends in full.
+l4d encode scene.ply --quiet --tiers 0.15,0.5 -o tiers.l4d > log
+"$player" tiers.l4d 20 0.05 10 0 > tiers
+expect_text tiers 'at the end rung 4 of 4$'
+expect_text tiers '^ +0 stalls'
+cp first out
+whole=$(column 'first picture' kB)
+cp tiers out
+at_most "$(column 'first picture' kB)" "$whole" "kB to the first picture of tiers"
+# On a slow one, with less.
+"$player" tiers.l4d 0.2 0.05 10 0 > out
+expect_text out 'at the end rung [123] of 4$'
 
 # What is no stream, or a damaged one, ends with a message.
 head -c 100000 /dev/zero > zero
