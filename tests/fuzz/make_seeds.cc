@@ -110,6 +110,16 @@ void write_streams(const Seeds& seeds) {
       steps[2 + 3u * k] = static_cast<unsigned char>(12 * (5 * k % 16));
     }
     seeds.write("session", file.name, steps, file.bytes);
+    Bytes supplies(2 + 4 * 16, 0);
+    for (unsigned k = 0; k < 16; ++k) {
+      supplies[2 + 4 * k] = static_cast<unsigned char>(k % 6 == 1 ? 133 : k);
+      supplies[3 + 4 * k] = static_cast<unsigned char>(37 * k);
+      supplies[4 + 4 * k] = static_cast<unsigned char>(64 + k);
+      supplies[5 + 4 * k] = static_cast<unsigned char>(255 - 19 * k);
+    }
+    seeds.write("supply", file.name, supplies, file.bytes);
+    supplies[0] = 3;
+    seeds.write("supply", file.name + "-tolerant", supplies, file.bytes);
     Bytes events(3 + 29, 0);
     events[1] = 255;
     seeds.write("reader", file.name, events, file.bytes);
