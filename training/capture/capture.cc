@@ -139,10 +139,15 @@ Capture read_layout(const std::string& path, const CaptureOptions& options) {
   if (is("transforms_train.json")) {
     return read_dnerf_capture((is_folder ? place : place.parent_path()).string(), options);
   }
+  const std::string folder = (is_folder ? place : place.parent_path()).string();
+  if (is("intri.yml") || is("extri.yml")) return read_selfcap_capture(folder, options);
+  if (is("dataset.json")) return read_hypernerf_capture(folder, options);
+  if (is_folder && is_there(place / "sparse" / "0")) return read_colmap_capture(path, options);
   throw Error(L4D_ERR_FEATURE_UNSUPPORTED,
               path +
                   ": no layout of captures that is known: none of cameras.json, "
-                  "poses_bounds.npy and transforms_train.json is there");
+                  "poses_bounds.npy, transforms_train.json, intri.yml, dataset.json and sparse/0 "
+                  "is there");
 }
 
 }  // namespace

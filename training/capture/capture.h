@@ -49,7 +49,7 @@ struct Capture {
 };
 
 struct CaptureOptions {
-  double seconds = 1;     // D-NeRF: how long the sequence is whose times are in [0, 1]
+  double seconds = 1;     // D-NeRF, HyperNeRF: what 1 in times of their files stands for
   double fps = 0;         // 0 = what the capture says
   std::string frames;     // "a:b:step", end exclusive; "" = all
   std::string test;       // ids of cameras: "0,10,15", "0-3"; "" = those that the layout names
@@ -76,5 +76,8 @@ void camera_center(const l4d_camera& camera, double* out /* [3] */);
 Capture read_cameras_capture(const std::string& file, const CaptureOptions& options);
 Capture read_n3dv_capture(const std::string& file, const CaptureOptions& options);
 Capture read_dnerf_capture(const std::string& folder, const CaptureOptions& options);
+Capture read_hypernerf_capture(const std::string& folder, const CaptureOptions& options);
+Capture read_selfcap_capture(const std::string& folder, const CaptureOptions& options);
+Capture read_colmap_capture(const std::string& folder, const CaptureOptions& options);
 
 }  // namespace l4d::train

@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <map>
+#include <string>
+#include <vector>
+
+namespace l4d::train {
+
+// What a YAML file of OpenCV's FileStorage has at its top level: matrices and numbers as lists of
+// numbers, sequences of texts as lists of texts.
+struct YamlFile {
+  std::map<std::string, std::vector<double>> numbers;
+  std::map<std::string, std::vector<std::string>> texts;
+};
+
+// Reads the part of YAML that OpenCV writes: `key: !!opencv-matrix` with rows, cols, dt and data,
+// `key: 1.5`, `key: [1, 2]`, and `key:` with a list of texts below. Throws io::Error(CORRUPT) that
+// names file and line.
+YamlFile read_opencv_yaml(const std::string& path);
+
+}  // namespace l4d::train

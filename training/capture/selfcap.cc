@@ -1,0 +1,157 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+#include "io/file.h"
+#include "io/read_cameras.h"
+#include "training/capture/opencv_yaml.h"
+#include "training/capture/video_capture.h"
+
+// SelfCap and EasyVolcap: intri.yml, extri.yml, videos/NAME.mp4 or images/NAME/%06d.*, sync.json.
+namespace l4d::train {
+namespace {
+
+namespace fs = std::filesystem;
+using io::CameraPlace;
+
+const std::vector<double>* find(const YamlFile& file, const std::string& key, size_t size) {
+  const auto found = file.numbers.find(key);
+  return found != file.numbers.end() && found->second.size() == size ? &found->second : nullptr;
+}
+
+// The rotation by |r| around r (Rodrigues), row-major.
+void rotation_of(const double* r, double* out) {
+  const double angle = std::sqrt(r[0] * r[0] + r[1] * r[1] + r[2] * r[2]);
+  const double k[3] = {angle > 0 ? r[0] / angle : 0, angle > 0 ? r[1] / angle : 0,
+                       angle > 0 ? r[2] / angle : 0};
+  const double cross[9] = {0, -k[2], k[1], k[2], 0, -k[0], -k[1], k[0], 0};
+  for (size_t i = 0; i < 3; ++i) {
+    for (size_t j = 0; j < 3; ++j) {
+      out[3 * i + j] = (i == j ? std::cos(angle) : 0) + (1 - std::cos(angle)) * k[i] * k[j] +
+                       std::sin(angle) * cross[3 * i + j];
+    }
+  }
+}
+
+class SelfcapReader {
+ public:
+  explicit SelfcapReader(const std::string& folder)
+      : folder_(folder),
+        intrinsics_(read_opencv_yaml((folder_ / "intri.yml").string())),
+        extrinsics_(read_opencv_yaml((folder_ / "extri.yml").string())) {}
+
+  io::CameraSet read() {
+    const CameraPlace file{(folder_ / "intri.yml").string(), ""};
+    const auto names = intrinsics_.texts.find("names");
+    if (names == intrinsics_.texts.end() || names->second.empty()) file.fail("names is missing");
+    io::CameraSet set;
+    set.source = "selfcap";
+    const auto fps = intrinsics_.numbers.find("fps");
+    if (fps != intrinsics_.numbers.end() && !fps->second.empty()) set.fps = fps->second[0];
+    for (const std::string& name : names->second) {
+      set.cameras.push_back(camera_of(name, static_cast<int>(set.cameras.size())));
+    }
+    read_offsets(&set, names->second);
+    return set;
+  }
+
+ private:
+  io::Camera camera_of(const std::string& name, int id) {
+    const CameraPlace place{(folder_ / "extri.yml").string(), "camera " + name};
+    io::Camera out;
+    out.id = id;
+    out.camera = io::default_camera();
+    l4d_camera& camera = out.camera;
+    const std::vector<double>* k = find(intrinsics_, "K_" + name, 9);
+    const std::vector<double>* width = find(intrinsics_, "W_" + name, 1);
+    const std::vector<double>* height = find(intrinsics_, "H_" + name, 1);
+    if (k == nullptr) place.fail("K_" + name + " is no matrix of 3 x 3 in intri.yml");
+    if (width == nullptr || height == nullptr) {
+      place.fail("H_" + name + " and W_" + name + " are missing in intri.yml");
+    }
+    camera.fx = (*k)[0];
+    camera.fy = (*k)[4];
+    camera.cx = (*k)[2];
+    camera.cy = (*k)[5];
+    camera.width = static_cast<uint32_t>(std::clamp((*width)[0], 0.0, 1e6));
+    camera.height = static_cast<uint32_t>(std::clamp((*height)[0], 0.0, 1e6));
+    set_lens(name, &out);
+    double rotation[9];
+    const std::vector<double>* matrix = find(extrinsics_, "Rot_" + name, 9);
+    const std::vector<double>* vector = find(extrinsics_, "R_" + name, 3);
+    const std::vector<double>* t = find(extrinsics_, "T_" + name, 3);
+    if (t == nullptr || (matrix == nullptr && vector == nullptr)) {
+      place.fail("Rot_" + name + " or R_" + name + ", and T_" + name + " are missing");
+    }
+    if (matrix != nullptr) {
+      std::copy_n(matrix->begin(), 9, rotation);
+    } else {
+      rotation_of(vector->data(), rotation);
+    }
+    for (size_t r = 0; r < 3; ++r) {
+      for (size_t c = 0; c < 3; ++c) camera.world_to_camera[4 * r + c] = rotation[3 * r + c];
+      camera.world_to_camera[4 * r + 3] = (*t)[r];
+    }
+    io::check_camera(place, camera);
+    set_images(name, &out);
+    return out;
+  }
+
+  void set_lens(const std::string& name, io::Camera* out) {
+    for (const size_t size : {size_t{5}, size_t{4}}) {
+      const std::vector<double>* d = find(intrinsics_, "D_" + name, size);
+      if (d == nullptr) d = find(intrinsics_, "dist_" + name, size);
+      if (d == nullptr) continue;
+      io::Distortion& lens = out->distortion;
+      lens.k[0] = (*d)[0];
+      lens.k[1] = (*d)[1];
+      lens.p[0] = (*d)[2];
+      lens.p[1] = (*d)[3];
+      if (size == 5) lens.k[2] = (*d)[4];
+      const bool any = std::any_of(d->begin(), d->end(), [](double x) { return x != 0; });
+      if (any) lens.model = io::Distortion::Model::kRadial;
+      return;
+    }
+  }
+
+  void set_images(const std::string& name, io::Camera* out) {
+    const fs::path video = folder_ / "videos" / (name + ".mp4");
+    const fs::path images = folder_ / "images" / name;
+    std::error_code error;
+    if (fs::is_directory(images, error) && !fs::exists(video, error)) {
+      const bool six = fs::exists(images / "000000.png", error);
+      out->images = (images / (six ? "%06d.png" : "%04d.png")).string();
+    } else {
+      out->video = video.string();
+    }
+  }
+
+  // True time = frame time - offset.
+  void read_offsets(io::CameraSet* set, const std::vector<std::string>& names) {
+    const fs::path path = folder_ / "sync.json";
+    std::error_code error;
+    if (!fs::exists(path, error)) return;
+    const CameraPlace place{path.string(), ""};
+    const std::vector<uint8_t> bytes = io::read_whole_file(path.string());
+    const nlohmann::json root = nlohmann::json::parse(bytes, nullptr, false);
+    if (!root.is_object()) place.fail("not an object of cameras and seconds");
+    for (size_t k = 0; k < names.size(); ++k) {
+      set->cameras[k].time_offset = -io::number_or(place, root, names[k].c_str(), 0);
+    }
+  }
+
+  fs::path folder_;
+  YamlFile intrinsics_, extrinsics_;
+};
+
+}  // namespace
+
+Capture read_selfcap_capture(const std::string& folder, const CaptureOptions& options) {
+  Capture capture = make_video_capture(folder, SelfcapReader(folder).read(), options);
+  capture.layout = "selfcap";
+  return capture;
+}
+
+}  // namespace l4d::train
