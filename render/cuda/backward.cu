@@ -8,14 +8,15 @@
 namespace l4d::render {
 namespace {
 
-// A whole tile, so that one block has all of an instance.
-using Block = BlockOfTile<kTileWidth, 1>;
+// A whole tile, so that one block has all of an instance; or a part of it.
+template <int kParts>
+using PartOfTile = BlockOfTile<kTileWidth / kParts, 1>;
+using Block = PartOfTile<1>;
 constexpr int kPixels = 2 * Block::kSquares;  // of a thread
 // The sums of more splats would leave no room for other blocks.
 constexpr int kBatch = 64;
 constexpr float kStop = static_cast<float>(kMinTransmittance);
 constexpr float kCut = static_cast<float>(kMaxAlpha);
-constexpr int kWarps = Block::kWarps;
 
 // Numbers that are summed over pixels: those of SplatSums, in its order.
 template <int kChannels, bool kError>
@@ -143,19 +144,22 @@ __device__ float sum_three(const float* v) {
   return sum;
 }
 
-template <int kChannels, bool kError>
-__global__ void __launch_bounds__(Block::kThreads)
+template <int kChannels, bool kError, int kParts>
+__global__ void __launch_bounds__(PartOfTile<kParts>::kThreads)
     backward(FrameInput input, BackwardTask task, const uint32_t* values, FrameMemory memory,
              SplatSums* instances) {
   await_predecessor();
-  constexpr int kNumbers = kSums<kChannels, kError>;
+  using Own = PartOfTile<kParts>;
+  constexpr int kNumbers = kSums<kChannels, kError>, kWarps = Own::kWarps;
+  static_assert(kBatch <= Own::kThreads, "one thread adds up one splat");
   __shared__ DeviceSplat batch[2][kBatch];
   // Of each warp and entry of the batch. One more column, so that a warp's numbers lie in different
   // banks.
   __shared__ float sums[kWarps][kNumbers][kBatch + 1];
   __shared__ uint32_t passed[kWarps][kBatch / 32];  // entries that the warp has sums of
   const uint32_t lane = threadIdx.x & 31, warp = threadIdx.x / 32;
-  const Block block(input, memory);
+  const Own block(input, memory);
+  const uint32_t part = blockIdx.x % kParts;
   const WarpPixels pixels(block);
   const uint2 range = block.range;
   const uint32_t count = range.y - range.x;
@@ -216,7 +220,8 @@ __global__ void __launch_bounds__(Block::kThreads)
 #pragma unroll
             for (int k = 0; k < kNumbers; ++k) total[k] += sums[w][k][place];
           }
-          float4* to = reinterpret_cast<float4*>(instances + values[range.x + first + place]);
+          float4* to = reinterpret_cast<float4*>(instances +
+                                                 kParts * values[range.x + first + place] + part);
           to[0] = make_float4(total[0], total[1], total[2], total[3]);
           if (total[3] > 0) {
             to[1] = make_float4(total[4], total[5], total[6], total[7]);
@@ -231,8 +236,8 @@ __global__ void __launch_bounds__(Block::kThreads)
         __syncwarp();
       });
   // What lies behind the last pixel's stop.
-  for (uint32_t entry = left_off + threadIdx.x; entry < count; entry += Block::kThreads) {
-    instances[values[range.x + entry]].coverage = 0;
+  for (uint32_t entry = left_off + threadIdx.x; entry < count; entry += Own::kThreads) {
+    instances[kParts * values[range.x + entry] + part].coverage = 0;
   }
 }
 
@@ -320,15 +325,16 @@ __global__ void __launch_bounds__(256)
   uint32_t tiles = rank < n ? memory.num_tiles[splat] : 0;
   const uint32_t first = tiles > 0 ? memory.first_instance[splat] : 0;
   // Of a frame with too many instances the last are missing.
-  tiles = min(tiles, memory.max_instances - min(first, memory.max_instances));
+  tiles = min(tiles, memory.max_instances - min(first, memory.max_instances)) * back.parts;
+  const uint32_t begin = first * back.parts;  // below 2^27
   float4 sum[kWords] = {};
   if (tiles <= kManyTiles) {
-    for (uint32_t k = 0; k < tiles; ++k) add_words<kWords>(back.instances + first + k, sum);
+    for (uint32_t k = 0; k < tiles; ++k) add_words<kWords>(back.instances + begin + k, sum);
   }
   for (uint32_t large = __ballot_sync(kFullWarp, tiles > kManyTiles); large != 0;
        large &= large - 1) {
     const int from = __ffs(static_cast<int>(large)) - 1;
-    const uint32_t its_first = __shfl_sync(kFullWarp, first, from);
+    const uint32_t its_first = __shfl_sync(kFullWarp, begin, from);
     const uint32_t its_tiles = __shfl_sync(kFullWarp, tiles, from);
     float4 part[kWords] = {};
     for (uint32_t k = lane; k < its_tiles; k += 32) {
@@ -362,20 +368,25 @@ __global__ void __launch_bounds__(256)
   for (int k = 0; k < kWords; ++k) to[k] = sum[k];
 }
 
+template <int kParts>
+void launch_parts(const FrameInput& input, const BackwardTask& task, const uint32_t* values,
+                  const FrameMemory& memory, SplatSums* instances, cudaStream_t stream) {
+  const auto kernel = task.upstream == Upstream::kOnes ? backward<1, false, kParts>
+                      : task.error == nullptr          ? backward<3, false, kParts>
+                                                       : backward<3, true, kParts>;
+  const unsigned grid = static_cast<unsigned>(input.columns * input.rows * kParts);
+  launch(kernel, grid, PartOfTile<kParts>::kThreads, stream, input, task, values, memory,
+         instances);
+}
+
 }  // namespace
 
 void launch_backward(const FrameInput& input, const BackwardTask& task, const uint32_t* values,
                      const FrameMemory& memory, const BackwardMemory& back, cudaStream_t stream) {
-  const unsigned grid = static_cast<unsigned>(input.columns * input.rows);
-  if (task.upstream == Upstream::kOnes) {
-    launch(backward<1, false>, grid, Block::kThreads, stream, input, task, values, memory,
-           back.instances);
-  } else if (task.error == nullptr) {
-    launch(backward<3, false>, grid, Block::kThreads, stream, input, task, values, memory,
-           back.instances);
+  if (back.parts == 1) {
+    launch_parts<1>(input, task, values, memory, back.instances, stream);
   } else {
-    launch(backward<3, true>, grid, Block::kThreads, stream, input, task, values, memory,
-           back.instances);
+    launch_parts<2>(input, task, values, memory, back.instances, stream);
   }
 }
 

@@ -33,7 +33,9 @@ struct alignas(16) SplatSums {
 static_assert(sizeof(SplatSums) == 48, "three words");
 
 struct BackwardMemory {
-  SplatSums* instances;  // [max_instances] by emission
+  // Blocks of threads that share a tile: 2 where images have too few tiles to fill a device.
+  uint32_t parts;
+  SplatSums* instances;  // [max_instances, parts] by emission
   SplatSums* splats;     // [max_visible]
   uint32_t* shown;       // [max_visible] those that a pixel shows, in any order
 };

@@ -8,6 +8,8 @@ namespace l4d::render {
 namespace {
 
 constexpr uint32_t kMaxInstances = (1u << 26) - 1;
+// Tiles of an image that the backward pass cuts in halves: a device has room for more blocks.
+constexpr size_t kFewTiles = 1024;
 size_t pieces(size_t slots, size_t piece) { return (slots + piece - 1) / piece; }
 
 Status launched(const char* what) {
@@ -352,7 +354,8 @@ Status DevicePipeline::reserve(const FrameCapacity& wanted) {
     const size_t pixels =
         static_cast<size_t>(capacity.width) * static_cast<size_t>(capacity.height);
     L4D_RETURN_IF_ERROR(image_.reserve(3 * pixels * sizeof(float)));
-    L4D_RETURN_IF_ERROR(back_instances_.reserve(n * sizeof(SplatSums)));
+    back_.parts = tiles < kFewTiles ? 2 : 1;
+    L4D_RETURN_IF_ERROR(back_instances_.reserve(n * back_.parts * sizeof(SplatSums)));
     L4D_RETURN_IF_ERROR(back_splats_.reserve(v * sizeof(SplatSums)));
     L4D_RETURN_IF_ERROR(shown_.reserve(v * word));
     L4D_RETURN_IF_ERROR(coverage_.reserve(v * sizeof(unsigned long long)));
