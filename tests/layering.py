@@ -73,13 +73,14 @@ _above("examples", "include/l4d")
 # The companion that makes scenes of videos: a customer too.
 _above("training", "eval")
 LAYERS["training"].add("libl4dcodec/math/hd.h")
+_above("training/cuda", "training", "libl4dcodec/cuda")
 # The decoder for web pages: another customer.
 _above("web/wasm", "include/l4d", "libl4dcodec/scene", "libl4dcodec/base")
 _above("bench/tables", "io")
 _above("bench/accuracy", "eval")
 _above("bench/micro", "encoder", "io", "render", "bench/tables")
-_above("bench/gpu", "encoder/cuda", "decoder/cuda", "render/cuda", "bench/tables")
-_above("tests", "encoder/cuda", "decoder/cuda", "eval", "render/cuda", "training")
+_above("bench/gpu", "encoder/cuda", "decoder/cuda", "render/cuda", "training/cuda", "bench/tables")
+_above("tests", "encoder/cuda", "decoder/cuda", "eval", "render/cuda", "training/cuda")
 _above("tests/api", "include/l4d")
 LAYERS["tests/api"].add("tests/common")
 _above("tests/common", "encoder/cuda", "decoder/cuda", "io")
@@ -96,9 +97,9 @@ OUTSIDE = {
     "hwy/": {"libl4dcodec/entropy", "api", "decoder/expand", "encoder", "render", "tests",
              "tests/common", "bench/micro"},
     "cuda_runtime_api.h": {"libl4dcodec/cuda", "decoder/cuda", "encoder/cuda", "render/cuda",
-                           "tests", "bench/gpu"},
-    "cuda_runtime.h": {"libl4dcodec/cuda", "decoder/cuda", "encoder/cuda", "render/cuda", "tests",
-                       "bench/gpu"},
+                           "training/cuda", "tests", "bench/gpu"},
+    "cuda_runtime.h": {"libl4dcodec/cuda", "decoder/cuda", "encoder/cuda", "render/cuda",
+                       "training/cuda", "tests", "bench/gpu"},
     "cub/": {"decoder/cuda", "encoder/cuda", "render/cuda"},
     "omp.h": {"libl4dcodec/base/threads.h"},
     "Eigen/": {"encoder", "io", "tests", "tests/common", "bench/micro", "bench/accuracy"},

@@ -99,6 +99,11 @@ RULES = {
         "training/model/rows.h": 1,
         "training/step/adam.h": 1,
         "training/step/schedule.cc": 1,
+        # Rows of a model on a device, which cannot read the table, and its arrays.
+        "training/step/adam_row.h": 1,
+        "training/density/relocate_row.h": 2,
+        "training/cuda/adam.cu": 1,
+        "training/cuda/device_model.cc": 3,
         # Arrays of a device that are made one by one.
         "bench/gpu/decode_bench.cc": 2,
         "bench/gpu/render_bench.cc": 4}),

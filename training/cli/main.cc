@@ -237,6 +237,8 @@ void add_train(CLI::App& app, Arguments& a) {
       ->capture_default_str();
   verb->add_option("--density", s.density, "relocate, off")->capture_default_str();
   verb->add_option("--adam", s.adam, "dense, sparse")->capture_default_str();
+  verb->add_option("--backend", s.backend, "cpu, cuda; auto takes a CUDA device where there is one")
+      ->capture_default_str();
   verb->add_option("--drift", s.drift,
                    "Bound of the temporal rotor's rate, in steps of positions; 0: no bound")
       ->capture_default_str();

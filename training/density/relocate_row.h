@@ -77,13 +77,16 @@ L4D_HOST_DEVICE inline uint64_t target_of(const DensityStep& s, const DensityArr
 }
 
 L4D_HOST_DEVICE inline void reset_row(const DensityStep& s, const DensityArrays& a, uint64_t i) {
-  Rows<float> m = a.m, v = a.v;
-  for_each_attribute(
-      [&](const AttributeInfo& attribute, float*& of_m, float*& of_v) {
-        const uint64_t width = attribute.numbers(s.sh_degree);
-        for (uint64_t k = width * i; k < width * (i + 1); ++k) of_m[k] = of_v[k] = 0;
-      },
-      m, v);
+  // Widths as numbers: device code cannot read the table of attributes.
+  const auto clear = [&](float* m, float* v, uint64_t width) {
+    for (uint64_t k = width * i; k < width * (i + 1); ++k) m[k] = v[k] = 0;
+  };
+  clear(a.m.position, a.v.position, 3);
+  clear(a.m.mean_t, a.v.mean_t, 1);
+  clear(a.m.log_scale, a.v.log_scale, 4);
+  clear(a.m.rotor, a.v.rotor, 8);
+  clear(a.m.opacity, a.v.opacity, 1);
+  clear(a.m.sh, a.v.sh, 3 * (s.sh_degree + 1) * (s.sh_degree + 1));
   a.updates[i] = 0;
   a.prepared[i] = a.born[i] = a.last_shown[i] = static_cast<uint32_t>(s.step);
 }
@@ -106,13 +109,16 @@ L4D_HOST_DEVICE inline void shrink_target(const DensityStep& s, const DensityArr
 // Makes row i a child of `target`, at a sample of its distribution in space and time.
 L4D_HOST_DEVICE inline void place_child(const DensityStep& s, const DensityArrays& a,
                                         uint64_t target, uint64_t i) {
-  Rows<float> x = a.value;
-  for_each_attribute(
-      [&](const AttributeInfo& attribute, float*& rows) {
-        const uint64_t width = attribute.numbers(s.sh_degree);
-        for (uint64_t k = 0; k < width; ++k) rows[width * i + k] = rows[width * target + k];
-      },
-      x);
+  const Rows<float>& x = a.value;
+  const auto copy = [&](float* of, uint64_t width) {
+    for (uint64_t k = 0; k < width; ++k) of[width * i + k] = of[width * target + k];
+  };
+  copy(x.position, 3);
+  copy(x.mean_t, 1);
+  copy(x.log_scale, 4);
+  copy(x.rotor, 8);
+  copy(x.opacity, 1);
+  copy(x.sh, 3 * (s.sh_degree + 1) * (s.sh_degree + 1));
   a.coverage[i] = a.coverage[target];
   a.error[i] = a.error[target];
 

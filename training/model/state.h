@@ -29,6 +29,9 @@ struct ModelState {
   uint32_t next_id = 0;
 
   void allocate(uint64_t capacity, uint32_t sh_degree);
+  // Keeps the Gaussians whose mask is not 0, in their order; arrays keep their capacity. mask:
+  // [count].
+  void keep(const std::vector<uint8_t>& mask);
   uint64_t capacity() const { return value.count(); }
   uint32_t sh_degree() const { return value.sh_degree; }
   // Borrows the first `count` rows.

@@ -46,6 +46,7 @@ Json object_of(const Settings& s) {
           {"exposure", s.exposure},
           {"density", s.density},
           {"adam", s.adam},
+          {"backend", s.backend},
           {"drift", s.drift},
           {"error_weight", s.error_weight},
           {"host_memory", s.host_memory},
@@ -76,6 +77,7 @@ Settings settings_of(const std::string& text) {
     j.at("exposure").get_to(s.exposure);
     j.at("density").get_to(s.density);
     j.at("adam").get_to(s.adam);
+    j.at("backend").get_to(s.backend);
     j.at("drift").get_to(s.drift);
     j.at("error_weight").get_to(s.error_weight);
     j.at("host_memory").get_to(s.host_memory);

@@ -14,6 +14,7 @@
 #include "training/run/checkpoint.h"
 #include "training/run/output.h"
 #include "training/run/report.h"
+#include "training/step/cuda_backend.h"
 
 namespace l4d::train {
 namespace {
@@ -100,7 +101,8 @@ class Run {
     const l4d_camera& camera = loader_->camera(0);
     settings_ = resolved(options_.settings, capture_, camera.width, camera.height);
     read_images();
-    backend_ = make_cpu_backend(options_.threads);
+    backend_ =
+        settings_.backend == "cuda" ? make_cuda_backend(0) : make_cpu_backend(options_.threads);
     trainer_ = std::make_unique<Trainer>(settings_, capture_, *loader_, instants_, store_.get(),
                                          backend_.get());
     begin();

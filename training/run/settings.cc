@@ -5,6 +5,8 @@
 #include <cmath>
 #include <cstdio>
 
+#include "training/step/cuda_backend.h"
+
 namespace l4d::train {
 namespace {
 
@@ -45,6 +47,7 @@ std::string text_of(const Settings& s) {
   line("exposure", s.exposure);
   line("density", s.density);
   line("adam", s.adam);
+  line("backend", s.backend);
   line("drift", number(s.drift));
   line("error_weight", number(s.error_weight));
   line("host_memory", std::to_string(s.host_memory));
@@ -64,6 +67,8 @@ void check(const Settings& s) {
     fail("--density is " + s.density + "; it must be relocate or off");
   if (!is_one_of(s.adam, {"dense", "sparse"}))
     fail("--adam is " + s.adam + "; it must be dense or sparse");
+  if (!is_one_of(s.backend, {"auto", "cpu", "cuda"}))
+    fail("--backend is " + s.backend + "; it must be auto, cpu or cuda");
   if (!(s.seconds >= 0)) fail("--time must be a number of seconds");
   if (s.seconds > 0 && s.steps > 0) fail("--time and --steps exclude each other");
   if (s.steps > 100000000) fail("--steps is above 100000000");
@@ -95,6 +100,7 @@ Settings resolved(const Settings& settings, const Capture& capture, uint32_t wid
     videos += camera.is_video() && camera.split == "train" ? 1U : 0U;
   }
   if (s.exposure == "auto") s.exposure = videos >= kMinVideosForExposure ? "on" : "off";
+  if (s.backend == "auto") s.backend = has_cuda_backend() ? "cuda" : "cpu";
   if (s.init == "auto" && !capture.points.empty()) s.init = "capture";
   return s;
 }

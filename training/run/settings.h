@@ -22,6 +22,7 @@ struct Settings {
   std::string exposure = "auto";             // auto, on, off
   std::string density = "relocate";          // relocate, off
   std::string adam = "dense";                // dense, sparse
+  std::string backend = "auto";              // auto, cpu, cuda
   double drift = 2;                          // kappa
   double error_weight = 1;                   // beta
   uint64_t host_memory = uint64_t{8} << 30;  // bytes of images

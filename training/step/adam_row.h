@@ -20,6 +20,26 @@ constexpr float kMaxRepeats = 50;     // of regularisers
 constexpr uint32_t kMaxTail = 20;     // unseen steps whose momentum is applied
 constexpr float kNoiseSteepness = 100, kNoiseOpacity = 0.005f;
 
+// On a device, without the steps that IEEE rounding takes for small numbers, of which derivatives
+// have many.
+L4D_HOST_DEVICE inline float root_of(float x) {
+#ifdef __CUDA_ARCH__
+  float y;
+  asm("sqrt.approx.f32 %0, %1;" : "=f"(y) : "f"(x));
+  return y;
+#else
+  return std::sqrt(x);
+#endif
+}
+L4D_HOST_DEVICE inline float quotient(float a, float b) {
+#ifdef __CUDA_ARCH__
+  float y;
+  asm("div.full.f32 %0, %1, %2;" : "=f"(y) : "f"(a), "f"(b));
+  return y;
+#else
+  return a / b;
+#endif
+}
 L4D_HOST_DEVICE inline float sigmoid(float x) { return linear_opacity(x, true); }
 L4D_HOST_DEVICE inline float clamped(float x, float low, float high) {
   return x < low ? low : x > high ? high : x;
@@ -43,10 +63,10 @@ L4D_HOST_DEVICE inline RowShape row_shape(const AdamStep& s, const AdamArrays& a
   return shape;
 }
 
-// Calls f(values, m, v, gradients, rate) for each number of the row that may change.
+// Calls f(values, m, v, gradients, rate) for each number of the row that may change, but for SH.
 template <typename F>
-L4D_HOST_DEVICE inline void for_each_number(const AdamStep& s, const AdamArrays& a, uint64_t i,
-                                            float span, F&& f) {
+L4D_HOST_DEVICE inline void for_each_shape_number(const AdamStep& s, const AdamArrays& a,
+                                                  uint64_t i, float span, F&& f) {
   const Rates& r = s.rates;
   const auto run = [&](float* x, float* m, float* v, float* g, uint32_t first, uint32_t end,
                        float rate) {
@@ -68,11 +88,27 @@ L4D_HOST_DEVICE inline void for_each_number(const AdamStep& s, const AdamArrays&
       drift);
   run(at(a.value.opacity, 1), at(a.m.opacity, 1), at(a.v.opacity, 1), at(a.gradient.opacity, 1), 0,
       1, r.opacity);
-  const uint64_t width = sh_values(s.sh_degree);
-  run(at(a.value.sh, width), at(a.m.sh, width), at(a.v.sh, width), at(a.gradient.sh, width), 0, 3,
-      r.sh_dc);
-  run(at(a.value.sh, width), at(a.m.sh, width), at(a.v.sh, width), at(a.gradient.sh, width), 3,
-      sh_values(s.active_sh_degree), r.sh_rest);
+}
+
+// Likewise of SH.
+template <typename F>
+L4D_HOST_DEVICE inline void for_each_sh_number(const AdamStep& s, const AdamArrays& a, uint64_t i,
+                                               F&& f) {
+  const auto run = [&](uint64_t first, uint64_t end, float rate) {
+    for (uint64_t k = first; k < end; ++k) {
+      f(a.value.sh[k], a.m.sh[k], a.v.sh[k], a.gradient.sh[k], rate);
+    }
+  };
+  const uint64_t row = uint64_t{sh_values(s.sh_degree)} * i;
+  run(row, row + 3, s.rates.sh_dc);
+  run(row + 3, row + sh_values(s.active_sh_degree), s.rates.sh_rest);
+}
+
+template <typename F>
+L4D_HOST_DEVICE inline void for_each_number(const AdamStep& s, const AdamArrays& a, uint64_t i,
+                                            float span, F&& f) {
+  for_each_shape_number(s, a, i, span, f);
+  for_each_sh_number(s, a, i, f);
 }
 
 L4D_HOST_DEVICE inline void clamp_row(const AdamStep& s, const AdamArrays& a, uint64_t i) {
@@ -82,14 +118,18 @@ L4D_HOST_DEVICE inline void clamp_row(const AdamStep& s, const AdamArrays& a, ui
   a.value.mean_t[i] = clamped(a.value.mean_t[i], s.min_mean_t, s.max_mean_t);
 }
 
+L4D_HOST_DEVICE inline void clear_shape_gradient(const AdamArrays& a, uint64_t i) {
+  for (uint64_t k = 3 * i; k < 3 * i + 3; ++k) a.gradient.position[k] = 0;
+  a.gradient.mean_t[i] = 0;
+  for (uint64_t k = 4 * i; k < 4 * i + 4; ++k) a.gradient.log_scale[k] = 0;
+  for (uint64_t k = 8 * i; k < 8 * i + 8; ++k) a.gradient.rotor[k] = 0;
+  a.gradient.opacity[i] = 0;
+}
+
 L4D_HOST_DEVICE inline void clear_gradient(const AdamStep& s, const AdamArrays& a, uint64_t i) {
-  Rows<float> gradient = a.gradient;
-  for_each_attribute(
-      [&](const AttributeInfo& attribute, float*& rows) {
-        const uint64_t width = attribute.numbers(s.sh_degree);
-        for (uint64_t k = width * i; k < width * (i + 1); ++k) rows[k] = 0;
-      },
-      gradient);
+  clear_shape_gradient(a, i);
+  const uint64_t width = sh_values(s.sh_degree);
+  for (uint64_t k = width * i; k < width * (i + 1); ++k) a.gradient.sh[k] = 0;
 }
 
 // Noise that moves faint Gaussians along their own shape, so that they find what is still
@@ -109,6 +149,62 @@ L4D_HOST_DEVICE inline void add_noise(const AdamStep& s, const AdamArrays& a, ui
   x[2] += amount * (c[2] * n[0] + c[4] * n[1] + c[5] * n[2]);
 }
 
+// What an update of a row multiplies by.
+struct RowUpdate {
+  float factor;              // of rates
+  float repeats;             // of regularisers
+  float correct1, correct2;  // of the moments' bias
+};
+
+// Counts an update of the row.
+L4D_HOST_DEVICE inline RowUpdate count_update(const AdamStep& s, const AdamArrays& a, uint64_t i) {
+  const uint32_t n = ++a.updates[i];
+  const uint32_t lived = static_cast<uint32_t>(s.step) - a.born[i];
+  RowUpdate u{1, 1, 1, 1};
+  if (s.sparse) {
+    // prepared: at least the step before this one, after catch_up_rows.
+    const float share = static_cast<float>(n) / static_cast<float>(lived > n ? lived : n);
+    const float seldom = 1 / std::sqrt(share);
+    u.factor = seldom < kMaxRateFactor ? seldom : kMaxRateFactor;
+    u.repeats = 1 / share < kMaxRepeats ? 1 / share : kMaxRepeats;
+  }
+  const float steps = static_cast<float>(n);
+  u.correct1 = 1 / (1 - std::pow(kBeta1, steps));
+  u.correct2 = 1 / (1 - std::pow(kBeta2, steps));
+  return u;
+}
+
+L4D_HOST_DEVICE inline void regularise_row(const AdamStep& s, const AdamArrays& a, uint64_t i,
+                                           const RowUpdate& u) {
+  const float opacity = sigmoid(a.value.opacity[i]);
+  const float per_row = u.repeats / static_cast<float>(s.count);
+  a.gradient.opacity[i] += s.opacity_weight * per_row * opacity * (1 - opacity);
+  for (uint64_t k = 4 * i; k < 4 * i + 3; ++k) {
+    a.gradient.log_scale[k] += s.scale_weight * per_row / 3 * std::exp(a.value.log_scale[k]);
+  }
+}
+
+L4D_HOST_DEVICE inline void update_number(const RowUpdate& u, float& x, float& m, float& v, float g,
+                                          float rate) {
+  m = kBeta1 * m + (1 - kBeta1) * g;
+  v = kBeta2 * v + (1 - kBeta2) * (g * g);
+  x -= quotient(u.factor * rate * (m * u.correct1), root_of(v * u.correct2) + kEpsilon);
+}
+
+// All of a row but its SH.
+L4D_HOST_DEVICE inline void update_shape(const AdamStep& s, const AdamArrays& a, uint64_t i,
+                                         const RowShape& shape, const RowUpdate& u) {
+  regularise_row(s, a, i, u);
+  for_each_shape_number(s, a, i, shape.span,
+                        [&](float& x, float& m, float& v, float& g, float rate) {
+                          update_number(u, x, m, v, g, rate);
+                        });
+  clear_shape_gradient(a, i);
+  a.prepared[i] = static_cast<uint32_t>(s.step);
+  if (s.noise > 0) add_noise(s, a, i, shape);
+  clamp_row(s, a, i);
+}
+
 // Returns false if a derivative of the row is not finite.
 L4D_HOST_DEVICE inline bool adam_row(const AdamStep& s, const AdamArrays& a, uint64_t i) {
   if (s.sparse && a.shown[i] == 0) return true;
@@ -120,34 +216,12 @@ L4D_HOST_DEVICE inline bool adam_row(const AdamStep& s, const AdamArrays& a, uin
     clear_gradient(s, a, i);
     return false;
   }
-  const uint32_t n = ++a.updates[i];
-  const uint32_t lived = static_cast<uint32_t>(s.step) - a.born[i];
-  float repeats = 1, factor = 1;
-  if (s.sparse) {
-    // prepared: at least the step before this one, after catch_up_rows.
-    const float share = static_cast<float>(n) / static_cast<float>(lived > n ? lived : n);
-    const float seldom = 1 / std::sqrt(share);
-    factor = seldom < kMaxRateFactor ? seldom : kMaxRateFactor;
-    repeats = 1 / share < kMaxRepeats ? 1 / share : kMaxRepeats;
-  }
-  const float opacity = sigmoid(a.value.opacity[i]);
-  const float per_row = repeats / static_cast<float>(s.count);
-  a.gradient.opacity[i] += s.opacity_weight * per_row * opacity * (1 - opacity);
-  for (uint64_t k = 4 * i; k < 4 * i + 3; ++k) {
-    a.gradient.log_scale[k] += s.scale_weight * per_row / 3 * std::exp(a.value.log_scale[k]);
-  }
-  const float steps = static_cast<float>(n);
-  const float correct1 = 1 / (1 - std::pow(kBeta1, steps));
-  const float correct2 = 1 / (1 - std::pow(kBeta2, steps));
-  for_each_number(s, a, i, shape.span, [&](float& x, float& m, float& v, float& g, float rate) {
-    m = kBeta1 * m + (1 - kBeta1) * g;
-    v = kBeta2 * v + (1 - kBeta2) * (g * g);
-    x -= factor * rate * (m * correct1) / (std::sqrt(v * correct2) + kEpsilon);
+  const RowUpdate u = count_update(s, a, i);
+  for_each_sh_number(s, a, i, [&](float& x, float& m, float& v, float& g, float rate) {
+    update_number(u, x, m, v, g, rate);
   });
+  update_shape(s, a, i, shape, u);
   clear_gradient(s, a, i);
-  a.prepared[i] = static_cast<uint32_t>(s.step);
-  if (s.noise > 0) add_noise(s, a, i, shape);
-  clamp_row(s, a, i);
   return true;
 }
 
@@ -168,7 +242,7 @@ L4D_HOST_DEVICE inline void catch_up_row(const AdamStep& s, const AdamArrays& a,
   const float correct1 = 1 / (1 - std::pow(kBeta1, steps));
   const float correct2 = 1 / (1 - std::pow(kBeta2, steps));
   for_each_number(s, a, i, shape.span, [&](float& x, float& m, float& v, float&, float rate) {
-    x -= rate * tail * (m * correct1) / (std::sqrt(v * correct2) + kEpsilon);
+    x -= quotient(rate * tail * (m * correct1), root_of(v * correct2) + kEpsilon);
     m *= decay;
   });
   a.prepared[i] = static_cast<uint32_t>(s.step) - 1;

@@ -140,27 +140,7 @@ class CpuBackend final : public Backend {
                        state_.error.data(), state_.count, beta, &state_.cumulative);
   }
 
-  void keep(const std::vector<uint8_t>& mask) override {
-    const uint64_t capacity = state_.capacity();
-    std::vector<uint8_t> whole(static_cast<size_t>(capacity), 0);
-    std::copy_n(mask.begin(), state_.count, whole.begin());
-    for (AttributeArrays* arrays : {&state_.value, &state_.m, &state_.v}) {
-      arrays->keep(whole);
-      arrays->resize(static_cast<size_t>(capacity));
-    }
-    for (std::vector<uint32_t>* rows :
-         {&state_.id, &state_.updates, &state_.prepared, &state_.born, &state_.last_shown}) {
-      keep_rows(whole, 1, rows);
-      rows->resize(static_cast<size_t>(capacity));
-    }
-    for (std::vector<float>* rows : {&state_.coverage, &state_.error}) {
-      keep_rows(whole, 1, rows);
-      rows->resize(static_cast<size_t>(capacity));
-    }
-    state_.count = static_cast<uint64_t>(
-        std::count_if(whole.begin(), whole.end(), [](uint8_t kept) { return kept != 0; }));
-    state_.cumulative.clear();
-  }
+  void keep(const std::vector<uint8_t>& mask) override { state_.keep(mask); }
 
   io::Image render(const l4d_camera& camera, double time, const float* background) override {
     make_slots(1);

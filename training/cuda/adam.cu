@@ -1,0 +1,229 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "training/cuda/adam_device.h"
+#include "training/step/adam_row.h"
+
+namespace l4d::train {
+namespace {
+
+constexpr uint32_t kThreads = 128;
+constexpr float kAverage = 0.1f;  // weight of a new observation
+
+// What SH needs of its row's update.
+struct SharedUpdate {
+  RowUpdate update;
+  uint32_t state;  // kLeft, kCleared or kUpdated
+};
+constexpr uint32_t kLeft = 0, kCleared = 1, kUpdated = 2;
+
+__device__ bool is_finite(const float4& v) { return (v.x + v.y + v.z + v.w) * 0 == 0; }
+
+__device__ void update_four(const AdamStep& s, const RowUpdate& u, uint32_t first, float4* x,
+                            float4* m, float4* v, const float4& g) {
+  const uint32_t active = sh_values(s.active_sh_degree);
+  float *xs = &x->x, *ms = &m->x, *vs = &v->x;
+  const float* gs = &g.x;
+#pragma unroll
+  for (uint32_t k = 0; k < 4; ++k) {
+    if (first + k >= active) continue;
+    update_number(u, xs[k], ms[k], vs[k], gs[k], first + k < 3 ? s.rates.sh_dc : s.rates.sh_rest);
+  }
+}
+
+// All of a row but its SH, in registers: rows lie side by side in whole words of 16 bytes, and a
+// number at a time would move each word once for each of its numbers.
+struct LocalRow {
+  float position[3], mean_t, log_scale[4], rotor[8], opacity;
+  __device__ void load(const Rows<float>& from, uint64_t i) {
+    for (uint64_t k = 0; k < 3; ++k) position[k] = from.position[3 * i + k];
+    mean_t = from.mean_t[i];
+    load4(from.log_scale + 4 * i, log_scale);
+    load4(from.rotor + 8 * i, rotor);
+    load4(from.rotor + 8 * i + 4, rotor + 4);
+    opacity = from.opacity[i];
+  }
+  __device__ void store(const Rows<float>& to, uint64_t i) const {
+    for (uint64_t k = 0; k < 3; ++k) to.position[3 * i + k] = position[k];
+    to.mean_t[i] = mean_t;
+    store4(log_scale, to.log_scale + 4 * i);
+    store4(rotor, to.rotor + 8 * i);
+    store4(rotor + 4, to.rotor + 8 * i + 4);
+    to.opacity[i] = opacity;
+  }
+  // Arrays of this row alone.
+  __device__ Rows<float> rows() { return {position, &mean_t, log_scale, rotor, &opacity, nullptr}; }
+
+ private:
+  __device__ static void load4(const float* from, float* to) {
+    const float4 v = *reinterpret_cast<const float4*>(from);
+    to[0] = v.x;
+    to[1] = v.y;
+    to[2] = v.z;
+    to[3] = v.w;
+  }
+  __device__ static void store4(const float* from, float* to) {
+    *reinterpret_cast<float4*>(to) = make_float4(from[0], from[1], from[2], from[3]);
+  }
+};
+
+// SH of the block's rows: from `first` on, as many as `rows`.
+template <uint32_t kWords>
+__device__ void update_sh(const AdamStep& s, const AdamArrays& a, uint64_t first, uint32_t rows,
+                          const SharedUpdate* updates /* [kThreads] */) {
+  const uint32_t t = threadIdx.x;
+  auto* gradients = reinterpret_cast<float4*>(a.gradient.sh) + first * kWords;
+  auto* values = reinterpret_cast<float4*>(a.value.sh) + first * kWords;
+  auto* means = reinterpret_cast<float4*>(a.m.sh) + first * kWords;
+  auto* squares = reinterpret_cast<float4*>(a.v.sh) + first * kWords;
+  // Several words at a time: compilers do not move loads before stores. The gradient is in the
+  // cache still.
+  constexpr uint32_t kAtOnce = 3;
+  static_assert(kWords % kAtOnce == 0, "whole turns");
+  for (uint32_t turn = 0; turn < kWords; turn += kAtOnce) {
+    float4 x[kAtOnce], m[kAtOnce], v[kAtOnce], g[kAtOnce];
+    uint32_t state[kAtOnce];
+#pragma unroll
+    for (uint32_t k = 0; k < kAtOnce; ++k) {
+      const uint32_t word = (turn + k) * kThreads + t, row = word / kWords;
+      state[k] = row < rows ? updates[row].state : kLeft;
+      if (state[k] == kUpdated && 4 * (word % kWords) >= sh_values(s.active_sh_degree)) {
+        state[k] = kCleared;
+      }
+      if (state[k] != kUpdated) continue;
+      g[k] = gradients[word];
+      x[k] = values[word];
+      m[k] = means[word];
+      v[k] = squares[word];
+    }
+#pragma unroll
+    for (uint32_t k = 0; k < kAtOnce; ++k) {
+      const uint32_t word = (turn + k) * kThreads + t, row = word / kWords;
+      if (state[k] == kLeft) continue;
+      gradients[word] = make_float4(0, 0, 0, 0);
+      if (state[k] == kCleared) continue;
+      update_four(s, updates[row].update, 4 * (word % kWords), &x[k], &m[k], &v[k], g[k]);
+      values[word] = x[k];
+      means[word] = m[k];
+      squares[word] = v[k];
+    }
+  }
+}
+
+// A block has as many rows as threads. A thread updates the shape of a row; SH, three quarters of
+// all numbers, is dealt out by words of 16 bytes that lie beside each other. kWords: of a row.
+template <uint32_t kWords>
+__global__ void __launch_bounds__(kThreads)
+    adam(AdamStep s, AdamArrays a, const uint32_t* stop, unsigned long long* skipped) {
+  if (*stop != 0) return;
+  __shared__ SharedUpdate updates[kThreads];
+  __shared__ uint32_t bad[kThreads];
+  const uint64_t first = uint64_t{blockIdx.x} * kThreads;
+  const uint32_t t = threadIdx.x;
+  const uint32_t rows =
+      static_cast<uint32_t>(s.count - first < kThreads ? s.count - first : uint64_t{kThreads});
+  const bool shown = t < rows && !(s.sparse && a.shown[first + t] == 0);
+  updates[t].state = shown ? kUpdated : kLeft;
+  bad[t] = 0;
+  __syncthreads();
+  const auto* gradients = reinterpret_cast<const float4*>(a.gradient.sh) + first * kWords;
+#pragma unroll
+  for (uint32_t k = 0; k < kWords; ++k) {
+    const uint32_t word = k * kThreads + t, row = word / kWords;
+    if (row < rows && updates[row].state != kLeft && !is_finite(gradients[word])) bad[row] = 1;
+  }
+  __syncthreads();
+  if (shown) {
+    const uint64_t i = first + t;
+    LocalRow value, m, v, g;
+    value.load(a.value, i);
+    m.load(a.m, i);
+    v.load(a.v, i);
+    g.load(a.gradient, i);
+    const AdamArrays own{value.rows(),  m.rows(),       v.rows(),   g.rows(), a.shown + i,
+                         a.updates + i, a.prepared + i, a.born + i, a.id + i};
+    const RowShape shape = row_shape(s, own, 0);
+    float sum = static_cast<float>(bad[t]);
+    for_each_shape_number(s, own, 0, shape.span,
+                          [&](float&, float&, float&, float& d, float) { sum += d * 0; });
+    if (sum == 0) {
+      updates[t].update = count_update(s, own, 0);
+      update_shape(s, own, 0, shape, updates[t].update);
+      value.store(a.value, i);
+      m.store(a.m, i);
+      v.store(a.v, i);
+      g.store(a.gradient, i);
+    } else {
+      clear_shape_gradient(a, i);
+      updates[t].state = kCleared;
+      atomicAdd(skipped, 1ull);
+    }
+  }
+  __syncthreads();
+  update_sh<kWords>(s, a, first, rows, updates);
+}
+
+// Where the SH of a row is not whole words of 16 bytes.
+__global__ void __launch_bounds__(kThreads)
+    adam_by_rows(AdamStep s, AdamArrays a, const uint32_t* stop, unsigned long long* skipped) {
+  if (*stop != 0) return;
+  const uint64_t i = uint64_t{blockIdx.x} * kThreads + threadIdx.x;
+  if (i < s.count && !adam_row(s, a, i)) atomicAdd(skipped, 1ull);
+}
+
+__global__ void __launch_bounds__(kThreads) catch_up(AdamStep s, AdamArrays a, double time) {
+  const uint64_t i = uint64_t{blockIdx.x} * kThreads + threadIdx.x;
+  if (i < s.count) catch_up_row(s, a, time, i);
+}
+
+__global__ void __launch_bounds__(kThreads)
+    note_shown(uint64_t count, uint32_t step, ShownRows rows, RowAverages averages,
+               const uint32_t* stop) {
+  const uint64_t i = uint64_t{blockIdx.x} * kThreads + threadIdx.x;
+  if (i >= count || *stop != 0) return;
+  if (rows.shown[i] != 0) averages.last_shown[i] = step;
+  if (rows.coverage == nullptr || !(rows.coverage[i] > 0)) return;
+  averages.coverage[i] += kAverage * (rows.coverage[i] * rows.each - averages.coverage[i]);
+  averages.error[i] += kAverage * (rows.error_coverage[i] * rows.each - averages.error[i]);
+}
+
+unsigned grid_of(uint64_t count) {
+  return static_cast<unsigned>((count + kThreads - 1) / kThreads);
+}
+
+bool in_words(const AdamArrays& a) {
+  for (const Rows<float>& rows : {a.value, a.m, a.v, a.gradient}) {
+    for (const float* array : {rows.log_scale, rows.rotor, rows.sh}) {
+      if (reinterpret_cast<uintptr_t>(array) % sizeof(float4) != 0) return false;
+    }
+  }
+  return true;
+}
+
+}  // namespace
+
+void launch_adam(const AdamStep& step, const AdamArrays& arrays, const uint32_t* stop,
+                 unsigned long long* skipped, cudaStream_t stream) {
+  if (step.count == 0) return;
+  const unsigned grid = grid_of(step.count);
+  if (in_words(arrays) && step.sh_degree == 3) {
+    adam<12><<<grid, kThreads, 0, stream>>>(step, arrays, stop, skipped);
+  } else if (in_words(arrays) && step.sh_degree == 1) {
+    adam<3><<<grid, kThreads, 0, stream>>>(step, arrays, stop, skipped);
+  } else {
+    adam_by_rows<<<grid, kThreads, 0, stream>>>(step, arrays, stop, skipped);
+  }
+}
+
+void launch_catch_up(const AdamStep& step, const AdamArrays& arrays, double time,
+                     cudaStream_t stream) {
+  if (step.count == 0) return;
+  catch_up<<<grid_of(step.count), kThreads, 0, stream>>>(step, arrays, time);
+}
+
+void launch_note_shown(const AdamStep& step, const ShownRows& rows, const RowAverages& averages,
+                       const uint32_t* stop, cudaStream_t stream) {
+  if (step.count == 0) return;
+  note_shown<<<grid_of(step.count), kThreads, 0, stream>>>(
+      step.count, static_cast<uint32_t>(step.step), rows, averages, stop);
+}
+
+}  // namespace l4d::train

@@ -1,0 +1,406 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "training/step/cuda_backend.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "l4d/cuda.h"
+#include "l4d/cuda_train.h"
+#include "l4d/l4d.hpp"
+#include "training/cuda/device_model.h"
+#include "training/cuda/loss_device.h"
+#include "training/cuda/target_cache.h"
+
+namespace l4d::train {
+namespace {
+
+constexpr uint64_t kFirstInstances = 1u << 20;
+constexpr double kGrowth = 1.5;  // of what a view needs, where capacity lacks
+constexpr int kEvents = kStages + 1;
+
+void check(const Status& status) {
+  if (!status.ok()) throw Error(status.code(), status.detail());
+}
+void check_cuda(cudaError_t error, const char* what) {
+  if (error != cudaSuccess) check(cuda::device_error(error, what));
+}
+
+struct DestroyLive {
+  void operator()(l4d_cuda_live* live) const { l4d_cuda_live_destroy(live); }
+};
+
+// Memory of a view of a step.
+struct ViewMemory {
+  cuda::DeviceMemory rgb, rgb_gradient, factors, error, partial;
+};
+
+// What a step tells the host.
+struct StepCounts {
+  uint32_t stop, unused;
+  unsigned long long skipped_rows;
+  DeviceDensityChange density;
+  DeviceLossSums views[kMaxDeviceViews];
+};
+// What the host tells a step.
+struct StepNumbers {
+  uint32_t count, unused[3];
+  float exposures[kMaxDeviceViews][12];
+};
+
+class CudaBackend final : public Backend {
+ public:
+  explicit CudaBackend(uint32_t device) : device_(static_cast<int>(device)) {
+    l4d_cuda_renderer_options options;
+    l4d_cuda_renderer_options_init(&options);
+    options.device = device;
+    l4d_cuda_live* live = nullptr;
+    const l4d_status status = l4d_cuda_live_create(&options, &live);
+    if (status != L4D_OK) throw Error(status, l4d_last_error_message());
+    live_.reset(live);
+    check(cuda::use_device(device_));
+    check_cuda(cudaStreamCreateWithFlags(&stream_, cudaStreamNonBlocking), "making a stream");
+    for (cudaEvent_t& event : events_) check_cuda(cudaEventCreate(&event), "making an event");
+    check(counts_.reserve(sizeof(StepCounts)));
+    check(host_counts_.reserve(sizeof(StepCounts)));
+    check(numbers_.reserve(sizeof(StepNumbers)));
+    check(host_numbers_.reserve(sizeof(StepNumbers)));
+    check_cuda(cudaMemset(counts_.data(), 0, sizeof(StepCounts)), "clearing counters");
+    size_t free = 0, total = 0;
+    check_cuda(cudaMemGetInfo(&free, &total), "asking for memory");
+    targets_ = std::make_unique<TargetCache>(free / 2);
+  }
+  ~CudaBackend() override {
+    cudaSetDevice(device_);
+    if (stream_ != nullptr) cudaStreamSynchronize(stream_);
+    for (cudaEvent_t event : events_) {
+      if (event != nullptr) cudaEventDestroy(event);
+    }
+    live_.reset();
+    if (stream_ != nullptr) cudaStreamDestroy(stream_);
+  }
+
+  void load(ModelState state, const l4d_timeline& timeline) override {
+    use();
+    timeline_ = timeline;
+    check(model_.load(state, stream_));
+    const l4d_gaussians gaussians = model_.gaussians();
+    l4d_cuda_live_rows rows;
+    l4d_cuda_live_rows_init(&rows);
+    rows.count = &numbers_.as<StepNumbers>()->count;
+    rows.overflow = &counts()->stop;
+    check_live(l4d_cuda_live_set_scene(live(), &gaussians, &timeline_, &rows));
+    degree_ = model_.stored_degree();
+    width_ = height_ = 0;
+  }
+  ModelState save() override {
+    use();
+    ModelState state;
+    check(model_.save(&state, stream_));
+    return state;
+  }
+  uint64_t count() const override { return model_.count; }
+  uint64_t capacity() const override { return model_.capacity(); }
+  StepOutput step(const StepInput& input) override;
+  DensityChange change_density(DensityStep step, uint64_t growth) override;
+  void renew_weights(float beta) override {
+    use();
+    check(model_.accumulate_weights(beta, stream_));
+  }
+  void keep(const std::vector<uint8_t>& mask) override {
+    ModelState state = save();
+    state.keep(mask);
+    load(std::move(state), timeline_);
+  }
+  io::Image render(const l4d_camera& camera, double time, const float* background) override;
+  std::array<double, kStages> take_seconds() override {
+    const std::array<double, kStages> seconds = seconds_;
+    seconds_.fill(0);
+    return seconds;
+  }
+
+ private:
+  void use() { check_cuda(cudaSetDevice(device_), "selecting the device"); }
+  l4d_cuda_live* live() const { return live_.get(); }
+  void check_live(l4d_status status) const {
+    if (status != L4D_OK) throw Error(status, l4d_cuda_live_error_message(live()));
+  }
+  StepCounts* counts() const { return counts_.as<StepCounts>(); }
+  void mark(int event) { check_cuda(cudaEventRecord(events_[event], stream_), "recording"); }
+  void reserve(const std::vector<StepView>& views, uint64_t instances);
+  void send_numbers(const StepInput* input);
+  // Of views in the memory of the step.
+  std::vector<l4d_cuda_live_view> live_views(const StepInput& input) const;
+  DeviceLossBatch loss_batch(const StepInput& input);
+  void launch(const StepInput& input, const AdamStep& adam);
+  // Copies the counters, and waits. False where a view lacked capacity: there is more then.
+  bool finish(const StepInput& input);
+
+  int device_;
+  std::unique_ptr<l4d_cuda_live, DestroyLive> live_;
+  cudaStream_t stream_ = nullptr;
+  cudaEvent_t events_[kEvents] = {};
+  DeviceModel model_;
+  l4d_timeline timeline_{};
+  uint32_t degree_ = 0, width_ = 0, height_ = 0, num_views_ = 0;
+  uint64_t instances_ = kFirstInstances;
+  std::vector<ViewMemory> views_;
+  cuda::DeviceMemory counts_, numbers_;
+  cuda::PinnedMemory host_counts_, host_numbers_;
+  std::unique_ptr<TargetCache> targets_;
+  std::array<double, kStages> seconds_{};
+};
+
+// Memory for the views. Only grows.
+void CudaBackend::reserve(const std::vector<StepView>& views, uint64_t instances) {
+  uint32_t width = width_, height = height_;
+  for (const StepView& v : views) {
+    width = std::max(width, v.camera.width);
+    height = std::max(height, v.camera.height);
+  }
+  const uint32_t count = std::max(num_views_, static_cast<uint32_t>(views.size()));
+  if (count > kMaxDeviceViews) {
+    throw Error(L4D_ERR_LIMIT_EXCEEDED, "a step has more than 16 views");
+  }
+  if (width == width_ && height == height_ && count == num_views_ && instances == instances_)
+    return;
+  l4d_cuda_frame_capacity capacity;
+  l4d_cuda_frame_capacity_init(&capacity);
+  capacity.width = width;
+  capacity.height = height;
+  capacity.visible = std::max<uint64_t>(model_.capacity(), 1);
+  capacity.instances = instances;
+  check_live(l4d_cuda_live_reserve(live(), &capacity, count));
+  const size_t pixels = size_t{width} * height;
+  views_.resize(count);
+  for (ViewMemory& v : views_) {
+    check(v.rgb.reserve(3 * pixels * sizeof(float)));
+    check(v.rgb_gradient.reserve(3 * pixels * sizeof(float)));
+    check(v.factors.reserve(9 * pixels * sizeof(float)));
+    check(v.error.reserve(pixels * sizeof(float)));
+    check(v.partial.reserve(loss_partial_size(width, height) * sizeof(double)));
+  }
+  width_ = width;
+  height_ = height;
+  num_views_ = count;
+  instances_ = instances;
+}
+
+void CudaBackend::send_numbers(const StepInput* input) {
+  auto* numbers = host_numbers_.as<StepNumbers>();
+  numbers->count = static_cast<uint32_t>(model_.count);
+  for (size_t v = 0; input != nullptr && v < input->views.size(); ++v) {
+    const double* exposure = input->views[v].exposure;
+    for (size_t k = 0; exposure != nullptr && k < 12; ++k) {
+      numbers->exposures[v][k] = static_cast<float>(exposure[k]);
+    }
+  }
+  check_cuda(cudaMemcpyAsync(numbers_.data(), numbers, sizeof(StepNumbers), cudaMemcpyHostToDevice,
+                             stream_),
+             "sending a step's numbers");
+}
+
+std::vector<l4d_cuda_live_view> CudaBackend::live_views(const StepInput& input) const {
+  std::vector<l4d_cuda_live_view> out(input.views.size());
+  for (size_t v = 0; v < out.size(); ++v) {
+    l4d_cuda_live_view_init(&out[v]);
+    out[v].camera = &input.views[v].camera;
+    out[v].time = input.time;
+    std::copy_n(input.background, 3, out[v].background);
+    out[v].rgb = views_[v].rgb.as<float>();
+  }
+  return out;
+}
+
+DeviceLossBatch CudaBackend::loss_batch(const StepInput& input) {
+  DeviceLossBatch batch{};
+  batch.count = static_cast<uint32_t>(input.views.size());
+  for (size_t k = 0; k < input.views.size(); ++k) {
+    const StepView& view = input.views[k];
+    const ViewMemory& memory = views_[k];
+    const TargetCache::Target* target = nullptr;
+    check(targets_->take(view, input.adam.step, stream_, &target));
+    DeviceLossView& v = batch.views[k];
+    v.view.width = view.camera.width;
+    v.view.height = view.camera.height;
+    v.view.rendered = memory.rgb.as<float>();
+    v.view.target = target->rgb.as<uint8_t>();
+    v.view.alpha = target->alpha_or_null;
+    v.view.mask = target->mask_or_null;
+    v.view.exposure = view.exposure == nullptr ? nullptr : numbers_.as<StepNumbers>()->exposures[k];
+    v.view.ssim_weight = input.ssim_weight;
+    std::copy_n(input.background, 3, v.view.background);
+    v.factors = memory.factors.as<float>();
+    v.partial = memory.partial.as<double>();
+    v.sums = &counts()->views[k];
+    v.rgb_gradient = memory.rgb_gradient.as<float>();
+    v.error = input.measure ? memory.error.as<float>() : nullptr;
+    v.weight = 1 / static_cast<float>(input.views.size());
+  }
+  return batch;
+}
+
+void CudaBackend::launch(const StepInput& input, const AdamStep& adam) {
+  const AdamArrays arrays = model_.adam_arrays();
+  mark(0);
+  send_numbers(&input);
+  check_cuda(cudaMemsetAsync(counts_.data(), 0, offsetof(StepCounts, density), stream_),
+             "clearing counters");
+  check_cuda(cudaMemsetAsync(model_.shown(), 0, model_.count, stream_), "clearing flags");
+  if (input.measure) {
+    check_cuda(
+        cudaMemsetAsync(model_.coverage(), 0, 2 * model_.capacity() * sizeof(float), stream_),
+        "clearing coverage");
+  }
+  if (degree_ != adam.active_sh_degree) {
+    degree_ = adam.active_sh_degree;
+    check_live(l4d_cuda_live_set_sh_degree(live(), degree_));
+  }
+  const DeviceLossBatch batch = loss_batch(input);
+  check_live(l4d_cuda_live_refresh(live(), stream_));
+  mark(kPrepare + 1);
+  const std::vector<l4d_cuda_live_view> views = live_views(input);
+  check_live(l4d_cuda_live_forward(live(), views.data(), batch.count, stream_));
+  mark(kRender + 1);
+  launch_loss_forward(batch, &counts()->stop, stream_);
+  launch_loss_backward(batch, stream_);
+  mark(kLoss + 1);
+  std::vector<l4d_cuda_live_loss> losses(batch.count);
+  for (size_t v = 0; v < losses.size(); ++v) {
+    l4d_cuda_live_loss_init(&losses[v]);
+    losses[v].rgb_gradient = batch.views[v].rgb_gradient;
+    losses[v].error = batch.views[v].error;
+  }
+  l4d_cuda_live_statistics statistics;
+  l4d_cuda_live_statistics_init(&statistics);
+  statistics.shown = model_.shown();
+  statistics.coverage = input.measure ? model_.coverage() : nullptr;
+  statistics.error_coverage = input.measure ? model_.error_coverage() : nullptr;
+  const l4d_gradients gradients = model_.gradients();
+  check_live(
+      l4d_cuda_live_backward(live(), losses.data(), batch.count, &gradients, &statistics, stream_));
+  mark(kBackward + 1);
+  const size_t pixels = size_t{input.views[0].camera.width} * input.views[0].camera.height;
+  const ShownRows shown{statistics.shown, statistics.coverage, statistics.error_coverage,
+                        1 / (static_cast<float>(pixels) * static_cast<float>(batch.count))};
+  launch_note_shown(adam, shown, model_.averages(), &counts()->stop, stream_);
+  launch_adam(adam, arrays, &counts()->stop, &counts()->skipped_rows, stream_);
+  mark(kAdam + 1);
+  check_cuda(cudaGetLastError(), "launching a step");
+}
+
+bool CudaBackend::finish(const StepInput& input) {
+  check_live(l4d_cuda_live_copy_report(live(), stream_));
+  check_cuda(cudaMemcpyAsync(host_counts_.data(), counts_.data(), sizeof(StepCounts),
+                             cudaMemcpyDeviceToHost, stream_),
+             "reading counters");
+  check_cuda(cudaStreamSynchronize(stream_), "a step");
+  for (size_t stage = 0; stage < kDensity; ++stage) {
+    float milliseconds = 0;
+    check_cuda(cudaEventElapsedTime(&milliseconds, events_[stage], events_[stage + 1]), "timing");
+    seconds_[stage] += 1e-3 * static_cast<double>(milliseconds);
+  }
+  l4d_cuda_live_report report;
+  l4d_cuda_live_report_init(&report);
+  check_live(l4d_cuda_live_get_report(live(), 1, &report));
+  if (report.required_instances <= instances_) return true;
+  // What other views have added must not be added twice.
+  check(model_.clear_gradients(stream_));
+  const double wanted = kGrowth * static_cast<double>(report.required_instances);
+  reserve(input.views, static_cast<uint64_t>(wanted));
+  return false;
+}
+
+StepOutput CudaBackend::step(const StepInput& input) {
+  use();
+  if (input.views.empty()) throw Error(L4D_ERR_INVALID_ARGUMENT, "a step has no view");
+  AdamStep adam = input.adam;
+  adam.count = model_.count;
+  adam.active_sh_degree = std::min(adam.active_sh_degree, model_.sh_degree());
+  adam.sh_degree = model_.stored_degree();
+  reserve(input.views, instances_);
+  if (adam.sparse) launch_catch_up(adam, model_.adam_arrays(), input.time, stream_);
+  do {
+    launch(input, adam);
+  } while (!finish(input));
+  const auto* counts = host_counts_.as<StepCounts>();
+  StepOutput output;
+  output.skipped_rows = counts->skipped_rows;
+  output.finite = counts->stop == 0;
+  for (size_t v = 0; v < input.views.size(); ++v) {
+    const DeviceLossSums& sums = counts->views[v];
+    output.views.push_back({sums.absolute, sums.squared, sums.similarity, sums.values});
+    output.exposure_gradients.emplace_back();
+    if (input.views[v].exposure != nullptr) {
+      std::copy_n(sums.by_exposure, 12, output.exposure_gradients.back().begin());
+    }
+  }
+  if (!output.finite) check(model_.clear_gradients(stream_));
+  return output;
+}
+
+DensityChange CudaBackend::change_density(DensityStep step, uint64_t growth) {
+  use();
+  step.count = model_.count;
+  step.sh_degree = model_.stored_degree();
+  step.births = std::min(growth, model_.capacity() - model_.count);
+  step.next_id = model_.next_id;
+  mark(kDensity);
+  launch_change_density(step, model_.density_arrays(), model_.relocation_memory(),
+                        &counts()->density, stream_);
+  mark(kDensity + 1);
+  auto* change = &host_counts_.as<StepCounts>()->density;
+  check_cuda(
+      cudaMemcpyAsync(change, &counts()->density, sizeof *change, cudaMemcpyDeviceToHost, stream_),
+      "reading counters");
+  check_cuda(cudaStreamSynchronize(stream_), "density control");
+  float milliseconds = 0;
+  check_cuda(cudaEventElapsedTime(&milliseconds, events_[kDensity], events_[kDensity + 1]),
+             "timing");
+  seconds_[kDensity] += 1e-3 * static_cast<double>(milliseconds);
+  model_.count += change->born;
+  model_.next_id += static_cast<uint32_t>(step.births);
+  return {change->relocated, change->born};
+}
+
+io::Image CudaBackend::render(const l4d_camera& camera, double time, const float* background) {
+  use();
+  StepInput input;
+  input.time = time;
+  std::copy_n(background, 3, input.background);
+  StepView view;
+  view.camera = camera;
+  input.views.push_back(view);
+  reserve(input.views, instances_);
+  send_numbers(nullptr);
+  check_live(l4d_cuda_live_refresh(live(), stream_));
+  io::Image image(camera.width, camera.height);
+  for (;;) {
+    const std::vector<l4d_cuda_live_view> views = live_views(input);
+    check_live(l4d_cuda_live_forward(live(), views.data(), 1, stream_));
+    check_live(l4d_cuda_live_copy_report(live(), stream_));
+    check_cuda(cudaMemcpyAsync(image.rgb.data(), views[0].rgb, image.rgb.size() * sizeof(float),
+                               cudaMemcpyDeviceToHost, stream_),
+               "reading an image");
+    check_cuda(cudaStreamSynchronize(stream_), "rendering");
+    l4d_cuda_live_report report;
+    l4d_cuda_live_report_init(&report);
+    check_live(l4d_cuda_live_get_report(live(), 1, &report));
+    if (report.required_instances <= instances_) return image;
+    reserve(input.views,
+            static_cast<uint64_t>(kGrowth * static_cast<double>(report.required_instances)));
+  }
+}
+
+}  // namespace
+
+bool has_cuda_backend() {
+  l4d_cuda_device_info info;
+  l4d_cuda_device_info_init(&info);
+  return l4d_cuda_get_device_info(0, &info) == L4D_OK && info.usable != 0;
+}
+
+std::unique_ptr<Backend> make_cuda_backend(uint32_t device) {
+  return std::make_unique<CudaBackend>(device);
+}
+
+}  // namespace l4d::train

@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "l4d/render.h"
+#include "libl4dcodec/cuda/device.h"
+#include "training/cuda/adam_device.h"
+#include "training/cuda/relocate_device.h"
+#include "training/model/state.h"
+
+namespace l4d::train {
+
+// A model in device memory, with derivatives and what views show of each row. SH has degree 1 or 3
+// there, so that rows are whole words of 16 bytes: coefficients that the model lacks are 0.
+class DeviceModel {
+ public:
+  Status load(const ModelState& state, cudaStream_t stream);
+  // Copies to `state` what load() took, but for its exposures. Waits for the stream.
+  Status save(ModelState* state, cudaStream_t stream) const;
+
+  uint64_t count = 0;
+  uint32_t next_id = 0;
+  uint64_t sampled = 0;  // rows that `cumulative` has
+  uint64_t capacity() const { return capacity_; }
+  uint32_t sh_degree() const { return sh_degree_; }                   // of the model
+  uint32_t stored_degree() const { return sh_degree_ <= 1 ? 1 : 3; }  // on the device
+
+  AdamArrays adam_arrays() const;
+  DensityArrays density_arrays() const;
+  RelocationMemory relocation_memory() const;
+  l4d_gaussians gaussians() const;  // of the capacity
+  l4d_gradients gradients() const;
+  Status clear_gradients(cudaStream_t stream) const;
+  uint8_t* shown() const { return shown_.as<uint8_t>(); }
+  float* coverage() const { return covered_.as<float>(); }          // [capacity] of a step
+  float* error_coverage() const { return coverage() + capacity_; }  // likewise
+  RowAverages averages() const;
+  Status accumulate_weights(float beta, cudaStream_t stream);
+
+ private:
+  enum Group { kValue, kM, kV, kGradient, kGroups };
+  enum Column { kId, kUpdates, kPrepared, kBorn, kLastShown, kColumns };
+  Rows<float> rows(Group group) const;
+  uint32_t* column(Column c) const { return columns_[c].as<uint32_t>(); }
+  size_t sh_numbers(uint32_t degree) const { return size_t{3} * (degree + 1) * (degree + 1); }
+  size_t numbers(size_t attribute) const;
+
+  uint64_t capacity_ = 0;
+  uint32_t sh_degree_ = 0;
+  cuda::DeviceMemory arrays_[kGroups][kNumAttributes], columns_[kColumns];
+  cuda::DeviceMemory coverage_, error_, covered_, shown_, cumulative_, children_, copies_, partial_;
+};
+
+}  // namespace l4d::train
