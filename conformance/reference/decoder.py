@@ -21,6 +21,7 @@ class Query:
     end: float = None                     # an instant is begin = end
     buckets: list = None                  # of (layer, bucket), ascending
     most_level: int = 255                 # finer layers are left out
+    most_tier: int = 255                  # and those of higher tiers
     base_only: bool = False               # leaves SH chunks of pages unread
     whole_buckets: bool = False           # takes all pages of a bucket if it needs one
 
@@ -66,7 +67,8 @@ class Decoder:
         """The pages that a query needs, in order (DEC-2)."""
         taken = Taken()
         for index, layer in enumerate(self.header["layers"]):
-            if layer["num_gaussians"] == 0 or layer["level"] > query.most_level:
+            if (layer["num_gaussians"] == 0 or layer["level"] > query.most_level or
+                    layer["tier"] > query.most_tier):
                 continue
             for first, last in self.runs(query, index):
                 yield from self.select_of_layer(query, index, first, last, taken)

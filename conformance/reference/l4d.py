@@ -12,6 +12,7 @@
   --query validate           every rule of the format, also those that only validators check
   --query demand             what playing it asks for (section 18.2), and the profile it keeps to
   --level N                  only layers of level N or less
+  --tier N                   only layers of tier N or less
   --detail base|full         base: SH chunks of pages stay unread
   --packed                   the integers of pages instead of attributes; streams of profile 1 only
   --whole-buckets            all pages of a bucket of which one may be visible
@@ -40,7 +41,7 @@ from decoder import Decoder, Query
 def parse_query(text, args):
     """The Query of the command line, or None where it is no query of Gaussians."""
     kind, _, rest = text.partition(":")
-    options = {"most_level": args.level, "base_only": args.detail == "base",
+    options = {"most_level": args.level, "most_tier": args.tier, "base_only": args.detail == "base",
                "whole_buckets": args.whole_buckets}
     if kind == "all":
         return Query(**options)
@@ -90,6 +91,7 @@ def main(arguments):
     parser = argparse.ArgumentParser(usage=__doc__, add_help=False)
     parser.add_argument("--query", default="all")
     parser.add_argument("--level", type=int, default=255)
+    parser.add_argument("--tier", type=int, default=255)
     parser.add_argument("--detail", choices=("full", "base"), default="full")
     for flag in ("--packed", "--whole-buckets"):
         parser.add_argument(flag, action="store_true")

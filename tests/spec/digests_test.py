@@ -55,6 +55,7 @@ def queries(decoder):
     return [("all", [], Query()),
             ("base", base, Query(base_only=True)),
             ("level", ["--max-level", "1"], Query(most_level=1)),
+            ("tier", ["--max-tier", "1"], Query(most_tier=1)),
             ("time", [at("time", a)], Query(a, a)),
             ("late", [at("time", c), "--max-level", "2"], Query(c, c, most_level=2)),
             ("range", [at("from", a), at("to", b), *base], Query(a, b, base_only=True))]
@@ -84,9 +85,14 @@ class Digests(unittest.TestCase):
         return fewer
 
     def test_attributes_of_random_streams(self):
-        files = {seed: random_stream.RandomScene(seed).build() for seed in range(NUM_RANDOM_STREAMS)}
+        files = {}
+        for seed in range(NUM_RANDOM_STREAMS):
+            drawn = random_stream.RandomScene(seed)
+            for index, layer in enumerate(drawn.scene["layers"]):
+                layer["tier"] = index % 3
+            files[seed] = drawn.build()
         fewer = self.compare(files, "attributes")
-        for query in ("base", "level", "time", "late", "range"):
+        for query in ("base", "level", "tier", "time", "late", "range"):
             self.assertGreater(fewer[query], NUM_RANDOM_STREAMS // 10, query)
 
     def test_packed_form_of_random_streams(self):
