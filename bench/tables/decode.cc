@@ -1,5 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Decoding speed per core: expanded and packed, reference and SIMD, and where the time goes.
+// Decoding speed beside bytes for each preset: whole, without SH detail, positions alone, packed;
+// by SIMD targets; and what each attribute takes.
+#include <hwy/highway.h>
+
 #include <cstdio>
 
 #include "bench/tables/common.h"
@@ -10,8 +13,11 @@ using namespace l4d;
 using namespace l4d::bench;
 
 constexpr int kRuns = 15;
+constexpr const char* kPresets[] = {"default", "tiny", "archive", "indexed", "lossless"};
 
-DecoderHandle open(const std::vector<unsigned char>& file, uint32_t backend, uint32_t threads) {
+using File = std::vector<unsigned char>;
+
+DecoderHandle open(const File& file, uint32_t backend, uint32_t threads) {
   l4d_decoder_options options;
   l4d_decoder_options_init(&options);
   options.backend = backend;
@@ -21,59 +27,117 @@ DecoderHandle open(const std::vector<unsigned char>& file, uint32_t backend, uin
   return d;
 }
 
-void run(const char* name, const std::vector<unsigned char>& file) {
-  const l4d_query query = whole_query();
-  GaussianArrays arrays = open(file, L4D_BACKEND_CPU, 0).decode(query);
+GaussianArrays arrays_of(const File& file) {
+  GaussianArrays arrays = open(file, L4D_BACKEND_CPU, 0).decode(whole_query());
   arrays.spans.clear();
-  const double n = static_cast<double>(arrays.count());
-  const auto rate = [&](double s) { return n / s / 1e6; };
-  const auto expanded = [&](uint32_t backend, uint32_t threads, int runs) {
-    DecoderHandle d = open(file, backend, threads);
-    l4d_gaussian_buffers b = arrays.buffers();
-    return time_median(runs, [&] { d.check(l4d_decoder_decode(d.get(), &query, &b)); });
-  };
-  const size_t count = arrays.count();
+  return arrays;
+}
+
+// Million Gaussians a second into the arrays that `buffers` has.
+double expanded(const File& file, const l4d_query& query, l4d_gaussian_buffers buffers,
+                size_t count, uint32_t backend, uint32_t threads, int runs = kRuns) {
+  DecoderHandle d = open(file, backend, threads);
+  const double s =
+      time_median(runs, [&] { d.check(l4d_decoder_decode(d.get(), &query, &buffers)); });
+  return static_cast<double>(count) / s / 1e6;
+}
+
+// Codebook indices alone have a packed form.
+double packed(const File& file, size_t count) {
   std::vector<uint16_t> position(3 * count), mean(count), opacity(count), factor(count);
   std::vector<uint16_t> index[L4D_COMPONENT_COUNT];
-  const auto packed = [&](uint32_t backend, uint32_t threads, int runs) {
-    DecoderHandle d = open(file, backend, threads);
-    l4d_packed_buffers b;
-    l4d_packed_buffers_init(&b);
-    b.capacity = count;
-    b.position = position.data();
-    b.mean_t = mean.data();
-    b.opacity = opacity.data();
-    b.scale_factor = factor.data();
-    for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
-      index[c].resize(count * L4D_MAX_STAGES);
-      b.component[c].index = index[c].data();
-    }
-    return time_median(runs, [&] { d.check(l4d_decoder_decode_packed(d.get(), &query, &b)); });
-  };
-  std::printf("\n%s: %zu Gaussians, %.2f bytes each\n\n", name, count,
-              static_cast<double>(file.size()) / n);
-  std::puts("| path | threads | million Gaussians/s |\n|---|---|---|");
-  std::printf("| expanded, reference | 1 | %.1f |\n", rate(expanded(L4D_BACKEND_REFERENCE, 1, 3)));
-  std::printf("| expanded, SIMD | 1 | %.1f |\n", rate(expanded(L4D_BACKEND_CPU, 1, kRuns)));
-  std::printf("| expanded, SIMD | 2 | %.1f |\n", rate(expanded(L4D_BACKEND_CPU, 2, kRuns)));
-  std::printf("| packed, reference | 1 | %.1f |\n", rate(packed(L4D_BACKEND_REFERENCE, 1, 3)));
-  std::printf("| packed, SIMD | 1 | %.1f |\n", rate(packed(L4D_BACKEND_CPU, 1, kRuns)));
-  std::printf("| packed, SIMD | 2 | %.1f |\n", rate(packed(L4D_BACKEND_CPU, 2, kRuns)));
+  DecoderHandle d = open(file, L4D_BACKEND_CPU, 1);
+  l4d_packed_buffers b;
+  l4d_packed_buffers_init(&b);
+  b.capacity = count;
+  b.position = position.data();
+  b.mean_t = mean.data();
+  b.opacity = opacity.data();
+  b.scale_factor = factor.data();
+  for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
+    index[c].resize(count * L4D_MAX_STAGES);
+    b.component[c].index = index[c].data();
+  }
+  const l4d_query query = whole_query();
+  const double s =
+      time_median(kRuns, [&] { d.check(l4d_decoder_decode_packed(d.get(), &query, &b)); });
+  return static_cast<double>(count) / s / 1e6;
+}
 
+void print_preset(const char* preset, const File& file) {
+  GaussianArrays arrays = arrays_of(file);
+  const size_t n = arrays.count();
+  const l4d_gaussian_buffers all = arrays.buffers();
+  l4d_gaussian_buffers positions = all;
+  for_each_attribute(
+      [&](const AttributeInfo& a, float*& to) {
+        if (a.flag != info_of(Attribute::kPosition).flag) to = nullptr;
+      },
+      positions);
+  const l4d_query whole = whole_query();
+  l4d_query base = whole;
+  base.detail = L4D_DETAIL_BASE_COLOR;
+  const bool has_indices = std::string(preset) == "indexed";
+  std::printf("| %s | %.2f | %.1f | %.1f | %.1f | %.1f | ", preset,
+              static_cast<double>(file.size()) / static_cast<double>(n),
+              expanded(file, whole, all, n, L4D_BACKEND_CPU, 1),
+              expanded(file, whole, all, n, L4D_BACKEND_CPU, 2),
+              expanded(file, base, all, n, L4D_BACKEND_CPU, 1),
+              expanded(file, whole, positions, n, L4D_BACKEND_CPU, 1));
+  if (has_indices) {
+    std::printf("%.1f |", packed(file, n));
+  } else {
+    std::printf("- |");
+  }
+  std::printf(" %.1f |\n", expanded(file, whole, all, n, L4D_BACKEND_REFERENCE, 1, 3));
+  std::fflush(stdout);
+}
+
+void print_targets(const File& file) {
+  GaussianArrays arrays = arrays_of(file);
+  std::puts("\nThe preset default, one thread:\n\n| target | million Gaussians/s |\n|---|---|");
+  for (const auto target : hwy::SupportedAndGeneratedTargets()) {
+    hwy::SetSupportedTargetsForTest(target);
+    std::printf(
+        "| %s | %.1f |\n", hwy::TargetName(target),
+        expanded(file, whole_query(), arrays.buffers(), arrays.count(), L4D_BACKEND_CPU, 1));
+  }
+  hwy::SetSupportedTargetsForTest(0);
+}
+
+void print_attributes(const File& file) {
+  GaussianArrays arrays = arrays_of(file);
+  const size_t n = arrays.count();
   std::puts(
-      "\n| attribute alone (SIMD, 1 thread; each reads and checks whole pages) | ns/Gaussian |"
-      "\n|---|---|");
+      "\nThe preset default, one thread; channels before an attribute are decoded with it:\n"
+      "\n| attribute alone | ns/Gaussian |\n|---|---|");
   for (const AttributeInfo& alone : kAttributes) {
-    DecoderHandle d = open(file, L4D_BACKEND_CPU, 1);
     l4d_gaussian_buffers b = arrays.buffers();
     for_each_attribute(
         [&](const AttributeInfo& a, float*& to) {
           if (a.flag != alone.flag) to = nullptr;
         },
         b);
-    const double s = time_median(kRuns, [&] { d.check(l4d_decoder_decode(d.get(), &query, &b)); });
-    std::printf("| %s | %.2f |\n", alone.name, s * 1e9 / n);
+    std::printf("| %s | %.2f |\n", alone.name,
+                1000 / expanded(file, whole_query(), b, n, L4D_BACKEND_CPU, 1));
   }
+}
+
+void run(const char* name, const WeightedScene& scene) {
+  const std::vector<float> weights =
+      scene.weights.count == 0 ? std::vector<float>() : sh_weights(scene);
+  std::printf("\n%s\n\nMillion Gaussians a second:\n\n", name);
+  std::puts(
+      "| preset | bytes a Gaussian | all | 2 threads | base colours | positions | packed | "
+      "reference |\n|---|---:|---:|---:|---:|---:|---:|---:|");
+  File first;
+  for (const char* preset : kPresets) {
+    File file = make_encoder(scene, weights, preset).encode();
+    print_preset(preset, file);
+    if (first.empty()) first = std::move(file);
+  }
+  print_targets(first);
+  print_attributes(first);
 }
 
 }  // namespace
@@ -82,13 +146,11 @@ int main() {
   io::SynthOptions options;
   options.gaussians = 1000000;
   options.seconds = 20;
-  WeightedScene synth{io::synthesize(options), {}};
-  run("synth, 1 million Gaussians, 20 s", make_encoder(synth, {}, "indexed-small").encode());
+  run("synth, 1 million Gaussians, 20 s", {io::synthesize(options), {}});
   if (data_dir().empty()) {
     std::puts("\nbasketball: SKIPPED, set L4D_DATA_DIR");
     return 0;
   }
-  const WeightedScene scene = load_basketball();
-  run("basketball", make_encoder(scene, sh_weights(scene), "indexed-small").encode());
+  run("basketball", load_basketball());
   return 0;
 }
