@@ -73,8 +73,9 @@ Status PageDecoder::resolve_codebooks(const PageTask& task, const PageWants& wan
   return {};
 }
 
-Status PageDecoder::parse_rans_page(const PageTask& task, const EntropyTables& tables,
-                                    ByteSpan bytes, const ByteSpan* detail, PageScratch& scratch,
+Status PageDecoder::parse_rans_page(const PageTask& task, const PageWants& wants,
+                                    const EntropyTables& tables, ByteSpan bytes,
+                                    const ByteSpan* detail, PageScratch& scratch,
                                     SectionBytes* sections, Status* detail_status) {
   const SceneHeader& header = file_.header();
   RansPageChunks parts;
@@ -88,8 +89,8 @@ Status PageDecoder::parse_rans_page(const PageTask& task, const EntropyTables& t
   }
   const bool decodes_detail = detail != nullptr && detail_status->ok();
   return decode_rans_page(scratch.rans, parts, header, header.layers[task.layer], tables,
-                          task.block(), task.record.num_gaussians, &scratch.columns, sections,
-                          decodes_detail ? detail_status : nullptr);
+                          task.block(), task.record.num_gaussians, wants, &scratch.columns,
+                          sections, decodes_detail ? detail_status : nullptr);
 }
 
 Status PageDecoder::decode_one(const Pages& pages, size_t i, PageScratch& scratch,
@@ -110,7 +111,7 @@ Status PageDecoder::parse_one(const Pages& pages, size_t i, PageScratch& scratch
   L4D_RETURN_IF_ERROR(check_page_chunk(header, task.record, false, bytes));
   if (batch->tables[i] != nullptr) {
     const bool has_detail = pages.with_detail() && task.record.has_sh_detail();
-    return parse_rans_page(task, *batch->tables[i], bytes,
+    return parse_rans_page(task, pages.wants, *batch->tables[i], bytes,
                            has_detail ? &batch->details[i] : nullptr, scratch, sections,
                            &batch->detail_status[i]);
   }

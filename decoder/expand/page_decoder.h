@@ -84,9 +84,9 @@ class PageDecoder {
                     Batch* batch);
   Status parse_one(const Pages& pages, size_t i, PageScratch& scratch, SectionBytes* sections,
                    Batch* batch);
-  Status parse_rans_page(const PageTask& task, const EntropyTables& tables, ByteSpan bytes,
-                         const ByteSpan* detail, PageScratch& scratch, SectionBytes* sections,
-                         Status* detail_status);
+  Status parse_rans_page(const PageTask& task, const PageWants& wants, const EntropyTables& tables,
+                         ByteSpan bytes, const ByteSpan* detail, PageScratch& scratch,
+                         SectionBytes* sections, Status* detail_status);
   Status resolve_codebooks(const PageTask& task, const PageWants& wants, PageCodebooks* out);
   std::unique_ptr<PageScratch> take_scratch();
   void give_scratch(std::unique_ptr<PageScratch> scratch);

@@ -106,9 +106,10 @@ struct RansPageChunks {
 };
 
 // Parses a rans32 page with the tables of its layer. Channels are coded one after another, so that
-// only the SH chunk can be left out; columns of the first are filled unasked. `detail` is null
-// where the SH chunk is not wanted or there is none; else it gets what became of that, beside
-// which the columns hold the base chunk as if the second were not wanted.
+// only those behind the last one that is wanted can be left out, and the SH chunk; columns before
+// are filled unasked. With `sections`, all are parsed. `detail` is null where the SH chunk is not
+// wanted or there is none; else it gets what became of that, beside which the columns hold the base
+// chunk as if the second were not wanted.
 struct RansDecoder {
   const RansKernels* kernels = nullptr;
   const StreamKernels* streams = nullptr;
@@ -120,7 +121,8 @@ struct RansDecoder {
 Status decode_rans_page(RansDecoder& decoder, const RansPageChunks& parts,
                         const SceneHeader& header, const LayerHeader& layer,
                         const EntropyTables& tables, const BlockRecord* block, size_t n,
-                        PageColumns* out, SectionBytes* sections, Status* detail);
+                        const PageWants& wants, PageColumns* out, SectionBytes* sections,
+                        Status* detail);
 
 // Walks the channels of a page that rANS can code in their order, with the context of each symbol:
 // what counts tokens for tables and what codes with them see the same. Either span of values is

@@ -25,14 +25,15 @@ void narrow(const From* src, size_t n, To* dst) {
 class RansPageParser {
  public:
   RansPageParser(RansDecoder& decoder, const SceneHeader& header, const LayerHeader& layer,
-                 const EntropyTables& tables, const BlockRecord* block, size_t n, PageColumns* out,
-                 SectionBytes* sections)
+                 const EntropyTables& tables, const BlockRecord* block, size_t n,
+                 const PageWants& wants, PageColumns* out, SectionBytes* sections)
       : d_(decoder),
         header_(header),
         layer_(layer),
         tables_(tables),
         block_(block),
         n_(n),
+        wants_(wants),
         out_(*out),
         sections_(sections) {}
 
@@ -59,17 +60,39 @@ class RansPageParser {
     at_ = at;
     L4D_RETURN_IF_ERROR(open_rans_block(block, at_, &lanes_));
     const unsigned char* counted = lanes_.next;
+    // Channels behind the last one that is wanted stay coded.
+    const size_t all = last;
+    while (sections_ == nullptr && last > first && !wanted(tables_.channels[last - 1])) --last;
     for (size_t p = first; p < last; ++p) {
       L4D_RETURN_IF_ERROR(run_channel(p));
       if (sections_ == nullptr) continue;
       (*sections_)[section_of(tables_.channels[p])] += static_cast<uint64_t>(lanes_.next - counted);
       counted = lanes_.next;
     }
-    if (!rans_block_finished(lanes_)) {
+    if (last == all && !rans_block_finished(lanes_)) {
       return corrupt("RANS-7", at_,
                      "a rANS block does not end with its words and in its first state");
     }
     return {};
+  }
+
+  bool wanted(const ChannelSpec& p) const {
+    switch (p.kind) {
+      case ChannelKind::kPosition:
+        return wants_.position;
+      case ChannelKind::kMeanT:
+      case ChannelKind::kMeanTFine:
+      case ChannelKind::kWindow:
+        return wants_.mean_t;
+      case ChannelKind::kOpacity:
+        return wants_.opacity;
+      case ChannelKind::kScaleFactor:
+        return wants_.scale;
+      default:
+        break;
+    }
+    if (p.component == L4D_COMPONENT_SH) return wants_.sh;
+    return p.component == L4D_COMPONENT_SCALE ? wants_.scale : wants_.rotor;
   }
 
   static unsigned section_of(const ChannelSpec& p) {
@@ -311,6 +334,7 @@ class RansPageParser {
   const EntropyTables& tables_;
   const BlockRecord* block_;
   size_t n_;
+  const PageWants& wants_;
   PageColumns& out_;
   SectionBytes* sections_;
   uint64_t at_ = 0;
@@ -338,8 +362,10 @@ void coefficient_contexts(const uint8_t* step_exponent, const uint8_t* last, con
 Status decode_rans_page(RansDecoder& decoder, const RansPageChunks& parts,
                         const SceneHeader& header, const LayerHeader& layer,
                         const EntropyTables& tables, const BlockRecord* block, size_t n,
-                        PageColumns* out, SectionBytes* sections, Status* detail) {
-  return RansPageParser(decoder, header, layer, tables, block, n, out, sections).run(parts, detail);
+                        const PageWants& wants, PageColumns* out, SectionBytes* sections,
+                        Status* detail) {
+  return RansPageParser(decoder, header, layer, tables, block, n, wants, out, sections)
+      .run(parts, detail);
 }
 
 namespace {

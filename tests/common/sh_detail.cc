@@ -36,7 +36,7 @@ std::vector<CodedPage> decode_pages(const SceneHeader& header, const LayerHeader
       parts.first = d.pages[p].raw;
       PageColumns columns;
       require(decode_rans_page(decoder, parts, header, layer, tables, block, record.num_gaussians,
-                               &columns, nullptr, nullptr));
+                               PageWants(), &columns, nullptr, nullptr));
       pages.push_back({&d, p, std::move(columns)});
     }
   }

@@ -78,11 +78,12 @@ class Parser {
   // The failure of either part.
   Status operator()(const Page& page, const SceneHeader& header, const LayerHeader& layer,
                     const EntropyTables& tables, const BlockRecord* block, size_t n,
-                    bool with_detail, PageColumns* out, SectionBytes* sections = nullptr) {
+                    bool with_detail, PageColumns* out, SectionBytes* sections = nullptr,
+                    const PageWants& wants = {}) {
     Status detail;
     const bool decodes = with_detail && !page.detail.empty();
-    Status first = decode_rans_page(decoder_, page.parts(), header, layer, tables, block, n, out,
-                                    sections, decodes ? &detail : nullptr);
+    Status first = decode_rans_page(decoder_, page.parts(), header, layer, tables, block, n, wants,
+                                    out, sections, decodes ? &detail : nullptr);
     return first.ok() ? detail : first;
   }
 
@@ -176,6 +177,40 @@ struct Sample {
     return parse(page, header, layer, coded.tables, nullptr, columns.n, with_detail, &out);
   }
 };
+
+// spec: DEC-3
+TEST(RansPage, ChannelsBehindTheLastThatIsWantedStayCoded) {
+  Sample sample;
+  const Page page = sample.page(false);
+  Page shorter = page;
+  shorter.first.resize(page.first.size() - 2);  // which coefficients of SH take
+  const auto only = [](bool PageWants::*attribute) {
+    PageWants wants{false, false, false, false, false, false, false};
+    wants.*attribute = true;
+    return wants;
+  };
+  const auto decode = [&](const Page& p, const PageWants& wants, PageColumns* out) {
+    return sample.parse(p, sample.header, sample.layer, sample.coded.tables, nullptr,
+                        sample.columns.n, true, out, nullptr, wants);
+  };
+  PageColumns out;
+  EXPECT_STREQ(decode(shorter, PageWants(), &out).clause(), "RANS-7");
+  EXPECT_STREQ(decode(shorter, only(&PageWants::sh), &out).clause(), "RANS-7");
+  for (bool PageWants::*attribute : {&PageWants::position, &PageWants::mean_t, &PageWants::opacity,
+                                     &PageWants::scale, &PageWants::rotor}) {
+    PageColumns part;
+    EXPECT_TRUE(decode(shorter, only(attribute), &part).ok());
+    for (size_t axis = 0; axis < 3; ++axis) {
+      EXPECT_EQ(part.fixed_position[axis], sample.columns.fixed_position[axis]);
+    }
+    // What lies behind was not touched.
+    EXPECT_TRUE(part.component[L4D_COMPONENT_SH].step_exponent.empty());
+    EXPECT_EQ(part.opacity.empty(),
+              attribute == &PageWants::position || attribute == &PageWants::mean_t);
+  }
+  ASSERT_TRUE(decode(page, only(&PageWants::sh), &out).ok());
+  expect_columns(sample.header, sample.layer, true, sample.columns, out);
+}
 
 // spec: RANS-1, RANS-7
 TEST(RansPage, TruncatedAtEveryByteAndLonger) {
