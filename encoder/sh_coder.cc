@@ -20,6 +20,7 @@ CodedComponent as_transform(const EncoderScene& scene, const CoderOptions& optio
   t.distortion = quality.distortion_per_coefficient(kSh);
   t.max_step = quality.max_step(kMaxStep);
   t.principal_axes = true;
+  t.integers = true;
   t.base = options.settings->get_bool(L4D_ENC_SH_BASE) ? 3 : 0;
   t.threads = options.threads;
   return code_component_transform(scene.sh.data(), scene.importance[kSh].data(), scene.count,

@@ -9,6 +9,7 @@
 #include "encoder/scalar.h"
 #include "libl4dcodec/base/half.h"
 #include "libl4dcodec/base/threads.h"
+#include "libl4dcodec/quant/integer_basis.h"
 
 namespace l4d {
 namespace {
@@ -21,8 +22,9 @@ constexpr size_t kMaxAxisRows = 65536;
 constexpr double kMaxAxisWeight = 20;
 // What a number of the base varies less than this share of the average is not asked about others.
 constexpr double kMinBaseVariance = 1e-6;
-// Numbers of coefficients that a Gaussian may have: fine where most end, coarse beyond.
-constexpr uint8_t kEobTable[] = {2, 4, 6, 9, 12, 16, 20, 26, 34};
+// Numbers of coefficients beyond the base that a Gaussian may have: fine where most end, coarse
+// beyond. Decoders take coefficients of a step two at a time, so that steps are even.
+constexpr uint8_t kEobTable[] = {2, 4, 6, 10, 14, 18, 24, 32};
 
 constexpr double kMaxCoefficient = 32767;
 
@@ -246,7 +248,8 @@ class TransformCoder {
     if (base_ > 0 && base_ < most) out_.eob_table.push_back(static_cast<uint8_t>(base_));
     if (dim_ > 4) {
       for (const uint8_t step : kEobTable) {
-        if (step > base_ && step < most) out_.eob_table.push_back(step);
+        const size_t end = base_ + step;
+        if (end < most) out_.eob_table.push_back(static_cast<uint8_t>(end));
       }
     }
     out_.eob_table.push_back(static_cast<uint8_t>(most));
@@ -263,14 +266,25 @@ class TransformCoder {
     decoded_.resize(n_ * dim_);
     std::vector<float> padded = out_.basis;
     padded.resize(padded.size() + 16);
-    const TransformSource source = source_of(out_, dim_, padded);
+    TransformSource source = source_of(out_, dim_, padded);
+    IntegerBasis integers;
+    if (settings_.integers) {
+      integers = integer_basis(padded.data(), dim_, out_.steps.data(), out_.steps.size());
+      source.integer_basis = integers.vectors.data();
+      source.integer_scale = integers.scale;
+    }
+    const TransformKernels& kernels = transform_kernels_reference();
     parallel_for(settings_.threads, n_, kGrain, [&](size_t begin, size_t end) {
       // Not compact: coefficient i of each array is that of Gaussian i.
       for (size_t i = begin; i < end; ++i) {
         TransformCursor cursor;
         cursor.coefficient.fill(i);
-        transform_kernels_reference().rows(source, cursor, i, i + 1, decoded_.data() + i * dim_,
-                                           false);
+        float* const row = decoded_.data() + i * dim_;
+        if (settings_.integers) {
+          kernels.integer_rows(source, cursor, i, i + 1, row, false);
+        } else {
+          kernels.rows(source, cursor, i, i + 1, row);
+        }
       }
     });
   }
@@ -306,8 +320,7 @@ bool code_row(const float* row, size_t dim, size_t i, unsigned step_exponent, Co
   padded.resize(padded.size() + 16);
   TransformCursor cursor;
   cursor.coefficient.fill(i);
-  transform_kernels_reference().rows(source_of(coded, dim, padded), cursor, i, i + 1, decoded,
-                                     false);
+  transform_kernels_reference().rows(source_of(coded, dim, padded), cursor, i, i + 1, decoded);
   return true;
 }
 

@@ -18,6 +18,7 @@ struct TransformSettings {
   // the others, so that as many leading coefficients are an approximation of them. 0 = freely
   // chosen axes.
   size_t base = 0;
+  bool integers = false;     // rows are sums of integers, as those of SH are
   bool zero_origin = false;  // a row of zeros is coded as such
   // Keep coefficients that are 0 in all rows, for rows that may be coded again by code_row.
   bool all_coefficients = false;

@@ -7,7 +7,7 @@ import struct
 from stream_builder import vlq
 
 LANES = 32
-SLOTS = 4096
+SLOTS = 1024
 LOW = 1 << 16
 
 
@@ -56,10 +56,10 @@ def block(channels, maps, states=None, words=b""):
                           for lane, ((_, pieces), _) in enumerate(part) if piece < len(pieces)]
     x, out = list(states or [LOW] * LANES), []
     for lane, is_token, a, b in reversed(steps):
-        if x[lane] >= (a << 20 if is_token else 1 << 32 - a):
+        if x[lane] >= (a << 22 if is_token else 1 << 32 - a):
             out.append(x[lane] & 0xFFFF)
             x[lane] >>= 16
-        x[lane] = (x[lane] // a << 12) + x[lane] % a + b if is_token else x[lane] << a | b
+        x[lane] = (x[lane] // a << 10) + x[lane] % a + b if is_token else x[lane] << a | b
     return struct.pack(f"<{LANES}I{len(out)}H", *x, *reversed(out)) + words
 
 

@@ -77,7 +77,7 @@ class Demand:
             for c in (1, 2, 3):
                 component(index, c)
             if layer["entropy"] is not None:
-                self.table_bytes += 1 << 21
+                self.table_bytes += 1 << 19
                 self.head_bytes += layer["entropy"]["stored_bytes"]
 
     def needed(self, layer, record):

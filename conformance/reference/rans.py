@@ -10,7 +10,7 @@ from header import (COMPONENTS, NONE, RAW32, RAW64, ROTOR_SPATIAL, ROTOR_TEMPORA
 from streams import Streams
 
 LANES = 32
-SLOTS = 4096
+SLOTS = 1024
 LOW = 1 << 16
 MAX_TABLES = 128
 STEP_EXPONENTS = 16
@@ -64,7 +64,7 @@ class Block:
             for lane, table in enumerate(tables[group:group + LANES]):
                 x = self.states[lane]
                 token, begin, frequency = table.slots[x % SLOTS]
-                self.states[lane] = frequency * (x >> 12) + x % SLOTS - begin
+                self.states[lane] = frequency * (x >> 10) + x % SLOTS - begin
                 self.refill(lane)
                 value, bits = table.integer(token)
                 values.append(value)

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The decoding process, section 14 of spec/l4d.md: from the columns of a page to attributes."""
 
+import math
 import struct
 
 from arithmetic import f32, f32_of_bits, half, limit, require, unorder
@@ -109,7 +110,8 @@ def vectors(page, c, codebooks, block_codebook):
     if coding["coding"] == VQ:
         codebooks = [codebooks.codebook(page.index, c, s) for s in range(len(coding["stages"]))]
         return sums_of_codewords(columns, [block_codebook or codebooks[0], *codebooks[1:]], dim)
-    return transformed(columns, coding["steps"], codebooks.codebook(page.index, c, BASIS))
+    rows_of = transformed_by_integers if c == SH else transformed
+    return rows_of(columns, coding["steps"], codebooks.codebook(page.index, c, BASIS))
 
 
 def sums_of_codewords(columns, codebooks, dim):
@@ -134,6 +136,31 @@ def transformed(columns, steps, basis):
         for k, q in enumerate(coefficients):
             amount = f32(f32(q * 2.0 ** -step_exponent) * steps[k])
             row = [f32(v + f32(amount * b)) for v, b in zip(row, basis[k + 1])]
+        rows.append(row)
+    return rows
+
+
+def integers_of(steps, vectors):
+    """The vectors m of SH and the power of two, e, that they are multiplied by."""
+    w = [[f32(step * b) for b in vector] for step, vector in zip(steps, vectors)]
+    largest = max(abs(x) for vector in w for x in vector)
+    if largest == 0:
+        return [[0] * len(vector) for vector in w], 0
+    e = math.frexp(largest)[1] - 15
+    # round() takes ties to the even integer.
+    return [[limit(round(x * 2.0 ** -e), -32767, 32767) for x in vector] for vector in w], e
+
+
+def transformed_by_integers(columns, steps, basis):
+    m, e = integers_of(steps, basis[1:])
+    rows = []
+    for step_exponent, coefficients in zip(columns["step_exponent"], columns["coefficient"]):
+        scale = 2.0 ** (e - step_exponent)
+        row = []
+        for d, origin in enumerate(basis[0]):
+            total = sum(q * m[k][d] for k, q in enumerate(coefficients)) & 0xFFFFFFFF
+            total -= (total >> 31) << 32
+            row.append(f32(origin + f32(f32(total) * scale)))
         rows.append(row)
     return rows
 

@@ -26,8 +26,8 @@ def stereographic_half(w):
     w = [f32(f32(x + 1.5) - 1.5) for x in w]
     squares = [f32(x * x) for x in w]
     n2 = f32(f32(squares[0] + squares[1]) + squares[2])
-    d = f32(1.0 + n2)
-    return [f32(f32(1.0 - n2) / d)] + [f32(f32(x + x) / d) for x in w]
+    r = f32(2.0 / f32(1.0 + n2))
+    return [f32(r - 1.0)] + [f32(x * r) for x in w]
 
 
 def stereographic_rotor(u, v):

@@ -60,6 +60,9 @@ struct DeviceComponent {
   // [entries, dim]; of a transform [0] is the basis, the origin first.
   const float* codebook[L4D_MAX_STAGES];
   const float* steps;  // [num_coefficients]
+  // Of SH in place of steps (quant/integer_basis.h): [num_coefficients, dim].
+  const int16_t* integer_basis;
+  float integer_scale;
   uint8_t eob_table[kMaxCoefficients];
 };
 

@@ -21,9 +21,8 @@ struct alignas(16) TransformShared {
   static_assert(kWarps * kWarpRows * 2 == kExpandGaussians, "two rounds");
   static_assert(kMaxCoefficients % kChunk == 0, "whole chunks");
 
-  float chunk[kWarps][2][kChunk][kWarpRows];
-  float basis[kMaxCoefficients * kWidth];
-  float steps[kMaxCoefficients];
+  int chunk[kWarps][2][kChunk][kWarpRows];
+  int basis[kMaxCoefficients * kWidth];
   uint32_t begin[kMaxCoefficients + 2];
   uint16_t order[kExpandGaussians];  // number of coefficients, Gaussian of the block
 };
@@ -63,19 +62,6 @@ __device__ void order_by_coefficients(const ComponentSource& source, const Expan
   __syncthreads();
 }
 
-// Number d of a row as the sum of exactly those terms that it has.
-__device__ inline float sum_of_terms(const ComponentSource& source, size_t slot, uint32_t count,
-                                     uint32_t dim, uint32_t d) {
-  const float scale = source.step_scale(slot);
-  float sum = source.codebook0[d];
-  for (uint32_t k = 0; k < count; ++k) {
-    const float c =
-        source.coefficient(source.value[k * source.stride + slot], scale, source.coding.steps[k]);
-    sum = sum + c * source.codebook0[dim * (k + 1) + d];
-  }
-  return sum;
-}
-
 // Rows [first_row, first_row + kWarpRows) of the order, by a warp. A thread has a tile of kRows
 // times kNumbers of their numbers in registers, so that what it loads is used several times.
 template <unsigned kDim>
@@ -92,7 +78,6 @@ __device__ void expand_sh_tile(const ComponentSource& source, const ExpandBlock&
   const uint32_t count = own >> 8;
   const uint32_t most = __shfl_sync(0xffffffffu, count, 0);
   const size_t own_slot = block.slot(own & 0xff);
-  const float scale = count > 0 ? source.step_scale(own_slot) : 0.0f;
   const uint16_t* codes = source.value + own_slot;
   uint32_t code[Shared::kCodes];
   const auto load = [&](uint32_t first) {
@@ -104,35 +89,29 @@ __device__ void expand_sh_tile(const ComponentSource& source, const ExpandBlock&
   };
   load(0);
   const uint32_t column = lane % Shared::kLanes, group = lane / Shared::kLanes * Shared::kRows;
-  float sum[Shared::kRows][Shared::kNumbers];
-#pragma unroll
-  for (uint32_t m = 0; m < Shared::kNumbers; ++m) {
-    const uint32_t d = column + Shared::kLanes * m;
-    const float origin = d < kDim ? source.codebook0[d] : 0.0f;
-#pragma unroll
-    for (uint32_t r = 0; r < Shared::kRows; ++r) sum[r][m] = origin;
-  }
+  uint32_t sum[Shared::kRows][Shared::kNumbers] = {};
   for (uint32_t first = 0; first < most; first += Shared::kChunk) {
     auto& chunk = shared.chunk[threadIdx.x / 32][first / Shared::kChunk % 2];
 #pragma unroll
     for (uint32_t j = 0; j < Shared::kCodes; ++j) {
-      chunk[offset + j][lane % Shared::kWarpRows] =
-          source.coefficient(code[j], scale, shared.steps[first + offset + j]);
+      chunk[offset + j][lane % Shared::kWarpRows] = unzigzag(code[j]);
     }
     if (first + Shared::kChunk < most) load(first + Shared::kChunk);
     __syncwarp();
-    const float* basis = shared.basis + first * Shared::kWidth + column;
+    const int* basis = shared.basis + first * Shared::kWidth + column;
     const uint32_t there = min(Shared::kChunk, most - first);
 #pragma unroll 4
     for (uint32_t j = 0; j < there; ++j) {
-      static_assert(Shared::kRows == 4, "four floats are loaded");
-      const float4 four = *reinterpret_cast<const float4*>(&chunk[j][group]);
-      const float c[4] = {four.x, four.y, four.z, four.w};
+      static_assert(Shared::kRows == 4, "four numbers are loaded");
+      const int4 four = *reinterpret_cast<const int4*>(&chunk[j][group]);
+      const int q[4] = {four.x, four.y, four.z, four.w};
 #pragma unroll
       for (uint32_t m = 0; m < Shared::kNumbers; ++m) {
-        const float number = basis[j * Shared::kWidth + Shared::kLanes * m];
+        const int number = basis[j * Shared::kWidth + Shared::kLanes * m];
 #pragma unroll
-        for (uint32_t r = 0; r < Shared::kRows; ++r) sum[r][m] = sum[r][m] + c[r] * number;
+        for (uint32_t r = 0; r < Shared::kRows; ++r) {
+          sum[r][m] += static_cast<uint32_t>(q[r] * number);
+        }
       }
     }
   }
@@ -140,23 +119,21 @@ __device__ void expand_sh_tile(const ComponentSource& source, const ExpandBlock&
   for (uint32_t r = 0; r < Shared::kRows; ++r) {
     if (first_row + group + r >= block.count) break;
     const uint32_t row = shared.order[first_row + group + r];
+    const float scale = source.coding.integer_scale * source.step_scale(block.slot(row & 0xff));
     float* to = out.sh + size_t{kDim} * block.gaussian(row & 0xff) + column;
 #pragma unroll
     for (uint32_t m = 0; m < Shared::kNumbers; ++m) {
       const uint32_t d = column + Shared::kLanes * m;
       if (d >= kDim) break;
-      float number = sum[r][m];
-      if (number == 0.0f) {
-        number = sum_of_terms(source, block.slot(row & 0xff), row >> 8, kDim, d);
-      }
-      to[Shared::kLanes * m] = number;
+      to[Shared::kLanes * m] =
+          source.codebook0[d] + static_cast<float>(static_cast<int>(sum[r][m])) * scale;
     }
   }
 }
 
-// SH of transform coefficients: rows of coefficients times the basis, a product of matrices without
-// fused operations. Gaussians are taken by falling number of coefficients, so that those of a warp
-// have about as many; zeros behind those that a row has change nothing but the sign of a zero.
+// SH of transform coefficients: rows of coefficients times the basis, a product of matrices of
+// integers. Gaussians are taken by falling number of coefficients, so that those of a warp have
+// about as many; zeros behind those that a row has change nothing.
 template <unsigned kDim>
 __device__ void expand_sh_transform(const DeviceRequest& request, const DeviceArrays& out,
                                     uint32_t index, TransformShared<kDim>& shared) {
@@ -168,9 +145,8 @@ __device__ void expand_sh_transform(const DeviceRequest& request, const DeviceAr
   const uint32_t coded = min(source.coding.num_coefficients, source.limit);
   for (uint32_t e = t; e < kMaxCoefficients * Shared::kWidth; e += kExpandThreads) {
     const uint32_t k = e / Shared::kWidth, d = e % Shared::kWidth;
-    shared.basis[e] = k < coded && d < kDim ? source.codebook0[kDim * (k + 1) + d] : 0.0f;
+    shared.basis[e] = k < coded && d < kDim ? source.coding.integer_basis[kDim * k + d] : 0;
   }
-  if (t < kMaxCoefficients) shared.steps[t] = t < coded ? source.coding.steps[t] : 0.0f;
   order_by_coefficients(source, block, shared);
 
   for (uint32_t round = 0; round < 2; ++round) {

@@ -228,6 +228,16 @@ Status LayerTables::load_component(uint32_t layer, unsigned c) {
   }
   if (!coding.transform()) return {};
   const void* at = nullptr;
+  if (c == L4D_COMPONENT_SH) {
+    const CodebookData* basis = nullptr;
+    L4D_RETURN_IF_ERROR(file_.codebooks().codebook(layer, c, 0, &basis));
+    const IntegerBasis& integer = basis->integer;
+    L4D_RETURN_IF_ERROR(
+        upload(integer.vectors.data(), integer.vectors.size() * sizeof(int16_t), &at));
+    to.integer_basis = static_cast<const int16_t*>(at);
+    to.integer_scale = integer.scale;
+    return {};
+  }
   L4D_RETURN_IF_ERROR(upload(coding.steps.data(), coding.steps.size() * sizeof(float), &at));
   to.steps = static_cast<const float*>(at);
   return {};

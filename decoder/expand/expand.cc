@@ -31,6 +31,10 @@ class ComponentRows {
       coefficients_.num_coefficients = std::min(coding.coefficients(), most);
       coefficients_.basis = codebooks[0]->entries.data();
       coefficients_.steps = coding.steps.data();
+      if (!codebooks[0]->integer.vectors.empty()) {
+        coefficients_.integer_basis = codebooks[0]->integer.vectors.data();
+        coefficients_.integer_scale = codebooks[0]->integer.scale;
+      }
       coefficients_.step_exponent = columns.step_exponent.data();
       if (coding.eob_table.size() > 1) {
         for (size_t s = 0; s < coding.eob_table.size(); ++s) {
@@ -66,7 +70,11 @@ class ComponentRows {
         kernels_.vq_rows(source_, cursor_, begin, end, dst, past_cache);
         break;
       case ComponentCodingId::kTransform:
-        transform_.rows(coefficients_, coefficient_cursor_, begin, end, dst, past_cache);
+        if (coefficients_.integer_basis != nullptr) {
+          transform_.integer_rows(coefficients_, coefficient_cursor_, begin, end, dst, past_cache);
+        } else {
+          transform_.rows(coefficients_, coefficient_cursor_, begin, end, dst);
+        }
         break;
     }
   }
@@ -158,17 +166,15 @@ void PageExpander::means(const l4d_bucket_span& span, size_t first,
   if (layer_.mean_t == CoordinateCodingId::kF16) {
     kernels_.means(columns_.mean_t.data(), n, static_cast<float>(span.width), local);
   } else if (layer_.mean_t == CoordinateCodingId::kFixed) {
-    for (size_t i = 0; i < n; ++i) {
-      local[i] = fixed_mean_time(layer_.mean_t_step, layer_.mean_t_zero, columns_.mean_t[i],
-                                 layer_.mean_t_fine ? columns_.mean_t_fine[i] : uint16_t{0});
-    }
+    kernels_.fixed_means(columns_.mean_t.data(),
+                         layer_.mean_t_fine ? columns_.mean_t_fine.data() : nullptr, n,
+                         layer_.mean_t_step, layer_.mean_t_zero, local);
   } else {
     std::fill(local, local + n, 0.0f);
   }
-  for (size_t i = 0; i < n; ++i) {
-    const double mean = span.center + static_cast<double>(local[i]);
-    if (mean_t != nullptr) mean_t[i] = static_cast<float>(mean);
-    if (exact != nullptr) exact[i] = mean;
+  if (mean_t != nullptr) kernels_.absolute_means(local, n, span.center, mean_t);
+  for (size_t i = 0; i < n && exact != nullptr; ++i) {
+    exact[i] = span.center + static_cast<double>(local[i]);
   }
 }
 

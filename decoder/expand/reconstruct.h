@@ -36,6 +36,11 @@ struct ReconstructKernels {
                     float* dst);
   // dst[i] = width * half.
   void (*means)(const uint16_t* halves, size_t n, float width, float* dst);
+  // dst[i] = fixed_mean_time(step, zero, codes[i], fine[i]); fine null: zeros.
+  void (*fixed_means)(const uint16_t* codes, const uint16_t* fine, size_t n, float step,
+                      uint32_t zero, float* dst);
+  // dst[i] = binary32(center + binary64(local[i])).
+  void (*absolute_means)(const float* local, size_t n, double center, float* dst);
   // dst[i] = offset + step * code.
   void (*scalars)(const uint16_t* codes, size_t n, float offset, float step, float* dst);
   // Rows i = begin..end-1 of the page to dst [end - begin, dim]: the escape, or the codewords of

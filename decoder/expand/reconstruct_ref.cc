@@ -4,6 +4,7 @@
 #include "libl4dcodec/container/scene_header.h"
 #include "libl4dcodec/math/rotor.h"
 #include "libl4dcodec/scene/attributes.h"
+#include "libl4dcodec/scene/layers.h"
 
 namespace l4d {
 namespace {
@@ -19,6 +20,19 @@ void positions(const uint16_t* const columns[3], size_t n, const float center[3]
 
 void means(const uint16_t* halves, size_t n, float width, float* dst) {
   for (size_t i = 0; i < n; ++i) dst[i] = width * half_to_float(halves[i]);
+}
+
+void fixed_means(const uint16_t* codes, const uint16_t* fine, size_t n, float step, uint32_t zero,
+                 float* dst) {
+  for (size_t i = 0; i < n; ++i) {
+    dst[i] = fixed_mean_time(step, zero, codes[i], fine == nullptr ? uint16_t{0} : fine[i]);
+  }
+}
+
+void absolute_means(const float* local, size_t n, double center, float* dst) {
+  for (size_t i = 0; i < n; ++i) {
+    dst[i] = static_cast<float>(center + static_cast<double>(local[i]));
+  }
 }
 
 void scalars(const uint16_t* codes, size_t n, float offset, float step, float* dst) {
@@ -66,8 +80,8 @@ void rotors(const float* spatial, const float* temporal, size_t n, float* dst, b
 }  // namespace
 
 const ReconstructKernels& reconstruct_kernels_reference() {
-  static constexpr ReconstructKernels kKernels = {positions, means,      scalars,
-                                                  vq_rows,   log_scales, rotors};
+  static constexpr ReconstructKernels kKernels = {positions, means,   fixed_means, absolute_means,
+                                                  scalars,   vq_rows, log_scales,  rotors};
   return kKernels;
 }
 

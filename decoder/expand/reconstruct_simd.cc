@@ -6,6 +6,7 @@
 #include "libl4dcodec/container/scene_header.h"
 #include "libl4dcodec/math/rotor.h"
 #include "libl4dcodec/scene/attributes.h"
+#include "libl4dcodec/scene/layers.h"
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "decoder/expand/reconstruct_simd.cc"
@@ -71,6 +72,51 @@ void means(const uint16_t* halves, size_t n, float width, float* dst) {
     hn::StoreU(hn::Mul(w, halves_to_floats(df, hn::LoadU(dh, halves + i))), df, dst + i);
   }
   for (; i < n; ++i) dst[i] = width * half_to_float(halves[i]);
+}
+
+void fixed_means(const uint16_t* codes, const uint16_t* fine, size_t n, float step, uint32_t zero,
+                 float* dst) {
+  const hn::ScalableTag<float> df;
+  const hn::RebindToSigned<decltype(df)> di;
+  const hn::Rebind<uint16_t, decltype(df)> dh;
+  const size_t lanes = hn::Lanes(df);
+  const auto steps = hn::Set(df, step);
+  const auto zeros = hn::Set(di, static_cast<int32_t>(zero));
+  const auto one = hn::Set(di, 1);
+  const auto exponents = hn::Set(di, 0x7f800000), ones = hn::Set(di, 0x3f800000);
+  const auto of_half_cell = hn::Set(di, 253 << 23);
+  size_t i = 0;
+  for (; i + lanes <= n; i += lanes) {
+    const auto code = hn::PromoteTo(di, hn::LoadU(dh, codes + i));
+    auto place = hn::ConvertTo(df, hn::Sub(code, zeros));
+    if (fine != nullptr) {
+      // r = 2^k * m with m in [1, 2): the part is (m - 1.5) + 2^-(k + 1), all exact.
+      const auto r = hn::Add(hn::PromoteTo(di, hn::LoadU(dh, fine + i)), one);
+      const auto bits = hn::BitCast(di, hn::ConvertTo(df, r));
+      const auto exponent = hn::And(bits, exponents);
+      const auto m = hn::BitCast(df, hn::Or(hn::AndNot(exponents, bits), ones));
+      const auto half_cell = hn::BitCast(df, hn::Sub(of_half_cell, exponent));
+      place = hn::Add(place, hn::Add(hn::Sub(m, hn::Set(df, 1.5f)), half_cell));
+    }
+    hn::StoreU(hn::Mul(steps, place), df, dst + i);
+  }
+  for (; i < n; ++i) {
+    dst[i] = fixed_mean_time(step, zero, codes[i], fine == nullptr ? uint16_t{0} : fine[i]);
+  }
+}
+
+void absolute_means(const float* local, size_t n, double center, float* dst) {
+  size_t i = 0;
+#if HWY_HAVE_FLOAT64 && HWY_TARGET != HWY_SCALAR
+  const hn::ScalableTag<double> dd;
+  const hn::Rebind<float, decltype(dd)> df;
+  const auto centers = hn::Set(dd, center);
+  for (; i + hn::Lanes(dd) <= n; i += hn::Lanes(dd)) {
+    const auto sum = hn::Add(centers, hn::PromoteTo(dd, hn::LoadU(df, local + i)));
+    hn::StoreU(hn::DemoteTo(df, sum), df, dst + i);
+  }
+#endif
+  for (; i < n; ++i) dst[i] = static_cast<float>(center + static_cast<double>(local[i]));
 }
 
 void scalars(const uint16_t* codes, size_t n, float offset, float step, float* dst) {
@@ -298,8 +344,8 @@ void rotors(const float* spatial, const float* temporal, size_t n, float* dst, b
 #endif  // HWY_TARGET == HWY_SCALAR
 
 const ReconstructKernels* kernels() {
-  static constexpr ReconstructKernels kKernels = {positions, means,      scalars,
-                                                  vq_rows,   log_scales, rotors};
+  static constexpr ReconstructKernels kKernels = {positions, means,   fixed_means, absolute_means,
+                                                  scalars,   vq_rows, log_scales,  rotors};
   return &kKernels;
 }
 

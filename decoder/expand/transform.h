@@ -15,7 +15,11 @@ struct TransformSource {
   size_t num_coefficients = 0;
   const float* basis =
       nullptr;  // [num_coefficients + 1, dim], the origin first; CodebookData padding
-  const float* steps = nullptr;            // [num_coefficients]
+  const float* steps = nullptr;  // [num_coefficients]
+  // Of integer_rows (quant/integer_basis.h): [num_coefficients, dim], and the power of two that
+  // sums are multiplied by. These rows take only the origin of `basis`, and no steps.
+  const int16_t* integer_basis = nullptr;
+  float integer_scale = 0;
   const uint8_t* step_exponent = nullptr;  // [n], below 16
   const uint8_t* eob_index =
       nullptr;  // [n], at most the number of steps of the EOB table; null: all of them
@@ -34,7 +38,12 @@ struct TransformKernels {
   // k = 0, 1, .. below what the Gaussian's EOB index has. Rows are taken in order: the cursor
   // carries the place.
   void (*rows)(const TransformSource& source, TransformCursor& cursor, size_t begin, size_t end,
-               float* dst, bool past_cache);
+               float* dst);
+  // The same of integers: with m_k the vectors of integer_basis, a row is the origin +
+  // (binary32(sum of q_k * m_k modulo 2^32, as a signed number) * (integer_scale *
+  // 2^-step_exponent)).
+  void (*integer_rows)(const TransformSource& source, TransformCursor& cursor, size_t begin,
+                       size_t end, float* dst, bool past_cache);
   // dst[i] = rotor [8] of the halves whose stereographic coordinates are spatial[i] + temporal[i]
   // and spatial[i] - temporal[i], each [3], put on their grid (on_stereographic_grid). temporal
   // null = zeros.

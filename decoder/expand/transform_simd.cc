@@ -25,6 +25,7 @@ using D = hn::ScalableTag<float>;
 using V = hn::Vec<D>;
 constexpr size_t kWidth = HWY_LANES(float);
 constexpr size_t kMaxDim = 48;
+constexpr size_t kBatch = 64;
 
 HWY_INLINE bool can_stream(bool past_cache, const float* dst) {
   return past_cache && reinterpret_cast<uintptr_t>(dst) % (4 * sizeof(float)) == 0;
@@ -66,39 +67,31 @@ HWY_INLINE V step_scales(const uint8_t* step_exponent) {
 
 float step_scale(uint8_t step_exponent) { return 1.0f / static_cast<float>(1u << step_exponent); }
 
-// Gaussians that are worked on together, with whole vectors for each row. Bit i of a mask is
-// Gaussian i. Before the first element of `scale` and `c` there is room for the rest of a vector
-// that ends with it, and behind the last of `scale` for one that begins with it.
-struct Batch {
-  static constexpr size_t kSize = 64;
-  static constexpr size_t kPitch = kWidth + kSize;
-  HWY_ALIGN float rows[kSize * kMaxDim];
-  HWY_ALIGN float basis[(kMaxDim + 1) * kMaxDim];
-  HWY_ALIGN float step_scale[kSize];
-  HWY_ALIGN float scale[kPitch + kWidth];  // of those that reach the step of the EOB table at hand
-  HWY_ALIGN float c[kMaxDim][kPitch];      // of those that reach coefficient k, in order
-  uint64_t reach[kMaxDim];                 // who reaches step s
-  uint8_t step_exponent[kSize];
-  uint8_t eob_index[kSize];
-};
+using DI = hn::RebindToSigned<D>;
+using VI = hn::Vec<DI>;
+using D16 = hn::Repartition<int16_t, D>;
+using V16 = hn::Vec<D16>;
 
-// The first n coefficients of a channel, times scale and step.
-HWY_INLINE void scale_channel(const int16_t* HWY_RESTRICT q, size_t before, size_t n, float step,
-                              const float* HWY_RESTRICT scale, float* HWY_RESTRICT c) {
-  const D d;
-  const V steps = hn::Set(d, step);
-  const auto vector_at = [&](std::ptrdiff_t j) HWY_ATTR {
-    hn::StoreU(hn::Mul(hn::Mul(load_int16(q + j), hn::LoadU(d, scale + j)), steps), d, c + j);
-  };
-  size_t j = 0;
-  for (; j + kWidth <= n; j += kWidth) vector_at(static_cast<std::ptrdiff_t>(j));
-  if (j == n) return;
-  if (before + n >= kWidth) {
-    // The last whole vector, part of which is done already, or of the batch before.
-    vector_at(static_cast<std::ptrdiff_t>(n) - static_cast<std::ptrdiff_t>(kWidth));
-    return;
-  }
-  for (; j < n; ++j) c[j] = (static_cast<float>(q[j]) * scale[j]) * step;
+// Lane by lane a[2i] * b[2i] + a[2i + 1] * b[2i + 1] of 16-bit numbers, modulo 2^32.
+HWY_INLINE VI multiply_pairs(V16 a, V16 b) {
+#if HWY_ARCH_X86 && HWY_TARGET <= HWY_AVX3
+  return VI{_mm512_madd_epi16(a.raw, b.raw)};
+#elif HWY_ARCH_X86 && HWY_TARGET == HWY_AVX2
+  return VI{_mm256_madd_epi16(a.raw, b.raw)};
+#elif HWY_ARCH_X86 && (HWY_TARGET == HWY_SSE4 || HWY_TARGET == HWY_SSSE3)
+  return VI{_mm_madd_epi16(a.raw, b.raw)};
+#elif HWY_TARGET == HWY_WASM
+  return VI{wasm_i32x4_dot_i16x8(a.raw, b.raw)};
+#elif HWY_TARGET == HWY_NEON && HWY_ARCH_ARM_A64
+  return VI{vpaddq_s32(vmull_s16(vget_low_s16(a.raw), vget_low_s16(b.raw)),
+                       vmull_high_s16(a.raw, b.raw))};
+#else
+  const DI d;
+  const VI a2 = hn::BitCast(d, a), b2 = hn::BitCast(d, b);
+  const auto even = [](VI v) HWY_ATTR { return hn::ShiftRight<16>(hn::ShiftLeft<16>(v)); };
+  return hn::Add(hn::Mul(even(a2), even(b2)),
+                 hn::Mul(hn::ShiftRight<16>(a2), hn::ShiftRight<16>(b2)));
+#endif
 }
 
 // How many sums fit in the registers, besides factors.
@@ -108,81 +101,12 @@ constexpr size_t kMaxVectors = 3;
 constexpr size_t kMaxVectors = 2;
 #endif
 
-// kVectors vectors, from `column` on, of the rows of kGroup Gaussians that have all coefficients of
-// the first `steps` steps. Several at a time share the loads of the basis.
-template <size_t kGroup, size_t kVectors>
-HWY_INLINE void sum_columns(const uint8_t* HWY_RESTRICT eob_table, size_t steps,
-                            const size_t (&gaussian)[kGroup], size_t column, size_t stride,
-                            Batch& batch) {
-  const D d;
-  const float* HWY_RESTRICT vector = batch.basis + column;
-  V row[kGroup][kVectors];
-  for (size_t v = 0; v < kVectors; ++v) {
-    for (size_t g = 0; g < kGroup; ++g) row[g][v] = hn::Load(d, vector + v * kWidth);
-  }
-  const float* HWY_RESTRICT channel = batch.c[0] + kWidth;
-  for (size_t s = 0, k = 0; s < steps; ++s) {
-    const float* c[kGroup];
-    for (size_t g = 0; g < kGroup; ++g) {
-      const uint64_t before = batch.reach[s] & ((uint64_t{1} << gaussian[g]) - 1);
-      c[g] = channel + hwy::PopCount(before);
-    }
-    const size_t count = eob_table[s] - k;
-    k = eob_table[s];
-    channel += Batch::kPitch * count;
-    for (size_t at = 0; at < Batch::kPitch * count; at += Batch::kPitch) {
-      vector += stride;
-      V a[kGroup];
-      for (size_t g = 0; g < kGroup; ++g) a[g] = hn::Set(d, c[g][at]);
-      for (size_t v = 0; v < kVectors; ++v) {
-        const V b = hn::Load(d, vector + v * kWidth);
-        for (size_t g = 0; g < kGroup; ++g) row[g][v] = hn::Add(row[g][v], hn::Mul(a[g], b));
-      }
-    }
-  }
-  for (size_t g = 0; g < kGroup; ++g) {
-    float* HWY_RESTRICT dst = batch.rows + stride * gaussian[g] + column;
-    for (size_t v = 0; v < kVectors; ++v) hn::Store(row[g][v], d, dst + v * kWidth);
-  }
-}
-
-// Takes kGroup Gaussians from `members`; where there are fewer, one is done several times.
-template <size_t kGroup>
-HWY_INLINE uint64_t sum_group(const uint8_t* eob_table, size_t steps, uint64_t members,
-                              size_t stride, Batch& batch) {
-  size_t gaussian[kGroup];
-  size_t last = 0;
-  for (size_t g = 0; g < kGroup; ++g) {
-    if (members != 0) last = hwy::Num0BitsBelowLS1Bit_Nonzero64(members);
-    gaussian[g] = last;
-    members &= members - 1;
-  }
-  size_t column = 0;
-  for (; column + kMaxVectors * kWidth <= stride; column += kMaxVectors * kWidth) {
-    sum_columns<kGroup, kMaxVectors>(eob_table, steps, gaussian, column, stride, batch);
-  }
-  const size_t left = (stride - column) / kWidth;
-  if (left == 1) sum_columns<kGroup, 1>(eob_table, steps, gaussian, column, stride, batch);
-  if (left == 2) sum_columns<kGroup, 2>(eob_table, steps, gaussian, column, stride, batch);
-  return members;
-}
-
-// The rows of the Gaussians of one EOB index.
-HWY_NOINLINE void sum_rows(const uint8_t* eob_table, size_t steps, uint64_t members, size_t stride,
-                           Batch& batch) {
-  size_t n = hwy::PopCount(members);
-  for (; n > 2; n -= std::min<size_t>(n, 4)) {
-    members = sum_group<4>(eob_table, steps, members, stride, batch);
-  }
-  if (n > 0) sum_group<2>(eob_table, steps, members, stride, batch);
-}
-
 // Who has an EOB index above `step`. Both are small enough for signed comparisons.
 HWY_INLINE uint64_t eob_indices_above(const uint8_t* HWY_RESTRICT eob_index, size_t step) {
-  const hn::CappedTag<int8_t, Batch::kSize> d8;
+  const hn::CappedTag<int8_t, kBatch> d8;
   const auto steps = hn::Set(d8, static_cast<int8_t>(step));
   uint64_t mask = 0;
-  for (size_t i = 0; i < Batch::kSize; i += hn::Lanes(d8)) {
+  for (size_t i = 0; i < kBatch; i += hn::Lanes(d8)) {
     uint8_t bits[8] = {};
     const auto eob_indices = hn::LoadU(d8, reinterpret_cast<const int8_t*>(eob_index + i));
     hn::StoreMaskBits(d8, hn::Gt(eob_indices, steps), bits);
@@ -193,84 +117,180 @@ HWY_INLINE uint64_t eob_indices_above(const uint8_t* HWY_RESTRICT eob_index, siz
   return mask;
 }
 
-// Leaves the scales of `members`, whose EOB index is above `step`.
-HWY_INLINE void compress_scales(const Batch& batch, uint64_t members, size_t step,
-                                float* HWY_RESTRICT to) {
-#if HWY_TARGET <= HWY_AVX3
-  (void)members;
-  const D d;
-  const hn::RebindToSigned<D> di;
-  const hn::Rebind<uint8_t, D> d8;
-  const auto steps = hn::Set(di, static_cast<int32_t>(step));
-  for (size_t i = 0; i < Batch::kSize; i += kWidth) {
-    const auto eob_indices = hn::PromoteTo(di, hn::LoadU(d8, batch.eob_index + i));
-    const auto above = hn::RebindMask(d, hn::Gt(eob_indices, steps));
-    hn::StoreU(hn::Compress(hn::Load(d, batch.step_scale + i), above), d, to);
-    to += hn::CountTrue(d, above);
-  }
-#else
-  // Without an instruction for it, Compress of Highway 1.0 copies its table at each call (gcc).
-  (void)step;
-  for (; members != 0; members &= members - 1) {
-    *to++ = batch.step_scale[hwy::Num0BitsBelowLS1Bit_Nonzero64(members)];
-  }
-#endif
-}
+// Gaussians that are worked on together, with whole vectors for each row. Bit i of a mask is
+// Gaussian i. Coefficients are taken two at a time: a step of the EOB table with an odd number of
+// them has a zero behind the last.
+struct IntegerBatch {
+  static constexpr size_t kSize = kBatch;
+  static constexpr size_t kPairs = kMaxDim;  // at most: every step may have one coefficient
+  HWY_ALIGN float rows[kSize * kMaxDim];
+  HWY_ALIGN int32_t basis[kPairs * kMaxDim];  // [pairs, stride], two numbers in each
+  HWY_ALIGN float origin[kMaxDim];
+  HWY_ALIGN int32_t q[kPairs][kSize + kWidth];  // of those that reach the pair, in order
+  HWY_ALIGN float scale[kSize];
+  uint8_t pair_end[kMaxDim];  // pairs of the steps up to this one
+  uint64_t reach[kMaxDim];
+  uint8_t step_exponent[kSize];
+  uint8_t eob_index[kSize];
+};
 
-// Fills the first n rows of a batch from its step_exponents and EOB indices. Step by step of the
-// EOB table: who goes no further is summed up, the others get the coefficients of the step.
-HWY_NOINLINE void sum_batch(const TransformSource& source, TransformCursor& cursor,
-                            const uint8_t* eob_table, size_t n, size_t stride, Batch& batch) {
+template <size_t kGroup, size_t kVectors>
+HWY_INLINE void integer_columns(size_t steps, const size_t (&gaussian)[kGroup], size_t column,
+                                size_t stride, IntegerBatch& batch) {
   const D d;
-  for (size_t i = 0; i < Batch::kSize; i += kWidth) {
-    hn::Store(step_scales(batch.step_exponent + i), d, batch.step_scale + i);
+  const DI di;
+  const D16 d16;
+  const int32_t* HWY_RESTRICT vector = batch.basis + column;
+  VI sum[kGroup][kVectors];
+  for (size_t v = 0; v < kVectors; ++v) {
+    for (size_t g = 0; g < kGroup; ++g) sum[g][v] = hn::Zero(di);
   }
-  uint64_t members = ~uint64_t{0} >> (Batch::kSize - n);
-  size_t s = 0;
-  for (size_t k = 0; k < source.num_coefficients && members != 0; ++s) {
-    const uint64_t reach = members & eob_indices_above(batch.eob_index, s);
-    batch.reach[s] = reach;
-    sum_rows(eob_table, s, members ^ reach, stride, batch);
-    members = reach;
-    compress_scales(batch, members, s, batch.scale + kWidth);
-    const size_t count = hwy::PopCount(members);
-    for (; k < eob_table[s]; ++k) {
-      size_t& at = cursor.coefficient[k];
-      scale_channel(source.coefficient[k] + at, at, count, source.steps[k], batch.scale + kWidth,
-                    batch.c[k] + kWidth);
-      at += count;
+  const int32_t* HWY_RESTRICT channel = batch.q[0];
+  constexpr size_t kPitch = IntegerBatch::kSize + kWidth;
+  for (size_t s = 0, p = 0; s < steps; ++s) {
+    const int32_t* q[kGroup];
+    for (size_t g = 0; g < kGroup; ++g) {
+      const uint64_t before = batch.reach[s] & ((uint64_t{1} << gaussian[g]) - 1);
+      q[g] = channel + hwy::PopCount(before);
+    }
+    const size_t count = batch.pair_end[s] - p;
+    p = batch.pair_end[s];
+    channel += kPitch * count;
+    for (size_t at = 0; at < kPitch * count; at += kPitch, vector += stride) {
+      V16 a[kGroup];
+      for (size_t g = 0; g < kGroup; ++g) a[g] = hn::BitCast(d16, hn::Set(di, q[g][at]));
+      for (size_t v = 0; v < kVectors; ++v) {
+        const V16 b = hn::BitCast(d16, hn::Load(di, vector + v * kWidth));
+        for (size_t g = 0; g < kGroup; ++g) {
+          sum[g][v] = hn::Add(sum[g][v], multiply_pairs(a[g], b));
+        }
+      }
     }
   }
-  sum_rows(eob_table, s, members, stride, batch);
+  for (size_t g = 0; g < kGroup; ++g) {
+    const V scale = hn::Set(d, batch.scale[gaussian[g]]);
+    float* HWY_RESTRICT dst = batch.rows + stride * gaussian[g] + column;
+    for (size_t v = 0; v < kVectors; ++v) {
+      const V offset = hn::Mul(hn::ConvertTo(d, sum[g][v]), scale);
+      hn::Store(hn::Add(hn::Load(d, batch.origin + column + v * kWidth), offset), d,
+                dst + v * kWidth);
+    }
+  }
 }
 
-void rows_by_eob_index(const TransformSource& source, TransformCursor& cursor, size_t begin,
-                       size_t end, float* dst, bool past_cache) {
+template <size_t kGroup>
+HWY_INLINE uint64_t integer_group(size_t steps, uint64_t members, size_t stride,
+                                  IntegerBatch& batch) {
+  size_t gaussian[kGroup];
+  size_t last = 0;
+  for (size_t g = 0; g < kGroup; ++g) {
+    if (members != 0) last = hwy::Num0BitsBelowLS1Bit_Nonzero64(members);
+    gaussian[g] = last;
+    members &= members - 1;
+  }
+  size_t column = 0;
+  for (; column + kMaxVectors * kWidth <= stride; column += kMaxVectors * kWidth) {
+    integer_columns<kGroup, kMaxVectors>(steps, gaussian, column, stride, batch);
+  }
+  const size_t left = (stride - column) / kWidth;
+  if (left == 1) integer_columns<kGroup, 1>(steps, gaussian, column, stride, batch);
+  if (left == 2) integer_columns<kGroup, 2>(steps, gaussian, column, stride, batch);
+  return members;
+}
+
+HWY_NOINLINE void integer_rows_of(size_t steps, uint64_t members, size_t stride,
+                                  IntegerBatch& batch) {
+  size_t n = hwy::PopCount(members);
+  for (; n > 2; n -= std::min<size_t>(n, 4)) {
+    members = integer_group<4>(steps, members, stride, batch);
+  }
+  if (n > 0) integer_group<2>(steps, members, stride, batch);
+}
+
+// Two columns of coefficients side by side; `second` null is zeros. Columns may be read and the
+// pairs written up to a whole vector.
+HWY_INLINE void pair_up(const int16_t* HWY_RESTRICT first, const int16_t* HWY_RESTRICT second,
+                        size_t n, int32_t* HWY_RESTRICT to) {
+  const hn::RebindToUnsigned<D> du;
+  const DI di;
+  const hn::Rebind<uint16_t, D> d16;
+  const auto widen = [&](const int16_t* q) HWY_ATTR {
+    return hn::PromoteTo(du, hn::LoadU(d16, reinterpret_cast<const uint16_t*>(q)));
+  };
+  size_t j = 0;
+  for (; j + kWidth <= n; j += kWidth) {
+    auto pair = widen(first + j);
+    if (second != nullptr) pair = hn::Or(pair, hn::ShiftLeft<16>(widen(second + j)));
+    hn::Store(hn::BitCast(di, pair), di, to + j);
+  }
+  for (; j < n; ++j) {
+    const uint32_t high = second == nullptr ? 0 : static_cast<uint16_t>(second[j]);
+    to[j] = static_cast<int32_t>(high << 16 | static_cast<uint16_t>(first[j]));
+  }
+}
+
+HWY_NOINLINE void integer_batch(const TransformSource& source, TransformCursor& cursor,
+                                const uint8_t* eob_table, size_t n, size_t stride,
+                                IntegerBatch& batch) {
   const D d;
+  for (size_t i = 0; i < IntegerBatch::kSize; i += kWidth) {
+    hn::Store(hn::Mul(step_scales(batch.step_exponent + i), hn::Set(d, source.integer_scale)), d,
+              batch.scale + i);
+  }
+  uint64_t members = ~uint64_t{0} >> (IntegerBatch::kSize - n);
+  size_t s = 0;
+  for (size_t k = 0, p = 0; k < source.num_coefficients && members != 0; ++s) {
+    const uint64_t reach = members & eob_indices_above(batch.eob_index, s);
+    batch.reach[s] = reach;
+    integer_rows_of(s, members ^ reach, stride, batch);
+    members = reach;
+    const size_t count = hwy::PopCount(members);
+    for (; k < eob_table[s]; k += 2, ++p) {
+      const bool two = k + 1 < eob_table[s];
+      pair_up(source.coefficient[k] + cursor.coefficient[k],
+              two ? source.coefficient[k + 1] + cursor.coefficient[k + 1] : nullptr, count,
+              batch.q[p]);
+      cursor.coefficient[k] += count;
+      if (two) cursor.coefficient[k + 1] += count;
+    }
+    k = eob_table[s];
+  }
+  integer_rows_of(s, members, stride, batch);
+}
+
+void integer_rows(const TransformSource& source, TransformCursor& cursor, size_t begin, size_t end,
+                  float* dst, bool past_cache) {
   const size_t dim = source.dim;
   const size_t stride = hwy::RoundUpTo(dim, kWidth);
   const bool stream = can_stream(past_cache, dst);
-  // Without an EOB table there is one step, which all reach.
   const uint8_t all = static_cast<uint8_t>(source.num_coefficients);
   const uint8_t* eob_table = source.eob_index == nullptr ? &all : source.eob_table;
-  Batch batch;
-  std::fill_n(batch.scale, kWidth, 0.0f);
-  std::fill_n(batch.step_exponent, Batch::kSize, uint8_t{0});
-  std::fill_n(batch.eob_index, Batch::kSize, uint8_t{1});
-  for (size_t k = 0; k <= source.num_coefficients; ++k) {
-    for (size_t v = 0; v < stride; v += kWidth) {
-      hn::Store(hn::LoadU(d, source.basis + dim * k + v), d, batch.basis + stride * k + v);
+  IntegerBatch batch;
+  std::fill_n(batch.step_exponent, IntegerBatch::kSize, uint8_t{0});
+  std::fill_n(batch.eob_index, IntegerBatch::kSize, uint8_t{1});
+  std::fill_n(batch.origin, kMaxDim, 0.0f);
+  std::copy_n(source.basis, dim, batch.origin);
+  for (size_t s = 0, k = 0, p = 0; k < source.num_coefficients; ++s) {
+    for (; k < eob_table[s]; k += 2, ++p) {
+      const bool two = k + 1 < eob_table[s];
+      for (size_t c = 0; c < stride; ++c) {
+        const bool there = c < dim;
+        const uint16_t low = there ? static_cast<uint16_t>(source.integer_basis[dim * k + c]) : 0;
+        const uint16_t high =
+            there && two ? static_cast<uint16_t>(source.integer_basis[dim * (k + 1) + c]) : 0;
+        batch.basis[p * stride + c] = static_cast<int32_t>(uint32_t{high} << 16 | low);
+      }
     }
+    k = eob_table[s];
+    batch.pair_end[s] = static_cast<uint8_t>(p);
   }
-  for (size_t i = begin; i < end; i += Batch::kSize) {
-    const size_t n = std::min(Batch::kSize, end - i);
+  for (size_t i = begin; i < end; i += IntegerBatch::kSize) {
+    const size_t n = std::min(IntegerBatch::kSize, end - i);
     std::copy_n(source.step_exponent + i, n, batch.step_exponent);
     if (source.eob_index != nullptr) std::copy_n(source.eob_index + i, n, batch.eob_index);
-    sum_batch(source, cursor, eob_table, n, stride, batch);
+    integer_batch(source, cursor, eob_table, n, stride, batch);
     for (size_t j = 1; j < n && stride != dim; ++j) {
-      for (size_t v = 0; v < stride; v += kWidth) {
-        hn::StoreU(hn::LoadU(d, batch.rows + j * stride + v), d, batch.rows + j * dim + v);
-      }
+      for (size_t c = 0; c < dim; ++c) batch.rows[j * dim + c] = batch.rows[j * stride + c];
     }
     copy_out(batch.rows, n * dim, stream, dst);
     dst += n * dim;
@@ -321,14 +341,15 @@ void rows_of(const TransformSource& source, TransformCursor& cursor, size_t begi
 }
 
 void rows(const TransformSource& source, TransformCursor& cursor, size_t begin, size_t end,
-          float* dst, bool past_cache) {
+          float* dst) {
   if (source.eob_index == nullptr && source.dim == 3) {
     return rows_of<3>(source, cursor, begin, end, dst);
   }
   if (source.eob_index == nullptr && source.dim == 4) {
     return rows_of<4>(source, cursor, begin, end, dst);
   }
-  rows_by_eob_index(source, cursor, begin, end, dst, past_cache);
+  // No encoder of this project gives vectors of so few numbers an EOB table.
+  transform_kernels_reference().rows(source, cursor, begin, end, dst);
 }
 
 HWY_INLINE V on_grid(V w) {
@@ -344,9 +365,8 @@ HWY_INLINE HalfVectors half_of_coordinates(V w0, V w1, V w2) {
   const V u0 = on_grid(w0), u1 = on_grid(w1), u2 = on_grid(w2);
   const V one = hn::Set(D(), 1.0f);
   const V norm2 = hn::Add(hn::Add(hn::Mul(u0, u0), hn::Mul(u1, u1)), hn::Mul(u2, u2));
-  const V divisor = hn::Add(one, norm2);
-  return {hn::Div(hn::Sub(one, norm2), divisor), hn::Div(hn::Add(u0, u0), divisor),
-          hn::Div(hn::Add(u1, u1), divisor), hn::Div(hn::Add(u2, u2), divisor)};
+  const V r = hn::Div(hn::Set(D(), 2.0f), hn::Add(one, norm2));
+  return {hn::Sub(r, one), hn::Mul(u0, r), hn::Mul(u1, r), hn::Mul(u2, r)};
 }
 
 void rotors(const float* spatial, const float* temporal, size_t n, float* dst, bool past_cache) {
@@ -423,7 +443,7 @@ void positions(const uint32_t* const columns[3], size_t n, const float corner[3]
 }
 
 const TransformKernels* kernels() {
-  static constexpr TransformKernels kKernels = {rows, rotors, positions};
+  static constexpr TransformKernels kKernels = {rows, integer_rows, rotors, positions};
   return &kKernels;
 }
 #endif  // HWY_TARGET == HWY_SCALAR || HWY_HAVE_SCALABLE

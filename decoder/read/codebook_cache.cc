@@ -38,9 +38,13 @@ Status CodebookCache::codebook(uint32_t layer, unsigned component, unsigned stag
 
 Status CodebookCache::load_codebook(const CodebookKey& key, const StageCoding& stage, uint32_t dim,
                                     const CodebookData** out) {
+  // One key for all layers: SH is global.
+  const bool integer = header_.sh.transform() && &stage == &header_.sh.basis;
   MemoryCharge charge(reader_.memory());
-  L4D_RETURN_IF_ERROR(charge.take(
-      (uint64_t{stage.num_entries} * dim + CodebookData::kPadding) * sizeof(float), "a codebook"));
+  L4D_RETURN_IF_ERROR(
+      charge.take((uint64_t{stage.num_entries} * dim + CodebookData::kPadding) * sizeof(float) +
+                      (integer ? uint64_t{stage.num_entries} * dim * sizeof(int16_t) : 0),
+                  "a codebook"));
   Bytes stored, storage;
   ByteSpan raw;
   CodebookData codebook;
@@ -48,6 +52,10 @@ Status CodebookCache::load_codebook(const CodebookKey& key, const StageCoding& s
                                    stored, storage, &raw));
   L4D_RETURN_IF_ERROR(
       decode_codebook(reader_.decoder(), raw, stage.codebook.offset, stage, dim, &codebook));
+  if (integer) {
+    codebook.integer = integer_basis(codebook.entries.data(), dim, header_.sh.steps.data(),
+                                     header_.sh.steps.size());
+  }
   *out = &(codebooks_[key] = std::move(codebook));
   charge.keep();
   return {};

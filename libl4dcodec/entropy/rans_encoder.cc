@@ -106,7 +106,7 @@ RansTable::RansTable(Span<const uint64_t> counts) {
   uint32_t start = 0;
   for (const uint32_t frequency : frequencies) {
     const uint64_t reciprocal =
-        frequency == 0 ? 0 : ((uint64_t{1} << 44) + frequency - 1) / frequency;
+        frequency == 0 ? 0 : ((uint64_t{1} << (32 + kRansScaleBits)) + frequency - 1) / frequency;
     codes_.push_back({reciprocal, frequency, start});
     start += frequency;
   }
@@ -178,9 +178,10 @@ unsigned char* RansBlockWriter::encode(const Channel& channel, const T* values, 
     for (size_t lane = count; lane-- > 0;) {
       const RansTable::Code& code = *codes[lane];
       uint32_t state = x[lane];
-      at = emit((state >> 20) >= code.frequency, state, at);
-      // Exact, as state < frequency * 2^20 here.
-      const uint32_t quotient = static_cast<uint32_t>(state * code.reciprocal >> 44);
+      at = emit((state >> (32 - kRansScaleBits)) >= code.frequency, state, at);
+      // Exact, as state < frequency * 2^(32 - kRansScaleBits) here.
+      const uint32_t quotient =
+          static_cast<uint32_t>(state * code.reciprocal >> (32 + kRansScaleBits));
       x[lane] = state + quotient * (kRansSlots - code.frequency) + code.start;
     }
   }

@@ -31,7 +31,7 @@ class RansTable {
   uint32_t frequency(size_t token) const {
     return token < codes_.size() ? codes_[token].frequency : 0;
   }
-  // log2(4096 / frequency); infinite for a token without one. Raw bits come on top.
+  // log2(kRansSlots / frequency); infinite for a token without one. Raw bits come on top.
   float cost_bits(size_t token) const;
   // Appends the form that read_rans_table reads.
   void append_to(Bytes& out) const;
@@ -41,7 +41,7 @@ class RansTable {
  private:
   friend class RansBlockWriter;
   struct Code {
-    uint64_t reciprocal;  // ceil(2^44 / frequency)
+    uint64_t reciprocal;  // ceil(2^(32 + kRansScaleBits) / frequency)
     uint32_t frequency;
     uint32_t start;  // sum of the frequencies before
   };

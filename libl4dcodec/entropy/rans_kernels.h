@@ -10,7 +10,7 @@
 namespace l4d {
 
 constexpr size_t kRansLanes = 32;
-constexpr unsigned kRansScaleBits = 12;
+constexpr unsigned kRansScaleBits = 10;
 constexpr uint32_t kRansSlots = uint32_t{1} << kRansScaleBits;  // frequencies sum to this
 constexpr uint32_t kRansLow = uint32_t{1} << 16;                // states are never below this
 constexpr unsigned kRansHybridTokens = 112;

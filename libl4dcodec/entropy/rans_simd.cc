@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <array>
 #include <cstddef>
+#include <cstring>
 
 #include "libl4dcodec/entropy/rans_kernels.h"
 
@@ -92,12 +93,43 @@ HWY_INLINE V renormalise(V x, const unsigned char*& next) {
   return hn::IfThenElse(low, hn::Or(hn::ShiftLeft<16>(x), expanded), x);
 }
 
-// The tokens of a group of kRansLanes symbols.
-template <bool kContexts>
+// Entries of tables. Loads one by one: gather instructions take longer on most processors of today.
+HWY_INLINE V look_up(const uint32_t* HWY_RESTRICT tables, V index) {
+#if HWY_ARCH_X86_64 && HWY_TARGET <= HWY_AVX2
+  const auto four = [&](__m128i at) HWY_ATTR {
+    const uint64_t low = static_cast<uint64_t>(_mm_cvtsi128_si64(at));
+    const uint64_t high = static_cast<uint64_t>(_mm_extract_epi64(at, 1));
+    __m128i v = _mm_cvtsi32_si128(static_cast<int>(tables[low & 0xffffffffu]));
+    v = _mm_insert_epi32(v, static_cast<int>(tables[low >> 32]), 1);
+    v = _mm_insert_epi32(v, static_cast<int>(tables[high & 0xffffffffu]), 2);
+    return _mm_insert_epi32(v, static_cast<int>(tables[high >> 32]), 3);
+  };
+  const auto eight = [&](__m256i at) HWY_ATTR {
+    return _mm256_inserti128_si256(_mm256_castsi128_si256(four(_mm256_castsi256_si128(at))),
+                                   four(_mm256_extracti128_si256(at, 1)), 1);
+  };
+#if HWY_TARGET == HWY_AVX2
+  return V{eight(index.raw)};
+#else
+  return V{_mm512_inserti64x4(_mm512_castsi256_si512(eight(_mm512_castsi512_si256(index.raw))),
+                              eight(_mm512_extracti64x4_epi64(index.raw, 1)), 1)};
+#endif
+#else
+  return hn::GatherIndex(D(), tables, hn::BitCast(hn::RebindToSigned<D>(), index));
+#endif
+}
+
+// The lanes of vector v that the last `count` symbols of a channel belong to.
+HWY_INLINE hn::Mask<D> active_lanes(size_t v, size_t count) {
+  return hn::FirstN(D(), count < v * kWidth ? 0 : count - v * kWidth);
+}
+
+// The tokens of a group of kRansLanes symbols, or of fewer: lanes from `count` on stay as they are,
+// and their tokens are 0.
+template <bool kContexts, bool kWhole>
 HWY_INLINE void take_tokens(V (&x)[kVectors], const unsigned char*& next, const uint32_t* tables,
-                            const uint8_t* contexts, V (&tokens)[kVectors]) {
+                            const uint8_t* contexts, size_t count, V (&tokens)[kVectors]) {
   const D d;
-  const hn::RebindToSigned<D> di;
   const hn::Rebind<uint8_t, D> d8;
   const V slot_mask = hn::Set(d, kRansSlots - 1);
   for (size_t v = 0; v < kVectors; ++v) {
@@ -106,15 +138,21 @@ HWY_INLINE void take_tokens(V (&x)[kVectors], const unsigned char*& next, const 
       const V context = hn::PromoteTo(d, hn::LoadU(d8, contexts + v * kWidth));
       index = hn::Or(index, hn::ShiftLeft<kRansScaleBits>(context));
     }
-    tokens[v] = hn::GatherIndex(d, tables, hn::BitCast(di, index));
+    tokens[v] = look_up(tables, index);
   }
   for (size_t v = 0; v < kVectors; ++v) {
     // The packed frequency is one too low: frequency * high = packed * high + high.
     const V high = hn::ShiftRight<kRansScaleBits>(x[v]);
     const V bias = hn::And(hn::ShiftRight<8>(tokens[v]), slot_mask);
-    x[v] = hn::Add(hn::Mul(hn::ShiftRight<20>(tokens[v]), high), hn::Add(high, bias));
-    x[v] = renormalise(x[v], next);
+    const V taken = hn::Add(hn::Mul(hn::ShiftRight<20>(tokens[v]), high), hn::Add(high, bias));
     tokens[v] = hn::And(tokens[v], hn::Set(d, 0xff));
+    if constexpr (kWhole) {
+      x[v] = renormalise(taken, next);
+    } else {
+      const auto active = active_lanes(v, count);
+      x[v] = renormalise(hn::IfThenElse(active, taken, x[v]), next);
+      tokens[v] = hn::IfThenElseZero(active, tokens[v]);
+    }
   }
 }
 
@@ -142,39 +180,75 @@ HWY_INLINE void store_states(const V (&x)[kVectors], RansLanes& lanes) {
   for (size_t v = 0; v < kVectors; ++v) hn::StoreU(x[v], D(), lanes.x + v * kWidth);
 }
 
-// Decodes whole groups while they cannot run out of words, and says how many symbols that were.
-template <bool kContexts>
-HWY_INLINE size_t hybrid_groups(RansLanes& lanes, const uint32_t* tables, const uint8_t* contexts,
-                                size_t n, uint16_t* dst) {
+// The values of a group of symbols, or of fewer; dst has room for a group.
+template <bool kContexts, bool kWhole>
+HWY_INLINE void hybrid_group(V (&x)[kVectors], const unsigned char*& next, const uint32_t* tables,
+                             const uint8_t* contexts, size_t count, uint16_t* dst) {
   const D d;
   const hn::RebindToSigned<D> di;
   const hn::Rebind<uint16_t, D> d16;
   const V one = hn::Set(d, 1);
-  V x[kVectors];
-  load_states(lanes, x);
-  const unsigned char* next = lanes.next;
-  size_t i = 0;
-  for (; i + kRansLanes <= n && lanes.end - next >= kHybridBytes; i += kRansLanes) {
-    V values[kVectors], counts[kVectors];
-    take_tokens<kContexts>(x, next, tables, kContexts ? contexts + i : nullptr, values);
+  V values[kVectors], counts[kVectors];
+  take_tokens<kContexts, kWhole>(x, next, tables, contexts, count, values);
+  for (size_t v = 0; v < kVectors; ++v) {
+    // Tokens 16.. have raw bits: token / 8 - 1 of them.
+    counts[v] = hn::Sub(hn::Max(hn::ShiftRight<3>(values[v]), one), one);
+  }
+  if (!all_zero(counts)) {
     for (size_t v = 0; v < kVectors; ++v) {
-      // Tokens 16.. have raw bits: token / 8 - 1 of them.
-      counts[v] = hn::Sub(hn::Max(hn::ShiftRight<3>(values[v]), one), one);
-    }
-    if (!all_zero(counts)) {
-      for (size_t v = 0; v < kVectors; ++v) {
-        // 8 + token mod 8 where there are raw bits, else the token itself.
-        const V top = hn::Sub(values[v], hn::ShiftLeft<3>(counts[v]));
-        values[v] = hn::Or(hn::Shl(top, counts[v]), take_bits(x[v], next, counts[v]));
-      }
-    }
-    for (size_t v = 0; v < kVectors; ++v) {
-      hn::StoreU(hn::DemoteTo(d16, hn::BitCast(di, values[v])), d16, dst + i + v * kWidth);
+      // 8 + token mod 8 where there are raw bits, else the token itself.
+      const V top = hn::Sub(values[v], hn::ShiftLeft<3>(counts[v]));
+      values[v] = hn::Or(hn::Shl(top, counts[v]), take_bits(x[v], next, counts[v]));
     }
   }
-  lanes.next = next;
-  store_states(x, lanes);
+  for (size_t v = 0; v < kVectors; ++v) {
+    hn::StoreU(hn::DemoteTo(d16, hn::BitCast(di, values[v])), d16, dst + v * kWidth);
+  }
+}
+
+// Decodes symbols while they cannot run out of words before `end`, and says how many that were.
+template <bool kContexts>
+HWY_INLINE size_t hybrid_groups(V (&x)[kVectors], const unsigned char*& next,
+                                const unsigned char* end, const uint32_t* tables,
+                                const uint8_t* contexts, size_t n, uint16_t* dst) {
+  size_t i = 0;
+  for (; i + kRansLanes <= n && end - next >= kHybridBytes; i += kRansLanes) {
+    hybrid_group<kContexts, true>(x, next, tables, kContexts ? contexts + i : nullptr, kRansLanes,
+                                  dst + i);
+  }
+  if (i < n && n - i < kRansLanes && end - next >= kHybridBytes) {
+    uint8_t last_contexts[kRansLanes] = {};
+    uint16_t last[kRansLanes];
+    if (kContexts) std::memcpy(last_contexts, contexts + i, n - i);
+    hybrid_group<kContexts, false>(x, next, tables, last_contexts, n - i, last);
+    std::memcpy(dst + i, last, (n - i) * sizeof(uint16_t));
+    i = n;
+  }
   return i;
+}
+
+// The symbols that the last bytes of a block hold: from a copy of these with zeros behind, which is
+// what words past the end count as.
+template <bool kContexts>
+HWY_NOINLINE void hybrid_end(RansLanes& lanes, const uint32_t* tables, const uint8_t* contexts,
+                             size_t n, uint16_t* dst) {
+  V x[kVectors];
+  load_states(lanes, x);
+  unsigned char words[2 * kHybridBytes] = {};
+  const std::ptrdiff_t left = (lanes.end - lanes.next) & ~std::ptrdiff_t{1};
+  std::memcpy(words, lanes.next, static_cast<size_t>(left));
+  const unsigned char* next = words;
+  for (size_t i = 0; i < n; i += kRansLanes) {
+    const size_t count = n - i < kRansLanes ? n - i : kRansLanes;
+    hybrid_groups<kContexts>(x, next, next + kHybridBytes, tables,
+                             kContexts ? contexts + i : nullptr, count, dst + i);
+    if (next - words > left) {
+      lanes.failed = true;
+      next = words + left;
+    }
+  }
+  lanes.next += next - words;
+  store_states(x, lanes);
 }
 
 // Stores top << bits | high << 32 | low as 64-bit integers.
@@ -205,7 +279,8 @@ HWY_INLINE size_t wide_groups(RansLanes& lanes, const uint32_t* tables, const ui
   size_t i = 0;
   for (; i + kRansLanes <= n && lanes.end - next >= kWideBytes; i += kRansLanes) {
     V tokens[kVectors], left[kVectors], raw[2][kVectors];
-    take_tokens<kContexts>(x, next, tables, kContexts ? contexts + i : nullptr, tokens);
+    take_tokens<kContexts, true>(x, next, tables, kContexts ? contexts + i : nullptr, kRansLanes,
+                                 tokens);
     for (size_t v = 0; v < kVectors; ++v) {
       // Tokens 2.. have token / 2 - 1 raw bits.
       left[v] = hn::Sub(hn::Max(hn::ShiftRight<1>(tokens[v]), one), one);
@@ -236,12 +311,24 @@ HWY_INLINE size_t wide_groups(RansLanes& lanes, const uint32_t* tables, const ui
   return i;
 }
 
+template <bool kContexts>
+HWY_INLINE void hybrid_of(RansLanes& lanes, const uint32_t* tables, const uint8_t* contexts,
+                          size_t n, uint16_t* dst) {
+  V x[kVectors];
+  load_states(lanes, x);
+  const size_t done = hybrid_groups<kContexts>(x, lanes.next, lanes.end, tables, contexts, n, dst);
+  store_states(x, lanes);
+  if (done == n) return;
+  hybrid_end<kContexts>(lanes, tables, kContexts ? contexts + done : nullptr, n - done, dst + done);
+}
+
 void hybrid(RansLanes& lanes, const uint32_t* tables, const uint8_t* contexts, size_t n,
             uint16_t* dst) {
-  const size_t done = contexts != nullptr ? hybrid_groups<true>(lanes, tables, contexts, n, dst)
-                                          : hybrid_groups<false>(lanes, tables, nullptr, n, dst);
-  rans_kernels_reference().hybrid(lanes, tables, contexts != nullptr ? contexts + done : nullptr,
-                                  n - done, dst + done);
+  if (contexts != nullptr) {
+    hybrid_of<true>(lanes, tables, contexts, n, dst);
+  } else {
+    hybrid_of<false>(lanes, tables, nullptr, n, dst);
+  }
 }
 
 void wide(RansLanes& lanes, const uint32_t* tables, const uint8_t* contexts, size_t n,

@@ -85,11 +85,11 @@ template <typename T>
 L4D_HOST_DEVICE inline void half_of_stereographic(const T* u /* [3] */, T* half /* [4] */) {
   const T one = static_cast<T>(1);
   const T norm2 = (u[0] * u[0] + u[1] * u[1]) + u[2] * u[2];
-  const T d = one + norm2;
-  half[0] = (one - norm2) / d;
-  half[1] = (u[0] + u[0]) / d;
-  half[2] = (u[1] + u[1]) / d;
-  half[3] = (u[2] + u[2]) / d;
+  const T r = (one + one) / (one + norm2);
+  half[0] = r - one;
+  half[1] = u[0] * r;
+  half[2] = u[1] * r;
+  half[3] = u[2] * r;
 }
 
 template <typename T>

@@ -8,6 +8,7 @@
 #include "libl4dcodec/base/status.h"
 #include "libl4dcodec/container/scene_header.h"
 #include "libl4dcodec/entropy/stream.h"
+#include "libl4dcodec/quant/integer_basis.h"
 
 namespace l4d {
 
@@ -18,6 +19,7 @@ struct CodebookData {
   uint32_t num_entries = 0;
   uint32_t dim = 0;
   std::vector<float> entries;
+  IntegerBasis integer;  // of bases of SH
 
   const float* row(size_t i) const { return entries.data() + i * dim; }
   uint64_t memory_bytes() const { return entries.size() * sizeof(float); }

@@ -33,7 +33,7 @@ Bytes table_bytes(const std::vector<uint64_t>& frequencies) {
 // num_tables, num_wide, tables, maps.
 struct Chunk {
   uint64_t num_tables = 2, num_wide = 1;
-  std::vector<Bytes> tables = {table_bytes({4096}), table_bytes({4000, 0, 0, 96})};
+  std::vector<Bytes> tables = {table_bytes({1024}), table_bytes({1000, 0, 0, 24})};
   Bytes map;
 
   Chunk(const SceneHeader& header, const LayerHeader& layer) {
@@ -161,7 +161,7 @@ TEST(EntropyTables, EverySlotHasItsToken) {
     for (const LayerHeader& layer : header.layers) {
       Chunk chunk(header, layer);
       std::vector<uint64_t> all(kRansHybridTokens, 1);
-      all[7] += 4096 - all.size();
+      all[7] += 1024 - all.size();
       chunk.tables.push_back(table_bytes(all));
       chunk.num_tables = 3;
       std::replace(chunk.map.begin() + 1, chunk.map.end(), uint8_t{1}, uint8_t{2});
@@ -206,33 +206,33 @@ struct Rule {
 };
 const Rule kRules[] = {
     {"RANS-2", [](Chunk& c) { c.tables[1] = table_bytes({}); }},
-    {"RANS-2", [](Chunk& c) { c.tables[1] = table_bytes({4095}); }},
+    {"RANS-2", [](Chunk& c) { c.tables[1] = table_bytes({1023}); }},
     {"RANS-2",
      [](Chunk& c) {
-       c.tables[1] = table_bytes({4096, 1});
+       c.tables[1] = table_bytes({1024, 1});
      }},
     {"RANS-2",
      [](Chunk& c) {
-       c.tables[1] = table_bytes({4096, 0});
+       c.tables[1] = table_bytes({1024, 0});
      }},
     {"RANS-2",
      [](Chunk& c) {
-       c.tables[1] = table_bytes({1, 0, 0, 0, 4095}, 3);
+       c.tables[1] = table_bytes({1, 0, 0, 0, 1023}, 3);
      }},
     {"RANS-2",
      [](Chunk& c) {
-       c.tables[1] = table_bytes({1, (uint64_t{1} << 62) + 4095});
+       c.tables[1] = table_bytes({1, (uint64_t{1} << 62) + 1023});
      }},
     {"RANS-2",
      [](Chunk& c) {
        std::vector<uint64_t> f(kRansHybridTokens + 1, 0);
-       f.back() = 4096;
+       f.back() = 1024;
        c.tables[1] = table_bytes(f);
      }},
     {"RANS-2",
      [](Chunk& c) {
        std::vector<uint64_t> f(kRansWideTokens + 1, 0);
-       f.back() = 4096;
+       f.back() = 1024;
        c.tables[0] = table_bytes(f);
      }},
     {"RANS-4", [](Chunk& c) { c.map.front() = 1; }},
@@ -266,14 +266,14 @@ TEST(EntropyTables, TheLongestChunkIsNotLongerThanItsBound) {
   Chunk chunk(h, layer);
   std::vector<uint64_t> wide(kRansWideTokens, 1), hybrid(kRansHybridTokens, 1);
   // Two bytes for as many frequencies as possible, and for each zero.
-  for (size_t t = 0; t < 31; ++t) {
+  for (size_t t = 0; t < 7; ++t) {
     wide[t] = 128;
     hybrid[t] = 128;
   }
   wide.back() = 0;
-  wide.back() = 4096 - std::accumulate(wide.begin(), wide.end(), uint64_t{0});
+  wide.back() = 1024 - std::accumulate(wide.begin(), wide.end(), uint64_t{0});
   hybrid.back() = 0;
-  hybrid.back() = 4096 - std::accumulate(hybrid.begin(), hybrid.end(), uint64_t{0});
+  hybrid.back() = 1024 - std::accumulate(hybrid.begin(), hybrid.end(), uint64_t{0});
   chunk.tables = {table_bytes(wide)};
   chunk.tables.resize(kMaxEntropyTables, table_bytes(hybrid));
   chunk.num_tables = kMaxEntropyTables;

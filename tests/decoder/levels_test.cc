@@ -274,7 +274,7 @@ TEST(Levels, EachLimitIsHeld) {
   tables.header.sh.coding = ComponentCodingId::kVq;
   tables.header.sh.stages.resize(2);
   tables.header.sh.stages[0].num_entries = 65536;
-  const uint64_t rest = limits.table_bytes - 2 * (uint64_t{1} << 21) - 65536 * 12;
+  const uint64_t rest = limits.table_bytes - 2 * (uint64_t{1} << 19) - 65536 * 12;
   tables.header.sh.stages[1].num_entries = static_cast<uint32_t>(rest / 12);
   EXPECT_EQ(clauses(tables), Strings());
   ++tables.header.sh.stages[1].num_entries;

@@ -7,6 +7,7 @@
 #include <cstring>
 
 #include "encoder/transform_coder.h"
+#include "libl4dcodec/quant/integer_basis.h"
 #include "tests/common/random.h"
 
 namespace l4d::test {
@@ -97,8 +98,9 @@ TEST_P(TransformTest, DecodedRowsAreTheDecoders) {
   const auto [dim, axes] = GetParam();
   const Data d = correlated(777, dim, 3);
   std::vector<float> decoded;
-  const CodedTransform c =
-      code_transform(d.rows.data(), d.weights.data(), d.n, dim, settings(1e-5, axes), &decoded);
+  TransformSettings s = settings(1e-5, axes);
+  s.integers = axes;
+  const CodedTransform c = code_transform(d.rows.data(), d.weights.data(), d.n, dim, s, &decoded);
   std::vector<std::vector<int16_t>> compact(c.steps.size());
   for (size_t k = 0; k < compact.size(); ++k) {
     for (size_t i = 0; i < d.n; ++i) {
@@ -120,7 +122,14 @@ TEST_P(TransformTest, DecodedRowsAreTheDecoders) {
   for (size_t k = 0; k < compact.size(); ++k) source.coefficient[k] = compact[k].data();
   std::vector<float> out(d.n * dim);
   TransformCursor cursor;
-  transform_kernels_simd().rows(source, cursor, 0, d.n, out.data(), false);
+  const IntegerBasis integers = integer_basis(basis.data(), dim, c.steps.data(), c.steps.size());
+  if (s.integers) {
+    source.integer_basis = integers.vectors.data();
+    source.integer_scale = integers.scale;
+    transform_kernels_simd().integer_rows(source, cursor, 0, d.n, out.data(), false);
+  } else {
+    transform_kernels_simd().rows(source, cursor, 0, d.n, out.data());
+  }
   EXPECT_EQ(std::memcmp(out.data(), decoded.data(), out.size() * sizeof(float)), 0);
 }
 

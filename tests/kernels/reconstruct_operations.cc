@@ -63,6 +63,34 @@ std::unique_ptr<Call> make_means(const CallOptions& o) {
       });
 }
 
+// With the finer part of mean times or without.
+template <bool kFine>
+std::unique_ptr<Call> make_fixed_means(const CallOptions& o) {
+  CallOptions salted = o;
+  salted.seed += 1;
+  const float step = o.fill == Fill::kLow ? 0x1p-57f : 0.0125f;
+  const uint32_t zero = o.fill == Fill::kHigh ? 65535 : 300;
+  return std::make_unique<ArrayCall<float>>(
+      o.n, o.offset, std::vector<float>(),
+      [in = integers(o, o.n + o.offset, 16), fine = integers(salted, o.n + o.offset, 16), step,
+       zero, o](const Kernels& k, float* out) -> uint64_t {
+        k.reconstruct->fixed_means(in.data() + o.offset, kFine ? fine.data() + o.offset : nullptr,
+                                   o.n, step, zero, out);
+        return 0;
+      });
+}
+
+std::unique_ptr<Call> make_absolute_means(const CallOptions& o) {
+  const double center = o.fill == Fill::kHigh ? 86399.98765 : 1.0 / 3;
+  return std::make_unique<ArrayCall<float>>(o.n, o.offset, std::vector<float>(),
+                                            [in = floats_of_halves(o, o.n + o.offset, 3), center,
+                                             o](const Kernels& k, float* out) -> uint64_t {
+                                              k.reconstruct->absolute_means(in.data() + o.offset,
+                                                                            o.n, center, out);
+                                              return 0;
+                                            });
+}
+
 std::unique_ptr<Call> make_scalars(const CallOptions& o) {
   Random random(o.seed);
   const float offset = parameter(o, random);
@@ -187,6 +215,9 @@ const std::vector<Operation>& reconstruct_operations() {
   static const std::vector<Operation> kOperations = {
       {"positions", make_positions},
       {"means", make_means},
+      {"fixed_means", make_fixed_means<false>},
+      {"fixed_means_fine", make_fixed_means<true>},
+      {"absolute_means", make_absolute_means},
       {"scalars", make_scalars},
       {"vq_rows_3", make_vq<3, 1, false>},
       {"vq_rows_4", make_vq<4, 1, false>},

@@ -39,11 +39,24 @@ float step_of(const CallOptions& o, Random& random) {
 
 struct TransformInput {
   std::vector<float> basis, steps;
+  std::vector<int16_t> integer_basis;  // empty: rows of floats
   std::vector<uint8_t> step_exponent, eob_index, eob_table;
   std::vector<std::vector<int16_t>> coefficient;
 };
 
+// Any 16-bit numbers but the least, which no basis has: their sums pass 2^31 at the ends.
+std::vector<int16_t> integer_vectors(const CallOptions& o, size_t n) {
+  CallOptions salted = o;
+  salted.seed += 7000;
+  std::vector<int16_t> out;
+  for (const uint16_t v : integers(salted, n, 16)) {
+    out.push_back(static_cast<int16_t>(v == 0x8000 ? 0x8001 : v));
+  }
+  return out;
+}
+
 // Rows are taken in two calls to see that the cursor is carried. An empty EOB table: all have all.
+template <bool kIntegers = false>
 std::unique_ptr<Call> make_rows(const CallOptions& o, size_t dim, size_t num_coefficients,
                                 std::vector<uint8_t> eob_table) {
   Random random(o.seed + dim);
@@ -52,6 +65,7 @@ std::unique_ptr<Call> make_rows(const CallOptions& o, size_t dim, size_t num_coe
     input->basis.push_back(half_to_float(h));
   }
   input->basis.resize(input->basis.size() + CodebookData::kPadding, 1e30f);
+  if (kIntegers) input->integer_basis = integer_vectors(o, num_coefficients * dim);
   input->step_exponent.resize(o.offset);
   input->eob_index.resize(o.offset);
   std::vector<size_t> count(num_coefficients, 0);
@@ -96,8 +110,16 @@ std::unique_ptr<Call> make_rows(const CallOptions& o, size_t dim, size_t num_coe
         }
         TransformCursor cursor;
         const size_t middle = o.n / 3;
-        k.transform->rows(source, cursor, 0, middle, out, o.past_cache);
-        k.transform->rows(source, cursor, middle, o.n, out + dim * middle, o.past_cache);
+        float* const rest = out + dim * middle;
+        if (kIntegers) {
+          source.integer_basis = input->integer_basis.data();
+          source.integer_scale = 0x1p-20f;
+          k.transform->integer_rows(source, cursor, 0, middle, out, o.past_cache);
+          k.transform->integer_rows(source, cursor, middle, o.n, rest, o.past_cache);
+        } else {
+          k.transform->rows(source, cursor, 0, middle, out);
+          k.transform->rows(source, cursor, middle, o.n, rest);
+        }
         uint64_t places = 0;
         for (const size_t at : cursor.coefficient) places = places * 31 + at;
         return places;
@@ -110,21 +132,30 @@ std::unique_ptr<Call> make_rows_4_few(const CallOptions& o) { return make_rows(o
 std::unique_ptr<Call> make_rows_3_eob_table(const CallOptions& o) {
   return make_rows(o, 3, 3, {1, 3});
 }
-std::unique_ptr<Call> make_rows_12(const CallOptions& o) {
-  return make_rows(o, 12, 12, {2, 4, 6, 9, 12});
+std::unique_ptr<Call> make_integer_rows_3(const CallOptions& o) {
+  return make_rows<true>(o, 3, 3, {});
 }
-std::unique_ptr<Call> make_rows_27(const CallOptions& o) {
-  return make_rows(o, 27, 27, {3, 8, 13, 20, 27});
+std::unique_ptr<Call> make_integer_rows_12(const CallOptions& o) {
+  return make_rows<true>(o, 12, 12, {2, 4, 6, 9, 12});
 }
-std::unique_ptr<Call> make_rows_48(const CallOptions& o) {
-  return make_rows(o, 48, 48, {3, 8, 16, 28, 48});
+std::unique_ptr<Call> make_integer_rows_27(const CallOptions& o) {
+  return make_rows<true>(o, 27, 27, {3, 8, 13, 20, 27});
 }
-std::unique_ptr<Call> make_rows_48_full(const CallOptions& o) { return make_rows(o, 48, 48, {}); }
+std::unique_ptr<Call> make_integer_rows_48(const CallOptions& o) {
+  return make_rows<true>(o, 48, 48, {3, 8, 16, 28, 48});
+}
+std::unique_ptr<Call> make_integer_rows_48_full(const CallOptions& o) {
+  return make_rows<true>(o, 48, 48, {});
+}
 // The longest EOB table: a step for each coefficient.
-std::unique_ptr<Call> make_rows_48_steps(const CallOptions& o) {
+std::unique_ptr<Call> make_integer_rows_48_steps(const CallOptions& o) {
   std::vector<uint8_t> eob_table;
   while (eob_table.size() < 48) eob_table.push_back(static_cast<uint8_t>(eob_table.size() + 1));
-  return make_rows(o, 48, 48, std::move(eob_table));
+  return make_rows<true>(o, 48, 48, std::move(eob_table));
+}
+// What the base of SH leaves of an EOB table: equal numbers at its end.
+std::unique_ptr<Call> make_integer_rows_48_base(const CallOptions& o) {
+  return make_rows<true>(o, 48, 3, {2, 3, 3, 3, 3});
 }
 
 std::vector<float> stereographic(const CallOptions& o, size_t n, uint64_t salt) {
@@ -186,11 +217,13 @@ const std::vector<Operation>& transform_operations() {
       {"transform_rows_4", make_rows_4},
       {"transform_rows_4_few", make_rows_4_few},
       {"transform_rows_3_eob_table", make_rows_3_eob_table},
-      {"transform_rows_12", make_rows_12},
-      {"transform_rows_27", make_rows_27},
-      {"transform_rows_48", make_rows_48},
-      {"transform_rows_48_full", make_rows_48_full},
-      {"transform_rows_48_steps", make_rows_48_steps},
+      {"integer_rows_3", make_integer_rows_3},
+      {"integer_rows_12", make_integer_rows_12},
+      {"integer_rows_27", make_integer_rows_27},
+      {"integer_rows_48", make_integer_rows_48},
+      {"integer_rows_48_full", make_integer_rows_48_full},
+      {"integer_rows_48_steps", make_integer_rows_48_steps},
+      {"integer_rows_48_base", make_integer_rows_48_base},
       {"transform_rotors", make_rotors<true>},
       {"transform_rotors_still", make_rotors<false>},
       {"transform_positions", make_positions}};

@@ -95,7 +95,7 @@ class Code(unittest.TestCase):
                                  "rotor_spatial", "rotor_temporal", "sh"})
 
     def test_notices_what_its_comments_say(self):
-        one = [4096]                      # a table of one token
+        one = [1024]                      # a table of one token
         channel = rans_writer.Channel("opacity", [0, 5, 900])
         table = rans_writer.fitted([1] * 112)
         good = rans_writer.block([channel], [[table]])

@@ -16,6 +16,7 @@ from arithmetic import unzigzag
 from broken_streams import FIRST
 from file import Chunk
 from rans import RansPage, Table, wide
+from reconstruct import integers_of
 from rans_writer import LANES, SLOTS, Channel, hybrid_token, wide_token
 from streams import Streams
 from xxh3 import xxh3_64
@@ -200,10 +201,10 @@ class Traced:
     def token(self, i, frequencies):
         lane = i % LANES
         x = self.states[lane]
-        slot = x & 4095
+        slot = x & 1023
         token = next(t for t in range(112) if sum(frequencies[:t + 1]) > slot)
         f, c = frequencies[token], sum(frequencies[:token])
-        self.states[lane] = f * (x >> 12) + slot - c
+        self.states[lane] = f * (x >> 10) + slot - c
         text = (f"{i:2}  lane {lane:2}  x {x:08x}  slot {slot:4}  token {token:3}  c {c:4}  f {f:4}"
                 f"  x {self.states[lane]:08x}")
         self.lines.append(text + self.refill(lane))
@@ -328,10 +329,22 @@ def row_text(coding, of_class, q):
     return f"{text} = {vector(row)}", row
 
 
+def integer_row_text(coding, of_class, q):
+    """The lines of a row of SH, and its numbers."""
+    origin, *axes = coding["basis"]
+    m, e = integers_of(coding["steps"], axes)
+    total = [sum(value * vector[d] for value, vector in zip(q, m)) for d in range(len(origin))]
+    row = [a + t * 2.0 ** (e - of_class) for a, t in zip(origin, total)]
+    terms = " + ".join(f"{value} * {vector(v)}" for value, v in zip(q, m))
+    return [f"E = {e + 15}, " + ", ".join(f"m[{k}] = {vector(v)}" for k, v in enumerate(m)),
+            f"t = {terms} = {vector(total)}",
+            f"{vector(origin)} + t * 2^{e - of_class} = {vector(row)}"], row
+
+
 def by_hand(gaussians):
     """Two rows, worked out."""
     scale, scale_row = row_text(LAYER["scale"], SCALE_STEP_EXPONENT[2], [SCALE[0][2], SCALE[1][2]])
-    sh, sh_row = row_text(SCENE["sh"], SH_STEP_EXPONENT[0], [column[0] for column in SH])
+    sh, sh_row = integer_row_text(SCENE["sh"], SH_STEP_EXPONENT[0], [column[0] for column in SH])
     assert [x + CONSTANT["offset"] for x in scale_row] == list(gaussians[2]["log_scale"][:3])
     assert sh_row == list(gaussians[0]["sh"])
     x, y, z = (sum((CODES[2] >> 3 * b + j & 1) << b for b in range(4)) for j in range(3))
@@ -340,7 +353,7 @@ def by_hand(gaussians):
     return [f"Gaussian 2  Morton code  {gaps} = {CODES[2]:x} hexadecimal: {x} {y} {z}, times 0.25",
             f"Gaussian 2  scale  {scale}",
             f"Gaussian 2  log_scale  -3 + scale = {vector(gaussians[2]['log_scale'][:3])}",
-            f"Gaussian 0  sh  {sh}"]
+            *(f"Gaussian 0  sh  {line}" for line in sh)]
 
 
 def transform_example():

@@ -72,7 +72,7 @@ class Blocks(unittest.TestCase):
         # What the text says of them.
         self.assertEqual(set(f[:64]), {33 if kind == "wide" else 37})
         self.assertEqual(set(f[64:]), {32 if kind == "wide" else 36})
-        self.assertEqual(sum(f), 4096)
+        self.assertEqual(sum(f), 1024)
         return f
 
     def test_blocks_of_the_table_decode_to_their_integers(self):
