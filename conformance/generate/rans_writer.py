@@ -101,7 +101,7 @@ def entropy_chunk(tables, num_wide, maps, spare=lambda: 0):
 
 
 def fitted(counts):
-    """Frequencies of 4096 in sum, about as counts are, with at least 1 where a count is not 0."""
+    """Frequencies of 1024 in sum, about as counts are, with at least 1 where a count is not 0."""
     used = [t for t, c in enumerate(counts) if c] or [0]
     total = sum(counts[t] for t in used) or 1
     f = [0] * (used[-1] + 1)

@@ -143,10 +143,7 @@ def transformed(columns, steps, basis):
 def integers_of(steps, vectors):
     """The vectors m of SH and the power of two, e, that they are multiplied by."""
     w = [[f32(step * b) for b in vector] for step, vector in zip(steps, vectors)]
-    largest = max(abs(x) for vector in w for x in vector)
-    if largest == 0:
-        return [[0] * len(vector) for vector in w], 0
-    e = math.frexp(largest)[1] - 15
+    e = math.frexp(max(abs(x) for vector in w for x in vector))[1] - 15
     # round() takes ties to the even integer.
     return [[limit(round(x * 2.0 ** -e), -32767, 32767) for x in vector] for vector in w], e
 
