@@ -85,7 +85,8 @@ uint64_t integer(size_t i, uint64_t*) { return (i * uint64_t{0x9e3779b97f4a7c15}
 template <typename T>
 test::RansChannel<T> channel(size_t n, size_t tokens) {
   std::vector<uint64_t> counts(tokens);
-  for (size_t t = 0; t < tokens; ++t) counts[t] = kRansSlots / tokens + (t < kRansSlots % tokens ? 1 : 0);
+  for (size_t t = 0; t < tokens; ++t)
+    counts[t] = kRansSlots / tokens + (t < kRansSlots % tokens ? 1 : 0);
   test::RansChannel<T> out;
   for (size_t i = 0; i < n; ++i) out.values.push_back(integer(i, static_cast<T*>(nullptr)));
   out.tables.emplace_back(counts);
