@@ -206,11 +206,15 @@ HWY_INLINE void hybrid_group(V (&x)[kVectors], const unsigned char*& next, const
   }
 }
 
-// Decodes symbols while they cannot run out of words before `end`, and says how many that were.
+// Decodes symbols while they cannot run out of words before `end`, and says how many that were. Not
+// inlined: it is long where vectors are short.
 template <bool kContexts>
-HWY_INLINE size_t hybrid_groups(V (&x)[kVectors], const unsigned char*& next,
-                                const unsigned char* end, const uint32_t* tables,
-                                const uint8_t* contexts, size_t n, uint16_t* dst) {
+HWY_NOINLINE size_t hybrid_groups(RansLanes& lanes, const unsigned char* end,
+                                  const uint32_t* tables, const uint8_t* contexts, size_t n,
+                                  uint16_t* dst) {
+  V x[kVectors];
+  load_states(lanes, x);
+  const unsigned char* next = lanes.next;
   size_t i = 0;
   for (; i + kRansLanes <= n && end - next >= kHybridBytes; i += kRansLanes) {
     hybrid_group<kContexts, true>(x, next, tables, kContexts ? contexts + i : nullptr, kRansLanes,
@@ -224,6 +228,8 @@ HWY_INLINE size_t hybrid_groups(V (&x)[kVectors], const unsigned char*& next,
     std::memcpy(dst + i, last, (n - i) * sizeof(uint16_t));
     i = n;
   }
+  lanes.next = next;
+  store_states(x, lanes);
   return i;
 }
 
@@ -232,23 +238,21 @@ HWY_INLINE size_t hybrid_groups(V (&x)[kVectors], const unsigned char*& next,
 template <bool kContexts>
 HWY_NOINLINE void hybrid_end(RansLanes& lanes, const uint32_t* tables, const uint8_t* contexts,
                              size_t n, uint16_t* dst) {
-  V x[kVectors];
-  load_states(lanes, x);
   unsigned char words[2 * kHybridBytes] = {};
-  const std::ptrdiff_t left = (lanes.end - lanes.next) & ~std::ptrdiff_t{1};
-  std::memcpy(words, lanes.next, static_cast<size_t>(left));
-  const unsigned char* next = words;
+  const unsigned char* const from = lanes.next;
+  const std::ptrdiff_t left = (lanes.end - from) & ~std::ptrdiff_t{1};
+  std::memcpy(words, from, static_cast<size_t>(left));
+  lanes.next = words;
   for (size_t i = 0; i < n; i += kRansLanes) {
     const size_t count = n - i < kRansLanes ? n - i : kRansLanes;
-    hybrid_groups<kContexts>(x, next, next + kHybridBytes, tables,
+    hybrid_groups<kContexts>(lanes, lanes.next + kHybridBytes, tables,
                              kContexts ? contexts + i : nullptr, count, dst + i);
-    if (next - words > left) {
+    if (lanes.next - words > left) {
       lanes.failed = true;
-      next = words + left;
+      lanes.next = words + left;
     }
   }
-  lanes.next += next - words;
-  store_states(x, lanes);
+  lanes.next = from + (lanes.next - words);
 }
 
 // Stores top << bits | high << 32 | low as 64-bit integers.
@@ -314,10 +318,7 @@ HWY_INLINE size_t wide_groups(RansLanes& lanes, const uint32_t* tables, const ui
 template <bool kContexts>
 HWY_INLINE void hybrid_of(RansLanes& lanes, const uint32_t* tables, const uint8_t* contexts,
                           size_t n, uint16_t* dst) {
-  V x[kVectors];
-  load_states(lanes, x);
-  const size_t done = hybrid_groups<kContexts>(x, lanes.next, lanes.end, tables, contexts, n, dst);
-  store_states(x, lanes);
+  const size_t done = hybrid_groups<kContexts>(lanes, lanes.end, tables, contexts, n, dst);
   if (done == n) return;
   hybrid_end<kContexts>(lanes, tables, kContexts ? contexts + done : nullptr, n - done, dst + done);
 }
