@@ -34,6 +34,14 @@ for name in scene.ply cameras.json settings.json log.jsonl curves.svg preview.pn
 done
 expect 0 "test +[0-9.]+ dB" eval whole -q
 
+# Nothing that is read is replaced.
+before=$(cat capture/cameras.json whole/scene.ply | cksum)
+expect 2 "the capture lies in this folder" train capture -o capture --steps 5 -q
+expect 2 "the capture lies in this folder" train capture/cameras.json -o ./capture/ --steps 5 -q
+expect 2 "lies in the folder of the run" train capture -o whole --force --init whole/scene.ply --steps 5 -q
+expect 2 "there is a cameras.json already" capture truth.ply -o capture --cameras 9 --size 48x40
+[ "$(cat capture/cameras.json whole/scene.ply | cksum)" = "$before" ] || die "an input was replaced"
+
 # What is killed goes on from its last checkpoint, and reaches the same bits.
 "$train" train "${options[@]}" -o killed --steps 400 --checkpoint-every 0.1 -q >out 2>err &
 pid=$!

@@ -62,6 +62,10 @@ void render_capture(const std::string& folder, const io::Scene& scene,
   const io::CameraSet set =
       io::orbit_cameras(scene, options.cameras, options.width, options.height);
   const fs::path root(folder);
+  if (fs::exists(root / "cameras.json")) {
+    throw Error(L4D_ERR_INVALID_ARGUMENT,
+                folder + ": there is a cameras.json already; choose another folder");
+  }
   fs::create_directories(root);
   l4d_renderer_options rendering;
   l4d_renderer_options_init(&rendering);

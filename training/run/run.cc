@@ -136,10 +136,31 @@ class Run {
                       "replaces it");
     }
     if (options_.resume) return;
+    keep_inputs();
     for (const std::string& old : list_checkpoints(folder_)) fs::remove(old, error);
     for (const char* name :
          {"scene.ply", "scene.l4d", "weights.ply", "stream.png", "report.json"}) {
       fs::remove(file(name), error);
+    }
+  }
+
+  // What is read is never written: a run does not go into its capture, nor begin from a file in its
+  // own folder, which it would remove first.
+  void keep_inputs() const {
+    const fs::path folder = fs::weakly_canonical(folder_);
+    const auto inside = [&](const fs::path& path) {
+      const fs::path parent = fs::weakly_canonical(path).parent_path();
+      return parent == folder;
+    };
+    const Settings& s = options_.settings;
+    if (fs::weakly_canonical(s.capture) == folder || inside(s.capture)) {
+      throw Error(L4D_ERR_INVALID_ARGUMENT,
+                  folder_ + ": the capture lies in this folder; --output must be another one");
+    }
+    std::error_code error;
+    if (fs::is_regular_file(s.init, error) && inside(s.init)) {
+      throw Error(L4D_ERR_INVALID_ARGUMENT,
+                  s.init + ": --init lies in the folder of the run, which replaces its files");
     }
   }
 
