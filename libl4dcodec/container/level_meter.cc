@@ -2,7 +2,8 @@
 #include "libl4dcodec/container/level_meter.h"
 
 #include <algorithm>
-#include <cstdio>
+#include <cmath>
+#include <string>
 
 #include "libl4dcodec/container/channels.h"
 #include "libl4dcodec/entropy/rans_kernels.h"
@@ -48,10 +49,20 @@ Codebooks all_codebooks(const SceneHeader& header) {
   return codebooks;
 }
 
+// To the microsecond, with a point whatever the locale. Times of a timeline are below 2^61.
 std::string seconds_text(double seconds) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.6g s", seconds);
-  return text;
+  constexpr int64_t kMicro = 1000000;
+  const double magnitude = std::fabs(seconds);
+  auto whole = static_cast<int64_t>(magnitude);
+  int64_t micro = std::llround((magnitude - static_cast<double>(whole)) * kMicro);
+  whole += micro / kMicro;
+  micro %= kMicro;
+  std::string text = (seconds < 0 ? "-" : "") + std::to_string(whole);
+  if (micro != 0) {
+    std::string digits = std::to_string(kMicro + micro).substr(1);
+    text += "." + digits.substr(0, digits.find_last_not_of('0') + 1);
+  }
+  return text + " s";
 }
 
 }  // namespace

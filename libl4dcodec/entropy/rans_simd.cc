@@ -206,6 +206,20 @@ HWY_INLINE void hybrid_group(V (&x)[kVectors], const unsigned char*& next, const
   }
 }
 
+// The symbols behind the last whole group, fewer than kRansLanes. Without contexts they have
+// context 0.
+HWY_NOINLINE void last_group(RansLanes& lanes, const uint32_t* tables, const uint8_t* contexts,
+                             size_t n, uint16_t* dst) {
+  V x[kVectors];
+  load_states(lanes, x);
+  uint8_t padded[kRansLanes] = {};
+  uint16_t values[kRansLanes];
+  if (contexts != nullptr) std::memcpy(padded, contexts, n);
+  hybrid_group<true, false>(x, lanes.next, tables, padded, n, values);
+  std::memcpy(dst, values, n * sizeof(uint16_t));
+  store_states(x, lanes);
+}
+
 // Decodes symbols while they cannot run out of words before `end`, and says how many that were. Not
 // inlined: it is long where vectors are short.
 template <bool kContexts>
@@ -220,16 +234,12 @@ HWY_NOINLINE size_t hybrid_groups(RansLanes& lanes, const unsigned char* end,
     hybrid_group<kContexts, true>(x, next, tables, kContexts ? contexts + i : nullptr, kRansLanes,
                                   dst + i);
   }
-  if (i < n && n - i < kRansLanes && end - next >= kHybridBytes) {
-    uint8_t last_contexts[kRansLanes] = {};
-    uint16_t last[kRansLanes];
-    if (kContexts) std::memcpy(last_contexts, contexts + i, n - i);
-    hybrid_group<kContexts, false>(x, next, tables, last_contexts, n - i, last);
-    std::memcpy(dst + i, last, (n - i) * sizeof(uint16_t));
-    i = n;
-  }
   lanes.next = next;
   store_states(x, lanes);
+  if (i < n && n - i < kRansLanes && end - next >= kHybridBytes) {
+    last_group(lanes, tables, kContexts ? contexts + i : nullptr, n - i, dst + i);
+    i = n;
+  }
   return i;
 }
 
@@ -271,9 +281,7 @@ HWY_INLINE void store_wide(V top, V bits, V low, V high, uint64_t* dst) {
              d64, dst + kWidth / 2);
 }
 
-template <bool kContexts>
-HWY_INLINE size_t wide_groups(RansLanes& lanes, const uint32_t* tables, const uint8_t* contexts,
-                              size_t n, uint64_t* dst) {
+HWY_INLINE size_t wide_groups(RansLanes& lanes, const uint32_t* tables, size_t n, uint64_t* dst) {
   const D d;
   const V one = hn::Set(d, 1);
   const V sixteen = hn::Set(d, 16);
@@ -283,8 +291,7 @@ HWY_INLINE size_t wide_groups(RansLanes& lanes, const uint32_t* tables, const ui
   size_t i = 0;
   for (; i + kRansLanes <= n && lanes.end - next >= kWideBytes; i += kRansLanes) {
     V tokens[kVectors], left[kVectors], raw[2][kVectors];
-    take_tokens<kContexts, true>(x, next, tables, kContexts ? contexts + i : nullptr, kRansLanes,
-                                 tokens);
+    take_tokens<false, true>(x, next, tables, nullptr, kRansLanes, tokens);
     for (size_t v = 0; v < kVectors; ++v) {
       // Tokens 2.. have token / 2 - 1 raw bits.
       left[v] = hn::Sub(hn::Max(hn::ShiftRight<1>(tokens[v]), one), one);
@@ -334,8 +341,8 @@ void hybrid(RansLanes& lanes, const uint32_t* tables, const uint8_t* contexts, s
 
 void wide(RansLanes& lanes, const uint32_t* tables, const uint8_t* contexts, size_t n,
           uint64_t* dst) {
-  const size_t done = contexts != nullptr ? wide_groups<true>(lanes, tables, contexts, n, dst)
-                                          : wide_groups<false>(lanes, tables, nullptr, n, dst);
+  // No channel of wide integers has contexts (spec: "rANS pages").
+  const size_t done = contexts != nullptr ? 0 : wide_groups(lanes, tables, n, dst);
   rans_kernels_reference().wide(lanes, tables, contexts != nullptr ? contexts + done : nullptr,
                                 n - done, dst + done);
 }
