@@ -95,7 +95,7 @@ OUTSIDE = {
     "zstd.h": {"libl4dcodec/entropy", "tests", "tests/common", "bench/micro"},
     "xxhash.h": {"libl4dcodec/base", "cli/arrays.cc", "training", "tests", "tests/common"},
     "hwy/": {"libl4dcodec/entropy", "api", "decoder/expand", "encoder", "render", "tests",
-             "tests/common", "bench/micro", "bench/tables"},
+             "tests/common", "bench/micro"},
     "cuda_runtime_api.h": {"libl4dcodec/cuda", "decoder/cuda", "encoder/cuda", "render/cuda",
                            "training/cuda", "tests", "bench/gpu"},
     "cuda_runtime.h": {"libl4dcodec/cuda", "decoder/cuda", "encoder/cuda", "render/cuda",

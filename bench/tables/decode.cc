@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Decoding speed beside bytes for each preset: whole, without SH detail, positions alone, packed;
-// by SIMD targets; and what each attribute takes.
-#include <hwy/highway.h>
-
+// and what each attribute takes.
 #include <cstdio>
 
 #include "bench/tables/common.h"
@@ -93,18 +91,6 @@ void print_preset(const char* preset, const File& file) {
   std::fflush(stdout);
 }
 
-void print_targets(const File& file) {
-  GaussianArrays arrays = arrays_of(file);
-  std::puts("\nThe preset default, one thread:\n\n| target | million Gaussians/s |\n|---|---|");
-  for (const auto target : hwy::SupportedAndGeneratedTargets()) {
-    hwy::SetSupportedTargetsForTest(target);
-    std::printf(
-        "| %s | %.1f |\n", hwy::TargetName(target),
-        expanded(file, whole_query(), arrays.buffers(), arrays.count(), L4D_BACKEND_CPU, 1));
-  }
-  hwy::SetSupportedTargetsForTest(0);
-}
-
 void print_attributes(const File& file) {
   GaussianArrays arrays = arrays_of(file);
   const size_t n = arrays.count();
@@ -136,7 +122,6 @@ void run(const char* name, const WeightedScene& scene) {
     print_preset(preset, file);
     if (first.empty()) first = std::move(file);
   }
-  print_targets(first);
   print_attributes(first);
 }
 
