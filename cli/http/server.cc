@@ -1,21 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/http/server.h"
 
-#include <fcntl.h>
 #include <httplib.h>
-#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <atomic>
 #include <chrono>
-#include <filesystem>
 #include <mutex>
 #include <random>
 #include <thread>
 
 #include "cli/common.h"
 #include "cli/http/byte_range.h"
+#include "cli/http/entity_tag.h"
+#include "cli/http/folder.h"
 #include "cli/http/player.h"
 #include "cli/text/units.h"
 
@@ -24,7 +23,7 @@ namespace {
 
 constexpr size_t kThreads = 32;  // connections: browsers keep six open
 constexpr size_t kPiece = size_t{16} << 10;
-constexpr const char* kHost = "127.0.0.1";
+constexpr const char* kHost = Server::kAddress;
 
 std::string random_token() {
   std::random_device device;
@@ -59,49 +58,6 @@ class Line {
   Clock::time_point free_;
 };
 
-// An open file that ends with the answer.
-struct File {
-  int fd = -1;
-  uint64_t size = 0;
-  std::string tag;
-  ~File() {
-    if (fd >= 0) ::close(fd);
-  }
-};
-
-// A name of one segment or more, each with a first character that is no dot.
-bool is_plain(const std::string& name) {
-  if (name.empty() || name.find_first_of(std::string("\\\0", 2)) != std::string::npos) return false;
-  for (size_t at = 0; at != std::string::npos;) {
-    const size_t end = name.find('/', at);
-    const std::string segment = name.substr(at, end == std::string::npos ? end : end - at);
-    if (segment.empty() || segment[0] == '.') return false;
-    at = end == std::string::npos ? end : end + 1;
-  }
-  return true;
-}
-
-std::shared_ptr<File> open_file(const std::filesystem::path& folder, const std::string& name) {
-  std::error_code error;
-  const std::filesystem::path path = std::filesystem::canonical(folder / name, error);
-  if (error) return nullptr;
-  // Links may lead out of the folder.
-  const auto [rest, unused] = std::mismatch(folder.begin(), folder.end(), path.begin(), path.end());
-  (void)unused;
-  if (rest != folder.end()) return nullptr;
-  auto file = std::make_shared<File>();
-  // Not to wait for whoever writes to a pipe.
-  file->fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
-  struct stat about;
-  if (file->fd < 0 || ::fstat(file->fd, &about) != 0 || !S_ISREG(about.st_mode)) return nullptr;
-  file->size = static_cast<uint64_t>(about.st_size);
-  file->tag = format("\"%llx-%llx-%llx\"", static_cast<unsigned long long>(about.st_ino),
-                     static_cast<unsigned long long>(about.st_size),
-                     static_cast<unsigned long long>(about.st_mtim.tv_sec) * 1000000000ull +
-                         static_cast<unsigned long long>(about.st_mtim.tv_nsec));
-  return file;
-}
-
 bool ends_with(const std::string& text, const std::string& end) {
   return text.size() >= end.size() && text.compare(text.size() - end.size(), end.size(), end) == 0;
 }
@@ -114,12 +70,23 @@ const char* type_of(const std::string& name) {
                                     : "application/octet-stream";
 }
 
+// For a path of a URL.
 std::string escaped(const std::string& text) {
   std::string out;
   for (const char c : text) {
-    const bool plain = std::isalnum(static_cast<unsigned char>(c)) != 0 || c == '.' || c == '-' ||
-                       c == '_' || c == '/';
+    const bool plain = (c >= '0' && c <= '9') || (c >= 'A' && c <= 'Z') || (c >= 'a' && c <= 'z') ||
+                       c == '.' || c == '-' || c == '_' || c == '~' || c == '/';
     out += plain ? std::string(1, c) : format("%%%02X", static_cast<unsigned char>(c));
+  }
+  return out;
+}
+
+// For a text of a page.
+std::string marked_up(const std::string& text) {
+  std::string out;
+  for (const char c : text) {
+    const bool plain = c != '&' && c != '<' && c != '>' && c != '"';
+    out += plain ? std::string(1, c) : format("&#%d;", c);
   }
   return out;
 }
@@ -144,7 +111,7 @@ std::string content_of(const PlayerFile& file) {
 
 struct Server::Parts {
   ServerOptions options;
-  std::filesystem::path folder;
+  Folder folder;
   httplib::Server http;
   Line line;
   int port = 0;
@@ -154,7 +121,7 @@ struct Server::Parts {
 
   explicit Parts(const ServerOptions& given)
       : options(given),
-        folder(std::filesystem::canonical(given.folder)),
+        folder(given.folder),
         line(given.megabits, given.delay_ms),
         root("/" + random_token() + "/") {
     http.new_task_queue = [] { return new httplib::ThreadPool(kThreads); };
@@ -172,11 +139,26 @@ struct Server::Parts {
                               {"Cache-Control", "no-cache"}});
     http.set_pre_routing_handler(
         [this](const httplib::Request& request, httplib::Response& response) {
-          // The library's own ranges know neither If-Range nor 416.
-          const_cast<httplib::Request&>(request).ranges.clear();
-          answer(request, response);
+          answer_alone(request, response);
           return httplib::Server::HandlerResponse::Handled;
         });
+    // The library refuses a Range that it does not understand before it asks anybody.
+    const httplib::Server::HandlerWithResponse again = [this](const httplib::Request& request,
+                                                              httplib::Response& response) {
+      if (response.status != 416 || response.has_header("Content-Range")) {
+        return httplib::Server::HandlerResponse::Unhandled;
+      }
+      response.status = 200;
+      answer_alone(request, response);
+      return httplib::Server::HandlerResponse::Handled;
+    };
+    http.set_error_handler(again);
+  }
+
+  // Without the library's own ranges, which know neither If-Range nor 416.
+  void answer_alone(const httplib::Request& request, httplib::Response& response) {
+    const_cast<httplib::Request&>(request).ranges.clear();
+    answer(request, response);
   }
 
   void refuse(httplib::Response& response, int status, const char* why) const {
@@ -199,42 +181,45 @@ struct Server::Parts {
     line.begin();
     const std::string name = request.path.substr(root.size());
     const std::string play = "play/", files = "player/";
-    if (name.empty()) return begin_page(response);
+    if (name.empty() && !options.file.empty()) return page(options.file, response);
     if (name.compare(0, play.size(), play) == 0) return page(name.substr(play.size()), response);
     if (name.compare(0, files.size(), files) == 0) {
       const PlayerFile* file = player_file(name.substr(files.size()));
       if (file == nullptr) return refuse(response, 404, "not found");
       return response.set_content(content_of(*file), type_of(file->name));
     }
+    if (name.empty()) return list(name, response);
+    if (options.file.empty() && name.back() == '/' && name.size() > 1) {
+      return list(name.substr(0, name.size() - 1), response);
+    }
     send(name, request, response);
   }
 
   bool is_served(const std::string& name) const {
-    return is_plain(name) && (options.file.empty() || name == options.file);
+    return options.file.empty() || name == options.file;
   }
 
-  void begin_page(httplib::Response& response) const {
-    if (!options.file.empty()) return page(options.file, response);
-    std::vector<std::string> names;
-    std::error_code error;
-    for (const auto& entry : std::filesystem::directory_iterator(folder, error)) {
-      const std::string name = entry.path().filename().string();
-      if (ends_with(name, ".l4d") && is_plain(name)) names.push_back(name);
-    }
-    std::sort(names.begin(), names.end());
+  void list(const std::string& name, httplib::Response& response) const {
+    if (!folder.has_folder(name)) return refuse(response, 404, "not found");
     std::string text =
         "<!doctype html><html lang=en><meta charset=utf-8><title>l4dcodec</title><ul>\n";
-    for (const std::string& name : names) {
-      const std::string path = escaped(name);
-      text += "<li><a href=\"" + std::string(player_files().empty() ? "" : "play/") + path + "\">" +
-              path + "</a>\n";
+    for (const Folder::Entry& entry : folder.list(name)) {
+      // Paths of these names are the server's own.
+      if (name.empty() && (entry.name == "play" || entry.name == "player")) continue;
+      const std::string to = name.empty() ? entry.name : name + "/" + entry.name;
+      const char* before = entry.is_folder || player_files().empty() ? "" : "play/";
+      const char* after = entry.is_folder ? "/" : "";
+      text += "<li><a href=\"" + root + before + escaped(to) + after + "\">" +
+              marked_up(entry.name) + after + "</a>\n";
     }
     response.set_content(text + "</ul></html>\n", type_of(".html"));
   }
 
   void page(const std::string& name, httplib::Response& response) const {
     const PlayerFile* file = player_file("index.html");
-    if (file == nullptr || !is_served(name)) return refuse(response, 404, "not found");
+    if (file == nullptr || !is_served(name) || !folder.has_file(name)) {
+      return refuse(response, 404, "not found");
+    }
     std::string text = content_of(*file);
     replace(text, "src=\"scene.l4d\"", "src=\"" + root + escaped(name) + "\"");
     replace(text, "src=\"player.js\"", "src=\"" + root + "player/player.js\"");
@@ -247,15 +232,31 @@ struct Server::Parts {
   }
 
   void send(const std::string& name, const httplib::Request& request, httplib::Response& response) {
-    const std::shared_ptr<File> file = is_served(name) ? open_file(folder, name) : nullptr;
-    if (file == nullptr) return refuse(response, 404, "not found");
+    const std::shared_ptr<ServedFile> file = is_served(name) ? folder.open(name) : nullptr;
+    if (file == nullptr) {
+      if (options.file.empty() && folder.has_folder(name)) {
+        response.set_redirect(root + escaped(name) + "/", 301);
+        return;
+      }
+      return refuse(response, 404, "not found");
+    }
+    const std::string size = std::to_string(file->size);
     response.set_header("Accept-Ranges", "bytes");
     response.set_header("ETag", file->tag);
+    if (request.has_header("If-Match") &&
+        !names_tag(request.get_header_value("If-Match"), file->tag, false)) {
+      return refuse(response, 412, "another file");
+    }
+    if (names_tag(request.get_header_value("If-None-Match"), file->tag, true)) {
+      response.status = 304;
+      response.set_header("Content-Length", size);  // that of the answer with the file
+      return;
+    }
     const std::string condition = request.get_header_value("If-Range");
-    const bool wants_part = condition.empty() || condition == file->tag;
+    const bool wants_part =
+        request.method == "GET" && (condition.empty() || condition == file->tag);
     ByteRange range =
         parse_byte_range(wants_part ? request.get_header_value("Range") : "", file->size);
-    const std::string size = std::to_string(file->size);
     if (range.kind == ByteRange::kUnsatisfiable) {
       response.set_header("Content-Range", "bytes */" + size);
       return refuse(response, 416, "no such range");
@@ -300,6 +301,8 @@ Server::Server(const ServerOptions& options) : parts_(std::make_unique<Parts>(op
 Server::~Server() = default;
 
 const std::string& Server::url() const { return parts_->url; }
+
+int Server::port() const { return parts_->port; }
 
 ServerCounts Server::run(const std::function<bool()>& stopped) {
   httplib::Server& http = parts_->http;

@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace l4d::cli {
+
+// An open file that is closed with its last owner.
+struct ServedFile {
+  int fd = -1;
+  uint64_t size = 0;
+  std::string tag;  // ETag: another one where the file is another one or has changed
+  ServedFile() = default;
+  ServedFile(const ServedFile&) = delete;
+  ServedFile& operator=(const ServedFile&) = delete;
+  ~ServedFile();
+};
+
+// What lies in a folder or in folders within it. Names are relative, with "/" between segments.
+// Nothing outside of the folder is reached, also through links, and no name of which a segment
+// begins with a dot.
+class Folder {
+ public:
+  // Throws std::filesystem::filesystem_error where there is no such folder.
+  explicit Folder(const std::string& path) : path_(std::filesystem::canonical(path)) {}
+
+  // Null where there is no regular file of this name that can be read.
+  std::shared_ptr<ServedFile> open(const std::string& name) const;
+  bool has_file(const std::string& name) const;
+  // "": the folder itself.
+  bool has_folder(const std::string& name) const;
+
+  struct Entry {
+    std::string name;  // of one segment
+    bool is_folder = false;
+  };
+  // The streams (*.l4d) and the folders of a folder, by name. What cannot be read is left out.
+  std::vector<Entry> list(const std::string& name) const;
+
+ private:
+  std::filesystem::path find(const std::string& name) const;
+
+  std::filesystem::path path_;
+};
+
+}  // namespace l4d::cli
