@@ -6,8 +6,10 @@
 #include <spawn.h>
 #include <unistd.h>
 
+#include <cerrno>
 #include <cstdio>
 #include <cstdlib>
+#include <cstring>
 #include <filesystem>
 #include <memory>
 
@@ -33,11 +35,13 @@ void add_server_options(Verb* verb, ServeArguments& arguments) {
   verb->add_option("--port", arguments.port, "Port to listen at (default: any that is free)")
       ->type_name("N")
       ->whole_number(1, 65535);
-  // For tests of players: a slow network.
-  verb->add_option("--rate", arguments.rate, "Mbit/s of all answers together")->group("");
-  verb->add_option("--delay", arguments.delay, "Milliseconds before each answer")
-      ->whole_number(0, 60000)
-      ->group("");
+  verb->add_option("--rate", arguments.rate,
+                   "Mbit/s of all answers together, to try a slow network (default: no limit)")
+      ->type_name("R");
+  verb->add_option("--delay", arguments.delay,
+                   "Milliseconds before each answer, likewise (default: 0)")
+      ->type_name("N")
+      ->whole_number(0, 60000);
 }
 
 // Where somebody sits at a screen.
@@ -58,14 +62,26 @@ void open_browser(const std::string& url) {
 
 Outcome run_server(Context& context, const ServeArguments& arguments, ServerOptions options,
                    const std::string& verb, bool browse) {
+  if (!(arguments.rate >= 0 && arguments.rate <= 1e6)) {
+    throw usage_error(format("--rate is %g; it must be between 0 and 1000000", arguments.rate));
+  }
   options.port = static_cast<int>(arguments.port);
   options.megabits = arguments.rate;
   options.delay_ms = arguments.delay;
   Server server(options);
   // Now, not when it has ended.
-  std::FILE* to = context.options.json ? stderr : stdout;
-  std::fprintf(to, "%s\n", server.url().c_str());
-  std::fflush(to);
+  std::string line = server.url();
+  if (context.options.json) {
+    const Json json = {{"schema", "l4dcodec.listening/1"},
+                       {"input", arguments.input},
+                       {"url", server.url()},
+                       {"address", Server::kAddress},
+                       {"port", server.port()}};
+    line = json.dump();
+  }
+  if (std::fprintf(stdout, "%s\n", line.c_str()) < 0 || std::fflush(stdout) != 0) {
+    throw Failure(L4D_ERR_IO, std::string("stdout: cannot write: ") + std::strerror(errno));
+  }
   if (browse) open_browser(server.url());
   const ServerCounts counts = server.run(interrupted);
   Outcome outcome;
@@ -94,11 +110,16 @@ Outcome run_view(Context& context, const ServeArguments& arguments) {
     throw Failure(L4D_ERR_FEATURE_UNSUPPORTED,
                   "the player is not in this build: './dev web' builds it, and then the tool");
   }
+  ServerOptions options;
+  std::error_code error;
+  if (std::filesystem::is_directory(arguments.input, error)) {
+    options.folder = arguments.input;
+    return run_server(context, arguments, options, "view", !arguments.no_browser);
+  }
   context.files.add_input(arguments.input, "the input");
   l4d::DecoderHandle decoder;
   about(arguments.input, [&] { decoder.open_file(arguments.input); });
   const std::filesystem::path path = std::filesystem::canonical(arguments.input);
-  ServerOptions options;
   options.folder = path.parent_path();
   options.file = path.filename();
   return run_server(context, arguments, options, "view", !arguments.no_browser);
@@ -110,7 +131,7 @@ void add_serve(Registry& registry) {
   auto arguments = std::make_shared<ServeArguments>();
   Verb* verb = add_verb(registry, "serve", "Serve a folder of streams over HTTP to this machine",
                         [arguments](Context& context) { return run_serve(context, *arguments); });
-  verb->add_option("folder", arguments->input, "Folder: its .l4d files are listed and played")
+  verb->add_option("folder", arguments->input, "Folder: its .l4d files and folders are listed")
       ->required();
   add_server_options(verb, *arguments);
   verb->footer(
@@ -124,12 +145,13 @@ void add_view(Registry& registry) {
   auto arguments = std::make_shared<ServeArguments>();
   Verb* verb = add_verb(registry, "view", "Play a stream in the browser",
                         [arguments](Context& context) { return run_view(context, *arguments); });
-  verb->add_option("input", arguments->input, "Scene: .l4d")->required();
+  verb->add_option("input", arguments->input, "Scene: .l4d, or a folder of them")->required();
   verb->add_flag("--no-browser", arguments->no_browser, "Only print the address");
   add_server_options(verb, *arguments);
   verb->footer(
       "Examples:\n"
       "  l4dcodec view scene.l4d\n"
+      "  l4dcodec view scenes --port 8080 --no-browser\n"
       "Prints the address, opens it where there is a screen, and serves until Ctrl-C.");
 }
 

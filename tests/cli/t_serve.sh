@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # shellcheck shell=bash
-# serve and view: ranges, conditions, what is refused, and an end by a signal.
+# serve and view: ranges, conditions, lists, what is refused, and an end by a signal.
 command -v curl > /dev/null || skip "no curl"
 if l4d serve . --port 70000 2> err; then die "no port"; fi
 grep -q "no HTTP server" err && skip "the tool has no HTTP server (./dev setup web)"
@@ -14,6 +14,12 @@ echo hidden > files/.hidden
 ln -s ../outside.txt files/link.l4d
 ln -s a.l4d files/good.l4d
 mkfifo files/pipe.l4d
+ln -s nowhere.l4d files/dead.l4d
+mkdir files/folder.l4d files/empty
+# Names that mean something else to a URL, to HTML or to a shell.
+odd='100% <b>"&amp;#?;+ é'"'"'.l4d'
+cp files/a.l4d "files/$odd"
+cp files/a.l4d "files/inner/$odd"
 size=$(wc -c < files/a.l4d)
 
 server=
@@ -72,19 +78,24 @@ ranged "$((size - 5))-" $((size - 5)) 5
 ranged "-7" $((size - 7)) 7
 ranged "-999999999" 0 "$size"
 ranged "10-999999999" 10 $((size - 10))
-# Several are answered with the whole file; what is no range is never answered with a part.
-get /a.l4d -H "Range: bytes=0-1,5-6"
-expect_status 200 "two ranges"
-cmp body files/a.l4d
-for range in x-y 9-3 - 0x1-2 99999999999999999999-; do
+ranged "10-18446744073709551615" 10 $((size - 10))
+ranged "10-99999999999999999999999" 10 $((size - 10))
+ranged "-99999999999999999999999" 0 "$size"
+ranged " , 3-4 ," 3 2
+ranged "999999999-,3-4" 3 2
+get /a.l4d -H "Range: Bytes=3-4"
+expect_status 206 "another case"
+# Several are answered with the whole file. What breaks the grammar is no range (RFC 9110, 14.2).
+for range in 0-1,5-6 x-y 9-3 - 0x1-2 '1 -' 2-4-6 "0-1 5-6" ","; do
   get /a.l4d -H "Range: bytes=$range"
-  case $status in
-    200) cmp body files/a.l4d ;;
-    416) expect_empty body ;;
-    *) die "$range: status $status" ;;
-  esac
+  expect_status 200 "$range"
+  cmp body files/a.l4d
 done
-for range in "$size-" "999999999-9999999999" -0; do
+get /a.l4d -H "Range: lines=0-1"
+expect_status 200 "another unit"
+# What is one, and names no byte of the file: the answer says how many there are.
+for range in "$size-" "999999999-9999999999" -0 18446744073709551616- 99999999999999999999999-99999999999999999999999 \
+  "$size-,$size-"; do
   get /a.l4d -H "Range: bytes=$range"
   expect_status 416 "$range"
   expect_text head.text "^Content-Range: bytes \*/$size\$"
@@ -93,27 +104,83 @@ done
 # If-Range: a part of the same file only.
 get /a.l4d -H "Range: bytes=0-9" -H "If-Range: $tag"
 expect_status 206 "the same tag"
-get /a.l4d -H "Range: bytes=0-9" -H 'If-Range: "other"'
-expect_status 200 "another tag"
+for other in '"other"' "W/$tag" 'Wed, 21 Oct 2015 07:28:00 GMT'; do
+  get /a.l4d -H "Range: bytes=0-9" -H "If-Range: $other"
+  expect_status 200 "If-Range: $other"
+done
+# If-None-Match: nothing of the same file. It comes before ranges.
+for list in "$tag" '*' "W/$tag" "\"a,b\", $tag"; do
+  get /a.l4d -H "If-None-Match: $list" -H "Range: bytes=999999999-"
+  expect_status 304 "If-None-Match: $list"
+  expect_text head.text "^ETag: $tag\$"
+  ! grep -q '^Content-Length: 0' head.text || die "304 says that the file is empty"
+done
+for list in '"other"' "${tag%\"}" 'x'; do
+  get /a.l4d -H "If-None-Match: $list"
+  expect_status 200 "If-None-Match: $list"
+done
+# The connection goes on after an answer without a body.
+curl -s --max-time 20 -w '%{http_code} %{num_connects}\n' -H "If-None-Match: $tag" "${url}a.l4d" "${url}a.l4d" > codes
+expect_equal "$(paste -s -d ' ' codes)" "304 1 304 0"
+get /a.l4d -H 'If-Match: "other"'
+expect_status 412 "If-Match of another file"
+get /a.l4d -H "If-Match: $tag"
+expect_status 200 "If-Match"
+# A client that caches.
+curl -s --max-time 20 --etag-save tag.text -o cached "${url}a.l4d"
+curl -s --max-time 20 --etag-compare tag.text -o again -w '%{http_code}' "${url}a.l4d" > code
+expect_equal "$(cat code)" 304
 touch -d '2001-01-01' files/a.l4d
 get /a.l4d -H "Range: bytes=0-9" -H "If-Range: $tag"
 expect_status 200 "a changed file"
+get /a.l4d -H "If-None-Match: $tag"
+expect_status 200 "a changed file that is cached"
 
 # HEAD has the length and no body.
 curl -s --max-time 20 -I "${url}a.l4d" | tr -d '\r' > head.text
 expect_text head.text '^HTTP/1.1 200'
 expect_text head.text "^Content-Length: $size\$"
+curl -s --max-time 20 -I -H 'Range: bytes=0-9' "${url}a.l4d" | tr -d '\r' > head.text
+expect_text head.text '^HTTP/1.1 200'
 
 # Folders below, links within and the list; nothing else.
 get /inner/b.l4d
 expect_status 200 "a folder below"
 get /good.l4d
 expect_status 200 "a link within"
-get /
-expect_status 200 "the list"
-expect_text body 'a\.l4d'
+# links PATH: follows each link of a list. What they lead to is in `targets`, with what status in `statuses`.
+links() {
+  get "$1"
+  expect_status 200 "the list of $1"
+  "$PYTHON" - body "$url" > targets << 'END'
+import html.parser, sys, urllib.parse
+class Links(html.parser.HTMLParser):
+    def handle_starttag(self, tag, attributes):
+        assert tag in ("html", "meta", "title", "ul", "li", "a"), tag
+        if tag == "a":
+            print(urllib.parse.urljoin(sys.argv[2], dict(attributes)["href"]))
+Links().feed(open(sys.argv[1], encoding="utf-8").read())
+END
+  statuses=
+  while read -r target; do
+    statuses+="$(curl -s --max-time 20 -o linked -w '%{http_code}' "$target") "
+  done < targets
+}
+links /
+expect_equal "$(sed 's|.*/\(.\)|\1|' targets | paste -s -d ' ')" \
+  "100%25%20%3Cb%3E%22%26amp%3B%23%3F%3B%2B%20%C3%A9%27.l4d a.l4d empty/ folder.l4d/ good.l4d inner/"
+expect_equal "$statuses" "200 200 200 200 200 200 "
+expect_text body '>100% &#60;b&#62;&#34;&#38;amp;#[?];[+] é'
+links /inner/
+expect_equal "$(wc -l < targets) $statuses" "2 200 200 "
+links /empty/
+expect_equal "$statuses" ""
+get /inner
+expect_status 301 "a folder without a slash"
+expect_text head.text "^Location: .*/inner/\$"
 for path in /link.l4d /.hidden /../outside.txt /%2e%2e/outside.txt /inner/../../outside.txt /..%2foutside.txt \
-  /..%5coutside.txt //etc/passwd /inner /pipe.l4d /missing /a.l4d%00.txt /play/../../outside.txt /player/../a.l4d; do
+  /..%5coutside.txt //etc/passwd /pipe.l4d /dead.l4d /missing /missing/ /inner// /a.l4d/ /../ \
+  /play/missing.l4d /play/pipe.l4d /play/folder.l4d /play/link.l4d /play/ /a.l4d%00.txt /play/../../outside.txt /player/../a.l4d; do
   get "$path"
   expect_status 404 "$path"
 done
@@ -177,20 +244,30 @@ server=
 rm files/large.l4d
 expect_text address 'requests'
 
-# One document, and the address on stderr from the beginning.
-"$L4DCODEC" serve files --json > out 2> address &
+# A line when it listens, and a document when it has ended.
+"$L4DCODEC" serve files --json > out 2> err &
 server=$!
 for _ in $(seq 200); do
-  [ -s address ] && break
+  [ -s out ] && break
   sleep 0.05
 done
-url=$(head -1 address)
+head -1 out > listening
+expect_equal "$(wc -l < out)" 1
+"$PYTHON" "$ROOT/tests/cli/check_schema.py" "$ROOT/docs/schema" listening || die "serve --json, when it listens"
+expect_json listening "d['url'].startswith('http://%s:%d/' % (d['address'], d['port'])) and d['input'] == 'files'"
+url=$(json listening "d['url']")
 get /a.l4d
 kill -TERM "$server"
 wait "$server" || die "exit status $?"
 server=
-"$PYTHON" "$ROOT/tests/cli/check_schema.py" "$ROOT/docs/schema" out || die "serve --json"
-expect_json out "d['requests'] == 1 and d['bytes'] == $size and d['url'] == '$url'"
+expect_empty err
+tail -n +2 out > ended
+"$PYTHON" "$ROOT/tests/cli/check_schema.py" "$ROOT/docs/schema" ended || die "serve --json"
+expect_json ended "d['requests'] == 1 and d['bytes'] == $size and d['url'] == '$url'"
+# Nobody would know where it is.
+status=0
+l4d serve files > /dev/full 2> err || status=$?
+expect_equal "$status" 3
 
 # Slow on demand: 0.2 s before, and 80 kbit take 0.4 s at 0.2 Mbit/s.
 start serve files --delay 200 --rate 0.2
@@ -228,7 +305,40 @@ else
     get "$path"
     expect_status 404 "another file, $path"
   done
+  get /play/a.l4d
+  expect_status 200 "a page of the file"
+  mv files/a.l4d files/moved
+  for path in / /play/a.l4d /a.l4d; do
+    get "$path"
+    expect_status 404 "a file that has gone, $path"
+  done
+  mv files/moved files/a.l4d
+  kill "$server"
+  wait "$server" || true
+
+  # A folder: a list of links to pages.
+  port=$("$PYTHON" -c 'import socket
+s = socket.socket()
+s.bind(("127.0.0.1", 0))
+print(s.getsockname()[1])')
+  start view files --port "$port" --no-browser
+  case $url in
+    "http://127.0.0.1:$port/"*) ;;
+    *) die "--port $port: $url" ;;
+  esac
+  links /
+  expect_equal "$statuses" "200 200 200 200 200 200 "
+  expect_equal "$(grep -c '/play/' targets)" 3
+  get "/play/$(sed -n '1s|.*/play/||p' targets)"
+  expect_status 200 "the page of an odd name"
+  expect_text body "src=\"/[0-9a-f]*/100%25%20%3Cb%3E"
+  for path in /play/missing.l4d /play/pipe.l4d /play/folder.l4d /play/link.l4d /play/../outside.txt; do
+    get "$path"
+    expect_status 404 "$path"
+  done
   kill "$server"
   wait "$server" || true
   server=
 fi
+expect 2 serve files --rate -1
+expect 2 serve files --rate nan
