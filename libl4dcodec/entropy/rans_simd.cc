@@ -114,6 +114,12 @@ HWY_INLINE V look_up(const uint32_t* HWY_RESTRICT tables, V index) {
   return V{_mm512_inserti64x4(_mm512_castsi256_si512(eight(_mm512_castsi512_si256(index.raw))),
                               eight(_mm512_extracti64x4_epi64(index.raw, 1)), 1)};
 #endif
+#elif HWY_TARGET == HWY_WASM
+  const v128_t at = index.raw;
+  v128_t v = wasm_v128_load32_zero(tables + wasm_u32x4_extract_lane(at, 0));
+  v = wasm_v128_load32_lane(tables + wasm_u32x4_extract_lane(at, 1), v, 1);
+  v = wasm_v128_load32_lane(tables + wasm_u32x4_extract_lane(at, 2), v, 2);
+  return V{wasm_v128_load32_lane(tables + wasm_u32x4_extract_lane(at, 3), v, 3)};
 #else
   return hn::GatherIndex(D(), tables, hn::BitCast(hn::RebindToSigned<D>(), index));
 #endif
