@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "l4d/decode.h"
+#include "web/wasm/floats.h"
 #include "web/wasm/rows.h"
 
 #define L4DW_EXPORT(name) __attribute__((export_name(#name))) name
@@ -30,7 +31,7 @@ struct Session {
   int32_t stream = 0;  // what the host calls it
   double size = 0;
   std::vector<double> numbers;
-  std::vector<float> floats[8];
+  l4d::web::Floats floats[8];
   l4d::web::Rows rows;
 };
 
@@ -330,8 +331,8 @@ l4d_status L4DW_EXPORT(l4dw_slice)(Session* s, double time, uint32_t detail, uin
     if (status != L4D_OK) return status;
     const size_t n = static_cast<size_t>(b.count);
     const size_t terms = size_t{info.sh_degree + 1} * (info.sh_degree + 1);
-    std::vector<float>* const to[] = {&s->floats[kPosition], &s->floats[kCovariance],
-                                      &s->floats[kOpacity], &s->floats[kSh]};
+    l4d::web::Floats* const to[] = {&s->floats[kPosition], &s->floats[kCovariance],
+                                    &s->floats[kOpacity], &s->floats[kSh]};
     const size_t widths[] = {3, 6, 1, sh != 0 ? 3 * terms : 0};
     for (size_t k = 0; k < 4; ++k) to[k]->resize(n * widths[k]);
     b.capacity = n;
@@ -342,7 +343,7 @@ l4d_status L4DW_EXPORT(l4dw_slice)(Session* s, double time, uint32_t detail, uin
     status = l4d_decoder_slice(s->decoder, time, &b);
     if (status != L4D_OK) return status;
     s->numbers = {static_cast<double>(n)};
-    for (const std::vector<float>* v : to) {
+    for (const l4d::web::Floats* v : to) {
       s->numbers.push_back(static_cast<double>(reinterpret_cast<uintptr_t>(v->data())));
     }
     return status;
@@ -374,7 +375,7 @@ l4d_status L4DW_EXPORT(l4dw_losses)(Session* s) {
 
 // Gives back what the last calls have decoded.
 void L4DW_EXPORT(l4dw_release)(Session* s) {
-  for (std::vector<float>& v : s->floats) std::vector<float>().swap(v);
+  for (l4d::web::Floats& v : s->floats) v.clear();
   s->rows = {};
 }
 

@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <memory>
+
+namespace l4d::web {
+
+// Floats that the decoder writes. A vector would set all of them to zero first.
+class Floats {
+ public:
+  // What was in them is gone where they grow.
+  void resize(size_t n) {
+    if (n > capacity_) {
+      clear();
+      data_.reset(new float[n]);
+      capacity_ = n;
+    }
+    size_ = n;
+  }
+
+  void clear() {
+    data_.reset();
+    size_ = capacity_ = 0;
+  }
+
+  float* data() const { return data_.get(); }
+  size_t size() const { return size_; }
+
+ private:
+  std::unique_ptr<float[]> data_;
+  size_t size_ = 0;
+  size_t capacity_ = 0;
+};
+
+}  // namespace l4d::web
