@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The view against `l4dcodec render`: 5 times x 3 cameras x 2 scenes, both targets. Each time with one
+// The view against `l4dcodec render`: 5 times x 3 cameras x 3 scenes, both targets. Each time with one
 // camera, unless L4D_WEB_VIEWS is `all` (./dev web): Chromium draws on the processor here.
 import assert from 'node:assert/strict';
 import {execFileSync} from 'node:child_process';
@@ -25,10 +25,12 @@ const lookAt = (eye, target, focal) => {
   return {K: [[focal, 0, width / 2], [0, focal, height / 2], [0, 0, 1]], w2c: [...rows, [0, 0, 0, 1]]};
 };
 
-/** Two scenes: real ones where they are. */
+/** Three scenes: a real one where it is. */
 const scenes = () => {
   const made = [lookAt([0, -1, -9], [0, 0, 0], 420), lookAt([7, -2, 4], [0, 0, 0], 420), lookAt([0.5, 0, -2], [0, 0, 1], 300)];
   const list = [{name: 'long', cameras: made, times: [0.01, 3, 9.5, 14.2, 19.9]}];
+  // Each frame is another set of Gaussians: on its time and, as the time of a player is, between.
+  list.push({name: 'frames', cameras: made, times: [0, 7 / 30, 14.5 / 30, 29 / 30, 1]});
   const trained = join(data, 'basketball/basketball.ply');
   if (existsSync(trained)) {
     const stream = join(work, 'basketball.l4d');

@@ -12,8 +12,9 @@ before(async () => { browser = await launch(); });
 after(async () => browser?.close());
 
 /** Runs fn with a page of the player, over a server with these faults. */
-const withPlayer = async (fn, {faults = {}, options = {}, hash = '', wait = true, noErrors = true} = {}) => {
-  const server = await serve({'scene.l4d': stream}, faults);
+const withPlayer = async (fn, {faults = {}, options = {}, hash = '', wait = true, noErrors = true,
+                                   streams = {}} = {}) => {
+  const server = await serve({'scene.l4d': stream, ...streams}, faults);
   const page = await newPage(browser, {viewport: {width: 480, height: 270}, ...options});
   try {
     await page.goto(`${server.url}${hash}`);
@@ -64,6 +65,34 @@ test('opens, shows a picture, plays, pauses, seeks', () => withPlayer(async page
   assert.equal(states.label, 'Play');
   assert.equal(states.text, '1.5 seconds of 4 seconds');
 }));
+
+test('flat windows: no picture between two frames is empty while it plays', () => withPlayer(async page => {
+  await page.evaluate(() => document.querySelector('l4d-player').load('/frames.l4d'));
+  await page.waitForFunction(() => document.querySelector('l4d-player').movie?.info?.numFrames === 30);
+  await opened(page);
+  const sums = await inPlayer(page, async player => {
+    const {view, movie} = player;
+    movie.pause();
+    await movie.seek(0);
+    await view.settled();
+    const {painter, gl} = view;
+    const draw = painter.draw.bind(painter);
+    const seen = [];
+    painter.draw = (...given) => {
+      draw(...given);
+      const {width, height} = view.canvas;
+      const bytes = new Uint8Array(4 * width * height);
+      gl.readPixels(0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, bytes);
+      seen.push(bytes.reduce((a, b, k) => a + (k % 4 === 3 ? 0 : b), 0) / bytes.length);
+    };
+    movie.play();
+    for (let k = 0; k < 400 && (seen.length < 12 || movie.currentTime < 0.5); ++k) await new Promise(r => setTimeout(r, 25));
+    movie.pause();
+    return {seen, empty: view.background.reduce((a, b) => a + 255 * b, 0) / 4};
+  });
+  assert.ok(sums.seen.length >= 12, `${sums.seen.length} pictures`);
+  assert.ok(Math.min(...sums.seen) > 1.2 * sums.empty, `${sums.empty}: ${sums.seen.map(v => v.toFixed(1)).join(' ')}`);
+}, {streams: {'frames.l4d': join(work, 'frames.l4d')}}));
 
 test('the timeline scrubs by mouse, in base colours while it is dragged', () => withPlayer(async page => {
   const box = await page.locator('l4d-player .track input').boundingBox();

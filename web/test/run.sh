@@ -24,19 +24,25 @@ else
 fi
 
 mkdir -p "$work"
-# scene NAME SECONDS GAUSSIANS PRESET
+# scene NAME SECONDS GAUSSIANS EFFECTS ENCODE_OPTION...
 scene() {
-  [[ $work/$1.l4d -nt $tool ]] && return
-  "$tool" synth --seconds "$2" --fps 30 --gaussians "$3" --seed 5 -q -f -o "$work/$1.ply"
-  "$tool" encode "$work/$1.ply" --preset "$4" -q -f -o "$work/$1.part.l4d"
-  mv "$work/$1.part.l4d" "$work/$1.l4d"
+  local name=$1 effects=()
+  [[ $work/$name.l4d -nt $tool ]] && return
+  [[ $4 == all ]] || effects=(--effects "$4")
+  "$tool" synth --seconds "$2" --fps 30 --gaussians "$3" --seed 5 "${effects[@]}" -q -f -o "$work/$name.ply"
+  shift 4
+  "$tool" encode "$work/$name.ply" "$@" -q -f -o "$work/$name.part.l4d"
+  mv "$work/$name.part.l4d" "$work/$name.l4d"
 }
-scene long 20 20000 default
-scene short 4 6000 default
-scene indexed 4 6000 indexed
-scene lossless 4 6000 lossless
+scene long 20 20000 all
+scene short 4 6000 all
+scene indexed 4 6000 all --preset indexed
+scene lossless 4 6000 all --preset lossless
+scene frames 1 3000 frames
+scene tiers 8 20000 all --tiers 0.15,0.5
 export L4D_TOOL=$tool L4D_WASM=$root/build/wasm/bin/l4d.wasm
-export L4D_STREAMS=$work/long.l4d:$work/short.l4d:$work/indexed.l4d:$work/lossless.l4d
+export L4D_STREAMS=$work/long.l4d:$work/short.l4d:$work/indexed.l4d:$work/lossless.l4d:$work/frames.l4d
+L4D_STREAMS+=:$work/tiers.l4d
 export L4D_ROOT=$root L4D_WORK=$work
 case $kind in
   core) node --test --test-timeout=300000 web/core/test/*.test.js web/view/test/*.test.js ;;

@@ -3,10 +3,11 @@
 // Lists that a call makes lie where l4dw_data says, until the next call that makes one. Bytes of
 // the stream come from the host, which answers at once; what it does not have fails the call with
 // L4D_ERR_IO, and the host, which knows what it was asked, fetches that and calls again.
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <cstring>
-#include <limits>
+#include <initializer_list>
 #include <new>
 #include <vector>
 
@@ -32,6 +33,7 @@ struct Session {
   double size = 0;
   std::vector<double> numbers;
   l4d::web::Floats floats[8];
+  std::vector<uint32_t> windows;  // [count, 2] of a stream with flat windows, else empty
   l4d::web::Rows rows;
 };
 
@@ -43,11 +45,10 @@ int64_t read_at(void* user, void* dst, size_t n, uint64_t offset) {
 
 int64_t size_of(void* user) { return static_cast<int64_t>(static_cast<Session*>(user)->size); }
 
-// Calls fn, which returns a status.
-template <typename Function>
-l4d_status guarded(const Function& fn) {
+// Calls call(context). Not inline, nor is `put`: a copy for each function makes the module larger.
+__attribute__((noinline)) l4d_status guarded(l4d_status (*call)(const void*), const void* context) {
   try {
-    return fn();
+    return call(context);
   } catch (const std::bad_alloc&) {
     return L4D_ERR_OUT_OF_MEMORY;
   } catch (...) {
@@ -55,20 +56,44 @@ l4d_status guarded(const Function& fn) {
   }
 }
 
-l4d_query query_of(uint32_t kind, double begin, double end, uint32_t max_level, uint32_t detail) {
+// Calls fn, which returns a status.
+template <typename Function>
+l4d_status guarded(const Function& fn) {
+  return guarded([](const void* f) { return (*static_cast<const Function*>(f))(); }, &fn);
+}
+
+// Adds to the list that a call makes.
+__attribute__((noinline)) void put(Session& s, std::initializer_list<double> numbers) {
+  s.numbers.insert(s.numbers.end(), numbers.begin(), numbers.end());
+}
+
+template <typename T>
+double place_of(const T* data) {
+  return static_cast<double>(reinterpret_cast<uintptr_t>(data));
+}
+
+l4d_query query_of(uint32_t kind, double begin, double end, uint32_t detail) {
   l4d_query query;
   l4d_query_init(&query);
   query.kind = kind;
   query.time_begin = begin;
   query.time_end = end;
-  query.max_level = max_level;
   query.detail = detail;
   query.whole_buckets = 1;
   return query;
 }
 
+// Whole buckets of [begin, end].
+l4d_query window_of(double begin, double end, uint32_t max_level, uint32_t max_tier,
+                    uint32_t detail) {
+  l4d_query query = query_of(begin == end ? L4D_QUERY_TIME : L4D_QUERY_RANGE, begin, end, detail);
+  query.max_level = max_level;
+  query.max_tier = max_tier;
+  return query;
+}
+
 l4d_query query_of(const l4d_bucket* buckets, uint32_t count, uint32_t detail) {
-  l4d_query query = query_of(L4D_QUERY_BUCKETS, 0, 0, std::numeric_limits<uint32_t>::max(), detail);
+  l4d_query query = query_of(L4D_QUERY_BUCKETS, 0, 0, detail);
   query.buckets = buckets;
   query.num_buckets = count;
   return query;
@@ -84,8 +109,7 @@ l4d_status list_reads(Session& s, const l4d_query& query, uint32_t step) {
   if (again != L4D_OK) return again;
   s.numbers.clear();
   for (const l4d_byte_range& r : ranges) {
-    s.numbers.push_back(static_cast<double>(r.offset));
-    s.numbers.push_back(static_cast<double>(r.size));
+    put(s, {static_cast<double>(r.offset), static_cast<double>(r.size)});
   }
   return L4D_OK;
 }
@@ -103,16 +127,13 @@ l4d_status decode(Session& s, const l4d_query& query, std::vector<l4d_bucket_spa
   l4d_selection selection;
   l4d_selection_init(&selection);
   l4d_status status = info_of(s, &info);
-  // The arrays hold no windows; without them all frames would be seen at once.
-  if (status == L4D_OK && (info.tools & L4D_TOOL_FLAT_WINDOWS) != 0) {
-    return L4D_ERR_FEATURE_UNSUPPORTED;
-  }
   if (status == L4D_OK) status = l4d_decoder_select(s.decoder, &query, &selection);
   if (status != L4D_OK) return status;
   const size_t n = static_cast<size_t>(selection.num_gaussians);
   const size_t terms = size_t{info.sh_degree + 1} * (info.sh_degree + 1);
   const size_t widths[] = {3, 1, 1, 4, 8, 1, 3 * terms, 0};
   for (size_t k = 0; k < 8; ++k) s.floats[k].resize(n * widths[k]);
+  s.windows.resize((info.tools & L4D_TOOL_FLAT_WINDOWS) != 0 ? 2 * n : 0);
   ranges->resize(static_cast<size_t>(selection.num_spans));
   l4d_gaussian_buffers b;
   l4d_gaussian_buffers_init(&b);
@@ -124,6 +145,7 @@ l4d_status decode(Session& s, const l4d_query& query, std::vector<l4d_bucket_spa
   b.rotor = s.floats[kRotor].data();
   b.opacity = s.floats[kOpacity].data();
   b.sh = s.floats[kSh].data();
+  b.window = s.windows.empty() ? nullptr : s.windows.data();
   b.spans = ranges->data();
   b.span_capacity = ranges->size();
   status = l4d_decoder_decode(s.decoder, &query, &b);
@@ -171,18 +193,6 @@ uint32_t L4DW_EXPORT(l4dw_num_numbers)(const Session* s) {
   return static_cast<uint32_t>(s->numbers.size());
 }
 
-// Numbers: offset and size of the scene header, from the first L4D_FILE_HEADER_BYTES bytes.
-l4d_status L4DW_EXPORT(l4dw_header_range)(Session* s, const uint8_t* head, uint32_t size) {
-  return guarded([&] {
-    l4d_byte_range range;
-    const l4d_status status = l4d_get_header_range(head, size, &range);
-    if (status == L4D_OK) {
-      s->numbers = {static_cast<double>(range.offset), static_cast<double>(range.size)};
-    }
-    return status;
-  });
-}
-
 l4d_status L4DW_EXPORT(l4dw_open)(Session* s, double size) {
   s->size = size;
   l4d_reader reader;
@@ -199,32 +209,31 @@ l4d_status L4DW_EXPORT(l4dw_info)(Session* s) {
     l4d_info i;
     const l4d_status status = info_of(*s, &i);
     if (status != L4D_OK) return status;
+    l4d_layer_info layer;
+    l4d_layer_info_init(&layer);
+    uint32_t last_tier = 0;
+    for (uint32_t l = 0; l < i.num_layers; ++l) {
+      if (l4d_decoder_get_layer_info(s->decoder, l, &layer) != L4D_OK) continue;
+      last_tier = std::max(last_tier, layer.tier);
+    }
     const auto number = [](auto v) { return static_cast<double>(v); };
-    s->numbers = {number(i.format_major),
-                  number(i.format_minor),
-                  number(i.sh_degree),
-                  number(i.tools),
-                  number(i.num_layers),
-                  number(i.num_gaussians),
-                  number(i.file_bytes),
-                  i.timeline.time_begin,
-                  number(i.timeline.num_frames),
-                  number(i.timeline.fps_num) / number(i.timeline.fps_den),
-                  i.duration,
-                  number(i.placement.coordinate_system),
-                  number(i.placement.color_space),
-                  number(i.profile),
-                  number(i.level)};
+    s->numbers.clear();
+    put(*s,
+        {number(i.format_major), number(i.format_minor), number(i.sh_degree), number(i.tools),
+         number(i.num_layers), number(i.num_gaussians), number(i.file_bytes), i.timeline.time_begin,
+         number(i.timeline.num_frames), number(i.timeline.fps_num), number(i.timeline.fps_den),
+         i.duration, number(i.placement.coordinate_system), number(i.placement.color_space),
+         number(i.profile), number(i.level), number(last_tier)});
     return status;
   });
 }
 
 // The buckets that a player must hold to show any instant of [begin, end]. Numbers, of each: layer,
 // bucket, Gaussians, centre, width, temporal level.
-l4d_status L4DW_EXPORT(l4dw_buckets)(Session* s, double begin, double end, uint32_t max_level) {
+l4d_status L4DW_EXPORT(l4dw_buckets)(Session* s, double begin, double end, uint32_t max_level,
+                                     uint32_t max_tier) {
   return guarded([&] {
-    const l4d_query query = query_of(begin == end ? L4D_QUERY_TIME : L4D_QUERY_RANGE, begin, end,
-                                     max_level, L4D_DETAIL_FULL);
+    const l4d_query query = window_of(begin, end, max_level, max_tier, L4D_DETAIL_FULL);
     uint64_t count = 0;
     l4d_status status = l4d_decoder_get_spans(s->decoder, &query, nullptr, 0, &count);
     if (status != L4D_OK) return status;
@@ -233,11 +242,8 @@ l4d_status L4DW_EXPORT(l4dw_buckets)(Session* s, double begin, double end, uint3
     if (status != L4D_OK) return status;
     s->numbers.clear();
     for (const l4d_bucket_span& r : ranges) {
-      for (const double v :
-           {static_cast<double>(r.layer), static_cast<double>(r.bucket),
-            static_cast<double>(r.count), r.center, r.width, static_cast<double>(r.level)}) {
-        s->numbers.push_back(v);
-      }
+      put(*s, {static_cast<double>(r.layer), static_cast<double>(r.bucket),
+               static_cast<double>(r.count), r.center, r.width, static_cast<double>(r.level)});
     }
     return status;
   });
@@ -245,13 +251,9 @@ l4d_status L4DW_EXPORT(l4dw_buckets)(Session* s, double begin, double end, uint3
 
 // What must be read for l4dw_buckets (step: L4D_READS_*). Numbers, of each range: offset, size.
 l4d_status L4DW_EXPORT(l4dw_window_reads)(Session* s, double begin, double end, uint32_t max_level,
-                                          uint32_t detail, uint32_t step) {
-  return guarded([&] {
-    return list_reads(
-        *s,
-        query_of(begin == end ? L4D_QUERY_TIME : L4D_QUERY_RANGE, begin, end, max_level, detail),
-        step);
-  });
+                                          uint32_t max_tier, uint32_t detail, uint32_t step) {
+  return guarded(
+      [&] { return list_reads(*s, window_of(begin, end, max_level, max_tier, detail), step); });
 }
 
 // What must be read for l4dw_rows of each of these buckets, in order of layer and bucket.
@@ -285,45 +287,49 @@ l4d_status L4DW_EXPORT(l4dw_rows)(Session* s, uint32_t layer, uint32_t bucket, u
     g.rotor = s->floats[kRotor].data();
     g.opacity = s->floats[kOpacity].data();
     g.sh = s->floats[kSh].data();
+    g.window = s->windows.empty() ? nullptr : s->windows.data();
     const double center = ranges.empty() ? info.timeline.time_begin : ranges[0].center;
     s->rows.fill(g, s->floats[kMeanTimeLocal].data(), info.timeline, center,
                  layer_info.permanent != 0);
-    s->numbers = {static_cast<double>(s->rows.count),
-                  static_cast<double>(s->rows.sh_stride),
-                  center,
-                  static_cast<double>(reinterpret_cast<uintptr_t>(s->rows.geometry.data())),
-                  static_cast<double>(reinterpret_cast<uintptr_t>(s->rows.sh.data())),
-                  static_cast<double>(count - s->rows.count)};
+    s->numbers.clear();
+    put(*s, {static_cast<double>(s->rows.count), static_cast<double>(s->rows.sh_stride), center,
+             place_of(s->rows.geometry.data()), place_of(s->rows.sh.data()),
+             static_cast<double>(count - s->rows.count)});
     return status;
   });
 }
 
-// Decodes [begin, end], or everything where it is empty. Numbers: Gaussians, and the places of
-// position, mean_t, mean_t_local, log_scale, rotor, opacity and sh.
+// Decodes [begin, end], or everything where it is empty. Numbers: Gaussians, the places of
+// position, mean_t, mean_t_local, log_scale, rotor, opacity and sh, and whether there are windows
+// and their place.
 l4d_status L4DW_EXPORT(l4dw_decode)(Session* s, double begin, double end, uint32_t detail) {
   return guarded([&] {
     l4d_query query =
         query_of(begin <= end ? (begin == end ? L4D_QUERY_TIME : L4D_QUERY_RANGE) : L4D_QUERY_ALL,
-                 begin, end, std::numeric_limits<uint32_t>::max(), detail);
+                 begin, end, detail);
     query.whole_buckets = 0;
     std::vector<l4d_bucket_span> ranges;
     const l4d_status status = decode(*s, query, &ranges);
     if (status != L4D_OK) return status;
-    s->numbers = {static_cast<double>(s->floats[kOpacity].size())};
+    s->numbers.clear();
+    put(*s, {static_cast<double>(s->floats[kOpacity].size())});
     for (size_t k = kPosition; k <= kSh; ++k) {
-      s->numbers.push_back(static_cast<double>(reinterpret_cast<uintptr_t>(s->floats[k].data())));
+      put(*s, {place_of(s->floats[k].data())});
     }
+    put(*s, {s->windows.empty() ? 0.0 : 1.0, place_of(s->windows.data())});
     return status;
   });
 }
 
 // The 3D Gaussians of an instant. Numbers: their number, and the places of position, covariance,
 // opacity and, with sh, of SH.
-l4d_status L4DW_EXPORT(l4dw_slice)(Session* s, double time, uint32_t detail, uint32_t sh) {
+l4d_status L4DW_EXPORT(l4dw_slice)(Session* s, double time, uint32_t max_tier, uint32_t detail,
+                                   uint32_t sh) {
   return guarded([&] {
     l4d_info info;
     l4d_status status = info_of(*s, &info);
     if (status == L4D_OK) status = l4d_decoder_set_detail(s->decoder, detail);
+    if (status == L4D_OK) status = l4d_decoder_set_layers(s->decoder, UINT32_MAX, max_tier);
     if (status != L4D_OK) return status;
     l4d_splat_buffers b;
     l4d_splat_buffers_init(&b);
@@ -342,9 +348,10 @@ l4d_status L4DW_EXPORT(l4dw_slice)(Session* s, double time, uint32_t detail, uin
     b.sh = sh != 0 ? to[3]->data() : nullptr;
     status = l4d_decoder_slice(s->decoder, time, &b);
     if (status != L4D_OK) return status;
-    s->numbers = {static_cast<double>(n)};
+    s->numbers.clear();
+    put(*s, {static_cast<double>(n)});
     for (const l4d::web::Floats* v : to) {
-      s->numbers.push_back(static_cast<double>(reinterpret_cast<uintptr_t>(v->data())));
+      put(*s, {place_of(v->data())});
     }
     return status;
   });
@@ -362,12 +369,9 @@ l4d_status L4DW_EXPORT(l4dw_losses)(Session* s) {
     s->numbers.clear();
     for (const l4d_loss& l : losses) {
       const double offset = l.offset == UINT64_MAX ? -1 : static_cast<double>(l.offset);
-      for (const double v : {static_cast<double>(l.status), static_cast<double>(l.layer),
-                             static_cast<double>(l.bucket), static_cast<double>(l.num_gaussians),
-                             offset, static_cast<double>(reinterpret_cast<uintptr_t>(l.clause)),
-                             static_cast<double>(l.detail_only)}) {
-        s->numbers.push_back(v);
-      }
+      put(*s, {static_cast<double>(l.status), static_cast<double>(l.layer),
+               static_cast<double>(l.bucket), static_cast<double>(l.num_gaussians), offset,
+               place_of(l.clause), static_cast<double>(l.detail_only)});
     }
     return status;
   });
@@ -376,6 +380,7 @@ l4d_status L4DW_EXPORT(l4dw_losses)(Session* s) {
 // Gives back what the last calls have decoded.
 void L4DW_EXPORT(l4dw_release)(Session* s) {
   for (l4d::web::Floats& v : s->floats) v.clear();
+  std::vector<uint32_t>().swap(s->windows);
   s->rows = {};
 }
 

@@ -16,7 +16,9 @@ namespace l4d::web {
 
 // A row is four texels of binary32: position at the reference time and opacity; velocity and
 // reference time; covariance xx xy xz yy; covariance yz zz, mean time and lambda. Times are seconds
-// from the centre of the bucket. SH are binary16 numbers in texels of four.
+// from the centre of the bucket. Of a Gaussian with a flat window, the last two are the frame in
+// which it begins, and the negative of that in which it ends. SH are binary16 numbers in texels of
+// four.
 struct Rows {
   static constexpr size_t kGeometry = 16;
   size_t count = 0;
@@ -58,8 +60,12 @@ struct Rows {
                                         s.covariance[3],
                                         s.covariance[4],
                                         s.covariance[5],
-                                        permanent ? 0 : p.mean - center,
-                                        permanent ? 0 : s.lambda};
+                                        p.window.is_flat() ? p.window.begin
+                                        : permanent        ? 0
+                                                           : p.mean - center,
+                                        p.window.is_flat() ? -static_cast<double>(p.window.end)
+                                        : permanent        ? 0
+                                                           : s.lambda};
       float sum = 0;
       for (size_t k = 0; k < kGeometry; ++k) {
         row[k] = static_cast<float>(values[k]);

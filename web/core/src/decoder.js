@@ -5,23 +5,28 @@ import {L4DError} from './errors.js';
 
 export const infoFields = /** @type {const} */ ([
   'formatMajor', 'formatMinor', 'shDegree', 'tools', 'numLayers', 'numGaussians', 'fileBytes', 'timeBegin',
-  'numFrames', 'frameRate', 'duration', 'coordinateSystem', 'colorSpace', 'profile', 'level'
+  'numFrames', 'rateNumerator', 'rateDenominator', 'duration', 'coordinateSystem', 'colorSpace', 'profile', 'level', 'lastTier'
 ]);
 
-/** @typedef {{[K in typeof infoFields[number]]: number}} Info */
+/** @typedef {{[K in typeof infoFields[number]]: number} & {frameRate: number}} Info */
 /** @typedef {{layer: number, bucket: number, count: number, center: number, width: number, level: number}} Bucket */
 /**
  * @typedef {object} Rows what of a bucket does not change with time (web/wasm/rows.h)
  * @property {number} count
  * @property {number} shStride binary16 numbers from one row to the next
  * @property {number} center seconds; times of rows are relative to it
- * @property {Float32Array} geometry [count, 16]
+ * @property {Float32Array} geometry [count, 16]; a negative last number of a row: a flat window (timeline.js)
  * @property {Uint16Array} sh [count, shStride]
  */
 
 export const steps = {pageTables: 0, directory: 1, all: 2};
 export const details = {full: 0, base: 1};
-const everyLevel = 0xffffffff;
+const all = 0xffffffff;
+
+/**
+ * What of a stream is wanted: levels up to maxLevel and tiers up to maxTier, all where they are not given.
+ * @typedef {{maxLevel?: number, maxTier?: number, detail?: number}} Part
+ */
 
 /** @type {Map<number, import('./store.js').ByteStore>} */
 const stores = new Map();
@@ -125,15 +130,16 @@ export class Decoder {
   /** @returns {Info} */
   info() {
     const numbers = this.#call('info') ?? [];
-    return /** @type {any} */ (Object.fromEntries(infoFields.map((name, k) => [name, numbers[k]])));
+    const info = Object.fromEntries(infoFields.map((name, k) => [name, numbers[k]]));
+    return /** @type {any} */ ({...info, frameRate: info.rateNumerator / info.rateDenominator});
   }
 
   /**
    * The buckets that show any instant of [begin, end].
-   * @param {number} begin @param {number} end @param {number} [maxLevel] @returns {Bucket[] | undefined}
+   * @param {number} begin @param {number} end @param {Part} [part] @returns {Bucket[] | undefined}
    */
-  buckets(begin, end, maxLevel = everyLevel) {
-    const n = this.#call('buckets', begin, end, maxLevel);
+  buckets(begin, end, {maxLevel = all, maxTier = all} = {}) {
+    const n = this.#call('buckets', begin, end, maxLevel, maxTier);
     return n && Array.from({length: n.length / 6}, (_, k) => {
       const [layer, bucket, count, center, width, level] = n.slice(6 * k, 6 * k + 6);
       return {layer, bucket, count, center, width, level};
@@ -142,11 +148,11 @@ export class Decoder {
 
   /**
    * The ranges of bytes that buckets() reads, and with steps.all the pages too.
-   * @param {number} begin @param {number} end @param {number} maxLevel @param {number} detail
-   * @param {number} step @returns {[number, number][] | undefined}
+   * @param {number} begin @param {number} end @param {Part} part @param {number} step
+   * @returns {[number, number][] | undefined}
    */
-  windowReads(begin, end, maxLevel, detail, step) {
-    return this.#ranges(this.#call('window_reads', begin, end, maxLevel, detail, step));
+  windowReads(begin, end, {maxLevel = all, maxTier = all, detail = details.full}, step) {
+    return this.#ranges(this.#call('window_reads', begin, end, maxLevel, maxTier, detail, step));
   }
 
   /**
@@ -171,10 +177,7 @@ export class Decoder {
     return n && Array.from({length: n.length / 2}, (_, k) => [n[2 * k], n[2 * k + 1]]);
   }
 
-  /**
-   * Fails with FEATURE_UNSUPPORTED if the stream has flat windows, which rows do not hold.
-   * @param {number} layer @param {number} bucket @param {number} detail @returns {Rows | undefined}
-   */
+  /** @param {number} layer @param {number} bucket @param {number} detail @returns {Rows | undefined} */
   rows(layer, bucket, detail) {
     const n = this.#call('rows', layer, bucket, detail);
     if (!n) return undefined;
@@ -190,11 +193,11 @@ export class Decoder {
 
   /**
    * The 3D Gaussians of an instant.
-   * @param {number} time @param {{sh?: boolean, detail?: number}} [options]
+   * @param {number} time @param {{sh?: boolean, detail?: number, maxTier?: number}} [options]
    * @returns {import('./movie.js').Slice | undefined}
    */
-  slice(time, {sh = true, detail = details.full} = {}) {
-    const n = this.#call('slice', time, detail, sh ? 1 : 0);
+  slice(time, {sh = true, detail = details.full, maxTier = all} = {}) {
+    const n = this.#call('slice', time, maxTier, detail, sh ? 1 : 0);
     if (!n) return undefined;
     const [count, position, covariance, opacity, coefficients] = n;
     const {shDegree} = this.info();
@@ -211,10 +214,10 @@ export class Decoder {
   }
 
   /**
-   * Attributes as the stream has them, of everything or of [begin, end].
-   * Fails with FEATURE_UNSUPPORTED if the stream has flat windows.
+   * Attributes as the stream has them, of everything or of [begin, end]. `window` is there if the stream has flat
+   * windows: [count, 2] frames, 0 0 where a Gaussian has none.
    * @param {number} [begin] @param {number} [end] @param {number} [detail]
-   * @returns {Record<string, Float32Array> | undefined}
+   * @returns {Record<string, Float32Array | Uint32Array> | undefined}
    */
   decode(begin = 1, end = 0, detail = details.full) {
     const n = this.#call('decode', begin, end, detail);
@@ -222,8 +225,11 @@ export class Decoder {
     const terms = 3 * (this.info().shDegree + 1) ** 2;
     const names = ['position', 'mean_t', 'mean_t_local', 'log_scale', 'rotor', 'opacity', 'sh'];
     const widths = [3, 1, 1, 4, 8, 1, terms];
+    /** @type {Record<string, Float32Array | Uint32Array>} */
     const out = Object.fromEntries(names.map((name, k) =>
       [name, this.#floats(n[k + 1], n[0] * widths[k]).slice()]));
+    const [hasWindows, windows] = n.slice(1 + names.length);
+    if (hasWindows) out.window = new Uint32Array(this.wasm.memory.buffer, windows, 2 * n[0]).slice();
     this.wasm.l4dw_release(this.handle);
     return out;
   }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 export {open, Movie} from './movie.js';
 export {L4DError} from './errors.js';
+export {frameOfTime} from './timeline.js';
 
 /** @typedef {import('./movie.js').BucketRows} BucketRows */
 /** @typedef {import('./movie.js').OpenOptions} OpenOptions */

@@ -90,11 +90,12 @@ export class Session {
     if (this.goal) this.want({...this.goal}, true);
   }
 
-  /** @param {number} time @param {{sh?: boolean, detail?: number}} options @param {AbortSignal} signal */
+  /**
+   * @param {number} time @param {{sh?: boolean, detail?: number, maxTier?: number}} options
+   * @param {AbortSignal} signal
+   */
   async slice(time, options, signal) {
-    const level = 0xffffffff;
-    await this.fetcher.steps(step => this.decoder.windowReads(time, time, level, options.detail ?? details.full,
-                                                              step), steps.all, signal);
+    await this.fetcher.steps(step => this.decoder.windowReads(time, time, options, step), steps.all, signal);
     return this.fetcher.with(() => this.decoder.slice(time, options), signal);
   }
 
@@ -150,10 +151,9 @@ export class Session {
    * @param {AbortSignal} signal
    */
   async #hold(begin, end, goal, detail, signal) {
-    const level = goal.maxLevel ?? 0xffffffff;
-    await this.fetcher.steps(step => this.decoder.windowReads(begin, end, level, detail, step),
-                             steps.directory, signal);
-    const buckets = await this.fetcher.with(() => this.decoder.buckets(begin, end, level), signal);
+    const part = {maxLevel: goal.maxLevel, detail};
+    await this.fetcher.steps(step => this.decoder.windowReads(begin, end, part, step), steps.directory, signal);
+    const buckets = await this.fetcher.with(() => this.decoder.buckets(begin, end, part), signal);
     const wanted = buckets.filter(b => {
       const held = this.held.get(keyOf(b));
       if (held) {
@@ -237,8 +237,7 @@ export class Session {
 
   /** @param {number} time */
   #isBuffered(time) {
-    const all = 0xffffffff;
-    const reads = this.decoder.windowReads(time, time, all, details.base, steps.all);
+    const reads = this.decoder.windowReads(time, time, {detail: details.base}, steps.all);
     return reads !== undefined && reads.every(([offset, size]) => this.store.has(offset, size));
   }
 }

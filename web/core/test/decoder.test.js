@@ -7,8 +7,9 @@ import {tmpdir} from 'node:os';
 import {basename, join} from 'node:path';
 import {test} from 'node:test';
 import {gzipSync} from 'node:zlib';
-import {details} from '../src/decoder.js';
-import {decoderOf, native, read, streams, tool, wasm, wasmBytes} from './fixture.js';
+import {details, steps} from '../src/decoder.js';
+import {frameOfTime} from '../src/timeline.js';
+import {decoderOf, native, read, streamOf, streams, tool, wasm, wasmBytes} from './fixture.js';
 
 const mostBytes = 150_000;
 
@@ -29,6 +30,13 @@ const safetensors = name => {
   const header = JSON.parse(bytes.subarray(8, 8 + length).toString());
   return Object.fromEntries(Object.entries(header).filter(([key]) => key !== '__metadata__')
     .map(([key, {data_offsets: [begin, end]}]) => [key, bytes.subarray(8 + length + begin, 8 + length + end)]));
+};
+
+/** What a row shows. @param {Float32Array} row @param {number} since the centre of its bucket, s @param {number} frame */
+const opacityOf = (row, since, frame) => {
+  if (row[15] < 0) return row[14] <= frame && frame < -row[15] ? row[3] : 0;
+  const age = row[15] * (since - row[14]) ** 2;
+  return age > 16 ? 0 : row[3] * Math.exp(-age / 2);
 };
 
 for (const name of streams) {
@@ -76,9 +84,7 @@ for (const name of streams) {
       assert.equal(rows.shStride, Math.ceil(sh / 4) * 4);
       for (let k = 0; k < rows.count; ++k) {
         const row = rows.geometry.subarray(16 * k, 16 * k + 16);
-        const since = time - rows.center - row[14];
-        if (row[15] * since * since > 16 || row[3] * Math.exp(-row[15] * since * since / 2) < 1 / 255) continue;
-        ++shown;
+        if (opacityOf(row, time - rows.center, frameOfTime(info, time)) >= 1 / 255) ++shown;
       }
     }
     const visible = slice?.opacity.filter(o => o >= 1 / 255).length ?? 0;
@@ -128,21 +134,63 @@ test('a limit on memory is a status', async () => {
   }, {name: 'L4DError', code: 'LIMIT_EXCEEDED'});
 });
 
-test('a stream with flat windows is sliced, and has no rows', async () => {
-  const folder = mkdtempSync(join(tmpdir(), 'l4dweb-'));
-  try {
-    const [ply, name] = [join(folder, 'frames.ply'), join(folder, 'frames.l4d')];
-    execFileSync(tool, ['synth', '-n', '300', '--seconds', '1', '--fps', '30', '--effects', 'frames', '-q', '-o', ply]);
-    execFileSync(tool, ['encode', ply, '-q', '-o', name]);
-    const decoder = await decoderOf(read(name));
-    decoder.open();
-    for (const frame of [0, 7, 29]) assert.equal(decoder.slice(frame / 30)?.count, 10);
-    const [first] = decoder.buckets(0, 0) ?? [];
-    assert.ok(first);
-    const refused = {code: 'FEATURE_UNSUPPORTED'};
-    assert.throws(() => decoder.rows(first.layer, first.bucket, details.full), refused);
-    assert.throws(() => decoder.decode(), refused);
-  } finally {
-    rmSync(folder, {recursive: true});
+test('flat windows: each frame shows its rows and no others, up to where it ends', async () => {
+  const decoder = await decoderOf(read(streamOf('frames')));
+  decoder.open();
+  const info = decoder.info();
+  const [early, late] = [-1e-9, 1e-9];
+  const times = [0, early, late].flatMap(off => [0, 1, 7, 14, 28, 29].map(frame => info.timeBegin + frame / info.frameRate + off));
+  for (const time of [...times, info.timeBegin + info.duration, info.timeBegin - 1]) {
+    const wanted = decoder.slice(time);
+    const frame = frameOfTime(info, time);
+    /** @type {number[][]} */
+    const got = [];
+    for (const {layer, bucket} of decoder.buckets(time, time) ?? []) {
+      const rows = decoder.rows(layer, bucket, details.full);
+      assert.ok(rows);
+      for (let k = 0; k < rows.count; ++k) {
+        const row = rows.geometry.subarray(16 * k, 16 * k + 16);
+        const since = Math.min(Math.max(time, info.timeBegin), info.timeBegin + info.duration) - rows.center;
+        const opacity = opacityOf(row, since, frame);
+        if (opacity >= 1 / 255) got.push([...[0, 1, 2].map(c => row[c] + row[4 + c] * (since - row[7])), opacity]);
+      }
+    }
+    assert.ok(wanted && wanted.count > 0);
+    assert.equal(got.length, wanted.count, `${time} s, frame ${frame}`);
+    got.forEach(([x, y, z, opacity], k) => {
+      assert.ok(Math.hypot(x - wanted.position[3 * k], y - wanted.position[3 * k + 1], z - wanted.position[3 * k + 2]) < 1e-4);
+      assert.ok(Math.abs(opacity - wanted.opacity[k]) < 1e-6);
+    });
   }
+});
+
+test('frames of times are those of the native tool', async () => {
+  const info = {timeBegin: 12.5, numFrames: 300, rateNumerator: 30000, rateDenominator: 1001};
+  const slack = 2 ** -11;
+  for (const [frames, frame] of [[-3, 0], [0, 0], [1 - 2 * slack, 0], [1 - slack / 2, 1], [1.5, 1], [298.999, 298],
+                                 [299, 299], [300, 299], [1e6, 299]]) {
+    assert.equal(frameOfTime(info, 12.5 + frames * 1001 / 30000), frame, `${frames} frames`);
+  }
+  assert.equal(frameOfTime(info, NaN), 0);
+  for (let frame = 0; frame < 300; ++frame) assert.equal(frameOfTime(info, 12.5 + frame * 1001 / 30000), frame);
+});
+
+test('tiers: each has the buckets of those below, and their slices', async () => {
+  const name = streamOf('tiers');
+  const decoder = await decoderOf(read(name));
+  decoder.open();
+  const info = decoder.info();
+  assert.equal(info.lastTier, 2);
+  const time = info.timeBegin + 0.4 * info.duration;
+  let before = new Set(), bytesBefore = 0;
+  for (const maxTier of [0, 1, 2]) {
+    const buckets = new Set(decoder.buckets(time, time, {maxTier})?.map(b => `${b.layer}/${b.bucket}`));
+    assert.ok([...before].every(key => buckets.has(key)) && buckets.size > before.size, `tier ${maxTier}`);
+    const bytes = decoder.windowReads(time, time, {maxTier}, steps.all)?.reduce((sum, [, size]) => sum + size, 0) ?? 0;
+    assert.ok(bytes > bytesBefore, `tier ${maxTier}: ${bytes} bytes`);
+    [before, bytesBefore] = [buckets, bytes];
+    assert.equal(decoder.slice(time, {maxTier})?.count,
+                 native('slice', name, '--time', String(time), '--max-tier', String(maxTier), '--digest').frames[0].gaussians);
+  }
+  assert.equal(decoder.slice(time)?.count, decoder.slice(time, {maxTier: 2})?.count);
 });

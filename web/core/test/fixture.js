@@ -13,6 +13,8 @@ const need = name => {
 
 export const tool = need('L4D_TOOL');
 export const streams = need('L4D_STREAMS').split(':');
+/** One of them. @param {string} name */
+export const streamOf = name => streams.find(path => path.endsWith(`/${name}.l4d`)) ?? '';
 export const wasmBytes = readFileSync(need('L4D_WASM'));
 export const wasm = await compile(wasmBytes);
 

@@ -37,14 +37,20 @@ CovSplat l4dSlice(int row, sampler2D rows, sampler2D harmonics, sampler2D times,
   splat.center = splat.xxyyzz = splat.xyxzyz = vec3(0.0);
   splat.rgba = vec4(0.0);
   ivec2 at = ivec2(row % ${rowsPerLine}, row / ${rowsPerLine});
-  float time = texelFetch(times, ivec2(0, at.y), 0).x;
+  vec4 instant = texelFetch(times, ivec2(0, at.y), 0);
+  float time = instant.x;
   vec4 a = texelFetch(rows, ivec2(4 * at.x, at.y), 0);
   vec4 b = texelFetch(rows, ivec2(4 * at.x + 1, at.y), 0);
   vec4 c = texelFetch(rows, ivec2(4 * at.x + 2, at.y), 0);
   vec4 d = texelFetch(rows, ivec2(4 * at.x + 3, at.y), 0);
-  float since = time - d.z;
-  float age = d.w * since * since;
-  if (!(age <= 16.0)) return splat;
+  float age = 0.0;
+  if (d.w < 0.0) {
+    if (instant.y < d.z || instant.y >= -d.w) return splat;
+  } else {
+    float since = time - d.z;
+    age = d.w * since * since;
+    if (!(age <= 16.0)) return splat;
+  }
   float opacity = a.w * exp(-0.5 * age);
   if (!(opacity >= 1.0 / 255.0)) return splat;
   vec3 position = a.xyz + b.xyz * (time - b.w);

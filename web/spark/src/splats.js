@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 import {dyno, SplatGenerator} from '@sparkjsdev/spark';
+import {frameOfTime} from 'l4dcodec';
 import * as THREE from 'three';
 import {sliceFunctions} from './shader.js';
 import {RowTextures, rowsPerLine} from './textures.js';
@@ -76,7 +77,7 @@ export class L4DSplats extends SplatGenerator {
     this.drawnFrom.set(from);
     this.rowsChanged = false;
     this.shownTime = time;
-    this.textures.setTime(time);
+    this.textures.setTime(time, frameOfTime(movie.info, time));
     this.updateVersion();
   }
 }

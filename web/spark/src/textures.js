@@ -22,8 +22,7 @@ export class RowTextures {
     const bucket = this.buckets.get(key);
     if (!bucket) return;
     this.buckets.delete(key);
-    // A gate that no instant passes.
-    for (const line of bucket.lines) this.instants[4 * line] = NaN;
+    for (const line of bucket.lines) this.#close(line);
     this.free.push(...bucket.lines);
     this.free.sort((a, b) => b - a);
   }
@@ -43,10 +42,13 @@ export class RowTextures {
     return true;
   }
 
-  /** The instant, of each line in the clock of its bucket. @param {number} time */
-  setTime(time) {
+  /** Lets no instant and no frame pass. @param {number} line */
+  #close(line) { this.instants.set([NaN, -1], 4 * line); }
+
+  /** The instant, of each line in the clock of its bucket. @param {number} time @param {number} frame that it belongs to */
+  setTime(time, frame) {
     for (const {lines, center} of this.buckets.values()) {
-      for (const line of lines) this.instants[4 * line] = time - center;
+      for (const line of lines) this.instants.set([time - center, frame], 4 * line);
     }
     this.times.needsUpdate = true;
   }
@@ -83,7 +85,7 @@ export class RowTextures {
     /** @type {Float32Array} */
     this.instants = this.times.image.data;
     for (let line = lines - 1; line >= this.lines; --line) {
-      this.instants[4 * line] = NaN;
+      this.#close(line);
       this.free.push(line);
     }
     this.free.sort((a, b) => b - a);

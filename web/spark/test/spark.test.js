@@ -20,9 +20,10 @@ after(async () => {
   server?.close();
 });
 
-test(`Spark draws what l4dcodec render draws, at ${leastDb} dB, and with its SH`, async () => {
+/** @param {any} page @param {string} stream @param {[number, number][]} views times and cameras */
+const fidelities = async (page, stream, views) => {
   const found = [];
-  for (const [time, k] of [[0.2, 0], [1.5, 1], [3, 2]]) {
+  for (const [time, k] of views) {
     const camera = madeCameras[k];
     found.push(await page.evaluate(async ({camera, time, png}) => {
       const {tools, example} = /** @type {any} */ (globalThis);
@@ -35,8 +36,26 @@ test(`Spark draws what l4dcodec render draws, at ${leastDb} dB, and with its SH`
   }
   console.log(`Spark against l4dcodec render: ${found.map(v => v.toFixed(2)).join(', ')} dB`);
   assert.deepEqual(page.errors, []);
+  return found;
+};
+
+test(`Spark draws what l4dcodec render draws, at ${leastDb} dB, and with its SH`, async () => {
+  const found = await fidelities(page, stream, [[0.2, 0], [1.5, 1], [3, 2]]);
   assert.ok(Math.min(...found) >= leastDb, found.join(' '));
   assert.ok(await page.evaluate(() => /** @type {any} */ (globalThis).example.movie.info.shDegree) > 0);
+});
+
+test('flat windows are seen in their frames', async () => {
+  const frames = join(work, 'frames.l4d');
+  const other = await serve({'scene.l4d': frames}, {}, 'build/web/spark');
+  const second = await openExample(browser, other.url);
+  try {
+    const found = await fidelities(second, frames, [[0, 0], [7 / 30, 1], [0.99, 2]]);
+    assert.ok(Math.min(...found) >= leastDb, found.join(' '));
+  } finally {
+    await second.close();
+    other.close();
+  }
 });
 
 test('the picture moves: from seek to seek, and while it plays', async () => {

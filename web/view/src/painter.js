@@ -36,7 +36,7 @@ export class Painter {
     /** @type {Record<string, WebGLUniformLocation | null>} */
     this.at = {};
     for (const name of ['rows', 'harmonics', 'times', 'rotation', 'translation', 'center', 'focal', 'origin', 'size',
-                        'slopes', 'nearPlane', 'degree', 'texels', 'white']) {
+                        'slopes', 'nearPlane', 'frame', 'degree', 'texels', 'white']) {
       this.at[name] = gl.getUniformLocation(this.program, name);
     }
     // The canvas itself clamps what shines through to 1 at each Gaussian, and rounds it to 8 bits: 41 dB in
@@ -87,10 +87,10 @@ export class Painter {
   }
 
   /**
-   * @param {import('./camera.js').Camera} camera @param {number} time
+   * @param {import('./camera.js').Camera} camera @param {number} time @param {number} frame that it belongs to
    * @param {number} width @param {number} height @param {[number, number, number]} background
    */
-  draw(camera, time, width, height, background) {
+  draw(camera, time, frame, width, height, background) {
     const gl = this.gl;
     this.#resize(width, height);
     this.store.setTime(time);
@@ -99,7 +99,7 @@ export class Painter {
     const [red, green, blue] = background.map(c => c * this.white);
     gl.clearColor(red, green, blue, 1);
     gl.clear(gl.COLOR_BUFFER_BIT);
-    if (this.count > 0) this.#splats(camera, width, height);
+    if (this.count > 0) this.#splats(camera, frame, width, height);
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
     gl.disable(gl.BLEND);
     gl.useProgram(this.copy);
@@ -114,8 +114,8 @@ export class Painter {
     this.gl.bindTexture(this.gl.TEXTURE_2D, texture);
   }
 
-  /** @param {import('./camera.js').Camera} camera @param {number} width @param {number} height */
-  #splats({worldToCamera: m, fx, fy, cx, cy, nearPlane}, width, height) {
+  /** @param {import('./camera.js').Camera} camera @param {number} frame @param {number} width @param {number} height */
+  #splats({worldToCamera: m, fx, fy, cx, cy, nearPlane}, frame, width, height) {
     const gl = this.gl;
     const at = this.at;
     gl.useProgram(this.program);
@@ -135,6 +135,7 @@ export class Painter {
     gl.uniform4f(at.slopes, -cx / fx - margins[0], -cy / fy - margins[1],
                  (width - cx) / fx + margins[0], (height - cy) / fy + margins[1]);
     gl.uniform1f(at.nearPlane, nearPlane);
+    gl.uniform1f(at.frame, frame);
     gl.uniform1i(at.degree, this.degree);
     gl.uniform1f(at.white, this.white);
     gl.uniform1i(at.texels, this.store.shTexels);

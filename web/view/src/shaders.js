@@ -17,6 +17,7 @@ uniform vec3 center;       // of the camera
 uniform vec2 focal, origin, size;  // pixels
 uniform vec4 slopes;       // least and greatest x/z and y/z of the affine approximation
 uniform float nearPlane;
+uniform float frame;       // that the instant belongs to
 uniform int degree, texels;  // SH texels of a Gaussian
 uniform float white;       // in the target of blending
 
@@ -64,9 +65,14 @@ void main() {
   vec4 d = texelFetch(rows, ivec2(4 * at.x + 3, at.y), 0);
   float time = texelFetch(times, ivec2(at.y, 0), 0).x;
 
-  float since = time - d.z;
-  float age = d.w * since * since;
-  if (!(age <= 16.0)) return;
+  float age = 0.0;
+  if (d.w < 0.0) {  // a flat window
+    if (frame < d.z || frame >= -d.w) return;
+  } else {
+    float since = time - d.z;
+    age = d.w * since * since;
+    if (!(age <= 16.0)) return;
+  }
   float opacity = a.w * exp(-0.5 * age);
   if (!(opacity >= minAlpha)) return;
   vec3 position = a.xyz + b.xyz * (time - b.w);

@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // The order in which Gaussians are drawn at an instant: farthest first.
 
-const packed = 10;  // position, opacity, velocity, reference time, mean time, lambda
+const packed = 10;  // position, opacity, velocity, reference time, mean time and lambda or a flat window
 const digitBits = 11;
 const digits = 1 << digitBits;
 const minAlpha = 1 / 255;
 
 /**
  * @typedef {object} Sight what the order depends on
- * @property {number} time seconds
+ * @property {number} time seconds @property {number} frame that it belongs to
  * @property {[number, number, number, number]} depth z of the camera from x, y, z, 1
  * @property {number} nearPlane
  */
@@ -67,7 +67,7 @@ export class Sorter {
   }
 
   /** Fills depths and ids[0]; returns how many are visible. @param {Sight} sight */
-  #gather({time, depth: [x, y, z, w], nearPlane}) {
+  #gather({time, frame, depth: [x, y, z, w], nearPlane}) {
     const depths = this.depths;
     const ids = this.ids[0];
     let visible = 0;
@@ -75,9 +75,13 @@ export class Sorter {
       const t = Math.fround(time - center);
       for (let k = 0; k < count; ++k) {
         const at = packed * k;
-        const since = t - data[at + 8];
-        const age = data[at + 9] * since * since;
-        if (age > 16 || data[at + 3] * Math.exp(-0.5 * age) < minAlpha) continue;
+        if (data[at + 9] < 0) {
+          if (frame < data[at + 8] || frame >= -data[at + 9]) continue;
+        } else {
+          const since = t - data[at + 8];
+          const age = data[at + 9] * since * since;
+          if (age > 16 || data[at + 3] * Math.exp(-0.5 * age) < minAlpha) continue;
+        }
         const dt = t - data[at + 7];
         const d = x * (data[at] + data[at + 4] * dt) + y * (data[at + 1] + data[at + 5] * dt) +
           z * (data[at + 2] + data[at + 6] * dt) + w;
@@ -139,9 +143,9 @@ export class Sorter {
   /**
    * What a camera should look at: the median of the positions at `time`, weighted by opacity, the radius
    * of the ball that holds nine tenths of the opacity, and the scene's extent along each axis.
-   * @param {number} time
+   * @param {number} time @param {number} frame that it belongs to
    */
-  bounds(time) {
+  bounds(time, frame) {
     /** @type {number[][]} */
     const points = [];
     const step = Math.max(1, Math.floor(this.rows / 50000));
@@ -150,8 +154,9 @@ export class Sorter {
       for (let k = 0; k < count; k += step) {
         const at = packed * k;
         const since = t - data[at + 8];
-        const opacity = data[at + 3] * Math.exp(-0.5 * data[at + 9] * since * since);
-        if (opacity < minAlpha) continue;
+        const flat = data[at + 9] < 0;
+        const opacity = data[at + 3] * (flat ? 1 : Math.exp(-0.5 * data[at + 9] * since * since));
+        if (opacity < minAlpha || flat && (frame < data[at + 8] || frame >= -data[at + 9])) continue;
         const dt = t - data[at + 7];
         points.push([0, 1, 2].map(i => data[at + i] + data[at + 4 + i] * dt).concat(opacity));
       }

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
+import {frameOfTime} from 'l4dcodec';
 import {OrbitCamera} from './camera.js';
 import {Painter} from './painter.js';
+
+const flatWindows = 1 << 10;  // among the tools of a stream
 
 /**
  * @typedef {object} ViewOptions
@@ -36,6 +39,8 @@ export class View {
     this.wanted = 0;   // counts changes of time, camera and rows
     this.sorting = 0;  // which of them is being sorted; 0: none
     this.sorted = 0;
+    this.sortTime = 0;    // of what is being sorted
+    this.orderTime = 0;   // of the order
     this.drawn = 0;
     this.needsDraw = false;
     /** @type {(() => void)[]} */
@@ -96,7 +101,8 @@ export class View {
   bounds() {
     return new Promise(resolve => {
       this.boundsWaiting.push(resolve);
-      this.sorter.postMessage({type: 'bounds', time: this.movie?.currentTime ?? 0});
+      const time = this.movie?.currentTime ?? 0;
+      this.sorter.postMessage({type: 'bounds', time, frame: this.movie ? frameOfTime(this.movie.info, time) : 0});
     });
   }
 
@@ -198,11 +204,16 @@ export class View {
     if (this.sorting === 0 && this.sorted !== this.wanted) {
       const m = camera.worldToCamera;
       this.sorting = this.wanted;
+      this.sortTime = time;
       this.sorter.postMessage({type: 'sort', id: this.sorting,
-                               sight: {time, depth: [m[8], m[9], m[10], m[11]], nearPlane: camera.nearPlane}});
+                               sight: {time, frame: frameOfTime(this.movie.info, time),
+                                       depth: [m[8], m[9], m[10], m[11]], nearPlane: camera.nearPlane}});
     }
     if (this.options.exact && this.sorted !== this.wanted) return;
-    this.painter.draw(camera, time, this.canvas.width, this.canvas.height, this.background);
+    // Nothing in the order of a frame may be seen in the next one, so that all is late there.
+    const shown = (this.movie.info.tools & flatWindows) !== 0 && this.painter.count > 0 ? this.orderTime : time;
+    this.painter.draw(camera, shown, frameOfTime(this.movie.info, shown), this.canvas.width, this.canvas.height,
+                      this.background);
     this.stats.drawMs = performance.now() - began;
     ++this.stats.frames;
     if (this.sorted === this.wanted) {
@@ -216,6 +227,7 @@ export class View {
     if (data.type === 'bounds') return this.boundsWaiting.shift()?.(data.bounds);
     this.sorting = 0;
     this.sorted = data.id;
+    this.orderTime = this.sortTime;
     this.stats.sortMs = data.ms;
     this.stats.visible = data.count;
     this.painter?.setOrder(data.order, data.count);

@@ -23,7 +23,7 @@ test('the order is that of an exact sort, but for depths that 22 bits do not tel
   const count = 30000;
   const geometry = rowsOf(count, 2);
   sorter.add('0/0', geometry, new Uint32Array(Math.ceil(count / 256)).map((_, k) => k), 10);
-  const order = sorter.sort({time: 11.5, depth: [0, 0, 1, 0], nearPlane: 0.01});
+  const order = sorter.sort({time: 11.5, frame: 0, depth: [0, 0, 1, 0], nearPlane: 0.01});
   const at = k => geometry.subarray(16 * k, 16 * k + 16);
   const visible = k => {
     const age = at(k)[15] * (1.5 - at(k)[14]) ** 2;
@@ -38,7 +38,7 @@ test('the order is that of an exact sort, but for depths that 22 bits do not tel
 
 test('buckets come and go', () => {
   const sorter = new Sorter();
-  const sight = {time: 0, depth: /** @type {any} */ ([0, 0, 1, 0]), nearPlane: 0.01};
+  const sight = {time: 0, frame: 0, depth: /** @type {any} */ ([0, 0, 1, 0]), nearPlane: 0.01};
   sorter.add('a', rowsOf(300, 0), Uint32Array.of(4, 9), 0);
   sorter.add('b', rowsOf(10, 0), Uint32Array.of(2), 0);
   const order = sorter.sort(sight);
@@ -51,7 +51,20 @@ test('buckets come and go', () => {
   sorter.clear();
   sorter.sort(sight);
   assert.equal(sorter.visible, 0);
-  assert.equal(sorter.bounds(0), null);
+  assert.equal(sorter.bounds(0, 0), null);
+});
+
+test('flat windows are seen in their frames', () => {
+  const sorter = new Sorter();
+  const geometry = rowsOf(6, 0);
+  for (let k = 0; k < 6; ++k) geometry.set([2 * k, -(2 * k + 3)], 16 * k + 14);  // frames 2k to 2k + 2
+  sorter.add('a', geometry, Uint32Array.of(0), 3);
+  for (let frame = 0; frame < 15; ++frame) {
+    const order = sorter.sort({time: 3, frame, depth: [0, 0, 1, 0], nearPlane: 0.01});
+    const seen = [...order.subarray(0, sorter.visible)].sort();
+    assert.deepEqual(seen, [0, 1, 2, 3, 4, 5].filter(k => 2 * k <= frame && frame < 2 * k + 3), `frame ${frame}`);
+    assert.equal(sorter.bounds(3, frame) === null, seen.length === 0);
+  }
 });
 
 test('cameras look at their target, and links keep them', () => {
