@@ -533,9 +533,8 @@ l4d_status l4d_validate(const l4d_reader* reader, const l4d_decoder_options* opt
       return l4d::invalid_argument("threads is above L4D_MAX_THREADS");
     }
     *num_violations = 0;
-    l4d::ByteSource source;
-    L4D_RETURN_IF_ERROR(l4d::ByteSource::from_reader(read_struct(*reader, l4d_reader{}), &source));
-    return l4d::validate_stream(std::move(source), resolved, reporter(fn, user, num_violations));
+    return l4d::validate_file(read_struct(*reader, l4d_reader{}), resolved,
+                              reporter(fn, user, num_violations));
   }));
 }
 

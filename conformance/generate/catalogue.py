@@ -6,6 +6,7 @@ import broken_rans
 import broken_streams
 import corners
 import make_tiny
+import member_files
 import stream_builder as sb
 from random_coding import transform, vq
 from random_page import F16, FIXED, NONE, RAW32, RAW64, VQ, WINDOW, ZERO
@@ -152,6 +153,8 @@ def uncommon():
     yield Vector("uncommon", "times-of-frames", "queries for frames whose times binary64 rounds down",
                  plain(2999, corners.NTSC, levels=[0, 1, 2, 3, 4], sizes=[2, 3], buckets=20, loose=True),
                  ["LAYR-2"], "random scene, seed 2999", times=[*list(corners.times_of_frames())[:4], corners.BEFORE_THE_END])
+    for name, about, data, clauses in member_files.valid():
+        yield Vector("uncommon", name, about, data, clauses, "member_files.py")
     for seed in range(NUM_MIXED):
         yield Vector("uncommon", f"mixed-{seed:02}", "all codings in one random scene", RandomScene(seed).build(),
                      ["DEC-1", "DEC-2", "DEC-7", "PAGE-2", "PAGE-3", "STRM-5", "LAYR-2", "VER-1", "VER-2"],

@@ -6,9 +6,11 @@ import broken_levels
 import broken_rans
 import broken_streams
 import faulty_frames
+import member_files
 
 # Of validators alone (DEC-3).
-OF_VALIDATORS = {"FILE-7", "DIR-9", "DIR-10", "LAYR-1", "LAYR-3", *(f"LEVL-{k}" for k in range(1, 9))}
+OF_VALIDATORS = {"FILE-7", "HEAD-21", "DIR-9", "DIR-10", "LAYR-1", "LAYR-3", *(f"LEVL-{k}" for k in range(1, 9)),
+                 *(f"MEMB-{k}" for k in range(1, 11))}
 # Files too large to be kept: the test spec/streams makes them.
 LARGE = {"LEVL-5", "LEVL-6", "LEVL-7"}
 # What else may be said of a file.
@@ -32,7 +34,7 @@ NOT_CHECKABLE = {
     "VER-3": "about encoders; a decoder may refuse a draft"}
 
 KINDS = {"FILE-1": ["no-l4d"], "FILE-2": ["version"], "FILE-3": ["feature"], "HEAD-7": ["feature"],
-         "HEAD-8": ["feature"], "CHNK-6": ["feature"], "CHNK-1": ["truncated"], "CHNK-2": ["checksum"],
+         "HEAD-8": ["feature"], "CHNK-6": ["feature"], "CHNK-1": ["truncated"], "HEAD-21": ["truncated"], "CHNK-2": ["checksum"],
          "FILE-4": ["checksum"], "FILE-6": ["checksum"], "DIR-1": ["checksum"],
          "CHNK-5": ["rule", "checksum"]}
 
@@ -49,6 +51,7 @@ def faults():
     yield from broken_streams.broken()
     yield from broken_rans.broken()
     yield from faulty_frames.faults()
+    yield from member_files.broken()
     yield from ((name, data) for name, data in broken_levels.broken() if name.split()[0] not in LARGE)
 
 

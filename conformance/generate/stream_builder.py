@@ -140,10 +140,11 @@ def rcq_table(rng, pairs, num_global, num_residual):
 # ---- the file ------------------------------------------------------------------------------------
 
 def build(scene, version=(1, 0), flags=1, rng=None, unknown_fields=False, zstd=0.0, header_last=False,
-          streamable=None):
+          streamable=None, more_bytes=None, footer=b""):
     """zstd: how likely a chunk is to be a zstd frame. header_last: the scene header is at the end.
     streamable: the streamable layout; a function of ("pages" or "directory", what lies in its order), which
-    returns the order to take."""
+    returns the order to take. An extension with "raw" has a chunk of these bytes. more_bytes: file_bytes is the size
+    and these. footer: the last bytes of the file; a function of its size may return them."""
     header, rng = dict(scene), rng or Rng(0)
     payload, codebooks = [], []           # (reference to fill, stored bytes)
 
@@ -174,6 +175,10 @@ def build(scene, version=(1, 0), flags=1, rng=None, unknown_fields=False, zstd=0
             out["rcq"] = stage(c["rcq"])
         return out
 
+    if scene.get("extensions") is not None:
+        header["extensions"] = [
+            {"id": e["id"], "critical": e["critical"], "chunk": chunk(e["raw"], codebooks, False, **e.get("patch", {}))}
+            if "raw" in e else e for e in scene["extensions"]]
     header["sh"] = coding(scene["sh"])
     header["layers"] = [
         dict(layer, **{c: coding(layer[c]) for c in COMPONENTS}, page_table_offset=1,
@@ -197,6 +202,7 @@ def build(scene, version=(1, 0), flags=1, rng=None, unknown_fields=False, zstd=0
         tail += raw + rng.randbytes(rng.randrange(3))
 
     header["payload_offset"] = 1
+    header["file_bytes"] = None if more_bytes is None else 1
     def scene_header():
         root = table("Header", header)
         if unknown_fields:                # of a later minor version
@@ -224,12 +230,15 @@ def build(scene, version=(1, 0), flags=1, rng=None, unknown_fields=False, zstd=0
         for ref in entries:
             body += table_entry(ref)
     header["payload_offset"] = at + len(body)
+    whole = 40 + size + len(body) + len(tail) + (24 if callable(footer) else len(footer))
+    header["file_bytes"] = None if more_bytes is None else whole + more_bytes
+    footer = footer(whole) if callable(footer) else footer
     raw = scene_header()
     assert len(raw) == size
     if header_last:
         place = at + len(body) + len(tail)
-        return file_header(raw, version, flags, place) + bytes(body) + bytes(tail) + raw
-    return file_header(raw, version, flags) + raw + bytes(body) + bytes(tail)
+        return file_header(raw, version, flags, place) + bytes(body) + bytes(tail) + raw + footer
+    return file_header(raw, version, flags) + raw + bytes(body) + bytes(tail) + footer
 
 
 def begin_of_bucket(layer, bucket):

@@ -13,7 +13,7 @@ from arithmetic import Invalid
 from decoder import Decoder, Query
 from header import RAW32, RAW64, TRANSFORM, VQ
 from l4d import demand
-from validate import validate
+from validate import validate, validate_file
 
 FORMAT = 1
 LEAST_RANGE = 0.05                  # a query of a range has this share of the sequence at least
@@ -60,7 +60,7 @@ def queries_of(decoder, times=()):
         yield ["--query", f"time:{a!r}", "--packed"], Query(a, a), True
 
 
-def answers(decoder, times):
+def answers(decoder, data, times):
     """The queries of a legal vector with their answers. Digests of single arrays are given once."""
     out, whole = [], set()
     for arguments, query, packed in queries_of(decoder, times):
@@ -70,10 +70,15 @@ def answers(decoder, times):
         answer = found if packed not in whole else {"all": found["all"]}
         whole.add(packed)
         out.append({"arguments": arguments, "num_gaussians": count, "digests": answer})
-    validate(decoder)
+    validate(decoder) if not has_members(decoder) else validate_file(data)
     out.append({"arguments": ["--query", "validate"], "valid": True})
     out.append({"arguments": ["--query", "demand"], "demand": demand(decoder)})
     return out
+
+
+def has_members(decoder):
+    ids = {e["id"] for e in decoder.header["extensions"] or ()}
+    return decoder.header["file_bytes"] > 0 or not ids.isdisjoint({1, 2})
 
 
 def features(decoder):
@@ -124,7 +129,7 @@ def limit(vector):
 
 def legal(data, times):
     decoder = Cached(data)
-    asked = answers(decoder, times)
+    asked = answers(decoder, data, times)
     limits = asked[-1]["demand"]
     return {"profile": limits["profile"], "level": limits["level"], "features": features(decoder),
             "limits": {"num_gaussians": int(decoder.header["num_gaussians"]),
@@ -150,8 +155,7 @@ def faulty(vector):
 
 def check_refusal(vector, query):
     try:
-        decoder = Decoder(vector.data)
-        validate(decoder) if query == "validate" else list(decoder.pages(Query()))
+        validate_file(vector.data) if query == "validate" else list(Decoder(vector.data).pages(Query()))
     except Invalid as broken:
         if broken.clause in [vector.clauses[0], *faults.ALSO.get(vector.more["title"], [])]:
             return

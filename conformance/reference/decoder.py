@@ -44,14 +44,15 @@ class Selected:
 
 
 class Decoder:
-    def __init__(self, file):
-        """file: bytes, or a File."""
+    def __init__(self, file, needs_are_shown=False):
+        """file: bytes, or a File. needs_are_shown: the members that the stream needs are shown with it."""
         self.file = file if isinstance(file, File) else File(file)
         chunk = self.file.scene_header()
         self.header_at, self.header_bytes = chunk.at, len(chunk.raw)
         self.header = self.file.flatbuffer(chunk, "Header", b"L4DH", "HEAD-1")
         with located(chunk.at):
-            check_header(self.header, len(chunk.raw))
+            check_header(self.header, len(chunk.raw), needs_are_shown)
+        self.file.limit(int(self.header["file_bytes"]))
         self.duration = duration(self.header)
         self.directory = Directory(self.file, self.header)
         self.codebooks = Codebooks(self.file, self.header)

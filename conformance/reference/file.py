@@ -35,6 +35,10 @@ class File:
         if self.explain:
             self.claims.append((begin, end, text))
 
+    def limit(self, file_bytes):
+        """Bytes behind file_bytes are not of the stream; 0: all are."""
+        self.data = self.data[:file_bytes] if file_bytes > 0 else self.data
+
     def bytes(self, offset, n):
         require(offset + n <= len(self.data), "CHNK-1", f"bytes {offset}..{offset + n}", offset)
         return self.data[offset:offset + n]

@@ -56,8 +56,9 @@ def has_detail(h):
                                        h["sh_base"] < len(h["sh"]["steps"]))
 
 
-def check_header(h, header_bytes):
-    """Raises Invalid where a rule of section 8 is broken."""
+def check_header(h, header_bytes, needs_are_shown=False):
+    """Raises Invalid where a rule of section 8 is broken. needs_are_shown: the members that the stream needs are
+    shown with it."""
     require(1 <= h["num_frames"] <= 1 << 24 and h["fps_num"] and h["fps_den"], "HEAD-2", "timeline")
     require(all(map(sound, [h["time_begin"], *h["position_center"].values()])) and
             sound(h["position_scale"]) and h["position_scale"] > 0 and
@@ -104,7 +105,8 @@ def check_header(h, header_bytes):
                 "HEAD-12", "directory_bits")
     total = sum(layer["num_gaussians"] for layer in h["layers"])
     require(total == h["num_gaussians"], "HEAD-5", "sum of num_gaussians")
-    require(not any(e["critical"] for e in h["extensions"] or ()), "HEAD-8", "extension")
+    require(not any(e["critical"] and not (needs_are_shown and e["id"] == 1) for e in h["extensions"] or ()),
+            "HEAD-8", "extension")
     errors = h["errors"]
     require(errors is None or errors["covariance"] >= 1 and
             all(0 <= v < math.inf for v in errors.values()), "HEAD-18", "errors")

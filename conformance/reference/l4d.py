@@ -63,12 +63,12 @@ def parse_query(text, args):
 
 
 def answer(data, args, query):
+    if args.query == "validate":
+        validate.validate_file(data)
+        return {"valid": True}
     decoder = Decoder(data)
     if args.query == "header":
         return {"header": decoder.header}
-    if args.query == "validate":
-        validate.validate(decoder)
-        return {"valid": True}
     if args.query == "demand":
         return {"demand": demand(decoder)}
     if args.packed and not levels.keeps_profile(decoder.header, levels.INDEXED):

@@ -1,15 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a validator checks beside what a decoder meets: CHNK-4 of everything, FILE-7, DIR-9, DIR-10, LAYR-1
-and the LEVL rules, sections 7, 12, 15 and 18 of spec/l4d.md."""
+"""What a validator checks beside what a decoder meets: CHNK-4 of everything, FILE-7, DIR-9, DIR-10, LAYR-1, the LEVL
+rules and all members of a file, sections 7, 12, 15, 18 and 20 of spec/l4d.md."""
 
 import math
 
 import layout
 import levels
 from arithmetic import half, require
-from decoder import Query
+from decoder import Decoder, Query
 from directory import Taken
 from header import COMPONENTS, FIXED, SH, TRANSFORM, VQ, WINDOW
+from members import check_index, in_member, members
 from rans import codable
 from rotor import slice_of
 from times import (LAST_PHASE, bucket_of_phase, clamp_time, directory_pages,
@@ -19,10 +20,20 @@ from times import (LAST_PHASE, bucket_of_phase, clamp_time, directory_pages,
 NOWHERE = 65504.0                   # as a bound of a box: none
 
 
-def validate(decoder):
-    """Raises Invalid for the first rule that a stream breaks."""
+def validate_file(data):
+    """Raises Invalid for a rule that a file or one of its members breaks."""
+    found = []
+    for member in members(data):
+        with in_member(member.offset):
+            validate(Decoder(member.data, needs_are_shown=True), member.chunks)
+        found.append(member)
+    check_index(found)
+
+
+def validate(decoder, chunks=()):
+    """Raises Invalid for the first rule that a stream breaks. chunks: of its extensions."""
     check_tables(decoder)
-    check_ranges(decoder)
+    check_ranges(decoder, chunks)
     for selected in decoder.select(Query()):
         place = decoder.header["payload_offset"] + selected.record["offset"]
         rows = decoder.attributes(selected)
@@ -74,11 +85,13 @@ class TakenOfFile(Taken):
         self.parts += [(begin, place)] if size > 0 else []
 
 
-def check_ranges(decoder):
+def check_ranges(decoder, chunks):
     """CHNK-4, of all that the stream refers to; pages and block codebooks too. FILE-7."""
     taken, h = TakenOfFile(len(decoder.file.data)), decoder.header
     taken.take(0, 40, "the file header", (layout.HEADERS,))
     taken.take(decoder.header_at, decoder.header_bytes, "the scene header", (layout.HEADERS,))
+    for ref in chunks:
+        taken.take(ref["offset"], ref["stored_bytes"], "the chunk of an extension", (layout.HEADERS,))
     for _, _, _, stage in stages_of(decoder):
         ref = stage["codebook"]
         taken.take(ref["offset"], ref["stored_bytes"], "a codebook", (layout.TABLES,))

@@ -24,8 +24,8 @@ Status inspect_stream_demand(SceneFile& file, l4d_stream_demand* out);
 Status check_requested_conformance(SceneFile& file, uint32_t profile, uint32_t level,
                                    const ViolationFn& report);
 
-// Every check of the specification that a stream can fail; calls `report` for each.
-Status validate_stream(ByteSource source, const l4d_decoder_options& options,
-                       const ViolationFn& report);
+// Every check of the specification that a file and its members can fail; calls `report` for each.
+Status validate_file(const l4d_reader& reader, const l4d_decoder_options& options,
+                     const ViolationFn& report);
 
 }  // namespace l4d

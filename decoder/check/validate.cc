@@ -6,6 +6,7 @@
 
 #include "decoder/check/conformance.h"
 #include "decoder/check/inspection.h"
+#include "decoder/read/member_list.h"
 #include "decoder/session/decoder.h"
 #include "libl4dcodec/base/half.h"
 #include "libl4dcodec/container/streamable.h"
@@ -21,13 +22,17 @@ class Validator {
             const ViolationFn& report)
       : file_(file), pages_(pages), options_(options), report_(report), memory_(file.memory()) {}
 
-  Status run() {
+  // chunks: of extensions.
+  Status run(const std::vector<ChunkRef>& chunks) {
     const SceneHeader& header = file_.header();
     Taken taken;
     L4D_RETURN_IF_ERROR(take({0, 0, FileHeader::kBytes, 0, 0}, "the file header", 0, &taken));
     L4D_RETURN_IF_ERROR(
         take({file_.file_header().header_offset, 0, file_.file_header().header_bytes, 0, 0},
              "the scene header", 0, &taken));
+    for (const ChunkRef& chunk : chunks) {
+      L4D_RETURN_IF_ERROR(take(chunk, "the chunk of an extension", 0, &taken));
+    }
     note_shared(taken);
     L4D_RETURN_IF_ERROR(check_codebooks(header.sh, 0, L4D_COMPONENT_SH));
     for (uint32_t l = 0; l < header.layers.size(); ++l) {
@@ -427,21 +432,61 @@ class Validator {
 
 }  // namespace
 
-Status validate_stream(ByteSource source, const l4d_decoder_options& options,
-                       const ViolationFn& report) {
+namespace {
+
+bool ends_the_check(const Status& status) {
+  return status.code() == L4D_ERR_IO || status.code() == L4D_ERR_OUT_OF_MEMORY ||
+         status.code() == L4D_ERR_LIMIT_EXCEEDED;
+}
+
+Status validate_stream(const l4d_reader& reader, const l4d_decoder_options& options,
+                       const std::vector<ChunkRef>& chunks, const ViolationFn& report) {
+  ByteSource source;
+  L4D_RETURN_IF_ERROR(ByteSource::from_reader(reader, &source));
   Decoder decoder(options);
   const Status opened = decoder.open(std::move(source));
   if (!opened.ok()) {
-    if (opened.code() == L4D_ERR_IO || opened.code() == L4D_ERR_OUT_OF_MEMORY ||
-        opened.code() == L4D_ERR_LIMIT_EXCEEDED) {
-      return opened;
-    }
+    if (ends_the_check(opened)) return opened;
     report(opened);
     return {};
   }
   // The reference loops: what a validator finds must not depend on the machine.
   PageDecoder pages(decoder.file(), decode_kernels_reference(), static_cast<int>(options.threads));
-  return Validator(decoder.file(), pages, options, report).run();
+  return Validator(decoder.file(), pages, options, report).run(chunks);
+}
+
+}  // namespace
+
+Status validate_file(const l4d_reader& reader, const l4d_decoder_options& given,
+                     const ViolationFn& report) {
+  l4d_decoder_options options = given;
+  options.accept_needs = 1;
+  ByteSource source;
+  L4D_RETURN_IF_ERROR(ByteSource::from_reader(reader, &source));
+  MemoryBudget memory;
+  if (options.max_memory_bytes > 0) memory.set_limit(options.max_memory_bytes);
+  MemberList list(source, memory);
+  const Status walked = list.walk();
+  if (!walked.ok()) {
+    if (ends_the_check(walked)) return walked;
+    report(walked);
+    return {};
+  }
+  for (const ListedMember& m : list.members()) {
+    MemberHeader header;
+    L4D_RETURN_IF_ERROR(list.read_header(m.offset, &header));
+    ReaderWindow window(reader, m.offset, m.bytes);
+    const auto report_at = [&](const Status& s) {
+      const bool placed = s.offset() != Status::kNoOffset;
+      report(placed ? Status(s.code(), s.clause(), m.offset + s.offset(), s.message()) : s);
+    };
+    L4D_RETURN_IF_ERROR(validate_stream(window.reader(), options, header.chunks, report_at));
+  }
+  if (!list.rest().ok()) report(list.rest());
+  const Status index = list.rest().ok() ? list.check_index() : Status();
+  if (ends_the_check(index)) return index;
+  if (!index.ok()) report(index);
+  return {};
 }
 
 }  // namespace l4d

@@ -35,6 +35,11 @@ Status SceneFile::open() {
         file_header_.header_offset, file_header_.header_bytes, reader_.memory());
   }
   L4D_RETURN_IF_ERROR(parse_scene_header(bytes, file_header_.header_offset, &header_));
+  if (header_.needs_members && limits_.accept_needs == 0) {
+    return Status(L4D_ERR_FEATURE_UNSUPPORTED, "HEAD-8", file_header_.header_offset,
+                  "a member that needs others");
+  }
+  if (header_.file_bytes > 0) reader_.source().limit(header_.file_bytes);
   if (header_.num_gaussians > limits_.max_gaussians) {
     return Status(L4D_ERR_LIMIT_EXCEEDED, std::to_string(header_.num_gaussians) +
                                               " Gaussians; the limit is " +

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <map>
 #include <vector>
@@ -28,6 +29,8 @@ class ByteSource {
   static ByteSource from_supplies(uint64_t size);
 
   uint64_t size() const { return size_; }
+  // Bytes behind the first `bytes` are not of the stream.
+  void limit(uint64_t bytes) { size_ = std::min(size_, bytes); }
   // Bytes [offset, offset + n). The result aliases host memory, `storage`, or what was fetched, up
   // to the next fetch() or forget(). Fails with TRUNCATED (citing CHNK-1) where the range leaves
   // the file; nothing is allocated then.

@@ -43,6 +43,9 @@ typedef struct l4d_decoder_options {
   /* 0 (strict): a damaged chunk or a failure of the reader fails the query. 1 (tolerant): the query
    * skips what cannot be read and succeeds; l4d_decoder_get_losses lists what is missing. */
   uint32_t tolerant;
+  /* 0: a stream that is a member of a file and needs others (members.h) fails with
+   * FEATURE_UNSUPPORTED when it is opened. 1: it opens; the caller shows the others with it. */
+  uint32_t accept_needs;
   /* As l4d_decoder_set_progress, for l4d_validate too; NULL = none. */
   l4d_progress_fn progress;
   void* progress_user;
@@ -671,11 +674,12 @@ typedef struct l4d_violation {
 } l4d_violation;
 typedef void (*l4d_violation_fn)(void* user, const l4d_violation* violation);
 
-/* Checks a whole stream against every MUST that a stream can break, including those that a decoder
- * need not check. Calls `fn`, unless NULL, for each violation, and continues where the rest is
- * still readable. *num_violations receives the number of violations. Returns OK if the check ran to
- * its end, whatever it found; otherwise l4d_last_error_message returns the reason. Time is
- * proportional to the bytes of the file plus the Gaussians that its header states. */
+/* Checks a whole file, with all its members, against every MUST that a stream can break, including
+ * those that a decoder need not check. Calls `fn`, unless NULL, for each violation, and continues
+ * where the rest is still readable. *num_violations receives the number of violations. Returns OK
+ * if the check ran to its end, whatever it found; otherwise l4d_last_error_message returns the
+ * reason. Time is proportional to the bytes of the file plus the Gaussians that its header states.
+ */
 L4D_API l4d_status l4d_validate(const l4d_reader* reader, const l4d_decoder_options* options,
                                 l4d_violation_fn fn, void* user, uint64_t* num_violations);
 

@@ -15,7 +15,7 @@ class AlignedBytes {
  public:
   explicit AlignedBytes(ByteSpan bytes) : size_(bytes.size()), data_(bytes.data()) {
     if (size_ == 0 || reinterpret_cast<uintptr_t>(data_) % alignof(uint64_t) == 0) return;
-    copy_.resize((size_ + sizeof(uint64_t) - 1) / sizeof(uint64_t));
+    copy_.resize(size_ / sizeof(uint64_t) + 1);
     std::memcpy(copy_.data(), data_, size_);
     data_ = reinterpret_cast<const unsigned char*>(copy_.data());
   }

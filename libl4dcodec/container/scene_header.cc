@@ -75,6 +75,7 @@ class HeaderParser {
     }
     L4D_RETURN_IF_ERROR(parse_layers(*h.layers()));
     out_.payload_offset = h.payload_offset();
+    out_.file_bytes = h.file_bytes();
     out_.profile = h.profile();
     out_.conformance_level = h.conformance_level();
     if (h.errors() != nullptr) L4D_RETURN_IF_ERROR(parse_errors(*h.errors(), &out_.errors));
@@ -82,7 +83,9 @@ class HeaderParser {
     if (h.presentation() != nullptr) L4D_RETURN_IF_ERROR(parse_presentation(*h.presentation()));
     if (h.extensions() != nullptr) {
       for (const fbs::Extension* e : *h.extensions()) {
-        if (e->critical()) {
+        if (e->critical() && e->id() == static_cast<uint32_t>(ExtensionId::kMember)) {
+          out_.needs_members = true;
+        } else if (e->critical()) {
           return Status(L4D_ERR_FEATURE_UNSUPPORTED, "HEAD-8", base_,
                         "critical extension " + std::to_string(e->id()));
         }
@@ -440,7 +443,7 @@ class HeaderParser {
 
 }  // namespace
 
-Bytes serialize_scene_header(const SceneHeader& h) {
+Bytes serialize_scene_header(const SceneHeader& h, const std::vector<Extension>& extensions) {
   flatbuffers::FlatBufferBuilder b(4096);
   std::vector<flatbuffers::Offset<fbs::Layer>> layers;
   for (const LayerHeader& l : h.layers) {
@@ -469,6 +472,15 @@ Bytes serialize_scene_header(const SceneHeader& h) {
     }
     metadata = b.CreateVector(list);
   }
+  flatbuffers::Offset<flatbuffers::Vector<flatbuffers::Offset<fbs::Extension>>> extension_list;
+  if (!extensions.empty()) {
+    std::vector<flatbuffers::Offset<fbs::Extension>> list;
+    for (const Extension& e : extensions) {
+      const fbs::ChunkRef chunk = to_fbs(e.chunk);
+      list.push_back(fbs::CreateExtension(b, e.id, e.critical, &chunk));
+    }
+    extension_list = b.CreateVector(list);
+  }
   flatbuffers::Offset<fbs::ErrorStatement> errors;
   if (h.errors.stated) {
     const ErrorStatement& e = h.errors;
@@ -495,16 +507,16 @@ Bytes serialize_scene_header(const SceneHeader& h) {
   }
   const fbs::DVec3 origin(h.placement.origin[0], h.placement.origin[1], h.placement.origin[2]);
   const fbs::Vec3 center(h.position_center[0], h.position_center[1], h.position_center[2]);
-  b.Finish(fbs::CreateHeader(b, h.num_gaussians, h.timeline.time_begin, h.timeline.num_frames,
-                             h.timeline.fps_num, h.timeline.fps_den, h.gate, &origin,
-                             h.placement.scale, static_cast<uint8_t>(h.placement.coordinate_system),
-                             static_cast<uint8_t>(h.placement.color_space), h.position_at_mean_time,
-                             h.opacity_logit, static_cast<uint8_t>(h.position), &center,
-                             h.position_scale, opacity, static_cast<uint8_t>(h.sh_degree), sh,
-                             layer_vector, h.payload_offset, metadata, 0,
-                             static_cast<uint8_t>(h.position_bits), static_cast<uint8_t>(h.profile),
-                             static_cast<uint8_t>(h.conformance_level),
-                             static_cast<uint8_t>(h.sh_base), errors, rendering, presentation),
+  b.Finish(fbs::CreateHeader(
+               b, h.num_gaussians, h.timeline.time_begin, h.timeline.num_frames, h.timeline.fps_num,
+               h.timeline.fps_den, h.gate, &origin, h.placement.scale,
+               static_cast<uint8_t>(h.placement.coordinate_system),
+               static_cast<uint8_t>(h.placement.color_space), h.position_at_mean_time,
+               h.opacity_logit, static_cast<uint8_t>(h.position), &center, h.position_scale,
+               opacity, static_cast<uint8_t>(h.sh_degree), sh, layer_vector, h.payload_offset,
+               metadata, extension_list, static_cast<uint8_t>(h.position_bits),
+               static_cast<uint8_t>(h.profile), static_cast<uint8_t>(h.conformance_level),
+               static_cast<uint8_t>(h.sh_base), errors, rendering, presentation, h.file_bytes),
            kIdentifier);
   return Bytes(b.GetBufferPointer(), b.GetBufferPointer() + b.GetSize());
 }

@@ -49,6 +49,14 @@ struct ChunkRef {
   uint32_t codec = 0;
 };
 
+enum class ExtensionId : uint32_t { kMember = 1, kEdit = 2 };
+
+struct Extension {
+  uint32_t id = 0;
+  bool critical = false;
+  ChunkRef chunk;
+};
+
 // Upper bounds of raw_bytes (spec: CHNK-8). A codec can blow up a few bytes without end; these are
 // what the content of each kind of chunk can take in its longest form, so nothing larger is ever
 // allocated.
@@ -187,6 +195,8 @@ struct SceneHeader : PositionCoding {
   std::vector<LayerHeader> layers;
   // Directory pages count offsets from here, so their bytes do not depend on what lies before them.
   uint64_t payload_offset = 0;
+  uint64_t file_bytes = 0;     // of the stream; 0 = to the end of the file
+  bool needs_members = false;  // of the same file, without which this is not the whole picture
   std::vector<std::pair<std::string, std::string>> metadata;
   unsigned profile = 0;            // declared; 0 = none
   unsigned conformance_level = 0;  // declared; 0 = none
@@ -225,7 +235,8 @@ struct SceneHeader : PositionCoding {
   }
 };
 
-Bytes serialize_scene_header(const SceneHeader& header);
+Bytes serialize_scene_header(const SceneHeader& header,
+                             const std::vector<Extension>& extensions = {});
 // `base`: file offset of the bytes, for messages. Checks every rule of the header that needs no
 // other part of the file.
 Status parse_scene_header(ByteSpan bytes, uint64_t base, SceneHeader* out);

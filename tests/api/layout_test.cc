@@ -34,6 +34,7 @@ L4D_LAYOUT(l4d_decoder_options, 72);
 L4D_FIELD(l4d_decoder_options, threads, 28);
 L4D_FIELD(l4d_decoder_options, cache_bytes, 40);
 L4D_FIELD(l4d_decoder_options, tolerant, 48);
+L4D_FIELD(l4d_decoder_options, accept_needs, 52);
 L4D_FIELD(l4d_decoder_options, progress, 56);
 L4D_LAYOUT(l4d_info, 144);
 L4D_FIELD(l4d_info, streamable, 136);

@@ -46,6 +46,7 @@ l4d_query query_of(const l4d_info& info, uint32_t choice) {
 l4d_decoder_options session_options() {
   l4d_decoder_options options;
   l4d_decoder_options_init(&options);
+  options.accept_needs = 1;
   options.threads = 1;
   options.max_memory_bytes = kSessionMemory;
   options.max_gaussians = kSessionGaussians;

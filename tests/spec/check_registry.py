@@ -15,14 +15,15 @@ ROOT = Path(__file__).resolve().parents[2]
 REGISTRY = ROOT / "spec" / "registry"
 SPEC = ROOT / "spec" / "l4d.md"
 SOURCES = ("libl4dcodec/container/scene_header.h", "libl4dcodec/container/levels.h",
+           "libl4dcodec/container/member.h",
            "libl4dcodec/entropy/stream.h",
            "include/l4d/l4d.h", "include/l4d/decode.h")
 # Names of constants that have to be in a registry, all of them.
 REGISTERED = re.compile(r"(ScalarCodingId|ComponentCodingId|ElementType|CoordinateCodingId|StreamLayout|"
-                        r"ChunkCodec|ProfileId)::\w+|L4D_(COORDINATES|COLOR|PLAYBACK|TOOL)_\w+")
+                        r"ChunkCodec|ProfileId|ExtensionId|MemberRole)::\w+|L4D_(COORDINATES|COLOR|PLAYBACK|TOOL)_\w+")
 ORDER = ("chunk-codec", "stream-layout", "scalar-coding", "component-coding", "coordinate-coding",
          "element-type", "coordinate-system", "color-space", "playback", "profile", "conformance-level",
-         "extensions", "tools")
+         "extensions", "member-role", "tools")
 BEGIN = "<!-- registries: written by tests/spec/check_registry.py -->\n"
 END = "<!-- end of registries -->"
 TYPES = {"object": dict, "array": list, "string": str, "integer": int}
