@@ -4,6 +4,7 @@
 
 #include "l4d/cuda.h"
 #include "l4d/decode.h"
+#include "l4d/members.h"
 #include "l4d/rate.h"
 #include "l4d/stream.h"
 #include "libl4dcodec/base/c_api.h"
@@ -29,6 +30,11 @@ L4D_FIRST_VERSION(l4d_counters, details_lost);
 L4D_FIRST_VERSION(l4d_plan_query, merge_gap);
 L4D_FIRST_VERSION(l4d_rate_options, start_throughput);
 L4D_FIRST_VERSION(l4d_rate_choice, round_trip);
+
+L4D_FIRST_VERSION(l4d_member, num_needs);
+L4D_FIRST_VERSION(l4d_members_options, ignore_index);
+L4D_FIRST_VERSION(l4d_members_info, rest);
+L4D_FIRST_VERSION(l4d_member_parameters, edit_end);
 
 L4D_FIRST_VERSION(l4d_cuda_device_info, memory_bytes);
 L4D_FIRST_VERSION(l4d_cuda_request, workspace_bytes);

@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: Apache-2.0
+// Copies of streams with other headers, in the streamable layout, and without the pages that an
+// edit does not show. No page is decoded or coded.
+#pragma once
+
+#include <functional>
+
+#include "decoder/read/member_list.h"
+#include "l4d/decode.h"
+#include "libl4dcodec/container/member.h"
+
+namespace l4d {
+
+// Takes bytes of the copy, in order.
+using WriteFn = std::function<Status(ByteSpan)>;
+
+struct CopyRequest {
+  bool is_member = false;  // of a file of several
+  Member member;
+  bool has_edit = false;
+  Edit edit;
+};
+
+// reader: of the one stream. Fails with INVALID_ARGUMENT where the request breaks a rule.
+Status copy_stream(const l4d_reader& reader, const l4d_decoder_options& options,
+                   const CopyRequest& request, const WriteFn& write, uint64_t* bytes);
+
+// An index of the members of a list, which does not end with one, and its footer.
+Status make_index(const MemberList& list, Bytes* out);
+
+}  // namespace l4d

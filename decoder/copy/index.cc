@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "decoder/copy/copy_stream.h"
+#include "libl4dcodec/base/hash.h"
+
+namespace l4d {
+namespace {
+
+// A stream without Gaussians.
+SceneHeader empty_scene() {
+  SceneHeader h;
+  h.timeline = {0, 1, 1, 1, 0};
+  h.layers.resize(1);
+  h.layers[0].permanent = true;
+  h.layers[0].mean_t = CoordinateCodingId::kNone;
+  h.payload_offset = 1;
+  return h;
+}
+
+Member index_of(const MemberList& list) {
+  Member index;
+  index.stream = list.stream();
+  index.number = list.members().back().number + 1;
+  index.role = static_cast<uint32_t>(MemberRole::kIndex);
+  for (const ListedMember& m : list.members()) {
+    index.records.push_back(
+        {m.offset, m.bytes, m.header_hash, m.begin, m.end, m.shift, m.number, m.role, m.num_needs});
+  }
+  index.record_needs = list.needs();
+  return index;
+}
+
+}  // namespace
+
+Status make_index(const MemberList& list, Bytes* out) {
+  if (list.members().back().is(MemberRole::kIndex)) {
+    return invalid_argument("the file has an index already");
+  }
+  if (list.members().back().number == UINT32_MAX) {
+    return invalid_argument("no number is left for an index");
+  }
+  const Bytes member = serialize_member(index_of(list));
+  SceneHeader header = empty_scene();
+  Extension extension;
+  extension.id = static_cast<uint32_t>(ExtensionId::kMember);
+  extension.chunk.hash = hash64(member);
+  extension.chunk.stored_bytes = extension.chunk.raw_bytes = static_cast<uint32_t>(member.size());
+  header.file_bytes = 1;
+  const size_t header_bytes = serialize_scene_header(header, {extension}).size();
+  extension.chunk.offset = FileHeader::kBytes + header_bytes;
+  header.file_bytes = extension.chunk.offset + member.size() + IndexFooter::kBytes;
+  const Bytes scene_header = serialize_scene_header(header, {extension});
+
+  FileHeader file;
+  file.flags = FileHeader::kDevelopmentFlag;
+  file.header_bytes = static_cast<uint32_t>(header_bytes);
+  file.header_hash = hash64(scene_header);
+  out->clear();
+  file.append(*out);
+  out->insert(out->end(), scene_header.begin(), scene_header.end());
+  out->insert(out->end(), member.begin(), member.end());
+  IndexFooter{header.file_bytes}.append(*out);
+  return {};
+}
+
+}  // namespace l4d
