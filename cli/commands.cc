@@ -47,6 +47,10 @@ CommandLine::CommandLine()
   add_compare(registry);
   add_sensitivity(registry);
   add_synth(registry);
+  add_concat(registry);
+  add_cut(registry);
+  add_repair(registry);
+  add_manifest(registry);
   add_sign(registry);
   add_keygen(registry);
   add_serve(registry);

@@ -154,6 +154,10 @@ void add_compare(Registry& registry);
 void add_render(Registry& registry);
 void add_sensitivity(Registry& registry);
 void add_synth(Registry& registry);
+void add_concat(Registry& registry);
+void add_cut(Registry& registry);
+void add_repair(Registry& registry);
+void add_manifest(Registry& registry);
 void add_sign(Registry& registry);
 void add_keygen(Registry& registry);
 

@@ -6,6 +6,7 @@
 
 #include "cli/common.h"
 #include "cli/files.h"
+#include "cli/member_file.h"
 #include "cli/scene_source.h"
 #include "cli/text/detail.h"
 #include "cli/text/levels.h"
@@ -411,6 +412,30 @@ void add_summary(const Facts& facts, Outcome& outcome) {
       "declared profile " + profile_text(info.profile) + ", level " + level_text(info.level) + "\n";
 }
 
+// Of a file of several streams; all else that is told is of the first one.
+void add_members(const Context& context, const Facts& facts, Outcome& outcome) {
+  Json& list = outcome.json["members"] = Json::array();
+  outcome.json["members_rest"] = nullptr;
+  if (facts.input.is_ply()) return;
+  const MemberFile file(context, facts.input.path());
+  for (const MemberInfo& m : file.members()) list.push_back(m.json());
+  if (file.members().size() > 1) {
+    outcome.text += format("\n%-8s %-9s %14s %14s %12s %12s %8s\n", "member", "role", "offset",
+                           "bytes", "begin", "end", "needs");
+    for (const MemberInfo& m : file.members()) {
+      outcome.text += format(
+          "%-8u %-9s %14s %14s %12s %12s %8zu\n", m.member.number, member_role_name(m.member.role),
+          format_count(m.member.offset).c_str(), format_count(m.member.bytes).c_str(),
+          m.is_index() ? "-" : format_time(m.member.begin).c_str(),
+          m.is_index() ? "-" : format_time(m.member.end).c_str(), m.needs.size());
+    }
+    outcome.text += "what follows is of the first member\n";
+  }
+  if (file.rest().empty()) return;
+  outcome.json["members_rest"] = file.rest();
+  outcome.text += "behind the last member: " + file.rest() + "\n";
+}
+
 void add_tools(const Facts& facts, Outcome& outcome) {
   outcome.text += "\ntools\n";
   for (const Tool& tool : kTools) {
@@ -526,6 +551,7 @@ Outcome run_info(Context& context, const InfoArguments& arguments) {
     const Facts facts(stream, input);
     Outcome outcome;
     add_summary(facts, outcome);
+    add_members(context, facts, outcome);
     add_statements(facts, outcome);
     add_tools(facts, outcome);
     add_errors(facts, outcome);

@@ -167,7 +167,8 @@ Outcome run_validate(Context& context, const ValidateArguments& arguments) {
   }
   const Input input(context, arguments.input);
   const FileReader reader(input.path());
-  const l4d_decoder_options options = context.decoder_options(1);
+  l4d_decoder_options options = context.decoder_options(1);
+  options.accept_needs = 1;
   Found found;
   found.max_errors = arguments.max_errors;
   uint64_t violations = 0;

@@ -1,0 +1,133 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+#include <limits>
+#include <set>
+
+#include "cli/member_file.h"
+#include "cli/text/progress.h"
+#include "cli/text/sequence.h"
+#include "cli/text/units.h"
+
+namespace l4d::cli {
+namespace {
+
+struct CutArguments {
+  std::string input;
+  std::string output;
+  std::string from;
+  std::string to;
+};
+
+struct Span {
+  double begin, end;
+};
+
+Span parse_span(const CutArguments& arguments) {
+  constexpr double kEver = std::numeric_limits<double>::infinity();
+  if (arguments.from.empty() && arguments.to.empty()) throw usage_error("--from or --to is needed");
+  check_order(arguments.from, arguments.to, false);
+  return {arguments.from.empty() ? -kEver : parse_seconds(arguments.from, "--from"),
+          arguments.to.empty() ? kEver : parse_seconds(arguments.to, "--to")};
+}
+
+// What of a media member is in the span, as a copy states it.
+l4d_member_parameters part_of(const MemberInfo& m, const Span& span) {
+  l4d_member_parameters p = parameters_of(m);
+  if (span.begin <= m.member.begin && span.end >= m.member.end) return p;
+  p.has_edit = 1;
+  p.edit_begin = std::max(span.begin, m.member.begin) - m.member.shift;
+  p.edit_end = std::min(span.end, m.member.end) - m.member.shift;
+  return p;
+}
+
+struct Cut {
+  uint32_t kept = 0;
+  uint64_t bytes = 0;
+};
+
+Cut cut_file(const Context& context, const std::string& name, const MemberFile& file,
+             const Span& span, Output& output) {
+  const auto is_shown = [&](const MemberInfo& m) {
+    return m.is_media() && m.member.begin < span.end && m.member.end > span.begin;
+  };
+  std::set<uint32_t> needed;
+  bool any = false;
+  for (const MemberInfo& m : file.members()) {
+    if (!is_shown(m)) continue;
+    any = true;
+    needed.insert(m.needs.begin(), m.needs.end());
+  }
+  if (!any) {
+    throw usage_error("nothing of " + name + " is between --from and --to: it is from " +
+                      format_time(file.begin()) + " to " + format_time(file.end()) + " s");
+  }
+  MemberWriter writer(context);
+  Cut cut;
+  for (size_t i = 0; i < file.members().size(); ++i) {
+    const MemberInfo& m = file.members()[i];
+    const bool standing =
+        m.member.role == L4D_MEMBER_STANDING && needed.count(m.member.number) != 0;
+    if (!standing && !is_shown(m)) continue;
+    l4d_member_parameters p = standing ? parameters_of(m) : part_of(m, span);
+    p.stream = file.info().stream;
+    if (file.is_plain()) p.is_member = 0;
+    const l4d_status status = writer.add(file.reader(i), p);
+    if (status != L4D_OK) throw Failure(status, name + ": " + l4d_last_error_message());
+    ++cut.kept;
+  }
+  if (!file.is_plain()) writer.add_index();
+  cut.bytes = writer.finish(output);
+  return cut;
+}
+
+Outcome run_cut(Context& context, const CutArguments& arguments) {
+  const Span span = parse_span(arguments);
+  const Input input(context, arguments.input);
+  check_extension(arguments.output, "--output", {".l4d"});
+  Output output(context, arguments.output);
+  Progress progress(context, "cut");
+  progress.step("copying");
+  const MemberFile file(context, input.path());
+  file.require_whole(input.name());
+  Outcome outcome;
+  outcome.stdout_is_data = output.is_stdout();
+  const Cut cut = cut_file(context, input.name(), file, span, output);
+  const double begin = std::max(span.begin, file.begin()), end = std::min(span.end, file.end());
+  outcome.json = {{"schema", "l4dcodec.cut/1"},
+                  {"input", input.name()},
+                  {"output", arguments.output},
+                  {"begin", begin},
+                  {"end", end},
+                  {"num_members", cut.kept},
+                  {"input_bytes", input.bytes()},
+                  {"file_bytes", cut.bytes}};
+  outcome.text = format("%s: %s to %s s, %s of %s\n", arguments.output.c_str(),
+                        format_time(begin).c_str(), format_time(end).c_str(),
+                        format_bytes(cut.bytes).c_str(), format_bytes(input.bytes()).c_str());
+  return outcome;
+}
+
+}  // namespace
+
+void add_cut(Registry& registry) {
+  auto arguments = std::make_shared<CutArguments>();
+  Verb* verb = add_verb(registry, "cut", "Take a part of a file, without coding it again",
+                        [arguments](Context& context) { return run_cut(context, *arguments); });
+  verb->add_option("input", arguments->input, ".l4d to cut, '-' = stdin")->required();
+  verb->add_option("-o,--output", arguments->output, "File to write, '-' = stdout")
+      ->type_name("FILE")
+      ->required();
+  verb->add_option("--from", arguments->from,
+                   "First instant of the part; the beginning if left out")
+      ->type_name("T");
+  verb->add_option("--to", arguments->to, "End of the part; the end of the file if left out")
+      ->type_name("T");
+  verb->footer(
+      "Times stay as they are. The part says which times it presents and leaves out pages of "
+      "which\n"
+      "nothing is visible then; what it shows at an instant is what the whole file shows. Pieces "
+      "that\n"
+      "follow each other make the whole again: `concat`.");
+}
+
+}  // namespace l4d::cli

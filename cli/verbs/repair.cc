@@ -1,0 +1,108 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <set>
+
+#include "cli/member_file.h"
+#include "cli/text/progress.h"
+#include "cli/text/units.h"
+
+namespace l4d::cli {
+namespace {
+
+struct RepairArguments {
+  std::string input;
+  std::string output;
+};
+
+bool is_damage(l4d_status status) {
+  return status == L4D_ERR_TRUNCATED || status == L4D_ERR_CORRUPT || status == L4D_ERR_CHECKSUM;
+}
+
+struct Repaired {
+  Json kept = Json::array();
+  Json dropped = Json::array();
+  size_t num_kept = 0;
+};
+
+// Copies every member of which all bytes are right, and that has those that it needs.
+Repaired copy_members(Context& context, const std::string& name, const MemberFile& file,
+                      MemberWriter& writer) {
+  Repaired out;
+  std::set<uint32_t> gone;
+  Progress progress(context, "repair");
+  for (size_t i = 0; i < file.members().size(); ++i) {
+    progress.update(i, file.members().size(), "copying");
+    const MemberInfo& m = file.members()[i];
+    if (m.is_index()) continue;
+    std::string why;
+    for (const uint32_t need : m.needs) {
+      if (gone.count(need) != 0) why = "it needs member " + std::to_string(need);
+    }
+    if (why.empty()) {
+      l4d_member_parameters p = parameters_of(m);
+      p.stream = file.info().stream;
+      const l4d_status status = writer.add(file.reader(i), p);
+      if (status != L4D_OK && !is_damage(status)) {
+        throw Failure(status, name + ": " + l4d_last_error_message());
+      }
+      if (status != L4D_OK) why = l4d_last_error_message();
+    }
+    if (why.empty()) {
+      out.kept.push_back(m.member.number);
+      ++out.num_kept;
+      continue;
+    }
+    gone.insert(m.member.number);
+    out.dropped.push_back(
+        {{"number", m.member.number}, {"offset", m.member.offset}, {"reason", why}});
+    context.note("member " + std::to_string(m.member.number) + " is left out: " + why);
+  }
+  return out;
+}
+
+Outcome run_repair(Context& context, const RepairArguments& arguments) {
+  const Input input(context, arguments.input);
+  check_extension(arguments.output, "--output", {".l4d"});
+  Output output(context, arguments.output);
+  const MemberFile file(context, input.path(), true);
+  MemberWriter writer(context);
+  const Repaired repaired = copy_members(context, input.name(), file, writer);
+  if (repaired.num_kept == 0) {
+    throw Failure(L4D_ERR_CORRUPT, input.name() + ": no member is whole");
+  }
+  writer.add_index();
+  Outcome outcome;
+  outcome.stdout_is_data = output.is_stdout();
+  const uint64_t bytes = writer.finish(output);
+  const uint64_t lost = input.bytes() - file.info().bytes;
+  outcome.json = {{"schema", "l4dcodec.repair/1"},
+                  {"input", input.name()},
+                  {"output", arguments.output},
+                  {"kept", repaired.kept},
+                  {"dropped", repaired.dropped},
+                  {"rest", file.rest().empty() ? Json() : Json(file.rest())},
+                  {"rest_bytes", lost},
+                  {"file_bytes", bytes}};
+  outcome.text = format("%s: %zu of %zu members, %s\n", arguments.output.c_str(), repaired.num_kept,
+                        file.members().size() - file.has_index(), format_bytes(bytes).c_str());
+  if (!file.rest().empty()) {
+    outcome.text += format_count(lost) + " bytes at the end are no member: " + file.rest() + "\n";
+  }
+  return outcome;
+}
+
+}  // namespace
+
+void add_repair(Registry& registry) {
+  auto arguments = std::make_shared<RepairArguments>();
+  Verb* verb = add_verb(registry, "repair", "Keep the whole members of a file, and write its index",
+                        [arguments](Context& context) { return run_repair(context, *arguments); });
+  verb->add_option("input", arguments->input, ".l4d to repair, '-' = stdin")->required();
+  verb->add_option("-o,--output", arguments->output, "File to write, '-' = stdout")
+      ->type_name("FILE")
+      ->required();
+  verb->footer(
+      "For recordings that broke off, or that still grow: every member of which all bytes are\n"
+      "right is kept. The input stays as it is.");
+}
+
+}  // namespace l4d::cli
