@@ -9,6 +9,7 @@
 
 #include "io/formats.h"
 #include "io/image.h"
+#include "l4d/members.h"
 #include "libl4dcodec/container/directory.h"
 #include "libl4dcodec/container/file_header.h"
 #include "tests/hostile/chunk_walk.h"
@@ -99,6 +100,59 @@ void write_pieces(const Seeds& seeds, const std::string& name, const Bytes& file
   }
 }
 
+l4d_reader memory_reader(const Bytes& bytes) {
+  l4d_reader reader;
+  l4d_reader_init(&reader);
+  reader.user = const_cast<Bytes*>(&bytes);
+  reader.read_at = [](void* user, void* dst, size_t n, uint64_t offset) -> int64_t {
+    std::memcpy(dst, static_cast<const Bytes*>(user)->data() + offset, n);
+    return static_cast<int64_t>(n);
+  };
+  reader.size = [](void* user) {
+    return static_cast<int64_t>(static_cast<const Bytes*>(user)->size());
+  };
+  return reader;
+}
+
+int append(void* user, const void* src, size_t n) {
+  const auto* bytes = static_cast<const unsigned char*>(src);
+  auto& to = *static_cast<Bytes*>(user);
+  to.insert(to.end(), bytes, bytes + n);
+  return 0;
+}
+
+// A file of two members, the second of which needs the first, and an index.
+Bytes chain_of(const Bytes& stream) {
+  const auto check = [](l4d_status status) {
+    if (status != L4D_OK) throw std::runtime_error(l4d_last_error_message());
+  };
+  Bytes out;
+  l4d_writer writer;
+  l4d_writer_init(&writer);
+  writer.user = &out;
+  writer.write = append;
+  const uint32_t first = 0;
+  l4d_member_parameters p;
+  l4d_member_parameters_init(&p);
+  p.is_member = 1;
+  p.role = L4D_MEMBER_STANDING;
+  const l4d_reader reader = memory_reader(stream);
+  check(l4d_copy_member(&reader, nullptr, &p, &writer, nullptr));
+  p.role = L4D_MEMBER_MEDIA;
+  p.number = 1;
+  p.needs = &first;
+  p.num_needs = 1;
+  check(l4d_copy_member(&reader, nullptr, &p, &writer, nullptr));
+  const Bytes members = out;
+  const l4d_reader whole = memory_reader(members);
+  l4d_members* list = nullptr;
+  check(l4d_members_open(&whole, nullptr, &list));
+  const l4d_status status = l4d_write_member_index(list, &writer, nullptr);
+  l4d_members_destroy(list);
+  check(status);
+  return out;
+}
+
 void write_streams(const Seeds& seeds) {
   for (const l4d::test::SmallFile& file : l4d::test::small_files()) {
     for (unsigned char flags = 0; flags < 3; ++flags) {
@@ -127,6 +181,9 @@ void write_streams(const Seeds& seeds) {
     events[1] = 3;
     seeds.write("reader", file.name + "-validate", events, file.bytes);
     seeds.write("validate", file.name, {}, file.bytes);
+    const Bytes chain = chain_of(file.bytes);
+    seeds.write("members", file.name, {}, chain);
+    seeds.write("validate", file.name + std::string("-members"), {}, chain);
     write_pieces(seeds, file.name, file.bytes);
   }
 }
