@@ -97,6 +97,10 @@ CameraSet read_cameras_json(const std::string& path, const Json& root) {
     }
     read_frames_of(place, object, &camera);
     camera.camera = default_camera();
+    if (object.contains("near")) {
+      camera.camera.near_plane = number(place, object, "near");
+      if (!(camera.camera.near_plane > 0)) place.fail("near is not above 0");
+    }
     camera.camera.width =
         whole_number(place, object.contains("width") ? object : root, "width", kMaxImageSize);
     camera.camera.height =

@@ -88,6 +88,7 @@ TEST_F(CamerasTest, JsonThatIsWrongIsNamed) {
 TEST_F(CamerasTest, JsonOfLensesOffsetsAndImages) {
   const std::string text = R"({"width": 64, "height": 48, "cameras": [
     {"id": 0, "images": "a/%04d.png", "mask": "m.png", "time_offset": -0.004,
+     "near": 0.75,
      "distortion": [0.1, -0.2, 0.003, 0.004, 0.05],
      "K": [[50, 0, 32], [0, 50, 24], [0, 0, 1]],
      "w2c": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]},
@@ -100,6 +101,8 @@ TEST_F(CamerasTest, JsonOfLensesOffsetsAndImages) {
   EXPECT_EQ(a.images, path("a/%04d.png"));
   EXPECT_EQ(a.mask, path("m.png"));
   EXPECT_EQ(a.time_offset, -0.004);
+  EXPECT_EQ(a.camera.near_plane, 0.75);
+  EXPECT_EQ(set.cameras[1].camera.near_plane, 0.02);
   EXPECT_EQ(a.distortion.model, Distortion::Model::kRadial);
   EXPECT_EQ(a.distortion.k[1], -0.2);
   EXPECT_EQ(a.distortion.p[0], 0.003);
@@ -120,6 +123,8 @@ TEST_F(CamerasTest, JsonOfLensesOffsetsAndImages) {
   wrong("[0.1, 0.2, 0.3, 0.4]", "[0.1, null]");
   wrong("fisheye", "fisheyes");
   wrong("-0.004", "null");
+  wrong("0.75", "0");
+  wrong("0.75", "\"far\"");
 }
 
 TEST_F(CamerasTest, TransformsOfADistortedLens) {
