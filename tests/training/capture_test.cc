@@ -8,6 +8,7 @@
 #include "io/video.h"
 #include "tests/training/tiny_capture.h"
 #include "training/images/loader.h"
+#include "training/run/settings.h"
 
 namespace l4d::train {
 namespace {
@@ -147,6 +148,36 @@ TEST_F(VideoCaptures, FramesAreThoseOfTheVideo) {
     }
     EXPECT_LT(difference / static_cast<double>(wanted.rgb.size()), 3) << view;
   }
+}
+
+// Cameras around a scene look at one place; cameras side by side, and cameras that look away from
+// each other, do not.
+TEST_F(VideoCaptures, CamerasThatLookAtOnePlaceHaveANearPlane) {
+  Capture capture = read_capture(path_, {});
+  EXPECT_TRUE(look_at_one_place(capture));
+  Settings settings;
+  EXPECT_EQ(near_of(settings, capture), 0.2);
+  settings.near = 0.5;
+  EXPECT_EQ(near_of(settings, capture), 0.5);
+  const double radius = frame_of(capture).radius;
+  const ImageLoader loader(capture, 1, 0.5), without(capture, 1);
+  EXPECT_EQ(loader.camera(1).near_plane, 0.5 * radius);
+  EXPECT_EQ(without.camera(1).near_plane, 0.02);
+
+  settings.near = kAutoNear;
+  for (CaptureCamera& camera : capture.cameras) {
+    double* m = camera.source.camera.world_to_camera;
+    const double back[12] = {-m[0], -m[1], -m[2], -m[3], m[4],   m[5],
+                             m[6],  m[7],  -m[8], -m[9], -m[10], -m[11]};
+    std::copy_n(back, 12, m);
+  }
+  EXPECT_FALSE(look_at_one_place(capture));
+  EXPECT_EQ(near_of(settings, capture), 0);
+  for (size_t c = 0; c < capture.cameras.size(); ++c) {
+    const double side[12] = {1, 0, 0, static_cast<double>(c), 0, 1, 0, 0, 0, 0, 1, 0};
+    std::copy_n(side, 12, capture.cameras[c].source.camera.world_to_camera);
+  }
+  EXPECT_FALSE(look_at_one_place(capture));
 }
 
 TEST_F(VideoCaptures, WrongVideosAreNamed) {

@@ -33,6 +33,10 @@ for name in scene.ply cameras.json settings.json log.jsonl curves.svg preview.pn
   [ -s "whole/$name" ] || die "$name is missing"
 done
 expect 0 "test +[0-9.]+ dB" eval whole -q
+# The cameras look at one place, so that nothing near to them is drawn, here and by other tools.
+grep -q '"near": 0.2,' whole/settings.json || die "the near plane is not in the settings"
+grep -Eq '"near": [0-9]*[.][0-9]' whole/cameras.json || die "cameras.json has no near plane"
+! grep -q '"near": 0.0' whole/cameras.json || die "cameras see what is near to them"
 
 # Nothing that is read is replaced.
 before=$(cat capture/cameras.json whole/scene.ply | cksum)
@@ -80,6 +84,9 @@ expect 2 "other settings" train "${options[@]}" -o whole --steps 401 --resume
 expect 3 "no checkpoint" train "${options[@]}" -o none --steps 400 --resume
 expect 2 "preset" train "${options[@]}" -o x --steps 10 --encode finest
 expect 2 "exclude" train "${options[@]}" -o x --steps 10 --time 5
+expect 2 "--near" train "${options[@]}" -o x --steps 10 --near close
+expect 2 "--max-scale" train "${options[@]}" -o x --steps 10 --max-scale 0
+expect 2 "--opacity-weight" train "${options[@]}" -o x --steps 10 --opacity-weight -1
 expect 2 "--scale" train "${options[@]}" -o x --steps 10 --scale 2
 expect 6 "windows" train "${options[@]}" -o x --steps 10 --host-memory 10k
 expect 3 "nowhere" train nowhere -o x

@@ -68,6 +68,9 @@ struct CaptureFrame {
   double radius;
 };
 CaptureFrame frame_of(const Capture& capture);
+// Whether the axes of nearly all training cameras pass near one point that is in front of them, by
+// half the radius or more.
+bool look_at_one_place(const Capture& capture);
 // Position of a camera in the world.
 void camera_center(const l4d_camera& camera, double* out /* [3] */);
 

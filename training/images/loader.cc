@@ -23,10 +23,12 @@ void check_size(const CaptureCamera& camera, const std::string& file, const io::
 
 }  // namespace
 
-ImageLoader::ImageLoader(const Capture& capture, double scale) : capture_(capture) {
+ImageLoader::ImageLoader(const Capture& capture, double scale, double near) : capture_(capture) {
+  const double near_plane = near * frame_of(capture).radius;
   for (const CaptureCamera& camera : capture.cameras) {
     const l4d_camera& full = camera.source.camera;
     cameras_.push_back(scaled_camera(full, scale));
+    cameras_.back().near_plane = std::max(full.near_plane, near_plane);
     const l4d_camera& out = cameras_.back();
     std::unique_ptr<Undistortion> undistortion;
     std::vector<uint8_t> mask;

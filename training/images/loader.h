@@ -13,7 +13,8 @@ namespace l4d::train {
 // Reads the images of a capture: undistorted, scaled and as bytes.
 class ImageLoader {
  public:
-  ImageLoader(const Capture& capture, double scale);
+  // near: in units of the radius of the cameras; they see nothing that is nearer to them.
+  ImageLoader(const Capture& capture, double scale, double near = 0);
 
   // Cameras of the images that are returned, by index of the capture's cameras.
   const l4d_camera& camera(uint32_t index) const { return cameras_[index]; }

@@ -69,6 +69,7 @@ void write_cameras(const std::string& path, const Capture& capture, const ImageL
                        {"split", capture.cameras[c].split},
                        {"width", camera.width},
                        {"height", camera.height},
+                       {"near", camera.near_plane},
                        {"K", {{camera.fx, 0, camera.cx}, {0, camera.fy, camera.cy}, {0, 0, 1}}},
                        {"w2c", w2c}});
   }

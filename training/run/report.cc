@@ -18,8 +18,6 @@ using Json = nlohmann::ordered_json;
 using io::Error;
 
 constexpr uint32_t kScoredInstants = 15;
-constexpr size_t kSheetColumns = 6;
-constexpr uint32_t kSheetWidth = 160;  // pixels of each image
 
 Json number(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
 
@@ -49,6 +47,10 @@ Json object_of(const Settings& s) {
           {"backend", s.backend},
           {"drift", s.drift},
           {"error_weight", s.error_weight},
+          {"near", s.near},
+          {"opacity_weight", s.opacity_weight},
+          {"scale_weight", s.scale_weight},
+          {"max_scale", s.max_scale},
           {"host_memory", s.host_memory},
           {"seed", s.seed}};
 }
@@ -80,6 +82,10 @@ Settings settings_of(const std::string& text) {
     j.at("backend").get_to(s.backend);
     j.at("drift").get_to(s.drift);
     j.at("error_weight").get_to(s.error_weight);
+    j.at("near").get_to(s.near);
+    j.at("opacity_weight").get_to(s.opacity_weight);
+    j.at("scale_weight").get_to(s.scale_weight);
+    j.at("max_scale").get_to(s.max_scale);
     j.at("host_memory").get_to(s.host_memory);
     j.at("seed").get_to(s.seed);
   } catch (const Json::exception& error) {
@@ -171,7 +177,7 @@ RunReport evaluate_run(const std::string& folder, uint32_t threads, RunObserver*
   const std::vector<uint8_t> text = io::read_whole_file(file("settings.json"));
   const Settings settings = settings_of(std::string(text.begin(), text.end()));
   const Capture capture = read_capture(settings.capture, settings.reading);
-  const ImageLoader loader(capture, settings.scale);
+  const ImageLoader loader(capture, settings.scale, settings.near);
   const io::Scene scene = io::read_scene_ply(file("scene.ply"));
   const std::unique_ptr<Backend> backend = make_cpu_backend(threads);
   backend->load(model_of(scene), capture.timeline());

@@ -96,7 +96,8 @@ class Run {
     open_folder();
     observer_->update(0, 0, "reading the capture");
     capture_ = read_capture(options_.settings.capture, options_.settings.reading);
-    loader_ = std::make_unique<ImageLoader>(capture_, options_.settings.scale);
+    loader_ = std::make_unique<ImageLoader>(capture_, options_.settings.scale,
+                                            near_of(options_.settings, capture_));
     for (const std::string& note : capture_.notes) say(note);
     const l4d_camera& camera = loader_->camera(0);
     settings_ = resolved(options_.settings, capture_, camera.width, camera.height);

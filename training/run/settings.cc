@@ -14,6 +14,9 @@ using io::Error;
 
 constexpr size_t kMinVideosForExposure = 8;
 
+// Of the radius, where all cameras look at one place, which is at least half the radius away.
+constexpr double kConvergentNear = 0.2;
+
 std::string number(double value) {
   char text[40];
   std::snprintf(text, sizeof(text), "%.17g", value);
@@ -50,6 +53,10 @@ std::string text_of(const Settings& s) {
   line("backend", s.backend);
   line("drift", number(s.drift));
   line("error_weight", number(s.error_weight));
+  line("near", number(s.near));
+  line("opacity_weight", number(s.opacity_weight));
+  line("scale_weight", number(s.scale_weight));
+  line("max_scale", number(s.max_scale));
   line("host_memory", std::to_string(s.host_memory));
   line("seed", std::to_string(s.seed));
   return out;
@@ -76,6 +83,16 @@ void check(const Settings& s) {
   if (s.views > 256) fail("--views is above 256");
   if (!(s.drift >= 0) || !(s.error_weight >= 0))
     fail("--drift and --error-weight must be 0 or more");
+  if (!(s.near == kAutoNear || (s.near >= 0 && s.near < 10)))
+    fail("--near is " + number(s.near) + "; it must be auto, or 0 to 10");
+  if (!(s.opacity_weight >= 0) || !(s.scale_weight >= 0))
+    fail("--opacity-weight and --scale-weight must be 0 or more");
+  if (!(s.max_scale > 0)) fail("--max-scale must be above 0");
+}
+
+double near_of(const Settings& settings, const Capture& capture) {
+  if (settings.near != kAutoNear) return settings.near;
+  return look_at_one_place(capture) ? kConvergentNear : 0;
 }
 
 Settings resolved(const Settings& settings, const Capture& capture, uint32_t width,
@@ -101,6 +118,7 @@ Settings resolved(const Settings& settings, const Capture& capture, uint32_t wid
   }
   if (s.exposure == "auto") s.exposure = videos >= kMinVideosForExposure ? "on" : "off";
   if (s.backend == "auto") s.backend = has_cuda_backend() ? "cuda" : "cpu";
+  s.near = near_of(settings, capture);
   if (s.init == "auto" && !capture.points.empty()) s.init = "capture";
   return s;
 }

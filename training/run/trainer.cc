@@ -38,6 +38,9 @@ Trainer::Trainer(const Settings& settings, const Capture& capture, const ImageLo
   schedule_.fps = capture.fps;
   schedule_.sh_degree = settings.sh_degree;
   schedule_.drift = settings.drift;
+  schedule_.opacity_weight = settings.opacity_weight;
+  schedule_.scale_weight = settings.scale_weight;
+  schedule_.max_scale = settings.max_scale;
   for (const Instant& instant : instants) training_views_ += instant.views.size();
   state_.camera_loss.assign(capture.cameras.size(), 0);
   store_->go_to(0);

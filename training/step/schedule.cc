@@ -14,9 +14,6 @@ namespace {
 constexpr double kPositionRate = 1.6e-4;  // of the radius
 constexpr double kSpatialRotorRate = 1e-3;
 constexpr double kNoise = 5e5;
-constexpr double kOpacityWeight = 0.005;
-// Of scales in units of the radius, so that the unit of the capture does not matter.
-constexpr double kScaleWeight = 0.05;
 
 float log_of(double x) { return static_cast<float>(std::log(x)); }
 
@@ -51,13 +48,13 @@ AdamStep adam_step_at(const ScheduleOptions& o, double f, uint64_t seed, uint64_
   s.sh_degree = o.sh_degree;
   s.active_sh_degree = sh_degree_at(o, f);
   s.rates = rates_at(o, f);
-  s.opacity_weight = static_cast<float>(kOpacityWeight);
-  s.scale_weight = static_cast<float>(kScaleWeight / o.radius);
+  s.opacity_weight = static_cast<float>(o.opacity_weight);
+  s.scale_weight = static_cast<float>(o.scale_weight / o.radius);
   s.noise = f < kDensityEnd ? static_cast<float>(kNoise) : 0.0f;
   s.duration = static_cast<float>(o.duration);
   s.time_begin = static_cast<float>(time_begin);
   s.min_log_scale = std::max(-15.9f, log_of(o.radius * 1e-5));
-  s.max_log_scale = std::min(15.9f, log_of(o.radius));
+  s.max_log_scale = std::min(15.9f, log_of(o.max_scale * o.radius));
   s.min_log_sigma = std::max(-15.9f, log_of(0.15 / o.fps));
   s.max_log_sigma = std::min(15.9f, log_of(30 * o.duration));
   const double center = time_begin + 0.5 * o.duration;

@@ -16,6 +16,11 @@ struct ScheduleOptions {
   uint32_t sh_degree = 3;
   double drift = 2;        // kappa: bounds the temporal rotor's rate; 0 = the rate of the others
   double rate_factor = 1;  // of all rates; the guard halves it
+  // Regularisers, see AdamStep; the scales' is of scales in units of the radius, so that the unit
+  // of the capture does not matter.
+  double opacity_weight = 0.03;
+  double scale_weight = 0.05;
+  double max_scale = 1;  // of Gaussians, in units of the radius
 };
 
 // The phases of f.
