@@ -3,11 +3,14 @@
 
 #include <gmock/gmock.h>
 
+#include <map>
 #include <nlohmann/json.hpp>
+#include <set>
 
 #include "io/video.h"
 #include "tests/training/tiny_capture.h"
 #include "training/images/loader.h"
+#include "training/run/evaluate.h"
 #include "training/run/settings.h"
 
 namespace l4d::train {
@@ -178,6 +181,24 @@ TEST_F(VideoCaptures, CamerasThatLookAtOnePlaceHaveANearPlane) {
     std::copy_n(side, 12, capture.cameras[c].source.camera.world_to_camera);
   }
   EXPECT_FALSE(look_at_one_place(capture));
+}
+
+// The views that are scored while a training runs take all cameras, whatever their number and that
+// of the frames have in common.
+TEST_F(VideoCaptures, WatchedViewsTakeAllCameras) {
+  Capture capture = read_capture(path_, {});
+  for (CaptureCamera& camera : capture.cameras) camera.split = "test";
+  const std::vector<uint32_t> views = views_to_watch(capture, "test", 6);
+  ASSERT_EQ(views.size(), 6U);
+  std::map<uint32_t, int> of_camera;
+  std::set<uint32_t> frames;
+  for (const uint32_t view : views) {
+    ++of_camera[capture.views[view].camera];
+    frames.insert(capture.views[view].frame);
+  }
+  EXPECT_EQ(of_camera.size(), 4U);
+  EXPECT_EQ(frames.size(), 6U);
+  EXPECT_EQ(views_to_watch(capture, "test", 1000).size(), capture.views.size());
 }
 
 TEST_F(VideoCaptures, WrongVideosAreNamed) {

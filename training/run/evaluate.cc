@@ -5,6 +5,7 @@
 #include <cmath>
 #include <map>
 #include <mutex>
+#include <set>
 
 #include "training/images/store.h"
 
@@ -76,6 +77,28 @@ std::vector<uint32_t> views_to_score(const Capture& capture, const char* split, 
     views.insert(views.end(), instant.views.begin(), instant.views.end());
   }
   return views;
+}
+
+std::vector<uint32_t> views_to_watch(const Capture& capture, const char* split, size_t count) {
+  const std::vector<Instant> instants = instants_of(capture, split);
+  std::vector<const Instant*> instant_of;  // by view
+  for (const Instant& instant : instants) {
+    instant_of.insert(instant_of.end(), instant.views.size(), &instant);
+  }
+  const size_t n = instant_of.size(), chosen = std::min(n, count);
+  std::map<uint32_t, size_t> uses;  // by camera
+  std::set<uint32_t> views;
+  for (size_t k = 0; k < chosen; ++k) {
+    const std::vector<uint32_t>& there = instant_of[(2 * k + 1) * n / (2 * chosen)]->views;
+    const auto used = [&](uint32_t view) {
+      return std::make_pair(views.count(view), uses[capture.views[view].camera]);
+    };
+    const uint32_t view = *std::min_element(
+        there.begin(), there.end(), [&](uint32_t a, uint32_t b) { return used(a) < used(b); });
+    views.insert(view);
+    ++uses[capture.views[view].camera];
+  }
+  return {views.begin(), views.end()};
 }
 
 void Scorer::add(const Pixels& pixels, const std::vector<uint8_t>& mask, io::Image rendered,

@@ -14,6 +14,9 @@ namespace l4d::train {
 // The views of a split, at most `frames` instants of them, spread evenly; 0 = all.
 std::vector<uint32_t> views_to_score(const Capture& capture, const char* split, uint32_t frames);
 
+// At most `count` views of a split: instants spread evenly, and all cameras about equally often.
+std::vector<uint32_t> views_to_watch(const Capture& capture, const char* split, size_t count);
+
 struct Score {
   io::Fidelity plain;
   // After the affine map of colours of each view that fits best: how much of the error is exposure.

@@ -44,15 +44,12 @@ class Sample {
  public:
   Sample(const Capture& capture, const ImageLoader& loader, const char* split, uint32_t threads)
       : capture_(capture), loader_(loader), threads_(threads) {
-    std::vector<uint32_t> views = views_to_score(capture, split, 0);
-    const size_t n = views.size(), chosen = std::min(n, kSampleViews);
-    std::vector<uint32_t> spread;
-    for (size_t k = 0; k < chosen; ++k) spread.push_back(views[(2 * k + 1) * n / (2 * chosen)]);
     std::mutex mutex;
-    loader.load(spread, threads, [&](uint32_t view, Pixels pixels) {
-      const std::lock_guard<std::mutex> lock(mutex);
-      images_[view] = std::move(pixels);
-    });
+    loader.load(views_to_watch(capture, split, kSampleViews), threads,
+                [&](uint32_t view, Pixels pixels) {
+                  const std::lock_guard<std::mutex> lock(mutex);
+                  images_[view] = std::move(pixels);
+                });
   }
   Score score(Trainer* trainer) const {
     Scorer scorer;
