@@ -7,8 +7,6 @@
 namespace l4d {
 namespace {
 
-constexpr size_t kTransfers = 5;
-constexpr size_t kRoundTrips = 8;
 constexpr uint64_t kTellingBytes = 8 << 10;  // of a transfer that tells the throughput
 constexpr double kTrusted = 0.8;             // of the measured throughput
 constexpr double kReserve = 1;               // seconds that stay buffered
@@ -28,8 +26,7 @@ uint64_t clamped(double value, uint64_t least, uint64_t most) {
 }  // namespace
 
 void RateControl::add(double sent, double first_byte, double last_byte, uint64_t bytes) {
-  round_trips_.push_back(first_byte - sent);
-  if (round_trips_.size() > kRoundTrips) round_trips_.pop_front();
+  round_trips_.add(first_byte - sent);
   // Where several are under way, each second counts once.
   const double begin = std::max(first_byte, busy_until_);
   busy_until_ = std::max(busy_until_, last_byte);
@@ -40,8 +37,7 @@ void RateControl::add(double sent, double first_byte, double last_byte, uint64_t
     small_ = {};
   }
   if (small_.bytes < kTellingBytes || small_.seconds <= 0) return;
-  transfers_.push_back(small_);
-  if (transfers_.size() > kTransfers) transfers_.pop_front();
+  transfers_.add(small_);
   small_ = {};
 }
 

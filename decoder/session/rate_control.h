@@ -2,13 +2,35 @@
 // How much of a stream to fetch, from what was measured of a link and what is buffered (rate.h).
 #pragma once
 
+#include <array>
 #include <cmath>
-#include <deque>
+#include <cstddef>
 
 #include "l4d/rate.h"
 #include "libl4dcodec/base/status.h"
 
 namespace l4d {
+
+// The last of what was added, at most N, in order.
+template <typename T, size_t N>
+class LastOf {
+ public:
+  void add(const T& value) {
+    if (count_ == N) {
+      for (size_t k = 1; k < N; ++k) values_[k - 1] = values_[k];
+      --count_;
+    }
+    values_[count_++] = value;
+  }
+  bool empty() const { return count_ == 0; }
+  T& back() { return values_[count_ - 1]; }
+  const T* begin() const { return values_.data(); }
+  const T* end() const { return values_.data() + count_; }
+
+ private:
+  std::array<T, N> values_{};
+  size_t count_ = 0;
+};
 
 class RateControl {
  public:
@@ -35,9 +57,9 @@ class RateControl {
   l4d_rate_options options_;
   uint32_t num_rungs_;
   uint32_t rung_ = 0;
-  std::deque<Transfer> transfers_;  // the last ones
-  Transfer small_;                  // those too small to tell the throughput, added up
-  std::deque<double> round_trips_;  // likewise
+  LastOf<Transfer, 5> transfers_;
+  Transfer small_;  // those too small to tell the throughput, added up
+  LastOf<double, 8> round_trips_;
   double busy_until_ = -HUGE_VAL;
 };
 

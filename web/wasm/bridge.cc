@@ -11,7 +11,7 @@
 #include <new>
 #include <vector>
 
-#include "l4d/decode.h"
+#include "l4d/rate.h"
 #include "web/wasm/floats.h"
 #include "web/wasm/rows.h"
 
@@ -29,6 +29,7 @@ namespace {
 
 struct Session {
   l4d_decoder* decoder = nullptr;
+  l4d_rate* rate = nullptr;
   int32_t stream = 0;  // what the host calls it
   double size = 0;
   std::vector<double> numbers;
@@ -100,13 +101,15 @@ l4d_query query_of(const l4d_bucket* buckets, uint32_t count, uint32_t detail) {
 }
 
 l4d_status list_reads(Session& s, const l4d_query& query, uint32_t step) {
-  uint64_t count = 0;
-  const l4d_status status = l4d_decoder_get_reads(s.decoder, &query, step, nullptr, 0, &count);
-  if (status != L4D_OK) return status;
-  std::vector<l4d_byte_range> ranges(static_cast<size_t>(count));
-  const l4d_status again =
-      l4d_decoder_get_reads(s.decoder, &query, step, ranges.data(), count, &count);
-  if (again != L4D_OK) return again;
+  uint64_t count = 16;  // hardly ever more, and the call costs more than room for them
+  std::vector<l4d_byte_range> ranges;
+  do {
+    ranges.resize(static_cast<size_t>(count));
+    const l4d_status status =
+        l4d_decoder_get_reads(s.decoder, &query, step, ranges.data(), ranges.size(), &count);
+    if (status != L4D_OK) return status;
+  } while (count > ranges.size());
+  ranges.resize(static_cast<size_t>(count));
   s.numbers.clear();
   for (const l4d_byte_range& r : ranges) {
     put(s, {static_cast<double>(r.offset), static_cast<double>(r.size)});
@@ -178,7 +181,10 @@ Session* L4DW_EXPORT(l4dw_create)(int32_t stream, double max_memory_bytes, doubl
 }
 
 void L4DW_EXPORT(l4dw_destroy)(Session* s) {
-  if (s != nullptr) l4d_decoder_destroy(s->decoder);
+  if (s != nullptr) {
+    l4d_rate_destroy(s->rate);
+    l4d_decoder_destroy(s->decoder);
+  }
   delete s;
 }
 
@@ -232,20 +238,23 @@ l4d_status L4DW_EXPORT(l4dw_info)(Session* s) {
 // bucket, Gaussians, centre, width, temporal level.
 l4d_status L4DW_EXPORT(l4dw_buckets)(Session* s, double begin, double end, uint32_t max_level,
                                      uint32_t max_tier) {
-  return guarded([&] {
+  return guarded([&]() -> l4d_status {
     const l4d_query query = window_of(begin, end, max_level, max_tier, L4D_DETAIL_FULL);
-    uint64_t count = 0;
-    l4d_status status = l4d_decoder_get_spans(s->decoder, &query, nullptr, 0, &count);
-    if (status != L4D_OK) return status;
-    std::vector<l4d_bucket_span> ranges(static_cast<size_t>(count));
-    status = l4d_decoder_get_spans(s->decoder, &query, ranges.data(), count, &count);
-    if (status != L4D_OK) return status;
+    uint64_t count = 64;
+    std::vector<l4d_bucket_span> ranges;
+    do {
+      ranges.resize(static_cast<size_t>(count));
+      const l4d_status status =
+          l4d_decoder_get_spans(s->decoder, &query, ranges.data(), ranges.size(), &count);
+      if (status != L4D_OK) return status;
+    } while (count > ranges.size());
+    ranges.resize(static_cast<size_t>(count));
     s->numbers.clear();
     for (const l4d_bucket_span& r : ranges) {
       put(*s, {static_cast<double>(r.layer), static_cast<double>(r.bucket),
                static_cast<double>(r.count), r.center, r.width, static_cast<double>(r.level)});
     }
-    return status;
+    return L4D_OK;
   });
 }
 
@@ -373,6 +382,37 @@ l4d_status L4DW_EXPORT(l4dw_losses)(Session* s) {
                static_cast<double>(l.bucket), static_cast<double>(l.num_gaussians), offset,
                place_of(l.clause), static_cast<double>(l.detail_only)});
     }
+    return status;
+  });
+}
+
+// Begins to measure a link, for a ladder of so many rungs.
+l4d_status L4DW_EXPORT(l4dw_rate_begin)(Session* s, uint32_t num_rungs) {
+  l4d_rate_destroy(s->rate);
+  s->rate = nullptr;
+  return l4d_rate_create(nullptr, num_rungs, &s->rate);
+}
+
+l4d_status L4DW_EXPORT(l4dw_rate_add)(Session* s, double sent, double first_byte, double last_byte,
+                                      double bytes) {
+  return l4d_rate_add_transfer(s->rate, sent, first_byte, last_byte, static_cast<uint64_t>(bytes));
+}
+
+// states: [num_rungs, 2]: buffered seconds and missing bytes. Numbers: rung, fill_rung, cancel,
+// merge_gap, max_range_bytes, throughput, round_trip.
+l4d_status L4DW_EXPORT(l4dw_rate_choose)(Session* s, const double* states, uint32_t num_rungs) {
+  return guarded([&] {
+    std::vector<l4d_rung_state> rungs(num_rungs);
+    for (uint32_t r = 0; r < num_rungs; ++r) {
+      rungs[r] = {states[2 * r], static_cast<uint64_t>(states[2 * r + 1])};
+    }
+    l4d_rate_choice c;
+    l4d_rate_choice_init(&c);
+    const l4d_status status = l4d_rate_choose(s->rate, rungs.data(), num_rungs, &c);
+    s->numbers.clear();
+    put(*s, {static_cast<double>(c.rung), static_cast<double>(c.fill_rung),
+             static_cast<double>(c.cancel), static_cast<double>(c.merge_gap),
+             static_cast<double>(c.max_range_bytes), c.throughput, c.round_trip});
     return status;
   });
 }

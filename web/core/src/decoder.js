@@ -234,6 +234,32 @@ export class Decoder {
     return out;
   }
 
+  /** Begins to measure a link, for a ladder of so many rungs (include/l4d/rate.h). @param {number} rungs */
+  beginRate(rungs) { this.#call('rate_begin', rungs); }
+
+  /**
+   * A request was sent, its first and its last byte arrived, in seconds; in the order in which they end.
+   * @param {number} sent @param {number} first @param {number} last @param {number} bytes
+   */
+  addTransfer(sent, first, last, bytes) { this.#call('rate_add', sent, first, last, bytes); }
+
+  /**
+   * Which rung to fetch, and with what the link has left.
+   * @param {{buffered: number, missing: number}[]} states of all rungs, seconds and bytes
+   */
+  chooseRung(states) {
+    const at = this.wasm.malloc(16 * states.length);
+    if (!at) throw new L4DError('OUT_OF_MEMORY', 'no memory for a list of rungs');
+    new Float64Array(this.wasm.memory.buffer, at, 2 * states.length).set(states.flatMap(s => [s.buffered, s.missing]));
+    try {
+      const [rung, fillRung, cancel, mergeGap, maxRangeBytes, throughput, roundTrip] =
+        this.#call('rate_choose', at, states.length) ?? [];
+      return {rung, fillRung, cancel, mergeGap, maxRangeBytes, throughput, roundTrip};
+    } finally {
+      this.wasm.free(at);
+    }
+  }
+
   /** What the last call has lost. */
   losses() {
     const n = this.#call('losses') ?? [];
