@@ -3,21 +3,29 @@ import {abortError} from './errors.js';
 import {steps} from './decoder.js';
 
 const parallel = 4;          // requests in flight
-const pieceBytes = 512 * 1024;
+
+/** Seconds. */
+const now = () => performance.now() / 1000;
 
 /** Brings bytes from a source to a store, and runs what needs them. */
 export class Fetcher {
   /**
    * @param {any} source sources.js @param {import('./store.js').ByteStore} store
    * @param {() => void} [onProgress]
+   * @param {(sent: number, first: number, last: number, bytes: number) => void} [onTransfer] of a request that has
+   * ended, times in seconds
    */
-  constructor(source, store, onProgress = () => {}) {
+  constructor(source, store, onProgress = () => {}, onTransfer = () => {}) {
     this.source = source;
     this.store = store;
     this.onProgress = onProgress;
+    this.onTransfer = onTransfer;
     this.bytes = 0;         // that have come
-    /** @type {{bytes: number, seconds: number}[]} */
-    this.recent = [];
+    // How requests are cut: pieces this close become one, and none is longer.
+    this.mergeGap = 16 * 1024;
+    this.maxBytes = 512 * 1024;
+    /** @type {(() => void)[]} */
+    this.waiting = [];
   }
 
   /** Opens the source. @param {AbortSignal} signal */
@@ -27,26 +35,44 @@ export class Fetcher {
       this.#keep(offset, bytes));
   }
 
-  /** Bits a second of late, 0 where nothing is known. */
-  get throughput() {
-    const sum = this.recent.reduce((t, r) => t + r.seconds / Math.max(r.bytes, 1), 0);
-    return sum > 0 ? 8 * this.recent.length / sum : 0;
-  }
-
   /** @param {number} offset @param {Uint8Array} bytes */
   #keep(offset, bytes) {
     this.store.supply(offset, bytes);
     this.bytes += bytes.length;
+    for (const wake of this.waiting.splice(0)) wake();
     this.onProgress();
+  }
+
+  /** Whether bytes of these ranges lack. @param {[number, number][]} ranges */
+  lacks(ranges) { return ranges.some(([offset, size]) => !this.store.has(offset, size)); }
+
+  /** How many bytes of these ranges lack. @param {[number, number][]} ranges */
+  missingBytes(ranges) { return this.store.missing(ranges, 0, 2 ** 50).reduce((sum, [, size]) => sum + size, 0); }
+
+  /**
+   * Yields parts as their bytes arrive, which `fetching` brings.
+   * @template {{ranges: [number, number][]}} Part @param {Part[]} parts @param {Promise<void>} fetching
+   */
+  async *arrivals(parts, fetching) {
+    let ended = false;
+    const end = fetching.then(() => { ended = true; });
+    end.catch(() => {});  // next time, or by who waits for `fetching`
+    for (let left = [...parts]; left.length > 0;) {
+      const here = left.filter(part => ended || !this.lacks(part.ranges));
+      if (here.length === 0) {
+        await Promise.race([end, new Promise(resolve => this.waiting.push(() => resolve(undefined)))]);
+        continue;
+      }
+      left = left.filter(part => !here.includes(part));
+      yield *here;
+    }
   }
 
   /** @param {[number, number][]} ranges @param {AbortSignal} signal */
   async fetch(ranges, signal) {
     if (signal.aborted) throw abortError();
-    const pieces = this.store.missing(ranges, 16384, this.source.isLocal ? 2 ** 30 : pieceBytes);
+    const pieces = this.store.missing(ranges, this.mergeGap, this.source.isLocal ? 2 ** 30 : this.maxBytes);
     if (pieces.length === 0) return;
-    const began = performance.now();
-    const before = this.bytes;
     let next = 0;
     const stop = new AbortController();
     const abort = () => stop.abort();
@@ -54,10 +80,13 @@ export class Fetcher {
     const worker = async () => {
       while (next < pieces.length) {
         const [offset, size] = pieces[next++];
+        const sent = now();
+        let first = 0;
         await this.source.read(offset, size, stop.signal,
                                (/** @type {number} */ at, /** @type {Uint8Array} */ bytes) => {
                                  this.#keep(at, bytes);
-                               });
+                               }, () => { first = now(); });
+        if (first > 0) this.onTransfer(sent, first, now(), size);
       }
     };
     try {
@@ -68,8 +97,6 @@ export class Fetcher {
     } finally {
       signal.removeEventListener('abort', abort);
     }
-    this.recent.push({bytes: this.bytes - before, seconds: (performance.now() - began) / 1000});
-    if (this.recent.length > 5) this.recent.shift();
   }
 
   /**

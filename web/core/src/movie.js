@@ -66,12 +66,14 @@ export class Movie extends Emitter {
     this.info = /** @type {any} */ (null);
     this.buffered = /** @type {[number, number][]} */ ([]);
     this.statistics = {bytes: 0, throughput: 0, rows: 0, lost: 0, requests: 0, decodeSeconds: 0, memoryBytes: 0};
-    this.ready = {from: 0, until: 0, detail: 'none'};
+    /** What can be shown: from when until when, and up to which tier in which detail. */
+    this.ready = {from: 0, until: 0, detail: 'none', tier: 0};
     /** @type {{id: number, resolve: () => void, reject: (reason: any) => void} | null} */
     this.seeking = null;
     /** @type {'auto' | 'base' | 'full'} */
     this.detailWanted = 'auto';
     this.levelLimit = 0xffffffff;
+    this.tierLimit = 0xffffffff;
     /** Room that a view needs: Gaussians, each bucket rounded up to 256. */
     this.maxRows = options.maxRows ?? 2 ** 21;
     this.disposed = false;
@@ -114,13 +116,19 @@ export class Movie extends Emitter {
   /** The finest temporal level that is shown. */
   get maxLevel() { return this.levelLimit; }
   set maxLevel(level) { this.levelLimit = level; this.#want(this.currentTime, true); this.emit('level', level); }
+  /** The last tier that is fetched and shown: the first, 0, is a coarse picture. `info.lastTier` is the last that there is. */
+  get maxTier() { return this.tierLimit; }
+  set maxTier(tier) { this.tierLimit = tier; this.#want(this.currentTime, true); this.emit('tier', tier); }
   /** Seconds that can be shown from here without another byte. */
   get secondsAhead() {
     const {from, until} = this.ready;
     return this.currentTime >= from - 1e-6 ? Math.max(until - this.currentTime, 0) : 0;
   }
 
-  play() { this.clock?.play(); }
+  play() {
+    this.clock?.play();
+    this.#want(this.currentTime, false);
+  }
   pause() { this.clock?.pause(); }
   /** Takes the time from an audio or video element; null: from the clock again. @param {HTMLMediaElement | null} media */
   sync(media) { this.clock?.sync(media); }
@@ -141,7 +149,7 @@ export class Movie extends Emitter {
         reject(abortError());
       }, {once: true});
     });
-    this.ready = {from: at, until: -Infinity, detail: 'none'};
+    this.ready = {from: at, until: -Infinity, detail: 'none', tier: 0};
     this.#want(at, true, id);
     this.clock?.jump(at);
     return /** @type {Promise<void>} */ (result);
@@ -149,11 +157,12 @@ export class Movie extends Emitter {
 
   /**
    * The 3D Gaussians at `time`, for anything else than the player.
-   * @param {number} time @param {{sh?: boolean, detail?: 'base' | 'full', signal?: AbortSignal}} [options]
+   * @param {number} time
+   * @param {{sh?: boolean, detail?: 'base' | 'full', maxTier?: number, signal?: AbortSignal}} [options]
    * @returns {Promise<Slice>}
    */
-  slice(time, {sh = true, detail = 'full', signal} = {}) {
-    return this.#call('slice', {time, options: {sh, detail: detail === 'base' ? 1 : 0}}, signal);
+  slice(time, {sh = true, detail = 'full', maxTier, signal} = {}) {
+    return this.#call('slice', {time, options: {sh, detail: detail === 'base' ? 1 : 0, maxTier}}, signal);
   }
 
   /**
@@ -185,6 +194,9 @@ export class Movie extends Emitter {
   /** Sends all rows again, to a listener that is new. */
   refresh() { this.worker.postMessage({type: 'refresh'}); }
 
+  /** Brings `statistics` up to date, which events 'progress' do a few times a second. */
+  async refreshStatistics() { this.statistics = await this.#call('statistics', {}); }
+
   /** Called by the clock: fetch ahead of `time`. @param {number} time */
   advance(time) { this.#want(time, false); }
 
@@ -203,9 +215,10 @@ export class Movie extends Emitter {
 
   /** @param {number} time @param {boolean} seek @param {number} [id] */
   #want(time, seek, id) {
-    const ahead = 4 * Math.max(1, Math.abs(this.rate));
-    this.worker.postMessage({type: 'want', seek,
-                             goal: {time, ahead, detail: this.detailWanted, maxLevel: this.levelLimit, id}});
+    const ahead = 6 * Math.max(1, Math.abs(this.rate));
+    this.worker.postMessage({type: 'want', seek, goal: {
+      time, ahead, detail: this.detailWanted, maxLevel: this.levelLimit, maxTier: this.tierLimit,
+      playing: !this.paused, rate: this.rate, id}});
   }
 
   /** @param {string} type @param {any} message @param {AbortSignal} [signal] @param {Transferable[]} [transfer] @returns {Promise<any>} */

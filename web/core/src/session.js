@@ -9,13 +9,20 @@ import {ByteStore} from './store.js';
 /**
  * @typedef {object} Goal what is to be shown
  * @property {number} time seconds @property {number} ahead seconds from there
- * @property {'auto' | 'base' | 'full'} detail @property {number} [maxLevel]
+ * @property {'auto' | 'base' | 'full'} detail @property {number} [maxLevel] @property {number} [maxTier]
+ * @property {boolean} [playing] what comes next is wanted before all of this instant
+ * @property {number} [rate] of playback
  * @property {number} [id] of the seek that it answers
+ */
+/**
+ * What is fetched and shown; each rung of a ladder contains the one before it.
+ * @typedef {{maxTier: number, detail: number}} Rung
  */
 /** @typedef {import('./decoder.js').Info & {maxRows: number}} MovieInfo */
 /** @typedef {{key: string, bucket: import('./decoder.js').Bucket, detail: number, rows: number}} Held */
 
 const windowSeconds = 1;
+const mostIndexBytes = 512 * 1024;  // of a directory, to be fetched before it is wanted
 
 /** Views hold lines of 256. @param {number} rows */
 const roundedRows = rows => Math.ceil(rows / 256) * 256;
@@ -25,7 +32,7 @@ const keyOf = b => `${b.layer}/${b.bucket}`;
 
 export class Session {
   /**
-   * @param {WebAssembly.Module} module @param {any} source
+   * @param {WebAssembly.Module | Promise<WebAssembly.Module>} module @param {any} source
    * @param {(message: any, transfer?: Transferable[]) => void} post
    * @param {{cacheBytes?: number, maxRows?: number, tolerant?: boolean, maxMemoryBytes?: number}} [options]
    */
@@ -34,7 +41,13 @@ export class Session {
     this.post = post;
     this.options = options;
     this.store = new ByteStore(options.cacheBytes);
-    this.fetcher = new Fetcher(source, this.store, () => this.#progress());
+    this.fetcher = new Fetcher(source, this.store, () => this.#progress(),
+                               (sent, first, last, bytes) => this.decoder?.addTransfer(sent, first, last, bytes));
+    this.throughput = 0;  // bits a second, of late
+    this.holding = 0;     // the rung that is being fetched
+    this.hasIndex = false;
+    /** @type {{goal: Goal, message: any} | null} */
+    this.lastReady = null;
     /** @type {Map<string, Held>} */
     this.held = new Map();
     this.maxRows = options.maxRows ?? 2 ** 21;
@@ -55,10 +68,13 @@ export class Session {
 
   /** @param {AbortSignal} [signal] */
   async open(signal = this.control.signal) {
-    await this.fetcher.open(signal);
-    this.decoder = await Decoder.create(this.module, this.store, this.options);
-    await this.fetcher.with(() => this.decoder.open(), signal);
-    this.info = this.decoder.info();
+    // Whoever compiles it is told where it fails, whatever the source does meanwhile.
+    const [module] = await Promise.all([this.module, this.fetcher.open(signal)]);
+    const decoder = await Decoder.create(module, this.store, this.options);
+    await this.fetcher.with(() => decoder.open(), signal);
+    this.info = decoder.info();
+    decoder.beginRate(this.info.lastTier + 2);
+    this.decoder = decoder;
     this.end = this.info.timeBegin + this.info.duration;
     this.isOpen = true;
     // Not more than the scene can fill.
@@ -74,20 +90,35 @@ export class Session {
     this.held.clear();
   }
 
-  /** Sets what is to be shown. A seek cancels what is under way. @param {Goal} goal @param {boolean} seek */
+  /**
+   * Sets what is to be shown. A seek cancels what is under way, unless that is for the same instant.
+   * @param {Goal} goal @param {boolean} seek
+   */
   want(goal, seek) {
-    this.goal = goal;
-    if (seek) {
-      this.control.abort();
-      this.control = new AbortController();
+    const before = this.goal;
+    const keys = /** @type {const} */ (['time', 'detail', 'maxLevel', 'maxTier']);
+    if (seek && before && keys.every(key => before[key] === goal[key])) {
+      Object.assign(before, goal);
+      if (this.lastReady?.goal === before) this.post({...this.lastReady.message, id: goal.id});
+    } else {
+      this.goal = goal;
+      if (seek || this.#isTooMuch(goal)) this.#cancel();
     }
     void this.#pump();
   }
 
+  #cancel() {
+    this.control.abort();
+    this.control = new AbortController();
+  }
+
   /** Sends everything again: to a view that is new. */
   refresh() {
+    if (this.held.size === 0 || !this.goal) return;
     this.held.clear();
-    if (this.goal) this.want({...this.goal}, true);
+    this.goal = {...this.goal};
+    this.#cancel();
+    void this.#pump();
   }
 
   /**
@@ -122,36 +153,153 @@ export class Session {
     }
   }
 
+  /** The ladder of a goal, lowest rung first. @param {Goal} goal @returns {Rung[]} */
+  #rungs({detail, maxTier = this.info.lastTier}) {
+    const last = Math.min(maxTier, this.info.lastTier);
+    /** @type {Rung[]} */
+    const rungs = Array.from({length: last + 1}, (_, tier) => ({maxTier: tier, detail: details.base}));
+    if (detail !== 'base') rungs.push({maxTier: last, detail: details.full});
+    // From memory all of it comes at once.
+    return this.fetcher.source.isLocal ? rungs.slice(-1) : rungs;
+  }
+
+  /** @param {Goal} goal @returns {[number, number]} what of the sequence it is about */
+  #span({time, ahead}) {
+    const begin = Math.min(Math.max(time, this.info.timeBegin), this.end);
+    return [begin, Math.min(begin + ahead, this.end)];
+  }
+
+  /** Says how much of the instant is here, and until when the lowest rung is. @param {Goal} goal @param {Rung[]} rungs */
+  #ready(goal, rungs) {
+    const [begin, last] = this.#span(goal);
+    let rung = 0, until = begin;
+    while (rung + 1 < rungs.length && this.#holds(begin, begin, goal, rungs[rung + 1])) ++rung;
+    while (until < last && this.#holds(until, Math.min(until + windowSeconds / 2, last), goal, rungs[0])) {
+      until = Math.min(until + windowSeconds / 2, last);
+    }
+    const message = {type: 'ready', id: goal.id, from: begin, until, tier: rungs[rung].maxTier,
+                     detail: rungs[rung].detail === details.full ? 'full' : 'base'};
+    this.lastReady = {goal, message};
+    this.post(message);
+  }
+
   /** @param {Goal} goal @param {AbortSignal} signal */
   async #reach(goal, signal) {
-    const begin = Math.min(Math.max(goal.time, this.info.timeBegin), this.end);
-    const best = goal.detail === 'base' ? details.base : details.full;
-    const local = this.fetcher.source.isLocal;
-    const ready = (/** @type {number} */ until, /** @type {number} */ detail) =>
-      this.post({type: 'ready', id: goal.id, from: begin, until, detail: detail === details.full ? 'full' : 'base'});
-    // Over a network base colours come first: they show the instant with fewer bytes.
-    if (best === details.full && !local) {
-      await this.#hold(begin, begin, goal, details.base, signal);
-      ready(begin, details.base);
+    const [begin, last] = this.#span(goal);
+    const rungs = this.#rungs(goal);
+    const top = rungs.length - 1;
+    // The instant, coarse first: that shows it with the fewest bytes.
+    for (this.holding = 0; this.holding <= top && !(this.holding > 0 && goal.playing); ++this.holding) {
+      await this.#hold(begin, begin, goal, rungs[this.holding], signal);
+      this.#ready(goal, rungs);
     }
-    await this.#hold(begin, begin, goal, best, signal);
-    ready(begin, best);
-    const last = Math.min(begin + goal.ahead, this.end);
-    for (let until = begin; until < last && this.goal === goal;) {
-      until = Math.min(until + windowSeconds, last);
-      await this.#hold(begin, until, goal, best, signal);
-      ready(until, best);
+    if (last > begin) {
+      await this.#index(begin, last, signal);
+      this.#ready(goal, rungs);
+    }
+    while (this.goal === goal) {
+      const next = this.#next(goal, rungs);
+      if (!next) break;
+      this.holding = next.rung;
+      await this.#hold(begin, next.until, goal, rungs[next.rung], signal);
+      this.#ready(goal, rungs);
     }
     this.#progress(true);
+    if (this.goal === goal && !this.hasIndex) await this.#wholeIndex(signal);
   }
 
   /**
-   * Holds the buckets of [begin, end] in that detail.
-   * @param {number} begin @param {number} end @param {Goal} goal @param {number} detail
+   * What to fetch next: the first second that a rung lacks.
+   * @param {Goal} goal @param {Rung[]} rungs @returns {{rung: number, until: number} | null} null: nothing lacks
+   */
+  #next(goal, rungs) {
+    const top = rungs.length - 1;
+    const choice = this.#choose(goal, rungs);
+    const [begin, last] = this.#span(goal);
+    for (let rung = goal.playing ? choice?.rung ?? 0 : top; rung <= top; ++rung) {
+      for (let until = begin; until < last;) {
+        until = Math.min(until + windowSeconds, last);
+        if (!this.#holds(begin, until, goal, rungs[rung])) return {rung, until};
+      }
+    }
+    return null;
+  }
+
+  /** Buckets of [begin, end] that are not held in a rung; undefined: not known yet. @param {number} begin @param {number} end @param {Goal} goal @param {Rung} rung */
+  #lacking(begin, end, {maxLevel}, {maxTier, detail}) {
+    return this.decoder.buckets(begin, end, {maxLevel, maxTier})?.filter(b =>
+      b.count > 0 && (this.held.get(keyOf(b))?.detail ?? Infinity) > detail);
+  }
+
+  /** @param {number} begin @param {number} end @param {Goal} goal @param {Rung} rung */
+  #holds(begin, end, goal, rung) { return this.#lacking(begin, end, goal, rung)?.length === 0; }
+
+  /** Bytes that a rung lacks; undefined: not known yet. @param {number} begin @param {number} end @param {Goal} goal @param {Rung} rung */
+  #missing(begin, end, goal, rung) {
+    const lacking = this.#lacking(begin, end, goal, rung);
+    const reads = lacking && this.decoder.bucketReads(lacking, rung.detail, steps.all);
+    return reads && this.fetcher.missingBytes(reads);
+  }
+
+  /**
+   * What the controller of the rate (include/l4d/rate.h) says; undefined: too little is known.
+   * @param {Goal} goal @param {Rung[]} rungs
+   */
+  #choose(goal, rungs) {
+    if (this.fetcher.source.isLocal) return undefined;
+    const [begin, last] = this.#span(goal);
+    const rate = Math.max(Math.abs(goal.rate ?? 1), 0.01);
+    /** @type {{buffered: number, missing: number}[]} */
+    const states = [];
+    for (const rung of rungs) {
+      const missing = this.#missing(begin, last, goal, rung);
+      if (missing === undefined) return undefined;
+      let until = begin;
+      if (missing === 0) until = last;
+      for (let to = begin; missing > 0 && to < last; until = to) {
+        to = Math.min(to + windowSeconds / 2, last);
+        if (this.#missing(begin, to, goal, rung) !== 0) break;
+      }
+      states.push({buffered: missing === 0 && last === this.end ? Infinity : (until - begin) / rate, missing});
+    }
+    // The ladder of all that there is has as many rungs as the controller knows of.
+    while (states.length < this.info.lastTier + 2) states.push({...states[states.length - 1]});
+    const choice = this.decoder.chooseRung(states);
+    this.fetcher.mergeGap = choice.mergeGap;
+    this.fetcher.maxBytes = Math.min(choice.maxRangeBytes, 512 * 1024);
+    this.throughput = 8 * choice.throughput;
+    return {...choice, rung: Math.min(choice.rung, rungs.length - 1)};
+  }
+
+  /** Whether what is under way keeps a goal that plays from what it needs sooner. @param {Goal} goal */
+  #isTooMuch(goal) {
+    if (!goal.playing || !this.pumping || !this.isOpen || this.holding === 0) return false;
+    const choice = this.#choose(goal, this.#rungs(goal));
+    return choice !== undefined && choice.cancel > 0 && choice.rung < this.holding;
+  }
+
+  /** The directory of [begin, end]. @param {number} begin @param {number} end @param {AbortSignal} signal */
+  async #index(begin, end, signal) {
+    await this.fetcher.steps(step => this.decoder.windowReads(begin, end, {}, step), steps.directory, signal);
+  }
+
+  /** The directory of all of the sequence, so that a seek is one round. @param {AbortSignal} signal */
+  async #wholeIndex(signal) {
+    const {timeBegin} = this.info;
+    const entries = (/** @type {number} */ step) => this.decoder.windowReads(timeBegin, this.end, {}, step);
+    await this.fetcher.steps(entries, steps.pageTables, signal);
+    const pages = await this.fetcher.with(() => entries(steps.directory), signal);
+    if (this.fetcher.missingBytes(pages) <= mostIndexBytes) await this.fetcher.fetch(pages, signal);
+    this.hasIndex = true;
+  }
+
+  /**
+   * Holds the buckets of [begin, end] as a rung has them. Decodes each as soon as its bytes are here.
+   * @param {number} begin @param {number} end @param {Goal} goal @param {Rung} rung
    * @param {AbortSignal} signal
    */
-  async #hold(begin, end, goal, detail, signal) {
-    const part = {maxLevel: goal.maxLevel, detail};
+  async #hold(begin, end, goal, {maxTier, detail}, signal) {
+    const part = {maxLevel: goal.maxLevel, maxTier, detail};
     await this.fetcher.steps(step => this.decoder.windowReads(begin, end, part, step), steps.directory, signal);
     const buckets = await this.fetcher.with(() => this.decoder.buckets(begin, end, part), signal);
     const wanted = buckets.filter(b => {
@@ -164,9 +312,14 @@ export class Session {
       return b.count > 0 && (!held || held.detail > detail);
     });
     if (wanted.length === 0) return;
-    await this.fetcher.steps(step => this.decoder.bucketReads(wanted, detail, step), steps.all, signal);
     this.#evict(new Set(buckets.map(keyOf)), wanted.reduce((n, b) => n + roundedRows(b.count), 0));
+    await this.fetcher.steps(step => this.decoder.bucketReads(wanted, detail, step), steps.directory, signal);
+    const parts = [];
     for (const bucket of wanted) {
+      parts.push({bucket, ranges: await this.fetcher.with(() => this.decoder.bucketReads([bucket], detail, steps.all), signal)});
+    }
+    const fetching = this.fetcher.fetch(parts.flatMap(p => p.ranges), signal);
+    for await (const {bucket} of this.fetcher.arrivals(parts, fetching)) {
       const began = performance.now();
       const rows = await this.fetcher.with(() => this.decoder.rows(bucket.layer, bucket.bucket, detail), signal);
       this.decodeSeconds += (performance.now() - began) / 1000;
@@ -175,6 +328,7 @@ export class Session {
       this.post({type: 'rows', key, bucket, detail, ...rows}, [rows.geometry.buffer, rows.sh.buffer]);
       if (signal.aborted) throw abortError();
     }
+    await fetching;
     this.#losses();
   }
 
@@ -210,14 +364,14 @@ export class Session {
     let rows = 0;
     for (const held of this.held.values()) rows += held.rows;
     return {
-      bytes: this.fetcher.bytes, throughput: this.fetcher.throughput, rows, lost: this.lost,
+      bytes: this.fetcher.bytes, throughput: this.throughput, rows, lost: this.lost,
       requests: this.fetcher.source.requests ?? 0, decodeSeconds: this.decodeSeconds,
       memoryBytes: (this.decoder?.memoryBytes ?? 0) + this.store.bytes
     };
   }
 
   /**
-   * Spans of time, in seconds, whose bytes are here in base colour. @returns {[number, number][]}
+   * Spans of time, in seconds, whose bytes are here as the lowest rung wants them. @returns {[number, number][]}
    */
   buffered() {
     if (!this.isOpen || !this.goal) return [];
@@ -237,7 +391,7 @@ export class Session {
 
   /** @param {number} time */
   #isBuffered(time) {
-    const reads = this.decoder.windowReads(time, time, {detail: details.base}, steps.all);
+    const reads = this.decoder.windowReads(time, time, {maxTier: 0, detail: details.base}, steps.all);
     return reads !== undefined && reads.every(([offset, size]) => this.store.has(offset, size));
   }
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Where bytes come from. A source has open(signal), which returns the size, and
-// read(offset, size, signal, onBytes), which calls onBytes(offset, bytes) as they arrive.
+// read(offset, size, signal, onBytes, onStart), which calls onBytes(offset, bytes) as they arrive and, over a network,
+// onStart() when the answer begins.
 import {abortError, L4DError} from './errors.js';
 
 /** @typedef {(offset: number, bytes: Uint8Array) => void} OnBytes */
@@ -115,12 +116,15 @@ export class HttpSource {
     if (this.body) this.#readWhole(this.body, onBytes);
   }
 
-  /** @param {number} offset @param {number} size @param {AbortSignal} signal @param {OnBytes} onBytes */
-  async read(offset, size, signal, onBytes) {
+  /**
+   * @param {number} offset @param {number} size @param {AbortSignal} signal @param {OnBytes} onBytes
+   * @param {() => void} [onStart]
+   */
+  async read(offset, size, signal, onBytes, onStart = () => {}) {
     if (this.isWhole) return this.#awaitWhole(offset + size, signal);
     for (let attempt = 0; ; ++attempt) {
       try {
-        return await this.#readRange(offset, size, signal, onBytes);
+        return await this.#readRange(offset, size, signal, onBytes, onStart);
       } catch (error) {
         const failure = /** @type {any} */ (error);
         if (failure?.name === 'AbortError') throw error;
@@ -161,9 +165,13 @@ export class HttpSource {
     return response;
   }
 
-  /** @param {number} offset @param {number} size @param {AbortSignal} signal @param {OnBytes} onBytes */
-  async #readRange(offset, size, signal, onBytes) {
+  /**
+   * @param {number} offset @param {number} size @param {AbortSignal} signal @param {OnBytes} onBytes
+   * @param {() => void} onStart
+   */
+  async #readRange(offset, size, signal, onBytes, onStart) {
     const response = await this.#request(offset, size, signal);
+    onStart();
     const etag = response.headers.get('ETag') ?? '';
     if (this.etag && etag !== this.etag) {
       void response.body?.cancel();

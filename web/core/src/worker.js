@@ -25,7 +25,8 @@ const sourceOf = ({url, blob, buffer, headers, credentials}) => {
 /** @type {Record<string, (message: any, signal: AbortSignal) => Promise<[any, Transferable[]?]>>} */
 const answers = {
   async open(message, signal) {
-    const wasm = await compile(message.wasm ?? fetch(message.wasmUrl, {signal}));
+    // While it compiles, the first bytes come.
+    const wasm = compile(message.wasm ?? fetch(message.wasmUrl, {signal}));
     session = new Session(wasm, sourceOf(message.source), post, message.options);
     return [await session.open(signal)];
   },

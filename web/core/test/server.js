@@ -4,13 +4,14 @@ import {createServer} from 'node:http';
 
 /**
  * @param {Uint8Array} bytes
- * @param {{ranges?: boolean, etag?: () => string, fail?: (count: number) => number | 'cut' | undefined}} [options]
- * fail: a status to answer instead, or 'cut': half of the answer
+ * @param {{ranges?: boolean, etag?: () => string, fail?: (count: number) => number | 'cut' | undefined, rate?: number}} [options]
+ * fail: a status to answer instead, or 'cut': half of the answer; rate: bytes a second of all answers together
  */
-export const serve = async (bytes, {ranges = true, etag = () => '"1"', fail} = {}) => {
+export const serve = async (bytes, {ranges = true, etag = () => '"1"', fail, rate = Infinity} = {}) => {
+  let free = 0;
   /** @type {[number, number][]} */
   const requests = [];
-  const server = createServer((request, response) => {
+  const server = createServer(async (request, response) => {
     const match = /^bytes=(\d+)-(\d+)$/.exec(request.headers.range ?? '');
     const begin = match ? Number(match[1]) : 0;
     const end = Math.min(match ? Number(match[2]) + 1 : bytes.length, bytes.length);
@@ -28,7 +29,13 @@ export const serve = async (bytes, {ranges = true, etag = () => '"1"', fail} = {
     if (fault === 'cut') {
       response.write(body.subarray(0, body.length / 2), () => response.destroy());
     } else {
-      response.end(body);
+      for (let at = 0; at < body.length && rate < Infinity; at += 4096) {
+        free = Math.max(free, performance.now()) + 1000 * 4096 / rate;
+        await new Promise(resolve => setTimeout(resolve, free - performance.now()));
+        if (response.destroyed) return;
+        response.write(body.subarray(at, at + 4096));
+      }
+      response.end(rate < Infinity ? undefined : body);
     }
   });
   await new Promise(resolve => server.listen(0, '127.0.0.1', () => resolve(undefined)));

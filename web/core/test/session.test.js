@@ -5,7 +5,7 @@ import {test} from 'node:test';
 import {Session} from '../src/session.js';
 import {BlobSource, BufferSource, HttpSource} from '../src/sources.js';
 import {blockBytes, ByteStore} from '../src/store.js';
-import {read, streams, until, wasm} from './fixture.js';
+import {read, streamOf, streams, until, wasm} from './fixture.js';
 import {serve} from './server.js';
 
 const bytes = read(streams[0]);
@@ -76,6 +76,102 @@ test('few requests bring the first picture, and no byte comes twice', async () =
     const sum = server.requests.reduce((n, [, size]) => n + size, 0);
     assert.ok(server.requests.length <= 8, `${server.requests.length} requests`);
     assert.ok(sum <= bytes.length + 3 * blockBytes, `${sum} of ${bytes.length} bytes`);
+    s.session.dispose();
+  } finally {
+    server.close();
+  }
+});
+
+test('tiers come one after the other, then detail; the first with a part of the bytes', async () => {
+  const tiers = read(streamOf('tiers'));
+  const server = await serve(tiers);
+  try {
+    const s = sessionOf(new HttpSource(server.url));
+    const info = await s.session.open();
+    assert.equal(info.lastTier, 2);
+    /** @type {Record<string, number>} */
+    const bytesOf = {};
+    s.session.post = message => {
+      s.posts.push(message);
+      if (message.type === 'ready') bytesOf[`${message.detail} ${message.tier}`] ??= s.session.fetcher.bytes;
+    };
+    s.session.want({time: info.timeBegin, ahead: 0, detail: 'auto'}, true);
+    await until(() => s.of('ready').some(r => r.detail === 'full'), 'all of it');
+    assert.deepEqual(Object.keys(bytesOf), ['base 0', 'base 1', 'base 2', 'full 2']);
+    assert.ok(bytesOf['base 0'] < 0.7 * bytesOf['base 2'], JSON.stringify(bytesOf));
+    // What has come as a tier in base colours is there again in detail.
+    const counts = Object.values(rowsOf(s));
+    s.session.want({time: info.timeBegin, ahead: 0, detail: 'auto', maxTier: 0}, true);
+    await until(() => s.of('ready').at(-1).tier === 0, 'the first tier again');
+    assert.equal(Object.values(rowsOf(s)).length, counts.length);
+    assert.deepEqual(s.of('error'), []);
+    s.session.dispose();
+  } finally {
+    server.close();
+  }
+});
+
+test('a tier is the last that is fetched where more are not wanted', async () => {
+  const server = await serve(read(streamOf('tiers')));
+  try {
+    const s = sessionOf(new HttpSource(server.url));
+    const info = await s.session.open();
+    s.session.want({time: info.timeBegin, ahead: 0, detail: 'auto', maxTier: 1}, true);
+    await until(() => s.of('ready').some(r => r.detail === 'full'), 'the second tier in full');
+    assert.deepEqual([...new Set(s.of('ready').map(r => `${r.detail} ${r.tier}`))], ['base 0', 'base 1', 'full 1']);
+    const layers = new Set(s.of('rows').map(r => r.bucket.layer));
+    s.session.want({time: info.timeBegin, ahead: 0, detail: 'auto'}, true);
+    await until(() => s.of('ready').at(-1).tier === 2 && s.of('ready').at(-1).detail === 'full', 'all tiers');
+    assert.ok(new Set(s.of('rows').map(r => r.bucket.layer)).size > layers.size);
+    s.session.dispose();
+  } finally {
+    server.close();
+  }
+});
+
+test('a link that is too slow for all plays what it can bring, without a stall', async () => {
+  const tiers = read(streamOf('tiers'));
+  const server = await serve(tiers, {rate: 70_000});  // of 50,000 for a second of it all, which is not enough here
+  try {
+    const s = sessionOf(new HttpSource(server.url));
+    const info = await s.session.open();
+    const goal = (/** @type {number} */ time) => ({time, ahead: 6, detail: /** @type {const} */ ('auto'), playing: true});
+    s.session.want(goal(info.timeBegin), true);
+    await until(() => s.of('ready').length > 0, 'the first picture');
+    const began = performance.now();
+    let late = 0;
+    for (let time = info.timeBegin; time < info.timeBegin + 3; time = info.timeBegin + (performance.now() - began) / 1000) {
+      s.session.want(goal(time), false);
+      const until = Math.max(...s.of('ready').map(r => r.until));
+      if (time > until) ++late;
+      await new Promise(resolve => setTimeout(resolve, 250));
+    }
+    assert.ok(late <= 1, `${late} of 12 instants were late`);
+    // The instant in full would have come first without the controller.
+    assert.equal(s.of('ready').find(r => r.until > info.timeBegin + 1)?.detail, 'base');
+    assert.deepEqual(s.of('error'), []);
+    s.session.dispose();
+  } finally {
+    server.close();
+  }
+});
+
+test('a seek to the instant that is under way cancels nothing, and is answered', async () => {
+  const server = await serve(bytes, {rate: 400_000});
+  try {
+    const s = sessionOf(new HttpSource(server.url));
+    const info = await s.session.open();
+    const goal = {time: info.timeBegin, ahead: 0, detail: /** @type {const} */ ('auto')};
+    s.session.want(goal, true);
+    await until(() => server.requests.length > 1, 'a request');
+    const {signal} = s.session.control;
+    s.session.want({...goal, id: 3}, true);
+    assert.ok(!signal.aborted);
+    await until(() => s.of('ready').some(r => r.id === 3 && r.detail === 'full'), 'the answer');
+    s.session.want({...goal, id: 4}, true);
+    await until(() => s.of('ready').some(r => r.id === 4), 'the answer to one that is here');
+    const sent = server.requests.map(([offset]) => offset);
+    assert.equal(new Set(sent).size, sent.length, `${sent}`);
     s.session.dispose();
   } finally {
     server.close();

@@ -51,7 +51,8 @@ export class L4DPlayer extends Base {
 
   /** @param {string} name @param {string | null} before @param {string | null} value */
   attributeChangedCallback(name, before, value) {
-    if (name === 'src' && value && value !== before && this.isConnected) void this.load(value);
+    // Before the view is there, connectedCallback is still to come, and loads it.
+    if (name === 'src' && value && value !== before && this.view) void this.load(value);
     if (name === 'poster') {
       this.$('.poster').hidden = !value;
       this.$('.poster').src = value ?? '';

@@ -54,7 +54,7 @@ export const overlayLines = (movie, view, fps) => {
     ['sort, draw', `${number(view.stats.sortMs, 1)}, ${number(view.stats.drawMs, 1)} ms`],
     ['network', throughput > 0 ? `${number(throughput / 1e6, 1)} Mbit/s` : 'local'],
     ['loaded', `${number(bytes / 1e6, 2)} of ${number(movie.info.fileBytes / 1e6, 2)} MB`],
-    ['detail', `${movie.ready.detail}, ${movie.maxLevel > 1e9 ? 'all levels' : `level ${movie.maxLevel}`}`],
+    ['detail', `${movie.ready.detail}, ${movie.info.lastTier > 0 ? `tier ${movie.ready.tier} of ${movie.info.lastTier}, ` : ''}${movie.maxLevel > 1e9 ? 'all levels' : `level ${movie.maxLevel}`}`],
     ['buffer', `${number(movie.secondsAhead, 1)} s`],
     ['lost', String(lost)],
     ['memory', `${number(memoryBytes / 1e6)} MB`]
