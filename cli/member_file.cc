@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "cli/text/progress.h"
+#include "cli/text/units.h"
 #include "io/file.h"
 
 namespace l4d::cli {
@@ -96,6 +97,30 @@ l4d_member_parameters parameters_of(const MemberInfo& m) {
   p.needs = m.needs.data();
   p.num_needs = static_cast<uint32_t>(m.needs.size());
   return p;
+}
+
+void note_members(Context& context, const Input& input, const l4d_timeline& timeline) {
+  std::unique_ptr<MemberFile> opened;
+  try {
+    opened = std::make_unique<MemberFile>(context, input.path());
+  } catch (const Failure&) {
+    return;  // a damaged file, which the command may still read in part
+  }
+  const MemberFile& file = *opened;
+  const auto number =
+      static_cast<size_t>(std::count_if(file.members().begin(), file.members().end(),
+                                        [](const MemberInfo& m) { return !m.is_index(); }));
+  if (number > 1) {
+    context.note(input.name() + " has " + std::to_string(number) +
+                 " streams, of which the first one is taken; `l4dcodec cut --member` takes others");
+  }
+  const l4d_member& first = file.members().front().member;
+  const double end = timeline.time_begin + io::duration(timeline);
+  const double shown = first.begin - first.shift, shown_end = first.end - first.shift;
+  const double rounding = 1e-9 * io::duration(timeline);
+  if (shown <= timeline.time_begin + rounding && shown_end >= end - rounding) return;
+  context.note(input.name() + " presents " + format_time(shown) + " to " + format_time(shown_end) +
+               " s of its sequence; it may lack what is seen at other times");
 }
 
 int MemberWriter::write(void* user, const void* src, size_t n) {

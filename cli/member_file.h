@@ -78,4 +78,8 @@ class MemberWriter {
 
 l4d_member_parameters parameters_of(const MemberInfo& member);
 
+// Notes what a command that reads one stream does not take of a file: other members, and times
+// that the stream does not present.
+void note_members(Context& context, const Input& input, const l4d_timeline& timeline);
+
 }  // namespace l4d::cli

@@ -3,6 +3,8 @@
 
 #include <utility>
 
+#include "cli/member_file.h"
+
 namespace l4d::cli {
 
 l4d_renderer_options renderer_options(const Context& context, const std::string& path,
@@ -34,7 +36,15 @@ eval::RenderedScene render_input(Context& context, const Input& input,
                                  uint32_t scenes) {
   eval::Rendering rendering = rendering_of(context, path, scenes);
   eval::RenderedScene::Source source = eval::StreamFile{input.path()};
-  if (input.is_ply()) source = load_scene(context, input, arguments).scene;
+  if (input.is_ply()) {
+    source = load_scene(context, input, arguments).scene;
+  } else {
+    about(input.name(), [&] {
+      DecoderHandle decoder(&rendering.decoder);
+      decoder.open_file(input.path());
+      note_members(context, input, decoder.info().timeline);
+    });
+  }
   return eval::RenderedScene(std::move(rendering), std::move(source), input.name());
 }
 

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "cli/member_file.h"
 #include "cli/text/progress.h"
 #include "cli/text/units.h"
 
@@ -62,6 +63,7 @@ LoadedScene load_scene(Context& context, const Input& input, const ImportArgumen
     Progress progress(context, "read");
     decoder.check(l4d_decoder_set_progress(decoder.get(), &Progress::callback, &progress));
     decoder.check(l4d_decoder_open_file(decoder.get(), input.path().c_str()));
+    note_members(context, input, decoder.info().timeline);
     return decode_scene(context, decoder);
   });
 }
@@ -76,7 +78,10 @@ SceneStream::SceneStream(Context& context, const Input& input, const ImportArgum
         return DecoderHandle(&options);
       }()) {
   if (!input.is_ply()) {
-    about(input.name(), [&] { decoder_.open_file(input.path()); });
+    about(input.name(), [&] {
+      decoder_.open_file(input.path());
+      note_members(context, input, decoder_.info().timeline);
+    });
     source_ = "l4d";
   } else {
     const io::Scene scene = import_ply(context, input, arguments);

@@ -16,6 +16,7 @@ struct CutArguments {
   std::string output;
   std::string from;
   std::string to;
+  std::string member;  // its number
 };
 
 struct Span {
@@ -24,7 +25,9 @@ struct Span {
 
 Span parse_span(const CutArguments& arguments) {
   constexpr double kEver = std::numeric_limits<double>::infinity();
-  if (arguments.from.empty() && arguments.to.empty()) throw usage_error("--from or --to is needed");
+  if (arguments.from.empty() && arguments.to.empty() && arguments.member.empty()) {
+    throw usage_error("--from, --to or --member is needed");
+  }
   check_order(arguments.from, arguments.to, false);
   return {arguments.from.empty() ? -kEver : parse_seconds(arguments.from, "--from"),
           arguments.to.empty() ? kEver : parse_seconds(arguments.to, "--to")};
@@ -43,7 +46,32 @@ l4d_member_parameters part_of(const MemberInfo& m, const Span& span) {
 struct Cut {
   uint32_t kept = 0;
   uint64_t bytes = 0;
+  double begin = 0, end = 0;  // what the output presents
 };
+
+// One member, as a file of its own.
+Cut take_member(const Context& context, const std::string& name, const MemberFile& file,
+                const CutArguments& arguments, const Span& span, Output& output) {
+  const std::vector<MemberInfo>& members = file.members();
+  const double number = parse_number(arguments.member, "--member");
+  const auto m = std::find_if(members.begin(), members.end(), [&](const MemberInfo& i) {
+    return i.member.number == number && !i.is_index();
+  });
+  if (m == members.end()) {
+    throw usage_error(name + " has no member " + arguments.member + "; `info` lists them");
+  }
+  if (m->member.begin >= span.end || m->member.end <= span.begin) {
+    throw usage_error("nothing of that member is between --from and --to");
+  }
+  l4d_member_parameters p = part_of(*m, span);
+  p.is_member = 0;
+  MemberWriter writer(context);
+  const auto index = static_cast<size_t>(m - members.begin());
+  const l4d_status status = writer.add(file.reader(index), p);
+  if (status != L4D_OK) throw Failure(status, name + ": " + l4d_last_error_message());
+  return {1, writer.finish(output), std::max(span.begin, m->member.begin) - m->member.shift,
+          std::min(span.end, m->member.end) - m->member.shift};
+}
 
 Cut cut_file(const Context& context, const std::string& name, const MemberFile& file,
              const Span& span, Output& output) {
@@ -63,6 +91,8 @@ Cut cut_file(const Context& context, const std::string& name, const MemberFile& 
   }
   MemberWriter writer(context);
   Cut cut;
+  cut.begin = std::max(span.begin, file.begin());
+  cut.end = std::min(span.end, file.end());
   for (size_t i = 0; i < file.members().size(); ++i) {
     const MemberInfo& m = file.members()[i];
     const bool standing =
@@ -91,18 +121,15 @@ Outcome run_cut(Context& context, const CutArguments& arguments) {
   file.require_whole(input.name());
   Outcome outcome;
   outcome.stdout_is_data = output.is_stdout();
-  const Cut cut = cut_file(context, input.name(), file, span, output);
-  const double begin = std::max(span.begin, file.begin()), end = std::min(span.end, file.end());
-  outcome.json = {{"schema", "l4dcodec.cut/1"},
-                  {"input", input.name()},
-                  {"output", arguments.output},
-                  {"begin", begin},
-                  {"end", end},
-                  {"num_members", cut.kept},
-                  {"input_bytes", input.bytes()},
-                  {"file_bytes", cut.bytes}};
+  const bool one = !arguments.member.empty();
+  const Cut cut = one ? take_member(context, input.name(), file, arguments, span, output)
+                      : cut_file(context, input.name(), file, span, output);
+  outcome.json = {
+      {"schema", "l4dcodec.cut/1"},   {"input", input.name()},  {"output", arguments.output},
+      {"begin", cut.begin},           {"end", cut.end},         {"num_members", cut.kept},
+      {"input_bytes", input.bytes()}, {"file_bytes", cut.bytes}};
   outcome.text = format("%s: %s to %s s, %s of %s\n", arguments.output.c_str(),
-                        format_time(begin).c_str(), format_time(end).c_str(),
+                        format_time(cut.begin).c_str(), format_time(cut.end).c_str(),
                         format_bytes(cut.bytes).c_str(), format_bytes(input.bytes()).c_str());
   return outcome;
 }
@@ -122,6 +149,9 @@ void add_cut(Registry& registry) {
       ->type_name("T");
   verb->add_option("--to", arguments->to, "End of the part; the end of the file if left out")
       ->type_name("T");
+  verb->add_option("--member", arguments->member,
+                   "Take the member of this number alone, as a stream of its own")
+      ->type_name("N");
   verb->footer(
       "Times stay as they are. The part says which times it presents and leaves out pages of "
       "which\n"

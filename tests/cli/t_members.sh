@@ -66,6 +66,22 @@ expect_document 0 cut abc.l4d -o last.l4d --from 1.8
 expect_json out 'd["num_members"] == 1'
 expect_document 0 validate last.l4d
 
+# Commands that read one stream say what they leave, and one member is a stream.
+expect_document 0 slice abc.l4d --time 0.5 --digest
+expect_json out 'any("3 streams" in n for n in d["notes"])'
+expect_json out 'any("presents 0 to 1 s" in n for n in d["notes"])'
+expect_document 0 decode b.l4d --digest
+expect_json out 'len(d["notes"]) == 1 and "presents 1 to 1.7 s" in d["notes"][0]'
+expect 0 render b.l4d --time 1.5 --size 32x24 -o b.png
+expect_text err 'presents 1 to 1.7 s'
+expect_document 0 decode s.l4d --digest
+expect_json out 'd["notes"] == []'
+expect_document 0 cut abc.l4d --member 1 -o one.l4d
+expect_json out '(d["begin"], d["end"]) == (1, 1.7)'
+cmp one.l4d b.l4d || die "a member is not the piece that it was"
+expect 2 cut abc.l4d --member 9 -o x.l4d
+expect_text err 'no member 9'
+
 # A recording that broke off: the whole members stay.
 size=$(wc -c < abc.l4d)
 third=$(json listed 'd["members"][2]["offset"]')
