@@ -85,6 +85,7 @@ def broken():
     standing = stream(member(0, STANDING))
     yield "HEAD-21", stream(more_bytes=1)
     yield "HEAD-21 member", first + stream(member(1, shift=LENGTH), more_bytes=1)
+    yield "HEAD-21 header", stream(more_bytes=-1, header_last=True)
     yield "CHNK-1 file bytes", stream(more_bytes=-1)
     yield "HEAD-8 needs", stream(member(3, needs=[0]))
     yield "MEMB-1", stream(member(0), member(0))

@@ -69,7 +69,7 @@ def read_member(data, offset, before):
         check_header(header, len(chunk.raw), needs_are_shown=True)
         size = int(header["file_bytes"]) or len(file.data)
         require(size <= len(file.data), "HEAD-21", f"a stream of {size} bytes, {len(file.data)} are there")
-        require(chunk.at + len(chunk.raw) <= size, "CHNK-1", "the scene header lies behind its stream")
+        require(chunk.at + len(chunk.raw) <= size, "HEAD-21", "the scene header lies behind its stream")
         file = File(file.data[:size])
         number = before[-1].own["number"] + 1 if before else 0
         own = {"stream": before[0].own["stream"] if before else 0, "number": number, "role": MEDIA, "shift": 0.0,

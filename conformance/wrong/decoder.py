@@ -176,7 +176,7 @@ def chunk_hash_ignored():
 
 @mistake("faulty/HEAD-9", "the rules of the scene header are not looked at")
 def header_rules_ignored():
-    decoder.check_header = lambda h, size: None
+    decoder.check_header = lambda *_, **__: None
 
 
 @mistake("faulty/CHNK-4", "chunks may overlap")
@@ -262,10 +262,15 @@ def minor_version_refused():
 def extensions_refused():
     before = decoder.check_header
 
-    def check(h, size):
+    def check(h, *more):
         arithmetic.require(not h["extensions"], "HEAD-8", "an extension")
-        before(h, size)
+        before(h, *more)
     decoder.check_header = check
+
+
+@mistake("faulty/CHNK-1-file-bytes", "a stream is taken to reach to the end of its file")
+def end_of_file():
+    file.File.limit = lambda *_: None
 
 
 def main(arguments):

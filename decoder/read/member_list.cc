@@ -147,7 +147,7 @@ Status MemberList::read_header(uint64_t offset, MemberHeader* out) {
   }
   // So no byte is read for two members.
   if (head.header_offset > m.bytes || head.header_bytes > m.bytes - head.header_offset) {
-    return Status(L4D_ERR_TRUNCATED, "CHNK-1", offset, "the scene header lies behind its stream");
+    return Status(L4D_ERR_TRUNCATED, "HEAD-21", offset, "the scene header lies behind its stream");
   }
   out->extensions = read_extensions(bytes);
   L4D_RETURN_IF_ERROR(read_extensions_of(out));
