@@ -45,6 +45,7 @@ ListedMember listed(const MemberRecord& r) {
 void MemberList::clear() {
   members_.clear();
   needs_.clear();
+  held_.shrink_to(0);
   stream_ = 0;
   has_media_ = false;
   is_from_index_ = false;
@@ -73,8 +74,6 @@ Status MemberList::read_chunk(const ListedMember& member, const Extension& exten
       chunk.stored_bytes > kMaxExtensionBytes) {
     return corrupt("MEMB-2", at, "the chunk of an extension is coded, or too large");
   }
-  MemoryCharge charge(memory_);
-  L4D_RETURN_IF_ERROR(charge.take(chunk.stored_bytes, "the chunk of an extension"));
   Bytes storage;
   ByteSpan bytes;
   L4D_RETURN_IF_ERROR(source_.read(at, chunk.stored_bytes, storage, &bytes));
@@ -94,6 +93,9 @@ Status MemberList::read_extensions_of(MemberHeader* out) {
     if (is_member ? out->has_extension : out->has_edit) {
       return corrupt("MEMB-1", out->listed.offset, "an extension occurs twice");
     }
+    MemoryCharge charge(memory_);
+    // As it is read, aligned, and as it is parsed.
+    L4D_RETURN_IF_ERROR(charge.take(4 * uint64_t{e.chunk.stored_bytes}, "an extension"));
     L4D_RETURN_IF_ERROR(read_chunk(out->listed, e, &chunk));
     const uint64_t at = out->listed.offset + e.chunk.offset;
     out->chunks.push_back(e.chunk);
@@ -194,6 +196,9 @@ Status MemberList::append(const ListedMember& m, const std::vector<uint32_t>& ne
     media_end_ = m.end;
     has_media_ = true;
   }
+  // A vector that grows holds the old elements, the new ones and room for as many again.
+  const uint64_t bytes = 3 * (sizeof(ListedMember) + needs.size() * sizeof(uint32_t));
+  L4D_RETURN_IF_ERROR(held_.take(bytes, "the list of members"));
   members_.push_back(m);
   members_.back().first_need = needs_.size();
   needs_.insert(needs_.end(), needs.begin(), needs.end());

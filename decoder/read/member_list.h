@@ -43,7 +43,7 @@ class MemberList {
   // More members than a writer of 2 second members makes in 24 days.
   static constexpr size_t kMaxMembers = size_t{1} << 20;
 
-  // memory: for what is read of one member at a time; the list itself has at most kMaxMembers.
+  // memory: of the list, and of what is read of one member at a time.
   MemberList(ByteSource& source, MemoryBudget& memory) : source_(source), memory_(memory) {}
 
   // Takes the list of the index at the end of the file, or else walks.
@@ -82,6 +82,7 @@ class MemberList {
 
   ByteSource& source_;
   MemoryBudget& memory_;
+  MemoryCharge held_{memory_};  // for members_ and needs_
   std::vector<ListedMember> members_;
   std::vector<uint32_t> needs_;
   uint64_t stream_ = 0;

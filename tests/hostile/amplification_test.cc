@@ -10,6 +10,7 @@
 #ifdef L4D_TEST_RENDERER
 #include "l4d/render.hpp"
 #endif
+#include "l4d/members.h"
 #include "tests/common/codec.h"
 #include "tests/common/flat.h"
 #include "tests/common/stream_editor.h"
@@ -472,6 +473,61 @@ TEST(Amplification, SharedMetadata) {
   print_row("metadata entries that share a string", file.size(), cost.held, "B held",
             "HEAD-1 (tables), HEAD-13");
   EXPECT_LT(cost.held, 40 * file.size());
+}
+
+// `count` standing members, copies of one stream, and an index if asked for.
+Bytes many_members(const Bytes& stream, uint32_t count, bool with_index) {
+  Bytes file;
+  l4d_writer writer;
+  l4d_writer_init(&writer);
+  writer.user = &file;
+  writer.write = [](void* user, const void* src, size_t n) {
+    const auto* bytes = static_cast<const unsigned char*>(src);
+    append(*static_cast<Bytes*>(user), Bytes(bytes, bytes + n));
+    return 0;
+  };
+  l4d_member_parameters p;
+  l4d_member_parameters_init(&p);
+  p.is_member = 1;
+  p.role = L4D_MEMBER_STANDING;
+  const l4d_reader reader = memory_reader(stream);
+  for (p.number = 0; p.number < count; ++p.number) {
+    EXPECT_EQ(l4d_copy_member(&reader, nullptr, &p, &writer, nullptr), L4D_OK);
+  }
+  if (!with_index) return file;
+  const Bytes members = file;
+  const l4d_reader whole = memory_reader(members);
+  l4d_members* list = nullptr;
+  EXPECT_EQ(l4d_members_open(&whole, nullptr, &list), L4D_OK);
+  EXPECT_EQ(l4d_write_member_index(list, &writer, nullptr), L4D_OK);
+  l4d_members_destroy(list);
+  return file;
+}
+
+uint64_t cost_of_list(const Bytes& file, uint64_t memory, l4d_status want) {
+  const l4d_reader reader = memory_reader(file);
+  l4d_members_options options;
+  l4d_members_options_init(&options);
+  options.max_memory_bytes = memory;
+  const AllocationMeter meter;
+  l4d_members* list = nullptr;
+  EXPECT_EQ(l4d_members_open(&reader, &options, &list), want);
+  const uint64_t held = meter.peak();
+  l4d_members_destroy(list);
+  return held;
+}
+
+// A list of members has an entry for each, whether it comes from their headers or from an index.
+TEST(Amplification, Members) {
+  constexpr uint32_t kMembers = 3000;
+  for (const bool with_index : {false, true}) {
+    const Bytes file = many_members(tiny_file(), kMembers, with_index);
+    const uint64_t held = cost_of_list(file, 256 * kMiB, L4D_OK);
+    print_row(with_index ? "the same with an index" : "3,000 members", file.size(), held, "B held",
+              "max_memory_bytes");
+    EXPECT_LT(held, kMembers * 600);
+    EXPECT_LT(cost_of_list(file, kMiB / 8, L4D_ERR_LIMIT_EXCEEDED), kMiB / 2);
+  }
 }
 
 }  // namespace
