@@ -70,6 +70,28 @@ TEST(Training, ResumesWithTheSameBits) {
   EXPECT_TRUE(whole == test::bytes_of(folder / "parts/scene.ply"));
 }
 
+// A tenth of the rows goes five times, and none comes back; a run that is interrupted between two
+// of these times goes on with the same bits.
+TEST(Training, PrunesForTheCodec) {
+  const Folder folder;
+  RunOptions options = tiny_run(folder / "off", 100);
+  Listener listener;
+  const uint64_t all = train(options, &listener).gaussians;
+  options.folder = folder / "prune";
+  options.settings.codec = "prune";
+  const uint64_t left = train(options, &listener).gaussians;
+  EXPECT_LE(static_cast<double>(left), 0.62 * static_cast<double>(all));
+  EXPECT_GE(static_cast<double>(left), 0.5 * static_cast<double>(all));
+
+  options.folder = folder / "parts";
+  Listener first(72);
+  EXPECT_THROW(train(options, &first), io::Error);
+  options.resume = true;
+  train(options, &listener);
+  EXPECT_TRUE(test::bytes_of(folder / "prune/scene.ply") ==
+              test::bytes_of(folder / "parts/scene.ply"));
+}
+
 TEST(Training, RefusesToReplaceOrMixRuns) {
   const Folder folder;
   RunOptions options = tiny_run(folder / "run", 6);

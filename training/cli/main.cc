@@ -246,6 +246,10 @@ void add_train(CLI::App& app, Arguments& a) {
   verb->add_option("--exposure", s.exposure, "Colours of cameras: auto (on from 8 videos), on, off")
       ->capture_default_str();
   verb->add_option("--density", s.density, "relocate, off")->capture_default_str();
+  verb->add_option(
+          "--codec", s.codec,
+          "For the size of the stream: off; prune removes the Gaussians that images miss least")
+      ->capture_default_str();
   verb->add_option("--adam", s.adam, "dense, sparse")->capture_default_str();
   verb->add_option("--backend", s.backend, "cpu, cuda; auto takes a CUDA device where there is one")
       ->capture_default_str();

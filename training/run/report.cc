@@ -43,6 +43,7 @@ Json object_of(const Settings& s) {
           {"sh_degree", s.sh_degree},
           {"exposure", s.exposure},
           {"density", s.density},
+          {"codec", s.codec},
           {"adam", s.adam},
           {"backend", s.backend},
           {"drift", s.drift},
@@ -78,6 +79,7 @@ Settings settings_of(const std::string& text) {
     j.at("sh_degree").get_to(s.sh_degree);
     j.at("exposure").get_to(s.exposure);
     j.at("density").get_to(s.density);
+    j.at("codec").get_to(s.codec);
     j.at("adam").get_to(s.adam);
     j.at("backend").get_to(s.backend);
     j.at("drift").get_to(s.drift);

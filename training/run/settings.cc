@@ -49,6 +49,7 @@ std::string text_of(const Settings& s) {
   line("sh_degree", std::to_string(s.sh_degree));
   line("exposure", s.exposure);
   line("density", s.density);
+  line("codec", s.codec);
   line("adam", s.adam);
   line("backend", s.backend);
   line("drift", number(s.drift));
@@ -72,6 +73,9 @@ void check(const Settings& s) {
     fail("--exposure is " + s.exposure + "; it must be auto, on or off");
   if (!is_one_of(s.density, {"relocate", "off"}))
     fail("--density is " + s.density + "; it must be relocate or off");
+  if (!is_one_of(s.codec, {"off", "prune"}))
+    fail("--codec is " + s.codec + "; it must be off or prune");
+  if (s.codec == "prune" && s.density == "off") fail("--codec prune needs --density relocate");
   if (!is_one_of(s.adam, {"dense", "sparse"}))
     fail("--adam is " + s.adam + "; it must be dense or sparse");
   if (!is_one_of(s.backend, {"auto", "cpu", "cuda"}))

@@ -23,12 +23,13 @@ struct Settings {
   uint32_t sh_degree = 3;
   std::string exposure = "auto";             // auto, on, off
   std::string density = "relocate";          // relocate, off
+  std::string codec = "off";                 // off, prune
   std::string adam = "dense";                // dense, sparse
   std::string backend = "auto";              // auto, cpu, cuda
   double drift = 2;                          // kappa
   double error_weight = 1;                   // beta
   double near = kAutoNear;                   // cameras see nothing nearer, in units of their radius
-  double opacity_weight = 0.03;             // regularisers: of the mean opacity
+  double opacity_weight = 0.03;              // regularisers: of the mean opacity
   double scale_weight = 0.05;                // of the mean scale, in units of the radius
   double max_scale = 1;                      // of Gaussians, of the radius
   uint64_t host_memory = uint64_t{8} << 30;  // bytes of images

@@ -6,6 +6,7 @@
 
 #include "io/metrics.h"
 #include "libl4dcodec/scene/slice.h"
+#include "training/density/prune.h"
 #include "training/step/random.h"
 
 namespace l4d::train {
@@ -21,6 +22,10 @@ constexpr uint32_t kMinHalfSize = 64;  // pixels: smaller images are not halved
 constexpr uint64_t kWatchFrom = 2000;  // steps
 constexpr double kUnsynchronised = 3;  // times the median loss
 constexpr double kMinCoverage = 1e-8;  // per pixel
+// Of --codec prune: five times a tenth of the rows.
+constexpr uint64_t kPrunes = 5;
+constexpr double kPruneBegin = 0.6, kPruneEvery = 0.05, kPruneShare = 0.1;
+constexpr size_t kPruneViews = 64;  // that losses are measured on, at most
 constexpr float kIdentity[12] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
 
 }  // namespace
@@ -282,6 +287,7 @@ DensityChange Trainer::change_density(uint64_t step, double f) {
   if (settings_.density == "off") return change;
   const double total = settings_.seconds > 0 ? 1e9 : static_cast<double>(settings_.steps);
   const double begin = std::min(kDensityBegin, total / 10);
+  prune(f);
   if (f >= kDensityEnd) {
     if (!state_.swept) sweep(step);
     state_.swept = true;
@@ -293,6 +299,7 @@ DensityChange Trainer::change_density(uint64_t step, double f) {
   const double before = std::floor(per_step * static_cast<double>(step - 1));
   uint64_t growth =
       static_cast<uint64_t>(std::floor(per_step * static_cast<double>(step)) - before);
+  if (state_.prunes > 0) growth = 0;  // what is removed does not come back
   growth = std::min(growth, settings_.gaussians - std::min(settings_.gaussians, backend_->count()));
   DensityStep density;
   density.seed = settings_.seed;
@@ -318,6 +325,24 @@ void Trainer::sweep(uint64_t step) {
   if (std::any_of(mask.begin(), mask.end(), [](uint8_t kept) { return kept != 0; })) {
     backend_->keep(mask);
   }
+}
+
+void Trainer::prune(double f) {
+  if (settings_.codec != "prune" || state_.prunes >= kPrunes) return;
+  if (f < kPruneBegin + kPruneEvery * static_cast<double>(state_.prunes)) return;
+  ++state_.prunes;
+  const ModelState model = backend_->save();
+  std::vector<uint32_t> views;
+  for (uint32_t k = 0; k < capture_.views.size(); ++k) {
+    if (capture_.cameras[capture_.views[k].camera].split == "train") views.push_back(k);
+  }
+  const size_t n = views.size(), chosen = std::min(n, kPruneViews);
+  std::vector<uint32_t> measured;
+  for (size_t k = 0; k < chosen; ++k) measured.push_back(views[(2 * k + 1) * n / (2 * chosen)]);
+  const std::vector<float> loss =
+      loss_without(model, capture_, loader_, measured, settings_.seed + state_.prunes);
+  backend_->keep(most_important(loss, kPruneShare));
+  backend_->renew_weights(static_cast<float>(settings_.error_weight));
 }
 
 std::vector<std::string> Trainer::take_notes() {

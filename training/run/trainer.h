@@ -23,6 +23,7 @@ struct RunState {
   uint64_t lost = 0;         // steps in a row whose loss is not finite
   double rate_factor = 1;
   bool swept = false;               // what shows nothing has been removed
+  uint64_t prunes = 0;              // done, of --codec prune
   std::vector<double> camera_loss;  // moving averages by camera; 0 = none yet
 };
 
@@ -88,6 +89,8 @@ class Trainer {
   void watch_cameras(const StepOutput& output, const std::vector<uint32_t>& views);
   DensityChange change_density(uint64_t step, double f);
   void sweep(uint64_t step);
+  // Removes rows by what images lose with them, where --codec asks for that.
+  void prune(double f);
   std::string name_of(uint32_t view) const;
 
   const Settings settings_;

@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "training/capture/capture.h"
+#include "training/images/loader.h"
+#include "training/model/state.h"
+
+// Removal of the Gaussians whose bits buy the least: rows of a stream cost nearly the same, so
+// those go first whose removal changes images least.
+namespace l4d::train {
+
+// What the views lose without each row, up to a factor of all: (o w)^2, where o is the opacity and
+// w its Gauss-Newton weight (L4D_WEIGHT_OPACITY). views: indices of the capture's, which
+// count all alike. Returns [model.count].
+std::vector<float> loss_without(const ModelState& model, const Capture& capture,
+                                const ImageLoader& loader, const std::vector<uint32_t>& views,
+                                uint64_t seed);
+
+// A mask of the rows that stay, where the given share of them with the smallest values goes; at
+// least one stays. Of equal values, later rows go first.
+std::vector<uint8_t> most_important(const std::vector<float>& values, double share);
+
+}  // namespace l4d::train
