@@ -67,7 +67,13 @@ echo "== files"
 tool='^(bin|share/(man|bash-completion|zsh|fish))/'
 grep -vE -e "$tool" -e '^LIBDIR/libl4dcudart\.a$' "$work/files" | compare "files-$kind.txt"
 if [[ $(cache_value L4D_BUILD_CLI) == ON ]]; then
-  grep -E "$tool" "$work/files" | compare files-tool.txt
+  # A build without the trainer has all of the list but that.
+  trainer=$(cache_value L4D_TRAINING)
+  {
+    [[ $trainer == ON ]] || echo bin/l4dtrain
+    grep -E "$tool" "$work/files"
+  } | LC_ALL=C sort | compare files-tool.txt
+  [[ $trainer != ON ]] || "$prefix/bin/l4dtrain" --help | grep -q capture
   LD_LIBRARY_PATH=$library "$prefix/bin/l4dcodec" version
 fi
 # Nothing names a place that only the machine which built it has.
