@@ -34,6 +34,7 @@ l4d_members_options default_members_options() {
 l4d_member_parameters default_parameters() {
   l4d_member_parameters p{};
   p.struct_size = sizeof p;
+  p.max_level = p.max_tier = UINT32_MAX;
   return p;
 }
 
@@ -128,6 +129,8 @@ Status to_request(const l4d_member_parameters& p, l4d::CopyRequest* out) {
   out->member.needs.assign(p.needs, p.needs + p.num_needs);
   out->has_edit = p.has_edit != 0;
   out->edit = {p.edit_begin, p.edit_end};
+  out->max_level = p.max_level;
+  out->max_tier = p.max_tier;
   return {};
 }
 

@@ -49,6 +49,7 @@ CommandLine::CommandLine()
   add_synth(registry);
   add_concat(registry);
   add_cut(registry);
+  add_remux(registry);
   add_repair(registry);
   add_manifest(registry);
   add_sign(registry);

@@ -157,6 +157,7 @@ void add_synth(Registry& registry);
 void add_concat(Registry& registry);
 void add_cut(Registry& registry);
 void add_repair(Registry& registry);
+void add_remux(Registry& registry);
 void add_manifest(Registry& registry);
 void add_sign(Registry& registry);
 void add_keygen(Registry& registry);

@@ -116,7 +116,8 @@ class StreamCopy {
     query.kind = request_.has_edit ? L4D_QUERY_RANGE : L4D_QUERY_ALL;
     query.time_begin = edit_.begin;
     query.time_end = edit_.end;
-    query.max_level = query.max_tier = UINT32_MAX;
+    query.max_level = request_.max_level;
+    query.max_tier = request_.max_tier;
     L4D_RETURN_IF_ERROR(make_plan(file(), query, nullptr, &plan_));
     header_.num_gaussians = plan_.num_gaussians;
     for (LayerHeader& layer : header_.layers) layer.num_gaussians = 0;
@@ -124,9 +125,16 @@ class StreamCopy {
       header_.layers[task.layer].num_gaussians += task.record.num_gaussians;
     }
     for (LayerHeader& layer : header_.layers) {
-      if (layer.num_gaussians == 0) layer.has_entropy = false;
+      if (layer.num_gaussians == 0) drop_tables(&layer);
     }
     return {};
+  }
+
+  // Of a layer without Gaussians nothing needs a codebook.
+  static void drop_tables(LayerHeader* layer) {
+    layer->has_entropy = false;
+    layer->scale_factor = ScalarCoding();
+    for (ComponentCoding& c : layer->component) c = ComponentCoding();
   }
 
   // Codebooks, bases, residual codebooks and entropy chunks, all of which the header names.

@@ -19,6 +19,8 @@ struct CopyRequest {
   Member member;
   bool has_edit = false;
   Edit edit;
+  uint32_t max_level = UINT32_MAX;  // layers of other levels and tiers are left out
+  uint32_t max_tier = UINT32_MAX;
 };
 
 // reader: of the one stream. Fails with INVALID_ARGUMENT where the request breaks a rule.

@@ -34,7 +34,7 @@ L4D_FIRST_VERSION(l4d_rate_choice, round_trip);
 L4D_FIRST_VERSION(l4d_member, num_needs);
 L4D_FIRST_VERSION(l4d_members_options, ignore_index);
 L4D_FIRST_VERSION(l4d_members_info, rest);
-L4D_FIRST_VERSION(l4d_member_parameters, edit_end);
+L4D_FIRST_VERSION(l4d_member_parameters, max_tier);
 
 L4D_FIRST_VERSION(l4d_cuda_device_info, memory_bytes);
 L4D_FIRST_VERSION(l4d_cuda_request, workspace_bytes);

@@ -111,6 +111,21 @@ head -c 100 s.l4d > short.l4d
 expect 4 repair short.l4d -o x.l4d
 expect_missing x.l4d
 
+# The same in the streamable layout, with less of the Gaussians.
+expect 0 encode s.ply -o tiers.l4d --tiers 0.2,0.5
+expect_document 0 remux tiers.l4d -o lean.l4d --max-tier 1
+expect_json out 'd["file_bytes"] < d["input_bytes"] and d["num_members"] == 1'
+expect_document 0 validate lean.l4d
+expect_json out 'd["valid"]'
+expect_equal "$(json <(l4d decode lean.l4d --digest --json) 'd["digests"]["all"]')" \
+  "$(json <(l4d decode tiers.l4d --max-tier 1 --digest --json) 'd["digests"]["all"]')"
+expect_document 0 remux abc.l4d -o remuxed.l4d
+expect_json out 'd["num_members"] == 3'
+cmp remuxed.l4d abc.l4d || die "remux changes what is streamable"
+expect_document 0 remux abc.l4d -o coarse.l4d --max-level 0
+expect_document 0 validate coarse.l4d
+expect_json out 'd["valid"]'
+
 # A playlist: segments are ranges of the file that are streams.
 expect_document 0 manifest abc.l4d -o abc.m3u8
 expect_json out 'd["complete"] and len(d["members"]) == 4'

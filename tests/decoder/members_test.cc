@@ -163,6 +163,32 @@ TEST(Copies, OfAPartLeavePagesOut) {
   EXPECT_LT(part.size(), wandering_file().size() / 2);
 }
 
+TEST(Copies, OfTiersAndLevelsHaveWhatDecodersOfThoseSee) {
+  EncodeOptions options = small_options();
+  options.preset = "default";
+  options.tiers = {0.2f, 0.5f};
+  const Bytes whole = encode(make_scene(SceneOptions()), options).bytes;
+  DecoderHandle d;
+  d.open_memory(whole.data(), whole.size());
+  size_t before = whole.size() + whole.size() / 50;
+  for (const uint32_t tier : {2u, 1u, 0u}) {
+    for (const uint32_t level : {UINT32_MAX, 0u}) {
+      l4d_member_parameters p = parameters();
+      p.max_tier = tier;
+      p.max_level = level;
+      Bytes copy;
+      append(whole, p, &copy);
+      EXPECT_TRUE(validate(copy).empty());
+      l4d_query query = all_query();
+      query.max_tier = tier;
+      query.max_level = level;
+      EXPECT_TRUE(same_bits(decode(copy, all_query()), decode(whole, query)));
+      EXPECT_LT(copy.size(), before);
+      if (level == UINT32_MAX) before = copy.size();
+    }
+  }
+}
+
 // spec: MEMB-3, MEMB-4, MEMB-5
 TEST(Copies, RefuseWhatBreaksARule) {
   Bytes out;

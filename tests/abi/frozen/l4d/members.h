@@ -120,6 +120,10 @@ typedef struct l4d_member_parameters {
   uint32_t reserved;
   double edit_begin;
   double edit_end;
+  /* Gaussians of finer temporal levels, and of tiers above this, are left out; UINT32_MAX (the
+   * default) = all are copied. */
+  uint32_t max_level;
+  uint32_t max_tier;
 } l4d_member_parameters;
 L4D_API void l4d_member_parameters_init_(l4d_member_parameters* parameters, size_t struct_size);
 #define l4d_member_parameters_init(parameters) \
