@@ -105,6 +105,12 @@ expect_document 0 repair damaged.l4d -o rest.l4d
 expect_json out 'd["kept"] == [0, 2] and [m["number"] for m in d["dropped"]] == [1]'
 expect_document 0 validate rest.l4d
 expect_json out 'd["valid"]'
+cp abc.l4d damaged_end.l4d
+printf '\x55\xaa' | dd of=damaged_end.l4d bs=1 seek=$((size - 1500)) conv=notrunc 2> /dev/null
+expect_document 0 repair damaged_end.l4d -o rest_end.l4d
+expect_json out 'd["kept"] == [0, 1] and [m["number"] for m in d["dropped"]] == [2]'
+expect_document 0 validate rest_end.l4d
+expect_json out 'd["valid"]'
 expect_document 0 repair abc.l4d -o again.l4d
 cmp again.l4d abc.l4d || die "repair changes a whole file"
 head -c 100 s.l4d > short.l4d
