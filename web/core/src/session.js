@@ -286,11 +286,16 @@ export class Session {
   /** The directory of all of the sequence, so that a seek is one round. @param {AbortSignal} signal */
   async #wholeIndex(signal) {
     const {timeBegin} = this.info;
-    const entries = (/** @type {number} */ step) => this.decoder.windowReads(timeBegin, this.end, {}, step);
-    await this.fetcher.steps(entries, steps.pageTables, signal);
-    const pages = await this.fetcher.with(() => entries(steps.directory), signal);
-    if (this.fetcher.missingBytes(pages) <= mostIndexBytes) await this.fetcher.fetch(pages, signal);
-    this.hasIndex = true;
+    try {
+      const entries = (/** @type {number} */ step) => this.decoder.windowReads(timeBegin, this.end, {}, step);
+      await this.fetcher.steps(entries, steps.pageTables, signal);
+      const pages = await this.fetcher.with(() => entries(steps.directory), signal);
+      if (this.fetcher.missingBytes(pages) <= mostIndexBytes) await this.fetcher.fetch(pages, signal);
+      this.hasIndex = true;
+    } catch (error) {
+      // Nobody has asked for it: who does is told.
+      if (/** @type {any} */ (error)?.name === 'AbortError') throw error;
+    }
   }
 
   /**

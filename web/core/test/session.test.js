@@ -2,6 +2,7 @@
 // Sessions over HTTP and over memory: what they fetch, what they say, what they survive.
 import assert from 'node:assert/strict';
 import {test} from 'node:test';
+import {L4DError} from '../src/errors.js';
 import {Session} from '../src/session.js';
 import {BlobSource, BufferSource, HttpSource} from '../src/sources.js';
 import {blockBytes, ByteStore} from '../src/store.js';
@@ -176,6 +177,26 @@ test('a seek to the instant that is under way cancels nothing, and is answered',
   } finally {
     server.close();
   }
+});
+
+test('the directory that is fetched for later seeks is no error where it does not come', async () => {
+  // Page tables of the middle are beyond the head of the file: pages of them are asked for in the end.
+  const server = await serve(bytes);
+  const s = sessionOf(new HttpSource(server.url));
+  const info = await s.session.open();
+  s.session.decoder.windowReads = new Proxy(s.session.decoder.windowReads, {
+    apply: (target, self, args) => args[0] === info.timeBegin && args[1] === s.session.end ? [[bytes.length - 4096, 4096]] :
+      target.apply(self, args)
+  });
+  const {read} = s.session.fetcher.source;
+  s.session.fetcher.source.read = (offset, ...rest) =>
+    offset >= bytes.length - 8192 ? Promise.reject(new L4DError('HTTP', 'gone')) : read.call(s.session.fetcher.source, offset, ...rest);
+  s.session.want({time: info.timeBegin, ahead: 0, detail: 'auto'}, true);
+  await until(() => !s.session.pumping && s.of('ready').some(r => r.detail === 'full'), 'the picture');
+  assert.deepEqual(s.of('error'), []);
+  assert.equal(s.session.hasIndex, false);
+  s.session.dispose();
+  server.close();
 });
 
 test('a server without ranges is read from the front', async () => {
