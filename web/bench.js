@@ -49,8 +49,9 @@ const cpuOfTool = words => Math.min(...Array.from({length: 9}, () => {
   return 1000 * line.toString().split(' ').reduce((sum, seconds) => sum + Number(seconds), 0);
 }));
 const native = cpuOfTool(['decode', scene, '--digest', '--threads', '1', '-q']) - cpuOfTool(['info', scene, '-q']);
+const speed = ms => `${ms.toFixed(0)} (${(numGaussians / ms / 1000).toFixed(2)} M Gaussians/s)`;
 table([`${numGaussians.toLocaleString('en')} Gaussians, one thread`, 'ms of CPU'], [
-  ['decode all, node', inNode.toFixed(0)], ['decode all, native (`decode --digest`, less `info`)', native.toFixed(0)],
+  ['decode all, node', speed(inNode)], ['decode all, native (`decode --digest`, less `info`)', speed(native)],
   ['decode an instant and make rows, node', rows.toFixed(0)]
 ]);
 

@@ -3,13 +3,16 @@
 import assert from 'node:assert/strict';
 import {spawn} from 'node:child_process';
 import {once} from 'node:events';
+import {copyFileSync, mkdirSync, mkdtempSync, rmSync} from 'node:fs';
+import {tmpdir} from 'node:os';
 import {join} from 'node:path';
 import {createInterface} from 'node:readline';
 import {test} from 'node:test';
 import {launch, newPage, opened, work} from './browser.js';
 
-test('l4dcodec view plays a stream, and ends at a signal', async t => {
-  const tool = spawn(/** @type {string} */ (process.env.L4D_TOOL), ['view', join(work, 'short.l4d'), '--no-browser']);
+/** Runs the tool. url: '' where it ends at once. @param {string} input */
+const view = async input => {
+  const tool = spawn(/** @type {string} */ (process.env.L4D_TOOL), ['view', input, '--no-browser']);
   const ended = once(tool, 'exit');
   let complaint = '';
   tool.stderr.on('data', text => { complaint += text; });
@@ -18,9 +21,14 @@ test('l4dcodec view plays a stream, and ends at a signal', async t => {
     lines.once('line', resolve);
     lines.once('close', () => resolve(''));
   });
+  if (!url) await ended;
+  return {tool, ended, url, complaint: () => complaint};
+};
+
+test('l4dcodec view plays a stream, and ends at a signal', async t => {
+  const {tool, ended, url, complaint} = await view(join(work, 'short.l4d'));
   if (!url) {
-    await ended;
-    assert.match(complaint, /not in this build|no HTTP server/);
+    assert.match(complaint(), /not in this build|no HTTP server/);
     return t.skip('the tool was built without the player');
   }
   const browser = await launch();
@@ -42,5 +50,31 @@ test('l4dcodec view plays a stream, and ends at a signal', async t => {
     tool.kill('SIGINT');
   }
   const [status] = await ended;
-  assert.equal(status, 0, complaint);
+  assert.equal(status, 0, complaint());
+});
+
+test('l4dcodec view of a folder lists its streams, and each plays', async t => {
+  const folder = mkdtempSync(join(tmpdir(), 'l4dview-'));
+  mkdirSync(join(folder, 'more'));
+  copyFileSync(join(work, 'short.l4d'), join(folder, 'more/50% & <more>.l4d'));
+  const {tool, ended, url, complaint} = await view(folder);
+  if (!url) {
+    assert.match(complaint(), /not in this build|no HTTP server/);
+    return t.skip('the tool was built without the player');
+  }
+  const browser = await launch();
+  try {
+    const page = await newPage(browser, {viewport: {width: 480, height: 270}});
+    await page.goto(url);
+    await page.getByRole('link', {name: 'more/'}).click();
+    await page.getByRole('link', {name: '50% & <more>.l4d'}).click();
+    await opened(page);
+    assert.ok(await page.evaluate(() => document.querySelector('l4d-player').movie.info.numGaussians) > 1000);
+    assert.deepEqual(page.errors, []);
+  } finally {
+    await browser.close();
+    tool.kill('SIGINT');
+    rmSync(folder, {recursive: true});
+  }
+  assert.equal((await ended)[0], 0, complaint());
 });

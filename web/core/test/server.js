@@ -42,6 +42,8 @@ export const serve = async (bytes, {ranges = true, etag = () => '"1"', fail, rat
   const address = /** @type {import('node:net').AddressInfo} */ (server.address());
   return {
     url: `http://127.0.0.1:${address.port}/scene.l4d`, requests,
+    /** @returns {Promise<number>} */
+    connections: () => new Promise((resolve, reject) => server.getConnections((error, n) => error ? reject(error) : resolve(n))),
     close: () => { server.closeAllConnections(); server.close(); }
   };
 };
