@@ -202,7 +202,8 @@ struct Server::Parts {
   void list(const std::string& name, httplib::Response& response) const {
     if (!folder.has_folder(name)) return refuse(response, 404, "not found");
     std::string text =
-        "<!doctype html><html lang=en><meta charset=utf-8><title>l4dcodec</title><ul>\n";
+        "<!doctype html><html lang=en><meta charset=utf-8><title>l4dcodec</title>"
+        "<link rel=icon href=\"data:,\"><ul>\n";
     for (const Folder::Entry& entry : folder.list(name)) {
       // Paths of these names are the server's own.
       if (name.empty() && (entry.name == "play" || entry.name == "player")) continue;

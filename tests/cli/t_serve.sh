@@ -156,7 +156,7 @@ links() {
 import html.parser, sys, urllib.parse
 class Links(html.parser.HTMLParser):
     def handle_starttag(self, tag, attributes):
-        assert tag in ("html", "meta", "title", "ul", "li", "a"), tag
+        assert tag in ("html", "meta", "title", "link", "ul", "li", "a"), tag
         if tag == "a":
             print(urllib.parse.urljoin(sys.argv[2], dict(attributes)["href"]))
 Links().feed(open(sys.argv[1], encoding="utf-8").read())
