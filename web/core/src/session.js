@@ -22,6 +22,7 @@ import {ByteStore} from './store.js';
 /** @typedef {{key: string, bucket: import('./decoder.js').Bucket, detail: number, rows: number}} Held */
 
 const windowSeconds = 1;
+const leastBuffered = 3;  // seconds of the rung that is shown; with less, nothing is fetched of higher ones
 const mostIndexBytes = 512 * 1024;  // of a directory, to be fetched before it is wanted
 
 /** Views hold lines of 256. @param {number} rows */
@@ -193,6 +194,8 @@ export class Session {
       await this.#hold(begin, begin, goal, rungs[this.holding], signal);
       this.#ready(goal, rungs);
     }
+    // Who pauses may seek next.
+    if (!goal.playing && !this.hasIndex) await this.#wholeIndex(signal);
     if (last > begin) {
       await this.#index(begin, last, signal);
       this.#ready(goal, rungs);
@@ -218,7 +221,8 @@ export class Session {
     const [begin, last] = this.#span(goal);
     for (let rung = goal.playing ? choice?.rung ?? 0 : top; rung <= top; ++rung) {
       for (let until = begin; until < last;) {
-        until = Math.min(until + windowSeconds, last);
+        // It plays as soon as the first of them is here.
+        until = Math.min(until + (until === begin ? windowSeconds / 2 : windowSeconds), last);
         if (!this.#holds(begin, until, goal, rungs[rung])) return {rung, until};
       }
     }
@@ -268,14 +272,18 @@ export class Session {
     this.fetcher.mergeGap = choice.mergeGap;
     this.fetcher.maxBytes = Math.min(choice.maxRangeBytes, 512 * 1024);
     this.throughput = 8 * choice.throughput;
-    return {...choice, rung: Math.min(choice.rung, rungs.length - 1)};
+    const rung = Math.min(choice.rung, rungs.length - 1);
+    return {...choice, rung, buffered: states[rung].buffered};
   }
 
-  /** Whether what is under way keeps a goal that plays from what it needs sooner. @param {Goal} goal */
+  /**
+   * Whether what is under way keeps a goal that plays from what it needs sooner. What has come of it stays.
+   * @param {Goal} goal
+   */
   #isTooMuch(goal) {
     if (!goal.playing || !this.pumping || !this.isOpen || this.holding === 0) return false;
     const choice = this.#choose(goal, this.#rungs(goal));
-    return choice !== undefined && choice.cancel > 0 && choice.rung < this.holding;
+    return choice !== undefined && choice.rung < this.holding && (choice.cancel > 0 || choice.buffered < leastBuffered);
   }
 
   /** The directory of [begin, end]. @param {number} begin @param {number} end @param {AbortSignal} signal */
