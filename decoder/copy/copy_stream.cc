@@ -322,6 +322,7 @@ class StreamCopy {
     return bytes.size() == 0 ? Status() : write_(bytes);
   }
   Status put_piece(const Piece& piece) {
+    if (piece.bytes == 0) return {};  // an extension may have no chunk
     MemoryCharge charge(file().memory());
     L4D_RETURN_IF_ERROR(charge.take(piece.bytes, "a chunk"));
     Bytes storage;

@@ -16,9 +16,11 @@ sys.dont_write_bytecode = True
 import generator_path           # noqa: F401, its import makes the following ones possible
 import member_files as mf
 from arithmetic import Invalid
+from decoder import Decoder
 from members import INDEX, MEDIA, STANDING, check_index, members
 from validate import validate_file
 
+VECTORS = Path(__file__).resolve().parents[2] / "conformance" / "vectors"
 NUM_FILES = 300
 UNKNOWN = 7                         # a role of a later version
 PROGRAMS = {}
@@ -148,6 +150,46 @@ class Members(unittest.TestCase):
                 check_index(found)
                 with_index += found[-1].own["role"] == INDEX
         self.assertGreater(with_index, NUM_FILES // 20)
+
+
+class Copies(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.source, self.copy = Path(folder.name) / "source.l4d", Path(folder.name) / "copy.l4d"
+
+    def tool(self, *arguments):
+        out = subprocess.run([PROGRAMS["tool"], *arguments, "--json"], capture_output=True, text=True, check=False)
+        return out.returncode, json.loads(out.stdout)
+
+    def remux(self, data):
+        self.source.write_bytes(data)
+        return self.tool("remux", "-f", self.source, "-o", self.copy)[0]
+
+    def test_of_vectors_decode_to_the_same_bits(self):
+        copied = 0
+        for path in sorted(p for group in ("core", "uncommon") for p in (VECTORS / group).glob("*.l4d"))[::4]:
+            data = path.read_bytes()
+            with self.subTest(path.name):
+                later_version = data[9] > 0
+                self.assertEqual(self.remux(data), 5 if later_version else 0)
+                if later_version:
+                    continue
+                validate_file(self.copy.read_bytes())
+                self.assertEqual(self.tool("validate", self.copy)[0], 0)
+                digests = [self.tool("decode", "--digest", p)[1]["digests"] for p in (self.source, self.copy)]
+                self.assertEqual(*[d["all"] for d in digests])
+                copied += 1
+        self.assertGreater(copied, 20)
+
+    def test_keep_extensions_that_nobody_knows(self):
+        unknown = [{"id": 70000, "critical": False}, {"id": 70001, "critical": False, "raw": b"of another"}]
+        self.assertEqual(self.remux(mf.stream(*unknown, mf.edit(1.0, 1.25))), 0)
+        validate_file(self.copy.read_bytes())
+        file = Decoder(self.copy.read_bytes())
+        found = {e["id"]: e for e in file.header["extensions"]}
+        self.assertEqual(set(found), {mf.EDIT, 70000, 70001})
+        self.assertEqual(file.file.chunk(found[70001]["chunk"], 100).raw, b"of another")
 
 
 if __name__ == "__main__":
