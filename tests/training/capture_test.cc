@@ -160,6 +160,10 @@ TEST_F(VideoCaptures, CamerasThatLookAtOnePlaceHaveANearPlane) {
   EXPECT_TRUE(look_at_one_place(capture));
   Settings settings;
   EXPECT_EQ(near_of(settings, capture), 0.2);
+  EXPECT_EQ(opacity_weight_of(settings, false), 0.03);
+  EXPECT_EQ(opacity_weight_of(settings, true), 0.005);
+  settings.opacity_weight = 0;
+  EXPECT_EQ(opacity_weight_of(settings, true), 0);
   settings.near = 0.5;
   EXPECT_EQ(near_of(settings, capture), 0.5);
   const double radius = frame_of(capture).radius;
@@ -167,7 +171,7 @@ TEST_F(VideoCaptures, CamerasThatLookAtOnePlaceHaveANearPlane) {
   EXPECT_EQ(loader.camera(1).near_plane, 0.5 * radius);
   EXPECT_EQ(without.camera(1).near_plane, 0.02);
 
-  settings.near = kAutoNear;
+  settings.near = kAuto;
   for (CaptureCamera& camera : capture.cameras) {
     double* m = camera.source.camera.world_to_camera;
     const double back[12] = {-m[0], -m[1], -m[2], -m[3], m[4],   m[5],

@@ -182,19 +182,19 @@ uint64_t bytes_of(const std::string& text) {
   return static_cast<uint64_t>(value * factor);
 }
 
-double near_of(const std::string& text) {
+double number_of(const char* option, const std::string& text) {
   char* end = nullptr;
   const double value = std::strtod(text.c_str(), &end);
   if (text.empty() || *end != 0 || !(value >= 0)) {
-    throw io::Error(L4D_ERR_INVALID_ARGUMENT,
-                    "--near is \"" + text + "\"; it must be auto, or a number of 0 or more");
+    throw io::Error(L4D_ERR_INVALID_ARGUMENT, std::string(option) + " is \"" + text +
+                                                  "\"; it must be auto, or a number of 0 or more");
   }
   return value;
 }
 
 struct Arguments {
   RunOptions run;
-  std::string host_memory = "8G", near = "auto";
+  std::string host_memory = "8G", near = "auto", opacity_weight = "auto";
   std::string sheet;
   std::string folder;  // of a run that is evaluated, or for a capture that is rendered
   std::string scene;   // that a capture is rendered of
@@ -264,7 +264,8 @@ void add_train(CLI::App& app, Arguments& a) {
           "Cameras see nothing nearer than this, in units of their radius; auto: 0.2 where "
           "all look at one place, else 0")
       ->capture_default_str();
-  verb->add_option("--opacity-weight", s.opacity_weight, "Weight of the mean opacity in the loss")
+  verb->add_option("--opacity-weight", a.opacity_weight,
+                   "Weight of the mean opacity in the loss; auto: 0.03, of images with alpha 0.005")
       ->capture_default_str();
   verb->add_option("--scale-weight", s.scale_weight,
                    "Weight of the mean scale in the loss, in units of the radius of the cameras")
@@ -335,7 +336,10 @@ int run_verb(const CLI::App& app, Arguments& a) {
   RunReport report;
   if (app.got_subcommand("train")) {
     a.run.settings.host_memory = bytes_of(a.host_memory);
-    if (a.near != "auto") a.run.settings.near = near_of(a.near);
+    if (a.near != "auto") a.run.settings.near = number_of("--near", a.near);
+    if (a.opacity_weight != "auto") {
+      a.run.settings.opacity_weight = number_of("--opacity-weight", a.opacity_weight);
+    }
     report = train(a.run, &terminal);
   } else {
     report = evaluate_run(a.folder, a.run.threads, &terminal);

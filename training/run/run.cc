@@ -103,6 +103,7 @@ class Run {
         settings_.backend == "cuda" ? make_cuda_backend(0) : make_cpu_backend(options_.threads);
     trainer_ = std::make_unique<Trainer>(settings_, capture_, *loader_, instants_, store_.get(),
                                          backend_.get());
+    settings_.opacity_weight = opacity_weight_of(settings_, trainer_->has_alpha());
     begin();
     log_ = std::make_unique<Log>(file("log.jsonl"), trainer_->state().step);
     loop();

@@ -16,6 +16,7 @@ constexpr size_t kMinVideosForExposure = 8;
 
 // Of the radius, where all cameras look at one place, which is at least half the radius away.
 constexpr double kConvergentNear = 0.2;
+constexpr double kOpacityWeight = 0.03, kAlphaOpacityWeight = 0.005;
 
 std::string number(double value) {
   char text[40];
@@ -87,16 +88,21 @@ void check(const Settings& s) {
   if (s.views > 256) fail("--views is above 256");
   if (!(s.drift >= 0) || !(s.error_weight >= 0))
     fail("--drift and --error-weight must be 0 or more");
-  if (!(s.near == kAutoNear || (s.near >= 0 && s.near < 10)))
+  if (!(s.near == kAuto || (s.near >= 0 && s.near < 10)))
     fail("--near is " + number(s.near) + "; it must be auto, or 0 to 10");
-  if (!(s.opacity_weight >= 0) || !(s.scale_weight >= 0))
+  if (!(s.opacity_weight == kAuto || s.opacity_weight >= 0) || !(s.scale_weight >= 0))
     fail("--opacity-weight and --scale-weight must be 0 or more");
   if (!(s.max_scale > 0)) fail("--max-scale must be above 0");
 }
 
 double near_of(const Settings& settings, const Capture& capture) {
-  if (settings.near != kAutoNear) return settings.near;
+  if (settings.near != kAuto) return settings.near;
   return look_at_one_place(capture) ? kConvergentNear : 0;
+}
+
+double opacity_weight_of(const Settings& settings, bool has_alpha) {
+  if (settings.opacity_weight != kAuto) return settings.opacity_weight;
+  return has_alpha ? kAlphaOpacityWeight : kOpacityWeight;
 }
 
 Settings resolved(const Settings& settings, const Capture& capture, uint32_t width,

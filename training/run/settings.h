@@ -8,7 +8,7 @@
 
 namespace l4d::train {
 
-constexpr double kAutoNear = -1;
+constexpr double kAuto = -1;
 
 // What decides the result of a training, besides the capture. A checkpoint remembers it.
 struct Settings {
@@ -28,8 +28,8 @@ struct Settings {
   std::string backend = "auto";              // auto, cpu, cuda
   double drift = 2;                          // kappa
   double error_weight = 1;                   // beta
-  double near = kAutoNear;                   // cameras see nothing nearer, in units of their radius
-  double opacity_weight = 0.03;              // regularisers: of the mean opacity
+  double near = kAuto;                       // cameras see nothing nearer, in units of their radius
+  double opacity_weight = kAuto;             // regularisers: of the mean opacity
   double scale_weight = 0.05;                // of the mean scale, in units of the radius
   double max_scale = 1;                      // of Gaussians, of the radius
   uint64_t host_memory = uint64_t{8} << 30;  // bytes of images
@@ -43,6 +43,9 @@ void check(const Settings& settings);
 // Settings::near, with the rule for what is auto: 0.2 where cameras look at one place, so that
 // nothing is there, else 0.
 double near_of(const Settings& settings, const Capture& capture);
+// Settings::opacity_weight, with the rule for what is auto. has_alpha: of the images, which then
+// are empty for the most part; their mean loss is small, and so is the weight beside it.
+double opacity_weight_of(const Settings& settings, bool has_alpha);
 // Fills what is 0 or "auto" in, from the capture and the size of its images.
 Settings resolved(const Settings& settings, const Capture& capture, uint32_t width,
                   uint32_t height);

@@ -43,7 +43,6 @@ Trainer::Trainer(const Settings& settings, const Capture& capture, const ImageLo
   schedule_.fps = capture.fps;
   schedule_.sh_degree = settings.sh_degree;
   schedule_.drift = settings.drift;
-  schedule_.opacity_weight = settings.opacity_weight;
   schedule_.scale_weight = settings.scale_weight;
   schedule_.max_scale = settings.max_scale;
   for (const Instant& instant : instants) training_views_ += instant.views.size();
@@ -52,6 +51,7 @@ Trainer::Trainer(const Settings& settings, const Capture& capture, const ImageLo
   for (const uint32_t k : store_->instants()) {
     has_alpha_ = has_alpha_ || !store_->image(instants[k].views[0]).alpha.empty();
   }
+  schedule_.opacity_weight = opacity_weight_of(settings, has_alpha_);
   if (settings.exposure == "on") exposures_.resize(capture.cameras.size());
 }
 

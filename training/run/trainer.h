@@ -78,6 +78,7 @@ class Trainer {
   const std::vector<Exposure>& exposures() const { return exposures_; }
   // How the training renders a view now.
   io::Image render(uint32_t view);
+  bool has_alpha() const { return has_alpha_; }  // the images have
   const std::vector<float>& background() const { return background_; }
 
  private:
