@@ -155,6 +155,7 @@ l4d_layer_info describe_layer(const l4d::SceneFile& stream, uint32_t index) {
   i.level = layer.level;
   i.permanent = layer.permanent;
   i.tier = layer.tier;
+  i.symbols_per_gaussian = static_cast<uint32_t>(l4d::most_symbols(header, layer));
   i.tools = layer_tools(header, layer);
   i.num_buckets = l4d::num_buckets(layer.level);
   i.num_gaussians = layer.num_gaussians;
@@ -446,6 +447,8 @@ l4d_status l4d_get_level_limits(uint32_t level, uint32_t profile, l4d_level_limi
   l.bytes_per_second = from.bytes_per_second;
   l.burst_bytes = from.burst_bytes;
   l.memory_bytes = from.memory_bytes;
+  l.instant_symbols = from.instant_symbols;
+  l.symbols_per_second = from.symbols_per_second;
   write_struct(l, limits);
   return L4D_OK;
 }

@@ -97,6 +97,7 @@ class FileBuilder {
       if (!built_.back().entropy.empty()) {
         header_.layers[l].has_entropy = true;
         header_.layers[l].entropy = make_chunk(std::move(built_.back().entropy), &entropy_);
+        header_.layers[l].symbols_per_gaussian = built_.back().symbols_per_gaussian;
       }
       for (const uint32_t i : built_.back().order) parts_.order.push_back(scene_.source[i]);
     }

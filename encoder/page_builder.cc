@@ -41,6 +41,21 @@ constexpr size_t kMinPageSaving = 16;
 // anyway.
 constexpr size_t kMinDetailBytes = 4096;
 
+// Counts the symbols of a page on their way to the counts of their tokens.
+class SymbolCounter : public ChannelVisitor {
+ public:
+  explicit SymbolCounter(ChannelVisitor& to) : to_(to) {}
+  void visit(const ChannelSymbols& symbols) override {
+    count_ += symbols.hybrid.size() + symbols.wide.size();
+    to_.visit(symbols);
+  }
+  uint64_t count() const { return count_; }
+
+ private:
+  ChannelVisitor& to_;
+  uint64_t count_ = 0;
+};
+
 class LayerBuilder {
  public:
   LayerBuilder(const EncoderScene& scene, const SceneHeader& header,
@@ -58,7 +73,7 @@ class LayerBuilder {
     out.pages.resize(cuts_.size());
     std::unique_ptr<EntropyModel> model;
     if (options_.rans && rans_codable(header_, layer_header_)) {
-      model = make_model(threads);
+      model = make_model(threads, &out.symbols_per_gaussian);
       out.entropy = model->serialize();
     }
     parallel_for(threads, cuts_.size(), 1, [&](size_t begin, size_t end) {
@@ -84,17 +99,22 @@ class LayerBuilder {
 
   // Pages are made twice, once to count and once to code: their columns may be larger than the
   // scene.
-  std::unique_ptr<EntropyModel> make_model(int threads) const {
+  std::unique_ptr<EntropyModel> make_model(int threads, unsigned* symbols_per_gaussian) const {
     const std::vector<ChannelSpec> channels = page_channels(header_, layer_header_);
     TokenCounts counts(channels);
     std::mutex mutex;
     parallel_for(threads, cuts_.size(), 1, [&](size_t begin, size_t end) {
       TokenCounts own(channels);
+      uint64_t most = 0;
       for (size_t p = begin; p < end; ++p) {
-        visit_channels(header_, layer_header_, channels, make_columns(cuts_[p]), own);
+        const PageColumns columns = make_columns(cuts_[p]);
+        SymbolCounter page(own);
+        visit_channels(header_, layer_header_, channels, columns, page);
+        most = std::max<uint64_t>(most, (page.count() + columns.n - 1) / columns.n);
       }
       std::lock_guard<std::mutex> lock(mutex);
       counts.add(own);
+      *symbols_per_gaussian = std::max(*symbols_per_gaussian, static_cast<unsigned>(most));
     });
     return std::make_unique<EntropyModel>(channels, counts);
   }

@@ -23,9 +23,10 @@ struct BuiltPage {
 };
 
 struct BuiltLayer {
-  std::vector<BuiltPage> pages;  // by bucket
-  std::vector<uint32_t> order;   // scene index of each Gaussian in stored order
-  Bytes entropy;                 // tables of rANS pages; empty where the layer has none
+  std::vector<BuiltPage> pages;       // by bucket
+  std::vector<uint32_t> order;        // scene index of each Gaussian in stored order
+  Bytes entropy;                      // tables of rANS pages; empty where the layer has none
+  unsigned symbols_per_gaussian = 0;  // of rANS pages, at most
 };
 
 // header, layer_header: as choose_header chose them.

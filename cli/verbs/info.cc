@@ -128,6 +128,7 @@ Json layer_json(const l4d_layer_info& layer, uint64_t bytes) {
             {"permanent", layer.permanent != 0},
             {"bytes", bytes},
             {"codebook_bytes", layer.codebook_bytes},
+            {"symbols_per_gaussian", layer.symbols_per_gaussian},
             {"tools", Json::array()},
             {"components", Json::object()}};
   for (const Tool& tool : kTools) {
@@ -282,9 +283,13 @@ std::string layer_table(const std::vector<l4d_layer_info>& layers,
   for (size_t first = 0, end; first < layers.size(); first = end) {
     const std::string components = component_text(layers[first]);
     for (end = first + 1; end < layers.size() && component_text(layers[end]) == components;) ++end;
+    uint32_t symbols = 0;
+    for (size_t l = first; l < end; ++l)
+      symbols = std::max(symbols, layers[l].symbols_per_gaussian);
     text += end - first > 1 ? format("layers %zu to %zu: ", first, end - 1)
                             : format("layer %zu: ", first);
-    text += components + "\n";
+    text += components;
+    text += symbols == 0 ? "\n" : format("; at most %u symbols a Gaussian\n", symbols);
   }
   return text;
 }

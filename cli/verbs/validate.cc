@@ -79,6 +79,7 @@ Judgement judge(const DecoderHandle& decoder, const Claim& claim) {
   const l4d_level_limits limits = limits_of_level(level, c.profile);
   c.bytes_per_second = limits.bytes_per_second;
   c.burst_bytes = limits.burst_bytes;
+  c.burst_symbols = limits.instant_symbols;
   decoder.check(l4d_decoder_get_stream_demand(decoder.get(), &c));
 
   Found found;
@@ -130,6 +131,12 @@ Judgement judge(const DecoderHandle& decoder, const Claim& claim) {
   quantity("burst_bytes", c.min_burst_bytes, limits.burst_bytes, c.window_begin,
            {{"time_end", c.window_end}, {"bytes_per_second", c.bytes_per_second}});
   quantity("memory_bytes", c.memory_bytes, limits.memory_bytes, c.memory_time);
+  quantity("instant_symbols", c.instant_symbols, limits.instant_symbols, c.instant_symbols_time);
+  // No rate is enough where an instant alone is too much, which the line above says.
+  if (c.min_symbols_per_second != UINT64_MAX) {
+    quantity("symbols_per_second", c.min_symbols_per_second, limits.symbols_per_second, {},
+             {{"burst_symbols", c.burst_symbols}});
+  }
   out.json["min_bytes_per_second"] =
       c.min_bytes_per_second == UINT64_MAX ? Json() : Json(c.min_bytes_per_second);
   return out;

@@ -18,7 +18,7 @@ KINDS = {"L4D_ERR_NOT_L4D": "no-l4d", "L4D_ERR_VERSION_UNSUPPORTED": "version",
          "L4D_ERR_CHECKSUM": "checksum", "L4D_ERR_CORRUPT": "rule", "L4D_ERR_LIMIT_EXCEEDED": "limit"}
 PROFILES = {None: 0, "indexed": 1, "main": 2, "lossless": 3}
 QUANTITIES = {"instant_gaussians": "gaussians", "table_bytes": "table_bytes", "instant_bytes": "instant_bytes",
-              "start_bytes": "start_bytes", "memory_bytes": "memory_bytes"}
+              "start_bytes": "start_bytes", "memory_bytes": "memory_bytes", "instant_symbols": "symbols"}
 
 
 def command_of(arguments):

@@ -7,6 +7,7 @@ import stream_builder as sb     # its import makes the following ones possible
 import broken_rans
 import broken_streams
 import make_tiny
+import rans_writer
 from broken_streams import FIRST
 
 NO_BOUNDS = broken_rans.NO_BOUNDS
@@ -106,6 +107,30 @@ def memory(num_layers):
     return stream(block_layers(num_layers), frames=16)
 
 
+MOST_SYMBOLS = 240
+
+
+def layers_of_symbols(count, columns=(), level=0, **record):
+    """Layers whose pages have `count` symbols together, by what they declare. Their pages have none."""
+    count = int(count)
+    wide, hybrid = rans_writer.fitted([1] * 126), rans_writer.fitted([1] * 112)
+    maps = [[0], *[[1]] * len(columns)]
+    entropy = rans_writer.entropy_chunk([wide, hybrid], 1, maps)
+    layers = []
+    for each, n in ((MOST_SYMBOLS, count // MOST_SYMBOLS), (count % MOST_SYMBOLS, 1)):
+        sizes = [65536] * (n // 65536) + [n % 65536] * (n % 65536 > 0)
+        layers += [layer([page(size, *columns, **record) for size in sizes], level, entropy=entropy,
+                         symbols_per_gaussian=each)] * (each > 0 and n > 0)
+    return layers
+
+
+def symbol_burst_layers(early, late):
+    """Pages of one bucket, needed a sixteenth of a second apart and for less than that."""
+    at = lambda time: [make_tiny.constant(make_tiny.order(time), 16)]
+    return [*layers_of_symbols(early, at(0.0), 1, bucket=2, visible_begin=126, visible_end=130),
+            *layers_of_symbols(late, at(0.25), 1, bucket=2, visible_begin=142, visible_end=146)]
+
+
 def declared(profile, level, edit=lambda s: None):
     s = copy.deepcopy(broken_streams.scene())
     s.update(profile=profile, conformance_level=level)
@@ -121,6 +146,7 @@ def valid():
     for profile in range(3):
         yield f"profile {profile}", declared(profile, profile)
     yield "transform", transform(2)
+    yield "symbols", broken_rans.layer(symbols_per_gaussian=16)
     yield "Gaussians", gaussians(100000)
     yield "tables", tables(2)
     yield "burst", burst(5000)
@@ -143,3 +169,6 @@ def broken():
     yield "LEVL-6", start(8 << 20)
     yield "LEVL-7", burst(32768)
     yield "LEVL-8", memory(8)
+    yield "LEVL-10", stream(layers_of_symbols(6400001))
+    yield "LEVL-11", stream(symbol_burst_layers(6400000, 6400000))
+    yield "LEVL-9", broken_rans.layer(symbols_per_gaussian=15)

@@ -9,7 +9,7 @@ import faulty_frames
 import member_files
 
 # Of validators alone (DEC-3).
-OF_VALIDATORS = {"FILE-7", "HEAD-21", "DIR-9", "DIR-10", "LAYR-1", "LAYR-3", *(f"LEVL-{k}" for k in range(1, 9)),
+OF_VALIDATORS = {"FILE-7", "HEAD-21", "DIR-9", "DIR-10", "LAYR-1", "LAYR-3", *(f"LEVL-{k}" for k in range(1, 12)),
                  *(f"MEMB-{k}" for k in range(1, 11))}
 # Files too large to be kept: the test spec/streams makes them.
 LARGE = {"LEVL-5", "LEVL-6", "LEVL-7"}

@@ -152,10 +152,21 @@ def of_memory(level, most, beyond):
     return exact(build, tables // 2, most + 4 * beyond, lambda d: d.memory_bytes)
 
 
-# Limits of section 18.2 in the order of levels.LEVELS. R is a part of that of B.
+def of_symbols(level, most, beyond):
+    return stream(level, bl.layers_of_symbols(most + beyond))
+
+
+def of_symbol_burst(level, most, beyond):
+    rate = levels.LEVELS[level][8]
+    build = lambda late: stream(level, bl.symbol_burst_layers(most // 2 + rate // 16, late))
+    return exact(build, most // 2, most + beyond, lambda d: d.burst(rate, d.later_symbols))
+
+
+# Limits of section 18.2 in the order of levels.LEVELS. R is a part of that of B, W of that of S.
 LIMITS = {"gaussians": (0, "LEVL-3", of_gaussians), "tables": (1, "LEVL-4", of_tables),
           "instant": (2, "LEVL-5", of_instant), "start": (3, "LEVL-6", of_start), "burst": (5, "LEVL-7", of_burst),
-          "memory": (6, "LEVL-8", of_memory)}
+          "memory": (6, "LEVL-8", of_memory), "symbols": (7, "LEVL-10", of_symbols),
+          "symbol-burst": (7, "LEVL-11", of_symbol_burst)}
 OF_MANY_BYTES = {"instant", "start", "burst"}
 
 

@@ -116,9 +116,12 @@ class Decoder:
 
     def attributes(self, selected, base_only=False):
         """Name -> a row for each Gaussian of a selected page."""
+        return self.page_and_attributes(selected, base_only)[1]
+
+    def page_and_attributes(self, selected, base_only=False):
         with located(self.header["payload_offset"] + selected.record["offset"]):
             page = self.page(selected, base_only)
-            return attributes(page, self.codebooks, self.block_codebooks(selected))
+            return page, attributes(page, self.codebooks, self.block_codebooks(selected))
 
     def pages(self, query):
         """Attributes of page after page of what a query selects."""

@@ -84,7 +84,8 @@ def demand(decoder):
     keeps = [p for p in (1, 2, 3) if levels.keeps_profile(decoder.header, p)]
     return {"profile": min(keeps, default=0), "level": d.level(), "gaussians": d.gaussians,
             "table_bytes": d.table_bytes, "instant_bytes": d.instant_bytes,
-            "start_bytes": d.start_bytes, "memory_bytes": d.memory_bytes}
+            "start_bytes": d.start_bytes, "memory_bytes": d.memory_bytes,
+            "symbols": d.symbols}
 
 
 def main(arguments):

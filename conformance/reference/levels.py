@@ -7,17 +7,20 @@ from fractions import Fraction
 
 from arithmetic import Invalid, require
 from header import COMPONENTS, F16, FIXED, RAW32, RAW64, SH, TRANSFORM, VQ, WINDOW
+from rans import page_channels
 from times import directory_pages, num_buckets, phase_of_time, visible_interval
 
 MI = 1 << 20
 INDEXED, MAIN, LOSSLESS = 1, 2, 3
-# G, C, I, H, R, B, M
-LEVELS = {1: (100000, 32 * MI, 4 * MI, 8 * MI, 2 * MI, 4 * MI, 64 * MI),
-          2: (250000, 48 * MI, 8 * MI, 16 * MI, 4 * MI, 8 * MI, 128 * MI),
-          3: (500000, 64 * MI, 16 * MI, 32 * MI, 8 * MI, 16 * MI, 256 * MI),
-          4: (1000000, 128 * MI, 32 * MI, 64 * MI, 16 * MI, 32 * MI, 512 * MI),
-          5: (2500000, 256 * MI, 96 * MI, 192 * MI, 48 * MI, 96 * MI, 1024 * MI),
-          6: (8000000, 512 * MI, 256 * MI, 512 * MI, 128 * MI, 256 * MI, 3072 * MI)}
+# G, C, I, H, R, B, M, S, W
+LEVELS = {1: (100000, 32 * MI, 4 * MI, 8 * MI, 2 * MI, 4 * MI, 64 * MI, 6400000, 3200000),
+          2: (250000, 48 * MI, 8 * MI, 16 * MI, 4 * MI, 8 * MI, 128 * MI, 16000000, 8000000),
+          3: (500000, 64 * MI, 16 * MI, 32 * MI, 8 * MI, 16 * MI, 256 * MI, 32000000, 16000000),
+          4: (1000000, 128 * MI, 32 * MI, 64 * MI, 16 * MI, 32 * MI, 512 * MI, 64000000, 32000000),
+          5: (2500000, 256 * MI, 96 * MI, 192 * MI, 48 * MI, 96 * MI, 1024 * MI,
+              160000000, 80000000),
+          6: (8000000, 512 * MI, 256 * MI, 512 * MI, 128 * MI, 256 * MI, 3072 * MI,
+              512000000, 256000000)}
 
 
 def keeps_profile(h, profile):
@@ -38,12 +41,18 @@ def keeps_profile(h, profile):
     return h["position"] in (F16, FIXED)
 
 
+def most_symbols(h, index):
+    """E of section 18.2."""
+    layer = h["layers"][index]
+    return 0 if layer["entropy"] is None else layer["symbols_per_gaussian"] or len(page_channels(h, index))
+
+
 class Demand:
     """What playing a stream asks for."""
 
     def __init__(self, decoder, head_bytes):
         self.decoder, self.h = decoder, decoder.header
-        self.chunks = []        # first, last, Gaussians, stored bytes, memory
+        self.chunks = []        # first, last, Gaussians, stored bytes, memory, symbols
         self.others = []        # first, stored bytes: of the directory
         self.table_bytes, self.head_bytes = 0, head_bytes
         self.tables()
@@ -52,14 +61,21 @@ class Demand:
                 self.layer(index, layer)
         first = [(c[0], c[3]) for c in self.chunks] + self.others
         self.start_bytes = self.head_bytes + sum(n for phase, n in first if phase == 0)
-        self.later = {}
+        self.later = self.first_needed_later(first)
+        self.later_symbols = self.first_needed_later([(c[0], c[5]) for c in self.chunks])
+        peaks = [[sum(c[k] for c in self.chunks if c[0] <= at[0] <= c[1]) for k in (2, 3, 4, 5)]
+                 for at in self.chunks] or [[0, 0, 0, 0]]
+        self.gaussians, self.instant_bytes, memory, self.symbols = map(max, zip(*peaks))
+        self.memory_bytes = self.table_bytes + memory
+
+    @staticmethod
+    def first_needed_later(first):
+        """{phase: sum of what is first needed there}, without phase 0."""
+        later = {}
         for phase, n in first:
             if phase > 0:
-                self.later[phase] = self.later.get(phase, 0) + n
-        peaks = [[sum(c[k] for c in self.chunks if c[0] <= at[0] <= c[1]) for k in (2, 3, 4)]
-                 for at in self.chunks] or [[0, 0, 0]]
-        self.gaussians, self.instant_bytes, memory = map(max, zip(*peaks))
-        self.memory_bytes = self.table_bytes + memory
+                later[phase] = later.get(phase, 0) + n
+        return later
 
     def tables(self):
         def component(index, c):
@@ -102,6 +118,7 @@ class Demand:
         bits, level = int(layer["directory_bits"]), layer["level"]
         stride = (1 << 40) // num_buckets(level)
         numbers = 17 + self.decoder.dim(index, SH)
+        symbols = most_symbols(self.h, index)
         for d in range(directory_pages(level, bits)):
             stored = self.decoder.directory.entry(index, d)["stored_bytes"]
             self.others.append((max((d << bits) - 1, 0) * stride, 32 + stored))
@@ -115,7 +132,7 @@ class Demand:
                     continue
                 n = r["num_gaussians"]
                 stored = r["stored_bytes"] + r["sh_bytes"]
-                self.chunks.append((*run, n, stored, 4 * n * numbers))
+                self.chunks.append((*run, n, stored, 4 * n * numbers, n * symbols))
                 of_block.setdefault(r["block"], []).append(run)
             for b, block in enumerate(page["blocks"] or ()):
                 runs = of_block.get(b)
@@ -124,17 +141,18 @@ class Demand:
                         min(r[0] for r in runs), max(r[1] for r in runs), 0,
                         sum(t["table"]["stored_bytes"] for t in block["tables"]),
                         sum(4 * t["num_entries"] * self.decoder.dim(index, t["component"])
-                            for t in block["tables"])))
+                            for t in block["tables"]), 0))
 
-    def burst(self, rate):
+    def burst(self, rate, later=None):
         """The least B that a rate leaves: what a bucket holds at most that what is first needed fills, and
-        that leaks at the rate."""
+        that leaks at the rate. later: bytes, if nothing else is given."""
+        later = self.later if later is None else later
         # In units of which `unit` are a byte, so that all numbers are integers.
         unit = self.h["fps_num"] << 40
         leak = rate * self.h["num_frames"] * self.h["fps_den"]
         most = held = before = 0
-        for phase in sorted(self.later):
-            held = max(held - leak * (phase - before), 0) + self.later[phase] * unit
+        for phase in sorted(later):
+            held = max(held - leak * (phase - before), 0) + later[phase] * unit
             most, before = max(most, held), phase
         return Fraction(most, unit)
 
@@ -149,7 +167,7 @@ class Demand:
         return 0
 
     def check_level(self, level):
-        g, c, i, start, rate, burst, memory = LEVELS[level]
+        g, c, i, start, rate, burst, memory, symbols, symbol_rate = LEVELS[level]
         factor = 8 if keeps_profile(self.h, LOSSLESS) else 1
         require(self.gaussians <= g, "LEVL-3", f"{self.gaussians} Gaussians")
         require(self.table_bytes <= c, "LEVL-4", f"{self.table_bytes} bytes of tables")
@@ -157,6 +175,8 @@ class Demand:
         require(self.start_bytes <= factor * start, "LEVL-6", f"{self.start_bytes} bytes at first")
         require(self.burst(factor * rate) <= factor * burst, "LEVL-7", "bytes beyond the rate")
         require(self.memory_bytes <= memory, "LEVL-8", f"{self.memory_bytes} bytes of memory")
+        require(self.symbols <= symbols, "LEVL-10", f"{self.symbols} symbols")
+        require(self.burst(symbol_rate, self.later_symbols) <= symbols, "LEVL-11", "symbols beyond the rate")
 
 
 def demand(decoder):

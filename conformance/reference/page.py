@@ -77,6 +77,7 @@ class Page:
                                  self.transform(c) if coding == TRANSFORM else
                                  self.raw_vectors(c) if coding == RAW32 else {})
         self.streams.end()
+        self.symbols = self.streams.symbols
 
     def raw(self, what):
         """Bits of finite binary32."""

@@ -194,6 +194,7 @@ class RansPage:
             self.blocks.append(Block(file, detail, "SH chunk"))
         self.left = list(entropy.channels[:entropy.first_detail if split else None])
         self.left_in_detail = list(entropy.channels[entropy.first_detail:]) if detail else []
+        self.symbols = 0
 
     def place(self):
         return self.blocks[not self.left and len(self.blocks) > 1].place()
@@ -205,6 +206,7 @@ class RansPage:
         block = self.blocks[of_detail]
         place = block.place()
         values = block.channel([tables[c] for c in contexts or [0] * n])
+        self.symbols += len(values)
         bound, clause = (limit, limit_clause) if limit else (1 << width, "STRM-3")
         require(all(v < bound for v in values), clause, f"{what}, limit {bound}", place)
         return values

@@ -8,6 +8,8 @@ from arithmetic import Invalid, located, require, unzigzag
 class Streams:
     """The streams of one chunk, front to back. clause: what is broken where they end too early."""
 
+    symbols = 0     # of rANS
+
     def __init__(self, file, chunk, clause="STRM-2"):
         self.file, self.chunk, self.at, self.clause = file, chunk, 0, clause
 

@@ -36,8 +36,10 @@ def validate(decoder, chunks=()):
     check_ranges(decoder, chunks)
     for selected in decoder.select(Query()):
         place = decoder.header["payload_offset"] + selected.record["offset"]
-        rows = decoder.attributes(selected)
+        page, rows = decoder.page_and_attributes(selected)
         layer = decoder.header["layers"][selected.index]
+        declared = layer["symbols_per_gaussian"]
+        require(declared == 0 or page.symbols <= page.n * declared, "LEVL-9", f"{page.symbols} symbols", place)
         for position, mean, log_scale, rotor, window in zip(
                 rows["position"], rows["mean_t_double"], rows["log_scale"], rows["rotor"],
                 rows.get("window", rows["position"])):

@@ -62,16 +62,18 @@ Status inspect_stream_demand(SceneFile& file, l4d_stream_demand* out) {
   };
   peak(meter.gaussians(), &out->instant_gaussians, &out->instant_gaussians_time);
   peak(meter.instant_bytes(), &out->instant_bytes, &out->instant_bytes_time);
+  peak(meter.instant_symbols(), &out->instant_symbols, &out->instant_symbols_time);
   peak(meter.memory_bytes(), &out->memory_bytes, &out->memory_time);
   out->profile = static_cast<uint32_t>(profile_of(file.header()));
   out->level = meter.smallest_level();
   out->table_bytes = meter.table_bytes();
   out->start_bytes = meter.start_bytes();
   const Burst burst = meter.min_burst(out->bytes_per_second);
-  out->min_burst_bytes = burst.bytes;
+  out->min_burst_bytes = burst.amount;
   out->window_begin = meter.seconds(burst.first);
   out->window_end = meter.seconds(burst.last);
   out->min_bytes_per_second = meter.min_rate(out->burst_bytes);
+  out->min_symbols_per_second = meter.min_symbol_rate(out->burst_symbols);
   return {};
 }
 

@@ -326,9 +326,20 @@ class Validator {
     out.rotor = rotor_.data();
     out.opacity = opacity_.data();
     out.sh = sh_.data();
+    const uint64_t symbols_before = pages_.symbols_decoded();
     L4D_RETURN_IF_ERROR(pages_.expand(plan, 0, 1, out, nullptr, nullptr));
+    L4D_RETURN_IF_ERROR(check_symbols(layer, record, pages_.symbols_decoded() - symbols_before));
     return layer.permanent ? check_bounds(header, layer, record)
                            : check_times(header, layer, record, range);
+  }
+
+  static Status check_symbols(const LayerHeader& layer, const PageRecord& record,
+                              uint64_t symbols) {
+    const uint64_t most = uint64_t{record.num_gaussians} * layer.symbols_per_gaussian;
+    if (layer.symbols_per_gaussian == 0 || symbols <= most) return {};
+    return corrupt("LEVL-9", record.chunk.offset,
+                   "a page of " + std::to_string(symbols) + " symbols, and its layer declares " +
+                       std::to_string(most) + " at most");
   }
 
   FrameWindow window(size_t i) const { return {window_[2 * i], window_[2 * i + 1]}; }

@@ -96,6 +96,7 @@ Status PageDecoder::parse_rans_page(const PageTask& task, const PageWants& wants
 Status PageDecoder::decode_one(const Pages& pages, size_t i, PageScratch& scratch,
                                SectionBytes* sections, Batch* batch) {
   L4D_RETURN_IF_ERROR(parse_one(pages, i, scratch, sections, batch));
+  symbols_decoded_.fetch_add(scratch.columns.symbols, std::memory_order_relaxed);
   const PageTask& task = pages.plan.tasks[batch->begin + i];
   const LayerHeader& layer = file_.header().layers[task.layer];
   if (!layer.flat() || !pages.wants.mean_t) return {};

@@ -3,6 +3,7 @@
 // of threads nor the order of pages changes a bit.
 #pragma once
 
+#include <atomic>
 #include <functional>
 #include <memory>
 #include <mutex>
@@ -56,6 +57,8 @@ class PageDecoder {
   Status measure(const Plan& plan, SectionBytes* sections, std::vector<uint64_t>* layer_bytes);
 
   uint64_t pages_decoded() const { return pages_decoded_; }
+  // Of rANS.
+  uint64_t symbols_decoded() const { return symbols_decoded_.load(std::memory_order_relaxed); }
 
  private:
   // Pages [begin, end) of a plan, and what is wanted of them.
@@ -95,6 +98,7 @@ class PageDecoder {
   const DecodeKernels kernels_;
   int threads_;
   uint64_t pages_decoded_ = 0;
+  std::atomic<uint64_t> symbols_decoded_{0};
   std::mutex scratch_mutex_;
   std::vector<std::unique_ptr<PageScratch>> scratch_;
 };

@@ -67,6 +67,12 @@ size_t first_detail_channel(const SceneHeader& header, const std::vector<Channel
                              channels.begin());
 }
 
+uint64_t most_symbols(const SceneHeader& header, const LayerHeader& layer) {
+  if (!layer.has_entropy) return 0;
+  if (layer.symbols_per_gaussian != 0) return layer.symbols_per_gaussian;
+  return page_channels(header, layer).size();
+}
+
 bool rans_codable(const SceneHeader& header, const LayerHeader& layer) {
   if (header.position_of(layer) == CoordinateCodingId::kRaw32 || layer.has_raw_means() ||
       header.opacity.coding == ScalarCodingId::kRaw32 ||

@@ -52,6 +52,10 @@ std::vector<ChannelSpec> page_channels(const SceneHeader& header, const LayerHea
 // of channels where there is none.
 size_t first_detail_channel(const SceneHeader& header, const std::vector<ChannelSpec>& channels);
 
+// The most symbols of a Gaussian in the rANS pages of a layer, as its header declares it or as many
+// as there are channels; 0 where it has no such pages.
+uint64_t most_symbols(const SceneHeader& header, const LayerHeader& layer);
+
 // Whether a layer's codings can be told in rans32 pages: raw float32 columns cannot.
 bool rans_codable(const SceneHeader& header, const LayerHeader& layer);
 

@@ -86,30 +86,32 @@ PhaseRun needed_phases(const l4d_timeline& timeline, const LayerHeader& layer,
   return run;
 }
 
-void LevelMeter::add(const PhaseRun& run, uint64_t gaussians, uint64_t bytes, uint64_t memory) {
+void LevelMeter::add(const PhaseRun& run, const Needs& needs) {
   if (run.empty()) return;
-  const auto g = static_cast<int64_t>(gaussians);
-  const auto b = static_cast<int64_t>(bytes);
-  const auto m = static_cast<int64_t>(memory);
-  changes_.push_back({run.first, g, b, m});
-  changes_.push_back({run.last + 1, -g, -b, -m});
-  arrivals_.push_back({run.first, bytes});
+  const auto g = static_cast<int64_t>(needs.gaussians);
+  const auto b = static_cast<int64_t>(needs.bytes);
+  const auto m = static_cast<int64_t>(needs.memory);
+  const auto s = static_cast<int64_t>(needs.symbols);
+  changes_.push_back({run.first, g, b, m, s});
+  changes_.push_back({run.last + 1, -g, -b, -m, -s});
+  arrivals_.push_back({run.first, needs.bytes, needs.symbols});
 }
 
 void LevelMeter::add_directory_page(uint32_t layer_index, uint32_t index, uint64_t stored_bytes,
                                     const DirectoryPage* page) {
   const LayerHeader& layer = header_.layers[layer_index];
   const uint32_t first_bucket = index << layer.directory_bits;
-  arrivals_.push_back({bucket_phases(layer.level, first_bucket).first, stored_bytes});
+  arrivals_.push_back({bucket_phases(layer.level, first_bucket).first, stored_bytes, 0});
   if (page == nullptr) return;
   const uint64_t numbers = 17 + header_.sh_dim();
+  const uint64_t symbols = most_symbols(header_, layer);
   std::vector<PhaseRun> blocks(page->blocks.size());
   for (const PageRecord& record : page->pages) {
     const PhaseRun run = needed_phases(header_.timeline, layer, record);
     if (run.empty()) continue;
-    add(run, record.num_gaussians,
-        uint64_t{record.chunk.stored_bytes} + record.sh_detail.stored_bytes,
-        uint64_t{record.num_gaussians} * numbers * sizeof(float));
+    const uint64_t n = record.num_gaussians;
+    add(run, {n, uint64_t{record.chunk.stored_bytes} + record.sh_detail.stored_bytes,
+              n * numbers * sizeof(float), n * symbols});
     if (record.block == kNoBlock) continue;
     PhaseRun& block = blocks[record.block];
     block = block.empty()
@@ -125,7 +127,7 @@ void LevelMeter::add_directory_page(uint32_t layer_index, uint32_t index, uint64
       codebooks.decoded +=
           uint64_t{table.num_entries} * header_.component_dim(layer, c) * sizeof(float);
     }
-    add(blocks[b], 0, codebooks.stored, codebooks.decoded);
+    add(blocks[b], {0, codebooks.stored, codebooks.decoded, 0});
   }
 }
 
@@ -146,10 +148,12 @@ void LevelMeter::finish(uint64_t head_bytes) {
       now.gaussians += changes_[i].gaussians;
       now.bytes += changes_[i].bytes;
       now.memory += changes_[i].memory;
+      now.symbols += changes_[i].symbols;
     }
     raise(phase, now.gaussians, &gaussians_);
     raise(phase, now.bytes, &instant_bytes_);
     raise(phase, now.memory, &memory_bytes_);
+    raise(phase, now.symbols, &instant_symbols_);
   }
   memory_bytes_.value += table_bytes_;
 
@@ -161,6 +165,7 @@ void LevelMeter::finish(uint64_t head_bytes) {
       start_bytes_ += a.bytes;
     } else if (kept > 0 && arrivals_[kept - 1].phase == a.phase) {
       arrivals_[kept - 1].bytes += a.bytes;
+      arrivals_[kept - 1].symbols += a.symbols;
     } else {
       arrivals_[kept++] = a;
     }
@@ -177,18 +182,18 @@ double LevelMeter::seconds(uint64_t phase) const {
 }
 
 // A bucket that leaks at the rate: how full it ever gets is what it has to hold.
-Burst LevelMeter::min_burst(uint64_t bytes_per_second) const {
-  const double bytes_per_phase = static_cast<double>(bytes_per_second) * seconds_per_phase();
+Burst LevelMeter::min_burst(uint64_t Arrival::*of, uint64_t per_second) const {
+  const double per_phase = static_cast<double>(per_second) * seconds_per_phase();
   Burst most;
   double fill = 0, highest = 0;
   uint64_t first = 0, last = 0;
   for (const Arrival& a : arrivals_) {
-    fill -= bytes_per_phase * static_cast<double>(a.phase - last);
+    fill -= per_phase * static_cast<double>(a.phase - last);
     if (!(fill > 0)) {
       fill = 0;
       first = a.phase;
     }
-    fill += static_cast<double>(a.bytes);
+    fill += static_cast<double>(a.*of);
     last = a.phase;
     if (fill <= highest) continue;
     highest = fill;
@@ -197,8 +202,8 @@ Burst LevelMeter::min_burst(uint64_t bytes_per_second) const {
   return most;
 }
 
-uint64_t LevelMeter::min_rate(uint64_t burst_bytes) const {
-  const auto enough = [&](uint64_t rate) { return min_burst(rate).bytes <= burst_bytes; };
+uint64_t LevelMeter::min_rate(uint64_t Arrival::*of, uint64_t burst) const {
+  const auto enough = [&](uint64_t rate) { return min_burst(of, rate).amount <= burst; };
   uint64_t high = uint64_t{1} << 62;
   if (!enough(high)) return kNoRate;
   if (enough(0)) return 0;
@@ -227,11 +232,18 @@ std::vector<LimitViolation> LevelMeter::beyond(unsigned level) const {
        "bytes of pages needed" + at(instant_bytes_));
   hold("LEVL-6", start_bytes_, limits.start_bytes, "bytes needed before the first instant");
   const Burst burst = min_burst(limits.bytes_per_second);
-  hold("LEVL-7", burst.bytes, limits.burst_bytes,
-       "bytes first needed from " + seconds_text(seconds(burst.first)) + " to " +
-           seconds_text(seconds(burst.last)) + " beyond " +
-           std::to_string(limits.bytes_per_second) + " a second");
+  const auto during = [&](const Burst& b) {
+    return " first needed from " + seconds_text(seconds(b.first)) + " to " +
+           seconds_text(seconds(b.last)) + " beyond ";
+  };
+  hold("LEVL-7", burst.amount, limits.burst_bytes,
+       "bytes" + during(burst) + std::to_string(limits.bytes_per_second) + " a second");
   hold("LEVL-8", memory_bytes_.value, limits.memory_bytes, "bytes of memory" + at(memory_bytes_));
+  hold("LEVL-10", instant_symbols_.value, limits.instant_symbols,
+       "symbols of pages needed" + at(instant_symbols_));
+  const Burst symbols = min_symbol_burst(limits.symbols_per_second);
+  hold("LEVL-11", symbols.amount, limits.instant_symbols,
+       "symbols" + during(symbols) + std::to_string(limits.symbols_per_second) + " a second");
   return found;
 }
 

@@ -28,10 +28,10 @@ struct Peak {
   uint64_t phase = 0;
 };
 
-// The run of phases in which more is first needed than a rate brings, by `bytes`, the most of all
+// The run of phases in which more is first needed than a rate brings, by `amount`, the most of all
 // runs.
 struct Burst {
-  uint64_t bytes = 0;
+  uint64_t amount = 0;
   uint64_t first = 0, last = 0;
 };
 
@@ -44,8 +44,8 @@ struct LimitViolation {
 class LevelMeter {
  public:
   // What it holds for each page and block of pages, and for each directory page.
-  static constexpr uint64_t kBytesPerPage = 2 * 32 + 16;
-  static constexpr uint64_t kBytesPerDirectoryPage = 16;
+  static constexpr uint64_t kBytesPerPage = 2 * 40 + 24;
+  static constexpr uint64_t kBytesPerDirectoryPage = 24;
   // No rate is high enough.
   static constexpr uint64_t kNoRate = ~uint64_t{0};
 
@@ -61,12 +61,22 @@ class LevelMeter {
 
   const Peak& gaussians() const { return gaussians_; }
   const Peak& instant_bytes() const { return instant_bytes_; }
+  const Peak& instant_symbols() const { return instant_symbols_; }
   // Tables included.
   const Peak& memory_bytes() const { return memory_bytes_; }
   uint64_t table_bytes() const { return table_bytes_; }
   uint64_t start_bytes() const { return start_bytes_; }
-  Burst min_burst(uint64_t bytes_per_second) const;
-  uint64_t min_rate(uint64_t burst_bytes) const;
+  // Of stored bytes, and of symbols.
+  Burst min_burst(uint64_t bytes_per_second) const {
+    return min_burst(&Arrival::bytes, bytes_per_second);
+  }
+  uint64_t min_rate(uint64_t burst_bytes) const { return min_rate(&Arrival::bytes, burst_bytes); }
+  Burst min_symbol_burst(uint64_t symbols_per_second) const {
+    return min_burst(&Arrival::symbols, symbols_per_second);
+  }
+  uint64_t min_symbol_rate(uint64_t burst_symbols) const {
+    return min_rate(&Arrival::symbols, burst_symbols);
+  }
 
   double seconds(uint64_t phase) const;
   // level: 1..kNumConformanceLevels.
@@ -78,20 +88,25 @@ class LevelMeter {
   // What is held from a phase on, or no longer.
   struct Change {
     uint64_t phase;
-    int64_t gaussians, bytes, memory;
+    int64_t gaussians, bytes, memory, symbols;
   };
   struct Arrival {
     uint64_t phase;
-    uint64_t bytes;
+    uint64_t bytes, symbols;
   };
-  void add(const PhaseRun& run, uint64_t gaussians, uint64_t bytes, uint64_t memory);
+  struct Needs {
+    uint64_t gaussians, bytes, memory, symbols;
+  };
+  void add(const PhaseRun& run, const Needs& needs);
+  Burst min_burst(uint64_t Arrival::*of, uint64_t per_second) const;
+  uint64_t min_rate(uint64_t Arrival::*of, uint64_t burst) const;
   bool lossless() const { return profile_violation(header_, ProfileId::kLossless).empty(); }
   double seconds_per_phase() const;
 
   const SceneHeader& header_;
   std::vector<Change> changes_;
   std::vector<Arrival> arrivals_;  // finished: by phase, one for each, without phase 0
-  Peak gaussians_, instant_bytes_, memory_bytes_;
+  Peak gaussians_, instant_bytes_, memory_bytes_, instant_symbols_;
   uint64_t table_bytes_ = 0;
   uint64_t start_bytes_ = 0;
 };

@@ -9,12 +9,18 @@ constexpr const char* kComponentNames[] = {"sh", "scale", "rotor_spatial", "roto
 
 constexpr uint64_t kMiB = uint64_t{1} << 20;
 constexpr LevelLimits kLevels[kNumConformanceLevels] = {
-    {"phone", 100000, 32 * kMiB, 4 * kMiB, 8 * kMiB, 2 * kMiB, 4 * kMiB, 64 * kMiB},
-    {"headset", 250000, 48 * kMiB, 8 * kMiB, 16 * kMiB, 4 * kMiB, 8 * kMiB, 128 * kMiB},
-    {"laptop", 500000, 64 * kMiB, 16 * kMiB, 32 * kMiB, 8 * kMiB, 16 * kMiB, 256 * kMiB},
-    {"desktop", 1000000, 128 * kMiB, 32 * kMiB, 64 * kMiB, 16 * kMiB, 32 * kMiB, 512 * kMiB},
-    {"workstation", 2500000, 256 * kMiB, 96 * kMiB, 192 * kMiB, 48 * kMiB, 96 * kMiB, 1024 * kMiB},
-    {"studio", 8000000, 512 * kMiB, 256 * kMiB, 512 * kMiB, 128 * kMiB, 256 * kMiB, 3072 * kMiB},
+    {"phone", 100000, 32 * kMiB, 4 * kMiB, 8 * kMiB, 2 * kMiB, 4 * kMiB, 64 * kMiB, 6400000,
+     3200000},
+    {"headset", 250000, 48 * kMiB, 8 * kMiB, 16 * kMiB, 4 * kMiB, 8 * kMiB, 128 * kMiB, 16000000,
+     8000000},
+    {"laptop", 500000, 64 * kMiB, 16 * kMiB, 32 * kMiB, 8 * kMiB, 16 * kMiB, 256 * kMiB, 32000000,
+     16000000},
+    {"desktop", 1000000, 128 * kMiB, 32 * kMiB, 64 * kMiB, 16 * kMiB, 32 * kMiB, 512 * kMiB,
+     64000000, 32000000},
+    {"workstation", 2500000, 256 * kMiB, 96 * kMiB, 192 * kMiB, 48 * kMiB, 96 * kMiB, 1024 * kMiB,
+     160000000, 80000000},
+    {"studio", 8000000, 512 * kMiB, 256 * kMiB, 512 * kMiB, 128 * kMiB, 256 * kMiB, 3072 * kMiB,
+     512000000, 256000000},
 };
 
 // Tells what a profile forbids: the first such thing is kept.

@@ -36,6 +36,8 @@ struct LevelLimits {
   uint64_t bytes_per_second;  // the leaky bucket: rate
   uint64_t burst_bytes;       // and size
   uint64_t memory_bytes;
+  uint64_t instant_symbols;     // of rANS, of the pages of an instant
+  uint64_t symbols_per_second;  // a leaky bucket of this rate, and as large as an instant
 };
 
 // Stored bytes of lossless streams are allowed to be this many times as large.

@@ -460,6 +460,7 @@ uint64_t max_page_bytes(const SceneHeader& header, size_t n) {
 Status decode_page(StreamDecoder& decoder, ByteSpan raw, uint64_t base, const SceneHeader& header,
                    const LayerHeader& layer, const BlockRecord* block, size_t n,
                    const PageWants& wants, PageColumns* out, SectionBytes* sections) {
+  out->symbols = 0;
   return PageParser(decoder, raw, base, n, out, sections).parse(header, layer, block, wants);
 }
 

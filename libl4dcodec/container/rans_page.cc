@@ -39,6 +39,7 @@ class RansPageParser {
 
   Status run(const RansPageChunks& parts, Status* detail) {
     out_.n = n_;
+    out_.symbols = 0;
     out_.sh_detail = !parts.has_detail;
     for (ComponentColumns& c : out_.component) {
       c.index_count.fill(0);
@@ -114,6 +115,7 @@ class RansPageParser {
 
   // Decodes channel p for `count` Gaussians, whose contexts are given where it has more than one.
   void hybrid(size_t p, const uint8_t* contexts, size_t count, uint16_t* dst) {
+    out_.symbols += count;
     const std::vector<uint8_t>& map = tables_.maps[p];
     const bool one = std::all_of(map.begin(), map.end(), [&](uint8_t t) { return t == map[0]; });
     if (contexts == nullptr || one) {
@@ -192,6 +194,7 @@ class RansPageParser {
 
   Status positions(size_t p) {
     grow(d_.wide, n_);
+    out_.symbols += n_;
     d_.kernels->wide(lanes_, tables_.entries.data() + size_t{tables_.maps[p][0]} * kRansSlots,
                      nullptr, n_, d_.wide.data());
     const bool fixed = header_.position == CoordinateCodingId::kFixed;

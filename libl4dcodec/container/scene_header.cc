@@ -426,6 +426,7 @@ class HeaderParser {
     out->page_table_offset = l.page_table_offset();
     out->raw_position = l.raw_position();
     out->tier = l.tier();
+    out->symbols_per_gaussian = l.symbols_per_gaussian();
     out->has_entropy = l.entropy() != nullptr;
     if (out->has_entropy) {
       const fbs::ChunkRef& e = *l.entropy();
@@ -459,7 +460,8 @@ Bytes serialize_scene_header(const SceneHeader& h, const std::vector<Extension>&
         static_cast<uint8_t>(l.mean_t_shift), l.has_entropy ? &entropy : nullptr, l.mean_t_step,
         static_cast<uint16_t>(l.mean_t_zero), static_cast<uint8_t>(l.mean_t_bits), l.mean_t_fine,
         l.raw_position, l.window_length, static_cast<uint8_t>(l.window_begin_bits),
-        static_cast<uint8_t>(l.window_length_bits), static_cast<uint8_t>(l.tier)));
+        static_cast<uint8_t>(l.window_length_bits), static_cast<uint8_t>(l.tier),
+        static_cast<uint8_t>(l.symbols_per_gaussian)));
   }
   const auto layer_vector = b.CreateVector(layers);
   const auto opacity = to_fbs(b, h.opacity);

@@ -149,9 +149,10 @@ struct LayerHeader : MeanTimeCoding {
   unsigned directory_bits = 0;
   uint64_t page_table_offset = 0;
   bool has_entropy = false;
-  ChunkRef entropy;           // tables of the layer's rans32 pages
-  bool raw_position = false;  // raw32, whatever the scene's positions are
-  unsigned tier = 0;          // players may leave out those above one
+  ChunkRef entropy;                   // tables of the layer's rans32 pages
+  bool raw_position = false;          // raw32, whatever the scene's positions are
+  unsigned tier = 0;                  // players may leave out those above one
+  unsigned symbols_per_gaussian = 0;  // of rANS pages, at most; 0 = not declared
 
   // Numbers of a normalised scale vector: permanent layers carry no temporal scale.
   unsigned scale_dim() const { return permanent ? 3 : 4; }

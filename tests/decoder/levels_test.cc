@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "libl4dcodec/container/channels.h"
 #include "libl4dcodec/container/level_meter.h"
 #include "tests/common/random.h"
 
@@ -45,6 +46,8 @@ Pages random_pages(uint64_t seed) {
     layer.permanent = h.layers.empty();
     layer.directory_bits = static_cast<unsigned>(below(4));
     layer.component[L4D_COMPONENT_SCALE].coding = ComponentCodingId::kVq;
+    layer.has_entropy = below(4) > 0;
+    layer.symbols_per_gaussian = static_cast<unsigned>(below(3) * 20);
     h.layers.push_back(layer);
   }
   for (uint32_t l = 0; l < h.layers.size(); ++l) {
@@ -90,9 +93,16 @@ LevelMeter measure(const Pages& pages, uint64_t head_bytes = 0) {
 // What is needed, written out from the specification: chunks with the phases at which they are.
 struct Chunk {
   PhaseRun run;
-  uint64_t gaussians, bytes, memory;
+  uint64_t gaussians, bytes, memory, symbols;
   bool is_of_instant;  // not directory
 };
+
+// E of section 18.2.
+uint64_t symbols_of(const SceneHeader& header, const LayerHeader& layer) {
+  if (!layer.has_entropy) return 0;
+  return layer.symbols_per_gaussian > 0 ? layer.symbols_per_gaussian
+                                        : page_channels(header, layer).size();
+}
 
 std::vector<Chunk> chunks_of(const Pages& pages) {
   std::vector<Chunk> out;
@@ -102,7 +112,7 @@ std::vector<Chunk> chunks_of(const Pages& pages) {
     const uint64_t stride = uint64_t{1} << (kPhaseBits - bucket_bits(layer.level));
     const uint64_t bucket = uint64_t{e.index} << layer.directory_bits;
     out.push_back(
-        {{bucket == 0 ? 0 : (bucket - 1) * stride, kPhaseLast}, 0, e.stored_bytes, 0, false});
+        {{bucket == 0 ? 0 : (bucket - 1) * stride, kPhaseLast}, 0, e.stored_bytes, 0, 0, false});
     for (size_t b = 0; b < e.page.blocks.size(); ++b) {
       const RcqTableRef& t = e.page.blocks[b].tables[L4D_COMPONENT_SCALE];
       PhaseRun all{~uint64_t{0}, 0};
@@ -112,15 +122,15 @@ std::vector<Chunk> chunks_of(const Pages& pages) {
         all = {std::min(all.first, run.first), std::max(all.last, run.last)};
       }
       if (!all.empty()) {
-        out.push_back(
-            {all, 0, t.chunk.stored_bytes, uint64_t{t.num_entries} * layer.scale_dim() * 4, true});
+        out.push_back({all, 0, t.chunk.stored_bytes,
+                       uint64_t{t.num_entries} * layer.scale_dim() * 4, 0, true});
       }
     }
     for (const PageRecord& r : e.page.pages) {
       const PhaseRun run = needed_phases(pages.header.timeline, layer, r);
       if (run.empty()) continue;
-      out.push_back(
-          {run, r.num_gaussians, r.chunk.stored_bytes, 4 * numbers * r.num_gaussians, true});
+      out.push_back({run, r.num_gaussians, r.chunk.stored_bytes, 4 * numbers * r.num_gaussians,
+                     r.num_gaussians * symbols_of(pages.header, layer), true});
     }
   }
   return out;
@@ -131,23 +141,25 @@ TEST(Conformance, PeaksAreThoseOfBruteForce) {
     const Pages pages = random_pages(seed);
     const LevelMeter meter = measure(pages, 1000);
     const std::vector<Chunk> chunks = chunks_of(pages);
-    Peak gaussians, bytes, memory;
+    Peak gaussians, bytes, memory, symbols;
     uint64_t start = 1000;
     const auto raise = [](uint64_t value, uint64_t phase, Peak* peak) {
       if (value > peak->value || (value == peak->value && phase < peak->phase))
         *peak = {value, phase};
     };
     for (const Chunk& at : chunks) {  // sums grow where something is first needed, and nowhere else
-      uint64_t g = 0, b = 0, m = 0;
+      uint64_t g = 0, b = 0, m = 0, s = 0;
       for (const Chunk& c : chunks) {
         if (!c.is_of_instant || at.run.first < c.run.first || at.run.first > c.run.last) continue;
         g += c.gaussians;
         b += c.bytes;
         m += c.memory;
+        s += c.symbols;
       }
       raise(g, at.run.first, &gaussians);
       raise(b, at.run.first, &bytes);
       raise(m, at.run.first, &memory);
+      raise(s, at.run.first, &symbols);
       if (at.run.first == 0) start += at.bytes;
     }
     SCOPED_TRACE(seed);
@@ -155,15 +167,20 @@ TEST(Conformance, PeaksAreThoseOfBruteForce) {
     EXPECT_EQ(meter.gaussians().phase, gaussians.phase);
     EXPECT_EQ(meter.instant_bytes().value, bytes.value);
     EXPECT_EQ(meter.instant_bytes().phase, bytes.phase);
-    EXPECT_EQ(meter.memory_bytes().value, memory.value);
+    EXPECT_EQ(meter.instant_symbols().value, symbols.value);
+    EXPECT_EQ(meter.instant_symbols().phase, symbols.phase);
+    uint64_t tables = 0;
+    for (const LayerHeader& layer : pages.header.layers) tables += layer.has_entropy ? 1u << 19 : 0;
+    EXPECT_EQ(meter.memory_bytes().value, tables + memory.value);
     EXPECT_EQ(meter.memory_bytes().phase, memory.phase);
     EXPECT_EQ(meter.start_bytes(), start);
-    EXPECT_EQ(meter.table_bytes(), 0u);
+    EXPECT_EQ(meter.table_bytes(), tables);
   }
 }
 
 // Every window of phases, from one first need to another.
-double brute_force_burst(const Pages& pages, const std::vector<Chunk>& chunks, double rate) {
+double brute_force_burst(const Pages& pages, const std::vector<Chunk>& chunks, double rate,
+                         uint64_t Chunk::*of = &Chunk::bytes) {
   const double second = sequence_duration(pages.header.timeline) * 0x1p-40;
   double most = 0;
   for (const Chunk& from : chunks) {
@@ -172,7 +189,7 @@ double brute_force_burst(const Pages& pages, const std::vector<Chunk>& chunks, d
       double bytes = 0;
       for (const Chunk& c : chunks) {
         const bool inside = c.run.first >= from.run.first && c.run.first <= to.run.first;
-        if (inside) bytes += static_cast<double>(c.bytes);
+        if (inside) bytes += static_cast<double>(c.*of);
       }
       const double time = static_cast<double>(to.run.first - from.run.first) * second;
       most = std::max(most, bytes - rate * time);
@@ -190,7 +207,10 @@ TEST(Conformance, LeakyBucketIsThatOfAllWindows) {
     for (const uint64_t rate : {0u, 1000u, 20000u, 300000u}) {
       const Burst burst = meter.min_burst(rate);
       const double want = brute_force_burst(pages, chunks, static_cast<double>(rate));
-      EXPECT_NEAR(static_cast<double>(burst.bytes), std::floor(want), 1) << rate;
+      EXPECT_NEAR(static_cast<double>(burst.amount), std::floor(want), 1) << rate;
+      const double symbols =
+          brute_force_burst(pages, chunks, static_cast<double>(rate), &Chunk::symbols);
+      EXPECT_NEAR(static_cast<double>(meter.min_symbol_burst(rate).amount), std::floor(symbols), 1);
       // The window named is one that takes so much.
       double bytes = 0;
       for (const Chunk& c : chunks) {
@@ -226,7 +246,7 @@ TEST(Conformance, WithoutPagesNothingIsAskedFor) {
   meter.finish(77);
   EXPECT_EQ(meter.gaussians().value, 0u);
   EXPECT_EQ(meter.start_bytes(), 77u);
-  EXPECT_EQ(meter.min_burst(0).bytes, 0u);
+  EXPECT_EQ(meter.min_burst(0).amount, 0u);
   EXPECT_EQ(meter.min_rate(0), 0u);
   EXPECT_EQ(meter.smallest_level(), 1u);
 }
@@ -256,7 +276,7 @@ std::vector<std::string> clauses(const Pages& pages, uint64_t head_bytes = 0, un
 }
 
 // Each limit by itself: kept when it is reached, broken by one more.
-// spec: LEVL-3, LEVL-4, LEVL-5, LEVL-6, LEVL-7, LEVL-8
+// spec: LEVL-3, LEVL-4, LEVL-5, LEVL-6, LEVL-7, LEVL-8, LEVL-10, LEVL-11
 TEST(Levels, EachLimitIsHeld) {
   const LevelLimits limits = level_limits(1, false);
   using Strings = std::vector<std::string>;
@@ -301,8 +321,20 @@ TEST(Levels, EachLimitIsHeld) {
   two.directory[0].page.pages[1].visible_begin = 128;
   EXPECT_EQ(clauses(two), Strings());
   EXPECT_EQ(measure(two).instant_bytes().value, 3u << 20);
-  EXPECT_EQ(measure(two).min_burst(0).bytes, 6u << 20);
-  EXPECT_EQ(measure(two).min_burst(10000).bytes, (6u << 20) - 375000);
+  EXPECT_EQ(measure(two).min_burst(0).amount, 6u << 20);
+  EXPECT_EQ(measure(two).min_burst(10000).amount, (6u << 20) - 375000);
+
+  r.chunk.stored_bytes = 1;
+  r.num_gaussians = 80000;
+  Pages symbols = one_page(r);
+  symbols.header.layers[1].has_entropy = true;
+  symbols.header.layers[1].symbols_per_gaussian = 80;
+  EXPECT_EQ(measure(symbols).instant_symbols().value, limits.instant_symbols);
+  EXPECT_EQ(clauses(symbols), Strings());
+  ++symbols.directory[0].page.pages[0].num_gaussians;
+  ASSERT_EQ(clauses(symbols).size(), 2u);
+  EXPECT_EQ(clauses(symbols)[0].rfind("LEVL-10", 0), 0u);
+  EXPECT_EQ(clauses(symbols)[1].rfind("LEVL-11", 0), 0u);
 
   PageRecord block;
   block.num_gaussians = 1;

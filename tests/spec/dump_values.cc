@@ -99,6 +99,7 @@ l4d_status measure(l4d_decoder* decoder, const Bytes& file) {
   print("instant_bytes", c.instant_bytes);
   print("start_bytes", c.start_bytes);
   print("memory_bytes", c.memory_bytes);
+  print("symbols", c.instant_symbols);
   print("burst_bytes", c.min_burst_bytes);
   return L4D_OK;
 }

@@ -179,7 +179,9 @@ typedef struct l4d_layer_info {
   /* 0 for what matters most. The encoder may cut the long-lived Gaussians into tiers by importance,
    * so that a player shows a coarse picture before all of them are here. */
   uint32_t tier;
-  uint32_t reserved;
+  /* Upper bound of the symbols of rANS that decoding a Gaussian takes, as the layer declares it or
+   * by its channels; 0 where it has none. */
+  uint32_t symbols_per_gaussian;
 } l4d_layer_info;
 L4D_API void l4d_layer_info_init_(l4d_layer_info* info, size_t struct_size);
 #define l4d_layer_info_init(info) l4d_layer_info_init_((info), sizeof(*(info)))
@@ -478,6 +480,8 @@ typedef struct l4d_level_limits {
   uint64_t bytes_per_second;
   uint64_t burst_bytes;
   uint64_t memory_bytes;
+  uint64_t instant_symbols;    /* of rANS */
+  uint64_t symbols_per_second; /* with instant_symbols at once */
 } l4d_level_limits;
 L4D_API void l4d_level_limits_init_(l4d_level_limits* limits, size_t struct_size);
 #define l4d_level_limits_init(limits) l4d_level_limits_init_((limits), sizeof(*(limits)))
@@ -509,6 +513,14 @@ typedef struct l4d_stream_demand {
   /* Out: lowest rate at which a player that buffers burst_bytes never stalls; UINT64_MAX if a
    * single instant needs more than burst_bytes. */
   uint64_t min_bytes_per_second;
+  /* Entropy decoding: symbols of rANS, by the bound that layers declare for each Gaussian. Of the
+   * pages that an instant needs, the most of all instants, and the first such instant. */
+  uint64_t instant_symbols;
+  double instant_symbols_time;
+  /* In: symbols that a player has decoded ahead, set by the caller. Out: lowest rate of decoding,
+   * in symbols a second, that then keeps up; UINT64_MAX if none does. */
+  uint64_t burst_symbols;
+  uint64_t min_symbols_per_second;
 } l4d_stream_demand;
 L4D_API void l4d_stream_demand_init_(l4d_stream_demand* demand, size_t struct_size);
 #define l4d_stream_demand_init(demand) l4d_stream_demand_init_((demand), sizeof(*(demand)))
