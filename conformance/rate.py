@@ -47,7 +47,7 @@ class Playback:
         """(H, R, B) of the level declared, or None."""
         if self.header["conformance_level"] == 0:
             return None
-        _, _, _, start, rate, burst, _ = levels.LEVELS[self.header["conformance_level"]]
+        _, _, _, start, rate, burst = levels.LEVELS[self.header["conformance_level"]][:6]
         factor = 8 if self.lossless else 1
         return factor * start, factor * rate, factor * burst
 

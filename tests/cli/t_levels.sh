@@ -32,7 +32,7 @@ expect_json out 'd["valid"] and d["conformance"]["declared_level"] == 0'
 expect_json out 'd["conformance"]["level"] == 2 and d["conformance"]["limits_of_level"] == 1'
 expect_json out '[(q["value"], q["limit"], q["holds"]) for q in d["conformance"]["quantities"]
   if q["name"] == "instant_gaussians"] == [(101000, 100000, False)]'
-expect_json out 'len(d["conformance"]["quantities"]) == 6'
+expect_json out 'len(d["conformance"]["quantities"]) == 8'
 expect 1 validate large.l4d --level 1
 expect_text out 'LEVL-3 .*Gaussians needed at 0 s: 101000, which is 1000 more than the limit of 100000'
 expect 0 validate large.l4d --level 2
