@@ -24,7 +24,9 @@ struct TransformSource {
   const uint8_t* eob_index =
       nullptr;  // [n], at most the number of steps of the EOB table; null: all of them
   const uint8_t* eob_table = nullptr;
-  std::array<const int16_t*, 48> coefficient{};  // compact: Gaussians whose EOB index reaches it
+  // Compact: Gaussians whose EOB index reaches it. integer_rows reads up to
+  // kCoefficientPadding (container/page.h) more numbers, and uses them for nothing.
+  std::array<const int16_t*, 48> coefficient{};
 };
 
 // Where the next Gaussian's coefficients lie in the compact arrays.

@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
+#include <array>
 #include <cstring>
 
 #include "decoder/expand/transform.h"
+#include "libl4dcodec/container/page.h"
 #include "libl4dcodec/math/rotor.h"
 
 #undef HWY_TARGET_INCLUDE
@@ -126,50 +128,45 @@ struct IntegerBatch {
   HWY_ALIGN float rows[kSize * kMaxDim];
   HWY_ALIGN int32_t basis[kPairs * kMaxDim];  // [pairs, stride], two numbers in each
   HWY_ALIGN float origin[kMaxDim];
-  HWY_ALIGN int32_t q[kPairs][kSize + kWidth];  // of those that reach the pair, in order
+  HWY_ALIGN int32_t q[kPairs][kSize];  // 0 where a Gaussian does not reach the pair
   HWY_ALIGN float scale[kSize];
-  uint8_t pair_end[kMaxDim];  // pairs of the steps up to this one
-  uint64_t reach[kMaxDim];
   uint8_t step_exponent[kSize];
   uint8_t eob_index[kSize];
+  // The Gaussians by the number of their pairs, and that number.
+  size_t num_ordered;
+  uint8_t order[kSize + 4];
+  uint8_t pairs[kSize + 4];
 };
 
+// Numbers of `kVectors` vectors of the rows of the Gaussians at `order`.
 template <size_t kGroup, size_t kVectors>
-HWY_INLINE void integer_columns(size_t steps, const size_t (&gaussian)[kGroup], size_t column,
-                                size_t stride, IntegerBatch& batch) {
+HWY_INLINE void integer_columns(size_t pairs, const uint8_t* order, size_t column, size_t stride,
+                                IntegerBatch& batch) {
   const D d;
   const DI di;
   const D16 d16;
-  const int32_t* HWY_RESTRICT vector = batch.basis + column;
   VI sum[kGroup][kVectors];
   for (size_t v = 0; v < kVectors; ++v) {
     for (size_t g = 0; g < kGroup; ++g) sum[g][v] = hn::Zero(di);
   }
-  const int32_t* HWY_RESTRICT channel = batch.q[0];
-  constexpr size_t kPitch = IntegerBatch::kSize + kWidth;
-  for (size_t s = 0, p = 0; s < steps; ++s) {
-    const int32_t* q[kGroup];
-    for (size_t g = 0; g < kGroup; ++g) {
-      const uint64_t before = batch.reach[s] & ((uint64_t{1} << gaussian[g]) - 1);
-      q[g] = channel + hwy::PopCount(before);
+  const int32_t* HWY_RESTRICT vector = batch.basis + column;
+  const int32_t* HWY_RESTRICT q[kGroup];
+  for (size_t g = 0; g < kGroup; ++g) q[g] = batch.q[0] + order[g];
+  for (size_t at = 0; at < pairs * kBatch; at += kBatch, vector += stride) {
+    V16 b[kVectors];
+    for (size_t v = 0; v < kVectors; ++v) {
+      b[v] = hn::BitCast(d16, hn::Load(di, vector + v * kWidth));
     }
-    const size_t count = batch.pair_end[s] - p;
-    p = batch.pair_end[s];
-    channel += kPitch * count;
-    for (size_t at = 0; at < kPitch * count; at += kPitch, vector += stride) {
-      V16 a[kGroup];
-      for (size_t g = 0; g < kGroup; ++g) a[g] = hn::BitCast(d16, hn::Set(di, q[g][at]));
+    for (size_t g = 0; g < kGroup; ++g) {
+      const V16 a = hn::BitCast(d16, hn::Set(di, q[g][at]));
       for (size_t v = 0; v < kVectors; ++v) {
-        const V16 b = hn::BitCast(d16, hn::Load(di, vector + v * kWidth));
-        for (size_t g = 0; g < kGroup; ++g) {
-          sum[g][v] = hn::Add(sum[g][v], multiply_pairs(a[g], b));
-        }
+        sum[g][v] = hn::Add(sum[g][v], multiply_pairs(a, b[v]));
       }
     }
   }
   for (size_t g = 0; g < kGroup; ++g) {
-    const V scale = hn::Set(d, batch.scale[gaussian[g]]);
-    float* HWY_RESTRICT dst = batch.rows + stride * gaussian[g] + column;
+    const V scale = hn::Set(d, batch.scale[order[g]]);
+    float* HWY_RESTRICT dst = batch.rows + stride * order[g] + column;
     for (size_t v = 0; v < kVectors; ++v) {
       const V offset = hn::Mul(hn::ConvertTo(d, sum[g][v]), scale);
       hn::Store(hn::Add(hn::Load(d, batch.origin + column + v * kWidth), offset), d,
@@ -178,55 +175,94 @@ HWY_INLINE void integer_columns(size_t steps, const size_t (&gaussian)[kGroup], 
   }
 }
 
-template <size_t kGroup>
-HWY_INLINE uint64_t integer_group(size_t steps, uint64_t members, size_t stride,
-                                  IntegerBatch& batch) {
-  size_t gaussian[kGroup];
-  size_t last = 0;
-  for (size_t g = 0; g < kGroup; ++g) {
-    if (members != 0) last = hwy::Num0BitsBelowLS1Bit_Nonzero64(members);
-    gaussian[g] = last;
-    members &= members - 1;
+// All rows of a batch, those of alike length side by side. A group has as many pairs as its last
+// member; those of others are 0 there.
+HWY_NOINLINE void ordered_rows(size_t stride, IntegerBatch& batch) {
+  constexpr size_t kGroup = 4;
+  size_t n = batch.num_ordered;
+  // The last Gaussian again, up to a whole group.
+  for (; n % kGroup != 0; ++n) {
+    batch.order[n] = batch.order[n - 1];
+    batch.pairs[n] = batch.pairs[n - 1];
   }
-  size_t column = 0;
-  for (; column + kMaxVectors * kWidth <= stride; column += kMaxVectors * kWidth) {
-    integer_columns<kGroup, kMaxVectors>(steps, gaussian, column, stride, batch);
+  for (size_t i = 0; i < n; i += kGroup) {
+    const uint8_t* order = batch.order + i;
+    const size_t pairs = batch.pairs[i + kGroup - 1];
+    size_t column = 0;
+    for (; column + kMaxVectors * kWidth <= stride; column += kMaxVectors * kWidth) {
+      integer_columns<kGroup, kMaxVectors>(pairs, order, column, stride, batch);
+    }
+    const size_t left = (stride - column) / kWidth;
+    if (left == 1) integer_columns<kGroup, 1>(pairs, order, column, stride, batch);
+    if (left == 2) integer_columns<kGroup, 2>(pairs, order, column, stride, batch);
   }
-  const size_t left = (stride - column) / kWidth;
-  if (left == 1) integer_columns<kGroup, 1>(steps, gaussian, column, stride, batch);
-  if (left == 2) integer_columns<kGroup, 2>(steps, gaussian, column, stride, batch);
-  return members;
 }
 
-HWY_NOINLINE void integer_rows_of(size_t steps, uint64_t members, size_t stride,
-                                  IntegerBatch& batch) {
-  size_t n = hwy::PopCount(members);
-  for (; n > 2; n -= std::min<size_t>(n, 4)) {
-    members = integer_group<4>(steps, members, stride, batch);
+#if HWY_TARGET > HWY_AVX3
+// Bytes of the words that go to each lane whose bit is set in a mask; 0x80 = zero.
+constexpr auto make_places() {
+  std::array<std::array<uint8_t, 16>, 16> bytes{};
+  for (size_t mask = 0; mask < 16; ++mask) {
+    uint8_t at = 0;
+    for (size_t lane = 0; lane < 4; ++lane) {
+      const bool used = (mask >> lane & 1) != 0;
+      for (size_t b = 0; b < 4; ++b) {
+        bytes[mask][4 * lane + b] = used ? static_cast<uint8_t>(at + b) : uint8_t{0x80};
+      }
+      at = static_cast<uint8_t>(at + (used ? 4 : 0));
+    }
   }
-  if (n > 0) integer_group<2>(steps, members, stride, batch);
+  return bytes;
 }
+#endif
 
-// Two columns of coefficients side by side; `second` null is zeros. Columns may be read and the
-// pairs written up to a whole vector.
+// The first numbers of v in the lanes whose bits are set, in order, and zeros in the others.
+#if HWY_TARGET <= HWY_AVX3
+constexpr size_t kSpread = kWidth;
+using DSpread = DI;
+HWY_INLINE hn::Vec<DSpread> spread(uint64_t bits, hn::Vec<DSpread> v) {
+  // Highway 1.0 has no Expand.
+  return VI{_mm512_maskz_expand_epi32(static_cast<__mmask16>(bits), v.raw)};
+}
+#else
+constexpr size_t kSpread = 4;
+using DSpread = hn::Full128<int32_t>;
+HWY_INLINE hn::Vec<DSpread> spread(uint64_t bits, hn::Vec<DSpread> v) {
+  static constexpr auto kPlaces = make_places();
+  const hn::Full128<uint8_t> d8;
+  const auto places = hn::LoadU(d8, kPlaces[bits].data());
+  return hn::BitCast(DSpread(), hn::TableLookupBytesOr0(hn::BitCast(d8, v), places));
+}
+#endif
+
+static_assert(kSpread <= kCoefficientPadding, "columns end sooner");
+
+// Two columns of coefficients side by side, at the Gaussians of `reach`; `second` null is zeros.
+// Columns are read up to a whole vector.
 HWY_INLINE void pair_up(const int16_t* HWY_RESTRICT first, const int16_t* HWY_RESTRICT second,
-                        size_t n, int32_t* HWY_RESTRICT to) {
-  const hn::RebindToUnsigned<D> du;
-  const DI di;
-  const hn::Rebind<uint16_t, D> d16;
+                        uint64_t reach, int32_t* HWY_RESTRICT to) {
+  const DSpread di;
+  const hn::RebindToUnsigned<DSpread> du;
+  const hn::Rebind<uint16_t, DSpread> d16;
   const auto widen = [&](const int16_t* q) HWY_ATTR {
     return hn::PromoteTo(du, hn::LoadU(d16, reinterpret_cast<const uint16_t*>(q)));
   };
-  size_t j = 0;
-  for (; j + kWidth <= n; j += kWidth) {
-    auto pair = widen(first + j);
-    if (second != nullptr) pair = hn::Or(pair, hn::ShiftLeft<16>(widen(second + j)));
-    hn::Store(hn::BitCast(di, pair), di, to + j);
+  for (size_t i = 0, at = 0; i < kBatch; i += kSpread, reach >>= kSpread) {
+    auto pair = widen(first + at);
+    if (second != nullptr) pair = hn::Or(pair, hn::ShiftLeft<16>(widen(second + at)));
+    const uint64_t bits = reach & ((uint64_t{1} << kSpread) - 1);
+    hn::Store(spread(bits, hn::BitCast(di, pair)), di, to + i);
+    at += hwy::PopCount(bits);
   }
-  for (; j < n; ++j) {
-    const uint32_t high = second == nullptr ? 0 : static_cast<uint16_t>(second[j]);
-    to[j] = static_cast<int32_t>(high << 16 | static_cast<uint16_t>(first[j]));
+}
+
+HWY_INLINE void put_in_order(uint64_t members, size_t pairs, IntegerBatch& batch) {
+  size_t n = batch.num_ordered;
+  for (; members != 0; members &= members - 1) {
+    batch.order[n] = static_cast<uint8_t>(hwy::Num0BitsBelowLS1Bit_Nonzero64(members));
+    batch.pairs[n++] = static_cast<uint8_t>(pairs);
   }
+  batch.num_ordered = n;
 }
 
 HWY_NOINLINE void integer_batch(const TransformSource& source, TransformCursor& cursor,
@@ -238,24 +274,25 @@ HWY_NOINLINE void integer_batch(const TransformSource& source, TransformCursor& 
               batch.scale + i);
   }
   uint64_t members = ~uint64_t{0} >> (IntegerBatch::kSize - n);
-  size_t s = 0;
-  for (size_t k = 0, p = 0; k < source.num_coefficients && members != 0; ++s) {
+  batch.num_ordered = 0;
+  size_t p = 0;
+  for (size_t k = 0, s = 0; k < source.num_coefficients && members != 0; ++s) {
     const uint64_t reach = members & eob_indices_above(batch.eob_index, s);
-    batch.reach[s] = reach;
-    integer_rows_of(s, members ^ reach, stride, batch);
+    put_in_order(members ^ reach, p, batch);
     members = reach;
     const size_t count = hwy::PopCount(members);
     for (; k < eob_table[s]; k += 2, ++p) {
       const bool two = k + 1 < eob_table[s];
       pair_up(source.coefficient[k] + cursor.coefficient[k],
-              two ? source.coefficient[k + 1] + cursor.coefficient[k + 1] : nullptr, count,
+              two ? source.coefficient[k + 1] + cursor.coefficient[k + 1] : nullptr, members,
               batch.q[p]);
       cursor.coefficient[k] += count;
       if (two) cursor.coefficient[k + 1] += count;
     }
     k = eob_table[s];
   }
-  integer_rows_of(s, members, stride, batch);
+  put_in_order(members, p, batch);
+  ordered_rows(stride, batch);
 }
 
 void integer_rows(const TransformSource& source, TransformCursor& cursor, size_t begin, size_t end,
@@ -282,7 +319,6 @@ void integer_rows(const TransformSource& source, TransformCursor& cursor, size_t
       }
     }
     k = eob_table[s];
-    batch.pair_end[s] = static_cast<uint8_t>(p);
   }
   for (size_t i = begin; i < end; i += IntegerBatch::kSize) {
     const size_t n = std::min(IntegerBatch::kSize, end - i);

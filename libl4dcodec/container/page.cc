@@ -248,7 +248,7 @@ class PageParser {
         L4D_RETURN_IF_ERROR(skip_stream(in_, base_, count, 16));
         continue;
       }
-      grow(out->coefficient[k], count);
+      grow(out->coefficient[k], count + kCoefficientPadding);
       L4D_RETURN_IF_ERROR(decode_stream(decoder_, in_, base_, count, 16, 0, "", codes_.data()));
       for (size_t i = 0; i < count; ++i) out->coefficient[k][i] = unzigzag16(codes_[i]);
     }

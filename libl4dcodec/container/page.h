@@ -16,6 +16,9 @@
 
 namespace l4d {
 
+// Loops that take coefficients from a column may read so many numbers behind the last.
+constexpr size_t kCoefficientPadding = 16;
+
 // What a page holds of one component, not yet dequantised.
 struct ComponentColumns {
   std::vector<uint8_t> depth;  // [n], kEscapeDepth = escape; empty where all have full depth
@@ -26,6 +29,7 @@ struct ComponentColumns {
   size_t num_escapes = 0;
   std::array<size_t, L4D_MAX_STAGES> index_count{};
   // Transform: coefficient[k] has one value for each Gaussian whose EOB index reaches k, in order.
+  // Where a page is decoded, kCoefficientPadding more lie behind.
   std::vector<uint8_t> step_exponent;  // [n] step exponent
   std::vector<uint8_t> eob_index;      // [n] step of the EOB table, 0 = no coefficients
   std::array<std::vector<int16_t>, kMaxCoefficients> coefficient;

@@ -318,7 +318,7 @@ class RansPageParser {
     grow(d_.codes, members_);
     hybrid(p, contexts, members_, d_.codes.data());
     c.coefficient_count[k] = members_;
-    grow(c.coefficient[k], members_);
+    grow(c.coefficient[k], members_ + kCoefficientPadding);
     d_.before.swap(d_.last);
     d_.streams->unzigzag(d_.codes.data(), members_, c.coefficient[k].data(), d_.last.data());
     return {};

@@ -7,6 +7,7 @@
 #include <cstring>
 
 #include "encoder/transform_coder.h"
+#include "libl4dcodec/container/page.h"
 #include "libl4dcodec/quant/integer_basis.h"
 #include "tests/common/random.h"
 
@@ -119,7 +120,10 @@ TEST_P(TransformTest, DecodedRowsAreTheDecoders) {
   source.step_exponent = c.step_exponent.data();
   if (c.eob_table.size() > 1) source.eob_index = c.eob_index.data();
   source.eob_table = c.eob_table.data();
-  for (size_t k = 0; k < compact.size(); ++k) source.coefficient[k] = compact[k].data();
+  for (size_t k = 0; k < compact.size(); ++k) {
+    compact[k].resize(compact[k].size() + kCoefficientPadding);
+    source.coefficient[k] = compact[k].data();
+  }
   std::vector<float> out(d.n * dim);
   TransformCursor cursor;
   const IntegerBasis integers = integer_basis(basis.data(), dim, c.steps.data(), c.steps.size());

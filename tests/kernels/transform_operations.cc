@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "libl4dcodec/base/half.h"
+#include "libl4dcodec/container/page.h"
 #include "libl4dcodec/quant/codebook.h"
 #include "tests/kernels/kernel_call.h"
 
@@ -89,6 +90,7 @@ std::unique_ptr<Call> make_rows(const CallOptions& o, size_t dim, size_t num_coe
       // Integers about 0, 2^15 and 2^16: here 0, -2^15 and -1.
       q.push_back(static_cast<int16_t>(v));
     }
+    q.insert(q.end(), kCoefficientPadding, int16_t{0x7a5a});
     input->coefficient.push_back(std::move(q));
   }
   input->eob_table = std::move(eob_table);
