@@ -114,7 +114,9 @@ class RansPageParser {
   }
 
   // Decodes channel p for `count` Gaussians, whose contexts are given where it has more than one.
-  void hybrid(size_t p, const uint8_t* contexts, size_t count, uint16_t* dst) {
+  // They are below `limit`.
+  void hybrid(size_t p, const uint8_t* contexts, size_t count, uint16_t* dst,
+              size_t limit = kMaxEntropyTables) {
     out_.symbols += count;
     const std::vector<uint8_t>& map = tables_.maps[p];
     const bool one = std::all_of(map.begin(), map.end(), [&](uint8_t t) { return t == map[0]; });
@@ -126,13 +128,16 @@ class RansPageParser {
     grow(d_.tables, count);
     std::array<uint8_t, kMaxEntropyTables> padded{};
     std::copy(map.begin(), map.end(), padded.begin());
-    d_.streams->map_bytes(padded.data(), map.size(), contexts, count, d_.tables.data());
+    d_.streams->map_bytes(padded.data(), std::min(map.size(), limit), contexts, count,
+                          d_.tables.data());
     d_.kernels->hybrid(lanes_, tables_.entries.data(), d_.tables.data(), count, dst);
   }
 
-  Status below(const uint16_t* values, size_t count, uint32_t limit, const char* clause) const {
+  Status below(const uint16_t* values, size_t count, uint32_t limit, const char* clause,
+               uint32_t* found = nullptr) const {
     if (limit > 0xffff) return {};
     const uint32_t largest = d_.streams->max_value(values, count);
+    if (found != nullptr) *found = largest;
     if (largest < limit) return {};
     return corrupt(clause, at_,
                    "value " + std::to_string(largest) + " is not below " + std::to_string(limit));
@@ -270,8 +275,10 @@ class RansPageParser {
     const uint8_t* contexts = step_exponent_component_ == nullptr
                                   ? d_.step_exponent.data()
                                   : step_exponent_component_->step_exponent.data();
-    hybrid(p, contexts, n_, d_.codes.data());
-    L4D_RETURN_IF_ERROR(below(d_.codes.data(), n_, kTransformStepExponents, "TRAN-5"));
+    hybrid(p, contexts, n_, d_.codes.data(), step_exponents_);
+    uint32_t largest = 0;
+    L4D_RETURN_IF_ERROR(below(d_.codes.data(), n_, kTransformStepExponents, "TRAN-5", &largest));
+    step_exponents_ = largest + 1;
     narrow(d_.codes.data(), n_, c.step_exponent.data());
     step_exponent_component_ = &c;
     if (header_.component(layer_, component).eob_table.size() > 1) return {};
@@ -284,7 +291,7 @@ class RansPageParser {
     ComponentColumns& c = out_.component[component];
     grow(d_.codes, n_);
     grow(c.eob_index, n_);
-    hybrid(p, c.step_exponent.data(), n_, d_.codes.data());
+    hybrid(p, c.step_exponent.data(), n_, d_.codes.data(), step_exponents_);
     const size_t steps = header_.component(layer_, component).eob_table.size();
     L4D_RETURN_IF_ERROR(below(d_.codes.data(), n_, static_cast<uint32_t>(steps + 1), "TRAN-6"));
     narrow(d_.codes.data(), n_, c.eob_index.data());
@@ -316,7 +323,8 @@ class RansPageParser {
       contexts = contexts_.data();
     }
     grow(d_.codes, members_);
-    hybrid(p, contexts, members_, d_.codes.data());
+    hybrid(p, contexts, members_, d_.codes.data(),
+           k > 0 ? kMagnitudes * step_exponents_ : step_exponents_);
     c.coefficient_count[k] = members_;
     grow(c.coefficient[k], members_ + kCoefficientPadding);
     d_.before.swap(d_.last);
@@ -343,8 +351,9 @@ class RansPageParser {
   uint64_t at_ = 0;
   RansLanes lanes_{};
   const ComponentColumns* step_exponent_component_ = nullptr;  // the last one with step_exponents
-  size_t step_ = 0;                                            // of the EOB table
-  size_t members_ = 0;  // Gaussians that have the coefficient at hand
+  size_t step_exponents_ = 1;  // that component has no more, from 0 on
+  size_t step_ = 0;            // of the EOB table
+  size_t members_ = 0;         // Gaussians that have the coefficient at hand
   std::vector<uint8_t> contexts_;
 };
 
