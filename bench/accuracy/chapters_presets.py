@@ -4,6 +4,8 @@
 import plots
 from markdown import SIZE, front, megabytes, table
 
+BYTES_OF_GAUSSIAN = 260  # float32 numbers at SH degree 3, of which `ratio` is
+
 
 def milliseconds(key):
     return lambda row: row[key] * 1e3
@@ -11,6 +13,11 @@ def milliseconds(key):
 
 def mebibytes(key):
     return lambda row: row[key] / 1e6
+
+
+def million_gaussians_a_second(row):
+    gaussians = row["ratio"] * row["bytes"] / BYTES_OF_GAUSSIAN
+    return gaussians / row["decode_s"] / 1e6
 
 
 def presets(tables, folder):
@@ -40,6 +47,7 @@ def presets(tables, folder):
                    ("MB", lambda r: r["bytes_unweighted"] / 1e6, ".3f"),
                    ("dB", "fidelity_unweighted_db", ".2f"),
                    ("decode ms", milliseconds("decode_s"), ".1f"),
+                   ("million Gaussians/s", million_gaussians_a_second, ".1f"),
                    ("first instant ms", milliseconds("first_slice_s"), ".1f"),
                    ("next instant ms", milliseconds("next_slice_s"), ".2f"),
                    ("decode, MB of memory", mebibytes("decode_memory_bytes"), ".1f"),

@@ -1,7 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // Decoding speed beside bytes for each preset: whole, without SH detail, positions alone, packed;
-// and what each attribute takes.
+// what each attribute takes, beside what writing the arrays takes; and the speed of each target of
+// Highway that this machine has.
+#include <hwy/highway.h>
+#include <hwy/targets.h>
+
+#include <algorithm>
+#include <cmath>
 #include <cstdio>
+#include <cstring>
 
 #include "bench/tables/common.h"
 
@@ -11,7 +18,15 @@ using namespace l4d;
 using namespace l4d::bench;
 
 constexpr int kRuns = 15;
-constexpr const char* kPresets[] = {"default", "tiny", "archive", "indexed", "lossless"};
+constexpr const char* kPresets[] = {"default", "tiny",    "small",   "large",
+                                    "archive", "indexed", "lossless"};
+
+struct Target {
+  int64_t bit;
+  const char* name;
+};
+constexpr Target kTargets[] = {
+    {HWY_AVX3, "AVX-512"}, {HWY_AVX2, "AVX2"}, {HWY_SSE4, "SSE4"}, {HWY_NEON, "NEON"}};
 
 using File = std::vector<unsigned char>;
 
@@ -91,6 +106,22 @@ void print_preset(const char* preset, const File& file) {
   std::fflush(stdout);
 }
 
+// Seconds to write the arrays of all attributes, by the fastest of several runs.
+double seconds_to_fill(const GaussianArrays& arrays, l4d_gaussian_buffers buffers) {
+  double best = HUGE_VAL;
+  for (int run = 0; run < kRuns; ++run) {
+    const double started = seconds_now();
+    for_each_attribute(
+        [&](const AttributeInfo& a, float*& to) {
+          const size_t row = a.numbers(arrays.sh_degree);
+          if (to != nullptr) std::memset(to, run, arrays.count() * row * sizeof(float));
+        },
+        buffers);
+    best = std::min(best, seconds_now() - started);
+  }
+  return best;
+}
+
 void print_attributes(const File& file) {
   GaussianArrays arrays = arrays_of(file);
   const size_t n = arrays.count();
@@ -107,6 +138,35 @@ void print_attributes(const File& file) {
     std::printf("| %s | %.2f |\n", alone.name,
                 1000 / expanded(file, whole_query(), b, n, L4D_BACKEND_CPU, 1));
   }
+  const l4d_gaussian_buffers all = arrays.buffers();
+  std::printf("| all of them | %.2f |\n",
+              1000 / expanded(file, whole_query(), all, n, L4D_BACKEND_CPU, 1));
+  std::printf("| memset of all arrays | %.2f |\n",
+              seconds_to_fill(arrays, all) / static_cast<double>(n) * 1e9);
+}
+
+// Each target alone, as on a machine that has no wider one.
+void print_targets(const File& file) {
+  GaussianArrays arrays = arrays_of(file);
+  const size_t n = arrays.count();
+  const l4d_query whole = whole_query();
+  l4d_query base = whole;
+  base.detail = L4D_DETAIL_BASE_COLOR;
+  std::puts(
+      "\nThe preset default, one thread, million Gaussians a second:\n"
+      "\n| target | all | base colours |\n|---|---:|---:|");
+  for (const Target& target : kTargets) {
+    hwy::SetSupportedTargetsForTest(0);
+    if ((hwy::SupportedTargets() & target.bit) == 0) continue;
+    hwy::SetSupportedTargetsForTest(target.bit);
+    hwy::GetChosenTarget().Update(hwy::SupportedTargets());
+    const l4d_gaussian_buffers buffers = arrays.buffers();
+    std::printf("| %s | %.1f | %.1f |\n", target.name,
+                expanded(file, whole, buffers, n, L4D_BACKEND_CPU, 1),
+                expanded(file, base, buffers, n, L4D_BACKEND_CPU, 1));
+  }
+  hwy::SetSupportedTargetsForTest(0);
+  hwy::GetChosenTarget().Update(hwy::SupportedTargets());
 }
 
 void run(const char* name, const WeightedScene& scene) {
@@ -123,6 +183,7 @@ void run(const char* name, const WeightedScene& scene) {
     if (first.empty()) first = std::move(file);
   }
   print_attributes(first);
+  print_targets(first);
 }
 
 }  // namespace

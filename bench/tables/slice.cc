@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // What an instant of a stream costs, where all Gaussians stand still, where half of them do and
 // where all move: slices into the caller's arrays beside a memcpy of the same bytes, slices that
-// keep the rows of what stands still, and set_time of a renderer. Prints a Markdown table.
+// keep the rows of what stands still, and set_time of a renderer; and the first instants of a
+// player. Prints Markdown tables.
 #include <cstdio>
 #include <cstring>
 
@@ -80,6 +81,47 @@ void print_row(const char* name, const std::vector<std::string>& effects, uint64
   std::fflush(stdout);
 }
 
+// A decoder that has just been opened shows an instant with half a million visible Gaussians, then
+// frame after frame, and then another instant, of which only long-lived Gaussians are decoded.
+void print_player(const std::vector<unsigned char>& file, uint32_t threads) {
+  constexpr double kInstant = 20, kFrame = 1.0 / 30, kOther = 33;
+  constexpr int kOpenings = 7, kFrames = 30;
+  std::vector<double> first, next, seek;
+  size_t visible = 0;
+  for (int k = 0; k < kOpenings; ++k) {
+    l4d_decoder_options decoding;
+    l4d_decoder_options_init(&decoding);
+    decoding.threads = threads;
+    DecoderHandle d(&decoding);
+    d.open_memory(file.data(), file.size());
+    Arrays arrays(static_cast<size_t>(d.info().num_gaussians));
+    const auto show = [&](double time) {
+      const double started = seconds_now();
+      d.check(l4d_decoder_slice(d.get(), time, &arrays.buffers));
+      return seconds_now() - started;
+    };
+    first.push_back(show(kInstant));
+    visible = static_cast<size_t>(arrays.buffers.count);
+    for (int frame = 1; frame <= kFrames; ++frame) next.push_back(show(kInstant + frame * kFrame));
+    seek.push_back(show(kOther));
+  }
+  std::printf("| %zu | %u | %.2f | %.2f | %.2f |\n", visible, threads, 1e3 * median(first),
+              1e3 * median(next), 1e3 * median(seek));
+  std::fflush(stdout);
+}
+
+void print_players() {
+  io::SynthOptions options;
+  options.seconds = 40;
+  options.gaussians = 656000;
+  const WeightedScene scene{io::synthesize(options), {}};
+  const std::vector<unsigned char> file = make_encoder(scene, {}, "default").encode();
+  std::puts(
+      "\n| visible | threads | first instant ms | next frame ms | seek ms "
+      "|\n|---|---|---|---|---|");
+  for (const uint32_t threads : {1u, 2u}) print_player(file, threads);
+}
+
 }  // namespace
 
 int main() {
@@ -90,5 +132,6 @@ int main() {
   print_row("all still", {"static", "view"}, kGaussians);
   print_row("half", {"static", "rigid", "view"}, kGaussians / 2);
   print_row("all moving", {"rigid", "view"}, 0);
+  print_players();
   return 0;
 }
