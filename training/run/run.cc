@@ -12,6 +12,7 @@
 #include "l4d/render.hpp"
 #include "training/init/start.h"
 #include "training/run/checkpoint.h"
+#include "training/run/events.h"
 #include "training/run/output.h"
 #include "training/run/report.h"
 #include "training/step/cuda_backend.h"
@@ -106,6 +107,7 @@ class Run {
     settings_.opacity_weight = opacity_weight_of(settings_, trainer_->has_alpha());
     begin();
     log_ = std::make_unique<Log>(file("log.jsonl"), trainer_->state().step);
+    events_ = std::make_unique<EventFile>(file("events.out.tfevents.l4dtrain"), log_->entries());
     loop();
     return finish();
   }
@@ -333,6 +335,7 @@ class Run {
       backend_->take_seconds();
     }
     log_->add(entry);
+    events_->add(entry);
     steps_ = relocated_ = born_ = skipped_ = 0;
     last_psnr_ = entry.psnr;
     loss_ = psnr_ = 0;
@@ -410,6 +413,7 @@ class Run {
   std::unique_ptr<Backend> backend_;
   std::unique_ptr<Trainer> trainer_;
   std::unique_ptr<Log> log_;
+  std::unique_ptr<EventFile> events_;
   CheckpointWriter writer_{folder_};
   Clock::time_point last_checkpoint_, last_preview_;
   uint64_t steps_ = 0, relocated_ = 0, born_ = 0, skipped_ = 0, gaussians_ = 0;

@@ -55,9 +55,9 @@ class TrainingFailed : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-// Writes to the folder: settings.json, log.jsonl, curves.svg, preview.png, checkpoints; at the end
-// scene.ply, cameras.json, report.json, and with a preset weights.ply and scene.l4d. Throws
-// io::Error, l4d::Error, TrainingFailed.
+// Writes to the folder: settings.json, log.jsonl, events for TensorBoard, curves.svg, preview.png,
+// checkpoints; at the end scene.ply, cameras.json, report.json, and with a preset weights.ply and
+// scene.l4d. Throws io::Error, l4d::Error, TrainingFailed.
 RunReport train(const RunOptions& options, RunObserver* observer);
 
 // Scores the scene of a run, and its stream if there is one, against its capture.
