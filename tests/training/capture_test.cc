@@ -160,7 +160,7 @@ TEST_F(VideoCaptures, CamerasThatLookAtOnePlaceHaveANearPlane) {
   EXPECT_TRUE(look_at_one_place(capture));
   Settings settings;
   EXPECT_EQ(near_of(settings, capture), 0.2);
-  EXPECT_EQ(opacity_weight_of(settings, false), 0.03);
+  EXPECT_EQ(opacity_weight_of(settings, false), 0.015);
   EXPECT_EQ(opacity_weight_of(settings, true), 0.005);
   settings.opacity_weight = 0;
   EXPECT_EQ(opacity_weight_of(settings, true), 0);

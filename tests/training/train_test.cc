@@ -27,10 +27,10 @@ TEST(Training, FromRandomPoints) {
   RecordProperty("train_db", std::to_string(report.train.plain.mean_psnr));
   RecordProperty("test_db", std::to_string(report.test.plain.mean_psnr));
   EXPECT_GE(report.train.plain.mean_psnr, 35);
-  EXPECT_GE(report.test.plain.mean_psnr, 24);
+  EXPECT_GE(report.test.plain.mean_psnr, 23.5);
   EXPECT_LE(report.gaussians, 2000U);
   for (const char* name : {"scene.ply", "cameras.json", "report.json", "log.jsonl", "curves.svg",
-                           "preview.png", "settings.json"}) {
+                           "preview.png", "settings.json", "events.out.tfevents.l4dtrain"}) {
     EXPECT_TRUE(std::filesystem::exists(folder / ("run/" + std::string(name)))) << name;
   }
 }

@@ -264,8 +264,9 @@ void add_train(CLI::App& app, Arguments& a) {
           "Cameras see nothing nearer than this, in units of their radius; auto: 0.2 where "
           "all look at one place, else 0")
       ->capture_default_str();
-  verb->add_option("--opacity-weight", a.opacity_weight,
-                   "Weight of the mean opacity in the loss; auto: 0.03, of images with alpha 0.005")
+  verb->add_option(
+          "--opacity-weight", a.opacity_weight,
+          "Weight of the mean opacity in the loss; auto: 0.015, of images with alpha 0.005")
       ->capture_default_str();
   verb->add_option("--scale-weight", s.scale_weight,
                    "Weight of the mean scale in the loss, in units of the radius of the cameras")

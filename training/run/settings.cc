@@ -16,7 +16,7 @@ constexpr size_t kMinVideosForExposure = 8;
 
 // Of the radius, where all cameras look at one place, which is at least half the radius away.
 constexpr double kConvergentNear = 0.2;
-constexpr double kOpacityWeight = 0.03, kAlphaOpacityWeight = 0.005;
+constexpr double kOpacityWeight = 0.015, kAlphaOpacityWeight = 0.005;
 
 std::string number(double value) {
   char text[40];

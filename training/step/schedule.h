@@ -18,7 +18,7 @@ struct ScheduleOptions {
   double rate_factor = 1;  // of all rates; the guard halves it
   // Regularisers, see AdamStep; the scales' is of scales in units of the radius, so that the unit
   // of the capture does not matter.
-  double opacity_weight = 0.03;
+  double opacity_weight = 0.015;
   double scale_weight = 0.05;
   double max_scale = 1;  // of Gaussians, in units of the radius
 };
