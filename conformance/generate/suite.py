@@ -109,7 +109,10 @@ def entry(vector):
            "sha256": hashlib.sha256(data).hexdigest()}
     if vector.group == "limits":
         return {**out, **limit(vector)}
-    return {**out, **(faulty(vector) if vector.group == "faulty" else legal(data, vector.more.get("times", ())))}
+    try:
+        return {**out, **(faulty(vector) if vector.group == "faulty" else legal(data, vector.more.get("times", ())))}
+    except Invalid as error:
+        raise ValueError(f"{vector.path()} is not what it is to be: {error}") from None
 
 
 def limit(vector):

@@ -10,7 +10,11 @@ class Invalid(Exception):
 
     def __init__(self, clause, message, offset=None):
         super().__init__(f"{clause}: {message}")
-        self.clause, self.offset = clause, offset
+        self.clause, self.message, self.offset = clause, message, offset
+
+    def __reduce__(self):
+        """As it crosses from one process to another."""
+        return Invalid, (self.clause, self.message, self.offset)
 
 
 def require(ok, clause, message, offset=None):
