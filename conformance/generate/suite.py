@@ -53,6 +53,9 @@ def queries_of(decoder, times=()):
     yield ["--query", f"range:{a!r}:{b!r}", *base], Query(a, b, base_only=True), False
     if len({la["level"] for la in decoder.header["layers"]}) > 1:
         yield ["--query", "all", "--level", "0"], Query(most_level=0), False
+    if len({la["tier"] for la in decoder.header["layers"]}) > 1:
+        yield ["--query", "all", "--tier", "0"], Query(most_tier=0), False
+        yield ["--query", f"time:{b!r}", "--tier", "1", *base], Query(b, b, most_tier=1, base_only=True), False
     for t in times:
         yield ["--query", f"time:{t!r}"], Query(t, t), False
     if levels.keeps_profile(decoder.header, levels.INDEXED):
