@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Runs the suite against the decoders of this repository: report.py L4DCODEC [--write FILE] [-j N]
 
-The library with both backends, the reference decoder, and the wrong decoders, each with the vector that is meant to
+The library with both backends and on other architectures where it was built for them, the reference decoder, and the wrong decoders, each with the vector that is meant to
 catch it. --write: a page with what came out. The last line is N passed, N failed: of queries, and of mistakes that
 were caught. Exit status: 0 where nothing failed.
 """
@@ -10,6 +10,7 @@ were caught. Exit status: 0 where nothing failed.
 import argparse
 import json
 import os
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -24,6 +25,15 @@ def decoders(tool):
     adapter = ["--adapter", str(HERE / "adapters" / "l4dcodec.py"), "--", tool]
     yield "library, backend cpu", [*adapter, "--backend", "cpu"]
     yield "library, backend reference", [*adapter, "--backend", "reference"]
+    batch = ["--adapter", str(HERE / "adapters" / "batch.py"), "--"]
+    built = Path(tool).resolve().parents[1] / "cross"
+    for name, command, program in (
+            ("library on aarch64, emulated", ["qemu-aarch64", "-L", "/usr/aarch64-linux-gnu"], "aarch64/build/bin/l4d_answer"),
+            ("library as WebAssembly, in Node", ["node", "--no-experimental-fetch"], "wasm/build/bin/l4d_answer.js")):
+        if (built / program).exists() and shutil.which(command[0]):
+            yield name, [*batch, *command, str(built / program)]
+        else:
+            print(f"{name:<28} not run: {built / program} is made by the tests cross/*")
     yield "reference decoder", ["--adapter", str(HERE / "adapters" / "reference.py"), "--", "reference"]
 
 

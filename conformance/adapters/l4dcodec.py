@@ -29,7 +29,8 @@ def command_of(arguments):
     options = {"all": [], "time": ["--time={}"], "range": ["--from={}", "--to={}"]}[kind]
     out = ["--digest", *(o.format(t) for o, t in zip(options, times))]
     rest = arguments[2:]
-    return "decode", out + ["--max-level" if a == "--level" else a for a in rest]
+    names = {"--level": "--max-level", "--tier": "--max-tier"}
+    return "decode", out + [names.get(a, a) for a in rest]
 
 
 def refusal(error):
@@ -47,6 +48,8 @@ def answer(query, status, document):
         return {"valid": True}
     if query == "demand":
         c = document["conformance"]
+        if "members" in c:      # the contract asks for the first stream of a file
+            c = c["members"][0]["conformance"]
         found = {QUANTITIES[q["name"]]: q["value"] for q in c["quantities"] if q["name"] in QUANTITIES}
         return {"demand": {"profile": PROFILES[c["profile"]], "level": c["level"], **found}}
     digests = document["digests"]

@@ -5,6 +5,7 @@
 import copy
 import hashlib
 import json
+import pickle
 import shutil
 import signal
 import subprocess
@@ -195,6 +196,32 @@ class Runner(unittest.TestCase):
         self.assertEqual(len(root), len(document["results"]))
         self.assertEqual(len(root.findall("testcase/failure")), document["failed"])
         return document["results"]
+
+
+class Batch(unittest.TestCase):
+    """A decoder that answers many questions in one process."""
+
+    def answers(self, program, *options):
+        with tempfile.TemporaryDirectory() as folder:
+            run("--only", "core/tiny", "-j", "1", "--quiet", "--json", f"{folder}/j", *options, "--adapter",
+                str(CONFORMANCE / "adapters" / "batch.py"), decoder=[sys.executable, "-c", program])
+            return json.loads(Path(f"{folder}/j").read_text(encoding="utf-8"))["results"]
+
+    def test_a_decoder_that_ends_is_started_again(self):
+        found = self.answers("import sys\nsys.stdin.readline()\nprint('0\\t{\"num_gaussians\": 7}', flush=True)\n"
+                             "sys.stdin.readline()\nsys.exit(5)")
+        self.assertEqual([r["why"].split(":")[0].split(";")[0] for r in found[:3]],
+                         ["num_gaussians is 7, not 3", "exit status 5", "num_gaussians is 7, not 3"])
+
+    def test_a_decoder_that_says_nothing_is_ended(self):
+        found = self.answers("import time\ntime.sleep(60)", "--timeout", "0.3")
+        self.assertTrue(found and all(r["why"] == "no answer after 0.3 s" for r in found))
+
+    def test_broken_rules_cross_from_one_process_to_another(self):
+        sys.path.insert(0, str(CONFORMANCE / "reference"))
+        from arithmetic import Invalid
+        again = pickle.loads(pickle.dumps(Invalid("PAGE-1", "a word", 17)))
+        self.assertEqual((str(again), again.clause, again.offset), ("PAGE-1: a word", "PAGE-1", 17))
 
 
 class Example(unittest.TestCase):

@@ -3,7 +3,8 @@
 # usage: run.sh aarch64|wasm|mingw WORK_DIR TOOL DIGEST
 #        run.sh --bench wasm WORK_DIR TOOL DIGEST
 # Builds the decoder and its tests for another architecture, runs them there (qemu-user, node, wine) and
-# holds the digests of streams against those of DIGEST, the same program on this machine. --bench
+# holds the digests of streams against those of DIGEST, the same program on this machine. Then the
+# conformance suite asks the decoder there. --bench
 # prints how long decoding takes there and here, on one thread.
 # L4D_CROSS_SOURCES: where `./dev setup cross` has put the sources of zstd, xxHash and Highway.
 set -euo pipefail
@@ -180,3 +181,12 @@ sed -n 's/ simd / /p' "$work/$target/digest.txt" | diff - "$work/$target/referen
   exit 1
 }
 echo "$(wc -l <"$work/$target/digest.txt") lines of digests equal on $target and here"
+
+echo "== conformance suite"
+suite=$(python3 -B "$root/conformance/run.py" --quiet -j "$jobs" --adapter "$root/conformance/adapters/batch.py" \
+  -- "${emulator[@]}" "$bin/l4d_answer$suffix" 2>&1) || {
+  echo "$suite" >&2
+  echo "FAIL: the conformance suite on $target" >&2
+  exit 1
+}
+tail -n 1 <<<"$suite"
