@@ -224,6 +224,20 @@ class Batch(unittest.TestCase):
         self.assertEqual((str(again), again.clause, again.offset), ("PAGE-1: a word", "PAGE-1", 17))
 
 
+class Fluster(unittest.TestCase):
+    def test_it_lists_every_legal_stream(self):
+        out = subprocess.run([sys.executable, "-B", str(CONFORMANCE / "fluster.py"), "--source", "https://x.org/l4d"],
+                             capture_output=True, text=True, check=True).stdout
+        vectors = json.loads(out)["test_vectors"]
+        legal = [v for v in SUITE["vectors"] if v["group"] in ("core", "uncommon")]
+        self.assertEqual([v["name"] for v in vectors], [v["name"].replace("/", "-") for v in legal])
+        for vector, of in zip(vectors, legal):
+            self.assertEqual(vector["source"], "https://x.org/l4d/" + of["file"])
+            data = (CONFORMANCE / of["file"]).read_bytes()
+            self.assertEqual(vector["source_checksum"], hashlib.md5(data).hexdigest())
+            self.assertEqual(vector["result"], of["queries"][0]["digests"]["all"])
+
+
 class Example(unittest.TestCase):
     def test_the_decoder_in_c_stands_where_the_page_says(self):
         if not COMPILER:
