@@ -211,10 +211,21 @@ SeenError summarise_seen(const char* const names[2], const std::vector<float>& e
   return out;
 }
 
+// [Gaussians]: 1 for those of permanent layers.
+std::vector<uint8_t> permanent_of(const DecodedScene& loaded) {
+  std::vector<uint8_t> out(loaded.scene.count());
+  for (const l4d_bucket_span& span : loaded.spans) {
+    if (!loaded.permanent[span.layer]) continue;
+    std::fill_n(out.begin() + static_cast<std::ptrdiff_t>(span.first), span.count, 1);
+  }
+  return out;
+}
+
 }  // namespace
 
 Comparison compare_scenes(const io::Scene& a, const DecodedScene& loaded_b, Pairing pairing,
-                          uint32_t threads, const std::vector<float>& min_sizes) {
+                          uint32_t threads, const std::vector<float>& min_sizes,
+                          const DecodedScene* stream_a) {
   const io::Scene& b = loaded_b.scene;
   Comparison result;
   result.count_a = a.count();
@@ -229,16 +240,16 @@ Comparison compare_scenes(const io::Scene& a, const DecodedScene& loaded_b, Pair
   std::array<std::vector<float>, kSeenCount> seen;
   for (auto& of_kind : seen) of_kind.resize(b.count());
   result.min_size = min_size(a);
-  std::vector<uint8_t> never_fades(b.count());
-  for (const l4d_bucket_span& span : loaded_b.spans) {
-    if (!loaded_b.permanent[span.layer]) continue;
-    std::fill_n(never_fades.begin() + static_cast<std::ptrdiff_t>(span.first), span.count, 1);
-  }
+  const std::vector<uint8_t> never_fades = permanent_of(loaded_b);
+  const DecodedScene no_stream;
+  const DecodedScene& loaded_a = stream_a == nullptr ? no_stream : *stream_a;
+  const std::vector<uint8_t> a_never_fades = permanent_of(loaded_a);
   for_each_block(b.count(), threads, [&](size_t block, size_t first, size_t last) {
     for (size_t j = first; j < last; ++j) {
       const size_t i = pairing.a_of_b[j];
       if (i == kUnmatched) continue;
-      const Motion motion_a = motion_of(a, i);
+      Motion motion_a =
+          loaded_a.mean_t.empty() ? motion_of(a, i) : motion_of(a, i, loaded_a.mean_t[i]);
       Motion motion_b =
           loaded_b.mean_t.empty() ? motion_of(b, j) : motion_of(b, j, loaded_b.mean_t[j]);
       to_a.apply(motion_b);
@@ -247,6 +258,9 @@ Comparison compare_scenes(const io::Scene& a, const DecodedScene& loaded_b, Pair
       const double own = min_sizes.empty() ? 0 : value(min_sizes[i]);
       // What is permanent is always there, whatever its temporal scale.
       if (never_fades[j]) motion_b.sigma_t = std::numeric_limits<double>::infinity();
+      if (stream_a != nullptr && a_never_fades[i]) {
+        motion_a.sigma_t = std::numeric_limits<double>::infinity();
+      }
       const SeenErrors e =
           seen_errors(motion_a, linear_opacity(a, i), motion_b, linear_opacity(b, j), begin, end,
                       std::max(result.min_size, own));

@@ -58,8 +58,11 @@ struct Comparison {
 std::vector<std::string> error_names();
 
 // a: the reference. pairing: of b's Gaussians with a's. threads: 0 = one per core; the figures are
-// the same for any number. min_sizes: [A's Gaussians], as `min_sizes` has them, or empty.
+// the same for any number. min_sizes: [A's Gaussians], as `min_sizes` has them, or empty. stream_a:
+// what `a` is the scene of, where that is a stream: its mean times are not rounded, and it says
+// what is permanent.
 Comparison compare_scenes(const io::Scene& a, const DecodedScene& b, Pairing pairing,
-                          uint32_t threads, const std::vector<float>& min_sizes = {});
+                          uint32_t threads, const std::vector<float>& min_sizes = {},
+                          const DecodedScene* stream_a = nullptr);
 
 }  // namespace l4d::eval

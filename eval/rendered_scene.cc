@@ -29,6 +29,11 @@ RenderedScene::RenderedScene(Rendering rendering, Source source, std::string nam
     } else if (const auto* file = std::get_if<StreamFile>(&source_)) {
       decoder_.open_file(file->path);
       show_stream();
+    } else if (const auto* several = std::get_if<StreamMembers>(&source_)) {
+      members_ = several->members.get();
+      renderer_.set_rendering(nullptr);
+      timeline_ = members_->timeline();
+      count_ = members_->num_gaussians();
     } else {
       const auto& bytes = std::get<StreamBytes>(source_);
       decoder_.open_memory(bytes.data, bytes.size);
@@ -53,8 +58,26 @@ void RenderedScene::show_stream() {
   count_ = info.num_gaussians;
 }
 
+void RenderedScene::show_members(double seconds) {
+  std::vector<l4d_decoder*> decoders;
+  std::vector<double> shifts;
+  for (const ShownMembers::Shown& s : members_->show(seconds)) {
+    decoders.push_back(s.decoder->get());
+    shifts.push_back(s.shift);
+  }
+  if (decoders != shown_) renderer_.set_decoders(decoders, shifts);
+  shown_ = std::move(decoders);
+  members_->close_others();
+  renderer_.set_time(members_->time());
+}
+
 io::Scene RenderedScene::instant(double seconds) const {
   return about(name_, [&] {
+    if (members_ != nullptr) {
+      const std::shared_ptr<void> memory =
+          hold(rendering_.holder, members_->slice_bytes(seconds), "an instant");
+      return instant_of(*members_, seconds);
+    }
     const std::shared_ptr<void> memory = hold(
         rendering_.holder, scene_ != nullptr ? 0 : slice_bytes(decoder_, seconds), "an instant");
     return scene_ != nullptr ? instant_of(*scene_, seconds) : instant_of(decoder_, seconds);
@@ -67,7 +90,7 @@ void RenderedScene::set_background(const float* rgb) {
 
 void RenderedScene::set_time(double seconds) {
   if (time_ == seconds) return;
-  about(name_, [&] { renderer_.set_time(seconds); });
+  about(name_, [&] { members_ != nullptr ? show_members(seconds) : renderer_.set_time(seconds); });
   time_ = seconds;
 }
 

@@ -5,8 +5,10 @@
 #include <optional>
 #include <string>
 #include <variant>
+#include <vector>
 
 #include "eval/memory.h"
+#include "eval/shown_members.h"
 #include "io/image.h"
 #include "io/scene.h"
 #include "l4d/render.hpp"
@@ -34,11 +36,17 @@ struct StreamBytes {  // borrowed
   size_t size;
 };
 
+// A file of several streams; `reader` is what the members are read by.
+struct StreamMembers {
+  std::shared_ptr<void> reader;
+  std::shared_ptr<ShownMembers> members;
+};
+
 // A scene with a renderer that shows it. Of a stream only what is visible at an instant is decoded.
 class RenderedScene {
  public:
   // A scene that is borrowed, one that is kept, or a stream.
-  using Source = std::variant<const io::Scene*, io::Scene, StreamFile, StreamBytes>;
+  using Source = std::variant<const io::Scene*, io::Scene, StreamFile, StreamBytes, StreamMembers>;
   // name: messages of the io::Error that is thrown begin with it.
   RenderedScene(Rendering rendering, Source source, std::string name);
   RenderedScene(const RenderedScene&) = delete;
@@ -51,9 +59,13 @@ class RenderedScene {
 
   void set_background(const float* rgb);
   // L4D_DETAIL_*, of a stream; before the first instant.
-  void set_detail(uint32_t detail) { decoder_.set_detail(detail); }
+  void set_detail(uint32_t detail) {
+    if (members_ != nullptr) return members_->set_detail(detail);
+    decoder_.set_detail(detail);
+  }
   // Likewise, which layers are shown: as l4d_decoder_set_layers.
   void set_layers(uint32_t max_level, uint32_t max_tier) {
+    if (members_ != nullptr) return members_->set_layers(max_level, max_tier);
     decoder_.set_layers(max_level, max_tier);
   }
   // Moves to an instant; nothing happens where the scene is there already.
@@ -65,12 +77,15 @@ class RenderedScene {
  private:
   void show(const io::Scene& scene);
   void show_stream();
+  void show_members(double seconds);
 
   Rendering rendering_;
   std::string name_;
   Source source_;  // the renderer borrows it
   std::shared_ptr<void> image_memory_;
   const io::Scene* scene_ = nullptr;  // null for a stream
+  ShownMembers* members_ = nullptr;   // null for other scenes
+  std::vector<l4d_decoder*> shown_;   // of members_, that the renderer has
   DecoderHandle decoder_;             // likewise borrowed
   RendererHandle renderer_;
   l4d_timeline timeline_{};

@@ -28,6 +28,21 @@ CameraViews spread_views(CameraViews all, size_t most) {
   return all;
 }
 
+namespace {
+
+io::Scene scene_of(SplatArrays&& splats, const l4d_timeline& timeline,
+                   const l4d_placement& placement) {
+  io::Scene instant;
+  instant.timeline = timeline;
+  instant.placement = placement;
+  instant.position = std::move(splats.position);
+  instant.opacity = std::move(splats.opacity);
+  instant.mean_t.resize(instant.opacity.size());
+  return instant;
+}
+
+}  // namespace
+
 double middle_of(const l4d_timeline& timeline) {
   return timeline.time_begin + 0.5 * io::duration(timeline);
 }
@@ -51,14 +66,11 @@ io::Scene instant_of(const io::Scene& scene, double seconds) {
 
 io::Scene instant_of(const DecoderHandle& decoder, double seconds) {
   const l4d_info info = decoder.info();
-  SplatArrays splats = decoder.slice(seconds);
-  io::Scene instant;
-  instant.timeline = info.timeline;
-  instant.placement = info.placement;
-  instant.position = std::move(splats.position);
-  instant.opacity = std::move(splats.opacity);
-  instant.mean_t.resize(instant.opacity.size());
-  return instant;
+  return scene_of(decoder.slice(seconds), info.timeline, info.placement);
+}
+
+io::Scene instant_of(ShownMembers& members, double seconds) {
+  return scene_of(members.slice(seconds), members.timeline(), members.first().info().placement);
 }
 
 }  // namespace l4d::eval

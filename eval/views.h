@@ -3,6 +3,7 @@
 
 #include <vector>
 
+#include "eval/shown_members.h"
 #include "io/cameras.h"
 #include "io/scene.h"
 #include "l4d/l4d.hpp"
@@ -25,5 +26,6 @@ double middle_of(const l4d_timeline& timeline);
 // falloff.
 io::Scene instant_of(const io::Scene& scene, double seconds);
 io::Scene instant_of(const DecoderHandle& decoder, double seconds);
+io::Scene instant_of(ShownMembers& members, double seconds);
 
 }  // namespace l4d::eval

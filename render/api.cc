@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The C entry points of the renderer.
+#include <cmath>
 #include <memory>
 
 #include "l4d/render.h"
@@ -123,7 +124,21 @@ l4d_status l4d_renderer_set_gaussians(l4d_renderer* renderer, const l4d_gaussian
   });
 }
 l4d_status l4d_renderer_set_decoder(l4d_renderer* renderer, l4d_decoder* decoder) {
-  return call(renderer, required(decoder), [&](auto& r) { return r.set_decoder(decoder); });
+  return call(renderer, required(decoder),
+              [&](auto& r) { return r.set_decoders(&decoder, nullptr, 1); });
+}
+l4d_status l4d_renderer_set_decoders(l4d_renderer* renderer, l4d_decoder* const* decoders,
+                                     const double* shifts, uint32_t count) {
+  return call(renderer, required(decoders), [&](auto& r) -> Status {
+    if (count == 0) return l4d::invalid_argument("count is 0");
+    for (uint32_t k = 0; k < count; ++k) {
+      if (decoders[k] == nullptr) return l4d::invalid_argument("a decoder is NULL");
+      if (shifts != nullptr && !std::isfinite(shifts[k])) {
+        return l4d::invalid_argument("shifts are finite");
+      }
+    }
+    return r.set_decoders(decoders, shifts, count);
+  });
 }
 l4d_status l4d_renderer_set_rendering(l4d_renderer* renderer, const l4d_rendering* rendering) {
   return call(renderer, optional(rendering), [&](l4d::render::Renderer& r) -> Status {

@@ -36,6 +36,7 @@ l4d_cuda_player_options default_options() {
   l4d_cuda_player_options options{};
   options.sh_format = L4D_CUDA_SH_FLOAT16;
   options.max_level = UINT32_MAX;
+  options.max_tier = UINT32_MAX;
   options.read_ahead = 1;
   return options;
 }

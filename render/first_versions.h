@@ -25,7 +25,7 @@ L4D_FIRST_VERSION(l4d_cuda_frame_capacity, backward);
 L4D_FIRST_VERSION(l4d_cuda_image, rgba8);
 L4D_FIRST_VERSION(l4d_cuda_frame_stats, seconds);
 
-L4D_FIRST_VERSION(l4d_cuda_player_options, read_ahead);
+L4D_FIRST_VERSION(l4d_cuda_player_options, max_tier);
 L4D_FIRST_VERSION(l4d_cuda_player_counters, scratch_bytes);
 
 L4D_FIRST_VERSION(l4d_cuda_live_rows, overflow);

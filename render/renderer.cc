@@ -58,7 +58,7 @@ void Renderer::forget(bool with_scene) {
   });
   if (!with_scene) return;
   scene_.forget(memory_);
-  still_key_ = 0;
+  streams_.forget(memory_);
   float_.frame.forget(memory_);
   double_.frame.forget(memory_);
 }
@@ -74,7 +74,7 @@ Status Renderer::within_limit(bool with_scene, const Body& body) {
 Status Renderer::set_gaussians(const l4d_gaussians& gaussians, const l4d_timeline& timeline) {
   source_ = Source::kNone;
   has_time_ = false;
-  still_key_ = 0;
+  streams_.restart();
   if (cuda_) {
     L4D_RETURN_IF_ERROR(acquire_device());
     if (gaussians.window != nullptr) {
@@ -93,20 +93,21 @@ Status Renderer::set_gaussians(const l4d_gaussians& gaussians, const l4d_timelin
   return {};
 }
 
-Status Renderer::set_decoder(l4d_decoder* decoder) {
-  l4d_info info;
-  l4d_info_init(&info);
-  const l4d_status status = l4d_decoder_get_info(decoder, &info);
-  if (status != L4D_OK) return Status(status, "the decoder has no open stream");
+Status Renderer::set_decoders(l4d_decoder* const* decoders, const double* shifts, size_t count) {
+  for (size_t k = 0; k < count; ++k) {
+    l4d_info info;
+    l4d_info_init(&info);
+    const l4d_status status = l4d_decoder_get_info(decoders[k], &info);
+    if (status != L4D_OK) return Status(status, "the decoder has no open stream");
+  }
   l4d_rendering stated = default_rendering();
-  l4d_decoder_get_rendering(decoder, &stated);
+  l4d_decoder_get_rendering(decoders[0], &stated);
   if (!has_given_) L4D_RETURN_IF_ERROR(supports(stated));
   has_time_ = false;
   if (cuda_) L4D_RETURN_IF_ERROR(acquire_device());
-  decoder_ = decoder;
-  still_key_ = 0;
+  streams_.set(decoders, shifts, count, memory_);
   stated_ = stated;
-  source_ = Source::kDecoder;
+  source_ = Source::kStreams;
   return {};
 }
 
@@ -133,8 +134,8 @@ Status Renderer::slice(double time) {
     return with_path(
         [&](auto& path) { return slice_into(scene_, time_, threads_, memory_, &path.frame); });
   }
-  time_ = time;  // the decoder clamps
-  L4D_RETURN_IF_ERROR(slice_stream(decoder_, time, memory_, &still_key_, &float_.frame));
+  time_ = time;  // decoders clamp
+  L4D_RETURN_IF_ERROR(streams_.slice(time, memory_, &float_.frame));
   if (double_.rasterizer != nullptr) return widen(float_.frame, memory_, &double_.frame);
   if (!cuda_) return {};
   const Frame<float>& f = float_.frame;

@@ -11,6 +11,7 @@
 #include "render/rasterizer.h"
 #include "render/scene.h"
 #include "render/slice_gradient.h"
+#include "render/streams.h"
 
 namespace l4d::render {
 
@@ -19,7 +20,8 @@ class Renderer {
   explicit Renderer(const l4d_renderer_options& options);
 
   Status set_gaussians(const l4d_gaussians& gaussians, const l4d_timeline& timeline);
-  Status set_decoder(l4d_decoder* decoder);
+  // shifts: null = 0 for all.
+  Status set_decoders(l4d_decoder* const* decoders, const double* shifts, size_t count);
   // null: as the scene states.
   Status set_rendering(const l4d_rendering* rendering);
   void set_background(const float* rgb) { std::copy_n(rgb, 3, background_); }
@@ -68,7 +70,7 @@ class Renderer {
   double time() const { return time_; }  // of the last set_time, seconds
 
  private:
-  enum class Source { kNone, kGaussians, kDecoder };
+  enum class Source { kNone, kGaussians, kStreams };
   // One of the two precisions.
   template <typename T>
   struct Path {
@@ -114,8 +116,7 @@ class Renderer {
   uint64_t device_visible_ = 0;
   Source source_ = Source::kNone;
   Scene scene_;
-  l4d_decoder* decoder_ = nullptr;
-  uint64_t still_key_ = 0;  // l4d_splat_columns; 0 also where the frame is another
+  Streams streams_;
   Path<float> float_;
   Path<double> double_;   // of the reference; its rasteriser is absent on the fast path
   l4d_rendering stated_;  // by the scene

@@ -91,6 +91,13 @@ L4D_API l4d_status l4d_renderer_set_gaussians(l4d_renderer* renderer,
 /* An open stream: each instant reads the buckets visible then, through the decoder's own cache. The
  * decoder is borrowed likewise, and used on the calling thread only. */
 L4D_API l4d_status l4d_renderer_set_decoder(l4d_renderer* renderer, l4d_decoder* decoder);
+/* Open streams that are shown together, as the members of a file that show an instant (members.h):
+ * at a time each is sliced at this time less its shift, and the Gaussians of all are drawn as those
+ * of one scene, in the numbers that the first stream states. All are borrowed, decoders as those of
+ * l4d_renderer_set_decoder. decoders: [count], each once. shifts: [count] seconds; NULL = 0. Fails
+ * with INVALID_ARGUMENT if count is 0, a decoder NULL or a shift not finite. */
+L4D_API l4d_status l4d_renderer_set_decoders(l4d_renderer* renderer, l4d_decoder* const* decoders,
+                                             const double* shifts, uint32_t count);
 /* Sets the background colour; black at first. rgb: finite. */
 L4D_API l4d_status l4d_renderer_set_background(l4d_renderer* renderer, const float* rgb /* [3] */);
 

@@ -30,6 +30,12 @@ class RendererHandle {
   void set_decoder(const DecoderHandle& decoder) {
     check(l4d_renderer_set_decoder(get(), decoder.get()));
   }
+  // Likewise; shifts: one for each, or empty.
+  void set_decoders(const std::vector<l4d_decoder*>& decoders, const std::vector<double>& shifts) {
+    check(l4d_renderer_set_decoders(get(), decoders.data(),
+                                    shifts.empty() ? nullptr : shifts.data(),
+                                    static_cast<uint32_t>(decoders.size())));
+  }
   void set_rendering(const l4d_rendering* rendering) {
     check(l4d_renderer_set_rendering(get(), rendering));
   }

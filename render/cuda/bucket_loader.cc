@@ -49,6 +49,7 @@ Status BucketLoader::plan(double begin, double end, std::vector<BucketPlace>* ou
   query.time_begin = begin;
   query.time_end = end;
   query.max_level = options_.max_level;
+  query.max_tier = options_.max_tier;
   query.whole_buckets = 1;
   std::vector<l4d_bucket_span> spans(64);
   uint64_t count = 0;

@@ -91,6 +91,7 @@ TEST(RenderArguments, NullHandles) {
   EXPECT_EQ(l4d_renderer_create(nullptr, nullptr), kInvalid);
   EXPECT_EQ(l4d_renderer_set_gaussians(nullptr, &g, &scene.timeline), kInvalid);
   EXPECT_EQ(l4d_renderer_set_decoder(nullptr, nullptr), kInvalid);
+  EXPECT_EQ(l4d_renderer_set_decoders(nullptr, nullptr, nullptr, 1), kInvalid);
   EXPECT_EQ(l4d_renderer_set_background(nullptr, f), kInvalid);
   EXPECT_EQ(l4d_renderer_set_time(nullptr, 0), kInvalid);
   EXPECT_EQ(l4d_renderer_render(nullptr, &camera, &image), kInvalid);
@@ -156,6 +157,15 @@ TEST(RenderArguments, NullPointers) {
   EXPECT_EQ(l4d_renderer_set_gaussians(r, nullptr, &at.scene.timeline), kInvalid);
   EXPECT_EQ(l4d_renderer_set_gaussians(r, &g, nullptr), kInvalid);
   EXPECT_EQ(l4d_renderer_set_decoder(r, nullptr), kInvalid);
+  l4d_decoder* const none = nullptr;
+  EXPECT_EQ(l4d_renderer_set_decoders(r, nullptr, nullptr, 1), kInvalid);
+  EXPECT_EQ(l4d_renderer_set_decoders(r, &none, nullptr, 0), kInvalid);
+  EXPECT_EQ(l4d_renderer_set_decoders(r, &none, nullptr, 1), kInvalid);
+  const DecoderHandle closed;
+  l4d_decoder* const decoder = closed.get();
+  const double never = std::numeric_limits<double>::infinity();
+  EXPECT_EQ(l4d_renderer_set_decoders(r, &decoder, &never, 1), kInvalid);
+  EXPECT_EQ(l4d_renderer_set_decoders(r, &decoder, nullptr, 1), kState);
   EXPECT_EQ(l4d_renderer_set_background(r, nullptr), kInvalid);
   EXPECT_EQ(l4d_renderer_render(r, nullptr, &image), kInvalid);
   EXPECT_EQ(l4d_renderer_render(r, &camera, nullptr), kInvalid);

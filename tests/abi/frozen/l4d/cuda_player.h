@@ -39,7 +39,7 @@ typedef struct l4d_cuda_player_options {
   uint64_t memory_bytes;
   double window;       /* seconds; 0: 1/8 s, or the width of the finest buckets, at most 1 s */
   uint32_t read_ahead; /* 1 (the default): prefetch the next window on the player's thread */
-  uint32_t reserved;
+  uint32_t max_tier;   /* highest tier shown (l4d_layer_info); UINT32_MAX (the default) = all */
 } l4d_cuda_player_options;
 L4D_API void l4d_cuda_player_options_init_(l4d_cuda_player_options* options, size_t struct_size);
 #define l4d_cuda_player_options_init(options) \

@@ -1,0 +1,187 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "eval/shown_members.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "eval/decoded_scene.h"
+#include "io/scene.h"
+
+namespace l4d::eval {
+namespace {
+
+// Of a presentation that lasts from `begin` to `end`: whole frames, the last of which may be cut.
+l4d_timeline timeline_of(const l4d_timeline& first, double begin, double end) {
+  l4d_timeline timeline = first;
+  timeline.time_begin = begin;
+  const double frames = (end - begin) * first.fps_num / first.fps_den;
+  const double whole = std::round(frames);
+  const double number = std::fabs(frames - whole) < 1e-6 * whole ? whole : std::ceil(frames);
+  timeline.num_frames = static_cast<uint32_t>(std::clamp(number, 1.0, double{L4D_MAX_FRAMES}));
+  return timeline;
+}
+
+// Adds the Gaussians of a slice; SH that one of them lacks is zero.
+void append(const SplatArrays& from, SplatArrays* to) {
+  const auto add = [](const std::vector<float>& a, std::vector<float>* b) {
+    b->insert(b->end(), a.begin(), a.end());
+  };
+  add(from.position, &to->position);
+  add(from.covariance, &to->covariance);
+  add(from.opacity, &to->opacity);
+  const auto width = [](uint32_t degree) { return size_t{3} * (degree + 1) * (degree + 1); };
+  const size_t known = width(from.sh_degree), wanted = width(to->sh_degree);
+  for (size_t i = 0; i < from.count(); ++i) {
+    const auto row = from.sh.begin() + static_cast<std::ptrdiff_t>(i * known);
+    to->sh.insert(to->sh.end(), row, row + static_cast<std::ptrdiff_t>(known));
+    to->sh.insert(to->sh.end(), wanted - known, 0.0F);
+  }
+}
+
+void add_counters(const DecoderHandle& decoder, l4d_counters* sums) {
+  l4d_counters c;
+  l4d_counters_init(&c);
+  decoder.check(l4d_decoder_get_counters(decoder.get(), &c));
+  sums->buckets_decoded += c.buckets_decoded;
+  sums->cache_hits += c.cache_hits;
+}
+
+}  // namespace
+
+void ShownMembers::check(l4d_status status) const {
+  if (status != L4D_OK) throw Error(status, l4d_last_error_message());
+}
+
+l4d_member ShownMembers::member(uint64_t index) const {
+  l4d_member m;
+  l4d_member_init(&m);
+  check(l4d_members_get(list_.get(), index, &m));
+  return m;
+}
+
+ShownMembers::ShownMembers(const l4d_reader& reader, const l4d_decoder_options& options)
+    : options_(options) {
+  l4d_members* list = nullptr;
+  l4d_members_options list_options;
+  l4d_members_options_init(&list_options);
+  list_options.max_memory_bytes = options.max_memory_bytes;
+  check(l4d_members_open(&reader, &list_options, &list));
+  list_.reset(list);
+  l4d_members_info info;
+  l4d_members_info_init(&info);
+  check(l4d_members_get_info(list, &info));
+  uint32_t most = 0;
+  double begin = 0, end = 0;
+  bool any = false;
+  for (uint64_t i = 0; i < info.count; ++i) {
+    const l4d_member m = member(i);
+    if (m.role != L4D_MEMBER_MEDIA) continue;
+    most = std::max(most, m.num_needs);
+    if (!any) first_ = static_cast<uint32_t>(i);
+    if (!any) begin = m.begin;
+    end = m.end;
+    any = true;
+  }
+  if (!any) throw Error(L4D_ERR_CORRUPT, "the file has no media member");
+  options_.accept_needs = 1;
+  if (options_.max_memory_bytes > 0) {
+    options_.max_memory_bytes = std::max<uint64_t>(1, options_.max_memory_bytes / (1 + most));
+  }
+  timeline_ = timeline_of(first().info().timeline, begin, end);
+}
+
+DecoderHandle& ShownMembers::open(uint32_t index) {
+  const auto known = open_.find(index);
+  if (known != open_.end()) return known->second;
+  l4d_reader reader;
+  l4d_reader_init(&reader);
+  check(l4d_members_get_reader(list_.get(), index, &reader));
+  DecoderHandle decoder(&options_);
+  decoder.open(reader);
+  decoder.set_detail(detail_);
+  decoder.set_layers(max_level_, max_tier_);
+  return open_.emplace(index, std::move(decoder)).first->second;
+}
+
+void ShownMembers::set_detail(uint32_t detail) {
+  detail_ = detail;
+  for (const auto& [index, decoder] : open_) decoder.set_detail(detail);
+}
+
+void ShownMembers::set_layers(uint32_t max_level, uint32_t max_tier) {
+  max_level_ = max_level;
+  max_tier_ = max_tier;
+  for (const auto& [index, decoder] : open_) decoder.set_layers(max_level, max_tier);
+}
+
+const DecoderHandle& ShownMembers::first() { return open(first_); }
+
+uint64_t ShownMembers::num_gaussians() {
+  l4d_members_info info;
+  l4d_members_info_init(&info);
+  check(l4d_members_get_info(list_.get(), &info));
+  uint64_t count = 0;
+  for (uint64_t i = 0; i < info.count; ++i) {
+    if (member(i).role == L4D_MEMBER_INDEX) continue;
+    count += open(static_cast<uint32_t>(i)).info().num_gaussians;
+    shown_indices_ = {first_};
+    close_others();
+  }
+  return count;
+}
+
+std::vector<uint32_t> ShownMembers::indices_at(double seconds) const {
+  uint64_t count = 0;
+  check(l4d_members_get_shown(list_.get(), seconds, nullptr, 0, &count));
+  std::vector<uint32_t> indices(static_cast<size_t>(count));
+  check(l4d_members_get_shown(list_.get(), seconds, indices.data(), indices.size(), &count));
+  return indices;
+}
+
+const std::vector<ShownMembers::Shown>& ShownMembers::show(double seconds) {
+  shown_indices_ = indices_at(seconds);
+  shown_.clear();
+  time_ = seconds;
+  for (const uint32_t index : shown_indices_) {
+    const l4d_member m = member(index);
+    // Between spans nothing is known but what is seen at their ends.
+    if (shown_.empty()) time_ = std::clamp(seconds, m.begin, m.end);
+    shown_.push_back({&open(index), m.shift, time_ - m.shift, m.offset});
+  }
+  return shown_;
+}
+
+void ShownMembers::close_others() {
+  for (auto it = open_.begin(); it != open_.end();) {
+    const bool used =
+        std::find(shown_indices_.begin(), shown_indices_.end(), it->first) != shown_indices_.end();
+    if (!used) add_counters(it->second, &closed_);
+    it = used ? std::next(it) : open_.erase(it);
+  }
+}
+
+l4d_counters ShownMembers::counters() const {
+  l4d_counters sums = closed_;
+  for (const auto& [index, decoder] : open_) add_counters(decoder, &sums);
+  return sums;
+}
+
+SplatArrays ShownMembers::slice(double seconds) {
+  show(seconds);
+  std::vector<SplatArrays> parts;
+  for (const Shown& s : shown_) parts.push_back(s.decoder->slice(s.time));
+  if (parts.size() == 1) return std::move(parts.front());
+  SplatArrays all;
+  for (const SplatArrays& part : parts) all.sh_degree = std::max(all.sh_degree, part.sh_degree);
+  for (const SplatArrays& part : parts) append(part, &all);
+  return all;
+}
+
+uint64_t ShownMembers::slice_bytes(double seconds) {
+  uint64_t bytes = 0;
+  for (const Shown& s : show(seconds)) bytes += eval::slice_bytes(*s.decoder, s.time);
+  // Of several, those of each and all together.
+  return shown_.size() > 1 ? 2 * bytes : bytes;
+}
+
+}  // namespace l4d::eval

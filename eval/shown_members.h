@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: Apache-2.0
+// A file of several streams as one scene: at each instant the media member and those that it needs.
+#pragma once
+
+#include <functional>
+#include <map>
+#include <memory>
+#include <vector>
+
+#include "eval/memory.h"
+#include "l4d/l4d.hpp"
+#include "l4d/members.h"
+
+namespace l4d::eval {
+
+class ShownMembers {
+ public:
+  struct Destroy {
+    void operator()(l4d_members* m) const { l4d_members_destroy(m); }
+  };
+  // reader: must stay as long as this object. options: of one decoder; decoders that are open at a
+  // time share max_memory_bytes. Throws Error where the file has no media member.
+  ShownMembers(const l4d_reader& reader, const l4d_decoder_options& options);
+
+  // From the first span to the last, in frames of the first media member.
+  const l4d_timeline& timeline() const { return timeline_; }
+  // Of members other than indices, together.
+  uint64_t num_gaussians();
+  // The first media member.
+  const DecoderHandle& first();
+
+  // As of decoders.
+  void set_detail(uint32_t detail);
+  void set_layers(uint32_t max_level, uint32_t max_tier);
+
+  struct Shown {
+    DecoderHandle* decoder;
+    double shift;     // time of the presentation less time of the stream
+    double time;      // of the stream
+    uint64_t offset;  // of the member in the file
+  };
+  // Opens what shows the instant. What was shown before stays open until close_others().
+  const std::vector<Shown>& show(double seconds);
+  const std::vector<Shown>& shown() const { return shown_; }
+  // The time of the presentation that is shown: the one asked for, or the nearest of a span.
+  double time() const { return time_; }
+  void close_others();
+  // Of all decoders so far, those that are closed included.
+  l4d_counters counters() const;
+
+  SplatArrays slice(double seconds);
+  uint64_t slice_bytes(double seconds);
+
+ private:
+  l4d_member member(uint64_t index) const;
+  std::vector<uint32_t> indices_at(double seconds) const;
+  DecoderHandle& open(uint32_t index);
+  void check(l4d_status status) const;
+
+  std::unique_ptr<l4d_members, Destroy> list_;
+  l4d_decoder_options options_;
+  l4d_timeline timeline_{};
+  uint32_t first_ = 0;  // index of the first media member
+  uint32_t detail_ = L4D_DETAIL_FULL;
+  uint32_t max_level_ = UINT32_MAX, max_tier_ = UINT32_MAX;
+  std::map<uint32_t, DecoderHandle> open_;  // by index
+  l4d_counters closed_{};                   // sums
+  double time_ = 0;
+  std::vector<Shown> shown_;
+  std::vector<uint32_t> shown_indices_;
+};
+
+}  // namespace l4d::eval
