@@ -3,7 +3,7 @@
 #include <string>
 #include <system_error>
 
-#include "encoder/encoder.h"
+#include "api/encoder_handle.h"
 #include "l4d/encode.h"
 #include "libl4dcodec/base/atomic_file.h"
 #include "libl4dcodec/base/c_api.h"
@@ -31,13 +31,6 @@ L4D_FIRST_VERSION(l4d_parameter_info, integer);
 L4D_FIRST_VERSION(l4d_encode_report, max_mean_t_error);
 
 }  // namespace l4d::api
-
-struct l4d_encoder {
-  explicit l4d_encoder(const l4d_encoder_options& options) : impl(options) {}
-  l4d::Encoder impl;
-  mutable l4d::api::Busy busy;
-  l4d::api::ErrorMessage error;
-};
 
 namespace {
 

@@ -213,6 +213,8 @@ l4d_status l4d_members_get(const l4d_members* members, uint64_t index, l4d_membe
     found.number = m->number;
     found.role = m->role;
     found.num_needs = m->num_needs;
+    found.sequence_begin = m->sequence_begin;
+    found.sequence_end = m->sequence_end;
     write_struct(found, out);
     return {};
   });

@@ -76,9 +76,9 @@ void distribute_sh(int threads, CodedScene* coded) {
 // One encode, step by step in the order of its public functions.
 class Encoder::Run {
  public:
-  explicit Run(const Encoder& encoder)
-      : input_(encoder.input_),
-        settings_(encoder.settings_),
+  Run(const Encoder& encoder, const EncoderInput& input, const EncoderSettings& settings)
+      : input_(input),
+        settings_(settings),
         metadata_(encoder.metadata_),
         threads_(static_cast<int>(encoder.options_.threads)),
         lossless_(settings_.get_bool(L4D_ENC_LOSSLESS)),
@@ -103,7 +103,8 @@ class Encoder::Run {
     options_.bounds = declared_bounds(scene_, settings_);
     if (!lossless_) {
       positions_ =
-          plan_positions(scene_, settings_, Quality(settings_, scene_.count), &options_.bounds);
+          plan_positions(scene_, settings_, Quality(settings_, scene_.count, scene_.shared_count),
+                         &options_.bounds);
     }
     if (positions_.bits > 0) {
       known_positions_ = planned_positions(positions_);
@@ -302,8 +303,17 @@ Status Encoder::set_presentation(const l4d_presentation& presentation) {
 
 Status Encoder::encode(const WriteFn& write) {
   if (input_.gaussians.count == 0) return Status(L4D_ERR_INVALID_STATE, "no scene is set");
-  L4D_RETURN_IF_ERROR(settings_.check_profile());
-  Run run(*this);
+  EncodeReport report;
+  L4D_RETURN_IF_ERROR(encode_input(input_, settings_, write, &report));
+  report_ = std::move(report);
+  has_report_ = true;
+  return {};
+}
+
+Status Encoder::encode_input(const EncoderInput& input, const EncoderSettings& settings,
+                             const WriteFn& write, EncodeReport* report) const {
+  L4D_RETURN_IF_ERROR(settings.check_profile());
+  Run run(*this, input, settings);
   try {
     L4D_RETURN_IF_ERROR(run.prepare());
     run.start_sh();
@@ -315,8 +325,7 @@ Status Encoder::encode(const WriteFn& write) {
   } catch (const Cancelled&) {
     return Status(L4D_ERR_CANCELLED, "cancelled by the progress callback");
   }
-  report_ = run.report();
-  has_report_ = true;
+  *report = run.report();
   return {};
 }
 

@@ -46,6 +46,11 @@ class Encoder {
 
   using WriteFn = std::function<bool(const unsigned char* data, size_t n)>;
   Status encode(const WriteFn& write);
+  // Another scene than that of set_scene, with other settings; no report is kept.
+  Status encode_input(const EncoderInput& input, const EncoderSettings& settings,
+                      const WriteFn& write, EncodeReport* report) const;
+  const EncoderInput& input() const { return input_; }
+  const l4d_encoder_options& options() const { return options_; }
   // The report of the last successful encode; null before the first.
   const EncodeReport* report() const { return has_report_ ? &report_ : nullptr; }
 

@@ -82,7 +82,7 @@ class LayerCoder {
         plan_(plan),
         options_(options),
         settings_(*options.settings),
-        quality_(settings_, scene.count) {}
+        quality_(settings_, scene.count, scene.shared_count) {}
 
   CodedLayer run(std::vector<uint32_t>* demoted, std::vector<uint32_t>* escapes) {
     lossless_ = settings_.get_bool(L4D_ENC_LOSSLESS);

@@ -12,9 +12,12 @@ namespace l4d {
 
 class Quality {
  public:
-  // n: Gaussians of the scene.
-  Quality(const EncoderSettings& settings, size_t n)
-      : settings_(settings), decibels_(settings.get(L4D_ENC_QUALITY)), n_(static_cast<double>(n)) {}
+  // n: Gaussians of the scene. shared: those that the error of the image is divided among, 0 = n.
+  Quality(const EncoderSettings& settings, size_t n, double shared = 0)
+      : settings_(settings),
+        decibels_(settings.get(L4D_ENC_QUALITY)),
+        n_(static_cast<double>(n)),
+        shared_(shared > 0 ? shared : n_) {}
 
   double decibels() const { return decibels_; }
 
@@ -61,11 +64,14 @@ class Quality {
   // the slopes of fidelity against bytes are equal, on the basketball scene at 41 dB.
   static constexpr double kNumbers = 66;
   static constexpr double kOffset[L4D_COMPONENT_COUNT] = {0, 1.2, 0, -3.5};
-  double power(double decibels) const { return std::pow(10.0, -decibels / 10) / (kNumbers * n_); }
+  double power(double decibels) const {
+    return std::pow(10.0, -decibels / 10) / (kNumbers * shared_);
+  }
 
   const EncoderSettings& settings_;
   double decibels_;
   double n_;
+  double shared_;
 };
 
 }  // namespace l4d

@@ -59,20 +59,23 @@ double seen_seconds(const EncoderScene& s, size_t i) {
   return std::max(span, 0.0);
 }
 
+double exposure_of(const EncoderInput& input, const EncoderScene& s, size_t i) {
+  return input.exposure == nullptr ? 1.0 : static_cast<double>(input.exposure[s.source[i]]);
+}
+
 void set_importance(const EncoderInput& input, bool gauss_newton, EncoderScene* scene) {
   EncoderScene& s = *scene;
   const float* alpha_t = input.weights[L4D_WEIGHT_ALPHA_T];
   static constexpr unsigned kOwn[L4D_COMPONENT_COUNT] = {
       L4D_WEIGHT_SH, L4D_WEIGHT_SCALE, L4D_WEIGHT_ROTOR_SPATIAL, L4D_WEIGHT_ROTOR_TEMPORAL};
-  // Shares of the image. Proxies are so often wrong that half of their octaves serve better.
-  double proxies = 0;
-  for (size_t i = 0; alpha_t == nullptr && i < s.count; ++i) {
-    proxies += std::sqrt(static_cast<double>(proxy_weight(s, i)));
-  }
+  const bool estimates = alpha_t == nullptr && input.share == nullptr;
+  double sum = 0;
+  const std::vector<double> estimated =
+      estimates ? estimated_shares(s, &sum) : std::vector<double>();
   const auto share = [&](size_t i) {
-    if (alpha_t != nullptr) return static_cast<double>(alpha_t[s.source[i]]);
-    return proxies > 0 ? kProxyGain * std::sqrt(static_cast<double>(proxy_weight(s, i))) / proxies
-                       : 1.0 / static_cast<double>(s.count);
+    return alpha_t != nullptr       ? static_cast<double>(alpha_t[s.source[i]])
+           : input.share != nullptr ? input.share[s.source[i]]
+                                    : estimated[i];
   };
   const auto largest_scale = [&](size_t i) {
     const float* l = s.log_scale.data() + 4 * i;
@@ -85,16 +88,17 @@ void set_importance(const EncoderInput& input, bool gauss_newton, EncoderScene* 
   for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) s.importance[c].resize(s.count);
   s.position_importance.resize(s.count);
   for (size_t i = 0; i < s.count; ++i) {
+    const double exposure = exposure_of(input, s, i);
     for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
       const float* own = input.weights[kOwn[c]];
       const double given = own == nullptr ? 0.0 : static_cast<double>(own[s.source[i]]);
-      s.importance[c][i] = bounded_weight(own == nullptr ? kSquarePerAlpha[c] * share(i)
-                                          : gauss_newton ? gauss_newton_square(given)
-                                                         : kSquarePerSum[c] * given);
+      s.importance[c][i] = bounded_weight(exposure * (own == nullptr ? kSquarePerAlpha[c] * share(i)
+                                                      : gauss_newton ? gauss_newton_square(given)
+                                                                     : kSquarePerSum[c] * given));
     }
     s.position_importance[i] = bounded_weight(
         own_position != nullptr
-            ? gauss_newton_square(static_cast<double>(own_position[s.source[i]]))
+            ? exposure * gauss_newton_square(static_cast<double>(own_position[s.source[i]]))
             : kPositionPerScale * static_cast<double>(s.importance[L4D_COMPONENT_SCALE][i]) /
                   square(largest_scale(i)));
     if (input.weights[L4D_WEIGHT_ROTOR_TEMPORAL] == nullptr) {
@@ -124,6 +128,17 @@ void refer_to_window(bool at_mean, size_t i, EncoderScene* scene) {
 }
 
 }  // namespace
+
+std::vector<double> estimated_shares(const EncoderScene& s, double* sum) {
+  std::vector<double> shares(s.count);
+  // Proxies are so often wrong that half of their octaves serve better.
+  const auto proxy = [&](size_t i) { return std::sqrt(static_cast<double>(proxy_weight(s, i))); };
+  for (size_t i = 0, n = *sum > 0 ? 0 : s.count; i < n; ++i) *sum += proxy(i);
+  for (size_t i = 0; i < s.count; ++i) {
+    shares[i] = *sum > 0 ? kProxyGain * proxy(i) / *sum : 1.0 / static_cast<double>(s.count);
+  }
+  return shares;
+}
 
 void slice_in_double(const float* rotor, const float* log_scale, SeenGaussian* out) {
   const Slice4D<double> slice = slice_attributes<double>(rotor, log_scale);
@@ -337,7 +352,8 @@ void set_weights(const EncoderInput& input, bool gauss_newton, EncoderScene* out
     for (size_t i = 0; i < s.count; ++i) {
       const double w =
           static_cast<double>(given != nullptr ? given[s.source[i]] : proxy_weight(s, i));
-      s.weight[c][i] = bounded_weight(own != nullptr && gauss_newton ? w * w : w);
+      s.weight[c][i] =
+          bounded_weight(exposure_of(input, s, i) * (own != nullptr && gauss_newton ? w * w : w));
     }
   }
 }
@@ -354,6 +370,7 @@ Status prepare_scene(const EncoderInput& input, const EncoderSettings& settings,
   s.sh_degree = input.gaussians.sh_degree;
   s.timeline = input.timeline;
   s.duration = sequence_duration(input.timeline);
+  s.shared_count = input.shared_count;
   L4D_RETURN_IF_ERROR(choose_gaussians(input, settings, out));
   resize(out, lossless);
   const int gauge = settings.get_int(L4D_ENC_GAUGE);

@@ -22,10 +22,21 @@ struct EncoderInput {
   const float* min_sizes = nullptr;                      // [count] or null
   l4d_rendering rendering = default_rendering();
   l4d_presentation presentation = default_presentation();
+
+  // Of a stream that shows its Gaussians with those of other streams. 0 and null: it is all there
+  // is. Gaussians that the error of the image is divided among: the price of error is one over
+  // them.
+  double shared_count = 0;
+  // [count] How much more of the time of the stream a Gaussian is shown than of the time that its
+  // importance is known for.
+  const float* exposure = nullptr;
+  // [count] Of the image, where no weights are given: estimated over all of the scene.
+  const double* share = nullptr;
 };
 
 struct EncoderScene {
   size_t count = 0;
+  double shared_count = 0;           // as EncoderInput has it
   bool has_double_times = false;     // lossless only: the input's times are mean_t as it is here
   l4d_gaussians given{};             // borrowed
   const float* min_sizes = nullptr;  // of what is given, or null
@@ -66,6 +77,11 @@ struct EncoderScene {
 
 // What a decoder's floats are over time: velocity, lambda and covariance of the slice.
 void slice_in_double(const float* rotor, const float* log_scale, SeenGaussian* out);
+
+// The part of the image that each Gaussian is, as estimated from opacity, size and life. Of scenes
+// that are not lossless. sum: of the estimates that shares are parts of; 0 = of this scene, which
+// it becomes.
+std::vector<double> estimated_shares(const EncoderScene& scene, double* sum);
 
 Status check_input(const EncoderInput& input);
 Status prepare_scene(const EncoderInput& input, const EncoderSettings& settings, int threads,

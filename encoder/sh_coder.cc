@@ -46,7 +46,7 @@ CodedComponent in_codebooks(const EncoderScene& scene, const CoderOptions& optio
 }  // namespace
 
 CodedComponent code_sh(const EncoderScene& scene, const CoderOptions& options) {
-  const Quality quality(*options.settings, scene.count);
+  const Quality quality(*options.settings, scene.count, scene.shared_count);
   const int coding = options.settings->get_int(L4D_ENC_CODING, kSh);
   if (coding == 1) return as_transform(scene, options, quality);
   const bool by_cost = coding == 2 || options.settings->get_bool(L4D_ENC_CODEBOOKS_BY_COST);

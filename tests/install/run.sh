@@ -107,7 +107,7 @@ for package in "${packages[@]}"; do
   for suffix in "${suffixes[@]}"; do symbols "$library/lib$package.$suffix" | compare "$list"; done
   case $package in
     l4dcodec) headers=(l4d.h decode.h members.h stream.h rate.h cuda.h) ;;
-    l4dencoder) headers=(encode.h) ;;
+    l4dencoder) headers=(encode.h session.h) ;;
     l4drender) headers=(render.h cuda_render.h cuda_player.h cuda_train.h) ;;
   esac
   declared "${headers[@]}" | diff -u - "$here/$list" >&2 ||

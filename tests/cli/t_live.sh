@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: Apache-2.0
+# shellcheck shell=bash
+# encode --live: a scene or pieces as a file that grows, whose whole members play whatever happens.
+l4d synth -q -n 6k --seconds 6 --fps 30 --seed 7 -o s.ply
+
+# A scene that is there.
+expect_document 0 encode --live s.ply --segment 1 -o live.l4d --playlist live.m3u8
+expect_json out 'd["num_media"] == 6 and d["num_standing"] == 1 and d["begin"] == 0 and d["end"] == 6'
+expect_json out "d['file_bytes'] == $(stat -c %s live.l4d)"
+expect_document 0 validate live.l4d
+expect_document 0 info live.l4d
+cp out listed
+expect_json listed '[m["role"] for m in d["members"]] == ["standing"] + ["media"] * 6 + ["index"]'
+expect_json listed 'all(m["needs"] == [0] for m in d["members"] if m["role"] == "media")'
+expect 0 manifest live.l4d -o again.m3u8
+cmp <(grep -v TARGETDURATION live.m3u8) <(grep -v TARGETDURATION again.m3u8)
+# The same seed gives the same file.
+expect 0 encode --live s.ply --segment 1 -o twice.l4d
+cmp live.l4d twice.l4d
+
+# What members show together is nearly as good as one stream. Without the bounds on single Gaussians, which
+# make positions of one stream finer than the quality asks for.
+expect 0 encode s.ply --set max-position-error=0 -o whole.l4d
+expect 0 encode --live s.ply --set max-position-error=0 --segment 2 -o members.l4d
+fidelity() { # FILE
+  json <(l4d compare s.ply "$1" --orbit 2 --size 160x120 --frames 0:180:15 --json 2> err) "d['fidelity_db']"
+}
+expect_equal "$("$PYTHON" -c "print($(fidelity members.l4d) > $(fidelity whole.l4d) - 0.8)")" True
+
+# Pieces in their order, and the same pieces in a folder in which they appear.
+mkdir parts
+for k in 0 1 2; do
+  l4d synth -q -n 2k --seconds 2 --fps 30 --seed $((k + 1)) -o "$k.ply"
+  "$PYTHON" - "$k.ply" "$k" << 'PY'
+import re, struct, sys
+head, body = open(sys.argv[1], "rb").read().split(b"end_header\n", 1)
+head, body, shift = head.decode(), bytearray(body), 2 * int(sys.argv[2])
+names = re.findall(r"property float (\w+)", head)
+for k in range(int(re.search(r"element vertex (\d+)", head).group(1))):
+    at = 4 * (k * len(names) + names.index("t"))
+    struct.pack_into("<f", body, at, struct.unpack_from("<f", body, at)[0] + shift)
+head = re.sub(r"(time_begin|time_end) (\S+)", lambda m: f"{m[1]} {float(m[2]) + shift}", head)
+open(sys.argv[1], "wb").write(head.encode() + b"end_header\n" + bytes(body))
+PY
+done
+expect_document 0 encode --live 0.ply 1.ply 2.ply -o pieces.l4d
+expect_json out 'd["num_pieces"] == 3 and d["num_media"] == 3 and d["end"] == 6'
+expect_document 0 validate pieces.l4d
+l4d encode --live parts -o folder.l4d --playlist folder.m3u8 --quiet &
+encoder=$!
+for k in 0 1 2; do
+  cp "$k.ply" "parts/.$k"
+  mv "parts/.$k" "parts/$k.ply"
+  for _ in $(seq 200); do
+    [ "$(grep -c EXTINF folder.m3u8 2> /dev/null)" = $((k + 1)) ] && break
+    sleep 0.05
+  done
+  # What is there plays, while no index is.
+  expect_equal "$(grep -c EXTINF folder.m3u8)" $((k + 1))
+  expect_equal "$(grep -c ENDLIST folder.m3u8 || true)" 0
+  expect_document 0 info folder.l4d
+  expect_json out "sum(m['role'] == 'media' for m in d['members']) == $k + 1"
+done
+touch parts/end
+wait "$encoder"
+cmp pieces.l4d folder.l4d
+expect_text folder.m3u8 ENDLIST
+
+# Killed anywhere, every whole member is there, and repair writes the index.
+for delay in 0.02 0.1 0.2 0.3 0.4; do
+  rm -f killed.l4d
+  l4d encode --live s.ply --segment 0.2 --preset archive -o killed.l4d --quiet 2> /dev/null &
+  victim=$!
+  sleep "$delay"
+  kill -9 "$victim" 2> /dev/null || true
+  wait "$victim" 2> /dev/null || true
+  [ -s killed.l4d ] || continue
+  expect 0 repair killed.l4d -o repaired.l4d --force
+  expect 0 validate repaired.l4d
+done
+# Cut anywhere: as many members as fit.
+for n in $("$PYTHON" -c '
+import json, random
+random.seed(5)
+d = json.load(open("listed"))
+ends = [m["offset"] + m["bytes"] for m in d["members"]]
+print(*[e for e in ends[1:-1]], *[random.randrange(ends[1], ends[-1]) for _ in range(20)])'); do
+  head -c "$n" live.l4d > cut.l4d
+  expect_document 0 info cut.l4d
+  expect_json out "[m['number'] for m in d['members']] == [m['number'] for m in json.load(open('listed'))['members'] if m['offset'] + m['bytes'] <= $n]"
+done
+
+# What cannot be.
+expect 2 encode 0.ply 1.ply -o two.l4d
+expect 2 encode s.ply --segment 1 -o two.l4d
+expect 2 encode --live s.ply --segment 0 -o two.l4d
+expect 2 encode --live s.ply --verify -o two.l4d
+expect 2 encode --live s.ply -o -
+expect 2 encode --live parts
+expect 2 encode --live 1.ply 0.ply -o back.l4d
+expect_text err 'begins at 0'
+mkdir none
+touch none/end
+expect 4 encode --live none -o none.l4d
