@@ -79,7 +79,8 @@ struct Outcome {
   Json json = Json::object();
   std::string text;
   ExitCode code = kExitOk;
-  bool stdout_is_data = false;  // the text then goes to stderr
+  bool stdout_is_data = false;     // the text then goes to stderr
+  bool text_is_asked_for = false;  // it is printed with --quiet too
 };
 
 class Context {

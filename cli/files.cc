@@ -92,11 +92,13 @@ Input::Input(Context& context, const std::string& name, const std::string& what)
             (magic[3] == '\n' || magic[3] == '\r');
 }
 
-Output::Output(Context& context, const std::string& name, const std::string& what)
+Output::Output(Context& context, const std::string& name, const std::string& what, bool is_text)
     : path_(name), is_stdout_(names_stdout(name)) {
   if (is_stdout_) {
     if (context.options.json) throw usage_error("--json and output '-' both want stdout");
-    if (::isatty(STDOUT_FILENO) == 1) throw usage_error("binary output to a terminal refused");
+    if (!is_text && ::isatty(STDOUT_FILENO) == 1) {
+      throw usage_error("binary output to a terminal refused");
+    }
     spool_ = io::anonymous_file();
     path_ = io::path_of(spool_);
     return;
@@ -140,8 +142,8 @@ uint64_t Output::finish() {
 
 void check_extension(const std::string& name, const char* option,
                      const std::vector<std::string>& written, bool strict) {
-  static const std::vector<std::string> kKnown = {".l4d", ".ply", ".png", ".jpg",  ".jpeg",
-                                                  ".bmp", ".mp4", ".svg", ".json", ".npy"};
+  static const std::vector<std::string> kKnown = {".l4d", ".ply", ".png",  ".jpg", ".jpeg", ".bmp",
+                                                  ".mp4", ".svg", ".json", ".npy", ".m3u8", ".mpd"};
   std::string extension = fs::path(name).extension().string();
   std::transform(extension.begin(), extension.end(), extension.begin(),
                  [](unsigned char c) { return static_cast<char>(std::tolower(c)); });

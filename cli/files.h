@@ -38,8 +38,9 @@ class Input {
 // to a temporary file, because writers rename, and finish() copies it out.
 class Output {
  public:
-  // `what` as CommandFiles has it.
-  Output(Context& context, const std::string& name, const std::string& what = "--output");
+  // `what` as CommandFiles has it. is_text: it may go to a terminal.
+  Output(Context& context, const std::string& name, const std::string& what = "--output",
+         bool is_text = false);
   Output(const Output&) = delete;
   Output& operator=(const Output&) = delete;
 

@@ -78,6 +78,9 @@ std::string describe_usage_error(const CLI::ParseError& error, const CLI::App& a
         for (const std::string& name : option->get_lnames()) known.push_back("--" + name);
       }
     }
+    if (std::find(known.begin(), known.end(), given) != known.end()) {
+      return "the option " + given + " belongs behind the command " + verb->get_name();
+    }
     return "unknown option " + given + suggestion(given, known);
   }
   if (verb != nullptr) return "unexpected argument '" + given + "'";
@@ -125,7 +128,7 @@ int print_outcome(Outcome& outcome, const Context& context) {
   if (context.options.json) {
     outcome.json["notes"] = context.notes();
     print_document(outcome.json);
-  } else if (!context.options.quiet) {
+  } else if (!context.options.quiet || outcome.text_is_asked_for) {
     std::fputs(outcome.text.c_str(), outcome.stdout_is_data ? stderr : stdout);
   }
   return flush_stdout() ? outcome.code : kExitIo;

@@ -2,6 +2,10 @@
 #include "cli/member_file.h"
 
 #include <algorithm>
+#include <cerrno>
+#include <cfloat>
+#include <cmath>
+#include <cstring>
 
 #include "cli/text/progress.h"
 #include "cli/text/units.h"
@@ -29,18 +33,45 @@ Json MemberInfo::json() const {
           {"shift", member.shift},   {"needs", needs}};
 }
 
-MemberFile::MemberFile(const Context& context, const std::string& path, bool ignore_index)
-    : reader_(path) {
+namespace {
+
+// Section 22.1 of the specification.
+constexpr char kSignatureMagic[] = {'L', '4', 'D', 'S'};
+constexpr uint64_t kSignatureBytes = 100;
+
+bool has_signature(const l4d_reader& reader) {
+  const int64_t size = reader.size(reader.user);
+  char magic[sizeof kSignatureMagic];
+  return size > static_cast<int64_t>(kSignatureBytes) &&
+         reader.read_at(reader.user, magic, sizeof magic,
+                        static_cast<uint64_t>(size) - kSignatureBytes) == sizeof magic &&
+         std::equal(std::begin(magic), std::end(magic), kSignatureMagic);
+}
+
+}  // namespace
+
+void MemberFile::check(l4d_status status) const {
+  if (status != L4D_OK) throw Failure(status, name_ + ": " + l4d_last_error_message());
+}
+
+MemberFile::List MemberFile::open(const l4d_reader& reader, bool ignore_index) const {
   l4d_members_options options;
   l4d_members_options_init(&options);
-  options.max_memory_bytes = context.decoder_options().max_memory_bytes;
+  options.max_memory_bytes = max_memory_bytes_;
   options.ignore_index = ignore_index ? 1 : 0;
   l4d_members* list = nullptr;
-  const auto check = [](l4d_status status) {
-    if (status != L4D_OK) throw Failure(status, l4d_last_error_message());
-  };
-  check(l4d_members_open(reader_.get(), &options, &list));
-  list_.reset(list);
+  check(l4d_members_open(&reader, &options, &list));
+  return List(list);
+}
+
+MemberFile::MemberFile(const Context& context, const std::string& path, const std::string& name,
+                       bool ignore_index)
+    : name_(name),
+      max_memory_bytes_(context.decoder_options().max_memory_bytes),
+      reader_(path),
+      list_(open(*reader_.get(), ignore_index)),
+      is_signed_(has_signature(*reader_.get())) {
+  const l4d_members* list = list_.get();
   l4d_members_info_init(&info_);
   check(l4d_members_get_info(list, &info_));
   for (uint64_t i = 0; i < info_.count; ++i) {
@@ -57,9 +88,21 @@ MemberFile::MemberFile(const Context& context, const std::string& path, bool ign
 l4d_reader MemberFile::reader(size_t index) const {
   l4d_reader out;
   l4d_reader_init(&out);
-  const l4d_status status = l4d_members_get_reader(list_.get(), index, &out);
-  if (status != L4D_OK) throw Failure(status, l4d_last_error_message());
+  check(l4d_members_get_reader(list_.get(), index, &out));
   return out;
+}
+
+SequenceSpan MemberFile::sequence_of(size_t index) const {
+  const List alone = open(reader(index), true);
+  l4d_member m;
+  l4d_member_init(&m);
+  check(l4d_members_get(alone.get(), 0, &m));
+  return {m.sequence_begin, m.sequence_end};
+}
+
+size_t MemberFile::num_streams() const {
+  return static_cast<size_t>(std::count_if(members_.begin(), members_.end(),
+                                           [](const MemberInfo& m) { return !m.is_index(); }));
 }
 
 bool MemberFile::is_plain() const {
@@ -72,19 +115,19 @@ double MemberFile::begin() const {
   for (const MemberInfo& m : members_) {
     if (m.is_media()) return m.member.begin;
   }
-  throw Failure(L4D_ERR_CORRUPT, "no media member");
+  throw Failure(L4D_ERR_CORRUPT, name_ + ": no media member");
 }
 
 double MemberFile::end() const {
   for (auto m = members_.rbegin(); m != members_.rend(); ++m) {
     if (m->is_media()) return m->member.end;
   }
-  throw Failure(L4D_ERR_CORRUPT, "no media member");
+  throw Failure(L4D_ERR_CORRUPT, name_ + ": no media member");
 }
 
-void MemberFile::require_whole(const std::string& name) const {
+void MemberFile::require_whole() const {
   if (info_.rest == L4D_OK) return;
-  throw Failure(info_.rest, name + ": " + rest() + "; `l4dcodec repair` keeps the members before");
+  throw Failure(info_.rest, name_ + ": " + rest() + "; `l4dcodec repair` keeps the members before");
 }
 
 l4d_member_parameters parameters_of(const MemberInfo& m) {
@@ -99,17 +142,56 @@ l4d_member_parameters parameters_of(const MemberInfo& m) {
   return p;
 }
 
+double rounding_of(const l4d_member& m) {
+  const double largest = std::max({std::fabs(m.begin), std::fabs(m.end), std::fabs(m.shift)});
+  return 64 * DBL_EPSILON * largest;
+}
+
+void note_unused(Context& context, const Input& input, uint64_t stream_bytes,
+                 const std::vector<uint64_t>& sections) {
+  const FileReader reader(input.path());
+  uint64_t used = has_signature(*reader.get()) ? kSignatureBytes : 0;
+  for (const uint64_t bytes : sections) used += bytes;
+  if (stream_bytes <= used) return;
+  context.note(input.name() + ": " + format_count(stream_bytes - used) +
+               " bytes belong to no chunk of the stream. A stream that does not say where it ends "
+               "has all bytes behind it: no other follows it (`l4dcodec concat` chains streams)");
+}
+
+void note_unused(Context& context, const Input& input, const DecoderHandle& decoder) {
+  std::vector<uint64_t> sections(L4D_SECTION_COUNT);
+  decoder.check(l4d_decoder_get_sections(decoder.get(), sections.data(), L4D_SECTION_COUNT, nullptr,
+                                         nullptr, 0));
+  note_unused(context, input, decoder.info().file_bytes, sections);
+}
+
+void note_signature(Context& context, const Input& input, const MemberFile& file) {
+  if (!file.is_signed()) return;
+  context.note("the signature of " + input.name() + " is of its bytes, and is not copied");
+}
+
+bool has_members(Context& context, const Input& input) {
+  try {
+    const MemberFile file(context, input);
+    if (file.num_streams() < 2) return false;
+    if (!file.rest().empty()) {
+      context.note(input.name() + ": the list of streams ends before the file: " + file.rest());
+    }
+    return true;
+  } catch (const Failure&) {
+    return false;  // a damaged file, which the command may still read in part
+  }
+}
+
 void note_members(Context& context, const Input& input, const l4d_timeline& timeline) {
   std::unique_ptr<MemberFile> opened;
   try {
-    opened = std::make_unique<MemberFile>(context, input.path());
+    opened = std::make_unique<MemberFile>(context, input);
   } catch (const Failure&) {
     return;  // a damaged file, which the command may still read in part
   }
   const MemberFile& file = *opened;
-  const auto number =
-      static_cast<size_t>(std::count_if(file.members().begin(), file.members().end(),
-                                        [](const MemberInfo& m) { return !m.is_index(); }));
+  const size_t number = file.num_streams();
   if (number > 1) {
     context.note(input.name() + " has " + std::to_string(number) +
                  " streams, of which the first one is taken; `l4dcodec cut --member` takes others");
@@ -125,9 +207,17 @@ void note_members(Context& context, const Input& input, const l4d_timeline& time
 
 int MemberWriter::write(void* user, const void* src, size_t n) {
   auto& self = *static_cast<MemberWriter*>(user);
-  if (std::fwrite(src, 1, n, self.file_.get()) != n) return -1;
+  if (std::fwrite(src, 1, n, self.file_.get()) != n) {
+    self.error_ = errno;
+    return -1;
+  }
   self.bytes_ += n;
   return 0;
+}
+
+void MemberWriter::fail(const char* action, int error) const {
+  throw Failure(L4D_ERR_IO,
+                std::string("cannot ") + action + " a temporary file: " + std::strerror(error));
 }
 
 l4d_writer MemberWriter::writer() {
@@ -143,18 +233,25 @@ l4d_status MemberWriter::add(const l4d_reader& stream, const l4d_member_paramete
   const l4d_writer to = writer();
   const l4d_status status = l4d_copy_member(&stream, &options_, &parameters, &to, nullptr);
   check_interrupt();
+  if (error_ != 0) fail("write", error_);
   if (status == L4D_OK || bytes_ == before) return status;
   // What follows overwrites it, and finish() copies no more than bytes_.
   bytes_ = before;
-  if (std::fseek(file_.get(), static_cast<long>(before), SEEK_SET) != 0) return L4D_ERR_IO;
+  if (std::fseek(file_.get(), static_cast<long>(before), SEEK_SET) != 0) fail("write", errno);
   return status;
 }
 
 void MemberWriter::add_index() {
-  if (std::fflush(file_.get()) != 0) throw Failure(L4D_ERR_IO, "cannot write a temporary file");
-  const MemberFile made(context_, path_of(file_), true);
+  if (std::fflush(file_.get()) != 0) fail("write", errno);
+  const MemberFile made(context_, path_of(file_), "what was made", true);
+  // Readers would not see what lies behind the first member that breaks a rule. What was taken back
+  // may still lie behind the last one.
+  if (made.info().bytes != bytes_) {
+    throw Failure(L4D_ERR_CORRUPT, "the members do not make a file: " + made.rest());
+  }
   const l4d_writer to = writer();
   const l4d_status status = l4d_write_member_index(made.get(), &to, nullptr);
+  if (error_ != 0) fail("write", error_);
   if (status != L4D_OK) throw Failure(status, l4d_last_error_message());
 }
 
@@ -162,14 +259,10 @@ uint64_t MemberWriter::finish(Output& output) {
   constexpr size_t kBlock = size_t{1} << 20;
   std::vector<char> block(kBlock);
   io::OutputFile file(output.path());
-  if (std::fseek(file_.get(), 0, SEEK_SET) != 0) {
-    throw Failure(L4D_ERR_IO, "cannot read a temporary file");
-  }
+  if (std::fseek(file_.get(), 0, SEEK_SET) != 0) fail("write", errno);
   for (uint64_t left = bytes_; left > 0;) {
     const size_t n = static_cast<size_t>(std::min<uint64_t>(left, kBlock));
-    if (std::fread(block.data(), 1, n, file_.get()) != n) {
-      throw Failure(L4D_ERR_IO, "cannot read a temporary file");
-    }
+    if (std::fread(block.data(), 1, n, file_.get()) != n) fail("read", errno);
     file.write(block.data(), n);
     left -= n;
   }

@@ -23,10 +23,18 @@ struct MemberInfo {
 };
 const char* member_role_name(uint32_t role);
 
+struct SequenceSpan {
+  double begin, end;
+};
+
 class MemberFile {
  public:
   // Throws a Failure where the first member is not whole. ignore_index: as l4d_members_options.
-  MemberFile(const Context& context, const std::string& path, bool ignore_index = false);
+  MemberFile(const Context& context, const Input& input, bool ignore_index = false)
+      : MemberFile(context, input.path(), input.name(), ignore_index) {}
+  // name: messages begin with it.
+  MemberFile(const Context& context, const std::string& path, const std::string& name,
+             bool ignore_index);
 
   const std::vector<MemberInfo>& members() const { return members_; }
   const l4d_members_info& info() const { return info_; }
@@ -34,6 +42,15 @@ class MemberFile {
   std::string rest() const { return l4d_members_rest_message(list_.get()); }
   const l4d_members* get() const { return list_.get(); }
   l4d_reader reader(size_t index) const;
+  // As reader, where a damaged member is no failure.
+  l4d_status find_reader(size_t index, l4d_reader* out) const {
+    return l4d_members_get_reader(list_.get(), index, out);
+  }
+  // What a member presents in seconds of its own sequence, as its own headers say.
+  SequenceSpan sequence_of(size_t index) const;
+  // How many members are no index.
+  size_t num_streams() const;
+  bool is_signed() const { return is_signed_; }
   // One stream that says nothing of members.
   bool is_plain() const;
   bool has_index() const { return members_.back().is_index(); }
@@ -41,14 +58,21 @@ class MemberFile {
   double begin() const;
   double end() const;
   // Throws a Failure if the file does not end with its last member.
-  void require_whole(const std::string& name) const;
+  void require_whole() const;
 
  private:
   struct Destroy {
     void operator()(l4d_members* m) const { l4d_members_destroy(m); }
   };
+  using List = std::unique_ptr<l4d_members, Destroy>;
+  List open(const l4d_reader& reader, bool ignore_index) const;
+  void check(l4d_status status) const;
+
+  std::string name_;
+  uint64_t max_memory_bytes_;
   FileReader reader_;
-  std::unique_ptr<l4d_members, Destroy> list_;
+  List list_;
+  bool is_signed_ = false;
   l4d_members_info info_{};
   std::vector<MemberInfo> members_;
 };
@@ -68,15 +92,33 @@ class MemberWriter {
 
  private:
   static int write(void* user, const void* src, size_t n);
+  [[noreturn]] void fail(const char* action, int error) const;
   l4d_writer writer();
 
   const Context& context_;
   l4d_decoder_options options_;
   io::FileHandle file_;
   uint64_t bytes_ = 0;
+  int error_ = 0;  // errno of a write that failed
 };
 
 l4d_member_parameters parameters_of(const MemberInfo& member);
+
+// Times of the presentation that differ by this much differ by roundings of sums only.
+double rounding_of(const l4d_member& member);
+
+// Notes bytes of a stream of a file that belong to no chunk of it. sections: as
+// l4d_decoder_get_sections.
+void note_unused(Context& context, const Input& input, uint64_t stream_bytes,
+                 const std::vector<uint64_t>& sections);
+void note_unused(Context& context, const Input& input, const DecoderHandle& decoder);
+
+// Notes that the signature of a file is not copied, where it has one.
+void note_signature(Context& context, const Input& input, const MemberFile& file);
+
+// Whether a file has several streams that can be shown one after the other. Notes what of a file is
+// not shown then.
+bool has_members(Context& context, const Input& input);
 
 // Notes what a command that reads one stream does not take of a file: other members, and times
 // that the stream does not present.

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/rendering.h"
 
+#include <memory>
 #include <utility>
 
 #include "cli/member_file.h"
@@ -38,6 +39,12 @@ eval::RenderedScene render_input(Context& context, const Input& input,
   eval::RenderedScene::Source source = eval::StreamFile{input.path()};
   if (input.is_ply()) {
     source = load_scene(context, input, arguments).scene;
+  } else if (has_members(context, input)) {
+    const auto reader = std::make_shared<FileReader>(input.path());
+    source = about(input.name(), [&] {
+      return eval::StreamMembers{
+          reader, std::make_shared<eval::ShownMembers>(*reader->get(), rendering.decoder)};
+    });
   } else {
     about(input.name(), [&] {
       DecoderHandle decoder(&rendering.decoder);

@@ -99,6 +99,18 @@ std::vector<uint8_t> read_whole_file(const std::string& path) {
   return bytes;
 }
 
+GrowingFile::GrowingFile(const std::string& path) : path_(path) {
+  file_.reset(std::fopen(path.c_str(), "wbe"));
+  if (!file_) fail(path, "cannot create", errno);
+}
+
+void GrowingFile::append(const void* data, size_t n) {
+  if (std::fwrite(data, 1, n, file_.get()) != n || std::fflush(file_.get()) != 0 ||
+      ::fsync(::fileno(file_.get())) != 0) {
+    fail(path_, "cannot write", errno);
+  }
+}
+
 OutputFile::OutputFile(const std::string& path) : path_(path) {
   check(file_.open(path.c_str()), path);
 }

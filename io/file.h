@@ -62,6 +62,21 @@ class OutputFile {
   AtomicFile file_;
 };
 
+// A file that is appended to under its name, for those who read it meanwhile. Throws Error where a
+// call fails.
+class GrowingFile {
+ public:
+  // Empties a file that is there.
+  explicit GrowingFile(const std::string& path);
+
+  // Returns when the bytes are on the disk: all that comes later comes behind them.
+  void append(const void* data, size_t n);
+
+ private:
+  std::string path_;
+  FileHandle file_;
+};
+
 // Which file a path leads to, so that two paths can be told to lead to one: its device and inode,
 // or of what does not exist yet those of the folder, and the name in it.
 struct FileId {

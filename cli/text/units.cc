@@ -135,6 +135,10 @@ std::string format_count(uint64_t count) {
   return digits;
 }
 
+std::string format_items(uint64_t count, const std::string& what) {
+  return format_count(count) + " " + what + (count == 1 ? "" : "s");
+}
+
 std::string format_error(double value) {
   if (!std::isfinite(value)) return "-";
   return value == 0 ? "0" : format("%.3g", value);

@@ -24,6 +24,8 @@ std::pair<std::string, std::string> parse_assignment(const std::string& text,
 int32_t parse_component(const std::string& text, const std::string& option);
 const char* component_name(uint32_t component);
 
+// "1 member", "3 members".
+std::string format_items(uint64_t count, const std::string& what);
 // "55.6 MB", "213,874", "1.25e-03", "3.2 s": for people.
 std::string format_bytes(uint64_t bytes);
 std::string format_count(uint64_t count);

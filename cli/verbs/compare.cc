@@ -108,7 +108,8 @@ void compare_attributes(Context& context, const CompareArguments& arguments,
     if (const io::CameraSet* cameras = arguments.cameras.load(context)) {
       sizes = eval::min_sizes(a.scene, *cameras, context.options.threads);
     }
-    return eval::compare_scenes(a.scene, b, std::move(pairing), context.options.threads, sizes);
+    return eval::compare_scenes(a.scene, b, std::move(pairing), context.options.threads, sizes,
+                                input_a.is_ply() ? nullptr : &a);
   }();
   check_interrupt();
   begin(verdict, input_a, a.scene.count(), input_b, b.scene.count(), same_time);

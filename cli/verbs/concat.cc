@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
-#include <cfloat>
 #include <cmath>
 #include <map>
 
@@ -14,12 +13,22 @@ namespace {
 struct ConcatArguments {
   std::vector<std::string> inputs;
   std::string output;
+  std::string begin;
 };
 
-// Then spans are those of sequences and edits, and a reader's sums are the ones made here.
-bool is_unshifted(const MemberFile& file) {
-  return std::all_of(file.members().begin(), file.members().end(),
-                     [](const MemberInfo& m) { return m.member.shift == 0; });
+// The shift by which what begins at `begin` begins at `at`: exactly so where a sum of binary64 can,
+// else as little later as it can.
+double shift_between(double begin, double at) {
+  double shift = at - begin;
+  while (begin + shift < at) shift = std::nextafter(shift, HUGE_VAL);
+  for (double less = shift; begin + shift > at; shift = less) {
+    less = std::nextafter(less, -HUGE_VAL);
+    if (begin + less < at) break;
+  }
+  // MEMB-4 has none that is smaller and not 0.
+  constexpr double kLeast = 0x1p-60;
+  if (std::fabs(shift) >= kLeast) return shift;
+  return begin >= at ? 0 : kLeast;
 }
 
 // Appends members and keeps their spans in order.
@@ -27,18 +36,16 @@ class Chain {
  public:
   explicit Chain(const Context& context) : writer_(context) {}
 
+  // Where the first span begins; without it that stays as it is.
+  void begin_at(double time) {
+    end_ = time;
+    has_end_ = true;
+  }
+
   // The first span of the file begins where the last one of the file before ends.
   void add(const std::string& name, const MemberFile& file) {
-    const double begin = file.begin();
-    double delta = has_media_ ? end_ - begin : 0;
-    // Sums of times are rounded: spans may leave gaps of that size, and must not overlap.
-    if (is_unshifted(file)) {
-      while (has_media_ && begin + delta < end_) delta = std::nextafter(delta, HUGE_VAL);
-    } else if (delta != 0) {
-      const double largest =
-          std::max({std::fabs(begin), std::fabs(file.end()), std::fabs(end_), std::fabs(delta)});
-      delta += 8 * DBL_EPSILON * largest;
-    }
+    const double delta = has_end_ ? end_ - file.begin() : 0;
+    const MemberInfo* before = nullptr;    // the media member before, of this file
     std::map<uint32_t, uint32_t> numbers;  // of the input -> of the output
     for (size_t i = 0; i < file.members().size(); ++i) {
       const MemberInfo& m = file.members()[i];
@@ -50,6 +57,13 @@ class Chain {
       MemberInfo moved = m;
       moved.member.number = numbers[m.member.number] = next_++;
       moved.member.shift += delta;
+      if (m.is_media()) {
+        const SequenceSpan sequence = file.sequence_of(i);
+        moved.member.shift = shift_of(m, before, sequence.begin, delta);
+        end_ = sequence.end + moved.member.shift;
+        has_end_ = true;
+        before = &m;
+      }
       for (uint32_t& need : moved.needs) {
         const auto it = numbers.find(need);
         if (it == numbers.end()) {
@@ -59,9 +73,7 @@ class Chain {
       }
       const l4d_status status = writer_.add(file.reader(i), parameters_of(moved));
       if (status != L4D_OK) throw Failure(status, name + ": " + l4d_last_error_message());
-      if (m.is_media()) end_ = m.member.end + delta;
     }
-    has_media_ = true;
   }
 
   uint32_t size() const { return next_; }
@@ -72,25 +84,39 @@ class Chain {
   }
 
  private:
+  // Of a media member: spans that follow each other without a gap, or with one of a rounding, do so
+  // without one. begin: of what it presents of its sequence.
+  double shift_of(const MemberInfo& m, const MemberInfo* before, double begin, double delta) const {
+    const bool follows =
+        before == nullptr || m.member.begin - before->member.end <= rounding_of(m.member);
+    double at = m.member.begin + delta;
+    if (has_end_) at = follows ? end_ : std::max(at, end_);
+    const double shift = m.member.shift + delta;
+    return begin + shift == at ? shift : shift_between(begin, at);
+  }
+
   MemberWriter writer_;
   uint32_t next_ = 0;
-  bool has_media_ = false;
-  double end_ = 0;
+  bool has_end_ = false;
+  double end_ = 0;  // of the last span
 };
 
 Outcome run_concat(Context& context, const ConcatArguments& arguments) {
   std::vector<Input> inputs;
   for (const std::string& name : arguments.inputs) inputs.emplace_back(context, name);
   check_extension(arguments.output, "--output", {".l4d"});
+  const double given = arguments.begin.empty() ? 0 : parse_seconds(arguments.begin, "--begin");
   Output output(context, arguments.output);
   Progress progress(context, "concat");
   Chain chain(context);
-  double begin = 0;
+  if (!arguments.begin.empty()) chain.begin_at(given);
+  double begin = given;
   for (size_t i = 0; i < inputs.size(); ++i) {
     progress.update(i, inputs.size(), "copying");
-    const MemberFile file(context, inputs[i].path());
-    file.require_whole(inputs[i].name());
-    if (i == 0) begin = file.begin();
+    const MemberFile file(context, inputs[i]);
+    file.require_whole();
+    note_signature(context, inputs[i], file);
+    if (i == 0 && arguments.begin.empty()) begin = file.begin();
     chain.add(inputs[i].name(), file);
   }
   Outcome outcome;
@@ -103,9 +129,9 @@ Outcome run_concat(Context& context, const ConcatArguments& arguments) {
                   {"begin", begin},
                   {"end", chain.end()},
                   {"file_bytes", bytes}};
-  outcome.text = format("%s: %u members, %s to %s s, %s\n", arguments.output.c_str(), chain.size(),
-                        format_time(begin).c_str(), format_time(chain.end()).c_str(),
-                        format_bytes(bytes).c_str());
+  outcome.text = format("%s: %s, %s to %s s, %s\n", arguments.output.c_str(),
+                        format_items(chain.size(), "member").c_str(), format_time(begin).c_str(),
+                        format_time(chain.end()).c_str(), format_bytes(bytes).c_str());
   return outcome;
 }
 
@@ -121,6 +147,9 @@ void add_concat(Registry& registry) {
   verb->add_option("-o,--output", arguments->output, "File to write, '-' = stdout")
       ->type_name("FILE")
       ->required();
+  verb->add_option("--begin", arguments->begin,
+                   "When the first stream begins; where it does by itself if left out")
+      ->type_name("T");
   verb->footer(
       "Each stream becomes a member of the file and begins where the one before it ends; an index\n"
       "comes last. What is decoded of a stream stays as it is, bit for bit. Players that do not\n"

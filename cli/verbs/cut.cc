@@ -23,6 +23,15 @@ struct Span {
   double begin, end;
 };
 
+// What of a member is in the span; nothing where that is a rounding only.
+Span common(const MemberInfo& m, const Span& span) {
+  return {std::max(span.begin, m.member.begin), std::min(span.end, m.member.end)};
+}
+bool is_in(const MemberInfo& m, const Span& span) {
+  const Span both = common(m, span);
+  return both.end - both.begin > rounding_of(m.member);
+}
+
 Span parse_span(const CutArguments& arguments) {
   constexpr double kEver = std::numeric_limits<double>::infinity();
   if (arguments.from.empty() && arguments.to.empty() && arguments.member.empty()) {
@@ -33,14 +42,37 @@ Span parse_span(const CutArguments& arguments) {
           arguments.to.empty() ? kEver : parse_seconds(arguments.to, "--to")};
 }
 
-// What of a media member is in the span, as a copy states it.
-l4d_member_parameters part_of(const MemberInfo& m, const Span& span) {
+// What of a media member is in the span, as a copy states it. An end that is that of the member,
+// but for a rounding, stays as it is.
+l4d_member_parameters part_of(const MemberFile& file, size_t index, const Span& span) {
+  const MemberInfo& m = file.members()[index];
   l4d_member_parameters p = parameters_of(m);
-  if (span.begin <= m.member.begin && span.end >= m.member.end) return p;
+  const double rounding = rounding_of(m.member);
+  const bool whole_begin = span.begin <= m.member.begin + rounding;
+  const bool whole_end = span.end >= m.member.end - rounding;
+  if (whole_begin && whole_end) return p;
+  const SequenceSpan sequence = file.sequence_of(index);
   p.has_edit = 1;
-  p.edit_begin = std::max(span.begin, m.member.begin) - m.member.shift;
-  p.edit_end = std::min(span.end, m.member.end) - m.member.shift;
+  p.edit_begin = whole_begin ? sequence.begin : span.begin - m.member.shift;
+  p.edit_end = whole_end ? sequence.end : span.end - m.member.shift;
   return p;
+}
+
+// Times outside of the file are as those that are left out, and noted.
+Span limit_span(Context& context, const CutArguments& arguments, const MemberFile& file,
+                Span span) {
+  const auto limit = [&](const std::string& text, const char* option, double* time, double end,
+                         const char* name) {
+    if (text.empty()) return;
+    context.note(std::string(option) + " " + format_time(*time) + " lies outside the file [" +
+                 format_time(file.begin()) + ", " + format_time(file.end()) + "]; its " + name +
+                 " is used");
+    *time = end;
+  };
+  constexpr double kEver = std::numeric_limits<double>::infinity();
+  if (span.begin < file.begin()) limit(arguments.from, "--from", &span.begin, -kEver, "beginning");
+  if (span.end > file.end()) limit(arguments.to, "--to", &span.end, kEver, "end");
+  return span;
 }
 
 struct Cut {
@@ -60,24 +92,22 @@ Cut take_member(const Context& context, const std::string& name, const MemberFil
   if (m == members.end()) {
     throw usage_error(name + " has no member " + arguments.member + "; `info` lists them");
   }
-  if (m->member.begin >= span.end || m->member.end <= span.begin) {
+  if (!is_in(*m, span)) {
     throw usage_error("nothing of that member is between --from and --to");
   }
-  l4d_member_parameters p = part_of(*m, span);
+  const auto index = static_cast<size_t>(m - members.begin());
+  l4d_member_parameters p = part_of(file, index, span);
   p.is_member = 0;
   MemberWriter writer(context);
-  const auto index = static_cast<size_t>(m - members.begin());
   const l4d_status status = writer.add(file.reader(index), p);
   if (status != L4D_OK) throw Failure(status, name + ": " + l4d_last_error_message());
-  return {1, writer.finish(output), std::max(span.begin, m->member.begin) - m->member.shift,
-          std::min(span.end, m->member.end) - m->member.shift};
+  const Span kept = common(*m, span);
+  return {1, writer.finish(output), kept.begin - m->member.shift, kept.end - m->member.shift};
 }
 
 Cut cut_file(const Context& context, const std::string& name, const MemberFile& file,
              const Span& span, Output& output) {
-  const auto is_shown = [&](const MemberInfo& m) {
-    return m.is_media() && m.member.begin < span.end && m.member.end > span.begin;
-  };
+  const auto is_shown = [&](const MemberInfo& m) { return m.is_media() && is_in(m, span); };
   std::set<uint32_t> needed;
   bool any = false;
   for (const MemberInfo& m : file.members()) {
@@ -98,7 +128,7 @@ Cut cut_file(const Context& context, const std::string& name, const MemberFile& 
     const bool standing =
         m.member.role == L4D_MEMBER_STANDING && needed.count(m.member.number) != 0;
     if (!standing && !is_shown(m)) continue;
-    l4d_member_parameters p = standing ? parameters_of(m) : part_of(m, span);
+    l4d_member_parameters p = standing ? parameters_of(m) : part_of(file, i, span);
     p.stream = file.info().stream;
     if (file.is_plain()) p.is_member = 0;
     const l4d_status status = writer.add(file.reader(i), p);
@@ -117,13 +147,15 @@ Outcome run_cut(Context& context, const CutArguments& arguments) {
   Output output(context, arguments.output);
   Progress progress(context, "cut");
   progress.step("copying");
-  const MemberFile file(context, input.path());
-  file.require_whole(input.name());
+  const MemberFile file(context, input);
+  file.require_whole();
+  note_signature(context, input, file);
   Outcome outcome;
   outcome.stdout_is_data = output.is_stdout();
   const bool one = !arguments.member.empty();
   const Cut cut = one ? take_member(context, input.name(), file, arguments, span, output)
-                      : cut_file(context, input.name(), file, span, output);
+                      : cut_file(context, input.name(), file,
+                                 limit_span(context, arguments, file, span), output);
   outcome.json = {
       {"schema", "l4dcodec.cut/1"},   {"input", input.name()},  {"output", arguments.output},
       {"begin", cut.begin},           {"end", cut.end},         {"num_members", cut.kept},

@@ -136,6 +136,7 @@ Outcome run_arrays(Context& context, const DecodeArguments& arguments) {
     const Digests digests(arrays);
     outcome.json["digests"] = digests.json();
     outcome.text = digests.text();
+    outcome.text_is_asked_for = true;
   } else {
     outcome.text = format("%s: %s Gaussians, %s, decoded in %s\n", name.c_str(),
                           format_count(arrays.count).c_str(), format_bytes(bytes).c_str(),

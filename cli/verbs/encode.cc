@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
+#include <filesystem>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <set>
@@ -11,6 +13,7 @@
 #include "cli/text/comparison_text.h"
 #include "cli/text/progress.h"
 #include "cli/text/units.h"
+#include "cli/verbs/encode_live.h"
 #include "cli/verbs/encode_parameters.h"
 #include "cli/verbs/importance.h"
 #include "cli/verbs/target.h"
@@ -24,7 +27,8 @@ namespace l4d::cli {
 namespace {
 
 struct EncodeArguments {
-  std::string input;
+  std::vector<std::string> inputs;
+  std::string input;  // the first of them
   std::string output;
   std::string weights;
   CameraArguments cameras;
@@ -39,6 +43,7 @@ struct EncodeArguments {
   EncodeParameters parameters;
   TargetArguments target;
   ImportArguments import;
+  LiveArguments live;
 
   // With weights of a file, cameras say only how small a Gaussian can look, and serve a target.
   bool measures() const { return cameras.given() && weights.empty(); }
@@ -353,9 +358,66 @@ void add_verification(Context& context, const io::Scene& scene, const std::strin
   outcome->text += "\nverified against the input: " + comparison_text(comparison);
 }
 
+void check_live(Context& context, const EncodeArguments& arguments, bool has_target) {
+  arguments.live.check();
+  if (!arguments.live.live) {
+    if (arguments.inputs.size() > 1) throw usage_error("more than one input needs --live");
+    return;
+  }
+  if (has_target || !arguments.order.empty() || arguments.verify ||
+      !arguments.save_weights.empty()) {
+    throw usage_error("--live excludes targets, --order, --verify and --save-weights");
+  }
+  if (context.group().count() > 1) throw usage_error("--live is not for several ranks");
+  std::error_code error;
+  const bool is_folder = std::filesystem::is_directory(arguments.input, error);
+  if (!arguments.weights.empty() && (arguments.inputs.size() > 1 || is_folder)) {
+    throw usage_error("--weights is for one scene; --cameras measures each piece");
+  }
+  if (arguments.output.empty() && is_folder) throw usage_error("--output is needed for a folder");
+}
+
+// Gives the encoder a scene and what the cameras say of it. sizes: borrowed by the encoder.
+void set_scene(Context& context, const EncodeArguments& arguments, const io::Scene& scene,
+               const EncoderHandle& encoder, std::vector<float>* sizes) {
+  const l4d_gaussians view = scene.view();
+  encoder.check(l4d_encoder_set_scene(encoder.get(), &view, &scene.timeline, &scene.placement));
+  encoder.check(l4d_encoder_set_rendering(encoder.get(), &scene.rendering));
+  encoder.check(l4d_encoder_set_presentation(encoder.get(), &scene.presentation));
+  // Cameras that are made up say nothing of where the scene will be seen from.
+  if (const io::CameraSet* cameras = arguments.cameras.load(context)) {
+    *sizes = eval::min_sizes(scene, *cameras, context.options.threads);
+    encoder.check(l4d_encoder_set_min_sizes(encoder.get(), sizes->data(), sizes->size()));
+  }
+}
+
+Outcome run_live(Context& context, const EncodeArguments& arguments) {
+  if (!arguments.weights.empty()) context.files.add_input(arguments.weights, "--weights");
+  arguments.cameras.load(context);
+  const std::string name =
+      arguments.output.empty() ? derived_name(arguments.input, ".l4d") : arguments.output;
+  check_extension(name, "--output", {".l4d"});
+  const EncoderHandle encoder = make_encoder(context, arguments);
+  set_parameters(context, arguments, false, encoder);
+  const auto read = [&](const Input& piece, const std::function<void(const io::Scene&)>& use) {
+    const LoadedScene loaded = load(context, arguments, piece);
+    std::vector<float> sizes;
+    about(piece.name(), [&] { set_scene(context, arguments, loaded.scene, encoder, &sizes); });
+    std::optional<Output> unused;
+    EncoderWeights weights;
+    set_weights(context, arguments, piece, loaded.scene, encoder, unused, weights);
+    use(loaded.scene);
+  };
+  Outcome outcome = encode_live(context, arguments.live, arguments.inputs, name, {encoder, read});
+  outcome.json["preset"] = arguments.parameters.preset;
+  return outcome;
+}
+
 Outcome run_encode(Context& context, const EncodeArguments& arguments) {
   const Stopwatch watch;
   const std::optional<eval::Target> target = check(context, arguments);
+  check_live(context, arguments, target.has_value());
+  if (arguments.live.live) return run_live(context, arguments);
   register_inputs(context, arguments);
   if (context.group().helps()) {
     help_to_measure(context, arguments);
@@ -368,18 +430,8 @@ Outcome run_encode(Context& context, const EncodeArguments& arguments) {
   set_parameters(context, arguments, target.has_value(), encoder);
   const LoadedScene loaded = load(context, arguments, input);
   const io::Scene& scene = loaded.scene;
-  const l4d_gaussians view = scene.view();
-  about(input.name(), [&] {
-    encoder.check(l4d_encoder_set_scene(encoder.get(), &view, &scene.timeline, &scene.placement));
-    encoder.check(l4d_encoder_set_rendering(encoder.get(), &scene.rendering));
-    encoder.check(l4d_encoder_set_presentation(encoder.get(), &scene.presentation));
-  });
-  // Cameras that are made up say nothing of where the scene will be seen from.
   std::vector<float> sizes;
-  if (const io::CameraSet* cameras = arguments.cameras.load(context)) {
-    sizes = eval::min_sizes(scene, *cameras, context.options.threads);
-    encoder.check(l4d_encoder_set_min_sizes(encoder.get(), sizes.data(), sizes.size()));
-  }
+  about(input.name(), [&] { set_scene(context, arguments, scene, encoder, &sizes); });
   const double read_seconds = watch.seconds();
   EncoderWeights weights;
   const std::optional<Importance> importance =
@@ -413,15 +465,19 @@ Outcome run_encode(Context& context, const EncodeArguments& arguments) {
 
 void add_encode(Registry& registry) {
   auto arguments = std::make_shared<EncodeArguments>();
-  Verb* verb = add_verb(registry, "encode", "Encode a scene",
-                        [arguments](Context& context) { return run_encode(context, *arguments); });
+  Verb* verb = add_verb(registry, "encode", "Encode a scene", [arguments](Context& context) {
+    arguments->input = arguments->inputs.front();
+    return run_encode(context, *arguments);
+  });
   verb->add_option(
-          "input", arguments->input,
-          "Scene: PLY (l4d, 3DGS, FreeTimeGS, SpacetimeGaussians lite) or .l4d, '-' = stdin")
+          "input", arguments->inputs,
+          "Scene: PLY (l4d, 3DGS, FreeTimeGS, SpacetimeGaussians lite) or .l4d, '-' = stdin. "
+          "With --live: pieces of one, or a folder")
       ->required();
   verb->add_option("-o,--output", arguments->output,
                    "Stream to write, '-' = stdout (default: input's name with .l4d)")
       ->type_name("FILE");
+  add_live_options(verb, arguments->live);
   arguments->cameras.add_options(verb);
   arguments->measure.add_options(verb);
   verb->add_option(
@@ -474,6 +530,7 @@ void add_encode(Registry& registry) {
       "  l4dcodec encode scene.ply --weights weights.ply --target-size 3MB\n"
       "  l4dcodec encode scene.ply --cameras cameras.json --target-fidelity 42dB\n"
       "  l4dcodec encode scene.ply --weights weights.ply --prune-weight 0\n"
+      "  l4dcodec encode --live pieces/ --playlist live.m3u8 -o live.l4d\n"
       "  l4dcodec encode scene.ply --preset indexed --codebook sh=8192 --stages all=1,0.5\n"
       "\n" +
       parameter_help());

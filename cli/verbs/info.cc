@@ -422,17 +422,20 @@ void add_members(const Context& context, const Facts& facts, Outcome& outcome) {
   Json& list = outcome.json["members"] = Json::array();
   outcome.json["members_rest"] = nullptr;
   if (facts.input.is_ply()) return;
-  const MemberFile file(context, facts.input.path());
+  const MemberFile file(context, facts.input);
   for (const MemberInfo& m : file.members()) list.push_back(m.json());
   if (file.members().size() > 1) {
     outcome.text += format("\n%-8s %-9s %14s %14s %12s %12s %8s\n", "member", "role", "offset",
                            "bytes", "begin", "end", "needs");
     for (const MemberInfo& m : file.members()) {
-      outcome.text += format(
-          "%-8u %-9s %14s %14s %12s %12s %8zu\n", m.member.number, member_role_name(m.member.role),
-          format_count(m.member.offset).c_str(), format_count(m.member.bytes).c_str(),
-          m.is_index() ? "-" : format_time(m.member.begin).c_str(),
-          m.is_index() ? "-" : format_time(m.member.end).c_str(), m.needs.size());
+      std::string needs;
+      for (const uint32_t n : m.needs) needs += (needs.empty() ? "" : ",") + std::to_string(n);
+      outcome.text += format("%-8u %-9s %14s %14s %12s %12s %8s\n", m.member.number,
+                             member_role_name(m.member.role), format_count(m.member.offset).c_str(),
+                             format_count(m.member.bytes).c_str(),
+                             m.is_index() ? "-" : format_time(m.member.begin).c_str(),
+                             m.is_index() ? "-" : format_time(m.member.end).c_str(),
+                             needs.empty() ? "-" : needs.c_str());
     }
     outcome.text += "what follows is of the first member\n";
   }
@@ -538,6 +541,29 @@ void add_plot(Context& context, const Facts& facts, const std::string& name, Out
   outcome.text += "\n" + name + ": " + profile.text() + "\n";
 }
 
+// The scene; where its first stream is damaged, what else there is in the file is part of the
+// message.
+SceneStream open_scene(Context& context, const Input& input, const ImportArguments& import) {
+  try {
+    return SceneStream(context, input, import);
+  } catch (const Failure& failure) {
+    if (input.is_ply() || failure.code() != kExitCorrupt) throw;
+    std::string more;
+    try {
+      const MemberFile file(context, input);
+      for (const MemberInfo& m : file.members()) {
+        more += format("%s%u (%s, byte %s)", more.empty() ? "" : ", ", m.member.number,
+                       member_role_name(m.member.role), format_count(m.member.offset).c_str());
+      }
+    } catch (const Failure&) {
+      throw failure;
+    }
+    throw Failure(failure.code(), failure.name(),
+                  std::string(failure.what()) + "; the file has the members " + more +
+                      ", of which `l4dcodec repair` keeps those that are whole");
+  }
+}
+
 Outcome run_info(Context& context, const InfoArguments& arguments) {
   if (!arguments.time.empty()) parse_seconds(arguments.time, "--time");
   arguments.import.check();
@@ -549,7 +575,7 @@ Outcome run_info(Context& context, const InfoArguments& arguments) {
   }
   const Input input(context, arguments.input);
   return about(input.name(), [&] {
-    const SceneStream stream(context, input, arguments.import);
+    const SceneStream stream = open_scene(context, input, arguments.import);
     if (input.is_ply()) {
       context.note("layers, sections and seek are those of a lossless encoding of the PLY");
     }
@@ -562,6 +588,7 @@ Outcome run_info(Context& context, const InfoArguments& arguments) {
     add_errors(facts, outcome);
     outcome.text += layer_table(facts.layers, facts.layer_bytes);
     add_sections(facts, outcome);
+    if (!input.is_ply()) note_unused(context, input, facts.info.file_bytes, facts.sections);
     add_scalable(facts, outcome);
     if (!arguments.time.empty()) add_seek(context, facts, arguments, outcome);
     if (plot) add_plot(context, facts, arguments.plot, *plot, outcome);

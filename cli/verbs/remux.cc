@@ -20,8 +20,9 @@ Outcome run_remux(Context& context, const RemuxArguments& arguments) {
   check_extension(arguments.output, "--output", {".l4d"});
   Output output(context, arguments.output);
   Progress progress(context, "remux");
-  const MemberFile file(context, input.path());
-  file.require_whole(input.name());
+  const MemberFile file(context, input);
+  file.require_whole();
+  note_signature(context, input, file);
   MemberWriter writer(context);
   uint32_t copied = 0;
   for (size_t i = 0; i < file.members().size(); ++i) {

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <exception>
+#include <memory>
 #include <set>
 
 #include "cli/member_file.h"
@@ -17,10 +19,31 @@ bool is_damage(l4d_status status) {
   return status == L4D_ERR_TRUNCATED || status == L4D_ERR_CORRUPT || status == L4D_ERR_CHECKSUM;
 }
 
+// By the headers of all; or by the index, which also finds what lies behind a damaged header.
+std::unique_ptr<MemberFile> find_members(const Context& context, const Input& input) {
+  std::unique_ptr<MemberFile> walked;
+  std::exception_ptr why;
+  try {
+    walked = std::make_unique<MemberFile>(context, input, true);
+    if (walked->info().rest == L4D_OK) return walked;
+  } catch (const Failure&) {
+    why = std::current_exception();
+  }
+  try {
+    auto listed = std::make_unique<MemberFile>(context, input);
+    if (listed->info().from_index != 0) return listed;
+  } catch (const Failure&) {
+    // No index: what the headers say is all there is.
+  }
+  if (!walked) std::rethrow_exception(why);
+  return walked;
+}
+
 struct Repaired {
   Json kept = Json::array();
   Json dropped = Json::array();
   size_t num_kept = 0;
+  size_t num_dropped = 0;
 };
 
 // Copies every member of which all bytes are right, and that has those that it needs.
@@ -40,7 +63,10 @@ Repaired copy_members(Context& context, const std::string& name, const MemberFil
     if (why.empty()) {
       l4d_member_parameters p = parameters_of(m);
       p.stream = file.info().stream;
-      const l4d_status status = writer.add(file.reader(i), p);
+      l4d_reader reader;
+      l4d_reader_init(&reader);
+      l4d_status status = file.find_reader(i, &reader);
+      if (status == L4D_OK) status = writer.add(reader, p);
       if (status != L4D_OK && !is_damage(status)) {
         throw Failure(status, name + ": " + l4d_last_error_message());
       }
@@ -52,6 +78,7 @@ Repaired copy_members(Context& context, const std::string& name, const MemberFil
       continue;
     }
     gone.insert(m.member.number);
+    ++out.num_dropped;
     out.dropped.push_back(
         {{"number", m.member.number}, {"offset", m.member.offset}, {"reason", why}});
     context.note("member " + std::to_string(m.member.number) + " is left out: " + why);
@@ -63,7 +90,9 @@ Outcome run_repair(Context& context, const RepairArguments& arguments) {
   const Input input(context, arguments.input);
   check_extension(arguments.output, "--output", {".l4d"});
   Output output(context, arguments.output);
-  const MemberFile file(context, input.path(), true);
+  const std::unique_ptr<MemberFile> found = find_members(context, input);
+  const MemberFile& file = *found;
+  note_signature(context, input, file);
   MemberWriter writer(context);
   const Repaired repaired = copy_members(context, input.name(), file, writer);
   if (repaired.num_kept == 0) {
@@ -73,7 +102,7 @@ Outcome run_repair(Context& context, const RepairArguments& arguments) {
   Outcome outcome;
   outcome.stdout_is_data = output.is_stdout();
   const uint64_t bytes = writer.finish(output);
-  const uint64_t lost = input.bytes() - file.info().bytes;
+  const uint64_t lost = file.rest().empty() ? 0 : input.bytes() - file.info().bytes;
   outcome.json = {{"schema", "l4dcodec.repair/1"},
                   {"input", input.name()},
                   {"output", arguments.output},
@@ -82,10 +111,14 @@ Outcome run_repair(Context& context, const RepairArguments& arguments) {
                   {"rest", file.rest().empty() ? Json() : Json(file.rest())},
                   {"rest_bytes", lost},
                   {"file_bytes", bytes}};
-  outcome.text = format("%s: %zu of %zu members, %s\n", arguments.output.c_str(), repaired.num_kept,
-                        file.members().size() - file.has_index(), format_bytes(bytes).c_str());
+  const std::string left = repaired.num_dropped == 0
+                               ? std::string()
+                               : ", " + std::to_string(repaired.num_dropped) + " left out";
+  outcome.text = format("%s: %s kept%s, %s\n", arguments.output.c_str(),
+                        format_items(repaired.num_kept, "member").c_str(), left.c_str(),
+                        format_bytes(bytes).c_str());
   if (!file.rest().empty()) {
-    outcome.text += format_count(lost) + " bytes at the end are no member: " + file.rest() + "\n";
+    outcome.text += format_count(lost) + " bytes behind are lost: " + file.rest() + "\n";
   }
   return outcome;
 }
@@ -102,7 +135,8 @@ void add_repair(Registry& registry) {
       ->required();
   verb->footer(
       "For recordings that broke off, or that still grow: every member of which all bytes are\n"
-      "right is kept. The input stays as it is.");
+      "right is kept. The input stays as it is. Exit code: 0 where a member is kept, whatever is\n"
+      "left out (`dropped` and `rest_bytes` of --json); 4 where none is whole.");
 }
 
 }  // namespace l4d::cli

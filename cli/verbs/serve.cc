@@ -15,6 +15,7 @@
 
 #include "cli/http/player.h"
 #include "cli/http/server.h"
+#include "cli/member_file.h"
 #include "cli/text/progress.h"
 #include "cli/text/units.h"
 
@@ -119,6 +120,7 @@ Outcome run_view(Context& context, const ServeArguments& arguments) {
   context.files.add_input(arguments.input, "the input");
   l4d::DecoderHandle decoder;
   about(arguments.input, [&] { decoder.open_file(arguments.input); });
+  note_members(context, Input(context, arguments.input), decoder.info().timeline);
   const std::filesystem::path path = std::filesystem::canonical(arguments.input);
   options.folder = path.parent_path();
   options.file = path.filename();

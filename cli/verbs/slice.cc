@@ -5,11 +5,11 @@
 #include "cli/common.h"
 #include "cli/files.h"
 #include "cli/scene_source.h"
+#include "cli/shown_scene.h"
 #include "cli/text/detail.h"
 #include "cli/text/progress.h"
 #include "cli/text/sequence.h"
 #include "cli/text/units.h"
-#include "cli/verbs/tolerant.h"
 #include "io/formats.h"
 
 namespace l4d::cli {
@@ -66,7 +66,7 @@ struct Slices {
 };
 
 // No outputs: digests only.
-Slices write_slices(Context& context, const Input& input, const TolerantStream& stream,
+Slices write_slices(Context& context, const Input& input, ShownScene& scene,
                     const std::vector<double>& times, const std::vector<std::string>& names,
                     const std::vector<std::unique_ptr<Output>>& outputs) {
   Slices slices;
@@ -76,11 +76,9 @@ Slices write_slices(Context& context, const Input& input, const TolerantStream& 
     progress.update(k, times.size(), "frames");
     const Stopwatch watch;
     const HeldMemory memory(
-        context, about(input.name(), [&] { return eval::slice_bytes(stream.decoder(), times[k]); }),
-        "a slice");
-    SplatArrays arrays = about(input.name(), [&] { return stream.decoder().slice(times[k]); });
+        context, about(input.name(), [&] { return scene.slice_bytes(times[k]); }), "a slice");
+    SplatArrays arrays = about(input.name(), [&] { return scene.slice(times[k], &slices.losses); });
     slices.seconds += watch.seconds();
-    slices.losses.add(stream.decoder());
     Json frame = {{"index", k}, {"time", times[k]}, {"gaussians", arrays.count()}};
     slices.splats += arrays.count();
     if (outputs.empty()) {
@@ -131,11 +129,11 @@ Outcome run_slice(Context& context, const SliceArguments& arguments) {
   if (single && !arguments.digest)
     outputs.push_back(std::make_unique<Output>(context, arguments.output));
   const Input input(context, arguments.input);
-  const TolerantStream stream(context, input, arguments.import, arguments.tolerant);
-  stream.decoder().set_detail(detail_id(arguments.detail));
-  stream.decoder().set_layers(UINT32_MAX, arguments.max_tier);
-  const std::vector<double> times = instants(context, arguments.sequence, stream.info().timeline);
-  note_placement(context, stream.info().placement);
+  ShownScene scene(context, input, arguments.import, arguments.tolerant);
+  scene.set_detail(detail_id(arguments.detail));
+  scene.set_layers(UINT32_MAX, arguments.max_tier);
+  const std::vector<double> times = instants(context, arguments.sequence, scene.timeline());
+  note_placement(context, scene.placement());
 
   // All names are checked before anything is written.
   std::vector<std::string> names;
@@ -143,16 +141,13 @@ Outcome run_slice(Context& context, const SliceArguments& arguments) {
     names.push_back(single ? arguments.output : (*pattern)(k));
     if (k >= outputs.size()) outputs.push_back(std::make_unique<Output>(context, names[k]));
   }
-  const Slices slices = write_slices(context, input, stream, times, names, outputs);
+  const Slices slices = write_slices(context, input, scene, times, names, outputs);
   slices.losses.note(context, input.name());
   if (arguments.digest) {
     context.note(
         "slices are not normative: equal digests tell that builds of this library agree, "
         "different ones of another decoder nothing");
   }
-  l4d_counters counters;
-  l4d_counters_init(&counters);
-  stream.decoder().check(l4d_decoder_get_counters(stream.decoder().get(), &counters));
 
   Outcome outcome;
   outcome.stdout_is_data = !outputs.empty() && outputs[0]->is_stdout();
@@ -162,11 +157,12 @@ Outcome run_slice(Context& context, const SliceArguments& arguments) {
                   {"num_frames", times.size()},
                   {"frames", slices.frames},
                   {"file_bytes", slices.bytes},
-                  {"buckets_decoded", counters.buckets_decoded},
-                  {"cache_hits", counters.cache_hits},
+                  {"buckets_decoded", scene.buckets_decoded()},
+                  {"cache_hits", scene.cache_hits()},
                   {"losses", slices.losses.json()},
                   {"slice_s", slices.seconds},
                   {"total_s", watch.seconds()}};
+  outcome.text_is_asked_for = arguments.digest;
   outcome.text = arguments.digest ? slices.digests : describe(times, names, single, slices);
   return outcome;
 }

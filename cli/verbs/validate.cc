@@ -8,6 +8,7 @@
 #include "cli/text/levels.h"
 #include "cli/text/progress.h"
 #include "cli/text/units.h"
+#include "cli/verbs/judgement.h"
 
 namespace l4d::cli {
 namespace {
@@ -20,126 +21,11 @@ struct ValidateArguments {
   std::string key;
 };
 
-// What a stream is to be held against besides the rules of the format; 0 = nothing.
-struct Claim {
-  uint32_t profile = 0;
-  uint32_t level = 0;
-};
-
 Claim parse_claim(const ValidateArguments& arguments) {
   Claim claim;
   if (!arguments.profile.empty()) claim.profile = parse_profile(arguments.profile, "--profile");
   if (!arguments.level.empty()) claim.level = parse_level(arguments.level, "--level");
   return claim;
-}
-
-struct Found {
-  Json errors = Json::array();
-  std::string text;
-  uint64_t max_errors;
-  // Set where this build cannot read the stream, so that there is no telling what else is wrong.
-  l4d_status unreadable = L4D_OK;
-};
-
-void collect(void* user, const l4d_violation* violation) {
-  auto& found = *static_cast<Found*>(user);
-  if (violation->status == L4D_ERR_NOT_L4D || violation->status == L4D_ERR_VERSION_UNSUPPORTED ||
-      violation->status == L4D_ERR_FEATURE_UNSUPPORTED) {
-    found.unreadable = violation->status;
-  }
-  if (found.errors.size() >= found.max_errors) return;
-  const bool has_offset = violation->offset != UINT64_MAX;
-  found.errors.push_back({{"clause", violation->clause},
-                          {"offset", has_offset ? Json(violation->offset) : Json()},
-                          {"message", violation->message},
-                          {"status", l4d_status_name(violation->status)}});
-  const std::string clause = *violation->clause == '\0' ? "-" : violation->clause;
-  const std::string offset = has_offset ? std::to_string(violation->offset) : "-";
-  found.text +=
-      format("  %-10s byte %-12s %s\n", clause.c_str(), offset.c_str(), violation->message);
-}
-
-// What a stream asks of a player, and whether that is what was claimed.
-struct Judgement {
-  Json json;
-  std::string text;
-  bool holds = true;
-};
-
-Judgement judge(const DecoderHandle& decoder, const Claim& claim) {
-  const l4d_info info = decoder.info();
-  l4d_stream_demand c;
-  l4d_stream_demand_init(&c);
-  // Once for what the stream keeps to, then for the link of the level in question.
-  decoder.check(l4d_decoder_get_stream_demand(decoder.get(), &c));
-  const uint32_t level = claim.level != 0                                  ? claim.level
-                         : info.level != 0 && info.level <= L4D_NUM_LEVELS ? info.level
-                         : c.level != 0                                    ? c.level
-                                                                           : L4D_NUM_LEVELS;
-  const l4d_level_limits limits = limits_of_level(level, c.profile);
-  c.bytes_per_second = limits.bytes_per_second;
-  c.burst_bytes = limits.burst_bytes;
-  c.burst_symbols = limits.instant_symbols;
-  decoder.check(l4d_decoder_get_stream_demand(decoder.get(), &c));
-
-  Found found;
-  found.max_errors = UINT64_MAX;
-  uint64_t violations = 0;
-  decoder.check(l4d_decoder_check_conformance(decoder.get(), claim.profile, claim.level, &collect,
-                                              &found, &violations));
-  Judgement out;
-  out.holds = violations == 0;
-  const auto quantity = [&](const char* name, uint64_t value, uint64_t limit,
-                            std::optional<double> time, const Json& more = Json::object()) {
-    Json q = {{"name", name}, {"value", value}, {"limit", limit}, {"holds", value <= limit}};
-    if (time) q["time"] = *time;
-    q.update(more);
-    out.json["quantities"].push_back(q);
-    const std::string when = time ? "  at " + format_time(*time) + " s" : "";
-    out.text +=
-        format("  %-18s %16s of %16s%s%s\n", name, format_count(value).c_str(),
-               format_count(limit).c_str(), when.c_str(), value <= limit ? "" : "  too many");
-  };
-  const auto name_or_null = [](uint32_t profile) {
-    return profile == 0 ? Json() : Json(profile_text(profile));
-  };
-  out.json = {{"declared_profile", name_or_null(info.profile)},
-              {"declared_level", info.level},
-              {"profile", name_or_null(c.profile)},
-              {"level", c.level},
-              {"requested_profile", name_or_null(claim.profile)},
-              {"requested_level", claim.level},
-              {"holds", out.holds},
-              {"violations", found.errors},
-              {"limits_of_level", level},
-              {"quantities", Json::array()}};
-  out.text = "declares profile " + profile_text(info.profile) + ", level " +
-             level_text(info.level) + "; keeps to profile " + profile_text(c.profile) + ", level " +
-             level_text(c.level) + "\n";
-  if (claim.profile != 0 || claim.level != 0) {
-    out.text += "claimed:";
-    if (claim.profile != 0) out.text += " profile " + profile_text(claim.profile);
-    if (claim.level != 0) out.text += " level " + level_text(claim.level);
-    out.text += out.holds ? ": holds\n" : ": does not hold\n" + found.text;
-  }
-  out.text += "limits of level " + level_text(level) + "\n";
-  quantity("instant_gaussians", c.instant_gaussians, limits.instant_gaussians,
-           c.instant_gaussians_time);
-  quantity("table_bytes", c.table_bytes, limits.table_bytes, {});
-  quantity("instant_bytes", c.instant_bytes, limits.instant_bytes, c.instant_bytes_time);
-  quantity("start_bytes", c.start_bytes, limits.start_bytes, {});
-  quantity("burst_bytes", c.min_burst_bytes, limits.burst_bytes, c.window_begin,
-           {{"time_end", c.window_end}, {"bytes_per_second", c.bytes_per_second}});
-  quantity("memory_bytes", c.memory_bytes, limits.memory_bytes, c.memory_time);
-  quantity("instant_symbols", c.instant_symbols, limits.instant_symbols, c.instant_symbols_time);
-  // No rate is enough where an instant alone is too much, which the line above says.
-  if (c.min_symbols_per_second != UINT64_MAX) {
-    quantity("symbols_per_second", c.min_symbols_per_second, limits.symbols_per_second, {},
-             {{"burst_symbols", c.burst_symbols}});
-  }
-  out.json["min_bytes_per_second"] =
-      c.min_bytes_per_second == UINT64_MAX ? Json() : Json(c.min_bytes_per_second);
-  return out;
 }
 
 // Whether the file is signed, and by the key that was asked for; false where it is not.
@@ -209,10 +95,18 @@ Outcome run_validate(Context& context, const ValidateArguments& arguments) {
   // What is broken may have no directory to measure.
   std::optional<Judgement> judgement;
   try {
-    DecoderHandle decoder(&options);
-    decoder.open(*reader.get());
-    judgement = judge(decoder, claim);
+    const MemberFile file(context, input, true);
+    if (file.num_streams() > 1) {
+      judgement = judge_members(file, options, claim);
+    } else {
+      DecoderHandle decoder(&options);
+      decoder.open(*reader.get());
+      judgement = judge(decoder, claim);
+      note_unused(context, input, decoder);
+    }
   } catch (const Error&) {
+    if (valid) throw;
+  } catch (const Failure&) {
     if (valid) throw;
   }
   if (judgement) {

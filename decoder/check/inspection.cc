@@ -21,7 +21,8 @@ Status measure_sections(SceneFile& file, PageDecoder& pages, uint64_t* sections,
   SectionBytes bytes{};
   std::vector<uint64_t> layers(header.layers.size(), 0);
   L4D_RETURN_IF_ERROR(pages.measure(plan, &bytes, &layers));
-  bytes[L4D_SECTION_HEADER] = FileHeader::kBytes + file.file_header().header_bytes;
+  bytes[L4D_SECTION_HEADER] =
+      FileHeader::kBytes + file.file_header().header_bytes + header.extension_bytes;
   for (size_t s = 0; s < header.sh.num_codebooks(); ++s) {
     bytes[L4D_SECTION_CODEBOOKS] += header.sh.codebook(s).codebook.stored_bytes;
   }

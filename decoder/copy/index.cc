@@ -5,15 +5,38 @@
 namespace l4d {
 namespace {
 
-// A stream without Gaussians.
-SceneHeader empty_scene() {
+SceneHeader empty_scene(const l4d_timeline& timeline) {
   SceneHeader h;
-  h.timeline = {0, 1, 1, 1, 0};
+  h.timeline = timeline;
   h.layers.resize(1);
   h.layers[0].permanent = true;
   h.layers[0].mean_t = CoordinateCodingId::kNone;
   h.payload_offset = 1;
   return h;
+}
+
+// A stream without Gaussians, and `more` bytes that follow it and are counted as of it.
+void append_empty(const l4d_timeline& timeline, const Member& about, uint64_t more, Bytes* out) {
+  const Bytes member = serialize_member(about);
+  SceneHeader header = empty_scene(timeline);
+  Extension extension;
+  extension.id = static_cast<uint32_t>(ExtensionId::kMember);
+  extension.critical = !about.needs.empty();
+  extension.chunk.hash = hash64(member);
+  extension.chunk.stored_bytes = extension.chunk.raw_bytes = static_cast<uint32_t>(member.size());
+  header.file_bytes = 1;
+  const size_t header_bytes = serialize_scene_header(header, {extension}).size();
+  extension.chunk.offset = FileHeader::kBytes + header_bytes;
+  header.file_bytes = extension.chunk.offset + member.size() + more;
+  const Bytes scene_header = serialize_scene_header(header, {extension});
+
+  FileHeader file;
+  file.flags = FileHeader::kDevelopmentFlag;
+  file.header_bytes = static_cast<uint32_t>(header_bytes);
+  file.header_hash = hash64(scene_header);
+  file.append(*out);
+  out->insert(out->end(), scene_header.begin(), scene_header.end());
+  out->insert(out->end(), member.begin(), member.end());
 }
 
 Member index_of(const MemberList& list) {
@@ -38,28 +61,15 @@ Status make_index(const MemberList& list, Bytes* out) {
   if (list.members().back().number == UINT32_MAX) {
     return invalid_argument("no number is left for an index");
   }
-  const Bytes member = serialize_member(index_of(list));
-  SceneHeader header = empty_scene();
-  Extension extension;
-  extension.id = static_cast<uint32_t>(ExtensionId::kMember);
-  extension.chunk.hash = hash64(member);
-  extension.chunk.stored_bytes = extension.chunk.raw_bytes = static_cast<uint32_t>(member.size());
-  header.file_bytes = 1;
-  const size_t header_bytes = serialize_scene_header(header, {extension}).size();
-  extension.chunk.offset = FileHeader::kBytes + header_bytes;
-  header.file_bytes = extension.chunk.offset + member.size() + IndexFooter::kBytes;
-  const Bytes scene_header = serialize_scene_header(header, {extension});
-
-  FileHeader file;
-  file.flags = FileHeader::kDevelopmentFlag;
-  file.header_bytes = static_cast<uint32_t>(header_bytes);
-  file.header_hash = hash64(scene_header);
   out->clear();
-  file.append(*out);
-  out->insert(out->end(), scene_header.begin(), scene_header.end());
-  out->insert(out->end(), member.begin(), member.end());
-  IndexFooter{header.file_bytes}.append(*out);
+  append_empty({0, 1, 1, 1, 0}, index_of(list), IndexFooter::kBytes, out);
+  IndexFooter{out->size() + IndexFooter::kBytes}.append(*out);
   return {};
+}
+
+void make_empty_member(const l4d_timeline& timeline, const Member& member, Bytes* out) {
+  out->clear();
+  append_empty(timeline, member, 0, out);
 }
 
 }  // namespace l4d

@@ -34,6 +34,8 @@ ListedMember listed(const MemberRecord& r) {
   m.begin = r.begin;
   m.end = r.end;
   m.shift = r.shift;
+  m.sequence_begin = r.begin - r.shift;
+  m.sequence_end = r.end - r.shift;
   m.number = r.number;
   m.role = r.role;
   m.num_needs = r.num_needs;
@@ -163,8 +165,10 @@ Status MemberList::read_header(uint64_t offset, MemberHeader* out) {
   m.shift = out->member.shift;
   m.num_needs = static_cast<uint32_t>(out->member.needs.size());
   const double sequence_end = timeline.time_begin + sequence_duration(timeline);
-  m.begin = (out->has_edit ? out->edit.begin : timeline.time_begin) + m.shift;
-  m.end = (out->has_edit ? out->edit.end : sequence_end) + m.shift;
+  m.sequence_begin = out->has_edit ? out->edit.begin : timeline.time_begin;
+  m.sequence_end = out->has_edit ? out->edit.end : sequence_end;
+  m.begin = m.sequence_begin + m.shift;
+  m.end = m.sequence_end + m.shift;
   return {};
 }
 

@@ -16,6 +16,8 @@ struct ListedMember {
   uint64_t header_hash = 0;
   double begin = 0;  // of its span
   double end = 0;
+  double sequence_begin = 0;  // of what it presents, less the shift
+  double sequence_end = 0;
   double shift = 0;
   uint32_t number = 0;
   uint32_t role = 0;

@@ -31,7 +31,7 @@ L4D_FIRST_VERSION(l4d_plan_query, merge_gap);
 L4D_FIRST_VERSION(l4d_rate_options, start_throughput);
 L4D_FIRST_VERSION(l4d_rate_choice, round_trip);
 
-L4D_FIRST_VERSION(l4d_member, num_needs);
+L4D_FIRST_VERSION(l4d_member, sequence_end);
 L4D_FIRST_VERSION(l4d_members_options, ignore_index);
 L4D_FIRST_VERSION(l4d_members_info, rest);
 L4D_FIRST_VERSION(l4d_member_parameters, max_tier);

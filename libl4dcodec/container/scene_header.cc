@@ -83,6 +83,7 @@ class HeaderParser {
     if (h.presentation() != nullptr) L4D_RETURN_IF_ERROR(parse_presentation(*h.presentation()));
     if (h.extensions() != nullptr) {
       for (const fbs::Extension* e : *h.extensions()) {
+        if (e->chunk() != nullptr) out_.extension_bytes += e->chunk()->stored_bytes();
         if (e->critical() && e->id() == static_cast<uint32_t>(ExtensionId::kMember)) {
           out_.needs_members = true;
         } else if (e->critical()) {

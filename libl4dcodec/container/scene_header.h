@@ -196,8 +196,9 @@ struct SceneHeader : PositionCoding {
   std::vector<LayerHeader> layers;
   // Directory pages count offsets from here, so their bytes do not depend on what lies before them.
   uint64_t payload_offset = 0;
-  uint64_t file_bytes = 0;     // of the stream; 0 = to the end of the file
-  bool needs_members = false;  // of the same file, without which this is not the whole picture
+  uint64_t file_bytes = 0;       // of the stream; 0 = to the end of the file
+  uint64_t extension_bytes = 0;  // of chunks
+  bool needs_members = false;    // of the same file, without which this is not the whole picture
   std::vector<std::pair<std::string, std::string>> metadata;
   unsigned profile = 0;            // declared; 0 = none
   unsigned conformance_level = 0;  // declared; 0 = none

@@ -10,6 +10,7 @@
 #include "l4d/encode.h"
 #include "l4d/members.h"
 #include "l4d/rate.h"
+#include "l4d/session.h"
 #include "l4d/stream.h"
 
 namespace {
@@ -61,12 +62,15 @@ L4D_LAYOUT(l4d_byte_range, 16);
 L4D_LAYOUT(l4d_read, 24);
 L4D_LAYOUT(l4d_planned_range, 40);
 L4D_LAYOUT(l4d_plan_query, 64);
-L4D_LAYOUT(l4d_member, 72);
+L4D_LAYOUT(l4d_member, 88);
 L4D_FIELD(l4d_member, begin, 32);
 L4D_FIELD(l4d_member, number, 56);
+L4D_FIELD(l4d_member, sequence_begin, 72);
 L4D_LAYOUT(l4d_members_options, 24);
 L4D_LAYOUT(l4d_members_info, 40);
 L4D_FIELD(l4d_members_info, rest, 36);
+L4D_LAYOUT(l4d_session_options, 40);
+L4D_FIELD(l4d_session_options, standing_segments, 32);
 L4D_LAYOUT(l4d_member_parameters, 80);
 L4D_FIELD(l4d_member_parameters, shift, 32);
 L4D_FIELD(l4d_member_parameters, edit_end, 64);

@@ -28,6 +28,15 @@ tail -n 1 out | cut -d' ' -f1 >> parts
 # Codebooks have no colours of their own for --detail base where pages are small: those two are one.
 expect_equal "$(sort parts | uniq | wc -l)" 5
 
+# --quiet leaves what was asked for.
+cp out loud
+expect 0 decode i.l4d --digest -q
+cmp -s out loud || die 'with --quiet no digests'
+expect 0 slice i.l4d --time 0.5 --digest
+cp out loud
+expect 0 slice i.l4d --time 0.5 --digest -q
+cmp -s out loud || die 'with --quiet no digests of a slice'
+
 # One bit of one array, the digest of that array and of all.
 expect_document 0 decode s.l4d --digest
 cp out document

@@ -52,6 +52,16 @@ expect_equal "$(digest_at from_b.l4d 1.3)" "$(digest_at s.l4d 1.3)"
 expect_document 0 concat s.l4d abc.l4d s.l4d -o long.l4d
 expect_json out "d['num_members'] == 5 and abs(d['end'] - 3 * $end) < 1e-9"
 expect_document 0 validate long.l4d
+# Times that are rounded when they are moved again: no span overlaps the one before.
+expect 0 cut s.l4d --from 1.36 --to 1.91 -o first.l4d
+expect 0 cut s.l4d --from 0.45 --to 1.81 -o second.l4d
+expect 0 cut s.l4d --from 0.7 --to 1.39 -o third.l4d
+expect 0 concat first.l4d second.l4d third.l4d -o once.l4d
+for _ in 1 2 3; do
+  expect 0 concat once.l4d once.l4d -o again.l4d
+  expect_document 0 validate again.l4d
+  mv again.l4d once.l4d
+done
 expect 0 concat s.l4d s.l4d -o - < /dev/null
 cp out twice.l4d
 expect 0 validate - < twice.l4d
@@ -66,8 +76,28 @@ expect_document 0 cut abc.l4d -o last.l4d --from 1.8
 expect_json out 'd["num_members"] == 1'
 expect_document 0 validate last.l4d
 
+# slice and render show all streams of a file; pieces that are chained show what the whole shows.
+for time in 0 0.5 1 1.3 1.69 1.7 1.95 2; do
+  expect_equal "$(digest_at abc.l4d $time)" "$(digest_at s.l4d $time)"
+done
+l4d slice s.l4d --from 0 --fps 9 --digest --json > whole.json
+l4d slice abc.l4d --from 0 --fps 9 --digest --json > chained.json
+expect_equal "$(json chained.json '[f["digests"] for f in d["frames"]]')" \
+  "$(json whole.json '[f["digests"] for f in d["frames"]]')"
+expect_equal "$(digest_at twice.l4d 2.5)" "$(digest_at s.l4d 0.5)"
+expect_document 0 slice abc.l4d --time 7 --digest
+expect_json out 'd["frames"][0]["time"] == 2 and any("outside the sequence" in n for n in d["notes"])'
+for path in fast reference; do
+  expect 0 render s.l4d --range 0: --fps 3 --orbit --size 48x32 --path $path -o s_%d.png -f
+  expect 0 render abc.l4d --range 0: --fps 3 --orbit --size 48x32 --path $path -o abc_%d.png -f
+  for frame in 0 1 2 3 4 5; do
+    cmp s_$frame.png abc_$frame.png || die "frame $frame of the pieces looks different"
+  done
+done
+expect 0 render twice.l4d --range 1.9:2.1 --fps 20 --size 48x32 -o border_%d.png
+expect_document 0 slice abc.l4d --time 1.2 --tolerant --detail base --digest
 # Commands that read one stream say what they leave, and one member is a stream.
-expect_document 0 slice abc.l4d --time 0.5 --digest
+expect_document 0 decode abc.l4d --digest
 expect_json out 'any("3 streams" in n for n in d["notes"])'
 expect_json out 'any("presents 0 to 1 s" in n for n in d["notes"])'
 expect_document 0 decode b.l4d --digest

@@ -316,6 +316,13 @@ else
   kill "$server"
   wait "$server" || true
 
+  # Of a file of several streams it plays the first, and says so.
+  expect 0 concat files/a.l4d files/a.l4d -o several.l4d
+  start view several.l4d --no-browser
+  expect_text err 'several.l4d has 2 streams'
+  kill "$server"
+  wait "$server" || true
+
   # A folder: a list of links to pages.
   port=$("$PYTHON" -c 'import socket
 s = socket.socket()

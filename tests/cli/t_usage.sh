@@ -17,6 +17,8 @@ misuse encode
 misuse encode a.ply --presett high
 expect_text err 'unknown option --presett; did you mean --preset\?'
 expect_text err '^see l4dcodec encode --help$'
+misuse --limit-memory 1GiB decode a.l4d
+expect_text err 'the option --limit-memory belongs behind the command decode$'
 misuse encode a.ply b.ply
 misuse encode a.ply --preset best
 misuse decode a.l4d --time 1 --from 0

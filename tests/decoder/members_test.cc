@@ -218,6 +218,10 @@ void expect_same_list(const Members& a, const Members& b) {
     EXPECT_EQ(x.begin, y.begin);
     EXPECT_EQ(x.end, y.end);
     EXPECT_EQ(x.shift, y.shift);
+    // What a walk read is exact; what follows from an index is rounded.
+    EXPECT_EQ(x.sequence_begin + x.shift, x.begin);
+    EXPECT_NEAR(x.sequence_begin, y.sequence_begin, 1e-12);
+    EXPECT_NEAR(x.sequence_end, y.sequence_end, 1e-12);
     EXPECT_EQ(x.number, y.number);
     EXPECT_EQ(x.role, y.role);
     EXPECT_EQ(x.num_needs, y.num_needs);

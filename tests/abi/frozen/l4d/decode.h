@@ -190,7 +190,7 @@ L4D_API l4d_status l4d_decoder_get_layer_info(const l4d_decoder* decoder, uint32
 
 /* Parts of a file. Their stored bytes add up to the size of the file. */
 enum {
-  L4D_SECTION_HEADER = 0, /* file header and scene header */
+  L4D_SECTION_HEADER = 0, /* file header, scene header, extensions */
   L4D_SECTION_DIRECTORY,  /* page tables, directory pages */
   L4D_SECTION_CODEBOOKS,
   L4D_SECTION_RCQ_TABLES,

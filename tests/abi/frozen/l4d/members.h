@@ -42,6 +42,9 @@ typedef struct l4d_member {
   uint32_t role;        /* L4D_MEMBER_* */
   uint32_t num_needs;   /* see l4d_members_get_needs */
   uint32_t reserved;
+  /* What it presents, in seconds of its own sequence: begin and end are these plus shift, rounded.
+   * Of a list that is from an index they are begin and end less shift, rounded again. */
+  double sequence_begin, sequence_end;
 } l4d_member;
 L4D_API void l4d_member_init_(l4d_member* member, size_t struct_size);
 #define l4d_member_init(member) l4d_member_init_((member), sizeof(*(member)))

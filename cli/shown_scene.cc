@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "cli/shown_scene.h"
+
+#include "cli/member_file.h"
+#include "eval/decoded_scene.h"
+
+namespace l4d::cli {
+
+ShownScene::ShownScene(Context& context, const Input& input, const ImportArguments& arguments,
+                       bool tolerant) {
+  if (input.is_ply() || !has_members(context, input)) {
+    stream_ = std::make_unique<TolerantStream>(context, input, arguments, tolerant);
+    return;
+  }
+  l4d_decoder_options options = context.decoder_options();
+  options.tolerant = tolerant ? 1 : 0;
+  reader_ = std::make_unique<FileReader>(input.path());
+  about(input.name(),
+        [&] { members_ = std::make_unique<eval::ShownMembers>(*reader_->get(), options); });
+}
+
+l4d_timeline ShownScene::timeline() const {
+  return members_ ? members_->timeline() : stream_->info().timeline;
+}
+
+l4d_placement ShownScene::placement() const {
+  return members_ ? members_->first().info().placement : stream_->info().placement;
+}
+
+void ShownScene::set_detail(uint32_t detail) {
+  if (members_) return members_->set_detail(detail);
+  stream_->decoder().set_detail(detail);
+}
+
+void ShownScene::set_layers(uint32_t max_level, uint32_t max_tier) {
+  if (members_) return members_->set_layers(max_level, max_tier);
+  stream_->decoder().set_layers(max_level, max_tier);
+}
+
+uint64_t ShownScene::slice_bytes(double seconds) const {
+  return members_ ? members_->slice_bytes(seconds) : eval::slice_bytes(stream_->decoder(), seconds);
+}
+
+SplatArrays ShownScene::slice(double seconds, LossReport* losses) {
+  if (!members_) {
+    SplatArrays arrays = stream_->decoder().slice(seconds);
+    losses->add(stream_->decoder());
+    return arrays;
+  }
+  SplatArrays arrays = members_->slice(seconds);
+  for (const eval::ShownMembers::Shown& s : members_->shown()) losses->add(*s.decoder, s.offset);
+  members_->close_others();
+  return arrays;
+}
+
+l4d_counters ShownScene::counters() const {
+  if (members_) return members_->counters();
+  l4d_counters counters;
+  l4d_counters_init(&counters);
+  stream_->decoder().check(l4d_decoder_get_counters(stream_->decoder().get(), &counters));
+  return counters;
+}
+
+uint64_t ShownScene::buckets_decoded() const { return counters().buckets_decoded; }
+uint64_t ShownScene::cache_hits() const { return counters().cache_hits; }
+
+}  // namespace l4d::cli

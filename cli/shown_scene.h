@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: Apache-2.0
+// What `slice` shows: a scene, or all streams of a file of several.
+#pragma once
+
+#include <memory>
+
+#include "cli/verbs/tolerant.h"
+#include "eval/shown_members.h"
+
+namespace l4d::cli {
+
+class ShownScene {
+ public:
+  ShownScene(Context& context, const Input& input, const ImportArguments& arguments, bool tolerant);
+
+  l4d_timeline timeline() const;
+  l4d_placement placement() const;
+  void set_detail(uint32_t detail);
+  void set_layers(uint32_t max_level, uint32_t max_tier);
+
+  uint64_t slice_bytes(double seconds) const;
+  // Adds what was lost to it.
+  SplatArrays slice(double seconds, LossReport* losses);
+
+  // Of all decoders so far.
+  uint64_t buckets_decoded() const;
+  uint64_t cache_hits() const;
+
+ private:
+  l4d_counters counters() const;
+
+  std::unique_ptr<TolerantStream> stream_;
+  std::unique_ptr<FileReader> reader_;
+  std::unique_ptr<eval::ShownMembers> members_;
+};
+
+}  // namespace l4d::cli

@@ -1,0 +1,190 @@
+# SPDX-License-Identifier: Apache-2.0
+# shellcheck shell=bash
+# What concat, cut, repair, manifest, info and validate do at the edges: times that are sums, damaged
+# headers, streams without an end, claims of several members, and where messages point.
+make_scene s.ply 3k
+expect 0 encode s.ply -o s.l4d
+spans() { # FILE: begin, end of each media member
+  json <(l4d info "$1" --json) '[(m["begin"], m["end"]) for m in d["members"] if m["role"] == "media"]'
+}
+
+# Spans that follow each other do so without a gap, however often they are moved; where no sum of
+# binary64 is the end of the one before, the next number is.
+expect 0 cut s.l4d --from 1.36 --to 1.91 -o first.l4d
+expect 0 cut s.l4d --from 0.45 --to 1.81 -o second.l4d
+expect 0 cut s.l4d --from 0.7 --to 1.39 -o third.l4d
+expect 0 concat first.l4d second.l4d third.l4d -o once.l4d
+expect 0 concat once.l4d once.l4d -o twice.l4d
+expect 0 concat twice.l4d once.l4d s.l4d twice.l4d --begin 0.1 -o often.l4d
+for file in once twice often; do
+  expect_document 0 validate $file.l4d
+  expect_json out 'd["valid"]'
+  "$PYTHON" -c 'import math, sys
+spans = eval(sys.argv[1])
+gaps = [b[0] - a[1] for a, b in zip(spans, spans[1:])]
+assert len(gaps) >= 2 and all(0 <= g <= math.ulp(b[0]) for g, b in zip(gaps, spans[1:])), spans
+assert gaps.count(0) >= len(gaps) // 2, spans' \
+    "$(spans $file.l4d)" || die "$file.l4d has gaps"
+done
+expect_json <(l4d info often.l4d --json) '0 <= d["members"][0]["begin"] - 0.1 < 1e-15'
+# Whole seconds stay whole ones.
+expect 0 cut s.l4d --to 1 -o a.l4d
+expect 0 cut s.l4d --from 1 -o b.l4d
+expect 0 concat b.l4d a.l4d b.l4d --begin 0 -o bab.l4d
+expect_equal "$(spans bab.l4d)" "[(0.0, 1.0), (1.0, 2.0), (2.0, 3.0)]"
+expect 0 concat bab.l4d bab.l4d -o long.l4d
+expect_equal "$(spans long.l4d)" "[(0.0, 1.0), (1.0, 2.0), (2.0, 3.0), (3.0, 4.0), (4.0, 5.0), (5.0, 6.0)]"
+# A member that is in the part by a rounding only is no part of it.
+border=$(json <(l4d info twice.l4d --json) 'repr(d["members"][2]["end"])')
+above=$(json <(l4d info twice.l4d --json) 'repr(d["members"][2]["end"] * (1 + 1e-15))')
+below=$(json <(l4d info twice.l4d --json) 'repr(d["members"][2]["end"] * (1 - 1e-15))')
+for at in "$border" "$above" "$below"; do
+  expect_document 0 cut twice.l4d --from "$at" -o part.l4d -f
+  expect_json out 'd["num_members"] == 3'
+  expect_document 0 cut twice.l4d --to "$at" -o part.l4d -f
+  expect_json out 'd["num_members"] == 3'
+done
+# Times that are limited are noted.
+expect_document 0 cut s.l4d --to 100 -o limited.l4d
+expect_json out 'd["end"] == 2 and any("--to 100 lies outside" in n for n in d["notes"])'
+
+# Every member is held against what is claimed.
+expect 0 encode s.ply -o raw.l4d --preset lossless
+expect 0 concat s.l4d raw.l4d -o mixed.l4d
+expect_document 0 validate mixed.l4d
+expect_json out 'd["conformance"]["profile"] is None and d["conformance"]["holds"]'
+expect_json out '[m["conformance"]["profile"] for m in d["conformance"]["members"]] == ["main", "lossless"]'
+expect_document 1 validate mixed.l4d --profile main
+expect_json out 'd["valid"] and [v["clause"] for v in d["conformance"]["violations"]] != []'
+expect_document 0 validate bab.l4d --profile main --level phone
+expect_json out 'd["conformance"]["level"] == 1 and len(d["conformance"]["members"]) == 3'
+l4d synth -q -n 101k --seconds 1 --fps 1 --effects static,rigid --seed 9 -o large.ply
+expect 0 encode large.ply -o large.l4d -e 1 --preset tiny
+expect 0 concat s.l4d large.l4d -o sizes.l4d
+expect_document 1 validate sizes.l4d --level 1
+expect_json out 'd["conformance"]["level"] == 2 and not d["conformance"]["holds"]'
+expect_json out '[(q["value"], q["member"]) for q in d["conformance"]["quantities"]
+  if q["name"] == "instant_gaussians"] == [(101000, 1)]'
+
+# A playlist is text; its address is the way from its folder to the file.
+expect_document 0 manifest bab.l4d
+expect_json out 'd["output"] is None and d["playlist"].startswith("#EXTM3U") and "bab.l4d" in d["playlist"]'
+"$PYTHON" - "$L4DCODEC" << 'PY' || die "no playlist at a terminal"
+import os, pty, subprocess, sys
+ours, theirs = pty.openpty()
+done = subprocess.run([sys.argv[1], "manifest", "bab.l4d"], stdout=theirs, stderr=subprocess.PIPE)
+assert done.returncode == 0, done.stderr
+assert os.read(ours, 7) == b"#EXTM3U"
+PY
+mkdir -p lists/deep
+expect 0 manifest bab.l4d -o lists/deep/bab.m3u8
+expect_text lists/deep/bab.m3u8 '^\.\./\.\./bab\.l4d$'
+expect_text out '3 members'
+
+# DASH: the same ranges, in an MPD.
+expect 0 encode --live s.ply --segment 0.4 -o live.l4d
+cp live.l4d 'a&b.l4d'
+expect_document 0 manifest 'a&b.l4d' --dash -o live.mpd
+expect_json out 'd["complete"]'
+"$PYTHON" -B - << 'PY' || die "the MPD does not fit its file"
+import json
+import xml.etree.ElementTree as xml
+space = {"d": "urn:mpeg:dash:schema:mpd:2011"}
+mpd = xml.parse("live.mpd").getroot()
+members = json.load(open("out"))["members"]
+media = [m for m in members if m["role"] == "media"]
+assert mpd.tag == "{%s}MPD" % space["d"] and mpd.get("type") == "static"
+assert mpd.get("mediaPresentationDuration") == "PT%.6fS" % (media[-1]["end"] - media[0]["begin"])
+(representation,) = mpd.findall("d:Period/d:AdaptationSet/d:Representation", space)
+assert [child.tag.split("}")[1] for child in representation] == (
+    ["SupplementalProperty"] * (len(members) - 1) + ["BaseURL", "SegmentList"])
+assert representation.find("d:BaseURL", space).text == "a%26b.l4d"
+urls = representation.findall("d:SegmentList/d:SegmentURL", space)
+times = representation.findall("d:SegmentList/d:SegmentTimeline/d:S", space)
+assert [u.get("mediaRange") for u in urls] == [
+    "%d-%d" % (m["offset"], m["offset"] + m["bytes"] - 1) for m in media]
+scale = float(representation.find("d:SegmentList", space).get("timescale"))
+for s, m in zip(times, media, strict=True):
+    assert abs(int(s.get("t")) / scale - (m["begin"] - media[0]["begin"])) < 2e-6
+    assert abs(int(s.get("d")) / scale - (m["end"] - m["begin"])) < 2e-6
+said = [dict(part.split("=") for part in p.get("value").split(";"))
+        for p in representation.findall("d:SupplementalProperty", space)]
+assert [int(p["number"]) for p in said] == [m["number"] for m in members if m["role"] != "index"]
+for p, m in zip(said, members):
+    assert p["role"] == m["role"] and float(p["shift"]) == m["shift"]
+    assert [int(n) for n in p["needs"].split(",") if n] == m["needs"]
+assert any(m["needs"] for m in members)
+PY
+expect 0 manifest live.l4d --dash --url 'https://example.org/?a=1&b=<2>'
+expect_text out '<BaseURL>https://example.org/\?a=1&amp;b=&lt;2&gt;</BaseURL>'
+head -c $(($(wc -c < live.l4d) - 100)) live.l4d > growing.l4d
+expect 0 manifest growing.l4d --dash
+expect_text out 'type="dynamic"'
+expect 2 manifest live.l4d --dash -o live.m3u8
+
+# A stream that does not say where it ends has all that follows.
+cat s.l4d s.l4d > joined.l4d
+size=$(wc -c < s.l4d)
+for command in info validate manifest; do
+  expect_document 0 $command joined.l4d
+  expect_json out "any(format($size, ',') + ' bytes belong to no chunk' in n for n in d['notes'])"
+  expect_document 0 $command s.l4d
+  expect_json out 'd["notes"] == []'
+done
+expect_document 0 info bab.l4d
+expect_json out 'sum(d["sections"].values()) == d["stream_bytes"]'
+
+# The index finds what lies behind a damaged header.
+for member in 0 1; do
+  at=$(json <(l4d info bab.l4d --json) "d['members'][$member]['offset']")
+  cp bab.l4d damaged.l4d
+  printf '\x55\xaa' | dd of=damaged.l4d bs=1 seek=$((at + 20)) conv=notrunc 2> /dev/null
+  expect_document 0 repair damaged.l4d -o rest.l4d -f
+  expect_json out "d['kept'] == [n for n in range(3) if n != $member] and d['rest'] is None"
+  expect_document 0 validate rest.l4d
+  expect_json out 'd["valid"]'
+  expect 0 repair damaged.l4d -o rest.l4d -f
+  expect_text out '2 members kept, 1 left out'
+done
+cp bab.l4d damaged.l4d
+printf '\x55' | dd of=damaged.l4d bs=1 seek=20 conv=notrunc 2> /dev/null
+expect 4 info damaged.l4d
+expect_text err 'damaged.l4d: spec FILE-4.*members 0 .*, 1 .*repair'
+# Messages name the file.
+for command in "cut --to 1" concat remux; do
+  # shellcheck disable=SC2086
+  expect 4 $command damaged.l4d -o x.l4d
+  expect_text err 'damaged\.l4d: spec'
+done
+head -c 20 s.l4d > short.l4d
+expect 4 repair short.l4d -o x.l4d
+expect_text err 'short.l4d: spec FILE-1'
+expect 4 manifest short.l4d
+expect_text err 'short.l4d: spec FILE-1'
+expect 0 info bab.l4d
+expect_text out '^0 +media .* -$'
+
+# A file that must not grow names no input.
+status=0
+(
+  ulimit -f 4
+  l4d cut s.l4d --to 1 -o x.l4d
+) > out 2> err || status=$?
+expect_equal "$status" 3
+expect_text err 'cannot write a temporary file: File too large'
+expect_missing x.l4d
+
+# A stream is as it is.
+expect_document 0 compare s.l4d s.l4d --exact
+expect_json out 'all(a["max"] == 0 for a in d["attributes"].values())'
+expect_json out 'd["visible_position"]["max"] == 0 and d["seen"]["seen_opacity"]["max"] == 0'
+
+# Signatures are of bytes that change.
+if l4d keygen -o own.key > out 2> err; then
+  expect 0 sign bab.l4d -o signed.l4d --key own.key
+  for command in "cut --from 1" concat remux repair; do
+    # shellcheck disable=SC2086
+    expect_document 0 $command signed.l4d -o x.l4d -f
+    expect_json out 'any("signature of signed.l4d" in n for n in d["notes"])'
+  done
+fi
