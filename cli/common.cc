@@ -70,6 +70,8 @@ Failure current_failure(const std::string& subject) {
 }
 
 void Context::note(const std::string& text) {
+  // Once, where a command reads a file twice.
+  if (std::find(notes_.begin(), notes_.end(), text) != notes_.end()) return;
   notes_.push_back(text);
   if (!options.json && !options.quiet && !group_.helps())
     std::fprintf(stderr, "note: %s\n", text.c_str());

@@ -9,6 +9,7 @@
 
 #include "cli/text/progress.h"
 #include "cli/text/units.h"
+#include "eval/decoded_scene.h"
 #include "io/file.h"
 
 namespace l4d::cli {
@@ -170,39 +171,87 @@ void note_signature(Context& context, const Input& input, const MemberFile& file
   context.note("the signature of " + input.name() + " is of its bytes, and is not copied");
 }
 
-bool has_members(Context& context, const Input& input) {
+namespace {
+
+// The file as members, null where it is damaged: a command may still read it in part.
+std::unique_ptr<MemberFile> open_members(const Context& context, const Input& input) {
   try {
-    const MemberFile file(context, input);
-    if (file.num_streams() < 2) return false;
-    if (!file.rest().empty()) {
-      context.note(input.name() + ": the list of streams ends before the file: " + file.rest());
-    }
-    return true;
+    return std::make_unique<MemberFile>(context, input);
   } catch (const Failure&) {
-    return false;  // a damaged file, which the command may still read in part
+    return nullptr;
+  }
+}
+
+void note_others(Context& context, const Input& input, const MemberFile& file) {
+  if (file.num_streams() < 2) return;
+  context.note(input.name() + " has " + std::to_string(file.num_streams()) +
+               " streams, of which the first one is taken; `l4dcodec cut --member` takes others");
+}
+
+// Whether a stream presents all of its sequence.
+bool presents_all(const l4d_member& m, const l4d_timeline& t) {
+  const double rounding = 1e-9 * io::duration(t);
+  return m.sequence_begin <= t.time_begin + rounding &&
+         m.sequence_end >= t.time_begin + io::duration(t) - rounding;
+}
+
+}  // namespace
+
+bool has_members(Context& context, const Input& input) {
+  const std::unique_ptr<MemberFile> file = open_members(context, input);
+  if (!file) return false;
+  if (!file->rest().empty()) {
+    context.note(input.name() + ": the list of streams ends before the file: " + file->rest());
+  }
+  const std::vector<MemberInfo>& members = file->members();
+  if (std::none_of(members.begin(), members.end(), [](const auto& m) { return m.is_media(); })) {
+    context.note(input.name() + " has no media member that is whole; what is shown is member " +
+                 std::to_string(members.front().member.number) +
+                 ", which others need, at the times of its own sequence");
+    return false;
+  }
+  if (file->num_streams() > 1) return true;
+  const MemberInfo& only = members.front();
+  if (!only.needs.empty()) return false;  // which are not here
+  if (only.member.shift != 0) return true;
+  try {
+    const l4d_decoder_options options = context.decoder_options();
+    DecoderHandle decoder(&options);
+    decoder.open(file->reader(0));
+    return !presents_all(only.member, decoder.info().timeline);
+  } catch (const Error&) {
+    return false;
   }
 }
 
 void note_members(Context& context, const Input& input, const l4d_timeline& timeline) {
-  std::unique_ptr<MemberFile> opened;
-  try {
-    opened = std::make_unique<MemberFile>(context, input);
-  } catch (const Failure&) {
-    return;  // a damaged file, which the command may still read in part
+  const std::unique_ptr<MemberFile> file = open_members(context, input);
+  if (!file) return;
+  note_others(context, input, *file);
+  const l4d_member& first = file->members().front().member;
+  if (!presents_all(first, timeline)) {
+    context.note(input.name() + " presents " + format_time(first.sequence_begin) + " to " +
+                 format_time(first.sequence_end) +
+                 " s of its sequence; it may lack what is seen at other times");
   }
-  const MemberFile& file = *opened;
-  const size_t number = file.num_streams();
-  if (number > 1) {
-    context.note(input.name() + " has " + std::to_string(number) +
-                 " streams, of which the first one is taken; `l4dcodec cut --member` takes others");
+  if (first.shift != 0) {
+    context.note(input.name() + " presents its sequence " + format_time(std::fabs(first.shift)) +
+                 (first.shift > 0 ? " s later" : " s earlier") +
+                 "; times here are those of the sequence");
   }
-  const l4d_member& first = file.members().front().member;
-  const double end = timeline.time_begin + io::duration(timeline);
-  const double shown = first.begin - first.shift, shown_end = first.end - first.shift;
-  const double rounding = 1e-9 * io::duration(timeline);
-  if (shown <= timeline.time_begin + rounding && shown_end >= end - rounding) return;
-  context.note(input.name() + " presents " + format_time(shown) + " to " + format_time(shown_end) +
-               " s of its sequence; it may lack what is seen at other times");
+}
+
+void present(Context& context, const Input& input, LoadedScene* loaded) {
+  const std::unique_ptr<MemberFile> file = open_members(context, input);
+  if (!file) return;
+  note_others(context, input, *file);
+  const l4d_member& first = file->members().front().member;
+  const bool all = presents_all(first, loaded->scene.timeline);
+  if (all && first.shift == 0) return;
+  const io::Scene& scene = loaded->scene;
+  const double begin = all ? scene.timeline.time_begin : first.sequence_begin;
+  const double end = all ? begin + io::duration(scene.timeline) : first.sequence_end;
+  eval::present(begin, end, first.shift, loaded);
 }
 
 int MemberWriter::write(void* user, const void* src, size_t n) {

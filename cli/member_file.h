@@ -8,6 +8,7 @@
 
 #include "cli/common.h"
 #include "cli/files.h"
+#include "cli/scene_source.h"
 #include "l4d/members.h"
 
 namespace l4d::cli {
@@ -116,12 +117,15 @@ void note_unused(Context& context, const Input& input, const DecoderHandle& deco
 // Notes that the signature of a file is not copied, where it has one.
 void note_signature(Context& context, const Input& input, const MemberFile& file);
 
-// Whether a file has several streams that can be shown one after the other. Notes what of a file is
-// not shown then.
+// Whether a file is shown as what its members present: it has several streams, or one that presents
+// a part of its sequence, or at other times. Notes what of a file is not shown.
 bool has_members(Context& context, const Input& input);
 
 // Notes what a command that reads one stream does not take of a file: other members, and times
 // that the stream does not present.
 void note_members(Context& context, const Input& input, const l4d_timeline& timeline);
+// Of a scene that was read from the first stream of a file: gives it the times at which the stream
+// is presented, and notes other members.
+void present(Context& context, const Input& input, LoadedScene* loaded);
 
 }  // namespace l4d::cli

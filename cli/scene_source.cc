@@ -63,8 +63,9 @@ LoadedScene load_scene(Context& context, const Input& input, const ImportArgumen
     Progress progress(context, "read");
     decoder.check(l4d_decoder_set_progress(decoder.get(), &Progress::callback, &progress));
     decoder.check(l4d_decoder_open_file(decoder.get(), input.path().c_str()));
-    note_members(context, input, decoder.info().timeline);
-    return decode_scene(context, decoder);
+    LoadedScene loaded = decode_scene(context, decoder);
+    present(context, input, &loaded);
+    return loaded;
   });
 }
 

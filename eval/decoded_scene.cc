@@ -4,6 +4,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "eval/motion.h"
+#include "libl4dcodec/scene/window.h"
+
 namespace l4d::eval {
 namespace {
 
@@ -18,6 +21,41 @@ void keep_exact_times(std::vector<double>& times, bool lossless, io::Scene& scen
     worst = std::max(worst, std::abs(times[i] - static_cast<double>(scene.mean_t[i])));
   }
   if (worst > (lossless ? 0 : 1e-3 * frame)) scene.mean_t_double = std::move(times);
+}
+
+// Positions are those at the end of the sequence that is nearer to a mean time outside of it;
+// `part` has other ends.
+void move_references(const l4d_timeline& part, DecodedScene* loaded) {
+  io::Scene& scene = loaded->scene;
+  for (size_t i = 0; i < scene.count(); ++i) {
+    const double mean = loaded->mean_t[i];
+    const double from = reference_time(scene.timeline, mean), to = reference_time(part, mean);
+    if (from == to) continue;
+    const io::Vec3 moved = motion_of(scene, i, mean).at(to);
+    for (size_t k = 0; k < 3; ++k) scene.position[3 * i + k] = static_cast<float>(moved[k]);
+  }
+}
+
+// Windows count frames from the begin of the sequence.
+void cut_windows(const l4d_timeline& part, DecodedScene* loaded) {
+  io::Scene& scene = loaded->scene;
+  const int64_t before = std::llround(frames_of_time(scene.timeline, part.time_begin));
+  const auto frame = [&](uint32_t f) {
+    return static_cast<uint32_t>(
+        std::clamp<int64_t>(int64_t{f} - before, 0, int64_t{part.num_frames}));
+  };
+  std::vector<char> keep(scene.count(), 1);
+  for (size_t i = 0; i < scene.count(); ++i) {
+    const FrameWindow window = window_in(scene, i);
+    if (!window.is_flat()) continue;
+    scene.window[2 * i] = frame(window.begin);
+    scene.window[2 * i + 1] = frame(window.end);
+    keep[i] = scene.window[2 * i] < scene.window[2 * i + 1];
+  }
+  if (std::find(keep.begin(), keep.end(), 0) == keep.end()) return;
+  scene.keep(keep);
+  keep_rows(keep, 1, &loaded->mean_t);
+  loaded->spans.clear();
 }
 
 }  // namespace
@@ -57,6 +95,36 @@ DecodedScene decode_scene(const DecoderHandle& decoder, const l4d_query* query,
     loaded.permanent.push_back(layer.permanent != 0);
   }
   return loaded;
+}
+
+l4d_timeline timeline_between(const l4d_timeline& like, double begin, double end) {
+  l4d_timeline timeline = like;
+  timeline.time_begin = begin;
+  const double frames = (end - begin) * like.fps_num / like.fps_den;
+  const double whole = std::round(frames);
+  const double number = std::fabs(frames - whole) < 1e-6 * whole ? whole : std::ceil(frames);
+  timeline.num_frames = static_cast<uint32_t>(std::clamp(number, 1.0, double{L4D_MAX_FRAMES}));
+  return timeline;
+}
+
+void present(double begin, double end, double shift, DecodedScene* loaded) {
+  io::Scene& scene = loaded->scene;
+  const l4d_timeline old = scene.timeline;
+  const l4d_timeline part = timeline_between(old, begin, end);
+  const bool is_cut = part.time_begin != old.time_begin || part.num_frames != old.num_frames;
+  if (is_cut && (scene.flags & L4D_POSITION_AT_MEAN_TIME) == 0) move_references(part, loaded);
+  if (is_cut && !scene.window.empty()) cut_windows(part, loaded);
+  scene.timeline = part;
+  scene.timeline.time_begin = begin + shift;
+  if (shift == 0) return;
+  const bool exact = !scene.mean_t_double.empty();
+  for (size_t i = 0; i < loaded->mean_t.size(); ++i) {
+    loaded->mean_t[i] += shift;
+    scene.mean_t[i] = static_cast<float>(loaded->mean_t[i]);
+  }
+  for (l4d_bucket_span& span : loaded->spans) span.center += shift;
+  std::vector<double> times = loaded->mean_t;
+  keep_exact_times(times, exact, scene);
 }
 
 uint64_t slice_bytes(const DecoderHandle& decoder, double seconds) {

@@ -24,6 +24,14 @@ struct DecodedScene {
 DecodedScene decode_scene(const DecoderHandle& decoder, const l4d_query* query = nullptr,
                           const Hold& holder = {});
 
+// Moves the times of a scene by `shift` seconds, and leaves of its sequence what is between `begin`
+// and `end`, seconds of the sequence: the scene then has the times at which it is presented.
+// Gaussians whose flat window lies elsewhere are dropped.
+void present(double begin, double end, double shift, DecodedScene* loaded);
+
+// From `begin` to `end` at the frame rate of `like`: whole frames, the last of which may be cut.
+l4d_timeline timeline_between(const l4d_timeline& like, double begin, double end);
+
 // Bytes that the arrays of a slice take at most.
 uint64_t slice_bytes(const DecoderHandle& decoder, double seconds);
 

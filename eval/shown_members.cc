@@ -10,17 +10,6 @@
 namespace l4d::eval {
 namespace {
 
-// Of a presentation that lasts from `begin` to `end`: whole frames, the last of which may be cut.
-l4d_timeline timeline_of(const l4d_timeline& first, double begin, double end) {
-  l4d_timeline timeline = first;
-  timeline.time_begin = begin;
-  const double frames = (end - begin) * first.fps_num / first.fps_den;
-  const double whole = std::round(frames);
-  const double number = std::fabs(frames - whole) < 1e-6 * whole ? whole : std::ceil(frames);
-  timeline.num_frames = static_cast<uint32_t>(std::clamp(number, 1.0, double{L4D_MAX_FRAMES}));
-  return timeline;
-}
-
 // Adds the Gaussians of a slice; SH that one of them lacks is zero.
 void append(const SplatArrays& from, SplatArrays* to) {
   const auto add = [](const std::vector<float>& a, std::vector<float>* b) {
@@ -87,7 +76,7 @@ ShownMembers::ShownMembers(const l4d_reader& reader, const l4d_decoder_options& 
   if (options_.max_memory_bytes > 0) {
     options_.max_memory_bytes = std::max<uint64_t>(1, options_.max_memory_bytes / (1 + most));
   }
-  timeline_ = timeline_of(first().info().timeline, begin, end);
+  timeline_ = timeline_between(first().info().timeline, begin, end);
 }
 
 DecoderHandle& ShownMembers::open(uint32_t index) {

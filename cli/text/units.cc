@@ -155,7 +155,9 @@ std::string format_seconds(double seconds) {
                 static_cast<unsigned>(whole / 60 % 60), static_cast<unsigned>(whole % 60));
 }
 
-std::string format_number(double value) { return format("%.6g", value); }
+std::string format_number(double value) {
+  return format("%.6g", value == 0 ? 0.0 : value);  // no "-0"
+}
 
 std::string format_time(double seconds) {
   return std::fabs(seconds) < 1000 ? format_number(seconds) : format("%.3f", seconds);
