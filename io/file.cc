@@ -100,15 +100,26 @@ std::vector<uint8_t> read_whole_file(const std::string& path) {
 }
 
 GrowingFile::GrowingFile(const std::string& path) : path_(path) {
-  file_.reset(std::fopen(path.c_str(), "wbe"));
-  if (!file_) fail(path, "cannot create", errno);
+  const FileError failed = file_.open_growing(path.c_str());
+  if (failed.error == EBUSY) {
+    throw Error(L4D_ERR_IO, path + ": another process is writing this file");
+  }
+  check(failed, path);
 }
 
 void GrowingFile::append(const void* data, size_t n) {
-  if (std::fwrite(data, 1, n, file_.get()) != n || std::fflush(file_.get()) != 0 ||
-      ::fsync(::fileno(file_.get())) != 0) {
-    fail(path_, "cannot write", errno);
+  if (size_ > 0 && !file_.is_in_place()) {
+    throw Error(L4D_ERR_IO, path_ + ": was moved, removed or replaced while it was written");
   }
+  FileError failed = file_.write(data, n);
+  if (failed.ok() && size_ > 0 && ::fsync(file_.descriptor()) != 0) {
+    failed = {"cannot write", errno};
+  }
+  if (failed.ok() && size_ == 0) failed = file_.publish();
+  // Half of a member helps nobody, and who appends to it later would make the file unreadable.
+  if (!failed.ok()) file_.truncate(size_);
+  check(failed, path_);
+  size_ += n;
 }
 
 OutputFile::OutputFile(const std::string& path) : path_(path) {

@@ -62,19 +62,25 @@ class OutputFile {
   AtomicFile file_;
 };
 
-// A file that is appended to under its name, for those who read it meanwhile. Throws Error where a
-// call fails.
+// A file that is appended to under its name, for those who read it meanwhile. It appears with the
+// first bytes, in the place of a file that was there. Throws Error where a call fails.
 class GrowingFile {
  public:
-  // Empties a file that is there.
+  // Fails where another process writes the file in this way.
   explicit GrowingFile(const std::string& path);
 
-  // Returns when the bytes are on the disk: all that comes later comes behind them.
+  // Returns when the bytes are on the disk: all that comes later comes behind them. If it fails,
+  // the file is as it was before. Fails where something else has taken the name of the file.
   void append(const void* data, size_t n);
+
+  uint64_t size() const { return size_; }
+  // To read what was appended.
+  int descriptor() const { return file_.descriptor(); }
 
  private:
   std::string path_;
-  FileHandle file_;
+  AtomicFile file_;
+  uint64_t size_ = 0;
 };
 
 // Which file a path leads to, so that two paths can be told to lead to one: its device and inode,

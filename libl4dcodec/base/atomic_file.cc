@@ -19,6 +19,8 @@ constexpr mode_t kPrivate = 0600;
 // A temporary file is NAME.l4dtmpK: so many may write one file at the same time.
 constexpr std::string_view kMark = ".l4dtmp";
 constexpr std::string_view kWriters = "0123456789abcdef";
+// Of a file that grows, of which there is one writer at a time.
+constexpr char kGrowing = 'g';
 constexpr size_t kMaxName = 240;  // bytes of NAME, so that the whole fits into 255
 constexpr int kMaxLinks = 40;
 constexpr int kMaxAttempts = 100;
@@ -56,11 +58,20 @@ bool remove_stale(const char* name) {
   return removed;
 }
 
+// Whether a writer holds the file.
+bool is_locked(const char* name) {
+  const int fd = ::open(name, O_RDONLY | O_NONBLOCK | O_NOCTTY | O_CLOEXEC);
+  if (fd < 0) return false;
+  const bool locked = ::flock(fd, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK;
+  ::close(fd);
+  return locked;
+}
+
 // Creates and locks a file that was not there. Returns its descriptor, or -1 with errno: EEXIST
 // where another writer has the name.
 int create_locked(const char* name, struct stat* status) {
   for (int attempt = 0; attempt < kMaxAttempts; ++attempt) {
-    const int fd = ::open(name, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+    const int fd = ::open(name, O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
     if (fd < 0 && errno != EEXIST) return -1;
     if (fd < 0) {
       if (remove_stale(name)) continue;
@@ -97,8 +108,9 @@ int descriptor_named(const std::string& path) {
 
 std::string target_of_temporary(const std::string& path) {
   const size_t mark = path.rfind(kMark);
-  const bool is_one = mark != std::string::npos && path.size() == mark + kMark.size() + 1 &&
-                      kWriters.find(path.back()) != std::string_view::npos;
+  const bool is_one =
+      mark != std::string::npos && path.size() == mark + kMark.size() + 1 &&
+      (path.back() == kGrowing || kWriters.find(path.back()) != std::string_view::npos);
   return is_one ? path.substr(0, mark) : std::string();
 }
 
@@ -116,7 +128,11 @@ FileError follow_links(std::string* path) {
   return {"cannot follow", ELOOP};
 }
 
-FileError AtomicFile::open(const char* path) {
+FileError AtomicFile::open(const char* path) { return open(path, false); }
+
+FileError AtomicFile::open_growing(const char* path) { return open(path, true); }
+
+FileError AtomicFile::open(const char* path, bool grows) {
   discard();
   target_ = path;
   if (target_.empty()) return {"cannot open", ENOENT};
@@ -140,8 +156,14 @@ FileError AtomicFile::open(const char* path) {
   if (exists && ::faccessat(AT_FDCWD, target_.c_str(), W_OK, AT_EACCESS) != 0) {
     return {"cannot write", errno};
   }
-  const FileError failed = create_temporary();
-  if (!failed.ok() || !exists) return failed;
+  const FileError failed = create_temporary(grows);
+  if (!failed.ok()) return failed;
+  // With the temporary file at hand: a writer whose file has its name already holds none.
+  if (grows && is_locked(target_.c_str())) {
+    discard();
+    return {"cannot write", EBUSY};
+  }
+  if (!exists) return {};
   mode_ = old.st_mode & kPermissions;
   struct stat fresh {};
   if (::fstat(fd_, &fresh) != 0) return {"cannot create", errno};
@@ -154,17 +176,21 @@ FileError AtomicFile::open(const char* path) {
   return {};
 }
 
-FileError AtomicFile::create_temporary() {
+FileError AtomicFile::create_temporary(bool grows) {
   const std::string prefix = temporary_prefix(target_);
-  for (const char writer : kWriters) {
+  std::string writers(kWriters);
+  writers.insert(grows ? writers.begin() : writers.end(), kGrowing);
+  for (const char writer : writers) {
     std::string name = prefix + writer;
-    if (is_open()) {
+    const bool others = writer == kGrowing && !grows;
+    if (is_open() || others) {
       remove_stale(name.c_str());
       continue;
     }
     struct stat status {};
     fd_ = create_locked(name.c_str(), &status);
     if (!is_open() && errno != EEXIST) return {"cannot create a temporary file beside", errno};
+    if (!is_open() && grows) return {"cannot write", EBUSY};
     if (!is_open()) continue;
     temporary_ = std::move(name);
     mode_ = status.st_mode & kPermissions;
@@ -185,7 +211,7 @@ FileError AtomicFile::write(const void* data, size_t n) {
   return {};
 }
 
-FileError AtomicFile::commit() {
+FileError AtomicFile::publish() {
   if (!temporary_.empty()) {
     ::fchmod(fd_, mode_);
     int synced;
@@ -202,9 +228,27 @@ FileError AtomicFile::commit() {
     }
     temporary_.clear();
   }
+  return {};
+}
+
+FileError AtomicFile::commit() {
+  const FileError failed = publish();
+  if (!failed.ok()) return failed;
   const int fd = fd_;
   fd_ = -1;
   return ::close(fd) == 0 ? FileError{} : FileError{"cannot finish writing", errno};
+}
+
+FileError AtomicFile::truncate(uint64_t bytes) {
+  const auto end = static_cast<off_t>(bytes);
+  const bool done = ::ftruncate(fd_, end) == 0 && ::lseek(fd_, end, SEEK_SET) == end;
+  return done ? FileError{} : FileError{"cannot shorten", errno};
+}
+
+bool AtomicFile::is_in_place() const {
+  struct stat ours {
+  }, named{};
+  return ::fstat(fd_, &ours) == 0 && ::stat(target_.c_str(), &named) == 0 && same_file(ours, named);
 }
 
 void AtomicFile::discard() {

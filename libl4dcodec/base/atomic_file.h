@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <string>
 
 namespace l4d {
@@ -42,12 +43,31 @@ class AtomicFile {
   // Gives up: closes, and removes the temporary file.
   void discard();
 
+#ifndef _WIN32
+  // As open, for a file that is written on after it has its name. Fails with EBUSY while another
+  // process writes that file in this way. Others read what is written, so a write is what they may
+  // see.
+  FileError open_growing(const char* path);
+  // As commit, but the file stays open, and locked, until discard(), which leaves it there.
+  FileError publish();
+  // Of a file that grows: takes back what lies behind its first `bytes` bytes.
+  FileError truncate(uint64_t bytes);
+  // Whether the file that was published still has its name.
+  bool is_in_place() const;
+  int descriptor() const { return fd_; }
+#endif
+
   bool is_open() const { return fd_ >= 0; }
   // For another program to write to; "" where the file is written in place.
   const std::string& temporary_path() const { return temporary_; }
 
  private:
+#ifdef _WIN32
   FileError create_temporary();
+#else
+  FileError open(const char* path, bool grows);
+  FileError create_temporary(bool grows);
+#endif
 
   std::string target_;     // symbolic links resolved
   std::string temporary_;  // "": written in place

@@ -97,8 +97,10 @@ expect 2 encode --live s.ply --segment 0 -o two.l4d
 expect 2 encode --live s.ply --verify -o two.l4d
 expect 2 encode --live s.ply -o -
 expect 2 encode --live parts
-expect 2 encode --live 1.ply 0.ply -o back.l4d
-expect_text err 'begins at 0'
+expect 4 encode --live 1.ply 0.ply -o back.l4d
+expect_text err '0.ply: .*begins at 0.*back.l4d ends at 4 s, with the [0-9]+ members that are whole'
+expect_document 0 info back.l4d
+expect_json out 'd["members"][-1]["role"] == "index"'
 mkdir none
 touch none/end
 expect 4 encode --live none -o none.l4d

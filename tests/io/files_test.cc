@@ -335,5 +335,29 @@ TEST_F(FilesTest, DevicesAreNoInput) {
   EXPECT_EQ(test::status_of([&] { InputFile file(folder_.string()); }), L4D_ERR_IO);
 }
 
+TEST_F(FilesTest, AGrowingFileAppearsWithItsFirstBytesAndHasOneWriter) {
+  put("old", "old", 0640);
+  {
+    GrowingFile file(path("old"));
+    EXPECT_EQ(contents("old"), "old");
+    EXPECT_THROW(GrowingFile(path("old")), Error);
+    file.append("abc", 3);
+    EXPECT_EQ(contents("old"), "abc");
+    EXPECT_EQ(mode("old"), 0640u);
+    EXPECT_THROW(GrowingFile(path("old")), Error);
+    EXPECT_EQ(contents("old"), "abc");
+    file.append("de", 2);
+    EXPECT_EQ(file.size(), 5u);
+    // What is renamed over it is not written to, nor is what was.
+    put("other", "other");
+    fs::rename(path("other"), path("old"));
+    EXPECT_THROW(file.append("f", 1), Error);
+    EXPECT_EQ(contents("old"), "other");
+  }
+  { const GrowingFile none(path("old")); }
+  EXPECT_EQ(contents("old"), "other");
+  EXPECT_EQ(names(), std::vector<std::string>{"old"});
+}
+
 }  // namespace
 }  // namespace l4d::io

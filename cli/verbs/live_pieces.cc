@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "cli/verbs/live_pieces.h"
+
+#include <chrono>
+#include <filesystem>
+#include <thread>
+
+#include "cli/text/progress.h"
+
+namespace l4d::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr const char* kEnd = "end";  // of a folder: no more pieces come
+constexpr std::chrono::milliseconds kLookAgain{50};
+
+}  // namespace
+
+LivePieces::LivePieces(Context& context, const std::vector<std::string>& inputs,
+                       const std::string& output)
+    : context_(context) {
+  std::error_code error;
+  if (inputs.size() == 1 && fs::is_directory(inputs.front(), error)) {
+    folder_ = inputs.front();
+    const bool same = fs::equivalent(folder_, fs::absolute(output).parent_path(), error);
+    if (same && !error) output_name_ = fs::path(output).filename().string();
+    return;
+  }
+  for (const std::string& name : inputs) inputs_.emplace_back(context, name);
+}
+
+const Input* LivePieces::next() {
+  if (!is_folder()) return next_ < inputs_.size() ? &inputs_[next_++] : nullptr;
+  for (;;) {
+    check_interrupt();
+    // Before the look at the pieces: all of them are there if this is.
+    const bool ended = fs::exists(fs::path(folder_) / kEnd);
+    const std::string found = first_after();
+    if (!found.empty()) {
+      last_ = found;
+      inputs_.clear();
+      inputs_.emplace_back(context_, (fs::path(folder_) / found).string());
+      return &inputs_.back();
+    }
+    if (ended) return nullptr;
+    std::this_thread::sleep_for(kLookAgain);
+  }
+}
+
+// A folder or a link that leads nowhere may have the name of a piece; it may be one later.
+bool LivePieces::is_piece(const std::string& name) {
+  const std::string extension = fs::path(name).extension().string();
+  if (name.front() == '.' || name <= last_ || name == output_name_) return false;
+  if (extension != ".ply" && extension != ".l4d") return false;
+  const std::string path = (fs::path(folder_) / name).string();
+  std::error_code error;
+  if (fs::is_regular_file(path, error)) return true;
+  if (passed_.insert(name).second) context_.note(path + " is no file, and is passed over");
+  return false;
+}
+
+// The first name of a piece that sorts behind the last one taken; "" if there is none.
+std::string LivePieces::first_after() {
+  std::string first;
+  std::error_code error;
+  for (const fs::directory_entry& entry : fs::directory_iterator(folder_, error)) {
+    const std::string name = entry.path().filename().string();
+    if ((first.empty() || name < first) && is_piece(name)) first = name;
+  }
+  if (error) throw Failure(L4D_ERR_IO, folder_ + ": cannot read: " + error.message());
+  return first;
+}
+
+}  // namespace l4d::cli
