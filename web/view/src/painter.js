@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
+import {cameraTerms} from './rules.js';
 import {copyFragment, copyVertex, splatFragment, splatVertex} from './shaders.js';
 import {RowTextures} from './store.js';
-
-const frustumMargin = 0.3;  // of half the picture, as render/view.h has it
 
 /** @param {WebGL2RenderingContext} gl @param {string} vertex @param {string} fragment */
 const link = (gl, vertex, fragment) => {
@@ -115,9 +114,10 @@ export class Painter {
   }
 
   /** @param {import('./camera.js').Camera} camera @param {number} frame @param {number} width @param {number} height */
-  #splats({worldToCamera: m, fx, fy, cx, cy, nearPlane}, frame, width, height) {
+  #splats(camera, frame, width, height) {
     const gl = this.gl;
     const at = this.at;
+    const terms = cameraTerms(camera, width, height);
     gl.useProgram(this.program);
     this.#bind(1, this.store.harmonics);
     this.#bind(2, this.store.times);
@@ -125,16 +125,14 @@ export class Painter {
     gl.uniform1i(at.rows, 0);
     gl.uniform1i(at.harmonics, 1);
     gl.uniform1i(at.times, 2);
-    gl.uniformMatrix3fv(at.rotation, false, [m[0], m[4], m[8], m[1], m[5], m[9], m[2], m[6], m[10]]);
-    gl.uniform3f(at.translation, m[3], m[7], m[11]);
-    gl.uniform3fv(at.center, [0, 1, 2].map(c => -(m[c] * m[3] + m[4 + c] * m[7] + m[8 + c] * m[11])));
-    gl.uniform2f(at.focal, fx, fy);
-    gl.uniform2f(at.origin, cx, cy);
-    gl.uniform2f(at.size, width, height);
-    const margins = [frustumMargin * 0.5 * width / fx, frustumMargin * 0.5 * height / fy];
-    gl.uniform4f(at.slopes, -cx / fx - margins[0], -cy / fy - margins[1],
-                 (width - cx) / fx + margins[0], (height - cy) / fy + margins[1]);
-    gl.uniform1f(at.nearPlane, nearPlane);
+    gl.uniformMatrix3fv(at.rotation, false, terms.rotation);
+    gl.uniform3fv(at.translation, terms.translation);
+    gl.uniform3fv(at.center, terms.center);
+    gl.uniform2fv(at.focal, terms.focal);
+    gl.uniform2fv(at.origin, terms.origin);
+    gl.uniform2fv(at.size, terms.size);
+    gl.uniform4fv(at.slopes, terms.slopes);
+    gl.uniform1f(at.nearPlane, terms.nearPlane);
     gl.uniform1f(at.frame, frame);
     gl.uniform1i(at.degree, this.degree);
     gl.uniform1f(at.white, this.white);

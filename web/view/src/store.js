@@ -1,21 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
-import {rowsPerLine} from './shaders.js';
+import {RowLines} from './lines.js';
+import {rowsPerLine} from './rules.js';
 
 /** Rows of buckets in textures: each bucket has lines of its own, of 256 Gaussians. */
-export class RowTextures {
+export class RowTextures extends RowLines {
   /** @param {WebGL2RenderingContext} gl @param {number} maxRows @param {number} shTexels of a Gaussian */
   constructor(gl, maxRows, shTexels) {
+    super(Math.min(Math.ceil(maxRows / rowsPerLine), gl.getParameter(gl.MAX_TEXTURE_SIZE)));
     this.gl = gl;
     this.shTexels = shTexels;
-    this.lines = Math.min(Math.ceil(maxRows / rowsPerLine), gl.getParameter(gl.MAX_TEXTURE_SIZE));
     this.rows = this.#texture(gl.RGBA32F, 4 * rowsPerLine, this.lines);
     this.harmonics = this.#texture(gl.RGBA16F, shTexels * rowsPerLine, this.lines);
     this.times = this.#texture(gl.R32F, this.lines, 1);
     this.instants = new Float32Array(this.lines);
-    /** @type {Map<string, {lines: Uint32Array, center: number}>} */
-    this.buckets = new Map();
-    /** @type {number[]} the lowest last */
-    this.free = Array.from({length: this.lines}, (_, k) => this.lines - 1 - k);
   }
 
   /** @param {number} format @param {number} width @param {number} height */
@@ -29,32 +26,15 @@ export class RowTextures {
     return texture;
   }
 
-  /** @param {string} key */
-  remove(key) {
-    const bucket = this.buckets.get(key);
-    if (!bucket) return;
-    this.buckets.delete(key);
-    this.free.push(...bucket.lines);
-    this.free.sort((a, b) => b - a);
-  }
-
   /** Uploads a bucket; null where there is no room. @param {import('l4dcodec').BucketRows} rows */
   add(rows) {
-    this.remove(rows.key);
-    const count = Math.ceil(rows.count / rowsPerLine);
-    if (count > this.free.length) return null;
-    const lines = new Uint32Array(count);
-    for (let k = 0; k < count; ++k) lines[k] = /** @type {number} */ (this.free.pop());
+    const lines = this.take(rows);
+    if (!lines) return null;
     const gl = this.gl;
-    // Neighbouring lines in one go.
-    for (let k = 0; k < count;) {
-      let end = k + 1;
-      while (end < count && lines[end] === lines[end - 1] + 1) ++end;
-      this.#upload(this.rows, lines[k], rows.geometry, 16, rows.count, k, end, gl.FLOAT);
-      this.#upload(this.harmonics, lines[k], rows.sh, rows.shStride, rows.count, k, end, gl.HALF_FLOAT);
-      k = end;
-    }
-    this.buckets.set(rows.key, {lines, center: rows.center});
+    this.runs(lines, (line, begin, end) => {
+      this.#upload(this.rows, line, rows.geometry, 16, rows.count, begin, end, gl.FLOAT);
+      this.#upload(this.harmonics, line, rows.sh, rows.shStride, rows.count, begin, end, gl.HALF_FLOAT);
+    });
     return lines;
   }
 
