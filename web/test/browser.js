@@ -66,11 +66,35 @@ export const serve = async (streams, faults = {}, folder = 'build/web/player') =
   };
 };
 
-export const launch = () => chromium.launch({
+const flags = ['--no-sandbox', '--disable-dev-shm-usage', '--use-gl=angle', '--use-angle=swiftshader',
+               '--enable-unsafe-swiftshader', '--disable-gpu-watchdog'];
+// Without the last two, canvases of WebGPU stay empty, and those of WebGL2 are lost.
+const webgpuFlags = ['--enable-unsafe-webgpu', '--use-webgpu-adapter=swiftshader', '--enable-features=Vulkan',
+                     '--use-vulkan=swiftshader'];
+
+const gpuFlags = ['--no-sandbox', '--disable-dev-shm-usage', '--ignore-gpu-blocklist', '--use-gl=angle', '--use-angle=vulkan',
+                  '--enable-unsafe-webgpu', '--enable-features=Vulkan'];
+
+/** @param {{webgpu?: boolean, gpu?: boolean}} [options] webgpu: on the processor, gpu: both back ends on the GPU */
+export const launch = ({webgpu = false, gpu = false} = {}) => chromium.launch({
   executablePath: process.env.L4D_CHROMIUM ?? '/usr/bin/chromium',
-  args: ['--no-sandbox', '--disable-dev-shm-usage', '--use-gl=angle', '--use-angle=swiftshader',
-         '--enable-unsafe-swiftshader', '--disable-gpu-watchdog']
+  args: gpu ? gpuFlags : [...flags, ...webgpu ? webgpuFlags : []]
 });
+
+/** An empty page of a server, which modules can be imported into. @param {any} browser @param {string} url */
+export const blankPage = async (browser, url) => {
+  const page = await newPage(browser);
+  await page.route('**/blank.html', route => route.fulfill({contentType: 'text/html', body: '<!doctype html><body>'}));
+  await page.goto(`${url}blank.html`);
+  return page;
+};
+
+/** Says aloud where this Chromium offers no WebGPU. @param {any} page @returns {Promise<boolean>} */
+export const hasWebGpu = async page => {
+  const has = await page.evaluate(async () => Boolean(await navigator.gpu?.requestAdapter()));
+  if (!has) console.log('SKIPPED: WebGPU: this Chromium has no adapter');
+  return has;
+};
 
 /** A page whose errors are collected. @param {any} browser @param {any} [options] */
 export const newPage = async (browser, options = {}) => {

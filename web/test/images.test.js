@@ -1,18 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
-// The view against `l4dcodec render`: 5 times x 3 cameras x 3 scenes, both targets. Each time with one
+// The view against `l4dcodec render`: 5 times x 3 cameras x 3 scenes, both targets, both back ends. Each time with one
 // camera, unless L4D_WEB_VIEWS is `all` (./dev web): Chromium draws on the processor here.
 import assert from 'node:assert/strict';
 import {execFileSync} from 'node:child_process';
 import {existsSync, readFileSync, writeFileSync} from 'node:fs';
 import {join} from 'node:path';
 import {after, before, test} from 'node:test';
-import {launch, newPage, serve, work} from './browser.js';
+import {blankPage, hasWebGpu, launch, serve, work} from './browser.js';
 
 const width = 640, height = 360;
 const tool = /** @type {string} */ (process.env.L4D_TOOL);
 const data = process.env.L4D_DATA_DIR ?? join(process.env.L4D_ROOT ?? '.', '../shared/data');
 const allViews = process.env.L4D_WEB_VIEWS === 'all';
 const least = {'16f': 48, 10: 45};  // dB, of the whole picture
+// Of one back end against the other: dB, and levels of 255 of any channel of any pixel. They sort by 22 and by 32 bits of
+// depth, so that some Gaussians of nearly the same depth change places.
+const leastAgreement = 60;
+const mostDifference = 16;
 
 /** A camera at `eye` that looks at `target`, y down. */
 const lookAt = (eye, target, focal) => {
@@ -46,64 +50,87 @@ const scenes = () => {
 
 let browser, server, page;
 before(async () => {
-  browser = await launch();
+  browser = await launch({webgpu: true});
   server = await serve(Object.fromEntries(scenes().map(({name}) => [`${name}.l4d`, join(work, `${name}.l4d`)])));
-  page = await newPage(browser);
-  await page.route('**/blank.html', route => route.fulfill({contentType: 'text/html', body: '<!doctype html><body>'}));
-  await page.goto(`${server.url}blank.html`);
+  page = await blankPage(browser, server.url);
 });
 after(async () => {
   await browser?.close();
   server?.close();
 });
 
-for (const target of /** @type {const} */ (['16f', '10'])) {
-  for (const scene of scenes()) {
-    test(`${scene.name}, ${target}: ${least[target]} dB in each of ${allViews ? 15 : 5} views`, async () => {
-      const cameraFile = join(work, `${scene.name}.cameras.json`);
-      writeFileSync(cameraFile, JSON.stringify({
-        fps: 30, width, height, frames: 150,
-        cameras: scene.cameras.map((c, id) => ({id, split: 'test', K: c.K, w2c: c.w2c}))
-      }));
-      await page.evaluate(async ({url, width, height, target}) => {
-        const {open, View} = await import('/player.js');
-        const canvas = Object.assign(document.createElement('canvas'), {width, height});
-        document.body.replaceChildren(canvas);
-        globalThis.view?.dispose();
-        globalThis.movie?.dispose();
-        globalThis.movie = await open(url);
-        globalThis.view = new View(canvas, {target, exact: true});
-        globalThis.view.setCamera({worldToCamera: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0], fx: 1, fy: 1, cx: 0, cy: 0, nearPlane: 0.01});
-        globalThis.view.show(globalThis.movie);
-      }, {url: `${server.url}${scene.name}.l4d`, width, height, target});
-      const found = [];
-      for (const [k, time] of scene.times.entries()) {
-        for (const [id, camera] of scene.cameras.entries()) {
-          if (!allViews && id !== k % 3) continue;
-          const png = join(work, `${scene.name}.${k}.${id}.png`);
-          // The first target has made it for the second.
-          if (target === '16f') {
-            execFileSync(tool, ['render', join(work, `${scene.name}.l4d`), '--cameras', cameraFile, '--camera', String(id),
-                                '--time', String(time), '-q', '-f', '-o', png]);
+const made = new Set();
+/** The picture of the tool, made once. */
+const reference = (scene, k, id) => {
+  const png = join(work, `${scene.name}.${k}.${id}.png`);
+  const cameraFile = join(work, `${scene.name}.cameras.json`);
+  if (!made.has(png)) {
+    writeFileSync(cameraFile, JSON.stringify({
+      fps: 30, width, height, frames: 150,
+      cameras: scene.cameras.map((c, id) => ({id, split: 'test', K: c.K, w2c: c.w2c}))
+    }));
+    execFileSync(tool, ['render', join(work, `${scene.name}.l4d`), '--cameras', cameraFile, '--camera', String(id),
+                        '--time', String(scene.times[k]), '-q', '-f', '-o', png]);
+    made.add(png);
+  }
+  return readFileSync(png).toString('base64');
+};
+
+/** Shows a scene in the page with a new view; returns what draws. */
+const show = (scene, options) => page.evaluate(async ({url, width, height, options}) => {
+  const {open, View} = await import('/player.js');
+  const canvas = Object.assign(document.createElement('canvas'), {width, height});
+  document.body.replaceChildren(canvas);
+  globalThis.view?.dispose();
+  globalThis.movie?.dispose();
+  globalThis.movie = await open(url);
+  globalThis.view = new View(canvas, {...options, exact: true});
+  globalThis.view.setCamera({worldToCamera: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0], fx: 1, fy: 1, cx: 0, cy: 0, nearPlane: 0.01});
+  await globalThis.view.show(globalThis.movie);
+  return globalThis.view.backend;
+}, {url: `${server.url}${scene.name}.l4d`, width, height, options});
+
+/** @param {number[]} values */
+const summary = values => `${Math.min(...values).toFixed(2)} dB at least, ` +
+  `${(values.reduce((a, b) => a + b, 0) / values.length).toFixed(2)} on average`;
+
+for (const scene of scenes()) {
+  for (const target of /** @type {const} */ (['16f', '10'])) {
+    for (const backend of /** @type {const} */ (['webgl2', 'webgpu'])) {
+      const name = `${scene.name}, ${target}, ${backend}`;
+      test(`${name}: ${least[target]} dB in each of ${allViews ? 15 : 5} views`, async t => {
+        if (backend === 'webgpu' && !await hasWebGpu(page)) return t.skip('no WebGPU');
+        assert.equal(await show(scene, {target, backend}), backend);
+        const found = [], agreement = [], differences = [];
+        for (const [k, time] of scene.times.entries()) {
+          for (const [id, camera] of scene.cameras.entries()) {
+            if (!allViews && id !== k % 3) continue;
+            const result = await page.evaluate(compare, {
+              time, png: reference(scene, k, id), name: `${scene.name} ${target} ${k} ${id}`,
+              camera: {worldToCamera: camera.w2c.flat(), fx: camera.K[0][0], fy: camera.K[1][1], cx: camera.K[0][2],
+                       cy: camera.K[1][2], nearPlane: 0.02}
+            });
+            found.push(result.psnr);
+            if (result.other) {
+              agreement.push(result.other.psnr);
+              differences.push(result.other.most);
+            }
           }
-          const psnr = await page.evaluate(compare, {
-            time, png: readFileSync(png).toString('base64'),
-            camera: {worldToCamera: camera.w2c.flat(), fx: camera.K[0][0], fy: camera.K[1][1], cx: camera.K[0][2],
-                     cy: camera.K[1][2], nearPlane: 0.02}
-          });
-          found.push(psnr);
         }
-      }
-      const mean = found.reduce((a, b) => a + b, 0) / found.length;
-      console.log(`${scene.name}, ${target}: ${Math.min(...found).toFixed(2)} dB at least, ${mean.toFixed(2)} on average`);
-      assert.deepEqual(page.errors, []);
-      assert.ok(Math.min(...found) >= least[target], found.map(v => v.toFixed(2)).join(' '));
-    });
+        console.log(`${name}: ${summary(found)}`);
+        assert.deepEqual(page.errors, []);
+        assert.ok(Math.min(...found) >= least[target], found.map(v => v.toFixed(2)).join(' '));
+        if (agreement.length === 0) return;
+        console.log(`${name} against the other back end: ${summary(agreement)}, at most ${Math.max(...differences)} levels`);
+        assert.ok(Math.min(...agreement) >= leastAgreement, agreement.map(v => v.toFixed(2)).join(' '));
+        assert.ok(Math.max(...differences) <= mostDifference, differences.join(' '));
+      });
+    }
   }
 }
 
-/** In the page: PSNR of the view against a PNG. */
-async function compare({time, png, camera}) {
+/** In the page: PSNR of the view against a PNG, and against another view that was shown under this name. */
+async function compare({time, png, camera, name}) {
   const {view, movie} = /** @type {any} */ (globalThis);
   view.setCamera(camera);
   await movie.seek(time);
@@ -121,11 +148,18 @@ async function compare({time, png, camera}) {
   const context = new OffscreenCanvas(bitmap.width, bitmap.height).getContext('2d');
   context.drawImage(bitmap, 0, 0);
   const wanted = context.getImageData(0, 0, bitmap.width, bitmap.height).data;
-  let sum = 0, count = 0;
-  for (let k = 0; k < wanted.length; ++k) {
-    if (k % 4 === 3) continue;
-    sum += (wanted[k] - got[k]) ** 2;
-    ++count;
-  }
-  return 10 * Math.log10(255 * 255 / Math.max(sum / count, 1e-9));
+  const difference = other => {
+    let sum = 0, most = 0;
+    for (let k = 0; k < got.length; ++k) {
+      if (k % 4 === 3) continue;
+      sum += (other[k] - got[k]) ** 2;
+      most = Math.max(most, Math.abs(other[k] - got[k]));
+    }
+    return {psnr: 10 * Math.log10(255 * 255 / Math.max(sum / (got.length / 4 * 3), 1e-9)), most};
+  };
+  const pictures = (/** @type {any} */ (globalThis).pictures ??= new Map());
+  const other = pictures.get(name);
+  pictures.delete(name);
+  if (!other) pictures.set(name, got);
+  return {psnr: difference(wanted).psnr, other: other ? difference(other) : null};
 }

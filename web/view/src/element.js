@@ -10,8 +10,8 @@ const Base = globalThis.HTMLElement ?? /** @type {any} */ (class {});
 const idleSeconds = 2.5;
 
 /**
- * `<l4d-player src poster autoplay loop camera="orbit|fly" detail="auto|base|full" overlay>`: a player with
- * controls. Events: 'open', 'error'; `movie` and `view` are what they say.
+ * `<l4d-player src poster autoplay loop camera="orbit|fly" detail="auto|base|full" backend="webgl2|webgpu|auto" overlay>`:
+ * a player with controls. Events: 'open', 'error', 'backend' (which one draws); `movie` and `view` are what they say.
  */
 export class L4DPlayer extends Base {
   static observedAttributes = ['src', 'poster', 'loop', 'detail', 'camera', 'overlay'];
@@ -70,10 +70,13 @@ export class L4DPlayer extends Base {
     if (this.view) return;
     const canvas = this.$('canvas');
     try {
-      this.view = new View(canvas, {background: [0.043, 0.051, 0.063]});
+      const backend = /** @type {any} */ (this.getAttribute('backend') ?? undefined);
+      this.view = new View(canvas, {background: [0.043, 0.051, 0.063], backend});
     } catch (error) {
       return this.#showError(error);
     }
+    void this.view.ready.then(backend => this.dispatchEvent(new CustomEvent('backend', {detail: backend})),
+                              error => this.#showError(error));
     this.controls = new PointerControls(canvas, this.view.orbit, () => { this.view?.change(); this.#awake(); },
                                         () => this.toggle());
     this.#setMode(this.getAttribute('camera') === 'fly' ? 'fly' : 'orbit');
@@ -108,7 +111,7 @@ export class L4DPlayer extends Base {
     movie.on('error', error => this.#showError(error));
     movie.on('retry', () => this.#say('The connection is slow, trying again'));
     this.#fillMenu(movie);
-    this.view?.show(movie);
+    await this.view?.show(movie);
     const link = parseLink(this.hasAttribute('src') ? location.hash : '');
     await movie.seek(link.time ?? movie.timeBegin);
     if (!(link.camera && this.view?.orbit.parse(link.camera))) await this.view?.home();

@@ -28,6 +28,7 @@ export class Painter {
    */
   constructor(gl, {maxRows, shDegree, target}) {
     this.gl = gl;
+    this.sorts = false;  // a worker does
     this.degree = shDegree;
     const texels = Math.ceil(3 * (shDegree + 1) ** 2 / 4);
     this.store = new RowTextures(gl, maxRows, texels);
@@ -142,6 +143,29 @@ export class Painter {
     gl.bindVertexArray(this.array);
     gl.drawArraysInstanced(gl.TRIANGLE_STRIP, 0, 4, this.count);
     gl.bindVertexArray(null);
+  }
+
+  /** What was drawn in this task: [height, width, 4], from the top. @returns {Promise<Uint8Array>} */
+  async pixels() {
+    const gl = this.gl;
+    const [width, height] = this.size;
+    const rows = new Uint8Array(4 * width * height);
+    gl.readPixels(0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, rows);
+    const out = new Uint8Array(rows.length);
+    for (let y = 0; y < height; ++y) {
+      out.set(rows.subarray(4 * width * y, 4 * width * (y + 1)), 4 * width * (height - 1 - y));
+    }
+    return out;
+  }
+
+  /** Resolves when the GPU has drawn everything. */
+  async finished() {
+    const gl = this.gl;
+    const fence = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
+    if (!fence) return;
+    gl.flush();
+    while (gl.clientWaitSync(fence, 0, 0) === gl.TIMEOUT_EXPIRED) await new Promise(resolve => setTimeout(resolve, 1));
+    gl.deleteSync(fence);
   }
 
   dispose() {

@@ -51,7 +51,8 @@ export const overlayLines = (movie, view, fps) => {
   return [
     ['frames', movie.paused && fps < 1 ? 'paused' : `${number(fps)} /s`],
     ['splats', Math.round(view.stats.visible).toLocaleString('en')],
-    ['sort, draw', `${number(view.stats.sortMs, 1)}, ${number(view.stats.drawMs, 1)} ms`],
+    view.backend === 'webgpu' ? ['WebGPU: draw', `${number(view.stats.drawMs, 1)} ms`] :
+      ['WebGL2: sort, draw', `${number(view.stats.sortMs, 1)}, ${number(view.stats.drawMs, 1)} ms`],
     ['network', throughput > 0 ? `${number(throughput / 1e6, 1)} Mbit/s` : 'local'],
     ['loaded', `${number(bytes / 1e6, 2)} of ${number(movie.info.fileBytes / 1e6, 2)} MB`],
     ['detail', `${movie.ready.detail}, ${movie.info.lastTier > 0 ? `tier ${movie.ready.tier} of ${movie.info.lastTier}, ` : ''}${movie.maxLevel > 1e9 ? 'all levels' : `level ${movie.maxLevel}`}`],

@@ -2,14 +2,18 @@
 import {frameOfTime} from 'l4dcodec';
 import {OrbitCamera} from './camera.js';
 import {Painter} from './painter.js';
+import {chooseSurface, GlSurface} from './surface.js';
 
 const flatWindows = 1 << 10;  // among the tools of a stream
 
 /**
  * @typedef {object} ViewOptions
+ * @property {'webgl2' | 'webgpu' | 'auto'} [backend] what draws (webgl2); webgpu and auto: WebGL2 where there is no WebGPU,
+ *   auto: also where WebGPU would draw on the processor
  * @property {'auto' | '10' | '16f'} [target] bits of a channel while blending; auto: 16 where there are some
  * @property {[number, number, number]} [background] each 0 to 1
- * @property {boolean} [exact] draw only once the order of the instant and the camera is there (false: a frame late)
+ * @property {boolean} [exact] draw only once the order of the instant and the camera is there (false: with WebGL2, a
+ *   frame late)
  * @property {number} [maxPixels] of the picture; more are not drawn, but scaled (2560 x 1440)
  * @property {() => Worker} [worker] makes the worker that sorts, for pages that bundle it themselves
  */
@@ -20,18 +24,18 @@ export class View {
   constructor(canvas, options = {}) {
     this.canvas = canvas;
     this.options = options;
-    const gl = canvas.getContext('webgl2', {alpha: false, antialias: false, depth: false, stencil: false,
-                                            powerPreference: 'high-performance'});
-    if (!gl) throw new Error('this browser has no WebGL2');
-    this.gl = gl;
     this.orbit = new OrbitCamera();
     /** @type {import('./camera.js').Camera | null} */
     this.fixedCamera = null;
     this.background = options.background ?? [0, 0, 0];
     /** @type {import('l4dcodec').Movie | null} */
     this.movie = null;
-    /** @type {Painter | null} */
+    /** @type {import('./painter.js').Painter | import('./webgpu/painter.js').GpuPainter | null} */
     this.painter = null;
+    /** @type {GlSurface | import('./webgpu/surface.js').GpuSurface | null} */
+    this.surface = null;
+    /** @type {string | null} why it is not the back end that was wanted */
+    this.fallback = null;
     this.sorter = options.worker?.() ?? new Worker(new URL('./sort-worker.js', import.meta.url), {type: 'module'});
     this.sorter.onmessage = event => this.#receive(event.data);
     /** @type {(() => void)[]} */
@@ -50,14 +54,37 @@ export class View {
     this.stats = {frames: 0, visible: 0, sortMs: 0, drawMs: 0, rows: 0};
     this.disposed = false;
     this.frameRequested = false;
-    canvas.addEventListener('webglcontextlost', this.#lost);
-    canvas.addEventListener('webglcontextrestored', this.#restored);
+    const {backend = 'webgl2'} = options;
+    /** When it is known what draws. @type {Promise<'webgl2' | 'webgpu'>} */
+    this.ready = backend === 'webgl2' ? Promise.resolve(this.#use(new GlSurface(canvas), null)) :
+      chooseSurface(canvas, backend).then(({surface, fallback}) => this.#use(surface, fallback));
+    this.ready.catch(() => {});
     this.observer = typeof ResizeObserver === 'function' ? new ResizeObserver(() => this.change()) : null;
     this.observer?.observe(canvas);
   }
 
-  /** Shows this movie from now on. @param {import('l4dcodec').Movie} movie */
-  show(movie) {
+  /** What draws; null where that is not known yet (`ready`). */
+  get backend() { return this.surface?.backend ?? null; }
+  /** The context, of WebGL2. */
+  get gl() { return this.surface instanceof GlSurface ? this.surface.gl : null; }
+
+  /** @param {GlSurface | import('./webgpu/surface.js').GpuSurface} surface @param {string | null} fallback */
+  #use(surface, fallback) {
+    if (this.disposed) {
+      surface.dispose();
+      return surface.backend;
+    }
+    this.surface = surface;
+    this.fallback = fallback;
+    surface.onlost = () => { this.painter = null; };
+    surface.onrestored = () => this.#restored();
+    surface.onerror = error => this.movie?.emit('error', error);
+    this.#restored();
+    return surface.backend;
+  }
+
+  /** Shows this movie from now on; resolves when it is known what draws. @param {import('l4dcodec').Movie} movie */
+  async show(movie) {
     this.hide();
     this.movie = movie;
     this.#makePainter();
@@ -67,6 +94,7 @@ export class View {
       movie.on('time', () => this.change())
     ];
     movie.refresh();
+    await this.ready;
   }
 
   hide() {
@@ -114,17 +142,11 @@ export class View {
 
   /** The settled picture: [height, width, 4], from the top. @returns {Promise<Uint8Array>} */
   async pixels() {
-    const {gl, canvas: {width, height}} = this;
     // What was drawn in an earlier task is not there any more.
     if (this.drawn === this.wanted) this.change();
     await this.settled();
-    const rows = new Uint8Array(4 * width * height);
-    gl.readPixels(0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, rows);
-    const out = new Uint8Array(rows.length);
-    for (let y = 0; y < height; ++y) {
-      out.set(rows.subarray(4 * width * y, 4 * width * (y + 1)), 4 * width * (height - 1 - y));
-    }
-    return out;
+    if (!this.painter) throw new Error('nothing is shown');
+    return this.painter.pixels();
   }
 
   dispose() {
@@ -132,28 +154,23 @@ export class View {
     this.disposed = true;
     this.sorter.terminate();
     this.observer?.disconnect();
-    this.canvas.removeEventListener('webglcontextlost', this.#lost);
-    this.canvas.removeEventListener('webglcontextrestored', this.#restored);
+    this.surface?.dispose();
   }
 
   #makePainter() {
-    const {info, maxRows} = /** @type {import('l4dcodec').Movie} */ (this.movie);
-    this.painter = new Painter(this.gl, {maxRows, shDegree: info.shDegree, target: this.options.target ?? 'auto'});
+    if (!this.surface || !this.movie) return;
+    const {info, maxRows} = this.movie;
+    this.painter = this.surface.makePainter({maxRows, shDegree: info.shDegree, target: this.options.target ?? 'auto'});
   }
 
-  /** @param {Event} event */
-  #lost = event => {
-    event.preventDefault();  // so that it is restored
-    this.painter = null;
-  };
-
-  #restored = () => {
+  /** All that was uploaded is gone, or nothing was yet. */
+  #restored() {
     if (!this.movie) return;
     this.sorter.postMessage({type: 'clear'});
     this.stats.rows = 0;
     this.#makePainter();
     this.movie.refresh();
-  };
+  }
 
   /** @param {import('l4dcodec').BucketRows} rows */
   #add(rows) {
@@ -196,12 +213,16 @@ export class View {
   }
 
   #frame() {
-    if (this.disposed || !this.painter || !this.movie || this.gl.isContextLost()) return;
+    if (this.disposed || !this.painter || !this.movie || !this.surface || this.surface.isLost) return;
     const began = performance.now();
     this.#size();
     const camera = this.camera();
     const time = this.movie.currentTime;
-    if (this.sorting === 0 && this.sorted !== this.wanted) {
+    const {painter} = this;
+    if (painter.sorts) {
+      this.sorted = this.wanted;
+      this.stats.visible = painter.count;
+    } else if (this.sorting === 0 && this.sorted !== this.wanted) {
       const m = camera.worldToCamera;
       this.sorting = this.wanted;
       this.sortTime = time;
@@ -211,9 +232,9 @@ export class View {
     }
     if (this.options.exact && this.sorted !== this.wanted) return;
     // Nothing in the order of a frame may be seen in the next one, so that all is late there.
-    const shown = (this.movie.info.tools & flatWindows) !== 0 && this.painter.count > 0 ? this.orderTime : time;
-    this.painter.draw(camera, shown, frameOfTime(this.movie.info, shown), this.canvas.width, this.canvas.height,
-                      this.background);
+    const shown = !painter.sorts && (this.movie.info.tools & flatWindows) !== 0 && painter.count > 0 ? this.orderTime : time;
+    painter.draw(camera, shown, frameOfTime(this.movie.info, shown), this.canvas.width, this.canvas.height,
+                 this.background);
     this.stats.drawMs = performance.now() - began;
     ++this.stats.frames;
     if (this.sorted === this.wanted) {
@@ -230,7 +251,7 @@ export class View {
     this.orderTime = this.sortTime;
     this.stats.sortMs = data.ms;
     this.stats.visible = data.count;
-    this.painter?.setOrder(data.order, data.count);
+    if (this.painter instanceof Painter) this.painter.setOrder(data.order, data.count);
     this.sorter.postMessage({type: 'return', order: data.order}, [data.order.buffer]);
     this.#request();
   }
