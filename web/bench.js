@@ -59,9 +59,10 @@ table(['sort in a worker', 'ms of CPU'], [200_000, 1_000_000].map(count => {
   const sorter = new Sorter();
   const geometry = new Float32Array(16 * count);
   for (let k = 0; k < geometry.length; ++k) geometry[k] = Math.random();
-  sorter.add('0', geometry, new Uint32Array(Math.ceil(count / 256)), 0);
-  const order = sorter.sort({time: 0.5, frame: 0, depth: [0.3, 0.4, 0.8, 1], nearPlane: 0.01});
-  return [count.toLocaleString('en'), cpu(9, () => sorter.sort({time: 0.5, frame: 0, depth: [0.3, 0.4, 0.8, 1], nearPlane: 0.01}, order)).toFixed(1)];
+  sorter.add('0', geometry, new Uint32Array(Math.ceil(count / 256)), 0, 0);
+  const sight = {streams: [{stream: 0, time: 0.5, frame: 0}], depth: [0.3, 0.4, 0.8, 1], nearPlane: 0.01};
+  const order = sorter.sort(sight);
+  return [count.toLocaleString('en'), cpu(9, () => sorter.sort(sight, order)).toFixed(1)];
 }));
 
 const browser = await launch();

@@ -8,6 +8,7 @@ import {GpuSurface} from '../l4dcodec-player/src/webgpu/surface.js';
 const degree = 3;
 const bucketRows = 65536;
 const time = 1;
+const streams = [{stream: 0, time, frame: 0}];
 
 /** Numbers from 0 to 1, the same each time. */
 const randomNumbers = () => {
@@ -41,7 +42,7 @@ const makeRows = count => {
       // Binary16 of -0.5 to 0.5, or of less in the detail.
       for (let i = 0; i < stride; ++i) sh[stride * k + i] = random() * (i < 3 ? 0x3800 : 0x2c00) | (random() < 0.5 ? 0x8000 : 0);
     }
-    buckets.push({key: String(begin), count: n, center: 0, shStride: stride, geometry, sh, detail: 0, bucket: null});
+    buckets.push({key: String(begin), stream: 0, count: n, center: 0, shStride: stride, geometry, sh, detail: 0, bucket: null});
   }
   return buckets;
 };
@@ -61,7 +62,7 @@ export const measure = async (canvas, backend, count, frames) => {
   for (const rows of makeRows(count)) {
     const lines = painter.store.add(rows);
     if (!lines) throw new Error(`no room for ${count} Gaussians`);
-    if (!painter.sorts) sorter.add(rows.key, rows.geometry, lines, rows.center);
+    if (!painter.sorts) sorter.add(rows.key, rows.geometry, lines, rows.center, rows.stream);
   }
   const orbit = new OrbitCamera();
   orbit.distance = 2.6;
@@ -71,7 +72,7 @@ export const measure = async (canvas, backend, count, frames) => {
   const sort = () => {
     const began = performance.now();
     const m = camera.worldToCamera;
-    order = sorter.sort({time, frame: 0, depth: [m[8], m[9], m[10], m[11]], nearPlane: camera.nearPlane}, order);
+    order = sorter.sort({streams, depth: [m[8], m[9], m[10], m[11]], nearPlane: camera.nearPlane}, order);
     sorts.push(performance.now() - began);
   };
   const draw = () => {
@@ -80,7 +81,7 @@ export const measure = async (canvas, backend, count, frames) => {
     if (!painter.sorts && sorts.length === 0) sort();
     const began = performance.now();
     if (!painter.sorts) painter.setOrder(order, sorter.visible);
-    painter.draw(camera, time, 0, width, height, [0, 0, 0]);
+    painter.draw(camera, streams, width, height, [0, 0, 0]);
     cpu.push(performance.now() - began);
   };
   draw();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The view against `l4dcodec render`: 5 times x 3 cameras x 3 scenes, both targets, both back ends. Each time with one
+// The view against `l4dcodec render`: 5 times x 3 cameras x 5 scenes, both targets, both back ends. Each time with one
 // camera, unless L4D_WEB_VIEWS is `all` (./dev web): Chromium draws on the processor here.
 import assert from 'node:assert/strict';
 import {execFileSync} from 'node:child_process';
@@ -29,12 +29,18 @@ const lookAt = (eye, target, focal) => {
   return {K: [[focal, 0, width / 2], [0, focal, height / 2], [0, 0, 1]], w2c: [...rows, [0, 0, 0, 1]]};
 };
 
-/** Three scenes: a real one where it is. */
+/** Scenes: a real one where it is. */
 const scenes = () => {
   const made = [lookAt([0, -1, -9], [0, 0, 0], 420), lookAt([7, -2, 4], [0, 0, 0], 420), lookAt([0.5, 0, -2], [0, 0, 1], 300)];
   const list = [{name: 'long', cameras: made, times: [0.01, 3, 9.5, 14.2, 19.9]}];
   // Each frame is another set of Gaussians: on its time and, as the time of a player is, between.
   list.push({name: 'frames', cameras: made, times: [0, 7 / 30, 14.5 / 30, 29 / 30, 1]});
+  // Of several streams: a standing one and others that follow each other; and streams that have nothing in common.
+  // Standing positions lie in a coarse grid: seen from simple directions, thousands have the same depth.
+  const askew = [lookAt([0.31, -1.17, -9.03], [0, 0, 0], 420), lookAt([7.13, -2.07, 4.21], [0, 0, 0], 420),
+                 lookAt([0.53, 0.11, -2.03], [0, 0, 1], 300)];
+  list.push({name: 'members', playlist: true, cameras: askew, times: [0, 0.999, 2.5, 5, 7.9]});
+  list.push({name: 'joined', playlist: true, cameras: made, times: [0.5, 1.01, 3, 4.9, 9]});
   const trained = join(data, 'basketball/basketball.ply');
   if (existsSync(trained)) {
     const stream = join(work, 'basketball.l4d');
@@ -51,7 +57,8 @@ const scenes = () => {
 let browser, server, page;
 before(async () => {
   browser = await launch({webgpu: true});
-  server = await serve(Object.fromEntries(scenes().map(({name}) => [`${name}.l4d`, join(work, `${name}.l4d`)])));
+  const files = scenes().flatMap(({name, playlist}) => playlist ? [`${name}.l4d`, `${name}.m3u8`] : [`${name}.l4d`]);
+  server = await serve(Object.fromEntries(files.map(name => [name, join(work, name)])));
   page = await blankPage(browser, server.url);
 });
 after(async () => {
@@ -88,7 +95,7 @@ const show = (scene, options) => page.evaluate(async ({url, width, height, optio
   globalThis.view.setCamera({worldToCamera: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0], fx: 1, fy: 1, cx: 0, cy: 0, nearPlane: 0.01});
   await globalThis.view.show(globalThis.movie);
   return globalThis.view.backend;
-}, {url: `${server.url}${scene.name}.l4d`, width, height, options});
+}, {url: `${server.url}${scene.name}.${scene.playlist ? 'm3u8' : 'l4d'}`, width, height, options});
 
 /** @param {number[]} values */
 const summary = values => `${Math.min(...values).toFixed(2)} dB at least, ` +

@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // <l4d-player> in Chromium.
 import assert from 'node:assert/strict';
-import {readFileSync} from 'node:fs';
+import {mkdtempSync, readFileSync, rmSync} from 'node:fs';
+import {tmpdir} from 'node:os';
 import {join} from 'node:path';
 import {after, before, test} from 'node:test';
 import {launch, newPage, opened, serve, work} from './browser.js';
+import {recording} from './recording.js';
 
 const stream = join(work, 'short.l4d');
 let browser;
@@ -93,6 +95,80 @@ test('flat windows: no picture between two frames is empty while it plays', () =
   assert.ok(sums.seen.length >= 12, `${sums.seen.length} pictures`);
   assert.ok(Math.min(...sums.seen) > 1.2 * sums.empty, `${sums.empty}: ${sums.seen.map(v => v.toFixed(1)).join(' ')}`);
 }, {streams: {'frames.l4d': join(work, 'frames.l4d')}}));
+
+test('streams that follow each other: no picture at a border is empty while it plays', () => withPlayer(async page => {
+  await inPlayer(page, player => void player.load('/members.m3u8'));
+  await page.waitForFunction(() => document.querySelector('l4d-player').movie?.info?.duration > 7);
+  await opened(page);
+  const found = await inPlayer(page, async player => {
+    const {view, movie} = player;
+    const spans = [];
+    movie.pause();
+    await movie.seek(0.8);
+    await view.settled();
+    movie.on('span', span => spans.push(span.begin));
+    // Each picture shows the streams that its order has Gaussians of.
+    const {painter} = view;
+    const [draw, setOrder] = [painter.draw.bind(painter), painter.setOrder.bind(painter)];
+    const pictures = [];
+    let lines = new Set();  // of the order, once there is a new one
+    painter.setOrder = (order, count) => {
+      lines = new Set(order.subarray(0, count).map(row => row >> 8));
+      setOrder(order, count);
+    };
+    painter.draw = (camera, streams, ...given) => {
+      draw(camera, streams, ...given);
+      const shown = streams.map(s => s.stream);
+      const ordered = [...painter.store.buckets.values()].filter(b => b.lines.some(line => lines.has(line))).map(b => b.stream);
+      if (lines.size > 0) pictures.push({shown, ordered: [...new Set(ordered)]});
+    };
+    movie.play();
+    for (let k = 0; k < 800 && movie.currentTime < 3.2; ++k) await new Promise(r => setTimeout(r, 25));
+    movie.pause();
+    return {pictures, spans};
+  });
+  assert.deepEqual(found.spans, [1, 2, 3]);
+  assert.ok(found.pictures.length >= 4, `${found.pictures.length} pictures`);
+  for (const {shown, ordered} of found.pictures) {
+    assert.ok(shown.length >= 2 && ordered.length > 0 && ordered.every(stream => shown.includes(stream)), `${ordered} of ${shown}`);
+  }
+}, {streams: {'members.m3u8': join(work, 'members.m3u8'), 'members.l4d': join(work, 'members.l4d')}}));
+
+test('a recording is followed while it grows, and to its end', async () => {
+  const folder = mkdtempSync(join(tmpdir(), 'l4dlive-'));
+  const live = recording(join(work, 'members'), folder);
+  live.publish(4);
+  try {
+    await withPlayer(async page => {
+      await inPlayer(page, player => void player.load('/live.m3u8'));
+      await page.waitForFunction(() => document.querySelector('l4d-player').movie?.live);
+      await opened(page);
+      const end = () => inPlayer(page, player => player.shadowRoot.querySelector('.end').textContent);
+      assert.equal(await end(), 'live');
+      const first = await inPlayer(page, player => [player.movie.timeEnd, player.movie.startTime, player.movie.currentTime]);
+      assert.ok(Math.abs(first[0] - 4) < 1e-3 && first[1] > 1 && first[2] >= first[1], `${first}`);
+      await inPlayer(page, player => {
+        globalThis.states = [];
+        for (const type of ['stall', 'resume', 'ended', 'grown']) player.movie.on(type, () => globalThis.states.push(type));
+        player.movie.loop = false;
+        player.movie.play();
+      });
+      // At the end of now it waits, and goes on.
+      await page.waitForFunction(() => globalThis.states.includes('stall'), undefined, {timeout: 30000});
+      assert.ok(await inPlayer(page, player => player.movie.currentTime <= player.movie.timeEnd && !player.movie.paused));
+      live.publish(6);
+      await page.waitForFunction(() => document.querySelector('l4d-player').movie.currentTime > 4.2, undefined, {timeout: 30000});
+      live.publish(Infinity);
+      await page.waitForFunction(() => globalThis.states.includes('ended'), undefined, {timeout: 60000});
+      assert.equal(await end(), '0:08.0');
+      const states = await page.evaluate(() => globalThis.states);
+      assert.deepEqual(states.filter(s => s === 'grown'), ['grown', 'grown']);
+      assert.ok(states.includes('resume'));
+    }, {streams: {'live.m3u8': live.playlist, 'live.l4d': live.file}});
+  } finally {
+    rmSync(folder, {recursive: true});
+  }
+});
 
 test('the timeline scrubs by mouse, in base colours while it is dragged', () => withPlayer(async page => {
   const box = await page.locator('l4d-player .track input').boundingBox();

@@ -40,6 +40,13 @@ scene indexed 4 6000 all --preset indexed
 scene lossless 4 6000 all --preset lossless
 scene frames 1 3000 frames
 scene tiers 8 20000 all --tiers 0.15,0.5
+# Of several streams, with playlists: as it is recorded, and as other files are joined.
+if [[ ! $work/joined.m3u8 -nt $tool ]]; then
+  "$tool" synth --seconds 8 --fps 30 --gaussians 12000 --seed 6 -q -f -o "$work/members.ply"
+  "$tool" encode "$work/members.ply" --live --segment 1 --playlist "$work/members.m3u8" -q -f -o "$work/members.l4d"
+  "$tool" concat "$work/frames.l4d" "$work/short.l4d" "$work/tiers.l4d" -q -f -o "$work/joined.l4d"
+  "$tool" manifest "$work/joined.l4d" -q -f -o "$work/joined.m3u8"
+fi
 export L4D_TOOL=$tool L4D_WASM=$root/build/wasm/bin/l4d.wasm
 export L4D_STREAMS=$work/long.l4d:$work/short.l4d:$work/indexed.l4d:$work/lossless.l4d:$work/frames.l4d
 L4D_STREAMS+=:$work/tiers.l4d

@@ -162,8 +162,9 @@ l4d_status decode(Session& s, const l4d_query& query, std::vector<l4d_bucket_spa
 
 extern "C" {
 
+// accept_needs: opens streams that need others to show the scene.
 Session* L4DW_EXPORT(l4dw_create)(int32_t stream, double max_memory_bytes, double cache_bytes,
-                                  uint32_t tolerant) {
+                                  uint32_t tolerant, uint32_t accept_needs) {
   Session* s = new (std::nothrow) Session;
   if (s == nullptr) return nullptr;
   s->stream = stream;
@@ -171,6 +172,7 @@ Session* L4DW_EXPORT(l4dw_create)(int32_t stream, double max_memory_bytes, doubl
   l4d_decoder_options_init(&options);
   options.threads = 1;
   options.tolerant = tolerant;
+  options.accept_needs = accept_needs;
   options.max_memory_bytes = static_cast<uint64_t>(max_memory_bytes);
   options.cache_bytes = static_cast<uint64_t>(cache_bytes);
   if (l4d_decoder_create(&options, &s->decoder) != L4D_OK) {

@@ -24,7 +24,7 @@ export class Clock {
   play() {
     if (!this.paused) return;
     this.paused = false;
-    if (this.time >= this.movie.timeEnd && this.rate > 0) void this.movie.seek(this.movie.timeBegin).catch(() => {});
+    if (this.time >= this.movie.timeEnd && this.rate > 0 && !this.movie.live) void this.movie.seek(this.movie.timeBegin).catch(() => {});
     if (this.time <= this.movie.timeBegin && this.rate < 0) void this.movie.seek(this.movie.timeEnd).catch(() => {});
     this.last = performance.now();
     this.movie.emit('play');
@@ -75,6 +75,7 @@ export class Clock {
     }
     if (this.paused) return;
     const to = this.time + elapsed * this.rate;
+    if (to >= timeEnd && this.movie.live) return this.#stall(true);
     if (to >= timeEnd || to < timeBegin) {
       if (this.loop) {
         void this.movie.seek(to >= timeEnd ? timeBegin : timeEnd - 1e-3).catch(() => {});
@@ -88,12 +89,17 @@ export class Clock {
     }
     const {from, until} = this.movie.ready;
     const stalled = this.rate > 0 && (to > until + 1e-6 || to < from - 1e-6);
+    this.#stall(stalled);
+    if (!stalled) this.#move(to);
+  }
+
+  /** @param {boolean} stalled */
+  #stall(stalled) {
     if (stalled !== this.stalled) {
       this.stalled = stalled;
       this.movie.emit(stalled ? 'stall' : 'resume');
     }
-    if (!stalled) this.#move(to);
-    else this.#ask();
+    if (stalled) this.#ask();
   }
 
   /** @param {number} time */

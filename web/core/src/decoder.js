@@ -45,6 +45,27 @@ export const compile = async source => {
   return WebAssembly.compile(it);
 };
 
+/** Decoders of one instance share its memory, and are called one at a time. @param {WebAssembly.Module} module */
+export const instantiate = async module => {
+  /** @type {WebAssembly.Instance} */
+  let instance;
+  const memory = () => /** @type {WebAssembly.Memory} */ (instance.exports.memory);
+  instance = await WebAssembly.instantiate(module, {
+    l4d: {
+      read_at: (/** @type {number} */ id, /** @type {number} */ to, /** @type {number} */ n,
+                /** @type {number} */ offset) =>
+        stores.get(id)?.read(offset, new Uint8Array(memory().buffer, to >>> 0, n >>> 0)) ?? -1
+    },
+    env: {emscripten_notify_memory_growth() {}},
+    wasi_snapshot_preview1: {
+      proc_exit(/** @type {number} */ code) { throw new L4DError('INTERNAL', `the decoder ended (${code})`); },
+      fd_close: () => 0
+    }
+  });
+  /** @type {any} */ (instance.exports)._initialize?.();
+  return instance;
+};
+
 export class Decoder {
   /** @param {WebAssembly.Instance} instance @param {import('./store.js').ByteStore} store @param {number} stream */
   constructor(instance, store, stream) {
@@ -55,32 +76,18 @@ export class Decoder {
   }
 
   /**
-   * @param {WebAssembly.Module} module @param {import('./store.js').ByteStore} store
-   * @param {{maxMemoryBytes?: number, cacheBytes?: number, tolerant?: boolean}} [options]
+   * @param {WebAssembly.Module | WebAssembly.Instance} code @param {import('./store.js').ByteStore} store
+   * @param {{maxMemoryBytes?: number, cacheBytes?: number, tolerant?: boolean, acceptNeeds?: boolean}} [options]
+   * acceptNeeds: the stream may be one that shows the scene only together with others
    */
-  static async create(module, store, options = {}) {
+  static async create(code, store, options = {}) {
+    const instance = code instanceof WebAssembly.Module ? await instantiate(code) : code;
     const stream = nextStream++;
     stores.set(stream, store);
-    /** @type {WebAssembly.Instance} */
-    let instance;
-    const memory = () => /** @type {WebAssembly.Memory} */ (instance.exports.memory);
-    instance = await WebAssembly.instantiate(module, {
-      l4d: {
-        read_at: (/** @type {number} */ id, /** @type {number} */ to, /** @type {number} */ n,
-                  /** @type {number} */ offset) =>
-          stores.get(id)?.read(offset, new Uint8Array(memory().buffer, to >>> 0, n >>> 0)) ?? -1
-      },
-      env: {emscripten_notify_memory_growth() {}},
-      wasi_snapshot_preview1: {
-        proc_exit(/** @type {number} */ code) { throw new L4DError('INTERNAL', `the decoder ended (${code})`); },
-        fd_close: () => 0
-      }
-    });
     const decoder = new Decoder(instance, store, stream);
-    decoder.wasm._initialize?.();
     decoder.handle = decoder.wasm.l4dw_create(stream, options.maxMemoryBytes ?? 1.5 * 2 ** 30,
                                               options.cacheBytes ?? 64 * 2 ** 20,
-                                              options.tolerant === false ? 0 : 1);
+                                              options.tolerant === false ? 0 : 1, options.acceptNeeds ? 1 : 0);
     if (!decoder.handle) throw new L4DError('OUT_OF_MEMORY', 'no memory for a decoder');
     return decoder;
   }

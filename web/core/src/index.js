@@ -6,3 +6,4 @@ export {frameOfTime} from './timeline.js';
 /** @typedef {import('./movie.js').BucketRows} BucketRows */
 /** @typedef {import('./movie.js').OpenOptions} OpenOptions */
 /** @typedef {import('./movie.js').Slice} Slice */
+/** @typedef {import('./timeline.js').StreamTime} StreamTime */

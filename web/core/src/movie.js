@@ -2,6 +2,8 @@
 import {Clock} from './clock.js';
 import {Emitter} from './emitter.js';
 import {abortError, L4DError} from './errors.js';
+import {Spans} from './spans.js';
+import {frameOfTime} from './timeline.js';
 
 /**
  * @typedef {object} Slice the 3D Gaussians of an instant
@@ -14,6 +16,7 @@ import {abortError, L4DError} from './errors.js';
 /**
  * @typedef {object} BucketRows Gaussians of a span of time, as added to a view or an adapter
  * @property {string} key a later one of the same key replaces this one
+ * @property {number} stream that they are of: see Movie.streamsAt()
  * @property {import('./decoder.js').Bucket} bucket
  * @property {number} detail 0: full, 1: base colours
  * @property {number} count @property {number} shStride @property {number} center
@@ -27,6 +30,7 @@ import {abortError, L4DError} from './errors.js';
  * @property {boolean} [tolerant] show what is left of a damaged stream (true); event 'loss' tells
  * @property {Record<string, string>} [headers] of requests
  * @property {RequestCredentials} [credentials] of requests
+ * @property {boolean} [playlist] of several streams (whether the path of the URL ends with .m3u8)
  * @property {string | URL} [wasmUrl] where l4d.wasm lies (beside this module)
  * @property {() => Worker} [worker] makes the worker, for pages that bundle it themselves
  */
@@ -50,7 +54,8 @@ export const open = async (from, options = {}) => {
 
 /**
  * An open stream with a clock. Events: 'time' (seconds), 'play', 'pause', 'ended', 'stall', 'resume',
- * 'ready', 'progress', 'loss', 'error', 'rows', 'removed', 'retry'.
+ * 'ready', 'progress', 'loss', 'error', 'rows', 'removed', 'retry'. Of a presentation of several streams also 'span' (the
+ * media member that is shown from now on), 'grown' (it has become longer, or has ended) and 'info' (`info` has changed).
  */
 export class Movie extends Emitter {
   /** @param {OpenOptions} options */
@@ -77,6 +82,14 @@ export class Movie extends Emitter {
     /** Room that a view needs: Gaussians, each bucket rounded up to 256. */
     this.maxRows = options.maxRows ?? 2 ** 21;
     this.disposed = false;
+    /** Of a presentation of several streams. @type {Spans | null} */
+    this.spans = null;
+    /** @type {Map<number, import('./timeline.js').Timeline>} of its streams that are open */
+    this.timelines = new Map();
+    /** @type {import('./playlist.js').Member | null} */
+    this.shownMember = null;
+    this.isLive = false;
+    this.behind = 0;
     this.worker.onmessage = event => this.#receive(event.data);
     this.worker.onerror = event => this.#fail(new L4DError('INTERNAL', event.message ?? 'the worker failed'));
   }
@@ -92,16 +105,32 @@ export class Movie extends Emitter {
     else source.url = new URL(from, globalThis.location?.href).href;
     const {cacheBytes, maxRows, tolerant} = this.options;
     const wasmUrl = new URL(this.options.wasmUrl ?? new URL('./l4d.wasm', import.meta.url)).href;
-    this.info = await this.#call('open', {source, wasmUrl, options: {cacheBytes, maxRows, tolerant}},
-                                 this.options.signal, transfer);
-    this.maxRows = this.info.maxRows;
+    const isPlaylist = source.url !== undefined &&
+      (this.options.playlist ?? /\.m3u8$/i.test(new URL(source.url).pathname));
+    const {playlist, ...info} = await this.#call('open', {source, isPlaylist, wasmUrl, options: {cacheBytes, maxRows, tolerant}},
+                                                 this.options.signal, transfer);
+    this.info = info;
+    this.maxRows = info.maxRows;
+    if (playlist) {
+      this.behind = this.timeEnd - playlist.startTime;
+      this.spans = new Spans(playlist.members);
+      this.isLive = playlist.live;
+      this.on('time', time => this.#showSpan(time));
+    }
     this.clock = new Clock(this);
+    this.clock.time = this.startTime;
     this.#want(this.clock.time, true);
   }
 
   get duration() { return this.info.duration; }
   get timeBegin() { return this.info.timeBegin; }
   get timeEnd() { return this.info.timeBegin + this.info.duration; }
+  /** Where playing begins: of a file that grows, so near to its end that it plays without waiting. */
+  get startTime() { return this.live ? Math.max(this.timeBegin, this.timeEnd - this.behind) : this.timeBegin; }
+  /** Whether it is still being made: `timeEnd` grows. */
+  get live() { return this.isLive; }
+  /** Whether streams come and go, so that a picture wants the order of its own instant. */
+  get isPresentation() { return this.spans !== null; }
   get currentTime() { return this.clock?.time ?? 0; }
   set currentTime(time) { void this.seek(time).catch(() => {}); }
   get paused() { return this.clock?.paused ?? true; }
@@ -119,6 +148,25 @@ export class Movie extends Emitter {
   /** The last tier that is fetched and shown: the first, 0, is a coarse picture. `info.lastTier` is the last that there is. */
   get maxTier() { return this.tierLimit; }
   set maxTier(tier) { this.tierLimit = tier; this.#want(this.currentTime, true); this.emit('tier', tier); }
+  /**
+   * The streams that are shown at a time: rows of others are not. `time` is in seconds of the stream, `frame` is the one that
+   * it belongs to. A file of one stream has the one of number 0.
+   * @param {number} time @returns {import('./timeline.js').StreamTime[]}
+   */
+  streamsAt(time) {
+    if (!this.spans) return [{stream: 0, time, frame: frameOfTime(this.info, time)}];
+    const shown = this.spans.shownAt(time);
+    const streams = [];
+    for (const {number, shift} of shown.members) {
+      const timeline = this.timelines.get(number);
+      if (!timeline) continue;
+      const {timeBegin, duration} = timeline;
+      const own = Math.min(Math.max(shown.time - shift, timeBegin), timeBegin + duration);
+      streams.push({stream: number, time: own, frame: frameOfTime(timeline, own)});
+    }
+    return streams;
+  }
+
   /** Seconds that can be shown from here without another byte. */
   get secondsAhead() {
     const {from, until} = this.ready;
@@ -254,9 +302,41 @@ export class Movie extends Emitter {
       this.emit('progress', rest);
     } else if (type === 'removed') {
       this.emit('removed', data.key);
+    } else if (type === 'stream') {
+      this.timelines.set(data.number, data.timeline);
+    } else if (type === 'closed') {
+      this.timelines.delete(data.number);
+    } else if (type === 'grown') {
+      this.#grow(data);
+    } else if (type === 'info') {
+      const {timeBegin, duration, numFrames} = this.info;
+      this.info = {...data.info, timeBegin, duration, numFrames};
+      this.maxRows = this.info.maxRows;
+      this.emit('info', this.info);
     } else {
       this.emit(type, type === 'loss' ? data.losses : rest);
     }
+  }
+
+  /** @param {{members: import('./playlist.js').Member[], live: boolean}} message */
+  #grow({members, live}) {
+    const spans = /** @type {Spans} */ (this.spans);
+    const last = spans.media.at(-1);
+    const next = members.find(m => m.isMedia);
+    if (last && next && Math.abs(next.begin - last.end) < 1e-5) last.end = next.begin;
+    spans.add(members);
+    this.isLive = live;
+    const duration = spans.end - spans.begin;
+    this.info = {...this.info, duration, numFrames: Math.round(duration * this.info.frameRate)};
+    this.emit('grown', {duration, live});
+  }
+
+  /** @param {number} time */
+  #showSpan(time) {
+    const {media} = /** @type {Spans} */ (this.spans).shownAt(time);
+    if (media === this.shownMember) return;
+    this.shownMember = media;
+    this.emit('span', {number: media.number, begin: media.begin, end: media.end});
   }
 
   /** @param {any} ready */

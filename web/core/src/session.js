@@ -12,6 +12,7 @@ import {ByteStore} from './store.js';
  * @property {'auto' | 'base' | 'full'} detail @property {number} [maxLevel] @property {number} [maxTier]
  * @property {boolean} [playing] what comes next is wanted before all of this instant
  * @property {number} [rate] of playback
+ * @property {number} [most] the highest rung that may be fetched, where others are to come first
  * @property {number} [id] of the seek that it answers
  */
 /**
@@ -26,16 +27,19 @@ const leastBuffered = 3;  // seconds of the rung that is shown; with less, nothi
 const mostIndexBytes = 512 * 1024;  // of a directory, to be fetched before it is wanted
 
 /** Views hold lines of 256. @param {number} rows */
-const roundedRows = rows => Math.ceil(rows / 256) * 256;
+export const roundedRows = rows => Math.ceil(rows / 256) * 256;
 
 /** @param {{layer: number, bucket: number}} b */
 const keyOf = b => `${b.layer}/${b.bucket}`;
 
 export class Session {
   /**
-   * @param {WebAssembly.Module | Promise<WebAssembly.Module>} module @param {any} source
+   * @param {WebAssembly.Module | Promise<WebAssembly.Module> | WebAssembly.Instance} module @param {any} source
    * @param {(message: any, transfer?: Transferable[]) => void} post
-   * @param {{cacheBytes?: number, maxRows?: number, tolerant?: boolean, maxMemoryBytes?: number}} [options]
+   * @param {{cacheBytes?: number, maxRows?: number, tolerant?: boolean, maxMemoryBytes?: number, acceptNeeds?: boolean,
+   *   room?: (rows: number) => void, onIdle?: () => void,
+   *   onTransfer?: (sent: number, first: number, last: number, bytes: number) => void}} [options]
+   * room: is told before so many rows come; onIdle: nothing is left to fetch; onTransfer: measures the link instead
    */
   constructor(module, source, post, options = {}) {
     this.module = module;
@@ -43,7 +47,7 @@ export class Session {
     this.options = options;
     this.store = new ByteStore(options.cacheBytes);
     this.fetcher = new Fetcher(source, this.store, () => this.#progress(),
-                               (sent, first, last, bytes) => this.decoder?.addTransfer(sent, first, last, bytes));
+                               options.onTransfer ?? ((...transfer) => this.decoder?.addTransfer(...transfer)));
     this.throughput = 0;  // bits a second, of late
     this.holding = 0;     // the rung that is being fetched
     this.hasIndex = false;
@@ -113,6 +117,27 @@ export class Session {
     this.control = new AbortController();
   }
 
+  /** Fetches and decodes no more, until something is wanted again. */
+  rest() {
+    if (!this.goal) return;
+    this.goal = this.lastReady = null;
+    this.#cancel();
+  }
+
+  /** Rests, and takes its rows back. */
+  drop() {
+    this.rest();
+    for (const key of this.held.keys()) this.post({type: 'removed', key});
+    this.held.clear();
+  }
+
+  /** Rows that a view holds of it. */
+  get heldRows() {
+    let rows = 0;
+    for (const held of this.held.values()) rows += roundedRows(held.rows);
+    return rows;
+  }
+
   /** Sends everything again: to a view that is new. */
   refresh() {
     if (this.held.size === 0 || !this.goal) return;
@@ -137,8 +162,8 @@ export class Session {
     try {
       /** @type {Goal | null} */
       let done = null;
-      while (this.goal !== done && !this.disposed) {
-        const goal = /** @type {Goal} */ (this.goal);
+      while (this.goal && this.goal !== done && !this.disposed) {
+        const {goal} = this;
         try {
           await this.#reach(goal, this.control.signal);
           done = goal;
@@ -152,6 +177,7 @@ export class Session {
     } finally {
       this.pumping = false;
     }
+    if (!this.disposed) this.options.onIdle?.();
   }
 
   /** The ladder of a goal, lowest rung first. @param {Goal} goal @returns {Rung[]} */
@@ -188,7 +214,7 @@ export class Session {
   async #reach(goal, signal) {
     const [begin, last] = this.#span(goal);
     const rungs = this.#rungs(goal);
-    const top = rungs.length - 1;
+    const top = Math.min(rungs.length - 1, goal.most ?? Infinity);
     // The instant, coarse first: that shows it with the fewest bytes.
     for (this.holding = 0; this.holding <= top && !(this.holding > 0 && goal.playing); ++this.holding) {
       await this.#hold(begin, begin, goal, rungs[this.holding], signal);
@@ -216,10 +242,10 @@ export class Session {
    * @param {Goal} goal @param {Rung[]} rungs @returns {{rung: number, until: number} | null} null: nothing lacks
    */
   #next(goal, rungs) {
-    const top = rungs.length - 1;
+    const top = Math.min(rungs.length - 1, goal.most ?? Infinity);
     const choice = this.#choose(goal, rungs);
     const [begin, last] = this.#span(goal);
-    for (let rung = goal.playing ? choice?.rung ?? 0 : top; rung <= top; ++rung) {
+    for (let rung = goal.playing ? Math.min(choice?.rung ?? 0, top) : top; rung <= top; ++rung) {
       for (let until = begin; until < last;) {
         // It plays as soon as the first of them is here.
         until = Math.min(until + (until === begin ? windowSeconds / 2 : windowSeconds), last);
@@ -338,7 +364,7 @@ export class Session {
       this.decodeSeconds += (performance.now() - began) / 1000;
       const key = keyOf(bucket);
       this.held.set(key, {key, bucket, detail, rows: rows.count});
-      this.post({type: 'rows', key, bucket, detail, ...rows}, [rows.geometry.buffer, rows.sh.buffer]);
+      this.post({type: 'rows', key, stream: 0, bucket, detail, ...rows}, [rows.geometry.buffer, rows.sh.buffer]);
       if (signal.aborted) throw abortError();
     }
     await fetching;
@@ -354,8 +380,8 @@ export class Session {
 
   /** Makes room for `more` rows. @param {Set<string>} keep @param {number} more */
   #evict(keep, more) {
-    let rows = more;
-    for (const held of this.held.values()) rows += roundedRows(held.rows);
+    this.options.room?.(more);
+    let rows = more + this.heldRows;
     for (const held of [...this.held.values()]) {
       if (rows <= this.maxRows) break;
       if (keep.has(held.key)) continue;
@@ -394,7 +420,7 @@ export class Session {
     const spans = [];
     for (let k = 0; k < cells; ++k) {
       const [begin, end] = [k, k + 1].map(i => this.info.timeBegin + this.info.duration * i / cells);
-      if (!this.#isBuffered((begin + end) / 2)) continue;
+      if (!this.isBuffered((begin + end) / 2)) continue;
       const last = spans.at(-1);
       if (last && begin - last[1] < 1e-9) last[1] = end;
       else spans.push([begin, end]);
@@ -402,8 +428,9 @@ export class Session {
     return spans;
   }
 
-  /** @param {number} time */
-  #isBuffered(time) {
+  /** Whether the lowest rung of an instant is here. @param {number} time */
+  isBuffered(time) {
+    if (!this.isOpen) return false;
     const reads = this.decoder.windowReads(time, time, {maxTier: 0, detail: details.base}, steps.all);
     return reads !== undefined && reads.every(([offset, size]) => this.store.has(offset, size));
   }

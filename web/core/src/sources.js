@@ -39,16 +39,20 @@ const wait = (ms, signal) => new Promise((resolve, reject) => {
   signal.addEventListener('abort', () => { clearTimeout(timer); reject(abortError()); }, {once: true});
 });
 
-/** A file behind HTTP: ranges where the server knows them, else read from its beginning. */
+/**
+ * A file behind HTTP: ranges where the server knows them, else read from its beginning. Or a part of one, which may
+ * grow behind it: then the server must know ranges, and its ETag says nothing of the part.
+ */
 export class HttpSource {
   /**
    * @param {string} url
    * @param {{headers?: Record<string, string>, credentials?: RequestCredentials, fetch?: typeof fetch,
-   *   onRetry?: (message: string) => void}} [options]
+   *   onRetry?: (message: string) => void, part?: {offset: number, bytes: number}}} [options]
    */
   constructor(url, options = {}) {
     this.url = url;
     this.options = options;
+    this.part = options.part ?? null;
     this.fetch = options.fetch ?? globalThis.fetch.bind(globalThis);
     this.etag = '';
     this.size = 0;
@@ -73,7 +77,7 @@ export class HttpSource {
     const abort = () => this.control.abort();
     signal.addEventListener('abort', abort, {once: true});
     try {
-      return await this.#open();
+      return await (this.part ? this.#insist(() => this.#openPart(), signal) : this.#open());
     } finally {
       signal.removeEventListener('abort', abort);
     }
@@ -109,6 +113,17 @@ export class HttpSource {
     return this.size;
   }
 
+  async #openPart() {
+    const {bytes} = /** @type {{bytes: number}} */ (this.part);
+    const wanted = Math.min(firstBytes, bytes);
+    const response = await this.#request(0, wanted, this.control.signal);
+    const early = new Uint8Array(await response.arrayBuffer());
+    if (early.length < wanted) throw new L4DError('TRUNCATED', `${this.url}: the file ends before the part`);
+    this.size = bytes;
+    this.early = [{offset: 0, bytes: early}];
+    return bytes;
+  }
+
   /** Hands out what open() has read; of a whole file, the rest as it comes. @param {OnBytes} onBytes */
   begin(onBytes) {
     for (const {offset, bytes} of this.early) onBytes(offset, bytes);
@@ -122,9 +137,14 @@ export class HttpSource {
    */
   async read(offset, size, signal, onBytes, onStart = () => {}) {
     if (this.isWhole) return this.#awaitWhole(offset + size, signal);
+    return this.#insist(() => this.#readRange(offset, size, signal, onBytes, onStart), signal);
+  }
+
+  /** Tries again where the network fails. @template T @param {() => Promise<T>} fn @param {AbortSignal} signal */
+  async #insist(fn, signal) {
     for (let attempt = 0; ; ++attempt) {
       try {
-        return await this.#readRange(offset, size, signal, onBytes, onStart);
+        return await fn();
       } catch (error) {
         const failure = /** @type {any} */ (error);
         if (failure?.name === 'AbortError') throw error;
@@ -142,8 +162,9 @@ export class HttpSource {
   /** @param {number} offset @param {number} size @param {AbortSignal} signal */
   async #request(offset, size, signal) {
     ++this.requests;
+    const begin = offset + (this.part?.offset ?? 0);
     /** @type {Record<string, string>} */
-    const headers = {...this.options.headers, Range: `bytes=${offset}-${offset + size - 1}`};
+    const headers = {...this.options.headers, Range: `bytes=${begin}-${begin + size - 1}`};
     // Weak ones do not vouch for bytes.
     if (this.etag && !this.etag.startsWith('W/')) headers['If-Range'] = this.etag;
     let response;
@@ -156,11 +177,15 @@ export class HttpSource {
     }
     if (response.status === 416) {
       throw new L4DError(this.etag ? 'CHANGED' : 'TRUNCATED', this.etag ?
-        `${this.url}: the file has become shorter` : `${this.url}: the file is empty`);
+        `${this.url}: the file has become shorter` : `${this.url}: the file ends before byte ${begin}`);
     }
     if (response.status >= 500) throw new L4DError('NETWORK', `${this.url}: status ${response.status}`);
     if (response.status !== 206 && response.status !== 200) {
       throw new L4DError('HTTP', `${this.url}: status ${response.status}`);
+    }
+    if (this.part && response.status === 200) {
+      void response.body?.cancel();
+      throw new L4DError('HTTP', `${this.url}: the server does not know ranges of bytes, which playlists need`);
     }
     return response;
   }

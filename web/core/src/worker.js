@@ -2,12 +2,13 @@
 // The worker of a movie: a session, driven by messages (movie.js).
 import {L4DError} from './errors.js';
 import {compile} from './decoder.js';
+import {Presentation} from './presentation.js';
 import {Session} from './session.js';
 import {BlobSource, BufferSource, HttpSource} from './sources.js';
 
 /** @type {any} */
 const scope = globalThis;
-/** @type {Session | null} */
+/** @type {Session | Presentation | null} */
 let session = null;
 /** @type {Map<number, AbortController>} */
 const running = new Map();
@@ -15,11 +16,13 @@ const running = new Map();
 /** @param {any} message @param {Transferable[]} [transfer] */
 const post = (message, transfer) => scope.postMessage(message, transfer ?? []);
 
+const onRetry = (/** @type {string} */ message) => post({type: 'retry', message});
+
 /** @param {any} from */
 const sourceOf = ({url, blob, buffer, headers, credentials}) => {
   if (buffer) return new BufferSource(buffer);
   if (blob) return new BlobSource(blob);
-  return new HttpSource(url, {headers, credentials, onRetry: message => post({type: 'retry', message})});
+  return new HttpSource(url, {headers, credentials, onRetry});
 };
 
 /** @type {Record<string, (message: any, signal: AbortSignal) => Promise<[any, Transferable[]?]>>} */
@@ -27,11 +30,14 @@ const answers = {
   async open(message, signal) {
     // While it compiles, the first bytes come.
     const wasm = compile(message.wasm ?? fetch(message.wasmUrl, {signal}));
-    session = new Session(wasm, sourceOf(message.source), post, message.options);
+    const {source, options} = message;
+    const {url, headers, credentials} = source;
+    session = message.isPlaylist ? new Presentation(wasm, url, post, {...options, headers, credentials, onRetry}) :
+      new Session(wasm, sourceOf(source), post, options);
     return [await session.open(signal)];
   },
   async slice({time, options}, signal) {
-    const slice = await /** @type {Session} */ (session).slice(time, options, signal);
+    const slice = await /** @type {Session | Presentation} */ (session).slice(time, options, signal);
     const arrays = [slice.position, slice.covariance, slice.opacity];
     if (slice.sh) arrays.push(slice.sh);
     return [slice, arrays.map(a => a.buffer)];

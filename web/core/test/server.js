@@ -47,3 +47,32 @@ export const serve = async (bytes, {ranges = true, etag = () => '"1"', fail, rat
     close: () => { server.closeAllConnections(); server.close(); }
   };
 };
+
+/**
+ * A server of files by name, which tests change. Knows ranges, and no conditions, as its files grow.
+ * @param {Map<string, Uint8Array>} files
+ */
+export const serveFiles = async files => {
+  const faults = {status: 0, ranges: true};
+  /** @type {{name: string, begin: number, bytes: number, headers: import('node:http').IncomingHttpHeaders}[]} */
+  const requests = [];
+  const server = createServer((request, response) => {
+    const name = decodeURIComponent((request.url ?? '/').slice(1));
+    const bytes = files.get(name);
+    if (faults.status || !bytes) return response.writeHead(faults.status || 404).end();
+    const match = faults.ranges ? /^bytes=(\d+)-(\d+)$/.exec(request.headers.range ?? '') : null;
+    const begin = match ? Number(match[1]) : 0;
+    const end = Math.min(match ? Number(match[2]) + 1 : bytes.length, bytes.length);
+    requests.push({name, begin, bytes: end - begin, headers: request.headers});
+    if (begin >= bytes.length) return response.writeHead(416).end();
+    response.writeHead(match ? 206 : 200, {
+      'Content-Length': end - begin, ETag: `"${bytes.length}"`,
+      ...match && {'Content-Range': `bytes ${begin}-${end - 1}/${bytes.length}`}
+    }).end(bytes.subarray(begin, end));
+  });
+  const listen = (/** @type {number} */ port) => new Promise(resolve => server.listen(port, '127.0.0.1', () => resolve(undefined)));
+  await listen(0);
+  const {port} = /** @type {import('node:net').AddressInfo} */ (server.address());
+  const close = () => { server.closeAllConnections(); server.close(); };
+  return {url: `http://127.0.0.1:${port}/`, requests, faults, close, again: () => listen(port)};
+};

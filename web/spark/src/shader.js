@@ -38,6 +38,7 @@ CovSplat l4dSlice(int row, sampler2D rows, sampler2D harmonics, sampler2D times,
   splat.rgba = vec4(0.0);
   ivec2 at = ivec2(row % ${rowsPerLine}, row / ${rowsPerLine});
   vec4 instant = texelFetch(times, ivec2(0, at.y), 0);
+  if (instant.y < 0.0) return splat;  // of a stream that is not shown
   float time = instant.x;
   vec4 a = texelFetch(rows, ivec2(4 * at.x, at.y), 0);
   vec4 b = texelFetch(rows, ivec2(4 * at.x + 1, at.y), 0);

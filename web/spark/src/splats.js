@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 import {dyno, SplatGenerator} from '@sparkjsdev/spark';
-import {frameOfTime} from 'l4dcodec';
 import * as THREE from 'three';
 import {sliceFunctions} from './shader.js';
 import {RowTextures, rowsPerLine} from './textures.js';
@@ -17,7 +16,7 @@ export class L4DSplats extends SplatGenerator {
   /** @param {import('l4dcodec').Movie} movie stays the caller's, who disposes of it */
   constructor(movie) {
     const degree = movie.info.shDegree;
-    const textures = new RowTextures(movie.maxRows, Math.ceil(3 * (degree + 1) ** 2 / 4));
+    const textures = texturesOf(movie);
     const uniforms = {
       rows: new dyno.DynoSampler2D({value: textures.rows}), harmonics: new dyno.DynoSampler2D({value: textures.harmonics}),
       times: new dyno.DynoSampler2D({value: textures.times}), basis: new dyno.DynoMat3({value: new THREE.Matrix3()}),
@@ -36,7 +35,8 @@ export class L4DSplats extends SplatGenerator {
     this.refused = new Set();
     this.ends = [
       movie.on('rows', (/** @type {any} */ rows) => this.#add(rows)),
-      movie.on('removed', (/** @type {string} */ key) => { textures.remove(key); this.refused.delete(key); this.rowsChanged = true; })
+      movie.on('info', () => this.#widen()),
+      movie.on('removed', (/** @type {string} */ key) => { this.textures.remove(key); this.refused.delete(key); this.rowsChanged = true; })
     ];
     movie.refresh();
   }
@@ -55,13 +55,33 @@ export class L4DSplats extends SplatGenerator {
   #add(rows) {
     if (this.textures.add(rows)) this.refused.delete(rows.key);
     else this.refused.add(rows.key);
+    this.#useTextures();
+  }
+
+  /** They are others after they have grown. */
+  #useTextures() {
     const {textures, uniforms} = this;
-    // They are others after they have grown.
     uniforms.rows.value = textures.rows;
     uniforms.harmonics.value = textures.harmonics;
     uniforms.times.value = textures.times;
     this.numSplats = textures.lines * rowsPerLine;
     this.rowsChanged = true;
+  }
+
+  /** Another stream of the movie may have more rows, or colours of a higher degree. */
+  #widen() {
+    const {movie, uniforms} = this;
+    const wanted = texturesOf(movie);
+    if (wanted.shTexels === this.textures.shTexels) {
+      this.textures.maxLines = wanted.maxLines;
+      return wanted.dispose();
+    }
+    this.textures.dispose();
+    this.textures = wanted;
+    this.refused.clear();
+    this.covGenerator = covGenerator(movie.info.shDegree, wanted.shTexels, uniforms);
+    this.#useTextures();
+    movie.refresh();
   }
 
   /** Called by Spark before each picture. @param {{viewToWorld: any}} context */
@@ -77,10 +97,13 @@ export class L4DSplats extends SplatGenerator {
     this.drawnFrom.set(from);
     this.rowsChanged = false;
     this.shownTime = time;
-    this.textures.setTime(time, frameOfTime(movie.info, time));
+    this.textures.setTime(movie.streamsAt(time));
     this.updateVersion();
   }
 }
+
+/** @param {import('l4dcodec').Movie} movie */
+const texturesOf = ({info, maxRows}) => new RowTextures(maxRows, Math.ceil(3 * (info.shDegree + 1) ** 2 / 4));
 
 /** The block of Spark's shader graph that slices. @param {number} degree @param {number} texels @param {Record<string, any>} uniforms */
 const covGenerator = (degree, texels, uniforms) => new dyno.Dyno({

@@ -9,7 +9,7 @@ export class RowTextures {
   constructor(maxRows, shTexels) {
     this.shTexels = shTexels;
     this.maxLines = Math.min(Math.ceil(maxRows / rowsPerLine), 8192);
-    /** @type {Map<string, {lines: number[], center: number}>} */
+    /** @type {Map<string, {lines: number[], center: number, stream: number}>} */
     this.buckets = new Map();
     /** @type {number[]} the lowest last */
     this.free = [];
@@ -38,17 +38,22 @@ export class RowTextures {
       this.#copy(this.rows, line, rows.geometry, 16 * rowsPerLine * k, 16);
       this.#copy(this.harmonics, line, rows.sh, rows.shStride * rowsPerLine * k, rows.shStride);
     }
-    this.buckets.set(rows.key, {lines, center: rows.center});
+    this.buckets.set(rows.key, {lines, center: rows.center, stream: rows.stream});
     return true;
   }
 
-  /** Lets no instant and no frame pass. @param {number} line */
-  #close(line) { this.instants.set([NaN, -1], 4 * line); }
+  /** Nothing is seen in frame -1. @param {number} line */
+  #close(line) { this.instants.set([0, -1], 4 * line); }
 
-  /** The instant, of each line in the clock of its bucket. @param {number} time @param {number} frame that it belongs to */
-  setTime(time, frame) {
-    for (const {lines, center} of this.buckets.values()) {
-      for (const line of lines) this.instants.set([time - center, frame], 4 * line);
+  /** The instant of each stream that is shown; rows of others are not seen. @param {import('l4dcodec').StreamTime[]} streams */
+  setTime(streams) {
+    const shown = new Map(streams.map(s => [s.stream, s]));
+    for (const {lines, center, stream} of this.buckets.values()) {
+      const at = shown.get(stream);
+      for (const line of lines) {
+        if (at) this.instants.set([at.time - center, at.frame], 4 * line);
+        else this.#close(line);
+      }
     }
     this.times.needsUpdate = true;
   }

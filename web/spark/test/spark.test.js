@@ -58,6 +58,19 @@ test('flat windows are seen in their frames', async () => {
   }
 });
 
+test('streams that follow each other, whose colours have other degrees', async () => {
+  const joined = join(work, 'joined.l4d');
+  const other = await serve({'joined.m3u8': join(work, 'joined.m3u8'), 'joined.l4d': joined}, {}, 'build/web/spark');
+  const second = await openExample(browser, `${other.url}?src=joined.m3u8`);
+  try {
+    const found = await fidelities(second, joined, [[0.5, 0], [1.01, 0], [3, 1], [0.2, 2]]);
+    assert.ok(Math.min(...found) >= leastDb, found.join(' '));
+  } finally {
+    await second.close();
+    other.close();
+  }
+});
+
 test('the picture moves: from seek to seek, and while it plays', async () => {
   const {changed, again, played, shown} = await page.evaluate(async camera => {
     const {tools, example} = /** @type {any} */ (globalThis);

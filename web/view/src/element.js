@@ -109,11 +109,15 @@ export class L4DPlayer extends Base {
     movie.on('resume', () => this.#busy(false));
     movie.on('ready', () => this.#busy(false));
     movie.on('error', error => this.#showError(error));
+    movie.on('grown', ({live}) => {
+      this.#showEnd(movie);
+      if (!live) this.#say('The recording has ended');
+    });
     movie.on('retry', () => this.#say('The connection is slow, trying again'));
     this.#fillMenu(movie);
     await this.view?.show(movie);
     const link = parseLink(this.hasAttribute('src') ? location.hash : '');
-    await movie.seek(link.time ?? movie.timeBegin);
+    await movie.seek(link.time ?? movie.startTime);
     if (!(link.camera && this.view?.orbit.parse(link.camera))) await this.view?.home();
     await this.view?.settled();
     if (this.movie !== movie) return;
@@ -124,7 +128,7 @@ export class L4DPlayer extends Base {
     const still = matchMedia('(prefers-reduced-motion: reduce)').matches;
     if (this.hasAttribute('autoplay') && !still) movie.play();
     else this.$('.big').hidden = false;
-    this.#say(`Ready, ${spokenTime(movie.duration)}`);
+    this.#say(movie.live ? 'Ready, live' : `Ready, ${spokenTime(movie.duration)}`);
     this.dispatchEvent(new CustomEvent('open', {detail: movie}));
   }
 
@@ -287,7 +291,14 @@ export class L4DPlayer extends Base {
       return new Option(name, String(k === 0 ? 0xffffffff : level));
     }));
     if (this.hasAttribute('detail')) this.#setDetail(this.getAttribute('detail') ?? 'auto');
-    this.$('.end').textContent = clockText(movie.duration);
+    this.#showEnd(movie);
+  }
+
+  /** @param {import('l4dcodec').Movie} movie */
+  #showEnd(movie) {
+    this.$('.end').textContent = movie.live ? 'live' : clockText(movie.duration);
+    this.#showTime();
+    this.#showProgress();
   }
 
   #showTime() {

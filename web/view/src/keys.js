@@ -33,7 +33,7 @@ export const onKey = (event, player) => {
     j: () => by(-Math.min(10, movie.duration / 5)), l: () => by(Math.min(10, movie.duration / 5)),
     ArrowLeft: () => by(-Math.min(5, movie.duration / 10)), ArrowRight: () => by(Math.min(5, movie.duration / 10)),
     ',': () => { movie.pause(); by(-frame); }, '.': () => { movie.pause(); by(frame); },
-    Home: () => player.seek(movie.timeBegin), End: () => player.seek(movie.timeEnd),
+    Home: () => player.seek(movie.timeBegin), End: () => player.seek(movie.live ? movie.startTime : movie.timeEnd),
     '<': () => player.setRate(movie.rate / 2), '>': () => player.setRate(movie.rate * 2),
     f: () => player.toggleFullscreen(), i: () => player.toggleOverlay(), 0: () => player.home(),
     '+': () => { player.view?.orbit.zoom(0.9); player.view?.change(); },

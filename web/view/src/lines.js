@@ -6,7 +6,7 @@ export class RowLines {
   /** @param {number} lines */
   constructor(lines) {
     this.lines = lines;
-    /** @type {Map<string, {lines: Uint32Array, center: number, count: number}>} */
+    /** @type {Map<string, {lines: Uint32Array, center: number, count: number, stream: number}>} */
     this.buckets = new Map();
     /** @type {number[]} the lowest last */
     this.free = Array.from({length: lines}, (_, k) => lines - 1 - k);
@@ -22,13 +22,13 @@ export class RowLines {
   }
 
   /** Takes lines for a bucket; null where there are too few. @param {import('l4dcodec').BucketRows} rows */
-  take({key, count, center}) {
+  take({key, count, center, stream}) {
     this.remove(key);
     const needed = Math.ceil(count / rowsPerLine);
     if (needed > this.free.length) return null;
     const lines = new Uint32Array(needed);
     for (let k = 0; k < needed; ++k) lines[k] = /** @type {number} */ (this.free.pop());
-    this.buckets.set(key, {lines, center, count});
+    this.buckets.set(key, {lines, center, count, stream});
     return lines;
   }
 

@@ -30,13 +30,14 @@ export class Painter {
     this.gl = gl;
     this.sorts = false;  // a worker does
     this.degree = shDegree;
+    this.maxRows = maxRows;
     const texels = Math.ceil(3 * (shDegree + 1) ** 2 / 4);
     this.store = new RowTextures(gl, maxRows, texels);
     this.program = link(gl, splatVertex, splatFragment);
     /** @type {Record<string, WebGLUniformLocation | null>} */
     this.at = {};
     for (const name of ['rows', 'harmonics', 'times', 'rotation', 'translation', 'center', 'focal', 'origin', 'size',
-                        'slopes', 'nearPlane', 'frame', 'degree', 'texels', 'white']) {
+                        'slopes', 'nearPlane', 'degree', 'texels', 'white']) {
       this.at[name] = gl.getUniformLocation(this.program, name);
     }
     // The canvas itself clamps what shines through to 1 at each Gaussian, and rounds it to 8 bits: 41 dB in
@@ -87,19 +88,19 @@ export class Painter {
   }
 
   /**
-   * @param {import('./camera.js').Camera} camera @param {number} time @param {number} frame that it belongs to
+   * @param {import('./camera.js').Camera} camera @param {import('l4dcodec').StreamTime[]} streams that are shown
    * @param {number} width @param {number} height @param {[number, number, number]} background
    */
-  draw(camera, time, frame, width, height, background) {
+  draw(camera, streams, width, height, background) {
     const gl = this.gl;
     this.#resize(width, height);
-    this.store.setTime(time);
+    this.store.setTime(streams);
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.frame);
     gl.viewport(0, 0, width, height);
     const [red, green, blue] = background.map(c => c * this.white);
     gl.clearColor(red, green, blue, 1);
     gl.clear(gl.COLOR_BUFFER_BIT);
-    if (this.count > 0) this.#splats(camera, frame, width, height);
+    if (this.count > 0) this.#splats(camera, width, height);
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
     gl.disable(gl.BLEND);
     gl.useProgram(this.copy);
@@ -114,8 +115,8 @@ export class Painter {
     this.gl.bindTexture(this.gl.TEXTURE_2D, texture);
   }
 
-  /** @param {import('./camera.js').Camera} camera @param {number} frame @param {number} width @param {number} height */
-  #splats(camera, frame, width, height) {
+  /** @param {import('./camera.js').Camera} camera @param {number} width @param {number} height */
+  #splats(camera, width, height) {
     const gl = this.gl;
     const at = this.at;
     const terms = cameraTerms(camera, width, height);
@@ -134,7 +135,6 @@ export class Painter {
     gl.uniform2fv(at.size, terms.size);
     gl.uniform4fv(at.slopes, terms.slopes);
     gl.uniform1f(at.nearPlane, terms.nearPlane);
-    gl.uniform1f(at.frame, frame);
     gl.uniform1i(at.degree, this.degree);
     gl.uniform1f(at.white, this.white);
     gl.uniform1i(at.texels, this.store.shTexels);

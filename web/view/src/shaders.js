@@ -9,14 +9,13 @@ precision highp sampler2D;
 
 uniform sampler2D rows;    // four texels of each Gaussian, ${rowsPerLine} Gaussians a line
 uniform sampler2D harmonics;
-uniform sampler2D times;   // of each line: the instant, in seconds from the centre of its bucket
+uniform sampler2D times;   // of each line: the instant, in seconds from the centre of its bucket, and its frame
 uniform mat3 rotation;
 uniform vec3 translation;
 uniform vec3 center;       // of the camera
 uniform vec2 focal, origin, size;  // pixels
 uniform vec4 slopes;
 uniform float nearPlane;
-uniform float frame;       // that the instant belongs to
 uniform int degree, texels;  // SH texels of a Gaussian
 uniform float white;       // in the target of blending
 
@@ -38,7 +37,9 @@ void main() {
   vec4 b = texelFetch(rows, ivec2(4 * at.x + 1, at.y), 0);
   vec4 c = texelFetch(rows, ivec2(4 * at.x + 2, at.y), 0);
   vec4 d = texelFetch(rows, ivec2(4 * at.x + 3, at.y), 0);
-  float time = texelFetch(times, ivec2(at.y, 0), 0).x;
+  vec2 instant = texelFetch(times, ivec2(at.y, 0), 0).xy;
+  float time = instant.x, frame = instant.y;
+  if (frame < 0.0) return;  // of a stream that is not shown
 ${glsl(sliceRules + projectRules)}
   // The box of the ellipse lies along its axes.
   vec2 corner = vec2(gl_VertexID & 1, gl_VertexID >> 1) * 2.0 - 1.0;

@@ -8,10 +8,10 @@ const spare = [];
 const scope = globalThis;
 
 scope.onmessage = (/** @type {MessageEvent} */ {data}) => {
-  if (data.type === 'add') sorter.add(data.key, data.geometry, data.lines, data.center);
+  if (data.type === 'add') sorter.add(data.key, data.geometry, data.lines, data.center, data.stream);
   else if (data.type === 'remove') sorter.remove(data.key);
   else if (data.type === 'clear') sorter.clear();
-  else if (data.type === 'bounds') scope.postMessage({type: 'bounds', bounds: sorter.bounds(data.time, data.frame)});
+  else if (data.type === 'bounds') scope.postMessage({type: 'bounds', bounds: sorter.bounds(data.streams)});
   else if (data.type === 'return') spare.push(data.order);
   else if (data.type === 'sort') {
     const began = performance.now();

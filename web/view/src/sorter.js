@@ -8,14 +8,14 @@ const minAlpha = 1 / 255;
 
 /**
  * @typedef {object} Sight what the order depends on
- * @property {number} time seconds @property {number} frame that it belongs to
+ * @property {import('l4dcodec').StreamTime[]} streams that are shown
  * @property {[number, number, number, number]} depth z of the camera from x, y, z, 1
  * @property {number} nearPlane
  */
 
 export class Sorter {
   constructor() {
-    /** @type {Map<string, {lines: Uint32Array, data: Float32Array, count: number, center: number}>} */
+    /** @type {Map<string, {lines: Uint32Array, data: Float32Array, count: number, center: number, stream: number}>} */
     this.buckets = new Map();
     this.rows = 0;
     this.capacity = 0;
@@ -28,9 +28,9 @@ export class Sorter {
 
   /**
    * @param {string} key @param {Float32Array} geometry [count, 16], as rows have it
-   * @param {Uint32Array} lines where each 256 of them lie @param {number} center
+   * @param {Uint32Array} lines where each 256 of them lie @param {number} center @param {number} stream
    */
-  add(key, geometry, lines, center) {
+  add(key, geometry, lines, center, stream) {
     this.remove(key);
     const count = geometry.length / 16;
     const data = new Float32Array(packed * count);
@@ -41,7 +41,7 @@ export class Sorter {
       data[to + 8] = geometry[from + 14];
       data[to + 9] = geometry[from + 15];
     }
-    this.buckets.set(key, {lines, data, count, center});
+    this.buckets.set(key, {lines, data, count, center, stream});
     this.rows += count;
   }
 
@@ -67,12 +67,15 @@ export class Sorter {
   }
 
   /** Fills depths and ids[0]; returns how many are visible. @param {Sight} sight */
-  #gather({time, frame, depth: [x, y, z, w], nearPlane}) {
+  #gather({streams, depth: [x, y, z, w], nearPlane}) {
     const depths = this.depths;
     const ids = this.ids[0];
     let visible = 0;
-    for (const {lines, data, count, center} of this.buckets.values()) {
-      const t = Math.fround(time - center);
+    for (const {lines, data, count, center, stream} of this.buckets.values()) {
+      const instant = streams.find(s => s.stream === stream);
+      if (!instant) continue;
+      const {frame} = instant;
+      const t = Math.fround(instant.time - center);
       for (let k = 0; k < count; ++k) {
         const at = packed * k;
         if (data[at + 9] < 0) {
@@ -141,16 +144,19 @@ export class Sorter {
   visible = 0;
 
   /**
-   * What a camera should look at: the median of the positions at `time`, weighted by opacity, the radius
+   * What a camera should look at: the median of the positions at an instant, weighted by opacity, the radius
    * of the ball that holds nine tenths of the opacity, and the scene's extent along each axis.
-   * @param {number} time @param {number} frame that it belongs to
+   * @param {import('l4dcodec').StreamTime[]} streams
    */
-  bounds(time, frame) {
+  bounds(streams) {
     /** @type {number[][]} */
     const points = [];
     const step = Math.max(1, Math.floor(this.rows / 50000));
-    for (const {data, count, center} of this.buckets.values()) {
-      const t = time - center;
+    for (const {data, count, center, stream} of this.buckets.values()) {
+      const instant = streams.find(s => s.stream === stream);
+      if (!instant) continue;
+      const {frame} = instant;
+      const t = instant.time - center;
       for (let k = 0; k < count; k += step) {
         const at = packed * k;
         const since = t - data[at + 8];

@@ -11,8 +11,8 @@ export class RowTextures extends RowLines {
     this.shTexels = shTexels;
     this.rows = this.#texture(gl.RGBA32F, 4 * rowsPerLine, this.lines);
     this.harmonics = this.#texture(gl.RGBA16F, shTexels * rowsPerLine, this.lines);
-    this.times = this.#texture(gl.R32F, this.lines, 1);
-    this.instants = new Float32Array(this.lines);
+    this.times = this.#texture(gl.RG32F, this.lines, 1);
+    this.instants = new Float32Array(2 * this.lines);
   }
 
   /** @param {number} format @param {number} width @param {number} height */
@@ -61,15 +61,22 @@ export class RowTextures extends RowLines {
     }
   }
 
-  /** The instant, of each line in the clock of its bucket. @param {number} time */
-  setTime(time) {
-    for (const {lines, center} of this.buckets.values()) {
-      for (const line of lines) this.instants[line] = time - center;
+  /** The instant of each stream that is shown; rows of others are not seen. @param {import('l4dcodec').StreamTime[]} streams */
+  setTime(streams) {
+    const shown = new Map(streams.map(s => [s.stream, s]));
+    for (const {lines, center, stream} of this.buckets.values()) {
+      const at = shown.get(stream);
+      // Nothing is seen in frame -1.
+      const [time, frame] = at ? [at.time - center, at.frame] : [0, -1];
+      for (const line of lines) {
+        this.instants[2 * line] = time;
+        this.instants[2 * line + 1] = frame;
+      }
     }
     const gl = this.gl;
     gl.bindTexture(gl.TEXTURE_2D, this.times);
     gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
-    gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, this.lines, 1, gl.RED, gl.FLOAT, this.instants);
+    gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, this.lines, 1, gl.RG, gl.FLOAT, this.instants);
   }
 
   dispose() {

@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: Apache-2.0
-import {frameOfTime} from 'l4dcodec';
 import {OrbitCamera} from './camera.js';
 import {Painter} from './painter.js';
 import {chooseSurface, GlSurface} from './surface.js';
@@ -91,7 +90,8 @@ export class View {
     this.ends = [
       movie.on('rows', rows => this.#add(rows)),
       movie.on('removed', key => this.#remove(key)),
-      movie.on('time', () => this.change())
+      movie.on('time', () => this.change()),
+      movie.on('info', () => this.#widen())
     ];
     movie.refresh();
     await this.ready;
@@ -129,8 +129,7 @@ export class View {
   bounds() {
     return new Promise(resolve => {
       this.boundsWaiting.push(resolve);
-      const time = this.movie?.currentTime ?? 0;
-      this.sorter.postMessage({type: 'bounds', time, frame: this.movie ? frameOfTime(this.movie.info, time) : 0});
+      this.sorter.postMessage({type: 'bounds', streams: this.movie?.streamsAt(this.movie.currentTime) ?? []});
     });
   }
 
@@ -172,13 +171,21 @@ export class View {
     this.movie.refresh();
   }
 
+  /** Another stream of the movie may have more rows, or colours of a higher degree. */
+  #widen() {
+    const {painter, movie} = this;
+    if (!painter || !movie || movie.info.shDegree === painter.degree && movie.maxRows <= painter.maxRows) return;
+    painter.dispose();
+    this.#restored();
+  }
+
   /** @param {import('l4dcodec').BucketRows} rows */
   #add(rows) {
     if (!this.painter) return;
     const lines = this.painter.store.add(rows);
     if (!lines) return this.movie?.emit('error', new Error('more Gaussians than the view has room for'));
-    const {key, geometry, center} = rows;
-    this.sorter.postMessage({type: 'add', key, geometry, lines, center}, [geometry.buffer]);
+    const {key, geometry, center, stream} = rows;
+    this.sorter.postMessage({type: 'add', key, geometry, lines, center, stream}, [geometry.buffer]);
     this.change();
   }
 
@@ -227,14 +234,14 @@ export class View {
       this.sorting = this.wanted;
       this.sortTime = time;
       this.sorter.postMessage({type: 'sort', id: this.sorting,
-                               sight: {time, frame: frameOfTime(this.movie.info, time),
+                               sight: {streams: this.movie.streamsAt(time),
                                        depth: [m[8], m[9], m[10], m[11]], nearPlane: camera.nearPlane}});
     }
     if (this.options.exact && this.sorted !== this.wanted) return;
-    // Nothing in the order of a frame may be seen in the next one, so that all is late there.
-    const shown = !painter.sorts && (this.movie.info.tools & flatWindows) !== 0 && painter.count > 0 ? this.orderTime : time;
-    painter.draw(camera, shown, frameOfTime(this.movie.info, shown), this.canvas.width, this.canvas.height,
-                 this.background);
+    // Nothing in the order of a frame, or of a stream, may be seen in the next one, so that all is late there.
+    const changes = (this.movie.info.tools & flatWindows) !== 0 || this.movie.isPresentation;
+    const shown = !painter.sorts && changes && painter.count > 0 ? this.orderTime : time;
+    painter.draw(camera, this.movie.streamsAt(shown), this.canvas.width, this.canvas.height, this.background);
     this.stats.drawMs = performance.now() - began;
     ++this.stats.frames;
     if (this.sorted === this.wanted) {

@@ -22,8 +22,8 @@ test('the order is that of an exact sort, but for depths that 22 bits do not tel
   const sorter = new Sorter();
   const count = 30000;
   const geometry = rowsOf(count, 2);
-  sorter.add('0/0', geometry, new Uint32Array(Math.ceil(count / 256)).map((_, k) => k), 10);
-  const order = sorter.sort({time: 11.5, frame: 0, depth: [0, 0, 1, 0], nearPlane: 0.01});
+  sorter.add('0/0', geometry, new Uint32Array(Math.ceil(count / 256)).map((_, k) => k), 10, 0);
+  const order = sorter.sort({streams: [{stream: 0, time: 11.5, frame: 0}], depth: [0, 0, 1, 0], nearPlane: 0.01});
   const at = k => geometry.subarray(16 * k, 16 * k + 16);
   const visible = k => {
     const age = at(k)[15] * (1.5 - at(k)[14]) ** 2;
@@ -38,32 +38,49 @@ test('the order is that of an exact sort, but for depths that 22 bits do not tel
 
 test('buckets come and go', () => {
   const sorter = new Sorter();
-  const sight = {time: 0, frame: 0, depth: /** @type {any} */ ([0, 0, 1, 0]), nearPlane: 0.01};
-  sorter.add('a', rowsOf(300, 0), Uint32Array.of(4, 9), 0);
-  sorter.add('b', rowsOf(10, 0), Uint32Array.of(2), 0);
+  const sight = {streams: [{stream: 0, time: 0, frame: 0}], depth: /** @type {any} */ ([0, 0, 1, 0]), nearPlane: 0.01};
+  sorter.add('a', rowsOf(300, 0), Uint32Array.of(4, 9), 0, 0);
+  sorter.add('b', rowsOf(10, 0), Uint32Array.of(2), 0, 0);
   const order = sorter.sort(sight);
   assert.equal(sorter.visible, 310);
   assert.deepEqual([...new Set([...order.subarray(0, 310)].map(id => id >> 8))].sort(), [2, 4, 9]);
-  sorter.add('a', rowsOf(5, 0), Uint32Array.of(4), 0);
+  sorter.add('a', rowsOf(5, 0), Uint32Array.of(4), 0, 0);
   sorter.remove('b');
   assert.equal(sorter.sort(sight, order), order);
   assert.equal(sorter.visible, 5);
   sorter.clear();
   sorter.sort(sight);
   assert.equal(sorter.visible, 0);
-  assert.equal(sorter.bounds(0, 0), null);
+  assert.equal(sorter.bounds(sight.streams), null);
+});
+
+test('rows of a stream are seen while it is shown, each stream at its own time', () => {
+  const sorter = new Sorter();
+  sorter.add('a', rowsOf(3, 0), Uint32Array.of(0), 0, 0);
+  sorter.add('b', rowsOf(5, 0), Uint32Array.of(1), 0, 7);
+  const count = (/** @type {any[]} */ streams) => {
+    sorter.sort({streams, depth: [0, 0, 1, 0], nearPlane: 0.01});
+    return sorter.visible;
+  };
+  assert.equal(count([{stream: 0, time: 0, frame: 0}, {stream: 7, time: 0, frame: 0}]), 8);
+  assert.equal(count([{stream: 7, time: 0, frame: 0}]), 5);
+  assert.equal(count([{stream: 8, time: 0, frame: 0}]), 0);
+  assert.equal(sorter.bounds([{stream: 8, time: 0, frame: 0}]), null);
+  // All move by at most half a unit a second from depths of 1 to 10: long before, those that come nearer are behind.
+  assert.ok(count([{stream: 0, time: 0, frame: 0}, {stream: 7, time: -1e4, frame: 0}]) < 8);
 });
 
 test('flat windows are seen in their frames', () => {
   const sorter = new Sorter();
   const geometry = rowsOf(6, 0);
   for (let k = 0; k < 6; ++k) geometry.set([2 * k, -(2 * k + 3)], 16 * k + 14);  // frames 2k to 2k + 2
-  sorter.add('a', geometry, Uint32Array.of(0), 3);
+  sorter.add('a', geometry, Uint32Array.of(0), 3, 0);
   for (let frame = 0; frame < 15; ++frame) {
-    const order = sorter.sort({time: 3, frame, depth: [0, 0, 1, 0], nearPlane: 0.01});
+    const streams = [{stream: 0, time: 3, frame}];
+    const order = sorter.sort({streams, depth: [0, 0, 1, 0], nearPlane: 0.01});
     const seen = [...order.subarray(0, sorter.visible)].sort();
     assert.deepEqual(seen, [0, 1, 2, 3, 4, 5].filter(k => 2 * k <= frame && frame < 2 * k + 3), `frame ${frame}`);
-    assert.equal(sorter.bounds(3, frame) === null, seen.length === 0);
+    assert.equal(sorter.bounds(streams) === null, seen.length === 0);
   }
 });
 

@@ -18,6 +18,8 @@ export class GpuPainter {
     this.context = context;
     this.format = format;
     this.sorts = true;
+    this.degree = shDegree;
+    this.maxRows = maxRows;
     this.count = 0;  // splats that were seen, in a picture that is drawn already
     const texels = Math.ceil(3 * (shDegree + 1) ** 2 / 4);
     this.store = new RowBuffers(device, maxRows, texels);
@@ -113,13 +115,13 @@ export class GpuPainter {
   }
 
   /**
-   * @param {import('../camera.js').Camera} camera @param {number} time @param {number} frame that it belongs to
+   * @param {import('../camera.js').Camera} camera @param {import('l4dcodec').StreamTime[]} streams that are shown
    * @param {number} width @param {number} height @param {[number, number, number]} background
    */
-  draw(camera, time, frame, width, height, background) {
+  draw(camera, streams, width, height, background) {
     const {device} = this;
     this.#resize(width, height);
-    const shown = this.store.shown(time, frame);
+    const shown = this.store.shown(streams);
     const encoder = device.createCommandEncoder();
     if (shown.count > 0) this.#order(encoder, shown, camera, width, height);
     const picture = /** @type {GPUTexture} */ (this.picture);

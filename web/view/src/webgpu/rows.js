@@ -70,15 +70,19 @@ export class RowBuffers extends RowLines {
 
   /**
    * What shaders need of each line that is shown: first row, rows, instant from the centre of its bucket, frame.
-   * @param {number} time @param {number} frame @returns {{data: Uint32Array<ArrayBuffer>, count: number}}
+   * @param {import('l4dcodec').StreamTime[]} streams that are shown
+   * @returns {{data: Uint32Array<ArrayBuffer>, count: number}}
    */
-  shown(time, frame) {
+  shown(streams) {
+    const instants = new Map(streams.map(s => [s.stream, s]));
+    const buckets = [...this.buckets.values()].filter(b => instants.has(b.stream));
     let count = 0;
-    for (const {lines} of this.buckets.values()) count += lines.length;
+    for (const {lines} of buckets) count += lines.length;
     const data = new Uint32Array(4 * count);
     const floats = new Float32Array(data.buffer);
     let at = 0;
-    for (const {lines, center, count: rows} of this.buckets.values()) {
+    for (const {lines, center, count: rows, stream} of buckets) {
+      const {time, frame} = /** @type {import('l4dcodec').StreamTime} */ (instants.get(stream));
       for (let k = 0; k < lines.length; ++k, at += 4) {
         data[at] = lines[k] * rowsPerLine;
         data[at + 1] = Math.min(rowsPerLine, rows - k * rowsPerLine);
