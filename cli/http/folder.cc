@@ -24,9 +24,13 @@ bool is_plain(const std::string& name) {
   return true;
 }
 
-bool is_stream_name(const std::string& name) {
-  const std::string end = ".l4d";
-  return name.size() > end.size() && name.compare(name.size() - end.size(), end.size(), end) == 0;
+bool is_listed(const std::string& name) {
+  for (const std::string end : {".l4d", ".m3u8"}) {
+    if (name.size() > end.size() && name.compare(name.size() - end.size(), end.size(), end) == 0) {
+      return true;
+    }
+  }
+  return false;
 }
 
 }  // namespace
@@ -51,6 +55,10 @@ bool Folder::has_file(const std::string& name) const {
   std::error_code error;
   const std::filesystem::path path = find(name);
   return !path.empty() && std::filesystem::is_regular_file(path, error);
+}
+
+std::string Folder::path_of(const std::string& name) const {
+  return has_file(name) ? find(name).string() : std::string();
 }
 
 bool Folder::has_folder(const std::string& name) const {
@@ -86,7 +94,7 @@ std::vector<Folder::Entry> Folder::list(const std::string& name) const {
     const std::string below = name.empty() ? own : name + "/" + own;
     if (has_folder(below)) {
       entries.push_back({own, true});
-    } else if (is_stream_name(own) && has_file(below)) {
+    } else if (is_listed(own) && has_file(below)) {
       entries.push_back({own, false});
     }
   }

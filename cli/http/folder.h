@@ -31,6 +31,8 @@ class Folder {
   // Null where there is no regular file of this name that can be read.
   std::shared_ptr<ServedFile> open(const std::string& name) const;
   bool has_file(const std::string& name) const;
+  // Where a file is, "" where there is none.
+  std::string path_of(const std::string& name) const;
   // "": the folder itself.
   bool has_folder(const std::string& name) const;
 
@@ -38,7 +40,8 @@ class Folder {
     std::string name;  // of one segment
     bool is_folder = false;
   };
-  // The streams (*.l4d) and the folders of a folder, by name. What cannot be read is left out.
+  // The streams (*.l4d), the playlists (*.m3u8) and the folders of a folder, by name. What cannot
+  // be read is left out.
   std::vector<Entry> list(const std::string& name) const;
 
  private:

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <atomic>
 #include <chrono>
+#include <cstring>
 #include <mutex>
 #include <random>
 #include <thread>
@@ -24,6 +25,7 @@ namespace {
 constexpr size_t kThreads = 32;  // connections: browsers keep six open
 constexpr size_t kPiece = size_t{16} << 10;
 constexpr const char* kHost = Server::kAddress;
+constexpr const char* kPlaylist = ".m3u8";  // behind the name of a file
 
 std::string random_token() {
   std::random_device device;
@@ -67,6 +69,7 @@ const char* type_of(const std::string& name) {
          : ends_with(name, ".js")   ? "text/javascript"
          : ends_with(name, ".wasm") ? "application/wasm"
          : ends_with(name, ".l4d")  ? "model/l4d"
+         : ends_with(name, ".m3u8") ? "application/vnd.apple.mpegurl"
                                     : "application/octet-stream";
 }
 
@@ -199,6 +202,22 @@ struct Server::Parts {
     return options.file.empty() || name == options.file;
   }
 
+  // "" where the file plays without one.
+  std::string playlist_of(const std::string& name) const {
+    const std::string path = is_served(name) ? folder.path_of(name) : "";
+    if (path.empty() || !options.playlist) return "";
+    return options.playlist(path, escaped(name.substr(name.rfind('/') + 1)));
+  }
+
+  // Whether the name is that of a file and this ending, and the file has a playlist.
+  bool send_playlist(const std::string& name, httplib::Response& response) const {
+    if (!ends_with(name, kPlaylist)) return false;
+    const std::string text = playlist_of(name.substr(0, name.size() - std::strlen(kPlaylist)));
+    if (text.empty()) return false;
+    response.set_content(text, type_of(name));
+    return true;
+  }
+
   void list(const std::string& name, httplib::Response& response) const {
     if (!folder.has_folder(name)) return refuse(response, 404, "not found");
     std::string text =
@@ -222,7 +241,8 @@ struct Server::Parts {
       return refuse(response, 404, "not found");
     }
     std::string text = content_of(*file);
-    replace(text, "src=\"scene.l4d\"", "src=\"" + root + escaped(name) + "\"");
+    const std::string source = escaped(name) + (playlist_of(name).empty() ? "" : kPlaylist);
+    replace(text, "src=\"scene.l4d\"", "src=\"" + root + source + "\"");
     replace(text, "src=\"player.js\"", "src=\"" + root + "player/player.js\"");
     response.set_header(
         "Content-Security-Policy",
@@ -235,6 +255,7 @@ struct Server::Parts {
   void send(const std::string& name, const httplib::Request& request, httplib::Response& response) {
     const std::shared_ptr<ServedFile> file = is_served(name) ? folder.open(name) : nullptr;
     if (file == nullptr) {
+      if (send_playlist(name, response)) return;
       if (options.file.empty() && folder.has_folder(name)) {
         response.set_redirect(root + escaped(name) + "/", 301);
         return;

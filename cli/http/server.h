@@ -11,7 +11,10 @@ namespace l4d::cli {
 struct ServerOptions {
   std::string folder;  // what lies in it is served, nothing outside, and no name with a leading dot
   std::string file;    // the only name that is served of it; "" = every one
-  int port = 0;        // 0 = any
+  // The playlist of a file of several streams, in which it has this URL; "" of a file that plays
+  // without. Called by several threads, each time that one is asked for: the file may grow.
+  std::function<std::string(const std::string& path, const std::string& url)> playlist;
+  int port = 0;           // 0 = any
   double megabits = 0;    // a second, of all answers together; 0 = no limit
   uint32_t delay_ms = 0;  // before each answer
 };
@@ -26,6 +29,7 @@ struct ServerCounts {
 // GET and HEAD; single ranges and conditions on the ETag.
 //   /TOKEN/            the page of `file`, or the streams and folders of `folder`
 //   /TOKEN/NAME        a file; /TOKEN/NAME/: what is in a folder below
+//   /TOKEN/NAME.m3u8   of a file NAME of several streams: its playlist, where no such file is
 //   /TOKEN/play/NAME   a page that plays it, in builds with the player
 class Server {
  public:

@@ -16,6 +16,7 @@
 #include "cli/http/player.h"
 #include "cli/http/server.h"
 #include "cli/member_file.h"
+#include "cli/playlist.h"
 #include "cli/text/progress.h"
 #include "cli/text/units.h"
 
@@ -61,6 +62,24 @@ void open_browser(const std::string& url) {
   posix_spawn_file_actions_destroy(&actions);
 }
 
+// Whether players need a list of the streams of a file: there are several, or there will be.
+bool needs_playlist(const MemberFile& file) {
+  const MemberInfo& first = file.members().front();
+  return file.members().size() > 1 || file.info().stream != 0 || !first.is_media() ||
+         first.member.shift != 0 || !first.needs.empty();
+}
+
+// As ServerOptions::playlist has it. A file that is no stream has none: the player says why.
+std::string playlist_of_file(const Context& context, const std::string& path,
+                             const std::string& url) {
+  try {
+    const MemberFile file(context, path, path, false);
+    return needs_playlist(file) ? playlist_of(file.members(), file.has_index(), url) : "";
+  } catch (const Failure&) {
+    return "";
+  }
+}
+
 Outcome run_server(Context& context, const ServeArguments& arguments, ServerOptions options,
                    const std::string& verb, bool browse) {
   if (!(arguments.rate >= 0 && arguments.rate <= 1e6)) {
@@ -69,6 +88,9 @@ Outcome run_server(Context& context, const ServeArguments& arguments, ServerOpti
   options.port = static_cast<int>(arguments.port);
   options.megabits = arguments.rate;
   options.delay_ms = arguments.delay;
+  options.playlist = [&](const std::string& path, const std::string& url) {
+    return playlist_of_file(context, path, url);
+  };
   Server server(options);
   // Now, not when it has ended.
   std::string line = server.url();
@@ -120,7 +142,10 @@ Outcome run_view(Context& context, const ServeArguments& arguments) {
   context.files.add_input(arguments.input, "the input");
   l4d::DecoderHandle decoder;
   about(arguments.input, [&] { decoder.open_file(arguments.input); });
-  note_members(context, Input(context, arguments.input), decoder.info().timeline);
+  const bool plays_all = !playlist_of_file(context, arguments.input, "x").empty();
+  if (!plays_all) {
+    note_members(context, Input(context, arguments.input), decoder.info().timeline);
+  }
   const std::filesystem::path path = std::filesystem::canonical(arguments.input);
   options.folder = path.parent_path();
   options.file = path.filename();
@@ -133,7 +158,8 @@ void add_serve(Registry& registry) {
   auto arguments = std::make_shared<ServeArguments>();
   Verb* verb = add_verb(registry, "serve", "Serve a folder of streams over HTTP to this machine",
                         [arguments](Context& context) { return run_serve(context, *arguments); });
-  verb->add_option("folder", arguments->input, "Folder: its .l4d files and folders are listed")
+  verb->add_option("folder", arguments->input,
+                   "Folder: its .l4d files, playlists and folders are listed")
       ->required();
   add_server_options(verb, *arguments);
   verb->footer(
@@ -154,7 +180,8 @@ void add_view(Registry& registry) {
       "Examples:\n"
       "  l4dcodec view scene.l4d\n"
       "  l4dcodec view scenes --port 8080 --no-browser\n"
-      "Prints the address, opens it where there is a screen, and serves until Ctrl-C.");
+      "Prints the address, opens it where there is a screen, and serves until Ctrl-C. A file of\n"
+      "several streams plays as one presentation, also while `encode --live` appends to it.");
 }
 
 }  // namespace l4d::cli

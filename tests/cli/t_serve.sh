@@ -175,6 +175,47 @@ links /inner/
 expect_equal "$(wc -l < targets) $statuses" "2 200 200 "
 links /empty/
 expect_equal "$statuses" ""
+# Files of several streams have playlists, as `manifest` writes them, and others have none.
+l4d concat files/a.l4d files/inner/b.l4d -q -o 'files/empty/50% & c.l4d'
+encoded=50%25%20%26%20c.l4d
+expect 0 manifest 'files/empty/50% & c.l4d' -o files/empty/d.m3u8
+get "/empty/$encoded.m3u8"
+expect_status 200 "a playlist of a file"
+expect_text head.text '^Content-Type: application/vnd.apple.mpegurl$'
+cmp body files/empty/d.m3u8
+get /empty/d.m3u8
+expect_status 200 "a playlist that is a file"
+expect_text head.text '^Content-Type: application/vnd.apple.mpegurl$'
+cmp body files/empty/d.m3u8
+for path in /a.l4d.m3u8 /missing.l4d.m3u8 /.m3u8 /folder.l4d.m3u8 /pipe.l4d.m3u8 /empty/d.m3u8.m3u8; do
+  get "$path"
+  expect_status 404 "$path"
+done
+links /empty/
+expect_equal "$(sed 's|.*/||' targets | paste -s -d ' ') $statuses" "$encoded d.m3u8 200 200 "
+# One that grows: without its index the playlist is open, and each request sees what is there.
+l4d synth --seconds 4 --fps 10 -n 3000 --seed 3 -q -o grows.ply
+l4d encode --live --segment 1 grows.ply -q -o grown.l4d
+# ends: where each member ends.
+"$PYTHON" - grown.l4d "$L4DCODEC" > ends << 'END'
+import json, subprocess, sys
+members = json.loads(subprocess.run([sys.argv[2], "manifest", sys.argv[1], "--json"], capture_output=True, check=True).stdout)["members"]
+print(*(m["offset"] + m["bytes"] for m in members if m["role"] != "index"), sep="\n")
+END
+segments=0
+while read -r end; do
+  head -c "$end" grown.l4d > files/grows.l4d
+  get /grows.l4d.m3u8
+  expect_status 200 "a file that grows"
+  ! grep -q ENDLIST body || die "a file without an index is complete"
+  segments=$(grep -c '^grows.l4d$' body || true)
+done < ends
+expect_equal "$segments" 4
+cp grown.l4d files/grows.l4d
+get /grows.l4d.m3u8
+expect_text body '^#EXT-X-ENDLIST$'
+rm files/grows.l4d files/empty/*
+
 get /inner
 expect_status 301 "a folder without a slash"
 expect_text head.text "^Location: .*/inner/\$"
@@ -316,10 +357,25 @@ else
   kill "$server"
   wait "$server" || true
 
-  # Of a file of several streams it plays the first, and says so.
-  expect 0 concat files/a.l4d files/a.l4d -o several.l4d
-  start view several.l4d --no-browser
-  expect_text err 'several.l4d has 2 streams'
+  # A file of several streams plays by its playlist, and nothing else of the folder is served.
+  expect 0 concat files/a.l4d files/a.l4d -o files/inner/several.l4d
+  cp files/inner/several.l4d files/inner/other.l4d
+  start view files/inner/several.l4d --no-browser
+  expect_empty err
+  get /
+  expect_text body 'src="/[0-9a-f]*/several.l4d.m3u8"'
+  get /several.l4d.m3u8
+  expect_status 200 "its playlist"
+  get /other.l4d.m3u8
+  expect_status 404 "a playlist of another file"
+  kill "$server"
+  wait "$server" || true
+  start view files --no-browser
+  get /play/inner/several.l4d
+  expect_text body 'src="/[0-9a-f]*/inner/several.l4d.m3u8"'
+  get /play/a.l4d
+  expect_text body 'src="/[0-9a-f]*/a.l4d"'
+  rm files/inner/several.l4d files/inner/other.l4d
   kill "$server"
   wait "$server" || true
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // A file of several streams as it was while it was recorded.
-import {readFileSync, renameSync, writeFileSync} from 'node:fs';
+import {appendFileSync, readFileSync, renameSync, writeFileSync} from 'node:fs';
 import {join} from 'node:path';
 
 /**
@@ -15,6 +15,7 @@ export const recording = (finished, folder, name = 'live') => {
   const lines = text.split('\n');
   const segments = lines.flatMap((line, k) => line === `${name}.l4d` ? [k] : []);
   const [playlist, file] = [join(folder, `${name}.m3u8`), join(folder, `${name}.l4d`)];
+  let written = 0;
   return {
     playlist, file, segments: segments.length,
     /** What is there after so many media members; Infinity: all. @param {number} count */
@@ -22,7 +23,9 @@ export const recording = (finished, folder, name = 'live') => {
       const part = count < segments.length ?
         `${lines.slice(0, segments[count - 1] + 1).join('\n')}\n`.replace('TYPE:VOD', 'TYPE:EVENT') : text;
       const ends = [...part.matchAll(/(\d+)@(\d+)/g)].map(m => Number(m[1]) + Number(m[2]));
-      writeFileSync(file, count < segments.length ? bytes.subarray(0, Math.max(...ends)) : bytes);
+      const end = count < segments.length ? Math.max(...ends) : bytes.length;
+      appendFileSync(file, bytes.subarray(written, end));
+      written = end;
       writeFileSync(`${playlist}.part`, part);
       renameSync(`${playlist}.part`, playlist);
     }

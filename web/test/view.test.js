@@ -9,6 +9,7 @@ import {join} from 'node:path';
 import {createInterface} from 'node:readline';
 import {test} from 'node:test';
 import {launch, newPage, opened, work} from './browser.js';
+import {recording} from './recording.js';
 
 /** Runs the tool. url: '' where it ends at once. @param {string} input */
 const view = async input => {
@@ -51,6 +52,48 @@ test('l4dcodec view plays a stream, and ends at a signal', async t => {
   }
   const [status] = await ended;
   assert.equal(status, 0, complaint());
+});
+
+test('l4dcodec view follows a file that grows', async t => {
+  const folder = mkdtempSync(join(tmpdir(), 'l4dview-'));
+  const live = recording(join(work, 'members'), folder);
+  live.publish(4);
+  const {tool, ended, url, complaint} = await view(live.file);
+  if (!url) {
+    assert.match(complaint(), /not in this build|no HTTP server/);
+    return t.skip('the tool was built without the player');
+  }
+  const browser = await launch();
+  try {
+    const page = await newPage(browser, {viewport: {width: 480, height: 270}});
+    await page.goto(url);
+    await opened(page);
+    const state = () => page.evaluate(() => {
+      const {movie} = document.querySelector('l4d-player');
+      return {live: movie.live, duration: movie.duration, streams: movie.streamsAt(movie.currentTime).length};
+    });
+    const first = await state();
+    assert.ok(first.live && Math.abs(first.duration - 4) < 1e-3 && first.streams >= 2, JSON.stringify(first));
+    live.publish(6);
+    await page.waitForFunction(() => document.querySelector('l4d-player').movie.duration > 5.9, undefined, {timeout: 30000});
+    live.publish(Infinity);
+    await page.waitForFunction(() => !document.querySelector('l4d-player').movie.live, undefined, {timeout: 30000});
+    assert.ok(Math.abs((await state()).duration - 8) < 1e-3);
+    // What is shown at the end of it has come, too.
+    const count = await page.evaluate(async () => {
+      const {movie} = document.querySelector('l4d-player');
+      movie.pause();
+      await movie.seek(7.5);
+      return (await movie.slice(7.5)).count;
+    });
+    assert.ok(count > 1000, `${count} splats`);
+    assert.deepEqual(page.errors, []);
+  } finally {
+    await browser.close();
+    tool.kill('SIGINT');
+    rmSync(folder, {recursive: true});
+  }
+  assert.equal((await ended)[0], 0, complaint());
 });
 
 test('l4dcodec view of a folder lists its streams, and each plays', async t => {
