@@ -20,6 +20,8 @@ export class GpuPainter {
     this.sorts = true;
     this.degree = shDegree;
     this.maxRows = maxRows;
+    /** For measurements. @type {((pass: 'order' | 'draw') => GPURenderPassTimestampWrites) | null} */
+    this.timing = null;
     this.count = 0;  // splats that were seen, in a picture that is drawn already
     const texels = Math.ceil(3 * (shDegree + 1) ** 2 / 4);
     this.store = new RowBuffers(device, maxRows, texels);
@@ -127,6 +129,7 @@ export class GpuPainter {
     const picture = /** @type {GPUTexture} */ (this.picture);
     const [r, g, b] = background.map(c => c * this.white);
     const pass = encoder.beginRenderPass({
+      timestampWrites: this.timing?.('draw'),
       colorAttachments: [{view: picture.createView(), loadOp: 'clear', storeOp: 'store', clearValue: {r, g, b, a: 1}}]
     });
     if (shown.count > 0) {
@@ -156,7 +159,7 @@ export class GpuPainter {
     queue.writeBuffer(this.numLines, 0, Uint32Array.of(shown.count));
     queue.writeBuffer(/** @type {GPUBuffer} */ (this.lines), 0, shown.data);
     const groups = /** @type {any} */ (this.groups);
-    const pass = encoder.beginComputePass();
+    const pass = encoder.beginComputePass({timestampWrites: this.timing?.('order')});
     for (const [name, workgroups] of /** @type {['slice' | 'places' | 'list', number][]} */ ([
       ['slice', shown.count], ['places', 1], ['list', shown.count]])) {
       pass.setPipeline(this[name]);
