@@ -27,33 +27,10 @@ Json object_of(const Score& score) {
           {"psnr_affine", number(score.psnr_affine)}, {"views", score.plain.views}};
 }
 
-Json object_of(const Settings& s) {
-  return {{"capture", s.capture},
-          {"seconds", s.reading.seconds},
-          {"fps", s.reading.fps},
-          {"frames", s.reading.frames},
-          {"test", s.reading.test},
-          {"tolerant", s.reading.tolerant},
-          {"scale", s.scale},
-          {"gaussians", s.gaussians},
-          {"steps", s.steps},
-          {"time", s.seconds},
-          {"views", s.views},
-          {"init", s.init},
-          {"sh_degree", s.sh_degree},
-          {"exposure", s.exposure},
-          {"density", s.density},
-          {"codec", s.codec},
-          {"adam", s.adam},
-          {"backend", s.backend},
-          {"drift", s.drift},
-          {"error_weight", s.error_weight},
-          {"near", s.near},
-          {"opacity_weight", s.opacity_weight},
-          {"scale_weight", s.scale_weight},
-          {"max_scale", s.max_scale},
-          {"host_memory", s.host_memory},
-          {"seed", s.seed}};
+Json object_of(const Settings& settings) {
+  Json object = Json::object();
+  for_each_setting(settings, [&](const char* name, const auto& value) { object[name] = value; });
+  return object;
 }
 
 }  // namespace
@@ -62,34 +39,13 @@ std::string json_of(const Settings& settings) { return object_of(settings).dump(
 
 Settings settings_of(const std::string& text) {
   Settings s;
+  s.near = 0;  // runs that do not mention a near plane had none
   try {
     const Json j = Json::parse(text);
-    j.at("capture").get_to(s.capture);
-    j.at("seconds").get_to(s.reading.seconds);
-    j.at("fps").get_to(s.reading.fps);
-    j.at("frames").get_to(s.reading.frames);
-    j.at("test").get_to(s.reading.test);
-    j.at("tolerant").get_to(s.reading.tolerant);
-    j.at("scale").get_to(s.scale);
-    j.at("gaussians").get_to(s.gaussians);
-    j.at("steps").get_to(s.steps);
-    j.at("time").get_to(s.seconds);
-    j.at("views").get_to(s.views);
-    j.at("init").get_to(s.init);
-    j.at("sh_degree").get_to(s.sh_degree);
-    j.at("exposure").get_to(s.exposure);
-    j.at("density").get_to(s.density);
-    j.at("codec").get_to(s.codec);
-    j.at("adam").get_to(s.adam);
-    j.at("backend").get_to(s.backend);
-    j.at("drift").get_to(s.drift);
-    j.at("error_weight").get_to(s.error_weight);
-    j.at("near").get_to(s.near);
-    j.at("opacity_weight").get_to(s.opacity_weight);
-    j.at("scale_weight").get_to(s.scale_weight);
-    j.at("max_scale").get_to(s.max_scale);
-    j.at("host_memory").get_to(s.host_memory);
-    j.at("seed").get_to(s.seed);
+    j.at("capture");
+    for_each_setting(s, [&](const char* name, auto& value) {
+      if (const auto found = j.find(name); found != j.end()) found->get_to(value);
+    });
   } catch (const Json::exception& error) {
     throw Error(L4D_ERR_CORRUPT, std::string("settings.json: ") + error.what());
   }

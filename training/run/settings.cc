@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdio>
 
+#include "training/density/relocate.h"
 #include "training/step/cuda_backend.h"
 
 namespace l4d::train {
@@ -24,43 +25,23 @@ std::string number(double value) {
   return text;
 }
 
+std::string text_of_value(const std::string& value) { return value; }
+std::string text_of_value(bool value) { return value ? "1" : "0"; }
+std::string text_of_value(double value) { return number(value); }
+std::string text_of_value(uint32_t value) { return std::to_string(value); }
+std::string text_of_value(uint64_t value) { return std::to_string(value); }
+
 bool is_one_of(const std::string& value, std::initializer_list<const char*> list) {
   return std::any_of(list.begin(), list.end(), [&](const char* item) { return value == item; });
 }
 
 }  // namespace
 
-std::string text_of(const Settings& s) {
+std::string text_of(const Settings& settings) {
   std::string out;
-  const auto line = [&](const char* name, const std::string& value) {
-    out += std::string(name) + " " + value + "\n";
-  };
-  line("capture", s.capture);
-  line("seconds_of_sequence", number(s.reading.seconds));
-  line("fps", number(s.reading.fps));
-  line("frames", s.reading.frames);
-  line("test", s.reading.test);
-  line("tolerant", s.reading.tolerant ? "1" : "0");
-  line("scale", number(s.scale));
-  line("gaussians", std::to_string(s.gaussians));
-  line("steps", std::to_string(s.steps));
-  line("time", number(s.seconds));
-  line("views", std::to_string(s.views));
-  line("init", s.init);
-  line("sh_degree", std::to_string(s.sh_degree));
-  line("exposure", s.exposure);
-  line("density", s.density);
-  line("codec", s.codec);
-  line("adam", s.adam);
-  line("backend", s.backend);
-  line("drift", number(s.drift));
-  line("error_weight", number(s.error_weight));
-  line("near", number(s.near));
-  line("opacity_weight", number(s.opacity_weight));
-  line("scale_weight", number(s.scale_weight));
-  line("max_scale", number(s.max_scale));
-  line("host_memory", std::to_string(s.host_memory));
-  line("seed", std::to_string(s.seed));
+  for_each_setting(settings, [&](const char* name, const auto& value) {
+    out += std::string(name) + " " + text_of_value(value) + "\n";
+  });
   return out;
 }
 
@@ -72,11 +53,16 @@ void check(const Settings& s) {
     fail("--sh-degree is " + std::to_string(s.sh_degree) + "; it must be 0 to 3");
   if (!is_one_of(s.exposure, {"auto", "on", "off"}))
     fail("--exposure is " + s.exposure + "; it must be auto, on or off");
-  if (!is_one_of(s.density, {"relocate", "off"}))
-    fail("--density is " + s.density + "; it must be relocate or off");
-  if (!is_one_of(s.codec, {"off", "prune"}))
-    fail("--codec is " + s.codec + "; it must be off or prune");
-  if (s.codec == "prune" && s.density == "off") fail("--codec prune needs --density relocate");
+  if (!is_one_of(s.density, {"relocate", "gradient", "off"}))
+    fail("--density is " + s.density + "; it must be relocate, gradient or off");
+  if (s.density_every == 0 || kCycle % s.density_every != 0) {
+    fail("--density-every is " + std::to_string(s.density_every) + "; it must divide " +
+         std::to_string(kCycle));
+  }
+  if (!is_one_of(s.codec, {"off", "prune", "settle"}))
+    fail("--codec is " + s.codec + "; it must be off, prune or settle");
+  if (s.codec != "off" && s.density == "off")
+    fail("--codec " + s.codec + " needs --density relocate or gradient");
   if (!is_one_of(s.adam, {"dense", "sparse"}))
     fail("--adam is " + s.adam + "; it must be dense or sparse");
   if (!is_one_of(s.backend, {"auto", "cpu", "cuda"}))

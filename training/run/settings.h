@@ -22,8 +22,10 @@ struct Settings {
   std::string init = "auto";  // auto, frustum, hull, or a PLY of points
   uint32_t sh_degree = 3;
   std::string exposure = "auto";             // auto, on, off
-  std::string density = "relocate";          // relocate, off
-  std::string codec = "off";                 // off, prune
+  std::string density = "relocate";          // relocate, gradient, off
+  uint32_t density_every = 1;                // steps between two changes of the density
+  std::string codec = "off";                 // off, prune, settle
+  std::string preset;                        // of the encoder, for settle; "" otherwise
   std::string adam = "dense";                // dense, sparse
   std::string backend = "auto";              // auto, cpu, cuda
   double drift = 2;                          // kappa
@@ -36,7 +38,41 @@ struct Settings {
   uint64_t seed = 0;
 };
 
-// One line "name value" for each, in a fixed order: what checkpoints compare.
+// Calls f(name, value) for each of the settings, in a fixed order: what files say of a run. S:
+// Settings or const Settings.
+template <typename S, typename F>
+void for_each_setting(S& s, F&& f) {
+  f("capture", s.capture);
+  f("seconds", s.reading.seconds);
+  f("fps", s.reading.fps);
+  f("frames", s.reading.frames);
+  f("test", s.reading.test);
+  f("tolerant", s.reading.tolerant);
+  f("scale", s.scale);
+  f("gaussians", s.gaussians);
+  f("steps", s.steps);
+  f("time", s.seconds);
+  f("views", s.views);
+  f("init", s.init);
+  f("sh_degree", s.sh_degree);
+  f("exposure", s.exposure);
+  f("density", s.density);
+  f("density_every", s.density_every);
+  f("codec", s.codec);
+  f("preset", s.preset);
+  f("adam", s.adam);
+  f("backend", s.backend);
+  f("drift", s.drift);
+  f("error_weight", s.error_weight);
+  f("near", s.near);
+  f("opacity_weight", s.opacity_weight);
+  f("scale_weight", s.scale_weight);
+  f("max_scale", s.max_scale);
+  f("host_memory", s.host_memory);
+  f("seed", s.seed);
+}
+
+// One line "name value" for each: what checkpoints compare.
 std::string text_of(const Settings& settings);
 // Throws io::Error(INVALID_ARGUMENT) where a setting is out of range.
 void check(const Settings& settings);
