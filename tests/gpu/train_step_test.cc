@@ -334,6 +334,7 @@ TEST(DeviceRelocation, IsTheHosts) {
   DensityStep s;
   s.seed = 9;
   s.step = 41;
+  s.turn = 41;
   s.count = kCount;
   s.births = 700;
   s.sh_degree = 1;
@@ -528,6 +529,7 @@ ModelState trained(Backend* backend, const Capture& capture, bool sparse, bool r
     DensityStep density;
     density.seed = 1;
     density.step = step;
+    density.turn = static_cast<uint32_t>(step % kCycle);
     density.time_end = options.duration;
     backend->change_density(density, 3);
     if (step % 100 == 0) backend->renew_weights(1);

@@ -34,6 +34,7 @@ class Scripted final : public Backend {
     return output;
   }
   DensityChange change_density(DensityStep, uint64_t) override { return {}; }
+  DensityChange change_density(const GradientStep&) override { return {}; }
   void renew_weights(float) override {}
   void keep(const std::vector<uint8_t>&) override {}
   io::Image render(const l4d_camera& camera, double, const float*) override {

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numeric>
 
+#include "training/density/gradient.h"
 #include "training/density/relocate_row.h"
 #include "training/init/start.h"
 #include "training/model/state.h"
@@ -196,6 +197,7 @@ TEST(Relocation, MovesTheDeadAndGrows) {
     DensityStep s;
     s.seed = 9;
     s.step = k;
+    s.turn = static_cast<uint32_t>(k % kCycle);
     s.count = 200 + born;
     s.births = k <= 40 ? 1 : 0;
     s.sh_degree = 1;
@@ -260,6 +262,82 @@ TEST(Relocation, ChildrenMoveAlong) {
   // The mean of the samples is the parent, at any time; the spread is e^-3, and the lever 100
   // times.
   for (size_t c = 0; c < 3; ++c) EXPECT_NEAR(mean[c], 0, 0.005) << c;
+}
+
+// Rows that images pull are cloned or split, the faint go, the budget holds, and what was summed up
+// begins anew.
+TEST(GradientDensity, ClonesSplitsAndRemoves) {
+  ModelState model = make_model(100, 130);
+  for (size_t i = 0; i < 100; ++i) {
+    model.screen_views[i] = 10;
+    // Rows 10 to 49: the later, the more; half of them in views that count for two.
+    model.screen_gradient[i] = i >= 10 && i < 50 ? 1e-3f * static_cast<float>(i) : 1e-4f;
+    if (i % 2 == 1) model.value.log_scale[4 * i] = model.value.log_scale[4 * i + 1] = -9;
+    if (i % 2 == 1) model.value.log_scale[4 * i + 2] = -9;
+  }
+  for (size_t i = 90; i < 100; ++i) model.value.opacity[i] = -9;
+  const ModelState before = model;
+  GradientStep s;
+  s.step = 5;
+  s.budget = 120;
+  s.split_above = 0.01;
+  s.time_end = 4;
+  const DensityChange change = change_density_by_gradient(s, &model);
+  EXPECT_EQ(change.relocated, 10U);
+  EXPECT_EQ(change.born, 30U);
+  EXPECT_EQ(model.count, 120U);
+  EXPECT_EQ(model.next_id, before.next_id + 30);
+  for (size_t i = 0; i < 90; ++i) {
+    const bool is_pulled = i >= 20 && i < 50, is_small = i % 2 == 1;
+    const float less = before.value.log_scale[4 * i] - model.value.log_scale[4 * i];
+    EXPECT_NEAR(less, is_pulled && !is_small ? std::log(1.6f) : 0, 1e-4f) << i;
+  }
+  // The first child is that of row 49, which is small: its equal.
+  EXPECT_EQ(model.value.position[3 * 90], before.value.position[3 * 49]);
+  EXPECT_EQ(model.value.log_scale[4 * 90], before.value.log_scale[4 * 49]);
+  EXPECT_NE(model.value.position[3 * 91], before.value.position[3 * 48]);
+  for (const float gradient : model.screen_gradient) EXPECT_EQ(gradient, 0);
+
+  s.reset = true;
+  change_density_by_gradient(s, &model);
+  EXPECT_EQ(model.count, 120U);
+  for (size_t i = 0; i < 120; ++i) EXPECT_LE(sigmoid(model.value.opacity[i]), 0.0101f);
+}
+
+// Against differences of where a mean is in the image.
+TEST(GradientDensity, KnowsTheScreen) {
+  l4d_camera camera{};
+  l4d_camera_init(&camera);
+  camera.width = 640;
+  camera.height = 480;
+  camera.fx = 500;
+  camera.fy = 450;
+  camera.cx = 320;
+  camera.cy = 240;
+  const double world_to_camera[12] = {0, 1, 0, 0.3, -0.6, 0, 0.8, -0.2, 0.8, 0, 0.6, 3};
+  std::copy_n(world_to_camera, 12, camera.world_to_camera);
+  const double mean[3] = {0.4, -0.3, 0.7};
+  const auto project = [&](const double* p, double* xy) {
+    double c[3];
+    for (int r = 0; r < 3; ++r) {
+      c[r] = world_to_camera[4 * r + 3];
+      for (int k = 0; k < 3; ++k) c[r] += world_to_camera[4 * r + k] * p[k];
+    }
+    xy[0] = camera.fx * c[0] / c[2];
+    xy[1] = camera.fy * c[1] / c[2];
+  };
+  // A loss with the derivative (3, -2) by pixels.
+  float by_mean[3];
+  for (int k = 0; k < 3; ++k) {
+    double low[3], high[3], a[2], b[2];
+    for (int c = 0; c < 3; ++c) low[c] = high[c] = mean[c];
+    low[k] -= 1e-4;
+    high[k] += 1e-4;
+    project(low, a);
+    project(high, b);
+    by_mean[k] = static_cast<float>((3 * (b[0] - a[0]) - 2 * (b[1] - a[1])) / 2e-4);
+  }
+  EXPECT_NEAR(screen_gradient(camera, mean, by_mean), std::hypot(3 * 320.0, 2 * 240.0), 1e-2);
 }
 
 TEST(Random, IsUniformAndRepeats) {

@@ -85,6 +85,8 @@ expect 3 "no checkpoint" train "${options[@]}" -o none --steps 400 --resume
 expect 2 "preset" train "${options[@]}" -o x --steps 10 --encode finest
 expect 2 "exclude" train "${options[@]}" -o x --steps 10 --time 5
 expect 2 "--codec" train "${options[@]}" -o x --steps 10 --codec settle
+expect 2 "--density-every" train "${options[@]}" -o x --steps 10 --density-every 7
+expect 2 "--density is" train "${options[@]}" -o x --steps 10 --density more
 expect 2 "--codec prune needs" train "${options[@]}" -o x --steps 10 --codec prune --density off
 expect 2 "--near" train "${options[@]}" -o x --steps 10 --near close
 expect 2 "--max-scale" train "${options[@]}" -o x --steps 10 --max-scale 0

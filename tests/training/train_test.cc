@@ -92,6 +92,33 @@ TEST(Training, PrunesForTheCodec) {
               test::bytes_of(folder / "parts/scene.ply"));
 }
 
+// Both rules of density, in every step and all rows at once, keep to the budget, make a model that
+// shows something, and resume.
+TEST(Training, ChangesDensityByAnyRule) {
+  const Folder folder;
+  using Rule = std::pair<const char*, uint32_t>;
+  for (const auto& [rule, every] :
+       {Rule("relocate", 50), Rule("gradient", 1), Rule("gradient", 20)}) {
+    const std::string name = rule + std::to_string(every);
+    RunOptions options = tiny_run(folder / name, 120);
+    options.settings.density = rule;
+    options.settings.density_every = every;
+    Listener listener;
+    const RunReport report = train(options, &listener);
+    EXPECT_LE(report.gaussians, 2000U) << name;
+    EXPECT_GE(report.gaussians, 500U) << name;
+    EXPECT_GE(report.train.plain.mean_psnr, 16) << name;
+    options.folder = folder / (name + "parts");
+    Listener first(45);
+    EXPECT_THROW(train(options, &first), io::Error);
+    options.resume = true;
+    train(options, &listener);
+    EXPECT_TRUE(test::bytes_of(folder / (name + "/scene.ply")) ==
+                test::bytes_of(folder / (name + "parts/scene.ply")))
+        << name;
+  }
+}
+
 TEST(Training, RefusesToReplaceOrMixRuns) {
   const Folder folder;
   RunOptions options = tiny_run(folder / "run", 6);

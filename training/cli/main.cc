@@ -245,7 +245,10 @@ void add_train(CLI::App& app, Arguments& a) {
   verb->add_option("--sh-degree", s.sh_degree, "0 to 3")->capture_default_str();
   verb->add_option("--exposure", s.exposure, "Colours of cameras: auto (on from 8 videos), on, off")
       ->capture_default_str();
-  verb->add_option("--density", s.density, "relocate, off")->capture_default_str();
+  verb->add_option("--density", s.density, "relocate, gradient, off")->capture_default_str();
+  verb->add_option("--density-every", s.density_every,
+                   "Steps between two changes of the density; all rows come up in 100 steps")
+      ->capture_default_str();
   verb->add_option(
           "--codec", s.codec,
           "For the size of the stream: off; prune removes the Gaussians that images miss least")

@@ -102,6 +102,13 @@ class CudaBackend final : public Backend {
   uint64_t capacity() const override { return model_.capacity(); }
   StepOutput step(const StepInput& input) override;
   DensityChange change_density(DensityStep step, uint64_t growth) override;
+  // On the host: the rule is there to compare, and its model goes there and back.
+  DensityChange change_density(const GradientStep& step) override {
+    ModelState state = save();
+    const DensityChange change = change_density_by_gradient(step, &state);
+    load(std::move(state), timeline_);
+    return change;
+  }
   void renew_weights(float beta) override {
     use();
     check(model_.accumulate_weights(beta, stream_));
@@ -275,6 +282,10 @@ void CudaBackend::launch(const StepInput& input, const AdamStep& adam) {
   statistics.shown = model_.shown();
   statistics.coverage = input.measure ? model_.coverage() : nullptr;
   statistics.error_coverage = input.measure ? model_.error_coverage() : nullptr;
+  if (input.measure_gradients) {
+    statistics.screen_gradient = model_.screen_gradient();
+    statistics.views = model_.screen_views();
+  }
   const l4d_gradients gradients = model_.gradients();
   check_live(
       l4d_cuda_live_backward(live(), losses.data(), batch.count, &gradients, &statistics, stream_));

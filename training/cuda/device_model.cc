@@ -67,13 +67,15 @@ Status DeviceModel::load(const ModelState& state, cudaStream_t stream) {
   for (size_t k = 0; k < kNumAttributes; ++k) {
     L4D_RETURN_IF_ERROR(make_zero(n * numbers(k) * sizeof(float), stream, &arrays_[kGradient][k]));
   }
-  const std::vector<uint32_t>* const columns[kColumns] = {
-      &state.id, &state.updates, &state.prepared, &state.born, &state.last_shown};
+  const std::vector<uint32_t>* const columns[kColumns] = {&state.id,         &state.updates,
+                                                          &state.prepared,   &state.born,
+                                                          &state.last_shown, &state.screen_views};
   for (size_t c = 0; c < kColumns; ++c) {
     L4D_RETURN_IF_ERROR(upload(*columns[c], stream, &columns_[c]));
   }
   L4D_RETURN_IF_ERROR(upload(state.coverage, stream, &coverage_));
   L4D_RETURN_IF_ERROR(upload(state.error, stream, &error_));
+  L4D_RETURN_IF_ERROR(upload(state.screen_gradient, stream, &screen_gradient_));
   L4D_RETURN_IF_ERROR(cumulative_.reserve(std::max<size_t>(n, 1) * sizeof(double)));
   L4D_RETURN_IF_CUDA_ERROR(cudaMemcpyAsync(cumulative_.data(), state.cumulative.data(),
                                            state.cumulative.size() * sizeof(double),
@@ -103,13 +105,15 @@ Status DeviceModel::save(ModelState* state, cudaStream_t stream) const {
     L4D_RETURN_IF_CUDA_ERROR(cudaStreamSynchronize(stream));
     a.sh = with_width(a.sh, sh_numbers(stored_degree()), sh_numbers(sh_degree_));
   }
-  std::vector<uint32_t>* const columns[kColumns] = {&state->id, &state->updates, &state->prepared,
-                                                    &state->born, &state->last_shown};
+  std::vector<uint32_t>* const columns[kColumns] = {&state->id,         &state->updates,
+                                                    &state->prepared,   &state->born,
+                                                    &state->last_shown, &state->screen_views};
   for (size_t c = 0; c < kColumns; ++c) {
     L4D_RETURN_IF_ERROR(download(columns_[c], n, stream, columns[c]));
   }
   L4D_RETURN_IF_ERROR(download(coverage_, n, stream, &state->coverage));
   L4D_RETURN_IF_ERROR(download(error_, n, stream, &state->error));
+  L4D_RETURN_IF_ERROR(download(screen_gradient_, n, stream, &state->screen_gradient));
   L4D_RETURN_IF_ERROR(
       download(cumulative_, static_cast<size_t>(sampled), stream, &state->cumulative));
   L4D_RETURN_IF_CUDA_ERROR(cudaStreamSynchronize(stream));

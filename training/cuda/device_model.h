@@ -34,11 +34,13 @@ class DeviceModel {
   float* coverage() const { return covered_.as<float>(); }          // [capacity] of a step
   float* error_coverage() const { return coverage() + capacity_; }  // likewise
   RowAverages averages() const;
+  float* screen_gradient() const { return screen_gradient_.as<float>(); }
+  uint32_t* screen_views() const { return column(kScreenViews); }
   Status accumulate_weights(float beta, cudaStream_t stream);
 
  private:
   enum Group { kValue, kM, kV, kGradient, kGroups };
-  enum Column { kId, kUpdates, kPrepared, kBorn, kLastShown, kColumns };
+  enum Column { kId, kUpdates, kPrepared, kBorn, kLastShown, kScreenViews, kColumns };
   Rows<float> rows(Group group) const;
   uint32_t* column(Column c) const { return columns_[c].as<uint32_t>(); }
   size_t sh_numbers(uint32_t degree) const { return size_t{3} * (degree + 1) * (degree + 1); }
@@ -47,7 +49,8 @@ class DeviceModel {
   uint64_t capacity_ = 0;
   uint32_t sh_degree_ = 0;
   cuda::DeviceMemory arrays_[kGroups][kNumAttributes], columns_[kColumns];
-  cuda::DeviceMemory coverage_, error_, covered_, shown_, cumulative_, children_, copies_, partial_;
+  cuda::DeviceMemory coverage_, error_, screen_gradient_, covered_, shown_, cumulative_, children_,
+      copies_, partial_;
 };
 
 }  // namespace l4d::train

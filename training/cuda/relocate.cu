@@ -40,7 +40,7 @@ __global__ void __launch_bounds__(kThreads)
     find_dead(DensityStep s, DensityArrays a, RelocationMemory memory,
               DeviceDensityChange* change) {
   const uint64_t i = uint64_t{blockIdx.x} * kThreads + threadIdx.x;
-  if (i >= s.count || a.id[i] % kCycle != s.step % kCycle || !is_dead(s, a, i) || !can_draw(a)) {
+  if (i >= s.count || a.id[i] % s.cycle != s.turn || !is_dead(s, a, i) || !can_draw(a)) {
     return;
   }
   const uint64_t target = target_of(s, a, a.id[i]);

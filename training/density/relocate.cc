@@ -35,7 +35,7 @@ DensityChange change_density(const DensityStep& step, const DensityArrays& array
   };
   std::vector<Child> children;
   for (uint64_t i = 0; i < step.count; ++i) {
-    if (arrays.id[i] % kCycle != step.step % kCycle || !is_dead(step, arrays, i)) continue;
+    if (arrays.id[i] % step.cycle != step.turn || !is_dead(step, arrays, i)) continue;
     const uint64_t target = target_of(step, arrays, arrays.id[i]);
     if (target != kNoTarget) children.push_back({target, i});
   }

@@ -6,10 +6,10 @@
 
 #include "training/model/rows.h"
 
-// Density control by relocation (Kheradmand et al. 2024), a part of the rows in every step: step k
-// treats the rows whose id is k modulo kCycle. Rows that are dead move to others, and the model
-// grows towards its budget. Contract of relocate.cc (reference) and relocate.cu; both call the
-// functions of density/relocate_row.h.
+// Density control by relocation (Kheradmand et al. 2024), a part of the rows in every step, or more
+// of them in fewer steps: all rows come up once in kCycle steps. Rows that are dead move to others,
+// and the model grows towards its budget. Contract of relocate.cc (reference) and relocate.cu; both
+// call the functions of density/relocate_row.h.
 namespace l4d::train {
 
 constexpr uint32_t kCycle = 100;
@@ -18,7 +18,9 @@ constexpr float kDeadOpacity = 0.005f;
 struct DensityStep {
   uint64_t seed = 0;
   uint64_t step = 0;
-  uint64_t count = 0;   // Gaussians
+  uint64_t count = 0;  // Gaussians
+  // Rows whose id is `turn` modulo `cycle` are treated.
+  uint32_t cycle = kCycle, turn = 0;
   uint64_t births = 0;  // rows to add at the end, at most; capacity holds them
   uint32_t sh_degree = 0;
   // Births have the ids from here on, `births` of them whether all find a target or not. Relocated

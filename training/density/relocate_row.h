@@ -106,9 +106,9 @@ L4D_HOST_DEVICE inline void shrink_target(const DensityStep& s, const DensityArr
   reset_row(s, a, target);
 }
 
-// Makes row i a child of `target`, at a sample of its distribution in space and time.
-L4D_HOST_DEVICE inline void place_child(const DensityStep& s, const DensityArrays& a,
-                                        uint64_t target, uint64_t i) {
+// Row i becomes what `target` is; its id stays.
+L4D_HOST_DEVICE inline void copy_row(const DensityStep& s, const DensityArrays& a, uint64_t target,
+                                     uint64_t i) {
   const Rows<float>& x = a.value;
   const auto copy = [&](float* of, uint64_t width) {
     for (uint64_t k = 0; k < width; ++k) of[width * i + k] = of[width * target + k];
@@ -121,6 +121,13 @@ L4D_HOST_DEVICE inline void place_child(const DensityStep& s, const DensityArray
   copy(x.sh, 3 * (s.sh_degree + 1) * (s.sh_degree + 1));
   a.coverage[i] = a.coverage[target];
   a.error[i] = a.error[target];
+}
+
+// Makes row i a child of `target`, at a sample of its distribution in space and time.
+L4D_HOST_DEVICE inline void place_child(const DensityStep& s, const DensityArrays& a,
+                                        uint64_t target, uint64_t i) {
+  const Rows<float>& x = a.value;
+  copy_row(s, a, target, i);
 
   float n[4], p[3][4], rows[16], scale[4];
   normal4(philox(s.seed, s.step, a.id[i], Use::kChild), n);

@@ -13,11 +13,13 @@ void ModelState::allocate(uint64_t capacity, uint32_t sh_degree) {
     arrays->flags = L4D_OPACITY_LOGIT;
     arrays->resize(n);
   }
-  for (std::vector<uint32_t>* rows : {&id, &updates, &prepared, &born, &last_shown}) {
+  for (std::vector<uint32_t>* rows :
+       {&id, &updates, &prepared, &born, &last_shown, &screen_views}) {
     rows->assign(n, 0);
   }
   coverage.assign(n, 0);
   error.assign(n, 0);
+  screen_gradient.assign(n, 0);
 }
 
 void ModelState::keep(const std::vector<uint8_t>& mask) {
@@ -28,11 +30,12 @@ void ModelState::keep(const std::vector<uint8_t>& mask) {
     arrays->keep(whole);
     arrays->resize(rows);
   }
-  for (std::vector<uint32_t>* column : {&id, &updates, &prepared, &born, &last_shown}) {
+  for (std::vector<uint32_t>* column :
+       {&id, &updates, &prepared, &born, &last_shown, &screen_views}) {
     keep_rows(whole, 1, column);
     column->resize(rows);
   }
-  for (std::vector<float>* column : {&coverage, &error}) {
+  for (std::vector<float>* column : {&coverage, &error, &screen_gradient}) {
     keep_rows(whole, 1, column);
     column->resize(rows);
   }

@@ -23,8 +23,11 @@ struct ModelState {
   AttributeArrays value, m, v;
   std::vector<uint32_t> id, updates, prepared, born, last_shown;
   std::vector<float> coverage, error;  // moving averages per row: see Backend::step
-  std::vector<double> cumulative;      // of the draw of targets; as long as the model was then
-  std::vector<Exposure> exposures;     // of cameras
+  // Sums over the views since a gradient rule looked at the row, and their number; 0 without one.
+  std::vector<float> screen_gradient;
+  std::vector<uint32_t> screen_views;
+  std::vector<double> cumulative;   // of the draw of targets; as long as the model was then
+  std::vector<Exposure> exposures;  // of cameras
   uint64_t count = 0;
   uint32_t next_id = 0;
 

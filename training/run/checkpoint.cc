@@ -19,7 +19,7 @@ namespace {
 namespace fs = std::filesystem;
 using io::Error;
 
-constexpr char kMagic[9] = "L4DTRN01";
+constexpr char kMagic[9] = "L4DTRN02";
 constexpr const char* kPrefix = "checkpoint-";
 constexpr const char* kSuffix = ".l4dtrain";
 constexpr size_t kKept = 2;
@@ -117,6 +117,8 @@ void for_each_row_array(State& state, F&& f) {
   f("last_shown", state.last_shown);
   f("coverage", state.coverage);
   f("error", state.error);
+  f("screen_gradient", state.screen_gradient);
+  f("screen_views", state.screen_views);
 }
 
 }  // namespace

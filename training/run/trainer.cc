@@ -26,6 +26,10 @@ constexpr double kMinCoverage = 1e-8;  // per pixel
 constexpr uint64_t kPrunes = 5;
 constexpr double kPruneBegin = 0.6, kPruneEvery = 0.05, kPruneShare = 0.1;
 constexpr size_t kPruneViews = 64;  // that losses are measured on, at most
+// Of --density gradient.
+constexpr double kGradientEnd = 0.5;    // of the training
+constexpr double kSplitShare = 0.01;    // of the radius
+constexpr uint64_t kResetEvery = 3000;  // steps
 constexpr float kIdentity[12] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
 
 }  // namespace
@@ -142,7 +146,8 @@ StepReport Trainer::advance() {
   schedule_.rate_factor = state_.rate_factor;
   input.adam = adam_step_at(schedule_, f, settings_.seed, step, 0);
   input.adam.sparse = settings_.adam == "sparse";
-  if (settings_.density == "off") input.adam.noise = 0;
+  if (settings_.density != "relocate") input.adam.noise = 0;
+  input.measure_gradients = settings_.density == "gradient" && f < kGradientEnd;
   input.measure = step % kMeasureEvery == 0 && settings_.density != "off";
   if (has_alpha_) {
     const Random4 r = philox(settings_.seed, step, 0, Use::kBackground);
@@ -294,9 +299,15 @@ DensityChange Trainer::change_density(uint64_t step, double f) {
     return change;
   }
   if (step % kCycle == 0) backend_->renew_weights(static_cast<float>(settings_.error_weight));
-  if (static_cast<double>(step) < begin) return change;
+  if (static_cast<double>(step) < begin || step % settings_.density_every != 0) return change;
+  const uint32_t cycle = kCycle / settings_.density_every;
+  return settings_.density == "gradient" ? follow_gradients(step, f, cycle) : relocate(step, cycle);
+}
+
+DensityChange Trainer::relocate(uint64_t step, uint32_t cycle) {
+  const uint64_t every = settings_.density_every;
   const double per_step = kGrowth / kCycle * static_cast<double>(backend_->count());
-  const double before = std::floor(per_step * static_cast<double>(step - 1));
+  const double before = std::floor(per_step * static_cast<double>(step - every));
   uint64_t growth =
       static_cast<uint64_t>(std::floor(per_step * static_cast<double>(step)) - before);
   if (state_.prunes > 0) growth = 0;  // what is removed does not come back
@@ -304,11 +315,28 @@ DensityChange Trainer::change_density(uint64_t step, double f) {
   DensityStep density;
   density.seed = settings_.seed;
   density.step = step;
+  density.cycle = cycle;
+  density.turn = static_cast<uint32_t>(step / every % cycle);
   density.time_begin = 0;
   density.time_end = capture_.duration();
   const uint64_t patience = 2 * steps_per_epoch();
   if (step > patience) density.unseen_since = static_cast<uint32_t>(step - patience);
   return backend_->change_density(density, growth);
+}
+
+DensityChange Trainer::follow_gradients(uint64_t step, double f, uint32_t cycle) {
+  if (f >= kGradientEnd || state_.prunes > 0) return {};
+  GradientStep density;
+  density.seed = settings_.seed;
+  density.step = step;
+  density.cycle = cycle;
+  density.turn = static_cast<uint32_t>(step / settings_.density_every % cycle);
+  density.budget = settings_.gaussians;
+  density.views = settings_.views;
+  density.split_above = kSplitShare * schedule_.radius;
+  density.time_end = capture_.duration();
+  density.reset = step % kResetEvery == 0;
+  return backend_->change_density(density);
 }
 
 void Trainer::sweep(uint64_t step) {

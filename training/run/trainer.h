@@ -89,6 +89,8 @@ class Trainer {
              const std::vector<uint32_t>& views);
   void watch_cameras(const StepOutput& output, const std::vector<uint32_t>& views);
   DensityChange change_density(uint64_t step, double f);
+  DensityChange relocate(uint64_t step, uint32_t cycle);
+  DensityChange follow_gradients(uint64_t step, double f, uint32_t cycle);
   void sweep(uint64_t step);
   // Removes rows by what images lose with them, where --codec asks for that.
   void prune(double f);

@@ -8,6 +8,7 @@
 
 #include "io/image.h"
 #include "l4d/render.h"
+#include "training/density/gradient.h"
 #include "training/density/relocate.h"
 #include "training/model/state.h"
 #include "training/step/adam.h"
@@ -36,6 +37,8 @@ struct StepInput {
   // Also update `coverage` and `error` of the rows that the views show: moving averages of the
   // sum of blending weights per pixel, and of that weighted by the mean absolute error of pixels.
   bool measure = false;
+  // Also add to `screen_gradient` and `screen_views` of the rows that the views show.
+  bool measure_gradients = false;
 };
 
 // Seconds since the last call of Backend::take_seconds, by stage.
@@ -66,6 +69,7 @@ class Backend {
   virtual StepOutput step(const StepInput& input) = 0;
   // step.count, births and next_id are the back end's; `growth` is how many rows to add at most.
   virtual DensityChange change_density(DensityStep step, uint64_t growth) = 0;
+  virtual DensityChange change_density(const GradientStep& step) = 0;
   // Renews the weights by which targets are drawn.
   virtual void renew_weights(float beta) = 0;
   // Removes the rows whose mask is 0. mask: [count].

@@ -5,6 +5,8 @@
 
 #include "l4d/render.hpp"
 #include "libl4dcodec/base/threads.h"
+#include "libl4dcodec/scene/slice.h"
+#include "libl4dcodec/scene/timeline.h"
 #include "training/step/backend.h"
 
 namespace l4d::train {
@@ -25,7 +27,8 @@ struct Slot {
   explicit Slot(const l4d_renderer_options& options) : renderer(&options) {}
   RendererHandle renderer;
   AttributeArrays gradient;
-  std::vector<float> measured;  // [count, (D+1)^2, 3]
+  std::vector<float> measured;         // [count, (D+1)^2, 3]
+  std::vector<float> screen_gradient;  // [count]
   std::vector<float> image, rgb_gradient, factors;
   LossSums sums;
   std::array<double, 12> exposure_gradient{};
@@ -135,6 +138,13 @@ class CpuBackend final : public Backend {
     return change;
   }
 
+  DensityChange change_density(const GradientStep& step) override {
+    StageClock clock(&seconds_);
+    const DensityChange change = change_density_by_gradient(step, &state_);
+    clock.ends(kDensity);
+    return change;
+  }
+
   void renew_weights(float beta) override {
     accumulate_weights(rows_of<const float>(state_.value), state_.coverage.data(),
                        state_.error.data(), state_.count, beta, &state_.cumulative);
@@ -239,6 +249,7 @@ class CpuBackend final : public Backend {
     l4d_gradients gradients = gradients_of(&slot->gradient, state_.count);
     slot->renderer.check(
         l4d_renderer_backward(renderer, &view.camera, slot->rgb_gradient.data(), &gradients));
+    if (input.measure_gradients) measure_gradients(input.time, view.camera, *slot);
     if (input.measure) measure(loss, renderer, view.camera, slot);
     clock.ends(kBackward);
   }
@@ -271,6 +282,28 @@ class CpuBackend final : public Backend {
         l4d_renderer_backward(renderer, &camera, slot->rgb_gradient.data(), &gradients));
   }
 
+  // The backward pass gives derivatives in the world alone, so that what moves the ellipse in the
+  // image is not told from what deforms it.
+  void measure_gradients(double time, const l4d_camera& camera, Slot& slot) {
+    const size_t count = static_cast<size_t>(state_.count);
+    slot.screen_gradient.assign(count, 0);
+    for (size_t i = 0; i < count; ++i) {
+      if (slot.gradient.opacity[i] == 0) continue;
+      float p[3][4];
+      const Slice4D<float> slice = slice_attributes<float>(
+          state_.value.rotor.data() + 8 * i, state_.value.log_scale.data() + 4 * i, p);
+      const double reference = reference_time(static_cast<double>(state_.value.mean_t[i]), 0.0,
+                                              sequence_duration(timeline_));
+      double mean[3];
+      for (size_t c = 0; c < 3; ++c) {
+        mean[c] = static_cast<double>(state_.value.position[3 * i + c]) +
+                  static_cast<double>(slice.velocity[c]) * (time - reference);
+      }
+      slot.screen_gradient[i] =
+          static_cast<float>(screen_gradient(camera, mean, slot.gradient.position.data() + 3 * i));
+    }
+  }
+
   void add_views(const StepInput& input) {
     const size_t views = input.views.size();
     const size_t width = 3 * (state_.sh_degree() + 1) * (state_.sh_degree() + 1);
@@ -286,6 +319,13 @@ class CpuBackend final : public Backend {
       for (size_t i = begin; i < end; ++i) {
         shown_[i] = gradient_.opacity[i] != 0 ? 1 : 0;
         if (shown_[i] != 0) state_.last_shown[i] = static_cast<uint32_t>(input.adam.step);
+      }
+      for (size_t k = 0; k < views && input.measure_gradients; ++k) {
+        for (size_t i = begin; i < end; ++i) {
+          if (slots_[k]->gradient.opacity[i] == 0) continue;
+          state_.screen_gradient[i] += slots_[k]->screen_gradient[i];
+          ++state_.screen_views[i];
+        }
       }
       if (!input.measure) return;
       for (size_t i = begin; i < end; ++i) {
