@@ -2,39 +2,50 @@
 # SPDX-License-Identifier: Apache-2.0
 """What --codec of a training does to the size of streams at equal quality.
 
-usage: codec_rate.py L4DTRAIN L4DCODEC FOLDER CAPTURE [OPTION of `l4dtrain train`...]
+usage: codec_rate.py L4DTRAIN L4DCODEC FOLDER CAPTURE [--modes M,..] [--presets P,..]
+                     [OPTION of `l4dtrain train`...]
 
-Trains CAPTURE without and with `--codec prune`, both into FOLDER, encodes each result with four
-presets, compares decoded streams with the captured images, and prints a table. The last line is the
-mean difference of bytes over the range of PSNR that both have, on training and on test views.
+Trains CAPTURE with each mode into FOLDER, encodes the results with each preset, compares decoded
+streams with the captured images, and prints a table. A mode is a value of --codec, and may have
+options of its own: off,prune,settle (the default), or prune,prune:opacity-weight=0.03. A mode that
+settles trains once for each preset, as it does so on the stream of one. The last lines are the mean
+differences of bytes to the first mode, over the range of PSNR that both have, on training and on
+test views.
 """
 
+import argparse
 import json
 import math
 import pathlib
 import subprocess
-import sys
 
-PRESETS = ("tiny", "small", "default", "large")
+PRESETS = "tiny,small,default,large"
 
 
 def run(*command):
     return subprocess.run([str(c) for c in command], check=True, stdout=subprocess.PIPE).stdout
 
 
-def curve_of(train, codec, run_folder, capture, options, mode):
-    """[(bytes, train dB, test dB)] of the presets, and the number of Gaussians."""
-    run(train, "train", capture, "-o", run_folder, "--force", "--quiet", "--codec", mode,
-        "--encode", "default", *options)
+def curve_of(tools, run_folder, options, mode, presets):
+    """[(bytes, train dB, test dB)] of the presets, and the report of the last one."""
+    train, codec, capture = tools
+    name, *own = mode.split(":")
+    own = [part for option in own for part in ("--" + option).split("=", 1)]
     stream = run_folder / "scene.l4d"
     points = []
-    for preset in PRESETS:
+    for preset in presets:
+        if name == "settle" or not points:
+            run(train, "train", capture, "-o", run_folder, "--force", "--quiet", "--codec", name,
+                "--encode", preset, *own, *options)
         run(codec, "encode", run_folder / "scene.ply", "--weights", run_folder / "weights.ply",
             "--preset", preset, "-o", stream, "--force", "--quiet")
         report = json.loads(run(train, "eval", run_folder, "--json", "--quiet"))
         points.append((report["stream"]["file_bytes"], report["stream"]["train"]["psnr"],
                        report["stream"]["test"]["psnr"]))
-    return points, report
+        scene = f"{report['train']['psnr']:.2f}, {report['test']['psnr']:.2f} dB"
+        print(f"| {mode} | {report['gaussians']:,} | {scene} | {preset} | {points[-1][0]:,} | "
+              f"{points[-1][1]:.2f} dB | {points[-1][2]:.2f} dB |", flush=True)
+    return points
 
 
 def log_bytes_at(points, psnr, which):
@@ -69,25 +80,27 @@ def difference(off, on, which):
 
 
 def main():
-    if len(sys.argv) < 5:
-        sys.exit(__doc__)
-    train, codec, folder, capture = (pathlib.Path(a).resolve() for a in sys.argv[1:5])
-    options = sys.argv[5:]
-    folder.mkdir(parents=True, exist_ok=True)
-    curves = {}
+    parser = argparse.ArgumentParser(usage=__doc__.split("usage: ")[1].split("\n\n")[0],
+                                     allow_abbrev=False)
+    for name in ("l4dtrain", "l4dcodec", "folder", "capture"):
+        parser.add_argument(name, type=pathlib.Path)
+    parser.add_argument("--modes", default="off,prune,settle")
+    parser.add_argument("--presets", default=PRESETS)
+    own, options = parser.parse_known_args()
+    modes, presets = own.modes.split(","), own.presets.split(",")
+    own.folder.mkdir(parents=True, exist_ok=True)
+    tools = [path.resolve() for path in (own.l4dtrain, own.l4dcodec, own.capture)]
     print("| --codec | Gaussians | scene, training and test | preset | bytes | training | test |")
     print("|---|---:|---:|---|---:|---:|---:|")
-    for mode in ("off", "prune"):
-        curves[mode], report = curve_of(train, codec, folder / mode, capture, options, mode)
-        scene = f"{report['train']['psnr']:.2f}, {report['test']['psnr']:.2f} dB"
-        for preset, (size, on_train, on_test) in zip(PRESETS, curves[mode]):
-            print(f"| {mode} | {report['gaussians']:,} | {scene} | {preset} | {size:,} | "
-                  f"{on_train:.2f} dB | {on_test:.2f} dB |")
-    texts = []
-    for name, which in (("training", 1), ("test", 2)):
-        change = difference(curves["off"], curves["prune"], which)
-        texts.append(f"{name} views " + ("no common range" if change is None else f"{change:+.1f} %"))
-    print("\nBytes at equal PSNR, prune against off: " + ", ".join(texts))
+    curves = [curve_of(tools, own.folder.resolve() / mode.replace(":", "-"), options, mode, presets)
+              for mode in modes]
+    for mode, curve in list(zip(modes, curves))[1:]:
+        texts = []
+        for name, which in (("training", 1), ("test", 2)):
+            change = difference(curves[0], curve, which)
+            texts.append(f"{name} views " +
+                         ("no common range" if change is None else f"{change:+.1f} %"))
+        print(f"\nBytes at equal PSNR, {mode} against {modes[0]}: " + ", ".join(texts))
 
 
 if __name__ == "__main__":

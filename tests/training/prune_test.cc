@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include "io/metrics.h"
 #include "tests/training/tiny_capture.h"
 #include "training/run/output.h"
@@ -49,6 +51,27 @@ TEST(Prune, PredictsWhatImagesLose) {
   RecordProperty("most_over_least", std::to_string(error_without(reversed) / least));
   EXPECT_LT(1.5 * least, error_without(opacity));
   EXPECT_LT(20 * least, error_without(reversed));
+}
+
+// The encoder keeps what it is worth to code, and no more of it with a preset for fewer bytes.
+TEST(Prune, AsksTheEncoder) {
+  const Capture capture = read_capture(test::tiny_capture(), {});
+  const ImageLoader loader(capture, 1);
+  io::Scene scene = scene_of(model_of(test::tiny_truth()), capture.timeline());
+  const io::Weights weights = measure_weights(scene, capture, loader, 1, 0);
+  const std::vector<uint8_t> small = worth_their_bits(scene, weights, "small", 1);
+  const std::vector<uint8_t> tiny = worth_their_bits(scene, weights, "tiny", 1);
+  ASSERT_EQ(small.size(), scene.count());
+  const auto kept = std::count(small.begin(), small.end(), 1);
+  EXPECT_LT(std::count(tiny.begin(), tiny.end(), 1), kept);
+  EXPECT_LT(kept, 3000);
+  EXPECT_GT(kept, 300);
+  // Those that go weigh less.
+  double gone = 0, stays = 0;
+  for (size_t i = 0; i < small.size(); ++i) {
+    (small[i] != 0 ? stays : gone) += static_cast<double>(weights.opacity[i]);
+  }
+  EXPECT_LT(5 * gone / static_cast<double>(3000 - kept), stays / static_cast<double>(kept));
 }
 
 }  // namespace

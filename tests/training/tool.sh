@@ -84,7 +84,8 @@ expect 2 "other settings" train "${options[@]}" -o whole --steps 401 --resume
 expect 3 "no checkpoint" train "${options[@]}" -o none --steps 400 --resume
 expect 2 "preset" train "${options[@]}" -o x --steps 10 --encode finest
 expect 2 "exclude" train "${options[@]}" -o x --steps 10 --time 5
-expect 2 "--codec" train "${options[@]}" -o x --steps 10 --codec settle
+expect 2 "--codec is" train "${options[@]}" -o x --steps 10 --codec finest
+expect 2 "needs --encode" train "${options[@]}" -o x --steps 10 --codec settle
 expect 2 "--density-every" train "${options[@]}" -o x --steps 10 --density-every 7
 expect 2 "--density is" train "${options[@]}" -o x --steps 10 --density more
 expect 2 "--codec prune needs" train "${options[@]}" -o x --steps 10 --codec prune --density off

@@ -92,6 +92,37 @@ TEST(Training, PrunesForTheCodec) {
               test::bytes_of(folder / "parts/scene.ply"));
 }
 
+// The encoder in the loop removes rows in addition, and a run that is interrupted between its two
+// encodes goes on with the same bits.
+TEST(Training, SettlesOnWhatTheEncoderKeeps) {
+  const Folder folder;
+  RunOptions options = tiny_run(folder / "prune", 100);
+  options.settings.codec = "prune";
+  options.preset = "small";
+  Listener listener;
+  const RunReport pruned = train(options, &listener);
+  options.folder = folder / "settle";
+  options.settings.codec = "settle";
+  const RunReport settled = train(options, &listener);
+  EXPECT_LT(settled.gaussians, pruned.gaussians);
+  EXPECT_LT(settled.stream_bytes, pruned.stream_bytes);
+  EXPECT_GT(settled.stream_test.plain.mean_psnr, pruned.stream_test.plain.mean_psnr - 1);
+  EXPECT_EQ(settled.settings.preset, "small");
+
+  options.folder = folder / "parts";
+  Listener first(77);
+  EXPECT_THROW(train(options, &first), io::Error);
+  options.resume = true;
+  train(options, &listener);
+  EXPECT_TRUE(test::bytes_of(folder / "settle/scene.ply") ==
+              test::bytes_of(folder / "parts/scene.ply"));
+
+  options.resume = false;
+  options.folder = folder / "without";
+  options.preset.clear();
+  EXPECT_THROW(train(options, &listener), io::Error);
+}
+
 // Both rules of density, in every step and all rows at once, keep to the budget, make a model that
 // shows something, and resume.
 TEST(Training, ChangesDensityByAnyRule) {

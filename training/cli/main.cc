@@ -251,7 +251,8 @@ void add_train(CLI::App& app, Arguments& a) {
       ->capture_default_str();
   verb->add_option(
           "--codec", s.codec,
-          "For the size of the stream: off; prune removes the Gaussians that images miss least")
+          "For the size of the stream: off; prune removes the Gaussians that images miss least; "
+          "settle also those that an encode with the preset of --encode drops")
       ->capture_default_str();
   verb->add_option("--adam", s.adam, "dense, sparse")->capture_default_str();
   verb->add_option("--backend", s.backend, "cpu, cuda; auto takes a CUDA device where there is one")

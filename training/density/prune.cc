@@ -6,6 +6,7 @@
 
 #include "l4d/render.hpp"
 #include "libl4dcodec/scene/slice.h"
+#include "training/run/output.h"
 
 namespace l4d::train {
 
@@ -35,6 +36,20 @@ std::vector<float> loss_without(const ModelState& model, const Capture& capture,
     loss[i] = change * change;
   }
   return loss;
+}
+
+std::vector<uint8_t> worth_their_bits(const io::Scene& scene, const io::Weights& weights,
+                                      const std::string& preset, uint32_t threads) {
+  const EncoderHandle encoder = make_encoder(scene, weights, preset, threads);
+  encoder.encode();
+  l4d_encode_report report;
+  l4d_encode_report_init(&report);
+  encoder.check(l4d_encoder_get_report(encoder.get(), &report));
+  std::vector<uint32_t> order(static_cast<size_t>(report.coded_gaussians));
+  encoder.check(l4d_encoder_get_order(encoder.get(), order.data(), order.size()));
+  std::vector<uint8_t> mask(scene.count(), 0);
+  for (const uint32_t row : order) mask[row] = 1;
+  return mask;
 }
 
 std::vector<uint8_t> most_important(const std::vector<float>& values, double share) {

@@ -2,8 +2,10 @@
 #pragma once
 
 #include <cstdint>
+#include <string>
 #include <vector>
 
+#include "io/formats.h"
 #include "training/capture/capture.h"
 #include "training/images/loader.h"
 #include "training/model/state.h"
@@ -18,6 +20,11 @@ namespace l4d::train {
 std::vector<float> loss_without(const ModelState& model, const Capture& capture,
                                 const ImageLoader& loader, const std::vector<uint32_t>& views,
                                 uint64_t seed);
+
+// A mask of the rows that an encode of the scene with these weights keeps: the encoder drops rows
+// that cost more bits than they show. threads: 0 = one per core; never changes the result.
+std::vector<uint8_t> worth_their_bits(const io::Scene& scene, const io::Weights& weights,
+                                      const std::string& preset, uint32_t threads);
 
 // A mask of the rows that stay, where the given share of them with the smallest values goes; at
 // least one stays. Of equal values, later rows go first.

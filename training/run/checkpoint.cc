@@ -129,8 +129,8 @@ std::vector<uint8_t> pack_checkpoint(const Checkpoint& c) {
   out.add("settings", c.settings.data(), c.settings.size());
   const uint64_t whole[] = {
       c.run.step,       c.run.high_losses, c.run.lost,    c.run.swept ? 1u : 0u, model.count,
-      model.capacity(), model.sh_degree(), model.next_id, c.run.prunes};
-  out.add("numbers", whole, 9);
+      model.capacity(), model.sh_degree(), model.next_id, c.run.prunes,          c.run.settles};
+  out.add("numbers", whole, 10);
   const double real[] = {c.run.seconds, c.run.loss_average, c.run.rate_factor};
   out.add("measures", real, 3);
   out.add("camera_loss", c.run.camera_loss.data(), c.run.camera_loss.size());
@@ -165,12 +165,13 @@ Checkpoint unpack_checkpoint(const std::string& name, const std::vector<uint8_t>
   Checkpoint c;
   const std::vector<char> text = in.take<char>("settings");
   c.settings.assign(text.begin(), text.end());
-  const std::vector<uint64_t> whole = in.take<uint64_t>("numbers", 9);
+  const std::vector<uint64_t> whole = in.take<uint64_t>("numbers", 10);
   c.run.step = whole[0];
   c.run.high_losses = whole[1];
   c.run.lost = whole[2];
   c.run.swept = whole[3] != 0;
   c.run.prunes = whole[8];
+  c.run.settles = whole[9];
   const uint64_t count = whole[4], capacity = whole[5];
   // Each row has at least 17 floats, three times.
   if (count > capacity || count > bytes.size() / 204 || capacity > 100000000 || whole[6] > 3) {

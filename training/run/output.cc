@@ -5,7 +5,6 @@
 #include <nlohmann/json.hpp>
 
 #include "io/file.h"
-#include "l4d/l4d.hpp"
 #include "l4d/render.hpp"
 
 namespace l4d::train {
@@ -121,8 +120,8 @@ void check_preset(const std::string& preset) {
               "--encode is " + preset + "; it must be a preset of the encoder: " + names);
 }
 
-uint64_t encode_scene(const std::string& path, const io::Scene& scene, const io::Weights& weights,
-                      const std::string& preset, uint32_t threads) {
+EncoderHandle make_encoder(const io::Scene& scene, const io::Weights& weights,
+                           const std::string& preset, uint32_t threads) {
   l4d_encoder_options options;
   l4d_encoder_options_init(&options);
   options.threads = threads;
@@ -138,6 +137,12 @@ uint64_t encode_scene(const std::string& path, const io::Scene& scene, const io:
     const std::vector<float>& values = weights.*column;
     encoder.check(l4d_encoder_set_weights(encoder.get(), which, values.data(), values.size()));
   }
+  return encoder;
+}
+
+uint64_t encode_scene(const std::string& path, const io::Scene& scene, const io::Weights& weights,
+                      const std::string& preset, uint32_t threads) {
+  const EncoderHandle encoder = make_encoder(scene, weights, preset, threads);
   encoder.check(l4d_encoder_encode_file(encoder.get(), path.c_str()));
   l4d_encode_report report;
   l4d_encode_report_init(&report);

@@ -5,6 +5,7 @@
 #include <string>
 
 #include "io/formats.h"
+#include "l4d/l4d.hpp"
 #include "training/images/loader.h"
 #include "training/model/state.h"
 
@@ -23,6 +24,9 @@ void write_cameras(const std::string& path, const Capture& capture, const ImageL
 io::Weights measure_weights(const io::Scene& scene, const Capture& capture,
                             const ImageLoader& loader, uint32_t threads, uint64_t seed);
 
+// An encoder of the scene with a preset. It borrows `scene` and `weights`.
+EncoderHandle make_encoder(const io::Scene& scene, const io::Weights& weights,
+                           const std::string& preset, uint32_t threads);
 // Encodes with a preset of the encoder; returns the bytes of the stream.
 uint64_t encode_scene(const std::string& path, const io::Scene& scene, const io::Weights& weights,
                       const std::string& preset, uint32_t threads);

@@ -91,6 +91,9 @@ class Run {
   RunReport run() {
     if (!options_.preset.empty()) check_preset(options_.preset);
     check(options_.settings);
+    if (options_.settings.codec == "settle" && options_.preset.empty()) {
+      throw Error(L4D_ERR_INVALID_ARGUMENT, "--codec settle needs --encode PRESET");
+    }
     open_folder();
     observer_->update(0, 0, "reading the capture");
     capture_ = read_capture(options_.settings.capture, options_.settings.reading);
@@ -99,11 +102,12 @@ class Run {
     for (const std::string& note : capture_.notes) say(note);
     const l4d_camera& camera = loader_->camera(0);
     settings_ = resolved(options_.settings, capture_, camera.width, camera.height);
+    if (settings_.codec == "settle") settings_.preset = options_.preset;
     read_images();
     backend_ =
         settings_.backend == "cuda" ? make_cuda_backend(0) : make_cpu_backend(options_.threads);
     trainer_ = std::make_unique<Trainer>(settings_, capture_, *loader_, instants_, store_.get(),
-                                         backend_.get());
+                                         backend_.get(), options_.threads);
     settings_.opacity_weight = opacity_weight_of(settings_, trainer_->has_alpha());
     begin();
     log_ = std::make_unique<Log>(file("log.jsonl"), trainer_->state().step);

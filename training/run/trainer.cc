@@ -3,10 +3,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 
 #include "io/metrics.h"
 #include "libl4dcodec/scene/slice.h"
 #include "training/density/prune.h"
+#include "training/run/output.h"
 #include "training/step/random.h"
 
 namespace l4d::train {
@@ -25,7 +27,8 @@ constexpr double kMinCoverage = 1e-8;  // per pixel
 // Of --codec prune: five times a tenth of the rows.
 constexpr uint64_t kPrunes = 5;
 constexpr double kPruneBegin = 0.6, kPruneEvery = 0.05, kPruneShare = 0.1;
-constexpr size_t kPruneViews = 64;  // that losses are measured on, at most
+constexpr size_t kPruneViews = 64;           // that losses are measured on, at most
+constexpr double kSettleAt[] = {0.75, 0.8};  // encodes of --codec settle
 // Of --density gradient.
 constexpr double kGradientEnd = 0.5;    // of the training
 constexpr double kSplitShare = 0.01;    // of the radius
@@ -35,13 +38,15 @@ constexpr float kIdentity[12] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
 }  // namespace
 
 Trainer::Trainer(const Settings& settings, const Capture& capture, const ImageLoader& loader,
-                 const std::vector<Instant>& instants, ImageStore* store, Backend* backend)
+                 const std::vector<Instant>& instants, ImageStore* store, Backend* backend,
+                 uint32_t threads)
     : settings_(settings),
       capture_(capture),
       loader_(loader),
       instants_(instants),
       store_(store),
-      backend_(backend) {
+      backend_(backend),
+      threads_(threads) {
   schedule_.radius = frame_of(capture).radius;
   schedule_.duration = capture.duration();
   schedule_.fps = capture.fps;
@@ -293,6 +298,7 @@ DensityChange Trainer::change_density(uint64_t step, double f) {
   const double total = settings_.seconds > 0 ? 1e9 : static_cast<double>(settings_.steps);
   const double begin = std::min(kDensityBegin, total / 10);
   prune(f);
+  settle(f);
   if (f >= kDensityEnd) {
     if (!state_.swept) sweep(step);
     state_.swept = true;
@@ -356,7 +362,7 @@ void Trainer::sweep(uint64_t step) {
 }
 
 void Trainer::prune(double f) {
-  if (settings_.codec != "prune" || state_.prunes >= kPrunes) return;
+  if (settings_.codec == "off" || state_.prunes >= kPrunes) return;
   if (f < kPruneBegin + kPruneEvery * static_cast<double>(state_.prunes)) return;
   ++state_.prunes;
   const ModelState model = backend_->save();
@@ -370,6 +376,18 @@ void Trainer::prune(double f) {
   const std::vector<float> loss =
       loss_without(model, capture_, loader_, measured, settings_.seed + state_.prunes);
   backend_->keep(most_important(loss, kPruneShare));
+  backend_->renew_weights(static_cast<float>(settings_.error_weight));
+}
+
+// Early enough that the rows that stay make up for those that go.
+void Trainer::settle(double f) {
+  if (settings_.codec != "settle" || state_.settles >= std::size(kSettleAt)) return;
+  if (f < kSettleAt[state_.settles]) return;
+  ++state_.settles;
+  const io::Scene scene = scene_of(backend_->save(), capture_.timeline());
+  const io::Weights weights =
+      measure_weights(scene, capture_, loader_, threads_, settings_.seed + state_.settles);
+  backend_->keep(worth_their_bits(scene, weights, settings_.preset, threads_));
   backend_->renew_weights(static_cast<float>(settings_.error_weight));
 }
 

@@ -23,7 +23,8 @@ struct RunState {
   uint64_t lost = 0;         // steps in a row whose loss is not finite
   double rate_factor = 1;
   bool swept = false;               // what shows nothing has been removed
-  uint64_t prunes = 0;              // done, of --codec prune
+  uint64_t prunes = 0;              // done, of --codec prune and settle
+  uint64_t settles = 0;             // likewise, of --codec settle
   std::vector<double> camera_loss;  // moving averages by camera; 0 = none yet
 };
 
@@ -58,7 +59,8 @@ class Trainer {
  public:
   // settings: resolved. store: of the instants for training.
   Trainer(const Settings& settings, const Capture& capture, const ImageLoader& loader,
-          const std::vector<Instant>& instants, ImageStore* store, Backend* backend);
+          const std::vector<Instant>& instants, ImageStore* store, Backend* backend,
+          uint32_t threads = 0);
 
   void start(ModelState model);
   void restore(ModelState model, const RunState& state);
@@ -94,6 +96,8 @@ class Trainer {
   void sweep(uint64_t step);
   // Removes rows by what images lose with them, where --codec asks for that.
   void prune(double f);
+  // Removes rows that the encoder drops, likewise.
+  void settle(double f);
   std::string name_of(uint32_t view) const;
 
   const Settings settings_;
@@ -102,6 +106,7 @@ class Trainer {
   const std::vector<Instant>& instants_;
   ImageStore* store_;
   Backend* backend_;
+  const uint32_t threads_;
   ScheduleOptions schedule_;
   uint64_t training_views_ = 0;
   bool has_alpha_ = false;
