@@ -497,6 +497,40 @@ TEST(DeviceTraining, AStepIsTheHosts) {
   }
 }
 
+// What the gradient rule of density reads. The host's is an estimate from derivatives by positions
+// in the world, so that sums are alike and rows are not.
+TEST(DeviceTraining, SumsScreenGradients) {
+  L4D_SKIP_WITHOUT_DEVICE();
+  const Capture capture(6);
+  const auto cpu = make_cpu_backend(2), cuda = make_cuda_backend(0);
+  StepInput input = capture.input(3, schedule_of(capture, 1), false);
+  input.measure_gradients = true;
+  double sums[2] = {0, 0}, views[2] = {0, 0};
+  Backend* const backends[2] = {cpu.get(), cuda.get()};
+  for (size_t k = 0; k < 2; ++k) {
+    backends[k]->load(start_of(capture.truth, 3600, 1), capture.truth.timeline);
+    backends[k]->step(input);
+    const ModelState state = backends[k]->save();
+    for (size_t i = 0; i < state.count; ++i) {
+      sums[k] += static_cast<double>(state.screen_gradient[i]);
+      views[k] += state.screen_views[i];
+    }
+    GradientStep density;
+    density.budget = state.count + 50;
+    density.views = static_cast<uint32_t>(input.views.size());
+    density.split_above = 0.06;
+    density.time_end = io::duration(capture.truth.timeline);
+    const DensityChange change = backends[k]->change_density(density);
+    EXPECT_EQ(backends[k]->count(), state.count - change.relocated + change.born);
+    EXPECT_TRUE(backends[k]->step(input).finite);
+  }
+  std::cout << "screen gradients: host " << sums[0] << ", device " << sums[1] << "\n";
+  EXPECT_GT(views[0], 0);
+  EXPECT_NEAR(views[1], views[0], 0.05 * views[0]);
+  EXPECT_GT(3 * sums[1], sums[0]);
+  EXPECT_LT(sums[1], 3 * sums[0]);
+}
+
 double psnr_of(Backend* backend, const Capture& capture) {
   double squared = 0, values = 0;
   const float black[3] = {0, 0, 0};
