@@ -80,6 +80,15 @@ l4d_status l4d_session_add(l4d_session* session) {
                  [&] { return session->impl.add(session->encoder->impl); });
 }
 
+l4d_status l4d_session_add_empty(l4d_session* session, const l4d_timeline* timeline,
+                                 const l4d_placement* placement) {
+  return call_on(session == nullptr ? nullptr : session->encoder, required(timeline), [&] {
+    constexpr l4d_placement kIdentity{{0, 0, 0}, 1, L4D_COORDINATES_UNKNOWN, L4D_COLOR_SRGB};
+    return session->impl.add_empty(session->encoder->impl, *timeline,
+                                   placement == nullptr ? kIdentity : *placement);
+  });
+}
+
 l4d_status l4d_session_encode(l4d_session* session, const l4d_writer* writer, l4d_member* member) {
   return call_on(session == nullptr ? nullptr : session->encoder, required(writer, member),
                  [&]() -> Status {

@@ -101,6 +101,18 @@ SequenceSpan MemberFile::sequence_of(size_t index) const {
   return {m.sequence_begin, m.sequence_end};
 }
 
+SceneFrame MemberFile::frame() const {
+  l4d_decoder_options options;
+  l4d_decoder_options_init(&options);
+  options.max_memory_bytes = max_memory_bytes_;
+  options.accept_needs = 1;
+  return about(name_, [&] {
+    DecoderHandle decoder(&options);
+    decoder.open(reader(0));
+    return SceneFrame{decoder.info().placement, decoder.rendering()};
+  });
+}
+
 size_t MemberFile::num_streams() const {
   return static_cast<size_t>(std::count_if(members_.begin(), members_.end(),
                                            [](const MemberInfo& m) { return !m.is_index(); }));

@@ -10,6 +10,7 @@
 #include "cli/files.h"
 #include "cli/scene_source.h"
 #include "l4d/members.h"
+#include "libl4dcodec/scene/frame.h"
 
 namespace l4d::cli {
 
@@ -49,6 +50,8 @@ class MemberFile {
   }
   // What a member presents in seconds of its own sequence, as its own headers say.
   SequenceSpan sequence_of(size_t index) const;
+  // What all members have in common, as the first one says.
+  SceneFrame frame() const;
   // How many members are no index.
   size_t num_streams() const;
   bool is_signed() const { return is_signed_; }

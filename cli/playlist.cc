@@ -18,11 +18,19 @@ std::string duration_text(double seconds) {
   return format(seconds < 1e-3 ? "%.18f" : "%.6f", seconds);
 }
 
-std::string media_lines(const MemberInfo& m, const std::string& url) {
+// No "-0".
+double plain(double seconds) { return seconds == 0 ? 0 : seconds; }
+
+// before: the media member before, null if there is none. Where a span does not begin at the end of
+// that one, the clock of segments jumps.
+std::string media_lines(const MemberInfo& m, const MemberInfo* before, const std::string& url) {
+  const bool jumps =
+      before != nullptr && m.member.begin - before->member.end > rounding_of(m.member);
   std::string needs;
   for (const uint32_t n : m.needs) needs += (needs.empty() ? "" : ",") + std::to_string(n);
-  return format("#EXT-X-L4D-MEMBER:NUMBER=%u,BEGIN=%.17g,SHIFT=%.17g,NEEDS=\"%s\"\n",
-                m.member.number, m.member.begin, m.member.shift, needs.c_str()) +
+  return std::string(jumps ? "#EXT-X-DISCONTINUITY\n" : "") +
+         format("#EXT-X-L4D-MEMBER:NUMBER=%u,BEGIN=%.17g,SHIFT=%.17g,NEEDS=\"%s\"\n",
+                m.member.number, plain(m.member.begin), plain(m.member.shift), needs.c_str()) +
          "#EXTINF:" + duration_text(m.member.end - m.member.begin) + ",\n" +
          "#EXT-X-BYTERANGE:" + range_of(m) + "\n" + url + "\n";
 }
@@ -58,18 +66,21 @@ void check_url(const std::string& url) {
 std::string playlist_of(const std::vector<MemberInfo>& members, bool complete,
                         const std::string& url, double longest) {
   std::string lines;
+  const MemberInfo* before = nullptr;
   for (const MemberInfo& m : members) {
     if (m.member.role == L4D_MEMBER_STANDING) {
       lines += format("#EXT-X-L4D-STANDING:NUMBER=%u,BEGIN=%.17g,END=%.17g,SHIFT=%.17g,",
-                      m.member.number, m.member.begin, m.member.end, m.member.shift) +
+                      m.member.number, plain(m.member.begin), plain(m.member.end),
+                      plain(m.member.shift)) +
                "BYTERANGE=\"" + range_of(m) + "\",URI=\"" + url + "\"\n";
     }
     if (!m.is_media()) continue;
     longest = std::max(longest, m.member.end - m.member.begin);
-    lines += media_lines(m, url);
+    lines += media_lines(m, before, url);
+    before = &m;
   }
   return "#EXTM3U\n#EXT-X-VERSION:4\n" +
-         format("#EXT-X-TARGETDURATION:%.0f\n", std::ceil(longest)) +
+         format("#EXT-X-TARGETDURATION:%.0f\n", std::max(1.0, std::round(longest))) +
          (complete ? "#EXT-X-PLAYLIST-TYPE:VOD\n" : "#EXT-X-PLAYLIST-TYPE:EVENT\n") +
          "#EXT-X-MEDIA-SEQUENCE:0\n" + lines + (complete ? "#EXT-X-ENDLIST\n" : "");
 }

@@ -23,7 +23,7 @@ io::Scene import_ply(Context& context, const Input& input, const ImportArguments
     scene = about(input.name(), [&] { return io::read_scene_ply(input.path(), options); });
   }
   check_interrupt();
-  if (scene.count() == 0) {
+  if (scene.count() == 0 && !arguments.may_be_empty) {
     throw Failure(L4D_ERR_INVALID_SCENE, input.name() + ": the scene holds no Gaussian");
   }
   for (const std::string& note : scene.notes) context.note(note);

@@ -17,6 +17,7 @@ namespace l4d::cli {
 struct ImportArguments {
   std::string seconds;
   std::string fps;
+  bool may_be_empty = false;  // without Gaussians: a piece in which nothing becomes known
   // Usage errors, also where the scene is a stream and neither is used.
   void check() const;
 };

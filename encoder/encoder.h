@@ -50,6 +50,7 @@ class Encoder {
   Status encode_input(const EncoderInput& input, const EncoderSettings& settings,
                       const WriteFn& write, EncodeReport* report) const;
   const EncoderInput& input() const { return input_; }
+  const std::vector<std::pair<std::string, std::string>>& metadata() const { return metadata_; }
   const l4d_encoder_options& options() const { return options_; }
   // The report of the last successful encode; null before the first.
   const EncodeReport* report() const { return has_report_ ? &report_ : nullptr; }

@@ -7,6 +7,8 @@
 
 #include "libl4dcodec/base/bytes.h"
 #include "libl4dcodec/base/hash.h"
+#include "libl4dcodec/container/levels.h"
+#include "libl4dcodec/scene/frame.h"
 
 namespace l4d {
 namespace {
@@ -21,11 +23,23 @@ constexpr size_t kMostStanding = 8;
 constexpr double kLongestStanding = 600;
 // Where the end is not known, what a standing member costs has to pay within so many seconds.
 constexpr double kPayingSeconds = 60;
-// Pieces that begin this much of a frame before the last one ends begin where it ends.
+// What differs by this much of a frame differs by roundings of sums.
 constexpr double kSeamFrames = 1e-3;
 
 double frame_seconds(const l4d_timeline& t) {
   return static_cast<double>(t.fps_den) / static_cast<double>(t.fps_num);
+}
+
+// The profile that streams of these settings declare.
+unsigned profile_of(const EncoderSettings& settings) {
+  const int given = settings.get_int(L4D_ENC_PROFILE);
+  if (given >= 0) return static_cast<unsigned>(given);
+  for (const ProfileId p : {ProfileId::kIndexed, ProfileId::kMain, ProfileId::kLossless}) {
+    EncoderSettings kept = settings;
+    const bool is_set = kept.set(L4D_ENC_PROFILE, L4D_ALL_COMPONENTS, static_cast<double>(p)).ok();
+    if (is_set && kept.check_profile().ok()) return static_cast<unsigned>(p);
+  }
+  return static_cast<unsigned>(ProfileId::kNone);
 }
 
 // A stream in memory.
@@ -71,16 +85,30 @@ uint32_t Session::Grid::segment_of(double time) const {
   return count() + static_cast<uint32_t>(std::min(more, 1e9));
 }
 
+uint32_t Session::longest_segment(const l4d_timeline& piece, uint32_t frames) const {
+  const uint32_t longest = frames + (frames + 1) / 2;
+  const double rounded = std::max(1.0, std::round(options_.segment)) + 0.5;
+  const double most = std::ceil(rounded / frame_seconds(piece) - kSeamFrames);
+  return static_cast<uint32_t>(std::min<double>(longest, std::max<double>(most, frames + 1.0)));
+}
+
+// A piece whose ends are no frames has ends that are rounded to them: where it meets the one before
+// but for less than a frame, it begins where that ends, and ends where it would.
 Session::Grid Session::make_grid(const l4d_timeline& piece) const {
   Grid grid;
   grid.piece = piece;
-  const double per_segment = std::round(options_.segment / frame_seconds(piece));
+  const double frame = frame_seconds(piece);
+  const double per_segment = std::round(options_.segment / frame);
   grid.frames =
       static_cast<uint32_t>(std::clamp(per_segment, 1.0, static_cast<double>(kMaxFrames)));
-  grid.begins.push_back(std::max(piece.time_begin, end_));
-  for (uint32_t left = piece.num_frames; left > 0;) {
+  const bool meets = std::fabs(piece.time_begin - end_) < frame;
+  grid.begins.push_back(meets ? end_ : piece.time_begin);
+  const double late = meets ? (end_ - piece.time_begin) / frame : 0;
+  const double frames = std::round(piece.num_frames - late - kSeamFrames);
+  const uint32_t longest = longest_segment(piece, grid.frames);
+  for (auto left = static_cast<uint32_t>(std::max(1.0, frames)); left > 0;) {
     // What is left over is no member of its own if it is short.
-    const uint32_t n = left < grid.frames + (grid.frames + 1) / 2 ? left : grid.frames;
+    const uint32_t n = left < longest ? left : grid.frames;
     grid.num_frames.push_back(n);
     grid.begins.push_back(grid.begins.back() + sequence_duration(grid.timeline(grid.count())));
     left -= n;
@@ -100,16 +128,14 @@ Status Session::check_piece(const EncoderInput& input) const {
     return Status(L4D_ERR_INVALID_STATE, "members of the piece before are not coded yet");
   }
   if (end_ == -HUGE_VAL) return {};
-  if (input.timeline.time_begin < end_ - kSeamFrames * frame_seconds(input.timeline)) {
+  if (input.timeline.time_begin <= end_ - (1 - kSeamFrames) * frame_seconds(input.timeline)) {
     return invalid_argument("a piece begins at " + std::to_string(input.timeline.time_begin) +
                             " s, before the one before it ends, at " + std::to_string(end_) + " s");
   }
-  const l4d_placement &a = input.placement, &b = placement_;
-  if (!std::equal(a.origin, a.origin + 3, b.origin) || a.scale != b.scale ||
-      a.coordinate_system != b.coordinate_system || a.color_space != b.color_space) {
-    return invalid_argument("a piece has another placement than those before");
-  }
-  return {};
+  const char* other =
+      difference({piece_.placement, piece_.rendering}, {input.placement, input.rendering});
+  if (other == nullptr) return {};
+  return invalid_argument(std::string("a piece has another ") + other + " than those before");
 }
 
 Status Session::add(const Encoder& encoder) {
@@ -124,13 +150,41 @@ Status Session::add(const Encoder& encoder) {
   drop_past(grid.begins.front());
   L4D_RETURN_IF_ERROR(pool_.add(input, prepared, lossless));
   if (options_.stream == 0) options_.stream = stream_of(input.gaussians, input.timeline);
-  placement_ = input.placement;
+  piece_.gaussians.sh_degree = input.gaussians.sh_degree;
+  piece_.gaussians.flags = input.gaussians.flags;
+  piece_.placement = input.placement;
+  piece_.rendering = input.rendering;
+  piece_.presentation = input.presentation;
+  plan(grid);
+  return {};
+}
+
+Status Session::add_empty(const Encoder& encoder, const l4d_timeline& timeline,
+                          const l4d_placement& placement) {
+  EncoderInput input = piece_;
+  if (end_ == -HUGE_VAL) {
+    input.rendering = encoder.input().rendering;
+    input.presentation = encoder.input().presentation;
+  }
+  input.timeline = timeline;
+  input.placement = placement;
+  if (!is_valid(timeline)) return invalid_argument(kTimelineRule);
+  if (!is_valid(placement)) return invalid_argument("placement: origin and scale must be finite");
+  L4D_RETURN_IF_ERROR(check_piece(input));
+  const Grid grid = make_grid(timeline);
+  drop_past(grid.begins.front());
+  if (options_.stream == 0) options_.stream = stream_of(input.gaussians, timeline);
+  piece_ = input;
+  plan(grid);
+  return {};
+}
+
+void Session::plan(const Grid& grid) {
   end_ = grid.begins.back();
   retire_standing();
   plan_standing(grid);
   plan_media(grid);
   plan_prices();
-  return {};
 }
 
 void Session::drop_past(double now) {
@@ -278,13 +332,39 @@ Member Session::about(MemberRole role) {
   return m;
 }
 
+// Of a member without Gaussians: what members of the same piece that have some say of the scene,
+// and declare.
+SceneHeader Session::empty_header(const Encoder& encoder, const Planned& planned) const {
+  SceneHeader h;
+  h.timeline = planned.timeline;
+  h.placement = piece_.placement;
+  h.rendering = piece_.rendering;
+  h.presentation = piece_.presentation;
+  h.sh_degree = piece_.gaussians.sh_degree;
+  h.metadata = encoder.metadata();
+  if (encoder.settings().get_bool(L4D_ENC_LOSSLESS)) {
+    h.position_at_mean_time = (piece_.gaussians.flags & L4D_POSITION_AT_MEAN_TIME) != 0;
+    h.opacity_logit = (piece_.gaussians.flags & L4D_OPACITY_LOGIT) != 0;
+    h.position = CoordinateCodingId::kRaw32;
+    h.opacity.coding = ScalarCodingId::kRaw32;
+    h.sh.coding = ComponentCodingId::kRaw32;
+    h.layers.resize(1);
+    h.layers[0].mean_t = CoordinateCodingId::kRaw32;
+    for (ComponentCoding& c : h.layers[0].component) c.coding = ComponentCodingId::kRaw32;
+  }
+  h.profile = profile_of(encoder.settings());
+  const int level = encoder.settings().get_int(L4D_ENC_LEVEL);
+  h.conformance_level = static_cast<unsigned>(level < 0 ? 1 : level);
+  return h;
+}
+
 Status Session::code(const Encoder& encoder, const Planned& planned, Bytes* out) const {
   if (planned.rows.empty()) {
-    make_empty_member(planned.timeline, planned.about, out);
+    make_empty_member(empty_header(encoder, planned), planned.about, out);
     return {};
   }
   const SessionPart part(pool_, planned.rows, planned.timeline, planned.price_seconds);
-  EncoderInput input = part.input(encoder.input());
+  EncoderInput input = part.input(piece_);
   input.shared_count = planned.shared_count;
   // What is left out was chosen for the whole piece.
   EncoderSettings settings = encoder.settings();

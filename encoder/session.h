@@ -29,6 +29,9 @@ class Session {
   // The scene of the encoder is the next piece: what it shows from its begin to its end, with what
   // lives on of the pieces before. All members of those have been coded.
   Status add(const Encoder& encoder);
+  // A piece in which nothing becomes known.
+  Status add_empty(const Encoder& encoder, const l4d_timeline& timeline,
+                   const l4d_placement& placement);
   // Codes the next member of the piece. `out->bytes` is 0 if there is none left.
   Status next(const Encoder& encoder, const WriteFn& write, ListedMember* out);
 
@@ -63,7 +66,11 @@ class Session {
   };
 
   Status check_piece(const EncoderInput& input) const;
+  void plan(const Grid& grid);
   Grid make_grid(const l4d_timeline& piece) const;
+  // Members have fewer frames: half as many again as a segment, and no more than round to the
+  // seconds that a segment rounds to, or to one, as playlists promise them.
+  uint32_t longest_segment(const l4d_timeline& piece, uint32_t frames) const;
   void drop_past(double now);
   void retire_standing();
   // Gaussians of the others belong to none then.
@@ -75,13 +82,14 @@ class Session {
   void plan_media(const Grid& grid);
   void plan_prices();
   Member about(MemberRole role);
+  SceneHeader empty_header(const Encoder& encoder, const Planned& planned) const;
   Status code(const Encoder& encoder, const Planned& planned, Bytes* out) const;
 
   SessionOptions options_;
   SessionPool pool_;
   std::vector<Standing> standing_;  // SessionPool::Row::standing counts in it
   std::deque<Planned> planned_;
-  l4d_placement placement_{};
+  EncoderInput piece_;      // the last one, without its Gaussians
   double end_ = -HUGE_VAL;  // of the pieces so far
   double density_ = 0;      // of the first piece
   uint32_t number_ = 0;     // of the next member

@@ -44,6 +44,7 @@ class Chain {
 
   // The first span of the file begins where the last one of the file before ends.
   void add(const std::string& name, const MemberFile& file) {
+    check_frame(name, file);
     const double delta = has_end_ ? end_ - file.begin() : 0;
     const MemberInfo* before = nullptr;    // the media member before, of this file
     std::map<uint32_t, uint32_t> numbers;  // of the input -> of the output
@@ -84,6 +85,18 @@ class Chain {
   }
 
  private:
+  // Members of a file are one scene (MEMB-11).
+  void check_frame(const std::string& name, const MemberFile& file) {
+    const SceneFrame frame = file.frame();
+    const char* other = first_.empty() ? nullptr : difference(frame_, frame);
+    if (other != nullptr) {
+      throw usage_error(name + " has another " + other + " than " + first_ +
+                        ": a file shows its streams as one scene");
+    }
+    if (first_.empty()) first_ = name;
+    frame_ = frame;
+  }
+
   // Of a media member: spans that follow each other without a gap, or with one of a rounding, do so
   // without one. begin: of what it presents of its sequence.
   double shift_of(const MemberInfo& m, const MemberInfo* before, double begin, double delta) const {
@@ -96,6 +109,8 @@ class Chain {
   }
 
   MemberWriter writer_;
+  std::string first_;  // the name of the first file
+  SceneFrame frame_;   // of all
   uint32_t next_ = 0;
   bool has_end_ = false;
   double end_ = 0;  // of the last span

@@ -51,8 +51,8 @@ std::string property_of(const MemberInfo& m) {
   return format(
       "      <SupplementalProperty schemeIdUri=\"%s\" value=\"number=%u;role=%s;"
       "begin=%.17g;end=%.17g;shift=%.17g;range=%s;needs=%s\"/>\n",
-      kScheme, m.member.number, member_role_name(m.member.role), m.member.begin, m.member.end,
-      m.member.shift, range_of(m).c_str(), needs.c_str());
+      kScheme, m.member.number, member_role_name(m.member.role), m.member.begin + 0.0,
+      m.member.end + 0.0, m.member.shift + 0.0, range_of(m).c_str(), needs.c_str());
 }
 
 }  // namespace

@@ -47,6 +47,11 @@ struct EncodeArguments {
 
   // With weights of a file, cameras say only how small a Gaussian can look, and serve a target.
   bool measures() const { return cameras.given() && weights.empty(); }
+  // Of --live: more than one scene that is there.
+  bool has_pieces() const {
+    std::error_code error;
+    return inputs.size() > 1 || std::filesystem::is_directory(input, error);
+  }
 };
 
 // What can be told to be wrong about weights before anything is read.
@@ -207,8 +212,11 @@ void change_statements(const EncodeArguments& arguments, l4d_rendering* renderin
 }
 
 // The scene, with what the options state of it.
-LoadedScene load(Context& context, const EncodeArguments& arguments, const Input& input) {
-  LoadedScene loaded = load_scene(context, input, arguments.import);
+LoadedScene load(Context& context, const EncodeArguments& arguments, const Input& input,
+                 bool may_be_empty = false) {
+  ImportArguments import = arguments.import;
+  import.may_be_empty = may_be_empty;
+  LoadedScene loaded = load_scene(context, input, import);
   change_statements(arguments, &loaded.scene.rendering, &loaded.scene.presentation);
   return loaded;
 }
@@ -369,12 +377,11 @@ void check_live(Context& context, const EncodeArguments& arguments, bool has_tar
     throw usage_error("--live excludes targets, --order, --verify and --save-weights");
   }
   if (context.group().count() > 1) throw usage_error("--live is not for several ranks");
-  std::error_code error;
-  const bool is_folder = std::filesystem::is_directory(arguments.input, error);
-  if (!arguments.weights.empty() && (arguments.inputs.size() > 1 || is_folder)) {
+  if (!arguments.weights.empty() && arguments.has_pieces()) {
     throw usage_error("--weights is for one scene; --cameras measures each piece");
   }
-  if (arguments.output.empty() && is_folder) throw usage_error("--output is needed for a folder");
+  if (arguments.output.empty() && arguments.has_pieces() && arguments.inputs.size() == 1)
+    throw usage_error("--output is needed for a folder");
 }
 
 // Gives the encoder a scene and what the cameras say of it. sizes: borrowed by the encoder.
@@ -400,7 +407,12 @@ Outcome run_live(Context& context, const EncodeArguments& arguments) {
   const EncoderHandle encoder = make_encoder(context, arguments);
   set_parameters(context, arguments, false, encoder);
   const auto read = [&](const Input& piece, const std::function<void(const io::Scene&)>& use) {
-    const LoadedScene loaded = load(context, arguments, piece);
+    const LoadedScene loaded = load(context, arguments, piece, arguments.has_pieces());
+    if (loaded.scene.count() == 0) {
+      encoder.check(l4d_encoder_set_rendering(encoder.get(), &loaded.scene.rendering));
+      encoder.check(l4d_encoder_set_presentation(encoder.get(), &loaded.scene.presentation));
+      return use(loaded.scene);
+    }
     std::vector<float> sizes;
     about(piece.name(), [&] { set_scene(context, arguments, loaded.scene, encoder, &sizes); });
     std::optional<Output> unused;

@@ -37,7 +37,9 @@ class LiveSession {
     if (session_ == nullptr) {
       encoder_.check(l4d_session_create(encoder_.get(), &options_, &session_));
     }
-    encoder_.check(l4d_session_add(session_));
+    encoder_.check(scene.count() > 0
+                       ? l4d_session_add(session_)
+                       : l4d_session_add_empty(session_, &scene.timeline, &scene.placement));
     for (;;) {
       std::vector<uint8_t> bytes;
       l4d_writer writer;

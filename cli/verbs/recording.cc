@@ -141,7 +141,7 @@ double Recording::end() const {
 
 void Recording::write_playlist(bool complete) {
   if (!playlist_) return;
-  const std::string text = playlist_of(members_, complete, url_, 1.5 * segment_);
+  const std::string text = playlist_of(members_, complete, url_, segment_);
   io::OutputFile to(playlist_->path());
   to.write(text.data(), text.size());
   to.commit();

@@ -10,7 +10,7 @@ import member_files
 
 # Of validators alone (DEC-3).
 OF_VALIDATORS = {"FILE-7", "HEAD-21", "DIR-9", "DIR-10", "LAYR-1", "LAYR-3", *(f"LEVL-{k}" for k in range(1, 12)),
-                 *(f"MEMB-{k}" for k in range(1, 11))}
+                 *(f"MEMB-{k}" for k in range(1, 12))}
 # Files too large to be kept: the test spec/streams makes them.
 LARGE = {"LEVL-5", "LEVL-6", "LEVL-7"}
 # What else may be said of a file.

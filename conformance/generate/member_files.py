@@ -26,9 +26,9 @@ def edit(begin, end):
             "raw": write_flatbuffer(sb.table("Edit", {"begin": begin, "end": end}), b"L4DE")}
 
 
-def stream(*extensions, more_bytes=0, footer=b"", only=None, **build):
-    """only: the one layer that it has."""
-    s = copy.deepcopy(scene())
+def stream(*extensions, more_bytes=0, footer=b"", only=None, change=None, **build):
+    """only: the one layer that it has. change: fields of the header."""
+    s = {**copy.deepcopy(scene()), **(change or {})}
     if only is not None:
         s["layers"] = [s["layers"][only]]
         s["num_gaussians"] = s["layers"][0]["num_gaussians"]
@@ -73,6 +73,9 @@ def valid():
         "HEAD-21", "MEMB-4", "MEMB-5", "MEMB-6", "MEMB-7", "MEMB-8"]
     yield "members-index", "the same with an index", index(whole, 7), ["MEMB-9", "MEMB-10"]
     yield "members-signed", "the same with an index and what may be a signature", signed(index(whole, 7)), ["MEMB-6"]
+    yield "members-rendering", "a rendering that one member states and another does not, of the same numbers", (
+        stream(member(0), change={"rendering": None}) +
+        stream(member(1, shift=LENGTH), change={"rendering": {}})), ["MEMB-11"]
     yield "members-behind-an-index", "an index behind which another member follows, and which is out of date", (
         index(whole, 7, records=[]) + stream(member(8, shift=3 * LENGTH), more_bytes=None)), ["MEMB-9"]
     yield "members-streamable", "a member in the streamable layout", stream(
@@ -113,6 +116,11 @@ def broken():
     yield "MEMB-8 back", stream(member(0, shift=4.0)) + stream(member(1))
     yield "MEMB-8 empty", stream(member(0, shift=2.0 ** 60))
     yield "MEMB-8 plain", stream() + stream()
+    for name, key, value in (("origin", "origin", {"x": 1.0}), ("scale", "world_scale", 2.0),
+                             ("axes", "coordinate_system", 2), ("colors", "color_space", 1),
+                             ("rendering", "rendering", {"dilation": 0.1}),
+                             ("compensation", "rendering", {"compensation": True})):
+        yield f"MEMB-11 {name}", first + stream(member(1, shift=LENGTH), change={key: value})
     for key, value in (("offset", 1), ("bytes", 41), ("header_hash", 1), ("begin", 1.125), ("end", 1.375),
                        ("shift", 0.25), ("number", 1), ("role", STANDING)):
         records = [dict(m.record()) for m in members(first + one)]

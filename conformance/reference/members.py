@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from arithmetic import Invalid, located, require, sound
 from file import MAGIC, STORED, File
-from header import check_header
+from header import binary32, check_header
 from times import duration
 from xxh3 import xxh3_64
 
@@ -17,6 +17,7 @@ MEDIA, STANDING, INDEX = range(3)   # member-role
 MOST_BYTES = 1 << 27
 FOOTER_MAGIC, FOOTER_BYTES = b"L4DINDEX", 24
 SIGNATURE_MAGIC, SIGNATURE_BYTES = b"L4DS", 100
+DEFAULT_RENDERING = {"dilation": 0.3, "cutoff": 0.0, "min_alpha": 1 / 255, "max_alpha": 0.999, "compensation": False}
 RECORD = ("offset", "bytes", "header_hash", "begin", "end", "shift", "number", "role", "num_needs")
 
 
@@ -108,7 +109,7 @@ def check_member(own, critical):
 
 def members(data):
     """Member after member of a file. Raises Invalid at the first that is not whole or breaks a rule."""
-    out, offset, media_end = [], 0, -math.inf
+    out, offset, media_end, first = [], 0, -math.inf, None
     while offset < len(data) or not out:
         rest = len(data) - offset
         if out and rest == SIGNATURE_BYTES and data[offset:offset + 4] == SIGNATURE_MAGIC:
@@ -121,6 +122,9 @@ def members(data):
             raise
         with located(offset):
             check_order(m, out)
+            if m.own["role"] != INDEX:
+                require(first in (None, frame(m.header)), "MEMB-11", f"frame of member {m.own['number']}")
+                first = frame(m.header)
             if m.own["role"] == MEDIA:
                 begin, end = m.span
                 require(begin < end and begin >= media_end, "MEMB-8", f"span of member {m.own['number']}")
@@ -139,6 +143,13 @@ def check_order(m, before):
     standing = {b.own["number"] for b in before if b.own["role"] == STANDING}
     for number in m.needs:
         require(number in standing or number < first, "MEMB-7", f"it needs member {number}")
+
+
+def frame(header):
+    """What makes places, colours and pictures of the numbers of a scene."""
+    rendering = {**DEFAULT_RENDERING, **(header["rendering"] or {})}
+    return (header["world_scale"], header["coordinate_system"], header["color_space"], header["origin"],
+            {key: binary32(value) for key, value in rendering.items()})
 
 
 def check_index(found):

@@ -29,7 +29,8 @@ Status copy_stream(const l4d_reader& reader, const l4d_decoder_options& options,
 
 // An index of the members of a list, which does not end with one, and its footer.
 Status make_index(const MemberList& list, Bytes* out);
-// A member of a file that shows nothing but what it needs.
-void make_empty_member(const l4d_timeline& timeline, const Member& member, Bytes* out);
+// A member of a file that shows nothing but what it needs. like: the header of a member that shows
+// more, with no layer, or with one that has no Gaussians.
+void make_empty_member(const SceneHeader& like, const Member& member, Bytes* out);
 
 }  // namespace l4d

@@ -5,20 +5,16 @@
 namespace l4d {
 namespace {
 
-SceneHeader empty_scene(const l4d_timeline& timeline) {
-  SceneHeader h;
-  h.timeline = timeline;
-  h.layers.resize(1);
-  h.layers[0].permanent = true;
-  h.layers[0].mean_t = CoordinateCodingId::kNone;
-  h.payload_offset = 1;
-  return h;
-}
-
-// A stream without Gaussians, and `more` bytes that follow it and are counted as of it.
-void append_empty(const l4d_timeline& timeline, const Member& about, uint64_t more, Bytes* out) {
+// A stream with this header and without Gaussians, and `more` bytes that follow it and are counted
+// as of it.
+void append_empty(SceneHeader header, const Member& about, uint64_t more, Bytes* out) {
   const Bytes member = serialize_member(about);
-  SceneHeader header = empty_scene(timeline);
+  if (header.layers.empty()) {
+    header.layers.resize(1);
+    header.layers[0].permanent = true;
+    header.layers[0].mean_t = CoordinateCodingId::kNone;
+  }
+  header.payload_offset = 1;
   Extension extension;
   extension.id = static_cast<uint32_t>(ExtensionId::kMember);
   extension.critical = !about.needs.empty();
@@ -62,14 +58,16 @@ Status make_index(const MemberList& list, Bytes* out) {
     return invalid_argument("no number is left for an index");
   }
   out->clear();
-  append_empty({0, 1, 1, 1, 0}, index_of(list), IndexFooter::kBytes, out);
+  SceneHeader header;
+  header.timeline = {0, 1, 1, 1, 0};
+  append_empty(header, index_of(list), IndexFooter::kBytes, out);
   IndexFooter{out->size() + IndexFooter::kBytes}.append(*out);
   return {};
 }
 
-void make_empty_member(const l4d_timeline& timeline, const Member& member, Bytes* out) {
+void make_empty_member(const SceneHeader& like, const Member& member, Bytes* out) {
   out->clear();
-  append_empty(timeline, member, 0, out);
+  append_empty(like, member, 0, out);
 }
 
 }  // namespace l4d

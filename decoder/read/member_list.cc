@@ -50,6 +50,7 @@ void MemberList::clear() {
   held_.shrink_to(0);
   stream_ = 0;
   has_media_ = false;
+  has_frame_ = false;
   is_from_index_ = false;
   rest_ = Status();
 }
@@ -209,6 +210,20 @@ Status MemberList::append(const ListedMember& m, const std::vector<uint32_t>& ne
   return {};
 }
 
+Status MemberList::check_frame(const MemberHeader& header) {
+  if (header.member.is(MemberRole::kIndex)) return {};
+  const SceneFrame frame = {header.scene.placement, header.scene.rendering};
+  const char* other = has_frame_ ? difference(frame_, frame) : nullptr;
+  if (other != nullptr) {
+    return corrupt("MEMB-11", header.listed.offset,
+                   "member " + std::to_string(header.listed.number) + " has another " + other +
+                       " than those before");
+  }
+  frame_ = frame;
+  has_frame_ = true;
+  return {};
+}
+
 Status MemberList::walk() {
   clear();
   const uint64_t size = source_.size();
@@ -221,6 +236,7 @@ Status MemberList::walk() {
     if (status.ok() && offset > 0 && header.member.stream != stream_) {
       status = corrupt("MEMB-6", offset, "members of two streams");
     }
+    if (status.ok()) status = check_frame(header);
     if (status.ok()) status = append(header.listed, header.member.needs);
     if (status.ok()) {
       stream_ = header.member.stream;

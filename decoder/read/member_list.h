@@ -7,6 +7,7 @@
 #include "decoder/read/source.h"
 #include "libl4dcodec/container/file_header.h"
 #include "libl4dcodec/container/member.h"
+#include "libl4dcodec/scene/frame.h"
 
 namespace l4d {
 
@@ -74,6 +75,8 @@ class MemberList {
  private:
   // Adds a member that keeps the rules of members after those before it.
   Status append(const ListedMember& member, const std::vector<uint32_t>& needs);
+  // MEMB-11, of a member that follows those that were walked.
+  Status check_frame(const MemberHeader& header);
   Status read_chunk(const ListedMember& member, const Extension& extension, Bytes* out);
   Status read_extensions_of(MemberHeader* out);
   Status read_index(bool* found);
@@ -90,6 +93,8 @@ class MemberList {
   uint64_t stream_ = 0;
   double media_end_ = 0;  // of the last span
   bool has_media_ = false;
+  SceneFrame frame_;  // of the members that were walked
+  bool has_frame_ = false;
   bool is_from_index_ = false;
   Status rest_;
 };

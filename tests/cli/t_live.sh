@@ -13,7 +13,7 @@ cp out listed
 expect_json listed '[m["role"] for m in d["members"]] == ["standing"] + ["media"] * 6 + ["index"]'
 expect_json listed 'all(m["needs"] == [0] for m in d["members"] if m["role"] == "media")'
 expect 0 manifest live.l4d -o again.m3u8
-cmp <(grep -v TARGETDURATION live.m3u8) <(grep -v TARGETDURATION again.m3u8)
+cmp live.m3u8 again.m3u8
 # The same seed gives the same file.
 expect 0 encode --live s.ply --segment 1 -o twice.l4d
 cmp live.l4d twice.l4d

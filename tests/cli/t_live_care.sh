@@ -49,3 +49,55 @@ cmp out.l4d kept.l4d || die "an old file is gone, and there is no new one"
 expect_missing new.m3u8 none.l4d
 expect 4 encode --live in -o none.l4d
 expect_missing none.l4d
+
+# Pieces as recorders make them: PIECE K SECONDS FPS NAME [SEED]; times are written with 6 digits.
+piece() {
+  l4d synth -q -n 400 --seconds "$2" --fps "$3" --seed "$((${5:-0} + $1))" -o one.ply -f
+  "$PYTHON" - "$1" "$2" "$3" "$4" << 'PY'
+import re, struct, sys
+k, seconds, fps, name = int(sys.argv[1]), float(sys.argv[2]), float(sys.argv[3]), sys.argv[4]
+head, body = open("one.ply", "rb").read().split(b"end_header\n", 1)
+head, body, shift = head.decode(), bytearray(body), k * seconds
+names = re.findall(r"property float (\w+)", head)
+for i in range(int(re.search(r"element vertex (\d+)", head).group(1))):
+    at = 4 * (i * len(names) + names.index("t"))
+    struct.pack_into("<f", body, at, struct.unpack_from("<f", body, at)[0] + shift)
+head = re.sub(r"time_begin \S+", f"time_begin {shift:.6f}", head)
+head = re.sub(r"time_end \S+", f"time_end {shift + seconds:.6f}", head)
+open(name, "wb").write(head.encode() + b"end_header\n" + bytes(body))
+PY
+}
+gaps() { # FILE: the largest gap between spans
+  json <(l4d info "$1" --json) 'max(b["begin"] - a["end"] for a, b in
+    zip(*(lambda m: (m, m[1:]))([m for m in d["members"] if m["role"] == "media"])))'
+}
+for kind in 29.97:1.001 23.976:1.001 30:0.25 30:0.24 25:0.1 30:0.11; do
+  for k in 0 1 2 3 4 5 6 7; do piece $k "${kind#*:}" "${kind%:*}" "p$k.ply"; done
+  expect_document 0 encode --live p[0-7].ply -o rounded.l4d -f
+  expect_json out "abs(d['end'] - 8 * ${kind#*:}) < 1.1 / ${kind%:*}"
+  expect_equal "$(gaps rounded.l4d)" 0.0
+  expect 0 validate rounded.l4d
+done
+
+# A piece without Gaussians is time in which what is known lives on; also the first one.
+for k in 0 1 2; do piece $k 2 30 "q$k.ply" 50; done
+"$PYTHON" - << 'PY'
+import re
+for k in (0, 1):
+    head = open(f"q{k}.ply", "rb").read().split(b"end_header\n", 1)[0].decode()
+    head = re.sub(r"element vertex \d+", "element vertex 0", head)
+    open(f"empty{k}.ply", "wb").write(head.encode() + b"end_header\n")
+PY
+for preset in default lossless indexed; do
+  expect_document 0 encode --live q0.ply empty1.ply q2.ply --preset $preset -o pause.l4d -f
+  expect_json out 'd["num_media"] == 3 and d["end"] == 6'
+  expect_document 0 validate pause.l4d
+  expect_json out 'len({m["conformance"]["profile"] for m in d["conformance"]["members"]}) == 1'
+  expect_document 0 encode --live empty0.ply q1.ply --preset $preset -o late.l4d -f
+  expect_document 0 validate late.l4d
+  expect_document 0 slice late.l4d --time 0.5 --digest
+  expect_json out 'd["frames"][0]["gaussians"] == 0'
+done
+expect 4 encode empty0.ply -o empty.l4d
+expect 4 encode --live empty0.ply -o empty.l4d
+expect_missing empty.l4d

@@ -150,6 +150,11 @@ cp bab.l4d damaged.l4d
 printf '\x55' | dd of=damaged.l4d bs=1 seek=20 conv=notrunc 2> /dev/null
 expect 4 info damaged.l4d
 expect_text err 'damaged.l4d: spec FILE-4.*members 0 .*, 1 .*repair'
+# Members of a file are one scene: one placement, one rendering.
+expect 0 encode s.ply --rendering dilation=0.1 -o drawn.l4d
+expect 2 concat s.l4d drawn.l4d -o x.l4d
+expect_text err 'drawn.l4d has another rendering than s.l4d'
+expect_missing x.l4d
 # Messages name the file.
 for command in "cut --to 1" concat remux; do
   # shellcheck disable=SC2086

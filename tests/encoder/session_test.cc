@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstring>
 #include <limits>
 #include <map>
 #include <memory>
@@ -58,7 +59,14 @@ class Recorder {
   l4d_status add(const TestScene& piece) {
     prepare_encoder(piece, options_, encoder_);
     const l4d_status status = l4d_session_add(session_.get());
-    if (status != L4D_OK) return status;
+    return status != L4D_OK ? status : encode();
+  }
+  l4d_status add_empty(const l4d_timeline& timeline, const l4d_placement* placement) {
+    const l4d_status status = l4d_session_add_empty(session_.get(), &timeline, placement);
+    return status != L4D_OK ? status : encode();
+  }
+  // All members of the piece.
+  l4d_status encode() {
     l4d_writer writer;
     l4d_writer_init(&writer);
     writer.user = &out.bytes;
@@ -340,6 +348,47 @@ TEST(Session, MembersAreWhatTheirHeadersSay) {
   }
   EXPECT_TRUE(
       std::equal(r.bytes.begin(), r.bytes.end(), record(scene, options, 0.4).bytes.begin()));
+}
+
+// spec: MEMB-11
+TEST(Session, MembersWithoutGaussiansAreOfTheSameScene) {
+  for (const EncodeOptions& options : {lossless(), EncodeOptions()}) {
+    const TestScene scene = make_scene(SceneOptions());
+    const l4d_placement placement = {
+        {1, 2, 3}, 0.5, L4D_COORDINATES_RIGHT_UP_BACK, L4D_COLOR_LINEAR_SRGB};
+    Recorder recorder(options, scene, session_options(1));
+    const l4d_gaussians view = scene.view();
+    recorder.encoder().check(
+        l4d_encoder_set_scene(recorder.encoder().get(), &view, &scene.timeline, &placement));
+    ASSERT_EQ(l4d_session_add(recorder.session()), L4D_OK);
+    ASSERT_EQ(recorder.encode(), L4D_OK);
+    const size_t before = recorder.out.members.size();
+    l4d_timeline later = scene.timeline;
+    later.time_begin += 50 * scene.duration();
+    EXPECT_EQ(recorder.add_empty(later, nullptr), L4D_ERR_INVALID_ARGUMENT) << "another placement";
+    ASSERT_EQ(recorder.add_empty(later, &placement), L4D_OK);
+    ASSERT_GT(recorder.out.members.size(), before);
+    l4d_decoder_options shows = decoder_options(L4D_BACKEND_AUTO, 1);
+    shows.accept_needs = 1;
+    DecoderHandle first(&shows), empty(&shows);
+    const l4d_member& last = recorder.out.members.back();
+    EXPECT_EQ(last.begin, later.time_begin + scene.duration() - (last.end - last.begin));
+    first.open_memory(recorder.out.bytes.data() + recorder.out.members.front().offset,
+                      static_cast<size_t>(recorder.out.members.front().bytes));
+    empty.open_memory(recorder.out.bytes.data() + last.offset, static_cast<size_t>(last.bytes));
+    const l4d_info a = first.info(), b = empty.info();
+    EXPECT_EQ(b.num_gaussians, 0u);
+    EXPECT_EQ(std::memcmp(&a.placement, &b.placement, sizeof a.placement), 0);
+    EXPECT_EQ(a.sh_degree, b.sh_degree);
+    EXPECT_EQ(a.profile, b.profile);
+    EXPECT_EQ(b.level, 1u);
+    l4d_members_info info;
+    l4d_members_info_init(&info);
+    const Members members = open(recorder.out.bytes);
+    ASSERT_EQ(l4d_members_get_info(members.get(), &info), L4D_OK);
+    EXPECT_EQ(info.rest, L4D_OK) << l4d_members_rest_message(members.get());
+    EXPECT_EQ(info.count, recorder.out.members.size());
+  }
 }
 
 TEST(Session, RefusesWhatDoesNotFollow) {

@@ -31,7 +31,10 @@ typedef struct l4d_session l4d_session;
 
 typedef struct l4d_session_options {
   size_t struct_size;
-  double segment_seconds; /* of a media member, 2 by default; rounded to frames of the piece */
+  /* Of a media member, 2 by default; rounded to frames of the piece. The last one of a piece may be
+   * shorter, and is longer where less than half a segment would be left over and its seconds still
+   * round to those of a segment, or to one. */
+  double segment_seconds;
   /* When the presentation ends, infinity (the default) if that is not known. What a scene shows
    * later is left out. */
   double end;
@@ -58,9 +61,16 @@ L4D_API void l4d_session_destroy(l4d_session* session); /* accepts NULL */
  * live on in later pieces, and those that are visible before its begin are shown from there on.
  * Gaussians of which the opacity is below 1/255 in all of a member are left out of it.
  * Fails with INVALID_STATE if members of the piece before are not encoded yet or no scene is set,
- * with INVALID_ARGUMENT if the piece begins before the one before it ends, or has another
- * placement, SH degree, flags or kinds of weights, and as l4d_encoder_encode does. */
+ * with INVALID_ARGUMENT if the piece begins a frame or more before the one before it ends, or has
+ * another placement, rendering, SH degree, flags or kinds of weights, and as l4d_encoder_encode
+ * does. A piece that begins less than a frame before or after the end of the one before begins
+ * there: begins and ends of pieces are rounded to frames. */
 L4D_API l4d_status l4d_session_add(l4d_session* session);
+
+/* Adds a piece without Gaussians: the time of `timeline`, in which what became known before lives
+ * on. placement may be NULL (identity). Fails as l4d_session_add does. */
+L4D_API l4d_status l4d_session_add_empty(l4d_session* session, const l4d_timeline* timeline,
+                                         const l4d_placement* placement);
 
 /* Encodes the next member of the piece and passes it to `writer`: standing members before the
  * media members that need them, media members in the order of their spans. member->bytes is 0 if
