@@ -199,6 +199,17 @@ def set_up_rendering(options):
     return scene
 
 
+def without_text(png):
+    """The PNG without its text, which says when it was made and how long that took."""
+    out, at = png[:8], 8
+    while at < len(png):
+        size = 12 + int.from_bytes(png[at:at + 4], "big")
+        if png[at + 4:at + 8] != b"tEXt":
+            out += png[at:at + size]
+        at += size
+    return out
+
+
 def arguments():
     parser = argparse.ArgumentParser(prog="blender_capture.py")
     parser.add_argument("folder", type=pathlib.Path)
@@ -210,7 +221,10 @@ def arguments():
     parser.add_argument("--threads", type=int, default=0, help="0: one per core")
     own = sys.argv[sys.argv.index("--") + 1:] if "--" in sys.argv else []
     options = parser.parse_args(own)
-    options.width, options.height = (int(n) for n in options.size.split("x"))
+    try:
+        options.width, options.height = (int(n) for n in options.size.split("x"))
+    except ValueError:
+        parser.error(f"--size is {options.size}; it must be like 1024x768")
     if min(options.width, options.height, options.cameras, options.frames, options.samples) < 1:
         parser.error("sizes and counts must be 1 or more")
     return options
@@ -237,7 +251,9 @@ def main():
             # Blender adds .png; what is not whole yet has another name.
             scene.render.filepath = str(path.with_name(f"new-{frame:04d}.png"))
             bpy.ops.render.render(write_still=True)
-            path.with_name(f"new-{frame:04d}.png").rename(path)
+            made = path.with_name(f"new-{frame:04d}.png")
+            made.write_bytes(without_text(made.read_bytes()))
+            made.rename(path)
     document = {"fps": options.fps, "frames": options.frames, "width": options.width,
                 "height": options.height,
                 "cameras": [describe(index, camera, options.width, options.height)
