@@ -8,8 +8,8 @@ usage: paper_tables.py L4DTRAIN L4DCODEC FOLDER CAPTURE [--preset NAME] [--table
 Prints tables in Markdown:
   rules    relocation and the gradient rule of density, in every step and every 100, and the rate of
            the temporal rotor with its bound (DARLR) and without
-  layers   the stream of the first of these with layers of temporal levels, and with all Gaussians in
-           the coarsest; what a seek to the middle reads
+  layers   the stream of the first of these, with a layer for each temporal level, and with all
+           Gaussians in the coarsest; what a seek to the middle reads
   length   the first part of the capture, for steps or seconds in proportion: what a training has in
            memory, and what an instant needs of the scene
 
@@ -31,6 +31,12 @@ RULES = {
     "gradients in every step": ("--density", "gradient"),
     "gradients every 100 steps": ("--density", "gradient", "--density-every", "100"),
     "without DARLR": ("--drift", "0"),
+}
+
+LAYERS = {
+    "as the preset has it": (),
+    "a layer for each level": ("--set", "merge-fraction=0", "--set", "merge-count=0"),
+    "one layer": ("--set", "merge-fraction=1"),
 }
 
 
@@ -104,7 +110,7 @@ def layers(bench, report):
     report = report or bench.trained(next(iter(RULES)))
     folder, stream = report["folder"], report["folder"] / "scene.l4d"
     table("stream", "layers", "bytes", "its training, test", "a seek reads", "Gaussians of it")
-    for name, options in (("layers", ()), ("one layer", ("--set", "merge-fraction=1"))):
+    for name, options in LAYERS.items():
         run(bench.codec, "encode", folder / "scene.ply", "--weights", folder / "weights.ply",
             "--preset", bench.preset, *options, "-o", stream, "--force", "--quiet")
         scores = json.loads(run(bench.train, "eval", folder, "--json", "--quiet"))["stream"]
