@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // usage: node web/frames/run.js [--serve] [--gpu] [NAME=VALUE]...
 // Measures frames of both back ends in headless Chromium and prints a table. --gpu: on the GPU, where Chromium finds one
-// without a display; otherwise on the processor, whose frame times say little. --serve: prints an address for a browser of
+// over EGL; otherwise on the processor, whose frame times say little. --serve: prints an address for a browser of
 // yours, which shows the table. Of what: counts=150000,500000,1000000 size=1920x1080 frames=60
+// backends=webgl2,webgpu
 import {cpSync} from 'node:fs';
 import {launch, newPage, serve} from '../test/browser.js';
 

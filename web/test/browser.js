@@ -72,10 +72,10 @@ const flags = ['--no-sandbox', '--disable-dev-shm-usage', '--use-gl=angle', '--u
 const webgpuFlags = ['--enable-unsafe-webgpu', '--use-webgpu-adapter=swiftshader', '--enable-features=Vulkan',
                      '--use-vulkan=swiftshader'];
 
-const gpuFlags = ['--no-sandbox', '--disable-dev-shm-usage', '--ignore-gpu-blocklist', '--use-gl=angle', '--use-angle=vulkan',
-                  '--enable-unsafe-webgpu', '--enable-features=Vulkan'];
+const gpuFlags = ['--no-sandbox', '--disable-dev-shm-usage', '--ignore-gpu-blocklist', '--use-gl=angle', '--use-angle=gl-egl',
+                  '--enable-unsafe-webgpu'];
 
-/** @param {{webgpu?: boolean, gpu?: boolean}} [options] webgpu: on the processor, gpu: both back ends on the GPU */
+/** @param {{webgpu?: boolean, gpu?: boolean}} [options] webgpu: on the processor, gpu: what the GPU offers over EGL */
 export const launch = ({webgpu = false, gpu = false} = {}) => chromium.launch({
   executablePath: process.env.L4D_CHROMIUM ?? '/usr/bin/chromium',
   args: gpu ? gpuFlags : [...flags, ...webgpu ? webgpuFlags : []]
@@ -101,7 +101,9 @@ export const newPage = async (browser, options = {}) => {
   const page = await browser.newPage({viewport: {width: 960, height: 540}, ...options});
   page.errors = [];
   page.on('pageerror', error => page.errors.push(String(error)));
-  page.on('console', message => { if (message.type() === 'error') page.errors.push(message.text()); });
+  page.on('console', message => {
+    if (message.type() === 'error' || message.text().includes('WebGL: INVALID')) page.errors.push(message.text());
+  });
   return page;
 };
 

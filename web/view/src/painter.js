@@ -69,7 +69,8 @@ export class Painter {
       this.orderBytes = 4 * Math.ceil(count * 1.25);
       gl.bufferData(gl.ARRAY_BUFFER, this.orderBytes, gl.STREAM_DRAW);
     }
-    gl.bufferSubData(gl.ARRAY_BUFFER, 0, order, 0, count);
+    // A length of 0 would mean all of it.
+    if (count > 0) gl.bufferSubData(gl.ARRAY_BUFFER, 0, order, 0, count);
     this.count = count;
   }
 
