@@ -134,6 +134,34 @@ test('streams that follow each other: no picture at a border is empty while it p
   }
 }, {streams: {'members.m3u8': join(work, 'members.m3u8'), 'members.l4d': join(work, 'members.l4d')}}));
 
+test('a stream with colours of a higher degree leaves the picture as it is', () => withPlayer(async page => {
+  const [degrees, differing] = await page.evaluate(async () => {
+    const {open, View} = await import('/player.js');
+    const canvas = Object.assign(document.createElement('canvas'), {width: 320, height: 180});
+    document.body.append(canvas);
+    const movie = await open('/joined.m3u8');
+    const degrees = [movie.info.shDegree];
+    const view = new View(canvas, {exact: true});
+    // All that is uploaded goes, and comes again.
+    const early = new Promise(resolve => movie.on('info', ({shDegree}) => {
+      degrees.push(shDegree);
+      resolve(view.pixels());
+    }));
+    await view.show(movie);
+    view.orbit.frame({middle: [0, 0, 0], extent: [6, 6, 6], radius: 4}, 0);
+    await movie.seek(0.5);
+    const first = await early;
+    while (movie.ready.detail !== 'full' || movie.secondsAhead < 3) await new Promise(r => setTimeout(r, 20));
+    const last = await view.pixels();
+    movie.dispose();
+    view.dispose();
+    const lit = last.reduce((sum, v, k) => sum + (k % 4 !== 3 && v > 0 ? 1 : 0), 0);
+    return [degrees, first.reduce((sum, v, k) => sum + (Math.abs(v - last[k]) > 2 ? 1 : 0), 0) / lit];
+  });
+  assert.deepEqual(degrees.filter((d, k) => d !== degrees[k - 1]), [0, 3]);
+  assert.ok(differing < 0.01, `${differing} of the picture changed`);
+}, {streams: {'joined.m3u8': join(work, 'joined.m3u8'), 'joined.l4d': join(work, 'joined.l4d')}}));
+
 test('a recording is followed while it grows, and to its end', async () => {
   const folder = mkdtempSync(join(tmpdir(), 'l4dlive-'));
   const live = recording(join(work, 'members'), folder);

@@ -56,6 +56,7 @@ export const open = async (from, options = {}) => {
  * An open stream with a clock. Events: 'time' (seconds), 'play', 'pause', 'ended', 'stall', 'resume',
  * 'ready', 'progress', 'loss', 'error', 'rows', 'removed', 'retry'. Of a presentation of several streams also 'span' (the
  * media member that is shown from now on), 'grown' (it has become longer, or has ended) and 'info' (`info` has changed).
+ * 'refreshed' comes before what refresh() sends again.
  */
 export class Movie extends Emitter {
   /** @param {OpenOptions} options */

@@ -113,8 +113,12 @@ export class Presentation {
   refresh() {
     this.lastReady = '';
     for (const part of this.parts.values()) {
-      if (this.active.has(part)) part.session.refresh();
-      else part.drop();
+      if (!this.active.has(part)) {
+        part.drop();
+      } else if (part.session.held.size > 0) {
+        part.ready = null;
+        part.session.refresh();
+      }
     }
   }
 

@@ -47,7 +47,11 @@ const answers = {
 
 scope.onmessage = async (/** @type {MessageEvent} */ {data}) => {
   if (data.type === 'want') return session?.want(data.goal, data.seek);
-  if (data.type === 'refresh') return session?.refresh();
+  if (data.type === 'refresh') {
+    // What is ready from here on has been sent again.
+    post({type: 'refreshed'});
+    return session?.refresh();
+  }
   if (data.type === 'abort') return running.get(data.id)?.abort();
   if (data.type === 'dispose') {
     session?.dispose();

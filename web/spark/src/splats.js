@@ -33,10 +33,15 @@ export class L4DSplats extends SplatGenerator {
     this.drawnFrom = new Float64Array(15);
     this.rowsChanged = true;
     this.refused = new Set();
+    /** Textures that are being filled, to take the place of these. @type {RowTextures | null} */
+    this.next = null;
+    this.isFilling = false;  // what comes is for them
     this.ends = [
       movie.on('rows', (/** @type {any} */ rows) => this.#add(rows)),
       movie.on('info', () => this.#widen()),
-      movie.on('removed', (/** @type {string} */ key) => { this.textures.remove(key); this.refused.delete(key); this.rowsChanged = true; })
+      movie.on('refreshed', () => { this.isFilling = this.next !== null; }),
+      movie.on('ready', () => this.#swap()),
+      movie.on('removed', (/** @type {string} */ key) => { this.next?.remove(key); this.textures.remove(key); this.refused.delete(key); this.rowsChanged = true; })
     ];
     movie.refresh();
   }
@@ -47,13 +52,14 @@ export class L4DSplats extends SplatGenerator {
   /** Takes it out of its scene and frees its textures. */
   dispose() {
     for (const end of this.ends) end();
+    this.next?.dispose();
     this.removeFromParent();
     this.textures.dispose();
   }
 
   /** @param {import('l4dcodec').BucketRows} rows */
   #add(rows) {
-    if (this.textures.add(rows)) this.refused.delete(rows.key);
+    if ((this.next ?? this.textures).add(rows)) this.refused.delete(rows.key);
     else this.refused.add(rows.key);
     this.#useTextures();
   }
@@ -70,18 +76,29 @@ export class L4DSplats extends SplatGenerator {
 
   /** Another stream of the movie may have more rows, or colours of a higher degree. */
   #widen() {
-    const {movie, uniforms} = this;
+    const {movie} = this;
     const wanted = texturesOf(movie);
     if (wanted.shTexels === this.textures.shTexels) {
       this.textures.maxLines = wanted.maxLines;
       return wanted.dispose();
     }
-    this.textures.dispose();
-    this.textures = wanted;
-    this.refused.clear();
-    this.covGenerator = covGenerator(movie.info.shDegree, wanted.shTexels, uniforms);
-    this.#useTextures();
+    this.next?.dispose();
+    this.next = wanted;
+    this.isFilling = false;
     movie.refresh();
+  }
+
+  /** Shows the next textures, once what is shown is in them. */
+  #swap() {
+    const {next, movie} = this;
+    const isThere = movie.ready.detail === 'full' || movie.detail === 'base' || !movie.paused;
+    if (!next || !this.isFilling || !isThere) return;
+    this.isFilling = false;
+    this.textures.dispose();
+    this.textures = next;
+    this.next = null;
+    this.covGenerator = covGenerator(movie.info.shDegree, next.shTexels, this.uniforms);
+    this.#useTextures();
   }
 
   /** Called by Spark before each picture. @param {{viewToWorld: any}} context */

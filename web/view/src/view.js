@@ -46,6 +46,8 @@ export class View {
     this.orderTime = 0;   // of the order
     this.drawn = 0;
     this.needsDraw = false;
+    /** What was shown before all rows were sent for again: until it is here, the picture stays. @type {any} */
+    this.refilling = null;
     /** @type {(() => void)[]} */
     this.waiting = [];
     /** @type {((bounds: any) => void)[]} */
@@ -91,7 +93,9 @@ export class View {
       movie.on('rows', rows => this.#add(rows)),
       movie.on('removed', key => this.#remove(key)),
       movie.on('time', () => this.change()),
-      movie.on('info', () => this.#widen())
+      movie.on('info', () => this.#widen()),
+      movie.on('refreshed', () => { if (this.refilling) this.refilling.hasBegun = true; }),
+      movie.on('ready', ready => this.#refilled(ready))
     ];
     movie.refresh();
     await this.ready;
@@ -101,7 +105,7 @@ export class View {
     for (const end of this.ends.splice(0)) end();
     this.painter?.dispose();
     this.painter = null;
-    this.movie = null;
+    this.movie = this.refilling = null;
     this.stats.rows = 0;
     this.sorter.postMessage({type: 'clear'});
   }
@@ -175,8 +179,22 @@ export class View {
   #widen() {
     const {painter, movie} = this;
     if (!painter || !movie || movie.info.shDegree === painter.degree && movie.maxRows <= painter.maxRows) return;
+    const {ready} = movie;
     painter.dispose();
     this.#restored();
+    this.refilling = {...ready, hasBegun: false};
+    this.change();
+  }
+
+  /** @param {{detail: string, tier: number, id?: number}} ready */
+  #refilled({detail, tier, id}) {
+    const {refilling, movie} = this;
+    if (!refilling?.hasBegun || !movie) return;
+    const isLess = detail !== refilling.detail && detail !== 'full' || tier < refilling.tier;
+    // Who plays, or has sought, sees what there is.
+    if (isLess && movie.paused && id === refilling.id) return;
+    this.refilling = null;
+    this.change();
   }
 
   /** @param {import('l4dcodec').BucketRows} rows */
@@ -220,7 +238,7 @@ export class View {
   }
 
   #frame() {
-    if (this.disposed || !this.painter || !this.movie || !this.surface || this.surface.isLost) return;
+    if (this.disposed || !this.painter || !this.movie || !this.surface || this.surface.isLost || this.refilling) return;
     const began = performance.now();
     this.#size();
     const camera = this.camera();
