@@ -357,7 +357,8 @@ export class Session {
     for (const bucket of wanted) {
       parts.push({bucket, ranges: await this.fetcher.with(() => this.decoder.bucketReads([bucket], detail, steps.all), signal)});
     }
-    const fetching = this.fetcher.fetch(parts.flatMap(p => p.ranges), signal);
+    // Somebody waits for an instant.
+    const fetching = this.fetcher.fetch(parts.flatMap(p => p.ranges), signal, begin === end && this.holding === 0);
     for await (const {bucket} of this.fetcher.arrivals(parts, fetching)) {
       const began = performance.now();
       const rows = await this.fetcher.with(() => this.decoder.rows(bucket.layer, bucket.bucket, detail), signal);

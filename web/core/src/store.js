@@ -81,11 +81,18 @@ export class ByteStore {
 
   /**
    * What of these ranges has not arrived, in whole blocks, pieces less than `gap` bytes apart joined,
-   * none longer than `most`.
-   * @param {[number, number][]} ranges offset and size @param {number} gap @param {number} most
+   * none longer than `most`. Where more than one may be left (`few`), only as many are joined as there are too many, the
+   * nearest first, and neighbours.
+   * @param {[number, number][]} ranges offset and size @param {number} gap @param {number} most @param {number} few
    * @returns {[number, number][]}
    */
-  missing(ranges, gap = 16384, most = 2 ** 20) {
+  missing(ranges, gap = 16384, most = 2 ** 20, few = 1) {
+    const pieces = this.#pieces(ranges, few > 1 ? gap / 8 : gap, most);
+    return few > 1 ? joined(pieces, gap, most, few) : pieces;
+  }
+
+  /** @param {[number, number][]} ranges @param {number} gap @param {number} most */
+  #pieces(ranges, gap, most) {
     const blocks = new Set();
     for (const [offset, size] of ranges) {
       const last = Math.floor((Math.min(offset + size, this.size) - 1) / blockBytes);
@@ -108,3 +115,22 @@ export class ByteStore {
     return pieces;
   }
 }
+
+/**
+ * Joins pieces over the smallest gaps until `few` are left.
+ * @param {[number, number][]} pieces in order @param {number} gap the largest to be bridged @param {number} most bytes
+ * @param {number} few @returns {[number, number][]}
+ */
+const joined = (pieces, gap, most, few) => {
+  const gaps = pieces.slice(1).map(([begin], k) => ({k: k + 1, gap: begin - pieces[k][0] - pieces[k][1]}));
+  const small = gaps.filter(g => g.gap <= gap).sort((a, b) => a.gap - b.gap);
+  const bridged = new Set(small.slice(0, Math.max(pieces.length - few, 0)).map(g => g.k));
+  /** @type {[number, number][]} */
+  const out = [];
+  for (const [k, [begin, size]] of pieces.entries()) {
+    const last = out.at(-1);
+    if (last && bridged.has(k) && begin + size - last[0] <= most) last[1] = begin + size - last[0];
+    else out.push([begin, size]);
+  }
+  return out;
+};

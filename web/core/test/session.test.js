@@ -48,6 +48,15 @@ test('store: whole blocks, gaps, pieces and a budget', () => {
   store.supply(10 * blockBytes, new Uint8Array(5));
   assert.equal(store.read(10 * blockBytes + 2, new Uint8Array(10)), 3);
   assert.equal(store.read(store.size, new Uint8Array(10)), 0);
+  // As few as one round of requests has: over the smallest gaps, and none that is too large.
+  const places = [0, 2, 5, 9].map(k => /** @type {[number, number]} */ ([k * blockBytes, 10]));
+  const sizes = (/** @type {number} */ few, /** @type {number} */ gap) =>
+    store.missing(places, gap * blockBytes, 2 ** 20, few).map(([offset, size]) => [offset / blockBytes, size / blockBytes]);
+  assert.deepEqual(sizes(6, 2), [[0, 1], [2, 1], [5, 1], [9, 1]]);
+  assert.deepEqual(sizes(3, 2), [[0, 3], [5, 1], [9, 1]]);
+  assert.deepEqual(sizes(2, 2), [[0, 6], [9, 1]]);
+  assert.deepEqual(sizes(2, 1), [[0, 3], [5, 1], [9, 1]]);
+  assert.deepEqual(sizes(6, 8), [[0, 3], [5, 1], [9, 1]]);
   store.supply(4 * blockBytes, new Uint8Array(3 * blockBytes));
   assert.deepEqual([...store.blocks.keys()], [4, 5, 6]);
 });
