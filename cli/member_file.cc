@@ -28,10 +28,12 @@ const char* member_role_name(uint32_t role) {
 }
 
 Json MemberInfo::json() const {
-  return {{"number", member.number}, {"role", member_role_name(member.role)},
-          {"offset", member.offset}, {"bytes", member.bytes},
-          {"begin", member.begin},   {"end", member.end},
-          {"shift", member.shift},   {"needs", needs}};
+  // An index presents nothing.
+  const auto time = [&](double seconds) { return is_index() ? Json() : Json(seconds + 0.0); };
+  return {{"number", member.number},     {"role", member_role_name(member.role)},
+          {"offset", member.offset},     {"bytes", member.bytes},
+          {"begin", time(member.begin)}, {"end", time(member.end)},
+          {"shift", member.shift + 0.0}, {"needs", needs}};
 }
 
 namespace {

@@ -7,7 +7,8 @@
 namespace l4d::cli {
 
 ShownScene::ShownScene(Context& context, const Input& input, const ImportArguments& arguments,
-                       bool tolerant) {
+                       bool tolerant)
+    : context_(context), name_(input.name()) {
   if (input.is_ply() || !has_members(context, input)) {
     stream_ = std::make_unique<TolerantStream>(context, input, arguments, tolerant);
     return;
@@ -49,6 +50,9 @@ SplatArrays ShownScene::slice(double seconds, LossReport* losses) {
   }
   SplatArrays arrays = members_->slice(seconds);
   for (const eval::ShownMembers::Shown& s : members_->shown()) losses->add(*s.decoder, s.offset);
+  for (const auto& [index, why] : members_->left_out()) {
+    context_.note(name_ + ": left out is " + why);
+  }
   members_->close_others();
   return arrays;
 }

@@ -29,6 +29,8 @@ class ShownScene {
  private:
   l4d_counters counters() const;
 
+  Context& context_;
+  std::string name_;
   std::unique_ptr<TolerantStream> stream_;
   std::unique_ptr<FileReader> reader_;
   std::unique_ptr<eval::ShownMembers> members_;

@@ -3,8 +3,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "eval/decoded_scene.h"
+#include "eval/errors.h"
 #include "io/scene.h"
 
 namespace l4d::eval {
@@ -35,7 +37,24 @@ void add_counters(const DecoderHandle& decoder, l4d_counters* sums) {
   sums->cache_hits += c.cache_hits;
 }
 
+// Of bytes that are wrong, so that other members may be right.
+bool is_damage(l4d_status status) {
+  return status == L4D_ERR_TRUNCATED || status == L4D_ERR_CORRUPT || status == L4D_ERR_CHECKSUM ||
+         status == L4D_ERR_NOT_L4D;
+}
+
 }  // namespace
+
+template <typename Body>
+auto ShownMembers::of_member(uint32_t index, const Body& body) const {
+  try {
+    return body();
+  } catch (const Error& error) {
+    const l4d_member m = member(index);
+    throw Error(error.status(), "member " + std::to_string(m.number) + ", which begins at byte " +
+                                    std::to_string(m.offset) + ": " + detail_of(error));
+  }
+}
 
 void ShownMembers::check(l4d_status status) const {
   if (status != L4D_OK) throw Error(status, l4d_last_error_message());
@@ -66,7 +85,6 @@ ShownMembers::ShownMembers(const l4d_reader& reader, const l4d_decoder_options& 
     const l4d_member m = member(i);
     if (m.role != L4D_MEMBER_MEDIA) continue;
     most = std::max(most, m.num_needs);
-    if (!any) first_ = static_cast<uint32_t>(i);
     if (!any) begin = m.begin;
     end = m.end;
     any = true;
@@ -76,20 +94,40 @@ ShownMembers::ShownMembers(const l4d_reader& reader, const l4d_decoder_options& 
   if (options_.max_memory_bytes > 0) {
     options_.max_memory_bytes = std::max<uint64_t>(1, options_.max_memory_bytes / (1 + most));
   }
+  choose_first(info.count);
   timeline_ = timeline_between(first().info().timeline, begin, end);
 }
 
 DecoderHandle& ShownMembers::open(uint32_t index) {
   const auto known = open_.find(index);
   if (known != open_.end()) return known->second;
-  l4d_reader reader;
-  l4d_reader_init(&reader);
-  check(l4d_members_get_reader(list_.get(), index, &reader));
   DecoderHandle decoder(&options_);
-  decoder.open(reader);
+  of_member(index, [&] {
+    l4d_reader reader;
+    l4d_reader_init(&reader);
+    check(l4d_members_get_reader(list_.get(), index, &reader));
+    decoder.open(reader);
+  });
   decoder.set_detail(detail_);
   decoder.set_layers(max_level_, max_tier_);
   return open_.emplace(index, std::move(decoder)).first->second;
+}
+
+// The first media member that opens. Throws what is wrong with the first one if none does.
+void ShownMembers::choose_first(uint64_t count) {
+  std::optional<Error> why;
+  for (uint64_t i = 0; i < count; ++i) {
+    if (member(i).role != L4D_MEMBER_MEDIA) continue;
+    first_ = static_cast<uint32_t>(i);
+    try {
+      open(first_);
+      return;
+    } catch (const Error& error) {
+      if (!is_damage(error.status())) throw;
+      if (!why) why = error;
+    }
+  }
+  throw Error(*why);
 }
 
 void ShownMembers::set_detail(uint32_t detail) {
@@ -112,7 +150,11 @@ uint64_t ShownMembers::num_gaussians() {
   uint64_t count = 0;
   for (uint64_t i = 0; i < info.count; ++i) {
     if (member(i).role == L4D_MEMBER_INDEX) continue;
-    count += open(static_cast<uint32_t>(i)).info().num_gaussians;
+    try {
+      count += open(static_cast<uint32_t>(i)).info().num_gaussians;
+    } catch (const Error& error) {
+      if (!is_damage(error.status())) throw;
+    }
     shown_indices_ = {first_};
     close_others();
   }
@@ -131,11 +173,19 @@ const std::vector<ShownMembers::Shown>& ShownMembers::show(double seconds) {
   shown_indices_ = indices_at(seconds);
   shown_.clear();
   time_ = seconds;
+  if (!shown_indices_.empty()) {
+    // Between spans nothing is known but what is seen at their ends.
+    const l4d_member media = member(shown_indices_.front());
+    time_ = std::clamp(seconds, media.begin, media.end);
+  }
   for (const uint32_t index : shown_indices_) {
     const l4d_member m = member(index);
-    // Between spans nothing is known but what is seen at their ends.
-    if (shown_.empty()) time_ = std::clamp(seconds, m.begin, m.end);
-    shown_.push_back({&open(index), m.shift, time_ - m.shift, m.offset});
+    try {
+      shown_.push_back({&open(index), index, m.shift, time_ - m.shift, m.offset});
+    } catch (const Error& error) {
+      if (options_.tolerant == 0 || !is_damage(error.status())) throw;
+      left_out_.emplace(index, detail_of(error));
+    }
   }
   return shown_;
 }
@@ -158,7 +208,9 @@ l4d_counters ShownMembers::counters() const {
 SplatArrays ShownMembers::slice(double seconds) {
   show(seconds);
   std::vector<SplatArrays> parts;
-  for (const Shown& s : shown_) parts.push_back(s.decoder->slice(s.time));
+  for (const Shown& s : shown_) {
+    of_member(s.index, [&] { parts.push_back(s.decoder->slice(s.time)); });
+  }
   if (parts.size() == 1) return std::move(parts.front());
   SplatArrays all;
   for (const SplatArrays& part : parts) all.sh_degree = std::max(all.sh_degree, part.sh_degree);
@@ -168,7 +220,9 @@ SplatArrays ShownMembers::slice(double seconds) {
 
 uint64_t ShownMembers::slice_bytes(double seconds) {
   uint64_t bytes = 0;
-  for (const Shown& s : show(seconds)) bytes += eval::slice_bytes(*s.decoder, s.time);
+  for (const Shown& s : show(seconds)) {
+    of_member(s.index, [&] { bytes += eval::slice_bytes(*s.decoder, s.time); });
+  }
   // Of several, those of each and all together.
   return shown_.size() > 1 ? 2 * bytes : bytes;
 }

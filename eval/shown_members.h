@@ -5,6 +5,7 @@
 #include <functional>
 #include <map>
 #include <memory>
+#include <string>
 #include <vector>
 
 #include "eval/memory.h"
@@ -24,9 +25,9 @@ class ShownMembers {
 
   // From the first span to the last, in frames of the first media member.
   const l4d_timeline& timeline() const { return timeline_; }
-  // Of members other than indices, together.
+  // Of members other than indices, together; of those whose headers are damaged nothing is known.
   uint64_t num_gaussians();
-  // The first media member.
+  // The first media member whose headers are whole.
   const DecoderHandle& first();
 
   // As of decoders.
@@ -35,12 +36,17 @@ class ShownMembers {
 
   struct Shown {
     DecoderHandle* decoder;
+    uint32_t index;
     double shift;     // time of the presentation less time of the stream
     double time;      // of the stream
     uint64_t offset;  // of the member in the file
   };
-  // Opens what shows the instant. What was shown before stays open until close_others().
+  // Opens what shows the instant. What was shown before stays open until close_others(). Members
+  // whose headers are damaged are left out if the options are tolerant; else show() throws an
+  // Error.
   const std::vector<Shown>& show(double seconds);
+  // What was left out so far: which member, and why. By index.
+  const std::map<uint32_t, std::string>& left_out() const { return left_out_; }
   const std::vector<Shown>& shown() const { return shown_; }
   // The time of the presentation that is shown: the one asked for, or the nearest of a span.
   double time() const { return time_; }
@@ -55,6 +61,10 @@ class ShownMembers {
   l4d_member member(uint64_t index) const;
   std::vector<uint32_t> indices_at(double seconds) const;
   DecoderHandle& open(uint32_t index);
+  // Calls body(). Errors name the member, and their offsets count from its first byte.
+  template <typename Body>
+  auto of_member(uint32_t index, const Body& body) const;
+  void choose_first(uint64_t count);
   void check(l4d_status status) const;
 
   std::unique_ptr<l4d_members, Destroy> list_;
@@ -68,6 +78,7 @@ class ShownMembers {
   double time_ = 0;
   std::vector<Shown> shown_;
   std::vector<uint32_t> shown_indices_;
+  std::map<uint32_t, std::string> left_out_;
 };
 
 }  // namespace l4d::eval

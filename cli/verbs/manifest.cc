@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
 #include <filesystem>
 #include <optional>
 
@@ -38,6 +39,10 @@ Outcome run_manifest(Context& context, const ManifestArguments& arguments) {
   const bool complete = file.has_index() || file.is_plain();
   const std::string text = arguments.dash ? dash_manifest(file, url, complete)
                                           : playlist_of(file.members(), complete, url);
+  const auto is_media = [](const MemberInfo& m) { return m.is_media(); };
+  if (std::none_of(file.members().begin(), file.members().end(), is_media)) {
+    context.note(input.name() + " has no media member that is whole: the list has no segment");
+  }
   if (!file.rest().empty()) context.note("the list ends before the file: " + file.rest());
   if (file.is_plain()) {
     about(input.name(), [&] {

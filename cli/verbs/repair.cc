@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
 #include <exception>
 #include <memory>
 #include <set>
@@ -42,11 +43,14 @@ std::unique_ptr<MemberFile> find_members(const Context& context, const Input& in
 struct Repaired {
   Json kept = Json::array();
   Json dropped = Json::array();
+  Json incomplete = Json::array();  // of `kept`
   size_t num_kept = 0;
+  size_t num_incomplete = 0;
   size_t num_dropped = 0;
 };
 
-// Copies every member of which all bytes are right, and that has those that it needs.
+// Copies every member of which all bytes are right. Those that need a member which is left out show
+// less: they no longer need it.
 Repaired copy_members(Context& context, const std::string& name, const MemberFile& file,
                       MemberWriter& writer) {
   Repaired out;
@@ -54,34 +58,40 @@ Repaired copy_members(Context& context, const std::string& name, const MemberFil
   Progress progress(context, "repair");
   for (size_t i = 0; i < file.members().size(); ++i) {
     progress.update(i, file.members().size(), "copying");
-    const MemberInfo& m = file.members()[i];
+    MemberInfo m = file.members()[i];
     if (m.is_index()) continue;
-    std::string why;
-    for (const uint32_t need : m.needs) {
-      if (gone.count(need) != 0) why = "it needs member " + std::to_string(need);
+    const size_t needed = m.needs.size();
+    m.needs.erase(std::remove_if(m.needs.begin(), m.needs.end(),
+                                 [&](uint32_t need) { return gone.count(need) != 0; }),
+                  m.needs.end());
+    l4d_member_parameters p = parameters_of(m);
+    p.stream = file.info().stream;
+    l4d_reader reader;
+    l4d_reader_init(&reader);
+    l4d_status status = file.find_reader(i, &reader);
+    if (status == L4D_OK) status = writer.add(reader, p);
+    if (status != L4D_OK && !is_damage(status)) {
+      throw Failure(status, name + ": member " + std::to_string(m.member.number) + ": " +
+                                l4d_last_error_message());
     }
-    if (why.empty()) {
-      l4d_member_parameters p = parameters_of(m);
-      p.stream = file.info().stream;
-      l4d_reader reader;
-      l4d_reader_init(&reader);
-      l4d_status status = file.find_reader(i, &reader);
-      if (status == L4D_OK) status = writer.add(reader, p);
-      if (status != L4D_OK && !is_damage(status)) {
-        throw Failure(status, name + ": " + l4d_last_error_message());
-      }
-      if (status != L4D_OK) why = l4d_last_error_message();
-    }
-    if (why.empty()) {
+    if (status == L4D_OK) {
       out.kept.push_back(m.member.number);
       ++out.num_kept;
+      if (m.needs.size() == needed) continue;
+      out.incomplete.push_back(m.member.number);
+      ++out.num_incomplete;
       continue;
     }
+    const std::string why = l4d_last_error_message();
     gone.insert(m.member.number);
     ++out.num_dropped;
     out.dropped.push_back(
         {{"number", m.member.number}, {"offset", m.member.offset}, {"reason", why}});
     context.note("member " + std::to_string(m.member.number) + " is left out: " + why);
+  }
+  if (out.num_incomplete > 0) {
+    context.note(format_items(out.num_incomplete, "member") +
+                 " that needed what is left out will show the rest: " + out.incomplete.dump());
   }
   return out;
 }
@@ -108,6 +118,7 @@ Outcome run_repair(Context& context, const RepairArguments& arguments) {
                   {"output", arguments.output},
                   {"kept", repaired.kept},
                   {"dropped", repaired.dropped},
+                  {"incomplete", repaired.incomplete},
                   {"rest", file.rest().empty() ? Json() : Json(file.rest())},
                   {"rest_bytes", lost},
                   {"file_bytes", bytes}};
@@ -135,8 +146,9 @@ void add_repair(Registry& registry) {
       ->required();
   verb->footer(
       "For recordings that broke off, or that still grow: every member of which all bytes are\n"
-      "right is kept. The input stays as it is. Exit code: 0 where a member is kept, whatever is\n"
-      "left out (`dropped` and `rest_bytes` of --json); 4 where none is whole.");
+      "right is kept, without those that it needs if these are damaged. The input stays as it is.\n"
+      "Exit code: 0 where a member is kept, whatever is left out (`dropped`, `incomplete` and\n"
+      "`rest_bytes` of --json); 4 where none is whole.");
 }
 
 }  // namespace l4d::cli

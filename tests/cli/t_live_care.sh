@@ -13,7 +13,7 @@ wait_for() { # CONDITION...: until it holds
   die "never: $*"
 }
 temporaries() { find . -name '*.l4dtmp*' | grep -q .; }
-has_segments() { [ "$(grep -c EXTINF "$1" 2> /dev/null)" -ge "$2" ]; }
+has_segments() { [ -e "$1" ] && [ "$(grep -c EXTINF "$1")" -ge "$2" ]; }
 
 # The old file is there until the first member of the new one is, and stays where there is none.
 cp old.l4d out.l4d
@@ -21,7 +21,7 @@ cp old.l4d kept.l4d
 printf '#EXTM3U\nold\n' > out.m3u8
 mkdir in
 expect 3 encode --live in -o out.l4d
-l4d encode --live in -f -o out.l4d --playlist out.m3u8 -q 2> first.err &
+"$L4DCODEC" encode --live in -f -o out.l4d --playlist out.m3u8 -q 2> first.err &
 first=$!
 wait_for temporaries
 cmp out.l4d kept.l4d || die "the old file is gone"
@@ -101,3 +101,55 @@ done
 expect 4 encode empty0.ply -o empty.l4d
 expect 4 encode --live empty0.ply -o empty.l4d
 expect_missing empty.l4d
+
+# What is no piece: the output, folders, links that lead nowhere.
+rm -rf in
+mkdir -p in/folder.ply
+ln -s nowhere in/a.ply
+cp q0.ply in/0.ply
+touch in/end
+expect_document 0 encode --live in -o in/out.l4d --playlist in/out.m3u8
+expect_json out 'd["num_pieces"] == 1 and sum("is no file" in n for n in d["notes"]) == 2'
+expect 0 validate in/out.l4d
+# A piece that is wrong ends the file as a whole one.
+printf 'ply\nnonsense\n' > bad.ply
+expect 4 encode --live q0.ply q1.ply bad.ply q2.ply -o broken.l4d --playlist broken.m3u8
+expect_text err 'bad.ply: .*; broken.l4d ends at 4 s, with the [0-9]+ members that are whole'
+expect 0 validate broken.l4d
+expect_document 0 info broken.l4d
+expect_json out 'd["members"][-1]["role"] == "index"'
+expect_text broken.m3u8 ENDLIST
+
+# Ctrl-C and SIGTERM end it as a whole file.
+for signal in INT TERM; do
+  rm -rf in
+  mkdir in
+  cp q0.ply in/0.ply
+  "$L4DCODEC" encode --live in -f -o stopped.l4d --playlist stopped.m3u8 2> err &
+  pid=$!
+  wait_for has_segments stopped.m3u8 1
+  kill -$signal "$pid"
+  status=0
+  wait "$pid" || status=$?
+  expect_equal "$status" 130
+  expect_text err 'stopped.l4d ends at 2 s'
+  expect_text stopped.m3u8 ENDLIST
+  expect_document 0 validate stopped.l4d
+  expect_document 0 info stopped.l4d
+  expect_json out 'd["members"][-1]["role"] == "index"'
+  rm stopped.m3u8
+done
+
+# A full disk leaves the members that are whole.
+expect 0 encode --live q0.ply q1.ply q2.ply -o room.l4d
+limit=$(json <(l4d info room.l4d --json) '(d["members"][1]["offset"] + d["members"][1]["bytes"]) // 1024 + 2')
+status=0
+(
+  ulimit -f "$limit"
+  l4d encode --live q0.ply q1.ply q2.ply -o full.l4d
+) > out 2> err || status=$?
+expect_equal "$status" 3
+expect_text err 'full.l4d: cannot write: File too large; full.l4d ends at'
+expect_document 0 validate full.l4d
+expect_document 0 info full.l4d
+expect_json out 'd["members_rest"] is None and len(d["members"]) >= 2'

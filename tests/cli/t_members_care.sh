@@ -146,6 +146,45 @@ for member in 0 1; do
   expect 0 repair damaged.l4d -o rest.l4d -f
   expect_text out '2 members kept, 1 left out'
 done
+# With an index the others are shown, and what is damaged is named.
+make_cameras cameras.json
+for member in 0 1; do
+  at=$(json <(l4d info bab.l4d --json) "d['members'][$member]['offset']")
+  cp bab.l4d damaged.l4d
+  printf '\x55\xaa' | dd of=damaged.l4d bs=1 seek=$((at + 60)) conv=notrunc 2> /dev/null
+  for other in 0 1 2; do
+    time=$(json <(l4d info bab.l4d --json) "d['members'][$other]['begin'] + 0.01")
+    if [ $other = $member ]; then
+      expect 4 slice damaged.l4d --time "$time" --digest
+      expect_text err "damaged.l4d: member $member, which begins at byte $at: spec FILE-6"
+      expect 4 render damaged.l4d --time "$time" --size 16x16 -o x.png
+      expect_document 0 slice damaged.l4d --time "$time" --digest --tolerant
+      expect_json out "d['frames'][0]['gaussians'] == 0 and any('member $member, which' in n for n in d['notes'])"
+    else
+      expect_equal "$(json <(l4d slice damaged.l4d --time "$time" --digest --json) 'd["frames"][0]["digests"]')" \
+        "$(json <(l4d slice bab.l4d --time "$time" --digest --json) 'd["frames"][0]["digests"]')"
+      expect 0 render damaged.l4d --time "$time" --cameras cameras.json -o ok.png -f
+    fi
+  done
+done
+# A page of a standing member that is wrong does not take what needs the member with it.
+l4d synth -q -n 4k --seconds 6 --fps 30 --seed 2 -o six.ply
+expect 0 encode --live six.ply --segment 1 -o six.l4d
+expect_document 0 info six.l4d
+expect_json out 'd["members"][-1]["begin"] is None and d["members"][0]["role"] == "standing"'
+bytes=$(json out 'd["members"][0]["bytes"]')
+cp six.l4d hurt.l4d
+printf '\x55\xaa' | dd of=hurt.l4d bs=1 seek=$((bytes - 500)) conv=notrunc 2> /dev/null
+expect_document 0 repair hurt.l4d -o rest.l4d -f
+expect_json out '[m["number"] for m in d["dropped"]] == [0] and d["kept"] == d["incomplete"] == [1, 2, 3, 4, 5, 6]'
+expect_document 0 validate rest.l4d
+expect_document 0 slice rest.l4d --time 2.5 --digest
+# Where only the standing member is whole, commands say so.
+head -c $((bytes + 100)) six.l4d > standing.l4d
+expect_document 0 slice standing.l4d --time 1 --digest
+expect_json out 'any("no media member" in n for n in d["notes"])'
+expect_document 0 manifest standing.l4d
+expect_json out 'any("no segment" in n for n in d["notes"])'
 cp bab.l4d damaged.l4d
 printf '\x55' | dd of=damaged.l4d bs=1 seek=20 conv=notrunc 2> /dev/null
 expect 4 info damaged.l4d
