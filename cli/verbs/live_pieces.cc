@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <thread>
 
+#include "cli/text/name_order.h"
 #include "cli/text/progress.h"
 
 namespace l4d::cli {
@@ -39,6 +40,7 @@ const Input* LivePieces::next() {
     const std::string found = first_after();
     if (!found.empty()) {
       last_ = found;
+      taken_.insert(found);
       inputs_.clear();
       inputs_.emplace_back(context_, (fs::path(folder_) / found).string());
       return &inputs_.back();
@@ -51,12 +53,16 @@ const Input* LivePieces::next() {
 // A folder or a link that leads nowhere may have the name of a piece; it may be one later.
 bool LivePieces::is_piece(const std::string& name) {
   const std::string extension = fs::path(name).extension().string();
-  if (name.front() == '.' || name <= last_ || name == output_name_) return false;
+  if (name.front() == '.' || name == output_name_ || taken_.count(name) != 0) return false;
   if (extension != ".ply" && extension != ".l4d") return false;
   const std::string path = (fs::path(folder_) / name).string();
   std::error_code error;
-  if (fs::is_regular_file(path, error)) return true;
-  if (passed_.insert(name).second) context_.note(path + " is no file, and is passed over");
+  const bool is_file = fs::is_regular_file(path, error);
+  if (is_file && (last_.empty() || name_is_before(last_, name))) return true;
+  if (passed_.insert(name).second) {
+    context_.note(path + (is_file ? " came after " + last_ + ", and is passed over"
+                                  : " is no file, and is passed over"));
+  }
   return false;
 }
 
@@ -66,7 +72,7 @@ std::string LivePieces::first_after() {
   std::error_code error;
   for (const fs::directory_entry& entry : fs::directory_iterator(folder_, error)) {
     const std::string name = entry.path().filename().string();
-    if ((first.empty() || name < first) && is_piece(name)) first = name;
+    if (is_piece(name) && (first.empty() || name_is_before(name, first))) first = name;
   }
   if (error) throw Failure(L4D_ERR_IO, folder_ + ": cannot read: " + error.message());
   return first;

@@ -34,8 +34,9 @@ class LivePieces {
   std::string output_name_;  // if it lies there
   std::deque<Input> inputs_;
   size_t next_ = 0;
-  std::string last_;              // of the folder, that was taken
-  std::set<std::string> passed_;  // that are no files
+  std::string last_;  // of the folder, that was taken
+  std::set<std::string> taken_;
+  std::set<std::string> passed_;  // that are no files or came too late
 };
 
 }  // namespace l4d::cli

@@ -111,6 +111,23 @@ touch in/end
 expect_document 0 encode --live in -o in/out.l4d --playlist in/out.m3u8
 expect_json out 'd["num_pieces"] == 1 and sum("is no file" in n for n in d["notes"]) == 2'
 expect 0 validate in/out.l4d
+
+# Numbers of pieces count, however many digits they have; one that comes too late is noted.
+rm -rf in
+mkdir in
+for k in 8 9 10 11; do piece "$k" 1 30 "in/piece_$k.ply"; done
+touch in/end
+expect_document 0 encode --live in -o numbers.l4d
+expect_json out 'd["num_pieces"] == 4 and d["end"] == 12'
+rm in/end
+l4d encode --live in -o behind.l4d --json > behind.json &
+until [ -e behind.l4d ] || ! kill -0 $!; do sleep 0.05; done
+cp in/piece_8.ply in/piece_7.ply
+sleep 0.3
+touch in/end
+wait $!
+expect_json behind.json 'sum("piece_7.ply came after" in n for n in d["notes"]) == 1'
+
 # A piece that is wrong ends the file as a whole one.
 printf 'ply\nnonsense\n' > bad.ply
 expect 4 encode --live q0.ply q1.ply bad.ply q2.ply -o broken.l4d --playlist broken.m3u8
