@@ -189,12 +189,15 @@ export const parsePlaylist = (text, url) => {
 };
 
 /**
- * What a later version of a playlist adds. Fails with CHANGED where it is not the one before and more.
+ * What a later version of a playlist adds. Fails with CHANGED where it is not the one before and more. An earlier
+ * version, as a cache may still have it, adds nothing.
  * @param {Playlist} before @param {Playlist} after @returns {Member[]}
  */
 export const appended = (before, after) => {
   const keys = /** @type {const} */ (['number', 'begin', 'shift', 'url', 'offset', 'bytes']);
-  const same = before.members.every((m, k) => after.members[k] && keys.every(key => after.members[k][key] === m[key]));
+  const isEarlier = !after.complete && after.members.length > 0 && after.members.length < before.members.length;
+  const common = isEarlier ? before.members.slice(0, after.members.length) : before.members;
+  const same = common.every((m, k) => after.members[k] && keys.every(key => after.members[k][key] === m[key]));
   if (!same) throw new L4DError('CHANGED', 'the playlist is another one now');
   return after.members.slice(before.members.length);
 };

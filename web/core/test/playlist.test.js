@@ -98,6 +98,11 @@ test('a playlist that grows adds members, and is told from another one', () => {
   for (const other of [head, good.replace('100@0', '101@0'), good.replace('NUMBER=1', 'NUMBER=1').replace('BEGIN=0,SHIFT=0.5', 'BEGIN=0,SHIFT=0')]) {
     assert.throws(() => appended(before, parsePlaylist(other, base)), {code: 'CHANGED'});
   }
+  // What a cache still has is waited out; a recording that has ended has all of its members.
+  const later = parsePlaylist(good, base);
+  const stale = head + standing + media(1, 0);
+  assert.deepEqual(appended(later, parsePlaylist(stale, base)), []);
+  assert.throws(() => appended(later, parsePlaylist(`${stale}#EXT-X-ENDLIST\n`, base)), {code: 'CHANGED'});
 });
 
 test('what is shown when: in spans, at borders, in gaps, outside', () => {
