@@ -341,6 +341,68 @@ test('a lost context comes back with the picture', () => withPlayer(async page =
   assert.ok(Math.abs(await light(page) - before) < 0.5);
 }, {noErrors: false}));
 
+test('players that are removed give their contexts back', () => withPlayer(async page => {
+  const lost = await inPlayer(page, async player => {
+    let lost = 0;
+    player.view.canvas.addEventListener('webglcontextlost', () => ++lost);
+    for (let k = 0; k < 24; ++k) {
+      const other = document.createElement('l4d-player');
+      document.body.append(other);
+      if (!other.view.gl || other.view.gl.isContextLost()) return 'a new player has no context';
+      const {gl} = other.view;
+      other.remove();
+      if (!gl.isContextLost()) return 'a removed player keeps its context';
+      document.body.append(other);
+      if (other.view.gl.isContextLost()) return 'a player that is back has no context';
+      other.remove();
+    }
+    await new Promise(resolve => setTimeout(resolve, 100));
+    return lost;
+  });
+  assert.equal(lost, 0);
+  assert.ok(await light(page) > 1);
+}));
+
+test('wrong arguments and calls after the end are answered', () => withPlayer(async page => {
+  const answers = await inPlayer(page, async player => {
+    const {open, View} = await import('/player.js');
+    const code = promise => promise.then(() => 'done', error => error.code === 20 ? error.name : error.code ?? error.name);
+    const {movie, view} = player;
+    const bytes = new Uint8Array(await (await fetch('scene.l4d')).arrayBuffer());
+    const copy = await open(bytes.subarray(0));
+    const answers = {
+      view: copy.duration === movie.duration && bytes.length > 0,
+      null: await code(open(null)), number: await code(open(7)), address: await code(open('http://[')),
+      relative: await code(open('scene.l4d', {wasmUrl: 'l4d.wasm'}).then(m => m.dispose())),
+      nan: await code(movie.seek(NaN)), time: movie.currentTime
+    };
+    try { movie.rate = NaN; } catch (error) { answers.rate = [error.code, movie.rate]; }
+    let heard = 0;
+    const ends = [movie.on('play', () => { throw new Error('of a listener'); }), movie.on('play', () => ++heard)];
+    movie.play();
+    movie.pause();
+    for (const end of ends) end();
+    answers.heard = heard;
+    copy.dispose();
+    answers.gone = await code(copy.seek(1));
+    view.hide();
+    answers.nothing = await code(view.pixels());
+    const other = new View(document.createElement('canvas'));
+    const bounds = other.bounds();
+    other.dispose();
+    answers.bounds = [await bounds, await other.bounds()];
+    await other.home();
+    await other.settled();
+    return answers;
+  });
+  const {time, ...rest} = answers;
+  assert.ok(Number.isFinite(time));
+  assert.deepEqual(rest, {view: true, null: 'INVALID_ARGUMENT', number: 'INVALID_ARGUMENT', address: 'INVALID_ARGUMENT',
+                          relative: 'done', nan: 'INVALID_ARGUMENT', rate: ['INVALID_ARGUMENT', 1], heard: 1,
+                          gone: 'AbortError', nothing: 'Error', bounds: [null, null]});
+  assert.deepEqual(page.errors.splice(0), ['Error: of a listener']);
+}));
+
 test('reduced motion does not play by itself', () => withPlayer(async page => {
   await opened(page);
   assert.equal(await inPlayer(page, player => player.movie.paused), true);

@@ -19,6 +19,13 @@ export class Emitter {
 
   /** @param {string} type @param {any} [value] */
   emit(type, value) {
-    for (const listener of [...this.listeners.get(type) ?? []]) listener(value);
+    for (const listener of [...this.listeners.get(type) ?? []]) {
+      try {
+        listener(value);
+      } catch (error) {
+        // Its own fault: other listeners and the caller go on, and the page hears of it.
+        queueMicrotask(() => { throw error; });
+      }
+    }
   }
 }

@@ -2,7 +2,8 @@
 
 /**
  * What opening, seeking and slicing fail with. `code`: a status of the library without its prefix
- * ("CORRUPT", "NOT_L4D"), or "NETWORK", "HTTP", "CHANGED" (another file lies at the URL now), "ABORTED".
+ * ("CORRUPT", "NOT_L4D", "INVALID_ARGUMENT"), or "NETWORK", "HTTP", "CHANGED" (another file lies at the URL now),
+ * "ABORTED".
  */
 export class L4DError extends Error {
   /**

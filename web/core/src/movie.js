@@ -37,7 +37,7 @@ import {frameOfTime} from './timeline.js';
 
 /**
  * Opens a stream.
- * @param {string | URL | Blob | ArrayBuffer} from an ArrayBuffer is taken over, not copied
+ * @param {string | URL | Blob | ArrayBuffer | ArrayBufferView} from an ArrayBuffer is taken over; the bytes of a view are copied
  * @param {OpenOptions} [options]
  */
 export const open = async (from, options = {}) => {
@@ -49,6 +49,21 @@ export const open = async (from, options = {}) => {
   } catch (error) {
     movie.dispose();
     throw error;
+  }
+};
+
+/** @param {string} message */
+const invalid = message => new L4DError('INVALID_ARGUMENT', message);
+
+/** Relative to the page. @param {string | URL} address */
+const addressOf = address => {
+  if (typeof address !== 'string' && !(address instanceof URL)) {
+    throw invalid('a source is a URL, a Blob or bytes');
+  }
+  try {
+    return new URL(address, globalThis.location?.href).href;
+  } catch {
+    throw invalid(`${String(address).slice(0, 100)} is no URL`);
   }
 };
 
@@ -95,17 +110,20 @@ export class Movie extends Emitter {
     this.worker.onerror = event => this.#fail(new L4DError('INTERNAL', event.message ?? 'the worker failed'));
   }
 
-  /** Of `open`. @param {string | URL | Blob | ArrayBuffer} from */
+  /** Of `open`. @param {string | URL | Blob | ArrayBuffer | ArrayBufferView} from */
   async start(from) {
     /** @type {any} */
     const source = {headers: this.options.headers, credentials: this.options.credentials};
     /** @type {Transferable[]} */
     const transfer = [];
     if (from instanceof ArrayBuffer) transfer.push(source.buffer = from);
-    else if (from instanceof Blob) source.blob = from;
-    else source.url = new URL(from, globalThis.location?.href).href;
+    else if (ArrayBuffer.isView(from)) {
+      source.buffer = new Uint8Array(from.buffer, from.byteOffset, from.byteLength).slice().buffer;
+      transfer.push(source.buffer);
+    } else if (from instanceof Blob) source.blob = from;
+    else source.url = addressOf(from);
     const {cacheBytes, maxRows, tolerant} = this.options;
-    const wasmUrl = new URL(this.options.wasmUrl ?? new URL('./l4d.wasm', import.meta.url)).href;
+    const wasmUrl = addressOf(this.options.wasmUrl ?? new URL('./l4d.wasm', import.meta.url));
     const isPlaylist = source.url !== undefined &&
       (this.options.playlist ?? /\.m3u8$/i.test(new URL(source.url).pathname));
     const {playlist, ...info} = await this.#call('open', {source, isPlaylist, wasmUrl, options: {cacheBytes, maxRows, tolerant}},
@@ -136,7 +154,10 @@ export class Movie extends Emitter {
   set currentTime(time) { void this.seek(time).catch(() => {}); }
   get paused() { return this.clock?.paused ?? true; }
   get rate() { return this.clock?.rate ?? 1; }
-  set rate(rate) { if (this.clock) this.clock.rate = rate; }
+  set rate(rate) {
+    if (typeof rate !== 'number' || !Number.isFinite(rate)) throw invalid(`a rate is a finite number, not ${rate}`);
+    if (this.clock) this.clock.rate = rate;
+  }
   get loop() { return this.clock?.loop ?? false; }
   set loop(loop) { if (this.clock) this.clock.loop = loop; }
   get detail() { return this.detailWanted; }
@@ -188,6 +209,8 @@ export class Movie extends Emitter {
    */
   seek(time, {signal} = {}) {
     if (signal?.aborted) return Promise.reject(abortError());
+    if (this.disposed) return Promise.reject(abortError('disposed'));
+    if (!Number.isFinite(time)) return Promise.reject(invalid(`a time is a finite number of seconds, not ${time}`));
     const at = Math.min(Math.max(time, this.timeBegin), this.timeEnd);
     this.seeking?.reject(abortError('another seek'));
     const id = this.nextId++;

@@ -45,8 +45,13 @@ export class L4DPlayer extends Base {
     clearInterval(this.timer);
     this.unload();
     this.controls?.dispose();
+    const gl = this.view?.gl;
     this.view?.dispose();
     this.view = this.controls = null;
+    // A page may have few contexts, and one lives until its canvas is collected. The next view has another canvas.
+    const canvas = this.$('canvas');
+    canvas.replaceWith(canvas.cloneNode());
+    gl?.getExtension('WEBGL_lose_context')?.loseContext();
   }
 
   /** @param {string} name @param {string | null} before @param {string | null} value */
@@ -82,7 +87,7 @@ export class L4DPlayer extends Base {
     this.#setMode(this.getAttribute('camera') === 'fly' ? 'fly' : 'orbit');
   }
 
-  /** Opens a file and shows it. @param {string | URL | Blob | ArrayBuffer} source */
+  /** Opens a file and shows it. @param {string | URL | Blob | ArrayBuffer | ArrayBufferView} source */
   async load(source) {
     this.unload();
     const {signal} = this.loading;

@@ -108,6 +108,7 @@ export class View {
     this.movie = this.refilling = null;
     this.stats.rows = 0;
     this.sorter.postMessage({type: 'clear'});
+    for (const wake of this.waiting.splice(0)) wake();
   }
 
   /** The camera; null: that of `orbit`, which fits the canvas. @param {import('./camera.js').Camera | null} camera */
@@ -131,15 +132,16 @@ export class View {
 
   /** @returns {Promise<{middle: number[], extent: number[], radius: number} | null>} */
   bounds() {
+    if (this.disposed) return Promise.resolve(null);
     return new Promise(resolve => {
       this.boundsWaiting.push(resolve);
       this.sorter.postMessage({type: 'bounds', streams: this.movie?.streamsAt(this.movie.currentTime) ?? []});
     });
   }
 
-  /** Resolves when the picture shows the time and the camera of now. @returns {Promise<void>} */
+  /** Resolves when the picture shows the time and the camera of now, or there is nothing to show. @returns {Promise<void>} */
   settled() {
-    if (this.drawn === this.wanted) return Promise.resolve();
+    if (this.drawn === this.wanted || this.disposed || !this.movie) return Promise.resolve();
     return new Promise(resolve => this.waiting.push(() => resolve()));
   }
 
@@ -148,7 +150,7 @@ export class View {
     // What was drawn in an earlier task is not there any more.
     if (this.drawn === this.wanted) this.change();
     await this.settled();
-    if (!this.painter) throw new Error('nothing is shown');
+    if (!this.movie || !this.painter) throw new Error('nothing is shown');
     return this.painter.pixels();
   }
 
@@ -156,6 +158,7 @@ export class View {
     this.hide();
     this.disposed = true;
     this.sorter.terminate();
+    for (const answer of this.boundsWaiting.splice(0)) answer(null);
     this.observer?.disconnect();
     this.surface?.dispose();
   }
