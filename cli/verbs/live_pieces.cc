@@ -16,6 +16,11 @@ namespace fs = std::filesystem;
 constexpr const char* kEnd = "end";  // of a folder: no more pieces come
 constexpr std::chrono::milliseconds kLookAgain{50};
 
+bool has_name_of_piece(const fs::path& path) {
+  const std::string extension = path.extension().string();
+  return path.filename().string().front() != '.' && (extension == ".ply" || extension == ".l4d");
+}
+
 }  // namespace
 
 LivePieces::LivePieces(Context& context, const std::vector<std::string>& inputs,
@@ -26,6 +31,7 @@ LivePieces::LivePieces(Context& context, const std::vector<std::string>& inputs,
     folder_ = inputs.front();
     const bool same = fs::equivalent(folder_, fs::absolute(output).parent_path(), error);
     if (same && !error) output_name_ = fs::path(output).filename().string();
+    keep_pieces();
     return;
   }
   for (const std::string& name : inputs) inputs_.emplace_back(context, name);
@@ -50,11 +56,18 @@ const Input* LivePieces::next() {
   }
 }
 
+// No output takes the place of a piece that is there, also not with --force.
+void LivePieces::keep_pieces() {
+  std::error_code error;
+  for (const fs::directory_entry& entry : fs::directory_iterator(folder_, error)) {
+    if (!has_name_of_piece(entry.path()) || !entry.is_regular_file(error)) continue;
+    context_.files.keep(entry.path().string(), "a piece of the input");
+  }
+}
+
 // A folder or a link that leads nowhere may have the name of a piece; it may be one later.
 bool LivePieces::is_piece(const std::string& name) {
-  const std::string extension = fs::path(name).extension().string();
-  if (name.front() == '.' || name == output_name_ || taken_.count(name) != 0) return false;
-  if (extension != ".ply" && extension != ".l4d") return false;
+  if (!has_name_of_piece(name) || name == output_name_ || taken_.count(name) != 0) return false;
   const std::string path = (fs::path(folder_) / name).string();
   std::error_code error;
   const bool is_file = fs::is_regular_file(path, error);

@@ -15,7 +15,7 @@ namespace l4d::cli {
 // Scenes that are named, or a folder in which they appear.
 class LivePieces {
  public:
-  // output: what lies in the folder of pieces under this name is none.
+  // output: what comes to lie in the folder of pieces under this name is none.
   LivePieces(Context& context, const std::vector<std::string>& inputs, const std::string& output);
 
   bool is_folder() const { return !folder_.empty(); }
@@ -26,6 +26,7 @@ class LivePieces {
   const Input* next();
 
  private:
+  void keep_pieces();
   std::string first_after();
   bool is_piece(const std::string& name);
 

@@ -112,6 +112,16 @@ expect_document 0 encode --live in -o in/out.l4d --playlist in/out.m3u8
 expect_json out 'd["num_pieces"] == 1 and sum("is no file" in n for n in d["notes"]) == 2'
 expect 0 validate in/out.l4d
 
+# A piece that is there is never written over: not by its name, nor by another link to it.
+cp in/out.l4d in/1.l4d
+ln in/1.l4d linked.l4d
+cp in/1.l4d before.l4d
+expect 2 encode --live in -f -o in/1.l4d
+expect 2 encode --live in -f -o linked.l4d
+expect 2 encode --live in -f -o in/out.l4d
+cmp in/1.l4d before.l4d
+cmp linked.l4d before.l4d
+
 # Numbers of pieces count, however many digits they have; one that comes too late is noted.
 rm -rf in
 mkdir in
