@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/verbs/encode_live.h"
 
+#include "cli/byte_writer.h"
 #include "cli/playlist.h"
 #include "cli/text/progress.h"
 #include "cli/text/units.h"
@@ -12,13 +13,6 @@ namespace l4d::cli {
 namespace {
 
 constexpr double kSegmentSeconds = 2;
-
-int append(void* user, const void* src, size_t n) {
-  const auto* bytes = static_cast<const uint8_t*>(src);
-  auto& to = *static_cast<std::vector<uint8_t>*>(user);
-  to.insert(to.end(), bytes, bytes + n);
-  return 0;
-}
 
 // A session of the encoder that begins with the first piece.
 class LiveSession {
@@ -42,10 +36,7 @@ class LiveSession {
                        : l4d_session_add_empty(session_, &scene.timeline, &scene.placement));
     for (;;) {
       std::vector<uint8_t> bytes;
-      l4d_writer writer;
-      l4d_writer_init(&writer);
-      writer.user = &bytes;
-      writer.write = &append;
+      const l4d_writer writer = writer_to(&bytes);
       l4d_member member;
       l4d_member_init(&member);
       encoder_.check(l4d_session_encode(session_, &writer, &member));

@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <memory>
 
+#include "cli/byte_writer.h"
 #include "cli/playlist.h"
 #include "cli/text/progress.h"
 
@@ -106,15 +107,7 @@ void Recording::add(const std::vector<uint8_t>& bytes) {
 void Recording::finish() {
   const List list = list_of(reader_of(*file_));
   std::vector<uint8_t> index;
-  l4d_writer writer;
-  l4d_writer_init(&writer);
-  writer.user = &index;
-  writer.write = [](void* user, const void* src, size_t n) {
-    const auto* bytes = static_cast<const uint8_t*>(src);
-    static_cast<std::vector<uint8_t>*>(user)->insert(
-        static_cast<std::vector<uint8_t>*>(user)->end(), bytes, bytes + n);
-    return 0;
-  };
+  const l4d_writer writer = writer_to(&index);
   check(l4d_write_member_index(list.get(), &writer, nullptr));
   file_->append(index.data(), index.size());
   write_playlist(true);
