@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "cli/text/escape.h"
 #include "cli/text/units.h"
 
 namespace l4d::cli {
@@ -38,8 +39,6 @@ std::string media_lines(const MemberInfo& m, const MemberInfo* before, const std
 }  // namespace
 
 std::string reference_to(const std::string& name, const std::filesystem::path& folder) {
-  static constexpr char kPlain[] =
-      "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-._~/";
   namespace fs = std::filesystem;
   std::error_code error;
   const fs::path from = fs::canonical(folder.empty() ? fs::path(".") : folder, error);
@@ -48,12 +47,7 @@ std::string reference_to(const std::string& name, const std::filesystem::path& f
   const fs::path to = fs::canonical(parent.empty() ? fs::path(".") : parent, error);
   const fs::path relative =
       error ? file.filename() : (to / file.filename()).lexically_relative(from);
-  std::string out;
-  for (const char c : relative.generic_string()) {
-    const bool plain = c != '\0' && std::char_traits<char>::find(kPlain, sizeof kPlain - 1, c);
-    out += plain ? std::string(1, c) : format("%%%02X", static_cast<unsigned char>(c));
-  }
-  return out;
+  return percent_encoded(relative.generic_string());
 }
 
 void check_url(const std::string& url) {

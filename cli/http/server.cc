@@ -17,6 +17,7 @@
 #include "cli/http/entity_tag.h"
 #include "cli/http/folder.h"
 #include "cli/http/player.h"
+#include "cli/text/escape.h"
 #include "cli/text/units.h"
 
 namespace l4d::cli {
@@ -72,27 +73,6 @@ const char* type_of(const std::string& name) {
          : ends_with(name, ".mpd")  ? "application/dash+xml"
          : ends_with(name, ".m3u8") ? "application/vnd.apple.mpegurl"
                                     : "application/octet-stream";
-}
-
-// For a path of a URL.
-std::string escaped(const std::string& text) {
-  std::string out;
-  for (const char c : text) {
-    const bool plain = (c >= '0' && c <= '9') || (c >= 'A' && c <= 'Z') || (c >= 'a' && c <= 'z') ||
-                       c == '.' || c == '-' || c == '_' || c == '~' || c == '/';
-    out += plain ? std::string(1, c) : format("%%%02X", static_cast<unsigned char>(c));
-  }
-  return out;
-}
-
-// For a text of a page.
-std::string marked_up(const std::string& text) {
-  std::string out;
-  for (const char c : text) {
-    const bool plain = c != '&' && c != '<' && c != '>' && c != '"';
-    out += plain ? std::string(1, c) : format("&#%d;", c);
-  }
-  return out;
 }
 
 void replace(std::string& text, const std::string& what, const std::string& with) {
@@ -207,7 +187,7 @@ struct Server::Parts {
   std::string playlist_of(const std::string& name) const {
     const std::string path = is_served(name) ? folder.path_of(name) : "";
     if (path.empty() || !options.playlist) return "";
-    return options.playlist(path, escaped(name.substr(name.rfind('/') + 1)));
+    return options.playlist(path, percent_encoded(name.substr(name.rfind('/') + 1)));
   }
 
   // Whether the name is that of a file and this ending, and the file has a playlist.
@@ -230,7 +210,7 @@ struct Server::Parts {
       const std::string to = name.empty() ? entry.name : name + "/" + entry.name;
       const char* before = entry.is_folder || player_files().empty() ? "" : "play/";
       const char* after = entry.is_folder ? "/" : "";
-      text += "<li><a href=\"" + root + before + escaped(to) + after + "\">" +
+      text += "<li><a href=\"" + root + before + percent_encoded(to) + after + "\">" +
               marked_up(entry.name) + after + "</a>\n";
     }
     response.set_content(text + "</ul></html>\n", type_of(".html"));
@@ -242,7 +222,7 @@ struct Server::Parts {
       return refuse(response, 404, "not found");
     }
     std::string text = content_of(*file);
-    const std::string source = escaped(name) + (playlist_of(name).empty() ? "" : kPlaylist);
+    const std::string source = percent_encoded(name) + (playlist_of(name).empty() ? "" : kPlaylist);
     replace(text, "src=\"scene.l4d\"", "src=\"" + root + source + "\"");
     replace(text, "src=\"player.js\"", "src=\"" + root + "player/player.js\"");
     response.set_header(
@@ -258,7 +238,7 @@ struct Server::Parts {
     if (file == nullptr) {
       if (send_playlist(name, response)) return;
       if (options.file.empty() && folder.has_folder(name)) {
-        response.set_redirect(root + escaped(name) + "/", 301);
+        response.set_redirect(root + percent_encoded(name) + "/", 301);
         return;
       }
       return refuse(response, 404, "not found");

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "cli/text/escape.h"
 #include "cli/text/units.h"
 
 namespace l4d::cli {
@@ -13,29 +14,6 @@ constexpr double kTimescale = 1e6;  // of a segment list, in ticks a second
 constexpr const char* kMediaType = "model/l4d";
 // A scheme of this format; players that do not know it pass over it.
 constexpr const char* kScheme = "urn:l4d:member:1";
-
-std::string escape(const std::string& text) {
-  std::string out;
-  for (const char c : text) {
-    switch (c) {
-      case '&':
-        out += "&amp;";
-        break;
-      case '<':
-        out += "&lt;";
-        break;
-      case '>':
-        out += "&gt;";
-        break;
-      case '"':
-        out += "&quot;";
-        break;
-      default:
-        out += c;
-    }
-  }
-  return out;
-}
 
 // First and last byte.
 std::string range_of(const MemberInfo& m) {
@@ -88,7 +66,7 @@ std::string dash_manifest(const MemberFile& file, const std::string& url, bool c
          "    <AdaptationSet id=\"0\" contentType=\"application\" mimeType=\"" +
          kMediaType + "\">\n" +
          format("    <Representation id=\"0\" bandwidth=\"%.0f\">\n", std::ceil(rate)) +
-         properties + "      <BaseURL>" + escape(url) + "</BaseURL>\n" +
+         properties + "      <BaseURL>" + marked_up(url) + "</BaseURL>\n" +
          format("      <SegmentList timescale=\"%.0f\">\n", kTimescale) +
          "        <SegmentTimeline>\n" + timeline + "        </SegmentTimeline>\n" + segments +
          "      </SegmentList>\n    </Representation>\n    </AdaptationSet>\n  </Period>\n"

@@ -170,7 +170,7 @@ links /
 expect_equal "$(sed 's|.*/\(.\)|\1|' targets | paste -s -d ' ')" \
   "100%25%20%3Cb%3E%22%26amp%3B%23%3F%3B%2B%20%C3%A9%27.l4d a.l4d empty/ folder.l4d/ good.l4d inner/"
 expect_equal "$statuses" "200 200 200 200 200 200 "
-expect_text body '>100% &#60;b&#62;&#34;&#38;amp;#[?];[+] é'
+expect_text body '>100% &lt;b&gt;&quot;&amp;amp;#[?];[+] é'
 links /inner/
 expect_equal "$(wc -l < targets) $statuses" "2 200 200 "
 links /empty/
