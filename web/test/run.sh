@@ -40,6 +40,10 @@ scene indexed 4 6000 all --preset indexed
 scene lossless 4 6000 all --preset lossless
 scene frames 1 3000 frames
 scene tiers 8 20000 all --tiers 0.15,0.5
+# Drawn and shown in ways of their own.
+scene dilated 1 4000 all --rendering dilation=16 --presentation playback=ping-pong,bounds=-2:-1:-3:2:1:3
+scene drawn 1 4000 all --rendering dilation=1.5,cutoff=1.7,min_alpha=0.05,max_alpha=0.7,compensation=1 \
+  --presentation playback=loop,camera=0.5:-1:-6:0:0.25:0.5:0.1:-1:0:40,metres_per_unit=0.5
 # Of several streams, with playlists: as it is recorded, and as other files are joined.
 if [[ ! $work/joined.m3u8 -nt $tool ]]; then
   "$tool" synth --seconds 8 --fps 30 --gaussians 12000 --seed 6 -q -f -o "$work/members.ply"
@@ -49,7 +53,7 @@ if [[ ! $work/joined.m3u8 -nt $tool ]]; then
 fi
 export L4D_TOOL=$tool L4D_WASM=$root/build/wasm/bin/l4d.wasm
 export L4D_STREAMS=$work/long.l4d:$work/short.l4d:$work/indexed.l4d:$work/lossless.l4d:$work/frames.l4d
-L4D_STREAMS+=:$work/tiers.l4d
+L4D_STREAMS+=:$work/tiers.l4d:$work/dilated.l4d:$work/drawn.l4d
 export L4D_ROOT=$root L4D_WORK=$work
 case $kind in
   core) node --test --test-timeout=300000 web/core/test/*.test.js web/view/test/*.test.js ;;

@@ -236,6 +236,33 @@ l4d_status L4DW_EXPORT(l4dw_info)(Session* s) {
   });
 }
 
+// How the scene asks to be drawn and shown. Numbers: dilation, cut-off, least and greatest alpha,
+// compensation; playback, metres per unit; whether there are bounds, and both corners; whether there
+// is a camera, its position, target and up direction, and its vertical field of view.
+l4d_status L4DW_EXPORT(l4dw_statements)(Session* s) {
+  return guarded([&] {
+    l4d_rendering r;
+    l4d_rendering_init(&r);
+    l4d_presentation p;
+    l4d_presentation_init(&p);
+    l4d_status status = l4d_decoder_get_rendering(s->decoder, &r);
+    if (status == L4D_OK) status = l4d_decoder_get_presentation(s->decoder, &p);
+    if (status != L4D_OK) return status;
+    const auto put_vector = [&](const double* v) { put(*s, {v[0], v[1], v[2]}); };
+    s->numbers.clear();
+    put(*s, {r.dilation, r.cutoff, r.min_alpha, r.max_alpha, static_cast<double>(r.compensation),
+             static_cast<double>(p.playback), p.metres_per_unit, static_cast<double>(p.has_bounds)});
+    put_vector(p.bounds_min);
+    put_vector(p.bounds_max);
+    put(*s, {static_cast<double>(p.has_camera)});
+    put_vector(p.camera_position);
+    put_vector(p.camera_target);
+    put_vector(p.camera_up);
+    put(*s, {p.camera_fov});
+    return status;
+  });
+}
+
 // The buckets that a player must hold to show any instant of [begin, end]. Numbers, of each: layer,
 // bucket, Gaussians, centre, width, temporal level.
 l4d_status L4DW_EXPORT(l4dw_buckets)(Session* s, double begin, double end, uint32_t max_level,

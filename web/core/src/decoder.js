@@ -8,7 +8,27 @@ export const infoFields = /** @type {const} */ ([
   'numFrames', 'rateNumerator', 'rateDenominator', 'duration', 'coordinateSystem', 'colorSpace', 'profile', 'level', 'lastTier'
 ]);
 
-/** @typedef {{[K in typeof infoFields[number]]: number} & {frameRate: number}} Info */
+/**
+ * @typedef {object} Rendering how the scene asks to be drawn (section 8.6 of the specification)
+ * @property {number} dilation pixels^2, added to both variances of a splat
+ * @property {number} cutoff standard deviations at which a splat ends; 0: at minAlpha alone
+ * @property {number} minAlpha below which a splat adds nothing @property {number} maxAlpha to which alpha is clamped
+ * @property {boolean} compensation whether opacity makes up for dilation
+ */
+/** @typedef {[number, number, number]} Vector */
+/**
+ * @typedef {object} Presentation how it asks to be shown (section 8.7); null: it does not say
+ * @property {'once' | 'loop' | 'ping-pong' | null} playback
+ * @property {{min: Vector, max: Vector} | null} bounds of what is worth looking at
+ * @property {{position: Vector, target: Vector, up: Vector, fov: number} | null} camera the first one; `fov` is vertical, in
+ *   radians
+ * @property {number | null} metresPerUnit
+ */
+/**
+ * @typedef {{[K in typeof infoFields[number]]: number} &
+ *   {frameRate: number, rendering: Rendering, presentation: Presentation}} Info
+ */
+const playbacks = /** @type {const} */ ([null, 'once', 'loop', 'ping-pong']);
 /** @typedef {{layer: number, bucket: number, count: number, center: number, width: number, level: number}} Bucket */
 /**
  * @typedef {object} Rows what of a bucket does not change with time (web/wasm/rows.h)
@@ -138,7 +158,23 @@ export class Decoder {
   info() {
     const numbers = this.#call('info') ?? [];
     const info = Object.fromEntries(infoFields.map((name, k) => [name, numbers[k]]));
-    return /** @type {any} */ ({...info, frameRate: info.rateNumerator / info.rateDenominator});
+    return /** @type {any} */ ({...info, frameRate: info.rateNumerator / info.rateDenominator, ...this.#statements()});
+  }
+
+  /** @returns {{rendering: Rendering, presentation: Presentation}} */
+  #statements() {
+    const n = this.#call('statements') ?? [];
+    const vector = (/** @type {number} */ k) => /** @type {Vector} */ (n.slice(k, k + 3));
+    const [dilation, cutoff, minAlpha, maxAlpha, compensation, playback, metresPerUnit, hasBounds] = n;
+    return {
+      rendering: {dilation, cutoff, minAlpha, maxAlpha, compensation: compensation === 1},
+      presentation: {
+        playback: playbacks[playback] ?? null,
+        bounds: hasBounds ? {min: vector(8), max: vector(11)} : null,
+        camera: n[14] ? {position: vector(15), target: vector(18), up: vector(21), fov: n[24]} : null,
+        metresPerUnit: metresPerUnit || null
+      }
+    };
   }
 
   /**

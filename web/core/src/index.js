@@ -7,3 +7,5 @@ export {frameOfTime} from './timeline.js';
 /** @typedef {import('./movie.js').OpenOptions} OpenOptions */
 /** @typedef {import('./movie.js').Slice} Slice */
 /** @typedef {import('./timeline.js').StreamTime} StreamTime */
+/** @typedef {import('./decoder.js').Rendering} Rendering */
+/** @typedef {import('./decoder.js').Presentation} Presentation */

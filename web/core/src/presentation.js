@@ -49,6 +49,7 @@ export class Presentation {
     this.transfers = /** @type {[number, number, number, number][]} */ ([]);
     this.closed = {bytes: 0, requests: 0, decodeSeconds: 0, lost: 0};
     this.mostRows = options.maxRows ?? 2 ** 21;
+    this.isStated = false;  // does `info` have the presentation of a media member?
     this.lastProgress = 0;
     this.disposed = false;
     this.control = new AbortController();
@@ -272,12 +273,15 @@ export class Presentation {
     } else {
       this.info = {...before, tools: before.tools | info.tools, shDegree: Math.max(before.shDegree, info.shDegree),
                    numLayers: Math.max(before.numLayers, info.numLayers), lastTier: Math.max(before.lastTier, info.lastTier)};
+      // Of the file are those of a media member.
+      if (!this.isStated && part.entry.isMedia) this.info.presentation = info.presentation;
       // Before the first picture all that it needs is met.
       if (!this.goal) {
         this.info.maxRows = Math.min(this.mostRows, before.maxRows + room);
         this.info.numGaussians += info.numGaussians;
       }
     }
+    this.isStated ||= part.entry.isMedia;
     this.#span();
     if (before && this.goal) this.#tellInfo(before);
   }

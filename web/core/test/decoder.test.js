@@ -39,6 +39,15 @@ const opacityOf = (row, since, frame) => {
   return age > 16 ? 0 : row[3] * Math.exp(-age / 2);
 };
 
+/** What `info` says of rendering and presentation, as the decoder has it. @param {any} told */
+const statementsOf = ({rendering: {stated: _, min_alpha: minAlpha, max_alpha: maxAlpha, ...rest}, presentation}) => {
+  const {playback, bounds, metres_per_unit: metres, camera} = presentation;
+  return [{...rest, minAlpha, maxAlpha}, {
+    playback: [null, 'once', 'loop', 'ping-pong'][playback] ?? null, metresPerUnit: metres || null, camera,
+    bounds: bounds && {min: bounds[0], max: bounds[1]}
+  }];
+};
+
 for (const name of streams) {
   for (const detail of /** @type {const} */ (['full', 'base'])) {
     test(`${basename(name)}: all attributes have the native bits, ${detail}`, async () => {
@@ -69,6 +78,7 @@ for (const name of streams) {
     const told = native('info', name);
     assert.equal(info.numGaussians, told.num_gaussians);
     assert.ok(Math.abs(info.duration - told.duration_s) < 1e-9);
+    assert.deepEqual([info.rendering, info.presentation], statementsOf(told));
     const time = info.timeBegin + 0.4 * info.duration;
     const buckets = decoder.buckets(time, time) ?? [];
     assert.ok(buckets.length > 0);
