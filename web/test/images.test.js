@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The view against `l4dcodec render`: 5 times x 3 cameras x 5 scenes, both targets, both back ends. Each time with one
+// The view against `l4dcodec render`: 5 times x 3 cameras x 7 scenes, both targets, both back ends. Each time with one
 // camera, unless L4D_WEB_VIEWS is `all` (./dev web): Chromium draws on the processor here.
 import assert from 'node:assert/strict';
 import {execFileSync} from 'node:child_process';
@@ -41,6 +41,9 @@ const scenes = () => {
                  lookAt([0.53, 0.11, -2.03], [0, 0, 1], 300)];
   list.push({name: 'members', playlist: true, cameras: askew, times: [0, 0.999, 2.5, 5, 7.9]});
   list.push({name: 'joined', playlist: true, cameras: made, times: [0.5, 1.01, 3, 4.9, 9]});
+  // They state how they want to be drawn.
+  list.push({name: 'dilated', cameras: made, times: [0, 0.3, 0.5, 0.7, 1]});
+  list.push({name: 'drawn', cameras: made, times: [0, 0.3, 0.5, 0.7, 1]});
   const trained = join(data, 'basketball/basketball.ply');
   if (existsSync(trained)) {
     const stream = join(work, 'basketball.l4d');

@@ -237,8 +237,8 @@ l4d_status L4DW_EXPORT(l4dw_info)(Session* s) {
 }
 
 // How the scene asks to be drawn and shown. Numbers: dilation, cut-off, least and greatest alpha,
-// compensation; playback, metres per unit; whether there are bounds, and both corners; whether there
-// is a camera, its position, target and up direction, and its vertical field of view.
+// compensation; playback, metres per unit; whether there are bounds, and both corners; whether
+// there is a camera, its position, target and up direction, and its vertical field of view.
 l4d_status L4DW_EXPORT(l4dw_statements)(Session* s) {
   return guarded([&] {
     l4d_rendering r;
@@ -250,8 +250,9 @@ l4d_status L4DW_EXPORT(l4dw_statements)(Session* s) {
     if (status != L4D_OK) return status;
     const auto put_vector = [&](const double* v) { put(*s, {v[0], v[1], v[2]}); };
     s->numbers.clear();
-    put(*s, {r.dilation, r.cutoff, r.min_alpha, r.max_alpha, static_cast<double>(r.compensation),
-             static_cast<double>(p.playback), p.metres_per_unit, static_cast<double>(p.has_bounds)});
+    put(*s,
+        {r.dilation, r.cutoff, r.min_alpha, r.max_alpha, static_cast<double>(r.compensation),
+         static_cast<double>(p.playback), p.metres_per_unit, static_cast<double>(p.has_bounds)});
     put_vector(p.bounds_min);
     put_vector(p.bounds_max);
     put(*s, {static_cast<double>(p.has_camera)});

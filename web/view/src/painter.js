@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-import {cameraTerms} from './rules.js';
+import {cameraTerms, usualRendering} from './rules.js';
 import {copyFragment, copyVertex, splatFragment, splatVertex} from './shaders.js';
 import {RowTextures} from './store.js';
 
@@ -21,19 +21,23 @@ const link = (gl, vertex, fragment) => {
   return program;
 };
 
+/**
+ * @typedef {object} PainterOptions
+ * @property {number} maxRows @property {number} shDegree @property {'auto' | '10' | '16f'} target
+ * @property {import('l4dcodec').Rendering} [rendering]
+ */
+
 /** What draws on a WebGL2 context; made anew where the context was lost. */
 export class Painter {
-  /**
-   * @param {WebGL2RenderingContext} gl @param {{maxRows: number, shDegree: number, target: 'auto' | '10' | '16f'}} options
-   */
-  constructor(gl, {maxRows, shDegree, target}) {
+  /** @param {WebGL2RenderingContext} gl @param {PainterOptions} options */
+  constructor(gl, {maxRows, shDegree, target, rendering = usualRendering}) {
     this.gl = gl;
     this.sorts = false;  // a worker does
     this.degree = shDegree;
     this.maxRows = maxRows;
     const texels = Math.ceil(3 * (shDegree + 1) ** 2 / 4);
     this.store = new RowTextures(gl, maxRows, texels);
-    this.program = link(gl, splatVertex, splatFragment);
+    this.program = link(gl, splatVertex(rendering), splatFragment(rendering));
     /** @type {Record<string, WebGLUniformLocation | null>} */
     this.at = {};
     for (const name of ['rows', 'harmonics', 'times', 'rotation', 'translation', 'center', 'focal', 'origin', 'size',

@@ -6,6 +6,16 @@
 
 export const rowsPerLine = 256;
 
+/** @typedef {import('l4dcodec').Rendering} Rendering numbers that a stream may state; shaders have them as constants */
+/** The numbers of 3D Gaussian splatting. @type {Rendering} */
+export const usualRendering = Object.freeze({dilation: 0.3, cutoff: 0, minAlpha: 1 / 255, maxAlpha: 0.999, compensation: false});
+
+/** A number in both languages. @param {number} value */
+const literal = value => {
+  const text = String(value);
+  return /[.e]/.test(text) ? text : `${text}.0`;
+};
+
 /** @param {string} rules */
 export const glsl = rules => rules.replace(/\b(?:let|var) (\w+): (\w+) =/g, '$2 $1 =').replace(/\bskip;/g, 'return;');
 
@@ -16,8 +26,9 @@ export const wgsl = rules => rules.replace(/\bfloat\b/g, 'f32').replace(/\bmat3\
 /**
  * The opacity and the position of a Gaussian at an instant. In: the row (vec4 a, b, c, d), `time` in seconds from the
  * centre of its bucket, `frame` that the instant belongs to. Out: `opacity`, `position`.
+ * @param {Rendering} rendering
  */
-export const sliceRules = `
+export const sliceRules = ({minAlpha}) => `
   var age: float = 0.0;
   if (d.w < 0.0) {  // a flat window
     if (frame < d.z || frame >= -d.w) { skip; }
@@ -26,18 +37,34 @@ export const sliceRules = `
     age = d.w * since * since;
     if (!(age <= 16.0)) { skip; }
   }
-  let opacity: float = a.w * exp(-0.5 * age);
-  if (!(opacity >= 1.0 / 255.0)) { skip; }
+  var opacity: float = a.w * exp(-0.5 * age);
+  if (!(opacity >= ${literal(minAlpha)})) { skip; }
   let position: vec3 = a.xyz + b.xyz * (time - b.w);
 `;
+
+/** @param {Rendering} rendering */
+const compensationRules = ({minAlpha}) => `
+  let bareDet: float = bareX * bareY - xy * xy;
+  if (!(bareDet > 0.0)) { skip; }
+  opacity = opacity * sqrt(bareDet / det);
+  if (!(opacity >= ${literal(minAlpha)})) { skip; }
+`;
+
+/** Standard deviations at which a splat ends. @param {Rendering} rendering @param {string} opacity what it is in the shader */
+export const radiusRule = ({minAlpha, cutoff}, opacity) => {
+  const reach = `max(2.0 * log(${opacity} / ${literal(minAlpha)}), 0.0)`;
+  return `sqrt(${cutoff > 0 ? `min(${reach}, ${literal(cutoff * cutoff)})` : reach})`;
+};
 
 /**
  * Its ellipse in the image. In: c, d, `opacity` and `position`; of the camera: `rotation` (world to camera),
  * `translation`, `focal`, `origin`, `size` (pixels), `nearPlane`, and `slopes`, the least and the greatest x/z and y/z of
  * the affine approximation. Out: `p` in camera axes, `mean`, `axis` (a unit vector), `large` and `small` (variances
- * along it and across), `radius` in standard deviations, beyond which nothing shows.
+ * along it and across), `radius` in standard deviations, beyond which nothing shows; `opacity` makes up for dilation where
+ * it has to.
+ * @param {Rendering} rendering
  */
-export const projectRules = `
+export const projectRules = rendering => `
   let p: vec3 = rotation * position + translation;
   if (!(p.z > nearPlane)) { skip; }
   let slope: vec2 = clamp(p.xy / p.z, slopes.xy, slopes.zw);
@@ -48,13 +75,15 @@ export const projectRules = `
   let jy: vec3 = focal.y / p.z * (down - slope.y * forward);
   let sigma: mat3 = mat3(c.x, c.y, c.z, c.y, c.w, d.x, c.z, d.x, d.y);
   let sx: vec3 = sigma * jx;
-  let xx: float = dot(sx, jx) + 0.3;
+  let bareX: float = dot(sx, jx);
   let xy: float = dot(sx, jy);
-  let yy: float = dot(sigma * jy, jy) + 0.3;
+  let bareY: float = dot(sigma * jy, jy);
+  let xx: float = bareX + ${literal(rendering.dilation)};
+  let yy: float = bareY + ${literal(rendering.dilation)};
   let det: float = xx * yy - xy * xy;
   if (!(det > 0.0)) { skip; }
-
-  let radius: float = sqrt(2.0 * log(opacity * 255.0));
+${rendering.compensation ? compensationRules(rendering) : ''}
+  let radius: float = ${radiusRule(rendering, 'opacity')};
   let mean: vec2 = focal * p.xy / p.z + origin;
   let extent: vec2 = radius * sqrt(vec2(xx, yy));
   if (mean.x + extent.x < 0.5 || mean.y + extent.y < 0.5) { skip; }
@@ -96,10 +125,14 @@ export const shRules = [
     1.445305721320277 * z * (x2 - y2) * term(14)`
 ];
 
-/** What a splat adds to a pixel. In: `place` in standard deviations, `opacity`. Out: `alpha`; below the limit: none. */
-export const alphaRules = `
-  let alpha: float = min(0.999, opacity * exp(-0.5 * dot(place, place)));
-  if (alpha < 1.0 / 255.0) { discard; }
+/**
+ * What a splat adds to a pixel. In: `place` in standard deviations, `opacity`. Out: `alpha`; below the limit: none.
+ * @param {Rendering} rendering
+ */
+export const alphaRules = ({minAlpha, maxAlpha, cutoff}) => `
+  let q: float = dot(place, place);
+  let alpha: float = min(${literal(maxAlpha)}, opacity * exp(-0.5 * q));
+  if (alpha < ${literal(minAlpha)}${cutoff > 0 ? ` || q > ${literal(cutoff * cutoff)}` : ''}) { discard; }
 `;
 
 export const frustumMargin = 0.3;  // of half the picture, as render/view.h has it

@@ -2,7 +2,8 @@
 // The rules in GLSL: the vertex shader slices, projects and shades a Gaussian for each corner of its box.
 import {alphaRules, directionRules, glsl, projectRules, rowsPerLine, shRules, sliceRules} from './rules.js';
 
-export const splatVertex = `#version 300 es
+/** @param {import('l4dcodec').Rendering} rendering */
+export const splatVertex = rendering => `#version 300 es
 precision highp float;
 precision highp int;
 precision highp sampler2D;
@@ -40,7 +41,7 @@ void main() {
   vec2 instant = texelFetch(times, ivec2(at.y, 0), 0).xy;
   float time = instant.x, frame = instant.y;
   if (frame < 0.0) return;  // of a stream that is not shown
-${glsl(sliceRules + projectRules)}
+${glsl(sliceRules(rendering) + projectRules(rendering))}
   // The box of the ellipse lies along its axes.
   vec2 corner = vec2(gl_VertexID & 1, gl_VertexID >> 1) * 2.0 - 1.0;
   place = corner * radius;
@@ -58,14 +59,15 @@ ${glsl(directionRules)}
   paint = vec4(white * max(color, 0.0), opacity);
 }`;
 
-export const splatFragment = `#version 300 es
+/** @param {import('l4dcodec').Rendering} rendering */
+export const splatFragment = rendering => `#version 300 es
 precision highp float;
 in vec2 place;
 flat in vec4 paint;
 out vec4 color;
 void main() {
   float opacity = paint.a;
-${glsl(alphaRules)}
+${glsl(alphaRules(rendering))}
   color = vec4(paint.rgb * alpha, alpha);
 }`;
 

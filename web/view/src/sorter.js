@@ -4,13 +4,13 @@
 const packed = 10;  // position, opacity, velocity, reference time, mean time and lambda or a flat window
 const digitBits = 11;
 const digits = 1 << digitBits;
-const minAlpha = 1 / 255;
+const leastAlpha = 1 / 255;  // of what bounds are of
 
 /**
  * @typedef {object} Sight what the order depends on
  * @property {import('l4dcodec').StreamTime[]} streams that are shown
  * @property {[number, number, number, number]} depth z of the camera from x, y, z, 1
- * @property {number} nearPlane
+ * @property {number} nearPlane @property {number} minAlpha opacity below which nothing is seen
  */
 
 export class Sorter {
@@ -67,7 +67,7 @@ export class Sorter {
   }
 
   /** Fills depths and ids[0]; returns how many are visible. @param {Sight} sight */
-  #gather({streams, depth: [x, y, z, w], nearPlane}) {
+  #gather({streams, depth: [x, y, z, w], nearPlane, minAlpha}) {
     const depths = this.depths;
     const ids = this.ids[0];
     let visible = 0;
@@ -162,7 +162,7 @@ export class Sorter {
         const since = t - data[at + 8];
         const flat = data[at + 9] < 0;
         const opacity = data[at + 3] * (flat ? 1 : Math.exp(-0.5 * data[at + 9] * since * since));
-        if (opacity < minAlpha || flat && (frame < data[at + 8] || frame >= -data[at + 9])) continue;
+        if (opacity < leastAlpha || flat && (frame < data[at + 8] || frame >= -data[at + 9])) continue;
         const dt = t - data[at + 7];
         points.push([0, 1, 2].map(i => data[at + i] + data[at + 4 + i] * dt).concat(opacity));
       }

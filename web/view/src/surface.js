@@ -29,7 +29,7 @@ export class GlSurface {
 
   get isLost() { return this.gl.isContextLost(); }
 
-  /** @param {{maxRows: number, shDegree: number, target: 'auto' | '10' | '16f'}} options */
+  /** @param {import('./painter.js').PainterOptions} options */
   makePainter(options) { return new Painter(this.gl, options); }
 
   dispose() {

@@ -166,7 +166,8 @@ export class View {
   #makePainter() {
     if (!this.surface || !this.movie) return;
     const {info, maxRows} = this.movie;
-    this.painter = this.surface.makePainter({maxRows, shDegree: info.shDegree, target: this.options.target ?? 'auto'});
+    this.painter = this.surface.makePainter({maxRows, shDegree: info.shDegree, target: this.options.target ?? 'auto',
+                                             rendering: info.rendering});
   }
 
   /** All that was uploaded is gone, or nothing was yet. */
@@ -256,7 +257,8 @@ export class View {
       this.sortTime = time;
       this.sorter.postMessage({type: 'sort', id: this.sorting,
                                sight: {streams: this.movie.streamsAt(time),
-                                       depth: [m[8], m[9], m[10], m[11]], nearPlane: camera.nearPlane}});
+                                       depth: [m[8], m[9], m[10], m[11]], nearPlane: camera.nearPlane,
+                                       minAlpha: this.movie.info.rendering.minAlpha}});
     }
     if (this.options.exact && this.sorted !== this.wanted) return;
     // Nothing in the order of a frame, or of a stream, may be seen in the next one, so that all is late there.

@@ -23,7 +23,7 @@ test('the order is that of an exact sort, but for depths that 22 bits do not tel
   const count = 30000;
   const geometry = rowsOf(count, 2);
   sorter.add('0/0', geometry, new Uint32Array(Math.ceil(count / 256)).map((_, k) => k), 10, 0);
-  const order = sorter.sort({streams: [{stream: 0, time: 11.5, frame: 0}], depth: [0, 0, 1, 0], nearPlane: 0.01});
+  const order = sorter.sort({streams: [{stream: 0, time: 11.5, frame: 0}], depth: [0, 0, 1, 0], nearPlane: 0.01, minAlpha: 1 / 255});
   const at = k => geometry.subarray(16 * k, 16 * k + 16);
   const visible = k => {
     const age = at(k)[15] * (1.5 - at(k)[14]) ** 2;
@@ -38,7 +38,7 @@ test('the order is that of an exact sort, but for depths that 22 bits do not tel
 
 test('buckets come and go', () => {
   const sorter = new Sorter();
-  const sight = {streams: [{stream: 0, time: 0, frame: 0}], depth: /** @type {any} */ ([0, 0, 1, 0]), nearPlane: 0.01};
+  const sight = {streams: [{stream: 0, time: 0, frame: 0}], depth: /** @type {any} */ ([0, 0, 1, 0]), nearPlane: 0.01, minAlpha: 1 / 255};
   sorter.add('a', rowsOf(300, 0), Uint32Array.of(4, 9), 0, 0);
   sorter.add('b', rowsOf(10, 0), Uint32Array.of(2), 0, 0);
   const order = sorter.sort(sight);
@@ -61,7 +61,7 @@ test('rows of a stream are seen while it is shown, each stream at its own time',
   for (let k = 0; k < 5; ++k) moving[16 * k + 6] = 0.5;
   sorter.add('b', moving, Uint32Array.of(1), 0, 7);
   const count = (/** @type {any[]} */ streams) => {
-    sorter.sort({streams, depth: [0, 0, 1, 0], nearPlane: 0.01});
+    sorter.sort({streams, depth: [0, 0, 1, 0], nearPlane: 0.01, minAlpha: 1 / 255});
     return sorter.visible;
   };
   assert.equal(count([{stream: 0, time: 0, frame: 0}, {stream: 7, time: 0, frame: 0}]), 8);
@@ -79,7 +79,7 @@ test('flat windows are seen in their frames', () => {
   sorter.add('a', geometry, Uint32Array.of(0), 3, 0);
   for (let frame = 0; frame < 15; ++frame) {
     const streams = [{stream: 0, time: 3, frame}];
-    const order = sorter.sort({streams, depth: [0, 0, 1, 0], nearPlane: 0.01});
+    const order = sorter.sort({streams, depth: [0, 0, 1, 0], nearPlane: 0.01, minAlpha: 1 / 255});
     const seen = [...order.subarray(0, sorter.visible)].sort();
     assert.deepEqual(seen, [0, 1, 2, 3, 4, 5].filter(k => 2 * k <= frame && frame < 2 * k + 3), `frame ${frame}`);
     assert.equal(sorter.bounds(streams) === null, seen.length === 0);

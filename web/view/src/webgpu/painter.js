@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-import {cameraTerms, rowsPerLine} from '../rules.js';
+import {cameraTerms, rowsPerLine, usualRendering} from '../rules.js';
 import {RowBuffers} from './rows.js';
 import {copyShader, drawShader, listShader, placesShader, sliceShader} from './shaders.js';
 import {RadixSort} from './sort.js';
@@ -11,9 +11,9 @@ const splatBytes = 32;
 export class GpuPainter {
   /**
    * @param {GPUDevice} device @param {GPUCanvasContext} context @param {GPUTextureFormat} format of the canvas
-   * @param {{maxRows: number, shDegree: number, target: 'auto' | '10' | '16f'}} options
+   * @param {import('../painter.js').PainterOptions} options
    */
-  constructor(device, context, format, {maxRows, shDegree, target}) {
+  constructor(device, context, format, {maxRows, shDegree, target, rendering = usualRendering}) {
     this.device = device;
     this.context = context;
     this.format = format;
@@ -29,11 +29,11 @@ export class GpuPainter {
     this.isFloat = target !== '10';
     this.white = this.isFloat ? 1 : 1 / 2;
     this.targetFormat = /** @type {GPUTextureFormat} */ (this.isFloat ? 'rgba16float' : 'rgb10a2unorm');
-    this.slice = this.#compute(sliceShader(shDegree, 2 * texels));
+    this.slice = this.#compute(sliceShader(shDegree, 2 * texels, rendering));
     this.places = this.#compute(placesShader);
     this.list = this.#compute(listShader);
     this.sort = new RadixSort(device);
-    const draws = device.createShaderModule({code: drawShader});
+    const draws = device.createShaderModule({code: drawShader(rendering)});
     const over = /** @type {GPUBlendComponent} */ ({srcFactor: 'one', dstFactor: 'one-minus-src-alpha'});
     this.splat = device.createRenderPipeline({
       layout: 'auto', primitive: {topology: 'triangle-strip'}, vertex: {module: draws},

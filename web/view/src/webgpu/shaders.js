@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The rules in WGSL: a compute shader slices, projects and shades each Gaussian once, and another one lists what is
 // seen; what is drawn are the splats that they leave, in the order of sort.js.
-import {alphaRules, directionRules, projectRules, rowsPerLine, shRules, sliceRules, wgsl} from '../rules.js';
+import {alphaRules, directionRules, projectRules, radiusRule, rowsPerLine, shRules, sliceRules, wgsl} from '../rules.js';
 
 const splatStruct = `
 struct Splat {
@@ -19,8 +19,11 @@ struct Line { row: u32, count: u32, time: f32, frame: f32 }`;
 const withTerms = rule => rule.replace(/term\((\d+)\)/g, (_, k) => `vec3f(${
   [0, 1, 2].map(c => 3 * k + c).map(i => `h${i >> 1}.${'xy'[i & 1]}`).join(', ')})`);
 
-/** @param {number} degree of SH @param {number} words of the SH of a row */
-export const sliceShader = (degree, words) => `
+/**
+ * @param {number} degree of SH @param {number} words of the SH of a row
+ * @param {import('l4dcodec').Rendering} rendering
+ */
+export const sliceShader = (degree, words, rendering) => `
 struct View {
   rotation: mat3x3f,
   translation: vec3f, nearPlane: f32,
@@ -54,7 +57,7 @@ fn slice(slot: u32, row: u32, time: f32, frame: f32) -> bool {
   let b = rows[4u * row + 1u];
   let c = rows[4u * row + 2u];
   let d = rows[4u * row + 3u];
-${wgsl(sliceRules + projectRules + directionRules)}
+${wgsl(sliceRules(rendering) + projectRules(rendering) + directionRules)}
   let first = ${words}u * row;
 ${Array.from({length: Math.ceil(3 * (degree + 1) ** 2 / 2)},
              (_, k) => `  let h${k} = unpack2x16float(harmonics[first + ${k}u]);`).join('\n')}
@@ -154,7 +157,8 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) la
   listSlots[to] = slot;
 }`;
 
-export const drawShader = `
+/** @param {import('l4dcodec').Rendering} rendering */
+export const drawShader = rendering => `
 struct Picture { size: vec2f }
 ${splatStruct}
 @group(0) @binding(0) var<uniform> picture: Picture;
@@ -168,7 +172,7 @@ struct Corner {
 @vertex
 fn corner(@builtin(vertex_index) vertex: u32, @builtin(instance_index) instance: u32) -> Corner {
   let splat = splats[order[instance]];
-  let place = (vec2f(f32(vertex & 1u), f32(vertex >> 1u)) * 2.0 - 1.0) * sqrt(2.0 * log(splat.opacity * 255.0));
+  let place = (vec2f(f32(vertex & 1u), f32(vertex >> 1u)) * 2.0 - 1.0) * ${radiusRule(rendering, 'splat.opacity')};
   let across = splat.across / length(splat.axis) * vec2f(-splat.axis.y, splat.axis.x);
   let pixel = splat.mean + place.x * splat.axis + place.y * across;
   let color = vec3f(unpack2x16float(splat.color.x), unpack2x16float(splat.color.y).x);
@@ -178,7 +182,7 @@ fn corner(@builtin(vertex_index) vertex: u32, @builtin(instance_index) instance:
 @fragment
 fn paint(@location(0) place: vec2f, @location(1) @interpolate(flat) paint: vec4f) -> @location(0) vec4f {
   let opacity = paint.a;
-${wgsl(alphaRules)}
+${wgsl(alphaRules(rendering))}
   return vec4f(paint.rgb * alpha, alpha);
 }`;
 

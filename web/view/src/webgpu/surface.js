@@ -75,7 +75,7 @@ export class GpuSurface {
     this.onerror(new Error(`the graphics device was lost, and no other one comes: ${/** @type {any} */ (reason).message}`));
   }
 
-  /** @param {{maxRows: number, shDegree: number, target: 'auto' | '10' | '16f'}} options */
+  /** @param {import('../painter.js').PainterOptions} options */
   makePainter(options) { return new GpuPainter(this.device, this.context, this.format, options); }
 
   dispose() {
