@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <cstring>
 
@@ -74,6 +75,29 @@ L4D_HOST_DEVICE inline uint16_t float_to_half_saturate(float value) {
   const uint16_t half = float_to_half(value);
   if ((half & 0x7fffu) != kHalfInfinity) return half;
   return static_cast<uint16_t>((half & 0x8000u) | kHalfMax);
+}
+
+// As float_to_half_saturate, but that NaN becomes +-65504. Without branches, so that compilers make
+// SIMD of it.
+inline void floats_to_halves(const float* from, size_t n, uint16_t* to) {
+  constexpr uint32_t kLargest = 0x477fe000u;         // 65504
+  constexpr uint32_t kSmallestNormal = 0x38800000u;  // 2^-14
+  for (size_t k = 0; k < n; ++k) {
+    uint32_t bits;
+    memcpy(&bits, from + k, sizeof(bits));
+    const uint32_t sign = (bits >> 16) & 0x8000u;
+    uint32_t magnitude = bits & 0x7fffffffu;
+    magnitude = magnitude < kLargest ? magnitude : kLargest;
+    const uint32_t normal = (magnitude - 0x38000000u + 0xfffu + ((magnitude >> 13) & 1u)) >> 13;
+    // The last bit of 0.5 is that of subnormal halves, so that the addition rounds to it.
+    float small;
+    memcpy(&small, &magnitude, sizeof(small));
+    small += 0.5f;
+    uint32_t subnormal;
+    memcpy(&subnormal, &small, sizeof(subnormal));
+    subnormal -= 0x3f000000u;
+    to[k] = static_cast<uint16_t>(sign | (magnitude < kSmallestNormal ? subnormal : normal));
+  }
 }
 
 }  // namespace l4d

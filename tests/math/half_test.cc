@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <vector>
 
 namespace l4d {
 namespace {
@@ -110,6 +111,33 @@ TEST(Half, Saturation) {
   EXPECT_EQ(float_to_half_saturate(-1e30f), 0x8000u | kHalfMax);
   EXPECT_EQ(float_to_half_saturate(std::numeric_limits<float>::infinity()), kHalfMax);
   EXPECT_TRUE(is_nan(float_to_half_saturate(std::numeric_limits<float>::quiet_NaN())));
+}
+
+TEST(Half, ManyAtATimeAreAsOneAtATime) {
+  std::vector<float> values;
+  for (uint64_t bits = 0; bits <= 0xffffffffu; bits += 4093) {
+    const auto pattern = static_cast<uint32_t>(bits);
+    float value;
+    std::memcpy(&value, &pattern, sizeof(value));
+    if (!std::isnan(value)) values.push_back(value);
+  }
+  // Each half, and what lies halfway between two, where ties are.
+  for (uint32_t half = 0; half < 0x10000; ++half) {
+    const float value = half_to_float(static_cast<uint16_t>(half));
+    const float next = half_to_float(static_cast<uint16_t>(half + 1));
+    if (std::isnan(value) || std::isnan(next)) continue;
+    for (const float v : {value, value / 2 + next / 2}) {
+      if (!std::isnan(v)) values.push_back(v);
+    }
+  }
+  std::vector<uint16_t> halves(values.size());
+  floats_to_halves(values.data(), values.size(), halves.data());
+  for (size_t k = 0; k < values.size(); ++k) {
+    ASSERT_EQ(halves[k], float_to_half_saturate(values[k])) << values[k];
+  }
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  floats_to_halves(&nan, 1, halves.data());
+  EXPECT_EQ(halves[0], kHalfMax);
 }
 
 }  // namespace

@@ -12,8 +12,8 @@
 #include <vector>
 
 #include "l4d/rate.h"
-#include "web/wasm/floats.h"
 #include "web/wasm/rows.h"
+#include "web/wasm/unset.h"
 
 #define L4DW_EXPORT(name) __attribute__((export_name(#name))) name
 
@@ -33,7 +33,7 @@ struct Session {
   int32_t stream = 0;  // what the host calls it
   double size = 0;
   std::vector<double> numbers;
-  l4d::web::Floats floats[8];
+  l4d::web::Unset<float> floats[8];
   std::vector<uint32_t> windows;  // [count, 2] of a stream with flat windows, else empty
   l4d::web::Rows rows;
 };
@@ -376,8 +376,8 @@ l4d_status L4DW_EXPORT(l4dw_slice)(Session* s, double time, uint32_t max_tier, u
     if (status != L4D_OK) return status;
     const size_t n = static_cast<size_t>(b.count);
     const size_t terms = size_t{info.sh_degree + 1} * (info.sh_degree + 1);
-    l4d::web::Floats* const to[] = {&s->floats[kPosition], &s->floats[kCovariance],
-                                    &s->floats[kOpacity], &s->floats[kSh]};
+    l4d::web::Unset<float>* const to[] = {&s->floats[kPosition], &s->floats[kCovariance],
+                                          &s->floats[kOpacity], &s->floats[kSh]};
     const size_t widths[] = {3, 6, 1, sh != 0 ? 3 * terms : 0};
     for (size_t k = 0; k < 4; ++k) to[k]->resize(n * widths[k]);
     b.capacity = n;
@@ -389,7 +389,7 @@ l4d_status L4DW_EXPORT(l4dw_slice)(Session* s, double time, uint32_t max_tier, u
     if (status != L4D_OK) return status;
     s->numbers.clear();
     put(*s, {static_cast<double>(n)});
-    for (const l4d::web::Floats* v : to) {
+    for (const l4d::web::Unset<float>* v : to) {
       put(*s, {place_of(v->data())});
     }
     return status;
@@ -449,7 +449,7 @@ l4d_status L4DW_EXPORT(l4dw_rate_choose)(Session* s, const double* states, uint3
 
 // Gives back what the last calls have decoded.
 void L4DW_EXPORT(l4dw_release)(Session* s) {
-  for (l4d::web::Floats& v : s->floats) v.clear();
+  for (l4d::web::Unset<float>& v : s->floats) v.clear();
   std::vector<uint32_t>().swap(s->windows);
   s->rows = {};
 }

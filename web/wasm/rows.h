@@ -11,6 +11,7 @@
 
 #include "libl4dcodec/base/half.h"
 #include "libl4dcodec/scene/prepare.h"
+#include "web/wasm/unset.h"
 
 namespace l4d::web {
 
@@ -23,8 +24,8 @@ struct Rows {
   static constexpr size_t kGeometry = 16;
   size_t count = 0;
   size_t sh_stride = 0;
-  std::vector<float> geometry;  // [count, kGeometry]
-  std::vector<uint16_t> sh;     // [count, sh_stride]
+  Unset<float> geometry;  // [count, kGeometry]
+  Unset<uint16_t> sh;     // [count, sh_stride]
 
   // Leaves out what is never visible and what is not finite. The falloff of permanent layers is not
   // looked at.
@@ -36,7 +37,7 @@ struct Rows {
     count = 0;
     const size_t n = static_cast<size_t>(g.count);
     geometry.resize(n * kGeometry);
-    sh.assign(n * sh_stride, 0);
+    sh.resize(n * sh_stride);
     std::vector<double> mean(n);
     for (size_t i = 0; i < n; ++i) mean[i] = center + static_cast<double>(mean_t_local[i]);
     l4d_gaussians exact = g;
@@ -73,9 +74,8 @@ struct Rows {
       }
       if (!std::isfinite(sum)) continue;
       uint16_t* coefficients = sh.data() + sh_stride * count;
-      for (size_t k = 0; k < numbers; ++k) {
-        coefficients[k] = float_to_half_saturate(g.sh[numbers * i + k]);
-      }
+      floats_to_halves(g.sh + numbers * i, numbers, coefficients);
+      for (size_t k = numbers; k < sh_stride; ++k) coefficients[k] = 0;
       ++count;
     }
   }

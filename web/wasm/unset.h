@@ -6,14 +6,15 @@
 
 namespace l4d::web {
 
-// Floats that the decoder writes. A vector would set all of them to zero first.
-class Floats {
+// Numbers that are written after. A vector would set all of them to zero first.
+template <typename T>
+class Unset {
  public:
   // What was in them is gone where they grow.
   void resize(size_t n) {
     if (n > capacity_) {
       clear();
-      data_.reset(new float[n]);
+      data_.reset(new T[n]);
       capacity_ = n;
     }
     size_ = n;
@@ -24,11 +25,11 @@ class Floats {
     size_ = capacity_ = 0;
   }
 
-  float* data() const { return data_.get(); }
+  T* data() const { return data_.get(); }
   size_t size() const { return size_; }
 
  private:
-  std::unique_ptr<float[]> data_;
+  std::unique_ptr<T[]> data_;
   size_t size_ = 0;
   size_t capacity_ = 0;
 };
