@@ -83,6 +83,8 @@ export class Movie extends Emitter {
     /** @type {Map<number, {resolve: (value: any) => void, reject: (reason: any) => void}>} */
     this.calls = new Map();
     this.nextId = 1;
+    /** Counts seeks and changes of what is shown: the worker may still answer an earlier one. */
+    this.turn = 0;
     /** @type {import('./session.js').MovieInfo} */
     this.info = /** @type {any} */ (null);
     this.buffered = /** @type {[number, number][]} */ ([]);
@@ -288,9 +290,10 @@ export class Movie extends Emitter {
   /** @param {number} time @param {boolean} seek @param {number} [id] */
   #want(time, seek, id) {
     const ahead = 6 * Math.max(1, Math.abs(this.rate));
+    if (seek) ++this.turn;
     this.worker.postMessage({type: 'want', seek, goal: {
       time, ahead, detail: this.detailWanted, maxLevel: this.levelLimit, maxTier: this.tierLimit,
-      playing: !this.paused, rate: this.rate, id}});
+      playing: !this.paused, rate: this.rate, id, turn: this.turn}});
   }
 
   /** @param {string} type @param {any} message @param {AbortSignal} [signal] @param {Transferable[]} [transfer] @returns {Promise<any>} */
@@ -363,8 +366,10 @@ export class Movie extends Emitter {
     this.emit('span', {number: media.number, begin: media.begin, end: media.end});
   }
 
-  /** @param {any} ready */
-  #ready(ready) {
+  /** @param {any} message */
+  #ready({turn, ...ready}) {
+    // What an earlier instant or rung had is not what this one has.
+    if (turn !== this.turn) return;
     // While it plays, what was ready stays so.
     const {from, until} = this.ready;
     if (!this.seeking && ready.from >= from && ready.from <= until) ready.until = Math.max(ready.until, until);

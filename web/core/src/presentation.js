@@ -416,7 +416,8 @@ export class Presentation {
     const tier = Math.min(this.info.lastTier, goal.maxTier ?? Infinity, ...parts.map(part => part.tier));
     const isFull = parts.every(part => part.damage || part.ready.detail === 'full');
     const from = Math.min(Math.max(goal.time, this.spans.begin), this.spans.end);
-    const message = {type: 'ready', id: goal.id, from, until: Math.max(until, from), tier, detail: isFull ? 'full' : 'base'};
+    const message = {type: 'ready', id: goal.id, turn: goal.turn, from, until: Math.max(until, from), tier,
+                     detail: isFull ? 'full' : 'base'};
     const text = JSON.stringify(message);
     if (text === this.lastReady) return;
     this.lastReady = text;

@@ -14,6 +14,7 @@ import {ByteStore} from './store.js';
  * @property {number} [rate] of playback
  * @property {number} [most] the highest rung that may be fetched, where others are to come first
  * @property {number} [id] of the seek that it answers
+ * @property {number} [turn] counts seeks and changes of what is shown; `ready` repeats it
  */
 /**
  * What is fetched and shown; each rung of a ladder contains the one before it.
@@ -104,7 +105,7 @@ export class Session {
     const keys = /** @type {const} */ (['time', 'detail', 'maxLevel', 'maxTier']);
     if (seek && before && keys.every(key => before[key] === goal[key])) {
       Object.assign(before, goal);
-      if (this.lastReady?.goal === before) this.post({...this.lastReady.message, id: goal.id});
+      if (this.lastReady?.goal === before) this.post({...this.lastReady.message, id: goal.id, turn: goal.turn});
     } else {
       this.goal = goal;
       if (seek || this.#isTooMuch(goal)) this.#cancel();
@@ -204,7 +205,7 @@ export class Session {
     while (until < last && this.#holds(until, Math.min(until + windowSeconds / 2, last), goal, rungs[0])) {
       until = Math.min(until + windowSeconds / 2, last);
     }
-    const message = {type: 'ready', id: goal.id, from: begin, until, tier: rungs[rung].maxTier,
+    const message = {type: 'ready', id: goal.id, turn: goal.turn, from: begin, until, tier: rungs[rung].maxTier,
                      detail: rungs[rung].detail === details.full ? 'full' : 'base'};
     this.lastReady = {goal, message};
     this.post(message);

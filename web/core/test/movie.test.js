@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: Apache-2.0
+// What a movie makes of the messages of its worker.
+import assert from 'node:assert/strict';
+import {test} from 'node:test';
+import {open} from '../src/index.js';
+
+/** A worker that opens a stream of 8 s, and says what tests say. */
+const workerOf = () => {
+  const worker = {
+    /** @type {any[]} */
+    messages: [],
+    /** @type {((event: any) => void) | null} */
+    onmessage: null,
+    onerror: null,
+    /** @param {any} message */
+    postMessage(message) {
+      worker.messages.push(message);
+      const result = {timeBegin: 0, duration: 8, numFrames: 240, rateNumerator: 30, rateDenominator: 1, maxRows: 256, lastTier: 2};
+      if (message.type === 'open') queueMicrotask(() => worker.say({type: 'answer', id: message.id, result}));
+    },
+    /** @param {any} data */
+    say(data) { worker.onmessage?.({data}); },
+    /** The last goal. */
+    goal: () => worker.messages.findLast(m => m.type === 'want').goal,
+    /** @param {any} goal @param {any} more */
+    ready: ({id, turn, time}, more) => worker.say({type: 'ready', id, turn, from: time, until: time + 1, ...more})
+  };
+  return worker;
+};
+
+const openWith = async (/** @type {any} */ worker, options = {}) =>
+  open(new ArrayBuffer(8), {worker: () => worker, wasmUrl: 'http://localhost/l4d.wasm', ...options});
+
+test('what was ready of an earlier instant or tier does not count for the next one', async () => {
+  const worker = workerOf();
+  const movie = await openWith(worker);
+  /** @type {any[]} */
+  const heard = [];
+  movie.on('ready', ready => heard.push(ready));
+  const first = worker.goal();
+  const seeking = movie.seek(6);
+  const second = worker.goal();
+  // On its way while the movie seeks.
+  worker.ready({...first, time: 6}, {detail: 'full', tier: 2});
+  assert.deepEqual([heard, movie.ready.detail, movie.secondsAhead], [[], 'none', 0]);
+  worker.ready(second, {detail: 'base', tier: 0});
+  await seeking;
+  assert.deepEqual(heard.map(r => [r.from, r.detail, r.tier]), [[6, 'base', 0]]);
+  movie.maxTier = 0;
+  worker.ready(second, {detail: 'base', tier: 1});
+  worker.ready(worker.goal(), {detail: 'full', tier: 0});
+  assert.deepEqual(heard.slice(1).map(r => [r.detail, r.tier]), [['full', 0]]);
+  // What is wanted while it plays goes on from there.
+  movie.advance(6.5);
+  worker.ready(worker.goal(), {detail: 'full', tier: 0});
+  assert.equal(movie.ready.until, 7.5);
+  movie.dispose();
+});
