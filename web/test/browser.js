@@ -11,9 +11,9 @@ const types = {'.html': 'text/html', '.js': 'text/javascript', '.wasm': 'applica
 const sleep = ms => new Promise(resolve => setTimeout(resolve, ms));
 
 /**
- * @typedef {object} Faults of the stream: no ranges, a tag, a status, Mbit/s, ms before each answer
+ * @typedef {object} Faults of the stream: no ranges, a tag, a status, Mbit/s, ms before each answer, what answers from a byte on wait for
  * @property {boolean} [ranges] @property {string} [etag] @property {number} [status] @property {number} [rate]
- * @property {number} [delay]
+ * @property {number} [delay] @property {(begin: number) => Promise<void> | undefined} [hold]
  */
 
 /**
@@ -42,6 +42,7 @@ export const serve = async (streams, faults = {}, folder = 'build/web/player') =
     const end = part ? Math.min(Number(match[2]) + 1, bytes.length) : bytes.length;
     requests.push([begin, end - begin]);
     if (faults.delay) await sleep(faults.delay);
+    await faults.hold?.(begin);
     if (faults.status || begin >= bytes.length) return response.writeHead(faults.status ?? 416).end();
     response.writeHead(part ? 206 : 200, {
       'Content-Length': end - begin, ETag: etag,
