@@ -31,6 +31,8 @@ export class Fetcher {
   /** Opens the source. @param {AbortSignal} signal */
   async open(signal) {
     this.store.size = await this.source.open(signal);
+    // What comes once cannot be fetched again.
+    if (this.source.isWhole) this.store.budget = Infinity;
     this.source.begin?.((/** @type {number} */ offset, /** @type {Uint8Array} */ bytes) =>
       this.#keep(offset, bytes));
   }
@@ -74,6 +76,7 @@ export class Fetcher {
    */
   async fetch(ranges, signal, urgent = false) {
     if (signal.aborted) throw abortError();
+    this.store.use(ranges);
     const pieces = this.store.missing(ranges, this.mergeGap, this.source.isLocal ? 2 ** 30 : this.maxBytes,
                                       urgent ? parallel : 1);
     if (pieces.length === 0) return;

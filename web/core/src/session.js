@@ -72,11 +72,26 @@ export class Session {
     this.lost = 0;
   }
 
+  /** Runs fn; what it uses of the file stays here meanwhile. @template T @param {() => Promise<T>} fn */
+  async #whileHeld(fn) {
+    const release = this.store.hold();
+    try {
+      return await fn();
+    } finally {
+      release();
+    }
+  }
+
   /** @param {AbortSignal} [signal] */
-  async open(signal = this.control.signal) {
+  open(signal = this.control.signal) { return this.#whileHeld(() => this.#open(signal)); }
+
+  /** @param {AbortSignal} signal */
+  async #open(signal) {
     // Whoever compiles it is told where it fails, whatever the source does meanwhile.
     const [module] = await Promise.all([this.module, this.fetcher.open(signal)]);
-    const decoder = await Decoder.create(module, this.store, this.options);
+    // Its own cache has nothing to do with that of the file.
+    const {cacheBytes, ...options} = this.options;
+    const decoder = await Decoder.create(module, this.store, options);
     await this.fetcher.with(() => decoder.open(), signal);
     this.info = decoder.info();
     decoder.beginRate(this.info.lastTier + 2);
@@ -152,9 +167,11 @@ export class Session {
    * @param {number} time @param {{sh?: boolean, detail?: number, maxTier?: number}} options
    * @param {AbortSignal} signal
    */
-  async slice(time, options, signal) {
-    await this.fetcher.steps(step => this.decoder.windowReads(time, time, options, step), steps.all, signal);
-    return this.fetcher.with(() => this.decoder.slice(time, options), signal);
+  slice(time, options, signal) {
+    return this.#whileHeld(async () => {
+      await this.fetcher.steps(step => this.decoder.windowReads(time, time, options, step), steps.all, signal);
+      return this.fetcher.with(() => this.decoder.slice(time, options), signal);
+    });
   }
 
   async #pump() {
@@ -166,7 +183,7 @@ export class Session {
       while (this.goal && this.goal !== done && !this.disposed) {
         const {goal} = this;
         try {
-          await this.#reach(goal, this.control.signal);
+          await this.#whileHeld(() => this.#reach(goal, this.control.signal));
           done = goal;
         } catch (error) {
           if (this.disposed) return;
@@ -325,7 +342,8 @@ export class Session {
       const entries = (/** @type {number} */ step) => this.decoder.windowReads(timeBegin, this.end, {}, step);
       await this.fetcher.steps(entries, steps.pageTables, signal);
       const pages = await this.fetcher.with(() => entries(steps.directory), signal);
-      if (this.fetcher.missingBytes(pages) <= mostIndexBytes) await this.fetcher.fetch(pages, signal);
+      const most = Math.min(mostIndexBytes, this.store.budget / 4);
+      if (this.fetcher.missingBytes(pages) <= most) await this.fetcher.fetch(pages, signal);
       this.hasIndex = true;
     } catch (error) {
       // Nobody has asked for it: who does is told.

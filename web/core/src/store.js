@@ -3,21 +3,58 @@
 export const blockBytes = 4096;
 
 /**
- * The bytes of a stream that have arrived, in whole blocks (the last one may be shorter). What was not
- * used for longest goes first where there are more than `budget`.
+ * The bytes of a stream that have arrived, in whole blocks (the last one may be shorter). If there are more than `budget`,
+ * the block whose last use is the longest ago goes first. Blocks that are used during a hold() stay until its end, also
+ * beyond the budget: what cannot be here at the same time would be fetched again and again.
  */
 export class ByteStore {
   /** @param {number} [budget] bytes */
   constructor(budget = 256 * 2 ** 20) {
     this.budget = budget;
     this.size = 0;
-    /** @type {Map<number, Uint8Array>} the last used at the end */
+    /** @type {Map<number, {bytes: Uint8Array, used: number}>} in the order of their last use */
     this.blocks = new Map();
+    this.holds = new Set();  // when those that have not ended began
+    this.now = 0;            // counts holds
     /** @type {[number, number][]} what read() was asked for in vain since missed() */
     this.misses = [];
   }
 
   get bytes() { return this.blocks.size * blockBytes; }
+
+  /** Begins a hold. Returns what ends it. @returns {() => void} */
+  hold() {
+    const began = ++this.now;
+    this.holds.add(began);
+    return () => {
+      this.holds.delete(began);
+      this.#trim();
+    };
+  }
+
+  #trim() {
+    const held = Math.min(...this.holds);
+    for (const [block, {used}] of this.blocks) {
+      if (this.bytes <= this.budget || used >= held) break;
+      this.blocks.delete(block);
+    }
+  }
+
+  /** @param {number} block @param {Uint8Array} bytes */
+  #use(block, bytes) {
+    this.blocks.delete(block);
+    this.blocks.set(block, {bytes, used: this.now});
+  }
+
+  /** Counts as a use of what of these ranges is here. @param {[number, number][]} ranges */
+  use(ranges) {
+    for (const [offset, size] of ranges) {
+      for (let block = Math.floor(offset / blockBytes); block * blockBytes < Math.min(offset + size, this.size); ++block) {
+        const here = this.blocks.get(block);
+        if (here) this.#use(block, here.bytes);
+      }
+    }
+  }
 
   /**
    * Keeps whole blocks; parts of blocks at either end are dropped.
@@ -29,13 +66,9 @@ export class ByteStore {
       const begin = block * blockBytes;
       const blockEnd = Math.min(begin + blockBytes, this.size);
       if (begin >= end || blockEnd > end) break;
-      this.blocks.delete(block);
-      this.blocks.set(block, bytes.slice(begin - offset, blockEnd - offset));
+      this.#use(block, bytes.slice(begin - offset, blockEnd - offset));
     }
-    for (const block of this.blocks.keys()) {
-      if (this.bytes <= this.budget) break;
-      this.blocks.delete(block);
-    }
+    this.#trim();
   }
 
   /**
@@ -52,9 +85,8 @@ export class ByteStore {
     }
     for (let at = offset; at < end;) {
       const block = Math.floor(at / blockBytes);
-      const bytes = /** @type {Uint8Array} */ (this.blocks.get(block));
-      this.blocks.delete(block);
-      this.blocks.set(block, bytes);
+      const {bytes} = /** @type {{bytes: Uint8Array}} */ (this.blocks.get(block));
+      this.#use(block, bytes);
       const from = at - block * blockBytes;
       const part = bytes.subarray(from, Math.min(bytes.length, from + end - at));
       target.set(part, at - offset);

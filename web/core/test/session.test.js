@@ -1,12 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 // Sessions over HTTP and over memory: what they fetch, what they say, what they survive.
 import assert from 'node:assert/strict';
+import {spawnSync} from 'node:child_process';
+import {mkdtempSync, rmSync, writeFileSync} from 'node:fs';
+import {tmpdir} from 'node:os';
+import {join} from 'node:path';
 import {test} from 'node:test';
 import {L4DError} from '../src/errors.js';
 import {Session} from '../src/session.js';
 import {BlobSource, BufferSource, HttpSource} from '../src/sources.js';
 import {blockBytes, ByteStore} from '../src/store.js';
-import {read, streamOf, streams, until, wasm} from './fixture.js';
+import {read, streamOf, streams, tool, until, wasm} from './fixture.js';
 import {serve} from './server.js';
 
 const bytes = read(streams[0]);
@@ -61,6 +65,24 @@ test('store: whole blocks, gaps, pieces and a budget', () => {
   assert.deepEqual([...store.blocks.keys()], [4, 5, 6]);
 });
 
+test('store: what is used during a hold stays, whatever the budget', () => {
+  const store = new ByteStore(0);
+  store.size = 8 * blockBytes;
+  const bytes = new Uint8Array(blockBytes);
+  store.supply(0, bytes);
+  assert.deepEqual([...store.blocks.keys()], []);
+  const first = store.hold();
+  store.supply(0, bytes);
+  store.supply(2 * blockBytes, bytes);
+  const second = store.hold();
+  store.use([[0, 10]]);
+  store.supply(5 * blockBytes, bytes);
+  first();
+  assert.deepEqual([...store.blocks.keys()], [0, 5]);
+  second();
+  assert.deepEqual([...store.blocks.keys()], []);
+});
+
 test('memory, a Blob and HTTP give the same rows', async () => {
   const server = await serve(bytes);
   try {
@@ -78,6 +100,32 @@ test('memory, a Blob and HTTP give the same rows', async () => {
     server.close();
   }
 });
+
+for (const cacheBytes of [0, 1, 20_000]) {
+  test(`a cache of ${cacheBytes} bytes shows what a large one shows, with few requests`, async () => {
+    const [server, whole] = [await serve(bytes), await serve(bytes, {ranges: false})];
+    try {
+      const wanted = await show(new HttpSource(server.url));
+      const before = server.requests.length;
+      const s = await show(new HttpSource(server.url), {cacheBytes});
+      await until(() => !s.session.pumping, 'the end');
+      assert.deepEqual(s.of('error'), []);
+      assert.deepEqual(rowsOf(s), rowsOf(wanted));
+      assert.ok(server.requests.length - before <= 3 * before, `${server.requests.length - before} requests, not ${before}`);
+      assert.ok(s.session.store.bytes <= cacheBytes, `${s.session.store.bytes} bytes`);
+      const slice = (/** @type {any} */ of) => of.session.slice(3, {}, of.session.control.signal);
+      assert.deepEqual(await slice(s), await slice(wanted));
+      // What is not sent again is kept.
+      const kept = await show(new HttpSource(whole.url), {cacheBytes});
+      assert.deepEqual(rowsOf(kept), rowsOf(wanted));
+      assert.equal(whole.requests.length, 1);
+      for (const one of [s, wanted, kept]) one.session.dispose();
+    } finally {
+      server.close();
+      whole.close();
+    }
+  });
+}
 
 test('few requests bring the first picture, and no byte comes twice', async () => {
   const server = await serve(bytes);
