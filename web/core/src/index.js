@@ -4,6 +4,7 @@ export {L4DError} from './errors.js';
 export {frameOfTime} from './timeline.js';
 
 /** @typedef {import('./movie.js').BucketRows} BucketRows */
+/** @typedef {import('./movie.js').Loss} Loss */
 /** @typedef {import('./movie.js').OpenOptions} OpenOptions */
 /** @typedef {import('./movie.js').Slice} Slice */
 /** @typedef {import('./timeline.js').StreamTime} StreamTime */

@@ -23,11 +23,20 @@ import {frameOfTime} from './timeline.js';
  * @property {Float32Array} geometry @property {Uint16Array} sh
  */
 /**
+ * @typedef {object} Loss a part of the stream that cannot be shown
+ * @property {string} code "TRUNCATED", "CORRUPT", "CHECKSUM": why
+ * @property {string} clause the rule that is broken, "" if none @property {number} offset the byte, -1 if none
+ * @property {number} [layer] @property {number} [bucket] @property {number} [gaussians] that lack
+ * @property {boolean} detailOnly they are shown in base colours
+ * @property {number} [member] of a presentation of several streams; all of the member if no layer is named
+ */
+/**
  * @typedef {object} OpenOptions
  * @property {AbortSignal} [signal]
- * @property {number} [cacheBytes] of the file, kept in memory (256 MiB)
+ * @property {number} [cacheBytes] of the file, kept in memory for later (256 MiB); what the present instant needs stays whatever
+ *   it is, and so does a file whose server knows no ranges
  * @property {number} [maxRows] Gaussians held for showing, each bucket rounded up to 256 (2^21)
- * @property {boolean} [tolerant] show what is left of a damaged stream (true); event 'loss' tells
+ * @property {boolean} [tolerant] show what is left of a damaged stream (true); `losses` and event 'loss' tell what is not
  * @property {Record<string, string>} [headers] of requests
  * @property {RequestCredentials} [credentials] of requests
  * @property {boolean} [playlist] of several streams (whether the path of the URL ends with .m3u8)
@@ -99,6 +108,8 @@ export class Movie extends Emitter {
     this.tierLimit = 0xffffffff;
     /** Room that a view needs: Gaussians, each bucket rounded up to 256. */
     this.maxRows = options.maxRows ?? 2 ** 21;
+    /** What cannot be shown, as far as it is known: of what has been wanted. @type {Loss[]} */
+    this.losses = [];
     this.disposed = false;
     /** Of a presentation of several streams. @type {Spans | null} */
     this.spans = null;
@@ -340,8 +351,11 @@ export class Movie extends Emitter {
       this.info = {...data.info, timeBegin, duration, numFrames};
       this.maxRows = this.info.maxRows;
       this.emit('info', this.info);
+    } else if (type === 'loss') {
+      this.losses.push(...data.losses);
+      this.emit('loss', data.losses);
     } else {
-      this.emit(type, type === 'loss' ? data.losses : rest);
+      this.emit(type, rest);
     }
   }
 

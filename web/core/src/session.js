@@ -69,7 +69,8 @@ export class Session {
     this.end = 0;
     this.lastProgress = 0;
     this.decodeSeconds = 0;
-    this.lost = 0;
+    /** @type {Set<string>} parts of the stream that have been told to be lost */
+    this.lost = new Set();
   }
 
   /** Runs fn; what it uses of the file stays here meanwhile. @template T @param {() => Promise<T>} fn */
@@ -170,7 +171,7 @@ export class Session {
   slice(time, options, signal) {
     return this.#whileHeld(async () => {
       await this.fetcher.steps(step => this.decoder.windowReads(time, time, options, step), steps.all, signal);
-      return this.fetcher.with(() => this.decoder.slice(time, options), signal);
+      return this.fetcher.with(() => this.#telling(this.decoder.slice(time, options)), signal);
     });
   }
 
@@ -359,7 +360,7 @@ export class Session {
   async #hold(begin, end, goal, {maxTier, detail}, signal) {
     const part = {maxLevel: goal.maxLevel, maxTier, detail};
     await this.fetcher.steps(step => this.decoder.windowReads(begin, end, part, step), steps.directory, signal);
-    const buckets = await this.fetcher.with(() => this.decoder.buckets(begin, end, part), signal);
+    const buckets = await this.fetcher.with(() => this.#telling(this.decoder.buckets(begin, end, part)), signal);
     const wanted = buckets.filter(b => {
       const held = this.held.get(keyOf(b));
       if (held) {
@@ -380,7 +381,7 @@ export class Session {
     const fetching = this.fetcher.fetch(parts.flatMap(p => p.ranges), signal, begin === end && this.holding === 0);
     for await (const {bucket} of this.fetcher.arrivals(parts, fetching)) {
       const began = performance.now();
-      const rows = await this.fetcher.with(() => this.decoder.rows(bucket.layer, bucket.bucket, detail), signal);
+      const rows = await this.fetcher.with(() => this.#telling(this.decoder.rows(bucket.layer, bucket.bucket, detail)), signal);
       this.decodeSeconds += (performance.now() - began) / 1000;
       const key = keyOf(bucket);
       this.held.set(key, {key, bucket, detail, rows: rows.count});
@@ -388,14 +389,18 @@ export class Session {
       if (signal.aborted) throw abortError();
     }
     await fetching;
-    this.#losses();
   }
 
-  #losses() {
-    const losses = this.decoder.losses();
-    if (losses.length === 0) return;
-    this.lost += losses.length;
-    this.post({type: 'loss', losses});
+  /** Tells what a call of the decoder has lost, if it is new. @template T @param {T} result of the call @returns {T} */
+  #telling(result) {
+    if (result === undefined) return result;
+    const losses = this.decoder.losses().filter(({code, layer, bucket, offset, detailOnly}) => {
+      // A page of the directory begins at the first bucket that a query wants of it.
+      const key = [code, layer, offset >= 0 ? offset : `bucket ${bucket}`, detailOnly].join();
+      return !this.lost.has(key) && this.lost.add(key);
+    });
+    if (losses.length > 0) this.post({type: 'loss', losses});
+    return result;
   }
 
   /** Makes room for `more` rows. @param {Set<string>} keep @param {number} more */
@@ -423,7 +428,7 @@ export class Session {
     let rows = 0;
     for (const held of this.held.values()) rows += held.rows;
     return {
-      bytes: this.fetcher.bytes, throughput: this.throughput, rows, lost: this.lost,
+      bytes: this.fetcher.bytes, throughput: this.throughput, rows, lost: this.lost.size,
       requests: this.fetcher.source.requests ?? 0, decodeSeconds: this.decodeSeconds,
       memoryBytes: (this.decoder?.memoryBytes ?? 0) + this.store.bytes
     };

@@ -31,6 +31,20 @@ const workerOf = () => {
 const openWith = async (/** @type {any} */ worker, options = {}) =>
   open(new ArrayBuffer(8), {worker: () => worker, wasmUrl: 'http://localhost/l4d.wasm', ...options});
 
+test('losses are told, and kept for who comes later', async () => {
+  const worker = workerOf();
+  const movie = await openWith(worker);
+  /** @type {any[]} */
+  const heard = [];
+  movie.on('loss', losses => heard.push(...losses));
+  const loss = {code: 'TRUNCATED', clause: 'CHNK-1', offset: 4096, layer: 1, bucket: 0, gaussians: 7, detailOnly: false};
+  worker.say({type: 'loss', losses: [loss]});
+  worker.say({type: 'loss', losses: [{...loss, offset: 8192}]});
+  assert.deepEqual(heard.map(l => l.offset), [4096, 8192]);
+  assert.deepEqual(movie.losses, heard);
+  movie.dispose();
+});
+
 test('what was ready of an earlier instant or tier does not count for the next one', async () => {
   const worker = workerOf();
   const movie = await openWith(worker);

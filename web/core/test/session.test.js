@@ -301,6 +301,35 @@ test('a file that changes is told, and so are 404, 416 and a server that is not 
   missing.close();
 });
 
+test('a file that is cut short: each part that is lost is told once; who is not tolerant is refused', async () => {
+  const cut = read(streamOf('tiers')).slice(0, 300_000);
+  const folder = mkdtempSync(join(tmpdir(), 'l4dweb-'));
+  writeFileSync(join(folder, 'cut.l4d'), cut);
+  const {errors} = JSON.parse(spawnSync(tool, ['validate', join(folder, 'cut.l4d'), '--json']).stdout.toString());
+  rmSync(folder, {recursive: true});
+  const s = sessionOf(new BufferSource(cut.slice().buffer));
+  const {timeBegin, duration} = await s.session.open();
+  for (const id of [1, 2, 3]) {
+    s.session.want({time: timeBegin + (id === 2 ? 1 : 0), ahead: duration, detail: 'auto', id}, true);
+    await until(() => !s.session.pumping && s.of('ready').some(r => r.id === id), 'all of it');
+  }
+  // Each part that the tool names, and each once.
+  const losses = s.of('loss').flatMap(p => p.losses);
+  assert.ok(errors.length > 2);
+  assert.deepEqual(losses.map(l => [l.clause, l.offset]).sort(), errors.map((/** @type {any} */ e) => [e.clause, e.offset]).sort());
+  assert.ok(losses.every(l => l.code === 'TRUNCATED' && l.gaussians > 0));
+  assert.equal(s.session.statistics().lost, losses.length);
+  assert.deepEqual(s.of('error'), []);
+  const strict = sessionOf(new BufferSource(cut.slice().buffer), {tolerant: false});
+  await strict.session.open();
+  strict.session.want({time: timeBegin, ahead: 0, detail: 'auto', id: 1}, true);
+  await until(() => strict.of('error').length > 0, 'the error');
+  const [{error}] = strict.of('error');
+  assert.deepEqual([error.code, error.clause], ['TRUNCATED', 'CHNK-1']);
+  assert.ok(error.offset > 0 && error.offset < cut.length, `${error.offset}`);
+  for (const one of [s, strict]) one.session.dispose();
+});
+
 test('seeks cancel what is under way; the last one is answered', async () => {
   const server = await serve(bytes);
   try {
