@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "encoder/known_gaussians.h"
 #include "libl4dcodec/scene/attributes.h"
 #include "libl4dcodec/scene/slice.h"
 
@@ -44,7 +45,8 @@ double SessionPool::Row::shown_between(double begin, double end) const {
 
 Status SessionPool::add(const EncoderInput& input, const EncoderScene& prepared, bool lossless) {
   const l4d_gaussians& g = input.gaussians;
-  const bool first = rows_.empty() && arrays_.count() == 0;
+  const size_t before = rows_.size();
+  const bool first = before == 0 && arrays_.count() == 0;
   if (first) {
     arrays_ = AttributeArrays();
     arrays_.sh_degree = g.sh_degree;
@@ -98,7 +100,13 @@ Status SessionPool::add(const EncoderInput& input, const EncoderScene& prepared,
     row.standing = kNoStanding;
     rows_.push_back(row);
   }
+  drop_known(before);
   return {};
+}
+
+void SessionPool::drop_known(size_t before) {
+  const std::vector<char> mask = without_known(arrays_, rows_, before);
+  if (std::find(mask.begin(), mask.end(), 0) != mask.end()) keep(mask);
 }
 
 void SessionPool::keep(const std::vector<char>& mask) {

@@ -28,8 +28,8 @@ class SessionPool {
     double shown_between(double begin, double end) const;  // seconds, weighted by its falloff
   };
 
-  // Adds a scene that `prepared` was made of. Fails with INVALID_ARGUMENT if it has other arrays
-  // than those before.
+  // Adds a scene that `prepared` was made of, but for the Gaussians that are here already. Fails
+  // with INVALID_ARGUMENT if it has other arrays than those before.
   Status add(const EncoderInput& input, const EncoderScene& prepared, bool lossless);
   void keep(const std::vector<char>& mask);
 
@@ -39,6 +39,9 @@ class SessionPool {
 
  private:
   friend class SessionPart;
+
+  // Drops what is the same as one of the first `before` rows.
+  void drop_known(size_t before);
 
   std::vector<Row> rows_;
   AttributeArrays arrays_;  // all of them, times always as binary64

@@ -66,6 +66,25 @@ wait "$encoder"
 cmp pieces.l4d folder.l4d
 expect_text folder.m3u8 ENDLIST
 
+# Pieces that `cut` makes of one stream, in a folder: what lives on is in each of them, and coded once.
+expect 0 encode s.ply -o s.l4d
+expect_document 0 encode --live s.l4d --segment 2 -o once.l4d
+once=$(json out 'd["file_bytes"]')
+mkdir cuts
+for k in 0 1 2; do
+  expect 0 cut s.l4d --from $((2 * k)) --to $((2 * k + 2)) -o cuts/.next
+  mv cuts/.next cuts/piece_$k.l4d
+done
+touch cuts/end
+expect_document 0 encode --live cuts -o cuts.l4d
+expect_json out "d['num_pieces'] == 3 and d['file_bytes'] < 1.15 * $once"
+expect_document 0 validate cuts.l4d
+for time in 0.5 2 5.9; do
+  shown=$(json <(l4d slice once.l4d --time $time --digest --json) 'd["frames"][0]["gaussians"]')
+  expect_document 0 slice cuts.l4d --time $time --digest
+  expect_json out "abs(d['frames'][0]['gaussians'] - $shown) < 0.01 * $shown"
+done
+
 # Killed anywhere, every whole member is there, and repair writes the index.
 for delay in 0.02 0.1 0.2 0.3 0.4; do
   rm -f killed.l4d

@@ -13,6 +13,8 @@
 #include <memory>
 
 #include "l4d/attributes.hpp"
+#include "libl4dcodec/scene/slice.h"
+#include "libl4dcodec/scene/timeline.h"
 #include "tests/common/codec.h"
 
 namespace l4d {
@@ -294,6 +296,81 @@ TEST(Session, MembersNeedFewOthersHoweverManyPiecesCome) {
   EXPECT_EQ(count_role(r, L4D_MEMBER_MEDIA), 30u);
   EXPECT_GT(count_role(r, L4D_MEMBER_STANDING), 8u);
   for (const l4d_member& m : r.members) EXPECT_LE(m.num_needs, 8u);
+}
+
+// All Gaussians of a scene for a part of its time, as `cut` makes pieces: positions are of times of
+// the piece, rounded.
+TestScene whole_piece_of(const TestScene& scene, double begin, double end) {
+  TestScene piece = scene;
+  piece.timeline.time_begin = begin;
+  piece.timeline.num_frames = static_cast<uint32_t>(std::lround((end - begin) * 30));
+  if ((scene.flags & L4D_POSITION_AT_MEAN_TIME) != 0) return piece;
+  for (size_t i = 0; i < scene.count(); ++i) {
+    const double mean = static_cast<double>(scene.mean_t[i]);
+    const double moved =
+        reference_time(piece.timeline, mean) - reference_time(scene.timeline, mean);
+    const Slice4D<double> slice =
+        slice_attributes<double>(scene.rotor.data() + 8 * i, scene.log_scale.data() + 4 * i);
+    for (size_t k = 0; k < 3; ++k) {
+      float& x = piece.position[3 * i + k];
+      x = static_cast<float>(static_cast<double>(x) + slice.velocity[k] * moved);
+    }
+  }
+  return piece;
+}
+
+// What lives across borders is coded once, also where each piece has it again.
+TEST(Session, PiecesMayRepeatWhatLivesOn) {
+  for (const uint32_t flags : {0U, static_cast<uint32_t>(L4D_POSITION_AT_MEAN_TIME)}) {
+    SceneOptions o;
+    o.count = 3000;
+    o.num_frames = 180;
+    TestScene scene = make_scene(o);
+    scene.flags |= flags;
+    const Recorded whole = record(scene, lossless(), 1);
+    Recorder recorder(lossless(), scene, session_options(1));
+    for (int k = 0; k < 6; ++k) {
+      ASSERT_EQ(recorder.add(whole_piece_of(scene, k, k + 1)), L4D_OK);
+    }
+    const Recorded& r = recorder.out;
+    EXPECT_EQ(count_role(r, L4D_MEMBER_STANDING), 1u);
+    EXPECT_LT(r.bytes.size(), whole.bytes.size() * 11 / 10);
+    const Members members = open(r.bytes);
+    for (double t = 0; t < 6; t += 0.45) {
+      expect_same(shown_by_members(r.bytes, members, t, kSeen), shown_by_scene(scene, t, kSeen), t);
+    }
+  }
+}
+
+// As many as the fullest of the pieces has: one that is there twice is shown twice.
+TEST(Session, EqualGaussiansOfAPieceStay) {
+  SceneOptions o;
+  o.count = 300;
+  o.permanent = 1;
+  o.outside = 0;
+  const TestScene scene = make_scene(o);
+  TestScene twice = scene;
+  twice.timeline.time_begin += scene.duration();
+  const auto repeat = [](std::vector<float>* v) {
+    const std::vector<float> once = *v;
+    v->insert(v->end(), once.begin(), once.end());
+  };
+  for (std::vector<float>* v : {&twice.position, &twice.mean_t, &twice.log_scale, &twice.rotor,
+                                &twice.opacity, &twice.sh}) {
+    repeat(v);
+  }
+  Recorder recorder(lossless(), scene, session_options(1));
+  ASSERT_EQ(recorder.add(scene), L4D_OK);
+  ASSERT_EQ(recorder.add(twice), L4D_OK);
+  uint64_t standing = 0;
+  for (const l4d_member& m : recorder.out.members) {
+    if (m.role != L4D_MEMBER_STANDING) continue;
+    l4d_decoder_options options = decoder_options(L4D_BACKEND_AUTO, 1);
+    DecoderHandle decoder(&options);
+    decoder.open_memory(recorder.out.bytes.data() + m.offset, static_cast<size_t>(m.bytes));
+    standing += decoder.info().num_gaussians;
+  }
+  EXPECT_EQ(standing, 600u);
 }
 
 // A member in which nothing of its own is visible has no Gaussians, and shows what it needs.

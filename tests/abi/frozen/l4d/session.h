@@ -59,6 +59,9 @@ L4D_API void l4d_session_destroy(l4d_session* session); /* accepts NULL */
  * the arrays are free afterwards. A piece holds the Gaussians that became known with it, and its
  * timeline says what time it adds to the presentation. Gaussians that are visible after its end
  * live on in later pieces, and those that are visible before its begin are shown from there on.
+ * A piece may repeat those that live on, as pieces do that `l4dcodec cut` makes: Gaussians that are
+ * the same in both, bit for bit but for positions, which are rounded, are known already. Any other
+ * Gaussian is one more.
  * Gaussians of which the opacity is below 1/255 in all of a member are left out of it.
  * Fails with INVALID_STATE if members of the piece before are not encoded yet or no scene is set,
  * with INVALID_ARGUMENT if the piece begins a frame or more before the one before it ends, or has
