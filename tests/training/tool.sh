@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
-# The tool l4dtrain from end to end: tool.sh L4DTRAIN L4DCODEC. Works in a folder of its own.
+# The tool l4dtrain from end to end: tool.sh L4DTRAIN L4DCODEC PYTHON. Works in a folder of its own.
 set -euo pipefail
 
-train=$1 codec=$2
+train=$1 codec=$2 python=$3
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
 cd "$folder"
@@ -77,6 +77,56 @@ expect 0 "stream +[0-9]+ bytes" train "${options[@]}" -o coded --steps 60 --enco
 "$codec" validate coded/scene.l4d >out || die "the stream is not valid"
 "$codec" encode coded/scene.ply --weights coded/weights.ply -o again.l4d --quiet
 cmp coded/scene.l4d again.l4d || die "l4dcodec encode --weights makes another stream"
+
+# LPIPS with weights of a file: random ones here. It is reported if it is wanted, and for equal images it is 0.
+"$python" - alex.safetensors <<'END'
+import array, json, random, struct, sys
+random.seed(3)
+layers = {0: (3, 64, 11), 3: (64, 192, 5), 6: (192, 384, 3), 8: (384, 256, 3), 10: (256, 256, 3)}
+header, values = {}, array.array("f")
+def add(name, shape, bound, low=-1):
+    begin, count = 4 * len(values), 1
+    for length in shape:
+        count *= length
+    values.extend(random.uniform(low * bound, bound) for _ in range(count))
+    header[name] = {"dtype": "F32", "shape": shape, "data_offsets": [begin, 4 * len(values)]}
+for k, (index, (ins, outs, side)) in enumerate(layers.items()):
+    add(f"features.{index}.weight", [outs, ins, side, side], (6 / (ins * side * side)) ** 0.5)
+    add(f"features.{index}.bias", [outs], 0.1)
+    add(f"lin{k}.model.1.weight", [1, outs, 1, 1], 0.1, 0)
+if sys.byteorder == "big":
+    values.byteswap()
+text = json.dumps(header).encode()
+with open(sys.argv[1], "wb") as file:
+    file.write(struct.pack("<Q", len(text)) + text + values.tobytes())
+END
+expect 0 "test +[0-9.]+ dB.*LPIPS .alex. 0[.][0-9]+" eval whole -q --lpips alex.safetensors
+"$train" eval coded -q --json --lpips alex.safetensors >with.json
+"$train" eval coded -q --json >without.json
+expect 0 "LPIPS .alex." train "${options[@]}" -o scored --steps 60 --encode default -q --lpips alex.safetensors
+"$python" - <<'END' || die "reports with and without --lpips are not as they should be"
+import json
+with_lpips, without = json.load(open("with.json")), json.load(open("without.json"))
+scored = json.load(open("scored/report.json"))
+for parts in (lambda r: r, lambda r: r["stream"]):
+    for split in ("train", "test"):
+        score = parts(with_lpips)[split]
+        assert 0 < score["lpips_alex"] < 1, score
+        assert abs(parts(scored)[split]["lpips_alex"] - score["lpips_alex"]) < 1e-4, (scored, score)
+        assert "lpips_vgg" not in score, score
+        del score["lpips_alex"]
+        assert parts(without)[split] == score, score
+assert "lpips" not in json.dumps(without)
+END
+head -c 3000 alex.safetensors >short.safetensors
+expect 4 "data_offsets of features" eval whole -q --lpips short.safetensors
+expect 3 "nowhere" eval whole -q --lpips nowhere.safetensors
+expect 4 "no .safetensors file" train "${options[@]}" -o scored --force --steps 60 -q --lpips truth.ply
+[ -s scored/report.json ] || die "a wrong file for --lpips removed the results of a run"
+cp alex.safetensors scored/
+expect 2 "--lpips lies in the folder" train "${options[@]}" -o scored --force --steps 60 -q --lpips scored/alex.safetensors
+expect 2 "at least 31 pixels a side; these have 24 x 20" \
+  train "${options[@]}" -o x --steps 10 --scale 0.5 --lpips alex.safetensors
 
 # What cannot be done.
 expect 2 "there is a run already" train "${options[@]}" -o whole --steps 400

@@ -130,13 +130,17 @@ class Terminal final : public RunObserver {
   Clock::time_point begin_{}, drawn_{};
 };
 
-std::string describe(const Score& score) {
+// lpips: the network of LPIPS, or "".
+std::string describe(const Score& score, const std::string& lpips) {
   if (score.plain.views == 0) return "no views";
   char text[120];
   std::snprintf(text, sizeof(text), "%.2f dB, SSIM %.4f, %.2f dB after fitting colours, %llu views",
                 score.plain.mean_psnr, score.plain.mean_ssim, score.psnr_affine,
                 static_cast<unsigned long long>(score.plain.views));
-  return text;
+  std::string out = text;
+  if (lpips.empty()) return out;
+  std::snprintf(text, sizeof(text), ", LPIPS (%s) %.4f", lpips.c_str(), score.lpips);
+  return out + text;
 }
 
 std::string describe(const RunReport& r) {
@@ -151,12 +155,12 @@ std::string describe(const RunReport& r) {
                 static_cast<unsigned long long>(r.gaussians),
                 static_cast<unsigned long long>(r.steps), r.training_seconds);
   line("Gaussians", r.steps > 0 ? text : std::to_string(r.gaussians));
-  line("training", describe(r.train));
-  line("test", describe(r.test));
+  line("training", describe(r.train, r.lpips));
+  line("test", describe(r.test, r.lpips));
   if (r.stream_bytes > 0) {
     line("stream", std::to_string(r.stream_bytes) + " bytes");
-    line("  training", describe(r.stream_train));
-    line("  test", describe(r.stream_test));
+    line("  training", describe(r.stream_train, r.lpips));
+    line("  test", describe(r.stream_test, r.lpips));
   }
   return out;
 }
@@ -225,6 +229,12 @@ void add_common(CLI::App* verb, Arguments& a) {
   verb->add_flag("-q,--quiet", a.quiet, "No progress and no notes");
 }
 
+void add_lpips(CLI::App* verb, Arguments& a) {
+  verb->add_option(
+      "--lpips", a.run.lpips,
+      "Also report LPIPS, with the weights in this .safetensors file: AlexNet or VGG16");
+}
+
 void add_train(CLI::App& app, Arguments& a) {
   CLI::App* verb = app.add_subcommand("train", "Train a scene from a capture");
   Settings& s = a.run.settings;
@@ -282,6 +292,7 @@ void add_train(CLI::App& app, Arguments& a) {
       ->capture_default_str();
   verb->add_option("--seed", s.seed, "Of all random numbers")->capture_default_str();
   verb->add_option("--encode", a.run.preset, "Also encode, with this preset of the encoder");
+  add_lpips(verb, a);
   verb->add_option("--checkpoint-every", a.run.checkpoint_seconds, "Seconds between checkpoints")
       ->capture_default_str();
   auto* resume = verb->add_flag("--resume", a.run.resume, "Go on from the last checkpoint");
@@ -347,7 +358,7 @@ int run_verb(const CLI::App& app, Arguments& a) {
     }
     report = train(a.run, &terminal);
   } else {
-    report = evaluate_run(a.folder, a.run.threads, &terminal);
+    report = evaluate_run(a.folder, a.run.lpips, a.run.threads, &terminal);
   }
   std::printf("%s%s", (a.json ? json_of(report) : describe(report)).c_str(), a.json ? "\n" : "");
   return kExitOk;
@@ -361,6 +372,7 @@ int run(int argc, char** argv) {
   add_train(app, training);
   CLI::App* eval = app.add_subcommand("eval", "Compare the scene of a run with its capture");
   eval->add_option("run", evaluation.folder, "Folder of the run")->required();
+  add_lpips(eval, evaluation);
   add_common(eval, evaluation);
   CLI::App* look = app.add_subcommand("inspect", "Say what a capture is");
   add_reading(look, inspection);

@@ -110,19 +110,22 @@ void Scorer::add(const Pixels& pixels, const std::vector<uint8_t>& mask, io::Ima
   sum_.add(io::mse(captured, rendered),
            has_ssim ? io::ssim(captured, rendered, threads) : std::nan(""));
   affine_ += io::psnr_of_mse(affine_mse(rendered, captured));
+  if (lpips_ != nullptr) distance_ += lpips_->distance(captured, rendered, threads);
 }
 
 Score Scorer::score() const {
   Score score;
   score.plain = sum_.result();
-  score.psnr_affine = affine_ / static_cast<double>(score.plain.views);
+  const double views = static_cast<double>(score.plain.views);
+  score.psnr_affine = affine_ / views;
+  score.lpips = distance_ / views;
   return score;
 }
 
 Score score_views(const Capture& capture, const ImageLoader& loader,
-                  const std::vector<uint32_t>& views, uint32_t threads, const RenderView& render,
-                  const IsCancelled& cancelled) {
-  Scorer scorer;
+                  const std::vector<uint32_t>& views, const eval::Lpips* lpips, uint32_t threads,
+                  const RenderView& render, const IsCancelled& cancelled) {
+  Scorer scorer(lpips);
   // Whole cameras follow each other, so that a video is not opened for each of its frames.
   std::vector<uint32_t> order = views;
   std::stable_sort(order.begin(), order.end(), [&](uint32_t a, uint32_t b) {
@@ -146,6 +149,19 @@ Score score_views(const Capture& capture, const ImageLoader& loader,
     }
   }
   return scorer.score();
+}
+
+std::unique_ptr<eval::Lpips> read_lpips(const std::string& path) {
+  if (path.empty()) return nullptr;
+  return std::make_unique<eval::Lpips>(eval::Lpips::read(io::InputFile(path)));
+}
+
+void check_sizes(const eval::Lpips* lpips, const Capture& capture, const ImageLoader& loader) {
+  if (lpips == nullptr) return;
+  for (const CaptureView& view : capture.views) {
+    const l4d_camera& camera = loader.camera(view.camera);
+    lpips->check_size(camera.width, camera.height);
+  }
 }
 
 }  // namespace l4d::train

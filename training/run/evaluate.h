@@ -2,9 +2,11 @@
 #pragma once
 
 #include <functional>
+#include <memory>
 #include <string>
 #include <vector>
 
+#include "eval/lpips.h"
 #include "io/image.h"
 #include "io/metrics.h"
 #include "training/images/loader.h"
@@ -21,11 +23,14 @@ struct Score {
   io::Fidelity plain;
   // After the affine map of colours of each view that fits best: how much of the error is exposure.
   double psnr_affine = 0;
+  double lpips = 0;  // mean over views; of Scorer's network, if it has one
 };
 
 // Adds views up. Images are compared on black; SSIM is NaN for images of less than 11 pixels.
 class Scorer {
  public:
+  // lpips: may be null; else it must outlive this.
+  explicit Scorer(const eval::Lpips* lpips = nullptr) : lpips_(lpips) {}
   // mask: [height, width] or empty.
   void add(const Pixels& captured, const std::vector<uint8_t>& mask, io::Image rendered,
            uint32_t threads);
@@ -33,15 +38,22 @@ class Scorer {
 
  private:
   io::FidelityAccumulator sum_;
-  double affine_ = 0;
+  double affine_ = 0, distance_ = 0;
+  const eval::Lpips* lpips_;
 };
 
 using RenderView = std::function<io::Image(uint32_t view)>;
 using IsCancelled = std::function<bool()>;
 
-// Reads the views, renders them and compares. render: called on one thread. cancelled: may be null.
+// Reads the views, renders them and compares. lpips and cancelled: may be null. render: called on
+// one thread.
 Score score_views(const Capture& capture, const ImageLoader& loader,
-                  const std::vector<uint32_t>& views, uint32_t threads, const RenderView& render,
-                  const IsCancelled& cancelled);
+                  const std::vector<uint32_t>& views, const eval::Lpips* lpips, uint32_t threads,
+                  const RenderView& render, const IsCancelled& cancelled);
+
+// Reads the weights of LPIPS; nothing if `path` is empty. Throws io::Error.
+std::unique_ptr<eval::Lpips> read_lpips(const std::string& path);
+// Throws io::Error if images of a capture are too small for the network. lpips: may be null.
+void check_sizes(const eval::Lpips* lpips, const Capture& capture, const ImageLoader& loader);
 
 }  // namespace l4d::train

@@ -21,10 +21,14 @@ constexpr uint32_t kScoredInstants = 15;
 
 Json number(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
 
-Json object_of(const Score& score) {
-  return {{"psnr", number(score.plain.mean_psnr)},    {"psnr_of_mse", number(score.plain.psnr)},
-          {"min_psnr", number(score.plain.min_psnr)}, {"ssim", number(score.plain.mean_ssim)},
-          {"psnr_affine", number(score.psnr_affine)}, {"views", score.plain.views}};
+// lpips: the network of LPIPS, or "".
+Json object_of(const Score& score, const std::string& lpips) {
+  Json object = {
+      {"psnr", number(score.plain.mean_psnr)},    {"psnr_of_mse", number(score.plain.psnr)},
+      {"min_psnr", number(score.plain.min_psnr)}, {"ssim", number(score.plain.mean_ssim)},
+      {"psnr_affine", number(score.psnr_affine)}, {"views", score.plain.views}};
+  if (!lpips.empty()) object["lpips_" + lpips] = number(score.lpips);
+  return object;
 }
 
 Json object_of(const Settings& settings) {
@@ -87,12 +91,12 @@ std::string json_of(const RunReport& r) {
             {"gaussians", r.gaussians},
             {"training_s", r.training_seconds},
             {"total_s", r.total_seconds},
-            {"train", object_of(r.train)},
-            {"test", object_of(r.test)}};
+            {"train", object_of(r.train, r.lpips)},
+            {"test", object_of(r.test, r.lpips)}};
   if (r.stream_bytes > 0) {
     j["stream"] = {{"file_bytes", r.stream_bytes},
-                   {"train", object_of(r.stream_train)},
-                   {"test", object_of(r.stream_test)}};
+                   {"train", object_of(r.stream_train, r.lpips)},
+                   {"test", object_of(r.stream_test, r.lpips)}};
   }
   j["settings"] = object_of(r.settings);
   j["notes"] = r.notes;
@@ -130,12 +134,15 @@ io::Image StreamViews::render(uint32_t view) {
   return image;
 }
 
-RunReport evaluate_run(const std::string& folder, uint32_t threads, RunObserver* observer) {
+RunReport evaluate_run(const std::string& folder, const std::string& weights, uint32_t threads,
+                       RunObserver* observer) {
   const auto file = [&](const char* name) { return (fs::path(folder) / name).string(); };
   const std::vector<uint8_t> text = io::read_whole_file(file("settings.json"));
   const Settings settings = settings_of(std::string(text.begin(), text.end()));
   const Capture capture = read_capture(settings.capture, settings.reading);
   const ImageLoader loader(capture, settings.scale, settings.near);
+  const std::unique_ptr<eval::Lpips> lpips = read_lpips(weights);
+  check_sizes(lpips.get(), capture, loader);
   const io::Scene scene = io::read_scene_ply(file("scene.ply"));
   const std::unique_ptr<Backend> backend = make_cpu_backend(threads);
   backend->load(model_of(scene), capture.timeline());
@@ -143,10 +150,11 @@ RunReport evaluate_run(const std::string& folder, uint32_t threads, RunObserver*
   report.settings = settings;
   report.gaussians = scene.count();
   report.notes = capture.notes;
+  if (lpips) report.lpips = lpips->network();
   constexpr float kBlack[3] = {0, 0, 0};
   const auto score = [&](const char* split, const RenderView& render) {
-    return score_views(capture, loader, views_to_score(capture, split, kScoredInstants), threads,
-                       render, [&] { return observer->cancelled(); });
+    return score_views(capture, loader, views_to_score(capture, split, kScoredInstants),
+                       lpips.get(), threads, render, [&] { return observer->cancelled(); });
   };
   const auto render = [&](uint32_t view) {
     const CaptureView& v = capture.views[view];

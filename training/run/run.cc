@@ -94,12 +94,14 @@ class Run {
     if (options_.settings.codec == "settle" && options_.preset.empty()) {
       throw Error(L4D_ERR_INVALID_ARGUMENT, "--codec settle needs --encode PRESET");
     }
+    lpips_ = read_lpips(options_.lpips);
     open_folder();
     observer_->update(0, 0, "reading the capture");
     capture_ = read_capture(options_.settings.capture, options_.settings.reading);
     loader_ = std::make_unique<ImageLoader>(capture_, options_.settings.scale,
                                             near_of(options_.settings, capture_));
     for (const std::string& note : capture_.notes) say(note);
+    check_sizes(lpips_.get(), capture_, *loader_);
     const l4d_camera& camera = loader_->camera(0);
     settings_ = resolved(options_.settings, capture_, camera.width, camera.height);
     if (settings_.codec == "settle") settings_.preset = options_.preset;
@@ -162,10 +164,13 @@ class Run {
       throw Error(L4D_ERR_INVALID_ARGUMENT,
                   folder_ + ": the capture lies in this folder; --output must be another one");
     }
-    std::error_code error;
-    if (fs::is_regular_file(s.init, error) && inside(s.init)) {
-      throw Error(L4D_ERR_INVALID_ARGUMENT,
-                  s.init + ": --init lies in the folder of the run, which replaces its files");
+    for (const auto& [option, path] :
+         {std::make_pair("--init", s.init), std::make_pair("--lpips", options_.lpips)}) {
+      std::error_code error;
+      if (!fs::is_regular_file(path, error) || !inside(path)) continue;
+      throw Error(L4D_ERR_INVALID_ARGUMENT, path + ": " + option +
+                                                " lies in the folder of the run, which replaces "
+                                                "its files");
     }
   }
 
@@ -371,6 +376,7 @@ class Run {
     report.steps = trainer_->state().step;
     report.gaussians = model.count;
     report.training_seconds = trainer_->state().seconds;
+    if (lpips_) report.lpips = lpips_->network();
     const auto render = [&](uint32_t view) { return trainer_->render(view); };
     observer_->update(0, 0, "comparing with the captured images");
     report.train = score("train", render);
@@ -385,7 +391,8 @@ class Run {
 
   Score score(const char* split, const RenderView& render) {
     return score_views(capture_, *loader_, views_to_score(capture_, split, kScoredInstants),
-                       options_.threads, render, [&] { return observer_->cancelled(); });
+                       lpips_.get(), options_.threads, render,
+                       [&] { return observer_->cancelled(); });
   }
 
   void encode(const io::Scene& scene, RunReport* report) {
@@ -410,6 +417,7 @@ class Run {
   Clock::time_point started_ = Clock::now();
   Capture capture_;
   std::unique_ptr<ImageLoader> loader_;
+  std::unique_ptr<eval::Lpips> lpips_;
   Settings settings_;
   std::vector<Instant> instants_;
   std::unique_ptr<ImageStore> store_;

@@ -14,6 +14,7 @@ struct RunOptions {
   Settings settings;
   std::string folder;
   std::string preset;  // of the encoder; "" = no stream
+  std::string lpips;   // file of weights, to report LPIPS; "" = it is not reported
   bool resume = false;
   bool force = false;  // replaces a run that is there
   uint32_t threads = 0;
@@ -32,6 +33,7 @@ struct RunReport {
   Score train, test;
   uint64_t stream_bytes = 0;  // 0: none
   Score stream_train, stream_test;
+  std::string lpips;  // the network whose distances scores have; "" = none
   std::vector<std::string> notes;
 };
 std::string json_of(const RunReport& report);
@@ -60,8 +62,10 @@ class TrainingFailed : public std::runtime_error {
 // scene.l4d. Throws io::Error, l4d::Error, TrainingFailed.
 RunReport train(const RunOptions& options, RunObserver* observer);
 
-// Scores the scene of a run, and its stream if there is one, against its capture.
-RunReport evaluate_run(const std::string& folder, uint32_t threads, RunObserver* observer);
+// Scores the scene of a run, and its stream if there is one, against its capture. lpips: as in
+// RunOptions.
+RunReport evaluate_run(const std::string& folder, const std::string& lpips, uint32_t threads,
+                       RunObserver* observer);
 
 // What a capture is: for people, and a contact sheet of the first images of all cameras.
 struct Inspection {
