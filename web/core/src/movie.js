@@ -51,6 +51,10 @@ import {frameOfTime} from './timeline.js';
  */
 export const open = async (from, options = {}) => {
   if (options.signal?.aborted) throw abortError();
+  for (const name of /** @type {const} */ (['cacheBytes', 'maxRows'])) {
+    const value = options[name];
+    if (value !== undefined && !(typeof value === 'number' && value >= 0)) throw invalid(`${name} is ${String(value)}; it must be a number from 0`);
+  }
   const movie = new Movie(options);
   try {
     await movie.start(from);
@@ -63,6 +67,22 @@ export const open = async (from, options = {}) => {
 
 /** @param {string} message */
 const invalid = message => new L4DError('INVALID_ARGUMENT', message);
+
+/** @param {unknown} time */
+const notTime = time => invalid(`a time is a finite number of seconds, not ${String(time)}`);
+
+/** Of levels and tiers. @param {string} name @param {unknown} value */
+const limitOf = (name, value) => {
+  const isWhole = typeof value === 'number' && (Number.isInteger(value) || value === Infinity) && value >= 0;
+  if (!isWhole) throw invalid(`${name} is ${String(value)}; it must be a whole number from 0, or Infinity`);
+  return Math.min(value, 0xffffffff);
+};
+
+/** @template {string} Detail @param {Detail} detail @param {Detail[]} details */
+const detailOf = (detail, details) => {
+  if (!details.includes(detail)) throw invalid(`detail is ${String(detail)}; it must be ${details.join(' or ')}`);
+  return detail;
+};
 
 /** Relative to the page. @param {string | URL} address */
 const addressOf = address => {
@@ -176,13 +196,21 @@ export class Movie extends Emitter {
   get detail() { return this.detailWanted; }
   set detail(detail) { this.setDetail(detail); this.#want(this.currentTime, true); }
   /** As `detail`, but of what comes next. @param {'auto' | 'base' | 'full'} detail */
-  setDetail(detail) { this.detailWanted = detail; }
+  setDetail(detail) { this.detailWanted = detailOf(detail, ['auto', 'base', 'full']); }
   /** The finest temporal level that is shown. */
   get maxLevel() { return this.levelLimit; }
-  set maxLevel(level) { this.levelLimit = level; this.#want(this.currentTime, true); this.emit('level', level); }
+  set maxLevel(level) {
+    this.levelLimit = limitOf('maxLevel', level);
+    this.#want(this.currentTime, true);
+    this.emit('level', this.levelLimit);
+  }
   /** The last tier that is fetched and shown: the first, 0, is a coarse picture. `info.lastTier` is the last that there is. */
   get maxTier() { return this.tierLimit; }
-  set maxTier(tier) { this.tierLimit = tier; this.#want(this.currentTime, true); this.emit('tier', tier); }
+  set maxTier(tier) {
+    this.tierLimit = limitOf('maxTier', tier);
+    this.#want(this.currentTime, true);
+    this.emit('tier', this.tierLimit);
+  }
   /**
    * The streams that are shown at a time: rows of others are not. `time` is in seconds of the stream, `frame` is the one that
    * it belongs to. A file of one stream has the one of number 0.
@@ -223,7 +251,7 @@ export class Movie extends Emitter {
   seek(time, {signal} = {}) {
     if (signal?.aborted) return Promise.reject(abortError());
     if (this.disposed) return Promise.reject(abortError('disposed'));
-    if (!Number.isFinite(time)) return Promise.reject(invalid(`a time is a finite number of seconds, not ${time}`));
+    if (!Number.isFinite(time)) return Promise.reject(notTime(time));
     const at = Math.min(Math.max(time, this.timeBegin), this.timeEnd);
     this.seeking?.reject(abortError('another seek'));
     const id = this.nextId++;
@@ -246,8 +274,10 @@ export class Movie extends Emitter {
    * @param {{sh?: boolean, detail?: 'base' | 'full', maxTier?: number, signal?: AbortSignal}} [options]
    * @returns {Promise<Slice>}
    */
-  slice(time, {sh = true, detail = 'full', maxTier, signal} = {}) {
-    return this.#call('slice', {time, options: {sh, detail: detail === 'base' ? 1 : 0, maxTier}}, signal);
+  async slice(time, {sh = true, detail = 'full', maxTier = Infinity, signal} = {}) {
+    if (!Number.isFinite(time)) throw notTime(time);
+    const isBase = detailOf(detail, ['base', 'full']) === 'base';
+    return this.#call('slice', {time, options: {sh, detail: isBase ? 1 : 0, maxTier: limitOf('maxTier', maxTier)}}, signal);
   }
 
   /**

@@ -2,7 +2,7 @@
 // What a movie makes of the messages of its worker.
 import assert from 'node:assert/strict';
 import {test} from 'node:test';
-import {open} from '../src/index.js';
+import {L4DError, open} from '../src/index.js';
 
 /** A worker that opens a stream of 8 s, and says what tests say. */
 const workerOf = () => {
@@ -30,6 +30,72 @@ const workerOf = () => {
 
 const openWith = async (/** @type {any} */ worker, options = {}) =>
   open(new ArrayBuffer(8), {worker: () => worker, wasmUrl: 'http://localhost/l4d.wasm', ...options});
+
+/** @param {() => any} fn */
+const failureOf = async fn => {
+  try {
+    await fn();
+    return 'none';
+  } catch (error) {
+    return error instanceof L4DError ? error.code : /** @type {any} */ (error).name;
+  }
+};
+
+test('wrong values are refused at once, and change nothing', async () => {
+  const worker = workerOf();
+  const movie = await openWith(worker);
+  const sent = worker.messages.length;
+  /** @type {any} */
+  const any = movie;
+  for (const value of [-1, 0.5, NaN, '1', null, undefined, -Infinity]) {
+    assert.equal(await failureOf(() => { any.maxTier = value; }), 'INVALID_ARGUMENT', `${value}`);
+    assert.equal(await failureOf(() => { any.maxLevel = value; }), 'INVALID_ARGUMENT', `${value}`);
+    if (value !== undefined) assert.equal(await failureOf(() => any.slice(1, {maxTier: value})), 'INVALID_ARGUMENT', `${value}`);
+  }
+  for (const value of ['', 'Full', 'none', 0, null, undefined]) {
+    assert.equal(await failureOf(() => { any.detail = value; }), 'INVALID_ARGUMENT', `${value}`);
+    assert.equal(await failureOf(() => any.setDetail(value)), 'INVALID_ARGUMENT', `${value}`);
+  }
+  assert.equal(await failureOf(() => any.slice(1, {detail: 'auto'})), 'INVALID_ARGUMENT');
+  assert.equal(await failureOf(() => any.slice(NaN)), 'INVALID_ARGUMENT');
+  assert.equal(worker.messages.length, sent);
+  assert.deepEqual([movie.detail, movie.maxTier, movie.maxLevel], ['auto', 2 ** 32 - 1, 2 ** 32 - 1]);
+  movie.maxTier = 1;
+  movie.maxLevel = Infinity;
+  movie.detail = 'base';
+  const {maxTier, maxLevel, detail} = worker.goal();
+  assert.deepEqual([maxTier, maxLevel, detail], [1, 2 ** 32 - 1, 'base']);
+  movie.dispose();
+});
+
+test('what open() and a movie fail with: an L4DError with a code, or an AbortError', async () => {
+  const codes = [];
+  for (const cacheBytes of [-1, NaN, '5', null]) codes.push(await failureOf(() => openWith(workerOf(), {cacheBytes})));
+  assert.deepEqual(codes, Array(4).fill('INVALID_ARGUMENT'));
+  for (const maxRows of [-1, NaN]) assert.equal(await failureOf(() => openWith(workerOf(), {maxRows})), 'INVALID_ARGUMENT');
+  /** @type {any} */
+  const wrong = ['http://[', 'scene.l4d', 7, null, undefined, {}];
+  for (const from of wrong) {
+    assert.equal(await failureOf(() => open(from, {worker: /** @type {any} */ (workerOf)})), 'INVALID_ARGUMENT', `${from}`);
+  }
+  const control = new AbortController();
+  const movie = await openWith(workerOf());
+  const seeking = failureOf(() => movie.seek(1, {signal: control.signal}));
+  control.abort();
+  assert.equal(await seeking, 'AbortError');
+  assert.equal(await failureOf(() => movie.seek(2, {signal: control.signal})), 'AbortError');
+  assert.equal(await failureOf(() => openWith(workerOf(), {signal: control.signal})), 'AbortError');
+  const slicing = failureOf(() => movie.slice(1));
+  const other = failureOf(() => movie.seek(1));
+  movie.dispose();
+  assert.deepEqual([await slicing, await other, await failureOf(() => movie.seek(1))], ['AbortError', 'AbortError', 'AbortError']);
+  try {
+    await movie.slice(1);
+    assert.fail('a slice of a movie that is gone');
+  } catch (error) {
+    assert.ok(error instanceof DOMException);
+  }
+});
 
 test('losses are told, and kept for who comes later', async () => {
   const worker = workerOf();
