@@ -11,9 +11,11 @@ const types = {'.html': 'text/html', '.js': 'text/javascript', '.wasm': 'applica
 const sleep = ms => new Promise(resolve => setTimeout(resolve, ms));
 
 /**
- * @typedef {object} Faults of the stream: no ranges, a tag, a status, Mbit/s, ms before each answer, what answers from a byte on wait for
+ * @typedef {object} Faults of the stream: no ranges, a tag, a status, Mbit/s, ms before each answer, what answers from a byte on wait for,
+ * headers of all answers
  * @property {boolean} [ranges] @property {string} [etag] @property {number} [status] @property {number} [rate]
  * @property {number} [delay] @property {(begin: number) => Promise<void> | undefined} [hold]
+ * @property {Record<string, string>} [headers]
  */
 
 /**
@@ -45,7 +47,7 @@ export const serve = async (streams, faults = {}, folder = 'build/web/player') =
     await faults.hold?.(begin);
     if (faults.status || begin >= bytes.length) return response.writeHead(faults.status ?? 416).end();
     response.writeHead(part ? 206 : 200, {
-      'Content-Length': end - begin, ETag: etag,
+      'Content-Length': end - begin, ETag: etag, ...faults.headers,
       ...part && {'Content-Range': `bytes ${begin}-${end - 1}/${bytes.length}`}
     });
     for (let at = begin; at < end; at += 16384) {

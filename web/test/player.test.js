@@ -463,13 +463,47 @@ test('tiers come one after the other, and the last tier can be chosen', () => wi
 }, {streams: {'tiers.l4d': join(work, 'tiers.l4d')}}));
 
 for (const [name, faults, words] of /** @type {[string, any, RegExp][]} */ ([
-  ['404', {status: 404}, /server does not have this file/], ['416', {status: 416}, /cut short/],
+  ['404', {status: 404}, /server does not have this file/], ['403', {status: 403}, /server refuses this file/], ['416', {status: 416}, /cut short/],
   ['500', {status: 500}, /server does not answer/]
 ])) {
   test(`an answer of ${name} is told`, () => withPlayer(async page => {
     assert.match(await message(page), words);
   }, {faults, wait: false, noErrors: false}));
 }
+
+test('a server of another origin: what it must allow is told', () => withPlayer(async page => {
+  const other = await serve({'scene.l4d': stream});
+  const load = async (/** @type {Record<string, string>} */ headers) => {
+    other.faults.headers = headers;
+    await inPlayer(page, (player, url) => void player.load(url), `${other.url}scene.l4d`);
+  };
+  try {
+    await load({'Access-Control-Allow-Origin': '*'});
+    assert.match(await message(page), /hides[^]*Access-Control-Expose-Headers: Content-Range, ETag/);
+    await load({});
+    await page.waitForFunction(() => /Access-Control-Allow-Origin/.test(document.querySelector('l4d-player').shadowRoot.querySelector('.message').innerText));
+    await load({'Access-Control-Allow-Origin': '*', 'Access-Control-Expose-Headers': 'Content-Range, ETag'});
+    await opened(page);
+  } finally {
+    other.close();
+  }
+}, {noErrors: false}));
+
+test('a browser without WebGL2 is told', () => withPlayer(async page => {
+  const [code, name, text] = await page.evaluate(async () => {
+    const {View} = await import('/player.js');
+    const canvas = document.createElement('canvas');
+    canvas.getContext('2d');  // which leaves no other one
+    try {
+      new View(canvas);
+    } catch (error) {
+      return [error.code, error.name, error.message];
+    }
+    return [];
+  });
+  assert.deepEqual([code, name], ['WEBGL2', 'L4DError']);
+  assert.match(text, /offers no WebGL2/);
+}));
 
 test('a file that changes is told, and so is a lost server; trying again helps', () => withPlayer(async (page, server) => {
   const load = inPlayer(page, player => {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The decoder, web/wasm/bridge.cc, over a store of bytes that may lack some: calls answer undefined
 // where bytes lack, and store.missed() says which.
-import {L4DError} from './errors.js';
+import {L4DError, statusError} from './errors.js';
 
 export const infoFields = /** @type {const} */ ([
   'formatMajor', 'formatMinor', 'shDegree', 'tools', 'numLayers', 'numGaussians', 'fileBytes', 'timeBegin',
@@ -59,7 +59,7 @@ let nextStream = 1;
 export const compile = async source => {
   const it = await source;
   if (it instanceof Response) {
-    if (!it.ok) throw new L4DError('NETWORK', `${it.url}: status ${it.status}`);
+    if (!it.ok) throw statusError(it.url, it.status);
     return WebAssembly.compile(await it.arrayBuffer());
   }
   return WebAssembly.compile(it);

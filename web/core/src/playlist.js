@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Playlists of files of several streams: HLS with the tags of `l4dcodec manifest` and `encode --live --playlist`.
 // What a playlist says decides on requests and memory, so all of it is checked.
-import {L4DError} from './errors.js';
+import {fetchError, L4DError, statusError} from './errors.js';
 
 /**
  * @typedef {object} Member a stream of the presentation
@@ -211,13 +211,13 @@ export const loadPlaylist = async (url, how, signal) => {
   const {headers, credentials} = how;
   try {
     const response = await how.fetch(url, {headers, credentials, signal, cache: 'no-store'});
-    if (!response.ok) throw new L4DError(response.status >= 500 ? 'NETWORK' : 'HTTP', `${url}: status ${response.status}`);
+    if (!response.ok) throw statusError(url, response.status);
     // Of another address after a redirection, which references are relative to.
     return parsePlaylist(await textOf(response, url), response.url || url);
   } catch (error) {
     const failure = /** @type {any} */ (error);
     if (failure instanceof L4DError || failure?.name === 'AbortError') throw failure;
-    throw new L4DError('NETWORK', `${url}: ${failure?.message ?? failure}`);
+    throw fetchError(url, failure);
   }
 };
 

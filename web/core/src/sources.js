@@ -2,7 +2,7 @@
 // Where bytes come from. A source has open(signal), which returns the size, and
 // read(offset, size, signal, onBytes, onStart), which calls onBytes(offset, bytes) as they arrive and, over a network,
 // onStart() when the answer begins.
-import {abortError, L4DError} from './errors.js';
+import {abortError, fetchError, L4DError, statusError} from './errors.js';
 
 /** @typedef {(offset: number, bytes: Uint8Array) => void} OnBytes */
 
@@ -89,12 +89,7 @@ export class HttpSource {
     const response = await this.#request(0, firstBytes, this.control.signal);
     this.etag = response.headers.get('ETag') ?? '';
     if (response.status === 206) {
-      const total = /\/(\d+)$/.exec(response.headers.get('Content-Range') ?? '')?.[1];
-      if (total === undefined) {
-        throw new L4DError('HTTP', `${this.url}: the answer does not say how long the file is ` +
-          '(a server of another origin must expose Content-Range)');
-      }
-      this.size = Number(total);
+      this.size = this.#total(response);
       this.early.push({offset: 0, bytes: new Uint8Array(await response.arrayBuffer())});
     } else {
       this.isWhole = true;
@@ -111,6 +106,21 @@ export class HttpSource {
     }
     if (this.size === 0) throw new L4DError('TRUNCATED', `${this.url}: the file is empty`);
     return this.size;
+  }
+
+  /** How long the file is of which a part has come. @param {Response} response */
+  #total(response) {
+    const range = response.headers.get('Content-Range');
+    if (range === null && response.type === 'cors') {
+      throw new L4DError('CORS', `${this.url}: the server hides from pages of other origins how long the file is; ` +
+        'it must send "Access-Control-Expose-Headers: Content-Range, ETag"');
+    }
+    const total = /\/(\d+)$/.exec(range ?? '')?.[1];
+    if (total === undefined) {
+      throw new L4DError('NO_RANGES', `${this.url}: the server sends a part of the file and does not say how long the file is ` +
+        `(Content-Range: ${range ?? 'none'}); it must say so, or know no ranges and send all of the file`);
+    }
+    return Number(total);
   }
 
   async #openPart() {
@@ -173,19 +183,17 @@ export class HttpSource {
                                              cache: 'no-store'});
     } catch (error) {
       if (/** @type {any} */ (error)?.name === 'AbortError') throw error;
-      throw new L4DError('NETWORK', `${this.url}: ${/** @type {any} */ (error)?.message ?? error}`);
+      throw fetchError(this.url, error);
     }
     if (response.status === 416) {
       throw new L4DError(this.etag ? 'CHANGED' : 'TRUNCATED', this.etag ?
         `${this.url}: the file has become shorter` : `${this.url}: the file ends before byte ${begin}`);
     }
-    if (response.status >= 500) throw new L4DError('NETWORK', `${this.url}: status ${response.status}`);
-    if (response.status !== 206 && response.status !== 200) {
-      throw new L4DError('HTTP', `${this.url}: status ${response.status}`);
-    }
+    if (response.status !== 206 && response.status !== 200) throw statusError(this.url, response.status);
     if (this.part && response.status === 200) {
       void response.body?.cancel();
-      throw new L4DError('HTTP', `${this.url}: the server does not know ranges of bytes, which playlists need`);
+      throw new L4DError('NO_RANGES', `${this.url}: the server does not know ranges of bytes, which files of several streams ` +
+        'need; put the file on one that does (all common ones do)');
     }
     return response;
   }

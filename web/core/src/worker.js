@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The worker of a movie: a session, driven by messages (movie.js).
-import {L4DError} from './errors.js';
+import {fetchError, L4DError} from './errors.js';
 import {compile} from './decoder.js';
 import {Presentation} from './presentation.js';
 import {Session} from './session.js';
@@ -25,11 +25,16 @@ const sourceOf = ({url, blob, buffer, headers, credentials}) => {
   return new HttpSource(url, {headers, credentials, onRetry});
 };
 
+/** @param {string} url @param {AbortSignal} signal */
+const fetchWasm = (url, signal) => fetch(url, {signal}).catch(error => {
+  throw error?.name === 'AbortError' ? error : fetchError(url, error);
+});
+
 /** @type {Record<string, (message: any, signal: AbortSignal) => Promise<[any, Transferable[]?]>>} */
 const answers = {
   async open(message, signal) {
     // While it compiles, the first bytes come.
-    const wasm = compile(message.wasm ?? fetch(message.wasmUrl, {signal}));
+    const wasm = compile(message.wasm ?? fetchWasm(message.wasmUrl, signal));
     const {source, options} = message;
     const {url, headers, credentials} = source;
     session = message.isPlaylist ? new Presentation(wasm, url, post, {...options, headers, credentials, onRetry}) :

@@ -290,16 +290,16 @@ test('what cannot be played is refused with a reason', async () => {
     await assert.rejects(presentation.open(), {code}, name);
     presentation.dispose();
   };
-  await refused('missing.m3u8', 'HTTP');
+  await refused('missing.m3u8', 'NOT_FOUND');
   files.set('empty.m3u8', utf8('#EXTM3U\n#EXT-X-TARGETDURATION:2\n#EXT-X-ENDLIST\n'));
   await refused('empty.m3u8', 'PLAYLIST');
   files.set('lost.m3u8', utf8(textOf('members.m3u8').replaceAll('members.l4d', 'gone.l4d')));
-  await refused('lost.m3u8', 'HTTP');
+  await refused('lost.m3u8', 'NOT_FOUND');
   files.set('short.l4d', /** @type {Uint8Array} */ (files.get('members.l4d')).subarray(0, 5000));
   files.set('cut.m3u8', utf8(textOf('members.m3u8').replaceAll('members.l4d', 'short.l4d')));
   await refused('cut.m3u8', 'TRUNCATED');
   server.faults.ranges = false;
-  await refused('members.m3u8', 'HTTP');
+  await refused('members.m3u8', 'NO_RANGES');
   server.faults.ranges = true;
 });
 

@@ -6,7 +6,7 @@ import {mkdtempSync, rmSync, writeFileSync} from 'node:fs';
 import {tmpdir} from 'node:os';
 import {join} from 'node:path';
 import {test} from 'node:test';
-import {L4DError} from '../src/errors.js';
+import {fetchError, L4DError} from '../src/errors.js';
 import {Session} from '../src/session.js';
 import {BlobSource, BufferSource, HttpSource} from '../src/sources.js';
 import {blockBytes, ByteStore} from '../src/store.js';
@@ -297,8 +297,34 @@ test('a file that changes is told, and so are 404, 416 and a server that is not 
   await assert.rejects(sessionOf(new HttpSource(empty.url)).session.open(), {code: 'TRUNCATED'});
   empty.close();
   const missing = await serve(bytes, {fail: () => 404});
-  await assert.rejects(sessionOf(new HttpSource(missing.url)).session.open(), {code: 'HTTP'});
+  await assert.rejects(sessionOf(new HttpSource(missing.url)).session.open(), {code: 'NOT_FOUND'});
   missing.close();
+});
+
+for (const [what, status, headers, type, code, words] of /** @type {[string, number, any, string, string, RegExp][]} */ ([
+  ['no file', 404, {}, 'basic', 'NOT_FOUND', /status 404; check the address/],
+  ['a file that is gone', 410, {}, 'cors', 'NOT_FOUND', /status 410/],
+  ['a server that wants to know who asks', 403, {}, 'basic', 'HTTP', /status 403.*credentials/],
+  ['a server that hides headers', 206, {}, 'cors', 'CORS', /Access-Control-Expose-Headers: Content-Range, ETag/],
+  ['a part without a place', 206, {}, 'basic', 'NO_RANGES', /how long the file is \(Content-Range: none\)/],
+  ['a part of no known size', 206, {'Content-Range': 'bytes 0-65535/*'}, 'cors', 'NO_RANGES', /\(Content-Range: bytes 0-65535\/\*\)/]
+])) {
+  test(`refused, and told what helps: ${what}`, async () => {
+    const answer = async () => Object.defineProperty(new Response('', {status, headers}), 'type', {value: type});
+    const {session} = sessionOf(new HttpSource('http://other.org/a.l4d', {fetch: answer}));
+    await assert.rejects(session.open(), error => error instanceof L4DError && error.code === code && words.test(error.message));
+  });
+}
+
+test('an answer that does not come names the other origin as what may forbid it', () => {
+  const {location} = /** @type {any} */ (globalThis);
+  try {
+    Object.assign(globalThis, {location: {origin: 'http://here.org'}});
+    assert.match(fetchError('http://other.org/a.l4d', new TypeError('Failed to fetch')).message, /Failed to fetch; .*Access-Control-Allow-Origin/);
+    assert.equal(fetchError('http://here.org/a.l4d', new TypeError('Failed to fetch')).message, 'http://here.org/a.l4d: Failed to fetch');
+  } finally {
+    Object.assign(globalThis, {location});
+  }
 });
 
 test('a file that is cut short: each part that is lost is told once; who is not tolerant is refused', async () => {

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+import {L4DError} from 'l4dcodec';
 import {Painter} from './painter.js';
 import {GpuSurface} from './webgpu/surface.js';
 
@@ -8,7 +9,7 @@ export class GlSurface {
   constructor(canvas) {
     const gl = canvas.getContext('webgl2', {alpha: false, antialias: false, depth: false, stencil: false,
                                             powerPreference: 'high-performance'});
-    if (!gl) throw new Error('this browser has no WebGL2');
+    if (!gl) throw new L4DError('WEBGL2', 'this browser offers no WebGL2; another one may, or hardware acceleration is off in its settings');
     this.backend = /** @type {const} */ ('webgl2');
     this.canvas = canvas;
     this.gl = gl;
