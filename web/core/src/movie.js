@@ -24,11 +24,12 @@ import {frameOfTime} from './timeline.js';
  */
 /**
  * @typedef {object} Loss a part of the stream that cannot be shown
- * @property {string} code "TRUNCATED", "CORRUPT", "CHECKSUM": why
+ * @property {string} code "TRUNCATED", "CORRUPT", "NOT_FOUND": why
  * @property {string} clause the rule that is broken, "" if none @property {number} offset the byte, -1 if none
  * @property {number} [layer] @property {number} [bucket] @property {number} [gaussians] that lack
  * @property {boolean} detailOnly they are shown in base colours
- * @property {number} [member] of a presentation of several streams; all of the member if no layer is named
+ * @property {number} [member] of a presentation of several streams
+ * @property {number} [begin] @property {number} [end] seconds: all of the member is lost
  */
 /**
  * @typedef {object} OpenOptions
@@ -53,7 +54,8 @@ export const open = async (from, options = {}) => {
   if (options.signal?.aborted) throw abortError();
   for (const name of /** @type {const} */ (['cacheBytes', 'maxRows'])) {
     const value = options[name];
-    if (value !== undefined && !(typeof value === 'number' && value >= 0)) throw invalid(`${name} is ${String(value)}; it must be a number from 0`);
+    if (value === undefined || typeof value === 'number' && value >= 0) continue;
+    throw invalid(`${name} is ${String(value)}; it must be a number from 0`);
   }
   const movie = new Movie(options);
   try {
@@ -138,6 +140,8 @@ export class Movie extends Emitter {
     /** @type {import('./playlist.js').Member | null} */
     this.shownMember = null;
     this.isLive = false;
+    /** @type {number | null} of a playlist */
+    this.firstTime = null;
     this.behind = 0;
     this.worker.onmessage = event => this.#receive(event.data);
     this.worker.onerror = event => this.#fail(new L4DError('INTERNAL', event.message ?? 'the worker failed'));
@@ -167,6 +171,7 @@ export class Movie extends Emitter {
       this.behind = this.timeEnd - playlist.startTime;
       this.spans = new Spans(playlist.members);
       this.isLive = playlist.live;
+      if (!playlist.live) this.firstTime = playlist.startTime;
       this.on('time', time => this.#showSpan(time));
     }
     this.clock = new Clock(this);
@@ -177,8 +182,13 @@ export class Movie extends Emitter {
   get duration() { return this.info.duration; }
   get timeBegin() { return this.info.timeBegin; }
   get timeEnd() { return this.info.timeBegin + this.info.duration; }
-  /** Where playing begins: of a file that grows, so near to its end that it plays without waiting. */
-  get startTime() { return this.live ? Math.max(this.timeBegin, this.timeEnd - this.behind) : this.timeBegin; }
+  /**
+   * Where playing begins: where the first member is that can be shown; of a file that grows, so near to its end that it
+   * plays without waiting.
+   */
+  get startTime() {
+    return this.live ? Math.max(this.timeBegin, this.timeEnd - this.behind) : this.firstTime ?? this.timeBegin;
+  }
   /** Whether it is still being made: `timeEnd` grows. */
   get live() { return this.isLive; }
   /** Whether streams come and go, so that a picture wants the order of its own instant. */

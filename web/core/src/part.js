@@ -7,8 +7,11 @@ import {HttpSource} from './sources.js';
 /** Times that differ by less are roundings of one. */
 export const slack = 1e-6;
 
+/** The server does not have it, or not yet. */
+const absences = ['NOT_FOUND', 'HTTP'];
 /** What is wrong with a stream, not with its way here. */
-const damages = ['CORRUPT', 'CHECKSUM', 'TRUNCATED', 'NOT_L4D', 'VERSION_UNSUPPORTED', 'FEATURE_UNSUPPORTED', 'LIMIT_EXCEEDED'];
+const damages = [...absences, 'CORRUPT', 'CHECKSUM', 'TRUNCATED', 'NOT_L4D', 'VERSION_UNSUPPORTED', 'FEATURE_UNSUPPORTED',
+                 'LIMIT_EXCEEDED'];
 
 /**
  * @typedef {object} Host what a part belongs to
@@ -36,8 +39,9 @@ export class Part {
     this.info = null;
     /** The last message 'ready' of the session. @type {any} */
     this.ready = null;
-    /** @type {unknown} why it shows nothing */
+    /** @type {L4DError | null} why it shows nothing */
     this.damage = null;
+    this.isTold = false;     // that it is lost
     this.lastUsed = 0;
     this.wanted = '';
     this.isMet = false;      // the presentation knows what it says of itself
@@ -60,10 +64,28 @@ export class Part {
     try {
       this.info = await this.session.open(signal);
     } catch (error) {
-      const isDamage = error instanceof L4DError && damages.includes(error.code);
-      if (!isDamage || this.host.options.tolerant === false) throw error;
-      this.damage = error;
+      if (!this.lose(error)) throw error;
     }
+  }
+
+  /** Goes on without it, if `error` costs no more than its span. Returns whether that is so. @param {unknown} error */
+  lose(error) {
+    if (!(error instanceof L4DError) || !damages.includes(error.code) || this.host.options.tolerant === false) return false;
+    this.damage = error;
+    return true;
+  }
+
+  /** Whether its server did not have it when it was wanted. */
+  get isAbsent() { return this.damage !== null && absences.includes(this.damage.code); }
+
+  /** Tries once more to get what its server did not have. */
+  retry() {
+    if (!this.isAbsent) return;
+    this.damage = null;
+    this.wanted = '';
+    if (this.info) return;
+    this.opening = null;
+    this.isMet = false;
   }
 
   /**

@@ -75,21 +75,45 @@ export class Presentation {
     const [module] = await Promise.all([this.module, this.#firstPlaylist(signal)]);
     this.host.instance = this.instance = await instantiate(module);
     this.#span();
-    const {members} = this.spans.shownAt(this.startTime);
-    const parts = members.map(entry => this.#part(entry));
-    await Promise.all(parts.map(part => part.open(signal)));
-    for (const part of parts) await this.#open(part, signal);
-    const damaged = parts.find(part => part.damage);
-    if (!this.info) throw damaged?.damage;
+    await this.#openFirst(signal);
     if (!this.playlist.complete) void this.#follow();
     return {...this.info, playlist: {members: this.playlist.members, live: !this.playlist.complete, startTime: this.startTime}};
   }
 
-  /** Where playing begins: of a file that grows, as late as two segments before the end allow. */
+  /** Opens what is shown first. What is lost is passed over. @param {AbortSignal} signal */
+  async #openFirst(signal) {
+    const {media} = this.spans;
+    const first = this.spans.indexAt(this.startTime);
+    const absent = new Set();  // addresses
+    /** @type {L4DError | null} */
+    let damage = null;
+    for (let k = first, tries = 0; k < media.length && tries < mostStages; ++k) {
+      const members = this.spans.with(media[k]);
+      if (members.every(({url}) => absent.has(url))) continue;
+      ++tries;
+      const parts = members.map(entry => this.#part(entry));
+      await Promise.all(parts.map(part => part.open(signal)));
+      for (const part of parts) await this.#open(part, signal);
+      if (k > first) this.firstTime = media[k].begin;
+      if (this.info) return;
+      for (const part of parts) {
+        damage ??= part.damage;
+        if (part.isAbsent) absent.add(part.entry.url);
+      }
+    }
+    throw damage;
+  }
+
+  /**
+   * Where playing begins: where the first member is that can be shown; of a file that grows, as late as two segments
+   * before the end allow.
+   */
   get startTime() {
     const {begin, end} = this.spans;
-    return this.playlist.complete ? begin : Math.max(begin, end - 2 * this.playlist.targetDuration);
+    const from = Math.max(begin, this.firstTime);
+    return this.playlist.complete ? from : Math.max(from, end - 2 * this.playlist.targetDuration);
   }
+  firstTime = -Infinity;
 
   dispose() {
     this.disposed = true;
@@ -104,7 +128,10 @@ export class Presentation {
     if (seek) ++this.seeks;
     this.goal = goal;
     this.begun = 1;
-    for (const part of this.parts.values()) part.hasFailed = false;
+    for (const part of this.parts.values()) {
+      part.hasFailed = false;
+      if (seek) part.retry();
+    }
     const {begin, end} = this.spans;
     const from = Math.min(Math.max(goal.time, begin), end);
     this.stages = this.#stagesOf(from, Math.min(from + goal.ahead, end));
@@ -226,6 +253,8 @@ export class Presentation {
     this.spans.add(members);
     this.#span();
     this.post({type: 'grown', members, live: !next.complete});
+    // A playlist may be ahead of its files.
+    for (const part of this.parts.values()) part.retry();
     if (this.goal) this.want(this.goal, false);
   }
 
@@ -252,12 +281,17 @@ export class Presentation {
     if (signal.aborted) throw abortError();
     if (part.isMet) return;
     part.isMet = true;
-    if (part.damage) {
-      const {code, clause, offset} = L4DError.toData(part.damage);
-      ++this.closed.lost;
-      return this.post({type: 'loss', losses: [{code, clause, offset, member: part.entry.number, detailOnly: false}]});
-    }
-    if (part.info) this.#meet(part, part.info);
+    if (part.damage) this.#tellLoss(part);
+    else if (part.info) this.#meet(part, part.info);
+  }
+
+  /** @param {Part} part that is lost */
+  #tellLoss(part) {
+    if (!part.damage || part.isTold) return;
+    part.isTold = true;
+    ++this.closed.lost;
+    const {damage: {code, clause, offset}, entry: {number, begin, end}} = part;
+    this.post({type: 'loss', losses: [{code, clause, offset, member: number, begin, end, detailOnly: false}]});
   }
 
   /** Takes in what a member that is open says of itself. @param {Part} part @param {import('./decoder.js').Info} info */
@@ -444,6 +478,9 @@ export class Presentation {
       this.#progress();
     } else if (message.type === 'loss') {
       this.post({...message, losses: message.losses.map((/** @type {any} */ l) => ({...l, member: number}))});
+    } else if (message.type === 'error' && part.lose(L4DError.fromData(message.error))) {
+      this.#tellLoss(part);
+      this.#advance(false);
     } else if (message.type === 'error') {
       // Until somebody wants something again.
       part.hasFailed = true;

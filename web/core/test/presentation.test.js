@@ -53,6 +53,7 @@ const visible = (p, time) => {
   let count = 0;
   for (const {number, shift} of shown.members) {
     const timeline = p.timelines.get(number);
+    if (!timeline) continue;  // lost
     const own = Math.min(Math.max(shown.time - shift, timeline.timeBegin), timeline.timeBegin + timeline.duration);
     for (const rows of [...p.rows.values()].filter(r => r.stream === number)) {
       for (let k = 0; k < rows.count; ++k) {
@@ -222,6 +223,66 @@ test('a member that is damaged is a loss, and its neighbours play', async () => 
   await until(() => strict.of('error').length > 0, 'the error');
   assert.match(strict.of('error')[0].error.code, /CORRUPT|CHECKSUM/);
   strict.presentation.dispose();
+});
+
+/** A playlist in which the file of a segment is another one. @param {string} from @param {number} segment @param {string} to */
+const withSegment = (from, segment, to) => {
+  let k = 0;
+  return utf8(textOf(from).replace(/^[\w.]+\.l4d$/gm, own => k++ === segment ? to : own));
+};
+
+test('a first segment that the server does not have is a loss, and playing begins with the next one', async () => {
+  files.set('late.m3u8', withSegment('joined.m3u8', 0, 'late.l4d'));
+  files.delete('late.l4d');
+  const p = presentationOf('late.m3u8');
+  const info = /** @type {any} */ (await p.presentation.open());
+  const [lost, next] = p.presentation.spans.media;
+  assert.deepEqual([info.timeBegin, info.playlist.startTime], [lost.begin, next.begin]);
+  assert.deepEqual(p.of('loss').flatMap(l => l.losses), [{code: 'NOT_FOUND', clause: '', offset: -1, member: lost.number,
+                                                        begin: lost.begin, end: lost.end, detailOnly: false}]);
+  // Its own time shows nothing, and playing goes on from it.
+  p.presentation.want(goal(lost.begin, {playing: true, id: 1}), true);
+  await until(() => p.of('ready').some(r => r.id === 1 && r.until >= next.begin + 0.5), 'what comes after it');
+  const slice = (/** @type {number} */ time) => p.presentation.slice(time, {}, p.presentation.control.signal);
+  assert.deepEqual([(await slice(lost.begin)).count, (await slice(next.begin)).count > 0], [0, true]);
+  assert.equal(p.of('loss').length, 1);
+  assert.deepEqual(p.of('error'), []);
+  // Once it is there, a seek shows it.
+  files.set('late.l4d', /** @type {Uint8Array} */ (files.get('joined.l4d')));
+  p.presentation.want(goal(lost.begin, {id: 2}), true);
+  await until(() => p.of('ready').some(r => r.id === 2 && r.detail === 'full'), 'the first segment');
+  assert.ok(visible(p, lost.begin) > 0);
+  p.presentation.dispose();
+  files.delete('late.l4d');
+  const strict = presentationOf('late.m3u8', {tolerant: false});
+  await assert.rejects(strict.presentation.open(), {code: 'NOT_FOUND'});
+  strict.presentation.dispose();
+});
+
+test('a segment that goes away while it plays costs its span; what others need is shown with them', async () => {
+  files.set('going.l4d', /** @type {Uint8Array} */ (files.get('members.l4d')));
+  files.set('going.m3u8', withSegment('members.m3u8', 0, 'none.l4d'));
+  const p = presentationOf('going.m3u8');
+  const info = /** @type {any} */ (await p.presentation.open());
+  // The standing member is there, so that playing begins with it.
+  assert.equal(info.playlist.startTime, info.timeBegin);
+  p.presentation.want(goal(info.timeBegin, {id: 1}), true);
+  await until(() => p.of('ready').some(r => r.id === 1 && r.detail === 'full'), 'the standing member');
+  assert.ok(visible(p, info.timeBegin) > 0);
+  p.presentation.dispose();
+  files.set('going.m3u8', withSegment('joined.m3u8', 1, 'going.l4d'));
+  files.set('going.l4d', /** @type {Uint8Array} */ (files.get('joined.l4d')));
+  const q = presentationOf('going.m3u8');
+  await q.presentation.open();
+  const [, second, third] = q.presentation.spans.media;
+  q.presentation.want(goal(second.begin, {ahead: 0, detail: 'base', id: 1}), true);
+  await until(() => q.of('ready').some(r => r.id === 1), 'the second, in base colours');
+  files.delete('going.l4d');
+  q.presentation.want(goal(second.begin, {ahead: 6, id: 2}), true);
+  await until(() => q.of('ready').some(r => r.id === 2 && r.until >= third.begin + 0.5), 'the third');
+  assert.deepEqual(q.of('error'), []);
+  assert.deepEqual(q.of('loss').flatMap(l => l.losses).map(l => [l.member, l.code]), [[second.number, 'NOT_FOUND']]);
+  q.presentation.dispose();
 });
 
 test('a file that grows is followed to its end', async () => {
