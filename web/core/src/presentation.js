@@ -422,12 +422,16 @@ export class Presentation {
   /** @param {Part} part */
   async #openAndGoOn(part) {
     if (part.opening) return;
+    const {seeks} = this;
     try {
       await this.#open(part);
     } catch (error) {
-      part.hasFailed = true;
       if (this.disposed || /** @type {any} */ (error)?.name === 'AbortError') return;
-      return this.post({type: 'error', error: L4DError.toData(error), id: this.goal?.id});
+      // A seek since then has not been tried.
+      if (seeks === this.seeks) {
+        part.hasFailed = true;
+        return this.post({type: 'error', error: L4DError.toData(error), id: this.goal?.id});
+      }
     }
     this.#advance(false);
   }

@@ -345,6 +345,28 @@ test('a playlist that becomes another one is told, and so is a server that is lo
   p.presentation.dispose();
 });
 
+test('a seek is not answered with the failure of the one before', async () => {
+  let fails = false, failures = 0, release = () => {};
+  const held = new Promise(resolve => { release = () => resolve(undefined); });
+  /** @type {any} */
+  const p = presentationOf('joined.m3u8', {fetch: (/** @type {any[]} */ ...given) => {
+    // The fourth is the last try.
+    if (fails && ++failures <= 4) return (failures === 4 ? held : Promise.resolve()).then(() => { throw new TypeError('no network'); });
+    return fetch(.../** @type {[string]} */ (given));
+  }});
+  await p.presentation.open();
+  const {begin} = p.presentation.spans.media[2];
+  fails = true;
+  p.presentation.want(goal(begin, {id: 1}), true);
+  await until(() => failures === 4, 'the last try');
+  p.presentation.want(goal(begin, {id: 2}), true);
+  release();
+  await until(() => p.of('ready').some((/** @type {any} */ r) => r.id === 2 && r.detail === 'full'), 'the picture');
+  assert.ok(failures > 4);
+  assert.deepEqual(p.of('error'), []);
+  p.presentation.dispose();
+});
+
 test('what cannot be played is refused with a reason', async () => {
   const refused = async (/** @type {string} */ name, /** @type {string} */ code) => {
     const {presentation} = presentationOf(name);
