@@ -471,6 +471,28 @@ for (const [name, faults, words] of /** @type {[string, any, RegExp][]} */ ([
   }, {faults, wait: false, noErrors: false}));
 }
 
+test('a file that is cut short says so over the picture, and a whole one takes that back', () => withPlayer(async page => {
+  const note = () => inPlayer(page, player => {
+    const box = player.shadowRoot.querySelector('.note');
+    return box.hidden ? '' : box.textContent;
+  });
+  assert.equal(await note(), '');
+  const load = (/** @type {string} */ base64) => inPlayer(page, (player, text) => {
+    void player.load(Uint8Array.from(atob(text), c => c.charCodeAt(0)));
+  }, base64);
+  const bytes = readFileSync(join(work, 'tiers.l4d'));
+  await load(bytes.subarray(0, 300_000).toString('base64'));
+  await page.waitForFunction(() => !document.querySelector('l4d-player').shadowRoot.querySelector('.note').hidden);
+  await opened(page);
+  assert.match(await note(), /^This file is cut short: \d parts? cannot be shown, 1 part without detail of colours$/);
+  const losses = await inPlayer(page, player => player.movie.losses);
+  assert.ok(losses.length > 1 && losses.every(l => l.code === 'TRUNCATED' && l.clause === 'CHNK-1' && l.offset > 0));
+  await load(bytes.toString('base64'));
+  await page.waitForFunction(() => document.querySelector('l4d-player').shadowRoot.querySelector('.note').hidden);
+  await opened(page);
+  assert.equal(await inPlayer(page, player => player.movie.losses.length), 0);
+}));
+
 test('a server of another origin: what it must allow is told', () => withPlayer(async page => {
   const other = await serve({'scene.l4d': stream});
   const load = async (/** @type {Record<string, string>} */ headers) => {

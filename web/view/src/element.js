@@ -3,7 +3,7 @@ import {open} from 'l4dcodec';
 import {PointerControls} from './controls.js';
 import {onKey} from './keys.js';
 import {icons, html} from './template.js';
-import {clockText, describeError, overlayLines, parseLink, spokenTime} from './text.js';
+import {clockText, describeError, describeLosses, overlayLines, parseLink, spokenTime} from './text.js';
 import {View} from './view.js';
 
 const Base = globalThis.HTMLElement ?? /** @type {any} */ (class {});
@@ -120,6 +120,8 @@ export class L4DPlayer extends Base {
     });
     movie.on('retry', () => this.#say('The connection is slow, trying again'));
     this.#fillMenu(movie);
+    movie.on('loss', () => this.#showLosses(movie));
+    this.#showLosses(movie);
     await this.view?.show(movie);
     const link = parseLink(this.hasAttribute('src') ? location.hash : '');
     await movie.seek(link.time ?? movie.startTime);
@@ -339,6 +341,13 @@ export class L4DPlayer extends Base {
     this.$('.big').hidden = true;
     this.#say(type === 'play' ? 'Playing' : type === 'ended' ? 'The end' : 'Paused');
     this.#awake();
+  }
+
+  /** @param {import('l4dcodec').Movie} movie */
+  #showLosses({losses}) {
+    const note = this.$('.note');
+    note.hidden = losses.length === 0;
+    note.textContent = describeLosses(losses);
   }
 
   /** @param {boolean} on */

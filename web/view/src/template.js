@@ -75,6 +75,8 @@ button:focus-visible, input:focus-visible, select:focus-visible { outline: 2px s
 .message.over { background: rgb(9 12 16 / .86); }
 .message b { font-size: 16px; font-weight: 600; } .message p { margin: 0; max-width: 54ch; color: #c3cbd6; overflow-wrap: anywhere; }
 .message button { width: auto; padding: 8px 18px; background: #2a323d; }
+.note { position: absolute; top: 12px; right: 12px; max-width: min(36ch, 60%); padding: 7px 11px; border-radius: 8px; background: rgb(9 12 16 / .74);
+  color: #ffd9a0; font-size: 13px; pointer-events: none; }
 .drop { position: absolute; inset: 10px; border: 2px dashed var(--accent); border-radius: 10px; pointer-events: none; background: rgb(90 176 255 / .12); display: none; }
 :host([dragging]) .drop { display: block; }
 .said { position: absolute; width: 1px; height: 1px; overflow: hidden; clip-path: inset(50%); white-space: nowrap; }
@@ -120,5 +122,6 @@ export const html = `<style>${style}</style>
   <button class="link">Copy link to this view</button>
 </div>
 <div class="message" role="alert" hidden><b></b><p></p><button>Try again</button></div>
+<div class="note" part="note" role="status" hidden></div>
 <div class="drop"></div>
 <div class="said" role="status" aria-live="polite"></div>`;

@@ -42,6 +42,21 @@ export const describeError = error => ({
 });
 
 /**
+ * What of a movie cannot be shown, "" if that is nothing.
+ * @param {import('l4dcodec').Loss[]} losses
+ */
+export const describeLosses = losses => {
+  const wants = losses.filter(loss => !loss.detailOnly).length;
+  const parts = (/** @type {number} */ n) => n === 1 ? '1 part' : `${n} parts`;
+  const why = losses.some(loss => loss.code === 'TRUNCATED') ? 'This file is cut short' :
+    losses.some(loss => loss.begin !== undefined) ? 'Some of this recording is damaged or missing' : 'This file is damaged';
+  const details = losses.length - wants;
+  return losses.length === 0 ? '' : `${why}: ${[
+    ...wants > 0 ? [`${parts(wants)} cannot be shown`] : [], ...details > 0 ? [`${parts(details)} without detail of colours`] : []
+  ].join(', ')}`;
+};
+
+/**
  * The overlay: names and values.
  * @param {import('l4dcodec').Movie} movie @param {import('./view.js').View} view @param {number} fps
  * @returns {[string, string][]}
