@@ -39,6 +39,12 @@ io::Fidelity ImageComparison::summary(ImageError ViewFidelity::*of) const {
   return summarise(errors);
 }
 
+double ImageComparison::mean_lpips(ImageError ViewFidelity::*of) const {
+  double sum = 0;
+  for (const ViewFidelity& view : views) sum += (view.*of).lpips;
+  return sum / static_cast<double>(views.size());
+}
+
 size_t ImageComparison::worst() const {
   const auto at = std::max_element(
       views.begin(), views.end(),
@@ -47,7 +53,8 @@ size_t ImageComparison::worst() const {
 }
 
 ImageComparison compare_images(RenderedScene& a, RenderedScene& b, const CameraViews& all,
-                               bool images, uint32_t threads, Observer& observer) {
+                               bool images, const Lpips* lpips, uint32_t threads,
+                               Observer& observer) {
   using Clock = std::chrono::steady_clock;
   std::vector<std::vector<size_t>> parts;
   if (images) {
@@ -58,9 +65,17 @@ ImageComparison compare_images(RenderedScene& a, RenderedScene& b, const CameraV
   }
   ImageComparison result;
   result.has_images = images;
+  if (lpips != nullptr) {
+    result.lpips = lpips->network();
+    for (const io::View& view : all.views) {
+      const l4d_camera& camera = all.set.cameras[view.camera].camera;
+      lpips->check_size(camera.width, camera.height);
+    }
+  }
   result.views.resize(all.views.size());
   const auto error_of = [&](const io::Image& x, const io::Image& y) {
-    return ImageError{io::mse(x, y), io::ssim(x, y, threads)};
+    return ImageError{io::mse(x, y), io::ssim(x, y, threads),
+                      lpips == nullptr ? 0 : lpips->distance(x, y, threads)};
   };
   io::Image image_a, image_b;
   size_t done = 0;

@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <string>
 #include <vector>
 
+#include "eval/lpips.h"
 #include "eval/observer.h"
 #include "eval/rendered_scene.h"
 #include "eval/views.h"
@@ -20,6 +22,7 @@ double capped_psnr(double mse);
 struct ImageError {
   double mse = 0;
   double ssim = 0;
+  double lpips = 0;  // where a network measured it
 };
 
 // Over all views; none of its decibels is above kMaxDecibels.
@@ -35,17 +38,21 @@ struct ViewFidelity {
 struct ImageComparison {
   std::vector<ViewFidelity> views;
   bool has_images = false;
+  std::string lpips;  // the network of LPIPS, "alex" or "vgg"; "" = none
   double render_seconds = 0;
 
   // Of one of the errors that views have: &ViewFidelity::fidelity, a or b.
   io::Fidelity summary(ImageError ViewFidelity::*of) const;
+  double mean_lpips(ImageError ViewFidelity::*of) const;
   size_t worst() const;  // index into views
 };
 
 // Renders both scenes in all views; all cameras of an instant share it. images: also compares both
-// with what the cameras saw. threads: 0 = one per core.
+// with what the cameras saw. lpips: may be null; throws io::Error before it renders if images are
+// too small for the network. threads: 0 = one per core.
 ImageComparison compare_images(RenderedScene& a, RenderedScene& b, const CameraViews& views,
-                               bool images, uint32_t threads, Observer& observer);
+                               bool images, const Lpips* lpips, uint32_t threads,
+                               Observer& observer);
 
 // A, B and the map of their difference times `gain`, beside each other.
 io::Image side_by_side(RenderedScene& a, RenderedScene& b, const CameraViews& views,

@@ -12,8 +12,11 @@ std::string format_db(double decibels) {
   return format(decibels < eval::kMaxDecibels ? "%.2f" : "%.0f", decibels);
 }
 
-std::string row(const std::string& name, double psnr, double ssim) {
-  return format("%-28s %8s dB  SSIM %.4f\n", name.c_str(), format_db(psnr).c_str(), ssim);
+// lpips: the network of LPIPS, or "".
+std::string row(const std::string& name, double psnr, double ssim, const std::string& lpips,
+                double distance) {
+  return format("%-28s %8s dB  SSIM %.4f", name.c_str(), format_db(psnr).c_str(), ssim) +
+         (lpips.empty() ? "\n" : format("  LPIPS (%s) %.4f\n", lpips.c_str(), distance));
 }
 
 }  // namespace
@@ -35,6 +38,14 @@ Json image_json(const eval::ImageComparison& c, bool per_view) {
     j["ssim_a"] = a.mean_ssim;
     j["ssim_b"] = b.mean_ssim;
   }
+  if (!c.lpips.empty()) {
+    const std::string key = "lpips_" + c.lpips;
+    j[key] = c.mean_lpips(&ViewFidelity::fidelity);
+    if (c.has_images) {
+      j[key + "_a"] = c.mean_lpips(&ViewFidelity::a);
+      j[key + "_b"] = c.mean_lpips(&ViewFidelity::b);
+    }
+  }
   j["render_s"] = c.render_seconds;
   if (!per_view) return j;
   j["per_view"] = Json::array();
@@ -50,6 +61,14 @@ Json image_json(const eval::ImageComparison& c, bool per_view) {
       entry["ssim_a"] = view.a.ssim;
       entry["ssim_b"] = view.b.ssim;
     }
+    if (!c.lpips.empty()) {
+      const std::string key = "lpips_" + c.lpips;
+      entry[key] = view.fidelity.lpips;
+      if (c.has_images) {
+        entry[key + "_a"] = view.a.lpips;
+        entry[key + "_b"] = view.b.lpips;
+      }
+    }
     j["per_view"].push_back(entry);
   }
   return j;
@@ -61,14 +80,16 @@ std::string image_text(const eval::ImageComparison& c, bool per_view) {
   std::string t =
       format("\nimages of %s views, rendered in %s\n", format_count(c.views.size()).c_str(),
              format_seconds(c.render_seconds).c_str());
-  t += row("B against A", f.psnr, f.mean_ssim);
+  t += row("B against A", f.psnr, f.mean_ssim, c.lpips, c.mean_lpips(&ViewFidelity::fidelity));
   t += row(format("worst: camera %d, frame %u", least.camera, least.view.frame), f.min_psnr,
-           least.fidelity.ssim);
+           least.fidelity.ssim, c.lpips, least.fidelity.lpips);
   if (c.has_images) {
     const io::Fidelity a = c.summary(&ViewFidelity::a);
     const io::Fidelity b = c.summary(&ViewFidelity::b);
-    t += row("A against captured, mean", a.mean_psnr, a.mean_ssim);
-    t += row("B against captured, mean", b.mean_psnr, b.mean_ssim);
+    t += row("A against captured, mean", a.mean_psnr, a.mean_ssim, c.lpips,
+             c.mean_lpips(&ViewFidelity::a));
+    t += row("B against captured, mean", b.mean_psnr, b.mean_ssim, c.lpips,
+             c.mean_lpips(&ViewFidelity::b));
   }
   if (!per_view) return t;
   t += format("\n%-7s %-7s %-9s %9s %7s", "camera", "frame", "time", "fidelity", "ssim");

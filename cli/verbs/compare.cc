@@ -32,6 +32,7 @@ struct CompareArguments {
   std::string side_by_side;
   std::string error_gain;
   std::string min_fidelity;
+  std::string lpips;
   ImportArguments import;
 
   // Pairing the Gaussians of two scenes takes longer than rendering them.
@@ -147,11 +148,11 @@ double check_image_options(const CompareArguments& arguments) {
   arguments.cameras.check();
   const bool uses_images = arguments.images || arguments.per_view || arguments.attributes ||
                            !arguments.side_by_side.empty() || !arguments.error_gain.empty() ||
-                           !arguments.min_fidelity.empty();
+                           !arguments.min_fidelity.empty() || !arguments.lpips.empty();
   if (uses_images && !arguments.cameras.given()) {
     throw usage_error(
-        "--images, --per-view, --side-by-side, --error-gain, --min-fidelity and --attributes need "
-        "--cameras");
+        "--images, --per-view, --side-by-side, --error-gain, --min-fidelity, --lpips and "
+        "--attributes need --cameras");
   }
   if (arguments.images && arguments.cameras.orbit > 0) {
     throw usage_error("--images: made-up cameras have seen nothing");
@@ -174,6 +175,7 @@ Outcome run_compare(Context& context, const CompareArguments& arguments) {
   context.files.add_input(arguments.a, "A");
   context.files.add_input(arguments.b, "B");
   if (!arguments.order.empty()) context.files.add_input(arguments.order, "--order");
+  if (!arguments.lpips.empty()) context.files.add_input(arguments.lpips, "--lpips");
   arguments.cameras.load(context);
   std::optional<Output> picture;
   if (!arguments.side_by_side.empty()) {
@@ -181,6 +183,8 @@ Outcome run_compare(Context& context, const CompareArguments& arguments) {
     picture.emplace(context, arguments.side_by_side, "--side-by-side");
     if (picture->is_stdout()) throw usage_error("--side-by-side cannot go to stdout");
   }
+  std::optional<eval::Lpips> lpips;
+  if (!arguments.lpips.empty()) lpips = eval::Lpips::read(io::InputFile(arguments.lpips));
   const Input input_a(context, arguments.a, "A");
   const Input input_b(context, arguments.b, "B");
   Verdict verdict;
@@ -189,7 +193,7 @@ Outcome run_compare(Context& context, const CompareArguments& arguments) {
   }
   if (arguments.cameras.given()) {
     const RenderOptions options = {arguments.images, arguments.per_view, gain,
-                                   picture ? &*picture : nullptr};
+                                   lpips ? &*lpips : nullptr, picture ? &*picture : nullptr};
     compare_views(context, arguments, input_a, input_b, options, verdict);
   }
   verdict.outcome.json["not_met"] = verdict.not_met;
@@ -234,6 +238,11 @@ void add_compare(Registry& registry) {
   verb->add_option("--min-fidelity", arguments->min_fidelity,
                    "Exit with 1 if B's images are less than DB decibels from A's")
       ->type_name("DB")
+      ->group(group);
+  verb->add_option("--lpips", arguments->lpips,
+                   "Also measure LPIPS, with the weights of AlexNet or VGG16 in this .safetensors "
+                   "file (docs/training.md)")
+      ->type_name("FILE")
       ->group(group);
   verb->add_flag("--attributes", arguments->attributes,
                  "Also compare attributes, which pairs Gaussians and takes longer")

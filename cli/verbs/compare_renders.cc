@@ -21,7 +21,8 @@ RendersCompared compare_renders(Context& context, const Input& input_a, const In
   if (options.images) check_captured(views);
   const eval::ImageComparison comparison = [&] {
     Progress progress(context, "compare");
-    return eval::compare_images(a, b, views, options.images, context.options.threads, progress);
+    return eval::compare_images(a, b, views, options.images, options.lpips, context.options.threads,
+                                progress);
   }();
   if (options.picture != nullptr) {
     const io::View& worst = comparison.views[comparison.worst()].view;

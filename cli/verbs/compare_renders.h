@@ -8,13 +8,15 @@
 #include "cli/common.h"
 #include "cli/files.h"
 #include "cli/scene_source.h"
+#include "eval/lpips.h"
 
 namespace l4d::cli {
 
 struct RenderOptions {
   bool images = false;  // also against what the cameras saw
   bool per_view = false;
-  double gain = 1;            // of the map of differences
+  double gain = 1;  // of the map of differences
+  const eval::Lpips* lpips = nullptr;
   Output* picture = nullptr;  // of the worst view
 };
 

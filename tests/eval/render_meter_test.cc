@@ -39,7 +39,8 @@ TEST(FidelityMeter, AgreesWithAComparisonOfImages) {
   io::Scene faint = s.scene;
   for (float& opacity : faint.opacity) opacity *= 0.9f;
   RenderedScene original({}, &s.scene, "original"), coded({}, &faint, "coded");
-  const ImageComparison compared = compare_images(original, coded, s.views, false, 1, observer);
+  const ImageComparison compared =
+      compare_images(original, coded, s.views, false, nullptr, 1, observer);
   const io::Fidelity expected = compared.summary(&ViewFidelity::fidelity);
   EXPECT_GT(expected.psnr, 10);
   EXPECT_LT(expected.psnr, 60);

@@ -4,6 +4,7 @@
 set -euo pipefail
 
 train=$1 codec=$2 python=$3
+tests=$(cd "$(dirname "$0")/.." && pwd)
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
 cd "$folder"
@@ -79,27 +80,7 @@ expect 0 "stream +[0-9]+ bytes" train "${options[@]}" -o coded --steps 60 --enco
 cmp coded/scene.l4d again.l4d || die "l4dcodec encode --weights makes another stream"
 
 # LPIPS with weights of a file: random ones here. It is reported if it is wanted, and for equal images it is 0.
-"$python" - alex.safetensors <<'END'
-import array, json, random, struct, sys
-random.seed(3)
-layers = {0: (3, 64, 11), 3: (64, 192, 5), 6: (192, 384, 3), 8: (384, 256, 3), 10: (256, 256, 3)}
-header, values = {}, array.array("f")
-def add(name, shape, bound, low=-1):
-    begin, count = 4 * len(values), 1
-    for length in shape:
-        count *= length
-    values.extend(random.uniform(low * bound, bound) for _ in range(count))
-    header[name] = {"dtype": "F32", "shape": shape, "data_offsets": [begin, 4 * len(values)]}
-for k, (index, (ins, outs, side)) in enumerate(layers.items()):
-    add(f"features.{index}.weight", [outs, ins, side, side], (6 / (ins * side * side)) ** 0.5)
-    add(f"features.{index}.bias", [outs], 0.1)
-    add(f"lin{k}.model.1.weight", [1, outs, 1, 1], 0.1, 0)
-if sys.byteorder == "big":
-    values.byteswap()
-text = json.dumps(header).encode()
-with open(sys.argv[1], "wb") as file:
-    file.write(struct.pack("<Q", len(text)) + text + values.tobytes())
-END
+"$python" -B "$tests/common/random_alexnet.py" alex.safetensors
 expect 0 "test +[0-9.]+ dB.*LPIPS .alex. 0[.][0-9]+" eval whole -q --lpips alex.safetensors
 "$train" eval coded -q --json --lpips alex.safetensors >with.json
 "$train" eval coded -q --json >without.json
