@@ -38,13 +38,13 @@ export const serve = async (streams, faults = {}, folder = 'build/web/player') =
     }
     const bytes = readFileSync(streams[name]);
     const match = /^bytes=(\d+)-(\d+)$/.exec(request.headers.range ?? '');
+    await faults.hold?.(Number(match?.[1] ?? 0));
     const etag = faults.etag ?? '"1"';
     const part = match && faults.ranges !== false && (request.headers['if-range'] ?? etag) === etag;
     const begin = part ? Number(match[1]) : 0;
     const end = part ? Math.min(Number(match[2]) + 1, bytes.length) : bytes.length;
     requests.push([begin, end - begin]);
     if (faults.delay) await sleep(faults.delay);
-    await faults.hold?.(begin);
     if (faults.status || begin >= bytes.length) return response.writeHead(faults.status ?? 416).end();
     response.writeHead(part ? 206 : 200, {
       'Content-Length': end - begin, ETag: etag, ...faults.headers,
