@@ -103,16 +103,23 @@ SequenceSpan MemberFile::sequence_of(size_t index) const {
   return {m.sequence_begin, m.sequence_end};
 }
 
-SceneFrame MemberFile::frame() const {
+DecoderHandle MemberFile::open_stream(size_t index) const {
   l4d_decoder_options options;
   l4d_decoder_options_init(&options);
   options.max_memory_bytes = max_memory_bytes_;
   options.accept_needs = 1;
-  return about(name_, [&] {
-    DecoderHandle decoder(&options);
-    decoder.open(reader(0));
-    return SceneFrame{decoder.info().placement, decoder.rendering()};
-  });
+  DecoderHandle decoder(&options);
+  about(name_, [&] { decoder.open(reader(index)); });
+  return decoder;
+}
+
+uint64_t MemberFile::num_gaussians(size_t index) const {
+  return open_stream(index).info().num_gaussians;
+}
+
+SceneFrame MemberFile::frame() const {
+  const DecoderHandle decoder = open_stream(0);
+  return SceneFrame{decoder.info().placement, decoder.rendering()};
 }
 
 size_t MemberFile::num_streams() const {
@@ -291,12 +298,16 @@ l4d_writer MemberWriter::writer() {
   return out;
 }
 
-l4d_status MemberWriter::add(const l4d_reader& stream, const l4d_member_parameters& parameters) {
+l4d_status MemberWriter::add(const l4d_reader& stream, const l4d_member_parameters& parameters,
+                             bool tolerant) {
   const uint64_t before = bytes_;
   const l4d_writer to = writer();
-  const l4d_status status = l4d_copy_member(&stream, &options_, &parameters, &to, nullptr);
+  l4d_decoder_options options = options_;
+  options.tolerant = tolerant ? 1 : 0;
+  const l4d_status status = l4d_copy_member(&stream, &options, &parameters, &to, nullptr);
   check_interrupt();
   if (error_ != 0) fail("write", error_);
+  if (status == L4D_OK) ++count_;
   if (status == L4D_OK || bytes_ == before) return status;
   // What follows overwrites it, and finish() copies no more than bytes_.
   bytes_ = before;
@@ -304,9 +315,15 @@ l4d_status MemberWriter::add(const l4d_reader& stream, const l4d_member_paramete
   return status;
 }
 
-void MemberWriter::add_index() {
+MemberFile MemberWriter::written() {
   if (std::fflush(file_.get()) != 0) fail("write", errno);
-  const MemberFile made(context_, path_of(file_), "what was made", true);
+  return MemberFile(context_, path_of(file_), "what was made", true);
+}
+
+uint64_t MemberWriter::last_num_gaussians() { return written().num_gaussians(count_ - 1); }
+
+void MemberWriter::add_index() {
+  const MemberFile made = written();
   // Readers would not see what lies behind the first member that breaks a rule. What was taken back
   // may still lie behind the last one.
   if (made.info().bytes != bytes_) {

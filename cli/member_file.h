@@ -48,6 +48,8 @@ class MemberFile {
   l4d_status find_reader(size_t index, l4d_reader* out) const {
     return l4d_members_get_reader(list_.get(), index, out);
   }
+  // As the headers of a member say.
+  uint64_t num_gaussians(size_t index) const;
   // What a member presents in seconds of its own sequence, as its own headers say.
   SequenceSpan sequence_of(size_t index) const;
   // What all members have in common, as the first one says.
@@ -70,6 +72,7 @@ class MemberFile {
   };
   using List = std::unique_ptr<l4d_members, Destroy>;
   List open(const l4d_reader& reader, bool ignore_index) const;
+  DecoderHandle open_stream(size_t index) const;
   void check(l4d_status status) const;
 
   std::string name_;
@@ -87,8 +90,12 @@ class MemberWriter {
   explicit MemberWriter(const Context& context)
       : context_(context), options_(context.decoder_options()), file_(io::anonymous_file()) {}
 
-  // Copies a member. What of it has been written is taken back where that fails.
-  l4d_status add(const l4d_reader& stream, const l4d_member_parameters& parameters);
+  // Copies a member. What of it has been written is taken back where that fails. tolerant: pages
+  // that are damaged are left out.
+  l4d_status add(const l4d_reader& stream, const l4d_member_parameters& parameters,
+                 bool tolerant = false);
+  // Of the member that was added last.
+  uint64_t last_num_gaussians();
   // Of all members added.
   void add_index();
   // Copies the file to where an output belongs. Returns its size.
@@ -98,12 +105,14 @@ class MemberWriter {
   static int write(void* user, const void* src, size_t n);
   [[noreturn]] void fail(const char* action, int error) const;
   l4d_writer writer();
+  MemberFile written();
 
   const Context& context_;
   l4d_decoder_options options_;
   io::FileHandle file_;
   uint64_t bytes_ = 0;
-  int error_ = 0;  // errno of a write that failed
+  size_t count_ = 0;  // of members
+  int error_ = 0;     // errno of a write that failed
 };
 
 l4d_member_parameters parameters_of(const MemberInfo& member);

@@ -43,13 +43,34 @@ std::unique_ptr<MemberFile> find_members(const Context& context, const Input& in
 struct Repaired {
   Json kept = Json::array();
   Json dropped = Json::array();
-  Json incomplete = Json::array();  // of `kept`
+  Json partial = Json::array();     // of `kept`
+  Json incomplete = Json::array();  // likewise
   size_t num_kept = 0;
-  size_t num_incomplete = 0;
   size_t num_dropped = 0;
+  size_t num_partial = 0;
+  size_t num_incomplete = 0;
 };
 
-// Copies every member of which all bytes are right. Those that need a member which is left out show
+enum class Kept { kWhole, kInPart, kNot };
+
+// Copies a member, and if bytes of it are wrong, the pages that are right. *why: what is wrong.
+Kept copy_member(const std::string& name, const MemberFile& file, size_t index,
+                 const l4d_member_parameters& parameters, MemberWriter& writer, std::string* why) {
+  const auto is_right = [&](l4d_status status) {
+    if (status == L4D_OK) return true;
+    if (why->empty()) *why = l4d_last_error_message();
+    if (is_damage(status)) return false;
+    throw Failure(status, name + ": member " + std::to_string(parameters.number) + ": " +
+                              l4d_last_error_message());
+  };
+  l4d_reader reader;
+  l4d_reader_init(&reader);
+  if (!is_right(file.find_reader(index, &reader))) return Kept::kNot;
+  if (is_right(writer.add(reader, parameters))) return Kept::kWhole;
+  return is_right(writer.add(reader, parameters, true)) ? Kept::kInPart : Kept::kNot;
+}
+
+// Copies every member of which pages are right. Those that need a member which is left out show
 // less: they no longer need it.
 Repaired copy_members(Context& context, const std::string& name, const MemberFile& file,
                       MemberWriter& writer) {
@@ -60,34 +81,38 @@ Repaired copy_members(Context& context, const std::string& name, const MemberFil
     progress.update(i, file.members().size(), "copying");
     MemberInfo m = file.members()[i];
     if (m.is_index()) continue;
+    const uint32_t number = m.member.number;
     const size_t needed = m.needs.size();
     m.needs.erase(std::remove_if(m.needs.begin(), m.needs.end(),
                                  [&](uint32_t need) { return gone.count(need) != 0; }),
                   m.needs.end());
     l4d_member_parameters p = parameters_of(m);
     p.stream = file.info().stream;
-    l4d_reader reader;
-    l4d_reader_init(&reader);
-    l4d_status status = file.find_reader(i, &reader);
-    if (status == L4D_OK) status = writer.add(reader, p);
-    if (status != L4D_OK && !is_damage(status)) {
-      throw Failure(status, name + ": member " + std::to_string(m.member.number) + ": " +
-                                l4d_last_error_message());
-    }
-    if (status == L4D_OK) {
-      out.kept.push_back(m.member.number);
-      ++out.num_kept;
-      if (m.needs.size() == needed) continue;
-      out.incomplete.push_back(m.member.number);
-      ++out.num_incomplete;
+    std::string why;
+    const Kept kept = copy_member(name, file, i, p, writer, &why);
+    Json damaged = {{"number", number}, {"offset", m.member.offset}, {"reason", why}};
+    if (kept == Kept::kNot) {
+      gone.insert(number);
+      out.dropped.push_back(damaged);
+      ++out.num_dropped;
+      context.note("member " + std::to_string(number) + " is left out: " + why);
       continue;
     }
-    const std::string why = l4d_last_error_message();
-    gone.insert(m.member.number);
-    ++out.num_dropped;
-    out.dropped.push_back(
-        {{"number", m.member.number}, {"offset", m.member.offset}, {"reason", why}});
-    context.note("member " + std::to_string(m.member.number) + " is left out: " + why);
+    out.kept.push_back(number);
+    ++out.num_kept;
+    if (m.needs.size() != needed) {
+      out.incomplete.push_back(number);
+      ++out.num_incomplete;
+    }
+    if (kept == Kept::kWhole) continue;
+    const uint64_t all = file.num_gaussians(i), left = writer.last_num_gaussians();
+    damaged["num_gaussians"] = left;
+    damaged["lost_gaussians"] = all - left;
+    out.partial.push_back(damaged);
+    ++out.num_partial;
+    context.note("member " + std::to_string(number) + " is kept without " +
+                 format_count(all - left) + " of its " + format_count(all) +
+                 " Gaussians, which are in damaged pages: " + why);
   }
   if (out.num_incomplete > 0) {
     context.note(format_items(out.num_incomplete, "member") +
@@ -106,7 +131,7 @@ Outcome run_repair(Context& context, const RepairArguments& arguments) {
   MemberWriter writer(context);
   const Repaired repaired = copy_members(context, input.name(), file, writer);
   if (repaired.num_kept == 0) {
-    throw Failure(L4D_ERR_CORRUPT, input.name() + ": no member is whole");
+    throw Failure(L4D_ERR_CORRUPT, input.name() + ": no member is whole, also none in part");
   }
   writer.add_index();
   Outcome outcome;
@@ -118,16 +143,19 @@ Outcome run_repair(Context& context, const RepairArguments& arguments) {
                   {"output", arguments.output},
                   {"kept", repaired.kept},
                   {"dropped", repaired.dropped},
+                  {"partial", repaired.partial},
                   {"incomplete", repaired.incomplete},
                   {"rest", file.rest().empty() ? Json() : Json(file.rest())},
                   {"rest_bytes", lost},
                   {"file_bytes", bytes}};
-  const std::string left = repaired.num_dropped == 0
-                               ? std::string()
-                               : ", " + std::to_string(repaired.num_dropped) + " left out";
-  outcome.text = format("%s: %s kept%s, %s\n", arguments.output.c_str(),
-                        format_items(repaired.num_kept, "member").c_str(), left.c_str(),
-                        format_bytes(bytes).c_str());
+  const auto counted = [](size_t count, const char* what) {
+    return count == 0 ? std::string() : ", " + std::to_string(count) + what;
+  };
+  outcome.text =
+      format("%s: %s kept%s%s, %s\n", arguments.output.c_str(),
+             format_items(repaired.num_kept, "member").c_str(),
+             counted(repaired.num_partial, " of them in part").c_str(),
+             counted(repaired.num_dropped, " left out").c_str(), format_bytes(bytes).c_str());
   if (!file.rest().empty()) {
     outcome.text += format_count(lost) + " bytes behind are lost: " + file.rest() + "\n";
   }
@@ -138,17 +166,19 @@ Outcome run_repair(Context& context, const RepairArguments& arguments) {
 
 void add_repair(Registry& registry) {
   auto arguments = std::make_shared<RepairArguments>();
-  Verb* verb = add_verb(registry, "repair", "Keep the whole members of a file, and write its index",
-                        [arguments](Context& context) { return run_repair(context, *arguments); });
+  Verb* verb =
+      add_verb(registry, "repair", "Keep what is right of a damaged file, and write its index",
+               [arguments](Context& context) { return run_repair(context, *arguments); });
   verb->add_option("input", arguments->input, ".l4d to repair, '-' = stdin")->required();
   verb->add_option("-o,--output", arguments->output, "File to write, '-' = stdout")
       ->type_name("FILE")
       ->required();
   verb->footer(
-      "For recordings that broke off, or that still grow: every member of which all bytes are\n"
-      "right is kept, without those that it needs if these are damaged. The input stays as it is.\n"
-      "Exit code: 0 where a member is kept, whatever is left out (`dropped`, `incomplete` and\n"
-      "`rest_bytes` of --json); 4 where none is whole.");
+      "For recordings that broke off, or that still grow: every member is kept, but for pages of\n"
+      "which bytes are wrong, and without those that it needs if nothing of these is right. The\n"
+      "input stays as it is.\n"
+      "Exit code: 0 where a member is kept, whatever is left out (`dropped`, `partial`,\n"
+      "`incomplete` and `rest_bytes` of --json); 4 where nothing is right.");
 }
 
 }  // namespace l4d::cli

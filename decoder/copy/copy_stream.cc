@@ -5,6 +5,8 @@
 #include <map>
 #include <tuple>
 
+#include "decoder/copy/damaged_pages.h"
+#include "decoder/read/losses.h"
 #include "decoder/read/plan.h"
 #include "decoder/session/open_stream.h"
 #include "libl4dcodec/base/hash.h"
@@ -20,8 +22,14 @@ constexpr int kZstdLevel = 9;  // of directory pages, which are all that is comp
 
 class StreamCopy {
  public:
-  StreamCopy(const CopyRequest& request, const l4d_decoder_options& options, const WriteFn& write)
-      : request_(request), stream_(options), write_(write), zstd_(kZstdLevel) {}
+  // tolerant: pages that are damaged are left out.
+  StreamCopy(const CopyRequest& request, const l4d_decoder_options& options, bool tolerant,
+             const WriteFn& write)
+      : request_(request),
+        tolerant_(tolerant),
+        stream_(options),
+        write_(write),
+        zstd_(kZstdLevel) {}
 
   Status run(const l4d_reader& reader, uint64_t* bytes) {
     L4D_RETURN_IF_ERROR(open(reader));
@@ -38,12 +46,6 @@ class StreamCopy {
   }
 
  private:
-  // Stored bytes of the stream that is copied.
-  struct Piece {
-    uint64_t offset;
-    uint64_t bytes;
-    uint64_t hash;
-  };
   using BlockKey = std::tuple<uint32_t, uint32_t, uint32_t>;  // layer, directory page, block
 
   SceneFile& file() { return stream_.file(); }
@@ -93,7 +95,7 @@ class StreamCopy {
       const bool ours = e.id == static_cast<uint32_t>(ExtensionId::kMember) ||
                         e.id == static_cast<uint32_t>(ExtensionId::kEdit);
       if (ours) continue;
-      kept_.push_back({e.chunk.offset, e.chunk.stored_bytes, e.chunk.hash});
+      kept_.push_back(e.chunk);
       extensions_.push_back(e);
     }
     return {};
@@ -118,7 +120,13 @@ class StreamCopy {
     query.time_end = edit_.end;
     query.max_level = request_.max_level;
     query.max_tier = request_.max_tier;
-    L4D_RETURN_IF_ERROR(make_plan(file(), query, nullptr, &plan_));
+    Losses losses;  // the directory pages among them; the caller sees what is left
+    L4D_RETURN_IF_ERROR(make_plan(file(), query, tolerant_ ? &losses : nullptr, &plan_));
+    if (plan_.tasks.empty() && !losses.query().empty()) {
+      const l4d_loss& loss = losses.query().front();
+      return Status(loss.status, loss.clause, loss.offset, "no page is left");
+    }
+    if (tolerant_) L4D_RETURN_IF_ERROR(drop_damaged(file(), &plan_));
     header_.num_gaussians = plan_.num_gaussians;
     for (LayerHeader& layer : header_.layers) layer.num_gaussians = 0;
     for (const PageTask& task : plan_.tasks) {
@@ -130,41 +138,36 @@ class StreamCopy {
     return {};
   }
 
-  // Of a layer without Gaussians nothing needs a codebook.
+  // Of a layer without Gaussians nothing needs a codebook. What needs none stays as it is: profiles
+  // ask for it.
   static void drop_tables(LayerHeader* layer) {
     layer->has_entropy = false;
     layer->scale_factor = ScalarCoding();
-    for (ComponentCoding& c : layer->component) c = ComponentCoding();
+    for (ComponentCoding& c : layer->component) {
+      if (c.coding != ComponentCodingId::kRaw32) c = ComponentCoding();
+    }
   }
 
   // Codebooks, bases, residual codebooks and entropy chunks, all of which the header names.
   void collect_tables() {
-    const auto add = [&](ChunkRef* chunk) {
-      tables_.push_back({chunk->offset, chunk->stored_bytes, chunk->hash});
-      table_refs_.push_back(chunk);
+    const auto add = [&](ChunkRef& chunk) {
+      tables_.push_back(chunk);
+      table_refs_.push_back(&chunk);
     };
-    const auto add_component = [&](ComponentCoding* c) {
-      for (size_t s = 0; s < c->num_codebooks(); ++s) add(&c->codebook(s).codebook);
-      if (c->has_rcq) add(&c->rcq.codebook);
-    };
-    // A residual codebook is of vq, whose stages are codebooks.
-    if (header_.sh.vq() || header_.sh.transform()) add_component(&header_.sh);
+    for_each_table(header_.sh, add);
     for (LayerHeader& layer : header_.layers) {
       for (unsigned c = L4D_COMPONENT_SCALE; c < L4D_COMPONENT_COUNT; ++c) {
-        ComponentCoding& coding = layer.component[c];
-        if (coding.vq() || coding.transform()) add_component(&coding);
+        for_each_table(layer.component[c], add);
       }
     }
     for (LayerHeader& layer : header_.layers) {
-      if (layer.has_entropy) add(&layer.entropy);
+      if (layer.has_entropy) add(layer.entropy);
     }
   }
 
   // Gives a chunk its place in the payload of the copy.
   void place_piece(ChunkRef* chunk) {
-    if (chunk->stored_bytes > 0) {
-      payload_.push_back({chunk->offset, chunk->stored_bytes, chunk->hash});
-    }
+    if (chunk->stored_bytes > 0) payload_.push_back(*chunk);
     chunk->offset = payload_bytes_;
     payload_bytes_ += chunk->stored_bytes;
   }
@@ -193,7 +196,13 @@ class StreamCopy {
         if (record.has_sh_detail()) place_piece(&record.sh_detail);
       }
     }
-    if (payload_bytes_ <= file().source().size()) return {};
+    const uint64_t size = file().source().size();
+    for (const ChunkRef& piece : payload_) {
+      if (piece.offset <= size && piece.stored_bytes <= size - piece.offset) continue;
+      return Status(L4D_ERR_TRUNCATED, "CHNK-1", piece.offset,
+                    "a page lies behind the end of the file");
+    }
+    if (payload_bytes_ <= size) return {};
     return corrupt("CHNK-4", header_.payload_offset, "block codebooks share stored bytes");
   }
 
@@ -305,15 +314,15 @@ class StreamCopy {
     L4D_RETURN_IF_ERROR(put(head));
     L4D_RETURN_IF_ERROR(put(scene_header));
     for (const Bytes& bytes : extension_bytes_) L4D_RETURN_IF_ERROR(put(bytes));
-    for (const Piece& piece : kept_) L4D_RETURN_IF_ERROR(put_piece(piece));
-    for (const Piece& piece : tables_) L4D_RETURN_IF_ERROR(put_piece(piece));
+    for (const ChunkRef& piece : kept_) L4D_RETURN_IF_ERROR(put_piece(piece));
+    for (const ChunkRef& piece : tables_) L4D_RETURN_IF_ERROR(put_piece(piece));
     for (const std::vector<PageTableEntry>& entries : page_tables_) {
       Bytes table;
       for (const PageTableEntry& entry : entries) entry.append(table);
       L4D_RETURN_IF_ERROR(put(table));
     }
     for (const PlacedPage& page : directory_) L4D_RETURN_IF_ERROR(put(page.bytes));
-    for (const Piece& piece : payload_) L4D_RETURN_IF_ERROR(put_piece(piece));
+    for (const ChunkRef& piece : payload_) L4D_RETURN_IF_ERROR(put_piece(piece));
     return {};
   }
 
@@ -321,16 +330,12 @@ class StreamCopy {
     written_ += bytes.size();
     return bytes.size() == 0 ? Status() : write_(bytes);
   }
-  Status put_piece(const Piece& piece) {
-    if (piece.bytes == 0) return {};  // an extension may have no chunk
+  Status put_piece(const ChunkRef& piece) {
+    if (piece.stored_bytes == 0) return {};  // an extension may have no chunk
     MemoryCharge charge(file().memory());
-    L4D_RETURN_IF_ERROR(charge.take(piece.bytes, "a chunk"));
     Bytes storage;
     ByteSpan bytes;
-    L4D_RETURN_IF_ERROR(file().source().read(piece.offset, piece.bytes, storage, &bytes));
-    if (hash64(bytes) != piece.hash) {
-      return Status(L4D_ERR_CHECKSUM, "CHNK-2", piece.offset, "checksum of a chunk does not match");
-    }
+    L4D_RETURN_IF_ERROR(read_stored(file(), piece, &charge, storage, &bytes));
     return put(bytes);
   }
 
@@ -341,6 +346,7 @@ class StreamCopy {
   };
 
   const CopyRequest& request_;
+  const bool tolerant_;
   OpenStream stream_;
   const WriteFn& write_;
   ZstdCompressor zstd_;
@@ -350,8 +356,8 @@ class StreamCopy {
   Edit edit_;
   std::vector<Extension> extensions_;  // those of extension_bytes_, then those of kept_
   std::vector<Bytes> extension_bytes_;
-  std::vector<Piece> kept_, tables_, payload_;
-  std::vector<ChunkRef*> table_refs_;  // in header_, as tables_
+  std::vector<ChunkRef> kept_, tables_, payload_;  // with their places in what is copied
+  std::vector<ChunkRef*> table_refs_;              // in header_, as tables_
   uint64_t payload_bytes_ = 0;
   Plan plan_;
   std::map<BlockKey, BlockRecord> blocks_;
@@ -369,8 +375,8 @@ Status copy_stream(const l4d_reader& reader, const l4d_decoder_options& given,
                    const CopyRequest& request, const WriteFn& write, uint64_t* bytes) {
   l4d_decoder_options options = given;
   options.accept_needs = 1;
-  options.tolerant = 0;
-  return StreamCopy(request, options, write).run(reader, bytes);
+  options.tolerant = 0;  // of headers nothing can be left out
+  return StreamCopy(request, options, given.tolerant != 0, write).run(reader, bytes);
 }
 
 }  // namespace l4d

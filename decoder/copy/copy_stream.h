@@ -23,7 +23,8 @@ struct CopyRequest {
   uint32_t max_tier = UINT32_MAX;
 };
 
-// reader: of the one stream. Fails with INVALID_ARGUMENT where the request breaks a rule.
+// reader: of the one stream. options: a tolerant copy leaves out damaged pages. Fails with
+// INVALID_ARGUMENT where the request breaks a rule.
 Status copy_stream(const l4d_reader& reader, const l4d_decoder_options& options,
                    const CopyRequest& request, const WriteFn& write, uint64_t* bytes);
 

@@ -167,18 +167,49 @@ for member in 0 1; do
     fi
   done
 done
-# A page of a standing member that is wrong does not take what needs the member with it.
+# Of a standing member the pages stay that are right: what is shown is what a tolerant decoder shows.
 l4d synth -q -n 4k --seconds 6 --fps 30 --seed 2 -o six.ply
-expect 0 encode --live six.ply --segment 1 -o six.l4d
+expect 0 encode --live six.ply --segment 1 --set page-size=256 -o six.l4d
 expect_document 0 info six.l4d
 expect_json out 'd["members"][-1]["begin"] is None and d["members"][0]["role"] == "standing"'
 bytes=$(json out 'd["members"][0]["bytes"]')
+standing=$(json <(l4d cut six.l4d --member 0 -o - | l4d info - --json) 'd["num_gaussians"]')
 cp six.l4d hurt.l4d
 printf '\x55\xaa' | dd of=hurt.l4d bs=1 seek=$((bytes - 500)) conv=notrunc 2> /dev/null
 expect_document 0 repair hurt.l4d -o rest.l4d -f
+expect_json out 'd["kept"] == list(range(7)) and d["dropped"] == d["incomplete"] == []'
+expect_json out '[m["number"] for m in d["partial"]] == [0] and "CHNK-2" in d["partial"][0]["reason"]'
+expect_json out "d['partial'][0]['num_gaussians'] + d['partial'][0]['lost_gaussians'] == $standing"
+expect_json out '0 < d["partial"][0]["lost_gaussians"] <= 256'
+expect_document 0 validate rest.l4d
+for time in 0.5 2.5 5; do
+  expect_equal "$(json <(l4d slice rest.l4d --time $time --digest --json) 'd["frames"][0]["digests"]["all"]')" \
+    "$(json <(l4d slice hurt.l4d --time $time --digest --tolerant --json) 'd["frames"][0]["digests"]["all"]')"
+done
+# Of one whose headers are wrong nothing stays. What needs it does.
+cp six.l4d hurt.l4d
+printf '\x55\xaa' | dd of=hurt.l4d bs=1 seek=60 conv=notrunc 2> /dev/null
+expect_document 0 repair hurt.l4d -o rest.l4d -f
 expect_json out '[m["number"] for m in d["dropped"]] == [0] and d["kept"] == d["incomplete"] == [1, 2, 3, 4, 5, 6]'
+expect_json out 'd["partial"] == []'
 expect_document 0 validate rest.l4d
 expect_document 0 slice rest.l4d --time 2.5 --digest
+# One stream is repaired as a member is, whether a byte of it is wrong or its end is gone.
+expect 0 encode six.ply --set page-size=256 -o one.l4d
+cp one.l4d hurt.l4d
+printf '\x55\xaa' | dd of=hurt.l4d bs=1 seek=$(($(wc -c < one.l4d) - 500)) conv=notrunc 2> /dev/null
+head -c $(($(wc -c < one.l4d) * 3 / 4)) one.l4d > short.l4d
+for file in hurt short; do
+  expect_document 0 repair $file.l4d -o rest.l4d -f
+  expect_json out 'd["kept"] == [0] and 0 < d["partial"][0]["num_gaussians"] < 4000'
+  left=$(json out 'd["partial"][0]["num_gaussians"]')
+  expect_document 0 validate rest.l4d
+  expect_document 0 decode $file.l4d --tolerant --digest
+  expect_json out "d['num_gaussians'] == $left"
+done
+expect 0 repair short.l4d -o rest.l4d -f
+expect_text out '1 member kept, 1 of them in part'
+expect_text err 'kept without [0-9,]+ of its 4,000 Gaussians, which are in damaged pages: spec CHNK-1.* behind the end'
 # Where only the standing member is whole, commands say so.
 head -c $((bytes + 100)) six.l4d > standing.l4d
 expect_document 0 slice standing.l4d --time 1 --digest

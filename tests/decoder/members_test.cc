@@ -9,6 +9,7 @@
 #include <memory>
 
 #include "tests/common/codec.h"
+#include "tests/decoder/damage.h"
 
 namespace l4d {
 namespace {
@@ -152,6 +153,74 @@ INSTANTIATE_TEST_SUITE_P(
                     NamedFile{"rcq", rcq_file}, NamedFile{"transform", transform_file},
                     NamedFile{"lossless", lossless_file}, NamedFile{"wandering", wandering_file}),
     file_name);
+
+l4d_status copy_rest(const Bytes& stream, Bytes* out) {
+  l4d_decoder_options options = decoder_options(L4D_BACKEND_AUTO, 1);
+  options.tolerant = 1;
+  const l4d_member_parameters p = parameters();
+  const l4d_reader reader = memory_reader(stream);
+  const l4d_writer writer = writer_to(out);
+  return l4d_copy_member(&reader, &options, &p, &writer, nullptr);
+}
+
+// A tolerant copy is a whole stream with what a tolerant decoder has of the damaged one, but for
+// Gaussians that only lack SH detail.
+void expect_rest(const Bytes& hurt) {
+  const DecoderHandle decoder = tolerant_decoder(hurt);
+  const GaussianArrays rest = decode_rest(decoder, all_query());
+  uint64_t without_detail = 0;
+  for (const l4d_loss& loss : losses_of(decoder)) {
+    if (loss.detail_only != 0) without_detail += loss.num_gaussians;
+  }
+  Bytes copy;
+  const l4d_status status = copy_rest(hurt, &copy);
+  if (rest.count() == without_detail) {
+    EXPECT_NE(status, L4D_OK);
+    return;
+  }
+  ASSERT_EQ(status, L4D_OK) << l4d_last_error_message();
+  for (const auto& v : validate(copy)) ADD_FAILURE() << v.clause << " " << v.message;
+  const GaussianArrays copied = decode(copy, all_query());
+  if (without_detail == 0) {
+    EXPECT_TRUE(same_bits(copied, rest));
+  } else {
+    EXPECT_EQ(copied.count(), rest.count() - without_detail);
+  }
+}
+
+TEST_P(Copies, OfDamagedStreamsHaveWhatIsLeft) {
+  const Bytes& whole = GetParam().bytes();
+  Bytes copy, strict;
+  ASSERT_EQ(copy_rest(whole, &copy), L4D_OK);
+  append(whole, parameters(), &strict);
+  EXPECT_EQ(copy, strict);
+  for (const Chunk& chunk : Anatomy(whole).some_chunks(6)) {
+    SCOPED_TRACE(chunk.name);
+    const Bytes hurt = damage(whole, chunk);
+    append(hurt, parameters(), &strict, L4D_ERR_CHECKSUM);
+    if (!chunk.needed_by_all) {
+      expect_rest(hurt);
+    } else {
+      EXPECT_EQ(copy_rest(hurt, &copy), L4D_ERR_CHECKSUM);
+    }
+  }
+}
+
+TEST_P(Copies, OfShortStreamsHaveWhatIsLeft) {
+  const Bytes& whole = GetParam().bytes();
+  const Anatomy anatomy(whole);
+  for (const double part : {0.2, 0.5, 0.9, 0.999}) {
+    const auto payload = static_cast<double>(whole.size() - anatomy.payload_begin());
+    const size_t size = anatomy.payload_begin() + static_cast<size_t>(part * payload);
+    expect_rest(Bytes(whole.begin(), whole.begin() + static_cast<std::ptrdiff_t>(size)));
+  }
+  // Of a stream that ends before its pages nothing is left.
+  for (const uint64_t size : {anatomy.tables_begin(), anatomy.payload_begin()}) {
+    Bytes copy;
+    const Bytes hurt(whole.begin(), whole.begin() + static_cast<std::ptrdiff_t>(size));
+    EXPECT_NE(copy_rest(hurt, &copy), L4D_OK);
+  }
+}
 
 TEST(Copies, OfAPartLeavePagesOut) {
   Bytes part;
