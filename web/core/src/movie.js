@@ -372,6 +372,8 @@ export class Movie extends Emitter {
     } else if (type === 'ready') {
       this.#ready(rest);
     } else if (type === 'error') {
+      // Of an earlier instant: the one of now is still tried.
+      if (data.turn !== undefined && data.turn !== this.turn) return;
       this.#fail(errorOf(data.error));
     } else if (type === 'progress') {
       const {buffered, ...statistics} = rest;

@@ -430,7 +430,7 @@ export class Presentation {
       // A seek since then has not been tried.
       if (seeks === this.seeks) {
         part.hasFailed = true;
-        return this.post({type: 'error', error: L4DError.toData(error), id: this.goal?.id});
+        return this.post({type: 'error', error: L4DError.toData(error), id: this.goal?.id, turn: this.goal?.turn});
       }
     }
     this.#advance(false);
@@ -489,7 +489,7 @@ export class Presentation {
       // Until somebody wants something again.
       part.hasFailed = true;
       part.wanted = '';
-      this.post({...message, id: this.goal?.id});
+      this.post({...message, id: this.goal?.id, turn: this.goal?.turn});
     } else {
       this.post(message, transfer);
     }

@@ -14,7 +14,7 @@ import {ByteStore} from './store.js';
  * @property {number} [rate] of playback
  * @property {number} [most] the highest rung that may be fetched, where others are to come first
  * @property {number} [id] of the seek that it answers
- * @property {number} [turn] counts seeks and changes of what is shown; `ready` repeats it
+ * @property {number} [turn] counts seeks and changes of what is shown; `ready` and `error` repeat it
  */
 /**
  * What is fetched and shown; each rung of a ladder contains the one before it.
@@ -189,7 +189,7 @@ export class Session {
         } catch (error) {
           if (this.disposed) return;
           if (/** @type {any} */ (error)?.name === 'AbortError') continue;
-          this.post({type: 'error', error: L4DError.toData(error), id: goal.id});
+          this.post({type: 'error', error: L4DError.toData(error), id: goal.id, turn: goal.turn});
           done = goal;
         }
       }

@@ -97,6 +97,29 @@ test('what open() and a movie fail with: an L4DError with a code, or an AbortErr
   }
 });
 
+test('the failure of an instant does not end the seek to the next one', async () => {
+  const worker = workerOf();
+  const movie = await openWith(worker);
+  /** @type {any[]} */
+  const heard = [];
+  movie.on('error', error => heard.push(error.code));
+  const fail = (/** @type {any} */ goal) => worker.say({type: 'error', id: goal?.id, turn: goal?.turn,
+                                                        error: {code: 'NETWORK', message: 'gone', clause: '', offset: -1}});
+  const first = worker.goal();
+  const seeking = movie.seek(6);
+  fail(first);
+  assert.deepEqual(heard, []);
+  worker.ready(worker.goal(), {detail: 'base', tier: 0});
+  await seeking;
+  const other = failureOf(() => movie.seek(2));
+  fail(worker.goal());
+  assert.equal(await other, 'NETWORK');
+  // Of a playlist that is followed.
+  fail(null);
+  assert.deepEqual(heard, ['NETWORK', 'NETWORK']);
+  movie.dispose();
+});
+
 test('losses are told, and kept for who comes later', async () => {
   const worker = workerOf();
   const movie = await openWith(worker);
