@@ -210,6 +210,33 @@ test('so it does without an adapter', () => withPlayer('backend="webgpu"', async
   assert.ok(await light(page) > 5);
 }, () => { if (navigator.gpu) navigator.gpu.requestAdapter = () => Promise.resolve(null); }));
 
+gpuTest('the number of splats is that of the last picture, also of a single one', () => withPlayer('backend="webgpu"', async page => {
+  const counts = await inPlayer(page, async ({movie, view}) => {
+    movie.pause();
+    await movie.seek(1);
+    while (movie.ready.detail !== 'full') await new Promise(r => setTimeout(r, 20));
+    const counted = async () => {
+      await view.settled();
+      const {frames} = view.stats;
+      await view.painter.finished();
+      for (let k = 0; k < 200 && view.painter.reading; ++k) await new Promise(r => setTimeout(r, 10));
+      return frames === view.stats.frames ? view.stats.visible : 'another picture was drawn';
+    };
+    const first = await counted();
+    // Two pictures at once: the number is that of the second one.
+    view.orbit.zoom(0.5);
+    view.change();
+    await view.settled();
+    view.orbit.lookAt([0, 0, -100], [0, 0, -200]);
+    view.change();
+    const away = await counted();
+    await view.home();
+    return [first, away, await counted()];
+  });
+  assert.ok(counts[0] > 100 && counts[2] === counts[0], `${counts}`);
+  assert.equal(counts[1], 0);
+}));
+
 gpuTest('auto leaves WebGPU on the processor alone', () => withPlayer('backend="auto"', async page => {
   const [backend, fallback] = await backendOf(page);
   assert.equal(backend, 'webgl2');

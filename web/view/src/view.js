@@ -168,6 +168,7 @@ export class View {
     const {info, maxRows} = this.movie;
     this.painter = this.surface.makePainter({maxRows, shDegree: info.shDegree, target: this.options.target ?? 'auto',
                                              rendering: info.rendering});
+    if ('oncount' in this.painter) this.painter.oncount = count => { this.stats.visible = count; };
   }
 
   /** All that was uploaded is gone, or nothing was yet. */
@@ -250,7 +251,6 @@ export class View {
     const {painter} = this;
     if (painter.sorts) {
       this.sorted = this.wanted;
-      this.stats.visible = painter.count;
     } else if (this.sorting === 0 && this.sorted !== this.wanted) {
       const m = camera.worldToCamera;
       this.sorting = this.wanted;

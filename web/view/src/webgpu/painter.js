@@ -23,6 +23,7 @@ export class GpuPainter {
     /** For measurements. @type {((pass: 'order' | 'draw') => GPURenderPassTimestampWrites) | null} */
     this.timing = null;
     this.count = 0;  // splats that were seen, in a picture that is drawn already
+    this.oncount = (/** @type {number} */ count) => { void count; };
     const texels = Math.ceil(3 * (shDegree + 1) ** 2 / 4);
     this.store = new RowBuffers(device, maxRows, texels);
     // Room above white, where what shines through several Gaussians is more.
@@ -48,6 +49,7 @@ export class GpuPainter {
     this.total = device.createBuffer({size: 16, usage: storage | indirect | copySrc});
     this.read = device.createBuffer({size: 16, usage: bufferUsage.mapRead | copyDst});
     this.reading = false;
+    this.isStale = false;  // was a picture drawn since what is being read was copied?
     this.room = 0;          // lines that the buffers of a frame have room for
     this.rowsVersion = -1;  // of the buffers that the groups name
     /** @type {GPUTexture | null} */
@@ -139,11 +141,10 @@ export class GpuPainter {
     }
     pass.end();
     this.#copyPass(encoder, this.copy, this.context.getCurrentTexture());
-    const counts = shown.count > 0 && !this.reading;
-    if (counts) encoder.copyBufferToBuffer(this.total, 0, this.read, 0, 16);
     device.queue.submit([encoder.finish()]);
-    if (counts) void this.#count();
-    if (shown.count === 0) this.count = 0;
+    this.isStale = true;
+    if (shown.count === 0) device.queue.writeBuffer(this.total, 0, new Uint32Array(4));
+    void this.#count();
   }
 
   /** @param {GPUCommandEncoder} encoder @param {{data: Uint32Array<ArrayBuffer>, count: number}} shown
@@ -184,13 +185,21 @@ export class GpuPainter {
     pass.end();
   }
 
-  /** For the overlay: frames do not wait for it. */
+  /** For the overlay: frames do not wait for it. What is drawn meanwhile is counted afterwards. */
   async #count() {
+    if (this.reading) return;
     this.reading = true;
     try {
-      await this.read.mapAsync(mapRead);
-      this.count = new Uint32Array(this.read.getMappedRange())[1];
-      this.read.unmap();
+      while (this.isStale) {
+        this.isStale = false;
+        const encoder = this.device.createCommandEncoder();
+        encoder.copyBufferToBuffer(this.total, 0, this.read, 0, 16);
+        this.device.queue.submit([encoder.finish()]);
+        await this.read.mapAsync(mapRead);
+        this.count = new Uint32Array(this.read.getMappedRange())[1];
+        this.read.unmap();
+        this.oncount(this.count);
+      }
     } catch {
       // The device was lost, or the painter disposed of.
     }
