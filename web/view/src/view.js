@@ -208,7 +208,9 @@ export class View {
     const lines = this.painter.store.add(rows);
     if (!lines) return this.movie?.emit('error', new Error('more Gaussians than the view has room for'));
     const {key, geometry, center, stream} = rows;
-    this.sorter.postMessage({type: 'add', key, geometry, lines, center, stream}, [geometry.buffer]);
+    // Another view, or an adapter, may want them too.
+    const isAlone = this.movie?.listeners.get('rows')?.size === 1;
+    this.sorter.postMessage({type: 'add', key, geometry, lines, center, stream}, isAlone ? [geometry.buffer] : []);
     this.change();
   }
 
