@@ -10,7 +10,9 @@ export class Clock {
     this.movie = movie;
     this.time = movie.timeBegin;
     this.rate = 1;
-    this.loop = false;
+    /** What comes after the end. @type {'once' | 'loop' | 'ping-pong'} */
+    this.playback = 'once';
+    this.direction = 1;  // -1: on the way back of ping-pong
     this.paused = true;
     this.stalled = false;
     /** @type {HTMLMediaElement | null} */
@@ -24,8 +26,9 @@ export class Clock {
   play() {
     if (!this.paused) return;
     this.paused = false;
-    if (this.time >= this.movie.timeEnd && this.rate > 0 && !this.movie.live) void this.movie.seek(this.movie.timeBegin).catch(() => {});
-    if (this.time <= this.movie.timeBegin && this.rate < 0) void this.movie.seek(this.movie.timeEnd).catch(() => {});
+    const turns = this.playback === 'ping-pong';
+    if (this.time >= this.movie.timeEnd && this.rate > 0 && !this.movie.live && !turns) void this.movie.seek(this.movie.timeBegin).catch(() => {});
+    if (this.time <= this.movie.timeBegin && this.rate < 0 && !turns) void this.movie.seek(this.movie.timeEnd).catch(() => {});
     this.last = performance.now();
     this.movie.emit('play');
     this.#next();
@@ -35,6 +38,15 @@ export class Clock {
     if (this.paused) return;
     this.paused = true;
     this.movie.emit('pause');
+  }
+
+  /** Seconds of the movie in a second. */
+  get velocity() { return this.rate * this.direction; }
+
+  /** @param {'once' | 'loop' | 'ping-pong'} playback */
+  setPlayback(playback) {
+    this.playback = playback;
+    if (playback !== 'ping-pong') this.direction = 1;
   }
 
   /** @param {number} time */
@@ -74,10 +86,15 @@ export class Clock {
       return;
     }
     if (this.paused) return;
-    const to = this.time + elapsed * this.rate;
+    const {velocity} = this;
+    const to = this.time + elapsed * velocity;
     if (to >= timeEnd && this.movie.live) return this.#stall(true);
     if (to >= timeEnd || to < timeBegin) {
-      if (this.loop) {
+      if (this.playback === 'ping-pong') {
+        // Where a frame takes no time, it is still at the end that it turned at.
+        if (to >= timeEnd === velocity > 0) this.direction = -this.direction;
+        this.#move(Math.min(Math.max(to, timeBegin), timeEnd));
+      } else if (this.playback === 'loop') {
         void this.movie.seek(to >= timeEnd ? timeBegin : timeEnd - 1e-3).catch(() => {});
       } else {
         this.#move(Math.min(Math.max(to, timeBegin), timeEnd));
@@ -88,7 +105,7 @@ export class Clock {
       return;
     }
     const {from, until} = this.movie.ready;
-    const stalled = this.rate > 0 && (to > until + 1e-6 || to < from - 1e-6);
+    const stalled = velocity > 0 && (to > until + 1e-6 || to < from - 1e-6);
     this.#stall(stalled);
     if (!stalled) this.#move(to);
   }

@@ -201,8 +201,14 @@ export class Movie extends Emitter {
     if (typeof rate !== 'number' || !Number.isFinite(rate)) throw invalid(`a rate is a finite number, not ${rate}`);
     if (this.clock) this.clock.rate = rate;
   }
-  get loop() { return this.clock?.loop ?? false; }
-  set loop(loop) { if (this.clock) this.clock.loop = loop; }
+  get loop() { return this.playback === 'loop'; }
+  set loop(loop) { this.playback = loop ? 'loop' : 'once'; }
+  /** What comes after the end. 'ping-pong': the way back. @returns {'once' | 'loop' | 'ping-pong'} */
+  get playback() { return this.clock?.playback ?? 'once'; }
+  set playback(playback) {
+    if (!['once', 'loop', 'ping-pong'].includes(playback)) throw invalid(`playback is once, loop or ping-pong, not ${playback}`);
+    this.clock?.setPlayback(playback);
+  }
   get detail() { return this.detailWanted; }
   set detail(detail) { this.setDetail(detail); this.#want(this.currentTime, true); }
   /** As `detail`, but of what comes next. @param {'auto' | 'base' | 'full'} detail */
@@ -322,8 +328,11 @@ export class Movie extends Emitter {
   /** Brings `statistics` up to date, which events 'progress' do a few times a second. */
   async refreshStatistics() { this.statistics = await this.#call('statistics', {}); }
 
-  /** Called by the clock: fetch ahead of `time`. @param {number} time */
-  advance(time) { this.#want(time, false); }
+  /** Called by the clock: fetch ahead of `time`, on the way back also before it. @param {number} time */
+  advance(time) {
+    const back = (this.clock?.direction ?? 1) < 0 ? 3 * Math.max(1, Math.abs(this.rate)) : 0;
+    this.#want(Math.max(time - back, this.timeBegin), false);
+  }
 
   dispose() {
     if (this.disposed) return;

@@ -21,6 +21,8 @@ export const unit = a => {
   return [a[0] / n, a[1] / n, a[2] / n];
 };
 
+const usualFov = 60 * Math.PI / 180;
+
 /** A camera that circles a point, or flies: what pointers and keys move. */
 export class OrbitCamera {
   constructor() {
@@ -31,7 +33,8 @@ export class OrbitCamera {
     this.pitch = 0.15;
     /** @type {Vec3} */
     this.up = [0, -1, 0];
-    this.fov = 60 * Math.PI / 180;  // in the smaller direction
+    this.fov = usualFov;
+    this.isVertical = false;  // `fov` is that of the height, otherwise of the smaller direction
     this.home = this.state();
   }
 
@@ -42,11 +45,25 @@ export class OrbitCamera {
    */
   frame(bounds, coordinates) {
     const [, y, z] = bounds.extent;
+    this.fov = usualFov;
+    this.isVertical = false;
     this.up = coordinates === 1 ? [0, 1, 0] : coordinates === 2 || y <= z ? [0, -1, 0] : [0, 0, 1];
     this.target = /** @type {Vec3} */ (bounds.middle.slice());
     this.distance = Math.max(bounds.radius, 1e-3) / Math.sin(this.fov / 2);
     this.yaw = 0;
     this.pitch = 0.15;
+    this.home = this.state();
+  }
+
+  /**
+   * Looks as a stream suggests.
+   * @param {NonNullable<import('l4dcodec').Presentation['camera']>} camera
+   */
+  place({position, target, up, fov}) {
+    this.up = unit(up);
+    this.fov = fov;
+    this.isVertical = true;
+    this.lookAt(position, target);
     this.home = this.state();
   }
 
@@ -116,7 +133,7 @@ export class OrbitCamera {
   camera(width, height) {
     const axes = this.axes();
     const eye = this.eye();
-    const focal = Math.min(width, height) / 2 / Math.tan(this.fov / 2);
+    const focal = (this.isVertical ? height : Math.min(width, height)) / 2 / Math.tan(this.fov / 2);
     return {
       worldToCamera: axes.flatMap(axis => [...axis, -dot(axis, eye)]),
       fx: focal, fy: focal, cx: width / 2, cy: height / 2, nearPlane: Math.min(0.01, this.distance * 0.01)

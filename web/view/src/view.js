@@ -17,6 +17,12 @@ const flatWindows = 1 << 10;  // among the tools of a stream
  * @property {() => Worker} [worker] makes the worker that sorts, for pages that bundle it themselves
  */
 
+/** What a camera should look at. @param {{min: number[], max: number[]}} box */
+const boundsOf = ({min, max}) => {
+  const extent = max.map((v, k) => v - min[k]);
+  return {middle: max.map((v, k) => (v + min[k]) / 2), extent, radius: Math.hypot(...extent) / 2};
+};
+
 /** Shows a movie on a canvas. */
 export class View {
   /** @param {HTMLCanvasElement} canvas @param {ViewOptions} [options] */
@@ -123,9 +129,11 @@ export class View {
     this.#request();
   }
 
-  /** Looks at the scene as it is now. */
+  /** Looks as the stream suggests, or at its bounds, or at the scene as it is now. */
   async home() {
-    const bounds = await this.bounds();
+    const {camera, bounds: box} = this.movie?.info.presentation ?? {};
+    const bounds = camera ? null : box ? boundsOf(box) : await this.bounds();
+    if (camera) this.orbit.place(camera);
     if (bounds) this.orbit.frame(bounds, this.movie?.info.coordinateSystem ?? 0);
     this.change();
   }
