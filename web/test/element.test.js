@@ -4,7 +4,7 @@
 import assert from 'node:assert/strict';
 import {join} from 'node:path';
 import {after, before, test} from 'node:test';
-import {launch, newPage, serve, work} from './browser.js';
+import {launch, newPage, opened, serve, work} from './browser.js';
 
 let browser, server;
 before(async () => {
@@ -37,6 +37,24 @@ const withPage = async (body, fn, {hash = '', headers = {}, size = [480, 270], s
     await page.close();
   }
 };
+
+const policy = "default-src 'none'; script-src 'self' 'wasm-unsafe-eval'; worker-src 'self'; connect-src 'self'";
+
+test('a strict content security policy leaves the player its styles and its picture', () => withPage(
+  '<l4d-player src="short.l4d"></l4d-player>', async page => {
+    await opened(page);
+    const found = await page.evaluate(async () => {
+      const player = document.querySelector('l4d-player');
+      await player.movie.seek(1);
+      const styleOf = selector => getComputedStyle(player.shadowRoot.querySelector(selector));
+      const pixels = await player.view.pixels();
+      return {bar: styleOf('.bar').position, canvas: styleOf('canvas').position, accent: styleOf('.done').backgroundColor, shape: player.clientWidth / player.clientHeight,
+              done: styleOf('.done').width, light: pixels.reduce((a, b, k) => a + (k % 4 === 3 ? 0 : b), 0) / pixels.length};
+    });
+    assert.deepEqual([found.bar, found.canvas, found.accent], ['absolute', 'absolute', 'rgb(90, 176, 255)']);
+    assert.ok(Math.abs(found.shape - 16 / 9) < 0.01, `${found.shape}`);
+    assert.ok(parseFloat(found.done) > 50 && found.light > 5, JSON.stringify(found));
+  }, {headers: {'Content-Security-Policy': policy}}));
 
 test('two views show one movie', () => withPage('', async page => {
   const found = await page.evaluate(async () => {

@@ -2,7 +2,7 @@
 import {open} from 'l4dcodec';
 import {PointerControls} from './controls.js';
 import {onKey} from './keys.js';
-import {icons, html} from './template.js';
+import {addStyle, icons, html} from './template.js';
 import {clockText, describeError, describeLosses, overlayLines, parseLink, spokenTime} from './text.js';
 import {View} from './view.js';
 
@@ -20,6 +20,7 @@ export class L4DPlayer extends Base {
     super();
     const root = this.attachShadow({mode: 'open'});
     root.innerHTML = html;
+    addStyle(root);
     /** @type {(selector: string) => any} */
     this.$ = selector => root.querySelector(selector);
     /** @type {import('l4dcodec').Movie | null} */

@@ -89,8 +89,22 @@ button:focus-visible, input:focus-visible, select:focus-visible { outline: 2px s
 @media (prefers-reduced-motion: reduce) { * { transition: none !important; } .spinner { animation-duration: 3s; } }
 `;
 
-export const html = `<style>${style}</style>
-<canvas part="canvas" tabindex="0" role="application" aria-label="Scene. Drag to turn, arrow keys with Alt to turn, wheel or plus and minus to zoom."></canvas>
+/**
+ * Styles that a content security policy does not take for inline ones. @param {ShadowRoot} root
+ */
+export const addStyle = root => {
+  if ('adoptedStyleSheets' in root) {
+    const sheet = new CSSStyleSheet();
+    sheet.replaceSync(style);
+    root.adoptedStyleSheets = [sheet];
+  } else {
+    const element = document.createElement('style');
+    element.textContent = style;
+    /** @type {ShadowRoot} */ (root).prepend(element);
+  }
+};
+
+export const html = `<canvas part="canvas" tabindex="0" role="application" aria-label="Scene. Drag to turn, arrow keys with Alt to turn, wheel or plus and minus to zoom."></canvas>
 <img class="poster" part="poster" alt="" hidden>
 <slot name="captions"></slot>
 <div class="spinner" role="presentation" hidden></div>
