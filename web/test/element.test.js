@@ -85,3 +85,38 @@ test('two views show one movie', () => withPage('', async page => {
   assert.ok(found.visible[0] > 100 && found.visible[0] === found.visible[1], `${found.visible}`);
   assert.ok(found.same && found.light > 2 && found.alone > 2, JSON.stringify(found));
 }));
+
+test('one button to play is in the order of the Tab key', () => withPage('<l4d-player src="frames.l4d"></l4d-player>', async page => {
+  await opened(page);
+  await page.waitForFunction(() => !document.querySelector('l4d-player').shadowRoot.querySelector('.big').hidden);
+  const names = [];
+  for (let k = 0; k < 7; ++k) {
+    await page.keyboard.press('Tab');
+    names.push(await page.evaluate(() => document.querySelector('l4d-player').shadowRoot.activeElement?.getAttribute('aria-label')));
+  }
+  assert.equal(names.filter(name => name === 'Play').length, 1, names.join());
+  assert.equal(await page.getByRole('button', {name: 'Play'}).count(), 1);
+}));
+
+for (const [width, height] of /** @type {[number, number][]} */ ([[380, 260], [390, 780]])) {
+  test(`all of the menu is there at ${width} x ${height}`, () => withPage(
+    `<l4d-player src="frames.l4d" id="p"></l4d-player>`, async page => {
+      await opened(page);
+      const found = await page.evaluate(([width, height]) => {
+        const player = document.querySelector('l4d-player');
+        for (const [name, value] of Object.entries({position: 'fixed', inset: '0', width: `${width}px`, height: `${height}px`, 'aspect-ratio': 'auto'})) {
+          player.style.setProperty(name, value);
+        }
+        player.toggleMenu(true);
+        const box = player.getBoundingClientRect();
+        const menu = player.shadowRoot.querySelector('.menu');
+        const inside = element => {
+          const own = element.getBoundingClientRect();
+          return own.top >= box.top && own.left >= box.left && own.right <= box.right && own.bottom <= box.bottom;
+        };
+        return {size: [box.width, box.height], outside: [...menu.children].filter(e => !inside(e)).map(e => e.outerHTML.slice(0, 40)),
+                scrolls: menu.scrollHeight - menu.clientHeight};
+      }, [width, height]);
+      assert.deepEqual(found, {size: [width, height], outside: [], scrolls: 0});
+    }, {size: [width, height]}));
+}

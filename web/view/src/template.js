@@ -15,7 +15,7 @@ export const icons = {
 const style = `
 :host { display: block; position: relative; aspect-ratio: 16 / 9; min-width: 240px; overflow: hidden;
   background: #0b0d10; color: #f2f4f7; font: 13px/1.4 system-ui, "Segoe UI", Roboto, "Helvetica Neue", sans-serif;
-  --accent: #5ab0ff; container-type: inline-size; border-radius: var(--l4d-radius, 10px); }
+  --accent: #5ab0ff; container-type: size; border-radius: var(--l4d-radius, 10px); }
 :host([hidden]) { display: none; }
 :host(:fullscreen) { border-radius: 0; aspect-ratio: auto; }
 * { box-sizing: border-box; }
@@ -86,6 +86,10 @@ button:focus-visible, input:focus-visible, select:focus-visible { outline: 2px s
   .bar { padding: 0 6px 6px; } button { width: 44px; height: 44px; } .time .of { display: none; } .overlay { font-size: 11px; padding: 7px 9px; top: 8px; left: 8px; }
   .menu { right: 6px; bottom: 62px; } .big { width: 66px; height: 66px; }
 }
+@container (max-height: 340px) {
+  .menu { grid-template-columns: repeat(4, auto); padding: 8px 10px; gap: 6px 8px; max-height: calc(100% - 66px); }
+  .menu select { min-width: 0; width: 100%; padding: 4px 2px; } .menu .link { height: 30px; padding: 0; }
+}
 @media (prefers-reduced-motion: reduce) { * { transition: none !important; } .spinner { animation-duration: 3s; } }
 `;
 
@@ -108,7 +112,7 @@ export const html = `<canvas part="canvas" tabindex="0" role="application" aria-
 <img class="poster" part="poster" alt="" hidden>
 <slot name="captions"></slot>
 <div class="spinner" role="presentation" hidden></div>
-<button class="big" part="big" aria-label="Play" hidden>${icons.play}</button>
+<button class="big" part="big" aria-label="Play" tabindex="-1" aria-hidden="true" hidden>${icons.play}</button>
 <dl class="overlay" part="overlay" hidden></dl>
 <div class="shade"></div>
 <div class="bar" part="bar" role="group" aria-label="Player controls">
