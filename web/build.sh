@@ -60,6 +60,7 @@ for package in "${packages[@]}"; do
   "$bin/tsc" -p "web/$package"
 done
 cp "$wasm" "$out/l4dcodec/src/"
+cp web/view/player.d.ts "$out/l4dcodec-player/types/"
 
 # The player in four files, and a page that shows scene.l4d.
 player=$out/player.part

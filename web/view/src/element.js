@@ -1,20 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
-import {open} from 'l4dcodec';
+import {L4DError, open} from 'l4dcodec';
 import {PointerControls} from './controls.js';
 import {onKey} from './keys.js';
+import {MediaElement} from './media.js';
 import {addStyle, icons, html} from './template.js';
 import {clockText, describeError, describeLosses, overlayLines, parseLink, spokenTime} from './text.js';
 import {View} from './view.js';
 
-const Base = globalThis.HTMLElement ?? /** @type {any} */ (class {});
 const idleSeconds = 2.5;
+const playbacks = /** @type {const} */ (['once', 'loop', 'ping-pong']);
 
 /**
- * `<l4d-player src poster autoplay loop camera="orbit|fly" detail="auto|base|full" backend="webgl2|webgpu|auto" overlay>`:
- * a player with controls. Events: 'open', 'error', 'backend' (which one draws); `movie` and `view` are what they say.
+ * `<l4d-player src poster autoplay loop playback="once|loop|ping-pong|auto" camera="orbit|fly" detail="auto|base|full"
+ * backend="webgl2|webgpu|auto" overlay>`: a player with controls. Events: 'open' (the movie is its detail), 'error' (an
+ * Error), 'backend' (which one draws), and 'play', 'pause', 'ended', 'timeupdate', 'ratechange' and 'durationchange' as of
+ * media elements. `movie` and `view` are those of the packages.
  */
-export class L4DPlayer extends Base {
-  static observedAttributes = ['src', 'poster', 'loop', 'detail', 'camera', 'overlay'];
+export class L4DPlayer extends MediaElement {
+  static observedAttributes = ['src', 'poster', 'loop', 'playback', 'detail', 'camera', 'overlay'];
 
   constructor() {
     super();
@@ -23,8 +26,6 @@ export class L4DPlayer extends Base {
     addStyle(root);
     /** @type {(selector: string) => any} */
     this.$ = selector => root.querySelector(selector);
-    /** @type {import('l4dcodec').Movie | null} */
-    this.movie = null;
     /** @type {View | null} */
     this.view = null;
     /** @type {PointerControls | null} */
@@ -37,8 +38,8 @@ export class L4DPlayer extends Base {
 
   connectedCallback() {
     this.#setView();
-    const source = this.getAttribute('src');
-    if (source && !this.movie) void this.load(source);
+    this.upgradeProperties();
+    if (this.getAttribute('src') && !this.opening) void this.load();
     this.timer = setInterval(() => this.#everySecond(), 500);
   }
 
@@ -58,15 +59,12 @@ export class L4DPlayer extends Base {
   /** @param {string} name @param {string | null} before @param {string | null} value */
   attributeChangedCallback(name, before, value) {
     // Before the view is there, connectedCallback is still to come, and loads it.
-    if (name === 'src' && value && value !== before && this.view) void this.load(value);
+    if (name === 'src' && value && value !== before && this.view) void this.load();
     if (name === 'poster') {
       this.$('.poster').hidden = !value;
       this.$('.poster').src = value ?? '';
     }
-    if (name === 'loop') {
-      this.$('#loop').checked = value !== null;
-      if (this.movie) this.movie.loop = value !== null;
-    }
+    if (name === 'loop' || name === 'playback') this.#setPlayback();
     if (name === 'detail' && value) this.#setDetail(value);
     if (name === 'camera') this.#setMode(value === 'fly' ? 'fly' : 'orbit');
     if (name === 'overlay') this.toggleOverlay(value !== null);
@@ -86,37 +84,63 @@ export class L4DPlayer extends Base {
     this.controls = new PointerControls(canvas, this.view.orbit, () => { this.view?.change(); this.#awake(); },
                                         () => this.toggle());
     this.#setMode(this.getAttribute('camera') === 'fly' ? 'fly' : 'orbit');
+    // Opened before the element was in a page.
+    if (this.movie) void this.view.show(this.movie).then(() => this.view?.home());
   }
 
-  /** Opens a file and shows it. @param {string | URL | Blob | ArrayBuffer | ArrayBufferView} source */
-  async load(source) {
+  /**
+   * Opens a file and shows it; without one, that of `src`. Resolves when its first picture is there, and fails as open()
+   * does; the player shows why.
+   * @param {string | URL | Blob | ArrayBuffer | ArrayBufferView} [source] @returns {Promise<void>}
+   */
+  load(source = this.getAttribute('src') ?? '') {
     this.unload();
-    const {signal} = this.loading;
     this.source = source;
+    const opening = this.opening = this.#load(source, this.loading.signal);
+    opening.catch(() => {});  // shown, whoever waits for it
+    return opening;
+  }
+
+  /** @param {Parameters<typeof open>[0]} source @param {AbortSignal} signal */
+  async #load(source, signal) {
     this.$('.message').hidden = true;
     this.#busy(true);
     try {
+      if (source === '') throw new L4DError('INVALID_ARGUMENT', 'the player has no src');
       const movie = await open(source, {signal});
-      if (signal.aborted) return movie.dispose();
+      if (signal.aborted) movie.dispose();
+      signal.throwIfAborted();
       this.movie = movie;
       await this.#begin(movie);
+      signal.throwIfAborted();
     } catch (error) {
       if (!signal.aborted) this.#showError(error);
+      throw error;
     }
   }
 
   /** @param {import('l4dcodec').Movie} movie */
   async #begin(movie) {
-    movie.loop = this.hasAttribute('loop');
-    movie.on('time', () => this.#showTime());
+    this.#setPlayback();
+    movie.rate = this.rateWanted;
+    movie.on('time', () => {
+      this.#showTime();
+      this.#tell('timeupdate');
+    });
     movie.on('progress', () => this.#showProgress());
-    for (const type of ['play', 'pause', 'ended']) movie.on(type, () => this.#showState(type));
+    for (const type of ['play', 'pause', 'ended']) {
+      movie.on(type, () => {
+        this.#showState(type);
+        this.#tell(type);
+      });
+    }
     movie.on('stall', () => this.#busy(true));
     movie.on('resume', () => this.#busy(false));
     movie.on('ready', () => this.#busy(false));
     movie.on('error', error => this.#showError(error));
     movie.on('grown', ({live}) => {
       this.#showEnd(movie);
+      this.#tell('durationchange');
       if (!live) this.#say('The recording has ended');
     });
     movie.on('retry', () => this.#say('The connection is slow, trying again'));
@@ -124,11 +148,18 @@ export class L4DPlayer extends Base {
     movie.on('loss', () => this.#showLosses(movie));
     this.#showLosses(movie);
     await this.view?.show(movie);
-    const link = parseLink(this.hasAttribute('src') ? location.hash : '');
-    await movie.seek(link.time ?? movie.startTime);
-    if (!(link.camera && this.view?.orbit.parse(link.camera))) await this.view?.home();
+    const link = this.#linkOfPage();
+    const start = this.startAt === null ? movie.startTime : movie.timeBegin + this.startAt;
+    await movie.seek(link.time ?? start).catch(error => {
+      // Who seeks meanwhile knows better.
+      if (error.name !== 'AbortError') throw error;
+    });
+    if (this.movie !== movie) return;
+    await this.view?.home();
+    if (link.camera && this.view?.orbit.parse(link.camera)) this.view.change();
     await this.view?.settled();
     if (this.movie !== movie) return;
+    this.setOpen(true);
     this.$('.poster').classList.add('gone');
     this.#busy(false);
     this.#showTime();
@@ -137,10 +168,16 @@ export class L4DPlayer extends Base {
     if (this.hasAttribute('autoplay') && !still) movie.play();
     else this.$('.big').hidden = false;
     this.#say(movie.live ? 'Ready, live' : `Ready, ${spokenTime(movie.duration)}`);
+    this.#tell('durationchange');
     this.dispatchEvent(new CustomEvent('open', {detail: movie}));
   }
 
+  /** @param {string} type of an event without a detail */
+  #tell(type) { this.dispatchEvent(new Event(type)); }
+
   unload() {
+    this.opening = null;
+    this.setOpen(false);
     this.loading.abort();
     this.loading = new AbortController();
     this.view?.hide();
@@ -165,10 +202,8 @@ export class L4DPlayer extends Base {
 
   /** @param {number} rate */
   setRate(rate) {
-    if (!this.movie) return;
-    this.movie.rate = Math.min(Math.max(rate, 0.25), 4);
-    this.$('#rate').value = String(this.movie.rate);
-    this.#say(`Speed ${this.movie.rate}`);
+    this.playbackRate = Math.min(Math.max(rate, 0.25), 4);
+    this.#say(`Speed ${this.playbackRate}`);
   }
 
   home() { void this.view?.home(); }
@@ -195,7 +230,16 @@ export class L4DPlayer extends Base {
   /** A link to this time and camera. */
   get link() {
     const time = this.movie ? this.movie.currentTime.toFixed(3) : '0';
-    return `${location.href.split('#')[0]}#t=${time}&cam=${this.view?.orbit}`;
+    const player = this.id ? `&player=${encodeURIComponent(this.id)}` : '';
+    return `${location.href.split('#')[0]}#t=${time}&cam=${this.view?.orbit}${player}`;
+  }
+
+  /** What the address of the page says of time and camera. It is for the player that it names, or the first one. */
+  #linkOfPage() {
+    const link = parseLink(this.source === this.getAttribute('src') ? location.hash : '');
+    const isMeant = link.player === undefined ? (document.querySelector('l4d-player[src]') ?? this) === this :
+      link.player === this.id;
+    return isMeant ? link : {};
   }
 
   #listen() {
@@ -206,7 +250,7 @@ export class L4DPlayer extends Base {
     on('.reset', 'click', () => this.home());
     on('.settings', 'click', () => this.toggleMenu());
     on('.fullscreen', 'click', () => this.toggleFullscreen());
-    on('.message button', 'click', () => this.source && this.load(this.source));
+    on('.message button', 'click', () => void this.load(this.source));
     on('.link', 'click', () => {
       void navigator.clipboard?.writeText(this.link).then(() => this.#say('Link copied'), () => {});
     });
@@ -221,7 +265,11 @@ export class L4DPlayer extends Base {
     on('#level', 'change', e => { if (this.movie) this.movie.maxLevel = Number(e.target.value); });
     on('#rate', 'change', e => this.setRate(Number(e.target.value)));
     on('#mode', 'change', e => this.#setMode(e.target.value));
-    on('#loop', 'change', e => this.toggleAttribute('loop', e.target.checked));
+    on('#loop', 'change', e => {
+      this.loop = e.target.checked;
+      if (!e.target.checked) this.setAttribute('playback', 'once');
+    });
+    this.addEventListener('ratechange', () => { this.$('#rate').value = String(this.playbackRate); });
     on('#numbers', 'change', e => this.toggleOverlay(e.target.checked));
     this.addEventListener('keydown', e => {
       this.#awake();
@@ -282,6 +330,15 @@ export class L4DPlayer extends Base {
     if (!['auto', 'base', 'full'].includes(detail)) return;
     this.$('#detail').value = detail;
     if (this.movie) this.movie.detail = /** @type {any} */ (detail);
+  }
+
+  /** What comes after the end: the page or its user says so, or else the stream. */
+  #setPlayback() {
+    const wanted = this.getAttribute('playback') ?? '';
+    const stated = this.movie?.info.presentation.playback;
+    const playback = this.loop ? 'loop' : playbacks.find(p => p === wanted) ?? stated ?? (wanted === 'auto' ? 'loop' : 'once');
+    this.$('#loop').checked = playback === 'loop';
+    if (this.movie) this.movie.playback = playback;
   }
 
   /** @param {string} mode */

@@ -18,11 +18,11 @@ export const spokenTime = seconds => {
   return minutes > 0 ? `${plural(minutes, 'minute')} ${plural(rest, 'second')}` : plural(rest, 'second');
 };
 
-/** @param {string} hash "#t=1.5&cam=..." @returns {{time?: number, camera?: string}} */
+/** @param {string} hash "#t=1.5&cam=...&player=ID" @returns {{time?: number, camera?: string, player?: string}} */
 export const parseLink = hash => {
   const parts = new URLSearchParams(hash.replace(/^#/, ''));
   const time = Number(parts.get('t') ?? NaN);
-  return {time: Number.isFinite(time) ? time : undefined, camera: parts.get('cam') ?? undefined};
+  return {time: Number.isFinite(time) ? time : undefined, camera: parts.get('cam') ?? undefined, player: parts.get('player') ?? undefined};
 };
 
 /** @type {Record<string, string>} */

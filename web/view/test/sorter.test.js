@@ -112,6 +112,7 @@ test('words', () => {
   assert.equal(clockText(3600), '1:00:00.0');
   assert.equal(clockText(59.99), '1:00.0');
   assert.equal(spokenTime(61), '1 minute 1 second');
-  assert.deepEqual(parseLink('#t=1.5&cam=1,2'), {time: 1.5, camera: '1,2'});
-  assert.deepEqual(parseLink(''), {time: undefined, camera: undefined});
+  assert.deepEqual(parseLink('#t=1.5&cam=1,2'), {time: 1.5, camera: '1,2', player: undefined});
+  assert.deepEqual(parseLink('#t=1&player=a%20b'), {time: 1, camera: undefined, player: 'a b'});
+  assert.deepEqual(parseLink(''), {time: undefined, camera: undefined, player: undefined});
 });
