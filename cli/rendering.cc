@@ -34,8 +34,9 @@ eval::Rendering rendering_of(Context& context, const std::string& path, uint32_t
 
 eval::RenderedScene render_input(Context& context, const Input& input,
                                  const ImportArguments& arguments, const std::string& path,
-                                 uint32_t scenes) {
+                                 uint32_t scenes, bool tolerant) {
   eval::Rendering rendering = rendering_of(context, path, scenes);
+  rendering.decoder.tolerant = tolerant ? 1 : 0;
   eval::RenderedScene::Source source = eval::StreamFile{input.path()};
   if (input.is_ply()) {
     source = load_scene(context, input, arguments).scene;

@@ -17,8 +17,9 @@ l4d_renderer_options renderer_options(const Context& context, const std::string&
 // path: "fast" or "reference". scenes: how many the command shows, which share its memory.
 eval::Rendering rendering_of(Context& context, const std::string& path = "fast",
                              uint32_t scenes = 1);
+// tolerant: as --tolerant has it.
 eval::RenderedScene render_input(Context& context, const Input& input,
                                  const ImportArguments& arguments, const std::string& path = "fast",
-                                 uint32_t scenes = 1);
+                                 uint32_t scenes = 1, bool tolerant = false);
 
 }  // namespace l4d::cli

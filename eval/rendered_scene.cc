@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "eval/rendered_scene.h"
 
+#include <algorithm>
 #include <utility>
 
 #include "eval/decoded_scene.h"
@@ -65,10 +66,11 @@ void RenderedScene::show_members(double seconds) {
     decoders.push_back(s.decoder->get());
     shifts.push_back(s.shift);
   }
-  if (decoders != shown_) renderer_.set_decoders(decoders, shifts);
+  is_empty_ = decoders.empty();
+  if (!is_empty_ && decoders != shown_) renderer_.set_decoders(decoders, shifts);
   shown_ = std::move(decoders);
   members_->close_others();
-  renderer_.set_time(members_->time());
+  if (!is_empty_) renderer_.set_time(members_->time());
 }
 
 io::Scene RenderedScene::instant(double seconds) const {
@@ -86,6 +88,7 @@ io::Scene RenderedScene::instant(double seconds) const {
 
 void RenderedScene::set_background(const float* rgb) {
   renderer_.check(l4d_renderer_set_background(renderer_.get(), rgb));
+  std::copy_n(rgb, 3, background_);
 }
 
 void RenderedScene::set_time(double seconds) {
@@ -100,7 +103,18 @@ void RenderedScene::render(const l4d_camera& camera, io::Image* image) {
     image_memory_ = hold(rendering_.holder, kPixelBytes * camera.width * camera.height, "an image");
     *image = io::Image(camera.width, camera.height);
   }
+  if (is_empty_) {
+    for (size_t i = 0; i < image->rgb.size(); ++i) image->rgb[i] = background_[i % 3];
+    return;
+  }
   about(name_, [&] { renderer_.render(camera, image->rgb.data()); });
+}
+
+l4d_render_stats RenderedScene::stats() const {
+  if (!is_empty_) return renderer_.stats();
+  l4d_render_stats nothing;
+  l4d_render_stats_init(&nothing);
+  return nothing;
 }
 
 }  // namespace l4d::eval

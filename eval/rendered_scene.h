@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -72,7 +73,20 @@ class RenderedScene {
   void set_time(double seconds);
   // Resizes the image as needed.
   void render(const l4d_camera& camera, io::Image* image);
-  l4d_render_stats stats() const { return renderer_.stats(); }
+  l4d_render_stats stats() const;
+
+  // Calls f(decoder, place of its stream in the file) for each stream that the instant shows, of
+  // which decoders that are tolerant know what was lost to it.
+  template <typename F>
+  void for_each_stream(const F& f) const {
+    if (scene_ != nullptr) return;
+    if (members_ == nullptr) return f(decoder_, uint64_t{0});
+    for (const ShownMembers::Shown& s : members_->shown()) f(*s.decoder, s.offset);
+  }
+  // As ShownMembers::left_out; empty for other scenes.
+  std::map<uint32_t, std::string> left_out() const {
+    return members_ == nullptr ? std::map<uint32_t, std::string>() : members_->left_out();
+  }
 
  private:
   void show(const io::Scene& scene);
@@ -91,6 +105,8 @@ class RenderedScene {
   l4d_timeline timeline_{};
   uint64_t count_ = 0;
   std::optional<double> time_;
+  float background_[3] = {};
+  bool is_empty_ = false;  // every member that the instant shows is left out
 };
 
 }  // namespace l4d::eval

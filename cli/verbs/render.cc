@@ -15,6 +15,7 @@
 #include "cli/text/sequence.h"
 #include "cli/text/units.h"
 #include "cli/verbs/frame_sink.h"
+#include "cli/verbs/tolerant.h"
 #include "io/video.h"
 
 namespace l4d::cli {
@@ -34,6 +35,7 @@ struct RenderArguments {
   std::string background;
   std::string detail = "full";
   uint32_t max_tier = UINT32_MAX;
+  bool tolerant = false;
   std::string path = "fast";
   uint32_t crf = io::VideoOptions().crf;
   ImportArguments import;
@@ -176,6 +178,7 @@ struct RenderSums {
   double seconds[L4D_RENDER_PASS_COUNT] = {};
   double render = 0, write = 0;
   uint64_t bytes = 0;  // of all files
+  LossReport losses;
   void add(const l4d_render_stats& stats) {
     visible += stats.visible;
     projected += stats.projected;
@@ -228,10 +231,16 @@ RenderSums render_frames(Context& context, eval::RenderedScene& scene, const Pat
     scene.render(path.at(k, times.size()), &image);
     sums.render += render_watch.seconds();
     sums.add(scene.stats());
+    scene.for_each_stream(
+        [&](const DecoderHandle& decoder, uint64_t offset) { sums.losses.add(decoder, offset); });
     const Stopwatch write_watch;
     sink.write(k, image);
     sums.write += write_watch.seconds();
   }
+  for (const auto& [index, why] : scene.left_out()) {
+    context.note(scene.name() + ": left out is " + why);
+  }
+  sums.losses.note(context, scene.name());
   progress.step("writing");
   const Stopwatch write_watch;
   sums.bytes = sink.finish();
@@ -275,6 +284,7 @@ Outcome describe(const RenderArguments& arguments, const Rendered& r, const Stop
                   {"visible", mean(sums.visible)},
                   {"projected", mean(sums.projected)},
                   {"instances", mean(sums.instances)},
+                  {"losses", sums.losses.json()},
                   {"passes", stages},
                   {"render_s", sums.render},
                   {"fps", speed},
@@ -304,7 +314,8 @@ Outcome run_render(Context& context, const RenderArguments& arguments) {
   if (target == Target::kNumbered) numbered_names(arguments, 1);
   if (target != Target::kNumbered) sink.emplace(context, std::vector{arguments.output});
   const Input input(context, arguments.input);
-  eval::RenderedScene scene = render_input(context, input, arguments.import, arguments.path);
+  eval::RenderedScene scene =
+      render_input(context, input, arguments.import, arguments.path, 1, arguments.tolerant);
   std::array<float, 3> background{};
   if (!arguments.background.empty()) background = parse_background(arguments.background);
   scene.set_background(background.data());
@@ -364,6 +375,7 @@ void add_render(Registry& registry) {
       ->type_name("R,G,B");
   add_tier_option(verb, arguments->max_tier);
   add_detail_option(verb, arguments->detail);
+  add_tolerant_option(verb, arguments->tolerant);
   verb->add_option("--path", arguments->path,
                    "Renderer: fast, or reference (double precision, slow, for checking)")
       ->type_name("NAME")

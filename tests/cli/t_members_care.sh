@@ -160,6 +160,15 @@ for member in 0 1; do
       expect 4 render damaged.l4d --time "$time" --size 16x16 -o x.png
       expect_document 0 slice damaged.l4d --time "$time" --digest --tolerant
       expect_json out "d['frames'][0]['gaussians'] == 0 and any('member $member, which' in n for n in d['notes'])"
+      # An image of the background.
+      expect_document 0 render damaged.l4d --time "$time" --cameras cameras.json --tolerant -o empty.png -f \
+        --background 0,1,0
+      expect_json out "d['visible'] == 0 and any('member $member, which' in n for n in d['notes'])"
+      "$PYTHON" -c 'import zlib
+data = open("empty.png", "rb").read()
+at = data.index(b"IDAT")
+row = zlib.decompressobj().decompress(data[at + 4:at + 4 + int.from_bytes(data[at - 4:at], "big")])
+assert row[1:4] == bytes([0, 255, 0]), row[:4]' || die "the image is not of the background"
     else
       expect_equal "$(json <(l4d slice damaged.l4d --time "$time" --digest --json) 'd["frames"][0]["digests"]')" \
         "$(json <(l4d slice bab.l4d --time "$time" --digest --json) 'd["frames"][0]["digests"]')"

@@ -51,3 +51,24 @@ damage s.l4d headless.l4d 0.0001
 expect 4 decode headless.l4d --tolerant -o no.ply
 expect_document 0 decode s.ply --tolerant -o from_ply.ply
 expect_json out 'd["losses"] == []'
+
+# Images show what slices have, and the losses are the same.
+make_cameras cameras.json
+expect 4 render bad.l4d --time 1 -o no.png
+expect_missing no.png
+expect_document 0 slice bad.l4d --time 1 --tolerant --digest
+cp out sliced
+expect_document 0 render bad.l4d --time 1 --cameras cameras.json --tolerant -o some.png
+expect_json out 'd["losses"] and d["losses"] == json.load(open("sliced"))["losses"]'
+expect_json out 'len(d["notes"]) == 1'
+expect_json out '0 < d["visible"] <= json.load(open("sliced"))["frames"][0]["gaussians"]'
+expect 0 repair bad.l4d -o left.l4d
+expect 0 render left.l4d --time 1 --cameras cameras.json -o left.png
+cmp some.png left.png || die "other Gaussians are drawn than those that are right"
+expect_document 0 render s.l4d --time 1 --cameras cameras.json --tolerant -o same.png
+expect_json out 'd["losses"] == [] and d["notes"] == []'
+expect 0 render s.l4d --time 1 --cameras cameras.json -o whole.png
+cmp same.png whole.png
+# Over a sequence each place is listed once.
+expect_document 0 render bad.l4d --fps 10 --cameras cameras.json --tolerant -o r_%02d.png
+expect_json out 'd["frames"] == 20 and len(d["losses"]) == 3'
