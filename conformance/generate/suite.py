@@ -170,7 +170,7 @@ def check_refusal(vector, query):
 
 
 def document(vectors, entries):
-    return {"$schema": "suite.schema.json", "name": "l4d", "format": FORMAT, "bitstream": "1.0-draft",
+    return {"$schema": "suite.schema.json", "name": "l4d", "format": FORMAT, "bitstream": "1.0-rc.1",
             "description": "Conformance vectors of the L4D bitstream, spec/l4d.md", "vectors": entries}
 
 

@@ -76,7 +76,7 @@ class Programs(unittest.TestCase):
         self.assertGreater(len(STREAMS), 3)
         for path in STREAMS:
             self.assertEqual(run("file", "-m", MAGIC, "-b", path).strip(),
-                             "L4D scene of moving Gaussian splats, version 1.0, draft")
+                             "L4D scene of moving Gaussian splats, version 1.0, not final")
             self.assertEqual(run("file", "-m", MAGIC, "-b", "--mime-type", path).strip(), TYPE)
             self.assertEqual(run("file", "-m", MAGIC, "-b", "--extension", path).strip(), EXTENSION)
 
@@ -86,7 +86,7 @@ class Programs(unittest.TestCase):
         frozen, text_mode = self.folder / "frozen", self.folder / "text_mode"
         frozen.write_bytes(data[:9] + b"\x07\x00" + data[11:])
         self.assertIn(", version 1.7", run("file", "-m", MAGIC, "-b", frozen))
-        self.assertNotIn("draft", run("file", "-m", MAGIC, "-b", frozen))
+        self.assertNotIn("not final", run("file", "-m", MAGIC, "-b", frozen))
         text_mode.write_bytes(data.replace(b"\r\n", b"\n", 1))
         self.assertNotIn("L4D", run("file", "-m", MAGIC, "-b", text_mode))
 
