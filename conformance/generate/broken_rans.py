@@ -225,9 +225,8 @@ def broken_headers():
     yield "TIME-2 negative", layer(**dict(FIXED_MEAN_TIMES, mean_t_step=-0.125))
     yield "TIME-2 NaN", layer(**dict(FIXED_MEAN_TIMES, mean_t_step=float("nan")))
     yield "TIME-2 large", layer(**dict(FIXED_MEAN_TIMES, mean_t_step=2.0 ** 61))
-    yield "CODE-7", coding("sh", patch={"element": 1, "step": 0.0})
-    yield "CODE-7 large", coding("sh", patch={"element": 1, "step": 1025.0})
-    yield "CODE-7 NaN", coding("sh", patch={"element": 1, "step": float("nan")})
+    yield "TRAN-8", coding("sh", patch={"element": 1, "step": 1.0})
+    yield "TRAN-8 rotor", coding("rotor_spatial", patch={"element": 1, "step": 2.0 ** -10})
     yield "TRAN-1", coding("sh", steps=[], eob_table=[], basis=basis[:1])
     yield "TRAN-1 many", coding("sh", steps=[1.0] * 4, eob_table=[4], basis=basis + basis[:2])
     yield "TRAN-1 rotor", coding("rotor_spatial", steps=[1.0] * 4, eob_table=[4],

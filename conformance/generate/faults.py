@@ -14,7 +14,7 @@ OF_VALIDATORS = {"FILE-7", "HEAD-21", "DIR-9", "DIR-10", "LAYR-1", "LAYR-3", *(f
 # Files too large to be kept: the test spec/streams makes them.
 LARGE = {"LEVL-5", "LEVL-6", "LEVL-7"}
 # What else may be said of a file.
-ALSO = {"FILE-1 short": ["CHNK-1"], "RANS-7 missing": ["VQ-1", "VQ-2", "STRM-3", "VAL-2", "TRAN-5", "TRAN-6"]}
+ALSO = {"FILE-1 short": ["CHNK-1"], "CHNK-1 size": ["CHNK-4"], "LAYR-1": ["DIR-9"], "LAYR-3": ["DIR-9"], "RANS-7 missing": ["VQ-1", "VQ-2", "STRM-3", "VAL-2", "TRAN-5", "TRAN-6"]}
 
 NOT_CHECKABLE = {
     "STRM-5": "says how a decoder adds; the vectors with deltas beyond the border hold it",
@@ -43,7 +43,8 @@ def kinds(name):
     """DEC-5: the kinds of report that fit a broken rule, for decoders that name no clauses."""
     if name == "FILE-1 short":
         return ["truncated", "no-l4d"]
-    return KINDS.get(name.split()[0], ["rule"])
+    also = [kind for clause in ALSO.get(name, []) for kind in KINDS.get(clause, ["rule"])]
+    return sorted({*KINDS.get(name.split()[0], ["rule"]), *also})
 
 
 def faults():

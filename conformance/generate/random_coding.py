@@ -7,9 +7,9 @@ import stream_builder as sb
 from random_page import RAW32, TRANSFORM, VQ, ZERO, f32, half_value
 
 
-def rows(rng, n, dim, tame=False):
-    """Of a codebook. tame: of small numbers."""
-    if rng.random() < 0.3:
+def rows(rng, n, dim, tame=False, sq=True):
+    """Of a codebook. tame: of small numbers. sq: of either element type, else of binary16."""
+    if rng.random() < 0.3 and sq:
         most = rng.choice([1, 40] if tame else [1, 40, 300, 32767])
         step = f32(rng.uniform(2.0 ** -20, 2.0 ** -6) if tame else
                    rng.choice([2.0 ** -20, 2.0 ** 10, rng.uniform(2.0 ** -20, 1)]))
@@ -67,7 +67,7 @@ def transform(rng, dim, most_step=2.0 ** 10, number=None):
                                    rng.power_of_two(-20, 0)]))
     below = rng.sample(range(1, number), min(number - 1, rng.choice([0, 0, 1, 2, 6, number])))
     return {"coding": TRANSFORM, "steps": [step() for _ in range(number)],
-            "eob_table": [*sorted(below), number], "basis": rows(rng, number + 1, dim),
+            "eob_table": [*sorted(below), number], "basis": rows(rng, number + 1, dim, sq=False),
             "also": {"escapes": rng.random() < 0.2}}
 
 
@@ -88,9 +88,8 @@ def most_of(coding):
     """No number of a vector of this coding is greater."""
     if coding["coding"] == TRANSFORM:
         basis = coding["basis"]
-        unit = getattr(basis, "step", 1.0)
-        return unit * (max(map(abs, basis[0])) +
-                       sum(32768 * step * max(map(abs, row)) for step, row in zip(coding["steps"], basis[1:])))
+        return (max(map(abs, basis[0])) +
+                sum(32768 * step * max(map(abs, row)) for step, row in zip(coding["steps"], basis[1:])))
     if coding["coding"] != VQ:
         return 0.0
     codebooks = coding["stages"] + ([coding["rcq"]] if coding.get("rcq") else [])

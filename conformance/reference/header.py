@@ -180,3 +180,4 @@ def check_transform(c, dim, most_step):
             eob_table[-1] == len(steps), "TRAN-3", "eob_table")
     require(basis is not None and basis["num_entries"] == len(steps) + 1, "TRAN-4", "basis")
     check_element(basis)
+    require(basis["element"] == 0, "TRAN-8", "basis element")

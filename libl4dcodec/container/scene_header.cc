@@ -312,7 +312,9 @@ class HeaderParser {
     if (c.basis() == nullptr || c.basis()->num_entries() != steps + 1) {
       return bad("TRAN-4", name + " basis does not have a row for the origin and each coefficient");
     }
-    return parse_stage(*c.basis(), what, kMaxCoefficients + 1, &out->basis);
+    L4D_RETURN_IF_ERROR(parse_stage(*c.basis(), what, kMaxCoefficients + 1, &out->basis));
+    return out->basis.element == ElementType::kF16 ? Status()
+                                                   : bad("TRAN-8", name + " basis is not f16");
   }
 
   Status parse_layers(const flatbuffers::Vector<flatbuffers::Offset<fbs::Layer>>& layers) {

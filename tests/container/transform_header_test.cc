@@ -10,6 +10,7 @@
 namespace l4d {
 namespace {
 
+constexpr unsigned kScale = L4D_COMPONENT_SCALE;
 constexpr unsigned kSpatial = L4D_COMPONENT_ROTOR_SPATIAL;
 constexpr unsigned kTemporal = L4D_COMPONENT_ROTOR_TEMPORAL;
 
@@ -85,13 +86,25 @@ const Rule kRules[] = {
      }},
     {"CODE-7",
      [](SceneHeader& h) {
-       h.sh.basis.element = ElementType::kSq;
-       h.sh.basis.step = 0x1p-21f;
+       h.layers[1].component[kScale] = test::example_vq(4, 1, false, 3);
+       h.layers[1].component[kScale].stages[0].element = ElementType::kSq;
+       h.layers[1].component[kScale].stages[0].step = 0x1p-21f;
      }},
     {"CODE-7",
      [](SceneHeader& h) {
+       h.layers[1].component[kScale] = test::example_vq(4, 1, false, 3);
+       h.layers[1].component[kScale].stages[0].element = ElementType::kSq;
+       h.layers[1].component[kScale].stages[0].step = 1025;
+     }},
+    {"TRAN-8",
+     [](SceneHeader& h) {
        h.sh.basis.element = ElementType::kSq;
-       h.sh.basis.step = 1025;
+       h.sh.basis.step = 1;
+     }},
+    {"TRAN-8",
+     [](SceneHeader& h) {
+       h.layers[1].component[kSpatial].basis.element = ElementType::kSq;
+       h.layers[1].component[kSpatial].basis.step = 1;
      }},
     {"HEAD-14", [](SceneHeader& h) { h.layers[1].scale_factor.coding = ScalarCodingId::kRaw32; }},
     {"HEAD-15",
@@ -155,8 +168,8 @@ const Rule kRules[] = {
      }},
 };
 
-// spec: CODE-5, CODE-6, CODE-7, HEAD-14, HEAD-15, TRAN-1, TRAN-2, TRAN-3, TRAN-4, TRAN-7, TIME-1,
-// TIME-2
+// spec: CODE-5, CODE-6, CODE-7, HEAD-14, HEAD-15, TRAN-1, TRAN-2, TRAN-3, TRAN-4, TRAN-7, TRAN-8,
+// TIME-1, TIME-2
 TEST(TransformHeader, EachRuleIsChecked) {
   for (const Rule& rule : kRules) {
     SceneHeader header = test::transform_header();

@@ -191,7 +191,7 @@ class BrokenStreams(unittest.TestCase):
     # spec: HEAD-12, HEAD-13, HEAD-14, HEAD-15, HEAD-16, HEAD-17, HEAD-18, HEAD-19, HEAD-20
     # spec: CODE-1, CODE-2, CODE-3, CODE-4, CODE-5, CODE-6, CODE-7
     # spec: TIME-1, TIME-2
-    # spec: TRAN-1, TRAN-2, TRAN-3, TRAN-4, TRAN-5, TRAN-6, TRAN-7
+    # spec: TRAN-1, TRAN-2, TRAN-3, TRAN-4, TRAN-5, TRAN-6, TRAN-7, TRAN-8
     # spec: RANS-1, RANS-2, RANS-3, RANS-4, RANS-5, RANS-6, RANS-7, RANS-8
     # spec: CHNK-1, CHNK-2, CHNK-3, CHNK-4, CHNK-5, CHNK-6, CHNK-7, CHNK-8
     # spec: STRM-1, STRM-2, STRM-3, STRM-4, STRM-6, RCQ-1, RCQ-2, RCQ-3, RCQ-4, RCQ-5
@@ -226,7 +226,7 @@ class BrokenStreams(unittest.TestCase):
                 "HEAD-16 position": "CORRUPT", "HEAD-16 raw64": "CORRUPT",
                 "CHNK-6 rans codebook": "FEATURE_UNSUPPORTED", "CHNK-2 entropy": "CHECKSUM",
                 "HEAD-15 spatial": "CORRUPT", "CODE-5": "CORRUPT", "CODE-6": "CORRUPT", "CODE-7": "CORRUPT",
-                **{f"TRAN-{k}": "CORRUPT" for k in range(1, 8)},
+                **{f"TRAN-{k}": "CORRUPT" for k in range(1, 9)},
                 "DIR-13": "CORRUPT",
                 "RANS-1 map": "CORRUPT", "RANS-2": "CORRUPT", "RANS-3": "CORRUPT",
                 "RANS-4 wide": "CORRUPT", "RANS-5": "CORRUPT", "RANS-6 entropy": "CORRUPT",
