@@ -44,8 +44,29 @@ before=$(cat capture/cameras.json whole/scene.ply | cksum)
 expect 2 "the capture lies in this folder" train capture -o capture --steps 5 -q
 expect 2 "the capture lies in this folder" train capture/cameras.json -o ./capture/ --steps 5 -q
 expect 2 "lies in the folder of the run" train capture -o whole --force --init whole/scene.ply --steps 5 -q
-expect 2 "there is a cameras.json already" capture truth.ply -o capture --cameras 9 --size 48x40
+expect 2 "there is already cameras.json" capture truth.ply -o capture --cameras 9 --size 48x40
 [ "$(cat capture/cameras.json whole/scene.ply | cksum)" = "$before" ] || die "an input was replaced"
+
+# A contact sheet is a .png, and no file of the capture under any name; it replaces an older one.
+sums() { find capture truth.ply -type f -print0 | sort -z | xargs -0 cksum; }
+sums >before
+expect 2 "must end with .png" inspect capture --sheet capture/cameras.json
+expect 2 "is a file of the capture" inspect capture --sheet capture/images/cam03/0004.png
+expect 2 "is a file of the capture" inspect capture --frames 0:3 --sheet capture/images/cam03/0004.png
+ln -s capture/cameras.json link.png
+expect 2 "is a file of the capture" inspect capture --sheet link.png
+ln capture/cameras.json hard.png
+expect 2 "is a file of the capture" inspect capture --sheet hard.png
+expect 0 "cameras +9" inspect capture --sheet sheet.png
+expect 0 "cameras +9" inspect capture --sheet capture/sheet.png
+expect 0 "cameras +9" inspect capture --sheet capture/sheet.png
+rm link.png hard.png capture/sheet.png
+expect 2 "there is a file of this name" capture truth.ply -o truth.ply
+mkdir -p pictures/images/cam00
+echo mine >pictures/images/cam00/0000.png
+expect 2 "there is already images" capture truth.ply -o pictures --cameras 9 --size 48x40
+[ "$(cat pictures/images/cam00/0000.png)" = mine ] || die "capture replaced an image"
+sums | cmp before - || die "an input was replaced"
 
 # What is killed goes on from its last checkpoint, and reaches the same bits.
 "$train" train "${options[@]}" -o killed --steps 400 --checkpoint-every 0.1 -q >out 2>err &

@@ -1,20 +1,66 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
 #include <cstdio>
+#include <filesystem>
 #include <map>
 #include <mutex>
 #include <nlohmann/json.hpp>
 
+#include "io/file.h"
 #include "training/images/loader.h"
 #include "training/run/run.h"
 
 namespace l4d::train {
 namespace {
 
+namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
 constexpr size_t kColumns = 6, kMaxCameras = 48;
 constexpr uint32_t kWidth = 200;  // pixels of an image in the sheet
+
+bool is_png(const fs::path& path) {
+  std::string ending = path.extension().string();
+  for (char& c : ending) c = static_cast<char>(c >= 'A' && c <= 'Z' ? c - 'A' + 'a' : c);
+  return ending == ".png";
+}
+
+// What the capture was read from: its images and videos, also those of frames that are not chosen,
+// and what else lies in its folder but sheets.
+std::vector<std::string> files_of(const std::string& path, CaptureOptions options) {
+  options.frames.clear();
+  const Capture capture = read_capture(path, options);
+  std::vector<std::string> files = {path};
+  for (const CaptureCamera& camera : capture.cameras) {
+    files.push_back(camera.source.video);
+    files.push_back(camera.source.mask);
+  }
+  for (const CaptureView& view : capture.views) files.push_back(view.file);
+  const fs::path folder = fs::is_directory(path) ? fs::path(path) : fs::path(path).parent_path();
+  std::error_code error;
+  fs::recursive_directory_iterator entry(folder.empty() ? "." : folder,
+                                         fs::directory_options::skip_permission_denied, error);
+  for (; !error && entry != fs::recursive_directory_iterator(); entry.increment(error)) {
+    if (!is_png(entry->path())) files.push_back(entry->path().string());
+  }
+  return files;
+}
+
+// A sheet replaces what has its name, unless the capture is read from that.
+void check_sheet(const std::string& sheet, const std::string& path, const CaptureOptions& options) {
+  const auto fail = [&](const char* what) {
+    throw io::Error(L4D_ERR_INVALID_ARGUMENT, sheet + ": --sheet " + what);
+  };
+  if (!is_png(sheet)) fail("is a PNG; its name must end with .png");
+  std::error_code error;
+  if (!fs::exists(sheet, error)) return;
+  const std::optional<io::FileId> target = io::identify(sheet);
+  if (!target) fail("must be a file");
+  for (const std::string& file : files_of(path, options)) {
+    const std::optional<io::FileId> id = file.empty() ? std::nullopt : io::identify(file);
+    if (id && !(*id < *target) && !(*target < *id)) fail("is a file of the capture");
+  }
+}
 
 // The first image of each camera, in rows.
 void write_sheet(const std::string& path, const Capture& capture, uint32_t threads) {
@@ -56,6 +102,7 @@ void write_sheet(const std::string& path, const Capture& capture, uint32_t threa
 
 Inspection inspect(const std::string& path, const CaptureOptions& options, const std::string& sheet,
                    uint32_t threads) {
+  if (!sheet.empty()) check_sheet(sheet, path, options);
   const Capture capture = read_capture(path, options);
   const CaptureFrame frame = frame_of(capture);
   size_t training = 0, tests = 0, videos = 0, distorted = 0;

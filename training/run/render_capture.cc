@@ -40,6 +40,22 @@ Json json_of(const io::Camera& camera, const std::string& name, bool is_video, b
   return out;
 }
 
+// A capture replaces nothing: neither another one, nor images that lie where its own would.
+void check_place(const fs::path& root) {
+  const auto fail = [&](const std::string& what) {
+    throw Error(L4D_ERR_INVALID_ARGUMENT, root.string() + ": " + what);
+  };
+  const std::string other = "; choose another folder";
+  if (!fs::exists(root)) return;
+  if (!fs::is_directory(root)) fail("a capture is a folder, and there is a file of this name");
+  if (fs::exists(root / "cameras.json")) fail("there is already cameras.json" + other);
+  for (const fs::directory_entry& entry : fs::directory_iterator(root)) {
+    const std::string name = entry.path().filename().string();
+    const bool is_video = name.rfind("cam", 0) == 0 && entry.path().extension() == ".mp4";
+    if (name == "images" || is_video) fail("there is already " + name + other);
+  }
+}
+
 std::string frame_name(const fs::path& folder, uint32_t frame) {
   char name[24];
   std::snprintf(name, sizeof(name), "%04u.png", frame);
@@ -62,10 +78,7 @@ void render_capture(const std::string& folder, const io::Scene& scene,
   const io::CameraSet set =
       io::orbit_cameras(scene, options.cameras, options.width, options.height);
   const fs::path root(folder);
-  if (fs::exists(root / "cameras.json")) {
-    throw Error(L4D_ERR_INVALID_ARGUMENT,
-                folder + ": there is a cameras.json already; choose another folder");
-  }
+  check_place(root);
   fs::create_directories(root);
   l4d_renderer_options rendering;
   l4d_renderer_options_init(&rendering);
