@@ -94,6 +94,40 @@ wait "$pid" || status=$?
 grep -q "resume" err || die "SIGTERM: nothing says how to go on"
 compgen -G "stopped/checkpoint-*.l4dtrain" >found || die "SIGTERM: there is no checkpoint"
 
+# A folder that has something, and no run, is left as it is, also with --force.
+mkdir foreign
+for name in cameras.json scene.ply log.jsonl preview.png weights.ply scene.l4d; do echo "my $name" >"foreign/$name"; done
+echo '{"capture": "of mine"}' >foreign/settings.json
+cat foreign/* | cksum >before
+for how in --tolerant --force; do
+  expect 2 "something else than a run" train "${options[@]}" -o foreign --steps 5 $how -q
+  expect 2 "something else than a run" train "${options[@]}" -o pictures --steps 5 $how -q
+done
+expect 3 "no checkpoint" train "${options[@]}" -o foreign --steps 5 --resume -q
+cat foreign/* | cksum | cmp before - || die "a file of someone else was replaced"
+[ "$(find foreign -mindepth 1 -maxdepth 1 | wc -l)" -eq 7 ] || die "a folder that is no run got files"
+
+# One training at a time has a folder.
+"$train" train "${options[@]}" -o busy --steps 400000 -q >out 2>busy.err &
+pid=$!
+for _ in $(seq 200); do
+  [ -s busy/log.jsonl ] && break
+  sleep 0.02
+done
+kill -USR1 "$pid"
+for _ in $(seq 200); do
+  compgen -G "busy/checkpoint-*.l4dtrain" >found && break
+  sleep 0.02
+done
+expect 2 "another training is at work" train "${options[@]}" -o busy --steps 400000 --force -q
+expect 2 "another training is at work" train "${options[@]}" -o busy --steps 400000 --resume -q
+[ -s busy/log.jsonl ] || die "a training that was refused removed files"
+kill -TERM "$pid"
+status=0
+wait "$pid" || status=$?
+[ "$status" -eq 130 ] || { cat busy.err >&2; die "SIGTERM: exit status $status, not 130"; }
+grep -q "resume" busy.err || die "SIGTERM: nothing says how to go on"
+
 # The hand-over to the encoder.
 expect 0 "stream +[0-9]+ bytes" train "${options[@]}" -o coded --steps 60 --encode default -q
 "$codec" validate coded/scene.l4d >out || die "the stream is not valid"
@@ -147,6 +181,8 @@ expect 2 "--opacity-weight" train "${options[@]}" -o x --steps 10 --opacity-weig
 expect 2 "--scale" train "${options[@]}" -o x --steps 10 --scale 2
 expect 6 "windows" train "${options[@]}" -o x --steps 10 --host-memory 10k
 expect 3 "nowhere" train nowhere -o x
+[ ! -e x ] || die "a training that did not begin left a folder"
+expect 3 "a file of this name" train "${options[@]}" -o truth.ply --steps 10
 expect 5 "layout" inspect .
 expect 2 "" train
 mv capture/images/cam03/0004.png kept.png

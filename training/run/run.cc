@@ -13,6 +13,7 @@
 #include "training/init/start.h"
 #include "training/run/checkpoint.h"
 #include "training/run/events.h"
+#include "training/run/folder.h"
 #include "training/run/output.h"
 #include "training/run/report.h"
 #include "training/step/cuda_backend.h"
@@ -95,13 +96,14 @@ class Run {
       throw Error(L4D_ERR_INVALID_ARGUMENT, "--codec settle needs --encode PRESET");
     }
     lpips_ = read_lpips(options_.lpips);
-    open_folder();
+    check_folder();
     observer_->update(0, 0, "reading the capture");
     capture_ = read_capture(options_.settings.capture, options_.settings.reading);
     loader_ = std::make_unique<ImageLoader>(capture_, options_.settings.scale,
                                             near_of(options_.settings, capture_));
     for (const std::string& note : capture_.notes) say(note);
     check_sizes(lpips_.get(), capture_, *loader_);
+    open_folder();
     const l4d_camera& camera = loader_->camera(0);
     settings_ = resolved(options_.settings, capture_, camera.width, camera.height);
     if (settings_.codec == "settle") settings_.preset = options_.preset;
@@ -126,24 +128,37 @@ class Run {
     observer_->note(note);
   }
 
-  void open_folder() {
+  // Refuses what the run may not write to, and changes nothing.
+  void check_folder() const {
+    const auto fail = [&](l4d_status status, const char* what) {
+      throw Error(status, folder_ + ": " + what);
+    };
     std::error_code error;
-    fs::create_directories(folder_, error);
-    if (!fs::is_directory(folder_, error)) {
-      throw Error(L4D_ERR_IO, folder_ + ": cannot make the folder of the run");
+    if (fs::exists(folder_, error) && !fs::is_directory(folder_, error)) {
+      fail(L4D_ERR_IO, "cannot make the folder of the run: there is a file of this name");
     }
-    const bool has_run = !list_checkpoints(folder_).empty() || fs::exists(file("report.json"));
-    if (options_.resume && list_checkpoints(folder_).empty()) {
-      throw Error(L4D_ERR_IO, folder_ + ": there is no checkpoint to resume from");
-    }
-    if (has_run && !options_.resume && !options_.force) {
-      throw Error(L4D_ERR_INVALID_ARGUMENT,
-                  folder_ +
-                      ": there is a run already; --resume goes on with it, and --force "
-                      "replaces it");
-    }
-    if (options_.resume) return;
     keep_inputs();
+    if (options_.resume) {
+      if (!list_checkpoints(folder_).empty()) return;
+      fail(L4D_ERR_IO, "there is no checkpoint to resume from");
+    }
+    if (is_empty_folder(folder_)) return;
+    if (!is_run(folder_)) {
+      fail(L4D_ERR_INVALID_ARGUMENT,
+           "the folder has files of something else than a run, which may not be replaced; choose "
+           "another one");
+    }
+    if (options_.force) return;
+    fail(L4D_ERR_INVALID_ARGUMENT,
+         "there is a run already; --resume goes on with it, and --force replaces it");
+  }
+
+  void open_folder() {
+    lock_ = std::make_unique<FolderLock>(folder_);
+    // Again, since another training may have come and gone.
+    check_folder();
+    if (options_.resume) return;
+    std::error_code error;
     for (const std::string& old : list_checkpoints(folder_)) fs::remove(old, error);
     for (const char* name :
          {"scene.ply", "scene.l4d", "weights.ply", "stream.png", "report.json"}) {
@@ -414,6 +429,7 @@ class Run {
   const RunOptions& options_;
   RunObserver* observer_;
   std::string folder_;
+  std::unique_ptr<FolderLock> lock_;
   Clock::time_point started_ = Clock::now();
   Capture capture_;
   std::unique_ptr<ImageLoader> loader_;
