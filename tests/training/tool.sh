@@ -107,7 +107,7 @@ expect 3 "no checkpoint" train "${options[@]}" -o foreign --steps 5 --resume -q
 cat foreign/* | cksum | cmp before - || die "a file of someone else was replaced"
 [ "$(find foreign -mindepth 1 -maxdepth 1 | wc -l)" -eq 7 ] || die "a folder that is no run got files"
 
-# One training at a time has a folder.
+# One training at a time has a folder, and a terminal that goes away ends it as SIGTERM does.
 "$train" train "${options[@]}" -o busy --steps 400000 -q >out 2>busy.err &
 pid=$!
 for _ in $(seq 200); do
@@ -122,11 +122,11 @@ done
 expect 2 "another training is at work" train "${options[@]}" -o busy --steps 400000 --force -q
 expect 2 "another training is at work" train "${options[@]}" -o busy --steps 400000 --resume -q
 [ -s busy/log.jsonl ] || die "a training that was refused removed files"
-kill -TERM "$pid"
+kill -HUP "$pid"
 status=0
 wait "$pid" || status=$?
-[ "$status" -eq 130 ] || { cat busy.err >&2; die "SIGTERM: exit status $status, not 130"; }
-grep -q "resume" busy.err || die "SIGTERM: nothing says how to go on"
+[ "$status" -eq 130 ] || { cat busy.err >&2; die "SIGHUP: exit status $status, not 130"; }
+grep -q "resume" busy.err || die "SIGHUP: nothing says how to go on"
 
 # The hand-over to the encoder.
 expect 0 "stream +[0-9]+ bytes" train "${options[@]}" -o coded --steps 60 --encode default -q

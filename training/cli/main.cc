@@ -59,6 +59,11 @@ void install_handlers() {
   stop.sa_flags = static_cast<int>(SA_RESETHAND);
   ::sigaction(SIGINT, &stop, nullptr);
   ::sigaction(SIGTERM, &stop, nullptr);
+  // A terminal that goes away; nohup wants that to be ignored.
+  struct sigaction hangup {};
+  if (::sigaction(SIGHUP, nullptr, &hangup) == 0 && hangup.sa_handler != SIG_IGN) {
+    ::sigaction(SIGHUP, &stop, nullptr);
+  }
   struct sigaction checkpoint {};
   checkpoint.sa_handler = [](int) { checkpoint_signal = 1; };
   checkpoint.sa_flags = SA_RESTART;
@@ -303,7 +308,7 @@ void add_train(CLI::App& app, Arguments& a) {
       "  l4dtrain train capture -o run --encode default\n"
       "  l4dtrain train capture -o run --time 600 --scale 0.5 --gaussians 200000\n"
       "  l4dtrain train capture -o run --resume\n"
-      "SIGINT and SIGTERM end a training after a checkpoint, SIGUSR1 writes one.");
+      "SIGINT, SIGTERM and SIGHUP end a training after a checkpoint, SIGUSR1 writes one.");
 }
 
 void add_capture(CLI::App& app, Arguments& a) {
