@@ -178,6 +178,21 @@ expect 2 "--codec prune needs" train "${options[@]}" -o x --steps 10 --codec pru
 expect 2 "--near" train "${options[@]}" -o x --steps 10 --near close
 expect 2 "--max-scale" train "${options[@]}" -o x --steps 10 --max-scale 0
 expect 2 "--opacity-weight" train "${options[@]}" -o x --steps 10 --opacity-weight -1
+for value in 0 -1 nan inf; do
+  for option in --seconds --fps --gaussians --steps --time --views --checkpoint-every; do
+    expect 2 "$option: it is \"$value\"; it must be a number above 0" train capture -o x $option $value
+  done
+  expect 2 "--frames: it is" capture truth.ply -o x --frames $value
+done
+for option in --drift --error-weight --scale-weight --max-scale --opacity-weight --near; do
+  expect 2 "$option is .*; it must be" train "${options[@]}" -o x --steps 10 $option inf
+done
+expect 2 "--max-scale is .*; it must be" train "${options[@]}" -o x --steps 10 --max-scale 1e-30
+expect 2 "--first is 8, and the scene has 8 frames" capture truth.ply -o x --first 8
+expect 2 "ascending ranges" inspect capture --test 5-2
+expect 2 "the frames are" inspect capture --frames 0:5:-1
+expect 2 "the frames are" inspect capture --frames=-1:5
+expect 0 "frames 3:100 end with the capture, which has 8" inspect capture --frames 3:100
 expect 2 "--scale" train "${options[@]}" -o x --steps 10 --scale 2
 expect 6 "windows" train "${options[@]}" -o x --steps 10 --host-memory 10k
 expect 3 "nowhere" train nowhere -o x

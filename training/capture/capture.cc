@@ -22,9 +22,9 @@ constexpr size_t kMinViews = 3;
 std::set<int> ids_of(const std::string& text) {
   std::set<int> ids;
   const auto fail = [&] {
-    throw Error(
-        L4D_ERR_INVALID_ARGUMENT,
-        "the test cameras are \"" + text + "\"; they must be numbers and ranges: 0,10,15 or 0-3");
+    throw Error(L4D_ERR_INVALID_ARGUMENT,
+                "the test cameras are \"" + text +
+                    "\"; they must be numbers and ascending ranges: 0,10,15 or 0-3");
   };
   size_t at = 0;
   const auto number = [&]() -> int {
@@ -41,6 +41,7 @@ std::set<int> ids_of(const std::string& text) {
     if (at < text.size() && text[at] == '-') {
       ++at;
       last = number();
+      if (last < first) fail();
     }
     for (int id = first; id <= last; ++id) ids.insert(id);
     if (at == text.size()) break;
@@ -77,24 +78,46 @@ struct FrameChoice {
   uint32_t first = 0, end = 0, step = 1;
 };
 
-FrameChoice frames_of(const std::string& text, uint32_t frames) {
+// "a:b:step" as numbers without signs; false where the text is something else.
+bool parse_frames(const std::string& text, FrameChoice* choice) {
+  uint32_t* const numbers[] = {&choice->first, &choice->end, &choice->step};
+  size_t count = 0, at = 0;
+  while (count < 3) {
+    const size_t begin = at;
+    uint64_t value = 0;
+    for (; at < text.size() && text[at] >= '0' && text[at] <= '9' && value <= UINT32_MAX; ++at) {
+      value = 10 * value + static_cast<uint64_t>(text[at] - '0');
+    }
+    if (at == begin || value > UINT32_MAX) return false;
+    *numbers[count++] = static_cast<uint32_t>(value);
+    if (at == text.size()) return count >= 2;
+    if (text[at++] != ':') return false;
+  }
+  return false;
+}
+
+FrameChoice frames_of(const std::string& text, Capture* capture) {
+  const uint32_t frames = capture->frames;
   FrameChoice choice{0, frames, 1};
   if (text.empty()) return choice;
-  unsigned first = 0, end = 0, step = 1;
-  char rest = 0;
-  const int n = std::sscanf(text.c_str(), "%u:%u:%u%c", &first, &end, &step, &rest);
-  if ((n != 2 && n != 3) || first >= end || step == 0 || first >= frames) {
+  if (!parse_frames(text, &choice) || choice.first >= choice.end || choice.step == 0 ||
+      choice.first >= frames) {
     throw Error(L4D_ERR_INVALID_ARGUMENT,
                 "the frames are \"" + text +
                     "\"; they must be first:end or first:end:step with first < end, of the " +
                     std::to_string(frames) + " frames of the capture");
   }
-  return {first, std::min(end, frames), step};
+  if (choice.end > frames) {
+    capture->notes.push_back("The frames " + text + " end with the capture, which has " +
+                             std::to_string(frames) + ".");
+    choice.end = frames;
+  }
+  return choice;
 }
 
 // The sequence then begins with the first frame of the choice.
 void choose_frames(Capture* capture, const CaptureOptions& options) {
-  const FrameChoice choice = frames_of(options.frames, capture->frames);
+  const FrameChoice choice = frames_of(options.frames, capture);
   const auto left_out = [&](const CaptureView& view) {
     return view.frame < choice.first || view.frame >= choice.end ||
            (view.frame - choice.first) % choice.step != 0;

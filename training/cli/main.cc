@@ -4,13 +4,13 @@
 
 #include <CLI/CLI.hpp>
 #include <chrono>
-#include <cmath>
 #include <csignal>
 #include <cstdio>
 #include <string>
 
 #include "io/formats.h"
 #include "l4d/l4d.hpp"
+#include "training/cli/numbers.h"
 #include "training/run/render_capture.h"
 #include "training/run/run.h"
 
@@ -170,37 +170,6 @@ std::string describe(const RunReport& r) {
   return out;
 }
 
-// Bytes: "500M", "8G", "1000000".
-uint64_t bytes_of(const std::string& text) {
-  size_t used = 0;
-  double value = -1;
-  try {
-    value = std::stod(text, &used);
-  } catch (const std::exception&) {
-  }
-  const std::string unit = used <= text.size() ? text.substr(used) : "";
-  const double factor = unit == "k"    ? 1e3
-                        : unit == "M"  ? 1e6
-                        : unit == "G"  ? 1e9
-                        : unit.empty() ? 1
-                                       : 0;
-  if (!(value >= 0 && value < 1e12) || factor == 0) {
-    throw io::Error(L4D_ERR_INVALID_ARGUMENT,
-                    "\"" + text + "\" is no number of bytes; 500M and 8G are");
-  }
-  return static_cast<uint64_t>(value * factor);
-}
-
-double number_of(const char* option, const std::string& text) {
-  char* end = nullptr;
-  const double value = std::strtod(text.c_str(), &end);
-  if (text.empty() || *end != 0 || !(value >= 0)) {
-    throw io::Error(L4D_ERR_INVALID_ARGUMENT, std::string(option) + " is \"" + text +
-                                                  "\"; it must be auto, or a number of 0 or more");
-  }
-  return value;
-}
-
 struct Arguments {
   RunOptions run;
   std::string host_memory = "8G", near = "auto", opacity_weight = "auto";
@@ -222,8 +191,9 @@ void add_reading(CLI::App* verb, Arguments& a) {
       "Cameras for tests: 0,10,15 or 0-3 (those that the capture names, else every 8th)");
   verb->add_option("--seconds", s.reading.seconds,
                    "D-NeRF: the time that 1 in its files stands for")
+      ->check(above_zero)
       ->capture_default_str();
-  verb->add_option("--fps", s.reading.fps, "Frame rate (that of the capture)");
+  verb->add_option("--fps", s.reading.fps, "Frame rate (that of the capture)")->check(above_zero);
   verb->add_flag("--tolerant", s.reading.tolerant,
                  "Leave out cameras without images, and cut all to the shortest");
 }
@@ -246,11 +216,15 @@ void add_train(CLI::App& app, Arguments& a) {
   add_reading(verb, a);
   verb->add_option("-o,--output", a.run.folder, "Folder for the results")->required();
   verb->add_option("-n,--gaussians", s.gaussians,
-                   "Gaussians at most (from the size of images and the duration)");
-  auto* steps = verb->add_option("--steps", s.steps, "Steps (20000 for 10 s and less)");
+                   "Gaussians at most (from the size of images and the duration)")
+      ->check(above_zero);
+  auto* steps =
+      verb->add_option("--steps", s.steps, "Steps (20000 for 10 s and less)")->check(above_zero);
   verb->add_option("--time", s.seconds, "Seconds to train for, in place of steps; not repeatable")
+      ->check(above_zero)
       ->excludes(steps);
-  verb->add_option("--views", s.views, "Views of a step (4; 1 for a moving camera)");
+  verb->add_option("--views", s.views, "Views of a step (4; 1 for a moving camera)")
+      ->check(above_zero);
   verb->add_option("--scale", s.scale, "Of images, 0 to 1")->capture_default_str();
   verb->add_option(
           "--init", s.init,
@@ -299,6 +273,7 @@ void add_train(CLI::App& app, Arguments& a) {
   verb->add_option("--encode", a.run.preset, "Also encode, with this preset of the encoder");
   add_lpips(verb, a);
   verb->add_option("--checkpoint-every", a.run.checkpoint_seconds, "Seconds between checkpoints")
+      ->check(above_zero)
       ->capture_default_str();
   auto* resume = verb->add_flag("--resume", a.run.resume, "Go on from the last checkpoint");
   verb->add_flag("--force", a.run.force, "Replace a run that is in the folder")->excludes(resume);
@@ -320,7 +295,7 @@ void add_capture(CLI::App& app, Arguments& a) {
       ->capture_default_str();
   verb->add_option("--size", a.size, "Pixels of images: 320x240")->capture_default_str();
   verb->add_option("--first", a.capture.first_frame, "First frame")->capture_default_str();
-  verb->add_option("--frames", a.capture.frames, "Number of frames (all)");
+  verb->add_option("--frames", a.capture.frames, "Number of frames (all)")->check(above_zero);
   verb->add_option("--format", a.capture.format, "png, mp4")->capture_default_str();
   add_common(verb, a);
 }

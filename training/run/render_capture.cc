@@ -72,7 +72,12 @@ void render_capture(const std::string& folder, const io::Scene& scene,
                 "--format is " + options.format + "; it must be png or mp4");
   }
   const uint32_t all = scene.timeline.num_frames;
-  const uint32_t first = std::min(options.first_frame, all - 1);
+  const uint32_t first = options.first_frame;
+  if (first >= all) {
+    throw Error(L4D_ERR_INVALID_ARGUMENT, "--first is " + std::to_string(first) +
+                                              ", and the scene has " + std::to_string(all) +
+                                              " frames, from 0");
+  }
   const uint32_t frames = std::min(options.frames == 0 ? all : options.frames, all - first);
   const double fps = static_cast<double>(scene.timeline.fps_num) / scene.timeline.fps_den;
   const io::CameraSet set =

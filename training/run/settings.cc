@@ -19,6 +19,10 @@ constexpr size_t kMinVideosForExposure = 8;
 constexpr double kConvergentNear = 0.2;
 constexpr double kOpacityWeight = 0.015, kAlphaOpacityWeight = 0.005;
 
+// Of weights and factors: where they are larger, or the largest scale is smaller, numbers of the
+// training leave the range of float.
+constexpr double kMaxWeight = 1000, kLeastScale = 0.0001;
+
 std::string number(double value) {
   char text[40];
   std::snprintf(text, sizeof(text), "%.17g", value);
@@ -67,18 +71,23 @@ void check(const Settings& s) {
     fail("--adam is " + s.adam + "; it must be dense or sparse");
   if (!is_one_of(s.backend, {"auto", "cpu", "cuda"}))
     fail("--backend is " + s.backend + "; it must be auto, cpu or cuda");
-  if (!(s.seconds >= 0)) fail("--time must be a number of seconds");
+  if (!(s.seconds >= 0 && std::isfinite(s.seconds))) fail("--time must be a number of seconds");
   if (s.seconds > 0 && s.steps > 0) fail("--time and --steps exclude each other");
   if (s.steps > 100000000) fail("--steps is above 100000000");
   if (s.gaussians > 100000000) fail("--gaussians is above 100000000");
   if (s.views > 256) fail("--views is above 256");
-  if (!(s.drift >= 0) || !(s.error_weight >= 0))
-    fail("--drift and --error-weight must be 0 or more");
+  const auto need = [&](const char* option, double value, double least) {
+    if (value >= least && value <= kMaxWeight) return;
+    fail(std::string(option) + " is " + number(value) + "; it must be " + number(least) + " to " +
+         number(kMaxWeight));
+  };
+  need("--drift", s.drift, 0);
+  need("--error-weight", s.error_weight, 0);
+  need("--scale-weight", s.scale_weight, 0);
+  need("--max-scale", s.max_scale, kLeastScale);
+  if (s.opacity_weight != kAuto) need("--opacity-weight", s.opacity_weight, 0);
   if (!(s.near == kAuto || (s.near >= 0 && s.near < 10)))
     fail("--near is " + number(s.near) + "; it must be auto, or 0 to 10");
-  if (!(s.opacity_weight == kAuto || s.opacity_weight >= 0) || !(s.scale_weight >= 0))
-    fail("--opacity-weight and --scale-weight must be 0 or more");
-  if (!(s.max_scale > 0)) fail("--max-scale must be above 0");
 }
 
 double near_of(const Settings& settings, const Capture& capture) {

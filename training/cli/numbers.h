@@ -1,0 +1,20 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+// Numbers on the command line.
+namespace l4d::train {
+
+// Bytes: "500M", "8G", "1000000". Throws io::Error.
+uint64_t bytes_of(const std::string& text);
+
+// A number of 0 or more, of an option that may also be "auto". Throws io::Error.
+double number_of(const char* option, const std::string& text);
+
+// For CLI::Option::check: "" for a finite number above 0, else what is wrong. An option whose
+// default stands for "from the capture" takes no number that means the same.
+std::string above_zero(const std::string& text);
+
+}  // namespace l4d::train
