@@ -71,7 +71,8 @@ void choose_test_cameras(Capture* capture, const CaptureOptions& options) {
   for (size_t k = 0; k < capture->cameras.size(); ++k) {
     capture->cameras[k].split = k % kTestEvery == 0 ? "test" : "train";
   }
-  capture->notes.push_back("The capture names no test cameras; every 8th is one.");
+  capture->notes.push_back(
+      "The capture names no test cameras; the first and every 8th after it are.");
 }
 
 struct FrameChoice {

@@ -4,7 +4,6 @@
 #include <cmath>
 #include <filesystem>
 #include <nlohmann/json.hpp>
-#include <sstream>
 
 #include "io/file.h"
 #include "io/formats.h"
@@ -56,15 +55,12 @@ Settings settings_of(const std::string& text) {
   return s;
 }
 
-std::string first_difference(const std::string& before, const std::string& now) {
-  std::istringstream a(before), b(now);
-  std::string x, y;
-  while (true) {
-    const bool more_a = static_cast<bool>(std::getline(a, x));
-    const bool more_b = static_cast<bool>(std::getline(b, y));
-    if (!more_a && !more_b) return "";
-    if (!more_a || !more_b || x != y) return "it has \"" + x + "\", and now it is \"" + y + "\"";
-  }
+std::optional<Settings> settings_in(const std::string& folder) {
+  const std::string path = (fs::path(folder) / "settings.json").string();
+  std::error_code error;
+  if (!fs::exists(path, error)) return std::nullopt;
+  const std::vector<uint8_t> text = io::read_whole_file(path);
+  return settings_of(std::string(text.begin(), text.end()));
 }
 
 RunReport describe_capture(const Capture& capture, const ImageLoader& loader) {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "l4d/render.hpp"
@@ -15,9 +16,8 @@ RunReport describe_capture(const Capture& capture, const ImageLoader& loader);
 
 std::string json_of(const Settings& settings);
 Settings settings_of(const std::string& json);  // throws io::Error(CORRUPT)
-
-// The first line in which two texts of settings differ.
-std::string first_difference(const std::string& before, const std::string& now);
+// Those of the run in a folder; nothing where it has none. Throws io::Error.
+std::optional<Settings> settings_in(const std::string& folder);
 
 // Views of a capture, rendered from a stream.
 class StreamViews {

@@ -10,6 +10,7 @@
 
 #include "io/file.h"
 #include "l4d/render.hpp"
+#include "training/capture/capture_hash.h"
 #include "training/init/start.h"
 #include "training/run/checkpoint.h"
 #include "training/run/events.h"
@@ -33,6 +34,13 @@ constexpr uint64_t kMinStart = 120000;    // Gaussians to begin with
 
 double since(Clock::time_point begin) {
   return std::chrono::duration<double>(Clock::now() - begin).count();
+}
+
+// A path that means the same from any folder, and whichever way it was written.
+std::string absolute(const std::string& path) {
+  fs::path place = fs::weakly_canonical(fs::absolute(path));
+  if (!place.has_filename()) place = place.parent_path();
+  return place.string();
 }
 
 void write_text(const std::string& path, const std::string& text) {
@@ -106,7 +114,11 @@ class Run {
     open_folder();
     const l4d_camera& camera = loader_->camera(0);
     settings_ = resolved(options_.settings, capture_, camera.width, camera.height);
-    if (settings_.codec == "settle") settings_.preset = options_.preset;
+    settings_.preset = options_.preset;
+    settings_.capture = absolute(settings_.capture);
+    settings_.capture_hash = hash_of(capture_);
+    std::error_code error;
+    if (fs::is_regular_file(settings_.init, error)) settings_.init = absolute(settings_.init);
     read_images();
     backend_ =
         settings_.backend == "cuda" ? make_cuda_backend(0) : make_cpu_backend(options_.threads);
@@ -205,11 +217,12 @@ class Run {
   }
 
   void begin() {
-    write_text(file("settings.json"), json_of(settings_) + "\n");
     if (options_.resume) {
       restore(load_newest());
-      return;
+      seconds_before_ = trainer_->state().seconds;
     }
+    write_text(file("settings.json"), json_of(settings_) + "\n");
+    if (options_.resume) return;
     observer_->update(0, 0, "placing the first Gaussians");
     StartOptions start;
     start.capacity = settings_.gaussians;
@@ -254,10 +267,11 @@ class Run {
   }
 
   void restore(Checkpoint checkpoint) {
-    const std::string text = text_of(settings_);
-    if (checkpoint.settings != text) {
-      throw Error(L4D_ERR_INVALID_ARGUMENT, folder_ + ": the checkpoint is of other settings: " +
-                                                first_difference(checkpoint.settings, text));
+    const std::string differs =
+        differences(checkpoint.settings, settings_, options_.accept_changes);
+    if (!differs.empty()) {
+      throw Error(L4D_ERR_INVALID_ARGUMENT,
+                  folder_ + ": the checkpoint is of other settings: " + differs);
     }
     if (checkpoint.run.camera_loss.size() != capture_.cameras.size()) {
       throw Error(L4D_ERR_INVALID_ARGUMENT, folder_ + ": the capture has other cameras now");
@@ -398,7 +412,7 @@ class Run {
     report.test = score("test", render);
     if (!options_.preset.empty()) encode(scene, &report);
     report.notes = notes_;
-    report.total_seconds = since(started_);
+    report.total_seconds = seconds_before_ + since(started_);
     write_text(file("report.json"), json_of(report) + "\n");
     writer_.finish();
     return report;
@@ -431,6 +445,7 @@ class Run {
   std::string folder_;
   std::unique_ptr<FolderLock> lock_;
   Clock::time_point started_ = Clock::now();
+  double seconds_before_ = 0;  // of training, before a resume
   Capture capture_;
   std::unique_ptr<ImageLoader> loader_;
   std::unique_ptr<eval::Lpips> lpips_;

@@ -16,7 +16,8 @@ struct RunOptions {
   std::string preset;  // of the encoder; "" = no stream
   std::string lpips;   // file of weights, to report LPIPS; "" = it is not reported
   bool resume = false;
-  bool force = false;  // replaces a run that is there
+  bool accept_changes = false;  // resumes also where the capture is not as it was
+  bool force = false;           // replaces a run that is there
   uint32_t threads = 0;
   double checkpoint_seconds = 300;
   double preview_seconds = 10;

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <map>
+#include <sstream>
 
 #include "training/density/relocate.h"
 #include "training/step/cuda_backend.h"
@@ -45,6 +47,25 @@ std::string text_of(const Settings& settings) {
   std::string out;
   for_each_setting(settings, [&](const char* name, const auto& value) {
     out += std::string(name) + " " + text_of_value(value) + "\n";
+  });
+  return out;
+}
+
+std::string differences(const std::string& before, const Settings& now, bool accept_changes) {
+  std::map<std::string, std::string> old;  // whole lines by name
+  std::istringstream lines(before);
+  for (std::string line; std::getline(lines, line);) old[line.substr(0, line.find(' '))] = line;
+  std::string out;
+  for_each_setting(now, [&](const char* name, const auto& value) {
+    const std::string key = name, line = key + " " + text_of_value(value);
+    if (old[key] == line || (key == "preset" && now.codec != "settle")) return;
+    if (key == "capture_hash" && accept_changes) return;
+    out += out.empty() ? "" : "; ";
+    if (key == "capture_hash") {
+      out += "the capture is not as it was, and --accept-changes goes on all the same";
+    } else {
+      out += "it has \"" + old[key] + "\", and now it is \"" + line + "\"";
+    }
   });
   return out;
 }

@@ -12,7 +12,8 @@ constexpr double kAuto = -1;
 
 // What decides the result of a training, besides the capture. A checkpoint remembers it.
 struct Settings {
-  std::string capture;  // path
+  std::string capture;       // path; of a run that has begun, an absolute one
+  std::string capture_hash;  // of a run that has begun: hash_of() what it began with
   CaptureOptions reading;
   double scale = 1;           // of images
   uint64_t gaussians = 0;     // N_max; 0 = from the images and the duration
@@ -25,7 +26,7 @@ struct Settings {
   std::string density = "relocate";          // relocate, gradient, off
   uint32_t density_every = 1;                // steps between two changes of the density
   std::string codec = "off";                 // off, prune, settle
-  std::string preset;                        // of the encoder, for settle; "" otherwise
+  std::string preset;                        // of the encoder; "" = no stream
   std::string adam = "dense";                // dense, sparse
   std::string backend = "auto";              // auto, cpu, cuda
   double drift = 2;                          // kappa
@@ -43,6 +44,7 @@ struct Settings {
 template <typename S, typename F>
 void for_each_setting(S& s, F&& f) {
   f("capture", s.capture);
+  f("capture_hash", s.capture_hash);
   f("seconds", s.reading.seconds);
   f("fps", s.reading.fps);
   f("frames", s.reading.frames);
@@ -72,8 +74,12 @@ void for_each_setting(S& s, F&& f) {
   f("seed", s.seed);
 }
 
-// One line "name value" for each: what checkpoints compare.
+// One line "name value" for each: what checkpoints have.
 std::string text_of(const Settings& settings);
+// What keeps a run from going on with other settings than those of `before`, a text as above; ""
+// where nothing does. The preset counts only where the training depends on it, and the capture_hash
+// unless accept_changes.
+std::string differences(const std::string& before, const Settings& now, bool accept_changes);
 // Throws io::Error(INVALID_ARGUMENT) where a setting is out of range.
 void check(const Settings& settings);
 // Settings::near, with the rule for what is auto: 0.2 where cameras look at one place, so that
