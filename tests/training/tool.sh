@@ -77,7 +77,10 @@ for _ in $(seq 200); do
 done
 kill -9 "$pid" 2>/dev/null || true
 wait "$pid" || true
-expect 0 "Gaussians" train "${options[@]}" -o killed --steps 400 --resume -q
+# All options but --resume are those of the run, and it may be started from anywhere.
+(cd / && "$train" train "$folder/capture/" -o "$folder/killed" --resume -q >"$folder/out")
+grep -q "\"capture\": \"$(realpath capture)\"" killed/settings.json || die "settings.json has no absolute path"
+(cd / && "$train" eval "$folder/whole" -q >"$folder/out") || die "eval needs the folder that training began in"
 cmp whole/scene.ply killed/scene.ply || die "a run that was killed and resumed differs"
 
 # What is asked to stop writes a checkpoint and says so.
@@ -166,7 +169,27 @@ expect 2 "at least 31 pixels a side; these have 24 x 20" \
 
 # What cannot be done.
 expect 2 "there is a run already" train "${options[@]}" -o whole --steps 400
-expect 2 "other settings" train "${options[@]}" -o whole --steps 401 --resume
+cksum whole/settings.json >before
+expect 2 'other settings: .*"steps 400", and now it is "steps 401"; .*"seed 0", and now it is "seed 9"' \
+  train capture -o whole --steps 401 --seed 9 --resume
+cksum whole/settings.json | cmp before - || die "a resume that was refused changed the settings"
+cp -r capture kept
+sed -i 's/"fps": 10/"fps": 20/' capture/cameras.json
+expect 2 "the capture is not as it was" train capture -o whole --resume
+cp kept/cameras.json capture/
+cp capture/images/cam03/0005.png capture/images/cam03/0004.png
+expect 2 "the capture is not as it was" train capture -o whole --resume
+expect 0 "Gaussians" train capture -o whole --resume --accept-changes -q
+expect 0 "Gaussians" train capture -o whole --resume -q
+cp -r kept/. capture
+expect 2 "the capture is not as it was" train capture -o whole --resume
+rm -r kept
+"$python" - <<'END' || die "report.json of a resumed run is not as it should be"
+import json
+whole, coded = json.load(open("whole/report.json")), json.load(open("coded/report.json"))
+assert whole["total_s"] >= whole["training_s"], whole
+assert coded["settings"]["preset"] == "default", coded
+END
 expect 3 "no checkpoint" train "${options[@]}" -o none --steps 400 --resume
 expect 2 "preset" train "${options[@]}" -o x --steps 10 --encode finest
 expect 2 "exclude" train "${options[@]}" -o x --steps 10 --time 5

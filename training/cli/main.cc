@@ -6,12 +6,15 @@
 #include <chrono>
 #include <csignal>
 #include <cstdio>
+#include <optional>
 #include <string>
 
 #include "io/formats.h"
 #include "l4d/l4d.hpp"
 #include "training/cli/numbers.h"
+#include "training/run/output.h"
 #include "training/run/render_capture.h"
+#include "training/run/report.h"
 #include "training/run/run.h"
 
 namespace l4d::train {
@@ -186,9 +189,9 @@ void add_reading(CLI::App* verb, Arguments& a) {
   verb->add_option("capture", s.capture, "Folder of the capture, or the file that describes it")
       ->required();
   verb->add_option("--frames", s.reading.frames, "Frames: first:end or first:end:step (all)");
-  verb->add_option(
-      "--test", s.reading.test,
-      "Cameras for tests: 0,10,15 or 0-3 (those that the capture names, else every 8th)");
+  verb->add_option("--test", s.reading.test,
+                   "Cameras for tests: 0,10,15 or 0-3 (those that the capture names, else the "
+                   "first and every 8th after it)");
   verb->add_option("--seconds", s.reading.seconds,
                    "D-NeRF: the time that 1 in its files stands for")
       ->check(above_zero)
@@ -270,12 +273,17 @@ void add_train(CLI::App& app, Arguments& a) {
   verb->add_option("--host-memory", a.host_memory, "Bytes of images in memory: 500M, 8G")
       ->capture_default_str();
   verb->add_option("--seed", s.seed, "Of all random numbers")->capture_default_str();
-  verb->add_option("--encode", a.run.preset, "Also encode, with this preset of the encoder");
+  verb->add_option("--encode", a.run.preset,
+                   "Also encode, with this preset of the encoder: " + preset_names());
   add_lpips(verb, a);
   verb->add_option("--checkpoint-every", a.run.checkpoint_seconds, "Seconds between checkpoints")
       ->check(above_zero)
       ->capture_default_str();
-  auto* resume = verb->add_flag("--resume", a.run.resume, "Go on from the last checkpoint");
+  auto* resume = verb->add_flag("--resume", a.run.resume,
+                                "Go on from the last checkpoint, with the settings of the run");
+  verb->add_flag("--accept-changes", a.run.accept_changes,
+                 "Resume also where images of the capture have changed")
+      ->needs(resume);
   verb->add_flag("--force", a.run.force, "Replace a run that is in the folder")->excludes(resume);
   add_common(verb, a);
   verb->footer(
@@ -291,7 +299,8 @@ void add_capture(CLI::App& app, Arguments& a) {
       app.add_subcommand("capture", "Render a scene as a capture, whose truth is then known");
   verb->add_option("scene", a.scene, "PLY of a scene, as `l4dcodec synth` makes")->required();
   verb->add_option("-o,--output", a.folder, "Folder for the capture")->required();
-  verb->add_option("--cameras", a.capture.cameras, "Cameras around the scene; every 8th tests")
+  verb->add_option("--cameras", a.capture.cameras,
+                   "Cameras around the scene; the first and every 8th after it test")
       ->capture_default_str();
   verb->add_option("--size", a.size, "Pixels of images: 320x240")->capture_default_str();
   verb->add_option("--first", a.capture.first_frame, "First frame")->capture_default_str();
@@ -344,31 +353,44 @@ int run_verb(const CLI::App& app, Arguments& a) {
   return kExitOk;
 }
 
-int run(int argc, char** argv) {
-  CLI::App app("Trains scenes of 4D Gaussians from captures, for l4dcodec");
-  app.require_subcommand(1);
-  // Each verb has arguments of its own.
-  Arguments training, evaluation, inspection, capture;
-  add_train(app, training);
-  CLI::App* eval = app.add_subcommand("eval", "Compare the scene of a run with its capture");
-  eval->add_option("run", evaluation.folder, "Folder of the run")->required();
-  add_lpips(eval, evaluation);
-  add_common(eval, evaluation);
-  CLI::App* look = app.add_subcommand("inspect", "Say what a capture is");
-  add_reading(look, inspection);
-  look->add_option("--sheet", inspection.sheet, "PNG to write: the first image of each camera");
-  add_common(look, inspection);
-  add_capture(app, capture);
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? kExitOk : kExitUsage;
+// All verbs. Each has arguments of its own.
+struct Command {
+  Command() {
+    app.require_subcommand(1);
+    add_train(app, training);
+    CLI::App* eval = app.add_subcommand("eval", "Compare the scene of a run with its capture");
+    eval->add_option("run", evaluation.folder, "Folder of the run")->required();
+    add_lpips(eval, evaluation);
+    add_common(eval, evaluation);
+    CLI::App* look = app.add_subcommand("inspect", "Say what a capture is");
+    add_reading(look, inspection);
+    look->add_option("--sheet", inspection.sheet, "PNG to write: the first image of each camera");
+    add_common(look, inspection);
+    add_capture(app, capture);
   }
+  Command(const Command&) = delete;
+  Command& operator=(const Command&) = delete;
+
+  CLI::App app{"Trains scenes of 4D Gaussians from captures, for l4dcodec"};
+  Arguments training, evaluation, inspection, capture;
+};
+
+// What the command line does not say is as the run has it that is resumed.
+void start_from_run(const Arguments& parsed, Arguments* a) {
+  const std::optional<Settings> settings = settings_in(parsed.run.folder);
+  if (!settings) return;
+  a->run.settings = *settings;
+  a->run.preset = settings->preset;
+  a->host_memory = std::to_string(settings->host_memory);
+}
+
+int run_parsed(Command& command) {
   install_handlers();
-  Arguments& chosen = app.got_subcommand("train")     ? training
-                      : app.got_subcommand("eval")    ? evaluation
-                      : app.got_subcommand("capture") ? capture
-                                                      : inspection;
+  const CLI::App& app = command.app;
+  Arguments& chosen = app.got_subcommand("train")     ? command.training
+                      : app.got_subcommand("eval")    ? command.evaluation
+                      : app.got_subcommand("capture") ? command.capture
+                                                      : command.inspection;
   try {
     const int code = run_verb(app, chosen);
     return std::fflush(stdout) == 0 ? code : kExitIo;
@@ -382,6 +404,21 @@ int run(int argc, char** argv) {
     return report_failure(kExitLimit, "out of memory");
   } catch (const std::exception& error) {
     return report_failure(kExitRuntime, error.what());
+  }
+}
+
+int run(int argc, char** argv) {
+  Command command, resumed;
+  try {
+    command.app.parse(argc, argv);
+    if (!command.training.run.resume) return run_parsed(command);
+    start_from_run(command.training, &resumed.training);
+    resumed.app.parse(argc, argv);
+    return run_parsed(resumed);
+  } catch (const CLI::ParseError& error) {
+    return command.app.exit(error) == 0 ? kExitOk : kExitUsage;
+  } catch (const io::Error& error) {
+    return report_failure(exit_code_of(error.status()), error.what());
   }
 }
 

@@ -110,14 +110,20 @@ io::Weights measure_weights(const io::Scene& scene, const Capture& capture,
   return weights;
 }
 
-void check_preset(const std::string& preset) {
+std::string preset_names() {
   std::string names;
   for (uint32_t i = 0; l4d_encoder_preset_name(i) != nullptr; ++i) {
-    if (preset == l4d_encoder_preset_name(i)) return;
     names += std::string(names.empty() ? "" : ", ") + l4d_encoder_preset_name(i);
   }
+  return names;
+}
+
+void check_preset(const std::string& preset) {
+  for (uint32_t i = 0; l4d_encoder_preset_name(i) != nullptr; ++i) {
+    if (preset == l4d_encoder_preset_name(i)) return;
+  }
   throw Error(L4D_ERR_INVALID_ARGUMENT,
-              "--encode is " + preset + "; it must be a preset of the encoder: " + names);
+              "--encode is " + preset + "; it must be a preset of the encoder: " + preset_names());
 }
 
 EncoderHandle make_encoder(const io::Scene& scene, const io::Weights& weights,

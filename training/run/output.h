@@ -30,6 +30,8 @@ EncoderHandle make_encoder(const io::Scene& scene, const io::Weights& weights,
 // Encodes with a preset of the encoder; returns the bytes of the stream.
 uint64_t encode_scene(const std::string& path, const io::Scene& scene, const io::Weights& weights,
                       const std::string& preset, uint32_t threads);
+// All presets of the encoder: "tiny, small".
+std::string preset_names();
 // Throws io::Error(INVALID_ARGUMENT) where there is no such preset, and lists those that there are.
 void check_preset(const std::string& preset);
 
