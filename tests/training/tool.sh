@@ -131,6 +131,39 @@ wait "$pid" || status=$?
 [ "$status" -eq 130 ] || { cat busy.err >&2; die "SIGHUP: exit status $status, not 130"; }
 grep -q "resume" busy.err || die "SIGHUP: nothing says how to go on"
 
+# Images that are damaged when their window is read: the work so far is kept.
+"$codec" synth --seconds 4 --fps 10 --gaussians 200 --seed 7 -o long.ply --quiet
+expect 0 "4 cameras" capture long.ply -o late --cameras 4 --size 48x40
+"$train" train late --gaussians 300 --sh-degree 0 --views 2 --init frustum --exposure off --host-memory 600k \
+  -o late_run --steps 400000 -q >out 2>late.err &
+pid=$!
+for _ in $(seq 200); do
+  [ -s late_run/log.jsonl ] && break
+  sleep 0.02
+done
+cp -r late late_kept
+for image in late/images/*/*.png; do printf 'no image' >"$image"; done
+status=0
+wait "$pid" || status=$?
+[ "$status" -eq 4 ] || { cat late.err >&2; die "a damaged image: exit status $status, not 4"; }
+grep -q "goes on from step" late.err || { cat late.err >&2; die "a damaged image: nothing says how to go on"; }
+compgen -G "late_run/checkpoint-*.l4dtrain" >found || die "a damaged image: there is no checkpoint"
+at=$(sed -n 's/.*goes on from step \([0-9]*\).*/\1/p' late.err)
+cp -r late_kept/. late
+lines=$(wc -l <late_run/log.jsonl)
+"$train" train late -o late_run --resume --accept-changes -q >out 2>late.err &
+pid=$!
+for _ in $(seq 200); do
+  [ "$(wc -l <late_run/log.jsonl)" -gt "$lines" ] && break
+  sleep 0.02
+done
+kill -TERM "$pid"
+wait "$pid" || true
+[ "$(sed -n 's/.*cancelled at step \([0-9]*\).*/\1/p' late.err)" -ge "$at" ] || {
+  cat late.err >&2
+  die "a damaged image: steps were lost"
+}
+
 # The hand-over to the encoder.
 expect 0 "stream +[0-9]+ bytes" train "${options[@]}" -o coded --steps 60 --encode default -q
 "$codec" validate coded/scene.l4d >out || die "the stream is not valid"

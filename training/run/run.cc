@@ -307,7 +307,7 @@ class Run {
                                            "; --resume goes on from there");
       }
       step_begin = Clock::now();
-      if (!step()) continue;
+      if (!step_or_save()) continue;
       trainer_->state().seconds += since(step_begin);
       for (const std::string& note : trainer_->take_notes()) say(note);
       const int now = static_cast<int>(trainer_->progress() * kScores);
@@ -319,6 +319,24 @@ class Run {
       }
       if (since(last_preview_) > options_.preview_seconds) write_preview();
       report_progress();
+    }
+  }
+
+  // Images are read before a step changes anything. Where one is not there or damaged, the work so
+  // far is kept.
+  bool step_or_save() {
+    try {
+      return step();
+    } catch (const Error& error) {
+      if (error.status() != L4D_ERR_IO && error.status() != L4D_ERR_CORRUPT &&
+          error.status() != L4D_ERR_FEATURE_UNSUPPORTED) {
+        throw;
+      }
+      write_checkpoint();
+      writer_.finish();
+      throw Error(error.status(),
+                  std::string(error.what()) + "; --resume --accept-changes goes on from step " +
+                      std::to_string(trainer_->state().step) + " when the image is right");
     }
   }
 
