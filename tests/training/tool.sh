@@ -200,6 +200,19 @@ expect 2 "--lpips lies in the folder" train "${options[@]}" -o scored --force --
 expect 2 "at least 31 pixels a side; these have 24 x 20" \
   train "${options[@]}" -o x --steps 10 --scale 0.5 --lpips alex.safetensors
 
+# A verb that has no work to keep ends with the first signal.
+"$train" capture long.ply -o endless --cameras 1000 --size 320x240 -q >out 2>err &
+pid=$!
+for _ in $(seq 200); do
+  [ -s endless/images/cam00/0000.png ] && break
+  sleep 0.02
+done
+kill -TERM "$pid"
+status=0
+wait "$pid" || status=$?
+[ "$status" -eq 143 ] || die "capture: SIGTERM: exit status $status, not 143"
+[ ! -e endless/cameras.json ] || die "capture: a capture that is not whole has a cameras.json"
+
 # What cannot be done.
 expect 2 "there is a run already" train "${options[@]}" -o whole --steps 400
 cksum whole/settings.json >before

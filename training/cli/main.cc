@@ -71,7 +71,6 @@ void install_handlers() {
   checkpoint.sa_handler = [](int) { checkpoint_signal = 1; };
   checkpoint.sa_flags = SA_RESTART;
   ::sigaction(SIGUSR1, &checkpoint, nullptr);
-  std::signal(SIGPIPE, SIG_IGN);
 }
 
 // A line on stderr that is drawn again and again, or lines where stderr is no terminal.
@@ -385,8 +384,10 @@ void start_from_run(const Arguments& parsed, Arguments* a) {
 }
 
 int run_parsed(Command& command) {
-  install_handlers();
   const CLI::App& app = command.app;
+  std::signal(SIGPIPE, SIG_IGN);
+  // The other verbs do not ask whether they are to stop: signals end them as they end any program.
+  if (app.got_subcommand("train") || app.got_subcommand("eval")) install_handlers();
   Arguments& chosen = app.got_subcommand("train")     ? command.training
                       : app.got_subcommand("eval")    ? command.evaluation
                       : app.got_subcommand("capture") ? command.capture
