@@ -51,7 +51,7 @@ def vectors(folder, tool):
             words = " ".join(["l4dcodec synth", *SCENES[scene], f"-o {scene}.ply && l4dcodec encode", f"{scene}.ply",
                               *options])
             yield Vector("core", f"encoder-{name}", "a stream of the production encoder", path.read_bytes(),
-                         ["DEC-1", "DEC-2", "LAYR-2"], words)
+                         ["DEC-1", "DEC-2", "LAYR-2"], words, ends=True)
 
 
 def run(tool, *arguments):

@@ -13,6 +13,7 @@ from arithmetic import Invalid
 from decoder import Decoder, Query
 from header import RAW32, RAW64, TRANSFORM, VQ
 from l4d import demand
+from times import visible_interval
 from validate import validate, validate_file
 
 FORMAT = 1
@@ -61,6 +62,22 @@ def queries_of(decoder, times=()):
     if levels.keeps_profile(decoder.header, levels.INDEXED):
         yield ["--query", "all", "--packed"], Query(), True
         yield ["--query", f"time:{a!r}", "--packed"], Query(a, a), True
+
+
+def ends_of_pages(decoder):
+    """A time at which a page begins to be visible and one at which a page ends to be: F.1 takes both."""
+    header = decoder.header
+    for key in (0, 1):
+        for selected in decoder.select(Query()):
+            layer = header["layers"][selected.index]
+            t = visible_interval(header, layer["level"], selected.record)[key]
+            is_open = selected.record["visible_begin"] == 0 if key == 0 else selected.record["visible_end"] == 255
+            inside = header["time_begin"] < t < header["time_begin"] + decoder.duration
+            if layer["permanent"] or is_open or not inside:
+                continue
+            if any(s.record is selected.record for s in decoder.select(Query(t, t))):
+                yield t
+                break
 
 
 def answers(decoder, data, times):
@@ -113,7 +130,7 @@ def entry(vector):
     if vector.group == "limits":
         return {**out, **limit(vector)}
     try:
-        return {**out, **(faulty(vector) if vector.group == "faulty" else legal(data, vector.more.get("times", ())))}
+        return {**out, **(faulty(vector) if vector.group == "faulty" else legal(data, vector.more))}
     except Invalid as error:
         raise ValueError(f"{vector.path()} is not what it is to be: {error}") from None
 
@@ -133,8 +150,9 @@ def limit(vector):
                        "memory_bytes": found["memory_bytes"]}, "queries": queries}
 
 
-def legal(data, times):
+def legal(data, more):
     decoder = Cached(data)
+    times = [*more.get("times", ()), *(ends_of_pages(decoder) if more.get("ends") else ())]
     asked = answers(decoder, data, times)
     limits = asked[-1]["demand"]
     return {"profile": limits["profile"], "level": limits["level"], "features": features(decoder),

@@ -122,6 +122,14 @@ def no_snap():
     times.phase_of_time = phase
 
 
+@mistake("core/encoder-room-default", "a page is left out at the ends of its visible interval")
+def open_intervals():
+    def may_be_visible(h, layer, record, begin, end):
+        first, last = times.visible_interval(h, layer["level"], record)
+        return layer["permanent"] or (times.clamp_time(h, end) > first and times.clamp_time(h, begin) < last)
+    decoder.may_be_visible = may_be_visible
+
+
 @mistake("core/mean-raw64", "times of queries count from 0 and not from time_begin")
 def time_base():
     before = times.clamp_time
