@@ -306,6 +306,26 @@ test('a file that is dropped is played', () => withPlayer(async page => {
   assert.ok(await light(page) > 5);
 }));
 
+test('pixels of a movie that plays are answered, however slowly rows are sorted', () => withPlayer(async page => {
+  const settled = await inPlayer(page, async player => {
+    // Orders come when time has moved on.
+    const {sorter} = player.view;
+    const post = sorter.postMessage.bind(sorter);
+    sorter.postMessage = (data, transfer) => {
+      if (data.type === 'sort') setTimeout(() => post(data, transfer ?? []), 200);
+      else post(data, transfer ?? []);
+    };
+    player.movie.playback = 'loop';
+    player.movie.play();
+    await new Promise(resolve => setTimeout(resolve, 300));
+    const pixels = player.view.pixels().then(values => values.length);
+    const result = await Promise.race([pixels, new Promise(resolve => setTimeout(resolve, 20000, 'late'))]);
+    player.movie.pause();
+    return result;
+  });
+  assert.equal(typeof settled, 'number', `${settled}`);
+}));
+
 test('links have time and camera', () => withPlayer(async (page, server) => {
   const link = await inPlayer(page, async player => {
     player.view.orbit.orbit(0.5, 0.2);

@@ -54,7 +54,7 @@ export class View {
     this.needsDraw = false;
     /** What was shown before all rows were sent for again: until it is here, the picture stays. @type {any} */
     this.refilling = null;
-    /** @type {(() => void)[]} */
+    /** For what of `wanted` to be drawn. @type {{wanted: number, wake: () => void}[]} */
     this.waiting = [];
     /** @type {((bounds: any) => void)[]} */
     this.boundsWaiting = [];
@@ -114,7 +114,7 @@ export class View {
     this.movie = this.refilling = null;
     this.stats.rows = 0;
     this.sorter.postMessage({type: 'clear'});
-    for (const wake of this.waiting.splice(0)) wake();
+    for (const {wake} of this.waiting.splice(0)) wake();
   }
 
   /** The camera; null: that of `orbit`, which fits the canvas. @param {import('./camera.js').Camera | null} camera */
@@ -147,10 +147,13 @@ export class View {
     });
   }
 
-  /** Resolves when the picture shows the time and the camera of now, or there is nothing to show. @returns {Promise<void>} */
+  /**
+   * Resolves when the picture shows the time and the camera of now or of later, as while a movie plays, or there is
+   * nothing to show. @returns {Promise<void>}
+   */
   settled() {
     if (this.drawn === this.wanted || this.disposed || !this.movie) return Promise.resolve();
-    return new Promise(resolve => this.waiting.push(() => resolve()));
+    return new Promise(resolve => this.waiting.push({wanted: this.wanted, wake: () => resolve()}));
   }
 
   /** The settled picture: [height, width, 4], from the top. @returns {Promise<Uint8Array>} */
@@ -277,10 +280,12 @@ export class View {
     painter.draw(camera, this.movie.streamsAt(shown), this.canvas.width, this.canvas.height, this.background);
     this.stats.drawMs = performance.now() - began;
     ++this.stats.frames;
-    if (this.sorted === this.wanted) {
-      this.drawn = this.wanted;
-      for (const wake of this.waiting.splice(0)) wake();
-    }
+    this.drawn = this.sorted;
+    // While a movie plays, an order is seldom that of the last change.
+    const isDrawn = (/** @type {{wanted: number}} */ {wanted}) => wanted <= this.drawn;
+    const drawn = this.waiting.filter(isDrawn);
+    this.waiting = this.waiting.filter(waiting => !isDrawn(waiting));
+    for (const {wake} of drawn) wake();
   }
 
   /** @param {any} data */
