@@ -57,7 +57,7 @@ L4D_STREAMS+=:$work/tiers.l4d:$work/dilated.l4d:$work/drawn.l4d
 export L4D_ROOT=$root L4D_WORK=$work
 case $kind in
   core) node --test --test-timeout=300000 web/core/test/*.test.js web/view/test/*.test.js ;;
-  browser) node --test --test-timeout=1800000 --test-concurrency=1 web/test/*.test.js ;;
+  browser) node --test --test-timeout=900000 --test-concurrency=1 web/test/*.test.js ;;
   spark) node --test --test-timeout=900000 --test-concurrency=1 web/spark/test/*.test.js ;;
   *) echo "unknown kind $kind" >&2 && exit 2 ;;
 esac
