@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <memory>
 #include <optional>
+#include <utility>
 
 #include "cli/camera_arguments.h"
 #include "cli/common.h"
@@ -184,7 +185,13 @@ Outcome run_compare(Context& context, const CompareArguments& arguments) {
     if (picture->is_stdout()) throw usage_error("--side-by-side cannot go to stdout");
   }
   std::optional<eval::Lpips> lpips;
-  if (!arguments.lpips.empty()) lpips = eval::Lpips::read(io::InputFile(arguments.lpips));
+  std::optional<HeldMemory> network;
+  if (!arguments.lpips.empty()) {
+    io::InputFile file(arguments.lpips);
+    // As it is stored, and as it is used.
+    network.emplace(context, 2 * file.size(), "the network of --lpips");
+    lpips = eval::Lpips::read(std::move(file));
+  }
   const Input input_a(context, arguments.a, "A");
   const Input input_b(context, arguments.b, "B");
   Verdict verdict;

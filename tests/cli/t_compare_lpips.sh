@@ -30,6 +30,9 @@ expect_text err 'at least 31 pixels a side; these have 64 x 30'
 expect 4 compare s.ply s.l4d --cameras c.json --frames 7 --lpips s.ply
 expect_text err 'no .safetensors file'
 expect 3 compare s.ply s.l4d --cameras c.json --frames 7 --lpips nowhere
+# The network counts against the limit of memory, before it is read.
+expect 6 compare s.ply s.l4d --cameras c.json --frames 7 --lpips alex.safetensors --limit-memory 30M
+expect_text err 'the network of --lpips needs'
 expect 2 compare s.ply s.l4d --cameras c.json --frames 7 --lpips alex.safetensors --side-by-side alex.safetensors
 expect_text err 'alex.safetensors'
 
