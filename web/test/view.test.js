@@ -26,8 +26,13 @@ const view = async input => {
   return {tool, ended, url, complaint: () => complaint};
 };
 
-test('l4dcodec view plays a stream, and ends at a signal', async t => {
-  const {tool, ended, url, complaint} = await view(join(work, 'short.l4d'));
+/**
+ * Calls fn with a page, at the address at which the tool shows `input`, and ends the tool by a signal.
+ * @param {import('node:test').TestContext} t @param {string} input
+ * @param {(page: any) => Promise<void>} fn
+ */
+const withView = async (t, input, fn) => {
+  const {tool, ended, url, complaint} = await view(input);
   if (!url) {
     assert.match(complaint(), /not in this build|no HTTP server/);
     return t.skip('the tool was built without the player');
@@ -36,37 +41,33 @@ test('l4dcodec view plays a stream, and ends at a signal', async t => {
   try {
     const page = await newPage(browser, {viewport: {width: 480, height: 270}});
     await page.goto(url);
-    await opened(page);
-    const [count, sum] = await page.evaluate(async () => {
-      const {movie, view} = document.querySelector('l4d-player');
-      movie.pause();
-      await movie.seek(1.5);
-      const pixels = await view.pixels();
-      return [(await movie.slice(1.5)).count, pixels.reduce((a, b, k) => a + (k % 4 === 3 ? 0 : b), 0) / pixels.length];
-    });
-    assert.ok(count > 1000 && sum > 5, `${count} splats, ${sum} on average`);
+    await fn(page);
     assert.deepEqual(page.errors, []);
   } finally {
     await browser.close();
     tool.kill('SIGINT');
   }
-  const [status] = await ended;
-  assert.equal(status, 0, complaint());
-});
+  assert.equal((await ended)[0], 0, complaint());
+};
+
+test('l4dcodec view plays a stream, and ends at a signal', t => withView(t, join(work, 'short.l4d'), async page => {
+  await opened(page);
+  const [count, sum] = await page.evaluate(async () => {
+    const {movie, view} = document.querySelector('l4d-player');
+    movie.pause();
+    await movie.seek(1.5);
+    const pixels = await view.pixels();
+    return [(await movie.slice(1.5)).count, pixels.reduce((a, b, k) => a + (k % 4 === 3 ? 0 : b), 0) / pixels.length];
+  });
+  assert.ok(count > 1000 && sum > 5, `${count} splats, ${sum} on average`);
+}));
 
 test('l4dcodec view follows a file that grows', async t => {
   const folder = mkdtempSync(join(tmpdir(), 'l4dview-'));
+  t.after(() => rmSync(folder, {recursive: true}));
   const live = recording(join(work, 'members'), folder);
   live.publish(4);
-  const {tool, ended, url, complaint} = await view(live.file);
-  if (!url) {
-    assert.match(complaint(), /not in this build|no HTTP server/);
-    return t.skip('the tool was built without the player');
-  }
-  const browser = await launch();
-  try {
-    const page = await newPage(browser, {viewport: {width: 480, height: 270}});
-    await page.goto(url);
+  await withView(t, live.file, async page => {
     await opened(page);
     const state = () => page.evaluate(() => {
       const {movie} = document.querySelector('l4d-player');
@@ -87,37 +88,18 @@ test('l4dcodec view follows a file that grows', async t => {
       return (await movie.slice(7.5)).count;
     });
     assert.ok(count > 1000, `${count} splats`);
-    assert.deepEqual(page.errors, []);
-  } finally {
-    await browser.close();
-    tool.kill('SIGINT');
-    rmSync(folder, {recursive: true});
-  }
-  assert.equal((await ended)[0], 0, complaint());
+  });
 });
 
 test('l4dcodec view of a folder lists its streams, and each plays', async t => {
   const folder = mkdtempSync(join(tmpdir(), 'l4dview-'));
+  t.after(() => rmSync(folder, {recursive: true}));
   mkdirSync(join(folder, 'more'));
   copyFileSync(join(work, 'short.l4d'), join(folder, 'more/50% & <more>.l4d'));
-  const {tool, ended, url, complaint} = await view(folder);
-  if (!url) {
-    assert.match(complaint(), /not in this build|no HTTP server/);
-    return t.skip('the tool was built without the player');
-  }
-  const browser = await launch();
-  try {
-    const page = await newPage(browser, {viewport: {width: 480, height: 270}});
-    await page.goto(url);
+  await withView(t, folder, async page => {
     await page.getByRole('link', {name: 'more/'}).click();
     await page.getByRole('link', {name: '50% & <more>.l4d'}).click();
     await opened(page);
     assert.ok(await page.evaluate(() => document.querySelector('l4d-player').movie.info.numGaussians) > 1000);
-    assert.deepEqual(page.errors, []);
-  } finally {
-    await browser.close();
-    tool.kill('SIGINT');
-    rmSync(folder, {recursive: true});
-  }
-  assert.equal((await ended)[0], 0, complaint());
+  });
 });
