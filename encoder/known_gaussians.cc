@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <numeric>
 
 #include "libl4dcodec/base/hash.h"
 
@@ -78,6 +79,26 @@ bool is_same(const Candidate& a, const Candidate& b) {
   return true;
 }
 
+// The places of a list that are not taken yet. Without it, equal Gaussians in great number would be
+// gone over again for each of them.
+class FreePlaces {
+ public:
+  explicit FreePlaces(size_t n) : next_(n + 1) { std::iota(next_.begin(), next_.end(), size_t{0}); }
+
+  // The first one from i on; n where there is none.
+  size_t from(size_t i) {
+    while (next_[i] != i) {
+      next_[i] = next_[next_[i]];
+      i = next_[i];
+    }
+    return i;
+  }
+  void take(size_t i) { next_[i] = i + 1; }
+
+ private:
+  std::vector<size_t> next_;  // i where i is free, else a place behind it
+};
+
 }  // namespace
 
 std::vector<char> without_known(const AttributeArrays& arrays,
@@ -96,16 +117,21 @@ std::vector<char> without_known(const AttributeArrays& arrays,
     rounding = std::max(rounding, c.rounding);
   }
   std::sort(added.begin(), added.end());
+  FreePlaces places(added.size());
   for (size_t i = 0; i < first; ++i) {
     if (!lives_on(i)) continue;
     const Candidate known = candidate(arrays, rows, i);
     const double reach = 2 * (known.rounding + rounding);
     Candidate lowest = known;
     lowest.place -= reach;
-    for (auto c = std::lower_bound(added.begin(), added.end(), lowest);
-         c != added.end() && c->key == known.key && c->place <= known.place + reach; ++c) {
-      if (keep[c->row] == 0 || !is_same(known, *c)) continue;
-      keep[c->row] = 0;
+    const auto begin = std::lower_bound(added.begin(), added.end(), lowest);
+    for (size_t k = places.from(static_cast<size_t>(begin - added.begin())); k < added.size();
+         k = places.from(k + 1)) {
+      const Candidate& c = added[k];
+      if (c.key != known.key || c.place > known.place + reach) break;
+      if (!is_same(known, c)) continue;
+      keep[c.row] = 0;
+      places.take(k);
       break;
     }
   }
