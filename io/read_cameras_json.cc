@@ -3,6 +3,8 @@
 #include <cmath>
 #include <limits>
 #include <nlohmann/json.hpp>
+#include <set>
+#include <string>
 #include <unordered_set>
 
 #include "io/read_cameras.h"
@@ -68,6 +70,41 @@ void read_frames_of(const CameraPlace& place, const Json& object, Camera* camera
   camera->time_offset = number_or(place, object, "time_offset", 0);
 }
 
+constexpr const char* kRootKeys[] = {"fps", "frames", "width", "height", "cameras"};
+constexpr const char* kCameraKeys[] = {
+    "id",          "split", "video", "images", "mask", "K", "w2c", "distortion", "distortion_model",
+    "time_offset", "near",  "width", "height"};
+
+// A key that is misspelt would otherwise leave its camera without what it says. Each key is named
+// once, with the first camera that has it.
+class UnknownKeys {
+ public:
+  explicit UnknownKeys(CameraSet* set) : set_(set) {}
+
+  template <size_t N>
+  void look(const Json& object, const char* const (&known)[N], const std::string& owner) {
+    for (const auto& item : object.items()) {
+      const std::string& key = item.key();
+      if (std::find(std::begin(known), std::end(known), key) != std::end(known)) continue;
+      if (named_.size() == kMaxNamed || !named_.insert(key).second) continue;
+      set_->notes.push_back("The key \"" + printable(key) + "\" of " + owner +
+                            " is not known, and is ignored.");
+    }
+  }
+
+ private:
+  static constexpr size_t kMaxNamed = 20;
+
+  static std::string printable(const std::string& key) {
+    std::string out = key.substr(0, 40);
+    for (char& c : out) c = c >= ' ' && c < 127 ? c : '?';
+    return out;
+  }
+
+  CameraSet* set_;
+  std::set<std::string> named_;
+};
+
 }  // namespace
 
 CameraSet read_cameras_json(const std::string& path, const Json& root) {
@@ -78,6 +115,8 @@ CameraSet read_cameras_json(const std::string& path, const Json& root) {
   if (set.fps < 0) file.fail("fps is negative");
   if (root.contains("frames")) set.frames = whole_number(file, root, "frames", kMaxFrames);
 
+  UnknownKeys unknown(&set);
+  unknown.look(root, kRootKeys, "the file");
   const Json& cameras = member(file, root, "cameras");
   if (!cameras.is_array()) file.fail("cameras is not a list");
   std::unordered_set<int> ids;
@@ -89,6 +128,7 @@ CameraSet read_cameras_json(const std::string& path, const Json& root) {
         whole_number(place, object, "id", static_cast<uint32_t>(std::numeric_limits<int>::max())));
     place.camera = "camera " + std::to_string(camera.id);
     if (!ids.insert(camera.id).second) place.fail("the id is there twice");
+    unknown.look(object, kCameraKeys, place.camera);
 
     camera.split = text_or(place, object, "split", "");
     if (!camera.split.empty() && camera.split != "train" && camera.split != "test" &&

@@ -94,6 +94,23 @@ TEST(Captures, BadCameras) {
   expect_error("/nonexistent", {}, L4D_ERR_IO, {"/nonexistent"});
 }
 
+// A camera would otherwise silently lack what a misspelt key says.
+TEST(Captures, UnknownKeysAreNamed) {
+  json document = tiny_document();
+  document["frame_rate"] = 30;
+  document["cameras"][3]["time_ofset"] = 0.1;
+  document["cameras"][5]["time_ofset"] = 0.2;
+  document["cameras"][5]["near"] = 0.1;
+  const Capture capture = read_capture(write_document(document), {});
+  size_t named = 0;
+  for (const std::string& note : capture.notes) named += note.find("is not known") < note.size();
+  EXPECT_EQ(named, 2U);
+  EXPECT_THAT(
+      capture.notes,
+      testing::Contains("The key \"time_ofset\" of camera 3 is not known, and is ignored."));
+  EXPECT_THAT(capture.notes, testing::Contains(HasSubstr("\"frame_rate\" of the file")));
+}
+
 TEST(Captures, MissingFrames) {
   json document = tiny_document();
   document["frames"] = 25;
