@@ -13,6 +13,9 @@ namespace fs = std::filesystem;
 
 constexpr size_t kColumns = 17;  // 3 x 5 [R | t | height width focal], then two bounds of depth
 
+constexpr const char* kVideoExtensions[] = {".mp4", ".m4v", ".mov", ".mkv", ".webm",
+                                            ".avi", ".ts",  ".flv", ".ogv", ".y4m"};
+
 // The header of an .npy file: a Python dictionary of three entries.
 struct NpyHeader {
   std::string descr;
@@ -204,20 +207,33 @@ l4d_camera llff_camera(const CameraPlace& place, const double* row) {
   return camera;
 }
 
-// cam*.mp4 beside the file, in the order of their names: that of the rows.
-std::vector<std::string> videos_beside(const std::string& path) {
+bool is_video_name(const fs::path& path) {
+  const std::string name = path.filename().string();
+  if (name.empty() || name[0] == '.') return false;  // hidden: what some systems leave behind
+  std::string extension = path.extension().string();
+  for (char& c : extension) c = c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
+  return std::find(std::begin(kVideoExtensions), std::end(kVideoExtensions), extension) !=
+         std::end(kVideoExtensions);
+}
+
+// The videos beside the file in the order of their names, which is that of the rows: cam*.mp4 where
+// there is one for each of `rows`, else all videos.
+std::vector<std::string> videos_beside(const std::string& path, size_t rows) {
   const fs::path folder = fs::path(path).parent_path();
-  std::vector<std::string> names;
+  std::vector<std::string> all, usual;
   std::error_code error;
   fs::directory_iterator entry(folder.empty() ? fs::path(".") : folder, error);
   for (; !error && entry != fs::directory_iterator(); entry.increment(error)) {
+    if (!is_video_name(entry->path())) continue;
     const std::string name = entry->path().filename().string();
+    all.push_back(name);
     if (name.compare(0, 3, "cam") == 0 && entry->path().extension() == ".mp4") {
-      names.push_back(name);
+      usual.push_back(name);
     }
   }
-  std::sort(names.begin(), names.end());
-  return names;
+  std::vector<std::string>& chosen = usual.size() == rows ? usual : all;
+  std::sort(chosen.begin(), chosen.end());
+  return std::move(chosen);
 }
 
 }  // namespace
@@ -234,12 +250,13 @@ CameraSet read_poses_bounds(InputFile& file) {
     camera.camera = llff_camera({path, "camera " + std::to_string(i)}, &rows[kColumns * i]);
     set.cameras.push_back(std::move(camera));
   }
-  const std::vector<std::string> videos = videos_beside(path);
+  const std::vector<std::string> videos = videos_beside(path, set.cameras.size());
   if (videos.size() == set.cameras.size()) {
     for (size_t i = 0; i < videos.size(); ++i) set.cameras[i].video = beside(path, videos[i]);
   } else {
-    set.notes.push_back("Beside the file there are " + std::to_string(videos.size()) +
-                        " videos cam*.mp4 and not one per camera; none is used.");
+    set.notes.push_back("The folder of the file has " + std::to_string(videos.size()) +
+                        " videos for " + std::to_string(set.cameras.size()) +
+                        " cameras; none is used.");
   }
   set.notes.push_back(
       "Poses are used as they are: the scene must be in their world, neither recentred nor "

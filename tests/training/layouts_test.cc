@@ -437,6 +437,103 @@ void expect_error(const std::string& path, l4d_status status, const std::string&
   }
 }
 
+struct Damage {
+  Case layout;
+  std::string file;      // that is missing, then damaged
+  std::string named;     // in the note
+  uint32_t cameras = 0;  // that are left
+  uint32_t frames = kFrames;
+  size_t views = 0;
+};
+
+// What --tolerant makes of a file that is missing, and of one that is cut off.
+TEST(Layouts, TolerateFilesThatAreMissingOrDamaged) {
+  const Truth truth;
+  const auto dnerf = [](const Truth& t, const std::string& folder) {
+    Truth own = t;
+    copy_images(t, folder, "%04u.png");
+    own.frames = folder + "/images";
+    write_dnerf(own, folder);
+  };
+  const std::vector<Damage> all = {
+      {{"cameras", write_ours}, "images/cam02/0000.png", "camera 2", 4, kFrames, 16},
+      {{"cameras", write_ours}, "images/cam02/0003.png", "camera 2", 5, 3, 15},
+      {{"dnerf", dnerf}, "images/cam02/0003.png", "cam02/0003.png", 5, kFrames, 19},
+      {{"selfcap", write_selfcap}, "images/cam02/000000.png", "camera 2", 4, kFrames, 16},
+      {{"selfcap", write_selfcap}, "images/cam02/000003.png", "camera 2", 5, 3, 15},
+      {{"hypernerf", write_hypernerf}, "rgb/2x/cam02_3.png", "cam02_3", 5, kFrames, 19},
+      {{"hypernerf", write_hypernerf}, "camera/cam02_3.json", "cam02_3", 5, kFrames, 19},
+      {kCases[4], "images/cam02/0000.png", "camera 2", 4, kFrames, 16},
+      {kCases[5], "images/cam02/0003.png", "camera 2", 5, 3, 15},
+  };
+  for (const Damage& item : all) {
+    for (const bool is_missing : {true, false}) {
+      const std::string what = item.layout.layout + (" " + item.file) + (is_missing ? " 0" : " 1");
+      const test::Folder folder;
+      item.layout.write(truth, folder / "c");
+      const std::string path = folder / ("c/" + item.file), whole = test::bytes_of(path);
+      fs::remove(path);
+      if (!is_missing) write_text(path, whole.substr(0, whole.size() / 2));
+      CaptureOptions options = options_of(item.layout.layout);
+      // What is missing is found without the option, too; damaged images when they are read.
+      if (is_missing) {
+        EXPECT_THROW(read_capture(folder / "c", options), io::Error) << what;
+      }
+      options.tolerant = true;
+      const Capture capture = read_capture(folder / "c", options);
+      EXPECT_EQ(capture.cameras.size(), item.cameras) << what;
+      EXPECT_EQ(capture.frames, item.frames) << what;
+      EXPECT_EQ(capture.views.size(), item.views) << what;
+      EXPECT_THAT(capture.notes, testing::Contains(HasSubstr(item.named))) << what;
+      const ImageLoader loader(capture, 1);
+      std::vector<uint32_t> views(capture.views.size());
+      for (uint32_t k = 0; k < views.size(); ++k) views[k] = k;
+      size_t loaded = 0;
+      loader.load(views, 1, [&](uint32_t, const Pixels&) { ++loaded; });
+      EXPECT_EQ(loaded, item.views) << what;
+    }
+  }
+}
+
+// Videos of all names pair with rows in their order.
+TEST(Layouts, N3dvTakesVideosOfAnyName) {
+  if (!io::ffmpeg_available()) GTEST_SKIP() << "no ffmpeg";
+  Truth truth;
+  const test::Folder folder;
+  make_videos(&truth, folder / "videos", folder / "frames");
+  write_n3dv(truth, folder / "c");
+  const char* const names[kCameras] = {"GX01.MP4", "GX02.mkv", "a.mp4", "b 1.mov", "cam00.mp4"};
+  for (uint32_t c = 0; c < kCameras; ++c) {
+    fs::copy_file(folder / ("videos/" + name_of(c) + ".mp4"),
+                  folder / (std::string("c/") + names[c]));
+  }
+  write_text(folder / "c/._GX01.MP4", "what some systems leave behind");
+  const Capture capture = read_capture(folder / "c", {});
+  ASSERT_EQ(capture.cameras.size(), kCameras);
+  for (uint32_t c = 0; c < kCameras; ++c) {
+    const CaptureCamera& camera = capture.cameras[c];
+    EXPECT_EQ(fs::path(camera.source.video).filename(), names[c]);
+    EXPECT_EQ(camera.source.camera.world_to_camera[3], truth.cameras[c].world_to_camera[3]);
+    EXPECT_EQ(camera.split, c == 4 ? "test" : "train");  // cam00, wherever it is
+  }
+  // One that is damaged is left out, one that is missing would move the others.
+  write_text(folder / "c/a.mp4", "no video");
+  CaptureOptions options;
+  EXPECT_THROW(read_capture(folder / "c", options), io::Error);
+  options.tolerant = true;
+  const Capture four = read_capture(folder / "c", options);
+  EXPECT_EQ(four.cameras.size(), 4U);
+  EXPECT_EQ(four.cameras[2].source.id, 3);
+  EXPECT_THAT(four.notes, testing::Contains(HasSubstr("camera 2")));
+  fs::remove(folder / "c/cam00.mp4");
+  write_text(folder / "c/a.mp4", "");
+  fs::copy_file(folder / "videos/cam00.mp4", folder / "c/a0.mp4");
+  EXPECT_EQ(read_capture(folder / "c", options).cameras.front().split, "test");
+  fs::remove(folder / "c/a0.mp4");
+  EXPECT_THROW(read_capture(folder / "c", options), io::Error);
+  expect_error(folder / "c", L4D_ERR_IO, "another number of videos");
+}
+
 TEST(Layouts, ColmapThatIsCutOffIsNamed) {
   const Truth truth;
   const test::Folder folder;

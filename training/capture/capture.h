@@ -53,7 +53,7 @@ struct CaptureOptions {
   double fps = 0;         // 0 = what the capture says
   std::string frames;     // "a:b:step", end exclusive; "" = all
   std::string test;       // ids of cameras: "0,10,15", "0-3"; "" = those that the layout names
-  bool tolerant = false;  // leave out cameras whose images are not there, cut all to the shortest
+  bool tolerant = false;  // leave out what is missing or damaged, cut all to the shortest
 };
 
 // Reads a folder, or the file that describes a capture. Throws io::Error: IO if images are missing,

@@ -7,6 +7,7 @@
 
 #include "io/video.h"
 #include "training/capture/capture.h"
+#include "training/capture/tolerance.h"
 
 // D-NeRF: transforms_train.json and transforms_test.json, an image and a camera for each frame.
 namespace l4d::train {
@@ -61,6 +62,7 @@ class DnerfReader {
                                " images are in the files for training and for tests; they are "
                                "used for tests alone.");
     }
+    left_out_.append_to(&capture_.notes);
     return std::move(capture_);
   }
 
@@ -83,6 +85,13 @@ class DnerfReader {
         (fs::path(folder_) / (std::string("transforms_") + split + ".json")).string();
     const io::CameraSet set = io::read_cameras(file, true);
     for (const io::Camera& source : set.cameras) {
+      if (options_.tolerant) {
+        const std::string trouble = trouble_of_image(source.image, source.camera);
+        if (!trouble.empty()) {
+          left_out_.add(file + ": camera " + std::to_string(source.id) + ": " + trouble);
+          continue;
+        }
+      }
       const uint32_t index = camera_index(source, split);
       if (capture_.cameras[index].split != split) {
         ++repeated_;
@@ -90,7 +99,6 @@ class DnerfReader {
       }
       std::error_code error;
       if (!fs::is_regular_file(source.image, error)) {
-        if (options_.tolerant) continue;
         throw Error(L4D_ERR_IO, file + ": camera " + std::to_string(source.id) +
                                     ": cannot open the image " + source.image);
       }
@@ -103,6 +111,7 @@ class DnerfReader {
   const CaptureOptions& options_;
   Capture capture_;
   size_t repeated_ = 0;
+  LeftOut left_out_;
 };
 
 }  // namespace

@@ -8,6 +8,7 @@
 #include "io/file.h"
 #include "io/read_cameras.h"
 #include "training/capture/capture.h"
+#include "training/capture/tolerance.h"
 
 // HyperNeRF and Nerfies: scene.json, dataset.json, metadata.json, camera/ID.json, rgb/2x/ID.png.
 namespace l4d::train {
@@ -56,12 +57,20 @@ class HypernerfReader {
     const Json metadata = read_json(folder_ / "metadata.json");
     capture_.layout = "hypernerf";
     for (const std::string& id : ids) last_ = std::max(last_, warp_of(metadata, id));
+    LeftOut left_out;
     for (size_t k = 0; k < ids.size(); ++k) {
       // Without a list for tests: every 4th trains, and the one 2 later tests.
       const bool trains = tests.empty() ? k % 4 == 0 : tests.count(ids[k]) == 0;
       const bool is_test = tests.empty() ? k % 4 == 2 : tests.count(ids[k]) != 0;
-      if (trains || is_test) add(ids[k], metadata, is_test ? "test" : "train");
+      if (!trains && !is_test) continue;
+      try {
+        add(ids[k], metadata, is_test ? "test" : "train");
+      } catch (const io::Error& error) {
+        if (!options_.tolerant) throw;
+        left_out.add(error.what());
+      }
     }
+    left_out.append_to(&capture_.notes);
     capture_.frames = last_ + 1;
     capture_.fps =
         options_.fps > 0 ? options_.fps : static_cast<double>(capture_.frames) / options_.seconds;
@@ -108,13 +117,7 @@ class HypernerfReader {
     const CameraPlace place{path.string(), "image " + id};
     const Json root = read_json(path);
     unsigned factor = 1;
-    std::string image;
-    try {
-      image = image_of(id, &factor);
-    } catch (const io::Error&) {
-      if (!options_.tolerant) throw;
-      return;
-    }
+    const std::string image = image_of(id, &factor);
     CaptureCamera out;
     out.name = "image " + id;
     out.split = split;
@@ -144,6 +147,10 @@ class HypernerfReader {
     }
     set_lens(place, root, &out.source.distortion);
     io::check_camera(place, camera);
+    if (options_.tolerant) {
+      const std::string trouble = trouble_of_image(image, camera);
+      if (!trouble.empty()) throw io::Error(L4D_ERR_IO, out.name + ": " + trouble);
+    }
     const uint32_t index = camera_index(out);
     capture_.views.push_back({index, warp_of(metadata, id), 0, image});
     if (index == capture_.cameras.size()) capture_.cameras.push_back(std::move(out));

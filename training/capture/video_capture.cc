@@ -6,6 +6,7 @@
 #include <filesystem>
 
 #include "io/video.h"
+#include "training/capture/tolerance.h"
 
 namespace l4d::train {
 namespace {
@@ -20,18 +21,36 @@ std::string name_of(const io::Camera& camera) { return "camera " + std::to_strin
   throw Error(status, path + ": " + name_of(camera) + ": " + what);
 }
 
-uint32_t count_images(const std::string& pattern, uint32_t most) {
+// Images up to the first that is missing or, if tolerant, not whole; `trouble` says what it has.
+uint32_t count_images(const io::Camera& camera, uint32_t most, bool tolerant,
+                      std::string* trouble) {
   std::error_code error;
-  uint32_t n = 0;
-  while (n < most && fs::is_regular_file(numbered_image(pattern, n), error)) ++n;
-  return n;
+  for (uint32_t n = 0; n < most; ++n) {
+    const std::string path = numbered_image(camera.images, n);
+    if (!fs::is_regular_file(path, error)) {
+      *trouble = "cannot open " + path;
+      return n;
+    }
+    if (tolerant) *trouble = trouble_of_image(path, camera.camera);
+    if (!trouble->empty()) return n;
+  }
+  return most;
 }
 
 // Frames of the camera, and its frame rate; checks what can be told without decoding.
 uint32_t look_at(const std::string& path, const io::Camera& camera, const io::CameraSet& set,
-                 double* fps) {
+                 bool tolerant, double* fps) {
   const uint32_t most = set.frames != 0 ? set.frames : UINT32_MAX;
-  if (!camera.images.empty()) return count_images(camera.images, most);
+  if (tolerant && !camera.mask.empty()) {
+    const std::string trouble = trouble_of_image(camera.mask, camera.camera);
+    if (!trouble.empty()) fail(L4D_ERR_IO, path, camera, "its mask: " + trouble);
+  }
+  if (!camera.images.empty()) {
+    std::string trouble;
+    const uint32_t frames = count_images(camera, most, tolerant, &trouble);
+    if (tolerant && frames == 0) fail(L4D_ERR_IO, path, camera, trouble);
+    return frames;
+  }
   if (camera.video.empty()) {
     fail(L4D_ERR_CORRUPT, path, camera, "it has neither a video nor images");
   }
@@ -51,6 +70,9 @@ uint32_t look_at(const std::string& path, const io::Camera& camera, const io::Ca
     fail(L4D_ERR_CORRUPT, path, camera,
          camera.video + " has " + std::to_string(facts.fps) + " frames a second, and the capture " +
              std::to_string(set.fps) + ": they are not synchronised");
+  }
+  if (tolerant && facts.frames == 0) {
+    fail(L4D_ERR_IO, path, camera, camera.video + " has no frames");
   }
   *fps = facts.fps;
   return std::min(facts.frames, most);
@@ -78,20 +100,22 @@ Capture make_video_capture(const std::string& path, const io::CameraSet& set,
   Capture capture;
   capture.notes = set.notes;
   double video_fps = 0;
+  LeftOut left_out;
   for (const io::Camera& source : set.cameras) {
     CaptureCamera camera;
     camera.source = source;
     camera.name = name_of(source);
     camera.split = source.split;
     try {
-      camera.frames = look_at(path, source, set, &video_fps);
+      camera.frames = look_at(path, source, set, options.tolerant, &video_fps);
     } catch (const Error& error) {
       if (!options.tolerant) throw;
-      capture.notes.push_back("Left out: " + std::string(error.what()));
+      left_out.add(error.what());
       continue;
     }
     capture.cameras.push_back(std::move(camera));
   }
+  left_out.append_to(&capture.notes);
   if (capture.cameras.empty()) throw Error(L4D_ERR_INVALID_ARGUMENT, path + ": no camera is left");
   uint32_t shortest = UINT32_MAX, longest = 0;
   const CaptureCamera* short_one = nullptr;
@@ -136,8 +160,21 @@ Capture read_cameras_capture(const std::string& file, const CaptureOptions& opti
 
 Capture read_n3dv_capture(const std::string& file, const CaptureOptions& options) {
   io::CameraSet set = io::read_cameras(file, true);
+  const auto is_zero = [](const io::Camera& camera) {
+    return fs::path(camera.video).stem() == "cam00";
+  };
+  const bool has_zero = std::any_of(set.cameras.begin(), set.cameras.end(), is_zero);
   for (io::Camera& camera : set.cameras) {
-    camera.split = fs::path(camera.video).filename() == "cam00.mp4" ? "test" : "train";
+    // Rows and videos pair by their order alone, so that no row can do without its video.
+    if (camera.video.empty()) {
+      throw Error(L4D_ERR_IO, file + ": it has " + std::to_string(set.cameras.size()) +
+                                  " cameras, and its folder another number of videos; videos in "
+                                  "the order of their names pair with cameras. An empty file under "
+                                  "the name of a video that is missing keeps its place, and "
+                                  "--tolerant then leaves out its camera");
+    }
+    const bool is_test = has_zero ? is_zero(camera) : &camera == &set.cameras.front();
+    camera.split = is_test ? "test" : "train";
   }
   Capture capture = make_video_capture(file, set, options);
   capture.layout = "n3dv";

@@ -196,8 +196,9 @@ void add_reading(CLI::App* verb, Arguments& a) {
       ->check(above_zero)
       ->capture_default_str();
   verb->add_option("--fps", s.reading.fps, "Frame rate (that of the capture)")->check(above_zero);
-  verb->add_flag("--tolerant", s.reading.tolerant,
-                 "Leave out cameras without images, and cut all to the shortest");
+  verb->add_flag(
+      "--tolerant", s.reading.tolerant,
+      "Leave out cameras and images that are missing or damaged, and cut all to the shortest");
 }
 
 void add_common(CLI::App* verb, Arguments& a) {
