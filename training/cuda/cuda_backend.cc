@@ -10,6 +10,7 @@
 #include "training/cuda/device_model.h"
 #include "training/cuda/loss_device.h"
 #include "training/cuda/target_cache.h"
+#include "training/step/phased_backend.h"
 
 namespace l4d::train {
 namespace {
@@ -36,7 +37,7 @@ struct ViewMemory {
 
 // What a step tells the host.
 struct StepCounts {
-  uint32_t stop, unused;
+  uint32_t stop, stop_any;  // of the views here; of those of all back ends that share the step
   unsigned long long skipped_rows;
   DeviceDensityChange density;
   DeviceLossSums views[kMaxDeviceViews];
@@ -47,7 +48,7 @@ struct StepNumbers {
   float exposures[kMaxDeviceViews][12];
 };
 
-class CudaBackend final : public Backend {
+class CudaBackend final : public PhasedBackend {
  public:
   explicit CudaBackend(uint32_t device) : device_(static_cast<int>(device)) {
     l4d_cuda_renderer_options options;
@@ -100,7 +101,10 @@ class CudaBackend final : public Backend {
   }
   uint64_t count() const override { return model_.count; }
   uint64_t capacity() const override { return model_.capacity(); }
-  StepOutput step(const StepInput& input) override;
+  void render_views(const StepInput& input, ViewRange range) override;
+  StepSums sums() override;
+  void update(const StepInput& input) override;
+  bool finish(const StepInput& input, ViewRange range, StepOutput* output) override;
   DensityChange change_density(DensityStep step, uint64_t growth) override;
   // On the host: the rule is there to compare, and its model goes there and back.
   DensityChange change_density(const GradientStep& step) override {
@@ -133,14 +137,18 @@ class CudaBackend final : public Backend {
   }
   StepCounts* counts() const { return counts_.as<StepCounts>(); }
   void mark(int event) { check_cuda(cudaEventRecord(events_[event], stream_), "recording"); }
-  void reserve(const std::vector<StepView>& views, uint64_t instances);
-  void send_numbers(const StepInput* input);
+  void reserve(const StepInput& input, ViewRange range, uint64_t instances);
+  void send_numbers(const StepInput* input, ViewRange range);
+  void clear_sums(const StepInput& input);
   // Of views in the memory of the step.
-  std::vector<l4d_cuda_live_view> live_views(const StepInput& input) const;
-  DeviceLossBatch loss_batch(const StepInput& input);
-  void launch(const StepInput& input, const AdamStep& adam);
-  // Copies the counters, and waits. False where a view lacked capacity: there is more then.
-  bool finish(const StepInput& input);
+  std::vector<l4d_cuda_live_view> live_views(const StepInput& input, ViewRange range) const;
+  DeviceLossBatch loss_batch(const StepInput& input, ViewRange range);
+  l4d_cuda_live_statistics statistics(const StepInput& input) const;
+  void launch_views(const StepInput& input, ViewRange range);
+  AdamStep adam_of(const StepInput& input) const;
+  // What an update goes by.
+  const uint32_t* stop() const { return is_shared_ ? &counts()->stop_any : &counts()->stop; }
+  void read_times();
 
   int device_;
   std::unique_ptr<l4d_cuda_live, DestroyLive> live_;
@@ -150,6 +158,9 @@ class CudaBackend final : public Backend {
   l4d_timeline timeline_{};
   uint32_t degree_ = 0, width_ = 0, height_ = 0, num_views_ = 0;
   uint64_t instances_ = kFirstInstances;
+  bool is_shared_ = false;  // the step, by several back ends
+  bool measures_ = false;   // likewise
+  bool has_sums_ = false;   // of a step that is not finished
   std::vector<ViewMemory> views_;
   cuda::DeviceMemory counts_, numbers_;
   cuda::PinnedMemory host_counts_, host_numbers_;
@@ -158,15 +169,15 @@ class CudaBackend final : public Backend {
 };
 
 // Memory for the views. Only grows.
-void CudaBackend::reserve(const std::vector<StepView>& views, uint64_t instances) {
+void CudaBackend::reserve(const StepInput& input, ViewRange range, uint64_t instances) {
   uint32_t width = width_, height = height_;
-  for (const StepView& v : views) {
-    width = std::max(width, v.camera.width);
-    height = std::max(height, v.camera.height);
+  for (size_t k = range.begin; k < range.end; ++k) {
+    width = std::max(width, input.views[k].camera.width);
+    height = std::max(height, input.views[k].camera.height);
   }
-  const uint32_t count = std::max(num_views_, static_cast<uint32_t>(views.size()));
+  const uint32_t count = std::max(num_views_, static_cast<uint32_t>(range.count()));
   if (count > kMaxDeviceViews) {
-    throw Error(L4D_ERR_LIMIT_EXCEEDED, "a step has more than 16 views");
+    throw Error(L4D_ERR_LIMIT_EXCEEDED, "a step has more than 16 views for a device");
   }
   if (width == width_ && height == height_ && count == num_views_ && instances == instances_)
     return;
@@ -192,11 +203,11 @@ void CudaBackend::reserve(const std::vector<StepView>& views, uint64_t instances
   instances_ = instances;
 }
 
-void CudaBackend::send_numbers(const StepInput* input) {
+void CudaBackend::send_numbers(const StepInput* input, ViewRange range) {
   auto* numbers = host_numbers_.as<StepNumbers>();
   numbers->count = static_cast<uint32_t>(model_.count);
-  for (size_t v = 0; input != nullptr && v < input->views.size(); ++v) {
-    const double* exposure = input->views[v].exposure;
+  for (size_t v = 0; v < range.count(); ++v) {
+    const double* exposure = input->views[range.begin + v].exposure;
     for (size_t k = 0; exposure != nullptr && k < 12; ++k) {
       numbers->exposures[v][k] = static_cast<float>(exposure[k]);
     }
@@ -206,11 +217,12 @@ void CudaBackend::send_numbers(const StepInput* input) {
              "sending a step's numbers");
 }
 
-std::vector<l4d_cuda_live_view> CudaBackend::live_views(const StepInput& input) const {
-  std::vector<l4d_cuda_live_view> out(input.views.size());
+std::vector<l4d_cuda_live_view> CudaBackend::live_views(const StepInput& input,
+                                                        ViewRange range) const {
+  std::vector<l4d_cuda_live_view> out(range.count());
   for (size_t v = 0; v < out.size(); ++v) {
     l4d_cuda_live_view_init(&out[v]);
-    out[v].camera = &input.views[v].camera;
+    out[v].camera = &input.views[range.begin + v].camera;
     out[v].time = input.time;
     std::copy_n(input.background, 3, out[v].background);
     out[v].rgb = views_[v].rgb.as<float>();
@@ -218,11 +230,11 @@ std::vector<l4d_cuda_live_view> CudaBackend::live_views(const StepInput& input) 
   return out;
 }
 
-DeviceLossBatch CudaBackend::loss_batch(const StepInput& input) {
+DeviceLossBatch CudaBackend::loss_batch(const StepInput& input, ViewRange range) {
   DeviceLossBatch batch{};
-  batch.count = static_cast<uint32_t>(input.views.size());
-  for (size_t k = 0; k < input.views.size(); ++k) {
-    const StepView& view = input.views[k];
+  batch.count = static_cast<uint32_t>(range.count());
+  for (size_t k = 0; k < range.count(); ++k) {
+    const StepView& view = input.views[range.begin + k];
     const ViewMemory& memory = views_[k];
     const TargetCache::Target* target = nullptr;
     check(targets_->take(view, input.adam.step, stream_, &target));
@@ -246,10 +258,8 @@ DeviceLossBatch CudaBackend::loss_batch(const StepInput& input) {
   return batch;
 }
 
-void CudaBackend::launch(const StepInput& input, const AdamStep& adam) {
-  const AdamArrays arrays = model_.adam_arrays();
-  mark(0);
-  send_numbers(&input);
+// Derivatives are 0 already: the update leaves them so.
+void CudaBackend::clear_sums(const StepInput& input) {
   check_cuda(cudaMemsetAsync(counts_.data(), 0, offsetof(StepCounts, density), stream_),
              "clearing counters");
   check_cuda(cudaMemsetAsync(model_.shown(), 0, model_.count, stream_), "clearing flags");
@@ -258,14 +268,26 @@ void CudaBackend::launch(const StepInput& input, const AdamStep& adam) {
         cudaMemsetAsync(model_.coverage(), 0, 2 * model_.capacity() * sizeof(float), stream_),
         "clearing coverage");
   }
-  if (degree_ != adam.active_sh_degree) {
-    degree_ = adam.active_sh_degree;
-    check_live(l4d_cuda_live_set_sh_degree(live(), degree_));
+}
+
+l4d_cuda_live_statistics CudaBackend::statistics(const StepInput& input) const {
+  l4d_cuda_live_statistics statistics;
+  l4d_cuda_live_statistics_init(&statistics);
+  statistics.shown = model_.shown();
+  statistics.coverage = input.measure ? model_.coverage() : nullptr;
+  statistics.error_coverage = input.measure ? model_.error_coverage() : nullptr;
+  if (input.measure_gradients) {
+    statistics.screen_gradient = model_.screen_gradient();
+    statistics.views = model_.screen_views();
   }
-  const DeviceLossBatch batch = loss_batch(input);
+  return statistics;
+}
+
+void CudaBackend::launch_views(const StepInput& input, ViewRange range) {
+  const DeviceLossBatch batch = loss_batch(input, range);
   check_live(l4d_cuda_live_refresh(live(), stream_));
   mark(kPrepare + 1);
-  const std::vector<l4d_cuda_live_view> views = live_views(input);
+  const std::vector<l4d_cuda_live_view> views = live_views(input, range);
   check_live(l4d_cuda_live_forward(live(), views.data(), batch.count, stream_));
   mark(kRender + 1);
   launch_loss_forward(batch, &counts()->stop, stream_);
@@ -277,76 +299,113 @@ void CudaBackend::launch(const StepInput& input, const AdamStep& adam) {
     losses[v].rgb_gradient = batch.views[v].rgb_gradient;
     losses[v].error = batch.views[v].error;
   }
-  l4d_cuda_live_statistics statistics;
-  l4d_cuda_live_statistics_init(&statistics);
-  statistics.shown = model_.shown();
-  statistics.coverage = input.measure ? model_.coverage() : nullptr;
-  statistics.error_coverage = input.measure ? model_.error_coverage() : nullptr;
-  if (input.measure_gradients) {
-    statistics.screen_gradient = model_.screen_gradient();
-    statistics.views = model_.screen_views();
-  }
+  const l4d_cuda_live_statistics shown = statistics(input);
   const l4d_gradients gradients = model_.gradients();
   check_live(
-      l4d_cuda_live_backward(live(), losses.data(), batch.count, &gradients, &statistics, stream_));
-  mark(kBackward + 1);
-  const size_t pixels = size_t{input.views[0].camera.width} * input.views[0].camera.height;
-  const ShownRows shown{statistics.shown, statistics.coverage, statistics.error_coverage,
-                        1 / (static_cast<float>(pixels) * static_cast<float>(batch.count))};
-  launch_note_shown(adam, shown, model_.averages(), &counts()->stop, stream_);
-  launch_adam(adam, arrays, &counts()->stop, &counts()->skipped_rows, stream_);
-  mark(kAdam + 1);
-  check_cuda(cudaGetLastError(), "launching a step");
+      l4d_cuda_live_backward(live(), losses.data(), batch.count, &gradients, &shown, stream_));
 }
 
-bool CudaBackend::finish(const StepInput& input) {
-  check_live(l4d_cuda_live_copy_report(live(), stream_));
-  check_cuda(cudaMemcpyAsync(host_counts_.data(), counts_.data(), sizeof(StepCounts),
-                             cudaMemcpyDeviceToHost, stream_),
-             "reading counters");
-  check_cuda(cudaStreamSynchronize(stream_), "a step");
+AdamStep CudaBackend::adam_of(const StepInput& input) const {
+  AdamStep adam = input.adam;
+  adam.count = model_.count;
+  adam.active_sh_degree = std::min(adam.active_sh_degree, model_.sh_degree());
+  adam.sh_degree = model_.stored_degree();
+  return adam;
+}
+
+void CudaBackend::render_views(const StepInput& input, ViewRange range) {
+  use();
+  if (input.views.empty()) throw Error(L4D_ERR_INVALID_ARGUMENT, "a step has no view");
+  const AdamStep adam = adam_of(input);
+  is_shared_ = false;
+  measures_ = input.measure;
+  reserve(input, range, instances_);
+  if (has_sums_) check(model_.clear_gradients(stream_));
+  has_sums_ = true;
+  // Rows that it has moved it leaves alone when a step is repeated.
+  if (adam.sparse) launch_catch_up(adam, model_.adam_arrays(), input.time, stream_);
+  mark(0);
+  send_numbers(&input, range);
+  clear_sums(input);
+  if (degree_ != adam.active_sh_degree) {
+    degree_ = adam.active_sh_degree;
+    check_live(l4d_cuda_live_set_sh_degree(live(), degree_));
+  }
+  if (range.count() > 0) {
+    launch_views(input, range);
+  } else {
+    for (const Stage stage : {kPrepare, kRender, kLoss}) mark(stage + 1);
+  }
+  mark(kBackward + 1);
+  check_cuda(cudaGetLastError(), "launching views");
+}
+
+StepSums CudaBackend::sums() {
+  is_shared_ = true;
+  StepSums out = model_.sums(measures_);
+  out.stop = &counts()->stop;
+  out.stop_any = &counts()->stop_any;
+  return out;
+}
+
+void CudaBackend::update(const StepInput& input) {
+  use();
+  mark(kExchange + 1);
+  const AdamStep adam = adam_of(input);
+  const l4d_cuda_live_statistics sums = statistics(input);
+  const size_t pixels = size_t{input.views[0].camera.width} * input.views[0].camera.height;
+  const ShownRows shown{sums.shown, sums.coverage, sums.error_coverage,
+                        1 / (static_cast<float>(pixels) * static_cast<float>(input.views.size()))};
+  launch_note_shown(adam, shown, model_.averages(), stop(), stream_);
+  launch_adam(adam, model_.adam_arrays(), stop(), &counts()->skipped_rows, stream_);
+  mark(kAdam + 1);
+  check_cuda(cudaGetLastError(), "launching an update");
+}
+
+void CudaBackend::read_times() {
   for (size_t stage = 0; stage < kDensity; ++stage) {
     float milliseconds = 0;
     check_cuda(cudaEventElapsedTime(&milliseconds, events_[stage], events_[stage + 1]), "timing");
     seconds_[stage] += 1e-3 * static_cast<double>(milliseconds);
   }
-  l4d_cuda_live_report report;
-  l4d_cuda_live_report_init(&report);
-  check_live(l4d_cuda_live_get_report(live(), 1, &report));
-  if (report.required_instances <= instances_) return true;
-  // What other views have added must not be added twice.
-  check(model_.clear_gradients(stream_));
-  const double wanted = kGrowth * static_cast<double>(report.required_instances);
-  reserve(input.views, static_cast<uint64_t>(wanted));
-  return false;
 }
 
-StepOutput CudaBackend::step(const StepInput& input) {
+// Waits for the device once.
+bool CudaBackend::finish(const StepInput& input, ViewRange range, StepOutput* output) {
   use();
-  if (input.views.empty()) throw Error(L4D_ERR_INVALID_ARGUMENT, "a step has no view");
-  AdamStep adam = input.adam;
-  adam.count = model_.count;
-  adam.active_sh_degree = std::min(adam.active_sh_degree, model_.sh_degree());
-  adam.sh_degree = model_.stored_degree();
-  reserve(input.views, instances_);
-  if (adam.sparse) launch_catch_up(adam, model_.adam_arrays(), input.time, stream_);
-  do {
-    launch(input, adam);
-  } while (!finish(input));
-  const auto* counts = host_counts_.as<StepCounts>();
-  StepOutput output;
-  output.skipped_rows = counts->skipped_rows;
-  output.finite = counts->stop == 0;
-  for (size_t v = 0; v < input.views.size(); ++v) {
-    const DeviceLossSums& sums = counts->views[v];
-    output.views.push_back({sums.absolute, sums.squared, sums.similarity, sums.values});
-    output.exposure_gradients.emplace_back();
-    if (input.views[v].exposure != nullptr) {
-      std::copy_n(sums.by_exposure, 12, output.exposure_gradients.back().begin());
+  if (range.count() > 0) check_live(l4d_cuda_live_copy_report(live(), stream_));
+  const auto* read = host_counts_.as<StepCounts>();
+  check_cuda(cudaMemcpyAsync(host_counts_.data(), counts_.data(), sizeof(StepCounts),
+                             cudaMemcpyDeviceToHost, stream_),
+             "reading counters");
+  check_cuda(cudaStreamSynchronize(stream_), "a step");
+  read_times();
+  // What views have added must not be added again.
+  const bool stopped = (is_shared_ ? read->stop_any : read->stop) != 0;
+  if (stopped) check(model_.clear_gradients(stream_));
+  has_sums_ = false;
+  if (range.count() > 0) {
+    l4d_cuda_live_report report;
+    l4d_cuda_live_report_init(&report);
+    check_live(l4d_cuda_live_get_report(live(), 1, &report));
+    if (report.required_instances > instances_) {
+      const double wanted = kGrowth * static_cast<double>(report.required_instances);
+      reserve(input, range, static_cast<uint64_t>(wanted));
+      return false;
     }
   }
-  if (!output.finite) check(model_.clear_gradients(stream_));
-  return output;
+  *output = {};
+  output->skipped_rows = read->skipped_rows;
+  output->finite = !stopped;
+  for (size_t v = 0; v < range.count(); ++v) {
+    const DeviceLossSums& sums = read->views[v];
+    output->views.push_back({sums.absolute, sums.squared, sums.similarity, sums.values});
+    output->exposure_gradients.emplace_back();
+    if (input.views[range.begin + v].exposure != nullptr) {
+      std::copy_n(sums.by_exposure, 12, output->exposure_gradients.back().begin());
+    }
+  }
+  return true;
 }
 
 DensityChange CudaBackend::change_density(DensityStep step, uint64_t growth) {
@@ -381,12 +440,13 @@ io::Image CudaBackend::render(const l4d_camera& camera, double time, const float
   StepView view;
   view.camera = camera;
   input.views.push_back(view);
-  reserve(input.views, instances_);
-  send_numbers(nullptr);
+  const ViewRange range{0, 1};
+  reserve(input, range, instances_);
+  send_numbers(nullptr, {});
   check_live(l4d_cuda_live_refresh(live(), stream_));
   io::Image image(camera.width, camera.height);
   for (;;) {
-    const std::vector<l4d_cuda_live_view> views = live_views(input);
+    const std::vector<l4d_cuda_live_view> views = live_views(input, range);
     check_live(l4d_cuda_live_forward(live(), views.data(), 1, stream_));
     check_live(l4d_cuda_live_copy_report(live(), stream_));
     check_cuda(cudaMemcpyAsync(image.rgb.data(), views[0].rgb, image.rgb.size() * sizeof(float),
@@ -397,7 +457,7 @@ io::Image CudaBackend::render(const l4d_camera& camera, double time, const float
     l4d_cuda_live_report_init(&report);
     check_live(l4d_cuda_live_get_report(live(), 1, &report));
     if (report.required_instances <= instances_) return image;
-    reserve(input.views,
+    reserve(input, range,
             static_cast<uint64_t>(kGrowth * static_cast<double>(report.required_instances)));
   }
 }

@@ -185,6 +185,21 @@ Status DeviceModel::clear_gradients(cudaStream_t stream) const {
   return {};
 }
 
+StepSums DeviceModel::sums(bool measured) const {
+  StepSums out;
+  out.rows = count;
+  for (size_t k = 0; k < kNumAttributes; ++k) {
+    out.arrays.push_back(
+        {arrays_[kGradient][k].data(), static_cast<uint32_t>(numbers(k)), SumArray::kFloat});
+  }
+  out.arrays.push_back({shown(), 1, SumArray::kFlag});
+  if (measured) {
+    out.arrays.push_back({coverage(), 1, SumArray::kFloat});
+    out.arrays.push_back({error_coverage(), 1, SumArray::kFloat});
+  }
+  return out;
+}
+
 RowAverages DeviceModel::averages() const {
   return {column(kLastShown), coverage_.as<float>(), error_.as<float>()};
 }

@@ -6,6 +6,7 @@
 #include "training/cuda/adam_device.h"
 #include "training/cuda/relocate_device.h"
 #include "training/model/state.h"
+#include "training/step/phased_backend.h"
 
 namespace l4d::train {
 
@@ -30,6 +31,8 @@ class DeviceModel {
   l4d_gaussians gaussians() const;  // of the capacity
   l4d_gradients gradients() const;
   Status clear_gradients(cudaStream_t stream) const;
+  // Derivatives, flags, and coverage where it is measured.
+  StepSums sums(bool measured) const;
   uint8_t* shown() const { return shown_.as<uint8_t>(); }
   float* coverage() const { return covered_.as<float>(); }          // [capacity] of a step
   float* error_coverage() const { return coverage() + capacity_; }  // likewise

@@ -41,8 +41,9 @@ struct StepInput {
   bool measure_gradients = false;
 };
 
-// Seconds since the last call of Backend::take_seconds, by stage.
-enum Stage : uint32_t { kPrepare, kRender, kLoss, kBackward, kAdam, kDensity, kStages };
+// Seconds since the last call of Backend::take_seconds, by stage. kExchange: sums go from back end
+// to back end, where several share a step.
+enum Stage : uint32_t { kPrepare, kRender, kLoss, kBackward, kExchange, kAdam, kDensity, kStages };
 extern const std::array<const char*, kStages> kStageNames;
 
 struct StepOutput {

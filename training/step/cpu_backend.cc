@@ -7,12 +7,12 @@
 #include "libl4dcodec/base/threads.h"
 #include "libl4dcodec/scene/slice.h"
 #include "libl4dcodec/scene/timeline.h"
-#include "training/step/backend.h"
+#include "training/step/phased_backend.h"
 
 namespace l4d::train {
 
-const std::array<const char*, kStages> kStageNames = {"prepare",  "render", "loss",
-                                                      "backward", "adam",   "density"};
+const std::array<const char*, kStages> kStageNames = {"prepare",  "render", "loss",   "backward",
+                                                      "exchange", "adam",   "density"};
 
 namespace {
 
@@ -60,7 +60,7 @@ l4d_gradients gradients_of(AttributeArrays* arrays, uint64_t count) {
   return g;
 }
 
-class CpuBackend final : public Backend {
+class CpuBackend final : public PhasedBackend {
  public:
   explicit CpuBackend(uint32_t threads) : threads_(resolve_threads(static_cast<int>(threads))) {}
 
@@ -71,45 +71,85 @@ class CpuBackend final : public Backend {
     gradient_.sh_degree = state_.sh_degree();
     gradient_.resize(static_cast<size_t>(state_.capacity()));
     shown_.assign(static_cast<size_t>(state_.capacity()), 0);
+    coverage_.assign(shown_.size(), 0);
+    error_.assign(shown_.size(), 0);
     slots_.clear();
   }
   ModelState save() override { return state_; }
   uint64_t count() const override { return state_.count; }
   uint64_t capacity() const override { return state_.capacity(); }
 
-  StepOutput step(const StepInput& input) override {
+  void render_views(const StepInput& input, ViewRange range) override {
     AdamStep adam = input.adam;
     adam.count = state_.count;
-    StageClock clock(&seconds_);
+    clock_ = StageClock(&seconds_);
     if (adam.sparse) {
       for_rows([&](uint64_t begin, uint64_t end) {
         catch_up_rows(adam, adam_arrays(), input.time, begin, end);
       });
     }
-    make_slots(input.views.size());
-    clock.ends(kAdam);
+    make_slots(range.count());
+    clock_.ends(kAdam);
 
     // Whole views in parallel, where there are enough of them, else threads within one.
-    const int workers = std::min(threads_, static_cast<int>(input.views.size()));
-    parallel_for(workers, input.views.size(), 1,
-                 [&](size_t begin, size_t) { run_view(input, begin, slots_[begin].get()); });
+    const int workers = std::min(threads_, static_cast<int>(range.count()));
+    parallel_for(workers, range.count(), 1, [&](size_t begin, size_t) {
+      run_view(input, range.begin + begin, slots_[begin].get());
+    });
 
-    StepOutput output;
-    for (size_t k = 0; k < input.views.size(); ++k) {
+    stop_ = 0;
+    for (size_t k = 0; k < range.count(); ++k) {
       const Slot& slot = *slots_[k];
-      output.views.push_back(slot.sums);
-      output.exposure_gradients.push_back(slot.exposure_gradient);
-      output.finite = output.finite && std::isfinite(slot.sums.loss(0.5));
+      if (!std::isfinite(slot.sums.loss(0.5))) stop_ = 1;
       for (size_t s = 0; s < kStages; ++s) {
         seconds_[s] += slot.seconds[s] / static_cast<double>(workers);
       }
     }
-    if (!output.finite) return output;
-    clock = StageClock(&seconds_);
-    add_views(input);
-    output.skipped_rows = update(adam);
-    clock.ends(kAdam);
-    return output;
+    stop_any_ = stop_;
+    clock_ = StageClock(&seconds_);
+    if (stop_ == 0) add_views(input, range.count());
+    measures_ = input.measure;
+    clock_.ends(kAdam);
+  }
+
+  StepSums sums() override {
+    StepSums out;
+    out.rows = state_.count;
+    for_each_attribute(
+        [&](const AttributeInfo& a, std::vector<float>& v) {
+          out.arrays.push_back(
+              {v.data(), static_cast<uint32_t>(a.numbers(state_.sh_degree())), SumArray::kFloat});
+        },
+        gradient_);
+    out.arrays.push_back({shown_.data(), 1, SumArray::kFlag});
+    if (measures_) {
+      out.arrays.push_back({coverage_.data(), 1, SumArray::kFloat});
+      out.arrays.push_back({error_.data(), 1, SumArray::kFloat});
+    }
+    out.stop = &stop_;
+    out.stop_any = &stop_any_;
+    return out;
+  }
+
+  void update(const StepInput& input) override {
+    clock_.ends(kExchange);
+    skipped_rows_ = 0;
+    if (stop_any_ == 0) {
+      note_shown(input);
+      skipped_rows_ = run_adam(input.adam);
+    }
+    clock_.ends(kAdam);
+  }
+
+  bool finish(const StepInput&, ViewRange range, StepOutput* output) override {
+    *output = {};
+    for (size_t k = 0; k < range.count(); ++k) {
+      output->views.push_back(slots_[k]->sums);
+      output->exposure_gradients.push_back(slots_[k]->exposure_gradient);
+    }
+    output->skipped_rows = skipped_rows_;
+    output->finite = stop_any_ == 0;
+    return true;
   }
 
   DensityChange change_density(DensityStep step, uint64_t growth) override {
@@ -304,10 +344,17 @@ class CpuBackend final : public Backend {
     }
   }
 
-  void add_views(const StepInput& input) {
-    const size_t views = input.views.size();
+  // Sums of the views that are in the first slots, in their order.
+  void add_views(const StepInput& input, size_t views) {
     const size_t width = 3 * (state_.sh_degree() + 1) * (state_.sh_degree() + 1);
     for_rows([&](uint64_t begin, uint64_t end) {
+      for_each_attribute(
+          [&](const AttributeInfo& a, std::vector<float>& to) {
+            const size_t n = a.numbers(state_.sh_degree());
+            std::fill(to.begin() + static_cast<ptrdiff_t>(begin * n),
+                      to.begin() + static_cast<ptrdiff_t>(end * n), 0.0f);
+          },
+          gradient_);
       for (size_t k = 0; k < views; ++k) {
         for_each_attribute(
             [&](const AttributeInfo& a, const std::vector<float>& from, std::vector<float>& to) {
@@ -316,10 +363,7 @@ class CpuBackend final : public Backend {
             },
             slots_[k]->gradient, gradient_);
       }
-      for (size_t i = begin; i < end; ++i) {
-        shown_[i] = gradient_.opacity[i] != 0 ? 1 : 0;
-        if (shown_[i] != 0) state_.last_shown[i] = static_cast<uint32_t>(input.adam.step);
-      }
+      for (size_t i = begin; i < end; ++i) shown_[i] = gradient_.opacity[i] != 0 ? 1 : 0;
       for (size_t k = 0; k < views && input.measure_gradients; ++k) {
         for (size_t i = begin; i < end; ++i) {
           if (slots_[k]->gradient.opacity[i] == 0) continue;
@@ -327,22 +371,30 @@ class CpuBackend final : public Backend {
           ++state_.screen_views[i];
         }
       }
-      if (!input.measure) return;
-      for (size_t i = begin; i < end; ++i) {
-        float error = 0, coverage = 0;
+      for (size_t i = begin; i < end && input.measure; ++i) {
+        error_[i] = coverage_[i] = 0;
         for (size_t k = 0; k < views; ++k) {
-          error += slots_[k]->measured[width * i];
-          coverage += slots_[k]->measured[width * i + 1];
+          error_[i] += slots_[k]->measured[width * i];
+          coverage_[i] += slots_[k]->measured[width * i + 1];
         }
-        if (!(coverage > 0)) continue;
-        const float each = 1 / (kDcFactor * static_cast<float>(views));
-        state_.coverage[i] += kAverage * (coverage * each - state_.coverage[i]);
-        state_.error[i] += kAverage * (error * each - state_.error[i]);
       }
     });
   }
 
-  uint64_t update(const AdamStep& adam) {
+  void note_shown(const StepInput& input) {
+    const float each = 1 / (kDcFactor * static_cast<float>(input.views.size()));
+    for_rows([&](uint64_t begin, uint64_t end) {
+      for (size_t i = begin; i < end; ++i) {
+        if (shown_[i] != 0) state_.last_shown[i] = static_cast<uint32_t>(input.adam.step);
+        if (!input.measure || !(coverage_[i] > 0)) continue;
+        state_.coverage[i] += kAverage * (coverage_[i] * each - state_.coverage[i]);
+        state_.error[i] += kAverage * (error_[i] * each - state_.error[i]);
+      }
+    });
+  }
+
+  uint64_t run_adam(AdamStep adam) {
+    adam.count = state_.count;
     std::vector<uint64_t> skipped(static_cast<size_t>(state_.count) / kRowGrain + 1, 0);
     for_rows([&](uint64_t begin, uint64_t end) {
       skipped[static_cast<size_t>(begin) / kRowGrain] = adam_rows(adam, adam_arrays(), begin, end);
@@ -355,16 +407,26 @@ class CpuBackend final : public Backend {
   int threads_;
   l4d_timeline timeline_{};
   ModelState state_;
+  // Sums of a step over its views; `error_` and `coverage_` of one that measures.
   AttributeArrays gradient_;
   std::vector<uint8_t> shown_;
+  std::vector<float> coverage_, error_;
+  uint32_t stop_ = 0, stop_any_ = 0;
+  bool measures_ = false;
+  uint64_t skipped_rows_ = 0;
   std::vector<std::unique_ptr<Slot>> slots_;
   std::array<double, kStages> seconds_{};
+  StageClock clock_{&seconds_};  // of the step
 };
 
 }  // namespace
 
-std::unique_ptr<Backend> make_cpu_backend(uint32_t threads) {
+std::unique_ptr<PhasedBackend> make_phased_cpu_backend(uint32_t threads) {
   return std::make_unique<CpuBackend>(threads);
+}
+
+std::unique_ptr<Backend> make_cpu_backend(uint32_t threads) {
+  return make_phased_cpu_backend(threads);
 }
 
 }  // namespace l4d::train
