@@ -9,7 +9,7 @@
                                           writes N more random legal streams and a suite.json of them
   generate.py --limits LEVEL[,LEVEL..] FOLDER
                                           writes streams at each limit of conformance levels and just beyond it,
-                                          which have up to 8 MiB at level 1 and 512 MiB at level 6, and suite.json
+                                          which have up to 33 MiB at level 1 and 512 MiB at level 6, and suite.json
 
 Needs the folders spec and conformance/reference beside it.
 """

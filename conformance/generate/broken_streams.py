@@ -112,6 +112,26 @@ def broken_windows():
     yield "DIR-9 window end", flat_edited(lambda la: la["pages"][0].update(visible_end=159))
 
 
+AT_THE_MIDDLE, NEAR_THE_END = 1.25, 1.4375
+# Broken streams of which an instant reads enough to refuse them. Near the end, it reads one of the two directory pages
+# of the second layer.
+OF_INSTANTS = {"DIR-5 instant": AT_THE_MIDDLE, "DIR-5 instant few": AT_THE_MIDDLE, "DIR-5 instant level 1": AT_THE_MIDDLE,
+               "DIR-5 instant level 1 few": AT_THE_MIDDLE, "DIR-5 instant one page": NEAR_THE_END}
+
+
+def broken_sums():
+    """Numbers of Gaussians that the layers do not have: they have 3 and 6."""
+    stated = lambda *numbers: edited(lambda s: (s.update(num_gaussians=sum(numbers)), *(
+        la.update(num_gaussians=n) for la, n in zip(s["layers"], numbers))))
+    yield "DIR-5", stated(3, 7)
+    yield "DIR-5 many", stated(3, 5)
+    yield "DIR-5 instant", stated(2, 6)
+    yield "DIR-5 instant few", stated(4, 6)
+    yield "DIR-5 instant level 1", stated(3, 5)
+    yield "DIR-5 instant level 1 few", stated(3, 7)
+    yield "DIR-5 instant one page", stated(3, 2)
+
+
 def raw_mean_times(s, value):
     """Mean times of binary64 in the second layer, whose first is `value`."""
     la, (begin, end) = s["layers"][1], MEAN_TIMES
@@ -130,7 +150,6 @@ def broken_numbers():
     yield "HEAD-3 log scale", edited(lambda s: s["layers"][0].update(log_scale_t=infinite))
     yield "HEAD-3 step", coding(None, "opacity", step=2.0 ** -61)
     yield "HEAD-20 camera", edited(lambda s: s.update(presentation={"camera": camera}))
-    yield "DIR-5 many", edited(lambda s: (s.update(num_gaussians=8), s["layers"][1].update(num_gaussians=5)))
     yield "VAL-3 mean time", edited(lambda s: raw_mean_times(s, 2.0 ** 61))
 
 
@@ -341,8 +360,6 @@ def broken():
     yield "DIR-2 layer", layer(1, patch={"layer": 0})
     yield "DIR-3", record(1, 0, bucket=2)
     yield "DIR-4", record(1, 0, num_gaussians=0)
-    yield "DIR-5", edited(lambda s: (s.update(num_gaussians=10),
-                                     s["layers"][1].update(num_gaussians=7)))
     yield "DIR-6", record(0, 0, block=0)
     yield "DIR-7", record(1, 0, visible_begin=177)
     yield "DIR-8", edited(lambda s: s["layers"][1]["pages"].insert(
@@ -365,6 +382,7 @@ def broken():
     yield "LAYR-1", coding(1, "scale_factor", offset=-2.0)
     yield from broken_windows()
     yield from broken_numbers()
+    yield from broken_sums()
 
 
 def overlap(s):

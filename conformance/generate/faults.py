@@ -47,6 +47,14 @@ def kinds(name):
     return sorted({*KINDS.get(name.split()[0], ["rule"]), *also})
 
 
+def query_of(name):
+    """The arguments of a query that meets the broken rule."""
+    if name.split()[0] in OF_VALIDATORS:
+        return ["--query", "validate"]
+    instant = broken_streams.OF_INSTANTS.get(name)
+    return ["--query", "all" if instant is None else f"time:{instant!r}"]
+
+
 def faults():
     """(name, file): the first word of a name is the clause"""
     yield from broken_streams.broken()

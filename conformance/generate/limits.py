@@ -16,6 +16,8 @@ from decoder import Decoder
 
 MOST_ENTRIES, MOST_STAGES, MOST_PAGE = 65536, 8, 65536
 MANY_FRAMES = 1 << 22               # allow 94 layers
+ENTROPY_BYTES = 1 << 19             # of C, for each layer with an entropy chunk
+LOSSLESS_FACTOR = 8                 # of I, H, R and B
 COMPONENTS = ("scale", "rotor_spatial", "rotor_temporal")        # 4 numbers each
 # Streams here consist of equal pages and codebooks, whose hashes would take most of the time.
 sb.xxh3_64 = functools.lru_cache(64)(sb.xxh3_64)
@@ -156,10 +158,60 @@ def of_symbols(level, most, beyond):
     return stream(level, bl.layers_of_symbols(most + beyond))
 
 
-def of_symbol_burst(level, most, beyond):
+def of_symbol_burst(level, most, beyond, *others):
     rate = levels.LEVELS[level][8]
-    build = lambda late: stream(level, bl.symbol_burst_layers(most // 2 + rate // 16, late))
+    build = lambda late: stream(level, [*bl.symbol_burst_layers(most // 2 + rate // 16, late), *others])
     return exact(build, most // 2, most + beyond, lambda d: d.burst(rate, d.later_symbols))
+
+
+# ---- layers without Gaussians: their entropy chunks are tables, and they have no symbols -----------
+
+def empty_layer(level=0):
+    """A layer that declares the most symbols for each of its Gaussians."""
+    of_symbols = bl.layers_of_symbols(1)[0]
+    return bl.layer([], level, entropy=of_symbols["entropy"], symbols_per_gaussian=255)
+
+
+def of_empty_tables(level, most, beyond):
+    number = most // ENTROPY_BYTES - 1
+    rest = most - number * ENTROPY_BYTES + 4 * beyond
+    return stream(level, [bl.layer([bl.page(1)]), *[empty_layer()] * number, *table_layers(rest)])
+
+
+def of_empty_symbols(level, most, beyond):
+    return stream(level, [*bl.layers_of_symbols(most + beyond), empty_layer()])
+
+
+def of_empty_symbol_burst(level, most, beyond):
+    return of_symbol_burst(level, most, beyond, empty_layer(1))
+
+
+# ---- streams of the profile lossless that declare none -------------------------------------------
+
+def lossless(level, pages, temporal_level):
+    raw = {"coding": 1}
+    return stream(level, [bl.layer(pages, temporal_level, permanent=False, mean_t=1, **dict.fromkeys(COMPONENTS, raw))],
+                  sh=raw, sh_degree=0, position=1, opacity=dict(raw, bits=0, offset=0.0, step=0.0), profile=0)
+
+
+def lossless_page(size, seconds, **record):
+    """A page of one Gaussian and `size` stored bytes."""
+    numbers = [0.0] * 3 + [seconds, 0.5] + [0.0] * 3 + [-8.0] * 4 + [1.0] + [0.0] * 7
+    raw = b"".join(bl.make_tiny.packed([sb.order32(x)], 32) for x in numbers)
+    return {**bl.page(1, **record), "raw": framed(raw, size), "patch": {"codec": 1, "raw_bytes": len(raw)}}
+
+
+def of_lossless_instant(level, most, beyond):
+    return lossless(level, [lossless_page(LOSSLESS_FACTOR * most + beyond, 1.5)], 0)
+
+
+def of_lossless_burst(level, most, beyond):
+    """As of_burst."""
+    rate, most = LOSSLESS_FACTOR * levels.LEVELS[level][4], LOSSLESS_FACTOR * most
+    early = lossless_page(most // 2 + rate // 16, 1.625, bucket=2, visible_begin=126, visible_end=130)
+    build = lambda late: lossless(level, [early, lossless_page(
+        late, 1.6875, bucket=2, visible_begin=142, visible_end=146)], 1)
+    return exact(build, most // 2, most + beyond, lambda d: d.burst(rate))
 
 
 # Limits of section 18.2 in the order of levels.LEVELS. R is a part of that of B, W of that of S.
@@ -168,23 +220,34 @@ LIMITS = {"gaussians": (0, "LEVL-3", of_gaussians), "tables": (1, "LEVL-4", of_t
           "memory": (6, "LEVL-8", of_memory), "symbols": (7, "LEVL-10", of_symbols),
           "symbol-burst": (7, "LEVL-11", of_symbol_burst)}
 OF_MANY_BYTES = {"instant", "start", "burst"}
+# What counts is the same at all levels, so level 1 alone has these.
+OF_EMPTY_LAYERS = {"tables-of-empty-layers": (1, "LEVL-4", of_empty_tables),
+                   "symbols-and-an-empty-layer": (7, "LEVL-10", of_empty_symbols),
+                   "symbol-burst-and-an-empty-layer": (7, "LEVL-11", of_empty_symbol_burst)}
+OF_LOSSLESS = {"lossless-instant": (2, "LEVL-5", of_lossless_instant),
+               "lossless-burst": (5, "LEVL-7", of_lossless_burst)}
 
 
-def vectors(chosen, validated, names=tuple(LIMITS)):
+def vectors(chosen, validated):
     """Two for each limit of the chosen levels. validated: levels at which the query `validate` is asked too."""
     for level in chosen:
-        for name in names:
-            column, clause, build = LIMITS[name]
-            for beyond in (0, 1):
-                word = "beyond" if beyond else "at"
-                yield Vector("limits", f"level-{level}-{name}-{word}", f"{word} the limit of level {level}: {name}",
-                             build(level, levels.LEVELS[level][column], beyond), [clause],
-                             f"limits.py, level {level}", beyond=beyond, validated=level in validated)
+        yield from of_level(level, validated, {**LIMITS, **(OF_LOSSLESS if level == 1 else {})})
+
+
+def of_level(level, validated, limits):
+    for name, (column, clause, build) in limits.items():
+        for beyond in (0, 1):
+            word = "beyond" if beyond else "at"
+            yield Vector("limits", f"level-{level}-{name}-{word}", f"{word} the limit of level {level}: {name}",
+                         build(level, levels.LEVELS[level][column], beyond), [clause],
+                         f"limits.py, level {level}", beyond=beyond, validated=level in validated)
 
 
 def small():
     """Those that take few bytes. Readers without fast paths take long to validate the larger ones."""
-    return vectors(levels.LEVELS, {1}, [name for name in LIMITS if name not in OF_MANY_BYTES])
+    few = {name: limit for name, limit in LIMITS.items() if name not in OF_MANY_BYTES}
+    for level in levels.LEVELS:
+        yield from of_level(level, {1}, {**few, **(OF_EMPTY_LAYERS if level == 1 else {})})
 
 
 def broken_rule(data):

@@ -162,9 +162,9 @@ def legal(data, more):
 
 def faulty(vector):
     clause, data = vector.clauses[0], vector.data
-    query = "validate" if clause in faults.OF_VALIDATORS else "all"
-    check_refusal(vector, query)
-    answer = {"arguments": ["--query", query], "refused": [clause, *faults.ALSO.get(vector.more["title"], [])],
+    query = faults.query_of(vector.more["title"])
+    check_refusal(vector, query[-1])
+    answer = {"arguments": query, "refused": [clause, *faults.ALSO.get(vector.more["title"], [])],
               "kinds": faults.kinds(vector.more["title"])}
     profile = level = 0
     try:
@@ -173,13 +173,14 @@ def faulty(vector):
         level = levels.demand(Decoder(data)).level()
     except (Invalid, ValueError, OverflowError, ZeroDivisionError):
         pass                              # nobody knows what it would keep to
-    return {"profile": profile, "level": level, "features": ["validate"] if query == "validate" else [],
+    return {"profile": profile, "level": level, "features": ["validate"] if "validate" in query else [],
             "limits": {"num_gaussians": 0, "memory_bytes": 0}, "queries": [answer]}
 
 
 def check_refusal(vector, query):
+    instant = float(query[len("time:"):]) if query.startswith("time:") else None
     try:
-        validate_file(vector.data) if query == "validate" else list(Decoder(vector.data).pages(Query()))
+        validate_file(vector.data) if query == "validate" else list(Decoder(vector.data).pages(Query(instant, instant)))
     except Invalid as broken:
         if broken.clause in [vector.clauses[0], *faults.ALSO.get(vector.more["title"], [])]:
             return

@@ -255,6 +255,30 @@ def memory_of_blocks():
     levels.Demand.layer = layer
 
 
+@mistake("limits/level-1-tables-of-empty-layers-beyond", "entropy chunks of layers without Gaussians are no tables")
+def tables_of_empty_layers():
+    before = levels.Demand.tables
+
+    def tables(self):
+        before(self)
+        self.table_bytes -= sum(1 << 19 for la in self.h["layers"] if la["entropy"] and not la["num_gaussians"])
+    levels.Demand.tables = tables
+
+
+@mistake("faulty/DIR-5-instant-few", "sums of Gaussians are compared in queries of everything alone")
+def sums_of_instants_ignored():
+    before = directory.Directory.pages
+
+    def pages(self, index, first=0, last=None):
+        whole = before(self, index, first, last)
+        try:
+            yield from whole
+        except arithmetic.Invalid as broken:
+            if last is None or broken.clause != "DIR-5":
+                raise
+    directory.Directory.pages = pages
+
+
 @mistake("uncommon/minor-version", "other minor versions are refused")
 def minor_version_refused():
     before = file.File.scene_header
