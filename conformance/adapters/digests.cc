@@ -4,6 +4,7 @@
 #include <xxhash.h>
 
 #include <algorithm>
+#include <array>
 #include <cinttypes>
 #include <cstdio>
 #include <cstring>
@@ -41,11 +42,16 @@ class Digests {
  public:
   explicit Digests(uint64_t num_gaussians) : count_(num_gaussians) { append(&list_, count_, 8); }
   template <typename T>
-  void add(const std::string& name, const T* values, size_t count) {
-    const Bytes bytes = little_endian(values, count);
+  void add(const std::string& name, const std::vector<T>& values) {
+    const Bytes bytes = little_endian(values.data(), values.size());
     const uint64_t digest = XXH3_64bits(bytes.data(), bytes.size());
     append(&list_, digest, 8);
     text_ += "\"" + name + "\": " + hex(digest) + ", ";
+  }
+  void add_spans(const std::vector<l4d_bucket_span>& spans) {
+    std::vector<uint64_t> rows;
+    for (const l4d_bucket_span& s : spans) rows.insert(rows.end(), {s.layer, s.bucket, s.count});
+    add("buckets", rows);
   }
   std::string json() const {
     return "{\"num_gaussians\": " + std::to_string(count_) + ", \"digests\": {" + text_ +
@@ -63,54 +69,91 @@ class Digests {
   std::string text_;
 };
 
-void add_buckets(Digests* digests, const std::vector<l4d_bucket_span>& spans, size_t count) {
-  std::vector<uint64_t> rows;
-  for (size_t k = 0; k < count; ++k) {
-    rows.insert(rows.end(), {spans[k].layer, spans[k].bucket, spans[k].count});
+// What both forms have: arrays of binary32 numbers, or of codes.
+template <typename Number>
+struct Columns {
+  Columns(const DecoderHandle& decoder, const l4d_query& query)
+      : has_windows((decoder.info().tools & L4D_TOOL_FLAT_WINDOWS) != 0) {
+    const l4d_selection selection = decoder.select(query);
+    spans.resize(static_cast<size_t>(selection.num_spans));
+    resize(static_cast<size_t>(selection.num_gaussians));
   }
-  digests->add("buckets", rows.data(), rows.size());
+  template <typename Buffers>
+  void bind(Buffers* b) {
+    b->capacity = count;
+    b->position = position.data();
+    b->mean_t = mean_t.data();
+    b->opacity = opacity.data();
+    b->window = has_windows ? window.data() : nullptr;
+    b->spans = spans.data();
+    b->span_capacity = spans.size();
+  }
+  // Leaves what a decode has written.
+  template <typename Buffers>
+  void trim(const Buffers& b) {
+    spans.resize(static_cast<size_t>(b.num_spans));
+    resize(static_cast<size_t>(b.count));
+  }
+  void add_window(Digests* digests) const {
+    if (has_windows) digests->add("window", window);
+  }
+
+  const bool has_windows;
+  size_t count = 0;
+  std::vector<Number> position, mean_t, opacity;
+  std::vector<uint32_t> window;
+  std::vector<l4d_bucket_span> spans;
+
+ private:
+  void resize(size_t n) {
+    count = n;
+    position.resize(3 * n);
+    mean_t.resize(n);
+    opacity.resize(n);
+    window.resize(has_windows ? 2 * n : 0);
+  }
+};
+
+size_t sh_numbers(const l4d_info& info) {
+  return size_t{3} * (info.sh_degree + 1) * (info.sh_degree + 1);
 }
 
 }  // namespace
 
 std::string attribute_digests(const DecoderHandle& decoder, const l4d_query& query) {
-  const l4d_selection selection = decoder.select(query);
-  const size_t n = static_cast<size_t>(selection.num_gaussians);
-  const uint32_t degree = decoder.info().sh_degree;
-  const size_t coefficients = size_t{degree + 1} * (degree + 1);
-  const bool windows = (decoder.info().tools & L4D_TOOL_FLAT_WINDOWS) != 0;
-  std::vector<float> position(3 * n), mean_t(n), local(n), log_scale(4 * n), rotor(8 * n),
-      opacity(n), sh(3 * coefficients * n);
-  std::vector<double> exact(n);
-  std::vector<uint32_t> window(windows ? 2 * n : 0);
-  std::vector<l4d_bucket_span> spans(static_cast<size_t>(selection.num_spans));
+  Columns<float> columns(decoder, query);
+  const size_t dim = sh_numbers(decoder.info());
+  std::vector<float> local(columns.count), log_scale(4 * columns.count), rotor(8 * columns.count),
+      sh(dim * columns.count);
+  std::vector<double> exact(columns.count);
   l4d_gaussian_buffers b;
   l4d_gaussian_buffers_init(&b);
-  b.capacity = n;
-  b.position = position.data();
-  b.mean_t = mean_t.data();
+  columns.bind(&b);
   b.mean_t_local = local.data();
   b.mean_t_double = exact.data();
   b.log_scale = log_scale.data();
   b.rotor = rotor.data();
-  b.opacity = opacity.data();
   b.sh = sh.data();
-  b.window = windows ? window.data() : nullptr;
-  b.spans = spans.data();
-  b.span_capacity = spans.size();
   decoder.check(l4d_decoder_decode(decoder.get(), &query, &b));
-  const size_t m = static_cast<size_t>(b.count);
-  Digests digests(m);
-  digests.add("position", position.data(), 3 * m);
-  digests.add("mean_t", mean_t.data(), m);
-  digests.add("mean_t_local", local.data(), m);
-  digests.add("mean_t_exact", exact.data(), m);
-  digests.add("log_scale", log_scale.data(), 4 * m);
-  digests.add("rotor", rotor.data(), 8 * m);
-  digests.add("opacity", opacity.data(), m);
-  digests.add("sh", sh.data(), 3 * coefficients * m);
-  if (windows) digests.add("window", window.data(), 2 * m);
-  add_buckets(&digests, spans, static_cast<size_t>(b.num_spans));
+  columns.trim(b);
+  const size_t n = columns.count;
+  local.resize(n);
+  exact.resize(n);
+  log_scale.resize(4 * n);
+  rotor.resize(8 * n);
+  sh.resize(dim * n);
+
+  Digests digests(n);
+  digests.add("position", columns.position);
+  digests.add("mean_t", columns.mean_t);
+  digests.add("mean_t_local", local);
+  digests.add("mean_t_exact", exact);
+  digests.add("log_scale", log_scale);
+  digests.add("rotor", rotor);
+  digests.add("opacity", columns.opacity);
+  digests.add("sh", sh);
+  columns.add_window(&digests);
+  digests.add_spans(columns.spans);
   return digests.json();
 }
 
@@ -123,90 +166,90 @@ struct Component {
   std::vector<uint16_t> index, escape;
 };
 
+std::array<Component, L4D_COMPONENT_COUNT> components_of(const DecoderHandle& decoder) {
+  const l4d_info info = decoder.info();
+  std::array<Component, L4D_COMPONENT_COUNT> out = {{{"sh", sh_numbers(info), 0, {}, {}, {}},
+                                                     {"scale", 4, 0, {}, {}, {}},
+                                                     {"rotor_spatial", 4, 0, {}, {}, {}},
+                                                     {"rotor_temporal", 4, 0, {}, {}, {}}}};
+  for (uint32_t l = 0; l < info.num_layers; ++l) {
+    const l4d_layer_info layer = decoder.layer_info(l);
+    for (size_t c = 0; c < out.size(); ++c) {
+      out[c].stages = std::max<size_t>(out[c].stages, layer.num_stages[c]);
+    }
+  }
+  return out;
+}
+
 // Of permanent layers, an escape of scale has no temporal number.
 size_t short_escapes(const DecoderHandle& decoder, const std::vector<uint8_t>& depth,
-                     const std::vector<l4d_bucket_span>& spans, size_t num_spans) {
+                     const std::vector<l4d_bucket_span>& spans) {
   size_t count = 0;
-  for (size_t k = 0; k < num_spans; ++k) {
-    if (decoder.layer_info(spans[k].layer).permanent == 0) continue;
-    const auto begin = depth.begin() + static_cast<std::ptrdiff_t>(spans[k].first);
+  for (const l4d_bucket_span& span : spans) {
+    if (decoder.layer_info(span.layer).permanent == 0) continue;
+    const auto begin = depth.begin() + static_cast<std::ptrdiff_t>(span.first);
     count += static_cast<size_t>(
-        std::count(begin, begin + static_cast<std::ptrdiff_t>(spans[k].count), uint8_t{255}));
+        std::count(begin, begin + static_cast<std::ptrdiff_t>(span.count), uint8_t{255}));
   }
   return count;
+}
+
+// The first `count` of each stage, which has `capacity`.
+std::vector<uint16_t> written_indices(const Component& c, size_t capacity, size_t count) {
+  std::vector<uint16_t> rows;
+  for (size_t s = 0; s < c.stages; ++s) {
+    const auto begin = c.index.begin() + static_cast<std::ptrdiff_t>(s * capacity);
+    rows.insert(rows.end(), begin, begin + static_cast<std::ptrdiff_t>(count));
+  }
+  return rows;
 }
 
 }  // namespace
 
 std::string packed_digests(const DecoderHandle& decoder, const l4d_query& query) {
-  const l4d_selection selection = decoder.select(query);
-  const size_t n = static_cast<size_t>(selection.num_gaussians);
-  const l4d_info info = decoder.info();
-  const bool windows = (info.tools & L4D_TOOL_FLAT_WINDOWS) != 0;
-  Component components[L4D_COMPONENT_COUNT] = {
-      {"sh", size_t{3} * (info.sh_degree + 1) * (info.sh_degree + 1), 0, {}, {}, {}},
-      {"scale", 4, 0, {}, {}, {}},
-      {"rotor_spatial", 4, 0, {}, {}, {}},
-      {"rotor_temporal", 4, 0, {}, {}, {}}};
-  for (uint32_t l = 0; l < info.num_layers; ++l) {
-    const l4d_layer_info layer = decoder.layer_info(l);
-    for (size_t c = 0; c < L4D_COMPONENT_COUNT; ++c) {
-      components[c].stages = std::max<size_t>(components[c].stages, layer.num_stages[c]);
-    }
-  }
-  std::vector<uint16_t> position(3 * n), mean_t(n), opacity(n), scale_factor(n);
-  std::vector<uint32_t> window(windows ? 2 * n : 0);
-  std::vector<l4d_bucket_span> spans(static_cast<size_t>(selection.num_spans));
+  Columns<uint16_t> columns(decoder, query);
+  const size_t capacity = columns.count;
+  std::vector<uint16_t> scale_factor(capacity);
+  auto components = components_of(decoder);
   l4d_packed_buffers b;
   l4d_packed_buffers_init(&b);
-  b.capacity = n;
-  b.position = position.data();
-  b.mean_t = mean_t.data();
-  b.opacity = opacity.data();
+  columns.bind(&b);
   b.scale_factor = scale_factor.data();
-  b.window = windows ? window.data() : nullptr;
-  b.spans = spans.data();
-  b.span_capacity = spans.size();
-  for (size_t c = 0; c < L4D_COMPONENT_COUNT; ++c) {
-    components[c].depth.resize(n);
-    components[c].index.resize(components[c].stages * n);
+  for (size_t c = 0; c < components.size(); ++c) {
+    components[c].depth.resize(capacity);
+    components[c].index.resize(components[c].stages * capacity);
     b.component[c].depth = components[c].depth.data();
     b.component[c].index = components[c].index.data();
   }
   decoder.check(l4d_decoder_decode_packed(decoder.get(), &query, &b));
-  const size_t m = static_cast<size_t>(b.count), num_spans = static_cast<size_t>(b.num_spans);
   l4d_packed_buffers again;  // only now is it known how many escapes there are
   l4d_packed_buffers_init(&again);
-  again.capacity = n;
-  for (size_t c = 0; c < L4D_COMPONENT_COUNT; ++c) {
+  again.capacity = capacity;
+  for (size_t c = 0; c < components.size(); ++c) {
     again.component[c].escape_capacity = b.component[c].num_escapes;
     components[c].escape.resize(static_cast<size_t>(b.component[c].num_escapes) *
                                 components[c].dim);
     again.component[c].escape = components[c].escape.data();
   }
   decoder.check(l4d_decoder_decode_packed(decoder.get(), &query, &again));
+  columns.trim(b);
+  scale_factor.resize(columns.count);
   Component& scale = components[L4D_COMPONENT_SCALE];
-  scale.escape.resize(scale.escape.size() - short_escapes(decoder, scale.depth, spans, num_spans));
+  scale.escape.resize(scale.escape.size() - short_escapes(decoder, scale.depth, columns.spans));
 
-  Digests digests(m);
-  digests.add("position", position.data(), 3 * m);
-  digests.add("mean_t", mean_t.data(), m);
-  digests.add("opacity", opacity.data(), m);
-  digests.add("scale_factor", scale_factor.data(), m);
-  if (windows) digests.add("window", window.data(), 2 * m);
-  for (const Component& c : components) {
-    digests.add(std::string(c.name) + ".depth", c.depth.data(), m);
-    std::vector<uint16_t> rows;  // without the room that was not needed
-    for (size_t s = 0; s < c.stages; ++s) {
-      const auto begin = c.index.begin() + static_cast<std::ptrdiff_t>(s * n);
-      rows.insert(rows.end(), begin, begin + static_cast<std::ptrdiff_t>(m));
-    }
-    digests.add(std::string(c.name) + ".index", rows.data(), rows.size());
+  Digests digests(columns.count);
+  digests.add("position", columns.position);
+  digests.add("mean_t", columns.mean_t);
+  digests.add("opacity", columns.opacity);
+  digests.add("scale_factor", scale_factor);
+  columns.add_window(&digests);
+  for (Component& c : components) {
+    c.depth.resize(columns.count);
+    digests.add(std::string(c.name) + ".depth", c.depth);
+    digests.add(std::string(c.name) + ".index", written_indices(c, capacity, columns.count));
   }
-  for (const Component& c : components) {
-    digests.add(std::string(c.name) + ".escape", c.escape.data(), c.escape.size());
-  }
-  add_buckets(&digests, spans, num_spans);
+  for (const Component& c : components) digests.add(std::string(c.name) + ".escape", c.escape);
+  digests.add_spans(columns.spans);
   return digests.json();
 }
 
