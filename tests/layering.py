@@ -77,7 +77,7 @@ LAYERS["training"].add("libl4dcodec/math/hd.h")
 _above("training/cuda", "training", "libl4dcodec/cuda")
 # The decoder for web pages: another customer.
 _above("web/wasm", "include/l4d", "libl4dcodec/scene", "libl4dcodec/base")
-_above("bench/tables", "io")
+_above("bench/tables", "eval")
 _above("bench/accuracy", "eval")
 _above("bench/micro", "encoder", "io", "render", "bench/tables")
 _above("bench/gpu", "encoder/cuda", "decoder/cuda", "render/cuda", "training/cuda", "bench/tables")

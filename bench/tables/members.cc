@@ -11,12 +11,11 @@
 #include <string>
 
 #include "bench/tables/common.h"
+#include "eval/decoded_scene.h"
 #include "io/cameras.h"
 #include "l4d/render.hpp"
 #include "l4d/session.h"
 #include "libl4dcodec/scene/attributes.h"
-#include "libl4dcodec/scene/slice.h"
-#include "libl4dcodec/scene/timeline.h"
 
 namespace {
 
@@ -104,38 +103,23 @@ Recorded record(const EncoderHandle& encoder, const l4d_timeline& timeline, doub
   return out;
 }
 
-struct Decoded {
-  GaussianArrays gaussians;
-  l4d_timeline timeline{};
-};
-
-Decoded decode(const Bytes& bytes, const l4d_member& member) {
+eval::DecodedScene decode(const Bytes& bytes, const l4d_member& member) {
   l4d_decoder_options options;
   l4d_decoder_options_init(&options);
   options.accept_needs = 1;
   DecoderHandle decoder(&options);
   decoder.open_memory(bytes.data() + member.offset, static_cast<size_t>(member.bytes));
-  return {decoder.decode(whole_query()), decoder.info().timeline};
+  return eval::decode_scene(decoder);
 }
 
 // Appends Gaussians of another stream, with positions at the reference times of `timeline`.
-void add(const Decoded& from, const l4d_timeline& timeline, AttributeArrays* to) {
-  const size_t before = to->count();
+void add(eval::DecodedScene from, const l4d_timeline& timeline, AttributeArrays* to) {
+  eval::present(timeline.time_begin, timeline.time_begin + io::duration(timeline), 0, &from);
   for_each_attribute(
       [](const AttributeInfo&, std::vector<float>& out, const std::vector<float>& in) {
         out.insert(out.end(), in.begin(), in.end());
       },
-      *to, from.gaussians);
-  for (size_t i = 0; i < from.gaussians.count(); ++i) {
-    const double mean = static_cast<double>(from.gaussians.mean_t[i]);
-    const double moved = reference_time(timeline, mean) - reference_time(from.timeline, mean);
-    const Slice4D<double> slice = slice_attributes<double>(from.gaussians.rotor.data() + 8 * i,
-                                                           from.gaussians.log_scale.data() + 4 * i);
-    for (size_t k = 0; moved != 0 && k < 3; ++k) {
-      float& x = to->position[3 * (before + i) + k];
-      x = static_cast<float>(static_cast<double>(x) + slice.velocity[k] * moved);
-    }
-  }
+      *to, from.scene);
 }
 
 struct Error {
@@ -172,14 +156,14 @@ class Bench {
     l4d_member all{};
     all.bytes = whole.size();
     decoded_ = decode(whole, all);
-    whole_.set_gaussians(decoded_.gaussians.view(), decoded_.timeline);
+    whole_.set_gaussians(decoded_.scene.view(), decoded_.scene.timeline);
   }
 
   void print(const char* name, double segment) {
     const double begin = seconds_now();
     const Recorded r = record(*encoder_, scene_.scene.timeline, segment);
     const double seconds = seconds_now() - begin;
-    std::map<uint32_t, Decoded> standing;
+    std::map<uint32_t, eval::DecodedScene> standing;
     std::vector<const Piece*> media;
     uint64_t standing_bytes = 0;
     for (const Piece& p : r.pieces) {
@@ -196,13 +180,14 @@ class Bench {
       // Spans in pairs, for the borders between them.
       const size_t pair = media.size() <= kSpans ? k : k / 2 * 2 * media.size() / kSpans + k % 2;
       const Piece& p = *media[std::min(pair, media.size() - 1)];
-      const Decoded own = decode(r.bytes, p.member);
+      const eval::DecodedScene own = decode(r.bytes, p.member);
+      const l4d_timeline& timeline = own.scene.timeline;
       AttributeArrays shown;
       shown.sh_degree = scene_.scene.sh_degree;
-      add(own, own.timeline, &shown);
-      for (const uint32_t number : p.needs) add(standing.at(number), own.timeline, &shown);
+      add(own, timeline, &shown);
+      for (const uint32_t number : p.needs) add(standing.at(number), timeline, &shown);
       RendererHandle renderer;
-      renderer.set_gaussians(shown.view(), own.timeline);
+      renderer.set_gaussians(shown.view(), timeline);
       Error member, member_whole;
       double first = 0, last = 0;
       const double times[] = {p.member.begin, 0.5 * (p.member.begin + p.member.end),
@@ -250,7 +235,7 @@ class Bench {
   std::vector<float> sh_;
   std::vector<l4d_camera> cameras_;
   std::unique_ptr<EncoderHandle> encoder_;
-  Decoded decoded_;
+  eval::DecodedScene decoded_;
   RendererHandle original_, whole_;
   double whole_bytes_ = 0;
 };
