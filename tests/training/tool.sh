@@ -269,6 +269,44 @@ expect 3 "nowhere" train nowhere -o x
 expect 3 "a file of this name" train "${options[@]}" -o truth.ply --steps 10
 expect 5 "layout" inspect .
 expect 2 "" train
+for value in -1 1e30 99999999999999999999; do
+  expect 2 "--seed: it is \"$value\"; it must be a whole number" train "${options[@]}" -o x --steps 10 --seed $value
+  expect 2 "--threads: it is \"$value\"; it must be a whole number from 0 to 1024" inspect capture --threads $value
+done
+expect 2 "--scale is 1e-30; it makes images of 1 x 1 pixels" train "${options[@]}" -o x --steps 10 --scale 1e-30
+expect 2 "--time is 1e[+]30; it must be at most" train "${options[@]}" -o x --time 1e30
+expect 2 "--fps is 1e-30; it must be 0.001 to" inspect capture --fps 1e-30
+expect 2 "--seconds is 1e[+]30; it must be 0.001 to" inspect capture --seconds 1e30
+"$python" -B "$tests/training/hostile_options.py" "$train" capture whole truth.ply || die "options out of range"
+
+# Output that is not taken: a status, a message, and nothing that was there is lost.
+for verb in "inspect capture --json" "eval whole -q --json" "train --help"; do
+  status=0
+  # shellcheck disable=SC2086
+  "$train" $verb >/dev/full 2>err || status=$?
+  [ "$status" -eq 3 ] || { cat err >&2; die "$verb to a full device: exit status $status, not 3"; }
+  grep -q "cannot write to the standard output: No space" err || { cat err >&2; die "$verb to a full device: no reason"; }
+done
+# Files of at most 40 kB, as a disk that fills up while a checkpoint is written.
+status=0
+(
+  ulimit -f 40
+  "$train" train "${options[@]}" -o full --steps 40000 --checkpoint-every 0.2 -q >out 2>err
+) || status=$?
+[ "$status" -eq 3 ] || { cat err >&2; die "a full disk: exit status $status, not 3"; }
+grep -Eq "File too large.*no checkpoint to resume from" err || { cat err >&2; die "a full disk: no reason"; }
+[ -z "$(find full -size +40k)" ] || die "a full disk: a file is larger than what fits"
+rm -r full
+"$train" train "${options[@]}" -o full --steps 400 -q >out
+status=0
+(
+  ulimit -f 8
+  "$train" train "${options[@]}" -o full --resume -q >out 2>err
+) || status=$?
+[ "$status" -eq 3 ] || { cat err >&2; die "a full disk at the end: exit status $status, not 3"; }
+"$train" train "${options[@]}" -o full --resume -q >out || die "a full disk: the run does not go on"
+cmp whole/scene.ply full/scene.ply || die "a full disk: the run ends in other bits"
+
 mv capture/images/cam03/0004.png kept.png
 expect 3 "camera 3" train "${options[@]}" -o x --steps 10
 printf 'no image' >capture/images/cam03/0004.png

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <filesystem>
 #include <set>
 
@@ -17,6 +18,8 @@ using io::Error;
 
 constexpr uint32_t kTestEvery = 8;  // cameras, where a layout names none for tests
 constexpr size_t kMinViews = 3;
+constexpr double kMinFps = 1e-3, kMaxFps = 1e6;
+constexpr double kMinSeconds = 1e-3, kMaxSeconds = 1e6;
 
 // "0,10,15" and "0-3".
 std::set<int> ids_of(const std::string& text) {
@@ -142,6 +145,28 @@ void check(const Capture& capture) {
   }
 }
 
+void check(const CaptureOptions& options) {
+  const auto need = [](const char* option, double value, double least, double most) {
+    if (value >= least && value <= most) return;
+    char text[120];
+    std::snprintf(text, sizeof(text), "%s is %g; it must be %g to %g", option, value, least, most);
+    throw Error(L4D_ERR_INVALID_ARGUMENT, text);
+  };
+  if (options.fps != 0) need("--fps", options.fps, kMinFps, kMaxFps);
+  need("--seconds", options.seconds, kMinSeconds, kMaxSeconds);
+}
+
+// Frame rates of files may be anything.
+void check_clock(const std::string& path, const Capture& capture) {
+  if (!(capture.fps >= kMinFps && capture.fps <= kMaxFps)) {
+    throw Error(L4D_ERR_CORRUPT, path + ": the capture has " + std::to_string(capture.fps) +
+                                     " frames a second; there must be 0.001 to 1000000");
+  }
+  if (capture.frames >= 1 && capture.frames <= L4D_MAX_FRAMES) return;
+  throw Error(L4D_ERR_CORRUPT, path + ": the sequence has " + std::to_string(capture.frames) +
+                                   " frames; there must be 1 to " + std::to_string(L4D_MAX_FRAMES));
+}
+
 bool is_there(const fs::path& path) {
   std::error_code error;
   return fs::exists(path, error);
@@ -250,7 +275,9 @@ bool look_at_one_place(const Capture& capture) {
 }
 
 Capture read_capture(const std::string& path, const CaptureOptions& options) {
+  check(options);
   Capture capture = read_layout(path, options);
+  check_clock(path, capture);
   capture.path = path;
   choose_test_cameras(&capture, options);
   choose_frames(&capture, options);

@@ -53,7 +53,14 @@ class DnerfReader {
     for (const CaptureView& view : capture_.views) times.push_back(view.time);
     capture_.fps = options_.fps > 0 ? options_.fps : fps_of(times);
     for (CaptureView& view : capture_.views) {
-      view.frame = static_cast<uint32_t>(std::lround(view.time * capture_.fps));
+      const double frame = std::round(view.time * capture_.fps);
+      if (!(frame < L4D_MAX_FRAMES)) {
+        throw Error(L4D_ERR_CORRUPT, folder_ + ": the image " + view.file + " is at " +
+                                         std::to_string(view.time) + " s, which is frame " +
+                                         std::to_string(frame) + "; there are at most " +
+                                         std::to_string(L4D_MAX_FRAMES));
+      }
+      view.frame = static_cast<uint32_t>(frame);
       capture_.frames = std::max(capture_.frames, view.frame + 1);
     }
     // The test camera of a capture with few cameras has images in both files.

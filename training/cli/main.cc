@@ -3,9 +3,12 @@
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
+#include <cerrno>
 #include <chrono>
 #include <csignal>
 #include <cstdio>
+#include <cstring>
+#include <iostream>
 #include <optional>
 #include <string>
 
@@ -202,7 +205,8 @@ void add_reading(CLI::App* verb, Arguments& a) {
 }
 
 void add_common(CLI::App* verb, Arguments& a) {
-  verb->add_option("--threads", a.run.threads, "Threads; never change the result (one per core)");
+  verb->add_option("--threads", a.run.threads, "Threads; never change the result (one per core)")
+      ->check(number_of_threads);
   verb->add_flag("--json", a.json, "Print the report as JSON");
   verb->add_flag("-q,--quiet", a.quiet, "No progress and no notes");
 }
@@ -213,30 +217,9 @@ void add_lpips(CLI::App* verb, Arguments& a) {
       "Also report LPIPS, with the weights in this .safetensors file: AlexNet or VGG16");
 }
 
-void add_train(CLI::App& app, Arguments& a) {
-  CLI::App* verb = app.add_subcommand("train", "Train a scene from a capture");
+// How it is trained, beyond what most users choose.
+void add_method(CLI::App* verb, Arguments& a) {
   Settings& s = a.run.settings;
-  add_reading(verb, a);
-  verb->add_option("-o,--output", a.run.folder, "Folder for the results")->required();
-  verb->add_option("-n,--gaussians", s.gaussians,
-                   "Gaussians at most (from the size of images and the duration)")
-      ->check(above_zero);
-  auto* steps =
-      verb->add_option("--steps", s.steps, "Steps (20000 for 10 s and less)")->check(above_zero);
-  verb->add_option("--time", s.seconds, "Seconds to train for, in place of steps; not repeatable")
-      ->check(above_zero)
-      ->excludes(steps);
-  verb->add_option("--views", s.views, "Views of a step (4; 1 for a moving camera)")
-      ->check(above_zero);
-  verb->add_option("--scale", s.scale, "Of images, 0 to 1")->capture_default_str();
-  verb->add_option(
-          "--init", s.init,
-          "Where Gaussians begin: frustum, hull (images with alpha), a PLY of points; auto "
-          "takes the capture's points, else the hull, else the frustum")
-      ->capture_default_str();
-  verb->add_option("--sh-degree", s.sh_degree, "0 to 3")->capture_default_str();
-  verb->add_option("--exposure", s.exposure, "Colours of cameras: auto (on from 8 videos), on, off")
-      ->capture_default_str();
   verb->add_option("--density", s.density, "relocate, gradient, off")->capture_default_str();
   verb->add_option("--density-every", s.density_every,
                    "Steps between two changes of the density; all rows come up in 100 steps")
@@ -270,9 +253,38 @@ void add_train(CLI::App& app, Arguments& a) {
   verb->add_option("--max-scale", s.max_scale,
                    "The largest scale of a Gaussian, in units of the radius of the cameras")
       ->capture_default_str();
+}
+
+void add_train(CLI::App& app, Arguments& a) {
+  CLI::App* verb = app.add_subcommand("train", "Train a scene from a capture");
+  Settings& s = a.run.settings;
+  add_reading(verb, a);
+  verb->add_option("-o,--output", a.run.folder, "Folder for the results")->required();
+  verb->add_option("-n,--gaussians", s.gaussians,
+                   "Gaussians at most (from the size of images and the duration)")
+      ->check(above_zero);
+  auto* steps =
+      verb->add_option("--steps", s.steps, "Steps (20000 for 10 s and less)")->check(above_zero);
+  verb->add_option("--time", s.seconds, "Seconds to train for, in place of steps; not repeatable")
+      ->check(above_zero)
+      ->excludes(steps);
+  verb->add_option("--views", s.views, "Views of a step (4; 1 for a moving camera)")
+      ->check(above_zero);
+  verb->add_option("--scale", s.scale, "Of images, 0 to 1")->capture_default_str();
+  verb->add_option(
+          "--init", s.init,
+          "Where Gaussians begin: frustum, hull (images with alpha), a PLY of points; auto "
+          "takes the capture's points, else the hull, else the frustum")
+      ->capture_default_str();
+  verb->add_option("--sh-degree", s.sh_degree, "0 to 3")->capture_default_str();
+  verb->add_option("--exposure", s.exposure, "Colours of cameras: auto (on from 8 videos), on, off")
+      ->capture_default_str();
+  add_method(verb, a);
   verb->add_option("--host-memory", a.host_memory, "Bytes of images in memory: 500M, 8G")
       ->capture_default_str();
-  verb->add_option("--seed", s.seed, "Of all random numbers")->capture_default_str();
+  verb->add_option("--seed", s.seed, "Of all random numbers")
+      ->check(whole_number)
+      ->capture_default_str();
   verb->add_option("--encode", a.run.preset,
                    "Also encode, with this preset of the encoder: " + preset_names());
   add_lpips(verb, a);
@@ -329,6 +341,16 @@ int report_failure(int code, const std::string& message) {
   return code;
 }
 
+// What stdout did not take is a failure, whatever was done before.
+int written(int code) {
+  errno = 0;
+  std::cout.flush();
+  const bool is_whole = std::fflush(stdout) == 0 && std::ferror(stdout) == 0 && std::cout.good();
+  if (is_whole) return code;
+  const std::string why = errno != 0 ? std::string(": ") + std::strerror(errno) : "";
+  return report_failure(kExitIo, "cannot write to the standard output" + why);
+}
+
 int run_verb(const CLI::App& app, Arguments& a) {
   Terminal terminal(a.quiet);
   if (app.got_subcommand("inspect")) {
@@ -340,7 +362,7 @@ int run_verb(const CLI::App& app, Arguments& a) {
   if (app.got_subcommand("capture")) return run_capture(a);
   RunReport report;
   if (app.got_subcommand("train")) {
-    a.run.settings.host_memory = bytes_of(a.host_memory);
+    a.run.settings.host_memory = bytes_of("--host-memory", a.host_memory);
     if (a.near != "auto") a.run.settings.near = number_of("--near", a.near);
     if (a.opacity_weight != "auto") {
       a.run.settings.opacity_weight = number_of("--opacity-weight", a.opacity_weight);
@@ -357,6 +379,9 @@ int run_verb(const CLI::App& app, Arguments& a) {
 struct Command {
   Command() {
     app.require_subcommand(1);
+    app.failure_message([](const CLI::App*, const CLI::Error& error) {
+      return "l4dtrain: " + std::string(error.what()) + "; --help lists what there is\n";
+    });
     add_train(app, training);
     CLI::App* eval = app.add_subcommand("eval", "Compare the scene of a run with its capture");
     eval->add_option("run", evaluation.folder, "Folder of the run")->required();
@@ -386,7 +411,9 @@ void start_from_run(const Arguments& parsed, Arguments* a) {
 
 int run_parsed(Command& command) {
   const CLI::App& app = command.app;
+  // Writes that fail are reported as such.
   std::signal(SIGPIPE, SIG_IGN);
+  std::signal(SIGXFSZ, SIG_IGN);
   // The other verbs do not ask whether they are to stop: signals end them as they end any program.
   if (app.got_subcommand("train") || app.got_subcommand("eval")) install_handlers();
   Arguments& chosen = app.got_subcommand("train")     ? command.training
@@ -394,8 +421,7 @@ int run_parsed(Command& command) {
                       : app.got_subcommand("capture") ? command.capture
                                                       : command.inspection;
   try {
-    const int code = run_verb(app, chosen);
-    return std::fflush(stdout) == 0 ? code : kExitIo;
+    return written(run_verb(app, chosen));
   } catch (const io::Error& error) {
     return report_failure(exit_code_of(error.status()), error.what());
   } catch (const l4d::Error& error) {
@@ -418,7 +444,7 @@ int run(int argc, char** argv) {
     resumed.app.parse(argc, argv);
     return run_parsed(resumed);
   } catch (const CLI::ParseError& error) {
-    return command.app.exit(error) == 0 ? kExitOk : kExitUsage;
+    return command.app.exit(error) == 0 ? written(kExitOk) : kExitUsage;
   } catch (const io::Error& error) {
     return report_failure(exit_code_of(error.status()), error.what());
   }

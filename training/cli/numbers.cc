@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "training/cli/numbers.h"
 
+#include <charconv>
 #include <cmath>
 #include <cstdlib>
 #include <stdexcept>
@@ -8,8 +9,21 @@
 #include "io/file.h"
 
 namespace l4d::train {
+namespace {
 
-uint64_t bytes_of(const std::string& text) {
+constexpr uint64_t kMaxThreads = 1024;
+
+bool parse_whole(const std::string& text, uint64_t* value) {
+  const char* const end = text.data() + text.size();
+  const auto [at, error] = std::from_chars(text.data(), end, *value);
+  return !text.empty() && at == end && error == std::errc();
+}
+
+std::string what_it_is(const std::string& text) { return "it is \"" + text + "\"; it must be "; }
+
+}  // namespace
+
+uint64_t bytes_of(const char* option, const std::string& text) {
   size_t used = 0;
   double value = -1;
   try {
@@ -23,8 +37,9 @@ uint64_t bytes_of(const std::string& text) {
                         : unit.empty() ? 1
                                        : 0;
   if (!(value >= 0 && value < 1e12) || factor == 0) {
-    throw io::Error(L4D_ERR_INVALID_ARGUMENT,
-                    "\"" + text + "\" is no number of bytes; 500M and 8G are");
+    throw io::Error(
+        L4D_ERR_INVALID_ARGUMENT,
+        std::string(option) + " is \"" + text + "\"; it must be a number of bytes like 500M or 8G");
   }
   return static_cast<uint64_t>(value * factor);
 }
@@ -43,7 +58,18 @@ std::string above_zero(const std::string& text) {
   char* end = nullptr;
   const double value = std::strtod(text.c_str(), &end);
   if (!text.empty() && *end == 0 && value > 0 && std::isfinite(value)) return "";
-  return "it is \"" + text + "\"; it must be a number above 0";
+  return what_it_is(text) + "a number above 0";
+}
+
+std::string whole_number(const std::string& text) {
+  uint64_t value = 0;
+  return parse_whole(text, &value) ? "" : what_it_is(text) + "a whole number from 0 to 2^64 - 1";
+}
+
+std::string number_of_threads(const std::string& text) {
+  uint64_t value = 0;
+  if (parse_whole(text, &value) && value <= kMaxThreads) return "";
+  return what_it_is(text) + "a whole number from 0 to " + std::to_string(kMaxThreads);
 }
 
 }  // namespace l4d::train

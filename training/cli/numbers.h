@@ -8,7 +8,7 @@
 namespace l4d::train {
 
 // Bytes: "500M", "8G", "1000000". Throws io::Error.
-uint64_t bytes_of(const std::string& text);
+uint64_t bytes_of(const char* option, const std::string& text);
 
 // A number of 0 or more, of an option that may also be "auto". Throws io::Error.
 double number_of(const char* option, const std::string& text);
@@ -16,5 +16,10 @@ double number_of(const char* option, const std::string& text);
 // For CLI::Option::check: "" for a finite number above 0, else what is wrong. An option whose
 // default stands for "from the capture" takes no number that means the same.
 std::string above_zero(const std::string& text);
+
+// Likewise: "" for a whole number from 0 to 2^64 - 1.
+std::string whole_number(const std::string& text);
+// Likewise: "" for 0 to 1024.
+std::string number_of_threads(const std::string& text);
 
 }  // namespace l4d::train

@@ -241,10 +241,10 @@ std::unique_ptr<ImageStore> make_image_store(
   }
   const uint64_t fit = largest == 0 ? 0 : options.memory / largest;
   if (fit < 3) {
-    throw Error(L4D_ERR_LIMIT_EXCEEDED, "the images of three windows of " +
-                                            std::to_string(options.window) + " frames take " +
-                                            std::to_string(3 * largest) + " bytes, and only " +
-                                            std::to_string(options.memory) + " are allowed");
+    throw Error(L4D_ERR_LIMIT_EXCEEDED,
+                "the images of three windows of " + std::to_string(options.window) +
+                    " frames take " + std::to_string(3 * largest) +
+                    " bytes, and --host-memory is " + std::to_string(options.memory));
   }
   return std::make_unique<Reservoir>(loader, instants, options, static_cast<uint32_t>(fit - 1));
 }

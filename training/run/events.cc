@@ -2,6 +2,7 @@
 #include "training/run/events.h"
 
 #include <array>
+#include <cerrno>
 #include <chrono>
 #include <cmath>
 #include <cstring>
@@ -87,10 +88,12 @@ double now() {
 }
 
 void append(const std::string& path, const std::string& bytes) {
+  errno = 0;
   std::ofstream out(path, std::ios::app | std::ios::binary);
   out << bytes;
   out.flush();
-  if (!out) throw io::Error(L4D_ERR_IO, path + ": cannot write the events");
+  if (out) return;
+  throw io::Error(L4D_ERR_IO, path + ": cannot write the events: " + std::strerror(errno));
 }
 
 }  // namespace

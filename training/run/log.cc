@@ -2,7 +2,9 @@
 #include "training/run/log.h"
 
 #include <algorithm>
+#include <cerrno>
 #include <cmath>
+#include <cstring>
 #include <fstream>
 #include <nlohmann/json.hpp>
 
@@ -156,10 +158,12 @@ Log::Log(const std::string& path, uint64_t resumed_step) : path_(path) {
 
 void Log::add(const LogEntry& entry) {
   entries_.push_back(entry);
+  errno = 0;
   std::ofstream out(path_, std::ios::app);
   out << json_of(entry) << "\n";
   out.flush();
-  if (!out) throw io::Error(L4D_ERR_IO, path_ + ": cannot write the log");
+  if (out) return;
+  throw io::Error(L4D_ERR_IO, path_ + ": cannot write the log: " + std::strerror(errno));
 }
 
 std::string draw_curves(const std::vector<LogEntry>& entries) {

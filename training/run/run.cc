@@ -30,6 +30,7 @@ constexpr uint64_t kLogEvery = 100;       // steps
 constexpr double kScores = 10;            // while training
 constexpr size_t kSampleViews = 12;       // of each split, for them
 constexpr uint32_t kScoredInstants = 15;  // at the end
+constexpr uint32_t kMinSize = 8;          // pixels a side of images that are scaled
 constexpr uint64_t kMinStart = 120000;    // Gaussians to begin with
 
 double since(Clock::time_point begin) {
@@ -109,6 +110,7 @@ class Run {
     capture_ = read_capture(options_.settings.capture, options_.settings.reading);
     loader_ = std::make_unique<ImageLoader>(capture_, options_.settings.scale,
                                             near_of(options_.settings, capture_));
+    check_scale();
     for (const std::string& note : capture_.notes) say(note);
     check_sizes(lpips_.get(), capture_, *loader_);
     open_folder();
@@ -138,6 +140,21 @@ class Run {
   void say(const std::string& note) {
     notes_.push_back(note);
     observer_->note(note);
+  }
+
+  // Images that were small before they are scaled are as the user has them.
+  void check_scale() const {
+    const double scale = options_.settings.scale;
+    for (uint32_t k = 0; k < capture_.cameras.size() && scale < 1; ++k) {
+      const l4d_camera& camera = loader_->camera(k);
+      if (std::min(camera.width, camera.height) >= kMinSize) continue;
+      char number[40];
+      std::snprintf(number, sizeof(number), "%g", scale);
+      throw Error(L4D_ERR_INVALID_ARGUMENT,
+                  "--scale is " + std::string(number) + "; it makes images of " +
+                      std::to_string(camera.width) + " x " + std::to_string(camera.height) +
+                      " pixels, which must be at least " + std::to_string(kMinSize) + " a side");
+    }
   }
 
   // Refuses what the run may not write to, and changes nothing.
@@ -297,7 +314,7 @@ class Run {
   void loop() {
     last_checkpoint_ = last_preview_ = Clock::now();
     Clock::time_point step_begin = Clock::now();
-    int milestone = static_cast<int>(trainer_->progress() * kScores);
+    milestone_ = static_cast<int>(trainer_->progress() * kScores);
     while (!trainer_->done()) {
       if (observer_->cancelled()) {
         write_checkpoint();
@@ -309,17 +326,41 @@ class Run {
       step_begin = Clock::now();
       if (!step_or_save()) continue;
       trainer_->state().seconds += since(step_begin);
-      for (const std::string& note : trainer_->take_notes()) say(note);
-      const int now = static_cast<int>(trainer_->progress() * kScores);
-      const bool scores = now != milestone;
-      milestone = now;
-      if (scores || trainer_->state().step % kLogEvery == 0) add_to_log(scores);
-      if (since(last_checkpoint_) > options_.checkpoint_seconds || observer_->wants_checkpoint()) {
-        write_checkpoint();
-      }
-      if (since(last_preview_) > options_.preview_seconds) write_preview();
-      report_progress();
+      write_or_save();
     }
+  }
+
+  // What a step leads to in files. Where one cannot be written, as on a full disk, the work so far
+  // is kept if that is possible, and the message says from where it goes on.
+  void write_or_save() {
+    try {
+      write_after_step();
+    } catch (const Error& error) {
+      if (error.status() != L4D_ERR_IO) throw;
+      try {
+        write_checkpoint();
+        writer_.finish();
+      } catch (const Error&) {
+        // Likely for the same reason: the checkpoints that are there stay.
+      }
+      const std::vector<std::string> there = list_checkpoints(folder_);
+      throw Error(error.status(), std::string(error.what()) + "; " +
+                                      (there.empty() ? "there is no checkpoint to resume from"
+                                                     : "--resume goes on from " + there.front()));
+    }
+  }
+
+  void write_after_step() {
+    for (const std::string& note : trainer_->take_notes()) say(note);
+    const int now = static_cast<int>(trainer_->progress() * kScores);
+    const bool scores = now != milestone_;
+    milestone_ = now;
+    if (scores || trainer_->state().step % kLogEvery == 0) add_to_log(scores);
+    if (since(last_checkpoint_) > options_.checkpoint_seconds || observer_->wants_checkpoint()) {
+      write_checkpoint();
+    }
+    if (since(last_preview_) > options_.preview_seconds) write_preview();
+    report_progress();
   }
 
   // Images are read before a step changes anything. Where one is not there or damaged, the work so
@@ -477,6 +518,7 @@ class Run {
   std::unique_ptr<EventFile> events_;
   CheckpointWriter writer_{folder_};
   Clock::time_point last_checkpoint_, last_preview_;
+  int milestone_ = 0;  // tenths of the training that have been scored
   uint64_t steps_ = 0, relocated_ = 0, born_ = 0, skipped_ = 0, gaussians_ = 0;
   double loss_ = 0, psnr_ = 0, last_psnr_ = 0, last_score_ = 0;
   std::vector<std::string> notes_;

@@ -21,6 +21,8 @@ constexpr size_t kMinVideosForExposure = 8;
 constexpr double kConvergentNear = 0.2;
 constexpr double kOpacityWeight = 0.015, kAlphaOpacityWeight = 0.005;
 
+constexpr double kMaxTime = 1e8;  // s: three years
+
 // Of weights and factors: where they are larger, or the largest scale is smaller, numbers of the
 // training leave the range of float.
 constexpr double kMaxWeight = 1000, kLeastScale = 0.0001;
@@ -92,7 +94,8 @@ void check(const Settings& s) {
     fail("--adam is " + s.adam + "; it must be dense or sparse");
   if (!is_one_of(s.backend, {"auto", "cpu", "cuda"}))
     fail("--backend is " + s.backend + "; it must be auto, cpu or cuda");
-  if (!(s.seconds >= 0 && std::isfinite(s.seconds))) fail("--time must be a number of seconds");
+  if (!(s.seconds >= 0 && s.seconds <= kMaxTime))
+    fail("--time is " + number(s.seconds) + "; it must be at most " + number(kMaxTime));
   if (s.seconds > 0 && s.steps > 0) fail("--time and --steps exclude each other");
   if (s.steps > 100000000) fail("--steps is above 100000000");
   if (s.gaussians > 100000000) fail("--gaussians is above 100000000");
