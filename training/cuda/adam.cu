@@ -180,6 +180,10 @@ __global__ void __launch_bounds__(kThreads)
   const uint64_t i = uint64_t{blockIdx.x} * kThreads + threadIdx.x;
   if (i >= count || *stop != 0) return;
   if (rows.shown[i] != 0) averages.last_shown[i] = step;
+  if (rows.screen_gradient != nullptr && rows.views[i] != 0) {
+    averages.screen_gradient[i] += rows.screen_gradient[i];
+    averages.screen_views[i] += rows.views[i];
+  }
   if (rows.coverage == nullptr || !(rows.coverage[i] > 0)) return;
   averages.coverage[i] += kAverage * (rows.coverage[i] * rows.each - averages.coverage[i]);
   averages.error[i] += kAverage * (rows.error_coverage[i] * rows.each - averages.error[i]);

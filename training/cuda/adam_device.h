@@ -21,13 +21,17 @@ struct ShownRows {
   const uint8_t* shown;
   const float *coverage, *error_coverage;  // sums over the views' pixels; NULL = not measured
   float each;                              // 1 / (pixels of a view times views)
+  const float* screen_gradient;            // sum over the views that show the row; NULL likewise
+  const uint32_t* views;                   // their number
 };
 struct RowAverages {
   uint32_t* last_shown;
   float *coverage, *error;  // moving averages
+  float* screen_gradient;   // sums
+  uint32_t* screen_views;
 };
-// Notes the step in last_shown, and renews the averages of rows with coverage. Does nothing if
-// *stop is not 0.
+// Notes the step in last_shown, renews the averages of rows with coverage, and adds to the sums.
+// Does nothing if *stop is not 0.
 void launch_note_shown(const AdamStep& step, const ShownRows& rows, const RowAverages& averages,
                        const uint32_t* stop, cudaStream_t stream);
 

@@ -158,9 +158,9 @@ class CudaBackend final : public PhasedBackend {
   l4d_timeline timeline_{};
   uint32_t degree_ = 0, width_ = 0, height_ = 0, num_views_ = 0;
   uint64_t instances_ = kFirstInstances;
-  bool is_shared_ = false;  // the step, by several back ends
-  bool measures_ = false;   // likewise
-  bool has_sums_ = false;   // of a step that is not finished
+  bool is_shared_ = false;                              // the step, by several back ends
+  bool measures_ = false, measures_gradients_ = false;  // likewise
+  bool has_sums_ = false;                               // of a step that is not finished
   std::vector<ViewMemory> views_;
   cuda::DeviceMemory counts_, numbers_;
   cuda::PinnedMemory host_counts_, host_numbers_;
@@ -263,10 +263,13 @@ void CudaBackend::clear_sums(const StepInput& input) {
   check_cuda(cudaMemsetAsync(counts_.data(), 0, offsetof(StepCounts, density), stream_),
              "clearing counters");
   check_cuda(cudaMemsetAsync(model_.shown(), 0, model_.count, stream_), "clearing flags");
-  if (input.measure) {
+  if (input.measure || input.measure_gradients) {
     check_cuda(
-        cudaMemsetAsync(model_.coverage(), 0, 2 * model_.capacity() * sizeof(float), stream_),
+        cudaMemsetAsync(model_.coverage(), 0, 3 * model_.capacity() * sizeof(float), stream_),
         "clearing coverage");
+    check_cuda(
+        cudaMemsetAsync(model_.screen_views(), 0, model_.capacity() * sizeof(uint32_t), stream_),
+        "clearing counts of views");
   }
 }
 
@@ -319,6 +322,7 @@ void CudaBackend::render_views(const StepInput& input, ViewRange range) {
   const AdamStep adam = adam_of(input);
   is_shared_ = false;
   measures_ = input.measure;
+  measures_gradients_ = input.measure_gradients;
   reserve(input, range, instances_);
   if (has_sums_) check(model_.clear_gradients(stream_));
   has_sums_ = true;
@@ -342,7 +346,7 @@ void CudaBackend::render_views(const StepInput& input, ViewRange range) {
 
 StepSums CudaBackend::sums() {
   is_shared_ = true;
-  StepSums out = model_.sums(measures_);
+  StepSums out = model_.sums(measures_, measures_gradients_);
   out.stop = &counts()->stop;
   out.stop_any = &counts()->stop_any;
   return out;
@@ -354,8 +358,12 @@ void CudaBackend::update(const StepInput& input) {
   const AdamStep adam = adam_of(input);
   const l4d_cuda_live_statistics sums = statistics(input);
   const size_t pixels = size_t{input.views[0].camera.width} * input.views[0].camera.height;
-  const ShownRows shown{sums.shown, sums.coverage, sums.error_coverage,
-                        1 / (static_cast<float>(pixels) * static_cast<float>(input.views.size()))};
+  const ShownRows shown{sums.shown,
+                        sums.coverage,
+                        sums.error_coverage,
+                        1 / (static_cast<float>(pixels) * static_cast<float>(input.views.size())),
+                        sums.screen_gradient,
+                        sums.views};
   launch_note_shown(adam, shown, model_.averages(), stop(), stream_);
   launch_adam(adam, model_.adam_arrays(), stop(), &counts()->skipped_rows, stream_);
   mark(kAdam + 1);

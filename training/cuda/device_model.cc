@@ -81,7 +81,8 @@ Status DeviceModel::load(const ModelState& state, cudaStream_t stream) {
                                            state.cumulative.size() * sizeof(double),
                                            cudaMemcpyHostToDevice, stream));
   L4D_RETURN_IF_ERROR(make_zero(n, stream, &shown_));
-  L4D_RETURN_IF_ERROR(make_zero(2 * n * sizeof(float), stream, &covered_));
+  L4D_RETURN_IF_ERROR(make_zero(3 * n * sizeof(float), stream, &covered_));
+  L4D_RETURN_IF_ERROR(make_zero(n * sizeof(uint32_t), stream, &step_views_));
   L4D_RETURN_IF_ERROR(make_zero(2 * n * sizeof(uint64_t), stream, &children_));
   L4D_RETURN_IF_ERROR(make_zero(n * sizeof(uint32_t), stream, &copies_));
   L4D_RETURN_IF_ERROR(
@@ -185,7 +186,7 @@ Status DeviceModel::clear_gradients(cudaStream_t stream) const {
   return {};
 }
 
-StepSums DeviceModel::sums(bool measured) const {
+StepSums DeviceModel::sums(bool coverage_too, bool gradients_too) const {
   StepSums out;
   out.rows = count;
   for (size_t k = 0; k < kNumAttributes; ++k) {
@@ -193,15 +194,20 @@ StepSums DeviceModel::sums(bool measured) const {
         {arrays_[kGradient][k].data(), static_cast<uint32_t>(numbers(k)), SumArray::kFloat});
   }
   out.arrays.push_back({shown(), 1, SumArray::kFlag});
-  if (measured) {
+  if (coverage_too) {
     out.arrays.push_back({coverage(), 1, SumArray::kFloat});
     out.arrays.push_back({error_coverage(), 1, SumArray::kFloat});
+  }
+  if (gradients_too) {
+    out.arrays.push_back({screen_gradient(), 1, SumArray::kFloat});
+    out.arrays.push_back({screen_views(), 1, SumArray::kCount});
   }
   return out;
 }
 
 RowAverages DeviceModel::averages() const {
-  return {column(kLastShown), coverage_.as<float>(), error_.as<float>()};
+  return {column(kLastShown), coverage_.as<float>(), error_.as<float>(),
+          screen_gradient_.as<float>(), column(kScreenViews)};
 }
 
 Status DeviceModel::accumulate_weights(float beta, cudaStream_t stream) {

@@ -31,14 +31,14 @@ class DeviceModel {
   l4d_gaussians gaussians() const;  // of the capacity
   l4d_gradients gradients() const;
   Status clear_gradients(cudaStream_t stream) const;
-  // Derivatives, flags, and coverage where it is measured.
-  StepSums sums(bool measured) const;
+  // Derivatives, flags, and what else is measured.
+  StepSums sums(bool coverage_too, bool gradients_too) const;
   uint8_t* shown() const { return shown_.as<uint8_t>(); }
   float* coverage() const { return covered_.as<float>(); }          // [capacity] of a step
   float* error_coverage() const { return coverage() + capacity_; }  // likewise
   RowAverages averages() const;
-  float* screen_gradient() const { return screen_gradient_.as<float>(); }
-  uint32_t* screen_views() const { return column(kScreenViews); }
+  float* screen_gradient() const { return coverage() + 2 * capacity_; }  // likewise
+  uint32_t* screen_views() const { return step_views_.as<uint32_t>(); }  // likewise
   Status accumulate_weights(float beta, cudaStream_t stream);
 
  private:
@@ -52,8 +52,8 @@ class DeviceModel {
   uint64_t capacity_ = 0;
   uint32_t sh_degree_ = 0;
   cuda::DeviceMemory arrays_[kGroups][kNumAttributes], columns_[kColumns];
-  cuda::DeviceMemory coverage_, error_, screen_gradient_, covered_, shown_, cumulative_, children_,
-      copies_, partial_;
+  cuda::DeviceMemory coverage_, error_, screen_gradient_, covered_, shown_, step_views_,
+      cumulative_, children_, copies_, partial_;
 };
 
 }  // namespace l4d::train

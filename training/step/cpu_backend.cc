@@ -71,8 +71,10 @@ class CpuBackend final : public PhasedBackend {
     gradient_.sh_degree = state_.sh_degree();
     gradient_.resize(static_cast<size_t>(state_.capacity()));
     shown_.assign(static_cast<size_t>(state_.capacity()), 0);
-    coverage_.assign(shown_.size(), 0);
-    error_.assign(shown_.size(), 0);
+    screen_views_.assign(shown_.size(), 0);
+    for (std::vector<float>* v : {&coverage_, &error_, &screen_gradient_}) {
+      v->assign(shown_.size(), 0);
+    }
     slots_.clear();
   }
   ModelState save() override { return state_; }
@@ -109,6 +111,7 @@ class CpuBackend final : public PhasedBackend {
     clock_ = StageClock(&seconds_);
     if (stop_ == 0) add_views(input, range.count());
     measures_ = input.measure;
+    measures_gradients_ = input.measure_gradients;
     clock_.ends(kAdam);
   }
 
@@ -125,6 +128,10 @@ class CpuBackend final : public PhasedBackend {
     if (measures_) {
       out.arrays.push_back({coverage_.data(), 1, SumArray::kFloat});
       out.arrays.push_back({error_.data(), 1, SumArray::kFloat});
+    }
+    if (measures_gradients_) {
+      out.arrays.push_back({screen_gradient_.data(), 1, SumArray::kFloat});
+      out.arrays.push_back({screen_views_.data(), 1, SumArray::kCount});
     }
     out.stop = &stop_;
     out.stop_any = &stop_any_;
@@ -364,11 +371,13 @@ class CpuBackend final : public PhasedBackend {
             slots_[k]->gradient, gradient_);
       }
       for (size_t i = begin; i < end; ++i) shown_[i] = gradient_.opacity[i] != 0 ? 1 : 0;
-      for (size_t k = 0; k < views && input.measure_gradients; ++k) {
-        for (size_t i = begin; i < end; ++i) {
+      for (size_t i = begin; i < end && input.measure_gradients; ++i) {
+        screen_gradient_[i] = 0;
+        screen_views_[i] = 0;
+        for (size_t k = 0; k < views; ++k) {
           if (slots_[k]->gradient.opacity[i] == 0) continue;
-          state_.screen_gradient[i] += slots_[k]->screen_gradient[i];
-          ++state_.screen_views[i];
+          screen_gradient_[i] += slots_[k]->screen_gradient[i];
+          ++screen_views_[i];
         }
       }
       for (size_t i = begin; i < end && input.measure; ++i) {
@@ -386,6 +395,10 @@ class CpuBackend final : public PhasedBackend {
     for_rows([&](uint64_t begin, uint64_t end) {
       for (size_t i = begin; i < end; ++i) {
         if (shown_[i] != 0) state_.last_shown[i] = static_cast<uint32_t>(input.adam.step);
+        if (input.measure_gradients) {
+          state_.screen_gradient[i] += screen_gradient_[i];
+          state_.screen_views[i] += screen_views_[i];
+        }
         if (!input.measure || !(coverage_[i] > 0)) continue;
         state_.coverage[i] += kAverage * (coverage_[i] * each - state_.coverage[i]);
         state_.error[i] += kAverage * (error_[i] * each - state_.error[i]);
@@ -407,12 +420,13 @@ class CpuBackend final : public PhasedBackend {
   int threads_;
   l4d_timeline timeline_{};
   ModelState state_;
-  // Sums of a step over its views; `error_` and `coverage_` of one that measures.
+  // Sums of a step over its views; those behind `shown_` only of one that measures.
   AttributeArrays gradient_;
   std::vector<uint8_t> shown_;
-  std::vector<float> coverage_, error_;
+  std::vector<float> coverage_, error_, screen_gradient_;
+  std::vector<uint32_t> screen_views_;
   uint32_t stop_ = 0, stop_any_ = 0;
-  bool measures_ = false;
+  bool measures_ = false, measures_gradients_ = false;
   uint64_t skipped_rows_ = 0;
   std::vector<std::unique_ptr<Slot>> slots_;
   std::array<double, kStages> seconds_{};
