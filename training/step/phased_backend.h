@@ -29,6 +29,10 @@ struct StepSums {
   // of those of all back ends.
   const uint32_t* stop = nullptr;
   uint32_t* stop_any = nullptr;
+  // Of back ends on devices: sums are complete in the order of the stream, and work that waits for
+  // their exchange goes there.
+  int device = -1;
+  void* stream = nullptr;
 };
 
 // A back end whose step has phases, so that several can share the views of one step: each renders
