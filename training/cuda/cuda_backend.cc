@@ -7,10 +7,11 @@
 #include "l4d/cuda.h"
 #include "l4d/cuda_train.h"
 #include "l4d/l4d.hpp"
+#include "training/cuda/device_exchange.h"
 #include "training/cuda/device_model.h"
 #include "training/cuda/loss_device.h"
 #include "training/cuda/target_cache.h"
-#include "training/step/phased_backend.h"
+#include "training/step/group_backend.h"
 
 namespace l4d::train {
 namespace {
@@ -50,7 +51,8 @@ struct StepNumbers {
 
 class CudaBackend final : public PhasedBackend {
  public:
-  explicit CudaBackend(uint32_t device) : device_(static_cast<int>(device)) {
+  // sharing: back ends of the device, which share its memory.
+  CudaBackend(uint32_t device, uint64_t sharing) : device_(static_cast<int>(device)) {
     l4d_cuda_renderer_options options;
     l4d_cuda_renderer_options_init(&options);
     options.device = device;
@@ -68,7 +70,7 @@ class CudaBackend final : public PhasedBackend {
     check_cuda(cudaMemset(counts_.data(), 0, sizeof(StepCounts)), "clearing counters");
     size_t free = 0, total = 0;
     check_cuda(cudaMemGetInfo(&free, &total), "asking for memory");
-    targets_ = std::make_unique<TargetCache>(free / 2);
+    targets_ = std::make_unique<TargetCache>(free / 2 / sharing);
   }
   ~CudaBackend() override {
     cudaSetDevice(device_);
@@ -338,7 +340,7 @@ void CudaBackend::render_views(const StepInput& input, ViewRange range) {
   if (range.count() > 0) {
     launch_views(input, range);
   } else {
-    for (const Stage stage : {kPrepare, kRender, kLoss}) mark(stage + 1);
+    for (const int stage : {kPrepare, kRender, kLoss}) mark(stage + 1);
   }
   mark(kBackward + 1);
   check_cuda(cudaGetLastError(), "launching views");
@@ -349,6 +351,8 @@ StepSums CudaBackend::sums() {
   StepSums out = model_.sums(measures_, measures_gradients_);
   out.stop = &counts()->stop;
   out.stop_any = &counts()->stop_any;
+  out.device = device_;
+  out.stream = stream_;
   return out;
 }
 
@@ -479,7 +483,21 @@ bool has_cuda_backend() {
 }
 
 std::unique_ptr<Backend> make_cuda_backend(uint32_t device) {
-  return std::make_unique<CudaBackend>(device);
+  return std::make_unique<CudaBackend>(device, 1);
+}
+
+std::unique_ptr<Backend> make_cuda_group(const std::vector<uint32_t>& devices,
+                                         Transport transport) {
+  if (devices.size() == 1) return make_cuda_backend(devices[0]);
+  check(check_devices(devices));
+  std::vector<std::unique_ptr<PhasedBackend>> members;
+  for (const uint32_t device : devices) {
+    const auto sharing = std::count(devices.begin(), devices.end(), device);
+    members.push_back(std::make_unique<CudaBackend>(device, static_cast<uint64_t>(sharing)));
+  }
+  std::unique_ptr<Exchange> exchange;
+  check(make_device_exchange(devices, transport, &exchange));
+  return make_group_backend(std::move(members), std::move(exchange));
 }
 
 }  // namespace l4d::train

@@ -5,7 +5,9 @@
 
 namespace l4d::train {
 
-std::unique_ptr<Backend> make_cuda_backend(uint32_t) {
+std::unique_ptr<Backend> make_cuda_backend(uint32_t device) { return make_cuda_group({device}); }
+
+std::unique_ptr<Backend> make_cuda_group(const std::vector<uint32_t>&, Transport) {
   throw Error(L4D_ERR_FEATURE_UNSUPPORTED,
               "this build has no device code: use another backend, or build with L4D_CUDA=ON");
 }
