@@ -128,16 +128,23 @@ int FfmpegProcess::wait() {
   return WIFEXITED(status) ? WEXITSTATUS(status) : -WTERMSIG(status);
 }
 
-void FfmpegProcess::fail_with_words(int exit_status) {
-  std::string words(2000, '\0');
+std::string FfmpegProcess::words() {
+  std::string text(2000, '\0');
   std::rewind(errors_.get());
-  words.resize(std::fread(words.data(), 1, words.size(), errors_.get()));
-  while (!words.empty() && (words.back() == '\n' || words.back() == ' ')) words.pop_back();
-  if (words.empty()) {
-    words = exit_status < 0 ? "ended by signal " + std::to_string(-exit_status)
-                            : "exit status " + std::to_string(exit_status);
-  }
-  throw Error(L4D_ERR_IO, subject_ + ": ffmpeg failed: " + words);
+  text.resize(std::fread(text.data(), 1, text.size(), errors_.get()));
+  while (!text.empty() && (text.back() == '\n' || text.back() == ' ')) text.pop_back();
+  return text;
+}
+
+void FfmpegProcess::fail(const std::string& what) {
+  const std::string text = words();
+  throw Error(L4D_ERR_IO, subject_ + ": " + what + (text.empty() ? "" : ": " + text));
+}
+
+void FfmpegProcess::fail_with_words(int exit_status) {
+  if (!words().empty()) fail("ffmpeg failed");
+  fail("ffmpeg failed: " + (exit_status < 0 ? "ended by signal " + std::to_string(-exit_status)
+                                            : "exit status " + std::to_string(exit_status)));
 }
 
 size_t FfmpegProcess::read(void* dst, size_t n) {

@@ -30,11 +30,14 @@ class FfmpegProcess {
   void write(const void* data, size_t n);
   // Closes the stream and waits; throws unless ffmpeg says that all went well.
   void finish();
+  // Throws `what` and ffmpeg's own words, after finish().
+  [[noreturn]] void fail(const std::string& what);
 
  private:
   void close_stream();
   int wait();  // exit status; negative where a signal ended it
   [[noreturn]] void fail_with_words(int exit_status);
+  std::string words();  // that ffmpeg has left
 
   std::string subject_;
   FileHandle errors_;  // what ffmpeg writes to its standard error

@@ -6,7 +6,9 @@
 #include <charconv>
 #include <cmath>
 #include <cstdio>
+#include <cstring>
 #include <filesystem>
+#include <fstream>
 #include <sstream>
 #include <system_error>
 #include <utility>
@@ -52,6 +54,30 @@ void check_file(const std::string& path) {
 
 void check(const FileError& error, const std::string& path) {
   if (!error.ok()) fail(path, error.action, error.error);
+}
+
+// Whether the boxes of an MP4 fill the file, and one of them lists the frames.
+bool is_whole_mp4(const std::string& path) {
+  std::error_code error;
+  const uint64_t size = fs::file_size(path, error);
+  std::ifstream file(path, std::ios::binary);
+  const auto number = [&file](size_t bytes) {  // big-endian
+    uint64_t value = 0;
+    for (size_t k = 0; k < bytes; ++k) value = value << 8 | static_cast<uint8_t>(file.get());
+    return value;
+  };
+  bool has_list = false;
+  for (uint64_t at = 0; !error && at < size;) {
+    file.seekg(static_cast<std::streamoff>(at));
+    uint64_t bytes = number(4);
+    char type[4];
+    file.read(type, sizeof type);
+    if (bytes == 1) bytes = number(8);
+    if (!file || bytes < 8 || bytes > size - at) return false;
+    has_list = has_list || std::memcmp(type, "moov", sizeof type) == 0;
+    at += bytes;
+  }
+  return has_list;
 }
 
 }  // namespace
@@ -258,6 +284,8 @@ void VideoWriter::finish() {
   if (process_ == nullptr) throw Error(L4D_ERR_INVALID_STATE, path_ + ": the video is finished");
   const std::unique_ptr<FfmpegProcess> process = std::move(process_);
   process->finish();
+  // On a full disk, ffmpeg may leave a part of the file and say that all went well.
+  if (!is_whole_mp4(file_.temporary_path())) process->fail("ffmpeg wrote a part of the video");
   check(file_.commit(), path_);
 }
 

@@ -195,6 +195,27 @@ TEST_F(VideoTest, AnEncoderThatDiesIsAnError) {
   EXPECT_EQ(files_in_directory(), 1U);
 }
 
+// ffmpeg exits with 0 where the disk is full when it writes the last part of a file.
+TEST_F(VideoTest, APartOfAFileIsAnError) {
+  const std::string tools = path("tools");
+  const std::string before = std::getenv("PATH");
+  std::filesystem::create_directory(tools);
+  for (const char* left : {"700", "5000", "0"}) {
+    std::ofstream(tools + "/ffmpeg")
+        << "#!/bin/sh\nPATH='" << before << "'\nffmpeg \"$@\"\nfor last; do :; done\n"
+        << "truncate -s " << left << " \"${last#file:}\"\necho the disk is full >&2\n";
+    std::filesystem::permissions(tools + "/ffmpeg", std::filesystem::perms::owner_all);
+    ASSERT_EQ(setenv("PATH", tools.c_str(), 1), 0);
+    std::string message;
+    const l4d_status status =
+        test::status_of([&] { write_video(path("a.mp4"), 640, 480, 20); }, &message);
+    setenv("PATH", before.c_str(), 1);
+    EXPECT_EQ(status, L4D_ERR_IO) << left;
+    EXPECT_NE(message.find("a part of the video: the disk is full"), std::string::npos) << message;
+    EXPECT_EQ(files_in_directory(), 1U);
+  }
+}
+
 TEST_F(VideoTest, WithoutFfmpeg) {
   write_video(path("a.mp4"), 32, 32, 1);
   const std::string before = std::getenv("PATH");
