@@ -67,6 +67,7 @@ l4d_status l4d_session_create(l4d_encoder* encoder, const l4d_session_options* o
     o.segment = given.segment_seconds;
     o.end = given.end;
     o.stream = given.stream;
+    o.max_memory_bytes = given.max_memory_bytes == 0 ? UINT64_MAX : given.max_memory_bytes;
     o.standing_segments = given.standing_segments == 0 ? UINT32_MAX : given.standing_segments;
     *out = std::make_unique<l4d_session>(encoder, o).release();
     return {};

@@ -100,6 +100,11 @@ uint64_t Context::renderer_memory(uint32_t renderers) const {
   return limit == 0 ? 0 : std::max<uint64_t>(1, limit / 4 / renderers);
 }
 
+uint64_t Context::session_memory() const {
+  const uint64_t limit = memory_limit();
+  return limit == 0 ? 0 : std::max<uint64_t>(1, limit / 8);
+}
+
 HeldMemory::HeldMemory(Context& context, uint64_t bytes, const std::string& what)
     : context_(context) {
   const uint64_t limit = context.memory_limit();

@@ -102,6 +102,8 @@ class Context {
   // A quarter of the limit for the renderers of a command, or less for one of several; 0 = no
   // limit.
   uint64_t renderer_memory(uint32_t renderers = 1) const;
+  // An eighth of the limit for the Gaussians that a session keeps; 0 = no limit.
+  uint64_t session_memory() const;
 
  private:
   friend class HeldMemory;

@@ -138,6 +138,19 @@ Status Session::check_piece(const EncoderInput& input) const {
   return invalid_argument(std::string("a piece has another ") + other + " than those before");
 }
 
+Status Session::check_memory(const EncoderInput& input, double now, size_t more) const {
+  const std::vector<SessionPool::Row>& rows = pool_.rows();
+  const auto lives = [now](const SessionPool::Row& row) { return row.shown.end > now; };
+  const auto before = static_cast<size_t>(std::count_if(rows.begin(), rows.end(), lives));
+  const uint64_t bytes = SessionPool::bytes_of(input, before + more);
+  if (bytes <= options_.max_memory_bytes) return {};
+  return Status(L4D_ERR_LIMIT_EXCEEDED,
+                "the session would keep " + std::to_string(more) + " Gaussians of the piece and " +
+                    std::to_string(before) + " of those before, which need " +
+                    std::to_string(bytes) + " bytes; its limit is " +
+                    std::to_string(options_.max_memory_bytes));
+}
+
 Status Session::add(const Encoder& encoder) {
   const EncoderInput& input = encoder.input();
   if (input.gaussians.count == 0) return Status(L4D_ERR_INVALID_STATE, "no scene is set");
@@ -147,6 +160,7 @@ Status Session::add(const Encoder& encoder) {
   L4D_RETURN_IF_ERROR(prepare_scene(input, encoder.settings(),
                                     static_cast<int>(encoder.options().threads), &prepared));
   const Grid grid = make_grid(input.timeline);
+  L4D_RETURN_IF_ERROR(check_memory(input, grid.begins.front(), prepared.count));
   drop_past(grid.begins.front());
   L4D_RETURN_IF_ERROR(pool_.add(input, prepared, lossless));
   if (options_.stream == 0) options_.stream = stream_of(input.gaussians, input.timeline);

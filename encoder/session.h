@@ -20,6 +20,7 @@ struct SessionOptions {
   unsigned standing_segments = 3;  // what is visible in so many of them goes to a standing member
   double end = HUGE_VAL;           // of the presentation, where that is known
   uint64_t stream = 0;             // as Member has it; 0 = made from the first piece
+  uint64_t max_memory_bytes = UINT64_MAX;  // of the pool
 };
 
 class Session {
@@ -66,6 +67,8 @@ class Session {
   };
 
   Status check_piece(const EncoderInput& input) const;
+  // Whether the Gaussians that live on at `now` and so many more fit.
+  Status check_memory(const EncoderInput& input, double now, size_t more) const;
   void plan(const Grid& grid);
   Grid make_grid(const l4d_timeline& piece) const;
   // Members have fewer frames: half as many again as a segment, and no more than round to the

@@ -19,6 +19,7 @@ constexpr double kMaxExposure = 1e3;
 template <typename T>
 void append_rows(const std::vector<uint32_t>& from, size_t dim, const T* values,
                  std::vector<T>* out) {
+  out->reserve(out->size() + dim * from.size());  // and no more, which nobody would count
   for (const uint32_t i : from) {
     out->insert(out->end(), values + dim * i, values + dim * (size_t{i} + 1));
   }
@@ -41,6 +42,13 @@ double SessionPool::Row::shown_between(double begin, double end) const {
   const double slope = std::sqrt(lambda / 2);
   const double integral = std::erf(slope * (b - mean)) - std::erf(slope * (a - mean));
   return std::min(b - a, std::sqrt(std::acos(-1.0)) / (2 * slope) * integral);
+}
+
+uint64_t SessionPool::bytes_of(const EncoderInput& input, size_t count) {
+  uint64_t numbers = numbers_per_gaussian(input.gaussians.sh_degree);
+  for (const float* weights : input.weights) numbers += weights != nullptr ? 1 : 0;
+  numbers += input.min_sizes != nullptr ? 1 : 0;
+  return uint64_t{count} * (numbers * sizeof(float) + sizeof(Row));
 }
 
 Status SessionPool::add(const EncoderInput& input, const EncoderScene& prepared, bool lossless) {
@@ -80,6 +88,7 @@ Status SessionPool::add(const EncoderInput& input, const EncoderScene& prepared,
                                              : estimated_shares(prepared, &sum_of_estimates_);
   const Sequence piece = sequence_of(input.timeline);
   const bool at_mean = (g.flags & L4D_POSITION_AT_MEAN_TIME) != 0;
+  rows_.reserve(before + prepared.count);
   for (size_t i = 0; i < prepared.count; ++i) {
     Row row{};
     row.mean = mean_time(g, from[i]);

@@ -28,6 +28,9 @@ class SessionPool {
     double shown_between(double begin, double end) const;  // seconds, weighted by its falloff
   };
 
+  // That so many Gaussians take, with the weights of `input`.
+  static uint64_t bytes_of(const EncoderInput& input, size_t count);
+
   // Adds a scene that `prepared` was made of, but for the Gaussians that are here already. Fails
   // with INVALID_ARGUMENT if it has other arrays than those before.
   Status add(const EncoderInput& input, const EncoderScene& prepared, bool lossless);

@@ -17,9 +17,11 @@ constexpr double kSegmentSeconds = 2;
 // A session of the encoder that begins with the first piece.
 class LiveSession {
  public:
-  LiveSession(const EncoderHandle& encoder, double segment) : encoder_(encoder) {
+  LiveSession(Context& context, const EncoderHandle& encoder, double segment)
+      : encoder_(encoder), memory_(context, context.session_memory(), "the session") {
     l4d_session_options_init(&options_);
     options_.segment_seconds = segment;
+    options_.max_memory_bytes = context.session_memory();
   }
   ~LiveSession() { l4d_session_destroy(session_); }
   LiveSession(const LiveSession&) = delete;
@@ -47,6 +49,7 @@ class LiveSession {
 
  private:
   const EncoderHandle& encoder_;
+  HeldMemory memory_;
   l4d_session_options options_{};
   l4d_session* session_ = nullptr;
 };
@@ -124,7 +127,7 @@ Outcome encode_live(Context& context, const LiveArguments& arguments,
   if (!(segment > 0)) throw usage_error("--segment must be above 0");
   LivePieces pieces(context, inputs, output);
   Recording recording(context, {output, arguments.playlist, arguments.url}, segment);
-  LiveSession session(encoding.encoder, segment);
+  LiveSession session(context, encoding.encoder, segment);
   size_t count = 0;
   try {
     code_pieces(context, pieces, encoding, session, recording, &count);

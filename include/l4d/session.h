@@ -43,6 +43,9 @@ typedef struct l4d_session_options {
    * standing member; 3 by default. 0: in each of them, there are no standing members. */
   uint32_t standing_segments;
   uint32_t reserved;
+  /* That the session takes at most for the Gaussians that it keeps from piece to piece; 0, the
+   * default, is no limit. What the encoder takes while it encodes a member does not count. */
+  uint64_t max_memory_bytes;
 } l4d_session_options;
 L4D_API void l4d_session_options_init_(l4d_session_options* options, size_t struct_size);
 #define l4d_session_options_init(options) l4d_session_options_init_((options), sizeof(*(options)))
@@ -65,9 +68,10 @@ L4D_API void l4d_session_destroy(l4d_session* session); /* accepts NULL */
  * Gaussians of which the opacity is below 1/255 in all of a member are left out of it.
  * Fails with INVALID_STATE if members of the piece before are not encoded yet or no scene is set,
  * with INVALID_ARGUMENT if the piece begins a frame or more before the one before it ends, or has
- * another placement, rendering, SH degree, flags or kinds of weights, and as l4d_encoder_encode
- * does. A piece that begins less than a frame before or after the end of the one before begins
- * there: begins and ends of pieces are rounded to frames. */
+ * another placement, rendering, SH degree, flags or kinds of weights, with LIMIT_EXCEEDED if the
+ * Gaussians of the piece and those that live on take more than max_memory_bytes, and as
+ * l4d_encoder_encode does. A piece that begins less than a frame before or after the end of the one
+ * before begins there: begins and ends of pieces are rounded to frames. */
 L4D_API l4d_status l4d_session_add(l4d_session* session);
 
 /* Adds a piece without Gaussians: the time of `timeline`, in which what became known before lives

@@ -57,6 +57,12 @@ expect_below "$(peak 6 render veils.l4d --size 8000x8000 -o none.png --limit-mem
   $((base + 96))
 expect_text err 'an image needs'
 
+# What a session keeps: 30,000 Gaussians of some 400 bytes.
+expect_below "$(peak 6 encode --live veils.ply -o none.l4d --limit-memory 64MiB)" $((base + 64))
+expect_text err 'the session would keep 30000 Gaussians of the piece and 0 of those before, which need'
+expect_missing none.l4d
+expect 0 encode --live veils.ply -o live.l4d --limit-memory 128MiB
+
 # What is decoded counts, not only what decoding takes: 30,000 Gaussians of 264 bytes.
 expect_below "$(peak 6 decode veils.l4d -o none.ply --limit-memory 12MiB)" $((base + 12))
 expect_text err 'the decoded scene needs'

@@ -298,6 +298,51 @@ TEST(Session, MembersNeedFewOthersHoweverManyPiecesCome) {
   for (const l4d_member& m : r.members) EXPECT_LE(m.num_needs, 8u);
 }
 
+// The bytes that a refusal says are needed.
+uint64_t needed_bytes(const Recorder& recorder) {
+  const std::string message = l4d_encoder_error_message(recorder.encoder().get());
+  const std::string before = "need ";
+  const size_t at = message.find(before);
+  EXPECT_NE(at, std::string::npos) << message;
+  return at == std::string::npos ? 0 : std::stoull(message.substr(at + before.size()));
+}
+
+TEST(Session, RefusesAPieceThatItsMemoryDoesNotHold) {
+  SceneOptions o;
+  o.count = 2000;
+  o.num_frames = 120;
+  const TestScene scene = make_scene(o);
+  const TestScene first = piece_of(scene, 0, 2), second = piece_of(scene, 2, 4);
+  const auto with_limit = [](uint64_t bytes) {
+    l4d_session_options s = session_options(1);
+    s.max_memory_bytes = bytes;
+    return s;
+  };
+  Recorder least(lossless(), first, with_limit(1));
+  ASSERT_EQ(least.add(first), L4D_ERR_LIMIT_EXCEEDED);
+  const uint64_t of_first = needed_bytes(least);
+  EXPECT_GT(of_first, first.count() * (3 + 1 + 4 + 8 + 1 + scene.sh_dim()) * sizeof(float));
+  Recorder below(lossless(), first, with_limit(of_first - 1));
+  EXPECT_EQ(below.add(first), L4D_ERR_LIMIT_EXCEEDED);
+
+  Recorder recorder(lossless(), first, with_limit(of_first));
+  ASSERT_EQ(recorder.add(first), L4D_OK) << l4d_last_error_message();
+  ASSERT_EQ(recorder.add(second), L4D_ERR_LIMIT_EXCEEDED);
+  const uint64_t of_both = needed_bytes(recorder);
+  EXPECT_GT(of_both, of_first);
+  EXPECT_LE(of_both, of_first / first.count() * scene.count());
+  // The refused piece changes nothing: what lives on is shown as if it had not come.
+  ASSERT_EQ(recorder.add_empty(second.timeline, nullptr), L4D_OK) << l4d_last_error_message();
+  Recorder other(lossless(), first, session_options(1));
+  ASSERT_EQ(other.add(first), L4D_OK);
+  ASSERT_EQ(other.add_empty(second.timeline, nullptr), L4D_OK);
+  EXPECT_EQ(recorder.out.bytes, other.out.bytes);
+
+  Recorder enough(lossless(), first, with_limit(of_both));
+  ASSERT_EQ(enough.add(first), L4D_OK);
+  EXPECT_EQ(enough.add(second), L4D_OK) << l4d_last_error_message();
+}
+
 // All Gaussians of a scene for a part of its time, as `cut` makes pieces: positions are of times of
 // the piece, rounded.
 TestScene whole_piece_of(const TestScene& scene, double begin, double end) {
