@@ -118,6 +118,7 @@ Status DeviceModel::save(ModelState* state, cudaStream_t stream) const {
   L4D_RETURN_IF_ERROR(
       download(cumulative_, static_cast<size_t>(sampled), stream, &state->cumulative));
   L4D_RETURN_IF_CUDA_ERROR(cudaStreamSynchronize(stream));
+  state->away.assign(n, 0);
   state->count = count;
   state->next_id = next_id;
   return {};

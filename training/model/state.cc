@@ -4,44 +4,75 @@
 #include <algorithm>
 
 namespace l4d::train {
+namespace {
+
+// Row from[k] of `in` becomes row to[k] of `out`. to: null = k.
+void copy_rows(const ModelState& in, const std::vector<size_t>& from, const size_t* to,
+               ModelState* out) {
+  for_each_column(
+      [&](const std::string&, size_t numbers, const auto& source, auto& target) {
+        for (size_t k = 0; k < from.size(); ++k) {
+          const size_t row = to == nullptr ? k : to[k];
+          std::copy_n(source.data() + from[k] * numbers, numbers, target.data() + row * numbers);
+        }
+      },
+      in, *out);
+}
+
+}  // namespace
 
 void ModelState::allocate(uint64_t capacity, uint32_t sh_degree) {
-  const size_t n = static_cast<size_t>(capacity);
   for (AttributeArrays* arrays : {&value, &m, &v}) {
     *arrays = AttributeArrays();
     arrays->sh_degree = sh_degree;
     arrays->flags = L4D_OPACITY_LOGIT;
-    arrays->resize(n);
   }
-  for (std::vector<uint32_t>* rows :
-       {&id, &updates, &prepared, &born, &last_shown, &screen_views}) {
-    rows->assign(n, 0);
-  }
-  coverage.assign(n, 0);
-  error.assign(n, 0);
-  screen_gradient.assign(n, 0);
+  for_each_column(
+      [&](const std::string&, size_t numbers, auto& column) {
+        column.assign(static_cast<size_t>(capacity) * numbers, 0);
+      },
+      *this);
 }
 
 void ModelState::keep(const std::vector<uint8_t>& mask) {
   const size_t rows = static_cast<size_t>(capacity());
   std::vector<uint8_t> whole(rows, 0);
   std::copy_n(mask.begin(), count, whole.begin());
-  for (AttributeArrays* arrays : {&value, &m, &v}) {
-    arrays->keep(whole);
-    arrays->resize(rows);
-  }
-  for (std::vector<uint32_t>* column :
-       {&id, &updates, &prepared, &born, &last_shown, &screen_views}) {
-    keep_rows(whole, 1, column);
-    column->resize(rows);
-  }
-  for (std::vector<float>* column : {&coverage, &error, &screen_gradient}) {
-    keep_rows(whole, 1, column);
-    column->resize(rows);
-  }
+  for_each_column(
+      [&](const std::string&, size_t numbers, auto& column) {
+        keep_rows(whole, numbers, &column);
+        column.resize(rows * numbers);
+      },
+      *this);
   count = static_cast<uint64_t>(
       std::count_if(whole.begin(), whole.end(), [](uint8_t kept) { return kept != 0; }));
   cumulative.clear();
+}
+
+ModelState ModelState::rows(const std::vector<size_t>& which) const {
+  ModelState out;
+  out.allocate(which.size(), sh_degree());
+  copy_rows(*this, which, nullptr, &out);
+  out.count = which.size();
+  out.next_id = next_id;
+  return out;
+}
+
+ModelState merged(const ModelState& a, const ModelState& b, uint64_t capacity) {
+  ModelState out;
+  out.allocate(capacity, a.sh_degree());
+  std::vector<size_t> from_a, from_b, to_a, to_b;
+  for (size_t i = 0, j = 0; i < a.count || j < b.count;) {
+    const bool first = j == b.count || (i < a.count && a.id[i] < b.id[j]);
+    (first ? from_a : from_b).push_back(first ? i : j);
+    (first ? to_a : to_b).push_back(i + j);
+    ++(first ? i : j);
+  }
+  copy_rows(a, from_a, to_a.data(), &out);
+  copy_rows(b, from_b, to_b.data(), &out);
+  out.count = a.count + b.count;
+  out.next_id = std::max(a.next_id, b.next_id);
+  return out;
 }
 
 l4d_gaussians ModelState::view() const {

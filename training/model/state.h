@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstdint>
+#include <string>
 #include <vector>
 
 #include "l4d/attributes.hpp"
@@ -26,6 +27,8 @@ struct ModelState {
   // Sums over the views since a gradient rule looked at the row, and their number; 0 without one.
   std::vector<float> screen_gradient;
   std::vector<uint32_t> screen_views;
+  // 0: the row is in the back end. Else 1 + the step after which it left (model/residence.h).
+  std::vector<uint32_t> away;
   std::vector<double> cumulative;   // of the draw of targets; as long as the model was then
   std::vector<Exposure> exposures;  // of cameras
   uint64_t count = 0;
@@ -35,10 +38,45 @@ struct ModelState {
   // Keeps the Gaussians whose mask is not 0, in their order; arrays keep their capacity. mask:
   // [count].
   void keep(const std::vector<uint8_t>& mask);
+  // A model of the rows `which`, in this order, and of no others. Its exposures and `cumulative` are
+  // empty.
+  ModelState rows(const std::vector<size_t>& which) const;
   uint64_t capacity() const { return value.count(); }
   uint32_t sh_degree() const { return value.sh_degree; }
   // Borrows the first `count` rows.
   l4d_gaussians view() const;
 };
+
+// Calls f(name, numbers, columns...) for each array of a model that has rows, with this array of all
+// `states`: vectors of float or uint32_t, of which a row has `numbers`. States: ModelStates, possibly
+// const, of one degree.
+template <typename F, typename First, typename... States>
+void for_each_column(F&& f, First& first, States&... more) {
+  const auto set = [&](const std::string& prefix, auto&... arrays) {
+    for_each_attribute(
+        [&](const AttributeInfo& info, auto&... columns) {
+          f(prefix + info.name, info.numbers(first.sh_degree()), columns...);
+        },
+        arrays...);
+  };
+  set("value.", first.value, more.value...);
+  set("m.", first.m, more.m...);
+  set("v.", first.v, more.v...);
+  f("id", size_t{1}, first.id, more.id...);
+  f("updates", size_t{1}, first.updates, more.updates...);
+  f("prepared", size_t{1}, first.prepared, more.prepared...);
+  f("born", size_t{1}, first.born, more.born...);
+  f("last_shown", size_t{1}, first.last_shown, more.last_shown...);
+  f("coverage", size_t{1}, first.coverage, more.coverage...);
+  f("error", size_t{1}, first.error, more.error...);
+  f("screen_gradient", size_t{1}, first.screen_gradient, more.screen_gradient...);
+  f("screen_views", size_t{1}, first.screen_views, more.screen_views...);
+  f("away", size_t{1}, first.away, more.away...);
+}
+
+// The rows of both, in the order of their ids, which differ. a, b: of one degree, and sorted by id.
+// The arrays have `capacity` rows, at least as many as there are. Exposures and `cumulative` are
+// empty; next_id is the larger of both.
+ModelState merged(const ModelState& a, const ModelState& b, uint64_t capacity);
 
 }  // namespace l4d::train

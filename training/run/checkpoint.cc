@@ -19,7 +19,7 @@ namespace {
 namespace fs = std::filesystem;
 using io::Error;
 
-constexpr char kMagic[9] = "L4DTRN02";
+constexpr char kMagic[9] = "L4DTRN03";
 constexpr const char* kPrefix = "checkpoint-";
 constexpr const char* kSuffix = ".l4dtrain";
 constexpr size_t kKept = 2;
@@ -107,20 +107,6 @@ class Unpacker {
   size_t at_ = 0;
 };
 
-// Calls f(name, vector) for the arrays of rows that are not attributes.
-template <typename State, typename F>
-void for_each_row_array(State& state, F&& f) {
-  f("id", state.id);
-  f("updates", state.updates);
-  f("prepared", state.prepared);
-  f("born", state.born);
-  f("last_shown", state.last_shown);
-  f("coverage", state.coverage);
-  f("error", state.error);
-  f("screen_gradient", state.screen_gradient);
-  f("screen_views", state.screen_views);
-}
-
 }  // namespace
 
 std::vector<uint8_t> pack_checkpoint(const Checkpoint& c) {
@@ -129,24 +115,17 @@ std::vector<uint8_t> pack_checkpoint(const Checkpoint& c) {
   out.add("settings", c.settings.data(), c.settings.size());
   const uint64_t whole[] = {
       c.run.step,       c.run.high_losses, c.run.lost,    c.run.swept ? 1u : 0u, model.count,
-      model.capacity(), model.sh_degree(), model.next_id, c.run.prunes,          c.run.settles};
-  out.add("numbers", whole, 10);
+      model.capacity(), model.sh_degree(), model.next_id, c.run.prunes,          c.run.settles,
+      c.run.windows,    c.run.period};
+  out.add("numbers", whole, 12);
   const double real[] = {c.run.seconds, c.run.loss_average, c.run.rate_factor};
   out.add("measures", real, 3);
   out.add("camera_loss", c.run.camera_loss.data(), c.run.camera_loss.size());
-  const char* const sets[] = {"value.", "m.", "v."};
-  const AttributeArrays* arrays[] = {&model.value, &model.m, &model.v};
-  for (size_t k = 0; k < 3; ++k) {
-    for_each_attribute(
-        [&](const AttributeInfo& info, const std::vector<float>& rows) {
-          out.add(std::string(sets[k]) + info.name, rows.data(),
-                  static_cast<size_t>(model.count) * info.numbers(model.sh_degree()));
-        },
-        *arrays[k]);
-  }
-  for_each_row_array(model, [&](const char* name, const auto& rows) {
-    out.add(name, rows.data(), static_cast<size_t>(model.count));
-  });
+  for_each_column(
+      [&](const std::string& name, size_t numbers, const auto& column) {
+        out.add(name, column.data(), static_cast<size_t>(model.count) * numbers);
+      },
+      model);
   out.add("cumulative", model.cumulative.data(), model.cumulative.size());
   std::vector<double> exposures;
   for (const Exposure& e : model.exposures) {
@@ -165,13 +144,15 @@ Checkpoint unpack_checkpoint(const std::string& name, const std::vector<uint8_t>
   Checkpoint c;
   const std::vector<char> text = in.take<char>("settings");
   c.settings.assign(text.begin(), text.end());
-  const std::vector<uint64_t> whole = in.take<uint64_t>("numbers", 10);
+  const std::vector<uint64_t> whole = in.take<uint64_t>("numbers", 12);
   c.run.step = whole[0];
   c.run.high_losses = whole[1];
   c.run.lost = whole[2];
   c.run.swept = whole[3] != 0;
   c.run.prunes = whole[8];
   c.run.settles = whole[9];
+  c.run.windows = whole[10];
+  c.run.period = whole[11];
   const uint64_t count = whole[4], capacity = whole[5];
   // Each row has at least 17 floats, three times.
   if (count > capacity || count > bytes.size() / 204 || capacity > 100000000 || whole[6] > 3) {
@@ -184,22 +165,16 @@ Checkpoint unpack_checkpoint(const std::string& name, const std::vector<uint8_t>
   c.run.camera_loss = in.take<double>("camera_loss");
   ModelState& model = c.model;
   const uint32_t degree = static_cast<uint32_t>(whole[6]);
-  const char* const sets[] = {"value.", "m.", "v."};
-  AttributeArrays* arrays[] = {&model.value, &model.m, &model.v};
-  for (size_t k = 0; k < 3; ++k) {
-    arrays[k]->sh_degree = degree;
-    arrays[k]->flags = L4D_OPACITY_LOGIT;
-    for_each_attribute(
-        [&](const AttributeInfo& info, std::vector<float>& rows) {
-          rows = in.take<float>(std::string(sets[k]) + info.name,
-                                static_cast<size_t>(count) * info.numbers(degree));
-        },
-        *arrays[k]);
+  for (AttributeArrays* arrays : {&model.value, &model.m, &model.v}) {
+    arrays->sh_degree = degree;
+    arrays->flags = L4D_OPACITY_LOGIT;
   }
-  for_each_row_array(model, [&](const char* array, auto& rows) {
-    using T = typename std::decay_t<decltype(rows)>::value_type;
-    rows = in.take<T>(array, static_cast<size_t>(count));
-  });
+  for_each_column(
+      [&](const std::string& array, size_t numbers, auto& column) {
+        using T = typename std::decay_t<decltype(column)>::value_type;
+        column = in.take<T>(array, static_cast<size_t>(count) * numbers);
+      },
+      model);
   model.cumulative = in.take<double>("cumulative");
   if (model.cumulative.size() > count) in.fail("there are more weights than rows");
   const std::vector<double> exposures = in.take<double>("exposures");
@@ -216,9 +191,11 @@ Checkpoint unpack_checkpoint(const std::string& name, const std::vector<uint8_t>
   in.take<uint8_t>("end", 0);
   in.finish();
   // Only now, when all is known to be right: the rows that are free.
-  for (AttributeArrays* set : arrays) set->resize(static_cast<size_t>(capacity));
-  for_each_row_array(model,
-                     [&](const char*, auto& rows) { rows.resize(static_cast<size_t>(capacity)); });
+  for_each_column(
+      [&](const std::string&, size_t numbers, auto& column) {
+        column.resize(static_cast<size_t>(capacity) * numbers);
+      },
+      model);
   model.count = count;
   model.next_id = static_cast<uint32_t>(whole[7]);
   return c;

@@ -26,6 +26,9 @@ struct RunState {
   uint64_t prunes = 0;              // done, of --codec prune and settle
   uint64_t settles = 0;             // likewise, of --codec settle
   std::vector<double> camera_loss;  // moving averages by camera; 0 = none yet
+  // Of trainings whose model is not all in the back end.
+  uint64_t windows = 0;  // of images that steps draw from; 0 = all that are in memory
+  uint64_t period = 0;   // 1 + that of the images for which rows were last moved; 0 = none yet
 };
 
 // What a step came to.
