@@ -130,6 +130,11 @@ class Faulty final : public PhasedBackend {
   }
   void renew_weights(float beta) override { own_->renew_weights(beta); }
   void keep(const std::vector<uint8_t>& mask) override { own_->keep(mask); }
+  std::vector<RowSpan> spans() override { return own_->spans(); }
+  ModelState swap_rows(const std::vector<uint8_t>& leaves, const ModelState& entering) override {
+    return own_->swap_rows(leaves, entering);
+  }
+  BackendMemory memory() const override { return own_->memory(); }
   io::Image render(const l4d_camera& camera, double time, const float* background) override {
     return own_->render(camera, time, background);
   }

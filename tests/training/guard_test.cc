@@ -37,6 +37,11 @@ class Scripted final : public Backend {
   DensityChange change_density(const GradientStep&) override { return {}; }
   void renew_weights(float) override {}
   void keep(const std::vector<uint8_t>&) override {}
+  std::vector<RowSpan> spans() override { return {}; }
+  ModelState swap_rows(const std::vector<uint8_t>& leaves, const ModelState& entering) override {
+    return train::swap_rows(&state_, leaves, entering);
+  }
+  BackendMemory memory() const override { return {}; }
   io::Image render(const l4d_camera& camera, double, const float*) override {
     return io::Image(camera.width, camera.height);
   }

@@ -18,6 +18,8 @@ namespace {
 
 constexpr uint64_t kFirstInstances = 1u << 20;
 constexpr double kGrowth = 1.5;  // of what a view needs, where capacity lacks
+// What a live scene allocates (include/l4d/cuda_train.h).
+constexpr uint64_t kLiveBytesOfRow = 84, kViewBytesOfRow = 136, kBytesOfInstance = 68;
 constexpr int kEvents = kStages + 1;
 
 void check(const Status& status) {
@@ -124,6 +126,19 @@ class CudaBackend final : public PhasedBackend {
     state.keep(mask);
     load(std::move(state), timeline_);
   }
+  std::vector<RowSpan> spans() override {
+    use();
+    std::vector<RowSpan> spans;
+    check(model_.spans(stream_, &spans));
+    return spans;
+  }
+  ModelState swap_rows(const std::vector<uint8_t>& leaves, const ModelState& entering) override {
+    use();
+    ModelState left;
+    check(model_.swap_rows(leaves, entering, stream_, &left));
+    return left;
+  }
+  BackendMemory memory() const override;
   io::Image render(const l4d_camera& camera, double time, const float* background) override;
   std::array<double, kStages> take_seconds() override {
     const std::array<double, kStages> seconds = seconds_;
@@ -472,6 +487,20 @@ io::Image CudaBackend::render(const l4d_camera& camera, double time, const float
     reserve(input, range,
             static_cast<uint64_t>(kGrowth * static_cast<double>(report.required_instances)));
   }
+}
+
+BackendMemory CudaBackend::memory() const {
+  BackendMemory memory;
+  memory.model = model_.bytes();
+  memory.renderer =
+      counts_.size() + numbers_.size() + kLiveBytesOfRow * model_.capacity() +
+      num_views_ * (kViewBytesOfRow * model_.capacity() + kBytesOfInstance * instances_);
+  for (const ViewMemory& v : views_) {
+    memory.renderer +=
+        v.rgb.size() + v.rgb_gradient.size() + v.factors.size() + v.error.size() + v.partial.size();
+  }
+  memory.targets = targets_->bytes();
+  return memory;
 }
 
 }  // namespace

@@ -2,6 +2,11 @@
 #include "training/cuda/device_model.h"
 
 #include <algorithm>
+#include <iterator>
+#include <string>
+#include <utility>
+
+#include "training/cuda/swap_rows_device.h"
 
 namespace l4d::train {
 namespace {
@@ -30,19 +35,101 @@ Status make_zero(size_t bytes, cudaStream_t stream, cuda::DeviceMemory* to) {
 }
 
 // Rows of `from` numbers as rows of `to` numbers; what is missing is 0.
-std::vector<float> with_width(const std::vector<float>& rows, size_t from, size_t to) {
+template <typename T>
+std::vector<T> with_width(const std::vector<T>& rows, size_t from, size_t to) {
   if (from == to) return rows;
-  std::vector<float> out(rows.size() / from * to, 0.0f);
+  std::vector<T> out(rows.size() / from * to, T{0});
   for (size_t i = 0; i < rows.size() / from; ++i) {
     for (size_t k = 0; k < std::min(from, to); ++k) out[to * i + k] = rows[from * i + k];
   }
   return out;
 }
 
+uint32_t stored_degree_of(uint32_t degree) { return degree <= 1 ? 1 : 3; }
+size_t sh_numbers(uint32_t degree) { return size_t{3} * (degree + 1) * (degree + 1); }
+
+Status copy_list(const std::vector<uint32_t>& list, cudaStream_t stream, uint32_t* to) {
+  L4D_RETURN_IF_CUDA_ERROR(cudaMemcpyAsync(to, list.data(), list.size() * sizeof(uint32_t),
+                                           cudaMemcpyHostToDevice, stream));
+  return {};
+}
+
+constexpr size_t kStagingBytes = size_t{16} << 20;
+constexpr const char* kGroupNames[] = {"value.", "m.", "v."};
+
 }  // namespace
+
+// What a swap does with rows: those of `go` leave; row from[k] moves to to[k], and the rows
+// that come to the rest of `to`, all in the order of ids.
+struct DeviceModel::RowMoves {
+  std::vector<uint32_t> go, from, to;
+};
+
+DeviceModel::RowMoves DeviceModel::moves_of(const std::vector<uint32_t>& id,
+                                            const std::vector<uint8_t>& leaves,
+                                            const ModelState& entering) {
+  RowMoves moves;
+  std::vector<uint32_t> places;  // of rows that come
+  const size_t come = static_cast<size_t>(entering.count);
+  const auto next = [&] { return static_cast<uint32_t>(moves.to.size() + places.size()); };
+  for (size_t i = 0; i < id.size(); ++i) {
+    if (leaves[i] != 0) {
+      moves.go.push_back(static_cast<uint32_t>(i));
+      continue;
+    }
+    while (places.size() < come && entering.id[places.size()] < id[i]) places.push_back(next());
+    moves.to.push_back(next());
+    moves.from.push_back(static_cast<uint32_t>(i));
+  }
+  while (places.size() < come) places.push_back(next());
+  moves.to.insert(moves.to.end(), places.begin(), places.end());
+  return moves;
+}
 
 size_t DeviceModel::numbers(size_t attribute) const {
   return kAttributes[attribute].numbers(stored_degree());
+}
+
+cuda::DeviceMemory* DeviceModel::memory_of(const std::string& column) {
+  for (size_t group = 0; group < std::size(kGroupNames); ++group) {
+    for (size_t k = 0; k < kNumAttributes; ++k) {
+      if (column == std::string(kGroupNames[group]) + kAttributes[k].name) {
+        return &arrays_[group][k];
+      }
+    }
+  }
+  const std::pair<const char*, cuda::DeviceMemory*> others[] = {
+      {"id", &columns_[kId]},
+      {"updates", &columns_[kUpdates]},
+      {"prepared", &columns_[kPrepared]},
+      {"born", &columns_[kBorn]},
+      {"last_shown", &columns_[kLastShown]},
+      {"screen_views", &columns_[kScreenViews]},
+      {"coverage", &coverage_},
+      {"error", &error_},
+      {"screen_gradient", &screen_gradient_}};
+  for (const auto& [name, memory] : others) {
+    if (column == name) return memory;
+  }
+  return nullptr;
+}
+
+template <typename State, typename F>
+Status DeviceModel::for_each_array(State& state, F&& f) {
+  Status status;
+  for_each_column(
+      [&](const std::string& name, size_t numbers, auto& column) {
+        if (!status.ok() || name == "away") return;
+        cuda::DeviceMemory* memory = memory_of(name);
+        if (memory == nullptr) {
+          status = Status(L4D_ERR_INTERNAL, "rows have no array " + name + " on the device");
+          return;
+        }
+        const bool is_sh = name.size() > 3 && name.compare(name.size() - 3, 3, ".sh") == 0;
+        status = f(memory, is_sh ? sh_numbers(stored_degree()) : numbers, column, numbers);
+      },
+      state);
+  return status;
 }
 
 Status DeviceModel::load(const ModelState& state, cudaStream_t stream) {
@@ -52,30 +139,17 @@ Status DeviceModel::load(const ModelState& state, cudaStream_t stream) {
   next_id = state.next_id;
   sampled = state.cumulative.size();
   const size_t n = static_cast<size_t>(capacity_);
-  const size_t own = sh_numbers(sh_degree_), stored = sh_numbers(stored_degree());
-  const AttributeArrays* groups[3] = {&state.value, &state.m, &state.v};
-  for (size_t group = 0; group < 3; ++group) {
-    const AttributeArrays& a = *groups[group];
-    const std::vector<float> sh = with_width(a.sh, own, stored);
-    const std::vector<float>* const from[kNumAttributes] = {&a.position, &a.mean_t,  &a.log_scale,
-                                                            &a.rotor,    &a.opacity, &sh};
-    for (size_t k = 0; k < kNumAttributes; ++k) {
-      L4D_RETURN_IF_ERROR(upload(*from[k], stream, &arrays_[group][k]));
-    }
-    L4D_RETURN_IF_CUDA_ERROR(cudaStreamSynchronize(stream));  // `sh` goes
-  }
+  const Status sent = for_each_array(
+      state, [&](cuda::DeviceMemory* memory, size_t words, const auto& column, size_t numbers) {
+        if (words == numbers) return upload(column, stream, memory);
+        L4D_RETURN_IF_ERROR(upload(with_width(column, numbers, words), stream, memory));
+        L4D_RETURN_IF_CUDA_ERROR(cudaStreamSynchronize(stream));  // the wider rows go
+        return Status();
+      });
+  L4D_RETURN_IF_ERROR(sent);
   for (size_t k = 0; k < kNumAttributes; ++k) {
     L4D_RETURN_IF_ERROR(make_zero(n * numbers(k) * sizeof(float), stream, &arrays_[kGradient][k]));
   }
-  const std::vector<uint32_t>* const columns[kColumns] = {&state.id,         &state.updates,
-                                                          &state.prepared,   &state.born,
-                                                          &state.last_shown, &state.screen_views};
-  for (size_t c = 0; c < kColumns; ++c) {
-    L4D_RETURN_IF_ERROR(upload(*columns[c], stream, &columns_[c]));
-  }
-  L4D_RETURN_IF_ERROR(upload(state.coverage, stream, &coverage_));
-  L4D_RETURN_IF_ERROR(upload(state.error, stream, &error_));
-  L4D_RETURN_IF_ERROR(upload(state.screen_gradient, stream, &screen_gradient_));
   L4D_RETURN_IF_ERROR(cumulative_.reserve(std::max<size_t>(n, 1) * sizeof(double)));
   L4D_RETURN_IF_CUDA_ERROR(cudaMemcpyAsync(cumulative_.data(), state.cumulative.data(),
                                            state.cumulative.size() * sizeof(double),
@@ -91,37 +165,171 @@ Status DeviceModel::load(const ModelState& state, cudaStream_t stream) {
   return {};
 }
 
-Status DeviceModel::save(ModelState* state, cudaStream_t stream) const {
+Status DeviceModel::save(ModelState* state, cudaStream_t stream) {
   const size_t n = static_cast<size_t>(capacity_);
-  AttributeArrays* groups[3] = {&state->value, &state->m, &state->v};
-  for (size_t group = 0; group < 3; ++group) {
-    AttributeArrays& a = *groups[group];
-    a.sh_degree = sh_degree_;
-    a.flags = L4D_OPACITY_LOGIT;
-    std::vector<float>* const to[kNumAttributes] = {&a.position, &a.mean_t,  &a.log_scale,
-                                                    &a.rotor,    &a.opacity, &a.sh};
-    for (size_t k = 0; k < kNumAttributes; ++k) {
-      L4D_RETURN_IF_ERROR(download(arrays_[group][k], n * numbers(k), stream, to[k]));
-    }
-    L4D_RETURN_IF_CUDA_ERROR(cudaStreamSynchronize(stream));
-    a.sh = with_width(a.sh, sh_numbers(stored_degree()), sh_numbers(sh_degree_));
-  }
-  std::vector<uint32_t>* const columns[kColumns] = {&state->id,         &state->updates,
-                                                    &state->prepared,   &state->born,
-                                                    &state->last_shown, &state->screen_views};
-  for (size_t c = 0; c < kColumns; ++c) {
-    L4D_RETURN_IF_ERROR(download(columns_[c], n, stream, columns[c]));
-  }
-  L4D_RETURN_IF_ERROR(download(coverage_, n, stream, &state->coverage));
-  L4D_RETURN_IF_ERROR(download(error_, n, stream, &state->error));
-  L4D_RETURN_IF_ERROR(download(screen_gradient_, n, stream, &state->screen_gradient));
+  state->allocate(n, sh_degree_);
+  const Status received = for_each_array(
+      *state, [&](cuda::DeviceMemory* memory, size_t words, auto& column, size_t numbers) {
+        L4D_RETURN_IF_ERROR(download(*memory, n * words, stream, &column));
+        L4D_RETURN_IF_CUDA_ERROR(cudaStreamSynchronize(stream));
+        if (words != numbers) column = with_width(column, words, numbers);
+        return Status();
+      });
+  L4D_RETURN_IF_ERROR(received);
   L4D_RETURN_IF_ERROR(
       download(cumulative_, static_cast<size_t>(sampled), stream, &state->cumulative));
   L4D_RETURN_IF_CUDA_ERROR(cudaStreamSynchronize(stream));
-  state->away.assign(n, 0);
   state->count = count;
   state->next_id = next_id;
   return {};
+}
+
+// For rows of any array.
+Status DeviceModel::reserve_scratch() {
+  const size_t words = std::max(sizeof(RowSpan) / sizeof(uint32_t), sh_numbers(stored_degree()));
+  return scratch_.reserve(std::max<size_t>(static_cast<size_t>(capacity_), 1) * words *
+                          sizeof(uint32_t));
+}
+
+Status DeviceModel::spans(cudaStream_t stream, std::vector<RowSpan>* out) {
+  const size_t n = static_cast<size_t>(capacity_);
+  L4D_RETURN_IF_ERROR(scratch_.reserve(n * std::max(sizeof(RowSpan), numbers(5) * sizeof(float))));
+  launch_spans(rows(kValue), column(kId), count, scratch_.as<RowSpan>(), stream);
+  L4D_RETURN_IF_CUDA_ERROR(cudaGetLastError());
+  L4D_RETURN_IF_ERROR(download(scratch_, static_cast<size_t>(count), stream, out));
+  L4D_RETURN_IF_CUDA_ERROR(cudaStreamSynchronize(stream));
+  return {};
+}
+
+template <typename T>
+Status DeviceModel::read_scratch(size_t rows, size_t words, size_t numbers, cudaStream_t stream,
+                                 std::vector<T>* column) {
+  static_assert(sizeof(T) == sizeof(uint32_t), "rows are words");
+  const size_t at_once = kStagingBytes / (words * sizeof(T));
+  for (size_t first = 0; first < rows; first += at_once) {
+    const size_t n = std::min(at_once, rows - first);
+    L4D_RETURN_IF_CUDA_ERROR(cudaMemcpyAsync(staging_.data(), scratch_.as<T>() + first * words,
+                                             n * words * sizeof(T), cudaMemcpyDeviceToHost,
+                                             stream));
+    L4D_RETURN_IF_CUDA_ERROR(cudaStreamSynchronize(stream));
+    for (size_t i = 0; i < n; ++i) {
+      std::copy_n(staging_.as<T>() + i * words, numbers, column->data() + (first + i) * numbers);
+    }
+  }
+  return {};
+}
+
+template <typename T>
+Status DeviceModel::write_scratch(const std::vector<T>& column, size_t rows, size_t words,
+                                  size_t numbers, cudaStream_t stream) {
+  static_assert(sizeof(T) == sizeof(uint32_t), "rows are words");
+  const size_t at_once = kStagingBytes / (words * sizeof(T));
+  for (size_t first = 0; first < rows; first += at_once) {
+    const size_t n = std::min(at_once, rows - first);
+    for (size_t i = 0; i < n; ++i) {
+      T* to = staging_.as<T>() + i * words;
+      std::copy_n(column.data() + (first + i) * numbers, numbers, to);
+      std::fill(to + numbers, to + words, T{0});
+    }
+    L4D_RETURN_IF_CUDA_ERROR(cudaMemcpyAsync(scratch_.as<T>() + first * words, staging_.data(),
+                                             n * words * sizeof(T), cudaMemcpyHostToDevice,
+                                             stream));
+    L4D_RETURN_IF_CUDA_ERROR(cudaStreamSynchronize(stream));
+  }
+  return {};
+}
+
+// The rows that leave, through scratch memory.
+Status DeviceModel::send_away(const RowMoves& moves, cudaStream_t stream, ModelState* left) {
+  left->allocate(moves.go.size(), sh_degree_);
+  left->count = moves.go.size();
+  left->next_id = next_id;
+  auto* go = indices_.as<uint32_t>();
+  L4D_RETURN_IF_ERROR(copy_list(moves.go, stream, go));
+  return for_each_array(
+      *left, [&](cuda::DeviceMemory* memory, size_t words, auto& column, size_t numbers) -> Status {
+        launch_move_rows(memory->as<uint32_t>(), go, scratch_.as<uint32_t>(), nullptr,
+                         moves.go.size(), static_cast<uint32_t>(words), stream);
+        L4D_RETURN_IF_CUDA_ERROR(cudaGetLastError());
+        return read_scratch(moves.go.size(), words, numbers, stream, &column);
+      });
+}
+
+// Rows that stay go to their new places in scratch memory and back, and rows that come between
+// them.
+Status DeviceModel::take_in(const RowMoves& moves, const ModelState& entering,
+                            cudaStream_t stream) {
+  const size_t come = static_cast<size_t>(entering.count), stay = moves.from.size();
+  auto* from = indices_.as<uint32_t>();
+  uint32_t* to = from + capacity_;
+  L4D_RETURN_IF_ERROR(copy_list(moves.from, stream, from));
+  L4D_RETURN_IF_ERROR(copy_list(moves.to, stream, to));
+  const Status moved = for_each_array(
+      entering,
+      [&](cuda::DeviceMemory* memory, size_t words, const auto& column, size_t numbers) -> Status {
+        const uint32_t row_words = static_cast<uint32_t>(words);
+        launch_move_rows(memory->as<uint32_t>(), from, scratch_.as<uint32_t>(), to, stay, row_words,
+                         stream);
+        L4D_RETURN_IF_CUDA_ERROR(cudaGetLastError());
+        L4D_RETURN_IF_CUDA_ERROR(cudaMemcpyAsync(memory->data(), scratch_.data(),
+                                                 (stay + come) * words * sizeof(uint32_t),
+                                                 cudaMemcpyDeviceToDevice, stream));
+        L4D_RETURN_IF_ERROR(write_scratch(column, come, words, numbers, stream));
+        launch_move_rows(scratch_.as<uint32_t>(), nullptr, memory->as<uint32_t>(), to + stay, come,
+                         row_words, stream);
+        L4D_RETURN_IF_CUDA_ERROR(cudaGetLastError());
+        return {};
+      });
+  L4D_RETURN_IF_ERROR(moved);
+  L4D_RETURN_IF_CUDA_ERROR(cudaStreamSynchronize(stream));
+  return {};
+}
+
+Status DeviceModel::swap_rows(const std::vector<uint8_t>& leaves, const ModelState& entering,
+                              cudaStream_t stream, ModelState* left) {
+  std::vector<uint32_t> id;
+  L4D_RETURN_IF_ERROR(download(columns_[kId], static_cast<size_t>(count), stream, &id));
+  L4D_RETURN_IF_CUDA_ERROR(cudaStreamSynchronize(stream));
+  const RowMoves moves = moves_of(id, leaves, entering);
+  if (moves.to.size() > capacity_) {
+    return Status(L4D_ERR_LIMIT_EXCEEDED, std::to_string(moves.to.size()) +
+                                              " Gaussians are to be in the back end, which holds " +
+                                              std::to_string(capacity_));
+  }
+  L4D_RETURN_IF_ERROR(reserve_scratch());
+  L4D_RETURN_IF_ERROR(
+      indices_.reserve(std::max<size_t>(2 * static_cast<size_t>(capacity_), 1) * sizeof(uint32_t)));
+  L4D_RETURN_IF_ERROR(staging_.reserve(kStagingBytes));
+  L4D_RETURN_IF_ERROR(send_away(moves, stream, left));
+  L4D_RETURN_IF_CUDA_ERROR(cudaStreamSynchronize(stream));
+  L4D_RETURN_IF_ERROR(take_in(moves, entering, stream));
+  count = moves.to.size();
+  return {};
+}
+
+uint64_t DeviceModel::bytes() const {
+  uint64_t bytes = 0;
+  for (const auto& group : arrays_) {
+    for (const cuda::DeviceMemory& memory : group) bytes += memory.size();
+  }
+  for (const cuda::DeviceMemory& memory : columns_) bytes += memory.size();
+  for (const cuda::DeviceMemory* memory :
+       {&coverage_, &error_, &screen_gradient_, &covered_, &shown_, &cumulative_, &children_,
+        &copies_, &step_views_, &partial_, &scratch_, &indices_}) {
+    bytes += memory->size();
+  }
+  return bytes;
+}
+
+uint64_t DeviceModel::bytes_of_row(uint32_t sh_degree) {
+  uint64_t words = 0;
+  const uint32_t degree = stored_degree_of(sh_degree);
+  for (const AttributeInfo& attribute : kAttributes) words += kGroups * attribute.numbers(degree);
+  words += kColumns;
+  words += 3 + 4;                   // averages and screen gradients; those of a step
+  words += 2 + 4 + 1;               // running sums, children, copies
+  words += sh_numbers(degree) + 2;  // scratch memory and indices
+  return words * sizeof(float) + 1;
 }
 
 Rows<float> DeviceModel::rows(Group group) const {

@@ -1,10 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <string>
+#include <vector>
+
 #include "l4d/render.h"
 #include "libl4dcodec/cuda/device.h"
 #include "training/cuda/adam_device.h"
 #include "training/cuda/relocate_device.h"
+#include "training/model/span.h"
 #include "training/model/state.h"
 #include "training/step/phased_backend.h"
 
@@ -16,7 +20,16 @@ class DeviceModel {
  public:
   Status load(const ModelState& state, cudaStream_t stream);
   // Copies to `state` what load() took, but for its exposures. Waits for the stream.
-  Status save(ModelState* state, cudaStream_t stream) const;
+  Status save(ModelState* state, cudaStream_t stream);
+  // When each row is visible. Waits for the stream.
+  Status spans(cudaStream_t stream, std::vector<RowSpan>* out);
+  // As swap_rows; *left: the rows that left. Allocates in the first call alone. Derivatives
+  // must be 0. Waits for the stream.
+  Status swap_rows(const std::vector<uint8_t>& leaves, const ModelState& entering,
+                   cudaStream_t stream, ModelState* left);
+  uint64_t bytes() const;  // on the device
+  // Bytes of a row on the device, with what swap_rows() needs of memory.
+  static uint64_t bytes_of_row(uint32_t sh_degree);
 
   uint64_t count = 0;
   uint32_t next_id = 0;
@@ -46,14 +59,33 @@ class DeviceModel {
   enum Column { kId, kUpdates, kPrepared, kBorn, kLastShown, kScreenViews, kColumns };
   Rows<float> rows(Group group) const;
   uint32_t* column(Column c) const { return columns_[c].as<uint32_t>(); }
-  size_t sh_numbers(uint32_t degree) const { return size_t{3} * (degree + 1) * (degree + 1); }
+  struct RowMoves;
+  static RowMoves moves_of(const std::vector<uint32_t>& id, const std::vector<uint8_t>& leaves,
+                           const ModelState& entering);
+  Status send_away(const RowMoves& moves, cudaStream_t stream, ModelState* left);
+  Status take_in(const RowMoves& moves, const ModelState& entering, cudaStream_t stream);
+  Status reserve_scratch();
   size_t numbers(size_t attribute) const;
+  // The array of the device for a column of the model's rows; NULL if it has none.
+  cuda::DeviceMemory* memory_of(const std::string& column);
+  // Calls f(memory, words, column, numbers) for the columns of `state` that the device has: `words`
+  // numbers of a row are there, and `numbers` on the host. Returns the first failure of f.
+  template <typename State, typename F>
+  Status for_each_array(State& state, F&& f);
+  // Rows between the device's scratch memory and a column on the host, through pinned memory.
+  template <typename T>
+  Status read_scratch(size_t rows, size_t words, size_t numbers, cudaStream_t stream,
+                      std::vector<T>* column);
+  template <typename T>
+  Status write_scratch(const std::vector<T>& column, size_t rows, size_t words, size_t numbers,
+                       cudaStream_t stream);
 
   uint64_t capacity_ = 0;
   uint32_t sh_degree_ = 0;
   cuda::DeviceMemory arrays_[kGroups][kNumAttributes], columns_[kColumns];
   cuda::DeviceMemory coverage_, error_, screen_gradient_, covered_, shown_, step_views_,
-      cumulative_, children_, copies_, partial_;
+      cumulative_, children_, copies_, partial_, scratch_, indices_;
+  cuda::PinnedMemory staging_;
 };
 
 }  // namespace l4d::train

@@ -21,6 +21,7 @@ class TargetCache {
   explicit TargetCache(uint64_t budget) : budget_(budget) {}
   // The target of the view on the device, valid until the next call with another `step`.
   Status take(const StepView& view, uint64_t step, cudaStream_t stream, const Target** out);
+  uint64_t bytes() const { return bytes_; }
 
  private:
   Status make_room(uint64_t bytes, uint64_t step, cudaStream_t stream);

@@ -3,6 +3,8 @@
 
 #include <algorithm>
 
+#include "io/scene.h"
+
 namespace l4d::train {
 namespace {
 
@@ -27,11 +29,9 @@ void ModelState::allocate(uint64_t capacity, uint32_t sh_degree) {
     arrays->sh_degree = sh_degree;
     arrays->flags = L4D_OPACITY_LOGIT;
   }
-  for_each_column(
-      [&](const std::string&, size_t numbers, auto& column) {
-        column.assign(static_cast<size_t>(capacity) * numbers, 0);
-      },
-      *this);
+  for_each_column([&](const std::string&, size_t numbers,
+                      auto& column) { column.assign(static_cast<size_t>(capacity) * numbers, 0); },
+                  *this);
 }
 
 void ModelState::keep(const std::vector<uint8_t>& mask) {
@@ -73,6 +73,25 @@ ModelState merged(const ModelState& a, const ModelState& b, uint64_t capacity) {
   out.count = a.count + b.count;
   out.next_id = std::max(a.next_id, b.next_id);
   return out;
+}
+
+ModelState swap_rows(ModelState* model, const std::vector<uint8_t>& leaves,
+                     const ModelState& entering) {
+  std::vector<size_t> go, stay;
+  for (size_t i = 0; i < model->count; ++i) (leaves[i] != 0 ? go : stay).push_back(i);
+  if (stay.size() + entering.count > model->capacity()) {
+    throw io::Error(L4D_ERR_LIMIT_EXCEEDED,
+                    std::to_string(stay.size() + entering.count) +
+                        " Gaussians are to be in the back end, which holds " +
+                        std::to_string(model->capacity()));
+  }
+  ModelState left = model->rows(go);
+  ModelState after = merged(model->rows(stay), entering, model->capacity());
+  after.next_id = model->next_id;
+  after.exposures = std::move(model->exposures);
+  after.cumulative = std::move(model->cumulative);
+  *model = std::move(after);
+  return left;
 }
 
 l4d_gaussians ModelState::view() const {

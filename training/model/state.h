@@ -38,8 +38,8 @@ struct ModelState {
   // Keeps the Gaussians whose mask is not 0, in their order; arrays keep their capacity. mask:
   // [count].
   void keep(const std::vector<uint8_t>& mask);
-  // A model of the rows `which`, in this order, and of no others. Its exposures and `cumulative` are
-  // empty.
+  // A model of the rows `which`, in this order, and of no others. Its exposures and `cumulative`
+  // are empty.
   ModelState rows(const std::vector<size_t>& which) const;
   uint64_t capacity() const { return value.count(); }
   uint32_t sh_degree() const { return value.sh_degree; }
@@ -47,9 +47,9 @@ struct ModelState {
   l4d_gaussians view() const;
 };
 
-// Calls f(name, numbers, columns...) for each array of a model that has rows, with this array of all
-// `states`: vectors of float or uint32_t, of which a row has `numbers`. States: ModelStates, possibly
-// const, of one degree.
+// Calls f(name, numbers, columns...) for each array of a model that has rows, with this array of
+// all `states`: vectors of float or uint32_t, of which a row has `numbers`. States: ModelStates,
+// possibly const, of one degree.
 template <typename F, typename First, typename... States>
 void for_each_column(F&& f, First& first, States&... more) {
   const auto set = [&](const std::string& prefix, auto&... arrays) {
@@ -78,5 +78,12 @@ void for_each_column(F&& f, First& first, States&... more) {
 // The arrays have `capacity` rows, at least as many as there are. Exposures and `cumulative` are
 // empty; next_id is the larger of both.
 ModelState merged(const ModelState& a, const ModelState& b, uint64_t capacity);
+
+// Removes the rows whose `leaves` is not 0 and returns them; those of `entering` come. Rows stay in
+// the order of their ids; capacity, exposures, next_id and `cumulative` stay as they are. leaves:
+// [count]. entering: sorted by id. Throws io::Error(LIMIT_EXCEEDED) if the rows exceed the
+// capacity.
+ModelState swap_rows(ModelState* model, const std::vector<uint8_t>& leaves,
+                     const ModelState& entering);
 
 }  // namespace l4d::train

@@ -27,7 +27,7 @@ constexpr uint32_t kMaxName = 64;
 
 class Packer {
  public:
-  Packer() { bytes.insert(bytes.end(), kMagic, kMagic + 8); }
+  Packer() : bytes(kMagic, kMagic + 8) {}
   template <typename T>
   void add(const std::string& name, const T* data, size_t count) {
     const uint32_t length = static_cast<uint32_t>(name.size());
@@ -114,9 +114,9 @@ std::vector<uint8_t> pack_checkpoint(const Checkpoint& c) {
   Packer out;
   out.add("settings", c.settings.data(), c.settings.size());
   const uint64_t whole[] = {
-      c.run.step,       c.run.high_losses, c.run.lost,    c.run.swept ? 1u : 0u, model.count,
-      model.capacity(), model.sh_degree(), model.next_id, c.run.prunes,          c.run.settles,
-      c.run.windows,    c.run.period};
+      c.run.step,   c.run.high_losses, c.run.lost,        c.run.swept ? 1u : 0u,
+      model.count,  model.capacity(),  model.sh_degree(), model.next_id,
+      c.run.prunes, c.run.settles,     c.run.windows,     c.run.period};
   out.add("numbers", whole, 12);
   const double real[] = {c.run.seconds, c.run.loss_average, c.run.rate_factor};
   out.add("measures", real, 3);
@@ -191,11 +191,9 @@ Checkpoint unpack_checkpoint(const std::string& name, const std::vector<uint8_t>
   in.take<uint8_t>("end", 0);
   in.finish();
   // Only now, when all is known to be right: the rows that are free.
-  for_each_column(
-      [&](const std::string&, size_t numbers, auto& column) {
-        column.resize(static_cast<size_t>(capacity) * numbers);
-      },
-      model);
+  for_each_column([&](const std::string&, size_t numbers,
+                      auto& column) { column.resize(static_cast<size_t>(capacity) * numbers); },
+                  model);
   model.count = count;
   model.next_id = static_cast<uint32_t>(whole[7]);
   return c;

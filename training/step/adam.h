@@ -28,7 +28,8 @@ struct Rates {
 struct AdamStep {
   uint64_t seed = 0;
   uint64_t step = 0;              // of the training, from 1
-  uint64_t count = 0;             // Gaussians
+  uint64_t count = 0;             // Gaussians in the arrays
+  uint64_t model_count = 0;       // of the whole model, of which some may be away; 0 = `count`
   uint32_t sh_degree = 0;         // of the arrays
   uint32_t active_sh_degree = 0;  // coefficients above it stay as they are
   // Only rows that the step shows are updated, with the corrections of docs/training.md. Otherwise

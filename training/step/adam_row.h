@@ -177,7 +177,8 @@ L4D_HOST_DEVICE inline RowUpdate count_update(const AdamStep& s, const AdamArray
 L4D_HOST_DEVICE inline void regularise_row(const AdamStep& s, const AdamArrays& a, uint64_t i,
                                            const RowUpdate& u) {
   const float opacity = sigmoid(a.value.opacity[i]);
-  const float per_row = u.repeats / static_cast<float>(s.count);
+  const float per_row =
+      u.repeats / static_cast<float>(s.model_count != 0 ? s.model_count : s.count);
   a.gradient.opacity[i] += s.opacity_weight * per_row * opacity * (1 - opacity);
   for (uint64_t k = 4 * i; k < 4 * i + 3; ++k) {
     a.gradient.log_scale[k] += s.scale_weight * per_row / 3 * std::exp(a.value.log_scale[k]);

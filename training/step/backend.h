@@ -10,6 +10,7 @@
 #include "l4d/render.h"
 #include "training/density/gradient.h"
 #include "training/density/relocate.h"
+#include "training/model/span.h"
 #include "training/model/state.h"
 #include "training/step/adam.h"
 #include "training/step/loss.h"
@@ -55,6 +56,14 @@ struct StepOutput {
   bool finite = true;
 };
 
+// Bytes that a back end takes; of a group, each member.
+struct BackendMemory {
+  uint64_t model = 0;     // rows, their derivatives and statistics
+  uint64_t renderer = 0;  // and images of a step
+  uint64_t targets = 0;   // captured images that it keeps
+  uint64_t total() const { return model + renderer + targets; }
+};
+
 class Backend {
  public:
   virtual ~Backend() = default;
@@ -75,6 +84,14 @@ class Backend {
   virtual void renew_weights(float beta) = 0;
   // Removes the rows whose mask is 0. mask: [count].
   virtual void keep(const std::vector<uint8_t>& mask) = 0;
+
+  // For models that are larger than the back end, which is in the order of ids then. When each row
+  // is visible; [count].
+  virtual std::vector<RowSpan> spans() = 0;
+  // As swap_rows (model/state.h). The weights by which targets are drawn stay those of the rows
+  // before: the caller renews them before change_density, or brings the same rows back.
+  virtual ModelState swap_rows(const std::vector<uint8_t>& leaves, const ModelState& entering) = 0;
+  virtual BackendMemory memory() const = 0;
 
   virtual io::Image render(const l4d_camera& camera, double time, const float* background) = 0;
   virtual std::array<double, kStages> take_seconds() = 0;

@@ -7,6 +7,7 @@
 #include "libl4dcodec/base/threads.h"
 #include "libl4dcodec/scene/slice.h"
 #include "libl4dcodec/scene/timeline.h"
+#include "training/model/buckets.h"
 #include "training/step/phased_backend.h"
 
 namespace l4d::train {
@@ -198,6 +199,12 @@ class CpuBackend final : public PhasedBackend {
   }
 
   void keep(const std::vector<uint8_t>& mask) override { state_.keep(mask); }
+
+  std::vector<RowSpan> spans() override { return spans_of(state_); }
+  ModelState swap_rows(const std::vector<uint8_t>& leaves, const ModelState& entering) override {
+    return train::swap_rows(&state_, leaves, entering);
+  }
+  BackendMemory memory() const override;
 
   io::Image render(const l4d_camera& camera, double time, const float* background) override {
     make_slots(1);
@@ -432,6 +439,30 @@ class CpuBackend final : public PhasedBackend {
   std::array<double, kStages> seconds_{};
   StageClock clock_{&seconds_};  // of the step
 };
+
+BackendMemory CpuBackend::memory() const {
+  BackendMemory memory;
+  for_each_column([&](const std::string&, size_t,
+                      const auto& column) { memory.model += column.size() * sizeof(uint32_t); },
+                  state_);
+  const auto add = [](const AttributeArrays& arrays, uint64_t* bytes) {
+    for_each_attribute(
+        [&](const AttributeInfo&, const std::vector<float>& rows) {
+          *bytes += rows.size() * sizeof(float);
+        },
+        arrays);
+  };
+  add(gradient_, &memory.model);
+  memory.model += shown_.size() + (coverage_.size() + error_.size()) * sizeof(float);
+  for (const std::unique_ptr<Slot>& slot : slots_) {
+    add(slot->gradient, &memory.renderer);
+    for (const auto* rows : {&slot->measured, &slot->screen_gradient, &slot->image,
+                             &slot->rgb_gradient, &slot->factors}) {
+      memory.renderer += rows->size() * sizeof(float);
+    }
+  }
+  return memory;
+}
 
 }  // namespace
 

@@ -37,6 +37,13 @@ class GroupBackend final : public Backend {
   void keep(const std::vector<uint8_t>& mask) override {
     for_members([&](size_t k) { members_[k]->keep(mask); });
   }
+  std::vector<RowSpan> spans() override { return members_[0]->spans(); }
+  ModelState swap_rows(const std::vector<uint8_t>& leaves, const ModelState& entering) override {
+    std::vector<ModelState> left(members_.size());
+    for_members([&](size_t k) { left[k] = members_[k]->swap_rows(leaves, entering); });
+    return std::move(left[0]);
+  }
+  BackendMemory memory() const override { return members_[0]->memory(); }
   io::Image render(const l4d_camera& camera, double time, const float* background) override {
     return members_[0]->render(camera, time, background);
   }
