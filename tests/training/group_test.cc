@@ -250,10 +250,13 @@ TEST_F(GroupTest, TrainsAsOneBackEndDoesAndRepeats) {
     const auto one = make_cpu_backend(2);
     train(one.get(), settings_.steps);
     const double expected = psnr(one.get());
+    RecordProperty(std::string(adam) + "1_db", std::to_string(expected));
     for (const size_t members : {2U, 3U}) {
       const auto group = cpu_group(members);
       const uint64_t first = hash_of(train(group.get(), settings_.steps));
-      EXPECT_NEAR(psnr(group.get()), expected, 0.2) << adam << ", " << members << " members";
+      const double found = psnr(group.get());
+      RecordProperty(std::string(adam) + std::to_string(members) + "_db", std::to_string(found));
+      EXPECT_NEAR(found, expected, 0.05) << adam << ", " << members << " members";
       if (members == 3) continue;
       const auto again = cpu_group(members);
       EXPECT_EQ(hash_of(train(again.get(), settings_.steps)), first) << adam;

@@ -28,5 +28,41 @@ TEST(Settings, OfOtherVersionsAreRead) {
   EXPECT_EQ(text_of(settings_of(json_of(all))), text_of(all));
 }
 
+TEST(Settings, DevicesAreAListOfNumbers) {
+  EXPECT_TRUE(devices_of("").empty());
+  EXPECT_EQ(devices_of("0"), std::vector<uint32_t>({0}));
+  EXPECT_EQ(devices_of("3,0,3"), std::vector<uint32_t>({3, 0, 3}));
+  EXPECT_EQ(devices_of("0,1,2,3,4,5,6,7").size(), 8U);
+  for (const char* wrong : {",", "0,", ",0", "0,,1", "-1", "a", "0;1", "0 1", "1000", "1e0",
+                            "0,1,2,3,4,5,6,7,8", "99999999999999999999"}) {
+    EXPECT_THROW(devices_of(wrong), io::Error) << wrong;
+  }
+  Settings s;
+  s.backend = "cpu";
+  EXPECT_NO_THROW(check(s));
+  s.devices = "0";
+  EXPECT_THROW(check(s), io::Error);
+}
+
+// Other devices may go on with a training, but not more or fewer of them. A training of before has
+// one.
+TEST(Settings, TheNumberOfDevicesStays) {
+  Settings s;
+  const std::string old = "devices ";
+  std::string before = text_of(s);
+  before.erase(before.find(old), old.size() + 1);
+  EXPECT_EQ(differences(before, s, false), "");
+  s.devices = "2";
+  EXPECT_EQ(differences(before, s, false), "");
+  s.devices = "0,1";
+  EXPECT_NE(differences(before, s, false), "");
+  before = text_of(s);
+  s.devices = "5,2";
+  EXPECT_EQ(differences(before, s, false), "");
+  s.devices = "0,1,2";
+  EXPECT_EQ(differences(before, s, false),
+            "it has \"devices 0,1\", and now it is \"devices 0,1,2\"");
+}
+
 }  // namespace
 }  // namespace l4d::train

@@ -235,6 +235,8 @@ import json
 whole, coded = json.load(open("whole/report.json")), json.load(open("coded/report.json"))
 assert whole["total_s"] >= whole["training_s"], whole
 assert coded["settings"]["preset"] == "default", coded
+assert coded["devices"] == ([0] if coded["settings"]["backend"] == "cuda" else []), coded
+assert "exchange" in coded["ms"] and sum(coded["ms"].values()) > 0, coded
 END
 expect 3 "no checkpoint" train "${options[@]}" -o none --steps 400 --resume
 expect 2 "preset" train "${options[@]}" -o x --steps 10 --encode finest
@@ -244,6 +246,8 @@ expect 2 "needs --encode" train "${options[@]}" -o x --steps 10 --codec settle
 expect 2 "--density-every" train "${options[@]}" -o x --steps 10 --density-every 7
 expect 2 "--density is" train "${options[@]}" -o x --steps 10 --density more
 expect 2 "--codec prune needs" train "${options[@]}" -o x --steps 10 --codec prune --density off
+expect 2 "--devices is 0,x" train "${options[@]}" -o x --steps 10 --devices 0,x
+expect 2 "--backend cpu uses no device" train "${options[@]}" -o x --steps 10 --devices 0 --backend cpu
 expect 2 "--near" train "${options[@]}" -o x --steps 10 --near close
 expect 2 "--max-scale" train "${options[@]}" -o x --steps 10 --max-scale 0
 expect 2 "--opacity-weight" train "${options[@]}" -o x --steps 10 --opacity-weight -1

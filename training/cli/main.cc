@@ -232,6 +232,9 @@ void add_method(CLI::App* verb, Arguments& a) {
   verb->add_option("--adam", s.adam, "dense, sparse")->capture_default_str();
   verb->add_option("--backend", s.backend, "cpu, cuda; auto takes a CUDA device where there is one")
       ->capture_default_str();
+  verb->add_option("--devices", s.devices,
+                   "CUDA devices that share the views of each step: 0,1 (the first); their number "
+                   "changes the bits");
   verb->add_option("--drift", s.drift,
                    "Bound of the temporal rotor's rate, in steps of positions; 0: no bound")
       ->capture_default_str();

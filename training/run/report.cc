@@ -89,6 +89,10 @@ std::string json_of(const RunReport& r) {
             {"total_s", r.total_seconds},
             {"train", object_of(r.train, r.lpips)},
             {"test", object_of(r.test, r.lpips)}};
+  if (r.steps > 0) {
+    j["devices"] = r.devices;
+    for (size_t s = 0; s < kStages; ++s) j["ms"][kStageNames[s]] = number(r.stages[s]);
+  }
   if (r.stream_bytes > 0) {
     j["stream"] = {{"file_bytes", r.stream_bytes},
                    {"train", object_of(r.stream_train, r.lpips)},

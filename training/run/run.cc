@@ -122,8 +122,8 @@ class Run {
     std::error_code error;
     if (fs::is_regular_file(settings_.init, error)) settings_.init = absolute(settings_.init);
     read_images();
-    backend_ =
-        settings_.backend == "cuda" ? make_cuda_backend(0) : make_cpu_backend(options_.threads);
+    backend_ = settings_.backend == "cuda" ? make_cuda_group(devices_of(settings_.devices))
+                                           : make_cpu_backend(options_.threads);
     trainer_ = std::make_unique<Trainer>(settings_, capture_, *loader_, instants_, store_.get(),
                                          backend_.get(), options_.threads);
     settings_.opacity_weight = opacity_weight_of(settings_, trainer_->has_alpha());
@@ -422,8 +422,8 @@ class Run {
     entry.skipped_rows = skipped_;
     entry.image_bytes = store_->bytes();
     entry.image_wait = store_->seconds_waited();
-    entry.stages = backend_->take_seconds();
-    for (double& stage : entry.stages) stage *= 1000 / n;
+    entry.stages = take_stages();
+    for (double& stage : entry.stages) stage /= n;
     entry.has_score = scores;
     if (scores) {
       entry.train = train_sample_->score(trainer_.get());
@@ -437,6 +437,17 @@ class Run {
     last_psnr_ = entry.psnr;
     loss_ = psnr_ = 0;
     if (scores) write_text(file("curves.svg"), draw_curves(log_->entries()));
+  }
+
+  // ms of the steps since the last call.
+  std::array<double, kStages> take_stages() {
+    std::array<double, kStages> stages = backend_->take_seconds();
+    for (size_t s = 0; s < kStages; ++s) {
+      stages[s] *= 1000;
+      stages_[s] += stages[s];
+    }
+    timed_steps_ += steps_;
+    return stages;
   }
 
   void report_progress() {
@@ -464,6 +475,10 @@ class Run {
     report.steps = trainer_->state().step;
     report.gaussians = model.count;
     report.training_seconds = trainer_->state().seconds;
+    if (settings_.backend == "cuda") report.devices = devices_of(settings_.devices);
+    take_stages();
+    const double timed = static_cast<double>(std::max<uint64_t>(timed_steps_, 1));
+    for (size_t s = 0; s < kStages; ++s) report.stages[s] = stages_[s] / timed;
     if (lpips_) report.lpips = lpips_->network();
     const auto render = [&](uint32_t view) { return trainer_->render(view); };
     observer_->update(0, 0, "comparing with the captured images");
@@ -518,7 +533,9 @@ class Run {
   std::unique_ptr<EventFile> events_;
   CheckpointWriter writer_{folder_};
   Clock::time_point last_checkpoint_, last_preview_;
-  int milestone_ = 0;  // tenths of the training that have been scored
+  int milestone_ = 0;                     // tenths of the training that have been scored
+  std::array<double, kStages> stages_{};  // ms of `timed_steps_` steps
+  uint64_t timed_steps_ = 0;
   uint64_t steps_ = 0, relocated_ = 0, born_ = 0, skipped_ = 0, gaussians_ = 0;
   double loss_ = 0, psnr_ = 0, last_psnr_ = 0, last_score_ = 0;
   std::vector<std::string> notes_;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <array>
 #include <string>
 #include <vector>
 
@@ -29,7 +30,9 @@ struct RunReport {
   uint64_t cameras = 0, training_images = 0, test_images = 0;
   uint32_t width = 0, height = 0;
   uint64_t steps = 0, gaussians = 0;
-  double training_seconds = 0;  // without reading images, scores and the encoder
+  double training_seconds = 0;           // without reading images, scores and the encoder
+  std::vector<uint32_t> devices;         // none: a processor
+  std::array<double, kStages> stages{};  // ms a step, since the last resume
   double total_seconds = 0;
   Score train, test;
   uint64_t stream_bytes = 0;  // 0: none

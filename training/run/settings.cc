@@ -16,6 +16,7 @@ namespace {
 using io::Error;
 
 constexpr size_t kMinVideosForExposure = 8;
+constexpr size_t kMaxDevices = 8;
 
 // Of the radius, where all cameras look at one place, which is at least half the radius away.
 constexpr double kConvergentNear = 0.2;
@@ -43,7 +44,31 @@ bool is_one_of(const std::string& value, std::initializer_list<const char*> list
   return std::any_of(list.begin(), list.end(), [&](const char* item) { return value == item; });
 }
 
+// Sums of views are rounded by device, so the number of devices decides the bits.
+bool same_number(const std::string& devices, const std::string& others) {
+  const auto count = [](const std::string& list) {
+    return std::max<size_t>(devices_of(list).size(), 1);
+  };
+  return count(devices) == count(others);
+}
+
 }  // namespace
+
+std::vector<uint32_t> devices_of(const std::string& list) {
+  std::vector<uint32_t> devices;
+  std::istringstream in(list);
+  for (std::string item; std::getline(in, item, ',');) {
+    const bool is_number = !item.empty() && item.size() <= 3 &&
+                           item.find_first_not_of("0123456789") == std::string::npos;
+    if (!is_number) devices.resize(kMaxDevices);  // refused below
+    devices.push_back(is_number ? static_cast<uint32_t>(std::stoul(item)) : 0);
+  }
+  if (devices.size() > kMaxDevices || (!list.empty() && list.back() == ',')) {
+    throw Error(L4D_ERR_INVALID_ARGUMENT,
+                "--devices is " + list + "; it must be 1 to 8 numbers of devices: 0,1");
+  }
+  return devices;
+}
 
 std::string text_of(const Settings& settings) {
   std::string out;
@@ -55,6 +80,9 @@ std::string text_of(const Settings& settings) {
 
 std::string differences(const std::string& before, const Settings& now, bool accept_changes) {
   std::map<std::string, std::string> old;  // whole lines by name
+  const auto value_of = [](const std::string& line) {
+    return line.substr(std::min(line.size(), line.find(' ') + 1));
+  };
   std::istringstream lines(before);
   for (std::string line; std::getline(lines, line);) old[line.substr(0, line.find(' '))] = line;
   std::string out;
@@ -62,6 +90,7 @@ std::string differences(const std::string& before, const Settings& now, bool acc
     const std::string key = name, line = key + " " + text_of_value(value);
     if (old[key] == line || (key == "preset" && now.codec != "settle")) return;
     if (key == "capture_hash" && accept_changes) return;
+    if (key == "devices" && same_number(value_of(old[key]), now.devices)) return;
     out += out.empty() ? "" : "; ";
     if (key == "capture_hash") {
       out += "the capture is not as it was, and --accept-changes goes on all the same";
@@ -94,6 +123,8 @@ void check(const Settings& s) {
     fail("--adam is " + s.adam + "; it must be dense or sparse");
   if (!is_one_of(s.backend, {"auto", "cpu", "cuda"}))
     fail("--backend is " + s.backend + "; it must be auto, cpu or cuda");
+  if (!devices_of(s.devices).empty() && s.backend == "cpu")
+    fail("--devices is " + s.devices + "; --backend cpu uses no device");
   if (!(s.seconds >= 0 && s.seconds <= kMaxTime))
     fail("--time is " + number(s.seconds) + "; it must be at most " + number(kMaxTime));
   if (s.seconds > 0 && s.steps > 0) fail("--time and --steps exclude each other");
@@ -147,6 +178,11 @@ Settings resolved(const Settings& settings, const Capture& capture, uint32_t wid
   }
   if (s.exposure == "auto") s.exposure = videos >= kMinVideosForExposure ? "on" : "off";
   if (s.backend == "auto") s.backend = has_cuda_backend() ? "cuda" : "cpu";
+  if (s.backend == "cuda" && s.devices.empty()) s.devices = "0";
+  if (s.backend == "cpu" && !s.devices.empty()) {
+    throw Error(L4D_ERR_INVALID_ARGUMENT,
+                "--devices is " + s.devices + ", but there is no usable CUDA device");
+  }
   s.near = near_of(settings, capture);
   if (s.init == "auto" && !capture.points.empty()) s.init = "capture";
   return s;

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <string>
+#include <vector>
 
 #include "training/capture/capture.h"
 
@@ -29,6 +30,7 @@ struct Settings {
   std::string preset;                        // of the encoder; "" = no stream
   std::string adam = "dense";                // dense, sparse
   std::string backend = "auto";              // auto, cpu, cuda
+  std::string devices;                       // of cuda: "0,1"; "" = the first
   double drift = 2;                          // kappa
   double error_weight = 1;                   // beta
   double near = kAuto;                       // cameras see nothing nearer, in units of their radius
@@ -64,6 +66,7 @@ void for_each_setting(S& s, F&& f) {
   f("preset", s.preset);
   f("adam", s.adam);
   f("backend", s.backend);
+  f("devices", s.devices);
   f("drift", s.drift);
   f("error_weight", s.error_weight);
   f("near", s.near);
@@ -76,9 +79,12 @@ void for_each_setting(S& s, F&& f) {
 
 // One line "name value" for each: what checkpoints have.
 std::string text_of(const Settings& settings);
+// The numbers of Settings::devices, 1 to 8 of them; none where it is empty. Throws
+// io::Error(INVALID_ARGUMENT).
+std::vector<uint32_t> devices_of(const std::string& list);
 // What keeps a run from going on with other settings than those of `before`, a text as above; ""
-// where nothing does. The preset counts only where the training depends on it, and the capture_hash
-// unless accept_changes.
+// where nothing does. The preset counts only where the training depends on it, the capture_hash
+// unless accept_changes, and of the devices only how many there are.
 std::string differences(const std::string& before, const Settings& now, bool accept_changes);
 // Throws io::Error(INVALID_ARGUMENT) where a setting is out of range.
 void check(const Settings& settings);
