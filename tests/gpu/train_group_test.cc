@@ -3,6 +3,7 @@
 #include <limits>
 
 #include "tests/gpu/train_support.h"
+#include "tests/training/tiny_capture.h"
 #include "training/model/state_hash.h"
 #include "training/step/cuda_backend.h"
 
@@ -143,6 +144,32 @@ TEST(DeviceGroup, RepeatsAStepWhoseViewsDidNotFit) {
     EXPECT_NEAR(found.views[v].loss(0.2), e.views[v].loss(0.2), 1e-6);
   }
   EXPECT_LT(render::relative_distance(group->save().m.sh, one->save().m.sh), 1e-5);
+}
+
+// A whole run, interrupted and resumed.
+TEST(DeviceGroup, ResumesARunWithTheSameBits) {
+  L4D_SKIP_WITHOUT_DEVICE();
+  const test::Folder folder;
+  RunOptions options = test::tiny_run(folder / "whole", 120);
+  options.settings.backend = "cuda";
+  options.settings.devices = "0,0";
+  options.settings.views = 5;
+  test::Listener listener;
+  const RunReport report = train(options, &listener);
+  EXPECT_EQ(report.devices, std::vector<uint32_t>({0, 0}));
+  EXPECT_GT(report.stages[kExchange], 0);
+  const std::string whole = test::bytes_of(folder / "whole/scene.ply");
+  ASSERT_FALSE(whole.empty());
+
+  options.folder = folder / "parts";
+  test::Listener first(47);
+  EXPECT_THROW(train(options, &first), io::Error);
+  options.resume = true;
+  options.settings.devices = "0";
+  EXPECT_THROW(train(options, &listener), io::Error);
+  options.settings.devices = "0,0";
+  train(options, &listener);
+  EXPECT_TRUE(whole == test::bytes_of(folder / "parts/scene.ply"));
 }
 
 TEST(DeviceGroup, RefusesDevicesThatAreNotThere) {

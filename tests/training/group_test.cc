@@ -323,7 +323,7 @@ TEST_F(GroupTest, NoticesModelsThatComeApart) {
   group->load(start(), capture_.timeline());
   group->step(input(4));
   EXPECT_NO_THROW(group->save());
-  faulty->after_update = [&] { faulty->move_a_row(); };
+  faulty->move_a_row();
   group->step(input(4, 2));
   try {
     group->save();

@@ -3,6 +3,9 @@
 
 #include <xxhash.h>
 
+#include <algorithm>
+#include <string>
+
 namespace l4d::train {
 
 uint64_t hash_of(const ModelState& state) {
@@ -10,7 +13,9 @@ uint64_t hash_of(const ModelState& state) {
   uint64_t hash = state.count ^ static_cast<uint64_t>(state.next_id) << 32;
   for_each_column(
       [&](const std::string&, size_t numbers, const auto& column) {
-        hash = XXH3_64bits_withSeed(column.data(), rows * numbers * sizeof(column[0]), hash);
+        // A back end may leave out what it does not have.
+        const size_t count = std::min(column.size(), rows * numbers);
+        hash = XXH3_64bits_withSeed(column.data(), count * sizeof(column[0]), hash);
       },
       state);
   return hash;

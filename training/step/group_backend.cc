@@ -72,15 +72,11 @@ void GroupBackend::fail_apart(size_t member, const char* what) const {
 }
 
 ModelState GroupBackend::save() {
-  ModelState first;
-  std::vector<uint64_t> hashes(members_.size());
-  for_members([&](size_t k) {
-    ModelState state = members_[k]->save();
-    hashes[k] = hash_of(state);
-    if (k == 0) first = std::move(state);
-  });
-  for (size_t k = 1; k < hashes.size(); ++k) {
-    if (hashes[k] != hashes[0]) fail_apart(k, "the bits of Gaussians");
+  ModelState first = members_[0]->save();
+  const uint64_t hash = hash_of(first);
+  // One after the other, so that the host has two models at most.
+  for (size_t k = 1; k < members_.size(); ++k) {
+    if (hash_of(members_[k]->save()) != hash) fail_apart(k, "the bits of Gaussians");
   }
   return first;
 }
