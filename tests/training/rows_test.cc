@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numeric>
 
+#include "tests/training/tiny_capture.h"
 #include "training/density/gradient.h"
 #include "training/density/relocate_row.h"
 #include "training/init/start.h"
@@ -361,6 +362,20 @@ TEST(Random, PermutationsAreWhole) {
   std::vector<uint32_t> all(50);
   std::iota(all.begin(), all.end(), 0u);
   EXPECT_EQ(order, all);
+}
+
+// Few points stay, and random ones make up half of what is wanted; many points stay alone.
+TEST(Start, FillsUpFewPoints) {
+  const Capture capture = read_capture(test::tiny_capture(), {});
+  std::vector<Point> points(50);
+  for (size_t i = 0; i < points.size(); ++i) points[i].position[0] = static_cast<float>(i);
+  EXPECT_EQ(fill_up(capture, 2000, 3, &points), 950U);
+  ASSERT_EQ(points.size(), 1000U);
+  for (size_t i = 0; i < 50; ++i) EXPECT_EQ(points[i].position[0], static_cast<float>(i));
+  const std::vector<Point> random = random_points(capture, 950, 3);
+  EXPECT_EQ(points.back().position[1], random.back().position[1]);
+  EXPECT_EQ(fill_up(capture, 2000, 3, &points), 0U);
+  EXPECT_EQ(points.size(), 1000U);
 }
 
 TEST(Neighbours, AreTheNearest) {

@@ -122,6 +122,15 @@ std::vector<Point> random_points(const Capture& capture, uint64_t count, uint64_
   return points;
 }
 
+uint64_t fill_up(const Capture& capture, uint64_t count, uint64_t seed,
+                 std::vector<Point>* points) {
+  const uint64_t wanted = (count + 1) / 2;
+  if (points->size() >= wanted) return 0;
+  const std::vector<Point> random = random_points(capture, wanted - points->size(), seed);
+  points->insert(points->end(), random.begin(), random.end());
+  return random.size();
+}
+
 ModelState start_model(const Capture& capture, const std::vector<Point>& points,
                        const StartOptions& options) {
   const CaptureFrame frame = frame_of(capture);

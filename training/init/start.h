@@ -27,6 +27,10 @@ std::vector<Point> read_points(const std::string& path);
 // a third of the cameras see it, half in a shell of 0.9 to 1.5 of that radius; random colours.
 std::vector<Point> random_points(const Capture& capture, uint64_t count, uint64_t seed);
 
+// Adds random points where there are fewer than half of `count`, up to that, and returns their
+// number: the model grows by few percent in each round, and only around what it has.
+uint64_t fill_up(const Capture& capture, uint64_t count, uint64_t seed, std::vector<Point>* points);
+
 // Points that all views of an instant show with alpha above 1/2, of 16 instants. Empty if no image
 // has alpha.
 std::vector<Point> hull_points(const Capture& capture, const ImageLoader& loader,

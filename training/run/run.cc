@@ -248,6 +248,12 @@ class Run {
     start.seed = settings_.seed;
     store_->go_to(0);
     std::vector<Point> points = first_points(start.count);
+    const size_t found = points.size();
+    const uint64_t added = fill_up(capture_, start.count, settings_.seed, &points);
+    if (added > 0) {
+      say("There are only " + std::to_string(found) + " points to begin with; " +
+          std::to_string(added) + " random ones are added.");
+    }
     start.count = std::max<uint64_t>(start.count, points.size());
     trainer_->start(start_model(capture_, points, start));
   }
