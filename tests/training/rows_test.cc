@@ -7,6 +7,7 @@
 #include "tests/training/tiny_capture.h"
 #include "training/density/gradient.h"
 #include "training/density/relocate_row.h"
+#include "training/density/temporal_split.h"
 #include "training/init/start.h"
 #include "training/model/state.h"
 #include "training/step/adam_row.h"
@@ -263,6 +264,91 @@ TEST(Relocation, ChildrenMoveAlong) {
   // The mean of the samples is the parent, at any time; the spread is e^-3, and the lever 100
   // times.
   for (size_t c = 0; c < 3; ++c) EXPECT_NEAR(mean[c], 0, 0.005) << c;
+}
+
+// Rows that are pulled to and fro in time, and hard, become two halves of their lives; rows that
+// are pulled one way, or weakly, stay.
+TEST(TemporalSplit, HalvesTheLivesThatAreTorn) {
+  ModelState model = make_model(100, 130);
+  for (size_t i = 0; i < 100; ++i) {
+    model.value.rotor[8 * i + 4] = 0.3f;
+    // Lives that the sequence cuts, and short ones.
+    model.value.log_scale[4 * i + 3] = i < 50 ? 2.0f : -2.5f;
+    model.time_visits[i] = 120;
+    model.time_magnitude[i] = i % 10 == 3 ? 12.0f : 1.2f;
+    model.time_gradient[i] = i % 20 == 3 ? 11.0f : -0.5f;
+  }
+  model.time_visits[53] = 99;
+  const ModelState before = model;
+  accumulate_weights(rows_of<const float>(model.value), model.coverage.data(), model.error.data(),
+                     model.count, 1, &model.cumulative);
+  DensityArrays a{};
+  a.value = rows_of<float>(model.value);
+  a.m = rows_of<float>(model.m);
+  a.v = rows_of<float>(model.v);
+  a.updates = model.updates.data();
+  a.prepared = model.prepared.data();
+  a.born = model.born.data();
+  a.id = model.id.data();
+  a.last_shown = model.last_shown.data();
+  a.coverage = model.coverage.data();
+  a.error = model.error.data();
+  a.time_gradient = model.time_gradient.data();
+  a.time_magnitude = model.time_magnitude.data();
+  a.time_visits = model.time_visits.data();
+  a.cumulative = model.cumulative.data();
+  a.sampled = model.cumulative.size();
+  DensityStep s;
+  s.cycle = 1;
+  s.count = 100;
+  s.births = 4;
+  s.sh_degree = 1;
+  s.next_id = 100;
+  s.time_end = 4;
+  s.split_above = split_threshold(a, 100);
+  EXPECT_NEAR(s.split_above, 0.1f, 1e-6f);
+  EXPECT_EQ(change_density(s, a).split, 4U);  // rows 13, 33, 73 and 93: 53 was shown too rarely
+  const auto at = [&](const ModelState& m, size_t i, size_t c, double time) {
+    float p[3][4];
+    const Slice4D<float> slice =
+        slice_attributes<float>(m.value.rotor.data() + 8 * i, m.value.log_scale.data() + 4 * i, p);
+    const double t_ref = reference_time(static_cast<double>(m.value.mean_t[i]), 0.0, 4.0);
+    return static_cast<double>(m.value.position[3 * i + c]) +
+           static_cast<double>(slice.velocity[c]) * (time - t_ref);
+  };
+  const auto opacity = [&](const ModelState& m, size_t i, double time) {
+    float p[3][4];
+    const Slice4D<float> slice =
+        slice_attributes<float>(m.value.rotor.data() + 8 * i, m.value.log_scale.data() + 4 * i, p);
+    return static_cast<double>(sigmoid(m.value.opacity[i])) *
+           visible_falloff(static_cast<double>(slice.lambda),
+                           time - static_cast<double>(m.value.mean_t[i]));
+  };
+  size_t child = 100;
+  for (const size_t i : std::initializer_list<size_t>{13, 33, 73, 93}) {
+    EXPECT_EQ(model.id[child], child);
+    EXPECT_LT(model.value.mean_t[child], model.value.mean_t[i]);
+    EXPECT_EQ(model.value.opacity[child], before.value.opacity[i]);
+    // Both stay on the way of the row, and together they last as long as it does.
+    const double middle =
+        static_cast<double>(model.value.mean_t[child] + model.value.mean_t[i]) / 2;
+    for (size_t c = 0; c < 3; ++c) {
+      EXPECT_NEAR(at(model, child, c, middle), at(before, i, c, middle), 0.05) << i;
+      EXPECT_NEAR(at(model, i, c, middle), at(before, i, c, middle), 0.05) << i;
+    }
+    if (i < 50) {
+      for (const double time : {0.2, 1.0, 2.0, 3.0, 3.8}) {
+        const double one = opacity(model, child, time), two = opacity(model, i, time);
+        EXPECT_NEAR((1 - (1 - one) * (1 - two)) / opacity(before, i, time), 1, 0.35) << time;
+      }
+    }
+    ++child;
+  }
+  // What is not torn stays, and all that were judged begin anew.
+  EXPECT_EQ(model.value.mean_t[3], before.value.mean_t[3]);
+  EXPECT_EQ(model.value.mean_t[14], before.value.mean_t[14]);
+  EXPECT_EQ(model.time_visits[53], 99U);
+  EXPECT_EQ(model.time_visits[14], 0U);
 }
 
 // Rows that images pull are cloned or split, the faint go, the budget holds, and what was summed up

@@ -70,6 +70,37 @@ TEST(Training, ResumesWithTheSameBits) {
   EXPECT_TRUE(whole == test::bytes_of(folder / "parts/scene.ply"));
 }
 
+// Likewise where lives are split, from a checkpoint in the middle of what is summed up for that.
+TEST(Training, SplitsLivesWithTheSameBits) {
+  const Folder folder;
+  RunOptions options = tiny_run(folder / "off", 350);
+  // Half of the rows are free, for halves.
+  options.settings.gaussians = 400;
+  options.settings.init = folder / "points.ply";
+  std::ofstream(options.settings.init)
+      << "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\n"
+         "property float z\nend_header\n0 0 0\n";
+  Listener listener;
+  train(options, &listener);
+  options.folder = folder / "whole";
+  options.settings.temporal_split = "on";
+  train(options, &listener);
+  const std::string whole = test::bytes_of(folder / "whole/scene.ply");
+  EXPECT_FALSE(whole == test::bytes_of(folder / "off/scene.ply"));
+  options.folder = folder / "parts";
+  options.threads = 2;
+  Listener first(247);
+  EXPECT_THROW(train(options, &first), io::Error);
+  options.resume = true;
+  train(options, &listener);
+  EXPECT_TRUE(whole == test::bytes_of(folder / "parts/scene.ply"));
+  for (const auto& [key, value] : {std::make_pair("gradient", "on"), {"relocate", "maybe"}}) {
+    options.settings.density = key;
+    options.settings.temporal_split = value;
+    EXPECT_THROW(train(options, &listener), io::Error);
+  }
+}
+
 // A tenth of the rows goes five times, and none comes back; a run that is interrupted between two
 // of these times goes on with the same bits.
 TEST(Training, PrunesForTheCodec) {

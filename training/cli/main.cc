@@ -221,6 +221,10 @@ void add_lpips(CLI::App* verb, Arguments& a) {
 void add_method(CLI::App* verb, Arguments& a) {
   Settings& s = a.run.settings;
   verb->add_option("--density", s.density, "relocate, gradient, off")->capture_default_str();
+  verb->add_option("--temporal-split", s.temporal_split,
+                   "on, off: split Gaussians that instants pull to and fro in time; of --backend "
+                   "cpu")
+      ->capture_default_str();
   verb->add_option("--density-every", s.density_every,
                    "Steps between two changes of the density; all rows come up in 100 steps")
       ->capture_default_str();

@@ -119,7 +119,8 @@ Status DeviceModel::for_each_array(State& state, F&& f) {
   Status status;
   for_each_column(
       [&](const std::string& name, size_t numbers, auto& column) {
-        if (!status.ok() || name == "away") return;
+        // Devices do not split lives.
+        if (!status.ok() || name == "away" || name.rfind("time_", 0) == 0) return;
         cuda::DeviceMemory* memory = memory_of(name);
         if (memory == nullptr) {
           status = Status(L4D_ERR_INTERNAL, "rows have no array " + name + " on the device");
@@ -179,6 +180,7 @@ Status DeviceModel::save(ModelState* state, cudaStream_t stream) {
   L4D_RETURN_IF_ERROR(
       download(cumulative_, static_cast<size_t>(sampled), stream, &state->cumulative));
   L4D_RETURN_IF_CUDA_ERROR(cudaStreamSynchronize(stream));
+  state->split_above = 0;
   state->count = count;
   state->next_id = next_id;
   return {};

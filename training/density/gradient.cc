@@ -14,7 +14,7 @@ constexpr float kSplitLogScale = 0.47f;   // log 1.6: what halves are smaller by
 constexpr float kResetLogit = -4.59512f;  // of opacity 0.01
 
 DensityArrays arrays_of(ModelState* model) {
-  DensityArrays a{};
+  DensityArrays a{};  // no statistics of time, which this rule does not use
   a.value = rows_of<float>(model->value);
   a.m = rows_of<float>(model->m);
   a.v = rows_of<float>(model->v);

@@ -4,8 +4,29 @@
 #include <algorithm>
 
 #include "training/density/relocate_row.h"
+#include "training/density/temporal_split.h"
 
 namespace l4d::train {
+namespace {
+
+struct Child {
+  uint64_t target, row;
+};
+
+// The rows of the step's share that are torn, whose statistics begin anew then.
+std::vector<uint64_t> take_torn(const DensityStep& step, const DensityArrays& arrays) {
+  std::vector<uint64_t> torn;
+  if (!(step.split_above > 0)) return torn;
+  for (uint64_t i = 0; i < step.count; ++i) {
+    if (arrays.id[i] % step.cycle != step.turn || arrays.time_visits[i] < kSplitVisits) continue;
+    if (!is_dead(step, arrays, i) && is_torn(step, arrays, i)) torn.push_back(i);
+    arrays.time_gradient[i] = arrays.time_magnitude[i] = 0;
+    arrays.time_visits[i] = 0;
+  }
+  return torn;
+}
+
+}  // namespace
 
 void accumulate_weights(const Rows<const float>& value, const float* coverage, const float* error,
                         uint64_t count, float beta, std::vector<double>* cumulative) {
@@ -30,23 +51,27 @@ void accumulate_weights(const Rows<const float>& value, const float* coverage, c
 DensityChange change_density(const DensityStep& step, const DensityArrays& arrays) {
   DensityChange change;
   if (arrays.sampled == 0 || !(arrays.cumulative[arrays.sampled - 1] > 0)) return change;
-  struct Child {
-    uint64_t target, row;
+  std::vector<Child> children, halves;
+  const std::vector<uint64_t> torn = take_torn(step, arrays);
+  const auto find_parent = [&](uint32_t id, uint64_t row) {
+    if (halves.size() < torn.size()) {
+      halves.push_back({torn[halves.size()], row});
+      return true;
+    }
+    const uint64_t target = target_of(step, arrays, id);
+    if (target != kNoTarget) children.push_back({target, row});
+    return target != kNoTarget;
   };
-  std::vector<Child> children;
   for (uint64_t i = 0; i < step.count; ++i) {
     if (arrays.id[i] % step.cycle != step.turn || !is_dead(step, arrays, i)) continue;
-    const uint64_t target = target_of(step, arrays, arrays.id[i]);
-    if (target != kNoTarget) children.push_back({target, i});
+    if (find_parent(arrays.id[i], i)) ++change.relocated;
   }
-  change.relocated = children.size();
   for (uint64_t k = 0; k < step.births; ++k) {
     const uint32_t id = step.next_id + static_cast<uint32_t>(k);
-    const uint64_t target = target_of(step, arrays, id);
-    if (target == kNoTarget) continue;
-    const uint64_t row = step.count + change.born++;
+    const uint64_t row = step.count + change.born;
+    if (!find_parent(id, row)) continue;
     arrays.id[row] = id;
-    children.push_back({target, row});
+    ++change.born;
   }
   std::sort(children.begin(), children.end(), [](const Child& a, const Child& b) {
     return a.target != b.target ? a.target < b.target : a.row < b.row;
@@ -59,6 +84,8 @@ DensityChange change_density(const DensityStep& step, const DensityArrays& array
     shrink_target(step, arrays, target, copies);
     for (; k < end; ++k) place_child(step, arrays, target, children[k].row);
   }
+  for (const Child& half : halves) split_life(step, arrays, half.target, half.row);
+  change.split = halves.size();
   return change;
 }
 

@@ -31,6 +31,9 @@ struct DensityStep {
   uint32_t unseen_since = 0;
   // With this probability the temporal standard deviation of a child is half that of its parent.
   float halve = 0.5f;
+  // Rows that are pulled to and fro in time at least this much are split (temporal_split.h), before
+  // other rows get children. 0 = none.
+  float split_above = 0;
 };
 
 struct DensityArrays {
@@ -38,6 +41,10 @@ struct DensityArrays {
   uint32_t *updates, *prepared, *born, *id;  // [capacity], as in AdamArrays
   uint32_t* last_shown;                      // [capacity] the last step that showed the row
   float *coverage, *error;                   // [capacity] moving averages, see statistics.h
+  // [capacity] the sum of derivatives by the mean time, that of their magnitudes, and the steps
+  // that showed the row, since the row was made or judged; null where nothing is split.
+  float *time_gradient = nullptr, *time_magnitude = nullptr;
+  uint32_t* time_visits = nullptr;
   // [sampled] running sums of the weights by which targets are drawn, renewed every kCycle steps.
   const double* cumulative;
   uint64_t sampled;
@@ -46,6 +53,7 @@ struct DensityArrays {
 struct DensityChange {
   uint64_t relocated = 0;
   uint64_t born = 0;
+  uint64_t split = 0;  // in time, each of them with one of the rows above
 };
 DensityChange change_density(const DensityStep& step, const DensityArrays& arrays);
 

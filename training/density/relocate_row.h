@@ -88,6 +88,10 @@ L4D_HOST_DEVICE inline void reset_row(const DensityStep& s, const DensityArrays&
   clear(a.m.opacity, a.v.opacity, 1);
   clear(a.m.sh, a.v.sh, 3 * (s.sh_degree + 1) * (s.sh_degree + 1));
   a.updates[i] = 0;
+  if (a.time_visits != nullptr) {
+    a.time_gradient[i] = a.time_magnitude[i] = 0;
+    a.time_visits[i] = 0;
+  }
   a.prepared[i] = a.born[i] = a.last_shown[i] = static_cast<uint32_t>(s.step);
 }
 

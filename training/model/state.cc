@@ -55,6 +55,7 @@ ModelState ModelState::rows(const std::vector<size_t>& which) const {
   copy_rows(*this, which, nullptr, &out);
   out.count = which.size();
   out.next_id = next_id;
+  out.split_above = split_above;
   return out;
 }
 
@@ -72,6 +73,7 @@ ModelState merged(const ModelState& a, const ModelState& b, uint64_t capacity) {
   copy_rows(b, from_b, to_b.data(), &out);
   out.count = a.count + b.count;
   out.next_id = std::max(a.next_id, b.next_id);
+  out.split_above = std::max(a.split_above, b.split_above);
   return out;
 }
 
@@ -88,6 +90,7 @@ ModelState swap_rows(ModelState* model, const std::vector<uint8_t>& leaves,
   ModelState left = model->rows(go);
   ModelState after = merged(model->rows(stay), entering, model->capacity());
   after.next_id = model->next_id;
+  after.split_above = model->split_above;
   after.exposures = std::move(model->exposures);
   after.cumulative = std::move(model->cumulative);
   *model = std::move(after);

@@ -29,6 +29,11 @@ struct ModelState {
   std::vector<uint32_t> screen_views;
   // 0: the row is in the back end. Else 1 + the step after which it left (model/residence.h).
   std::vector<uint32_t> away;
+  // Of the rule that splits lives (density/temporal_split.h): sums since a row was made or judged,
+  // and the pull that rows must exceed; 0 without it.
+  std::vector<float> time_gradient, time_magnitude;
+  std::vector<uint32_t> time_visits;
+  float split_above = 0;
   std::vector<double> cumulative;   // of the draw of targets; as long as the model was then
   std::vector<Exposure> exposures;  // of cameras
   uint64_t count = 0;
@@ -71,6 +76,9 @@ void for_each_column(F&& f, First& first, States&... more) {
   f("error", size_t{1}, first.error, more.error...);
   f("screen_gradient", size_t{1}, first.screen_gradient, more.screen_gradient...);
   f("screen_views", size_t{1}, first.screen_views, more.screen_views...);
+  f("time_gradient", size_t{1}, first.time_gradient, more.time_gradient...);
+  f("time_magnitude", size_t{1}, first.time_magnitude, more.time_magnitude...);
+  f("time_visits", size_t{1}, first.time_visits, more.time_visits...);
   f("away", size_t{1}, first.away, more.away...);
 }
 

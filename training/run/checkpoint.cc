@@ -19,7 +19,7 @@ namespace {
 namespace fs = std::filesystem;
 using io::Error;
 
-constexpr char kMagic[9] = "L4DTRN03";
+constexpr char kMagic[9] = "L4DTRN04";
 constexpr const char* kPrefix = "checkpoint-";
 constexpr const char* kSuffix = ".l4dtrain";
 constexpr size_t kKept = 2;
@@ -126,6 +126,7 @@ std::vector<uint8_t> pack_checkpoint(const Checkpoint& c) {
         out.add(name, column.data(), static_cast<size_t>(model.count) * numbers);
       },
       model);
+  out.add("split_above", &model.split_above, 1);
   out.add("cumulative", model.cumulative.data(), model.cumulative.size());
   std::vector<double> exposures;
   for (const Exposure& e : model.exposures) {
@@ -175,6 +176,7 @@ Checkpoint unpack_checkpoint(const std::string& name, const std::vector<uint8_t>
         column = in.take<T>(array, static_cast<size_t>(count) * numbers);
       },
       model);
+  model.split_above = in.take<float>("split_above", 1)[0];
   model.cumulative = in.take<double>("cumulative");
   if (model.cumulative.size() > count) in.fail("there are more weights than rows");
   const std::vector<double> exposures = in.take<double>("exposures");

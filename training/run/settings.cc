@@ -111,6 +111,10 @@ void check(const Settings& s) {
     fail("--exposure is " + s.exposure + "; it must be auto, on or off");
   if (!is_one_of(s.density, {"relocate", "gradient", "off"}))
     fail("--density is " + s.density + "; it must be relocate, gradient or off");
+  if (!is_one_of(s.temporal_split, {"on", "off"}))
+    fail("--temporal-split is " + s.temporal_split + "; it must be on or off");
+  if (s.temporal_split == "on" && s.density != "relocate")
+    fail("--temporal-split on needs --density relocate");
   if (s.density_every == 0 || kCycle % s.density_every != 0) {
     fail("--density-every is " + std::to_string(s.density_every) + "; it must divide " +
          std::to_string(kCycle));
@@ -182,6 +186,9 @@ Settings resolved(const Settings& settings, const Capture& capture, uint32_t wid
   if (s.backend == "cpu" && !s.devices.empty()) {
     throw Error(L4D_ERR_INVALID_ARGUMENT,
                 "--devices is " + s.devices + ", but there is no usable CUDA device");
+  }
+  if (s.backend == "cuda" && s.temporal_split == "on") {
+    throw Error(L4D_ERR_INVALID_ARGUMENT, "--temporal-split on needs --backend cpu");
   }
   s.near = near_of(settings, capture);
   if (s.init == "auto" && !capture.points.empty()) s.init = "capture";

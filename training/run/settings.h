@@ -25,6 +25,7 @@ struct Settings {
   uint32_t sh_degree = 3;
   std::string exposure = "auto";             // auto, on, off
   std::string density = "relocate";          // relocate, gradient, off
+  std::string temporal_split = "off";        // on, off
   uint32_t density_every = 1;                // steps between two changes of the density
   std::string codec = "off";                 // off, prune, settle
   std::string preset;                        // of the encoder; "" = no stream
@@ -61,6 +62,7 @@ void for_each_setting(S& s, F&& f) {
   f("sh_degree", s.sh_degree);
   f("exposure", s.exposure);
   f("density", s.density);
+  f("temporal_split", s.temporal_split);
   f("density_every", s.density_every);
   f("codec", s.codec);
   f("preset", s.preset);

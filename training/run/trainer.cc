@@ -152,6 +152,7 @@ StepReport Trainer::advance() {
   input.adam = adam_step_at(schedule_, f, settings_.seed, step, 0);
   input.adam.sparse = settings_.adam == "sparse";
   if (settings_.density != "relocate") input.adam.noise = 0;
+  input.measure_time = settings_.temporal_split == "on" && f < kDensityEnd;
   input.measure_gradients = settings_.density == "gradient" && f < kGradientEnd;
   input.measure = step % kMeasureEvery == 0 && settings_.density != "off";
   if (has_alpha_) {

@@ -40,6 +40,9 @@ struct StepInput {
   bool measure = false;
   // Also add to `screen_gradient` and `screen_views` of the rows that the views show.
   bool measure_gradients = false;
+  // Also add to `time_gradient`, `time_magnitude` and `time_visits` of those rows. Of the CPU's
+  // back end alone.
+  bool measure_time = false;
 };
 
 // Seconds since the last call of Backend::take_seconds, by stage. kExchange: sums go from back end

@@ -7,6 +7,7 @@
 #include "libl4dcodec/base/threads.h"
 #include "libl4dcodec/scene/slice.h"
 #include "libl4dcodec/scene/timeline.h"
+#include "training/density/temporal_split.h"
 #include "training/model/buckets.h"
 #include "training/step/phased_backend.h"
 
@@ -166,7 +167,7 @@ class CpuBackend final : public PhasedBackend {
     step.sh_degree = state_.sh_degree();
     step.births = std::min(growth, state_.capacity() - state_.count);
     step.next_id = state_.next_id;
-    DensityArrays a;
+    DensityArrays a{};
     a.value = rows_of<float>(state_.value);
     a.m = rows_of<float>(state_.m);
     a.v = rows_of<float>(state_.v);
@@ -179,6 +180,8 @@ class CpuBackend final : public PhasedBackend {
     a.error = state_.error.data();
     a.cumulative = state_.cumulative.data();
     a.sampled = state_.cumulative.size();
+    add_time_statistics(&a);
+    step.split_above = state_.split_above;
     const DensityChange change = train::change_density(step, a);
     state_.count += change.born;
     state_.next_id += static_cast<uint32_t>(step.births);
@@ -196,6 +199,9 @@ class CpuBackend final : public PhasedBackend {
   void renew_weights(float beta) override {
     accumulate_weights(rows_of<const float>(state_.value), state_.coverage.data(),
                        state_.error.data(), state_.count, beta, &state_.cumulative);
+    DensityArrays a{};
+    add_time_statistics(&a);
+    state_.split_above = split_threshold(a, state_.count);
   }
 
   void keep(const std::vector<uint8_t>& mask) override { state_.keep(mask); }
@@ -227,6 +233,12 @@ class CpuBackend final : public PhasedBackend {
   template <typename Body>
   void for_rows(const Body& body) {
     parallel_for(threads_, static_cast<size_t>(state_.count), kRowGrain, body);
+  }
+
+  void add_time_statistics(DensityArrays* a) {
+    a->time_gradient = state_.time_gradient.data();
+    a->time_magnitude = state_.time_magnitude.data();
+    a->time_visits = state_.time_visits.data();
   }
 
   AdamArrays adam_arrays() {
@@ -397,11 +409,20 @@ class CpuBackend final : public PhasedBackend {
     });
   }
 
+  void note_time(size_t i) {
+    const float pull = gradient_.mean_t[i];
+    if (!std::isfinite(pull)) return;
+    state_.time_gradient[i] += pull;
+    state_.time_magnitude[i] += std::abs(pull);
+    ++state_.time_visits[i];
+  }
+
   void note_shown(const StepInput& input) {
     const float each = 1 / (kDcFactor * static_cast<float>(input.views.size()));
     for_rows([&](uint64_t begin, uint64_t end) {
       for (size_t i = begin; i < end; ++i) {
         if (shown_[i] != 0) state_.last_shown[i] = static_cast<uint32_t>(input.adam.step);
+        if (input.measure_time && shown_[i] != 0) note_time(i);
         if (input.measure_gradients) {
           state_.screen_gradient[i] += screen_gradient_[i];
           state_.screen_views[i] += screen_views_[i];
