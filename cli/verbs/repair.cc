@@ -110,9 +110,11 @@ Repaired copy_members(Context& context, const std::string& name, const MemberFil
     damaged["lost_gaussians"] = all - left;
     out.partial.push_back(damaged);
     ++out.num_partial;
-    context.note("member " + std::to_string(number) + " is kept without " +
-                 format_count(all - left) + " of its " + format_count(all) +
-                 " Gaussians, which are in damaged pages: " + why);
+    const std::string lost = left == all
+                                 ? "SH detail of damaged pages, which show base colours"
+                                 : format_count(all - left) + " of its " + format_count(all) +
+                                       " Gaussians, which are in damaged pages";
+    context.note("member " + std::to_string(number) + " is kept without " + lost + ": " + why);
   }
   if (out.num_incomplete > 0) {
     context.note(format_items(out.num_incomplete, "member") +
@@ -175,8 +177,8 @@ void add_repair(Registry& registry) {
       ->required();
   verb->footer(
       "For recordings that broke off, or that still grow: every member is kept, but for pages of\n"
-      "which bytes are wrong, and without those that it needs if nothing of these is right. The\n"
-      "input stays as it is.\n"
+      "which bytes are wrong, and without those that it needs if nothing of these is right. Pages\n"
+      "of which only SH detail is wrong are kept in base colours. The input stays as it is.\n"
       "Exit code: 0 where a member is kept, whatever is left out (`dropped`, `partial`,\n"
       "`incomplete` and `rest_bytes` of --json); 4 where nothing is right.");
 }

@@ -22,7 +22,7 @@ constexpr int kZstdLevel = 9;  // of directory pages, which are all that is comp
 
 class StreamCopy {
  public:
-  // tolerant: pages that are damaged are left out.
+  // tolerant: pages that are damaged are left out, and SH chunks are replaced.
   StreamCopy(const CopyRequest& request, const l4d_decoder_options& options, bool tolerant,
              const WriteFn& write)
       : request_(request),
@@ -126,7 +126,7 @@ class StreamCopy {
       const l4d_loss& loss = losses.query().front();
       return Status(loss.status, loss.clause, loss.offset, "no page is left");
     }
-    if (tolerant_) L4D_RETURN_IF_ERROR(drop_damaged(file(), &plan_));
+    if (tolerant_) L4D_RETURN_IF_ERROR(drop_damaged(file(), &plan_, &blanks_));
     header_.num_gaussians = plan_.num_gaussians;
     for (LayerHeader& layer : header_.layers) layer.num_gaussians = 0;
     for (const PageTask& task : plan_.tasks) {
@@ -182,6 +182,7 @@ class StreamCopy {
     };
     std::stable_sort(order.begin(), order.end(),
                      [&](size_t a, size_t b) { return place_of(a) < place_of(b); });
+    uint64_t made_bytes = 0;
     for (size_t begin = 0, end = 0; begin < order.size(); begin = end) {
       const PageTask& first = tasks[order[begin]];
       for (; end < order.size() && tasks[order[end]].layer == first.layer &&
@@ -193,6 +194,11 @@ class StreamCopy {
       }
       for (size_t i = begin; i < end; ++i) {
         PageRecord& record = tasks[order[i]].record;
+        const auto blank = blanks_.find(order[i]);
+        if (blank != blanks_.end()) {
+          made_bytes += blank->second.size();
+          made_.emplace(payload_.size(), std::move(blank->second));
+        }
         if (record.has_sh_detail()) place_piece(&record.sh_detail);
       }
     }
@@ -202,7 +208,7 @@ class StreamCopy {
       return Status(L4D_ERR_TRUNCATED, "CHNK-1", piece.offset,
                     "a page lies behind the end of the file");
     }
-    if (payload_bytes_ <= size) return {};
+    if (payload_bytes_ - made_bytes <= size) return {};
     return corrupt("CHNK-4", header_.payload_offset, "block codebooks share stored bytes");
   }
 
@@ -322,7 +328,10 @@ class StreamCopy {
       L4D_RETURN_IF_ERROR(put(table));
     }
     for (const PlacedPage& page : directory_) L4D_RETURN_IF_ERROR(put(page.bytes));
-    for (const ChunkRef& piece : payload_) L4D_RETURN_IF_ERROR(put_piece(piece));
+    for (size_t i = 0; i < payload_.size(); ++i) {
+      const auto made = made_.find(i);
+      L4D_RETURN_IF_ERROR(made == made_.end() ? put_piece(payload_[i]) : put(made->second));
+    }
     return {};
   }
 
@@ -360,6 +369,7 @@ class StreamCopy {
   std::vector<ChunkRef*> table_refs_;              // in header_, as tables_
   uint64_t payload_bytes_ = 0;
   Plan plan_;
+  std::map<size_t, Bytes> blanks_, made_;  // SH chunks by place in the plan, and in payload_
   std::map<BlockKey, BlockRecord> blocks_;
   std::vector<std::vector<PageTableEntry>> page_tables_;
   std::vector<PlacedPage> directory_;

@@ -5,6 +5,7 @@
 #include <map>
 #include <utility>
 
+#include "decoder/copy/blank_detail.h"
 #include "decoder/read/losses.h"
 #include "libl4dcodec/base/hash.h"
 
@@ -13,7 +14,8 @@ namespace {
 
 class DamageSearch {
  public:
-  DamageSearch(SceneFile& file, Plan& plan) : file_(file), plan_(plan) {}
+  DamageSearch(SceneFile& file, Plan& plan, std::map<size_t, Bytes>& blanks)
+      : file_(file), plan_(plan), blanks_(blanks) {}
 
   Status run() {
     std::vector<PageTask> kept;
@@ -21,12 +23,15 @@ class DamageSearch {
     uint64_t num_gaussians = 0;
     for (PageTask& task : plan_.tasks) {
       Status status;
+      Bytes blank;
       L4D_RETURN_IF_ERROR(check_page(task, &status));
+      if (status.ok()) L4D_RETURN_IF_ERROR(check_detail(&task, &blank, &status));
       if (!status.ok()) {
         if (first.ok()) first = status;
         continue;
       }
       num_gaussians += task.record.num_gaussians;
+      if (!blank.empty()) blanks_.emplace(kept.size(), std::move(blank));
       kept.push_back(std::move(task));
     }
     if (kept.empty() && !first.ok()) return first;
@@ -42,8 +47,26 @@ class DamageSearch {
     if (found->ok() && task.record.block != kNoBlock) {
       L4D_RETURN_IF_ERROR(check_block(task, found));
     }
-    L4D_RETURN_IF_ERROR(check(task.record.chunk, found));
-    return task.record.has_sh_detail() ? check(task.record.sh_detail, found) : Status();
+    return check(task.record.chunk, found);
+  }
+
+  // Of a page that is right but for its SH chunk. *blank: another one in its place.
+  Status check_detail(PageTask* task, Bytes* blank, Status* found) {
+    PageRecord& record = task->record;
+    if (!record.has_sh_detail()) return {};
+    L4D_RETURN_IF_ERROR(check(record.sh_detail, found));
+    if (found->ok()) return {};
+    const Status made = make_blank_detail(file_, *task, blank);
+    if (!made.ok() && !is_loss(made)) return made;
+    // A short file must not make a long one.
+    if (!made.ok() || blank->empty() || blank->size() / 2 > record.sh_detail.stored_bytes) {
+      blank->clear();
+      return {};
+    }
+    const auto size = static_cast<uint32_t>(blank->size());
+    record.sh_detail = {0, hash64(*blank), size, size, record.sh_detail.codec};
+    *found = Status();
+    return {};
   }
 
   Status check_layer(uint32_t index, Status* found) {
@@ -103,6 +126,7 @@ class DamageSearch {
 
   SceneFile& file_;
   Plan& plan_;
+  std::map<size_t, Bytes>& blanks_;
   std::map<uint32_t, Status> layers_;
   std::map<std::pair<std::pair<uint32_t, uint32_t>, uint32_t>, Status> blocks_;
   uint64_t read_ = 0;
@@ -110,7 +134,9 @@ class DamageSearch {
 
 }  // namespace
 
-Status drop_damaged(SceneFile& file, Plan* plan) { return DamageSearch(file, *plan).run(); }
+Status drop_damaged(SceneFile& file, Plan* plan, std::map<size_t, Bytes>* blanks) {
+  return DamageSearch(file, *plan, *blanks).run();
+}
 
 Status read_stored(SceneFile& file, const ChunkRef& chunk, MemoryCharge* charge, Bytes& storage,
                    ByteSpan* bytes) {

@@ -2,6 +2,8 @@
 // What a copy of a damaged stream leaves out.
 #pragma once
 
+#include <map>
+
 #include "decoder/read/plan.h"
 #include "libl4dcodec/container/scene_header.h"
 
@@ -16,11 +18,12 @@ void for_each_table(Coding& coding, const F& f) {
   if (coding.has_rcq) f(coding.rcq.codebook);
 }
 
-// Drops the pages that cannot be copied as they are: those of which a chunk, the codebooks of their
-// block or the tables of their layer are damaged or cannot be read. num_gaussians of the plan
-// counts the rest; its spans stay.
+// Drops the pages that cannot be copied: those of which a chunk, the codebooks of their block or
+// the tables of their layer are damaged or cannot be read. num_gaussians of the plan counts the
+// rest; its spans stay. Where the SH chunk alone is lost, `blanks` gets another one for the task
+// with this index, which the record describes, at offset 0. Its page is dropped if there is none.
 // Fails as the first of these does if no page is left.
-Status drop_damaged(SceneFile& file, Plan* plan);
+Status drop_damaged(SceneFile& file, Plan* plan, std::map<size_t, Bytes>* blanks);
 
 // Reads a chunk as it is stored and checks its hash. *bytes aliases the source or `storage`, which
 // `charge` counts.

@@ -140,7 +140,9 @@ L4D_API void l4d_member_parameters_init_(l4d_member_parameters* parameters, size
  * if the stream is of a later minor version (what it adds would be lost), IO, and as
  * l4d_decoder_open and l4d_decoder_select do. options may be NULL; only its limits and `tolerant`
  * count. With tolerant = 1, pages and directory pages that are damaged or cannot be read are left
- * out, and with them the Gaussians of such pages, also if only their SH detail is damaged. It fails
+ * out, and with them the Gaussians of such pages. If only the SH detail of a page is damaged, the
+ * copy has another SH chunk for it: its Gaussians show base colours, as near as the tables of the
+ * layer can say that. Of streams without base coefficients of SH, such pages are left out. It fails
  * all the same if no page is left, or if the headers or the tables of SH are damaged. */
 L4D_API l4d_status l4d_copy_member(const l4d_reader* stream, const l4d_decoder_options* options,
                                    const l4d_member_parameters* parameters,

@@ -219,6 +219,22 @@ done
 expect 0 repair short.l4d -o rest.l4d -f
 expect_text out '1 member kept, 1 of them in part'
 expect_text err 'kept without [0-9,]+ of its 4,000 Gaussians, which are in damaged pages: spec CHNK-1.* behind the end'
+# A page of which only SH detail is wrong keeps its Gaussians, which show base colours.
+l4d synth -q -n 12k --seconds 2 --seed 5 -o detail.ply
+expect 0 encode detail.ply -o detail.l4d
+cp detail.l4d hurt.l4d
+printf '\x55\xaa' | dd of=hurt.l4d bs=1 seek=$(($(wc -c < detail.l4d) - 500)) conv=notrunc 2> /dev/null
+expect_document 0 slice hurt.l4d --time 1 --tolerant --digest
+expect_json out '[l["detail_only"] for l in d["losses"]] == [True]'
+geometry='[a["digest"] for a in d["frames"][0]["digests"]["arrays"] if a["name"] != "sh"]'
+shown=$(json out "$geometry")
+expect 0 repair hurt.l4d -o rest.l4d -f
+expect_text err 'member 0 is kept without SH detail of damaged pages, which show base colours: spec CHNK-2'
+expect_document 0 repair hurt.l4d -o rest.l4d -f
+expect_json out 'd["partial"][0]["lost_gaussians"] == 0 and d["partial"][0]["num_gaussians"] == 12000'
+expect_document 0 validate rest.l4d
+expect_document 0 slice rest.l4d --time 1 --digest
+expect_equal "$(json out "$geometry")" "$shown"
 # Where only the standing member is whole, commands say so.
 head -c $((bytes + 100)) six.l4d > standing.l4d
 expect_document 0 slice standing.l4d --time 1 --digest

@@ -236,4 +236,27 @@ l4d_status strict_failure(const Bytes& bytes, const std::string& clause) {
   return L4D_OK;
 }
 
+l4d_writer writer_to(Bytes* out) {
+  l4d_writer writer;
+  l4d_writer_init(&writer);
+  writer.user = out;
+  writer.write = [](void* user, const void* src, size_t n) {
+    const auto* bytes = static_cast<const unsigned char*>(src);
+    auto& to = *static_cast<Bytes*>(user);
+    to.insert(to.end(), bytes, bytes + n);
+    return 0;
+  };
+  return writer;
+}
+
+l4d_status copy_rest(const Bytes& stream, Bytes* out) {
+  l4d_decoder_options options = decoder_options(L4D_BACKEND_AUTO, 1);
+  options.tolerant = 1;
+  l4d_member_parameters p;
+  l4d_member_parameters_init(&p);
+  const l4d_reader reader = memory_reader(stream);
+  const l4d_writer writer = writer_to(out);
+  return l4d_copy_member(&reader, &options, &p, &writer, nullptr);
+}
+
 }  // namespace l4d::test

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "l4d/members.h"
 #include "tests/common/codec.h"
 #include "tests/common/stream_editor.h"
 
@@ -59,6 +60,9 @@ GaussianArrays without(const GaussianArrays& all, const Anatomy& anatomy,
                        const std::vector<size_t>& lost);
 std::vector<l4d_loss> losses_of(const DecoderHandle& decoder);
 l4d_counters counters_of(const DecoderHandle& decoder);
+l4d_writer writer_to(Bytes* out);  // appends
+// A tolerant copy.
+l4d_status copy_rest(const Bytes& stream, Bytes* out);
 // Status of a strict decode of everything, whose detail must name the clause.
 l4d_status strict_failure(const Bytes& bytes, const std::string& clause);
 

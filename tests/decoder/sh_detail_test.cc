@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 
 #include "libl4dcodec/quant/codebook.h"
 #include "tests/common/codec.h"
@@ -313,6 +314,80 @@ TEST(ShDetail, DamageIsRefusedWhereItIsWanted) {
   EXPECT_EQ(found[0].clause, "CHNK-2");
   EXPECT_EQ(found[0].offset, damaged.pages[2].sh_detail.offset);
   EXPECT_TRUE(validate(split_file()).empty());
+}
+
+Bytes tolerant_copy(const Bytes& stream) {
+  Bytes out;
+  EXPECT_EQ(copy_rest(stream, &out), L4D_OK) << l4d_last_error_message();
+  return out;
+}
+
+// Every `step`th page without its SH chunk.
+Bytes without_detail(const Bytes& whole, size_t step) {
+  Bytes hurt = whole;
+  const std::vector<PageRecord> pages = page_records(whole);
+  EXPECT_GT(pages.size(), 2 * step);
+  for (size_t page = 0; page < pages.size(); page += step) {
+    hurt[static_cast<size_t>(pages[page].sh_detail.offset) + 5] ^= 0x40;
+  }
+  return hurt;
+}
+
+double squared_difference(const std::vector<float>& a, const std::vector<float>& b) {
+  double sum = 0;
+  for (size_t i = 0; i < a.size(); ++i) sum += std::pow(double{a[i]} - double{b[i]}, 2);
+  return sum;
+}
+
+// spec: DEC-7
+TEST(ShDetail, ATolerantCopyHasTheBaseForWhatIsLost) {
+  for (const unsigned base : {1u, 3u, coefficients(plain_file()) - 1}) {
+    // A Gaussian in three has no detail, so that tables have a code for that.
+    const Bytes whole = with_sh_detail(plain_file(), base, [base](PageColumns& columns) {
+      ComponentColumns& sh = columns.component[L4D_COMPONENT_SH];
+      for (size_t k = base; k < sh.coefficient.size(); ++k) {
+        for (size_t i = 0; i < sh.coefficient[k].size(); i += 3) sh.coefficient[k][i] = 0;
+      }
+    });
+    for (const size_t step : {size_t{1}, size_t{3}}) {
+      const Bytes hurt = without_detail(whole, step);
+      const Bytes copy = tolerant_copy(hurt);
+      EXPECT_TRUE(validate(copy).empty());
+      GaussianArrays shown = decode_rest(tolerant_decoder(hurt), all_query());
+      GaussianArrays copied = decode(copy, all_query());
+      const GaussianArrays before = decode(whole, all_query());
+      ASSERT_EQ(copied.count(), shown.count());
+      const double lost = squared_difference(before.sh, shown.sh);
+      EXPECT_LE(squared_difference(copied.sh, shown.sh), 0.01 * lost) << base;
+      copied.sh = shown.sh;
+      EXPECT_TRUE(same_bits(copied, shown));
+    }
+  }
+}
+
+// Where tables have a code for 0, it is the base to the bit.
+TEST(ShDetail, ATolerantCopyOfZerosHasTheBaseToTheBit) {
+  const Bytes whole = with_sh_detail(plain_file(), 3, [](PageColumns& columns) {
+    ComponentColumns& sh = columns.component[L4D_COMPONENT_SH];
+    for (size_t k = 3; k < sh.coefficient.size(); ++k) {
+      std::fill(sh.coefficient[k].begin(), sh.coefficient[k].end(), int16_t{0});
+    }
+  });
+  const Bytes hurt = without_detail(whole, 1), copy = tolerant_copy(hurt);
+  const GaussianArrays copied = decode(copy, all_query());
+  EXPECT_TRUE(same_bits(copied, decode_rest(tolerant_decoder(hurt), all_query())));
+  // The chunks are those that were lost.
+  EXPECT_EQ(copy, tolerant_copy(whole));
+}
+
+// Without a base the SH chunk has more than coefficients: its page is left out.
+TEST(ShDetail, ATolerantCopyLeavesOutPagesThatLackAllOfSh) {
+  for (const Bytes& file : {plain_file(), plain_codebook_file()}) {
+    const Bytes whole = with_sh_detail(file, 0);
+    const Bytes copy = tolerant_copy(without_detail(whole, 2));
+    EXPECT_TRUE(validate(copy).empty());
+    EXPECT_EQ(page_records(copy).size(), page_records(whole).size() / 2);
+  }
 }
 
 // spec: DEC-4
