@@ -182,6 +182,30 @@ void Lpips::check_size(uint32_t width, uint32_t height) const {
                                             " x " + std::to_string(height));
 }
 
+uint64_t Lpips::memory(uint32_t width) const {
+  // Of both images: the rows of each window, the row that a stage makes, and for a convolution what
+  // its weights multiply.
+  uint64_t floats = 2 * kColours * width, side = width, channels = kColours;
+  const auto add = [&](uint64_t rows, uint64_t padding, uint64_t out_channels, uint64_t out_width,
+                       uint64_t taps) {
+    floats += 2 * (rows * channels * (side + 2 * padding) + out_channels * out_width +
+                   taps * channels * out_width);
+    channels = out_channels;
+    side = out_width;
+  };
+  for (const LpipsLayer& layer : network_.layers) {
+    if (layer.pool > 0) {
+      add(layer.pool, 0, channels,
+          window_positions(static_cast<size_t>(side), layer.pool, kPoolStride, 0), 0);
+    }
+    const size_t out =
+        window_positions(static_cast<size_t>(side), layer.side, layer.stride, layer.padding);
+    add(layer.side, layer.padding, layer.out, out, uint64_t{layer.side} * layer.side);
+    floats += 4 * out;  // lengths of features, as doubles
+  }
+  return floats * sizeof(float);
+}
+
 double Lpips::distance(const io::Image& a, const io::Image& b, uint32_t threads) const {
   if (!a.same_size(b)) throw Error(L4D_ERR_INVALID_ARGUMENT, "the images differ in size");
   check_size(a.width, a.height);

@@ -46,6 +46,8 @@ class Lpips {
   // Throws io::Error(L4D_ERR_INVALID_ARGUMENT) if images of this size have no pixel left in the
   // last layer.
   void check_size(uint32_t width, uint32_t height) const;
+  // Returns the bytes that distance() holds for images of this width, whatever their height.
+  uint64_t memory(uint32_t width) const;
   // Returns the distance of two images of one size; 0 for equal images. Values are clamped to [0,
   // 1] first; NaN is 0. The result is the same for any number of threads; 0 = one per core. Throws
   // as check_size(), and if sizes differ.

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include "training/run/memory.h"
 #include "training/run/report.h"
 
 namespace l4d::train {
@@ -62,6 +63,37 @@ TEST(Settings, TheNumberOfDevicesStays) {
   s.devices = "0,1,2";
   EXPECT_EQ(differences(before, s, false),
             "it has \"devices 0,1\", and now it is \"devices 0,1,2\"");
+}
+
+// Images make way for the limit, down to what a training needs of them; nothing else does.
+TEST(Memory, ImagesMakeWay) {
+  MemoryNeed need;
+  need.images = 800;
+  need.least_images = 300;
+  need.model = 500;
+  need.rendering = 100;
+  EXPECT_EQ(images_within(0, need, true), 800U);
+  EXPECT_EQ(images_within(1400, need, false), 800U);
+  EXPECT_EQ(images_within(1399, need, true), 799U);
+  EXPECT_EQ(images_within(900, need, true), 300U);
+  for (const bool may_shrink : {true, false}) {
+    try {
+      images_within(may_shrink ? 899 : 1399, need, may_shrink);
+      ADD_FAILURE() << may_shrink;
+    } catch (const io::Error& error) {
+      EXPECT_EQ(error.status(), L4D_ERR_LIMIT_EXCEEDED);
+    }
+  }
+}
+
+// What rows of both images take, in the smallest network by hand: one convolution of 3 x 3.
+TEST(Memory, CountsTheRowsOfLpips) {
+  eval::LpipsNetwork network{"tiny", {{0, 3, 4, 3, 1, 1}}};
+  eval::LpipsWeights weights{{std::vector<float>(108)}, {std::vector<float>(4)}, {{1, 1, 1, 1}}};
+  const eval::Lpips lpips(network, weights);
+  // Scaled rows; three lines of three channels, padded; the result; its columns; lengths.
+  const uint64_t floats = 2 * 3 * 10 + 2 * (3 * 3 * 12 + 4 * 10 + 9 * 3 * 10) + 4 * 10;
+  EXPECT_EQ(lpips.memory(10), 4 * floats);
 }
 
 }  // namespace

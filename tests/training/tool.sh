@@ -142,6 +142,7 @@ for _ in $(seq 200); do
   sleep 0.02
 done
 cp -r late late_kept
+cp -r late long_capture
 for image in late/images/*/*.png; do printf 'no image' >"$image"; done
 status=0
 wait "$pid" || status=$?
@@ -282,6 +283,17 @@ expect 2 "--time is 1e[+]30; it must be at most" train "${options[@]}" -o x --ti
 expect 2 "--fps is 1e-30; it must be 0.001 to" inspect capture --fps 1e-30
 expect 2 "--seconds is 1e[+]30; it must be 0.001 to" inspect capture --seconds 1e30
 "$python" -B "$tests/training/hostile_options.py" "$train" capture whole truth.ply || die "options out of range"
+
+# A limit of memory: what it is for is named before anything is written, and images make way.
+expect 6 "needs .*, and --limit-memory is 1.0 MB: Gaussians .* rendering .* images .* scores" \
+  train "${options[@]}" -o x --steps 10 --limit-memory 1M
+expect 6 "the network of --lpips needs" train "${options[@]}" -o x --steps 10 --limit-memory 100k --lpips alex.safetensors
+expect 2 "--limit-memory must be positive" train "${options[@]}" -o x --steps 10 --limit-memory 0
+[ ! -e x ] || die "a training that was refused for its memory left a folder"
+tight=(long_capture --gaussians 300 --sh-degree 0 --views 2 --init frustum --exposure off --threads 1 --steps 40 --limit-memory 2600k -q)
+expect 0 "Gaussians" train "${tight[@]}" -o limited
+grep -q '"host_memory": [0-9]\{6\},' limited/settings.json || die "images did not make way for the limit"
+expect 6 "needs 2[.]8 MB" train "${tight[@]}" -o x --host-memory 8G
 
 # Output that is not taken: a status, a message, and nothing that was there is lost.
 for verb in "inspect capture --json" "eval whole -q --json" "train --help"; do

@@ -177,7 +177,7 @@ std::string describe(const RunReport& r) {
 
 struct Arguments {
   RunOptions run;
-  std::string host_memory = "8G", near = "auto", opacity_weight = "auto";
+  std::string limit_memory, host_memory = "8G", near = "auto", opacity_weight = "auto";
   std::string sheet;
   std::string folder;  // of a run that is evaluated, or for a capture that is rendered
   std::string scene;   // that a capture is rendered of
@@ -287,8 +287,11 @@ void add_train(CLI::App& app, Arguments& a) {
   verb->add_option("--exposure", s.exposure, "Colours of cameras: auto (on from 8 videos), on, off")
       ->capture_default_str();
   add_method(verb, a);
-  verb->add_option("--host-memory", a.host_memory, "Bytes of images in memory: 500M, 8G")
+  verb->add_option("--host-memory", a.host_memory,
+                   "Bytes of images in memory: 500M, 8G; with --limit-memory, fewer if need be")
       ->capture_default_str();
+  verb->add_option("--limit-memory", a.limit_memory,
+                   "Bytes that the training may take, as 4G; one that needs more is refused");
   verb->add_option("--seed", s.seed, "Of all random numbers")
       ->check(whole_number)
       ->capture_default_str();
@@ -354,6 +357,8 @@ int written(int code) {
   std::cout.flush();
   const bool is_whole = std::fflush(stdout) == 0 && std::ferror(stdout) == 0 && std::cout.good();
   if (is_whole) return code;
+  // What failed before left no reason behind: the next byte fails for the same one.
+  if (errno == 0 && std::fputc('\n', stdout) != EOF) std::fflush(stdout);
   const std::string why = errno != 0 ? std::string(": ") + std::strerror(errno) : "";
   return report_failure(kExitIo, "cannot write to the standard output" + why);
 }
@@ -370,6 +375,11 @@ int run_verb(const CLI::App& app, Arguments& a) {
   RunReport report;
   if (app.got_subcommand("train")) {
     a.run.settings.host_memory = bytes_of("--host-memory", a.host_memory);
+    a.run.may_shrink_images = app.get_subcommand("train")->count("--host-memory") == 0;
+    if (!a.limit_memory.empty()) a.run.limit_memory = bytes_of("--limit-memory", a.limit_memory);
+    if (!a.limit_memory.empty() && a.run.limit_memory == 0) {
+      throw io::Error(L4D_ERR_INVALID_ARGUMENT, "--limit-memory must be positive");
+    }
     if (a.near != "auto") a.run.settings.near = number_of("--near", a.near);
     if (a.opacity_weight != "auto") {
       a.run.settings.opacity_weight = number_of("--opacity-weight", a.opacity_weight);

@@ -29,6 +29,7 @@ io::Image image_of(const Pixels& pixels, const float* background /* [3] */);
 // From images of a distorted camera to those of the pinhole camera of the same numbers.
 class Undistortion {
  public:
+  static constexpr uint64_t kBytes = 9;  // that it holds for a pixel
   Undistortion(const l4d_camera& camera, const io::Distortion& distortion);
   io::Image apply(const io::Image& image) const;
   // [height, width]: 0 where the pinhole camera sees what the distorted image does not show.

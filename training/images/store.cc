@@ -230,7 +230,7 @@ std::unique_ptr<ImageStore> make_image_store(
     for (size_t i = k; i < std::min<size_t>(k + options.window, instants.size()); ++i) {
       for (const uint32_t view : instants[i].views) {
         const l4d_camera& camera = loader.camera_of(view);
-        window += uint64_t{4} * camera.width * camera.height;
+        window += kImageBytes * camera.width * camera.height;
       }
     }
     total += window;
@@ -240,10 +240,10 @@ std::unique_ptr<ImageStore> make_image_store(
     return std::make_unique<HostStore>(loader, instants, options, progress);
   }
   const uint64_t fit = largest == 0 ? 0 : options.memory / largest;
-  if (fit < 3) {
+  if (fit < kLeastWindows) {
     throw Error(L4D_ERR_LIMIT_EXCEEDED,
                 "the images of three windows of " + std::to_string(options.window) +
-                    " frames take " + std::to_string(3 * largest) +
+                    " frames take " + std::to_string(kLeastWindows * largest) +
                     " bytes, and --host-memory is " + std::to_string(options.memory));
   }
   return std::make_unique<Reservoir>(loader, instants, options, static_cast<uint32_t>(fit - 1));

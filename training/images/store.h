@@ -36,6 +36,9 @@ class ImageStore {
   virtual double seconds_waited() const = 0;  // for images
 };
 
+constexpr uint64_t kImageBytes = 4;    // that a pixel counts as
+constexpr uint64_t kLeastWindows = 3;  // with which a reservoir works
+
 struct StoreOptions {
   uint64_t memory = uint64_t{8} << 30;  // bytes of images
   uint32_t threads = 0;                 // that read images; 0 = one per core

@@ -15,6 +15,7 @@
 #include "training/run/checkpoint.h"
 #include "training/run/events.h"
 #include "training/run/folder.h"
+#include "training/run/memory.h"
 #include "training/run/output.h"
 #include "training/run/report.h"
 #include "training/step/cuda_backend.h"
@@ -104,10 +105,11 @@ class Run {
     if (options_.settings.codec == "settle" && options_.preset.empty()) {
       throw Error(L4D_ERR_INVALID_ARGUMENT, "--codec settle needs --encode PRESET");
     }
-    lpips_ = read_lpips(options_.lpips);
+    read_network();
     check_folder();
     observer_->update(0, 0, "reading the capture");
     capture_ = read_capture(options_.settings.capture, options_.settings.reading);
+    fit_memory();
     loader_ = std::make_unique<ImageLoader>(capture_, options_.settings.scale,
                                             near_of(options_.settings, capture_));
     check_scale();
@@ -116,6 +118,7 @@ class Run {
     open_folder();
     const l4d_camera& camera = loader_->camera(0);
     settings_ = resolved(options_.settings, capture_, camera.width, camera.height);
+    settings_.host_memory = image_memory_;
     settings_.preset = options_.preset;
     settings_.capture = absolute(settings_.capture);
     settings_.capture_hash = hash_of(capture_);
@@ -123,7 +126,7 @@ class Run {
     if (fs::is_regular_file(settings_.init, error)) settings_.init = absolute(settings_.init);
     read_images();
     backend_ = settings_.backend == "cuda" ? make_cuda_group(devices_of(settings_.devices))
-                                           : make_cpu_backend(options_.threads);
+                                           : make_cpu_backend(options_.threads, renderer_memory_);
     trainer_ = std::make_unique<Trainer>(settings_, capture_, *loader_, instants_, store_.get(),
                                          backend_.get(), options_.threads);
     settings_.opacity_weight = opacity_weight_of(settings_, trainer_->has_alpha());
@@ -140,6 +143,36 @@ class Run {
   void say(const std::string& note) {
     notes_.push_back(note);
     observer_->note(note);
+  }
+
+  // As it is stored, and as it is used.
+  void read_network() {
+    std::error_code error;
+    if (!options_.lpips.empty()) lpips_bytes_ = fs::file_size(options_.lpips, error);
+    if (error) lpips_bytes_ = 0;  // reading it says why
+    if (options_.limit_memory > 0 && 2 * lpips_bytes_ > options_.limit_memory) {
+      throw Error(L4D_ERR_LIMIT_EXCEEDED, options_.lpips + ": the network of --lpips needs " +
+                                              std::to_string(2 * lpips_bytes_) +
+                                              " bytes, and --limit-memory is " +
+                                              std::to_string(options_.limit_memory));
+    }
+    lpips_ = read_lpips(options_.lpips);
+  }
+
+  // Before anything large is allocated. A run that goes on keeps its images, which decide its bits.
+  void fit_memory() {
+    const uint64_t limit = options_.limit_memory;
+    const l4d_camera camera =
+        scaled_camera(capture_.cameras[0].source.camera, options_.settings.scale);
+    const Settings planned = resolved(options_.settings, capture_, camera.width, camera.height);
+    MemoryNeed need = memory_need(planned, capture_, options_.threads, lpips_.get(), lpips_bytes_);
+    const bool may_shrink = options_.may_shrink_images && !options_.resume;
+    image_memory_ = planned.host_memory;
+    const uint64_t images = images_within(limit, need, may_shrink);
+    if (images < need.images) image_memory_ = images;
+    need.images = images;
+    // Renderers get what is left, and keep to it.
+    if (limit > 0) renderer_memory_ = (need.rendering + limit - need.total()) / planned.views;
   }
 
   // Images that were small before they are scaled are as the user has them.
@@ -539,6 +572,7 @@ class Run {
   std::unique_ptr<EventFile> events_;
   CheckpointWriter writer_{folder_};
   Clock::time_point last_checkpoint_, last_preview_;
+  uint64_t lpips_bytes_ = 0, image_memory_ = 0, renderer_memory_ = 0;
   int milestone_ = 0;                     // tenths of the training that have been scored
   std::array<double, kStages> stages_{};  // ms of `timed_steps_` steps
   uint64_t timed_steps_ = 0;

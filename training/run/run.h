@@ -19,6 +19,8 @@ struct RunOptions {
   bool resume = false;
   bool accept_changes = false;  // resumes also where the capture is not as it was
   bool force = false;           // replaces a run that is there
+  uint64_t limit_memory = 0;      // bytes of the whole process; 0 = none. See docs/training.md
+  bool may_shrink_images = true;  // to keep to it, Settings::host_memory may become less
   uint32_t threads = 0;
   double checkpoint_seconds = 300;
   double preview_seconds = 10;

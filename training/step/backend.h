@@ -101,6 +101,8 @@ class Backend {
 };
 
 // The back end of l4d_renderer. threads: 0 = one per core; never changes the result.
-std::unique_ptr<Backend> make_cpu_backend(uint32_t threads);
+// renderer_memory: bytes that each of the renderers may hold, of which there is one for each view
+// of a step; 0 = as the renderer has it.
+std::unique_ptr<Backend> make_cpu_backend(uint32_t threads, uint64_t renderer_memory = 0);
 
 }  // namespace l4d::train

@@ -64,7 +64,8 @@ l4d_gradients gradients_of(AttributeArrays* arrays, uint64_t count) {
 
 class CpuBackend final : public PhasedBackend {
  public:
-  explicit CpuBackend(uint32_t threads) : threads_(resolve_threads(static_cast<int>(threads))) {}
+  CpuBackend(uint32_t threads, uint64_t renderer_memory)
+      : threads_(resolve_threads(static_cast<int>(threads))), renderer_memory_(renderer_memory) {}
 
   void load(ModelState state, const l4d_timeline& timeline) override {
     state_ = std::move(state);
@@ -261,6 +262,7 @@ class CpuBackend final : public PhasedBackend {
       l4d_renderer_options_init(&options);
       const int share = threads_ / static_cast<int>(std::max<size_t>(views, 1));
       options.threads = static_cast<uint32_t>(std::max(1, share));
+      options.max_memory_bytes = renderer_memory_;
       slots_.push_back(std::make_unique<Slot>(options));
     }
   }
@@ -446,6 +448,7 @@ class CpuBackend final : public PhasedBackend {
   }
 
   int threads_;
+  uint64_t renderer_memory_;
   l4d_timeline timeline_{};
   ModelState state_;
   // Sums of a step over its views; those behind `shown_` only of one that measures.
@@ -488,11 +491,11 @@ BackendMemory CpuBackend::memory() const {
 }  // namespace
 
 std::unique_ptr<PhasedBackend> make_phased_cpu_backend(uint32_t threads) {
-  return std::make_unique<CpuBackend>(threads);
+  return std::make_unique<CpuBackend>(threads, 0);
 }
 
-std::unique_ptr<Backend> make_cpu_backend(uint32_t threads) {
-  return make_phased_cpu_backend(threads);
+std::unique_ptr<Backend> make_cpu_backend(uint32_t threads, uint64_t renderer_memory) {
+  return std::make_unique<CpuBackend>(threads, renderer_memory);
 }
 
 }  // namespace l4d::train
