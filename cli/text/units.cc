@@ -160,7 +160,8 @@ std::string format_number(double value) {
 }
 
 std::string format_time(double seconds) {
-  return std::fabs(seconds) < 1000 ? format_number(seconds) : format("%.3f", seconds);
+  const double size = std::fabs(seconds);
+  return size < 1000 || size >= 1e12 ? format_number(seconds) : format("%.3f", seconds);
 }
 
 std::string wrap(const std::string& text, size_t indent) {

@@ -33,7 +33,8 @@ std::string format_error(double value);
 std::string format_seconds(double seconds);
 // As few digits as tell the value apart for a person: "29.97", "5", "0.008333".
 std::string format_number(double value);
-// A time of the scene's clock: to the millisecond however large, as seconds since 1970 are.
+// A time of the scene's clock: to the millisecond, as seconds since 1970 are; from 10^12 s on in
+// six digits.
 std::string format_time(double seconds);
 // `text` in lines of at most 100 columns that begin at column `indent`; the first is not indented.
 std::string wrap(const std::string& text, size_t indent);

@@ -132,6 +132,10 @@ expect 0 synth -n 10 --seed 010 -o ten.ply
 ! cmp -s eight.ply ten.ply || die "010 is taken for eight"
 expect 0 decode s.l4d -o t.ply --time=-1
 expect_text err 'lies outside the sequence'
+expect 0 slice s.l4d -o t.ply -f --time 1e300
+expect_text err '--time 1e[+]300 lies outside'
+expect 0 slice s.l4d -o t.ply -f --time 1700000000.125
+expect_text err '--time 1700000000.125 lies outside'
 
 # A scene of no Gaussian is no scene, for every command; nor is a file of nothing.
 "$PYTHON" -c 'import re, sys
