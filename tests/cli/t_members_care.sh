@@ -219,6 +219,9 @@ done
 expect 0 repair short.l4d -o rest.l4d -f
 expect_text out '1 member kept, 1 of them in part'
 expect_text err 'kept without [0-9,]+ of its 4,000 Gaussians, which are in damaged pages: spec CHNK-1.* behind the end'
+# What goes to a device is counted too.
+expect_document 0 cut one.l4d --from 1 --to 2 -o /dev/null
+expect_json out 'd["file_bytes"] > 1000'
 # A page of which only SH detail is wrong keeps its Gaussians, which show base colours.
 l4d synth -q -n 12k --seconds 2 --seed 5 -o detail.ply
 expect 0 encode detail.ply -o detail.l4d
