@@ -7,14 +7,15 @@
 #include <cstring>
 
 #include "tests/gpu/live_support.h"
+#include "tests/training/long_capture.h"
 #include "training/model/buckets.h"
 #include "training/step/cuda_backend.h"
 
 namespace l4d::train {
 namespace {
 
-using test::has_device;
-using test::Random;
+using ::l4d::test::has_device;
+using ::l4d::test::Random;
 
 // Rows whose numbers all differ; ids are sorted, with gaps.
 ModelState random_rows(uint64_t count, uint64_t capacity, uint32_t degree, uint32_t first_id,
@@ -96,6 +97,66 @@ TEST(DeviceSwap, AllocatesOnce) {
   EXPECT_EQ(device->memory().model, bytes);
   EXPECT_THROW(device->swap_rows(std::vector<uint8_t>(1000, 0), random_rows(501, 501, 3, 1, 2, 6)),
                Error);
+}
+
+// Rows that leave and come back change no bit of a training, nor do previews of other instants.
+TEST(DeviceSwap, TrainsAsWithAllRowsOnTheDevice) {
+  L4D_SKIP_WITHOUT_DEVICE();
+  const test::LongCapture capture(20);
+  test::Listener listener;
+  RunReport reports[3];
+  for (const size_t k : {0U, 1U, 2U}) {
+    RunOptions options = capture.run("run" + std::to_string(k), 160, k == 0 ? 0 : 1500);
+    options.settings.backend = "cuda";
+    options.settings.density = "off";
+    if (k == 2) {
+      options.bucket_memory = 100000;
+      options.preview_seconds = 0;
+    }
+    reports[k] = train(options, &listener);
+    EXPECT_TRUE(capture.scene("run0") == capture.scene("run" + std::to_string(k))) << k;
+    EXPECT_NEAR(reports[k].train.plain.mean_psnr, reports[0].train.plain.mean_psnr, 1e-6) << k;
+  }
+  EXPECT_GT(reports[1].memory.away, 1000U);
+  EXPECT_LE(reports[1].memory.resident, 1500U);
+  EXPECT_LT(reports[1].memory.backend.model, reports[0].memory.backend.model);
+  EXPECT_GT(reports[2].memory.bucket_files, 100000U);
+}
+
+TEST(DeviceSwap, TrainsInPartsWithRelocationAndResumes) {
+  L4D_SKIP_WITHOUT_DEVICE();
+  const test::LongCapture capture(20);
+  test::Listener listener;
+  RunOptions options = capture.run("whole", 210, 1600);
+  options.settings.backend = "cuda";
+  const RunReport whole = train(options, &listener);
+  EXPECT_GT(whole.memory.away, 300U);
+  options.folder = capture.folder / "parts";
+  options.preview_seconds = 0.01;
+  test::Listener first(76);
+  EXPECT_THROW(train(options, &first), io::Error);
+  options.resume = true;
+  train(options, &listener);
+  EXPECT_TRUE(capture.scene("whole") == capture.scene("parts"));
+}
+
+// --device-memory bounds the model, the renderer and targets together.
+TEST(DeviceSwap, KeepsToTheMemory) {
+  L4D_SKIP_WITHOUT_DEVICE();
+  const test::LongCapture capture(20);
+  test::Listener listener;
+  const auto device = make_cuda_backend(0);
+  const BackendCost cost = device->cost({1, 2, test::kWidth, test::kHeight});
+  RunOptions options = capture.run("run", 120, 0);
+  options.settings.backend = "cuda";
+  options.settings.gaussians = 20000;
+  options.settings.device_memory = cost.fixed + 1600 * cost.row;
+  const RunReport report = train(options, &listener);
+  EXPECT_EQ(report.settings.resident, 1600U);
+  EXPECT_LE(report.memory.backend.model + report.memory.backend.renderer,
+            options.settings.device_memory);
+  EXPECT_LE(report.memory.backend.total(),
+            options.settings.device_memory + options.settings.device_memory / 20);
 }
 
 }  // namespace

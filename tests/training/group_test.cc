@@ -142,6 +142,8 @@ class Faulty final : public PhasedBackend {
     return own_->swap_rows(leaves, entering);
   }
   BackendMemory memory() const override { return own_->memory(); }
+  BackendCost cost(const StepSize& size) const override { return own_->cost(size); }
+  void limit_memory(uint64_t bytes) override { own_->limit_memory(bytes); }
   io::Image render(const l4d_camera& camera, double time, const float* background) override {
     return own_->render(camera, time, background);
   }

@@ -42,6 +42,8 @@ class Scripted final : public Backend {
     return train::swap_rows(&state_, leaves, entering);
   }
   BackendMemory memory() const override { return {}; }
+  BackendCost cost(const StepSize&) const override { return {}; }
+  void limit_memory(uint64_t) override {}
   io::Image render(const l4d_camera& camera, double, const float*) override {
     return io::Image(camera.width, camera.height);
   }

@@ -177,7 +177,8 @@ std::string describe(const RunReport& r) {
 
 struct Arguments {
   RunOptions run;
-  std::string limit_memory, host_memory = "8G", near = "auto", opacity_weight = "auto";
+  std::string limit_memory, host_memory = "8G", device_memory = "auto", bucket_memory = "8G";
+  std::string near = "auto", opacity_weight = "auto";
   std::string sheet;
   std::string folder;  // of a run that is evaluated, or for a capture that is rendered
   std::string scene;   // that a capture is rendered of
@@ -233,7 +234,9 @@ void add_method(CLI::App* verb, Arguments& a) {
           "For the size of the stream: off; prune removes the Gaussians that images miss least; "
           "settle also those that an encode with the preset of --encode drops")
       ->capture_default_str();
-  verb->add_option("--adam", s.adam, "dense, sparse")->capture_default_str();
+  verb->add_option("--adam", s.adam,
+                   "dense, sparse; auto: dense if all Gaussians are in the back end")
+      ->capture_default_str();
   verb->add_option("--backend", s.backend, "cpu, cuda; auto takes a CUDA device where there is one")
       ->capture_default_str();
   verb->add_option("--devices", s.devices,
@@ -262,6 +265,28 @@ void add_method(CLI::App* verb, Arguments& a) {
       ->capture_default_str();
 }
 
+// What is kept where.
+void add_memory(CLI::App* verb, Arguments& a) {
+  verb->add_option("--host-memory", a.host_memory,
+                   "Bytes of images in memory: 500M, 8G; with --limit-memory, fewer if need be")
+      ->capture_default_str();
+  verb->add_option("--limit-memory", a.limit_memory,
+                   "Bytes that the training may take, as 4G; one that needs more is refused");
+  verb->add_option(
+          "--device-memory", a.device_memory,
+          "Bytes that the back end may use: for Gaussians, the renderer and, on a device, captured "
+          "images. Gaussians that do not fit are elsewhere while no image in memory shows them. "
+          "auto: half of what a device has free; on a processor all are in the back end")
+      ->capture_default_str();
+  verb->add_option("--resident", a.run.settings.resident,
+                   "Gaussians in the back end at most (from --device-memory)")
+      ->check(above_zero);
+  verb->add_option("--bucket-memory", a.bucket_memory,
+                   "Bytes of Gaussians in memory that are not in the back end; more are in files "
+                   "in the folder `buckets` of the results")
+      ->capture_default_str();
+}
+
 void add_train(CLI::App& app, Arguments& a) {
   CLI::App* verb = app.add_subcommand("train", "Train a scene from a capture");
   Settings& s = a.run.settings;
@@ -287,11 +312,7 @@ void add_train(CLI::App& app, Arguments& a) {
   verb->add_option("--exposure", s.exposure, "Colours of cameras: auto (on from 8 videos), on, off")
       ->capture_default_str();
   add_method(verb, a);
-  verb->add_option("--host-memory", a.host_memory,
-                   "Bytes of images in memory: 500M, 8G; with --limit-memory, fewer if need be")
-      ->capture_default_str();
-  verb->add_option("--limit-memory", a.limit_memory,
-                   "Bytes that the training may take, as 4G; one that needs more is refused");
+  add_memory(verb, a);
   verb->add_option("--seed", s.seed, "Of all random numbers")
       ->check(whole_number)
       ->capture_default_str();
@@ -380,6 +401,10 @@ int run_verb(const CLI::App& app, Arguments& a) {
     if (!a.limit_memory.empty() && a.run.limit_memory == 0) {
       throw io::Error(L4D_ERR_INVALID_ARGUMENT, "--limit-memory must be positive");
     }
+    a.run.bucket_memory = bytes_of("--bucket-memory", a.bucket_memory);
+    if (a.device_memory != "auto") {
+      a.run.settings.device_memory = bytes_of("--device-memory", a.device_memory);
+    }
     if (a.near != "auto") a.run.settings.near = number_of("--near", a.near);
     if (a.opacity_weight != "auto") {
       a.run.settings.opacity_weight = number_of("--opacity-weight", a.opacity_weight);
@@ -424,6 +449,7 @@ void start_from_run(const Arguments& parsed, Arguments* a) {
   a->run.settings = *settings;
   a->run.preset = settings->preset;
   a->host_memory = std::to_string(settings->host_memory);
+  if (settings->device_memory != 0) a->device_memory = std::to_string(settings->device_memory);
 }
 
 int run_parsed(Command& command) {

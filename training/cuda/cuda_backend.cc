@@ -139,6 +139,11 @@ class CudaBackend final : public PhasedBackend {
     return left;
   }
   BackendMemory memory() const override;
+  BackendCost cost(const StepSize& size) const override;
+  void limit_memory(uint64_t bytes) override {
+    limit_ = bytes;
+    share_memory();
+  }
   io::Image render(const l4d_camera& camera, double time, const float* background) override;
   std::array<double, kStages> take_seconds() override {
     const std::array<double, kStages> seconds = seconds_;
@@ -147,6 +152,7 @@ class CudaBackend final : public PhasedBackend {
   }
 
  private:
+  void share_memory();
   void use() { check_cuda(cudaSetDevice(device_), "selecting the device"); }
   l4d_cuda_live* live() const { return live_.get(); }
   void check_live(l4d_status status) const {
@@ -182,6 +188,7 @@ class CudaBackend final : public PhasedBackend {
   cuda::DeviceMemory counts_, numbers_;
   cuda::PinnedMemory host_counts_, host_numbers_;
   std::unique_ptr<TargetCache> targets_;
+  uint64_t limit_ = 0;  // bytes of all; 0 = none
   std::array<double, kStages> seconds_{};
 };
 
@@ -218,6 +225,7 @@ void CudaBackend::reserve(const StepInput& input, ViewRange range, uint64_t inst
   height_ = height;
   num_views_ = count;
   instances_ = instances;
+  share_memory();
 }
 
 void CudaBackend::send_numbers(const StepInput* input, ViewRange range) {
@@ -487,6 +495,31 @@ io::Image CudaBackend::render(const l4d_camera& camera, double time, const float
     reserve(input, range,
             static_cast<uint64_t>(kGrowth * static_cast<double>(report.required_instances)));
   }
+}
+
+// Targets get what the model and the renderer leave, if there is a limit.
+void CudaBackend::share_memory() {
+  if (limit_ == 0) return;
+  const BackendMemory used = memory();
+  const uint64_t others = used.model + used.renderer;
+  targets_->set_budget(limit_ - std::min(limit_, others));
+}
+
+BackendCost CudaBackend::cost(const StepSize& size) const {
+  BackendCost cost;
+  cost.row =
+      DeviceModel::bytes_of_row(size.sh_degree) + kLiveBytesOfRow + kViewBytesOfRow * size.views;
+  const uint64_t pixels = uint64_t{size.width} * size.height;
+  const uint64_t of_view = (3 + 3 + 9 + 1) * pixels * sizeof(float) +
+                           loss_partial_size(size.width, size.height) * sizeof(double) +
+                           kBytesOfInstance * kFirstInstances;
+  // A step has its targets there, with alpha and mask.
+  cost.fixed = size.views * (of_view + 5 * pixels);
+  size_t free = 0, total = 0;
+  check_cuda(cudaSetDevice(device_), "selecting the device");
+  check_cuda(cudaMemGetInfo(&free, &total), "asking for memory");
+  cost.free = free;
+  return cost;
 }
 
 BackendMemory CudaBackend::memory() const {

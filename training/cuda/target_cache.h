@@ -22,6 +22,7 @@ class TargetCache {
   // The target of the view on the device, valid until the next call with another `step`.
   Status take(const StepView& view, uint64_t step, cudaStream_t stream, const Target** out);
   uint64_t bytes() const { return bytes_; }
+  void set_budget(uint64_t bytes) { budget_ = bytes; }
 
  private:
   Status make_room(uint64_t bytes, uint64_t step, cudaStream_t stream);

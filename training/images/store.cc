@@ -9,6 +9,7 @@
 #include <map>
 #include <mutex>
 #include <numeric>
+#include <set>
 #include <thread>
 
 #include "training/step/random.h"
@@ -20,6 +21,9 @@ namespace {
 using io::Error;
 using Images = std::map<uint32_t, Pixels>;  // by view
 using Cancelled = std::function<bool()>;
+
+constexpr uint64_t kFewWindows = 8;     // in memory, for StoreOptions::few
+constexpr uint64_t kShortSequence = 4;  // windows: with fewer, there is no reservoir for it
 
 uint64_t bytes_of(const Pixels& pixels) { return pixels.rgb.size() + pixels.alpha.size(); }
 
@@ -66,6 +70,8 @@ class HostStore final : public ImageStore {
   const std::vector<uint32_t>& instants() const override { return all_; }
   uint64_t period() const override { return 0; }
   uint64_t step_of_period() const override { return step_; }
+  uint32_t windows() const override { return 1; }
+  void use_windows(uint32_t) override {}
   const Pixels& image(uint32_t view) const override { return images_.at(view); }
   uint64_t bytes() const override { return bytes_; }
   double seconds_waited() const override { return 0; }
@@ -81,7 +87,7 @@ class Reservoir final : public ImageStore {
   // kept: windows in memory at a time, and one more is being read.
   Reservoir(const ImageLoader& loader, const std::vector<Instant>& instants,
             const StoreOptions& options, uint32_t kept)
-      : loader_(loader), instants_(instants), options_(options), kept_(kept) {
+      : loader_(loader), instants_(instants), options_(options), kept_(kept), used_(kept) {
     const uint32_t n = static_cast<uint32_t>(instants.size());
     windows_ = (n + options.window - 1) / options.window;
     uint64_t views = 0;
@@ -124,6 +130,11 @@ class Reservoir final : public ImageStore {
   const std::vector<uint32_t>& instants() const override { return list_; }
   uint64_t period() const override { return period_; }
   uint64_t step_of_period() const override { return step_ - period_ * steps_; }
+  uint32_t windows() const override { return used_; }
+  void use_windows(uint32_t windows) override {
+    used_ = std::clamp<uint32_t>(windows, 1, kept_);
+    if (started_) list();
+  }
   const Pixels& image(uint32_t view) const override {
     for (const auto& [window, images] : resident_) {
       const auto found = images.find(view);
@@ -183,17 +194,20 @@ class Reservoir final : public ImageStore {
   void list() {
     list_.clear();
     bytes_ = 0;
+    std::set<uint32_t> used;
+    for (uint32_t k = kept_ - used_; k < kept_; ++k) used.insert(window_at(period_ + k));
     for (const auto& [window, images] : resident_) {
+      for (const auto& [view, pixels] : images) bytes_ += bytes_of(pixels);
+      if (used.count(window) == 0) continue;
       const std::vector<uint32_t> of_window = instants_of_window(window);
       list_.insert(list_.end(), of_window.begin(), of_window.end());
-      for (const auto& [view, pixels] : images) bytes_ += bytes_of(pixels);
     }
   }
 
   const ImageLoader& loader_;
   const std::vector<Instant>& instants_;
   StoreOptions options_;
-  uint32_t kept_, windows_ = 0;
+  uint32_t kept_, used_, windows_ = 0;
   uint64_t steps_ = 1;  // of a period
   uint64_t step_ = 0, period_ = 0;
   bool started_ = false;
@@ -236,7 +250,9 @@ std::unique_ptr<ImageStore> make_image_store(
     total += window;
     largest = std::max(largest, window);
   }
-  if (total <= options.memory) {
+  const uint64_t windows = (instants.size() + options.window - 1) / options.window;
+  const bool few = options.few && windows >= kShortSequence;
+  if (total <= options.memory && !few) {
     return std::make_unique<HostStore>(loader, instants, options, progress);
   }
   const uint64_t fit = largest == 0 ? 0 : options.memory / largest;
@@ -246,7 +262,9 @@ std::unique_ptr<ImageStore> make_image_store(
                     " frames take " + std::to_string(kLeastWindows * largest) +
                     " bytes, and --host-memory is " + std::to_string(options.memory));
   }
-  return std::make_unique<Reservoir>(loader, instants, options, static_cast<uint32_t>(fit - 1));
+  uint64_t kept = fit - 1;
+  if (few) kept = std::min({kept, kFewWindows, windows / 2});
+  return std::make_unique<Reservoir>(loader, instants, options, static_cast<uint32_t>(kept));
 }
 
 }  // namespace l4d::train

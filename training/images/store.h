@@ -31,6 +31,10 @@ class ImageStore {
   virtual uint64_t period() const = 0;
   // Steps since the period began.
   virtual uint64_t step_of_period() const = 0;
+  // Parts of the sequence that instants() are of, and a bound on them: the newest `windows` of
+  // those in memory. The bound holds until it is set again.
+  virtual uint32_t windows() const = 0;
+  virtual void use_windows(uint32_t windows) = 0;
   virtual const Pixels& image(uint32_t view) const = 0;
   virtual uint64_t bytes() const = 0;         // of the images that are there
   virtual double seconds_waited() const = 0;  // for images
@@ -47,6 +51,9 @@ struct StoreOptions {
   // Images of a window, in frames, and how often each is used before the window goes.
   uint32_t window = 8;
   uint32_t uses = 4;
+  // A reservoir of 8 windows at most, also where more images fit: a model of which a part has to be
+  // in the back end needs that.
+  bool few = false;
 };
 
 // Keeps all images if they fit into the memory, else a reservoir of windows that are spread over

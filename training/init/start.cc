@@ -164,7 +164,8 @@ ModelState start_model(const Capture& capture, const std::vector<Point>& points,
     for (size_t c = 0; c < 3; ++c) {
       state.value.log_scale[4 * i + c] = static_cast<float>(std::log(scale));
     }
-    double sigma = duration / 25 * std::pow(25.0, static_cast<double>(uniform(r.v[0])));
+    double sigma = std::min(duration, options.longest) / 25 *
+                   std::pow(25.0, static_cast<double>(uniform(r.v[0])));
     state.value.mean_t[i] = static_cast<float>(static_cast<double>(uniform(r.v[1])) * duration);
     if (p.has_time) {
       state.value.mean_t[i] = p.time;

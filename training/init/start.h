@@ -17,6 +17,7 @@ struct StartOptions {
   uint64_t capacity = 0;  // at most
   uint32_t sh_degree = 3;
   uint64_t seed = 0;
+  double longest = 1e30;  // s, of the temporal standard deviations of points without a time
 };
 
 // x, y, z, optionally red, green, blue (uchar, or float in [0, 1]) and t (s) of the element

@@ -117,6 +117,18 @@ std::vector<double> ticks_between(double low, double high) {
 
 }  // namespace
 
+void MemoryUse::raise_to(const MemoryUse& other) {
+  const auto raise = [](uint64_t* own, uint64_t value) { *own = std::max(*own, value); };
+  raise(&backend.model, other.backend.model);
+  raise(&backend.renderer, other.backend.renderer);
+  raise(&backend.targets, other.backend.targets);
+  raise(&images, other.images);
+  raise(&bucket_memory, other.bucket_memory);
+  raise(&bucket_files, other.bucket_files);
+  raise(&resident, other.resident);
+  raise(&away, other.away);
+}
+
 std::string json_of(const LogEntry& e) {
   Json j = {{"step", e.step},
             {"seconds", number(e.seconds)},
@@ -129,6 +141,7 @@ std::string json_of(const LogEntry& e) {
             {"skipped_rows", e.skipped_rows},
             {"image_bytes", e.image_bytes},
             {"image_wait_s", number(e.image_wait)}};
+  for_each_size(e.memory, [&](const char* name, uint64_t value) { j["memory"][name] = value; });
   for (size_t k = 0; k < kStages; ++k) j["ms"][kStageNames[k]] = number(e.stages[k]);
   if (e.has_score) {
     j["train"] = json_of(e.train);

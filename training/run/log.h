@@ -12,6 +12,28 @@
 
 namespace l4d::train {
 
+// Bytes, and Gaussians. Of a report: the largest of each in the training.
+struct MemoryUse {
+  BackendMemory backend;
+  uint64_t images = 0;                           // on the host
+  uint64_t bucket_memory = 0, bucket_files = 0;  // of Gaussians that are away
+  uint64_t resident = 0, away = 0;               // Gaussians
+  void raise_to(const MemoryUse& other);
+};
+
+// Calls f(name, number) for each, as files name them.
+template <typename Use, typename F>
+void for_each_size(Use& use, F&& f) {
+  f("model_bytes", use.backend.model);
+  f("renderer_bytes", use.backend.renderer);
+  f("target_bytes", use.backend.targets);
+  f("image_bytes", use.images);
+  f("bucket_bytes", use.bucket_memory);
+  f("bucket_file_bytes", use.bucket_files);
+  f("resident", use.resident);
+  f("away", use.away);
+}
+
 // What the log has of a moment.
 struct LogEntry {
   uint64_t step = 0;
@@ -21,6 +43,7 @@ struct LogEntry {
   uint64_t gaussians = 0;
   uint64_t relocated = 0, born = 0, skipped_rows = 0;  // since the entry before
   uint64_t image_bytes = 0;
+  MemoryUse memory;                      // images: as image_bytes
   double image_wait = 0;                 // s
   std::array<double, kStages> stages{};  // ms a step
   bool has_score = false;

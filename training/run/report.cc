@@ -93,6 +93,9 @@ std::string json_of(const RunReport& r) {
     j["devices"] = r.devices;
     for (size_t s = 0; s < kStages; ++s) j["ms"][kStageNames[s]] = number(r.stages[s]);
   }
+  if (r.memory.resident > 0) {
+    for_each_size(r.memory, [&](const char* name, uint64_t size) { j["memory"][name] = size; });
+  }
   if (r.stream_bytes > 0) {
     j["stream"] = {{"file_bytes", r.stream_bytes},
                    {"train", object_of(r.stream_train, r.lpips)},

@@ -12,6 +12,7 @@
 #include "l4d/render.hpp"
 #include "training/capture/capture_hash.h"
 #include "training/init/start.h"
+#include "training/run/capacity.h"
 #include "training/run/checkpoint.h"
 #include "training/run/events.h"
 #include "training/run/folder.h"
@@ -33,6 +34,9 @@ constexpr size_t kSampleViews = 12;       // of each split, for them
 constexpr uint32_t kScoredInstants = 15;  // at the end
 constexpr uint32_t kMinSize = 8;          // pixels a side of images that are scaled
 constexpr uint64_t kMinStart = 120000;    // Gaussians to begin with
+// s: of the temporal standard deviations of random points, where a part of the model is away. Those
+// of a longer life would be in the back end all the time.
+constexpr double kLongestLife = 10;
 
 double since(Clock::time_point begin) {
   return std::chrono::duration<double>(Clock::now() - begin).count();
@@ -124,11 +128,12 @@ class Run {
     settings_.capture_hash = hash_of(capture_);
     std::error_code error;
     if (fs::is_regular_file(settings_.init, error)) settings_.init = absolute(settings_.init);
-    read_images();
     backend_ = settings_.backend == "cuda" ? make_cuda_group(devices_of(settings_.devices))
                                            : make_cpu_backend(options_.threads, renderer_memory_);
+    plan_memory();
+    read_images();
     trainer_ = std::make_unique<Trainer>(settings_, capture_, *loader_, instants_, store_.get(),
-                                         backend_.get(), options_.threads);
+                                         backend_.get(), options_.threads, residence_.get());
     settings_.opacity_weight = opacity_weight_of(settings_, trainer_->has_alpha());
     begin();
     log_ = std::make_unique<Log>(file("log.jsonl"), trainer_->state().step);
@@ -251,6 +256,28 @@ class Run {
     }
   }
 
+  // Decides how much of the model is in the back end.
+  void plan_memory() {
+    StepSize size;
+    size.sh_degree = settings_.sh_degree;
+    size.views = settings_.views;
+    for (uint32_t k = 0; k < capture_.cameras.size(); ++k) {
+      size.width = std::max(size.width, loader_->camera(k).width);
+      size.height = std::max(size.height, loader_->camera(k).height);
+    }
+    std::vector<std::string> notes;
+    settle_capacity(&settings_, backend_->cost(size), &notes);
+    for (const std::string& note : notes) say(note);
+    if (settings_.device_memory != 0) backend_->limit_memory(settings_.device_memory);
+    remove_buckets(file("buckets"));
+    if (!is_partly_away(settings_)) return;
+    BucketOptions buckets;
+    buckets.memory = options_.bucket_memory;
+    buckets.folder = file("buckets");
+    buckets.duration = capture_.duration();
+    residence_ = std::make_unique<Residence>(backend_.get(), buckets, settings_.resident);
+  }
+
   void read_images() {
     instants_ = instants_of(capture_, "train");
     StoreOptions store;
@@ -258,6 +285,7 @@ class Run {
     store.threads = options_.threads;
     store.seed = settings_.seed;
     store.views_per_step = settings_.views;
+    store.few = residence_ != nullptr;
     store_ = make_image_store(*loader_, instants_, store, [&](uint64_t done, uint64_t total) {
       observer_->update(done, total, "reading images");
       return observer_->cancelled();
@@ -277,8 +305,11 @@ class Run {
     StartOptions start;
     start.capacity = settings_.gaussians;
     start.count = std::min(settings_.gaussians, kMinStart);
+    // Until they have children of shorter lives, most of them are needed at a time.
+    if (residence_) start.count = std::min(start.count, settings_.resident / 2);
     start.sh_degree = settings_.sh_degree;
     start.seed = settings_.seed;
+    if (residence_) start.longest = kLongestLife;
     store_->go_to(0);
     std::vector<Point> points = first_points(start.count);
     const size_t found = points.size();
@@ -288,6 +319,7 @@ class Run {
           std::to_string(added) + " random ones are added.");
     }
     start.count = std::max<uint64_t>(start.count, points.size());
+    if (residence_) start.capacity = std::min(start.capacity, start.count);
     trainer_->start(start_model(capture_, points, start));
   }
 
@@ -407,6 +439,8 @@ class Run {
   bool step_or_save() {
     try {
       return step();
+    } catch (const BucketError& error) {
+      fail_for_buckets(error);
     } catch (const Error& error) {
       if (error.status() != L4D_ERR_IO && error.status() != L4D_ERR_CORRUPT &&
           error.status() != L4D_ERR_FEATURE_UNSUPPORTED) {
@@ -420,11 +454,39 @@ class Run {
     }
   }
 
+  // Rows that are away cannot be kept or found again. A checkpoint of now is written if that is
+  // possible; those that are there stay.
+  [[noreturn]] void fail_for_buckets(const BucketError& error) {
+    try {
+      write_checkpoint();
+      writer_.finish();
+    } catch (const Error&) {
+      // On a full disk, or where rows are lost.
+    }
+    const std::vector<std::string> there = list_checkpoints(folder_);
+    throw Error(error.status(), std::string(error.what()) + "; " +
+                                    (there.empty() ? "there is no checkpoint to resume from"
+                                                   : "--resume goes on from " + there.front()));
+  }
+
+  MemoryUse memory_use() const {
+    MemoryUse use;
+    use.backend = backend_->memory();
+    use.images = store_->bytes();
+    use.resident = backend_->count();
+    if (!residence_) return use;
+    use.bucket_memory = residence_->buckets().memory_bytes();
+    use.bucket_files = residence_->buckets().file_bytes();
+    use.away = residence_->buckets().rows();
+    return use;
+  }
+
   // False where the training went back to a checkpoint.
   bool step() {
     try {
       const StepReport report = trainer_->advance();
       ++steps_;
+      memory_.raise_to(memory_use());
       loss_ += report.loss;
       psnr_ += report.psnr;
       gaussians_ = report.count;
@@ -461,6 +523,7 @@ class Run {
     entry.skipped_rows = skipped_;
     entry.image_bytes = store_->bytes();
     entry.image_wait = store_->seconds_waited();
+    entry.memory = memory_use();
     entry.stages = take_stages();
     for (double& stage : entry.stages) stage /= n;
     entry.has_score = scores;
@@ -513,6 +576,7 @@ class Run {
     report.settings = settings_;
     report.steps = trainer_->state().step;
     report.gaussians = model.count;
+    report.memory = memory_;
     report.training_seconds = trainer_->state().seconds;
     if (settings_.backend == "cuda") report.devices = devices_of(settings_.devices);
     take_stages();
@@ -567,6 +631,8 @@ class Run {
   std::unique_ptr<ImageStore> store_;
   std::unique_ptr<Sample> train_sample_, test_sample_;
   std::unique_ptr<Backend> backend_;
+  std::unique_ptr<Residence> residence_;
+  MemoryUse memory_;  // the largest so far
   std::unique_ptr<Trainer> trainer_;
   std::unique_ptr<Log> log_;
   std::unique_ptr<EventFile> events_;

@@ -17,11 +17,13 @@ struct RunOptions {
   std::string preset;  // of the encoder; "" = no stream
   std::string lpips;   // file of weights, to report LPIPS; "" = it is not reported
   bool resume = false;
-  bool accept_changes = false;  // resumes also where the capture is not as it was
-  bool force = false;           // replaces a run that is there
+  bool accept_changes = false;    // resumes also where the capture is not as it was
+  bool force = false;             // replaces a run that is there
   uint64_t limit_memory = 0;      // bytes of the whole process; 0 = none. See docs/training.md
   bool may_shrink_images = true;  // to keep to it, Settings::host_memory may become less
   uint32_t threads = 0;
+  // Bytes of Gaussians that are away from the back end; more are in files of the folder.
+  uint64_t bucket_memory = uint64_t{8} << 30;
   double checkpoint_seconds = 300;
   double preview_seconds = 10;
 };
@@ -36,6 +38,7 @@ struct RunReport {
   std::vector<uint32_t> devices;         // none: a processor
   std::array<double, kStages> stages{};  // ms a step, since the last resume
   double total_seconds = 0;
+  MemoryUse memory;
   Score train, test;
   uint64_t stream_bytes = 0;  // 0: none
   Score stream_train, stream_test;

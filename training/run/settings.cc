@@ -89,6 +89,7 @@ std::string differences(const std::string& before, const Settings& now, bool acc
   for_each_setting(now, [&](const char* name, const auto& value) {
     const std::string key = name, line = key + " " + text_of_value(value);
     if (old[key] == line || (key == "preset" && now.codec != "settle")) return;
+    if (key == "device_memory") return;  // `resident` decides what is trained
     if (key == "capture_hash" && accept_changes) return;
     if (key == "devices" && same_number(value_of(old[key]), now.devices)) return;
     out += out.empty() ? "" : "; ";
@@ -123,8 +124,8 @@ void check(const Settings& s) {
     fail("--codec is " + s.codec + "; it must be off, prune or settle");
   if (s.codec != "off" && s.density == "off")
     fail("--codec " + s.codec + " needs --density relocate or gradient");
-  if (!is_one_of(s.adam, {"dense", "sparse"}))
-    fail("--adam is " + s.adam + "; it must be dense or sparse");
+  if (!is_one_of(s.adam, {"auto", "dense", "sparse"}))
+    fail("--adam is " + s.adam + "; it must be auto, dense or sparse");
   if (!is_one_of(s.backend, {"auto", "cpu", "cuda"}))
     fail("--backend is " + s.backend + "; it must be auto, cpu or cuda");
   if (!devices_of(s.devices).empty() && s.backend == "cpu")
@@ -134,6 +135,7 @@ void check(const Settings& s) {
   if (s.seconds > 0 && s.steps > 0) fail("--time and --steps exclude each other");
   if (s.steps > 100000000) fail("--steps is above 100000000");
   if (s.gaussians > 100000000) fail("--gaussians is above 100000000");
+  if (s.resident > 100000000) fail("--resident is above 100000000");
   if (s.views > 256) fail("--views is above 256");
   const auto need = [&](const char* option, double value, double least) {
     if (value >= least && value <= kMaxWeight) return;

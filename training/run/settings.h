@@ -29,7 +29,7 @@ struct Settings {
   uint32_t density_every = 1;                // steps between two changes of the density
   std::string codec = "off";                 // off, prune, settle
   std::string preset;                        // of the encoder; "" = no stream
-  std::string adam = "dense";                // dense, sparse
+  std::string adam = "auto";                 // auto, dense, sparse
   std::string backend = "auto";              // auto, cpu, cuda
   std::string devices;                       // of cuda: "0,1"; "" = the first
   double drift = 2;                          // kappa
@@ -39,6 +39,8 @@ struct Settings {
   double scale_weight = 0.05;                // of the mean scale, in units of the radius
   double max_scale = 1;                      // of Gaussians, of the radius
   uint64_t host_memory = uint64_t{8} << 30;  // bytes of images
+  uint64_t device_memory = 0;                // bytes of the back end; 0 = auto
+  uint64_t resident = 0;                     // Gaussians in the back end at most; 0 = auto
   uint64_t seed = 0;
 };
 
@@ -76,6 +78,8 @@ void for_each_setting(S& s, F&& f) {
   f("scale_weight", s.scale_weight);
   f("max_scale", s.max_scale);
   f("host_memory", s.host_memory);
+  f("device_memory", s.device_memory);
+  f("resident", s.resident);
   f("seed", s.seed);
 }
 
@@ -96,7 +100,8 @@ double near_of(const Settings& settings, const Capture& capture);
 // Settings::opacity_weight, with the rule for what is auto. has_alpha: of the images, which then
 // are empty for the most part; their mean loss is small, and so is the weight beside it.
 double opacity_weight_of(const Settings& settings, bool has_alpha);
-// Fills what is 0 or "auto" in, from the capture and the size of its images.
+// Fills what is 0 or "auto" in, but for `resident` and `adam` (run/capacity.h), from the capture
+// and the size of its images.
 Settings resolved(const Settings& settings, const Capture& capture, uint32_t width,
                   uint32_t height);
 

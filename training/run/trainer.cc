@@ -24,6 +24,7 @@ constexpr uint32_t kMinHalfSize = 64;  // pixels: smaller images are not halved
 constexpr uint64_t kWatchFrom = 2000;  // steps
 constexpr double kUnsynchronised = 3;  // times the median loss
 constexpr double kMinCoverage = 1e-8;  // per pixel
+constexpr double kGrowUpTo = 0.9;      // of a back end that holds a part of the model
 // Of --codec prune: five times a tenth of the rows.
 constexpr uint64_t kPrunes = 5;
 constexpr double kPruneBegin = 0.6, kPruneEvery = 0.05, kPruneShare = 0.1;
@@ -39,14 +40,15 @@ constexpr float kIdentity[12] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
 
 Trainer::Trainer(const Settings& settings, const Capture& capture, const ImageLoader& loader,
                  const std::vector<Instant>& instants, ImageStore* store, Backend* backend,
-                 uint32_t threads)
+                 uint32_t threads, Residence* residence)
     : settings_(settings),
       capture_(capture),
       loader_(loader),
       instants_(instants),
       store_(store),
       backend_(backend),
-      threads_(threads) {
+      threads_(threads),
+      residence_(residence) {
   schedule_.radius = frame_of(capture).radius;
   schedule_.duration = capture.duration();
   schedule_.fps = capture.fps;
@@ -54,7 +56,10 @@ Trainer::Trainer(const Settings& settings, const Capture& capture, const ImageLo
   schedule_.drift = settings.drift;
   schedule_.scale_weight = settings.scale_weight;
   schedule_.max_scale = settings.max_scale;
-  for (const Instant& instant : instants) training_views_ += instant.views.size();
+  for (const Instant& instant : instants) {
+    training_views_ += instant.views.size();
+    times_.push_back(instant.time);
+  }
   state_.camera_loss.assign(capture.cameras.size(), 0);
   store_->go_to(0);
   for (const uint32_t k : store_->instants()) {
@@ -65,6 +70,11 @@ Trainer::Trainer(const Settings& settings, const Capture& capture, const ImageLo
 }
 
 void Trainer::start(ModelState model) {
+  if (residence_ != nullptr) {
+    std::fill(model.away.begin(), model.away.end(), 1U);
+    residence_->place(model, capture_.timeline());
+    return;
+  }
   backend_->load(std::move(model), capture_.timeline());
   backend_->renew_weights(0);
 }
@@ -72,11 +82,16 @@ void Trainer::start(ModelState model) {
 void Trainer::restore(ModelState model, const RunState& state) {
   exposures_ = model.exposures;
   state_ = state;
-  backend_->load(std::move(model), capture_.timeline());
+  if (residence_ == nullptr) {
+    backend_->load(std::move(model), capture_.timeline());
+    return;
+  }
+  store_->use_windows(state.windows == 0 ? UINT32_MAX : static_cast<uint32_t>(state.windows));
+  residence_->place(model, capture_.timeline());
 }
 
 ModelState Trainer::model() const {
-  ModelState model = backend_->save();
+  ModelState model = residence_ != nullptr ? residence_->whole() : backend_->save();
   model.exposures = exposures_;
   return model;
 }
@@ -141,6 +156,7 @@ StepReport Trainer::advance() {
   const double f = progress();
   store_->go_to(state_.step);
   const uint64_t step = state_.step + 1;
+  if (residence_ != nullptr) renew_residence();
   uint64_t visit = 0;
   const Instant& instant = choose_instant(&visit);
   const std::vector<uint32_t> views =
@@ -151,6 +167,7 @@ StepReport Trainer::advance() {
   schedule_.rate_factor = state_.rate_factor;
   input.adam = adam_step_at(schedule_, f, settings_.seed, step, 0);
   input.adam.sparse = settings_.adam == "sparse";
+  input.adam.model_count = count();
   if (settings_.density != "relocate") input.adam.noise = 0;
   input.measure_time = settings_.temporal_split == "on" && f < kDensityEnd;
   input.measure_gradients = settings_.density == "gradient" && f < kGradientEnd;
@@ -205,7 +222,7 @@ StepReport Trainer::advance() {
     watch_cameras(output, views);
     report.density = change_density(step, f);
   }
-  report.count = backend_->count();
+  report.count = count();
   return report;
 }
 
@@ -311,14 +328,56 @@ DensityChange Trainer::change_density(uint64_t step, double f) {
   return settings_.density == "gradient" ? follow_gradients(step, f, cycle) : relocate(step, cycle);
 }
 
-DensityChange Trainer::relocate(uint64_t step, uint32_t cycle) {
+// Rows to add after a step, at most.
+uint64_t Trainer::growth_at(uint64_t step) const {
   const uint64_t every = settings_.density_every;
   const double per_step = kGrowth / kCycle * static_cast<double>(backend_->count());
   const double before = std::floor(per_step * static_cast<double>(step - every));
   uint64_t growth =
       static_cast<uint64_t>(std::floor(per_step * static_cast<double>(step)) - before);
   if (state_.prunes > 0) growth = 0;  // what is removed does not come back
-  growth = std::min(growth, settings_.gaussians - std::min(settings_.gaussians, backend_->count()));
+  growth = std::min(growth, settings_.gaussians - std::min(settings_.gaussians, count()));
+  if (residence_ == nullptr) return growth;
+  // The rows of the next windows need capacity, too, and there may be more of them.
+  const auto most = static_cast<uint64_t>(kGrowUpTo * static_cast<double>(residence_->capacity()));
+  return std::min(growth, most - std::min(most, backend_->count()));
+}
+
+void Trainer::renew_residence() {
+  const uint64_t period = store_->period() + 1;
+  residence_->come_home();
+  if (period == state_.period && state_.step % kCycle != 0) return;
+  while (!residence_->renew(intervals_of(times_, store_->instants()), state_.step)) {
+    if (store_->windows() <= 1) fail_for_capacity();
+    store_->use_windows(store_->windows() - 1);
+    state_.windows = store_->windows();
+    notes_.push_back("The Gaussians of the images in memory do not fit in the back end (" +
+                     std::to_string(residence_->needed()) + " of " +
+                     std::to_string(residence_->capacity()) + "): steps from " +
+                     std::to_string(state_.step + 1) + " on draw from " +
+                     std::to_string(state_.windows) + " windows of images");
+  }
+  state_.period = period;
+  backend_->renew_weights(static_cast<float>(state_.step < kCycle ? 0 : settings_.error_weight));
+}
+
+void Trainer::fail_for_capacity() const {
+  throw io::Error(L4D_ERR_LIMIT_EXCEEDED,
+                  "step " + std::to_string(state_.step + 1) + ": one window of images needs " +
+                      std::to_string(residence_->needed()) +
+                      " Gaussians at a time, and the back end holds " +
+                      std::to_string(residence_->capacity()) +
+                      ": a larger --device-memory or fewer --gaussians go on");
+}
+
+void Trainer::keep(ModelState model, const std::vector<uint8_t>& mask) {
+  if (residence_ == nullptr) return backend_->keep(mask);
+  model.keep(mask);
+  residence_->place(model, capture_.timeline());
+}
+
+DensityChange Trainer::relocate(uint64_t step, uint32_t cycle) {
+  const uint64_t every = settings_.density_every;
   DensityStep density;
   density.seed = settings_.seed;
   density.step = step;
@@ -328,7 +387,7 @@ DensityChange Trainer::relocate(uint64_t step, uint32_t cycle) {
   density.time_end = capture_.duration();
   const uint64_t patience = 2 * steps_per_epoch();
   if (step > patience) density.unseen_since = static_cast<uint32_t>(step - patience);
-  return backend_->change_density(density, growth);
+  return backend_->change_density(density, growth_at(step));
 }
 
 DensityChange Trainer::follow_gradients(uint64_t step, double f, uint32_t cycle) {
@@ -347,18 +406,20 @@ DensityChange Trainer::follow_gradients(uint64_t step, double f, uint32_t cycle)
 }
 
 void Trainer::sweep(uint64_t step) {
-  const ModelState model = backend_->save();
+  ModelState whole = model();
   const uint64_t patience = 2 * steps_per_epoch();
-  std::vector<uint8_t> mask(static_cast<size_t>(model.count), 1);
+  std::vector<uint8_t> mask(static_cast<size_t>(whole.count), 1);
   for (size_t i = 0; i < mask.size(); ++i) {
-    const bool unseen = model.last_shown[i] + patience < step;
+    // Steps while a row is away do not count.
+    const uint64_t until = whole.away[i] == 0 ? step : whole.away[i] - 1;
+    const bool unseen = whole.last_shown[i] + patience < until;
     const bool faint =
-        model.coverage[i] > 0 && static_cast<double>(model.coverage[i]) < kMinCoverage;
-    const float opacity = linear_opacity(model.value.opacity[i], true);
+        whole.coverage[i] > 0 && static_cast<double>(whole.coverage[i]) < kMinCoverage;
+    const float opacity = linear_opacity(whole.value.opacity[i], true);
     mask[i] = unseen || faint || !(opacity >= kDeadOpacity) ? 0 : 1;
   }
   if (std::any_of(mask.begin(), mask.end(), [](uint8_t kept) { return kept != 0; })) {
-    backend_->keep(mask);
+    keep(std::move(whole), mask);
   }
 }
 
@@ -366,7 +427,7 @@ void Trainer::prune(double f) {
   if (settings_.codec == "off" || state_.prunes >= kPrunes) return;
   if (f < kPruneBegin + kPruneEvery * static_cast<double>(state_.prunes)) return;
   ++state_.prunes;
-  const ModelState model = backend_->save();
+  ModelState whole = model();
   std::vector<uint32_t> views;
   for (uint32_t k = 0; k < capture_.views.size(); ++k) {
     if (capture_.cameras[capture_.views[k].camera].split == "train") views.push_back(k);
@@ -375,8 +436,8 @@ void Trainer::prune(double f) {
   std::vector<uint32_t> measured;
   for (size_t k = 0; k < chosen; ++k) measured.push_back(views[(2 * k + 1) * n / (2 * chosen)]);
   const std::vector<float> loss =
-      loss_without(model, capture_, loader_, measured, settings_.seed + state_.prunes);
-  backend_->keep(most_important(loss, kPruneShare));
+      loss_without(whole, capture_, loader_, measured, settings_.seed + state_.prunes);
+  keep(std::move(whole), most_important(loss, kPruneShare));
   backend_->renew_weights(static_cast<float>(settings_.error_weight));
 }
 
@@ -385,10 +446,11 @@ void Trainer::settle(double f) {
   if (settings_.codec != "settle" || state_.settles >= std::size(kSettleAt)) return;
   if (f < kSettleAt[state_.settles]) return;
   ++state_.settles;
-  const io::Scene scene = scene_of(backend_->save(), capture_.timeline());
+  ModelState whole = model();
+  const io::Scene scene = scene_of(whole, capture_.timeline());
   const io::Weights weights =
       measure_weights(scene, capture_, loader_, threads_, settings_.seed + state_.settles);
-  backend_->keep(worth_their_bits(scene, weights, settings_.preset, threads_));
+  keep(std::move(whole), worth_their_bits(scene, weights, settings_.preset, threads_));
   backend_->renew_weights(static_cast<float>(settings_.error_weight));
 }
 
@@ -400,7 +462,14 @@ std::vector<std::string> Trainer::take_notes() {
 
 io::Image Trainer::render(uint32_t view) {
   const CaptureView& v = capture_.views[view];
-  return backend_->render(loader_.camera(v.camera), v.time, background_.data());
+  const l4d_camera& camera = loader_.camera(v.camera);
+  if (residence_ == nullptr || residence_->visit(v.time)) {
+    return backend_->render(camera, v.time, background_.data());
+  }
+  // More is visible then than the back end holds.
+  const std::unique_ptr<Backend> host = make_cpu_backend(threads_);
+  host->load(residence_->rows_at(v.time), capture_.timeline());
+  return host->render(camera, v.time, background_.data());
 }
 
 }  // namespace l4d::train

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "training/images/store.h"
+#include "training/model/residence.h"
 #include "training/run/settings.h"
 #include "training/step/backend.h"
 #include "training/step/schedule.h"
@@ -60,14 +61,17 @@ class Diverged : public std::runtime_error {
 // with the same bits. The arguments are borrowed.
 class Trainer {
  public:
-  // settings: resolved. store: of the instants for training.
+  // settings: resolved. store: of the instants for training. residence: of the back end, if a part
+  // of the model is away from it; NULL = all of it stays there.
   Trainer(const Settings& settings, const Capture& capture, const ImageLoader& loader,
           const std::vector<Instant>& instants, ImageStore* store, Backend* backend,
-          uint32_t threads = 0);
+          uint32_t threads = 0, Residence* residence = nullptr);
 
+  // The capacity of the model's arrays is that of the back end, unless there is a residence.
   void start(ModelState model);
   void restore(ModelState model, const RunState& state);
   ModelState model() const;
+  uint64_t count() const { return residence_ ? residence_->count() : backend_->count(); }
   const RunState& state() const { return state_; }
   RunState& state() { return state_; }
   bool done() const;
@@ -95,6 +99,12 @@ class Trainer {
   void watch_cameras(const StepOutput& output, const std::vector<uint32_t>& views);
   DensityChange change_density(uint64_t step, double f);
   DensityChange relocate(uint64_t step, uint32_t cycle);
+  uint64_t growth_at(uint64_t step) const;
+  // Moves rows where the images in memory, or rows, have changed.
+  void renew_residence();
+  [[noreturn]] void fail_for_capacity() const;
+  // Removes rows of the whole model. mask: [rows], of which 0 is for those that go.
+  void keep(ModelState model, const std::vector<uint8_t>& mask);
   DensityChange follow_gradients(uint64_t step, double f, uint32_t cycle);
   void sweep(uint64_t step);
   // Removes rows by what images lose with them, where --codec asks for that.
@@ -110,6 +120,8 @@ class Trainer {
   ImageStore* store_;
   Backend* backend_;
   const uint32_t threads_;
+  Residence* residence_;
+  std::vector<double> times_;  // of instants
   ScheduleOptions schedule_;
   uint64_t training_views_ = 0;
   bool has_alpha_ = false;

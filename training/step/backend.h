@@ -67,6 +67,16 @@ struct BackendMemory {
   uint64_t total() const { return model + renderer + targets; }
 };
 
+// What decides how large a model a back end can have.
+struct BackendCost {
+  uint64_t row = 0;    // bytes of a Gaussian of the capacity
+  uint64_t fixed = 0;  // and of all else that steps need, but for targets that stay
+  uint64_t free = 0;   // bytes that a device has free; 0 = it does not bound the model
+};
+struct StepSize {
+  uint32_t sh_degree = 0, views = 0, width = 0, height = 0;
+};
+
 class Backend {
  public:
   virtual ~Backend() = default;
@@ -95,6 +105,10 @@ class Backend {
   // before: the caller renews them before change_density, or brings the same rows back.
   virtual ModelState swap_rows(const std::vector<uint8_t>& leaves, const ModelState& entering) = 0;
   virtual BackendMemory memory() const = 0;
+  virtual BackendCost cost(const StepSize& size) const = 0;
+  // Bytes for all that memory() counts; targets stay as far as the model and the renderer leave
+  // memory for them.
+  virtual void limit_memory(uint64_t bytes) = 0;
 
   virtual io::Image render(const l4d_camera& camera, double time, const float* background) = 0;
   virtual std::array<double, kStages> take_seconds() = 0;

@@ -212,6 +212,8 @@ class CpuBackend final : public PhasedBackend {
     return train::swap_rows(&state_, leaves, entering);
   }
   BackendMemory memory() const override;
+  BackendCost cost(const StepSize& size) const override;
+  void limit_memory(uint64_t) override {}  // it keeps no targets
 
   io::Image render(const l4d_camera& camera, double time, const float* background) override {
     make_slots(1);
@@ -463,6 +465,23 @@ class CpuBackend final : public PhasedBackend {
   std::array<double, kStages> seconds_{};
   StageClock clock_{&seconds_};  // of the step
 };
+
+BackendCost CpuBackend::cost(const StepSize& size) const {
+  ModelState row;
+  row.allocate(1, size.sh_degree);
+  uint64_t words = 0;
+  for_each_column([&](const std::string&, size_t numbers, const auto&) { words += numbers; }, row);
+  uint64_t derivatives = 0;
+  for (const AttributeInfo& attribute : kAttributes) {
+    derivatives += attribute.numbers(size.sh_degree);
+  }
+  const uint64_t sh = info_of(Attribute::kSh).numbers(size.sh_degree);
+  BackendCost cost;
+  cost.row = sizeof(float) * (words + 4 + derivatives + size.views * (derivatives + sh + 1)) + 1;
+  const uint64_t of_pixel = 3 + 3 + 9;  // image, its derivative, factors of the loss
+  cost.fixed = sizeof(float) * of_pixel * size.views * size.width * size.height;
+  return cost;
+}
 
 BackendMemory CpuBackend::memory() const {
   BackendMemory memory;

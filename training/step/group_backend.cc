@@ -44,6 +44,10 @@ class GroupBackend final : public Backend {
     return std::move(left[0]);
   }
   BackendMemory memory() const override { return members_[0]->memory(); }
+  BackendCost cost(const StepSize& size) const override { return members_[0]->cost(size); }
+  void limit_memory(uint64_t bytes) override {
+    for (const auto& member : members_) member->limit_memory(bytes);
+  }
   io::Image render(const l4d_camera& camera, double time, const float* background) override {
     return members_[0]->render(camera, time, background);
   }
