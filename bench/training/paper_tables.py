@@ -11,7 +11,9 @@ Prints tables in Markdown:
   layers   the stream of the first of these, with a layer for each temporal level, and with all
            Gaussians in the coarsest; what a seek to the middle reads
   length   the first part of the capture, for steps or seconds in proportion: what a training has in
-           memory, and what an instant needs of the scene
+           memory; of that, the Gaussians and the renderer in the back end, the captured images that
+           it keeps, and its Gaussians at most (--device-memory or --resident bound them); and
+           what an instant needs of the scene
 
 Options of a training hold for all rows, and --steps N or --time S must be one of them: on a
 processor a small --scale and few Gaussians, on a device what the capture has.
@@ -140,8 +142,8 @@ def shortened(options, share):
 def length(bench, lengths):
     capture = json.loads(run(bench.train, "inspect", bench.capture, "--json"))
     whole = bench.options
-    table("length", "Gaussians", "training, test", "stream", "memory of the training",
-          "an instant needs")
+    table("length", "Gaussians", "training, test", "stream", "memory of the training", "back end",
+          "its images", "its Gaussians", "an instant needs")
     for share in lengths:
         frames = max(1, round(capture["frames"] * share))
         bench.options = shortened(whole, share)
@@ -149,8 +151,11 @@ def length(bench, lengths):
         stream = report["folder"] / "scene.l4d"
         seconds = frames / capture["fps"]
         info = bench.info(stream, seconds / 2)
+        use = report["memory"]
         row(f"{seconds:g} s", f"{report['gaussians']:,}", quality(report),
             f"{report['stream']['file_bytes'] / 1000:.1f} kB", f"{report['peak_bytes'] / 1e6:.0f} MB",
+            f"{(use['model_bytes'] + use['renderer_bytes']) / 1e6:.1f} MB",
+            f"{use['target_bytes'] / 1e6:.1f} MB", f"{use['resident']:,}",
             f"{100 * info['seek']['gaussians'] / info['num_gaussians']:.0f} % of the Gaussians")
     bench.options = whole
 
