@@ -3,6 +3,7 @@
 
 #include <gmock/gmock.h>
 
+#include <algorithm>
 #include <set>
 
 #include "tests/training/tiny_capture.h"
@@ -67,6 +68,37 @@ TEST_F(StoreTest, ReservoirMeetsAllImagesInBoundedMemory) {
   EXPECT_EQ(resumed->instants(), history[31]);
   resumed->go_to(14 * 32);
   EXPECT_EQ(resumed->instants(), history[32]);
+}
+
+// Where only some windows are wanted, there is a reservoir even if all images fit, and instants may
+// be those of its newest windows alone.
+TEST_F(StoreTest, DrawsFromFewerWindows) {
+  options_.few = true;
+  const auto store = make(30);
+  store->go_to(0);
+  EXPECT_EQ(store->windows(), 5U);  // half of the ten
+  ASSERT_EQ(store->instants().size(), 10U);
+  const std::vector<uint32_t> all = store->instants();
+  store->use_windows(2);
+  EXPECT_EQ(store->windows(), 2U);
+  const std::vector<uint32_t> fewer = store->instants();
+  ASSERT_EQ(fewer.size(), 4U);
+  EXPECT_TRUE(std::includes(all.begin(), all.end(), fewer.begin(), fewer.end()));
+  store->go_to(14);
+  EXPECT_EQ(store->period(), 1U);
+  EXPECT_EQ(store->instants().size(), 4U);
+  EXPECT_NE(store->instants(), fewer);
+  store->use_windows(0);
+  EXPECT_EQ(store->windows(), 1U);
+  store->use_windows(UINT32_MAX);
+  EXPECT_EQ(store->windows(), 5U);
+  // The same instants, whenever the bound was set.
+  const auto other = make(30);
+  other->go_to(14);
+  EXPECT_EQ(other->instants(), store->instants());
+
+  options_.few = false;
+  EXPECT_EQ(make(30)->windows(), 1U);
 }
 
 TEST_F(StoreTest, RefusesTooLittleMemory) {

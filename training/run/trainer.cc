@@ -24,7 +24,7 @@ constexpr uint32_t kMinHalfSize = 64;  // pixels: smaller images are not halved
 constexpr uint64_t kWatchFrom = 2000;  // steps
 constexpr double kUnsynchronised = 3;  // times the median loss
 constexpr double kMinCoverage = 1e-8;  // per pixel
-constexpr double kGrowUpTo = 0.9;      // of a back end that holds a part of the model
+constexpr double kGrowUpTo = 0.8;      // of a back end that holds a part of the model
 // Of --codec prune: five times a tenth of the rows.
 constexpr uint64_t kPrunes = 5;
 constexpr double kPruneBegin = 0.6, kPruneEvery = 0.05, kPruneShare = 0.1;
@@ -338,7 +338,9 @@ uint64_t Trainer::growth_at(uint64_t step) const {
   if (state_.prunes > 0) growth = 0;  // what is removed does not come back
   growth = std::min(growth, settings_.gaussians - std::min(settings_.gaussians, count()));
   if (residence_ == nullptr) return growth;
-  // The rows of the next windows need capacity, too, and there may be more of them.
+  // The rows of the next windows need capacity, too, and there may be more of them: where they once
+  // did not fit, the model has grown enough.
+  if (state_.windows != 0) return 0;
   const auto most = static_cast<uint64_t>(kGrowUpTo * static_cast<double>(residence_->capacity()));
   return std::min(growth, most - std::min(most, backend_->count()));
 }
@@ -351,11 +353,11 @@ void Trainer::renew_residence() {
     if (store_->windows() <= 1) fail_for_capacity();
     store_->use_windows(store_->windows() - 1);
     state_.windows = store_->windows();
-    notes_.push_back("The Gaussians of the images in memory do not fit in the back end (" +
-                     std::to_string(residence_->needed()) + " of " +
-                     std::to_string(residence_->capacity()) + "): steps from " +
-                     std::to_string(state_.step + 1) + " on draw from " +
-                     std::to_string(state_.windows) + " windows of images");
+    notes_.push_back(
+        "The Gaussians of the images in memory do not fit in the back end (" +
+        std::to_string(residence_->needed()) + " of " + std::to_string(residence_->capacity()) +
+        "): steps from " + std::to_string(state_.step + 1) + " on draw from " +
+        std::to_string(state_.windows) + " windows of images, and no Gaussians are added any more");
   }
   state_.period = period;
   backend_->renew_weights(static_cast<float>(state_.step < kCycle ? 0 : settings_.error_weight));
