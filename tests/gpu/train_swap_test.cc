@@ -17,6 +17,8 @@ namespace {
 using ::l4d::test::has_device;
 using ::l4d::test::Random;
 
+constexpr l4d_timeline kTimeline = {0, 1000, 10, 1, 0};
+
 // Rows whose numbers all differ; ids are sorted, with gaps.
 ModelState random_rows(uint64_t count, uint64_t capacity, uint32_t degree, uint32_t first_id,
                        uint32_t every, uint64_t seed) {
@@ -60,8 +62,8 @@ TEST(DeviceSwap, IsTheHosts) {
     const auto device = make_cuda_backend(0), host = make_cpu_backend(1);
     // All ids are multiples of 8; those that come lie before, between and behind them.
     const ModelState model = random_rows(20000, 33000, degree, 8000, 8, degree);
-    device->load(model, l4d_timeline{});
-    host->load(model, l4d_timeline{});
+    device->load(model, kTimeline);
+    host->load(model, kTimeline);
     Random random(degree);
     for (uint32_t round = 1; round <= 4; ++round) {
       const uint64_t come = round == 2 ? 0 : 3000 * round;
@@ -87,7 +89,7 @@ TEST(DeviceSwap, IsTheHosts) {
 TEST(DeviceSwap, AllocatesOnce) {
   L4D_SKIP_WITHOUT_DEVICE();
   const auto device = make_cuda_backend(0);
-  device->load(random_rows(1000, 1500, 3, 0, 2, 5), l4d_timeline{});
+  device->load(random_rows(1000, 1500, 3, 0, 2, 5), kTimeline);
   const std::vector<uint8_t> all(1000, 1), none;
   const ModelState left = device->swap_rows(all, ModelState());
   EXPECT_EQ(device->count(), 0U);
