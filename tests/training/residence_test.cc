@@ -123,23 +123,26 @@ TEST(TrainingInParts, DrawsFromFewerWindowsWhereCapacityLacks) {
   }
 }
 
+// Removes a folder after 40 steps, and cancels the training then if `cancels` is set.
+class Vandal : public Listener {
+ public:
+  explicit Vandal(std::string folder, bool cancels = false)
+      : folder_(std::move(folder)), cancels_(cancels) {}
+  void update(uint64_t done, uint64_t total, const std::string& stage) override {
+    Listener::update(done, total, stage);
+    if (stage.rfind("training", 0) == 0 && ++steps_ == 40) std::filesystem::remove_all(folder_);
+  }
+  bool cancelled() override { return cancels_ && steps_ >= 40; }
+
+ private:
+  std::string folder_;
+  bool cancels_;
+  uint64_t steps_ = 0;
+};
+
 // Rows in files that are gone end a training with the name of the file; checkpoints stay.
 TEST(TrainingInParts, GoesOnFromACheckpointWhereRowsAreLost) {
   const LongCapture& capture = long_capture();
-  class Vandal : public Listener {
-   public:
-    explicit Vandal(std::string folder) : folder_(std::move(folder)) {}
-    void update(uint64_t done, uint64_t total, const std::string& stage) override {
-      Listener::update(done, total, stage);
-      if (stage.rfind("training", 0) == 0 && ++steps_ == 40) {
-        std::filesystem::remove_all(folder_);
-      }
-    }
-
-   private:
-    std::string folder_;
-    uint64_t steps_ = 0;
-  };
   RunOptions options = capture.run("lost", 160, 1500);
   options.bucket_memory = 0;
   options.checkpoint_seconds = 0;
@@ -159,6 +162,23 @@ TEST(TrainingInParts, GoesOnFromACheckpointWhereRowsAreLost) {
   options = capture.run("found", 160, 1500);
   train(options, &listener);
   EXPECT_TRUE(capture.scene("lost") == capture.scene("found"));
+}
+
+// A checkpoint needs all rows, so it meets lost ones before a step does.
+TEST(TrainingInParts, NamesTheCheckpointBeforeIfOneCannotBeMade) {
+  const LongCapture& capture = long_capture();
+  RunOptions options = capture.run("lost-before-a-checkpoint", 160, 1500);
+  options.bucket_memory = 0;
+  options.checkpoint_seconds = 0;
+  Vandal vandal(capture.folder / "lost-before-a-checkpoint/buckets", true);
+  try {
+    train(options, &vandal);
+    FAIL();
+  } catch (const io::Error& error) {
+    EXPECT_EQ(error.status(), L4D_ERR_IO);
+    EXPECT_THAT(error.what(), testing::AllOf(testing::HasSubstr("cannot be read"),
+                                             testing::HasSubstr("--resume goes on from")));
+  }
 }
 
 TEST(Capacity, FollowsTheMemory) {

@@ -135,11 +135,15 @@ class Run {
     trainer_ = std::make_unique<Trainer>(settings_, capture_, *loader_, instants_, store_.get(),
                                          backend_.get(), options_.threads, residence_.get());
     settings_.opacity_weight = opacity_weight_of(settings_, trainer_->has_alpha());
-    begin();
-    log_ = std::make_unique<Log>(file("log.jsonl"), trainer_->state().step);
-    events_ = std::make_unique<EventFile>(file("events.out.tfevents.l4dtrain"), log_->entries());
-    loop();
-    return finish();
+    try {
+      begin();
+      log_ = std::make_unique<Log>(file("log.jsonl"), trainer_->state().step);
+      events_ = std::make_unique<EventFile>(file("events.out.tfevents.l4dtrain"), log_->entries());
+      loop();
+      return finish();
+    } catch (const BucketError& error) {
+      fail_for_buckets(error);
+    }
   }
 
  private:
@@ -439,8 +443,8 @@ class Run {
   bool step_or_save() {
     try {
       return step();
-    } catch (const BucketError& error) {
-      fail_for_buckets(error);
+    } catch (const BucketError&) {
+      throw;  // no image is to blame
     } catch (const Error& error) {
       if (error.status() != L4D_ERR_IO && error.status() != L4D_ERR_CORRUPT &&
           error.status() != L4D_ERR_FEATURE_UNSUPPORTED) {
