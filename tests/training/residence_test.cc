@@ -114,6 +114,7 @@ TEST(TrainingInParts, DrawsFromFewerWindowsWhereCapacityLacks) {
   EXPECT_TRUE(capture.scene("tight") == capture.scene("tight-parts"));
 
   options = capture.run("too-tight", 60, 60);
+  options.settings.density = "off";
   try {
     train(options, &listener);
     FAIL();
@@ -121,6 +122,16 @@ TEST(TrainingInParts, DrawsFromFewerWindowsWhereCapacityLacks) {
     EXPECT_EQ(error.status(), L4D_ERR_LIMIT_EXCEEDED);
     EXPECT_THAT(error.what(), testing::HasSubstr("the back end holds 60"));
   }
+  // Nothing is lost: with a larger capacity it goes on as if it had begun with that.
+  options.settings.resident = 1500;
+  options.resume = true;
+  EXPECT_THROW(train(options, &listener), io::Error);
+  options.accept_changes = true;
+  train(options, &listener);
+  options = capture.run("wide", 60, 1500);
+  options.settings.density = "off";
+  train(options, &listener);
+  EXPECT_TRUE(capture.scene("too-tight") == capture.scene("wide"));
 }
 
 // Removes a folder after 40 steps, and cancels the training then if `cancels` is set.

@@ -325,7 +325,7 @@ void add_train(CLI::App& app, Arguments& a) {
   auto* resume = verb->add_flag("--resume", a.run.resume,
                                 "Go on from the last checkpoint, with the settings of the run");
   verb->add_flag("--accept-changes", a.run.accept_changes,
-                 "Resume also where images of the capture have changed")
+                 "Resume also where images of the capture, or --resident, have changed")
       ->needs(resume);
   verb->add_flag("--force", a.run.force, "Replace a run that is in the folder")->excludes(resume);
   add_common(verb, a);

@@ -141,8 +141,8 @@ class Run {
       events_ = std::make_unique<EventFile>(file("events.out.tfevents.l4dtrain"), log_->entries());
       loop();
       return finish();
-    } catch (const BucketError& error) {
-      fail_for_buckets(error);
+    } catch (const BucketError& rows) {
+      fail_for_buckets(rows);
     }
   }
 
@@ -221,7 +221,9 @@ class Run {
     }
     if (options_.force) return;
     fail(L4D_ERR_INVALID_ARGUMENT,
-         "there is a run already; --resume goes on with it, and --force replaces it");
+         list_checkpoints(folder_).empty()
+             ? "there is a run already, without a checkpoint to resume from; --force replaces it"
+             : "there is a run already; --resume goes on with it, and --force replaces it");
   }
 
   void open_folder() {
@@ -368,6 +370,11 @@ class Run {
     if (checkpoint.run.camera_loss.size() != capture_.cameras.size()) {
       throw Error(L4D_ERR_INVALID_ARGUMENT, folder_ + ": the capture has other cameras now");
     }
+    // Another capacity may hold the rows of all windows again.
+    const std::string capacity = "\nresident " + std::to_string(settings_.resident) + "\n";
+    if (checkpoint.settings.find(capacity) == std::string::npos) {
+      checkpoint.run.windows = checkpoint.run.period = 0;
+    }
     trainer_->restore(std::move(checkpoint.model), checkpoint.run);
   }
 
@@ -445,6 +452,12 @@ class Run {
       return step();
     } catch (const BucketError&) {
       throw;  // no image is to blame
+    } catch (const CapacityError& error) {
+      write_checkpoint();
+      writer_.finish();
+      throw Error(error.status(),
+                  std::string(error.what()) +
+                      "; --resume --accept-changes with a larger --resident goes on");
     } catch (const Error& error) {
       if (error.status() != L4D_ERR_IO && error.status() != L4D_ERR_CORRUPT &&
           error.status() != L4D_ERR_FEATURE_UNSUPPORTED) {

@@ -8,6 +8,7 @@
 #include <sstream>
 
 #include "training/density/relocate.h"
+#include "training/run/capacity.h"
 #include "training/step/cuda_backend.h"
 
 namespace l4d::train {
@@ -91,6 +92,7 @@ std::string differences(const std::string& before, const Settings& now, bool acc
     if (old[key] == line || (key == "preset" && now.codec != "settle")) return;
     if (key == "device_memory") return;  // `resident` decides what is trained
     if (key == "capture_hash" && accept_changes) return;
+    if (key == "resident" && accept_changes && is_partly_away(now)) return;
     if (key == "devices" && same_number(value_of(old[key]), now.devices)) return;
     out += out.empty() ? "" : "; ";
     if (key == "capture_hash") {

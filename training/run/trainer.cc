@@ -364,12 +364,10 @@ void Trainer::renew_residence() {
 }
 
 void Trainer::fail_for_capacity() const {
-  throw io::Error(L4D_ERR_LIMIT_EXCEEDED,
-                  "step " + std::to_string(state_.step + 1) + ": one window of images needs " +
+  throw CapacityError("step " + std::to_string(state_.step + 1) + ": one window of images needs " +
                       std::to_string(residence_->needed()) +
                       " Gaussians at a time, and the back end holds " +
-                      std::to_string(residence_->capacity()) +
-                      ": a larger --device-memory or fewer --gaussians go on");
+                      std::to_string(residence_->capacity()));
 }
 
 void Trainer::keep(ModelState model, const std::vector<uint8_t>& mask) {

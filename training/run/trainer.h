@@ -15,6 +15,12 @@
 
 namespace l4d::train {
 
+// The back end holds fewer rows than one window of images needs.
+class CapacityError : public io::Error {
+ public:
+  explicit CapacityError(const std::string& what) : Error(L4D_ERR_LIMIT_EXCEEDED, what) {}
+};
+
 // What changes besides the model, and is part of a checkpoint.
 struct RunState {
   uint64_t step = 0;         // steps done
