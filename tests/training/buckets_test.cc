@@ -199,6 +199,22 @@ TEST(Buckets, RemoveWhatAKilledProcessLeft) {
   EXPECT_TRUE(std::filesystem::exists(folder / "buckets/notes.txt"));
 }
 
+// A link to another disk is where rows go, and a file of the name is somebody's.
+TEST(Buckets, KeepLinksAndFilesOfTheirName) {
+  test::Folder folder;
+  std::filesystem::create_directory(folder / "disk");
+  std::filesystem::create_directory_symlink(folder / "disk", folder / "buckets");
+  std::ofstream(folder / "disk/0-0-1.rows") << "rows";
+  std::ofstream(folder / "file") << "mine";
+  for (const char* name : {"buckets", "file"}) {
+    remove_buckets(folder / name);
+    BucketStore(options_of(folder / name, 0)).clear();
+  }
+  EXPECT_TRUE(std::filesystem::is_symlink(folder / "buckets"));
+  EXPECT_TRUE(std::filesystem::is_empty(folder / "disk"));
+  EXPECT_EQ(test::bytes_of(folder / "file"), "mine");
+}
+
 class ResidenceTest : public testing::Test {
  protected:
   ResidenceTest() : backend_(make_cpu_backend(1)) {}

@@ -45,6 +45,12 @@ void unpack(const uint32_t* record, size_t i, ModelState* model) {
       *model);
 }
 
+// A file or a link of this name is somebody else's and stays, and so does a folder with files.
+void remove_empty_folder(const std::string& folder) {
+  std::error_code error;
+  if (fs::is_directory(fs::symlink_status(folder, error))) fs::remove(folder, error);
+}
+
 std::string reason() { return std::strerror(errno); }
 
 }  // namespace
@@ -255,8 +261,7 @@ void BucketStore::clear() {
   }
   arenas_.clear();
   rows_ = memory_bytes_ = file_bytes_ = 0;
-  std::error_code ignored;
-  if (!options_.folder.empty()) fs::remove(options_.folder, ignored);  // if nothing else is in it
+  remove_empty_folder(options_.folder);
 }
 
 void remove_buckets(const std::string& folder) {
@@ -267,7 +272,7 @@ void remove_buckets(const std::string& folder) {
     if (entry->path().extension() == kSuffix) old.push_back(entry->path());
   }
   for (const fs::path& path : old) fs::remove(path, error);
-  fs::remove(folder, error);  // if nothing else is in it
+  remove_empty_folder(folder);
 }
 
 }  // namespace l4d::train
