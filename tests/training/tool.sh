@@ -288,6 +288,7 @@ expect 2 "--seconds is 1e[+]30; it must be 0.001 to" inspect capture --seconds 1
 expect 6 "needs .*, and --limit-memory is 1.0 MB: Gaussians .* rendering .* images .* scores" \
   train "${options[@]}" -o x --steps 10 --limit-memory 1M
 expect 6 "the network of --lpips needs" train "${options[@]}" -o x --steps 10 --limit-memory 100k --lpips alex.safetensors
+expect 2 "--device-memory must be positive" train "${options[@]}" -o x --steps 10 --device-memory 0
 expect 2 "--limit-memory must be positive" train "${options[@]}" -o x --steps 10 --limit-memory 0
 [ ! -e x ] || die "a training that was refused for its memory left a folder"
 tight=(long_capture --gaussians 300 --sh-degree 0 --views 2 --init frustum --exposure off --threads 1 --steps 40 --limit-memory 2600k -q)

@@ -404,6 +404,9 @@ int run_verb(const CLI::App& app, Arguments& a) {
     a.run.bucket_memory = bytes_of("--bucket-memory", a.bucket_memory);
     if (a.device_memory != "auto") {
       a.run.settings.device_memory = bytes_of("--device-memory", a.device_memory);
+      if (a.run.settings.device_memory == 0) {
+        throw io::Error(L4D_ERR_INVALID_ARGUMENT, "--device-memory must be positive");
+      }
     }
     if (a.near != "auto") a.run.settings.near = number_of("--near", a.near);
     if (a.opacity_weight != "auto") {
