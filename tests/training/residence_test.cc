@@ -134,6 +134,14 @@ TEST(TrainingInParts, DrawsFromFewerWindowsWhereCapacityLacks) {
   EXPECT_TRUE(capture.scene("too-tight") == capture.scene("wide"));
 }
 
+// A back end that holds one Gaussian has it from the beginning.
+TEST(TrainingInParts, BeginsWithOneGaussianAtLeast) {
+  Listener listener;
+  RunOptions options = long_capture().run("one", 2, 1);
+  options.settings.init = "frustum";
+  EXPECT_EQ(train(options, &listener).gaussians, 1U);
+}
+
 // Removes a folder after 40 steps, and cancels the training then if `cancels` is set.
 class Vandal : public Listener {
  public:
@@ -210,6 +218,10 @@ TEST(Capacity, FollowsTheMemory) {
   EXPECT_EQ(settled(65000000, 0).resident, 60000U);
   EXPECT_EQ(settled(65000000, 0).adam, "sparse");
   EXPECT_EQ(notes.size(), 1U);
+  base.adam = "sparse";
+  EXPECT_EQ(settled(65000000, 0).adam, "sparse");
+  EXPECT_EQ(notes.size(), 1U);
+  base.adam = "auto";
   EXPECT_EQ(settled(0, 110000000).resident, 50000U);
   EXPECT_EQ(settled(0, 500000000).resident, 100000U);
   const auto status = [&](const char* adam, const char* density, uint64_t bytes) -> l4d_status {

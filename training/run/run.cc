@@ -312,7 +312,8 @@ class Run {
     start.capacity = settings_.gaussians;
     start.count = std::min(settings_.gaussians, kMinStart);
     // Until they have children of shorter lives, most of them are needed at a time.
-    if (residence_) start.count = std::min(start.count, settings_.resident / 2);
+    if (residence_)
+      start.count = std::min(start.count, std::max<uint64_t>(settings_.resident / 2, 1));
     start.sh_degree = settings_.sh_degree;
     start.seed = settings_.seed;
     if (residence_) start.longest = kLongestLife;
