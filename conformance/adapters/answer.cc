@@ -2,9 +2,9 @@
 // The contract of the suite as a program on the library's public API, for machines where the tool
 // l4dcodec does not run:
 //
-//   answer [--backend cpu|reference] --query QUERY [--level N] [--tier N] [--detail base]
+//   answer [--backend cpu|reference|cuda] --query QUERY [--level N] [--tier N] [--detail base]
 //          [--packed] FILE
-//   answer [--backend cpu|reference] --batch
+//   answer [--backend cpu|reference|cuda] --batch
 //
 // --batch reads questions from standard input, a line each: arguments and file, between tabs. It
 // prints for each the exit status, a tab and the answer. One program then answers the whole suite,
@@ -18,6 +18,7 @@
 #include <vector>
 
 #include "conformance/adapters/digests.h"
+#include "l4d/cuda.h"
 #include "l4d/l4d.hpp"
 
 namespace {
@@ -239,6 +240,26 @@ bool read_line(std::string* line) {
   return !line->empty();
 }
 
+// False where there is no such back end: a suite that the host answers says nothing of a device.
+bool find_backend(const std::string& name, uint32_t* backend) {
+  if (name == "cpu") {
+    *backend = L4D_BACKEND_CPU;
+  } else if (name == "reference") {
+    *backend = L4D_BACKEND_REFERENCE;
+  } else if (name == "cuda") {
+    uint32_t devices = 0;
+    if (l4d_cuda_get_device_count(&devices) != L4D_OK || devices == 0) {
+      std::fprintf(stderr, "answer: no CUDA device\n");
+      return false;
+    }
+    *backend = L4D_BACKEND_CUDA;
+  } else {
+    std::fprintf(stderr, "answer: unknown backend %s\n", name.c_str());
+    return false;
+  }
+  return true;
+}
+
 int run_batch(uint32_t backend) {
   std::string line;
   while (read_line(&line)) {
@@ -263,7 +284,7 @@ int main(int argc, char** argv) {
   std::vector<std::string> words(argv + 1, argv + argc);
   uint32_t backend = L4D_BACKEND_CPU;
   if (words.size() >= 2 && words[0] == "--backend") {
-    backend = words[1] == "reference" ? L4D_BACKEND_REFERENCE : L4D_BACKEND_CPU;
+    if (!find_backend(words[1], &backend)) return 3;
     words.erase(words.begin(), words.begin() + 2);
   }
   if (words == std::vector<std::string>{"--batch"}) return run_batch(backend);
