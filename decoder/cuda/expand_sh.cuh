@@ -131,6 +131,17 @@ __device__ void expand_sh_tile(const ComponentSource& source, const ExpandBlock&
   }
 }
 
+// SH of a page without any channel of SH: the first vector of the basis (DEC-7), bit by bit. A sum
+// with no coefficients would lose the sign of -0.
+template <unsigned kDim>
+__device__ void copy_sh_base(const ComponentSource& source, const ExpandBlock& block,
+                             const DeviceArrays& out) {
+  for (uint32_t e = threadIdx.x; e < block.count * kDim; e += kExpandThreads) {
+    const uint32_t i = e / kDim, d = e % kDim;
+    out.sh[size_t{kDim} * block.gaussian(i) + d] = source.codebook0[d];
+  }
+}
+
 // SH of transform coefficients: rows of coefficients times the basis, a product of matrices of
 // integers. Gaussians are taken by falling number of coefficients, so that those of a warp have
 // about as many; zeros behind those that a row has change nothing.
@@ -141,6 +152,10 @@ __device__ void expand_sh_transform(const DeviceRequest& request, const DeviceAr
   const ExpandBlock block(request, index);
   if (block.count == 0) return;
   const ComponentSource source(request, block, L4D_COMPONENT_SH);
+  if (block.page->has_sh == 0) {
+    copy_sh_base<kDim>(source, block, out);
+    return;
+  }
   const uint32_t t = threadIdx.x;
   const uint32_t coded = min(source.coding.num_coefficients, source.limit);
   for (uint32_t e = t; e < kMaxCoefficients * Shared::kWidth; e += kExpandThreads) {
