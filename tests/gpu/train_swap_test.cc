@@ -19,7 +19,8 @@ using ::l4d::test::Random;
 
 constexpr l4d_timeline kTimeline = {0, 1000, 10, 1, 0};
 
-// Rows whose numbers all differ; ids are sorted, with gaps.
+// Rows whose numbers all differ; ids are sorted, with gaps. What splits in time go by is 0: a
+// device does not gather it.
 ModelState random_rows(uint64_t count, uint64_t capacity, uint32_t degree, uint32_t first_id,
                        uint32_t every, uint64_t seed) {
   Random random(seed);
@@ -35,6 +36,8 @@ ModelState random_rows(uint64_t count, uint64_t capacity, uint32_t degree, uint3
   for (size_t i = 0; i < count; ++i) {
     model.id[i] = first_id + every * static_cast<uint32_t>(i);
     model.away[i] = 0;
+    model.time_gradient[i] = model.time_magnitude[i] = 0;
+    model.time_visits[i] = 0;
     for (size_t k = 0; k < 4; ++k) model.value.log_scale[4 * i + k] = random.uniformf(-3, 1);
     for (size_t k = 0; k < 8; ++k) model.value.rotor[8 * i + k] = random.uniformf(-1, 1);
     model.value.mean_t[i] = random.uniformf(0, 100);
