@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
+#include "io/file.h"
 #include "io/video.h"
 #include "tests/training/tiny_capture.h"
 #include "training/images/loader.h"
@@ -121,6 +122,32 @@ TEST(Captures, MissingFrames) {
   const Capture capture = read_capture(folder, options);
   EXPECT_EQ(capture.frames, 20U);
   EXPECT_THAT(capture.notes, testing::Contains(HasSubstr("cut to 20 frames")));
+}
+
+// Workers render several views at a time, each with a renderer of its own.
+TEST(Captures, ThreadsDoNotChangeRenderedImages) {
+  const Folder folder;
+  RenderCaptureOptions options;
+  options.cameras = 3;
+  options.width = 40;
+  options.height = 30;
+  options.first_frame = 4;
+  options.frames = 5;
+  options.threads = 1;
+  render_capture(folder / "one", test::tiny_truth(), options);
+  options.threads = 4;
+  render_capture(folder / "four", test::tiny_truth(), options);
+  std::set<std::vector<uint8_t>> images;
+  for (const char* camera : {"cam00", "cam01", "cam02"}) {
+    for (int frame = 0; frame < 5; ++frame) {
+      const std::string name =
+          std::string("/images/") + camera + "/000" + std::to_string(frame) + ".png";
+      const std::vector<uint8_t> image = io::read_whole_file(folder / ("one" + name));
+      EXPECT_EQ(image, io::read_whole_file(folder / ("four" + name))) << name;
+      images.insert(image);
+    }
+  }
+  EXPECT_EQ(images.size(), 15U) << "images of other cameras or frames are equal";
 }
 
 class VideoCaptures : public testing::Test {

@@ -2,6 +2,7 @@
 #include "training/run/render_capture.h"
 
 #include <algorithm>
+#include <atomic>
 #include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -10,6 +11,7 @@
 #include "io/image.h"
 #include "io/video.h"
 #include "l4d/render.hpp"
+#include "libl4dcodec/base/threads.h"
 
 namespace l4d::train {
 namespace {
@@ -19,6 +21,7 @@ using Json = nlohmann::ordered_json;
 using io::Error;
 
 constexpr uint32_t kTestEvery = 8;
+constexpr size_t kMostPrepared = 8000000;  // Gaussians of all renderers, some 200 bytes each
 
 Json json_of(const io::Camera& camera, const std::string& name, bool is_video, bool is_test) {
   const l4d_camera& c = camera.camera;
@@ -62,6 +65,52 @@ std::string frame_name(const fs::path& folder, uint32_t frame) {
   return (folder / name).string();
 }
 
+struct FrameRange {
+  uint32_t first, count;
+  double fps;
+};
+
+// Several views at a time: small images, their compression and files leave most threads of a single
+// renderer idle. Each worker has a renderer, and renders all cameras of its frames, which share the
+// slice of an instant; or, for videos, all frames of its cameras in order.
+// keep(frame, camera, image): called on any thread, where frames count from 0.
+template <typename Keep>
+void render_views(const io::Scene& scene, const io::CameraSet& set,
+                  const RenderCaptureOptions& options, const FrameRange& frames, const Keep& keep) {
+  const bool by_camera = options.format == "mp4";
+  const size_t threads = static_cast<size_t>(resolve_threads(static_cast<int>(options.threads)));
+  const size_t parts = by_camera ? set.cameras.size() : frames.count;
+  const size_t fit = std::max<size_t>(kMostPrepared / std::max<size_t>(scene.view().count, 1), 1);
+  const size_t workers = std::min({threads, parts, fit});
+  std::atomic<bool> stop{false};
+  const auto work = [&](size_t worker, size_t) {
+    l4d_renderer_options rendering;
+    l4d_renderer_options_init(&rendering);
+    rendering.threads = static_cast<uint32_t>(std::max<size_t>(threads / workers, 1));
+    RendererHandle renderer(&rendering);
+    renderer.set_gaussians(scene.view(), scene.timeline);
+    io::Image image(options.width, options.height);
+    for (uint32_t frame = 0; frame < frames.count; ++frame) {
+      if (!by_camera && frame % workers != worker) continue;
+      renderer.set_time(scene.timeline.time_begin + (frames.first + frame) / frames.fps);
+      for (size_t k = 0; k < set.cameras.size() && !stop; ++k) {
+        if (by_camera && k % workers != worker) continue;
+        renderer.render(set.cameras[k].camera, image.rgb.data());
+        keep(frame, k, image);
+      }
+      if (stop) return;
+    }
+  };
+  parallel_for(static_cast<int>(workers), workers, 1, [&](size_t worker, size_t end) {
+    try {
+      work(worker, end);
+    } catch (...) {
+      stop = true;
+      throw;
+    }
+  });
+}
+
 }  // namespace
 
 void render_capture(const std::string& folder, const io::Scene& scene,
@@ -85,12 +134,6 @@ void render_capture(const std::string& folder, const io::Scene& scene,
   const fs::path root(folder);
   check_place(root);
   fs::create_directories(root);
-  l4d_renderer_options rendering;
-  l4d_renderer_options_init(&rendering);
-  rendering.threads = options.threads;
-  RendererHandle renderer(&rendering);
-  renderer.set_gaussians(scene.view(), scene.timeline);
-
   Json cameras = Json::array();
   std::vector<std::string> names;
   std::vector<std::unique_ptr<io::VideoWriter>> videos;
@@ -107,19 +150,14 @@ void render_capture(const std::string& folder, const io::Scene& scene,
       fs::create_directories(root / "images" / names[k]);
     }
   }
-  io::Image image(options.width, options.height);
-  for (uint32_t frame = 0; frame < frames; ++frame) {
-    // All cameras share the slice of an instant.
-    renderer.set_time(scene.timeline.time_begin + (first + frame) / fps);
-    for (size_t k = 0; k < set.cameras.size(); ++k) {
-      renderer.render(set.cameras[k].camera, image.rgb.data());
-      if (is_video) {
-        videos[k]->write(image);
-      } else {
-        io::write_png(frame_name(root / "images" / names[k], frame), image);
-      }
+  const auto keep = [&](uint32_t frame, size_t k, const io::Image& image) {
+    if (is_video) {
+      videos[k]->write(image);
+    } else {
+      io::write_png(frame_name(root / "images" / names[k], frame), image);
     }
-  }
+  };
+  render_views(scene, set, options, {first, frames, fps}, keep);
   for (const auto& video : videos) video->finish();
   const Json document = {{"fps", fps},
                          {"frames", frames},
