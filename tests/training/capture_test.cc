@@ -150,6 +150,30 @@ TEST(Captures, ThreadsDoNotChangeRenderedImages) {
   EXPECT_EQ(images.size(), 15U) << "images of other cameras or frames are equal";
 }
 
+// An image that is not scaled takes a shorter path, with the bytes of an average of one pixel each.
+TEST(Captures, ImagesOfTheirOwnSizeAreRounded) {
+  io::Image image(37, 29);
+  std::vector<float> alpha(size_t{37} * 29);
+  std::mt19937 random(3);
+  std::uniform_real_distribution<float> any(-0.1F, 1.1F);
+  for (size_t i = 0; i < image.rgb.size(); ++i) {
+    image.rgb[i] = i < 256 ? static_cast<float>(i) / 255 : any(random);
+    if (i % 7 == 3) image.rgb[i] = (static_cast<float>(i % 255) + 0.5F) / 255;  // about half-way
+  }
+  for (float& a : alpha) a = any(random);
+  const auto rounded = [](float value) {
+    return std::clamp(std::lround(static_cast<double>(value) * 255), 0L, 255L);
+  };
+  const Pixels pixels = resized(image, alpha, 37, 29);
+  ASSERT_EQ(pixels.rgb.size(), image.rgb.size());
+  ASSERT_EQ(pixels.alpha.size(), alpha.size());
+  for (size_t i = 0; i < image.rgb.size(); ++i) {
+    ASSERT_EQ(pixels.rgb[i], rounded(image.rgb[i])) << image.rgb[i];
+  }
+  for (size_t i = 0; i < alpha.size(); ++i) ASSERT_EQ(pixels.alpha[i], rounded(alpha[i]));
+  EXPECT_TRUE(resized(image, {}, 37, 29).alpha.empty());
+}
+
 class VideoCaptures : public testing::Test {
  protected:
   void SetUp() override {
