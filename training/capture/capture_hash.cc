@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "io/file.h"
+#include "libl4dcodec/base/threads.h"
 
 namespace l4d::train {
 namespace {
@@ -15,6 +16,38 @@ namespace {
 // From either end of a file. A compressed image that changes does so in its length or in its last
 // bytes, where its checksums are; most images are hashed whole.
 constexpr uint64_t kEnd = 64 << 10;
+constexpr size_t kBatch = 128;  // files in memory at a time
+constexpr int kReaders = 16;    // threads, which mostly wait for files
+
+// What is hashed of a file. One that is not there is nothing: who reads it says so.
+struct FileEnds {
+  double size = -1;  // bytes; -1: no path, -2: no file
+  std::vector<uint8_t> bytes;
+};
+
+FileEnds ends_of(const std::string& path) {
+  FileEnds out;
+  if (path.empty()) return out;
+  out.size = -2;
+  const io::FileHandle file(std::fopen(path.c_str(), "rb"));
+  if (!file) return out;
+  std::setvbuf(file.get(), nullptr, _IONBF, 0);
+  if (std::fseek(file.get(), 0, SEEK_END) != 0) return out;
+  const auto size = static_cast<uint64_t>(std::max(0L, std::ftell(file.get())));
+  out.size = static_cast<double>(size);
+  const auto add = [&](uint64_t begin, uint64_t n) {
+    const size_t before = out.bytes.size();
+    out.bytes.resize(before + static_cast<size_t>(n));
+    size_t got = 0;
+    if (std::fseek(file.get(), static_cast<long>(begin), SEEK_SET) == 0) {
+      got = std::fread(out.bytes.data() + before, 1, static_cast<size_t>(n), file.get());
+    }
+    out.bytes.resize(before + got);
+  };
+  add(0, std::min(size, kEnd));
+  if (size > kEnd) add(std::max(kEnd, size - kEnd), std::min(size - kEnd, kEnd));
+  return out;
+}
 
 class Hash {
  public:
@@ -29,15 +62,9 @@ class Hash {
     number(static_cast<double>(value.size()));
     bytes(value.data(), value.size());
   }
-  // A file that is not there is nothing: who reads it says so.
-  void file(const std::string& path) {
-    if (path.empty()) return number(-1);
-    const io::FileHandle file(std::fopen(path.c_str(), "rb"));
-    if (!file || std::fseek(file.get(), 0, SEEK_END) != 0) return number(-2);
-    const auto size = static_cast<uint64_t>(std::max(0L, std::ftell(file.get())));
-    number(static_cast<double>(size));
-    part(file.get(), 0, std::min(size, kEnd));
-    if (size > kEnd) part(file.get(), std::max(kEnd, size - kEnd), std::min(size - kEnd, kEnd));
+  void file(const FileEnds& ends) {
+    number(ends.size);
+    bytes(ends.bytes.data(), ends.bytes.size());
   }
   std::string digits() const {
     char out[24];
@@ -47,14 +74,7 @@ class Hash {
   }
 
  private:
-  void part(std::FILE* file, uint64_t begin, uint64_t n) {
-    buffer_.resize(static_cast<size_t>(n));
-    if (std::fseek(file, static_cast<long>(begin), SEEK_SET) != 0) return;
-    bytes(buffer_.data(), std::fread(buffer_.data(), 1, buffer_.size(), file));
-  }
-
   XXH3_state_t* state_;
-  std::vector<uint8_t> buffer_;
 };
 
 void add(Hash* hash, const CaptureCamera& camera) {
@@ -71,8 +91,25 @@ void add(Hash* hash, const CaptureCamera& camera) {
   for (const double number : camera.source.distortion.k) hash->number(number);
   for (const double number : camera.source.distortion.p) hash->number(number);
   hash->number(static_cast<double>(camera.source.distortion.model));
-  hash->file(camera.source.video);
-  hash->file(camera.source.mask);
+  hash->file(ends_of(camera.source.video));
+  hash->file(ends_of(camera.source.mask));
+}
+
+// Files are read several at a time: a long capture has thousands, and opening one may take long.
+void add_views(Hash* hash, const std::vector<CaptureView>& views) {
+  std::vector<FileEnds> ends(kBatch);
+  for (size_t first = 0; first < views.size(); first += kBatch) {
+    const size_t count = std::min(kBatch, views.size() - first);
+    parallel_for(kReaders, count, 1,
+                 [&](size_t k, size_t) { ends[k] = ends_of(views[first + k].file); });
+    for (size_t k = 0; k < count; ++k) {
+      const CaptureView& view = views[first + k];
+      hash->number(view.camera);
+      hash->number(view.frame);
+      hash->number(view.time);
+      hash->file(ends[k]);
+    }
+  }
 }
 
 }  // namespace
@@ -83,12 +120,7 @@ std::string hash_of(const Capture& capture) {
   hash.number(capture.fps);
   hash.number(capture.frames);
   for (const CaptureCamera& camera : capture.cameras) add(&hash, camera);
-  for (const CaptureView& view : capture.views) {
-    hash.number(view.camera);
-    hash.number(view.frame);
-    hash.number(view.time);
-    hash.file(view.file);
-  }
+  add_views(&hash, capture.views);
   for (const Point& point : capture.points) {
     hash.bytes(point.position, sizeof(point.position));
     hash.bytes(point.rgb, sizeof(point.rgb));
