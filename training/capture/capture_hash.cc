@@ -1,13 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "training/capture/capture_hash.h"
 
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
 #include <xxhash.h>
 
 #include <algorithm>
 #include <cstdio>
 #include <vector>
 
-#include "io/file.h"
 #include "libl4dcodec/base/threads.h"
 
 namespace l4d::train {
@@ -25,27 +27,28 @@ struct FileEnds {
   std::vector<uint8_t> bytes;
 };
 
+// With few system calls, some of which take long on some file systems.
 FileEnds ends_of(const std::string& path) {
   FileEnds out;
   if (path.empty()) return out;
   out.size = -2;
-  const io::FileHandle file(std::fopen(path.c_str(), "rb"));
-  if (!file) return out;
-  std::setvbuf(file.get(), nullptr, _IONBF, 0);
-  if (std::fseek(file.get(), 0, SEEK_END) != 0) return out;
-  const auto size = static_cast<uint64_t>(std::max(0L, std::ftell(file.get())));
-  out.size = static_cast<double>(size);
-  const auto add = [&](uint64_t begin, uint64_t n) {
-    const size_t before = out.bytes.size();
-    out.bytes.resize(before + static_cast<size_t>(n));
-    size_t got = 0;
-    if (std::fseek(file.get(), static_cast<long>(begin), SEEK_SET) == 0) {
-      got = std::fread(out.bytes.data() + before, 1, static_cast<size_t>(n), file.get());
-    }
-    out.bytes.resize(before + got);
-  };
-  add(0, std::min(size, kEnd));
-  if (size > kEnd) add(std::max(kEnd, size - kEnd), std::min(size - kEnd, kEnd));
+  const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NOCTTY | O_NONBLOCK);
+  if (fd < 0) return out;
+  struct stat status {};
+  if (::fstat(fd, &status) == 0 && S_ISREG(status.st_mode)) {
+    const auto size = static_cast<uint64_t>(status.st_size);
+    out.size = static_cast<double>(size);
+    const auto add = [&](uint64_t begin, uint64_t n) {
+      const size_t before = out.bytes.size();
+      out.bytes.resize(before + static_cast<size_t>(n));
+      const ssize_t got =
+          ::pread(fd, out.bytes.data() + before, static_cast<size_t>(n), static_cast<off_t>(begin));
+      out.bytes.resize(before + static_cast<size_t>(std::max<ssize_t>(got, 0)));
+    };
+    add(0, std::min(size, kEnd));
+    if (size > kEnd) add(std::max(kEnd, size - kEnd), std::min(size - kEnd, kEnd));
+  }
+  ::close(fd);
   return out;
 }
 
