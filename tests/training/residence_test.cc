@@ -2,6 +2,8 @@
 // Trainings whose model does not fit in the back end.
 #include <gmock/gmock.h>
 
+#include <numeric>
+
 #include "tests/training/long_capture.h"
 #include "training/run/capacity.h"
 #include "training/run/checkpoint.h"
@@ -64,6 +66,13 @@ TEST(TrainingInParts, RepeatsAndResumes) {
   // Rows that were away have not been taken for dead: what is left is what prune leaves.
   EXPECT_GT(whole.gaussians, 800U);
   EXPECT_LE(whole.gaussians, 1700U);
+  // Each second belongs to one part.
+  const auto& seconds = whole.seconds;
+  for (const double part : seconds) EXPECT_GE(part, 0);
+  EXPECT_GT(seconds[kSwaps], 0);
+  EXPECT_NEAR(std::accumulate(seconds.begin(), seconds.end(), 0.0), whole.total_seconds, 0.05);
+  EXPECT_NEAR(seconds[kSteps] + seconds[kImageWait] + seconds[kSwaps], whole.training_seconds,
+              0.05);
 
   options = capture.run("interrupted", 210, 1600);
   options.settings.codec = "prune";

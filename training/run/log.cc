@@ -51,6 +51,7 @@ LogEntry entry_of(const Json& j) {
   e.skipped_rows = j.value("skipped_rows", uint64_t{0});
   e.image_bytes = j.value("image_bytes", uint64_t{0});
   e.image_wait = read_number(j, "image_wait_s");
+  e.swaps = read_number(j, "swap_s");
   for (size_t k = 0; k < kStages && j.contains("ms"); ++k) {
     e.stages[k] = read_number(j["ms"], kStageNames[k]);
   }
@@ -140,7 +141,8 @@ std::string json_of(const LogEntry& e) {
             {"born", e.born},
             {"skipped_rows", e.skipped_rows},
             {"image_bytes", e.image_bytes},
-            {"image_wait_s", number(e.image_wait)}};
+            {"image_wait_s", number(e.image_wait)},
+            {"swap_s", number(e.swaps)}};
   for_each_size(e.memory, [&](const char* name, uint64_t value) { j["memory"][name] = value; });
   for (size_t k = 0; k < kStages; ++k) j["ms"][kStageNames[k]] = number(e.stages[k]);
   if (e.has_score) {

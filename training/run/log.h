@@ -44,7 +44,7 @@ struct LogEntry {
   uint64_t relocated = 0, born = 0, skipped_rows = 0;  // since the entry before
   uint64_t image_bytes = 0;
   MemoryUse memory;                      // images: as image_bytes
-  double image_wait = 0;                 // s
+  double image_wait = 0, swaps = 0;      // s, that steps waited
   std::array<double, kStages> stages{};  // ms a step
   bool has_score = false;
   Score train, test;  // NaN without views

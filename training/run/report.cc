@@ -91,6 +91,7 @@ std::string json_of(const RunReport& r) {
             {"test", object_of(r.test, r.lpips)}};
   if (r.steps > 0) {
     j["devices"] = r.devices;
+    for (size_t p = 0; p < kParts; ++p) j["seconds"][kPartNames[p]] = number(r.seconds[p]);
     for (size_t s = 0; s < kStages; ++s) j["ms"][kStageNames[s]] = number(r.stages[s]);
   }
   if (r.memory.resident > 0) {

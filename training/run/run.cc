@@ -128,6 +128,7 @@ class Run {
     settings_.capture_hash = hash_of(capture_);
     std::error_code error;
     if (fs::is_regular_file(settings_.init, error)) settings_.init = absolute(settings_.init);
+    times_.begin(kImages);
     backend_ = settings_.backend == "cuda" ? make_cuda_group(devices_of(settings_.devices))
                                            : make_cpu_backend(options_.threads, renderer_memory_);
     plan_memory();
@@ -135,6 +136,7 @@ class Run {
     trainer_ = std::make_unique<Trainer>(settings_, capture_, *loader_, instants_, store_.get(),
                                          backend_.get(), options_.threads, residence_.get());
     settings_.opacity_weight = opacity_weight_of(settings_, trainer_->has_alpha());
+    times_.begin(kStart);
     try {
       begin();
       log_ = std::make_unique<Log>(file("log.jsonl"), trainer_->state().step);
@@ -380,6 +382,7 @@ class Run {
   }
 
   void write_checkpoint() {
+    times_.begin(kWriting);
     Checkpoint checkpoint;
     checkpoint.settings = text_of(settings_);
     checkpoint.run = trainer_->state();
@@ -389,6 +392,7 @@ class Run {
   }
 
   void write_preview() {
+    times_.begin(kScoring);
     const Sample& sample = test_sample_->empty() ? *train_sample_ : *test_sample_;
     io::write_png(file("preview.png"), sample.preview(trainer_.get()));
     last_preview_ = Clock::now();
@@ -396,6 +400,7 @@ class Run {
 
   void loop() {
     last_checkpoint_ = last_preview_ = Clock::now();
+    first_wait_ = store_->seconds_waited();
     Clock::time_point step_begin = Clock::now();
     milestone_ = static_cast<int>(trainer_->progress() * kScores);
     while (!trainer_->done()) {
@@ -407,6 +412,7 @@ class Run {
                                            "; --resume goes on from there");
       }
       step_begin = Clock::now();
+      times_.begin(kSteps);
       if (!step_or_save()) continue;
       trainer_->state().seconds += since(step_begin);
       write_or_save();
@@ -528,6 +534,7 @@ class Run {
   }
 
   void add_to_log(bool scores) {
+    times_.begin(kWriting);
     LogEntry entry;
     entry.step = trainer_->state().step;
     entry.seconds = trainer_->state().seconds;
@@ -541,15 +548,18 @@ class Run {
     entry.skipped_rows = skipped_;
     entry.image_bytes = store_->bytes();
     entry.image_wait = store_->seconds_waited();
+    entry.swaps = trainer_->seconds_swapping();
     entry.memory = memory_use();
     entry.stages = take_stages();
     for (double& stage : entry.stages) stage /= n;
     entry.has_score = scores;
     if (scores) {
+      times_.begin(kScoring);
       entry.train = train_sample_->score(trainer_.get());
       entry.test = test_sample_->score(trainer_.get());
       last_score_ = entry.test.plain.mean_psnr;
       backend_->take_seconds();
+      times_.begin(kWriting);
     }
     log_->add(entry);
     events_->add(entry);
@@ -583,11 +593,13 @@ class Run {
   RunReport finish() {
     write_checkpoint();
     observer_->update(0, 0, "writing the scene");
+    times_.begin(kWriting);
     const ModelState model = trainer_->model();
     const io::Scene scene = scene_of(model, capture_.timeline());
     io::write_l4d_ply(file("scene.ply"), scene);
     write_cameras(file("cameras.json"), capture_, *loader_);
     write_preview();
+    times_.begin(kWriting);
     write_text(file("curves.svg"), draw_curves(log_->entries()));
 
     RunReport report = describe_capture(capture_, *loader_);
@@ -603,10 +615,14 @@ class Run {
     if (lpips_) report.lpips = lpips_->network();
     const auto render = [&](uint32_t view) { return trainer_->render(view); };
     observer_->update(0, 0, "comparing with the captured images");
+    times_.begin(kComparison);
     report.train = score("train", render);
     report.test = score("test", render);
+    times_.begin(kEncoding);
     if (!options_.preset.empty()) encode(scene, &report);
     report.notes = notes_;
+    report.seconds =
+        times_.seconds(store_->seconds_waited() - first_wait_, trainer_->seconds_swapping());
     report.total_seconds = seconds_before_ + since(started_);
     write_text(file("report.json"), json_of(report) + "\n");
     writer_.finish();
@@ -640,7 +656,9 @@ class Run {
   std::string folder_;
   std::unique_ptr<FolderLock> lock_;
   Clock::time_point started_ = Clock::now();
+  PartTimes times_;
   double seconds_before_ = 0;  // of training, before a resume
+  double first_wait_ = 0;      // for images, before the first step
   Capture capture_;
   std::unique_ptr<ImageLoader> loader_;
   std::unique_ptr<eval::Lpips> lpips_;

@@ -7,6 +7,7 @@
 
 #include "training/run/log.h"
 #include "training/run/settings.h"
+#include "training/run/times.h"
 
 // Whole trainings, from a capture to a folder of results.
 namespace l4d::train {
@@ -38,6 +39,7 @@ struct RunReport {
   std::vector<uint32_t> devices;         // none: a processor
   std::array<double, kStages> stages{};  // ms a step, since the last resume
   double total_seconds = 0;
+  std::array<double, kParts> seconds{};  // of parts, since the last resume
   MemoryUse memory;
   Score train, test;
   uint64_t stream_bytes = 0;  // 0: none

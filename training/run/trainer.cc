@@ -2,6 +2,7 @@
 #include "training/run/trainer.h"
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <iterator>
 
@@ -156,7 +157,12 @@ StepReport Trainer::advance() {
   const double f = progress();
   store_->go_to(state_.step);
   const uint64_t step = state_.step + 1;
-  if (residence_ != nullptr) renew_residence();
+  if (residence_ != nullptr) {
+    const auto since = std::chrono::steady_clock::now();
+    renew_residence();
+    seconds_swapping_ +=
+        std::chrono::duration<double>(std::chrono::steady_clock::now() - since).count();
+  }
   uint64_t visit = 0;
   const Instant& instant = choose_instant(&visit);
   const std::vector<uint32_t> views =

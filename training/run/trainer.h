@@ -88,6 +88,8 @@ class Trainer {
 
   // What stands out, once each: for people.
   std::vector<std::string> take_notes();
+  // That steps waited until Gaussians had moved between the back end and elsewhere.
+  double seconds_swapping() const { return seconds_swapping_; }
   uint64_t steps_per_epoch() const;
   double seconds_left() const;  // where the clock decides; else 0
   const std::vector<Exposure>& exposures() const { return exposures_; }
@@ -134,6 +136,7 @@ class Trainer {
   std::vector<Exposure> exposures_;  // by camera; empty: off
   RunState state_;
   std::vector<float> background_ = {0, 0, 0};
+  double seconds_swapping_ = 0;
   std::vector<std::string> notes_;
 };
 
