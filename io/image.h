@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -23,6 +24,14 @@ struct Image {
   }
 };
 
+// An image of 8 bits a channel. alpha: [height, width]; empty if there is none. Colours are not
+// multiplied by it.
+struct ByteImage {
+  uint32_t width = 0, height = 0;
+  std::vector<uint8_t> rgb;  // [height, width, 3]
+  std::vector<uint8_t> alpha;
+};
+
 // Between values and bytes: clamped, rounded to the nearest, NaN is 0.
 void to_bytes(const float* values, size_t count, uint8_t* bytes);
 void from_bytes(const uint8_t* bytes, size_t count, float* values);
@@ -36,6 +45,9 @@ Image read_png(const std::string& path);
 // The same with what is transparent as it is in the file. alpha: [height, width] in [0, 1]; empty
 // if the image has none.
 Image read_png(const std::string& path, std::vector<float>* alpha);
+// The same as bytes, from which from_bytes makes these values. Nothing if the file has 16 bits a
+// channel.
+std::optional<ByteImage> read_png_bytes(const std::string& path);
 
 // Images of one height beside each other.
 Image side_by_side(const std::vector<Image>& images);

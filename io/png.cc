@@ -6,6 +6,8 @@
 #include <cstdio>
 #include <cstring>
 #include <new>
+#include <optional>
+#include <utility>
 
 #include "io/file.h"
 #include "io/image.h"
@@ -96,9 +98,15 @@ float sample(const uint8_t* bytes, unsigned depth) {
   return static_cast<float>(bytes[0] << 8 | bytes[1]) / 65535;
 }
 
-// alpha: null, and what is transparent lies on black; or where it goes.
-Image decode(const std::string& path, const std::vector<uint8_t>& bytes,
-             std::vector<float>* alpha_plane) {
+// An image as libpng delivers it: RGB or RGBA of 8 or 16 bits, in rows without gaps.
+struct Delivered {
+  PngLayout layout;
+  std::vector<uint8_t> pixels;
+};
+
+// Nothing if it has more than `deepest` bits a channel.
+std::optional<Delivered> deliver(const std::string& path, const std::vector<uint8_t>& bytes,
+                                 unsigned deepest) {
   PngSource source;
   source.bytes = bytes.data();
   source.left = bytes.size();
@@ -106,7 +114,8 @@ Image decode(const std::string& path, const std::vector<uint8_t>& bytes,
   const auto fail = [&](const char* what) {
     throw Error(L4D_ERR_CORRUPT, path + ": bad PNG: " + what);
   };
-  PngLayout layout;
+  Delivered out;
+  PngLayout& layout = out.layout;
   if (!read_layout(reader.png, reader.info, &source, &layout)) fail(source.message);
   if ((layout.channels != 3 && layout.channels != 4) || (layout.depth != 8 && layout.depth != 16)) {
     fail("a layout of pixels that is not known");
@@ -114,12 +123,17 @@ Image decode(const std::string& path, const std::vector<uint8_t>& bytes,
   if (layout.stored_row_bytes * layout.height / kMaxInflation > bytes.size()) {
     fail("the file is too short for its size in pixels");
   }
-
-  std::vector<uint8_t> pixels(layout.row_bytes * layout.height);
+  if (layout.depth > deepest) return std::nullopt;
+  out.pixels.resize(layout.row_bytes * layout.height);
   std::vector<uint8_t*> rows(layout.height);
-  for (size_t y = 0; y < rows.size(); ++y) rows[y] = &pixels[y * layout.row_bytes];
+  for (size_t y = 0; y < rows.size(); ++y) rows[y] = &out.pixels[y * layout.row_bytes];
   if (!read_pixels(reader.png, rows.data())) fail(source.message);
+  return out;
+}
 
+// alpha: null, and what is transparent lies on black; or where it goes.
+Image values_of(const Delivered& in, std::vector<float>* alpha_plane) {
+  const PngLayout& layout = in.layout;
   Image image(layout.width, layout.height);
   const size_t sample_bytes = layout.depth / 8;
   const size_t pixel_bytes = layout.channels * sample_bytes;
@@ -129,7 +143,7 @@ Image decode(const std::string& path, const std::vector<uint8_t>& bytes,
   for (size_t y = 0; y < layout.height; ++y) {
     float* out = &image.rgb[y * 3 * layout.width];
     for (size_t x = 0; x < layout.width; ++x, out += 3) {
-      const uint8_t* pixel = rows[y] + x * pixel_bytes;
+      const uint8_t* pixel = &in.pixels[y * layout.row_bytes + x * pixel_bytes];
       const float alpha = has_alpha ? sample(pixel + 3 * sample_bytes, layout.depth) : 1.0F;
       if (keeps_alpha && has_alpha) (*alpha_plane)[y * layout.width + x] = alpha;
       for (size_t c = 0; c < 3; ++c) {
@@ -140,16 +154,50 @@ Image decode(const std::string& path, const std::vector<uint8_t>& bytes,
   return image;
 }
 
+// in: of 8 bits a channel.
+ByteImage bytes_of(Delivered in) {
+  const PngLayout& layout = in.layout;
+  ByteImage out;
+  out.width = layout.width;
+  out.height = layout.height;
+  if (layout.channels == 3) {
+    out.rgb = std::move(in.pixels);
+    return out;
+  }
+  const size_t pixels = size_t{layout.width} * layout.height;
+  out.rgb.resize(3 * pixels);
+  out.alpha.resize(pixels);
+  for (size_t i = 0; i < pixels; ++i) {
+    std::copy_n(&in.pixels[4 * i], 3, &out.rgb[3 * i]);
+    out.alpha[i] = in.pixels[4 * i + 3];
+  }
+  return out;
+}
+
+template <typename Read>
+auto with_memory(const std::string& path, const Read& read) {
+  try {
+    return read();
+  } catch (const std::bad_alloc&) {
+    throw Error(L4D_ERR_OUT_OF_MEMORY, path + ": not enough memory for the image");
+  }
+}
+
 }  // namespace
 
 Image read_png(const std::string& path) { return read_png(path, nullptr); }
 
 Image read_png(const std::string& path, std::vector<float>* alpha) {
-  try {
-    return decode(path, read_whole_file(path), alpha);
-  } catch (const std::bad_alloc&) {
-    throw Error(L4D_ERR_OUT_OF_MEMORY, path + ": not enough memory for the image");
-  }
+  return with_memory(path,
+                     [&] { return values_of(*deliver(path, read_whole_file(path), 16), alpha); });
+}
+
+std::optional<ByteImage> read_png_bytes(const std::string& path) {
+  return with_memory(path, [&]() -> std::optional<ByteImage> {
+    std::optional<Delivered> delivered = deliver(path, read_whole_file(path), 8);
+    if (!delivered) return std::nullopt;
+    return bytes_of(std::move(*delivered));
+  });
 }
 
 void write_png(const std::string& path, const Image& image) {

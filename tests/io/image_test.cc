@@ -2,6 +2,7 @@
 #include "io/image.h"
 
 #include <cmath>
+#include <optional>
 
 #include "tests/io/support.h"
 
@@ -117,6 +118,28 @@ TEST_F(ImageTest, PngWithAlphaKeptApart) {
   image = read_png(write("a.png", png(1, 1, 8, 2, text_of({0, 100, 200, 50}))), &alpha);
   EXPECT_TRUE(alpha.empty());
   EXPECT_NEAR(image.rgb[2], 50 / 255., 1e-7);
+}
+
+TEST_F(ImageTest, PngAsBytes) {
+  const auto read = [&](const std::string& bytes) { return read_png_bytes(write("a.png", bytes)); };
+  const std::optional<ByteImage> plain =
+      read(png(2, 1, 8, 2, text_of({0, 1, 2, 3, 253, 254, 255})));
+  ASSERT_TRUE(plain);
+  EXPECT_EQ(plain->width, 2U);
+  EXPECT_EQ(plain->height, 1U);
+  EXPECT_EQ(plain->rgb, (std::vector<uint8_t>{1, 2, 3, 253, 254, 255}));
+  EXPECT_TRUE(plain->alpha.empty());
+  const std::optional<ByteImage> clear =
+      read(png(1, 2, 8, 6, text_of({0, 100, 200, 50, 51, 0, 1, 2, 3, 0})));
+  ASSERT_TRUE(clear);
+  EXPECT_EQ(clear->rgb, (std::vector<uint8_t>{100, 200, 50, 1, 2, 3}));
+  EXPECT_EQ(clear->alpha, (std::vector<uint8_t>{51, 0}));
+  EXPECT_FALSE(read(png(1, 1, 16, 2, text_of({0, 0x12, 0x34, 0xff, 0xff, 0x00, 0x01}))));
+  EXPECT_EQ(test::status_of([&] { read_png_bytes(path("absent.png")); }), L4D_ERR_IO);
+  EXPECT_EQ(test::status_of([&] {
+              read(png(2, 2, 8, 2, text_of({0, 1, 2, 3})));
+            }),
+            L4D_ERR_CORRUPT);
 }
 
 TEST_F(ImageTest, PngThatIsDamaged) {

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <map>
+#include <optional>
 
 #include "io/video.h"
 #include "libl4dcodec/base/threads.h"
@@ -12,7 +13,8 @@ namespace {
 
 using io::Error;
 
-void check_size(const CaptureCamera& camera, const std::string& file, const io::Image& image) {
+template <typename Image>
+void check_size(const CaptureCamera& camera, const std::string& file, const Image& image) {
   const l4d_camera& wanted = camera.source.camera;
   if (image.width == wanted.width && image.height == wanted.height) return;
   throw Error(L4D_ERR_CORRUPT, camera.name + ": " + file + " has " + std::to_string(image.width) +
@@ -75,13 +77,29 @@ Pixels ImageLoader::finish(uint32_t camera, const io::Image& image,
 void ImageLoader::load_file(uint32_t index, const Sink& sink) const {
   const CaptureView& view = capture_.views[index];
   const CaptureCamera& camera = capture_.cameras[view.camera];
+  std::optional<io::ByteImage> bytes;
   std::vector<float> alpha;
   io::Image image;
   try {
-    image = io::read_png(view.file, &alpha);
+    bytes = io::read_png_bytes(view.file);
+    if (!bytes) image = io::read_png(view.file, &alpha);
   } catch (const Error& error) {
     throw Error(error.status(),
                 camera.name + ", frame " + std::to_string(view.frame) + ": " + error.what());
+  }
+  if (bytes) {
+    check_size(camera, view.file, *bytes);
+    const l4d_camera& out = cameras_[view.camera];
+    const bool is_scaled = out.width != bytes->width || out.height != bytes->height;
+    if (!is_scaled && undistortions_[view.camera] == nullptr) {
+      sink(index,
+           Pixels{bytes->width, bytes->height, std::move(bytes->rgb), std::move(bytes->alpha)});
+      return;
+    }
+    image = io::Image(bytes->width, bytes->height);
+    io::from_bytes(bytes->rgb.data(), bytes->rgb.size(), image.rgb.data());
+    alpha.resize(bytes->alpha.size());
+    io::from_bytes(bytes->alpha.data(), bytes->alpha.size(), alpha.data());
   }
   check_size(camera, view.file, image);
   sink(index, finish(view.camera, image, alpha));
