@@ -58,7 +58,7 @@ void expect_same_rows(const ModelState& a, const ModelState& b) {
       a, b);
 }
 
-bool all(const RowSpan&) { return true; }
+const BucketStore::Wanted all([](const RowSpan&) { return true; });
 
 BucketOptions options_of(const std::string& folder, uint64_t memory) {
   BucketOptions options;
@@ -92,14 +92,18 @@ TEST(Buckets, GiveBackWhatTheyTookFromMemoryAndFiles) {
 
     // Some rows, and then the others.
     const std::vector<TimeInterval> times = {{10, 12}, {40, 41}};
-    const auto wanted = [&](const RowSpan& span) { return meets_any(span, times); };
+    const BucketStore::Wanted wanted(times);
     const uint64_t count = store.count(wanted);
+    const BucketStore::Wanted one_by_one(
+        [&](const RowSpan& span) { return meets_any(span, times); });
+    EXPECT_EQ(count, store.count(one_by_one));
     const ModelState some = store.take(wanted);
     EXPECT_EQ(some.count, count);
     EXPECT_GT(count, 50U);
     EXPECT_LT(count, 600U);
     for (const RowSpan& span : spans_of(some)) EXPECT_TRUE(wanted(span));
     EXPECT_EQ(store.count(wanted), 0U);
+    EXPECT_EQ(store.count(one_by_one), 0U);
     expect_same_rows(merged(some, store.copy(all), 700), model);
     store.add(some);
     expect_same_rows(store.take(all), model);

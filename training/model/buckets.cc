@@ -19,6 +19,7 @@ namespace fs = std::filesystem;
 
 constexpr uint32_t kMaxLayer = 24;
 constexpr const char* kSuffix = ".rows";
+constexpr size_t kPackedRows = 1024;  // at a time
 
 size_t record_words(const ModelState& model) {
   size_t words = 0;
@@ -27,20 +28,31 @@ size_t record_words(const ModelState& model) {
   return words;
 }
 
-// Row i of the model as words, and back.
-void pack(const ModelState& model, size_t i, uint32_t* record) {
+// `rows` rows from `begin` on as words, [rows, words], and back: column by column, since names of
+// columns take longer than the numbers of a row.
+std::vector<uint32_t> packed(const ModelState& model, size_t begin, size_t rows, size_t words) {
+  std::vector<uint32_t> records(rows * words);
+  size_t first = 0;
   for_each_column(
       [&](const std::string&, size_t numbers, const auto& column) {
-        std::memcpy(record, column.data() + i * numbers, numbers * sizeof(uint32_t));
-        record += numbers;
+        for (size_t i = 0; i < rows; ++i) {
+          std::memcpy(&records[i * words + first], column.data() + (begin + i) * numbers,
+                      numbers * sizeof(uint32_t));
+        }
+        first += numbers;
       },
       model);
+  return records;
 }
-void unpack(const uint32_t* record, size_t i, ModelState* model) {
+void unpack(const std::vector<std::pair<uint32_t, const uint32_t*>>& records, ModelState* model) {
+  size_t first = 0;
   for_each_column(
       [&](const std::string&, size_t numbers, auto& column) {
-        std::memcpy(column.data() + i * numbers, record, numbers * sizeof(uint32_t));
-        record += numbers;
+        for (size_t i = 0; i < records.size(); ++i) {
+          std::memcpy(column.data() + i * numbers, records[i].second + first,
+                      numbers * sizeof(uint32_t));
+        }
+        first += numbers;
       },
       *model);
 }
@@ -98,6 +110,8 @@ BucketStore::Arena* BucketStore::open_arena(const Bucket& bucket) {
 void BucketStore::append(const Bucket& bucket, const RowSpan& span, const uint32_t* record) {
   Arena* arena = open_arena(bucket);
   arena->spans.push_back(span);
+  arena->whole.begin = std::min(arena->whole.begin, span.begin);
+  arena->whole.end = std::max(arena->whole.end, span.end);
   arena->words.insert(arena->words.end(), record, record + record_words_);
   memory_bytes_ += record_words_ * sizeof(uint32_t);
   ++rows_;
@@ -107,11 +121,14 @@ void BucketStore::add(const ModelState& rows) {
   if (rows.count == 0) return;
   record_words_ = record_words(rows);
   sh_degree_ = rows.sh_degree();
-  std::vector<uint32_t> record(record_words_);
   const std::vector<RowSpan> spans = spans_of(rows);
-  for (size_t i = 0; i < spans.size(); ++i) {
-    pack(rows, i, record.data());
-    append(bucket_of(spans[i]), spans[i], record.data());
+  for (size_t begin = 0; begin < spans.size(); begin += kPackedRows) {
+    const size_t count = std::min(kPackedRows, spans.size() - begin);
+    const std::vector<uint32_t> records = packed(rows, begin, count, record_words_);
+    for (size_t i = 0; i < count; ++i) {
+      const RowSpan& span = spans[begin + i];
+      append(bucket_of(span), span, &records[i * record_words_]);
+    }
   }
   write_beyond_memory();
 }
@@ -189,15 +206,20 @@ ModelState BucketStore::unpacked(std::vector<std::pair<uint32_t, const uint32_t*
   ModelState out;
   out.allocate(records.size(), sh_degree_);
   out.count = records.size();
-  for (size_t i = 0; i < records.size(); ++i) unpack(records[i].second, i, &out);
+  unpack(records, &out);
   return out;
+}
+
+bool BucketStore::has_any(const Arena& arena, const Wanted& wanted) {
+  return wanted.may_have(arena.whole) &&
+         std::any_of(arena.spans.begin(), arena.spans.end(), std::cref(wanted));
 }
 
 ModelState BucketStore::copy(const Wanted& wanted) const {
   std::vector<std::vector<uint32_t>> read_words;  // keep what records point to
   std::vector<std::pair<uint32_t, const uint32_t*>> records;
   for (const auto& [bucket, arena] : arenas_) {
-    if (std::none_of(arena.spans.begin(), arena.spans.end(), wanted)) continue;
+    if (!has_any(arena, wanted)) continue;
     const uint32_t* words = arena.words.data();
     if (!arena.path.empty()) {
       read_words.push_back(read(arena));
@@ -215,7 +237,7 @@ ModelState BucketStore::take(const Wanted& wanted) {
   std::vector<Arenas::iterator> found;
   std::vector<std::vector<uint32_t>> words;
   for (auto at = arenas_.begin(); at != arenas_.end(); ++at) {
-    if (std::none_of(at->second.spans.begin(), at->second.spans.end(), wanted)) continue;
+    if (!has_any(at->second, wanted)) continue;
     found.push_back(at);
     words.push_back(at->second.path.empty() ? std::vector<uint32_t>() : read(at->second));
   }
@@ -250,7 +272,9 @@ ModelState BucketStore::take(const Wanted& wanted) {
 uint64_t BucketStore::count(const Wanted& wanted) const {
   uint64_t rows = 0;
   for (const auto& [bucket, arena] : arenas_) {
-    rows += static_cast<uint64_t>(std::count_if(arena.spans.begin(), arena.spans.end(), wanted));
+    if (!wanted.may_have(arena.whole)) continue;
+    rows += static_cast<uint64_t>(
+        std::count_if(arena.spans.begin(), arena.spans.end(), std::cref(wanted)));
   }
   return rows;
 }

@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cmath>
 #include <cstdint>
 #include <functional>
 #include <map>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "io/scene.h"
@@ -34,7 +36,26 @@ struct BucketOptions {
 // store.
 class BucketStore {
  public:
-  using Wanted = std::function<bool(const RowSpan&)>;
+  // Some of the rows.
+  class Wanted {
+   public:
+    // Those that are visible at some instant of `times`. Arenas of other times are not looked into,
+    // so that this takes as long as there are rows near to these times.
+    explicit Wanted(std::vector<TimeInterval> times)
+        : is_wanted_(
+              [times = std::move(times)](const RowSpan& span) { return meets_any(span, times); }),
+          by_time_(true) {}
+    // Those for which a function returns true.
+    explicit Wanted(std::function<bool(const RowSpan&)> is_wanted)
+        : is_wanted_(std::move(is_wanted)) {}
+    bool operator()(const RowSpan& row) const { return is_wanted_(row); }
+    // False: no row of an arena is wanted. whole: contains the spans of all its rows.
+    bool may_have(const RowSpan& whole) const { return !by_time_ || is_wanted_(whole); }
+
+   private:
+    std::function<bool(const RowSpan&)> is_wanted_;
+    bool by_time_ = false;
+  };
 
   explicit BucketStore(BucketOptions options) : options_(std::move(options)) {}
   ~BucketStore() { clear(); }
@@ -65,11 +86,12 @@ class BucketStore {
     }
   };
   struct Arena {
-    std::vector<RowSpan> spans;   // of the rows
-    std::vector<uint32_t> words;  // [rows, record words], empty if they are in a file
-    uint64_t number = 0;          // of arenas, in the order in which they began
-    uint64_t hash = 0;            // of the words in the file
-    std::string path;             // of the file, "" = none
+    std::vector<RowSpan> spans;             // of the rows
+    RowSpan whole{0, INFINITY, -INFINITY};  // contains them
+    std::vector<uint32_t> words;            // [rows, record words], empty if they are in a file
+    uint64_t number = 0;                    // of arenas, in the order in which they began
+    uint64_t hash = 0;                      // of the words in the file
+    std::string path;                       // of the file, "" = none
   };
   using Arenas = std::multimap<Bucket, Arena>;
 
@@ -78,6 +100,7 @@ class BucketStore {
   void append(const Bucket& bucket, const RowSpan& span, const uint32_t* record);
   void write_beyond_memory();
   void write(const Bucket& bucket, Arena* arena);
+  static bool has_any(const Arena& arena, const Wanted& wanted);
   std::vector<uint32_t> read(const Arena& arena) const;
   void forget_file(Arena* arena);
   ModelState unpacked(std::vector<std::pair<uint32_t, const uint32_t*>> records) const;

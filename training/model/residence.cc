@@ -37,7 +37,7 @@ void Residence::place(const ModelState& whole, const l4d_timeline& timeline) {
 ModelState Residence::whole() {
   come_home();
   ModelState resident = backend_->save();
-  ModelState away = buckets_.copy([](const RowSpan&) { return true; });
+  ModelState away = buckets_.copy(BucketStore::Wanted([](const RowSpan&) { return true; }));
   ModelState all = merged(resident, away, resident.count + away.count);
   all.cumulative = std::move(resident.cumulative);
   return all;
@@ -45,7 +45,7 @@ ModelState Residence::whole() {
 
 bool Residence::renew(const std::vector<TimeInterval>& windows, uint64_t step) {
   come_home();
-  const auto is_needed = [&](const RowSpan& span) { return meets_any(span, windows); };
+  const BucketStore::Wanted is_needed(windows);
   const auto goes = [&](const RowSpan& span) { return !is_needed(span); };
   const std::vector<uint8_t> leaves = mask_of(backend_->spans(), goes);
   const uint64_t stay = static_cast<uint64_t>(std::count(leaves.begin(), leaves.end(), 0));
@@ -67,8 +67,7 @@ bool Residence::renew(const std::vector<TimeInterval>& windows, uint64_t step) {
 bool Residence::visit(double time) {
   if (visiting_ && visited_ == time) return true;
   come_home();
-  const std::vector<TimeInterval> times = {{time, time}};
-  const auto is_needed = [&](const RowSpan& span) { return meets_any(span, times); };
+  const BucketStore::Wanted is_needed(std::vector<TimeInterval>{{time, time}});
   const std::vector<RowSpan> spans = backend_->spans();
   const uint64_t more = buckets_.count(is_needed);
   std::vector<uint8_t> leaves(spans.size(), 0);
@@ -92,8 +91,11 @@ void Residence::come_home() {
   if (!visiting_) return;
   const std::vector<uint8_t> leaves =
       mask_of(backend_->spans(), [&](const RowSpan& span) { return contains(guests_, span.id); });
-  const ModelState entering =
-      buckets_.take([&](const RowSpan& span) { return contains(absent_, span.id); });
+  // Mostly nobody made way: then no row is looked at.
+  const BucketStore::Wanted nothing(std::vector<TimeInterval>{});
+  const BucketStore::Wanted is_absent(
+      [&](const RowSpan& span) { return contains(absent_, span.id); });
+  const ModelState entering = buckets_.take(absent_.empty() ? nothing : is_absent);
   ModelState guests = backend_->swap_rows(leaves, entering);
   guests.away = guests_away_;
   visiting_ = false;
@@ -101,8 +103,7 @@ void Residence::come_home() {
 }
 
 ModelState Residence::rows_at(double time) {
-  const std::vector<TimeInterval> times = {{time, time}};
-  const auto is_needed = [&](const RowSpan& span) { return meets_any(span, times); };
+  const BucketStore::Wanted is_needed(std::vector<TimeInterval>{{time, time}});
   const ModelState resident = backend_->save();
   std::vector<size_t> here;
   const std::vector<RowSpan> spans = spans_of(resident);
