@@ -284,6 +284,16 @@ expect 2 "--fps is 1e-30; it must be 0.001 to" inspect capture --fps 1e-30
 expect 2 "--seconds is 1e[+]30; it must be 0.001 to" inspect capture --seconds 1e30
 "$python" -B "$tests/training/hostile_options.py" "$train" capture whole truth.ply || die "options out of range"
 
+# A cache: refused before anything is written, and a note where there is nothing to keep.
+expect 3 "truth.ply: --cache is a file; it must be a folder" train "${options[@]}" -o x --steps 10 --cache truth.ply
+expect 2 "--cache lies in the folder of the run" train "${options[@]}" -o x --steps 10 --cache x/cache
+expect 2 "--cache-limit" train "${options[@]}" -o x --steps 10 --cache cache --cache-limit much
+[ ! -e x ] || die "a training that was refused for its cache left a folder"
+[ ! -e cache ] || die "a training that was refused for its cache made one"
+expect 0 "The capture has no videos" train "${options[@]}" -o cacheless --steps 10 --cache cache
+[ ! -e cache ] || die "images went into a cache"
+expect 0 "cache      none of this capture" inspect capture --cache cache
+
 # A limit of memory: what it is for is named before anything is written, and images make way.
 expect 6 "needs .*, and --limit-memory is 1.0 MB: Gaussians .* rendering .* images .* scores" \
   train "${options[@]}" -o x --steps 10 --limit-memory 1M

@@ -10,6 +10,7 @@
 #include <cstdio>
 #include <vector>
 
+#include "io/file.h"
 #include "libl4dcodec/base/threads.h"
 
 namespace l4d::train {
@@ -18,8 +19,9 @@ namespace {
 // From either end of a file. A compressed image that changes does so in its length or in its last
 // bytes, where its checksums are; most images are hashed whole.
 constexpr uint64_t kEnd = 64 << 10;
-constexpr size_t kBatch = 128;  // files in memory at a time
-constexpr int kReaders = 16;    // threads, which mostly wait for files
+constexpr size_t kBatch = 128;      // files in memory at a time
+constexpr size_t kBlock = 1 << 20;  // of a file that is hashed whole
+constexpr int kReaders = 16;        // threads, which mostly wait for files
 
 // What is hashed of a file. One that is not there is nothing: who reads it says so.
 struct FileEnds {
@@ -68,6 +70,16 @@ class Hash {
   void file(const FileEnds& ends) {
     number(ends.size);
     bytes(ends.bytes.data(), ends.bytes.size());
+  }
+  void whole_file(const std::string& path) {
+    const io::FileHandle file(std::fopen(path.c_str(), "rb"));
+    std::vector<uint8_t> block(kBlock);
+    uint64_t size = 0;
+    for (size_t n = kBlock; file && n == kBlock; size += n) {
+      n = std::fread(block.data(), 1, kBlock, file.get());
+      bytes(block.data(), n);
+    }
+    number(static_cast<double>(size));
   }
   std::string digits() const {
     char out[24];
@@ -128,6 +140,15 @@ std::string hash_of(const Capture& capture) {
     hash.bytes(point.position, sizeof(point.position));
     hash.bytes(point.rgb, sizeof(point.rgb));
     hash.number(static_cast<double>(point.time));
+  }
+  return hash.digits();
+}
+
+std::string hash_with_videos(const Capture& capture) {
+  Hash hash;
+  hash.text(hash_of(capture));
+  for (const CaptureCamera& camera : capture.cameras) {
+    if (camera.is_video()) hash.whole_file(camera.source.video);
   }
   return hash.digits();
 }

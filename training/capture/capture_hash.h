@@ -11,5 +11,7 @@ namespace l4d::train {
 // and videos the size, the first and the last bytes. It does not depend on where the capture lies,
 // nor on the dates of its files.
 std::string hash_of(const Capture& capture);
+// The same of all bytes of its videos: a part of a video that changes changes the hash.
+std::string hash_with_videos(const Capture& capture);
 
 }  // namespace l4d::train

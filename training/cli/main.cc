@@ -178,6 +178,7 @@ std::string describe(const RunReport& r) {
 struct Arguments {
   RunOptions run;
   std::string limit_memory, host_memory = "8G", device_memory = "auto", bucket_memory = "8G";
+  std::string cache_limit = "64G";
   std::string near = "auto", opacity_weight = "auto";
   std::string sheet;
   std::string folder;  // of a run that is evaluated, or for a capture that is rendered
@@ -285,6 +286,12 @@ void add_memory(CLI::App* verb, Arguments& a) {
                    "Bytes of Gaussians in memory that are not in the back end; more are in files "
                    "in the folder `buckets` of the results")
       ->capture_default_str();
+  verb->add_option("--cache", a.run.cache,
+                   "Folder that keeps the frames of videos as they are trained on, for this "
+                   "training and later ones (none)");
+  verb->add_option("--cache-limit", a.cache_limit,
+                   "Bytes that the files of the --cache may have; further frames are not kept")
+      ->capture_default_str();
 }
 
 void add_train(CLI::App& app, Arguments& a) {
@@ -387,8 +394,8 @@ int written(int code) {
 int run_verb(const CLI::App& app, Arguments& a) {
   Terminal terminal(a.quiet);
   if (app.got_subcommand("inspect")) {
-    const Inspection result =
-        inspect(a.run.settings.capture, a.run.settings.reading, a.sheet, a.run.threads);
+    const Inspection result = inspect(a.run.settings.capture, a.run.settings.reading, a.sheet,
+                                      a.run.cache, a.run.threads);
     std::printf("%s%s", (a.json ? result.json : result.text).c_str(), a.json ? "\n" : "");
     return kExitOk;
   }
@@ -397,6 +404,7 @@ int run_verb(const CLI::App& app, Arguments& a) {
   if (app.got_subcommand("train")) {
     a.run.settings.host_memory = bytes_of("--host-memory", a.host_memory);
     a.run.may_shrink_images = app.get_subcommand("train")->count("--host-memory") == 0;
+    a.run.cache_bytes = bytes_of("--cache-limit", a.cache_limit);
     if (!a.limit_memory.empty()) a.run.limit_memory = bytes_of("--limit-memory", a.limit_memory);
     if (!a.limit_memory.empty() && a.run.limit_memory == 0) {
       throw io::Error(L4D_ERR_INVALID_ARGUMENT, "--limit-memory must be positive");
@@ -434,6 +442,8 @@ struct Command {
     add_common(eval, evaluation);
     CLI::App* look = app.add_subcommand("inspect", "Say what a capture is");
     add_reading(look, inspection);
+    look->add_option("--cache", inspection.run.cache,
+                     "Folder that `train --cache` made: list what it has of the capture");
     look->add_option("--sheet", inspection.sheet, "PNG to write: the first image of each camera");
     add_common(look, inspection);
     add_capture(app, capture);

@@ -164,7 +164,11 @@ void ImageLoader::load(std::vector<uint32_t> views, uint32_t threads, const Sink
   const int workers = static_cast<int>(threads);
   parallel_for(workers, list.size(), 1, [&](size_t k, size_t) {
     if (cancelled && cancelled()) return;
-    load_video(list[k].first, list[k].second, sink, cancelled);
+    if (cache_ != nullptr) {
+      load_parts(list[k].first, list[k].second, sink, cancelled);
+    } else {
+      load_video(list[k].first, list[k].second, sink, cancelled);
+    }
   });
   parallel_for(workers, files.size(), 1, [&](size_t k, size_t) {
     if (cancelled && cancelled()) return;

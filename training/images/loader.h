@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "training/capture/capture.h"
+#include "training/images/frame_cache.h"
 #include "training/images/pixels.h"
 
 namespace l4d::train {
@@ -15,6 +16,15 @@ class ImageLoader {
  public:
   // near: in units of the radius of the cameras; they see nothing that is nearer to them.
   ImageLoader(const Capture& capture, double scale, double near = 0);
+
+  // Reads frames of videos from a cache, and keeps there what it lacks. The cache outlives the
+  // loader.
+  void use(FrameCache* cache);
+  // Decodes the videos of a split once, and puts the frames into the cache that it lacks, as long
+  // as it keeps frames. progress(done, total): frames; if it returns true, this throws CANCELLED.
+  // Throws as load() does.
+  void fill_cache(const char* split, uint32_t threads,
+                  const std::function<bool(uint64_t, uint64_t)>& progress) const;
 
   // Cameras of the images that are returned, by index of the capture's cameras.
   const l4d_camera& camera(uint32_t index) const { return cameras_[index]; }
@@ -35,8 +45,17 @@ class ImageLoader {
   void load_file(uint32_t view, const Sink& sink) const;
   void load_video(uint32_t camera, const std::vector<uint32_t>& views, const Sink& sink,
                   const std::function<bool()>& cancelled) const;
+  FramePart part_of(uint32_t camera, uint32_t part) const;
+  // The views of which the cache lacks the part, by frame.
+  std::vector<uint32_t> not_cached(uint32_t camera) const;
+  // As load_video, through the cache. What it lacks is decoded, in whole parts if they are kept.
+  void load_parts(uint32_t camera, const std::vector<uint32_t>& views, const Sink& sink,
+                  const std::function<bool()>& cancelled) const;
 
   const Capture& capture_;
+  FrameCache* cache_ = nullptr;
+  std::vector<std::vector<uint32_t>> videos_;  // with a cache: views of each camera's video
+  std::vector<uint32_t> places_;               // of views among those of their camera
   std::vector<l4d_camera> cameras_;
   std::vector<std::vector<uint8_t>> masks_;
   std::vector<std::unique_ptr<Undistortion>> undistortions_;  // null: a pinhole

@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "io/file.h"
+#include "training/images/frame_cache.h"
 #include "training/images/loader.h"
 #include "training/run/run.h"
 
@@ -98,10 +99,25 @@ void write_sheet(const std::string& path, const Capture& capture, uint32_t threa
   io::write_png(path, sheet);
 }
 
+// What a cache has of a capture, as lines of the text too.
+Json list_cache(const std::string& folder, const Capture& capture, std::string* text) {
+  Json out = Json::array();
+  if (folder.empty()) return out;
+  for (const FrameCache::Content& content : FrameCache::list(folder, capture)) {
+    char line[80];
+    std::snprintf(line, sizeof(line), "cache      scale %.6g: %.1f MB\n", content.scale,
+                  static_cast<double>(content.bytes) / 1e6);
+    *text += line;
+    out.push_back({{"scale", content.scale}, {"bytes", content.bytes}});
+  }
+  if (out.empty()) *text += "cache      none of this capture\n";
+  return out;
+}
+
 }  // namespace
 
 Inspection inspect(const std::string& path, const CaptureOptions& options, const std::string& sheet,
-                   uint32_t threads) {
+                   const std::string& cache, uint32_t threads) {
   if (!sheet.empty()) check_sheet(sheet, path, options);
   const Capture capture = read_capture(path, options);
   const CaptureFrame frame = frame_of(capture);
@@ -144,6 +160,7 @@ Inspection inspect(const std::string& path, const CaptureOptions& options, const
   Inspection result;
   result.text = text;
   result.text += "test       cameras" + (test_names.empty() ? " none" : test_names) + "\n";
+  const Json cached = list_cache(cache, capture, &result.text);
   for (const std::string& note : capture.notes) result.text += "note       " + note + "\n";
   const Json json = {{"schema", "l4dtrain.inspect/1"},
                      {"layout", capture.layout},
@@ -155,6 +172,7 @@ Inspection inspect(const std::string& path, const CaptureOptions& options, const
                      {"radius", frame.radius},
                      {"center", {frame.center[0], frame.center[1], frame.center[2]}},
                      {"points", capture.points.size()},
+                     {"cache", cached},
                      {"cameras", cameras},
                      {"notes", capture.notes}};
   result.json = json.dump(1);

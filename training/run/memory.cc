@@ -6,6 +6,7 @@
 #include <string>
 
 #include "libl4dcodec/base/threads.h"
+#include "training/images/frame_cache.h"
 #include "training/images/pixels.h"
 #include "training/images/store.h"
 
@@ -87,6 +88,17 @@ MemoryNeed memory_need(const Settings& s, const Capture& capture, uint32_t threa
   need.rendering = s.views * kStepBytes * scaled;
   if (on_host) need.rendering += s.views * (s.gaussians * (kRowBytes + 4 * sh) + lists);
   return need;
+}
+
+uint64_t cache_need(const Settings& s, const Capture& capture, uint32_t threads) {
+  uint64_t videos = 0, pixels = 0;
+  for (const CaptureCamera& camera : capture.cameras) {
+    if (!camera.is_video()) continue;
+    ++videos;
+    pixels = std::max(pixels, pixels_of(scaled_camera(camera.source.camera, s.scale)));
+  }
+  const auto workers = static_cast<uint64_t>(resolve_threads(static_cast<int>(threads)));
+  return std::min(workers, videos) * FrameCache::kFrames * 3 * pixels;
 }
 
 uint64_t images_within(uint64_t limit, const MemoryNeed& need, bool may_shrink) {

@@ -25,6 +25,9 @@ struct MemoryNeed {
 MemoryNeed memory_need(const Settings& settings, const Capture& capture, uint32_t threads,
                        const eval::Lpips* lpips, uint64_t lpips_bytes);
 
+// The bytes that reading through a cache of frames takes besides.
+uint64_t cache_need(const Settings& settings, const Capture& capture, uint32_t threads);
+
 // The bytes of images with which the need is within the limit: need.images, or fewer if
 // `may_shrink`. Throws io::Error(LIMIT_EXCEEDED) that says what is needed, and for what. limit: 0 =
 // none.

@@ -49,6 +49,13 @@ std::string absolute(const std::string& path) {
   return place.string();
 }
 
+// Whether a path is a folder or leads into it.
+bool is_within(const std::string& path, const fs::path& folder) {
+  fs::path place = absolute(path);
+  while (place != folder && place != place.parent_path()) place = place.parent_path();
+  return place == folder;
+}
+
 void write_text(const std::string& path, const std::string& text) {
   io::OutputFile file(path);
   file.write(text.data(), text.size());
@@ -177,6 +184,7 @@ class Run {
         scaled_camera(capture_.cameras[0].source.camera, options_.settings.scale);
     const Settings planned = resolved(options_.settings, capture_, camera.width, camera.height);
     MemoryNeed need = memory_need(planned, capture_, options_.threads, lpips_.get(), lpips_bytes_);
+    if (!options_.cache.empty()) need.reading += cache_need(planned, capture_, options_.threads);
     const bool may_shrink = options_.may_shrink_images && !options_.resume;
     image_memory_ = planned.host_memory;
     const uint64_t images = images_within(limit, need, may_shrink);
@@ -242,21 +250,30 @@ class Run {
   }
 
   // What is read is never written: a run does not go into its capture, nor begin from a file in its
-  // own folder, which it would remove first.
+  // own folder, which it would remove first. A cache has a folder of its own, since a folder of a
+  // run has nothing else.
   void keep_inputs() const {
-    const fs::path folder = fs::weakly_canonical(folder_);
+    const fs::path folder = absolute(folder_);
     const auto inside = [&](const fs::path& path) {
-      const fs::path parent = fs::weakly_canonical(path).parent_path();
+      const fs::path parent = fs::path(absolute(path.string())).parent_path();
       return parent == folder;
     };
     const Settings& s = options_.settings;
-    if (fs::weakly_canonical(s.capture) == folder || inside(s.capture)) {
+    if (absolute(s.capture) == folder || inside(s.capture)) {
       throw Error(L4D_ERR_INVALID_ARGUMENT,
                   folder_ + ": the capture lies in this folder; --output must be another one");
     }
+    std::error_code error;
+    if (fs::exists(options_.cache, error) && !fs::is_directory(options_.cache, error)) {
+      throw Error(L4D_ERR_IO, options_.cache + ": --cache is a file; it must be a folder");
+    }
+    if (!options_.cache.empty() && is_within(options_.cache, folder)) {
+      throw Error(
+          L4D_ERR_INVALID_ARGUMENT,
+          options_.cache + ": --cache lies in the folder of the run; it must be another one");
+    }
     for (const auto& [option, path] :
          {std::make_pair("--init", s.init), std::make_pair("--lpips", options_.lpips)}) {
-      std::error_code error;
       if (!fs::is_regular_file(path, error) || !inside(path)) continue;
       throw Error(L4D_ERR_INVALID_ARGUMENT, path + ": " + option +
                                                 " lies in the folder of the run, which replaces "
@@ -288,6 +305,7 @@ class Run {
 
   void read_images() {
     instants_ = instants_of(capture_, "train");
+    if (!options_.cache.empty()) open_cache();
     StoreOptions store;
     store.memory = settings_.host_memory;
     store.threads = options_.threads;
@@ -300,6 +318,32 @@ class Run {
     });
     train_sample_ = std::make_unique<Sample>(capture_, *loader_, "train", options_.threads);
     test_sample_ = std::make_unique<Sample>(capture_, *loader_, "test", options_.threads);
+    if (cache_ && !cache_->is_writable()) say(cache_->trouble());
+  }
+
+  // If images do not fit into memory, each is read several times: all videos are decoded once, in
+  // order. Otherwise reading the images fills the cache.
+  void open_cache() {
+    const auto is_video = [](const CaptureCamera& camera) { return camera.is_video(); };
+    if (std::none_of(capture_.cameras.begin(), capture_.cameras.end(), is_video)) {
+      return say("The capture has no videos, so that --cache has nothing to keep.");
+    }
+    observer_->update(0, 0, "opening the cache");
+    cache_ = std::make_unique<FrameCache>(
+        options_.cache, FrameCache::key_of(capture_, settings_.scale), options_.cache_bytes);
+    loader_->use(cache_.get());
+    uint64_t bytes = 0;
+    for (const Instant& instant : instants_) {
+      for (const uint32_t view : instant.views) {
+        const l4d_camera& camera = loader_->camera_of(view);
+        bytes += kImageBytes * camera.width * camera.height;
+      }
+    }
+    if (bytes <= settings_.host_memory && !residence_) return;
+    loader_->fill_cache("train", options_.threads, [&](uint64_t done, uint64_t total) {
+      observer_->update(done, total, "filling the cache");
+      return observer_->cancelled();
+    });
   }
 
   void begin() {
@@ -660,6 +704,7 @@ class Run {
   double seconds_before_ = 0;  // of training, before a resume
   double first_wait_ = 0;      // for images, before the first step
   Capture capture_;
+  std::unique_ptr<FrameCache> cache_;  // outlives the loader
   std::unique_ptr<ImageLoader> loader_;
   std::unique_ptr<eval::Lpips> lpips_;
   Settings settings_;

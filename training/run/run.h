@@ -17,6 +17,8 @@ struct RunOptions {
   std::string folder;
   std::string preset;  // of the encoder; "" = no stream
   std::string lpips;   // file of weights, to report LPIPS; "" = it is not reported
+  std::string cache;   // folder of FrameCache; "" = none
+  uint64_t cache_bytes = uint64_t{64} << 30;  // at most
   bool resume = false;
   bool accept_changes = false;    // resumes also where the capture is not as it was
   bool force = false;             // replaces a run that is there
@@ -83,8 +85,8 @@ struct Inspection {
   std::string text;
   std::string json;
 };
-// sheet: a PNG to write, or "".
+// sheet: a PNG to write, or "". cache: the folder of --cache, or "".
 Inspection inspect(const std::string& path, const CaptureOptions& options, const std::string& sheet,
-                   uint32_t threads);
+                   const std::string& cache, uint32_t threads);
 
 }  // namespace l4d::train
