@@ -3,11 +3,34 @@
 
 #include <gtest/gtest.h>
 
+#include "training/cli/pace.h"
 #include "training/run/memory.h"
 #include "training/run/report.h"
 
 namespace l4d::train {
 namespace {
+
+// Work of 1,000 parts, of which the second half takes four times as long.
+TEST(Pace, FollowsWorkThatSlowsDown) {
+  const auto time_of = [](uint64_t done) {
+    const double d = static_cast<double>(done);
+    return 100 + (d < 500 ? 0.01 * d : 5 + 0.04 * (d - 500));
+  };
+  Pace pace;
+  pace.begin(time_of(0), 0);
+  EXPECT_LT(pace.left(time_of(50), 50, 1000), 0) << "half a second tells nothing";
+  const auto left_at = [&](uint64_t done) { return pace.left(time_of(done), done, 1000); };
+  for (uint64_t done = 1; done <= 400; ++done) pace.note(time_of(done), done);
+  EXPECT_NEAR(left_at(400), 6, 0.1);
+  for (uint64_t done = 401; done <= 800; ++done) pace.note(time_of(done), done);
+  EXPECT_NEAR(left_at(800), time_of(1000) - time_of(800), 0.5);
+  EXPECT_EQ(left_at(1000), 0);
+
+  // A run that resumes has parts that it has not done itself.
+  pace.begin(7, 500);
+  EXPECT_LT(pace.left(9, 500, 1000), 0);
+  EXPECT_NEAR(pace.left(9, 600, 1000), 8, 1e-9);
+}
 
 // Files of earlier and later versions: what they lack has a default, what is not known is ignored.
 TEST(Settings, OfOtherVersionsAreRead) {

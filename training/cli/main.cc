@@ -15,6 +15,7 @@
 #include "io/formats.h"
 #include "l4d/l4d.hpp"
 #include "training/cli/numbers.h"
+#include "training/cli/pace.h"
 #include "training/run/output.h"
 #include "training/run/render_capture.h"
 #include "training/run/report.h"
@@ -85,12 +86,13 @@ class Terminal final : public RunObserver {
   void update(uint64_t done, uint64_t total, const std::string& stage) override {
     if (quiet_) return;
     const auto now = Clock::now();
-    if (total != total_) {
+    if (total != total_ || done < done_) {
       total_ = total;
-      begin_ = now;
-      first_ = done;
+      pace_.begin(seconds_of(now), done);
       tenth_ = -1;
     }
+    pace_.note(seconds_of(now), done);
+    done_ = done;
     const double share = total == 0 ? 0 : static_cast<double>(done) / static_cast<double>(total);
     const int tenth = static_cast<int>(share * 10);
     if (draws_ ? now - drawn_ < std::chrono::milliseconds(200) && total != 0
@@ -118,11 +120,12 @@ class Terminal final : public RunObserver {
  private:
   using Clock = std::chrono::steady_clock;
 
+  static double seconds_of(Clock::time_point time) {
+    return std::chrono::duration<double>(time.time_since_epoch()).count();
+  }
   std::string eta(uint64_t done) const {
-    const double elapsed = std::chrono::duration<double>(Clock::now() - begin_).count();
-    if (done <= first_ || elapsed < 1) return "";
-    const double left = elapsed * static_cast<double>(total_ - std::min(done, total_)) /
-                        static_cast<double>(done - first_);
+    const double left = pace_.left(seconds_of(Clock::now()), done, total_);
+    if (left < 0) return "";
     const auto seconds = static_cast<unsigned>(left + 0.5);
     char text[40];
     std::snprintf(text, sizeof(text), "  ETA %u:%02u:%02u", seconds / 3600, seconds / 60 % 60,
@@ -135,9 +138,10 @@ class Terminal final : public RunObserver {
   }
 
   bool quiet_, draws_, shown_ = false;
-  uint64_t total_ = UINT64_MAX, first_ = 0;
+  Pace pace_;
+  uint64_t total_ = UINT64_MAX, done_ = 0;
   int tenth_ = -1;
-  Clock::time_point begin_{}, drawn_{};
+  Clock::time_point drawn_{};
 };
 
 // lpips: the network of LPIPS, or "".
