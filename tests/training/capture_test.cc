@@ -174,6 +174,38 @@ TEST(Captures, ImagesOfTheirOwnSizeAreRounded) {
   EXPECT_TRUE(resized(image, {}, 37, 29).alpha.empty());
 }
 
+// A render whose colours are an affine map of the captured ones is as good as these.
+TEST(Scores, FitColours) {
+  constexpr uint32_t kWidth = 300, kHeight = 170;  // several pieces of sums
+  Pixels captured{kWidth, kHeight, std::vector<uint8_t>(size_t{3} * kWidth * kHeight), {}};
+  std::mt19937 random(5);
+  for (uint8_t& value : captured.rgb) value = static_cast<uint8_t>(random() % 256);
+  io::Image rendered(kWidth, kHeight);
+  for (size_t i = 0; i < rendered.rgb.size(); i += 3) {
+    const auto value = [&](size_t c) { return static_cast<float>(captured.rgb[i + c]) / 255; };
+    rendered.rgb[i] = 0.2F + 0.5F * value(1) + 0.1F * value(2);
+    rendered.rgb[i + 1] = 0.6F * value(0);
+    rendered.rgb[i + 2] = 0.9F - 0.7F * value(2);
+  }
+  const auto score_with = [&](uint32_t threads, const io::Image& image) {
+    Scorer scorer;
+    scorer.add(captured, {}, image, threads);
+    return scorer.score();
+  };
+  const Score one = score_with(1, rendered), four = score_with(4, rendered);
+  EXPECT_LT(one.plain.mean_psnr, 12);
+  EXPECT_GT(one.psnr_affine, 90);
+  EXPECT_EQ(one.psnr_affine, four.psnr_affine);
+  // What no map can tell stays: of a grey image, the variance of each channel.
+  const io::Image grey = [&] {
+    io::Image image(kWidth, kHeight);
+    std::fill(image.rgb.begin(), image.rgb.end(), 0.5F);
+    return image;
+  }();
+  EXPECT_NEAR(score_with(2, grey).psnr_affine, 10 * std::log10(12.0 * 255 * 255 / (256 * 256 - 1)),
+              0.05);
+}
+
 class VideoCaptures : public testing::Test {
  protected:
   void SetUp() override {

@@ -2,11 +2,14 @@
 #include "training/run/evaluate.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <map>
 #include <mutex>
+#include <numeric>
 #include <set>
 
+#include "libl4dcodec/base/threads.h"
 #include "training/images/store.h"
 
 namespace l4d::train {
@@ -14,47 +17,80 @@ namespace {
 
 constexpr size_t kBatch = 64;  // images in memory at a time
 constexpr uint32_t kMinSsimSize = 11;
+constexpr size_t kPixelGrain = 16384;
 
-// Mean squared error of the captured image against the affine map of the render that is nearest to
-// it: three least-squares problems of four unknowns.
-double affine_mse(const io::Image& render, const io::Image& captured) {
-  const size_t n = render.rgb.size() / 3;
+// Colours of a pixel of a render, and 1.
+std::array<double, 4> row_of(const io::Image& render, size_t pixel) {
+  std::array<double, 4> row = {0, 0, 0, 1};
+  for (size_t k = 0; k < 3; ++k) {
+    row[k] = std::clamp(static_cast<double>(render.rgb[3 * pixel + k]), 0.0, 1.0);
+  }
+  return row;
+}
+
+// Three least-squares problems of four unknowns.
+struct Equations {
   double normal[4][4] = {}, right[3][4] = {};
-  for (size_t i = 0; i < n; ++i) {
-    double row[4] = {0, 0, 0, 1};
-    for (size_t k = 0; k < 3; ++k) {
-      row[k] = std::clamp(static_cast<double>(render.rgb[3 * i + k]), 0.0, 1.0);
-    }
+
+  void add(const std::array<double, 4>& row, const float* captured) {
     for (size_t a = 0; a < 4; ++a) {
       for (size_t b = 0; b < 4; ++b) normal[a][b] += row[a] * row[b];
-      for (size_t c = 0; c < 3; ++c) {
-        right[c][a] += row[a] * static_cast<double>(captured.rgb[3 * i + c]);
-      }
+      for (size_t c = 0; c < 3; ++c) right[c][a] += row[a] * static_cast<double>(captured[c]);
     }
   }
-  for (size_t a = 0; a < 4; ++a) normal[a][a] += 1e-6 * static_cast<double>(n);
-  // Gauss and Jordan, on all three right-hand sides.
-  for (size_t p = 0; p < 4; ++p) {
+  void add(const Equations& other) {
     for (size_t a = 0; a < 4; ++a) {
-      if (a == p) continue;
-      const double factor = normal[a][p] / normal[p][p];
-      for (size_t b = 0; b < 4; ++b) normal[a][b] -= factor * normal[p][b];
-      for (size_t c = 0; c < 3; ++c) right[c][a] -= factor * right[c][p];
+      for (size_t b = 0; b < 4; ++b) normal[a][b] += other.normal[a][b];
+      for (size_t c = 0; c < 3; ++c) right[c][a] += other.right[c][a];
     }
   }
-  double sum = 0;
-  for (size_t i = 0; i < n; ++i) {
-    for (size_t c = 0; c < 3; ++c) {
-      double x = right[c][3] / normal[3][3];
-      for (size_t k = 0; k < 3; ++k) {
-        x += right[c][k] / normal[k][k] *
-             std::clamp(static_cast<double>(render.rgb[3 * i + k]), 0.0, 1.0);
+  // By Gauss and Jordan, on all right-hand sides.
+  std::array<std::array<double, 4>, 3> solve() {
+    for (size_t p = 0; p < 4; ++p) {
+      for (size_t a = 0; a < 4; ++a) {
+        if (a == p) continue;
+        const double factor = normal[a][p] / normal[p][p];
+        for (size_t b = 0; b < 4; ++b) normal[a][b] -= factor * normal[p][b];
+        for (size_t c = 0; c < 3; ++c) right[c][a] -= factor * right[c][p];
       }
-      const double d = std::clamp(x, 0.0, 1.0) - static_cast<double>(captured.rgb[3 * i + c]);
-      sum += d * d;
     }
+    std::array<std::array<double, 4>, 3> map;
+    for (size_t c = 0; c < 3; ++c) {
+      for (size_t k = 0; k < 4; ++k) map[c][k] = right[c][k] / normal[k][k];
+    }
+    return map;
   }
-  return sum / static_cast<double>(3 * n);
+};
+
+// Mean squared error of the captured image against the affine map of the render that is nearest to
+// it. Sums are of pieces of one length, so that they do not depend on the number of threads.
+double affine_mse(const io::Image& render, const io::Image& captured, int threads) {
+  const size_t n = render.rgb.size() / 3;
+  std::vector<Equations> parts((n + kPixelGrain - 1) / kPixelGrain);
+  parallel_for(threads, n, kPixelGrain, [&](size_t begin, size_t end) {
+    Equations& part = parts[begin / kPixelGrain];
+    for (size_t i = begin; i < end; ++i) part.add(row_of(render, i), &captured.rgb[3 * i]);
+  });
+  Equations all;
+  for (const Equations& part : parts) all.add(part);
+  for (size_t a = 0; a < 4; ++a) all.normal[a][a] += 1e-6 * static_cast<double>(n);
+  const std::array<std::array<double, 4>, 3> map = all.solve();
+
+  std::vector<double> sums(parts.size());
+  parallel_for(threads, n, kPixelGrain, [&](size_t begin, size_t end) {
+    double sum = 0;
+    for (size_t i = begin; i < end; ++i) {
+      const std::array<double, 4> row = row_of(render, i);
+      for (size_t c = 0; c < 3; ++c) {
+        double x = 0;
+        for (size_t k = 0; k < 4; ++k) x += map[c][k] * row[k];
+        const double d = std::clamp(x, 0.0, 1.0) - static_cast<double>(captured.rgb[3 * i + c]);
+        sum += d * d;
+      }
+    }
+    sums[begin / kPixelGrain] = sum;
+  });
+  return std::accumulate(sums.begin(), sums.end(), 0.0) / static_cast<double>(3 * n);
 }
 
 // Leaves the pixels of both images black that do not count.
@@ -109,7 +145,7 @@ void Scorer::add(const Pixels& pixels, const std::vector<uint8_t>& mask, io::Ima
   const bool has_ssim = std::min(captured.width, captured.height) >= kMinSsimSize;
   sum_.add(io::mse(captured, rendered),
            has_ssim ? io::ssim(captured, rendered, threads) : std::nan(""));
-  affine_ += io::psnr_of_mse(affine_mse(rendered, captured));
+  affine_ += io::psnr_of_mse(affine_mse(rendered, captured, static_cast<int>(threads)));
   if (lpips_ != nullptr) distance_ += lpips_->distance(captured, rendered, threads);
 }
 
