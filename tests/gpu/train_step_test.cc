@@ -492,6 +492,22 @@ TEST(DeviceTraining, TrainsAsTheHostDoesAndRepeats) {
   }
 }
 
+// Targets that leave give their memory to those that come.
+TEST(DeviceTraining, IsTheSameWithMemoryForFewTargets) {
+  L4D_SKIP_WITHOUT_DEVICE();
+  const Capture capture(6);
+  const auto roomy = make_cuda_backend(0), narrow = make_cuda_backend(0);
+  narrow->limit_memory(1);
+  double expected = 0, found = 0;
+  const ModelState all = trained(roomy.get(), capture, true, true, 100, &expected);
+  const ModelState few = trained(narrow.get(), capture, true, true, 100, &found);
+  EXPECT_EQ(roomy->memory().targets, 12U * 3 * 96 * 64);
+  EXPECT_EQ(narrow->memory().targets, 3U * 3 * 96 * 64) << "those of the last step";
+  EXPECT_EQ(found, expected);
+  EXPECT_TRUE(render::equal_bits(few.value.position, all.value.position));
+  EXPECT_TRUE(render::equal_bits(few.m.sh, all.m.sh));
+}
+
 TEST(DeviceTraining, LeavesTheModelAloneWhereALossIsNotFinite) {
   L4D_SKIP_WITHOUT_DEVICE();
   const Capture capture(3);

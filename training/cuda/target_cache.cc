@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "training/cuda/target_cache.h"
 
+#include <iterator>
+#include <utility>
+
 namespace l4d::train {
 namespace {
 
@@ -13,20 +16,28 @@ Status upload(const uint8_t* from, size_t bytes, cudaStream_t stream, cuda::Devi
 
 }  // namespace
 
-// Drops targets that other steps used, the oldest first.
-Status TargetCache::make_room(uint64_t bytes, uint64_t step, cudaStream_t stream) {
-  bool waited = false;
-  while (bytes_ + bytes > budget_) {
-    auto oldest = targets_.end();
-    for (auto t = targets_.begin(); t != targets_.end(); ++t) {
-      if (t->second.used == step) continue;
-      if (oldest == targets_.end() || t->second.used < oldest->second.used) oldest = t;
+// Drops targets that other steps used, the oldest first. A long training meets new images all the
+// time: most have the size of those that go, and get their memory. What was read from it, was read
+// on the same stream before.
+Status TargetCache::make_room(const uint64_t (&size)[3], uint64_t step, cudaStream_t stream,
+                              Target* free) {
+  bool waited = false, found = false;
+  while (bytes_ + size[0] + size[1] + size[2] > budget_ && !order_.empty()) {
+    const auto oldest = targets_.find(order_.front());
+    Target& target = oldest->second.target;
+    if (target.used == step) break;
+    const bool fits = target.rgb.size() == size[0] && target.alpha.size() == size[1] &&
+                      target.mask.size() == size[2];
+    bytes_ -= target.bytes;
+    if (fits && !found) {
+      *free = std::move(target);
+      found = true;
+    } else {
+      if (!waited) L4D_RETURN_IF_CUDA_ERROR(cudaStreamSynchronize(stream));
+      waited = true;
     }
-    if (oldest == targets_.end()) break;
-    if (!waited) L4D_RETURN_IF_CUDA_ERROR(cudaStreamSynchronize(stream));
-    waited = true;
-    bytes_ -= oldest->second.bytes;
     targets_.erase(oldest);
+    order_.pop_front();
   }
   return {};
 }
@@ -36,18 +47,20 @@ Status TargetCache::take(const StepView& view, uint64_t step, cudaStream_t strea
   const Key key{view.image, view.camera.width, view.camera.height};
   const auto found = targets_.find(key);
   if (found != targets_.end()) {
-    found->second.used = step;
-    *out = &found->second;
+    order_.splice(order_.end(), order_, found->second.place);
+    found->second.target.used = step;
+    *out = &found->second.target;
     return {};
   }
-  const size_t pixels = size_t{view.camera.width} * view.camera.height;
-  const size_t numbers = size_t{3} + (view.alpha != nullptr) + (view.mask != nullptr);
-  L4D_RETURN_IF_ERROR(make_room(numbers * pixels, step, stream));
-  Target& target = targets_[key];
+  const uint64_t pixels = uint64_t{view.camera.width} * view.camera.height;
+  const uint64_t size[3] = {3 * pixels, view.alpha != nullptr ? pixels : 0,
+                            view.mask != nullptr ? pixels : 0};
+  Target target;
+  L4D_RETURN_IF_ERROR(make_room(size, step, stream, &target));
+  target.alpha_or_null = target.mask_or_null = nullptr;
   target.used = step;
-  target.bytes = numbers * pixels;
-  bytes_ += target.bytes;
-  L4D_RETURN_IF_ERROR(upload(view.target, 3 * pixels, stream, &target.rgb));
+  target.bytes = size[0] + size[1] + size[2];
+  L4D_RETURN_IF_ERROR(upload(view.target, size[0], stream, &target.rgb));
   if (view.alpha != nullptr) {
     L4D_RETURN_IF_ERROR(upload(view.alpha, pixels, stream, &target.alpha));
     target.alpha_or_null = target.alpha.as<uint8_t>();
@@ -56,7 +69,12 @@ Status TargetCache::take(const StepView& view, uint64_t step, cudaStream_t strea
     L4D_RETURN_IF_ERROR(upload(view.mask, pixels, stream, &target.mask));
     target.mask_or_null = target.mask.as<uint8_t>();
   }
-  *out = &target;
+  order_.push_back(key);
+  Entry& entry = targets_[key];
+  entry.target = std::move(target);
+  entry.place = std::prev(order_.end());
+  bytes_ += entry.target.bytes;
+  *out = &entry.target;
   return {};
 }
 
