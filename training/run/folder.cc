@@ -21,7 +21,8 @@ namespace fs = std::filesystem;
 using io::Error;
 
 constexpr const char* kLock = ".l4dtrain.lock";
-constexpr uint64_t kMaxJson = 16 << 20;  // bytes; settings and reports have less
+constexpr const char* kBuckets = "buckets";  // of Gaussians, while a training is at work
+constexpr uint64_t kMaxJson = 16 << 20;      // bytes; settings and reports have less
 
 // The JSON in a file; null where there is none.
 nlohmann::json json_in(const fs::path& path) {
@@ -32,13 +33,24 @@ nlohmann::json json_in(const fs::path& path) {
   return json.is_object() ? json : nlohmann::json(nullptr);
 }
 
+// Whether a process that was killed before its first step left this: only files of Gaussians.
+bool is_left_behind(const fs::directory_entry& folder) {
+  std::error_code error;
+  if (folder.path().filename() != kBuckets || !folder.is_directory(error)) return false;
+  fs::directory_iterator entry(folder.path(), error);
+  for (; !error && entry != fs::directory_iterator(); entry.increment(error)) {
+    if (entry->path().filename().string().find(".rows") == std::string::npos) return false;
+  }
+  return true;
+}
+
 }  // namespace
 
 bool is_empty_folder(const std::string& folder) {
   std::error_code error;
   fs::directory_iterator entry(folder, error);
   for (; !error && entry != fs::directory_iterator(); entry.increment(error)) {
-    if (entry->path().filename() != kLock) return false;
+    if (entry->path().filename() != kLock && !is_left_behind(*entry)) return false;
   }
   return true;
 }

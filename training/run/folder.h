@@ -5,7 +5,8 @@
 
 namespace l4d::train {
 
-// Whether a folder has nothing in it, or does not exist. What FolderLock leaves does not count.
+// Whether a folder has nothing in it, or does not exist. What FolderLock leaves does not count,
+// nor what a training leaves that was killed before its first step.
 bool is_empty_folder(const std::string& folder);
 
 // Whether a run of ours wrote to the folder: it has settings, a report or a checkpoint of one.

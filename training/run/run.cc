@@ -240,13 +240,22 @@ class Run {
     lock_ = std::make_unique<FolderLock>(folder_);
     // Again, since another training may have come and gone.
     check_folder();
-    if (options_.resume) return;
+  }
+
+  // All that can be refused has been refused: the files of a run that was here go. They go when the
+  // new settings are on the disk, as far as these can be written, and before these have their name.
+  void replace_run() {
+    if (observer_->cancelled()) throw Error(L4D_ERR_CANCELLED, "cancelled before the first step");
+    io::OutputFile settings(file("settings.json"));
+    const std::string text = json_of(settings_) + "\n";
+    settings.write(text.data(), text.size());
     std::error_code error;
     for (const std::string& old : list_checkpoints(folder_)) fs::remove(old, error);
     for (const char* name :
          {"scene.ply", "scene.l4d", "weights.ply", "stream.png", "report.json"}) {
       fs::remove(file(name), error);
     }
+    settings.commit();
   }
 
   // What is read is never written: a run does not go into its capture, nor begin from a file in its
@@ -350,9 +359,13 @@ class Run {
     if (options_.resume) {
       restore(load_newest());
       seconds_before_ = trainer_->state().seconds;
+      return write_text(file("settings.json"), json_of(settings_) + "\n");
     }
-    write_text(file("settings.json"), json_of(settings_) + "\n");
-    if (options_.resume) return;
+    place_gaussians();
+    replace_run();
+  }
+
+  void place_gaussians() {
     observer_->update(0, 0, "placing the first Gaussians");
     StartOptions start;
     start.capacity = settings_.gaussians;

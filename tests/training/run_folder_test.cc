@@ -1,0 +1,119 @@
+// SPDX-License-Identifier: Apache-2.0
+// What happens to the files of a run when a training does not begin, or ends early.
+#include <gmock/gmock.h>
+
+#include <map>
+
+#include "tests/training/tiny_capture.h"
+#include "training/run/run.h"
+#include "training/step/cuda_backend.h"
+
+namespace l4d::train {
+namespace {
+
+namespace fs = std::filesystem;
+using test::Folder;
+using test::Listener;
+using test::tiny_run;
+using testing::HasSubstr;
+
+// The bytes of all files below a folder, by path.
+std::map<std::string, std::string> files_in(const std::string& folder) {
+  std::map<std::string, std::string> files;
+  for (const fs::directory_entry& entry : fs::recursive_directory_iterator(folder)) {
+    if (entry.is_regular_file()) files[entry.path().string()] = test::bytes_of(entry.path());
+  }
+  return files;
+}
+
+// The message of a training that fails with the status; "" where it does not.
+std::string failure_of(const RunOptions& options, RunObserver* observer, l4d_status status) {
+  try {
+    train(options, observer);
+  } catch (const io::Error& error) {
+    EXPECT_EQ(error.status(), status) << error.what();
+    return error.what();
+  }
+  return "";
+}
+
+std::string copy_of_capture(const std::string& place) {
+  fs::copy(test::tiny_capture(), place, fs::copy_options::recursive);
+  return place;
+}
+
+struct Refused {
+  const char* message;
+  l4d_status status;
+  void (*change)(Settings* settings);
+};
+const Refused kRefused[] = {
+    {"missing.ply", L4D_ERR_IO, [](Settings* s) { s->init = "missing.ply"; }},
+    {"no point is inside", L4D_ERR_INVALID_ARGUMENT, [](Settings* s) { s->init = "hull"; }},
+    {"--host-memory", L4D_ERR_LIMIT_EXCEEDED, [](Settings* s) { s->host_memory = 1000; }},
+    {"--device-memory", L4D_ERR_LIMIT_EXCEEDED, [](Settings* s) { s->device_memory = 1000; }},
+};
+
+// A training that replaces a run leaves its files alone until its first step.
+TEST(RunFolder, ARefusedTrainingLeavesTheRunThatWasThere) {
+  const Folder folder;
+  RunOptions options = tiny_run(folder / "run", 4);
+  options.preset = "tiny";
+  options.settings.capture = copy_of_capture(folder / "capture");
+  Listener listener;
+  train(options, &listener);
+  options.force = true;
+  options.settings.seed = 1;
+  const auto before = files_in(folder / "run");
+  ASSERT_GE(before.size(), 11U);
+  const auto expect_refused = [&](const RunOptions& changed, Listener* observer, l4d_status status,
+                                  const char* message) {
+    EXPECT_THAT(failure_of(changed, observer, status), HasSubstr(message));
+    EXPECT_TRUE(before == files_in(folder / "run")) << message;
+  };
+  for (const Refused& refused : kRefused) {
+    RunOptions changed = options;
+    refused.change(&changed.settings);
+    expect_refused(changed, &listener, refused.status, refused.message);
+  }
+  if (!has_cuda_backend()) {
+    RunOptions changed = options;
+    changed.settings.backend = "cuda";
+    try {
+      train(changed, &listener);
+      ADD_FAILURE() << "there is no device";
+    } catch (const std::exception&) {
+      EXPECT_TRUE(before == files_in(folder / "run"));
+    }
+  }
+  Listener stops(0);
+  expect_refused(options, &stops, L4D_ERR_CANCELLED, "cancelled");
+  std::ofstream(folder / "capture/images/cam03/0004.png") << "no image";
+  expect_refused(options, &listener, L4D_ERR_CORRUPT, "0004.png");
+
+  fs::copy(test::tiny_capture(), folder / "capture",
+           fs::copy_options::recursive | fs::copy_options::overwrite_existing);
+  train(options, &listener);
+  EXPECT_FALSE(before == files_in(folder / "run"));
+}
+
+// A training that did not begin needs no `force` when it is tried again, nor does one that was
+// killed while it placed Gaussians.
+TEST(RunFolder, ATrainingThatDidNotBeginLeavesNothing) {
+  const Folder folder;
+  RunOptions options = tiny_run(folder / "run", 4);
+  options.settings.init = "hull";
+  Listener listener;
+  EXPECT_THAT(failure_of(options, &listener, L4D_ERR_INVALID_ARGUMENT), HasSubstr("hull"));
+  EXPECT_FALSE(fs::exists(folder / "run"));
+  options.settings.init = "frustum";
+  fs::create_directories(folder / "run/buckets");
+  std::ofstream(folder / "run/buckets/notes.txt") << "mine";
+  EXPECT_THAT(failure_of(options, &listener, L4D_ERR_INVALID_ARGUMENT),
+              HasSubstr("something else"));
+  fs::rename(folder / "run/buckets/notes.txt", folder / "run/buckets/0.rows");
+  EXPECT_NO_THROW(train(options, &listener));
+}
+
+}  // namespace
+}  // namespace l4d::train
