@@ -115,5 +115,74 @@ TEST(RunFolder, ATrainingThatDidNotBeginLeavesNothing) {
   EXPECT_NO_THROW(train(options, &listener));
 }
 
+// Throws after some steps, where a step leads to files and reports.
+class Exhausted : public Listener {
+ public:
+  explicit Exhausted(int steps) : steps_left_(steps) {}
+  void update(uint64_t, uint64_t, const std::string& stage) override {
+    if (stage.rfind("training", 0) == 0 && --steps_left_ == 0) throw std::bad_alloc();
+  }
+
+ private:
+  int steps_left_;
+};
+
+TEST(RunFolder, WhereMemoryRunsOutTheWorkIsKept) {
+  const Folder folder;
+  RunOptions options = tiny_run(folder / "whole", 30);
+  Listener listener;
+  train(options, &listener);
+  options.folder = folder / "parts";
+  Exhausted exhausted(20);
+  EXPECT_THAT(failure_of(options, &exhausted, L4D_ERR_OUT_OF_MEMORY),
+              AllOf(HasSubstr("step 20: out of memory; --resume goes on from"),
+                    HasSubstr("checkpoint-0000000020")));
+  options.resume = true;
+  train(options, &listener);
+  EXPECT_TRUE(test::bytes_of(folder / "whole/scene.ply") ==
+              test::bytes_of(folder / "parts/scene.ply"));
+}
+
+// A capture may move, and has to be the same or accepted.
+TEST(RunFolder, TheCaptureOfARunMayMove) {
+  const Folder folder;
+  RunOptions options = tiny_run(folder / "run", 20);
+  options.settings.capture = copy_of_capture(folder / "old");
+  Listener stops(10), listener;
+  EXPECT_THAT(failure_of(options, &stops, L4D_ERR_CANCELLED), HasSubstr("step 10"));
+  try {
+    evaluate_run(folder / "run", "", "", 0, &listener);
+    ADD_FAILURE() << "the training has not ended";
+  } catch (const io::Error& error) {
+    EXPECT_THAT(error.what(), AllOf(HasSubstr("has not ended"), HasSubstr("--resume` goes on")));
+  }
+  fs::rename(folder / "old", folder / "new");
+  options.settings.capture = folder / "new";
+  options.resume = true;
+  const RunReport trained = train(options, &listener);
+
+  fs::rename(folder / "new", folder / "newer");
+  try {
+    evaluate_run(folder / "run", "", "", 0, &listener);
+    ADD_FAILURE() << "the capture has moved";
+  } catch (const io::Error& error) {
+    EXPECT_THAT(error.what(), HasSubstr("--capture"));
+  }
+  listener.notes.clear();
+  const RunReport moved = evaluate_run(folder / "run", folder / "newer", "", 0, &listener);
+  EXPECT_NEAR(moved.train.plain.mean_psnr, trained.train.plain.mean_psnr, 0.01);
+  EXPECT_EQ(listener.notes, "");
+
+  fs::copy_file(folder / "newer/images/cam03/0005.png", folder / "newer/images/cam03/0004.png",
+                fs::copy_options::overwrite_existing);
+  evaluate_run(folder / "run", folder / "newer", "", 0, &listener);
+  EXPECT_THAT(listener.notes, HasSubstr("has changed"));
+  options.settings.capture = folder / "newer";
+  EXPECT_THAT(failure_of(options, &listener, L4D_ERR_INVALID_ARGUMENT),
+              HasSubstr("--accept-changes"));
+  options.accept_changes = true;
+  EXPECT_NO_THROW(train(options, &listener));
+}
+
 }  // namespace
 }  // namespace l4d::train

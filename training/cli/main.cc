@@ -186,6 +186,7 @@ struct Arguments {
   std::string near = "auto", opacity_weight = "auto";
   std::string sheet;
   std::string folder;  // of a run that is evaluated, or for a capture that is rendered
+  std::string moved;   // the capture of a run that is evaluated, where it is elsewhere now
   std::string scene;   // that a capture is rendered of
   std::string size = "320x240";
   RenderCaptureOptions capture;
@@ -336,7 +337,7 @@ void add_train(CLI::App& app, Arguments& a) {
   auto* resume = verb->add_flag("--resume", a.run.resume,
                                 "Go on from the last checkpoint, with the settings of the run");
   verb->add_flag("--accept-changes", a.run.accept_changes,
-                 "Resume also where images of the capture, or --resident, have changed")
+                 "Resume also where the capture, or --resident, has changed")
       ->needs(resume);
   verb->add_flag("--force", a.run.force, "Replace a run that is in the folder")->excludes(resume);
   add_common(verb, a);
@@ -426,7 +427,7 @@ int run_verb(const CLI::App& app, Arguments& a) {
     }
     report = train(a.run, &terminal);
   } else {
-    report = evaluate_run(a.folder, a.run.lpips, a.run.threads, &terminal);
+    report = evaluate_run(a.folder, a.moved, a.run.lpips, a.run.threads, &terminal);
   }
   std::printf("%s%s", (a.json ? json_of(report) : describe(report)).c_str(), a.json ? "\n" : "");
   return kExitOk;
@@ -442,6 +443,8 @@ struct Command {
     add_train(app, training);
     CLI::App* eval = app.add_subcommand("eval", "Compare the scene of a run with its capture");
     eval->add_option("run", evaluation.folder, "Folder of the run")->required();
+    eval->add_option("--capture", evaluation.moved,
+                     "Where the capture is now (where it was when the run began)");
     add_lpips(eval, evaluation);
     add_common(eval, evaluation);
     CLI::App* look = app.add_subcommand("inspect", "Say what a capture is");

@@ -7,6 +7,8 @@
 
 #include "io/file.h"
 #include "io/formats.h"
+#include "training/capture/capture_hash.h"
+#include "training/run/checkpoint.h"
 #include "training/run/output.h"
 
 namespace l4d::train {
@@ -138,12 +140,40 @@ io::Image StreamViews::render(uint32_t view) {
   return image;
 }
 
-RunReport evaluate_run(const std::string& folder, const std::string& weights, uint32_t threads,
-                       RunObserver* observer) {
+namespace {
+
+// A run that has a scene: its settings.
+Settings settings_of_run(const std::string& folder) {
   const auto file = [&](const char* name) { return (fs::path(folder) / name).string(); };
   const std::vector<uint8_t> text = io::read_whole_file(file("settings.json"));
-  const Settings settings = settings_of(std::string(text.begin(), text.end()));
-  const Capture capture = read_capture(settings.capture, settings.reading);
+  std::error_code error;
+  if (!fs::exists(file("scene.ply"), error)) {
+    throw Error(L4D_ERR_IO, folder + ": the training has not ended, so that there is no scene; " +
+                                (list_checkpoints(folder).empty()
+                                     ? "there is no checkpoint to resume from"
+                                     : "`l4dtrain train CAPTURE -o RUN --resume` goes on with it"));
+  }
+  return settings_of(std::string(text.begin(), text.end()));
+}
+
+}  // namespace
+
+RunReport evaluate_run(const std::string& folder, const std::string& moved,
+                       const std::string& weights, uint32_t threads, RunObserver* observer) {
+  const auto file = [&](const char* name) { return (fs::path(folder) / name).string(); };
+  Settings settings = settings_of_run(folder);
+  std::error_code error;
+  if (!moved.empty()) settings.capture = moved;
+  if (moved.empty() && !fs::exists(settings.capture, error)) {
+    throw Error(L4D_ERR_IO, settings.capture +
+                                ": the capture of the run does not exist; --capture " +
+                                "states where it is now");
+  }
+  Capture capture = read_capture(settings.capture, settings.reading);
+  if (!settings.capture_hash.empty() && hash_of(capture) != settings.capture_hash) {
+    capture.notes.push_back("The capture is not the one of the training, or has changed since.");
+    observer->note(capture.notes.back());
+  }
   const ImageLoader loader(capture, settings.scale, settings.near);
   const std::unique_ptr<eval::Lpips> lpips = read_lpips(weights);
   check_sizes(lpips.get(), capture, loader);
@@ -167,7 +197,6 @@ RunReport evaluate_run(const std::string& folder, const std::string& weights, ui
   observer->update(0, 0, "comparing with the captured images");
   report.train = score("train", render);
   report.test = score("test", render);
-  std::error_code error;
   if (!fs::exists(file("scene.l4d"), error)) return report;
   report.stream_bytes = fs::file_size(file("scene.l4d"), error);
   StreamViews views(file("scene.l4d"), capture, loader, threads);

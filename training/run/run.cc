@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <map>
 #include <mutex>
+#include <system_error>
 
 #include "io/file.h"
 #include "l4d/render.hpp"
@@ -470,10 +471,53 @@ class Run {
       }
       step_begin = Clock::now();
       times_.begin(kSteps);
-      if (!step_or_save()) continue;
+      const uint64_t step = trainer_->state().step, rows = trainer_->count();
+      const bool has_stepped = within_memory(step, rows, [&] { return step_or_save(); });
+      if (!has_stepped) continue;
       trainer_->state().seconds += since(step_begin);
-      write_or_save();
+      within_memory(trainer_->state().step, trainer_->count(), [&] {
+        write_or_save();
+        return true;
+      });
     }
+  }
+
+  // Runs a part of the loop, which began after `step` steps with `rows` Gaussians.
+  template <typename Part>
+  bool within_memory(uint64_t step, uint64_t rows, const Part& part) {
+    try {
+      return part();
+    } catch (const std::bad_alloc&) {
+      fail_for_memory("out of memory", step, rows);
+    } catch (const std::system_error& error) {  // a thread that got no stack
+      fail_for_memory(error.what(), step, rows);
+    } catch (const Error& error) {
+      if (error.status() != L4D_ERR_OUT_OF_MEMORY) throw;
+      fail_for_memory(error.what(), step, rows);
+    } catch (const l4d::Error& error) {
+      const l4d_status status = error.status();
+      if (status != L4D_ERR_OUT_OF_MEMORY && status != L4D_ERR_LIMIT_EXCEEDED) throw;
+      fail_for_memory(error.what(), step, rows);
+    }
+  }
+
+  // Where a part of a step is done, or rows were on their way, the model is not one to go on with:
+  // the checkpoints that are there stay. A step counts once it has changed Gaussians.
+  [[noreturn]] void fail_for_memory(const std::string& what, uint64_t step, uint64_t rows) {
+    try {
+      if (trainer_->state().step == step && trainer_->model().count == rows) write_checkpoint();
+      writer_.finish();
+    } catch (const std::exception&) {
+      // Likely for the same reason.
+    }
+    throw Error(L4D_ERR_OUT_OF_MEMORY, "step " + std::to_string(trainer_->state().step) + ": " +
+                                           what + "; " + where_it_goes_on());
+  }
+
+  std::string where_it_goes_on() const {
+    const std::vector<std::string> there = list_checkpoints(folder_);
+    return there.empty() ? "there is no checkpoint to resume from"
+                         : "--resume goes on from " + there.front();
   }
 
   // What a step leads to in files. Where one cannot be written, as on a full disk, the work so far
@@ -486,13 +530,10 @@ class Run {
       try {
         write_checkpoint();
         writer_.finish();
-      } catch (const Error&) {
+      } catch (const std::exception&) {
         // Likely for the same reason: the checkpoints that are there stay.
       }
-      const std::vector<std::string> there = list_checkpoints(folder_);
-      throw Error(error.status(), std::string(error.what()) + "; " +
-                                      (there.empty() ? "there is no checkpoint to resume from"
-                                                     : "--resume goes on from " + there.front()));
+      throw Error(error.status(), std::string(error.what()) + "; " + where_it_goes_on());
     }
   }
 
@@ -544,10 +585,7 @@ class Run {
     } catch (const Error&) {
       // On a full disk, or where rows are lost.
     }
-    const std::vector<std::string> there = list_checkpoints(folder_);
-    throw Error(error.status(), std::string(error.what()) + "; " +
-                                    (there.empty() ? "there is no checkpoint to resume from"
-                                                   : "--resume goes on from " + there.front()));
+    throw Error(error.status(), std::string(error.what()) + "; " + where_it_goes_on());
   }
 
   MemoryUse memory_use() const {

@@ -75,10 +75,10 @@ class TrainingFailed : public std::runtime_error {
 // scene.l4d. Throws io::Error, l4d::Error, TrainingFailed.
 RunReport train(const RunOptions& options, RunObserver* observer);
 
-// Scores the scene of a run, and its stream if there is one, against its capture. lpips: as in
-// RunOptions.
-RunReport evaluate_run(const std::string& folder, const std::string& lpips, uint32_t threads,
-                       RunObserver* observer);
+// Scores the scene of a run, and its stream if there is one, against its capture. moved: where the
+// capture is now, or "" where it is as the run has it. lpips: as in RunOptions.
+RunReport evaluate_run(const std::string& folder, const std::string& moved,
+                       const std::string& lpips, uint32_t threads, RunObserver* observer);
 
 // What a capture is: for people, and a contact sheet of the first images of all cameras.
 struct Inspection {

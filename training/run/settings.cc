@@ -86,12 +86,16 @@ std::string differences(const std::string& before, const Settings& now, bool acc
   };
   std::istringstream lines(before);
   for (std::string line; std::getline(lines, line);) old[line.substr(0, line.find(' '))] = line;
+  // Wherever it lies now.
+  const bool same_capture =
+      !now.capture_hash.empty() && old["capture_hash"] == "capture_hash " + now.capture_hash;
   std::string out;
   for_each_setting(now, [&](const char* name, const auto& value) {
     const std::string key = name, line = key + " " + text_of_value(value);
     if (old[key] == line || (key == "preset" && now.codec != "settle")) return;
     if (key == "device_memory") return;  // `resident` decides what is trained
     if (key == "capture_hash" && accept_changes) return;
+    if (key == "capture" && (accept_changes || same_capture)) return;
     if (key == "resident" && accept_changes && is_partly_away(now)) return;
     if (key == "devices" && same_number(value_of(old[key]), now.devices)) return;
     out += out.empty() ? "" : "; ";

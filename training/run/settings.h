@@ -90,7 +90,8 @@ std::string text_of(const Settings& settings);
 std::vector<uint32_t> devices_of(const std::string& list);
 // What keeps a run from going on with other settings than those of `before`, a text as above; ""
 // where nothing does. The preset counts only where the training depends on it, the capture_hash
-// unless accept_changes, and of the devices only how many there are.
+// unless accept_changes, the path of the capture unless accept_changes or the hash is the same, and
+// of the devices only how many there are.
 std::string differences(const std::string& before, const Settings& now, bool accept_changes);
 // Throws io::Error(INVALID_ARGUMENT) where a setting is out of range.
 void check(const Settings& settings);
