@@ -58,7 +58,8 @@ struct StoreOptions {
 
 // Keeps all images if they fit into the memory, else a reservoir of windows that are spread over
 // the sequence: the oldest goes, and the next of a permutation, whose images a thread has read
-// meanwhile, takes its place. Throws io::Error(LIMIT_EXCEEDED) if 2 windows do not fit.
+// meanwhile, takes its place. Throws io::Error(LIMIT_EXCEEDED) if neither all images nor
+// kLeastWindows windows fit, of which one is being read while the others are in use.
 // progress(done, total): images read at the start; may be null. Returning true cancels.
 std::unique_ptr<ImageStore> make_image_store(
     const ImageLoader& loader, const std::vector<Instant>& instants, const StoreOptions& options,
