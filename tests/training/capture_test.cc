@@ -91,6 +91,12 @@ TEST(Captures, BadCameras) {
   document["cameras"].erase(1);
   for (json& camera : document["cameras"]) camera["split"] = "test";
   expect_error(write_document(document), {}, L4D_ERR_INVALID_ARGUMENT, {"at least 3"});
+  document["cameras"][3]["split"] = "val";
+  const std::string folder = write_document(document);
+  expect_error(folder, {}, L4D_ERR_CORRUPT, {"camera 4", "\"val\"", "train or test", "--test"});
+  CaptureOptions options;
+  options.test = "0";
+  EXPECT_NO_THROW(read_capture(folder, options));
   expect_error(test::tiny_capture() + "/images", {}, L4D_ERR_FEATURE_UNSUPPORTED, {"layout"});
   expect_error("/nonexistent", {}, L4D_ERR_IO, {"/nonexistent"});
 }
@@ -116,12 +122,15 @@ TEST(Captures, MissingFrames) {
   json document = tiny_document();
   document["frames"] = 25;
   const std::string folder = write_document(document);
-  expect_error(folder, {}, L4D_ERR_IO, {"camera 0", "frame 20 of 25"});
+  expect_error(folder, {}, L4D_ERR_IO, {"camera 0", "frame 20 of 25", "images/cam00/0020.png"});
   CaptureOptions options;
   options.tolerant = true;
   const Capture capture = read_capture(folder, options);
   EXPECT_EQ(capture.frames, 20U);
   EXPECT_THAT(capture.notes, testing::Contains(HasSubstr("cut to 20 frames")));
+  document["cameras"][3]["images"] = "pictures/cam03/%04d.png";
+  expect_error(write_document(document), {}, L4D_ERR_IO,
+               {"camera 3", "frame 0 of 25", "pictures/cam03/0000.png"});
 }
 
 // Workers render several views at a time, each with a renderer of its own.
@@ -310,7 +319,7 @@ TEST_F(VideoCaptures, WrongVideosAreNamed) {
   const auto write = [&] { std::ofstream(path_ + "/cameras.json") << document; };
   document["frames"] = 40;
   write();
-  expect_error(path_, {}, L4D_ERR_IO, {"camera 0", "frame 12 of 40"});
+  expect_error(path_, {}, L4D_ERR_IO, {"camera 0", "frame 12 of 40", "cam00.mp4 has 12 frames"});
   document["frames"] = 12;
   document["fps"] = 12.5;
   write();

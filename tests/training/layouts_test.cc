@@ -516,6 +516,12 @@ TEST(Layouts, N3dvTakesVideosOfAnyName) {
     EXPECT_EQ(camera.source.camera.world_to_camera[3], truth.cameras[c].world_to_camera[3]);
     EXPECT_EQ(camera.split, c == 4 ? "test" : "train");  // cam00, wherever it is
   }
+  const auto of_tests = testing::HasSubstr("for testing");
+  EXPECT_THAT(capture.notes, testing::Contains(HasSubstr("Camera 4 is for testing")));
+  EXPECT_THAT(capture.notes, testing::Contains(of_tests).Times(1));
+  CaptureOptions chosen;
+  chosen.test = "0,2";
+  EXPECT_THAT(read_capture(folder / "c", chosen).notes, testing::Not(testing::Contains(of_tests)));
   // One that is damaged is left out, one that is missing would move the others.
   write_text(folder / "c/a.mp4", "no video");
   CaptureOptions options;

@@ -59,18 +59,17 @@ uint32_t count_images(const io::Camera& camera, uint32_t most, bool tolerant,
   return most;
 }
 
-// Frames of the camera, and its frame rate; checks what can be told without decoding.
+// Frames of the camera, its frame rate, and what ends it; checks what can be told without decoding.
 uint32_t look_at(const std::string& path, const io::Camera& camera, const io::CameraSet& set,
-                 bool tolerant, double* fps) {
+                 bool tolerant, double* fps, std::string* end) {
   const uint32_t most = set.frames != 0 ? set.frames : UINT32_MAX;
   if (tolerant && !camera.mask.empty()) {
     const std::string trouble = trouble_of_image(camera.mask, camera.camera);
     if (!trouble.empty()) fail(L4D_ERR_IO, path, camera, "its mask: " + trouble);
   }
   if (!camera.images.empty()) {
-    std::string trouble;
-    const uint32_t frames = count_images(camera, most, tolerant, &trouble);
-    if (tolerant && frames == 0) fail(L4D_ERR_IO, path, camera, trouble);
+    const uint32_t frames = count_images(camera, most, tolerant, end);
+    if (tolerant && frames == 0) fail(L4D_ERR_IO, path, camera, *end);
     return frames;
   }
   if (camera.video.empty()) {
@@ -97,6 +96,7 @@ uint32_t look_at(const std::string& path, const io::Camera& camera, const io::Ca
     fail(L4D_ERR_IO, path, camera, camera.video + " has no frames");
   }
   *fps = facts.fps;
+  *end = camera.video + " has " + std::to_string(facts.frames) + " frames";
   return std::min(facts.frames, most);
 }
 
@@ -123,19 +123,22 @@ Capture make_video_capture(const std::string& path, const io::CameraSet& set,
   capture.notes = set.notes;
   double video_fps = 0;
   LeftOut left_out;
+  std::vector<std::string> ends;  // by camera
   for (const io::Camera& source : set.cameras) {
     CaptureCamera camera;
     camera.source = source;
     camera.name = name_of(source);
     camera.split = source.split;
+    std::string end;
     try {
-      camera.frames = look_at(path, source, set, options.tolerant, &video_fps);
+      camera.frames = look_at(path, source, set, options.tolerant, &video_fps, &end);
     } catch (const Error& error) {
       if (!options.tolerant) throw;
       left_out.add(error.what());
       continue;
     }
     capture.cameras.push_back(std::move(camera));
+    ends.push_back(end);
   }
   left_out.append_to(&capture.notes);
   if (capture.cameras.empty()) throw Error(L4D_ERR_INVALID_ARGUMENT, path + ": no camera is left");
@@ -150,8 +153,9 @@ Capture make_video_capture(const std::string& path, const io::CameraSet& set,
   }
   const uint32_t wanted = set.frames != 0 ? set.frames : longest;
   if (shortest < wanted) {
-    const std::string what =
-        "its images end before frame " + std::to_string(shortest) + " of " + std::to_string(wanted);
+    const auto index = static_cast<size_t>(short_one - capture.cameras.data());
+    const std::string what = "its images end before frame " + std::to_string(shortest) + " of " +
+                             std::to_string(wanted) + ": " + ends[index];
     if (!options.tolerant || shortest == 0) fail(L4D_ERR_IO, path, short_one->source, what);
     capture.notes.push_back("All cameras are cut to " + std::to_string(shortest) + " frames: of " +
                             short_one->name + ", " + what + ".");
@@ -175,7 +179,15 @@ Capture make_video_capture(const std::string& path, const io::CameraSet& set,
 }
 
 Capture read_cameras_capture(const std::string& file, const CaptureOptions& options) {
-  Capture capture = make_video_capture(file, io::read_cameras(file, true), options);
+  const io::CameraSet set = io::read_cameras(file, true);
+  for (const io::Camera& camera : set.cameras) {
+    const std::string& split = camera.split;
+    if (!options.test.empty() || split.empty() || split == "train" || split == "test") continue;
+    fail(L4D_ERR_CORRUPT, file, camera,
+         "its split is \"" + split +
+             "\"; it must be train or test, or --test names all test cameras");
+  }
+  Capture capture = make_video_capture(file, set, options);
   capture.layout = "cameras";
   return capture;
 }
@@ -186,6 +198,12 @@ Capture read_n3dv_capture(const std::string& file, const CaptureOptions& options
     return fs::path(camera.video).stem() == "cam00";
   };
   const bool has_zero = std::any_of(set.cameras.begin(), set.cameras.end(), is_zero);
+  // Which camera tests follows from the names of videos and the options, not from the file.
+  auto& notes = set.notes;
+  const auto names_test = [](const std::string& note) {
+    return note.rfind("Camera 0 is for testing", 0) == 0;
+  };
+  notes.erase(std::remove_if(notes.begin(), notes.end(), names_test), notes.end());
   for (io::Camera& camera : set.cameras) {
     // Rows and videos pair by their order alone, so that no row can do without its video.
     if (camera.video.empty()) {
@@ -197,6 +215,9 @@ Capture read_n3dv_capture(const std::string& file, const CaptureOptions& options
     }
     const bool is_test = has_zero ? is_zero(camera) : &camera == &set.cameras.front();
     camera.split = is_test ? "test" : "train";
+    if (!is_test || !options.test.empty()) continue;
+    notes.push_back("Camera " + std::to_string(camera.id) +
+                    " is for testing and all others are for training, as is usual.");
   }
   Capture capture = make_video_capture(file, set, options);
   capture.layout = "n3dv";
