@@ -235,21 +235,26 @@ std::vector<Instant> instants_of(const Capture& capture, const char* split) {
   return out;
 }
 
+ImageSizes sizes_of(const std::vector<Instant>& instants, uint32_t window,
+                    const std::function<uint64_t(uint32_t)>& bytes_of) {
+  ImageSizes sizes;
+  uint64_t of_window = 0;
+  for (size_t k = 0; k < instants.size(); ++k) {
+    if (k % window == 0) of_window = 0;
+    uint64_t of_instant = 0;
+    for (const uint32_t view : instants[k].views) of_instant += bytes_of(view);
+    of_window += of_instant;
+    sizes.total += of_instant;
+    sizes.largest_window = std::max(sizes.largest_window, of_window);
+  }
+  return sizes;
+}
+
 std::unique_ptr<ImageStore> make_image_store(
     const ImageLoader& loader, const std::vector<Instant>& instants, const StoreOptions& options,
     const std::function<bool(uint64_t, uint64_t)>& progress) {
-  uint64_t total = 0, largest = 0;
-  for (size_t k = 0; k < instants.size(); k += options.window) {
-    uint64_t window = 0;
-    for (size_t i = k; i < std::min<size_t>(k + options.window, instants.size()); ++i) {
-      for (const uint32_t view : instants[i].views) {
-        const l4d_camera& camera = loader.camera_of(view);
-        window += kImageBytes * camera.width * camera.height;
-      }
-    }
-    total += window;
-    largest = std::max(largest, window);
-  }
+  const auto [total, largest] = sizes_of(
+      instants, options.window, [&](uint32_t view) { return image_bytes(loader.camera_of(view)); });
   const uint64_t windows = (instants.size() + options.window - 1) / options.window;
   const bool few = options.few && windows >= kShortSequence;
   if (total <= options.memory && !few) {

@@ -10,13 +10,27 @@
 
 namespace l4d::train {
 
+constexpr uint64_t kImageBytes = 4;  // that a pixel counts as
+
 // A moment of a capture, with the images that may be trained on.
 struct Instant {
   double time = 0;              // s
   std::vector<uint32_t> views;  // indices of the capture's views
 };
+// What an image counts as, in bytes.
+inline uint64_t image_bytes(const l4d_camera& camera) {
+  return kImageBytes * camera.width * camera.height;
+}
 // The views of the split, by time. Times within 1e-9 s are one instant.
 std::vector<Instant> instants_of(const Capture& capture, const char* split);
+
+// Bytes that images take in memory: all of them, and those of the window that takes the most.
+struct ImageSizes {
+  uint64_t total = 0, largest_window = 0;
+};
+// window: in instants. bytes_of(view): those of one image.
+ImageSizes sizes_of(const std::vector<Instant>& instants, uint32_t window,
+                    const std::function<uint64_t(uint32_t)>& bytes_of);
 
 // Images in memory of bounded size. Which of them are there follows from the number of the step
 // alone, so that a training that resumes meets the same.
@@ -40,7 +54,6 @@ class ImageStore {
   virtual double seconds_waited() const = 0;  // for images
 };
 
-constexpr uint64_t kImageBytes = 4;    // that a pixel counts as
 constexpr uint64_t kLeastWindows = 3;  // with which a reservoir works
 
 struct StoreOptions {

@@ -41,17 +41,11 @@ std::string in_words(uint64_t bytes) {
 void count_images(const Settings& s, const Capture& capture, MemoryNeed* need) {
   std::vector<uint64_t> bytes;
   for (const CaptureCamera& camera : capture.cameras) {
-    bytes.push_back(kImageBytes * pixels_of(scaled_camera(camera.source.camera, s.scale)));
+    bytes.push_back(image_bytes(scaled_camera(camera.source.camera, s.scale)));
   }
-  const StoreOptions store;
-  const std::vector<Instant> instants = instants_of(capture, "train");
-  uint64_t total = 0, largest = 0, window = 0;
-  for (size_t k = 0; k < instants.size(); ++k) {
-    if (k % store.window == 0) window = 0;
-    for (const uint32_t view : instants[k].views) window += bytes[capture.views[view].camera];
-    for (const uint32_t view : instants[k].views) total += bytes[capture.views[view].camera];
-    largest = std::max(largest, window);
-  }
+  const auto [total, largest] =
+      sizes_of(instants_of(capture, "train"), StoreOptions().window,
+               [&](uint32_t view) { return bytes[capture.views[view].camera]; });
   need->images = std::min(total, s.host_memory);
   need->least_images = std::min(total, kLeastWindows * largest);
 }

@@ -342,13 +342,8 @@ class Run {
     cache_ = std::make_unique<FrameCache>(
         options_.cache, FrameCache::key_of(capture_, settings_.scale), options_.cache_bytes);
     loader_->use(cache_.get());
-    uint64_t bytes = 0;
-    for (const Instant& instant : instants_) {
-      for (const uint32_t view : instant.views) {
-        const l4d_camera& camera = loader_->camera_of(view);
-        bytes += kImageBytes * camera.width * camera.height;
-      }
-    }
+    const auto bytes_of = [&](uint32_t view) { return image_bytes(loader_->camera_of(view)); };
+    const uint64_t bytes = sizes_of(instants_, StoreOptions().window, bytes_of).total;
     if (bytes <= settings_.host_memory && !residence_) return;
     loader_->fill_cache("train", options_.threads, [&](uint64_t done, uint64_t total) {
       observer_->update(done, total, "filling the cache");
