@@ -5,8 +5,6 @@
 #include <chrono>
 #include <cmath>
 #include <filesystem>
-#include <map>
-#include <mutex>
 #include <system_error>
 
 #include "io/file.h"
@@ -20,6 +18,7 @@
 #include "training/run/memory.h"
 #include "training/run/output.h"
 #include "training/run/report.h"
+#include "training/run/sample.h"
 #include "training/step/cuda_backend.h"
 
 namespace l4d::train {
@@ -62,49 +61,6 @@ void write_text(const std::string& path, const std::string& text) {
   file.write(text.data(), text.size());
   file.commit();
 }
-
-// Images that scores and previews use again and again.
-class Sample {
- public:
-  Sample(const Capture& capture, const ImageLoader& loader, const char* split, uint32_t threads)
-      : capture_(capture), loader_(loader), threads_(threads) {
-    std::mutex mutex;
-    loader.load(views_to_watch(capture, split, kSampleViews), threads,
-                [&](uint32_t view, Pixels pixels) {
-                  const std::lock_guard<std::mutex> lock(mutex);
-                  images_[view] = std::move(pixels);
-                });
-  }
-  Score score(Trainer* trainer) const {
-    Scorer scorer;
-    for (const auto& [view, pixels] : images_) {
-      scorer.add(pixels, loader_.mask(capture_.views[view].camera), trainer->render(view),
-                 threads_);
-    }
-    return scorer.score();
-  }
-  bool empty() const { return images_.empty(); }
-  io::Image preview(Trainer* trainer) const {
-    const auto& [view, pixels] = middle();
-    return preview_of(image_of(pixels, kBlack), trainer->render(view));
-  }
-  // What was captured, the scene and its stream.
-  io::Image beside(Trainer* trainer, const RenderView& stream) const {
-    const auto& [view, pixels] = middle();
-    return io::side_by_side({image_of(pixels, kBlack), trainer->render(view), stream(view)});
-  }
-
- private:
-  const std::pair<const uint32_t, Pixels>& middle() const {
-    return *std::next(images_.begin(), static_cast<ptrdiff_t>(images_.size() / 2));
-  }
-  static constexpr float kBlack[3] = {0, 0, 0};
-
-  const Capture& capture_;
-  const ImageLoader& loader_;
-  uint32_t threads_;
-  std::map<uint32_t, Pixels> images_;
-};
 
 class Run {
  public:
@@ -326,8 +282,10 @@ class Run {
       observer_->update(done, total, "reading images");
       return observer_->cancelled();
     });
-    train_sample_ = std::make_unique<Sample>(capture_, *loader_, "train", options_.threads);
-    test_sample_ = std::make_unique<Sample>(capture_, *loader_, "test", options_.threads);
+    train_sample_ =
+        std::make_unique<Sample>(capture_, *loader_, "train", kSampleViews, options_.threads);
+    test_sample_ =
+        std::make_unique<Sample>(capture_, *loader_, "test", kSampleViews, options_.threads);
     if (cache_ && !cache_->is_writable()) say(cache_->trouble());
   }
 
