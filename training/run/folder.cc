@@ -44,7 +44,51 @@ bool is_left_behind(const fs::directory_entry& folder) {
   return true;
 }
 
+// Whether a path is a folder or leads into it.
+bool is_within(const std::string& path, const fs::path& folder) {
+  fs::path place = absolute_path(path);
+  while (place != folder && place != place.parent_path()) place = place.parent_path();
+  return place == folder;
+}
+
+// What is read is never written: a run does not go into its capture, nor begin from a file in its
+// own folder, which it would remove first. A cache has a folder of its own, since a folder of a
+// run has nothing else.
+void keep_inputs(const RunOptions& options) {
+  const fs::path folder = absolute_path(options.folder);
+  const auto inside = [&](const fs::path& path) {
+    const fs::path parent = fs::path(absolute_path(path.string())).parent_path();
+    return parent == folder;
+  };
+  const Settings& s = options.settings;
+  if (absolute_path(s.capture) == folder || inside(s.capture)) {
+    throw Error(L4D_ERR_INVALID_ARGUMENT,
+                options.folder + ": the capture lies in this folder; --output must be another one");
+  }
+  std::error_code error;
+  if (fs::exists(options.cache, error) && !fs::is_directory(options.cache, error)) {
+    throw Error(L4D_ERR_IO, options.cache + ": --cache is a file; it must be a folder");
+  }
+  if (!options.cache.empty() && is_within(options.cache, folder)) {
+    throw Error(L4D_ERR_INVALID_ARGUMENT,
+                options.cache + ": --cache lies in the folder of the run; it must be another one");
+  }
+  for (const auto& [option, path] :
+       {std::make_pair("--init", s.init), std::make_pair("--lpips", options.lpips)}) {
+    if (!fs::is_regular_file(path, error) || !inside(path)) continue;
+    throw Error(L4D_ERR_INVALID_ARGUMENT, path + ": " + option +
+                                              " lies in the folder of the run, which replaces "
+                                              "its files");
+  }
+}
+
 }  // namespace
+
+std::string absolute_path(const std::string& path) {
+  fs::path place = fs::weakly_canonical(fs::absolute(path));
+  if (!place.has_filename()) place = place.parent_path();
+  return place.string();
+}
 
 bool is_empty_folder(const std::string& folder) {
   std::error_code error;
@@ -62,6 +106,41 @@ bool is_run(const std::string& folder) {
   const nlohmann::json report = json_in(fs::path(folder) / "report.json");
   const auto schema = report.find("schema");
   return schema != report.end() && *schema == "l4dtrain.report/1";
+}
+
+void check_folder(const RunOptions& options) {
+  const std::string& folder = options.folder;
+  const auto fail = [&](l4d_status status, const char* what) {
+    throw Error(status, folder + ": " + what);
+  };
+  std::error_code error;
+  if (fs::exists(folder, error) && !fs::is_directory(folder, error)) {
+    fail(L4D_ERR_IO, "cannot make the folder of the run: there is a file of this name");
+  }
+  keep_inputs(options);
+  if (options.resume) {
+    if (!list_checkpoints(folder).empty()) return;
+    fail(L4D_ERR_IO, "there is no checkpoint to resume from");
+  }
+  if (is_empty_folder(folder)) return;
+  if (!is_run(folder)) {
+    fail(L4D_ERR_INVALID_ARGUMENT,
+         "the folder has files of something else than a run, which may not be replaced; choose "
+         "another one");
+  }
+  if (options.force) return;
+  fail(L4D_ERR_INVALID_ARGUMENT,
+       list_checkpoints(folder).empty()
+           ? "there is a run already, without a checkpoint to resume from; --force replaces it"
+           : "there is a run already; --resume goes on with it, and --force replaces it");
+}
+
+void remove_results(const std::string& folder) {
+  std::error_code error;
+  for (const std::string& old : list_checkpoints(folder)) fs::remove(old, error);
+  for (const char* name : {"scene.ply", "scene.l4d", "weights.ply", "stream.png", "report.json"}) {
+    fs::remove(fs::path(folder) / name, error);
+  }
 }
 
 FolderLock::FolderLock(const std::string& folder)

@@ -42,20 +42,6 @@ double since(Clock::time_point begin) {
   return std::chrono::duration<double>(Clock::now() - begin).count();
 }
 
-// A path that means the same from any folder, and whichever way it was written.
-std::string absolute(const std::string& path) {
-  fs::path place = fs::weakly_canonical(fs::absolute(path));
-  if (!place.has_filename()) place = place.parent_path();
-  return place.string();
-}
-
-// Whether a path is a folder or leads into it.
-bool is_within(const std::string& path, const fs::path& folder) {
-  fs::path place = absolute(path);
-  while (place != folder && place != place.parent_path()) place = place.parent_path();
-  return place == folder;
-}
-
 void write_text(const std::string& path, const std::string& text) {
   io::OutputFile file(path);
   file.write(text.data(), text.size());
@@ -74,7 +60,7 @@ class Run {
       throw Error(L4D_ERR_INVALID_ARGUMENT, "--codec settle needs --encode PRESET");
     }
     read_network();
-    check_folder();
+    check_folder(options_);
     observer_->update(0, 0, "reading the capture");
     capture_ = read_capture(options_.settings.capture, options_.settings.reading);
     fit_memory();
@@ -88,10 +74,10 @@ class Run {
     settings_ = resolved(options_.settings, capture_, camera.width, camera.height);
     settings_.host_memory = image_memory_;
     settings_.preset = options_.preset;
-    settings_.capture = absolute(settings_.capture);
+    settings_.capture = absolute_path(settings_.capture);
     settings_.capture_hash = hash_of(capture_);
     std::error_code error;
-    if (fs::is_regular_file(settings_.init, error)) settings_.init = absolute(settings_.init);
+    if (fs::is_regular_file(settings_.init, error)) settings_.init = absolute_path(settings_.init);
     times_.begin(kImages);
     backend_ = settings_.backend == "cuda" ? make_cuda_group(devices_of(settings_.devices))
                                            : make_cpu_backend(options_.threads, renderer_memory_);
@@ -166,37 +152,10 @@ class Run {
     }
   }
 
-  // Refuses what the run may not write to, and changes nothing.
-  void check_folder() const {
-    const auto fail = [&](l4d_status status, const char* what) {
-      throw Error(status, folder_ + ": " + what);
-    };
-    std::error_code error;
-    if (fs::exists(folder_, error) && !fs::is_directory(folder_, error)) {
-      fail(L4D_ERR_IO, "cannot make the folder of the run: there is a file of this name");
-    }
-    keep_inputs();
-    if (options_.resume) {
-      if (!list_checkpoints(folder_).empty()) return;
-      fail(L4D_ERR_IO, "there is no checkpoint to resume from");
-    }
-    if (is_empty_folder(folder_)) return;
-    if (!is_run(folder_)) {
-      fail(L4D_ERR_INVALID_ARGUMENT,
-           "the folder has files of something else than a run, which may not be replaced; choose "
-           "another one");
-    }
-    if (options_.force) return;
-    fail(L4D_ERR_INVALID_ARGUMENT,
-         list_checkpoints(folder_).empty()
-             ? "there is a run already, without a checkpoint to resume from; --force replaces it"
-             : "there is a run already; --resume goes on with it, and --force replaces it");
-  }
-
   void open_folder() {
     lock_ = std::make_unique<FolderLock>(folder_);
     // Again, since another training may have come and gone.
-    check_folder();
+    check_folder(options_);
   }
 
   // All that can be refused has been refused: the files of a run that was here go. They go when the
@@ -206,45 +165,8 @@ class Run {
     io::OutputFile settings(file("settings.json"));
     const std::string text = json_of(settings_) + "\n";
     settings.write(text.data(), text.size());
-    std::error_code error;
-    for (const std::string& old : list_checkpoints(folder_)) fs::remove(old, error);
-    for (const char* name :
-         {"scene.ply", "scene.l4d", "weights.ply", "stream.png", "report.json"}) {
-      fs::remove(file(name), error);
-    }
+    remove_results(folder_);
     settings.commit();
-  }
-
-  // What is read is never written: a run does not go into its capture, nor begin from a file in its
-  // own folder, which it would remove first. A cache has a folder of its own, since a folder of a
-  // run has nothing else.
-  void keep_inputs() const {
-    const fs::path folder = absolute(folder_);
-    const auto inside = [&](const fs::path& path) {
-      const fs::path parent = fs::path(absolute(path.string())).parent_path();
-      return parent == folder;
-    };
-    const Settings& s = options_.settings;
-    if (absolute(s.capture) == folder || inside(s.capture)) {
-      throw Error(L4D_ERR_INVALID_ARGUMENT,
-                  folder_ + ": the capture lies in this folder; --output must be another one");
-    }
-    std::error_code error;
-    if (fs::exists(options_.cache, error) && !fs::is_directory(options_.cache, error)) {
-      throw Error(L4D_ERR_IO, options_.cache + ": --cache is a file; it must be a folder");
-    }
-    if (!options_.cache.empty() && is_within(options_.cache, folder)) {
-      throw Error(
-          L4D_ERR_INVALID_ARGUMENT,
-          options_.cache + ": --cache lies in the folder of the run; it must be another one");
-    }
-    for (const auto& [option, path] :
-         {std::make_pair("--init", s.init), std::make_pair("--lpips", options_.lpips)}) {
-      if (!fs::is_regular_file(path, error) || !inside(path)) continue;
-      throw Error(L4D_ERR_INVALID_ARGUMENT, path + ": " + option +
-                                                " lies in the folder of the run, which replaces "
-                                                "its files");
-    }
   }
 
   // Decides how much of the model is in the back end.
