@@ -3,11 +3,13 @@
 
 #include "tests/training/tiny_capture.h"
 #include "training/run/checkpoint.h"
+#include "training/run/report.h"
 #include "training/run/run.h"
 
 namespace l4d::train {
 namespace {
 
+using ::testing::HasSubstr;
 using test::Folder;
 using test::Listener;
 using test::tiny_run;
@@ -139,6 +141,16 @@ TEST(Training, SettlesOnWhatTheEncoderKeeps) {
   EXPECT_LT(settled.stream_bytes, pruned.stream_bytes);
   EXPECT_GT(settled.stream_test.plain.mean_psnr, pruned.stream_test.plain.mean_psnr - 1);
   EXPECT_EQ(settled.settings.preset, "small");
+
+  // A stream that lost much says so.
+  EXPECT_EQ(note_of_stream(40, 37.1, false), "");
+  EXPECT_EQ(note_of_stream(37, 40, false), "");
+  EXPECT_THAT(note_of_stream(40, 33.5, false), HasSubstr("has 6.5 dB less"));
+  EXPECT_THAT(note_of_stream(40, 33.5, false), HasSubstr("--codec settle"));
+  EXPECT_THAT(note_of_stream(40, 33.5, true), HasSubstr("a preset of more bytes"));
+  const std::string note =
+      note_of_stream(pruned.train.plain.mean_psnr, pruned.stream_train.plain.mean_psnr, false);
+  EXPECT_EQ(std::count(pruned.notes.begin(), pruned.notes.end(), note), note.empty() ? 0 : 1);
 
   options.folder = folder / "parts";
   Listener first(77);

@@ -2,6 +2,7 @@
 #include "training/run/report.h"
 
 #include <cmath>
+#include <cstdio>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
@@ -157,6 +158,19 @@ Settings settings_of_run(const std::string& folder) {
 }
 
 }  // namespace
+
+std::string note_of_stream(double scene_psnr, double stream_psnr, bool settles) {
+  constexpr double kMuch = 3;  // dB
+  const double loss = scene_psnr - stream_psnr;
+  if (!(loss > kMuch)) return "";
+  char text[160];
+  std::snprintf(text, sizeof(text),
+                "The stream has %.1f dB less than the scene on training views%s", loss,
+                settles ? "; a preset of more bytes keeps more"
+                        : ", because the encoder drops many Gaussians that show little each; "
+                          "--codec settle trains without them");
+  return text;
+}
 
 RunReport evaluate_run(const std::string& folder, const std::string& moved,
                        const std::string& weights, uint32_t threads, RunObserver* observer) {

@@ -14,6 +14,10 @@ namespace l4d::train {
 // The part of a report that follows from the capture alone.
 RunReport describe_capture(const Capture& capture, const ImageLoader& loader);
 
+// What is said where the stream shows training views much worse than the scene; "" where it does
+// not. settles: the training had the encoder in its loop.
+std::string note_of_stream(double scene_psnr, double stream_psnr, bool settles);
+
 std::string json_of(const Settings& settings);
 Settings settings_of(const std::string& json);  // throws io::Error(CORRUPT)
 // Those of the run in a folder; nothing where it has none. Throws io::Error.

@@ -619,6 +619,10 @@ class Run {
     io::write_png(file("stream.png"), sample.beside(trainer_.get(), render));
     report->stream_train = score("train", render);
     report->stream_test = score("test", render);
+    const std::string note =
+        note_of_stream(report->train.plain.mean_psnr, report->stream_train.plain.mean_psnr,
+                       settings_.codec == "settle");
+    if (!note.empty()) say(note);
   }
 
   const RunOptions& options_;
