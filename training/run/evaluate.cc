@@ -17,7 +17,7 @@ namespace {
 
 constexpr size_t kBatch = 64;  // images in memory at a time
 constexpr uint32_t kMinSsimSize = 11;
-constexpr size_t kPixelGrain = 16384;
+constexpr size_t kPixelGrain = size_t{1} << 14;
 
 // Colours of a pixel of a render, and 1.
 std::array<double, 4> row_of(const io::Image& render, size_t pixel) {
