@@ -111,7 +111,8 @@ cat foreign/* | cksum | cmp before - || die "a file of someone else was replaced
 [ "$(find foreign -mindepth 1 -maxdepth 1 | wc -l)" -eq 7 ] || die "a folder that is no run got files"
 
 # One training at a time has a folder, and a terminal that goes away ends it as SIGTERM does.
-"$train" train "${options[@]}" -o busy --steps 400000 -q >out 2>busy.err &
+# Under nohup, tests inherit that SIGHUP is ignored.
+env --default-signal=HUP "$train" train "${options[@]}" -o busy --steps 400000 -q >out 2>busy.err &
 pid=$!
 for _ in $(seq 200); do
   [ -s busy/log.jsonl ] && break
