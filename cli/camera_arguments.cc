@@ -9,7 +9,8 @@
 
 namespace l4d::cli {
 
-void CameraArguments::add_options(Verb* verb) {
+void CameraArguments::add_options(Verb* verb, const std::string* seconds) {
+  seconds_ = seconds;
   const std::string group = "Cameras and views";
   auto* file = verb->add_option("--cameras", cameras,
                                 "Cameras to look from: cameras.json, D-NeRF transforms*.json or "
@@ -61,7 +62,9 @@ io::CameraSet read_camera_file(Context& context, const std::string& path, bool a
 const io::CameraSet* CameraArguments::load(Context& context) const {
   if (cameras.empty()) return nullptr;
   if (!set_) {
-    set_ = std::make_shared<io::CameraSet>(read_camera_file(context, cameras, any_path));
+    io::CameraSet set = read_camera_file(context, cameras, any_path);
+    if (!seconds_->empty()) set.seconds = parse_seconds(*seconds_, "--seconds");
+    set_ = std::make_shared<io::CameraSet>(std::move(set));
   }
   return set_.get();
 }
@@ -114,6 +117,24 @@ void check_captured(const eval::CameraViews& all) {
   }
 }
 
+namespace {
+
+// Says where times of cameras are in the sequence: files of D-NeRF do not state their unit.
+void note_times(Context& context, const eval::CameraViews& all, const l4d_timeline& timeline) {
+  double last = -1;
+  for (size_t view = 0; view < all.views.size(); ++view) {
+    last = std::max(last, all.camera_of(view).time.value_or(-1) * all.set.seconds);
+  }
+  if (last < 0) return;
+  const double end = io::duration(timeline);
+  context.note("Times of cameras are multiplied by --seconds (" + format_number(all.set.seconds) +
+               "): the last view is at " + format_time(last) + " s, and the sequence lasts " +
+               format_time(end) + " s" +
+               (last > end ? "; views after its end show its end." : "."));
+}
+
+}  // namespace
+
 eval::CameraViews choose_views(Context& context, const CameraArguments& arguments,
                                const std::string& split, const l4d_timeline& timeline,
                                const std::function<io::Scene()>& instant) {
@@ -135,6 +156,7 @@ eval::CameraViews choose_views(Context& context, const CameraArguments& argument
   result.views =
       about(arguments.cameras, [&] { return io::select_views(result.set, selection, timeline); });
   note_cameras(context, result.set);
+  note_times(context, result, timeline);
   return result;
 }
 

@@ -22,7 +22,8 @@ struct CameraArguments {
   std::string frames;
   bool any_path = false;
 
-  void add_options(Verb* verb);
+  // seconds: the text of --seconds, which the verb also has for PLY files; it must outlive this.
+  void add_options(Verb* verb, const std::string* seconds);
   bool given() const { return !cameras.empty() || orbit > 0; }
   // Usage errors: options that say which views without saying which cameras.
   void check() const;
@@ -31,6 +32,7 @@ struct CameraArguments {
   const io::CameraSet* load(Context& context) const;
 
  private:
+  const std::string* seconds_ = nullptr;
   mutable std::shared_ptr<const io::CameraSet> set_;
 };
 

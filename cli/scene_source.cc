@@ -41,12 +41,17 @@ void ImportArguments::check() const {
   }
 }
 
-void add_import_options(Verb* verb, ImportArguments& arguments) {
-  const std::string group = "Import of PLY files that carry no timeline";
-  verb->add_option("--seconds", arguments.seconds, "Duration of the sequence (default: 1)")
+void add_import_options(Verb* verb, ImportArguments& arguments, bool takes_cameras) {
+  const std::string group = takes_cameras ? "Times that files do not state"
+                                          : "Import of PLY files that carry no timeline";
+  verb->add_option("--seconds", arguments.seconds,
+                   takes_cameras ? "What 1 in the times of D-NeRF cameras stands for, as for "
+                                   "l4dtrain, and the duration of a PLY that carries no timeline "
+                                   "(default: 1)"
+                                 : "Duration of the sequence (default: 1)")
       ->type_name("T")
       ->group(group);
-  verb->add_option("--fps", arguments.fps, "Frame rate (default: 30)")
+  verb->add_option("--fps", arguments.fps, "Frame rate of such a PLY (default: 30)")
       ->type_name("F")
       ->group(group);
 }

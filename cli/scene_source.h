@@ -21,7 +21,8 @@ struct ImportArguments {
   // Usage errors, also where the scene is a stream and neither is used.
   void check() const;
 };
-void add_import_options(Verb* verb, ImportArguments& arguments);
+// takes_cameras: whether the verb has --cameras, whose times --seconds then scales, too.
+void add_import_options(Verb* verb, ImportArguments& arguments, bool takes_cameras = false);
 
 using LoadedScene = eval::DecodedScene;
 

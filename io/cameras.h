@@ -40,7 +40,7 @@ struct Camera {
   std::string mask;  // an image that is black where pixels of the camera do not count; "" = none
   // Whether the file names these by an absolute path, or by one that leaves its folder.
   bool is_outside = false;
-  // The instant, where the camera has one: see CameraSet::time_is_fraction.
+  // The instant, if the camera has one, in units of CameraSet::seconds since the begin.
   std::optional<double> time;
 };
 
@@ -50,8 +50,8 @@ struct CameraSet {
   uint32_t frames = 0;  // 0 = unknown
   // Whether what lies outside the folder of the file may be read.
   bool any_path = false;
-  // Times of cameras are shares of the sequence in [0, 1]; otherwise seconds since its begin.
-  bool time_is_fraction = false;
+  // What 1 in the times of cameras stands for. D-NeRF does not say; whoever reads its files must.
+  double seconds = 1;
   std::string source;              // "cameras_json", "transforms", "poses_bounds", "orbit"
   std::vector<std::string> notes;  // assumptions made, one sentence each, for people
 };
@@ -85,9 +85,9 @@ struct View {
 
 // Views by frame, then by time, then by camera: all cameras of an instant follow each other. Frame
 // k is at time_begin + k / fps with the cameras' frame rate, else the timeline's; there are as many
-// as both the cameras and the timeline have. A camera that has a time gives one view there, and
-// counts as being of the frame nearest to it. Throws Error(L4D_ERR_INVALID_ARGUMENT) on text that
-// is none and where nothing is selected.
+// as both the cameras and the timeline have. A camera that has a time gives one view there, or at
+// the end of the timeline if that is earlier, and counts as being of the frame nearest to it.
+// Throws Error(L4D_ERR_INVALID_ARGUMENT) on text that is none and where nothing is selected.
 std::vector<View> select_views(const CameraSet& set, const ViewSelection& selection,
                                const l4d_timeline& timeline);
 

@@ -12,8 +12,9 @@ namespace l4d::io {
 
 // Timeline to use for formats that carry none (3DGS PLY), and for those whose time is normalised.
 struct ImportOptions {
-  double seconds = 0;  // 0 = what the file says, else 1 second
-  double fps = 0;      // 0 = what the file says, else 30
+  // 0 = what the file says, else 1 second. An l4d_ply that states its end keeps that.
+  double seconds = 0;
+  double fps = 0;  // 0 = what the file says, else 30
 };
 
 // Reads any scene PLY, told apart by its header: l4d_ply, .ftgs.ply, SpacetimeGaussians lite, 3DGS.

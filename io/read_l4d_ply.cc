@@ -18,7 +18,8 @@ void read_timeline(const PlyReader& reader, const ImportOptions& options, Scene&
   }
   const double begin = comment_number(reader, "time_begin", 0);
   const double end = comment_number(reader, "time_end", begin + 1);
-  const double seconds = options.seconds > 0 ? options.seconds : end - begin;
+  const bool is_stated = reader.header().comment("time_end") != nullptr;
+  const double seconds = options.seconds > 0 && !is_stated ? options.seconds : end - begin;
   scene.timeline.time_begin = begin;
   try {
     if (options.fps > 0) {

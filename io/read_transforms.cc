@@ -112,7 +112,6 @@ class TransformsReader {
     if (frame.contains("time")) {
       out.time = number(place, frame, "time");
       if (*out.time < 0) place.fail("time is negative");
-      max_time_ = std::max(max_time_, *out.time);
       ++with_time_;
     }
 
@@ -190,10 +189,6 @@ class TransformsReader {
       return;
     }
     if (with_time_ != set_.cameras.size()) file.fail("either all cameras or none must have a time");
-    set_.time_is_fraction = max_time_ <= 1;
-    set_.notes.push_back(set_.time_is_fraction
-                             ? "No time is above 1: times are shares of the sequence."
-                             : "Some times are above 1: times are seconds since the begin.");
   }
 
   std::string path_;
@@ -201,7 +196,6 @@ class TransformsReader {
   bool any_path_;
   CameraSet set_;
   size_t without_size_ = 0, with_time_ = 0;
-  double max_time_ = 0;
   bool distorted_ = false;
 };
 

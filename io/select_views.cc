@@ -101,10 +101,10 @@ Frames frames_of(const CameraSet& set, const l4d_timeline& timeline) {
   return frames;
 }
 
-View view_of_instant(size_t camera, double time, bool is_fraction, const Frames& frames) {
+View view_of_instant(size_t camera, double since_begin, const Frames& frames) {
   View view;
   view.camera = camera;
-  const double since_begin = is_fraction ? time * frames.seconds : time;
+  since_begin = std::min(since_begin, frames.seconds);
   view.time = frames.begin + since_begin;
   view.frame = static_cast<uint32_t>(
       std::clamp(std::round(since_begin * frames.fps), 0.0, static_cast<double>(frames.count - 1)));
@@ -132,7 +132,7 @@ std::vector<View> select_views(const CameraSet& set, const ViewSelection& select
     const Camera& camera = set.cameras[i];
     if (!chosen[i] || (split != "all" && camera.split != split)) continue;
     if (camera.time) {
-      const View view = view_of_instant(i, *camera.time, set.time_is_fraction, frames);
+      const View view = view_of_instant(i, *camera.time * set.seconds, frames);
       if (range.contains(view.frame)) views.push_back(view);
       continue;
     }

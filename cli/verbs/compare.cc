@@ -227,7 +227,7 @@ void add_compare(Registry& registry) {
                    "visible_position. May be repeated")
       ->type_name("NAME=V")
       ->allow_extra_args(false);
-  arguments->cameras.add_options(verb);
+  arguments->cameras.add_options(verb, &arguments->import.seconds);
   const std::string group = "Comparing images, with --cameras or --orbit";
   verb->add_flag("--images", arguments->images,
                  "Also compare both with what the cameras saw: the videos (through ffmpeg) or "
@@ -254,7 +254,7 @@ void add_compare(Registry& registry) {
   verb->add_flag("--attributes", arguments->attributes,
                  "Also compare attributes, which pairs Gaussians and takes longer")
       ->group(group);
-  add_import_options(verb, arguments->import);
+  add_import_options(verb, arguments->import, true);
   verb->footer(
       "With --cameras, renders of both are compared: views of the test cameras where the file "
       "tells\n"

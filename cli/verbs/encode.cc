@@ -490,7 +490,7 @@ void add_encode(Registry& registry) {
                    "Stream to write, '-' = stdout (default: input's name with .l4d)")
       ->type_name("FILE");
   add_live_options(verb, arguments->live);
-  arguments->cameras.add_options(verb);
+  arguments->cameras.add_options(verb, &arguments->import.seconds);
   arguments->measure.add_options(verb);
   verb->add_option(
           "--weights", arguments->weights,
@@ -534,7 +534,7 @@ void add_encode(Registry& registry) {
                  "Decode the result and print its errors, each Gaussian against its own input");
   arguments->parameters.add_options(verb);
   arguments->target.add_options(verb);
-  add_import_options(verb, arguments->import);
+  add_import_options(verb, arguments->import, true);
   verb->footer(
       "Examples:\n"
       "  l4dcodec encode scene.ply -o scene.l4d\n"

@@ -92,7 +92,7 @@ void add_sensitivity(Registry& registry) {
                    "Weights to write, for `encode --weights`; '-' = stdout")
       ->type_name("FILE")
       ->required();
-  arguments->cameras.add_options(verb);
+  arguments->cameras.add_options(verb, &arguments->import.seconds);
   arguments->measure.add_options(verb);
   verb->add_option("--seed", arguments->measure.seed,
                    "Of the random signs of gauss-newton: equal seeds give equal weights")
@@ -100,7 +100,7 @@ void add_sensitivity(Registry& registry) {
       ->whole_number(0)
       ->capture_default_str()
       ->group("Importance from views");
-  add_import_options(verb, arguments->import);
+  add_import_options(verb, arguments->import, true);
   verb->footer(
       "Examples:\n"
       "  l4dcodec sensitivity scene.ply --cameras cameras.json -o weights.ply\n"

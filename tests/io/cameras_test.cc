@@ -177,7 +177,7 @@ TEST_F(CamerasTest, Basketball) {
 TEST_F(CamerasTest, TransformsOfBlender) {
   const CameraSet set = read_cameras(write("transforms_train.json", test::kTransforms));
   EXPECT_EQ(set.source, "transforms");
-  EXPECT_TRUE(set.time_is_fraction);
+  EXPECT_EQ(set.seconds, 1) << "the file does not say";
   EXPECT_EQ(set.fps, 0);
   EXPECT_EQ(set.frames, 0U);
   ASSERT_EQ(set.cameras.size(), 2U);
@@ -203,8 +203,8 @@ TEST_F(CamerasTest, TransformsWithIntrinsicsPerFileAndFrame) {
   EXPECT_EQ(set.cameras[1].camera.width, 100U);
   EXPECT_EQ(set.cameras[1].camera.height, 480U);
   EXPECT_EQ(set.cameras[0].split, "val");
-  EXPECT_FALSE(set.time_is_fraction);
-  ASSERT_EQ(set.notes.size(), 2U);
+  EXPECT_EQ(set.cameras[1].time.value_or(-1), 2.5);
+  ASSERT_EQ(set.notes.size(), 1U);
   EXPECT_NE(set.notes[0].find("distortion"), std::string::npos);
 }
 
@@ -219,7 +219,7 @@ TEST_F(CamerasTest, TransformsTakeSizesFromImages) {
   EXPECT_NEAR(set.cameras[0].camera.fx, 250, 1e-9);  // the angle is that of the width
   EXPECT_EQ(set.cameras[1].camera.width, 800U);
   EXPECT_EQ(set.cameras[0].split, "");
-  ASSERT_EQ(set.notes.size(), 2U);
+  ASSERT_EQ(set.notes.size(), 1U);
   EXPECT_NE(set.notes[0].find("1 cameras"), std::string::npos) << set.notes[0];
 }
 

@@ -117,8 +117,10 @@ TEST_F(FormatsTest, L4dPlyTimelines) {
   options.fps = 25;
   options.seconds = 2;
   t = timeline("0", "5", "30", options);
-  EXPECT_EQ(t.num_frames, 50U);
+  EXPECT_EQ(t.num_frames, 125U) << "the file states its end";
   EXPECT_EQ(t.fps_num, 25U);
+  t = read_scene_ply(write("t.ply", l4d_file(0, 1, {"l4d_ply 1", "fps 30"})), options).timeline;
+  EXPECT_EQ(t.num_frames, 50U);
 }
 
 TEST(FrameRate, DecimalsBecomeTheFractionMeant) {

@@ -116,7 +116,7 @@ TEST(SelectViews, CamerasOfAnInstant) {
   CameraSet set = still_cameras(5);
   const double times[] = {1, 0, 0.52, 0.48, 0.5};
   for (size_t i = 0; i < 5; ++i) set.cameras[i].time = times[i];
-  set.time_is_fraction = true;
+  set.seconds = 2;
   const l4d_timeline t = timeline(10, 20, 10);  // two seconds
   const std::vector<View> views = select_views(set, {}, t);
   EXPECT_EQ(listed(views), "1@0 3@10 4@10 2@10 0@19");
@@ -124,8 +124,14 @@ TEST(SelectViews, CamerasOfAnInstant) {
   EXPECT_DOUBLE_EQ(views[4].time, 12);
   EXPECT_EQ(listed(select_views(set, selection("all", "", "10"), t)), "3@10 4@10 2@10");
   EXPECT_EQ(listed(select_views(set, selection("train", "", "0:20:19"), t)), "1@0");
-  set.time_is_fraction = false;
+  // As l4dtrain reads them: whatever the sequence lasts.
+  set.seconds = 1;
   EXPECT_EQ(listed(select_views(set, {}, t)), "1@0 3@5 4@5 2@5 0@10") << "seconds since the begin";
+  EXPECT_DOUBLE_EQ(select_views(set, {}, t)[1].time, 10.48);
+  // What is later than the end is at the end, also where its seconds are no finite number.
+  set.cameras[0].time = 1e300;
+  set.seconds = 1e300;
+  EXPECT_DOUBLE_EQ(select_views(set, selection("all", "10", ""), t)[0].time, 12);
 }
 
 // ---- orbits ----
