@@ -46,15 +46,28 @@ Option* add_any_path_option(Verb* verb, bool& any_path) {
                         "and not only in its folder and below");
 }
 
+namespace {
+
+// Whether the file is there; if so, the command does not write it.
+bool keep_seen(Context& context, const io::Camera& camera, const std::string& path) {
+  std::error_code error;
+  if (path.empty() || !std::filesystem::exists(path, error)) return false;
+  context.files.keep(path, "what camera " + std::to_string(camera.id) + " saw");
+  return true;
+}
+
+}  // namespace
+
 io::CameraSet read_camera_file(Context& context, const std::string& path, bool any_path) {
   context.files.add_input(path, "--cameras");
   io::CameraSet set = io::read_cameras(path, any_path);
   for (const io::Camera& camera : set.cameras) {
-    for (const std::string* seen : {&camera.video, &camera.image}) {
-      std::error_code error;
-      if (seen->empty() || !std::filesystem::exists(*seen, error)) continue;
-      context.files.keep(*seen, "what camera " + std::to_string(camera.id) + " saw");
-    }
+    keep_seen(context, camera, camera.video);
+    keep_seen(context, camera, camera.image);
+    if (!io::is_image_pattern(camera.images)) continue;
+    // Up to the first that is missing: views behind it cannot be read.
+    uint32_t frame = 0;
+    while (keep_seen(context, camera, io::numbered_image(camera.images, frame))) ++frame;
   }
   return set;
 }
@@ -111,8 +124,7 @@ void check_captured(const eval::CameraViews& all) {
   for (size_t view = 0; view < all.views.size(); ++view) {
     const io::Camera& camera = all.camera_of(view);
     if (!camera.is_outside) continue;
-    throw usage_error("camera " + std::to_string(camera.id) + ": " +
-                      (camera.video.empty() ? camera.image : camera.video) +
+    throw usage_error("camera " + std::to_string(camera.id) + ": " + io::seen_by(camera) +
                       " is not in the folder of the cameras; --any-path reads it all the same");
   }
 }

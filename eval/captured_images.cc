@@ -11,10 +11,6 @@ namespace {
 
 std::string camera_name(const io::Camera& camera) { return "camera " + std::to_string(camera.id); }
 
-const std::string& seen_by(const io::Camera& camera) {
-  return camera.video.empty() ? camera.image : camera.video;
-}
-
 std::vector<uint8_t> to_bytes(const io::Image& image) {
   std::vector<uint8_t> bytes(image.rgb.size());
   io::to_bytes(image.rgb.data(), bytes.size(), bytes.data());
@@ -36,14 +32,17 @@ CapturedImages::CapturedImages(const CameraViews& all, const std::vector<size_t>
       observer.check();
       observer.update(done++, views.size(), "reading captured images");
       if (image.width != camera.camera.width || image.height != camera.camera.height) {
-        throw io::Error(L4D_ERR_CORRUPT,
-                        seen_by(camera) + ": is not of the size of " + camera_name(camera));
+        throw io::Error(
+            L4D_ERR_CORRUPT,
+            (camera.images.empty() ? io::seen_by(camera)
+                                   : io::numbered_image(camera.images, all.views[view].frame)) +
+                ": is not of the size of " + camera_name(camera));
       }
       bytes_[view] = to_bytes(image);
     };
     if (camera.is_outside && !all.set.any_path) {
       throw io::Error(L4D_ERR_INVALID_ARGUMENT,
-                      camera_name(camera) + ": " + seen_by(camera) +
+                      camera_name(camera) + ": " + io::seen_by(camera) +
                           " is not in the folder of the cameras, and may not be read");
     }
     if (!camera.video.empty()) {
@@ -55,6 +54,11 @@ CapturedImages::CapturedImages(const CameraViews& all, const std::vector<size_t>
     } else if (!camera.image.empty()) {
       image = io::read_png(camera.image);
       for (const size_t view : of_camera) keep(view);
+    } else if (!camera.images.empty()) {
+      for (const size_t view : of_camera) {
+        image = io::read_png(io::numbered_image(camera.images, all.views[view].frame));
+        keep(view);
+      }
     } else {
       throw io::Error(L4D_ERR_IO, camera_name(camera) + " has no captured images");
     }

@@ -39,6 +39,23 @@ CameraSet read_json(InputFile& file, bool any_path) {
   place.fail("no file of cameras: neither `cameras` nor `frames` is there");
 }
 
+// Where %d or %04d stands in a path. Paths come from files, and are no formats for printf.
+struct NumberPlace {
+  size_t begin, end, width;
+};
+
+std::optional<NumberPlace> number_in(const std::string& pattern) {
+  const size_t begin = pattern.find('%');
+  if (begin == std::string::npos) return std::nullopt;
+  NumberPlace place{begin, begin + 1, 0};
+  while (place.end < pattern.size() && pattern[place.end] >= '0' && pattern[place.end] <= '9') {
+    const auto digit = static_cast<size_t>(pattern[place.end++] - '0');
+    place.width = std::min<size_t>(10 * place.width + digit, 20);
+  }
+  if (place.end >= pattern.size() || pattern[place.end++] != 'd') return std::nullopt;
+  return place;
+}
+
 }  // namespace
 
 void CameraPlace::fail(l4d_status status, const std::string& what) const {
@@ -170,6 +187,23 @@ std::string beside(const std::string& path, const std::string& name) {
 bool leaves_folder(const std::string& name) {
   const std::filesystem::path path(name);
   return path.is_absolute() || *path.lexically_normal().begin() == "..";
+}
+
+bool is_image_pattern(const std::string& pattern) { return number_in(pattern).has_value(); }
+
+std::string numbered_image(const std::string& pattern, uint32_t frame) {
+  const std::optional<NumberPlace> place = number_in(pattern);
+  if (!place) {
+    throw Error(L4D_ERR_CORRUPT, pattern + ": a path of numbered images has one %d or %04d");
+  }
+  std::string number = std::to_string(frame);
+  if (number.size() < place->width) number.insert(0, place->width - number.size(), '0');
+  return pattern.substr(0, place->begin) + number + pattern.substr(place->end);
+}
+
+const std::string& seen_by(const Camera& camera) {
+  if (!camera.video.empty()) return camera.video;
+  return camera.images.empty() ? camera.image : camera.images;
 }
 
 CameraSet read_cameras(const std::string& path, bool any_path) {

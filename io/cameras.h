@@ -63,6 +63,15 @@ struct CameraSet {
 // (L4D_ERR_INVALID_ARGUMENT).
 CameraSet read_cameras(const std::string& path, bool any_path = false);
 
+// What the camera saw, for people: its video, the pattern of its images, or its image.
+const std::string& seen_by(const Camera& camera);
+
+// Whether the path has %d or %04d for a number.
+bool is_image_pattern(const std::string& pattern);
+// The image of frame `frame`, where `pattern` has one %d or %04d for it, as Camera::images. Throws
+// L4D_ERR_CORRUPT if it has none.
+std::string numbered_image(const std::string& pattern, uint32_t frame);
+
 // Cameras around a scene that has none: on one ring at the height of the centre, or from 12 cameras
 // on also on rings 30 degrees below and above. They look at the opacity-weighted median position
 // with a field of view of 60 degrees in the smaller direction, from where the ball that holds 90 %

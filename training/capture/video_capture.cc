@@ -42,7 +42,7 @@ uint32_t count_images(const io::Camera& camera, uint32_t most, bool tolerant,
   fs::path folder;
   std::set<std::string> names;
   for (uint32_t n = 0; n < most; ++n) {
-    const std::string path = numbered_image(camera.images, n);
+    const std::string path = io::numbered_image(camera.images, n);
     const fs::path parent = fs::path(path).parent_path();
     if (n == 0 || parent != folder) {
       folder = parent;
@@ -102,21 +102,6 @@ uint32_t look_at(const std::string& path, const io::Camera& camera, const io::Ca
 
 }  // namespace
 
-std::string numbered_image(const std::string& pattern, uint32_t frame) {
-  const size_t percent = pattern.find('%');
-  size_t end = percent == std::string::npos ? percent : percent + 1;
-  size_t width = 0;
-  while (end < pattern.size() && pattern[end] >= '0' && pattern[end] <= '9') {
-    width = std::min<size_t>(10 * width + static_cast<size_t>(pattern[end++] - '0'), 20);
-  }
-  if (end >= pattern.size() || pattern[end] != 'd') {
-    throw Error(L4D_ERR_CORRUPT, pattern + ": a path of numbered images has one %d or %04d");
-  }
-  std::string number = std::to_string(frame);
-  if (number.size() < width) number.insert(0, width - number.size(), '0');
-  return pattern.substr(0, percent) + number + pattern.substr(end + 1);
-}
-
 Capture make_video_capture(const std::string& path, const io::CameraSet& set,
                            const CaptureOptions& options) {
   Capture capture;
@@ -171,7 +156,7 @@ Capture make_video_capture(const std::string& path, const io::CameraSet& set,
       const io::Camera& source = capture.cameras[c].source;
       CaptureView view{c, frame, static_cast<double>(frame) / capture.fps + source.time_offset, ""};
       view.time = std::clamp(view.time, 0.0, capture.duration());
-      if (!source.images.empty()) view.file = numbered_image(source.images, frame);
+      if (!source.images.empty()) view.file = io::numbered_image(source.images, frame);
       capture.views.push_back(std::move(view));
     }
   }

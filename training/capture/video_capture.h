@@ -12,7 +12,4 @@ namespace l4d::train {
 Capture make_video_capture(const std::string& path, const io::CameraSet& set,
                            const CaptureOptions& options);
 
-// The image of frame `frame`, where `pattern` has one %d or %04d for it.
-std::string numbered_image(const std::string& pattern, uint32_t frame);
-
 }  // namespace l4d::train
