@@ -45,6 +45,11 @@ expect 2 "the capture lies in this folder" train capture -o capture --steps 5 -q
 expect 2 "the capture lies in this folder" train capture/cameras.json -o ./capture/ --steps 5 -q
 expect 2 "lies in the folder of the run" train capture -o whole --force --init whole/scene.ply --steps 5 -q
 expect 2 "there is already cameras.json" capture truth.ply -o capture --cameras 9 --size 48x40
+for size in 33x24 64x47 33x25; do
+  expect 2 "--size is $size; width and height of a video are even" capture truth.ply -o odd --format mp4 --size $size
+  [ ! -e odd ] || die "a capture that is refused leaves a folder"
+done
+expect 0 "2 cameras" capture truth.ply -o odd --cameras 2 --frames 1 --size 33x25
 [ "$(cat capture/cameras.json whole/scene.ply | cksum)" = "$before" ] || die "an input was replaced"
 
 # A contact sheet is a .png, and no file of the capture under any name; it replaces an older one.

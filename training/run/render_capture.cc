@@ -120,6 +120,15 @@ void render_capture(const std::string& folder, const io::Scene& scene,
     throw Error(L4D_ERR_INVALID_ARGUMENT,
                 "--format is " + options.format + "; it must be png or mp4");
   }
+  // The pixel format that plays everywhere would give such a video a black row or column, and the
+  // capture would be refused.
+  if (is_video && (options.width % 2 != 0 || options.height % 2 != 0)) {
+    throw Error(L4D_ERR_INVALID_ARGUMENT,
+                "--size is " + std::to_string(options.width) + "x" +
+                    std::to_string(options.height) +
+                    "; width and height of a video are even numbers. Choose others, or "
+                    "--format png");
+  }
   const uint32_t all = scene.timeline.num_frames;
   const uint32_t first = options.first_frame;
   if (first >= all) {
