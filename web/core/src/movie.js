@@ -191,8 +191,6 @@ export class Movie extends Emitter {
   }
   /** Whether it is still being made: `timeEnd` grows. */
   get live() { return this.isLive; }
-  /** Whether streams come and go, so that a picture wants the order of its own instant. */
-  get isPresentation() { return this.spans !== null; }
   get currentTime() { return this.clock?.time ?? 0; }
   set currentTime(time) { void this.seek(time).catch(() => {}); }
   get paused() { return this.clock?.paused ?? true; }

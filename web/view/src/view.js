@@ -3,8 +3,6 @@ import {OrbitCamera} from './camera.js';
 import {Painter} from './painter.js';
 import {chooseSurface, GlSurface} from './surface.js';
 
-const flatWindows = 1 << 10;  // among the tools of a stream
-
 /**
  * @typedef {object} ViewOptions
  * @property {'webgl2' | 'webgpu' | 'auto'} [backend] what draws (webgl2); webgpu and auto: WebGL2 where there is no WebGPU,
@@ -48,8 +46,10 @@ export class View {
     this.wanted = 0;   // counts changes of time, camera and rows
     this.sorting = 0;  // which of them is being sorted; 0: none
     this.sorted = 0;
-    this.sortTime = 0;    // of what is being sorted
-    this.orderTime = 0;   // of the order
+    /** What is shown at the time that is being sorted. @type {import('l4dcodec').StreamTime[]} */
+    this.sortStreams = [];
+    /** What is shown at the time of the order. @type {import('l4dcodec').StreamTime[]} */
+    this.orderStreams = [];
     this.drawn = 0;
     this.needsDraw = false;
     /** What was shown before all rows were sent for again: until it is here, the picture stays. @type {any} */
@@ -113,7 +113,7 @@ export class View {
     this.painter = null;
     this.movie = this.refilling = null;
     this.stats.rows = 0;
-    this.sorter.postMessage({type: 'clear'});
+    this.#clearOrder();
     for (const {wake} of this.waiting.splice(0)) wake();
   }
 
@@ -182,10 +182,18 @@ export class View {
     if ('oncount' in this.painter) this.painter.oncount = count => { this.stats.visible = count; };
   }
 
+  /** The sorter forgets all rows. An order that is on its way is of rows that are not there any more. */
+  #clearOrder() {
+    this.sorter.postMessage({type: 'clear'});
+    this.sorting = 0;
+    ++this.wanted;
+    this.orderStreams = [];
+  }
+
   /** All that was uploaded is gone, or nothing was yet. */
   #restored() {
     if (!this.movie) return;
-    this.sorter.postMessage({type: 'clear'});
+    this.#clearOrder();
     this.stats.rows = 0;
     this.#makePainter();
     this.movie.refresh();
@@ -260,24 +268,22 @@ export class View {
     const began = performance.now();
     this.#size();
     const camera = this.camera();
-    const time = this.movie.currentTime;
+    const streams = this.movie.streamsAt(this.movie.currentTime);
     const {painter} = this;
     if (painter.sorts) {
       this.sorted = this.wanted;
+      this.orderStreams = streams;
     } else if (this.sorting === 0 && this.sorted !== this.wanted) {
       const m = camera.worldToCamera;
       this.sorting = this.wanted;
-      this.sortTime = time;
+      this.sortStreams = streams;
       this.sorter.postMessage({type: 'sort', id: this.sorting,
-                               sight: {streams: this.movie.streamsAt(time),
-                                       depth: [m[8], m[9], m[10], m[11]], nearPlane: camera.nearPlane,
+                               sight: {streams, depth: [m[8], m[9], m[10], m[11]], nearPlane: camera.nearPlane,
                                        minAlpha: this.movie.info.rendering.minAlpha}});
     }
     if (this.options.exact && this.sorted !== this.wanted) return;
-    // Nothing in the order of a frame, or of a stream, may be seen in the next one, so that all is late there.
-    const changes = (this.movie.info.tools & flatWindows) !== 0 || this.movie.isPresentation;
-    const shown = !painter.sorts && changes && painter.count > 0 ? this.orderTime : time;
-    painter.draw(camera, this.movie.streamsAt(shown), this.canvas.width, this.canvas.height, this.background);
+    // An order lists what is seen at its own time: at another one, some of the picture would lack, or all of it.
+    painter.draw(camera, this.orderStreams, this.canvas.width, this.canvas.height, this.background);
     this.stats.drawMs = performance.now() - began;
     ++this.stats.frames;
     this.drawn = this.sorted;
@@ -291,13 +297,18 @@ export class View {
   /** @param {any} data */
   #receive(data) {
     if (data.type === 'bounds') return this.boundsWaiting.shift()?.(data.bounds);
-    this.sorting = 0;
-    this.sorted = data.id;
-    this.orderTime = this.sortTime;
-    this.stats.sortMs = data.ms;
-    this.stats.visible = data.count;
-    if (this.painter instanceof Painter) this.painter.setOrder(data.order, data.count);
+    if (data.id === this.sorting) this.#setOrder(data);
     this.sorter.postMessage({type: 'return', order: data.order}, [data.order.buffer]);
     this.#request();
+  }
+
+  /** @param {{id: number, order: Uint32Array, count: number, ms: number}} sorted */
+  #setOrder({id, order, count, ms}) {
+    this.sorting = 0;
+    this.sorted = id;
+    this.orderStreams = this.sortStreams;
+    this.stats.sortMs = ms;
+    this.stats.visible = count;
+    if (this.painter instanceof Painter) this.painter.setOrder(order, count);
   }
 }
