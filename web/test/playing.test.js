@@ -13,24 +13,33 @@ after(async () => browser?.close());
 /**
  * Runs in the page. Plays a stream in a loop, reads each picture, and then compares it with what is shown while the movie
  * rests at the time of that picture.
- * @param {{stream: string, seconds: number, sortMs: number, maxRows?: number}} options sortMs: that orders come later
+ * @param {{stream: string, from?: number, jump?: number, seconds: number, sortMs: number, rowMs?: number, maxRows?: number}} options
+ *   jump: sought once the pictures of `from` are there, sortMs: that orders come later, rowMs: that each bucket takes
  */
-const playAndCompare = async ({stream, seconds, sortMs, maxRows}) => {
+const playAndCompare = async ({stream, from = 0, jump, seconds, sortMs, rowMs = 0, maxRows}) => {
   const {open, View} = await import(/** @type {any} */ ('/player.js'));
   const canvas = Object.assign(document.createElement('canvas'), {width: 160, height: 120});
   Object.assign(canvas.style, {width: '160px', height: '120px'});
   document.body.append(canvas);
   const movie = await open(stream, {maxRows});
   const view = new View(canvas);
+  let removed = 0;
+  movie.on('removed', () => { ++removed; });
   await view.show(movie);
-  await movie.seek(0);
-  await view.home();
+  view.orbit.frame({middle: [0, 0, 0], extent: [6, 6, 6], radius: 4}, 0);
+  await movie.seek(from);
   await view.settled();
   movie.loop = true;
 
   const {painter, gl, sorter} = view;
   const receive = sorter.onmessage;
   sorter.onmessage = event => setTimeout(() => receive(event), sortMs);
+  const receiveRows = movie.worker.onmessage;
+  let queue = Promise.resolve();
+  movie.worker.onmessage = event => {
+    if (event.data.type === 'rows') queue = queue.then(() => new Promise(resolve => setTimeout(resolve, rowMs)));
+    queue = queue.then(() => receiveRows(event));
+  };
   const draw = painter.draw.bind(painter);
   const seen = [];
   painter.draw = (camera, streams, ...given) => {
@@ -40,6 +49,7 @@ const playAndCompare = async ({stream, seconds, sortMs, maxRows}) => {
     gl.readPixels(0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, bytes);
     seen.push({time: streams[0].time, bytes});
   };
+  if (jump !== undefined) await movie.seek(jump);
   let played = 0, last = movie.currentTime;
   movie.on('time', time => {
     played += time >= last ? time - last : time - last + movie.duration;
@@ -50,12 +60,16 @@ const playAndCompare = async ({stream, seconds, sortMs, maxRows}) => {
     await new Promise(resolve => setTimeout(resolve, 25));
   }
   movie.pause();
+  const removedPlaying = removed;
   painter.draw = draw;
   sorter.onmessage = receive;
+  await queue;
+  movie.worker.onmessage = receiveRows;
 
   const pictures = [];
   for (const {time, bytes} of seen) {
     await movie.seek(time);
+    while (movie.ready.detail !== 'full') await new Promise(resolve => setTimeout(resolve, 5));
     const still = await view.pixels();  // from the top
     const stride = 4 * canvas.width;
     let difference = 0, light = 0;
@@ -65,11 +79,12 @@ const playAndCompare = async ({stream, seconds, sortMs, maxRows}) => {
       difference += Math.abs(still[k] - bytes[y * stride + k % stride]);
       light += still[k];
     }
-    pictures.push({time, difference: difference / light});
+    const samples = 3 * canvas.width * canvas.height;
+    pictures.push({time, light: light / samples, difference: difference / Math.max(light, samples)});
   }
   movie.dispose();
   view.dispose();
-  return {pictures, played};
+  return {pictures, played, removed: removedPlaying};
 };
 
 /** @param {string} name @param {Omit<Parameters<typeof playAndCompare>[0], 'stream'>} options */
@@ -77,12 +92,13 @@ const isWhole = async (name, options) => {
   const server = await serve({[`${name}.l4d`]: join(work, `${name}.l4d`)});
   const page = await blankPage(browser, server.url);
   try {
-    const {pictures, played} = await page.evaluate(playAndCompare, {stream: `/${name}.l4d`, ...options});
+    const {pictures, played, removed} = await page.evaluate(playAndCompare, {stream: `/${name}.l4d`, ...options});
     assert.ok(played >= options.seconds, `played ${played} s`);
-    assert.ok(new Set(pictures.map(p => p.time)).size >= 6, `${pictures.length} pictures`);
+    assert.ok(new Set(pictures.map(p => p.time)).size >= 4 && pictures.some(p => p.light > 1), `${pictures.length} pictures`);
     const mixed = pictures.filter(p => !(p.difference < 0.005));
     const words = mixed.slice(0, 8).map(p => `${p.time.toFixed(3)} s: ${(100 * p.difference).toFixed(1)} %`);
     assert.equal(mixed.length, 0, `${mixed.length} of ${pictures.length} pictures differ: ${words.join(', ')}`);
+    assert.equal(removed > 0, options.maxRows !== undefined, `${removed} buckets removed`);
     assert.deepEqual(page.errors, []);
   } finally {
     await page.close();
@@ -93,7 +109,10 @@ const isWhole = async (name, options) => {
 test('a short scene in a loop: each picture is whole', () => isWhole('brief', {seconds: 1.5, sortMs: 0}));
 
 test('a short scene in a loop, where sorting takes long: each picture is whole', () =>
-  isWhole('brief', {seconds: 1.5, sortMs: 150}));
+  isWhole('brief', {seconds: 4, sortMs: 100}));
 
-test('several buckets in a loop, where sorting takes long: each picture is whole', () =>
-  isWhole('short', {seconds: 4.5, sortMs: 150}));
+test('several layers of buckets, where sorting takes long: each picture is whole', () =>
+  isWhole('layered', {from: 4, seconds: 4, sortMs: 150}));
+
+test('rows that come one by one and make others go: each picture is whole', () =>
+  isWhole('layered', {from: 0.2, jump: 6.5, seconds: 1, sortMs: 20, rowMs: 30, maxRows: 20000}));

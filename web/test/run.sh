@@ -39,7 +39,9 @@ scene short 4 6000 all
 scene indexed 4 6000 all --preset indexed
 scene lossless 4 6000 all --preset lossless
 scene frames 1 3000 frames
-scene brief 0.6 3000 all
+# What fades in and out within a part of a second; of several layers, one with 128 buckets.
+scene brief 0.6 3000 flicker,appear
+scene layered 10 8000 flicker,appear --set merge-fraction=0 --set merge-count=0
 scene tiers 8 20000 all --tiers 0.15,0.5
 # Drawn and shown in ways of their own.
 scene dilated 1 4000 all --rendering dilation=16 --presentation playback=ping-pong,bounds=-2:-1:-3:2:1:3

@@ -16,7 +16,7 @@ scope.onmessage = (/** @type {MessageEvent} */ {data}) => {
   else if (data.type === 'sort') {
     const began = performance.now();
     const order = sorter.sort(data.sight, spare.pop() ?? null);
-    scope.postMessage({type: 'order', id: data.id, order, count: sorter.visible, ms: performance.now() - began},
-                      [order.buffer]);
+    const {visible: count, firstLines} = sorter;
+    scope.postMessage({type: 'order', id: data.id, order, count, firstLines, ms: performance.now() - began}, [order.buffer]);
   }
 };

@@ -71,11 +71,13 @@ export class Sorter {
     const depths = this.depths;
     const ids = this.ids[0];
     let visible = 0;
+    this.firstLines = [];
     for (const {lines, data, count, center, stream} of this.buckets.values()) {
       const instant = streams.find(s => s.stream === stream);
       if (!instant) continue;
       const {frame} = instant;
       const t = Math.fround(instant.time - center);
+      const before = visible;
       for (let k = 0; k < count; ++k) {
         const at = packed * k;
         if (data[at + 9] < 0) {
@@ -92,6 +94,7 @@ export class Sorter {
         depths[visible] = d;
         ids[visible++] = lines[k >> 8] * 256 + (k & 255);
       }
+      if (visible > before) this.firstLines.push(lines[0]);
     }
     return visible;
   }
@@ -142,6 +145,8 @@ export class Sorter {
     return order;
   }
   visible = 0;
+  /** Of each bucket that has visible Gaussians. @type {number[]} */
+  firstLines = [];
 
   /**
    * What a camera should look at: the median of the positions at an instant, weighted by opacity, the radius

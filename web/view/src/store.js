@@ -6,7 +6,7 @@ import {rowsPerLine} from './rules.js';
 export class RowTextures extends RowLines {
   /** @param {WebGL2RenderingContext} gl @param {number} maxRows @param {number} shTexels of a Gaussian */
   constructor(gl, maxRows, shTexels) {
-    super(Math.min(Math.ceil(maxRows / rowsPerLine), gl.getParameter(gl.MAX_TEXTURE_SIZE)));
+    super(Math.min(Math.ceil(maxRows / rowsPerLine), gl.getParameter(gl.MAX_TEXTURE_SIZE)), true);
     this.gl = gl;
     this.shTexels = shTexels;
     this.rows = this.#texture(gl.RGBA32F, 4 * rowsPerLine, this.lines);
@@ -64,7 +64,7 @@ export class RowTextures extends RowLines {
   /** The instant of each stream that is shown; rows of others are not seen. @param {import('l4dcodec').StreamTime[]} streams */
   setTime(streams) {
     const shown = new Map(streams.map(s => [s.stream, s]));
-    for (const {lines, center, stream} of this.buckets.values()) {
+    for (const {lines, center, stream} of [...this.buckets.values(), ...this.leaving]) {
       const at = shown.get(stream);
       // Nothing is seen in frame -1.
       const [time, frame] = at ? [at.time - center, at.frame] : [0, -1];

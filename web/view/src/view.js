@@ -46,10 +46,12 @@ export class View {
     this.wanted = 0;   // counts changes of time, camera and rows
     this.sorting = 0;  // which of them is being sorted; 0: none
     this.sorted = 0;
-    /** What is shown at the time that is being sorted. @type {import('l4dcodec').StreamTime[]} */
-    this.sortStreams = [];
-    /** What is shown at the time of the order. @type {import('l4dcodec').StreamTime[]} */
-    this.orderStreams = [];
+    /** What is being sorted: the streams of its time, and how many buckets had gone. */
+    this.asked = {streams: /** @type {import('l4dcodec').StreamTime[]} */ ([]), gone: 0};
+    /** The same of the order, and the first lines of its buckets. */
+    this.order = {...this.asked, firstLines: new Set()};
+    /** Whether the instant of now does not come, so that what there is of it is shown. */
+    this.hasFailed = false;
     this.drawn = 0;
     this.needsDraw = false;
     /** What was shown before all rows were sent for again: until it is here, the picture stays. @type {any} */
@@ -94,6 +96,7 @@ export class View {
   async show(movie) {
     this.hide();
     this.movie = movie;
+    this.hasFailed = false;
     this.#makePainter();
     this.ends = [
       movie.on('rows', rows => this.#add(rows)),
@@ -101,7 +104,11 @@ export class View {
       movie.on('time', () => this.change()),
       movie.on('info', () => this.#widen()),
       movie.on('refreshed', () => { if (this.refilling) this.refilling.hasBegun = true; }),
-      movie.on('ready', ready => this.#refilled(ready))
+      movie.on('ready', ready => this.#ready(ready)),
+      movie.on('error', () => {
+        this.hasFailed = true;
+        this.change();
+      })
     ];
     movie.refresh();
     await this.ready;
@@ -187,7 +194,8 @@ export class View {
     this.sorter.postMessage({type: 'clear'});
     this.sorting = 0;
     ++this.wanted;
-    this.orderStreams = [];
+    this.asked = {streams: [], gone: 0};
+    this.order = {...this.asked, firstLines: new Set()};
   }
 
   /** All that was uploaded is gone, or nothing was yet. */
@@ -208,6 +216,13 @@ export class View {
     this.#restored();
     this.refilling = {...ready, hasBegun: false};
     this.change();
+  }
+
+  /** @param {{detail: string, tier: number, id?: number}} ready */
+  #ready(ready) {
+    this.hasFailed = false;
+    this.#refilled(ready);
+    this.#request();
   }
 
   /** @param {{detail: string, tier: number, id?: number}} ready */
@@ -266,24 +281,21 @@ export class View {
   #frame() {
     if (this.disposed || !this.painter || !this.movie || !this.surface || this.surface.isLost || this.refilling) return;
     const began = performance.now();
-    this.#size();
-    const camera = this.camera();
-    const streams = this.movie.streamsAt(this.movie.currentTime);
-    const {painter} = this;
+    const {painter, movie} = this;
+    // What comes of an instant one by one is no picture yet.
+    const isReady = movie.ready.detail !== 'none' || this.hasFailed;
+    if (painter.sorts && !isReady) return;
     if (painter.sorts) {
       this.sorted = this.wanted;
-      this.orderStreams = streams;
-    } else if (this.sorting === 0 && this.sorted !== this.wanted) {
-      const m = camera.worldToCamera;
-      this.sorting = this.wanted;
-      this.sortStreams = streams;
-      this.sorter.postMessage({type: 'sort', id: this.sorting,
-                               sight: {streams, depth: [m[8], m[9], m[10], m[11]], nearPlane: camera.nearPlane,
-                                       minAlpha: this.movie.info.rendering.minAlpha}});
+      this.order.streams = movie.streamsAt(movie.currentTime);
+    } else {
+      if (isReady && this.sorting === 0 && this.sorted !== this.wanted) this.#sort(painter.store.gone, movie);
+      if (!painter.store.isWhole(this.order.gone, this.order.firstLines)) return;
     }
     if (this.options.exact && this.sorted !== this.wanted) return;
+    this.#size();
     // An order lists what is seen at its own time: at another one, some of the picture would lack, or all of it.
-    painter.draw(camera, this.orderStreams, this.canvas.width, this.canvas.height, this.background);
+    painter.draw(this.camera(), this.order.streams, this.canvas.width, this.canvas.height, this.background);
     this.stats.drawMs = performance.now() - began;
     ++this.stats.frames;
     this.drawn = this.sorted;
@@ -294,6 +306,16 @@ export class View {
     for (const {wake} of drawn) wake();
   }
 
+  /** Asks for the order of now. @param {number} gone buckets @param {import('l4dcodec').Movie} movie */
+  #sort(gone, movie) {
+    const {worldToCamera: m, nearPlane} = this.camera();
+    const streams = movie.streamsAt(movie.currentTime);
+    this.sorting = this.wanted;
+    this.asked = {streams, gone};
+    this.sorter.postMessage({type: 'sort', id: this.sorting, sight: {
+      streams, depth: [m[8], m[9], m[10], m[11]], nearPlane, minAlpha: movie.info.rendering.minAlpha}});
+  }
+
   /** @param {any} data */
   #receive(data) {
     if (data.type === 'bounds') return this.boundsWaiting.shift()?.(data.bounds);
@@ -302,13 +324,19 @@ export class View {
     this.#request();
   }
 
-  /** @param {{id: number, order: Uint32Array, count: number, ms: number}} sorted */
-  #setOrder({id, order, count, ms}) {
+  /** @param {{id: number, order: Uint32Array, count: number, firstLines: number[], ms: number}} sorted */
+  #setOrder({id, order, count, firstLines, ms}) {
+    const {painter, asked} = this;
     this.sorting = 0;
+    if (!(painter instanceof Painter)) return;
+    const lines = new Set(firstLines);
+    // Where others lie now, the order before may still be good.
+    if (!painter.store.isWhole(asked.gone, lines)) return;
+    painter.setOrder(order, count);
+    painter.store.release(asked.gone);
     this.sorted = id;
-    this.orderStreams = this.sortStreams;
+    this.order = {...asked, firstLines: lines};
     this.stats.sortMs = ms;
     this.stats.visible = count;
-    if (this.painter instanceof Painter) this.painter.setOrder(order, count);
   }
 }

@@ -12,7 +12,7 @@ export class RowBuffers extends RowLines {
     const shBytes = 8 * shTexels;
     const most = Math.min(device.limits.maxStorageBufferBindingSize, device.limits.maxBufferSize);
     super(Math.min(Math.ceil(maxRows / rowsPerLine), Math.floor(most / rowsPerLine / Math.max(rowBytes, shBytes)),
-                   device.limits.maxComputeWorkgroupsPerDimension));
+                   device.limits.maxComputeWorkgroupsPerDimension), false);
     this.device = device;
     this.shBytes = shBytes;
     this.held = 0;     // lines that the buffers have room for
