@@ -2,9 +2,12 @@
 #include "training/run/output.h"
 
 #include <algorithm>
+#include <cmath>
 #include <nlohmann/json.hpp>
+#include <vector>
 
 #include "io/file.h"
+#include "io/rendering_text.h"
 #include "l4d/render.hpp"
 
 namespace l4d::train {
@@ -52,6 +55,48 @@ ModelState model_of(const io::Scene& scene) {
   // The renderer takes times of float32 here, as the training has them.
   model.value.mean_t_double.clear();
   return model;
+}
+
+l4d_presentation first_view(const Capture& capture, const ImageLoader& loader) {
+  l4d_presentation p;
+  l4d_presentation_init(&p);
+  std::vector<uint32_t> training;
+  double middle[3] = {0, 0, 0};
+  for (uint32_t c = 0; c < capture.cameras.size(); ++c) {
+    if (capture.cameras[c].split != "train") continue;
+    training.push_back(c);
+    double at[3];
+    camera_center(loader.camera(c), at);
+    for (size_t k = 0; k < 3; ++k) middle[k] += at[k];
+  }
+  if (training.empty()) return p;
+  const l4d_camera& camera = loader.camera(training[training.size() / 2]);
+  const double* m = camera.world_to_camera;  // rows: right, down, forward
+  camera_center(camera, p.camera_position);
+  double ahead = 0, squared = 0;
+  for (size_t k = 0; k < 3; ++k) {
+    const double to = middle[k] / static_cast<double>(training.size()) - p.camera_position[k];
+    ahead += m[8 + k] * to;
+    squared += to * to;
+  }
+  // Cameras in a row have their middle beside them, a single one has it where it is itself.
+  const double beside = squared > 0 ? std::sqrt(squared) / 2 : frame_of(capture).radius;
+  const double depth = std::max({ahead, beside, camera.near_plane});
+  for (size_t k = 0; k < 3; ++k) {
+    p.camera_target[k] = p.camera_position[k] + depth * m[8 + k];
+    p.camera_up[k] = -m[4 + k];
+  }
+  constexpr double kWidest = 2.9;  // the format ends at 3
+  p.camera_fov = std::min(2 * std::atan(camera.height / (2 * camera.fy)), kWidest);
+  p.has_camera = 1;
+  return p;
+}
+
+l4d_presentation as_read(const l4d_presentation& presentation) {
+  l4d_presentation read;
+  l4d_presentation_init(&read);
+  io::parse_presentation(io::presentation_text(presentation), &read);
+  return read;
 }
 
 void write_cameras(const std::string& path, const Capture& capture, const ImageLoader& loader) {
@@ -135,6 +180,7 @@ EncoderHandle make_encoder(const io::Scene& scene, const io::Weights& weights,
   encoder.check(l4d_encoder_set_preset(encoder.get(), preset.c_str()));
   const l4d_gaussians gaussians = scene.view();
   encoder.check(l4d_encoder_set_scene(encoder.get(), &gaussians, &scene.timeline, nullptr));
+  encoder.check(l4d_encoder_set_presentation(encoder.get(), &scene.presentation));
   if (weights.gauss_newton) {
     encoder.check(l4d_encoder_set(encoder.get(), L4D_ENC_WEIGHT_METRIC, L4D_ALL_COMPONENTS,
                                   L4D_SENSITIVITY_GAUSS_NEWTON));

@@ -565,8 +565,10 @@ class Run {
     observer_->update(0, 0, "writing the scene");
     times_.begin(kWriting);
     const ModelState model = trainer_->model();
-    const io::Scene scene = scene_of(model, capture_.timeline());
+    io::Scene scene = scene_of(model, capture_.timeline());
+    scene.presentation = first_view(capture_, *loader_);
     io::write_l4d_ply(file("scene.ply"), scene);
+    scene.presentation = as_read(scene.presentation);  // streams of both have the same bytes
     write_cameras(file("cameras.json"), capture_, *loader_);
     write_preview();
     times_.begin(kWriting);
