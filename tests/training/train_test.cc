@@ -9,10 +9,10 @@
 namespace l4d::train {
 namespace {
 
-using ::testing::HasSubstr;
 using test::Folder;
 using test::Listener;
 using test::tiny_run;
+using ::testing::HasSubstr;
 
 // Thousands of steps: what sanitizers would find there, they find in the shorter tests below.
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
