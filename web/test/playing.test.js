@@ -116,3 +116,40 @@ test('several layers of buckets, where sorting takes long: each picture is whole
 
 test('rows that come one by one and make others go: each picture is whole', () =>
   isWhole('layered', {from: 0.2, jump: 6.5, seconds: 1, sortMs: 20, rowMs: 30, maxRows: 20000}));
+
+test('a view of a movie whose instant failed shows what there is, and waits for the next one', async () => {
+  const faults = {};
+  const server = await serve({'layered.l4d': join(work, 'layered.l4d')}, faults);
+  const page = await blankPage(browser, server.url);
+  try {
+    await page.evaluate(async () => {
+      const {open} = await import(/** @type {any} */ ('/player.js'));
+      const movie = await open('/layered.l4d', {cacheBytes: 1 << 20});
+      await movie.seek(0.2);
+      Object.assign(globalThis, {movie});
+    });
+    faults.status = 404;
+    const found = await page.evaluate(async () => {
+      const {View} = await import(/** @type {any} */ ('/player.js'));
+      const {movie} = /** @type {any} */ (globalThis);
+      const outcome = await movie.seek(6.5).then(() => 'done', error => error.code);
+      const {detail} = movie.ready;
+      const canvas = document.body.appendChild(document.createElement('canvas'));
+      const view = new View(canvas);
+      await view.show(movie);
+      const settled = await Promise.race([
+        view.settled().then(() => true), new Promise(resolve => setTimeout(() => resolve(false), 20000))]);
+      const failed = movie.hasFailed;
+      movie.seek(3).catch(() => {});
+      const next = movie.hasFailed;
+      movie.dispose();
+      view.dispose();
+      return {outcome, detail, settled, failed, next};
+    });
+    assert.notEqual(found.outcome, 'done');
+    assert.deepEqual({...found, outcome: ''}, {outcome: '', detail: 'none', settled: true, failed: true, next: false});
+  } finally {
+    await page.close();
+    server.close();
+  }
+});

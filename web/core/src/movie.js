@@ -122,6 +122,8 @@ export class Movie extends Emitter {
     this.statistics = {bytes: 0, throughput: 0, rows: 0, lost: 0, requests: 0, decodeSeconds: 0, memoryBytes: 0};
     /** What can be shown: from when until when, and up to which tier in which detail. */
     this.ready = {from: 0, until: 0, detail: 'none', tier: 0};
+    /** Whether what was asked for last failed: no more of it comes. */
+    this.hasFailed = false;
     /** @type {{id: number, resolve: () => void, reject: (reason: any) => void} | null} */
     this.seeking = null;
     /** @type {'auto' | 'base' | 'full'} */
@@ -277,6 +279,7 @@ export class Movie extends Emitter {
       }, {once: true});
     });
     this.ready = {from: at, until: -Infinity, detail: 'none', tier: 0};
+    this.hasFailed = false;
     this.#want(at, true, id);
     this.clock?.jump(at);
     return /** @type {Promise<void>} */ (result);
@@ -437,6 +440,7 @@ export class Movie extends Emitter {
     const {from, until} = this.ready;
     if (!this.seeking && ready.from >= from && ready.from <= until) ready.until = Math.max(ready.until, until);
     this.ready = ready;
+    this.hasFailed = false;
     this.emit('ready', ready);
     if (this.seeking && this.seeking.id === ready.id) {
       this.seeking.resolve();
@@ -450,6 +454,7 @@ export class Movie extends Emitter {
     this.seeking = null;
     for (const {reject} of this.calls.values()) reject(error);
     this.calls.clear();
+    this.hasFailed = true;
     this.emit('error', error);
   }
 }

@@ -50,8 +50,6 @@ export class View {
     this.asked = {streams: /** @type {import('l4dcodec').StreamTime[]} */ ([]), gone: 0};
     /** The same of the order, and the first lines of its buckets. */
     this.order = {...this.asked, firstLines: new Set()};
-    /** Whether the instant of now does not come, so that what there is of it is shown. */
-    this.hasFailed = false;
     this.drawn = 0;
     this.needsDraw = false;
     /** What was shown before all rows were sent for again: until it is here, the picture stays. @type {any} */
@@ -96,7 +94,6 @@ export class View {
   async show(movie) {
     this.hide();
     this.movie = movie;
-    this.hasFailed = false;
     this.#makePainter();
     this.ends = [
       movie.on('rows', rows => this.#add(rows)),
@@ -105,10 +102,7 @@ export class View {
       movie.on('info', () => this.#widen()),
       movie.on('refreshed', () => { if (this.refilling) this.refilling.hasBegun = true; }),
       movie.on('ready', ready => this.#ready(ready)),
-      movie.on('error', () => {
-        this.hasFailed = true;
-        this.change();
-      })
+      movie.on('error', () => this.change())
     ];
     movie.refresh();
     await this.ready;
@@ -220,7 +214,6 @@ export class View {
 
   /** @param {{detail: string, tier: number, id?: number}} ready */
   #ready(ready) {
-    this.hasFailed = false;
     this.#refilled(ready);
     this.#request();
   }
@@ -283,7 +276,7 @@ export class View {
     const began = performance.now();
     const {painter, movie} = this;
     // What comes of an instant one by one is no picture yet.
-    const isReady = movie.ready.detail !== 'none' || this.hasFailed;
+    const isReady = movie.ready.detail !== 'none' || movie.hasFailed;
     if (painter.sorts && !isReady) return;
     if (painter.sorts) {
       this.sorted = this.wanted;
