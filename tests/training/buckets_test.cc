@@ -198,9 +198,18 @@ TEST(Buckets, RemoveWhatAKilledProcessLeft) {
   std::filesystem::create_directories(folder / "buckets");
   std::ofstream(folder / "buckets/3-1-8.rows") << "rows";
   std::ofstream(folder / "buckets/notes.txt") << "someone's";
+  std::ofstream(folder / "buckets/table.rows") << "someone's";
   remove_buckets(folder / "buckets");
   EXPECT_FALSE(std::filesystem::exists(folder / "buckets/3-1-8.rows"));
   EXPECT_TRUE(std::filesystem::exists(folder / "buckets/notes.txt"));
+  EXPECT_TRUE(std::filesystem::exists(folder / "buckets/table.rows"));
+  for (const char* name : {"3-1-8.rows", "0-0-0.rows.tmp", "24-100-1234567.rows"}) {
+    EXPECT_TRUE(is_bucket_name(name)) << name;
+  }
+  for (const char* name : {"", "rows", ".rows", "3.rows", "3-1.rows", "3-1-.rows", "3-1-8",
+                           "-1-1-8.rows", "a-1-8.rows"}) {
+    EXPECT_FALSE(is_bucket_name(name)) << name;
+  }
 }
 
 // A link to another disk is where rows go, and a file of the name is somebody's.

@@ -111,7 +111,10 @@ TEST(RunFolder, ATrainingThatDidNotBeginLeavesNothing) {
   std::ofstream(folder / "run/buckets/notes.txt") << "mine";
   EXPECT_THAT(failure_of(options, &listener, L4D_ERR_INVALID_ARGUMENT),
               HasSubstr("something else"));
-  fs::rename(folder / "run/buckets/notes.txt", folder / "run/buckets/0.rows");
+  fs::rename(folder / "run/buckets/notes.txt", folder / "run/buckets/table.rows");
+  EXPECT_THAT(failure_of(options, &listener, L4D_ERR_INVALID_ARGUMENT),
+              HasSubstr("something else"));
+  fs::rename(folder / "run/buckets/table.rows", folder / "run/buckets/3-1-8.rows");
   EXPECT_NO_THROW(train(options, &listener));
 }
 

@@ -109,10 +109,11 @@ BucketStore::Arena* BucketStore::open_arena(const Bucket& bucket) {
 
 void BucketStore::append(const Bucket& bucket, const RowSpan& span, const uint32_t* record) {
   Arena* arena = open_arena(bucket);
+  // Where memory ends between the two, no span is without its record: a copy of all goes by spans.
+  arena->words.insert(arena->words.end(), record, record + record_words_);
   arena->spans.push_back(span);
   arena->whole.begin = std::min(arena->whole.begin, span.begin);
   arena->whole.end = std::max(arena->whole.end, span.end);
-  arena->words.insert(arena->words.end(), record, record + record_words_);
   memory_bytes_ += record_words_ * sizeof(uint32_t);
   ++rows_;
 }
@@ -288,12 +289,26 @@ void BucketStore::clear() {
   remove_empty_folder(options_.folder);
 }
 
+bool is_bucket_name(const std::string& name) {
+  size_t at = 0;
+  for (int part = 0; part < 3; ++part) {
+    const size_t begin = at;
+    while (at < name.size() && name[at] >= '0' && name[at] <= '9') ++at;
+    if (at == begin) return false;
+    if (part < 2 && (at == name.size() || name[at++] != '-')) return false;
+  }
+  return name.compare(at, std::strlen(kSuffix), kSuffix) == 0;
+}
+
 void remove_buckets(const std::string& folder) {
   std::error_code error;
   std::vector<fs::path> old;
   fs::directory_iterator entry(folder, error);
   for (; !error && entry != fs::directory_iterator(); entry.increment(error)) {
-    if (entry->path().extension() == kSuffix) old.push_back(entry->path());
+    const fs::path& path = entry->path();
+    if (path.extension() == kSuffix && is_bucket_name(path.filename().string())) {
+      old.push_back(path);
+    }
   }
   for (const fs::path& path : old) fs::remove(path, error);
   remove_empty_folder(folder);

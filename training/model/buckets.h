@@ -112,6 +112,10 @@ class BucketStore {
   uint64_t rows_ = 0, memory_bytes_ = 0, file_bytes_ = 0, next_number_ = 0;
 };
 
+// Whether a file has a name that a store gives: LAYER-INDEX-NUMBER.rows, or what a write of it had
+// not ended yet.
+bool is_bucket_name(const std::string& name);
+
 // Removes the files of rows in a folder that a store of a process left that was killed.
 void remove_buckets(const std::string& folder);
 

@@ -12,6 +12,7 @@
 #include <nlohmann/json.hpp>
 
 #include "io/file.h"
+#include "training/model/buckets.h"
 #include "training/run/checkpoint.h"
 
 namespace l4d::train {
@@ -39,7 +40,7 @@ bool is_left_behind(const fs::directory_entry& folder) {
   if (folder.path().filename() != kBuckets || !folder.is_directory(error)) return false;
   fs::directory_iterator entry(folder.path(), error);
   for (; !error && entry != fs::directory_iterator(); entry.increment(error)) {
-    if (entry->path().filename().string().find(".rows") == std::string::npos) return false;
+    if (!is_bucket_name(entry->path().filename().string())) return false;
   }
   return true;
 }

@@ -364,6 +364,8 @@ class Run {
       return part();
     } catch (const std::bad_alloc&) {
       fail_for_memory("out of memory", step, rows);
+    } catch (const fs::filesystem_error&) {
+      throw;
     } catch (const std::system_error& error) {  // a thread that got no stack
       fail_for_memory(error.what(), step, rows);
     } catch (const Error& error) {
