@@ -27,9 +27,10 @@ stop() { [ -z "$server" ] || kill "$server" 2> /dev/null || true; }
 trap stop EXIT
 # start VERB ARGUMENTS...: leaves the address in `url`.
 start() {
+  rm -f address  # what is there would be read before the process behind `&` empties it
   "$L4DCODEC" "$@" > address 2> err &
   server=$!
-  for _ in $(seq 200); do
+  for _ in $(seq 600); do
     [ -s address ] && break
     sleep 0.05
   done
@@ -286,6 +287,7 @@ rm files/large.l4d
 expect_text address 'requests'
 
 # A line when it listens, and a document when it has ended.
+rm -f out
 "$L4DCODEC" serve files --json > out 2> err &
 server=$!
 for _ in $(seq 200); do
