@@ -56,7 +56,9 @@ const playAndCompare = async ({stream, from = 0, jump, seconds, sortMs, rowMs = 
     last = time;
   });
   movie.play();
-  for (const end = performance.now() + 60000; played < seconds && performance.now() < end;) {
+  // On a slow machine until there is enough to compare.
+  const times = () => new Set(seen.map(picture => picture.time)).size;
+  for (const end = performance.now() + 60000; (played < seconds || times() < 4) && performance.now() < end;) {
     await new Promise(resolve => setTimeout(resolve, 25));
   }
   movie.pause();
@@ -94,7 +96,8 @@ const isWhole = async (name, options) => {
   try {
     const {pictures, played, removed} = await page.evaluate(playAndCompare, {stream: `/${name}.l4d`, ...options});
     assert.ok(played >= options.seconds, `played ${played} s`);
-    assert.ok(new Set(pictures.map(p => p.time)).size >= 4 && pictures.some(p => p.light > 1), `${pictures.length} pictures`);
+    const times = new Set(pictures.map(p => p.time)).size, lit = pictures.filter(p => p.light > 1).length;
+    assert.ok(times >= 4 && lit > 0, `${pictures.length} pictures of ${times} times, ${lit} of them lit`);
     const mixed = pictures.filter(p => !(p.difference < 0.005));
     const words = mixed.slice(0, 8).map(p => `${p.time.toFixed(3)} s: ${(100 * p.difference).toFixed(1)} %`);
     assert.equal(mixed.length, 0, `${mixed.length} of ${pictures.length} pictures differ: ${words.join(', ')}`);
