@@ -176,7 +176,7 @@ expect 0 "stream +[0-9]+ bytes" train "${options[@]}" -o coded --steps 60 --enco
 "$codec" validate coded/scene.l4d >out || die "the stream is not valid"
 "$codec" encode coded/scene.ply --weights coded/weights.ply -o again.l4d --quiet
 cmp coded/scene.l4d again.l4d || die "l4dcodec encode --weights makes another stream"
-"$codec" info coded/scene.l4d --quiet >out
+"$codec" info coded/scene.l4d >out
 grep -q "^presentation: camera=" out || die "the stream states no first view"
 
 # LPIPS with weights of a file: random ones here. It is reported if it is wanted, and for equal images it is 0.
