@@ -56,6 +56,23 @@ bool keep_seen(Context& context, const io::Camera& camera, const std::string& pa
   return true;
 }
 
+// Images of any frame: frames may be missing, also the first ones.
+void keep_numbered(Context& context, const io::Camera& camera) {
+  const std::filesystem::path folder = std::filesystem::path(camera.images).parent_path();
+  if (io::is_image_pattern(folder.string())) {  // each frame has a folder of its own
+    uint32_t frame = 0;
+    while (keep_seen(context, camera, io::numbered_image(camera.images, frame))) ++frame;
+    return;
+  }
+  std::error_code error;
+  std::filesystem::directory_iterator entry(folder.empty() ? "." : folder, error);
+  for (; !error && entry != std::filesystem::directory_iterator(); entry.increment(error)) {
+    if (io::is_numbered_image(camera.images, entry->path().filename().string())) {
+      keep_seen(context, camera, entry->path().string());
+    }
+  }
+}
+
 }  // namespace
 
 io::CameraSet read_camera_file(Context& context, const std::string& path, bool any_path) {
@@ -64,10 +81,7 @@ io::CameraSet read_camera_file(Context& context, const std::string& path, bool a
   for (const io::Camera& camera : set.cameras) {
     keep_seen(context, camera, camera.video);
     keep_seen(context, camera, camera.image);
-    if (!io::is_image_pattern(camera.images)) continue;
-    // Up to the first that is missing: views behind it cannot be read.
-    uint32_t frame = 0;
-    while (keep_seen(context, camera, io::numbered_image(camera.images, frame))) ++frame;
+    if (io::is_image_pattern(camera.images)) keep_numbered(context, camera);
   }
   return set;
 }

@@ -191,6 +191,19 @@ bool leaves_folder(const std::string& name) {
 
 bool is_image_pattern(const std::string& pattern) { return number_in(pattern).has_value(); }
 
+bool is_numbered_image(const std::string& pattern, const std::string& name) {
+  const std::string own = std::filesystem::path(pattern).filename().string();
+  const std::optional<NumberPlace> place = number_in(own);
+  if (!place) return false;
+  const std::string behind = own.substr(place->end);
+  if (name.size() <= place->begin + behind.size()) return false;
+  const size_t end = name.size() - behind.size();
+  return name.compare(0, place->begin, own, 0, place->begin) == 0 && name.substr(end) == behind &&
+         std::all_of(name.begin() + static_cast<std::ptrdiff_t>(place->begin),
+                     name.begin() + static_cast<std::ptrdiff_t>(end),
+                     [](char c) { return c >= '0' && c <= '9'; });
+}
+
 std::string numbered_image(const std::string& pattern, uint32_t frame) {
   const std::optional<NumberPlace> place = number_in(pattern);
   if (!place) {

@@ -68,6 +68,8 @@ const std::string& seen_by(const Camera& camera);
 
 // Whether the path has %d or %04d for a number.
 bool is_image_pattern(const std::string& pattern);
+// Whether a file in the folder of the pattern has a name that some frame has.
+bool is_numbered_image(const std::string& pattern, const std::string& name);
 // The image of frame `frame`, where `pattern` has one %d or %04d for it, as Camera::images. Throws
 // L4D_ERR_CORRUPT if it has none.
 std::string numbered_image(const std::string& pattern, uint32_t frame);

@@ -30,6 +30,10 @@ expect_text err 'set/cam0/0006.png'
 # They are read from the folder of the file alone, and written never.
 expect 2 compare s.ply s.l4d --cameras set/c.json --frames 0 --side-by-side set/cam2/0003.png -f
 expect_text err 'are the same file$'
+mv set/cam2/0000.png first.png  # frames before it may be missing
+expect 2 compare s.ply s.l4d --cameras set/c.json --frames 3 --ids 2 --images --side-by-side set/cam2/0003.png -f
+expect_text err 'are the same file$'
+mv first.png set/cam2/0000.png
 mv set/cam0 outside/
 for from in ../outside/cam "$PWD/outside/cam"; do
   cameras "$from" set/out.json
