@@ -219,14 +219,8 @@ class VideoCaptures : public testing::Test {
  protected:
   void SetUp() override {
     if (!io::ffmpeg_available()) GTEST_SKIP() << "no ffmpeg";
-    RenderCaptureOptions options;
-    options.cameras = 4;
-    options.width = 64;
-    options.height = 48;
-    options.frames = 12;
-    options.format = "mp4";
-    render_capture(folder_ / "capture", test::tiny_truth(), options);
     path_ = folder_ / "capture";
+    test::render_videos(path_);
   }
   Folder folder_;
   std::string path_;

@@ -25,14 +25,8 @@ class FrameCaches : public testing::Test {
  protected:
   void SetUp() override {
     if (!io::ffmpeg_available()) GTEST_SKIP() << "no ffmpeg";
-    RenderCaptureOptions options;
-    options.cameras = 4;
-    options.width = 64;
-    options.height = 48;
-    options.frames = 12;
-    options.format = "mp4";
     path_ = folder_ / "capture";
-    render_capture(path_, test::tiny_truth(), options);
+    test::render_videos(path_);
     capture_ = read_capture(path_, {});
     for (uint32_t k = 0; k < capture_.views.size(); ++k) views_.push_back(k);
     cache_path_ = folder_ / "cache";

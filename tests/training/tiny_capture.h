@@ -123,4 +123,15 @@ inline std::string bytes_of(const std::string& path) {
   return {std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
 }
 
+// Four videos of twelve frames of 64 x 48 pixels, of which one tests. Needs ffmpeg.
+inline void render_videos(const std::string& path) {
+  RenderCaptureOptions options;
+  options.cameras = 4;
+  options.width = 64;
+  options.height = 48;
+  options.frames = 12;
+  options.format = "mp4";
+  render_capture(path, tiny_truth(), options);
+}
+
 }  // namespace l4d::train::test
