@@ -143,7 +143,7 @@ uint64_t Output::finish() {
 void check_extension(const std::string& name, const char* option,
                      const std::vector<std::string>& written, bool strict) {
   static const std::vector<std::string> kKnown = {".l4d", ".ply", ".png",  ".jpg", ".jpeg", ".bmp",
-                                                  ".mp4", ".svg", ".json", ".npy", ".m3u8", ".mpd"};
+                                                  ".mp4", ".svg", ".json", ".npy", ".m3u8"};
   std::string extension = fs::path(name).extension().string();
   std::transform(extension.begin(), extension.end(), extension.begin(),
                  [](unsigned char c) { return static_cast<char>(std::tolower(c)); });

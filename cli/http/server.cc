@@ -70,7 +70,6 @@ const char* type_of(const std::string& name) {
          : ends_with(name, ".js")   ? "text/javascript"
          : ends_with(name, ".wasm") ? "application/wasm"
          : ends_with(name, ".l4d")  ? "model/l4d"
-         : ends_with(name, ".mpd")  ? "application/dash+xml"
          : ends_with(name, ".m3u8") ? "application/vnd.apple.mpegurl"
                                     : "application/octet-stream";
 }

@@ -6,7 +6,6 @@
 #include "cli/member_file.h"
 #include "cli/playlist.h"
 #include "cli/text/units.h"
-#include "cli/verbs/dash.h"
 #include "io/file.h"
 
 namespace l4d::cli {
@@ -16,12 +15,11 @@ struct ManifestArguments {
   std::string input;
   std::string output;  // empty: stdout, or the document of --json
   std::string url;
-  bool dash = false;
 };
 
 Outcome run_manifest(Context& context, const ManifestArguments& arguments) {
   const Input input(context, arguments.input);
-  check_extension(arguments.output, "--output", {arguments.dash ? ".mpd" : ".m3u8"});
+  check_extension(arguments.output, "--output", {".m3u8"});
   if (arguments.url.empty() && arguments.input == "-") {
     throw usage_error("--url is needed where the input is stdin");
   }
@@ -37,8 +35,7 @@ Outcome run_manifest(Context& context, const ManifestArguments& arguments) {
   const std::string url =
       arguments.url.empty() ? reference_to(arguments.input, folder) : arguments.url;
   const bool complete = file.has_index() || file.is_plain();
-  const std::string text = arguments.dash ? dash_manifest(file, url, complete)
-                                          : playlist_of(file.members(), complete, url);
+  const std::string text = playlist_of(file.members(), complete, url);
   const auto is_media = [](const MemberInfo& m) { return m.is_media(); };
   if (std::none_of(file.members().begin(), file.members().end(), is_media)) {
     context.note(input.name() + " has no media member that is whole: the list has no segment");
@@ -76,9 +73,9 @@ Outcome run_manifest(Context& context, const ManifestArguments& arguments) {
 
 void add_manifest(Registry& registry) {
   auto arguments = std::make_shared<ManifestArguments>();
-  Verb* verb = add_verb(
-      registry, "manifest", "Write an HLS playlist, or a DASH manifest, of the members of a file",
-      [arguments](Context& context) { return run_manifest(context, *arguments); });
+  Verb* verb =
+      add_verb(registry, "manifest", "Write an HLS playlist of the members of a file",
+               [arguments](Context& context) { return run_manifest(context, *arguments); });
   verb->add_option("input", arguments->input, ".l4d to list, '-' = stdin")->required();
   verb->add_option("-o,--output", arguments->output,
                    "Playlist to write, '-' = stdout (default: stdout, or in the document of "
@@ -87,11 +84,9 @@ void add_manifest(Registry& registry) {
   verb->add_option("--url", arguments->url,
                    "Where players find the file; its path from the playlist if left out")
       ->type_name("URL");
-  verb->add_flag("--dash", arguments->dash, "Write an MPD of DASH in place of a playlist");
   verb->footer(
       "Each media member is a segment, a range of bytes of the file. EXT-X-L4D-STANDING lists\n"
-      "members that others need, and NEEDS of EXT-X-L4D-MEMBER names them by NUMBER. In an MPD\n"
-      "supplemental properties of the scheme urn:l4d:member:1 say the same.");
+      "members that others need, and NEEDS of EXT-X-L4D-MEMBER names them by NUMBER.");
 }
 
 }  // namespace l4d::cli
