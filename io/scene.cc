@@ -61,14 +61,6 @@ void positions_to_mean_time(Scene& scene) {
   scene.flags |= L4D_POSITION_AT_MEAN_TIME;
 }
 
-void opacity_to_linear(Scene& scene) {
-  if ((scene.flags & L4D_OPACITY_LOGIT) == 0) return;
-  for (float& o : scene.opacity) {
-    o = static_cast<float>(linear_opacity(static_cast<double>(o), true));
-  }
-  scene.flags &= ~static_cast<uint32_t>(L4D_OPACITY_LOGIT);
-}
-
 void opacity_to_logit(Scene& scene) {
   if ((scene.flags & L4D_OPACITY_LOGIT) != 0) return;
   for (float& o : scene.opacity) o = static_cast<float>(logit(static_cast<double>(o)));

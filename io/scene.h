@@ -48,7 +48,6 @@ inline double duration(const l4d_timeline& timeline) { return sequence_duration(
 // where the scene already has that meaning.
 void positions_to_reference_time(Scene& scene);
 void positions_to_mean_time(Scene& scene);
-void opacity_to_linear(Scene& scene);
 void opacity_to_logit(Scene& scene);
 // log(o / (1 - o)), finite for any opacity: 0 and 1 give values that come back as 0 and 1 in
 // float32.

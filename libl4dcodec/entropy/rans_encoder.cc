@@ -112,12 +112,6 @@ RansTable::RansTable(Span<const uint64_t> counts) {
   }
 }
 
-float RansTable::cost_bits(size_t token) const {
-  const uint32_t f = frequency(token);
-  if (f == 0) return std::numeric_limits<float>::infinity();
-  return static_cast<float>(kRansScaleBits - std::log2(static_cast<double>(f)));
-}
-
 void RansTable::append_to(Bytes& out) const {
   append_vlq(codes_.size(), out);
   for (size_t i = 0; i < codes_.size(); ++i) {

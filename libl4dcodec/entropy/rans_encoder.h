@@ -31,8 +31,6 @@ class RansTable {
   uint32_t frequency(size_t token) const {
     return token < codes_.size() ? codes_[token].frequency : 0;
   }
-  // log2(kRansSlots / frequency); infinite for a token without one. Raw bits come on top.
-  float cost_bits(size_t token) const;
   // Appends the form that read_rans_table reads.
   void append_to(Bytes& out) const;
   // The table as kernels take it, entries [kRansSlots].

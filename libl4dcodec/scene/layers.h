@@ -72,10 +72,6 @@ L4D_HOST_DEVICE constexpr BucketRange buckets_of_phases(uint64_t first, uint64_t
   return BucketRange{begin == 0 ? 0 : begin - 1, end + 1 < num_buckets(layer) ? end + 1 : end};
 }
 
-L4D_HOST_DEVICE constexpr BucketRange buckets_of_phase(uint64_t phase, uint32_t layer) {
-  return buckets_of_phases(phase, phase, layer);
-}
-
 L4D_HOST_DEVICE constexpr bool same_or_neighbour(uint32_t bucket_a, uint32_t bucket_b) {
   return bucket_a <= bucket_b ? bucket_b - bucket_a <= 1 : bucket_a - bucket_b <= 1;
 }

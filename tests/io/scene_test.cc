@@ -3,6 +3,7 @@
 
 #include <cmath>
 
+#include "libl4dcodec/scene/slice.h"
 #include "tests/io/support.h"
 
 namespace l4d::io {
@@ -92,10 +93,12 @@ TEST(Scene, OpacityConversionsAreFiniteAndKeepBothEnds) {
   opacity_to_logit(scene);
   EXPECT_EQ(scene.opacity[2], 0);
   for (const float o : scene.opacity) EXPECT_TRUE(std::isfinite(o));
-  opacity_to_linear(scene);
-  EXPECT_EQ(scene.opacity[0], 0);
-  EXPECT_EQ(scene.opacity[1], 1);
-  for (size_t i = 2; i < 6; ++i) EXPECT_NEAR(scene.opacity[i] / before[i], 1, 1e-5);
+  const auto back = [&](size_t i) {
+    return static_cast<float>(linear_opacity(static_cast<double>(scene.opacity[i]), true));
+  };
+  EXPECT_EQ(back(0), 0);
+  EXPECT_EQ(back(1), 1);
+  for (size_t i = 2; i < 6; ++i) EXPECT_NEAR(back(i) / before[i], 1, 1e-5);
 }
 
 }  // namespace

@@ -168,12 +168,12 @@ TEST(Layers, BucketsNeeded) {
   const auto equal = [](BucketRange range, uint32_t first, uint32_t last) {
     return range.first == first && range.last == last;
   };
-  EXPECT_TRUE(equal(buckets_of_phase(0, 0), 0, 0));
-  EXPECT_TRUE(equal(buckets_of_phase(kPhaseLast, 0), 0, 0));
-  EXPECT_TRUE(equal(buckets_of_phase(0, 1), 0, 1));
-  EXPECT_TRUE(equal(buckets_of_phase(quarter - 1, 1), 0, 1));
-  EXPECT_TRUE(equal(buckets_of_phase(quarter, 1), 0, 2));
-  EXPECT_TRUE(equal(buckets_of_phase(kPhaseLast, 1), 2, 3));
+  EXPECT_TRUE(equal(buckets_of_phases(0, 0, 0), 0, 0));
+  EXPECT_TRUE(equal(buckets_of_phases(kPhaseLast, kPhaseLast, 0), 0, 0));
+  EXPECT_TRUE(equal(buckets_of_phases(0, 0, 1), 0, 1));
+  EXPECT_TRUE(equal(buckets_of_phases(quarter - 1, quarter - 1, 1), 0, 1));
+  EXPECT_TRUE(equal(buckets_of_phases(quarter, quarter, 1), 0, 2));
+  EXPECT_TRUE(equal(buckets_of_phases(kPhaseLast, kPhaseLast, 1), 2, 3));
   EXPECT_TRUE(equal(buckets_of_phases(quarter, 2 * quarter, 2), 1, 5));
   EXPECT_TRUE(equal(buckets_of_phases(0, kPhaseLast, 5), 0, 63));
   EXPECT_TRUE(same_or_neighbour(3, 4));
@@ -300,7 +300,8 @@ TEST(Layers, ThreeBucketsAreEnough) {
         const uint32_t at = bucket_of_time(timeline, t, layer);
         ASSERT_TRUE(same_or_neighbour(at, bucket))
             << "t " << t << " mean " << mean << " sigma " << sigma << " layer " << layer;
-        const BucketRange needed = buckets_of_phase(phase_of_time(timeline, t), layer);
+        const uint64_t phase = phase_of_time(timeline, t);
+        const BucketRange needed = buckets_of_phases(phase, phase, layer);
         ASSERT_TRUE(needed.first <= bucket && bucket <= needed.last);
       }
     }
