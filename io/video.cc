@@ -82,19 +82,6 @@ bool is_whole_mp4(const std::string& path) {
 
 }  // namespace
 
-bool ffmpeg_available() {
-  try {
-    FfmpegProcess process("", {"-version"}, FfmpegProcess::Direction::kFrom);
-    char text[4096];
-    while (process.read(text, sizeof(text)) > 0) {
-    }
-    process.finish();
-    return true;
-  } catch (const Error&) {
-    return false;
-  }
-}
-
 VideoFacts probe_video(const std::string& path) {
   check_file(path);
   FfmpegProcess process(path,

@@ -13,7 +13,6 @@
 namespace l4d::io {
 
 // Videos are decoded and encoded by the program ffmpeg, found through PATH.
-bool ffmpeg_available();
 
 class FfmpegProcess;  // io/ffmpeg_process.h
 

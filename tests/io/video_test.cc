@@ -5,6 +5,7 @@
 
 #include "io/cameras.h"
 #include "io/metrics.h"
+#include "tests/common/ffmpeg.h"
 #include "tests/io/support.h"
 
 namespace l4d::io {
@@ -13,7 +14,7 @@ namespace {
 class VideoTest : public test::IoTest {
  protected:
   void SetUp() override {
-    if (!ffmpeg_available()) GTEST_SKIP() << "no ffmpeg";
+    if (!l4d::test::ffmpeg_available()) GTEST_SKIP() << "no ffmpeg";
   }
 };
 
@@ -220,7 +221,7 @@ TEST_F(VideoTest, WithoutFfmpeg) {
   write_video(path("a.mp4"), 32, 32, 1);
   const std::string before = std::getenv("PATH");
   ASSERT_EQ(setenv("PATH", path("empty").c_str(), 1), 0);
-  const bool available = ffmpeg_available();
+  const bool available = l4d::test::ffmpeg_available();
   std::string message;
   const l4d_status reading = test::status_of([&] { VideoReader(path("a.mp4"), 32, 32); }, &message);
   const l4d_status writing = test::status_of([&] { VideoWriter(path("b.mp4"), 32, 32); });

@@ -9,6 +9,7 @@
 
 #include "io/file.h"
 #include "io/video.h"
+#include "tests/common/ffmpeg.h"
 #include "tests/training/tiny_capture.h"
 #include "training/images/loader.h"
 #include "training/run/evaluate.h"
@@ -218,7 +219,7 @@ TEST(Scores, FitColours) {
 class VideoCaptures : public testing::Test {
  protected:
   void SetUp() override {
-    if (!io::ffmpeg_available()) GTEST_SKIP() << "no ffmpeg";
+    if (!l4d::test::ffmpeg_available()) GTEST_SKIP() << "no ffmpeg";
     path_ = folder_ / "capture";
     test::render_videos(path_);
   }

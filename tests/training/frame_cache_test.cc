@@ -10,6 +10,7 @@
 #include <thread>
 
 #include "io/video.h"
+#include "tests/common/ffmpeg.h"
 #include "tests/training/tiny_capture.h"
 #include "training/images/loader.h"
 
@@ -24,7 +25,7 @@ using testing::HasSubstr;
 class FrameCaches : public testing::Test {
  protected:
   void SetUp() override {
-    if (!io::ffmpeg_available()) GTEST_SKIP() << "no ffmpeg";
+    if (!l4d::test::ffmpeg_available()) GTEST_SKIP() << "no ffmpeg";
     path_ = folder_ / "capture";
     test::render_videos(path_);
     capture_ = read_capture(path_, {});

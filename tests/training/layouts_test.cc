@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "io/video.h"
+#include "tests/common/ffmpeg.h"
 #include "tests/training/tiny_capture.h"
 #include "training/capture/opencv_yaml.h"
 #include "training/images/loader.h"
@@ -390,7 +391,7 @@ void make_videos(Truth* truth, const std::string& videos, const std::string& fra
 
 // A training has the same bits whatever the layout.
 TEST(Layouts, TrainToTheSameBits) {
-  if (!io::ffmpeg_available()) GTEST_SKIP() << "no ffmpeg";
+  if (!l4d::test::ffmpeg_available()) GTEST_SKIP() << "no ffmpeg";
   Truth truth;
   const test::Folder folder;
   const std::string videos = folder / "videos";
@@ -497,7 +498,7 @@ TEST(Layouts, TolerateFilesThatAreMissingOrDamaged) {
 
 // Videos of all names pair with rows in their order.
 TEST(Layouts, N3dvTakesVideosOfAnyName) {
-  if (!io::ffmpeg_available()) GTEST_SKIP() << "no ffmpeg";
+  if (!l4d::test::ffmpeg_available()) GTEST_SKIP() << "no ffmpeg";
   Truth truth;
   const test::Folder folder;
   make_videos(&truth, folder / "videos", folder / "frames");
