@@ -57,6 +57,5 @@ std::string beside(const std::string& path, const std::string& name);
 bool leaves_folder(const std::string& name);
 
 constexpr uint32_t kMaxImageSize = L4D_MAX_IMAGE_SIDE;
-constexpr uint32_t kMaxFrames = 100000000;
 
 }  // namespace l4d::io

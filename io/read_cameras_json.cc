@@ -113,7 +113,7 @@ CameraSet read_cameras_json(const std::string& path, const Json& root) {
   set.source = "cameras_json";
   set.fps = number_or(file, root, "fps", 0);
   if (set.fps < 0) file.fail("fps is negative");
-  if (root.contains("frames")) set.frames = whole_number(file, root, "frames", kMaxFrames);
+  if (root.contains("frames")) set.frames = whole_number(file, root, "frames", L4D_MAX_FRAMES);
 
   UnknownKeys unknown(&set);
   unknown.look(root, kRootKeys, "the file");

@@ -71,6 +71,7 @@ TEST_F(CamerasTest, JsonThatIsWrongIsNamed) {
       {"\"test\"", "\"exam\"", "camera 7: split"},
       {"\"sub/a.mp4\"", "4", "camera 7: video is not a text"},
       {"\"frames\": 50", "\"frames\": -1", "frames is no whole number"},
+      {"\"frames\": 50", "\"frames\": 16777217", "frames is no whole number from 0 to 16777216"},
       {"\"fps\": 25", "\"fps\": -25", "fps is negative"},
       {"\"cameras\"", "\"Cameras\"", "frames is not a list"},
       {"\"cameras\": [", "\"cameras\": [5,", "entry 0 of cameras: not an object"},

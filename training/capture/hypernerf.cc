@@ -97,7 +97,7 @@ class HypernerfReader {
     const CameraPlace place{(folder_ / "metadata.json").string(), "image " + id};
     const Json& entry = io::member(place, metadata, id.c_str());
     return io::whole_number(place, entry, entry.contains("warp_id") ? "warp_id" : "time_id",
-                            io::kMaxFrames);
+                            L4D_MAX_FRAMES);
   }
 
   // The images of half the size, which papers use, else the whole ones.
