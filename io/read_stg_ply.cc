@@ -3,12 +3,12 @@
 #include <cmath>
 
 #include "io/read_ply.h"
+#include "libl4dcodec/scene/sh.h"
 #include "libl4dcodec/scene/slice.h"
 
 namespace l4d::io {
 namespace {
 
-constexpr double kShC0 = 0.28209479177387814;
 constexpr int kSamples = 64;  // of the visible span, midpoints
 
 double weight(double dt, double sigma) { return falloff(1 / (sigma * sigma), dt); }
@@ -249,7 +249,8 @@ Scene read_stg_ply(PlyReader& reader, const ImportOptions& options) {
   columns.add_sh(scene);
   columns.read();
   // Lite colours are plain RGB.
-  for (float& c : scene.sh) c = static_cast<float>((static_cast<double>(c) - 0.5) / kShC0);
+  for (float& c : scene.sh)
+    c = static_cast<float>((static_cast<double>(c) - 0.5) / sh_constant::k0);
 
   const double unit = duration(scene.timeline);  // seconds
   StgErrors errors;

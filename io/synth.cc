@@ -7,6 +7,7 @@
 #include "io/read_ply.h"
 #include "io/synth_parts.h"
 #include "libl4dcodec/base/threads.h"
+#include "libl4dcodec/scene/sh.h"
 
 namespace l4d::io {
 
@@ -19,7 +20,6 @@ using synth::Part;
 using synth::Particle;
 using synth::Rng;
 
-constexpr double kShC0 = 0.28209479177387814;
 constexpr size_t kMaxCoefficients = 16;
 
 // The view-dependent basis functions 1..15 towards a unit vector, with the signs of 3DGS.
@@ -49,7 +49,7 @@ void put_sh(Rng& rng, const Particle& p, uint32_t degree, float* sh /* [K, 3] */
   double dc_noise[3];
   for (double& n : dc_noise) n = 0.12 * rng.normal();
   for (size_t c = 0; c < 3; ++c) {
-    sh[c] = static_cast<float>((p.color[c] - 0.5) / kShC0 + dc_noise[c]);
+    sh[c] = static_cast<float>((p.color[c] - 0.5) / sh_constant::k0 + dc_noise[c]);
   }
   if (degree == 0) return;
 

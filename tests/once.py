@@ -115,8 +115,12 @@ RULES = {
         {"include/l4d/render.h": 1,
          "bench/accuracy/sweeps.cc": 1}),  # entries of a codebook
     "scenes have at most 2^24 frames": (
-        matches(r"(?i)frames[^;\n]{0,40}\b1u?l*\}? << 24\b|(?i:frames)[^;\n]{0,40}\b16777216\b"),
+        matches(r"(?i)frames[^;\n]{0,40}\b1u?l*\}? << 24\b|(?i:frames)[^;\n]{0,40}\b16777216\b|"
+                r"\bkMaxFrames = \d"),
         {"include/l4d/l4d.h": 1}),
+    "SH of degree 0: 0.28209479177387814": (
+        matches(r"\b0?\.28209\d*"),
+        {"libl4dcodec/scene/sh.h": 1}),
 }
 
 
@@ -158,6 +162,7 @@ def self_test():
         "reading of pages: the gap that one read bridges": "constexpr int kMaxReadGap = 1;",
         "images have at most 16384 pixels a side": "if (width > 16384) return;",
         "scenes have at most 2^24 frames": "#define L4D_MAX_FRAMES (1u << 24)",
+        "SH of degree 0: 0.28209479177387814": "constexpr float kDc = 0.28209479f;",
     }
     failures = []
     if set(samples) != set(RULES):

@@ -6,6 +6,7 @@
 #include <set>
 
 #include "io/ply.h"
+#include "libl4dcodec/scene/sh.h"
 #include "training/step/random.h"
 #include "training/step/schedule.h"
 
@@ -15,7 +16,7 @@ namespace {
 using io::Error;
 
 constexpr float kStartOpacity = 0.1f;
-constexpr float kDc = 0.28209479f;
+constexpr float kDc = static_cast<float>(sh_constant::k0);
 constexpr double kMinScale = 1e-4, kMaxScale = 0.05;           // of the radius
 constexpr float kSpatialNoise = 0.1f, kTemporalNoise = 1e-3f;  // of rotors
 

@@ -5,6 +5,7 @@
 
 #include "l4d/render.hpp"
 #include "libl4dcodec/base/threads.h"
+#include "libl4dcodec/scene/sh.h"
 #include "libl4dcodec/scene/slice.h"
 #include "libl4dcodec/scene/timeline.h"
 #include "training/density/temporal_split.h"
@@ -19,8 +20,8 @@ const std::array<const char*, kStages> kStageNames = {"prepare",  "render", "los
 namespace {
 
 constexpr size_t kRowGrain = 512;
-constexpr float kAverage = 0.1f;          // weight of a new observation in moving averages
-constexpr float kDcFactor = 0.28209479f;  // of SH of degree 0
+constexpr float kAverage = 0.1f;  // weight of a new observation in moving averages
+constexpr float kDcFactor = static_cast<float>(sh_constant::k0);  // of SH of degree 0
 using Clock = std::chrono::steady_clock;
 
 // One view of a step: a renderer, and arrays that keep their size from step to step. Views have
