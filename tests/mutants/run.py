@@ -2,19 +2,24 @@
 # SPDX-License-Identifier: Apache-2.0
 """Mutation tests: do the tests notice that a line of the source is wrong?
 
-Each *.patch beside this file changes one line or two. Its first lines say what a user would see, and
+mutants.txt lists them. Each changes one line or two of one file, and says what a user would see and
 what has to fail:
 
+    name: cache_evicts_newest
     breaks: Stepping through a long scene decodes everything again and again.
     test: l4d_decoder_test CacheBudget.*       a program, and which of its tests (GoogleTest's filter)
     test: cli info                             tests/cli/t_info.sh
     test: spec                                 the independent reader of tests/spec
+    file: decoder/session/bucket_cache.cc
+    -  the lines that are replaced, whole: found exactly once in the file
+    +  the lines in their place
+       a line that stays, only where the others are there twice
 
     run.py [NAME...]       builds a copy of the tree once, then each mutant in a copy of that, several
                            at a time; the tests named must pass without the change and one of them must
                            fail with it. What is known is kept in WORK/results.json and not done again
-                           until the tree or the patch changes.
-    run.py --check         every patch still applies, names tests that exist, changes little
+                           until the tree or the mutant changes.
+    run.py --check         every mutant still applies, names tests that exist, changes little
     run.py --self-test     the runner itself, on a toy project
 
 Exit status 0: every mutant was killed. 1: some survived, do not apply, do not build, or name tests
@@ -39,67 +44,57 @@ import time
 
 HERE = pathlib.Path(__file__).resolve().parent
 ROOT = HERE.parent.parent
+LIST = HERE / "mutants.txt"
 LEFT_OUT = {".git", "build", "shared", "__pycache__"}
 KILLED, SURVIVED = "killed", "SURVIVED"
 NOT_APPLIED, NOT_BUILT, NOT_SOUND = "does not apply", "does not build", "fails without it"
-MOST_CHANGED = 8  # lines of a patch
+MOST_CHANGED = 8  # lines of a mutant
 GRACE = 60  # seconds beyond ten times what a test takes
 MOST_MEMORY = 16 << 30  # of a test: a mutant may forget a limit
 
 
 class Bad(Exception):
-    """A patch that cannot be used."""
+    """A mutant that cannot be used."""
 
 
-# ---- patches ---------------------------------------------------------------------------------------
+# ---- the list --------------------------------------------------------------------------------------
 
 
 class Mutant:
-    def __init__(self, path):
-        self.name = path.stem
-        self.text = path.read_text(encoding="utf-8")
-        self.breaks, self.tests, self.files = "", [], {}
-        hunks = None
-        for line in self.text.split("\n"):
-            if hunks is None and line.startswith("breaks: "):
-                self.breaks = line[8:].strip()
-            elif hunks is None and line.startswith("test: "):
-                self.tests.append(line[6:].strip())
-            elif line.startswith("--- "):
-                hunks = None
-            elif line.startswith("+++ b/"):
-                hunks = self.files.setdefault(line[6:].strip(), [])
-            elif line.startswith("@@") and hunks is not None:
-                hunks.append(([], []))
-            elif hunks and line[:1] in (" ", "-", "+"):
-                if line[0] != "+":
-                    hunks[-1][0].append(line[1:])
-                if line[0] != "-":
-                    hunks[-1][1].append(line[1:])
-        if not self.breaks or not self.tests or not self.files:
-            raise Bad(f"{self.name}: wants 'breaks:', 'test:' and a unified diff")
+    """One block of the list: its fields, then the lines of its change."""
 
-    def changed(self):
-        return sum(line[:1] in "+-" and line[:4] not in ("--- ", "+++ ")
-                   for line in self.text.split("\n") if line)
+    def __init__(self, block):
+        self.text = block
+        self.name, self.breaks, self.tests, self.file = "", "", [], ""
+        self.old, self.new, self.changed = [], [], 0
+        for line in block.split("\n"):
+            mark, rest = line[:1], line[1:]
+            if self.file and mark in " -+":
+                self.old += [rest] if mark != "+" else []
+                self.new += [rest] if mark != "-" else []
+                self.changed += mark != " "
+                continue
+            key, _, value = line.partition(": ")
+            if self.file or key not in ("name", "breaks", "test", "file") or not value.strip():
+                raise Bad(f"{self.name or 'a mutant'}: '{line}' is no line of the list")
+            if key == "test":
+                self.tests.append(value)
+            else:
+                setattr(self, key, value)
+        if not (self.name and self.breaks and self.tests and self.old and self.changed):
+            raise Bad(f"{self.name or block}: wants 'name:', 'breaks:', 'test:', 'file:' and lines")
 
     def apply(self, tree):
-        """The changed files, path -> text. Each hunk must be found exactly once, wherever it is."""
-        out = {}
-        for path, hunks in self.files.items():
-            try:
-                text = (tree / path).read_text(encoding="utf-8")
-            except OSError:
-                raise Bad(f"{self.name}: no file {path}") from None
-            for number, (old, new) in enumerate(hunks, 1):
-                # Whole lines, so that a hunk is not found in the middle of one.
-                found = ("\n" + text).count("\n" + "\n".join(old) + "\n")
-                if found != 1:
-                    raise Bad(f"{self.name}: hunk {number} is found {found} times in {path}")
-                text = ("\n" + text).replace("\n" + "\n".join(old) + "\n",
-                                             "\n" + "\n".join(new) + "\n")[1:]
-            out[path] = text
-        return out
+        """The changed file's text. The old lines must be found exactly once, wherever they are."""
+        try:
+            text = "\n" + (tree / self.file).read_text(encoding="utf-8")
+        except OSError:
+            raise Bad(f"{self.name}: no file {self.file}") from None
+        # Whole lines, so that none is found in the middle of another.
+        old, new = ("\n" + "\n".join([*lines, ""]) for lines in (self.old, self.new))
+        if text.count(old) != 1:
+            raise Bad(f"{self.name}: its lines are found {text.count(old)} times in {self.file}")
+        return text.replace(old, new)[1:]
 
     def targets(self):
         out = []
@@ -125,13 +120,18 @@ def command_of(test, folder):
             *(["--gtest_filter=" + rest[0]] if rest else [])]
 
 
-def load(patches, names):
-    paths = sorted(patches.glob("*.patch"))
-    known = {p.stem for p in paths}
+def load(listing, names=()):
+    """The mutants of a list, or those of them that are named, by name."""
+    lines = listing.read_text(encoding="utf-8").split("\n")
+    blocks = "\n".join(line for line in lines if not line.startswith("#")).strip("\n").split("\n\n")
+    mutants = sorted((Mutant(b) for b in blocks), key=lambda m: m.name)
+    known = {m.name for m in mutants}
+    if len(known) != len(mutants):
+        raise Bad(f"{listing}: two mutants have one name")
     for name in names:
         if name not in known:
-            sys.exit(f"mutants: no mutant '{name}'; they are the patches in {patches}")
-    return [Mutant(p) for p in paths if not names or p.stem in names]
+            raise Bad(f"no mutant '{name}' in {listing}")
+    return [m for m in mutants if not names or m.name in names]
 
 
 # ---- the check that is cheap ------------------------------------------------------------------------
@@ -160,25 +160,23 @@ def missing_tests(test, tree):
     return missing
 
 
-def check(patches, tree, least):
-    problems, mutants = [], []
-    for path in sorted(patches.glob("*.patch")):
+def check(listing, tree, least):
+    problems, mutants = [], load(listing)
+    for mutant in mutants:
         try:
-            mutant = Mutant(path)
-            mutants.append(mutant)
             mutant.apply(tree)
         except Bad as e:
             problems.append(str(e))
             continue
-        if mutant.changed() > MOST_CHANGED:
-            problems.append(f"{mutant.name}: changes {mutant.changed()} lines, at most {MOST_CHANGED}")
+        if mutant.changed > MOST_CHANGED:
+            problems.append(f"{mutant.name}: changes {mutant.changed} lines, at most {MOST_CHANGED}")
         for test in mutant.tests:
             problems += [f"{mutant.name}: there is no test {m}" for m in missing_tests(test, tree)]
     if len(mutants) < least:
         problems.append(f"{len(mutants)} mutants, at least {least} are wanted")
     for problem in problems:
         print(problem)
-    folders = sorted({p.split("/")[0] for m in mutants for p in m.files})
+    folders = sorted({m.file.split("/")[0] for m in mutants})
     print(f"{len(mutants)} mutants of {', '.join(folders)}; {len(problems)} problems")
     return 1 if problems else 0
 
@@ -196,10 +194,10 @@ def tree_files(tree):
 
 
 def fingerprint(tree):
-    """Of all that a result may depend on but the patch."""
+    """Of all that a result may depend on but the mutant."""
     digest = hashlib.sha256()
     for path in tree_files(tree):
-        if path.suffix == ".patch" or path.parts[0] in ("docs", "CHANGELOG.md"):
+        if path.name == LIST.name or path.parts[0] in ("docs", "CHANGELOG.md"):
             continue
         if not (tree / path).is_file():
             continue
@@ -352,7 +350,7 @@ class Results:
 
     def get(self, mutant):
         entry = self.known.get(mutant.name)
-        return entry if entry and entry["patch"] == self.key(mutant) else None
+        return entry if entry and entry["mutant"] == self.key(mutant) else None
 
     def save(self):
         text = json.dumps({"tree": self.tree, "seconds": self.seconds, "mutants": self.known}, indent=1)
@@ -362,7 +360,7 @@ class Results:
 
     def put(self, mutant, state, why, seconds):
         with self.lock:
-            self.known[mutant.name] = {"patch": self.key(mutant), "state": state, "why": why,
+            self.known[mutant.name] = {"mutant": self.key(mutant), "state": state, "why": why,
                                        "seconds": round(seconds, 1)}
             self.save()
 
@@ -377,9 +375,9 @@ def try_mutant(mutant, folder, work, seconds):
     log = work / "logs" / f"{mutant.name}.log"
     log.unlink(missing_ok=True)
     try:
-        for path, text in mutant.apply(folder).items():
-            (folder / path).unlink()
-            (folder / path).write_text(text, encoding="utf-8")
+        text = mutant.apply(folder)
+        (folder / mutant.file).unlink()
+        (folder / mutant.file).write_text(text, encoding="utf-8")
     except Bad as e:
         return NOT_APPLIED, str(e)
     if run_logged(["ninja", "-C", str(folder), "-j", "2", *mutant.targets()], log) != 0:
@@ -424,10 +422,10 @@ def in_workers(work, base, jobs, items, action):
         raise failures[0]
 
 
-def run(tree, patches, work, names, jobs, cmake=()):
+def run(tree, listing, work, names, jobs, cmake=()):
     work = work.resolve()
     (work / "logs").mkdir(parents=True, exist_ok=True)
-    mutants = load(patches, names)
+    mutants = load(listing, names)
     results = Results(work / "results.json", fingerprint(tree))
     todo = [m for m in mutants if results.get(m) is None]
     print(f"{len(mutants)} mutants, {len(mutants) - len(todo)} known from before, {jobs} at a time",
@@ -470,7 +468,7 @@ def run(tree, patches, work, names, jobs, cmake=()):
 
         others = {}
         # What many objects depend on takes longest, so it goes first.
-        todo.sort(key=lambda m: (not any(p.endswith(".h") for p in m.files), m.name))
+        todo.sort(key=lambda m: (not m.file.endswith(".h"), m.name))
         in_workers(work, base, jobs, todo, one)
     else:
         others = {}
@@ -500,7 +498,7 @@ def main():
     parser.add_argument("--least", type=int, default=60, help="of --check: how many there must be")
     parser.add_argument("--fresh", action="store_true", help="forget what is known")
     parser.add_argument("--tree", type=pathlib.Path, default=ROOT)
-    parser.add_argument("--patches", type=pathlib.Path, default=HERE)
+    parser.add_argument("--from", dest="listing", type=pathlib.Path, default=LIST, metavar="LIST")
     parser.add_argument("--work", type=pathlib.Path, default=None, help="default: TREE/build/mutants")
     parser.add_argument("--jobs", type=int, default=int(os.environ.get("L4D_JOBS") or os.cpu_count()))
     parser.add_argument("--cmake", action="append", default=[], metavar="ARGUMENT",
@@ -513,15 +511,15 @@ def main():
             import self_test  # pylint: disable=import-outside-toplevel
             return self_test.main()
         if a.check:
-            return check(a.patches, a.tree, a.least)
+            return check(a.listing, a.tree, a.least)
         if a.list:
-            for mutant in load(a.patches, a.names):
+            for mutant in load(a.listing, a.names):
                 print(f"{mutant.name:<34} {mutant.breaks}")
             return 0
         work = a.work or a.tree / "build" / "mutants"
         if a.fresh:
             (work / "results.json").unlink(missing_ok=True)
-        return run(a.tree.resolve(), a.patches, work, a.names, max(1, a.jobs), a.cmake)
+        return run(a.tree.resolve(), a.listing, work, a.names, max(1, a.jobs), a.cmake)
     except Bad as e:
         print(f"mutants: {e}", file=sys.stderr)
         return 1

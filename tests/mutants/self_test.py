@@ -40,36 +40,27 @@ int main(int argc, char** argv) {
 """,
 }
 
-HUNK = """--- a/lib/sum.c
-+++ b/lib/sum.c
-@@ -2,5 +2,5 @@
- int sum(int a, int b) {
-   int total = a;
--  total += b;
-+NEW
-   return total;
- }
-"""
-HEADER = """--- a/lib/sum.h
-+++ b/lib/sum.h
-@@ -1,2 +1,2 @@
+HEADER = """file: lib/sum.h
 -#define FIRST 2
-+#define FIRST 3
- int sum(int a, int b);
-"""
++#define FIRST 3"""
 
-# name -> (test line, diff, outcome, in the words of the reason)
+
+def becomes(*lines, old="-  total += b;"):
+    return "\n".join(["file: lib/sum.c", old, *lines])
+
+
+# name -> (test line, its change, outcome, in the words of the reason)
 CASES = {
-    "a_kill": ("toy_test", HUNK.replace("NEW", "  total -= b;"), run.KILLED, "exit status 1"),
-    "b_equivalent": ("toy_test", HUNK.replace("NEW", "  total += b; // no change"), run.SURVIVED, ""),
+    "a_kill": ("toy_test", becomes("+  total -= b;"), run.KILLED, "exit status 1"),
+    "b_equivalent": ("toy_test", becomes("+  total += b; // no change"), run.SURVIVED, ""),
     "c_header": ("toy_test", HEADER, run.KILLED, "exit status 1"),
-    "d_away": ("toy_test", HUNK.replace("NEW", "").replace("int total = a;", "int total = c;"),
-               run.NOT_APPLIED, "found 0 times"),
-    "e_syntax": ("toy_test", HUNK.replace("NEW", "  total +="), run.NOT_BUILT, "log"),
-    "f_no_such_test": ("toy_test Missing.*", HUNK.replace("NEW", "  total -= b;"), run.NOT_SOUND,
+    "d_away": ("toy_test", becomes(old="   int total = c;\n-  total += b;"), run.NOT_APPLIED,
+               "found 0 times"),
+    "e_syntax": ("toy_test", becomes("+  total +="), run.NOT_BUILT, "log"),
+    "f_no_such_test": ("toy_test Missing.*", becomes("+  total -= b;"), run.NOT_SOUND,
                        "there is no such test"),
-    "g_endless": ("toy_test", HUNK.replace("NEW", "  while (total < 1000) total = b;"), run.KILLED,
-                  "no end"),
+    "g_endless": ("toy_test", becomes("+  while (total < 1000) total = b;"), run.KILLED, "no end"),
+    "h_two_tests": ("toy_test\ntest: toy_test Case.*", becomes(), run.KILLED, "exit status 1"),
 }
 
 
@@ -81,7 +72,7 @@ def expect(truth, what):
 def run_toy(root, names, jobs):
     out = io.StringIO()
     with contextlib.redirect_stdout(out):
-        status = run.run(root / "tree", root / "patches", root / "work", names, jobs)
+        status = run.run(root / "tree", root / "list.txt", root / "work", names, jobs)
     return status, out.getvalue()
 
 
@@ -117,17 +108,14 @@ def check_check(root):
     def checked(least):
         out = io.StringIO()
         with contextlib.redirect_stdout(out):
-            status = run.check(root / "patches", root / "tree", least)
+            status = run.check(root / "list.txt", root / "tree", least)
         return status, out.getvalue()
 
     status, text = checked(1)
-    expect(status == 1 and "d_away: hunk 1 is found 0 times" in text, text)
+    expect(status == 1 and "d_away: its lines are found 0 times in lib/sum.c" in text, text)
     expect("there is no test toy_test" in text, text)
-    for path in (root / "patches").glob("*.patch"):
-        if path.stem not in ("a_kill", "c_header"):
-            path.unlink()
-    for path in (root / "patches").glob("*.patch"):
-        path.write_text(path.read_text().replace("test: toy_test", "test: l4d_toy_test Suite.Case*"))
+    write_list(root, {name: ("l4d_toy_test Suite.Case*", *CASES[name][1:])
+                      for name in ("a_kill", "c_header")})
     tests = root / "tree/tests/toy"
     tests.mkdir()
     (tests / "toy_test.cc").write_text("TEST(Suite, CaseOne) {}\n")
@@ -137,6 +125,33 @@ def check_check(root):
     expect(checked(2)[0] == 1, "a test that is gone passes")
 
 
+def check_list(root):
+    """Lists that say less than they must, or anything else."""
+    whole = block("a_kill", *CASES["a_kill"][:2])
+    bad = {line: whole.replace(line + "\n", "") for line in whole.split("\n")[:4]}
+    bad["-  total += b;"] = whole.replace("-  total += b;\n", "")
+    bad["another key"] = whole.replace("test:", "tests:")
+    bad["a name twice"] = whole + "\n" + whole
+    for what, text in bad.items():
+        (root / "list.txt").write_text(text)
+        try:
+            run.load(root / "list.txt")
+        except run.Bad:
+            continue
+        raise AssertionError(f"a list is read that lacks: {what}")
+    (root / "list.txt").write_text("# of which this says what it is\n\n" + whole)
+    expect([m.name for m in run.load(root / "list.txt", ["a_kill"])] == ["a_kill"], "a comment")
+
+
+def block(name, test, change):
+    return f"name: {name}\nbreaks: The sum of two numbers.\ntest: {test}\n{change}\n"
+
+
+def write_list(root, cases):
+    (root / "list.txt").write_text(
+        "\n".join(block(name, test, change) for name, (test, change, *_) in cases.items()))
+
+
 def main():
     run.GRACE = 2
     root = pathlib.Path(tempfile.mkdtemp(prefix="l4d-mutants-"))
@@ -144,10 +159,8 @@ def main():
         for path, text in PROJECT.items():
             (root / "tree" / path).parent.mkdir(parents=True, exist_ok=True)
             (root / "tree" / path).write_text(text)
-        (root / "patches").mkdir()
-        for name, (test, diff, _, _) in CASES.items():
-            (root / "patches" / f"{name}.patch").write_text(
-                f"breaks: The sum of two numbers.\ntest: {test}\n{diff}")
+        check_list(root)
+        write_list(root, CASES)
         check_outcomes(root)
         check_check(root)
     finally:
