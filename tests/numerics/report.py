@@ -72,15 +72,14 @@ def bounds(document, _):
 
 def plot(series, folder):
     import matplotlib
-    matplotlib.use("svg")
+    matplotlib.use("agg")
     import matplotlib.pyplot as plt
     plt.rcParams.update({
         "figure.facecolor": "none", "axes.facecolor": "none", "savefig.facecolor": "none",
         "legend.framealpha": 0, "text.color": GREY, "axes.labelcolor": GREY,
         "axes.edgecolor": GREY, "xtick.color": GREY, "ytick.color": GREY, "font.size": 10,
         "axes.spines.top": False, "axes.spines.right": False, "axes.grid": True,
-        "grid.color": GREY, "grid.alpha": 0.25, "svg.fonttype": "none",
-        "svg.hashsalt": "l4dcodec", "font.family": "sans-serif"})
+        "grid.color": GREY, "grid.alpha": 0.25, "font.family": "sans-serif"})
     drawing, axes = plt.subplots(figsize=(8, 4.4))
     scales = [p["temporal_scale"] for p in series]
     for key, name, colour in (("schur", "Schur complement", ORANGE),
@@ -94,7 +93,6 @@ def plot(series, folder):
     axes.legend()
     folder.mkdir(parents=True, exist_ok=True)
     drawing.tight_layout()
-    drawing.savefig(folder / "schur.svg", metadata={"Date": None})
     drawing.savefig(folder / "schur.png", dpi=130, metadata={"Software": None})
 
 
