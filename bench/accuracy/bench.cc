@@ -86,8 +86,6 @@ void Bench::add(Json& table, Json row) const {
     }
   }
   note(text);
-  row["command"] =
-      "./dev bench accuracy" + std::string(quick() ? " --quick" : "") + " --only " + section_;
   table.push_back(std::move(row));
 }
 

@@ -77,30 +77,6 @@ def renderer(tables, _):
             parts[0][0].upper() + "; ".join(parts)[1:] + ".\n"]
 
 
-def effects(tables, folder):
-    rows = tables["effects"]
-    first, last = rows[0], rows[-1]
-    return ["Synthetic scenes of one size with one effect more each, encoded with the preset "
-            "`default`. Decoding and slicing on one thread.\n",
-            table([("effects", "name", ""), ("tools in the file", "tools", ""),
-                   ("SH degree", "sh_degree", "d"), ("visible", "visible", ",d"),
-                   ("bytes a Gaussian", "bytes_per_gaussian", ".2f"),
-                   ("of it SH", "sh_bytes", ".2f"),
-                   ("mean time", "mean_t_bytes", ".2f"),
-                   ("rotor, temporal", "rotor_temporal_bytes", ".2f"),
-                   ("encode CPU s", "encode_cpu_s", ".2f"),
-                   ("decode ns a Gaussian", "decode_ns_per_gaussian", ".1f"),
-                   ("slice ms", "slice_ms", ".2f"), ("render ms", "render_ms", ".1f")], rows),
-            plots.effect_bars(rows, folder),
-            f"What is off costs nothing: \"{first['name']}\" spends {first['mean_t_bytes']:.2f} "
-            f"bytes on mean times and {first['rotor_temporal_bytes']:.2f} on temporal rotors. In "
-            f"all it takes {first['bytes_per_gaussian']:.1f} bytes, "
-            f"{first['decode_ns_per_gaussian']:.1f} ns to decode and "
-            f"{first['encode_cpu_s']:.1f} s to encode, \"{last['name']}\" "
-            f"{last['bytes_per_gaussian']:.1f} bytes, "
-            f"{last['decode_ns_per_gaussian']:.1f} ns and {last['encode_cpu_s']:.1f} s.\n"]
-
-
 def stages(tables, _):
     rows = tables["stages"]
     skip = {"name", "command", "sensitivity", "vq_rcq_sq", "encode_s"}

@@ -58,9 +58,6 @@ struct Encoded {
 
   double bytes() const { return static_cast<double>(file.size()); }
   double ratio() const { return static_cast<double>(report.raw_bytes) / bytes(); }
-  double mean_bytes() const {
-    return static_cast<double>(sections[L4D_SECTION_POSITION] + sections[L4D_SECTION_MEAN_T]);
-  }
 };
 
 // weights: empty columns are not set. Of `runs` runs, which are equal but for their time, the

@@ -9,6 +9,7 @@
 #include <string>
 #include <thread>
 
+#include "bench/accuracy/document.h"
 #include "bench/accuracy/sections.h"
 #include "bench/accuracy/timing.h"
 
@@ -23,12 +24,11 @@ struct Section {
   bool needs_device = false;  // left out where there is none, unless it is asked for by name
 };
 constexpr Section kSections[] = {
-    {"presets", run_presets},     {"device", run_device, true},     {"final", run_final},
-    {"rate", run_rate},           {"ladder", run_ladder},           {"crossover", run_crossover},
-    {"second", run_second},       {"sensitivity", run_sensitivity}, {"kmeans", run_kmeans},
-    {"codebooks", run_codebooks}, {"thresholds", run_thresholds},   {"rcq", run_rcq},
-    {"ablation", run_ablation},   {"effort", run_effort},           {"decoder", run_decoder},
-    {"renderer", run_renderer},   {"effects", run_effects},         {"stages", run_stages},
+    {"presets", run_presets},   {"device", run_device, true},     {"final", run_final},
+    {"rate", run_rate},         {"sensitivity", run_sensitivity}, {"effort", run_effort},
+    {"decoder", run_decoder},   {"renderer", run_renderer},       {"stages", run_stages},
+    {"ablation", run_ablation}, {"codebooks", run_codebooks},     {"thresholds", run_thresholds},
+    {"rcq", run_rcq},           {"effects", run_effects},
 };
 
 void usage(std::FILE* to) {
@@ -129,17 +129,6 @@ bool parse(int argc, char** argv, Arguments* out) {
   return true;
 }
 
-void write(const std::string& path, const Json& document) {
-  const std::filesystem::path folder = std::filesystem::path(path).parent_path();
-  if (!folder.empty()) std::filesystem::create_directories(folder);
-  {
-    std::ofstream out(path + ".new");
-    out << document.dump(1) << '\n';
-    if (!out) throw io::Error(L4D_ERR_IO, path + ": writing failed");
-  }
-  std::filesystem::rename(path + ".new", path);
-}
-
 void run(const Arguments& arguments) {
   Json document = {{"schema", "l4dcodec.accuracy/1"},
                    {"quick", arguments.options.quick},
@@ -168,7 +157,7 @@ void run(const Arguments& arguments) {
         {"version", l4d_version_string()},
         {"build", l4d_build_info()},
         {"tables", std::move(tables)}};
-    write(arguments.json, document);  // what is done survives a failure of the next
+    write_document(arguments.json, document);  // what is done survives a failure of the next
   }
 }
 

@@ -1,17 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The plots of docs/accuracy.md: one design that reads on white and on dark, without background."""
+"""The plots of docs/accuracy.md and docs/ablations.md: one design that reads on white and on dark,
+without background."""
 
 import matplotlib
 import matplotlib.ticker
 
-matplotlib.use("svg")
+matplotlib.use("agg")
 import matplotlib.pyplot as plt  # noqa: E402  (the backend comes first)
 
 GREY = "#7d858f"
 COLOURS = ["#3b82f6", "#e8770c", "#2fa35a", "#a560e8", "#e0475f", "#12a5b5"]
 COMPONENTS = {"sh": "SH", "scale": "scale", "rotor_spatial": "rotor, spatial",
               "rotor_temporal": "rotor, temporal"}
-PARTS = {"sh": "SH", "scale": "scale", "rotors": "rotors"}
 TIMES = (0.1, 0.2, 0.3, 0.5, 0.7, 1, 1.5, 2, 3, 5, 7, 10, 20, 50)
 
 plt.rcParams.update({
@@ -20,18 +20,16 @@ plt.rcParams.update({
     "xtick.color": GREY, "ytick.color": GREY, "axes.titlecolor": GREY, "axes.titlesize": 11,
     "font.size": 10, "axes.spines.top": False, "axes.spines.right": False, "axes.grid": True,
     "grid.color": GREY, "grid.alpha": 0.25, "grid.linewidth": 0.6, "lines.linewidth": 1.8,
-    "lines.markersize": 5, "svg.fonttype": "none", "svg.hashsalt": "l4dcodec",
-    "font.family": "sans-serif",
+    "lines.markersize": 5, "font.family": "sans-serif",
     "axes.prop_cycle": matplotlib.cycler(color=COLOURS)})
 
 
 def save(figure, folder, name):
     folder.mkdir(parents=True, exist_ok=True)
     figure.tight_layout()
-    figure.savefig(folder / f"{name}.svg", metadata={"Date": None})
     figure.savefig(folder / f"{name}.png", dpi=130, metadata={"Software": None})
     plt.close(figure)
-    return f"![{name}]({folder.name}/{name}.svg)\n"
+    return f"![{name}]({folder.name}/{name}.png)\n"
 
 
 def label(axes, x, y, text, dx=6, dy=4, align="left"):
@@ -57,34 +55,6 @@ def rate_fidelity(transforms, codebooks, folder):
     axes.set(xlabel="MB", ylabel="fidelity (dB)")
     axes.legend(loc="lower right")
     return save(figure, folder, "rate_fidelity")
-
-
-def ladder_bars(rows, folder):
-    figure, axes = plt.subplots(figsize=(8, 0.6 + 0.4 * len(rows)))
-    axes.barh(range(len(rows)), [r["bytes"] / 1e6 for r in rows], color=COLOURS[0])
-    for i, row in enumerate(rows):
-        label(axes, row["bytes"] / 1e6, i, f"{row['fidelity_db']:.1f} dB", 4, -3)
-    axes.set_yticks(range(len(rows)), [r["name"] for r in rows], fontsize=8)
-    axes.invert_yaxis()
-    axes.grid(axis="y", visible=False)
-    axes.margins(x=0.1)
-    axes.set(xlabel="MB")
-    return save(figure, folder, "ladder")
-
-
-def crossover_plot(rows, folder):
-    names = [c for c in PARTS if any(r["name"] == c for r in rows)]
-    figure, all_axes = plt.subplots(1, len(names), figsize=(9, 3.2), sharey=True, squeeze=False)
-    for axes, name in zip(all_axes[0], names):
-        for family, style in (("transform", "o-"), ("codebooks by cost", "^-"), ("codebooks", "s")):
-            line = [r for r in rows if r["name"] == name and r["family"] == family]
-            axes.plot([r["bytes"] / 1e6 for r in line], [r["fidelity_db"] for r in line], style,
-                      label=family)
-        axes.set_xlim(left=0)
-        axes.set(xlabel="MB", title=PARTS[name])
-    all_axes[0][0].set_ylabel("fidelity (dB)")
-    all_axes[0][0].legend(fontsize=8)
-    return save(figure, folder, "crossover")
 
 
 def section_bars(rows, order, folder):
@@ -148,21 +118,6 @@ def sensitivity_plot(views, agreed, folder):
     right.set(xlabel="views measured", ylabel="fidelity (dB)")
     right.legend(fontsize=8)
     return save(figure, folder, "sensitivity")
-
-
-def kmeans_plot(iterations, samples, folder):
-    figure, axes = plt.subplots(figsize=(8, 3.6))
-    for rows, key, shift in ((iterations, "iterations", (0, 7)), (samples, "sample", (0, -13))):
-        text = {"iterations": "iterations, 24 points a codeword",
-                "sample": "points a codeword, 10 iterations"}[key]
-        axes.plot([r["encode_cpu_s"] for r in rows], [r["fidelity_db"] for r in rows], "o",
-                  label=text)
-        for r in rows:
-            label(axes, r["encode_cpu_s"], r["fidelity_db"], f"{r[key]:g}", *shift, "center")
-    axes.margins(y=0.12)
-    axes.set(xlabel="CPU seconds to encode", ylabel="fidelity (dB)")
-    axes.legend()
-    return save(figure, folder, "kmeans")
 
 
 def component_curves(rows, key, name, folder, reference=None):

@@ -12,9 +12,8 @@ import subprocess
 import sys
 import tempfile
 
-SECTIONS = ("presets", "final", "rate", "ladder", "crossover", "second", "sensitivity", "kmeans",
-            "codebooks", "thresholds", "rcq", "ablation", "effort", "decoder", "renderer",
-            "effects", "stages")
+SECTIONS = ("presets", "final", "rate", "sensitivity", "effort", "decoder", "renderer", "stages",
+            "ablation", "codebooks", "thresholds", "rcq", "effects")
 # Only captured images fill it, and synthetic scenes have none.
 MAY_BE_EMPTY = {("final", "uncompressed")}
 
@@ -29,16 +28,25 @@ def figures(document):
         if section not in document["sections"]:
             yield f"{section}: is missing"
             continue
+        if f"--only {section}" not in document["sections"][section]["command"]:
+            yield f"{section}: without its command"
         for table, content in document["sections"][section]["tables"].items():
             if not content and (section, table) not in MAY_BE_EMPTY:
                 yield f"{section}, {table}: has no rows"
             for row in content:
-                if f"--only {section}" not in row.get("command", ""):
-                    yield f"{section}, {table}: a row without its command"
                 for key, value in row.items():
                     # JSON has no infinity: what is not finite was written as null.
                     if value is None or (isinstance(value, float) and not math.isfinite(value)):
                         yield f"{section}, {table}: {key} is not finite"
+
+
+def layout(document, text):
+    """Yields a message unless each row of each table is a line of its own."""
+    lines = [json.loads(line.strip().rstrip(",")) for line in text.split("\n")
+             if line.startswith("     {")]
+    tables = [t for s in document["sections"].values() for t in s["tables"].values()]
+    if lines != [row for table in tables for row in table]:
+        yield "the document does not have a row a line"
 
 
 def relations(document):
@@ -58,14 +66,6 @@ def relations(document):
     worst, best = transforms[0], transforms[-1]
     if not (best["bytes"] > worst["bytes"] and best["fidelity_db"] > worst["fidelity_db"]):
         yield "rate: a higher quality is not larger and better than a lower one"
-    parts = rows(document, "crossover", "parts")
-    if {row["family"] for row in parts} != {"transform", "codebooks", "codebooks by cost"}:
-        yield "crossover: not of all families"
-    if any(row["bytes"] <= 0 for row in parts):
-        yield "crossover: a part without bytes"
-    first, *_, last = rows(document, "ladder", "steps")
-    if last["bytes"] >= first["bytes"]:
-        yield "ladder: all tools together are no smaller than none"
     for row, whole in zip(rows(document, "final", "sections"), rows(document, "final", "codings")):
         if sum(v for v in row.values() if isinstance(v, int)) != whole["bytes"]:
             yield f"final: the sections of {row['name']} do not add up to the file"
@@ -97,17 +97,18 @@ def check_report(results, folder):
     else:
         print("no matplotlib: the report is not checked")
         return
-    page = folder / "accuracy.md"
-    subprocess.run([python, "-B", str(script), str(results), str(page)], check=True)
-    text = page.read_text(encoding="utf-8")
+    subprocess.run([python, "-B", str(script), str(results), str(folder)], check=True)
+    pages = {name: (folder / f"{name}.md").read_text(encoding="utf-8")
+             for name in ("accuracy", "ablations")}
     for section in SECTIONS:
-        if f"--only {section}`" not in text:
-            yield f"report: says nothing of {section}"
-    for image in sorted((folder / "accuracy").iterdir()):
-        if image.stat().st_size < 1000:
-            yield f"report: {image.name} is empty"
-        if image.suffix == ".svg" and f"accuracy/{image.name}" not in text:
-            yield f"report: {image.name} is in no place of the page"
+        if sum(f"--only {section}`" in text for text in pages.values()) != 1:
+            yield f"report: {section} is not on one page"
+    for name, text in pages.items():
+        for image in sorted((folder / name).iterdir()):
+            if image.stat().st_size < 1000:
+                yield f"report: {image.name} is empty"
+            if image.suffix != ".png" or f"{name}/{image.name}" not in text:
+                yield f"report: {image.name} is in no place of {name}.md"
 
 
 def main(arguments):
@@ -119,8 +120,9 @@ def main(arguments):
         results = folder / "quick.json"
         subprocess.run([arguments[0], "--quick", "--gaussians", "2000", "--rows", "2", "--json",
                         str(results)], check=True, stderr=subprocess.DEVNULL)
-        document = json.loads(results.read_text(encoding="utf-8"))
-        messages = list(figures(document))
+        text = results.read_text(encoding="utf-8")
+        document = json.loads(text)
+        messages = list(figures(document)) + list(layout(document, text))
         if not messages:
             messages += list(relations(document)) + list(check_report(results, folder))
         for message in messages:

@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Makes a page with tables and plots of what bench_accuracy wrote.
+"""Makes pages with tables and plots of what bench_accuracy wrote.
 
-usage: report.py RESULTS.json PAGE.md
+usage: report.py RESULTS.json FOLDER
 
-Images go to the folder beside the page that has its name. Sections that the results lack are left
-out. Every figure in the text is taken from the results.
+Writes accuracy.md and ablations.md. Images go to the folder next to the page that has its name.
+Sections that the results lack are left out. Every figure in the text is taken from the results.
 """
 
 import json
@@ -13,37 +13,36 @@ import pathlib
 import sys
 
 import chapters
+import chapters_ablations
 import chapters_presets
 import chapters_rate
 import chapters_speed
 
-CHAPTERS = (
+ACCURACY = (
     ("presets", "Which preset", chapters_presets.presets),
     ("device", "Which preset, on a CUDA device", chapters_presets.device),
     ("final", "Quality, bytes and layers in detail", chapters.final),
     ("rate", "Fidelity against bytes", chapters_rate.rate),
-    ("ladder", "One tool at a time", chapters_rate.ladder),
-    ("crossover", "Transforms and codebooks, part by part", chapters_rate.crossover),
-    ("second", "A second scene", chapters_rate.second),
     ("sensitivity", "Importance weights: how many views", chapters.sensitivity),
-    ("kmeans", "k-means: iterations and training points", chapters.kmeans),
-    ("codebooks", "Codebook sizes", chapters.codebooks),
-    ("thresholds", "Escape thresholds", chapters.thresholds),
-    ("rcq", "Residual codebook quantisation", chapters.rcq),
-    ("ablation", "What each part brings", chapters.ablation),
     ("effort", "Effort", chapters_speed.effort),
     ("decoder", "Decoder", chapters_speed.decoder),
     ("renderer", "Renderer", chapters_speed.renderer),
-    ("effects", "Effects", chapters_speed.effects),
     ("stages", "Where an encoder's time goes", chapters_speed.stages),
 )
+ABLATIONS = (
+    ("ablation", "What each part brings", chapters_ablations.ablation),
+    ("codebooks", "Codebook sizes", chapters_ablations.codebooks),
+    ("thresholds", "Escape thresholds", chapters_ablations.thresholds),
+    ("rcq", "Residual codebook quantisation", chapters_ablations.rcq),
+    ("effects", "Effects", chapters_ablations.effects),
+)
 
-INTRODUCTION = """\
+ACCURACY_INTRODUCTION = """\
 # Accuracy against time and bytes
 
-`./dev bench accuracy` makes this page and its plots. It wants the basketball scene
-(`$L4D_DATA_DIR`, else `../shared/data`); `./dev bench accuracy --quick` makes the same page of a
-small synthetic scene. Each section runs alone with the command under its title and keeps the
+`./dev bench accuracy` makes this page, its plots and the page of [ablations](ablations.md). It wants
+the basketball scene (`$L4D_DATA_DIR`, else `../shared/data`); `./dev bench accuracy --quick` makes
+the same pages of a small synthetic scene. Each section runs alone with the command under its title and keeps the
 results of the others, which lie in `docs/accuracy/results.json`. Measured weights are kept in
 `build/accuracy/weights*.bin`: delete those after a change of the renderer.
 
@@ -52,9 +51,17 @@ scene, both clamped to [0, 1]: it says how well a codec keeps the model that it 
 that model is worth. *Ratio* is the float32 numbers of all given Gaussians (260 bytes each at SH
 degree 3) over the bytes of the file. Weights are Gauss-Newton weights, measured by the renderer
 from the training views, unless a table says otherwise. Fidelity is over all cameras: at every 15th
-frame in the third section, at four instants in the others. Sections on codebooks use one stage of
-4096 codewords per component. Seconds of encoding are CPU seconds of all threads, which other work
-on the machine disturbs little.
+frame in the third section, at four instants in the others. Seconds of encoding are CPU seconds of
+all threads, which other work on the machine disturbs little.
+"""
+ABLATIONS_INTRODUCTION = """\
+# Ablations
+
+What each part of the codec brings: the tables and figures of the paper's ablations, and scenes of
+one effect each. `./dev bench accuracy` makes this page; [accuracy](accuracy.md) says what its
+columns mean. Unless a table says otherwise, components have codebooks of one stage of 4096
+codewords, and fidelity is over all cameras at four instants. Differences of 0.2 dB can be chance
+([0008](decisions/0008-codebooks-follow-the-quality.md)).
 """
 
 
@@ -63,19 +70,17 @@ def machine(section):
     return f"{m['cpu']}, {m['cores']} core{'s' if m['cores'] != 1 else ''}"
 
 
-def page_of(document, folder):
-    sections = document["sections"]
-    parts = [INTRODUCTION]
-    seen = []
-    for name, _, _ in CHAPTERS:
-        if name in sections and machine(sections[name]) not in seen:
-            seen.append(machine(sections[name]))
+def page_of(document, introduction, chapter_list, folder):
+    sections = {name: document["sections"][name] for name, _, _ in chapter_list
+                if name in document["sections"]}
+    parts = [introduction]
+    seen = list(dict.fromkeys(machine(s) for s in sections.values()))
     builds = sorted({s["build"] for s in sections.values()})
     parts.append("Measured on: " + "; ".join(seen) + ". Build: " + " / ".join(builds) + ".\n")
     if document["quick"]:
         parts.append("**A quick run: its figures are of a toy scene and prove nothing about real "
                      "ones.**\n")
-    for name, title, chapter in CHAPTERS:
+    for name, title, chapter in chapter_list:
         if name not in sections:
             continue
         section = sections[name]
@@ -90,11 +95,15 @@ def main(arguments):
         print(__doc__.strip())
         return 2
     document = json.loads(pathlib.Path(arguments[0]).read_text(encoding="utf-8"))
-    page = pathlib.Path(arguments[1])
-    page.parent.mkdir(parents=True, exist_ok=True)
-    text = page_of(document, page.parent / page.stem)
-    page.write_text(text.rstrip("\n") + "\n", encoding="utf-8")
-    print(page)
+    folder = pathlib.Path(arguments[1])
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, introduction, chapter_list in (("accuracy", ACCURACY_INTRODUCTION, ACCURACY),
+                                             ("ablations", ABLATIONS_INTRODUCTION, ABLATIONS)):
+        if any(section in document["sections"] for section, _, _ in chapter_list):
+            page = folder / f"{name}.md"
+            text = page_of(document, introduction, chapter_list, folder / name)
+            page.write_text(text.rstrip("\n") + "\n", encoding="utf-8")
+            print(page)
     return 0
 
 

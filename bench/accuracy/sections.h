@@ -10,11 +10,7 @@ Json run_presets(Bench& bench);
 Json run_device(Bench& bench);  // fails where there is no CUDA device
 Json run_final(Bench& bench);
 Json run_rate(Bench& bench);
-Json run_ladder(Bench& bench);
-Json run_crossover(Bench& bench);
-Json run_second(Bench& bench);
 Json run_sensitivity(Bench& bench);
-Json run_kmeans(Bench& bench);
 Json run_codebooks(Bench& bench);
 Json run_thresholds(Bench& bench);
 Json run_rcq(Bench& bench);

@@ -2,7 +2,6 @@
 // One parameter after the other, all else as one_stage() has it.
 #include <array>
 #include <cmath>
-#include <cstdio>
 
 #include "bench/accuracy/sections.h"
 
@@ -14,20 +13,6 @@ constexpr std::array<const char*, L4D_COMPONENT_COUNT> kComponents = {
 // The paper's thresholds, "Small" (supplement, B.1).
 constexpr std::array<double, L4D_COMPONENT_COUNT> kPaperThresholds = {6e-7, 2e-7, 1e-6, 8e-6};
 
-// Rows of one parameter of the whole encoder. `column` is its name in the table.
-Json sweep(Bench& bench, const char* column, l4d_encoder_parameter id,
-           const std::vector<double>& values) {
-  Json rows = Json::array();
-  for (const double value : bench.take(values)) {
-    Json row = coded_row(bench, bench.real(), one_stage().with(id, value));
-    row.erase("name");
-    Json named = {{column, value}};
-    named.update(row);
-    bench.add(rows, named);
-  }
-  return rows;
-}
-
 std::vector<int> components(const Bench& bench) {
   // Scenes without motion or view dependence lack some; they do not occur here.
   return bench.take(std::vector<int>{L4D_COMPONENT_SH, L4D_COMPONENT_SCALE,
@@ -35,23 +20,6 @@ std::vector<int> components(const Bench& bench) {
 }
 
 }  // namespace
-
-Json run_kmeans(Bench& bench) {
-  // How far figures lie apart by chance: differences below that mean nothing.
-  Json seeds = Json::array();
-  for (const int seed : bench.take(std::vector<int>{1, 2, 3})) {
-    Coding c = one_stage();
-    c.seed = static_cast<uint64_t>(seed);
-    Json row = {{"seed", seed}};
-    row.update(coded_row(bench, bench.real(), c));
-    row.erase("name");
-    bench.add(seeds, row);
-  }
-  // Samples beyond what the scene holds per codeword are all of it.
-  return {{"seeds", seeds},
-          {"iterations", sweep(bench, "iterations", L4D_ENC_KMEANS_ITERATIONS, {0, 2, 10, 24})},
-          {"sample", sweep(bench, "sample", L4D_ENC_KMEANS_SAMPLE, {4, 12, 24, 128})}};
-}
 
 Json run_codebooks(Bench& bench) {
   Json rows = Json::array();
