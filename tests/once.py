@@ -13,8 +13,9 @@ import sys
 import tempfile
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
-FOLDERS = ("include", "libl4dcodec", "decoder", "encoder", "render", "io", "eval", "cli", "training", "bench")
-SUFFIXES = {".h", ".hpp", ".cc", ".cu", ".cuh"}
+FOLDERS = ("include", "libl4dcodec", "decoder", "encoder", "render", "io", "eval", "cli", "training", "bench",
+           "web/core/src", "web/spark/src", "web/view/src", "web/wasm")
+SUFFIXES = {".h", ".hpp", ".cc", ".cu", ".cuh", ".js"}
 
 COMMENT = re.compile(r'//[^\n]*|/\*.*?\*/|"(?:[^"\\\n]|\\.)*"', re.DOTALL)
 
@@ -67,7 +68,9 @@ RULES = {
     "falloff: exp(-x^2 / 2)": (
         matches(r"\bexp[fl]?\s*\((?:[^;{}]{0,60}?-\s*0?\.50*f?\b|[^;{}]{0,60}?/\s*-\s*2)"),
         {"libl4dcodec/scene/slice.h": 1,
-         "io/metrics.cc": 1}),  # the window of SSIM
+         "io/metrics.cc": 1,  # the window of SSIM
+         "web/view/src/rules.js": 2,  # the text of all shaders: of a Gaussian's time, and of a pixel
+         "web/view/src/sorter.js": 2}),  # which of them are worth sorting
     "opacity of a logit: 1 / (1 + exp(-x))": (
         matches(r"\(1\.?0?f?\)? \+ (std::)?expf?\(-|static_cast<T>\(1\) \+ (std::)?exp\(-"),
         {"libl4dcodec/scene/slice.h": 1}),
@@ -104,6 +107,9 @@ RULES = {
         "training/density/relocate_row.h": 2,
         "training/cuda/adam.cu": 1,
         "training/cuda/device_model.cc": 3,
+        # Addresses that JavaScript is given, and the arrays that it makes of them.
+        "web/wasm/bridge.cc": 2,
+        "web/core/src/decoder.js": 1,
         # Arrays of a device that are made one by one.
         "bench/gpu/decode_bench.cc": 2,
         "bench/gpu/render_bench.cc": 4}),
@@ -113,6 +119,7 @@ RULES = {
     "images have at most 16384 pixels a side": (
         matches(r"\b16384u?\b"),
         {"include/l4d/render.h": 1,
+         "web/core/src/store.js": 1,  # bytes of a read
          "bench/accuracy/sweeps.cc": 1}),  # entries of a codebook
     "scenes have at most 2^24 frames": (
         matches(r"(?i)frames[^;\n]{0,40}\b1u?l*\}? << 24\b|(?i:frames)[^;\n]{0,40}\b16777216\b|"
@@ -120,7 +127,12 @@ RULES = {
         {"include/l4d/l4d.h": 1}),
     "SH of degree 0: 0.28209479177387814": (
         matches(r"\b0?\.28209\d*"),
-        {"libl4dcodec/scene/sh.h": 1}),
+        {"libl4dcodec/scene/sh.h": 1, "web/view/src/rules.js": 1}),
+    "SH of degree 3: 2.890611442640554": (
+        matches(r"\b2\.8906114\d*"),
+        {"libl4dcodec/scene/sh.h": 1,
+         "web/view/src/rules.js": 1,  # the text of all shaders
+         "io/synth.cc": 1}),  # a scene of before, to the last bit of other constants
 }
 
 
@@ -163,6 +175,7 @@ def self_test():
         "images have at most 16384 pixels a side": "if (width > 16384) return;",
         "scenes have at most 2^24 frames": "#define L4D_MAX_FRAMES (1u << 24)",
         "SH of degree 0: 0.28209479177387814": "constexpr float kDc = 0.28209479f;",
+        "SH of degree 3: 2.890611442640554": "basis[10] = 2.890611442640554 * x * y * z;",
     }
     failures = []
     if set(samples) != set(RULES):

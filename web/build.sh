@@ -67,7 +67,7 @@ player=$out/player.part
 rm -rf "$player"
 mkdir -p "$player"
 bundle=("$bin/esbuild" --bundle --format=esm --minify --target=es2022 --log-level=warning --legal-comments=none
-  "--alias:l4dcodec=./web/core/src/index.js")
+  "--alias:l4dcodec=./web/core/src/index.js" "--alias:l4dcodec-player/rules=./web/view/src/rules.js")
 "${bundle[@]}" web/view/src/index.js "--outfile=$player/player.js"
 "${bundle[@]}" web/core/src/worker.js "--outfile=$player/worker.js"
 "${bundle[@]}" web/view/src/sort-worker.js "--outfile=$player/sort-worker.js"
