@@ -70,7 +70,7 @@ l4d::ViolationFn reporter(l4d_violation_fn fn, void* user, uint64_t* count) {
   };
 }
 
-// Hands the caller's struct back where the call succeeded, and where it tells what it needed.
+// Copies the result to the caller's struct if the call succeeded, or if it states what it needed.
 template <typename T>
 Status write_output(const Status& status, const T& from, T* out) {
   if (status.ok() || status.code() == L4D_ERR_BUFFER_TOO_SMALL) write_struct(from, out);

@@ -118,7 +118,7 @@ class Context {
 // lives.
 class HeldMemory {
  public:
-  // Throws a Failure where there is no room.
+  // Throws a Failure if the memory does not fit.
   HeldMemory(Context& context, uint64_t bytes, const std::string& what);
   ~HeldMemory() { context_.held_ -= bytes_; }
   HeldMemory(const HeldMemory&) = delete;

@@ -76,7 +76,7 @@ Input::Input(Context& context, const std::string& name, const std::string& what)
     std::rewind(spool_.get());
     path_ = io::path_of(spool_);
   }
-  // Before it is opened: to open a named pipe is to wait for whoever writes to it.
+  // Before it is opened: opening a named pipe waits for its writer.
   struct stat status {};
   if (::stat(path_.c_str(), &status) != 0) throw io_failure(name_, "cannot open", errno);
   if (S_ISDIR(status.st_mode)) throw io_failure(name_, "cannot read", EISDIR);

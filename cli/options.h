@@ -25,7 +25,7 @@ class Option {
   Option* group(const std::string& heading);   // of help, under which it is listed
   Option* required();
   Option* one_of(const std::vector<std::string>& values);
-  // What completions offer, where whoever reads the value takes more or says better what is wrong.
+  // The values that completions offer. The verb may accept more, and reports errors itself.
   Option* offers(const std::vector<std::string>& values);
   // Decimal digits only, which the parser by itself does not ask for ("-1" is a large number to it,
   // "010" is 8).

@@ -260,7 +260,7 @@ class ComponentCoder {
     return blocks;
   }
 
-  // A small codebook tells how error falls with the number of codewords, and so which number is
+  // A small codebook shows how error falls with the number of codewords, and so which number is
   // best.
   uint32_t stage0_entries_by_cost() {
     constexpr uint32_t kPilot = 64;

@@ -10,7 +10,7 @@
 namespace l4d {
 namespace {
 
-// Weights are told apart by half octaves: the price of bits in a point's own error depends on them.
+// Weights are grouped by half octaves: the price of bits in a point's own error depends on them.
 constexpr double kWeightStep = 0.5;
 constexpr double kMinWeight = 1e-12;  // of the mean one
 // What a codeword that nobody uses would cost, in uses.

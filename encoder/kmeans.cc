@@ -45,7 +45,7 @@ struct CellMeans {
   std::vector<double> distortion;  // [k] weighted, to the mean as stored
 };
 
-// Each cell is summed in index order by whoever gets it, so the sums do not depend on the threads.
+// One thread sums each cell in index order, so the sums do not depend on the number of threads.
 CellMeans cell_means(const Points& p, const std::vector<uint32_t>& labels, size_t k) {
   // A piece of fewer numbers would be done before another thread has begun.
   constexpr size_t kMinCells = 32, kMinNumbers = size_t{1} << 16;

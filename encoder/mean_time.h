@@ -23,7 +23,7 @@ struct MeanTimeCode {
   bool within = false;  // the tolerance
 };
 
-// Whether every mean time inside a bucket of this width can be told to `tolerance`: codes have
+// Whether every mean time inside a bucket of this width can be coded to `tolerance`: codes have
 // their steps, and so has binary32, which a decoder gives local times in.
 bool mean_time_fits(bool f16, double width, double tolerance);
 

@@ -43,10 +43,10 @@ class EncoderSettings {
   // What is left out, by what is set and what the weights were measured from.
   Pruning pruning(bool has_alpha_t) const;
 
-  // Whether mean times are binary16, for streams that have a packed form or are told their shift.
+  // Whether mean times are binary16: in streams with a packed form, and where a shift is set.
   bool codes_half_mean_times() const;
 
-  // Whether streams of these settings keep to the profile that is asked for.
+  // Whether streams of these settings keep to the profile that is set.
   Status check_profile() const;
 
  private:

@@ -22,8 +22,8 @@ struct MeterOptions {
   uint64_t max_render_bytes = uint64_t{1} << 30;  // renders of the original that are kept
 };
 
-// Renders codings of one scene in the same views, and tells how they differ from the scene. What
-// all of them are held against is made once, and kept as far as memory is meant for it.
+// Renders codings of one scene in the same views, and measures how they differ from the scene. The
+// images of the scene itself are made once, and kept as far as the memory for them suffices.
 class FidelityMeter {
  public:
   // original: must outlive this.

@@ -32,7 +32,7 @@ struct ViewFidelity {
   io::View view;
   int camera = 0;       // id
   ImageError fidelity;  // of B's render against A's
-  ImageError a, b;      // of the renders against what the camera saw, where that was asked for
+  ImageError a, b;      // of the renders against what the camera saw, if the caller wants it
 };
 
 struct ImageComparison {

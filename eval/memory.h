@@ -9,8 +9,8 @@
 namespace l4d::eval {
 
 // Counts memory that an evaluation takes because of a stream. Called before `what` of `bytes` is
-// allocated; the evaluation keeps what it returns as long as that memory. It throws where there is
-// no room. Empty: nothing is counted.
+// allocated; the evaluation keeps what it returns as long as that memory. It throws if the bytes do
+// not fit. Empty: nothing is counted.
 using Hold = std::function<std::shared_ptr<void>(uint64_t bytes, const std::string& what)>;
 
 inline std::shared_ptr<void> hold(const Hold& holder, uint64_t bytes, const std::string& what) {

@@ -50,7 +50,7 @@ struct CameraSet {
   uint32_t frames = 0;  // 0 = unknown
   // Whether what lies outside the folder of the file may be read.
   bool any_path = false;
-  // What 1 in the times of cameras stands for. D-NeRF does not say; whoever reads its files must.
+  // What 1 in the times of cameras stands for. D-NeRF does not say; the caller must.
   double seconds = 1;
   std::string source;              // "cameras_json", "transforms", "poses_bounds", "orbit"
   std::vector<std::string> notes;  // assumptions made, one sentence each, for people
@@ -98,7 +98,7 @@ struct View {
 // k is at time_begin + k / fps with the cameras' frame rate, else the timeline's; there are as many
 // as both the cameras and the timeline have. A camera that has a time gives one view there, or at
 // the end of the timeline if that is earlier, and counts as being of the frame nearest to it.
-// Throws Error(L4D_ERR_INVALID_ARGUMENT) on text that is none and where nothing is selected.
+// Throws Error(L4D_ERR_INVALID_ARGUMENT) on an invalid text, and if nothing is selected.
 std::vector<View> select_views(const CameraSet& set, const ViewSelection& selection,
                                const l4d_timeline& timeline);
 

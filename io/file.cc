@@ -30,7 +30,7 @@ constexpr int kMaxIdleMilliseconds = 3000;
 }  // namespace
 
 InputFile::InputFile(const std::string& path) : path_(path) {
-  // Opening a named pipe would wait for whoever writes to it, for ever where nobody does.
+  // Opening a named pipe would wait for its writer, for ever if there is none.
   const int fd = ::open(path.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC | O_NOCTTY);
   if (fd < 0) fail(path, "cannot open", errno);
   file_.reset(::fdopen(fd, "rb"));

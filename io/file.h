@@ -21,7 +21,7 @@ struct FileCloser {
 };
 using FileHandle = std::unique_ptr<std::FILE, FileCloser>;
 
-// Sequential input of known length. A pipe has none, so it is read to its end first: whoever parses
+// Sequential input of known length. A pipe has none, so it is read to its end first: a parser
 // can then always check a count against the bytes that are left before allocating for it. A named
 // pipe that nobody opens for writing within some seconds is refused, and so are devices.
 class InputFile {
@@ -62,8 +62,8 @@ class OutputFile {
   AtomicFile file_;
 };
 
-// A file that is appended to under its name, for those who read it meanwhile. It appears with the
-// first bytes, in the place of a file that was there. Throws Error where a call fails.
+// A file that is appended to under its name, for programs that read it meanwhile. It appears with
+// the first bytes, in the place of a file that was there. Throws Error where a call fails.
 class GrowingFile {
  public:
   // Fails where another process writes the file in this way.
@@ -83,7 +83,7 @@ class GrowingFile {
   uint64_t size_ = 0;
 };
 
-// Which file a path leads to, so that two paths can be told to lead to one: its device and inode,
+// Which file a path leads to, to find out whether two paths lead to one: its device and inode,
 // or of what does not exist yet those of the folder, and the name in it.
 struct FileId {
   uint64_t device = 0, inode = 0;

@@ -56,7 +56,7 @@ Distortion distortion_of(const CameraPlace& place, const Json& object) {
   return out;
 }
 
-// What may be told of where the frames of a camera are, and of how they were taken.
+// Where the frames of a camera are, and how they were taken: all of it is optional.
 void read_frames_of(const CameraPlace& place, const Json& object, Camera* camera) {
   const auto path = [&](const char* key) {
     const std::string name = text_or(place, object, key, "");

@@ -41,7 +41,7 @@ void read_timeline(const PlyReader& reader, const ImportOptions& options, Scene&
   }
 }
 
-// Float32 times have steps; those that short-lived Gaussians notice are told of.
+// Float32 times have steps; a note reports those that matter for short-lived Gaussians.
 void note_coarse_times(Scene& scene) {
   if (!scene.mean_t_double.empty()) return;
   size_t coarse = 0;

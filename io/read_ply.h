@@ -36,7 +36,7 @@ void set_default_timeline(Scene& scene, const ImportOptions& options);
 // Placement, rendering and presentation from the l4d_* comments.
 void read_placement(const PlyReader& reader, Scene& scene);
 
-// SH degree from the number of f_rest_* properties; throws on a count that is none.
+// SH degree from the number of f_rest_* properties; throws on a count that no degree has.
 uint32_t sh_degree_of(const PlyReader& reader);
 
 // Collects where columns go, then reads them all in one pass.

@@ -14,7 +14,7 @@ std::string rendering_text(const l4d_rendering& rendering);
 std::string presentation_text(const l4d_presentation& presentation);
 
 // Changes what the text names and keeps the rest. Throws Error with L4D_ERR_INVALID_ARGUMENT on an
-// unknown name, a number that is none, and one out of its range.
+// unknown name, an invalid number, and one out of its range.
 //
 // rendering: dilation, cutoff, min_alpha, max_alpha, compensation (0 or 1).
 // presentation: playback (once, loop, ping-pong), bounds (x:y:z:x:y:z), camera

@@ -39,8 +39,8 @@ class VideoReader {
  public:
   VideoReader(const std::string& path, uint32_t width, uint32_t height);
   // From frame `range.first` on, which has that number in next() and read(). Nothing is decoded
-  // before the last key frame ahead of it. Whoever asks for another size has to know that the video
-  // has width x height pixels: only the size of what ffmpeg returns is checked.
+  // before the last key frame ahead of it. A caller that wants another size has to know that the
+  // video has width x height pixels: only the size of what ffmpeg returns is checked.
   VideoReader(const std::string& path, uint32_t width, uint32_t height, const VideoRange& range);
   ~VideoReader();
   VideoReader(VideoReader&&) noexcept;

@@ -51,7 +51,7 @@ Status check_timeline(const l4d_timeline& timeline) {
   return {};
 }
 
-// Gaussians that are told with indices have no SH of their own.
+// Gaussians with indices have no SH of their own.
 Status check_gaussians(const l4d_gaussians& g, bool indexed) {
   if (g.sh_degree > 3) return l4d::invalid_argument("sh_degree is above 3");
   if (g.count > 0 && !l4d::has_all_arrays(g, !indexed)) {

@@ -17,7 +17,7 @@ size_t round_share(size_t cameras) { return std::max<size_t>(1, cameras / kRound
 // The visibility pass ends where less than this of the light comes from Gaussians that are shown
 // for the first time.
 constexpr double kHardlyAny = 1e-4;
-// Ranks of this many Gaussians tell how well halves agree to three digits.
+// Ranks of this many Gaussians give the agreement of halves to three digits.
 constexpr size_t kMostRanked = 1 << 17;
 constexpr uint64_t kSecondHalf = uint64_t{1} << 63;
 

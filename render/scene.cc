@@ -203,7 +203,7 @@ Status slice_stream(l4d_decoder* decoder, double time, MemoryBudget& memory, uin
     return status == L4D_ERR_BUFFER_TOO_SMALL ||
            (status == L4D_OK && columns.count > out->capacity());
   };
-  // Once for most instants: there was room for as many before. Still rows stay while arrays grow.
+  // Once for most instants: as many fitted before. Still rows stay while arrays grow.
   while (status == L4D_OK && slice()) {
     status = L4D_OK;
     L4D_RETURN_IF_ERROR(out->reserve(static_cast<size_t>(columns.count), memory));

@@ -15,7 +15,8 @@ namespace l4d::render {
 // arrays of `gaussians` are borrowed.
 class Scene {
  public:
-  // Checks the scene and holds it, for those who prepare it themselves: nothing can be sliced here.
+  // Checks the scene and holds it, for callers that prepare it themselves: nothing can be sliced
+  // here.
   Status set(const l4d_gaussians& gaussians, const l4d_timeline& timeline);
   // The same, and all that slices need, which is charged to `memory`: one for the object's life.
   Status prepare(const l4d_gaussians& gaussians, const l4d_timeline& timeline, int threads,

@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Finds phrases in documents and public headers that CONTRIBUTING.md ("Prose") replaces.
+"""Finds phrases in documents, public headers and comments of sources that CONTRIBUTING.md ("Prose")
+replaces.
 
     prose.py              prints each place; exit status 1 if there is one
     prose.py --self-test  shows that each phrase is found, and plain sentences are not
@@ -21,7 +22,7 @@ PHRASES = {
     r"there (is|was) (no |not )?room|not room": ("capacity, fits", "Once there is room, it does."),
     r"(that|what|which) (is|are) none": ("an invalid ..", "A camera that is none fails."),
     r"the way back|goes back (to|through)": ("backward pass", "The way back runs in double."),
-    r"those who|whoever": ("callers, programs", "This is for those who keep buckets."),
+    r"\bthose who\b|whoever": ("callers, programs", "This is for those who keep buckets."),
     r"(be|is|are|been) held against": ("compared with", "Images are held against the reference."),
     r"no kin of|what is left of (it|them|these)": ("unrelated, residual", "It is no kin of those."),
 }
@@ -34,6 +35,30 @@ def documents():
     yield ROOT / "spec" / "l4d.md"
     yield from (p for p in sorted((ROOT / "docs").glob("*.md")) if p.name not in ("accuracy.md", "ablations.md"))
     yield from sorted((ROOT / "include" / "l4d").glob("*.h*"))
+
+
+# Strings, so that no comment begins in one, or a comment.
+COMMENT = re.compile(r'''"(?:[^"\\\n]|\\.)*"|'(?:[^'\\\n]|\\.)*'|(//[^\n]*|/\*.*?\*/)''', re.DOTALL)
+SOURCE_SUFFIXES = {".h", ".hpp", ".c", ".cc", ".inc", ".cu", ".cuh", ".js"}
+FOLDERS = ("api", "bench", "cli", "conformance", "decoder", "encoder", "eval", "examples", "io", "libl4dcodec",
+           "render", "tests", "training", "web/core", "web/spark", "web/test", "web/view", "web/wasm")
+
+
+def sources():
+    for folder in FOLDERS:
+        yield from (p for p in sorted((ROOT / folder).rglob("*"))
+                    if p.suffix in SOURCE_SUFFIXES and "node_modules" not in p.parts)
+
+
+def comments_of(text):
+    """The comments of a source, without their marks, on the lines where they are."""
+    out, end = [], 0
+    for match in COMMENT.finditer(text):
+        out.append("\n" * text.count("\n", end, match.start()))
+        comment = match.group(1) or "\n" * match.group(0).count("\n")
+        out.append(re.sub(r"^[ \t]*(//+|/\*+|\*+/?) ?|\*/", "", comment, flags=re.MULTILINE))
+        end = match.end()
+    return "".join(out)
 
 
 def prose_of(text):
@@ -55,8 +80,11 @@ def self_test():
         expected = re.search(phrase, sentence, re.IGNORECASE).group(0)
         assert places("Plain.\n" + sentence) == [(2, expected)], phrase
     assert places("Images are\nheld against it.") == [(1, "are held against")]
+    source = 'int a;  // Plain.\nconst char* b = "// Whoever";\n/* It reads\n * what is asked for. */ int whoever;\n'
+    assert places(comments_of(source)) == [(4, "what is asked for")], places(comments_of(source))
+    assert places(comments_of("// Images are\n// held against it.")) == [(1, "are held against")]
     for plain in ("The function returns the number.", "| a table | that is none |",
-                  'not "there is no room".', "```\nfor those who\n```\n", "Use `those who`."):
+                  'not "there is no room".', "```\nfor those who\n```\n", "Use `those who`.", "Those whose mask is 0."):
         assert not places(plain), plain
 
 
@@ -64,8 +92,10 @@ def main():
     if sys.argv[1:] == ["--self-test"]:
         self_test()
         return 0
+    texts = [(p, p.read_text(encoding="utf-8")) for p in documents()]
+    texts += [(p, comments_of(p.read_text(encoding="utf-8"))) for p in sources()]
     found = [f"{path.relative_to(ROOT)}:{line}: {phrase!r}: see CONTRIBUTING.md, Prose"
-             for path in documents() for line, phrase in places(path.read_text(encoding="utf-8"))]
+             for path, text in texts for line, phrase in places(text)]
     print(*found, sep="\n", end="\n" if found else "")
     return 1 if found else 0
 

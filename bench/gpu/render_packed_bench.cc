@@ -179,7 +179,7 @@ class Rendering {
   Rendering(const Rendering&) = delete;
   Rendering& operator=(const Rendering&) = delete;
 
-  // A line of the table; `expanded`, if any, is what the images are held against.
+  // A line of the table; the images are compared with those of `expanded`, if any.
   void run(const char* name, Rendering* expanded) {
     const Timing t = time_runs(kRuns, on_, [&](int k) { frame(k); });
     double largest = 0;

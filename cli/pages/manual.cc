@@ -86,7 +86,7 @@ void add_option(const ManualOption& option, const std::string& title,
   group->options.push_back(option);
 }
 
-// Whether every verb has this option: such options are told once.
+// Whether every verb has this option: such options are listed once.
 bool is_common(const CLI::App& app, const CLI::Option& option) {
   const auto verbs = app.get_subcommands(nullptr);
   return std::all_of(verbs.begin(), verbs.end(), [&](const CLI::App* verb) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How comparisons of attributes are told.
+// The text of comparisons of attributes.
 #pragma once
 
 #include <string>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How comparisons of images are told.
+// The text of comparisons of images.
 #pragma once
 
 #include <string>

@@ -54,7 +54,7 @@ struct EncodeArguments {
   }
 };
 
-// What can be told to be wrong about weights before anything is read.
+// Finds the errors in options of weights that need no input file.
 void check_importance(const EncodeArguments& arguments, const std::optional<eval::Target>& target) {
   const bool measures = arguments.measures();
   arguments.cameras.check();

@@ -23,7 +23,7 @@ struct LiveArguments {
 };
 void add_live_options(Verb* verb, LiveArguments& arguments);
 
-// How `encode` was told to code.
+// The options of `encode` that say how to code.
 struct LiveEncoding {
   const EncoderHandle& encoder;
   // Reads a piece and gives it to the encoder, with its weights; `use` may then encode.

@@ -344,7 +344,7 @@ double per_gaussian(uint64_t bytes, uint64_t gaussians) {
   return gaussians == 0 ? 0 : 8 * static_cast<double>(bytes) / static_cast<double>(gaussians);
 }
 
-// What is told of a stream, read once for all parts of the answer.
+// What `info` reports of a stream, read once for all parts of the answer.
 struct Facts {
   const SceneStream& stream;
   const Input& input;
@@ -417,7 +417,7 @@ void add_summary(const Facts& facts, Outcome& outcome) {
       "declared profile " + profile_text(info.profile) + ", level " + level_text(info.level) + "\n";
 }
 
-// Of a file of several streams; all else that is told is of the first one.
+// The members of a file of several streams; the rest of the report is of the first one.
 void add_members(const Context& context, const Facts& facts, Outcome& outcome) {
   Json& list = outcome.json["members"] = Json::array();
   outcome.json["members_rest"] = nullptr;

@@ -9,7 +9,7 @@
 
 namespace l4d::cli {
 
-// What a stream is to be held against besides the rules of the format; 0 = nothing.
+// What a stream is compared with besides the rules of the format; 0 = nothing.
 struct Claim {
   uint32_t profile = 0;
   uint32_t level = 0;

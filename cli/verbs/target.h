@@ -30,7 +30,7 @@ std::string format_figure(const eval::Target& target, double figure);
 std::optional<eval::Target> parse_target(const TargetArguments& arguments,
                                          const CameraArguments& cameras);
 
-// How encodings are decoded to be held against their scene.
+// How encodings are decoded for the comparison with their scene.
 eval::Decoding decoding_of(Context& context);
 
 struct TargetReached {

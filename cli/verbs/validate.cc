@@ -28,7 +28,7 @@ Claim parse_claim(const ValidateArguments& arguments) {
   return claim;
 }
 
-// Whether the file is signed, and by the key that was asked for; false where it is not.
+// Whether the file has a signature, and of the key of --key; false if it has none.
 bool add_signature(const ValidateArguments& arguments, const Input& input,
                    const std::optional<PublicKey>& asked, Outcome* outcome) {
   outcome->json["signature"] = Json();

@@ -100,7 +100,7 @@ class StreamCopy {
     }
     return {};
   }
-  // What the stream presents, and of that what is asked for. What is no number stays that.
+  // The presentation of the stream with the requested changes. Fields that are NaN stay NaN.
   Edit edit_of_copy() const {
     const l4d_timeline& t = header_.timeline;
     Edit edit = {t.time_begin, t.time_begin + sequence_duration(t)};

@@ -8,7 +8,7 @@ namespace l4d::cuda {
 namespace {
 
 // Geometry waits for memory, and SH for arithmetic: they go side by side. As soon as all blocks of
-// geometry are under way those of SH, which need nothing of them, begin where there is room; they
+// geometry run, those of SH, which do not depend on them, begin on idle multiprocessors; they
 // end after the last of geometry, so that whatever comes next on the stream finds both.
 __global__ void __launch_bounds__(kExpandThreads)
     geometry_kernel(const DeviceRequest request, const DeviceArrays out) {

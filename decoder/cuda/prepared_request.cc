@@ -16,7 +16,7 @@ Status PreparedRequest::prepare(const l4d_query& query, uint32_t attributes, uin
   L4D_RETURN_IF_ERROR(make_plan(file_, query, nullptr, &plan));
   const bool expands = (forms & L4D_CUDA_FORM_EXPANDED) != 0;
   const bool packs = (forms & L4D_CUDA_FORM_PACKED) != 0;
-  // Codebooks are not asked for by those who keep the indices.
+  // A caller that keeps the indices does not request codebooks.
   LayerTables::Wants wants{};
   for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
     wants[c] = expands && (attributes & component_attribute(c)) != 0;

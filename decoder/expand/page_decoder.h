@@ -41,9 +41,9 @@ class PageDecoder {
   PageDecoder(SceneFile& file, const DecodeKernels& kernels, int threads)
       : file_(file), kernels_(kernels), threads_(threads) {}
 
-  // With `lost`, pages that cannot be read or are damaged are told there and the rows they would
+  // With `lost`, pages that cannot be read or are damaged are listed there and the rows they would
   // fill stay as they are; without, one of them ends the call. A page of which the SH chunk
-  // alone cannot be had is told as such, and its rows have SH without detail.
+  // alone cannot be read is listed as such, and its rows have SH without detail.
 
   // Expands tasks [begin, end) of the plan into `out`, whose arrays hold at least
   // plan.num_gaussians.
@@ -51,7 +51,7 @@ class PageDecoder {
                 const Progress& progress, LostPages* lost);
   // The packed form; escape arrays are filled in stored order.
   Status pack(const Plan& plan, l4d_packed_buffers& out, const Progress& progress, LostPages* lost);
-  // Decodes nothing: tells which pages cannot be.
+  // Decodes nothing: lists the pages that cannot be decoded.
   Status probe(const Plan& plan, LostPages* lost);
   // Parses every page for its section bytes and rules alone.
   Status measure(const Plan& plan, SectionBytes* sections, std::vector<uint64_t>* layer_bytes);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Directory pages: read on demand, kept for the next query, shared by those who need one.
+// Directory pages: read on demand, kept for the next query, shared by all queries that need one.
 #pragma once
 
 #include <map>

@@ -33,8 +33,8 @@ class FetchedBytes {
   void limit(FetchedFor reason, uint64_t bytes);
   void clear() { blocks_.clear(); }
 
-  // Charges a block. Returns its bytes, to be filled, or null if memory does not hold them beside
-  // three times as many for those who use them.
+  // Charges a block. Returns its bytes, to be filled, or null if the budget does not hold them
+  // together with three times as many for their users.
   unsigned char* add(uint64_t offset, uint64_t n, FetchedFor reason, MemoryBudget& memory);
   void remove(uint64_t offset) { blocks_.erase(offset); }
 

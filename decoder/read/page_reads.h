@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // How the pages of a plan are read: which parts of them, in which calls, and what must hold of the
-// bytes before they are decoded. A value: whoever has it may read when and how it likes.
+// bytes before they are decoded. A value: its owner may read at any time and in any way.
 #pragma once
 
 #include <vector>
@@ -26,7 +26,7 @@ struct ChunkRun {
 class PageReads {
  public:
   void clear();
-  // The parts of a page that are wanted, of which `page` is told with each.
+  // The wanted parts of a page. Each part carries the number `page`.
   void add(const PageRecord& record, size_t page, bool with_detail);
   // After the last add(): brings the parts in the order of the file, and those into one run that
   // lie no more than `max_gap` bytes apart.

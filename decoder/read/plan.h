@@ -54,8 +54,8 @@ struct Plan {
   void clear();
 };
 
-// With `losses`, directory pages that cannot be read are told there and left out. Allocates nothing
-// where an earlier plan in *out was as large, and the directory pages are at hand.
+// With `losses`, directory pages that cannot be read are listed there and left out. Allocates
+// nothing where an earlier plan in *out was as large, and the directory pages are at hand.
 Status make_plan(SceneFile& file, const l4d_query& query, Losses* losses, Plan* out);
 
 // The ids of all Gaussians of a plan, in the order of the decoded arrays.

@@ -36,7 +36,7 @@ class BucketCache {
   bool holds(const l4d_bucket_span& span, uint32_t detail, bool with_shape) const;
   // Whether a bucket is there and nothing of it is lost.
   bool holds_whole(const l4d_bucket_span& span, uint32_t detail) const;
-  // Drops buckets that the last instant did not want, oldest first, until there is room.
+  // Drops buckets that the last instant did not want, oldest first, until `bytes` fit.
   void make_room(uint64_t bytes) { evict(bytes); }
   bool is_empty() const { return entries_.empty(); }
   void clear();
@@ -53,7 +53,7 @@ class BucketCache {
   using Entries = std::map<Key, CachedBucket>;
 
   // Which bucket serves a span. What was supplied of a bucket goes once it is cached: one in full
-  // detail then serves those who want less.
+  // detail then serves queries that want less.
   Key key_of(const l4d_bucket_span& span, uint32_t detail) const;
   // Decodes and prepares one range of a plan, whose tasks are [first_task, end_task), in the form
   // that *out says.

@@ -10,7 +10,7 @@
 namespace l4d {
 namespace {
 
-// What is asked for first. It holds headers and tables of most files.
+// The size of the first read. It holds headers and tables of most files.
 constexpr uint64_t kHeadBytes = 65536;
 // A directory of no more is read whole.
 constexpr uint64_t kMaxDirectoryBytes = 512 << 10;

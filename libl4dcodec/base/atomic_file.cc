@@ -140,7 +140,7 @@ FileError AtomicFile::open(const char* path, bool grows) {
   if (!error.ok()) return error;
   const int descriptor = descriptor_named(target_);
   if (descriptor >= 0) {
-    // Not opened anew: what is written goes on where whoever opened it stands.
+    // Not opened anew: writing goes on at the position of the descriptor.
     fd_ = ::fcntl(descriptor, F_DUPFD_CLOEXEC, STDERR_FILENO + 1);
     return fd_ < 0 ? FileError{"cannot open", errno} : FileError{};
   }

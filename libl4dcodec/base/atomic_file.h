@@ -23,7 +23,7 @@ struct FileError {
 // leaves), makes sure that it lies on the disk, and renames it. Where a symbolic link has the name,
 // what the link leads to is written, whether that exists or not.
 //
-// A process that is killed leaves its temporary file. Whoever writes a file of that name next
+// A process that is killed leaves its temporary file. The next writer of a file of that name
 // removes it: a writer holds a lock on its temporary file, and the lock dies with the process.
 //
 // What is no regular file (a device, a pipe) and what is open already (/dev/stdout, /dev/fd/3) is

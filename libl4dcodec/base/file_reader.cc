@@ -73,7 +73,7 @@ void FileReader::close() {
 
 Status FileReader::open(const char* path) {
   close();
-  // Without waiting for whoever writes to a named pipe: that has no size, and is refused then.
+  // Without waiting for the writer of a named pipe: that has no size, and is refused then.
   file_ = ::open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK);
   return file_ < 0 ? cannot_open(path, std::strerror(errno)) : Status();
 }

@@ -76,7 +76,7 @@ void forget(MemoryBudget& budget, std::vector<T>* v) {
 }
 
 // Gives `v` n elements and keeps those that it has. While a larger array is filled from the old
-// one, both are charged. Where there is room the array is somewhat larger than asked for, so that a
+// one, both are charged. If the budget allows, the array is somewhat larger than `n`, so that a
 // number that rises slowly does not move it each time.
 template <typename T>
 Status grow(MemoryBudget& budget, std::vector<T>* v, size_t n, const char* what) {

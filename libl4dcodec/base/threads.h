@@ -27,7 +27,7 @@ inline int resolve_threads(int threads) {
 
 // Runs work() on `workers` threads, the caller's among them, and returns when all have ended. It
 // must not throw. Threads are made for the call: that costs some 20 us each, asks for no state
-// between calls, and nobody waits in a loop that takes the core from whoever works
+// between calls, and no thread waits in a loop that takes the core from one that works
 // (docs/decisions/0005).
 template <typename Work>
 void run_workers(int workers, const Work& work) {

@@ -56,7 +56,7 @@ size_t first_detail_channel(const SceneHeader& header, const std::vector<Channel
 // as there are channels; 0 where it has no such pages.
 uint64_t most_symbols(const SceneHeader& header, const LayerHeader& layer);
 
-// Whether a layer's codings can be told in rans32 pages: raw float32 columns cannot.
+// Whether rans32 pages can hold a layer's codings: they cannot hold raw float32 columns.
 bool rans_codable(const SceneHeader& header, const LayerHeader& layer);
 
 // The tables of a layer.

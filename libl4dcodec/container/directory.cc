@@ -21,7 +21,7 @@ fbs::ChunkRef to_fbs(const ChunkRef& c) {
   return fbs::ChunkRef(c.offset, c.hash, c.stored_bytes, c.raw_bytes, c.codec, 0);
 }
 
-// From the payload to the file. What comes out is held against the file's size when it is read.
+// From the payload to the file. The reader compares the result with the file's size.
 Status make_absolute(const SceneHeader& header, uint64_t base, ChunkRef* chunk) {
   if (checked_add(header.payload_offset, chunk->offset, &chunk->offset)) return {};
   return Status(L4D_ERR_TRUNCATED, "CHNK-1", base, "an offset beyond every file");

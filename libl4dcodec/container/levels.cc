@@ -23,7 +23,7 @@ constexpr LevelLimits kLevels[kNumConformanceLevels] = {
      512000000, 256000000},
 };
 
-// Tells what a profile forbids: the first such thing is kept.
+// The first property of a stream that a profile forbids.
 class Violation {
  public:
   void raw(bool is_raw, const std::string& what) { note(is_raw, what, "is raw32"); }

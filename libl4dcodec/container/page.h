@@ -39,7 +39,7 @@ struct ComponentColumns {
 // All columns of a page. Buffers are reused from page to page: sizes only grow, n counts.
 struct PageColumns {
   size_t n = 0;
-  uint64_t symbols = 0;  // that rANS has told, of the channels wanted
+  uint64_t symbols = 0;  // that rANS has coded, of the wanted channels
   // False: SH is what the base chunk of a rans32 page holds, coefficients below the base or
   // nothing.
   bool sh_detail = true;

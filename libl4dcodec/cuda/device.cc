@@ -20,7 +20,7 @@ std::string capability(int major, int minor) {
 }  // namespace
 
 Status device_error(cudaError_t error, const char* what) {
-  // A failed launch or allocation is told once; leaving it would make the next call fail for it.
+  // A failed launch or allocation is reported once; if it stayed, the next call would fail for it.
   static_cast<void>(cudaGetLastError());
   const l4d_status code =
       error == cudaErrorMemoryAllocation ? L4D_ERR_OUT_OF_MEMORY : L4D_ERR_DEVICE;

@@ -235,8 +235,8 @@ class Implementation : public DeviceRenderer {
     has_attributes_ = false;
     views_.reset();
   }
-  // Renders until there is room for all, and waits. rest(): what is to be launched after the frame;
-  // what comes of frames without room must do no harm.
+  // Renders until all instances fit, and waits. rest(): what is to be launched after the frame;
+  // it must do no harm after frames that lack instances.
   template <class Rest>
   Status whole_frame(double time, const l4d_camera& camera, const float* background, bool backward,
                      const ImageTarget& target, bool backward_capacity, DeviceFrameStats* stats,

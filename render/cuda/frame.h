@@ -47,7 +47,7 @@ struct FrameMemory {
 };
 
 #ifdef __CUDACC__
-// Whether there was room for all of the frame.
+// Whether all of the frame fitted.
 __device__ inline bool is_whole(const FrameMemory& memory) {
   return memory.slice_counts->wanted <= memory.max_visible &&
          memory.counts->wanted <= memory.max_instances;
@@ -59,7 +59,7 @@ struct FrameInput {
   double time;  // seconds from the middle of the sequence
   uint32_t sh_degree;
   bool half_sh;
-  bool backward;  // instances are told by their emission
+  bool backward;  // instances are identified by the order of their emission
   float background[3];
   int columns, rows;  // of tiles
   SortDigits depth_digits, tile_digits;

@@ -8,7 +8,7 @@
 namespace l4d::render {
 namespace {
 
-// Pairs of tile and Gaussian that there is room for before anything is known.
+// The first capacity for pairs of tile and Gaussian, before anything is known.
 constexpr uint64_t kFirstInstances = 1u << 20;
 constexpr uint64_t kMostFirstInstances = 1u << 24;
 

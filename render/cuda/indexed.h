@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Rows whose SH is told by indices of codewords: from arrays as a decoder leaves them to resident
+// Rows whose SH is given by indices of codewords: from arrays as a decoder leaves them to resident
 // slots.
 #pragma once
 

@@ -27,7 +27,7 @@ struct Chunk {
 };
 constexpr uint32_t kChunkSlots = 1024;
 
-// SH codebooks of slots that are told by indices.
+// SH codebooks of slots whose SH is given by indices.
 struct ShCodebookTable {
   uint32_t num_stages;  // 0: slots hold coefficients
   uint32_t entries[L4D_MAX_STAGES];

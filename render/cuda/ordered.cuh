@@ -32,8 +32,8 @@ __device__ inline uint32_t sum_of_warp(uint32_t value) {
 #endif
 }
 
-// The number of the block's piece of work. Numbers are taken in order, so whoever waits for a lower
-// one waits for a block that runs.
+// The number of the block's piece of work. Numbers are taken in order, so a block that waits for a
+// lower one waits for a block that runs.
 __device__ inline uint32_t take_ticket(uint32_t* counter) {
   __shared__ uint32_t ticket;
   __syncthreads();  // of the call before

@@ -13,7 +13,7 @@ namespace l4d::render {
 // What was counted in the last frame.
 struct FrameStats {
   uint32_t visible, projected, instances;
-  bool overflow;  // the frame lacks something: there was not room for all
+  bool overflow;  // the frame lacks something that did not fit
   uint32_t required_visible, required_instances;
   // LIMIT_EXCEEDED where it does.
   Status check_whole() const;

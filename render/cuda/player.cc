@@ -305,7 +305,7 @@ void Player::work() {
     Status status = device;
     if (status.ok()) status = load(window);
     lock.lock();
-    // What fails ahead of its time fails again when it is wanted, and is told then.
+    // What fails ahead of its time fails again when it is wanted, and is reported then.
     if (ahead_ == window) ahead_.reset();
     if (urgent_ == window) {
       urgent_.reset();

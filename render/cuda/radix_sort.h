@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // A stable radix sort of pairs whose number only the device knows: one pass over memory per digit,
-// each piece learning from those before it where its keys go. Whoever makes the keys counts their
+// each piece learning from those before it where its keys go. The maker of the keys counts their
 // digits.
 #pragma once
 

@@ -28,7 +28,7 @@ struct StorePlace {
   uint32_t first = 0;
   uint32_t first_id = 0;    // ids are the Gaussians' numbers plus this
   double origin = 0;        // slots count time from here, in the clock of the Gaussians
-  double chunk_origin = 0;  // what is told of `chunks`: ResidentGaussians.origin
+  double chunk_origin = 0;  // of `chunks`, for ResidentGaussians.origin
 };
 #ifdef __CUDACC__
 __device__ inline uint32_t gaussian_of(const StorePlace& place, uint32_t at) {

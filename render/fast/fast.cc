@@ -38,7 +38,7 @@ class Watch {
   Clock::time_point begin_;
 };
 
-// Lists of splats by tile take no more than this at a time, whatever else there is room for: with
+// Lists of splats by tile take no more than this at a time, even if more would fit: with
 // larger ones a band of the image is made after the other, for a pass over the splats' boxes each.
 constexpr uint64_t kBandBytes = uint64_t{256} << 20;
 

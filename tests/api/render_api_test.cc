@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The renderer's C API: NULL, wrong moments, older structs, cameras that are none, and what the
+// The renderer's C API: NULL, wrong moments, older structs, invalid cameras, and what the
 // error message says.
 #include <gtest/gtest.h>
 

@@ -145,7 +145,7 @@ TEST(Conformance, ADamagedDirectoryIsNoAnswer) {
   l4d_stream_demand c;
   l4d_stream_demand_init(&c);
   EXPECT_EQ(l4d_decoder_get_stream_demand(d.get(), &c), L4D_ERR_CHECKSUM);
-  // It is told once, and not held against the level.
+  // It is reported once, and does not count against the level.
   for (const Violation& v : validate(bytes))
     EXPECT_EQ(v.clause.rfind("LEVL", 0), std::string::npos);
 }

@@ -135,7 +135,7 @@ TEST(ShDetail, WithoutABaseShIsTheOriginOrNothing) {
   EXPECT_NE(all.depth[L4D_COMPONENT_SH], depth);
 }
 
-// Ranges of a file, and a reader that tells how much of them it has been asked for, or fails there.
+// Ranges of a file, and a reader that counts how much of them is requested, or fails there.
 struct WatchedReader {
   const Bytes& file;
   std::vector<std::pair<uint64_t, uint64_t>> ranges;  // begin, end

@@ -74,7 +74,7 @@ TEST(ReaderFaults, EveryCallOfEveryFunction) {
 
 // ---- progress ----------------------------------------------------------------------------------
 
-// Says stop at one call, and remembers what it was told.
+// Says stop at one call, and remembers the arguments.
 struct Stop {
   int at = -1;
   int calls = 0;

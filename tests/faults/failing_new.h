@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// operator new of this program, which fails when it is told to. (zstd contexts use malloc and are
+// operator new of this program, which fails on request. (zstd contexts use malloc and are
 // not seen.)
 #pragma once
 

@@ -24,7 +24,7 @@ struct Reader {
     ++self.calls;
     if (event == 1) return -1;
     if (event == 2) return 0;
-    if (event == 3) return static_cast<int64_t>(n) + 1;  // more than there is room for
+    if (event == 3) return static_cast<int64_t>(n) + 1;  // more than fits
     if (offset >= self.file.size()) return 0;
     n = std::min({n, size_t{1} + self.control[1] * size_t{self.control[1]},
                   self.file.size() - static_cast<size_t>(offset)});

@@ -65,7 +65,7 @@ struct DeviceResult {
   l4d_status status = L4D_OK;  // of the first call that failed
   std::string detail;
   l4d_cuda_request request{};
-  GaussianArrays arrays;  // what was asked for, as the device left it
+  GaussianArrays arrays;  // the requested ones, as the device left them
 };
 
 class DeviceDecoding {

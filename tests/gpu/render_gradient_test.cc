@@ -221,8 +221,8 @@ TEST(DeviceImportance, MeasuresWithL4dMeasure) {
   EXPECT_NEAR(static_cast<double>(unseen[1]), static_cast<double>(unseen[0]), 10);
 }
 
-// l4d_measure_importance has two views under way at a time, with more instances than there is room
-// for at first, and adds them up as one by one.
+// l4d_measure_importance has two views under way at a time, with more instances than fit
+// at first, and adds them up as one by one.
 TEST(DeviceImportance, ViewsUnderWayTogetherAddUpAsOneByOne) {
   L4D_SKIP_WITHOUT_DEVICE();
   io::Scene scene = synth(40000, 6);

@@ -351,7 +351,7 @@ TEST(Amplification, PackedPlanes) {
   EXPECT_EQ(cost_of(editor.build(), 256 * kMiB, Use::kSlice).status, L4D_ERR_CORRUPT);
 }
 
-// Whole pages under zstd: raw_bytes is held against what n Gaussians can take.
+// Whole pages under zstd: raw_bytes is compared with what n Gaussians can take.
 TEST(Amplification, PackedPage) {
   StreamEditor editor = one_page();
   editor.header.sh.escapes = true;

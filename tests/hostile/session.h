@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Everything a player does with a stream from a stranger, under tight limits, in arrays that are
-// made once: so that what the library allocates can be told from what the caller does.
+// made once, so that a test sees which allocations are the library's.
 #pragma once
 
 #include <cstdint>

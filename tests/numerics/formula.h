@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The table of formulas: what the library computes, what it is held against, and how far it may be
+// The table of formulas: what the library computes, what it is compared with, and how far it may be
 // off. One test checks every entry; docs/numerics.md is made of the same entries.
 #pragma once
 

@@ -61,7 +61,7 @@ void for_needles(double length, const Body& body) {
       a = random.normal();
       norm += a * a;
     }
-    // A line segment with hardly any width: the dilation is what is left of it.
+    // A line segment with hardly any width: only the dilation remains.
     const double sigma = length / 1000 * 5 * random.log_uniform(1e-2, 1.0);
     const double width = sigma * 1e-6;
     float covariance[6];

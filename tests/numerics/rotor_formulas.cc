@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Rotors: normalisation, the matrix, and the way back.
+// Rotors: normalisation, the matrix, and its inverse.
 #include <algorithm>
 #include <cmath>
 

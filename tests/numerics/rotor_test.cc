@@ -48,7 +48,7 @@ TEST(RotorWithoutDirection, OneHalfAlone) {
     for (int k = 0; k < 8; ++k) rotor[k] = static_cast<float>(wide[k]);
     const RotorHalves<float> raw = halves_of_rotor(rotor);
     const float* lost = i % 2 == 0 ? raw.a : raw.b;
-    // What is left of it after rounding to binary32 may be longer than the limit.
+    // Its residual after rounding to binary32 may be longer than the limit.
     if (dot4(lost, lost) >= kMinHalfNorm2) continue;
     normalize_rotor(rotor, out);
     const RotorHalves<float> unit = normalized_halves(rotor);

@@ -43,7 +43,7 @@ Real norm2(const Real* row) {
 }
 
 // What the slice is defined as, with the floor of the temporal variance. *ratio: how much longer
-// the part of the rows along m_t is than what is left of them.
+// the part of the rows along m_t is than the rest of them.
 void exact_covariance(const Rows& r, Real* covariance, Real* ratio) {
   const Real* t = r.wide + 12;
   const Real variance = std::max(norm2(t), Real(kMinTemporalVariance));

@@ -59,7 +59,7 @@ uint32_t count_images(const io::Camera& camera, uint32_t most, bool tolerant,
   return most;
 }
 
-// Frames of the camera, its frame rate, and what ends it; checks what can be told without decoding.
+// Frames of the camera, its frame rate, and what ends it; checks what needs no decoding.
 uint32_t look_at(const std::string& path, const io::Camera& camera, const io::CameraSet& set,
                  bool tolerant, double* fps, std::string* end) {
   const uint32_t most = set.frames != 0 ? set.frames : UINT32_MAX;

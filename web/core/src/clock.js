@@ -12,7 +12,7 @@ export class Clock {
     this.rate = 1;
     /** What comes after the end. @type {'once' | 'loop' | 'ping-pong'} */
     this.playback = 'once';
-    this.direction = 1;  // -1: on the way back of ping-pong
+    this.direction = 1;  // -1: backwards in ping-pong
     this.paused = true;
     this.stalled = false;
     /** @type {HTMLMediaElement | null} */

@@ -139,7 +139,7 @@ export class Decoder {
   #call(name, ...args) {
     this.store.misses.length = 0;
     const status = this.wasm[`l4dw_${name}`](this.handle, ...args);
-    // A tolerant decoder goes on without what it cannot read: that is asked for all the same.
+    // A tolerant decoder goes on without what it cannot read: the reader fetches that all the same.
     if (this.store.misses.length > 0) return undefined;
     if (status !== 0) {
       throw L4DError.fromStatus(this.#text(this.wasm.l4dw_status_name(status)),

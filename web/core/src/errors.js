@@ -47,7 +47,7 @@ export class L4DError extends Error {
   }
 }
 
-/** Of an answer that is none of the file. @param {string} url @param {number} status */
+/** The error for an answer without bytes of the file. @param {string} url @param {number} status */
 export const statusError = (url, status) => {
   if (status >= 500) return new L4DError('NETWORK', `${url}: status ${status}`);
   if (status === 404 || status === 410) return new L4DError('NOT_FOUND', `${url}: status ${status}; check the address`);

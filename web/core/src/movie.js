@@ -37,7 +37,7 @@ import {frameOfTime} from './timeline.js';
  * @property {number} [cacheBytes] of the file, kept in memory for later (256 MiB); what the present instant needs stays whatever
  *   it is, and so does a file whose server knows no ranges
  * @property {number} [maxRows] Gaussians held for showing, each bucket rounded up to 256 (2^21)
- * @property {boolean} [tolerant] show what is left of a damaged stream (true); `losses` and event 'loss' tell what is not
+ * @property {boolean} [tolerant] show the intact rest of a damaged stream (true); `losses` and event 'loss' name what it lacks
  * @property {Record<string, string>} [headers] of requests
  * @property {RequestCredentials} [credentials] of requests
  * @property {boolean} [playlist] of several streams (whether the path of the URL ends with .m3u8)
@@ -122,7 +122,7 @@ export class Movie extends Emitter {
     this.statistics = {bytes: 0, throughput: 0, rows: 0, lost: 0, requests: 0, decodeSeconds: 0, memoryBytes: 0};
     /** What can be shown: from when until when, and up to which tier in which detail. */
     this.ready = {from: 0, until: 0, detail: 'none', tier: 0};
-    /** Whether what was asked for last failed: no more of it comes. */
+    /** Whether the last request failed: no more of it comes. */
     this.hasFailed = false;
     /** @type {{id: number, resolve: () => void, reject: (reason: any) => void} | null} */
     this.seeking = null;
@@ -203,7 +203,7 @@ export class Movie extends Emitter {
   }
   get loop() { return this.playback === 'loop'; }
   set loop(loop) { this.playback = loop ? 'loop' : 'once'; }
-  /** What comes after the end. 'ping-pong': the way back. @returns {'once' | 'loop' | 'ping-pong'} */
+  /** What comes after the end. 'ping-pong': all of it backwards. @returns {'once' | 'loop' | 'ping-pong'} */
   get playback() { return this.clock?.playback ?? 'once'; }
   set playback(playback) {
     if (!['once', 'loop', 'ping-pong'].includes(playback)) throw invalid(`playback is once, loop or ping-pong, not ${playback}`);
@@ -329,7 +329,7 @@ export class Movie extends Emitter {
   /** Brings `statistics` up to date, which events 'progress' do a few times a second. */
   async refreshStatistics() { this.statistics = await this.#call('statistics', {}); }
 
-  /** Called by the clock: fetch ahead of `time`, on the way back also before it. @param {number} time */
+  /** Called by the clock: fetch ahead of `time`, backwards in ping-pong also before it. @param {number} time */
   advance(time) {
     const back = (this.clock?.direction ?? 1) < 0 ? 3 * Math.max(1, Math.abs(this.rate)) : 0;
     this.#want(Math.max(time - back, this.timeBegin), false);

@@ -13,7 +13,7 @@ const mostOpen = 12;       // members that are open beside those that are wanted
 const mostStages = 16;     // media members ahead
 const leastAhead = 4;      // seconds of the lowest rung, before higher ones are fetched while it plays
 const mostFailures = 5;    // of a playlist, one after the other
-const mostTransfers = 8;   // that a session that is new is told of
+const mostTransfers = 8;   // that a new session is given
 
 /** @typedef {import('./session.js').Goal} Goal */
 /** @typedef {import('./playlist.js').Member} Member */
@@ -495,7 +495,7 @@ export class Presentation {
     }
   }
 
-  /** Tells what has come, at most five times a second. */
+  /** Reports what has come, at most five times a second. */
   #progress(always = false) {
     const now = performance.now();
     if (!always && now - this.lastProgress < 200) return;

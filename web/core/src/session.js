@@ -40,7 +40,7 @@ export class Session {
    * @param {{cacheBytes?: number, maxRows?: number, tolerant?: boolean, maxMemoryBytes?: number, acceptNeeds?: boolean,
    *   room?: (rows: number) => void, onIdle?: () => void,
    *   onTransfer?: (sent: number, first: number, last: number, bytes: number) => void}} [options]
-   * room: is told before so many rows come; onIdle: nothing is left to fetch; onTransfer: measures the link instead
+   * room: is called before so many rows come; onIdle: nothing is left to fetch; onTransfer: measures the link instead
    */
   constructor(module, source, post, options = {}) {
     this.module = module;
@@ -69,7 +69,7 @@ export class Session {
     this.end = 0;
     this.lastProgress = 0;
     this.decodeSeconds = 0;
-    /** @type {Set<string>} parts of the stream that have been told to be lost */
+    /** @type {Set<string>} parts of the stream that have been reported as lost */
     this.lost = new Set();
   }
 
@@ -88,7 +88,7 @@ export class Session {
 
   /** @param {AbortSignal} signal */
   async #open(signal) {
-    // Whoever compiles it is told where it fails, whatever the source does meanwhile.
+    // The caller that compiles the module reports its errors, whatever the source does meanwhile.
     const [module] = await Promise.all([this.module, this.fetcher.open(signal)]);
     // Its own cache has nothing to do with that of the file.
     const {cacheBytes, ...options} = this.options;
@@ -347,7 +347,7 @@ export class Session {
       if (this.fetcher.missingBytes(pages) <= most) await this.fetcher.fetch(pages, signal);
       this.hasIndex = true;
     } catch (error) {
-      // Nobody has asked for it: who does is told.
+      // Nobody has requested it yet: a later request reports the error.
       if (/** @type {any} */ (error)?.name === 'AbortError') throw error;
     }
   }
@@ -391,7 +391,7 @@ export class Session {
     await fetching;
   }
 
-  /** Tells what a call of the decoder has lost, if it is new. @template T @param {T} result of the call @returns {T} */
+  /** Reports what a call of the decoder has lost, if it is new. @template T @param {T} result of the call @returns {T} */
   #telling(result) {
     if (result === undefined) return result;
     const losses = this.decoder.losses().filter(({code, layer, bucket, offset, detailOnly}) => {
@@ -416,7 +416,7 @@ export class Session {
     }
   }
 
-  /** Tells what has come, at most five times a second. */
+  /** Reports what has come, at most five times a second. */
   #progress(always = false) {
     const now = performance.now();
     if (!always && now - this.lastProgress < 200) return;

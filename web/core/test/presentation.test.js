@@ -128,7 +128,7 @@ for (const name of ['members', 'joined']) {
       assert.ok(wanted > 0 && Math.abs(visible(p, time) - wanted) <= Math.max(2, wanted * 1e-3), `${visible(p, time)} of ${wanted} at ${time} s`);
     }
     assert.deepEqual(p.of('error'), []);
-    // A view is told of what it has no room for, before it comes.
+    // A view knows what does not fit, before it comes.
     if (name === 'joined') assert.equal(p.of('info').at(-1)?.info.shDegree, 3);
     for (const rows of p.of('rows').slice(-3)) assert.equal(rows.shStride, 48);
     // Read ahead ends, and then all is quiet.

@@ -46,7 +46,7 @@ export class L4DSplats extends SplatGenerator {
     movie.refresh();
   }
 
-  /** Buckets for which there was no room (`maxRows` of `open`). */
+  /** Buckets that did not fit (`maxRows` of `open`). */
   get missing() { return this.refused.size; }
 
   /** Takes it out of its scene and frees its textures. */

@@ -27,7 +27,7 @@ export class RowTextures {
     this.free.sort((a, b) => b - a);
   }
 
-  /** Takes a bucket in; false where there is no room. @param {import('l4dcodec').BucketRows} rows */
+  /** Takes a bucket in; false if it does not fit. @param {import('l4dcodec').BucketRows} rows */
   add(rows) {
     this.remove(rows.key);
     const count = Math.ceil(rows.count / rowsPerLine);

@@ -32,7 +32,7 @@ export const rendered = (stream, camera, time, [width, height]) => {
   return readFileSync(png).toString('base64');
 };
 
-/** The example with a stream, which draws when it is told to. @param {any} browser @param {string} url */
+/** The example with a stream, which draws on request. @param {any} browser @param {string} url */
 export const openExample = async (browser, url) => {
   const page = await newPage(browser, {viewport: {width: 320, height: 240}});
   await page.goto(url, {waitUntil: 'commit', timeout: 120000});

@@ -97,7 +97,7 @@ export class L4DPlayer extends MediaElement {
     this.unload();
     this.source = source;
     const opening = this.opening = this.#load(source, this.loading.signal);
-    opening.catch(() => {});  // shown, whoever waits for it
+    opening.catch(() => {});  // shown, even if nobody waits for it
     return opening;
   }
 

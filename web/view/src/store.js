@@ -26,7 +26,7 @@ export class RowTextures extends RowLines {
     return texture;
   }
 
-  /** Uploads a bucket; null where there is no room. @param {import('l4dcodec').BucketRows} rows */
+  /** Uploads a bucket; null if it does not fit. @param {import('l4dcodec').BucketRows} rows */
   add(rows) {
     const lines = this.take(rows);
     if (!lines) return null;
