@@ -12,7 +12,7 @@ import re
 import sys
 import tempfile
 
-ROOT = pathlib.Path(__file__).resolve().parent.parent
+ROOT = pathlib.Path(__file__).resolve().parents[2]
 
 # Layer -> layers it may include, besides itself. A layer is a folder, or a single header that is so
 # basic that its folder's rank does not matter. A file belongs to the longest matching name.
@@ -149,7 +149,7 @@ def check_file(path, text):
     """Yields one message per forbidden include of the file at the root-relative `path`."""
     layer = layer_of(path)
     if layer is None:
-        yield f"{path}: lies in no layer of tests/layering.py"
+        yield f"{path}: lies in no layer of tests/source/layering.py"
         return
     for number, line in enumerate(text.splitlines(), start=1):
         match = INCLUDE.match(line)

@@ -14,7 +14,7 @@ import re
 import statistics
 import sys
 
-ROOT = pathlib.Path(__file__).resolve().parent.parent
+ROOT = pathlib.Path(__file__).resolve().parents[2]
 FOLDERS = ("include", "libl4dcodec", "decoder", "encoder", "api", "render", "io", "eval", "cli",
            "training", "bench")
 SUFFIXES = {".h", ".hpp", ".cc", ".cu", ".cuh"}

@@ -13,7 +13,7 @@ import pathlib
 import re
 import sys
 
-ROOT = pathlib.Path(__file__).resolve().parent.parent
+ROOT = pathlib.Path(__file__).resolve().parents[2]
 # Phrase -> what to write, and a sentence with the phrase.
 PHRASES = {
     r"(is|are|was|were|be|been|as) told": ("reports, states", "The number is told by finish."),

@@ -7,7 +7,7 @@
 set -euo pipefail
 nvcc=${1:?"usage: architectures.sh NVCC BUILD_DIR"}
 build=${2:?"usage: architectures.sh NVCC BUILD_DIR"}
-root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
+root=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 
