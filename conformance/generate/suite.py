@@ -194,12 +194,7 @@ def document(vectors, entries):
 
 
 def text(document_):
-    """JSON with one vector to a paragraph and one query to a line."""
-    head = {k: v for k, v in document_.items() if k != "vectors"}
-    lines = ["{"] + [f"  {json.dumps(k)}: {json.dumps(v)}," for k, v in head.items()] + ['  "vectors": [']
-    rows = []
-    for v in document_["vectors"]:
-        fields = [f"     {json.dumps(k)}: {json.dumps(x)}" for k, x in v.items() if k != "queries"]
-        queries = ",\n".join(f"       {json.dumps(q)}" for q in v["queries"])
-        rows.append("    {\n" + ",\n".join(fields) + ',\n     "queries": [\n' + queries + "]}")
-    return "\n".join(lines) + "\n" + ",\n".join(rows) + "\n  ]\n}\n"
+    """JSON with a vector to a line."""
+    head = [f" {json.dumps(k)}: {json.dumps(v)}" for k, v in document_.items() if k != "vectors"]
+    vectors = ",\n".join("  " + json.dumps(v) for v in document_["vectors"])
+    return "{\n" + ",\n".join(head + [' "vectors": [\n' + vectors + "\n ]"]) + "\n}\n"
