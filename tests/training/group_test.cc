@@ -6,6 +6,7 @@
 #include <new>
 
 #include "l4d/l4d.hpp"
+#include "tests/training/host_exchange.h"
 #include "tests/training/tiny_capture.h"
 #include "training/init/start.h"
 #include "training/model/state_hash.h"
@@ -31,7 +32,7 @@ Members cpu_members(size_t count) {
   return members;
 }
 std::unique_ptr<Backend> cpu_group(size_t count) {
-  return make_group_backend(cpu_members(count), make_host_exchange(2));
+  return make_group_backend(cpu_members(count), test::make_host_exchange(2));
 }
 
 class GroupTest : public testing::Test {
@@ -210,7 +211,7 @@ TEST_F(GroupTest, SumsAreThoseOfOneBackEnd) {
       members[k]->render_views(in, views_of_member(views, k, count));
       sums.push_back(members[k]->sums());
     }
-    make_host_exchange(2)->add_up(sums);
+    test::make_host_exchange(2)->add_up(sums);
     const StepSums expected = one[0]->sums();
     ASSERT_EQ(expected.arrays.size(), 11U);
     for (size_t a = 0; a < expected.arrays.size(); ++a) {
@@ -308,7 +309,7 @@ TEST_F(GroupTest, AMemberThatFailsEndsTheStep) {
     auto owned = std::make_unique<Faulty>();
     Faulty* const faulty = owned.get();
     members[which] = std::move(owned);
-    const auto group = make_group_backend(std::move(members), make_host_exchange(1));
+    const auto group = make_group_backend(std::move(members), test::make_host_exchange(1));
     const auto sound = cpu_group(3);
     group->load(start(), capture_.timeline());
     sound->load(start(), capture_.timeline());
@@ -328,7 +329,7 @@ TEST_F(GroupTest, NoticesModelsThatComeApart) {
   auto owned = std::make_unique<Faulty>();
   Faulty* const faulty = owned.get();
   members[1] = std::move(owned);
-  const auto group = make_group_backend(std::move(members), make_host_exchange(1));
+  const auto group = make_group_backend(std::move(members), test::make_host_exchange(1));
   group->load(start(), capture_.timeline());
   group->step(input(4));
   EXPECT_NO_THROW(group->save());
@@ -343,7 +344,9 @@ TEST_F(GroupTest, NoticesModelsThatComeApart) {
   }
 }
 
-TEST(Group, NeedsAMember) { EXPECT_THROW(make_group_backend({}, make_host_exchange(1)), Error); }
+TEST(Group, NeedsAMember) {
+  EXPECT_THROW(make_group_backend({}, test::make_host_exchange(1)), Error);
+}
 
 }  // namespace
 }  // namespace l4d::train

@@ -293,7 +293,6 @@ class CpuBackend final : public PhasedBackend {
     const size_t pixels = size_t{view.camera.width} * view.camera.height;
     slot->image.resize(3 * pixels);
     slot->rgb_gradient.resize(3 * pixels);
-    slot->factors.resize(9 * pixels);
     slot->renderer.render(view.camera, slot->image.data());
     clock.ends(kRender);
 
@@ -311,6 +310,7 @@ class CpuBackend final : public PhasedBackend {
       loss.exposure = slot->exposure.data();
     }
     slot->exposure_gradient.fill(0);
+    slot->factors.resize(loss_factors_size(loss));
     slot->sums = loss_forward(loss, slot->factors.data());
     const double weight = 1.0 / static_cast<double>(input.views.size());
     loss_backward(loss, slot->factors.data(), slot->sums, weight, slot->rgb_gradient.data(),

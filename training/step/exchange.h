@@ -18,7 +18,4 @@ class Exchange {
   virtual void add_up(const std::vector<StepSums>& members) = 0;
 };
 
-// Of members on the host. threads: 0 = one per core; never changes the result.
-std::unique_ptr<Exchange> make_host_exchange(uint32_t threads);
-
 }  // namespace l4d::train

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "libl4dcodec/base/threads.h"
-#include "training/step/exchange.h"
+#include "tests/training/host_exchange.h"
 
-namespace l4d::train {
+#include "libl4dcodec/base/threads.h"
+
+namespace l4d::train::test {
 namespace {
 
 constexpr size_t kRowGrain = 4096;
@@ -67,4 +68,4 @@ std::unique_ptr<Exchange> make_host_exchange(uint32_t threads) {
   return std::make_unique<HostExchange>(threads);
 }
 
-}  // namespace l4d::train
+}  // namespace l4d::train::test
