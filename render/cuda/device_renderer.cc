@@ -8,7 +8,6 @@
 #include "libl4dcodec/base/checked.h"
 #include "libl4dcodec/scene/prepare.h"
 #include "render/cuda/in_flight_views.h"
-#include "render/cuda/pipeline.h"
 
 namespace l4d::render {
 namespace {
@@ -39,7 +38,7 @@ class Implementation : public DeviceRenderer {
   explicit Implementation(const DeviceRendererOptions& options) : options_(options) {}
   Status create() {
     L4D_RETURN_IF_ERROR(l4d::cuda::use_device(options_.device));
-    return pipeline_.create();
+    return frame_.create();
   }
   ~Implementation() override { static_cast<void>(use()); }
 
@@ -72,8 +71,8 @@ class Implementation : public DeviceRenderer {
     forget_scene();
     const size_t n = static_cast<size_t>(gaussians.count);
     L4D_RETURN_IF_ERROR(
-        pipeline_.reserve_slots(n, gaussians.sh_degree, options_.half_sh, sequence_of(timeline)));
-    L4D_RETURN_IF_ERROR(pipeline_.store_scene(gaussians, nullptr));
+        reserve_store(n, gaussians.sh_degree, options_.half_sh, sequence_of(timeline)));
+    L4D_RETURN_IF_ERROR(store_.store_scene(gaussians, nullptr));
     gaussians_ = gaussians;
     has_attributes_ = true;
     return {};
@@ -104,7 +103,7 @@ class Implementation : public DeviceRenderer {
       L4D_RETURN_IF_CUDA_ERROR(
           cudaMemcpy(image.alpha, target.alpha, pixels * sizeof(float), cudaMemcpyDeviceToHost));
     }
-    return pipeline_.stage_seconds(stats->seconds);
+    return frame_.pass_seconds(stats->seconds);
   }
 
   Status backward(double time, const l4d_camera& camera, const float* background,
@@ -131,43 +130,43 @@ class Implementation : public DeviceRenderer {
   Status reserve_slots(uint64_t slots, uint32_t sh_degree, const l4d_timeline& timeline) override {
     L4D_RETURN_IF_ERROR(use());
     forget_scene();
-    if (pipeline_.sh_codebooks().empty()) {
-      return pipeline_.reserve_slots(static_cast<size_t>(slots), sh_degree, options_.half_sh,
-                                     sequence_of(timeline));
+    const size_t n = static_cast<size_t>(slots);
+    if (store_.codebooks().empty()) {
+      return reserve_store(n, sh_degree, options_.half_sh, sequence_of(timeline));
     }
-    if (sh_degree != pipeline_.sh_codebooks().degree()) {
+    if (sh_degree != store_.codebooks().degree()) {
       return invalid_argument("the codebooks are of other SH degree");
     }
-    return pipeline_.reserve_indexed_slots(static_cast<size_t>(slots), sequence_of(timeline));
+    return reserve_indices(n, sequence_of(timeline));
   }
   Status store_gaussians(uint32_t first, const l4d_gaussians& gaussians,
                          const l4d_cuda_sh_indices* indices, void* stream) override {
     L4D_RETURN_IF_ERROR(use());
-    return pipeline_.store(gaussians, indices, first, first, static_cast<cudaStream_t>(stream));
+    return store_.store(gaussians, indices, first, first, static_cast<cudaStream_t>(stream));
   }
   Status set_sh_codebooks(const l4d_codebook* codebooks, uint32_t count) override {
     L4D_RETURN_IF_ERROR(use());
-    return pipeline_.set_sh_codebooks(codebooks, count, options_.half_sh);
+    return store_.set_codebooks(codebooks, count, options_.half_sh);
   }
   Status set_indexed_gaussians(const l4d_gaussians& gaussians, const l4d_cuda_sh_indices& indices,
                                const l4d_timeline& timeline) override {
     L4D_RETURN_IF_ERROR(use());
     forget_scene();
     const size_t n = static_cast<size_t>(gaussians.count);
-    L4D_RETURN_IF_ERROR(pipeline_.reserve_indexed_slots(n, sequence_of(timeline)));
-    L4D_RETURN_IF_ERROR(pipeline_.reserve_escapes(indices.num_escapes));
-    return pipeline_.store_scene(gaussians, &indices);
+    L4D_RETURN_IF_ERROR(reserve_indices(n, sequence_of(timeline)));
+    L4D_RETURN_IF_ERROR(store_.reserve_escapes(indices.num_escapes));
+    return store_.store_scene(gaussians, &indices);
   }
   Status reserve_escapes(uint64_t escapes) override {
     L4D_RETURN_IF_ERROR(use());
-    return pipeline_.reserve_escapes(escapes);
+    return store_.reserve_escapes(escapes);
   }
   Status set_batches(const SlotRange* ranges, uint32_t count, void* stream) override {
     L4D_RETURN_IF_ERROR(use());
     std::vector<Batch> batches(count);
     for (uint32_t s = 0; s < count; ++s)
       batches[s] = {ranges[s].first, ranges[s].count, ranges[s].motion};
-    return pipeline_.set_batches(batches.data(), count, static_cast<cudaStream_t>(stream));
+    return store_.set_batches(batches.data(), count, static_cast<cudaStream_t>(stream));
   }
   Status reserve(uint32_t width, uint32_t height, uint64_t visible, uint64_t instances,
                  bool backward) override {
@@ -178,13 +177,14 @@ class Implementation : public DeviceRenderer {
     capacity.visible = saturate32(visible);
     capacity.instances = saturate32(instances);
     capacity.backward = backward;
-    return pipeline_.reserve(capacity);
+    L4D_RETURN_IF_ERROR(back_.reserve(capacity, &frame_));
+    return frame_.reserve_slices(store_);
   }
   Status launch(double time, const l4d_camera& camera, const float* background,
                 const DeviceImage& image, void* stream) override {
     L4D_RETURN_IF_ERROR(use());
-    return pipeline_.render(time, camera, background, false, {image.rgb, image.alpha, image.rgba8},
-                            static_cast<cudaStream_t>(stream));
+    return frame_.draw(store_, time, camera, background, false,
+                       {image.rgb, image.alpha, image.rgba8}, static_cast<cudaStream_t>(stream));
   }
   Status launch_backward(double time, const l4d_camera& camera, const float* background,
                          const DeviceImage& image, const float* rgb_gradient,
@@ -198,13 +198,12 @@ class Implementation : public DeviceRenderer {
     }
     const auto on = static_cast<cudaStream_t>(stream);
     ImageTarget target{image.rgb, image.alpha, image.rgba8};
-    if (target.rgb == nullptr) target.rgb = pipeline_.scratch_image();
-    L4D_RETURN_IF_ERROR(pipeline_.render(time, camera, background, true, target, on));
+    if (target.rgb == nullptr) target.rgb = back_.scratch_image();
+    L4D_RETURN_IF_ERROR(frame_.draw(store_, time, camera, background, true, target, on));
     const BackwardTask task{Upstream::kGiven, rgb_gradient, 0, target.rgb};
-    L4D_RETURN_IF_ERROR(pipeline_.backward(task, on));
-    launch_gradients(gradient_input(pipeline_, gaussians_, time, camera), task,
-                     pipeline_.resident(), pipeline_.memory(), pipeline_.back_memory(), gradients,
-                     {}, on);
+    L4D_RETURN_IF_ERROR(back_.run(&frame_, task, on));
+    launch_gradients(gradient_input(store_, gaussians_, time, camera), task, store_.resident(),
+                     frame_.memory(), back_.memory(), gradients, {}, on);
     L4D_RETURN_IF_CUDA_ERROR(cudaGetLastError());
     return {};
   }
@@ -212,24 +211,41 @@ class Implementation : public DeviceRenderer {
                uint64_t* required_instances) override {
     L4D_RETURN_IF_ERROR(use());
     FrameStats f;
-    L4D_RETURN_IF_ERROR(pipeline_.stats(static_cast<cudaStream_t>(stream), &f));
+    L4D_RETURN_IF_ERROR(frame_.stats(static_cast<cudaStream_t>(stream), &f));
     out->visible = f.visible;
     out->projected = f.projected;
     out->instances = f.instances;
     *required_visible = f.required_visible;
     *required_instances = f.required_instances;
-    L4D_RETURN_IF_ERROR(pipeline_.stage_seconds(out->seconds));
+    L4D_RETURN_IF_ERROR(frame_.pass_seconds(out->seconds));
     return f.check_whole();
   }
   Status time_passes() override {
     L4D_RETURN_IF_ERROR(use());
-    return pipeline_.time_passes();
+    return frame_.time_passes();
   }
 
  private:
   Status use() const {
     L4D_RETURN_IF_CUDA_ERROR(cudaSetDevice(options_.device));
     return {};
+  }
+  Status reserve_store(size_t slots, uint32_t sh_degree, bool half_sh, const Sequence& sequence) {
+    StoreShape shape;
+    shape.slots = slots;
+    shape.sequence = sequence;
+    shape.sh_degree = sh_degree;
+    shape.half_sh = half_sh;
+    L4D_RETURN_IF_ERROR(store_.reserve(shape));
+    return frame_.reserve_slices(store_);
+  }
+  Status reserve_indices(size_t slots, const Sequence& sequence) {
+    StoreShape shape;
+    shape.slots = slots;
+    shape.sequence = sequence;
+    shape.sh = StoredSh::kIndices;
+    L4D_RETURN_IF_ERROR(store_.reserve(shape));
+    return frame_.reserve_slices(store_);
   }
   void forget_scene() {
     has_attributes_ = false;
@@ -243,7 +259,9 @@ class Implementation : public DeviceRenderer {
                      const Rest& rest);
 
   DeviceRendererOptions options_;
-  DevicePipeline pipeline_;
+  SceneStore store_;
+  DeviceFrame frame_;
+  BackwardPass back_;
   bool has_attributes_ = false;
   l4d_gaussians gaussians_{};  // device arrays
   cuda::DeviceMemory double_times_;
@@ -258,16 +276,16 @@ template <class Rest>
 Status Implementation::whole_frame(double time, const l4d_camera& camera, const float* background,
                                    bool backward, const ImageTarget& target, bool backward_capacity,
                                    DeviceFrameStats* stats, const Rest& rest) {
-  FrameCapacity capacity = first_capacity(pipeline_, camera, backward_capacity);
+  FrameCapacity capacity = first_capacity(store_, camera, backward_capacity);
   FrameStats f{};
   do {
-    L4D_RETURN_IF_ERROR(pipeline_.reserve(capacity));
+    L4D_RETURN_IF_ERROR(back_.reserve(capacity, &frame_));
     ImageTarget into = target;
-    if (backward && into.rgb == nullptr) into.rgb = pipeline_.scratch_image();
-    L4D_RETURN_IF_ERROR(pipeline_.render(time, camera, background, backward, into, nullptr));
+    if (backward && into.rgb == nullptr) into.rgb = back_.scratch_image();
+    L4D_RETURN_IF_ERROR(frame_.draw(store_, time, camera, background, backward, into, nullptr));
     L4D_RETURN_IF_ERROR(rest());
     L4D_RETURN_IF_CUDA_ERROR(cudaGetLastError());
-    L4D_RETURN_IF_ERROR(pipeline_.stats(nullptr, &f));
+    L4D_RETURN_IF_ERROR(frame_.stats(nullptr, &f));
     if (f.overflow) capacity = more_capacity(capacity, f);
   } while (f.overflow);
   stats->visible = f.visible;
@@ -280,8 +298,8 @@ Status Implementation::set_splats(const HostSplats& splats) {
   L4D_RETURN_IF_ERROR(use());
   forget_scene();
   const size_t n = splats.count;
-  L4D_RETURN_IF_ERROR(pipeline_.reserve_slots(n, splats.sh_degree, false, {0, 0}));
-  const ResidentGaussians& slots = pipeline_.resident();
+  L4D_RETURN_IF_ERROR(reserve_store(n, splats.sh_degree, false, {0, 0}));
+  const ResidentGaussians& slots = store_.resident();
   const size_t numbers = size_t{3} * sh_terms(splats.sh_degree);
   const size_t stride = sh_stride(splats.sh_degree, false);
   L4D_RETURN_IF_ERROR(staging_.reserve(std::max<size_t>(n, 1) * stride * sizeof(float)));
@@ -320,7 +338,7 @@ Status Implementation::set_splats(const HostSplats& splats) {
   for (size_t i = 0; i < n; ++i) ids[i] = static_cast<uint32_t>(i);
   L4D_RETURN_IF_ERROR(send(slots.id, n * sizeof(uint32_t)));
   const Batch all{0, static_cast<uint32_t>(n), kStill};
-  return pipeline_.set_batches(&all, n > 0 ? 1 : 0, nullptr);
+  return store_.set_batches(&all, n > 0 ? 1 : 0, nullptr);
 }
 
 Status Implementation::backward(double time, const l4d_camera& camera, const float* background,
@@ -347,11 +365,10 @@ Status Implementation::backward(double time, const l4d_camera& camera, const flo
       *gradients, out);
   L4D_RETURN_IF_ERROR(status);
   const auto backward = [&]() -> Status {
-    const BackwardTask task{Upstream::kGiven, upstream_.as<float>(), 0, pipeline_.scratch_image()};
-    L4D_RETURN_IF_ERROR(pipeline_.backward(task, nullptr));
-    launch_gradients(gradient_input(pipeline_, gaussians_, time, camera), task,
-                     pipeline_.resident(), pipeline_.memory(), pipeline_.back_memory(), out, {},
-                     nullptr);
+    const BackwardTask task{Upstream::kGiven, upstream_.as<float>(), 0, back_.scratch_image()};
+    L4D_RETURN_IF_ERROR(back_.run(&frame_, task, nullptr));
+    launch_gradients(gradient_input(store_, gaussians_, time, camera), task, store_.resident(),
+                     frame_.memory(), back_.memory(), out, {}, nullptr);
     return {};
   };
   L4D_RETURN_IF_ERROR(whole_frame(time, camera, background, true, {}, true, stats, backward));
@@ -362,7 +379,7 @@ Status Implementation::backward(double time, const l4d_camera& camera, const flo
       },
       *gradients, out);
   L4D_RETURN_IF_ERROR(status);
-  return pipeline_.stage_seconds(stats->seconds);
+  return frame_.pass_seconds(stats->seconds);
 }
 
 Status Implementation::add_importance(double time, const l4d_camera& camera, bool squared,
@@ -374,7 +391,7 @@ Status Implementation::add_importance(double time, const l4d_camera& camera, boo
   if (stats == nullptr) {
     if (views_ == nullptr) {
       auto views = std::make_unique<InFlightViews>();
-      L4D_RETURN_IF_ERROR(views->create(pipeline_, gaussians_));
+      L4D_RETURN_IF_ERROR(views->create(store_, gaussians_));
       views_ = std::move(views);
     }
     return views_->add(view);
@@ -382,7 +399,7 @@ Status Implementation::add_importance(double time, const l4d_camera& camera, boo
   L4D_RETURN_IF_ERROR(finish_importance());
   const float black[3] = {0, 0, 0};
   return whole_frame(time, camera, black, !visibility_only, {}, true, stats, [&]() -> Status {
-    return launch_view_sums(&pipeline_, gaussians_, view, nullptr, nullptr);
+    return launch_view_sums(store_, gaussians_, view, nullptr, nullptr, &frame_, &back_);
   });
 }
 

@@ -72,6 +72,13 @@ inline int tile_bits(int tiles) {
   return bits;
 }
 
+// Tiles of an image.
+inline size_t image_tiles(int width, int height) {
+  const int columns = (width + kTileWidth - 1) / kTileWidth;
+  const int rows = (height + kTileHeight - 1) / kTileHeight;
+  return static_cast<size_t>(columns) * static_cast<size_t>(rows);
+}
+
 // Rows of the chunks that are visible at the time, in order.
 void launch_slice(const ResidentGaussians& rows, const Chunk* chunks, uint32_t num_chunks,
                   double time, const FrameMemory& memory, cudaStream_t stream);

@@ -14,16 +14,15 @@ constexpr uint64_t kMostFirstInstances = 1u << 24;
 
 }  // namespace
 
-GradientInput gradient_input(const DevicePipeline& pipeline, const l4d_gaussians& gaussians,
-                             double time, const l4d_camera& camera) {
-  const Sequence& s = pipeline.sequence();
+GradientInput gradient_input(const SceneStore& store, const l4d_gaussians& gaussians, double time,
+                             const l4d_camera& camera) {
+  const Sequence& s = store.sequence();
   return {gaussians, make_view<double>(camera), s, std::min(std::max(time, s.begin), s.end),
           3 * sh_terms(gaussians.sh_degree)};
 }
 
-FrameCapacity first_capacity(const DevicePipeline& pipeline, const l4d_camera& camera,
-                             bool backward) {
-  const uint64_t slots = pipeline.slots();
+FrameCapacity first_capacity(const SceneStore& store, const l4d_camera& camera, bool backward) {
+  const uint64_t slots = store.slots();
   FrameCapacity capacity;
   capacity.width = static_cast<int>(camera.width);
   capacity.height = static_cast<int>(camera.height);
@@ -40,36 +39,36 @@ FrameCapacity more_capacity(FrameCapacity capacity, const FrameStats& stats) {
   return capacity;
 }
 
-Status launch_view_sums(DevicePipeline* pipeline, const l4d_gaussians& gaussians,
-                        const ImportanceView& view, cudaEvent_t after, cudaStream_t stream) {
+Status launch_view_sums(const SceneStore& store, const l4d_gaussians& gaussians,
+                        const ImportanceView& view, cudaEvent_t after, cudaStream_t stream,
+                        DeviceFrame* frame, BackwardPass* back) {
   const auto await = [&]() -> Status {
     if (after != nullptr) L4D_RETURN_IF_CUDA_ERROR(cudaStreamWaitEvent(stream, after));
     return {};
   };
   const ImportanceSums& sums = view.sums->sums();
   if (view.visibility_only) {
-    L4D_RETURN_IF_ERROR(pipeline->cover(stream));
+    L4D_RETURN_IF_ERROR(back->cover(frame, stream));
     L4D_RETURN_IF_ERROR(await());
-    launch_visible_only(pipeline->resident(), pipeline->memory(), pipeline->coverage(), sums,
-                        stream);
+    launch_visible_only(store.resident(), frame->memory(), back->coverage(), sums, stream);
   } else {
     const Upstream upstream = view.squared ? Upstream::kSigns : Upstream::kOnes;
-    const BackwardTask task{upstream, nullptr, view.signs, pipeline->scratch_image()};
-    L4D_RETURN_IF_ERROR(pipeline->backward(task, stream));
+    const BackwardTask task{upstream, nullptr, view.signs, back->scratch_image()};
+    L4D_RETURN_IF_ERROR(back->run(frame, task, stream));
     L4D_RETURN_IF_ERROR(await());
-    launch_importance(gradient_input(*pipeline, gaussians, view.time, view.camera), task,
-                      view.squared, pipeline->resident(), pipeline->memory(),
-                      pipeline->back_memory(), sums, stream);
+    launch_importance(gradient_input(store, gaussians, view.time, view.camera), task, view.squared,
+                      store.resident(), frame->memory(), back->memory(), sums, stream);
   }
   L4D_RETURN_IF_CUDA_ERROR(cudaGetLastError());
   return {};
 }
 
-Status InFlightViews::create(const DevicePipeline& scene, const l4d_gaussians& gaussians) {
+Status InFlightViews::create(const SceneStore& store, const l4d_gaussians& gaussians) {
+  store_ = &store;
   gaussians_ = gaussians;
   for (InFlight& pending : views_) {
-    L4D_RETURN_IF_ERROR(pending.pipeline.create());
-    L4D_RETURN_IF_ERROR(pending.pipeline.share_slots(scene));
+    L4D_RETURN_IF_ERROR(pending.frame.create());
+    L4D_RETURN_IF_ERROR(pending.frame.reserve_slices(store));
     L4D_RETURN_IF_CUDA_ERROR(cudaStreamCreateWithFlags(&pending.stream, cudaStreamNonBlocking));
     L4D_RETURN_IF_CUDA_ERROR(cudaEventCreateWithFlags(&pending.added, cudaEventDisableTiming));
   }
@@ -89,17 +88,16 @@ InFlightViews::~InFlightViews() {
 
 Status InFlightViews::launch(size_t which) {
   InFlight& pending = views_[which];
-  DevicePipeline& pipeline = pending.pipeline;
-  L4D_RETURN_IF_ERROR(pipeline.reserve(pending.capacity));
+  L4D_RETURN_IF_ERROR(pending.back.reserve(pending.capacity, &pending.frame));
   ImageTarget target{};
-  if (!pending.view.visibility_only) target.rgb = pipeline.scratch_image();
+  if (!pending.view.visibility_only) target.rgb = pending.back.scratch_image();
   const float black[3] = {0, 0, 0};
-  L4D_RETURN_IF_ERROR(pipeline.render(pending.view.time, pending.view.camera, black,
-                                      !pending.view.visibility_only, target, pending.stream));
+  L4D_RETURN_IF_ERROR(pending.frame.draw(*store_, pending.view.time, pending.view.camera, black,
+                                         !pending.view.visibility_only, target, pending.stream));
   // Sums are changed by one view at a time.
   const InFlight& other = views_[(which + 1) % kInFlight];
-  L4D_RETURN_IF_ERROR(
-      launch_view_sums(&pipeline, gaussians_, pending.view, other.added, pending.stream));
+  L4D_RETURN_IF_ERROR(launch_view_sums(*store_, gaussians_, pending.view, other.added,
+                                       pending.stream, &pending.frame, &pending.back));
   L4D_RETURN_IF_CUDA_ERROR(cudaEventRecord(pending.added, pending.stream));
   return {};
 }
@@ -110,7 +108,7 @@ Status InFlightViews::finish(size_t which) {
     // Whatever comes of it, the view is not tried for ever.
     pending.busy = false;
     FrameStats stats{};
-    L4D_RETURN_IF_ERROR(pending.pipeline.stats(pending.stream, &stats));
+    L4D_RETURN_IF_ERROR(pending.frame.stats(pending.stream, &stats));
     if (!stats.overflow) break;
     // Without room for all it has added nothing.
     pending.capacity = more_capacity(pending.capacity, stats);
@@ -126,7 +124,7 @@ Status InFlightViews::add(const ImportanceView& view) {
   L4D_RETURN_IF_ERROR(finish(which));
   InFlight& pending = views_[which];
   const uint32_t needed_before = pending.capacity.instances;
-  pending.capacity = first_capacity(pending.pipeline, view.camera, true);
+  pending.capacity = first_capacity(*store_, view.camera, true);
   pending.capacity.instances = std::max(pending.capacity.instances, needed_before);
   pending.view = view;
   L4D_RETURN_IF_ERROR(launch(which));

@@ -3,8 +3,8 @@
 // small kernels of both share the device.
 #pragma once
 
+#include "render/cuda/backward_pass.h"
 #include "render/cuda/importance.h"
-#include "render/cuda/pipeline.h"
 
 namespace l4d::render {
 
@@ -19,24 +19,24 @@ struct ImportanceView {
 };
 
 // The attributes of a scene on the device as a view needs them.
-GradientInput gradient_input(const DevicePipeline& pipeline, const l4d_gaussians& gaussians,
-                             double time, const l4d_camera& camera);
+GradientInput gradient_input(const SceneStore& store, const l4d_gaussians& gaussians, double time,
+                             const l4d_camera& camera);
 
-// After DevicePipeline::render() of the view: adds what it shows, once `after` has passed, which
-// may be NULL.
-Status launch_view_sums(DevicePipeline* pipeline, const l4d_gaussians& gaussians,
-                        const ImportanceView& view, cudaEvent_t after, cudaStream_t stream);
+// After DeviceFrame::draw() of the view: adds what it shows, once `after` has passed, which may be
+// NULL.
+Status launch_view_sums(const SceneStore& store, const l4d_gaussians& gaussians,
+                        const ImportanceView& view, cudaEvent_t after, cudaStream_t stream,
+                        DeviceFrame* frame, BackwardPass* back);
 
 // The room to try a frame of the camera with, where nothing is known of it, and after that one.
-FrameCapacity first_capacity(const DevicePipeline& pipeline, const l4d_camera& camera,
-                             bool backward);
+FrameCapacity first_capacity(const SceneStore& store, const l4d_camera& camera, bool backward);
 FrameCapacity more_capacity(FrameCapacity capacity, const FrameStats& stats);
 
 class InFlightViews {
  public:
-  // Views of the scene that `scene` holds and `gaussians`, device arrays, describes: both stay as
+  // Views of the scene that `store` has and `gaussians`, device arrays, describes: both stay as
   // they are as long as there are views.
-  Status create(const DevicePipeline& scene, const l4d_gaussians& gaussians);
+  Status create(const SceneStore& store, const l4d_gaussians& gaussians);
   InFlightViews() = default;
   ~InFlightViews();
   InFlightViews(const InFlightViews&) = delete;
@@ -50,7 +50,8 @@ class InFlightViews {
  private:
   static constexpr size_t kInFlight = 2;
   struct InFlight {
-    DevicePipeline pipeline;
+    DeviceFrame frame;
+    BackwardPass back;
     cudaStream_t stream = nullptr;
     cudaEvent_t added = nullptr;
     ImportanceView view{};
@@ -60,6 +61,7 @@ class InFlightViews {
   Status launch(size_t which);
   Status finish(size_t which);
 
+  const SceneStore* store_ = nullptr;
   l4d_gaussians gaussians_{};
   InFlight views_[kInFlight];
   size_t turn_ = 0;

@@ -1,26 +1,27 @@
 // SPDX-License-Identifier: Apache-2.0
-// Each view of a forward has a pipeline and a stream of its own, so that kernels that do not fill
+// Each view of a forward has a frame and a stream of its own, so that kernels that do not fill
 // the device share it; events order them after what was launched before, and what is launched
 // after behind them.
 #include <algorithm>
 
+#include "render/cuda/backward_pass.h"
 #include "render/cuda/device_live.h"
 #include "render/cuda/in_flight_views.h"
 #include "render/cuda/live.h"
-#include "render/cuda/pipeline.h"
 
 namespace l4d::render {
 namespace {
 
 // A view of a forward, and what its backward pass goes on from.
 struct Lane {
-  DevicePipeline pipeline;
+  DeviceFrame frame;
+  BackwardPass back;
   cudaStream_t stream = nullptr;  // of lane 0: the caller's
   cudaEvent_t sliced = nullptr, rendered = nullptr, added = nullptr;
   LiveView view{};
 
   Status create(bool own_stream) {
-    L4D_RETURN_IF_ERROR(pipeline.create());
+    L4D_RETURN_IF_ERROR(frame.create());
     if (own_stream) {
       L4D_RETURN_IF_CUDA_ERROR(cudaStreamCreateWithFlags(&stream, cudaStreamNonBlocking));
     }
@@ -45,7 +46,6 @@ class Live : public DeviceLive {
   Status create(int device) {
     device_ = device;
     L4D_RETURN_IF_ERROR(l4d::cuda::use_device(device));
-    L4D_RETURN_IF_ERROR(store_.create());
     L4D_RETURN_IF_ERROR(counts_.reserve(sizeof(LiveCounts)));
     L4D_RETURN_IF_ERROR(report_.reserve(sizeof(LiveCounts)));
     for (cudaEvent_t* event : {&begin_, &copied_}) {
@@ -67,14 +67,19 @@ class Live : public DeviceLive {
     state_ = kNothing;
     has_copy_ = false;
     L4D_RETURN_IF_CUDA_ERROR(cudaDeviceSynchronize());
-    L4D_RETURN_IF_ERROR(
-        store_.reserve_live_slots(static_cast<size_t>(gaussians.count), sequence_of(timeline)));
+    StoreShape shape;
+    shape.slots = static_cast<size_t>(gaussians.count);
+    shape.sequence = sequence_of(timeline);
+    shape.sh = StoredSh::kExternal;
+    L4D_RETURN_IF_ERROR(store_.reserve(shape));
+    const Batch all{0, static_cast<uint32_t>(shape.slots), kMoving};
+    L4D_RETURN_IF_ERROR(store_.set_batches(&all, shape.slots > 0 ? 1 : 0, nullptr));
     L4D_RETURN_IF_CUDA_ERROR(cudaMemset(counts_.data(), 0, sizeof(LiveCounts)));
     gaussians_ = gaussians;
     rows_ = rows;
     degree_ = gaussians.sh_degree;
     has_scene_ = true;
-    L4D_RETURN_IF_ERROR(share_slots());
+    L4D_RETURN_IF_ERROR(show_scene());
     L4D_RETURN_IF_CUDA_ERROR(cudaDeviceSynchronize());
     return {};
   }
@@ -85,14 +90,14 @@ class Live : public DeviceLive {
     }
     state_ = std::min(state_, kRefreshed);
     degree_ = degree;
-    return share_slots();
+    return show_scene();
   }
   Status refresh(void* stream) override {
     L4D_RETURN_IF_ERROR(use());
     if (!has_scene_) return Status(L4D_ERR_INVALID_STATE, "there is no scene");
     launch_refresh(gaussians_, rows_.count, store_.sequence(), store_.resident(), counts(),
                    static_cast<cudaStream_t>(stream));
-    for (const auto& lane : lanes_) lane->pipeline.forget_slice();
+    store_.touch();
     L4D_RETURN_IF_CUDA_ERROR(cudaGetLastError());
     state_ = kRefreshed;
     return {};
@@ -111,13 +116,15 @@ class Live : public DeviceLive {
       auto lane = std::make_unique<Lane>();
       L4D_RETURN_IF_ERROR(lane->create(!lanes_.empty()));
       if (!lanes_.empty()) {
-        L4D_RETURN_IF_ERROR(lane->pipeline.reserve(lanes_[0]->pipeline.capacity()));
+        L4D_RETURN_IF_ERROR(lane->back.reserve(lanes_[0]->frame.capacity(), &lane->frame));
       }
-      if (timed_) L4D_RETURN_IF_ERROR(lane->pipeline.time_passes());
+      if (timed_) L4D_RETURN_IF_ERROR(lane->frame.time_passes());
       lanes_.push_back(std::move(lane));
     }
-    for (const auto& lane : lanes_) L4D_RETURN_IF_ERROR(lane->pipeline.reserve(capacity));
-    return has_scene_ ? share_slots() : Status();
+    for (const auto& lane : lanes_) {
+      L4D_RETURN_IF_ERROR(lane->back.reserve(capacity, &lane->frame));
+    }
+    return has_scene_ ? show_scene() : Status();
   }
 
   Status forward(const std::vector<LiveView>& views, void* stream) override;
@@ -155,13 +162,13 @@ class Live : public DeviceLive {
     out->projected = c.projected;
     out->instances = c.instances;
     // Times of passes are known once all of them have run.
-    if (timed_ && state_ >= kWentForward) return lanes_[0]->pipeline.stage_seconds(out->seconds);
+    if (timed_ && state_ >= kWentForward) return lanes_[0]->frame.pass_seconds(out->seconds);
     return {};
   }
   Status time_passes() override {
     L4D_RETURN_IF_ERROR(use());
     timed_ = true;
-    for (const auto& lane : lanes_) L4D_RETURN_IF_ERROR(lane->pipeline.time_passes());
+    for (const auto& lane : lanes_) L4D_RETURN_IF_ERROR(lane->frame.time_passes());
     return {};
   }
 
@@ -174,9 +181,10 @@ class Live : public DeviceLive {
     return {};
   }
   LiveCounts* counts() const { return counts_.as<LiveCounts>(); }
-  Status share_slots() {
-    store_.set_live_sh(gaussians_.sh, rows_.sh_stride, degree_);
-    for (const auto& lane : lanes_) L4D_RETURN_IF_ERROR(lane->pipeline.share_slots(store_));
+  // The store, and what lanes need to slice it, so that forward() only launches.
+  Status show_scene() {
+    store_.set_external_sh(gaussians_.sh, rows_.sh_stride, degree_);
+    for (const auto& lane : lanes_) L4D_RETURN_IF_ERROR(lane->frame.reserve_slices(store_));
     return {};
   }
   cudaStream_t stream_of(size_t lane, void* callers) const {
@@ -193,7 +201,7 @@ class Live : public DeviceLive {
   Status render(size_t lane, size_t leader, cudaStream_t stream);
 
   int device_ = 0;
-  DevicePipeline store_;  // has the slots, and no frames
+  SceneStore store_;
   std::vector<std::unique_ptr<Lane>> lanes_;
   cuda::DeviceMemory counts_;
   cuda::PinnedMemory report_;
@@ -210,12 +218,12 @@ class Live : public DeviceLive {
 Status Live::render(size_t lane, size_t leader, cudaStream_t stream) {
   Lane& own = *lanes_[lane];
   const LiveView& v = own.view;
-  const SliceSharing sharing{leader == lane ? nullptr : &lanes_[leader]->pipeline,
+  const SliceSharing sharing{leader == lane ? nullptr : &lanes_[leader]->frame,
                              lanes_[leader]->sliced};
   const ImageTarget target{v.rgb, v.alpha, nullptr};
   L4D_RETURN_IF_ERROR(
-      own.pipeline.render(v.time, v.camera, v.background, true, target, stream, sharing));
-  launch_note_view(own.pipeline.memory(), lane == 0, counts(), rows_.overflow, stream);
+      own.frame.draw(store_, v.time, v.camera, v.background, true, target, stream, sharing));
+  launch_note_view(own.frame.memory(), lane == 0, counts(), rows_.overflow, stream);
   L4D_RETURN_IF_CUDA_ERROR(cudaGetLastError());
   return {};
 }
@@ -227,7 +235,7 @@ Status Live::forward(const std::vector<LiveView>& views, void* stream) {
     return Status(L4D_ERR_INVALID_STATE, "fewer views are reserved");
   }
   for (const LiveView& v : views) {
-    const FrameCapacity& room = lanes_[0]->pipeline.capacity();
+    const FrameCapacity& room = lanes_[0]->frame.capacity();
     if (static_cast<int>(v.camera.width) > room.width ||
         static_cast<int>(v.camera.height) > room.height) {
       return Status(L4D_ERR_INVALID_STATE, "the reserved image size is too small for a view");
@@ -268,16 +276,15 @@ Status Live::backward(const std::vector<l4d_cuda_live_loss>& losses, const l4d_g
   L4D_RETURN_IF_ERROR(fork(losses.size(), stream));
   for (size_t v = 0; v < losses.size(); ++v) {
     Lane& lane = *lanes_[v];
-    DevicePipeline& pipeline = lane.pipeline;
     const cudaStream_t on = stream_of(v, stream);
     BackwardTask task{Upstream::kGiven, losses[v].rgb_gradient, 0, lane.view.rgb};
     task.error = s.error_coverage == nullptr ? nullptr : losses[v].error;
-    L4D_RETURN_IF_ERROR(pipeline.backward(task, on));
+    L4D_RETURN_IF_ERROR(lane.back.run(&lane.frame, task, on));
     // One view after the other adds to the caller's arrays.
     if (v > 0) L4D_RETURN_IF_CUDA_ERROR(cudaStreamWaitEvent(on, lanes_[v - 1]->added));
-    GradientInput input = gradient_input(pipeline, shown, lane.view.time, lane.view.camera);
+    GradientInput input = gradient_input(store_, shown, lane.view.time, lane.view.camera);
     input.sh_stride = rows_.sh_stride;
-    launch_gradients(input, task, pipeline.resident(), pipeline.memory(), pipeline.back_memory(),
+    launch_gradients(input, task, store_.resident(), lane.frame.memory(), lane.back.memory(),
                      gradients, statistics, on);
     L4D_RETURN_IF_CUDA_ERROR(cudaGetLastError());
     L4D_RETURN_IF_CUDA_ERROR(cudaEventRecord(lane.added, on));

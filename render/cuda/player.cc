@@ -12,8 +12,8 @@
 #include "libl4dcodec/scene/rendering.h"
 #include "render/bucket_cache.h"
 #include "render/cuda/bucket_loader.h"
+#include "render/cuda/device_frame.h"
 #include "render/cuda/device_player.h"
-#include "render/cuda/pipeline.h"
 
 namespace l4d::render {
 namespace {
@@ -56,6 +56,8 @@ class Player final : public DevicePlayer {
   double clamped(double time) const {
     return std::min(std::max(time, sequence_.begin), sequence_.end);
   }
+  // Reserves a store of so many chunks, which keeps what it has.
+  Status reserve_chunks(uint32_t chunks);
   uint32_t window_of(double time) const;
   uint32_t ahead_of(uint32_t window) const;
 
@@ -87,7 +89,8 @@ class Player final : public DevicePlayer {
   mutable std::mutex mutex_;
   std::condition_variable to_loader_, to_caller_;
   BucketLoader loader_;  // of the loading thread alone, once it runs
-  DevicePipeline pipeline_;
+  SceneStore store_;
+  DeviceFrame frame_;
   BucketCache cache_;
   std::map<uint32_t, Plan> plans_;
   std::optional<uint32_t> shown_, urgent_, ahead_;
@@ -116,7 +119,7 @@ Player::~Player() {
 Status Player::create() {
   L4D_RETURN_IF_ERROR(cuda::use_device(static_cast<int>(options_.device)));
   L4D_RETURN_IF_ERROR(loader_.create());
-  L4D_RETURN_IF_ERROR(pipeline_.create());
+  L4D_RETURN_IF_ERROR(frame_.create());
   l4d_info info;
   l4d_info_init(&info);
   if (l4d_decoder_get_info(decoder_, &info) != L4D_OK) {
@@ -148,17 +151,28 @@ Status Player::create() {
   L4D_RETURN_IF_CUDA_ERROR(cudaEventCreateWithFlags(&passed_, cudaEventDisableTiming));
   L4D_RETURN_IF_CUDA_ERROR(cudaEventCreateWithFlags(&listed_, cudaEventDisableTiming));
   // Tells the size of slots; a budget takes its store at once.
-  L4D_RETURN_IF_ERROR(pipeline_.reserve_chunks(0, sh_degree_, half_sh(), sequence_));
-  const uint64_t chunk_bytes = kChunkSlots * pipeline_.row_bytes();
+  L4D_RETURN_IF_ERROR(reserve_chunks(0));
+  const uint64_t chunk_bytes = kChunkSlots * store_.slot_bytes();
   if (options_.memory_bytes > 0) {
     const uint32_t chunks = static_cast<uint32_t>(
         std::min<uint64_t>(options_.memory_bytes / chunk_bytes, kSlotMask / kChunkSlots));
     if (chunks == 0) return Status(L4D_ERR_LIMIT_EXCEEDED, "memory_bytes holds no Gaussians");
-    L4D_RETURN_IF_ERROR(pipeline_.reserve_chunks(chunks, sh_degree_, half_sh(), sequence_));
+    L4D_RETURN_IF_ERROR(reserve_chunks(chunks));
     cache_.grow(chunks);
   }
   thread_ = std::thread([this] { work(); });
   return {};
+}
+
+Status Player::reserve_chunks(uint32_t chunks) {
+  StoreShape shape;
+  shape.slots = size_t{chunks} * kChunkSlots;
+  shape.sequence = sequence_;
+  shape.sh_degree = sh_degree_;
+  shape.half_sh = half_sh();
+  shape.chunk_clocks = true;
+  L4D_RETURN_IF_ERROR(store_.reserve(shape));
+  return frame_.reserve_slices(store_);
 }
 
 uint32_t Player::window_of(double time) const {
@@ -175,7 +189,7 @@ Status Player::reserve(uint32_t width, uint32_t height, uint64_t instances) {
   capacity.width = static_cast<int>(width);
   capacity.height = static_cast<int>(height);
   capacity.instances = saturate32(instances);
-  return pipeline_.reserve(capacity);
+  return frame_.reserve(capacity);
 }
 
 bool Player::is_there(uint32_t window) const {
@@ -220,10 +234,10 @@ Status Player::show(uint32_t window, cudaStream_t stream) {
       left -= count;
     }
   }
-  if (slots > pipeline_.capacity().visible) {
-    FrameCapacity capacity = pipeline_.capacity();
+  if (slots > frame_.capacity().visible) {
+    FrameCapacity capacity = frame_.capacity();
     capacity.visible = static_cast<uint32_t>(std::min<uint64_t>(slots + slots / 4, kSlotMask));
-    L4D_RETURN_IF_ERROR(pipeline_.reserve(capacity));
+    L4D_RETURN_IF_ERROR(frame_.reserve(capacity));
   }
   // The list that was uploaded before has been; this is for callers that change windows in each
   // frame.
@@ -233,7 +247,7 @@ Status Player::show(uint32_t window, cudaStream_t stream) {
   L4D_RETURN_IF_ERROR(list_.reserve(list_capacity * sizeof(Chunk)));
   std::copy(chunks.begin(), chunks.end(), list_.as<Chunk>());
   L4D_RETURN_IF_ERROR(
-      pipeline_.set_chunks(list_.as<Chunk>(), static_cast<uint32_t>(chunks.size()), stream));
+      store_.set_chunks(list_.as<Chunk>(), static_cast<uint32_t>(chunks.size()), stream));
   L4D_RETURN_IF_CUDA_ERROR(cudaEventRecord(listed_, stream));
   ++counters_.windows;
   return {};
@@ -266,15 +280,15 @@ Status Player::render(double time, const l4d_camera& camera, const float* backgr
       to_loader_.notify_all();
     }
   }
-  return pipeline_.render(clamped(time), camera, background, false,
-                          {image.rgb, image.alpha, image.rgba8}, on);
+  return frame_.draw(store_, clamped(time), camera, background, false,
+                     {image.rgb, image.alpha, image.rgba8}, on);
 }
 
 Status Player::stats(void* stream, l4d_cuda_frame_stats* out) {
   const Lock lock(mutex_);
   L4D_RETURN_IF_ERROR(use());
   FrameStats f;
-  L4D_RETURN_IF_ERROR(pipeline_.stats(static_cast<cudaStream_t>(stream), &f));
+  L4D_RETURN_IF_ERROR(frame_.stats(static_cast<cudaStream_t>(stream), &f));
   out->visible = f.visible;
   out->projected = f.projected;
   out->instances = f.instances;
@@ -287,7 +301,7 @@ l4d_cuda_player_counters Player::counters() const {
   const Lock lock(mutex_);
   l4d_cuda_player_counters c = counters_;
   c.resident_gaussians = cache_.slots();
-  c.store_bytes = pipeline_.slots() * pipeline_.row_bytes();
+  c.store_bytes = store_.slots() * store_.slot_bytes();
   return c;
 }
 
@@ -346,11 +360,11 @@ Status Player::add(const BucketPlace& bucket, CachedBucket** out) {
   if (options_.memory_bytes > 0) {
     return Status(L4D_ERR_LIMIT_EXCEEDED,
                   "memory_bytes is too small for two windows: this one needs " +
-                      std::to_string(wanted * kChunkSlots * pipeline_.row_bytes()) +
+                      std::to_string(wanted * kChunkSlots * store_.slot_bytes()) +
                       " bytes or more");
   }
   const uint32_t chunks = saturate32(wanted + cache_.capacity() / 16);
-  L4D_RETURN_IF_ERROR(pipeline_.reserve_chunks(chunks, sh_degree_, half_sh(), sequence_));
+  L4D_RETURN_IF_ERROR(reserve_chunks(chunks));
   cache_.grow(chunks);
   *out = cache_.add(key, bucket.slots);
   return {};
@@ -376,7 +390,7 @@ Status Player::next_batch(uint32_t window, Plan* batch) {
 
 // Decodes a batch into its chunks; of one that fails nothing stays.
 Status Player::fill(Plan* batch) {
-  const Status status = loader_.load(*batch, sequence_, half_sh(), pipeline_.resident());
+  const Status status = loader_.load(*batch, sequence_, half_sh(), store_.resident());
   const Lock lock(mutex_);
   counters_.bytes_uploaded = loader_.uploaded_bytes();
   counters_.scratch_bytes = loader_.scratch_bytes();
