@@ -75,7 +75,7 @@ Status store_gaussians(l4d::render::DeviceRenderer& r, uint64_t first_slot,
   return r.store_gaussians(static_cast<uint32_t>(first_slot), g, indices, stream);
 }
 
-l4d::render::DeviceImage image_of(const l4d_cuda_image& image) {
+l4d::render::ImageTarget image_of(const l4d_cuda_image& image) {
   return {image.rgb, image.alpha, image.rgba8};
 }
 

@@ -7,7 +7,8 @@
 #include <vector>
 
 #include "l4d/cuda_train.h"
-#include "render/cuda/device_renderer.h"
+#include "libl4dcodec/base/status.h"
+#include "render/view.h"
 
 namespace l4d::render {
 

@@ -6,7 +6,8 @@
 #include <memory>
 
 #include "l4d/cuda_player.h"
-#include "render/cuda/device_renderer.h"
+#include "libl4dcodec/base/status.h"
+#include "render/cuda/image_target.h"
 
 namespace l4d::render {
 
@@ -16,12 +17,13 @@ class DevicePlayer {
   virtual Status reserve(uint32_t width, uint32_t height, uint64_t instances) = 0;
   virtual Status seek(double time) = 0;
   virtual Status render(double time, const l4d_camera& camera, const float* background,
-                        const DeviceImage& image, void* stream) = 0;
+                        const ImageTarget& image, void* stream) = 0;
   virtual Status stats(void* stream, l4d_cuda_frame_stats* out) = 0;
   virtual l4d_cuda_player_counters counters() const = 0;
 };
 
-// Options have been checked. Fails as make_device_renderer does.
+// Options have been checked. Fails with FEATURE_UNSUPPORTED in builds without device code, with
+// L4D_ERR_DEVICE if there is no device that this build can use.
 Status make_device_player(l4d_decoder* decoder, const l4d_cuda_player_options& options,
                           std::unique_ptr<DevicePlayer>* out);
 

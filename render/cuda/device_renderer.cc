@@ -181,13 +181,13 @@ class Implementation : public DeviceRenderer {
     return frame_.reserve_slices(store_);
   }
   Status launch(double time, const l4d_camera& camera, const float* background,
-                const DeviceImage& image, void* stream) override {
+                const ImageTarget& image, void* stream) override {
     L4D_RETURN_IF_ERROR(use());
-    return frame_.draw(store_, time, camera, background, false,
-                       {image.rgb, image.alpha, image.rgba8}, static_cast<cudaStream_t>(stream));
+    return frame_.draw(store_, time, camera, background, false, image,
+                       static_cast<cudaStream_t>(stream));
   }
   Status launch_backward(double time, const l4d_camera& camera, const float* background,
-                         const DeviceImage& image, const float* rgb_gradient,
+                         const ImageTarget& image, const float* rgb_gradient,
                          const l4d_gradients& gradients, void* stream) override {
     L4D_RETURN_IF_ERROR(use());
     if (!has_attributes_) {
@@ -197,7 +197,7 @@ class Implementation : public DeviceRenderer {
       return invalid_argument("gradients.count is not the scene's");
     }
     const auto on = static_cast<cudaStream_t>(stream);
-    ImageTarget target{image.rgb, image.alpha, image.rgba8};
+    ImageTarget targetimage;
     if (target.rgb == nullptr) target.rgb = back_.scratch_image();
     L4D_RETURN_IF_ERROR(frame_.draw(store_, time, camera, background, true, target, on));
     const BackwardTask task{Upstream::kGiven, rgb_gradient, 0, target.rgb};

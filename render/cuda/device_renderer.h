@@ -7,18 +7,14 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
-#include <vector>
 
 #include "l4d/cuda_render.h"
 #include "libl4dcodec/base/status.h"
+#include "render/cuda/device_importance.h"
+#include "render/cuda/image_target.h"
 #include "render/view.h"
 
 namespace l4d::render {
-
-struct DeviceFrameStats {
-  uint64_t visible = 0, projected = 0, instances = 0;
-  double seconds[L4D_RENDER_PASS_COUNT] = {};
-};
 
 // 3D Gaussians at an instant, in host memory.
 struct HostSplats {
@@ -28,32 +24,6 @@ struct HostSplats {
   const float* covariance[6];  // [count] each, xx xy xz yy yz zz
   const float* opacity;        // [count]
   const float* const* sh;      // [count] of [(D+1)^2, 3]
-};
-
-// Sums over views of importances, in device memory and whole numbers (importance_numbers.h).
-class DeviceImportance {
- public:
-  virtual ~DeviceImportance() = default;
-  // Of all Gaussians, in images with their pixels counted one by one; host arrays.
-  struct Values {
-    std::vector<int64_t> numbers;       // [N, width]
-    std::vector<int64_t> visible_only;  // [N] coverage in visibility-only views
-    std::vector<uint8_t> seen;          // [N]
-  };
-  virtual Status read(Values* out) const = 0;
-  virtual Status read_seen(std::vector<uint8_t>* out) const = 0;  // [N]
-  // [N], as Values::visible_only.
-  virtual Status read_visible_only(std::vector<int64_t>* out) const = 0;
-  virtual Status clone(std::unique_ptr<DeviceImportance>* out) const = 0;
-  // Adds the sums of another one on the same device.
-  virtual Status add(const DeviceImportance& other) = 0;
-};
-
-// What a frame is drawn into, on the device; what is NULL is not wanted.
-struct DeviceImage {
-  float* rgb;       // [height, width, 3]
-  float* alpha;     // [height, width]
-  uint32_t* rgba8;  // [height, width]
 };
 
 class DeviceRenderer {
@@ -107,11 +77,11 @@ class DeviceRenderer {
   virtual Status reserve(uint32_t width, uint32_t height, uint64_t visible, uint64_t instances,
                          bool backward) = 0;
   virtual Status launch(double time, const l4d_camera& camera, const float* background,
-                        const DeviceImage& image, void* stream) = 0;
+                        const ImageTarget& image, void* stream) = 0;
   // Renders and goes back. rgb_gradient [height, width, 3] and the arrays of `gradients` are device
   // pointers; image.rgb may be NULL. Needs set_device_gaussians, whose arrays are read again.
   virtual Status launch_backward(double time, const l4d_camera& camera, const float* background,
-                                 const DeviceImage& image, const float* rgb_gradient,
+                                 const ImageTarget& image, const float* rgb_gradient,
                                  const l4d_gradients& gradients, void* stream) = 0;
   // Of the last frame. Waits for it. Fails with LIMIT_EXCEEDED where the capacity did not suffice
   // for all of it; *required_visible and *required_instances then say how much is missing, and are

@@ -2,6 +2,7 @@
 // What the kernels of one frame share, and the calls that launch them.
 #pragma once
 
+#include "render/cuda/image_target.h"
 #include "render/cuda/layout.h"
 #include "render/cuda/radix_sort.h"
 
@@ -12,13 +13,6 @@ namespace l4d::render {
 // fit beside each other.
 constexpr int project_piece(bool half_sh, bool indexed) { return half_sh && !indexed ? 512 : 256; }
 constexpr int kEmitPiece = 256;
-
-// Where the pixels go; what is NULL is not wanted.
-struct ImageTarget {
-  float* rgb;       // [height, width, 3]
-  float* alpha;     // [height, width]
-  uint32_t* rgba8;  // [height, width] bytes R G B A, rounded and clamped
-};
 
 // Device memory of a frame.
 struct FrameMemory {

@@ -2,7 +2,7 @@
 #pragma once
 
 #include "libl4dcodec/cuda/device.h"
-#include "render/cuda/device_renderer.h"
+#include "render/cuda/device_importance.h"
 #include "render/cuda/gradient.h"
 
 namespace l4d::render {

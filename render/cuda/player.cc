@@ -40,7 +40,7 @@ class Player final : public DevicePlayer {
   Status reserve(uint32_t width, uint32_t height, uint64_t instances) override;
   Status seek(double time) override;
   Status render(double time, const l4d_camera& camera, const float* background,
-                const DeviceImage& image, void* stream) override;
+                const ImageTarget& image, void* stream) override;
   Status stats(void* stream, l4d_cuda_frame_stats* out) override;
   l4d_cuda_player_counters counters() const override;
 
@@ -254,7 +254,7 @@ Status Player::show(uint32_t window, cudaStream_t stream) {
 }
 
 Status Player::render(double time, const l4d_camera& camera, const float* background,
-                      const DeviceImage& image, void* stream) {
+                      const ImageTarget& image, void* stream) {
   const auto on = static_cast<cudaStream_t>(stream);
   Lock lock(mutex_);
   L4D_RETURN_IF_ERROR(use());
@@ -280,8 +280,7 @@ Status Player::render(double time, const l4d_camera& camera, const float* backgr
       to_loader_.notify_all();
     }
   }
-  return frame_.draw(store_, clamped(time), camera, background, false,
-                     {image.rgb, image.alpha, image.rgba8}, on);
+  return frame_.draw(store_, clamped(time), camera, background, false, image, on);
 }
 
 Status Player::stats(void* stream, l4d_cuda_frame_stats* out) {
