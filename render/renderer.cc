@@ -8,10 +8,10 @@
 
 #include "libl4dcodec/base/threads.h"
 #include "libl4dcodec/scene/rendering.h"
-#include "render/camera.h"
-#include "render/fast/fast.h"
-#include "render/project_gradient.h"
-#include "render/reference.h"
+#include "render/cpu/fast/fast.h"
+#include "render/cpu/reference.h"
+#include "render/frame/project_gradient.h"
+#include "render/view/camera.h"
 
 namespace l4d::render {
 namespace {

@@ -7,11 +7,11 @@
 
 #include "libl4dcodec/base/memory.h"
 #include "libl4dcodec/base/status.h"
-#include "render/cuda/device_renderer.h"
-#include "render/rasterizer.h"
-#include "render/scene.h"
-#include "render/slice_gradient.h"
-#include "render/streams.h"
+#include "render/cpu/rasterizer.h"
+#include "render/cuda/scene/device_renderer.h"
+#include "render/frame/scene.h"
+#include "render/frame/slice_gradient.h"
+#include "render/frame/streams.h"
 
 namespace l4d::render {
 

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "render/project.h"
+#include "render/frame/project.h"
 #include "tests/math/reference.h"
 #include "tests/numerics/formula.h"
 #include "tests/render/scenes.h"

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "l4d/render.hpp"
-#include "render/fast/bins.h"
+#include "render/cpu/fast/bins.h"
 #include "tests/common/random.h"
 #include "tests/decoder/allocation_meter.h"
 #include "tests/render/scenes.h"

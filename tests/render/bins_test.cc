@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Sorting splats by depth, and their lists per tile.
-#include "render/fast/bins.h"
+#include "render/cpu/fast/bins.h"
 
 #include <gtest/gtest.h>
 

@@ -15,9 +15,9 @@
 #include <type_traits>
 #include <vector>
 
-#include "render/project_gradient.h"
-#include "render/reference.h"
-#include "render/slice_gradient.h"
+#include "render/cpu/reference.h"
+#include "render/frame/project_gradient.h"
+#include "render/frame/slice_gradient.h"
 #include "tests/math/reference.h"
 #include "tests/render/differences.h"
 #include "tests/render/unlimited.h"

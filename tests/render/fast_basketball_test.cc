@@ -9,9 +9,9 @@
 #include <vector>
 
 #include "io/cameras.h"
-#include "render/fast/fast.h"
-#include "render/reference.h"
-#include "render/scene.h"
+#include "render/cpu/fast/fast.h"
+#include "render/cpu/reference.h"
+#include "render/frame/scene.h"
 #include "tests/render/judge.h"
 #include "tests/render/scenes.h"
 #include "tests/render/unlimited.h"

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The fast path against the reference, through the C API.
-#include "render/fast/fast.h"
+#include "render/cpu/fast/fast.h"
 
 #include <gtest/gtest.h>
 
@@ -10,8 +10,8 @@
 #include <string>
 #include <vector>
 
-#include "render/reference.h"
-#include "render/scene.h"
+#include "render/cpu/reference.h"
+#include "render/frame/scene.h"
 #include "tests/render/judge.h"
 #include "tests/render/scenes.h"
 #include "tests/render/unlimited.h"

@@ -9,8 +9,8 @@
 
 #include <vector>
 
-#include "render/fast/bins.h"
-#include "render/project.h"
+#include "render/cpu/fast/bins.h"
+#include "render/frame/project.h"
 
 namespace l4d::render {
 

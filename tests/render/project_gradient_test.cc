@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Derivatives of projection and colour against differences of their definitions in long double.
-#include "render/project_gradient.h"
+#include "render/frame/project_gradient.h"
 
 #include <gtest/gtest.h>
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Images of the reference rasteriser worked out by hand.
-#include "render/reference.h"
+#include "render/cpu/reference.h"
 
 #include <gtest/gtest.h>
 

@@ -9,8 +9,8 @@
 
 #include "libl4dcodec/math/rotor.h"
 #include "libl4dcodec/scene/sh.h"
-#include "render/reference.h"
-#include "render/scene.h"
+#include "render/cpu/reference.h"
+#include "render/frame/scene.h"
 #include "tests/render/scenes.h"
 #include "tests/render/unlimited.h"
 

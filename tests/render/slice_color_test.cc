@@ -5,7 +5,7 @@
 #include <cmath>
 #include <vector>
 
-#include "render/project.h"
+#include "render/frame/project.h"
 #include "tests/common/codec.h"
 
 namespace l4d::render {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Derivatives of slicing against differences of the textbook's formulas in long double.
-#include "render/slice_gradient.h"
+#include "render/frame/slice_gradient.h"
 
 #include <gtest/gtest.h>
 

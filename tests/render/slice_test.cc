@@ -8,8 +8,8 @@
 #include <iostream>
 #include <vector>
 
-#include "render/scene.h"
-#include "render/slice_gradient.h"
+#include "render/frame/scene.h"
+#include "render/frame/slice_gradient.h"
 #include "tests/common/codec.h"
 #include "tests/common/test_scene.h"
 #include "tests/render/scenes.h"

@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "render/scene.h"
-#include "render/slice_gradient.h"
+#include "render/frame/scene.h"
+#include "render/frame/slice_gradient.h"
 #include "tests/common/test_scene.h"
 #include "tests/render/unlimited.h"
 

@@ -23,11 +23,11 @@ MOST_LINES = 80
 # Functions that may be longer: kernels, whose loops do not come apart without a cost, and tables,
 # which are long lists and no steps. (file, name) -> why.
 EXCEPTIONS = {
-    ("render/fast/project_simd.cc", "project_rows"): "a loop over vectors of registers",
-    ("render/fast/blend_simd.cc", "backward_with"): "a loop over vectors of registers",
-    ("render/cuda/bin.cu", "emit"): "a kernel whose steps share registers and barriers",
-    ("render/cuda/backward.cu", "backward"): "a kernel whose steps share registers and barriers",
-    ("render/cuda/radix_sort.cu", "sort_pass"): "a kernel whose steps share registers and barriers",
+    ("render/cpu/fast/project_simd.cc", "project_rows"): "a loop over vectors of registers",
+    ("render/cpu/fast/blend_simd.cc", "backward_with"): "a loop over vectors of registers",
+    ("render/cuda/frame/bin.cu", "emit"): "a kernel whose steps share registers and barriers",
+    ("render/cuda/backward/backward.cu", "backward"): "a kernel whose steps share registers and barriers",
+    ("render/cuda/kernel/radix_sort.cu", "sort_pass"): "a kernel whose steps share registers and barriers",
 }
 
 BLANKED = re.compile(r'//[^\n]*|/\*.*?\*/|R"(\w*)\(.*?\)\1"|"(?:[^"\\\n]|\\.)*"|'

@@ -59,13 +59,16 @@ _above("io", "include/l4d", "libl4dcodec/base/threads.h", "libl4dcodec/base/atom
 # But for what a Gaussian is and looks like: inline functions of public types.
 LAYERS["io"].add("libl4dcodec/scene")
 # Beside the codec: it knows what both directions share, and streams through the public API.
-# The contracts that device code fills are told without a type of CUDA, so that renderers may know it.
-LAYERS["render/cuda/device_renderer.h"] = {"include/l4d", "libl4dcodec/base", "render/view.h"}
-LAYERS["render/cuda/device_player.h"] = {"include/l4d", "render/cuda/device_renderer.h"}
-LAYERS["render/cuda/device_live.h"] = {"include/l4d", "render/cuda/device_renderer.h"}
-LAYERS["render/view.h"] = {"include/l4d", "libl4dcodec/scene"}
-_above("render", "libl4dcodec/math", "libl4dcodec/scene", "render/cuda/device_renderer.h",
-       "render/cuda/device_player.h", "render/cuda/device_live.h")
+# Contracts that device code fills, without a type of CUDA, so that renderers may know them.
+LAYERS["render/view/view.h"] = {"include/l4d", "libl4dcodec/scene"}
+LAYERS["render/cuda/frame/image_target.h"] = {"include/l4d"}
+LAYERS["render/cuda/importance/device_importance.h"] = {"include/l4d", "libl4dcodec/base"}
+_above("render/cuda/scene/device_renderer.h", "render/view/view.h", "render/cuda/frame/image_target.h",
+       "render/cuda/importance/device_importance.h")
+_above("render/cuda/player/device_player.h", "libl4dcodec/base", "render/cuda/frame/image_target.h")
+_above("render/cuda/scene/device_live.h", "libl4dcodec/base", "render/view/view.h")
+_above("render", "libl4dcodec/math", "libl4dcodec/scene", "render/cuda/scene/device_renderer.h",
+       "render/cuda/player/device_player.h", "render/cuda/scene/device_live.h")
 _above("render/cuda", "render", "libl4dcodec/cuda")
 # Evaluations: neither command lines nor documents, so that whoever measures can use them.
 _above("eval", "io")
@@ -117,6 +120,13 @@ OUTSIDE = {
     "benchmark/": {"bench/micro"},
 }
 
+# Folder -> its folders in the order in which data flows; "" is the folder's own files. A file includes
+# files of its own folder and of those before it.
+ORDER = {
+    "render": ["view", "frame", "cpu", "cuda", "", "importance", "api"],
+    "render/cuda": ["kernel", "store", "frame", "backward", "importance", "scene", "player"],
+}
+
 SOURCE_SUFFIXES = {".h", ".hpp", ".c", ".cc", ".inc", ".cu", ".cuh"}
 TOP_FOLDERS = sorted({name.split("/")[0] for name in LAYERS})
 # Programs of a stranger: they are compiled against an installed library and no file of the tree.
@@ -145,6 +155,26 @@ def target_of(header, includer):
     return None
 
 
+def place_in_order(folder, path):
+    """The place of a path in ORDER[folder]: a number, or None if the folder does not have it."""
+    if not path.startswith(folder + "/"):
+        return None
+    inner = path[len(folder) + 1:].split("/")
+    name = inner[0] if len(inner) > 1 else ""
+    return ORDER[folder].index(name) if name in ORDER[folder] else -1
+
+
+def check_order(path, target):
+    """A message if the file at `path` includes `target` against ORDER, or None."""
+    for folder in ORDER:
+        own, other = place_in_order(folder, path), place_in_order(folder, target)
+        if own == -1:
+            return f"{folder}: its folder is missing in ORDER"
+        if own is not None and other is not None and other > own:
+            return f"must not include {target}, which comes later in {folder}"
+    return None
+
+
 def check_file(path, text):
     """Yields one message per forbidden include of the file at the root-relative `path`."""
     layer = layer_of(path)
@@ -167,6 +197,8 @@ def check_file(path, text):
                 yield f"{where}: {header}: lies in no layer"
             elif other != layer and other not in LAYERS[layer]:
                 yield f"{where}: {layer} must not include {other} ({header})"
+            elif check_order(path, target):
+                yield f"{where}: {check_order(path, target)}"
             continue
         for prefix, allowed in OUTSIDE.items():
             # Folder prefixes end in "/", the rest are whole names.
@@ -271,7 +303,7 @@ def self_test():
         ("training/step/a.cc", '#include "io/image.h"', True),
         ("training/step/a.cc", '#include "libl4dcodec/scene/slice.h"', True),
         ("training/step/a.cc", '#include "libl4dcodec/base/status.h"', False),
-        ("training/step/a.cc", '#include "render/scene.h"', False),
+        ("training/step/a.cc", '#include "render/frame/scene.h"', False),
         ("training/step/a.cc", '#include "cli/common.h"', False),
         ("io/a.cc", '#include "training/step/loss.h"', False),
         ("bench/accuracy/a.cc", '#include "eval/fidelity_meter.h"', True),
@@ -294,6 +326,12 @@ def self_test():
         ("render/cuda/a.cc", '#include "api/decoder_handle.h"', False),
         ("tests/decoder/a.cc", '#include "api/decoder_handle.h"', False),
         ("libl4dcodec/novel/a.cc", "", False),
+        ("render/frame/a.cc", '#include "render/view/view.h"', True),
+        ("render/view/a.cc", '#include "render/frame/frame.h"', False),
+        ("render/cuda/store/a.cc", '#include "render/cuda/player/a.h"', False),
+        ("render/cuda/player/a.cc", '#include "render/cuda/store/a.h"', True),
+        ("render/api/a.cc", '#include "render/renderer.h"', True),
+        ("render/novel/a.cc", '#include "render/renderer.h"', False),
     ]
     failures = 0
     for path, line, good in cases:

@@ -93,8 +93,8 @@ RULES = {
         "io/write_ply.cc": 1,
         "eval/comparison.cc": 1,
         "render/renderer.cc": 1,
-        "render/sensitivity.cc": 1,
-        "render/cuda/gradient.cu": 2,
+        "render/importance/sensitivity.cc": 1,
+        "render/cuda/backward/gradient.cu": 2,
         "bench/tables/times.cc": 1,
         # The arrays of a digest, whose order is that of the specification.
         "cli/decode_arrays.cc": 1,

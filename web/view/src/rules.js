@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The rules of `l4dcodec render` (render/project.h, render/view.h, render/sh.h), once for both shading languages.
+// The rules of `l4dcodec render` (render/frame/project.h, render/view/view.h, render/sh.h), once for both shading languages.
 // They are written in what GLSL and WGSL have in common. Three things differ, which `glsl` and `wgsl` put in the
 // words of their language: declarations (`let name: type = ..`), names of types, and `skip`, which ends the work on
 // a Gaussian that is not seen.
@@ -135,7 +135,7 @@ export const alphaRules = ({minAlpha, maxAlpha, cutoff}) => `
   if (alpha < ${literal(minAlpha)}${cutoff > 0 ? ` || q > ${literal(cutoff * cutoff)}` : ''}) { discard; }
 `;
 
-export const frustumMargin = 0.3;  // of half the picture, as render/view.h has it
+export const frustumMargin = 0.3;  // of half the picture, as render/view/view.h has it
 
 /**
  * What the rules need of a camera, in their names.

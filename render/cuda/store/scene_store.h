@@ -1,0 +1,93 @@
+// SPDX-License-Identifier: Apache-2.0
+// The Gaussians of a scene in device memory, made ready for slicing. Frames (device_frame.h) read
+// a store; several frames may read one at a time.
+#pragma once
+
+#include "libl4dcodec/cuda/device.h"
+#include "render/cuda/store/codebooks.h"
+#include "render/cuda/store/store.h"
+
+namespace l4d::render {
+
+// Where a slot has its SH.
+enum class StoredSh {
+  kOwn,      // coefficients in the store
+  kIndices,  // indices into the store's codebooks
+  kExternal  // coefficients in an array of the caller, see SceneStore::set_external_sh()
+};
+
+struct StoreShape {
+  size_t slots = 0;  // rounded up to whole chunks if `chunk_clocks`
+  Sequence sequence{};
+  StoredSh sh = StoredSh::kOwn;
+  uint32_t sh_degree = 0;  // of kOwn; codebooks and external arrays state their own
+  bool half_sh = false;    // of kOwn: binary16
+  // Each chunk of kChunkSlots slots has a clock of its own (ResidentGaussians::origin), and a
+  // store that is reserved again keeps what it has.
+  bool chunk_clocks = false;
+};
+
+class SceneStore {
+ public:
+  SceneStore() = default;
+  SceneStore(const SceneStore&) = delete;
+  SceneStore& operator=(const SceneStore&) = delete;
+
+  // Reserves memory of the calling thread's device and waits for the device. Unless
+  // shape.chunk_clocks, the slots are lost. Fails with LIMIT_EXCEEDED above 2^30 - 1 slots, with
+  // INVALID_STATE if shape.sh is kIndices and there are no codebooks.
+  Status reserve(const StoreShape& shape);
+  // Copies the SH codebooks of slots of indices, which are lost. Waits for the device.
+  Status set_codebooks(const l4d_codebook* codebooks, uint32_t count, bool half_sh);
+  const ShCodebooks& codebooks() const { return codebooks_; }
+  // Reserves memory for the escapes of slots of indices; those it had are lost. Waits for the
+  // device.
+  Status reserve_escapes(uint64_t escapes);
+  // sh: [slots, stride] binary32 in device memory; frames show it up to `degree`.
+  void set_external_sh(const float* sh, uint32_t stride, uint32_t degree);
+
+  // Fills slots [first, first + gaussians.count) from device arrays. indices: of slots of indices,
+  // else NULL.
+  Status store(const l4d_gaussians& gaussians, const l4d_cuda_sh_indices* indices, uint32_t first,
+               uint32_t first_id, cudaStream_t stream);
+  // Fills the store with a whole scene from device arrays, sorted by motion. Waits for the device.
+  Status store_scene(const l4d_gaussians& gaussians, const l4d_cuda_sh_indices* indices);
+  // Slots were written through resident(): slices of them are out of date.
+  void touch() { ++revision_; }
+
+  // The slots that frames show: batches, or chunks from pinned memory that stays as it is until the
+  // stream has passed.
+  Status set_batches(const Batch* batches, uint32_t count, cudaStream_t stream);
+  Status set_chunks(const Chunk* chunks, uint32_t count, cudaStream_t stream);
+
+  size_t slots() const { return slots_; }
+  size_t slot_bytes() const;
+  const ResidentGaussians& resident() const { return resident_; }
+  const Sequence& sequence() const { return shape_.sequence; }
+  uint32_t sh_degree() const { return shape_.sh_degree; }
+  bool half_sh() const { return shape_.half_sh; }
+  const Chunk* chunks() const { return chunks_.as<Chunk>(); }
+  uint32_t num_chunks() const { return num_chunks_; }
+  size_t max_chunks() const { return chunks_.size() / sizeof(Chunk); }
+  // Another number after each change of what slices depend on.
+  uint64_t revision() const { return revision_; }
+
+ private:
+  size_t slot_sh_bytes() const;
+  Status make_slots(size_t slots);
+  Status take_indices(const l4d_cuda_sh_indices* indices, uint64_t count, ShIndices* out,
+                      cudaStream_t stream);
+  void launch_store_slots(const l4d_gaussians& gaussians, const ShIndices& indices,
+                          const StorePlace& place, cudaStream_t stream);
+
+  StoreShape shape_;
+  size_t slots_ = 0;
+  uint32_t num_chunks_ = 0;
+  uint64_t revision_ = 1;
+  cuda::DeviceMemory columns_[7], origins_, chunks_;
+  ResidentGaussians resident_{};
+  ShCodebooks codebooks_;
+  bool half_codebooks_ = false;
+};
+
+}  // namespace l4d::render
