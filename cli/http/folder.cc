@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <ctime>
 
 #include "cli/text/units.h"
 
@@ -33,7 +34,31 @@ bool is_listed(const std::string& name) {
   return false;
 }
 
+// File systems count time in steps of the kernel's clock, of up to 10 ms.
+constexpr uint64_t kSettled = 50000000;  // ns
+
+uint64_t nanoseconds(const timespec& time) {
+  return static_cast<uint64_t>(time.tv_sec) * 1000000000u + static_cast<uint64_t>(time.tv_nsec);
+}
+
+FileState state_of(const struct stat& about) {
+  timespec now{};
+  ::clock_gettime(CLOCK_REALTIME, &now);
+  FileState state;
+  state.size = static_cast<uint64_t>(about.st_size);
+  state.modified = nanoseconds(about.st_mtim);
+  const uint64_t at = nanoseconds(now);
+  // A time to come is as good as one that has passed: the next change brings it back to now.
+  state.is_settled = state.modified + kSettled < at || at + kSettled < state.modified;
+  return state;
+}
+
 }  // namespace
+
+FileState state_of(int fd) {
+  struct stat about;
+  return ::fstat(fd, &about) == 0 ? state_of(about) : FileState{};
+}
 
 ServedFile::~ServedFile() {
   if (fd >= 0) ::close(fd);
@@ -75,11 +100,10 @@ std::shared_ptr<ServedFile> Folder::open(const std::string& name) const {
   file->fd = ::open(find(name).c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
   struct stat about;
   if (file->fd < 0 || ::fstat(file->fd, &about) != 0 || !S_ISREG(about.st_mode)) return nullptr;
-  file->size = static_cast<uint64_t>(about.st_size);
+  file->state = state_of(about);
   file->tag = format("\"%llx-%llx-%llx\"", static_cast<unsigned long long>(about.st_ino),
-                     static_cast<unsigned long long>(about.st_size),
-                     static_cast<unsigned long long>(about.st_mtim.tv_sec) * 1000000000ull +
-                         static_cast<unsigned long long>(about.st_mtim.tv_nsec));
+                     static_cast<unsigned long long>(file->state.size),
+                     static_cast<unsigned long long>(file->state.modified));
   return file;
 }
 

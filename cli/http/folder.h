@@ -9,10 +9,21 @@
 
 namespace l4d::cli {
 
+// What tells one state of an open file from another.
+struct FileState {
+  uint64_t size = 0;
+  uint64_t modified = 0;  // nanoseconds since 1970
+  // Whether `modified` is so far from when it was looked at that another change would show.
+  bool is_settled = false;
+  bool operator==(const FileState& b) const { return size == b.size && modified == b.modified; }
+};
+// Size 0 where the file cannot be looked at.
+FileState state_of(int fd);
+
 // An open file that is closed with its last owner.
 struct ServedFile {
   int fd = -1;
-  uint64_t size = 0;
+  FileState state;
   std::string tag;  // ETag: another one where the file is another one or has changed
   ServedFile() = default;
   ServedFile(const ServedFile&) = delete;

@@ -1,21 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/http/server.h"
 
-#include <httplib.h>
-#include <unistd.h>
-
-#include <algorithm>
 #include <atomic>
-#include <chrono>
 #include <cstring>
-#include <mutex>
 #include <random>
-#include <thread>
+#include <utility>
 
-#include "cli/common.h"
 #include "cli/http/byte_range.h"
 #include "cli/http/entity_tag.h"
+#include "cli/http/file_body.h"
 #include "cli/http/folder.h"
+#include "cli/http/line.h"
+#include "cli/http/listener.h"
 #include "cli/http/player.h"
 #include "cli/text/escape.h"
 #include "cli/text/units.h"
@@ -23,10 +19,10 @@
 namespace l4d::cli {
 namespace {
 
-constexpr size_t kThreads = 32;  // connections: browsers keep six open
-constexpr size_t kPiece = size_t{16} << 10;
-constexpr const char* kHost = Server::kAddress;
 constexpr const char* kPlaylist = ".m3u8";  // behind the name of a file
+// Paths of pages and of the player. Names of files and folders that are served have no leading dot.
+constexpr const char* kPlay = ".play/";
+constexpr const char* kPlayer = ".player/";
 
 std::string random_token() {
   std::random_device device;
@@ -35,31 +31,9 @@ std::string random_token() {
   return token;
 }
 
-// All answers share one line of a given speed.
-class Line {
- public:
-  Line(double megabits, uint32_t delay_ms) : megabits_(megabits), delay_(delay_ms) {}
-  void begin() const { std::this_thread::sleep_for(delay_); }
-  // Waits until n more bytes have passed.
-  void pass(size_t n) {
-    if (!(megabits_ > 0)) return;
-    const std::chrono::duration<double> takes(8.0 * static_cast<double>(n) / (megabits_ * 1e6));
-    Clock::time_point until;
-    {
-      const std::lock_guard<std::mutex> lock(mutex_);
-      free_ = std::max(free_, Clock::now()) + std::chrono::duration_cast<Clock::duration>(takes);
-      until = free_;
-    }
-    std::this_thread::sleep_until(until);
-  }
-
- private:
-  using Clock = std::chrono::steady_clock;
-  const double megabits_;
-  const std::chrono::milliseconds delay_;
-  std::mutex mutex_;
-  Clock::time_point free_;
-};
+bool begins_with(const std::string& text, const std::string& begin) {
+  return text.compare(0, begin.size(), begin) == 0;
+}
 
 bool ends_with(const std::string& text, const std::string& end) {
   return text.size() >= end.size() && text.compare(text.size() - end.size(), end.size(), end) == 0;
@@ -90,14 +64,47 @@ std::string content_of(const PlayerFile& file) {
   return std::string(reinterpret_cast<const char*>(file.data), file.size);
 }
 
+HttpAnswer text_answer(std::string text, const char* type) {
+  HttpAnswer answer;
+  answer.text = std::move(text);
+  answer.headers = {{"Content-Type", type}};
+  return answer;
+}
+
+HttpAnswer refusal(int status, const char* why) {
+  HttpAnswer answer = text_answer(std::string(why) + "\n", "text/plain");
+  answer.status = status;
+  return answer;
+}
+
+HttpAnswer redirect(int status, const std::string& to) {
+  HttpAnswer answer;
+  answer.status = status;
+  answer.headers = {{"Location", to}};
+  return answer;
+}
+
+// The player, showing `source`.
+HttpAnswer page_of(const PlayerFile& player, const std::string& root, const std::string& source) {
+  std::string text = content_of(player);
+  replace(text, "src=\"scene.l4d\"", "src=\"" + root + source + "\"");
+  replace(text, "src=\"player.js\"", "src=\"" + root + kPlayer + "player.js\"");
+  HttpAnswer answer = text_answer(std::move(text), type_of(".html"));
+  answer.headers.emplace_back(
+      "Content-Security-Policy",
+      "default-src 'none'; script-src 'self' 'wasm-unsafe-eval'; worker-src 'self'; "
+      "connect-src 'self' data:; img-src 'self' data:; style-src 'unsafe-inline'; "
+      "base-uri 'none'; frame-ancestors 'none'");
+  return answer;
+}
+
 }  // namespace
 
 struct Server::Parts {
   ServerOptions options;
   Folder folder;
-  httplib::Server http;
   Line line;
-  int port = 0;
+  Listener listener;
   std::string root;  // "/TOKEN/"
   std::string url;
   std::atomic<uint64_t> requests{0}, bytes{0};
@@ -106,76 +113,55 @@ struct Server::Parts {
       : options(given),
         folder(given.folder),
         line(given.megabits, given.delay_ms),
-        root("/" + random_token() + "/") {
-    http.new_task_queue = [] { return new httplib::ThreadPool(kThreads); };
-    http.set_keep_alive_max_count(1u << 30);
-    http.set_payload_max_length(0);
-    http.set_tcp_nodelay(true);
-    // The library's default lets another program listen at the same port.
-    http.set_socket_options([](socket_t socket) {
-      const int yes = 1;
-      ::setsockopt(socket, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes);
-    });
-    http.set_default_headers({{"X-Content-Type-Options", "nosniff"},
-                              {"Referrer-Policy", "no-referrer"},
-                              {"Cross-Origin-Resource-Policy", "same-origin"},
-                              {"Cache-Control", "no-cache"}});
-    http.set_pre_routing_handler(
-        [this](const httplib::Request& request, httplib::Response& response) {
-          answer_alone(request, response);
-          return httplib::Server::HandlerResponse::Handled;
-        });
-    // The library refuses a Range that it does not understand before it asks anybody.
-    const httplib::Server::HandlerWithResponse again = [this](const httplib::Request& request,
-                                                              httplib::Response& response) {
-      if (response.status != 416 || response.has_header("Content-Range")) {
-        return httplib::Server::HandlerResponse::Unhandled;
-      }
-      response.status = 200;
-      answer_alone(request, response);
-      return httplib::Server::HandlerResponse::Handled;
-    };
-    http.set_error_handler(again);
-  }
+        listener(given.port),
+        root("/" + random_token() + "/"),
+        url(format("http://%s:%d%s", Listener::kAddress, listener.port(), root.c_str())) {}
 
-  // Without the library's own ranges, which know neither If-Range nor 416.
-  void answer_alone(const httplib::Request& request, httplib::Response& response) {
-    const_cast<httplib::Request&>(request).ranges.clear();
-    answer(request, response);
-  }
-
-  void refuse(httplib::Response& response, int status, const char* why) const {
-    response.status = status;
-    response.set_content(std::string(why) + "\n", "text/plain");
-  }
-
-  void answer(const httplib::Request& request, httplib::Response& response) {
+  HttpAnswer answer(const HttpRequest& request) {
     ++requests;
-    const std::string host = request.get_header_value("Host");
-    const std::string number = ":" + std::to_string(port);
-    if (host != kHost + number && host != "localhost" + number) {
-      return refuse(response, 403, "another host");
+    HttpAnswer answer = checked(request);
+    for (const auto& [name, value] : {std::pair("X-Content-Type-Options", "nosniff"),
+                                      std::pair("Referrer-Policy", "no-referrer"),
+                                      std::pair("Cross-Origin-Resource-Policy", "same-origin"),
+                                      std::pair("Cache-Control", "no-cache")}) {
+      answer.headers.emplace_back(name, value);
+    }
+    return answer;
+  }
+
+  // What strangers get, and the others their answer.
+  HttpAnswer checked(const HttpRequest& request) {
+    const std::string host = request.header("Host");
+    const std::string number = ":" + std::to_string(listener.port());
+    if (host != Listener::kAddress + number && host != "localhost" + number) {
+      return refusal(403, "another host");
     }
     if (request.method != "GET" && request.method != "HEAD") {
-      response.set_header("Allow", "GET, HEAD");
-      return refuse(response, 405, "GET and HEAD alone");
+      HttpAnswer answer = refusal(405, "GET and HEAD alone");
+      answer.headers.emplace_back("Allow", "GET, HEAD");
+      return answer;
     }
-    if (request.path.compare(0, root.size(), root) != 0) return refuse(response, 404, "not found");
-    line.begin();
-    const std::string name = request.path.substr(root.size());
-    const std::string play = "play/", files = "player/";
-    if (name.empty() && !options.file.empty()) return page(options.file, response);
-    if (name.compare(0, play.size(), play) == 0) return page(name.substr(play.size()), response);
-    if (name.compare(0, files.size(), files) == 0) {
-      const PlayerFile* file = player_file(name.substr(files.size()));
-      if (file == nullptr) return refuse(response, 404, "not found");
-      return response.set_content(content_of(*file), type_of(file->name));
+    const std::string path = percent_decoded(request.path);
+    if (!begins_with(path, root)) return refusal(404, "not found");
+    if (!line.begin()) return refusal(503, "the server ends");
+    HttpAnswer answer = named(path.substr(root.size()), request);
+    answer.is_known = true;
+    return answer;
+  }
+
+  HttpAnswer named(const std::string& name, const HttpRequest& request) {
+    if (name.empty() && !options.file.empty()) return page(options.file);
+    if (begins_with(name, kPlay)) return page(name.substr(std::strlen(kPlay)));
+    if (begins_with(name, kPlayer)) {
+      const PlayerFile* file = player_file(name.substr(std::strlen(kPlayer)));
+      if (file == nullptr) return refusal(404, "not found");
+      return text_answer(content_of(*file), type_of(file->name));
     }
-    if (name.empty()) return list(name, response);
+    if (name.empty()) return list(name);
     if (options.file.empty() && name.back() == '/' && name.size() > 1) {
-      return list(name.substr(0, name.size() - 1), response);
+      return list(name.substr(0, name.size() - 1));
     }
-    send(name, request, response);
+    return send(name, request);
   }
 
   bool is_served(const std::string& name) const {
@@ -189,131 +175,104 @@ struct Server::Parts {
     return options.playlist(path, percent_encoded(name.substr(name.rfind('/') + 1)));
   }
 
-  // Whether the name is that of a file and this ending, and the file has a playlist.
-  bool send_playlist(const std::string& name, httplib::Response& response) const {
-    if (!ends_with(name, kPlaylist)) return false;
-    const std::string text = playlist_of(name.substr(0, name.size() - std::strlen(kPlaylist)));
-    if (text.empty()) return false;
-    response.set_content(text, type_of(name));
-    return true;
+  // Where there is no file of this name: the playlist of one, or the way to a folder.
+  HttpAnswer send_other(const std::string& name) const {
+    if (ends_with(name, kPlaylist)) {
+      std::string text = playlist_of(name.substr(0, name.size() - std::strlen(kPlaylist)));
+      if (!text.empty()) return text_answer(std::move(text), type_of(name));
+    }
+    if (options.file.empty() && folder.has_folder(name)) {
+      return redirect(301, root + percent_encoded(name) + "/");
+    }
+    return refusal(404, "not found");
   }
 
-  void list(const std::string& name, httplib::Response& response) const {
-    if (!folder.has_folder(name)) return refuse(response, 404, "not found");
+  HttpAnswer list(const std::string& name) const {
+    if (!folder.has_folder(name)) return refusal(404, "not found");
     std::string text =
         "<!doctype html><html lang=en><meta charset=utf-8><title>l4dcodec</title>"
         "<link rel=icon href=\"data:,\"><ul>\n";
     for (const Folder::Entry& entry : folder.list(name)) {
-      // Paths of these names are the server's own.
-      if (name.empty() && (entry.name == "play" || entry.name == "player")) continue;
       const std::string to = name.empty() ? entry.name : name + "/" + entry.name;
-      const char* before = entry.is_folder || player_files().empty() ? "" : "play/";
+      const char* before = entry.is_folder || player_files().empty() ? "" : kPlay;
       const char* after = entry.is_folder ? "/" : "";
       text += "<li><a href=\"" + root + before + percent_encoded(to) + after + "\">" +
               marked_up(entry.name) + after + "</a>\n";
     }
-    response.set_content(text + "</ul></html>\n", type_of(".html"));
+    return text_answer(text + "</ul></html>\n", type_of(".html"));
   }
 
-  void page(const std::string& name, httplib::Response& response) const {
-    const PlayerFile* file = player_file("index.html");
-    if (file == nullptr || !is_served(name) || !folder.has_file(name)) {
-      return refuse(response, 404, "not found");
+  HttpAnswer page(const std::string& name) const {
+    const PlayerFile* player = player_file("index.html");
+    if (player == nullptr || !is_served(name) || !folder.has_file(name)) {
+      return refusal(404, "not found");
     }
-    std::string text = content_of(*file);
-    const std::string source = percent_encoded(name) + (playlist_of(name).empty() ? "" : kPlaylist);
-    replace(text, "src=\"scene.l4d\"", "src=\"" + root + source + "\"");
-    replace(text, "src=\"player.js\"", "src=\"" + root + "player/player.js\"");
-    response.set_header(
-        "Content-Security-Policy",
-        "default-src 'none'; script-src 'self' 'wasm-unsafe-eval'; worker-src 'self'; "
-        "connect-src 'self' data:; img-src 'self' data:; style-src 'unsafe-inline'; "
-        "base-uri 'none'; frame-ancestors 'none'");
-    response.set_content(text, type_of(".html"));
+    return page_of(*player, root,
+                   percent_encoded(name) + (playlist_of(name).empty() ? "" : kPlaylist));
   }
 
-  void send(const std::string& name, const httplib::Request& request, httplib::Response& response) {
+  HttpAnswer send(const std::string& name, const HttpRequest& request) {
     const std::shared_ptr<ServedFile> file = is_served(name) ? folder.open(name) : nullptr;
-    if (file == nullptr) {
-      if (send_playlist(name, response)) return;
-      if (options.file.empty() && folder.has_folder(name)) {
-        response.set_redirect(root + percent_encoded(name) + "/", 301);
-        return;
-      }
-      return refuse(response, 404, "not found");
+    if (file == nullptr) return send_other(name);
+    HttpAnswer answer = part_of(file, request);
+    if (answer.body != nullptr) answer.headers.emplace_back("Content-Type", type_of(name));
+    answer.headers.emplace_back("Accept-Ranges", "bytes");
+    answer.headers.emplace_back("ETag", file->tag);
+    return answer;
+  }
+
+  // What the conditions and the range of a request leave of a file.
+  HttpAnswer part_of(const std::shared_ptr<ServedFile>& file, const HttpRequest& request) {
+    const uint64_t size = file->state.size;
+    if (request.count("If-Match") > 0 && !names_tag(request.header("If-Match"), file->tag, false)) {
+      return refusal(412, "another file");
     }
-    const std::string size = std::to_string(file->size);
-    response.set_header("Accept-Ranges", "bytes");
-    response.set_header("ETag", file->tag);
-    if (request.has_header("If-Match") &&
-        !names_tag(request.get_header_value("If-Match"), file->tag, false)) {
-      return refuse(response, 412, "another file");
+    HttpAnswer answer;
+    if (names_tag(request.header("If-None-Match"), file->tag, true)) {
+      answer.status = 304;
+      answer.body = body_of(file, 0, size);  // its size is that of the answer with the file
+      return answer;
     }
-    if (names_tag(request.get_header_value("If-None-Match"), file->tag, true)) {
-      response.status = 304;
-      response.set_header("Content-Length", size);  // that of the answer with the file
-      return;
-    }
-    const std::string condition = request.get_header_value("If-Range");
+    const std::string condition = request.header("If-Range");
     const bool wants_part =
         request.method == "GET" && (condition.empty() || condition == file->tag);
-    ByteRange range =
-        parse_byte_range(wants_part ? request.get_header_value("Range") : "", file->size);
+    const ByteRange range = parse_byte_range(wants_part ? request.header("Range") : "", size);
     if (range.kind == ByteRange::kUnsatisfiable) {
-      response.set_header("Content-Range", "bytes */" + size);
-      return refuse(response, 416, "no such range");
+      answer = refusal(416, "no such range");
+      answer.headers.emplace_back("Content-Range", "bytes */" + std::to_string(size));
+      return answer;
     }
-    response.status = 200;
-    if (range.kind == ByteRange::kPart) {
-      response.status = 206;
-      response.set_header("Content-Range", "bytes " + std::to_string(range.begin) + "-" +
-                                               std::to_string(range.end - 1) + "/" + size);
-    } else {
-      range.end = file->size;
+    if (range.kind == ByteRange::kWhole) {
+      answer.body = body_of(file, 0, size);
+      return answer;
     }
-    if (range.end == range.begin) return response.set_content("", type_of(name));
-    response.set_content_provider(
-        range.end - range.begin, type_of(name),
-        [this, file, range](size_t offset, size_t left, httplib::DataSink& sink) {
-          char piece[kPiece];
-          const ssize_t n = ::pread(file->fd, piece, std::min(left, kPiece),
-                                    static_cast<off_t>(range.begin + offset));
-          if (n <= 0) return false;
-          line.pass(static_cast<size_t>(n));
-          bytes += static_cast<uint64_t>(n);
-          return sink.write(piece, static_cast<size_t>(n));
-        });
+    answer.status = 206;
+    answer.headers.emplace_back("Content-Range", "bytes " + std::to_string(range.begin) + "-" +
+                                                     std::to_string(range.end - 1) + "/" +
+                                                     std::to_string(size));
+    answer.body = body_of(file, range.begin, range.end);
+    return answer;
+  }
+
+  std::unique_ptr<HttpBody> body_of(const std::shared_ptr<ServedFile>& file, uint64_t begin,
+                                    uint64_t end) {
+    return std::make_unique<FileBody>(file, begin, end, line, bytes);
   }
 };
 
-Server::Server(const ServerOptions& options) : parts_(std::make_unique<Parts>(options)) {
-  Parts& p = *parts_;
-  p.port = options.port;
-  if (options.port == 0) {
-    p.port = p.http.bind_to_any_port(kHost);
-  } else if (!p.http.bind_to_port(kHost, options.port)) {
-    p.port = -1;
-  }
-  if (p.port < 0) {
-    throw Failure(L4D_ERR_IO, format("port %d of %s cannot be had", options.port, kHost));
-  }
-  p.url = format("http://%s:%d%s", kHost, p.port, p.root.c_str());
-}
+Server::Server(const ServerOptions& options) : parts_(std::make_unique<Parts>(options)) {}
 
 Server::~Server() = default;
 
 const std::string& Server::url() const { return parts_->url; }
 
-int Server::port() const { return parts_->port; }
+int Server::port() const { return parts_->listener.port(); }
 
 ServerCounts Server::run(const std::function<bool()>& stopped) {
-  httplib::Server& http = parts_->http;
-  std::thread listener([&] { http.listen_after_bind(); });
-  while (!stopped()) std::this_thread::sleep_for(std::chrono::milliseconds(100));
-  while (!http.is_running()) std::this_thread::sleep_for(std::chrono::milliseconds(10));
-  http.stop();
-  listener.join();
-  return {parts_->requests, parts_->bytes};
+  Parts& p = *parts_;
+  p.listener.run([&](const HttpRequest& request) { return p.answer(request); }, stopped,
+                 [&] { p.line.cut(); });
+  return {p.requests, p.bytes};
 }
 
 }  // namespace l4d::cli

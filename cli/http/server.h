@@ -24,17 +24,15 @@ struct ServerCounts {
   uint64_t bytes = 0;  // of files
 };
 
-// An HTTP/1.1 server on 127.0.0.1, for people at this machine: its paths begin with a random token,
-// and requests that name another host are refused, so that pages of others cannot read from it.
-// GET and HEAD; single ranges and conditions on the ETag.
+// An HTTP/1.1 server (Listener) on 127.0.0.1, for people at this machine: its paths begin with a
+// random token, and requests that name another host are refused, so that pages of others cannot
+// read from it. GET and HEAD; single ranges and conditions on the ETag.
 //   /TOKEN/            the page of `file`, or the streams and folders of `folder`
 //   /TOKEN/NAME        a file; /TOKEN/NAME/: what is in a folder below
 //   /TOKEN/NAME.m3u8   of a file NAME of several streams: its playlist, where no such file is
-//   /TOKEN/play/NAME   a page that plays it, in builds with the player
+//   /TOKEN/.play/NAME  a page that plays it, in builds with the player
 class Server {
  public:
-  static constexpr const char* kAddress = "127.0.0.1";
-
   // Throws a Failure where the port is taken.
   explicit Server(const ServerOptions& options);
   ~Server();
@@ -43,7 +41,7 @@ class Server {
 
   const std::string& url() const;  // "http://127.0.0.1:PORT/TOKEN/"
   int port() const;
-  // Serves until stopped() says so, which is called ten times a second.
+  // Serves until stopped() says so, which is called ten times a second. To be called once.
   ServerCounts run(const std::function<bool()>& stopped);
 
  private:

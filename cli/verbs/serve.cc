@@ -13,6 +13,7 @@
 #include <filesystem>
 #include <memory>
 
+#include "cli/http/listener.h"
 #include "cli/http/player.h"
 #include "cli/http/server.h"
 #include "cli/member_file.h"
@@ -98,7 +99,7 @@ Outcome run_server(Context& context, const ServeArguments& arguments, ServerOpti
     const Json json = {{"schema", "l4dcodec.listening/1"},
                        {"input", arguments.input},
                        {"url", server.url()},
-                       {"address", Server::kAddress},
+                       {"address", Listener::kAddress},
                        {"port", server.port()}};
     line = json.dump();
   }

@@ -10,7 +10,7 @@ void add_missing(Registry& registry, const std::string& name) {
            [name](Context&) -> Outcome {
              throw Failure(L4D_ERR_FEATURE_UNSUPPORTED,
                            name +
-                               ": this build has no HTTP server (libcpp-httplib-dev, "
+                               ": this build has no HTTP server (libmicrohttpd-dev, "
                                "L4D_BUILD_VIEW)");
            })
       ->take_anything();

@@ -111,3 +111,41 @@ need_ffmpeg() {
 need_data() {
   [ -e "$DATA/$1" ] || skip "no $1 in $DATA"
 }
+
+need_server() {
+  command -v curl > /dev/null || skip "no curl"
+  if l4d serve . --port 70000 2> err; then die "no port"; fi
+  ! grep -q "no HTTP server" err || skip "the tool has no HTTP server (./dev setup web)"
+}
+
+# has_player: whether `view` works; says so where it does not.
+has_player() {
+  if l4d view missing.l4d --no-browser 2> err; then die "no such file"; fi
+  ! grep -q 'not in this build' err || {
+    echo "view is not tested: the tool was built without the player (./dev web)"
+    return 1
+  }
+}
+
+# start_server VERB ARGUMENTS...: leaves the address in `url` and the process in `server`, which ends with the script.
+server=
+start_server() {
+  trap '[ -z "$server" ] || kill "$server" 2> /dev/null || true' EXIT
+  rm -f address  # what is there would be read before the process behind `&` empties it
+  "$L4DCODEC" "$@" > address 2> err &
+  server=$!
+  for _ in $(seq 600); do
+    [ -s address ] && break
+    sleep 0.05
+  done
+  url=$(head -1 address)
+  case $url in
+    http://127.0.0.1:*/????????????????????????????????/) ;;
+    *) cat err >&2 && die "address '$url'" ;;
+  esac
+}
+end_server() {
+  kill "$server"
+  wait "$server" || die "exit status $?"
+  server=
+}

@@ -1,9 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 # shellcheck shell=bash
 # serve and view: ranges, conditions, lists, what is refused, and an end by a signal.
-command -v curl > /dev/null || skip "no curl"
-if l4d serve . --port 70000 2> err; then die "no port"; fi
-grep -q "no HTTP server" err && skip "the tool has no HTTP server (./dev setup web)"
+need_server
 
 make_scene s.ply 3000
 mkdir -p files/inner
@@ -22,24 +20,6 @@ cp files/a.l4d "files/$odd"
 cp files/a.l4d "files/inner/$odd"
 size=$(wc -c < files/a.l4d)
 
-server=
-stop() { [ -z "$server" ] || kill "$server" 2> /dev/null || true; }
-trap stop EXIT
-# start VERB ARGUMENTS...: leaves the address in `url`.
-start() {
-  rm -f address  # what is there would be read before the process behind `&` empties it
-  "$L4DCODEC" "$@" > address 2> err &
-  server=$!
-  for _ in $(seq 600); do
-    [ -s address ] && break
-    sleep 0.05
-  done
-  url=$(head -1 address)
-  case $url in
-    http://127.0.0.1:*/????????????????????????????????/) ;;
-    *) cat err >&2 && die "address '$url'" ;;
-  esac
-}
 # get PATH CURL_OPTIONS...: status in `status`, headers in `head`, the body in `body`.
 get() {
   local path=$1
@@ -54,7 +34,7 @@ expect_status() {
   }
 }
 
-start serve files
+start_server serve files
 get /a.l4d
 expect_status 200 "a file"
 cmp body files/a.l4d
@@ -222,7 +202,7 @@ expect_status 301 "a folder without a slash"
 expect_text head.text "^Location: .*/inner/\$"
 for path in /link.l4d /.hidden /../outside.txt /%2e%2e/outside.txt /inner/../../outside.txt /..%2foutside.txt \
   /..%5coutside.txt //etc/passwd /pipe.l4d /dead.l4d /missing /missing/ /inner// /a.l4d/ /../ \
-  /play/missing.l4d /play/pipe.l4d /play/folder.l4d /play/link.l4d /play/ /a.l4d%00.txt /play/../../outside.txt /player/../a.l4d; do
+  /.play/missing.l4d /.play/pipe.l4d /.play/folder.l4d /.play/link.l4d /.play/ /a.l4d%00.txt /.play/../../outside.txt /.player/../a.l4d; do
   get "$path"
   expect_status 404 "$path"
 done
@@ -242,6 +222,18 @@ for method in POST PUT DELETE; do
   [ "$status" -ge 400 ] || die "$method: status $status"
   ! cmp -s body files/a.l4d || die "$method answers"
 done
+
+# The server's own paths hide nothing.
+mkdir files/play files/player
+for name in play/a.l4d player/player.js play.l4d; do
+  cp files/a.l4d "files/$name"
+  get "/$name"
+  expect_status 200 "$name"
+  cmp body files/a.l4d
+done
+links /
+expect_equal "$(grep -c '/play/$\|/player/$\|/play.l4d$' targets) $statuses" "3 200 200 200 200 200 200 200 200 200 "
+rm -r files/play files/player files/play.l4d
 
 # Many at a time, while some read slowly.
 for k in 1 2 3 4; do
@@ -313,7 +305,7 @@ l4d serve files > /dev/full 2> err || status=$?
 expect_equal "$status" 3
 
 # Slow on demand: 0.2 s before, and 80 kbit take 0.4 s at 0.2 Mbit/s.
-start serve files --delay 200 --rate 0.2
+start_server serve files --delay 200 --rate 0.2
 began=$(date +%s%N)
 get /a.l4d -H 'Range: bytes=0-9999'
 expect_status 206 "a slow range"
@@ -322,23 +314,18 @@ took=$((($(date +%s%N) - began) / 1000000))
 port=$(echo "$url" | cut -d: -f3 | cut -d/ -f1)
 expect 3 serve files --port "$port"
 expect_text err 'port'
-kill "$server"
-wait "$server" || true
-server=
+end_server
 
 # view serves one file, with the player where the tool has it.
 expect 3 serve missing
-if l4d view missing.l4d --no-browser 2> err; then die "no such file"; fi
-if grep -q 'not in this build' err; then
-  echo "view is not tested: the tool was built without the player (./dev web)"
-else
-  start view files/a.l4d --no-browser
+if has_player; then
+  start_server view files/a.l4d --no-browser
   get /
   expect_status 200 "the page"
   expect_text body 'l4d-player'
   expect_text head.text '^Content-Security-Policy: default-src .none'
   for file in player.js worker.js sort-worker.js l4d.wasm; do
-    get "/player/$file"
+    get "/.player/$file"
     expect_status 200 "$file"
   done
   expect_text head.text '^Content-Type: application/wasm$'
@@ -348,21 +335,20 @@ else
     get "$path"
     expect_status 404 "another file, $path"
   done
-  get /play/a.l4d
+  get /.play/a.l4d
   expect_status 200 "a page of the file"
   mv files/a.l4d files/moved
-  for path in / /play/a.l4d /a.l4d; do
+  for path in / /.play/a.l4d /a.l4d; do
     get "$path"
     expect_status 404 "a file that has gone, $path"
   done
   mv files/moved files/a.l4d
-  kill "$server"
-  wait "$server" || true
+  end_server
 
   # A file of several streams plays by its playlist, and nothing else of the folder is served.
   expect 0 concat files/a.l4d files/a.l4d -o files/inner/several.l4d
   cp files/inner/several.l4d files/inner/other.l4d
-  start view files/inner/several.l4d --no-browser
+  start_server view files/inner/several.l4d --no-browser
   expect_empty err
   get /
   expect_text body 'src="/[0-9a-f]*/several.l4d.m3u8"'
@@ -370,40 +356,36 @@ else
   expect_status 200 "its playlist"
   get /other.l4d.m3u8
   expect_status 404 "a playlist of another file"
-  kill "$server"
-  wait "$server" || true
-  start view files --no-browser
-  get /play/inner/several.l4d
+  end_server
+  start_server view files --no-browser
+  get /.play/inner/several.l4d
   expect_text body 'src="/[0-9a-f]*/inner/several.l4d.m3u8"'
-  get /play/a.l4d
+  get /.play/a.l4d
   expect_text body 'src="/[0-9a-f]*/a.l4d"'
   rm files/inner/several.l4d files/inner/other.l4d
-  kill "$server"
-  wait "$server" || true
+  end_server
 
   # A folder: a list of links to pages.
   port=$("$PYTHON" -c 'import socket
 s = socket.socket()
 s.bind(("127.0.0.1", 0))
 print(s.getsockname()[1])')
-  start view files --port "$port" --no-browser
+  start_server view files --port "$port" --no-browser
   case $url in
     "http://127.0.0.1:$port/"*) ;;
     *) die "--port $port: $url" ;;
   esac
   links /
   expect_equal "$statuses" "200 200 200 200 200 200 "
-  expect_equal "$(grep -c '/play/' targets)" 3
-  get "/play/$(sed -n '1s|.*/play/||p' targets)"
+  expect_equal "$(grep -c '/[.]play/' targets)" 3
+  get "/.play/$(sed -n '1s|.*/[.]play/||p' targets)"
   expect_status 200 "the page of an odd name"
   expect_text body "src=\"/[0-9a-f]*/100%25%20%3Cb%3E"
-  for path in /play/missing.l4d /play/pipe.l4d /play/folder.l4d /play/link.l4d /play/../outside.txt; do
+  for path in /.play/missing.l4d /.play/pipe.l4d /.play/folder.l4d /.play/link.l4d /.play/../outside.txt; do
     get "$path"
     expect_status 404 "$path"
   done
-  kill "$server"
-  wait "$server" || true
-  server=
+  end_server
 fi
 expect 2 serve files --rate -1
 expect 2 serve files --rate nan
