@@ -68,6 +68,8 @@ HttpRequest request_of(MHD_Connection* connection, const char* path, const char*
   request.method = method;
   request.path = path;
   MHD_get_connection_values(connection, MHD_HEADER_KIND, add_header, &request.headers);
+  const auto* info = MHD_get_connection_info(connection, MHD_CONNECTION_INFO_CLIENT_ADDRESS);
+  request.peer_port = ntohs(reinterpret_cast<const sockaddr_in*>(info->client_addr)->sin_port);
   return request;
 }
 

@@ -18,6 +18,7 @@ struct HttpRequest {
   std::string method;
   std::string path;  // as it came, without what follows "?"
   HttpHeaders headers;
+  int peer_port = 0;
 
   size_t count(const char* name) const {
     size_t n = 0;

@@ -12,6 +12,7 @@
 #include "cli/http/folder.h"
 #include "cli/http/line.h"
 #include "cli/http/listener.h"
+#include "cli/http/peer.h"
 #include "cli/http/player.h"
 #include "cli/text/escape.h"
 #include "cli/text/units.h"
@@ -105,8 +106,10 @@ struct Server::Parts {
   Folder folder;
   Line line;
   Listener listener;
-  std::string root;  // "/TOKEN/"
-  std::string url;
+  std::string root;     // "/TOKEN/"
+  std::string landing;  // "/" and as many digits
+  std::atomic<bool> has_landed{false};
+  std::string origin, url, landing_url;
   std::atomic<uint64_t> requests{0}, bytes{0};
 
   explicit Parts(const ServerOptions& given)
@@ -115,7 +118,10 @@ struct Server::Parts {
         line(given.megabits, given.delay_ms),
         listener(given.port),
         root("/" + random_token() + "/"),
-        url(format("http://%s:%d%s", Listener::kAddress, listener.port(), root.c_str())) {}
+        landing("/" + random_token()),
+        origin(format("http://%s:%d", Listener::kAddress, listener.port())),
+        url(origin + root),
+        landing_url(origin + landing) {}
 
   HttpAnswer answer(const HttpRequest& request) {
     ++requests;
@@ -142,6 +148,10 @@ struct Server::Parts {
       return answer;
     }
     const std::string path = percent_decoded(request.path);
+    if (path == landing && is_own_user(request.peer_port, listener.port()) &&
+        !has_landed.exchange(true)) {
+      return redirect(303, root);
+    }
     if (!begins_with(path, root)) return refusal(404, "not found");
     if (!line.begin()) return refusal(503, "the server ends");
     HttpAnswer answer = named(path.substr(root.size()), request);
@@ -265,6 +275,8 @@ Server::Server(const ServerOptions& options) : parts_(std::make_unique<Parts>(op
 Server::~Server() = default;
 
 const std::string& Server::url() const { return parts_->url; }
+
+const std::string& Server::landing_url() const { return parts_->landing_url; }
 
 int Server::port() const { return parts_->listener.port(); }
 

@@ -31,6 +31,8 @@ struct ServerCounts {
 //   /TOKEN/NAME        a file; /TOKEN/NAME/: what is in a folder below
 //   /TOKEN/NAME.m3u8   of a file NAME of several streams: its playlist, where no such file is
 //   /TOKEN/.play/NAME  a page that plays it, in builds with the player
+// The landing, an address of its own, leads to /TOKEN/: once, and only programs of the user of this
+// process. Who reads it in a list of processes has nothing.
 class Server {
  public:
   // Throws a Failure where the port is taken.
@@ -39,7 +41,8 @@ class Server {
   Server(const Server&) = delete;
   Server& operator=(const Server&) = delete;
 
-  const std::string& url() const;  // "http://127.0.0.1:PORT/TOKEN/"
+  const std::string& url() const;          // "http://127.0.0.1:PORT/TOKEN/"
+  const std::string& landing_url() const;  // "http://127.0.0.1:PORT/LANDING"
   int port() const;
   // Serves until stopped() says so, which is called ten times a second. To be called once.
   ServerCounts run(const std::function<bool()>& stopped);

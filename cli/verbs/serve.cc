@@ -14,6 +14,7 @@
 #include <memory>
 
 #include "cli/http/listener.h"
+#include "cli/http/peer.h"
 #include "cli/http/player.h"
 #include "cli/http/server.h"
 #include "cli/member_file.h"
@@ -47,8 +48,11 @@ void add_server_options(Verb* verb, ServeArguments& arguments) {
       ->whole_number(0, 60000);
 }
 
-// Where somebody sits at a screen.
+// Where somebody sits at a screen. Everybody on the machine can read the arguments of a program:
+// `url` is the landing, not the address with the token, and leads nowhere unless the system tells
+// users apart.
 void open_browser(const std::string& url) {
+  if (!tells_users()) return;
   if (std::getenv("DISPLAY") == nullptr && std::getenv("WAYLAND_DISPLAY") == nullptr) return;
   std::string program = "xdg-open", address = url;
   char* words[] = {program.data(), address.data(), nullptr};
@@ -106,7 +110,7 @@ Outcome run_server(Context& context, const ServeArguments& arguments, ServerOpti
   if (std::fprintf(stdout, "%s\n", line.c_str()) < 0 || std::fflush(stdout) != 0) {
     throw Failure(L4D_ERR_IO, std::string("stdout: cannot write: ") + std::strerror(errno));
   }
-  if (browse) open_browser(server.url());
+  if (browse) open_browser(server.landing_url());
   const ServerCounts counts = server.run(interrupted);
   Outcome outcome;
   outcome.json = {{"schema", "l4dcodec." + verb + "/1"},
