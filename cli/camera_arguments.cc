@@ -77,7 +77,8 @@ void keep_numbered(Context& context, const io::Camera& camera) {
 
 io::CameraSet read_camera_file(Context& context, const std::string& path, bool any_path) {
   context.files.add_input(path, "--cameras");
-  io::CameraSet set = io::read_cameras(path, any_path);
+  io::CameraSet set = io::read_cameras(path, any_path, context.budget().holder());
+  set.image_memory = context.captured_memory();
   for (const io::Camera& camera : set.cameras) {
     keep_seen(context, camera, camera.video);
     keep_seen(context, camera, camera.image);
@@ -134,12 +135,8 @@ void note_cameras(Context& context, const io::CameraSet& set) {
 }
 
 void check_captured(const eval::CameraViews& all) {
-  if (all.set.any_path) return;
   for (size_t view = 0; view < all.views.size(); ++view) {
-    const io::Camera& camera = all.camera_of(view);
-    if (!camera.is_outside) continue;
-    throw usage_error("camera " + std::to_string(camera.id) + ": " + io::seen_by(camera) +
-                      " is not in the folder of the cameras; --any-path reads it all the same");
+    io::require_inside(all.set, all.camera_of(view));
   }
 }
 

@@ -105,23 +105,17 @@ uint64_t Context::session_memory() const {
   return limit == 0 ? 0 : std::max<uint64_t>(1, limit / 8);
 }
 
-HeldMemory::HeldMemory(Context& context, uint64_t bytes, const std::string& what)
-    : context_(context) {
-  const uint64_t limit = context.memory_limit();
-  const uint64_t room = limit / 2 - std::min(context.held_, limit / 2);
-  if (limit > 0 && bytes > room) {
-    throw Failure(L4D_ERR_LIMIT_EXCEEDED,
-                  what + " needs " + format_bytes(bytes) + "; of half of --limit-memory, " +
-                      format_bytes(limit / 2) + ", " + format_bytes(room) + " are left");
-  }
-  context.held_ += bytes;
-  bytes_ = bytes;
+uint64_t Context::captured_memory() const {
+  const uint64_t limit = memory_limit();
+  return limit == 0 ? 0 : std::max<uint64_t>(1, limit / 8);
 }
 
-eval::Hold holder_of(Context& context) {
-  return [&context](uint64_t bytes, const std::string& what) {
-    return std::make_shared<HeldMemory>(context, bytes, what);
-  };
+const io::MemoryBudget& Context::budget() {
+  if (!budget_) {
+    const uint64_t limit = memory_limit();
+    budget_.emplace("half of --limit-memory", limit == 0 ? 0 : std::max<uint64_t>(1, limit / 2));
+  }
+  return *budget_;
 }
 
 l4d_decoder_options Context::decoder_options(uint32_t share) const {
@@ -151,8 +145,9 @@ void add_common_options(Verb* verb, CommonOptions& o) {
       ->one_of({"auto", "reference", "cpu", "cuda"})
       ->group(group);
   verb->add_option("--limit-memory", o.limit_memory,
-                   "Memory that a stream may make the command take, as 4GiB: half of it to decode, "
-                   "half for what is made of that (default: 16GiB to decode)")
+                   "Memory that input may make the command take, as 4GiB: half of it to decode "
+                   "streams, half for all else that is read and what is made of it (default: 16GiB "
+                   "to decode)")
       ->type_name("SIZE")
       ->group(group);
   verb->add_option("--progress", o.progress,

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <deque>
 #include <functional>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -12,7 +13,7 @@
 #include "cli/options.h"
 #include "cli/process_group.h"
 #include "cli/text/json.h"
-#include "eval/memory.h"
+#include "io/memory.h"
 #include "io/scene.h"
 #include "l4d/l4d.hpp"
 
@@ -104,33 +105,18 @@ class Context {
   uint64_t renderer_memory(uint32_t renderers = 1) const;
   // An eighth of the limit for the Gaussians that a session keeps; 0 = no limit.
   uint64_t session_memory() const;
+  // An eighth of the limit for captured images that are in memory together; 0 = no limit.
+  uint64_t captured_memory() const;
+  // The half of the limit that is not for decoding. From it is taken what a command holds, itself
+  // or through a renderer, because of its input, before it is allocated.
+  const io::MemoryBudget& budget();
 
  private:
-  friend class HeldMemory;
   uint64_t memory_limit() const;  // 0 = none was given
   std::vector<std::string> notes_;
   ProcessGroup group_;
-  uint64_t held_ = 0;
+  std::optional<io::MemoryBudget> budget_;
 };
-
-// What a command holds, itself or through a renderer, because of a stream. It is counted against
-// the half of --limit-memory that is not for decoding, before it is allocated, while this object
-// lives.
-class HeldMemory {
- public:
-  // Throws a Failure if the memory does not fit.
-  HeldMemory(Context& context, uint64_t bytes, const std::string& what);
-  ~HeldMemory() { context_.held_ -= bytes_; }
-  HeldMemory(const HeldMemory&) = delete;
-  HeldMemory& operator=(const HeldMemory&) = delete;
-
- private:
-  Context& context_;
-  uint64_t bytes_ = 0;
-};
-
-// Counts what evaluations hold as HeldMemory. The context must outlive it.
-eval::Hold holder_of(Context& context);
 
 // A verb adds its subcommand and stores here what to run once the whole line is parsed.
 struct Registry {

@@ -19,10 +19,10 @@ class Collector {
   // Counts memory; called once, before the arrays are made.
   void hold(uint64_t bytes_per_gaussian) {
     out.memory =
-        eval::hold(holder_of(context_),
-                   selection_.num_gaussians * bytes_per_gaussian +
-                       selection_.num_spans * (sizeof(l4d_bucket_span) + 3 * sizeof(uint64_t)),
-                   "the list of decoded arrays");
+        io::hold(context_.budget().holder(),
+                 selection_.num_gaussians * bytes_per_gaussian +
+                     selection_.num_spans * (sizeof(l4d_bucket_span) + 3 * sizeof(uint64_t)),
+                 "the list of decoded arrays");
     spans.resize(static_cast<size_t>(selection_.num_spans));
   }
 
@@ -169,7 +169,7 @@ Arrays decode_packed(Context& context, const DecoderHandle& decoder, const l4d_q
     escapes += numbers[c];
   }
   const std::shared_ptr<void> memory =
-      eval::hold(holder_of(context), escapes * sizeof(uint16_t), "the decoded escapes");
+      io::hold(context.budget().holder(), escapes * sizeof(uint16_t), "the decoded escapes");
   l4d_packed_buffers again;
   l4d_packed_buffers_init(&again);
   again.capacity = n;

@@ -25,7 +25,7 @@ l4d_renderer_options renderer_options(const Context& context, const std::string&
 
 eval::Rendering rendering_of(Context& context, const std::string& path, uint32_t scenes) {
   eval::Rendering rendering;
-  rendering.holder = holder_of(context);
+  rendering.holder = context.budget().holder();
   rendering.renderer_memory = rendering.holder(context.renderer_memory(scenes), "the renderer");
   rendering.decoder = context.decoder_options(2 * scenes);
   rendering.renderer = renderer_options(context, path, scenes);

@@ -14,6 +14,7 @@ namespace {
 io::Scene import_ply(Context& context, const Input& input, const ImportArguments& arguments) {
   arguments.check();
   io::ImportOptions options;
+  options.holder = context.budget().holder();
   if (!arguments.seconds.empty()) options.seconds = parse_seconds(arguments.seconds, "--seconds");
   if (!arguments.fps.empty()) options.fps = parse_number(arguments.fps, "--fps");
   io::Scene scene;
@@ -75,7 +76,7 @@ LoadedScene load_scene(Context& context, const Input& input, const ImportArgumen
 }
 
 LoadedScene decode_scene(Context& context, const DecoderHandle& decoder, const l4d_query* query) {
-  return eval::decode_scene(decoder, query, holder_of(context));
+  return eval::decode_scene(decoder, query, context.budget().holder());
 }
 
 SceneStream::SceneStream(Context& context, const Input& input, const ImportArguments& arguments)

@@ -9,7 +9,23 @@
 namespace l4d::eval {
 namespace {
 
+// Captured images that evaluations keep in memory at a time.
+constexpr uint64_t kMaxBytes = uint64_t{1} << 30;
+// Of a pixel of a frame of a video, as bytes and as values. Of image files, the reader counts more.
+constexpr uint64_t kReadingBytes = 15;
+
 std::string camera_name(const io::Camera& camera) { return "camera " + std::to_string(camera.id); }
+
+// Names the camera in errors of its files.
+template <typename Body>
+void about_camera(const io::Camera& camera, const Body& body) {
+  try {
+    body();
+  } catch (const io::Error& error) {
+    if (error.status() == L4D_ERR_CANCELLED) throw;
+    throw io::Error(error.status(), camera_name(camera) + ": " + error.what());
+  }
+}
 
 std::vector<uint8_t> to_bytes(const io::Image& image) {
   std::vector<uint8_t> bytes(image.rgb.size());
@@ -28,35 +44,36 @@ CapturedImages::CapturedImages(const CameraViews& all, const std::vector<size_t>
   io::Image image;
   for (const auto& [index, of_camera] : by_camera) {
     const io::Camera& camera = all.set.cameras[index];
+    const uint64_t pixels = uint64_t{camera.camera.width} * camera.camera.height;
+    io::require_inside(all.set, camera);
+    // All images as bytes, and one as it is read.
+    memory_.push_back(io::hold(all.set.holder, (3 * of_camera.size() + kReadingBytes) * pixels,
+                               "the images of " + camera_name(camera)));
+    const io::ImageLimits limits{camera.camera.width, camera.camera.height, all.set.holder};
     const auto keep = [&](size_t view) {
       observer.check();
       observer.update(done++, views.size(), "reading captured images");
-      if (image.width != camera.camera.width || image.height != camera.camera.height) {
-        throw io::Error(
-            L4D_ERR_CORRUPT,
-            (camera.images.empty() ? io::seen_by(camera)
-                                   : io::numbered_image(camera.images, all.views[view].frame)) +
-                ": is not of the size of " + camera_name(camera));
-      }
       bytes_[view] = to_bytes(image);
     };
-    if (camera.is_outside && !all.set.any_path) {
-      throw io::Error(L4D_ERR_INVALID_ARGUMENT,
-                      camera_name(camera) + ": " + io::seen_by(camera) +
-                          " is not in the folder of the cameras, and may not be read");
-    }
     if (!camera.video.empty()) {
-      io::VideoReader video(camera.video, camera.camera.width, camera.camera.height);
-      for (const size_t view : of_camera) {
-        video.read(all.views[view].frame, &image);
-        keep(view);
-      }
+      about_camera(camera, [&] {
+        io::check_video(camera.video, camera.camera.width, camera.camera.height);
+        io::VideoRange whole;
+        whole.is_video = true;
+        io::VideoReader video(camera.video, camera.camera.width, camera.camera.height, whole);
+        for (const size_t view : of_camera) {
+          video.read(all.views[view].frame, &image);
+          keep(view);
+        }
+      });
     } else if (!camera.image.empty()) {
-      image = io::read_png(camera.image);
+      about_camera(camera, [&] { image = io::read_png(camera.image, limits); });
       for (const size_t view : of_camera) keep(view);
     } else if (!camera.images.empty()) {
       for (const size_t view : of_camera) {
-        image = io::read_png(io::numbered_image(camera.images, all.views[view].frame));
+        about_camera(camera, [&] {
+          image = io::read_png(io::numbered_image(camera.images, all.views[view].frame), limits);
+        });
         keep(view);
       }
     } else {
@@ -72,7 +89,9 @@ io::Image CapturedImages::image(size_t view) const {
   return image;
 }
 
-std::vector<std::vector<size_t>> parts_of(const CameraViews& all, uint64_t max_bytes) {
+std::vector<std::vector<size_t>> parts_of(const CameraViews& all) {
+  const uint64_t max_bytes =
+      all.set.image_memory > 0 ? std::min(all.set.image_memory, kMaxBytes) : kMaxBytes;
   std::vector<uint64_t> bytes(all.set.cameras.size());
   for (const io::View& view : all.views) {
     const l4d_camera& camera = all.set.cameras[view.camera].camera;

@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <vector>
 
 #include "eval/observer.h"
@@ -23,14 +24,13 @@ class CapturedImages {
 
  private:
   const CameraViews& all_;
-  std::vector<std::vector<uint8_t>> bytes_;  // by view; empty where it was not asked for
+  std::vector<std::vector<uint8_t>> bytes_;    // by view; empty where it was not asked for
+  std::vector<std::shared_ptr<void>> memory_;  // counts them, by camera
 };
 
-// Captured images that evaluations keep in memory at a time.
-constexpr uint64_t kMaxCapturedBytes = uint64_t{1} << 30;
-
-// Parts of the views, with whole cameras each, whose captured images fit into memory together. The
-// order of views is kept within a part.
-std::vector<std::vector<size_t>> parts_of(const CameraViews& all, uint64_t max_bytes);
+// Parts of the views, with whole cameras each, whose captured images are in memory together: of
+// 1 GiB, or of what the cameras' image_memory allows, but one camera at least. The order of views
+// is kept within a part.
+std::vector<std::vector<size_t>> parts_of(const CameraViews& all);
 
 }  // namespace l4d::eval

@@ -61,7 +61,7 @@ void cut_windows(const l4d_timeline& part, DecodedScene* loaded) {
 }  // namespace
 
 DecodedScene decode_scene(const DecoderHandle& decoder, const l4d_query* query,
-                          const Hold& holder) {
+                          const io::Hold& holder) {
   l4d_query all;
   l4d_query_init(&all);
   all.kind = L4D_QUERY_ALL;
@@ -72,10 +72,10 @@ DecodedScene decode_scene(const DecoderHandle& decoder, const l4d_query* query,
   const uint64_t numbers = numbers_per_gaussian(info.sh_degree) + 3 + windows;
   const l4d_selection selection = decoder.select(wanted);
   DecodedScene loaded;
-  loaded.memory = hold(holder,
-                       selection.num_gaussians * numbers * sizeof(float) +
-                           selection.num_spans * sizeof(l4d_bucket_span),
-                       "the decoded scene");
+  loaded.memory = io::hold(holder,
+                           selection.num_gaussians * numbers * sizeof(float) +
+                               selection.num_spans * sizeof(l4d_bucket_span),
+                           "the decoded scene");
   GaussianArrays arrays = decoder.decode(wanted);
   io::Scene& scene = loaded.scene;
   scene.timeline = info.timeline;

@@ -4,7 +4,7 @@
 #include <memory>
 #include <vector>
 
-#include "eval/memory.h"
+#include "io/memory.h"
 #include "io/scene.h"
 #include "l4d/l4d.hpp"
 
@@ -22,7 +22,7 @@ struct DecodedScene {
 
 // Reads all of an open stream, or what `query` selects. Throws Error.
 DecodedScene decode_scene(const DecoderHandle& decoder, const l4d_query* query = nullptr,
-                          const Hold& holder = {});
+                          const io::Hold& holder = {});
 
 // Moves the times of a scene by `shift` seconds, and leaves of its sequence what is between `begin`
 // and `end`, seconds of the sequence: the scene then has the times at which it is presented.

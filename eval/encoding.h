@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "eval/comparison.h"
-#include "eval/memory.h"
 #include "eval/observer.h"
+#include "io/memory.h"
 #include "l4d/l4d.hpp"
 
 namespace l4d::eval {
@@ -29,7 +29,7 @@ Encoding encode_scene(Observer& observer, const EncoderHandle& encoder, const st
 struct Decoding {
   l4d_decoder_options decoder;
   uint32_t threads = 0;  // of the comparison, 0 = one per core
-  Hold holder;
+  io::Hold holder;
 
   Decoding() { l4d_decoder_options_init(&decoder); }
 };

@@ -12,7 +12,7 @@ FidelityMeter::FidelityMeter(RenderedScene& original, CameraViews views,
                              const MeterOptions& options, Observer& observer)
     : views_(std::move(views)), original_(original), renders_(views_.views.size()) {
   if (options.captured) {
-    parts_ = parts_of(views_, kMaxCapturedBytes);
+    parts_ = parts_of(views_);
     if (parts_.size() == 1) captured_.emplace(views_, parts_[0], observer);
     original_psnr_ = mean_psnr(observer, original_);
     return;

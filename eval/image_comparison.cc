@@ -58,7 +58,7 @@ ImageComparison compare_images(RenderedScene& a, RenderedScene& b, const CameraV
   using Clock = std::chrono::steady_clock;
   std::vector<std::vector<size_t>> parts;
   if (images) {
-    parts = parts_of(all, kMaxCapturedBytes);
+    parts = parts_of(all);
   } else {
     parts.emplace_back(all.views.size());
     std::iota(parts[0].begin(), parts[0].end(), size_t{0});

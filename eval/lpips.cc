@@ -147,8 +147,8 @@ LpipsNetwork lpips_vgg16() {
 Lpips::Lpips(LpipsNetwork network, LpipsWeights weights)
     : network_(std::move(network)), weights_(std::move(weights)) {}
 
-Lpips Lpips::read(io::InputFile input) {
-  io::TensorFile file(std::move(input));
+Lpips Lpips::read(io::InputFile input, const io::Hold& holder) {
+  io::TensorFile file(std::move(input), holder);
   const std::vector<uint64_t>* first = file.shape_of("features.0.weight");
   if (first == nullptr) {
     throw Error(L4D_ERR_CORRUPT, file.path() + ": there is no tensor features.0.weight");

@@ -38,8 +38,9 @@ class Lpips {
  public:
   Lpips(LpipsNetwork network, LpipsWeights weights);
   // Reads the weights of AlexNet or VGG16 from a .safetensors file, which tells the network by the
-  // shape of its first layer. Throws io::Error.
-  static Lpips read(io::InputFile file);
+  // shape of its first layer. Its header counts with `holder` while it is read; the caller counts
+  // the values. Throws io::Error.
+  static Lpips read(io::InputFile file, const io::Hold& holder = {});
 
   // "alex" or "vgg".
   const std::string& network() const { return network_.name; }

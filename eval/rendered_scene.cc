@@ -77,10 +77,10 @@ io::Scene RenderedScene::instant(double seconds) const {
   return about(name_, [&] {
     if (members_ != nullptr) {
       const std::shared_ptr<void> memory =
-          hold(rendering_.holder, members_->slice_bytes(seconds), "an instant");
+          io::hold(rendering_.holder, members_->slice_bytes(seconds), "an instant");
       return instant_of(*members_, seconds);
     }
-    const std::shared_ptr<void> memory = hold(
+    const std::shared_ptr<void> memory = io::hold(
         rendering_.holder, scene_ != nullptr ? 0 : slice_bytes(decoder_, seconds), "an instant");
     return scene_ != nullptr ? instant_of(*scene_, seconds) : instant_of(decoder_, seconds);
   });
@@ -100,7 +100,8 @@ void RenderedScene::set_time(double seconds) {
 void RenderedScene::render(const l4d_camera& camera, io::Image* image) {
   if (image->width != camera.width || image->height != camera.height) {
     image_memory_.reset();
-    image_memory_ = hold(rendering_.holder, kPixelBytes * camera.width * camera.height, "an image");
+    image_memory_ =
+        io::hold(rendering_.holder, kPixelBytes * camera.width * camera.height, "an image");
     *image = io::Image(camera.width, camera.height);
   }
   if (is_empty_) {

@@ -8,9 +8,9 @@
 #include <variant>
 #include <vector>
 
-#include "eval/memory.h"
 #include "eval/shown_members.h"
 #include "io/image.h"
+#include "io/memory.h"
 #include "io/scene.h"
 #include "l4d/render.hpp"
 
@@ -20,7 +20,7 @@ namespace l4d::eval {
 struct Rendering {
   l4d_decoder_options decoder;
   l4d_renderer_options renderer;
-  Hold holder;                            // counts images, and what an instant takes
+  io::Hold holder;                        // counts images, and what an instant takes
   std::shared_ptr<void> renderer_memory;  // what the renderer itself is counted as
 
   Rendering() {

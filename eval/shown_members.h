@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "eval/memory.h"
+#include "io/memory.h"
 #include "l4d/l4d.hpp"
 #include "l4d/members.h"
 

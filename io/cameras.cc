@@ -24,11 +24,15 @@ std::string decimal(double value) {
   return text;
 }
 
-CameraSet read_json(InputFile& file, bool any_path) {
+CameraSet read_json(InputFile& file, bool any_path, const Hold& holder) {
   const std::string& path = file.path();
+  const std::shared_ptr<void> of_file = hold(holder, file.size(), path);
   std::vector<char> text(static_cast<size_t>(file.size()));
   text.resize(file.read(text.data(), text.size()));
   const CameraPlace place{path, ""};
+  // Twice a camera, for a list that grows.
+  const std::shared_ptr<void> memory =
+      hold(holder, json_bytes(text.data(), text.size(), 2 * sizeof(Camera)), path);
   try {
     const Json root = Json::parse(text.begin(), text.end());
     if (root.is_object() && root.contains("cameras")) return read_cameras_json(path, root);
@@ -143,20 +147,50 @@ void check_last_row(const CameraPlace& place, const char* key, const double* row
   }
 }
 
-void check_camera(const CameraPlace& place, const l4d_camera& camera) {
+namespace {
+
+// Far beyond what cameras are, and small enough that products of these numbers are finite.
+constexpr double kMinFocal = 1e-3, kMaxPixels = 1e8, kMaxDistance = 1e9, kMaxCoefficient = 1e6;
+constexpr double kMaxOffset = 1e6;  // s
+
+void check_range(const CameraPlace& place, const std::string& what, double value, double most) {
+  if (std::abs(value) <= most) return;
+  place.fail(what + " is " + decimal(value) + "; it must be finite and from " + decimal(-most) +
+             " to " + decimal(most));
+}
+
+void check_ranges(const CameraPlace& place, const Camera& seen) {
+  const l4d_camera& camera = seen.camera;
+  for (const double focal : {camera.fx, camera.fy}) {
+    if (focal >= kMinFocal && focal <= kMaxPixels) continue;
+    place.fail("the focal length is " + decimal(focal) + "; it must be " + decimal(kMinFocal) +
+               " to " + decimal(kMaxPixels) + " pixels");
+  }
+  check_range(place, "the principal point", camera.cx, kMaxPixels);
+  check_range(place, "the principal point", camera.cy, kMaxPixels);
+  for (size_t k = 3; k < 12; k += 4) {
+    check_range(place, "the translation", camera.world_to_camera[k], kMaxDistance);
+  }
+  if (!(camera.near_plane > 0 && camera.near_plane <= kMaxDistance)) {
+    place.fail("near is " + decimal(camera.near_plane) + "; it must be above 0 and at most " +
+               decimal(kMaxDistance));
+  }
+  check_range(place, "time_offset", seen.time_offset, kMaxOffset);
+  for (const double k : seen.distortion.k) check_range(place, "distortion", k, kMaxCoefficient);
+  for (const double p : seen.distortion.p) check_range(place, "distortion", p, kMaxCoefficient);
+}
+
+}  // namespace
+
+void check_camera(const CameraPlace& place, const Camera& seen) {
+  const l4d_camera& camera = seen.camera;
   for (const uint32_t size : {camera.width, camera.height}) {
     if (size >= 1 && size <= kMaxImageSize) continue;
     place.fail("an image of " + std::to_string(camera.width) + " x " +
                std::to_string(camera.height) + " pixels; the limits are 1 and " +
                std::to_string(kMaxImageSize));
   }
-  for (const double focal : {camera.fx, camera.fy}) {
-    if (std::isfinite(focal) && focal > 0) continue;
-    place.fail("the focal length " + decimal(focal) + " is not above 0");
-  }
-  for (const double origin : {camera.cx, camera.cy}) {
-    if (!std::isfinite(origin)) place.fail("the principal point is not finite");
-  }
+  check_ranges(place, seen);
   const double* m = camera.world_to_camera;
   for (size_t k = 0; k < 12; ++k) {
     if (!std::isfinite(m[k])) place.fail("the pose is not finite");
@@ -219,14 +253,24 @@ const std::string& seen_by(const Camera& camera) {
   return camera.images.empty() ? camera.image : camera.images;
 }
 
-CameraSet read_cameras(const std::string& path, bool any_path) {
+void require_inside(const CameraSet& set, const Camera& camera) {
+  if (set.any_path || camera.outside.empty()) return;
+  throw Error(L4D_ERR_INVALID_ARGUMENT,
+              "camera " + std::to_string(camera.id) + ": " + camera.outside +
+                  " is not in the folder of the cameras; --any-path reads it all the same");
+}
+
+CameraSet read_cameras(const std::string& path, bool any_path, const Hold& holder) {
   try {
-    InputFile file(path);
+    InputFile file(path, holder);
     if (file.size() == 0) CameraPlace{path, ""}.fail("the file is empty");
     // What is left of an .npy file without its magic is an error of that format.
     const std::string extension = std::filesystem::path(path).extension().string();
-    CameraSet set = extension == ".npy" ? read_poses_bounds(file) : read_json(file, any_path);
+    CameraSet set =
+        extension == ".npy" ? read_poses_bounds(file, holder) : read_json(file, any_path, holder);
     set.any_path = any_path;
+    set.holder = holder;
+    set.memory = hold(holder, 2 * sizeof(Camera) * set.cameras.size(), path);
     if (set.cameras.empty()) CameraPlace{path, ""}.fail("there is no camera");
     return set;
   } catch (const std::bad_alloc&) {

@@ -3,10 +3,12 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "io/memory.h"
 #include "io/scene.h"
 #include "l4d/render.h"
 
@@ -38,8 +40,9 @@ struct Camera {
   // All frames as image files: a path with one %d, %04d or the like for the number; "" = none.
   std::string images;
   std::string mask;  // an image that is black where pixels of the camera do not count; "" = none
-  // Whether the file names these by an absolute path, or by one that leaves its folder.
-  bool is_outside = false;
+  // The first of these that the file names by an absolute path, or by one that leaves its folder;
+  // "" = none.
+  std::string outside;
   // The instant, if the camera has one, in units of CameraSet::seconds since the begin.
   std::optional<double> time;
 };
@@ -50,6 +53,11 @@ struct CameraSet {
   uint32_t frames = 0;  // 0 = unknown
   // Whether what lies outside the folder of the file may be read.
   bool any_path = false;
+  // Counts what is read of these cameras: the set itself (`memory`), and their images.
+  Hold holder;
+  std::shared_ptr<void> memory;
+  // Bytes of their images that should be in memory together at most; 0 = no limit.
+  uint64_t image_memory = 0;
   // What 1 in the times of cameras stands for. D-NeRF does not say; the caller must.
   double seconds = 1;
   std::string source;              // "cameras_json", "transforms", "poses_bounds", "orbit"
@@ -60,8 +68,16 @@ struct CameraSet {
 // poses_bounds.npy of LLFF, told apart by what they hold. Throws Error that names path and camera:
 // L4D_ERR_IO, L4D_ERR_CORRUPT, L4D_ERR_FEATURE_UNSUPPORTED. A file may come from anywhere: images
 // that it names outside its folder are not opened to learn their size unless any_path is set
-// (L4D_ERR_INVALID_ARGUMENT).
-CameraSet read_cameras(const std::string& path, bool any_path = false);
+// (L4D_ERR_INVALID_ARGUMENT). Numbers are finite and in these ranges, else the file is CORRUPT:
+// focal lengths 0.001 to 1e8 pixels, principal points up to 1e8 pixels from the corner,
+// translations up to 1e9, near above 0 and up to 1e9, time offsets up to 1e6 s, coefficients of
+// distortion up to 1e6, fps up to 1e6. holder: counts the file and what becomes of it before it is
+// parsed; the set keeps it.
+CameraSet read_cameras(const std::string& path, bool any_path = false, const Hold& holder = {});
+
+// What both tools hold to before they open what a camera names. Throws L4D_ERR_INVALID_ARGUMENT
+// unless all of it lies in the folder of the file or below, or the set allows any path.
+void require_inside(const CameraSet& set, const Camera& camera);
 
 // What the camera saw, for people: its video, the pattern of its images, or its image.
 const std::string& seen_by(const Camera& camera);

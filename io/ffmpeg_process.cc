@@ -63,7 +63,7 @@ class FileDescriptor {
 }  // namespace
 
 FfmpegProcess::FfmpegProcess(const std::string& subject, const std::vector<std::string>& arguments,
-                             Direction direction)
+                             Direction direction, std::FILE* extra)
     : subject_(subject) {
   const auto fail = [&](const char* action, int error) {
     throw Error(L4D_ERR_IO, subject + ": " + action + ": " + words_of(error));
@@ -84,6 +84,10 @@ FfmpegProcess::FfmpegProcess(const std::string& subject, const std::vector<std::
   posix_spawn_file_actions_adddup2(&setup.actions, theirs.get(), used);
   posix_spawn_file_actions_addopen(&setup.actions, unused, "/dev/null", O_RDWR, 0);
   posix_spawn_file_actions_adddup2(&setup.actions, ::fileno(errors_.get()), STDERR_FILENO);
+
+  if (extra != nullptr) {
+    posix_spawn_file_actions_adddup2(&setup.actions, ::fileno(extra), kExtra);
+  }
 
   std::vector<std::string> words = {"ffmpeg", "-nostdin", "-hide_banner", "-loglevel", "error"};
   words.insert(words.end(), arguments.begin(), arguments.end());

@@ -16,10 +16,12 @@ class FfmpegProcess {
  public:
   enum class Direction { kFrom, kTo };
 
-  // `arguments` follow the program's name. `subject` begins messages: the video's path. Throws
-  // Error(L4D_ERR_IO) where ffmpeg is missing.
+  // `arguments` follow the program's name. `subject` begins messages: the video's path. `extra`: a
+  // file that ffmpeg gets as its descriptor kExtra, or null. Throws Error(L4D_ERR_IO) where ffmpeg
+  // is missing.
   FfmpegProcess(const std::string& subject, const std::vector<std::string>& arguments,
-                Direction direction);
+                Direction direction, std::FILE* extra = nullptr);
+  static constexpr int kExtra = 3;
   ~FfmpegProcess();  // ends a run that goes on
   FfmpegProcess(const FfmpegProcess&) = delete;
   FfmpegProcess& operator=(const FfmpegProcess&) = delete;

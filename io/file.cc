@@ -29,7 +29,7 @@ constexpr int kMaxIdleMilliseconds = 3000;
 
 }  // namespace
 
-InputFile::InputFile(const std::string& path) : path_(path) {
+InputFile::InputFile(const std::string& path, const Hold& holder) : path_(path) {
   // Opening a named pipe would wait for its writer, for ever if there is none.
   const int fd = ::open(path.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC | O_NOCTTY);
   if (fd < 0) fail(path, "cannot open", errno);
@@ -48,12 +48,12 @@ InputFile::InputFile(const std::string& path) : path_(path) {
   if (!S_ISFIFO(status.st_mode) && !S_ISSOCK(status.st_mode)) {
     throw Error(L4D_ERR_IO, path + ": is a device and no file");
   }
-  slurp(fd);
+  slurp(fd, holder);
   file_.reset();
   size_ = slurped_.size();
 }
 
-void InputFile::slurp(int fd) {
+void InputFile::slurp(int fd, const Hold& holder) {
   constexpr int kSliceMilliseconds = 100;
   int idle = 0;  // slices in which nobody had the pipe open for writing
   uint8_t block[1 << 16];
@@ -64,6 +64,14 @@ void InputFile::slurp(int fd) {
     const ssize_t got = ::read(fd, block, sizeof(block));
     if (got < 0 && errno != EAGAIN) fail(path_, "cannot read", errno);
     if (got > 0) {
+      const uint64_t needed = slurped_.size() + static_cast<uint64_t>(got);
+      if (needed > slurped_.capacity()) {
+        // With the old copy, while the bytes move.
+        const uint64_t capacity = std::max<uint64_t>(2 * slurped_.capacity(), needed);
+        std::shared_ptr<void> grown = hold(holder, capacity, path_);
+        slurped_.reserve(capacity);
+        memory_ = std::move(grown);
+      }
       slurped_.insert(slurped_.end(), block, block + got);
       if (slurped_.size() > kMaxPipeBytes) {
         throw Error(L4D_ERR_IO, path_ + ": the pipe has more than 4 GiB; write them to a file");

@@ -11,6 +11,7 @@
 #include <utility>
 #include <vector>
 
+#include "io/memory.h"
 #include "io/scene.h"
 #include "libl4dcodec/base/atomic_file.h"
 
@@ -26,7 +27,8 @@ using FileHandle = std::unique_ptr<std::FILE, FileCloser>;
 // pipe that nobody opens for writing within some seconds is refused, and so are devices.
 class InputFile {
  public:
-  explicit InputFile(const std::string& path);
+  // holder: counts what a pipe makes it keep.
+  explicit InputFile(const std::string& path, const Hold& holder = {});
   // Bytes in memory; `name` stands for the path in messages.
   InputFile(const std::string& name, std::vector<uint8_t> bytes)
       : path_(name), slurped_(std::move(bytes)), size_(slurped_.size()) {}
@@ -37,11 +39,12 @@ class InputFile {
   const std::string& path() const { return path_; }
 
  private:
-  void slurp(int fd);
+  void slurp(int fd, const Hold& holder);
 
   std::string path_;
   FileHandle file_;
   std::vector<uint8_t> slurped_;  // contents, where file_ is not the source
+  std::shared_ptr<void> memory_;  // counts them
   uint64_t size_ = 0;
   uint64_t offset_ = 0;
 };

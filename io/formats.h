@@ -3,9 +3,11 @@
 
 #include <array>
 #include <cstdint>
+#include <memory>
 #include <string>
 #include <vector>
 
+#include "io/memory.h"
 #include "io/scene.h"
 
 namespace l4d::io {
@@ -15,6 +17,7 @@ struct ImportOptions {
   // 0 = what the file says, else 1 second. An l4d_ply that states its end keeps that.
   double seconds = 0;
   double fps = 0;  // 0 = what the file says, else 30
+  Hold holder;     // counts the scene before it is read; it keeps that as Scene::memory
 };
 
 // Reads any scene PLY, told apart by its header: l4d_ply, .ftgs.ply, SpacetimeGaussians lite, 3DGS.
@@ -30,8 +33,10 @@ struct Weights {
   // weight_sh.
   bool sh_is_clamped = false;
   size_t count = 0;
+  std::shared_ptr<void> memory;  // counts them
 };
-Weights read_weights_ply(const std::string& path);
+// holder: counts the weights before they are read.
+Weights read_weights_ply(const std::string& path, const Hold& holder = {});
 // All columns must be there but position, opacity and mean_t; sh is written as weight_sh.
 void write_weights_ply(const std::string& path, const Weights& weights);
 

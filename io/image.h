@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "io/memory.h"
 #include "io/scene.h"
 #include "l4d/render.h"
 
@@ -38,16 +39,28 @@ void from_bytes(const uint8_t* bytes, size_t count, float* values);
 
 // 8 bits a channel; appears under its name when it is complete.
 void write_png(const std::string& path, const Image& image);
+// Width and height of a PNG from its first bytes; false if they are not those of a PNG.
+constexpr size_t kPngSizeBytes = 24;
+bool png_size(const uint8_t* begin /* [24] */, uint32_t* size /* [2] */);
+
+// What an image has to be, and what counts it.
+struct ImageLimits {
+  uint32_t width = 0, height = 0;  // pixels that it must have; 0 = any
+  Hold holder;                     // counts the file and what reading it takes
+};
+
 // Any PNG of up to L4D_MAX_IMAGE_SIDE pixels a side. 16-bit values keep their precision, what is
 // transparent lies on black, gamma and colour profiles are left aside as most programs of the field
 // do.
-Image read_png(const std::string& path);
+// Throws L4D_ERR_CORRUPT, before any pixel is decoded, if the image has another size than the
+// limits.
+Image read_png(const std::string& path, const ImageLimits& limits = {});
 // The same with what is transparent as it is in the file. alpha: [height, width] in [0, 1]; empty
 // if the image has none.
-Image read_png(const std::string& path, std::vector<float>* alpha);
+Image read_png(const std::string& path, std::vector<float>* alpha, const ImageLimits& limits = {});
 // The same as bytes, from which from_bytes makes these values. Nothing if the file has 16 bits a
 // channel.
-std::optional<ByteImage> read_png_bytes(const std::string& path);
+std::optional<ByteImage> read_png_bytes(const std::string& path, const ImageLimits& limits = {});
 
 // Images of one height beside each other.
 Image side_by_side(const std::vector<Image>& images);

@@ -5,6 +5,7 @@
 #include <csetjmp>
 #include <cstdio>
 #include <cstring>
+#include <memory>
 #include <new>
 #include <optional>
 #include <utility>
@@ -102,11 +103,41 @@ float sample(const uint8_t* bytes, unsigned depth) {
 struct Delivered {
   PngLayout layout;
   std::vector<uint8_t> pixels;
+  std::shared_ptr<void> memory;  // counts them, and the values that are made of them
+};
+
+// Refuses an image of the wrong size by its first bytes. What is no PNG is left to the decoder.
+void check_size(const std::string& path, const uint8_t* begin, const ImageLimits& limits) {
+  uint32_t size[2];
+  if (limits.width == 0 || !png_size(begin, size)) return;
+  if (size[0] == limits.width && size[1] == limits.height) return;
+  throw Error(L4D_ERR_CORRUPT, path + " has " + std::to_string(size[0]) + " x " +
+                                   std::to_string(size[1]) + " pixels, and the camera has " +
+                                   std::to_string(limits.width) + " x " +
+                                   std::to_string(limits.height));
+}
+
+// The bytes of a file, of which the size in pixels is right.
+struct PngFile {
+  PngFile(const std::string& name, const ImageLimits& limits) : path(name) {
+    InputFile file(path, limits.holder);
+    uint8_t begin[kPngSizeBytes] = {};
+    const size_t known = file.read(begin, sizeof(begin));
+    check_size(path, begin, limits);
+    memory = hold(limits.holder, file.size(), path);
+    bytes.resize(static_cast<size_t>(file.size()));
+    std::copy_n(begin, known, bytes.begin());
+    bytes.resize(known + file.read(bytes.data() + known, bytes.size() - known));
+  }
+  std::string path;
+  std::shared_ptr<void> memory;
+  std::vector<uint8_t> bytes;
 };
 
 // Nothing if it has more than `deepest` bits a channel.
-std::optional<Delivered> deliver(const std::string& path, const std::vector<uint8_t>& bytes,
-                                 unsigned deepest) {
+std::optional<Delivered> deliver(const PngFile& file, unsigned deepest, const ImageLimits& limits) {
+  const std::string& path = file.path;
+  const std::vector<uint8_t>& bytes = file.bytes;
   PngSource source;
   source.bytes = bytes.data();
   source.left = bytes.size();
@@ -124,6 +155,8 @@ std::optional<Delivered> deliver(const std::string& path, const std::vector<uint
     fail("the file is too short for its size in pixels");
   }
   if (layout.depth > deepest) return std::nullopt;
+  const uint64_t values = uint64_t{layout.width} * layout.height * (layout.channels + 1);
+  out.memory = hold(limits.holder, layout.row_bytes * layout.height + values * sizeof(float), path);
   out.pixels.resize(layout.row_bytes * layout.height);
   std::vector<uint8_t*> rows(layout.height);
   for (size_t y = 0; y < rows.size(); ++y) rows[y] = &out.pixels[y * layout.row_bytes];
@@ -185,16 +218,29 @@ auto with_memory(const std::string& path, const Read& read) {
 
 }  // namespace
 
-Image read_png(const std::string& path) { return read_png(path, nullptr); }
-
-Image read_png(const std::string& path, std::vector<float>* alpha) {
-  return with_memory(path,
-                     [&] { return values_of(*deliver(path, read_whole_file(path), 16), alpha); });
+bool png_size(const uint8_t* begin, uint32_t* size) {
+  constexpr uint8_t kBegin[16] = {0x89, 'P', 'N', 'G', '\r', '\n', 0x1a, '\n',
+                                  0,    0,   0,   13,  'I',  'H',  'D',  'R'};
+  if (!std::equal(std::begin(kBegin), std::end(kBegin), begin)) return false;
+  for (size_t k = 0; k < 2; ++k) {
+    size[k] = 0;
+    for (size_t b = 0; b < 4; ++b) size[k] = size[k] << 8 | begin[16 + 4 * k + b];
+  }
+  return true;
 }
 
-std::optional<ByteImage> read_png_bytes(const std::string& path) {
+Image read_png(const std::string& path, const ImageLimits& limits) {
+  return read_png(path, nullptr, limits);
+}
+
+Image read_png(const std::string& path, std::vector<float>* alpha, const ImageLimits& limits) {
+  return with_memory(path,
+                     [&] { return values_of(*deliver(PngFile(path, limits), 16, limits), alpha); });
+}
+
+std::optional<ByteImage> read_png_bytes(const std::string& path, const ImageLimits& limits) {
   return with_memory(path, [&]() -> std::optional<ByteImage> {
-    std::optional<Delivered> delivered = deliver(path, read_whole_file(path), 8);
+    std::optional<Delivered> delivered = deliver(PngFile(path, limits), 8, limits);
     if (!delivered) return std::nullopt;
     return bytes_of(std::move(*delivered));
   });

@@ -13,7 +13,7 @@ namespace l4d::io {
 // The readers read_cameras() chooses between. Those of JSON may let its exceptions pass.
 CameraSet read_cameras_json(const std::string& path, const nlohmann::json& root);
 CameraSet read_transforms(const std::string& path, const nlohmann::json& root, bool any_path);
-CameraSet read_poses_bounds(InputFile& file);
+CameraSet read_poses_bounds(InputFile& file, const Hold& holder);
 
 // ---- what they share ----
 
@@ -47,9 +47,9 @@ l4d_camera default_camera();
 // `axes`, [3, 3] row-major.
 void set_pose(l4d_camera& camera, const double* axes, const double* center);
 void check_last_row(const CameraPlace& place, const char* key, const double* row);
-// Throws unless all numbers are finite, sizes and focal lengths are in range and the rotation is
+// Throws unless all numbers are finite and in the ranges of read_cameras(), and the rotation is
 // one.
-void check_camera(const CameraPlace& place, const l4d_camera& camera);
+void check_camera(const CameraPlace& place, const Camera& camera);
 
 // `name` relative to the folder of the file; "" stays "".
 std::string beside(const std::string& path, const std::string& name);
@@ -57,5 +57,6 @@ std::string beside(const std::string& path, const std::string& name);
 bool leaves_folder(const std::string& name);
 
 constexpr uint32_t kMaxImageSize = L4D_MAX_IMAGE_SIDE;
+constexpr double kMaxFps = 1e6;
 
 }  // namespace l4d::io

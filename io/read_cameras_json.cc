@@ -60,8 +60,9 @@ Distortion distortion_of(const CameraPlace& place, const Json& object) {
 void read_frames_of(const CameraPlace& place, const Json& object, Camera* camera) {
   const auto path = [&](const char* key) {
     const std::string name = text_or(place, object, key, "");
-    camera->is_outside |= leaves_folder(name);
-    return beside(place.path, name);
+    std::string file = beside(place.path, name);
+    if (camera->outside.empty() && leaves_folder(name)) camera->outside = file;
+    return file;
   };
   camera->video = path("video");
   camera->images = path("images");
@@ -112,7 +113,7 @@ CameraSet read_cameras_json(const std::string& path, const Json& root) {
   CameraSet set;
   set.source = "cameras_json";
   set.fps = number_or(file, root, "fps", 0);
-  if (set.fps < 0) file.fail("fps is negative");
+  if (!(set.fps >= 0 && set.fps <= kMaxFps)) file.fail("fps is not from 0 to 1000000");
   if (root.contains("frames")) set.frames = whole_number(file, root, "frames", L4D_MAX_FRAMES);
 
   UnknownKeys unknown(&set);
@@ -139,7 +140,6 @@ CameraSet read_cameras_json(const std::string& path, const Json& root) {
     camera.camera = default_camera();
     if (object.contains("near")) {
       camera.camera.near_plane = number(place, object, "near");
-      if (!(camera.camera.near_plane > 0)) place.fail("near is not above 0");
     }
     camera.camera.width =
         whole_number(place, object.contains("width") ? object : root, "width", kMaxImageSize);
@@ -150,7 +150,7 @@ CameraSet read_cameras_json(const std::string& path, const Json& root) {
     matrix(place, object, "w2c", 4, 4, w2c);
     check_last_row(place, "w2c", w2c + 12);
     std::copy(w2c, w2c + 12, camera.camera.world_to_camera);
-    check_camera(place, camera.camera);
+    check_camera(place, camera);
     set.cameras.push_back(std::move(camera));
   }
   return set;

@@ -338,10 +338,28 @@ Scene read_scene(PlyReader& reader, const ImportOptions& options) {
               "SpacetimeGaussians lite");
 }
 
+namespace {
+
+// What any reader makes of the rows: attributes, and positions, times and shapes as double, once
+// more while they are converted.
+uint64_t scene_bytes(const PlyReader& reader) {
+  size_t rest = 0;
+  for (const PlyProperty& property : reader.element().properties) {
+    rest += property.name.compare(0, 7, "f_rest_") == 0 ? 1U : 0U;
+  }
+  constexpr uint64_t kDoubles = 24 * sizeof(double);
+  return reader.element().count * ((numbers_per_gaussian(0) + rest) * sizeof(float) + kDoubles);
+}
+
+}  // namespace
+
 Scene read_scene_ply(const std::string& path, const ImportOptions& options) {
   try {
-    PlyReader reader(InputFile(path), "vertex");
-    return read_scene(reader, options);
+    PlyReader reader(InputFile(path, options.holder), "vertex");
+    std::shared_ptr<void> memory = hold(options.holder, scene_bytes(reader), path);
+    Scene scene = read_scene(reader, options);
+    scene.memory = std::move(memory);
+    return scene;
   } catch (const std::bad_alloc&) {
     throw Error(L4D_ERR_OUT_OF_MEMORY, path + ": not enough memory for the scene");
   }

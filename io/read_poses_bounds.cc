@@ -185,11 +185,12 @@ uint32_t image_size(const CameraPlace& place, double value) {
 }
 
 // The matrix is camera to world with x down, y right, z back.
-l4d_camera llff_camera(const CameraPlace& place, const double* row) {
+Camera llff_camera(const CameraPlace& place, const double* row) {
   for (size_t k = 0; k < 15; ++k) {
     if (!std::isfinite(row[k])) place.fail("number " + std::to_string(k) + " is not finite");
   }
-  l4d_camera camera = default_camera();
+  Camera out;
+  l4d_camera& camera = out.camera = default_camera();
   camera.height = image_size(place, row[4]);
   camera.width = image_size(place, row[9]);
   camera.fx = camera.fy = row[14];
@@ -203,8 +204,8 @@ l4d_camera llff_camera(const CameraPlace& place, const double* row) {
     center[r] = row[5 * r + 3];
   }
   set_pose(camera, axes, center);
-  check_camera(place, camera);
-  return camera;
+  check_camera(place, out);
+  return out;
 }
 
 bool is_video_name(const fs::path& path) {
@@ -238,16 +239,19 @@ std::vector<std::string> videos_beside(const std::string& path, size_t rows) {
 
 }  // namespace
 
-CameraSet read_poses_bounds(InputFile& file) {
+CameraSet read_poses_bounds(InputFile& file, const Hold& holder) {
   const std::string& path = file.path();
+  // As it is stored and as numbers, and a camera of each row.
+  const uint64_t rows_at_most = file.size() / (kColumns * sizeof(float));
+  const std::shared_ptr<void> memory =
+      hold(holder, 3 * file.size() + 2 * sizeof(Camera) * rows_at_most, path);
   const std::vector<double> rows = read_array({path, ""}, file);
   CameraSet set;
   set.source = "poses_bounds";
   for (size_t i = 0; i < rows.size() / kColumns; ++i) {
-    Camera camera;
+    Camera camera = llff_camera({path, "camera " + std::to_string(i)}, &rows[kColumns * i]);
     camera.id = static_cast<int>(i);
     camera.split = i == 0 ? "test" : "train";
-    camera.camera = llff_camera({path, "camera " + std::to_string(i)}, &rows[kColumns * i]);
     set.cameras.push_back(std::move(camera));
   }
   const std::vector<std::string> videos = videos_beside(path, set.cameras.size());

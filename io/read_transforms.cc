@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
+#include "io/image.h"
 #include "io/read_cameras.h"
 
 namespace l4d::io {
@@ -12,6 +13,7 @@ namespace {
 using Json = nlohmann::json;
 namespace fs = std::filesystem;
 
+constexpr double kMaxTime = 1e9;
 constexpr uint32_t kBlenderSize = 800;  // pixels: what the renderings of NeRF and D-NeRF have
 
 std::string split_of(const std::string& path) {
@@ -30,20 +32,12 @@ std::string image_of(const std::string& path, const std::string& name) {
 }
 
 // Width and height of a PNG; false where there is none.
-bool png_size(const std::string& path, uint32_t* size) {
+bool read_size(const std::string& path, uint32_t* size) {
   std::error_code error;
   if (!fs::is_regular_file(path, error)) return false;
-  const uint8_t begin[16] = {0x89, 'P', 'N', 'G', '\r', '\n', 0x1a, '\n',
-                             0,    0,   0,   13,  'I',  'H',  'D',  'R'};
-  uint8_t bytes[24];
+  uint8_t begin[kPngSizeBytes];
   InputFile file(path);
-  if (file.read(bytes, sizeof(bytes)) != sizeof(bytes)) return false;
-  if (!std::equal(begin, begin + 16, bytes)) return false;
-  for (size_t k = 0; k < 2; ++k) {
-    size[k] = 0;
-    for (size_t b = 0; b < 4; ++b) size[k] = size[k] << 8 | bytes[16 + 4 * k + b];
-  }
-  return true;
+  return file.read(begin, sizeof(begin)) == sizeof(begin) && png_size(begin, size);
 }
 
 // A frame's own number, else that of the file.
@@ -108,10 +102,10 @@ class TransformsReader {
     Camera out;
     const std::string image = text_or(place, frame, "file_path", "");
     out.image = image_of(path_, image);
-    out.is_outside = leaves_folder(image);
+    if (leaves_folder(image)) out.outside = out.image;
     if (frame.contains("time")) {
       out.time = number(place, frame, "time");
-      if (*out.time < 0) place.fail("time is negative");
+      if (!(*out.time >= 0 && *out.time <= kMaxTime)) place.fail("time is not from 0 to 1e9");
       ++with_time_;
     }
 
@@ -129,7 +123,7 @@ class TransformsReader {
     out.distortion = distortion_of(place, frame);
     distorted_ |= out.distortion.model != Distortion::Model::kNone;
     set_opengl_pose(place, frame, camera);
-    check_camera(place, camera);
+    check_camera(place, out);
     return out;
   }
 
@@ -164,12 +158,12 @@ class TransformsReader {
       return;
     }
     uint32_t size[2] = {kBlenderSize, kBlenderSize};
-    if (seen.is_outside && !any_path_) {
+    if (!seen.outside.empty() && !any_path_) {
       place.fail(L4D_ERR_INVALID_ARGUMENT, "only " + seen.image +
                                                " tells the size, which is not in the folder of the "
                                                "file, and is read only where any path may be");
     }
-    if (!png_size(seen.image, size)) ++without_size_;
+    if (!read_size(seen.image, size)) ++without_size_;
     camera.width = size[0];
     camera.height = size[1];
   }

@@ -61,7 +61,7 @@ void TensorFile::fail(const std::string& message) const {
   throw Error(L4D_ERR_CORRUPT, path() + ": " + message);
 }
 
-TensorFile::TensorFile(InputFile file) : file_(std::move(file)) {
+TensorFile::TensorFile(InputFile file, const Hold& holder) : file_(std::move(file)) {
   std::array<uint8_t, 8> length{};
   if (file_.read(length.data(), length.size()) != length.size()) {
     fail("the file has less than 8 bytes, which the length of its header takes");
@@ -76,6 +76,8 @@ TensorFile::TensorFile(InputFile file) : file_(std::move(file)) {
   header_bytes_ = length.size() + bytes;
   std::string text(bytes, '\0');
   if (file_.read(text.data(), text.size()) != text.size()) fail("the header ends early");
+  const std::shared_ptr<void> memory = hold(
+      holder, json_bytes(text.data(), text.size(), 2 * sizeof(Entry)), path() + ": its header");
   const Json root = Json::parse(text, nullptr, false);
   if (!root.is_object()) fail("byte 8: the header is not an object of JSON");
   const uint64_t data_bytes = file_.size() - header_bytes_;

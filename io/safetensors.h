@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "io/file.h"
+#include "io/memory.h"
 
 namespace l4d::io {
 
@@ -21,8 +22,9 @@ struct TensorName {
 // each count against the bytes of the file before they allocate memory for it.
 class TensorFile {
  public:
-  // Reads the header. Fails with L4D_ERR_CORRUPT if it is wrong.
-  explicit TensorFile(InputFile file);
+  // Reads the header, which counts with `holder` meanwhile. Fails with L4D_ERR_CORRUPT if it is
+  // wrong.
+  explicit TensorFile(InputFile file, const Hold& holder = {});
 
   // Returns the shape of a tensor, or nullptr if the file does not have the tensor.
   const std::vector<uint64_t>* shape_of(const std::string& name) const;

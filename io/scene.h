@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -35,6 +36,7 @@ struct Scene : AttributeArrays {
   std::string source;
   // Approximations made on import, one sentence each, with their size. For people.
   std::vector<std::string> notes;
+  std::shared_ptr<void> memory;  // counts what was read (ImportOptions::holder)
 
   // Sets mean_t, and mean_t_double where any time would not come back from float32.
   void set_mean_times(std::vector<double> times);

@@ -140,6 +140,8 @@ std::vector<View> select_views(const CameraSet& set, const ViewSelection& select
       throw Error(L4D_ERR_LIMIT_EXCEEDED,
                   "more than " + std::to_string(kMaxViews) + " views; select frames or cameras");
     }
+    const uint64_t more = std::max<uint64_t>(views.size() + frames_in_range, 2 * views.capacity());
+    const std::shared_ptr<void> memory = hold(set.holder, more * sizeof(View), "the views");
     for (uint64_t k = range.first; k < range.end; k += range.step) {
       View view;
       view.camera = i;

@@ -9,12 +9,14 @@
 #include <cstring>
 #include <filesystem>
 #include <fstream>
-#include <sstream>
+#include <optional>
 #include <system_error>
 #include <utility>
 
 #include "io/ffmpeg_process.h"
 #include "io/file.h"
+#include "io/nal_scan.h"
+#include "io/packet_list.h"
 
 namespace l4d::io {
 namespace fs = std::filesystem;
@@ -56,6 +58,22 @@ void check(const FileError& error, const std::string& path) {
   if (!error.ok()) fail(path, error.action, error.error);
 }
 
+[[noreturn]] void fail_for_size(const std::string& path, uint32_t width, uint32_t height) {
+  throw Error(L4D_ERR_CORRUPT, path + ": the frames are not of the camera's size, " +
+                                   std::to_string(width) + " x " + std::to_string(height));
+}
+
+// How ffmpeg opens a video for reading. It decodes no frame that is larger than width x height by
+// more than coders pad; 0 = of any size.
+std::vector<std::string> input_of(const std::string& path, uint32_t width, uint32_t height) {
+  constexpr uint64_t kPadding = 128;
+  const uint64_t side = kMaxSize;
+  const uint64_t pixels =
+      ((width > 0 ? width : side) + kPadding) * ((height > 0 ? height : side) + kPadding);
+  return {"-protocol_whitelist",  "file", "-format_whitelist", kContainers, "-max_pixels",
+          std::to_string(pixels), "-i",   url_of(path)};
+}
+
 // Whether the boxes of an MP4 fill the file, and one of them lists the frames.
 bool is_whole_mp4(const std::string& path) {
   std::error_code error;
@@ -82,37 +100,51 @@ bool is_whole_mp4(const std::string& path) {
 
 }  // namespace
 
-VideoFacts probe_video(const std::string& path) {
+VideoFacts probe_video(const std::string& path, uint32_t width, uint32_t height) {
   check_file(path);
-  FfmpegProcess process(path,
-                        {"-protocol_whitelist", "file", "-format_whitelist", kContainers, "-i",
-                         url_of(path), "-map", "0:v:0", "-c", "copy", "-f", "framecrc", "-"},
-                        FfmpegProcess::Direction::kFrom);
-  std::string text;
-  std::vector<char> block(size_t{1} << 16);
-  while (const size_t n = process.read(block.data(), block.size())) text.append(block.data(), n);
-  process.finish();
-
-  // "#tb 0: 1/15360", "#dimensions 0: 640x360", then a line for each packet:
-  // stream, dts, pts, duration, size, checksum.
-  VideoFacts facts;
-  double tick = 0, duration = 0;
-  std::istringstream lines(text);
-  for (std::string line; std::getline(lines, line);) {
-    unsigned a = 0, b = 0;
-    long long dts = 0, pts = 0, length = 0;
-    if (std::sscanf(line.c_str(), "#tb 0: %u/%u", &a, &b) == 2 && b != 0) {
-      tick = static_cast<double>(a) / b;
-    } else if (std::sscanf(line.c_str(), "#dimensions 0: %ux%u", &a, &b) == 2) {
-      facts.width = a;
-      facts.height = b;
-    } else if (std::sscanf(line.c_str(), "0, %lld, %lld, %lld", &dts, &pts, &length) == 3) {
-      ++facts.frames;
-      duration += static_cast<double>(length) * tick;
+  const FileHandle list = anonymous_file();
+  std::vector<std::string> arguments = input_of(path, width, height);
+  for (const auto& [format, output] :
+       {std::pair{"data", std::string("-")},
+        std::pair{"framecrc", "pipe:" + std::to_string(FfmpegProcess::kExtra)}}) {
+    for (const char* word : {"-map", "0:v:0", "-c", "copy", "-f", format}) {
+      arguments.emplace_back(word);
     }
+    arguments.push_back(output);
   }
-  if (duration > 0) facts.fps = static_cast<double>(facts.frames) / duration;
-  return facts;
+  FfmpegProcess process(path, arguments, FfmpegProcess::Direction::kFrom, list.get());
+  NalScan scan;
+  std::vector<uint8_t> block(size_t{1} << 16);
+  while (const size_t n = process.read(block.data(), block.size())) scan.add(block.data(), n);
+  try {
+    process.finish();
+  } catch (const Error& error) {
+    if (std::strstr(error.what(), "max pixel count") != nullptr) fail_for_size(path, width, height);
+    throw;
+  }
+  const PacketList packets(path, list.get());
+  packets.check_times();
+  const std::optional<uint64_t> damaged = scan.damaged_unit();
+  if (damaged && packets.has_units()) packets.fail_at(*damaged);
+  return packets.facts();
+}
+
+void check_video(const std::string& path, uint32_t width, uint32_t height) {
+  const VideoFacts facts = probe_video(path, width, height);
+  if (facts.width == width && facts.height == height) return;
+  fail_for_size(path, width, height);
+}
+
+void decode_video(const std::string& path, uint32_t width, uint32_t height, uint32_t frames) {
+  VideoRange whole;
+  whole.is_video = true;
+  VideoReader reader(path, width, height, whole);
+  while (reader.next(static_cast<Image*>(nullptr))) {
+  }
+  if (reader.position() == frames) return;
+  throw Error(L4D_ERR_CORRUPT, path + ": " + std::to_string(reader.position()) +
+                                   " frames come out of its " + std::to_string(frames) +
+                                   " coded frames");
 }
 
 VideoReader::VideoReader(const std::string& path, uint32_t width, uint32_t height)
@@ -123,12 +155,14 @@ VideoReader::VideoReader(const std::string& path, uint32_t width, uint32_t heigh
     : path_(path),
       width_(range.out_width != 0 ? range.out_width : width),
       height_(range.out_height != 0 ? range.out_height : height),
+      is_video_(range.is_video),
+      first_(range.first),
       position_(range.first) {
   check_size(path, width, height);
   check_size(path, width_, height_);
   check_file(path);
-  std::vector<std::string> arguments = {"-protocol_whitelist", "file", "-format_whitelist",
-                                        kContainers};
+  // Damage ends the frames: what ffmpeg would put in the place of a damaged one is no picture.
+  std::vector<std::string> arguments = {"-xerror", "-err_detect:v", "explode"};
   if (range.first > 0) {
     if (!(range.fps > 0)) {
       throw Error(L4D_ERR_INVALID_ARGUMENT, path + ": without a frame rate, frame " +
@@ -139,7 +173,10 @@ VideoReader::VideoReader(const std::string& path, uint32_t width, uint32_t heigh
   }
   // PPM and not raw frames: it tells the size of each frame, so that a video of another size than
   // the camera's is an error and not a scrambled picture.
-  arguments.insert(arguments.end(), {"-i", url_of(path), "-map", "0:v:0"});
+  const std::vector<std::string> input = input_of(path, width, height);
+  arguments.insert(arguments.end(), input.begin(), input.end());
+  // Each frame once: else ffmpeg fills gaps with copies of the frame before.
+  arguments.insert(arguments.end(), {"-map", "0:v:0", "-vsync", "passthrough"});
   if (width_ != width || height_ != height) {
     arguments.insert(arguments.end(), {"-vf", "scale=" + std::to_string(width_) + ":" +
                                                   std::to_string(height_) + ":flags=area"});
@@ -154,22 +191,35 @@ VideoReader::~VideoReader() = default;
 VideoReader::VideoReader(VideoReader&&) noexcept = default;
 VideoReader& VideoReader::operator=(VideoReader&&) noexcept = default;
 
+void VideoReader::finish() {
+  try {
+    process_->finish();
+  } catch (const Error& error) {
+    const std::string prefix = path_ + ": ";
+    const std::string what = error.what();
+    if (!is_video_ && position_ == first_) throw;
+    throw Error(L4D_ERR_CORRUPT,
+                prefix + "frame " + std::to_string(position_) +
+                    " or one soon after it is damaged: " +
+                    (what.rfind(prefix, 0) == 0 ? what.substr(prefix.size()) : what));
+  }
+}
+
 bool VideoReader::fetch() {
   if (process_ == nullptr) return false;
   // The header first: where frames are smaller, a whole frame would be more than there is.
   const size_t header_bytes = process_->read(frame_.data(), header_.size());
   if (header_bytes == 0) {
-    process_->finish();
+    finish();
     process_.reset();
     return false;
   }
   if (!std::equal(header_.begin(), header_.end(), frame_.begin())) {
-    throw Error(L4D_ERR_CORRUPT, path_ + ": the frames are not of the camera's size, " +
-                                     std::to_string(width_) + " x " + std::to_string(height_));
+    fail_for_size(path_, width_, height_);
   }
   const size_t pixel_bytes = frame_.size() - header_.size();
   if (process_->read(&frame_[header_.size()], pixel_bytes) != pixel_bytes) {
-    process_->finish();
+    finish();
     throw Error(L4D_ERR_IO, path_ + ": ffmpeg stopped within frame " + std::to_string(position_));
   }
   ++position_;

@@ -22,11 +22,21 @@ struct VideoFacts {
   uint32_t frames = 0;
   double fps = 0;  // 0 = unknown
 };
-// Reads all packets, and decodes none. Throws Error(L4D_ERR_IO) where ffmpeg is missing or fails.
-VideoFacts probe_video(const std::string& path);
+// Reads all packets, and decodes none. Throws Error(L4D_ERR_IO) where ffmpeg is missing or fails,
+// and L4D_ERR_CORRUPT, which names the frame, where a frame is missing or there twice by its time,
+// or where packets of H.264 or H.265 have what no encoder writes (io/nal_scan.h).
+// width, height: pixels that its frames should have, above which ffmpeg decodes none; 0 = any.
+VideoFacts probe_video(const std::string& path, uint32_t width = 0, uint32_t height = 0);
+// The same for what is about to be read as a video of width x height pixels: throws
+// L4D_ERR_CORRUPT if it has another size.
+void check_video(const std::string& path, uint32_t width, uint32_t height);
+// Decodes all of a video that has this many frames, and keeps nothing. Throws as VideoReader does,
+// and L4D_ERR_CORRUPT if another number of frames comes out.
+void decode_video(const std::string& path, uint32_t width, uint32_t height, uint32_t frames);
 
 // A part of a video, possibly at another size.
 struct VideoRange {
+  bool is_video = false;                   // it was probed: if ffmpeg fails, frames are damaged
   uint32_t first = 0;                      // frame
   double fps = 0;                          // of the video, to find `first`; not needed for frame 0
   uint32_t out_width = 0, out_height = 0;  // pixels: frames are averaged by area; 0 = as they are
@@ -34,7 +44,8 @@ struct VideoRange {
 
 // The frames of a video in order, from the first on. Throws Error: L4D_ERR_IO where ffmpeg is
 // missing or fails, with its words, as it does on what is no container of frames but a list of
-// other files; L4D_ERR_CORRUPT where frames are not of the size that the camera has.
+// other files; L4D_ERR_CORRUPT where frames are not of the size that the camera has, and where the
+// decoder finds damage, which ends the frames before it is concealed.
 class VideoReader {
  public:
   VideoReader(const std::string& path, uint32_t width, uint32_t height);
@@ -56,10 +67,13 @@ class VideoReader {
 
  private:
   bool fetch();  // the next frame into frame_; false at the end
+  // Ends ffmpeg after its last byte; throws if it failed, with what that says of the frames.
+  void finish();
 
   std::string path_;
   uint32_t width_, height_;  // of frames as they are returned
-  uint32_t position_ = 0;
+  bool is_video_ = false;
+  uint32_t first_ = 0, position_ = 0;
   std::unique_ptr<FfmpegProcess> process_;  // null once the end was reached
   std::string header_;                      // that every frame must have
   std::vector<uint8_t> frame_;

@@ -25,8 +25,8 @@ constexpr Column kColumns[] = {{"alpha_t", &Weights::alpha_t},
 constexpr const char* kSum = "sum";
 constexpr const char* kGaussNewton = "gauss-newton";
 
-Weights read_weights(const std::string& path) {
-  PlyReader reader(InputFile(path), "vertex");
+Weights read_weights(const std::string& path, const Hold& holder) {
+  PlyReader reader(InputFile(path, holder), "vertex");
   const char* version = reader.header().comment("l4d_weights");
   if (version == nullptr) {
     reader.fail(L4D_ERR_CORRUPT, "no file of weights: the comment l4d_weights is missing");
@@ -42,6 +42,10 @@ Weights read_weights(const std::string& path) {
   Weights weights;
   weights.gauss_newton = metric == kGaussNewton;
   weights.count = static_cast<size_t>(reader.element().count);
+  size_t num_known = 0;
+  for (const Column& column : kColumns)
+    num_known += reader.element().has(column.property) ? 1U : 0U;
+  weights.memory = hold(holder, num_known * weights.count * sizeof(float), path);
   std::vector<PlyColumn> columns;
   std::vector<Column> present;
   for (const Column& known : kColumns) {
@@ -70,9 +74,9 @@ Weights read_weights(const std::string& path) {
 
 }  // namespace
 
-Weights read_weights_ply(const std::string& path) {
+Weights read_weights_ply(const std::string& path, const Hold& holder) {
   try {
-    return read_weights(path);
+    return read_weights(path, holder);
   } catch (const std::bad_alloc&) {
     throw Error(L4D_ERR_OUT_OF_MEMORY, path + ": not enough memory for the weights");
   }

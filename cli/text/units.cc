@@ -115,19 +115,7 @@ int32_t parse_component(const std::string& text, const std::string& option) {
 
 const char* component_name(uint32_t component) { return kComponentNames[component]; }
 
-std::string format_bytes(uint64_t bytes) {
-  if (bytes < 1000) return format("%u bytes", static_cast<unsigned>(bytes));
-  double value = static_cast<double>(bytes);
-  const char* const units[] = {"kB", "MB", "GB", "TB", "PB", "EB"};
-  size_t unit = 0;
-  value /= 1000;
-  // 999.95 would print as "1000.0".
-  while (value >= 999.95 && unit + 1 < std::size(units)) {
-    value /= 1000;
-    ++unit;
-  }
-  return format(value < 9.995 ? "%.2f %s" : "%.1f %s", value, units[unit]);
-}
+std::string format_bytes(uint64_t bytes) { return io::text_of_bytes(bytes); }
 
 std::string format_count(uint64_t count) {
   std::string digits = std::to_string(count);

@@ -185,12 +185,12 @@ Outcome run_compare(Context& context, const CompareArguments& arguments) {
     if (picture->is_stdout()) throw usage_error("--side-by-side cannot go to stdout");
   }
   std::optional<eval::Lpips> lpips;
-  std::optional<HeldMemory> network;
+  std::shared_ptr<void> network;
   if (!arguments.lpips.empty()) {
     io::InputFile file(arguments.lpips);
     // As it is stored, and as it is used.
-    network.emplace(context, 2 * file.size(), "the network of --lpips");
-    lpips = eval::Lpips::read(std::move(file));
+    network = context.budget().take(2 * file.size(), "the network of --lpips");
+    lpips = eval::Lpips::read(std::move(file), context.budget().holder());
   }
   const Input input_a(context, arguments.a, "A");
   const Input input_b(context, arguments.b, "B");

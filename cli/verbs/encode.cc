@@ -290,9 +290,11 @@ std::optional<Importance> set_weights(Context& context, const EncodeArguments& a
                                       const EncoderHandle& encoder, std::optional<Output>& saved,
                                       EncoderWeights& weights) {
   if (!arguments.weights.empty()) {
-    weights.set(encoder, arguments.weights,
-                about(arguments.weights, [&] { return io::read_weights_ply(arguments.weights); }),
-                scene.count());
+    weights.set(
+        encoder, arguments.weights,
+        about(arguments.weights,
+              [&] { return io::read_weights_ply(arguments.weights, context.budget().holder()); }),
+        scene.count());
   }
   if (!arguments.measures()) return std::nullopt;
   Importance importance = measure(context, arguments, input, scene);

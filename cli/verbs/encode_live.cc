@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/verbs/encode_live.h"
 
+#include <memory>
+#include <optional>
+
 #include "cli/byte_writer.h"
 #include "cli/playlist.h"
 #include "cli/text/progress.h"
@@ -18,7 +21,7 @@ constexpr double kSegmentSeconds = 2;
 class LiveSession {
  public:
   LiveSession(Context& context, const EncoderHandle& encoder, double segment)
-      : encoder_(encoder), memory_(context, context.session_memory(), "the session") {
+      : encoder_(encoder), memory_(context.budget().take(context.session_memory(), "the session")) {
     l4d_session_options_init(&options_);
     options_.segment_seconds = segment;
     options_.max_memory_bytes = context.session_memory();
@@ -49,20 +52,44 @@ class LiveSession {
 
  private:
   const EncoderHandle& encoder_;
-  HeldMemory memory_;
+  std::shared_ptr<void> memory_;
   l4d_session_options options_{};
   l4d_session* session_ = nullptr;
+};
+
+// Notes the seconds between pieces that no piece has: one may be lost.
+class GapNotes {
+ public:
+  explicit GapNotes(Context& context) : context_(context) {}
+
+  void add(const std::string& name, const l4d_timeline& timeline) {
+    const double begin = timeline.time_begin;
+    // Ends that are less than a frame apart are one end; a lost piece has a frame at least.
+    const double frame = 0.999 * timeline.fps_den / timeline.fps_num;
+    if (end_ && begin > *end_ + frame) {
+      context_.note(name + " begins at " + format_time(begin) +
+                    " s, and the pieces before it end at " + format_time(*end_) +
+                    " s: no piece has the " + format_time(begin - *end_) + " s between them");
+    }
+    end_ = begin + io::duration(timeline);
+  }
+
+ private:
+  Context& context_;
+  std::optional<double> end_;  // s, of the last piece
 };
 
 // Codes pieces as long as they come, and counts them.
 void code_pieces(Context& context, LivePieces& pieces, const LiveEncoding& encoding,
                  LiveSession& session, Recording& recording, size_t* count) {
   Progress progress(context, "encode");
+  GapNotes gaps(context);
   while (const Input* piece = pieces.next()) {
     const auto code = [&](const io::Scene& scene) {
       encoding.encoder.check(
           l4d_encoder_set_progress(encoding.encoder.get(), &eval::Observer::callback, &progress));
       session.add(scene, pieces.is_one(), &recording);
+      gaps.add(piece->name(), scene.timeline);
     };
     encoding.read(*piece,
                   [&](const io::Scene& scene) { about(piece->name(), [&] { code(scene); }); });

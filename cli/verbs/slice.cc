@@ -75,8 +75,8 @@ Slices write_slices(Context& context, const Input& input, ShownScene& scene,
     check_interrupt();
     progress.update(k, times.size(), "frames");
     const Stopwatch watch;
-    const HeldMemory memory(
-        context, about(input.name(), [&] { return scene.slice_bytes(times[k]); }), "a slice");
+    const std::shared_ptr<void> memory = context.budget().take(
+        about(input.name(), [&] { return scene.slice_bytes(times[k]); }), "a slice");
     SplatArrays arrays = about(input.name(), [&] { return scene.slice(times[k], &slices.losses); });
     slices.seconds += watch.seconds();
     Json frame = {{"index", k}, {"time", times[k]}, {"gaussians", arrays.count()}};

@@ -137,7 +137,7 @@ eval::Decoding decoding_of(Context& context) {
   eval::Decoding decoding;
   decoding.decoder = context.decoder_options();
   decoding.threads = context.options.threads;
-  decoding.holder = holder_of(context);
+  decoding.holder = context.budget().holder();
   return decoding;
 }
 

@@ -22,7 +22,7 @@ expect_json out 'd["psnr_a_db"] < 50'
 expect 0 render s.ply --cameras set/c.json --scale 0.5 -f -o set/cam0/small.png
 mv set/cam0/small.png set/cam0/0001.png
 expect 4 compare s.ply s.ply --cameras set/c.json --ids 0 --frames 0:6 --images
-expect_text err 'set/cam0/0001.png: is not of the size of camera 0'
+expect_text err 'camera 0: set/cam0/0001.png has 48 x 32 pixels, and the camera has 96 x 64$'
 cp kept.png set/cam0/0001.png
 expect 3 compare s.ply s.ply --cameras set/c.json --ids 0 --frames 6 --images
 expect_text err 'set/cam0/0006.png'

@@ -39,7 +39,7 @@ images 0 set/turn.json --ids 0 --frames 3
 # Lists of files are no videos, whatever they are called.
 printf 'ffconcat version 1.0\nfile below/cam0.mp4\n' > set/cam0.mp4
 images 3 set/c.json --ids 0 --frames 3
-expect_text err '^l4dcodec: set/cam0.mp4: ffmpeg failed:'
+expect_text err '^l4dcodec: camera 0: set/cam0.mp4: ffmpeg failed:'
 printf '#EXTM3U\n#EXT-X-TARGETDURATION:9\n#EXTINF:2,\nbelow/cam0.mp4\n#EXT-X-ENDLIST\n' > set/cam0.mp4
 images 3 set/c.json --ids 0 --frames 3
 expect 0 render s.ply --cameras set/c.json --time 1 -o set/below/0.png

@@ -79,6 +79,16 @@ for kind in 29.97:1.001 23.976:1.001 30:0.25 30:0.24 25:0.1 30:0.11; do
   expect 0 validate rounded.l4d
 done
 
+# A piece that is lost is noted with its seconds, and what is there is coded.
+for k in 0 1 2 3; do piece $k 1 30 "g$k.ply"; done
+expect 0 encode --live g0.ply g1.ply g3.ply -o hole.l4d
+expect_text err '^note: g3.ply begins at 3 s, and the pieces before it end at 2 s: no piece has the 1 s'
+expect_document 0 encode --live g0.ply g1.ply g3.ply -o hole.l4d -f
+expect_json out 'sum("no piece has the" in n for n in d["notes"]) == 1 and d["end"] == 4'
+expect 0 validate hole.l4d
+expect_document 0 encode --live g0.ply g1.ply g2.ply g3.ply -o whole.l4d
+expect_json out 'not d.get("notes")'
+
 # A piece without Gaussians is time in which what is known lives on; also the first one.
 for k in 0 1 2; do piece $k 2 30 "q$k.ply" 50; done
 "$PYTHON" - << 'PY'

@@ -51,8 +51,8 @@ TEST_F(CamerasTest, JsonThatIsWrongIsNamed) {
     const char *from, *to, *message;
   } cases[] = {
       {"500, 0, 300", "1e999, 0, 300", "out_of_range"},
-      {"500, 0, 300", "0, 0, 300", "camera 7: the focal length 0"},
-      {"500, 0, 300", "-500, 0, 300", "camera 7: the focal length -500"},
+      {"500, 0, 300", "0, 0, 300", "camera 7: the focal length is 0;"},
+      {"500, 0, 300", "-500, 0, 300", "camera 7: the focal length is -500;"},
       {"500, 0, 300", "500, 2, 300", "camera 7: K has a skew"},
       {"500, 0, 300", "500, 0", "camera 7: K must be a matrix of 3 x 3"},
       {"500, 0, 300", "500, 0, \"x\"", "camera 7: K is not a number"},
@@ -72,7 +72,7 @@ TEST_F(CamerasTest, JsonThatIsWrongIsNamed) {
       {"\"sub/a.mp4\"", "4", "camera 7: video is not a text"},
       {"\"frames\": 50", "\"frames\": -1", "frames is no whole number"},
       {"\"frames\": 50", "\"frames\": 16777217", "frames is no whole number from 0 to 16777216"},
-      {"\"fps\": 25", "\"fps\": -25", "fps is negative"},
+      {"\"fps\": 25", "\"fps\": -25", "fps is not from 0 to 1000000"},
       {"\"cameras\"", "\"Cameras\"", "frames is not a list"},
       {"\"cameras\": [", "\"cameras\": [5,", "entry 0 of cameras: not an object"},
   };
@@ -126,6 +126,68 @@ TEST_F(CamerasTest, JsonOfLensesOffsetsAndImages) {
   wrong("-0.004", "null");
   wrong("0.75", "0");
   wrong("0.75", "\"far\"");
+}
+
+TEST_F(CamerasTest, NumbersAreInTheirRanges) {
+  const auto text = [](const std::string& translation, const std::string& focal,
+                       const std::string& more) {
+    return R"({"width": 48, "height": 32, "cameras": [{"id": 7, "K": [[)" + focal +
+           R"(, 0, 24], [0, 50, 16], [0, 0, 1]], "w2c": [[1, 0, 0, )" + translation +
+           R"(], [0, 1, 0, 0], [0, 0, 1, 5], [0, 0, 0, 1]])" + more + "}]}";
+  };
+  std::string message;
+  EXPECT_EQ(
+      status("cameras.json", text("1e9", "1e8", R"(, "near": 1e9, "time_offset": -1e6)"), &message),
+      L4D_OK)
+      << message;
+  const auto refused = [&](const std::string& changed, const std::string& what) {
+    EXPECT_EQ(status("cameras.json", changed, &message), L4D_ERR_CORRUPT) << what;
+    EXPECT_NE(message.find("camera 7: " + what), std::string::npos) << message;
+  };
+  refused(text("1e300", "50", ""), "the translation is 1e+300");
+  refused(text("-1.1e9", "50", ""), "the translation is -1.1e+09");
+  refused(text("0", "1e300", ""), "the focal length is 1e+300");
+  refused(text("0", "1e-300", ""), "the focal length is 1e-300");
+  refused(text("0", "50", R"(, "near": 1e300)"), "near is 1e+300");
+  refused(text("0", "50", R"(, "near": 0)"), "near is 0");
+  refused(text("0", "50", R"(, "time_offset": 1e300)"), "time_offset is 1e+300");
+  refused(text("0", "50", R"(, "distortion": [1e30, 1e30, 1e30, 1e30])"), "distortion is 1e+30");
+  refused(text("0", "50", R"(, "distortion": [0, 0, 1e30])"), "distortion is 1e+30");
+  // JSON has no NaN; a number that is none and one that no double holds are errors of the text.
+  EXPECT_EQ(status("cameras.json", text("NaN", "50", ""), &message), L4D_ERR_CORRUPT);
+  EXPECT_EQ(status("cameras.json", text("1e999", "50", ""), &message), L4D_ERR_CORRUPT);
+}
+
+TEST_F(CamerasTest, OneRuleOfPathsForAllThatACameraNames) {
+  for (const char* key : {"video", "images", "mask"}) {
+    for (const std::string name : {"/etc/passwd", "../secret.png", "a/../../secret.png"}) {
+      const std::string text =
+          R"({"width": 48, "height": 32, "cameras": [{"id": 7, "K": [[50, 0, 24], [0, 50, 16],
+           [0, 0, 1]], "w2c": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 5], [0, 0, 0, 1]], ")" +
+          std::string(key) + "\": \"" + name + "\"}]}";
+      const CameraSet set = read_cameras(write("set.json", text));
+      std::string message;
+      EXPECT_EQ(test::status_of([&] { require_inside(set, set.cameras[0]); }, &message),
+                L4D_ERR_INVALID_ARGUMENT)
+          << key << " " << name;
+      EXPECT_NE(message.find("--any-path"), std::string::npos) << message;
+      const CameraSet free = read_cameras(path("set.json"), true);
+      EXPECT_NO_THROW(require_inside(free, free.cameras[0]));
+    }
+  }
+}
+
+TEST_F(CamerasTest, CountsWhatItReads) {
+  const std::string file = write("cameras.json", test::kCamerasJson);
+  const MemoryBudget small("--limit-memory", 1000), enough("--limit-memory", 1000000);
+  EXPECT_EQ(test::status_of([&] { read_cameras(file, false, small.holder()); }),
+            L4D_ERR_LIMIT_EXCEEDED);
+  EXPECT_EQ(small.held(), 0U);
+  {
+    const CameraSet set = read_cameras(file, false, enough.holder());
+    EXPECT_GE(enough.held(), set.cameras.size() * sizeof(Camera));
+  }
+  EXPECT_EQ(enough.held(), 0U);
 }
 
 TEST_F(CamerasTest, TransformsOfADistortedLens) {
@@ -229,7 +291,7 @@ TEST_F(CamerasTest, TransformsThatAreWrongAreNamed) {
     const char *from, *to, *message;
   } cases[] = {
       {"\"time\": 0.25,", "", "all cameras or none must have a time"},
-      {"0.25", "-0.25", "camera 0: time is negative"},
+      {"0.25", "-0.25", "camera 0: time is not from 0 to 1e9"},
       {"1.1386263822013238", "3.5", "camera 0: camera_angle_x is no angle"},
       {"camera_angle_x", "angle", "camera 0: neither fl_x nor"},
       {"\"h\": 480,", "", "camera 0: h is missing"},

@@ -142,6 +142,24 @@ TEST_F(ImageTest, PngAsBytes) {
             L4D_ERR_CORRUPT);
 }
 
+TEST_F(ImageTest, RefusesWhatIsTooLargeBeforeItIsDecoded) {
+  // Pixels that nobody could decode: the size is looked at first.
+  const std::string file = write("a.png", png(2, 1, 8, 2, text_of({0, 1, 2, 3, 253, 254, 255})));
+  const auto status = [&](const ImageLimits& limits) {
+    return std::vector<l4d_status>{test::status_of([&] { read_png(file, limits); }),
+                                   test::status_of([&] { read_png_bytes(file, limits); })};
+  };
+  using Statuses = std::vector<l4d_status>;
+  EXPECT_EQ(status({2, 1, {}}), Statuses(2, L4D_OK));
+  EXPECT_EQ(status({1, 2, {}}), Statuses(2, L4D_ERR_CORRUPT));
+  const MemoryBudget none("--limit-memory", 1), little("--limit-memory", 100),
+      enough("--limit-memory", 1000);
+  EXPECT_EQ(status({2, 1, none.holder()}), Statuses(2, L4D_ERR_LIMIT_EXCEEDED));
+  EXPECT_EQ(status({0, 0, little.holder()}), Statuses(2, L4D_ERR_LIMIT_EXCEEDED));
+  EXPECT_EQ(status({2, 1, enough.holder()}), Statuses(2, L4D_OK));
+  EXPECT_EQ(enough.held(), 0U);
+}
+
 TEST_F(ImageTest, PngThatIsDamaged) {
   const std::string good = png(2, 2, 8, 2, text_of({0, 1, 2, 3, 4, 5, 6, 0, 7, 8, 9, 10, 11, 12}));
   const auto status = [&](const std::string& bytes) {

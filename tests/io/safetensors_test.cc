@@ -34,6 +34,15 @@ void expect_failure(l4d_status status, const std::string& message, const std::fu
   }
 }
 
+TEST(TensorFile, CountsItsHeader) {
+  const MemoryBudget small("--limit-memory", 1000), enough("--limit-memory", 100000);
+  const auto read = [](const Hold& holder) {
+    TensorFile(InputFile("weights", safetensors_file(kHeader, kValues)), holder);
+  };
+  expect_failure(L4D_ERR_LIMIT_EXCEEDED, "its header needs", [&] { read(small.holder()); });
+  EXPECT_NO_THROW(read(enough.holder()));
+}
+
 TEST(TensorFile, ReadsTensorsByName) {
   TensorFile file = open(safetensors_file(kHeader, kValues));
   ASSERT_NE(file.shape_of("a"), nullptr);

@@ -1,7 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "io/video.h"
 
+#include <gmock/gmock.h>
+
 #include <cmath>
+#include <cstdlib>
+#include <functional>
 
 #include "io/cameras.h"
 #include "io/metrics.h"
@@ -54,6 +58,55 @@ TEST_F(VideoTest, RoundTrip) {
   }
   EXPECT_FALSE(reader.next(&image));
   EXPECT_FALSE(reader.next(&image));
+}
+
+// The bytes of a video, whose coded frames are in the box mdat.
+std::string damaged(const std::string& file, const std::function<void(char*, size_t)>& damage) {
+  const std::vector<uint8_t> bytes = read_whole_file(file);
+  std::string out(bytes.begin(), bytes.end());
+  const size_t begin = out.find("mdat") + 4, end = out.find("moov", begin);
+  const size_t frames = (end == std::string::npos ? out.size() : end) - begin;
+  damage(&out[begin + frames / 2], frames / 2);
+  return out;
+}
+
+TEST_F(VideoTest, DamageIsFoundAndItsFrameNamed) {
+  const std::string good = write_video(path("a.mp4"), 96, 64, 40);
+  EXPECT_NO_THROW(check_video(good, 96, 64));
+  EXPECT_NO_THROW(decode_video(good, 96, 64, 40));
+  EXPECT_EQ(test::status_of([&] { check_video(good, 96, 66); }), L4D_ERR_CORRUPT);
+  EXPECT_EQ(test::status_of([&] { decode_video(good, 96, 64, 41); }), L4D_ERR_CORRUPT);
+  std::string message;
+  const std::string zeros =
+      write("zeros.mp4", damaged(good, [](char* at, size_t) { std::fill_n(at, 60, '\0'); }));
+  EXPECT_EQ(test::status_of([&] { check_video(zeros, 96, 64); }, &message), L4D_ERR_CORRUPT);
+  EXPECT_THAT(message, testing::ContainsRegex("zeros.mp4: frame [0-9]+ is damaged"));
+  // What no scan finds ends the decoder: frames are refused, and none is made up.
+  const std::string noise = write("noise.mp4", damaged(good, [](char* at, size_t size) {
+                                    for (size_t k = 0; k + 1 < size && k < 600; ++k) {
+                                      at[k] = static_cast<char>(at[k] ^ (k % 7 == 0 ? 0x5a : 0));
+                                    }
+                                  }));
+  EXPECT_EQ(test::status_of([&] { decode_video(noise, 96, 64, 40); }, &message), L4D_ERR_CORRUPT);
+  EXPECT_THAT(message, testing::ContainsRegex("noise.mp4: frame [0-9]+ or one soon after it"));
+}
+
+TEST_F(VideoTest, MissingFramesAreNamed) {
+  const std::string good = write_video(path("a.mp4"), 96, 64, 20);
+  const auto copy = [&](const std::string& name, const std::string& filter) {
+    const std::string command =
+        "ffmpeg -v error -i '" + good + "' -c copy -bsf:v \"" + filter + "\" '" + path(name) + "'";
+    return std::system(command.c_str()) == 0 ? path(name) : "";
+  };
+  std::string message;
+  // The 8th packet is left out; frame rates may be odd, and times rounded to milliseconds.
+  const std::string gap = copy("gap.mkv", "noise=amount=0:drop='eq(n,8)'");
+  ASSERT_NE(gap, "");
+  EXPECT_EQ(test::status_of([&] { probe_video(gap); }, &message), L4D_ERR_CORRUPT);
+  EXPECT_THAT(message, testing::HasSubstr("a frame is missing between its frames"));
+  const std::string same = copy("same.mkv", "null");
+  ASSERT_NE(same, "");
+  EXPECT_EQ(probe_video(same).frames, 20U);
 }
 
 TEST_F(VideoTest, FactsWithoutDecoding) {

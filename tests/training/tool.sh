@@ -292,6 +292,33 @@ expect 2 "--fps is 1e-30; it must be 0.001 to" inspect capture --fps 1e-30
 expect 2 "--seconds is 1e[+]30; it must be 0.001 to" inspect capture --seconds 1e30
 "$python" -B "$tests/training/hostile_options.py" "$train" capture whole truth.ply || die "options out of range"
 
+# What a capture names outside its folder: as for l4dcodec, read only where any path may be.
+cp -r capture inner
+for what in images mask; do
+  "$python" - "$what" <<'PY'
+import json, os, sys
+capture = json.load(open("capture/cameras.json"))
+camera = capture["cameras"][1]
+outside = {"images": "../capture/" + camera["images"], "mask": os.path.abspath("capture/" + camera["images"] % 0)}
+camera[sys.argv[1]] = outside[sys.argv[1]]
+json.dump(capture, open("inner/cameras.json", "w"))
+PY
+  expect 2 "camera 1: .* is not in the folder of the cameras; --any-path" inspect inner
+  expect 2 "camera 1: .* is not in the folder of the cameras; --any-path" \
+    train inner "${options[@]:1}" -o x --steps 10
+  expect 0 "cameras +9" inspect inner --any-path
+done
+expect 0 "Gaussians" train inner "${options[@]:1}" -o elsewhere --steps 10 -q --any-path
+expect 0 "test +[0-9.]+ dB" eval elsewhere -q
+# Cameras that are none.
+for change in '["near"]=1e300' '["time_offset"]=1e300' '["w2c"][0][3]=1e300' '["K"][0][0]=1e300' '["distortion"]=[1e30]*8'; do
+  "$python" -c 'import json, sys
+capture = json.load(open("capture/cameras.json"))
+exec("capture[\"cameras\"][2]" + sys.argv[1])
+json.dump(capture, open("inner/cameras.json", "w"))' "$change"
+  expect 4 "inner/cameras.json: camera 2: .* is 1e[+]30" inspect inner
+done
+
 # A cache: refused before anything is written, and a note where there is nothing to keep.
 expect 3 "truth.ply: --cache is a file; it must be a folder" train "${options[@]}" -o x --steps 10 --cache truth.ply
 expect 2 "--cache lies in the folder of the run" train "${options[@]}" -o x --steps 10 --cache x/cache

@@ -286,6 +286,14 @@ Capture read_capture(const std::string& path, const CaptureOptions& options) {
                      return a.time != b.time ? a.time < b.time : a.camera < b.camera;
                    });
   check(capture);
+  // Sorting takes a copy of the views.
+  capture.memory.reset();
+  capture.memory = io::hold(options.holder,
+                            2 * capture.views.capacity() * sizeof(CaptureView) +
+                                capture.points.capacity() * sizeof(Point) +
+                                capture.cameras.capacity() * sizeof(CaptureCamera),
+                            path + ": the capture");
+  capture.holder = options.holder;
   return capture;
 }
 

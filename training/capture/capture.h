@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -43,6 +44,8 @@ struct Capture {
   std::vector<CaptureView> views;  // by time, then by camera
   std::vector<Point> points;       // that the capture comes with
   std::vector<std::string> notes;  // assumptions, one sentence each
+  io::Hold holder;                 // counts its images while they are read
+  std::shared_ptr<void> memory;    // counts its views and points
 
   double duration() const { return static_cast<double>(frames) / fps; }
   l4d_timeline timeline() const;
@@ -54,6 +57,8 @@ struct CaptureOptions {
   std::string frames;     // "a:b:step", end exclusive; "" = all
   std::string test;       // ids of cameras: "0,10,15", "0-3"; "" = those that the layout names
   bool tolerant = false;  // leave out what is missing or damaged, cut all to the shortest
+  bool any_path = false;  // read what lies outside the folder of the file that names it
+  io::Hold holder;        // counts what reading takes, and the capture
 };
 
 // Reads a folder, or the file that describes a capture. Throws io::Error: IO if images are missing,

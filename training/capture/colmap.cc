@@ -40,9 +40,13 @@ struct Image {
 // Numbers of a binary file, or words of a text: one after the other.
 class Source {
  public:
-  explicit Source(const std::string& path) : place_{path, ""} {
+  // Counts the file, and what its entries become: no more than kGrowth times its bytes.
+  Source(const std::string& path, const io::Hold& holder) : place_{path, ""} {
     is_text_ = fs::path(path).extension() == ".txt";
-    bytes_ = io::read_whole_file(path);
+    io::InputFile file(path, holder);
+    memory_ = io::hold(holder, (1 + kGrowth) * file.size(), path);
+    bytes_.resize(static_cast<size_t>(file.size()));
+    bytes_.resize(file.read(bytes_.data(), bytes_.size()));
   }
   bool is_text() const { return is_text_; }
   const CameraPlace& place() const { return place_; }
@@ -94,7 +98,10 @@ class Source {
 
  private:
   CameraPlace place_;
+  static constexpr uint64_t kGrowth = 4;
+
   bool is_text_ = false;
+  std::shared_ptr<void> memory_;
   std::vector<uint8_t> bytes_;
   size_t at_ = 0;
 };
@@ -129,8 +136,8 @@ void set_lens(const Source& source, const std::string& model, uint64_t width, ui
   if (std::all_of(d, d + n, [](double x) { return x == 0; })) out = io::Distortion();
 }
 
-std::map<uint64_t, Lens> read_lenses(const std::string& path) {
-  Source source(path);
+std::map<uint64_t, Lens> read_lenses(const std::string& path, const io::Hold& holder) {
+  Source source(path, holder);
   std::map<uint64_t, Lens> lenses;
   const auto add = [&](uint64_t id, const std::string& model, uint64_t width, uint64_t height,
                        const std::vector<double>& parameters) {
@@ -170,8 +177,8 @@ std::map<uint64_t, Lens> read_lenses(const std::string& path) {
   return lenses;
 }
 
-std::vector<Image> read_images(const std::string& path) {
-  Source source(path);
+std::vector<Image> read_images(const std::string& path, const io::Hold& holder) {
+  Source source(path, holder);
   std::vector<Image> images;
   if (!source.is_text()) {
     images.resize(static_cast<size_t>(source.count(73)));
@@ -201,11 +208,11 @@ std::vector<Image> read_images(const std::string& path) {
   return images;
 }
 
-std::vector<Point> read_points(const std::string& path) {
+std::vector<Point> read_points(const std::string& path, const io::Hold& holder) {
   std::vector<Point> points;
   std::error_code error;
   if (!fs::exists(path, error)) return points;
-  Source source(path);
+  Source source(path, holder);
   const auto add = [&](const double* xyz, const unsigned* rgb) {
     Point p{};
     for (size_t c = 0; c < 3; ++c) {
@@ -263,10 +270,10 @@ Capture read_colmap_capture(const std::string& folder, const CaptureOptions& opt
     const fs::path binary = model / (std::string(name) + ".bin");
     return (fs::exists(binary, error) ? binary : model / (std::string(name) + ".txt")).string();
   };
-  const std::map<uint64_t, Lens> lenses = read_lenses(file("cameras"));
+  const std::map<uint64_t, Lens> lenses = read_lenses(file("cameras"), options.holder);
   io::CameraSet set;
   set.source = "colmap";
-  for (const Image& image : read_images(file("images"))) {
+  for (const Image& image : read_images(file("images"), options.holder)) {
     const CameraPlace place{file("images"), "image " + image.name};
     const auto lens = lenses.find(image.camera);
     if (lens == lenses.end()) place.fail("its camera is not there");
@@ -276,7 +283,7 @@ Capture read_colmap_capture(const std::string& folder, const CaptureOptions& opt
     camera.camera = lens->second.camera;
     camera.distortion = lens->second.distortion;
     set_pose(place, image, &camera.camera);
-    io::check_camera(place, camera.camera);
+    io::check_camera(place, camera);
     const std::string stem = fs::path(image.name).replace_extension("").string();
     if (fs::is_directory(root / "images" / stem, error)) {
       camera.images = (root / "images" / stem / "%04d.png").string();
@@ -287,7 +294,7 @@ Capture read_colmap_capture(const std::string& folder, const CaptureOptions& opt
   }
   Capture capture = make_video_capture(folder, set, options);
   capture.layout = "colmap";
-  capture.points = read_points(file("points3D"));
+  capture.points = read_points(file("points3D"), options.holder);
   return capture;
 }
 

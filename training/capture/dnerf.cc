@@ -90,8 +90,9 @@ class DnerfReader {
   void add(const char* split) {
     const std::string file =
         (fs::path(folder_) / (std::string("transforms_") + split + ".json")).string();
-    const io::CameraSet set = io::read_cameras(file, true);
+    const io::CameraSet set = io::read_cameras(file, options_.any_path, options_.holder);
     for (const io::Camera& source : set.cameras) {
+      io::require_inside(set, source);
       if (options_.tolerant) {
         const std::string trouble = trouble_of_image(source.image, source.camera);
         if (!trouble.empty()) {

@@ -18,8 +18,13 @@ namespace fs = std::filesystem;
 using io::CameraPlace;
 using Json = nlohmann::json;
 
-Json read_json(const fs::path& path) {
-  const std::vector<uint8_t> bytes = io::read_whole_file(path.string());
+// memory: counts the object.
+Json read_json(const fs::path& path, const io::Hold& holder, std::shared_ptr<void>* memory) {
+  io::InputFile file(path.string(), holder);
+  const std::shared_ptr<void> of_file = io::hold(holder, file.size(), path.string());
+  std::vector<char> bytes(static_cast<size_t>(file.size()));
+  bytes.resize(file.read(bytes.data(), bytes.size()));
+  *memory = io::hold(holder, io::json_bytes(bytes.data(), bytes.size(), 0), path.string());
   Json root = Json::parse(bytes, nullptr, false);
   if (root.is_object()) return root;
   CameraPlace{path.string(), ""}.fail("not a JSON object");
@@ -43,18 +48,19 @@ class HypernerfReader {
 
   Capture read() {
     const CameraPlace scene_place{(folder_ / "scene.json").string(), ""};
-    const Json scene = read_json(folder_ / "scene.json");
+    std::shared_ptr<void> memory[3];
+    const Json scene = read_json(folder_ / "scene.json", options_.holder, &memory[0]);
     scale_ = io::number_or(scene_place, scene, "scale", 1);
     center_ = scene.contains("center") ? numbers(scene_place, scene, "center", 3)
                                        : std::vector<double>{0, 0, 0};
     const CameraPlace place{(folder_ / "dataset.json").string(), ""};
-    const Json dataset = read_json(folder_ / "dataset.json");
+    const Json dataset = read_json(folder_ / "dataset.json", options_.holder, &memory[1]);
     const std::vector<std::string> ids = texts(place, dataset, "ids");
     std::set<std::string> tests;
     if (dataset.contains("val_ids")) {
       for (const std::string& id : texts(place, dataset, "val_ids")) tests.insert(id);
     }
-    const Json metadata = read_json(folder_ / "metadata.json");
+    const Json metadata = read_json(folder_ / "metadata.json", options_.holder, &memory[2]);
     capture_.layout = "hypernerf";
     for (const std::string& id : ids) last_ = std::max(last_, warp_of(metadata, id));
     LeftOut left_out;
@@ -115,7 +121,8 @@ class HypernerfReader {
   void add(const std::string& id, const Json& metadata, const char* split) {
     const fs::path path = folder_ / "camera" / (id + ".json");
     const CameraPlace place{path.string(), "image " + id};
-    const Json root = read_json(path);
+    std::shared_ptr<void> memory;
+    const Json root = read_json(path, options_.holder, &memory);
     unsigned factor = 1;
     const std::string image = image_of(id, &factor);
     CaptureCamera out;
@@ -146,7 +153,7 @@ class HypernerfReader {
       }
     }
     set_lens(place, root, &out.source.distortion);
-    io::check_camera(place, camera);
+    io::check_camera(place, out.source);
     if (options_.tolerant) {
       const std::string trouble = trouble_of_image(image, camera);
       if (!trouble.empty()) throw io::Error(L4D_ERR_IO, out.name + ": " + trouble);

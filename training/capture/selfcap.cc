@@ -51,6 +51,7 @@ class SelfcapReader {
     const auto fps = intrinsics_.numbers.find("fps");
     if (fps != intrinsics_.numbers.end() && !fps->second.empty()) set.fps = fps->second[0];
     for (const std::string& name : names->second) {
+      if (io::leaves_folder(name)) file.fail("the name of a camera leaves the folder");
       set.cameras.push_back(camera_of(name, static_cast<int>(set.cameras.size())));
     }
     read_offsets(&set, names->second);
@@ -94,7 +95,7 @@ class SelfcapReader {
       for (size_t c = 0; c < 3; ++c) camera.world_to_camera[4 * r + c] = rotation[3 * r + c];
       camera.world_to_camera[4 * r + 3] = (*t)[r];
     }
-    io::check_camera(place, camera);
+    io::check_camera(place, out);
     set_images(name, &out);
     return out;
   }
@@ -139,6 +140,7 @@ class SelfcapReader {
     if (!root.is_object()) place.fail("not an object of cameras and seconds");
     for (size_t k = 0; k < names.size(); ++k) {
       set->cameras[k].time_offset = -io::number_or(place, root, names[k].c_str(), 0);
+      io::check_camera({path.string(), "camera " + names[k]}, set->cameras[k]);
     }
   }
 

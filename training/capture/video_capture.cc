@@ -59,6 +59,15 @@ uint32_t count_images(const io::Camera& camera, uint32_t most, bool tolerant,
   return most;
 }
 
+// What only decoding finds would else end the training later.
+void decode_all(const std::string& path, const io::Camera& camera, uint32_t frames) {
+  try {
+    io::decode_video(camera.video, camera.camera.width, camera.camera.height, frames);
+  } catch (const Error& error) {
+    fail(error.status(), path, camera, error.what());
+  }
+}
+
 // Frames of the camera, its frame rate, and what ends it; checks what needs no decoding.
 uint32_t look_at(const std::string& path, const io::Camera& camera, const io::CameraSet& set,
                  bool tolerant, double* fps, std::string* end) {
@@ -77,7 +86,7 @@ uint32_t look_at(const std::string& path, const io::Camera& camera, const io::Ca
   }
   io::VideoFacts facts;
   try {
-    facts = io::probe_video(camera.video);
+    facts = io::probe_video(camera.video, camera.camera.width, camera.camera.height);
   } catch (const Error& error) {
     fail(error.status(), path, camera, error.what());
   }
@@ -95,6 +104,7 @@ uint32_t look_at(const std::string& path, const io::Camera& camera, const io::Ca
   if (tolerant && facts.frames == 0) {
     fail(L4D_ERR_IO, path, camera, camera.video + " has no frames");
   }
+  if (tolerant) decode_all(path, camera, facts.frames);
   *fps = facts.fps;
   *end = camera.video + " has " + std::to_string(facts.frames) + " frames";
   return std::min(facts.frames, most);
@@ -151,6 +161,12 @@ Capture make_video_capture(const std::string& path, const io::CameraSet& set,
     capture.fps = 30;
     capture.notes.push_back("Nothing tells the frame rate; it is taken to be 30.");
   }
+  // Twice, for a list that grows, with the path of an image.
+  constexpr uint64_t kPathBytes = 128;
+  capture.memory = io::hold(
+      options.holder,
+      uint64_t{2} * capture.frames * capture.cameras.size() * (sizeof(CaptureView) + kPathBytes),
+      path + ": the list of its images");
   for (uint32_t frame = 0; frame < capture.frames; ++frame) {
     for (uint32_t c = 0; c < capture.cameras.size(); ++c) {
       const io::Camera& source = capture.cameras[c].source;
@@ -164,8 +180,9 @@ Capture make_video_capture(const std::string& path, const io::CameraSet& set,
 }
 
 Capture read_cameras_capture(const std::string& file, const CaptureOptions& options) {
-  const io::CameraSet set = io::read_cameras(file, true);
+  const io::CameraSet set = io::read_cameras(file, options.any_path, options.holder);
   for (const io::Camera& camera : set.cameras) {
+    io::require_inside(set, camera);
     const std::string& split = camera.split;
     if (!options.test.empty() || split.empty() || split == "train" || split == "test") continue;
     fail(L4D_ERR_CORRUPT, file, camera,
@@ -178,7 +195,7 @@ Capture read_cameras_capture(const std::string& file, const CaptureOptions& opti
 }
 
 Capture read_n3dv_capture(const std::string& file, const CaptureOptions& options) {
-  io::CameraSet set = io::read_cameras(file, true);
+  io::CameraSet set = io::read_cameras(file, options.any_path, options.holder);
   const auto is_zero = [](const io::Camera& camera) {
     return fs::path(camera.video).stem() == "cam00";
   };

@@ -208,7 +208,11 @@ void add_reading(CLI::App* verb, Arguments& a) {
   verb->add_option("--fps", s.reading.fps, "Frame rate (that of the capture)")->check(above_zero);
   verb->add_flag(
       "--tolerant", s.reading.tolerant,
-      "Leave out cameras and images that are missing or damaged, and cut all to the shortest");
+      "Leave out cameras and images that are missing or damaged, and cut all to the shortest; "
+      "videos are decoded once more to find damage");
+  verb->add_flag("--any-path", s.reading.any_path,
+                 "Read videos, images and masks wherever the capture says that they are, and not "
+                 "only in its folder and below");
 }
 
 void add_common(CLI::App* verb, Arguments& a) {

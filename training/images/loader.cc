@@ -13,14 +13,16 @@ namespace {
 
 using io::Error;
 
-template <typename Image>
-void check_size(const CaptureCamera& camera, const std::string& file, const Image& image) {
-  const l4d_camera& wanted = camera.source.camera;
-  if (image.width == wanted.width && image.height == wanted.height) return;
-  throw Error(L4D_ERR_CORRUPT, camera.name + ": " + file + " has " + std::to_string(image.width) +
-                                   " x " + std::to_string(image.height) +
-                                   " pixels, and the camera has " + std::to_string(wanted.width) +
-                                   " x " + std::to_string(wanted.height));
+io::ImageLimits limits_of(const CaptureCamera& camera, const io::Hold& holder) {
+  return {camera.source.camera.width, camera.source.camera.height, holder};
+}
+
+io::Image read_mask(const CaptureCamera& camera, const io::Hold& holder) {
+  try {
+    return io::read_png(camera.source.mask, limits_of(camera, holder));
+  } catch (const Error& error) {
+    throw Error(error.status(), camera.name + ": its mask: " + error.what());
+  }
 }
 
 }  // namespace
@@ -39,8 +41,7 @@ ImageLoader::ImageLoader(const Capture& capture, double scale, double near) : ca
       mask = undistortion->mask();
     }
     if (!camera.source.mask.empty()) {
-      io::Image image = io::read_png(camera.source.mask);
-      check_size(camera, camera.source.mask, image);
+      io::Image image = read_mask(camera, capture.holder);
       if (undistortion) image = undistortion->apply(image);
       mask.resize(size_t{full.width} * full.height, 255);
       for (size_t i = 0; i < mask.size(); ++i) {
@@ -81,14 +82,14 @@ void ImageLoader::load_file(uint32_t index, const Sink& sink) const {
   std::vector<float> alpha;
   io::Image image;
   try {
-    bytes = io::read_png_bytes(view.file);
-    if (!bytes) image = io::read_png(view.file, &alpha);
+    const io::ImageLimits limits = limits_of(camera, capture_.holder);
+    bytes = io::read_png_bytes(view.file, limits);
+    if (!bytes) image = io::read_png(view.file, &alpha, limits);
   } catch (const Error& error) {
     throw Error(error.status(),
                 camera.name + ", frame " + std::to_string(view.frame) + ": " + error.what());
   }
   if (bytes) {
-    check_size(camera, view.file, *bytes);
     const l4d_camera& out = cameras_[view.camera];
     const bool is_scaled = out.width != bytes->width || out.height != bytes->height;
     if (!is_scaled && undistortions_[view.camera] == nullptr) {
@@ -101,7 +102,6 @@ void ImageLoader::load_file(uint32_t index, const Sink& sink) const {
     alpha.resize(bytes->alpha.size());
     io::from_bytes(bytes->alpha.data(), bytes->alpha.size(), alpha.data());
   }
-  check_size(camera, view.file, image);
   sink(index, finish(view.camera, image, alpha));
 }
 
@@ -112,6 +112,7 @@ void ImageLoader::load_video(uint32_t index, const std::vector<uint32_t>& views,
   const l4d_camera& out = cameras_[index];
   const bool scales_itself = undistortions_[index] != nullptr;
   io::VideoRange range;
+  range.is_video = true;
   range.fps = capture_.fps;
   range.first = capture_.views[views.front()].frame;
   if (!scales_itself) {

@@ -187,9 +187,9 @@ Score score_views(const Capture& capture, const ImageLoader& loader,
   return scorer.score();
 }
 
-std::unique_ptr<eval::Lpips> read_lpips(const std::string& path) {
+std::unique_ptr<eval::Lpips> read_lpips(const std::string& path, const io::Hold& holder) {
   if (path.empty()) return nullptr;
-  return std::make_unique<eval::Lpips>(eval::Lpips::read(io::InputFile(path)));
+  return std::make_unique<eval::Lpips>(eval::Lpips::read(io::InputFile(path, holder), holder));
 }
 
 void check_sizes(const eval::Lpips* lpips, const Capture& capture, const ImageLoader& loader) {

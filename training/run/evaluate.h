@@ -52,7 +52,7 @@ Score score_views(const Capture& capture, const ImageLoader& loader,
                   const RenderView& render, const IsCancelled& cancelled);
 
 // Reads the weights of LPIPS; nothing if `path` is empty. Throws io::Error.
-std::unique_ptr<eval::Lpips> read_lpips(const std::string& path);
+std::unique_ptr<eval::Lpips> read_lpips(const std::string& path, const io::Hold& holder = {});
 // Throws io::Error if images of a capture are too small for the network. lpips: may be null.
 void check_sizes(const eval::Lpips* lpips, const Capture& capture, const ImageLoader& loader);
 

@@ -69,8 +69,9 @@ MemoryNeed memory_need(const Settings& s, const Capture& capture, uint32_t threa
     }
   }
   const auto workers = static_cast<uint64_t>(resolve_threads(static_cast<int>(threads)));
-  need.reading += std::min<uint64_t>(workers, capture.views.size()) * kReadingBytes * full +
-                  lenses * Undistortion::kBytes + kSampleViews * kImageBytes * scaled;
+  need.decoding = std::min<uint64_t>(workers, capture.views.size()) * kReadingBytes * full;
+  need.reading +=
+      need.decoding + lenses * Undistortion::kBytes + kSampleViews * kImageBytes * scaled;
   need.scoring += 2 * lpips_bytes + kScoringBytes * scaled;
 
   const uint64_t sh = uint64_t{3} * (s.sh_degree + 1) * (s.sh_degree + 1);
@@ -105,7 +106,8 @@ uint64_t images_within(uint64_t limit, const MemoryNeed& need, bool may_shrink) 
                       in_words(limit) + ": Gaussians (--gaussians) " + in_words(need.model) +
                       ", rendering (--views) " + in_words(need.rendering) +
                       ", images (--host-memory, --scale) " + in_words(images) + ", reading them " +
-                      in_words(need.reading) + ", scores " + in_words(need.scoring));
+                      in_words(need.reading) + ", scores " + in_words(need.scoring) +
+                      ", the capture " + in_words(need.capture));
 }
 
 }  // namespace l4d::train

@@ -14,11 +14,13 @@ namespace l4d::train {
 struct MemoryNeed {
   uint64_t images = 0;        // for training: all of them, or as many as Settings::host_memory
   uint64_t least_images = 0;  // with which a training can begin
+  uint64_t decoding = 0;      // of image files on their way, a part of `reading`
   uint64_t reading = 0;       // of images on their way, and those that are scored now and then
+  uint64_t capture = 0;       // its views and points
   uint64_t model = 0;         // Gaussians, moments, derivatives, and their copies for checkpoints
   uint64_t rendering = 0;
   uint64_t scoring = 0;
-  uint64_t total() const { return images + reading + model + rendering + scoring; }
+  uint64_t total() const { return images + reading + capture + model + rendering + scoring; }
 };
 
 // settings: resolved. lpips: may be null; lpips_bytes: of its file.

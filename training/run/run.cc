@@ -51,7 +51,10 @@ void write_text(const std::string& path, const std::string& text) {
 class Run {
  public:
   Run(const RunOptions& options, RunObserver* observer)
-      : options_(options), observer_(observer), folder_(options.folder) {}
+      : options_(options),
+        observer_(observer),
+        folder_(options.folder),
+        budget_("--limit-memory", options.limit_memory) {}
 
   RunReport run() {
     if (!options_.preset.empty()) check_preset(options_.preset);
@@ -62,7 +65,9 @@ class Run {
     read_network();
     check_folder(options_);
     observer_->update(0, 0, "reading the capture");
-    capture_ = read_capture(options_.settings.capture, options_.settings.reading);
+    CaptureOptions reading = options_.settings.reading;
+    reading.holder = budget_.holder();
+    capture_ = read_capture(options_.settings.capture, reading);
     fit_memory();
     loader_ = std::make_unique<ImageLoader>(capture_, options_.settings.scale,
                                             near_of(options_.settings, capture_));
@@ -111,30 +116,35 @@ class Run {
     std::error_code error;
     if (!options_.lpips.empty()) lpips_bytes_ = fs::file_size(options_.lpips, error);
     if (error) lpips_bytes_ = 0;  // reading it says why
-    if (options_.limit_memory > 0 && 2 * lpips_bytes_ > options_.limit_memory) {
-      throw Error(L4D_ERR_LIMIT_EXCEEDED, options_.lpips + ": the network of --lpips needs " +
-                                              std::to_string(2 * lpips_bytes_) +
-                                              " bytes, and --limit-memory is " +
-                                              std::to_string(options_.limit_memory));
-    }
-    lpips_ = read_lpips(options_.lpips);
+    network_memory_ = budget_.take(2 * lpips_bytes_, options_.lpips + ": the network of --lpips");
+    lpips_ = read_lpips(options_.lpips, budget_.holder());
   }
 
   // Before anything large is allocated. A run that goes on keeps its images, which decide its bits.
   void fit_memory() {
+    // The network is counted with the scores.
+    network_memory_.reset();
     const uint64_t limit = options_.limit_memory;
     const l4d_camera camera =
         scaled_camera(capture_.cameras[0].source.camera, options_.settings.scale);
     const Settings planned = resolved(options_.settings, capture_, camera.width, camera.height);
     MemoryNeed need = memory_need(planned, capture_, options_.threads, lpips_.get(), lpips_bytes_);
+    need.capture = budget_.held();
     if (!options_.cache.empty()) need.reading += cache_need(planned, capture_, options_.threads);
     const bool may_shrink = options_.may_shrink_images && !options_.resume;
     image_memory_ = planned.host_memory;
     const uint64_t images = images_within(limit, need, may_shrink);
     if (images < need.images) image_memory_ = images;
     need.images = images;
-    // Renderers get what is left, and keep to it.
-    if (limit > 0) renderer_memory_ = (need.rendering + limit - need.total()) / planned.views;
+    if (limit > 0) fit_rest(limit, need, planned.views);
+  }
+
+  // Half of what is left is for renderers, which keep to it, and half for image files on their way,
+  // which may have more bytes than their pixels need.
+  void fit_rest(uint64_t limit, const MemoryNeed& need, uint32_t views) {
+    const uint64_t spare = (limit - need.total()) / 2;
+    renderer_memory_ = (need.rendering + spare) / views;
+    training_memory_ = budget_.take(limit - need.capture - need.decoding - spare, "the training");
   }
 
   // Images that were small before they are scaled are as the user has them.
@@ -637,6 +647,8 @@ class Run {
   PartTimes times_;
   double seconds_before_ = 0;  // of training, before a resume
   double first_wait_ = 0;      // for images, before the first step
+  io::MemoryBudget budget_;
+  std::shared_ptr<void> network_memory_, training_memory_;
   Capture capture_;
   std::unique_ptr<FrameCache> cache_;  // outlives the loader
   std::unique_ptr<ImageLoader> loader_;

@@ -93,6 +93,7 @@ std::string differences(const std::string& before, const Settings& now, bool acc
   for_each_setting(now, [&](const char* name, const auto& value) {
     const std::string key = name, line = key + " " + text_of_value(value);
     if (old[key] == line || (key == "preset" && now.codec != "settle")) return;
+    if (key == "any_path") return;       // only whether the capture may be read
     if (key == "device_memory") return;  // `resident` decides what is trained
     if (key == "capture_hash" && accept_changes) return;
     if (key == "capture" && (accept_changes || same_capture)) return;

@@ -55,6 +55,7 @@ void for_each_setting(S& s, F&& f) {
   f("frames", s.reading.frames);
   f("test", s.reading.test);
   f("tolerant", s.reading.tolerant);
+  f("any_path", s.reading.any_path);
   f("scale", s.scale);
   f("gaussians", s.gaussians);
   f("steps", s.steps);
