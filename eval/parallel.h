@@ -38,7 +38,11 @@ void for_each_block(size_t items, uint32_t threads, const Body& body) {
     }
   };
   std::vector<std::thread> workers;
-  for (size_t i = 1; i < std::min<size_t>(threads, blocks); ++i) workers.emplace_back(work);
+  try {
+    for (size_t i = 1; i < std::min<size_t>(threads, blocks); ++i) workers.emplace_back(work);
+  } catch (...) {
+    // The system gives no more threads: those that there are do the work.
+  }
   work();
   for (std::thread& worker : workers) worker.join();
   if (failure) std::rethrow_exception(failure);
