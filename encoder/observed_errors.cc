@@ -22,7 +22,9 @@ SeenGaussian decoded(const EncoderScene& scene, const PositionCoding& positions,
   SeenGaussian seen{};
   const size_t i = layer.members[j];
   if (layer.escape) {
-    slice_in_double(scene.rotor.data() + 8 * i, scene.log_scale.data() + 4 * i, &seen);
+    // Stored as given.
+    const size_t from = scene.source[i];
+    slice_in_double(scene.given.rotor + 8 * from, scene.given.log_scale + 4 * from, &seen);
   } else {
     float rotor[8], log_scale[4];
     decoded_shape(layer, j, rotor, log_scale);

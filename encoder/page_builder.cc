@@ -272,11 +272,14 @@ class LayerBuilder {
     ComponentColumns& to = columns->component[c];
     if (coding.coding == ComponentCodingId::kRaw32) {
       for (size_t i = cut.begin; i < cut.end; ++i) {
-        const size_t s = layer_.members[order_[i]];
-        const float* from = c == L4D_COMPONENT_SH              ? scene_.sh.data() + dim * s
-                            : c == L4D_COMPONENT_SCALE         ? scene_.log_scale.data() + 4 * s
-                            : c == L4D_COMPONENT_ROTOR_SPATIAL ? scene_.rotor.data() + 8 * s
-                                                               : scene_.rotor.data() + 8 * s + 4;
+        // The bits given, and not those of another rotor of the same rotation: rounded to binary32,
+        // that would move at another velocity.
+        const l4d_gaussians& given = scene_.given;
+        const size_t s = scene_.source[layer_.members[order_[i]]];
+        const float* from = c == L4D_COMPONENT_SH              ? given.sh + dim * s
+                            : c == L4D_COMPONENT_SCALE         ? given.log_scale + 4 * s
+                            : c == L4D_COMPONENT_ROTOR_SPATIAL ? given.rotor + 8 * s
+                                                               : given.rotor + 8 * s + 4;
         to.raw.insert(to.raw.end(), from, from + dim);
       }
       return;

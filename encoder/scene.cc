@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <string>
 
 #include "encoder/quality.h"
@@ -149,12 +150,8 @@ void slice_in_double(const float* rotor, const float* log_scale, SeenGaussian* o
 
 SeenGaussian EncoderScene::seen(size_t i) const {
   const size_t from = source[i];
-  float clamped[4];
-  for (size_t k = 0; k < 4; ++k) {
-    clamped[k] = std::clamp(given.log_scale[4 * from + k], -kMaxLogScale, kMaxLogScale);
-  }
   SeenGaussian g{};
-  slice_in_double(given.rotor + 8 * from, clamped, &g);
+  slice_in_double(given.rotor + 8 * from, given.log_scale + 4 * from, &g);
   if (is_flat(i)) g.lambda = 0;
   g.mean = mean_t[i];
   g.reference = reference_time(timeline, g.mean);
@@ -206,6 +203,42 @@ Status check_input(const EncoderInput& input) {
 
 namespace {
 
+// Why Gaussian i cannot be coded, with the limit and the way out.
+std::string refusal(const l4d_gaussians& g, size_t i, const std::string& attribute) {
+  std::string text = "Gaussian " + std::to_string(i) + " has an invalid " + attribute;
+  if (attribute == "window") return text + ": it must lie within the frames of the sequence";
+  size_t index = 0;
+  for_each_attribute(
+      [&](const AttributeInfo& a, const float* values) {
+        const float largest = kLargestNumbers[index++];
+        if (attribute != a.name) return;
+        const bool time = a.flag == info_of(Attribute::kMeanTime).flag;
+        const size_t n = a.numbers(g.sh_degree);
+        char line[160];
+        for (size_t k = 0; k < n; ++k) {
+          const double value = time ? mean_time(g, i) : static_cast<double>(values[n * i + k]);
+          if (std::fabs(value) <= static_cast<double>(largest) && n > 1) continue;
+          const bool opacity = a.flag == info_of(Attribute::kOpacity).flag;
+          if (opacity) {
+            std::snprintf(line, sizeof line, ": %.9g; it must be %s", value,
+                          (g.flags & L4D_OPACITY_LOGIT) != 0 ? "finite" : "between 0 and 1");
+          } else {
+            std::snprintf(line, sizeof line, ": %.9g; its magnitude must be at most %.9g", value,
+                          static_cast<double>(largest));
+          }
+          text += line;
+          break;
+        }
+      },
+      g);
+  if (attribute == info_of(Attribute::kLogScale).name) {
+    text +=
+        ", a size between 4.1e-8 and 2.4e7. Where lengths are too small or too large, scale the "
+        "scene to other units (`encode --unit`)";
+  }
+  return text + ", or leave such Gaussians out (drop-invalid)";
+}
+
 // Chooses the Gaussians that are coded: s.source, and the numbers of the others.
 Status choose_gaussians(const EncoderInput& input, const EncoderSettings& settings,
                         EncoderScene* out) {
@@ -238,8 +271,7 @@ Status choose_gaussians(const EncoderInput& input, const EncoderSettings& settin
     }
     if (attribute != nullptr) {
       if (!settings.get_bool(L4D_ENC_DROP_INVALID)) {
-        return Status(L4D_ERR_INVALID_SCENE, "Gaussian " + std::to_string(i) + " has an invalid " +
-                                                 attribute + " (NaN, Inf or out of range)");
+        return Status(L4D_ERR_INVALID_SCENE, refusal(g, i, attribute));
       }
       ++s.invalid_dropped;
     } else if ((prune >= 0 && static_cast<double>(alpha_t[i]) <= prune) || hardly_matters(i)) {
@@ -286,10 +318,6 @@ void gather(EncoderScene* out, size_t i, bool lossless) {
   float* log_scale = s.log_scale.data() + 4 * i;
   std::copy_n(g.rotor + 8 * from, 8, rotor);
   std::copy_n(g.log_scale + 4 * from, 4, log_scale);
-  // So that what is encoded again and again stays where it is.
-  for (size_t k = 0; !lossless && k < 4; ++k) {
-    log_scale[k] = std::clamp(log_scale[k], -kMaxLogScale, kMaxLogScale);
-  }
   std::copy_n(g.sh + sh_dim * from, sh_dim, s.sh.data() + sh_dim * i);
   s.mean_t[i] = mean_time(g, from);
   for (size_t k = 0; k < 3; ++k) {
@@ -314,6 +342,8 @@ void normalize(EncoderScene* out, size_t i, int gauge) {
   float* log_scale = s.log_scale.data() + 4 * i;
   const bool logit = (s.given.flags & L4D_OPACITY_LOGIT) != 0;
   s.opacity[i] = static_cast<float>(linear_opacity(static_cast<double>(s.opacity[i]), logit));
+  // In the arithmetic of a decoder, which makes what hardly moves stand still. Escapes keep the
+  // rotor given.
   normalize_rotor(rotor, rotor);
   if (gauge >= 1) align_halves(rotor);
   if (gauge == 1) canonicalize_sign(rotor);

@@ -256,7 +256,7 @@ void log_scales(const float* factor, const float* normalized, size_t n, float* d
                 bool past_cache) {
   const hn::CappedTag<float, 4> d;
   const bool stream = can_stream(past_cache, dst);
-  const auto low = hn::Set(d, -kMaxDecodedLogScale), high = hn::Set(d, kMaxDecodedLogScale);
+  const auto low = hn::Set(d, -kMaxLogScale), high = hn::Set(d, kMaxLogScale);
   for (size_t i = 0; i < n; ++i) {
     const auto f = hn::Set(d, factor[i]);
     for (size_t k = 0; k < 4; k += hn::Lanes(d)) {

@@ -55,7 +55,7 @@ class PageParser {
   };
   static constexpr Range kAnyValue = {-FLT_MAX, FLT_MAX};
   static constexpr Range kOpacityRange = {0.0f, 1.0f};
-  static constexpr Range kLogScaleRange = {-kMaxDecodedLogScale, kMaxDecodedLogScale};
+  static constexpr Range kLogScaleRange = {-kMaxLogScale, kMaxLogScale};
 
   void count(unsigned section) {
     if (sections_ != nullptr) (*sections_)[section] += in_.position() - counted_;

@@ -11,18 +11,13 @@
 
 namespace l4d {
 
-// Scenes keep to this; what was coded near it may come back a little beyond, and is a scene still.
-constexpr float kMaxLogScale = 16;
-constexpr float kLogScaleMargin = 1;
 constexpr double kMaxCoordinate = 0x1p60;
 
-// What decoded attributes are clamped to (spec: section 14, "Ranges"), so that no covariance and no
-// velocity of a stream overflows binary32.
-constexpr float kMaxDecodedLogScale = kMaxLogScale + kLogScaleMargin;
+// Scenes keep to this, and what is decoded is clamped to it (spec: section 14, "Ranges"), so that
+// no covariance and no velocity of a stream overflows binary32.
+constexpr float kMaxLogScale = 17;
 L4D_HOST_DEVICE inline float clamp_log_scale(float v) {
-  return v < -kMaxDecodedLogScale  ? -kMaxDecodedLogScale
-         : v > kMaxDecodedLogScale ? kMaxDecodedLogScale
-                                   : v;
+  return v < -kMaxLogScale ? -kMaxLogScale : v > kMaxLogScale ? kMaxLogScale : v;
 }
 L4D_HOST_DEVICE inline float clamp_opacity(float v) {
   return v < 0.0f ? 0.0f : v > 1.0f ? 1.0f : v;
@@ -32,7 +27,7 @@ L4D_HOST_DEVICE inline float clamp_opacity(float v) {
 constexpr float kLargestNumbers[kNumAttributes] = {
     static_cast<float>(kMaxCoordinate),
     static_cast<float>(kMaxCoordinate),
-    kMaxDecodedLogScale,
+    kMaxLogScale,
     1e15f,
     INFINITY,
     65504.0f  // the codebooks hold binary16

@@ -44,8 +44,8 @@ TEST(Ranges, DecodedOpacitiesAndLogScalesAreClamped) {
     EXPECT_EQ(*least, 0.0f);
     EXPECT_EQ(*most, 1.0f);
     const auto [small, large] = std::minmax_element(all.log_scale.begin(), all.log_scale.end());
-    EXPECT_EQ(*small, -kMaxDecodedLogScale);
-    EXPECT_EQ(*large, kMaxDecodedLogScale);
+    EXPECT_EQ(*small, -kMaxLogScale);
+    EXPECT_EQ(*large, kMaxLogScale);
     // What a stream decodes to is a scene.
     l4d_gaussians view{};
     view.count = all.opacity.size();

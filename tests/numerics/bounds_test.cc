@@ -3,116 +3,19 @@
 // in double.
 #include <gtest/gtest.h>
 
-#include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
 
-#include "io/rotor_math.h"
 #include "tests/common/codec.h"
 #include "tests/numerics/formula.h"
 #include "tests/numerics/hard_scenes.h"
+#include "tests/numerics/oracle.h"
 
 namespace l4d::numerics {
 namespace {
 
 using namespace test;
-
-struct Worst {
-  double position = 0, covariance = 1, opacity = 0, mean_time = 0;
-};
-
-struct Seen {
-  Eigen::Vector3d position, velocity;
-  Eigen::Matrix3d covariance;
-  double mean, sigma, reference, opacity;
-
-  Eigen::Vector3d at(double t) const { return position + velocity * (t - reference); }
-  double opacity_at(double t) const {
-    const double z = (t - mean) / sigma;
-    return std::fabs(z) <= 4 ? opacity * std::exp(-0.5 * z * z) : 0;
-  }
-};
-
-Seen seen_of(const float* position, double mean, const float* log_scale, const float* rotor,
-             float opacity, double begin, double end) {
-  io::Rotor r;
-  io::Vec4 s;
-  for (size_t k = 0; k < 8; ++k) r[k] = static_cast<double>(rotor[k]);
-  for (size_t k = 0; k < 4; ++k) s[k] = std::exp(static_cast<double>(log_scale[k]));
-  const io::Slice slice = io::slice(r, s);
-  Seen out;
-  for (int i = 0; i < 3; ++i) {
-    out.position[i] = static_cast<double>(position[i]);
-    out.velocity[i] = slice.velocity[static_cast<size_t>(i)];
-    for (int j = 0; j < 3; ++j) {
-      double sum = 0;
-      for (size_t k = 0; k < 4; ++k) {
-        sum += slice.rows[static_cast<size_t>(i)][k] * slice.rows[static_cast<size_t>(j)][k];
-      }
-      out.covariance(i, j) = sum;
-    }
-  }
-  out.mean = mean;
-  out.sigma = slice.sigma_t;
-  out.reference = std::clamp(out.mean, begin, end);
-  out.opacity = static_cast<double>(opacity);
-  return out;
-}
-
-// 1/4000 of the largest side of the box of nine tenths of the scene, and a quarter.
-double min_size(const TestScene& s) {
-  double extent = 0;
-  for (size_t k = 0; k < 3; ++k) {
-    std::vector<float> axis;
-    for (size_t i = 0; i < s.count(); ++i) axis.push_back(s.position[3 * i + k]);
-    std::sort(axis.begin(), axis.end());
-    const size_t tail = axis.size() / 20;
-    extent = std::max(
-        extent, std::min(1.25 * static_cast<double>(axis[axis.size() - 1 - tail] - axis[tail]),
-                         static_cast<double>(axis.back() - axis.front())));
-  }
-  return extent / 4000;
-}
-
-Worst worst_errors(const TestScene& scene, const Encoded& e, double own_min_size = 0) {
-  const GaussianArrays a = decode(e.bytes, all_query());
-  const double begin = scene.timeline.time_begin, end = begin + scene.duration();
-  const double least = std::max(min_size(scene), own_min_size);
-  Worst worst;
-  for (size_t j = 0; j < a.count(); ++j) {
-    const size_t i = e.order[j];
-    const Seen was =
-        seen_of(&scene.position[3 * i], static_cast<double>(scene.mean_t[i]),
-                &scene.log_scale[4 * i], &scene.rotor[8 * i], scene.opacity[i], begin, end);
-    const Seen is = seen_of(&a.position[3 * j], a.mean_t_double[j], &a.log_scale[4 * j],
-                            &a.rotor[8 * j], a.opacity[j], begin, end);
-    worst.mean_time = std::max(worst.mean_time, std::fabs(is.mean - was.mean) / was.sigma);
-    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> sizes(was.covariance);
-    const double size = std::max(std::sqrt(std::max(sizes.eigenvalues()[2], 0.0)), least);
-    const double nearest = was.reference - was.mean;
-    const double half = std::sqrt(nearest * nearest + 2 * std::log(2.0) * was.sigma * was.sigma);
-    for (int k = -20; k <= 20; ++k) {
-      const double t = std::clamp(was.mean + half * k / 20, begin, end);
-      worst.position = std::max(worst.position, (was.at(t) - is.at(t)).norm() / size);
-    }
-    for (int k = 0; k <= 200; ++k) {
-      const double t = std::clamp(was.mean + was.sigma * (k - 100) / 25, begin, end);
-      worst.opacity = std::max(worst.opacity, std::fabs(was.opacity_at(t) - is.opacity_at(t)));
-    }
-    const double floor = std::max(least, 1e-6 * size);
-    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> others(is.covariance);
-    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> change(is.covariance - was.covariance);
-    for (int k = 0; k < 3; ++k) {
-      const double ratio = (std::max(others.eigenvalues()[k], 0.0) + floor * floor) /
-                           (std::max(sizes.eigenvalues()[k], 0.0) + floor * floor);
-      const double turned =
-          std::fabs(change.eigenvalues()[k]) / (sizes.eigenvalues()[2] + floor * floor);
-      worst.covariance = std::max({worst.covariance, ratio, 1 / ratio, 1 + turned});
-    }
-  }
-  return worst;
-}
 
 struct PresetBounds {
   const char* name;
@@ -166,12 +69,6 @@ void record_row(const HardScene& scene, const PresetBounds& preset, const Worst&
                     {"with", figures(after, bytes_after)},
                     {"escapes", escapes}});
   record("bounds", rows());
-}
-
-l4d_coding_errors stated_errors(const Bytes& bytes) {
-  DecoderHandle decoder;
-  decoder.open_memory(bytes.data(), bytes.size());
-  return decoder.coding_errors();
 }
 
 // No error is beyond what the stream states, and that is hardly more.
