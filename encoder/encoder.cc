@@ -8,6 +8,7 @@
 #include "encoder/async.h"
 #include "encoder/choose_header.h"
 #include "encoder/encode_steps.h"
+#include "encoder/observed_errors.h"
 #include "encoder/position_coding.h"
 #include "encoder/position_plan.h"
 #include "encoder/quality.h"
@@ -183,7 +184,7 @@ class Encoder::Run {
     distribute_sh(threads_, &coded_);
   }
 
-  void choose_header() {
+  Status choose_header() {
     GaussianErrors worst;
     header_ = l4d::choose_header(
         {input_, scene_, metadata_, positions_, options_.bounds, lossless_, threads_}, coded_,
@@ -193,13 +194,21 @@ class Encoder::Run {
     report_.totals.max_opacity_error = worst.opacity;
     report_.totals.max_visible_error = worst.visible;
     report_.totals.max_mean_t_error = worst.mean_time;
+    // Binary16 positions keep no bound, and their streams state none that they miss.
+    const bool promised = !lossless_ && header_.position != CoordinateCodingId::kF16;
+    return promised ? check_bounds(worst, options_.bounds) : Status();
   }
 
   Status write(const WriteFn& write) {
     FileParts parts;
+    const PositionCoding positions = header_;
+    const ScalarCoding opacity = header_.opacity;
     L4D_RETURN_IF_ERROR(
         build_file(scene_, settings_, std::move(header_), coded_, threads_, &parts));
-    L4D_RETURN_IF_ERROR(check_written(parts.chunks));
+    steps_.begin("check");
+    const ExpectedStream expected = {scene_, coded_, positions, opacity, parts.order};
+    L4D_RETURN_IF_ERROR(check_written(parts.chunks, lossless_ ? nullptr : &expected, threads_));
+    steps_.begin("write");
     for (const Bytes& chunk : parts.chunks) {
       steps_.report(kTotalWork - kWriteWork);
       if (!write(chunk.data(), chunk.size())) return Status(L4D_ERR_IO, "writing failed");
@@ -320,7 +329,7 @@ Status Encoder::encode_input(const EncoderInput& input, const EncoderSettings& s
     run.code_layers();
     run.finish_sh();
     run.complete_layers();
-    run.choose_header();
+    L4D_RETURN_IF_ERROR(run.choose_header());
     L4D_RETURN_IF_ERROR(run.write(write));
   } catch (const Cancelled&) {
     return Status(L4D_ERR_CANCELLED, "cancelled by the progress callback");

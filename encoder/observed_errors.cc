@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <limits>
 #include <mutex>
 
@@ -17,26 +18,15 @@ namespace {
 
 constexpr size_t kGrain = 4096;
 
-SeenGaussian decoded(const EncoderScene& scene, const PositionCoding& positions,
-                     const ScalarCoding& opacity, const CodedLayer& layer, size_t j) {
+SeenGaussian seen_of(const EncoderScene& scene, const CodedLayer& layer,
+                     const DecodedGaussian& decoded) {
   SeenGaussian seen{};
-  const size_t i = layer.members[j];
-  if (layer.escape) {
-    // Stored as given.
-    const size_t from = scene.source[i];
-    slice_in_double(scene.given.rotor + 8 * from, scene.given.log_scale + 4 * from, &seen);
-  } else {
-    float rotor[8], log_scale[4];
-    decoded_shape(layer, j, rotor, log_scale);
-    slice_in_double(rotor, log_scale, &seen);
-  }
+  slice_in_double(decoded.rotor, decoded.log_scale, &seen);
   if (!layer.fades()) seen.lambda = 0;
-  seen.mean = layer.decoded_mean_t[j];
+  seen.mean = decoded.mean_t;
   seen.reference = reference_time(scene.timeline, seen.mean);
-  for (size_t k = 0; k < 3; ++k) {
-    seen.position[k] = coded_position(positions, layer, j, k);
-  }
-  seen.opacity = static_cast<double>(scalar_value(opacity, layer.opacity[j]));
+  for (size_t k = 0; k < 3; ++k) seen.position[k] = static_cast<double>(decoded.position[k]);
+  seen.opacity = static_cast<double>(decoded.opacity);
   return seen;
 }
 
@@ -61,6 +51,26 @@ float stated(double error) {
 
 }  // namespace
 
+DecodedGaussian decoded_gaussian(const EncoderScene& scene, const PositionCoding& positions,
+                                 const ScalarCoding& opacity, const CodedLayer& layer, size_t j) {
+  DecodedGaussian out;
+  const size_t i = layer.members[j];
+  if (layer.escape) {
+    // Stored as given.
+    const size_t from = scene.source[i];
+    std::copy_n(scene.given.rotor + 8 * from, 8, out.rotor);
+    std::copy_n(scene.given.log_scale + 4 * from, 4, out.log_scale);
+  } else {
+    decoded_shape(layer, j, out.rotor, out.log_scale);
+  }
+  out.mean_t = layer.decoded_mean_t[j];
+  for (size_t k = 0; k < 3; ++k) {
+    out.position[k] = static_cast<float>(coded_position(positions, layer, j, k));
+  }
+  out.opacity = scalar_value(opacity, layer.opacity[j]);
+  return out;
+}
+
 GaussianErrors observed_errors(const EncoderScene& scene, const PositionCoding& positions,
                                const ScalarCoding& opacity, const std::vector<CodedLayer>& layers,
                                ErrorBounds bounds, int threads) {
@@ -73,9 +83,11 @@ GaussianErrors observed_errors(const EncoderScene& scene, const PositionCoding& 
       for (size_t j = first; j < last; ++j) {
         const size_t i = layer.members[j];
         const Sequence shown = scene.shown(i);
-        take_worse(errors_of(scene.seen(i), decoded(scene, positions, opacity, layer, j),
-                             shown.begin, shown.end, bounds, own.opacity),
-                   &own);
+        take_worse(
+            errors_of(scene.seen(i),
+                      seen_of(scene, layer, decoded_gaussian(scene, positions, opacity, layer, j)),
+                      shown.begin, shown.end, bounds, own.opacity),
+            &own);
       }
       std::lock_guard<std::mutex> lock(mutex);
       take_worse(own, &worst);
@@ -84,18 +96,41 @@ GaussianErrors observed_errors(const EncoderScene& scene, const PositionCoding& 
   return worst;
 }
 
+Status check_bounds(const GaussianErrors& worst, const ErrorBounds& bounds) {
+  const struct {
+    const char* parameter;
+    double error, bound, none;
+  } rows[] = {{"max-position-error", worst.position, bounds.position, 0},
+              {"max-covariance-factor", worst.covariance, bounds.covariance, 1},
+              {"max-opacity-error", worst.opacity, bounds.opacity, 0},
+              {"max-visible-error", worst.visible, bounds.visible, 0}};
+  for (const auto& row : rows) {
+    if (row.error <= row.bound || !(row.bound > row.none)) continue;
+    char text[240];
+    std::snprintf(text, sizeof text,
+                  "a Gaussian is off by %.6g though it is stored in binary32, and %s is %.6g: move "
+                  "the scene nearer to 0, or set the parameter to %.6g, or to 0 for no bound",
+                  row.error, row.parameter, row.bound, 1.001 * row.error);
+    return Status(L4D_ERR_INVALID_SCENE, text);
+  }
+  return {};
+}
+
 ErrorStatement statement_of(const GaussianErrors& errors, const ErrorBounds& bounds) {
   ErrorStatement s;
   s.stated = true;
-  s.position = stated(errors.position);
-  s.covariance = errors.covariance > 1 ? stated(errors.covariance) : 1;
-  s.opacity = stated(errors.opacity);
-  s.visible = stated(errors.visible);
+  // A bound that is kept is no less than the error rounded up; one that is missed is not stated.
+  const auto state = [](double error, double bound, float* error_out, float* bound_out) {
+    const bool kept = bound > 0 && error <= static_cast<double>(static_cast<float>(bound));
+    *bound_out = kept ? static_cast<float>(bound) : 0;
+    *error_out = kept ? std::min(stated(error), *bound_out) : stated(error);
+  };
+  state(errors.position, bounds.position, &s.position, &s.position_bound);
+  state(errors.covariance, bounds.covariance, &s.covariance, &s.covariance_bound);
+  if (!(errors.covariance > 1)) s.covariance = 1;
+  state(errors.opacity, bounds.opacity, &s.opacity, &s.opacity_bound);
+  state(errors.visible, bounds.visible, &s.visible, &s.visible_bound);
   s.mean_t = stated(errors.mean_time);
-  s.position_bound = static_cast<float>(bounds.position);
-  s.covariance_bound = static_cast<float>(bounds.covariance);
-  s.opacity_bound = static_cast<float>(bounds.opacity);
-  s.visible_bound = static_cast<float>(bounds.visible);
   s.min_size = static_cast<float>(bounds.min_size);
   return s;
 }

@@ -3,9 +3,12 @@
 
 #include <algorithm>
 #include <limits>
+#include <memory>
+#include <mutex>
 #include <string>
 
-#include "decoder/read/scene_file.h"
+#include "decoder/check/inspection.h"
+#include "encoder/observed_errors.h"
 #include "libl4dcodec/scene/layers.h"
 
 namespace l4d {
@@ -52,68 +55,82 @@ class Pieces {
   uint64_t size_ = 0;
 };
 
-Status read_codebooks(SceneFile& file, const ComponentCoding& coding, uint32_t layer, unsigned c) {
-  const CodebookData* codebook = nullptr;
-  for (unsigned s = 0; s < coding.num_codebooks(); ++s) {
-    L4D_RETURN_IF_ERROR(file.codebooks().codebook(layer, c, s, &codebook));
-  }
-  if (!coding.has_rcq) return {};
-  return file.codebooks().codebook(layer, c, CodebookCache::kRcqStage, &codebook);
-}
-
-Status read_layer(SceneFile& file, uint32_t l) {
-  const LayerHeader& layer = file.header().layers[l];
-  for (unsigned c = L4D_COMPONENT_SCALE; c < L4D_COMPONENT_COUNT; ++c) {
-    L4D_RETURN_IF_ERROR(read_codebooks(file, layer.component[c], l, c));
-  }
-  if (layer.num_gaussians == 0) return {};
-  const EntropyTables* tables = nullptr;
-  if (layer.has_entropy) L4D_RETURN_IF_ERROR(file.codebooks().entropy_tables(l, &tables));
-  uint64_t total = 0;
-  for (uint32_t d = 0; d < num_directory_pages(layer); ++d) {
-    DirectoryPageRef read;
-    L4D_RETURN_IF_ERROR(file.directory().page(l, d, &read));
-    for (const PageRecord& record : read->page.pages) {
-      total += record.num_gaussians;
-      for (const ChunkRef* chunk : {&record.chunk, &record.sh_detail}) {
-        if (chunk->offset + chunk->stored_bytes > file.source().size()) {
-          return corrupt("CHNK-1", chunk->offset, "a page reaches beyond the file");
-        }
+// Compares decoded Gaussians with those expected, page by page, on any thread.
+class Comparison {
+ public:
+  explicit Comparison(const ExpectedStream& expected) : expected_(expected) {
+    const EncoderScene& scene = expected.scene;
+    place_.resize(scene.given.count);
+    const std::vector<CodedLayer>& layers = expected.coded.layers;
+    for (uint32_t l = 0; l < layers.size(); ++l) {
+      for (uint32_t j = 0; j < layers[l].members.size(); ++j) {
+        place_[scene.source[layers[l].members[j]]] = {l, j};
       }
     }
-    file.trim();
   }
-  return total == layer.num_gaussians
-             ? Status()
-             : corrupt("DIR-5", layer.page_table_offset,
-                       "layer " + std::to_string(l) + " holds " + std::to_string(total) +
-                           " Gaussians, its header says " + std::to_string(layer.num_gaussians));
-}
 
-Status read_all(Pieces& pieces) {
-  ByteSource source;
-  L4D_RETURN_IF_ERROR(ByteSource::from_reader(pieces.reader(), &source));
-  l4d_decoder_options limits{};
-  limits.max_memory_bytes = std::numeric_limits<uint64_t>::max();
-  limits.max_gaussians = std::numeric_limits<uint64_t>::max();
-  limits.max_frames = kMaxFrames;
-  SceneFile file(std::move(source), limits, stream_kernels_simd());
-  L4D_RETURN_IF_ERROR(file.open());
-  L4D_RETURN_IF_ERROR(read_codebooks(file, file.header().sh, 0, L4D_COMPONENT_SH));
-  for (uint32_t l = 0; l < file.header().layers.size(); ++l) {
-    L4D_RETURN_IF_ERROR(read_layer(file, l));
+  void add(const CheckedPage& page) {
+    size_t k = 0;
+    while (k < page.count && !differs(page, k)) ++k;
+    if (k == page.count) return;
+    const std::lock_guard<std::mutex> lock(mutex_);
+    first_ = std::min<uint64_t>(first_, page.first + k);
   }
-  return {};
-}
+
+  Status result() const {
+    if (first_ == kNone) return {};
+    return Status(L4D_ERR_INTERNAL, "internal error: Gaussian " + std::to_string(first_) +
+                                        " of the encoded stream decodes to other numbers than "
+                                        "its errors are stated of");
+  }
+
+ private:
+  struct Place {
+    uint32_t layer, member;
+  };
+  static constexpr uint64_t kNone = std::numeric_limits<uint64_t>::max();
+
+  bool differs(const CheckedPage& page, size_t k) const {
+    const Place place = place_[expected_.order[page.first + k]];
+    const CodedLayer& layer = expected_.coded.layers[place.layer];
+    const DecodedGaussian g = decoded_gaussian(expected_.scene, expected_.positions,
+                                               expected_.opacity, layer, place.member);
+    const auto same = [](const float* a, const float* b, size_t n) {
+      return std::equal(a, a + n, b);  // -0 is 0
+    };
+    return !(same(g.position, page.position + 3 * k, 3) && g.mean_t == page.mean_t[k] &&
+             same(g.log_scale, page.log_scale + 4 * k, 4) && same(g.rotor, page.rotor + 8 * k, 8) &&
+             g.opacity == page.opacity[k]);
+  }
+
+  const ExpectedStream& expected_;
+  std::vector<Place> place_;  // by input index
+  std::mutex mutex_;
+  uint64_t first_ = kNone;
+};
 
 }  // namespace
 
-Status check_written(const std::vector<Bytes>& chunks) {
+Status check_written(const std::vector<Bytes>& chunks, const ExpectedStream* expected,
+                     int threads) {
   Pieces pieces(chunks);
-  const Status status = read_all(pieces);
-  if (status.ok() || status.code() == L4D_ERR_OUT_OF_MEMORY) return status;
-  return Status(L4D_ERR_INTERNAL, status.clause(), status.offset(),
-                "internal error: a decoder would refuse the encoded stream: " + status.message());
+  std::mutex mutex;
+  Status first;
+  const auto report = [&](const Status& violation) {
+    std::lock_guard<std::mutex> lock(mutex);
+    if (first.ok()) first = violation;
+  };
+  std::unique_ptr<Comparison> comparison;
+  if (expected != nullptr) comparison = std::make_unique<Comparison>(*expected);
+  L4D_RETURN_IF_ERROR(
+      validate_written(pieces.reader(), threads, report, [&](const CheckedPage& page) {
+        if (comparison != nullptr) comparison->add(page);
+      }));
+  if (!first.ok()) {
+    return Status(L4D_ERR_INTERNAL, first.clause(), first.offset(),
+                  "internal error: the encoded stream breaks a rule: " + first.message());
+  }
+  return comparison == nullptr ? Status() : comparison->result();
 }
 
 }  // namespace l4d

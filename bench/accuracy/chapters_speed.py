@@ -91,7 +91,7 @@ def stages(tables, _):
              {"step": "VQ, RCQ and SQ", "paper": PAPER_SECONDS["VQ, RCQ and SQ"],
               **{r["name"]: r["vq_rcq_sq"] for r in rows}}]
     for step in steps:
-        if step not in ("prepare", "layering", "write"):
+        if step not in ("prepare", "layering", "check", "write"):
             lines.append({"step": f"of it {step.replace('_', ' ')}",
                           **{r["name"]: r.get(step) for r in rows}})
     lines.append({"step": "write", **{r["name"]: r.get("write") for r in rows}})

@@ -106,7 +106,8 @@ Json run_stages(Bench& bench) {
     double vq = 0;
     for (const auto& [step, seconds] : e.steps) {
       row[step] = seconds;
-      if (step != "prepare" && step != "layering" && step != "write") vq += seconds;
+      if (step != "prepare" && step != "layering" && step != "check" && step != "write")
+        vq += seconds;
     }
     row["vq_rcq_sq"] = vq;
     row["encode_s"] = e.report.total_seconds;

@@ -28,4 +28,22 @@ Status check_requested_conformance(SceneFile& file, uint32_t profile, uint32_t l
 Status validate_file(const l4d_reader& reader, const l4d_decoder_options& options,
                      const ViolationFn& report);
 
+// A page as the validator has decoded it. Arrays are valid during the call.
+struct CheckedPage {
+  uint64_t first;  // of its Gaussians, in decoded order
+  size_t count;
+  const float* position;   // [count, 3]
+  const double* mean_t;    // [count]
+  const float* log_scale;  // [count, 4]
+  const float* rotor;      // [count, 8]
+  const float* opacity;    // [count]
+};
+using CheckedPageFn = std::function<void(const CheckedPage&)>;
+
+// The checks of validate_file for one stream that was just written and has no extensions, on
+// `threads` threads (0 = all). `report` and `page` are called on several of them at a time; each
+// page once, violations outside pages up to once per thread.
+Status validate_written(const l4d_reader& reader, int threads, const ViolationFn& report,
+                        const CheckedPageFn& page);
+
 }  // namespace l4d

@@ -2,6 +2,7 @@
 // Checks of a whole stream, including those that a decoder need not make.
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <map>
 
 #include "decoder/check/conformance.h"
@@ -9,6 +10,7 @@
 #include "decoder/read/member_list.h"
 #include "decoder/session/decoder.h"
 #include "libl4dcodec/base/half.h"
+#include "libl4dcodec/base/threads.h"
 #include "libl4dcodec/container/streamable.h"
 #include "libl4dcodec/scene/layers.h"
 #include "libl4dcodec/scene/slice.h"
@@ -16,11 +18,22 @@
 namespace l4d {
 namespace {
 
+// The part of all pages that one of several validators of a stream decodes, and who gets them.
+struct PageShare {
+  uint64_t index = 0, of = 1;
+  const CheckedPageFn* page = nullptr;  // or null
+};
+
 class Validator {
  public:
   Validator(SceneFile& file, PageDecoder& pages, const l4d_decoder_options& options,
-            const ViolationFn& report)
-      : file_(file), pages_(pages), options_(options), report_(report), memory_(file.memory()) {}
+            const ViolationFn& report, const PageShare& share)
+      : file_(file),
+        pages_(pages),
+        options_(options),
+        report_(report),
+        share_(share),
+        memory_(file.memory()) {}
 
   // chunks: of extensions.
   Status run(const std::vector<ChunkRef>& chunks) {
@@ -230,7 +243,9 @@ class Validator {
       L4D_RETURN_IF_ERROR(take(record.sh_detail, "the SH detail of a page", place, &parts));
       const bool shared =
           parts.num_shared > before || (record.block != kNoBlock && block_is_shared[record.block]);
-      if (!shared) L4D_RETURN_IF_ERROR(note(check_page(l, d, read, record)));
+      if (!shared && num_pages_++ % share_.of == share_.index) {
+        L4D_RETURN_IF_ERROR(note(check_page(l, d, read, record)));
+      }
       L4D_RETURN_IF_ERROR(advance(record.num_gaussians));
     }
     note_shared(parts);
@@ -329,6 +344,14 @@ class Validator {
     const uint64_t symbols_before = pages_.symbols_decoded();
     L4D_RETURN_IF_ERROR(pages_.expand(plan, 0, 1, out, nullptr, nullptr));
     L4D_RETURN_IF_ERROR(check_symbols(layer, record, pages_.symbols_decoded() - symbols_before));
+    if (share_.page != nullptr) {
+      (*share_.page)({done_, n, position_.data(), mean_.data(), log_scale_.data(), rotor_.data(),
+                      opacity_.data()});
+    }
+    slices_.resize(n);
+    for (size_t i = 0; i < n; ++i) {
+      slices_[i] = slice_attributes<double>(rotor_.data() + 8 * i, log_scale_.data() + 4 * i);
+    }
     return layer.permanent ? check_bounds(header, layer, record)
                            : check_times(header, layer, record, range);
   }
@@ -343,11 +366,6 @@ class Validator {
   }
 
   FrameWindow window(size_t i) const { return {window_[2 * i], window_[2 * i + 1]}; }
-  // lambda and velocity of Gaussian i of the page at hand, in double.
-  Slice4D<double> slice_of(size_t i) const {
-    return slice_attributes<double>(rotor_.data() + 8 * i, log_scale_.data() + 4 * i);
-  }
-
   Status check_times(const SceneHeader& header, const LayerHeader& layer, const PageRecord& record,
                      const l4d_bucket_span& range) {
     const double unit = range.width / 64;
@@ -355,7 +373,7 @@ class Validator {
     const double end = begin + sequence_duration(header.timeline);
     for (size_t i = 0; i < record.num_gaussians; ++i) {
       const double mean = mean_[i];
-      const double sigma = 1 / std::sqrt(slice_of(i).lambda);
+      const double sigma = 1 / std::sqrt(slices_[i].lambda);
       const bool fits =
           layer.flat()
               ? window_fits(window(i), record.bucket, layer.level, header.timeline.num_frames)
@@ -390,7 +408,7 @@ class Validator {
     const double begin = header.timeline.time_begin;
     const double end = begin + sequence_duration(header.timeline);
     for (size_t i = 0; i < record.num_gaussians; ++i) {
-      const Slice4D<double> s = slice_of(i);
+      const Slice4D<double>& s = slices_[i];
       const double mean = mean_[i];
       const double reach = 4 / std::sqrt(s.lambda);
       const double reference =
@@ -433,10 +451,13 @@ class Validator {
   PageDecoder& pages_;
   const l4d_decoder_options& options_;
   const ViolationFn& report_;
+  const PageShare share_;
+  uint64_t num_pages_ = 0;
   uint64_t done_ = 0;
   MemoryCharge memory_;               // of ranges_
   std::map<uint64_t, Range> ranges_;  // by their begins; none overlaps another
   std::vector<double> mean_;
+  std::vector<Slice4D<double>> slices_;
   std::vector<uint32_t> window_;  // [n, 2] of flat layers
   std::vector<float> position_, log_scale_, rotor_, opacity_, sh_;
 };
@@ -451,7 +472,8 @@ bool ends_the_check(const Status& status) {
 }
 
 Status validate_stream(const l4d_reader& reader, const l4d_decoder_options& options,
-                       const std::vector<ChunkRef>& chunks, const ViolationFn& report) {
+                       const std::vector<ChunkRef>& chunks, const DecodeKernels& kernels,
+                       const PageShare& share, const ViolationFn& report) {
   ByteSource source;
   L4D_RETURN_IF_ERROR(ByteSource::from_reader(reader, &source));
   Decoder decoder(options);
@@ -461,9 +483,8 @@ Status validate_stream(const l4d_reader& reader, const l4d_decoder_options& opti
     report(opened);
     return {};
   }
-  // The reference loops: what a validator finds must not depend on the machine.
-  PageDecoder pages(decoder.file(), decode_kernels_reference(), static_cast<int>(options.threads));
-  return Validator(decoder.file(), pages, options, report).run(chunks);
+  PageDecoder pages(decoder.file(), kernels, static_cast<int>(options.threads));
+  return Validator(decoder.file(), pages, options, report, share).run(chunks);
 }
 
 }  // namespace
@@ -491,12 +512,34 @@ Status validate_file(const l4d_reader& reader, const l4d_decoder_options& given,
       const bool placed = s.offset() != Status::kNoOffset;
       report(placed ? Status(s.code(), s.clause(), m.offset + s.offset(), s.message()) : s);
     };
-    L4D_RETURN_IF_ERROR(validate_stream(window.reader(), options, header.chunks, report_at));
+    // The reference loops: what a validator finds must not depend on the machine.
+    L4D_RETURN_IF_ERROR(validate_stream(window.reader(), options, header.chunks,
+                                        decode_kernels_reference(), {}, report_at));
   }
   if (!list.rest().ok()) report(list.rest());
   const Status index = list.rest().ok() ? list.check_index() : Status();
   if (ends_the_check(index)) return index;
   if (!index.ok()) report(index);
+  return {};
+}
+
+Status validate_written(const l4d_reader& reader, int threads, const ViolationFn& report,
+                        const CheckedPageFn& page) {
+  l4d_decoder_options limits{};
+  limits.max_memory_bytes = std::numeric_limits<uint64_t>::max();
+  limits.max_gaussians = std::numeric_limits<uint64_t>::max();
+  limits.max_frames = kMaxFrames;
+  limits.threads = 1;
+  limits.accept_needs = 1;
+  const size_t shares = static_cast<size_t>(resolve_threads(threads));
+  std::vector<Status> done(shares);
+  parallel_for(threads, shares, 1, [&](size_t begin, size_t end) {
+    for (size_t k = begin; k < end; ++k) {
+      done[k] =
+          validate_stream(reader, limits, {}, decode_kernels_simd(), {k, shares, &page}, report);
+    }
+  });
+  for (const Status& status : done) L4D_RETURN_IF_ERROR(status);
   return {};
 }
 

@@ -4,7 +4,6 @@
 
 #include <limits>
 
-#include "encoder/written_check.h"
 #include "tests/common/codec.h"
 
 namespace l4d {
@@ -43,30 +42,6 @@ TEST(ExtremeWeights, GiveStreamsThatDecode) {
       }
     }
   }
-}
-
-// What holds for good streams is found out in bad ones, wherever their pieces lie.
-TEST(WrittenCheck, RefusesWhatADecoderRefuses) {
-  const Bytes& good = transform_file();
-  const auto cut = [](const Bytes& bytes) {
-    std::vector<Bytes> pieces;
-    for (size_t at = 0; at < bytes.size(); at += 1000) {
-      pieces.emplace_back(
-          bytes.begin() + static_cast<std::ptrdiff_t>(at),
-          bytes.begin() + static_cast<std::ptrdiff_t>(std::min(at + 1000, bytes.size())));
-    }
-    return pieces;
-  };
-  EXPECT_TRUE(check_written(cut(good)).ok());
-  EXPECT_TRUE(check_written({good}).ok());
-  Bytes bad = good;
-  bad[44] ^= 1;  // in the scene header
-  const Status status = check_written(cut(bad));
-  EXPECT_EQ(status.code(), L4D_ERR_INTERNAL);
-  EXPECT_STREQ(status.clause(), "FILE-6");
-  bad = good;
-  bad.resize(bad.size() / 2);
-  EXPECT_FALSE(check_written(cut(bad)).ok());
 }
 
 }  // namespace

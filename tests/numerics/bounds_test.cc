@@ -111,7 +111,11 @@ TEST_P(Bounds, HoldForEveryGaussian) {
         << preset.name;
     expect_stated(e, worst, preset.name);
     const l4d_coding_errors stated = stated_errors(e.bytes);
-    EXPECT_EQ(static_cast<float>(preset.position), static_cast<float>(stated.position_bound));
+    // What binary16 positions miss is not stated.
+    const bool kept = stated.position <= preset.position;
+    EXPECT_TRUE(kept || preset.binary16) << preset.name;
+    EXPECT_EQ(kept ? static_cast<float>(preset.position) : 0,
+              static_cast<float>(stated.position_bound));
     EXPECT_EQ(static_cast<float>(preset.covariance), static_cast<float>(stated.covariance_bound));
     EXPECT_EQ(static_cast<float>(preset.opacity), static_cast<float>(stated.opacity_bound));
     EXPECT_NEAR(stated.min_size, min_size(scene), 1e-6 * stated.min_size);
