@@ -407,12 +407,15 @@ CodedLayer code_escapes(const EncoderScene& scene, unsigned level, bool flat,
   place_in_buckets(scene, members, &out);
   out.escape = true;
   // Seconds since 1970 in binary32 are off by a minute.
-  const bool doubles = flat || std::any_of(members.begin(), members.end(), [&](uint32_t i) {
-                         const SeenGaussian seen = scene.seen(i);
-                         const double off =
-                             seen.mean - static_cast<double>(static_cast<float>(seen.mean));
-                         return std::fabs(off) * std::sqrt(seen.lambda) > kMaxRoundedMean;
-                       });
+  const bool doubles =
+      flat || std::any_of(members.begin(), members.end(), [&](uint32_t i) {
+        const SeenGaussian seen = scene.seen(i);
+        const double off = seen.mean - static_cast<double>(static_cast<float>(seen.mean));
+        // What moves fast is elsewhere a thousandth of its life later.
+        const double* v = seen.velocity;
+        const bool moves = v[0] != 0 || v[1] != 0 || v[2] != 0;
+        return (moves && off != 0) || std::fabs(off) * std::sqrt(seen.lambda) > kMaxRoundedMean;
+      });
   out.mean_times.mean_t = doubles ? CoordinateCodingId::kRaw64 : CoordinateCodingId::kRaw32;
   if (flat) choose_window_codes(scene, &out);
   out.scale_factor.coding = ScalarCodingId::kConstant;

@@ -234,7 +234,7 @@ std::string refusal(const l4d_gaussians& g, size_t i, const std::string& attribu
   if (attribute == info_of(Attribute::kLogScale).name) {
     text +=
         ", a size between 4.1e-8 and 2.4e7. Where lengths are too small or too large, scale the "
-        "scene to other units (`encode --unit`)";
+        "scene to other units before encoding it";
   }
   return text + ", or leave such Gaussians out (drop-invalid)";
 }

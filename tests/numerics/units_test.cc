@@ -3,9 +3,11 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <nlohmann/json.hpp>
 #include <string>
 
 #include "tests/common/codec.h"
+#include "tests/numerics/formula.h"
 #include "tests/numerics/hard_scenes.h"
 #include "tests/numerics/oracle.h"
 
@@ -28,9 +30,28 @@ EncodeOptions options_of(const char* preset) {
   return o;
 }
 
-void expect_bounds(const TestScene& scene, const BoundedPreset& preset, const std::string& what) {
+nlohmann::ordered_json& rows() {
+  static nlohmann::ordered_json all = nlohmann::ordered_json::array();
+  return all;
+}
+
+void record_row(double scale, double later, const char* preset, const Worst* worst, size_t bytes) {
+  nlohmann::ordered_json row = {
+      {"scale", scale}, {"later", later}, {"preset", preset}, {"coded", worst != nullptr}};
+  if (worst != nullptr) {
+    row["position"] = worst->position;
+    row["covariance"] = worst->covariance;
+    row["bytes"] = bytes;
+  }
+  rows().push_back(row);
+  record("units", rows());
+}
+
+// Returns what was observed, and sets *bytes.
+Worst expect_bounds(const TestScene& scene, const BoundedPreset& preset, const std::string& what,
+                    size_t* bytes) {
   const Encoded e = encode(scene, options_of(preset.name));
-  ASSERT_EQ(e.report.coded_gaussians, scene.count());
+  EXPECT_EQ(e.report.coded_gaussians, scene.count()) << what;
   EXPECT_TRUE(validate(e.bytes).empty()) << what;
   const Worst worst = worst_errors(scene, e);
   EXPECT_LE(worst.position, preset.position * (1 + 1e-4)) << what;
@@ -40,6 +61,8 @@ void expect_bounds(const TestScene& scene, const BoundedPreset& preset, const st
   EXPECT_GE(stated.covariance * (1 + 1e-4), worst.covariance) << what;
   EXPECT_LE(stated.position, stated.position_bound) << what;
   EXPECT_LE(stated.covariance, stated.covariance_bound) << what;
+  *bytes = e.bytes.size();
+  return worst;
 }
 
 class Units : public testing::TestWithParam<size_t> {};
@@ -48,16 +71,23 @@ class Units : public testing::TestWithParam<size_t> {};
 TEST_P(Units, BoundsHoldAtEveryScale) {
   const HardScene& hard = hard_scenes()[GetParam()];
   const TestScene scene = hard.make();
-  for (const double scale : {1e-6, 1e-4, 1e-3, 1e3, 1e4, 1e6}) {
-    const TestScene other = in_other_units(scene, scale, 0);
+  constexpr struct {
+    double scale, later;
+  } kUnits[] = {{1e-6, 0}, {1e-4, 0}, {1e-3, 0}, {1e-2, 0}, {1, 0},
+                {1, 1e5},  {1e2, 0},  {1e3, 0},  {1e4, 0},  {1e6, 0}};
+  for (const auto& [scale, later] : kUnits) {
+    const TestScene other = in_other_units(scene, scale, later);
     const float largest = *std::max_element(other.log_scale.begin(), other.log_scale.end());
     const float smallest = *std::min_element(other.log_scale.begin(), other.log_scale.end());
     for (const BoundedPreset& preset : kPresets) {
       const std::string what = std::string(preset.name) + " at " + std::to_string(scale);
       if (largest <= 17 && smallest >= -17) {
-        expect_bounds(other, preset, what);
+        size_t bytes = 0;
+        const Worst worst = expect_bounds(other, preset, what, &bytes);
+        record_row(scale, later, preset.name, &worst, bytes);
         continue;
       }
+      record_row(scale, later, preset.name, nullptr, 0);
       EXPECT_TRUE(scale < 1e-3 || scale > 1e4) << what;
       try {
         encode(other, options_of(preset.name));
@@ -65,7 +95,7 @@ TEST_P(Units, BoundsHoldAtEveryScale) {
       } catch (const Error& error) {
         const std::string message = error.what();
         EXPECT_NE(message.find("at most 17"), std::string::npos) << message;
-        EXPECT_NE(message.find("--unit"), std::string::npos) << message;
+        EXPECT_NE(message.find("other units"), std::string::npos) << message;
       }
     }
   }
@@ -85,7 +115,9 @@ TEST(UnitsOf, ErrorsAreAgainstTheInput) {
       for (size_t k = 0; k < 3; ++k) scene.log_scale[4 * i + k] = log_scale;
     }
     for (const BoundedPreset& preset : kPresets) {
-      expect_bounds(scene, preset, std::string(preset.name) + " " + std::to_string(log_scale));
+      size_t bytes = 0;
+      expect_bounds(scene, preset, std::string(preset.name) + " " + std::to_string(log_scale),
+                    &bytes);
     }
   }
 }
