@@ -144,6 +144,12 @@ l4d_coding_errors describe_errors(const l4d::ErrorStatement& e) {
   out.opacity_bound = d(e.opacity_bound);
   out.visible_bound = d(e.visible_bound);
   out.min_size = d(e.min_size);
+  if (!e.colors) return out;
+  out.colors_stated = 1;
+  out.base_color = d(e.base_color);
+  out.directional_color = d(e.directional_color);
+  out.base_color_bound = d(e.base_color_bound);
+  out.directional_color_bound = d(e.directional_color_bound);
   return out;
 }
 

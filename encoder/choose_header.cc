@@ -67,7 +67,12 @@ SceneHeader choose_header(const HeaderSource& source, const CodedScene& coded,
     *worst = observed_errors(source.scene, header, header.opacity, coded.layers, source.bounds,
                              source.threads);
   }
-  header.errors = statement_of(*worst, source.bounds);
+  worst->base_color = source.colors.base;
+  worst->directional_color = source.colors.directional;
+  ErrorBounds kept = source.bounds;
+  // Nothing bounds how binary16 rounds a Gaussian far from the centre.
+  if (header.position == CoordinateCodingId::kF16) kept.position = kept.visible = 0;
+  header.errors = statement_of(*worst, kept);
   header.errors.own_min_sizes = !source.lossless && input.min_sizes != nullptr;
   return header;
 }

@@ -9,6 +9,7 @@
 #include "encoder/coded_scene.h"
 #include "encoder/position_plan.h"
 #include "encoder/scene.h"
+#include "libl4dcodec/scene/color_errors.h"
 
 namespace l4d {
 
@@ -19,6 +20,7 @@ struct HeaderSource {
   const std::vector<std::pair<std::string, std::string>>& metadata;
   const PositionPlan& positions;
   const ErrorBounds& bounds;
+  ColorErrors colors;  // the largest of all Gaussians
   bool lossless = false;
   int threads = 0;
 };

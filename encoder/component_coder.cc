@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <memory>
 #include <numeric>
 
@@ -101,6 +102,7 @@ class ComponentCoder {
     code_residual_stages();
     refine_stages(rows_, weights_, settings_, &out_);
     choose_escapes_by_cost();
+    deepen_refused_rows();
     code_escapes();
     out_.weighted_distortion = sum_of_errors();
     return std::move(out_);
@@ -384,6 +386,51 @@ class ComponentCoder {
       out_.depth[coded_[j]] = kEscapeDepth;
       out_.any_escape = true;
     }
+  }
+
+  // Rows that the check refuses, with as many more stages as it takes; escapes where all of them do
+  // not do.
+  void deepen_refused_rows() {
+    if (!settings_.keeps || !out_.block_tables.empty()) return;
+    parallel_for(settings_.threads, coded_.size(), kGrain, [&](size_t begin, size_t end) {
+      for (size_t j = begin; j < end; ++j) {
+        const size_t i = coded_[j];
+        const float* decoded = out_.decoded.data() + i * out_.dim;
+        while (out_.depth[i] != kEscapeDepth && !settings_.keeps(i, decoded)) {
+          if (out_.depth[i] == out_.codebooks.size()) {
+            out_.depth[i] = kEscapeDepth;
+          } else {
+            add_stage(i);
+          }
+        }
+      }
+    });
+    out_.any_escape =
+        std::find(out_.depth.begin(), out_.depth.end(), kEscapeDepth) != out_.depth.end();
+  }
+
+  // The nearest codeword of the next stage.
+  void add_stage(size_t i) {
+    const size_t dim = out_.dim, s = out_.depth[i];
+    const std::vector<float>& codebook = out_.codebooks[s];
+    float* decoded = out_.decoded.data() + i * dim;
+    size_t best = 0;
+    double least = std::numeric_limits<double>::infinity();
+    for (size_t w = 0; w < codebook.size() / dim; ++w) {
+      double sum = 0;
+      for (size_t k = 0; k < dim && sum < least; ++k) {
+        const double e = static_cast<double>(rows_[i * dim + k]) -
+                         static_cast<double>(decoded[k] + codebook[w * dim + k]);
+        sum += e * e;
+      }
+      if (sum < least) {
+        least = sum;
+        best = w;
+      }
+    }
+    for (size_t k = 0; k < dim; ++k) decoded[k] = decoded[k] + codebook[best * dim + k];
+    out_.index[s][i] = static_cast<uint16_t>(best);
+    out_.depth[i] = static_cast<uint8_t>(s + 1);
   }
 
   void code_escapes() {

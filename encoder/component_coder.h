@@ -25,7 +25,9 @@ struct ComponentSettings {
   // for nothing.
   double rd_lambda = 0;
   int refine_rounds = 0;  // see refine_stages
-  int rcq = 0;            // 0 never, 1 where it pays, 2 always; needs blocks
+  // Rows that it refuses get further stages, or are escapes. Empty: all rows are fine.
+  RowCheck keeps;
+  int rcq = 0;  // 0 never, 1 where it pays, 2 always; needs blocks
   uint32_t rcq_size = 512;
   int iterations = 10;
   size_t sample_per_codeword = 24;

@@ -7,6 +7,7 @@
 
 #include "encoder/async.h"
 #include "encoder/choose_header.h"
+#include "encoder/color_bounds.h"
 #include "encoder/encode_steps.h"
 #include "encoder/observed_errors.h"
 #include "encoder/position_coding.h"
@@ -174,26 +175,33 @@ class Encoder::Run {
   }
 
   // Layers of what is stored as it is. All layers are there then, and get their SH.
-  void complete_layers() {
+  Status complete_layers() {
     steps_.begin("write");
+    if (!lossless_) {
+      colors_ = largest_color_errors(scene_, coded_.sh, threads_);
+      L4D_RETURN_IF_ERROR(check_colors(colors_, options_.bounds));
+    }
     for (auto& [layer, members] : escapes_) {
       report_.totals.escapes += members.size();
       add_escapes(scene_, layer.first, layer.second, std::move(members), &coded_.layers);
     }
     report_.totals.num_layers = static_cast<uint32_t>(coded_.layers.size());
     distribute_sh(threads_, &coded_);
+    return {};
   }
 
   Status choose_header() {
     GaussianErrors worst;
     header_ = l4d::choose_header(
-        {input_, scene_, metadata_, positions_, options_.bounds, lossless_, threads_}, coded_,
-        &worst);
+        {input_, scene_, metadata_, positions_, options_.bounds, colors_, lossless_, threads_},
+        coded_, &worst);
     report_.totals.max_position_error = worst.position;
     report_.totals.max_covariance_factor = worst.covariance;
     report_.totals.max_opacity_error = worst.opacity;
     report_.totals.max_visible_error = worst.visible;
     report_.totals.max_mean_t_error = worst.mean_time;
+    report_.totals.max_base_color_error = worst.base_color;
+    report_.totals.max_directional_color_error = worst.directional_color;
     // Binary16 positions keep no bound, and their streams state none that they miss.
     const bool promised = !lossless_ && header_.position != CoordinateCodingId::kF16;
     return promised ? check_bounds(worst, options_.bounds) : Status();
@@ -250,6 +258,7 @@ class Encoder::Run {
   PositionCoding known_positions_;
   Escapes escapes_;
   CodedScene coded_;
+  ColorErrors colors_;
   SceneHeader header_;
   EncodeReport report_;
   bool sh_apart_ = false;
@@ -328,7 +337,7 @@ Status Encoder::encode_input(const EncoderInput& input, const EncoderSettings& s
     run.start_sh();
     run.code_layers();
     run.finish_sh();
-    run.complete_layers();
+    L4D_RETURN_IF_ERROR(run.complete_layers());
     L4D_RETURN_IF_ERROR(run.choose_header());
     L4D_RETURN_IF_ERROR(run.write(write));
   } catch (const Cancelled&) {

@@ -22,6 +22,9 @@ struct GaussianErrors {
   double opacity = 0;
   double visible = 0;    // scene units
   double mean_time = 0;  // in temporal standard deviations
+  // See color_errors. Of all Gaussians: errors_of knows no colours.
+  double base_color = 0;
+  double directional_color = 0;
 };
 
 struct ErrorBounds {
@@ -36,11 +39,14 @@ struct ErrorBounds {
   double opacity = 0;  // seen at any instant
   // Distance at any instant at which it is visible at all, in scene units.
   double visible = 0;
+  double base_color = 0;  // see color_errors
+  double directional_color = 0;
 
   double min_size = 0;        // scene units, of all; a Gaussian's own counts where it is larger
   double position_slack = 0;  // scene units: what coding positions will add, at most
   double opacity_slack = 0;
 
+  // Of those on place, shape and opacity.
   bool any() const { return position > 0 || covariance > 1 || opacity > 0 || visible > 0; }
 };
 

@@ -132,6 +132,11 @@ ErrorStatement statement_of(const GaussianErrors& errors, const ErrorBounds& bou
   state(errors.visible, bounds.visible, &s.visible, &s.visible_bound);
   s.mean_t = stated(errors.mean_time);
   s.min_size = static_cast<float>(bounds.min_size);
+  s.colors = true;
+  s.base_color = stated(errors.base_color);
+  s.directional_color = stated(errors.directional_color);
+  s.base_color_bound = static_cast<float>(bounds.base_color);
+  s.directional_color_bound = static_cast<float>(bounds.directional_color);
   return s;
 }
 

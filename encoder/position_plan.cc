@@ -12,10 +12,6 @@ namespace {
 
 // A picture shows the scene about this many pixels wide: errors of half of one are not seen.
 constexpr double kSizesPerExtent = 4000;
-// The box of the scene is that of all Gaussians but this share on each side of each axis, and a
-// little more: a floater in twenty is not taken for the scene.
-constexpr double kTail = 0.05;
-constexpr double kBeyondTails = 1.25;
 // Rounding of coordinates may use up this share of what positions may be off by: how each is
 // rounded is known when its shape is coded, and few Gaussians are as small as the smallest.
 constexpr double kPositionRounding = 0.9;
@@ -27,14 +23,6 @@ constexpr unsigned kMaxOpacityBits = 16;
 constexpr double kMaxOutOfReach = 0.01;
 // A little room for positions that move when they are fitted to coded velocities.
 constexpr double kReachUsed = 0.96;
-
-// Coordinates k of all Gaussians, in order.
-std::vector<double> sorted_axis(const EncoderScene& s, size_t k) {
-  std::vector<double> axis(s.count);
-  for (size_t i = 0; i < s.count; ++i) axis[i] = s.position[3 * i + k];
-  std::sort(axis.begin(), axis.end());
-  return axis;
-}
 
 // Where the window of `width` begins that is centred on the middle of the scene, or where it can
 // begin to hold all of it.
@@ -58,12 +46,6 @@ std::vector<uint32_t> outside(const EncoderScene& s, const std::vector<double> (
     if (!in) out.push_back(i);
   }
   return out;
-}
-
-double extent_of(const std::vector<double>& axis) {
-  const size_t tail = static_cast<size_t>(kTail * static_cast<double>(axis.size()));
-  const double most = axis[axis.size() - 1 - tail] - axis[tail];
-  return std::min(kBeyondTails * most, axis.back() - axis.front());
 }
 
 // The smallest size of a Gaussian that counts: a third of the trace is no more than the largest
@@ -116,12 +98,6 @@ void choose_lattice(const EncoderScene& s, const std::vector<double> (&axes)[3],
 
 }  // namespace
 
-double scene_extent(const EncoderScene& scene) {
-  double extent = 0;
-  for (size_t k = 0; k < 3; ++k) extent = std::max(extent, extent_of(sorted_axis(scene, k)));
-  return extent;
-}
-
 ErrorBounds declared_bounds(const EncoderScene& scene, const EncoderSettings& settings) {
   ErrorBounds b;
   if (settings.get_bool(L4D_ENC_LOSSLESS)) return b;
@@ -129,7 +105,9 @@ ErrorBounds declared_bounds(const EncoderScene& scene, const EncoderSettings& se
   b.covariance = settings.get(L4D_ENC_MAX_COVARIANCE_FACTOR);
   b.opacity = settings.get(L4D_ENC_MAX_OPACITY_ERROR);
   b.visible = settings.get(L4D_ENC_MAX_VISIBLE_ERROR);
-  b.min_size = scene_extent(scene) / kSizesPerExtent;
+  b.base_color = settings.get(L4D_ENC_MAX_BASE_COLOR_ERROR);
+  b.directional_color = settings.get(L4D_ENC_MAX_DIRECTIONAL_COLOR_ERROR);
+  b.min_size = scene.extent / kSizesPerExtent;
   return b;
 }
 
@@ -145,7 +123,7 @@ PositionPlan plan_positions(const EncoderScene& scene, const EncoderSettings& se
     }
   }
   bounds->opacity_slack = half_step(plan.opacity_bits);
-  if (!settings.get_bool(L4D_ENC_FIXED_POSITIONS)) return plan;
+  if (!settings.codes_fixed_positions()) return plan;
   double importance = 0;
   for (const float w : scene.position_importance) importance += static_cast<double>(w);
   const double wanted = quality.position_step(importance);
@@ -161,7 +139,7 @@ PositionPlan plan_positions(const EncoderScene& scene, const EncoderSettings& se
   plan.step = std::min(wanted, coarsest);
 
   std::vector<double> axes[3];
-  for (size_t k = 0; k < 3; ++k) axes[k] = sorted_axis(scene, k);
+  for (size_t k = 0; k < 3; ++k) axes[k] = scene.sorted_axis(k);
   const double reach = kReachUsed * static_cast<double>((1u << kMaxPositionBits) - 2);
   // Without a bound, what a bound of half a size would ask for is fine enough.
   const double enough =

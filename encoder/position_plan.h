@@ -24,9 +24,6 @@ struct PositionPlan {
   unsigned opacity_bits = 0;
 };
 
-// The largest side of the box that holds nearly all of the scene: floaters do not count.
-double scene_extent(const EncoderScene& scene);
-
 // Bounds as the settings declare them, with the size below which errors do not count.
 ErrorBounds declared_bounds(const EncoderScene& scene, const EncoderSettings& settings);
 

@@ -21,14 +21,29 @@ constexpr size_t kGrain = 4096;
 // and sums over a scene still fit a float.
 constexpr double kMaxWeight = 1e24;
 
+// The box of the scene is that of all Gaussians but this share on each side of each axis, and a
+// little more: a floater in twenty is not taken for the scene.
+constexpr double kTail = 0.05;
+constexpr double kBeyondTails = 1.25;
+
 float bounded_weight(double weight) { return static_cast<float>(std::min(weight, kMaxWeight)); }
 
 double seconds_of(const Sequence& part) { return part.end - part.begin; }
 
-// Stand-in for how much of the pictures shows Gaussian i: how large and for how long.
+double extent_of(const std::vector<double>& axis) {
+  const size_t tail = static_cast<size_t>(kTail * static_cast<double>(axis.size()));
+  const double most = axis[axis.size() - 1 - tail] - axis[tail];
+  return std::min(kBeyondTails * most, axis.back() - axis.front());
+}
+
+// Stand-in for how much of the pictures shows Gaussian i: how large and for how long. Pictures show
+// about the scene: what is larger fills them, and no more.
 double shown_area(const EncoderScene& s, size_t i) {
+  const double most = s.extent > 0 ? std::log(s.extent / 2) : HUGE_VAL;
   double scale[3];
-  for (size_t k = 0; k < 3; ++k) scale[k] = static_cast<double>(s.log_scale[4 * i + k]);
+  for (size_t k = 0; k < 3; ++k) {
+    scale[k] = std::min(static_cast<double>(s.log_scale[4 * i + k]), most);
+  }
   std::sort(scale, scale + 3);
   const double area = std::exp(scale[1] + scale[2]);
   const double shown = s.is_flat(i) ? seconds_of(s.shown(i)) : 8 * s.sigma_t(i);
@@ -160,6 +175,13 @@ SeenGaussian EncoderScene::seen(size_t i) const {
   std::copy_n(position.data() + 3 * i, 3, g.position);
   if (min_sizes != nullptr) g.min_size = static_cast<double>(min_sizes[from]);
   return g;
+}
+
+std::vector<double> EncoderScene::sorted_axis(size_t k) const {
+  std::vector<double> axis(count);
+  for (size_t i = 0; i < count; ++i) axis[i] = position[3 * i + k];
+  std::sort(axis.begin(), axis.end());
+  return axis;
 }
 
 Sequence EncoderScene::shown(size_t i) const {
@@ -410,6 +432,7 @@ Status prepare_scene(const EncoderInput& input, const EncoderSettings& settings,
       if (!lossless) normalize(out, i, gauge);
     }
   });
+  for (size_t k = 0; k < 3; ++k) s.extent = std::max(s.extent, extent_of(s.sorted_axis(k)));
   if (!settings.tiers().empty()) set_light(input, lossless, out);
   if (lossless) return {};
   const bool gauss_newton = settings.get_int(L4D_ENC_WEIGHT_METRIC) == 1;

@@ -43,6 +43,8 @@ struct EncoderScene {
   uint32_t sh_degree = 0;
   l4d_timeline timeline{};
   double duration = 0;
+  // The largest side of the box that holds nearly all of the scene: floaters do not count.
+  double extent = 0;
   std::vector<uint32_t> source;  // [n] index in the input
   std::vector<double> position;  // [n, 3] at t_ref; lossless: as given
   std::vector<double> mean_t;    // [n]
@@ -71,6 +73,8 @@ struct EncoderScene {
   bool is_flat(size_t i) const { return !window.empty() && window[i].is_flat(); }
   // The part of the sequence outside which Gaussian i is not shown, for those that do not fade.
   Sequence shown(size_t i) const;
+  // Coordinates k of all Gaussians, in order.
+  std::vector<double> sorted_axis(size_t k) const;
   size_t sh_dim() const { return 3 * (sh_degree + 1) * (sh_degree + 1); }
   double sigma_t(size_t i) const;
 };

@@ -36,7 +36,10 @@ unsigned profile_of(const EncoderSettings& settings) {
   if (given >= 0) return static_cast<unsigned>(given);
   for (const ProfileId p : {ProfileId::kIndexed, ProfileId::kMain, ProfileId::kLossless}) {
     EncoderSettings kept = settings;
-    const bool is_set = kept.set(L4D_ENC_PROFILE, L4D_ALL_COMPONENTS, static_cast<double>(p)).ok();
+    // To ask for a profile must not change how positions are coded.
+    const double fixed = settings.codes_fixed_positions() ? 1 : 0;
+    const bool is_set = kept.set(L4D_ENC_FIXED_POSITIONS, L4D_ALL_COMPONENTS, fixed).ok() &&
+                        kept.set(L4D_ENC_PROFILE, L4D_ALL_COMPONENTS, static_cast<double>(p)).ok();
     if (is_set && kept.check_profile().ok()) return static_cast<unsigned>(p);
   }
   return static_cast<unsigned>(ProfileId::kNone);

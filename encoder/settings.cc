@@ -75,6 +75,11 @@ constexpr ParameterDescription kParameters[L4D_ENC_PARAMETER_COUNT] = {
      "what the weights were measured from: 0 unknown, 1 all views, so that what shows in none is "
      "dropped, 2 some views, so that it is kept",
      0, 2, 0, false, true},
+    {"max-base-color-error", "of each Gaussian, colour units 0 to 1; 0 = no bound", 0, 1e6, 0.05,
+     false, false},
+    {"max-directional-color-error",
+     "of each Gaussian in any direction, colour units 0 to 1; 0 = no bound", 0, 1e6, 0.5, false,
+     false},
 };
 
 // What each effort sets; docs/accuracy.md has the front of time against quality they were taken
@@ -105,19 +110,19 @@ constexpr double kStreamPageSize = 32768;
 struct QualityPreset {
   const char* name;
   double quality;
-  double position, covariance, opacity;
+  double position, covariance, opacity, base_color, directional_color;
 };
-constexpr QualityPreset kQualityPresets[] = {{"default", 44, 0.5, 1.5, 0.1},
-                                             {"tiny", 38.5, 1, 1.5, 0.1},
-                                             {"small", 42.3, 1, 1.5, 0.1},
-                                             {"large", 46.5, 0.25, 1.3, 0.05},
-                                             {"archive", 54, 0.1, 1.1, 0.02}};
+constexpr QualityPreset kQualityPresets[] = {{"default", 44, 0.5, 1.5, 0.1, 0.05, 0.5},
+                                             {"tiny", 38.5, 1, 1.5, 0.1, 0.1, 0.5},
+                                             {"small", 42.3, 1, 1.5, 0.1, 0.06, 0.5},
+                                             {"large", 46.5, 0.25, 1.3, 0.05, 0.04, 0.4},
+                                             {"archive", 54, 0.1, 1.1, 0.02, 1.0 / 255, 0.2}};
 
 // Codebooks leave those Gaussians further off that are not worth a bit more: hence the higher
 // numbers.
-constexpr QualityPreset kIndexedPresets[] = {{"indexed", 45.3, 0.5, 1.5, 0.1},
-                                             {"indexed-small", 40, 1, 1.5, 0.1},
-                                             {"indexed-high", 51, 0.1, 1.2, 0.05}};
+constexpr QualityPreset kIndexedPresets[] = {{"indexed", 45.3, 0.5, 1.5, 0.1, 0.05, 0.5},
+                                             {"indexed-small", 40, 1, 1.5, 0.1, 0.1, 0.5},
+                                             {"indexed-high", 51, 0.1, 1.2, 0.05, 0.04, 0.4}};
 
 constexpr PresetDescription kPresets[] = {
     {"default", "a middle between small and large"},
@@ -216,10 +221,13 @@ Status EncoderSettings::set_tiers(const std::vector<double>& shares) {
   return {};
 }
 
-void EncoderSettings::set_bounds(double position, double covariance, double opacity) {
+void EncoderSettings::set_bounds(double position, double covariance, double opacity,
+                                 double base_color, double directional_color) {
   values_[L4D_ENC_MAX_POSITION_ERROR].fill(position);
   values_[L4D_ENC_MAX_COVARIANCE_FACTOR].fill(covariance);
   values_[L4D_ENC_MAX_OPACITY_ERROR].fill(opacity);
+  values_[L4D_ENC_MAX_BASE_COLOR_ERROR].fill(base_color);
+  values_[L4D_ENC_MAX_DIRECTIONAL_COLOR_ERROR].fill(directional_color);
 }
 
 // Codebooks that follow no quality, and what a page of indices holds beside them.
@@ -229,7 +237,7 @@ void EncoderSettings::use_codebooks() {
   values_[L4D_ENC_MEAN_T_SHIFT].fill(0);
   values_[L4D_ENC_OPACITY_BITS].fill(8);
   values_[L4D_ENC_PRUNE_COST].fill(0);
-  set_bounds(0, 0, 0);
+  set_bounds(0, 0, 0, 0, 0);
 }
 
 Status EncoderSettings::set_preset(const char* name) {
@@ -237,27 +245,26 @@ Status EncoderSettings::set_preset(const char* name) {
   for (const QualityPreset& p : kQualityPresets) {
     if (std::strcmp(name, p.name) != 0) continue;
     fresh.values_[L4D_ENC_QUALITY].fill(p.quality);
-    fresh.set_bounds(p.position, p.covariance, p.opacity);
+    fresh.set_bounds(p.position, p.covariance, p.opacity, p.base_color, p.directional_color);
     *this = fresh;
     return {};
   }
   for (const QualityPreset& p : kIndexedPresets) {
     if (std::strcmp(name, p.name) != 0) continue;
     fresh.values_[L4D_ENC_CODING].fill(0);
-    fresh.values_[L4D_ENC_FIXED_POSITIONS].fill(0);
     fresh.values_[L4D_ENC_CODEBOOKS_BY_COST].fill(1);
     // More would take long where SH coefficients are noise.
     fresh.values_[L4D_ENC_CODEBOOK_SIZE].fill(4096);
     fresh.values_[L4D_ENC_CODEBOOK_SIZE][L4D_COMPONENT_SH] = 2048;
     fresh.values_[L4D_ENC_REFINE].fill(2);
     fresh.values_[L4D_ENC_QUALITY].fill(p.quality);
-    fresh.set_bounds(p.position, p.covariance, p.opacity);
+    fresh.set_bounds(p.position, p.covariance, p.opacity, p.base_color, p.directional_color);
     *this = fresh;
     return {};
   }
   if (std::strcmp(name, "lossless") == 0) {
     fresh.values_[L4D_ENC_LOSSLESS].fill(1);
-    fresh.set_bounds(0, 0, 0);
+    fresh.set_bounds(0, 0, 0, 0, 0);
     fresh.values_[L4D_ENC_PAGE_SIZE].fill(kStreamPageSize);
   } else if (std::strcmp(name, "paper-small") == 0 || std::strcmp(name, "paper-large") == 0) {
     fresh.use_codebooks();
@@ -301,7 +308,12 @@ bool EncoderSettings::codes_half_mean_times() const {
   for (int c = 0; c < L4D_COMPONENT_COUNT; ++c) {
     if (get_int(L4D_ENC_CODING, c) != 0) return false;
   }
-  return !get_bool(L4D_ENC_FIXED_POSITIONS);
+  return !codes_fixed_positions();
+}
+
+bool EncoderSettings::codes_fixed_positions() const {
+  const bool for_indices = get_int(L4D_ENC_PROFILE) == static_cast<int>(ProfileId::kIndexed);
+  return get_bool(L4D_ENC_FIXED_POSITIONS) && (!for_indices || was_set_[L4D_ENC_FIXED_POSITIONS]);
 }
 
 Status EncoderSettings::check_profile() const {
@@ -326,7 +338,7 @@ Status EncoderSettings::check_profile() const {
           kComponents[c]);
     }
   }
-  if (get_bool(L4D_ENC_FIXED_POSITIONS)) return refuse(" does not allow fixed-positions = 1");
+  if (codes_fixed_positions()) return refuse(" does not allow fixed-positions = 1");
   return {};
 }
 

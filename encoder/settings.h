@@ -43,6 +43,9 @@ class EncoderSettings {
   // What is left out, by what is set and what the weights were measured from.
   Pruning pruning(bool has_alpha_t) const;
 
+  // Whether positions are fixed point. The profile of indices has binary16, if it is asked for.
+  bool codes_fixed_positions() const;
+
   // Whether mean times are binary16: in streams with a packed form, and where a shift is set.
   bool codes_half_mean_times() const;
 
@@ -51,7 +54,8 @@ class EncoderSettings {
 
  private:
   void use_codebooks();
-  void set_bounds(double position, double covariance, double opacity);
+  void set_bounds(double position, double covariance, double opacity, double base_color,
+                  double directional_color);
 
   std::array<std::array<double, L4D_COMPONENT_COUNT>, L4D_ENC_PARAMETER_COUNT> values_;
   std::array<std::vector<float>, L4D_COMPONENT_COUNT> stages_;

@@ -4,7 +4,9 @@
 #include <utility>
 
 #include "encoder/coding_cost.h"
+#include "encoder/color_bounds.h"
 #include "encoder/quality.h"
+#include "libl4dcodec/scene/sh.h"
 
 namespace l4d {
 namespace {
@@ -22,6 +24,8 @@ CodedComponent as_transform(const EncoderScene& scene, const CoderOptions& optio
   t.principal_axes = true;
   t.integers = true;
   t.base = options.settings->get_bool(L4D_ENC_SH_BASE) ? 3 : 0;
+  t.keeps = color_check(scene, options.bounds);
+  t.base_error = options.bounds.base_color / sh_constant::k0;
   t.threads = options.threads;
   return code_component_transform(scene.sh.data(), scene.importance[kSh].data(), scene.count,
                                   scene.sh_dim(), t);
@@ -36,6 +40,7 @@ CodedComponent in_codebooks(const EncoderScene& scene, const CoderOptions& optio
   s.device = options.device;
   s.cancelled = options.cancelled;
   s.rd_lambda = rd_lambda;
+  s.keeps = color_check(scene, options.bounds);
   const std::vector<float>& weights = rd_lambda > 0 ? scene.importance[kSh] : scene.weight[kSh];
   CodedComponent sh =
       code_component(scene.sh.data(), weights.data(), scene.count, scene.sh_dim(), {}, s);

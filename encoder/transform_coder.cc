@@ -27,6 +27,14 @@ constexpr double kMinBaseVariance = 1e-6;
 constexpr uint8_t kEobTable[] = {2, 4, 6, 10, 14, 18, 24, 32};
 
 constexpr double kMaxCoefficient = 32767;
+// Room for what rounding of the base moves others by.
+constexpr double kMostUsedCoefficient = 32700;
+constexpr int kMostBaseOctaves = 4;
+// Of base colours, in steps: the largest of three channels, in most rows at most.
+constexpr double kErrorPerBaseStep = 0.6;
+// Numbers that take a bit more for each octave that a row is finer.
+constexpr double kNumbersOfRow = 10;
+constexpr size_t kMaxNumbers = 48;  // of a row with principal axes
 
 double half_value(double v) {
   return static_cast<double>(half_to_float(float_to_half_saturate(static_cast<float>(v))));
@@ -165,47 +173,180 @@ class TransformCoder {
 
   void choose_step_exponents() {
     out_.step_exponent.resize(n_);
-    step0_ = static_cast<float>(settings_.max_step);
-    out_.steps.assign(dim_, step0_);
+    step0_ = static_cast<float>(std::max(settings_.max_step, least_largest_step()));
     for (size_t i = 0; i < n_; ++i) {
       const double w = std::max(static_cast<double>(weights_[i]), 1e-30);
       const double step = std::sqrt(12 * settings_.distortion / w);
       const double octaves = std::log2(static_cast<double>(step0_) / step);
       out_.step_exponent[i] = nearest_code<uint8_t>(octaves, 0, kTransformStepExponents - 1);
     }
+    choose_base_octaves();
+    out_.steps.assign(dim_, step0_);
+    for (size_t k = 0; k < base_; ++k) {
+      out_.steps[k] = std::ldexp(step0_, -base_octaves_);
+    }
+  }
+
+  // How much finer the base is than the rest, so that rows that have to be finer for their base and
+  // all that are finer without need take the fewest bits.
+  void choose_base_octaves() {
+    if (base_ == 0 || !(settings_.base_error > 0)) return;
+    double rows[kTransformStepExponents] = {};
+    for (const uint8_t exponent : out_.step_exponent) rows[exponent] += 1;
+    double least = HUGE_VAL;
+    for (int finer = 0; finer <= kMostBaseOctaves; ++finer) {
+      double bits = static_cast<double>(base_) * finer * static_cast<double>(n_);
+      for (unsigned e = 0; e < kTransformStepExponents; ++e) {
+        const double step = std::ldexp(static_cast<double>(step0_), -static_cast<int>(e) - finer);
+        const double octaves = std::log2(kErrorPerBaseStep * step / settings_.base_error);
+        bits += rows[e] * kNumbersOfRow * std::max(0.0, octaves);
+      }
+      if (bits >= least) continue;
+      least = bits;
+      base_octaves_ = finer;
+    }
+  }
+
+  // Octaves by which coefficient k has finer steps than the largest.
+  int octaves_of(size_t k) const { return k < base_ ? base_octaves_ : 0; }
+
+  // The step in which the longest row fits coefficients, where rows have bounds to keep.
+  double least_largest_step() const {
+    double longest2 = 0;
+    for (size_t i = 0; settings_.keeps && i < n_; ++i) {
+      double sum = 0;
+      for (size_t d = 0; d < dim_; ++d) {
+        const double e = row(i, d) - static_cast<double>(out_.basis[d]);
+        sum += e * e;
+      }
+      longest2 = std::max(longest2, sum);
+    }
+    return std::ldexp(std::sqrt(longest2) / kMostUsedCoefficient, base_ > 0 ? kMostBaseOctaves : 0);
   }
 
   void quantize() {
     out_.coefficient.assign(dim_, std::vector<int16_t>(n_));
     const std::vector<double> leaning = base_leaning();
+    if (settings_.keeps) decoded_axes_ = decoded_axes();
     parallel_for(settings_.threads, n_, kGrain, [&](size_t begin, size_t end) {
       std::vector<double> c(dim_);
+      std::vector<float> decoded(dim_);
       for (size_t i = begin; i < end; ++i) {
-        double largest = 0;
-        for (size_t k = 0; k < dim_; ++k) {
-          const float* axis = out_.basis.data() + (k + 1) * dim_;
-          double sum = 0;
-          for (size_t d = k < base_ ? 0 : base_; d < (k < base_ ? base_ : dim_); ++d) {
-            sum += (row(i, d) - static_cast<double>(out_.basis[d])) * static_cast<double>(axis[d]);
-          }
-          c[k] = sum / static_cast<double>(step0_);
-          for (size_t j = 0; j < base_ && k >= base_; ++j) c[k] -= c[j] * leaning[k * base_ + j];
-          largest = std::max(largest, std::fabs(c[k]));
-        }
+        const double largest = find_coefficients(i, leaning, c.data());
         // A row that lies far out has to do with coarser steps.
-        while (out_.step_exponent[i] > 0 && std::ldexp(largest, out_.step_exponent[i]) > 32700)
-          --out_.step_exponent[i];
-        for (size_t k = 0; k < dim_; ++k) {
-          // What rounding of the base changes in other numbers, these make up for.
-          for (size_t j = 0; j < base_ && k >= base_; ++j) {
-            const double rounded = std::ldexp(out_.coefficient[j][i], -int{out_.step_exponent[i]});
-            c[k] += (c[j] - rounded) * leaning[k * base_ + j];
-          }
-          out_.coefficient[k][i] = nearest_code<int16_t>(std::ldexp(c[k], out_.step_exponent[i]),
-                                                         -kMaxCoefficient, kMaxCoefficient);
-        }
+        const auto fits = [&](unsigned exponent) {
+          return std::ldexp(largest, static_cast<int>(exponent)) <= kMostUsedCoefficient;
+        };
+        while (out_.step_exponent[i] > 0 && !fits(out_.step_exponent[i])) --out_.step_exponent[i];
+        round_coefficients(i, leaning, c.data(), 0);
+        if (settings_.keeps) refine(i, leaning, fits, c.data(), decoded.data());
       }
     });
+  }
+
+  // Coefficients of row i in steps of step exponent 0, [dim]. Returns the largest magnitude.
+  double find_coefficients(size_t i, const std::vector<double>& leaning, double* c) const {
+    double largest = 0;
+    for (size_t k = 0; k < dim_; ++k) {
+      const float* axis = out_.basis.data() + (k + 1) * dim_;
+      double sum = 0;
+      for (size_t d = k < base_ ? 0 : base_; d < (k < base_ ? base_ : dim_); ++d) {
+        sum += (row(i, d) - static_cast<double>(out_.basis[d])) * static_cast<double>(axis[d]);
+      }
+      c[k] = sum / static_cast<double>(step0_);
+      for (size_t j = 0; j < base_ && k >= base_; ++j) c[k] -= c[j] * leaning[k * base_ + j];
+      largest = std::max(largest, std::ldexp(std::fabs(c[k]), octaves_of(k)));
+    }
+    return largest;
+  }
+
+  // Rounds the coefficients of row i in its step exponent. dead: those beyond the base that are
+  // smaller than half a step of an exponent lower by so many become 0.
+  void round_coefficients(size_t i, const std::vector<double>& leaning, const double* given,
+                          int dead) {
+    const int exponent = out_.step_exponent[i];
+    for (size_t k = 0; k < dim_; ++k) {
+      double c = given[k];
+      // What rounding of the base changes in other numbers, these make up for.
+      for (size_t j = 0; j < base_ && k >= base_; ++j) {
+        const double rounded = std::ldexp(out_.coefficient[j][i], -exponent - base_octaves_);
+        c += (given[j] - rounded) * leaning[k * base_ + j];
+      }
+      const double scaled = std::ldexp(c, exponent + octaves_of(k));
+      const bool is_dead = dead > 0 && k >= base_ && std::fabs(std::ldexp(scaled, -dead)) < 0.5;
+      out_.coefficient[k][i] =
+          is_dead ? int16_t{0} : nearest_code<int16_t>(scaled, -kMaxCoefficient, kMaxCoefficient);
+    }
+  }
+
+  // Codes row i in finer steps until it is within its bounds. Those that fail for a base colour do
+  // not pay for details that were too small to code before.
+  template <typename Fits>
+  void refine(size_t i, const std::vector<double>& leaning, const Fits& fits, double* c,
+              float* decoded) {
+    const auto kept = [&] {
+      reconstruct(i, decoded);
+      return settings_.keeps(i, decoded);
+    };
+    if (kept()) return;
+    make_exact(i, c);
+    const unsigned first = out_.step_exponent[i];
+    for (unsigned e = first + 1; e < kTransformStepExponents && fits(e); ++e) {
+      out_.step_exponent[i] = static_cast<uint8_t>(e);
+      round_coefficients(i, leaning, c, static_cast<int>(e - first));
+      if (kept()) return;
+      round_coefficients(i, leaning, c, 0);
+      if (kept()) return;
+    }
+  }
+
+  // What a coefficient of 1 adds to a row in step exponent 0, in the integers of decoders: [dim,
+  // dim].
+  std::vector<double> decoded_axes() const {
+    std::vector<double> axes(dim_ * dim_);
+    const IntegerBasis integers = integer_basis(out_.basis.data(), dim_, out_.steps.data(), dim_);
+    for (size_t i = 0; i < axes.size(); ++i) {
+      axes[i] = settings_.integers
+                    ? static_cast<double>(integers.scale) * integers.vectors[i]
+                    : static_cast<double>(out_.basis[dim_ + i] * out_.steps[i / dim_]);
+    }
+    return axes;
+  }
+
+  void reconstruct(size_t i, float* decoded) const {
+    double sum[kMaxNumbers];
+    for (size_t d = 0; d < dim_; ++d) sum[d] = static_cast<double>(out_.basis[d]);
+    for (size_t k = 0; k < dim_; ++k) {
+      if (out_.coefficient[k][i] == 0) continue;
+      add_axis(k, std::ldexp(out_.coefficient[k][i], -int{out_.step_exponent[i]}), sum);
+    }
+    for (size_t d = 0; d < dim_; ++d) decoded[d] = static_cast<float>(sum[d]);
+  }
+
+  void add_axis(size_t k, double by, double* sum) const {
+    const double* axis = decoded_axes_.data() + k * dim_;
+    for (size_t d = 0; d < dim_; ++d) sum[d] += by * axis[d];
+  }
+
+  // The axes of decoders are rounded and so not quite orthogonal: adds to the coefficients what
+  // they leave of the row.
+  void make_exact(size_t i, double* c) const {
+    const double step0 = static_cast<double>(step0_);
+    for (int round = 0; round < 3; ++round) {
+      double left[kMaxNumbers];
+      for (size_t d = 0; d < dim_; ++d) {
+        left[d] = static_cast<double>(out_.basis[d]) - row(i, d);
+      }
+      for (size_t k = 0; k < dim_; ++k) add_axis(k, std::ldexp(c[k], octaves_of(k)), left);
+      for (size_t k = 0; k < dim_; ++k) {
+        const float* axis = out_.basis.data() + (k + 1) * dim_;
+        double along = 0;
+        for (size_t d = k < base_ ? 0 : base_; d < (k < base_ ? base_ : dim_); ++d) {
+          along += left[d] * static_cast<double>(axis[d]);
+        }
+        c[k] -= along / step0;
+      }
+    }
   }
 
   // How far vectors of the base go along each axis of the other numbers, [dim, base].
@@ -297,6 +438,8 @@ class TransformCoder {
   const TransformSettings& settings_;
   std::vector<float>& decoded_;
   float step0_ = 0;
+  int base_octaves_ = 0;
+  std::vector<double> decoded_axes_;  // [dim, dim]
   CodedTransform out_;
 };
 

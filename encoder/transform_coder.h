@@ -4,11 +4,15 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <vector>
 
 #include "libl4dcodec/container/scene_header.h"
 
 namespace l4d {
+
+// Whether row i may be decoded to `decoded`, [dim]. Any thread may call it.
+using RowCheck = std::function<bool(size_t i, const float* decoded)>;
 
 struct TransformSettings {
   double distortion = 0;  // weighted squared error that a number may have: steps follow from it
@@ -22,6 +26,12 @@ struct TransformSettings {
   bool zero_origin = false;  // a row of zeros is coded as such
   // Keep coefficients that are 0 in all rows, for rows that may be coded again by code_row.
   bool all_coefficients = false;
+  // With principal axes: a row that it refuses is coded in finer steps until it does not. Empty:
+  // all rows are fine.
+  RowCheck keeps;
+  // How far off a number of the base may be, as `keeps` has it: the base has finer steps than the
+  // rest if that is cheaper than finer steps for both. 0 = any distance.
+  double base_error = 0;
   int threads = 0;
 };
 

@@ -9,6 +9,7 @@
 #include "eval/motion.h"
 #include "eval/parallel.h"
 #include "eval/seen_errors.h"
+#include "libl4dcodec/scene/color_errors.h"
 
 namespace l4d::eval {
 namespace {
@@ -36,11 +37,20 @@ constexpr const char* kNames[kAttributeCount][2] = {
 
 constexpr const char* kVisiblePosition = "visible_position";
 
-enum Seen : size_t { kSeenPosition, kSeenCovariance, kSeenOpacity, kSeenCount };
+enum Seen : size_t {
+  kSeenPosition,
+  kSeenCovariance,
+  kSeenOpacity,
+  kSeenBaseColor,
+  kSeenDirectionalColor,
+  kSeenCount
+};
 constexpr const char* kSeenNames[kSeenCount][2] = {
     {"position_sizes", "distance while seen : largest standard deviation"},
     {"covariance_factor", "ratio of variances; 1 + change : largest variance"},
-    {"seen_opacity", "at any instant, with falloff"}};
+    {"seen_opacity", "at any instant, with falloff"},
+    {"base_color", "of degree 0; colours above 1: in parts of the largest"},
+    {"directional_color", "of degrees 1 to 3 in any direction, at most"}};
 
 struct Accumulator {
   double max = 0;
@@ -159,6 +169,15 @@ void compare_pair(const io::Scene& a, size_t i, const Motion& motion_a, const io
   out[kCovariance].add(covariance_error(motion_a, motion_b));
 }
 
+// A coefficient that one of them lacks is zero there.
+ColorErrors compare_colors(const io::Scene& a, size_t i, const io::Scene& b, size_t j) {
+  float padded[2][3 * kMaxShTerms] = {};
+  std::copy_n(&a.sh[3 * a.sh_coefficients() * i], 3 * a.sh_coefficients(), padded[0]);
+  std::copy_n(&b.sh[3 * b.sh_coefficients() * j], 3 * b.sh_coefficients(), padded[1]);
+  return color_errors(padded[0], padded[1],
+                      std::max<size_t>(a.sh_coefficients(), b.sh_coefficients()));
+}
+
 // Errors [kSamples] of one pair; left alone where A's Gaussian is never visible.
 void visible_errors(const Motion& a, const Motion& b, double begin, double end, float* errors) {
   const VisibleSpan span = visible_span(a, begin, end);
@@ -267,6 +286,9 @@ Comparison compare_scenes(const io::Scene& a, const DecodedScene& loaded_b, Pair
       seen[kSeenPosition][j] = static_cast<float>(e.position);
       seen[kSeenCovariance][j] = static_cast<float>(e.covariance);
       seen[kSeenOpacity][j] = static_cast<float>(e.opacity);
+      const ColorErrors color = compare_colors(a, i, b, j);
+      seen[kSeenBaseColor][j] = static_cast<float>(color.base);
+      seen[kSeenDirectionalColor][j] = static_cast<float>(color.directional);
     }
   });
   Accumulators total;

@@ -57,7 +57,9 @@ constexpr EncoderBound kBounds[] = {{"visible_position", L4D_ENC_MAX_VISIBLE_ERR
                                     {"position_sizes", L4D_ENC_MAX_POSITION_ERROR, 0},
                                     {"covariance_factor", L4D_ENC_MAX_COVARIANCE_FACTOR, 0},
                                     {"covariance", L4D_ENC_MAX_COVARIANCE_FACTOR, 1},
-                                    {"seen_opacity", L4D_ENC_MAX_OPACITY_ERROR, 0}};
+                                    {"seen_opacity", L4D_ENC_MAX_OPACITY_ERROR, 0},
+                                    {"base_color", L4D_ENC_MAX_BASE_COLOR_ERROR, 0},
+                                    {"directional_color", L4D_ENC_MAX_DIRECTIONAL_COLOR_ERROR, 0}};
 
 const EncoderBound* bound_of(const Target& target) {
   if (target.kind != Target::Kind::kMaxError) return nullptr;

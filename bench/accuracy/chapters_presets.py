@@ -27,7 +27,8 @@ def presets(tables, folder):
     return ["What each preset gives and what it costs, importance measured from the training "
             "views. *Worst* columns are largest errors of any single Gaussian, in the units of "
             "[the declared bounds](numerics.md#bounds-on-single-gaussians): of its place in its "
-            "own sizes, of its mean time in its own temporal standard deviations, of its principal "
+            "own sizes (a size is the standard deviation along the largest axis), of its mean time in its "
+            "own temporal standard deviations, of its principal "
             "variances as a factor, and of the opacity seen at an instant.\n",
             table([("preset", "name", "")] + SIZE +
                   [("worst place", "worst_position", ".2g"),

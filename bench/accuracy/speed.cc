@@ -164,7 +164,9 @@ void add_paths(Bench& bench, Json& table, const BenchScene& scene,
 Json run_decoder(Bench& bench) {
   const BenchScene& scene = bench.real();
   const std::vector<unsigned char> file =
-      encode(scene.scene, bench.weights(scene), preset("indexed")).file;
+      encode(scene.scene, bench.weights(scene),
+             preset("indexed").with(L4D_ENC_PROFILE, L4D_PROFILE_INDEXED))
+          .file;
   const double middle = scene.time_of(scene.scene.timeline.num_frames / 2);
   const Setup setups[] = {{"reference", L4D_BACKEND_REFERENCE, 1},
                           {"SIMD", L4D_BACKEND_CPU, 1},

@@ -77,6 +77,8 @@ double packed(const File& file, size_t count) {
   return static_cast<double>(count) / s / 1e6;
 }
 
+bool has_indices(const char* preset) { return std::string(preset) == "indexed"; }
+
 void print_preset(const char* preset, const File& file) {
   GaussianArrays arrays = arrays_of(file);
   const size_t n = arrays.count();
@@ -90,14 +92,13 @@ void print_preset(const char* preset, const File& file) {
   const l4d_query whole = whole_query();
   l4d_query base = whole;
   base.detail = L4D_DETAIL_BASE_COLOR;
-  const bool has_indices = std::string(preset) == "indexed";
   std::printf("| %s | %.2f | %.1f | %.1f | %.1f | %.1f | ", preset,
               static_cast<double>(file.size()) / static_cast<double>(n),
               expanded(file, whole, all, n, L4D_BACKEND_CPU, 1),
               expanded(file, whole, all, n, L4D_BACKEND_CPU, 2),
               expanded(file, base, all, n, L4D_BACKEND_CPU, 1),
               expanded(file, whole, positions, n, L4D_BACKEND_CPU, 1));
-  if (has_indices) {
+  if (has_indices(preset)) {
     std::printf("%.1f |", packed(file, n));
   } else {
     std::printf("- |");
@@ -178,7 +179,12 @@ void run(const char* name, const WeightedScene& scene) {
       "reference |\n|---|---:|---:|---:|---:|---:|---:|---:|");
   File first;
   for (const char* preset : kPresets) {
-    File file = make_encoder(scene, weights, preset).encode();
+    EncoderHandle encoder = make_encoder(scene, weights, preset);
+    if (has_indices(preset)) {
+      encoder.check(
+          l4d_encoder_set(encoder.get(), L4D_ENC_PROFILE, L4D_ALL_COMPONENTS, L4D_PROFILE_INDEXED));
+    }
+    File file = encoder.encode();
     print_preset(preset, file);
     if (first.empty()) first = std::move(file);
   }

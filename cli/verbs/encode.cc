@@ -149,12 +149,16 @@ void add_report(const l4d_encode_report& report, const std::string& name, double
                                  {"covariance_factor", report.max_covariance_factor},
                                  {"seen_opacity", report.max_opacity_error},
                                  {"visible_position", report.max_visible_error},
-                                 {"mean_t_sigmas", report.max_mean_t_error}};
+                                 {"mean_t_sigmas", report.max_mean_t_error},
+                                 {"base_color", report.max_base_color_error},
+                                 {"directional_color", report.max_directional_color_error}};
   outcome->text += format(
       "of single Gaussians at most: position %.3g of their size, variances by a factor of %.3g, "
-      "opacity %.3g, mean time %.3g standard deviations; %s stored as they are\n",
+      "opacity %.3g, mean time %.3g standard deviations, base colour %.3g, directional %.3g; %s "
+      "stored as they are\n",
       report.max_position_error, report.max_covariance_factor, report.max_opacity_error,
-      report.max_mean_t_error, format_count(report.escapes).c_str());
+      report.max_mean_t_error, report.max_base_color_error, report.max_directional_color_error,
+      format_count(report.escapes).c_str());
   const uint64_t left_out = report.input_gaussians - report.coded_gaussians;
   if (left_out == 0) return;
   outcome->text +=

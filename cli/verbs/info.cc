@@ -297,24 +297,30 @@ std::string layer_table(const std::vector<l4d_layer_info>& layers,
 // What the encoder states of single Gaussians; null where it states nothing.
 Json errors_json(const l4d_coding_errors& e) {
   if (e.stated == 0) return Json();
+  const auto of_color = [&](double error) { return e.colors_stated != 0 ? Json(error) : Json(); };
   return {{"position_sizes", e.position},
           {"covariance_factor", e.covariance},
           {"seen_opacity", e.opacity},
           {"visible_position", e.visible},
           {"mean_t_sigmas", e.mean_t},
+          {"base_color", of_color(e.base_color)},
+          {"directional_color", of_color(e.directional_color)},
           {"bounds",
            {{"position_sizes", e.position_bound},
             {"covariance_factor", e.covariance_bound},
             {"seen_opacity", e.opacity_bound},
-            {"visible_position", e.visible_bound}}},
+            {"visible_position", e.visible_bound},
+            {"base_color", of_color(e.base_color_bound)},
+            {"directional_color", of_color(e.directional_color_bound)}}},
           {"min_size", e.min_size},
           {"own_min_sizes", e.own_min_sizes != 0}};
 }
 
 std::string errors_text(const l4d_coding_errors& e) {
   if (e.stated == 0) return "errors of single Gaussians: the stream states none\n";
-  if (e.position == 0 && e.covariance == 1 && e.opacity == 0 && e.mean_t == 0) {
-    return "errors of single Gaussians: none in place, shape, time and opacity\n";
+  if (e.position == 0 && e.covariance == 1 && e.opacity == 0 && e.mean_t == 0 &&
+      e.colors_stated != 0 && e.base_color == 0 && e.directional_color == 0) {
+    return "errors of single Gaussians: none in place, shape, time, opacity and colour\n";
   }
   const auto bound = [](double b) {
     return b > 0 ? format(" (bound %.3g)", b) : std::string(" (no bound)");
@@ -331,6 +337,11 @@ std::string errors_text(const l4d_coding_errors& e) {
   text += format("  %-18s %.3g scene units%s\n", "while visible", e.visible,
                  bound(e.visible_bound).c_str());
   text += format("  %-18s %.3g of its standard deviation\n", "mean time", e.mean_t);
+  if (e.colors_stated == 0) return text + "  colours            not stated\n";
+  text +=
+      format("  %-18s %.3g%s\n", "base colour", e.base_color, bound(e.base_color_bound).c_str());
+  text += format("  %-18s %.3g in any direction%s\n", "directional colour", e.directional_color,
+                 bound(e.directional_color_bound).c_str());
   return text;
 }
 

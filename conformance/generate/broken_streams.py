@@ -291,7 +291,7 @@ def broken():
         yield f"HEAD-17 {bad.hex()}", with_metadata(bad)
     nan = float("nan")
     for field, value in (("position", -1.0), ("opacity", nan), ("covariance", 0.5),
-                         ("visible_bound", inf)):
+                         ("visible_bound", inf), ("base_color", -0.5), ("directional_color_bound", nan)):
         yield f"HEAD-18 {field}", edited(lambda s: s.update(errors={field: value}))
     for field, value in (("dilation", -0.1), ("dilation", 16.5), ("cutoff", 0.5), ("cutoff", nan),
                          ("min_alpha", 0.001), ("max_alpha", 1.0), ("max_alpha", nan)):

@@ -84,6 +84,9 @@ def corners(plain):
     yield made("deltas-at-the-border", "deltas that pass 2^width", ["STRM-5"], {"position": RAW32},
                {"mean_t": RAW32}, levels=[0, 0, 0])
     yield made("gate", "a gate below 16, which concerns nothing that decodes", ["HEAD-9"], {"gate": 0.5})
+    yield made("stated-colours", "errors of colours that the encoder states, and a bound", ["HEAD-18"],
+               {"errors": {"position": 0.5, "colors": True, "base_color": 0.25, "directional_color": 1.5,
+                           "base_color_bound": 0.25}})
 
 
 def by_hand():

@@ -143,6 +143,14 @@ typedef struct l4d_coding_errors {
   double opacity_bound;
   double visible_bound;
   double min_size; /* scene units: the size of a Gaussian that is smaller counts as this */
+  /* Colours, as L4D_ENC_MAX_BASE_COLOR_ERROR and L4D_ENC_MAX_DIRECTIONAL_COLOR_ERROR measure them.
+   * 0: the stream states nothing of colours, and the next four are 0. */
+  uint32_t colors_stated;
+  uint32_t reserved;
+  double base_color;
+  double directional_color;
+  double base_color_bound;
+  double directional_color_bound;
 } l4d_coding_errors;
 L4D_API void l4d_coding_errors_init_(l4d_coding_errors* errors, size_t struct_size);
 #define l4d_coding_errors_init(errors) l4d_coding_errors_init_((errors), sizeof(*(errors)))
@@ -415,9 +423,9 @@ typedef struct l4d_packed_buffers {
 L4D_API void l4d_packed_buffers_init_(l4d_packed_buffers* buffers, size_t struct_size);
 #define l4d_packed_buffers_init(buffers) l4d_packed_buffers_init_((buffers), sizeof(*(buffers)))
 /* Decodes to the packed form. Only streams of the profile "indexed" have one; the encoder's presets
- * "indexed*" make them. Other streams fail with FEATURE_UNSUPPORTED. A tolerant decoder skips lost
- * pages, and their escapes, as l4d_decoder_decode does. Fails with BUFFER_TOO_SMALL if a capacity
- * is too small. */
+ * "indexed*" make them if L4D_ENC_PROFILE is 1. Other streams fail with FEATURE_UNSUPPORTED. A
+ * tolerant decoder skips lost pages, and their escapes, as l4d_decoder_decode does. Fails with
+ * BUFFER_TOO_SMALL if a capacity is too small. */
 L4D_API l4d_status l4d_decoder_decode_packed(l4d_decoder* decoder, const l4d_query* query,
                                              l4d_packed_buffers* out);
 

@@ -46,7 +46,7 @@ L4D_API l4d_status l4d_encoder_set_progress(l4d_encoder* encoder, l4d_progress_f
 /* Replaces all parameters by those of a preset. Fails with INVALID_ARGUMENT if there is no preset
  * of that name. l4d_encoder_preset_name(i) returns the i-th name, NULL after the last: "default",
  * "tiny", "small", "large", "archive"   transforms at a quality "indexed", "indexed-small",
- * "indexed-high"       codebooks, with a packed form "paper-small", "paper-large" settings of the
+ * "indexed-high"  codebooks; packed form: PROFILE 1 "paper-small", "paper-large" settings of the
  * paper's appendix "Compression"; use weights of L4D_SENSITIVITY_SUM "lossless" exact float32 bits;
  * Gaussians are reordered */
 L4D_API l4d_status l4d_encoder_set_preset(l4d_encoder* encoder, const char* name);
@@ -122,8 +122,8 @@ enum {
    * Gaussian that exceeds a bound is coded more finely, or as an escape; the others are not
    * affected. A Gaussian's size is its largest standard deviation, or, if that is more, 1/4000 of
    * the scene's extent: 1.25 times the largest side of the box that holds nine tenths of the
-   * Gaussians on each axis. Rounding of positions to binary16, where positions are that, adds to
-   * the error.
+   * Gaussians on each axis. The rounding of binary16 positions adds to errors of position: then
+   * the stream states no bound on them.
    *
    * Distance between decoded and given position, in sizes, while the opacity is at least half of
    * its maximum. 0..1e6 */
@@ -138,7 +138,18 @@ enum {
    * L4D_ENC_PRUNE_WEIGHT and L4D_ENC_PRUNE_COST are set after the preset. A lossless stream keeps
    * all Gaussians whatever the views. */
   L4D_ENC_WEIGHT_VIEWS = 37,
-  L4D_ENC_PARAMETER_COUNT = 38
+  /* The next two bound the errors of the colours of every single Gaussian, as the four above bound
+   * others; 0 = no bound. Both are in colour units 0..1, or in parts of the largest colour of the
+   * original if that is above 1: of the absolute value of a channel at degree 0, with its offset of
+   * 0.5, and of the sum below over the original's own coefficients.
+   *
+   * Base colour: the largest difference of a channel at degree 0. 0..1e6 */
+  L4D_ENC_MAX_BASE_COLOR_ERROR = 38,
+  /* Directional colour: what degrees 1 to 3 add to the error, at most, in any view direction. It is
+   * the sum over degrees l of sqrt((2l + 1) / (4 pi)) times the Euclidean norm of the difference of
+   * the coefficients of degree l, of the channel in which this is largest. 0..1e6 */
+  L4D_ENC_MAX_DIRECTIONAL_COLOR_ERROR = 39,
+  L4D_ENC_PARAMETER_COUNT = 40
 };
 /* Values of L4D_ENC_WEIGHT_VIEWS. */
 enum {
@@ -255,6 +266,8 @@ typedef struct l4d_encode_report {
   double max_opacity_error;
   double max_visible_error; /* scene units */
   double max_mean_t_error;  /* in standard deviations over time of the Gaussian */
+  double max_base_color_error;
+  double max_directional_color_error;
 } l4d_encode_report;
 L4D_API void l4d_encode_report_init_(l4d_encode_report* report, size_t struct_size);
 #define l4d_encode_report_init(report) l4d_encode_report_init_((report), sizeof(*(report)))

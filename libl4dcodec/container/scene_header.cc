@@ -177,10 +177,17 @@ class HeaderParser {
             e.opacity_bound(),
             e.visible_bound(),
             e.min_size(),
-            e.own_min_sizes()};
+            e.own_min_sizes(),
+            e.colors(),
+            e.base_color(),
+            e.directional_color(),
+            e.base_color_bound(),
+            e.directional_color_bound()};
     for (const float v :
          {out->position, out->opacity, out->visible, out->mean_t, out->position_bound,
-          out->covariance_bound, out->opacity_bound, out->visible_bound, out->min_size}) {
+          out->covariance_bound, out->opacity_bound, out->visible_bound, out->min_size,
+          out->base_color, out->directional_color, out->base_color_bound,
+          out->directional_color_bound}) {
       if (!(v >= 0) || std::isinf(v)) return bad("HEAD-18", "a stated error that no error can be");
     }
     if (!(out->covariance >= 1) || std::isinf(out->covariance)) {
@@ -489,9 +496,10 @@ Bytes serialize_scene_header(const SceneHeader& h, const std::vector<Extension>&
   flatbuffers::Offset<fbs::ErrorStatement> errors;
   if (h.errors.stated) {
     const ErrorStatement& e = h.errors;
-    errors = fbs::CreateErrorStatement(b, e.position, e.covariance, e.opacity, e.visible, e.mean_t,
-                                       e.position_bound, e.covariance_bound, e.opacity_bound,
-                                       e.visible_bound, e.min_size, e.own_min_sizes);
+    errors = fbs::CreateErrorStatement(
+        b, e.position, e.covariance, e.opacity, e.visible, e.mean_t, e.position_bound,
+        e.covariance_bound, e.opacity_bound, e.visible_bound, e.min_size, e.own_min_sizes, e.colors,
+        e.base_color, e.directional_color, e.base_color_bound, e.directional_color_bound);
   }
   flatbuffers::Offset<fbs::Rendering> rendering;
   if (!is_default(h.rendering)) {

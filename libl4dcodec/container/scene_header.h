@@ -165,6 +165,9 @@ struct ErrorStatement {
   float position_bound = 0, covariance_bound = 0, opacity_bound = 0, visible_bound = 0;
   float min_size = 0;
   bool own_min_sizes = false;
+  bool colors = false;  // what follows is stated
+  float base_color = 0, directional_color = 0;
+  float base_color_bound = 0, directional_color_bound = 0;
 };
 
 // How positions are coded, in all layers but those of raw positions.

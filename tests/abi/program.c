@@ -74,7 +74,7 @@ static l4d_timeline timeline(void) {
   return t;
 }
 
-static void encode(const l4d_gaussians* g, const char* preset, bytes* out) {
+static void encode(const l4d_gaussians* g, const char* preset, double profile, bytes* out) {
   l4d_encoder_options options;
   l4d_encoder* encoder = NULL;
   l4d_writer writer;
@@ -87,6 +87,7 @@ static void encode(const l4d_gaussians* g, const char* preset, bytes* out) {
   options.seed = 3;
   CHECK_OK(l4d_encoder_create(&options, &encoder));
   CHECK_OK(l4d_encoder_set_preset(encoder, preset));
+  CHECK_OK(l4d_encoder_set(encoder, L4D_ENC_PROFILE, L4D_ALL_COMPONENTS, profile));
   l4d_parameter_info_init(&parameter);
   CHECK_OK(l4d_encoder_parameter_info(L4D_ENC_QUALITY, &parameter));
   CHECK(strcmp(parameter.name, "quality") == 0);
@@ -266,8 +267,8 @@ int main(void) {
   l4d_decoder_options options;
   l4d_decoder* decoder = NULL;
   bytes file = {NULL, 0}, indexed = {NULL, 0};
-  encode(&g, "default", &file);
-  encode(&g, "indexed", &indexed);
+  encode(&g, "default", -1, &file);
+  encode(&g, "indexed", L4D_PROFILE_INDEXED, &indexed);
   l4d_decoder_options_init(&options);
   options.threads = 1;
   CHECK_OK(l4d_decoder_create(&options, &decoder));

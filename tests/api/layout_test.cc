@@ -44,9 +44,12 @@ L4D_FIELD(l4d_info, num_gaussians, 40);
 L4D_FIELD(l4d_info, timeline, 56);
 L4D_FIELD(l4d_info, placement, 88);
 L4D_FIELD(l4d_info, profile, 128);
-L4D_LAYOUT(l4d_coding_errors, 96);
+L4D_LAYOUT(l4d_coding_errors, 136);
 L4D_FIELD(l4d_coding_errors, position, 16);
 L4D_FIELD(l4d_coding_errors, min_size, 88);
+L4D_FIELD(l4d_coding_errors, colors_stated, 96);
+L4D_FIELD(l4d_coding_errors, base_color, 104);
+L4D_FIELD(l4d_coding_errors, directional_color_bound, 128);
 L4D_LAYOUT(l4d_layer_info, 128);
 L4D_FIELD(l4d_layer_info, tier, 120);
 L4D_FIELD(l4d_layer_info, symbols_per_gaussian, 124);
@@ -136,10 +139,11 @@ L4D_LAYOUT(l4d_violation, 40);
 L4D_FIELD(l4d_violation, clause, 16);
 L4D_LAYOUT(l4d_encoder_options, 24);
 L4D_LAYOUT(l4d_parameter_info, 48);
-L4D_LAYOUT(l4d_encode_report, 128);
+L4D_LAYOUT(l4d_encode_report, 144);
 L4D_FIELD(l4d_encode_report, total_seconds, 72);
 L4D_FIELD(l4d_encode_report, max_opacity_error, 104);
 L4D_FIELD(l4d_encode_report, max_mean_t_error, 120);
+L4D_FIELD(l4d_encode_report, max_directional_color_error, 136);
 #endif
 static_assert(sizeof(l4d_status) == 4);
 

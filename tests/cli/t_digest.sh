@@ -3,7 +3,7 @@
 # Digests and raw arrays. What they are is held against another reader in tests/spec/digests_test.py.
 make_scene s.ply 4000
 expect 0 encode s.ply -o s.l4d --set merge-count=0 --set merge-fraction=0
-expect 0 encode s.ply -o i.l4d --preset indexed --codebook all=64
+expect 0 encode s.ply -o i.l4d --preset indexed --profile indexed --codebook all=64
 
 # One answer on every path and for any number of threads; another for every part of the stream.
 expect 0 decode s.l4d --digest

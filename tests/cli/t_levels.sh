@@ -3,7 +3,9 @@
 # Profiles and levels: declared by encode, proved or refuted by validate.
 make_scene s.ply 4000
 for preset in default indexed lossless; do
-  expect 0 encode s.ply -o $preset.l4d --preset $preset
+  profile=-1
+  [ "$preset" != indexed ] || profile=1
+  expect 0 encode s.ply -o $preset.l4d --preset $preset --set profile=$profile
   expect_document 0 validate $preset.l4d
   expect_json out 'd["conformance"]["declared_profile"] == d["conformance"]["profile"]'
   expect_json out 'd["conformance"]["declared_level"] == d["conformance"]["level"] == 1'
@@ -52,9 +54,15 @@ rm x.l4d
 expect 2 encode s.ply -o x.l4d --profile indexed
 expect 0 encode s.ply -o x.l4d --profile indexed --preset indexed
 expect 0 validate x.l4d --profile indexed
+expect_document 0 info x.l4d
+expect_json out 'd["stated_errors"]["bounds"]["position_sizes"] == 0 < d["stated_errors"]["position_sizes"]'
 expect 0 encode s.ply -o x.l4d -f --profile main --preset indexed
 expect_document 0 validate x.l4d
 expect_json out 'd["conformance"]["declared_profile"] == "main"'
+# Unless asked for what players of indices take, positions keep their bound.
+expect 0 encode s.ply -o x.l4d -f --preset indexed
+expect_document 0 info x.l4d
+expect_json out 'd["stated_errors"]["position_sizes"] <= d["stated_errors"]["bounds"]["position_sizes"] == 0.5'
 expect 2 encode s.ply -o y.l4d --profile best
 expect_text err 'indexed, main, lossless'
 expect_missing y.l4d

@@ -59,9 +59,6 @@ for name, bound in stated["bounds"].items():
     slack = 1 + 2.0 ** -23
     assert found[name] <= stated[name] * slack, (sys.argv[1], name, found[name], stated[name])
     assert stated[name] <= 1.1 * found[name] + 1e-4, (sys.argv[1], name, found[name], stated[name])
-    # binary16 is rounded on top of a bound.
-    if "BINARY16" in os.environ:
-        continue
     assert bound == 0 or stated[name] <= bound * 1.0001, (sys.argv[1], name, stated[name], bound)
 assert stated["min_size"] <= seen["seen"]["min_size"] * 1.0001
 EOF
@@ -74,26 +71,30 @@ for scene in sizes needles brief; do
   done
 done
 expect_json info.json '0 < d["stated_errors"]["mean_t_sigmas"] <= 0.0101'
-expect_json info.json 'd["stated_errors"]["bounds"] == {"position_sizes": d["stated_errors"]["bounds"]["position_sizes"], "covariance_factor": d["stated_errors"]["bounds"]["covariance_factor"], "seen_opacity": d["stated_errors"]["bounds"]["seen_opacity"], "visible_position": 0}'
+expect_json info.json 'd["stated_errors"]["bounds"] == {"position_sizes": d["stated_errors"]["bounds"]["position_sizes"], "covariance_factor": d["stated_errors"]["bounds"]["covariance_factor"], "seen_opacity": d["stated_errors"]["bounds"]["seen_opacity"], "visible_position": 0, "base_color": d["stated_errors"]["bounds"]["base_color"], "directional_color": d["stated_errors"]["bounds"]["directional_color"]}'
+expect_json info.json 'abs(d["stated_errors"]["bounds"]["base_color"] - 1 / 255) < 1e-6'
 expect 0 info s.l4d
 expect_text out '^errors of single Gaussians at most, as the encoder states them$'
 expect_text out '^  position +0\.[0-9]+ of its size \(bound 0\.1\); sizes below [0-9.e-]+ count as that$'
 expect_text out '^  mean time +0\.[0-9]+ of its standard deviation$'
+expect_text out '^  base colour +0\.[0-9]+ \(bound 0\.00392\)$'
+expect_text out '^  directional colour 0\.[0-9]+ in any direction \(bound 0\.[0-9]+\)$'
 
 # Without bounds errors are stated all the same; codebooks state theirs.
 expect 0 encode needles.ply -o s.l4d --order s.order -f --set max-position-error=0 \
-  --set max-covariance-factor=0 --set max-opacity-error=0
+  --set max-covariance-factor=0 --set max-opacity-error=0 --set max-base-color-error=0 \
+  --set max-directional-color-error=0
 check needles.ply s.l4d
 expect_json info.json 'set(d["stated_errors"]["bounds"].values()) == {0} and d["stated_errors"]["position_sizes"] > 0'
 expect 0 encode needles.ply -o s.l4d --preset indexed --order s.order -f
-BINARY16=1 check needles.ply s.l4d
+check needles.ply s.l4d
 
 # What is exact is stated to be.
 expect 0 encode sizes.ply -o s.l4d --preset lossless -f
 expect_document 0 info s.l4d
-expect_json out '[d["stated_errors"][k] for k in ("position_sizes", "covariance_factor", "seen_opacity", "visible_position", "mean_t_sigmas")] == [0, 1, 0, 0, 0]'
+expect_json out '[d["stated_errors"][k] for k in ("position_sizes", "covariance_factor", "seen_opacity", "visible_position", "mean_t_sigmas", "base_color", "directional_color")] == [0, 1, 0, 0, 0, 0, 0]'
 expect 0 info s.l4d
-expect_text out '^errors of single Gaussians: none in place, shape, time and opacity$'
+expect_text out '^errors of single Gaussians: none in place, shape, time, opacity and colour$'
 expect_document 0 info sizes.ply
 expect_json out 'd["stated_errors"] is None'
 

@@ -19,12 +19,15 @@ EncodeOptions small_options() {
                 // Nothing that follows a quality: tests say what there is.
                 {L4D_ENC_CODEBOOKS_BY_COST, 0},
                 {L4D_ENC_REFINE, 0},
+                {L4D_ENC_FIXED_POSITIONS, 0},
                 {L4D_ENC_MEAN_T_SHIFT, 0},
                 {L4D_ENC_OPACITY_BITS, 8},
                 {L4D_ENC_PRUNE_COST, 0},
                 {L4D_ENC_MAX_POSITION_ERROR, 0},
                 {L4D_ENC_MAX_COVARIANCE_FACTOR, 0},
-                {L4D_ENC_MAX_OPACITY_ERROR, 0}};
+                {L4D_ENC_MAX_OPACITY_ERROR, 0},
+                {L4D_ENC_MAX_BASE_COLOR_ERROR, 0},
+                {L4D_ENC_MAX_DIRECTIONAL_COLOR_ERROR, 0}};
   o.stages = {{L4D_ALL_COMPONENTS, {1}}};
   return o;
 }

@@ -57,7 +57,8 @@ void look(SceneHeader& h) {
 }
 
 ErrorStatement example_errors() {
-  return {true, 0.5f, 1.5f, 0.1f, 2e9f, 0.05f, 0.75f, 1.25f, 0.2f, 3, 1e-3f, true};
+  return {true, 0.5f,  1.5f, 0.1f, 2e9f,  0.05f, 0.75f, 1.25f, 0.2f,
+          3,    1e-3f, true, true, 0.03f, 0.2f,  0.04f, 0.3f};
 }
 
 TEST(SceneHeader, ErrorsComeBack) {
@@ -78,6 +79,11 @@ TEST(SceneHeader, ErrorsComeBack) {
   EXPECT_EQ(x.opacity_bound, y.opacity_bound);
   EXPECT_EQ(x.visible_bound, y.visible_bound);
   EXPECT_EQ(x.min_size, y.min_size);
+  EXPECT_TRUE(y.colors);
+  EXPECT_EQ(x.base_color, y.base_color);
+  EXPECT_EQ(x.directional_color, y.directional_color);
+  EXPECT_EQ(x.base_color_bound, y.base_color_bound);
+  EXPECT_EQ(x.directional_color_bound, y.directional_color_bound);
 }
 
 TEST(SceneHeader, RoundTrip) {
@@ -252,6 +258,11 @@ std::vector<Rule> rules() {
       {"HEAD-18", "a position error that is no number", stated([](E& e) { e.position = kNan; })},
       {"HEAD-18", "an opacity error below 0", stated([](E& e) { e.opacity = -1; })},
       {"HEAD-18", "an infinite distance", stated([](E& e) { e.visible = kInf; })},
+      {"HEAD-18", "a colour off by less than 0", stated([](E& e) { e.base_color = -1; })},
+      {"HEAD-18", "an infinite colour", stated([](E& e) { e.directional_color = kInf; })},
+      {"HEAD-18", "a bound of colours below 0", stated([](E& e) { e.base_color_bound = -1; })},
+      {"HEAD-18", "a bound of colours that is no number",
+       stated([](E& e) { e.directional_color_bound = kNan; })},
       {"HEAD-18", "an infinite error of mean times", stated([](E& e) { e.mean_t = kInf; })},
       {"HEAD-18", "a factor below 1",
        stated([](E& e) { e.covariance = std::nextafter(1.0f, 0.0f); })},

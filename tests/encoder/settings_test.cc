@@ -138,7 +138,11 @@ TEST(Settings, PresetsReplaceEverything) {
     ASSERT_TRUE(s.set_preset(name).ok());
     for (int c = 0; c < L4D_COMPONENT_COUNT; ++c) EXPECT_EQ(s.get(L4D_ENC_CODING, c), 0);
     EXPECT_TRUE(s.get_bool(L4D_ENC_CODEBOOKS_BY_COST));
-    EXPECT_FALSE(s.get_bool(L4D_ENC_FIXED_POSITIONS));
+    EXPECT_TRUE(s.codes_fixed_positions());
+    // Players of indices take binary16.
+    ASSERT_TRUE(s.set(L4D_ENC_PROFILE, L4D_ALL_COMPONENTS, L4D_PROFILE_INDEXED).ok());
+    EXPECT_FALSE(s.codes_fixed_positions());
+    EXPECT_TRUE(s.check_profile().ok());
     EXPECT_GT(s.get(L4D_ENC_QUALITY), indexed_quality) << name;
     indexed_quality = s.get(L4D_ENC_QUALITY);
   }

@@ -204,7 +204,9 @@ TEST(Windows, BesideOtherGaussians) {
 
 TEST(Windows, ThePackedForm) {
   const TestScene scene = frames_scene(30, 300);
-  const Encoded encoded = encode(scene, EncodeOptions());
+  EncodeOptions options;
+  options.settings = {{L4D_ENC_PROFILE, L4D_PROFILE_INDEXED}};
+  const Encoded encoded = encode(scene, options);
   DecoderHandle decoder;
   decoder.open_memory(encoded.bytes.data(), encoded.bytes.size());
   EXPECT_EQ(decoder.info().profile, uint32_t{L4D_PROFILE_INDEXED});

@@ -78,7 +78,8 @@ TEST_F(Packed, PresetsOfCodebooks) {
       EncodeOptions o;
       o.preset = p.name;
       o.rans = p.rans;
-      o.settings = {{L4D_ENC_CODEBOOK_SIZE, p.size},
+      o.settings = {{L4D_ENC_PROFILE, L4D_PROFILE_INDEXED},
+                    {L4D_ENC_CODEBOOK_SIZE, p.size},
                     {L4D_ENC_KMEANS_ITERATIONS, 2},
                     {L4D_ENC_PAGE_SIZE, p.page},
                     {L4D_ENC_MERGE_COUNT, 40},
@@ -120,8 +121,10 @@ TEST_F(Packed, PermanentLayersAndShChunks) {
     EncodeOptions o;
     o.preset = "indexed-small";
     o.rans = true;
-    o.settings = {
-        {L4D_ENC_MERGE_COUNT, 4000}, {L4D_ENC_CODEBOOK_SIZE, 256}, {L4D_ENC_KMEANS_ITERATIONS, 2}};
+    o.settings = {{L4D_ENC_PROFILE, L4D_PROFILE_INDEXED},
+                  {L4D_ENC_MERGE_COUNT, 4000},
+                  {L4D_ENC_CODEBOOK_SIZE, 256},
+                  {L4D_ENC_KMEANS_ITERATIONS, 2}};
     expect_same_for_all_queries(encode(make_scene(s), o).bytes);
   }
 }

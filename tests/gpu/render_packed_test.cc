@@ -30,7 +30,8 @@ Bytes encode_indexed(const io::Scene& scene, size_t stages, size_t escape_each) 
   test::EncodeOptions o;
   o.preset = "indexed";
   o.rans = true;
-  o.settings = {{L4D_ENC_CODEBOOK_SIZE, 64},
+  o.settings = {{L4D_ENC_PROFILE, L4D_PROFILE_INDEXED},
+                {L4D_ENC_CODEBOOK_SIZE, 64},
                 {L4D_ENC_KMEANS_ITERATIONS, 2},
                 {L4D_ENC_PAGE_SIZE, 700},
                 {L4D_ENC_MERGE_COUNT, 40}};

@@ -51,11 +51,14 @@ Bytes encode_small(const Recipe& recipe) {
     // Nothing that follows a quality.
     settings.insert(settings.end(), {{L4D_ENC_CODEBOOKS_BY_COST, 0},
                                      {L4D_ENC_REFINE, 0},
+                                     {L4D_ENC_FIXED_POSITIONS, 0},
                                      {L4D_ENC_MEAN_T_SHIFT, 0},
                                      {L4D_ENC_OPACITY_BITS, 8},
                                      {L4D_ENC_MAX_POSITION_ERROR, 0},
                                      {L4D_ENC_MAX_COVARIANCE_FACTOR, 0},
-                                     {L4D_ENC_MAX_OPACITY_ERROR, 0}});
+                                     {L4D_ENC_MAX_OPACITY_ERROR, 0},
+                                     {L4D_ENC_MAX_BASE_COLOR_ERROR, 0},
+                                     {L4D_ENC_MAX_DIRECTIONAL_COLOR_ERROR, 0}});
   }
   for (const auto& [id, value] : settings) {
     e.check(l4d_encoder_set(e.get(), id, L4D_ALL_COMPONENTS, value));

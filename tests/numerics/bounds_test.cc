@@ -19,34 +19,31 @@ using namespace test;
 
 struct PresetBounds {
   const char* name;
-  double position, covariance, opacity;
-  bool binary16;  // positions, whose rounding comes on top
+  double position, covariance, opacity, base_color, directional_color;
 };
 // As docs/numerics.md has them.
-constexpr PresetBounds kPresets[] = {
-    {"tiny", 1, 1.5, 0.1, false},       {"small", 1, 1.5, 0.1, false},
-    {"default", 0.5, 1.5, 0.1, false},  {"large", 0.25, 1.3, 0.05, false},
-    {"archive", 0.1, 1.1, 0.02, false}, {"indexed-small", 1, 1.5, 0.1, true},
-    {"indexed", 0.5, 1.5, 0.1, true},   {"indexed-high", 0.1, 1.2, 0.05, true}};
+constexpr PresetBounds kPresets[] = {{"tiny", 1, 1.5, 0.1, 0.1, 0.5},
+                                     {"small", 1, 1.5, 0.1, 0.06, 0.5},
+                                     {"default", 0.5, 1.5, 0.1, 0.05, 0.5},
+                                     {"large", 0.25, 1.3, 0.05, 0.04, 0.4},
+                                     {"archive", 0.1, 1.1, 0.02, 1.0 / 255, 0.2},
+                                     {"indexed-small", 1, 1.5, 0.1, 0.1, 0.5},
+                                     {"indexed", 0.5, 1.5, 0.1, 0.05, 0.5},
+                                     {"indexed-high", 0.1, 1.2, 0.05, 0.04, 0.4}};
 
 EncodeOptions options_of(const PresetBounds& preset, bool bounded) {
   EncodeOptions o;
   o.preset = preset.name;
   o.rans = true;
-  if (preset.binary16) o.settings.push_back({L4D_ENC_KMEANS_ITERATIONS, 2});
+  o.settings.push_back({L4D_ENC_KMEANS_ITERATIONS, 2});
   if (!bounded) {
     o.settings.push_back({L4D_ENC_MAX_POSITION_ERROR, 0});
     o.settings.push_back({L4D_ENC_MAX_COVARIANCE_FACTOR, 0});
     o.settings.push_back({L4D_ENC_MAX_OPACITY_ERROR, 0});
+    o.settings.push_back({L4D_ENC_MAX_BASE_COLOR_ERROR, 0});
+    o.settings.push_back({L4D_ENC_MAX_DIRECTIONAL_COLOR_ERROR, 0});
   }
   return o;
-}
-
-// Half a step of a binary16 as far out as the scene goes, on three axes, in the minimum size.
-double rounding_of_halves(const TestScene& s) {
-  double reach = 0;
-  for (const float x : s.position) reach = std::max(reach, std::fabs(static_cast<double>(x)));
-  return std::sqrt(3.0) * 2 * reach * 0x1p-11 / min_size(s);
 }
 
 nlohmann::ordered_json& rows() {
@@ -83,6 +80,11 @@ void expect_stated(const Encoded& e, const Worst& worst, const char* what) {
   EXPECT_GE(stated.opacity, worst.opacity - 1e-3) << what;
   EXPECT_LE(stated.opacity, 1.02 * worst.opacity + 2e-3) << what;
   EXPECT_LE(stated.mean_t, worst.mean_time + 1e-6) << what;
+  ASSERT_EQ(stated.colors_stated, 1u);
+  EXPECT_GE(stated.base_color, worst.base_color) << what;
+  EXPECT_LE(stated.base_color, 1.001 * worst.base_color + 1e-6) << what;
+  EXPECT_GE(stated.directional_color, worst.directional_color) << what;
+  EXPECT_LE(stated.directional_color, 1.001 * worst.directional_color + 1e-6) << what;
   // Rounded up.
   EXPECT_GE(stated.position, e.report.max_position_error);
   EXPECT_LE(stated.position, e.report.max_position_error * (1 + 1e-5));
@@ -100,10 +102,11 @@ TEST_P(Bounds, HoldForEveryGaussian) {
     ASSERT_EQ(e.report.coded_gaussians, scene.count());
     EXPECT_TRUE(validate(e.bytes).empty()) << preset.name;
     const Worst worst = worst_errors(scene, e);
-    const double rounding = preset.binary16 ? rounding_of_halves(scene) : 0;
-    EXPECT_LE(worst.position, preset.position + rounding + 1e-3) << preset.name;
+    EXPECT_LE(worst.position, preset.position + 1e-3) << preset.name;
     EXPECT_LE(worst.covariance, preset.covariance * (1 + 1e-3)) << preset.name;
     EXPECT_LE(worst.opacity, preset.opacity + 1e-3) << preset.name;
+    EXPECT_LE(worst.base_color, preset.base_color) << preset.name;
+    EXPECT_LE(worst.directional_color, preset.directional_color) << preset.name;
     // What the encoder says it saw.
     EXPECT_NEAR(e.report.max_position_error, worst.position, 1e-3 + 1e-2 * worst.position)
         << preset.name;
@@ -111,13 +114,12 @@ TEST_P(Bounds, HoldForEveryGaussian) {
         << preset.name;
     expect_stated(e, worst, preset.name);
     const l4d_coding_errors stated = stated_errors(e.bytes);
-    // What binary16 positions miss is not stated.
-    const bool kept = stated.position <= preset.position;
-    EXPECT_TRUE(kept || preset.binary16) << preset.name;
-    EXPECT_EQ(kept ? static_cast<float>(preset.position) : 0,
-              static_cast<float>(stated.position_bound));
+    EXPECT_EQ(static_cast<float>(preset.position), static_cast<float>(stated.position_bound));
     EXPECT_EQ(static_cast<float>(preset.covariance), static_cast<float>(stated.covariance_bound));
     EXPECT_EQ(static_cast<float>(preset.opacity), static_cast<float>(stated.opacity_bound));
+    EXPECT_EQ(static_cast<float>(preset.base_color), static_cast<float>(stated.base_color_bound));
+    EXPECT_EQ(static_cast<float>(preset.directional_color),
+              static_cast<float>(stated.directional_color_bound));
     EXPECT_NEAR(stated.min_size, min_size(scene), 1e-6 * stated.min_size);
     EXPECT_EQ(stated.own_min_sizes, 0u);
     const Encoded without = encode(scene, options_of(preset, false));
@@ -145,6 +147,9 @@ TEST(BoundsOf, LosslessStreamsStateNoErrors) {
   EXPECT_EQ(stated.opacity, 0);
   EXPECT_EQ(stated.visible, 0);
   EXPECT_EQ(stated.mean_t, 0);
+  EXPECT_EQ(stated.colors_stated, 1u);
+  EXPECT_EQ(stated.base_color, 0);
+  EXPECT_EQ(stated.directional_color, 0);
 }
 
 // What is smaller than its own minimum size counts as that, which is worth bytes.
@@ -186,7 +191,7 @@ TEST(BoundsOf, OwnMinSizesCount) {
 TEST(BoundsOf, WhatStandsStillStandsStill) {
   const TestScene scene = hard_scenes()[2].make();
   for (const char* preset : {"tiny", "default", "archive"}) {
-    const Encoded e = encode(scene, options_of({preset, 0, 0, 0, false}, true));
+    const Encoded e = encode(scene, options_of({preset, 0, 0, 0, 0, 0}, true));
     const GaussianArrays a = decode(e.bytes, all_query());
     for (size_t j = 0; j < a.count(); ++j) {
       const Seen is = seen_of(&a.position[3 * j], a.mean_t_double[j], &a.log_scale[4 * j],
@@ -224,6 +229,47 @@ TEST(BoundsOf, FloatersCoarsenNothing) {
   const double near = median(1);
   EXPECT_LT(median(1e5), 1.1 * near);
   EXPECT_LT(median(1e6), 1.1 * near);
+}
+
+// Gaussians larger than the scene are not all of its pictures: the others keep their colours.
+TEST(BoundsOf, HugeGaussiansCoarsenNothing) {
+  SceneOptions given;
+  given.count = 4000;
+  given.sh_degree = 3;
+  const TestScene room = make_scene(given);
+  const auto median = [&](bool huge) {
+    TestScene scene = room;
+    for (size_t i = 0; huge && i < scene.count(); i += 100) {
+      std::fill_n(&scene.log_scale[4 * i], 3, 5.0f);
+    }
+    EncodeOptions o = options_of({"default", 0, 0, 0, 0, 0}, false);
+    const Encoded e = encode(scene, o);
+    const GaussianArrays a = decode(e.bytes, all_query());
+    std::vector<double> errors;
+    for (size_t j = 0; j < a.count(); ++j) {
+      if (e.order[j] % 100 == 0) continue;
+      Worst own;
+      add_colors(scene, e.order[j], a, j, &own);
+      errors.push_back(own.base_color);
+    }
+    const auto middle = errors.begin() + static_cast<std::ptrdiff_t>(errors.size() / 2);
+    std::nth_element(errors.begin(), middle, errors.end());
+    return *middle;
+  };
+  EXPECT_LT(median(true), 2 * median(false));
+}
+
+// Colours far beyond what screens show keep their bounds in parts of themselves.
+TEST(BoundsOf, BrightColoursKeepTheirs) {
+  TestScene scene = hard_scenes()[0].make();
+  for (float& x : scene.sh) x *= 1e4f;
+  for (const PresetBounds& preset : kPresets) {
+    const Encoded e = encode(scene, options_of(preset, true));
+    const Worst worst = worst_errors(scene, e);
+    EXPECT_LE(worst.base_color, preset.base_color) << preset.name;
+    EXPECT_LE(worst.directional_color, preset.directional_color) << preset.name;
+    expect_stated(e, worst, preset.name);
+  }
 }
 
 }  // namespace

@@ -51,6 +51,40 @@ double min_size(const TestScene& s) {
   return extent / 4000;
 }
 
+namespace {
+
+// Errors of colours: of the mean over directions, and the most that the rest can add in any.
+void add_colors(const TestScene& scene, size_t i, const GaussianArrays& a, size_t j, Worst* worst) {
+  const size_t n = (scene.sh_degree + 1) * (scene.sh_degree + 1);
+  const double pi = std::acos(-1.0);
+  double largest = 1, base = 0, directional = 0;
+  for (size_t c = 0; c < 3; ++c) {
+    const auto was = [&](size_t k) {
+      return static_cast<double>(scene.sh[3 * (n * i + k) + c]) / std::sqrt(4 * pi);
+    };
+    const auto is = [&](size_t k) {
+      return static_cast<double>(a.sh[3 * (n * j + k) + c]) / std::sqrt(4 * pi);
+    };
+    double own = 0, off = 0;
+    for (size_t l = 1; l <= scene.sh_degree; ++l) {
+      double own2 = 0, off2 = 0;
+      for (size_t k = l * l; k < (l + 1) * (l + 1); ++k) {
+        own2 += was(k) * was(k);
+        off2 += (is(k) - was(k)) * (is(k) - was(k));
+      }
+      own += std::sqrt(static_cast<double>(2 * l + 1) * own2);
+      off += std::sqrt(static_cast<double>(2 * l + 1) * off2);
+    }
+    largest = std::max({largest, std::fabs(0.5 + was(0)), own});
+    base = std::max(base, std::fabs(is(0) - was(0)));
+    directional = std::max(directional, off);
+  }
+  worst->base_color = std::max(worst->base_color, base / largest);
+  worst->directional_color = std::max(worst->directional_color, directional / largest);
+}
+
+}  // namespace
+
 Worst worst_errors(const TestScene& scene, const Encoded& e, double own_min_size) {
   const GaussianArrays a = decode(e.bytes, all_query());
   const double begin = scene.timeline.time_begin, end = begin + scene.duration();
@@ -76,6 +110,7 @@ Worst worst_errors(const TestScene& scene, const Encoded& e, double own_min_size
       const double t = std::clamp(was.mean + was.sigma * (k - 100) / 25, begin, end);
       worst.opacity = std::max(worst.opacity, std::fabs(was.opacity_at(t) - is.opacity_at(t)));
     }
+    add_colors(scene, i, a, j, &worst);
     const double floor = std::max(least, 1e-6 * size);
     const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> others(is.covariance);
     const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> change(is.covariance - was.covariance);

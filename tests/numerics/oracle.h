@@ -12,6 +12,7 @@ namespace l4d::numerics {
 // Largest errors of single Gaussians, as section 8.5 of the specification defines them.
 struct Worst {
   double position = 0, covariance = 1, opacity = 0, mean_time = 0;
+  double base_color = 0, directional_color = 0;
 };
 
 // A Gaussian over time; lengths in scene units, times in seconds.
