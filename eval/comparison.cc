@@ -170,12 +170,15 @@ void compare_pair(const io::Scene& a, size_t i, const Motion& motion_a, const io
 }
 
 // A coefficient that one of them lacks is zero there.
-ColorErrors compare_colors(const io::Scene& a, size_t i, const io::Scene& b, size_t j) {
+void compare_colors(const io::Scene& a, size_t i, const io::Scene& b, size_t j, float* base,
+                    float* directional) {
   float padded[2][3 * kMaxShTerms] = {};
   std::copy_n(&a.sh[3 * a.sh_coefficients() * i], 3 * a.sh_coefficients(), padded[0]);
   std::copy_n(&b.sh[3 * b.sh_coefficients() * j], 3 * b.sh_coefficients(), padded[1]);
-  return color_errors(padded[0], padded[1],
-                      std::max<size_t>(a.sh_coefficients(), b.sh_coefficients()));
+  const ColorErrors e = color_errors(padded[0], padded[1],
+                                     std::max<size_t>(a.sh_coefficients(), b.sh_coefficients()));
+  *base = static_cast<float>(e.base);
+  *directional = static_cast<float>(e.directional);
 }
 
 // Errors [kSamples] of one pair; left alone where A's Gaussian is never visible.
@@ -286,9 +289,7 @@ Comparison compare_scenes(const io::Scene& a, const DecodedScene& loaded_b, Pair
       seen[kSeenPosition][j] = static_cast<float>(e.position);
       seen[kSeenCovariance][j] = static_cast<float>(e.covariance);
       seen[kSeenOpacity][j] = static_cast<float>(e.opacity);
-      const ColorErrors color = compare_colors(a, i, b, j);
-      seen[kSeenBaseColor][j] = static_cast<float>(color.base);
-      seen[kSeenDirectionalColor][j] = static_cast<float>(color.directional);
+      compare_colors(a, i, b, j, &seen[kSeenBaseColor][j], &seen[kSeenDirectionalColor][j]);
     }
   });
   Accumulators total;
