@@ -78,7 +78,7 @@ expect_text out '^errors of single Gaussians at most, as the encoder states them
 expect_text out '^  position +0\.[0-9]+ of its size \(bound 0\.1\); sizes below [0-9.e-]+ count as that$'
 expect_text out '^  mean time +0\.[0-9]+ of its standard deviation$'
 expect_text out '^  base colour +0\.[0-9]+ \(bound 0\.00392\)$'
-expect_text out '^  directional colour 0\.[0-9]+ in any direction \(bound 0\.[0-9]+\)$'
+expect_text out '^  directional colour 0(\.[0-9]+)? in any direction \(bound 0\.[0-9]+\)$'
 
 # Without bounds errors are stated all the same; codebooks state theirs.
 expect 0 encode needles.ply -o s.l4d --order s.order -f --set max-position-error=0 \
