@@ -3,7 +3,7 @@
 #include <cmath>
 #include <numeric>
 
-#include "io/synth_parts.h"
+#include "io/synth/cloud.h"
 #include "tests/io/support.h"
 
 namespace l4d::io {

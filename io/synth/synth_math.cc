@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "io/synth_math.h"
+#include "io/synth/synth_math.h"
 
 #include <cmath>
 #include <cstring>

@@ -5,7 +5,7 @@
 
 #include "io/formats.h"
 #include "io/read_ply.h"
-#include "io/synth_parts.h"
+#include "io/synth/cloud.h"
 #include "libl4dcodec/base/threads.h"
 #include "libl4dcodec/scene/sh.h"
 

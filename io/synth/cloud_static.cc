@@ -4,7 +4,7 @@
 #include <limits>
 #include <vector>
 
-#include "io/synth_parts.h"
+#include "io/synth/cloud.h"
 
 namespace l4d::io::synth {
 namespace {

@@ -3,7 +3,7 @@
 #include <cmath>
 #include <vector>
 
-#include "io/synth_parts.h"
+#include "io/synth/cloud.h"
 
 namespace l4d::io::synth {
 namespace {

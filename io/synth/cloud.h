@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <memory>
 
-#include "io/synth_math.h"
+#include "io/synth/synth_math.h"
 
 namespace l4d::io::synth {
 
