@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
+#include <array>
 #include <memory>
 
 #include "cli/common.h"
@@ -17,14 +18,20 @@ struct SynthArguments {
   std::string fps = "30";
   std::string gaussians = "100k";
   std::string static_gaussians;
+  std::string scene = "cloud";
+  std::string cameras_out;
   std::vector<std::string> effects;
   uint64_t seed = 1;
   std::string output;
 };
 
-std::string effect_names() {
+const std::array<const char*, 7>& effects_of(const std::string& scene) {
+  return scene == "square" ? io::kSquareEffects : io::kSynthEffects;
+}
+
+std::string effect_names(const std::string& scene) {
   std::string names;
-  for (const char* effect : io::kSynthEffects)
+  for (const char* effect : effects_of(scene))
     names += (names.empty() ? "" : ", ") + std::string(effect);
   return names;
 }
@@ -32,6 +39,8 @@ std::string effect_names() {
 Outcome run_synth(Context& context, const SynthArguments& arguments) {
   const Stopwatch watch;
   io::SynthOptions options;
+  options.scene = arguments.scene;
+  options.threads = static_cast<int>(context.options.threads);
   options.seconds = parse_seconds(arguments.seconds, "--seconds");
   options.fps = parse_number(arguments.fps, "--fps");
   options.gaussians = parse_size(arguments.gaussians, "--gaussians");
@@ -43,14 +52,29 @@ Outcome run_synth(Context& context, const SynthArguments& arguments) {
   if (!(options.seconds > 0)) throw usage_error("--seconds must be positive");
   if (!(options.fps > 0)) throw usage_error("--fps must be positive");
   if (options.gaussians == 0) throw usage_error("--gaussians must be positive");
+  if (options.scene != "square" && options.scene != "cloud") {
+    throw usage_error("--scene: '" + options.scene + "' is none of square, cloud");
+  }
+  const auto& known = effects_of(options.scene);
   for (const std::string& effect : options.effects) {
-    if (std::none_of(io::kSynthEffects.begin(), io::kSynthEffects.end(),
-                     [&](const char* known) { return effect == known; })) {
-      throw usage_error("--effects: '" + effect + "' is none of " + effect_names());
+    if (std::find(known.begin(), known.end(), effect) == known.end()) {
+      throw usage_error("--effects: '" + effect + "' is none of " + effect_names(options.scene));
     }
+  }
+  const bool square = options.scene == "square";
+  if (square && options.static_gaussians > 0) {
+    throw usage_error("--static-gaussians: only --scene cloud has them");
+  }
+  if (!square && !arguments.cameras_out.empty()) {
+    throw usage_error("--cameras-out: only --scene square has cameras");
   }
   check_extension(arguments.output, "--output", {".ply"});
   Output output(context, arguments.output);
+  std::unique_ptr<Output> cameras;
+  if (!arguments.cameras_out.empty()) {
+    check_extension(arguments.cameras_out, "--cameras-out", {".json"});
+    cameras = std::make_unique<Output>(context, arguments.cameras_out, "--cameras-out");
+  }
   io::Scene scene;
   {
     Progress progress(context, "synth");
@@ -59,7 +83,9 @@ Outcome run_synth(Context& context, const SynthArguments& arguments) {
     check_interrupt();
     progress.step("writing");
     io::write_l4d_ply(output.path(), scene);
+    if (cameras) io::write_square_cameras(cameras->path(), scene.timeline);
   }
+  if (cameras) cameras->finish();
   const uint64_t bytes = output.finish();
 
   Outcome outcome;
@@ -69,10 +95,10 @@ Outcome run_synth(Context& context, const SynthArguments& arguments) {
                   {"num_gaussians", scene.count()},
                   {"sh_degree", scene.sh_degree}};
   outcome.json.update(timeline_json(scene.timeline));
-  outcome.json["effects"] =
-      options.effects.empty()
-          ? Json(std::vector<std::string>(io::kSynthEffects.begin(), io::kSynthEffects.end() - 1))
-          : Json(options.effects);
+  outcome.json["effects"] = options.effects.empty()
+                                ? Json(std::vector<std::string>(known.begin(), known.end() - 1))
+                                : Json(options.effects);
+  outcome.json["scene"] = options.scene;
   outcome.json["seed"] = options.seed;
   outcome.json["file_bytes"] = bytes;
   outcome.json["total_s"] = watch.seconds();
@@ -92,6 +118,17 @@ void add_synth(Registry& registry) {
   verb->add_option("-o,--output", arguments->output, "PLY to write, '-' = stdout")
       ->type_name("FILE")
       ->required();
+  verb->add_option(
+          "--scene", arguments->scene,
+          "cloud: a random room, as hard to code as trained scenes; square: a market square\n"
+          "at dusk, to look at. More than 20 s (for more than 522k Gaussians the more) are\n"
+          "slow motion there")
+      ->type_name("NAME")
+      ->capture_default_str();
+  verb->add_option("--cameras-out", arguments->cameras_out,
+                   "Cameras of the square, as cameras.json: named views from id 0, a ring for\n"
+                   "training from 100, a walk from 200")
+      ->type_name("FILE");
   verb->add_option("--seconds", arguments->seconds, "Duration: 5, 1:30, 2:00:00")
       ->type_name("T")
       ->capture_default_str();
@@ -105,7 +142,8 @@ void add_synth(Registry& registry) {
           "fixed share of all)")
       ->type_name("N");
   verb->add_option("--effects", arguments->effects,
-                   "What the scene has, comma-separated: " + effect_names() + " (default: all)")
+                   "What the scene has, comma-separated: " + effect_names("cloud") +
+                       " (default: all\nbut frames); the square has drops and no appear")
       ->type_name("LIST")
       ->delimiter(',')
       ->allow_extra_args(false);
@@ -115,7 +153,8 @@ void add_synth(Registry& registry) {
       ->capture_default_str();
   verb->footer(
       "Example:\n"
-      "  l4dcodec synth --seconds 10:00 -n 1M --effects static,rigid,view -o long.ply");
+      "  l4dcodec synth --seconds 10:00 -n 1M --effects static,rigid,view -o long.ply\n"
+      "  l4dcodec synth --scene square -n 500k --cameras-out cameras.json -o square.ply");
 }
 
 }  // namespace l4d::cli

@@ -6,6 +6,8 @@
 #include "io/formats.h"
 #include "io/read_ply.h"
 #include "io/synth/cloud.h"
+#include "io/synth/sh_basis.h"
+#include "io/synth/square.h"
 #include "libl4dcodec/base/threads.h"
 #include "libl4dcodec/scene/sh.h"
 
@@ -22,27 +24,6 @@ using synth::Rng;
 
 constexpr size_t kMaxCoefficients = 16;
 
-// The view-dependent basis functions 1..15 towards a unit vector, with the signs of 3DGS.
-void sh_basis(const Vec3& d, double* out /* [15] */) {
-  const double x = d[0], y = d[1], z = d[2];
-  const double xx = x * x, yy = y * y, zz = z * z;
-  out[0] = -0.48860251190291992 * y;
-  out[1] = 0.48860251190291992 * z;
-  out[2] = -0.48860251190291992 * x;
-  out[3] = 1.0925484305920792 * x * y;
-  out[4] = -1.0925484305920792 * y * z;
-  out[5] = 0.31539156525252005 * (2 * zz - xx - yy);
-  out[6] = -1.0925484305920792 * x * z;
-  out[7] = 0.54627421529603959 * (xx - yy);
-  out[8] = -0.59004358992664352 * y * (3 * xx - yy);
-  out[9] = 2.8906114426405538 * x * y * z;
-  out[10] = -0.45704579946446572 * y * (4 * zz - xx - yy);
-  out[11] = 0.37317633259011546 * z * (2 * zz - 3 * xx - 3 * yy);
-  out[12] = -0.45704579946446572 * x * (4 * zz - xx - yy);
-  out[13] = 1.4453057213202769 * z * (xx - yy);
-  out[14] = -0.59004358992664352 * x * (xx - 3 * yy);
-}
-
 // A highlight around the mirrored light, and on top of it what training leaves in any scene: noise
 // in every coefficient, as strong as the colour was hard to see. So no few directions span it all.
 void put_sh(Rng& rng, const Particle& p, uint32_t degree, float* sh /* [K, 3] */) {
@@ -57,7 +38,7 @@ void put_sh(Rng& rng, const Particle& p, uint32_t degree, float* sh /* [K, 3] */
   constexpr double kBandNoise[3] = {1, 0.9, 0.8};
   const Vec3 light = synth::unit(synth::add(p.normal, {0.3, 0.7, 0.2}));
   double basis[kMaxCoefficients - 1];
-  sh_basis(synth::unit(synth::add(light, synth::times(rng.direction(), 0.5))), basis);
+  synth::sh_basis(synth::unit(synth::add(light, synth::times(rng.direction(), 0.5))), basis);
   const double shine = p.gloss * synth::exp(0.5 * rng.normal());
   const double noise = 0.05 * synth::exp(0.6 * rng.normal());
   for (size_t k = 1; k < kMaxCoefficients; ++k) {
@@ -218,6 +199,10 @@ Scene synthesize(const SynthOptions& options) {
   }
   if (!(options.seconds > 0 && options.seconds <= 86400)) {
     throw Error(L4D_ERR_INVALID_ARGUMENT, "the duration must be above 0 and at most 86400 seconds");
+  }
+  if (options.scene == "square") return synth::make_square(options);
+  if (options.scene != "cloud") {
+    throw Error(L4D_ERR_INVALID_ARGUMENT, "unknown scene " + options.scene);
   }
   const Effects effects = parse_effects(options.effects);
   Scene scene;

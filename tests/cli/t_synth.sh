@@ -24,3 +24,13 @@ expect 0 encode long.ply -o long.l4d
 expect_document 0 info long.l4d --time 59:59
 expect_json out 'd["duration_s"] == 3600 and d["seek"]["time"] == 3599'
 expect 0 validate long.l4d
+# The square, its cameras, and effects of its own.
+expect_document 0 synth --scene square -n 3k --seconds 2 --cameras-out square.json -o square.ply
+expect_json out 'd["scene"] == "square" and d["num_gaussians"] == 3000 and "drops" in d["effects"]'
+expect 0 render square.ply --cameras square.json --camera 0 --time 1 -o square.png
+expect 0 synth --scene square -n 3k --seconds 2 -o square1.ply --threads 1
+cmp square.ply square1.ply
+expect 2 synth --scene street -o f.ply
+expect 2 synth --scene square --effects appear -o f.ply
+expect 2 synth --scene square --static-gaussians 10 -o f.ply
+expect 2 synth --cameras-out f.json -o f.ply

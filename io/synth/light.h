@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <vector>
+
+#include "io/synth/surface.h"
+
+// Light of the place, baked into the colours of its Gaussians: a low sun beyond a ridge, the sky,
+// lamps.
+namespace l4d::io::synth {
+
+struct Plane {  // inside: n . p <= d
+  Vec3 n;
+  double d;
+};
+// What stops rays: a convex body of planes, or a ball where there are none.
+struct Occluder {
+  Vec3 center;
+  double radius;  // of the ball around it
+  std::vector<Plane> planes;
+  Vec3 color{0.2, 0.18, 0.17};  // as mirrors see it
+  double lets = 0;              // light that comes through
+};
+struct Lamp {
+  Vec3 at;
+  double strength;
+  Vec3 facing{};  // zero: to all sides
+  bool shadows = false;
+};
+
+struct Hit {
+  double distance;  // infinite: none
+  double lets;      // what comes through all that is hit
+  const Occluder* what;
+};
+
+struct Light {
+  std::vector<Occluder> occluders;
+  std::vector<Lamp> lamps;
+
+  void block(const Vec3& low, const Vec3& high);
+  void ball(const Vec3& center, double radius, double lets, const Vec3& color);
+  // A cylinder of 12 sides, or with a tip above y1, where tip > y1.
+  void drum(const Vec3& center, double radius, double y0, double y1, const Vec3& color,
+            double tip = 0);
+  Hit cast(const Vec3& from, const Vec3& direction, double reach) const;
+  // Linear light that leaves the Gaussian, other than what it mirrors.
+  Vec3 shade(const Surfaces& hashes, const Dot& d) const;
+  // Linear light that a mirrored ray brings.
+  Vec3 seen_along(const Vec3& from, const Vec3& direction) const;
+};
+
+Vec3 sky(const Vec3& direction);
+Vec3 displayed(const Vec3& linear);    // 0..1
+const Vec3& sunset();                  // unit vector towards it, level
+const Vec3& sun();                     // unit vector towards the sun
+constexpr Vec3 kLit{1.0, 0.50, 0.14};  // the colour of lamps, looked at
+
+constexpr size_t kShCoefficients = 16;
+// Coefficients of what the Gaussians show, [dots, 16, 3]: their light and, where they have a gloss,
+// mirrors.
+std::vector<float> mirror(const std::vector<Dot>& dots, const std::vector<Vec3>& linear,
+                          const Light& light, int threads);
+
+}  // namespace l4d::io::synth

@@ -1,0 +1,154 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <cmath>
+#include <cstring>
+
+#include "io/cameras.h"
+#include "io/rotor_math.h"
+#include "tests/io/support.h"
+
+namespace l4d::io {
+namespace {
+
+Scene square(uint64_t gaussians, const std::vector<std::string>& effects = {}, double seconds = 5,
+             int threads = 0, uint64_t seed = 1) {
+  SynthOptions options;
+  options.scene = "square";
+  options.gaussians = gaussians;
+  options.effects = effects;
+  options.seconds = seconds;
+  options.threads = threads;
+  options.seed = seed;
+  return synthesize(options);
+}
+
+uint64_t hash(const Scene& scene) {  // FNV-1a over the bits of all arrays
+  uint64_t h = 0xcbf29ce484222325U;
+  for (const auto* array : {&scene.position, &scene.mean_t, &scene.log_scale, &scene.rotor,
+                            &scene.opacity, &scene.sh}) {
+    for (const float value : *array) {
+      uint32_t bits = 0;
+      std::memcpy(&bits, &value, sizeof(bits));
+      h = (h ^ bits) * 0x100000001b3U;
+    }
+  }
+  return h;
+}
+
+void expect_sound(const Scene& scene) {
+  for (const auto* array :
+       {&scene.position, &scene.mean_t, &scene.log_scale, &scene.opacity, &scene.sh}) {
+    for (const float value : *array) ASSERT_TRUE(std::isfinite(value));
+  }
+  for (size_t i = 0; i < scene.count(); ++i) {
+    const float* r = &scene.rotor[8 * i];
+    // Both halves of a rotor of length 1 have length 1: |r| = 1 and r r~ has no pseudoscalar.
+    double norm = 0;
+    for (size_t k = 0; k < 8; ++k) norm += static_cast<double>(r[k]) * static_cast<double>(r[k]);
+    const double off = static_cast<double>(r[0]) * static_cast<double>(r[7]) -
+                       static_cast<double>(r[1]) * static_cast<double>(r[6]) +
+                       static_cast<double>(r[2]) * static_cast<double>(r[5]) -
+                       static_cast<double>(r[3]) * static_cast<double>(r[4]);
+    ASSERT_NEAR(norm, 1, 1e-6) << i;
+    ASSERT_NEAR(off, 0, 1e-6) << i;
+  }
+}
+
+TEST(Square, BitsAreTheSameEverywhere) {
+  EXPECT_EQ(hash(square(10000)), 11243992606158507915U);
+  EXPECT_EQ(hash(square(3000, {"rigid", "deform", "flicker", "drops"}, 3600, 0, 7)),
+            16105446346387448031U);
+}
+
+TEST(Square, BitsDependOnTheSeedAndNotOnThreads) {
+  const uint64_t one = hash(square(5000, {}, 2, 1));
+  EXPECT_EQ(one, hash(square(5000, {}, 2, 2)));
+  EXPECT_NE(one, hash(square(5000, {}, 2, 1, 2)));
+}
+
+TEST(Square, HasExactlyAsManyGaussiansAsAskedFor) {
+  for (const uint64_t n : {uint64_t{1}, uint64_t{1000}, uint64_t{10007}, uint64_t{60000}}) {
+    EXPECT_EQ(square(n).count(), n);
+  }
+}
+
+TEST(Square, EveryEffectAloneIsSound) {
+  for (const char* effect : kSquareEffects) {
+    SCOPED_TRACE(effect);
+    const Scene scene = square(4000, {effect});
+    expect_sound(scene);
+    EXPECT_EQ(scene.count(), 4000U);
+    EXPECT_EQ(scene.sh_degree, std::string(effect) == "view" ? 3U : 0U);
+    EXPECT_EQ(scene.window.empty(), std::string(effect) != "frames");
+    size_t moving = 0;
+    for (size_t i = 0; i < scene.count(); ++i) moving += scene.rotor[8 * i + 4] != 0;
+    const bool moves = std::string(effect) == "rigid" || std::string(effect) == "deform" ||
+                       std::string(effect) == "drops" || std::string(effect) == "frames";
+    EXPECT_EQ(moving > 1000, moves) << moving;
+    if (!moves) {
+      EXPECT_EQ(moving, 0U);
+    }
+  }
+}
+
+// Of the drops alone: each falls as its speed says. Of all: no speed is out of this world.
+TEST(Square, VelocitiesAreThoseOfThings) {
+  const Scene scene = square(20000, {"rigid", "deform", "drops"});
+  double fastest = 0;
+  for (size_t i = 0; i < scene.count(); ++i) {
+    Rotor rotor;
+    Vec4 scale;
+    for (size_t k = 0; k < 8; ++k) rotor[k] = static_cast<double>(scene.rotor[8 * i + k]);
+    for (size_t k = 0; k < 4; ++k) {
+      scale[k] = std::exp(static_cast<double>(scene.log_scale[4 * i + k]));
+    }
+    const Vec3 v = velocity_of(rotor, scale);
+    fastest = std::max(fastest, std::sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]));
+  }
+  EXPECT_GT(fastest, 3);  // drops and balls
+  EXPECT_LT(fastest, 8);
+}
+
+TEST(Square, LastsFromASecondToADay) {
+  for (const double seconds : {1.0, 3600.0, 86400.0}) {
+    SCOPED_TRACE(seconds);
+    const Scene scene = square(10000, {}, seconds);
+    expect_sound(scene);
+    EXPECT_EQ(scene.count(), 10000U);
+    EXPECT_EQ(duration(scene.timeline), seconds);
+  }
+}
+
+TEST(Square, StatesItsFirstViewWhichIsTheFirstCamera) {
+  const Scene scene = square(1000);
+  ASSERT_EQ(scene.presentation.has_camera, 1U);
+  ASSERT_EQ(scene.presentation.has_bounds, 1U);
+  const std::string path = ::testing::TempDir() + "l4d_square_cameras.json";
+  write_square_cameras(path, scene.timeline);
+  const CameraSet set = read_cameras(path);
+  EXPECT_EQ(set.cameras.size(), 8U + 24 + 150);
+  EXPECT_EQ(set.frames, 150U);
+  EXPECT_TRUE(set.notes.empty());
+  size_t train = 0;
+  for (const Camera& camera : set.cameras) train += camera.split == "train";
+  EXPECT_EQ(train, 24U);
+  // The eye of camera 0, -R^T t, is that of the first view.
+  const l4d_camera& first = set.cameras[0].camera;
+  EXPECT_EQ(set.cameras[0].id, 0);
+  for (size_t k = 0; k < 3; ++k) {
+    const double* m = first.world_to_camera;
+    EXPECT_NEAR(-(m[k] * m[3] + m[4 + k] * m[7] + m[8 + k] * m[11]),
+                scene.presentation.camera_position[k], 1e-9);
+  }
+  EXPECT_EQ(first.fx, first.fy);
+  EXPECT_NEAR(540 / 2 / std::tan(scene.presentation.camera_fov / 2), first.fy, 1e-3);
+}
+
+TEST(Square, RefusesWhatItHasNot) {
+  EXPECT_EQ(test::status_of([] { square(100, {"appear"}); }), L4D_ERR_INVALID_ARGUMENT);
+  SynthOptions options;
+  options.scene = "street";
+  EXPECT_EQ(test::status_of([&] { synthesize(options); }), L4D_ERR_INVALID_ARGUMENT);
+}
+
+}  // namespace
+}  // namespace l4d::io
