@@ -14,13 +14,13 @@ uint64_t sh_numbers(uint32_t degree) { return uint64_t{3} * (degree + 1) * (degr
 
 // Times as double where float32 is not the same: in lossless streams at all, in others by more than
 // a thousandth of a frame, which is less than what coding leaves of any but the shortest events.
-void keep_exact_times(std::vector<double>& times, bool lossless, io::Scene& scene) {
+void keep_exact_times(const std::vector<double>& times, bool lossless, io::Scene& scene) {
   const double frame = static_cast<double>(scene.timeline.fps_den) / scene.timeline.fps_num;
   double worst = 0;
   for (size_t i = 0; i < times.size(); ++i) {
     worst = std::max(worst, std::abs(times[i] - static_cast<double>(scene.mean_t[i])));
   }
-  if (worst > (lossless ? 0 : 1e-3 * frame)) scene.mean_t_double = std::move(times);
+  if (worst > (lossless ? 0 : 1e-3 * frame)) scene.mean_t_double = times;
 }
 
 // Positions are those at the end of the sequence that is nearer to a mean time outside of it;
@@ -67,9 +67,9 @@ DecodedScene decode_scene(const DecoderHandle& decoder, const l4d_query* query,
   all.kind = L4D_QUERY_ALL;
   const l4d_info info = decoder.info();
   const l4d_query& wanted = query != nullptr ? *query : all;
-  // All attributes, and mean times once more and as double.
+  // All attributes, and mean times once more and twice as double.
   const uint64_t windows = (info.tools & L4D_TOOL_FLAT_WINDOWS) != 0 ? 2 : 0;
-  const uint64_t numbers = numbers_per_gaussian(info.sh_degree) + 3 + windows;
+  const uint64_t numbers = numbers_per_gaussian(info.sh_degree) + 5 + windows;
   const l4d_selection selection = decoder.select(wanted);
   DecodedScene loaded;
   loaded.memory = io::hold(holder,
@@ -123,8 +123,7 @@ void present(double begin, double end, double shift, DecodedScene* loaded) {
     scene.mean_t[i] = static_cast<float>(loaded->mean_t[i]);
   }
   for (l4d_bucket_span& span : loaded->spans) span.center += shift;
-  std::vector<double> times = loaded->mean_t;
-  keep_exact_times(times, exact, scene);
+  keep_exact_times(loaded->mean_t, exact, scene);
 }
 
 uint64_t slice_bytes(const DecoderHandle& decoder, double seconds) {
