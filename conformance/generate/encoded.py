@@ -17,6 +17,8 @@ FEW = ["--set", "merge-count=0", "--set", "merge-fraction=0", "--codebook", "all
 PRESETS = {name: ["--preset", name, *FEW] for name in (
     "default", "tiny", "small", "large", "archive", "indexed", "indexed-small", "indexed-high", "paper-small",
     "paper-large")}
+for name in ("indexed", "indexed-small", "indexed-high"):
+    PRESETS[name] = [*PRESETS[name], "--profile", "indexed"]
 for name in ("paper-small", "paper-large"):
     PRESETS[name] = [*PRESETS[name], "--set", "prune-weight=-1"]
 PRESETS["lossless"] = ["--preset", "lossless", "--threads", "1", "--set", "merge-count=0"]
@@ -26,7 +28,8 @@ EXTRA = {"default-zstd": [*PRESETS["default"], "--set", "rans=0"],
          "rcq": ["--preset", "default", *FEW[:4], "--rcq", "always", "--rcq-size", "8", "--set", "coding=0",
                  "--codebook", "all=32"],
          "tiers": [*PRESETS["default"], "--tiers", "0.15,0.5"],
-         "stages": ["--preset", "indexed", *FEW[:4], "--codebook", "all=16", "--stages", "all=1,0.5,0.25"]}
+         "stages": ["--preset", "indexed", "--profile", "indexed", *FEW[:4], "--codebook", "all=16", "--stages",
+                    "all=1,0.5,0.25"]}
 
 
 def commands():

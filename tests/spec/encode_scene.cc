@@ -2,6 +2,7 @@
 // Encodes a small moving scene with the library, for the rules about encoders:
 //   encode_scene PRESET FILE
 #include <cmath>
+#include <cstring>
 #include <vector>
 
 #include "l4d/encode.h"
@@ -43,6 +44,10 @@ int main(int argc, char** argv) {
   l4d_encoder* encoder = nullptr;
   if (l4d_encoder_create(nullptr, &encoder) != L4D_OK) return 1;
   l4d_status status = l4d_encoder_set_preset(encoder, argv[1]);
+  // The packed form is of this profile alone.
+  if (status == L4D_OK && std::strcmp(argv[1], "indexed") == 0) {
+    status = l4d_encoder_set(encoder, L4D_ENC_PROFILE, L4D_ALL_COMPONENTS, L4D_PROFILE_INDEXED);
+  }
   if (status == L4D_OK) {
     status = l4d_encoder_set(encoder, L4D_ENC_CODEBOOK_SIZE, L4D_ALL_COMPONENTS, 64);
   }
