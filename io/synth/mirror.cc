@@ -7,13 +7,13 @@
 #include "io/synth/light.h"
 #include "io/synth/sh_basis.h"
 #include "libl4dcodec/base/threads.h"
+#include "libl4dcodec/scene/sh.h"
 
 namespace l4d::io::synth {
 namespace {
 
 constexpr size_t kLooks = 96;  // directions of looking: rather level, more from above
 constexpr size_t K = kShCoefficients;
-constexpr double kShC0 = 0.28209479177387814;
 
 struct Looks {
   Vec3 way[kLooks];
@@ -24,7 +24,7 @@ struct Looks {
       const double k = static_cast<double>(m) + 0.5, y = -0.75 + 0.95 * k / kLooks;
       const Vec3 around = on_circle(k * 0.3819660112501051, std::sqrt(1 - y * y));
       way[m] = {around[0], y, around[2]};
-      basis[m][0] = kShC0;
+      basis[m][0] = sh_constant::k0;
       sh_basis(way[m], basis[m] + 1);
     }
   }
@@ -73,7 +73,7 @@ class Mirror {
       }
     }
     for (size_t c = 0; c < 3; ++c) {
-      right[c][0] += ridge(0) * (plain[c] - 0.5) / kShC0;
+      right[c][0] += ridge(0) * (plain[c] - 0.5) / sh_constant::k0;
       back(right[c]);
       for (size_t k = 0; k < K; ++k) sh[3 * k + c] = static_cast<float>(right[c][k]);
     }
@@ -129,7 +129,8 @@ std::vector<float> mirror(const std::vector<Dot>& dots, const std::vector<Vec3>&
       continue;
     }
     const Vec3 plain = displayed(linear[i]);
-    for (size_t c = 0; c < 3; ++c) sh[3 * K * i + c] = static_cast<float>((plain[c] - 0.5) / kShC0);
+    for (size_t c = 0; c < 3; ++c)
+      sh[3 * K * i + c] = static_cast<float>((plain[c] - 0.5) / sh_constant::k0);
   }
   std::sort(glossy.begin(), glossy.end());
   std::vector<size_t> starts;

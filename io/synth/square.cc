@@ -7,6 +7,7 @@
 #include "io/read_ply.h"
 #include "io/synth/place.h"
 #include "libl4dcodec/base/threads.h"
+#include "libl4dcodec/scene/sh.h"
 
 namespace l4d::io {
 
@@ -17,7 +18,6 @@ namespace synth {
 namespace {
 
 constexpr double kDetailed = 522000;  // Gaussians of 5 seconds at density 1
-constexpr double kShC0 = 0.28209479177387814;
 
 void choose_effects(const std::vector<std::string>& names, Place& place) {
   bool* const on[] = {&place.is_static, &place.rigid, &place.deform, &place.flicker,
@@ -150,7 +150,7 @@ void light_up(const Place& place, int threads, Scene& scene) {
   for (size_t i = 0; i < dots.size(); ++i) {
     const Vec3 shown = displayed(linear[i]);
     for (size_t c = 0; c < 3; ++c) {
-      scene.sh[3 * i + c] = static_cast<float>((shown[c] - 0.5) / kShC0);
+      scene.sh[3 * i + c] = static_cast<float>((shown[c] - 0.5) / sh_constant::k0);
     }
   }
 }

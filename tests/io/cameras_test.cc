@@ -153,7 +153,7 @@ TEST_F(CamerasTest, NumbersAreInTheirRanges) {
   refused(text("0", "50", R"(, "time_offset": 1e300)"), "time_offset is 1e+300");
   refused(text("0", "50", R"(, "distortion": [1e30, 1e30, 1e30, 1e30])"), "distortion is 1e+30");
   refused(text("0", "50", R"(, "distortion": [0, 0, 1e30])"), "distortion is 1e+30");
-  // JSON has no NaN; a number that is none and one that no double holds are errors of the text.
+  // JSON has no NaN: it and a number beyond the range of double are errors of the text.
   EXPECT_EQ(status("cameras.json", text("NaN", "50", ""), &message), L4D_ERR_CORRUPT);
   EXPECT_EQ(status("cameras.json", text("1e999", "50", ""), &message), L4D_ERR_CORRUPT);
 }

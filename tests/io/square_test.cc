@@ -90,7 +90,7 @@ TEST(Square, EveryEffectAloneIsSound) {
   }
 }
 
-// Of the drops alone: each falls as its speed says. Of all: no speed is out of this world.
+// Drops and balls are the fastest: metres per second.
 TEST(Square, VelocitiesAreThoseOfThings) {
   const Scene scene = square(20000, {"rigid", "deform", "drops"});
   double fastest = 0;
