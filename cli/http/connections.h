@@ -12,8 +12,8 @@ namespace l4d::cli {
 // can take any address of it, so what tells them apart is whether they have shown the token:
 // strangers have fewer connections and less time. Where there are too many, the one that keeps the
 // server waiting for longest makes room, and strangers do before others.
-// For any thread. Ending a connection is shutting its socket down: whoever reads or writes it
-// notices, and then calls end().
+// For any thread. To end a connection is to shut its socket down: the thread that reads or writes
+// it notices, and then calls end().
 class Connections {
  public:
   static constexpr size_t kMost = 192;          // in all; browsers keep six open
@@ -21,7 +21,7 @@ class Connections {
   using Seconds = std::chrono::seconds;
   // From the begin of the connection, or the end of the last answer, to a whole request.
   static constexpr Seconds kStranger{10};
-  static constexpr Seconds kIdle{60};    // likewise, of those who have shown the token
+  static constexpr Seconds kIdle{60};    // likewise, of clients that have shown the token
   static constexpr Seconds kTaking{60};  // to take a piece of an answer, of at most 16 KiB
   using Clock = std::chrono::steady_clock;
 
