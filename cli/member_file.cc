@@ -307,12 +307,39 @@ l4d_status MemberWriter::add(const l4d_reader& stream, const l4d_member_paramete
   const l4d_status status = l4d_copy_member(&stream, &options, &parameters, &to, nullptr);
   check_interrupt();
   if (error_ != 0) fail("write", error_);
-  if (status == L4D_OK) ++count_;
-  if (status == L4D_OK || bytes_ == before) return status;
-  // What follows overwrites it, and finish() copies no more than bytes_.
-  bytes_ = before;
-  if (std::fseek(file_.get(), static_cast<long>(before), SEEK_SET) != 0) fail("write", errno);
+  if (status == L4D_OK) {
+    last_begin_ = before;
+    ++count_;
+  } else {
+    take_back(before);
+  }
   return status;
+}
+
+// What follows overwrites what lies behind, and finish() copies no more than bytes_.
+void MemberWriter::take_back(uint64_t bytes) {
+  if (bytes == bytes_) return;
+  bytes_ = bytes;
+  if (std::fseek(file_.get(), static_cast<long>(bytes), SEEK_SET) != 0) fail("write", errno);
+}
+
+bool MemberWriter::prove_last(std::string* why) {
+  const MemberFile made = written();
+  const l4d_reader stream = made.reader(count_ - 1);
+  l4d_decoder_options options = options_;
+  options.accept_needs = 1;
+  const auto keep_first = [](void* user, const l4d_violation* v) {
+    auto& first = *static_cast<std::string*>(user);
+    if (first.empty()) first = std::string(v->clause) + ": " + v->message;
+  };
+  uint64_t violations = 0;
+  const l4d_status status = l4d_validate(&stream, &options, keep_first, why, &violations);
+  check_interrupt();
+  if (status == L4D_OK && violations == 0) return true;
+  if (why->empty()) *why = l4d_last_error_message();
+  take_back(last_begin_);
+  --count_;
+  return false;
 }
 
 MemberFile MemberWriter::written() {

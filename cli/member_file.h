@@ -96,6 +96,9 @@ class MemberWriter {
                  bool tolerant = false);
   // Of the member that was added last.
   uint64_t last_num_gaussians();
+  // Decodes the member that was added last and checks all rules of the format. If it breaks one, it
+  // is taken back and *why receives the rule.
+  bool prove_last(std::string* why);
   // Of all members added.
   void add_index();
   // Copies the file to where an output belongs. Returns its size.
@@ -106,13 +109,15 @@ class MemberWriter {
   [[noreturn]] void fail(const char* action, int error) const;
   l4d_writer writer();
   MemberFile written();
+  void take_back(uint64_t bytes);
 
   const Context& context_;
   l4d_decoder_options options_;
   io::FileHandle file_;
   uint64_t bytes_ = 0;
-  size_t count_ = 0;  // of members
-  int error_ = 0;     // errno of a write that failed
+  uint64_t last_begin_ = 0;  // where the member begins that was added last
+  size_t count_ = 0;         // of members
+  int error_ = 0;            // errno of a write that failed
 };
 
 l4d_member_parameters parameters_of(const MemberInfo& member);

@@ -53,7 +53,8 @@ struct Repaired {
 
 enum class Kept { kWhole, kInPart, kNot };
 
-// Copies a member, and if bytes of it are wrong, the pages that are right. *why: what is wrong.
+// Copies a member, and if bytes of it are wrong, the pages that are right; keeps it if the copy
+// breaks no rule. *why: what is wrong.
 Kept copy_member(const std::string& name, const MemberFile& file, size_t index,
                  const l4d_member_parameters& parameters, MemberWriter& writer, std::string* why) {
   const auto is_right = [&](l4d_status status) {
@@ -66,8 +67,16 @@ Kept copy_member(const std::string& name, const MemberFile& file, size_t index,
   l4d_reader reader;
   l4d_reader_init(&reader);
   if (!is_right(file.find_reader(index, &reader))) return Kept::kNot;
-  if (is_right(writer.add(reader, parameters))) return Kept::kWhole;
-  return is_right(writer.add(reader, parameters, true)) ? Kept::kInPart : Kept::kNot;
+  Kept kept = Kept::kWhole;
+  if (!is_right(writer.add(reader, parameters))) {
+    if (!is_right(writer.add(reader, parameters, true))) return Kept::kNot;
+    kept = Kept::kInPart;
+  }
+  // Right checksums say nothing of what a broken writer put under them.
+  std::string broken;
+  if (writer.prove_last(&broken)) return kept;
+  *why = broken;
+  return Kept::kNot;
 }
 
 // Copies every member of which pages are right. Those that need a member which is left out show
@@ -178,7 +187,8 @@ void add_repair(Registry& registry) {
   verb->footer(
       "For recordings that broke off, or that still grow: every member is kept, but for pages of\n"
       "which bytes are wrong, and without those that it needs if nothing of these is right. Pages\n"
-      "of which only SH detail is wrong are kept in base colours. The input stays as it is.\n"
+      "of which only SH detail is wrong are kept in base colours. What is kept decodes and breaks\n"
+      "no rule of the format: a member that does is left out. The input stays as it is.\n"
       "Exit code: 0 where a member is kept, whatever is left out (`dropped`, `partial`,\n"
       "`incomplete` and `rest_bytes` of --json); 4 where nothing is right.");
 }
