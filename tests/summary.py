@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The last line of a test run: adds up what ctest wrote with --output-junit.
 
-    summary.py FILE...      prints "1240 passed, 0 failed, 12 skipped", what failed above it
+    summary.py FILE...      prints "1240 passed, 0 failed, 12 skipped", above it what failed, and above
+                            that the tests that took longest
     summary.py --self-test
 
 Exit status 1 where a test failed or could not be run, or where a file says nothing."""
@@ -24,10 +25,22 @@ def outcome(case):
     return "skipped" if status == "notrun" and by_its_own_word else "failed"
 
 
+MOST_SLOW = 20
+
+
+def print_slowest(cases, out):
+    """The tests that took longest: (name, seconds)."""
+    slow = sorted(cases, key=lambda case: -case[1])[:MOST_SLOW]
+    print(f"the {len(slow)} slowest tests, in seconds:", file=out)
+    for name, seconds in slow:
+        print(f"  {seconds:7.1f}  {name}", file=out)
+
+
 def summarise(paths, out):
     """Prints to `out`; whether nothing failed."""
     count = {"passed": 0, "failed": 0, "skipped": 0}
     failures = []
+    times = []
     for path in paths:
         try:
             cases = list(ElementTree.parse(path).getroot().iter("testcase"))
@@ -38,8 +51,10 @@ def summarise(paths, out):
         for case in cases:
             result = outcome(case)
             count[result] += 1
+            times.append((f"{pathlib.Path(path).name}: {case.get('name')}", float(case.get("time", 0))))
             if result == "failed":
                 failures.append(f"{pathlib.Path(path).name}: {case.get('name')}")
+    print_slowest(times, out)
     for failure in failures:
         print("failed: " + failure, file=out)
     print(", ".join(f"{n} {what}" for what, n in count.items()), file=out)
