@@ -362,6 +362,9 @@ TEST(Captures, Dnerf) {
   write("test", {4});
   CaptureOptions options;
   options.seconds = 2;
+  // The images lie in another folder.
+  expect_error(folder / "transforms_train.json", options, L4D_ERR_INVALID_ARGUMENT, {"--any-path"});
+  options.any_path = true;
   const Capture capture = read_capture(folder / "transforms_train.json", options);
   EXPECT_EQ(capture.layout, "dnerf");
   EXPECT_EQ(capture.cameras.size(), 4U);

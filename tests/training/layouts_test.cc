@@ -272,6 +272,7 @@ CaptureOptions options_of(const Layout& layout) {
   CaptureOptions options;
   options.test = layout == "dnerf" || layout == "hypernerf" ? "" : "0";
   options.fps = 10;
+  options.any_path = layout == "dnerf";  // write_dnerf() names images by absolute paths
   return options;
 }
 
