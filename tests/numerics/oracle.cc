@@ -51,9 +51,6 @@ double min_size(const TestScene& s) {
   return extent / 4000;
 }
 
-namespace {
-
-// Errors of colours: of the mean over directions, and the most that the rest can add in any.
 void add_colors(const TestScene& scene, size_t i, const GaussianArrays& a, size_t j, Worst* worst) {
   const size_t n = (scene.sh_degree + 1) * (scene.sh_degree + 1);
   const double pi = std::acos(-1.0);
@@ -82,8 +79,6 @@ void add_colors(const TestScene& scene, size_t i, const GaussianArrays& a, size_
   worst->base_color = std::max(worst->base_color, base / largest);
   worst->directional_color = std::max(worst->directional_color, directional / largest);
 }
-
-}  // namespace
 
 Worst worst_errors(const TestScene& scene, const Encoded& e, double own_min_size) {
   const GaussianArrays a = decode(e.bytes, all_query());

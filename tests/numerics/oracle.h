@@ -35,6 +35,12 @@ Seen seen_of(const float* position, double mean, const float* log_scale, const f
 // the scene, and a quarter.
 double min_size(const test::TestScene& scene);
 
+// Adds the errors of the colours of Gaussian i of the scene, decoded as Gaussian j: of the mean
+// over directions, and the most that the rest can add in any direction. In colour units, or in
+// parts of the largest colour if that is above 1.
+void add_colors(const test::TestScene& scene, size_t i, const GaussianArrays& decoded, size_t j,
+                Worst* worst);
+
 // own_min_size: of all Gaussians, scene units.
 Worst worst_errors(const test::TestScene& scene, const test::Encoded& encoded,
                    double own_min_size = 0);
