@@ -94,8 +94,8 @@ void print_row(const std::string& name, const WeightedScene& scene, const char* 
 }  // namespace
 
 int main(int argc, char** argv) {
-  std::vector<const char*> presets(argv + 1, argv + argc);
-  if (presets.empty()) presets = {"default", "archive"};
+  using Names = std::vector<const char*>;
+  const Names presets = argc > 1 ? Names(argv + 1, argv + argc) : Names{"default", "archive"};
   struct Row {
     const char* name;
     double seconds, sigma;
