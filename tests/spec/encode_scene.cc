@@ -5,6 +5,7 @@
 #include <cstring>
 #include <vector>
 
+#include "l4d/decode.h"
 #include "l4d/encode.h"
 
 int main(int argc, char** argv) {
