@@ -100,17 +100,22 @@ Status check_bounds(const GaussianErrors& worst, const ErrorBounds& bounds) {
   const struct {
     const char* parameter;
     double error, bound, none;
-  } rows[] = {{"max-position-error", worst.position, bounds.position, 0},
-              {"max-covariance-factor", worst.covariance, bounds.covariance, 1},
-              {"max-opacity-error", worst.opacity, bounds.opacity, 0},
-              {"max-visible-error", worst.visible, bounds.visible, 0}};
+    const char* way_out;
+  } rows[] = {
+      {"max-position-error", worst.position, bounds.position, 0, "move the scene nearer to 0"},
+      {"max-covariance-factor", worst.covariance, bounds.covariance, 1,
+       "move the scene nearer to 0"},
+      {"max-opacity-error", worst.opacity, bounds.opacity, 0,
+       "set opacity-bits to 0, which is as many as the bound needs"},
+      {"max-visible-error", worst.visible, bounds.visible, 0, "move the scene nearer to 0"}};
   for (const auto& row : rows) {
     if (row.error <= row.bound || !(row.bound > row.none)) continue;
-    char text[240];
-    std::snprintf(text, sizeof text,
-                  "a Gaussian is off by %.6g though it is stored in binary32, and %s is %.6g: move "
-                  "the scene nearer to 0, or set the parameter to %.6g, or to 0 for no bound",
-                  row.error, row.parameter, row.bound, 1.001 * row.error);
+    char text[320];
+    std::snprintf(
+        text, sizeof text,
+        "a Gaussian that is stored as exactly as can be is off by %.6g, and %s is %.6g: %s, or "
+        "set %s to %.6g, or to 0 for no bound",
+        row.error, row.parameter, row.bound, row.way_out, row.parameter, 1.001 * row.error);
     return Status(L4D_ERR_INVALID_SCENE, text);
   }
   return {};

@@ -105,8 +105,8 @@ ErrorBounds declared_bounds(const EncoderScene& scene, const EncoderSettings& se
   b.covariance = settings.get(L4D_ENC_MAX_COVARIANCE_FACTOR);
   b.opacity = settings.get(L4D_ENC_MAX_OPACITY_ERROR);
   b.visible = settings.get(L4D_ENC_MAX_VISIBLE_ERROR);
-  b.base_color = settings.get(L4D_ENC_MAX_BASE_COLOR_ERROR);
-  b.directional_color = settings.get(L4D_ENC_MAX_DIRECTIONAL_COLOR_ERROR);
+  b.base_color = settings.color_bound(L4D_ENC_MAX_BASE_COLOR_ERROR);
+  b.directional_color = settings.color_bound(L4D_ENC_MAX_DIRECTIONAL_COLOR_ERROR);
   b.min_size = scene.extent / kSizesPerExtent;
   return b;
 }

@@ -245,6 +245,7 @@ Status EncoderSettings::set_preset(const char* name) {
   for (const QualityPreset& p : kQualityPresets) {
     if (std::strcmp(name, p.name) != 0) continue;
     fresh.values_[L4D_ENC_QUALITY].fill(p.quality);
+    fresh.preset_quality_ = p.quality;
     fresh.set_bounds(p.position, p.covariance, p.opacity, p.base_color, p.directional_color);
     *this = fresh;
     return {};
@@ -258,6 +259,7 @@ Status EncoderSettings::set_preset(const char* name) {
     fresh.values_[L4D_ENC_CODEBOOK_SIZE][L4D_COMPONENT_SH] = 2048;
     fresh.values_[L4D_ENC_REFINE].fill(2);
     fresh.values_[L4D_ENC_QUALITY].fill(p.quality);
+    fresh.preset_quality_ = p.quality;
     fresh.set_bounds(p.position, p.covariance, p.opacity, p.base_color, p.directional_color);
     *this = fresh;
     return {};
@@ -309,6 +311,12 @@ bool EncoderSettings::codes_half_mean_times() const {
     if (get_int(L4D_ENC_CODING, c) != 0) return false;
   }
   return !codes_fixed_positions();
+}
+
+double EncoderSettings::color_bound(l4d_encoder_parameter id) const {
+  const double below = preset_quality_ - get(L4D_ENC_QUALITY);
+  const bool follows = preset_quality_ > 0 && below > 0 && !was_set_[static_cast<size_t>(id)];
+  return follows ? get(id) * std::pow(10.0, below / 20) : get(id);
 }
 
 bool EncoderSettings::codes_fixed_positions() const {

@@ -43,6 +43,10 @@ class EncoderSettings {
   // What is left out, by what is set and what the weights were measured from.
   Pruning pruning(bool has_alpha_t) const;
 
+  // A bound on colours: at a quality that was set below that of the preset, the bound of the preset
+  // grows as errors do.
+  double color_bound(l4d_encoder_parameter id) const;
+
   // Whether positions are fixed point. The profile of indices has binary16, if it is asked for.
   bool codes_fixed_positions() const;
 
@@ -61,6 +65,7 @@ class EncoderSettings {
   std::array<std::vector<float>, L4D_COMPONENT_COUNT> stages_;
   std::vector<double> tiers_;
   std::array<bool, L4D_ENC_PARAMETER_COUNT> was_set_{};  // since the preset
+  double preset_quality_ = 0;                            // dB; 0 = of no preset
 };
 
 struct ParameterDescription {

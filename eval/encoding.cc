@@ -72,8 +72,8 @@ bool any_component_is(const EncoderHandle& encoder, double coding) {
 
 bool has_quality(const EncoderHandle& encoder) {
   if (get_parameter(encoder, L4D_ENC_LOSSLESS) != 0) return false;
-  return get_parameter(encoder, L4D_ENC_FIXED_POSITIONS) != 0 ||
-         get_parameter(encoder, L4D_ENC_CODEBOOKS_BY_COST) != 0 || any_component_is(encoder, 1) ||
+  // Of codebooks with stages of their own it is the step of positions alone that follows a quality.
+  return get_parameter(encoder, L4D_ENC_CODEBOOKS_BY_COST) != 0 || any_component_is(encoder, 1) ||
          any_component_is(encoder, 2);
 }
 

@@ -45,10 +45,10 @@ L4D_API l4d_status l4d_encoder_set_progress(l4d_encoder* encoder, l4d_progress_f
 
 /* Replaces all parameters by those of a preset. Fails with INVALID_ARGUMENT if there is no preset
  * of that name. l4d_encoder_preset_name(i) returns the i-th name, NULL after the last: "default",
- * "tiny", "small", "large", "archive"   transforms at a quality "indexed", "indexed-small",
- * "indexed-high"  codebooks; packed form: PROFILE 1 "paper-small", "paper-large" settings of the
- * paper's appendix "Compression"; use weights of L4D_SENSITIVITY_SUM "lossless" exact float32 bits;
- * Gaussians are reordered */
+ * "tiny", "small", "large", "archive": transforms at a quality. "indexed", "indexed-small",
+ * "indexed-high": codebooks; with a packed form if L4D_ENC_PROFILE is 1. "paper-small",
+ * "paper-large": settings of the paper's appendix "Compression"; use weights of
+ * L4D_SENSITIVITY_SUM. "lossless": exact float32 bits. Gaussians are reordered. */
 L4D_API l4d_status l4d_encoder_set_preset(l4d_encoder* encoder, const char* name);
 L4D_API const char* l4d_encoder_preset_name(uint32_t index);
 L4D_API const char* l4d_encoder_preset_description(uint32_t index);
@@ -141,7 +141,9 @@ enum {
   /* The next two bound the errors of the colours of every single Gaussian, as the four above bound
    * others; 0 = no bound. Both are in colour units 0..1, or in parts of the largest colour of the
    * original if that is above 1: of the absolute value of a channel at degree 0, with its offset of
-   * 0.5, and of the sum below over the original's own coefficients.
+   * 0.5, and of the sum below over the original's own coefficients. If L4D_ENC_QUALITY is set below
+   * the preset's quality, a bound that was not set is that of the preset times
+   * 10^((preset's quality - quality) / 20).
    *
    * Base colour: the largest difference of a channel at degree 0. 0..1e6 */
   L4D_ENC_MAX_BASE_COLOR_ERROR = 38,

@@ -118,9 +118,12 @@ TEST(StructSize, ResultsStayWithinIt) {
   expect_results_within<l4d_info>(
       l4d_info_init_, [&](void* to) { return l4d_decoder_get_info(d, static_cast<l4d_info*>(to)); },
       offsetof(l4d_info, streamable));
-  expect_results_within<l4d_coding_errors>(l4d_coding_errors_init_, [&](void* to) {
-    return l4d_decoder_get_coding_errors(d, static_cast<l4d_coding_errors*>(to));
-  });
+  expect_results_within<l4d_coding_errors>(
+      l4d_coding_errors_init_,
+      [&](void* to) {
+        return l4d_decoder_get_coding_errors(d, static_cast<l4d_coding_errors*>(to));
+      },
+      offsetof(l4d_coding_errors, colors_stated));
   expect_results_within<l4d_layer_info>(
       l4d_layer_info_init_,
       [&](void* to) { return l4d_decoder_get_layer_info(d, 0, static_cast<l4d_layer_info*>(to)); },
@@ -226,9 +229,12 @@ TEST(StructSize, ScenesAndReports) {
   const EncoderHandle e;
   prepare_encoder(scene, small_options(), e);
   e.encode();
-  expect_results_within<l4d_encode_report>(l4d_encode_report_init_, [&](void* to) {
-    return l4d_encoder_get_report(e.get(), static_cast<l4d_encode_report*>(to));
-  });
+  expect_results_within<l4d_encode_report>(
+      l4d_encode_report_init_,
+      [&](void* to) {
+        return l4d_encoder_get_report(e.get(), static_cast<l4d_encode_report*>(to));
+      },
+      offsetof(l4d_encode_report, max_base_color_error));
   // A struct that ends before the arrays gives none.
   l4d_gaussians g = scene.view();
   g.struct_size = offsetof(l4d_gaussians, sh);

@@ -214,5 +214,19 @@ TEST(Settings, StagesAreChecked) {
   EXPECT_EQ(l4d_encoder_set_stages(e.get(), 0, 1, nullptr), L4D_ERR_INVALID_ARGUMENT);
 }
 
+// A file of few bytes keeps no fine colours.
+TEST(Settings, BoundsOfColoursFollowAQualityBelowThePreset) {
+  EncoderSettings s;
+  ASSERT_TRUE(s.set_preset("default").ok());
+  EXPECT_EQ(s.color_bound(L4D_ENC_MAX_BASE_COLOR_ERROR), 0.05);
+  ASSERT_TRUE(s.set(L4D_ENC_QUALITY, L4D_ALL_COMPONENTS, 50).ok());
+  EXPECT_EQ(s.color_bound(L4D_ENC_MAX_BASE_COLOR_ERROR), 0.05);
+  ASSERT_TRUE(s.set(L4D_ENC_QUALITY, L4D_ALL_COMPONENTS, 24).ok());
+  EXPECT_NEAR(s.color_bound(L4D_ENC_MAX_BASE_COLOR_ERROR), 0.5, 1e-12);
+  EXPECT_NEAR(s.color_bound(L4D_ENC_MAX_DIRECTIONAL_COLOR_ERROR), 5, 1e-12);
+  ASSERT_TRUE(s.set(L4D_ENC_MAX_BASE_COLOR_ERROR, L4D_ALL_COMPONENTS, 0.02).ok());
+  EXPECT_EQ(s.color_bound(L4D_ENC_MAX_BASE_COLOR_ERROR), 0.02);
+}
+
 }  // namespace
 }  // namespace l4d

@@ -61,6 +61,7 @@ ArbitraryScene draw_scene(bool lossy) {
     set(L4D_ENC_GAUGE, 3 - draw(4));
     set(L4D_ENC_CLOSED_LOOP, draw(2));
     set(L4D_ENC_OPACITY_BITS, 16 - draw(16));
+    set(L4D_ENC_MAX_OPACITY_ERROR, 0);  // few bits keep no bound
     set(L4D_ENC_SCALE_FACTOR_BITS, 16 - draw(16));
     set(L4D_ENC_RCQ, draw(3));
     if (draw(2) == 1) out.encode.stages = {{L4D_ALL_COMPONENTS, {1.0f, 0.5f, 0.25f}}};

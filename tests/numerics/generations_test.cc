@@ -35,6 +35,7 @@ TEST(Property, ErrorsAreWithinWhatIsDeclared) {
     drawn.encode.settings.push_back({L4D_ENC_GAUGE, 0});
     drawn.encode.settings.push_back({L4D_ENC_CLOSED_LOOP, 0});
     drawn.encode.settings.push_back({L4D_ENC_ESCAPE_THRESHOLD, 0.5});
+    drawn.encode.settings.push_back({L4D_ENC_FIXED_POSITIONS, 0});  // binary16
     const TestScene scene = drawn.make();
     const std::vector<float> ones(scene.count(), 1.0f);
     for (uint32_t w = L4D_WEIGHT_SH; w <= L4D_WEIGHT_ROTOR_TEMPORAL; ++w) {
@@ -139,6 +140,10 @@ TEST(Property, ASecondGenerationIsStable) {
     drawn.encode.settings.push_back({L4D_ENC_MAX_POSITION_ERROR, 0});
     drawn.encode.settings.push_back({L4D_ENC_MAX_COVARIANCE_FACTOR, 0});
     drawn.encode.settings.push_back({L4D_ENC_MAX_OPACITY_ERROR, 0});
+    drawn.encode.settings.push_back({L4D_ENC_MAX_BASE_COLOR_ERROR, 0});
+    drawn.encode.settings.push_back({L4D_ENC_MAX_DIRECTIONAL_COLOR_ERROR, 0});
+    // The step of fixed positions follows what it finds in the scene.
+    drawn.encode.settings.push_back({L4D_ENC_FIXED_POSITIONS, 0});
     const TestScene first = drawn.make();
     const Encoded a = encode(first, drawn.encode);
     const GaussianArrays decoded_a = decode(a.bytes, all_query());
@@ -163,6 +168,7 @@ TEST(Property, ASecondGenerationIsStable) {
   }));
 }
 
+// With binary16 positions; the step of fixed ones follows what it finds in the scene.
 TEST(Generations, KeepTheirSize) {
   for (const uint64_t count : {uint64_t{2000}, uint64_t{12000}}) {
     SceneOptions options;
@@ -173,7 +179,11 @@ TEST(Generations, KeepTheirSize) {
     o.settings = {{L4D_ENC_CODEBOOK_SIZE, 512},
                   {L4D_ENC_MERGE_COUNT, 400},
                   {L4D_ENC_ZSTD_LEVEL, 3},
-                  {L4D_ENC_CODEBOOKS_BY_COST, 0}};
+                  {L4D_ENC_CODEBOOKS_BY_COST, 0},
+                  // Bounds mend other Gaussians in each generation.
+                  {L4D_ENC_MAX_BASE_COLOR_ERROR, 0},
+                  {L4D_ENC_MAX_DIRECTIONAL_COLOR_ERROR, 0},
+                  {L4D_ENC_FIXED_POSITIONS, 0}};
     double before = 0;
     for (int generation = 0; generation < 3; ++generation) {
       const Encoded e = encode(scene, o);
