@@ -77,9 +77,8 @@ constexpr ParameterDescription kParameters[L4D_ENC_PARAMETER_COUNT] = {
      0, 2, 0, false, true},
     {"max-base-color-error", "of each Gaussian, colour units 0 to 1; 0 = no bound", 0, 1e6, 0.05,
      false, false},
-    {"max-directional-color-error",
-     "of each Gaussian in any direction, colour units 0 to 1; 0 = no bound", 0, 1e6, 0.5, false,
-     false},
+    {"max-directional-color-error", "of each Gaussian in any direction; 0 = no bound", 0, 1e6, 0.5,
+     false, false},
 };
 
 // What each effort sets; docs/accuracy.md has the front of time against quality they were taken
