@@ -2,6 +2,7 @@
 // In builds without device code.
 #include "render/cuda/player/device_player.h"
 #include "render/cuda/scene/device_live.h"
+#include "render/cuda/scene/device_renderer.h"
 
 namespace l4d::render {
 
