@@ -32,8 +32,6 @@ install(TARGETS ${l4d_libraries} ${runtime} EXPORT l4dcodec
   RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
 install(DIRECTORY ${PROJECT_SOURCE_DIR}/include/l4d DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}
   FILES_MATCHING PATTERN "*.h" PATTERN "*.hpp")
-install(FILES ${PROJECT_BINARY_DIR}/include/l4d/export.h
-  DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/l4d)
 if(TARGET l4dcodec_cli)
   install(TARGETS l4dcodec_cli RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
 endif()
@@ -89,7 +87,10 @@ if(BUILD_SHARED_LIBS)
 else()
   set(L4D_PC_REQUIRES "Requires: ${dependencies}")
   set(L4D_PC_LIBS "${runtime}")
-  set(L4D_PC_CFLAGS " -DL4D_STATIC_DEFINE")
+  set(L4D_PC_CFLAGS "")
+  if(WIN32)
+    set(L4D_PC_CFLAGS " -DL4D_STATIC_DEFINE")
+  endif()
 endif()
 # From the folder of the .pc file to the prefix.
 if(IS_ABSOLUTE "${CMAKE_INSTALL_LIBDIR}")

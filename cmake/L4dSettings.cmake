@@ -70,8 +70,7 @@ endif()
 add_library(l4d_settings INTERFACE)
 target_include_directories(l4d_settings INTERFACE
   $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}>
-  $<BUILD_INTERFACE:${L4D_PUBLIC_HEADERS}>
-  $<BUILD_INTERFACE:${PROJECT_BINARY_DIR}/include>)
+  $<BUILD_INTERFACE:${L4D_PUBLIC_HEADERS}>)
 # Contraction off everywhere: one flag for all is simpler to trust than a list of normative files, and
 # code that wants a fused multiply-add says so (hn::MulAdd, std::fma).
 if(MSVC) # no contraction is its default; no test has run with it
@@ -121,6 +120,9 @@ endif()
 if(L4D_OPENMP)
   target_compile_definitions(l4d_settings INTERFACE L4D_OPENMP)
 endif()
-# What turns L4D_API into "export" while the library itself is compiled, or into nothing in a static one.
-target_compile_definitions(l4d_settings INTERFACE
-  $<IF:$<BOOL:${BUILD_SHARED_LIBS}>,l4dcodec_EXPORTS,L4D_STATIC_DEFINE>)
+# L4D_API means "export" while a shared library is compiled, and nothing in a static one. On other
+# systems nothing is defined: builds of both kinds find each other's objects in a compiler cache.
+if(WIN32)
+  target_compile_definitions(l4d_settings INTERFACE
+    $<IF:$<BOOL:${BUILD_SHARED_LIBS}>,L4D_EXPORTS,L4D_STATIC_DEFINE>)
+endif()

@@ -20,7 +20,6 @@ l4d_static_too(l4dcodec
 target_link_libraries(l4dcodec_static PRIVATE PkgConfig::ZSTD PkgConfig::XXHASH)
 target_include_directories(l4dcodec_static PUBLIC
   $<BUILD_INTERFACE:${L4D_PUBLIC_HEADERS}>
-  $<BUILD_INTERFACE:${PROJECT_BINARY_DIR}/include>
   $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>)
 if(TARGET l4dencoder)
   l4d_static_too(l4dencoder $<TARGET_OBJECTS:l4dencoder> $<TARGET_OBJECTS:l4d_encoder>)

@@ -28,7 +28,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "l4d/export.h" /* L4D_API, generated at configuration */
+#include "l4d/export.h"
 
 #ifdef __cplusplus
 extern "C" {

@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
-# usage: run.sh static|shared|both|decoder BUILD_DIR [SOURCE_DIR]
+# usage: run.sh static|shared|both|decoder BUILD_DIR [SOURCE_DIR [OPTION...]]
 # Installs BUILD_DIR into a temporary prefix, moves the tree and uses it where it then lies: the file
 # list, the symbols, the pkg-config files and the CMake package, from C and from C++. With SOURCE_DIR,
-# BUILD_DIR is first made: the libraries alone, of that kind; `both` has shared and static libraries of
+# BUILD_DIR is first made, with OPTION for CMake: the libraries alone, of that kind; `both` has shared and static libraries of
 # one build, and `decoder` is a static build without the encoder and what it needs. L4D_UPDATE_GOLDEN=1 rewrites the lists instead of comparing.
 set -euo pipefail
 
@@ -36,8 +36,7 @@ if [[ $# -ge 3 ]]; then
   [[ $kind != decoder ]] || options=(-DL4D_BUILD_ENCODER=OFF -DL4D_BUILD_RENDER=OFF
     -DCMAKE_DISABLE_FIND_PACKAGE_Eigen3=ON)
   cmake -S "$3" -B "$build" -G Ninja -DCMAKE_BUILD_TYPE=Release "${options[@]}" \
-    -DL4D_BUILD_CLI=OFF -DL4D_BUILD_TESTS=OFF -DL4D_BUILD_BENCH=OFF -DL4D_CUDA=OFF \
-    -DCMAKE_CXX_COMPILER_LAUNCHER="${L4D_COMPILER_LAUNCHER:-}"
+    -DL4D_BUILD_CLI=OFF -DL4D_BUILD_TESTS=OFF -DL4D_BUILD_BENCH=OFF -DL4D_CUDA=OFF "${@:4}"
   cmake --build "$build" -j "$jobs"
 fi
 

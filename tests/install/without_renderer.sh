@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
-# usage: without_renderer.sh BUILD_DIR SOURCE_DIR
-# Builds the tool without the renderer in BUILD_DIR: it encodes, reads and compares; verbs and options
+# usage: without_renderer.sh BUILD_DIR SOURCE_DIR [OPTION...]
+# Builds the tool without the renderer in BUILD_DIR, with OPTION for CMake: it encodes, reads and compares; verbs and options
 # that need images say that there is no renderer, with the exit status of what is unsupported, and
 # write nothing.
 set -euo pipefail
@@ -9,8 +9,7 @@ set -euo pipefail
 build=$1
 jobs=${L4D_JOBS:-$(nproc)}
 cmake -S "$2" -B "$build" -G Ninja -DCMAKE_BUILD_TYPE=Release -DL4D_BUILD_RENDER=OFF \
-  -DL4D_BUILD_CLI=ON -DL4D_BUILD_TESTS=OFF -DL4D_BUILD_BENCH=OFF -DL4D_CUDA=OFF \
-  -DCMAKE_CXX_COMPILER_LAUNCHER="${L4D_COMPILER_LAUNCHER:-}"
+  -DL4D_BUILD_CLI=ON -DL4D_BUILD_TESTS=OFF -DL4D_BUILD_BENCH=OFF -DL4D_CUDA=OFF "${@:3}"
 cmake --build "$build" -j "$jobs"
 tool=$build/bin/l4dcodec
 
