@@ -26,14 +26,14 @@ def decoders(tool):
     yield "library, backend cpu", [*adapter, "--backend", "cpu"]
     yield "library, backend reference", [*adapter, "--backend", "reference"]
     batch = ["--adapter", str(HERE / "adapters" / "batch.py"), "--"]
-    built = Path(tool).resolve().parents[1] / "cross"
+    cross, web = Path(tool).resolve().parents[1] / "cross", HERE.parent / "build" / "wasm"
     for name, command, program in (
-            ("library on aarch64, emulated", ["qemu-aarch64", "-L", "/usr/aarch64-linux-gnu"], "aarch64/build/bin/l4d_answer"),
-            ("library as WebAssembly, in Node", ["node", "--no-experimental-fetch"], "wasm/build/bin/l4d_answer.js")):
-        if (built / program).exists() and shutil.which(command[0]):
-            yield name, [*batch, *command, str(built / program)]
+            ("library on aarch64, emulated", ["qemu-aarch64", "-L", "/usr/aarch64-linux-gnu"], cross / "aarch64/build/bin/l4d_answer"),
+            ("library as WebAssembly, in Node", ["node", "--no-experimental-fetch"], web / "bin/l4d_answer.js")):
+        if program.exists() and shutil.which(command[0]):
+            yield name, [*batch, *command, str(program)]
         else:
-            print(f"{name:<28} not run: {built / program} is made by the tests cross/*")
+            print(f"{name:<28} not run: {program} is made by the tests cross/*")
     yield "reference decoder", ["--adapter", str(HERE / "adapters" / "reference.py"), "--", "reference"]
 
 

@@ -19,7 +19,6 @@ work=$(realpath -m "${2:?}") tool=$(realpath "${3:?}") digest=$(realpath "${4:?}
 here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
 root=$(cd "$here/../.." && pwd)
 sources=${L4D_CROSS_SOURCES:-$root/build/cross-sources}
-data=${L4D_DATA_DIR:-$root/../shared/data}
 jobs=${L4D_JOBS:-$(nproc)}
 
 skip() {
@@ -28,6 +27,7 @@ skip() {
 }
 
 options=(-DCMAKE_TOOLCHAIN_FILE="$here/$target.cmake")
+parts=(-DL4D_BUILD_ENCODER=OFF -DL4D_BUILD_RENDER=OFF)
 case $target in
   aarch64)
     needs=(aarch64-linux-gnu-g++ qemu-aarch64)
@@ -48,6 +48,9 @@ case $target in
     command -v wine64 >/dev/null || emulator=(/usr/lib/wine/wine64)
     needs+=("${emulator[0]}")
     suffix=.exe
+    # Encoder and renderer too.
+    parts=(-DL4D_BUILD_ENCODER=ON -DL4D_BUILD_RENDER=ON -DL4D_BUILD_CLI=OFF -DL4D_BUILD_BENCH=OFF
+      -DEigen3_DIR="${L4D_EIGEN_DIR:-/usr/share/eigen3/cmake}")
     # A home of its own, and no words about what it lacks of a desktop.
     export WINEPREFIX=$work/mingw/wine WINEDEBUG=-all WINEDLLOVERRIDES="mscoree,mshtml=;winemenubuilder.exe=d"
     mkdir -p "$WINEPREFIX"
@@ -82,47 +85,33 @@ quietly() {
 
 mkdir -p "$work/$target"
 log=$work/$target/log
-echo "== dependencies for $target"
-quietly "$log" cmake -S "$here/dependencies" -B "$work/$target/dependencies" -G Ninja \
-  -DCMAKE_BUILD_TYPE=Release -DCMAKE_INSTALL_PREFIX="$prefix" -DSOURCES="$sources" \
-  -DGOOGLETEST=/usr/src/googletest -DFLATBUFFERS=/usr/include/flatbuffers "${options[@]}"
-quietly "$log" cmake --build "$work/$target/dependencies" -j "$jobs" --target install
-echo "== decoder and tests for $target"
-quietly "$log" cmake -S "$root" -B "$work/$target/build" -G Ninja -DCMAKE_BUILD_TYPE=Release \
-  -DL4D_BUILD_ENCODER=OFF -DL4D_BUILD_RENDER=OFF -DL4D_BUILD_TESTS=ON -DL4D_CUDA=OFF \
-  -DGTest_DIR="$prefix/lib/cmake/GTest" -DFLATC="$(command -v flatc)" \
-  -DCMAKE_FIND_ROOT_PATH="$prefix" -DPKG_CONFIG_EXECUTABLE="$(command -v pkg-config)" "${options[@]}"
-quietly "$log" cmake --build "$work/$target/build" -j "$jobs"
-bin=$work/$target/build/bin
-
-# encode SCENE NAME OPTION...: makes streams/NAME.l4d, unless it is newer than the tool.
-encode() {
-  local scene=$1 stream=$work/streams/$2.l4d
-  shift 2
-  [[ $stream -nt $tool && $stream -nt $scene ]] && return
-  "$tool" encode "$scene" "$@" --set prune-weight=-1 -q -f -o "$stream.part.$target"
-  mv "$stream.part.$target" "$stream"
-}
-mkdir -p "$work/streams"
-streams=()
-presets=(default tiny small large archive indexed indexed-small indexed-high paper-small paper-large
-  lossless)
-scene=$work/scene.$target.ply
-"$tool" synth --seconds 4 --fps 30 --gaussians 6000 --seed 3 -q -f -o "$scene"
-# Each target has its own, so that both can be tested at a time.
-for preset in "${presets[@]}"; do
-  encode "$scene" "$target-$preset" --preset "$preset"
-  streams+=("$work/streams/$target-$preset.l4d")
-done
-trained=$data/basketball/basketball.ply
-if [[ -f $trained ]]; then
-  for preset in default small indexed lossless; do
-    encode "$trained" "basketball-$target-$preset" --preset "$preset"
-    streams+=("$work/streams/basketball-$target-$preset.l4d")
-  done
+build=$work/$target/build
+if [[ $target == wasm ]]; then
+  # The objects of l4d.wasm, of the build that web/build.sh makes; tests are added to it.
+  build=$root/build/wasm prefix=$root/build/wasm-prefix
+  export PKG_CONFIG_LIBDIR=$prefix/lib/pkgconfig
+  echo "== l4d.wasm, then tests of its decoder"
+  quietly "$log" "$root/web/build.sh" wasm
+  (cd "$root" && quietly "$log" cmake --preset wasm -DL4D_BUILD_TESTS=ON \
+    -DGTest_DIR="$prefix/lib/cmake/GTest")
+  quietly "$log" cmake --build "$build" -j "$jobs" --target l4d_digest l4d_answer l4d_loops_test
 else
-  echo "SKIPPED: streams of basketball: no $trained"
+  echo "== dependencies for $target"
+  quietly "$log" cmake -S "$here/dependencies" -B "$work/$target/dependencies" -G Ninja \
+    -DCMAKE_BUILD_TYPE=Release -DCMAKE_INSTALL_PREFIX="$prefix" -DSOURCES="$sources" \
+    -DGOOGLETEST=/usr/src/googletest -DFLATBUFFERS=/usr/include/flatbuffers "${options[@]}"
+  quietly "$log" cmake --build "$work/$target/dependencies" -j "$jobs" --target install
+  echo "== decoder and tests for $target"
+  quietly "$log" cmake -S "$root" -B "$build" -G Ninja -DCMAKE_BUILD_TYPE=Release \
+    "${parts[@]}" -DL4D_BUILD_TESTS=ON -DL4D_TESTS_OF_LOOPS=ON -DL4D_CUDA=OFF \
+    -DGTest_DIR="$prefix/lib/cmake/GTest" -DFLATC="$(command -v flatc)" \
+    -DCMAKE_FIND_ROOT_PATH="$prefix" -DPKG_CONFIG_EXECUTABLE="$(command -v pkg-config)" "${options[@]}"
+  quietly "$log" cmake --build "$build" -j "$jobs"
 fi
+bin=$build/bin
+
+"$here/streams.sh" "$work/streams" "$tool"
+mapfile -t streams <"$work/streams/list"
 
 if [[ -n $bench ]]; then
   echo "milliseconds of decoding all, one thread, best of 9"
@@ -135,19 +124,13 @@ if [[ -n $bench ]]; then
 fi
 
 if [[ $target == mingw ]]; then
-  # Encoder and renderer too: files, threads and the whole C API as a program there sees them.
-  echo "== libraries for $target"
-  libraries=$work/$target/libraries
-  quietly "$log" cmake -S "$root" -B "$libraries" -G Ninja -DCMAKE_BUILD_TYPE=Release \
-    -DL4D_BUILD_CLI=OFF -DL4D_BUILD_TESTS=OFF -DL4D_BUILD_BENCH=OFF -DL4D_CUDA=OFF \
-    -DEigen3_DIR="${L4D_EIGEN_DIR:-/usr/share/eigen3/cmake}" -DFLATC="$(command -v flatc)" \
-    -DCMAKE_FIND_ROOT_PATH="$prefix" -DPKG_CONFIG_EXECUTABLE="$(command -v pkg-config)" "${options[@]}"
-  quietly "$log" cmake --build "$libraries" -j "$jobs"
+  # Files, threads and the whole C API as a program there sees them.
+  echo "== programs of the C API for $target"
   for program in end_to_end render_end_to_end; do
     quietly "$log" x86_64-w64-mingw32-gcc-posix -std=c99 -DL4D_STATIC_DEFINE -D__USE_MINGW_ANSI_STDIO=1 \
-      -I "$root/include" -I "$libraries/include" "$root/tests/api/$program.c" -o "$bin/$program.exe" \
-      "$libraries/render/libl4drender.a" "$libraries/api/libl4dencoder.a" \
-      "$libraries/api/libl4dcodec.a" -L "$prefix/lib" -lzstd -lxxhash -lhwy -static -lstdc++
+      -I "$root/include" "$root/tests/api/$program.c" -o "$bin/$program.exe" \
+      "$build/render/libl4drender.a" "$build/api/libl4dencoder.a" \
+      "$build/api/libl4dcodec.a" -L "$prefix/lib" -lzstd -lxxhash -lhwy -static -lstdc++
     (cd "$work/$target" && "${emulator[@]}" "$bin/$program.exe") ||
       { echo "FAIL: $program on $target" >&2; exit 1; }
     echo "$program: passed"
@@ -160,8 +143,8 @@ echo "== digests"
 # Streams that once went wrong, and damaged ones: the same errors everywhere.
 damaged=()
 for i in 1 2 3 4 5 6 7 8; do
-  stream=$work/streams/$target-damaged-$i.l4d
-  cp "$work/streams/$target-default.l4d" "$stream"
+  stream=$work/$target/damaged-$i.l4d
+  cp "$work/streams/default.l4d" "$stream"
   printf '\377' | dd of="$stream" bs=1 seek=$((i * $(stat -c %s "$stream") / 9)) conv=notrunc status=none
   damaged+=("$stream")
 done

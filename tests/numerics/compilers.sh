@@ -3,13 +3,16 @@
 # The decoder as several compilers make it, at the ends of their optimisation, on every SIMD target,
 # number of threads and rounding mode for small numbers: all give the same bytes.
 #
-# usage: compilers.sh BUILD_FOLDER NUMERICS_TEST
-#   BUILD_FOLDER   where l4d_generated.h and export.h are
+# usage: compilers.sh GENERATED NUMERICS_TEST [GCC_O3]
+#   GENERATED      the folder of l4d_generated.h
 #   NUMERICS_TEST  the program that writes the streams
+#   GCC_O3         decode_hash of a build with g++ -O3; without it, one is compiled
+# Where build/clang is (./dev build clang), its library is brought up to date and linked.
 set -euo pipefail
 
-build=${1:?"usage: compilers.sh BUILD_FOLDER NUMERICS_TEST"}
-numerics_test=${2:?"usage: compilers.sh BUILD_FOLDER NUMERICS_TEST"}
+generated=${1:?"usage: compilers.sh GENERATED NUMERICS_TEST [GCC_O3]"}
+numerics_test=${2:?"usage: compilers.sh GENERATED NUMERICS_TEST [GCC_O3]"}
+gcc_o3=${3:-}
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
 
 for compiler in g++ clang++; do
@@ -31,8 +34,7 @@ sources=("$root"/libl4dcodec/{base,container,entropy,quant}/*.cc "$root"/decoder
 for i in "${!sources[@]}"; do
   if [[ ${sources[i]} == *_win32.cc ]]; then unset "sources[i]"; fi
 done
-flags=(-std=c++17 -ffp-contract=off -pthread -DL4D_STATIC_DEFINE -w -I"$root" -I"$root/include"
-  -I"$build/include" -I"$build/generated")
+flags=(-std=c++17 -ffp-contract=off -pthread -w -I"$root" -I"$root/include" -I"$generated")
 libraries=(-lhwy -lzstd -lxxhash)
 
 # compile NAME COMPILER OPTION...
@@ -51,10 +53,20 @@ compile() {
 mkdir "$work/streams"
 "$numerics_test" --streams "$work/streams"
 
-builds=(gcc-O0 gcc-O3 clang-O2)
+builds=(gcc-O0 gcc-O3 clang-O3)
 compile gcc-O0 g++ -O0
-compile gcc-O3 g++ -O3
-compile clang-O2 clang++ -O2
+if [[ -n $gcc_o3 ]]; then
+  ln -s "$gcc_o3" "$work/gcc-O3.bin"
+else
+  compile gcc-O3 g++ -O3
+fi
+if [[ -e $root/build/clang/build.ninja ]]; then
+  cmake --build "$root/build/clang" -j "${L4D_JOBS:-$(nproc)}" --target l4dcodec
+  clang++ -O3 "${flags[@]}" "$root/tests/numerics/compilers/decode_hash.cc" \
+    "$root/build/clang/api/libl4dcodec.a" "${libraries[@]}" -o "$work/clang-O3.bin"
+else
+  compile clang-O3 clang++ -O3
+fi
 
 : >"$work/lines"
 for name in "${builds[@]}"; do
