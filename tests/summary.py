@@ -1,107 +1,245 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""The last line of a test run: adds up what ctest wrote with --output-junit.
+"""The end of a test run: adds up what the tests of build folders have left there.
 
-    summary.py FILE...      prints "1240 passed, 0 failed, 12 skipped", above it what failed, and above
-                            that the tests that took longest
+    summary.py [--seconds FILE] BUILD_DIR...
+                            prints what took longest, what was skipped and why, what failed, and as the last
+                            line "1240 passed, 0 failed, 12 skipped". FILE: lines "SECONDS WHAT" of builds
     summary.py --self-test
 
-Exit status 1 where a test failed or could not be run, or where a file says nothing."""
+BUILD_DIR/results/ctest.xml is what ctest wrote with --output-junit. A test that is a suite of GoogleTest
+(suites.py) counts by its cases: BUILD_DIR/suites/NAME.json names them, and the program wrote their results to
+BUILD_DIR/results/suites/NAME.xml. If it ended before that, its output says how far it came; the cases that
+did not run have failed.
+
+Exit status 1 where a test failed or could not be run, or where a folder has no results."""
+import collections
+import json
 import pathlib
+import re
 import sys
 import tempfile
 import xml.etree.ElementTree as ElementTree
 
+SLOWEST = 20
+Result = collections.namedtuple("Result", "name outcome why")
 
-def outcome(case):
+
+def ctest_outcome(test):
     """ "passed", "failed" or "skipped"; a test whose program is missing has failed."""
-    status = case.get("status")
+    status = test.get("status")
     if status == "run":
         return "passed"
     if status == "disabled":
         return "skipped"
-    skipped = case.find("skipped")
+    skipped = test.find("skipped")
     by_its_own_word = skipped is not None and skipped.get("message", "").startswith("SKIP_")
     return "skipped" if status == "notrun" and by_its_own_word else "failed"
 
 
-MOST_SLOW = 20
+def output_of(test):
+    return test.findtext("system-out") or ""
 
 
-def print_slowest(cases, out):
-    """The tests that took longest: (name, seconds)."""
-    slow = sorted(cases, key=lambda case: -case[1])[:MOST_SLOW]
-    print(f"the {len(slow)} slowest tests, in seconds:", file=out)
-    for name, seconds in slow:
-        print(f"  {seconds:7.1f}  {name}", file=out)
+def skip_reason(output):
+    found = re.search(r"^skipped: *(.*)", output, re.M | re.I)
+    return found[1] if found else ""
 
 
-def summarise(paths, out):
-    """Prints to `out`; whether nothing failed."""
-    count = {"passed": 0, "failed": 0, "skipped": 0}
-    failures = []
-    times = []
-    for path in paths:
-        try:
-            cases = list(ElementTree.parse(path).getroot().iter("testcase"))
-        except (OSError, ElementTree.ParseError):
-            cases = []
-        if not cases:
-            failures.append(f"{path}: no result of any test")
-        for case in cases:
-            result = outcome(case)
-            count[result] += 1
-            times.append((f"{pathlib.Path(path).name}: {case.get('name')}", float(case.get("time", 0))))
-            if result == "failed":
-                failures.append(f"{pathlib.Path(path).name}: {case.get('name')}")
-    print_slowest(times, out)
-    for failure in failures:
-        print("failed: " + failure, file=out)
-    print(", ".join(f"{n} {what}" for what, n in count.items()), file=out)
-    return not failures
+# ---- suites of GoogleTest ------------------------------------------------------------------------------
 
 
-SAMPLE = """<?xml version="1.0" encoding="UTF-8"?>
+def from_xml(path):
+    """Case -> Result of what the program wrote; None where it wrote nothing that can be read."""
+    try:
+        cases = list(ElementTree.parse(path).getroot().iter("testcase"))
+    except (OSError, ElementTree.ParseError):
+        return None
+    results = {}
+    for case in cases:
+        name, skipped = case.get("name") or "set-up or tear-down", case.find("skipped")
+        if case.find("failure") is not None:
+            results[name] = Result(name, "failed", "")
+        elif skipped is not None or case.get("status") == "notrun":
+            reason = "disabled" if skipped is None else skipped.get("message", "").strip().split("\n")[-1]
+            results[name] = Result(name, "skipped", reason)
+        else:
+            results[name] = Result(name, "passed", "")
+    return results
+
+
+def from_output(output, suite):
+    """The same of what it printed before it ended."""
+    words = {"OK": "passed", "FAILED": "failed", "SKIPPED": "skipped"}
+    results = {}
+    for word, name in re.findall(rf"^\[ +(RUN|OK|FAILED|SKIPPED) +\] {re.escape(suite)}\.(\S+?),?(?: .*)?$", output,
+                                 re.M):
+        if word == "RUN":
+            results[name] = Result(name, "failed", "did not end")
+        else:
+            results[name] = Result(name, words[word], "")
+    return results
+
+
+def suite_results(test, known, written):
+    """Of each case of a suite; at least one has failed where ctest says that the program has."""
+    said = from_xml(written)
+    results = from_output(output_of(test), known["suite"]) if said is None else dict(said)
+    for case in known["cases"]:
+        results.setdefault(case, Result(case, "failed", "did not run"))
+    if ctest_outcome(test) != "passed" and not any(r.outcome == "failed" for r in results.values()):
+        results[""] = Result("the program", "failed", "ended in failure after its cases passed")
+    return [r._replace(name=f"{test.get('name')}.{r.name}") for r in results.values()]
+
+
+# ---- all of a folder -----------------------------------------------------------------------------------
+
+
+def read(build):
+    """(seconds and names of tests, results) of a build folder"""
+    try:
+        tests = list(ElementTree.parse(build / "results" / "ctest.xml").getroot().iter("testcase"))
+    except (OSError, ElementTree.ParseError):
+        tests = []
+    results = [] if tests else [Result(str(build), "failed", "no result of any test")]
+    for test in tests:
+        name = test.get("name")
+        known = build / "suites" / f"{name}.json"
+        if known.exists():
+            results += suite_results(test, json.loads(known.read_text(encoding="utf-8")),
+                                     build / "results" / "suites" / f"{name}.xml")
+        else:
+            results.append(Result(name, ctest_outcome(test), skip_reason(output_of(test))))
+    return [(float(test.get("time") or 0), test.get("name")) for test in tests], results
+
+
+def print_times(title, times, out):
+    if times:
+        print(title, file=out)
+        for seconds, name in times:
+            print(f"  {seconds:7.1f} s  {name}", file=out)
+
+
+def print_skipped(skipped, out):
+    by_reason = collections.defaultdict(list)
+    for result in skipped:
+        by_reason[result.why or "no reason given"].append(result.name)
+    for reason, names in sorted(by_reason.items()):
+        more = f" and {len(names) - 1} more" if len(names) > 1 else ""
+        print(f"skipped: {names[0]}{more}: {reason}", file=out)
+
+
+def summarise(builds, seconds, out):
+    """Prints to `out`; whether nothing failed. `seconds`: lines "SECONDS WHAT"."""
+    times, results = [], []
+    for build in map(pathlib.Path, builds):
+        of_tests, of_cases = read(build)
+        times += [(taken, f"{build.name}: {name}") for taken, name in of_tests]
+        results += [r._replace(name=f"{build.name}: {r.name}") for r in of_cases]
+    print_times("Builds and runs", [(float(s), what) for s, what in (line.split(" ", 1) for line in seconds)], out)
+    print_times("Slowest tests", sorted(times, reverse=True)[:SLOWEST], out)
+    print_skipped([r for r in results if r.outcome == "skipped"], out)
+    failed = [r for r in results if r.outcome == "failed"]
+    for result in failed:
+        print(f"failed: {result.name}" + (f": {result.why}" if result.why else ""), file=out)
+    count = collections.Counter(r.outcome for r in results)
+    # A folder without results is no test that failed.
+    count["failed"] -= sum(r.why == "no result of any test" for r in failed)
+    print(", ".join(f"{count[what]} {what}" for what in ("passed", "failed", "skipped")), file=out)
+    return not failed
+
+
+# ---- self-test -----------------------------------------------------------------------------------------
+
+CTEST = """<?xml version="1.0" encoding="UTF-8"?>
 <testsuite name="Linux-c++" tests="5" failures="1" disabled="0" skipped="1">
-<testcase name="a" classname="a" time="0.1" status="run"/>
+<testcase name="a" classname="a" time="0.5" status="run"/>
 <testcase name="b" classname="b" time="0.1" status="notrun">
-<skipped message="SKIP_RETURN_CODE=77"/></testcase>
+<skipped message="SKIP_RETURN_CODE=77"/><system-out>skipped: no wine</system-out></testcase>
 <testcase name="c" classname="c" time="0.1" status="notrun">
 <skipped message="SKIP_REGULAR_EXPRESSION_MATCHED"/></testcase>
 {more}</testsuite>
 """
+SUITE = '<testcase name="io/S" time="2" status="{status}"><system-out>{output}</system-out></testcase>'
+CASES = """<testsuites><testsuite name="S"><testcase name="A" status="run" result="completed"/>
+<testcase name="B/0" status="run" result="skipped"><skipped message="s.cc:3&#x0A;no device"/></testcase>
+{more}</testsuite></testsuites>"""
+PASSES = '<testcase name="C" status="run" result="completed"/>'
+FAILS = '<testcase name="C" status="run" result="completed"><failure message="no"/></testcase>'
+CRASH = """[ RUN      ] S.A
+[       OK ] S.A (0 ms)
+[ RUN      ] S.B/0
+Segmentation fault"""
+
+
+def summary_of(folder, more, cases=None):
+    """(good, lines) of a build folder with CTEST and more, and one suite's results"""
+    import io
+    (folder / "results" / "suites" / "io").mkdir(parents=True)
+    (folder / "suites" / "io").mkdir(parents=True)
+    (folder / "results" / "ctest.xml").write_text(CTEST.format(more=more), encoding="utf-8")
+    (folder / "suites" / "io" / "S.json").write_text(
+        json.dumps({"program": "p", "suite": "S", "cases": ["A", "B/0", "C"]}), encoding="utf-8")
+    if cases is not None:
+        (folder / "results" / "suites" / "io" / "S.xml").write_text(cases, encoding="utf-8")
+    out = io.StringIO()
+    good = summarise([folder], [], out)
+    return good, out.getvalue().splitlines()
 
 
 def self_test():
     import io
-    cases = [("", True, "1 passed, 0 failed, 2 skipped"),
-             ('<testcase name="d" status="disabled"><skipped message="Disabled"/></testcase>', True,
-              "1 passed, 0 failed, 3 skipped"),
-             ('<testcase name="d" status="fail"><failure message=""/></testcase>', False,
-              "1 passed, 1 failed, 2 skipped"),
-             ('<testcase name="d" status="notrun"><skipped message="Unable to find executable"/>'
-              "</testcase>", False, "1 passed, 1 failed, 2 skipped")]
+    test = '<testcase name="d" status="{}">{}</testcase>'
+    disabled, failure = '<skipped message="Disabled"/>', '<failure message=""/>'
+    missing = '<skipped message="Unable to find executable"/>'
+    passes, fails = SUITE.format(status="run", output=""), SUITE.format(status="fail", output="")
+    table = [  # more tests, the suite's results; good, a line, the last line
+        ("", None, True, "skipped: #: b: no wine", "1 passed, 0 failed, 2 skipped"),
+        (test.format("disabled", disabled), None, True, None, "1 passed, 0 failed, 3 skipped"),
+        (test.format("fail", failure), None, False, "failed: #: d", "1 passed, 1 failed, 2 skipped"),
+        (test.format("notrun", missing), None, False, None, "1 passed, 1 failed, 2 skipped"),
+        (passes, CASES.format(more=PASSES), True, "skipped: #: io/S.B/0: no device", "3 passed, 0 failed, 3 skipped"),
+        (fails, CASES.format(more=FAILS), False, "failed: #: io/S.C", "2 passed, 1 failed, 3 skipped"),
+        # Failures that no case has: a leak, a suite that sets up nothing, a case that is missing.
+        (fails, CASES.format(more=PASSES), False,
+         "failed: #: io/S.the program: ended in failure after its cases passed", "3 passed, 1 failed, 3 skipped"),
+        (passes, CASES.format(more=PASSES + FAILS.replace('"C"', '""')), False,
+         "failed: #: io/S.set-up or tear-down", "3 passed, 1 failed, 3 skipped"),
+        (passes, CASES.format(more=""), False, "failed: #: io/S.C: did not run", "2 passed, 1 failed, 3 skipped"),
+        # Crashes, one before the first case; results that were never written, although it passed.
+        (SUITE.format(status="fail", output=CRASH), None, False, "failed: #: io/S.B/0: did not end",
+         "2 passed, 2 failed, 2 skipped"),
+        (SUITE.format(status="fail", output=CRASH), "<testsuites>", False, "failed: #: io/S.C: did not run",
+         "2 passed, 2 failed, 2 skipped"),
+        (fails, None, False, "failed: #: io/S.A: did not run", "1 passed, 3 failed, 2 skipped"),
+        (passes, None, False, "failed: #: io/S.A: did not run", "1 passed, 3 failed, 2 skipped")]
     with tempfile.TemporaryDirectory() as folder:
-        files = []
-        for number, (more, good, line) in enumerate(cases):
-            path = pathlib.Path(folder) / f"{number}.xml"
-            path.write_text(SAMPLE.format(more=more), encoding="utf-8")
-            files.append(path)
-            out = io.StringIO()
-            assert summarise([path], out) == good, more
-            assert out.getvalue().split("\n")[-2] == line, out.getvalue()
+        folder = pathlib.Path(folder)
+        for number, (more, cases, good, line, last) in enumerate(table):
+            got, lines = summary_of(folder / str(number), more, cases)
+            assert (got, lines[-1]) == (good, last), (number, lines)
+            assert line is None or line.replace("#", str(number)) in lines, (number, lines)
         out = io.StringIO()
-        assert not summarise(files, out)
-        assert out.getvalue().endswith("failed: 2.xml: d\nfailed: 3.xml: d\n"
-                                       "4 passed, 2 failed, 9 skipped\n"), out.getvalue()
+        assert not summarise([folder / "2", folder / "4"], ["12.5 build release"], out)
+        lines = out.getvalue().splitlines()
+        assert lines[:4] == ["Builds and runs", "     12.5 s  build release", "Slowest tests", "      2.0 s  4: io/S"]
+        assert lines[-1] == "4 passed, 1 failed, 5 skipped", lines
         out = io.StringIO()
-        assert not summarise([pathlib.Path(folder) / "none.xml"], out), "no file is no success"
-        assert out.getvalue().endswith("0 passed, 0 failed, 0 skipped\n")
+        assert not summarise([folder / "none"], [], out), "no results are no success"
+        assert out.getvalue().endswith("none: no result of any test\n0 passed, 0 failed, 0 skipped\n")
     print("summary: self-test passed")
 
 
-if __name__ == "__main__":
-    if sys.argv[1:] == ["--self-test"]:
+def main(arguments):
+    if arguments == ["--self-test"]:
         self_test()
-    else:
-        sys.exit(0 if summarise(sys.argv[1:], sys.stdout) else 1)
+        return 0
+    seconds = []
+    if arguments[:1] == ["--seconds"]:
+        seconds = pathlib.Path(arguments[1]).read_text(encoding="utf-8").splitlines()
+        arguments = arguments[2:]
+    return 0 if summarise(arguments, seconds, sys.stdout) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
