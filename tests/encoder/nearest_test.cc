@@ -241,6 +241,14 @@ TEST_P(NearestTest, NoPoints) {
   const std::vector<float> codebook(4, 1.0f);
   assign_nearest(nullptr, 0, 4, codebook.data(), 1, 0, nullptr, nullptr, nullptr);
   update_nearest(nullptr, 0, 4, codebook.data(), 1, 0, 0, nullptr, nullptr);
+  // Nothing is written where there is no point.
+  const std::vector<float> point(4, 1.0f);
+  uint32_t label = 7;
+  float sq_dist = 7;
+  assign_nearest(point.data(), 0, 4, codebook.data(), 1, 0, nullptr, &label, &sq_dist);
+  update_nearest(point.data(), 0, 4, codebook.data(), 1, 3, 0, &label, &sq_dist);
+  EXPECT_EQ(label, 7u);
+  EXPECT_EQ(sq_dist, 7);
 }
 
 TEST_P(NearestTest, RealVectors) {

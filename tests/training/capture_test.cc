@@ -97,7 +97,10 @@ TEST(Captures, BadCameras) {
   expect_error(folder, {}, L4D_ERR_CORRUPT, {"camera 4", "\"val\"", "train or test", "--test"});
   CaptureOptions options;
   options.test = "0";
-  EXPECT_NO_THROW(read_capture(folder, options));
+  const Capture chosen = read_capture(folder, options);
+  for (size_t k = 0; k < chosen.cameras.size(); ++k) {
+    EXPECT_EQ(chosen.cameras[k].split, k == 0 ? "test" : "train");
+  }
   expect_error(test::tiny_capture() + "/images", {}, L4D_ERR_FEATURE_UNSUPPORTED, {"layout"});
   expect_error("/nonexistent", {}, L4D_ERR_IO, {"/nonexistent"});
 }

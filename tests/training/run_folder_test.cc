@@ -115,7 +115,7 @@ TEST(RunFolder, ATrainingThatDidNotBeginLeavesNothing) {
   EXPECT_THAT(failure_of(options, &listener, L4D_ERR_INVALID_ARGUMENT),
               HasSubstr("something else"));
   fs::rename(folder / "run/buckets/table.rows", folder / "run/buckets/3-1-8.rows");
-  EXPECT_NO_THROW(train(options, &listener));
+  EXPECT_EQ(train(options, &listener).steps, 4u);
 }
 
 // Throws after some steps, where a step leads to files and reports.
@@ -184,7 +184,9 @@ TEST(RunFolder, TheCaptureOfARunMayMove) {
   EXPECT_THAT(failure_of(options, &listener, L4D_ERR_INVALID_ARGUMENT),
               HasSubstr("--accept-changes"));
   options.accept_changes = true;
-  EXPECT_NO_THROW(train(options, &listener));
+  const RunReport accepted = train(options, &listener);
+  EXPECT_EQ(accepted.steps, 20u);
+  EXPECT_EQ(accepted.settings.capture, std::string(folder / "newer"));
 }
 
 }  // namespace

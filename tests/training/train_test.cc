@@ -210,7 +210,9 @@ TEST(Training, RefusesToReplaceOrMixRuns) {
   }
   options.resume = false;
   options.force = true;
-  EXPECT_NO_THROW(train(options, &listener));
+  const RunReport replaced = train(options, &listener);
+  EXPECT_EQ(replaced.steps, 6u);
+  EXPECT_EQ(replaced.settings.seed, 5u);
 }
 
 // A damaged checkpoint is named, and the one before it is used; without one the error is about it.
