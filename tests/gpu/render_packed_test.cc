@@ -34,7 +34,9 @@ Bytes encode_indexed(const io::Scene& scene, size_t stages, size_t escape_each) 
                 {L4D_ENC_CODEBOOK_SIZE, 64},
                 {L4D_ENC_KMEANS_ITERATIONS, 2},
                 {L4D_ENC_PAGE_SIZE, 700},
-                {L4D_ENC_MERGE_COUNT, 40}};
+                {L4D_ENC_MERGE_COUNT, 40},
+                {L4D_ENC_MAX_BASE_COLOR_ERROR, 1e6},  // so that weights alone make escapes
+                {L4D_ENC_MAX_DIRECTIONAL_COLOR_ERROR, 1e6}};
   const std::vector<float> fractions = {1.0f, 0.6f, 0.4f, 0.2f};
   o.stages = {{L4D_COMPONENT_SH,
                {fractions.begin(), fractions.begin() + static_cast<std::ptrdiff_t>(stages)}}};
