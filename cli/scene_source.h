@@ -9,7 +9,6 @@
 #include "cli/common.h"
 #include "cli/files.h"
 #include "eval/decoded_scene.h"
-#include "io/formats.h"
 
 namespace l4d::cli {
 

@@ -4,9 +4,9 @@
 #include <string>
 #include <vector>
 
-#include "io/formats.h"
 #include "io/ply.h"
 #include "io/rotor_math.h"
+#include "io/scene_ply.h"
 
 namespace l4d::io {
 

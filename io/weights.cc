@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "io/weights.h"
+
 #include <new>
 
-#include "io/formats.h"
 #include "io/ply.h"
 
 namespace l4d::io {

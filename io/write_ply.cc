@@ -4,11 +4,11 @@
 #include <charconv>
 #include <cmath>
 
-#include "io/formats.h"
 #include "io/ply.h"
 #include "io/read_ply.h"
 #include "io/rendering_text.h"
 #include "io/rotor_math.h"
+#include "io/scene_ply.h"
 
 namespace l4d::io {
 namespace {

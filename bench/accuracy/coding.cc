@@ -5,6 +5,7 @@
 #include <ctime>
 
 #include "eval/encoding.h"
+#include "io/weights.h"
 
 namespace l4d::bench {
 namespace {

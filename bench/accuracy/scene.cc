@@ -5,6 +5,8 @@
 #include <cstdlib>
 #include <filesystem>
 
+#include "io/scene_ply.h"
+
 namespace l4d::bench {
 namespace {
 

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "io/cameras.h"
-#include "io/formats.h"
+#include "io/synth/synth.h"
 
 namespace l4d::bench {
 

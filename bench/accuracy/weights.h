@@ -5,6 +5,7 @@
 #include <string>
 
 #include "bench/accuracy/scene.h"
+#include "io/weights.h"
 
 namespace l4d::bench {
 

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "encoder/cuda/device_nearest.h"
-#include "io/formats.h"
+#include "io/synth/synth.h"
 #include "l4d/l4d.hpp"
 #include "libl4dcodec/cuda/device.h"
 

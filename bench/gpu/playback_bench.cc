@@ -19,7 +19,6 @@
 #include <vector>
 
 #include "io/cameras.h"
-#include "io/formats.h"
 #include "l4d/cuda_player.h"
 #include "l4d/l4d.hpp"
 

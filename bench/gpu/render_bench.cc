@@ -20,7 +20,8 @@
 
 #include "bench/gpu/render_timing.h"
 #include "io/cameras.h"
-#include "io/formats.h"
+#include "io/scene_ply.h"
+#include "io/synth/synth.h"
 #include "l4d/cuda.h"
 #include "l4d/cuda_render.h"
 #include "l4d/render.hpp"

@@ -21,7 +21,8 @@
 
 #include "bench/gpu/render_timing.h"
 #include "io/cameras.h"
-#include "io/formats.h"
+#include "io/scene_ply.h"
+#include "io/synth/synth.h"
 #include "l4d/cuda.h"
 #include "l4d/cuda_train.h"
 #include "training/cuda/device_model.h"

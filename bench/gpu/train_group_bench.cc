@@ -17,7 +17,7 @@
 #include <vector>
 
 #include "io/cameras.h"
-#include "io/formats.h"
+#include "io/synth/synth.h"
 #include "l4d/cuda.h"
 #include "l4d/l4d.hpp"
 #include "training/run/settings.h"

@@ -12,7 +12,8 @@
 #include "encoder/kmeans.h"
 #include "encoder/nearest.h"
 #include "encoder/random.h"
-#include "io/formats.h"
+#include "io/scene_ply.h"
+#include "io/weights.h"
 
 namespace l4d {
 namespace {

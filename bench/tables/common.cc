@@ -7,6 +7,8 @@
 #include <filesystem>
 #include <fstream>
 
+#include "io/scene_ply.h"
+
 namespace l4d::bench {
 
 double seconds_now() {

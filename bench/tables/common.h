@@ -6,7 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "io/formats.h"
+#include "io/scene.h"
+#include "io/weights.h"
 #include "l4d/l4d.hpp"
 
 namespace l4d::bench {

@@ -11,6 +11,7 @@
 #include <cstring>
 
 #include "bench/tables/common.h"
+#include "io/synth/synth.h"
 
 namespace {
 

@@ -3,6 +3,7 @@
 #include <cstdio>
 
 #include "bench/tables/common.h"
+#include "io/synth/synth.h"
 
 namespace {
 

@@ -7,6 +7,7 @@
 
 #include "bench/tables/common.h"
 #include "io/cameras.h"
+#include "io/synth/synth.h"
 
 namespace {
 

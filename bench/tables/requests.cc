@@ -10,6 +10,7 @@
 #include <string>
 
 #include "bench/tables/common.h"
+#include "io/synth/synth.h"
 
 namespace {
 

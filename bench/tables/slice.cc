@@ -7,6 +7,7 @@
 #include <cstring>
 
 #include "bench/tables/common.h"
+#include "io/synth/synth.h"
 #include "l4d/render.hpp"
 
 namespace {

@@ -9,6 +9,7 @@
 #include <string>
 
 #include "bench/tables/common.h"
+#include "io/synth/synth.h"
 #include "libl4dcodec/scene/slice.h"
 
 namespace {

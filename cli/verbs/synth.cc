@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "io/synth/synth.h"
+
 #include <algorithm>
 #include <array>
 #include <memory>
@@ -8,7 +10,7 @@
 #include "cli/scene_source.h"
 #include "cli/text/progress.h"
 #include "cli/text/units.h"
-#include "io/formats.h"
+#include "io/scene_ply.h"
 
 namespace l4d::cli {
 namespace {

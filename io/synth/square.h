@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "io/formats.h"
 #include "io/rotor_math.h"
+#include "io/synth/synth.h"
 
 namespace l4d::io::synth {
 

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "io/synth/synth.h"
+
 #include <algorithm>
 #include <array>
 #include <cmath>
 
-#include "io/formats.h"
 #include "io/read_ply.h"
 #include "io/synth/cloud.h"
 #include "io/synth/sh_basis.h"

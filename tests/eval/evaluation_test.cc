@@ -8,7 +8,7 @@
 #include "eval/comparison.h"
 #include "eval/encoding.h"
 #include "eval/target.h"
-#include "io/formats.h"
+#include "io/synth/synth.h"
 
 namespace l4d::eval {
 namespace {

@@ -3,7 +3,7 @@
 
 #include "eval/fidelity_meter.h"
 #include "eval/image_comparison.h"
-#include "io/formats.h"
+#include "io/synth/synth.h"
 
 namespace l4d::eval {
 namespace {

@@ -8,7 +8,7 @@
 
 #include "eval/rendered_scene.h"
 #include "eval/views.h"
-#include "io/formats.h"
+#include "io/synth/synth.h"
 #include "l4d/l4d.hpp"
 
 namespace l4d::eval {

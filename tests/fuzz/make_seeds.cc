@@ -7,8 +7,10 @@
 #include <fstream>
 #include <string>
 
-#include "io/formats.h"
 #include "io/image.h"
+#include "io/scene_ply.h"
+#include "io/synth/synth.h"
+#include "io/weights.h"
 #include "l4d/members.h"
 #include "libl4dcodec/container/directory.h"
 #include "libl4dcodec/container/file_header.h"

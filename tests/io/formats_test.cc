@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "io/formats.h"
-
 #include <cmath>
 #include <cstring>
 
 #include "io/read_ply.h"
+#include "io/scene_ply.h"
 #include "tests/io/support.h"
 
 namespace l4d::io {

@@ -4,6 +4,7 @@
 
 #include "io/cameras.h"
 #include "io/rotor_math.h"
+#include "io/synth/synth.h"
 #include "tests/io/support.h"
 
 namespace l4d::io {

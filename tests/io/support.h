@@ -14,8 +14,8 @@
 #include <vector>
 
 #include "io/file.h"
-#include "io/formats.h"
 #include "io/rotor_math.h"
+#include "io/scene.h"
 #include "tests/math/reference.h"
 
 namespace l4d::io::test {

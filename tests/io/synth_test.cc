@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "io/synth/synth.h"
+
 #include <algorithm>
 #include <cmath>
 #include <numeric>

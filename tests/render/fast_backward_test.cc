@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "io/cameras.h"
+#include "io/scene_ply.h"
 #include "render/cpu/fast/fast.h"
 #include "render/cpu/reference.h"
 #include "render/frame/scene.h"

@@ -13,7 +13,7 @@
 #include <string>
 #include <vector>
 
-#include "io/formats.h"
+#include "io/synth/synth.h"
 #include "l4d/render.hpp"
 #include "tests/common/random.h"
 

@@ -11,7 +11,7 @@
 #include <random>
 #include <string>
 
-#include "io/formats.h"
+#include "io/synth/synth.h"
 #include "training/run/render_capture.h"
 #include "training/run/run.h"
 

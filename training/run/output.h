@@ -4,7 +4,7 @@
 #include <functional>
 #include <string>
 
-#include "io/formats.h"
+#include "io/weights.h"
 #include "l4d/l4d.hpp"
 #include "training/images/loader.h"
 #include "training/model/state.h"

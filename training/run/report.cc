@@ -7,7 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "io/file.h"
-#include "io/formats.h"
+#include "io/scene_ply.h"
 #include "training/capture/capture_hash.h"
 #include "training/run/checkpoint.h"
 #include "training/run/output.h"

@@ -8,6 +8,7 @@
 #include <system_error>
 
 #include "io/file.h"
+#include "io/scene_ply.h"
 #include "l4d/render.hpp"
 #include "training/capture/capture_hash.h"
 #include "training/init/start.h"
