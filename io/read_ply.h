@@ -27,10 +27,6 @@ double comment_number(const PlyReader& reader, const char* key, double fallback)
 // it.
 void set_fps_from_comment(const PlyReader& reader, l4d_timeline& timeline);
 
-// The fraction meant by a decimal frame rate: 30 is 30/1, 29.97 is 30000/1001.
-void set_fps(l4d_timeline& timeline, double fps);
-// Sets the number of frames nearest to `seconds`; throws where the format cannot hold it.
-void set_duration(l4d_timeline& timeline, double seconds);
 // Timeline of a format whose file says nothing about time; notes what was assumed.
 void set_default_timeline(Scene& scene, const ImportOptions& options);
 // Placement, rendering and presentation from the l4d_* comments.

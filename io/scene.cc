@@ -73,4 +73,44 @@ double logit(double opacity) {
   return std::clamp(std::log(opacity / (1 - opacity)), kMinLogit, kMaxLogit);
 }
 
+void set_fps(l4d_timeline& timeline, double fps) {
+  if (!(fps > 0 && fps <= 1e6)) {
+    throw Error(L4D_ERR_INVALID_ARGUMENT, "a frame rate must be above 0 and at most 1000000");
+  }
+  // The NTSC family first: 29.97 means 30000/1001, not 2997/100.
+  const double ntsc = std::round(fps * 1.001);
+  if (fps != std::round(fps) && std::abs(fps * 1.001 - ntsc) <= 5e-6 * ntsc) {
+    timeline.fps_num = static_cast<uint32_t>(ntsc) * 1000;
+    timeline.fps_den = 1001;
+    return;
+  }
+  // Continued fraction: the convergents are the simplest fractions for their accuracy.
+  double x = fps;
+  uint64_t num = 1, den = 0, last_num = 0, last_den = 1;
+  for (int step = 0; step < 32; ++step) {
+    const double whole = std::floor(x);
+    if (whole > 4e9) break;
+    const uint64_t next_num = static_cast<uint64_t>(whole) * num + last_num;
+    const uint64_t next_den = static_cast<uint64_t>(whole) * den + last_den;
+    if (next_num > UINT32_MAX || next_den > UINT32_MAX) break;
+    last_num = num, last_den = den;
+    num = next_num, den = next_den;
+    const double error = static_cast<double>(num) / static_cast<double>(den) - fps;
+    if (std::abs(error) <= 1e-12 * fps || x == whole) break;
+    x = 1 / (x - whole);
+  }
+  timeline.fps_num = static_cast<uint32_t>(std::max<uint64_t>(num, 1));
+  timeline.fps_den = static_cast<uint32_t>(den);
+}
+
+void set_duration(l4d_timeline& timeline, double seconds) {
+  const double frames = std::round(seconds * static_cast<double>(timeline.fps_num) /
+                                   static_cast<double>(timeline.fps_den));
+  if (!(seconds > 0)) throw Error(L4D_ERR_INVALID_ARGUMENT, "a duration must be above 0 seconds");
+  if (!(frames <= L4D_MAX_FRAMES)) {
+    throw Error(L4D_ERR_INVALID_ARGUMENT, "the sequence has more than 2^24 frames");
+  }
+  timeline.num_frames = static_cast<uint32_t>(std::max(frames, 1.0));
+}
+
 }  // namespace l4d::io

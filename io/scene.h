@@ -45,6 +45,10 @@ struct Scene : AttributeArrays {
 
 // Seconds.
 inline double duration(const l4d_timeline& timeline) { return sequence_duration(timeline); }
+// The fraction meant by a decimal frame rate: 30 is 30/1, 29.97 is 30000/1001.
+void set_fps(l4d_timeline& timeline, double fps);
+// Sets the number of frames nearest to `seconds`; throws where the format cannot hold it.
+void set_duration(l4d_timeline& timeline, double seconds);
 
 // Converts in double precision between the two meanings of `position` and of `opacity`; no-ops
 // where the scene already has that meaning.

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "io/read_ply.h"
 #include "io/synth/place.h"
 #include "libl4dcodec/base/threads.h"
 #include "libl4dcodec/scene/sh.h"

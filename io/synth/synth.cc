@@ -5,7 +5,6 @@
 #include <array>
 #include <cmath>
 
-#include "io/read_ply.h"
 #include "io/synth/cloud.h"
 #include "io/synth/sh_basis.h"
 #include "io/synth/square.h"

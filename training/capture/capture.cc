@@ -7,7 +7,7 @@
 #include <filesystem>
 #include <set>
 
-#include "io/read_ply.h"
+#include "io/scene.h"
 #include "io/video.h"
 
 namespace l4d::train {
