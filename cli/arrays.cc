@@ -8,7 +8,7 @@
 #include <numeric>
 
 #include "cli/text/units.h"
-#include "io/file.h"
+#include "io/file/file.h"
 
 namespace l4d::cli {
 namespace {

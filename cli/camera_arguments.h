@@ -8,7 +8,7 @@
 
 #include "cli/common.h"
 #include "eval/views.h"
-#include "io/cameras.h"
+#include "io/camera/cameras.h"
 
 namespace l4d::cli {
 

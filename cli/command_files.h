@@ -4,7 +4,7 @@
 #include <map>
 #include <string>
 
-#include "io/file.h"
+#include "io/file/file.h"
 
 namespace l4d::cli {
 

@@ -13,8 +13,8 @@
 #include "cli/options.h"
 #include "cli/process_group.h"
 #include "cli/text/json.h"
-#include "io/memory.h"
-#include "io/scene.h"
+#include "io/file/memory.h"
+#include "io/scene/scene.h"
 #include "l4d/l4d.hpp"
 
 namespace l4d::cli {

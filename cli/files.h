@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "cli/common.h"
-#include "io/file.h"
+#include "io/file/file.h"
 
 namespace l4d::cli {
 

@@ -10,7 +10,7 @@
 #include "cli/text/progress.h"
 #include "cli/text/units.h"
 #include "eval/decoded_scene.h"
-#include "io/file.h"
+#include "io/file/file.h"
 
 namespace l4d::cli {
 

@@ -9,7 +9,7 @@
 
 #include "cli/common.h"
 #include "cli/text/progress.h"
-#include "io/file.h"
+#include "io/file/file.h"
 
 namespace l4d::cli {
 namespace {

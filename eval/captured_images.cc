@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <map>
 
-#include "io/video.h"
+#include "io/image/video.h"
 
 namespace l4d::eval {
 namespace {

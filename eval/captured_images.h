@@ -8,7 +8,7 @@
 
 #include "eval/observer.h"
 #include "eval/views.h"
-#include "io/image.h"
+#include "io/image/image.h"
 
 namespace l4d::eval {
 

@@ -4,8 +4,8 @@
 #include <memory>
 #include <vector>
 
-#include "io/memory.h"
-#include "io/scene.h"
+#include "io/file/memory.h"
+#include "io/scene/scene.h"
 #include "l4d/l4d.hpp"
 
 namespace l4d::eval {

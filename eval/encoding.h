@@ -8,7 +8,7 @@
 
 #include "eval/comparison.h"
 #include "eval/observer.h"
-#include "io/memory.h"
+#include "io/file/memory.h"
 #include "l4d/l4d.hpp"
 
 namespace l4d::eval {

@@ -4,7 +4,7 @@
 #include <new>
 #include <string>
 
-#include "io/scene.h"
+#include "io/scene/scene.h"
 #include "l4d/l4d.hpp"
 
 namespace l4d::eval {

@@ -8,8 +8,8 @@
 #include "eval/observer.h"
 #include "eval/rendered_scene.h"
 #include "eval/views.h"
-#include "io/image.h"
-#include "io/metrics.h"
+#include "io/image/image.h"
+#include "io/image/metrics.h"
 
 namespace l4d::eval {
 

@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "eval/lpips_stages.h"
-#include "io/safetensors.h"
+#include "io/file/safetensors.h"
 
 namespace l4d::eval {
 namespace {

@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "io/file.h"
-#include "io/image.h"
+#include "io/file/file.h"
+#include "io/image/image.h"
 
 namespace l4d::eval {
 

@@ -4,8 +4,8 @@
 #include <cstdint>
 #include <vector>
 
-#include "io/cameras.h"
-#include "io/scene.h"
+#include "io/camera/cameras.h"
+#include "io/scene/scene.h"
 
 namespace l4d::eval {
 

@@ -4,8 +4,8 @@
 #include <array>
 #include <cstddef>
 
-#include "io/rotor_math.h"
-#include "io/scene.h"
+#include "io/scene/rotor_math.h"
+#include "io/scene/scene.h"
 #include "libl4dcodec/scene/window.h"
 
 namespace l4d::eval {

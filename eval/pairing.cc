@@ -9,7 +9,7 @@
 #include "eval/motion.h"
 #include "eval/nearest.h"
 #include "eval/parallel.h"
-#include "io/file.h"
+#include "io/file/file.h"
 #include "libl4dcodec/scene/slice.h"
 
 namespace l4d::eval {

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "eval/observer.h"
-#include "io/scene.h"
+#include "io/scene/scene.h"
 
 namespace l4d::eval {
 

@@ -9,9 +9,9 @@
 #include <vector>
 
 #include "eval/shown_members.h"
-#include "io/image.h"
-#include "io/memory.h"
-#include "io/scene.h"
+#include "io/file/memory.h"
+#include "io/image/image.h"
+#include "io/scene/scene.h"
 #include "l4d/render.hpp"
 
 namespace l4d::eval {

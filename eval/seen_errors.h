@@ -2,7 +2,7 @@
 #pragma once
 
 #include "eval/motion.h"
-#include "io/scene.h"
+#include "io/scene/scene.h"
 
 namespace l4d::eval {
 

@@ -7,7 +7,7 @@
 
 #include "eval/decoded_scene.h"
 #include "eval/errors.h"
-#include "io/scene.h"
+#include "io/scene/scene.h"
 
 namespace l4d::eval {
 namespace {

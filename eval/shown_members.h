@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "io/memory.h"
+#include "io/file/memory.h"
 #include "l4d/l4d.hpp"
 #include "l4d/members.h"
 

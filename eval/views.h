@@ -4,8 +4,8 @@
 #include <vector>
 
 #include "eval/shown_members.h"
-#include "io/cameras.h"
-#include "io/scene.h"
+#include "io/camera/cameras.h"
+#include "io/scene/scene.h"
 #include "l4d/l4d.hpp"
 
 namespace l4d::eval {

@@ -2,7 +2,7 @@
 // Table 4 of the paper: what each part of its compression brings.
 #include "bench/accuracy/cov4d.h"
 #include "bench/accuracy/sections.h"
-#include "io/weights.h"
+#include "io/ply/weights.h"
 
 namespace l4d::bench {
 namespace {

@@ -12,7 +12,7 @@
 #include "bench/accuracy/coding.h"
 #include "bench/accuracy/judge.h"
 #include "bench/accuracy/weights.h"
-#include "io/weights.h"
+#include "io/ply/weights.h"
 
 namespace l4d::bench {
 

@@ -5,7 +5,7 @@
 #include <ctime>
 
 #include "eval/encoding.h"
-#include "io/weights.h"
+#include "io/ply/weights.h"
 
 namespace l4d::bench {
 namespace {

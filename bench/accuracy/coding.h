@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "bench/accuracy/scene.h"
-#include "io/weights.h"
+#include "io/ply/weights.h"
 #include "l4d/l4d.hpp"
 #include "l4d/render.h"
 

@@ -8,7 +8,7 @@
 #include <limits>
 #include <random>
 
-#include "io/rotor_math.h"
+#include "io/scene/rotor_math.h"
 
 namespace l4d::bench {
 namespace {

@@ -5,7 +5,7 @@
 
 #include <vector>
 
-#include "io/scene.h"
+#include "io/scene/scene.h"
 
 namespace l4d::bench {
 

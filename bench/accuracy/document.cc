@@ -4,7 +4,7 @@
 #include <filesystem>
 #include <fstream>
 
-#include "io/file.h"
+#include "io/file/file.h"
 
 namespace l4d::bench {
 namespace {

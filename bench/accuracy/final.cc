@@ -4,7 +4,7 @@
 #include <array>
 
 #include "bench/accuracy/sections.h"
-#include "io/video.h"
+#include "io/image/video.h"
 
 namespace l4d::bench {
 namespace {

@@ -5,7 +5,7 @@
 #include <cstdlib>
 #include <filesystem>
 
-#include "io/scene_ply.h"
+#include "io/ply/scene_ply.h"
 
 namespace l4d::bench {
 namespace {

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "io/cameras.h"
+#include "io/camera/cameras.h"
 #include "io/synth/synth.h"
 
 namespace l4d::bench {

@@ -9,7 +9,7 @@
 #include <numeric>
 
 #include "bench/accuracy/timing.h"
-#include "io/weights.h"
+#include "io/ply/weights.h"
 #include "l4d/render.hpp"
 
 namespace l4d::bench {

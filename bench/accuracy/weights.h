@@ -5,7 +5,7 @@
 #include <string>
 
 #include "bench/accuracy/scene.h"
-#include "io/weights.h"
+#include "io/ply/weights.h"
 
 namespace l4d::bench {
 

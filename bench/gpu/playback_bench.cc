@@ -18,7 +18,7 @@
 #include <string>
 #include <vector>
 
-#include "io/cameras.h"
+#include "io/camera/cameras.h"
 #include "l4d/cuda_player.h"
 #include "l4d/l4d.hpp"
 

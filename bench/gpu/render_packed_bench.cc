@@ -15,8 +15,8 @@
 #include <vector>
 
 #include "bench/gpu/render_timing.h"
-#include "io/cameras.h"
-#include "io/scene.h"
+#include "io/camera/cameras.h"
+#include "io/scene/scene.h"
 #include "l4d/cuda.h"
 #include "l4d/l4d.hpp"
 

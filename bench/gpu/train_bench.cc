@@ -20,8 +20,8 @@
 #include <vector>
 
 #include "bench/gpu/render_timing.h"
-#include "io/cameras.h"
-#include "io/scene_ply.h"
+#include "io/camera/cameras.h"
+#include "io/ply/scene_ply.h"
 #include "io/synth/synth.h"
 #include "l4d/cuda.h"
 #include "l4d/cuda_train.h"

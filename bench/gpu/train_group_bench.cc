@@ -16,7 +16,7 @@
 #include <string>
 #include <vector>
 
-#include "io/cameras.h"
+#include "io/camera/cameras.h"
 #include "io/synth/synth.h"
 #include "l4d/cuda.h"
 #include "l4d/l4d.hpp"

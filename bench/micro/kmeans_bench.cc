@@ -12,8 +12,8 @@
 #include "encoder/kmeans.h"
 #include "encoder/nearest.h"
 #include "encoder/random.h"
-#include "io/scene_ply.h"
-#include "io/weights.h"
+#include "io/ply/scene_ply.h"
+#include "io/ply/weights.h"
 
 namespace l4d {
 namespace {

@@ -7,7 +7,7 @@
 #include <filesystem>
 #include <fstream>
 
-#include "io/scene_ply.h"
+#include "io/ply/scene_ply.h"
 
 namespace l4d::bench {
 

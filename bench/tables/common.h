@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "io/scene.h"
-#include "io/weights.h"
+#include "io/ply/weights.h"
+#include "io/scene/scene.h"
 #include "l4d/l4d.hpp"
 
 namespace l4d::bench {

@@ -12,7 +12,7 @@
 
 #include "bench/tables/common.h"
 #include "eval/decoded_scene.h"
-#include "io/cameras.h"
+#include "io/camera/cameras.h"
 #include "io/synth/synth.h"
 #include "l4d/render.hpp"
 #include "l4d/session.h"

@@ -6,7 +6,7 @@
 #include <cstdio>
 
 #include "bench/tables/common.h"
-#include "io/cameras.h"
+#include "io/camera/cameras.h"
 #include "io/synth/synth.h"
 
 namespace {

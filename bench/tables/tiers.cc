@@ -7,7 +7,7 @@
 #include <string>
 
 #include "bench/tables/common.h"
-#include "io/cameras.h"
+#include "io/camera/cameras.h"
 #include "l4d/render.hpp"
 
 namespace {

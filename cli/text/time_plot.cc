@@ -4,7 +4,7 @@
 
 #include "cli/text/units.h"
 #include "cli/verbs/time_profile.h"
-#include "io/svg.h"
+#include "io/image/svg.h"
 
 namespace l4d::cli {
 namespace {

@@ -20,8 +20,8 @@
 #include "eval/encoding.h"
 #include "eval/min_sizes.h"
 #include "eval/pairing.h"
-#include "io/rendering_text.h"
-#include "io/weights.h"
+#include "io/ply/weights.h"
+#include "io/scene/rendering_text.h"
 
 namespace l4d::cli {
 namespace {

@@ -10,8 +10,8 @@
 
 #include "cli/common.h"
 #include "cli/files.h"
-#include "io/image.h"
-#include "io/video.h"
+#include "io/image/image.h"
+#include "io/image/video.h"
 
 namespace l4d::cli {
 

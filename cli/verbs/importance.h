@@ -7,7 +7,7 @@
 
 #include "cli/camera_arguments.h"
 #include "cli/common.h"
-#include "io/weights.h"
+#include "io/ply/weights.h"
 #include "l4d/render.h"
 
 namespace l4d::cli {

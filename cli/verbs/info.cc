@@ -13,8 +13,8 @@
 #include "cli/text/progress.h"
 #include "cli/text/units.h"
 #include "cli/verbs/time_profile.h"
-#include "io/file.h"
-#include "io/rendering_text.h"
+#include "io/file/file.h"
+#include "io/scene/rendering_text.h"
 
 namespace l4d::cli {
 namespace {

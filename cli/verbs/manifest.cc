@@ -6,7 +6,7 @@
 #include "cli/member_file.h"
 #include "cli/playlist.h"
 #include "cli/text/units.h"
-#include "io/file.h"
+#include "io/file/file.h"
 
 namespace l4d::cli {
 namespace {

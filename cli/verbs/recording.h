@@ -9,7 +9,7 @@
 
 #include "cli/files.h"
 #include "cli/member_file.h"
-#include "io/file.h"
+#include "io/file/file.h"
 
 namespace l4d::cli {
 

@@ -16,7 +16,7 @@
 #include "cli/text/units.h"
 #include "cli/verbs/frame_sink.h"
 #include "cli/verbs/tolerant.h"
-#include "io/video.h"
+#include "io/image/video.h"
 
 namespace l4d::cli {
 namespace {

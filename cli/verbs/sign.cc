@@ -7,7 +7,7 @@
 #include "cli/common.h"
 #include "cli/files.h"
 #include "cli/signature.h"
-#include "io/file.h"
+#include "io/file/file.h"
 
 namespace l4d::cli {
 namespace {

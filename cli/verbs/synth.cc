@@ -10,7 +10,7 @@
 #include "cli/scene_source.h"
 #include "cli/text/progress.h"
 #include "cli/text/units.h"
-#include "io/scene_ply.h"
+#include "io/ply/scene_ply.h"
 
 namespace l4d::cli {
 namespace {

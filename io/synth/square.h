@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "io/rotor_math.h"
+#include "io/scene/rotor_math.h"
 #include "io/synth/synth.h"
 
 namespace l4d::io::synth {

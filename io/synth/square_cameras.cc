@@ -4,7 +4,7 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
-#include "io/file.h"
+#include "io/file/file.h"
 #include "io/synth/square.h"
 #include "io/synth/surface.h"
 

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "io/scene.h"
+#include "io/scene/scene.h"
 
 namespace l4d::io {
 

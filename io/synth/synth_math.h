@@ -3,7 +3,7 @@
 
 #include <cstdint>
 
-#include "io/rotor_math.h"
+#include "io/scene/rotor_math.h"
 
 // Random numbers and elementary functions with specified bits: integers, + - * / sqrt and floor
 // only, so a synthetic scene is the same on every machine. The standard library's distributions and

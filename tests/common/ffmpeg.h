@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "io/ffmpeg_process.h"
-#include "io/file.h"
+#include "io/file/file.h"
+#include "io/image/ffmpeg_process.h"
 
 namespace l4d::test {
 

@@ -10,7 +10,7 @@
 #include <random>
 #include <utility>
 
-#include "io/scene.h"
+#include "io/scene/scene.h"
 #include "tests/common/safetensors.h"
 
 namespace l4d::eval {

@@ -3,8 +3,8 @@
 #include <cmath>
 #include <cstdlib>
 
-#include "io/cameras.h"
-#include "io/scene.h"
+#include "io/camera/cameras.h"
+#include "io/scene/scene.h"
 #include "tests/fuzz/file_in_memory.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {

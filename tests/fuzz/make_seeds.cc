@@ -7,10 +7,10 @@
 #include <fstream>
 #include <string>
 
-#include "io/image.h"
-#include "io/scene_ply.h"
+#include "io/image/image.h"
+#include "io/ply/scene_ply.h"
+#include "io/ply/weights.h"
 #include "io/synth/synth.h"
-#include "io/weights.h"
 #include "l4d/members.h"
 #include "libl4dcodec/container/directory.h"
 #include "libl4dcodec/container/file_header.h"

@@ -2,7 +2,7 @@
 // Scene PLY files: l4d_ply, .ftgs.ply, SpacetimeGaussians and 3DGS, told apart by their headers.
 #include <cstdlib>
 
-#include "io/scene_ply.h"
+#include "io/ply/scene_ply.h"
 #include "tests/fuzz/file_in_memory.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {

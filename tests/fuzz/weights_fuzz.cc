@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <cstdlib>
 
-#include "io/scene.h"
-#include "io/weights.h"
+#include "io/ply/weights.h"
+#include "io/scene/scene.h"
 #include "tests/fuzz/file_in_memory.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {

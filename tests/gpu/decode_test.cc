@@ -9,7 +9,7 @@
 #include <string>
 #include <tuple>
 
-#include "io/scene_ply.h"
+#include "io/ply/scene_ply.h"
 #include "tests/common/codec.h"
 #include "tests/gpu/decode_support.h"
 

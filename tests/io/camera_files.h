@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "io/cameras.h"
+#include "io/camera/cameras.h"
 #include "tests/io/support.h"
 
 namespace l4d::io::test {

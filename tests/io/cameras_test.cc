@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "io/cameras.h"
+#include "io/camera/cameras.h"
 
 #include <cmath>
 #include <limits>
 
-#include "io/image.h"
+#include "io/image/image.h"
 #include "tests/io/camera_files.h"
 
 namespace l4d::io {

@@ -17,7 +17,7 @@
 #include <iterator>
 #include <thread>
 
-#include "io/file.h"
+#include "io/file/file.h"
 #include "libl4dcodec/base/atomic_file.h"
 #include "tests/io/support.h"
 

@@ -2,8 +2,8 @@
 #include <cmath>
 #include <cstring>
 
-#include "io/read_ply.h"
-#include "io/scene_ply.h"
+#include "io/ply/read_ply.h"
+#include "io/ply/scene_ply.h"
 #include "tests/io/support.h"
 
 namespace l4d::io {

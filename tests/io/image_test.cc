@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "io/image.h"
+#include "io/image/image.h"
 
 #include <cmath>
 #include <optional>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "io/memory.h"
+#include "io/file/memory.h"
 
 #include <gmock/gmock.h>
 

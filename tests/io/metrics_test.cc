@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "io/metrics.h"
+#include "io/image/metrics.h"
 
 #include <algorithm>
 #include <cmath>

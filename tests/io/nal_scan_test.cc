@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "io/nal_scan.h"
+#include "io/image/nal_scan.h"
 
 #include <gtest/gtest.h>
 

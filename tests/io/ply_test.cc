@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "io/ply.h"
+#include "io/ply/ply.h"
 
 #include <cmath>
 #include <limits>

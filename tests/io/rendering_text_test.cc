@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "io/rendering_text.h"
+#include "io/scene/rendering_text.h"
 
 #include <gtest/gtest.h>
 
-#include "io/scene.h"
+#include "io/scene/scene.h"
 #include "libl4dcodec/scene/rendering.h"
 
 namespace l4d::io {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "io/rotor_math.h"
+#include "io/scene/rotor_math.h"
 
 #include <algorithm>
 #include <cmath>

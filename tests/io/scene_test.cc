@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "io/scene.h"
+#include "io/scene/scene.h"
 
 #include <cmath>
 

@@ -2,8 +2,8 @@
 #include <cmath>
 #include <cstring>
 
-#include "io/cameras.h"
-#include "io/rotor_math.h"
+#include "io/camera/cameras.h"
+#include "io/scene/rotor_math.h"
 #include "io/synth/synth.h"
 #include "tests/io/support.h"
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <cmath>
 
-#include "io/scene_ply.h"
+#include "io/ply/scene_ply.h"
 #include "tests/io/support.h"
 
 namespace l4d::io {

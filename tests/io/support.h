@@ -13,9 +13,9 @@
 #include <string>
 #include <vector>
 
-#include "io/file.h"
-#include "io/rotor_math.h"
-#include "io/scene.h"
+#include "io/file/file.h"
+#include "io/scene/rotor_math.h"
+#include "io/scene/scene.h"
 #include "tests/math/reference.h"
 
 namespace l4d::io::test {

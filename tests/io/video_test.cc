@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "io/video.h"
+#include "io/image/video.h"
 
 #include <gmock/gmock.h>
 
@@ -7,8 +7,8 @@
 #include <cstdlib>
 #include <functional>
 
-#include "io/cameras.h"
-#include "io/metrics.h"
+#include "io/camera/cameras.h"
+#include "io/image/metrics.h"
 #include "tests/common/ffmpeg.h"
 #include "tests/io/support.h"
 

@@ -2,7 +2,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "io/cameras.h"
+#include "io/camera/cameras.h"
 #include "tests/io/camera_files.h"
 
 namespace l4d::io {

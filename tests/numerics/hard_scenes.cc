@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "io/rotor_math.h"
+#include "io/scene/rotor_math.h"
 #include "tests/common/random.h"
 
 namespace l4d::numerics {

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "io/rotor_math.h"
+#include "io/scene/rotor_math.h"
 #include "libl4dcodec/scene/attributes.h"
 
 namespace l4d::numerics {

@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "io/cameras.h"
-#include "io/scene_ply.h"
+#include "io/camera/cameras.h"
+#include "io/ply/scene_ply.h"
 #include "render/cpu/fast/fast.h"
 #include "render/cpu/reference.h"
 #include "render/frame/scene.h"

@@ -7,7 +7,7 @@
 #include <cmath>
 #include <vector>
 
-#include "io/scene.h"
+#include "io/scene/scene.h"
 #include "l4d/render.hpp"
 #include "tests/render/scenes.h"
 

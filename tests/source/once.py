@@ -68,7 +68,7 @@ RULES = {
     "falloff: exp(-x^2 / 2)": (
         matches(r"\bexp[fl]?\s*\((?:[^;{}]{0,60}?-\s*0?\.50*f?\b|[^;{}]{0,60}?/\s*-\s*2)"),
         {"libl4dcodec/scene/slice.h": 1,
-         "io/metrics.cc": 1,  # the window of SSIM
+         "io/image/metrics.cc": 1,  # the window of SSIM
          "web/view/src/rules.js": 2,  # the text of all shaders: of a Gaussian's time, and of a pixel
          "web/view/src/sorter.js": 2}),  # which of them are worth sorting
     "opacity of a logit: 1 / (1 + exp(-x))": (
@@ -90,7 +90,7 @@ RULES = {
         "encoder/scene.h": 1,
         "encoder/scene.cc": 2,
         "decoder/session/bucket_cache.cc": 1,
-        "io/write_ply.cc": 1,
+        "io/ply/write_ply.cc": 1,
         "eval/comparison.cc": 1,
         "render/renderer.cc": 1,
         "render/importance/sensitivity.cc": 1,

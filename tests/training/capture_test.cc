@@ -7,8 +7,8 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
-#include "io/file.h"
-#include "io/video.h"
+#include "io/file/file.h"
+#include "io/image/video.h"
 #include "tests/common/ffmpeg.h"
 #include "tests/training/tiny_capture.h"
 #include "training/images/loader.h"

@@ -9,7 +9,7 @@
 #include <mutex>
 #include <thread>
 
-#include "io/video.h"
+#include "io/image/video.h"
 #include "tests/common/ffmpeg.h"
 #include "tests/training/tiny_capture.h"
 #include "training/images/loader.h"

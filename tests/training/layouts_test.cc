@@ -4,7 +4,7 @@
 #include <cstring>
 #include <nlohmann/json.hpp>
 
-#include "io/video.h"
+#include "io/image/video.h"
 #include "tests/common/ffmpeg.h"
 #include "tests/training/tiny_capture.h"
 #include "training/capture/opencv_yaml.h"

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <random>
 
-#include "io/metrics.h"
+#include "io/image/metrics.h"
 
 namespace l4d::train {
 namespace {

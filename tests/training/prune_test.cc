@@ -5,7 +5,7 @@
 
 #include <algorithm>
 
-#include "io/metrics.h"
+#include "io/image/metrics.h"
 #include "tests/training/tiny_capture.h"
 #include "training/run/output.h"
 #include "training/step/backend.h"

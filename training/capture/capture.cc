@@ -7,8 +7,8 @@
 #include <filesystem>
 #include <set>
 
-#include "io/scene.h"
-#include "io/video.h"
+#include "io/image/video.h"
+#include "io/scene/scene.h"
 
 namespace l4d::train {
 namespace {

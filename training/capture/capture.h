@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "io/cameras.h"
+#include "io/camera/cameras.h"
 
 // Captures of a scene: cameras that saw it, and where their images are. Every layout is read into
 // one form, in the coordinates of the capture.

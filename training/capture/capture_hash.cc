@@ -10,7 +10,7 @@
 #include <cstdio>
 #include <vector>
 
-#include "io/file.h"
+#include "io/file/file.h"
 #include "libl4dcodec/base/threads.h"
 
 namespace l4d::train {

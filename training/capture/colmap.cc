@@ -6,8 +6,8 @@
 #include <map>
 #include <sstream>
 
-#include "io/file.h"
-#include "io/read_cameras.h"
+#include "io/camera/read_cameras.h"
+#include "io/file/file.h"
 #include "training/capture/video_capture.h"
 
 // COLMAP: sparse/0/{cameras,images,points3D}.{bin,txt}, videos/NAME.mp4 or images/NAME/%04d.png,

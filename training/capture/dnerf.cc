@@ -5,7 +5,7 @@
 #include <filesystem>
 #include <map>
 
-#include "io/video.h"
+#include "io/image/video.h"
 #include "training/capture/capture.h"
 #include "training/capture/tolerance.h"
 

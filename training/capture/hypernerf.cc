@@ -5,8 +5,8 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
-#include "io/file.h"
-#include "io/read_cameras.h"
+#include "io/camera/read_cameras.h"
+#include "io/file/file.h"
 #include "training/capture/capture.h"
 #include "training/capture/tolerance.h"
 

@@ -4,7 +4,7 @@
 #include <charconv>
 #include <sstream>
 
-#include "io/file.h"
+#include "io/file/file.h"
 
 namespace l4d::train {
 namespace {

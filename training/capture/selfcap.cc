@@ -4,8 +4,8 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
-#include "io/file.h"
-#include "io/read_cameras.h"
+#include "io/camera/read_cameras.h"
+#include "io/file/file.h"
 #include "training/capture/opencv_yaml.h"
 #include "training/capture/video_capture.h"
 

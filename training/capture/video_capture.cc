@@ -6,7 +6,7 @@
 #include <filesystem>
 #include <set>
 
-#include "io/video.h"
+#include "io/image/video.h"
 #include "training/capture/tolerance.h"
 
 namespace l4d::train {

@@ -12,7 +12,7 @@
 #include <optional>
 #include <string>
 
-#include "io/scene_ply.h"
+#include "io/ply/scene_ply.h"
 #include "l4d/l4d.hpp"
 #include "training/cli/numbers.h"
 #include "training/cli/pace.h"

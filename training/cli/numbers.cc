@@ -6,7 +6,7 @@
 #include <cstdlib>
 #include <stdexcept>
 
-#include "io/file.h"
+#include "io/file/file.h"
 
 namespace l4d::train {
 namespace {

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "io/weights.h"
+#include "io/ply/weights.h"
 #include "training/capture/capture.h"
 #include "training/images/loader.h"
 #include "training/model/state.h"

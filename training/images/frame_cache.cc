@@ -9,7 +9,7 @@
 #include <cstring>
 #include <filesystem>
 
-#include "io/file.h"
+#include "io/file/file.h"
 #include "training/capture/capture_hash.h"
 
 // FOLDER/frames1-HASH-SCALE/CAMERA-PART.frames: a header, then the frames, each [height, width, 3].

@@ -5,7 +5,7 @@
 #include <map>
 #include <optional>
 
-#include "io/video.h"
+#include "io/image/video.h"
 #include "libl4dcodec/base/threads.h"
 
 namespace l4d::train {

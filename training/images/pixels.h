@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "io/cameras.h"
-#include "io/image.h"
+#include "io/camera/cameras.h"
+#include "io/image/image.h"
 
 namespace l4d::train {
 

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <set>
 
-#include "io/ply.h"
+#include "io/ply/ply.h"
 #include "libl4dcodec/scene/sh.h"
 #include "training/step/random.h"
 #include "training/step/schedule.h"

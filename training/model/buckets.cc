@@ -10,7 +10,7 @@
 #include <cstring>
 #include <filesystem>
 
-#include "io/file.h"
+#include "io/file/file.h"
 
 namespace l4d::train {
 namespace {

@@ -9,7 +9,7 @@
 #include <utility>
 #include <vector>
 
-#include "io/scene.h"
+#include "io/scene/scene.h"
 #include "training/model/span.h"
 #include "training/model/state.h"
 

@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-#include "io/scene.h"
+#include "io/scene/scene.h"
 
 namespace l4d::train {
 namespace {

@@ -8,7 +8,7 @@
 #include <cstring>
 #include <filesystem>
 
-#include "io/file.h"
+#include "io/file/file.h"
 
 // A checkpoint: 8 bytes of magic; then for each array a name (u32 length, bytes), the number of its
 // bytes (u64), XXH3 of them (u64), and the bytes; then the name "end" with no bytes. Numbers are

@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "eval/lpips.h"
-#include "io/image.h"
-#include "io/metrics.h"
+#include "io/image/image.h"
+#include "io/image/metrics.h"
 #include "training/images/loader.h"
 
 namespace l4d::train {

@@ -8,7 +8,7 @@
 #include <cstring>
 #include <fstream>
 
-#include "io/file.h"
+#include "io/file/file.h"
 
 namespace l4d::train {
 namespace {

@@ -11,7 +11,7 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
-#include "io/file.h"
+#include "io/file/file.h"
 #include "training/model/buckets.h"
 #include "training/run/checkpoint.h"
 

@@ -6,7 +6,7 @@
 #include <mutex>
 #include <nlohmann/json.hpp>
 
-#include "io/file.h"
+#include "io/file/file.h"
 #include "training/images/frame_cache.h"
 #include "training/images/loader.h"
 #include "training/run/run.h"

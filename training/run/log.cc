@@ -8,8 +8,8 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
-#include "io/file.h"
-#include "io/svg.h"
+#include "io/file/file.h"
+#include "io/image/svg.h"
 
 namespace l4d::train {
 namespace {

@@ -6,8 +6,8 @@
 #include <nlohmann/json.hpp>
 #include <vector>
 
-#include "io/file.h"
-#include "io/rendering_text.h"
+#include "io/file/file.h"
+#include "io/scene/rendering_text.h"
 #include "l4d/render.hpp"
 
 namespace l4d::train {

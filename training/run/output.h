@@ -4,7 +4,7 @@
 #include <functional>
 #include <string>
 
-#include "io/weights.h"
+#include "io/ply/weights.h"
 #include "l4d/l4d.hpp"
 #include "training/images/loader.h"
 #include "training/model/state.h"

@@ -7,9 +7,9 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
-#include "io/file.h"
-#include "io/image.h"
-#include "io/video.h"
+#include "io/file/file.h"
+#include "io/image/image.h"
+#include "io/image/video.h"
 #include "l4d/render.hpp"
 #include "libl4dcodec/base/threads.h"
 

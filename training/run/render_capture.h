@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "io/cameras.h"
-#include "io/scene.h"
+#include "io/camera/cameras.h"
+#include "io/scene/scene.h"
 
 namespace l4d::train {
 

@@ -6,8 +6,8 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
-#include "io/file.h"
-#include "io/scene_ply.h"
+#include "io/file/file.h"
+#include "io/ply/scene_ply.h"
 #include "training/capture/capture_hash.h"
 #include "training/run/checkpoint.h"
 #include "training/run/output.h"

@@ -7,8 +7,8 @@
 #include <filesystem>
 #include <system_error>
 
-#include "io/file.h"
-#include "io/scene_ply.h"
+#include "io/file/file.h"
+#include "io/ply/scene_ply.h"
 #include "l4d/render.hpp"
 #include "training/capture/capture_hash.h"
 #include "training/init/start.h"

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <iterator>
 
-#include "io/metrics.h"
+#include "io/image/metrics.h"
 #include "libl4dcodec/scene/slice.h"
 #include "training/density/prune.h"
 #include "training/run/output.h"

@@ -6,7 +6,7 @@
 #include <memory>
 #include <vector>
 
-#include "io/image.h"
+#include "io/image/image.h"
 #include "l4d/render.h"
 #include "training/density/gradient.h"
 #include "training/density/relocate.h"

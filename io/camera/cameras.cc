@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "io/camera/cameras.h"
+
+#include <algorithm>
+#include <filesystem>
+
+namespace l4d::io {
+namespace {
+
+// Where %d or %04d stands in a path. Paths come from files, and are no formats for printf.
+struct NumberPlace {
+  size_t begin, end, width;
+};
+
+std::optional<NumberPlace> number_in(const std::string& pattern) {
+  const size_t begin = pattern.find('%');
+  if (begin == std::string::npos) return std::nullopt;
+  NumberPlace place{begin, begin + 1, 0};
+  while (place.end < pattern.size() && pattern[place.end] >= '0' && pattern[place.end] <= '9') {
+    const auto digit = static_cast<size_t>(pattern[place.end++] - '0');
+    place.width = std::min<size_t>(10 * place.width + digit, 20);
+  }
+  if (place.end >= pattern.size() || pattern[place.end++] != 'd') return std::nullopt;
+  return place;
+}
+
+}  // namespace
+
+bool is_image_pattern(const std::string& pattern) { return number_in(pattern).has_value(); }
+
+bool is_numbered_image(const std::string& pattern, const std::string& name) {
+  const std::string own = std::filesystem::path(pattern).filename().string();
+  const std::optional<NumberPlace> place = number_in(own);
+  if (!place) return false;
+  const std::string behind = own.substr(place->end);
+  if (name.size() <= place->begin + behind.size()) return false;
+  const size_t end = name.size() - behind.size();
+  return name.compare(0, place->begin, own, 0, place->begin) == 0 && name.substr(end) == behind &&
+         std::all_of(name.begin() + static_cast<std::ptrdiff_t>(place->begin),
+                     name.begin() + static_cast<std::ptrdiff_t>(end),
+                     [](char c) { return c >= '0' && c <= '9'; });
+}
+
+std::string numbered_image(const std::string& pattern, uint32_t frame) {
+  const std::optional<NumberPlace> place = number_in(pattern);
+  if (!place) {
+    throw Error(L4D_ERR_CORRUPT, pattern + ": a path of numbered images has one %d or %04d");
+  }
+  std::string number = std::to_string(frame);
+  if (number.size() < place->width) number.insert(0, place->width - number.size(), '0');
+  return pattern.substr(0, place->begin) + number + pattern.substr(place->end);
+}
+
+const std::string& seen_by(const Camera& camera) {
+  if (!camera.video.empty()) return camera.video;
+  return camera.images.empty() ? camera.image : camera.images;
+}
+
+void require_inside(const CameraSet& set, const Camera& camera) {
+  if (set.any_path || camera.outside.empty()) return;
+  throw Error(L4D_ERR_INVALID_ARGUMENT,
+              "camera " + std::to_string(camera.id) + ": " + camera.outside +
+                  " is not in the folder of the cameras; --any-path reads it all the same");
+}
+
+}  // namespace l4d::io

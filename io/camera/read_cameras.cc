@@ -1,0 +1,225 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "io/camera/read_cameras.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <new>
+#include <nlohmann/json.hpp>
+
+namespace l4d::io {
+namespace {
+
+using Json = nlohmann::json;
+
+// Of the rows of a rotation: enough for matrices written with four digits.
+constexpr double kRotationTolerance = 1e-3;
+
+std::string decimal(double value) {
+  char text[32];
+  std::snprintf(text, sizeof(text), "%.6g", value);
+  return text;
+}
+
+CameraSet read_json(InputFile& file, bool any_path, const Hold& holder) {
+  const std::string& path = file.path();
+  const std::shared_ptr<void> of_file = hold(holder, file.size(), path);
+  std::vector<char> text(static_cast<size_t>(file.size()));
+  text.resize(file.read(text.data(), text.size()));
+  const CameraPlace place{path, ""};
+  // Twice a camera, for a list that grows.
+  const std::shared_ptr<void> memory =
+      hold(holder, json_bytes(text.data(), text.size(), 2 * sizeof(Camera)), path);
+  try {
+    const Json root = Json::parse(text.begin(), text.end());
+    if (root.is_object() && root.contains("cameras")) return read_cameras_json(path, root);
+    if (root.is_object() && root.contains("frames")) return read_transforms(path, root, any_path);
+  } catch (const Json::exception& error) {
+    place.fail(error.what());
+  }
+  place.fail("no file of cameras: neither `cameras` nor `frames` is there");
+}
+
+}  // namespace
+
+void CameraPlace::fail(l4d_status status, const std::string& what) const {
+  throw Error(status, path + ": " + (camera.empty() ? "" : camera + ": ") + what);
+}
+
+const Json& member(const CameraPlace& place, const Json& object, const char* key) {
+  if (!object.is_object()) place.fail("not an object");
+  const auto found = object.find(key);
+  if (found == object.end()) place.fail(std::string(key) + " is missing");
+  return *found;
+}
+
+double finite_number(const CameraPlace& place, const Json& value, const char* key) {
+  if (!value.is_number()) place.fail(std::string(key) + " is not a number");
+  const double result = value.get<double>();
+  if (!std::isfinite(result)) place.fail(std::string(key) + " is not finite");
+  return result;
+}
+
+double number(const CameraPlace& place, const Json& object, const char* key) {
+  return finite_number(place, member(place, object, key), key);
+}
+
+double number_or(const CameraPlace& place, const Json& object, const char* key, double fallback) {
+  return object.contains(key) ? number(place, object, key) : fallback;
+}
+
+uint32_t whole_number(const CameraPlace& place, const Json& object, const char* key, uint32_t max) {
+  const double value = number(place, object, key);  // sizes are written as 640.0 too
+  if (!(value >= 0 && value <= static_cast<double>(max)) || value != std::floor(value)) {
+    place.fail(std::string(key) + " is no whole number from 0 to " + std::to_string(max));
+  }
+  return static_cast<uint32_t>(value);
+}
+
+std::string text_or(const CameraPlace& place, const Json& object, const char* key,
+                    const std::string& fallback) {
+  if (!object.contains(key)) return fallback;
+  const Json& value = object.at(key);
+  if (!value.is_string()) place.fail(std::string(key) + " is not a text");
+  return value.get<std::string>();
+}
+
+void matrix(const CameraPlace& place, const Json& object, const char* key, size_t rows,
+            size_t columns, double* out) {
+  const Json& value = member(place, object, key);
+  const auto is_list = [](const Json& list, size_t size) {
+    return list.is_array() && list.size() == size;
+  };
+  bool good = is_list(value, rows);
+  for (size_t r = 0; good && r < rows; ++r) {
+    good = is_list(value[r], columns);
+    for (size_t c = 0; good && c < columns; ++c) {
+      *out++ = finite_number(place, value[r][c], key);
+    }
+  }
+  if (good) return;
+  place.fail(std::string(key) + " must be a matrix of " + std::to_string(rows) + " x " +
+             std::to_string(columns) + " numbers");
+}
+
+l4d_camera default_camera() {
+  l4d_camera camera{};
+  camera.struct_size = sizeof(camera);
+  camera.near_plane = 0.02;
+  return camera;
+}
+
+void set_pose(l4d_camera& camera, const double* axes, const double* center) {
+  for (size_t r = 0; r < 3; ++r) {
+    double* row = camera.world_to_camera + 4 * r;
+    row[3] = 0;
+    for (size_t c = 0; c < 3; ++c) {
+      row[c] = axes[3 * c + r];
+      row[3] -= row[c] * center[c];
+    }
+  }
+}
+
+void check_last_row(const CameraPlace& place, const char* key, const double* row) {
+  for (size_t c = 0; c < 4; ++c) {
+    if (std::abs(row[c] - (c == 3 ? 1.0 : 0.0)) <= 1e-6) continue;
+    place.fail(std::string(key) + " does not end in the row 0 0 0 1");
+  }
+}
+
+namespace {
+
+// Far beyond what cameras are, and small enough that products of these numbers are finite.
+constexpr double kMinFocal = 1e-3, kMaxPixels = 1e8, kMaxDistance = 1e9, kMaxCoefficient = 1e6;
+constexpr double kMaxOffset = 1e6;  // s
+
+void check_range(const CameraPlace& place, const std::string& what, double value, double most) {
+  if (std::abs(value) <= most) return;
+  place.fail(what + " is " + decimal(value) + "; it must be finite and from " + decimal(-most) +
+             " to " + decimal(most));
+}
+
+void check_ranges(const CameraPlace& place, const Camera& seen) {
+  const l4d_camera& camera = seen.camera;
+  for (const double focal : {camera.fx, camera.fy}) {
+    if (focal >= kMinFocal && focal <= kMaxPixels) continue;
+    place.fail("the focal length is " + decimal(focal) + "; it must be " + decimal(kMinFocal) +
+               " to " + decimal(kMaxPixels) + " pixels");
+  }
+  check_range(place, "the principal point", camera.cx, kMaxPixels);
+  check_range(place, "the principal point", camera.cy, kMaxPixels);
+  for (size_t k = 3; k < 12; k += 4) {
+    check_range(place, "the translation", camera.world_to_camera[k], kMaxDistance);
+  }
+  if (!(camera.near_plane > 0 && camera.near_plane <= kMaxDistance)) {
+    place.fail("near is " + decimal(camera.near_plane) + "; it must be above 0 and at most " +
+               decimal(kMaxDistance));
+  }
+  check_range(place, "time_offset", seen.time_offset, kMaxOffset);
+  for (const double k : seen.distortion.k) check_range(place, "distortion", k, kMaxCoefficient);
+  for (const double p : seen.distortion.p) check_range(place, "distortion", p, kMaxCoefficient);
+}
+
+}  // namespace
+
+void check_camera(const CameraPlace& place, const Camera& seen) {
+  const l4d_camera& camera = seen.camera;
+  for (const uint32_t size : {camera.width, camera.height}) {
+    if (size >= 1 && size <= kMaxImageSize) continue;
+    place.fail("an image of " + std::to_string(camera.width) + " x " +
+               std::to_string(camera.height) + " pixels; the limits are 1 and " +
+               std::to_string(kMaxImageSize));
+  }
+  check_ranges(place, seen);
+  const double* m = camera.world_to_camera;
+  for (size_t k = 0; k < 12; ++k) {
+    if (!std::isfinite(m[k])) place.fail("the pose is not finite");
+  }
+  double deviation = 0;
+  for (size_t a = 0; a < 3; ++a) {
+    for (size_t b = 0; b <= a; ++b) {
+      double dot = a == b ? -1 : 0;
+      for (size_t k = 0; k < 3; ++k) dot += m[4 * a + k] * m[4 * b + k];
+      deviation = std::max(deviation, std::abs(dot));
+    }
+  }
+  if (!(deviation <= kRotationTolerance)) {
+    place.fail("the rotation is not orthonormal: products of its rows are off by " +
+               decimal(deviation));
+  }
+  const double determinant = m[0] * (m[5] * m[10] - m[6] * m[9]) -
+                             m[1] * (m[4] * m[10] - m[6] * m[8]) +
+                             m[2] * (m[4] * m[9] - m[5] * m[8]);
+  if (!(determinant > 0)) place.fail("the rotation contains a reflection: its determinant is -1");
+}
+
+std::string beside(const std::string& path, const std::string& name) {
+  if (name.empty()) return name;
+  return (std::filesystem::path(path).parent_path() / name).lexically_normal().string();
+}
+
+bool leaves_folder(const std::string& name) {
+  const std::filesystem::path path(name);
+  return path.is_absolute() || *path.lexically_normal().begin() == "..";
+}
+
+CameraSet read_cameras(const std::string& path, bool any_path, const Hold& holder) {
+  try {
+    InputFile file(path, holder);
+    if (file.size() == 0) CameraPlace{path, ""}.fail("the file is empty");
+    // What is left of an .npy file without its magic is an error of that format.
+    const std::string extension = std::filesystem::path(path).extension().string();
+    CameraSet set =
+        extension == ".npy" ? read_poses_bounds(file, holder) : read_json(file, any_path, holder);
+    set.any_path = any_path;
+    set.holder = holder;
+    set.memory = hold(holder, 2 * sizeof(Camera) * set.cameras.size(), path);
+    if (set.cameras.empty()) CameraPlace{path, ""}.fail("there is no camera");
+    return set;
+  } catch (const std::bad_alloc&) {
+    throw Error(L4D_ERR_OUT_OF_MEMORY, path + ": not enough memory for the cameras");
+  }
+}
+
+}  // namespace l4d::io

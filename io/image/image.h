@@ -1,0 +1,71 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "io/file/memory.h"
+#include "io/scene/scene.h"
+#include "l4d/render.h"
+
+namespace l4d::io {
+
+// Colours as they are stored and shown, nominally in [0, 1]: no transfer function is ever applied.
+struct Image {
+  uint32_t width = 0, height = 0;
+  std::vector<float> rgb;  // [height, width, 3]
+
+  Image() = default;
+  Image(uint32_t w, uint32_t h) : width(w), height(h), rgb(size_t{3} * w * h) {}
+  bool same_size(const Image& other) const {
+    return width == other.width && height == other.height;
+  }
+};
+
+// An image of 8 bits a channel. alpha: [height, width]; empty if there is none. Colours are not
+// multiplied by it.
+struct ByteImage {
+  uint32_t width = 0, height = 0;
+  std::vector<uint8_t> rgb;  // [height, width, 3]
+  std::vector<uint8_t> alpha;
+};
+
+// Between values and bytes: clamped, rounded to the nearest, NaN is 0.
+void to_bytes(const float* values, size_t count, uint8_t* bytes);
+void from_bytes(const uint8_t* bytes, size_t count, float* values);
+
+// 8 bits a channel; appears under its name when it is complete.
+void write_png(const std::string& path, const Image& image);
+// Width and height of a PNG from its first bytes; false if they are not those of a PNG.
+constexpr size_t kPngSizeBytes = 24;
+bool png_size(const uint8_t* begin /* [24] */, uint32_t* size /* [2] */);
+
+// What an image has to be, and what counts it.
+struct ImageLimits {
+  uint32_t width = 0, height = 0;  // pixels that it must have; 0 = any
+  Hold holder;                     // counts the file and what reading it takes
+};
+
+// Any PNG of up to L4D_MAX_IMAGE_SIDE pixels a side. 16-bit values keep their precision, what is
+// transparent lies on black, gamma and colour profiles are left aside as most programs of the field
+// do.
+// Throws L4D_ERR_CORRUPT, before any pixel is decoded, if the image has another size than the
+// limits.
+Image read_png(const std::string& path, const ImageLimits& limits = {});
+// The same with what is transparent as it is in the file. alpha: [height, width] in [0, 1]; empty
+// if the image has none.
+Image read_png(const std::string& path, std::vector<float>* alpha, const ImageLimits& limits = {});
+// The same as bytes, from which from_bytes makes these values. Nothing if the file has 16 bits a
+// channel.
+std::optional<ByteImage> read_png_bytes(const std::string& path, const ImageLimits& limits = {});
+
+// Images of one height beside each other.
+Image side_by_side(const std::vector<Image>& images);
+// Mean absolute difference of the channels times `gain`, as colours from black (0) over violet and
+// orange to pale yellow (1 and more). The lightness of the colours rises evenly.
+Image error_map(const Image& a, const Image& b, double gain);
+
+}  // namespace l4d::io
