@@ -156,19 +156,6 @@ l4d_status l4d_cuda_decoder_prepare(l4d_cuda_decoder* decoder, const l4d_query* 
   });
 }
 
-l4d_status l4d_cuda_decoder_get_spans(const l4d_cuda_decoder* decoder, l4d_bucket_span* out,
-                                      uint64_t capacity, uint64_t* count) {
-  const char* bad = required(count);
-  if (bad == nullptr && capacity > 0) bad = required(out);
-  return look_at(decoder, bad, [&]() -> Status {
-    const l4d::Plan* plan = decoder->impl.plan();
-    if (plan == nullptr) return Status(L4D_ERR_INVALID_STATE, "no request is prepared");
-    std::copy_n(plan->spans.begin(), std::min<uint64_t>(capacity, plan->spans.size()), out);
-    *count = plan->spans.size();
-    return {};
-  });
-}
-
 l4d_status l4d_cuda_decoder_upload(l4d_cuda_decoder* decoder, void* workspace,
                                    uint64_t workspace_size, void* stream) {
   return on_device(decoder, nullptr, [&](l4d::cuda::DeviceDecoder& d) {
@@ -225,11 +212,6 @@ l4d_status l4d_cuda_decoder_get_codebook(l4d_cuda_decoder* decoder, uint32_t lay
 void l4d_cuda_decoder_destroy(l4d_cuda_decoder*) {}
 
 l4d_status l4d_cuda_decoder_prepare(l4d_cuda_decoder*, const l4d_query*, l4d_cuda_request*) {
-  return fail(L4D_ERR_FEATURE_UNSUPPORTED, kNoDeviceCode);
-}
-
-l4d_status l4d_cuda_decoder_get_spans(const l4d_cuda_decoder*, l4d_bucket_span*, uint64_t,
-                                      uint64_t*) {
   return fail(L4D_ERR_FEATURE_UNSUPPORTED, kNoDeviceCode);
 }
 

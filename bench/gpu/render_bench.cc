@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Frames per second of device-resident rendering, forward and back, and views per second of
+// Frames per second of device-resident rendering, and views per second of
 // importances, by the device's own clock. Beside them: what the bytes of each stage take at the
 // copy rate of the device.
 //
@@ -86,7 +86,6 @@ void stages(const Bench& bench, l4d_cuda_renderer* r, const l4d_cuda_image& imag
   double sums[L4D_RENDER_PASS_COUNT] = {};
   double visible = 0, projected = 0, instances = 0;
   constexpr int kFrames = 64;
-  must(r, l4d_cuda_renderer_time_passes(r));
   l4d_cuda_frame_stats f;
   l4d_cuda_frame_stats_init(&f);
   for (int k = 0; k < kFrames; ++k) {
@@ -140,54 +139,32 @@ void one_frame(const Bench& bench, l4d_cuda_renderer* r, const l4d_cuda_image& i
   cudaGraphDestroy(captured);
 }
 
-void backward(const Bench& bench, l4d_cuda_renderer* r, const l4d_cuda_image& image,
-              cudaStream_t stream) {
-  std::vector<float> weights(3 * size_t{kWidth} * kHeight);
-  for (size_t k = 0; k < weights.size(); ++k) weights[k] = static_cast<float>(k % 17) / 16 - 0.4f;
-  const Array<float> upstream(weights.size());
-  check(cudaMemcpy(upstream.get(), weights.data(), weights.size() * sizeof(float),
-                   cudaMemcpyHostToDevice));
-  const size_t n = bench.scene.count();
-  const Array<float> p(3 * n), m(n), s(4 * n), q(8 * n), o(n), sh(bench.scene.sh.size());
-  for (const Array<float>* a : {&p, &m, &s, &q, &o, &sh}) a->clear();
-  l4d_gradients g;
-  l4d_gradients_init(&g);
-  g.count = n;
-  g.position = p.get();
-  g.mean_t = m.get();
-  g.log_scale = s.get();
-  g.rotor = q.get();
-  g.opacity = o.get();
-  g.sh = sh.get();
-  print("forward and backward", time_runs(kRuns, stream, [&](int k) {
-          must(r, l4d_cuda_renderer_backward(r, bench.time_of(k), &bench.camera_of(k), &image,
-                                             upstream.get(), &g, stream));
-        }));
-  l4d_cuda_frame_stats f;
-  l4d_cuda_frame_stats_init(&f);
-  must(r, l4d_cuda_renderer_time_passes(r));
-  must(r, l4d_cuda_renderer_backward(r, bench.time_of(3), &bench.camera_of(3), &image,
-                                     upstream.get(), &g, stream));
-  must(r, l4d_cuda_renderer_get_stats(r, stream, &f));
-  std::printf("of that backward: pixels to splats %.1f us\n",
-              1e6 * f.seconds[L4D_RENDER_PASS_BACKWARD]);
-}
+struct Destroy {
+  void operator()(l4d_cuda_renderer* r) const { l4d_cuda_renderer_destroy(r); }
+};
+using Renderer = std::unique_ptr<l4d_cuda_renderer, Destroy>;
 
-void forward(const Bench& bench, uint32_t format) {
+Renderer make_renderer(const Bench& bench, uint32_t format, bool timed) {
   l4d_cuda_renderer_options options;
   l4d_cuda_renderer_options_init(&options);
   options.sh_format = format;
+  options.time_passes = timed;
   l4d_cuda_renderer* r = nullptr;
   if (l4d_cuda_renderer_create(&options, &r) != L4D_OK) std::exit(1);
-  must(r, l4d_cuda_renderer_set_gaussians(r, &bench.device, &bench.scene.timeline));
+  must(r, l4d_cuda_renderer_set_gaussians(r, &bench.device, nullptr, &bench.scene.timeline));
   l4d_cuda_frame_capacity capacity;
   l4d_cuda_frame_capacity_init(&capacity);
   capacity.width = kWidth;
   capacity.height = kHeight;
   capacity.visible = bench.scene.count();
   capacity.instances = 6 * bench.scene.count();
-  capacity.backward = format == L4D_CUDA_SH_FLOAT32;
   must(r, l4d_cuda_renderer_reserve(r, &capacity));
+  return Renderer(r);
+}
+
+void forward(const Bench& bench, uint32_t format) {
+  const Renderer renderer = make_renderer(bench, format, false);
+  l4d_cuda_renderer* r = renderer.get();
   cudaStream_t stream;
   check(cudaStreamCreate(&stream));
   const Array<float> rgb(3 * size_t{kWidth} * kHeight);
@@ -214,10 +191,8 @@ void forward(const Bench& bench, uint32_t format) {
         }));
   frame(0);
   one_frame(bench, r, image, stream);
-  if (!half) backward(bench, r, image, stream);
-  stages(bench, r, image, stream, half);
+  stages(bench, make_renderer(bench, format, true).get(), image, stream, half);
   cudaStreamDestroy(stream);
-  l4d_cuda_renderer_destroy(r);
 }
 
 void sensitivity(const Bench& bench, const std::vector<l4d_camera>& cameras, int instants,

@@ -58,7 +58,7 @@ struct View {
 // A step of a model in device memory, stage by stage; no stage waits for the device.
 class Step {
  public:
-  Step(const io::Scene& scene, const std::vector<l4d_camera>& cameras, uint32_t views)
+  Step(const io::Scene& scene, const std::vector<l4d_camera>& cameras, uint32_t views, bool timed)
       : scene_(scene), cameras_(cameras), counts_(views), flags_(4) {
     counts_.clear();
     flags_.clear();
@@ -74,7 +74,10 @@ class Step {
         scene_, state.value);
     must(model_.load(state, nullptr));
     check(cudaStreamCreate(&stream_));
-    if (l4d_cuda_live_create(nullptr, &live_) != L4D_OK) std::exit(1);
+    l4d_cuda_renderer_options options;
+    l4d_cuda_renderer_options_init(&options);
+    options.time_passes = timed;
+    if (l4d_cuda_live_create(&options, &live_) != L4D_OK) std::exit(1);
     const l4d_gaussians g = model_.gaussians();
     ok(l4d_cuda_live_set_scene(live_, &g, &scene_.timeline, nullptr));
     l4d_cuda_frame_capacity capacity;
@@ -103,9 +106,9 @@ class Step {
     refresh();
     forward();
     make_targets(pixels);
-    train::ScheduleOptions options;
-    options.duration = io::duration(scene_.timeline);
-    adam_ = train::adam_step_at(options, 0.5, 1, 1000, 0);
+    train::ScheduleOptions schedule;
+    schedule.duration = io::duration(scene_.timeline);
+    adam_ = train::adam_step_at(schedule, 0.5, 1, 1000, 0);
     adam_.count = scene_.count();
     adam_.active_sh_degree = 3;
     // As small as derivatives are near the end, so that the scene stays what it is.
@@ -179,7 +182,6 @@ class Step {
     ok(l4d_cuda_live_get_report(live_, 1, &out));
     return out;
   }
-  void time_passes() { ok(l4d_cuda_live_time_passes(live_)); }
 
  private:
   uint32_t count() const { return static_cast<uint32_t>(views_.size()); }
@@ -230,7 +232,7 @@ double stage_time(Step* step, const Run& run) {
 
 void measure(const io::Scene& scene, const std::vector<l4d_camera>& cameras, const char* name,
              uint32_t views, bool steps_alone) {
-  Step step(scene, cameras, views);
+  Step step(scene, cameras, views, false);
   step.whole(0);
   if (steps_alone) {
     for (int k = 1; k < 20; ++k) step.whole(k);
@@ -263,18 +265,18 @@ void measure(const io::Scene& scene, const std::vector<l4d_camera>& cameras, con
       "forward, loss, backward and Adam\n",
       all.median, all.p99, 1e3 / all.median, 1e3 / all.median * views);
   if (views > 1) return;
-  step.time_passes();
+  Step timed(scene, cameras, views, true);
   double sums[L4D_RENDER_PASS_COUNT] = {};
   constexpr int kFrames = 64;
   for (int k = 0; k < kFrames; ++k) {
     // What the host launches ahead, so that the device never waits for it. A backward pass marks
     // its begin as the end of blending: passes of forwards are those of forwards alone.
-    for (int ahead = 0; ahead < 4; ++ahead) step.whole(k);
-    sums[L4D_RENDER_PASS_BACKWARD] += step.report().seconds[L4D_RENDER_PASS_BACKWARD] / kFrames;
-    step.refresh();
-    step.forward();
-    const l4d_cuda_live_report timed = step.report();
-    for (int s = 0; s < L4D_RENDER_PASS_BACKWARD; ++s) sums[s] += timed.seconds[s] / kFrames;
+    for (int ahead = 0; ahead < 4; ++ahead) timed.whole(k);
+    sums[L4D_RENDER_PASS_BACKWARD] += timed.report().seconds[L4D_RENDER_PASS_BACKWARD] / kFrames;
+    timed.refresh();
+    timed.forward();
+    const l4d_cuda_live_report r1 = timed.report();
+    for (int s = 0; s < L4D_RENDER_PASS_BACKWARD; ++s) sums[s] += r1.seconds[s] / kFrames;
   }
   const char* names[] = {"slice", "project", "sort", "bin", "blend", "backward to splats"};
   for (int s = 0; s < L4D_RENDER_PASS_COUNT; ++s) row(names[s], 1e6 * sums[s]);

@@ -136,13 +136,6 @@ L4D_API const char* l4d_cuda_decoder_error_message(const l4d_cuda_decoder* decod
  */
 L4D_API l4d_status l4d_cuda_decoder_prepare(l4d_cuda_decoder* decoder, const l4d_query* query,
                                             l4d_cuda_request* request);
-/* Lists the bucket spans of the prepared request, in the order of the decoded arrays. *count
- * receives their number; the first min(capacity, *count) are written to `out`, which may be NULL if
- * capacity is 0.
- */
-L4D_API l4d_status l4d_cuda_decoder_get_spans(const l4d_cuda_decoder* decoder, l4d_bucket_span* out,
-                                              uint64_t capacity, uint64_t* count);
-
 /* upload, decode and decode_packed launch work on `stream` (a cudaStream_t; NULL = the default
  * stream) and neither allocate nor wait. workspace: device memory aligned to 256 bytes; nothing
  * else may use it until the work is done. A prepared request can be decoded many times; each decode

@@ -55,8 +55,6 @@ L4D_API l4d_status l4d_cuda_player_create(l4d_decoder* decoder,
 L4D_API void l4d_cuda_player_destroy(l4d_cuda_player* player); /* accepts NULL; waits */
 /* As l4d_decoder_error_message. */
 L4D_API const char* l4d_cuda_player_error_message(const l4d_cuda_player* player);
-L4D_API l4d_status l4d_cuda_player_set_background(l4d_cuda_player* player,
-                                                  const float* rgb /* [3], host */);
 
 /* Reserves memory for images of width x height pixels with at most `instances` pairs of Gaussian
  * and tile. Capacities only grow. Waits. Memory for visible Gaussians grows by itself. */

@@ -6,7 +6,7 @@
  *
  *   l4d_cuda_renderer* r;
  *   l4d_cuda_renderer_create(NULL, &r);
- *   l4d_cuda_renderer_set_gaussians(r, &device_arrays, &timeline);
+ *   l4d_cuda_renderer_set_gaussians(r, &device_arrays, NULL, &timeline);
  *   l4d_cuda_renderer_reserve(r, &capacity);                     // once; render() never allocates
  *   l4d_cuda_renderer_render(r, 2.5, &camera, &image, stream);   // returns at once
  *   l4d_cuda_renderer_get_stats(r, stream, &stats);              // waits; was the capacity enough?
@@ -36,6 +36,9 @@ typedef struct l4d_cuda_renderer_options {
   size_t struct_size;
   uint32_t device;    /* CUDA's number of it */
   uint32_t sh_format; /* L4D_CUDA_SH_*, of the copy that is rendered from */
+  /* 1: frames time their passes, at a cost of some microseconds each (l4d_cuda_frame_stats) */
+  uint32_t time_passes;
+  uint32_t reserved;
 } l4d_cuda_renderer_options;
 L4D_API void l4d_cuda_renderer_options_init_(l4d_cuda_renderer_options* options,
                                              size_t struct_size);
@@ -52,16 +55,9 @@ L4D_API const char* l4d_cuda_renderer_error_message(const l4d_cuda_renderer* ren
 
 /* ---- the scene ------------------------------------------------------------------------------- */
 
-/* Sets a whole scene. The arrays of `gaussians` are device pointers. Values are not checked. The
- * renderer keeps 76 bytes and the SH coefficients of each Gaussian; only l4d_cuda_renderer_backward
- * reads the arrays again. */
-L4D_API l4d_status l4d_cuda_renderer_set_gaussians(l4d_cuda_renderer* renderer,
-                                                   const l4d_gaussians* gaussians,
-                                                   const l4d_timeline* timeline);
-
-/* Alternatively, a scene keeps SH as codebook indices, as l4d_cuda_decoder_decode_packed returns
- * them: each Gaussian takes 2 bytes per stage plus 2 or 4, and SH is reconstructed in each frame.
- * With L4D_CUDA_SH_FLOAT32 images equal those of expanded SH bit for bit. Sets the codebooks of all
+/* A scene may keep SH as codebook indices, as l4d_cuda_decoder_decode_packed returns them: each
+ * Gaussian takes 2 bytes per stage plus 2 or 4, and SH is reconstructed in each frame. With
+ * L4D_CUDA_SH_FLOAT32 images equal those of expanded SH bit for bit. Sets the codebooks of all
  * stages. codebooks: [count], codebooks[0].struct_size bytes apart, with `entries` on the device,
  * as l4d_cuda_decoder_get_codebook returns them. They are copied, in the renderer's sh_format.
  * Discards a scene that used the previous codebooks. count = 0 removes them.
@@ -78,73 +74,27 @@ typedef struct l4d_cuda_sh_indices {
   uint64_t stride;        /* the capacity of l4d_cuda_packed_buffers */
   const uint16_t* escape; /* [num_escapes, (D+1)^2, 3] binary16, in order of their Gaussians */
   uint64_t num_escapes;
-  /* For l4d_cuda_renderer_store_indexed_gaussians: index of the first escape in the reserved
-   * memory. */
-  uint64_t first_escape;
 } l4d_cuda_sh_indices;
 L4D_API void l4d_cuda_sh_indices_init_(l4d_cuda_sh_indices* indices, size_t struct_size);
 #define l4d_cuda_sh_indices_init(indices) l4d_cuda_sh_indices_init_((indices), sizeof(*(indices)))
-/* As l4d_cuda_renderer_set_gaussians, with gaussians->sh NULL. Fails with INVALID_STATE without
- * codebooks. Gradients are not available: l4d_cuda_renderer_backward fails with INVALID_STATE. */
-L4D_API l4d_status l4d_cuda_renderer_set_indexed_gaussians(l4d_cuda_renderer* renderer,
-                                                           const l4d_gaussians* gaussians,
-                                                           const l4d_cuda_sh_indices* indices,
-                                                           const l4d_timeline* timeline);
-
-/* Alternatively, a scene is loaded in parts: reserve_slots allocates a store of Gaussians,
- * store_gaussians fills parts of it, and set_batches names the parts that frames show. Parts that
- * no running frame shows may be filled while it runs. */
-L4D_API l4d_status l4d_cuda_renderer_reserve_slots(l4d_cuda_renderer* renderer, uint64_t slots,
-                                                   uint32_t sh_degree,
+/* Sets a scene. The arrays of `gaussians` and `indices` are device pointers, and copied; their
+ * values are not checked. indices: NULL, or what tells SH; then gaussians->sh is NULL. The renderer
+ * keeps 76 bytes and the SH of each Gaussian. Waits. Fails with INVALID_STATE if there are indices
+ * and no codebooks, with FEATURE_UNSUPPORTED for flat windows. */
+L4D_API l4d_status l4d_cuda_renderer_set_gaussians(l4d_cuda_renderer* renderer,
+                                                   const l4d_gaussians* gaussians,
+                                                   const l4d_cuda_sh_indices* indices,
                                                    const l4d_timeline* timeline);
-/* With codebooks set, the store holds indices; this allocates memory for their escapes, none at
- * first, and discards the escapes that were stored. */
-L4D_API l4d_status l4d_cuda_renderer_reserve_escapes(l4d_cuda_renderer* renderer, uint64_t escapes);
-/* Fills slots first_slot, first_slot + 1, ... from device arrays. The arrays may be freed once the
- * work on the stream is done. */
-L4D_API l4d_status l4d_cuda_renderer_store_gaussians(l4d_cuda_renderer* renderer,
-                                                     uint64_t first_slot,
-                                                     const l4d_gaussians* gaussians, void* stream);
-/* Likewise slots of indices, with gaussians->sh NULL; their escapes go to first_escape,
- * first_escape + 1,
- * ... of the reserved memory. Each of the two fails with INVALID_STATE on slots of the other kind.
- */
-L4D_API l4d_status l4d_cuda_renderer_store_indexed_gaussians(l4d_cuda_renderer* renderer,
-                                                             uint64_t first_slot,
-                                                             const l4d_gaussians* gaussians,
-                                                             const l4d_cuda_sh_indices* indices,
-                                                             void* stream);
-/* Which properties of a batch's Gaussians vary over the sequence. The renderer computes constant
- * ones once. MOVING is always correct. */
-enum {
-  L4D_CUDA_MOTION_STILL = 0,  /* nothing */
-  L4D_CUDA_MOTION_FADING = 1, /* opacity */
-  L4D_CUDA_MOTION_MOVING = 2  /* position and opacity */
-};
-typedef struct l4d_cuda_batch {
-  uint32_t first, count; /* slots */
-  uint32_t motion;       /* L4D_CUDA_MOTION_* */
-  uint32_t reserved;
-} l4d_cuda_batch; /* frozen */
-/* Sets the slots that frames show: at most 256 batches, which must not overlap. Of Gaussians at
- * equal depth, that of the earlier batch, then of the earlier slot, is in front. */
-L4D_API l4d_status l4d_cuda_renderer_set_batches(l4d_cuda_renderer* renderer,
-                                                 const l4d_cuda_batch* batches, uint32_t count,
-                                                 void* stream);
-L4D_API l4d_status l4d_cuda_renderer_set_background(l4d_cuda_renderer* renderer,
-                                                    const float* rgb /* [3], host */);
 
 /* ---- frames ---------------------------------------------------------------------------------- */
 
-/* Capacities for the largest frame. Memory: 76 bytes per visible Gaussian and 16 per instance; for
- * the backward pass 60 and 52 more. They only grow. */
+/* Capacities for the largest frame. Memory: 76 bytes per visible Gaussian and 16 per instance. They
+ * only grow. */
 typedef struct l4d_cuda_frame_capacity {
   size_t struct_size;
   uint32_t width, height; /* pixels */
-  uint64_t visible;       /* Gaussians visible at one time; the number of slots is always enough */
+  uint64_t visible;       /* Gaussians visible at one time; the number of all is always enough */
   uint64_t instances;     /* pairs of Gaussian and tile of 16x16 pixels, below 2^26 */
-  uint32_t backward;      /* 1: l4d_cuda_renderer_backward will be called */
-  uint32_t reserved;
 } l4d_cuda_frame_capacity;
 L4D_API void l4d_cuda_frame_capacity_init_(l4d_cuda_frame_capacity* capacity, size_t struct_size);
 #define l4d_cuda_frame_capacity_init(capacity) \
@@ -158,6 +108,8 @@ typedef struct l4d_cuda_image {
   float* rgb;      /* [height, width, 3] */
   float* alpha;    /* [height, width] */
   uint32_t* rgba8; /* [height, width] bytes R, G, B, A: values times 255, rounded, clamped */
+  float background[3]; /* red, green, blue; 0 = black */
+  uint32_t reserved;
 } l4d_cuda_image;
 L4D_API void l4d_cuda_image_init_(l4d_cuda_image* image, size_t struct_size);
 #define l4d_cuda_image_init(image) l4d_cuda_image_init_((image), sizeof(*(image)))
@@ -169,16 +121,6 @@ L4D_API void l4d_cuda_image_init_(l4d_cuda_image* image, size_t struct_size);
 L4D_API l4d_status l4d_cuda_renderer_render(l4d_cuda_renderer* renderer, double time,
                                             const l4d_camera* camera, const l4d_cuda_image* image,
                                             void* stream);
-
-/* Renders, then runs the backward pass: adds to the arrays of `gradients`, device pointers here,
- * what l4d_renderer_backward would add. rgb_gradient: [height, width, 3] on the device. Fails with
- * INVALID_STATE unless the scene is one of l4d_cuda_renderer_set_gaussians. Sums have a fixed
- * order: gradients repeat bit for bit. Adds nothing for a frame that exceeds the reserved
- * capacities. */
-L4D_API l4d_status l4d_cuda_renderer_backward(l4d_cuda_renderer* renderer, double time,
-                                              const l4d_camera* camera, const l4d_cuda_image* image,
-                                              const float* rgb_gradient,
-                                              const l4d_gradients* gradients, void* stream);
 
 typedef struct l4d_cuda_frame_stats {
   size_t struct_size;
@@ -193,9 +135,6 @@ L4D_API void l4d_cuda_frame_stats_init_(l4d_cuda_frame_stats* stats, size_t stru
  * `stats` even so, if the frame exceeded the reserved capacities. */
 L4D_API l4d_status l4d_cuda_renderer_get_stats(l4d_cuda_renderer* renderer, void* stream,
                                                l4d_cuda_frame_stats* stats);
-/* Makes all following frames time their passes, at a cost of some microseconds each. */
-L4D_API l4d_status l4d_cuda_renderer_time_passes(l4d_cuda_renderer* renderer);
-
 #ifdef __cplusplus
 }
 #endif

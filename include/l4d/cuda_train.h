@@ -158,8 +158,9 @@ typedef struct l4d_cuda_live_report {
   uint64_t required_visible;   /* largest of all views */
   uint64_t required_instances; /* likewise, of tiles of 32x16 pixels as the capacity counts them */
   uint64_t visible, projected, instances; /* of view 0 of the last forward */
-  double seconds[L4D_RENDER_MAX_PASSES];  /* of view 0 of the last forward and backward, see
-                                             l4d_cuda_live_time_passes */
+  /* Of view 0 of the last forward and backward; 0 unless the options have time_passes, and then
+   * get_report waits for the last view. */
+  double seconds[L4D_RENDER_MAX_PASSES];
 } l4d_cuda_live_report;
 L4D_API void l4d_cuda_live_report_init_(l4d_cuda_live_report* report, size_t struct_size);
 #define l4d_cuda_live_report_init(report) l4d_cuda_live_report_init_((report), sizeof(*(report)))
@@ -171,10 +172,6 @@ L4D_API l4d_status l4d_cuda_live_copy_report(l4d_cuda_live* live, void* stream);
  * copy. */
 L4D_API l4d_status l4d_cuda_live_get_report(l4d_cuda_live* live, uint32_t wait,
                                             l4d_cuda_live_report* report);
-/* Makes all following views time their passes, at a cost of some microseconds each. get_report then
- * waits for the last view. */
-L4D_API l4d_status l4d_cuda_live_time_passes(l4d_cuda_live* live);
-
 #ifdef __cplusplus
 }
 #endif

@@ -25,7 +25,6 @@ using l4d::render::default_camera;
 
 struct l4d_cuda_player {
   std::unique_ptr<l4d::render::DevicePlayer> player;
-  float background[3] = {0, 0, 0};
   mutable l4d::api::Busy busy;
   ErrorMessage error;
 };
@@ -79,13 +78,6 @@ const char* l4d_cuda_player_error_message(const l4d_cuda_player* player) {
   return player == nullptr ? "" : player->error.c_str();
 }
 
-l4d_status l4d_cuda_player_set_background(l4d_cuda_player* player, const float* rgb) {
-  return call(player, required(rgb), [&](auto&) -> Status {
-    L4D_RETURN_IF_ERROR(l4d::render::check_background(rgb));
-    std::copy_n(rgb, 3, player->background);
-    return {};
-  });
-}
 l4d_status l4d_cuda_player_reserve(l4d_cuda_player* player, uint32_t width, uint32_t height,
                                    uint64_t instances) {
   return call(player, nullptr, [&](auto& p) -> Status {
@@ -106,7 +98,8 @@ l4d_status l4d_cuda_player_render(l4d_cuda_player* player, double time, const l4
     L4D_RETURN_IF_ERROR(l4d::render::check_camera(c));
     if (std::isnan(time)) return l4d::invalid_argument("the time is not a number");
     const l4d_cuda_image i = read_struct(*image, l4d_cuda_image{});
-    return p.render(time, c, player->background, {i.rgb, i.alpha, i.rgba8}, stream);
+    L4D_RETURN_IF_ERROR(l4d::render::check_background(i.background));
+    return p.render(time, c, i.background, {i.rgb, i.alpha, i.rgba8}, stream);
   });
 }
 l4d_status l4d_cuda_player_get_stats(l4d_cuda_player* player, void* stream,

@@ -29,17 +29,11 @@ using l4d::render::default_camera;
 
 struct l4d_cuda_renderer {
   std::unique_ptr<l4d::render::DeviceRenderer> renderer;
-  float background[3] = {0, 0, 0};
   mutable l4d::api::Busy busy;
   ErrorMessage error;
 };
 
 namespace {
-
-static_assert(int{L4D_CUDA_MOTION_STILL} == int{l4d::kStill} &&
-                  int{L4D_CUDA_MOTION_FADING} == int{l4d::kFading} &&
-                  int{L4D_CUDA_MOTION_MOVING} == int{l4d::kMoving},
-              "the API's names of motion groups");
 
 template <typename Body>
 l4d_status call(l4d_cuda_renderer* handle, const char* bad, const Body& body) {
@@ -62,21 +56,6 @@ Status check_gaussians(const l4d_gaussians& g, bool indexed) {
   }
   if (indexed && g.sh != nullptr) return l4d::invalid_argument("sh is given beside indices");
   return {};
-}
-
-Status store_gaussians(l4d::render::DeviceRenderer& r, uint64_t first_slot,
-                       const l4d_gaussians& gaussians, const l4d_cuda_sh_indices* indices,
-                       void* stream) {
-  const l4d_gaussians g = read_struct(gaussians, l4d_gaussians{});
-  L4D_RETURN_IF_ERROR(check_gaussians(g, indices != nullptr));
-  if (first_slot > std::numeric_limits<uint32_t>::max()) {
-    return l4d::invalid_argument("capacity is too small for so many slots");
-  }
-  return r.store_gaussians(static_cast<uint32_t>(first_slot), g, indices, stream);
-}
-
-l4d::render::ImageTarget image_of(const l4d_cuda_image& image) {
-  return {image.rgb, image.alpha, image.rgba8};
 }
 
 }  // namespace
@@ -105,14 +84,15 @@ l4d_status l4d_cuda_renderer_create(const l4d_cuda_renderer_options* options,
     const l4d_cuda_renderer_options o = options == nullptr
                                             ? l4d_cuda_renderer_options{}
                                             : read_struct(*options, l4d_cuda_renderer_options{});
-    if (o.sh_format > L4D_CUDA_SH_FLOAT16 || o.device > 4096) {
-      return l4d::invalid_argument("sh_format or device is out of range");
+    if (o.sh_format > L4D_CUDA_SH_FLOAT16 || o.device > 4096 || o.time_passes > 1) {
+      return l4d::invalid_argument("sh_format, device or time_passes is out of range");
     }
     auto handle = std::make_unique<l4d_cuda_renderer>();
     l4d::render::DeviceRendererOptions inner;
     inner.device = static_cast<int>(o.device);
     inner.half_sh = o.sh_format == L4D_CUDA_SH_FLOAT16;
     L4D_RETURN_IF_ERROR(l4d::render::make_device_renderer(inner, &handle->renderer));
+    if (o.time_passes != 0) L4D_RETURN_IF_ERROR(handle->renderer->time_passes());
     *out = handle.release();
     return {};
   }));
@@ -126,26 +106,15 @@ const char* l4d_cuda_renderer_error_message(const l4d_cuda_renderer* renderer) {
 
 l4d_status l4d_cuda_renderer_set_gaussians(l4d_cuda_renderer* renderer,
                                            const l4d_gaussians* gaussians,
+                                           const l4d_cuda_sh_indices* indices,
                                            const l4d_timeline* timeline) {
-  return call(renderer, required(gaussians, timeline), [&](auto& r) -> Status {
+  const char* bad = required(gaussians, timeline);
+  return call(renderer, bad != nullptr ? bad : optional(indices), [&](auto& r) -> Status {
     const l4d_gaussians g = read_struct(*gaussians, l4d_gaussians{});
-    L4D_RETURN_IF_ERROR(check_gaussians(g, false));
+    L4D_RETURN_IF_ERROR(check_gaussians(g, indices != nullptr));
     L4D_RETURN_IF_ERROR(check_timeline(*timeline));
-    return r.set_device_gaussians(g, *timeline);
-  });
-}
-l4d_status l4d_cuda_renderer_reserve_slots(l4d_cuda_renderer* renderer, uint64_t slots,
-                                           uint32_t sh_degree, const l4d_timeline* timeline) {
-  return call(renderer, required(timeline), [&](auto& r) -> Status {
-    if (sh_degree > 3) return l4d::invalid_argument("sh_degree is above 3");
-    L4D_RETURN_IF_ERROR(check_timeline(*timeline));
-    return r.reserve_slots(slots, sh_degree, *timeline);
-  });
-}
-l4d_status l4d_cuda_renderer_store_gaussians(l4d_cuda_renderer* renderer, uint64_t first_slot,
-                                             const l4d_gaussians* gaussians, void* stream) {
-  return call(renderer, required(gaussians), [&](auto& r) -> Status {
-    return store_gaussians(r, first_slot, *gaussians, nullptr, stream);
+    if (indices == nullptr) return r.set_device_gaussians(g, *timeline);
+    return r.set_indexed_gaussians(g, read_struct(*indices, l4d_cuda_sh_indices{}), *timeline);
   });
 }
 l4d_status l4d_cuda_renderer_set_sh_codebooks(l4d_cuda_renderer* renderer,
@@ -159,56 +128,12 @@ l4d_status l4d_cuda_renderer_set_sh_codebooks(l4d_cuda_renderer* renderer,
     return r.set_sh_codebooks(copies.data(), count);
   });
 }
-l4d_status l4d_cuda_renderer_set_indexed_gaussians(l4d_cuda_renderer* renderer,
-                                                   const l4d_gaussians* gaussians,
-                                                   const l4d_cuda_sh_indices* indices,
-                                                   const l4d_timeline* timeline) {
-  const char* const bad = required(gaussians, indices, timeline);
-  return call(renderer, bad, [&](auto& r) -> Status {
-    const l4d_gaussians g = read_struct(*gaussians, l4d_gaussians{});
-    l4d_cuda_sh_indices i = read_struct(*indices, l4d_cuda_sh_indices{});
-    L4D_RETURN_IF_ERROR(check_gaussians(g, true));
-    L4D_RETURN_IF_ERROR(check_timeline(*timeline));
-    i.first_escape = 0;
-    return r.set_indexed_gaussians(g, i, *timeline);
-  });
-}
-l4d_status l4d_cuda_renderer_reserve_escapes(l4d_cuda_renderer* renderer, uint64_t escapes) {
-  return call(renderer, nullptr, [&](auto& r) { return r.reserve_escapes(escapes); });
-}
-l4d_status l4d_cuda_renderer_store_indexed_gaussians(l4d_cuda_renderer* renderer,
-                                                     uint64_t first_slot,
-                                                     const l4d_gaussians* gaussians,
-                                                     const l4d_cuda_sh_indices* indices,
-                                                     void* stream) {
-  return call(renderer, required(gaussians, indices), [&](auto& r) -> Status {
-    const l4d_cuda_sh_indices i = read_struct(*indices, l4d_cuda_sh_indices{});
-    return store_gaussians(r, first_slot, *gaussians, &i, stream);
-  });
-}
-l4d_status l4d_cuda_renderer_set_batches(l4d_cuda_renderer* renderer, const l4d_cuda_batch* batches,
-                                         uint32_t count, void* stream) {
-  return call(renderer, count > 0 ? required(batches) : nullptr, [&](auto& r) {
-    std::vector<l4d::render::DeviceRenderer::SlotRange> slots(count);
-    for (uint32_t s = 0; s < count; ++s)
-      slots[s] = {batches[s].first, batches[s].count, batches[s].motion};
-    return r.set_batches(slots.data(), count, stream);
-  });
-}
-l4d_status l4d_cuda_renderer_set_background(l4d_cuda_renderer* renderer, const float* rgb) {
-  return call(renderer, required(rgb), [&](auto&) -> Status {
-    L4D_RETURN_IF_ERROR(l4d::render::check_background(rgb));
-    std::copy_n(rgb, 3, renderer->background);
-    return {};
-  });
-}
 l4d_status l4d_cuda_renderer_reserve(l4d_cuda_renderer* renderer,
                                      const l4d_cuda_frame_capacity* capacity) {
   return call(renderer, required(capacity), [&](auto& r) -> Status {
     const l4d_cuda_frame_capacity wanted = read_struct(*capacity, l4d_cuda_frame_capacity{});
     L4D_RETURN_IF_ERROR(l4d::render::check_image_size(wanted.width, wanted.height));
-    return r.reserve(wanted.width, wanted.height, wanted.visible, wanted.instances,
-                     wanted.backward != 0);
+    return r.reserve(wanted.width, wanted.height, wanted.visible, wanted.instances);
   });
 }
 l4d_status l4d_cuda_renderer_render(l4d_cuda_renderer* renderer, double time,
@@ -218,22 +143,9 @@ l4d_status l4d_cuda_renderer_render(l4d_cuda_renderer* renderer, double time,
     const l4d_camera c = read_struct(*camera, default_camera());
     L4D_RETURN_IF_ERROR(l4d::render::check_camera(c));
     if (std::isnan(time)) return l4d::invalid_argument("the time is not a number");
-    return r.launch(time, c, renderer->background, image_of(read_struct(*image, l4d_cuda_image{})),
-                    stream);
-  });
-}
-l4d_status l4d_cuda_renderer_backward(l4d_cuda_renderer* renderer, double time,
-                                      const l4d_camera* camera, const l4d_cuda_image* image,
-                                      const float* rgb_gradient, const l4d_gradients* gradients,
-                                      void* stream) {
-  const char* const bad = required(camera, image, rgb_gradient, gradients);
-  return call(renderer, bad, [&](auto& r) -> Status {
-    const l4d_camera c = read_struct(*camera, default_camera());
-    L4D_RETURN_IF_ERROR(l4d::render::check_camera(c));
-    if (std::isnan(time)) return l4d::invalid_argument("the time is not a number");
-    return r.launch_backward(time, c, renderer->background,
-                             image_of(read_struct(*image, l4d_cuda_image{})), rgb_gradient,
-                             read_struct(*gradients, l4d_gradients{}), stream);
+    const l4d_cuda_image i = read_struct(*image, l4d_cuda_image{});
+    L4D_RETURN_IF_ERROR(l4d::render::check_background(i.background));
+    return r.launch(time, c, i.background, {i.rgb, i.alpha, i.rgba8}, stream);
   });
 }
 l4d_status l4d_cuda_renderer_get_stats(l4d_cuda_renderer* renderer, void* stream,
@@ -250,7 +162,4 @@ l4d_status l4d_cuda_renderer_get_stats(l4d_cuda_renderer* renderer, void* stream
     write_struct(out, stats);
     return status;
   });
-}
-l4d_status l4d_cuda_renderer_time_passes(l4d_cuda_renderer* renderer) {
-  return call(renderer, nullptr, [&](auto& r) { return r.time_passes(); });
 }

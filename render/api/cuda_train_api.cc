@@ -100,11 +100,12 @@ l4d_status l4d_cuda_live_create(const l4d_cuda_renderer_options* options, l4d_cu
     const l4d_cuda_renderer_options o = options == nullptr
                                             ? l4d_cuda_renderer_options{}
                                             : read_struct(*options, l4d_cuda_renderer_options{});
-    if (o.sh_format != L4D_CUDA_SH_FLOAT32 || o.device > 4096) {
-      return invalid_argument("sh_format must be FLOAT32 and device at most 4096");
+    if (o.sh_format != L4D_CUDA_SH_FLOAT32 || o.device > 4096 || o.time_passes > 1) {
+      return invalid_argument("sh_format must be FLOAT32, device at most 4096, time_passes 0 or 1");
     }
     auto handle = std::make_unique<l4d_cuda_live>();
     L4D_RETURN_IF_ERROR(l4d::render::make_device_live(static_cast<int>(o.device), &handle->live));
+    if (o.time_passes != 0) L4D_RETURN_IF_ERROR(handle->live->time_passes());
     *out = handle.release();
     return {};
   }));
@@ -188,7 +189,4 @@ l4d_status l4d_cuda_live_get_report(l4d_cuda_live* live, uint32_t wait,
     write_struct(out, report);
     return {};
   });
-}
-l4d_status l4d_cuda_live_time_passes(l4d_cuda_live* live) {
-  return call(live, nullptr, [&](auto& l) { return l.time_passes(); });
 }

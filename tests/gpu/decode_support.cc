@@ -45,7 +45,7 @@ bool PoisonedMemory::is_intact_behind() const {
   return std::all_of(guard.begin(), guard.end(), [](unsigned char b) { return b == kPoison; });
 }
 
-DeviceDecoding::DeviceDecoding(DecoderHandle& decoder) {
+DeviceDecoding::DeviceDecoding(DecoderHandle& decoder) : decoder_(decoder) {
   decoder.check(l4d_cuda_decoder_create(decoder.get(), 0, &cuda_));
   const uint32_t degree = decoder.info().sh_degree;
   sh_dim_ = 3 * (degree + 1) * (degree + 1);
@@ -103,9 +103,10 @@ DeviceResult DeviceDecoding::decode(const l4d_query& query, uint32_t attributes)
     if (ok) *w.to = array.read();
   }
   uint64_t count = 0;
-  if (failed(l4d_cuda_decoder_get_spans(cuda_, nullptr, 0, &count))) return result;
-  out.spans.resize(static_cast<size_t>(count));
-  if (failed(l4d_cuda_decoder_get_spans(cuda_, out.spans.data(), count, &count))) return result;
+  out.spans.resize(static_cast<size_t>(result.request.num_spans));
+  decoder_.check(
+      l4d_decoder_get_spans(decoder_.get(), &query, out.spans.data(), out.spans.size(), &count));
+  EXPECT_EQ(count, out.spans.size());
   if (!ok) {
     // The failure of the decode, not the success of what was asked afterwards.
     result.status = launched != L4D_OK ? launched : l4d_cuda_decoder_finish(cuda_);

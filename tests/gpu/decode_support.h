@@ -81,6 +81,7 @@ class DeviceDecoding {
   DeviceResult decode(const l4d_query& query, uint32_t attributes = L4D_CUDA_ALL_ATTRIBUTES);
 
  private:
+  DecoderHandle& decoder_;
   l4d_cuda_decoder* cuda_ = nullptr;
   uint32_t sh_dim_ = 0;
 };

@@ -119,44 +119,19 @@ class DecodedScene {
     indices.stride = packed.capacity;
     indices.escape = sh.escape;
     indices.num_escapes = escapes[L4D_COMPONENT_SH];
-    depths.resize(n_);
-    cuda_check(cudaMemcpy(depths.data(), sh.depth, n_, cudaMemcpyDeviceToHost));
   }
   size_t count() const { return n_; }
-  // Gaussians [first, first + count) without SH.
-  l4d_gaussians geometry(size_t first, size_t count) const {
+  // Without SH.
+  l4d_gaussians geometry() const {
     l4d_gaussians g = gaussians;
-    g.count = count;
-    g.position += 3 * first;
-    g.mean_t += first;
-    g.log_scale += 4 * first;
-    g.rotor += 8 * first;
-    g.opacity += first;
     g.sh = nullptr;
     return g;
-  }
-  // Their SH.
-  l4d_cuda_sh_indices part(size_t first, size_t count) const {
-    const auto begin = depths.begin() + static_cast<std::ptrdiff_t>(first);
-    const auto escapes_until = [&](size_t end) {
-      return static_cast<size_t>(
-          std::count(depths.begin(), depths.begin() + static_cast<std::ptrdiff_t>(end), 255));
-    };
-    l4d_cuda_sh_indices out = indices;
-    out.depth += first;
-    out.index += first;
-    out.escape += 3 * terms_ * escapes_until(first);
-    out.num_escapes =
-        static_cast<uint64_t>(std::count(begin, begin + static_cast<std::ptrdiff_t>(count), 255));
-    out.first_escape = escapes_until(first);
-    return out;
   }
 
   l4d_gaussians gaussians{};
   l4d_timeline timeline{};
   l4d_cuda_sh_indices indices{};
   std::vector<l4d_codebook> codebooks;
-  std::vector<uint8_t> depths;
 
  private:
   void check(l4d_status status) const {
@@ -192,7 +167,6 @@ class Renderer {
     capacity.height = camera.height;
     capacity.visible = visible;
     capacity.instances = 1 << 20;
-    capacity.backward = 1;
     check(l4d_cuda_renderer_reserve(r_, &capacity));
   }
   std::vector<float> render(const l4d_camera& camera, double time) const {
@@ -215,8 +189,8 @@ class Renderer {
 void set_whole(const Renderer& r, const DecodedScene& scene) {
   r.check(l4d_cuda_renderer_set_sh_codebooks(r.get(), scene.codebooks.data(),
                                              static_cast<uint32_t>(scene.codebooks.size())));
-  const l4d_gaussians g = scene.geometry(0, scene.count());
-  r.check(l4d_cuda_renderer_set_indexed_gaussians(r.get(), &g, &scene.indices, &scene.timeline));
+  const l4d_gaussians g = scene.geometry();
+  r.check(l4d_cuda_renderer_set_gaussians(r.get(), &g, &scene.indices, &scene.timeline));
 }
 
 TEST(IndexedRender, ImagesAreThoseOfExpandedSh) {
@@ -232,8 +206,8 @@ TEST(IndexedRender, ImagesAreThoseOfExpandedSh) {
         EXPECT_EQ(scene.indices.num_escapes > 0, escape_each > 0);
         for (const uint32_t format : {L4D_CUDA_SH_FLOAT32, L4D_CUDA_SH_FLOAT16}) {
           const Renderer expanded(format), indexed(format);
-          expanded.check(
-              l4d_cuda_renderer_set_gaussians(expanded.get(), &scene.gaussians, &scene.timeline));
+          expanded.check(l4d_cuda_renderer_set_gaussians(expanded.get(), &scene.gaussians, nullptr,
+                                                         &scene.timeline));
           set_whole(indexed, scene);
           for (const double time : {0.4, 2.6}) {
             const l4d_camera camera = ring_camera(160, 110, 0.7 + time);
@@ -253,58 +227,6 @@ TEST(IndexedRender, ImagesAreThoseOfExpandedSh) {
   }
 }
 
-TEST(IndexedRender, RowsAndTheirEscapesComeInParts) {
-  L4D_SKIP_WITHOUT_DEVICE();
-  const DecodedScene scene(encode_indexed(synth(6000, 8), 2, 7));
-  const uint64_t n = scene.count();
-  const l4d_camera camera = ring_camera(160, 110, 2.0);
-  const Renderer expanded, parts;
-  const auto fill = [&](const Renderer& r, bool indexed) {
-    r.reserve(camera, n);
-    r.check(l4d_cuda_renderer_reserve_slots(r.get(), n + 3000, 3, &scene.timeline));
-    if (indexed) {
-      r.check(l4d_cuda_renderer_reserve_escapes(r.get(), scene.indices.num_escapes));
-    }
-    const uint64_t cuts[4] = {0, 1700, 1701, n}, places[3] = {n + 500, 0, 300};
-    l4d_cuda_batch batches[3];
-    for (size_t k = 0; k < 3; ++k) {
-      const size_t first = static_cast<size_t>(cuts[k]);
-      const size_t count = static_cast<size_t>(cuts[k + 1] - cuts[k]);
-      l4d_gaussians g = scene.geometry(first, count);
-      if (indexed) {
-        const l4d_cuda_sh_indices indices = scene.part(first, count);
-        r.check(
-            l4d_cuda_renderer_store_indexed_gaussians(r.get(), places[k], &g, &indices, nullptr));
-      } else {
-        g.sh = scene.gaussians.sh + 48 * first;
-        r.check(l4d_cuda_renderer_store_gaussians(r.get(), places[k], &g, nullptr));
-      }
-      batches[k] = {static_cast<uint32_t>(places[k]), static_cast<uint32_t>(count),
-                    L4D_CUDA_MOTION_MOVING, 0};
-    }
-    r.check(l4d_cuda_renderer_set_batches(r.get(), batches, 3, nullptr));
-  };
-  fill(expanded, false);
-  parts.check(l4d_cuda_renderer_set_sh_codebooks(parts.get(), scene.codebooks.data(),
-                                                 static_cast<uint32_t>(scene.codebooks.size())));
-  fill(parts, true);
-  for (const double time : {0.4, 2.6}) {
-    EXPECT_TRUE(equal_bits(parts.render(camera, time), expanded.render(camera, time))) << time;
-  }
-  // Rows of the one kind are not taken for the other.
-  const l4d_gaussians with_sh = scene.gaussians;
-  EXPECT_EQ(l4d_cuda_renderer_store_gaussians(parts.get(), 0, &with_sh, nullptr),
-            L4D_ERR_INVALID_STATE);
-  const l4d_gaussians g = scene.geometry(0, 10);
-  l4d_cuda_sh_indices few = scene.part(0, 10);
-  EXPECT_EQ(l4d_cuda_renderer_store_indexed_gaussians(expanded.get(), 0, &g, &few, nullptr),
-            L4D_ERR_INVALID_STATE);
-  few.first_escape = scene.indices.num_escapes;
-  few.num_escapes = 1;
-  EXPECT_EQ(l4d_cuda_renderer_store_indexed_gaussians(parts.get(), 0, &g, &few, nullptr),
-            L4D_ERR_INVALID_ARGUMENT);
-}
-
 TEST(IndexedRender, CodebooksGoAndCome) {
   L4D_SKIP_WITHOUT_DEVICE();
   const DecodedScene one(encode_indexed(with_degree(synth(3000, 5), 1), 1, 0));
@@ -314,19 +236,19 @@ TEST(IndexedRender, CodebooksGoAndCome) {
   for (const DecodedScene* scene : {&one, &other, &one}) {
     set_whole(r, *scene);
     r.reserve(camera, scene->count());
-    expected.check(
-        l4d_cuda_renderer_set_gaussians(expected.get(), &scene->gaussians, &scene->timeline));
+    expected.check(l4d_cuda_renderer_set_gaussians(expected.get(), &scene->gaussians, nullptr,
+                                                   &scene->timeline));
     expected.reserve(camera, scene->count());
     EXPECT_TRUE(equal_bits(r.render(camera, 1.0), expected.render(camera, 1.0)));
   }
   // A scene with SH of its own beside codebooks, and rows after they are gone.
-  r.check(l4d_cuda_renderer_set_gaussians(r.get(), &other.gaussians, &other.timeline));
+  r.check(l4d_cuda_renderer_set_gaussians(r.get(), &other.gaussians, nullptr, &other.timeline));
   expected.check(
-      l4d_cuda_renderer_set_gaussians(expected.get(), &other.gaussians, &other.timeline));
+      l4d_cuda_renderer_set_gaussians(expected.get(), &other.gaussians, nullptr, &other.timeline));
   EXPECT_TRUE(equal_bits(r.render(camera, 1.0), expected.render(camera, 1.0)));
   r.check(l4d_cuda_renderer_set_sh_codebooks(r.get(), nullptr, 0));
-  const l4d_gaussians g = one.geometry(0, one.count());
-  EXPECT_EQ(l4d_cuda_renderer_set_indexed_gaussians(r.get(), &g, &one.indices, &one.timeline),
+  const l4d_gaussians g = one.geometry();
+  EXPECT_EQ(l4d_cuda_renderer_set_gaussians(r.get(), &g, &one.indices, &one.timeline),
             L4D_ERR_INVALID_STATE);
 }
 
@@ -351,9 +273,9 @@ TEST(IndexedRender, RefusesWhatDoesNotFit) {
   codebooks = scene.codebooks;
   ASSERT_EQ(set_codebooks(), L4D_OK);
   const auto set_scene = [&](const l4d_gaussians& g, const l4d_cuda_sh_indices& indices) {
-    return l4d_cuda_renderer_set_indexed_gaussians(r.get(), &g, &indices, &scene.timeline);
+    return l4d_cuda_renderer_set_gaussians(r.get(), &g, &indices, &scene.timeline);
   };
-  l4d_gaussians g = scene.geometry(0, scene.count());
+  l4d_gaussians g = scene.geometry();
   EXPECT_EQ(set_scene(scene.gaussians, scene.indices), L4D_ERR_INVALID_ARGUMENT);
   g.sh_degree = 2;
   EXPECT_EQ(set_scene(g, scene.indices), L4D_ERR_INVALID_ARGUMENT);
@@ -368,19 +290,6 @@ TEST(IndexedRender, RefusesWhatDoesNotFit) {
   indices.escape = nullptr;
   EXPECT_EQ(set_scene(g, indices), L4D_ERR_INVALID_ARGUMENT);
   EXPECT_EQ(set_scene(g, scene.indices), L4D_OK);
-  // There is no way back to codewords.
-  const l4d_camera camera = ring_camera(160, 110, 1.0);
-  r.reserve(camera, scene.count());
-  const PoisonedMemory upstream(size_t{12} * 160 * 110), sums(12 * scene.count());
-  l4d_cuda_image image;
-  l4d_cuda_image_init(&image);
-  l4d_gradients gradients;
-  l4d_gradients_init(&gradients);
-  gradients.count = scene.count();
-  gradients.position = sums.floats();
-  EXPECT_EQ(l4d_cuda_renderer_backward(r.get(), 1.0, &camera, &image, upstream.floats(), &gradients,
-                                       nullptr),
-            L4D_ERR_INVALID_STATE);
 }
 
 // Indices that no codebook has: nothing outside is read, and what is inside looks as it did.
@@ -399,13 +308,13 @@ TEST(IndexedRender, BringsBackWhatIsBeyondTheCodebooks) {
   indices.stride = n;
   indices.depth = static_cast<const uint8_t*>(depth.data());
   const Renderer r, last;
-  const l4d_gaussians g = scene.geometry(0, n);
+  const l4d_gaussians g = scene.geometry();
   for (const Renderer* renderer : {&r, &last}) {
     renderer->check(l4d_cuda_renderer_set_sh_codebooks(
         renderer->get(), scene.codebooks.data(), static_cast<uint32_t>(scene.codebooks.size())));
     renderer->reserve(camera, n);
   }
-  r.check(l4d_cuda_renderer_set_indexed_gaussians(r.get(), &g, &indices, &scene.timeline));
+  r.check(l4d_cuda_renderer_set_gaussians(r.get(), &g, &indices, &scene.timeline));
   // What it comes to: the last codewords, and no SH where there are fewer escapes than said.
   std::vector<uint16_t> wanted(2 * n);
   size_t escapes = 0;
@@ -422,7 +331,7 @@ TEST(IndexedRender, BringsBackWhatIsBeyondTheCodebooks) {
   ASSERT_GT(escapes, indices.num_escapes);
   cuda_check(cudaMemcpy(depth.data(), depths.data(), n, cudaMemcpyHostToDevice));
   cuda_check(cudaMemcpy(index.data(), wanted.data(), 4 * n, cudaMemcpyHostToDevice));
-  last.check(l4d_cuda_renderer_set_indexed_gaussians(last.get(), &g, &indices, &scene.timeline));
+  last.check(l4d_cuda_renderer_set_gaussians(last.get(), &g, &indices, &scene.timeline));
   EXPECT_TRUE(equal_bits(r.render(camera, 1.0), last.render(camera, 1.0)));
 }
 

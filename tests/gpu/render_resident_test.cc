@@ -35,7 +35,7 @@ class DeviceCopy {
   size_t bytes_;
 };
 
-// The scene's arrays on the device, and a view of rows [first, first + count).
+// The scene's arrays on the device.
 struct DeviceScene {
   explicit DeviceScene(const io::Scene& s)
       : scene(s),
@@ -45,15 +45,14 @@ struct DeviceScene {
         rotor(s.rotor),
         opacity(s.opacity),
         sh(s.sh) {}
-  l4d_gaussians view(size_t first, size_t count) const {
+  l4d_gaussians view() const {
     l4d_gaussians g = scene.view();
-    g.count = count;
-    g.position = position.floats() + 3 * first;
-    g.mean_t = mean_t.floats() + first;
-    g.log_scale = log_scale.floats() + 4 * first;
-    g.rotor = rotor.floats() + 8 * first;
-    g.opacity = opacity.floats() + first;
-    g.sh = sh.floats() + 3 * scene.sh_coefficients() * first;
+    g.position = position.floats();
+    g.mean_t = mean_t.floats();
+    g.log_scale = log_scale.floats();
+    g.rotor = rotor.floats();
+    g.opacity = opacity.floats();
+    g.sh = sh.floats();
     return g;
   }
   const io::Scene& scene;
@@ -119,8 +118,8 @@ TEST(ResidentRender, WholeScenesInBothFormats) {
     const std::vector<float> e = expected.render(camera);
     for (const uint32_t format : {L4D_CUDA_SH_FLOAT32, L4D_CUDA_SH_FLOAT16}) {
       const Handle r = make(format);
-      const l4d_gaussians g = device.view(0, scene.count());
-      check(r, l4d_cuda_renderer_set_gaussians(r.get(), &g, &scene.timeline));
+      const l4d_gaussians g = device.view();
+      check(r, l4d_cuda_renderer_set_gaussians(r.get(), &g, nullptr, &scene.timeline));
       const l4d_cuda_frame_capacity capacity = capacity_of(camera, scene.count(), 1 << 20);
       check(r, l4d_cuda_renderer_reserve(r.get(), &capacity));
       std::vector<uint32_t> bytes;
@@ -139,47 +138,12 @@ TEST(ResidentRender, WholeScenesInBothFormats) {
   }
 }
 
-// Parts of a scene in batches, out of order in the store, look as the whole does.
-TEST(ResidentRender, BatchesAreAScene) {
-  L4D_SKIP_WITHOUT_DEVICE();
-  const io::Scene scene = synth(9000, 8);
-  const DeviceScene device(scene);
-  const l4d_camera camera = ring_camera(200, 150, 2.0);
-  const Handle whole = make(L4D_CUDA_SH_FLOAT32), parts = make(L4D_CUDA_SH_FLOAT32);
-  const l4d_gaussians g = device.view(0, scene.count());
-  const l4d_cuda_frame_capacity capacity = capacity_of(camera, scene.count(), 1 << 19);
-  check(whole, l4d_cuda_renderer_set_gaussians(whole.get(), &g, &scene.timeline));
-  check(whole, l4d_cuda_renderer_reserve(whole.get(), &capacity));
-  check(parts, l4d_cuda_renderer_reserve_slots(parts.get(), 12000, 3, &scene.timeline));
-  check(parts, l4d_cuda_renderer_reserve(parts.get(), &capacity));
-  const uint32_t cuts[4] = {0, 1700, 1701, 9000}, places[3] = {9000, 0, 300};
-  l4d_cuda_batch batches[3];
-  for (size_t k = 0; k < 3; ++k) {
-    const l4d_gaussians part = device.view(cuts[k], cuts[k + 1] - cuts[k]);
-    check(parts, l4d_cuda_renderer_store_gaussians(parts.get(), places[k], &part, nullptr));
-    batches[k] = {places[k], cuts[k + 1] - cuts[k], L4D_CUDA_MOTION_MOVING, 0};
-  }
-  check(parts, l4d_cuda_renderer_set_batches(parts.get(), batches, 3, nullptr));
-  for (const double time : {0.4, 2.6}) {
-    const ImageDifference d =
-        difference_of(render(parts, camera, time), render(whole, camera, time), 1.0 / 255);
-    EXPECT_LE(d.beyond, 2u) << time;
-  }
-  // Without a part the image is another one.
-  check(parts, l4d_cuda_renderer_set_batches(parts.get(), batches, 1, nullptr));
-  EXPECT_GT(difference_of(render(parts, camera, 0.4), render(whole, camera, 0.4), 0.1).beyond,
-            100u);
-  batches[0].count = 5000;
-  EXPECT_EQ(l4d_cuda_renderer_set_batches(parts.get(), batches, 1, nullptr),
-            L4D_ERR_INVALID_ARGUMENT);
-}
-
 TEST(ResidentRender, ReportsMissingCapacity) {
   L4D_SKIP_WITHOUT_DEVICE();
   const io::Scene scene = synth(9000, 8);
   const DeviceScene device(scene);
   const l4d_camera camera = ring_camera(200, 150, 2.0), larger = ring_camera(201, 150, 2.0);
-  const l4d_gaussians g = device.view(0, scene.count());
+  const l4d_gaussians g = device.view();
   const DeviceCopy rgb(std::vector<float>(3 * 200 * 150, 0));
   l4d_cuda_image image;
   l4d_cuda_image_init(&image);
@@ -190,7 +154,7 @@ TEST(ResidentRender, ReportsMissingCapacity) {
     const Handle r = make(L4D_CUDA_SH_FLOAT32);
     EXPECT_EQ(l4d_cuda_renderer_render(r.get(), 1, &camera, &image, nullptr),
               L4D_ERR_INVALID_STATE);
-    check(r, l4d_cuda_renderer_set_gaussians(r.get(), &g, &scene.timeline));
+    check(r, l4d_cuda_renderer_set_gaussians(r.get(), &g, nullptr, &scene.timeline));
     const l4d_cuda_frame_capacity capacity = capacity_of(camera, visible, instances);
     check(r, l4d_cuda_renderer_reserve(r.get(), &capacity));
     EXPECT_EQ(l4d_cuda_renderer_render(r.get(), 1, &larger, &image, nullptr),
@@ -213,43 +177,6 @@ TEST(ResidentRender, ReportsMissingCapacity) {
       EXPECT_EQ(stats.visible, wanted[1]);
     }
   }
-}
-
-TEST(ResidentRender, GradientsAreThoseOfTheRenderer) {
-  L4D_SKIP_WITHOUT_DEVICE();
-  const io::Scene scene = synth(5000, 9);
-  const DeviceScene device(scene);
-  const l4d_camera camera = ring_camera(150, 110, 3.3);
-  const size_t n = scene.count();
-  const std::vector<float> upstream(size_t{3} * 150 * 110, 0.7f);
-  RendererHandle expected = make_device();
-  expected.set_gaussians(scene.view(), scene.timeline);
-  expected.set_time(0.9);
-  std::vector<float> position(3 * n), sh(scene.sh.size());
-  l4d_gradients host;
-  l4d_gradients_init(&host);
-  host.count = n;
-  host.position = position.data();
-  host.sh = sh.data();
-  expected.check(l4d_renderer_backward(expected.get(), &camera, upstream.data(), &host));
-
-  const Handle r = make(L4D_CUDA_SH_FLOAT32);
-  const l4d_gaussians g = device.view(0, n);
-  check(r, l4d_cuda_renderer_set_gaussians(r.get(), &g, &scene.timeline));
-  l4d_cuda_frame_capacity capacity = capacity_of(camera, n, 1 << 19);
-  capacity.backward = 1;
-  check(r, l4d_cuda_renderer_reserve(r.get(), &capacity));
-  const DeviceCopy device_upstream(upstream), by_position(std::vector<float>(3 * n, 0)),
-      by_sh(std::vector<float>(sh.size(), 0));
-  l4d_gradients out = host;
-  out.position = by_position.floats();
-  out.sh = by_sh.floats();
-  l4d_cuda_image image;
-  l4d_cuda_image_init(&image);
-  check(r, l4d_cuda_renderer_backward(r.get(), 0.9, &camera, &image, device_upstream.floats(), &out,
-                                      nullptr));
-  EXPECT_TRUE(equal_bits(by_position.read<float>(), position));
-  EXPECT_TRUE(equal_bits(by_sh.read<float>(), sh));
 }
 
 }  // namespace

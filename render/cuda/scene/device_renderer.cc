@@ -74,7 +74,6 @@ class Implementation : public DeviceRenderer {
         reserve_store(n, gaussians.sh_degree, options_.half_sh, sequence_of(timeline)));
     L4D_RETURN_IF_ERROR(store_.store_scene(gaussians, nullptr));
     gaussians_ = gaussians;
-    has_attributes_ = true;
     return {};
   }
 
@@ -127,23 +126,6 @@ class Implementation : public DeviceRenderer {
     return views_ == nullptr ? Status() : views_->finish();
   }
 
-  Status reserve_slots(uint64_t slots, uint32_t sh_degree, const l4d_timeline& timeline) override {
-    L4D_RETURN_IF_ERROR(use());
-    forget_scene();
-    const size_t n = static_cast<size_t>(slots);
-    if (store_.codebooks().empty()) {
-      return reserve_store(n, sh_degree, options_.half_sh, sequence_of(timeline));
-    }
-    if (sh_degree != store_.codebooks().degree()) {
-      return invalid_argument("the codebooks are of other SH degree");
-    }
-    return reserve_indices(n, sequence_of(timeline));
-  }
-  Status store_gaussians(uint32_t first, const l4d_gaussians& gaussians,
-                         const l4d_cuda_sh_indices* indices, void* stream) override {
-    L4D_RETURN_IF_ERROR(use());
-    return store_.store(gaussians, indices, first, first, static_cast<cudaStream_t>(stream));
-  }
   Status set_sh_codebooks(const l4d_codebook* codebooks, uint32_t count) override {
     L4D_RETURN_IF_ERROR(use());
     return store_.set_codebooks(codebooks, count, options_.half_sh);
@@ -157,26 +139,13 @@ class Implementation : public DeviceRenderer {
     L4D_RETURN_IF_ERROR(store_.reserve_escapes(indices.num_escapes));
     return store_.store_scene(gaussians, &indices);
   }
-  Status reserve_escapes(uint64_t escapes) override {
-    L4D_RETURN_IF_ERROR(use());
-    return store_.reserve_escapes(escapes);
-  }
-  Status set_batches(const SlotRange* ranges, uint32_t count, void* stream) override {
-    L4D_RETURN_IF_ERROR(use());
-    std::vector<Batch> batches(count);
-    for (uint32_t s = 0; s < count; ++s)
-      batches[s] = {ranges[s].first, ranges[s].count, ranges[s].motion};
-    return store_.set_batches(batches.data(), count, static_cast<cudaStream_t>(stream));
-  }
-  Status reserve(uint32_t width, uint32_t height, uint64_t visible, uint64_t instances,
-                 bool backward) override {
+  Status reserve(uint32_t width, uint32_t height, uint64_t visible, uint64_t instances) override {
     L4D_RETURN_IF_ERROR(use());
     FrameCapacity capacity;
     capacity.width = static_cast<int>(width);
     capacity.height = static_cast<int>(height);
     capacity.visible = saturate32(visible);
     capacity.instances = saturate32(instances);
-    capacity.backward = backward;
     L4D_RETURN_IF_ERROR(back_.reserve(capacity, &frame_));
     return frame_.reserve_slices(store_);
   }
@@ -185,27 +154,6 @@ class Implementation : public DeviceRenderer {
     L4D_RETURN_IF_ERROR(use());
     return frame_.draw(store_, time, camera, background, false, image,
                        static_cast<cudaStream_t>(stream));
-  }
-  Status launch_backward(double time, const l4d_camera& camera, const float* background,
-                         const ImageTarget& image, const float* rgb_gradient,
-                         const l4d_gradients& gradients, void* stream) override {
-    L4D_RETURN_IF_ERROR(use());
-    if (!has_attributes_) {
-      return Status(L4D_ERR_INVALID_STATE, "gradients need the scene's Gaussians");
-    }
-    if (gradients.count != gaussians_.count) {
-      return invalid_argument("gradients.count is not the scene's");
-    }
-    const auto on = static_cast<cudaStream_t>(stream);
-    ImageTarget target = image;
-    if (target.rgb == nullptr) target.rgb = back_.scratch_image();
-    L4D_RETURN_IF_ERROR(frame_.draw(store_, time, camera, background, true, target, on));
-    const BackwardTask task{Upstream::kGiven, rgb_gradient, 0, target.rgb};
-    L4D_RETURN_IF_ERROR(back_.run(&frame_, task, on));
-    launch_gradients(gradient_input(store_, gaussians_, time, camera), task, store_.resident(),
-                     frame_.memory(), back_.memory(), gradients, {}, on);
-    L4D_RETURN_IF_CUDA_ERROR(cudaGetLastError());
-    return {};
   }
   Status stats(void* stream, DeviceFrameStats* out, uint64_t* required_visible,
                uint64_t* required_instances) override {
@@ -247,10 +195,7 @@ class Implementation : public DeviceRenderer {
     L4D_RETURN_IF_ERROR(store_.reserve(shape));
     return frame_.reserve_slices(store_);
   }
-  void forget_scene() {
-    has_attributes_ = false;
-    views_.reset();
-  }
+  void forget_scene() { views_.reset(); }
   // Renders until all instances fit, and waits. rest(): what is to be launched after the frame;
   // it must do no harm after frames that lack instances.
   template <class Rest>
@@ -262,7 +207,6 @@ class Implementation : public DeviceRenderer {
   SceneStore store_;
   DeviceFrame frame_;
   BackwardPass back_;
-  bool has_attributes_ = false;
   l4d_gaussians gaussians_{};  // device arrays
   cuda::DeviceMemory double_times_;
   cuda::DeviceMemory attributes_[kNumAttributes], gradients_[kNumAttributes];

@@ -56,33 +56,15 @@ class DeviceRenderer {
   // Arrays of `gaussians` are device pointers here. Waits.
   virtual Status set_device_gaussians(const l4d_gaussians& gaussians,
                                       const l4d_timeline& timeline) = 0;
-  // SH codebooks of device arrays, copied; and scenes and slots that tell SH by indices into them.
-  // Wait.
+  // SH codebooks of device arrays, copied; and scenes that tell SH by indices into them. Wait.
   virtual Status set_sh_codebooks(const l4d_codebook* codebooks, uint32_t count) = 0;
   virtual Status set_indexed_gaussians(const l4d_gaussians& gaussians,
                                        const l4d_cuda_sh_indices& indices,
                                        const l4d_timeline& timeline) = 0;
-  virtual Status reserve_escapes(uint64_t escapes) = 0;
-  struct SlotRange {
-    uint32_t first, count, motion;  // motion: MotionGroup
-  };
-  // Of indices, where there are codebooks. Waits.
-  virtual Status reserve_slots(uint64_t slots, uint32_t sh_degree,
-                               const l4d_timeline& timeline) = 0;
-  // indices: NULL where slots hold their SH.
-  virtual Status store_gaussians(uint32_t first, const l4d_gaussians& gaussians,
-                                 const l4d_cuda_sh_indices* indices, void* stream) = 0;
-  virtual Status set_batches(const SlotRange* ranges, uint32_t count, void* stream) = 0;
   // Waits where it has to grow.
-  virtual Status reserve(uint32_t width, uint32_t height, uint64_t visible, uint64_t instances,
-                         bool backward) = 0;
+  virtual Status reserve(uint32_t width, uint32_t height, uint64_t visible, uint64_t instances) = 0;
   virtual Status launch(double time, const l4d_camera& camera, const float* background,
                         const ImageTarget& image, void* stream) = 0;
-  // Renders and goes back. rgb_gradient [height, width, 3] and the arrays of `gradients` are device
-  // pointers; image.rgb may be NULL. Needs set_device_gaussians, whose arrays are read again.
-  virtual Status launch_backward(double time, const l4d_camera& camera, const float* background,
-                                 const ImageTarget& image, const float* rgb_gradient,
-                                 const l4d_gradients& gradients, void* stream) = 0;
   // Of the last frame. Waits for it. Fails with LIMIT_EXCEEDED where the capacity did not suffice
   // for all of it; *required_visible and *required_instances then say how much is missing, and are
   // set in any case.

@@ -85,8 +85,7 @@ Status ShCodebooks::take(const l4d_cuda_sh_indices& indices, uint64_t count, ShI
   if (indices.escape == nullptr || indices.depth == nullptr) {
     return invalid_argument("escapes need their numbers, and depths that tell whose they are");
   }
-  if (indices.first_escape > max_escapes_ ||
-      indices.num_escapes > max_escapes_ - indices.first_escape || count > max_slots_) {
+  if (indices.num_escapes > max_escapes_ || count > max_slots_) {
     return invalid_argument("capacity is too small for so many escapes");
   }
   const size_t pieces = static_cast<size_t>(count + kRankPiece - 1) / kRankPiece;
@@ -96,12 +95,10 @@ Status ShCodebooks::take(const l4d_cuda_sh_indices& indices, uint64_t count, ShI
                       rank_states_.as<uint32_t>(), stream);
   const uint32_t stride = sh_stride(degree_, true);
   launch_pad_escapes(indices.escape, 3 * sh_terms(degree_), stride,
-                     static_cast<uint32_t>(indices.num_escapes),
-                     escapes_.as<uint16_t>() + indices.first_escape * stride, stream);
+                     static_cast<uint32_t>(indices.num_escapes), escapes_.as<uint16_t>(), stream);
   L4D_RETURN_IF_CUDA_ERROR(cudaGetLastError());
   out->rank = ranks_.as<uint32_t>();
   out->num_escapes = static_cast<uint32_t>(indices.num_escapes);
-  out->first_escape = static_cast<uint32_t>(indices.first_escape);
   return {};
 }
 

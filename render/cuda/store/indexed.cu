@@ -42,7 +42,7 @@ __global__ void __launch_bounds__(kThreads)
   if (depth == kPackedEscape) {
     const uint32_t rank = indices.rank != nullptr ? indices.rank[i] : 0;
     if (indices.rank != nullptr && rank < indices.num_escapes) {
-      words[0] = kShEscape | (indices.first_escape + rank) << kShDepthBits;
+      words[0] = kShEscape | rank << kShDepthBits;
       return;
     }
     depth = 0;

@@ -14,7 +14,6 @@ struct ShIndices {
   uint64_t stride;
   const uint32_t* rank;  // escapes before each Gaussian; NULL: there are none
   uint32_t num_escapes;
-  uint32_t first_escape;  // in ShCodebookTable.escapes
 };
 
 // How many of the Gaussians before each one are escapes. states: pieces of kRankPiece and then a

@@ -130,25 +130,6 @@ void SceneStore::launch_store_slots(const l4d_gaussians& gaussians, const ShIndi
   if (shape_.sh == StoredSh::kIndices) launch_store_indices(indices, place, resident_, stream);
 }
 
-Status SceneStore::store(const l4d_gaussians& gaussians, const l4d_cuda_sh_indices* indices,
-                         uint32_t first, uint32_t first_id, cudaStream_t stream) {
-  if (gaussians.sh_degree != shape_.sh_degree)
-    return invalid_argument("the slots are of other SH degree");
-  if (first > slots_ || gaussians.count > slots_ - first) {
-    return invalid_argument("capacity is too small for so many slots");
-  }
-  ShIndices taken{};
-  L4D_RETURN_IF_ERROR(take_indices(indices, gaussians.count, &taken, stream));
-  ++revision_;
-  StorePlace place;
-  place.count = static_cast<uint32_t>(gaussians.count);
-  place.first = first;
-  place.first_id = first_id;
-  place.origin = shape_.sequence.center();
-  launch_store_slots(gaussians, taken, place, stream);
-  return launched("storing slots");
-}
-
 Status SceneStore::store_scene(const l4d_gaussians& gaussians, const l4d_cuda_sh_indices* indices) {
   const size_t n = static_cast<size_t>(gaussians.count);
   if (n > slots_ || gaussians.sh_degree != shape_.sh_degree) {

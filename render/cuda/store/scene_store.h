@@ -46,11 +46,8 @@ class SceneStore {
   // sh: [slots, stride] binary32 in device memory; frames show it up to `degree`.
   void set_external_sh(const float* sh, uint32_t stride, uint32_t degree);
 
-  // Fills slots [first, first + gaussians.count) from device arrays. indices: of slots of indices,
-  // else NULL.
-  Status store(const l4d_gaussians& gaussians, const l4d_cuda_sh_indices* indices, uint32_t first,
-               uint32_t first_id, cudaStream_t stream);
-  // Fills the store with a whole scene from device arrays, sorted by motion. Waits for the device.
+  // Fills the store with a whole scene from device arrays, sorted by motion. indices: of
+  // slots of indices, else NULL. Waits for the device.
   Status store_scene(const l4d_gaussians& gaussians, const l4d_cuda_sh_indices* indices);
   // Slots were written through resident(): slices of them are out of date.
   void touch() { ++revision_; }
