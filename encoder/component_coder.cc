@@ -7,13 +7,13 @@
 #include <memory>
 #include <numeric>
 
-#include "encoder/async.h"
 #include "encoder/entropy_constrained.h"
 #include "encoder/kmeans.h"
 #include "encoder/nearest.h"
 #include "encoder/rcq.h"
 #include "encoder/stage_choice.h"
 #include "encoder/stage_refinement.h"
+#include "libl4dcodec/base/async.h"
 #include "libl4dcodec/base/half.h"
 #include "libl4dcodec/base/threads.h"
 

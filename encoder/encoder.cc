@@ -5,7 +5,6 @@
 #include <chrono>
 #include <map>
 
-#include "encoder/async.h"
 #include "encoder/choose_header.h"
 #include "encoder/color_bounds.h"
 #include "encoder/encode_steps.h"
@@ -15,6 +14,7 @@
 #include "encoder/quality.h"
 #include "encoder/sh_coder.h"
 #include "encoder/written_check.h"
+#include "libl4dcodec/base/async.h"
 #include "libl4dcodec/base/threads.h"
 #include "libl4dcodec/container/levels.h"
 

@@ -5,9 +5,9 @@
 #include <cmath>
 
 #include "decoder/expand/transform.h"
-#include "encoder/async.h"
 #include "encoder/coding_cost.h"
 #include "encoder/scalar.h"
+#include "libl4dcodec/base/async.h"
 #include "libl4dcodec/base/half.h"
 #include "libl4dcodec/base/threads.h"
 #include "libl4dcodec/math/rotor.h"

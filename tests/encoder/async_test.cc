@@ -2,7 +2,7 @@
 // Work beside the calling thread: SH beside the layers where there is a device, scales and both
 // halves of rotors where there are threads enough. Neither may change a bit of the file, nor what
 // cancelling does.
-#include "encoder/async.h"
+#include "libl4dcodec/base/async.h"
 
 #include <gtest/gtest.h>
 
