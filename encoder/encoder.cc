@@ -8,6 +8,8 @@
 #include "encoder/choose_header.h"
 #include "encoder/color_bounds.h"
 #include "encoder/encode_steps.h"
+#include "encoder/layer_coder.h"
+#include "encoder/layering.h"
 #include "encoder/observed_errors.h"
 #include "encoder/position_coding.h"
 #include "encoder/position_plan.h"

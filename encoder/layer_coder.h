@@ -7,7 +7,7 @@
 
 #include "encoder/coder_options.h"
 #include "encoder/component_coder.h"
-#include "encoder/layering.h"
+#include "encoder/layer_plan.h"
 #include "encoder/scene.h"
 
 namespace l4d {

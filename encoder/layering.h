@@ -2,21 +2,12 @@
 // Which layer each Gaussian belongs to, from its temporal extent (spec: "Layers and buckets").
 #pragma once
 
-#include <cstdint>
 #include <vector>
 
+#include "encoder/layer_plan.h"
 #include "encoder/scene.h"
 
 namespace l4d {
-
-struct LayerPlan {
-  unsigned level = 0;
-  bool permanent = false;
-  bool far = false;   // level 0: mean times far outside the sequence
-  bool flat = false;  // of Gaussians with flat windows
-  unsigned tier = 0;
-  std::vector<uint32_t> members;  // indices in the scene, ascending
-};
 
 // Layers by ascending level, the permanent one first; thin finest layers merged into coarser ones.
 // Gaussians with flat windows have layers of their own, by level among the others.

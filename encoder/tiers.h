@@ -4,7 +4,8 @@
 
 #include <vector>
 
-#include "encoder/layering.h"
+#include "encoder/layer_plan.h"
+#include "encoder/scene.h"
 
 namespace l4d {
 
