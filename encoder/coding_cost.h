@@ -7,7 +7,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "encoder/component_coder.h"
+#include "encoder/coded_component.h"
 
 namespace l4d {
 

@@ -2,7 +2,7 @@
 // The bounds on the colours of single Gaussians, which the coders of SH keep row by row.
 #pragma once
 
-#include "encoder/component_coder.h"
+#include "encoder/coded_component.h"
 #include "encoder/scene.h"
 #include "libl4dcodec/base/status.h"
 #include "libl4dcodec/scene/color_errors.h"

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "encoder/half_codebook.h"
 #include "encoder/nearest.h"
 #include "libl4dcodec/base/threads.h"
 

@@ -5,7 +5,7 @@
 
 #include <vector>
 
-#include "encoder/component_coder.h"
+#include "encoder/coded_component.h"
 
 namespace l4d {
 
@@ -26,12 +26,5 @@ std::vector<std::vector<float>> train_block_codebooks(const float* rows, const f
 void code_blocks(const float* rows, const float* weights, const std::vector<BlockRange>& blocks,
                  const ComponentSettings& settings, const std::vector<float>& distance,
                  const std::vector<std::vector<float>>& block_codebooks, CodedComponent* component);
-
-// Shared with the plain coder.
-void round_to_half(std::vector<float>& values);
-uint32_t useful_entries(uint32_t wanted, size_t n);
-std::vector<float> train_half_codebook(const float* rows, const float* weights, size_t n,
-                                       size_t dim, uint32_t entries,
-                                       const ComponentSettings& settings, uint64_t salt);
 
 }  // namespace l4d

@@ -5,6 +5,7 @@
 
 #include "encoder/coding_cost.h"
 #include "encoder/color_bounds.h"
+#include "encoder/component_coder.h"
 #include "encoder/quality.h"
 #include "libl4dcodec/scene/sh.h"
 

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "encoder/coded_component.h"
 #include "encoder/coder_options.h"
-#include "encoder/component_coder.h"
 #include "encoder/scene.h"
 
 namespace l4d {

@@ -6,6 +6,7 @@
 
 #include "decoder/expand/transform.h"
 #include "encoder/coding_cost.h"
+#include "encoder/component_coder.h"
 #include "encoder/scalar.h"
 #include "libl4dcodec/base/async.h"
 #include "libl4dcodec/base/half.h"

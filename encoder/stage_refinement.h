@@ -3,7 +3,7 @@
 // that follow. Here every stage is coded again for what all others leave to it.
 #pragma once
 
-#include "encoder/component_coder.h"
+#include "encoder/coded_component.h"
 
 namespace l4d {
 

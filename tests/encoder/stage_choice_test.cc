@@ -7,6 +7,7 @@
 #include <numeric>
 
 #include "encoder/coding_cost.h"
+#include "encoder/component_coder.h"
 #include "encoder/kmeans.h"
 #include "tests/common/random.h"
 
