@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "encoder/choose_header.h"
 
+#include "encoder/component_coder.h"
 #include "encoder/observed_errors.h"
 #include "encoder/position_coding.h"
 #include "encoder/scalar.h"

@@ -7,6 +7,7 @@
 
 #include "encoder/choose_header.h"
 #include "encoder/color_bounds.h"
+#include "encoder/component_coder.h"
 #include "encoder/encode_steps.h"
 #include "encoder/layer_coder.h"
 #include "encoder/layering.h"

@@ -6,6 +6,8 @@
 
 #include "encoder/coded_scene.h"
 #include "encoder/page_builder.h"
+#include "encoder/scene.h"
+#include "encoder/settings.h"
 
 namespace l4d {
 

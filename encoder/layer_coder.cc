@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "encoder/closed_loop.h"
+#include "encoder/component_coder.h"
 #include "encoder/mean_time.h"
 #include "encoder/position_coding.h"
 #include "encoder/quality.h"

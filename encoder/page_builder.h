@@ -4,7 +4,8 @@
 
 #include <vector>
 
-#include "encoder/layer_coder.h"
+#include "encoder/coded_scene.h"
+#include "encoder/scene.h"
 #include "libl4dcodec/container/directory.h"
 #include "libl4dcodec/container/page.h"
 

@@ -4,8 +4,9 @@
 
 #include <vector>
 
-#include "encoder/layer_coder.h"
+#include "encoder/coded_scene.h"
 #include "encoder/position_plan.h"
+#include "encoder/scene.h"
 
 namespace l4d {
 

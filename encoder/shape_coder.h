@@ -2,8 +2,10 @@
 // Scales and rotors of a layer: which coding each gets, and what that decodes to.
 #pragma once
 
-#include "encoder/layer_coder.h"
+#include "encoder/coded_scene.h"
+#include "encoder/coder_options.h"
 #include "encoder/quality.h"
+#include "encoder/scene.h"
 
 namespace l4d {
 

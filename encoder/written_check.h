@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "encoder/coded_scene.h"
+#include "encoder/scene.h"
 #include "libl4dcodec/base/bytes.h"
 #include "libl4dcodec/base/status.h"
 #include "libl4dcodec/container/scene_header.h"

@@ -5,7 +5,9 @@
 #include <gtest/gtest.h>
 
 #include "encoder/choose_header.h"
+#include "encoder/component_coder.h"
 #include "encoder/file_builder.h"
+#include "encoder/layer_coder.h"
 #include "encoder/position_plan.h"
 #include "encoder/quality.h"
 #include "encoder/sh_coder.h"
