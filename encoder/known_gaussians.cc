@@ -19,7 +19,7 @@ constexpr double kPathRounding = 1e-9;
 constexpr double kAcross[3] = {1, 0.6180339887, 0.3771236166};
 
 // All that a position at another time leaves as it is.
-uint64_t key_of(const AttributeArrays& arrays, const SessionPool::Row& row, size_t i) {
+uint64_t key_of(const AttributeArrays& arrays, const PooledGaussian& row, size_t i) {
   std::array<uint64_t, kNumAttributes> parts{};
   size_t n = 0;
   const auto bytes_of = [](const float* values, size_t count) {
@@ -54,9 +54,9 @@ struct Candidate {
   }
 };
 
-Candidate candidate(const AttributeArrays& arrays, const std::vector<SessionPool::Row>& rows,
+Candidate candidate(const AttributeArrays& arrays, const std::vector<PooledGaussian>& rows,
                     size_t i) {
-  const SessionPool::Row& row = rows[i];
+  const PooledGaussian& row = rows[i];
   Candidate c{};
   c.key = key_of(arrays, row, i);
   c.row = i;
@@ -102,7 +102,7 @@ class FreePlaces {
 }  // namespace
 
 std::vector<char> without_known(const AttributeArrays& arrays,
-                                const std::vector<SessionPool::Row>& rows, size_t first) {
+                                const std::vector<PooledGaussian>& rows, size_t first) {
   std::vector<char> keep(rows.size(), 1);
   if (first == 0) return keep;
   // Flat windows end with their piece: none lives on.

@@ -5,7 +5,7 @@
 
 #include <vector>
 
-#include "encoder/session_pool.h"
+#include "encoder/pooled_gaussian.h"
 #include "l4d/attributes.hpp"
 
 namespace l4d {
@@ -14,6 +14,6 @@ namespace l4d {
 // that are as one before, which stands for one only. Gaussians are the same if they are so bit for
 // bit, but for positions: these are rounded at other times.
 std::vector<char> without_known(const AttributeArrays& arrays,
-                                const std::vector<SessionPool::Row>& rows, size_t first);
+                                const std::vector<PooledGaussian>& rows, size_t first);
 
 }  // namespace l4d

@@ -142,8 +142,8 @@ Status Session::check_piece(const EncoderInput& input) const {
 }
 
 Status Session::check_memory(const EncoderInput& input, double now, size_t more) const {
-  const std::vector<SessionPool::Row>& rows = pool_.rows();
-  const auto lives = [now](const SessionPool::Row& row) { return row.shown.end > now; };
+  const std::vector<PooledGaussian>& rows = pool_.rows();
+  const auto lives = [now](const PooledGaussian& row) { return row.shown.end > now; };
   const auto before = static_cast<size_t>(std::count_if(rows.begin(), rows.end(), lives));
   const uint64_t bytes = SessionPool::bytes_of(input, before + more);
   if (bytes <= options_.max_memory_bytes) return {};
@@ -214,8 +214,8 @@ void Session::drop_past(double now) {
 // on of them is coded again.
 void Session::retire_standing() {
   std::vector<size_t> alive(standing_.size());
-  for (const SessionPool::Row& row : pool_.rows()) {
-    if (row.standing != SessionPool::kNoStanding) ++alive[row.standing];
+  for (const PooledGaussian& row : pool_.rows()) {
+    if (row.standing != PooledGaussian::kNoStanding) ++alive[row.standing];
   }
   keep_standing([&](const Standing& s, size_t index) {
     return s.end >= end_ && 2 * alive[index] >= s.count;
@@ -224,28 +224,28 @@ void Session::retire_standing() {
 
 template <typename Keep>
 void Session::keep_standing(const Keep& keep) {
-  std::vector<uint32_t> place(standing_.size(), SessionPool::kNoStanding);
+  std::vector<uint32_t> place(standing_.size(), PooledGaussian::kNoStanding);
   std::vector<Standing> kept;
   for (size_t s = 0; s < standing_.size(); ++s) {
     if (!keep(standing_[s], s)) continue;
     place[s] = static_cast<uint32_t>(kept.size());
     kept.push_back(standing_[s]);
   }
-  for (SessionPool::Row& row : pool_.rows()) {
-    if (row.standing != SessionPool::kNoStanding) row.standing = place[row.standing];
+  for (PooledGaussian& row : pool_.rows()) {
+    if (row.standing != PooledGaussian::kNoStanding) row.standing = place[row.standing];
   }
   standing_ = std::move(kept);
 }
 
-Sequence Session::shown(const SessionPool::Row& row, const Grid& grid) const {
+Sequence Session::shown(const PooledGaussian& row, const Grid& grid) const {
   return {std::max(row.shown.begin, grid.begins.front()), std::min(row.shown.end, options_.end)};
 }
 
 std::vector<uint32_t> Session::long_lived(const Grid& grid) const {
   std::vector<uint32_t> out;
   for (uint32_t i = 0; i < pool_.count(); ++i) {
-    const SessionPool::Row& row = pool_.rows()[i];
-    if (row.standing != SessionPool::kNoStanding) continue;
+    const PooledGaussian& row = pool_.rows()[i];
+    if (row.standing != PooledGaussian::kNoStanding) continue;
     const Sequence s = shown(row, grid);
     if (!(s.begin < s.end)) continue;
     const uint32_t last = grid.segment_of(std::nextafter(s.end, s.begin));
@@ -297,14 +297,14 @@ void Session::plan_media(const Grid& grid) {
   std::vector<std::set<uint32_t>> needs(grid.count());
   const double slack = kSeamFrames * frame_seconds(grid.piece);
   for (uint32_t i = 0; i < pool_.count(); ++i) {
-    const SessionPool::Row& row = pool_.rows()[i];
+    const PooledGaussian& row = pool_.rows()[i];
     const Sequence s = shown(row, grid);
     // Windows begin and end with frames, of which times are rounded.
     const double margin = row.lambda == 0 ? slack : 0;
     if (!(s.begin + margin < s.end - margin)) continue;
     for (uint32_t k = grid.segment_of(s.begin + margin);
          k < grid.count() && grid.begins[k] < s.end - margin; ++k) {
-      if (row.standing == SessionPool::kNoStanding) {
+      if (row.standing == PooledGaussian::kNoStanding) {
         rows[k].push_back(i);
       } else {
         needs[k].insert(row.standing);

@@ -79,7 +79,7 @@ class Session {
   // Gaussians of the others belong to none then.
   template <typename Keep>  // bool(const Standing&, size_t index)
   void keep_standing(const Keep& keep);
-  Sequence shown(const SessionPool::Row& row, const Grid& grid) const;
+  Sequence shown(const PooledGaussian& row, const Grid& grid) const;
   std::vector<uint32_t> long_lived(const Grid& grid) const;
   void plan_standing(const Grid& grid);
   void plan_media(const Grid& grid);
@@ -90,7 +90,7 @@ class Session {
 
   SessionOptions options_;
   SessionPool pool_;
-  std::vector<Standing> standing_;  // SessionPool::Row::standing counts in it
+  std::vector<Standing> standing_;  // PooledGaussian::standing counts in it
   std::deque<Planned> planned_;
   EncoderInput piece_;      // the last one, without its Gaussians
   double end_ = -HUGE_VAL;  // of the pieces so far

@@ -35,20 +35,11 @@ Sequence shown_times(double mean, double lambda, double peak) {
 
 }  // namespace
 
-double SessionPool::Row::shown_between(double begin, double end) const {
-  const double a = std::max(begin, shown.begin), b = std::min(end, shown.end);
-  if (!(a < b)) return 0;
-  if (lambda == 0) return b - a;
-  const double slope = std::sqrt(lambda / 2);
-  const double integral = std::erf(slope * (b - mean)) - std::erf(slope * (a - mean));
-  return std::min(b - a, std::sqrt(std::acos(-1.0)) / (2 * slope) * integral);
-}
-
 uint64_t SessionPool::bytes_of(const EncoderInput& input, size_t count) {
   uint64_t numbers = numbers_per_gaussian(input.gaussians.sh_degree);
   for (const float* weights : input.weights) numbers += weights != nullptr ? 1 : 0;
   numbers += input.min_sizes != nullptr ? 1 : 0;
-  return uint64_t{count} * (numbers * sizeof(float) + sizeof(Row));
+  return uint64_t{count} * (numbers * sizeof(float) + sizeof(PooledGaussian));
 }
 
 Status SessionPool::add(const EncoderInput& input, const EncoderScene& prepared, bool lossless) {
@@ -90,7 +81,7 @@ Status SessionPool::add(const EncoderInput& input, const EncoderScene& prepared,
   const bool at_mean = (g.flags & L4D_POSITION_AT_MEAN_TIME) != 0;
   rows_.reserve(before + prepared.count);
   for (size_t i = 0; i < prepared.count; ++i) {
-    Row row{};
+    PooledGaussian row{};
     row.mean = mean_time(g, from[i]);
     row.reference = at_mean ? row.mean : reference_time(input.timeline, row.mean);
     std::copy_n(prepared.velocity.data() + 3 * i, 3, row.velocity);
@@ -106,7 +97,7 @@ Status SessionPool::add(const EncoderInput& input, const EncoderScene& prepared,
     }
     row.exposure = row.shown_between(piece.begin, piece.end) / (piece.end - piece.begin);
     row.share = share[i];
-    row.standing = kNoStanding;
+    row.standing = PooledGaussian::kNoStanding;
     rows_.push_back(row);
   }
   drop_known(before);
@@ -148,7 +139,7 @@ SessionPart::SessionPart(const SessionPool& pool, const std::vector<uint32_t>& r
     return static_cast<uint32_t>(std::clamp(frame, 0.0, static_cast<double>(timeline.num_frames)));
   };
   for (size_t n = 0; n < rows.size(); ++n) {
-    const SessionPool::Row& row = pool.rows_[rows[n]];
+    const PooledGaussian& row = pool.rows_[rows[n]];
     arrays_.mean_t[n] = static_cast<float>(row.mean);
     if (pool.has_double_times_) arrays_.mean_t_double.push_back(row.mean);
     if (pool.has_windows_) {

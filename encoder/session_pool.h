@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "encoder/pooled_gaussian.h"
 #include "encoder/scene.h"
 #include "l4d/attributes.hpp"
 
@@ -13,21 +14,6 @@ namespace l4d {
 
 class SessionPool {
  public:
-  static constexpr uint32_t kNoStanding = UINT32_MAX;
-
-  struct Row {
-    Sequence shown;  // when its opacity is above what is seen, in seconds; empty: never
-    double velocity[3];
-    double lambda;      // 0: it has a flat window, which is `shown`
-    double mean;        // seconds
-    double reference;   // the time that its position is of, in seconds
-    double exposure;    // part of the piece that it came with during which it was shown
-    double share;       // see EncoderInput
-    uint32_t standing;  // the standing member that it is in
-
-    double shown_between(double begin, double end) const;  // seconds, weighted by its falloff
-  };
-
   // That so many Gaussians take, with the weights of `input`.
   static uint64_t bytes_of(const EncoderInput& input, size_t count);
 
@@ -37,8 +23,8 @@ class SessionPool {
   void keep(const std::vector<char>& mask);
 
   size_t count() const { return rows_.size(); }
-  const std::vector<Row>& rows() const { return rows_; }
-  std::vector<Row>& rows() { return rows_; }
+  const std::vector<PooledGaussian>& rows() const { return rows_; }
+  std::vector<PooledGaussian>& rows() { return rows_; }
 
  private:
   friend class SessionPart;
@@ -46,7 +32,7 @@ class SessionPool {
   // Drops what is the same as one of the first `before` rows.
   void drop_known(size_t before);
 
-  std::vector<Row> rows_;
+  std::vector<PooledGaussian> rows_;
   AttributeArrays arrays_;  // all of them, times always as binary64
   bool has_double_times_ = false;
   bool has_windows_ = false;
