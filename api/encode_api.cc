@@ -9,7 +9,7 @@
 #include "libl4dcodec/base/c_api.h"
 #include "libl4dcodec/base/utf8.h"
 #ifdef L4D_HAVE_CUDA
-#include "encoder/cuda/device_nearest.h"
+#include "encoder/search/cuda/device_nearest.h"
 #include "libl4dcodec/cuda/device.h"
 #endif
 

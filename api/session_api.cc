@@ -3,7 +3,7 @@
 #include <memory>
 
 #include "api/encoder_handle.h"
-#include "encoder/session.h"
+#include "encoder/session/session.h"
 #include "l4d/session.h"
 #include "libl4dcodec/base/first_versions.h"
 

@@ -8,10 +8,10 @@
 #include <utility>
 #include <vector>
 
-#include "encoder/file_builder.h"
-#include "encoder/nearest.h"
-#include "encoder/scene.h"
-#include "encoder/settings.h"
+#include "encoder/file/file_builder.h"
+#include "encoder/prepare/scene.h"
+#include "encoder/prepare/settings.h"
+#include "encoder/search/nearest.h"
 
 namespace l4d {
 

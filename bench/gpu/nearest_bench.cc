@@ -8,7 +8,7 @@
 #include <cstring>
 #include <vector>
 
-#include "encoder/cuda/device_nearest.h"
+#include "encoder/search/cuda/device_nearest.h"
 #include "io/synth/synth.h"
 #include "l4d/l4d.hpp"
 #include "libl4dcodec/cuda/device.h"

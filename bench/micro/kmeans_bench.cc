@@ -9,9 +9,9 @@
 #include <string>
 #include <vector>
 
-#include "encoder/kmeans.h"
-#include "encoder/nearest.h"
-#include "encoder/random.h"
+#include "encoder/search/kmeans.h"
+#include "encoder/search/nearest.h"
+#include "encoder/search/random.h"
 #include "io/ply/scene_ply.h"
 #include "io/ply/weights.h"
 

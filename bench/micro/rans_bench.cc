@@ -10,7 +10,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "encoder/random.h"
+#include "encoder/search/random.h"
 #include "libl4dcodec/entropy/rans_encoder.h"
 #include "libl4dcodec/entropy/stream_kernels.h"
 #include "libl4dcodec/entropy/zstd_codec.h"

@@ -3,7 +3,7 @@
 
 #include <stdexcept>
 
-#include "encoder/entropy_model.h"
+#include "encoder/file/entropy_model.h"
 
 namespace l4d::test {
 namespace {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <numeric>
 
-#include "encoder/entropy_model.h"
+#include "encoder/file/entropy_model.h"
 #include "libl4dcodec/entropy/rans.h"
 #include "tests/container/rans_columns.h"
 

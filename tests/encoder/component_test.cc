@@ -7,7 +7,7 @@
 #include <set>
 
 #include "decoder/expand/reconstruct.h"
-#include "encoder/component_coder.h"
+#include "encoder/component/codebook_coder.h"
 #include "libl4dcodec/base/half.h"
 #include "tests/common/random.h"
 

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "encoder/entropy_constrained.h"
+#include "encoder/component/entropy_constrained.h"
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <cmath>
 
-#include "encoder/kmeans.h"
-#include "encoder/nearest.h"
+#include "encoder/search/kmeans.h"
+#include "encoder/search/nearest.h"
 #include "libl4dcodec/base/half.h"
 #include "tests/common/random.h"
 

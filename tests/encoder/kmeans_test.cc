@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "encoder/kmeans.h"
+#include "encoder/search/kmeans.h"
 
 #include <gtest/gtest.h>
 
@@ -10,8 +10,8 @@
 #include <set>
 #include <vector>
 
-#include "encoder/kmeans_seed.h"
-#include "encoder/nearest.h"
+#include "encoder/search/kmeans_seed.h"
+#include "encoder/search/nearest.h"
 #include "tests/encoder/vectors.h"
 
 namespace l4d {

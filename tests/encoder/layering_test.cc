@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "encoder/layering.h"
-
 #include <gtest/gtest.h>
 
 #include <algorithm>
 
+#include "encoder/plan/layers.h"
 #include "libl4dcodec/scene/layers.h"
 #include "tests/common/test_scene.h"
 

@@ -1,13 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // No mean time is off by more than what the quality allows its Gaussian, however long the sequence
 // and short the event.
-#include "encoder/mean_time.h"
-
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <cmath>
 
+#include "encoder/plan/mean_times.h"
 #include "libl4dcodec/math/rotor.h"
 #include "libl4dcodec/scene/layers.h"
 #include "libl4dcodec/scene/slice.h"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "encoder/nearest.h"
+#include "encoder/search/nearest.h"
 
 #include <gtest/gtest.h>
 #include <hwy/highway.h>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "encoder/settings.h"
+#include "encoder/prepare/settings.h"
 
 #include <gtest/gtest.h>
 

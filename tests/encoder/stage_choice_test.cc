@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "encoder/stage_choice.h"
+#include "encoder/component/stage_choice.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <numeric>
 
-#include "encoder/coding_cost.h"
-#include "encoder/component_coder.h"
-#include "encoder/kmeans.h"
+#include "encoder/component/codebook_coder.h"
+#include "encoder/component/coding_cost.h"
+#include "encoder/search/kmeans.h"
 #include "tests/common/random.h"
 
 namespace l4d {

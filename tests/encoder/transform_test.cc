@@ -6,7 +6,7 @@
 #include <cmath>
 #include <cstring>
 
-#include "encoder/transform_coder.h"
+#include "encoder/component/transform_coder.h"
 #include "libl4dcodec/container/page.h"
 #include "libl4dcodec/quant/integer_basis.h"
 #include "tests/common/random.h"

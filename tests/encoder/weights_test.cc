@@ -7,7 +7,7 @@
 #include <set>
 #include <vector>
 
-#include "encoder/closed_loop.h"
+#include "encoder/layer/closed_loop.h"
 #include "tests/common/codec.h"
 #include "tests/common/random.h"
 

@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 // The encoder finds what is wrong with its own streams before anyone gets a byte of them.
-#include "encoder/written_check.h"
+#include "encoder/file/written_check.h"
 
 #include <gtest/gtest.h>
 
-#include "encoder/choose_header.h"
-#include "encoder/component_coder.h"
-#include "encoder/file_builder.h"
-#include "encoder/layer_coder.h"
-#include "encoder/position_plan.h"
-#include "encoder/quality.h"
-#include "encoder/sh_coder.h"
+#include "encoder/component/codebook_coder.h"
+#include "encoder/file/choose_header.h"
+#include "encoder/file/file_builder.h"
+#include "encoder/layer/layer_coder.h"
+#include "encoder/layer/sh_coder.h"
+#include "encoder/plan/positions.h"
+#include "encoder/prepare/quality.h"
 #include "tests/common/codec.h"
 
 namespace l4d {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The device's search for the nearest codeword against the host's: equal to the last bit, and so
 // are the files that come of it.
-#include "encoder/nearest.h"
+#include "encoder/search/nearest.h"
 
 #include <gtest/gtest.h>
 
@@ -11,8 +11,8 @@
 #include <limits>
 #include <thread>
 
-#include "encoder/cuda/device_nearest.h"
-#include "encoder/kmeans.h"
+#include "encoder/search/cuda/device_nearest.h"
+#include "encoder/search/kmeans.h"
 #include "tests/common/codec.h"
 #include "tests/common/random.h"
 #include "tests/common/test_scene.h"

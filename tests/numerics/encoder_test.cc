@@ -7,8 +7,8 @@
 #include <limits>
 #include <string>
 
-#include "encoder/component_coder.h"
-#include "encoder/kmeans.h"
+#include "encoder/component/codebook_coder.h"
+#include "encoder/search/kmeans.h"
 #include "libl4dcodec/scene/layers.h"
 #include "tests/common/codec.h"
 #include "tests/common/flush_to_zero.h"

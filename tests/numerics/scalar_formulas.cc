@@ -4,7 +4,7 @@
 #include <cmath>
 #include <cstring>
 
-#include "encoder/scalar.h"
+#include "encoder/prepare/scalar.h"
 #include "libl4dcodec/base/half.h"
 #include "libl4dcodec/base/ordered.h"
 #include "tests/math/reference.h"

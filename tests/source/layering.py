@@ -51,9 +51,9 @@ _above("decoder/check", "decoder/session")
 _above("decoder/copy", "decoder/session")
 _above("decoder/cuda", "decoder/session", "libl4dcodec/cuda")
 _above("encoder", "decoder/check", "decoder/copy")
-_above("encoder/cuda", "encoder", "libl4dcodec/cuda")
+_above("encoder/search/cuda", "encoder", "libl4dcodec/cuda")
 # The roof: it sees both directions, and nothing includes it.
-_above("api", "encoder", "decoder/copy", "decoder/cuda", "encoder/cuda")
+_above("api", "encoder", "decoder/copy", "decoder/cuda", "encoder/search/cuda")
 # Customers of the public API: of internals they know nothing.
 _above("io", "include/l4d", "libl4dcodec/base/threads.h", "libl4dcodec/base/atomic_file.h")
 # But for what a Gaussian is and looks like: inline functions of public types.
@@ -83,11 +83,11 @@ _above("web/wasm", "include/l4d", "libl4dcodec/scene", "libl4dcodec/base")
 _above("bench/tables", "eval")
 _above("bench/accuracy", "eval")
 _above("bench/micro", "encoder", "io", "render", "bench/tables")
-_above("bench/gpu", "encoder/cuda", "decoder/cuda", "render/cuda", "training/cuda", "bench/tables")
-_above("tests", "encoder/cuda", "decoder/cuda", "eval", "render/cuda", "training/cuda")
+_above("bench/gpu", "encoder/search/cuda", "decoder/cuda", "render/cuda", "training/cuda", "bench/tables")
+_above("tests", "encoder/search/cuda", "decoder/cuda", "eval", "render/cuda", "training/cuda")
 _above("tests/api", "include/l4d")
 LAYERS["tests/api"].add("tests/common")
-_above("tests/common", "encoder/cuda", "decoder/cuda", "io")
+_above("tests/common", "encoder/search/cuda", "decoder/cuda", "io")
 _above("tests/cli", "cli")
 LAYERS["tests"].add("tests/common")
 
@@ -100,11 +100,11 @@ OUTSIDE = {
     "xxhash.h": {"libl4dcodec/base", "cli/arrays.cc", "cli/http/file_body.h", "training", "tests", "tests/common"},
     "hwy/": {"libl4dcodec/entropy", "api", "decoder/expand", "encoder", "render", "tests",
              "tests/common", "bench/micro", "bench/tables/decode.cc"},
-    "cuda_runtime_api.h": {"libl4dcodec/cuda", "decoder/cuda", "encoder/cuda", "render/cuda",
+    "cuda_runtime_api.h": {"libl4dcodec/cuda", "decoder/cuda", "encoder/search/cuda", "render/cuda",
                            "training/cuda", "tests", "bench/gpu"},
-    "cuda_runtime.h": {"libl4dcodec/cuda", "decoder/cuda", "encoder/cuda", "render/cuda",
+    "cuda_runtime.h": {"libl4dcodec/cuda", "decoder/cuda", "encoder/search/cuda", "render/cuda",
                        "training/cuda", "tests", "bench/gpu"},
-    "cub/": {"decoder/cuda", "encoder/cuda", "render/cuda"},
+    "cub/": {"decoder/cuda", "encoder/search/cuda", "render/cuda"},
     "omp.h": {"libl4dcodec/base/threads.h"},
     "Eigen/": {"encoder", "io", "eval/lpips_stages.cc", "tests", "tests/common", "bench/micro", "bench/accuracy"},
     "png.h": {"io"},
@@ -123,6 +123,7 @@ OUTSIDE = {
 # Folder -> its folders in the order in which data flows; "" is the folder's own files. A file includes
 # files of its own folder and of those before it.
 ORDER = {
+    "encoder": ["prepare", "plan", "search", "component", "layer", "file", "", "session"],
     "io": ["scene", "file", "ply", "image", "camera", "synth"],
     "render": ["view", "frame", "cpu", "cuda", "", "importance", "api"],
     "render/cuda": ["kernel", "store", "frame", "backward", "importance", "scene", "player"],
@@ -327,6 +328,10 @@ def self_test():
         ("render/cuda/a.cc", '#include "api/decoder_handle.h"', False),
         ("tests/decoder/a.cc", '#include "api/decoder_handle.h"', False),
         ("libl4dcodec/novel/a.cc", "", False),
+        ("encoder/layer/a.cc", '#include "encoder/plan/layers.h"', True),
+        ("encoder/plan/a.cc", '#include "encoder/layer/layer_coder.h"', False),
+        ("encoder/search/cuda/a.cc", '#include "encoder/search/nearest.h"', True),
+        ("encoder/search/cuda/a.cc", '#include "encoder/layer/layer_coder.h"', False),
         ("io/ply/a.cc", '#include "io/file/file.h"', True),
         ("io/ply/a.cc", '#include "io/image/image.h"', False),
         ("io/a.cc", '#include "io/file/file.h"', False),

@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <functional>
+
+#include "encoder/prepare/error_bounds.h"
+#include "encoder/prepare/settings.h"
+#include "encoder/search/nearest.h"
+#include "libl4dcodec/container/scene_header.h"
+
+namespace l4d {
+
+// What the coders of attributes get besides the scene.
+struct CoderOptions {
+  const EncoderSettings* settings = nullptr;
+  ErrorBounds bounds;  // none, but for what settings and scene declare
+  // Says how positions are rounded; null where that is not known yet.
+  const PositionCoding* positions = nullptr;
+  int threads = 0;
+  NearestDevice* device = nullptr;
+  uint64_t seed = 0;
+  // Whether to end early. The first is asked on the thread that the caller gave these options to,
+  // the second on those that are started for components side by side.
+  const std::function<bool()>* cancelled = nullptr;
+  const std::function<bool()>* cancelled_elsewhere = nullptr;
+  // Called before each component with its name, and where it is waited for.
+  std::function<void(const char*)> step;
+};
+
+}  // namespace l4d

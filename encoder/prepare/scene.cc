@@ -1,0 +1,444 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "encoder/prepare/scene.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <string>
+
+#include "encoder/prepare/quality.h"
+#include "libl4dcodec/base/threads.h"
+#include "libl4dcodec/math/gauge.h"
+#include "libl4dcodec/scene/attributes.h"
+#include "libl4dcodec/scene/layers.h"
+#include "libl4dcodec/scene/slice.h"
+
+namespace l4d {
+namespace {
+
+constexpr size_t kGrain = 4096;
+// Weights may be any finite floats. Far above this no code tells them apart, and squares of errors
+// and sums over a scene still fit a float.
+constexpr double kMaxWeight = 1e24;
+
+// The box of the scene is that of all Gaussians but this share on each side of each axis, and a
+// little more: a floater in twenty is not taken for the scene.
+constexpr double kTail = 0.05;
+constexpr double kBeyondTails = 1.25;
+
+float bounded_weight(double weight) { return static_cast<float>(std::min(weight, kMaxWeight)); }
+
+double seconds_of(const Sequence& part) { return part.end - part.begin; }
+
+double extent_of(const std::vector<double>& axis) {
+  const size_t tail = static_cast<size_t>(kTail * static_cast<double>(axis.size()));
+  const double most = axis[axis.size() - 1 - tail] - axis[tail];
+  return std::min(kBeyondTails * most, axis.back() - axis.front());
+}
+
+// Stand-in for how much of the pictures shows Gaussian i: how large and for how long. Pictures show
+// about the scene: what is larger fills them, and no more.
+double shown_area(const EncoderScene& s, size_t i) {
+  const double most = s.extent > 0 ? std::log(s.extent / 2) : HUGE_VAL;
+  double scale[3];
+  for (size_t k = 0; k < 3; ++k) {
+    scale[k] = std::min(static_cast<double>(s.log_scale[4 * i + k]), most);
+  }
+  std::sort(scale, scale + 3);
+  const double area = std::exp(scale[1] + scale[2]);
+  const double shown = s.is_flat(i) ? seconds_of(s.shown(i)) : 8 * s.sigma_t(i);
+  const double life = std::min(1.0, shown / s.duration);
+  return area * life;
+}
+
+// Stand-in for a measured importance: how much of the picture, for how long, how opaque.
+float proxy_weight(const EncoderScene& s, size_t i) {
+  return static_cast<float>(static_cast<double>(s.opacity[i]) * shown_area(s, i));
+}
+
+// Squared change of the image by one number of each component, where only sums of derivatives or
+// nothing is known: averages over a trained scene (basketball) of the ratio to those sums and to
+// the blending weight. They say what matters more, not how much in decibels.
+constexpr double kSquarePerSum[L4D_COMPONENT_COUNT] = {5e-3, 2.5e-3, 6e-2, 1.0};
+constexpr double kSquarePerAlpha[L4D_COMPONENT_COUNT] = {2e-3, 5e-4, 2e-2, 0};
+constexpr double kPositionPerScale = 1.5;  // in units of the largest scale
+constexpr double kTemporalPerPosition = 1.3;
+constexpr double kProxyGain = 0.7;  // where the default preset has about the fidelity it aims at
+
+// Part of the sequence in which Gaussian i is visible, in seconds.
+double seen_seconds(const EncoderScene& s, size_t i) {
+  if (s.is_flat(i)) return seconds_of(s.shown(i));
+  const double begin = s.timeline.time_begin;
+  const double reach = 4 * s.sigma_t(i);
+  const double span =
+      std::min(begin + s.duration, s.mean_t[i] + reach) - std::max(begin, s.mean_t[i] - reach);
+  return std::max(span, 0.0);
+}
+
+double exposure_of(const EncoderInput& input, const EncoderScene& s, size_t i) {
+  return input.exposure == nullptr ? 1.0 : static_cast<double>(input.exposure[s.source[i]]);
+}
+
+void set_importance(const EncoderInput& input, bool gauss_newton, EncoderScene* scene) {
+  EncoderScene& s = *scene;
+  const float* alpha_t = input.weights[L4D_WEIGHT_ALPHA_T];
+  static constexpr unsigned kOwn[L4D_COMPONENT_COUNT] = {
+      L4D_WEIGHT_SH, L4D_WEIGHT_SCALE, L4D_WEIGHT_ROTOR_SPATIAL, L4D_WEIGHT_ROTOR_TEMPORAL};
+  const bool estimates = alpha_t == nullptr && input.share == nullptr;
+  double sum = 0;
+  const std::vector<double> estimated =
+      estimates ? estimated_shares(s, &sum) : std::vector<double>();
+  const auto share = [&](size_t i) {
+    return alpha_t != nullptr       ? static_cast<double>(alpha_t[s.source[i]])
+           : input.share != nullptr ? input.share[s.source[i]]
+                                    : estimated[i];
+  };
+  const auto largest_scale = [&](size_t i) {
+    const float* l = s.log_scale.data() + 4 * i;
+    return std::exp(static_cast<double>(std::max({l[0], l[1], l[2]})));
+  };
+  const auto square = [](double v) { return v * v; };
+  // Gauss-Newton weights add up the three channels of a pixel; an image error is their mean.
+  const auto gauss_newton_square = [](double v) { return v * v / 3; };
+  const float* own_position = gauss_newton ? input.weights[L4D_WEIGHT_POSITION] : nullptr;
+  for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) s.importance[c].resize(s.count);
+  s.position_importance.resize(s.count);
+  for (size_t i = 0; i < s.count; ++i) {
+    const double exposure = exposure_of(input, s, i);
+    for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
+      const float* own = input.weights[kOwn[c]];
+      const double given = own == nullptr ? 0.0 : static_cast<double>(own[s.source[i]]);
+      s.importance[c][i] = bounded_weight(exposure * (own == nullptr ? kSquarePerAlpha[c] * share(i)
+                                                      : gauss_newton ? gauss_newton_square(given)
+                                                                     : kSquarePerSum[c] * given));
+    }
+    s.position_importance[i] = bounded_weight(
+        own_position != nullptr
+            ? exposure * gauss_newton_square(static_cast<double>(own_position[s.source[i]]))
+            : kPositionPerScale * static_cast<double>(s.importance[L4D_COMPONENT_SCALE][i]) /
+                  square(largest_scale(i)));
+    if (input.weights[L4D_WEIGHT_ROTOR_TEMPORAL] == nullptr) {
+      s.importance[L4D_COMPONENT_ROTOR_TEMPORAL][i] =
+          bounded_weight(kTemporalPerPosition * static_cast<double>(s.position_importance[i]) *
+                         square(seen_seconds(s, i)));
+    }
+  }
+}
+
+// A decoder takes the middle of a window for the time that the position is of, and so does all that
+// follows.
+void refer_to_window(bool at_mean, size_t i, EncoderScene* scene) {
+  EncoderScene& s = *scene;
+  const double given = at_mean ? s.mean_t[i] : reference_time(s.timeline, s.mean_t[i]);
+  s.mean_t[i] = window_middle(s.timeline, s.window[i]);
+  s.lambda[i] = 0;
+  const double dt = reference_time(s.timeline, s.mean_t[i]) - given;
+  for (size_t k = 0; k < 3; ++k) {
+    const double moved = s.velocity[3 * i + k] * dt;
+    if (moved == 0) continue;  // what is stored as it is stays as it is
+    s.position[3 * i + k] += moved;
+    if (!s.raw_position.empty()) {
+      s.raw_position[3 * i + k] = static_cast<float>(s.position[3 * i + k]);
+    }
+  }
+}
+
+}  // namespace
+
+std::vector<double> estimated_shares(const EncoderScene& s, double* sum) {
+  std::vector<double> shares(s.count);
+  // Proxies are so often wrong that half of their octaves serve better.
+  const auto proxy = [&](size_t i) { return std::sqrt(static_cast<double>(proxy_weight(s, i))); };
+  for (size_t i = 0, n = *sum > 0 ? 0 : s.count; i < n; ++i) *sum += proxy(i);
+  for (size_t i = 0; i < s.count; ++i) {
+    shares[i] = *sum > 0 ? kProxyGain * proxy(i) / *sum : 1.0 / static_cast<double>(s.count);
+  }
+  return shares;
+}
+
+void slice_in_double(const float* rotor, const float* log_scale, SeenGaussian* out) {
+  const Slice4D<double> slice = slice_attributes<double>(rotor, log_scale);
+  std::copy_n(slice.velocity, 3, out->velocity);
+  std::copy_n(slice.covariance, 6, out->covariance);
+  out->lambda = slice.lambda;
+}
+
+SeenGaussian EncoderScene::seen(size_t i) const {
+  const size_t from = source[i];
+  SeenGaussian g{};
+  slice_in_double(given.rotor + 8 * from, given.log_scale + 4 * from, &g);
+  if (is_flat(i)) g.lambda = 0;
+  g.mean = mean_t[i];
+  g.reference = reference_time(timeline, g.mean);
+  g.opacity = linear_opacity(static_cast<double>(given.opacity[from]),
+                             (given.flags & L4D_OPACITY_LOGIT) != 0);
+  std::copy_n(position.data() + 3 * i, 3, g.position);
+  if (min_sizes != nullptr) g.min_size = static_cast<double>(min_sizes[from]);
+  return g;
+}
+
+std::vector<double> EncoderScene::sorted_axis(size_t k) const {
+  std::vector<double> axis(count);
+  for (size_t i = 0; i < count; ++i) axis[i] = position[3 * i + k];
+  std::sort(axis.begin(), axis.end());
+  return axis;
+}
+
+Sequence EncoderScene::shown(size_t i) const {
+  if (!is_flat(i)) return sequence_of(timeline);
+  return {time_of_frame(timeline, window[i].begin), time_of_frame(timeline, window[i].end)};
+}
+
+double EncoderScene::sigma_t(size_t i) const { return 1.0 / std::sqrt(lambda[i]); }
+
+Status check_input(const EncoderInput& input) {
+  const l4d_gaussians& g = input.gaussians;
+  if (g.count == 0) return Status(L4D_ERR_INVALID_SCENE, "the scene holds no Gaussian");
+  if (g.count > (uint64_t{1} << 30)) return invalid_argument("more than 2^30 Gaussians");
+  if (g.sh_degree > 3) return invalid_argument("sh_degree must be 0 to 3");
+  if (!has_all_arrays(g)) return invalid_argument("an attribute array is NULL");
+  if (!is_valid(input.timeline)) return invalid_argument(kTimelineRule);
+  const l4d_placement& p = input.placement;
+  if (!is_valid(p)) {
+    return invalid_argument("placement: origin and scale must be finite");
+  }
+  if (p.coordinate_system > 255 || p.color_space > 255) {
+    return invalid_argument("placement: coordinate_system and color_space are ids below 256");
+  }
+  for (const float* w : input.weights) {
+    if (w == nullptr) continue;
+    for (uint64_t i = 0; i < g.count; ++i) {
+      if (!(w[i] >= 0 && std::isfinite(w[i]))) {
+        return Status(L4D_ERR_INVALID_SCENE,
+                      "the weight of Gaussian " + std::to_string(i) + " is not a number >= 0");
+      }
+    }
+  }
+  for (uint64_t i = 0; input.min_sizes != nullptr && i < g.count; ++i) {
+    if (!(input.min_sizes[i] >= 0 && std::isfinite(input.min_sizes[i]))) {
+      return Status(L4D_ERR_INVALID_SCENE,
+                    "the minimum size of Gaussian " + std::to_string(i) + " is not a number >= 0");
+    }
+  }
+  return {};
+}
+
+namespace {
+
+// Why Gaussian i cannot be coded, with the limit and the way out.
+std::string refusal(const l4d_gaussians& g, size_t i, const std::string& attribute) {
+  std::string text = "Gaussian " + std::to_string(i) + " has an invalid " + attribute;
+  if (attribute == "window") return text + ": it must lie within the frames of the sequence";
+  size_t index = 0;
+  for_each_attribute(
+      [&](const AttributeInfo& a, const float* values) {
+        const float largest = kLargestNumbers[index++];
+        if (attribute != a.name) return;
+        const bool time = a.flag == info_of(Attribute::kMeanTime).flag;
+        const size_t n = a.numbers(g.sh_degree);
+        char line[160];
+        for (size_t k = 0; k < n; ++k) {
+          const double value = time ? mean_time(g, i) : static_cast<double>(values[n * i + k]);
+          if (std::fabs(value) <= static_cast<double>(largest) && n > 1) continue;
+          const bool opacity = a.flag == info_of(Attribute::kOpacity).flag;
+          if (opacity) {
+            std::snprintf(line, sizeof line, ": %.9g; it must be %s", value,
+                          (g.flags & L4D_OPACITY_LOGIT) != 0 ? "finite" : "between 0 and 1");
+          } else {
+            std::snprintf(line, sizeof line, ": %.9g; its magnitude must be at most %.9g", value,
+                          static_cast<double>(largest));
+          }
+          text += line;
+          break;
+        }
+      },
+      g);
+  if (attribute == info_of(Attribute::kLogScale).name) {
+    text +=
+        ", a size between 4.1e-8 and 2.4e7. Where lengths are too small or too large, scale the "
+        "scene to other units before encoding it";
+  }
+  return text + ", or leave such Gaussians out (drop-invalid)";
+}
+
+// Chooses the Gaussians that are coded: s.source, and the numbers of the others.
+Status choose_gaussians(const EncoderInput& input, const EncoderSettings& settings,
+                        EncoderScene* out) {
+  const l4d_gaussians& g = input.gaussians;
+  EncoderScene& s = *out;
+  const float* alpha_t = input.weights[L4D_WEIGHT_ALPHA_T];
+  const double prune = settings.pruning(alpha_t != nullptr).weight;
+  if (prune >= 0 && alpha_t == nullptr) {
+    return invalid_argument(
+        "prune-weight needs alpha_t weights: measure them from cameras, or do without "
+        "(prune-weight=-1)");
+  }
+  // What is seen of a Gaussian ends with its opacity, so to leave it out is to take that away.
+  const bool squares = settings.get_int(L4D_ENC_WEIGHT_METRIC) == 1;
+  const float* of_opacity =
+      squares && !settings.get_bool(L4D_ENC_LOSSLESS) ? input.weights[L4D_WEIGHT_OPACITY] : nullptr;
+  const double pruning_error = Quality(settings, g.count).pruning_error();
+  bool has_windows = false;
+  const auto hardly_matters = [&](size_t i) {
+    if (of_opacity == nullptr) return false;
+    const double change =
+        static_cast<double>(of_opacity[i]) *
+        linear_opacity(static_cast<double>(g.opacity[i]), (g.flags & L4D_OPACITY_LOGIT) != 0);
+    return change * change / 3 < pruning_error;
+  };
+  for (uint32_t i = 0; i < g.count; ++i) {
+    const char* attribute = invalid_attribute(g, i);
+    if (attribute == nullptr && !has_valid_window(g, i, s.timeline.num_frames)) {
+      attribute = "window";
+    }
+    if (attribute != nullptr) {
+      if (!settings.get_bool(L4D_ENC_DROP_INVALID)) {
+        return Status(L4D_ERR_INVALID_SCENE, refusal(g, i, attribute));
+      }
+      ++s.invalid_dropped;
+    } else if ((prune >= 0 && static_cast<double>(alpha_t[i]) <= prune) || hardly_matters(i)) {
+      ++s.pruned;
+    } else {
+      s.source.push_back(i);
+      has_windows = has_windows || window_of(g, i).is_flat();
+    }
+  }
+  if (has_windows && !tells_frames_apart(s.timeline)) {
+    return invalid_argument(
+        "a scene with flat windows has to lie within 2^40 frames of time 0: choose time_begin "
+        "nearer to 0");
+  }
+  s.count = s.source.size();
+  s.window.resize(has_windows ? s.count : 0);
+  if (s.count == 0) return Status(L4D_ERR_INVALID_SCENE, "no Gaussian is left to code");
+  return {};
+}
+
+void resize(EncoderScene* out, bool lossless) {
+  EncoderScene& s = *out;
+  const size_t n = s.count;
+  s.position.resize(3 * n);
+  s.mean_t.resize(n);
+  s.log_scale.resize(4 * n);
+  s.rotor.resize(8 * n);
+  s.opacity.resize(n);
+  s.sh.resize(s.sh_dim() * n);
+  s.velocity.resize(3 * n);
+  s.lambda.resize(n);
+  if (!lossless) return;
+  s.raw_position.resize(3 * n);
+  s.has_double_times = s.given.mean_t_double != nullptr;
+  s.raw_mean_t.resize(s.has_double_times ? 0 : n);
+}
+
+// Gaussian i as it is given, with its velocity and lambda.
+void gather(EncoderScene* out, size_t i, bool lossless) {
+  EncoderScene& s = *out;
+  const l4d_gaussians& g = s.given;
+  const size_t from = s.source[i], sh_dim = s.sh_dim();
+  float* rotor = s.rotor.data() + 8 * i;
+  float* log_scale = s.log_scale.data() + 4 * i;
+  std::copy_n(g.rotor + 8 * from, 8, rotor);
+  std::copy_n(g.log_scale + 4 * from, 4, log_scale);
+  std::copy_n(g.sh + sh_dim * from, sh_dim, s.sh.data() + sh_dim * i);
+  s.mean_t[i] = mean_time(g, from);
+  for (size_t k = 0; k < 3; ++k) {
+    s.position[3 * i + k] = static_cast<double>(g.position[3 * from + k]);
+  }
+  s.opacity[i] = g.opacity[from];
+  SeenGaussian slice{};
+  slice_in_double(rotor, log_scale, &slice);
+  std::copy_n(slice.velocity, 3, s.velocity.data() + 3 * i);
+  s.lambda[i] = slice.lambda;
+  if (lossless) std::copy_n(g.position + 3 * from, 3, s.raw_position.data() + 3 * i);
+  if (!s.window.empty()) s.window[i] = window_of(g, from);
+  if (s.is_flat(i)) refer_to_window((g.flags & L4D_POSITION_AT_MEAN_TIME) != 0, i, out);
+  if (!lossless) return;
+  if (!s.has_double_times) s.raw_mean_t[i] = g.mean_t[from];
+}
+
+// Brings Gaussian i to the form in which lossy streams have it.
+void normalize(EncoderScene* out, size_t i, int gauge) {
+  EncoderScene& s = *out;
+  float* rotor = s.rotor.data() + 8 * i;
+  float* log_scale = s.log_scale.data() + 4 * i;
+  const bool logit = (s.given.flags & L4D_OPACITY_LOGIT) != 0;
+  s.opacity[i] = static_cast<float>(linear_opacity(static_cast<double>(s.opacity[i]), logit));
+  // In the arithmetic of a decoder, which makes what hardly moves stand still. Escapes keep the
+  // rotor given.
+  normalize_rotor(rotor, rotor);
+  if (gauge >= 1) align_halves(rotor);
+  if (gauge == 1) canonicalize_sign(rotor);
+  if (gauge == 2) canonicalize(rotor, log_scale, GaugeMode::kNearestIdentity);
+  if (gauge == 3) canonicalize(rotor, log_scale, GaugeMode::kSortedScales);
+  if ((s.given.flags & L4D_POSITION_AT_MEAN_TIME) == 0 || s.is_flat(i)) return;
+  const double dt = reference_time(s.timeline, s.mean_t[i]) - s.mean_t[i];
+  for (size_t k = 0; k < 3; ++k) s.position[3 * i + k] += s.velocity[3 * i + k] * dt;
+}
+
+// Measured where it was, else as it seems from a Gaussian's size, opacity and life.
+void set_light(const EncoderInput& input, bool lossless, EncoderScene* out) {
+  EncoderScene& s = *out;
+  const float* const alpha_t = input.weights[L4D_WEIGHT_ALPHA_T];
+  const float* const of_opacity = input.weights[L4D_WEIGHT_OPACITY];
+  const bool logit = lossless && (s.given.flags & L4D_OPACITY_LOGIT) != 0;
+  s.light.resize(s.count);
+  for (size_t i = 0; i < s.count; ++i) {
+    const double opacity = linear_opacity(static_cast<double>(s.opacity[i]), logit);
+    const size_t from = s.source[i];
+    s.light[i] = alpha_t != nullptr ? alpha_t[from]
+                 : of_opacity != nullptr
+                     ? bounded_weight(opacity * static_cast<double>(of_opacity[from]))
+                     : bounded_weight(opacity * shown_area(s, i));
+  }
+}
+
+void set_weights(const EncoderInput& input, bool gauss_newton, EncoderScene* out) {
+  EncoderScene& s = *out;
+  static constexpr unsigned kOwn[L4D_COMPONENT_COUNT] = {
+      L4D_WEIGHT_SH, L4D_WEIGHT_SCALE, L4D_WEIGHT_ROTOR_SPATIAL, L4D_WEIGHT_ROTOR_TEMPORAL};
+  for (size_t c = 0; c < L4D_COMPONENT_COUNT; ++c) {
+    const float* own = input.weights[kOwn[c]];
+    const float* given = own != nullptr ? own : input.weights[L4D_WEIGHT_ALPHA_T];
+    s.weight[c].resize(s.count);
+    for (size_t i = 0; i < s.count; ++i) {
+      const double w =
+          static_cast<double>(given != nullptr ? given[s.source[i]] : proxy_weight(s, i));
+      s.weight[c][i] =
+          bounded_weight(exposure_of(input, s, i) * (own != nullptr && gauss_newton ? w * w : w));
+    }
+  }
+}
+
+}  // namespace
+
+Status prepare_scene(const EncoderInput& input, const EncoderSettings& settings, int threads,
+                     EncoderScene* out) {
+  EncoderScene& s = *out;
+  const bool lossless = settings.get_bool(L4D_ENC_LOSSLESS);
+  s = EncoderScene();
+  s.given = input.gaussians;
+  s.min_sizes = input.min_sizes;
+  s.sh_degree = input.gaussians.sh_degree;
+  s.timeline = input.timeline;
+  s.duration = sequence_duration(input.timeline);
+  s.shared_count = input.shared_count;
+  L4D_RETURN_IF_ERROR(choose_gaussians(input, settings, out));
+  resize(out, lossless);
+  const int gauge = settings.get_int(L4D_ENC_GAUGE);
+  parallel_for(threads, s.count, kGrain, [&](size_t begin, size_t end) {
+    for (size_t i = begin; i < end; ++i) {
+      gather(out, i, lossless);
+      if (!lossless) normalize(out, i, gauge);
+    }
+  });
+  for (size_t k = 0; k < 3; ++k) s.extent = std::max(s.extent, extent_of(s.sorted_axis(k)));
+  if (!settings.tiers().empty()) set_light(input, lossless, out);
+  if (lossless) return {};
+  const bool gauss_newton = settings.get_int(L4D_ENC_WEIGHT_METRIC) == 1;
+  set_weights(input, gauss_newton, out);
+  set_importance(input, gauss_newton, out);
+  return {};
+}
+
+}  // namespace l4d
