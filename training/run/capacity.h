@@ -16,9 +16,4 @@ namespace l4d::train {
 // and INVALID_ARGUMENT for options that need the whole model in the back end.
 void settle_capacity(Settings* settings, const BackendCost& cost, std::vector<std::string>* notes);
 
-// Not all of the model is in the back end at a time.
-inline bool is_partly_away(const Settings& settings) {
-  return settings.resident != 0 && settings.resident < settings.gaussians;
-}
-
 }  // namespace l4d::train

@@ -8,7 +8,6 @@
 #include <sstream>
 
 #include "training/density/relocate.h"
-#include "training/run/capacity.h"
 #include "training/step/cuda_backend.h"
 
 namespace l4d::train {

@@ -94,6 +94,10 @@ std::vector<uint32_t> devices_of(const std::string& list);
 // unless accept_changes, the path of the capture unless accept_changes or the hash is the same, and
 // of the devices only how many there are.
 std::string differences(const std::string& before, const Settings& now, bool accept_changes);
+// Not all of the model is in the back end at a time.
+inline bool is_partly_away(const Settings& settings) {
+  return settings.resident != 0 && settings.resident < settings.gaussians;
+}
 // Throws io::Error(INVALID_ARGUMENT) where a setting is out of range.
 void check(const Settings& settings);
 // Settings::near, with the rule for what is auto: 0.2 where cameras look at one place, so that
