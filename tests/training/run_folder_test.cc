@@ -5,6 +5,7 @@
 #include <map>
 
 #include "tests/training/tiny_capture.h"
+#include "training/run/report.h"
 #include "training/run/run.h"
 #include "training/step/cuda_backend.h"
 

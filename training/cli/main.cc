@@ -16,6 +16,7 @@
 #include "l4d/l4d.hpp"
 #include "training/cli/numbers.h"
 #include "training/cli/pace.h"
+#include "training/run/inspect.h"
 #include "training/run/output.h"
 #include "training/run/render_capture.h"
 #include "training/run/report.h"

@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "training/run/run.h"
+#include "training/run/run_options.h"
 
 namespace l4d::train {
 

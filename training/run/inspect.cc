@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "training/run/inspect.h"
+
 #include <algorithm>
 #include <cstdio>
 #include <filesystem>
@@ -9,7 +11,6 @@
 #include "io/file/file.h"
 #include "training/images/frame_cache.h"
 #include "training/images/loader.h"
-#include "training/run/run.h"
 
 namespace l4d::train {
 namespace {

@@ -7,9 +7,16 @@
 
 #include "l4d/render.hpp"
 #include "training/images/loader.h"
-#include "training/run/run.h"
+#include "training/run/run_report.h"
 
 namespace l4d::train {
+
+std::string json_of(const RunReport& report);
+
+// Scores the scene of a run, and its stream if there is one, against its capture. moved: where the
+// capture is now, or "" where it is as the run has it. lpips: as in RunOptions.
+RunReport evaluate_run(const std::string& folder, const std::string& moved,
+                       const std::string& lpips, uint32_t threads, RunObserver* observer);
 
 // The part of a report that follows from the capture alone.
 RunReport describe_capture(const Capture& capture, const ImageLoader& loader);
