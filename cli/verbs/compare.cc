@@ -248,7 +248,7 @@ void add_compare(Registry& registry) {
       ->group(group);
   verb->add_option("--lpips", arguments->lpips,
                    "Also measure LPIPS, with the weights of AlexNet or VGG16 in this .safetensors "
-                   "file (docs/training.md)")
+                   "file (training/README.md)")
       ->type_name("FILE")
       ->group(group);
   verb->add_flag("--attributes", arguments->attributes,

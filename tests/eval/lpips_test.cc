@@ -242,7 +242,7 @@ TEST(Lpips, RefusesImagesThatAreTooSmallOrDiffer) {
               testing::HasSubstr("differ in size"));
 }
 
-// A file with the weights of a network, under the names that docs/training.md states.
+// A file with the weights of a network, under the names that training/README.md states.
 std::vector<uint8_t> file_of(const LpipsNetwork& network, const LpipsWeights& weights,
                              const std::string& leave_out = "") {
   std::string header =

@@ -83,13 +83,16 @@ _above("web/wasm", "include/l4d", "libl4dcodec/scene", "libl4dcodec/base")
 _above("bench/tables", "eval")
 _above("bench/accuracy", "eval")
 _above("bench/micro", "encoder", "io", "render", "bench/tables")
-_above("bench/gpu", "encoder/search/cuda", "decoder/cuda", "render/cuda", "training/cuda", "bench/tables")
-_above("tests", "encoder/search/cuda", "decoder/cuda", "eval", "render/cuda", "training/cuda")
+_above("bench/gpu", "encoder/search/cuda", "decoder/cuda", "render/cuda", "bench/tables")
+_above("tests", "encoder/search/cuda", "decoder/cuda", "eval", "render/cuda")
 _above("tests/api", "include/l4d")
 LAYERS["tests/api"].add("tests/common")
 _above("tests/common", "encoder/search/cuda", "decoder/cuda", "io")
 _above("tests/cli", "cli")
 LAYERS["tests"].add("tests/common")
+# With the module that they are of, so that nothing outside knows it.
+_above("training/tests", "training/cuda", "tests")
+_above("training/bench", "training/cuda", "bench/gpu")
 
 # Headers from outside -> layers, or single files, that may include them. Others of the outside (the standard library, the
 # operating system) are not restricted.
@@ -97,13 +100,14 @@ OUTSIDE = {
     "l4d_generated.h": {"libl4dcodec/container", "tests", "tests/common"},
     "flatbuffers/": {"libl4dcodec/container", "tests", "tests/common"},
     "zstd.h": {"libl4dcodec/entropy", "tests", "tests/common", "bench/micro"},
-    "xxhash.h": {"libl4dcodec/base", "cli/arrays.cc", "cli/http/file_body.h", "training", "tests", "tests/common"},
+    "xxhash.h": {"libl4dcodec/base", "cli/arrays.cc", "cli/http/file_body.h", "training", "training/tests", "tests",
+                 "tests/common"},
     "hwy/": {"libl4dcodec/entropy", "api", "decoder/expand", "encoder", "render", "tests",
              "tests/common", "bench/micro", "bench/tables/decode.cc"},
     "cuda_runtime_api.h": {"libl4dcodec/cuda", "decoder/cuda", "encoder/search/cuda", "render/cuda",
-                           "training/cuda", "tests", "bench/gpu"},
+                           "training/cuda", "training/tests", "training/bench", "tests", "bench/gpu"},
     "cuda_runtime.h": {"libl4dcodec/cuda", "decoder/cuda", "encoder/search/cuda", "render/cuda",
-                       "training/cuda", "tests", "bench/gpu"},
+                       "training/cuda", "training/tests", "training/bench", "tests", "bench/gpu"},
     "cub/": {"decoder/cuda", "encoder/search/cuda", "render/cuda"},
     "omp.h": {"libl4dcodec/base/threads.h"},
     "Eigen/": {"encoder", "io", "eval/lpips_stages.cc", "tests", "tests/common", "bench/micro", "bench/accuracy"},
@@ -113,10 +117,10 @@ OUTSIDE = {
     # lines through cli/options.h, and JSON through cli/text/json.h.
     "CLI/": {"training/cli/main.cc", "cli/main.cc", "cli/options.cc", "cli/pages/manual.cc", "cli/text/help.h",
              "cli/verbs/version.cc"},
-    "nlohmann/": {"io", "training", "cli/text/json.cc", "tests", "tests/cli", "tests/common", "bench/tables",
-                  "bench/accuracy"},
-    "gtest/": {"tests", "tests/api", "tests/cli", "tests/common"},
-    "gmock/": {"tests", "tests/api", "tests/cli", "tests/common"},
+    "nlohmann/": {"io", "training", "training/tests", "cli/text/json.cc", "tests", "tests/cli", "tests/common",
+                  "bench/tables", "bench/accuracy"},
+    "gtest/": {"training/tests", "tests", "tests/api", "tests/cli", "tests/common"},
+    "gmock/": {"training/tests", "tests", "tests/api", "tests/cli", "tests/common"},
     "benchmark/": {"bench/micro"},
 }
 
@@ -127,6 +131,8 @@ ORDER = {
     "io": ["scene", "file", "ply", "image", "camera", "synth"],
     "render": ["view", "frame", "cpu", "cuda", "", "importance", "api"],
     "render/cuda": ["kernel", "store", "frame", "backward", "importance", "scene", "player"],
+    "training": ["capture", "model", "density", "step", "images", "init", "cuda", "run", "cli", "tests", "bench"],
+    "training/run": ["setup", "train", "record", "report", ""],
 }
 
 SOURCE_SUFFIXES = {".h", ".hpp", ".c", ".cc", ".inc", ".cu", ".cuh"}
@@ -340,6 +346,12 @@ def self_test():
         ("render/cuda/store/a.cc", '#include "render/cuda/player/a.h"', False),
         ("render/cuda/player/a.cc", '#include "render/cuda/store/a.h"', True),
         ("render/api/a.cc", '#include "render/renderer.h"', True),
+        ("training/run/train/a.cc", '#include "training/run/setup/settings.h"', True),
+        ("training/run/setup/a.cc", '#include "training/run/train/trainer.h"', False),
+        ("training/model/a.cc", '#include "training/step/backend.h"', False),
+        ("training/tests/a.cc", '#include "tests/common/codec.h"', True),
+        ("training/run/a.cc", '#include "tests/common/codec.h"', False),
+        ("tests/gpu/a.cc", '#include "training/cuda/device_model.h"', False),
         ("render/novel/a.cc", '#include "render/renderer.h"', False),
     ]
     failures = 0

@@ -34,6 +34,7 @@ def documents():
     yield ROOT / "CONTRIBUTING.md"
     yield ROOT / "spec" / "l4d.md"
     yield from (p for p in sorted((ROOT / "docs").glob("*.md")) if p.name not in ("accuracy.md", "ablations.md"))
+    yield from sorted((ROOT / "training").rglob("*.md"))
     yield from sorted((ROOT / "include" / "l4d").glob("*.h*"))
 
 

@@ -16,11 +16,11 @@
 #include "l4d/l4d.hpp"
 #include "training/cli/numbers.h"
 #include "training/cli/pace.h"
-#include "training/run/inspect.h"
-#include "training/run/output.h"
-#include "training/run/render_capture.h"
-#include "training/run/report.h"
+#include "training/run/report/inspect.h"
+#include "training/run/report/render_capture.h"
+#include "training/run/report/report.h"
 #include "training/run/run.h"
+#include "training/run/train/output.h"
 
 namespace l4d::train {
 namespace {

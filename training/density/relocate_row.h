@@ -7,7 +7,7 @@
 #include "libl4dcodec/scene/slice.h"
 #include "libl4dcodec/scene/timeline.h"
 #include "training/density/relocate.h"
-#include "training/step/random.h"
+#include "training/model/random.h"
 
 // Relocation of one row, on the host and on devices.
 namespace l4d::train {

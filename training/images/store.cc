@@ -12,7 +12,7 @@
 #include <set>
 #include <thread>
 
-#include "training/step/random.h"
+#include "training/model/random.h"
 #include "training/step/schedule.h"
 
 namespace l4d::train {

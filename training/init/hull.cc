@@ -3,7 +3,7 @@
 #include <cmath>
 
 #include "training/init/start.h"
-#include "training/step/random.h"
+#include "training/model/random.h"
 
 namespace l4d::train {
 namespace {

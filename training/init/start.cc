@@ -7,7 +7,7 @@
 
 #include "io/ply/ply.h"
 #include "libl4dcodec/scene/sh.h"
-#include "training/step/random.h"
+#include "training/model/random.h"
 #include "training/step/schedule.h"
 
 namespace l4d::train {

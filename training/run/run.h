@@ -3,8 +3,8 @@
 
 #include <stdexcept>
 
-#include "training/run/run_options.h"
-#include "training/run/run_report.h"
+#include "training/run/report/run_report.h"
+#include "training/run/setup/run_options.h"
 
 // Whole trainings, from a capture to a folder of results.
 namespace l4d::train {

@@ -32,8 +32,8 @@ struct AdamStep {
   uint64_t model_count = 0;       // of the whole model, of which some may be away; 0 = `count`
   uint32_t sh_degree = 0;         // of the arrays
   uint32_t active_sh_degree = 0;  // coefficients above it stay as they are
-  // Only rows that the step shows are updated, with the corrections of docs/training.md. Otherwise
-  // all rows are.
+  // Only rows that the step shows are updated, with the corrections of training/docs/method.md.
+  // Otherwise all rows are.
   bool sparse = false;
   Rates rates;
   float opacity_weight = 0;  // loss gets opacity_weight mean(opacity)

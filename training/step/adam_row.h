@@ -5,8 +5,8 @@
 #include <cstdint>
 
 #include "libl4dcodec/scene/slice.h"
+#include "training/model/random.h"
 #include "training/step/adam.h"
-#include "training/step/random.h"
 
 // Adam for one row, on the host and on devices. Gaussians that a step does not show have a
 // derivative of zero: dense Adam still moves them by their momentum, lets their moments decay and

@@ -6,7 +6,7 @@
 #include <numeric>
 #include <utility>
 
-#include "training/step/random.h"
+#include "training/model/random.h"
 
 namespace l4d::train {
 namespace {

@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+
+#include "eval/lpips.h"
+#include "training/capture/capture.h"
+#include "training/run/setup/settings.h"
+
+// What a training holds in memory, worked out before it allocates any of it.
+namespace l4d::train {
+
+// Bytes. Each is an upper bound of what that part holds at a time.
+struct MemoryNeed {
+  uint64_t images = 0;        // for training: all of them, or as many as Settings::host_memory
+  uint64_t least_images = 0;  // with which a training can begin
+  uint64_t decoding = 0;      // of image files on their way, a part of `reading`
+  uint64_t reading = 0;       // of images on their way, and those that are scored now and then
+  uint64_t capture = 0;       // its views and points
+  uint64_t model = 0;         // Gaussians, moments, derivatives, and their copies for checkpoints
+  uint64_t rendering = 0;
+  uint64_t scoring = 0;
+  uint64_t total() const { return images + reading + capture + model + rendering + scoring; }
+};
+
+// settings: resolved. lpips: may be null; lpips_bytes: of its file.
+MemoryNeed memory_need(const Settings& settings, const Capture& capture, uint32_t threads,
+                       const eval::Lpips* lpips, uint64_t lpips_bytes);
+
+// The bytes that reading through a cache of frames takes besides.
+uint64_t cache_need(const Settings& settings, const Capture& capture, uint32_t threads);
+
+// The bytes of images with which the need is within the limit: need.images, or fewer if
+// `may_shrink`. Throws io::Error(LIMIT_EXCEEDED) that says what is needed, and for what. limit: 0 =
+// none.
+uint64_t images_within(uint64_t limit, const MemoryNeed& need, bool may_shrink);
+
+}  // namespace l4d::train

@@ -1,0 +1,203 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "training/run/train/evaluate.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <map>
+#include <mutex>
+#include <numeric>
+#include <set>
+
+#include "libl4dcodec/base/threads.h"
+#include "training/images/store.h"
+
+namespace l4d::train {
+namespace {
+
+constexpr size_t kBatch = 64;  // images in memory at a time
+constexpr uint32_t kMinSsimSize = 11;
+constexpr size_t kPixelGrain = size_t{1} << 14;
+
+// Colours of a pixel of a render, and 1.
+std::array<double, 4> row_of(const io::Image& render, size_t pixel) {
+  std::array<double, 4> row = {0, 0, 0, 1};
+  for (size_t k = 0; k < 3; ++k) {
+    row[k] = std::clamp(static_cast<double>(render.rgb[3 * pixel + k]), 0.0, 1.0);
+  }
+  return row;
+}
+
+// Three least-squares problems of four unknowns.
+struct Equations {
+  double normal[4][4] = {}, right[3][4] = {};
+
+  void add(const std::array<double, 4>& row, const float* captured) {
+    for (size_t a = 0; a < 4; ++a) {
+      for (size_t b = 0; b < 4; ++b) normal[a][b] += row[a] * row[b];
+      for (size_t c = 0; c < 3; ++c) right[c][a] += row[a] * static_cast<double>(captured[c]);
+    }
+  }
+  void add(const Equations& other) {
+    for (size_t a = 0; a < 4; ++a) {
+      for (size_t b = 0; b < 4; ++b) normal[a][b] += other.normal[a][b];
+      for (size_t c = 0; c < 3; ++c) right[c][a] += other.right[c][a];
+    }
+  }
+  // By Gauss and Jordan, on all right-hand sides.
+  std::array<std::array<double, 4>, 3> solve() {
+    for (size_t p = 0; p < 4; ++p) {
+      for (size_t a = 0; a < 4; ++a) {
+        if (a == p) continue;
+        const double factor = normal[a][p] / normal[p][p];
+        for (size_t b = 0; b < 4; ++b) normal[a][b] -= factor * normal[p][b];
+        for (size_t c = 0; c < 3; ++c) right[c][a] -= factor * right[c][p];
+      }
+    }
+    std::array<std::array<double, 4>, 3> map;
+    for (size_t c = 0; c < 3; ++c) {
+      for (size_t k = 0; k < 4; ++k) map[c][k] = right[c][k] / normal[k][k];
+    }
+    return map;
+  }
+};
+
+// Mean squared error of the captured image against the affine map of the render that is nearest to
+// it. Sums are of pieces of one length, so that they do not depend on the number of threads.
+double affine_mse(const io::Image& render, const io::Image& captured, int threads) {
+  const size_t n = render.rgb.size() / 3;
+  std::vector<Equations> parts((n + kPixelGrain - 1) / kPixelGrain);
+  parallel_for(threads, n, kPixelGrain, [&](size_t begin, size_t end) {
+    Equations& part = parts[begin / kPixelGrain];
+    for (size_t i = begin; i < end; ++i) part.add(row_of(render, i), &captured.rgb[3 * i]);
+  });
+  Equations all;
+  for (const Equations& part : parts) all.add(part);
+  for (size_t a = 0; a < 4; ++a) all.normal[a][a] += 1e-6 * static_cast<double>(n);
+  const std::array<std::array<double, 4>, 3> map = all.solve();
+
+  std::vector<double> sums(parts.size());
+  parallel_for(threads, n, kPixelGrain, [&](size_t begin, size_t end) {
+    double sum = 0;
+    for (size_t i = begin; i < end; ++i) {
+      const std::array<double, 4> row = row_of(render, i);
+      for (size_t c = 0; c < 3; ++c) {
+        double x = 0;
+        for (size_t k = 0; k < 4; ++k) x += map[c][k] * row[k];
+        const double d = std::clamp(x, 0.0, 1.0) - static_cast<double>(captured.rgb[3 * i + c]);
+        sum += d * d;
+      }
+    }
+    sums[begin / kPixelGrain] = sum;
+  });
+  return std::accumulate(sums.begin(), sums.end(), 0.0) / static_cast<double>(3 * n);
+}
+
+// Leaves the pixels of both images black that do not count.
+void apply_mask(const std::vector<uint8_t>& mask, io::Image* a, io::Image* b) {
+  for (size_t i = 0; i < mask.size(); ++i) {
+    if (mask[i] != 0) continue;
+    for (size_t c = 0; c < 3; ++c) a->rgb[3 * i + c] = b->rgb[3 * i + c] = 0;
+  }
+}
+
+}  // namespace
+
+std::vector<uint32_t> views_to_score(const Capture& capture, const char* split, uint32_t frames) {
+  const std::vector<Instant> instants = instants_of(capture, split);
+  std::vector<uint32_t> views;
+  const size_t n = instants.size();
+  const size_t chosen = frames == 0 ? n : std::min<size_t>(n, frames);
+  for (size_t k = 0; k < chosen; ++k) {
+    const Instant& instant = instants[k * n / chosen];
+    views.insert(views.end(), instant.views.begin(), instant.views.end());
+  }
+  return views;
+}
+
+std::vector<uint32_t> views_to_watch(const Capture& capture, const char* split, size_t count) {
+  const std::vector<Instant> instants = instants_of(capture, split);
+  std::vector<const Instant*> instant_of;  // by view
+  for (const Instant& instant : instants) {
+    instant_of.insert(instant_of.end(), instant.views.size(), &instant);
+  }
+  const size_t n = instant_of.size(), chosen = std::min(n, count);
+  std::map<uint32_t, size_t> uses;  // by camera
+  std::set<uint32_t> views;
+  for (size_t k = 0; k < chosen; ++k) {
+    const std::vector<uint32_t>& there = instant_of[(2 * k + 1) * n / (2 * chosen)]->views;
+    const auto used = [&](uint32_t view) {
+      return std::make_pair(views.count(view), uses[capture.views[view].camera]);
+    };
+    const uint32_t view = *std::min_element(
+        there.begin(), there.end(), [&](uint32_t a, uint32_t b) { return used(a) < used(b); });
+    views.insert(view);
+    ++uses[capture.views[view].camera];
+  }
+  return {views.begin(), views.end()};
+}
+
+void Scorer::add(const Pixels& pixels, const std::vector<uint8_t>& mask, io::Image rendered,
+                 uint32_t threads) {
+  constexpr float kBlack[3] = {0, 0, 0};
+  io::Image captured = image_of(pixels, kBlack);
+  apply_mask(mask, &captured, &rendered);
+  const bool has_ssim = std::min(captured.width, captured.height) >= kMinSsimSize;
+  sum_.add(io::mse(captured, rendered),
+           has_ssim ? io::ssim(captured, rendered, threads) : std::nan(""));
+  affine_ += io::psnr_of_mse(affine_mse(rendered, captured, static_cast<int>(threads)));
+  if (lpips_ != nullptr) distance_ += lpips_->distance(captured, rendered, threads);
+}
+
+Score Scorer::score() const {
+  Score score;
+  score.plain = sum_.result();
+  const double views = static_cast<double>(score.plain.views);
+  score.psnr_affine = affine_ / views;
+  score.lpips = distance_ / views;
+  return score;
+}
+
+Score score_views(const Capture& capture, const ImageLoader& loader,
+                  const std::vector<uint32_t>& views, const eval::Lpips* lpips, uint32_t threads,
+                  const RenderView& render, const IsCancelled& cancelled) {
+  Scorer scorer(lpips);
+  // Whole cameras follow each other, so that a video is not opened for each of its frames.
+  std::vector<uint32_t> order = views;
+  std::stable_sort(order.begin(), order.end(), [&](uint32_t a, uint32_t b) {
+    return capture.views[a].camera < capture.views[b].camera;
+  });
+  for (size_t begin = 0; begin < order.size(); begin += kBatch) {
+    const auto first = order.begin() + static_cast<ptrdiff_t>(begin);
+    const auto end = order.begin() + static_cast<ptrdiff_t>(std::min(begin + kBatch, order.size()));
+    std::map<uint32_t, Pixels> images;
+    std::mutex mutex;
+    loader.load(
+        std::vector<uint32_t>(first, end), threads,
+        [&](uint32_t view, Pixels pixels) {
+          const std::lock_guard<std::mutex> lock(mutex);
+          images[view] = std::move(pixels);
+        },
+        cancelled);
+    for (const auto& [view, pixels] : images) {
+      if (cancelled && cancelled()) throw io::Error(L4D_ERR_CANCELLED, "cancelled");
+      scorer.add(pixels, loader.mask(capture.views[view].camera), render(view), threads);
+    }
+  }
+  return scorer.score();
+}
+
+std::unique_ptr<eval::Lpips> read_lpips(const std::string& path, const io::Hold& holder) {
+  if (path.empty()) return nullptr;
+  return std::make_unique<eval::Lpips>(eval::Lpips::read(io::InputFile(path, holder), holder));
+}
+
+void check_sizes(const eval::Lpips* lpips, const Capture& capture, const ImageLoader& loader) {
+  if (lpips == nullptr) return;
+  for (const CaptureView& view : capture.views) {
+    const l4d_camera& camera = loader.camera(view.camera);
+    lpips->check_size(camera.width, camera.height);
+  }
+}
+
+}  // namespace l4d::train

@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "training/run/train/prune.h"
+
+#include <algorithm>
+#include <numeric>
+
+#include "l4d/render.hpp"
+#include "libl4dcodec/scene/slice.h"
+#include "training/run/train/output.h"
+
+namespace l4d::train {
+
+std::vector<float> loss_without(const ModelState& model, const Capture& capture,
+                                const ImageLoader& loader, const std::vector<uint32_t>& views,
+                                uint64_t seed) {
+  std::vector<l4d_camera> cameras;
+  for (uint32_t c = 0; c < capture.cameras.size(); ++c) cameras.push_back(loader.camera(c));
+  std::vector<l4d_view> measured;
+  for (const uint32_t view : views) {
+    measured.push_back({capture.views[view].time, capture.views[view].camera, 0});
+  }
+  RendererHandle renderer(nullptr);
+  renderer.set_gaussians(model.view(), capture.timeline());
+  l4d_measure_options options;
+  l4d_measure_options_init(&options);
+  options.metric = L4D_SENSITIVITY_GAUSS_NEWTON;
+  options.seed = seed;
+  l4d_sensitivity* handle = nullptr;
+  renderer.check(l4d_measure_importance(
+      renderer.get(), cameras.data(), static_cast<uint32_t>(cameras.size()), measured.data(),
+      measured.size(), &options, nullptr, nullptr, nullptr, &handle));
+  const SensitivityHandle sensitivity(handle, model.count);
+  std::vector<float> loss = sensitivity.weights(L4D_WEIGHT_OPACITY);
+  for (size_t i = 0; i < loss.size(); ++i) {
+    const float change = linear_opacity(model.value.opacity[i], true) * loss[i];
+    loss[i] = change * change;
+  }
+  return loss;
+}
+
+std::vector<uint8_t> worth_their_bits(const io::Scene& scene, const io::Weights& weights,
+                                      const std::string& preset, uint32_t threads) {
+  const EncoderHandle encoder = make_encoder(scene, weights, preset, threads);
+  encoder.encode();
+  l4d_encode_report report;
+  l4d_encode_report_init(&report);
+  encoder.check(l4d_encoder_get_report(encoder.get(), &report));
+  std::vector<uint32_t> order(static_cast<size_t>(report.coded_gaussians));
+  encoder.check(l4d_encoder_get_order(encoder.get(), order.data(), order.size()));
+  std::vector<uint8_t> mask(scene.count(), 0);
+  for (const uint32_t row : order) mask[row] = 1;
+  return mask;
+}
+
+std::vector<uint8_t> most_important(const std::vector<float>& values, double share) {
+  std::vector<uint8_t> mask(values.size(), 1);
+  std::vector<size_t> order(values.size());
+  std::iota(order.begin(), order.end(), size_t{0});
+  std::stable_sort(order.begin(), order.end(), [&](size_t a, size_t b) {
+    return values[a] != values[b] ? values[a] < values[b] : a > b;
+  });
+  const size_t gone = std::min(static_cast<size_t>(share * static_cast<double>(values.size())),
+                               values.empty() ? 0 : values.size() - 1);
+  for (size_t k = 0; k < gone; ++k) mask[order[k]] = 0;
+  return mask;
+}
+
+}  // namespace l4d::train

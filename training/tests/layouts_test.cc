@@ -1,0 +1,617 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <gmock/gmock.h>
+
+#include <cstring>
+#include <nlohmann/json.hpp>
+
+#include "io/image/video.h"
+#include "tests/common/ffmpeg.h"
+#include "training/capture/opencv_yaml.h"
+#include "training/images/loader.h"
+#include "training/tests/tiny_capture.h"
+
+// One capture, written in each of the layouts: the same cameras, times and images, and a training
+// on each gives the same bits.
+namespace l4d::train {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+using testing::HasSubstr;
+using Layout = std::string;
+
+constexpr uint32_t kCameras = 5, kFrames = 4;
+
+// 5 cameras of the tiny capture, 4 frames; camera 0 tests.
+struct Truth {
+  std::vector<l4d_camera> cameras;
+  std::string frames = test::tiny_capture() + "/images";
+  std::string image(uint32_t camera, uint32_t frame) const {
+    char name[64];
+    std::snprintf(name, sizeof(name), "/cam%02u/%04u.png", camera, frame);
+    return frames + name;
+  }
+  Truth() {
+    const Capture capture = read_capture(test::tiny_capture(), {});
+    for (uint32_t c = 0; c < kCameras; ++c) {
+      cameras.push_back(capture.cameras[c].source.camera);
+    }
+  }
+};
+
+std::string name_of(uint32_t camera) { return "cam0" + std::to_string(camera); }
+
+void write_text(const std::string& path, const std::string& text) {
+  fs::create_directories(fs::path(path).parent_path());
+  std::ofstream(path, std::ios::binary) << text;
+}
+
+json matrix_of(const double* m, size_t rows, size_t columns, size_t stride) {
+  json out = json::array();
+  for (size_t r = 0; r < rows; ++r)
+    out.push_back(std::vector<double>(m + stride * r, m + stride * r + columns));
+  return out;
+}
+
+std::string digits(double value) {
+  char text[40];
+  std::snprintf(text, sizeof(text), "%.17g", value);
+  return text;
+}
+
+void copy_images(const Truth& truth, const std::string& folder, const char* pattern) {
+  for (uint32_t c = 0; c < kCameras; ++c) {
+    fs::create_directories(folder + "/images/" + name_of(c));
+    for (uint32_t f = 0; f < kFrames; ++f) {
+      char name[40];
+      std::snprintf(name, sizeof(name), pattern, f);
+      fs::copy_file(truth.image(c, f), folder + "/images/" + name_of(c) + "/" + name);
+    }
+  }
+}
+
+void write_ours(const Truth& truth, const std::string& folder) {
+  copy_images(truth, folder, "%04u.png");
+  json cameras = json::array();
+  for (uint32_t c = 0; c < kCameras; ++c) {
+    const l4d_camera& k = truth.cameras[c];
+    json w2c = matrix_of(k.world_to_camera, 3, 4, 4);
+    w2c.push_back({0, 0, 0, 1});
+    cameras.push_back({{"id", c},
+                       {"split", c == 0 ? "test" : "train"},
+                       {"images", "images/" + name_of(c) + "/%04d.png"},
+                       {"K", {{k.fx, 0, k.cx}, {0, k.fy, k.cy}, {0, 0, 1}}},
+                       {"w2c", w2c}});
+  }
+  write_text(
+      folder + "/cameras.json",
+      json{{"fps", 10}, {"frames", kFrames}, {"width", 64}, {"height", 48}, {"cameras", cameras}}
+          .dump());
+}
+
+void write_dnerf(const Truth& truth, const std::string& folder) {
+  for (const bool is_test : {false, true}) {
+    json frames = json::array();
+    for (uint32_t f = 0; f < kFrames; ++f) {
+      for (uint32_t c = is_test ? 0 : 1; c < (is_test ? 1 : kCameras); ++c) {
+        const double* m = truth.cameras[c].world_to_camera;
+        double center[3];
+        camera_center(truth.cameras[c], center);
+        json c2w = json::array();
+        for (size_t r = 0; r < 3; ++r) c2w.push_back({m[r], -m[4 + r], -m[8 + r], center[r]});
+        c2w.push_back({0, 0, 0, 1});
+        frames.push_back(
+            {{"file_path", truth.image(c, f)}, {"time", f / 10.0}, {"transform_matrix", c2w}});
+      }
+    }
+    const l4d_camera& k = truth.cameras[0];
+    write_text(folder + (is_test ? "/transforms_test.json" : "/transforms_train.json"),
+               json{{"fl_x", k.fx},
+                    {"fl_y", k.fy},
+                    {"cx", k.cx},
+                    {"cy", k.cy},
+                    {"w", 64},
+                    {"h", 48},
+                    {"frames", frames}}
+                   .dump());
+  }
+}
+
+std::string yaml_matrix(const std::string& key, const std::vector<double>& values, size_t rows) {
+  std::string text = key + ": !!opencv-matrix\n  rows: " + std::to_string(rows) +
+                     "\n  cols: " + std::to_string(values.size() / rows) + "\n  dt: d\n  data: [";
+  for (size_t i = 0; i < values.size(); ++i) {
+    text += (i == 0 ? "" : i % 4 == 0 ? ",\n      " : ", ") + digits(values[i]);
+  }
+  return text + "]\n";
+}
+
+void write_selfcap(const Truth& truth, const std::string& folder) {
+  copy_images(truth, folder, "%06u.png");
+  std::string intri = "%YAML:1.0\n---\nnames:\n", extri = "%YAML:1.0\n---\n";
+  for (uint32_t c = 0; c < kCameras; ++c) intri += "  - \"" + name_of(c) + "\"\n";
+  for (uint32_t c = 0; c < kCameras; ++c) {
+    const l4d_camera& k = truth.cameras[c];
+    const double* m = k.world_to_camera;
+    intri += yaml_matrix("K_" + name_of(c), {k.fx, 0, k.cx, 0, k.fy, k.cy, 0, 0, 1}, 3);
+    intri += "H_" + name_of(c) + ": 48.\nW_" + name_of(c) + ": 64\n";
+    intri += yaml_matrix("D_" + name_of(c), {0, 0, 0, 0, 0}, 5);
+    extri += yaml_matrix("Rot_" + name_of(c),
+                         {m[0], m[1], m[2], m[4], m[5], m[6], m[8], m[9], m[10]}, 3);
+    extri += yaml_matrix("T_" + name_of(c), {m[3], m[7], m[11]}, 3);
+  }
+  write_text(folder + "/intri.yml", intri);
+  write_text(folder + "/extri.yml", extri);
+}
+
+// A quaternion of the rotation of a camera.
+void quaternion_of(const l4d_camera& camera, double* q) {
+  const double* m = camera.world_to_camera;
+  const double r[9] = {m[0], m[1], m[2], m[4], m[5], m[6], m[8], m[9], m[10]};
+  double best = 0;
+  for (size_t k = 0; k < 4; ++k) {
+    // Four times the square of each component.
+    const double s[4] = {1 + r[0] + r[4] + r[8], 1 + r[0] - r[4] - r[8], 1 - r[0] + r[4] - r[8],
+                         1 - r[0] - r[4] + r[8]};
+    if (s[k] <= best) continue;
+    best = s[k];
+    const double h = std::sqrt(s[k]) / 2, f = 1 / (4 * h);
+    const double a = (r[7] - r[5]) * f, b = (r[2] - r[6]) * f, c = (r[3] - r[1]) * f;
+    const double ab = (r[1] + r[3]) * f, ac = (r[2] + r[6]) * f, bc = (r[5] + r[7]) * f;
+    const double all[4][4] = {{h, a, b, c}, {a, h, ab, ac}, {b, ab, h, bc}, {c, ac, bc, h}};
+    std::copy_n(all[k], 4, q);
+  }
+}
+
+template <typename T>
+void put(std::string* to, T value) {
+  to->append(reinterpret_cast<const char*>(&value), sizeof(T));
+}
+
+void write_colmap(const Truth& truth, const std::string& folder, bool binary) {
+  copy_images(truth, folder, "%04u.png");
+  std::string cameras, images, points;
+  if (binary) {
+    put<uint64_t>(&cameras, kCameras);
+    put<uint64_t>(&images, kCameras);
+  }
+  for (uint32_t c = 0; c < kCameras; ++c) {
+    const l4d_camera& k = truth.cameras[c];
+    double q[4];
+    quaternion_of(k, q);
+    const double t[3] = {k.world_to_camera[3], k.world_to_camera[7], k.world_to_camera[11]};
+    if (binary) {
+      put<uint32_t>(&cameras, c + 1);
+      put<int32_t>(&cameras, 1);
+      put<uint64_t>(&cameras, 64);
+      put<uint64_t>(&cameras, 48);
+      for (const double value : {k.fx, k.fy, k.cx, k.cy}) put(&cameras, value);
+      put<uint32_t>(&images, 7 + c);
+      for (const double value : q) put(&images, value);
+      for (const double value : t) put(&images, value);
+      put<uint32_t>(&images, c + 1);
+      images += name_of(c) + ".png" + '\0';
+      put<uint64_t>(&images, 1);
+      images += std::string(24, '\1');
+      continue;
+    }
+    cameras += "# a comment\n" + std::to_string(c + 1) + " OPENCV 64 48";
+    for (const double value : {k.fx, k.fy, k.cx, k.cy, 0.0, 0.0, 0.0, 0.0})
+      cameras += " " + digits(value);
+    images += std::to_string(7 + c);
+    for (const double value : q) images += " " + digits(value);
+    for (const double value : t) images += " " + digits(value);
+    cameras += "\n";
+    images += " " + std::to_string(c + 1) + " " + name_of(c) + ".png\n1.5 2.5 -1\n";
+  }
+  const std::string end = binary ? ".bin" : ".txt", model = folder + "/sparse/0/";
+  write_text(model + "cameras" + end, cameras);
+  write_text(model + "images" + end, images);
+  if (binary) {
+    put<uint64_t>(&points, 1);
+    put<uint64_t>(&points, 3);
+    for (const double value : {0.5, 0.25, -1.0}) put(&points, value);
+    points += "\xff\x80";
+    points += '\0';
+    put(&points, 0.1);
+    put<uint64_t>(&points, 1);
+    put<uint64_t>(&points, 0);
+  } else {
+    points = "3 0.5 0.25 -1 255 128 0 0.1 1 2\n";
+  }
+  write_text(model + "points3D" + end, points);
+}
+
+void write_hypernerf(const Truth& truth, const std::string& folder) {
+  json ids = json::array(), tests = json::array(), metadata = json::object();
+  for (uint32_t f = 0; f < kFrames; ++f) {
+    for (uint32_t c = 0; c < kCameras; ++c) {
+      const std::string id = name_of(c) + "_" + std::to_string(f);
+      const l4d_camera& k = truth.cameras[c];
+      ids.push_back(id);
+      if (c == 0) tests.push_back(id);
+      metadata[id] = {{"warp_id", f}, {"camera_id", c}};
+      fs::create_directories(folder + "/rgb/2x");
+      fs::copy_file(truth.image(c, f), folder + "/rgb/2x/" + id + ".png");
+      double center[3];
+      camera_center(k, center);
+      // The scene is larger by 4 and elsewhere: scale and centre undo that.
+      json position = json::array();
+      for (size_t i = 0; i < 3; ++i) position.push_back(4 * center[i] + (i == 1 ? 2.0 : 0.0));
+      write_text(folder + "/camera/" + id + ".json",
+                 json{{"focal_length", 2 * k.fx},
+                      {"pixel_aspect_ratio", k.fy / k.fx},
+                      {"image_size", {128, 96}},
+                      {"principal_point", {2 * k.cx, 2 * k.cy}},
+                      {"orientation", matrix_of(k.world_to_camera, 3, 3, 4)},
+                      {"position", position},
+                      {"radial_distortion", {0, 0, 0}},
+                      {"tangential_distortion", {0, 0}}}
+                     .dump());
+    }
+  }
+  write_text(folder + "/dataset.json", json{{"ids", ids}, {"val_ids", tests}}.dump());
+  write_text(folder + "/scene.json", json{{"scale", 0.25}, {"center", {0, 2, 0}}}.dump());
+  write_text(folder + "/metadata.json", metadata.dump());
+}
+
+struct Case {
+  const char* layout;
+  void (*write)(const Truth&, const std::string&);
+};
+const Case kCases[] = {
+    {"cameras", write_ours},
+    {"dnerf", write_dnerf},
+    {"selfcap", write_selfcap},
+    {"hypernerf", write_hypernerf},
+    {"colmap", [](const Truth& t, const std::string& folder) { write_colmap(t, folder, true); }},
+    {"colmap", [](const Truth& t, const std::string& folder) { write_colmap(t, folder, false); }},
+};
+
+CaptureOptions options_of(const Layout& layout) {
+  CaptureOptions options;
+  options.test = layout == "dnerf" || layout == "hypernerf" ? "" : "0";
+  options.fps = 10;
+  options.any_path = layout == "dnerf";  // write_dnerf() names images by absolute paths
+  return options;
+}
+
+// Cameras in the order of the capture, of which HyperNeRF has one for each image.
+TEST(Layouts, HaveTheSameCamerasTimesAndImages) {
+  const Truth truth;
+  for (const Case& item : kCases) {
+    const test::Folder folder;
+    item.write(truth, folder / "capture");
+    const Capture capture = read_capture(folder / "capture", options_of(item.layout));
+    EXPECT_EQ(capture.layout, item.layout);
+    EXPECT_EQ(capture.frames, kFrames);
+    ASSERT_EQ(capture.views.size(), kCameras * kFrames) << item.layout;
+    const ImageLoader loader(capture, 1);
+    size_t tests = 0, found = 0;
+    std::map<uint32_t, Pixels> images;
+    std::vector<uint32_t> views;
+    for (uint32_t k = 0; k < capture.views.size(); ++k) views.push_back(k);
+    loader.load(views, 1, [&](uint32_t view, Pixels pixels) { images[view] = std::move(pixels); });
+    for (uint32_t k = 0; k < capture.views.size(); ++k) {
+      const CaptureView& view = capture.views[k];
+      const CaptureCamera& camera = capture.cameras[view.camera];
+      EXPECT_NEAR(view.time, 0.1 * view.frame, 1e-9) << item.layout;
+      tests += camera.split == "test" ? 1U : 0U;
+      for (uint32_t c = 0; c < kCameras; ++c) {
+        const l4d_camera& a = camera.source.camera;
+        const l4d_camera& b = truth.cameras[c];
+        double apart = std::abs(a.fx - b.fx) + std::abs(a.fy - b.fy) + std::abs(a.cx - b.cx);
+        for (size_t i = 0; i < 12; ++i) {
+          apart += std::abs(a.world_to_camera[i] - b.world_to_camera[i]);
+        }
+        if (apart > 1e-9) continue;
+        ++found;
+        EXPECT_EQ(camera.split, c == 0 ? "test" : "train") << item.layout;
+        const io::Image image = io::read_png(truth.image(c, view.frame));
+        std::vector<uint8_t> bytes(image.rgb.size());
+        io::to_bytes(image.rgb.data(), bytes.size(), bytes.data());
+        EXPECT_EQ(images[k].rgb, bytes) << item.layout;
+      }
+    }
+    EXPECT_EQ(found, capture.views.size()) << item.layout;
+    EXPECT_EQ(tests, kFrames) << item.layout;
+    if (item.layout == std::string("colmap")) {
+      ASSERT_EQ(capture.points.size(), 1U);
+      EXPECT_EQ(capture.points[0].position[1], 0.25f);
+      EXPECT_EQ(capture.points[0].rgb[0], 1);
+    }
+  }
+}
+
+std::string npy_of(const std::vector<double>& values, size_t rows) {
+  std::string header = "{'descr': '<f8', 'fortran_order': False, 'shape': (" +
+                       std::to_string(rows) + ", " + std::to_string(values.size() / rows) +
+                       "), }\n";
+  std::string out("\x93NUMPY\x01\x00", 8);
+  put<uint16_t>(&out, static_cast<uint16_t>(header.size()));
+  out += header;
+  for (const double value : values) put(&out, value);
+  return out;
+}
+
+void write_n3dv(const Truth& truth, const std::string& folder) {
+  std::vector<double> rows;
+  for (const l4d_camera& k : truth.cameras) {
+    const double* m = k.world_to_camera;
+    double center[3];
+    camera_center(k, center);
+    for (size_t r = 0; r < 3; ++r) {
+      // Columns: down, right, back.
+      rows.insert(rows.end(), {m[4 + r], m[r], -m[8 + r], center[r],
+                               r == 0   ? 48.0
+                               : r == 1 ? 64.0
+                                        : k.fx});
+    }
+    rows.insert(rows.end(), {1, 100});
+  }
+  write_text(folder + "/poses_bounds.npy", npy_of(rows, kCameras));
+}
+
+// Videos of all cameras in `folder`, under cam00.mp4 and so on.
+void copy_videos(const std::string& from, const std::string& to) {
+  fs::create_directories(to);
+  for (uint32_t c = 0; c < kCameras; ++c) {
+    fs::copy_file(from + "/" + name_of(c) + ".mp4", to + "/" + name_of(c) + ".mp4");
+  }
+}
+
+// Makes videos of the truth's images, and takes their frames as the truth from then on. Cameras get
+// numbers that all layouts hold without rounding.
+void make_videos(Truth* truth, const std::string& videos, const std::string& frames) {
+  fs::create_directories(videos);
+  for (uint32_t c = 0; c < kCameras; ++c) {
+    l4d_camera& k = truth->cameras[c];
+    k.fx = k.fy = 64;
+    k.cx = 32;
+    k.cy = 24;
+    const double pose[12] = {1, 0, 0, 0.5 * c - 1, 0, 1, 0, 0.25 * (c % 2), 0, 0, 1, 4};
+    std::copy_n(pose, 12, k.world_to_camera);
+    io::VideoOptions options;
+    options.fps = 10;
+    const std::string file = videos + "/" + name_of(c) + ".mp4";
+    io::VideoWriter writer(file, 64, 48, options);
+    for (uint32_t f = 0; f < kFrames; ++f) writer.write(io::read_png(truth->image(c, f)));
+    writer.finish();
+    io::VideoReader reader(file, 64, 48);
+    io::Image image;
+    fs::create_directories(frames + "/" + name_of(c));
+    for (uint32_t f = 0; f < kFrames; ++f) {
+      ASSERT_TRUE(reader.next(&image));
+      char name[40];
+      std::snprintf(name, sizeof(name), "/%04u.png", f);
+      io::write_png(frames + "/" + name_of(c) + name, image);
+    }
+  }
+  truth->frames = frames;
+}
+
+// A training has the same bits whatever the layout.
+TEST(Layouts, TrainToTheSameBits) {
+  if (!l4d::test::ffmpeg_available()) GTEST_SKIP() << "no ffmpeg";
+  Truth truth;
+  const test::Folder folder;
+  const std::string videos = folder / "videos";
+  make_videos(&truth, videos, folder / "frames");
+  std::vector<Case> cases(std::begin(kCases), std::end(kCases));
+  cases.push_back({"n3dv", write_n3dv});
+  std::string first;
+  for (const Case& item : cases) {
+    const std::string layout = item.layout, capture = folder / (layout + "-capture");
+    fs::remove_all(capture);
+    item.write(truth, capture);
+    if (layout == "n3dv") copy_videos(videos, capture);
+    if (layout == "selfcap" || layout == "colmap") {
+      fs::remove_all(capture + "/images");
+      copy_videos(videos, capture + "/videos");
+    }
+    RunOptions options;
+    options.folder = folder / (layout + "-run");
+    options.force = true;
+    options.settings.capture = capture;
+    options.settings.reading = options_of(layout);
+    options.settings.gaussians = 150;
+    options.settings.sh_degree = 0;
+    options.settings.steps = 30;
+    options.settings.views = 2;
+    options.settings.init = "frustum";
+    options.settings.exposure = "off";
+    test::Listener listener;
+    const RunReport report = train(options, &listener);
+    EXPECT_EQ(report.layout, layout);
+    const std::string scene = test::bytes_of(options.folder + "/scene.ply");
+    if (first.empty()) first = scene;
+    EXPECT_TRUE(scene == first) << layout;
+  }
+}
+
+void expect_error(const std::string& path, l4d_status status, const std::string& word) {
+  try {
+    read_capture(path, {});
+    ADD_FAILURE() << path << ": no error about " << word;
+  } catch (const io::Error& error) {
+    EXPECT_EQ(error.status(), status) << error.what();
+    EXPECT_THAT(error.what(), HasSubstr(word));
+  }
+}
+
+struct Damage {
+  Case layout;
+  std::string file;      // that is missing, then damaged
+  std::string named;     // in the note
+  uint32_t cameras = 0;  // that are left
+  uint32_t frames = kFrames;
+  size_t views = 0;
+};
+
+// What --tolerant makes of a file that is missing, and of one that is cut off.
+TEST(Layouts, TolerateFilesThatAreMissingOrDamaged) {
+  const Truth truth;
+  const auto dnerf = [](const Truth& t, const std::string& folder) {
+    Truth own = t;
+    copy_images(t, folder, "%04u.png");
+    own.frames = folder + "/images";
+    write_dnerf(own, folder);
+  };
+  const std::vector<Damage> all = {
+      {{"cameras", write_ours}, "images/cam02/0000.png", "camera 2", 4, kFrames, 16},
+      {{"cameras", write_ours}, "images/cam02/0003.png", "camera 2", 5, 3, 15},
+      {{"dnerf", dnerf}, "images/cam02/0003.png", "cam02/0003.png", 5, kFrames, 19},
+      {{"selfcap", write_selfcap}, "images/cam02/000000.png", "camera 2", 4, kFrames, 16},
+      {{"selfcap", write_selfcap}, "images/cam02/000003.png", "camera 2", 5, 3, 15},
+      {{"hypernerf", write_hypernerf}, "rgb/2x/cam02_3.png", "cam02_3", 5, kFrames, 19},
+      {{"hypernerf", write_hypernerf}, "camera/cam02_3.json", "cam02_3", 5, kFrames, 19},
+      {kCases[4], "images/cam02/0000.png", "camera 2", 4, kFrames, 16},
+      {kCases[5], "images/cam02/0003.png", "camera 2", 5, 3, 15},
+  };
+  for (const Damage& item : all) {
+    for (const bool is_missing : {true, false}) {
+      const std::string what = item.layout.layout + (" " + item.file) + (is_missing ? " 0" : " 1");
+      const test::Folder folder;
+      item.layout.write(truth, folder / "c");
+      const std::string path = folder / ("c/" + item.file), whole = test::bytes_of(path);
+      fs::remove(path);
+      if (!is_missing) write_text(path, whole.substr(0, whole.size() / 2));
+      CaptureOptions options = options_of(item.layout.layout);
+      // What is missing is found without the option, too; damaged images when they are read.
+      if (is_missing) {
+        EXPECT_THROW(read_capture(folder / "c", options), io::Error) << what;
+      }
+      options.tolerant = true;
+      const Capture capture = read_capture(folder / "c", options);
+      EXPECT_EQ(capture.cameras.size(), item.cameras) << what;
+      EXPECT_EQ(capture.frames, item.frames) << what;
+      EXPECT_EQ(capture.views.size(), item.views) << what;
+      EXPECT_THAT(capture.notes, testing::Contains(HasSubstr(item.named))) << what;
+      const ImageLoader loader(capture, 1);
+      std::vector<uint32_t> views(capture.views.size());
+      for (uint32_t k = 0; k < views.size(); ++k) views[k] = k;
+      size_t loaded = 0;
+      loader.load(views, 1, [&](uint32_t, const Pixels&) { ++loaded; });
+      EXPECT_EQ(loaded, item.views) << what;
+    }
+  }
+}
+
+// Videos of all names pair with rows in their order.
+TEST(Layouts, N3dvTakesVideosOfAnyName) {
+  if (!l4d::test::ffmpeg_available()) GTEST_SKIP() << "no ffmpeg";
+  Truth truth;
+  const test::Folder folder;
+  make_videos(&truth, folder / "videos", folder / "frames");
+  write_n3dv(truth, folder / "c");
+  const char* const names[kCameras] = {"GX01.MP4", "GX02.mkv", "a.mp4", "b 1.mov", "cam00.mp4"};
+  for (uint32_t c = 0; c < kCameras; ++c) {
+    fs::copy_file(folder / ("videos/" + name_of(c) + ".mp4"),
+                  folder / (std::string("c/") + names[c]));
+  }
+  write_text(folder / "c/._GX01.MP4", "what some systems leave behind");
+  const Capture capture = read_capture(folder / "c", {});
+  ASSERT_EQ(capture.cameras.size(), kCameras);
+  for (uint32_t c = 0; c < kCameras; ++c) {
+    const CaptureCamera& camera = capture.cameras[c];
+    EXPECT_EQ(fs::path(camera.source.video).filename(), names[c]);
+    EXPECT_EQ(camera.source.camera.world_to_camera[3], truth.cameras[c].world_to_camera[3]);
+    EXPECT_EQ(camera.split, c == 4 ? "test" : "train");  // cam00, wherever it is
+  }
+  const auto of_tests = testing::HasSubstr("for testing");
+  EXPECT_THAT(capture.notes, testing::Contains(HasSubstr("Camera 4 is for testing")));
+  EXPECT_THAT(capture.notes, testing::Contains(of_tests).Times(1));
+  CaptureOptions chosen;
+  chosen.test = "0,2";
+  EXPECT_THAT(read_capture(folder / "c", chosen).notes, testing::Not(testing::Contains(of_tests)));
+  // One that is damaged is left out, one that is missing would move the others.
+  write_text(folder / "c/a.mp4", "no video");
+  CaptureOptions options;
+  EXPECT_THROW(read_capture(folder / "c", options), io::Error);
+  options.tolerant = true;
+  const Capture four = read_capture(folder / "c", options);
+  EXPECT_EQ(four.cameras.size(), 4U);
+  EXPECT_EQ(four.cameras[2].source.id, 3);
+  EXPECT_THAT(four.notes, testing::Contains(HasSubstr("camera 2")));
+  fs::remove(folder / "c/cam00.mp4");
+  write_text(folder / "c/a.mp4", "");
+  fs::copy_file(folder / "videos/cam00.mp4", folder / "c/a0.mp4");
+  EXPECT_EQ(read_capture(folder / "c", options).cameras.front().split, "test");
+  fs::remove(folder / "c/a0.mp4");
+  EXPECT_THROW(read_capture(folder / "c", options), io::Error);
+  expect_error(folder / "c", L4D_ERR_IO, "another number of videos");
+}
+
+TEST(Layouts, ColmapThatIsCutOffIsNamed) {
+  const Truth truth;
+  const test::Folder folder;
+  write_colmap(truth, folder / "c", true);
+  for (const char* name : {"cameras.bin", "images.bin", "points3D.bin"}) {
+    const std::string path = folder / ("c/sparse/0/" + std::string(name));
+    const std::string whole = test::bytes_of(path);
+    for (size_t n = 0; n < whole.size(); n += 3) {
+      write_text(path, whole.substr(0, n));
+      expect_error(folder / "c", L4D_ERR_CORRUPT, name);
+    }
+    write_text(path, whole);
+  }
+  std::string cameras = test::bytes_of(folder / "c/sparse/0/cameras.bin");
+  cameras[12] = 9;
+  write_text(folder / "c/sparse/0/cameras.bin", cameras);
+  expect_error(folder / "c", L4D_ERR_FEATURE_UNSUPPORTED, "model 9");
+}
+
+TEST(Layouts, YamlOfOpenCv) {
+  const test::Folder folder;
+  const auto read = [&](const std::string& text) {
+    write_text(folder / "a.yml", text);
+    return read_opencv_yaml(folder / "a.yml");
+  };
+  const YamlFile file = read(
+      "%YAML:1.0\n---\nnames:\n   - \"00\"\n   - b\nfps: 59.94\n"
+      "K: !!opencv-matrix\n   rows: 2\n   cols: 2\n   dt: d\n   data: [ 1., -2.5e3,\n       3, .5 "
+      "]\n");
+  EXPECT_EQ(file.texts.at("names"), (std::vector<std::string>{"00", "b"}));
+  EXPECT_EQ(file.numbers.at("fps"), std::vector<double>{59.94});
+  EXPECT_EQ(file.numbers.at("K"), (std::vector<double>{1, -2500, 3, 0.5}));
+  for (const char* bad : {"K: !!opencv-matrix\n  rows: 2\n  cols: 2\n  data: [1, 2, 3]\n",
+                          "K: !!opencv-matrix\n  rows: 1\n  cols: 1\n  data: [.nan]\n",
+                          "K: !!opencv-matrix\n  rows: 1\n  cols: 1\n", "K: [1, 2\n", "no key\n",
+                          "  indented: 1\n"}) {
+    EXPECT_THROW(read(bad), io::Error) << bad;
+  }
+}
+
+TEST(Layouts, WrongSelfcapAndHypernerf) {
+  const Truth truth;
+  const test::Folder folder;
+  write_selfcap(truth, folder / "s");
+  std::string text = test::bytes_of(folder / "s/extri.yml");
+  text.replace(text.find("T_cam02"), 7, "T_other");
+  write_text(folder / "s/extri.yml", text);
+  expect_error(folder / "s", L4D_ERR_CORRUPT, "camera cam02");
+  write_hypernerf(truth, folder / "h");
+  fs::remove(folder / "h/rgb/2x/cam03_1.png");
+  expect_error(folder / "h", L4D_ERR_IO, "cam03_1");
+  fs::remove(folder / "h/camera/cam02_1.json");
+  expect_error(folder / "h", L4D_ERR_IO, "cam02_1");
+}
+
+// Offsets of cameras move times by parts of a frame.
+TEST(Layouts, SelfcapOffsets) {
+  const Truth truth;
+  const test::Folder folder;
+  write_selfcap(truth, folder / "s");
+  write_text(folder / "s/sync.json", R"({"cam02": -0.03, "cam01": 0.2})");
+  CaptureOptions options;
+  options.fps = 10;
+  const Capture capture = read_capture(folder / "s", options);
+  for (const CaptureView& view : capture.views) {
+    const double plain = 0.1 * view.frame;
+    const double wanted = view.camera == 2 ? plain + 0.03 : view.camera == 1 ? plain - 0.2 : plain;
+    EXPECT_NEAR(view.time, std::max(0.0, wanted), 1e-9);
+  }
+}
+
+}  // namespace
+}  // namespace l4d::train
