@@ -2,6 +2,8 @@
 // Playing a stream from a cache of buckets shows what the whole scene shows.
 #include <cuda_runtime_api.h>
 
+#include <chrono>
+#include <iostream>
 #include <memory>
 #include <thread>
 
@@ -68,6 +70,7 @@ class Playing {
   void check(l4d_status status) const {
     EXPECT_EQ(status, L4D_OK) << l4d_cuda_player_error_message(get());
   }
+  cudaStream_t stream() const { return stream_; }
   l4d_status launch(double time) const {
     l4d_cuda_image image;
     l4d_cuda_image_init(&image);
@@ -195,6 +198,30 @@ TEST(PlayerMemory, StaysThatOfTheInstantsAtHand) {
     EXPECT_LT(store[k], k == 0 ? all : all / 3);
   }
   EXPECT_LT(static_cast<double>(store[1]), 1.2 * static_cast<double>(store[0]));
+}
+
+// The player's thread takes memory for the next window between a frame and its statistics.
+TEST(PlayerMemory, GrowsBetweenAFrameAndItsStatistics) {
+  L4D_SKIP_WITHOUT_DEVICE();
+  const Bytes bytes = encode(long_scene(20, 15000), "default");
+  const l4d_camera camera = ring_camera(160, 120, 2.1);
+  const Playing playing(bytes, camera, exact_options());
+  uint64_t store = 0, grown = 0;
+  for (int k = 0; k < 20; ++k) {
+    playing.check(playing.launch(k));
+    const uint64_t before = playing.counters().store_bytes;
+    for (int wait = 0; wait < 50 && playing.counters().store_bytes == before; ++wait) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
+    grown += playing.counters().store_bytes > before;
+    store = std::max(store, before);
+    l4d_cuda_frame_stats stats;
+    l4d_cuda_frame_stats_init(&stats);
+    playing.check(l4d_cuda_player_get_stats(playing.get(), playing.stream(), &stats));
+    EXPECT_GT(stats.visible, 0u);
+  }
+  std::cout << "grown " << grown << " times, to " << store << " bytes\n";
+  EXPECT_GT(grown, 0u);
 }
 
 TEST(PlayerMemory, BudgetsKeepWhatFitsAndRefuseWhatDoesNot) {

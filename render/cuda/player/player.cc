@@ -171,8 +171,8 @@ Status Player::reserve_chunks(uint32_t chunks) {
   shape.sh_degree = sh_degree_;
   shape.half_sh = half_sh();
   shape.chunk_clocks = true;
-  L4D_RETURN_IF_ERROR(store_.reserve(shape));
-  return frame_.reserve_slices(store_);
+  // The frame grows when it is drawn next: stats() reads what the last one counted.
+  return store_.reserve(shape);
 }
 
 uint32_t Player::window_of(double time) const {
