@@ -122,7 +122,7 @@ def rows():
         return [CODEC, "compare", scene, scene, "--images", "--cameras", folder + "/cameras.json"]
 
     def train(folder, *more):
-        return [TRAIN, "train", folder, "-o", "run", "--steps", "5", "-n", "100", "--sh-degree", "0", "--views", "1",
+        return [TRAIN, "train", folder, "-o", "run", "--steps", "5", "--backend", "cpu", "-n", "100", "--sh-degree", "0", "--views", "1",
                 "--init", "frustum", "--threads", "2", "-q"] + list(more)
 
     size = "has 16384 x (16384|4096) pixels, and the camera has 48 x 32"

@@ -102,7 +102,8 @@ TEST(RotorWithoutDirection, DenormalsDoNotMatter) {
       if (std::fabs(plain[k]) >= std::numeric_limits<float>::min()) {
         ASSERT_EQ(plain[k], flushed[k]);
       } else {
-        ASSERT_EQ(flushed[k], 0.0f);
+        // It may also be a copy of the input, which no instruction flushes.
+        ASSERT_TRUE(flushed[k] == 0 || flushed[k] == plain[k]) << flushed[k];
       }
     }
   }

@@ -336,7 +336,8 @@ expect 6 "the network of --lpips needs" train "${options[@]}" -o x --steps 10 --
 expect 2 "--device-memory must be positive" train "${options[@]}" -o x --steps 10 --device-memory 0
 expect 2 "--limit-memory must be positive" train "${options[@]}" -o x --steps 10 --limit-memory 0
 [ ! -e x ] || die "a training that was refused for its memory left a folder"
-tight=(long_capture --gaussians 300 --sh-degree 0 --views 2 --init frustum --exposure off --threads 1 --steps 40 --limit-memory 2600k -q)
+tight=(long_capture --gaussians 300 --sh-degree 0 --views 2 --init frustum --exposure off --threads 1 --steps 40 --limit-memory 2600k
+  --backend cpu -q)
 expect 0 "Gaussians" train "${tight[@]}" -o limited
 grep -q '"host_memory": [0-9]\{6\},' limited/settings.json || die "images did not make way for the limit"
 expect 6 "needs 2[.]8 MB" train "${tight[@]}" -o x --host-memory 8G

@@ -78,6 +78,7 @@ TEST(Training, SplitsLivesWithTheSameBits) {
   RunOptions options = tiny_run(folder / "off", 350);
   // Half of the rows are free, for halves.
   options.settings.gaussians = 400;
+  options.settings.backend = "cpu";  // only the host splits lives
   options.settings.init = folder / "points.ply";
   std::ofstream(options.settings.init)
       << "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\n"
