@@ -6,13 +6,16 @@ usage: verbs.py TOOL [--walks N] [--steps N] [--seed N]
 
 A walk begins with a scene of `synth` and applies one verb after the other to what the verbs before
 it wrote. Every output must validate. What copies show at an instant must be what their input shows,
-bit for bit; what is coded again must show about as many Gaussians as its input. Works in the
-current folder. Exit status 1 where something differs; the commands that lead there are printed.
+bit for bit; what is coded again must show about as many Gaussians as its input, and draw all that its
+stated errors allow no doubt of. Works in the current folder. Exit status 1 where something differs; the commands that lead there are printed.
 """
 
 import argparse
+import bisect
 import json
+import math
 import random
+import struct
 import subprocess
 import sys
 
@@ -20,13 +23,31 @@ LENGTHS = (1, 3, 20, 60, 600)  # seconds
 EFFECTS = ("static", "rigid", "deform", "flicker", "appear", "view")
 PRESETS = ("tiny", "small", "default", "large", "archive", "indexed", "indexed-small",
            "indexed-high", "lossless")
-# So many more or fewer Gaussians are no difference, besides a share of all: 0.06, of sessions, which
-# leave out what hardly shows, 0.25.
-KEPT_COUNT = 6
+# So many more or fewer Gaussians are no difference, besides a share of all.
+KEPT_COUNT, KEPT_SHARE = 6, 0.06
+# Nothing of a Gaussian is drawn whose opacity is below this; sessions leave it out.
+LEAST_OPACITY = 1 / 255
 
 
 class Failure(Exception):
     pass
+
+
+def opacities_of(path):
+    """Of the rows of a binary PLY of floats whose opacities are logits."""
+    with open(path, "rb") as file:
+        names = []
+        while (line := file.readline().split()) != [b"end_header"]:
+            if line[:2] == [b"property", b"float"]:
+                names.append(line[2])
+            elif line[:1] == [b"property"]:
+                raise Failure(f"{path} has a property that is no float")
+        rows = struct.iter_unpack(f"<{len(names)}f", file.read())
+    return sorted(1 / (1 + math.exp(-row[names.index(b"opacity")])) for row in rows)
+
+
+def above(opacities, least):
+    return len(opacities) - bisect.bisect_left(opacities, least)
 
 
 class Piece:
@@ -80,15 +101,46 @@ class Walk:
             if self.slice(a, t) != self.slice(b, t):
                 raise Failure(f"{a.path} and {b.path} differ at {t}")
 
-    def alike(self, a, b, times, share=0.06):
+    def alike(self, a, b, times):
         """Coding again moves the edges of lifetimes, so an instant on such an edge has a second."""
         for t in times:
             later = t + (a.end - a.begin) / 200
             before, after = self.slice(a, t)[0], self.slice(b, t)[0]
-            if abs(before - after) > share * before + KEPT_COUNT:
+            if abs(before - after) > KEPT_SHARE * before + KEPT_COUNT:
                 before, after = self.slice(a, later)[0], self.slice(b, later)[0]
-            if abs(before - after) > share * before + KEPT_COUNT:
+            if abs(before - after) > KEPT_SHARE * before + KEPT_COUNT:
                 raise Failure(f"{a.path} shows {before} Gaussians at {t}, {b.path} {after}")
+
+    def opacities(self, piece, time):
+        """Of the Gaussians at an instant, in rising order."""
+        if self.slice(piece, time)[0] == 0:
+            return []
+        path = self.name("ply")
+        self.run("slice", piece.path, "--time", repr(time), "-o", path)
+        return opacities_of(path)
+
+    def opacity_error(self, piece):
+        """The largest one that the streams of a file state."""
+        error = 0
+        for number in piece.members or [None]:
+            path = piece.path
+            if number is not None:
+                path = self.name("l4d")
+                self.run("cut", piece.path, "--member", number, "-o", path)
+            about = self.run("info", path)
+            if about["num_gaussians"] > 0:
+                error = max(error, about["stated_errors"]["seen_opacity"])
+        return error
+
+    def drawn_alike(self, a, b, times):
+        """What is drawn stays, but for those so near to the least opacity that errors decide."""
+        error = self.opacity_error(b) + 1e-6
+        for t in times:
+            before, after = self.opacities(a, t), self.opacities(b, t)
+            if (above(after, LEAST_OPACITY) < above(before, LEAST_OPACITY + error) or
+                    above(before, LEAST_OPACITY) < above(after, LEAST_OPACITY + error)):
+                raise Failure(f"{a.path} and {b.path} draw other Gaussians at {t}, with errors of "
+                              f"{error}")
 
     # ---- verbs: each takes a piece and returns what it wrote, checked ----
 
@@ -96,7 +148,10 @@ class Walk:
         path = self.name("l4d")
         self.run("encode", piece.path, "-o", path, *more)
         out = self.described(path)
-        self.alike(piece, out, piece.instants(self.rng), 0.25 if "--live" in more else 0.06)
+        times = piece.instants(self.rng)
+        self.drawn_alike(piece, out, times)
+        if "--live" not in more:  # sessions leave out what is not drawn
+            self.alike(piece, out, times)
         return out
 
     def encode_preset(self, piece):
