@@ -357,6 +357,7 @@ double per_gaussian(uint64_t bytes, uint64_t gaussians) {
 
 // What `info` reports of a stream, read once for all parts of the answer.
 struct Facts {
+  const MemberFile* file;  // nullptr of a PLY
   const SceneStream& stream;
   const Input& input;
   const l4d_info& info;
@@ -364,20 +365,29 @@ struct Facts {
   std::vector<l4d_layer_info> layers;
   std::vector<uint64_t> sections;
   std::vector<uint64_t> layer_bytes;
-  uint64_t file_bytes;  // of the input
 
-  Facts(const SceneStream& given, const Input& from)
-      : stream(given),
+  Facts(const MemberFile* members, const SceneStream& given, const Input& from)
+      : file(members),
+        stream(given),
         input(from),
         info(given.info()),
         decoder(given.decoder()),
         layers(read_layers(given)),
         sections(L4D_SECTION_COUNT),
-        layer_bytes(layers.size()),
-        file_bytes(from.is_ply() ? from.bytes() : info.file_bytes) {
+        layer_bytes(layers.size()) {
     decoder.check(l4d_decoder_get_sections(decoder.get(), sections.data(), L4D_SECTION_COUNT,
                                            nullptr, layer_bytes.data(),
                                            static_cast<uint32_t>(layer_bytes.size())));
+  }
+
+  // Whether the input is more than the stream that the report is about.
+  bool is_part() const { return file != nullptr && !file->is_plain(); }
+  uint64_t bytes() const { return input.is_ply() ? input.bytes() : info.file_bytes; }
+  std::string name() const {
+    if (!is_part()) return input.name();
+    const l4d_member& first = file->members().front().member;
+    return format("\nthe first member, %u, of which the rest is (", first.number) +
+           member_role_name(first.role) + ")";
   }
 };
 
@@ -391,21 +401,20 @@ Json placement_json(const l4d_placement& p) {
 // Keys stand in the order in which they are added here, those of the sections below included.
 void add_summary(const Facts& facts, Outcome& outcome) {
   const l4d_info& info = facts.info;
-  const double bits = per_gaussian(facts.file_bytes, info.num_gaussians);
+  const double bits = per_gaussian(facts.bytes(), info.num_gaussians);
   Json& j = outcome.json;
-  j = {{"schema", "l4dcodec.info/1"},
-       {"input", facts.input.name()},
-       {"source", facts.stream.source()},
-       {"format_version", format("%u.%u", info.format_major, info.format_minor)},
-       {"development", info.development != 0},
-       {"streamable", info.streamable != 0},
-       {"num_gaussians", info.num_gaussians},
-       {"num_layers", info.num_layers}};
+  j.update({{"input", facts.input.name()},
+            {"source", facts.stream.source()},
+            {"format_version", format("%u.%u", info.format_major, info.format_minor)},
+            {"development", info.development != 0},
+            {"streamable", info.streamable != 0},
+            {"num_gaussians", info.num_gaussians},
+            {"num_layers", info.num_layers}});
   j.update(timeline_json(info.timeline));
   j["sh_degree"] = info.sh_degree;
   j["declared_profile"] = info.profile == 0 ? Json() : Json(profile_text(info.profile));
   j["declared_level"] = info.level;
-  j["file_bytes"] = facts.file_bytes;
+  j["file_bytes"] = facts.input.bytes();
   j["bits_per_gaussian"] = bits;
   j["tools"] = Json::array();
   j["tool_reasons"] = Json::object();
@@ -419,36 +428,79 @@ void add_summary(const Facts& facts, Outcome& outcome) {
   const std::string version = format("l4d %u.%u%s", info.format_major, info.format_minor,
                                      info.development != 0 ? " (development)" : "");
   std::string& t = outcome.text;
-  t = format("%s: %s, %s, %.1f bits per Gaussian\n", facts.input.name().c_str(),
-             facts.input.is_ply() ? facts.stream.source().c_str() : version.c_str(),
-             format_bytes(facts.file_bytes).c_str(), bits);
+  t += format("%s: %s, %s, %.1f bits per Gaussian\n", facts.name().c_str(),
+              facts.input.is_ply() ? facts.stream.source().c_str() : version.c_str(),
+              format_bytes(facts.bytes()).c_str(), bits);
   t += format_count(info.num_gaussians) + " Gaussians, " + describe_timeline(info.timeline) +
        format(", SH degree %u\n", info.sh_degree);
   t +=
       "declared profile " + profile_text(info.profile) + ", level " + level_text(info.level) + "\n";
 }
 
-// The members of a file of several streams; the rest of the report is of the first one.
-void add_members(const Context& context, const Facts& facts, Outcome& outcome) {
+// Gaussians of each member; none of an index, and where the headers of the member are damaged.
+using Counts = std::vector<std::optional<uint64_t>>;
+
+std::string member_table(const MemberFile& file, const Counts& gaussians) {
+  std::string text = format("\n%-8s %-9s %14s %14s %12s %12s %12s %8s\n", "member", "role",
+                            "offset", "bytes", "gaussians", "begin", "end", "needs");
+  for (size_t i = 0; i < file.members().size(); ++i) {
+    const MemberInfo& m = file.members()[i];
+    std::string needs;
+    for (const uint32_t n : m.needs) needs += (needs.empty() ? "" : ",") + std::to_string(n);
+    const std::string count = gaussians[i] ? format_count(*gaussians[i]) : "-";
+    text += format("%-8u %-9s %14s %14s %12s %12s %12s %8s\n", m.member.number,
+                   member_role_name(m.member.role), format_count(m.member.offset).c_str(),
+                   format_count(m.member.bytes).c_str(), count.c_str(),
+                   m.is_index() ? "-" : format_time(m.member.begin).c_str(),
+                   m.is_index() ? "-" : format_time(m.member.end).c_str(),
+                   needs.empty() ? "-" : needs.c_str());
+  }
+  return text;
+}
+
+std::optional<uint64_t> count_gaussians(const MemberFile& file, size_t index) {
+  if (file.members()[index].is_index()) return std::nullopt;
+  try {
+    return file.num_gaussians(index);
+  } catch (const Failure&) {
+    return std::nullopt;
+  }
+}
+
+// All of a file of several streams, or of one that is not whole; the rest of the report is of the
+// first member.
+void add_file(const Facts& facts, Outcome& outcome) {
+  const MemberFile& file = *facts.file;
+  Counts gaussians;
+  uint64_t media = 0, sum = 0;
+  for (size_t i = 0; i < file.members().size(); ++i) {
+    gaussians.push_back(count_gaussians(file, i));
+    sum += gaussians[i].value_or(0);
+    if (file.members()[i].is_media()) ++media;
+  }
+  const uint64_t standing = file.num_streams() - media;
+  Json& j = outcome.json["file"] = {{"num_media", media},   {"num_standing", standing},
+                                    {"begin", nullptr},     {"end", nullptr},
+                                    {"num_gaussians", sum}, {"has_index", file.has_index()}};
+  std::string span = "no media member yet";
+  if (media > 0) {
+    j["begin"] = file.begin() + 0.0;
+    j["end"] = file.end() + 0.0;
+    span = format_time(file.begin()) + " to " + format_time(file.end()) + " s";
+  }
   Json& list = outcome.json["members"] = Json::array();
-  outcome.json["members_rest"] = nullptr;
-  if (facts.input.is_ply()) return;
-  const MemberFile file(context, facts.input);
-  for (const MemberInfo& m : file.members()) list.push_back(m.json());
-  if (file.members().size() > 1) {
-    outcome.text += format("\n%-8s %-9s %14s %14s %12s %12s %8s\n", "member", "role", "offset",
-                           "bytes", "begin", "end", "needs");
-    for (const MemberInfo& m : file.members()) {
-      std::string needs;
-      for (const uint32_t n : m.needs) needs += (needs.empty() ? "" : ",") + std::to_string(n);
-      outcome.text += format("%-8u %-9s %14s %14s %12s %12s %8s\n", m.member.number,
-                             member_role_name(m.member.role), format_count(m.member.offset).c_str(),
-                             format_count(m.member.bytes).c_str(),
-                             m.is_index() ? "-" : format_time(m.member.begin).c_str(),
-                             m.is_index() ? "-" : format_time(m.member.end).c_str(),
-                             needs.empty() ? "-" : needs.c_str());
-    }
-    outcome.text += "what follows is of the first member\n";
+  for (size_t i = 0; i < gaussians.size(); ++i) {
+    Json member = file.members()[i].json();
+    member["num_gaussians"] = gaussians[i] ? Json(*gaussians[i]) : Json();
+    list.push_back(member);
+  }
+  if (facts.is_part()) {
+    outcome.text += format("%s: %s media and %s standing members, %s, %s, %s Gaussians\n",
+                           facts.input.name().c_str(), format_count(media).c_str(),
+                           format_count(standing).c_str(), span.c_str(),
+                           format_bytes(facts.input.bytes()).c_str(), format_count(sum).c_str());
+    if (!file.has_index()) outcome.text += "no index: the file may still grow\n";
+    outcome.text += member_table(file, gaussians);
   }
   if (file.rest().empty()) return;
   outcome.json["members_rest"] = file.rest();
@@ -590,10 +642,16 @@ Outcome run_info(Context& context, const InfoArguments& arguments) {
     if (input.is_ply()) {
       context.note("layers, sections and seek are those of a lossless encoding of the PLY");
     }
-    const Facts facts(stream, input);
+    std::optional<MemberFile> file;
+    if (!input.is_ply()) file.emplace(context, input);
+    const Facts facts(file ? &*file : nullptr, stream, input);
     Outcome outcome;
+    outcome.json = {{"schema", "l4dcodec.info/1"},
+                    {"file", nullptr},
+                    {"members", Json::array()},
+                    {"members_rest", nullptr}};
+    if (file) add_file(facts, outcome);
     add_summary(facts, outcome);
-    add_members(context, facts, outcome);
     add_statements(facts, outcome);
     add_tools(facts, outcome);
     add_errors(facts, outcome);

@@ -108,6 +108,24 @@ print(*[e for e in ends[1:-1]], *[random.randrange(ends[1], ends[-1]) for _ in r
   expect_document 0 info cut.l4d
   expect_json out "[m['number'] for m in d['members']] == [m['number'] for m in json.load(open('listed'))['members'] if m['offset'] + m['bytes'] <= $n]"
 done
+# What the file is comes before what its first member is.
+expect_json listed 'd["file"]["num_media"] == 6 and d["file"]["num_standing"] == 1 and d["file"]["has_index"]'
+expect_json listed 'd["file"]["begin"] == 0 and d["file"]["end"] == 6'
+expect_json listed 'd["file"]["num_gaussians"] == sum(m["num_gaussians"] or 0 for m in d["members"]) > d["num_gaussians"]'
+expect_json listed 'd["members"][0]["num_gaussians"] == d["num_gaussians"]'
+expect_json listed "d['file_bytes'] == $(stat -c %s live.l4d) and d['stream_bytes'] == d['members'][0]['bytes']"
+expect 0 info live.l4d
+expect_equal "$(head -1 out | sed -E 's/[0-9.]+ kB, [0-9,]+ G/B, N G/')" \
+  'live.l4d: 6 media and 1 standing members, 0 to 6 s, B, N Gaussians'
+expect_text out '^the first member, 0, of which the rest is \(standing\): l4d 1.0'
+! grep -q "no index" out || die "an index is not seen"
+head -c "$(json listed 'd["members"][3]["offset"] + 100')" live.l4d > grows.l4d
+expect 0 info grows.l4d
+expect_text out '^grows.l4d: 2 media and 1 standing members, 0 to 2 s'
+expect_text out '^no index: the file may still grow$'
+head -c "$(json listed 'd["members"][1]["offset"]')" live.l4d > grows.l4d
+expect 0 info grows.l4d
+expect_text out '^grows.l4d: 0 media and 1 standing members, no media member yet'
 
 # What cannot be.
 expect 2 encode 0.ply 1.ply -o two.l4d
