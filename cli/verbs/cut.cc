@@ -75,6 +75,17 @@ Span limit_span(Context& context, const CutArguments& arguments, const MemberFil
   return span;
 }
 
+// Nothing of what presents [begin, end] is in the span: the file's fault if the span holds all of
+// it.
+Failure nothing_within(const std::string& what, double begin, double end, const Span& span) {
+  const std::string times = format_time(begin) + " to " + format_time(end) + " s";
+  if (span.begin <= begin && span.end >= end) {
+    return Failure(L4D_ERR_CORRUPT,
+                   what + " is from " + times + ": no longer than a rounding of " + "such times");
+  }
+  return usage_error("nothing of " + what + " is between --from and --to: it is from " + times);
+}
+
 struct Cut {
   uint32_t kept = 0;
   uint64_t bytes = 0;
@@ -93,7 +104,8 @@ Cut take_member(const Context& context, const std::string& name, const MemberFil
     throw usage_error(name + " has no member " + arguments.member + "; `info` lists them");
   }
   if (!is_in(*m, span)) {
-    throw usage_error("nothing of that member is between --from and --to");
+    throw nothing_within("member " + arguments.member + " of " + name, m->member.begin,
+                         m->member.end, span);
   }
   const auto index = static_cast<size_t>(m - members.begin());
   l4d_member_parameters p = part_of(file, index, span);
@@ -115,10 +127,7 @@ Cut cut_file(const Context& context, const std::string& name, const MemberFile& 
     any = true;
     needed.insert(m.needs.begin(), m.needs.end());
   }
-  if (!any) {
-    throw usage_error("nothing of " + name + " is between --from and --to: it is from " +
-                      format_time(file.begin()) + " to " + format_time(file.end()) + " s");
-  }
+  if (!any) throw nothing_within(name, file.begin(), file.end(), span);
   MemberWriter writer(context);
   Cut cut;
   cut.begin = std::max(span.begin, file.begin());

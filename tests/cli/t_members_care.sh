@@ -260,3 +260,19 @@ if l4d keygen -o own.key > out 2> err; then
     expect_json out 'any("signature of signed.l4d" in n for n in d["notes"])'
   done
 fi
+
+# A file whose times leave nothing of it but a rounding is at fault, and not who cuts it.
+"$PYTHON" - << 'EOF'
+import re
+head, body = open("s.ply", "rb").read().split(b"end_header\n", 1)
+head = re.sub(r"time_begin \S+", "time_begin 4e15", head.decode())
+head = re.sub(r"time_end \S+", "time_end 4000000000000020", head)
+open("far.ply", "wb").write(head.encode() + b"end_header\n" + body)
+EOF
+expect 0 encode far.ply -o far.l4d
+for part in '--to 5e15' '--from 0' '--member 0'; do
+  # shellcheck disable=SC2086
+  expect 4 cut far.l4d $part -o x.l4d -f
+  expect_text err 'far.l4d is from 4e\+15 to 4e\+15 s: no longer than a rounding of such times'
+done
+expect 2 cut far.l4d --from 1 --to 2 -o x.l4d -f
