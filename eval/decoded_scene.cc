@@ -13,14 +13,18 @@ namespace {
 uint64_t sh_numbers(uint32_t degree) { return uint64_t{3} * (degree + 1) * (degree + 1); }
 
 // Times as double where float32 is not the same: in lossless streams at all, in others by more than
-// a thousandth of a frame, which is less than what coding leaves of any but the shortest events.
+// a thousandth of a frame or of a Gaussian's own duration.
 void keep_exact_times(const std::vector<double>& times, bool lossless, io::Scene& scene) {
   const double frame = static_cast<double>(scene.timeline.fps_den) / scene.timeline.fps_num;
-  double worst = 0;
+  const auto rounding = [&](size_t i) {
+    return std::abs(times[i] - static_cast<double>(scene.mean_t[i]));
+  };
   for (size_t i = 0; i < times.size(); ++i) {
-    worst = std::max(worst, std::abs(times[i] - static_cast<double>(scene.mean_t[i])));
+    if (rounding(i) == 0) continue;
+    if (!lossless && rounding(i) <= 1e-3 * std::min(frame, motion_of(scene, i).sigma_t)) continue;
+    scene.mean_t_double = times;
+    return;
   }
-  if (worst > (lossless ? 0 : 1e-3 * frame)) scene.mean_t_double = times;
 }
 
 // Positions are those at the end of the sequence that is nearer to a mean time outside of it;

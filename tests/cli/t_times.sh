@@ -53,3 +53,21 @@ done
 expect 0 encode day.ply -o day.l4d --preset lossless -f
 expect_document 0 compare day.ply day.l4d --exact
 expect_json out 'd["identical"]'
+
+# Float32 holds these times to a thousandth of a frame, but not of so brief events.
+"$PYTHON" - day.ply << 'END' > brief.ply
+import struct, sys
+head, body = open(sys.argv[1], "rb").read().split(b"end_header\n")
+sys.stdout.buffer.write(head.replace(b"1763800000.25", b"0").replace(b"1763886400.25", b"2") + b"end_header\n")
+for i, row in enumerate(struct.iter_unpack("<3fd4f8f4f", body)):
+    event = i % 2 == 0
+    sys.stdout.buffer.write(struct.pack("<3fd4f8f4f", *row[:3], 1.8 * i / 400 + 0.1, *row[4:7],
+                                        -12 if event else 14, *row[8:]))
+END
+expect 0 encode brief.ply -o brief.l4d --preset archive
+expect_document 0 info brief.l4d
+stated=$(json out 'd["stated_errors"]["mean_t_sigmas"]')
+expect 0 decode brief.l4d -o again.ply -f
+off=$(events brief.ply again.ply)
+"$PYTHON" -c "import math, sys; sys.exit(not $off <= 1.001 * $stated * math.exp(-12))" ||
+  die "brief events are off by $off s"
