@@ -6,10 +6,8 @@
 #include <cmath>
 #include <limits>
 
-#include "eval/motion.h"
+#include "eval/pair_meter.h"
 #include "eval/parallel.h"
-#include "eval/seen_errors.h"
-#include "libl4dcodec/scene/color_errors.h"
 
 namespace l4d::eval {
 namespace {
@@ -72,28 +70,6 @@ struct Accumulator {
   double rmse() const { return count == 0 ? 0 : std::sqrt(sum2 / static_cast<double>(count)); }
 };
 using Accumulators = std::array<Accumulator, kAttributeCount>;
-
-// The coordinates of B in A's frame: both say where the scene sits in the world.
-struct FrameChange {
-  std::array<double, 3> offset{};
-  double scale = 1;
-  FrameChange(const l4d_placement& a, const l4d_placement& b) : scale(b.scale / a.scale) {
-    for (size_t k = 0; k < 3; ++k) offset[k] = (b.origin[k] - a.origin[k]) / a.scale;
-  }
-  void apply(Motion& motion) const {
-    for (size_t k = 0; k < 3; ++k) {
-      motion.position[k] = offset[k] + scale * motion.position[k];
-      motion.velocity[k] *= scale;
-    }
-    for (double& entry : motion.covariance) entry *= scale * scale;
-  }
-};
-
-double distance(const io::Vec3& x, const io::Vec3& y) {
-  double sum = 0;
-  for (size_t k = 0; k < 3; ++k) sum += (x[k] - y[k]) * (x[k] - y[k]);
-  return std::sqrt(sum);
-}
 
 double value(float f) { return static_cast<double>(f); }
 
@@ -169,31 +145,6 @@ void compare_pair(const io::Scene& a, size_t i, const Motion& motion_a, const io
   out[kCovariance].add(covariance_error(motion_a, motion_b));
 }
 
-// A coefficient that one of them lacks is zero there.
-void compare_colors(const io::Scene& a, size_t i, const io::Scene& b, size_t j, float* base,
-                    float* directional) {
-  float padded[2][3 * kMaxShTerms] = {};
-  std::copy_n(&a.sh[3 * a.sh_coefficients() * i], 3 * a.sh_coefficients(), padded[0]);
-  std::copy_n(&b.sh[3 * b.sh_coefficients() * j], 3 * b.sh_coefficients(), padded[1]);
-  const ColorErrors e = color_errors(padded[0], padded[1],
-                                     std::max<size_t>(a.sh_coefficients(), b.sh_coefficients()));
-  *base = static_cast<float>(e.base);
-  *directional = static_cast<float>(e.directional);
-}
-
-// Errors [kSamples] of one pair; left alone where A's Gaussian is never visible.
-void visible_errors(const Motion& a, const Motion& b, double begin, double end, float* errors) {
-  const VisibleSpan span = visible_span(a, begin, end);
-  if (span.empty()) return;
-  for (size_t s = 0; s < kSamples; ++s) {
-    const double share = static_cast<double>(s) / (kSamples - 1);
-    const double t = span.begin + (span.end - span.begin) * share;
-    const double error = distance(a.at(t), b.at(t));
-    errors[s] =
-        std::isnan(error) ? std::numeric_limits<float>::infinity() : static_cast<float>(error);
-  }
-}
-
 VisibleError summarise(std::vector<float>& errors) {
   VisibleError result;
   result.gaussians = errors.size() / kSamples;
@@ -233,16 +184,6 @@ SeenError summarise_seen(const char* const names[2], const std::vector<float>& e
   return out;
 }
 
-// [Gaussians]: 1 for those of permanent layers.
-std::vector<uint8_t> permanent_of(const DecodedScene& loaded) {
-  std::vector<uint8_t> out(loaded.scene.count());
-  for (const l4d_bucket_span& span : loaded.spans) {
-    if (!loaded.permanent[span.layer]) continue;
-    std::fill_n(out.begin() + static_cast<std::ptrdiff_t>(span.first), span.count, 1);
-  }
-  return out;
-}
-
 }  // namespace
 
 Comparison compare_scenes(const io::Scene& a, const DecodedScene& loaded_b, Pairing pairing,
@@ -252,44 +193,31 @@ Comparison compare_scenes(const io::Scene& a, const DecodedScene& loaded_b, Pair
   Comparison result;
   result.count_a = a.count();
   result.count_b = b.count();
-  const FrameChange to_a(a.placement, b.placement);
-  const double begin = a.timeline.time_begin;
-  const double end = begin + io::duration(a.timeline);
-
+  if (!pairing.is_known()) {
+    result.pairing = std::move(pairing);
+    return result;
+  }
+  const PairMeter meter(a, loaded_b, min_sizes, stream_a);
+  result.min_size = meter.min_size();
   std::vector<Accumulators> sums(num_blocks(b.count()));
   constexpr float kNever = -1;
   std::vector<float> errors(kSamples * b.count(), kNever);
   std::array<std::vector<float>, kSeenCount> seen;
   for (auto& of_kind : seen) of_kind.resize(b.count());
-  result.min_size = min_size(a);
-  const std::vector<uint8_t> never_fades = permanent_of(loaded_b);
-  const DecodedScene no_stream;
-  const DecodedScene& loaded_a = stream_a == nullptr ? no_stream : *stream_a;
-  const std::vector<uint8_t> a_never_fades = permanent_of(loaded_a);
   for_each_block(b.count(), threads, [&](size_t block, size_t first, size_t last) {
     for (size_t j = first; j < last; ++j) {
       const size_t i = pairing.a_of_b[j];
       if (i == kUnmatched) continue;
-      Motion motion_a =
-          loaded_a.mean_t.empty() ? motion_of(a, i) : motion_of(a, i, loaded_a.mean_t[i]);
-      Motion motion_b =
-          loaded_b.mean_t.empty() ? motion_of(b, j) : motion_of(b, j, loaded_b.mean_t[j]);
-      to_a.apply(motion_b);
+      const Motion motion_a = meter.motion_a(i), motion_b = meter.motion_b(j);
       compare_pair(a, i, motion_a, b, j, motion_b, sums[block]);
-      visible_errors(motion_a, motion_b, begin, end, &errors[kSamples * j]);
-      const double own = min_sizes.empty() ? 0 : value(min_sizes[i]);
-      // What is permanent is always there, whatever its temporal scale.
-      if (never_fades[j]) motion_b.sigma_t = std::numeric_limits<double>::infinity();
-      if (stream_a != nullptr && a_never_fades[i]) {
-        motion_a.sigma_t = std::numeric_limits<double>::infinity();
-      }
-      const SeenErrors e =
-          seen_errors(motion_a, linear_opacity(a, i), motion_b, linear_opacity(b, j), begin, end,
-                      std::max(result.min_size, own));
+      meter.visible(motion_a, motion_b, &errors[kSamples * j]);
+      const SeenErrors e = meter.seen(i, motion_a, j, motion_b);
       seen[kSeenPosition][j] = static_cast<float>(e.position);
       seen[kSeenCovariance][j] = static_cast<float>(e.covariance);
       seen[kSeenOpacity][j] = static_cast<float>(e.opacity);
-      compare_colors(a, i, b, j, &seen[kSeenBaseColor][j], &seen[kSeenDirectionalColor][j]);
+      const ColorErrors colors = meter.colors(i, j);
+      seen[kSeenBaseColor][j] = static_cast<float>(colors.base);
+      seen[kSeenDirectionalColor][j] = static_cast<float>(colors.directional);
     }
   });
   Accumulators total;

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "eval/decoded_scene.h"
+#include "eval/pair_meter.h"
 #include "eval/pairing.h"
 
 namespace l4d::eval {
@@ -15,9 +15,6 @@ struct AttributeError {
   double max = 0;
   double rmse = 0;
 };
-
-// Instants at which each Gaussian is looked at: both ends of its visible span and three between.
-constexpr size_t kSamples = 5;
 
 // Distance between where A's Gaussian is and where B puts it, while A's is visible.
 struct VisibleError {
@@ -57,10 +54,9 @@ struct Comparison {
 // visible_position, the attributes, and the errors of `seen`.
 std::vector<std::string> error_names();
 
-// a: the reference. pairing: of b's Gaussians with a's. threads: 0 = one per core; the figures are
-// the same for any number. min_sizes: [A's Gaussians], as `min_sizes` has them, or empty. stream_a:
-// what `a` is the scene of, where that is a stream: its mean times are not rounded, and it says
-// what is permanent.
+// a: the reference. pairing: of b's Gaussians with a's; errors of single Gaussians are left out
+// where it is not known. threads: 0 = one per core; the figures are the same for any number.
+// min_sizes, stream_a: as PairMeter takes them.
 Comparison compare_scenes(const io::Scene& a, const DecodedScene& b, Pairing pairing,
                           uint32_t threads, const std::vector<float>& min_sizes = {},
                           const DecodedScene* stream_a = nullptr);

@@ -93,6 +93,7 @@ DecodedScene decode_scene(const DecoderHandle& decoder, const l4d_query* query,
   loaded.mean_t = std::move(times);
   scene.source = "l4d";
   loaded.spans = std::move(arrays.spans);
+  loaded.stated = decoder.coding_errors();
   for (uint32_t l = 0; l < info.num_layers; ++l) {
     const l4d_layer_info layer = decoder.layer_info(l);
     loaded.levels.push_back(layer.level);

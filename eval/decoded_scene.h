@@ -18,6 +18,7 @@ struct DecodedScene {
   std::vector<l4d_bucket_span> spans;  // of a stream; empty for other scenes
   std::vector<uint32_t> levels;        // of a stream: temporal level of each layer
   std::vector<bool> permanent;         // of a stream: whether each layer's Gaussians never fade
+  l4d_coding_errors stated{};          // of a stream: what it states of itself
 };
 
 // Reads all of an open stream, or what `query` selects. Throws Error.

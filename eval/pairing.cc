@@ -2,15 +2,11 @@
 #include "eval/pairing.h"
 
 #include <algorithm>
-#include <cmath>
 #include <cstring>
 #include <unordered_map>
 
-#include "eval/motion.h"
-#include "eval/nearest.h"
-#include "eval/parallel.h"
+#include "eval/stated_pairing.h"
 #include "io/file/file.h"
-#include "libl4dcodec/scene/slice.h"
 
 namespace l4d::eval {
 namespace {
@@ -72,8 +68,7 @@ bool rows_comparable(const io::Scene& a, const io::Scene& b) {
   return a.sh_degree == b.sh_degree && a.flags == b.flags;
 }
 
-void pair_equal_rows(const io::Scene& a, const io::Scene& b, Pairing& pairing,
-                     std::vector<bool>& a_taken) {
+void pair_equal_rows(const io::Scene& a, const io::Scene& b, Pairing& pairing) {
   const Rows rows_a(a);
   const Rows rows_b(b);
   std::unordered_multimap<uint64_t, uint32_t> by_hash;
@@ -84,129 +79,11 @@ void pair_equal_rows(const io::Scene& a, const io::Scene& b, Pairing& pairing,
     for (auto it = begin; it != end; ++it) {
       if (!rows_b.equal(i, rows_a, it->second)) continue;
       pairing.a_of_b[i] = it->second;
-      a_taken[it->second] = true;
       ++pairing.matched;
       ++pairing.equal_rows;
       by_hash.erase(it);
       break;
     }
-  }
-}
-
-// What coding keeps well weighs most. Positions are good to 1e-3 of the scene, so the other
-// features decide only between Gaussians that lie as close together as that. The weights are those
-// that paired most of a trained scene right.
-constexpr float kTimeWeight = 0.05f;
-constexpr float kOpacityWeight = 0.05f;
-constexpr float kSizeWeight = 0.02f;
-constexpr float kColourWeight = 0.01f;
-
-std::vector<Feature> features_of(const io::Scene& scene, const l4d_timeline& timeline,
-                                 uint32_t threads) {
-  std::vector<Feature> features(scene.count());
-  const double begin = timeline.time_begin;
-  const double duration = io::duration(timeline);
-  const size_t sh_stride = 3 * scene.sh_coefficients();
-  for_each_block(scene.count(), threads, [&](size_t, size_t first, size_t last) {
-    for (size_t i = first; i < last; ++i) {
-      const Motion motion = motion_of(scene, i);
-      VisibleSpan span = visible_span(motion, begin, begin + duration);
-      if (span.empty()) span.begin = span.end = std::clamp(motion.mean_t, begin, begin + duration);
-      const double middle = (span.begin + span.end) / 2;
-      const io::Vec3 position = motion.at(middle);
-      const double size2 = motion.covariance[0] + motion.covariance[3] + motion.covariance[5];
-      Feature& f = features[i];
-      for (size_t k = 0; k < 3; ++k) f[k] = static_cast<float>(position[k]);
-      f[3] = kTimeWeight * static_cast<float>((middle - begin) / duration);
-      f[4] = kTimeWeight * static_cast<float>((span.end - span.begin) / duration);
-      // With its falloff: coding trades the one for the other.
-      f[5] = kOpacityWeight * static_cast<float>(linear_opacity(scene, i) *
-                                                 falloff(motion.lambda, middle - motion.mean_t));
-      f[6] = kSizeWeight * static_cast<float>(0.25 * std::log(size2 + 1e-30));
-      for (size_t k = 0; k < 3; ++k) f[7 + k] = kColourWeight * scene.sh[i * sh_stride + k];
-      for (float& value : f) {
-        if (!std::isfinite(value)) value = 0;
-      }
-    }
-  });
-  return features;
-}
-
-// Half of the distance between the 10th and the 90th percentile along the widest axis: outliers far
-// out do not matter.
-float spatial_spread(const std::vector<Feature>& features) {
-  float spread = 0;
-  std::vector<float> values(features.size());
-  for (size_t k = 0; k < 3; ++k) {
-    for (size_t i = 0; i < features.size(); ++i) values[i] = features[i][k];
-    const auto percentile = [&](size_t tenth) {
-      const auto nth =
-          values.begin() + static_cast<std::ptrdiff_t>((values.size() - 1) * tenth / 10);
-      std::nth_element(values.begin(), nth, values.end());
-      return *nth;
-    };
-    const float low = percentile(1);
-    spread = std::max(spread, (percentile(9) - low) / 2);
-  }
-  return spread > 0 ? spread : 1;
-}
-
-struct Candidate {
-  float distance2;
-  uint32_t a, b;
-  bool operator<(const Candidate& o) const {
-    if (distance2 != o.distance2) return distance2 < o.distance2;
-    return a != o.a ? a < o.a : b < o.b;
-  }
-};
-
-// Greedy one-to-one matching: candidates by rising distance; who finds all of theirs taken asks for
-// more in the next round.
-void pair_nearest(const io::Scene& a, const io::Scene& b, uint32_t threads,
-                  const Observer& observer, Pairing& pairing, std::vector<bool>& a_taken) {
-  std::vector<Feature> features_a = features_of(a, a.timeline, threads);
-  std::vector<Feature> features_b = features_of(b, a.timeline, threads);
-  const float scale = 1 / spatial_spread(features_a);
-  for (std::vector<Feature>* features : {&features_a, &features_b}) {
-    for (Feature& f : *features) {
-      for (size_t k = 0; k < 3; ++k) f[k] *= scale;
-    }
-  }
-  constexpr size_t kRounds = 12;
-  constexpr size_t kMaxCandidates = 128;
-  size_t k = 4;
-  for (size_t round = 0; round < kRounds; ++round) {
-    std::vector<uint32_t> free_a;
-    for (uint32_t i = 0; i < a.count(); ++i) {
-      if (!a_taken[i]) free_a.push_back(i);
-    }
-    std::vector<uint32_t> free_b;
-    for (uint32_t i = 0; i < b.count(); ++i) {
-      if (pairing.a_of_b[i] == kUnmatched) free_b.push_back(i);
-    }
-    if (free_a.empty() || free_b.empty()) return;
-    const NearestTree tree(features_a, std::move(free_a));
-    std::vector<std::vector<Candidate>> found(num_blocks(free_b.size()));
-    for_each_block(free_b.size(), threads, [&](size_t block, size_t first, size_t last) {
-      observer.check();
-      std::vector<Neighbour> neighbours;
-      for (size_t i = first; i < last; ++i) {
-        tree.query(features_b[free_b[i]], k, neighbours);
-        for (const Neighbour& n : neighbours) {
-          found[block].push_back({n.distance2, n.index, free_b[i]});
-        }
-      }
-    });
-    std::vector<Candidate> candidates;
-    for (const auto& block : found) candidates.insert(candidates.end(), block.begin(), block.end());
-    std::sort(candidates.begin(), candidates.end());
-    for (const Candidate& c : candidates) {
-      if (a_taken[c.a] || pairing.a_of_b[c.b] != kUnmatched) continue;
-      a_taken[c.a] = true;
-      pairing.a_of_b[c.b] = c.a;
-      ++pairing.matched;
-    }
-    k = std::min(2 * k, kMaxCandidates);
   }
 }
 
@@ -247,16 +124,17 @@ Pairing pair_by_order(const io::Scene& a, const io::Scene& b, const std::vector<
   return pairing;
 }
 
-Pairing pair_by_content(const io::Scene& a, const io::Scene& b, uint32_t threads,
+Pairing pair_by_content(const io::Scene& a, const DecodedScene& b, uint32_t threads,
+                        const std::vector<float>& min_sizes, const DecodedScene* stream_a,
                         const Observer& observer) {
-  Pairing pairing = empty_pairing(a, b);
-  std::vector<bool> a_taken(a.count());
-  if (rows_comparable(a, b)) pair_equal_rows(a, b, pairing, a_taken);
+  Pairing pairing = empty_pairing(a, b.scene);
+  if (rows_comparable(a, b.scene)) pair_equal_rows(a, b.scene, pairing);
   pairing.match = "exact";
-  if (pairing.matched < std::min(a.count(), b.count())) {
-    pairing.match = "nearest";
-    pair_nearest(a, b, threads, observer, pairing, a_taken);
+  if (pairing.matched == std::min(a.count(), b.scene.count())) return pairing;
+  if (pair_as_stated(PairMeter(a, b, min_sizes, stream_a), b.stated, threads, observer, &pairing)) {
+    return pairing;
   }
+  pairing.match = "unknown";
   return pairing;
 }
 

@@ -30,10 +30,12 @@ ErrorBound parse_error_bound(const std::string& text) {
 Json comparison_json(const eval::Comparison& c) {
   const uint64_t unmatched_a = c.count_a - c.pairing.matched;
   const uint64_t unmatched_b = c.count_b - c.pairing.matched;
-  Json j = {{"identical", c.identical()},         {"match", c.pairing.match},
-            {"matched", c.pairing.matched},       {"unmatched", unmatched_a + unmatched_b},
-            {"unmatched_a", unmatched_a},         {"unmatched_b", unmatched_b},
-            {"equal_rows", c.pairing.equal_rows}, {"attributes", Json::object()}};
+  Json j = {{"identical", c.identical()},        {"match", c.pairing.match},
+            {"matched", c.pairing.matched},      {"unmatched", unmatched_a + unmatched_b},
+            {"unmatched_a", unmatched_a},        {"unmatched_b", unmatched_b},
+            {"equal_rows", c.pairing.equal_rows}};
+  if (!c.pairing.is_known()) return j;
+  j["attributes"] = Json::object();
   for (const eval::AttributeError& e : c.attributes) {
     j["attributes"][e.name] = {{"max", e.max}, {"rmse", e.rmse}};
   }
@@ -53,9 +55,15 @@ Json comparison_json(const eval::Comparison& c) {
 }
 
 std::string comparison_text(const eval::Comparison& c) {
+  if (!c.pairing.is_known()) {
+    return format_count(c.pairing.equal_rows) +
+           " Gaussians are equal bit for bit\nsingle Gaussians are not compared: which is which is "
+           "not known. " +
+           kHowToPair + "\n";
+  }
   const char* how = c.pairing.match == "order"   ? "by the encoder's order"
                     : c.pairing.match == "exact" ? "by equal bits"
-                                                 : "by nearest neighbour";
+                                                 : "within the errors that B states";
   std::string t = format("%s Gaussians matched %s", format_count(c.pairing.matched).c_str(), how);
   if (c.count_a > c.pairing.matched)
     t += ", " + format_count(c.count_a - c.pairing.matched) + " of A alone";

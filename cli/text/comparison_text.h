@@ -9,6 +9,11 @@
 
 namespace l4d::cli {
 
+// What to do where a Gaussian's partner is not known.
+constexpr char kHowToPair[] =
+    "`encode --order FILE` writes it for `compare --order FILE`; `encode --verify` measures at "
+    "once";
+
 Json comparison_json(const eval::Comparison& comparison);
 std::string comparison_text(const eval::Comparison& comparison);
 

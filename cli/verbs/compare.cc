@@ -101,17 +101,18 @@ void compare_attributes(Context& context, const CompareArguments& arguments,
   const eval::Comparison comparison = [&] {
     Progress progress(context, "compare");
     progress.step("matching");
-    eval::Pairing pairing =
-        arguments.order.empty()
-            ? eval::pair_by_content(a.scene, b.scene, context.options.threads, progress)
-            : pair_as_told(a.scene, b.scene, order, arguments.order);
-    progress.step("comparing");
+    const uint32_t threads = context.options.threads;
+    const LoadedScene* stream_a = input_a.is_ply() ? nullptr : &a;
     std::vector<float> sizes;
     if (const io::CameraSet* cameras = arguments.cameras.load(context)) {
-      sizes = eval::min_sizes(a.scene, *cameras, context.options.threads);
+      sizes = eval::min_sizes(a.scene, *cameras, threads);
     }
-    return eval::compare_scenes(a.scene, b, std::move(pairing), context.options.threads, sizes,
-                                input_a.is_ply() ? nullptr : &a);
+    eval::Pairing pairing =
+        arguments.order.empty()
+            ? eval::pair_by_content(a.scene, b, threads, sizes, stream_a, progress)
+            : pair_as_told(a.scene, b.scene, order, arguments.order);
+    progress.step("comparing");
+    return eval::compare_scenes(a.scene, b, std::move(pairing), threads, sizes, stream_a);
   }();
   check_interrupt();
   begin(verdict, input_a, a.scene.count(), input_b, b.scene.count(), same_time);
@@ -119,6 +120,10 @@ void compare_attributes(Context& context, const CompareArguments& arguments,
   verdict.outcome.text += comparison_text(comparison);
   if (arguments.exact) {
     verdict.demand(comparison.identical() && same_time, "the scenes are identical");
+  }
+  if (!bounds.empty() && !comparison.pairing.is_known()) {
+    throw usage_error(std::string("--max-error: which Gaussian of ") + input_b.name() +
+                      " is which of " + input_a.name() + " is not known. " + kHowToPair);
   }
   for (const ErrorBound& bound : bounds) {
     // Negated, so that an error that is no number fails.
@@ -266,11 +271,12 @@ void add_compare(Registry& registry) {
       "How Gaussians are paired, since coding reorders them:\n"
       "  order    with --order: exact, whatever coding did\n"
       "  exact    every row of one is in the other, bit for bit\n"
-      "  nearest  else: equal rows first, then one to one by the smallest distance in position at\n"
-      "           the middle of the visible span (in units of the scene's spread) with smaller\n"
-      "           weights for time and length of that span, opacity, size and colour. A guess:\n"
-      "           twins in a dense place may be swapped, which hardly changes the figures of\n"
-      "           position, but may those of the rest. Use --order for exact figures.\n"
+      "  stated   else, if B is a stream: one to one, so that no pair differs by more than B "
+      "states\n"
+      "           of itself, nearest pairs first. Where Gaussians are so alike that either may be\n"
+      "           what the other became, they may be swapped.\n"
+      "  unknown  if there are no such pairs, or B states nothing: single Gaussians are not\n"
+      "           compared, and --max-error is refused.\n"
       "visible_position: distance between both at 5 instants from the first to the last at which\n"
       "A's Gaussian is visible (within 4 standard deviations of its mean time and the sequence).");
 }

@@ -51,13 +51,91 @@ EncoderHandle encoder_of(const io::Scene& scene) {
 TEST(Pairing, FindsEqualRowsInAnyOrder) {
   const io::Scene a = scene_of(500);
   const DecodedScene b = reversed(a);
-  const Comparison c = compare_scenes(a, b, pair_by_content(a, b.scene, 2), 2);
+  const Comparison c = compare_scenes(a, b, pair_by_content(a, b, 2), 2);
   EXPECT_TRUE(c.identical());
   EXPECT_EQ(c.pairing.match, "exact");
   for (const std::string& name : error_names()) {
     EXPECT_EQ(c.max_error(name), name == "covariance_factor" ? 1 : 0) << name;
   }
   EXPECT_THROW(c.max_error("weight"), io::Error);
+}
+
+// A coding of the scene, as its stream decodes.
+DecodedScene coded(const io::Scene& scene, const char* preset, std::vector<uint32_t>* order) {
+  const EncoderHandle encoder = encoder_of(scene);
+  encoder.check(l4d_encoder_set_preset(encoder.get(), preset));
+  Observer observer;
+  const Encoding encoding = encode_scene(observer, encoder, "", true);
+  *order = encoding.order;
+  DecoderHandle decoder;
+  decoder.open_memory(encoding.stream.data(), encoding.stream.size());
+  return decode_scene(decoder);
+}
+
+TEST(Pairing, FindsPairsThatKeepWhatAStreamStates) {
+  const io::Scene a = scene_of(3000);
+  for (const char* preset : {"tiny", "default", "archive", "indexed"}) {
+    std::vector<uint32_t> order;
+    const DecodedScene b = coded(a, preset, &order);
+    const Pairing pairing = pair_by_content(a, b, 2);
+    ASSERT_EQ(pairing.match, "stated") << preset;
+    EXPECT_EQ(pairing.matched, b.scene.count());
+    EXPECT_EQ(pairing.a_of_b, pair_by_content(a, b, 1).a_of_b) << "threads";
+    std::vector<uint32_t> used = pairing.a_of_b;
+    std::sort(used.begin(), used.end());
+    EXPECT_EQ(std::unique(used.begin(), used.end()), used.end());
+    const Comparison found = compare_scenes(a, b, pairing, 2);
+    const Comparison told = compare_scenes(a, b, pair_by_order(a, b.scene, order), 2);
+    EXPECT_LE(found.max_error("position_sizes"), b.stated.position * 1.0001) << preset;
+    EXPECT_LE(found.max_error("covariance_factor"), b.stated.covariance * 1.0001) << preset;
+    EXPECT_LE(found.max_error("seen_opacity"), b.stated.opacity * 1.0001) << preset;
+    EXPECT_LE(found.max_error("base_color"), b.stated.base_color * 1.0001) << preset;
+    EXPECT_NEAR(found.visible.rmse, told.visible.rmse, 0.02 * told.visible.rmse) << preset;
+  }
+}
+
+// In a row that has moved, each is nearest to the place of its neighbour, and the last has no
+// place.
+TEST(Pairing, ChangesPairsWhereNearestOnesAreNotPossible) {
+  io::Scene a = scene_of(40);
+  for (size_t i = 1; i < a.count(); ++i) {
+    for (auto* rows : {&a.mean_t, &a.log_scale, &a.rotor, &a.opacity, &a.sh}) {
+      const size_t width = rows->size() / a.count();
+      std::copy_n(rows->begin(), width, rows->begin() + static_cast<std::ptrdiff_t>(width * i));
+    }
+  }
+  std::fill(a.rotor.begin(), a.rotor.end(), 0.0f);
+  for (size_t i = 0; i < a.count(); ++i) {
+    a.rotor[8 * i] = 1;
+    for (size_t k = 0; k < 4; ++k) a.log_scale[4 * i + k] = k < 3 ? 0.0f : 3.0f;
+    for (size_t k = 0; k < 3; ++k) a.position[3 * i + k] = k == 0 ? static_cast<float>(i) : 0.0f;
+  }
+  DecodedScene b;
+  b.scene = a;
+  b.stated.stated = 1;
+  b.stated.position = 0.61;
+  b.stated.covariance = 1;
+  b.stated.visible = 10;
+  // 0.6 to the right: each is nearest to what its neighbour was, but for the last, which no other
+  // may be.
+  for (size_t i = 0; i < a.count(); ++i) b.scene.position[3 * i] += 0.6f;
+  const Pairing pairing = pair_by_content(a, b, 1);
+  ASSERT_EQ(pairing.match, "stated");
+  for (uint32_t i = 0; i < a.count(); ++i) EXPECT_EQ(pairing.a_of_b[i], i);
+  b.stated.position = 0.59;
+  EXPECT_EQ(pair_by_content(a, b, 1).match, "unknown");
+  EXPECT_TRUE(compare_scenes(a, b, pair_by_content(a, b, 1), 1).seen.empty());
+}
+
+TEST(Pairing, FindsNoneWithAnotherScene) {
+  std::vector<uint32_t> order;
+  io::SynthOptions options;
+  options.gaussians = 500;
+  options.seconds = 1;
+  options.seed = 77;
+  const DecodedScene b = coded(io::synthesize(options), "default", &order);
+  EXPECT_EQ(pair_by_content(scene_of(500), b, 2).match, "unknown");
+  EXPECT_EQ(pair_by_content(scene_of(499), b, 2).match, "unknown");
 }
 
 TEST(Pairing, AnOrderThatDoesNotFitIsRefused) {
