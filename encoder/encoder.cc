@@ -214,10 +214,11 @@ class Encoder::Run {
     FileParts parts;
     const PositionCoding positions = header_;
     const ScalarCoding opacity = header_.opacity;
+    const ErrorStatement errors = header_.errors;
     L4D_RETURN_IF_ERROR(
         build_file(scene_, settings_, std::move(header_), coded_, threads_, &parts));
     steps_.begin("check");
-    const ExpectedStream expected = {scene_, coded_, positions, opacity, parts.order};
+    const ExpectedStream expected = {scene_, coded_, positions, opacity, errors, parts.order};
     L4D_RETURN_IF_ERROR(check_written(parts.chunks, lossless_ ? nullptr : &expected, threads_));
     steps_.begin("write");
     for (const Bytes& chunk : parts.chunks) {

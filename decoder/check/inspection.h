@@ -37,6 +37,7 @@ struct CheckedPage {
   const float* log_scale;  // [count, 4]
   const float* rotor;      // [count, 8]
   const float* opacity;    // [count]
+  const float* sh;         // [count, (degree + 1)^2, 3]
 };
 using CheckedPageFn = std::function<void(const CheckedPage&)>;
 

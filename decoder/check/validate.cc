@@ -346,7 +346,7 @@ class Validator {
     L4D_RETURN_IF_ERROR(check_symbols(layer, record, pages_.symbols_decoded() - symbols_before));
     if (share_.page != nullptr) {
       (*share_.page)({done_, n, position_.data(), mean_.data(), log_scale_.data(), rotor_.data(),
-                      opacity_.data()});
+                      opacity_.data(), sh_.data()});
     }
     slices_.resize(n);
     for (size_t i = 0; i < n; ++i) {

@@ -9,6 +9,7 @@
 
 #include "decoder/check/inspection.h"
 #include "encoder/layer/observed_errors.h"
+#include "libl4dcodec/scene/color_errors.h"
 #include "libl4dcodec/scene/layers.h"
 
 namespace l4d {
@@ -72,16 +73,21 @@ class Comparison {
   void add(const CheckedPage& page) {
     size_t k = 0;
     while (k < page.count && !differs(page, k)) ++k;
-    if (k == page.count) return;
+    size_t c = 0;
+    while (c < page.count && !off_in_color(page, c)) ++c;
     const std::lock_guard<std::mutex> lock(mutex_);
-    first_ = std::min<uint64_t>(first_, page.first + k);
+    if (k < page.count) first_ = std::min<uint64_t>(first_, page.first + k);
+    if (c < page.count) first_color_ = std::min<uint64_t>(first_color_, page.first + c);
   }
 
   Status result() const {
-    if (first_ == kNone) return {};
-    return Status(L4D_ERR_INTERNAL, "internal error: Gaussian " + std::to_string(first_) +
-                                        " of the encoded stream decodes to other numbers than "
-                                        "its errors are stated of");
+    const auto error = [](uint64_t index, const char* what) {
+      return Status(L4D_ERR_INTERNAL, "internal error: Gaussian " + std::to_string(index) +
+                                          " of the encoded stream decodes to " + what);
+    };
+    if (first_ != kNone) return error(first_, "other numbers than its errors are stated of");
+    if (first_color_ != kNone) return error(first_color_, "a colour further off than is stated");
+    return {};
   }
 
  private:
@@ -103,10 +109,20 @@ class Comparison {
              g.opacity == page.opacity[k]);
   }
 
+  bool off_in_color(const CheckedPage& page, size_t k) const {
+    const EncoderScene& scene = expected_.scene;
+    const Place place = place_[expected_.order[page.first + k]];
+    const size_t i = expected_.coded.layers[place.layer].members[place.member];
+    const size_t dim = scene.sh_dim();
+    const ColorErrors e = color_errors(scene.sh.data() + dim * i, page.sh + dim * k, dim / 3);
+    return !(e.base <= static_cast<double>(expected_.errors.base_color) &&
+             e.directional <= static_cast<double>(expected_.errors.directional_color));
+  }
+
   const ExpectedStream& expected_;
   std::vector<Place> place_;  // by input index
   std::mutex mutex_;
-  uint64_t first_ = kNone;
+  uint64_t first_ = kNone, first_color_ = kNone;
 };
 
 }  // namespace

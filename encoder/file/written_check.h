@@ -18,13 +18,17 @@ struct ExpectedStream {
   const CodedScene& coded;
   const PositionCoding& positions;
   const ScalarCoding& opacity;
+  const ErrorStatement& errors;
   const std::vector<uint32_t>& order;  // input index of each Gaussian in decoded order
 };
 
-// Holds the stream that `chunks` make up against every rule that a validator checks, and geometry,
-// times and opacities, as decoded from these bytes, against what is expected (null: nothing). Fails
-// with INTERNAL, and the rule that is broken: an encoder must not write what no decoder takes
-// (ENC-1), nor state errors of other numbers than a decoder has. threads: 0 = all.
+// Holds the stream that `chunks` make up against every rule that a validator checks. Geometry,
+// times and opacities, as decoded from these bytes, must be what is expected (null: nothing), and
+// colours no further from the scene than is stated. Fails with INTERNAL, and the rule that is
+// broken: an encoder must not write what no decoder takes (ENC-1), nor state errors of other
+// numbers than a decoder has. threads: 0 = all. This is no place for one more way to code a
+// Gaussian: bounds are kept before, as far as the format can (layer_coder.h, color_bounds.h), and
+// what fails here is a defect of the encoder.
 Status check_written(const std::vector<Bytes>& chunks, const ExpectedStream* expected, int threads);
 
 }  // namespace l4d

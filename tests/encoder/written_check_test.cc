@@ -7,6 +7,7 @@
 #include "encoder/component/codebook_coder.h"
 #include "encoder/file/choose_header.h"
 #include "encoder/file/file_builder.h"
+#include "encoder/layer/color_bounds.h"
 #include "encoder/layer/layer_coder.h"
 #include "encoder/layer/sh_coder.h"
 #include "encoder/plan/positions.h"
@@ -79,7 +80,8 @@ struct Written {
     CodedLayer& layer = coded.layers[0];
     layer.component[L4D_COMPONENT_SH] = codes_of(coded.sh, layer.members, 1);
     GaussianErrors worst;
-    header = choose_header({in, scene, {}, plan, options.bounds, false, 1}, coded, &worst);
+    const ColorErrors colors = largest_color_errors(scene, coded.sh, 1);
+    header = choose_header({in, scene, {}, plan, options.bounds, colors, false, 1}, coded, &worst);
   }
 
   // What the check says if the encoder takes the layer for another one than it writes.
@@ -90,7 +92,8 @@ struct Written {
     taken_for(&taken.layers[0]);
     FileParts parts;
     EXPECT_TRUE(build_file(scene, settings, header, built, 1, &parts).ok());
-    const ExpectedStream expected = {scene, taken, header, header.opacity, parts.order};
+    const ExpectedStream expected = {scene,          taken,         header,
+                                     header.opacity, header.errors, parts.order};
     return check_written(parts.chunks, &expected, 2);
   }
 };
@@ -107,6 +110,19 @@ TEST(WrittenCheck, RefusesBoxesThatGaussiansLeave) {
                           })
                    .clause(),
                "DIR-10");
+}
+
+TEST(WrittenCheck, RefusesColoursFurtherOffThanIsStated) {
+  const Written written;
+  const Status status = written.check([](CodedLayer*) {},
+                                      [&](CodedLayer* layer) {
+                                        std::vector<uint32_t> others = layer->members;
+                                        std::reverse(others.begin(), others.end());
+                                        layer->component[L4D_COMPONENT_SH] =
+                                            codes_of(written.coded.sh, others, 1);
+                                      });
+  EXPECT_EQ(status.code(), L4D_ERR_INTERNAL);
+  EXPECT_NE(status.message().find("a colour further off than is stated"), std::string::npos);
 }
 
 TEST(WrittenCheck, RefusesOtherNumbersThanErrorsAreStatedOf) {
