@@ -53,8 +53,8 @@ struct Repaired {
 
 enum class Kept { kWhole, kInPart, kNot };
 
-// Copies a member, and if bytes of it are wrong, the pages that are right; keeps it if the copy
-// breaks no rule. *why: what is wrong.
+// Copies a member, and if it or its copy is wrong, the pages that are right. Keeps a copy if it
+// decodes and breaks no rule. *why: what is wrong.
 Kept copy_member(const std::string& name, const MemberFile& file, size_t index,
                  const l4d_member_parameters& parameters, MemberWriter& writer, std::string* why) {
   const auto is_right = [&](l4d_status status) {
@@ -67,15 +67,13 @@ Kept copy_member(const std::string& name, const MemberFile& file, size_t index,
   l4d_reader reader;
   l4d_reader_init(&reader);
   if (!is_right(file.find_reader(index, &reader))) return Kept::kNot;
-  Kept kept = Kept::kWhole;
-  if (!is_right(writer.add(reader, parameters))) {
-    if (!is_right(writer.add(reader, parameters, true))) return Kept::kNot;
-    kept = Kept::kInPart;
+  for (const bool tolerant : {false, true}) {
+    if (!is_right(writer.add(reader, parameters, tolerant))) continue;
+    // Right checksums say nothing of what a broken writer put under them.
+    std::string broken;
+    if (writer.prove_last(&broken)) return tolerant ? Kept::kInPart : Kept::kWhole;
+    if (why->empty()) *why = broken;
   }
-  // Right checksums say nothing of what a broken writer put under them.
-  std::string broken;
-  if (writer.prove_last(&broken)) return kept;
-  *why = broken;
   return Kept::kNot;
 }
 
@@ -186,9 +184,10 @@ void add_repair(Registry& registry) {
       ->required();
   verb->footer(
       "For recordings that broke off, or that still grow: every member is kept, but for pages of\n"
-      "which bytes are wrong, and without those that it needs if nothing of these is right. Pages\n"
-      "of which only SH detail is wrong are kept in base colours. What is kept decodes and breaks\n"
-      "no rule of the format: a member that does is left out. The input stays as it is.\n"
+      "which bytes are wrong or whose Gaussians break a rule of the format, and without members\n"
+      "that it needs if nothing of these is right. Pages of which only SH detail is wrong are "
+      "kept\n"
+      "in base colours. What is kept decodes and breaks no rule. The input stays as it is.\n"
       "Exit code: 0 where a member is kept, whatever is left out (`dropped`, `partial`,\n"
       "`incomplete` and `rest_bytes` of --json); 4 where nothing is right.");
 }

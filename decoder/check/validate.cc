@@ -1,19 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 // Checks of a whole stream, including those that a decoder need not make.
 #include <algorithm>
-#include <cmath>
 #include <limits>
 #include <map>
 
 #include "decoder/check/conformance.h"
 #include "decoder/check/inspection.h"
+#include "decoder/expand/page_rules.h"
 #include "decoder/read/member_list.h"
 #include "decoder/session/decoder.h"
-#include "libl4dcodec/base/half.h"
 #include "libl4dcodec/base/threads.h"
 #include "libl4dcodec/container/streamable.h"
 #include "libl4dcodec/scene/layers.h"
-#include "libl4dcodec/scene/slice.h"
 
 namespace l4d {
 namespace {
@@ -343,100 +341,12 @@ class Validator {
     out.sh = sh_.data();
     const uint64_t symbols_before = pages_.symbols_decoded();
     L4D_RETURN_IF_ERROR(pages_.expand(plan, 0, 1, out, nullptr, nullptr));
-    L4D_RETURN_IF_ERROR(check_symbols(layer, record, pages_.symbols_decoded() - symbols_before));
+    const uint64_t symbols = pages_.symbols_decoded() - symbols_before;
     if (share_.page != nullptr) {
       (*share_.page)({done_, n, position_.data(), mean_.data(), log_scale_.data(), rotor_.data(),
                       opacity_.data(), sh_.data()});
     }
-    slices_.resize(n);
-    for (size_t i = 0; i < n; ++i) {
-      slices_[i] = slice_attributes<double>(rotor_.data() + 8 * i, log_scale_.data() + 4 * i);
-    }
-    return layer.permanent ? check_bounds(header, layer, record)
-                           : check_times(header, layer, record, range);
-  }
-
-  static Status check_symbols(const LayerHeader& layer, const PageRecord& record,
-                              uint64_t symbols) {
-    const uint64_t most = uint64_t{record.num_gaussians} * layer.symbols_per_gaussian;
-    if (layer.symbols_per_gaussian == 0 || symbols <= most) return {};
-    return corrupt("LEVL-9", record.chunk.offset,
-                   "a page of " + std::to_string(symbols) + " symbols, and its layer declares " +
-                       std::to_string(most) + " at most");
-  }
-
-  FrameWindow window(size_t i) const { return {window_[2 * i], window_[2 * i + 1]}; }
-  Status check_times(const SceneHeader& header, const LayerHeader& layer, const PageRecord& record,
-                     const l4d_bucket_span& range) {
-    const double unit = range.width / 64;
-    const double begin = header.timeline.time_begin;
-    const double end = begin + sequence_duration(header.timeline);
-    for (size_t i = 0; i < record.num_gaussians; ++i) {
-      const double mean = mean_[i];
-      const double sigma = 1 / std::sqrt(slices_[i].lambda);
-      const bool fits =
-          layer.flat()
-              ? window_fits(window(i), record.bucket, layer.level, header.timeline.num_frames)
-              : fits_layer(mean, sigma, record.bucket, layer.level, header.timeline);
-      if (!fits) {
-        return corrupt(layer.flat() ? "LAYR-3" : "LAYR-1", record.chunk.offset,
-                       "Gaussian " + std::to_string(i) + " of a page of bucket " +
-                           std::to_string(record.bucket) + ", level " +
-                           std::to_string(layer.level) +
-                           " is visible beyond the neighbouring buckets");
-      }
-      const Sequence shown = layer.flat() ? window_times(header.timeline, window(i))
-                                          : Sequence{mean - 4 * sigma, mean + 4 * sigma};
-      const double first = std::max(begin, shown.begin);
-      const double last = std::min(end, shown.end);
-      if (first > last) continue;
-      const double slack = 1e-9 * range.width;
-      if ((record.visible_begin > 0 &&
-           first < range.center + (record.visible_begin - 128) * unit - slack) ||
-          (record.visible_end < 255 &&
-           last > range.center + (record.visible_end - 128) * unit + slack)) {
-        return corrupt(
-            "DIR-9", record.chunk.offset,
-            "Gaussian " + std::to_string(i) + " is visible outside the interval of its page");
-      }
-    }
-    return check_bounds(header, layer, record);
-  }
-
-  Status check_bounds(const SceneHeader& header, const LayerHeader& layer,
-                      const PageRecord& record) {
-    const double begin = header.timeline.time_begin;
-    const double end = begin + sequence_duration(header.timeline);
-    for (size_t i = 0; i < record.num_gaussians; ++i) {
-      const Slice4D<double>& s = slices_[i];
-      const double mean = mean_[i];
-      const double reach = 4 / std::sqrt(s.lambda);
-      const double reference =
-          header.position_at_mean_time ? mean : reference_time(header.timeline, mean);
-      Sequence shown = {begin, end};
-      if (layer.flat()) shown = window_times(header.timeline, window(i));
-      if (!layer.flat() && !layer.permanent) shown = {mean - reach, mean + reach};
-      const double first = std::max(begin, shown.begin);
-      const double last = std::min(end, shown.end);
-      if (first > last) continue;
-      for (size_t k = 0; k < 3; ++k) {
-        for (const double t : {first, last}) {
-          const double x =
-              static_cast<double>(position_[3 * i + k]) + s.velocity[k] * (t - reference);
-          const double coded =
-              (x - static_cast<double>(header.position_center[k])) / header.bounds_unit();
-          const double slack = std::fabs(coded) * 1e-6;
-          const double low = static_cast<double>(half_to_float(record.bounds[k]));
-          const double high = static_cast<double>(half_to_float(record.bounds[3 + k]));
-          // The outermost halves stand for everything beyond.
-          if ((coded < low - slack && low > -65504) || (coded > high + slack && high < 65504)) {
-            return corrupt("DIR-10", record.chunk.offset,
-                           "Gaussian " + std::to_string(i) + " leaves the box of its page");
-          }
-        }
-      }
-    }
-    return {};
+    return check_page_rules(header, layer, record, range, out, symbols, &slices_);
   }
 
   // Last, for a directory that cannot be read is reported by then.
@@ -457,8 +367,8 @@ class Validator {
   MemoryCharge memory_;               // of ranges_
   std::map<uint64_t, Range> ranges_;  // by their begins; none overlaps another
   std::vector<double> mean_;
-  std::vector<Slice4D<double>> slices_;
-  std::vector<uint32_t> window_;  // [n, 2] of flat layers
+  std::vector<Slice4D<double>> slices_;  // scratch of check_page_rules
+  std::vector<uint32_t> window_;         // [n, 2] of flat layers
   std::vector<float> position_, log_scale_, rotor_, opacity_, sh_;
 };
 

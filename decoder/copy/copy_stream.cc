@@ -126,7 +126,7 @@ class StreamCopy {
       const l4d_loss& loss = losses.query().front();
       return Status(loss.status, loss.clause, loss.offset, "no page is left");
     }
-    if (tolerant_) L4D_RETURN_IF_ERROR(drop_damaged(file(), &plan_, &blanks_));
+    if (tolerant_) L4D_RETURN_IF_ERROR(drop_damaged(file(), stream_.pages(), &plan_, &blanks_));
     header_.num_gaussians = plan_.num_gaussians;
     for (LayerHeader& layer : header_.layers) layer.num_gaussians = 0;
     for (const PageTask& task : plan_.tasks) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Copies of streams with other headers, in the streamable layout, and without the pages that an
-// edit does not show. No page is decoded or coded, but for SH chunks in place of damaged ones.
+// edit does not show. Pages are copied as they are; a tolerant copy decodes them to prove them, and
+// codes SH chunks in place of damaged ones.
 #pragma once
 
 #include <functional>
@@ -23,9 +24,8 @@ struct CopyRequest {
   uint32_t max_tier = UINT32_MAX;
 };
 
-// reader: of the one stream. options: a tolerant copy leaves out damaged pages, or their
-// SH detail. Fails with
-// INVALID_ARGUMENT where the request breaks a rule.
+// reader: of the one stream. options: a tolerant copy leaves out damaged pages, or their SH detail.
+// Fails with INVALID_ARGUMENT where the request breaks a rule.
 Status copy_stream(const l4d_reader& reader, const l4d_decoder_options& options,
                    const CopyRequest& request, const WriteFn& write, uint64_t* bytes);
 

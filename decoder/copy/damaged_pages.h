@@ -4,6 +4,7 @@
 
 #include <map>
 
+#include "decoder/expand/page_decoder.h"
 #include "decoder/read/plan.h"
 #include "libl4dcodec/container/scene_header.h"
 
@@ -18,12 +19,14 @@ void for_each_table(Coding& coding, const F& f) {
   if (coding.has_rcq) f(coding.rcq.codebook);
 }
 
-// Drops the pages that cannot be copied: those of which a chunk, the codebooks of their block or
-// the tables of their layer are damaged or cannot be read. num_gaussians of the plan counts the
-// rest; its spans stay. Where the SH chunk alone is lost, `blanks` gets another one for the task
-// with this index, which the record describes, at offset 0. Its page is dropped if there is none.
-// Fails as the first of these does if no page is left.
-Status drop_damaged(SceneFile& file, Plan* plan, std::map<size_t, Bytes>* blanks);
+// Drops the pages that cannot be copied, or whose copies would break a rule: those that do not
+// decode, of which a chunk, the codebooks of their block or the tables of their layer are damaged
+// or cannot be read, and those whose Gaussians break the rules of check_page_rules. num_gaussians
+// of the plan counts the rest; its spans stay. Where the SH chunk alone is wrong, `blanks` gets
+// another one for the task with this index, which the record describes, at offset 0. Its page is
+// dropped if there is none. Fails as the first of these does if no page is left.
+Status drop_damaged(SceneFile& file, PageDecoder& pages, Plan* plan,
+                    std::map<size_t, Bytes>* blanks);
 
 // Reads a chunk as it is stored and checks its hash. *bytes aliases the source or `storage`, which
 // `charge` counts.

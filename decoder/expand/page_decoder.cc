@@ -99,9 +99,36 @@ Status PageDecoder::decode_one(const Pages& pages, size_t i, PageScratch& scratc
   symbols_decoded_.fetch_add(scratch.columns.symbols, std::memory_order_relaxed);
   const PageTask& task = pages.plan.tasks[batch->begin + i];
   const LayerHeader& layer = file_.header().layers[task.layer];
-  if (!layer.flat() || !pages.wants.mean_t) return {};
-  return check_windows(file_.header(), layer, task.record.bucket, task.record.chunk.offset,
-                       scratch.columns);
+  if (layer.flat() && pages.wants.mean_t) {
+    L4D_RETURN_IF_ERROR(check_windows(file_.header(), layer, task.record.bucket,
+                                      task.record.chunk.offset, scratch.columns));
+  }
+  return pages.check_rules ? check_rules(pages, i, scratch, *batch) : Status();
+}
+
+Status PageDecoder::check_rules(const Pages& pages, size_t i, PageScratch& scratch,
+                                const Batch& batch) {
+  const SceneHeader& header = file_.header();
+  const PageTask& task = pages.plan.tasks[batch.begin + i];
+  const LayerHeader& layer = header.layers[task.layer];
+  const l4d_bucket_span& span = pages.plan.spans[task.span];
+  const size_t n = task.record.num_gaussians;
+  RuleRows& rows = scratch.rules;
+  rows.position.resize(3 * n);
+  rows.mean_t.resize(n);
+  rows.log_scale.resize(4 * n);
+  rows.rotor.resize(8 * n);
+  rows.window.resize(layer.flat() ? 2 * n : 0);
+  l4d_gaussian_buffers out{};
+  out.position = rows.position.data();
+  out.mean_t_double = rows.mean_t.data();
+  out.log_scale = rows.log_scale.data();
+  out.rotor = rows.rotor.data();
+  out.window = layer.flat() ? rows.window.data() : nullptr;
+  PageExpander(header, layer, scratch.columns, batch.codebooks[i], kernels_.expand, scratch.expand)
+      .run(span, 0, out);
+  return check_page_rules(header, layer, task.record, span, out, scratch.columns.symbols,
+                          &rows.slices);
 }
 
 Status PageDecoder::parse_one(const Pages& pages, size_t i, PageScratch& scratch,
@@ -244,6 +271,18 @@ Status PageDecoder::probe(const Plan& plan, LostPages* lost) {
   PageWants wants;
   wants.sh_detail = plan.detail == L4D_DETAIL_FULL;
   return for_each_page({plan, 0, plan.tasks.size(), wants, lost}, nullptr,
+                       [](size_t, const PageColumns&, const PageCodebooks&, PageScratch&) {});
+}
+
+Status PageDecoder::prove(const Plan& plan, size_t task, bool with_detail, LostPages* lost) {
+  PageWants wants;
+  wants.sh_detail = with_detail;
+  MemoryCharge charge(file_.memory());
+  L4D_RETURN_IF_ERROR(
+      charge.take(plan.tasks[task].record.num_gaussians * RuleRows::kBytesPerGaussian, "a page"));
+  Pages page{plan, task, task + 1, wants, lost};
+  page.check_rules = true;
+  return for_each_page(page, nullptr,
                        [](size_t, const PageColumns&, const PageCodebooks&, PageScratch&) {});
 }
 

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "decoder/expand/expand.h"
+#include "decoder/expand/page_rules.h"
 #include "decoder/read/losses.h"
 #include "decoder/read/plan.h"
 #include "libl4dcodec/container/page.h"
@@ -25,6 +26,16 @@ struct DecodeKernels {
 DecodeKernels decode_kernels_reference();
 DecodeKernels decode_kernels_simd();
 
+// The rows of a page that its rules are about.
+struct RuleRows {
+  std::vector<float> position, log_scale, rotor;
+  std::vector<double> mean_t;
+  std::vector<uint32_t> window;
+  std::vector<Slice4D<double>> slices;
+  static constexpr uint64_t kBytesPerGaussian =
+      15 * sizeof(float) + sizeof(double) + 2 * sizeof(uint32_t) + sizeof(Slice4D<double>);
+};
+
 // Per-thread working memory.
 struct PageScratch {
   StreamDecoder stream;
@@ -32,6 +43,7 @@ struct PageScratch {
   PageColumns columns;
   Bytes storage;
   ExpandScratch expand;
+  RuleRows rules;
 };
 
 class PageDecoder {
@@ -53,6 +65,9 @@ class PageDecoder {
   Status pack(const Plan& plan, l4d_packed_buffers& out, const Progress& progress, LostPages* lost);
   // Decodes nothing: lists the pages that cannot be decoded.
   Status probe(const Plan& plan, LostPages* lost);
+  // Decodes all of one page, without its SH chunk if not `with_detail`, and checks the rules of
+  // check_page_rules, too. What is wrong goes to `lost`; other failures concern the call.
+  Status prove(const Plan& plan, size_t task, bool with_detail, LostPages* lost);
   // Parses every page for its section bytes and rules alone.
   Status measure(const Plan& plan, SectionBytes* sections, std::vector<uint64_t>* layer_bytes);
 
@@ -69,6 +84,7 @@ class PageDecoder {
     LostPages* lost = nullptr;
     bool need_codebooks = true;
     SectionBytes* sections = nullptr;  // added to
+    bool check_rules = false;
     bool with_detail() const { return wants.sh && wants.sh_detail; }
   };
   struct Batch;
@@ -87,6 +103,7 @@ class PageDecoder {
                     Batch* batch);
   Status parse_one(const Pages& pages, size_t i, PageScratch& scratch, SectionBytes* sections,
                    Batch* batch);
+  Status check_rules(const Pages& pages, size_t i, PageScratch& scratch, const Batch& batch);
   Status parse_rans_page(const PageTask& task, const PageWants& wants, const EntropyTables& tables,
                          ByteSpan bytes, const ByteSpan* detail, PageScratch& scratch,
                          SectionBytes* sections, Status* detail_status);

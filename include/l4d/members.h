@@ -132,18 +132,18 @@ L4D_API void l4d_member_parameters_init_(l4d_member_parameters* parameters, size
 #define l4d_member_parameters_init(parameters) \
   l4d_member_parameters_init_((parameters), sizeof(*(parameters)))
 
-/* Copies a stream to `writer`, in the streamable layout, with what `parameters` say. It decodes no
- * page, and pages stay as they are bit by bit, so that slices of the copy are those of the stream.
+/* Copies a stream to `writer`, in the streamable layout, with what `parameters` say. Pages stay as
+ * they are bit by bit, so that slices of the copy are those of the stream; none is decoded.
  * Extensions other than those of members are copied; signatures are not. *bytes, unless NULL,
  * receives the bytes that were written.
- * Fails with INVALID_ARGUMENT if a parameter breaks a rule of the format, with FEATURE_UNSUPPORTED
- * if the stream is of a later minor version (what it adds would be lost), IO, and as
- * l4d_decoder_open and l4d_decoder_select do. options may be NULL; only its limits and `tolerant`
- * count. With tolerant = 1, pages and directory pages that are damaged or cannot be read are left
- * out, and with them the Gaussians of such pages. If only the SH detail of a page is damaged, the
- * copy has another SH chunk for it: its Gaussians show base colours, as near as the tables of the
- * layer can say that. Of streams without base coefficients of SH, such pages are left out. It fails
- * all the same if no page is left, or if the headers or the tables of SH are damaged. */
+ * Fails with INVALID_ARGUMENT if a parameter breaks a rule of the
+ * format, with FEATURE_UNSUPPORTED if the stream is of a later minor version (what it adds is
+ * lost), IO, and as l4d_decoder_open and l4d_decoder_select do. options may be NULL; only its
+ * limits and `tolerant` count. With tolerant = 1, each page is decoded. Pages and directory pages
+ * that are damaged or cannot be read, and pages whose Gaussians break a rule, are left out. If only
+ * the SH detail of a page is damaged, the copy has another SH chunk for it: its Gaussians show base
+ * colours, as near as the tables of the layer can say that. Of streams without base coefficients of
+ * SH, such pages are left out. Fails if no page is left, or if headers or SH tables are damaged. */
 L4D_API l4d_status l4d_copy_member(const l4d_reader* stream, const l4d_decoder_options* options,
                                    const l4d_member_parameters* parameters,
                                    const l4d_writer* writer, uint64_t* bytes);

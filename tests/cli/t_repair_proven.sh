@@ -16,6 +16,7 @@ for file in "$ROOT"/conformance/vectors/faulty/*.l4d; do
     refused=$((refused + 1))
   fi
 done
-[ "$kept" -gt 0 ] || die "no faulty file is repaired"
+# What is wrong in a page costs that page, what is wrong in a member costs the member.
+[ "$kept" -gt 120 ] || die "only $kept faulty files are repaired"
 [ "$refused" -gt 50 ] || die "only $refused faulty files are refused"
 echo "  $kept kept, $refused refused"
