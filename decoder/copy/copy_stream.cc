@@ -11,6 +11,7 @@
 #include "decoder/session/open_stream.h"
 #include "libl4dcodec/base/hash.h"
 #include "libl4dcodec/container/level_meter.h"
+#include "libl4dcodec/container/levels.h"
 #include "libl4dcodec/container/streamable.h"
 #include "libl4dcodec/entropy/stream.h"
 #include "libl4dcodec/entropy/zstd_codec.h"
@@ -279,8 +280,14 @@ class StreamCopy {
     return static_cast<uint32_t>(serialize_scene_header(header_, extensions_).size());
   }
 
-  // A stream that declares a level declares the lowest that the copy keeps to.
+  // A stream that declares a level declares the lowest that the copy keeps to. A tolerant copy
+  // declares no profile that it does not keep to.
   void declare() {
+    const auto profile = static_cast<ProfileId>(header_.profile);
+    if (tolerant_ && (profile_name(header_.profile) == nullptr ||
+                      !profile_violation(header_, profile).empty())) {
+      header_.profile = static_cast<uint32_t>(profile_of(header_));
+    }
     if (header_.conformance_level == 0) return;
     meter_.finish(FileHeader::kBytes + uint64_t{header_bytes()});
     header_.conformance_level = meter_.smallest_level();

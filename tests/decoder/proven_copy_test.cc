@@ -2,6 +2,7 @@
 // A tolerant copy leaves out single pages that are wrong under right checksums, and nothing else.
 #include <gtest/gtest.h>
 
+#include "libl4dcodec/container/levels.h"
 #include "tests/common/codec.h"
 #include "tests/common/sh_detail.h"
 #include "tests/decoder/damage.h"
@@ -76,6 +77,20 @@ TEST(ProvenCopiesOf, KeepBaseColoursOfDetailThatDoesNotDecode) {
   l4d_query base = all_query();
   base.detail = L4D_DETAIL_BASE_COLOR;
   EXPECT_TRUE(same_bits(decode(copy, base), decode(whole, base)));
+}
+
+// spec: LEVL-1, LEVL-2. A copy declares no profile that it does not keep to.
+TEST(ProvenCopiesOf, StreamsThatDeclareAnotherProfileDeclareTheirOwn) {
+  for (const uint32_t profile : {12u, static_cast<uint32_t>(ProfileId::kLossless)}) {
+    StreamEditor editor(dynamic_file());
+    editor.header.profile = profile;
+    const Bytes hurt = editor.build();
+    EXPECT_EQ(validate(hurt).size(), 1u);
+    Bytes copy;
+    ASSERT_EQ(copy_rest(hurt, &copy), L4D_OK) << l4d_last_error_message();
+    for (const Violation& v : validate(copy)) ADD_FAILURE() << v.clause << " " << v.message;
+    EXPECT_TRUE(same_bits(decode(copy, all_query()), decode(dynamic_file(), all_query())));
+  }
 }
 
 }  // namespace
