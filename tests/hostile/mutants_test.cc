@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Mutants of small files by the thousand. L4D_MUTANTS sets how many; a long run takes a million.
+// Mutants of small files by the thousand. L4D_MUTANTS sets how many, and L4D_VERB_MUTANTS how many
+// meet every verb; a long run takes a million of each.
 // L4D_MUTANTS_SEED, 0 unless told, makes them others: so that processes can share a long run.
 #include <gtest/gtest.h>
 
@@ -14,6 +15,7 @@
 #include "tests/hostile/mutate.h"
 #include "tests/hostile/session.h"
 #include "tests/hostile/small_files.h"
+#include "tests/hostile/verbs.h"
 
 namespace l4d {
 namespace {
@@ -30,9 +32,10 @@ uint64_t from_environment(const char* name, uint64_t otherwise) {
 }
 
 uint64_t mutants() { return from_environment("L4D_MUTANTS", kDefaultMutants); }
+uint64_t verb_mutants() { return from_environment("L4D_VERB_MUTANTS", kDefaultMutants / 10); }
 
-// Two generators for each seed, one for each test of mutants.
-uint64_t seed(uint64_t test) { return 41 + 2 * from_environment("L4D_MUTANTS_SEED", 0) + test; }
+// Three generators for each seed, one for each test of mutants.
+uint64_t seed(uint64_t test) { return 41 + 3 * from_environment("L4D_MUTANTS_SEED", 0) + test; }
 
 // Where a failing mutant can be found again.
 std::string keep(const Bytes& mutant) {
@@ -41,10 +44,6 @@ std::string keep(const Bytes& mutant) {
       .write(reinterpret_cast<const char*>(mutant.data()),
              static_cast<std::streamsize>(mutant.size()));
   return path;
-}
-
-bool is_refusal(l4d_status s) {
-  return (s <= L4D_ERR_NOT_L4D && s != L4D_ERR_INTERNAL) || s == L4D_ERR_LIMIT_EXCEEDED;
 }
 
 // Whether something that the whole file refers to is not as it was.
@@ -152,6 +151,50 @@ TEST(Mutants, DamageUnderRepairedChecksumsIsSafe) {
   EXPECT_GT(seen[L4D_ERR_CORRUPT], mutants() / 40);
   for (const auto& [status, count] : seen) {
     RecordProperty(l4d_status_name(status), std::to_string(count));
+  }
+}
+
+// A file of members, one of which is a mutant whose checksums are right.
+Bytes mutant_of_members(const std::vector<Bytes>& members, Random& random) {
+  const size_t hurt = random.below(static_cast<uint32_t>(members.size()));
+  Bytes out;
+  for (size_t i = 0; i < members.size(); ++i) {
+    Bytes member = members[i];
+    if (i == hurt) mutate_stream(member, random);
+    out.insert(out.end(), member.begin(), member.end());
+  }
+  return out;
+}
+
+// Every verb refuses a mutant or takes it; what repair keeps of it is valid and decodes.
+TEST(Mutants, UnderRepairedChecksumsMeetEveryVerb) {
+  Random random(seed(2));
+  const Bytes first = chain({&small_files()[0].bytes});
+  // The first member, and what follows it.
+  const Bytes both = chain({&small_files()[0].bytes, &small_files()[8].bytes});
+  const auto split = static_cast<std::ptrdiff_t>(first.size());
+  const std::vector<Bytes> members = {Bytes(both.begin(), both.begin() + split),
+                                      Bytes(both.begin() + split, both.end())};
+  ASSERT_TRUE(validate(both).empty());
+  std::map<std::string, uint64_t> taken, refused;
+  for (uint64_t i = 0; i < verb_mutants(); ++i) {
+    const size_t kind = static_cast<size_t>(i % (small_files().size() + 1));
+    Bytes mutant;
+    if (kind == small_files().size()) {
+      mutant = mutant_of_members(members, random);
+    } else {
+      mutant = small_files()[kind].bytes;
+      mutate_stream(mutant, random);
+    }
+    for (const VerbOutcome& outcome : try_verbs(mutant, first)) {
+      ASSERT_EQ(outcome.fault, "") << outcome.verb << ", kept as " << keep(mutant);
+      ++(outcome.status == L4D_OK ? taken : refused)[outcome.verb];
+    }
+  }
+  for (const char* verb : {"validate", "info", "remux", "cut", "concat", "repair", "compare"}) {
+    EXPECT_GT(taken[verb], 0u) << verb;
+    RecordProperty(verb, std::to_string(taken[verb]) + " taken, " + std::to_string(refused[verb]) +
+                             " refused");
   }
 }
 
