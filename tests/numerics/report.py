@@ -70,22 +70,6 @@ def bounds(document, _):
                   for r, *figures in zip(rows, *columns)])
 
 
-def units(document, _):
-    """A row for each unit and preset, over all scenes: the worst errors, and all bytes."""
-    groups = {}
-    for r in document["units"]:
-        groups.setdefault((r["scale"], r["later"], r["preset"]), []).append(r)
-    rows = []
-    for (scale, later, preset), scenes in groups.items():
-        coded = [r for r in scenes if r["coded"]]
-        rows.append((f"{scale:g}", f"{later:g}", preset, f"{len(coded)} of {len(scenes)}",
-                     *(figure(max(r[key] for r in coded)) if coded else "" for key in
-                       ("position", "covariance")),
-                     str(sum(r["bytes"] for r in coded)) if coded else ""))
-    return table(("scale", "times, s", "preset", "coded and valid", "position, sizes",
-                  "covariance, factor", "bytes"), rows)
-
-
 def plot(series, folder):
     import matplotlib
     matplotlib.use("agg")
@@ -112,7 +96,7 @@ def plot(series, folder):
     drawing.savefig(folder / "schur.png", dpi=130, metadata={"Software": None})
 
 
-MAKERS = {"formulas": formulas, "schur": schur, "bounds": bounds, "units": units}
+MAKERS = {"formulas": formulas, "schur": schur, "bounds": bounds}
 BLOCK = re.compile(r"(<!-- (\w+)(?: (\w+))?: written by tests/numerics/report.py -->\n)"
                    r".*?(<!-- end -->)", re.S)
 

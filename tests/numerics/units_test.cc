@@ -3,11 +3,9 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <nlohmann/json.hpp>
 #include <string>
 
 #include "tests/common/codec.h"
-#include "tests/numerics/formula.h"
 #include "tests/numerics/hard_scenes.h"
 #include "tests/numerics/oracle.h"
 
@@ -30,26 +28,7 @@ EncodeOptions options_of(const char* preset) {
   return o;
 }
 
-nlohmann::ordered_json& rows() {
-  static nlohmann::ordered_json all = nlohmann::ordered_json::array();
-  return all;
-}
-
-void record_row(double scale, double later, const char* preset, const Worst* worst, size_t bytes) {
-  nlohmann::ordered_json row = {
-      {"scale", scale}, {"later", later}, {"preset", preset}, {"coded", worst != nullptr}};
-  if (worst != nullptr) {
-    row["position"] = worst->position;
-    row["covariance"] = worst->covariance;
-    row["bytes"] = bytes;
-  }
-  rows().push_back(row);
-  record("units", rows());
-}
-
-// Returns what was observed, and sets *bytes.
-Worst expect_bounds(const TestScene& scene, const BoundedPreset& preset, const std::string& what,
-                    size_t* bytes) {
+void expect_bounds(const TestScene& scene, const BoundedPreset& preset, const std::string& what) {
   const Encoded e = encode(scene, options_of(preset.name));
   EXPECT_EQ(e.report.coded_gaussians, scene.count()) << what;
   EXPECT_TRUE(validate(e.bytes).empty()) << what;
@@ -61,8 +40,6 @@ Worst expect_bounds(const TestScene& scene, const BoundedPreset& preset, const s
   EXPECT_GE(stated.covariance * (1 + 1e-4), worst.covariance) << what;
   EXPECT_LE(stated.position, stated.position_bound) << what;
   EXPECT_LE(stated.covariance, stated.covariance_bound) << what;
-  *bytes = e.bytes.size();
-  return worst;
 }
 
 class Units : public testing::TestWithParam<size_t> {};
@@ -82,12 +59,9 @@ TEST_P(Units, BoundsHoldAtEveryScale) {
     for (const BoundedPreset& preset : kPresets) {
       const std::string what = std::string(preset.name) + " at " + std::to_string(scale);
       if (largest <= 17 && smallest >= -17) {
-        size_t bytes = 0;
-        const Worst worst = expect_bounds(other, preset, what, &bytes);
-        record_row(scale, later, preset.name, &worst, bytes);
+        expect_bounds(other, preset, what);
         continue;
       }
-      record_row(scale, later, preset.name, nullptr, 0);
       EXPECT_TRUE(scale < 1e-3 || scale > 1e4) << what;
       try {
         encode(other, options_of(preset.name));
@@ -115,9 +89,7 @@ TEST(UnitsOf, ErrorsAreAgainstTheInput) {
       for (size_t k = 0; k < 3; ++k) scene.log_scale[4 * i + k] = log_scale;
     }
     for (const BoundedPreset& preset : kPresets) {
-      size_t bytes = 0;
-      expect_bounds(scene, preset, std::string(preset.name) + " " + std::to_string(log_scale),
-                    &bytes);
+      expect_bounds(scene, preset, std::string(preset.name) + " " + std::to_string(log_scale));
     }
   }
 }
